@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// TaskArena: the threads that a caller lends to the renderer (a TBB arena). The renderer never starts threads of its own.
+// parallelFor gives out indices in no fixed order: bodies must write disjoint data, and nothing may depend on which
+// thread ran an index. Reductions go through arrays indexed by task, folded in index order afterwards.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+
+#include "base/stop.h"
+
+namespace gobo {
+
+class TaskArena {
+ public:
+  /// threads = 0: all the machine's.
+  explicit TaskArena(int threads = 0);
+  ~TaskArena();
+  TaskArena(const TaskArena&) = delete;
+  TaskArena& operator=(const TaskArena&) = delete;
+
+  int threads() const;
+  /// Calls body(begin, end) over [0, count) in pieces of at most `grain`. Pieces not begun when `stop` fires are skipped.
+  /// Returns false if any piece was skipped.
+  bool parallelFor(size_t count, size_t grain, const std::function<void(size_t begin, size_t end)>& body,
+                   const StopToken& stop = {}) const;
+  /// Runs `work` inside the arena (so that libraries using TBB, such as Embree's builder, use these threads).
+  void execute(const std::function<void()>& work) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace gobo

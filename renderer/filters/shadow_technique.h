@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// A shadow technique turns (G-buffer, one light) into a visibility term by adding its sources and filters to the graph.
+// Registering one: a line in filters/registry.cpp; parameters: a message in proto/gobo/v1/filters.proto.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "base/status.h"
+#include "gobo/v1/filters.pb.h"
+#include "scene/camera.h"
+#include "scene/scene.h"
+#include "terms/graph.h"
+
+namespace gobo {
+
+struct ShadowInput {
+  ScenePtr scene;          ///< effective scene
+  int light = 0;           ///< index into scene->lights
+  NodeId gbuffer = -1;     ///< term "gbuffer" (terms/gbuffer.h)
+  Camera camera;
+  int width = 0, height = 0, viewSamples = 1;
+  uint64_t seed = 0;
+};
+
+struct ShadowTechniqueEntry {
+  v1::ShadowTechnique::TechniqueCase key;
+  const char* name;
+  /// Which light kinds it can do; others fall back to ray tracing, reported in the plan.
+  bool (*supports)(LightKind kind);
+  /// Adds nodes; returns the one whose term holds plane "V" (float, one channel, [0,1], view-sample domain).
+  Result<NodeId> (*plan)(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
+};
+
+/// Null if the technique is not a visibility technique (path_traced, or not set).
+const ShadowTechniqueEntry* findShadowTechnique(v1::ShadowTechnique::TechniqueCase key);
+const std::vector<ShadowTechniqueEntry>& shadowTechniques();
+
+}  // namespace gobo

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Engine: scenes, store and planner behind one door. Takes requests, gives pictures with their plan. No network, no
+// threads of its own (work runs on the caller's thread and the arena). Methods may be called from several threads.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/image.h"
+#include "base/status.h"
+#include "base/stop.h"
+#include "gobo/v1/render.pb.h"
+#include "gobo/v1/service.pb.h"
+
+namespace gobo {
+
+struct EngineOptions {
+  int threads = 0;                           ///< 0: all
+  uint64_t storeBytes = 4ull << 30;          ///< RAM tier bound
+  std::string cacheFolder;                   ///< disk tier; empty: none
+  uint64_t diskBytes = 16ull << 30;
+  std::vector<std::string> roots;            ///< folders under which scene and environment files may be opened
+  bool anyPath = false;                      ///< true for --local: the caller's own files
+  uint32_t keepRenders = 1024;               ///< render ids remembered for Relight
+};
+
+struct RenderedImage { std::string output; Image image; };   ///< linear; not tone mapped
+
+struct RenderResult {
+  v1::RenderReply reply;                     ///< images[] left empty: encoding is the caller's (server/encode.h)
+  std::vector<RenderedImage> images;         ///< in the order of the request's outputs
+};
+
+struct RenderControl {
+  StopToken stop;
+  std::function<void(const v1::Progress&)> progress;              ///< may be empty
+  std::function<void(const RenderResult&)> snapshot;              ///< may be empty; progressive requests
+};
+
+class Engine {
+ public:
+  static Result<std::unique_ptr<Engine>> create(const EngineOptions& options);
+  ~Engine();
+
+  Result<v1::SceneInfo> openScene(const std::string& source, const std::string& id);
+  /// A file that the caller received (upload), opened whatever the roots say; `source` is what inspect shows.
+  Result<v1::SceneInfo> openUploaded(const std::string& path, const std::string& source, const std::string& id);
+  std::vector<v1::SceneInfo> listScenes() const;
+  Result<v1::SceneInfo> inspectScene(const std::string& id) const;
+  Result<v1::SceneInfo> patchScene(const v1::PatchSceneRequest& patch);
+  Status unloadScene(const std::string& id);
+
+  /// Validates and fills in every default without rendering. Errors name the field ("request.integrator.max_bounces").
+  Result<v1::RenderRequest> resolve(const v1::RenderRequest& request) const;
+  /// Upper bound of bytes pinned while it runs, for admission.
+  Result<uint64_t> pinnedBytes(const v1::RenderRequest& request);
+  /// Runs to the halt condition. With control.snapshot set, emits snapshots at 1, 2, 4, ... blocks.
+  /// Stopped: Cancelled, DeadlineExceeded, or Aborted when preempted (call again to go on where it stopped).
+  Result<RenderResult> render(const v1::RenderRequest& request, const RenderControl& control = {});
+  /// The request that `relight` means: the remembered request of render_id with the masked fields replaced.
+  Result<v1::RenderRequest> relightRequest(const v1::RelightRequest& relight) const;
+
+  void dropCaches(bool disk);
+  void fillStatus(v1::StatusReply& status) const;
+  int threads() const;
+
+ private:
+  Engine();
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Display transform: exposure, curve, clamped to 0..1, still linear-light (PNG/JPEG encoders apply sRGB).
+Image toneMapped(const Image& linear, const v1::ToneMap& settings);
+
+/// "0.1.0+<git describe>".
+std::string buildVersion();
+
+}  // namespace gobo

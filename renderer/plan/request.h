@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Requests as values: defaults and ranges from the schema's options, JSON, paths ("lights.key.color=1,0.5,0"), masks, hash.
+// All by protobuf reflection, so a new field needs no code here.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <google/protobuf/message.h>
+
+#include "base/hash.h"
+#include "base/status.h"
+#include "gobo/v1/render.pb.h"
+
+namespace gobo {
+
+/// Fills in the defaults named in the schema, recursively in sub-messages that are present, and checks ranges.
+/// Errors: InvalidArgument naming the field path and the value, e.g. "integrator.max_bounces = 900: must be at most 64".
+Status resolveDefaults(google::protobuf::Message& message, const std::string& path = "request");
+/// Order-independent digest of the fields that can change the picture (maps by sorted key; not_in_hash fields left out).
+Hash128 messageHash(const google::protobuf::Message& message);
+
+/// Parses JSON (protobuf mapping, snake_case or camelCase names). Unknown fields are errors that name them.
+Status messageFromJson(const std::string& json, google::protobuf::Message& message, const std::string& source);
+std::string messageToJson(const google::protobuf::Message& message, bool pretty);
+
+/// "halt.spp=128", "lights.key.color=1,0.9,0.8", "shadows.axis_aligned.mu=2", "outputs=beauty,depth". Vector3 takes x,y,z.
+Status setPath(google::protobuf::Message& message, const std::string& assignment);
+/// Replaces in `base` the fields that `mask` names by those of `patch` (absent in patch: cleared).
+Status applyMask(google::protobuf::Message& base, const google::protobuf::Message& patch, const std::vector<std::string>& mask);
+/// The paths of all leaf fields set in a message: what `gobo relight --set` puts into the mask.
+std::vector<std::string> setPaths(const google::protobuf::Message& message);
+
+}  // namespace gobo

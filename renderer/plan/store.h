@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// TermStore: terms by key. A byte-bounded RAM tier (LRU; pinned terms are held by their readers' shared_ptr and do not
+// count against eviction order) over an optional disk tier. Thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <list>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <unordered_map>
+
+#include "base/status.h"
+#include "terms/term.h"
+
+namespace gobo {
+
+class DiskStore;   // plan/disk_store.h
+
+class TermStore {
+ public:
+  explicit TermStore(uint64_t maxBytes, std::unique_ptr<DiskStore> disk = nullptr);
+  ~TermStore();
+  enum class Tier { None, Memory, Disk };
+  /// The term, or null. `from` says which tier had it; a disk hit moves it into RAM.
+  TermPtr get(const Hash128& key, Tier* from = nullptr);
+  /// Keeps the term; evicts least recently used ones beyond the bound. `persist`: also to the disk tier.
+  /// A term larger than the bound is not kept (its holder still has it).
+  void put(const Hash128& key, TermPtr term, bool persist);
+  void erase(const Hash128& key);
+  void clear(bool disk);
+  uint64_t bytes() const;
+  uint64_t maxBytes() const { return maxBytes_; }
+  uint64_t diskBytes() const;
+  uint64_t count() const;
+
+ private:
+  struct Entry { Hash128 key; TermPtr term; uint64_t bytes; };
+  mutable std::mutex mutex_;
+  std::list<Entry> lru_;    // most recent first
+  std::unordered_map<Hash128, std::list<Entry>::iterator> index_;
+  uint64_t bytes_ = 0;
+  uint64_t maxBytes_;
+  std::unique_ptr<DiskStore> disk_;
+};
+
+}  // namespace gobo

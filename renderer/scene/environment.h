@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// Environment: radiance from infinity as a lat-long map. Top row is +Y; u = 0.5 + atan2(z, x) / (2 pi) in world axes when
+// the rotation is 0; `rotation` turns the map about +Y (radians, counter-clockwise seen from above).
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/hash.h"
+#include "base/image.h"
+#include "base/status.h"
+#include "base/vec.h"
+
+namespace gobo {
+
+struct Environment {
+  std::string name;
+  int width = 0, height = 0;
+  std::vector<Vec3> texels;     ///< linear radiance, row-major, all finite and >= 0
+  float rotation = 0.0f;        ///< radians
+  int repairedTexels = 0;       ///< NaN, Inf or negative texels replaced by 0 at load (reported by inspect)
+  Hash128 content;              ///< digest of size and texels (not of rotation)
+
+  /// Direction (unit) to continuous map coordinates in [0,1)^2, and back. Rotation applied.
+  Vec2 toUv(const Vec3& direction) const;
+  Vec3 toDirection(const Vec2& uv) const;
+  /// Radiance from a direction. Texels are piecewise constant: sampling is then exact whatever the contrast.
+  Vec3 eval(const Vec3& direction) const;
+};
+using EnvironmentPtr = std::shared_ptr<const Environment>;
+
+/// Repairs NaN/Inf/negative texels (counted), computes the digest.
+EnvironmentPtr makeEnvironment(std::string name, Image image);
+/// HDR or EXR lat-long file.
+Result<EnvironmentPtr> loadEnvironment(const std::string& path);
+/// Uniform radiance in every direction (1x1 map).
+EnvironmentPtr constantEnvironment(const Vec3& radiance);
+
+struct SkyParameters { Vec3 sunDirection{0.4f, 0.8f, 0.3f}; float turbidity = 3.0f; float sunRadiusDeg = 0.2665f; float sunScale = 1.0f; Vec3 groundAlbedo{0.2f}; };
+/// Analytic clear sky with sun disk (Preetham et al. 1999), baked to width x width/2. Radiance scaled so that the zenith is of order 1.
+EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width = 512);
+
+}  // namespace gobo

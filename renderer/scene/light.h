@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// Light: shape (where it is and how it emits) apart from power (how much), because they are different facets: a relight
+// that changes power alone re-traces nothing.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "base/vec.h"
+
+namespace gobo {
+
+enum class LightKind : uint8_t {
+  Point,        ///< delta position; power = radiant intensity, W/sr
+  Spot,         ///< point with cone; power = intensity on the axis, W/sr
+  Directional,  ///< delta direction; power = irradiance on a plane facing it, W/m^2
+  Rect,         ///< rectangle position +- u +- v, normal `axis`; power = radiance, W m^-2 sr^-1
+  Disk,         ///< disk of `radius` around position, normal `axis`; power = radiance
+  Sphere,       ///< sphere of `radius` around position, emits outwards; power = radiance
+  Mesh,         ///< all triangles of one instance, emission from its material; power = radiance (times emission texture)
+  Environment,  ///< radiance from infinity: the scene's environment map; power = scale of the map
+};
+
+/// True for kinds that a ray cannot hit (so only next-event estimation reaches them).
+constexpr bool isDeltaLight(LightKind k) {
+  return k == LightKind::Point || k == LightKind::Spot || k == LightKind::Directional;
+}
+
+struct LightShape {
+  LightKind kind = LightKind::Point;
+  Vec3 position{0.0f};
+  Vec3 axis{0, -1, 0};             ///< unit; direction of emission (Spot, Directional, Rect, Disk)
+  Vec3 u{1, 0, 0}, v{0, 0, 1};     ///< Rect: half edges in metres (perpendicular, cross(u, v) along +-axis)
+  float radius = 0.5f;             ///< Disk, Sphere
+  float cosInner = 1.0f, cosOuter = 0.70710678f;  ///< Spot: KHR_lights_punctual falloff
+  float range = 0.0f;              ///< Point, Spot: glTF range in metres, 0 = infinite
+  bool twoSided = false;           ///< Rect, Disk
+  uint32_t instance = 0;           ///< Mesh: index into Scene::instances
+};
+
+struct Light {
+  std::string name;                ///< unique in the scene; the handle that requests use
+  LightShape shape;
+  Vec3 power{1.0f};                ///< linear RGB, unit by kind (above); Mesh: factor x strength of the material's emission
+  bool cameraVisible = true;       ///< Rect, Disk, Sphere: seen by camera and by specular chains
+};
+
+/// The scalar used as the nominal power of a light that stands alone in its relight group: such a light is traced as
+/// white with this power, and its colour is a gain applied at composition. Never zero, so that a lamp that is off in the
+/// scene can be switched on by a gain.
+inline float nominalScalar(const Light& light) {
+  const float l = luminance(light.power);
+  return l > 0.0f && std::isfinite(l) ? l : 1.0f;
+}
+
+}  // namespace gobo

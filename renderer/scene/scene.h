@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scene: an immutable value made of facets, with a Merkle hash. Edits make a new Scene that shares what did not change.
+// Any thread may read a Scene; nobody may change one after seal().
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/hash.h"
+#include "base/status.h"
+#include "base/vec.h"
+#include "scene/camera.h"
+#include "scene/environment.h"
+#include "scene/light.h"
+#include "scene/material.h"
+
+namespace gobo {
+
+/// Facets: the parts of a scene that a source may depend on. A node declares the set that it reads.
+enum class Facet : uint32_t {
+  None = 0,
+  Topology = 1 << 0,     ///< triangle indices, which mesh has which material, which instance has which mesh
+  Pose = 1 << 1,         ///< vertex positions, instance transforms
+  Shading = 1 << 2,      ///< normals, tangents, texture coordinates, vertex colours
+  Coverage = 1 << 3,     ///< alpha mode, cutoff, alpha texture, double-sidedness
+  Albedo = 1 << 4,       ///< base colour factor and texture
+  Bsdf = 1 << 5,         ///< metallic, roughness, specular, ior, transmission, normal map
+  Emission = 1 << 6,     ///< emissive texture and the direction of emission (which surfaces emit), not its strength
+  LightShape = 1 << 7,   ///< LightShape of the lights in the node's subset
+  LightPower = 1 << 8,   ///< nominal power of the lights in the node's subset
+  Environment = 1 << 9,  ///< map and rotation, not its scale
+  Cameras = 1 << 10,
+  All = (1 << 11) - 1,
+};
+constexpr Facet operator|(Facet a, Facet b) { return Facet(uint32_t(a) | uint32_t(b)); }
+constexpr Facet operator&(Facet a, Facet b) { return Facet(uint32_t(a) & uint32_t(b)); }
+constexpr bool has(Facet set, Facet f) { return (uint32_t(set) & uint32_t(f)) == uint32_t(f); }
+const char* facetName(Facet single);
+
+/// One material's triangles in object space. Immutable and shared between scenes.
+struct Mesh {
+  std::string name;
+  std::vector<uint32_t> indices;    ///< 3 per triangle
+  std::vector<Vec3> positions;
+  std::vector<Vec3> normals;        ///< empty: flat shading
+  std::vector<Vec4> tangents;       ///< empty: derived from uv when a normal map needs them
+  std::vector<Vec2> uv0, uv1;       ///< empty: (0,0)
+  std::vector<Vec4> colours;        ///< COLOR_0, linear RGBA; empty: white
+  int material = 0;
+  Hash128 topologyHash, positionsHash, shadingHash;   ///< set by sealMesh
+  size_t triangles() const { return indices.size() / 3; }
+};
+using MeshPtr = std::shared_ptr<const Mesh>;
+/// Fills the digests; call once, when the arrays are final.
+void sealMesh(Mesh& mesh);
+
+struct Instance {
+  std::string name;                 ///< unique; glTF node name (+ "#k" for further primitives or duplicates)
+  int mesh = 0;
+  Mat4 toWorld{1.0f};               ///< affine
+};
+
+struct Scene {
+  std::string name;
+  std::vector<MeshPtr> meshes;
+  std::vector<Instance> instances;
+  std::vector<Material> materials;
+  std::vector<std::shared_ptr<const Texture>> textures;
+  std::vector<Light> lights;            ///< includes one Mesh light per emissive instance, and one Environment light if any
+  EnvironmentPtr environment;           ///< null: black
+  std::vector<Camera> cameras;          ///< at least one after seal()
+  std::vector<std::string> warnings;    ///< what the loader repaired or ignored
+
+  /// Digest of the facets in `set`; light facets cover only `lightSubset` (indices into lights). Mesh lights pull in the
+  /// topology, pose and emission of their instance. O(number of materials + lights): facet digests are cached by seal().
+  Hash128 facetHash(Facet set, const std::vector<int>& lightSubset) const;
+  /// Merkle root over every facet and every light; the scene's identity.
+  Hash128 hash() const { return root_; }
+  /// Makes Mesh lights for emissive instances (unless present), a default camera if none, computes digests.
+  /// Errors: an index out of range, non-finite positions, duplicate names.
+  Status seal();
+
+  int findLight(std::string_view name) const;     ///< -1 if absent
+  int findCamera(std::string_view name) const;
+  int findInstance(std::string_view name) const;
+  int findMaterial(std::string_view name) const;
+  size_t triangleCount() const;                   ///< over instances
+  size_t bytes() const;                           ///< host memory of meshes, textures and environment
+  void bounds(Vec3& lo, Vec3& hi) const;          ///< world bounds of all instances; lo > hi when empty
+
+ private:
+  Hash128 facet_[11];
+  std::vector<Hash128> lightShape_, lightPower_;
+  Hash128 root_;
+};
+using ScenePtr = std::shared_ptr<const Scene>;
+
+/// What a node may see of a scene: reading a facet that it did not declare fails a CHECK, so a wrong declaration (and
+/// with it a wrong key) is found by the first test that runs the node.
+class SceneView {
+ public:
+  SceneView(const Scene& scene, Facet allowed, const std::vector<int>& lights) : scene_(&scene), allowed_(allowed), lights_(&lights) {}
+  Facet allowed() const { return allowed_; }
+  const std::vector<int>& lightSubset() const { return *lights_; }
+  const std::vector<MeshPtr>& meshes(Facet purpose) const { require(purpose); return scene_->meshes; }
+  const std::vector<Instance>& instances() const { require(Facet::Topology | Facet::Pose); return scene_->instances; }
+  const std::vector<std::shared_ptr<const Texture>>& textures() const { return scene_->textures; }  // reached through a TextureRef of a checked facet
+  size_t materialCount() const { return scene_->materials.size(); }
+  const Coverage& coverage(int m) const { require(Facet::Coverage); return scene_->materials[m].coverage; }
+  const Albedo& albedo(int m) const { require(Facet::Albedo); return scene_->materials[m].albedo; }
+  const Bsdf& bsdf(int m) const { require(Facet::Bsdf); return scene_->materials[m].bsdf; }
+  const Emission& emission(int m) const { require(Facet::Emission); return scene_->materials[m].emission; }
+  const LightShape& lightShape(int i) const { require(Facet::LightShape); requireLight(i); return scene_->lights[i].shape; }
+  bool lightCameraVisible(int i) const { require(Facet::LightShape); requireLight(i); return scene_->lights[i].cameraVisible; }
+  const Vec3& lightPower(int i) const { require(Facet::LightPower); requireLight(i); return scene_->lights[i].power; }
+  const EnvironmentPtr& environment() const { require(Facet::Environment); return scene_->environment; }
+  /// For geometry acceleration structures, which cache by facet hash.
+  Hash128 geometryHash() const { require(Facet::Topology | Facet::Pose | Facet::Coverage); return scene_->facetHash(Facet::Topology | Facet::Pose | Facet::Coverage, {}); }
+
+ private:
+  void require(Facet f) const;        ///< CHECK
+  void requireLight(int i) const;     ///< CHECK
+  const Scene* scene_;
+  Facet allowed_;
+  const std::vector<int>* lights_;
+};
+
+}  // namespace gobo

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Camera G-buffer: what each view sample sees first, after alpha coverage. Term type "gbuffer", domain ViewSample.
+// Planes: P f32x3 world position | N f32x3 unit shading normal towards the viewer (before normal maps) | Ng f32x3 unit geometric normal
+// towards the viewer | uv f32x2 (set 0) | depth f32 distance along the ray, +inf where nothing is hit | instance u32,
+// ~0u where nothing is hit | primitive u32 | bary f32x2 | footprint f32 world width of a pixel at P (2 t tan(fovy/2)/H).
+// View sample s of S sits at viewSamplePosition(s, S) inside its pixel: the same for every pixel.
+// Instances whose BSDF is delta at the hit are still stored; "direct" terms are zero there (the path-traced remainder has them).
+#pragma once
+
+#include "scene/camera.h"
+#include "terms/node.h"
+
+namespace gobo {
+
+struct GBufferSettings { Camera camera; int width = 0, height = 0, viewSamples = 1; };
+void hashCamera(Hasher& hasher, const Camera& camera);
+
+/// Offset in [0,1)^2 of view sample s of S inside the pixel (S = 1: the centre). Owen-scrambled Sobol points with one fixed seed.
+Vec2 viewSamplePosition(int s, int S);
+
+NodePtr makeGBufferNode(const GBufferSettings& settings);
+
+}  // namespace gobo

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// Graph: the DAG of nodes that a request needs. Grows while it is planned (expanders evaluate a node, then add more).
+// Structurally equal nodes are one node. Not thread-safe; one per request.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "terms/node.h"
+
+namespace gobo {
+
+using NodeId = int;
+
+struct GraphNode {
+  NodePtr node;
+  std::vector<NodeId> inputs;
+  std::vector<int> lights;      ///< subset of the scene's lights that the node reads (light facets of its key)
+  std::string label;            ///< for reports: "visibility:sun"
+  uint32_t blocks = 0;          ///< extendable nodes: blocks asked for
+  ScenePtr scene;               ///< the effective scene that the node sees (null for filters)
+  bool transient = false;       ///< result is not kept in the store (inputs of folds)
+};
+
+struct PrunedNode { std::string label, reason; bool approximate = false; };
+
+class Graph {
+ public:
+  /// Adds, or finds the structurally equal node. `scene` may be null for filters.
+  NodeId add(GraphNode node);
+  const GraphNode& at(NodeId id) const { return nodes_[id]; }
+  int size() const { return int(nodes_.size()); }
+  void prune(std::string label, std::string reason, bool approximate = false) { pruned_.push_back({std::move(label), std::move(reason), approximate}); }
+  const std::vector<PrunedNode>& pruned() const { return pruned_; }
+
+ private:
+  std::vector<GraphNode> nodes_;
+  std::vector<Hash128> structure_;
+  std::vector<PrunedNode> pruned_;
+};
+
+}  // namespace gobo

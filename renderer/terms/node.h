@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// Node: a recipe that makes a Term from scene facets and other terms.
+//   Source  declares the facets and lights it reads; may trace rays.
+//   Filter  declares no facet: it gets no scene at all, so it cannot trace or peek (passive, stateless, deterministic).
+// A node object is immutable; run() is const and may be called from several threads at once.
+// The recipe key hashes type, version, numeric class, parameters, facet digests and input identities (plan/executor.h).
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/hash.h"
+#include "base/status.h"
+#include "base/stop.h"
+#include "base/task_arena.h"
+#include "scene/scene.h"
+#include "terms/path_class.h"
+#include "terms/term.h"
+
+namespace gobo {
+
+class AccelCache;   // trace/accel.h: acceleration structures shared by the nodes of an engine
+
+/// What the node claims about itself. Each claim has a generic conformance test (tests/unit/filters/conformance_test.cpp).
+struct NodeTraits {
+  Facet facets = Facet::None;          ///< None: a filter
+  PathClass pathClass = PathClass::None;
+  bool smallOutput = false;            ///< passed on by content digest (at most 64 KiB): equal results re-run nothing behind it
+  bool extendable = false;             ///< result depends on a block count that is not in the recipe key
+  bool linearPerGroup = false;         ///< f(a x + b y) = a f(x) + b f(y) in its first input: gains may be hoisted through
+  bool rangePreserving = false;        ///< output within [min, max] of the first input
+  bool tileable = false;               ///< an output pixel depends only on inputs within `halo` pixels
+  int halo = 0;
+  bool persist = false;                ///< dear enough to write to the disk tier
+};
+
+struct RunCounters {
+  std::atomic<uint64_t> rays{0};       ///< every ray handed to Embree: primary, bounce, shadow
+};
+
+struct RunContext {
+  const SceneView* scene = nullptr;    ///< null for filters
+  std::vector<TermPtr> inputs;
+  const TaskArena* arena = nullptr;
+  AccelCache* accels = nullptr;        ///< null for filters
+  StopToken stop;
+  RunCounters* counters = nullptr;
+  std::function<void(double fraction)> progress;   ///< may be empty; called from any thread
+
+  // Extendable nodes only. Result(n) = fixed-order sum of blocks 0..n-1, whatever it started from.
+  uint32_t targetBlocks = 0;
+  TermPtr previous;                    ///< a state of the same recipe with fewer blocks, or a parked one; may be null
+  TermPtr* park = nullptr;             ///< on stop, the node may leave a partial state here
+};
+
+class Node {
+ public:
+  virtual ~Node() = default;
+  virtual std::string type() const = 0;            ///< stable name, e.g. "axis_aligned_filter"
+  virtual int version() const { return 1; }        ///< bump when the result changes for the same parameters
+  virtual std::string numericClass() const { return "cpu-f32-avx2"; }
+  virtual std::string device() const { return "cpu"; }
+  virtual NodeTraits traits() const = 0;
+  virtual void hashParameters(Hasher& hasher) const = 0;
+  /// Rough bytes of the result, for admission; an upper bound.
+  virtual size_t outputBytes() const = 0;
+  /// Errors: Cancelled when ctx.stop fired; Internal when a non-finite value would leave the node.
+  virtual Result<TermPtr> run(const RunContext& ctx) const = 0;
+};
+using NodePtr = std::shared_ptr<const Node>;
+
+/// Folds: a node whose inputs are evaluated and dropped group by group, in order, in bounded memory (1000 lights never
+/// means 1000 buffers). Inputs of step i are inputs [i*stride, (i+1)*stride) after the first `fixedInputs()`, which stay.
+class FoldNode : public Node {
+ public:
+  virtual int fixedInputs() const = 0;
+  virtual int stride() const = 0;
+  class State { public: virtual ~State() = default; };
+  virtual std::unique_ptr<State> begin(const RunContext& ctx, const std::vector<TermPtr>& fixed) const = 0;
+  virtual Status step(const RunContext& ctx, State& state, int index, const std::vector<TermPtr>& inputs) const = 0;
+  virtual Result<TermPtr> finish(const RunContext& ctx, std::unique_ptr<State> state) const = 0;
+  Result<TermPtr> run(const RunContext&) const final { return internalError("a fold runs by steps"); }
+};
+
+}  // namespace gobo

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// Term: an immutable typed value of a node: named planes over a domain. What a plan's edges carry and what the store keeps.
+// Layout: a plane holds extent.elements() * channels scalars, channels interleaved. View-sample domains are layer-major:
+// element = (layer * height + y) * width + x, so that each layer is an image. Thread-safe to read.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/check.h"
+#include "base/hash.h"
+
+namespace gobo {
+
+enum class Domain : uint8_t { Pixel, ViewSample, LightTexel, SparsePixel, List, Table };
+enum class Format : uint8_t { F32, F64, U32, U8 };
+size_t formatSize(Format format);
+template <typename T> constexpr Format formatOf();
+template <> constexpr Format formatOf<float>() { return Format::F32; }
+template <> constexpr Format formatOf<double>() { return Format::F64; }
+template <> constexpr Format formatOf<uint32_t>() { return Format::U32; }
+template <> constexpr Format formatOf<uint8_t>() { return Format::U8; }
+
+struct Extent {
+  int width = 0, height = 1, layers = 1;
+  size_t elements() const { return size_t(width) * height * layers; }
+  bool operator==(const Extent&) const = default;
+};
+
+struct Plane {
+  std::string name;        ///< "P", "N", "V", "sum", ...
+  Format format = Format::F32;
+  int channels = 1;
+  std::vector<uint8_t> bytes;
+};
+
+class Term {
+ public:
+  Term(std::string type, Domain domain, Extent extent) : type_(std::move(type)), domain_(domain), extent_(extent) {}
+
+  const std::string& type() const { return type_; }
+  Domain domain() const { return domain_; }
+  const Extent& extent() const { return extent_; }
+  size_t bytes() const;
+  const std::vector<Plane>& planes() const { return planes_; }
+  bool hasPlane(std::string_view name) const { return find(name) != nullptr; }
+  int channels(std::string_view name) const { return need(name).channels; }
+
+  /// Read a plane; CHECKs name and scalar type.
+  template <typename T> std::span<const T> plane(std::string_view name) const {
+    const Plane& p = need(name);
+    GOBO_CHECK(p.format == formatOf<T>());
+    return {reinterpret_cast<const T*>(p.bytes.data()), p.bytes.size() / sizeof(T)};
+  }
+  std::span<const float> floats(std::string_view name) const { return plane<float>(name); }
+
+  /// Building side (before the term is shared): adds a zeroed plane and returns it for writing.
+  template <typename T> std::span<T> addPlane(std::string name, int channels = 1) {
+    Plane& p = addRaw(std::move(name), formatOf<T>(), channels);
+    return {reinterpret_cast<T*>(p.bytes.data()), p.bytes.size() / sizeof(T)};
+  }
+  template <typename T> std::span<T> writable(std::string_view name) {
+    Plane& p = const_cast<Plane&>(need(name));
+    GOBO_CHECK(p.format == formatOf<T>());
+    return {reinterpret_cast<T*>(p.bytes.data()), p.bytes.size() / sizeof(T)};
+  }
+  Plane& addRaw(std::string name, Format format, int channels);
+
+  /// Digest of type, extent and every plane; computed once, on first use.
+  Hash128 content() const;
+
+ private:
+  const Plane* find(std::string_view name) const;
+  const Plane& need(std::string_view name) const;
+  std::string type_;
+  Domain domain_;
+  Extent extent_;
+  std::vector<Plane> planes_;
+  mutable std::once_flag once_;
+  mutable Hash128 content_;
+};
+using TermPtr = std::shared_ptr<const Term>;
+
+/// Byte form for the disk tier (format: docs/term_file.md). parse() checks every length and the checksum.
+std::vector<uint8_t> serializeTerm(const Term& term);
+std::shared_ptr<Term> parseTerm(const uint8_t* bytes, size_t size);  ///< null if damaged
+
+}  // namespace gobo

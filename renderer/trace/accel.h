@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// Accel: Embree over a scene's triangles (facets Topology, Pose, Coverage). Immutable after build; any thread may trace.
+// Alpha-masked texels let rays through; Blend surfaces are passed with probability 1 - alpha, decided by a hash of the ray,
+// so that the same ray always gets the same answer.
+#pragma once
+
+#include <cstdint>
+#include <list>
+#include <memory>
+#include <mutex>
+
+#include "base/task_arena.h"
+#include "scene/camera.h"
+#include "scene/scene.h"
+
+namespace gobo {
+
+inline constexpr uint32_t kNoHit = ~0u;
+
+struct Hit {
+  float t = 3.0e38f;
+  uint32_t instance = kNoHit;   ///< index into Scene::instances
+  uint32_t primitive = 0;       ///< triangle of its mesh
+  float u = 0, v = 0;           ///< barycentrics of vertices 1 and 2
+  Vec3 Ng{0.0f};                ///< unit geometric normal in world space by the triangle's winding (not turned to the ray)
+  bool valid() const { return instance != kNoHit; }
+};
+
+class Accel {
+ public:
+  /// Reads facets Topology, Pose, Coverage of `view` (CHECKed).
+  static std::shared_ptr<const Accel> build(const SceneView& view, const TaskArena& arena);
+  ~Accel();
+  bool intersect(const Ray& ray, Hit& hit) const;
+  /// Anything between ray.tmin and ray.tmax?
+  bool occluded(const Ray& ray) const;
+  size_t bytes() const;
+  struct Impl;
+  const Impl& impl() const { return *impl_; }
+
+ private:
+  Accel();
+  std::unique_ptr<Impl> impl_;
+};
+using AccelPtr = std::shared_ptr<const Accel>;
+
+/// Keeps the last few structures by geometry hash. Thread-safe; concurrent asks for one hash build once.
+class AccelCache {
+ public:
+  explicit AccelCache(size_t maxBytes = 4ull << 30) : maxBytes_(maxBytes) {}
+  AccelPtr get(const SceneView& view, const TaskArena& arena);
+  size_t bytes() const;
+  uint64_t builds() const;
+
+ private:
+  struct Entry { Hash128 key; AccelPtr accel; };
+  mutable std::mutex mutex_;
+  std::list<Entry> entries_;    // most recent first
+  size_t maxBytes_;
+  uint64_t builds_ = 0;
+};
+
+/// Moves a ray origin off the surface by an amount that scales with the coordinates (Waechter & Binder 2019), so that scenes
+/// of any scale and far from the origin neither self-intersect nor leak. n must point to the side that the ray leaves to.
+Vec3 offsetOrigin(const Vec3& p, const Vec3& n);
+
+}  // namespace gobo

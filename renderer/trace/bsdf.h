@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// The reference's surface models: Lambert + GGX metallic-roughness (glTF 2.0 appendix B) and smooth or rough dielectric
+// transmission. Local frame: z is the shading normal on the viewer's side; wo, wi point away from the surface.
+// All functions are pure. Densities are over solid angle; delta lobes have pdf 0 in bsdfPdf and f = 0 in bsdfEval.
+#pragma once
+
+#include "base/vec.h"
+
+namespace gobo {
+
+/// GGX alpha below this is a mirror (delta lobe).
+inline constexpr float kDeltaAlpha = 1e-3f;
+
+struct BsdfParams {
+  Vec3 albedo{0.5f};
+  float metallic = 0, roughness = 1;   ///< alpha = roughness^2
+  float specular = 1;                  ///< scales the dielectric Fresnel reflectance; 0 with metallic 0 is exact Lambert
+  float ior = 1.5f;
+  float transmission = 0;              ///< 1: dielectric interface, no diffuse lobe
+  bool entering = true;                ///< viewer outside (geometric side); decides the relative ior
+};
+
+struct BsdfValue { Vec3 diffuse{0.0f}, specular{0.0f}; Vec3 sum() const { return diffuse + specular; } };
+
+struct BsdfSample {
+  Vec3 wi{0.0f};
+  Vec3 weight{0.0f};                   ///< f |cos| / pdf over the whole sampling strategy (finite, >= 0)
+  float pdf = 0;                       ///< solid-angle density of wi; 0 for delta lobes
+  bool delta = false, transmitted = false, specularLobe = false;
+};
+
+/// f(wo, wi) * |cos(wi)|, diffuse and specular lobes apart; delta lobes give 0.
+BsdfValue bsdfEval(const BsdfParams& p, const Vec3& wo, const Vec3& wi);
+/// Density with which bsdfSample gives wi (its non-delta part).
+float bsdfPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi);
+/// u: lobe choice, then two for the direction; all in [0,1). False: the path ends (absorbed).
+bool bsdfSample(const BsdfParams& p, const Vec3& wo, float uLobe, const Vec2& u, BsdfSample& out);
+/// True if no lobe can be evaluated (mirror or smooth glass): next-event estimation is useless.
+bool bsdfIsDelta(const BsdfParams& p);
+
+}  // namespace gobo

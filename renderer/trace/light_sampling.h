@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sampling points on lights. Every sampler here has a pdf function and a chi-squared test against it.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "scene/scene.h"
+
+namespace gobo {
+
+struct LightSample {
+  Vec3 direction{0.0f};   ///< unit, from the receiver towards the light
+  float distance = 0;     ///< metres; 3e38 for Directional and Environment
+  Vec3 radiance{0.0f};    ///< for power 1 (white): incident radiance along -direction; for delta lights intensity/d^2 or irradiance (already the
+                          ///< whole contribution before BSDF and cosine)
+  float pdf = 0;          ///< solid angle density at the receiver; 1 for delta lights
+  bool delta = false;
+};
+
+/// Per-light data that sampling needs (triangle alias table of mesh lights, the environment's distribution, ...).
+/// Built from a view with facets LightShape, Environment, and for Mesh lights Topology, Pose, Shading, Emission. Immutable.
+class LightSampler {
+ public:
+  static std::shared_ptr<const LightSampler> build(const SceneView& view);
+  ~LightSampler();
+
+  /// Samples light `i` (index into Scene::lights, must be in the view's subset) as seen from `p`. u in [0,1)^2.
+  /// Returns false when the sample cannot contribute (behind, zero radiance, pdf 0).
+  bool sample(int i, const Vec3& p, const Vec2& u, LightSample& out) const;
+  /// Solid-angle density with which sample(i, p, .) would give `direction`, known to hit the light at distance t
+  /// (on `primitive` for mesh lights). 0 for delta lights.
+  float pdf(int i, const Vec3& p, const Vec3& direction, float t, uint32_t primitive) const;
+  /// Emitted radiance for power 1 (white x texture) of a non-delta light towards -direction from a ray hit
+  /// (mesh: uses primitive and barycentrics u, v; environment: ignores t).
+  Vec3 emitted(int i, const Vec3& direction, uint32_t primitive, float u, float v, const Vec3& Ng) const;
+  /// Nearest hit with Rect, Disk, Sphere lights of the subset within ray.tmax; -1 if none.
+  int intersectAreaLights(const Ray& ray, float& t, Vec3& Ng) const;
+
+  struct Impl;
+  const Impl& impl() const { return *impl_; }
+
+ private:
+  LightSampler();
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace gobo

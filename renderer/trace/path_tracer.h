@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// The reference: a unidirectional path tracer with next-event estimation and MIS for every light kind.
+// Samples come in blocks, each an independent Owen-scrambled Sobol set per pixel; a block's result depends only on
+// (settings, pixel, block), never on thread, tile or what was traced before.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "scene/camera.h"
+#include "terms/path_class.h"
+#include "trace/accel.h"
+#include "trace/light_sampling.h"
+
+namespace gobo {
+
+enum class SplitMode : uint8_t {
+  Combined,        ///< 1 slot a group
+  DirectIndirect,  ///< emission, direct, indirect
+  ByLobe,          ///< emission, direct diffuse, direct specular, indirect diffuse, indirect specular (lobe of the first event)
+  ByBounce,        ///< emission, then by number of scattering events 1 .. maxBounces + 1
+};
+enum class LightSelection : uint8_t { Tree, Power, Uniform };
+
+struct PathTracerSettings {
+  Camera camera;
+  int width = 0, height = 0;
+  int viewSamples = 0;              ///< 0: box pixel filter; S >= 1: sample i uses view sample i mod S (terms/gbuffer.h)
+  int maxBounces = 8;               ///< scattering events after the first
+  int rouletteStart = 3;
+  int blockSize = 16;               ///< samples a block
+  uint64_t seed = 0;
+  PathClass cover = PathClass::All;
+  SplitMode split = SplitMode::Combined;
+  LightSelection selection = LightSelection::Tree;
+  // Relight groups. Index k runs over the view's light subset (SceneView::lightSubset()).
+  int groups = 1;
+  std::vector<int> groupOf;         ///< group of light k
+  std::vector<Vec3> nominal;        ///< radiometric scale that light k is traced with: white * nominalScalar when alone in
+                                    ///< its group, its own power otherwise; sampling importance is its luminance
+  void hash(Hasher& hasher) const;  ///< every field
+};
+
+/// Facets that the tracer reads, for the node that owns it.
+inline constexpr Facet kPathTracerFacets = Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Albedo |
+                                           Facet::Bsdf | Facet::Emission | Facet::LightShape | Facet::Environment;
+
+int slotsPerGroup(SplitMode split, int maxBounces);
+
+class PathTracer {
+ public:
+  static std::shared_ptr<const PathTracer> create(const SceneView& view, AccelPtr accel, const PathTracerSettings& settings);
+  ~PathTracer();
+  /// groups * slotsPerGroup; slot = group * slotsPerGroup + split.
+  int slots() const;
+  /// Adds the SUM over the block's samples of pixel (x, y) to out[slot*3 + channel]. Adds the rays traced to `rays`.
+  /// Never adds a non-finite value: such samples count as zero and are counted in `dropped`.
+  void traceBlock(int x, int y, uint32_t block, double* out, uint64_t& rays, uint64_t& dropped) const;
+  struct Impl;
+
+ private:
+  PathTracer();
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Homogeneous media are reserved: a medium will be a per-instance facet, and the tracer will ask this interface for
+/// free-flight distances between surface hits. No scene can hold one yet.
+class Medium {
+ public:
+  virtual ~Medium() = default;
+  virtual float sampleDistance(float u, float tmax, Vec3& weight) const = 0;
+  virtual Vec3 transmittance(float t) const = 0;
+};
+
+}  // namespace gobo
