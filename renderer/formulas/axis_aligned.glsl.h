@@ -59,7 +59,7 @@ AA_FN float aaSamplesCapped(float sMin, float sMax, float sigma, float d, float 
   return 4.0f * a * a * b * b;
 }
 
-/// exp(x) for -80 <= x <= 0, relative error below 1e-5, below 3e-6 for x > -18 (degree-5 polynomial for 2^f).
+/// exp(x) for -80 <= x <= 0, relative error below 1e-5, below 5e-6 for x > -18 (degree-5 polynomial for 2^f).
 AA_FN float aaExpNegative(float x) {
   float t = x * 1.44269504f;
   float i = aaFloor(t + 0.5f);
