@@ -48,28 +48,31 @@ std::vector<uint32_t> certificatePixels(int width, int height, double fraction, 
 
 CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t) {
   CertificateFigures out;
-  std::vector<double> squared, relative;
+  std::vector<double> squared, leaning, jackknife;
   squared.reserve(evidence.size());
-  relative.reserve(evidence.size());
+  leaning.reserve(evidence.size());
+  jackknife.reserve(evidence.size());
   for (const PixelEvidence& e : evidence) {
     if (!isFinite(e.picture) || !isFinite(e.halfA) || !isFinite(e.halfB)) {
       ++out.nonFinite;
       continue;
     }
     squared.push_back(squaredErrorOfHalves(e.picture, e.halfA, e.halfB));
-    relative.push_back(relativeErrorOfHalves(e.picture, e.halfA, e.halfB));
+    const RelativeError r = relativeErrorOfHalves(e.picture, e.halfA, e.halfB);
+    leaning.push_back(r.leaning);
+    jackknife.push_back(r.jackknife);
   }
   const size_t n = squared.size();
   out.unseenArea = n == 0 ? 1.0 : std::min(1.0, 3.0 / double(n) + double(out.nonFinite) / double(evidence.size()));
-  const MeanInterval mse = meanInterval(squared), rel = meanInterval(relative);
+  const MeanInterval mse = meanInterval(squared), rel = meanInterval(leaning), other = meanInterval(jackknife);
   const double positive = std::max(mse.mean, 0.0);
   out.rmse = std::sqrt(positive);
   out.rmseLow = std::sqrt(mse.low);
   out.rmseHigh = std::sqrt(mse.high);
   out.rmseStandardError = std::sqrt(positive + mse.standardError) - out.rmse;
   out.relMse = std::max(rel.mean, 0.0);
-  out.relMseLow = rel.low;
-  out.relMseHigh = rel.high;
+  out.relMseLow = std::min(rel.low, other.low);
+  out.relMseHigh = std::max(rel.high, other.high);
   return out;
 }
 

@@ -40,8 +40,9 @@ struct CertificateFigures {
   size_t nonFinite = 0;                                 ///< evidence with a NaN or Inf: left out of the other figures
 };
 /// `evidence` in any order. The result depends on nothing else; `seed` is kept for methods that resample.
-/// The halves must be independent and unbiased; they may be far noisier than the error sought. relMSE's estimator is the
-/// two-group jackknife: exact as for the MSE up to third order in the halves' noise, with a bias of fourth order.
+/// The halves must be independent and unbiased; they may be far noisier than the error sought. The RMSE's interval
+/// is the square root of the MSE's. relMSE divides by a noisy truth, which biases it; its interval is the hull of
+/// those of two estimators of different bias (measure/halves.h).
 CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t seed);
 
 }  // namespace gobo

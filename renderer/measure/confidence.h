@@ -23,8 +23,8 @@ struct MeanInterval {
 /// `z` one value per drawn pixel, E[z_i | pixel i] = its squared error >= 0. Cost O(n). Empty input: zeros.
 ///  low:  max(0, mean - t * se), Student's t.
 ///  high: the larger of mean + t * se and the upper limit of Fay and Feuer (Statistics in Medicine 16, 1997) for a weighted
-///        sum of Poisson counts, each drawn pixel being one event of weight z/n and one more event as large as the largest
-///        seen being granted: exact for a rare error of one size, equal to the normal limit for a common one.
+///        sum of Poisson counts, each drawn pixel being one event of weight z/n and one more event, 1.5 times as large as the
+///        largest seen, being granted: at least exact for a rare error of one size, equal to the normal limit for a common one.
 MeanInterval meanInterval(const std::vector<double>& z);
 
 }  // namespace gobo

@@ -99,7 +99,7 @@ inline CertificateCase makeCase(const std::string& name, Kind kind, HalfNoise no
     const double x = (double(i % size) + 0.5) / size, y = (double(i / size) + 0.5) / size;
     const bool dark = (int(x * 6) + int(y * 6)) % 2;             // textures, a gradient, a bright window
     const double base = (dark ? 0.08 : 0.6) * (0.4 + y) + (x > 0.8 && y < 0.2 ? 3.0 : 0.0);
-    const double sigma = 0.02 + 0.25 * base * (0.2 + std::pow(std::sin(7 * x + 3 * y), 2.0)) + (std::hypot(x - 0.3, y - 0.6) < 0.12 ? 0.3 : 0);
+    const double sigma = 0.02 + 0.25 * base * (0.2 + std::pow(std::sin(7 * x + 3 * y), 2.0)) + (std::hypot(x - 0.3, y - 0.6) < 0.12 ? 0.1 + 0.4 * base : 0);
     const double d = error(x, y, base, sigma, random);
     Vec3 t, p;
     for (int c = 0; c < 3; ++c) {
