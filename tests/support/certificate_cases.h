@@ -83,11 +83,17 @@ struct CertificateCase {
     return certify(evidence, seed);
   }
 
+  /// Smallest share of the pixels that holds half of the squared error (0 for an exact picture).
+  double halfErrorArea() const {
+    size_t k = 0;
+    while (squaredSums[k] > 0.5 * squaredSums[0]) ++k;
+    return double(k) / double(truth.size());
+  }
   double rmseWithout(double area) const { return std::sqrt(squaredSums[size_t(area * double(truth.size()))]); }
   double relMseWithout(double area) const { return relativeSums[size_t(area * double(truth.size()))]; }
 };
 
-/// Picks whether pixel (x, y) in [0,1]^2 carries the case's error; adds it to the picture.
+/// The signed error of the pixel at (x, y) in [0,1]^2, given its true value and noise scale.
 using ErrorOf = std::function<double(double x, double y, double truth, double sigma, Stream& random)>;
 
 inline CertificateCase makeCase(const std::string& name, Kind kind, HalfNoise noise, int size, const ErrorOf& error, uint64_t seed = 1) {
@@ -133,6 +139,9 @@ inline std::vector<CertificateCase> certificateCases(int size) {
   const auto gauss = [](double, double, double, double s, Stream& r) { return s * r.normal(); };
   const auto logNormal = [](double, double, double, double s, Stream& r) { return s * 0.6 * (r.logNormal(1.0) - 1); };
   const auto firefly = [](double, double, double, double s, Stream& r) {
+    return std::min(s, 0.15) * (r.normal() + (r.uniform() < 0.02 ? 5 * r.exponential() : 0.0));
+  };
+  const auto rareFirefly = [](double, double, double, double s, Stream& r) {
     return s * (0.6 * r.normal() + (r.uniform() < 0.01 ? 8 * r.exponential() : 0.0));
   };
   const auto pareto = [](double, double, double, double s, Stream& r) { return s * r.pareto(4.5); };
@@ -187,6 +196,7 @@ inline std::vector<CertificateCase> certificateCases(int size) {
   add("hidden, line 0.1 %, firefly halves", Kind::Hidden, fireflies, both(line(0.001, -3), gauss, 0.3));
   add("hidden, scattered 0.1 %", Kind::Hidden, quiet, scattered(0.001, 3));
   add("hidden, scattered 0.1 % + offset", Kind::Hidden, even, both(scattered(0.001, 3), offset));
+  add("hidden, fireflies mostly in a window", Kind::Hidden, fireflies, rareFirefly);
   add("hidden, spot 0.3 %", Kind::Hidden, quiet, blob(0.003, 2));
   add("exact, Gaussian halves", Kind::Exact, even, none);
   add("exact, log-normal halves", Kind::Exact, skewed, none);
