@@ -28,6 +28,9 @@ struct Texture {
   Vec4 sample(Vec2 uv) const;
 };
 
+/// Fills `content`; call once, when the texels are final. CHECKs that exactly one texel array has width*height*4 values.
+void sealTexture(Texture& texture);
+
 struct TextureRef {
   int texture = -1;                          ///< -1: none
   int texcoord = 0;                          ///< UV set 0 or 1

@@ -78,8 +78,11 @@ struct Scene {
   Hash128 facetHash(Facet set, const std::vector<int>& lightSubset) const;
   /// Merkle root over every facet and every light; the scene's identity.
   Hash128 hash() const { return root_; }
-  /// Makes Mesh lights for emissive instances (unless present), a default camera if none, computes digests.
-  /// Errors: an index out of range, non-finite positions, duplicate names.
+  /// Makes Mesh lights for emissive instances (unless present; named after the instance, power = the material's emission;
+  /// from then on the light's power is the truth), the light "environment" if there is a map and no such light, a default
+  /// camera that frames the bounds if none; names nameless instances and lights; computes digests. O(vertices) for meshes
+  /// not seen by an earlier seal, else O(objects). Errors (InvalidArgument, location = scene name + JSON-pointer-like place):
+  /// an index out of range, array sizes that disagree, non-finite positions, transforms, lights or cameras, duplicate names.
   Status seal();
 
   int findLight(std::string_view name) const;     ///< -1 if absent
@@ -88,9 +91,19 @@ struct Scene {
   int findMaterial(std::string_view name) const;
   size_t triangleCount() const;                   ///< over instances
   size_t bytes() const;                           ///< host memory of meshes, textures and environment
-  void bounds(Vec3& lo, Vec3& hi) const;          ///< world bounds of all instances; lo > hi when empty
+  void bounds(Vec3& lo, Vec3& hi) const;          ///< world box around all instances' (turned) mesh boxes; lo > hi when empty; after seal()
 
  private:
+  struct MeshCheck { MeshPtr mesh; Vec3 lo, hi; };
+  Status checkMeshes();
+  Status checkMaterials() const;
+  Status checkLights() const;
+  Status checkNames() const;
+  void addLights();
+  void addCamera();
+  void computeDigests();
+  Hash128 refHash(const TextureRef& ref) const;
+  std::vector<MeshCheck> checked_;      // meshes that an earlier seal() of this scene or its base has walked, with their bounds
   Hash128 facet_[11];
   std::vector<Hash128> lightShape_, lightPower_;
   Hash128 root_;

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+
+#include "base/image_io.h"
+
+namespace gobo {
+namespace {
+
+Code codeOf(int error) {
+  switch (error) {
+    case ENOENT: case ENOTDIR: return Code::NotFound;
+    case EACCES: case EPERM: case EROFS: return Code::PermissionDenied;
+    case ENOSPC: case EDQUOT: case EMFILE: case ENFILE: return Code::ResourceExhausted;
+    default: return Code::Unavailable;
+  }
+}
+
+Status ioError(const std::string& what, const std::string& path) { return Status(codeOf(errno), what + ": " + std::strerror(errno), path); }
+
+}  // namespace
+
+Status writeFileAtomic(const std::string& path, const void* data, size_t size) {
+  static std::atomic<uint64_t> counter{0};
+  const std::string temporary = path + ".tmp-" + std::to_string(getpid()) + "-" + std::to_string(counter++);
+  const int fd = ::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+  if (fd < 0) return ioError("cannot create file", path);
+  Status status;
+  const char* p = static_cast<const char*>(data);
+  for (size_t done = 0; done < size && status.ok();) {
+    const ssize_t n = ::write(fd, p + done, size - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) status = ioError("cannot write file", path);
+    else done += size_t(n);
+  }
+  if (status.ok() && ::fsync(fd) != 0) status = ioError("cannot flush file", path);
+  if (::close(fd) != 0 && status.ok()) status = ioError("cannot close file", path);
+  if (status.ok() && ::rename(temporary.c_str(), path.c_str()) != 0) status = ioError("cannot rename file into place", path);
+  if (!status.ok()) ::unlink(temporary.c_str());
+  return status;
+}
+
+Result<std::vector<uint8_t>> readFile(const std::string& path, uint64_t maxBytes) {
+  // O_NONBLOCK: a FIFO in place of a file must not hang the reader before fstat refuses it.
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (fd < 0) return ioError("cannot open file", path);
+  struct stat info{};
+  Status status;
+  std::vector<uint8_t> bytes;
+  if (::fstat(fd, &info) != 0) status = ioError("cannot stat file", path);
+  else if (!S_ISREG(info.st_mode)) status = invalidArgument("not a regular file", path);
+  else if (uint64_t(info.st_size) > maxBytes)
+    status = Status(Code::ResourceExhausted, "file of " + std::to_string(info.st_size) + " bytes is above the limit of " + std::to_string(maxBytes), path);
+  if (status.ok()) {
+    bytes.resize(size_t(info.st_size));
+    size_t done = 0;
+    while (done < bytes.size()) {
+      const ssize_t n = ::read(fd, bytes.data() + done, bytes.size() - done);
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) { status = ioError("cannot read file", path); break; }
+      if (n == 0) break;  // shortened while being read
+      done += size_t(n);
+    }
+    bytes.resize(done);
+  }
+  ::close(fd);
+  if (!status.ok()) return status;
+  return bytes;
+}
+
+}  // namespace gobo

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "scene/environment.h"
+
+#include <algorithm>
+
+#include "base/check.h"
+#include "base/image_io.h"
+
+namespace gobo {
+namespace {
+
+constexpr double kDPi = 3.14159265358979323846;
+constexpr float kBelowOne = 0x1.fffffep-1f;
+
+EnvironmentPtr seal(std::shared_ptr<Environment> map) {
+  Hasher h("environment");
+  h.add(map->width).add(map->height).addArray(map->texels);
+  map->content = h.digest();
+  return map;
+}
+
+}  // namespace
+
+// A counter-clockwise turn seen from above takes azimuth atan2(z, x) = a to a - rotation, so a world direction of azimuth
+// `a` looks up the map at a + rotation. Both ways go through double: the pair are inverses to float rounding.
+Vec2 Environment::toUv(const Vec3& d) const {
+  const double x = d.x, y = d.y, z = d.z;
+  double u = 0.5 + (std::atan2(z, x) + double(rotation)) / (2.0 * kDPi);
+  u -= std::floor(u);
+  const double v = std::atan2(std::sqrt(x * x + z * z), y) / kDPi;  // well conditioned at the poles, unlike acos(y)
+  return Vec2(std::min(float(u), kBelowOne), std::min(float(v), kBelowOne));
+}
+
+Vec3 Environment::toDirection(const Vec2& uv) const {
+  const double azimuth = (double(uv.x) - 0.5) * 2.0 * kDPi - double(rotation), polar = double(uv.y) * kDPi;
+  const double s = std::sin(polar);
+  return Vec3(float(s * std::cos(azimuth)), float(std::cos(polar)), float(s * std::sin(azimuth)));
+}
+
+Vec3 Environment::eval(const Vec3& direction) const {
+  const Vec2 uv = toUv(direction);
+  const int x = std::clamp(int(uv.x * float(width)), 0, width - 1), y = std::clamp(int(uv.y * float(height)), 0, height - 1);
+  return texels[size_t(y) * width + x];
+}
+
+EnvironmentPtr makeEnvironment(std::string name, Image image) {
+  GOBO_CHECK_GT(image.width, 0);
+  GOBO_CHECK_GT(image.height, 0);
+  GOBO_CHECK_GT(image.channels, 0);
+  auto map = std::make_shared<Environment>();
+  map->name = std::move(name);
+  map->width = image.width;
+  map->height = image.height;
+  map->texels.resize(image.pixels());
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < image.width; ++x) {
+      Vec3 c = image.rgb(x, y);
+      if (!isFinite(c) || c.x < 0.0f || c.y < 0.0f || c.z < 0.0f) {
+        c = Vec3(0.0f);
+        ++map->repairedTexels;
+      }
+      map->texels[size_t(y) * image.width + x] = c + Vec3(0.0f);  // -0 becomes +0: one digest per radiance
+    }
+  return seal(std::move(map));
+}
+
+Result<EnvironmentPtr> loadEnvironment(const std::string& path) {
+  GOBO_ASSIGN(Image image, readImage(path));
+  if (image.channels < 1) return invalidArgument("environment map has no channels", path);
+  return makeEnvironment(path.substr(path.find_last_of('/') + 1), std::move(image));
+}
+
+EnvironmentPtr constantEnvironment(const Vec3& radiance) {
+  Image image(1, 1, 3);
+  for (int c = 0; c < 3; ++c) image.data[c] = radiance[c];
+  return makeEnvironment("constant", std::move(image));
+}
+
+}  // namespace gobo

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+// The checks of Scene::seal(): after them every index in a scene is in range and every number that geometry, lights and
+// cameras use is finite, so that sources need no checks of their own.
+#include <limits>
+#include <unordered_set>
+
+#include "base/check.h"
+#include "scene/scene.h"
+
+namespace gobo {
+namespace {
+
+bool finite(const Vec2& v) { return std::isfinite(v.x) && std::isfinite(v.y); }
+bool finite(const Mat4& m) {
+  for (int c = 0; c < 4; ++c)
+    for (int r = 0; r < 4; ++r)
+      if (!std::isfinite(m[c][r])) return false;
+  return true;
+}
+
+Status fail(const Scene& scene, const std::string& list, size_t index, const std::string& name, const std::string& field,
+            const std::string& message) {
+  return invalidArgument((name.empty() ? std::string() : "\"" + name + "\": ") + message,
+                         scene.name + "#/" + list + "/" + std::to_string(index) + (field.empty() ? "" : "/" + field));
+}
+
+template <typename T>
+bool sizeFits(const std::vector<T>& values, size_t vertices) { return values.empty() || values.size() == vertices; }
+
+}  // namespace
+
+Status Scene::checkMeshes() {
+  std::vector<MeshCheck> checked;
+  checked.reserve(meshes.size());
+  for (size_t i = 0; i < meshes.size(); ++i) {
+    if (!meshes[i]) return fail(*this, "meshes", i, "", "", "mesh is null");
+    const Mesh& mesh = *meshes[i];
+    if (mesh.material < 0 || size_t(mesh.material) >= materials.size())
+      return fail(*this, "meshes", i, mesh.name, "material",
+                  "material " + std::to_string(mesh.material) + " of " + std::to_string(materials.size()) + " is out of range");
+    if (i < checked_.size() && checked_[i].mesh == meshes[i]) {  // meshes are immutable: walked once is walked for good
+      checked.push_back(checked_[i]);
+      continue;
+    }
+    GOBO_CHECK(!mesh.topologyHash.isZero());  // sealMesh was not called
+    if (mesh.indices.size() % 3 != 0)
+      return fail(*this, "meshes", i, mesh.name, "indices", std::to_string(mesh.indices.size()) + " indices are not whole triangles");
+    const size_t n = mesh.positions.size();
+    for (size_t k = 0; k < mesh.indices.size(); ++k)
+      if (mesh.indices[k] >= n)
+        return fail(*this, "meshes", i, mesh.name, "indices/" + std::to_string(k),
+                    "index " + std::to_string(mesh.indices[k]) + " of " + std::to_string(n) + " vertices is out of range");
+    if (!sizeFits(mesh.normals, n) || !sizeFits(mesh.tangents, n) || !sizeFits(mesh.uv0, n) || !sizeFits(mesh.uv1, n) ||
+        !sizeFits(mesh.colours, n))
+      return fail(*this, "meshes", i, mesh.name, "", "vertex arrays of different lengths");
+    constexpr float inf = std::numeric_limits<float>::infinity();
+    MeshCheck box{meshes[i], Vec3(inf), Vec3(-inf)};
+    for (size_t k = 0; k < n; ++k) {
+      if (!isFinite(mesh.positions[k]))
+        return fail(*this, "meshes", i, mesh.name, "positions/" + std::to_string(k), "position is not finite");
+      box.lo = glm::min(box.lo, mesh.positions[k]);
+      box.hi = glm::max(box.hi, mesh.positions[k]);
+    }
+    checked.push_back(std::move(box));
+  }
+  for (size_t i = 0; i < instances.size(); ++i) {
+    const Instance& instance = instances[i];
+    if (instance.mesh < 0 || size_t(instance.mesh) >= meshes.size())
+      return fail(*this, "instances", i, instance.name, "mesh",
+                  "mesh " + std::to_string(instance.mesh) + " of " + std::to_string(meshes.size()) + " is out of range");
+    if (!finite(instance.toWorld)) return fail(*this, "instances", i, instance.name, "toWorld", "transform is not finite");
+  }
+  checked_ = std::move(checked);
+  Vec3 lo, hi;
+  bounds(lo, hi);
+  if (lo.x <= hi.x && !(isFinite(lo) && isFinite(hi))) return invalidArgument("transformed positions overflow", name + "#/instances");
+  return {};
+}
+
+Status Scene::checkMaterials() const {
+  for (size_t i = 0; i < textures.size(); ++i) {
+    if (!textures[i]) return fail(*this, "textures", i, "", "", "texture is null");
+    GOBO_CHECK(!textures[i]->content.isZero());  // sealTexture was not called
+  }
+  for (size_t i = 0; i < materials.size(); ++i) {
+    const Material& m = materials[i];
+    const std::pair<const char*, const TextureRef*> refs[] = {{"coverage/texture", &m.coverage.texture}, {"albedo/texture", &m.albedo.texture},
+      {"bsdf/metallicRoughness", &m.bsdf.metallicRoughness}, {"bsdf/normal", &m.bsdf.normal}, {"emission/texture", &m.emission.texture}};
+    for (const auto& [field, ref] : refs) {
+      if (ref->texture >= int(textures.size()))
+        return fail(*this, "materials", i, m.name, field,
+                    "texture " + std::to_string(ref->texture) + " of " + std::to_string(textures.size()) + " is out of range");
+      if (ref->valid() && (ref->texcoord < 0 || ref->texcoord > 1))
+        return fail(*this, "materials", i, m.name, field, "texcoord " + std::to_string(ref->texcoord) + " is not 0 or 1");
+      if (!finite(ref->offset) || !finite(ref->scale) || !std::isfinite(ref->rotation))
+        return fail(*this, "materials", i, m.name, field, "texture transform is not finite");
+    }
+    const float numbers[] = {m.coverage.cutoff, m.coverage.factor, m.albedo.factor.x, m.albedo.factor.y, m.albedo.factor.z, m.bsdf.metallic,
+      m.bsdf.roughness, m.bsdf.specular, m.bsdf.ior, m.bsdf.transmission, m.bsdf.normalScale, m.emission.radiance.x, m.emission.radiance.y, m.emission.radiance.z};
+    for (const float v : numbers)
+      if (!std::isfinite(v)) return fail(*this, "materials", i, m.name, "", "a factor is not finite");
+    if (!(m.bsdf.ior > 0.0f)) return fail(*this, "materials", i, m.name, "bsdf/ior", "ior " + std::to_string(m.bsdf.ior) + " is not positive");
+  }
+  return {};
+}
+
+Status Scene::checkLights() const {
+  int environments = 0;
+  for (size_t i = 0; i < lights.size(); ++i) {
+    const Light& light = lights[i];
+    const LightShape& s = light.shape;
+    if (!isFinite(light.power) || light.power.x < 0 || light.power.y < 0 || light.power.z < 0)
+      return fail(*this, "lights", i, light.name, "power", "power is not finite and >= 0");
+    if (!isFinite(s.position) || !isFinite(s.axis) || !isFinite(s.u) || !isFinite(s.v) || !std::isfinite(s.radius) ||
+        !std::isfinite(s.cosInner) || !std::isfinite(s.cosOuter) || !std::isfinite(s.range))
+      return fail(*this, "lights", i, light.name, "shape", "a number is not finite");
+    const bool aimed = s.kind == LightKind::Spot || s.kind == LightKind::Directional || s.kind == LightKind::Rect || s.kind == LightKind::Disk;
+    if (aimed && std::fabs(glm::length(s.axis) - 1.0f) > 1e-3f)
+      return fail(*this, "lights", i, light.name, "shape/axis", "axis is not of unit length");
+    if ((s.kind == LightKind::Disk || s.kind == LightKind::Sphere) && !(s.radius > 0.0f))
+      return fail(*this, "lights", i, light.name, "shape/radius", "radius " + std::to_string(s.radius) + " is not positive");
+    if (s.kind == LightKind::Rect) {
+      const Vec3 n = glm::cross(s.u, s.v);
+      const float area = glm::length(n);
+      if (!(area > 0.0f)) return fail(*this, "lights", i, light.name, "shape/u", "rectangle has no area");
+      if (std::fabs(glm::dot(s.u, s.v)) > 1e-3f * glm::length(s.u) * glm::length(s.v))
+        return fail(*this, "lights", i, light.name, "shape/v", "u and v are not perpendicular");
+      if (std::fabs(glm::dot(n, s.axis)) < 0.999f * area)
+        return fail(*this, "lights", i, light.name, "shape/axis", "axis is not along cross(u, v)");
+    }
+    if (s.kind == LightKind::Spot && !(s.cosInner >= s.cosOuter && s.cosOuter >= -1.0f && s.cosInner <= 1.0f))
+      return fail(*this, "lights", i, light.name, "shape/cosInner", "cone angles are not inner <= outer");
+    if (s.kind == LightKind::Mesh && s.instance >= instances.size())
+      return fail(*this, "lights", i, light.name, "shape/instance",
+                  "instance " + std::to_string(s.instance) + " of " + std::to_string(instances.size()) + " is out of range");
+    if (s.kind == LightKind::Environment) {
+      if (!environment) return fail(*this, "lights", i, light.name, "", "environment light in a scene without a map");
+      if (++environments > 1) return fail(*this, "lights", i, light.name, "", "second environment light");
+    }
+  }
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    const Camera& c = cameras[i];
+    if (!finite(c.toWorld) || !finite(c.centre)) return fail(*this, "cameras", i, c.name, "", "a number is not finite");
+    if (c.perspective ? !(c.yfov > 0.0f && c.yfov < kPi) : !(c.yheight > 0.0f && std::isfinite(c.yheight)))
+      return fail(*this, "cameras", i, c.name, c.perspective ? "yfov" : "yheight", "window is empty or not finite");
+  }
+  if (environment && (environment->width <= 0 || environment->height <= 0 || environment->content.isZero() ||
+                      environment->texels.size() != size_t(environment->width) * environment->height || !std::isfinite(environment->rotation)))
+    return invalidArgument("environment map is malformed", name + "#/environment");
+  return {};
+}
+
+Status Scene::checkNames() const {
+  auto unique = [&](const auto& items, const char* list, bool mayBeEmpty) -> Status {
+    std::unordered_set<std::string_view> seen;
+    for (size_t i = 0; i < items.size(); ++i) {
+      if (items[i].name.empty() && mayBeEmpty) continue;
+      if (!seen.insert(items[i].name).second) return fail(*this, list, i, items[i].name, "name", "duplicate name");
+    }
+    return {};
+  };
+  GOBO_TRY(unique(instances, "instances", false));
+  GOBO_TRY(unique(lights, "lights", false));
+  GOBO_TRY(unique(cameras, "cameras", false));
+  return unique(materials, "materials", true);
+}
+
+}  // namespace gobo
