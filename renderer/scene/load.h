@@ -17,7 +17,7 @@ struct LoadOptions {
 /// glTF 2.0 (.gltf with files beside it, or .glb). Errors name file, JSON pointer and value. The result is sealed.
 Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options = {});
 
-/// "cornell", "grids", ... (builtinSceneNames). `detail` scales triangle counts where a scene has such a knob (1 = default).
+/// "cornell", "grids", ... (builtinSceneNames).
 /// Errors: NotFound that lists the names.
 Result<ScenePtr> makeBuiltinScene(const std::string& name);
 const std::vector<std::string>& builtinSceneNames();
