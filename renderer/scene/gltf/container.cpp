@@ -120,7 +120,6 @@ Status gatherFiles(Document& d, bool binary, Files& files) {
     if (!length.exists()) length.fail("byteLength is missing");
     const int64_t bytes = length.integer(0, 1, int64_t(1) << 48);
     const std::string text = uri.text();
-    if (!uri.exists() && !(binary && i == 0)) buffers.at(i).fail("buffer has neither uri nor a GLB chunk");
     if (!d.ok() || !uri.exists() || isDataUri(text)) continue;
     auto read = readBeside(d, text);
     if (!read.ok()) return read.status().at(d.path + "#" + uri.pointer);
@@ -152,8 +151,11 @@ Status gatherFiles(Document& d, bool binary, Files& files) {
   return d.status;
 }
 
-/// What tinygltf is given to parse: buffers and data-URI images only. The rest is read from the JSON by Cursor.
-Json reduced(const Json& full) {
+/// A buffer without a uri outside a GLB is legal as long as nothing reads it: it has no bytes here.
+bool hasBytes(const Json& buffer, size_t i, bool binary) { return buffer.contains("uri") || (binary && i == 0); }
+
+/// What tinygltf is given to parse: buffers only. The rest is read from the JSON by Cursor.
+Json reduced(const Json& full, bool binary) {
   Json out = Json::object();
   out["asset"] = {{"version", "2.0"}};
   if (full.contains("buffers")) {
@@ -161,6 +163,7 @@ Json reduced(const Json& full) {
     for (const Json& b : full["buffers"]) {
       Json copy = {{"byteLength", b["byteLength"]}};
       if (b.contains("uri")) copy["uri"] = b["uri"];
+      if (!hasBytes(b, out["buffers"].size(), binary)) copy = {{"byteLength", 1}, {"uri", "data:application/octet-stream;base64,AA=="}};
       out["buffers"].push_back(copy);
     }
   }
@@ -179,7 +182,7 @@ bool readWhole(std::vector<unsigned char>* out, std::string* err, const std::str
 bool refuseWrite(std::string*, const std::string&, const std::vector<unsigned char>&, void*) { return false; }
 
 Status decodeBuffers(Document& d, const std::vector<uint8_t>& file, bool binary, Files& files) {
-  const Json small = reduced(d.json);
+  const Json small = reduced(d.json, binary);
   tinygltf::TinyGLTF parser;
   tinygltf::FsCallbacks fs{};
   fs.FileExists = fileExists;
@@ -213,7 +216,11 @@ Status decodeBuffers(Document& d, const std::vector<uint8_t>& file, bool binary,
     while (!err.empty() && std::isspace(uint8_t(err.back()))) err.pop_back();
     return invalidArgument("buffers cannot be read: " + (err.empty() ? std::string("unknown reason") : err), d.path + "#/buffers");
   }
-  for (tinygltf::Buffer& b : model.buffers) d.buffers.push_back(std::move(b.data));
+  for (tinygltf::Buffer& b : model.buffers) {
+    if (d.json.contains("buffers") && d.buffers.size() < d.json["buffers"].size() && !hasBytes(d.json["buffers"][d.buffers.size()], d.buffers.size(), binary))
+      b.data.clear();
+    d.buffers.push_back(std::move(b.data));
+  }
   return {};
 }
 
