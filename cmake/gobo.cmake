@@ -1,7 +1,53 @@
+# Compiles one GLSL file to SPIR-V as a C initialiser list, with its includes followed.
+function(gobo_spirv source output)
+  add_custom_command(OUTPUT ${output}
+    COMMAND ${GLSLC} --target-env=vulkan1.1 -O -Werror -I ${CMAKE_SOURCE_DIR}/renderer -MD -MF ${output}.d -mfmt=c -o ${output} ${source}
+    DEPENDS ${source} DEPFILE ${output}.d VERBATIM)
+endfunction()
+
+# Every formulas/*.glsl.h must be valid GLSL: each is compiled alone, in every build.
+function(gobo_check_formulas)
+  file(GLOB formulas CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/renderer/formulas/*.glsl.h)
+  set(outputs)
+  foreach(formula ${formulas})
+    get_filename_component(file ${formula} NAME)
+    set(wrapper ${CMAKE_CURRENT_BINARY_DIR}/formulas/${file}.comp)
+    file(CONFIGURE OUTPUT ${wrapper} CONTENT "#version 450
+#extension GL_GOOGLE_include_directive : require
+#include \"formulas/${file}\"
+layout(local_size_x = 1) in;
+void main() {}
+" @ONLY)
+    gobo_spirv(${wrapper} ${wrapper}.inc)
+    list(APPEND outputs ${wrapper}.inc)
+  endforeach()
+  add_custom_target(gobo_formulas_glsl ALL DEPENDS ${outputs})
+endfunction()
+
+# *.comp below `folder` become SPIR-V, which the C++ of `target` includes as "shaders/<name>.inc".
+function(gobo_shaders target folder)
+  file(GLOB_RECURSE shaders CONFIGURE_DEPENDS ${folder}/*.comp)
+  set(root ${CMAKE_CURRENT_BINARY_DIR}/shaders/${target})
+  foreach(shader ${shaders})
+    get_filename_component(file ${shader} NAME_WE)
+    gobo_spirv(${shader} ${root}/shaders/${file}.inc)
+    target_sources(${target} PRIVATE ${root}/shaders/${file}.inc)
+  endforeach()
+  target_include_directories(${target} PRIVATE ${root})
+endfunction()
+
 # Layers are static libraries made of all sources of a folder; linking encodes the dependency rule of docs/architecture.md.
+# *_kernels.cpp hold loops that must vectorise: -O3 (GCC's -O2 vectorises known trip counts only); neither flag changes a
+# value.
 function(gobo_layer name)
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${name}/*.cpp)
+  foreach(source ${sources})
+    if(source MATCHES "_kernels\\.cpp$")
+      set_source_files_properties(${source} PROPERTIES COMPILE_OPTIONS "-O3;-fno-trapping-math")
+    endif()
+  endforeach()
   add_library(gobo_${name} STATIC ${sources})
+  gobo_shaders(gobo_${name} ${CMAKE_CURRENT_SOURCE_DIR}/${name})
   target_include_directories(gobo_${name} PUBLIC ${CMAKE_SOURCE_DIR}/renderer)
   target_link_libraries(gobo_${name} PUBLIC ${ARGN})
 endfunction()
@@ -15,6 +61,7 @@ function(gobo_test_folder tier name)
   set(target test_${tier}_${name})
   add_executable(${target} ${sources})
   target_include_directories(${target} PRIVATE ${CMAKE_SOURCE_DIR}/tests)
+  gobo_shaders(${target} ${CMAKE_CURRENT_SOURCE_DIR}/${tier}/${name})
   target_link_libraries(${target} PRIVATE ${ARGN} GTest::gtest_main)
   include(GoogleTest)
   gtest_discover_tests(${target} TEST_PREFIX ${tier}.${name}. DISCOVERY_MODE PRE_TEST

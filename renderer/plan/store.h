@@ -9,6 +9,7 @@
 #include <mutex>
 #include <string>
 #include <unordered_map>
+#include <vector>
 
 #include "base/status.h"
 #include "terms/term.h"
@@ -25,14 +26,18 @@ class TermStore {
   /// The term, or null. `from` says which tier had it; a disk hit moves it into RAM.
   TermPtr get(const Hash128& key, Tier* from = nullptr);
   /// Keeps the term; evicts least recently used ones beyond the bound. `persist`: also to the disk tier.
-  /// A term larger than the bound is not kept (its holder still has it).
+  /// A term larger than the bound is not kept in RAM (its holder still has it). Persisting writes and syncs the file in
+  /// the calling thread, without holding up other callers.
   void put(const Hash128& key, TermPtr term, bool persist);
-  void erase(const Hash128& key);
+  void erase(const Hash128& key);            ///< from both tiers
   void clear(bool disk);
   uint64_t bytes() const;
   uint64_t maxBytes() const { return maxBytes_; }
   uint64_t diskBytes() const;
   uint64_t count() const;
+  /// Writes that the disk tier refused (full, not writable) and the last reason; the terms stay in RAM.
+  uint64_t diskErrors() const;
+  Status lastDiskError() const;
 
  private:
   struct Entry { Hash128 key; TermPtr term; uint64_t bytes; };
@@ -42,6 +47,11 @@ class TermStore {
   uint64_t bytes_ = 0;
   uint64_t maxBytes_;
   std::unique_ptr<DiskStore> disk_;
+  uint64_t diskErrors_ = 0;
+  Status lastDiskError_;
+  /// Under mutex_. What leaves goes into `gone`, to be freed outside the lock (buffers are large).
+  void insert(const Hash128& key, TermPtr term, std::vector<TermPtr>& gone);
+  void remove(std::list<Entry>::iterator at, std::vector<TermPtr>& gone);
 };
 
 }  // namespace gobo

@@ -9,14 +9,12 @@
 
 #include "scene/camera.h"
 #include "terms/node.h"
+#include "trace/view_samples.h"
 
 namespace gobo {
 
 struct GBufferSettings { Camera camera; int width = 0, height = 0, viewSamples = 1; };
 void hashCamera(Hasher& hasher, const Camera& camera);
-
-/// Offset in [0,1)^2 of view sample s of S inside the pixel (S = 1: the centre). Owen-scrambled Sobol points with one fixed seed.
-Vec2 viewSamplePosition(int s, int S);
 
 NodePtr makeGBufferNode(const GBufferSettings& settings);
 

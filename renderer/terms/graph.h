@@ -28,6 +28,8 @@ class Graph {
  public:
   /// Adds, or finds the structurally equal node. `scene` may be null for filters.
   NodeId add(GraphNode node);
+  /// Marks node `id`, and nodes from `first` on that were added for it, as not kept in the store (inputs of folds).
+  void markTransient(NodeId first, NodeId id) { for (NodeId i = first; i <= id; ++i) nodes_[i].transient = true; }
   const GraphNode& at(NodeId id) const { return nodes_[id]; }
   int size() const { return int(nodes_.size()); }
   void prune(std::string label, std::string reason, bool approximate = false) { pruned_.push_back({std::move(label), std::move(reason), approximate}); }

@@ -60,15 +60,23 @@ Hash128 Term::content() const {
 namespace {
 
 constexpr char kMagic[8] = {'G', 'O', 'B', 'O', 'T', 'R', 'M', '1'};
+constexpr uint32_t kMaxText = 4096;
+constexpr uint32_t kMaxPlanes = 1024;
+constexpr int kMaxChannels = 1 << 16;
+constexpr uint64_t kMaxElements = 1ull << 40;   // times channels and scalar size: still below 2^60
 
-template <typename T> void put(std::vector<uint8_t>& out, T v) {
-  const auto* p = reinterpret_cast<const uint8_t*>(&v);
-  out.insert(out.end(), p, p + sizeof v);
-}
-void putText(std::vector<uint8_t>& out, const std::string& s) {
-  put(out, uint32_t(s.size()));
-  out.insert(out.end(), s.begin(), s.end());
-}
+struct Writer {
+  uint8_t* p;
+  void bytes(const void* from, size_t n) {
+    if (n) std::memcpy(p, from, n);
+    p += n;
+  }
+  template <typename T> void put(T v) { bytes(&v, sizeof v); }
+  void text(const std::string& s) {
+    put(uint32_t(s.size()));
+    bytes(s.data(), s.size());
+  }
+};
 
 struct Reader {
   const uint8_t* p;
@@ -83,7 +91,7 @@ struct Reader {
   }
   std::string text() {
     const uint32_t n = take<uint32_t>();
-    if (!good || n > 4096 || n > left) { good = false; return {}; }
+    if (!good || n > kMaxText || n > left) { good = false; return {}; }
     std::string s(reinterpret_cast<const char*>(p), n);
     p += n; left -= n;
     return s;
@@ -93,25 +101,28 @@ struct Reader {
 }  // namespace
 
 std::vector<uint8_t> serializeTerm(const Term& term) {
-  std::vector<uint8_t> out;
-  out.reserve(term.bytes() + 256);
-  out.insert(out.end(), kMagic, kMagic + 8);
-  putText(out, term.type());
-  put(out, uint32_t(term.domain()));
-  put(out, int32_t(term.extent().width));
-  put(out, int32_t(term.extent().height));
-  put(out, int32_t(term.extent().layers));
-  put(out, uint32_t(term.planes().size()));
+  size_t size = 8 + 4 + term.type().size() + 20 + 16;
+  for (const Plane& p : term.planes()) size += 4 + p.name.size() + 16 + p.bytes.size();
+  std::vector<uint8_t> out(size);
+  Writer w{out.data()};
+  w.bytes(kMagic, sizeof kMagic);
+  w.text(term.type());
+  w.put(uint32_t(term.domain()));
+  w.put(int32_t(term.extent().width));
+  w.put(int32_t(term.extent().height));
+  w.put(int32_t(term.extent().layers));
+  w.put(uint32_t(term.planes().size()));
   for (const Plane& p : term.planes()) {
-    putText(out, p.name);
-    put(out, uint32_t(p.format));
-    put(out, int32_t(p.channels));
-    put(out, uint64_t(p.bytes.size()));
-    out.insert(out.end(), p.bytes.begin(), p.bytes.end());
+    w.text(p.name);
+    w.put(uint32_t(p.format));
+    w.put(int32_t(p.channels));
+    w.put(uint64_t(p.bytes.size()));
+    w.bytes(p.bytes.data(), p.bytes.size());
   }
-  const Hash128 digest = hashBytes(out.data(), out.size());
-  put(out, digest.lo);
-  put(out, digest.hi);
+  GOBO_CHECK_EQ(size_t(w.p - out.data()), size - 16);
+  const Hash128 digest = hashBytes(out.data(), size - 16);
+  w.put(digest.lo);
+  w.put(digest.hi);
   return out;
 }
 
@@ -123,23 +134,31 @@ std::shared_ptr<Term> parseTerm(const uint8_t* bytes, size_t size) {
   if (hashBytes(bytes, size - 16) != stored) return nullptr;
   Reader r{bytes + 8, size - 24};
   const std::string type = r.text();
-  const auto domain = Domain(r.take<uint32_t>());
+  const uint32_t domainNumber = r.take<uint32_t>();
+  const auto domain = Domain(domainNumber);
   Extent extent;
   extent.width = r.take<int32_t>();
   extent.height = r.take<int32_t>();
   extent.layers = r.take<int32_t>();
   const uint32_t planes = r.take<uint32_t>();
-  if (!r.good || extent.width < 0 || extent.height < 0 || extent.layers < 0 || planes > 64) return nullptr;
+  // The digest guards against accidents only (anyone can compute it), so nothing below trusts a length: sizes are checked
+  // where they cannot overflow, and whatever addRaw() would CHECK is refused first.
+  if (!r.good || domainNumber > uint32_t(Domain::Table) || planes > kMaxPlanes) return nullptr;
+  if (extent.width < 0 || extent.height < 0 || extent.layers < 0) return nullptr;
+  const uint64_t area = uint64_t(extent.width) * uint64_t(extent.height);   // at most 2^62
+  if (area > kMaxElements || (extent.layers > 0 && area > kMaxElements / uint64_t(extent.layers))) return nullptr;
   auto term = std::make_shared<Term>(type, domain, extent);
   for (uint32_t i = 0; i < planes; ++i) {
     const std::string name = r.text();
-    const auto format = Format(r.take<uint32_t>());
+    const uint32_t formatNumber = r.take<uint32_t>();
+    const auto format = Format(formatNumber);
     const int channels = r.take<int32_t>();
     const uint64_t length = r.take<uint64_t>();
-    if (!r.good || formatSize(format) == 0 || channels < 1 || channels > 1 << 16 || length > r.left) return nullptr;
+    if (!r.good || formatNumber > uint32_t(Format::U8) || channels < 1 || channels > kMaxChannels) return nullptr;
+    if (length > r.left || term->hasPlane(name)) return nullptr;
     if (length != extent.elements() * size_t(channels) * formatSize(format)) return nullptr;
     Plane& p = term->addRaw(name, format, channels);
-    std::memcpy(p.bytes.data(), r.p, length);
+    if (length) std::memcpy(p.bytes.data(), r.p, length);
     r.p += length; r.left -= length;
   }
   return r.left == 0 ? term : nullptr;

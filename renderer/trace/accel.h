@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <future>
 #include <list>
 #include <memory>
 #include <mutex>
@@ -22,7 +23,8 @@ struct Hit {
   uint32_t instance = kNoHit;   ///< index into Scene::instances
   uint32_t primitive = 0;       ///< triangle of its mesh
   float u = 0, v = 0;           ///< barycentrics of vertices 1 and 2
-  Vec3 Ng{0.0f};                ///< unit geometric normal in world space by the triangle's winding (not turned to the ray)
+  Vec3 Ng{0.0f};                ///< unit geometric normal in world space by the triangle's winding (not turned to the ray);
+                                ///< a mirroring instance turns the winding over, as glTF says, so that outside stays outside
   bool valid() const { return instance != kNoHit; }
 };
 
@@ -35,6 +37,9 @@ class Accel {
   /// Anything between ray.tmin and ray.tmax?
   bool occluded(const Ray& ray) const;
   size_t bytes() const;
+  /// The size of the scene's coordinates: a power of two not below the largest absolute coordinate (1 when empty).
+  /// What offsetOrigin takes as `unit`.
+  float unit() const;
   struct Impl;
   const Impl& impl() const { return *impl_; }
 
@@ -53,15 +58,17 @@ class AccelCache {
   uint64_t builds() const;
 
  private:
-  struct Entry { Hash128 key; AccelPtr accel; };
+  struct Entry { Hash128 key; std::shared_future<AccelPtr> accel; };
   mutable std::mutex mutex_;
   std::list<Entry> entries_;    // most recent first
   size_t maxBytes_;
   uint64_t builds_ = 0;
 };
 
-/// Moves a ray origin off the surface by an amount that scales with the coordinates (Waechter & Binder 2019), so that scenes
-/// of any scale and far from the origin neither self-intersect nor leak. n must point to the side that the ray leaves to.
-Vec3 offsetOrigin(const Vec3& p, const Vec3& n);
+/// Moves a ray origin off the surface by an amount that scales with the coordinates (Waechter & Binder 2019, "A Fast and
+/// Robust Method for Avoiding Self-Intersection"): 256 ulp along n per component, and n * unit / 65536 for components below
+/// unit / 32. n must be unit and point to the side that the ray leaves to. `unit` is the size of the scene's coordinates
+/// (Accel::unit; the paper has 1), which makes the near-zero part follow the scene's scale.
+Vec3 offsetOrigin(const Vec3& p, const Vec3& n, float unit = 1.0f);
 
 }  // namespace gobo

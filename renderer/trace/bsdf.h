@@ -1,6 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The reference's surface models: Lambert + GGX metallic-roughness (glTF 2.0 appendix B) and smooth or rough dielectric
 // transmission. Local frame: z is the shading normal on the viewer's side; wo, wi point away from the surface.
+//   diffuse    albedo/pi (1-F(n.o))(1-F(n.i)): the coupling of Ashikhmin & Shirley 2000 that glTF B.3.6.2 names. It is
+//              reciprocal and never gives more than it gets; (1-F(h.o)) reflects up to 1.4 of the light at grazing angles.
+//   reflection GGX, height-correlated Smith (Heitz 2014), Schlick's Fresnel with F0 from ior, F0 and F90 scaled by `specular`
+//              (KHR_materials_specular); metal: F0 = albedo. Visible normals are sampled by caps (Dupuy & Benyoub 2023).
+//   refraction Walter et al. 2007 with exact Fresnel (`specular` does not apply), tinted by albedo. Radiance is carried:
+//              the weight holds 1/eta^2, eta = index of wi's side over wo's. |ior - 1| < 1e-3 passes light straight on.
+// Roughness 1 loses the light that bounces between microfacets (up to 60 % at alpha 1): single scattering, as glTF has it.
 // All functions are pure. Densities are over solid angle; delta lobes have pdf 0 in bsdfPdf and f = 0 in bsdfEval.
 #pragma once
 

@@ -19,7 +19,8 @@ struct LightSample {
 };
 
 /// Per-light data that sampling needs (triangle alias table of mesh lights, the environment's distribution, ...).
-/// Built from a view with facets LightShape, Environment, and for Mesh lights Topology, Pose, Shading, Emission. Immutable.
+/// Built from a view with facets LightShape, Environment (when the subset has that light), and for Mesh lights Topology,
+/// Pose, Shading, Coverage, Emission. Immutable; any thread may sample. Cost a sample: 10 ns (delta lights) to 150 ns (Rect).
 class LightSampler {
  public:
   static std::shared_ptr<const LightSampler> build(const SceneView& view);
@@ -32,10 +33,12 @@ class LightSampler {
   /// (on `primitive` for mesh lights). 0 for delta lights.
   float pdf(int i, const Vec3& p, const Vec3& direction, float t, uint32_t primitive) const;
   /// Emitted radiance for power 1 (white x texture) of a non-delta light towards -direction from a ray hit
-  /// (mesh: uses primitive and barycentrics u, v; environment: ignores t).
+  /// (mesh: uses primitive and barycentrics u, v, and the light's own normal; environment: direction alone).
   Vec3 emitted(int i, const Vec3& direction, uint32_t primitive, float u, float v, const Vec3& Ng) const;
-  /// Nearest hit with Rect, Disk, Sphere lights of the subset within ray.tmax; -1 if none.
-  int intersectAreaLights(const Ray& ray, float& t, Vec3& Ng) const;
+  /// Nearest hit with the emitting sides of Rect, Disk, Sphere lights of the subset within (ray.tmin, ray.tmax); -1 if none.
+  /// These lights block nothing (shadow rays do not see them): a ray that is to meet every light on its way asks again with
+  /// tmin = the t it got. cameraVisibleOnly: lights hidden from the camera and from specular chains are passed.
+  int intersectAreaLights(const Ray& ray, float& t, Vec3& Ng, bool cameraVisibleOnly = false) const;
 
   struct Impl;
   const Impl& impl() const { return *impl_; }

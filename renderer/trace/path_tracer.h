@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The reference: a unidirectional path tracer with next-event estimation and MIS for every light kind.
+// The reference: a unidirectional path tracer with next-event estimation and MIS for every light kind (power heuristic,
+// Veach 1997), light selection by tree, and Russian roulette. Not joined: a delta light through a specular chain (caustics of
+// Point, Spot, Directional through mirrors or smooth glass); such paths are no part of any class that it reports.
+// Rect, Disk and Sphere lights are transparent: rays pass through them and collect what they emit, shadow rays ignore them.
 // Samples come in blocks, each an independent Owen-scrambled Sobol set per pixel; a block's result depends only on
 // (settings, pixel, block), never on thread, tile or what was traced before.
 #pragma once
@@ -12,6 +15,7 @@
 #include "terms/path_class.h"
 #include "trace/accel.h"
 #include "trace/light_sampling.h"
+#include "trace/light_selector.h"
 
 namespace gobo {
 
@@ -21,15 +25,14 @@ enum class SplitMode : uint8_t {
   ByLobe,          ///< emission, direct diffuse, direct specular, indirect diffuse, indirect specular (lobe of the first event)
   ByBounce,        ///< emission, then by number of scattering events 1 .. maxBounces + 1
 };
-enum class LightSelection : uint8_t { Tree, Power, Uniform };
 
 struct PathTracerSettings {
   Camera camera;
   int width = 0, height = 0;
-  int viewSamples = 0;              ///< 0: box pixel filter; S >= 1: sample i uses view sample i mod S (terms/gbuffer.h)
+  int viewSamples = 0;              ///< 0: box pixel filter; S >= 1: sample i of the pixel (over all blocks) uses view sample i mod S (trace/view_samples.h)
   int maxBounces = 8;               ///< scattering events after the first
   int rouletteStart = 3;
-  int blockSize = 16;               ///< samples a block
+  int blockSize = 16;               ///< samples a block, 1 .. 4096; results are best for powers of two
   uint64_t seed = 0;
   PathClass cover = PathClass::All;
   SplitMode split = SplitMode::Combined;
@@ -58,6 +61,7 @@ class PathTracer {
   /// Never adds a non-finite value: such samples count as zero and are counted in `dropped`.
   void traceBlock(int x, int y, uint32_t block, double* out, uint64_t& rays, uint64_t& dropped) const;
   struct Impl;
+  const Impl& impl() const { return *impl_; }
 
  private:
   PathTracer();

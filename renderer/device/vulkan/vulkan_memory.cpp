@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+// Buffers and transfers: device-local memory that the host can map is written directly, other memory through staging.
+#include <algorithm>
+#include <cstring>
+
+#include "base/check.h"
+#include "device/vulkan/vulkan_impl.h"
+
+namespace gobo {
+namespace {
+
+constexpr VkMemoryPropertyFlags kHost = VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT;
+
+int memoryType(const VkPhysicalDeviceMemoryProperties& memory, uint32_t allowed, VkMemoryPropertyFlags flags) {
+  for (uint32_t i = 0; i < memory.memoryTypeCount; ++i)
+    if ((allowed >> i & 1) && (memory.memoryTypes[i].propertyFlags & flags) == flags) return int(i);
+  return -1;
+}
+
+}  // namespace
+
+Status VulkanDevice::Impl::makeBuffer(size_t bytes, VkBufferUsageFlags usage, bool host, VulkanBuffer::Memory& made) {
+  VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO};
+  info.size = bytes;
+  info.usage = usage;
+  info.sharingMode = VK_SHARING_MODE_EXCLUSIVE;
+  GOBO_VK(vkCreateBuffer, device, &info, nullptr, &made.buffer);
+  VkMemoryRequirements need;
+  vkGetBufferMemoryRequirements(device, made.buffer, &need);
+  // Software devices: the one kind of memory is both. GPUs: mapped video memory is slow to read, so it is not used.
+  const bool software = properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
+  int type = -1;
+  if (host || software) type = memoryType(memory, need.memoryTypeBits, kHost | VK_MEMORY_PROPERTY_HOST_CACHED_BIT);
+  if (type < 0 && host) type = memoryType(memory, need.memoryTypeBits, kHost);
+  if (type < 0) type = memoryType(memory, need.memoryTypeBits, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
+  if (type < 0) type = memoryType(memory, need.memoryTypeBits, 0);
+  if (type < 0) return internalError("no Vulkan memory type fits a storage buffer");
+  VkMemoryAllocateInfo allocate{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO};
+  allocate.allocationSize = need.size;
+  allocate.memoryTypeIndex = uint32_t(type);
+  GOBO_VK(vkAllocateMemory, device, &allocate, nullptr, &made.memory);
+  GOBO_VK(vkBindBufferMemory, device, made.buffer, made.memory, 0);
+  if ((memory.memoryTypes[type].propertyFlags & kHost) == kHost && (host || software))
+    GOBO_VK(vkMapMemory, device, made.memory, 0, VK_WHOLE_SIZE, 0, &made.mapped);
+  return {};
+}
+
+void VulkanDevice::Impl::freeBuffer(VulkanBuffer::Memory& m) const {
+  vkDestroyBuffer(device, m.buffer, nullptr);
+  vkFreeMemory(device, m.memory, nullptr);   // unmaps
+  m = {};
+}
+
+VulkanBuffer::VulkanBuffer(std::shared_ptr<const VulkanDevice> device, std::unique_ptr<Memory> memory, size_t bytes)
+    : device_(std::move(device)), memory_(std::move(memory)), bytes_(bytes) {}
+VulkanBuffer::~VulkanBuffer() {
+  std::lock_guard lock(device_->impl_->mutex);
+  device_->impl_->freeBuffer(*memory_);
+}
+
+Result<VulkanBufferPtr> VulkanDevice::buffer(size_t bytes) {
+  if (bytes > maxBufferBytes())
+    return Status(Code::ResourceExhausted, "a Vulkan buffer of " + std::to_string(bytes) + " bytes is over the limit of " + name() + ", " +
+                                               std::to_string(maxBufferBytes()));
+  bytes = std::max<size_t>(bytes, 1);
+  std::lock_guard lock(impl_->mutex);
+  auto made = std::make_unique<VulkanBuffer::Memory>();
+  Status status = impl_->makeBuffer(bytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT,
+                                    false, *made);
+  if (status.ok()) status = impl_->validation();
+  if (!status.ok()) {
+    impl_->freeBuffer(*made);
+    return status;
+  }
+  return VulkanBufferPtr(new VulkanBuffer(shared_from_this(), std::move(made), bytes));
+}
+
+Status VulkanDevice::Impl::copy(VkBuffer from, VkBuffer to, size_t bytes) {
+  VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+  begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
+  GOBO_VK(vkBeginCommandBuffer, commands, &begin);
+  const VkBufferCopy region{0, 0, bytes};
+  vkCmdCopyBuffer(commands, from, to, 1, &region);
+  VkMemoryBarrier barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER};
+  barrier.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
+  barrier.dstAccessMask = VK_ACCESS_HOST_READ_BIT | VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT;
+  vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, 0, 1, &barrier,
+                       0, nullptr, 0, nullptr);
+  return submitAndWait();
+}
+
+Status VulkanDevice::upload(VulkanBuffer& buffer, const void* data, size_t bytes) {
+  GOBO_CHECK_LE(bytes, buffer.bytes());
+  if (bytes == 0) return {};
+  std::lock_guard lock(impl_->mutex);
+  if (buffer.memory_->mapped) {
+    std::memcpy(buffer.memory_->mapped, data, bytes);
+    return {};
+  }
+  VulkanBuffer::Memory staging;
+  Status status = impl_->makeBuffer(bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT, true, staging);
+  if (status.ok()) {
+    std::memcpy(staging.mapped, data, bytes);
+    status = impl_->copy(staging.buffer, buffer.memory_->buffer, bytes);
+  }
+  impl_->freeBuffer(staging);
+  return status;
+}
+
+Status VulkanDevice::download(const VulkanBuffer& buffer, void* data, size_t bytes) {
+  GOBO_CHECK_LE(bytes, buffer.bytes());
+  if (bytes == 0) return {};
+  std::lock_guard lock(impl_->mutex);
+  if (buffer.memory_->mapped) {
+    std::memcpy(data, buffer.memory_->mapped, bytes);
+    return {};
+  }
+  VulkanBuffer::Memory staging;
+  Status status = impl_->makeBuffer(bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT, true, staging);
+  if (status.ok()) status = impl_->copy(buffer.memory_->buffer, staging.buffer, bytes);
+  if (status.ok()) std::memcpy(data, staging.mapped, bytes);
+  impl_->freeBuffer(staging);
+  return status;
+}
+
+}  // namespace gobo

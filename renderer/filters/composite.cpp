@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/composite.h"
+
+#include <cmath>
+
+namespace gobo {
+
+namespace {
+
+std::shared_ptr<Term> pixelTerm(const char* type, int width, int height) {
+  return std::make_shared<Term>(type, Domain::Pixel, Extent{width, height, 1});
+}
+
+class PixelNode : public Node {
+ public:
+  PixelNode(int width, int height) : width_(width), height_(height) {}
+  size_t pixels() const { return size_t(width_) * height_; }
+  size_t outputBytes() const override { return pixels() * 12; }
+  NodeTraits traits() const override { NodeTraits t; t.linearPerGroup = true; t.tileable = true; return t; }
+
+ protected:
+  int width_, height_;
+};
+
+class CompositeNode final : public PixelNode {
+ public:
+  CompositeNode(Expression e, int w, int h) : PixelNode(w, h), expression_(std::move(e)) {}
+  std::string type() const override { return "composite"; }
+  NodeTraits traits() const override { NodeTraits t; t.tileable = true; return t; }
+  void hashParameters(Hasher& h) const override { h.add(width_).add(height_); expression_.hash(h); }
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    GOBO_TRY(expression_.check(ctx.inputs));
+    auto out = pixelTerm("picture", width_, height_);
+    auto rgb = out->addPlane<float>("rgb", 3);
+    const bool complete = ctx.arena->parallelFor(pixels(), 1 << 15, [&](size_t b, size_t e) { expression_.evaluate(ctx.inputs, b, e, rgb.data() + 3 * b); }, ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "stopped");
+    return TermPtr(out);
+  }
+
+ private:
+  Expression expression_;
+};
+
+class ShadeNode final : public PixelNode {
+ public:
+  ShadeNode(int w, int h, int s) : PixelNode(w, h), samples_(s) {}
+  std::string type() const override { return "shade"; }
+  void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_); }
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const auto light = ctx.inputs[0]->floats("L");
+    const auto v = ctx.inputs[1]->floats("V");
+    GOBO_CHECK_EQ(v.size(), pixels() * samples_);
+    GOBO_CHECK_EQ(light.size(), v.size() * 3);
+    auto out = pixelTerm("direct_light", width_, height_);
+    auto rgb = out->addPlane<float>("rgb", 3);
+    const float scale = 1.0f / float(samples_);
+    ctx.arena->parallelFor(pixels(), 1 << 14, [&](size_t b, size_t e) {
+      for (int s = 0; s < samples_; ++s) {
+        const size_t layer = size_t(s) * pixels();
+        for (size_t p = b; p < e; ++p) {
+          const float w = v[layer + p] * scale;
+          const float* l = light.data() + 3 * (layer + p);
+          for (int c = 0; c < 3; ++c) rgb[3 * p + c] += w * l[c];
+        }
+      }
+    });
+    return TermPtr(out);
+  }
+
+ private:
+  int samples_;
+};
+
+class DirectFoldNode final : public FoldNode {
+ public:
+  DirectFoldNode(int w, int h, int s, int lights) : width_(w), height_(h), samples_(s), lights_(lights) {}
+  std::string type() const override { return "direct_fold"; }
+  NodeTraits traits() const override { NodeTraits t; t.linearPerGroup = true; t.tileable = true; return t; }
+  void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_).add(lights_); }
+  size_t outputBytes() const override { return size_t(width_) * height_ * 12; }
+  int fixedInputs() const override { return 0; }
+  int stride() const override { return 2; }
+
+  struct Sum final : State { std::vector<double> rgb; };   // double: 1000 lights are summed
+  std::unique_ptr<State> begin(const RunContext&, const std::vector<TermPtr>&) const override {
+    auto sum = std::make_unique<Sum>();
+    sum->rgb.assign(size_t(width_) * height_ * 3, 0.0);
+    return sum;
+  }
+  Status step(const RunContext& ctx, State& state, int, const std::vector<TermPtr>& inputs) const override {
+    auto& rgb = static_cast<Sum&>(state).rgb;
+    const auto light = inputs[0]->floats("L");
+    const auto v = inputs[1]->floats("V");
+    const size_t pixels = size_t(width_) * height_;
+    const double scale = 1.0 / samples_;
+    ctx.arena->parallelFor(pixels, 1 << 14, [&](size_t b, size_t e) {
+      for (int s = 0; s < samples_; ++s)
+        for (size_t p = b; p < e; ++p) {
+          const size_t at = size_t(s) * pixels + p;
+          for (int c = 0; c < 3; ++c) rgb[3 * p + c] += scale * v[at] * light[3 * at + c];
+        }
+    });
+    return {};
+  }
+  Result<TermPtr> finish(const RunContext&, std::unique_ptr<State> state) const override {
+    const auto& sum = static_cast<Sum&>(*state).rgb;
+    auto out = pixelTerm("direct_light", width_, height_);
+    auto rgb = out->addPlane<float>("rgb", 3);
+    for (size_t i = 0; i < sum.size(); ++i) rgb[i] = float(sum[i]);
+    return TermPtr(out);
+  }
+
+ private:
+  int width_, height_, samples_, lights_;
+};
+
+class ResolveNode final : public PixelNode {
+ public:
+  ResolveNode(int w, int h, int slots) : PixelNode(w, h), slots_(slots) {}
+  std::string type() const override { return "resolve"; }
+  void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(slots_); }
+  size_t outputBytes() const override { return pixels() * 12 * slots_; }
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const auto sum = ctx.inputs[0]->plane<double>("sum");
+    const auto samples = ctx.inputs[0]->plane<uint32_t>("samples");
+    GOBO_CHECK_EQ(sum.size(), pixels() * slots_ * 3);
+    auto out = pixelTerm("radiance", width_, height_);
+    std::vector<std::span<float>> planes;
+    for (int s = 0; s < slots_; ++s) planes.push_back(out->addPlane<float>("s" + std::to_string(s), 3));
+    ctx.arena->parallelFor(pixels(), 1 << 13, [&](size_t b, size_t e) {
+      for (size_t p = b; p < e; ++p) {
+        const double scale = samples[p] ? 1.0 / samples[p] : 0.0;
+        const double* v = sum.data() + p * slots_ * 3;
+        for (int s = 0; s < slots_; ++s)
+          for (int c = 0; c < 3; ++c) planes[s][3 * p + c] = float(v[3 * s + c] * scale);
+      }
+    });
+    return TermPtr(out);
+  }
+
+ private:
+  int slots_;
+};
+
+class PixelMeanNode final : public PixelNode {
+ public:
+  PixelMeanNode(std::string plane, int channels, int w, int h, int s, bool overValidOnly)
+      : PixelNode(w, h), plane_(std::move(plane)), channels_(channels), samples_(s), overValidOnly_(overValidOnly) {}
+  std::string type() const override { return "pixel_mean"; }
+  void hashParameters(Hasher& h) const override { h.add(plane_).add(channels_).add(width_).add(height_).add(samples_).add(overValidOnly_); }
+  size_t outputBytes() const override { return pixels() * 4 * channels_; }
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const auto in = ctx.inputs[0]->floats(plane_);
+    const bool masked = ctx.inputs.size() > 1;
+    const std::span<const uint32_t> valid = masked ? ctx.inputs[1]->plane<uint32_t>("instance") : std::span<const uint32_t>{};
+    auto out = pixelTerm("pixels", width_, height_);
+    auto mean = out->addPlane<float>(plane_, channels_);
+    ctx.arena->parallelFor(pixels(), 1 << 13, [&](size_t b, size_t e) {
+      for (size_t p = b; p < e; ++p) {
+        double sum[4] = {0, 0, 0, 0};
+        int count = 0;
+        for (int s = 0; s < samples_; ++s) {
+          const size_t at = size_t(s) * pixels() + p;
+          if (masked && valid[at] == ~0u) continue;
+          ++count;
+          for (int c = 0; c < channels_; ++c) sum[c] += in[at * channels_ + c];
+        }
+        const double n = overValidOnly_ ? count : samples_;
+        for (int c = 0; c < channels_; ++c) mean[p * channels_ + c] = n > 0 ? float(sum[c] / n) : 0.0f;
+      }
+    });
+    return TermPtr(out);
+  }
+
+ private:
+  std::string plane_;
+  int channels_, samples_;
+  bool overValidOnly_;
+};
+
+class AlphaNode final : public PixelNode {
+ public:
+  AlphaNode(int w, int h, int s) : PixelNode(w, h), samples_(s) {}
+  std::string type() const override { return "alpha"; }
+  void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_); }
+  size_t outputBytes() const override { return pixels() * 4; }
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const auto instance = ctx.inputs[0]->plane<uint32_t>("instance");
+    auto out = pixelTerm("pixels", width_, height_);
+    auto alpha = out->addPlane<float>("alpha", 1);
+    for (size_t p = 0; p < pixels(); ++p) {
+      int hits = 0;
+      for (int s = 0; s < samples_; ++s) hits += instance[size_t(s) * pixels() + p] != ~0u;
+      alpha[p] = float(hits) / float(samples_);
+    }
+    return TermPtr(out);
+  }
+
+ private:
+  int samples_;
+};
+
+}  // namespace
+
+NodePtr makeCompositeNode(Expression e, int w, int h) { return std::make_shared<CompositeNode>(std::move(e), w, h); }
+NodePtr makeShadeNode(int w, int h, int s) { return std::make_shared<ShadeNode>(w, h, s); }
+NodePtr makeDirectFoldNode(int w, int h, int s, int lights) { return std::make_shared<DirectFoldNode>(w, h, s, lights); }
+NodePtr makeResolveNode(int w, int h, int slots) { return std::make_shared<ResolveNode>(w, h, slots); }
+NodePtr makePixelMeanNode(std::string plane, int channels, int w, int h, int s, bool overValidOnly) {
+  return std::make_shared<PixelMeanNode>(std::move(plane), channels, w, h, s, overValidOnly);
+}
+NodePtr makeAlphaNode(int w, int h, int s) { return std::make_shared<AlphaNode>(w, h, s); }
+
+}  // namespace gobo

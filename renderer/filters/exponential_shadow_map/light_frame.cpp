@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/exponential_shadow_map/light_frame.h"
+
+#include <algorithm>
+
+namespace gobo {
+
+LightFrame::Rows LightFrame::rows() const {
+  const Vec2 scale = 1.0f / (hi - lo);
+  const float depth = 1.0f / (far - near);
+  Rows r;
+  if (perspective) {   // u = (X/Z - lo) scale = (X scale - Z lo scale) / Z
+    r.u = Vec4((right - forward * lo.x) * scale.x, 0.0f);
+    r.v = Vec4((up - forward * lo.y) * scale.y, 0.0f);
+    r.w = Vec4(forward, 0.0f);
+  } else {
+    r.u = Vec4(right * scale.x, -lo.x * scale.x);
+    r.v = Vec4(up * scale.y, -lo.y * scale.y);
+    r.w = Vec4(0.0f, 0.0f, 0.0f, 1.0f);
+  }
+  r.d = Vec4(forward * depth, -near * depth);
+  return r;
+}
+
+Ray LightFrame::ray(float u, float v, float& startDepth, float& cosine) const {
+  const float x = lo.x + (hi.x - lo.x) * u, y = lo.y + (hi.y - lo.y) * v;
+  Ray ray;
+  if (perspective) {
+    const Vec3 d = forward + right * x + up * y;
+    const float length = glm::length(d);
+    ray.origin = origin;
+    ray.direction = d / length;
+    startDepth = 0.0f;
+    cosine = 1.0f / length;
+  } else {
+    ray.origin = origin + right * x + up * y + forward * near;
+    ray.direction = forward;
+    startDepth = near;
+    cosine = 1.0f;
+  }
+  return ray;
+}
+
+void LightFrame::hash(Hasher& h) const {
+  h.add(perspective).addPod(origin).addPod(right).addPod(up).addPod(forward).addPod(lo).addPod(hi).add(near).add(far);
+}
+
+Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels) {
+  LightFrame f;
+  float tangent = std::tan(kMaxHalfAngle);
+  switch (light.kind) {
+    case LightKind::Directional: break;
+    case LightKind::Spot:
+      f.perspective = true;
+      // A full-width cone has cosOuter near 0; a point cone still needs a window.
+      if (light.cosOuter > std::cos(kMaxHalfAngle)) {
+        const float c = std::min(light.cosOuter, 0.999999f);
+        tangent = std::sqrt(1.0f - c * c) / c;
+      }
+      break;
+    case LightKind::Rect: case LightKind::Disk: case LightKind::Sphere:
+      f.perspective = true;
+      break;
+    default:
+      return Status(Code::Unimplemented, "a shadow map is not made for this kind of light (point lights need six faces)");
+  }
+  const bool empty = !(lo.x <= hi.x && lo.y <= hi.y && lo.z <= hi.z);
+  const float axisLength = glm::length(light.axis);
+  if (!isFinite(light.axis) || !(axisLength > 0.0f) || !isFinite(light.position) || !std::isfinite(tangent))
+    return invalidArgument("the light's position or axis is not finite");
+  if (!empty && !(isFinite(lo) && isFinite(hi))) return invalidArgument("the scene's bounds are not finite");
+  f.forward = light.axis / axisLength;
+  const Frame basis(f.forward);
+  f.right = basis.x;
+  f.up = basis.y;
+  f.origin = f.perspective ? light.position : empty ? Vec3(0.0f) : 0.5f * lo + 0.5f * hi;
+
+  Vec3 low(3.0e38f), high(-3.0e38f);           // of the corners in the light's axes
+  Vec2 lowTan(3.0e38f), highTan(-3.0e38f);
+  for (int corner = 0; corner < 8 && !empty; ++corner) {
+    const Vec3 p = Vec3(corner & 1 ? hi.x : lo.x, corner & 2 ? hi.y : lo.y, corner & 4 ? hi.z : lo.z) - f.origin;
+    const Vec3 q(glm::dot(p, f.right), glm::dot(p, f.up), glm::dot(p, f.forward));
+    low = glm::min(low, q);
+    high = glm::max(high, q);
+    const Vec2 t = Vec2(q.x, q.y) / std::max(q.z, 1e-20f);
+    lowTan = glm::min(lowTan, t);
+    highTan = glm::max(highTan, t);
+  }
+  if (f.perspective) {
+    f.lo = Vec2(-tangent);
+    f.hi = Vec2(tangent);
+    f.near = 0.0f;
+    f.far = 1.0f;
+    if (!empty && high.z > 0.0f) {
+      f.far = high.z;
+      f.near = std::max(low.z, 0.0f);
+      // Corners bound the projection only while all lie clearly in front of the light.
+      if (low.z > 0.01f * high.z) {
+        const Vec2 a = glm::max(f.lo, lowTan), b = glm::min(f.hi, highTan);
+        if (a.x <= b.x && a.y <= b.y) { f.lo = a; f.hi = b; }
+      }
+    }
+  } else if (!empty) {
+    f.lo = Vec2(low);
+    f.hi = Vec2(high);
+    f.near = low.z;
+    f.far = high.z;
+  }
+  // A flat or tiny scene still gets a window and a depth range; coordinates bound what float can tell apart.
+  const float extent = empty ? 1.0f : std::max({high.x - low.x, high.y - low.y, high.z - low.z, std::abs(f.near), std::abs(f.far), 1e-6f});
+  const float pad = std::max(1e-3f * (f.far - f.near), 1e-5f * extent);
+  f.near = f.perspective ? std::max(f.near - pad, 0.0f) : f.near - pad;
+  f.far += pad;
+  const Vec2 centre = 0.5f * (f.lo + f.hi);
+  float half = 0.5f * std::max(f.hi.x - f.lo.x, f.hi.y - f.lo.y);
+  half = std::max(half * 1.0001f, f.perspective ? 1e-4f : 1e-4f * extent);
+  if (resolution > 4 * rimTexels) half *= float(resolution) / float(resolution - 2 * rimTexels);
+  f.lo = centre - half;
+  f.hi = centre + half;
+  return f;
+}
+
+}  // namespace gobo

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// LightFrame: the light's view of the scene that a shadow map is made in. Map coordinates (u, v) in [0,1]^2 with texel (0,0) at
+// (0,0); depth is *planar* along `forward`, linear, 0 at the near plane and 1 at the far plane (Annen 2008, 3.2.2). A plain
+// value of fixed size: nodes carry it as a parameter, so filters need neither the light nor the scene.
+#pragma once
+
+#include "base/hash.h"
+#include "base/status.h"
+#include "scene/light.h"
+#include "scene/camera.h"
+
+namespace gobo {
+
+/// Widest half angle of a perspective map: beyond it texels at the rim grow without bound (tan), points there count as lit.
+inline constexpr float kMaxHalfAngle = 75.0f * kPi / 180.0f;
+
+struct LightFrame {
+  bool perspective = false;
+  Vec3 origin{0.0f};                  ///< perspective: the light; orthographic: centre of the scene bounds
+  Vec3 right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, 1};
+  Vec2 lo{-1.0f}, hi{1.0f};           ///< window: tangents (perspective) or metres (orthographic)
+  float near = 0.0f, far = 1.0f;      ///< metres along `forward` from the origin; may be negative when orthographic
+
+  /// Rows of the affine map on p = P - origin: u = rows[0]/rows[2], v = rows[1]/rows[2], d = rows[3]; row: x, y, z, constant.
+  struct Rows { Vec4 u, v, w, d; };
+  Rows rows() const;
+  /// Ray through (u, v); its planar depth at distance t is startDepth + t * cosine.
+  Ray ray(float u, float v, float& startDepth, float& cosine) const;
+  void hash(Hasher& hasher) const;
+};
+
+/// Fits a frame to the bounds [lo, hi] of all casters and receivers (not to a camera: the map serves every view).
+///   Directional       orthographic, window and depth tight around the bounds
+///   Spot              perspective, at most the cone (cosOuter), tight around the bounds where they lie in front of the light
+///   Rect, Disk, Sphere  perspective from the centre along `axis`, within 75 degrees of it: a hard-edged stand-in for the area light
+/// The window is square and has a rim of `rimTexels` of `resolution` around it for the pre-filter. Empty bounds give a frame that
+/// sees nothing. Errors: Unimplemented for other kinds; InvalidArgument for a light or bounds with non-finite numbers.
+Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels);
+
+}  // namespace gobo

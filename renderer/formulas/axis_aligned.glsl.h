@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// Axis-aligned filtering of area-light shadows: band limit, filter width, sampling rate (Mehta, Wang, Ramamoorthi 2012; Wang,
+// UCB/EECS-2013-118, equations 3.4 and 3.5, with the misprints of 3.4 corrected and the released code's cap of 3.5 beside it).
+// Common subset of C++ and GLSL: pure functions of floats, no branches.
+//   slope   s = d1/d2 - 1 of an occluder at distance d2 from the light, d1 = receiver to light; equal to t/(T-t) for a hit at t
+//           on a shadow ray of length T, whatever way both are measured
+//   sMin    smallest slope seen (occluder nearest to the receiver), sMax the largest (occluder nearest to the light)
+//   sigma   standard deviation of the light's profile, metres;  d  world width of a pixel at the receiver, metres
+//   mu      convergence parameter: the band limit of the light scaled by mu (1 = the report)
+//   omega   band limit in image space, rad/m;  beta = 1/(k omega)  standard deviation of the filter, metres
+#ifndef GOBO_FORMULAS_AXIS_ALIGNED
+#define GOBO_FORMULAS_AXIS_ALIGNED
+
+#include "formulas/math.glsl.h"
+FORMULAS_BEGIN
+
+/// Slopes stay in this range: a contact (t -> 0) would ask for endless rays, an occluder on the light (t = T) for an endless filter.
+#define AA_SLOPE_MIN 1.0e-4f
+#define AA_SLOPE_MAX 1.0e3f
+
+/// s = t/(T-t), clamped; finite for every 0 <= t <= T, T > 0.
+FORMULA float aaSlope(float t, float T) { return minOf(maxOf(t / maxOf(T - t, T * 1.0e-6f), AA_SLOPE_MIN), AA_SLOPE_MAX); }
+
+/// Band limit, rad/m: what the light lets through (mu / (sigma sMin)) or what pixels can hold of the occluder (1 / (d (1 + sMin))).
+FORMULA float aaBandLimit(float sMin, float sigma, float d, float mu) { return minOf(mu / (sigma * sMin), 1.0f / (d * (1.0f + sMin))); }
+
+/// Filter width, metres (equation 3.4 corrected: (1/k) max(sigma s / mu, d d1/d2max)).
+FORMULA float aaBeta(float omega, float k) { return 1.0f / (k * omega); }
+
+/// Shadow rays for a pixel, equation 3.5 as printed (generalised by mu): 4 (1 + mu sMax/sMin)^2 (2 mu/sMin sqrt(Ap/Al) + 1/(1+sMin))^2
+/// with sqrt(Ap/Al) = d/(2 sigma). Unbounded at contacts.
+FORMULA float aaSamplesPrinted(float sMin, float sMax, float sigma, float d, float mu) {
+  float a = 1.0f + mu * sMax / sMin;
+  float b = mu * d / (sigma * sMin) + 1.0f / (1.0f + sMin);
+  return 4.0f * a * a * b * b;
+}
+
+/// The same with both frequencies capped by what a pixel can hold; never above the printed one.
+FORMULA float aaSamplesCapped(float sMin, float sMax, float sigma, float d, float mu) {
+  float w = aaBandLimit(sMin, sigma, d, mu);
+  float a = 1.0f / (1.0f + sMin) + d * w;
+  float b = 1.0f + sigma * minOf(sMax * w, sMax / (d * (1.0f + sMax)));
+  return 4.0f * a * a * b * b;
+}
+
+/// Weight of a sample at squared light-plane distance dist2 (equation 3.3 unnormalised); inverse = 1/(2 beta^2).
+FORMULA float aaWeight(float dist2, float inverse) { return fastExp(-dist2 * inverse); }
+
+FORMULAS_END
+#endif

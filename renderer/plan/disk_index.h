@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// DiskIndex: the SQLite side of DiskStore: (key, bytes, last use) of every term file, and their total. A cache of what the
+// files say, so every failure here is answered by making it anew. Not thread-safe; changes are made under the folder's lock.
+// Table: term(key TEXT PRIMARY KEY, bytes, used); total(bytes, files) is kept by triggers, in the same transaction.
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+struct sqlite3;
+struct sqlite3_stmt;
+
+namespace gobo {
+
+class DiskIndex {
+ public:
+  struct Row { std::string key; int64_t bytes = 0, used = 0; };
+
+  ~DiskIndex() { close(); }
+  /// Opens or makes the index. False: it is there but damaged (or cannot be made); the caller removes it and tries again.
+  bool open(const std::string& path);
+  void close();
+  /// True when the file at the path is still the one that is open (another process may have replaced a damaged one).
+  bool current() const;
+  /// True when the last failure speaks of wrong content, not of a full disk or a lock.
+  bool unsound() const;
+  /// Deletes the index's files. Other processes that have them open see current() turn false.
+  static void remove(const std::string& path);
+
+  // Each returns false when SQLite failed: the index is to be made anew.
+  bool begin();
+  bool commit();
+  void rollback();
+  bool upsert(const std::string& key, int64_t bytes, int64_t used);
+  bool touch(const std::string& key, int64_t used);   ///< only ever forwards; no row: nothing
+  bool erase(const std::string& key);
+  bool clear();
+  bool oldest(Row& row, bool& found);
+  bool find(const std::string& key, Row& row, bool& found);
+  bool all(std::vector<Row>& rows);
+  bool totals(int64_t& bytes, int64_t& files);
+  bool recount();                                     ///< total from the rows, should a trigger's work have been lost
+
+ private:
+  bool exec(const char* sql);
+  sqlite3_stmt* prepare(int which, const char* sql);
+  bool done(sqlite3_stmt* s);                         ///< steps to the end and resets
+  static constexpr int kStatements = 10;
+  sqlite3* db_ = nullptr;
+  sqlite3_stmt* statements_[kStatements] = {};
+  std::string path_;
+  dev_t device_ = 0;
+  ino_t inode_ = 0;
+};
+
+}  // namespace gobo

@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: Apache-2.0
+// How a change is made: every pair (file name, index row) changes under the folder's lock, inside one SQLite transaction, so
+// while all processes live the two agree. A killed process leaves at most: a temp file; files unlinked or one file renamed
+// without the transaction. open() compares index and files, so its restart heals that; others heal what they come across.
+#include "plan/disk_store.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <mutex>
+#include <random>
+#include <unordered_map>
+
+#include "plan/disk_files.h"
+#include "plan/disk_index.h"
+
+namespace gobo {
+
+namespace {
+constexpr size_t kTouchesPerFlush = 64;      // gets whose last use may be lost by a kill
+constexpr size_t kMostTouches = 4096;        // while the folder is held by another
+constexpr int64_t kSweepMicros = 3600ll * 1000000;
+}  // namespace
+
+struct DiskStore::Impl {
+  DiskStoreOptions options;
+  DiskFiles files;
+  std::string indexPath, temps;
+  std::atomic<uint64_t> counter{0};
+
+  mutable std::mutex mutex;    // all below; never held while term bytes are read or written
+  mutable DiskIndex index;
+  bool dirty = true;           // index and files may disagree, or the index is not open
+  bool damagedIndex = false;   // to be removed rather than opened again
+  bool opened = false;
+  std::unordered_map<std::string, int64_t> touched;
+  DiskStoreStats stats;
+  int64_t lastUse = 0, lastSweep = 0;
+
+  Impl(const std::string& folder, const DiskStoreOptions& o) : options(o), files(folder), indexPath(folder + "/index.sqlite") {
+    if (!options.nowMicros) options.nowMicros = [] {
+      return int64_t(std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count());
+    };
+    if (!options.step) options.step = [](const char*) { return 0; };
+    std::random_device random;   // process ids repeat (containers sharing a folder): names of temp files must not
+    temps = files.tempFolder() + "/" + std::to_string(::getpid()) + "-" + std::to_string(random()) + "-" + std::to_string(random());
+  }
+
+  int64_t use() { return lastUse = std::max(options.nowMicros(), lastUse + 1); }
+
+  // Under lock and mutex. Makes the rows equal to the files; false: SQLite failed.
+  bool reconcile() {
+    std::vector<DiskIndex::Row> rows;
+    if (!index.begin() || !index.all(rows)) return false;
+    std::unordered_map<std::string, int64_t> known;
+    for (const auto& r : rows) known[r.key] = r.bytes;
+    for (const auto& f : files.scan()) {
+      const auto row = known.find(f.key);
+      if (row == known.end() || row->second != f.bytes) {
+        if (!index.upsert(f.key, f.bytes, f.modified)) return false;
+        stats.adopted += row == known.end();
+      }
+      if (row != known.end()) known.erase(row);
+    }
+    for (const auto& [key, bytes] : known) {
+      if (!index.erase(key)) return false;
+      ++stats.missing;
+    }
+    Status status;
+    return index.recount() && evict(0, status) && index.commit();
+  }
+
+  // Under lock and mutex.
+  bool openIndex() {
+    const bool fresh = ::access(indexPath.c_str(), F_OK) != 0 || (opened && !index.current());
+    const uint64_t before = stats.adopted;
+    for (int attempt = 0; attempt < 2; ++attempt) {
+      const bool remove = attempt > 0 || damagedIndex;
+      if (remove) {
+        index.close();
+        DiskIndex::remove(indexPath);
+        damagedIndex = false;
+      }
+      if (index.open(indexPath) && reconcile()) {
+        stats.rebuilds += remove || (fresh && (opened || stats.adopted > before));
+        opened = true;
+        dirty = false;
+        return true;
+      }
+      index.rollback();
+    }
+    return false;
+  }
+
+  // Drops least recently used files until `need` more bytes fit. False: SQLite failed. `status`: a file would not go.
+  bool evict(int64_t need, Status& status) {
+    for (int64_t last = -1;;) {
+      int64_t bytes = 0, count = 0;
+      if (!index.totals(bytes, count)) return false;
+      if (count == last) {   // a row that cannot be deleted: the index is not sound, whatever its check said
+        damagedIndex = true;
+        return false;
+      }
+      last = count;
+      if (uint64_t(bytes + need) <= options.maxBytes) return true;
+      DiskIndex::Row row;
+      bool found = false;
+      if (!index.oldest(row, found)) return false;
+      if (!found) return index.recount();
+      if (int e = options.step("evict")) { status = fileError("evict", files.path(row.key), e); return true; }
+      if (!index.erase(row.key)) return false;
+      int e = options.step("unlink");
+      if (e || !files.unlink(row.key)) { status = fileError("evict", files.path(row.key), e ? e : errno); return true; }
+      ++stats.evicted;
+    }
+  }
+
+  // Writes the noted uses into the index; a file that the index does not know (its writer was killed) gets its row.
+  bool flush() {
+    bool adopted = false;
+    for (const auto& [key, used] : touched) {
+      DiskIndex::Row row;
+      bool found = false;
+      if (!index.find(key, row, found)) return false;
+      if (found) {
+        if (!index.touch(key, used)) return false;
+      } else if (const int64_t size = files.size(key); size >= 0) {
+        if (!index.upsert(key, size, used)) return false;
+        ++stats.adopted;
+        adopted = true;
+      }
+    }
+    Status status;
+    return !adopted || evict(0, status);
+  }
+
+  // change(status) -> false when SQLite failed. Tried a second time with an index made anew. Under mutex.
+  template <typename F> Status transact(double seconds, F change) {
+    GOBO_TRY(files.lock(seconds));
+    struct Unlock { DiskFiles& f; ~Unlock() { f.unlock(); } } unlock{files};
+    for (int attempt = 0; attempt < 2; ++attempt) {
+      if (dirty || !index.current()) {
+        if (!openIndex()) { dirty = true; continue; }
+      }
+      Status status;
+      if (index.begin() && flush() && change(status)) {
+        if (!status.ok()) {
+          index.rollback();
+          dirty = true;
+          return status;
+        }
+        if (options.step("commit") == 0 && index.commit()) {
+          touched.clear();
+          return {};
+        }
+      }
+      damagedIndex = damagedIndex || index.unsound();
+      index.rollback();
+      dirty = true;
+    }
+    return {Code::Internal, "the index of the cache folder cannot be written", indexPath};
+  }
+
+  void note(const std::string& key) {
+    std::lock_guard hold(mutex);
+    if (touched.size() < kMostTouches || touched.count(key)) touched[key] = use();
+    if (touched.size() >= kTouchesPerFlush && touched.size() % kTouchesPerFlush == 0)
+      (void)transact(0, [](Status&) { return true; });   // the folder is busy: later
+  }
+};
+
+DiskStore::DiskStore() = default;
+
+DiskStore::~DiskStore() {
+  if (!impl_) return;
+  std::lock_guard hold(impl_->mutex);
+  if (!impl_->touched.empty()) (void)impl_->transact(0.1, [](Status&) { return true; });
+}
+
+Result<std::unique_ptr<DiskStore>> DiskStore::open(const std::string& folder, uint64_t maxBytes) {
+  DiskStoreOptions options;
+  options.maxBytes = maxBytes;
+  return open(folder, options);
+}
+
+Result<std::unique_ptr<DiskStore>> DiskStore::open(const std::string& folder, const DiskStoreOptions& options) {
+  std::unique_ptr<DiskStore> store(new DiskStore);
+  store->impl_ = std::make_unique<Impl>(folder, options);
+  Impl& d = *store->impl_;
+  GOBO_TRY(d.files.makeFolders());
+  std::lock_guard hold(d.mutex);
+  GOBO_TRY(d.transact(std::max(options.lockSeconds, 1.0), [&](Status&) { return true; }));
+  d.lastSweep = d.options.nowMicros();
+  d.stats.staleTemps += d.files.removeStaleTemps(d.lastSweep, options.staleTempSeconds);
+  return store;
+}
+
+TermPtr DiskStore::get(const Hash128& key) {
+  Impl& d = *impl_;
+  const std::string name = key.hex();
+  DiskFiles::Content content = d.files.read(name);
+  TermPtr term;
+  if (content.bytes) term = parseTerm(content.bytes.get(), content.size);
+  if (term) {
+    d.note(name);
+    std::lock_guard hold(d.mutex);
+    ++d.stats.hits;
+    return term;
+  }
+  std::lock_guard hold(d.mutex);
+  ++d.stats.misses;
+  if (content.error == EMFILE || content.error == ENFILE || content.error == ENOMEM) return nullptr;   // ours, not the file's fault
+  if (content.bytes || content.error) {
+    ++d.stats.damaged;
+    const auto drop = [&](Status&) {
+      ino_t inode = 0;
+      if (d.files.size(name, &inode) >= 0 && (inode != content.inode || !d.files.unlink(name))) return true;   // replaced meanwhile
+      return d.index.erase(name);
+    };
+    (void)d.transact(d.options.lockSeconds, drop);
+  } else {
+    DiskIndex::Row row;
+    bool found = false;
+    d.touched.erase(name);
+    if (d.index.find(name, row, found) && found) (void)d.transact(0, [&](Status&) {
+      if (d.files.size(name) >= 0) return true;
+      ++d.stats.missing;
+      return d.index.erase(name);
+    });
+  }
+  return nullptr;
+}
+
+Status DiskStore::put(const Hash128& key, const Term& term) {
+  Impl& d = *impl_;
+  const std::string name = key.hex();
+  const std::vector<uint8_t> bytes = serializeTerm(term);
+  if (bytes.size() > d.options.maxBytes) return {};
+  if (d.files.equals(name, bytes)) {
+    d.note(name);
+    return {};
+  }
+  const std::string temp = d.temps + "-" + std::to_string(d.counter++) + ".tmp";
+  GOBO_TRY(d.files.writeTemp(temp, bytes, d.options.step));
+  {
+    std::lock_guard hold(d.mutex);
+    bool moved = false;
+    const Status status = d.transact(d.options.lockSeconds, [&](Status& failed) {
+      // A file of this name that is about to be replaced does not count: its row goes first.
+      if (!d.index.erase(name) || !d.evict(int64_t(bytes.size()), failed)) return false;
+      if (!failed.ok()) return true;
+      if (!d.index.upsert(name, int64_t(bytes.size()), d.use())) return false;
+      if (moved) return true;
+      if (int e = d.options.step("rename")) failed = fileError("rename", temp, e);
+      else failed = d.files.moveIntoPlace(temp, name);
+      moved = failed.ok();
+      return true;
+    });
+    if (!status.ok()) {
+      ::unlink(temp.c_str());
+      if (moved) d.files.unlink(name);   // not counted, so it must not stay: repeated failures would pass the bound
+      return status;
+    }
+    ++d.stats.writes;
+    const int64_t now = d.options.nowMicros();
+    if (now - d.lastSweep > kSweepMicros) {
+      d.lastSweep = now;
+      d.stats.staleTemps += d.files.removeStaleTemps(now, d.options.staleTempSeconds);
+    }
+  }
+  if (int e = d.options.step("sync-folder")) return fileError("sync", d.files.path(name), e);
+  GOBO_TRY(d.files.syncFolderOf(name));
+  d.options.step("done");
+  return {};
+}
+
+void DiskStore::erase(const Hash128& key) {
+  const std::string name = key.hex();
+  std::lock_guard hold(impl_->mutex);
+  impl_->touched.erase(name);
+  (void)impl_->transact(impl_->options.lockSeconds, [&](Status&) { return impl_->files.unlink(name) && impl_->index.erase(name); });
+}
+
+void DiskStore::clear() {
+  std::lock_guard hold(impl_->mutex);
+  impl_->touched.clear();
+  (void)impl_->transact(impl_->options.lockSeconds, [&](Status&) {
+    for (const auto& f : impl_->files.scan())
+      if (!impl_->files.unlink(f.key)) return false;
+    return impl_->index.clear();
+  });
+}
+
+uint64_t DiskStore::bytes() const {
+  std::lock_guard hold(impl_->mutex);
+  int64_t bytes = 0, count = 0;
+  return impl_->index.totals(bytes, count) ? uint64_t(bytes) : 0;
+}
+
+uint64_t DiskStore::count() const {
+  std::lock_guard hold(impl_->mutex);
+  int64_t bytes = 0, count = 0;
+  return impl_->index.totals(bytes, count) ? uint64_t(count) : 0;
+}
+
+DiskStoreStats DiskStore::stats() const {
+  std::lock_guard hold(impl_->mutex);
+  return impl_->stats;
+}
+
+}  // namespace gobo

@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/effective_scene.h"
+
+#include <algorithm>
+#include <cstring>
+#include <numeric>
+
+#include "scene/edit.h"
+
+namespace gobo {
+
+namespace {
+
+Vec3 toVec3(const v1::Vector3& v) { return Vec3(v.x(), v.y(), v.z()); }
+
+Status checkFinite(const v1::Vector3& v, const std::string& path, bool nonNegative = false) {
+  const Vec3 x = toVec3(v);
+  const auto text = "(" + std::to_string(x.x) + ", " + std::to_string(x.y) + ", " + std::to_string(x.z) + ")";
+  if (!isFinite(x)) return invalidArgument(path + " = " + text + ": must be finite", path);
+  if (nonNegative && (x.x < 0 || x.y < 0 || x.z < 0)) return invalidArgument(path + " = " + text + ": must not be negative", path);
+  return {};
+}
+
+Result<Vec3> unitVector(const v1::Vector3& v, const std::string& path) {
+  GOBO_TRY(checkFinite(v, path));
+  const Vec3 x = toVec3(v);
+  const float length = glm::length(x);
+  if (!(length > 1e-12f)) return invalidArgument(path + ": must not be the zero vector", path);
+  return x / length;
+}
+
+float radians(double degrees) { return float(degrees * 0.017453292519943295); }
+
+Result<Camera> effectiveCamera(const Scene& scene, const v1::CameraSettings& settings) {
+  int index = 0;
+  if (settings.has_name() && !settings.name().empty()) {
+    index = scene.findCamera(settings.name());
+    if (index < 0) {
+      std::string names;
+      for (const Camera& c : scene.cameras) names += (names.empty() ? "" : ", ") + c.name;
+      return notFound("no camera '" + settings.name() + "' (has: " + names + ")", "request.camera.name");
+    }
+  }
+  Camera camera = scene.cameras[index];
+  if (settings.has_yfov_deg()) { camera.yfov = radians(settings.yfov_deg()); camera.perspective = true; }
+  if (settings.has_orthographic_height()) { camera.perspective = false; camera.yheight = float(settings.orthographic_height()); }
+  if (settings.has_position() || settings.has_look_at() || settings.has_up()) {
+    if (settings.has_position()) GOBO_TRY(checkFinite(settings.position(), "request.camera.position"));
+    if (settings.has_look_at()) GOBO_TRY(checkFinite(settings.look_at(), "request.camera.look_at"));
+    const Vec3 position = settings.has_position() ? toVec3(settings.position()) : Vec3(camera.toWorld[3]);
+    const Vec3 target = settings.has_look_at() ? toVec3(settings.look_at()) : position - Vec3(camera.toWorld[2]);
+    Vec3 up = Vec3(camera.toWorld[1]);
+    if (settings.has_up()) { GOBO_ASSIGN(up, unitVector(settings.up(), "request.camera.up")); }
+    const Vec3 back = position - target;
+    if (!(glm::length(back) > 1e-12f)) return invalidArgument("request.camera.look_at: is the camera's position", "request.camera.look_at");
+    const Vec3 z = glm::normalize(back);
+    Vec3 x = glm::cross(up, z);
+    if (glm::length(x) < 1e-6f) x = glm::cross(std::fabs(z.y) < 0.9f ? Vec3(0, 1, 0) : Vec3(1, 0, 0), z);
+    x = glm::normalize(x);
+    camera.toWorld = Mat4(Vec4(x, 0), Vec4(glm::cross(z, x), 0), Vec4(z, 0), Vec4(position, 1));
+    camera.name += "*";
+  }
+  return camera;
+}
+
+LightKind toKind(v1::LightEdit::Kind k) {
+  switch (k) {
+    case v1::LightEdit::SPOT: return LightKind::Spot;
+    case v1::LightEdit::DIRECTIONAL: return LightKind::Directional;
+    case v1::LightEdit::RECT: return LightKind::Rect;
+    case v1::LightEdit::DISK: return LightKind::Disk;
+    case v1::LightEdit::SPHERE: return LightKind::Sphere;
+    default: return LightKind::Point;
+  }
+}
+
+bool movable(LightKind k) { return k != LightKind::Mesh && k != LightKind::Environment; }
+
+}  // namespace
+
+float nominalBucket(float l) {
+  if (!(l > 0.0f) || !std::isfinite(l)) return 1.0f;
+  return std::ldexp(1.0f, 4 * int(std::lround(std::log2(double(l)) / 4.0)));
+}
+
+Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& path) {
+  LightShape& s = light.shape;
+  if (e.kind() != v1::LightEdit::KIND_UNSPECIFIED) {
+    if (!movable(s.kind)) return invalidArgument(path + ".kind: '" + light.name + "' is part of the scene's geometry or environment", path + ".kind");
+    s.kind = toKind(e.kind());
+  }
+  const bool shapeFields = e.has_position() || e.has_direction() || e.has_width() || e.has_height() || e.has_radius() || e.has_inner_deg() || e.has_outer_deg();
+  if (shapeFields && !movable(s.kind))
+    return invalidArgument(path + ": '" + light.name + "' is part of the scene's geometry or environment; only gain, color and intensity can be edited", path);
+  if (e.has_position()) { GOBO_TRY(checkFinite(e.position(), path + ".position")); s.position = toVec3(e.position()); }
+  if (e.has_direction() || e.has_width() || e.has_height()) {
+    Vec3 axis = s.axis;
+    if (e.has_direction()) { GOBO_ASSIGN(axis, unitVector(e.direction(), path + ".direction")); }
+    const float w = e.has_width() ? float(e.width()) * 0.5f : glm::length(s.u);
+    const float h = e.has_height() ? float(e.height()) * 0.5f : glm::length(s.v);
+    if (e.has_direction()) { const Frame f(axis); s.u = f.x * w; s.v = f.y * h; }
+    else { s.u = glm::normalize(s.u) * w; s.v = glm::normalize(s.v) * h; }
+    s.axis = axis;
+  }
+  if (e.has_radius()) s.radius = float(e.radius());
+  const float outer = e.has_outer_deg() ? radians(e.outer_deg()) : std::acos(glm::clamp(s.cosOuter, -1.0f, 1.0f));
+  const float inner = e.has_inner_deg() ? radians(e.inner_deg()) : std::acos(glm::clamp(s.cosInner, -1.0f, 1.0f));
+  if (e.has_outer_deg() || e.has_inner_deg()) {
+    if (inner > outer) return invalidArgument(path + ".inner_deg: must not exceed outer_deg", path + ".inner_deg");
+    s.cosOuter = std::cos(outer);
+    s.cosInner = std::cos(inner);
+  }
+  return {};
+}
+
+Result<EffectiveScene> makeEffectiveScene(const ScenePtr& base, const v1::RenderRequest& request, const EnvironmentLoader& load) {
+  EffectiveScene out;
+  auto scene = std::make_shared<Scene>(*base);
+
+  // Environment: file, sky or constant; rotation; or removed.
+  if (request.has_environment()) {
+    const auto& e = request.environment();
+    const int kinds = e.has_path() + e.has_sky() + e.has_constant();
+    if (kinds > 1) return invalidArgument("request.environment: path, sky and constant exclude each other", "request.environment");
+    if (e.has_path() && e.path() == "none") {
+      scene->environment = nullptr;
+    } else if (e.has_path()) {
+      GOBO_ASSIGN(scene->environment, load(e.path()));
+    } else if (e.has_sky()) {
+      SkyParameters sky;
+      if (e.sky().has_sun_direction()) { GOBO_ASSIGN(sky.sunDirection, unitVector(e.sky().sun_direction(), "request.environment.sky.sun_direction")); }
+      if (e.sky().has_turbidity()) sky.turbidity = float(e.sky().turbidity());
+      if (e.sky().has_sun_scale()) sky.sunScale = float(e.sky().sun_scale());
+      scene->environment = skyEnvironment(sky);
+    } else if (e.has_constant()) {
+      GOBO_TRY(checkFinite(e.constant(), "request.environment.constant", true));
+      scene->environment = constantEnvironment(toVec3(e.constant()));
+    }
+    if (e.has_rotation_deg() && scene->environment) {
+      auto turned = std::make_shared<Environment>(*scene->environment);
+      turned->rotation = radians(std::fmod(e.rotation_deg(), 360.0));
+      scene->environment = turned;
+    }
+    if (kinds > 0)
+      scene->lights.erase(std::remove_if(scene->lights.begin(), scene->lights.end(), [](const Light& l) { return l.shape.kind == LightKind::Environment; }),
+                          scene->lights.end());
+  }
+  // A plain request shares the base scene as it is; seal() runs only when something moved.
+  bool changed = request.has_environment();
+
+  std::vector<std::pair<std::string, const v1::LightEdit*>> edits;
+  for (const auto& [name, edit] : request.lights()) edits.emplace_back(name, &edit);
+  std::sort(edits.begin(), edits.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (const auto& [name, edit] : edits) {
+    const std::string path = "request.lights." + name;
+    int index = scene->findLight(name);
+    if (index < 0 && name == "environment" && scene->environment) continue;   // its light appears at seal()
+    if (index < 0) {
+      if (edit->kind() == v1::LightEdit::KIND_UNSPECIFIED) {
+        std::string names;
+        for (const Light& l : scene->lights) { if (names.size() > 300) { names += ", ..."; break; } names += (names.empty() ? "" : ", ") + l.name; }
+        return notFound("no light '" + name + "' in the scene (has: " + names + "); give `kind` to add one", path);
+      }
+      Light added;
+      added.name = name;
+      const double intensity = edit->has_intensity() ? edit->intensity() : 1.0;
+      const float l = luminance(edit->has_color() ? toVec3(edit->color()) : Vec3(1.0f)) * float(intensity);
+      added.power = Vec3(nominalBucket(l));
+      scene->lights.push_back(added);
+      index = int(scene->lights.size()) - 1;
+      changed = true;
+    }
+    const LightShape before = scene->lights[index].shape;
+    GOBO_TRY(applyLightShape(*edit, scene->lights[index], path));
+    changed = changed || std::memcmp(&before, &scene->lights[index].shape, sizeof before) != 0;
+  }
+  if (changed) {
+    GOBO_TRY(scene->seal());
+    out.scene = scene;
+  } else {
+    out.scene = base;
+  }
+
+  const size_t n = out.scene->lights.size();
+  out.gains.resize(n);
+  out.rawGains.assign(n, Vec3(1.0f));
+  out.edited.assign(n, 0);
+  for (size_t i = 0; i < n; ++i) out.gains[i] = out.scene->lights[i].power / nominalScalar(out.scene->lights[i]);
+  for (const auto& [name, edit] : edits) {
+    const std::string path = "request.lights." + name;
+    const int i = out.scene->findLight(name);
+    if (i < 0) continue;
+    const Light& light = out.scene->lights[i];
+    Vec3 power = light.power;
+    if (edit->has_color() || edit->has_intensity()) {
+      if (edit->has_color()) GOBO_TRY(checkFinite(edit->color(), path + ".color", true));
+      const float old = luminance(light.power);
+      const Vec3 color = edit->has_color() ? toVec3(edit->color()) : (old > 0 ? light.power / old : Vec3(1.0f));
+      const float intensity = edit->has_intensity() ? float(edit->intensity()) : (base->findLight(name) < 0 ? 1.0f : old);
+      power = color * intensity;
+    }
+    Vec3 gain(1.0f);
+    if (edit->has_gain()) { GOBO_TRY(checkFinite(edit->gain(), path + ".gain", true)); gain = toVec3(edit->gain()); }
+    if (edit->has_enabled() && !edit->enabled()) gain = Vec3(0.0f);
+    out.gains[i] = power * gain / nominalScalar(light);
+    for (int c = 0; c < 3; ++c) out.rawGains[i][c] = light.power[c] > 0 ? power[c] * gain[c] / light.power[c] : 1.0f;
+    out.edited[i] = power != light.power || gain != Vec3(1.0f);
+  }
+  if (request.has_environment() && request.environment().has_gain()) {
+    GOBO_TRY(checkFinite(request.environment().gain(), "request.environment.gain", true));
+    for (size_t i = 0; i < n; ++i)
+      if (out.scene->lights[i].shape.kind == LightKind::Environment) {
+        out.gains[i] *= toVec3(request.environment().gain());
+        out.rawGains[i] *= toVec3(request.environment().gain());
+        out.edited[i] = 1;
+      }
+  }
+  for (size_t i = 0; i < n; ++i)
+    if (!isFinite(out.gains[i])) return invalidArgument("power of light '" + out.scene->lights[i].name + "' overflows", "request.lights." + out.scene->lights[i].name);
+  GOBO_ASSIGN(out.camera, effectiveCamera(*out.scene, request.camera()));
+  return out;
+}
+
+double estimatedFlux(const Scene& scene, int index) {
+  const Light& light = scene.lights[index];
+  const LightShape& s = light.shape;
+  const double l = nominalScalar(light);
+  Vec3 lo, hi;
+  scene.bounds(lo, hi);
+  const double radius = lo.x <= hi.x ? 0.5 * glm::length(hi - lo) : 1.0, crossSection = kPi * radius * radius;
+  switch (s.kind) {
+    case LightKind::Point: return 4 * kPi * l;
+    case LightKind::Spot: return 2 * kPi * (1.0 - s.cosOuter) * l;
+    case LightKind::Directional: return crossSection * l;
+    case LightKind::Rect: return kPi * l * 4.0 * glm::length(s.u) * glm::length(s.v) * (s.twoSided ? 2 : 1);
+    case LightKind::Disk: return kPi * l * kPi * s.radius * s.radius * (s.twoSided ? 2 : 1);
+    case LightKind::Sphere: return kPi * l * 4.0 * kPi * s.radius * s.radius;
+    case LightKind::Mesh: {
+      const Instance& instance = scene.instances[s.instance];
+      const Mesh& mesh = *scene.meshes[instance.mesh];
+      double area = 0;
+      for (size_t t = 0; t < mesh.triangles(); ++t) {
+        Vec3 p[3];
+        for (int k = 0; k < 3; ++k) p[k] = Vec3(instance.toWorld * Vec4(mesh.positions[mesh.indices[3 * t + k]], 1.0f));
+        area += 0.5 * glm::length(glm::cross(p[1] - p[0], p[2] - p[0]));
+      }
+      return kPi * l * area;
+    }
+    case LightKind::Environment: {
+      if (!scene.environment) return 0;
+      double sum = 0, weight = 0;
+      const Environment& e = *scene.environment;
+      for (int y = 0; y < e.height; ++y) {
+        const double w = std::sin(kPi * (y + 0.5) / e.height);
+        for (int x = 0; x < e.width; ++x) { sum += w * luminance(e.texels[size_t(y) * e.width + x]); weight += w; }
+      }
+      return weight > 0 ? kPi * crossSection * l * sum / weight : 0;
+    }
+  }
+  return 0;
+}
+
+RelightGroups makeGroups(const Scene& scene, int maxGroups) {
+  const int n = int(scene.lights.size());
+  RelightGroups g;
+  g.groupOf.assign(n, 0);
+  g.nominal.resize(n);
+  std::vector<int> order(n);
+  std::iota(order.begin(), order.end(), 0);
+  if (n > maxGroups) {
+    std::vector<double> flux(n);
+    for (int i = 0; i < n; ++i) flux[i] = estimatedFlux(scene, i);
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return flux[a] > flux[b]; });
+    std::sort(order.begin(), order.begin() + (maxGroups - 1));
+  }
+  g.count = std::min(n, maxGroups);
+  g.members.resize(g.count);
+  for (int k = 0; k < n; ++k) {
+    const int group = std::min(k, g.count - 1);
+    g.groupOf[order[k]] = group;
+    g.members[group].push_back(order[k]);
+  }
+  for (auto& m : g.members) std::sort(m.begin(), m.end());
+  for (int i = 0; i < n; ++i) g.nominal[i] = g.single(g.groupOf[i]) ? Vec3(nominalScalar(scene.lights[i])) : scene.lights[i].power;
+  return g;
+}
+
+}  // namespace gobo

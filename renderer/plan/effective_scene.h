@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a request makes of a scene: the effective scene (shapes moved, lights added, environment replaced) and, apart from
+// it, the gain of each light. Powers of the effective scene stay nominal, so a change of colour or strength is a gain and
+// re-keys nothing but the composite.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "base/status.h"
+#include "gobo/v1/render.pb.h"
+#include "scene/scene.h"
+
+namespace gobo {
+
+struct EffectiveScene {
+  ScenePtr scene;
+  std::vector<Vec3> gains;       ///< per light of `scene`: RGB factor on nominal() of that light traced alone
+  std::vector<Vec3> rawGains;    ///< per light: factor on its own scene power (for lights inside a cluster); 1 = unedited
+  std::vector<char> edited;      ///< power edited by the request (rawGains != 1)
+  Camera camera;
+};
+
+/// Loads an environment file on behalf of a request (the engine checks roots and caches).
+using EnvironmentLoader = std::function<Result<EnvironmentPtr>(const std::string& path)>;
+
+/// `request` must be resolved. Errors name the field: unknown light or camera, missing kind, degenerate direction.
+Result<EffectiveScene> makeEffectiveScene(const ScenePtr& base, const v1::RenderRequest& request, const EnvironmentLoader& load);
+
+/// Applies a light edit's shape fields (not power). `path` is used in errors.
+Status applyLightShape(const v1::LightEdit& edit, Light& light, const std::string& path);
+
+/// Power that an added light is traced with: its luminance rounded to a power of 16, white. Small edits of strength then
+/// stay gains, and sampling still knows the order of magnitude.
+float nominalBucket(float luminance);
+
+/// Estimated radiant flux of a light reaching the scene, W (order of magnitude; used to rank relight groups only).
+double estimatedFlux(const Scene& scene, int light);
+
+struct RelightGroups {
+  int count = 0;
+  std::vector<int> groupOf;                ///< per light
+  std::vector<std::vector<int>> members;   ///< per group, ascending
+  std::vector<Vec3> nominal;               ///< per light: what it is traced with (path_tracer.h)
+  bool single(int group) const { return members[group].size() == 1; }
+};
+/// The strongest lights get a group each, the rest share the last. Depends on the effective scene only, not on gains.
+RelightGroups makeGroups(const Scene& scene, int maxGroups);
+
+}  // namespace gobo

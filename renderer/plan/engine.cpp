@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/engine.h"
+
+#include <algorithm>
+#include <chrono>
+#include <deque>
+#include <map>
+#include <mutex>
+
+#include "plan/certify_picture.h"
+#include "plan/disk_store.h"
+#include "plan/executor.h"
+#include "plan/planner.h"
+#include "plan/request.h"
+#include "plan/scene_library.h"
+#include "plan/store.h"
+#include "trace/accel.h"
+
+namespace gobo {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+double msSince(Clock::time_point t) { return std::chrono::duration<double, std::milli>(Clock::now() - t).count(); }
+
+/// The most samples a pixel gets when only time or error bounds the request.
+constexpr uint32_t kMaxSpp = 65536;
+/// Requests beyond this many view samples are refused before any work (16384^2 at one view sample is below it).
+constexpr uint64_t kMaxViewSamples = 1ull << 29;
+
+}  // namespace
+
+struct Engine::Impl {
+  explicit Impl(const EngineOptions& o) : options(o), arena(o.threads), scenes(o.roots, o.anyPath) {}
+
+  EngineOptions options;
+  TaskArena arena;
+  SceneLibrary scenes;
+  std::unique_ptr<TermStore> store;
+  ExtensionIndex extensions;
+  AccelCache accels;
+  Clock::time_point started = Clock::now();
+  std::atomic<uint64_t> renders{0};
+
+  mutable std::mutex rememberMutex;
+  std::map<std::string, v1::RenderRequest> remembered;
+  std::deque<std::string> rememberedOrder;
+
+  void remember(const std::string& id, const v1::RenderRequest& request) {
+    std::lock_guard lock(rememberMutex);
+    if (remembered.emplace(id, request).second) rememberedOrder.push_back(id);
+    while (rememberedOrder.size() > options.keepRenders) {
+      remembered.erase(rememberedOrder.front());
+      rememberedOrder.pop_front();
+    }
+  }
+
+  ExecutorServices executorServices() { return {store.get(), &extensions, &accels, &arena}; }
+  PlannerServices plannerServices(const StopToken& stop, std::map<Hash128, ExecutedNode>* expanded = nullptr) {
+    PlannerServices s;
+    s.loadEnvironment = [this](const std::string& path) { return scenes.environment(path); };
+    s.expand = [this, stop, expanded](const Graph& graph, NodeId node) -> Result<TermPtr> {
+      Executor executor(graph, executorServices(), stop);
+      GOBO_ASSIGN(TermPtr term, executor.evaluate(node));
+      if (expanded) (*expanded)[executor.report(node).key] = executor.report(node);
+      return term;
+    };
+    return s;
+  }
+
+  Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
+  Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control, Clock::time_point start,
+                                  bool& extendable);
+  void fillReports(const Plan& plan, Executor& executor, const std::map<Hash128, ExecutedNode>& expanded, v1::RenderReply& reply) const;
+};
+
+Engine::Engine() = default;
+Engine::~Engine() = default;
+
+Result<std::unique_ptr<Engine>> Engine::create(const EngineOptions& options) {
+  std::unique_ptr<Engine> engine(new Engine);
+  engine->impl_ = std::make_unique<Impl>(options);
+  std::unique_ptr<DiskStore> disk;
+  if (!options.cacheFolder.empty()) { GOBO_ASSIGN(disk, DiskStore::open(options.cacheFolder, options.diskBytes)); }
+  engine->impl_->store = std::make_unique<TermStore>(options.storeBytes, std::move(disk));
+  return engine;
+}
+
+Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::string& id) { return impl_->scenes.open(source, id); }
+Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id) { return impl_->scenes.openFile(path, source, id); }
+std::vector<v1::SceneInfo> Engine::listScenes() const { return impl_->scenes.list(); }
+Result<v1::SceneInfo> Engine::inspectScene(const std::string& id) const { return impl_->scenes.inspect(id); }
+Result<v1::SceneInfo> Engine::patchScene(const v1::PatchSceneRequest& patch) { return impl_->scenes.patch(patch); }
+Status Engine::unloadScene(const std::string& id) { return impl_->scenes.unload(id); }
+int Engine::threads() const { return impl_->arena.threads(); }
+
+Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request, const ScenePtr& scene) const {
+  v1::RenderRequest r = request;
+  r.mutable_integrator();
+  r.mutable_tone_map();
+  r.mutable_encoding();
+  r.mutable_scheduling();
+  if (!r.has_shadows() || r.shadows().technique_case() == v1::ShadowTechnique::TECHNIQUE_NOT_SET) r.mutable_shadows()->mutable_path_traced();
+  if (!r.has_halt() || (!r.halt().has_spp() && !r.halt().has_time_s() && !r.halt().has_error())) r.mutable_halt()->set_spp(64);
+  if (r.outputs_size() == 0) r.add_outputs("beauty");
+  if (r.has_certificate() && r.certificate().has_pixel_fraction() && r.certificate().pixel_fraction() == 0) r.clear_certificate();
+  if (r.halt().has_error()) r.mutable_certificate();   // what the halt condition is measured by
+  GOBO_TRY(resolveDefaults(r));
+  if (uint64_t(r.width()) * r.height() * r.view_samples() > kMaxViewSamples)
+    return Status(Code::ResourceExhausted, "request.width x height x view_samples = " + std::to_string(uint64_t(r.width()) * r.height() * r.view_samples()) +
+                  ": must be at most " + std::to_string(kMaxViewSamples), "request.width");
+  const bool beauty = std::find(r.outputs().begin(), r.outputs().end(), "beauty") != r.outputs().end();
+  if (r.has_certificate() && !beauty) return invalidArgument("request.certificate: needs output 'beauty'", "request.certificate");
+  const std::string hash = scene->hash().hex();
+  if (!r.scene_hash().empty() && r.scene_hash() != hash)
+    return Status(Code::FailedPrecondition, "scene '" + r.scene() + "' has hash " + hash + ", the request wants " + r.scene_hash(), "request.scene_hash");
+  r.set_scene_hash(hash);
+  return r;
+}
+
+Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request) const {
+  GOBO_ASSIGN(const ScenePtr scene, impl_->scenes.find(request.scene()));
+  return impl_->resolve(request, scene);
+}
+
+Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request) {
+  GOBO_ASSIGN(const ScenePtr scene, impl_->scenes.find(request.scene()));
+  GOBO_ASSIGN(const v1::RenderRequest resolved, impl_->resolve(request, scene));
+  const uint32_t size = blockSizeFor(resolved.halt().has_spp() ? resolved.halt().spp() : 16);
+  GOBO_ASSIGN(const auto plan, makePlan(scene, resolved, 1, size, impl_->plannerServices({})));
+  return plan->pinnedBytes;
+}
+
+void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::map<Hash128, ExecutedNode>& expanded, v1::RenderReply& reply) const {
+  std::map<std::string, v1::NodeReport*> folded;   // transient nodes, one row a type and state
+  for (NodeId id = 0; id < plan.graph.size(); ++id) {
+    const GraphNode& n = plan.graph.at(id);
+    ExecutedNode e = executor.report(id);
+    const auto early = expanded.find(e.key);
+    if (early != expanded.end()) e = early->second;
+    const auto state = e.state == ExecutedNode::State::Run ? v1::NodeReport::RUN : e.state == ExecutedNode::State::Reused ? v1::NodeReport::REUSED : v1::NodeReport::NOT_NEEDED;
+    v1::NodeReport* row = nullptr;
+    if (n.transient) {
+      v1::NodeReport*& slot = folded[n.node->type() + std::to_string(state)];
+      if (!slot) { slot = reply.add_plan(); slot->set_node(n.node->type() + " (folded)"); slot->set_state(state); slot->set_device(n.node->device()); }
+      row = slot;
+      row->set_ms(row->ms() + e.ms);
+      row->set_rays(row->rays() + e.rays);
+      row->set_bytes(std::max<uint64_t>(row->bytes(), e.bytes));
+      row->set_count(row->count() + 1);
+      continue;
+    }
+    row = reply.add_plan();
+    row->set_node(n.label);
+    row->set_state(state);
+    row->set_reason(state == v1::NodeReport::NOT_NEEDED ? "what it feeds was reused" : e.reason);
+    row->set_ms(e.ms);
+    row->set_rays(e.rays);
+    row->set_bytes(e.bytes);
+    row->set_device(n.node->device());
+    if (!e.key.isZero()) row->set_key(e.key.hex());
+    row->set_count(1);
+    if (n.node->traits().extendable) row->set_samples(n.blocks);
+  }
+  for (const PrunedNode& p : plan.graph.pruned()) {
+    auto* row = reply.add_plan();
+    row->set_node(p.label);
+    row->set_state(v1::NodeReport::PRUNED);
+    row->set_reason(p.reason);
+    row->set_approximate(p.approximate);
+    row->set_count(1);
+  }
+  uint64_t rays = 0;
+  for (const auto& row : reply.plan()) rays += row.rays();
+  reply.set_rays(rays);
+}
+
+Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control,
+                                              Clock::time_point start, bool& extendable) {
+  RenderResult result;
+  v1::RenderReply& reply = result.reply;
+  const uint32_t blockSize = blockSizeFor(spp), blocks = (spp + blockSize - 1) / blockSize;
+  std::map<Hash128, ExecutedNode> expanded;
+  GOBO_ASSIGN(const std::unique_ptr<Plan> plan, makePlan(scene, request, blocks, blockSize, plannerServices(control.stop, &expanded)));
+  extendable = plan->extendable;
+
+  std::mutex progressMutex;
+  std::function<void(const std::string&, double)> progress;
+  if (control.progress) progress = [&](const std::string& stage, double fraction) {
+    v1::Progress p;
+    p.set_stage(stage);
+    p.set_fraction(fraction);
+    p.set_spp(blocks * blockSize);
+    p.set_elapsed_ms(msSince(start));
+    std::lock_guard lock(progressMutex);   // nodes report from any thread
+    control.progress(p);
+  };
+  Executor executor(plan->graph, executorServices(), control.stop, progress);
+  for (const PlannedOutput& o : plan->outputs) {
+    GOBO_ASSIGN(const TermPtr term, executor.evaluate(o.node));
+    const auto values = term->floats(o.plane);
+    Image image(term->extent().width, term->extent().height, term->channels(o.plane));
+    image.names = o.channels;
+    std::copy(values.begin(), values.end(), image.data.begin());
+    result.images.push_back({o.name, std::move(image)});
+  }
+  fillReports(*plan, executor, expanded, reply);
+  for (auto& row : *reply.mutable_plan()) if (row.samples()) row.set_samples(row.samples() * blockSize);
+  if (request.has_certificate()) {
+    for (const RenderedImage& image : result.images) {
+      if (image.output != "beauty") continue;
+      GOBO_ASSIGN(*reply.mutable_certificate(), certifyPicture(image.image, plan->effective, request, accels, arena, control.stop));
+    }
+  }
+  *reply.mutable_resolved() = request;
+  // The realised sample count replaces whatever ended the render: sent again, it gives the same bits.
+  reply.mutable_resolved()->clear_halt();
+  reply.mutable_resolved()->mutable_halt()->set_spp(blocks * blockSize);
+  const Hash128 hash = Hasher("request").add(messageHash(reply.resolved())).add(request.scene_hash()).digest();
+  reply.set_request_hash(hash.hex());
+  reply.set_render_id("r" + hash.hex().substr(0, 15));
+  reply.set_seed(request.seed());
+  reply.set_build(buildVersion());
+  for (const std::string& w : plan->warnings) reply.add_warnings(w);
+  for (const std::string& m : plan->missing) reply.add_path_classes_missing(m);
+  reply.set_peak_bytes(executor.peakBytes());
+  reply.set_total_ms(msSince(start));
+  return result;
+}
+
+Result<RenderResult> Engine::render(const v1::RenderRequest& request, const RenderControl& control) {
+  Impl& m = *impl_;
+  const auto start = Clock::now();
+  GOBO_ASSIGN(const ScenePtr scene, m.scenes.find(request.scene()));
+  GOBO_ASSIGN(const v1::RenderRequest resolved, m.resolve(request, scene));
+  const v1::Halt& halt = resolved.halt();
+  const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;
+  const bool open = halt.has_time_s() || halt.has_error();      // the sample count is not known beforehand
+  uint32_t spp = open || control.snapshot ? std::min<uint32_t>(most, 16) : most;
+  std::vector<v1::NodeReport> ran;                              // of earlier passes, so that the last plan tells the whole cost
+
+  while (true) {
+    bool extendable = false;
+    Result<RenderResult> result = m.renderOnce(scene, resolved, spp, control, start, extendable);
+    if (!result.ok()) {
+      if (result.status().code() == Code::Cancelled) {
+        switch (control.stop.reason()) {
+          case StopReason::Preempted: return Status(Code::Aborted, "preempted");
+          case StopReason::Deadline: return Status(Code::DeadlineExceeded, "deadline passed while rendering");
+          default: break;
+        }
+      }
+      return result.status();
+    }
+    const double elapsed = msSince(start);
+    const bool timeUp = halt.has_time_s() && elapsed >= halt.time_s() * 1e3;
+    const bool errorMet = halt.has_error() && result->reply.certificate().rmse_high() <= halt.error();
+    const bool last = !extendable || spp >= most || (open && (timeUp || errorMet)) ;
+    if (last) {
+      ++m.renders;
+      if (halt.has_error() && !errorMet) result->reply.add_warnings("stopped before the error bound was met");
+      m.remember(result->reply.render_id(), resolved);
+      return result;
+    }
+    if (control.snapshot) {
+      m.remember(result->reply.render_id(), resolved);
+      control.snapshot(*result);
+    }
+    // Doubling, but not far beyond what the time bound leaves room for.
+    uint64_t next = uint64_t(spp) * 2;
+    if (halt.has_time_s()) {
+      const double perSample = elapsed / spp, left = halt.time_s() * 1e3 - elapsed;
+      next = std::min<uint64_t>(next, spp + std::max<uint64_t>(16, uint64_t(left / std::max(perSample, 1e-6)) / 16 * 16));
+    }
+    spp = uint32_t(std::min<uint64_t>(next, most));
+  }
+}
+
+Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relight) const {
+  v1::RenderRequest base;
+  {
+    std::lock_guard lock(impl_->rememberMutex);
+    const auto it = impl_->remembered.find(relight.render_id());
+    if (it == impl_->remembered.end())
+      return notFound("no render '" + relight.render_id() + "' (the last " + std::to_string(impl_->options.keepRenders) + " are remembered)", "render_id");
+    base = it->second;
+  }
+  base.clear_scene_hash();   // a relight is of the scene as it is now
+  GOBO_TRY(applyMask(base, relight.patch(), {relight.mask().begin(), relight.mask().end()}));
+  return base;
+}
+
+void Engine::dropCaches(bool disk) {
+  impl_->store->clear(disk);
+  impl_->extensions.clear();
+}
+
+void Engine::fillStatus(v1::StatusReply& s) const {
+  s.set_build(buildVersion());
+  s.set_uptime_s(msSince(impl_->started) * 1e-3);
+  s.set_store_bytes(impl_->store->bytes());
+  s.set_store_limit(impl_->store->maxBytes());
+  s.set_store_terms(impl_->store->count());
+  s.set_disk_bytes(impl_->store->diskBytes());
+  s.set_renders(impl_->renders.load());
+  s.set_scenes(impl_->scenes.count());
+  s.set_threads(uint32_t(impl_->arena.threads()));
+}
+
+std::string buildVersion() { return GOBO_BUILD; }
+
+}  // namespace gobo

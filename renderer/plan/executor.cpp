@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/executor.h"
+
+#include <chrono>
+#include <cstring>
+#include <new>
+
+namespace gobo {
+
+void ExtensionIndex::add(const Hash128& recipe, uint32_t blocks) {
+  std::lock_guard lock(mutex_);
+  if (counts_.size() > 4096) counts_.clear();   // hints only; bounded
+  counts_[recipe].insert(blocks);
+}
+
+std::vector<uint32_t> ExtensionIndex::below(const Hash128& recipe, uint32_t blocks) const {
+  std::lock_guard lock(mutex_);
+  std::vector<uint32_t> out;
+  const auto it = counts_.find(recipe);
+  if (it == counts_.end()) return out;
+  for (auto c = it->second.rbegin(); c != it->second.rend(); ++c)
+    if (*c < blocks) out.push_back(*c);
+  return out;
+}
+
+void ExtensionIndex::park(const Hash128& recipe, TermPtr state) {
+  std::lock_guard lock(mutex_);
+  if (parked_.size() >= 16) parked_.erase(parked_.begin());
+  parked_[recipe] = std::move(state);
+}
+
+TermPtr ExtensionIndex::takeParked(const Hash128& recipe) {
+  std::lock_guard lock(mutex_);
+  const auto it = parked_.find(recipe);
+  if (it == parked_.end()) return nullptr;
+  TermPtr state = it->second;
+  parked_.erase(it);
+  return state;
+}
+
+void ExtensionIndex::clear() {
+  std::lock_guard lock(mutex_);
+  counts_.clear();
+  parked_.clear();
+}
+
+namespace {
+
+// NaN and Inf are the values whose exponent bits are all ones; testing bits keeps the loop free of branches.
+template <typename Bits, int exponentShift, Bits exponentMask>
+bool anyNonFinite(const uint8_t* bytes, size_t count) {
+  Bits bad = 0;
+  for (size_t i = 0; i < count; ++i) {
+    Bits b;
+    std::memcpy(&b, bytes + i * sizeof(Bits), sizeof b);
+    bad |= Bits(((b >> exponentShift) & exponentMask) == exponentMask);
+  }
+  return bad != 0;
+}
+
+template <typename T>
+std::string describeNonFinite(const Plane& p, bool infAllowed) {
+  const T* v = reinterpret_cast<const T*>(p.bytes.data());
+  for (size_t i = 0; i < p.bytes.size() / sizeof(T); ++i)
+    if (std::isnan(v[i]) || (!infAllowed && std::isinf(v[i])) || (infAllowed && std::isinf(v[i]) && v[i] < 0))
+      return "plane " + p.name + ", element " + std::to_string(i / p.channels) + ": " + std::to_string(v[i]);
+  return {};
+}
+
+}  // namespace
+
+std::string firstNonFinite(const Term& term, const TaskArena& arena) {
+  for (const Plane& p : term.planes()) {
+    if (p.format != Format::F32 && p.format != Format::F64) continue;
+    const size_t size = formatSize(p.format), count = p.bytes.size() / size;
+    std::atomic<bool> bad{false};
+    arena.parallelFor(count, 1 << 18, [&](size_t begin, size_t end) {
+      const uint8_t* at = p.bytes.data() + begin * size;
+      const bool found = p.format == Format::F32 ? anyNonFinite<uint32_t, 23, 0xffu>(at, end - begin)
+                                                 : anyNonFinite<uint64_t, 52, 0x7ffull>(at, end - begin);
+      if (found) bad.store(true, std::memory_order_relaxed);
+    });
+    if (!bad) continue;
+    const bool infAllowed = p.name == "depth";
+    const std::string text = p.format == Format::F32 ? describeNonFinite<float>(p, infAllowed) : describeNonFinite<double>(p, infAllowed);
+    if (!text.empty()) return text;
+  }
+  return {};
+}
+
+Executor::Executor(const Graph& graph, ExecutorServices services, StopToken stop, std::function<void(const std::string&, double)> progress)
+    : graph_(graph), services_(services), stop_(stop), progress_(std::move(progress)) {}
+
+void Executor::grow() {
+  if (results_.size() >= size_t(graph_.size())) return;
+  results_.resize(graph_.size());
+  recipes_.resize(graph_.size());
+  reports_.resize(graph_.size());
+}
+
+const ExecutedNode& Executor::report(NodeId id) { grow(); return reports_[id]; }
+
+Result<Hash128> Executor::recipeKey(NodeId id) {
+  grow();
+  if (!recipes_[id].isZero()) return recipes_[id];
+  const GraphNode& n = graph_.at(id);
+  const NodeTraits traits = n.node->traits();
+  Hasher h("recipe");
+  h.add(n.node->type()).add(n.node->version()).add(n.node->numericClass());
+  n.node->hashParameters(h);
+  if (traits.facets != Facet::None) h.add(n.scene->facetHash(traits.facets, n.lights)).addArray(n.lights);
+  for (NodeId input : n.inputs) {
+    GOBO_ASSIGN(const Hash128 digest, identity(input));
+    h.add(digest);
+  }
+  grow();
+  return recipes_[id] = h.digest();
+}
+
+Result<Hash128> Executor::identity(NodeId id) {
+  grow();
+  const GraphNode& n = graph_.at(id);
+  const NodeTraits traits = n.node->traits();
+  if (traits.smallOutput) {
+    GOBO_ASSIGN(const TermPtr term, evaluate(id));
+    return term->content();
+  }
+  GOBO_ASSIGN(const Hash128 recipe, recipeKey(id));
+  if (!traits.extendable) return recipe;
+  return Hasher("blocks").add(recipe).add(n.blocks).digest();
+}
+
+Result<TermPtr> Executor::evaluate(NodeId id) {
+  grow();
+  if (results_[id]) return results_[id];
+  if (stop_.stopRequested()) return Status(Code::Cancelled, "stopped");
+  const GraphNode& n = graph_.at(id);
+  GOBO_ASSIGN(const Hash128 recipe, recipeKey(id));
+  const Hash128 key = n.node->traits().extendable ? Hasher("blocks").add(recipe).add(n.blocks).digest() : recipe;
+  ExecutedNode& report = reports_[id];
+  report.key = key;
+  TermStore::Tier tier = TermStore::Tier::None;
+  TermPtr term = services_.store->get(key, &tier);
+  if (term) {
+    report.state = ExecutedNode::State::Reused;
+    report.reason = tier == TermStore::Tier::Disk ? "disk" : "memory";
+    report.bytes = term->bytes();
+    report.count = 1;
+  } else {
+    GOBO_ASSIGN(term, run(id, recipe, key));
+  }
+  if (!n.transient) results_[id] = term;
+  heldBytes_ += n.transient ? 0 : term->bytes();
+  peakBytes_ = std::max(peakBytes_, heldBytes_);
+  return term;
+}
+
+RunContext Executor::context(NodeId id) {
+  const GraphNode& n = graph_.at(id);
+  RunContext ctx;
+  ctx.arena = services_.arena;
+  ctx.stop = stop_;
+  if (n.node->traits().facets != Facet::None) ctx.accels = services_.accels;
+  if (progress_) ctx.progress = [this, label = n.label](double fraction) { progress_(label, fraction); };
+  return ctx;
+}
+
+Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& key) {
+  const GraphNode& n = graph_.at(id);
+  const NodeTraits traits = n.node->traits();
+  const auto* fold = dynamic_cast<const FoldNode*>(n.node.get());
+  RunContext ctx = context(id);
+  if (!fold) {
+    for (NodeId input : n.inputs) {
+      GOBO_ASSIGN(TermPtr term, evaluate(input));
+      ctx.inputs.push_back(std::move(term));
+    }
+  }
+  RunCounters counters;
+  ctx.counters = &counters;
+  std::optional<SceneView> view;
+  if (traits.facets != Facet::None) ctx.scene = &view.emplace(*n.scene, traits.facets, n.lights);
+  std::string reason;
+  TermPtr parked;
+  if (traits.extendable) {
+    ctx.targetBlocks = n.blocks;
+    ctx.park = &parked;
+    ctx.previous = services_.extensions->takeParked(recipe);
+    if (ctx.previous) reason = "resumed";
+    if (!ctx.previous) {
+      for (uint32_t blocks : services_.extensions->below(recipe, n.blocks)) {
+        ctx.previous = services_.store->get(Hasher("blocks").add(recipe).add(blocks).digest());
+        if (!ctx.previous) continue;
+        reason = "extended from " + std::to_string(blocks) + " blocks";
+        break;
+      }
+    }
+  }
+
+  const auto start = std::chrono::steady_clock::now();
+  Result<TermPtr> result = internalError("not run");
+  try {
+    result = fold ? runFold(id, *fold, ctx) : n.node->run(ctx);
+  } catch (const std::bad_alloc&) {
+    result = Status(Code::ResourceExhausted, "out of memory in node " + n.label, n.label);
+  }
+  const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  if (parked && !result.ok()) services_.extensions->park(recipe, parked);
+  if (!result.ok()) return result.status().at("node " + n.label);
+  const TermPtr term = *result;
+  const std::string bad = firstNonFinite(*term, *services_.arena);
+  if (!bad.empty()) return internalError("a non-finite value would leave the node: " + bad, "node " + n.label);
+
+  ExecutedNode& report = reports_[id];
+  report.state = ExecutedNode::State::Run;
+  report.ms += ms;
+  report.rays += counters.rays.load();
+  report.bytes = term->bytes();
+  report.reason = reason;
+  report.count += 1;
+  if (!n.transient) {
+    services_.store->put(key, term, traits.persist);
+    if (traits.extendable) services_.extensions->add(recipe, n.blocks);
+  }
+  return term;
+}
+
+Result<TermPtr> Executor::runFold(NodeId id, const FoldNode& fold, RunContext& ctx) {
+  const GraphNode& n = graph_.at(id);
+  std::vector<TermPtr> fixed;
+  for (int i = 0; i < fold.fixedInputs(); ++i) {
+    GOBO_ASSIGN(TermPtr term, evaluate(n.inputs[i]));
+    fixed.push_back(std::move(term));
+  }
+  std::unique_ptr<FoldNode::State> state = fold.begin(ctx, fixed);
+  const int steps = (int(n.inputs.size()) - fold.fixedInputs()) / fold.stride();
+  for (int s = 0; s < steps; ++s) {
+    if (stop_.stopRequested()) return Status(Code::Cancelled, "stopped");
+    std::vector<TermPtr> inputs;
+    uint64_t stepBytes = 0;
+    for (int k = 0; k < fold.stride(); ++k) {
+      GOBO_ASSIGN(TermPtr term, evaluate(n.inputs[fold.fixedInputs() + s * fold.stride() + k]));
+      stepBytes += term->bytes();
+      inputs.push_back(std::move(term));
+    }
+    peakBytes_ = std::max(peakBytes_, heldBytes_ + stepBytes);
+    GOBO_TRY(fold.step(ctx, *state, s, inputs));
+    if (ctx.progress) ctx.progress(double(s + 1) / steps);
+  }
+  return fold.finish(ctx, std::move(state));
+}
+
+}  // namespace gobo

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// Executor: evaluates nodes of a graph on demand. The output is asked for; what the store has is not run, and neither is
+// anything that only it needs. Keys:
+//   recipe key  = H(type, version, numeric class, parameters, facet digests, input identities)
+//   identity    = content digest for small outputs, H(recipe key, blocks) for extendable nodes, recipe key otherwise
+// One executor serves one request on one thread; nodes use the arena.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <mutex>
+#include <set>
+#include <vector>
+
+#include "base/status.h"
+#include "base/stop.h"
+#include "plan/store.h"
+#include "terms/graph.h"
+
+namespace gobo {
+
+/// Which block counts of an extendable recipe were made, and partial states of stopped ones. Shared by the executors of an
+/// engine; hints only: losing it costs time, never correctness. Thread-safe.
+class ExtensionIndex {
+ public:
+  void add(const Hash128& recipe, uint32_t blocks);
+  /// Known counts below `blocks`, largest first.
+  std::vector<uint32_t> below(const Hash128& recipe, uint32_t blocks) const;
+  void park(const Hash128& recipe, TermPtr state);
+  TermPtr takeParked(const Hash128& recipe);
+  void clear();
+
+ private:
+  mutable std::mutex mutex_;
+  std::map<Hash128, std::set<uint32_t>> counts_;
+  std::map<Hash128, TermPtr> parked_;
+};
+
+struct ExecutedNode {
+  enum class State { NotNeeded, Run, Reused } state = State::NotNeeded;
+  double ms = 0;
+  uint64_t rays = 0, bytes = 0;
+  std::string reason;
+  Hash128 key;
+  uint32_t count = 0;      ///< evaluations (transient nodes of a fold may be folded into one row by the reporter)
+};
+
+struct ExecutorServices {
+  TermStore* store = nullptr;
+  ExtensionIndex* extensions = nullptr;
+  AccelCache* accels = nullptr;
+  const TaskArena* arena = nullptr;
+};
+
+class Executor {
+ public:
+  Executor(const Graph& graph, ExecutorServices services, StopToken stop, std::function<void(const std::string&, double)> progress = {});
+  Result<TermPtr> evaluate(NodeId id);
+  /// The key under which the node's result is stored. May evaluate small-output nodes above it.
+  Result<Hash128> identity(NodeId id);
+  const ExecutedNode& report(NodeId id);
+  uint64_t peakBytes() const { return peakBytes_; }
+
+ private:
+  Result<Hash128> recipeKey(NodeId id);
+  Result<TermPtr> run(NodeId id, const Hash128& recipe, const Hash128& key);
+  Result<TermPtr> runFold(NodeId id, const class FoldNode& fold, RunContext& ctx);
+  RunContext context(NodeId id);
+  void grow();
+
+  const Graph& graph_;
+  ExecutorServices services_;
+  StopToken stop_;
+  std::function<void(const std::string&, double)> progress_;
+  std::vector<TermPtr> results_;
+  std::vector<Hash128> recipes_;
+  std::vector<ExecutedNode> reports_;
+  uint64_t heldBytes_ = 0, peakBytes_ = 0;
+};
+
+/// First non-finite value of a term, as "plane V, element 12: nan"; empty if there is none. +inf is allowed in planes
+/// called "depth" only.
+std::string firstNonFinite(const Term& term, const TaskArena& arena);
+
+}  // namespace gobo

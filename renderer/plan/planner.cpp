@@ -1,0 +1,417 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/planner.h"
+
+#include <algorithm>
+#include <map>
+
+#include "filters/composite.h"
+#include "filters/shadow_technique.h"
+#include "terms/direct_unoccluded.h"
+#include "terms/extract_lights.h"
+#include "terms/gbuffer.h"
+#include "terms/path_trace.h"
+#include "terms/surface.h"
+
+namespace gobo {
+
+namespace {
+
+constexpr int kUnoccludedSamples = 32;
+
+/// One weighted plane of the beauty and what it holds.
+struct Contribution {
+  NodeId node;
+  std::string plane;
+  Vec3 weight;
+  PathClass pathClass;
+  int group;          ///< relight group, -1 for differences of edited cluster lights
+};
+
+class PlanMaker {
+ public:
+  PlanMaker(const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services, Plan& plan)
+      : request_(request), blocks_(blocks), blockSize_(blockSize), services_(services), plan_(plan), scene_(plan.effective.scene),
+        width_(int(request.width())), height_(int(request.height())), viewSamples_(int(request.view_samples())) {
+    view_.camera = plan.effective.camera;
+    view_.width = width_;
+    view_.height = height_;
+    view_.viewSamples = viewSamples_;
+  }
+
+  Status make() {
+    for (const std::string& o : request_.outputs()) splitClasses_ = splitClasses_ || o == "direct" || o == "indirect" || o == "emission";
+    const bool radiance = std::any_of(request_.outputs().begin(), request_.outputs().end(), [](const std::string& o) {
+      return o == "beauty" || o == "direct" || o == "indirect" || o == "emission" || o.rfind("group:", 0) == 0;
+    });
+    if (radiance) GOBO_TRY(planRadiance());
+    for (const std::string& o : request_.outputs()) GOBO_TRY(planOutput(o));
+    for (NodeId i = 0; i < plan_.graph.size(); ++i) {
+      const GraphNode& n = plan_.graph.at(i);
+      plan_.extendable = plan_.extendable || n.node->traits().extendable;
+      if (!n.transient) plan_.pinnedBytes += n.node->outputBytes();
+    }
+    return {};
+  }
+
+ private:
+  // ---- view terms -------------------------------------------------------------------------------------------------
+  NodeId source(NodePtr node, std::vector<NodeId> inputs, std::vector<int> lights, std::string label, const ScenePtr& scene, bool transient = false) {
+    GraphNode n{std::move(node), std::move(inputs), std::move(lights), std::move(label), 0, scene, transient};
+    return plan_.graph.add(std::move(n));
+  }
+  NodeId filter(NodePtr node, std::vector<NodeId> inputs, std::string label) {
+    return plan_.graph.add({std::move(node), std::move(inputs), {}, std::move(label)});
+  }
+  NodeId gbuffer() { return source(makeGBufferNode(view_), {}, {}, "gbuffer", scene_); }
+  NodeId surface() { return source(makeSurfaceNode(view_), {gbuffer()}, {}, "surface", scene_); }
+
+  // ---- techniques -------------------------------------------------------------------------------------------------
+  v1::ShadowTechnique techniqueOf(int light, const ScenePtr& scene, const std::string& name) {
+    v1::ShadowTechnique t = request_.shadows();
+    const auto edit = request_.lights().find(name);
+    if (edit != request_.lights().end() && edit->second.has_shadow()) t = edit->second.shadow();
+    const LightKind kind = scene->lights[light].shape.kind;
+    const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
+    if (entry && kind == LightKind::Environment) { t.mutable_path_traced(); return t; }
+    if (entry && !entry->supports(kind)) {
+      warn(std::string(entry->name) + " does not do the kind of light '" + name + "': ray_traced used");
+      t.mutable_ray_traced();
+      (void)resolveRayTraced(t);
+    }
+    return t;
+  }
+  static Status resolveRayTraced(v1::ShadowTechnique& t) {
+    if (!t.ray_traced().has_samples()) t.mutable_ray_traced()->set_samples(16);
+    return {};
+  }
+  void warn(const std::string& text) {
+    if (std::find(plan_.warnings.begin(), plan_.warnings.end(), text) == plan_.warnings.end()) plan_.warnings.push_back(text);
+  }
+  Result<NodeId> visibility(int light, const ScenePtr& scene, const v1::ShadowTechnique& t) {
+    ShadowInput in;
+    in.scene = scene;
+    in.light = light;
+    in.gbuffer = gbuffer();
+    in.camera = view_.camera;
+    in.width = width_;
+    in.height = height_;
+    in.viewSamples = viewSamples_;
+    in.seed = request_.seed();
+    const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
+    GOBO_CHECK(entry != nullptr);
+    return entry->plan(plan_.graph, in, t);
+  }
+  NodeId unoccluded(int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false) {
+    DirectUnoccludedSettings s;
+    s.view = view_;
+    s.light = light;
+    s.nominal = nominal;
+    s.samples = kUnoccludedSamples;
+    s.seed = request_.seed();
+    return source(makeDirectUnoccludedNode(s), {gbuffer(), surface()}, {light}, "unoccluded:" + scene->lights[light].name, scene, transient);
+  }
+
+  // ---- radiance ---------------------------------------------------------------------------------------------------
+  void add(NodeId node, std::string plane, const Vec3& weight, PathClass c, int group) {
+    if (weight == Vec3(0.0f)) return;
+    contributions_.push_back({node, std::move(plane), weight, c, group});
+  }
+  Vec3 groupGain(int group) const {
+    const auto& members = plan_.groups.members[group];
+    return members.size() == 1 ? plan_.effective.gains[members[0]] : Vec3(1.0f);
+  }
+  std::string groupName(int group) const {
+    const auto& members = plan_.groups.members[group];
+    return members.size() == 1 ? scene_->lights[members[0]].name : "cluster of " + std::to_string(members.size());
+  }
+
+  /// A path tracing node over `lights` with one slot group per entry of `groups` (relight group ids, ascending).
+  void pathTrace(const std::vector<int>& lights, PathClass cover, const std::string& label, const std::vector<Vec3>& nominal, const std::vector<int>& slotGroup,
+                 const std::vector<int>& groups, const std::vector<Vec3>& weights) {
+    PathTracerSettings s;
+    s.camera = view_.camera;
+    s.width = width_;
+    s.height = height_;
+    s.viewSamples = request_.integrator().at_view_samples() ? viewSamples_ : 0;
+    s.maxBounces = has(cover, PathClass::Indirect) ? int(request_.integrator().max_bounces()) : 0;
+    s.rouletteStart = int(request_.integrator().russian_roulette_start());
+    s.blockSize = int(blockSize_);
+    s.seed = request_.seed();
+    s.cover = cover;
+    const int classes = has(cover, PathClass::Emission) + has(cover, PathClass::Direct) + has(cover, PathClass::Indirect);
+    s.split = splitClasses_ && classes > 1 ? SplitMode::DirectIndirect : SplitMode::Combined;
+    s.selection = request_.integrator().light_selection() == v1::Integrator::UNIFORM ? LightSelection::Uniform
+                  : request_.integrator().light_selection() == v1::Integrator::POWER ? LightSelection::Power
+                                                                                     : LightSelection::Tree;
+    s.groups = int(groups.size());
+    s.groupOf = slotGroup;
+    s.nominal = nominal;
+    GraphNode n{makePathTraceNode(s), {}, lights, label, blocks_, scene_};
+    const NodeId state = plan_.graph.add(std::move(n));
+    const int per = slotsPerGroup(s.split, s.maxBounces);
+    const NodeId mean = filter(makeResolveNode(width_, height_, per * s.groups), {state}, label + ":mean");
+    for (size_t g = 0; g < groups.size(); ++g) {
+      for (int k = 0; k < per; ++k) {
+        const PathClass c = per == 1 ? cover : k == 0 ? PathClass::Emission : k == 1 ? PathClass::Direct : PathClass::Indirect;
+        if (per > 1 && !has(cover, c)) continue;
+        add(mean, "s" + std::to_string(int(g) * per + k), weights[g], c, groups[g]);
+      }
+    }
+  }
+
+  /// The same for whole relight groups restricted to `lights`.
+  void pathTraceGroups(const std::vector<int>& lights, PathClass cover, const std::string& label) {
+    std::vector<int> groups, slotGroup;
+    std::vector<Vec3> nominal, weights;
+    for (int l : lights) {
+      const int g = plan_.groups.groupOf[l];
+      if (std::find(groups.begin(), groups.end(), g) == groups.end()) groups.push_back(g);
+    }
+    std::sort(groups.begin(), groups.end());
+    for (int l : lights) {
+      slotGroup.push_back(int(std::find(groups.begin(), groups.end(), plan_.groups.groupOf[l]) - groups.begin()));
+      nominal.push_back(plan_.groups.nominal[l]);
+    }
+    for (int g : groups) weights.push_back(groupGain(g));
+    pathTrace(lights, cover, label, nominal, slotGroup, groups, weights);
+    for (int l : lights) cover_[plan_.groups.groupOf[l]] = cover_[plan_.groups.groupOf[l]] | cover;
+  }
+
+  Status planRadiance() {
+    const auto& lights = scene_->lights;
+    const int n = int(lights.size());
+    const bool indirect = request_.integrator().indirect() && request_.integrator().max_bounces() > 0;
+    if (n == 0) {
+      plan_.graph.prune("beauty", "the scene has no light");
+      return {};
+    }
+    cover_.assign(plan_.groups.count, PathClass::None);
+    if (!indirect) plan_.graph.prune("indirect", request_.integrator().indirect() ? "max_bounces is 0" : "integrator.indirect is false", true);
+    const bool extract = request_.has_environment() && request_.environment().extract_lights() > 0 && scene_->environment != nullptr;
+
+    std::vector<int> all, traced, viewed, visible;   // viewed: direct by a visibility technique; visible: emission by a separate node
+    std::vector<v1::ShadowTechnique> technique(n);
+    for (int l = 0; l < n; ++l) {
+      all.push_back(l);
+      technique[l] = techniqueOf(l, scene_, lights[l].name);
+      const bool environmentByLights = extract && lights[l].shape.kind == LightKind::Environment;
+      if (!findShadowTechnique(technique[l].technique_case()) && !environmentByLights) { traced.push_back(l); continue; }
+      if (!environmentByLights) viewed.push_back(l);
+      if (!isDeltaLight(lights[l].shape.kind)) visible.push_back(l);
+    }
+    if (int(traced.size()) == n) {
+      pathTraceGroups(all, indirect ? PathClass::All : PathClass::Emission | PathClass::Direct, "path_trace");
+    } else {
+      if (indirect) pathTraceGroups(all, PathClass::Indirect, "indirect");
+      if (!traced.empty()) pathTraceGroups(traced, PathClass::Emission | PathClass::Direct, "direct");
+      if (!visible.empty()) pathTraceGroups(visible, PathClass::Emission, "emission");
+      GOBO_TRY(planViewedDirect(viewed, technique));
+      if (extract) GOBO_TRY(planExtractedEnvironment());
+    }
+    planClusterEdits(indirect);
+    reportCover();
+    return {};
+  }
+
+  Status planViewedDirect(const std::vector<int>& viewed, const std::vector<v1::ShadowTechnique>& technique) {
+    std::map<int, std::vector<NodeId>> folds;   // cluster group -> pairs (L, V)
+    if (!viewed.empty()) surface();             // made (and kept) before any node that is marked transient below
+    for (int l : viewed) {
+      const int group = plan_.groups.groupOf[l];
+      const bool single = plan_.groups.single(group);
+      const std::string& name = scene_->lights[l].name;
+      if (single && groupGain(group) == Vec3(0.0f)) {
+        plan_.graph.prune("direct:" + name, "its gain is zero");
+        cover_[group] = cover_[group] | PathClass::Direct;
+        continue;
+      }
+      const int before = plan_.graph.size();
+      const NodeId light = unoccluded(l, scene_, plan_.groups.nominal[l], !single);
+      GOBO_ASSIGN(const NodeId v, visibility(l, scene_, technique[l]));
+      if (single) {
+        add(filter(makeShadeNode(width_, height_, viewSamples_), {light, v}, "direct:" + name), "rgb", groupGain(group), PathClass::Direct, group);
+      } else {
+        plan_.graph.markTransient(before, v);
+        folds[group].push_back(light);
+        folds[group].push_back(v);
+      }
+      cover_[group] = cover_[group] | PathClass::Direct;
+    }
+    for (auto& [group, pairs] : folds) {
+      const int count = int(pairs.size() / 2);
+      add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), "direct:" + groupName(group)), "rgb", groupGain(group), PathClass::Direct, group);
+    }
+    return {};
+  }
+
+  Status planExtractedEnvironment() {
+    int environment = -1;
+    for (size_t l = 0; l < scene_->lights.size(); ++l)
+      if (scene_->lights[l].shape.kind == LightKind::Environment) environment = int(l);
+    if (environment < 0) return {};
+    const int group = plan_.groups.groupOf[environment];
+    const NodeId list = source(makeExtractLightsNode(int(request_.environment().extract_lights())), {}, {}, "extract_lights", scene_);
+    GOBO_ASSIGN(const TermPtr term, services_.expand(plan_.graph, list));
+    const auto directions = term->floats("direction");
+    const auto irradiance = term->floats("irradiance");
+    const float r = scene_->environment->rotation, cosR = std::cos(r), sinR = std::sin(r);
+    auto extended = std::make_shared<Scene>(*scene_);
+    const int first = int(extended->lights.size()), count = term->extent().width;
+    for (int i = 0; i < count; ++i) {
+      Light light;
+      light.name = "environment/" + std::to_string(i);
+      light.shape.kind = LightKind::Directional;
+      const Vec3 d(directions[3 * i], directions[3 * i + 1], directions[3 * i + 2]);
+      light.shape.axis = -Vec3(d.x * cosR + d.z * sinR, d.y, d.z * cosR - d.x * sinR);
+      light.power = Vec3(irradiance[3 * i], irradiance[3 * i + 1], irradiance[3 * i + 2]);
+      extended->lights.push_back(light);
+    }
+    GOBO_TRY(extended->seal());
+    v1::ShadowTechnique t = techniqueOf(first, extended, "environment");
+    if (!findShadowTechnique(t.technique_case())) { t.mutable_ray_traced()->set_samples(1); }
+    std::vector<NodeId> pairs;
+    const Vec3 nominal = plan_.groups.nominal[environment];   // scale of the map that gains refer to
+    for (int i = 0; i < count; ++i) {
+      const Vec3 power = extended->lights[first + i].power * nominal;
+      pairs.push_back(unoccluded(first + i, extended, power));
+      GOBO_ASSIGN(const NodeId v, visibility(first + i, extended, t));
+      pairs.push_back(v);
+    }
+    plan_.graph.prune("direct:environment map", "replaced by " + std::to_string(count) + " extracted lights", true);
+    if (count > 0)
+      add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), "direct:environment"), "rgb", groupGain(group), PathClass::Direct, group);
+    cover_[group] = cover_[group] | PathClass::Direct;
+    return {};
+  }
+
+  /// Lights edited inside a cluster: trace that light alone, add (gain - 1) times it. The cluster itself is untouched.
+  void planClusterEdits(bool indirect) {
+    for (size_t l = 0; l < scene_->lights.size(); ++l) {
+      if (!plan_.effective.edited[l] || plan_.groups.single(plan_.groups.groupOf[l])) continue;
+      const Vec3 weight = plan_.effective.rawGains[l] - Vec3(1.0f);
+      // A difference of all three classes at once, whatever technique the cluster uses for its own direct light.
+      pathTrace({int(l)}, indirect ? PathClass::All : PathClass::Emission | PathClass::Direct, "difference:" + scene_->lights[l].name, {scene_->lights[l].power}, {0}, {-1}, {weight});
+    }
+  }
+
+  void reportCover() {
+    for (int g = 0; g < plan_.groups.count; ++g) {
+      bool anyVisible = false;
+      for (int l : plan_.groups.members[g]) anyVisible = anyVisible || !isDeltaLight(scene_->lights[l].shape.kind);
+      if (!has(cover_[g], PathClass::Direct)) plan_.missing.push_back("direct (" + groupName(g) + ")");
+      if (anyVisible && !has(cover_[g], PathClass::Emission)) plan_.missing.push_back("emission (" + groupName(g) + ")");
+      if (!has(cover_[g], PathClass::Indirect)) plan_.missing.push_back("indirect (" + groupName(g) + ")");
+    }
+  }
+
+  // ---- outputs ----------------------------------------------------------------------------------------------------
+  NodeId compose(const std::string& label, const std::function<bool(const Contribution&)>& wanted) {
+    Expression e;
+    std::vector<NodeId> inputs;
+    int sum = -1;
+    for (const Contribution& c : contributions_) {
+      if (!wanted(c)) continue;
+      auto at = std::find(inputs.begin(), inputs.end(), c.node);
+      if (at == inputs.end()) at = inputs.insert(inputs.end(), c.node);
+      const int plane = e.plane(int(at - inputs.begin()), c.plane);
+      if (sum < 0) sum = e.constant(Vec3(0.0f));
+      sum = e.multiplyAdd(sum, c.weight, plane);
+    }
+    if (sum < 0) e.constant(Vec3(0.0f));
+    return filter(makeCompositeNode(std::move(e), width_, height_), std::move(inputs), label);
+  }
+  NodeId pixelMean(NodeId node, const std::string& plane, int channels, bool overValid, const std::string& label) {
+    std::vector<NodeId> inputs{node, gbuffer()};
+    return filter(makePixelMeanNode(plane, channels, width_, height_, viewSamples_, overValid), std::move(inputs), label);
+  }
+  void output(const std::string& name, NodeId node, std::string plane, std::vector<std::string> channels) {
+    plan_.outputs.push_back({name, node, std::move(plane), std::move(channels)});
+  }
+
+  Status planOutput(const std::string& o) {
+    const std::vector<std::string> rgb{"R", "G", "B"};
+    const auto only = [](PathClass c) { return [c](const Contribution& k) { return k.pathClass == c; }; };
+    const size_t colon = o.find(':');
+    const std::string kind = o.substr(0, colon), name = colon == std::string::npos ? "" : o.substr(colon + 1);
+    if (o == "beauty") output(o, compose(o, [](const Contribution&) { return true; }), "rgb", rgb);
+    else if (o == "direct") output(o, compose(o, only(PathClass::Direct)), "rgb", rgb);
+    else if (o == "indirect") output(o, compose(o, only(PathClass::Indirect)), "rgb", rgb);
+    else if (o == "emission") output(o, compose(o, only(PathClass::Emission)), "rgb", rgb);
+    else if (o == "albedo") output(o, pixelMean(surface(), "albedo", 3, false, o), "albedo", rgb);
+    else if (o == "normal") output(o, pixelMean(surface(), "N", 3, true, o), "N", {"X", "Y", "Z"});
+    else if (o == "position") output(o, pixelMean(gbuffer(), "P", 3, true, o), "P", {"X", "Y", "Z"});
+    else if (o == "depth") output(o, pixelMean(gbuffer(), "depth", 1, true, o), "depth", {"Z"});
+    else if (o == "alpha") output(o, filter(makeAlphaNode(width_, height_, viewSamples_), {gbuffer()}, o), "alpha", {"A"});
+    else if (kind == "group") {
+      const int light = scene_->findLight(name), group = plan_.groups.groupOf[light];
+      output(o, compose(o, [group](const Contribution& c) { return c.group == group; }), "rgb", rgb);
+    } else if (kind == "visibility") {
+      const int light = scene_->findLight(name);
+      v1::ShadowTechnique t = techniqueOf(light, scene_, name);
+      if (!findShadowTechnique(t.technique_case())) { t.mutable_ray_traced(); GOBO_TRY(resolveRayTraced(t)); }
+      GOBO_ASSIGN(const NodeId v, visibility(light, scene_, t));
+      output(o, pixelMean(v, "V", 1, true, o), "V", {"Y"});
+    } else if (kind == "unoccluded") {
+      const int light = scene_->findLight(name);
+      output(o, pixelMean(unoccluded(light, scene_, Vec3(nominalScalar(scene_->lights[light]))), "L", 3, false, o), "L", rgb);
+    }
+    return {};
+  }
+
+  const v1::RenderRequest& request_;
+  uint32_t blocks_, blockSize_;
+  const PlannerServices& services_;
+  Plan& plan_;
+  ScenePtr scene_;
+  int width_, height_, viewSamples_;
+  GBufferSettings view_;
+  bool splitClasses_ = false;
+  std::vector<Contribution> contributions_;
+  std::vector<PathClass> cover_;
+};
+
+}  // namespace
+
+uint32_t blockSizeFor(uint32_t spp) {
+  uint32_t size = 16;
+  while (size > std::max(spp, 1u)) size /= 2;
+  return size;
+}
+
+Status checkOutputs(const Scene& scene, const v1::RenderRequest& request) {
+  static const char* plain[] = {"beauty", "direct", "indirect", "emission", "albedo", "normal", "position", "depth", "alpha"};
+  for (const std::string& o : request.outputs()) {
+    if (std::find(std::begin(plain), std::end(plain), o) != std::end(plain)) continue;
+    const size_t colon = o.find(':');
+    const std::string kind = o.substr(0, colon), name = colon == std::string::npos ? "" : o.substr(colon + 1);
+    if (colon == std::string::npos || (kind != "visibility" && kind != "unoccluded" && kind != "group"))
+      return invalidArgument("request.outputs: no output '" + o + "' (has: beauty, direct, indirect, emission, albedo, normal, position, depth, alpha, "
+                             "visibility:LIGHT, unoccluded:LIGHT, group:LIGHT)", "request.outputs");
+    const int light = scene.findLight(name);
+    if (light < 0) return notFound("request.outputs: no light '" + name + "' in the scene", "request.outputs");
+    if (kind != "group" && scene.lights[light].shape.kind == LightKind::Environment)
+      return invalidArgument("request.outputs: '" + o + "': an environment has no single visibility; ask for group:" + name, "request.outputs");
+  }
+  return {};
+}
+
+std::vector<std::string> classesNotCovered(const Scene& scene) {
+  bool delta = false, specular = false;
+  for (const Light& l : scene.lights) delta = delta || isDeltaLight(l.shape.kind);
+  for (const Material& m : scene.materials)
+    specular = specular || (m.bsdf.roughness * m.bsdf.roughness < 1e-3f && (m.bsdf.metallic > 0 || m.bsdf.transmission > 0));
+  if (delta && specular) return {"point, spot and directional lights seen through a specular chain (their caustics and mirror images)"};
+  return {};
+}
+
+Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services) {
+  auto plan = std::make_unique<Plan>();
+  GOBO_ASSIGN(plan->effective, makeEffectiveScene(base, request, services.loadEnvironment));
+  GOBO_TRY(checkOutputs(*plan->effective.scene, request));
+  plan->groups = makeGroups(*plan->effective.scene, int(request.integrator().max_groups()));
+  PlanMaker maker(request, blocks, blockSize, services, *plan);
+  GOBO_TRY(maker.make());
+  return plan;
+}
+
+}  // namespace gobo

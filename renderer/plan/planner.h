@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// Planner: a resolved request becomes a graph of nodes and the pictures to read from it. Pure but for `expand`, by which an
+// expander node is evaluated while planning (its result decides which nodes follow).
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "filters/expression.h"
+#include "plan/effective_scene.h"
+#include "terms/graph.h"
+#include "terms/path_class.h"
+
+namespace gobo {
+
+struct PlannedOutput {
+  std::string name;
+  NodeId node = -1;
+  std::string plane;
+  std::vector<std::string> channels;   ///< EXR channel names
+};
+
+struct Plan {
+  Graph graph;
+  EffectiveScene effective;
+  RelightGroups groups;
+  std::vector<PlannedOutput> outputs;
+  bool extendable = false;               ///< some node takes more samples
+  std::vector<std::string> missing;      ///< "indirect (environment)": classes that no term of the beauty holds
+  std::vector<std::string> warnings;
+  uint64_t pinnedBytes = 0;              ///< upper bound of bytes held while it runs
+};
+
+struct PlannerServices {
+  EnvironmentLoader loadEnvironment;
+  std::function<Result<TermPtr>(const Graph&, NodeId)> expand;
+};
+
+/// Samples a block: 16, or the next power of two below for tiny budgets, so that a 1-sample preview costs one sample.
+uint32_t blockSizeFor(uint32_t spp);
+
+/// `request` must be resolved (plan/request.h). `blocks` is the number of sample blocks for path-traced nodes.
+Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services);
+
+/// Names an output that does not exist, or a light that the scene lacks.
+Status checkOutputs(const Scene& scene, const v1::RenderRequest& request);
+
+/// Path classes that a unidirectional tracer cannot join in this scene, for certificates.
+std::vector<std::string> classesNotCovered(const Scene& scene);
+
+}  // namespace gobo

@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+// Paths into requests: "lights.key.color". A segment after a map field is the map's key; keys may hold dots if no shorter
+// reading exists, so light names need no quoting: the longest known field names win from the right.
+#include <google/protobuf/descriptor.h>
+
+#include <cstdlib>
+
+#include "plan/request.h"
+
+namespace gobo {
+
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using google::protobuf::Reflection;
+
+std::vector<std::string> split(const std::string& text, char by) {
+  std::vector<std::string> parts;
+  size_t begin = 0;
+  while (true) {
+    const size_t end = text.find(by, begin);
+    parts.push_back(text.substr(begin, end == std::string::npos ? end : end - begin));
+    if (end == std::string::npos) return parts;
+    begin = end + 1;
+  }
+}
+
+std::string fieldNames(const Message& m) {
+  std::string names;
+  for (int i = 0; i < m.GetDescriptor()->field_count(); ++i) names += (i ? ", " : "") + m.GetDescriptor()->field(i)->name();
+  return names;
+}
+
+Message* mapValue(Message& m, const FieldDescriptor* f, const std::string& key, bool create) {
+  const Reflection& r = *m.GetReflection();
+  const FieldDescriptor* keyField = f->message_type()->FindFieldByName("key");
+  const FieldDescriptor* valueField = f->message_type()->FindFieldByName("value");
+  for (int k = 0; k < r.FieldSize(m, f); ++k) {
+    Message* entry = r.MutableRepeatedMessage(&m, f, k);
+    if (entry->GetReflection()->GetString(*entry, keyField) == key) return entry->GetReflection()->MutableMessage(entry, valueField);
+  }
+  if (!create) return nullptr;
+  Message* entry = r.AddMessage(&m, f);
+  entry->GetReflection()->SetString(entry, keyField, key);
+  return entry->GetReflection()->MutableMessage(entry, valueField);
+}
+
+void eraseMapKey(Message& m, const FieldDescriptor* f, const std::string& key) {
+  const Reflection& r = *m.GetReflection();
+  const FieldDescriptor* keyField = f->message_type()->FindFieldByName("key");
+  for (int k = 0; k < r.FieldSize(m, f); ++k) {
+    const Message& entry = r.GetRepeatedMessage(m, f, k);
+    if (entry.GetReflection()->GetString(entry, keyField) != key) continue;
+    r.SwapElements(&m, f, k, r.FieldSize(m, f) - 1);
+    r.RemoveLast(&m, f);
+    return;
+  }
+}
+
+/// Where a path ends: a field of a message, or (field null) a whole map entry.
+struct Place {
+  Message* message = nullptr;
+  const FieldDescriptor* field = nullptr;
+  std::string mapKey;          ///< set when the path ends on an entry of map `field`
+  bool missing = false;        ///< with create = false: an ancestor is absent
+};
+
+Result<Place> walk(Message& root, const std::string& path, bool create) {
+  const std::vector<std::string> parts = split(path, '.');
+  Message* m = &root;
+  for (size_t i = 0; i < parts.size(); ++i) {
+    const FieldDescriptor* f = m->GetDescriptor()->FindFieldByName(parts[i]);
+    if (!f) return invalidArgument("no field '" + parts[i] + "' in " + m->GetDescriptor()->name() + " (has: " + fieldNames(*m) + ")", path);
+    if (f->is_map()) {
+      if (i + 1 == parts.size()) return Place{m, f, {}, false};
+      const Message* prototype = google::protobuf::MessageFactory::generated_factory()->GetPrototype(f->message_type()->FindFieldByName("value")->message_type());
+      // Keys may contain dots: take segments until the next one names a field of the value, or none are left.
+      std::string key = parts[i + 1];
+      size_t next = i + 2;
+      while (next < parts.size() && !prototype->GetDescriptor()->FindFieldByName(parts[next])) key += "." + parts[next++];
+      if (next > i + 2 && next == parts.size()) {
+        return invalidArgument("no field '" + parts[i + 2] + "' in " + prototype->GetDescriptor()->name() + " (has: " + fieldNames(*prototype) + ")", path);
+      }
+      if (next == parts.size()) return Place{m, f, key, false};
+      Message* value = mapValue(*m, f, key, create);
+      if (!value) return Place{m, f, key, true};
+      m = value;
+      i = next - 1;
+      continue;
+    }
+    if (i + 1 == parts.size()) return Place{m, f, {}, false};
+    if (f->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE || f->is_repeated())
+      return invalidArgument("'" + parts[i] + "' has no fields of its own", path);
+    if (!create && !m->GetReflection()->HasField(*m, f)) return Place{m, f, {}, true};
+    m = m->GetReflection()->MutableMessage(m, f);
+  }
+  return invalidArgument("empty path", path);
+}
+
+Result<double> toNumber(const std::string& text, const std::string& path) {
+  char* end = nullptr;
+  const double v = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end) return invalidArgument("'" + text + "' is not a number", path);
+  return v;
+}
+
+Status setScalar(Message& m, const FieldDescriptor* f, const std::string& text, const std::string& path) {
+  const Reflection& r = *m.GetReflection();
+  switch (f->cpp_type()) {
+    case FieldDescriptor::CPPTYPE_STRING: r.SetString(&m, f, text); return {};
+    case FieldDescriptor::CPPTYPE_BOOL:
+      if (text != "true" && text != "false" && text != "1" && text != "0") return invalidArgument("'" + text + "' is not true or false", path);
+      r.SetBool(&m, f, text == "true" || text == "1");
+      return {};
+    case FieldDescriptor::CPPTYPE_ENUM: {
+      std::string upper = text;
+      for (char& c : upper) c = char(std::toupper(static_cast<unsigned char>(c)));
+      const auto* value = f->enum_type()->FindValueByName(upper);
+      if (!value) {
+        std::string names;
+        for (int i = 0; i < f->enum_type()->value_count(); ++i) names += (i ? ", " : "") + f->enum_type()->value(i)->name();
+        return invalidArgument("'" + text + "' is not one of " + names, path);
+      }
+      r.SetEnumValue(&m, f, value->number());
+      return {};
+    }
+    default: break;
+  }
+  const bool integer = f->cpp_type() != FieldDescriptor::CPPTYPE_FLOAT && f->cpp_type() != FieldDescriptor::CPPTYPE_DOUBLE;
+  if (integer) {
+    const bool isSigned = f->cpp_type() == FieldDescriptor::CPPTYPE_INT32 || f->cpp_type() == FieldDescriptor::CPPTYPE_INT64;
+    char* end = nullptr;
+    errno = 0;
+    const long long s = isSigned ? std::strtoll(text.c_str(), &end, 10) : 0;
+    const unsigned long long u = isSigned ? 0 : std::strtoull(text.c_str(), &end, 10);
+    const bool small = f->cpp_type() == FieldDescriptor::CPPTYPE_INT32 || f->cpp_type() == FieldDescriptor::CPPTYPE_UINT32;
+    if (text.empty() || *end || errno || (!isSigned && text[0] == '-') || (small && isSigned && s != int32_t(s)) || (small && !isSigned && u != uint32_t(u)))
+      return invalidArgument("'" + text + "' is not " + (isSigned ? "an integer" : "a non-negative integer") + " in range", path);
+    switch (f->cpp_type()) {
+      case FieldDescriptor::CPPTYPE_INT32: r.SetInt32(&m, f, int32_t(s)); break;
+      case FieldDescriptor::CPPTYPE_INT64: r.SetInt64(&m, f, s); break;
+      case FieldDescriptor::CPPTYPE_UINT32: r.SetUInt32(&m, f, uint32_t(u)); break;
+      default: r.SetUInt64(&m, f, u); break;
+    }
+    return {};
+  }
+  GOBO_ASSIGN(const double v, toNumber(text, path));
+  if (f->cpp_type() == FieldDescriptor::CPPTYPE_FLOAT) r.SetFloat(&m, f, float(v)); else r.SetDouble(&m, f, v);
+  return {};
+}
+
+void collect(const Message& m, const std::string& prefix, std::vector<std::string>& out) {
+  const Reflection& r = *m.GetReflection();
+  std::vector<const FieldDescriptor*> fields;
+  r.ListFields(m, &fields);
+  for (const FieldDescriptor* f : fields) {
+    const std::string path = prefix.empty() ? f->name() : prefix + "." + f->name();
+    if (f->is_map()) {
+      const FieldDescriptor* key = f->message_type()->FindFieldByName("key");
+      const FieldDescriptor* value = f->message_type()->FindFieldByName("value");
+      for (int k = 0; k < r.FieldSize(m, f); ++k) {
+        const Message& entry = r.GetRepeatedMessage(m, f, k);
+        collect(entry.GetReflection()->GetMessage(entry, value), path + "." + entry.GetReflection()->GetString(entry, key), out);
+      }
+    } else if (f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && !f->is_repeated() && f->message_type()->full_name() != "gobo.v1.Vector3" &&
+               f->message_type()->field_count() > 0) {
+      const Message& inner = r.GetMessage(m, f);
+      std::vector<const FieldDescriptor*> set;
+      inner.GetReflection()->ListFields(inner, &set);
+      if (set.empty()) out.push_back(path); else collect(inner, path, out);
+    } else {
+      out.push_back(path);
+    }
+  }
+}
+
+}  // namespace
+
+Status setPath(Message& message, const std::string& assignment) {
+  const size_t equals = assignment.find('=');
+  if (equals == std::string::npos || equals == 0) return invalidArgument("'" + assignment + "' is not path=value", "--set");
+  const std::string path = assignment.substr(0, equals), text = assignment.substr(equals + 1);
+  GOBO_ASSIGN(Place place, walk(message, path, true));
+  const FieldDescriptor* f = place.field;
+  if (!place.mapKey.empty() || f->is_map()) return invalidArgument("names an entry, not a field of it", path);
+  if (f->is_repeated()) {
+    place.message->GetReflection()->ClearField(place.message, f);
+    if (f->cpp_type() != FieldDescriptor::CPPTYPE_STRING) return invalidArgument("cannot be set from text", path);
+    for (const std::string& part : split(text, ',')) place.message->GetReflection()->AddString(place.message, f, part);
+    return {};
+  }
+  if (f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
+    Message* inner = place.message->GetReflection()->MutableMessage(place.message, f);
+    const int fields = inner->GetDescriptor()->field_count();
+    if (fields == 0 || text.empty()) return {};          // e.g. shadows.path_traced=
+    if (inner->GetDescriptor()->full_name() != "gobo.v1.Vector3") return invalidArgument("is a group of fields; set one of " + fieldNames(*inner), path);
+    std::vector<std::string> parts = split(text, ',');
+    if (parts.size() == 1) parts = {parts[0], parts[0], parts[0]};
+    if (parts.size() != 3) return invalidArgument("'" + text + "' is not x,y,z", path);
+    for (int i = 0; i < 3; ++i) GOBO_TRY(setScalar(*inner, inner->GetDescriptor()->field(i), parts[i], path));
+    return {};
+  }
+  return setScalar(*place.message, f, text, path);
+}
+
+Status applyMask(Message& base, const Message& patch, const std::vector<std::string>& mask) {
+  std::unique_ptr<Message> source(patch.New());
+  source->CopyFrom(patch);
+  for (const std::string& path : mask) {
+    GOBO_ASSIGN(const Place from, walk(*source, path, false));
+    if (from.missing) {   // absent in the patch: cleared in the base, if it is there
+      GOBO_ASSIGN(Place gone, walk(base, path, false));
+      if (!gone.missing && gone.mapKey.empty()) gone.message->GetReflection()->ClearField(gone.message, gone.field);
+      continue;
+    }
+    GOBO_ASSIGN(Place to, walk(base, path, true));
+    const Reflection& rf = *from.message->GetReflection();
+    const Reflection& rt = *to.message->GetReflection();
+    if (!to.mapKey.empty()) {
+      Message* value = mapValue(*from.message, from.field, from.mapKey, false);
+      eraseMapKey(*to.message, to.field, to.mapKey);
+      if (value) mapValue(*to.message, to.field, to.mapKey, true)->CopyFrom(*value);
+      continue;
+    }
+    rt.ClearField(to.message, to.field);
+    if (!from.field->is_repeated() && from.field->has_presence() && !rf.HasField(*from.message, from.field)) continue;
+    // Copy one field: clear everything else in a clone of the parent, then merge.
+    std::unique_ptr<Message> only(from.message->New());
+    only->CopyFrom(*from.message);
+    std::vector<const FieldDescriptor*> set;
+    only->GetReflection()->ListFields(*only, &set);
+    for (const FieldDescriptor* f : set)
+      if (f != from.field) only->GetReflection()->ClearField(only.get(), f);
+    to.message->MergeFrom(*only);
+  }
+  return {};
+}
+
+std::vector<std::string> setPaths(const Message& message) {
+  std::vector<std::string> out;
+  collect(message, "", out);
+  return out;
+}
+
+}  // namespace gobo

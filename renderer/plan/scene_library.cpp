@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/scene_library.h"
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+
+#include "plan/effective_scene.h"
+#include "scene/edit.h"
+#include "scene/load.h"
+
+namespace gobo {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+double msSince(std::chrono::steady_clock::time_point t) { return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - t).count(); }
+
+bool isBuiltin(const std::string& name) {
+  const auto& names = builtinSceneNames();
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+std::string idFrom(const std::string& source) {
+  std::string id = fs::path(source).stem().string();
+  return id.empty() ? "scene" : id;
+}
+
+void put(v1::Vector3* out, const Vec3& v) { out->set_x(v.x); out->set_y(v.y); out->set_z(v.z); }
+
+const char* kindName(LightKind k) {
+  switch (k) {
+    case LightKind::Point: return "point";
+    case LightKind::Spot: return "spot";
+    case LightKind::Directional: return "directional";
+    case LightKind::Rect: return "rect";
+    case LightKind::Disk: return "disk";
+    case LightKind::Sphere: return "sphere";
+    case LightKind::Mesh: return "mesh";
+    case LightKind::Environment: return "environment";
+  }
+  return "?";
+}
+
+}  // namespace
+
+Result<std::string> SceneLibrary::allowedPath(const std::string& path, const std::string& field) const {
+  std::error_code error;
+  const fs::path real = fs::canonical(path, error);
+  if (error) {
+    // Without a root nobody learns which files exist outside the roots.
+    if (anyPath_) return notFound("cannot open '" + path + "': " + error.message(), field);
+    for (const std::string& root : roots_) {
+      const fs::path lexical = fs::absolute(path).lexically_normal(), base = fs::weakly_canonical(root, error);
+      if (std::mismatch(base.begin(), base.end(), lexical.begin(), lexical.end()).first == base.end()) return notFound("no file '" + path + "'", field);
+    }
+    return Status(Code::PermissionDenied, "'" + path + "' is not under an allowed root", field);
+  }
+  if (anyPath_) return real.string();
+  for (const std::string& root : roots_) {
+    const fs::path base = fs::canonical(root, error);
+    if (!error && std::mismatch(base.begin(), base.end(), real.begin(), real.end()).first == base.end()) return real.string();
+  }
+  return Status(Code::PermissionDenied, "'" + path + "' is not under an allowed root", field);
+}
+
+v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
+  v1::SceneInfo out;
+  const Scene& s = *e.scene;
+  out.set_id(id);
+  out.set_source(e.source);
+  out.set_hash(s.hash().hex());
+  for (uint32_t bit = 1; bit <= uint32_t(Facet::Cameras); bit <<= 1) {
+    std::vector<int> all(s.lights.size());
+    for (size_t i = 0; i < all.size(); ++i) all[i] = int(i);
+    auto* f = out.add_facets();
+    f->set_facet(facetName(Facet(bit)));
+    f->set_hash(s.facetHash(Facet(bit), all).hex());
+  }
+  out.set_triangles(s.triangleCount());
+  out.set_instances(uint32_t(s.instances.size()));
+  out.set_materials(uint32_t(s.materials.size()));
+  out.set_textures(uint32_t(s.textures.size()));
+  out.set_bytes(s.bytes());
+  for (const Light& l : s.lights) {
+    auto* light = out.add_lights();
+    light->set_name(l.name);
+    light->set_kind(kindName(l.shape.kind));
+    put(light->mutable_power(), l.power);
+    put(light->mutable_position(), l.shape.position);
+    put(light->mutable_direction(), l.shape.axis);
+  }
+  for (const Camera& c : s.cameras) out.add_cameras(c.name);
+  for (const Material& m : s.materials) out.add_material_names(m.name);
+  for (size_t i = 0; i < s.instances.size() && i < 10000; ++i) out.add_instance_names(s.instances[i].name);
+  Vec3 lo, hi;
+  s.bounds(lo, hi);
+  if (lo.x <= hi.x) { put(out.mutable_bounds_min(), lo); put(out.mutable_bounds_max(), hi); }
+  for (const std::string& w : s.warnings) out.add_warnings(w);
+  out.set_load_ms(e.loadMs);
+  return out;
+}
+
+Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<ScenePtr> scene, double ms) {
+  if (!scene.ok()) return scene.status();
+  std::lock_guard lock(mutex_);
+  Entry& e = scenes_[id];
+  e = {*scene, source, ms};
+  return info(id, e);
+}
+
+Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string id) {
+  if (source.empty()) return invalidArgument("must not be empty", "source");
+  const auto start = std::chrono::steady_clock::now();
+  if (isBuiltin(source)) {
+    Result<ScenePtr> scene = makeBuiltinScene(source);
+    return insert(id.empty() ? source : id, source, std::move(scene), msSince(start));
+  }
+  if (source.find('/') == std::string::npos && source.find('.') == std::string::npos) return makeBuiltinScene(source).status();
+  GOBO_ASSIGN(const std::string path, allowedPath(source, "source"));
+  return openFile(path, source, std::move(id));
+}
+
+Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id) {
+  const auto start = std::chrono::steady_clock::now();
+  Result<ScenePtr> scene = loadGltf(path);
+  return insert(id.empty() ? idFrom(source) : id, source, std::move(scene), msSince(start));
+}
+
+Result<ScenePtr> SceneLibrary::find(const std::string& id) {
+  if (id.empty()) return invalidArgument("must not be empty", "request.scene");
+  {
+    std::lock_guard lock(mutex_);
+    const auto it = scenes_.find(id);
+    if (it != scenes_.end()) return it->second.scene;
+  }
+  if (isBuiltin(id)) {
+    GOBO_TRY(open(id, id).status());
+    std::lock_guard lock(mutex_);
+    return scenes_[id].scene;
+  }
+  std::string names;
+  {
+    std::lock_guard lock(mutex_);
+    for (const auto& [name, entry] : scenes_) names += (names.empty() ? "" : ", ") + name;
+  }
+  for (const std::string& name : builtinSceneNames()) names += (names.empty() ? "" : ", ") + name;
+  return notFound("no scene '" + id + "' (has: " + names + ")", "request.scene");
+}
+
+Result<v1::SceneInfo> SceneLibrary::inspect(const std::string& id) {
+  GOBO_TRY(find(id).status().at("scene"));
+  std::lock_guard lock(mutex_);
+  const auto it = scenes_.find(id);
+  if (it == scenes_.end()) return notFound("scene '" + id + "' was unloaded", "scene");
+  return info(id, it->second);
+}
+
+std::vector<v1::SceneInfo> SceneLibrary::list() const {
+  std::lock_guard lock(mutex_);
+  std::vector<v1::SceneInfo> out;
+  for (const auto& [id, entry] : scenes_) out.push_back(info(id, entry));
+  return out;
+}
+
+Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p) {
+  GOBO_ASSIGN(const ScenePtr base, find(p.scene()));
+  GOBO_ASSIGN(const ScenePtr next, editScene(*base, [&](Scene& s) -> Status {
+    const auto finite = [](const v1::Vector3& v) { return std::isfinite(v.x()) && std::isfinite(v.y()) && std::isfinite(v.z()); };
+    const auto unit = [](double v) { return v >= 0 && v <= 1; };
+    for (const auto& [name, m] : p.materials()) {
+      const std::string path = "materials." + name;
+      const int i = s.findMaterial(name);
+      if (i < 0) return notFound("no material '" + name + "'", path);
+      Material& material = s.materials[i];
+      if (m.has_base_color()) {
+        const Vec3 c(m.base_color().x(), m.base_color().y(), m.base_color().z());
+        if (!unit(c.x) || !unit(c.y) || !unit(c.z)) return invalidArgument(path + ".base_color: each channel must be in 0..1", path + ".base_color");
+        material.albedo.factor = c;
+      }
+      if (m.has_metallic()) { if (!unit(m.metallic())) return invalidArgument(path + ".metallic = " + std::to_string(m.metallic()) + ": must be in 0..1", path + ".metallic"); material.bsdf.metallic = float(m.metallic()); }
+      if (m.has_roughness()) { if (!unit(m.roughness())) return invalidArgument(path + ".roughness = " + std::to_string(m.roughness()) + ": must be in 0..1", path + ".roughness"); material.bsdf.roughness = float(m.roughness()); }
+      if (m.has_emission()) {
+        const Vec3 c(m.emission().x(), m.emission().y(), m.emission().z());
+        if (!finite(m.emission()) || c.x < 0 || c.y < 0 || c.z < 0) return invalidArgument(path + ".emission: must be finite and not negative", path + ".emission");
+        material.emission.radiance = c;
+        // The mesh lights of this material follow; seal() makes those that are new.
+        s.lights.erase(std::remove_if(s.lights.begin(), s.lights.end(), [&](const Light& l) {
+          return l.shape.kind == LightKind::Mesh && s.meshes[s.instances[l.shape.instance].mesh]->material == i; }), s.lights.end());
+      }
+    }
+    for (const auto& [name, instance] : p.instances()) {
+      const std::string path = "instances." + name;
+      const int i = s.findInstance(name);
+      if (i < 0) return notFound("no instance '" + name + "'", path);
+      if (instance.matrix_size() != 16) return invalidArgument(path + ".matrix: has " + std::to_string(instance.matrix_size()) + " numbers, needs 16", path + ".matrix");
+      Mat4 m(1.0f);
+      for (int k = 0; k < 16; ++k) {
+        if (!std::isfinite(instance.matrix(k))) return invalidArgument(path + ".matrix[" + std::to_string(k) + "]: must be finite", path + ".matrix");
+        m[k / 4][k % 4] = instance.matrix(k);
+      }
+      if (m[0][3] != 0 || m[1][3] != 0 || m[2][3] != 0 || m[3][3] != 1) return invalidArgument(path + ".matrix: last row must be 0 0 0 1", path + ".matrix");
+      s.instances[i].toWorld = m;
+    }
+    for (const auto& [name, edit] : p.lights()) {
+      const std::string path = "lights." + name;
+      v1::LightEdit e = edit;
+      const int i = s.findLight(name);
+      if (i < 0) return notFound("no light '" + name + "'", path);
+      GOBO_TRY(applyLightShape(e, s.lights[i], path));
+      Vec3& power = s.lights[i].power;
+      if (e.has_color() || e.has_intensity()) {
+        const float old = luminance(power);
+        Vec3 color = e.has_color() ? Vec3(e.color().x(), e.color().y(), e.color().z()) : (old > 0 ? power / old : Vec3(1.0f));
+        const double intensity = e.has_intensity() ? e.intensity() : double(old);
+        if (!isFinite(color) || color.x < 0 || color.y < 0 || color.z < 0 || !std::isfinite(intensity) || intensity < 0)
+          return invalidArgument(path + ": color and intensity must be finite and not negative", path);
+        power = color * float(intensity);
+      }
+    }
+    return {};
+  }));
+  std::lock_guard lock(mutex_);
+  Entry& e = scenes_[p.scene()];
+  e.scene = next;
+  return info(p.scene(), e);
+}
+
+Status SceneLibrary::unload(const std::string& id) {
+  std::lock_guard lock(mutex_);
+  if (scenes_.erase(id) == 0) return notFound("no loaded scene '" + id + "'", "scene");
+  return {};
+}
+
+Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path) {
+  GOBO_ASSIGN(const std::string real, allowedPath(path, "request.environment.path"));
+  std::error_code error;
+  const auto stamp = fs::last_write_time(real, error).time_since_epoch().count();
+  const std::string key = real + "@" + std::to_string(stamp) + "+" + std::to_string(fs::file_size(real, error));
+  {
+    std::lock_guard lock(mutex_);
+    const auto it = environments_.find(key);
+    if (it != environments_.end()) return it->second;
+  }
+  GOBO_ASSIGN(EnvironmentPtr loaded, loadEnvironment(real));
+  std::lock_guard lock(mutex_);
+  if (environments_.size() >= 8) environments_.erase(environments_.begin());
+  environments_[key] = loaded;
+  return loaded;
+}
+
+size_t SceneLibrary::count() const {
+  std::lock_guard lock(mutex_);
+  return scenes_.size();
+}
+
+}  // namespace gobo

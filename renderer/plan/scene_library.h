@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// SceneLibrary: the scenes and environments that an engine holds, by id and by path, and the rule which files may be
+// opened. Thread-safe; scenes handed out stay valid after unload (shared, immutable).
+#pragma once
+
+#include <map>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "base/status.h"
+#include "gobo/v1/service.pb.h"
+#include "scene/scene.h"
+
+namespace gobo {
+
+class SceneLibrary {
+ public:
+  SceneLibrary(std::vector<std::string> roots, bool anyPath) : roots_(std::move(roots)), anyPath_(anyPath) {}
+
+  /// Built-in name or path. The id is made from the source if empty. Opening the same source again under the same id
+  /// reloads it. Errors: NotFound, PermissionDenied (outside the roots), what the loader says.
+  Result<v1::SceneInfo> open(const std::string& source, std::string id);
+  Result<v1::SceneInfo> openFile(const std::string& path, const std::string& source, std::string id);
+  /// By id; a built-in name that is not loaded yet is opened. Errors: NotFound that lists what there is.
+  Result<ScenePtr> find(const std::string& id);
+  Result<v1::SceneInfo> inspect(const std::string& id);
+  std::vector<v1::SceneInfo> list() const;
+  Result<v1::SceneInfo> patch(const v1::PatchSceneRequest& patch);
+  Status unload(const std::string& id);
+  Result<EnvironmentPtr> environment(const std::string& path);
+  size_t count() const;
+
+ private:
+  struct Entry { ScenePtr scene; std::string source; double loadMs = 0; };
+  Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<ScenePtr> scene, double ms);
+  v1::SceneInfo info(const std::string& id, const Entry& entry) const;
+  Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
+
+  std::vector<std::string> roots_;
+  bool anyPath_;
+  mutable std::mutex mutex_;
+  std::map<std::string, Entry> scenes_;
+  std::map<std::string, EnvironmentPtr> environments_;   ///< by canonical path + file stamp; a few are kept
+};
+
+}  // namespace gobo

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "terms/direct_unoccluded.h"
+
+#include "base/sobol.h"
+#include "trace/bsdf.h"
+#include "trace/light_sampling.h"
+
+namespace gobo {
+
+namespace {
+
+struct Receiver {
+  Vec3 p, n, ng, wo;
+  BsdfParams bsdf;
+  bool lambert() const { return bsdf.metallic == 0 && bsdf.specular == 0 && bsdf.transmission == 0; }
+};
+
+class DirectUnoccludedNode final : public Node {
+ public:
+  explicit DirectUnoccludedNode(const DirectUnoccludedSettings& s) : s_(s) {}
+  std::string type() const override { return "direct_unoccluded"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).
+    t.facets = Facet::LightShape | Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Emission;
+    t.pathClass = PathClass::Direct;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override {
+    hashCamera(h, s_.view.camera);
+    h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples).addPod(s_.nominal).add(s_.samples).add(s_.seed);
+  }
+  size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * s_.view.viewSamples * 12; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const Term &g = *ctx.inputs[0], &surface = *ctx.inputs[1];
+    const auto sampler = LightSampler::build(*ctx.scene);
+    const LightShape shape = ctx.scene->lightShape(s_.light);
+    const auto instance = g.plane<uint32_t>("instance");
+    const auto P = g.floats("P"), Ng = g.floats("Ng"), N = surface.floats("N"), albedo = surface.floats("albedo"), material = surface.floats("material");
+    const auto entering = surface.plane<uint8_t>("entering");
+    auto out = std::make_shared<Term>("direct_unoccluded", Domain::ViewSample, g.extent());
+    const auto L = out->addPlane<float>("L", 3);
+    const Vec3 eye(s_.view.camera.toWorld[3]), back(s_.view.camera.toWorld[2]);
+    const bool complete = ctx.arena->parallelFor(instance.size(), 1 << 11, [&](size_t begin, size_t end) {
+      for (size_t i = begin; i < end; ++i) {
+        if (instance[i] == ~0u) continue;
+        Receiver r;
+        r.p = Vec3(P[3 * i], P[3 * i + 1], P[3 * i + 2]);
+        r.n = Vec3(N[3 * i], N[3 * i + 1], N[3 * i + 2]);
+        r.ng = Vec3(Ng[3 * i], Ng[3 * i + 1], Ng[3 * i + 2]);
+        r.wo = s_.view.camera.perspective ? glm::normalize(eye - r.p) : back;
+        r.bsdf.albedo = Vec3(albedo[3 * i], albedo[3 * i + 1], albedo[3 * i + 2]);
+        r.bsdf.metallic = material[5 * i];
+        r.bsdf.roughness = material[5 * i + 1];
+        r.bsdf.specular = material[5 * i + 2];
+        r.bsdf.ior = material[5 * i + 3];
+        r.bsdf.transmission = material[5 * i + 4];
+        r.bsdf.entering = entering[i] != 0;
+        if (bsdfIsDelta(r.bsdf)) continue;
+        Vec3 value(0.0f);
+        if (!closedForm(shape, r, value)) value = sampled(*sampler, shape, r, i);
+        value *= s_.nominal;
+        for (int c = 0; c < 3; ++c) L[3 * i + c] = std::isfinite(value[c]) ? value[c] : 0.0f;
+      }
+    }, ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "stopped");
+    return TermPtr(out);
+  }
+
+ private:
+  /// Exact for Lambert receivers of rectangles and spheres whose visible part is the same by both normals.
+  bool closedForm(const LightShape& s, const Receiver& r, Vec3& value) const {
+    if (!r.lambert()) return false;
+    const DVec3 p(r.p), n(r.n);
+    if (s.kind == LightKind::Rect) {
+      const DVec3 u(s.u), v(s.v), corner = DVec3(s.position) - u - v;
+      if (!s.twoSided && glm::dot(p - DVec3(s.position), DVec3(s.axis)) <= 0) { value = Vec3(0.0f); return true; }
+      if (r.n != r.ng)   // the tracer also wants light above the geometric horizon; where the light crosses it, sample
+        for (int k = 0; k < 4; ++k)
+          if (glm::dot(corner + u * double(2 * (k & 1)) + v * double(k & 2) - p, DVec3(r.ng)) <= 0) return false;
+      value = r.bsdf.albedo * float(rectFormFactor(p, n, corner, 2.0 * u, 2.0 * v));
+      return true;
+    }
+    if (s.kind == LightKind::Sphere) {
+      const double f = sphereFormFactor(p, n, DVec3(s.position), s.radius);
+      if (f < 0 || (r.n != r.ng && sphereFormFactor(p, DVec3(r.ng), DVec3(s.position), s.radius) <= 0)) return false;
+      value = r.bsdf.albedo * float(f);
+      return true;
+    }
+    return false;
+  }
+
+  Vec3 sampled(const LightSampler& sampler, const LightShape& shape, const Receiver& r, size_t element) const {
+    const Frame frame(r.n);
+    const Vec3 wo = frame.toLocal(r.wo);
+    const auto reflected = [&](const Vec3& wi) {
+      if (r.bsdf.transmission == 0 && glm::dot(wi, r.ng) <= 0) return Vec3(0.0f);
+      return bsdfEval(r.bsdf, wo, frame.toLocal(wi)).sum();
+    };
+    LightSample ls;
+    if (isDeltaLight(shape.kind)) return sampler.sample(s_.light, r.p, Vec2(0.5f), ls) ? reflected(ls.direction) * ls.radiance : Vec3(0.0f);
+
+    // Light samples and BSDF samples by the balance heuristic; BSDF samples only for lights that a ray can be tested against here.
+    const bool both = shape.kind != LightKind::Mesh && !r.lambert();
+    const int nLight = both ? (s_.samples + 1) / 2 : s_.samples, nBsdf = s_.samples - nLight;
+    DVec3 sum(0.0);
+    const uint64_t seed = hash64(hash64(s_.seed, 0x646972u), element);
+    for (int k = 0; k < nLight; ++k) {
+      SobolSampler u(seed, uint32_t(k));
+      if (!sampler.sample(s_.light, r.p, u.next2D(), ls)) continue;
+      const float pb = nBsdf ? bsdfPdf(r.bsdf, wo, frame.toLocal(ls.direction)) : 0.0f;
+      sum += DVec3(reflected(ls.direction) * ls.radiance) / double(nLight * ls.pdf + nBsdf * pb);
+    }
+    for (int k = 0; k < nBsdf; ++k) {
+      SobolSampler u(hash64(seed, 1), uint32_t(k));
+      BsdfSample b;
+      const float lobe = u.next1D();
+      if (!bsdfSample(r.bsdf, wo, lobe, u.next2D(), b) || b.delta || b.pdf <= 0) continue;
+      Ray ray;
+      ray.origin = r.p;
+      ray.direction = frame.toWorld(b.wi);
+      if (r.bsdf.transmission == 0 && glm::dot(ray.direction, r.ng) <= 0) continue;
+      float t = ray.tmax;
+      Vec3 normal;
+      if (sampler.intersectAreaLights(ray, t, normal) != s_.light) continue;
+      const float pl = sampler.pdf(s_.light, r.p, ray.direction, t, 0);
+      const Vec3 f = bsdfEval(r.bsdf, wo, b.wi).sum() * sampler.emitted(s_.light, ray.direction, 0, 0, 0, normal);
+      sum += DVec3(f) / double(nLight * pl + nBsdf * b.pdf);
+    }
+    return Vec3(sum);
+  }
+
+  DirectUnoccludedSettings s_;
+};
+
+}  // namespace
+
+NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings) { return std::make_shared<DirectUnoccludedNode>(settings); }
+
+}  // namespace gobo

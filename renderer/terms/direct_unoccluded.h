@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Direct light of one light with visibility 1. Term type "direct_unoccluded", domain ViewSample, plane "L" (3): reflected
+// radiance for nominal power (white * nominal scalar), one scattering event by a non-delta lobe.
+// Inputs: G-buffer, surface. The diffuse lobe has a closed form for point, spot, directional, rectangle (polygon form
+// factor, Lambert 1760) and unclipped sphere lights; everything else is the mean over `samples` Owen-scrambled points.
+#pragma once
+
+#include "terms/gbuffer.h"
+
+namespace gobo {
+
+struct DirectUnoccludedSettings {
+  GBufferSettings view;
+  int light = 0;            ///< index into the scene's lights; the node's subset must be {light}
+  Vec3 nominal{1.0f};       ///< power it is evaluated for
+  int samples = 32;
+  uint64_t seed = 0;
+};
+NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings);
+
+/// Irradiance factor of a rectangle at p with normal n: integral of max(cos,0) d(omega) over the part of the rectangle above
+/// the horizon, divided by pi (so that Lambert radiance = albedo * radiance * factor). In [0,1].
+double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const DVec3& edgeU, const DVec3& edgeV);
+/// The same for a sphere; -1 when the sphere crosses the horizon (no simple closed form) or p is inside.
+double sphereFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, double radius);
+
+}  // namespace gobo

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "terms/extract_lights.h"
+
+#include <algorithm>
+
+namespace gobo {
+
+namespace {
+
+struct Cell { int x0, y0, x1, y1; double power; };
+
+/// Integral of luminance x solid angle over map cells by a summed-area table in double.
+class PowerTable {
+ public:
+  explicit PowerTable(const Environment& e) : w_(e.width), h_(e.height), sums_(size_t(e.width + 1) * (e.height + 1), 0.0) {
+    for (int y = 0; y < h_; ++y) {
+      const double omega = texelSolidAngle(e, y);
+      double row = 0;
+      for (int x = 0; x < w_; ++x) {
+        row += omega * luminance(e.texels[size_t(y) * w_ + x]);
+        at(x + 1, y + 1) = at(x + 1, y) + row;
+      }
+    }
+  }
+  static double texelSolidAngle(const Environment& e, int y) {
+    return 2.0 * double(kPi) / e.width * (std::cos(double(kPi) * y / e.height) - std::cos(double(kPi) * (y + 1) / e.height));
+  }
+  double power(int x0, int y0, int x1, int y1) const { return sum(x1, y1) - sum(x0, y1) - sum(x1, y0) + sum(x0, y0); }
+
+ private:
+  double& at(int x, int y) { return sums_[size_t(y) * (w_ + 1) + x]; }
+  double sum(int x, int y) const { return sums_[size_t(y) * (w_ + 1) + x]; }
+  int w_, h_;
+  std::vector<double> sums_;
+};
+
+class ExtractLightsNode final : public Node {
+ public:
+  explicit ExtractLightsNode(int lights) : lights_(lights) {}
+  std::string type() const override { return "extract_lights"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.facets = Facet::Environment;
+    t.smallOutput = true;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override { h.add(lights_); }
+  size_t outputBytes() const override { return size_t(lights_) * 24; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const Environment& e = *ctx.scene->environment();
+    const PowerTable table(e);
+    std::vector<Cell> cells{{0, 0, e.width, e.height, table.power(0, 0, e.width, e.height)}};
+    while (int(cells.size()) < lights_) {
+      int best = -1;
+      for (size_t i = 0; i < cells.size(); ++i) {
+        const Cell& c = cells[i];
+        if ((c.x1 - c.x0) * (c.y1 - c.y0) > 1 && c.power > 0 && (best < 0 || c.power > cells[best].power)) best = int(i);
+      }
+      if (best < 0) break;   // fewer lit texels than lights asked for
+      const auto [a, b] = split(e, table, cells[best]);
+      cells[best] = a;
+      cells.push_back(b);
+    }
+    std::vector<float> directions, irradiances;
+    for (const Cell& c : cells) emit(e, c, directions, irradiances);
+    auto out = std::make_shared<Term>("light_list", Domain::List, Extent{int(directions.size() / 3), 1, 1});
+    std::copy(directions.begin(), directions.end(), out->addPlane<float>("direction", 3).begin());
+    std::copy(irradiances.begin(), irradiances.end(), out->addPlane<float>("irradiance", 3).begin());
+    return TermPtr(out);
+  }
+
+ private:
+  static std::pair<Cell, Cell> split(const Environment& e, const PowerTable& table, const Cell& c) {
+    // Longer side on the sphere: longitude shrinks by the sine of the cell's middle latitude.
+    const double mid = std::sin(double(kPi) * 0.5 * (c.y0 + c.y1) / e.height);
+    const bool alongX = c.x1 - c.x0 > 1 && (c.y1 - c.y0 <= 1 || 2.0 * mid * (c.x1 - c.x0) / e.width >= double(c.y1 - c.y0) / e.height);
+    const int lo = (alongX ? c.x0 : c.y0) + 1, hi = alongX ? c.x1 : c.y1;
+    int cut = lo;
+    while (cut < hi - 1 && (alongX ? table.power(c.x0, c.y0, cut, c.y1) : table.power(c.x0, c.y0, c.x1, cut)) < 0.5 * c.power) ++cut;
+    Cell a = c, b = c;
+    if (alongX) { a.x1 = cut; b.x0 = cut; } else { a.y1 = cut; b.y0 = cut; }
+    a.power = table.power(a.x0, a.y0, a.x1, a.y1);
+    b.power = table.power(b.x0, b.y0, b.x1, b.y1);
+    return {a, b};
+  }
+
+  static void emit(const Environment& e, const Cell& c, std::vector<float>& directions, std::vector<float>& irradiances) {
+    DVec3 centre(0.0), rgb(0.0);
+    for (int y = c.y0; y < c.y1; ++y) {
+      const double omega = PowerTable::texelSolidAngle(e, y);
+      const double theta = double(kPi) * (y + 0.5) / e.height;
+      for (int x = c.x0; x < c.x1; ++x) {
+        const Vec3 v = e.texels[size_t(y) * e.width + x];
+        const double w = omega * luminance(v), phi = (double(x) + 0.5) / e.width * 2.0 * double(kPi) - double(kPi);
+        centre += w * DVec3(std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi));
+        rgb += omega * DVec3(v);
+      }
+    }
+    const double length = glm::length(centre);
+    if (!(length > 0) || !(rgb.x + rgb.y + rgb.z > 0)) return;
+    centre /= length;
+    for (int k = 0; k < 3; ++k) { directions.push_back(float(centre[k])); irradiances.push_back(float(rgb[k])); }
+  }
+
+  int lights_;
+};
+
+}  // namespace
+
+NodePtr makeExtractLightsNode(int lights) { return std::make_shared<ExtractLightsNode>(lights); }
+
+}  // namespace gobo

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Closed forms of irradiance: rectangle (Lambert's polygon formula with horizon clipping) and sphere. In double: the sum of
+// edge terms cancels for far lights.
+#include <array>
+
+#include "terms/direct_unoccluded.h"
+
+namespace gobo {
+
+double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const DVec3& u, const DVec3& v) {
+  const std::array<DVec3, 4> quad{corner - p, corner + u - p, corner + u + v - p, corner + v - p};
+  // Clip to the half space above the receiver (Sutherland-Hodgman against one plane: at most five vertices).
+  std::array<DVec3, 6> poly;
+  int count = 0;
+  for (int i = 0; i < 4; ++i) {
+    const DVec3 &a = quad[i], &b = quad[(i + 1) % 4];
+    const double da = glm::dot(a, n), db = glm::dot(b, n);
+    if (da >= 0) poly[count++] = a;
+    if ((da < 0) != (db < 0)) poly[count++] = a + (b - a) * (da / (da - db));
+  }
+  if (count < 3) return 0;
+  double sum = 0;
+  for (int i = 0; i < count; ++i) {
+    const double la = glm::length(poly[i]), lb = glm::length(poly[(i + 1) % count]);
+    if (!(la > 0) || !(lb > 0)) continue;   // the receiver touches a corner
+    const DVec3 a = poly[i] / la, b = poly[(i + 1) % count] / lb;
+    const DVec3 c = glm::cross(a, b);
+    const double s = glm::length(c);
+    if (!(s > 1e-300)) continue;
+    sum += std::atan2(s, glm::dot(a, b)) * glm::dot(c, n) / s;
+  }
+  return std::fabs(sum) / (2.0 * 3.14159265358979323846);
+}
+
+double sphereFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, double radius) {
+  const DVec3 d = centre - p;
+  const double distance = glm::length(d);
+  if (!(distance > radius)) return -1;
+  const double sine = radius / distance, cosine = glm::dot(d, n) / distance;
+  if (cosine <= -sine) return 0;                                  // wholly below
+  if (cosine < sine) return -1;                                   // crosses the horizon
+  return cosine * sine * sine;
+}
+
+}  // namespace gobo

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "terms/gbuffer.h"
+
+#include <limits>
+
+#include "trace/accel.h"
+#include "trace/accel_impl.h"
+
+namespace gobo {
+
+void hashCamera(Hasher& h, const Camera& c) {
+  h.addPod(c.toWorld).add(c.perspective).add(c.perspective ? c.yfov : c.yheight).add(c.centre.x).add(c.centre.y);
+}
+
+namespace {
+
+class GBufferNode final : public Node {
+ public:
+  explicit GBufferNode(const GBufferSettings& s) : s_(s) {}
+  std::string type() const override { return "gbuffer"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.facets = Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override {
+    hashCamera(h, s_.camera);
+    h.add(s_.width).add(s_.height).add(s_.viewSamples);
+  }
+  size_t outputBytes() const override { return size_t(s_.width) * s_.height * s_.viewSamples * 68; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
+    const auto& meshes = ctx.scene->meshes(Facet::Topology | Facet::Pose | Facet::Shading);
+    const auto& instances = ctx.scene->instances();
+    const int w = s_.width, h = s_.height, S = s_.viewSamples;
+    auto out = std::make_shared<Term>("gbuffer", Domain::ViewSample, Extent{w, h, S});
+    const auto P = out->addPlane<float>("P", 3), N = out->addPlane<float>("N", 3), Ng = out->addPlane<float>("Ng", 3);
+    const auto uv = out->addPlane<float>("uv", 2), depth = out->addPlane<float>("depth", 1), bary = out->addPlane<float>("bary", 2);
+    const auto footprint = out->addPlane<float>("footprint", 1);
+    const auto instance = out->addPlane<uint32_t>("instance", 1), primitive = out->addPlane<uint32_t>("primitive", 1);
+
+    const size_t rows = size_t(h) * S;
+    const bool complete = ctx.arena->parallelFor(rows, 4, [&](size_t begin, size_t end) {
+      for (size_t row = begin; row < end; ++row) {
+        const int s = int(row / h), y = int(row % h);
+        const Vec2 offset = viewSamplePosition(s, S);
+        for (int x = 0; x < w; ++x) {
+          const size_t at = row * w + x;
+          const Ray ray = cameraRay(s_.camera, w, h, float(x) + offset.x, float(y) + offset.y);
+          Hit hit;
+          if (!accel->intersect(ray, hit)) {
+            depth[at] = std::numeric_limits<float>::infinity();
+            instance[at] = primitive[at] = kNoHit;
+            continue;
+          }
+          write(*accel, meshes[instances[hit.instance].mesh], ray, hit, at, P, N, Ng, uv);
+          const Vec3 p(P[3 * at], P[3 * at + 1], P[3 * at + 2]);
+          depth[at] = glm::length(p - ray.origin);
+          footprint[at] = pixelFootprint(s_.camera, h, depth[at]);
+          instance[at] = hit.instance;
+          primitive[at] = hit.primitive;
+          bary[2 * at] = hit.u;
+          bary[2 * at + 1] = hit.v;
+        }
+      }
+      ctx.counters->rays += (end - begin) * uint64_t(w);
+    }, ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "stopped");
+    return TermPtr(out);
+  }
+
+ private:
+  /// Position from the triangle's vertices (closer to the surface than origin + t direction), normals towards the viewer.
+  static void write(const Accel& accel, const MeshPtr& mesh, const Ray& ray, const Hit& hit, size_t at, std::span<float> P, std::span<float> N,
+                    std::span<float> Ng, std::span<float> uv) {
+    const InstanceGeometry& g = accel.impl().instances[hit.instance];
+    const uint32_t* tri = g.indices + 3 * size_t(hit.primitive);
+    const float b[3] = {1.0f - hit.u - hit.v, hit.u, hit.v};
+    Vec3 p(0.0f), n(0.0f);
+    Vec2 t(0.0f);
+    for (int k = 0; k < 3; ++k) {
+      p += b[k] * g.positions[tri[k]];
+      if (!mesh->normals.empty()) n += b[k] * mesh->normals[tri[k]];
+      if (!mesh->uv0.empty()) t += b[k] * mesh->uv0[tri[k]];
+    }
+    if (!g.world) p = Vec3(g.toWorld * Vec4(p, 1.0f));
+    const Vec3 ng = glm::dot(hit.Ng, ray.direction) < 0 ? hit.Ng : -hit.Ng;
+    n = g.normalToWorld * n;
+    const float length = glm::length(n);
+    n = length > 1e-12f && std::isfinite(length) ? n / length : ng;
+    if (glm::dot(n, ng) < 0) n = -n;
+    if (glm::dot(n, ray.direction) >= 0) n = ng;      // a shading normal that faces away from the viewer shades nothing
+    for (int c = 0; c < 3; ++c) { P[3 * at + c] = p[c]; N[3 * at + c] = n[c]; Ng[3 * at + c] = ng[c]; }
+    uv[2 * at] = std::isfinite(t.x) ? t.x : 0.0f;
+    uv[2 * at + 1] = std::isfinite(t.y) ? t.y : 0.0f;
+  }
+
+  GBufferSettings s_;
+};
+
+}  // namespace
+
+NodePtr makeGBufferNode(const GBufferSettings& settings) { return std::make_shared<GBufferNode>(settings); }
+
+}  // namespace gobo

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trace/accel.h"
+
+#include <bit>
+
+#include "base/check.h"
+#include "trace/accel_impl.h"
+#include "trace/alpha_filter.h"
+
+namespace gobo {
+
+namespace {
+
+// Meshes shared by several instances become Embree instances when the copies would hold more triangles than this; below it
+// copies trace faster (one level of hierarchy, no ray transform) and cost little memory.
+constexpr size_t kMaxCopiedTriangles = 200'000;
+
+RTCDevice device() {
+  static const RTCDevice d = [] {
+    RTCDevice made = rtcNewDevice("start_threads=0,set_affinity=0");
+    GOBO_CHECK(made != nullptr);
+    rtcSetDeviceErrorFunction(made, [](void*, RTCError code, const char* text) {
+      std::cerr << "Embree error " << int(code) << ": " << text << std::endl;
+      std::abort();                                                 // out of memory or a misuse: nothing sensible can follow
+    }, nullptr);
+    return made;
+  }();
+  return d;
+}
+
+RTCGeometry triangleGeometry(const Mesh& mesh, const std::vector<Vec3>& padded, AlphaGeometry* alpha) {
+  RTCGeometry g = rtcNewGeometry(device(), RTC_GEOMETRY_TYPE_TRIANGLE);
+  rtcSetSharedGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, padded.data(), 0, sizeof(Vec3), mesh.positions.size());
+  rtcSetSharedGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.indices.data(), 0, 12, mesh.triangles());
+  rtcSetGeometryBuildQuality(g, RTC_BUILD_QUALITY_MEDIUM);
+  if (alpha) {
+    rtcSetGeometryUserData(g, alpha);
+    rtcSetGeometryIntersectFilterFunction(g, alphaFilter);
+    rtcSetGeometryOccludedFilterFunction(g, alphaFilter);
+  }
+  rtcCommitGeometry(g);
+  return g;
+}
+
+RTCScene newScene() {
+  RTCScene s = rtcNewScene(device());
+  rtcSetSceneFlags(s, RTC_SCENE_FLAG_ROBUST);                       // watertight: no ray slips between triangles that share an edge
+  rtcSetSceneBuildQuality(s, RTC_BUILD_QUALITY_MEDIUM);
+  return s;
+}
+
+float coordinateUnit(float largest) {
+  if (!(largest > 0.0f) || !std::isfinite(largest)) return 1.0f;
+  return std::ldexp(1.0f, std::ilogb(largest) + 1);
+}
+
+}  // namespace
+
+Accel::Accel() : impl_(std::make_unique<Impl>()) {}
+Accel::~Accel() = default;
+size_t Accel::bytes() const { return impl_->bytes; }
+float Accel::unit() const { return impl_->unit; }
+
+Accel::Impl::~Impl() {
+  if (scene) rtcReleaseScene(scene);
+  for (RTCScene s : meshScenes) if (s) rtcReleaseScene(s);
+}
+
+std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena& arena) {
+  auto accel = std::shared_ptr<Accel>(new Accel());
+  Impl& impl = *accel->impl_;
+  impl.meshes = view.meshes(Facet::Topology | Facet::Pose | Facet::Coverage);
+  const std::vector<Instance>& instances = view.instances();
+
+  std::vector<size_t> uses(impl.meshes.size(), 0);
+  for (const Instance& i : instances) ++uses[i.mesh];
+  std::vector<AlphaGeometry*> alphaOf(impl.meshes.size(), nullptr);
+  for (size_t m = 0; m < impl.meshes.size(); ++m) {
+    if (uses[m] == 0) continue;
+    const Coverage& c = view.coverage(impl.meshes[m]->material);
+    if (c.mode == AlphaMode::Opaque) continue;
+    auto a = std::make_unique<AlphaGeometry>();
+    a->mesh = impl.meshes[m]; a->ref = c.texture; a->mode = c.mode; a->cutoff = c.cutoff; a->factor = c.factor;
+    if (c.texture.valid()) a->texture = view.textures()[c.texture.texture];
+    alphaOf[m] = a.get();
+    impl.alphas.push_back(std::move(a));
+    impl.hasAlpha = true;
+  }
+
+  // World-space copies, in parallel over instances: disjoint writes. One element of padding: Embree reads 16 bytes a vertex.
+  impl.instances.resize(instances.size());
+  impl.worldPositions.resize(instances.size());
+  std::vector<std::vector<Vec3>> objectPositions(impl.meshes.size());
+  const auto instanced = [&](size_t mesh) { return uses[mesh] > 1 && impl.meshes[mesh]->triangles() * (uses[mesh] - 1) > kMaxCopiedTriangles; };
+  std::vector<float> largest(instances.size(), 0.0f);
+  arena.parallelFor(instances.size(), 1, [&](size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) {
+      const Mesh& mesh = *impl.meshes[instances[i].mesh];
+      InstanceGeometry& g = impl.instances[i];
+      g.toWorld = instances[i].toWorld;
+      const Mat3 linear(g.toWorld);
+      const float det = glm::determinant(linear);
+      g.mirrored = det < 0.0f;
+      g.normalToWorld = Mat3(glm::cross(linear[1], linear[2]), glm::cross(linear[2], linear[0]), glm::cross(linear[0], linear[1])) *
+                        (g.mirrored ? -1.0f : 1.0f);
+      g.indices = mesh.indices.data();
+      g.world = !instanced(instances[i].mesh);
+      std::vector<Vec3>& out = impl.worldPositions[i];
+      if (g.world) { out.reserve(mesh.positions.size() + 1); }
+      const bool identity = g.toWorld == Mat4(1.0f);
+      for (const Vec3& p : mesh.positions) {
+        const Vec3 q = identity ? p : Vec3(g.toWorld * Vec4(p, 1.0f));
+        largest[i] = std::fmax(largest[i], std::fmax(std::fabs(q.x), std::fmax(std::fabs(q.y), std::fabs(q.z))));
+        if (g.world) out.push_back(q);
+      }
+      if (g.world) { out.push_back(Vec3(0.0f)); g.positions = out.data(); }
+    }
+  });
+  float most = 0.0f;
+  for (float l : largest) most = std::fmax(most, l);
+  impl.unit = coordinateUnit(most);
+
+  impl.meshScenes.assign(impl.meshes.size(), nullptr);
+  arena.execute([&] {
+    for (size_t m = 0; m < impl.meshes.size(); ++m) {
+      if (!instanced(m)) continue;
+      std::vector<Vec3>& padded = objectPositions[m];
+      padded = impl.meshes[m]->positions;
+      padded.push_back(Vec3(0.0f));
+      impl.meshScenes[m] = newScene();
+      RTCGeometry g = triangleGeometry(*impl.meshes[m], padded, alphaOf[m]);
+      rtcAttachGeometryByID(impl.meshScenes[m], g, 0);
+      rtcReleaseGeometry(g);
+      rtcCommitScene(impl.meshScenes[m]);
+      impl.bytes += impl.meshes[m]->triangles() * 64 + padded.size() * sizeof(Vec3);
+    }
+    impl.scene = newScene();
+    for (size_t i = 0; i < instances.size(); ++i) {
+      const size_t m = size_t(instances[i].mesh);
+      RTCGeometry g;
+      if (instanced(m)) {
+        impl.instances[i].positions = objectPositions[m].data();
+        g = rtcNewGeometry(device(), RTC_GEOMETRY_TYPE_INSTANCE);
+        rtcSetGeometryInstancedScene(g, impl.meshScenes[m]);
+        rtcSetGeometryTransform(g, 0, RTC_FORMAT_FLOAT4X4_COLUMN_MAJOR, &instances[i].toWorld[0][0]);
+        rtcCommitGeometry(g);
+      } else {
+        if (impl.meshes[m]->triangles() == 0) continue;
+        g = triangleGeometry(*impl.meshes[m], impl.worldPositions[i], alphaOf[m]);
+        impl.bytes += impl.meshes[m]->triangles() * 64 + impl.worldPositions[i].size() * sizeof(Vec3);
+      }
+      rtcAttachGeometryByID(impl.scene, g, unsigned(i));            // geometry id == index into Scene::instances
+      rtcReleaseGeometry(g);
+    }
+    rtcCommitScene(impl.scene);
+  });
+  impl.objectPositions = std::move(objectPositions);
+  return accel;
+}
+
+bool Accel::intersect(const Ray& ray, Hit& hit) const {
+  RTCRayHit r;
+  r.ray.org_x = ray.origin.x; r.ray.org_y = ray.origin.y; r.ray.org_z = ray.origin.z;
+  r.ray.dir_x = ray.direction.x; r.ray.dir_y = ray.direction.y; r.ray.dir_z = ray.direction.z;
+  r.ray.tnear = ray.tmin; r.ray.tfar = ray.tmax; r.ray.time = 0; r.ray.mask = ~0u; r.ray.id = 0; r.ray.flags = 0;
+  r.hit.geomID = r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  embree::Context context;
+  embree::initContext(context);
+  embree::intersect1(impl_->scene, context, r, false);
+  if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) { hit.instance = kNoHit; return false; }
+  hit.t = r.ray.tfar;
+  hit.instance = r.hit.instID[0] == RTC_INVALID_GEOMETRY_ID ? r.hit.geomID : r.hit.instID[0];
+  hit.primitive = r.hit.primID;
+  hit.u = r.hit.u; hit.v = r.hit.v;
+  hit.Ng = impl_->worldNormal(hit.instance, Vec3(r.hit.Ng_x, r.hit.Ng_y, r.hit.Ng_z));
+  return true;
+}
+
+bool Accel::occluded(const Ray& ray) const {
+  RTCRay r;
+  r.org_x = ray.origin.x; r.org_y = ray.origin.y; r.org_z = ray.origin.z;
+  r.dir_x = ray.direction.x; r.dir_y = ray.direction.y; r.dir_z = ray.direction.z;
+  r.tnear = ray.tmin; r.tfar = ray.tmax; r.time = 0; r.mask = ~0u; r.id = 0; r.flags = 0;
+  embree::Context context;
+  embree::initContext(context);
+  embree::occluded1(impl_->scene, context, r);
+  return r.tfar < 0.0f;
+}
+
+Vec3 offsetOrigin(const Vec3& p, const Vec3& n, float unit) {
+  const float nearZero = unit * (1.0f / 32.0f), step = unit * (1.0f / 65536.0f);
+  Vec3 out;
+  for (int c = 0; c < 3; ++c) {
+    const int32_t ulps = int32_t(256.0f * n[c]);
+    const int32_t bits = std::bit_cast<int32_t>(p[c]);
+    out[c] = std::fabs(p[c]) < nearZero ? p[c] + step * n[c] : std::bit_cast<float>(bits + (p[c] < 0.0f ? -ulps : ulps));
+  }
+  return out;
+}
+
+}  // namespace gobo

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+// The dispatcher: one record per light of the subset, found by its index in the scene.
+#include "trace/light_sampling.h"
+
+#include <algorithm>
+#include <optional>
+
+#include "base/check.h"
+#include "trace/area_light_bvh.h"
+#include "trace/area_lights.h"
+#include "trace/environment_distribution.h"
+#include "trace/mesh_light.h"
+
+namespace gobo {
+namespace {
+
+/// Intensity over distance squared is cut at this distance, so that a receiver on the lamp gets a finite value.
+constexpr double kNearest = 1e-6;
+constexpr float kInfinity = 3e38f;
+
+/// KHR_lights_punctual: what distance leaves of an intensity, window of `range` included.
+double distanceFalloff(double d2, float range) {
+  double window = 1.0;
+  if (range > 0.0f) {
+    const double x = d2 / (double(range) * range);
+    window = std::clamp(1.0 - x * x, 0.0, 1.0);
+  }
+  return window / std::max(d2, kNearest * kNearest);
+}
+
+/// KHR_lights_punctual: squared linear ramp of the cosine between the two cones.
+float spotFalloff(const LightShape& s, float cosine) {
+  const float a = clamp01((cosine - s.cosOuter) / std::fmax(s.cosInner - s.cosOuter, 1e-3f));
+  return a * a;
+}
+
+bool samplePoint(const LightShape& s, const Vec3& p, LightSample& out) {
+  const DVec3 d = DVec3(s.position) - DVec3(p);
+  const double d2 = glm::dot(d, d);
+  if (!(d2 > 0)) return false;
+  const double distance = std::sqrt(d2);
+  out.direction = Vec3(d / distance);
+  out.distance = float(distance);
+  double value = distanceFalloff(d2, s.range);
+  if (s.kind == LightKind::Spot) value *= spotFalloff(s, -glm::dot(out.direction, s.axis));
+  out.radiance = Vec3(float(value));
+  out.pdf = 1.0f;
+  out.delta = true;
+  return value > 0 && out.distance > 0.0f;
+}
+
+}  // namespace
+
+struct LightSampler::Impl {
+  std::vector<int> slots;              // light index -> record, -1 outside the subset
+  std::vector<LightShape> shapes;      // one per record
+  std::vector<int> mesh;               // record -> meshes, -1 for other kinds
+  std::vector<MeshLight> meshes;
+  EnvironmentPtr environment;
+  std::optional<EnvironmentDistribution> distribution;
+  AreaLightBvh area;
+
+  int record(int light) const {
+    GOBO_CHECK_LE(0, light);
+    GOBO_CHECK_LT(size_t(light), slots.size());
+    GOBO_CHECK_LE(0, slots[light]);
+    return slots[light];
+  }
+};
+
+LightSampler::LightSampler() : impl_(std::make_unique<Impl>()) {}
+LightSampler::~LightSampler() = default;
+
+std::shared_ptr<const LightSampler> LightSampler::build(const SceneView& view) {
+  std::shared_ptr<LightSampler> sampler(new LightSampler);
+  Impl& m = *sampler->impl_;
+  std::vector<AreaLightBvh::Entry> area;
+  for (int i : view.lightSubset()) {
+    if (size_t(i) >= m.slots.size()) m.slots.resize(size_t(i) + 1, -1);
+    m.slots[i] = int(m.shapes.size());
+    const LightShape& s = view.lightShape(i);
+    m.shapes.push_back(s);
+    m.mesh.push_back(-1);
+    switch (s.kind) {
+      case LightKind::Rect:
+      case LightKind::Disk:
+      case LightKind::Sphere: area.push_back({i, s, view.lightCameraVisible(i)}); break;
+      case LightKind::Mesh:
+        m.mesh.back() = int(m.meshes.size());
+        m.meshes.emplace_back(view, s.instance);
+        break;
+      case LightKind::Environment:
+        m.environment = view.environment();
+        if (!m.distribution) m.distribution.emplace(m.environment);
+        break;
+      default: break;
+    }
+  }
+  m.area = AreaLightBvh(std::move(area));
+  return sampler;
+}
+
+bool LightSampler::sample(int i, const Vec3& p, const Vec2& u, LightSample& out) const {
+  out = {};
+  const int r = impl_->record(i);
+  const LightShape& s = impl_->shapes[r];
+  AreaSample a;
+  bool ok = false;
+  Vec3 radiance(1.0f);
+  switch (s.kind) {
+    case LightKind::Point:
+    case LightKind::Spot: return samplePoint(s, p, out);
+    case LightKind::Directional:
+      out = {-s.axis, kInfinity, Vec3(1.0f), 1.0f, true};
+      return true;
+    case LightKind::Environment:
+      out.distance = kInfinity;
+      return impl_->distribution->sample(u, out.direction, out.radiance, out.pdf);
+    case LightKind::Rect: ok = sampleRect(s, p, u, a); break;
+    case LightKind::Disk: ok = sampleDisk(s, p, u, a); break;
+    case LightKind::Sphere: ok = sampleSphere(s, p, u, a); break;
+    case LightKind::Mesh: ok = impl_->meshes[impl_->mesh[r]].sample(p, u, a, radiance); break;
+  }
+  if (!ok) return false;
+  out = {a.direction, a.distance, radiance, a.pdf, false};
+  return true;
+}
+
+float LightSampler::pdf(int i, const Vec3& p, const Vec3& direction, float t, uint32_t primitive) const {
+  const int r = impl_->record(i);
+  const LightShape& s = impl_->shapes[r];
+  switch (s.kind) {
+    case LightKind::Rect: return rectPdf(s, p, direction, t);
+    case LightKind::Disk: return diskPdf(s, p, direction, t);
+    case LightKind::Sphere: return spherePdf(s, p);
+    case LightKind::Mesh: return impl_->meshes[impl_->mesh[r]].pdf(direction, t, primitive);
+    case LightKind::Environment: return impl_->distribution->pdf(direction);
+    default: return 0.0f;
+  }
+}
+
+Vec3 LightSampler::emitted(int i, const Vec3& direction, uint32_t primitive, float u, float v, const Vec3& Ng) const {
+  const int r = impl_->record(i);
+  const LightShape& s = impl_->shapes[r];
+  switch (s.kind) {
+    case LightKind::Rect:
+    case LightKind::Disk: return Vec3(s.twoSided || glm::dot(direction, Ng) < 0.0f ? 1.0f : 0.0f);
+    case LightKind::Sphere: return Vec3(glm::dot(direction, Ng) < 0.0f ? 1.0f : 0.0f);
+    case LightKind::Mesh: return impl_->meshes[impl_->mesh[r]].emitted(direction, primitive, u, v);
+    case LightKind::Environment: return impl_->environment ? impl_->environment->eval(direction) : Vec3(0.0f);
+    default: return Vec3(0.0f);
+  }
+}
+
+int LightSampler::intersectAreaLights(const Ray& ray, float& t, Vec3& Ng, bool cameraVisibleOnly) const {
+  return impl_->area.intersect(ray, cameraVisibleOnly, t, Ng);
+}
+
+}  // namespace gobo

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trace/light_tree.h"
+
+#include <algorithm>
+
+namespace gobo {
+
+namespace {
+
+struct Cone { Vec3 axis; float cosAngle; };
+
+// Smallest cone around two cones (pbrt-v4 DirectionCone Union); -1 means every direction.
+Cone joinCones(const Cone& a, const Cone& b) {
+  if (a.cosAngle <= -1.0f || b.cosAngle <= -1.0f) return {a.axis, -1.0f};
+  const double ta = std::acos(std::clamp(double(a.cosAngle), -1.0, 1.0)), tb = std::acos(std::clamp(double(b.cosAngle), -1.0, 1.0));
+  const double td = std::acos(std::clamp(double(glm::dot(a.axis, b.axis)), -1.0, 1.0));
+  if (td + tb <= ta) return a;
+  if (td + ta <= tb) return b;
+  const double t = (ta + td + tb) / 2;
+  if (t >= M_PI) return {a.axis, -1.0f};
+  const Vec3 w = glm::cross(a.axis, b.axis);
+  const float length = std::sqrt(glm::dot(w, w));
+  if (!(length > 1e-6f)) return {a.axis, -1.0f};
+  const double turn = t - ta;
+  const Vec3 k = w / length;                                         // turn a.axis about k towards b.axis
+  const Vec3 axis = a.axis * float(std::cos(turn)) + glm::cross(k, a.axis) * float(std::sin(turn));
+  return {axis / std::sqrt(glm::dot(axis, axis)), float(std::cos(t)) - 1e-6f};
+}
+
+float sinOf(float c) { return std::sqrt(std::fmax(0.0f, 1.0f - c * c)); }
+// cos(max(0, a - b)) and sin of the same from sines and cosines.
+float cosSub(float sinA, float cosA, float sinB, float cosB) { return cosA > cosB ? 1.0f : cosA * cosB + sinA * sinB; }
+float sinSub(float sinA, float cosA, float sinB, float cosB) { return cosA > cosB ? 0.0f : sinA * cosB - cosA * sinB; }
+
+// Surface area orientation heuristic: power x orientation measure x area (Conty & Kulla 2018, eq. 1).
+double splitCost(const LightBounds& b, const Vec3& parentSize, int dim) {
+  if (b.power <= 0.0f) return 0.0;
+  const double to = std::acos(std::clamp(double(b.cosNormals), -1.0, 1.0)), te = std::acos(std::clamp(double(b.cosEmission), -1.0, 1.0));
+  const double tw = std::min(to + te, M_PI), so = std::sin(to);
+  const double omega = 2 * M_PI * (1 - std::cos(to)) + M_PI / 2 * (2 * tw * so - std::cos(to - 2 * tw) - 2 * to * so + std::cos(to));
+  const Vec3 d = b.hi - b.lo;
+  const double area = 2.0 * (double(d.x) * d.y + double(d.y) * d.z + double(d.z) * d.x);
+  const double diagonal2 = double(glm::dot(d, d));
+  const double k = std::max(parentSize.x, std::max(parentSize.y, parentSize.z)) / std::max(1e-30f, parentSize[dim]);
+  return b.power * omega * k * (area + 1e-3 * diagonal2);            // the diagonal keeps collinear lights apart
+}
+
+}  // namespace
+
+LightBounds LightBounds::join(const LightBounds& a, const LightBounds& b) {
+  if (a.power <= 0.0f) return b;
+  if (b.power <= 0.0f) return a;
+  LightBounds o;
+  o.lo = glm::min(a.lo, b.lo);
+  o.hi = glm::max(a.hi, b.hi);
+  const Cone c = joinCones({a.axis, a.cosNormals}, {b.axis, b.cosNormals});
+  o.axis = c.axis; o.cosNormals = c.cosAngle;
+  o.cosEmission = std::fmin(a.cosEmission, b.cosEmission);
+  o.power = a.power + b.power;
+  o.twoSided = a.twoSided || b.twoSided;
+  return o;
+}
+
+float LightBounds::importance(const Vec3& p, const Vec3* n) const {
+  if (!(power > 0.0f)) return 0.0f;
+  const Vec3 centre = (lo + hi) * 0.5f, half = (hi - lo) * 0.5f;
+  const float radius2 = glm::dot(half, half);
+  const Vec3 toP = p - centre;
+  const float true2 = glm::dot(toP, toP);
+  const float d2 = std::fmax(true2, std::fmax(radius2, 1e-30f));     // inside the bounds distance says nothing
+  if (true2 <= radius2 * 1.0001f) return power / d2;                 // any direction is possible: stay conservative
+  const Vec3 wi = toP * (1.0f / std::sqrt(true2));                   // from the lights to the receiver
+  float cosW = glm::dot(axis, wi);
+  if (twoSided) cosW = std::fabs(cosW);
+  const float sinW = sinOf(cosW);
+  const float sinB2 = radius2 / true2, cosB = std::sqrt(std::fmax(0.0f, 1.0f - sinB2)), sinB = std::sqrt(sinB2);
+  const float sinO = sinOf(cosNormals);
+  const float cosX = cosSub(sinW, cosW, sinO, cosNormals), sinX = sinSub(sinW, cosW, sinO, cosNormals);
+  const float cosP = cosSub(sinX, cosX, sinB, cosB);
+  if (cosP <= cosEmission - 1e-4f) return 0.0f;
+  float result = power * std::fmax(cosP, 1e-3f) / d2;                // the floor keeps rounding from excluding a grazing light
+  if (n) {
+    const float cosI = -glm::dot(wi, *n), sinI = sinOf(cosI);
+    const float cosIP = cosSub(sinI, cosI, sinB, cosB);
+    if (cosIP < -1e-4f) return 0.0f;
+    result *= std::fmax(cosIP, 1e-3f);
+  }
+  return result;
+}
+
+void LightTree::build(const std::vector<LightBounds>& bounds) {
+  nodes_.clear();
+  leafOf_.assign(bounds.size(), -1);
+  std::vector<int> order;
+  for (size_t i = 0; i < bounds.size(); ++i) if (bounds[i].power > 0.0f) order.push_back(int(i));
+  if (order.empty()) return;
+  nodes_.reserve(2 * order.size());
+  buildNode(bounds, order, 0, int(order.size()), -1);
+}
+
+int LightTree::buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent) {
+  const int self = int(nodes_.size());
+  nodes_.emplace_back();
+  nodes_[self].parent = parent;
+  if (end - begin == 1) {
+    nodes_[self].light = order[begin];
+    nodes_[self].bounds = bounds[order[begin]];
+    leafOf_[order[begin]] = self;
+    return self;
+  }
+  const auto centreOf = [&](int i) { return (bounds[i].lo + bounds[i].hi) * 0.5f; };
+  Vec3 lo(3e38f), hi(-3e38f), blo(3e38f), bhi(-3e38f);
+  for (int i = begin; i < end; ++i) {
+    const Vec3 c = centreOf(order[i]);
+    lo = glm::min(lo, c); hi = glm::max(hi, c);
+    blo = glm::min(blo, bounds[order[i]].lo); bhi = glm::max(bhi, bounds[order[i]].hi);
+  }
+  constexpr int kBins = 12;
+  double bestCost = 1e300;
+  int bestDim = -1, bestBin = -1;
+  const auto binOf = [&](int i, int dim) { return std::min(kBins - 1, int(kBins * ((centreOf(i)[dim] - lo[dim]) / (hi[dim] - lo[dim])))); };
+  for (int dim = 0; dim < 3; ++dim) {
+    if (!(hi[dim] > lo[dim])) continue;
+    LightBounds bins[kBins];
+    for (int i = begin; i < end; ++i) { LightBounds& b = bins[binOf(order[i], dim)]; b = LightBounds::join(b, bounds[order[i]]); }
+    for (int cut = 1; cut < kBins; ++cut) {
+      LightBounds below, above;
+      for (int b = 0; b < cut; ++b) below = LightBounds::join(below, bins[b]);
+      for (int b = cut; b < kBins; ++b) above = LightBounds::join(above, bins[b]);
+      if (!(below.power > 0.0f) || !(above.power > 0.0f)) continue;
+      const double cost = splitCost(below, bhi - blo, dim) + splitCost(above, bhi - blo, dim);
+      if (cost < bestCost) { bestCost = cost; bestDim = dim; bestBin = cut; }
+    }
+  }
+  int middle = (begin + end) / 2;                                    // all in one place: halve by index
+  if (bestDim >= 0) {
+    const auto it = std::stable_partition(order.begin() + begin, order.begin() + end, [&](int i) { return binOf(i, bestDim) < bestBin; });
+    middle = int(it - order.begin());
+    if (middle == begin || middle == end) middle = (begin + end) / 2;
+  }
+  const int left = buildNode(bounds, order, begin, middle, self);
+  const int right = buildNode(bounds, order, middle, end, self);
+  nodes_[self].left = left; nodes_[self].right = right;
+  nodes_[self].bounds = LightBounds::join(nodes_[left].bounds, nodes_[right].bounds);
+  return self;
+}
+
+int LightTree::sample(const Vec3& p, const Vec3* n, float u, float& probability) const {
+  probability = 1.0f;
+  if (nodes_.empty()) return -1;
+  int at = 0;
+  if (nodes_[0].light >= 0) return nodes_[0].light;
+  while (nodes_[at].light < 0) {
+    const Node& node = nodes_[at];
+    const float l = nodes_[node.left].bounds.importance(p, n), r = nodes_[node.right].bounds.importance(p, n), sum = l + r;
+    if (!(sum > 0.0f)) return -1;
+    const float pl = l / sum;
+    if (u < pl) { at = node.left; probability *= pl; u = u / pl; }
+    else { at = node.right; probability *= 1.0f - pl; u = (u - pl) / (1.0f - pl); }
+    u = std::fmin(u, 0x1.fffffep-1f);
+  }
+  return probability > 0.0f ? nodes_[at].light : -1;
+}
+
+float LightTree::probability(const Vec3& p, const Vec3* n, int light) const {
+  int at = leafOf_[light];
+  if (at < 0) return 0.0f;
+  float product = 1.0f;
+  for (int parent = nodes_[at].parent; parent >= 0; at = parent, parent = nodes_[at].parent) {
+    const Node& node = nodes_[parent];
+    const float l = nodes_[node.left].bounds.importance(p, n), r = nodes_[node.right].bounds.importance(p, n), sum = l + r;
+    if (!(sum > 0.0f)) return 0.0f;
+    const float pl = l / sum;
+    product *= at == node.left ? pl : 1.0f - pl;
+  }
+  return product;
+}
+
+}  // namespace gobo

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// LightTree: a bounding volume hierarchy over finite lights that picks one with probability close to its contribution
+// (Conty Estevez & Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting"; the conservative importance
+// is pbrt-v4's, eq. 12.x of section 12.6.3). Immutable after build; any thread may sample. Cost: O(log n) node pairs a draw,
+// O(depth) for the probability of a given light.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/vec.h"
+
+namespace gobo {
+
+/// Bounds of one light or a cluster: where it is, which way its normals and its emission go, how much it emits (W, any scale).
+struct LightBounds {
+  Vec3 lo{3.0e38f}, hi{-3.0e38f};
+  Vec3 axis{0, 0, 1};
+  float cosNormals = 1.0f;    ///< cosine of the half angle of the cone of normals around `axis`
+  float cosEmission = -1.0f;  ///< cosine of the emission angle beyond the normals' cone (pi/2 for a one-sided area light)
+  float power = 0.0f;
+  bool twoSided = false;
+  static LightBounds join(const LightBounds& a, const LightBounds& b);
+  /// Conservative importance at p; n (unit) is the receiver's normal, or null where light may arrive from both sides.
+  /// 0 only if no light of the cluster can reach a receiver facing n.
+  float importance(const Vec3& p, const Vec3* n) const;
+};
+
+class LightTree {
+ public:
+  /// bounds[i].power must be >= 0; lights of power 0 are left out and never drawn.
+  void build(const std::vector<LightBounds>& bounds);
+  bool empty() const { return nodes_.empty(); }
+  /// Draws a light for a receiver: its index into `bounds`, or -1 if none can contribute. u in [0,1).
+  int sample(const Vec3& p, const Vec3* n, float u, float& probability) const;
+  /// The probability with which sample(p, n, .) gives `light`.
+  float probability(const Vec3& p, const Vec3* n, int light) const;
+  const LightBounds& bounds() const { return nodes_[0].bounds; }
+
+ private:
+  struct Node {
+    LightBounds bounds;
+    int left = -1, right = -1, parent = -1;
+    int light = -1;                       // leaf: index into the input
+  };
+  std::vector<Node> nodes_;
+  std::vector<int> leafOf_;               // by light; -1: power 0
+  int buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent);
+};
+
+}  // namespace gobo

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Emissive triangles of one instance: an alias table over area x mean emission, uniform inside the triangle. Memory: 64 bytes a
+// triangle. Densities are turned from area to solid angle at the receiver; weights grow without bound towards the surface
+// (d^2 in the density), which BSDF sampling covers under MIS. Immutable; any thread may sample.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "scene/scene.h"
+#include "trace/alias_table.h"
+#include "trace/area_lights.h"
+
+namespace gobo {
+
+class MeshLight {
+ public:
+  MeshLight(const SceneView& view, uint32_t instance);
+  /// Radiance is the emission texture (white without one) x alpha coverage at the point: what a ray sees there on average.
+  bool sample(const Vec3& p, const Vec2& u, AreaSample& out, Vec3& radiance) const;
+  float pdf(const Vec3& direction, float t, uint32_t primitive) const;
+  /// Emission texture at a point of a triangle, 0 behind a one-sided one. Coverage is not applied: the ray that hit has passed it.
+  Vec3 emitted(const Vec3& direction, uint32_t primitive, float u, float v) const;
+  double area() const { return area_; }
+
+ private:
+  struct Triangle {
+    Vec3 p, e1, e2;      // world space
+    Vec3 n;              // unit, by winding and the sign of the transform's determinant (glTF 3.7.4)
+    float areaDensity;   // chance of the triangle over its area, 1/m^2
+  };
+  Vec3 texel(uint32_t primitive, float u, float v) const;
+  float coverage(uint32_t primitive, float u, float v) const;
+  Vec2 uv(const TextureRef& ref, uint32_t primitive, float u, float v) const;
+
+  MeshPtr mesh_;
+  TextureRef emissionRef_;
+  std::shared_ptr<const Texture> emission_, alpha_;
+  Coverage coverage_;
+  std::vector<Triangle> triangles_;
+  AliasTable table_;
+  double area_ = 0;
+};
+
+}  // namespace gobo

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// The inside of PathTracer: flat tables made once, and the kernel that carries up to 16 samples of one pixel together, event
+// by event. The samples that are alive stay packed, so that Embree gets packets and the shading code stays hot.
+#pragma once
+
+#include <vector>
+
+#include "trace/accel_impl.h"
+#include "trace/path_tracer.h"
+#include "trace/sample_set.h"
+#include "trace/surface.h"
+
+namespace gobo {
+
+/// Rays as they were traced, for the bench. Not thread-safe: record on one thread.
+struct RayRecorder { std::vector<Ray> primary, bounce, shadow; };
+
+struct PathTracer::Impl {
+  PathTracerSettings settings;
+  AccelPtr accel;
+  RTCScene scene = nullptr;
+  SurfaceTable surfaces;
+  LightSelector selector;
+  std::shared_ptr<const LightSampler> sampler;
+
+  struct LightInfo { int light = 0; int slot = 0; LightKind kind = LightKind::Point; Vec3 nominal{0.0f}; bool cameraVisible = true; };
+  std::vector<LightInfo> lights;           // by k
+  std::vector<int> meshLight;              // by instance: k, -1 for none
+  std::vector<int> environments;           // k
+  std::vector<int> areaLights;             // k of Rect, Disk, Sphere
+  std::vector<LightShape> areaShapes;
+  std::vector<float> areaX, areaY, areaZ, areaRadius2;   // bounding spheres of areaLights
+  bool hittable = false;                   // some light can be reached by a ray
+  bool wantEmission = true, wantDirect = true, wantIndirect = true;
+  int slotCount = 1, perGroup = 1;
+  int maxEvents = 9;                       // scattering events a path may have
+  // Camera rays as affine functions of the film position.
+  Vec3 cameraOrigin{0.0f}, cameraOriginX{0.0f}, cameraOriginY{0.0f}, cameraDirection{0.0f}, cameraDirectionX{0.0f}, cameraDirectionY{0.0f};
+  std::vector<Vec2> viewSamples;
+  mutable RayRecorder* recorder = nullptr;
+
+  void prepareCamera();
+  void prepareLights(const SceneView& view);
+  /// Samples first .. first + count - 1 of the pixel's block; `film` is the index of the first over all blocks.
+  void traceChunk(int x, int y, const SampleSet& set, uint64_t film, int count, double* out, uint64_t& rays, uint64_t& dropped) const;
+};
+
+}  // namespace gobo

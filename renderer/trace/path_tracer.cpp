@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trace/path_tracer.h"
+
+#include "base/check.h"
+#include "trace/path_kernel.h"
+#include "trace/view_samples.h"
+
+namespace gobo {
+
+void PathTracerSettings::hash(Hasher& h) const {
+  h.addPod(camera.toWorld).add(camera.perspective).add(camera.yfov).add(camera.yheight).add(camera.centre.x).add(camera.centre.y);
+  h.add(width).add(height).add(viewSamples).add(maxBounces).add(rouletteStart).add(blockSize).add(seed);
+  h.add(cover).add(split).add(selection).add(groups).addArray(groupOf).add(uint64_t(nominal.size()));
+  for (const Vec3& n : nominal) h.add(n.x).add(n.y).add(n.z);
+}
+
+int slotsPerGroup(SplitMode split, int maxBounces) {
+  switch (split) {
+    case SplitMode::Combined: return 1;
+    case SplitMode::DirectIndirect: return 3;
+    case SplitMode::ByLobe: return 5;
+    case SplitMode::ByBounce: return maxBounces + 2;
+  }
+  return 1;
+}
+
+PathTracer::PathTracer() : impl_(std::make_unique<Impl>()) {}
+PathTracer::~PathTracer() = default;
+int PathTracer::slots() const { return impl_->slotCount; }
+
+std::shared_ptr<const PathTracer> PathTracer::create(const SceneView& view, AccelPtr accel, const PathTracerSettings& settings) {
+  GOBO_CHECK_EQ(settings.groupOf.size(), view.lightSubset().size());
+  GOBO_CHECK_EQ(settings.nominal.size(), view.lightSubset().size());
+  GOBO_CHECK_LT(0, settings.blockSize);
+  GOBO_CHECK_LE(settings.blockSize, 4096);
+  GOBO_CHECK_LT(0, settings.width);
+  GOBO_CHECK_LT(0, settings.height);
+  GOBO_CHECK_LE(0, settings.maxBounces);
+  for (int g : settings.groupOf) { GOBO_CHECK_LE(0, g); GOBO_CHECK_LT(g, settings.groups); }
+  auto tracer = std::shared_ptr<PathTracer>(new PathTracer());
+  Impl& m = *tracer->impl_;
+  m.settings = settings;
+  m.accel = std::move(accel);
+  m.scene = m.accel->impl().scene;
+  m.surfaces.build(view, *m.accel);
+  m.perGroup = slotsPerGroup(settings.split, settings.maxBounces);
+  m.slotCount = settings.groups * m.perGroup;
+  m.wantEmission = has(settings.cover, PathClass::Emission);
+  m.wantDirect = has(settings.cover, PathClass::Direct);
+  m.wantIndirect = has(settings.cover, PathClass::Indirect);
+  m.maxEvents = m.wantIndirect ? settings.maxBounces + 1 : m.wantDirect ? 1 : 0;
+  m.prepareCamera();
+  m.prepareLights(view);
+  for (int s = 0; s < settings.viewSamples; ++s) m.viewSamples.push_back(viewSamplePosition(s, settings.viewSamples));
+  return tracer;
+}
+
+void PathTracer::Impl::prepareCamera() {
+  const Camera& c = settings.camera;
+  const float W = float(settings.width), H = float(settings.height);
+  const Vec3 right(c.toWorld[0]), up(c.toWorld[1]), back(c.toWorld[2]), position(c.toWorld[3]);
+  const float scale = c.perspective ? 2.0f * std::tan(0.5f * c.yfov) : c.yheight;
+  const Vec3 perX = right * (scale / H), perY = up * (-scale / H);   // a pixel to the right is 1/H of the window's height
+  const Vec3 corner = right * ((-0.5f * W / H + c.centre.x) * scale) + up * ((0.5f + c.centre.y) * scale);
+  if (c.perspective) {
+    cameraOrigin = position;
+    cameraDirection = corner - back;
+    cameraDirectionX = perX; cameraDirectionY = perY;
+  } else {
+    cameraOrigin = position + corner;
+    cameraOriginX = perX; cameraOriginY = perY;
+    cameraDirection = -back;
+  }
+}
+
+void PathTracer::Impl::prepareLights(const SceneView& view) {
+  const std::vector<int>& subset = view.lightSubset();
+  sampler = LightSampler::build(view);
+  selector.build(view, settings.nominal, settings.selection);
+  meshLight.assign(view.instances().size(), -1);
+  for (size_t k = 0; k < subset.size(); ++k) {
+    const LightShape& shape = view.lightShape(subset[k]);
+    LightInfo info;
+    info.light = subset[k];
+    info.slot = settings.groupOf[k] * perGroup;
+    info.kind = shape.kind;
+    info.nominal = settings.nominal[k];
+    info.cameraVisible = view.lightCameraVisible(subset[k]);
+    lights.push_back(info);
+    if (!(luminance(info.nominal) > 0.0f)) continue;                  // traced as black: nothing to find
+    switch (shape.kind) {
+      case LightKind::Mesh: meshLight[shape.instance] = int(k); hittable = true; break;
+      case LightKind::Environment: environments.push_back(int(k)); hittable = true; break;
+      case LightKind::Rect: case LightKind::Disk: case LightKind::Sphere: {
+        areaLights.push_back(int(k));
+        areaShapes.push_back(shape);
+        const float r = shape.kind == LightKind::Rect ? glm::length(shape.u) + glm::length(shape.v) : shape.radius;
+        areaX.push_back(shape.position.x); areaY.push_back(shape.position.y); areaZ.push_back(shape.position.z);
+        areaRadius2.push_back(r * r * 1.001f);
+        hittable = true;
+        break;
+      }
+      default: break;
+    }
+  }
+}
+
+void PathTracer::traceBlock(int x, int y, uint32_t block, double* out, uint64_t& rays, uint64_t& dropped) const {
+  const Impl& m = *impl_;
+  const int size = m.settings.blockSize;
+  const uint64_t pixel = uint64_t(uint32_t(y)) << 32 | uint32_t(x);
+  const uint64_t seed = hash64(hash64(m.settings.seed, pixel), block);
+  for (int first = 0; first < size; first += kLanes) {
+    const SampleSet set(seed, uint32_t(first));
+    m.traceChunk(x, y, set, uint64_t(block) * uint64_t(size) + uint64_t(first), std::min(kLanes, size - first), out, rays, dropped);
+  }
+}
+
+}  // namespace gobo

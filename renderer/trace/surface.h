@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a path sees at a hit: position with its rounding bound, normals, and BSDF parameters. SurfaceTable flattens the scene
+// into arrays indexed by instance and material, so that a hit costs no indirection through the scene model.
+// Immutable after build; pure look-ups; any thread.
+#pragma once
+
+#include <bit>
+#include <vector>
+
+#include "trace/accel_impl.h"
+#include "trace/bsdf.h"
+
+namespace gobo {
+
+struct SurfaceMaterial {
+  BsdfParams constant;                    ///< with every factor filled in
+  bool lambert = false;                   ///< constant parameters are an exact Lambert surface (albedo may be textured)
+  bool textured = false;                  ///< any of the textures below, or vertex colours
+  bool transmissive = false;
+  const Texture* albedo = nullptr; TextureRef albedoRef;
+  const Texture* metallicRoughness = nullptr; TextureRef metallicRoughnessRef;
+  const Texture* normal = nullptr; TextureRef normalRef;
+  float normalScale = 1.0f;
+};
+
+struct SurfaceInstance {
+  const uint32_t* indices = nullptr;
+  const Vec3* positions = nullptr;        ///< world space when `world`
+  const Vec3* normals = nullptr;          ///< object space; null: flat
+  const Vec4* tangents = nullptr;
+  const Vec2* uv[2] = {nullptr, nullptr};
+  const Vec4* colours = nullptr;
+  const SurfaceMaterial* material = nullptr;
+  bool world = true, identity = true, mirrored = false;
+  Mat4 toWorld{1.0f};
+  Mat3 normalToWorld{1.0f};
+};
+
+struct Surface {
+  Vec3 p;                                 ///< world position from the triangle's vertices (closer than origin + t direction)
+  Vec3 reach;                             ///< sum of the absolute values that went into p: rounding errors scale with it
+  Vec3 Ng;                                ///< outside normal
+  Vec3 n;                                 ///< shading normal on the viewer's side, never facing away from the viewer
+  bool front = true;                      ///< the viewer is outside
+  bool lambert = false;
+  const SurfaceMaterial* material = nullptr;
+  BsdfParams bsdf;
+
+  /// Geometric normal on the viewer's side.
+  Vec3 facing() const { return front ? Ng : -Ng; }
+  /// p moved to the side of `side` (unit, +-Ng) past every point that rounding could have put on the wrong side of the
+  /// triangle (pbrt-v4 section 6.8.6, with room for Embree's own rounding); then one step further per component.
+  Vec3 origin(const Vec3& side) const {
+    const float d = 1e-6f * glm::dot(glm::abs(side), reach);
+    Vec3 o;
+    for (int c = 0; c < 3; ++c) {
+      const float moved = p[c] + d * side[c];
+      const int32_t bits = std::bit_cast<int32_t>(moved);
+      const int32_t away = (moved > 0.0f) == (side[c] > 0.0f) ? 1 : -1;
+      o[c] = moved == 0.0f || side[c] == 0.0f ? moved : std::bit_cast<float>(bits + away);
+    }
+    return o;
+  }
+};
+
+class SurfaceTable {
+ public:
+  void build(const SceneView& view, const Accel& accel);
+  /// Fills `out` for a hit of a ray of unit direction `d`; Ng is the unit outside normal (Hit::Ng).
+  /// Textures are read only where the material has them.
+  void interact(uint32_t instance, uint32_t primitive, float u, float v, const Vec3& Ng, const Vec3& d, Surface& out) const {
+    const SurfaceInstance& s = instances_[instance];
+    const uint32_t* tri = s.indices + 3 * size_t(primitive);
+    const uint32_t a = tri[0], b = tri[1], c = tri[2];
+    const float w = 1.0f - u - v;
+    const Vec3 pa = w * s.positions[a], pb = u * s.positions[b], pc = v * s.positions[c];
+    out.p = pa + pb + pc;
+    out.reach = glm::abs(pa) + glm::abs(pb) + glm::abs(pc);
+    if (!s.world) toWorld(s, out);
+    out.material = s.material;
+    out.Ng = Ng;
+    out.front = glm::dot(Ng, d) < 0.0f;
+    const Vec3 facing = out.front ? Ng : -Ng;
+    out.n = facing;
+    if (s.normals) {
+      Vec3 n = w * s.normals[a] + u * s.normals[b] + v * s.normals[c];
+      if (!s.identity) n = s.normalToWorld * n;
+      out.n = usable(n, facing, d);
+    }
+    out.lambert = s.material->lambert;
+    out.bsdf = s.material->constant;
+    out.bsdf.entering = out.front;
+    if (s.material->textured || s.colours) detail(s, a, b, c, w, u, v, d, out);
+  }
+  const SurfaceInstance& instance(uint32_t i) const { return instances_[i]; }
+
+ private:
+  static void toWorld(const SurfaceInstance& s, Surface& out);
+  static void detail(const SurfaceInstance& s, uint32_t a, uint32_t b, uint32_t c, float w, float u, float v, const Vec3& d, Surface& out);
+  // Normalised, on the side of `facing`; `facing` itself where the interpolated normal is unusable or turns away from the viewer.
+  static Vec3 usable(const Vec3& n, const Vec3& facing, const Vec3& d) {
+    const float l = glm::dot(n, n);
+    if (!(l > 1e-24f && l < 1e24f)) return facing;
+    Vec3 m = n * (1.0f / std::sqrt(l));
+    if (glm::dot(m, facing) < 0.0f) m = -m;
+    return glm::dot(m, d) < -1e-4f ? m : facing;
+  }
+  std::vector<SurfaceInstance> instances_;
+  std::vector<SurfaceMaterial> materials_;
+  std::vector<MeshPtr> keep_;
+  std::vector<std::shared_ptr<const Texture>> textures_;
+};
+
+}  // namespace gobo

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the view samples of a pixel sit; shared by the tracer and by every term on the view-sample domain.
+#pragma once
+
+#include "base/vec.h"
+
+namespace gobo {
+
+/// Offset in [0,1)^2 of view sample s of S inside the pixel (S = 1: the centre). Owen-scrambled Sobol points with one fixed seed.
+Vec2 viewSamplePosition(int s, int S);
+
+}  // namespace gobo

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// TermStore: the bound, the order of eviction, the tiers, and many threads at once.
+#include "plan/store.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <filesystem>
+#include <thread>
+
+#include "plan/disk_store.h"
+#include "unit/plan/term_maker.h"
+
+namespace gobo {
+namespace {
+
+using test::key;
+using test::makeTerm;
+using test::TempFolder;
+
+TEST(TermStore, LeastRecentlyUsedLeavesFirstAndBytesStayWithinTheBound) {
+  const uint64_t one = makeTerm(0, 1000)->bytes();
+  TermStore store(3 * one);
+  for (int i = 0; i < 3; ++i) store.put(key(i), makeTerm(i, 1000), false);
+  EXPECT_EQ(store.bytes(), 3 * one);
+  EXPECT_NE(store.get(key(0)), nullptr);            // 1 is now the oldest
+  store.put(key(3), makeTerm(3, 1000), false);
+  EXPECT_EQ(store.get(key(1)), nullptr);
+  EXPECT_NE(store.get(key(0)), nullptr);
+  EXPECT_NE(store.get(key(2)), nullptr);
+  EXPECT_NE(store.get(key(3)), nullptr);
+  EXPECT_EQ(store.bytes(), 3 * one);
+  EXPECT_EQ(store.count(), 3u);
+  const uint64_t big = makeTerm(4, 1500)->bytes();  // needs two to leave: 0 and 2
+  ASSERT_GT(big, one);
+  store.put(key(4), makeTerm(4, 1500), false);
+  EXPECT_EQ(store.bytes(), one + big);
+  EXPECT_EQ(store.get(key(0)), nullptr);
+  EXPECT_EQ(store.get(key(2)), nullptr);
+  EXPECT_NE(store.get(key(3)), nullptr);
+}
+
+TEST(TermStore, TermLargerThanTheBoundIsNotKeptAndEvictsNothing) {
+  TermStore store(10000);
+  store.put(key(1), makeTerm(1, 500), false);
+  store.put(key(2), makeTerm(2, 50000), false);
+  EXPECT_EQ(store.get(key(2)), nullptr);
+  EXPECT_NE(store.get(key(1)), nullptr);
+  store.put(key(1), makeTerm(3, 50000), false);     // its older value must not be served in its place
+  EXPECT_EQ(store.get(key(1)), nullptr);
+  EXPECT_EQ(store.bytes(), 0u);
+}
+
+TEST(TermStore, PutOfTheSameKeyReplacesAndReadersKeepTheirs) {
+  TermStore store(1 << 20);
+  store.put(key(1), makeTerm(1, 100), false);
+  const TermPtr held = store.get(key(1));
+  store.put(key(1), makeTerm(2, 300), false);
+  EXPECT_EQ(store.get(key(1))->content(), makeTerm(2, 300)->content());
+  EXPECT_EQ(held->content(), makeTerm(1, 100)->content());
+  EXPECT_EQ(store.bytes(), makeTerm(2, 300)->bytes());
+  store.erase(key(1));
+  EXPECT_EQ(store.get(key(1)), nullptr);
+  EXPECT_EQ(store.bytes(), 0u);
+}
+
+TEST(TermStore, DiskHitMovesIntoMemory) {
+  TempFolder folder;
+  {
+    TermStore store(1 << 20, std::move(*DiskStore::open(folder.path, 1 << 20)));
+    store.put(key(1), makeTerm(1, 1000), true);
+    store.put(key(2), makeTerm(2, 1000), false);
+    EXPECT_GT(store.diskBytes(), 4000u);
+  }
+  TermStore store(1 << 20, std::move(*DiskStore::open(folder.path, 1 << 20)));
+  TermStore::Tier tier;
+  const TermPtr first = store.get(key(1), &tier);
+  ASSERT_NE(first, nullptr);
+  EXPECT_EQ(tier, TermStore::Tier::Disk);
+  EXPECT_EQ(first->content(), makeTerm(1, 1000)->content());
+  EXPECT_EQ(store.get(key(1), &tier), first);
+  EXPECT_EQ(tier, TermStore::Tier::Memory);
+  EXPECT_EQ(store.get(key(2), &tier), nullptr);     // was not to persist
+  EXPECT_EQ(tier, TermStore::Tier::None);
+}
+
+TEST(TermStore, ClearWithAndWithoutDisk) {
+  TempFolder folder;
+  TermStore store(1 << 20, std::move(*DiskStore::open(folder.path, 1 << 20)));
+  store.put(key(1), makeTerm(1, 1000), true);
+  store.clear(false);
+  EXPECT_EQ(store.bytes(), 0u);
+  EXPECT_EQ(store.count(), 0u);
+  EXPECT_NE(store.get(key(1)), nullptr);
+  store.clear(true);
+  EXPECT_EQ(store.get(key(1)), nullptr);
+  EXPECT_EQ(store.diskBytes(), 0u);
+  store.put(key(1), makeTerm(1, 1000), true);
+  store.erase(key(1));
+  EXPECT_EQ(store.get(key(1)), nullptr);            // from both tiers
+}
+
+TEST(TermStore, LargeTermStillGoesToDisk) {
+  TempFolder folder;
+  TermStore store(1000, std::move(*DiskStore::open(folder.path, 1 << 20)));
+  store.put(key(1), makeTerm(1, 5000), true);
+  TermStore::Tier tier;
+  EXPECT_NE(store.get(key(1), &tier), nullptr);
+  EXPECT_EQ(tier, TermStore::Tier::Disk);
+  EXPECT_EQ(store.bytes(), 0u);
+}
+
+TEST(TermStore, FailingDiskIsCountedAndTheTermStaysInMemory) {
+  TempFolder folder;
+  DiskStoreOptions options;
+  options.step = [](const char* step) { return std::string(step) == "write" ? ENOSPC : 0; };
+  TermStore store(1 << 20, std::move(*DiskStore::open(folder.path, options)));
+  store.put(key(1), makeTerm(1, 1000), true);
+  EXPECT_EQ(store.diskErrors(), 1u);
+  EXPECT_EQ(store.lastDiskError().code(), Code::ResourceExhausted);
+  EXPECT_NE(store.get(key(1)), nullptr);
+}
+
+TEST(TermStore, ThreadsHammeringNeverSeeAWrongTermNorPassTheBound) {
+  TempFolder folder;
+  const uint64_t bound = 20 * makeTerm(0, 200)->bytes();
+  TermStore store(bound, std::move(*DiskStore::open(folder.path, 40 * 1200)));
+  std::atomic<int> wrong{0}, hits{0};
+  std::vector<Hash128> expected;
+  for (int i = 0; i < 64; ++i) expected.push_back(makeTerm(i, 200)->content());
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 8; ++t) threads.emplace_back([&, t] {
+    uint64_t state = 977 * (t + 1);
+    for (int n = 0; n < 400; ++n) {
+      state = state * 6364136223846793005ull + 1442695040888963407ull;
+      const int i = int(state >> 33) % 64;
+      const int what = int(state >> 40) % 100;
+      if (what < 50) {
+        if (const TermPtr term = store.get(key(i))) {
+          ++hits;
+          if (term->content() != expected[i]) ++wrong;
+        }
+      } else if (what < 97) {
+        store.put(key(i), makeTerm(i, 200), what < 53);
+      } else {
+        store.erase(key(i));
+      }
+      if (store.bytes() > bound) ++wrong;
+    }
+  });
+  for (auto& t : threads) t.join();
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(hits, 50);
+  EXPECT_EQ(store.diskErrors(), 0u);
+}
+
+}  // namespace
+}  // namespace gobo
