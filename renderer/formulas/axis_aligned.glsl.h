@@ -11,67 +11,40 @@
 #ifndef GOBO_FORMULAS_AXIS_ALIGNED
 #define GOBO_FORMULAS_AXIS_ALIGNED
 
-#ifdef __cplusplus
-#include <algorithm>
-#include <bit>
-#include <cmath>
-#include <cstdint>
-#define AA_FN inline
-namespace gobo::formulas {
-inline float aaMin(float a, float b) { return b < a ? b : a; }
-inline float aaMax(float a, float b) { return a < b ? b : a; }
-inline float aaFloor(float x) { return std::floor(x); }
-inline float aaFloatFromBits(int b) { return std::bit_cast<float>(b); }
-#else
-#define AA_FN
-#define aaMin min
-#define aaMax max
-#define aaFloor floor
-#define aaFloatFromBits intBitsToFloat
-#endif
+#include "formulas/math.glsl.h"
+FORMULAS_BEGIN
 
 /// Slopes stay in this range: a contact (t -> 0) would ask for endless rays, an occluder on the light (t = T) for an endless filter.
 #define AA_SLOPE_MIN 1.0e-4f
 #define AA_SLOPE_MAX 1.0e3f
 
 /// s = t/(T-t), clamped; finite for every 0 <= t <= T, T > 0.
-AA_FN float aaSlope(float t, float T) { return aaMin(aaMax(t / aaMax(T - t, T * 1.0e-6f), AA_SLOPE_MIN), AA_SLOPE_MAX); }
+FORMULA float aaSlope(float t, float T) { return minOf(maxOf(t / maxOf(T - t, T * 1.0e-6f), AA_SLOPE_MIN), AA_SLOPE_MAX); }
 
 /// Band limit, rad/m: what the light lets through (mu / (sigma sMin)) or what pixels can hold of the occluder (1 / (d (1 + sMin))).
-AA_FN float aaBandLimit(float sMin, float sigma, float d, float mu) { return aaMin(mu / (sigma * sMin), 1.0f / (d * (1.0f + sMin))); }
+FORMULA float aaBandLimit(float sMin, float sigma, float d, float mu) { return minOf(mu / (sigma * sMin), 1.0f / (d * (1.0f + sMin))); }
 
 /// Filter width, metres (equation 3.4 corrected: (1/k) max(sigma s / mu, d d1/d2max)).
-AA_FN float aaBeta(float omega, float k) { return 1.0f / (k * omega); }
+FORMULA float aaBeta(float omega, float k) { return 1.0f / (k * omega); }
 
 /// Shadow rays for a pixel, equation 3.5 as printed (generalised by mu): 4 (1 + mu sMax/sMin)^2 (2 mu/sMin sqrt(Ap/Al) + 1/(1+sMin))^2
 /// with sqrt(Ap/Al) = d/(2 sigma). Unbounded at contacts.
-AA_FN float aaSamplesPrinted(float sMin, float sMax, float sigma, float d, float mu) {
+FORMULA float aaSamplesPrinted(float sMin, float sMax, float sigma, float d, float mu) {
   float a = 1.0f + mu * sMax / sMin;
   float b = mu * d / (sigma * sMin) + 1.0f / (1.0f + sMin);
   return 4.0f * a * a * b * b;
 }
 
 /// The same with both frequencies capped by what a pixel can hold; never above the printed one.
-AA_FN float aaSamplesCapped(float sMin, float sMax, float sigma, float d, float mu) {
+FORMULA float aaSamplesCapped(float sMin, float sMax, float sigma, float d, float mu) {
   float w = aaBandLimit(sMin, sigma, d, mu);
   float a = 1.0f / (1.0f + sMin) + d * w;
-  float b = 1.0f + sigma * aaMin(sMax * w, sMax / (d * (1.0f + sMax)));
+  float b = 1.0f + sigma * minOf(sMax * w, sMax / (d * (1.0f + sMax)));
   return 4.0f * a * a * b * b;
 }
 
-/// exp(x) for -80 <= x <= 0, relative error below 1e-5, below 5e-6 for x > -18 (degree-5 polynomial for 2^f).
-AA_FN float aaExpNegative(float x) {
-  float t = x * 1.44269504f;
-  float i = aaFloor(t + 0.5f);
-  float f = t - i;
-  float p = 1.0f + f * (0.693147180f + f * (0.240226507f + f * (0.0555041087f + f * (0.00961812911f + f * 0.00133335581f))));
-  return p * aaFloatFromBits((int(i) + 127) << 23);
-}
-
 /// Weight of a sample at squared light-plane distance dist2 (equation 3.3 unnormalised); inverse = 1/(2 beta^2).
-AA_FN float aaWeight(float dist2, float inverse) { return aaExpNegative(aaMax(-dist2 * inverse, -80.0f)); }
+FORMULA float aaWeight(float dist2, float inverse) { return fastExp(-dist2 * inverse); }
 
-#ifdef __cplusplus
-}  // namespace gobo::formulas
-#endif
+FORMULAS_END
 #endif

@@ -71,8 +71,9 @@ CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t)
   out.rmseHigh = std::sqrt(mse.high);
   out.rmseStandardError = std::sqrt(positive + mse.standardError) - out.rmse;
   out.relMse = std::max(rel.mean, 0.0);
-  out.relMseLow = std::min(rel.low, other.low);
-  out.relMseHigh = std::max(rel.high, other.high);
+  const double doubt = 0.5 * std::fabs(rel.mean - other.mean);    // skewed noise biases both to the same side
+  out.relMseLow = std::max(0.0, std::min(rel.low, other.low) - doubt);
+  out.relMseHigh = std::max(rel.high, other.high) + doubt;
   return out;
 }
 

@@ -42,7 +42,7 @@ struct CertificateFigures {
 /// `evidence` in any order. The result depends on nothing else; `seed` is kept for methods that resample.
 /// The halves must be independent and unbiased; they may be far noisier than the error sought. The RMSE's interval
 /// is the square root of the MSE's. relMSE divides by a noisy truth, which biases it; its interval is the hull of
-/// those of two estimators of different bias (measure/halves.h).
+/// those of two estimators of different bias (measure/halves.h), widened on either side by half their distance.
 CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t seed);
 
 }  // namespace gobo

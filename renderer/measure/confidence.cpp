@@ -73,7 +73,7 @@ MeanInterval meanInterval(const std::vector<double>& z) {
   out.low = std::max(0.0, out.mean - t);
   out.high = std::max(0.0, out.mean + t);
 
-  const double weight = kGranted * largest / double(n);                       // of the event that is granted
+  const double weight = kGranted * largest / double(n);  // of the event that is granted
   const double y = std::max(out.mean, 0.0) + weight, v = squares / (double(n) * double(n)) + weight * weight;
   if (y > 0 && v > 0) out.high = std::max(out.high, v / y * gammaQuantile(y * y / v, 0.975));
   return out;

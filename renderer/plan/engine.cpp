@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/engine.h"
 
+#include <algorithm>
 #include <chrono>
 #include <deque>
 #include <map>
@@ -285,7 +286,7 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
     base = it->second;
   }
   base.clear_scene_hash();   // a relight is of the scene as it is now
-  GOBO_TRY(applyMask(base, relight.patch(), relight.mask()));
+  GOBO_TRY(applyMask(base, relight.patch(), {relight.mask().begin(), relight.mask().end()}));
   return base;
 }
 

@@ -51,6 +51,8 @@ struct CertificateCase {
   int size = 0;
   std::vector<Vec3> truth, picture;
   std::vector<double> sigma;                      ///< per pixel, the scale of Monte Carlo noise
+  bool widthPromised = false;                     ///< at most 25 % of half-width at 1 % of 512 x 512 pixels; the others are
+                                                  ///< stress: halves several times noisier than the error, very heavy tails, or too few pixels in error
   double rmse = 0, relMse = 0;                    ///< of the whole picture
   std::vector<double> squaredSums, relativeSums;  ///< descending prefix: [k] = mean over the picture without its k largest
 
@@ -83,15 +85,21 @@ struct CertificateCase {
     return certify(evidence, seed);
   }
 
+  /// Smallest share of the pixels that holds half of the squared error (0 for an exact picture).
+  double halfErrorArea() const {
+    size_t k = 0;
+    while (squaredSums[k] > 0.5 * squaredSums[0]) ++k;
+    return double(k) / double(truth.size());
+  }
   double rmseWithout(double area) const { return std::sqrt(squaredSums[size_t(area * double(truth.size()))]); }
   double relMseWithout(double area) const { return relativeSums[size_t(area * double(truth.size()))]; }
 };
 
-/// Picks whether pixel (x, y) in [0,1]^2 carries the case's error; adds it to the picture.
+/// The signed error of the pixel at (x, y) in [0,1]^2, given its true value and noise scale.
 using ErrorOf = std::function<double(double x, double y, double truth, double sigma, Stream& random)>;
 
 inline CertificateCase makeCase(const std::string& name, Kind kind, HalfNoise noise, int size, const ErrorOf& error, uint64_t seed = 1) {
-  CertificateCase out{name, kind, noise, size, {}, {}, {}, 0, 0, {}, {}};
+  CertificateCase out{name, kind, noise, size, {}, {}, {}, false, 0, 0, {}, {}};
   const size_t n = size_t(size) * size;
   std::vector<double> squared(n), relative(n);
   Stream random(hash64(seed, std::hash<std::string>{}(name)));
@@ -133,6 +141,9 @@ inline std::vector<CertificateCase> certificateCases(int size) {
   const auto gauss = [](double, double, double, double s, Stream& r) { return s * r.normal(); };
   const auto logNormal = [](double, double, double, double s, Stream& r) { return s * 0.6 * (r.logNormal(1.0) - 1); };
   const auto firefly = [](double, double, double, double s, Stream& r) {
+    return std::min(s, 0.15) * (r.normal() + (r.uniform() < 0.02 ? 5 * r.exponential() : 0.0));
+  };
+  const auto rareFirefly = [](double, double, double, double s, Stream& r) {
     return s * (0.6 * r.normal() + (r.uniform() < 0.01 ? 8 * r.exponential() : 0.0));
   };
   const auto pareto = [](double, double, double, double s, Stream& r) { return s * r.pareto(4.5); };
@@ -162,31 +173,33 @@ inline std::vector<CertificateCase> certificateCases(int size) {
     return [=](double x, double y, double t, double s, Stream& r) { return a(x, y, t, s, r) + scaleB * b(x, y, t, s, r); };
   };
   std::vector<CertificateCase> out;
-  const auto add = [&](const char* name, Kind kind, HalfNoise noise, const ErrorOf& error) {
+  const auto add = [&](const char* name, Kind kind, HalfNoise noise, const ErrorOf& error, bool widthPromised = false) {
     out.push_back(makeCase(name, kind, noise, size, error));
+    out.back().widthPromised = widthPromised;
   };
-  add("noise, Gaussian", Kind::Noisy, even, gauss);
+  add("noise, Gaussian", Kind::Noisy, even, gauss, true);
   add("noise, log-normal", Kind::Noisy, skewed, logNormal);
-  add("noise, fireflies in both", Kind::Noisy, fireflies, firefly);
+  add("noise, fireflies in both", Kind::Noisy, fireflies, firefly, true);
   add("noise, Pareto 4.5", Kind::Noisy, even, pareto);
   add("noise, halves 4x noisier", Kind::Noisy, strong, gauss);
-  add("bias, constant", Kind::Biased, quiet, offset);
+  add("bias, constant", Kind::Biased, quiet, offset, true);
   add("bias, constant, noisy halves", Kind::Biased, even, offset);
   add("bias, constant, firefly halves", Kind::Biased, fireflies, offset);
-  add("bias, blur-like", Kind::Biased, even, blur);
-  add("bias, edges 5 % of pixels", Kind::Biased, quiet, band(0.0133, 0.4));
-  add("bias, edges 5 %, skewed halves", Kind::Biased, {0.5, Tail::LogNormal}, band(0.0133, 0.4));
-  add("bias, edges 2 % of pixels", Kind::Biased, quiet, band(0.0053, 0.4));
-  add("bias, spot 1 % of pixels", Kind::Biased, quiet, blob(0.01, 0.5));
-  add("mixed, noise + offset + edges", Kind::Mixed, even, both(both(gauss, offset), band(0.0133, 0.5)));
-  add("mixed, log-normal + blur", Kind::Mixed, skewed, both(logNormal, blur));
-  add("mixed, little noise + edges 2 %", Kind::Mixed, quiet, both(band(0.0053, 0.5), gauss, 0.1));
+  add("bias, blur-like", Kind::Biased, even, blur, true);
+  add("bias, edges 5 % of pixels", Kind::Biased, quiet, band(0.0133, 0.4), true);
+  add("bias, edges 5 %, skewed halves", Kind::Biased, {0.5, Tail::LogNormal}, band(0.0133, 0.4), true);
+  add("bias, edges 2 % of pixels", Kind::Biased, quiet, band(0.0053, 0.4), true);
+  add("bias, spot 1 % of pixels", Kind::Biased, quiet, blob(0.01, 0.5), true);
+  add("mixed, noise + offset + edges", Kind::Mixed, even, both(both(gauss, offset), band(0.0133, 0.5)), true);
+  add("mixed, log-normal + blur", Kind::Mixed, skewed, both(logNormal, blur), true);
+  add("mixed, little noise + edges 2 %", Kind::Mixed, quiet, both(band(0.0053, 0.5), gauss, 0.1), true);
   add("hidden, spot 0.1 %", Kind::Hidden, quiet, blob(0.001, 2));
   add("hidden, spot 0.1 % + noise", Kind::Hidden, even, both(blob(0.001, 8), gauss, 0.3));
   add("hidden, line 0.1 % + noise", Kind::Hidden, even, both(line(0.001, -0.4), gauss, 0.1));
   add("hidden, line 0.1 %, firefly halves", Kind::Hidden, fireflies, both(line(0.001, -3), gauss, 0.3));
   add("hidden, scattered 0.1 %", Kind::Hidden, quiet, scattered(0.001, 3));
   add("hidden, scattered 0.1 % + offset", Kind::Hidden, even, both(scattered(0.001, 3), offset));
+  add("hidden, fireflies mostly in a window", Kind::Hidden, fireflies, rareFirefly);
   add("hidden, spot 0.3 %", Kind::Hidden, quiet, blob(0.003, 2));
   add("exact, Gaussian halves", Kind::Exact, even, none);
   add("exact, log-normal halves", Kind::Exact, skewed, none);

@@ -61,9 +61,9 @@ struct Block {
       const float dx = lx[l] - x[l], dy = ly[l] - y[l], dz = lz[l] - z[l];
       const float along = dx * ax[l] + dy * ay[l] + dz * az[l];
       const float d2 = dx * dx + dy * dy + dz * dz;
-      const float w = formulas::aaWeight(formulas::aaMax(d2 - along * along, 0.0f), inverse[l]);
+      const float w = formulas::aaWeight(formulas::maxOf(d2 - along * along, 0.0f), inverse[l]);
       const float cosine = lnx[l] * nx[l] + lny[l] * ny[l] + lnz[l] * nz[l];
-      const float apart = std::fabs(lb[l] - beta[l]) - limits.betaThreshold * formulas::aaMax(lb[l], beta[l]);
+      const float apart = std::fabs(lb[l] - beta[l]) - limits.betaThreshold * formulas::maxOf(lb[l], beta[l]);
       float k = d2 <= reach2[l] ? w : 0.0f;
       k = cosine >= limits.cosAngle ? k : 0.0f;
       k = apart <= 0.0f ? k : 0.0f;

@@ -97,10 +97,10 @@ TEST(AxisAlignedFormulas, ScaleFree) {
   }
 }
 
-TEST(AxisAlignedFormulas, Exponential) {
-  for (double x = 0; x > -79.9; x -= 0.0137) EXPECT_NEAR(aaExpNegative(float(x)) / std::exp(double(float(x))), 1, x > -18 ? 5e-6 : 1e-5) << x;
-  EXPECT_EQ(aaExpNegative(0), 1.0f);   // the centre tap weighs exactly one
-  EXPECT_GT(aaWeight(1e30f, 1e6f), 0.0f);   // clamped, not a wrapped exponent
+TEST(AxisAlignedFormulas, Weight) {
+  EXPECT_EQ(aaWeight(0, 7), 1.0f);
+  for (double x = 0; x < 18; x += 0.0137) EXPECT_NEAR(aaWeight(float(x), 1) / std::exp(-double(float(x))), 1, 1e-6) << x;
+  EXPECT_GT(aaWeight(1e30f, 1e6f), 0.0f);   // limited, not a wrapped exponent
   EXPECT_LT(aaWeight(1e30f, 1e6f), 1e-30f);
 }
 

@@ -1,0 +1,45 @@
+# Thin door to CMake. BUILD is the build folder, JOBS the parallelism.
+BUILD ?= build
+JOBS ?= $(shell nproc)
+SCENE ?= atrium
+ENV ?=
+SHELL := /bin/bash
+CONFIGURE = cmake -S . -B $(BUILD) -G Ninja -DCMAKE_BUILD_TYPE=Release
+
+.PHONY: all deps build demo test bench references lint format clean
+
+all: build
+
+deps:
+	@deploy/install-deps
+
+build: deps
+	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE) > $(BUILD).log 2>&1 || { cat $(BUILD).log; exit 1; }
+	@ninja -C $(BUILD) -j $(JOBS) gobo gobod
+
+demo: build
+	@BUILD=$(BUILD) SCENE='$(SCENE)' ENV='$(ENV)' deploy/demo
+
+test: deps
+	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE)
+	@ninja -C $(BUILD) -j $(JOBS)
+	@cd $(BUILD) && ctest --output-on-failure -j $(JOBS)
+
+bench: deps
+	@deploy/install-deps --bench
+	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE)
+	@ninja -C $(BUILD) -j $(JOBS) gobo gobod benches
+	@BUILD=$(BUILD) bench/run
+
+references: build
+	@BUILD=$(BUILD) bench/references
+
+format:
+	@git ls-files '*.cpp' '*.h' | xargs clang-format -i
+
+lint: deps
+	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE) > /dev/null
+	@deploy/lint $(BUILD)
+
+clean:
+	@rm -rf $(BUILD) $(BUILD).log out

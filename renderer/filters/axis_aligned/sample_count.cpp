@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/axis_aligned/sample_count.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "formulas/axis_aligned.glsl.h"
+
+namespace gobo {
+namespace {
+
+uint32_t sampleCount(const ShadowRateSettings& r, float sMin, float sMax, float footprint, float mu) {
+  if (r.uniform > 0) return r.uniform;
+  if (!(sMin > 0.0f)) return r.pilot;
+  const float n = formulas::aaSamplesCapped(sMin, sMax, r.sigma, footprint, mu);
+  if (!(n < float(r.maxSamples))) return std::max(r.pilot, r.maxSamples);
+  return std::max(r.pilot, uint32_t(n + 0.5f));
+}
+
+void hashRate(Hasher& h, const ShadowRateSettings& r) { h.add(r.sigma).add(r.pilot).add(r.maxSamples).add(r.uniform); }
+
+class ShadowSlopeDilation final : public Node {
+ public:
+  ShadowSlopeDilation(int radius, const Extent& extent) : radius_(radius), extent_(extent) {}
+  std::string type() const override { return "shadow_slope_dilation"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.tileable = true;
+    t.halo = radius_;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override { h.add(radius_); }
+  size_t outputBytes() const override { return extent_.elements() * 2 * sizeof(float); }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const auto inMax = ctx.inputs.at(0)->floats("sMax"), inMin = ctx.inputs[0]->floats("sMin");
+    const auto occluded = ctx.inputs[0]->plane<uint8_t>("occluded");
+    const auto instance = ctx.inputs.at(1)->plane<uint32_t>("instance");
+    const Extent e = ctx.inputs[0]->extent();
+    auto term = std::make_shared<Term>("shadow_slope_dilation", Domain::ViewSample, e);
+    const auto sMax = term->addPlane<float>("sMax"), sMin = term->addPlane<float>("sMin");
+    std::vector<float> rowMax(inMax.begin(), inMax.end()), rowMin(inMin.begin(), inMin.end());
+    const size_t rows = size_t(e.height) * e.layers;
+    // A slope of 0 stands for "none": sMin is the smallest positive one.
+    auto take = [](float& largest, float& smallest, float a, float b) {
+      if (!(b > 0.0f)) return;
+      largest = std::max(largest, a);
+      smallest = smallest > 0.0f ? std::min(smallest, b) : b;
+    };
+    bool complete = ctx.arena->parallelFor(rows, 16, [&](size_t y0, size_t y1) {
+      for (size_t y = y0; y < y1; ++y)
+        for (int x = 0; x < e.width; ++x) {
+          const size_t p = y * e.width + x;
+          for (int q = std::max(0, x - radius_); q <= std::min(e.width - 1, x + radius_); ++q)
+            if (instance[y * e.width + q] == instance[p]) take(rowMax[p], rowMin[p], inMax[y * e.width + q], inMin[y * e.width + q]);
+        }
+    }, ctx.stop);
+    complete = complete && ctx.arena->parallelFor(rows, 16, [&](size_t y0, size_t y1) {
+      for (size_t row = y0; row < y1; ++row) {
+        const int y = int(row % e.height);
+        for (int x = 0; x < e.width; ++x) {
+          const size_t p = row * e.width + x;
+          sMax[p] = inMax[p];
+          sMin[p] = inMin[p];
+          if (occluded[p] || instance[p] == ~0u) continue;
+          for (int j = std::max(-radius_, -y); j <= std::min(radius_, e.height - 1 - y); ++j) {
+            const size_t q = size_t(int64_t(p) + int64_t(j) * e.width);
+            if (instance[q] == instance[p]) take(sMax[p], sMin[p], rowMax[q], rowMin[q]);
+          }
+        }
+      }
+    }, ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "shadow_slope_dilation: stopped");
+    return TermPtr(term);
+  }
+
+ private:
+  int radius_;
+  Extent extent_;
+};
+
+class ShadowMu final : public Node {
+ public:
+  ShadowMu(float mu, float mean, const ShadowRateSettings& r) : mu_(mu), mean_(mean), rate_(r) {}
+  std::string type() const override { return "shadow_mu"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.smallOutput = true;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override {
+    h.add(mean_);
+    if (mean_ > 0.0f) hashRate(h, rate_);
+    else h.add(mu_);
+  }
+  size_t outputBytes() const override { return sizeof(float); }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    auto term = std::make_shared<Term>("shadow_mu", Domain::Table, Extent{1, 1, 1});
+    term->addPlane<float>("mu")[0] = mean_ > 0.0f ? solve(*ctx.inputs.at(0), *ctx.inputs.at(1)) : mu_;
+    return TermPtr(term);
+  }
+
+ private:
+  float solve(const Term& slopes, const Term& gbuffer) const {
+    const auto sMin = slopes.floats("sMin"), sMax = slopes.floats("sMax"), footprint = gbuffer.floats("footprint");
+    const auto instance = gbuffer.plane<uint32_t>("instance");
+    const size_t step = sMin.size() < 65536 ? 1 : 8;
+    std::vector<size_t> list;
+    for (size_t e = 0; e < sMin.size(); e += step)
+      if (instance[e] != ~0u) list.push_back(e);
+    if (list.empty()) return 1.0f;
+    auto mean = [&](double mu) {
+      uint64_t sum = 0;
+      for (size_t e : list) sum += sampleCount(rate_, sMin[e], sMax[e], footprint[e], float(mu));
+      return double(sum) / double(list.size());
+    };
+    double lo = std::log(0.25), hi = std::log(64.0);
+    for (int i = 0; i < 20; ++i) {
+      const double middle = 0.5 * (lo + hi);
+      (mean(std::exp(middle)) < mean_ ? lo : hi) = middle;
+    }
+    return float(std::exp(0.5 * (lo + hi)));
+  }
+
+  float mu_, mean_;
+  ShadowRateSettings rate_;
+};
+
+class ShadowSampleCount final : public Node {
+ public:
+  ShadowSampleCount(const ShadowRateSettings& r, const Extent& e) : rate_(r), extent_(e) {}
+  std::string type() const override { return "shadow_sample_count"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.tileable = true;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override { hashRate(h, rate_); }
+  size_t outputBytes() const override { return extent_.elements() * 8; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const auto sMin = ctx.inputs.at(0)->floats("sMin"), sMax = ctx.inputs[0]->floats("sMax");
+    const auto footprint = ctx.inputs.at(1)->floats("footprint");
+    const auto instance = ctx.inputs[1]->plane<uint32_t>("instance");
+    const float mu = ctx.inputs.at(2)->floats("mu")[0];
+    auto term = std::make_shared<Term>("shadow_sample_count", Domain::ViewSample, ctx.inputs[0]->extent());
+    const auto n = term->addPlane<uint32_t>("n");
+    const auto omega = term->addPlane<float>("Omega");
+    for (size_t e = 0; e < sMin.size(); ++e) {
+      if (instance[e] == ~0u) continue;
+      n[e] = sampleCount(rate_, sMin[e], sMax[e], footprint[e], mu);
+      const float w = sMin[e] > 0.0f ? formulas::aaBandLimit(sMin[e], rate_.sigma, footprint[e], mu) : 0.0f;
+      omega[e] = std::isfinite(w) ? w : 0.0f;
+    }
+    return TermPtr(term);
+  }
+
+ private:
+  ShadowRateSettings rate_;
+  Extent extent_;
+};
+
+}  // namespace
+
+NodePtr makeShadowSlopeDilation(int radiusPx, const Extent& extent) { return std::make_shared<ShadowSlopeDilation>(radiusPx, extent); }
+NodePtr makeShadowMu(float mu, float meanSamples, const ShadowRateSettings& rate) { return std::make_shared<ShadowMu>(mu, meanSamples, rate); }
+NodePtr makeShadowSampleCount(const ShadowRateSettings& rate, const Extent& extent) { return std::make_shared<ShadowSampleCount>(rate, extent); }
+
+}  // namespace gobo

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "terms/light_points.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/check.h"
+
+namespace gobo {
+namespace {
+
+/// Shadow rays end this share of their length before the light: mesh lights are in the acceleration structure, and lamps sit on ceilings.
+constexpr float kEnd = 1.0f - 1.0e-4f;
+
+}  // namespace
+
+Vec2 concentricDisk(Vec2 u) {
+  const float a = 2.0f * u.x - 1.0f, b = 2.0f * u.y - 1.0f;
+  if (a == 0.0f && b == 0.0f) return Vec2(0.0f);
+  const bool wide = std::fabs(a) > std::fabs(b);
+  const float r = wide ? a : b;
+  const float phi = wide ? 0.25f * kPi * (b / a) : 0.5f * kPi - 0.25f * kPi * (a / b);
+  return Vec2(r * std::cos(phi), r * std::sin(phi));
+}
+
+LightPoints::LightPoints(const SceneView& view, int light) : shape_(view.lightShape(light)) {
+  GOBO_CHECK(shape_.kind != LightKind::Environment);
+  if (shape_.kind == LightKind::Disk) {
+    const Frame f(glm::normalize(shape_.axis));
+    tangent_ = f.x * shape_.radius;
+    bitangent_ = f.y * shape_.radius;
+  }
+  if (shape_.kind != LightKind::Mesh) return;
+  const Instance& instance = view.instances()[shape_.instance];
+  const Mesh& mesh = *view.meshes(Facet::Topology | Facet::Pose)[instance.mesh];
+  meshTwoSided_ = view.coverage(mesh.material).doubleSided;
+  const float handed = glm::determinant(Mat3(instance.toWorld)) < 0.0f ? -1.0f : 1.0f;   // a mirroring instance keeps outside outside
+  auto world = [&](uint32_t i) { return Vec3(instance.toWorld * Vec4(mesh.positions[i], 1.0f)); };
+  double total = 0;
+  for (size_t t = 0; t < mesh.triangles(); ++t) {
+    const Vec3 a = world(mesh.indices[3 * t]), ab = world(mesh.indices[3 * t + 1]) - a, ac = world(mesh.indices[3 * t + 2]) - a;
+    const Vec3 n = handed * glm::cross(ab, ac);
+    const double area = std::sqrt(glm::dot(DVec3(n), DVec3(n)));
+    if (!(area > 0)) continue;
+    total += area;
+    triangles_.push_back({a, ab, ac, Vec3(DVec3(n) / area)});
+    cumulated_.push_back(total);
+  }
+  for (double& c : cumulated_) c /= total;
+}
+
+bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, LightPoint& out) const {
+  Vec3 to, emitter(0.0f);   // towards the point; its normal (area lights)
+  bool twoSided = shape_.twoSided;
+  switch (shape_.kind) {
+    case LightKind::Directional:
+      out.direction = -shape_.axis;
+      out.distance = 3.0e38f;
+      break;
+    case LightKind::Point:
+    case LightKind::Spot:
+      to = shape_.position - p;
+      break;
+    case LightKind::Rect:
+      to = shape_.position + (2.0f * u.x - 1.0f) * shape_.u + (2.0f * u.y - 1.0f) * shape_.v - p;
+      emitter = shape_.axis;
+      break;
+    case LightKind::Disk: {
+      const Vec2 d = concentricDisk(u);
+      to = shape_.position + d.x * tangent_ + d.y * bitangent_ - p;
+      emitter = shape_.axis;
+      break;
+    }
+    case LightKind::Sphere: {
+      const Vec3 c = shape_.position - p;
+      const float centre2 = glm::dot(c, c), sin2 = sqr(shape_.radius) / centre2;
+      if (!(sin2 < 1.0f)) return false;
+      const float cone = sin2 / (1.0f + std::sqrt(1.0f - sin2));   // 1 - cos(cone) without cancellation
+      const Vec2 d = concentricDisk(u);
+      const float r2 = glm::dot(d, d), drop = r2 * cone, cosine = 1.0f - drop;
+      const float side = std::sqrt(std::max(cone * (2.0f - drop), 0.0f));   // sin(theta) = sqrt(r2) * side
+      const Frame f(c / std::sqrt(centre2));
+      out.direction = f.x * (d.x * side) + f.y * (d.y * side) + f.z * cosine;
+      out.distance = std::sqrt(centre2) * cosine - std::sqrt(std::max(sqr(shape_.radius) - centre2 * r2 * sqr(side), 0.0f));
+      break;
+    }
+    case LightKind::Mesh: {
+      if (cumulated_.empty()) return false;
+      const size_t t = std::min(size_t(std::upper_bound(cumulated_.begin(), cumulated_.end(), double(u.x)) - cumulated_.begin()), cumulated_.size() - 1);
+      const double from = t > 0 ? cumulated_[t - 1] : 0.0;
+      const float rest = clamp01(float((double(u.x) - from) / (cumulated_[t] - from)));
+      const float root = std::sqrt(rest);
+      to = triangles_[t].a + (1.0f - root) * triangles_[t].ab + (root * u.y) * triangles_[t].ac - p;
+      emitter = triangles_[t].normal;
+      twoSided = meshTwoSided_;
+      break;
+    }
+    case LightKind::Environment: return false;
+  }
+  if (shape_.kind != LightKind::Directional && shape_.kind != LightKind::Sphere) {
+    const float d2 = glm::dot(to, to);
+    if (!(d2 > 0.0f)) return false;
+    out.distance = std::sqrt(d2);
+    out.direction = to / out.distance;
+  }
+  const float cosine = glm::dot(N, out.direction);
+  if (!(cosine > 0.0f)) return false;
+  out.weight = cosine;
+  switch (shape_.kind) {
+    case LightKind::Spot:
+      if (glm::dot(-out.direction, shape_.axis) <= shape_.cosOuter) return false;
+      [[fallthrough]];
+    case LightKind::Point:
+      if (shape_.range > 0.0f && out.distance > shape_.range) return false;
+      [[fallthrough]];
+    case LightKind::Directional:
+      out.weight = 1.0f;
+      break;
+    case LightKind::Rect:
+    case LightKind::Disk:
+    case LightKind::Mesh: {
+      const float signedCosine = -glm::dot(emitter, out.direction);
+      const float facing = twoSided ? std::fabs(signedCosine) : signedCosine;
+      if (!(facing > 0.0f)) return false;
+      out.weight = cosine * facing / sqr(out.distance);
+      break;
+    }
+    default: break;
+  }
+  out.belowSurface = !(glm::dot(Ng, out.direction) > 0.0f);
+  return out.weight > 0.0f && std::isfinite(out.weight);
+}
+
+Ray shadowRay(const Accel& accel, const Vec3& p, const Vec3& Ng, const LightPoint& point) {
+  Ray ray;
+  ray.origin = offsetOrigin(p, Ng, accel.unit());
+  if (point.distance >= 3.0e38f) {
+    ray.direction = point.direction;
+    return ray;
+  }
+  const Vec3 to = p + point.direction * point.distance - ray.origin;
+  const float length = glm::length(to);
+  ray.direction = length > 0.0f ? to / length : point.direction;
+  ray.tmax = length * kEnd;
+  return ray;
+}
+
+}  // namespace gobo

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// LightPoints: where shadow rays go. Points spread evenly over one light as a receiver sees it: rectangles, disks and mesh lights by
+// area, spheres by the solid angle of their cone, point-like lights their one direction. (Radiance estimators sample by trace/light_sampling.h;
+// visibility is a ratio, so it wants points that keep the strata of u and weights that vary slowly.) Immutable; any thread may sample.
+#pragma once
+
+#include <vector>
+
+#include "scene/camera.h"
+#include "scene/scene.h"
+#include "trace/accel.h"
+
+namespace gobo {
+
+struct LightPoint {
+  Vec3 direction{0.0f};     ///< unit, from the receiver
+  float distance = 0;       ///< metres; 3e38 for Directional
+  float weight = 0;         ///< share in the visibility ratio: cosine at the receiver times the light's foreshortening; 1 for point-like lights
+  bool belowSurface = false;   ///< above the shading normal's horizon but below the surface itself: blocked without a ray
+};
+
+class LightPoints {
+ public:
+  /// Reads facets LightShape and, for Mesh lights, Topology, Pose and Coverage of the light's instance. Environment lights are CHECKed against.
+  LightPoints(const SceneView& view, int light);
+
+  bool pointLike() const { return isDeltaLight(shape_.kind); }
+  /// The point for u in [0,1)^2. False where the light cannot shine on the receiver along it: behind the surface or the light, outside
+  /// a spot's cone or a light's range, inside a sphere.
+  bool sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, LightPoint& out) const;
+
+ private:
+  struct Triangle { Vec3 a, ab, ac, normal; };
+  LightShape shape_;
+  Vec3 tangent_{0.0f}, bitangent_{0.0f};   // Disk
+  std::vector<Triangle> triangles_;        // Mesh, and the cumulated shares of their areas
+  std::vector<double> cumulated_;
+  bool meshTwoSided_ = false;
+};
+
+/// Area-preserving map of the square to the unit disk (Shirley & Chiu 1997): keeps strata compact.
+Vec2 concentricDisk(Vec2 u);
+
+/// Ray from a surface towards a light point, ended just before it; the origin leaves the surface on the side of Ng.
+Ray shadowRay(const Accel& accel, const Vec3& p, const Vec3& Ng, const LightPoint& point);
+
+}  // namespace gobo

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "terms/shadow_slopes.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/sobol.h"
+#include "formulas/axis_aligned.glsl.h"
+#include "terms/light_points.h"
+#include "terms/shadow_light.h"
+#include "terms/surface_samples.h"
+#include "terms/visibility.h"
+
+namespace gobo {
+namespace {
+
+constexpr Facet kFacets = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
+
+class ShadowSlopesNode final : public Node {
+ public:
+  explicit ShadowSlopesNode(const ShadowSlopesSettings& s) : s_(s) {}
+  std::string type() const override { return "shadow_slopes"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.facets = kFacets;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override { h.add(s_.pilot).add(s_.seed); }
+  size_t outputBytes() const override { return s_.extent.elements() * (4 * sizeof(float) + 1); }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const int index = ctx.scene->lightSubset().at(0);
+    GOBO_CHECK(hasShadowLightFrame(ctx.scene->lightShape(index).kind));
+    const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
+    const LightPoints light(*ctx.scene, index);
+    const SurfaceSamples surface(*ctx.inputs.at(0));
+    auto term = std::make_shared<Term>("shadow_slopes", Domain::ViewSample, ctx.inputs[0]->extent());
+    const auto sMax = term->addPlane<float>("sMax"), sMin = term->addPlane<float>("sMin");
+    const auto sumV = term->addPlane<float>("sumV"), sumW = term->addPlane<float>("sumW");
+    const auto occluded = term->addPlane<uint8_t>("occluded");
+    const bool complete = ctx.arena->parallelFor(surface.size(), 128, [&](size_t from, size_t to) {
+      uint64_t rays = 0;
+      for (size_t e = from; e < to; ++e) {
+        if (!surface.hit(e)) continue;
+        const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
+        const uint64_t seed = viewSampleSeed(s_.seed, e);
+        double v = 0, w = 0;
+        float largest = 0, smallest = AA_SLOPE_MAX;
+        for (uint32_t i = 0; i < s_.pilot; ++i) {
+          LightPoint point;
+          if (!light.sample(p, N, Ng, SobolSampler(seed, i).next2D(), point)) continue;
+          w += point.weight;
+          if (point.belowSurface) continue;
+          const Ray ray = shadowRay(*accel, p, Ng, point);
+          Hit first, last;
+          ++rays;
+          if (!accel->intersect(ray, first)) { v += point.weight; continue; }
+          // Back from the light: the occluder nearest to it. Where rounding lets that ray through, the first one serves.
+          Ray back;
+          back.origin = ray.origin + ray.direction * ray.tmax;
+          back.direction = -ray.direction;
+          back.tmax = ray.tmax;
+          ++rays;
+          const float tLast = accel->intersect(back, last) ? std::max(ray.tmax - last.t, first.t) : first.t;
+          smallest = std::min(smallest, formulas::aaSlope(first.t, point.distance));
+          largest = std::max(largest, formulas::aaSlope(tLast, point.distance));
+          occluded[e] = 1;
+        }
+        sumV[e] = float(v);
+        sumW[e] = float(w);
+        if (occluded[e]) { sMax[e] = largest; sMin[e] = smallest; }
+      }
+      if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
+    }, ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "shadow_slopes: stopped");
+    return TermPtr(term);
+  }
+
+ private:
+  ShadowSlopesSettings s_;
+};
+
+class ShadowAdaptiveNode final : public Node {
+ public:
+  explicit ShadowAdaptiveNode(const ShadowAdaptiveSettings& s) : s_(s) {}
+  std::string type() const override { return "shadow_adaptive"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.facets = kFacets;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override { h.add(s_.pilot).add(s_.seed); }
+  size_t outputBytes() const override { return s_.extent.elements() * sizeof(float); }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    GOBO_CHECK_EQ(ctx.inputs.size(), size_t(3));
+    const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
+    const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
+    const SurfaceSamples surface(*ctx.inputs[0]);
+    const auto sumV = ctx.inputs[1]->floats("sumV"), sumW = ctx.inputs[1]->floats("sumW");
+    const auto n = ctx.inputs[2]->plane<uint32_t>("n");
+    auto term = std::make_shared<Term>("visibility", Domain::ViewSample, ctx.inputs[0]->extent());
+    const auto V = term->addPlane<float>("V");
+    const bool complete = ctx.arena->parallelFor(surface.size(), 32, [&](size_t from, size_t to) {
+      uint64_t rays = 0;
+      for (size_t e = from; e < to; ++e) {
+        V[e] = 1.0f;
+        if (!surface.hit(e)) continue;
+        const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
+        const uint64_t seed = viewSampleSeed(s_.seed, e);
+        double v = sumV[e], w = sumW[e];
+        for (uint32_t i = s_.pilot; i < n[e]; ++i) {
+          LightPoint point;
+          if (!light.sample(p, N, Ng, SobolSampler(seed, i).next2D(), point)) continue;
+          w += point.weight;
+          if (point.belowSurface) continue;
+          ++rays;
+          if (!accel->occluded(shadowRay(*accel, p, Ng, point))) v += point.weight;
+        }
+        if (w > 0) V[e] = clamp01(float(v / w));
+      }
+      if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
+    }, ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "shadow_adaptive: stopped");
+    return TermPtr(term);
+  }
+
+ private:
+  ShadowAdaptiveSettings s_;
+};
+
+}  // namespace
+
+NodePtr makeShadowSlopesNode(const ShadowSlopesSettings& settings) { return std::make_shared<ShadowSlopesNode>(settings); }
+NodePtr makeShadowAdaptiveNode(const ShadowAdaptiveSettings& settings) { return std::make_shared<ShadowAdaptiveNode>(settings); }
+
+}  // namespace gobo

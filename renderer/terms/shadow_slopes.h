@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// The two sources of axis-aligned shadow filtering: a sparse pilot that finds the occluders' slopes, and the adaptive pass that
+// spends the rays that the slopes ask for (Wang, UCB/EECS-2013-118, passes 1 and 2). Area lights with a plane only (terms/shadow_light.h).
+// A view sample's points are one Owen-scrambled Sobol sequence with a scramble of its own: the pilot takes the first `pilot` points,
+// the adaptive pass goes on from there, so no pilot ray is wasted and the union is as well spread as any prefix.
+#pragma once
+
+#include "terms/node.h"
+
+namespace gobo {
+
+struct ShadowSlopesSettings {
+  uint32_t pilot = 9;      ///< rays per view sample
+  uint64_t seed = 0;
+  Extent extent;
+};
+/// Source "shadow_slopes". Input 0: "gbuffer". Per ray one closest hit from the receiver and, if it is blocked, one back from the light.
+/// Planes: sMax f32 largest and sMin f32 smallest slope t/(T-t) of the occluders seen (formulas/axis_aligned.glsl.h), 0 where none;
+/// sumV, sumW f32 weighted sum of visibility and of weights over the pilot points; occluded u8.
+NodePtr makeShadowSlopesNode(const ShadowSlopesSettings& settings);
+
+struct ShadowAdaptiveSettings {
+  uint32_t pilot = 9;      ///< as the pilot's
+  uint64_t seed = 0;       ///< as the pilot's
+  Extent extent;
+};
+/// Source "shadow_adaptive". Inputs 0: "gbuffer", 1: "shadow_slopes", 2: a term with plane n u32, rays per view sample in all.
+/// Term "visibility", plane V f32: the unfiltered estimate over n points (terms/visibility.h has the meaning and the cases that give 1).
+NodePtr makeShadowAdaptiveNode(const ShadowAdaptiveSettings& settings);
+
+}  // namespace gobo

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading a G-buffer sample by sample.
+#pragma once
+
+#include "terms/term.h"
+#include "base/vec.h"
+
+namespace gobo {
+
+/// The planes of a "gbuffer" that sources start rays from. A view: the term must outlive it.
+struct SurfaceSamples {
+  explicit SurfaceSamples(const Term& g)
+      : P(g.floats("P")), N(g.floats("N")), Ng(g.floats("Ng")), footprint(g.floats("footprint")), instance(g.plane<uint32_t>("instance")) {}
+  std::span<const float> P, N, Ng, footprint;
+  std::span<const uint32_t> instance;
+
+  size_t size() const { return instance.size(); }
+  bool hit(size_t e) const { return instance[e] != ~0u; }
+  Vec3 position(size_t e) const { return Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]); }
+  Vec3 normal(size_t e) const { return Vec3(N[3 * e], N[3 * e + 1], N[3 * e + 2]); }
+  Vec3 geometricNormal(size_t e) const { return Vec3(Ng[3 * e], Ng[3 * e + 1], Ng[3 * e + 2]); }
+};
+
+}  // namespace gobo

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// Visibility of one light by shadow rays: the reference among shadow techniques.
+// Term "visibility", domain ViewSample, plane V f32 in [0,1]: the share of the light that a view sample sees, weighted as the unshadowed light
+// arrives (cosine at the receiver, foreshortening of the light), so that V times unoccluded irradiance is the direct irradiance.
+// V = 1 for background and wherever the light cannot shine anyway (surface turned away, behind the light, outside a spot's cone or
+// range, inside a sphere light): the unoccluded light is zero there, and filters see no false edge. A shading normal
+// that faces the light on a surface that does not gives V = 0.
+// One ray on Point, Spot and Directional lights (hard shadows); `samples` Owen-scrambled Sobol points per view sample on area lights, each
+// view sample with a scramble of its own. A mesh light counts by area; its emission texture is not read. Cost: one occlusion query per sample.
+// Light that reaches a transmitting surface from behind is not tested for shadows.
+#pragma once
+
+#include "terms/node.h"
+
+namespace gobo {
+
+struct VisibilitySettings {
+  uint32_t samples = 16;
+  uint64_t seed = 0;
+  Extent extent;        ///< of the G-buffer, for the size estimate
+};
+/// Input 0: "gbuffer". The light is the one in the graph node's `lights`; any kind but Environment.
+NodePtr makeVisibilityNode(const VisibilitySettings& settings);
+
+/// Seed of the sample sequence of view sample `element`: independent from pixel to pixel (correlated noise would defeat filters).
+uint64_t viewSampleSeed(uint64_t seed, size_t element);
+
+}  // namespace gobo

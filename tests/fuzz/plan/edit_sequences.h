@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// Random edits of scene and request, and the check that matters: a warm reply equals that of an empty store, bit for bit.
+#pragma once
+
+#include <functional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "support/engines.h"
+
+namespace gobo::testing {
+
+struct SequenceResult { int renders = 0, reusedNodes = 0, ranNodes = 0; std::string failure; };
+
+class EditSequence {
+ public:
+  /// `cache`: folder of a disk tier, or empty. A tiny store forces evictions.
+  EditSequence(uint64_t seed, uint64_t storeBytes, const std::string& cache) : rng_(seed), warm_(makeEngine(storeBytes, cache)) {
+    static const char* scenes[] = {"cornell", "lights8", "grids"};
+    scene_ = scenes[rng_() % 3];
+    request_ = smallRequest(scene_, 16, 12, 4);
+    static const char* lamp[] = {"RECT", "DISK", "SPHERE", "SPOT", "DIRECTIONAL", "POINT"};
+    (void)setPath(request_, std::string("lights.lamp.kind=") + lamp[rng_() % 6]);
+    (void)setPath(request_, "lights.lamp.position=0.2,1.6,0.4");
+    (void)setPath(request_, "lights.lamp.direction=0,-1,-0.2");
+    (void)setPath(request_, "lights.lamp.radius=0.2");
+    (void)setPath(request_, "lights.lamp.outer_deg=50");
+    (void)setPath(request_, "lights.lamp.intensity=3");
+  }
+
+  SequenceResult run(int steps) {
+    SequenceResult out;
+    for (int i = 0; i < steps && out.failure.empty(); ++i) {
+      const std::string edit = i == 0 ? "start" : mutate();
+      history_ += edit + "; ";
+      Result<RenderResult> warm = warm_->render(request_);
+      const auto cold = makeEngine(256ull << 20, {}, 1 + int(rng_() % 2));
+      for (const auto& p : patches_) (void)cold->patchScene(p);
+      Result<RenderResult> fresh = warm.ok() ? cold->render(warm->reply.resolved()) : cold->render(request_);
+      if (warm.ok() != fresh.ok()) { out.failure = history_ + warm.status().toString() + " vs " + fresh.status().toString(); break; }
+      ++out.renders;
+      if (!warm.ok()) continue;
+      out.reusedNodes += int(nodesBy(*warm, v1::NodeReport::REUSED).size());
+      out.ranNodes += int(nodesBy(*warm, v1::NodeReport::RUN).size());
+      const std::string difference = firstDifference(*warm, *fresh);
+      if (!difference.empty()) out.failure = scene_ + ": " + history_ + difference;
+      if (warm->reply.request_hash() != fresh->reply.request_hash()) out.failure = history_ + "request hashes differ";
+    }
+    return out;
+  }
+
+ private:
+  double uniform(double lo, double hi) { return lo + (hi - lo) * double(rng_() % 10007) / 10007.0; }
+  std::string number(double lo, double hi) { return std::to_string(uniform(lo, hi)); }
+  std::string triple(double lo, double hi) { return number(lo, hi) + "," + number(lo, hi) + "," + number(lo, hi); }
+  std::string pick(std::initializer_list<const char*> values) { return *(values.begin() + rng_() % values.size()); }
+
+  std::string mutate() {
+    const std::vector<std::function<std::string()>> edits{
+        [&] { return "lights.lamp.color=" + triple(0, 2); },
+        [&] { return "lights.lamp.intensity=" + number(0, 40); },
+        [&] { return "lights.lamp.position=" + triple(-0.8, 1.8); },
+        [&] { return "lights.lamp.enabled=" + pick({"true", "false"}); },
+        [&] { return "lights.lamp.gain=" + triple(0, 3); },
+        [&] { return "lights.lamp.radius=" + number(0.01, 0.5); },
+        [&] { return "lights.lamp.shadow." + pick({"ray_traced.samples=4", "ray_traced.samples=9", "axis_aligned.k=2", "axis_aligned.k=3", "axis_aligned.mu=2",
+                                                    "axis_aligned.radius_px=3", "exponential.c=40", "exponential.blur=1", "path_traced="}); },
+        [&] { return "shadows." + pick({"path_traced=", "ray_traced.samples=4", "axis_aligned.max_samples=32", "axis_aligned.mean_samples=12"}); },
+        [&] { return "halt.spp=" + pick({"2", "4", "16", "32", "48"}); },
+        [&] { return "seed=" + pick({"0", "1"}); },
+        [&] { return "view_samples=" + pick({"1", "2", "4"}); },
+        [&] { return "integrator.max_bounces=" + pick({"0", "1", "2"}); },
+        [&] { return "integrator.indirect=" + pick({"true", "false"}); },
+        [&] { return "integrator.max_groups=" + pick({"1", "2", "3", "16"}); },
+        [&] { return "integrator.light_selection=" + pick({"TREE", "POWER", "UNIFORM"}); },
+        [&] { return "environment.constant=" + triple(0, 1); },
+        [&] { return "environment.gain=" + triple(0, 2); },
+        [&] { return "environment.rotation_deg=" + pick({"0", "30", "90"}); },
+        [&] { return "environment.extract_lights=" + pick({"0", "2", "4"}); },
+        [&] { return "tone_map.exposure=" + number(-2, 2); },
+        [&] { return "outputs=" + pick({"beauty", "beauty,depth", "beauty,direct,indirect", "beauty,visibility:lamp", "albedo,normal", "beauty,group:lamp"}); },
+        [&] { return "camera.yfov_deg=" + pick({"40", "55"}); },
+    };
+    if (rng_() % 8 == 0) return patchScene();
+    const std::string edit = edits[rng_() % edits.size()]();
+    (void)setPath(request_, edit);
+    return edit;
+  }
+
+  std::string patchScene() {
+    const auto info = warm_->inspectScene(scene_);
+    if (!info.ok()) return "inspect failed";
+    v1::PatchSceneRequest p;
+    p.set_scene(scene_);
+    std::string what;
+    if (rng_() % 2) {
+      const std::string name = info->material_names(int(rng_() % info->material_names_size()));
+      auto& m = (*p.mutable_materials())[name];
+      m.mutable_base_color()->set_x(float(uniform(0, 1)));
+      m.mutable_base_color()->set_y(float(uniform(0, 1)));
+      m.mutable_base_color()->set_z(0.5f);
+      what = "recolour " + name;
+    } else {
+      const std::string name = info->instance_names(int(rng_() % info->instance_names_size()));
+      auto& m = (*p.mutable_instances())[name];
+      for (int k = 0; k < 16; ++k) m.add_matrix(k % 5 == 0 ? 1.0f : 0.0f);
+      m.set_matrix(12, float(uniform(-0.1, 0.1)));
+      what = "move " + name;
+    }
+    if (warm_->patchScene(p).ok()) patches_.push_back(p);
+    return what;
+  }
+
+  std::mt19937_64 rng_;
+  std::unique_ptr<Engine> warm_;
+  std::string scene_, history_;
+  v1::RenderRequest request_;
+  std::vector<v1::PatchSceneRequest> patches_;
+};
+
+}  // namespace gobo::testing

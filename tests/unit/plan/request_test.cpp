@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/request.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace gobo {
+namespace {
+
+TEST(Request, DefaultsComeFromTheSchema) {
+  v1::RenderRequest r;
+  r.mutable_integrator();
+  ASSERT_TRUE(resolveDefaults(r).ok());
+  EXPECT_EQ(r.width(), 640u);
+  EXPECT_EQ(r.integrator().max_bounces(), 8u);
+  EXPECT_TRUE(r.integrator().indirect());
+  EXPECT_EQ(r.integrator().light_selection(), v1::Integrator::TREE);
+  EXPECT_FALSE(r.has_environment());   // absent sub-messages stay absent
+}
+
+TEST(Request, RangeErrorsNameFieldAndValue) {
+  v1::RenderRequest r;
+  r.mutable_integrator()->set_max_bounces(900);
+  const Status s = resolveDefaults(r);
+  ASSERT_EQ(s.code(), Code::InvalidArgument);
+  EXPECT_EQ(s.location(), "request.integrator.max_bounces");
+  EXPECT_NE(s.message().find("900"), std::string::npos);
+  EXPECT_NE(s.message().find("at most 64"), std::string::npos);
+
+  v1::RenderRequest n;
+  (*n.mutable_lights())["key"].set_intensity(std::nan(""));
+  EXPECT_EQ(resolveDefaults(n).location(), "request.lights.key.intensity");
+  v1::RenderRequest z;
+  z.mutable_halt()->set_time_s(0);
+  EXPECT_NE(resolveDefaults(z).message().find("greater than 0"), std::string::npos);
+}
+
+TEST(Request, HashIgnoresOrderAndPresentationOnly) {
+  v1::RenderRequest a, b;
+  ASSERT_TRUE(setPath(a, "lights.x.intensity=2").ok());
+  ASSERT_TRUE(setPath(a, "lights.y.intensity=3").ok());
+  ASSERT_TRUE(setPath(b, "lights.y.intensity=3").ok());
+  ASSERT_TRUE(setPath(b, "lights.x.intensity=2").ok());
+  EXPECT_EQ(messageHash(a), messageHash(b));
+  ASSERT_TRUE(setPath(b, "encoding.format=png").ok());
+  ASSERT_TRUE(setPath(b, "scheduling.client=somebody").ok());
+  EXPECT_EQ(messageHash(a), messageHash(b));
+  ASSERT_TRUE(setPath(b, "seed=1").ok());
+  EXPECT_NE(messageHash(a), messageHash(b));
+}
+
+TEST(Request, PathsSetEveryKindOfField) {
+  v1::RenderRequest r;
+  for (const char* good : {"width=320", "lights.key.color=1,0.5,0.25", "lights.a.b.intensity=2", "shadows.axis_aligned.mu=2", "outputs=beauty,depth",
+                           "integrator.light_selection=uniform", "shadows.path_traced=", "lights.key.enabled=false", "camera.name=front", "lights.key.gain=2"})
+    EXPECT_TRUE(setPath(r, good).ok()) << good << ": " << setPath(r, good).toString();
+  EXPECT_EQ(r.lights().at("key").color().y(), 0.5f);
+  EXPECT_EQ(r.lights().at("a.b").intensity(), 2);
+  EXPECT_EQ(r.lights().at("key").gain().z(), 2.0f);
+  EXPECT_EQ(r.outputs_size(), 2);
+  EXPECT_TRUE(r.shadows().has_path_traced());
+}
+
+TEST(Request, BadPathsSayWhatThereIs) {
+  v1::RenderRequest r;
+  for (const char* bad : {"nothing=1", "width=abc", "width=-3", "width=99999999999", "lights.key=3", "lights.key.colour=1", "lights.key.color=1,2", "integrator.light_selection=best",
+                          "integrator.indirect=maybe", "noequals", "=4", "width.x=3"}) {
+    const Status s = setPath(r, bad);
+    EXPECT_EQ(s.code(), Code::InvalidArgument) << bad;
+    EXPECT_FALSE(s.message().empty());
+  }
+  EXPECT_NE(setPath(r, "integrator.bounces=1").message().find("max_bounces"), std::string::npos);
+}
+
+TEST(Request, MaskReplacesNamedFieldsOnly) {
+  v1::RenderRequest base, patch;
+  for (const char* a : {"lights.key.color=1,1,1", "lights.key.intensity=5", "seed=3", "tone_map.exposure=1"}) ASSERT_TRUE(setPath(base, a).ok());
+  for (const char* a : {"lights.key.color=1,0,0", "seed=9", "width=77", "environment.constant=1"}) ASSERT_TRUE(setPath(patch, a).ok());
+  ASSERT_TRUE(applyMask(base, patch, {"lights.key.color", "tone_map.exposure", "environment"}).ok());
+  EXPECT_EQ(base.lights().at("key").color().y(), 0.0f);
+  EXPECT_EQ(base.lights().at("key").intensity(), 5);    // not named
+  EXPECT_EQ(base.seed(), 3u);                            // not named
+  EXPECT_FALSE(base.tone_map().has_exposure());          // named, absent in the patch: cleared
+  EXPECT_EQ(base.environment().constant().x(), 1.0f);
+  EXPECT_EQ(applyMask(base, patch, {"lights.key.size"}).code(), Code::InvalidArgument);
+}
+
+TEST(Request, SetPathsListLeaves) {
+  v1::RenderRequest r;
+  for (const char* a : {"lights.key.color=1,1,1", "halt.spp=4", "shadows.axis_aligned.k=2"}) ASSERT_TRUE(setPath(r, a).ok());
+  const auto paths = setPaths(r);
+  for (const char* p : {"lights.key.color", "halt.spp", "shadows.axis_aligned.k"}) EXPECT_NE(std::find(paths.begin(), paths.end(), p), paths.end()) << p;
+  EXPECT_EQ(paths.size(), 3u);
+}
+
+TEST(Request, JsonRoundTripAndUnknownField) {
+  v1::RenderRequest r, back;
+  for (const char* a : {"scene=cornell", "lights.key.color=1,0.5,0", "halt.spp=4"}) ASSERT_TRUE(setPath(r, a).ok());
+  ASSERT_TRUE(messageFromJson(messageToJson(r, true), back, "test").ok());
+  EXPECT_EQ(messageHash(r), messageHash(back));
+  const Status s = messageFromJson(R"({"scene":"cornell","bounces":3})", back, "req.json");
+  EXPECT_EQ(s.code(), Code::InvalidArgument);
+  EXPECT_NE(s.message().find("bounces"), std::string::npos);
+  EXPECT_EQ(s.location(), "req.json");
+}
+
+}  // namespace
+}  // namespace gobo
