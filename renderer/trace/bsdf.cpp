@@ -28,11 +28,8 @@ float ggxD(const Vec3& h, float a) {
 }
 /// |v.z| sqrt(1 + a^2 tan^2): the Smith shadowing of one direction is 2 |v.z| / (|v.z| + s).
 float smithRoot(const Vec3& v, float a) { return std::sqrt(v.z * v.z + a * a * (v.x * v.x + v.y * v.y)); }
-/// Height-correlated G2 / (|o.z| |i.z|).
-float smithG2OverCosines(float oz, float so, float iz, float si) {
-  const float d = oz * si + iz * so;
-  return d > 0.0f ? 2.0f / d : 0.0f;
-}
+/// Height-correlated G2 / |o.z|. Written as a ratio because oz * si + iz * so underflows when both directions graze.
+float smithG2OverViewCosine(float oz, float so, float iz, float si) { return 2.0f / (oz * (si / iz) + so); }
 
 /// Visible normal by spherical caps (Dupuy & Benyoub 2023).
 Vec3 sampleVisibleNormal(const Vec3& o, float a, const Vec2& u) {
@@ -129,7 +126,7 @@ void roughReflection(const Lobes& l, const Vec3& o, const Vec3& i, Vec3& f, floa
   const Vec3 h = m / std::sqrt(len2);
   const float c = clamp01(glm::dot(o, h)), d = ggxD(h, l.alpha);
   const float so = smithRoot(o, l.alpha), si = smithRoot(i, l.alpha);
-  f = l.reflected(c) * (0.25f * d * i.z * smithG2OverCosines(o.z, so, i.z, si));
+  f = l.reflected(c) * (0.25f * d * smithG2OverViewCosine(o.z, so, i.z, si));
   pdf = l.reflectP(c) * d * 0.5f / (o.z + so);
 }
 
@@ -150,7 +147,7 @@ void roughRefraction(const Lobes& l, const Vec3& o, const Vec3& i, Vec3& f, floa
   const float den = sqr(l.eta * ih + oh);
   if (!(den > 0.0f)) return;
   const float jacobian = -ih * oh / den;
-  f = l.refracted(oh) * (jacobian * d * iz * smithG2OverCosines(o.z, so, iz, si));
+  f = l.refracted(oh) * (jacobian * d * smithG2OverViewCosine(o.z, so, iz, si));
   pdf = (1.0f - l.reflectP(oh)) * l.eta * l.eta * jacobian * d * 2.0f / (o.z + so);
 }
 
