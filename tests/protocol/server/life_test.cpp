@@ -21,7 +21,7 @@ class Life : public ServerTest {
  protected:
   void configure(ServerConfig& c) override {
     c.running = 1;
-    c.queued = 1;
+    c.queuedNormal = 1;
     c.listen.push_back("127.0.0.1:0");
   }
   // Takes minutes if nobody stops it.
