@@ -23,8 +23,9 @@ grpc::Status AdminService::GetStatus(grpc::ServerContext*, const v1::StatusReque
   core_.engine.fillStatus(*reply);
   reply->set_build(buildVersion());
   reply->set_uptime_s(std::chrono::duration<double>(std::chrono::steady_clock::now() - core_.started).count());
-  reply->set_running(core_.jobs.running());
-  reply->set_queued(core_.jobs.queued());
+  const SchedulerStats jobs = core_.jobs.stats();
+  reply->set_running(uint32_t(jobs.running));
+  reply->set_queued(uint32_t(jobs.queued));
   reply->set_renders(core_.renders.load());
   reply->set_scenes(core_.engine.listScenes().size());
   reply->set_rss_bytes(residentBytes());

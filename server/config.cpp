@@ -107,7 +107,7 @@ Key texts(std::vector<std::string>& target, Fix fix = {}) {
 }
 
 std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix& address) {
-  const uint64_t big = 1ull << 31;
+  const uint64_t big = 1u << 20;
   return {
       {"listen", texts(c.listen, address)},
       {"allow_remote", boolean(c.allowRemote)},
@@ -119,7 +119,7 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"engine.disk_bytes", bytes(c.diskBytes)},
       {"engine.roots", texts(c.roots, folder)},
       {"engine.keep_renders", integer(c.keepRenders, 1, 1u << 20)},
-      {"limits.rpc_threads", integer(c.rpcThreads, 4, 4096)},
+      {"limits.rpc_threads", integer(c.rpcThreads, 16, 65536)},
       {"limits.streams_per_connection", integer(c.streamsPerConnection, 1, 65536)},
       {"limits.message_bytes", bytes(c.messageBytes)},
       {"limits.rpc_memory_bytes", bytes(c.rpcMemoryBytes)},
@@ -130,7 +130,11 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"limits.image_bytes", bytes(c.imageBytes)},
       {"limits.tmp_folder", text(c.tmpFolder, folder)},
       {"scheduler.running", integer(c.running, 1, 1024)},
-      {"scheduler.queued", integer(c.queued, 0, big)},
+      {"scheduler.queued_interactive", integer(c.queuedInteractive, 0, big)},
+      {"scheduler.queued_normal", integer(c.queuedNormal, 0, big)},
+      {"scheduler.queued_batch", integer(c.queuedBatch, 0, big)},
+      {"scheduler.ageing_normal_s", number(c.ageingNormal, 0, 86400)},
+      {"scheduler.ageing_batch_s", number(c.ageingBatch, 0, 86400)},
       {"scheduler.queued_per_client", integer(c.queuedPerClient, 1, big)},
       {"scheduler.pinned_bytes", bytes(c.pinnedBytes)},
       {"scheduler.drain_s", number(c.drainSeconds, 0, 86400)},
@@ -256,6 +260,9 @@ Status checkConfig(ServerConfig& c) {
     return invalidArgument("limits.chunk_bytes = " + std::to_string(c.chunkBytes) + " and limits.inline_bytes = " +
                            std::to_string(c.inlineBytes) + " must be at least 64 KiB below limits.message_bytes = " +
                            std::to_string(c.messageBytes));
+  // A waiting render holds a call: without spare ones a full queue would lock out status, cancellation and health checks.
+  const uint64_t waiting = uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch;
+  GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running and the three queues together)", c.rpcThreads, waiting + 16));
   for (const std::string& root : c.roots) {
     std::error_code error;
     if (!fs::is_directory(root, error)) return notFound("engine.roots: \"" + root + "\" is not a folder");

@@ -26,7 +26,7 @@ struct ServerConfig {
   std::vector<std::string> roots;
   uint32_t keepRenders = 1024;
 
-  uint32_t rpcThreads = 64;                   ///< concurrent RPCs; one more is refused with RESOURCE_EXHAUSTED
+  uint32_t rpcThreads = 400;                  ///< concurrent calls, waiting renders included; one more is refused
   uint32_t streamsPerConnection = 64;
   uint64_t messageBytes = 64ull << 20;
   uint64_t rpcMemoryBytes = 1ull << 30;       ///< gRPC resource quota
@@ -38,8 +38,9 @@ struct ServerConfig {
   std::string tmpFolder;                      ///< uploads; $TMPDIR or /tmp if empty
 
   uint32_t running = 1;                       ///< renders at once: each uses the whole arena
-  uint32_t queued = 64;                       ///< more are refused with a retry hint
-  uint32_t queuedPerClient = 32;
+  uint32_t queuedInteractive = 64, queuedNormal = 128, queuedBatch = 128;   ///< more are refused with a retry hint
+  uint32_t queuedPerClient = 128;
+  double ageingNormal = 10, ageingBatch = 30; ///< seconds until a waiting class is given a turn
   uint64_t pinnedBytes = 0;                   ///< bound on the sum over running renders; 0: half of the machine's memory
   double drainSeconds = 30;                   ///< after SIGTERM, before running renders are cancelled
 };

@@ -3,7 +3,21 @@
 
 namespace gobo {
 
-ServerCore::ServerCore(Engine& e, const ServerConfig& c) : engine(e), config(c), jobs(c.running, c.queued) {}
+namespace {
+
+SchedulerOptions schedulerOptions(const ServerConfig& c) {
+  SchedulerOptions o;
+  o.slots = int(c.running);
+  if (c.pinnedBytes) o.pinnedLimit = c.pinnedBytes;
+  o.queueLimit = {c.queuedInteractive, c.queuedNormal, c.queuedBatch};
+  o.clientLimit = c.queuedPerClient;
+  o.ageing = {kNever, c.ageingNormal, c.ageingBatch};
+  return o;
+}
+
+}  // namespace
+
+ServerCore::ServerCore(Engine& e, const ServerConfig& c) : engine(e), config(c), jobs(schedulerOptions(c)) {}
 
 ServerCore::Call::Call(ServerCore& core) : core_(core) {
   const std::lock_guard lock(core_.mutex_);

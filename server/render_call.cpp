@@ -5,6 +5,14 @@ namespace gobo {
 
 using Clock = std::chrono::steady_clock;
 
+namespace {
+
+JobClass jobClassOf(v1::Scheduling::Class priority) {
+  return priority == v1::Scheduling::INTERACTIVE ? JobClass::Interactive : priority == v1::Scheduling::BATCH ? JobClass::Batch : JobClass::Normal;
+}
+
+}  // namespace
+
 RenderCall::RenderCall(ServerCore& core, StopSource stop, v1::RenderRequest request, uint64_t pinnedBytes,
                        RenderCallOptions options)
     : core_(core), stop_(std::move(stop)), request_(std::move(request)), pinnedBytes_(pinnedBytes), options_(std::move(options)) {
@@ -18,7 +26,6 @@ RenderCall::~RenderCall() {
 
 void RenderCall::work() {
   const Clock::time_point submitted = Clock::now();
-  bool began = false;
   RenderControl control;
   if (options_.events) {
     control.progress = [this](const v1::Progress& progress) {
@@ -36,28 +43,27 @@ void RenderCall::work() {
   }
   JobSpec spec;
   spec.client = options_.client;
-  spec.priority = int(request_.scheduling().priority());
-  spec.deadline = options_.deadline;
+  spec.jobClass = jobClassOf(request_.scheduling().priority());
+  if (options_.deadline) spec.deadline = std::chrono::duration<double>(options_.deadline->time_since_epoch()).count();   // JobRunner::now()
   spec.pinnedBytes = pinnedBytes_;
-  spec.stop = stop_;
+  RunControl runControl;
+  runControl.gone = [stop = stop_.token()] { return stop.stopRequested(); };
+  runControl.pollSeconds = 0.005;
   std::optional<RenderResult> result;
-  double queueMs = 0;
-  Status status = core_.jobs.run(spec, [&](StopToken stop) -> Status {
-    // Called again after a preemption; the time in the queue is the one before the first start.
-    if (!began) queueMs = std::chrono::duration<double, std::milli>(Clock::now() - submitted).count();
-    began = true;
+  const RunReport report = core_.jobs.run(spec, [&](StopToken stop) -> Status {
     control.stop = stop;
     auto rendered = core_.engine.render(request_, control);
     if (!rendered.ok()) return rendered.status();
     result = std::move(rendered).value();
     return {};
-  });
+  }, runControl);
   const std::lock_guard lock(mutex_);
-  queueMs_ = queueMs;
-  status_ = std::move(status);
+  queueMs_ = report.queuedSeconds * 1e3;
+  retryAfterMs_ = report.retryMs;
+  status_ = report.status;
   if (status_.ok()) {
     result_ = std::move(result);
-    result_->reply.set_queue_ms(queueMs);
+    result_->reply.set_queue_ms(queueMs_);
     result_->reply.set_total_ms(std::chrono::duration<double, std::milli>(Clock::now() - submitted).count());
   }
   done_ = true;

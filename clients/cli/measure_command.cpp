@@ -8,9 +8,10 @@
 #include "base/image_io.h"
 #include "commands.h"
 #include "measure/metrics.h"
+#include "measure/plot.h"
+#include "measure/report.h"
 #include "pictures.h"
 #include "plan/request.h"
-#include "plot.h"
 #include "report.h"
 
 namespace gobo::cli {
@@ -114,26 +115,33 @@ Status measure(Session& session, const MeasureCommand& c) {
     std::fprintf(stderr, "gobo: %s=%s: %.1f ms, RMSE %.4g\n", sweep.path.c_str(), point.value.c_str(), point.ms, point.error.rmse);
   }
   std::vector<std::vector<std::string>> rows;
-  std::string csv = "value,ms,rays,rmse,rmse_se,mse,mse_se,rel_mse,rel_mse_se,reused_nodes\n";
-  std::vector<PlotPoint> plotted;
+  Table table("measure", {"value", "ms", "rays", "rmse", "rmse_se", "mse", "mse_se", "rel_mse", "rel_mse_se", "reused_nodes"});
+  PlotSeries series{sweep.path, {}};
   bool noisy = false, reused = false;
   for (const Point& p : points) {
     const HalvesError& e = p.error;
     rows.push_back({p.value, strf("%.1f", p.ms), std::to_string(p.rays), strf("%.4g", e.rmse), strf("%.2g", e.rmseStandardError),
                     strf("%.4g", e.relMse), strf("%.2g", e.relMseStandardError)});
-    csv += strf("\"%s\",%.6g,%llu,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%d\n", p.value.c_str(), p.ms, static_cast<unsigned long long>(p.rays),
-                e.rmse, e.rmseStandardError, e.mse, e.standardError, e.relMse, e.relMseStandardError, p.reused);
-    plotted.push_back({p.ms, e.rmse, e.rmseStandardError});
+    table.add({p.value, p.ms, double(p.rays), e.rmse, e.rmseStandardError, e.mse, e.standardError, e.relMse, e.relMseStandardError,
+               double(p.reused)});
+    series.points.push_back({p.ms, e.rmse, e.rmse - e.rmseStandardError, e.rmse + e.rmseStandardError});
     noisy |= e.standardError > 0.1 * std::abs(e.mse);
     reused |= p.reused > 0;
   }
   printTable({sweep.path, "ms", "rays", "RMSE", "+-", "relMSE", "+-"}, rows, {false, true, true, true, true, true, true});
   if (noisy) std::printf("warning: the standard error of some squared errors is above 10 %% of them: raise --reference-spp\n");
   if (reused) std::printf("warning: some points reused terms of the server's store, their times are not cold: --cold drops the caches before each\n");
-  if (!c.csv.empty()) GOBO_TRY(writeFileAtomic(c.csv, csv.data(), csv.size()));
+  if (!c.csv.empty()) {
+    const std::string csv = table.csv();
+    GOBO_TRY(writeFileAtomic(c.csv, csv.data(), csv.size()));
+  }
   if (!c.plot.empty()) {
-    GOBO_ASSIGN(const std::vector<uint8_t> png, encodePng(plotLogLog(plotted, "MS", "RMSE")));
-    GOBO_TRY(writeFileAtomic(c.plot, png.data(), png.size()));
+    Plot plot;
+    plot.title = base.scene() + ": " + sweep.path;
+    plot.xLabel = "ms";
+    plot.yLabel = "RMSE";
+    plot.series.push_back(std::move(series));
+    GOBO_TRY(writePlot(plot, c.plot));
   }
   return {};
 }

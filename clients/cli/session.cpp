@@ -22,15 +22,18 @@ const char* const kExitHelp =
     "Exit codes: 0 ok; 1 failure; 2 usage or bad request; 3 not found; 4 cannot reach the server; 5 cancelled or deadline; "
     "6 busy (try again later).";
 
-int exitCodeOf(Code code) {
-  switch (code) {
+int exitCodeOf(const Status& status) {
+  switch (status.code()) {
     case Code::Ok: return kOk;
     case Code::InvalidArgument: case Code::OutOfRange: case Code::PermissionDenied: case Code::AlreadyExists:
     case Code::FailedPrecondition: return kUsage;
     case Code::NotFound: return kNotFound;
     case Code::Unavailable: return kUnreachable;
     case Code::Cancelled: case Code::DeadlineExceeded: return kStopped;
-    case Code::ResourceExhausted: return kBusy;
+    case Code::ResourceExhausted: {
+      const bool passing = status.message().find("retry after") != std::string::npos || status.message().find("Threadpool") != std::string::npos;
+      return passing ? kBusy : kUsage;
+    }
     default: return kFailure;
   }
 }
@@ -38,7 +41,7 @@ int exitCodeOf(Code code) {
 int complain(const Status& status) {
   std::fprintf(stderr, "gobo: %s: %s%s%s%s\n", codeName(status.code()), escaped(status.message()).c_str(),
                status.location().empty() ? "" : " (at ", escaped(status.location()).c_str(), status.location().empty() ? "" : ")");
-  return exitCodeOf(status.code());
+  return exitCodeOf(status);
 }
 
 namespace {

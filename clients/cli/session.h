@@ -17,7 +17,8 @@ namespace gobo::cli {
 
 enum Exit : int { kOk = 0, kFailure = 1, kUsage = 2, kNotFound = 3, kUnreachable = 4, kStopped = 5, kBusy = 6 };
 extern const char* const kExitHelp;
-int exitCodeOf(Code code);
+/// 6 only for what may pass: RESOURCE_EXHAUSTED that is a limit of the request itself is 2.
+int exitCodeOf(const Status& status);
 /// Prints "gobo: MESSAGE" with a hint where one helps; returns the exit code.
 int complain(const Status& status);
 

@@ -86,7 +86,11 @@ TEST_F(ConfigFile, TheShippedFileHoldsTheDefaults) {
   EXPECT_EQ(config.inlineBytes, d.inlineBytes);
   EXPECT_EQ(config.imageBytes, d.imageBytes);
   EXPECT_EQ(config.running, d.running);
-  EXPECT_EQ(config.queued, d.queued);
+  EXPECT_EQ(config.queuedInteractive, d.queuedInteractive);
+  EXPECT_EQ(config.queuedNormal, d.queuedNormal);
+  EXPECT_EQ(config.queuedBatch, d.queuedBatch);
+  EXPECT_DOUBLE_EQ(config.ageingNormal, d.ageingNormal);
+  EXPECT_DOUBLE_EQ(config.ageingBatch, d.ageingBatch);
   EXPECT_EQ(config.queuedPerClient, d.queuedPerClient);
   EXPECT_EQ(config.pinnedBytes, d.pinnedBytes);
   EXPECT_DOUBLE_EQ(config.drainSeconds, d.drainSeconds);
@@ -130,6 +134,9 @@ TEST(Config, LimitsThatContradictEachOther) {
   const Status status = checkConfig(config);
   EXPECT_EQ(status.code(), Code::InvalidArgument);
   EXPECT_NE(status.message().find("limits.chunk_bytes"), std::string::npos);
+  config = {};
+  config.queuedBatch = config.rpcThreads;   // waiting renders could take every call
+  EXPECT_NE(checkConfig(config).message().find("limits.rpc_threads"), std::string::npos);
   config = {};
   config.roots = {"/no/such/folder"};
   EXPECT_EQ(checkConfig(config).code(), Code::NotFound);
