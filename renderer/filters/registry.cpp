@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The shadow techniques that a request may name: one line each.
 #include "filters/axis_aligned/technique.h"
+#include "filters/exponential_shadow_map/technique.h"
 #include "filters/ray_traced/technique.h"
 
 namespace gobo {
@@ -9,6 +10,7 @@ const std::vector<ShadowTechniqueEntry>& shadowTechniques() {
   static const std::vector<ShadowTechniqueEntry> table{
       rayTracedShadowTechnique(),
       axisAlignedShadowTechnique(),
+      {v1::ShadowTechnique::kExponential, "exponential", exponentialShadowSupports, planExponentialShadow},
   };
   return table;
 }

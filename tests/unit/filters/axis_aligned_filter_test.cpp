@@ -141,6 +141,7 @@ TEST(AxisAlignedFilter, RejectsAcrossNormalsBetaDistanceAndBackground) {
   s = axisAlignedSettings();
 
   const auto twoBetas = floatTerm(e, "Omega", [](int x, int, int) { return omegaForBeta(x < 32 ? 4.0f : 9.0f); });
+  s.betaThreshold = 0.5f;
   EXPECT_EQ(leak(planeGBuffer(view), twoBetas, s), 0.0);
   s.betaThreshold = 0.6f;
   EXPECT_GT(leak(planeGBuffer(view), twoBetas, s), 0.02);
