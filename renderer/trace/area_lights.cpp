@@ -8,8 +8,6 @@ namespace {
 
 constexpr double kDPi = 3.14159265358979323846;
 constexpr double kTinySolidAngle = 1e-5;
-/// Below this cosine at the light the area density overflows; the light is seen edge-on.
-constexpr double kEdgeOn = 1e-9;
 
 /// The rectangle in a frame centred at the receiver: x in [x0,x1], y in [y0,y1], at depth z < 0, and its spherical quad.
 struct SphericalRect {
@@ -44,7 +42,7 @@ struct SphericalRect {
 
   DVec3 sample(double u, double v) const {
     const double a = u * solidAngle + k;
-    const double sine = std::sin(a), f = sine != 0 ? (std::cos(a) * b0 - b1) / sine : 0.0;
+    const double f = (std::cos(a) * b0 - b1) / std::sin(a);  // 0/0 falls through both tests below to an end of the edge
     // The paper's xu = -cu z0 / sqrt(1 - cu^2) with cu^2 = 1 / (f^2 + b0^2), freed of the difference 1 - cu^2.
     const double f2 = f * f - z0 * z0 / (z0 * z0 + y0 * y0);
     const double xu = f2 > 0 ? std::clamp(std::copysign(z0 / std::sqrt(f2), f), x0, x1) : (f > 0 ? x1 : x0);
@@ -65,7 +63,7 @@ bool finish(const DVec3& d, double pdf, AreaSample& out) {
 }
 
 /// Density of uniform-area sampling, as solid angle.
-double areaPdf(double cosine, double d2, double area) { return cosine > kEdgeOn ? d2 / (cosine * area) : 0.0; }
+double areaPdf(double cosine, double d2, double area) { return cosine > 0 ? d2 / (cosine * area) : 0.0; }
 
 bool facing(const LightShape& s, const Vec3& p) {
   const double side = glm::dot(DVec3(p) - DVec3(s.position), DVec3(s.axis));

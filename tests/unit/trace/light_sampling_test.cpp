@@ -320,6 +320,7 @@ TEST(PunctualLights, SpotConeIsTheSquaredRamp) {
   EXPECT_EQ(at(0, 0.69), 0.0f);
   EXPECT_EQ(at(0, -1.0), 0.0f);
   EXPECT_NEAR(at(1, 0.71), 1.0f, 1e-4f);
+  EXPECT_NEAR(at(1, 0.7005), 0.25f, 0.01f);  // the extension's ramp of at least a thousandth
   EXPECT_EQ(at(1, 0.699), 0.0f);
 }
 
