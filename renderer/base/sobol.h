@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Counter-based random numbers and Owen-scrambled Sobol points. Every value is a pure function of its arguments.
-// Inline because the tracer draws several hundred numbers a sample; about 5 ns for a 1D and 8 ns for a 2D draw.
+// Inline because the tracer draws several hundred numbers a sample; about 4 ns for a 1D and 13 ns for a 2D draw.
 #pragma once
 
 #include <cstdint>

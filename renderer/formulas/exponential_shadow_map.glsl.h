@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Exponential shadow map (Annen, Mertens, Seidel, Flerackers, Kautz 2008): s = e^{-c d} [w * e^{c z}] clamped to [0,1].
 // Written about the far plane: E = e^{c (z - 1)} and s = E e^{c (1 - d + bias)}. For z, d in [0,1] and c <= 80 every factor
-// stays inside float (E in [1.8e-35, 1], the other below 2.4e38), so nothing overflows however the map is filtered.
+// stays inside float (E in [1.8e-35, 1], the other at most 1.8e38), so nothing overflows however the map is filtered.
 // z, d: linear depth, 0 at the light's near plane, 1 at its far plane. Each function is finite for every input.
 #ifndef GOBO_FORMULAS_EXPONENTIAL_SHADOW_MAP
 #define GOBO_FORMULAS_EXPONENTIAL_SHADOW_MAP
 #include "formulas/math.glsl.h"
 FORMULAS_BEGIN
 
-/// E of one texel. A depth that is not finite counts as "nothing hit" (z = 1), so that no filter can spread it.
+/// E of one texel, 1 <= c <= 80. A depth that is not finite counts as "nothing hit" (z = 1), so that no filter can spread it.
 FORMULA float esmEncode(float z, float c) {
-  PRECISE float x = c * (limit(finiteOr(z, 1.0f), 0.0f, 1.0f) - 1.0f);
-  return fastExp(x);
+  PRECISE float x = (c * 1.44269504088896341f) * (limit(finiteOr(z, 1.0f), 0.0f, 1.0f) - 1.0f);
+  return exp2InRange(x);   // x in [-115.5, 0]
 }
 
 /// Unnormalised Gaussian at `offset` texels.
@@ -45,10 +45,10 @@ FORMULA float esmBilinear(float e00, float e10, float e01, float e11, float fx, 
   return e;
 }
 
-/// e^{c (1 - d + bias)}: what E is multiplied by for a receiver at depth d.
+/// e^{c (1 - d + bias)} for bias >= 0: what E is multiplied by for a receiver at depth d.
 FORMULA float esmReceiver(float d, float c, float bias) {
-  PRECISE float x = c * ((1.0f - limit(finiteOr(d, 0.0f), 0.0f, 1.0f)) + bias);
-  return fastExp(x);
+  PRECISE float x = (c * 1.44269504088896341f) * ((1.0f - limit(finiteOr(d, 0.0f), 0.0f, 1.0f)) + bias);
+  return exp2InRange(minOf(x, 127.0f));   // bias up to 1: 160 log2(e) would leave float
 }
 
 /// Visibility of a receiver; points that the map does not cover are lit.

@@ -35,14 +35,15 @@ FORMULA float fastExp(float x) {
   return expCore(r) * floatOf((int(n) + 127) << 23);
 }
 
-/// 2^x within 1 ulp, exact for whole x, for x in [-126, 127]; beyond, the value at the nearer end. NaN gives 1.
-FORMULA float fastExp2(float x) {
-  float y = limit(CHOOSE(x == x, x, 0.0f), -126.0f, 127.0f);
-  float n = floorOf(y + 0.5f);
-  n = minOf(n, 127.0f);
-  PRECISE float r = (y - n) * 0.693147180559945f;
+/// 2^x within 1 ulp, exact for whole x. x must be finite and in [-126, 127]: for arguments that are limited already.
+FORMULA float exp2InRange(float x) {
+  float n = floorOf(x + 0.5f);
+  PRECISE float r = (x - n) * 0.693147180559945f;
   return expCore(r) * floatOf((int(n) + 127) << 23);
 }
+
+/// The same for any x: beyond the range the value at the nearer end, NaN gives 1.
+FORMULA float fastExp2(float x) { return exp2InRange(limit(CHOOSE(x == x, x, 0.0f), -126.0f, 127.0f)); }
 
 /// ln(x) within 1 ulp for normal x > 0; below the smallest normal (1.18e-38), negative or not finite: its value there, -87.34.
 FORMULA float fastLog(float x) {

@@ -22,7 +22,7 @@ class DirectUnoccludedNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).
-    t.facets = Facet::LightShape | Facet::Topology | Facet::Pose | Facet::Shading | Facet::Emission;
+    t.facets = Facet::LightShape | Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Emission;
     t.pathClass = PathClass::Direct;
     return t;
   }

@@ -19,12 +19,12 @@ void lightBounds(const LightShape& s, Vec3& lo, Vec3& hi) {
   hi = s.position + extent;
 }
 
-/// Slab test; true also when the ray lies in a face (0 * inf = NaN must not reject).
+/// Slab test. `inverse` is finite, so no product is NaN.
 bool hitsBox(const Vec3& lo, const Vec3& hi, const Vec3& origin, const Vec3& inverse, float tmin, float tmax) {
   for (int a = 0; a < 3; ++a) {
     const float t0 = (lo[a] - origin[a]) * inverse[a], t1 = (hi[a] - origin[a]) * inverse[a];
-    tmin = std::fmax(tmin, std::fmin(t0, t1));
-    tmax = std::fmin(tmax, std::fmax(t0, t1) * 1.00001f);
+    tmin = maxOf(tmin, t0 < t1 ? t0 : t1);
+    tmax = minOf(tmax, (t0 < t1 ? t1 : t0) * 1.00001f);
   }
   return tmin <= tmax;
 }
@@ -72,7 +72,8 @@ int AreaLightBvh::intersect(const Ray& ray, bool cameraVisibleOnly, float& t, Ve
   int best = -1;
   if (nodes_.empty()) return best;
   Ray r = ray;
-  const Vec3 inverse = 1.0f / ray.direction;
+  Vec3 inverse;
+  for (int a = 0; a < 3; ++a) inverse[a] = 1.0f / (std::fabs(ray.direction[a]) > 1e-30f ? ray.direction[a] : 1e-30f);
   uint32_t stack[64];
   int top = 0;
   stack[top++] = 0;

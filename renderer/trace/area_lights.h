@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Analytic area lights: rectangle, disk, sphere. Pure functions of (shape, receiver, numbers), in double inside: solid
-// angles are differences of angles, and a light may be a micrometre or a kilometre away. 60 to 150 ns a sample.
+// angles are differences of angles, and a light may be a micrometre or a kilometre away. 60 to 200 ns a sample.
 #pragma once
 
 #include "scene/camera.h"

@@ -28,11 +28,8 @@ float ggxD(const Vec3& h, float a) {
 }
 /// |v.z| sqrt(1 + a^2 tan^2): the Smith shadowing of one direction is 2 |v.z| / (|v.z| + s).
 float smithRoot(const Vec3& v, float a) { return std::sqrt(v.z * v.z + a * a * (v.x * v.x + v.y * v.y)); }
-/// Height-correlated G2 / (|o.z| |i.z|).
-float smithG2OverCosines(float oz, float so, float iz, float si) {
-  const float d = oz * si + iz * so;
-  return d > 0.0f ? 2.0f / d : 0.0f;
-}
+/// Height-correlated G2 / |o.z|. Written as a ratio because oz * si + iz * so underflows when both directions graze.
+float smithG2OverViewCosine(float oz, float so, float iz, float si) { return 2.0f / (oz * (si / iz) + so); }
 
 /// Visible normal by spherical caps (Dupuy & Benyoub 2023).
 Vec3 sampleVisibleNormal(const Vec3& o, float a, const Vec2& u) {
@@ -41,14 +38,14 @@ Vec3 sampleVisibleNormal(const Vec3& o, float a, const Vec2& u) {
   const float z = (1.0f - u.y) * (1.0f + v.z) - v.z;
   const float r = std::sqrt(clamp01(1.0f - z * z));
   const Vec3 c = Vec3(r * std::cos(phi), r * std::sin(phi), z) + v;
-  const Vec3 h(a * c.x, a * c.y, std::fmax(c.z, 0.0f));
+  const Vec3 h(a * c.x, a * c.y, maxOf(c.z, 0.0f));
   const float l = glm::dot(h, h);
   return l > 1e-30f ? h / std::sqrt(l) : Vec3(0, 0, 1);
 }
 
 Vec3 sampleCosine(const Vec2& u) {
   const float phi = 2.0f * kPi * u.x, r = std::sqrt(u.y);
-  return Vec3(r * std::cos(phi), r * std::sin(phi), std::sqrt(std::fmax(1.0f - u.y, 0.0f)));
+  return Vec3(r * std::cos(phi), r * std::sin(phi), std::sqrt(maxOf(1.0f - u.y, 0.0f)));
 }
 
 /// What the parameters amount to: weights of the lobes, and the chances of choosing them as seen from wo.
@@ -66,7 +63,7 @@ struct Lobes {
     alpha = roughness * roughness;
     smooth = alpha < kDeltaAlpha;
     albedo = Vec3(clamp01(p.albedo.x), clamp01(p.albedo.y), clamp01(p.albedo.z));
-    const float ior = std::fmin(std::fmax(p.ior, 0.1f), 10.0f);
+    const float ior = minOf(maxOf(p.ior, 0.1f), 10.0f);
     eta = p.entering ? ior : 1.0f / ior;
     const bool straight = std::fabs(ior - 1.0f) < kStraightIor;
     metal = metallic;
@@ -95,15 +92,15 @@ struct Lobes {
   /// or transmit where the macroscopic surface does not.
   void choose(float oz) {
     float d = 0, s = 0, t = 0;
-    if (hasDiffuse()) d = std::fmax(opaque * (1.0f - opaqueFresnel(oz)) * luminance(albedo), 1e-6f);
-    if (hasInterface()) s = std::fmax(luminance(reflected(oz) + refracted(oz)), 1e-6f);
-    if (hasPass()) t = std::fmax(pass * luminance(albedo), 1e-6f);
+    if (hasDiffuse()) d = maxOf(opaque * (1.0f - opaqueFresnel(oz)) * luminance(albedo), 1e-6f);
+    if (hasInterface()) s = maxOf(luminance(reflected(oz) + refracted(oz)), 1e-6f);
+    if (hasPass()) t = maxOf(pass * luminance(albedo), 1e-6f);
     const float sum = d + s + t;
     if (!(sum > 0.0f)) return;
     const float floor = 0.1f * sum;
-    if (d > 0.0f) d = std::fmax(d, floor);
-    if (s > 0.0f) s = std::fmax(s, floor);
-    if (t > 0.0f) t = std::fmax(t, floor);
+    if (d > 0.0f) d = maxOf(d, floor);
+    if (s > 0.0f) s = maxOf(s, floor);
+    if (t > 0.0f) t = maxOf(t, floor);
     const float total = d + s + t;
     diffuseP = d / total;
     interfaceP = s / total;
@@ -129,7 +126,7 @@ void roughReflection(const Lobes& l, const Vec3& o, const Vec3& i, Vec3& f, floa
   const Vec3 h = m / std::sqrt(len2);
   const float c = clamp01(glm::dot(o, h)), d = ggxD(h, l.alpha);
   const float so = smithRoot(o, l.alpha), si = smithRoot(i, l.alpha);
-  f = l.reflected(c) * (0.25f * d * i.z * smithG2OverCosines(o.z, so, i.z, si));
+  f = l.reflected(c) * (0.25f * d * smithG2OverViewCosine(o.z, so, i.z, si));
   pdf = l.reflectP(c) * d * 0.5f / (o.z + so);
 }
 
@@ -150,7 +147,7 @@ void roughRefraction(const Lobes& l, const Vec3& o, const Vec3& i, Vec3& f, floa
   const float den = sqr(l.eta * ih + oh);
   if (!(den > 0.0f)) return;
   const float jacobian = -ih * oh / den;
-  f = l.refracted(oh) * (jacobian * d * iz * smithG2OverCosines(o.z, so, iz, si));
+  f = l.refracted(oh) * (jacobian * d * smithG2OverViewCosine(o.z, so, iz, si));
   pdf = (1.0f - l.reflectP(oh)) * l.eta * l.eta * jacobian * d * 2.0f / (o.z + so);
 }
 
@@ -173,7 +170,7 @@ void evaluate(const Lobes& l, const Vec3& o, const Vec3& i, BsdfValue& value, fl
 }
 
 bool refract(const Vec3& o, const Vec3& h, float eta, Vec3& i) {
-  const float c = glm::dot(o, h), sin2 = std::fmax(1.0f - c * c, 0.0f) / (eta * eta);
+  const float c = glm::dot(o, h), sin2 = maxOf(1.0f - c * c, 0.0f) / (eta * eta);
   if (sin2 >= 1.0f) return false;
   i = glm::normalize(-o / eta + (c / eta - std::sqrt(1.0f - sin2)) * h);
   return true;

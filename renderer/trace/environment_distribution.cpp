@@ -14,8 +14,13 @@ double texelLuminance(const Vec3& c) { return 0.2126 * c.x + 0.7152 * c.y + 0.07
 /// never chosen because their sums repeat.
 size_t locate(const double* sums, size_t n, double u, double& rest) {
   const double x = u * sums[n - 1];
-  size_t i = size_t(std::upper_bound(sums, sums + n, x) - sums);
-  if (i >= n) i = size_t(std::lower_bound(sums, sums + n, sums[n - 1]) - sums);  // rounding at the top end: last cell with weight
+  size_t i = 0;  // first sum above x; without branches, which would be mispredicted half of the time
+  for (size_t length = n; length > 1;) {
+    const size_t half = length / 2;
+    i += sums[i + half - 1] <= x ? half : 0;
+    length -= half;
+  }
+  if (!(sums[i] > x)) i = size_t(std::lower_bound(sums, sums + n, sums[n - 1]) - sums);  // rounding at the top end: last cell with weight
   const double low = i ? sums[i - 1] : 0.0;
   rest = std::clamp((x - low) / (sums[i] - low), 0.0, 1.0);
   return i;
@@ -28,6 +33,8 @@ EnvironmentDistribution::EnvironmentDistribution(EnvironmentPtr map) : map_(std:
   const size_t w = size_t(map_->width), h = size_t(map_->height);
   rows_.resize(h);
   columns_.resize(w * h);
+  cosines_.resize(h + 1);
+  for (size_t y = 0; y <= h; ++y) cosines_[y] = std::cos(kDPi * double(y) / double(h));
   for (size_t y = 0; y < h; ++y) {
     double sum = 0;
     for (size_t x = 0; x < w; ++x) columns_[y * w + x] = sum += texelLuminance(map_->texels[y * w + x]);
@@ -36,9 +43,9 @@ EnvironmentDistribution::EnvironmentDistribution(EnvironmentPtr map) : map_(std:
 }
 
 double EnvironmentDistribution::texelSolidAngle(int y) const {
-  // cos(a) - cos(b) = 2 sin((a+b)/2) sin((b-a)/2), which keeps its digits in thin polar rows
+  // cos(a) - cos(b) = 2 sin((a+b)/2) sin((b-a)/2) keeps its digits in thin polar rows, counted from the nearer pole.
   const double step = kDPi / map_->height;
-  return 2.0 * kDPi / map_->width * 2.0 * std::sin((y + 0.5) * step) * std::sin(0.5 * step);
+  return 2.0 * kDPi / map_->width * 2.0 * std::sin((std::min(y, map_->height - 1 - y) + 0.5) * step) * std::sin(0.5 * step);
 }
 
 bool EnvironmentDistribution::sample(const Vec2& u, Vec3& direction, Vec3& radiance, float& pdf) const {
@@ -47,8 +54,7 @@ bool EnvironmentDistribution::sample(const Vec2& u, Vec3& direction, Vec3& radia
   double fy, fx;
   const size_t y = locate(rows_.data(), h, u.y, fy);
   const size_t x = locate(columns_.data() + y * w, w, u.x, fx);
-  const double top = std::cos(kDPi * double(y) / double(h)), bottom = std::cos(kDPi * double(y + 1) / double(h));
-  const double c = std::clamp(top + fy * (bottom - top), -1.0, 1.0), s = std::sqrt((1.0 - c) * (1.0 + c));
+  const double c = std::clamp(cosines_[y] + fy * (cosines_[y + 1] - cosines_[y]), -1.0, 1.0), s = std::sqrt((1.0 - c) * (1.0 + c));
   const double azimuth = ((double(x) + fx) / double(w) - 0.5) * 2.0 * kDPi - double(map_->rotation);
   direction = Vec3(float(s * std::cos(azimuth)), float(c), float(s * std::sin(azimuth)));
   radiance = map_->texels[y * w + x];

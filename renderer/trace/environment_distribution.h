@@ -26,6 +26,7 @@ class EnvironmentDistribution {
   EnvironmentPtr map_;
   std::vector<double> rows_;      // inclusive prefix sums over rows
   std::vector<double> columns_;   // inclusive prefix sums of luminance inside each row
+  std::vector<double> cosines_;   // of the rows' edges, h + 1
   double total_ = 0;
 };
 

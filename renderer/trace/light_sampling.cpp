@@ -30,7 +30,7 @@ double distanceFalloff(double d2, float range) {
 
 /// KHR_lights_punctual: squared linear ramp of the cosine between the two cones.
 float spotFalloff(const LightShape& s, float cosine) {
-  const float a = clamp01((cosine - s.cosOuter) / std::fmax(s.cosInner - s.cosOuter, 1e-3f));
+  const float a = clamp01((cosine - s.cosOuter) / maxOf(s.cosInner - s.cosOuter, 1e-3f));
   return a * a;
 }
 

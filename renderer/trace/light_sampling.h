@@ -20,7 +20,7 @@ struct LightSample {
 
 /// Per-light data that sampling needs (triangle alias table of mesh lights, the environment's distribution, ...).
 /// Built from a view with facets LightShape, Environment (when the subset has that light), and for Mesh lights Topology,
-/// Pose, Shading, Coverage, Emission. Immutable; any thread may sample. Cost a sample: 10 ns (delta lights) to 150 ns (Rect).
+/// Pose, Shading, Coverage, Emission. Immutable; any thread may sample. Cost a sample: 10 ns (delta lights) to 0.2 us (Rect), 0.3 us (Environment).
 class LightSampler {
  public:
   static std::shared_ptr<const LightSampler> build(const SceneView& view);

@@ -235,13 +235,20 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
             const Vec3 value = arriving * f;
             if (maxComponent(value) > 0.0f || !isFinite(value)) {
               const Vec3 o = s.origin(side > 0.0f ? facing : -facing);
-              const float slack = 1e-6f * std::fmax(std::fabs(s.p.x), std::fmax(std::fabs(s.p.y), std::fabs(s.p.z)));
               const int j = shadowCount++;
+              Vec3 aim = ls.direction;
+              float reach = 3.0e38f;
+              if (ls.distance < 3.0e38f) {
+                // From the moved origin to the same point of the light; t counts in units of that way. It ends short of the
+                // light by what rounding may have put between the sampled point and the light's own surface.
+                aim = (s.p - o) + ls.direction * ls.distance;
+                const float slack = 3e-6f * std::max(std::fabs(s.p.x), std::max(std::fabs(s.p.y), std::fabs(s.p.z)));
+                reach = std::max(0.0f, 1.0f - 2e-5f - slack / ls.distance);
+              }
               sr.org_x[j] = o.x; sr.org_y[j] = o.y; sr.org_z[j] = o.z;
-              sr.dir_x[j] = ls.direction.x; sr.dir_y[j] = ls.direction.y; sr.dir_z[j] = ls.direction.z;
+              sr.dir_x[j] = aim.x; sr.dir_y[j] = aim.y; sr.dir_z[j] = aim.z;
               sr.tnear[j] = 0.0f;
-              // Stops short of the light by what rounding may have put between the sampled point and the light's own surface.
-              sr.tfar[j] = ls.distance >= 3.0e38f ? 3.0e38f : std::fmax(0.0f, ls.distance * (1.0f - 2e-5f) - slack);
+              sr.tfar[j] = reach;
               shadows[j] = {value, event == 1 ? arriving * specular : value * p.specularPart, p.lane, l.slot};
             }
           }

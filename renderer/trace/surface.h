@@ -51,7 +51,8 @@ struct Surface {
   /// p moved to the side of `side` (unit, +-Ng) past every point that rounding could have put on the wrong side of the
   /// triangle (pbrt-v4 section 6.8.6, with room for Embree's own rounding); then one step further per component.
   Vec3 origin(const Vec3& side) const {
-    const float d = 1e-6f * glm::dot(glm::abs(side), reach);
+    // The second part is for planes along an axis: Embree takes t = 0 for a hit, and rounding of its normal counts there.
+    const float d = 6e-7f * glm::dot(glm::abs(side), reach) + 3e-7f * std::max(reach.x, std::max(reach.y, reach.z));
     Vec3 o;
     for (int c = 0; c < 3; ++c) {
       const float moved = p[c] + d * side[c];

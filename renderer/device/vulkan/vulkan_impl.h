@@ -27,6 +27,7 @@ struct VulkanDevice::Impl {
   VkQueue queue = VK_NULL_HANDLE;
   uint32_t queueFamily = 0;
   bool timestamps = false;
+  bool staging = false;                // device memory is never mapped
   VkPhysicalDeviceProperties properties{};
   VkPhysicalDeviceMemoryProperties memory{};
   std::string name, numericClass;

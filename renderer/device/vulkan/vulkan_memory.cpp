@@ -28,9 +28,9 @@ Status VulkanDevice::Impl::makeBuffer(size_t bytes, VkBufferUsageFlags usage, bo
   VkMemoryRequirements need;
   vkGetBufferMemoryRequirements(device, made.buffer, &need);
   // Software devices: the one kind of memory is both. GPUs: mapped video memory is slow to read, so it is not used.
-  const bool software = properties.deviceType == VK_PHYSICAL_DEVICE_TYPE_CPU;
+  const bool mappable = host || !staging;
   int type = -1;
-  if (host || software) type = memoryType(memory, need.memoryTypeBits, kHost | VK_MEMORY_PROPERTY_HOST_CACHED_BIT);
+  if (mappable) type = memoryType(memory, need.memoryTypeBits, kHost | VK_MEMORY_PROPERTY_HOST_CACHED_BIT);
   if (type < 0 && host) type = memoryType(memory, need.memoryTypeBits, kHost);
   if (type < 0) type = memoryType(memory, need.memoryTypeBits, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
   if (type < 0) type = memoryType(memory, need.memoryTypeBits, 0);
@@ -40,7 +40,7 @@ Status VulkanDevice::Impl::makeBuffer(size_t bytes, VkBufferUsageFlags usage, bo
   allocate.memoryTypeIndex = uint32_t(type);
   GOBO_VK(vkAllocateMemory, device, &allocate, nullptr, &made.memory);
   GOBO_VK(vkBindBufferMemory, device, made.buffer, made.memory, 0);
-  if ((memory.memoryTypes[type].propertyFlags & kHost) == kHost && (host || software))
+  if ((memory.memoryTypes[type].propertyFlags & kHost) == kHost && mappable)
     GOBO_VK(vkMapMemory, device, made.memory, 0, VK_WHOLE_SIZE, 0, &made.mapped);
   return {};
 }

@@ -76,7 +76,10 @@ Status noDevice(std::string why) {
 VulkanDevice::Options VulkanDevice::Options::fromEnvironment() {
   const char* device = std::getenv("GOBO_VULKAN_DEVICE");
   const char* validation = std::getenv("GOBO_VULKAN_VALIDATION");
-  return {device ? device : "", validation && std::strcmp(validation, "1") == 0};
+  Options options;
+  if (device) options.device = device;
+  options.validation = validation && std::strcmp(validation, "1") == 0;
+  return options;
 }
 
 Status VulkanDevice::Impl::createInstance(bool wantValidation) {
@@ -223,6 +226,7 @@ Result<std::shared_ptr<VulkanDevice>> VulkanDevice::create(const Options& option
   std::shared_ptr<VulkanDevice> made(new VulkanDevice());
   GOBO_TRY(made->impl_->createInstance(options.validation));
   GOBO_TRY(made->impl_->choosePhysical(options.device));
+  made->impl_->staging = options.staging || !made->software();
   GOBO_TRY(made->impl_->createDevice());
   return made;
 }

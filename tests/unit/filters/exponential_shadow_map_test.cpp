@@ -124,7 +124,7 @@ TEST(ExponentialShadow, NothingOverflowsAtTheLargestExponent) {
   std::vector<Vec3> points;
   for (int i = 0; i < 2000; ++i) points.push_back({random01(4, i), random01(5, i), random01(6, i)});
   for (float bias : {0.0f, 1.0f})
-    for (float v : lookup(receivers(points), map, unitLookup(80.0f, bias))->floats("V")) ASSERT_TRUE(v >= 0.0f && v <= 1.0f) << v;
+    for (float v : values(lookup(receivers(points), map, unitLookup(80.0f, bias)), "V")) ASSERT_TRUE(v >= 0.0f && v <= 1.0f) << v;
 }
 
 TEST(ExponentialShadow, DamagedTexelsCountAsNothingHitAndDoNotSpread) {

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// Do the shared formulas still vectorise? GB/s (CPU clock of one thread, median of 9) of the exp loop (8 bytes an element: one
+// read, one written) and of the exponential shadow map's passes, beside the same exp loop over std::exp in the same run, and
+// the Vulkan device's time for the same work. Exit status 1 if the exp loop is not at least 1.5 times as fast as std::exp's: a loop
+// that lost its vectorisation is slower than std::exp, one that has it is 2.4 to 6 times faster.
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <vector>
+
+#include "base/sobol.h"
+#include "filters/exponential_shadow_map/vulkan_kernels.h"
+
+using namespace gobo;
+
+namespace {
+
+double cpuClock() {
+  timespec t;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
+}
+double wallClock() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+template <typename Work> double median(double (*clock)(), const Work& work) {
+  std::vector<double> times;
+  for (int i = 0; i < 9; ++i) {
+    const double begin = clock();
+    work();
+    times.push_back(clock() - begin);
+  }
+  std::nth_element(times.begin(), times.begin() + 4, times.end());
+  return times[4];
+}
+
+}  // namespace
+
+int main() {
+  const int side = 1024, repeats = 8, taps = 5;
+  const size_t n = size_t(side) * side, samples = n;
+  std::vector<float> z(n), e(n), rows(n), positions(3 * samples), V(samples);
+  std::vector<uint32_t> instances(samples, 0);
+  for (size_t i = 0; i < n; ++i) z[i] = 0.3f + 0.6f * toUnit(hash32(1, i));
+  // Receivers as a G-buffer has them: neighbours in the picture are neighbours in the map.
+  for (size_t i = 0; i < samples; ++i) {
+    positions[3 * i] = float(i % side) / side;
+    positions[3 * i + 1] = float(i / side) / side;
+    positions[3 * i + 2] = 0.5f + 0.4f * toUnit(hash32(2, i));
+  }
+  ExponentialShadowLookup lookup;
+  lookup.frame.lo = Vec2(0.0f);
+  lookup.frame.hi = Vec2(1.0f);
+  const auto parameters = lookupParameters(lookup, side, side, uint32_t(samples));
+  const auto weights = exponentialShadowWeights(taps / 2);
+
+  // The exp loop in cache-sized pieces (16 KiB), so that memory does not hide arithmetic; then the passes over whole maps.
+  constexpr size_t kPiece = 2048;
+  const double fast = median(cpuClock, [&] {
+    for (int r = 0; r < repeats; ++r)
+      for (size_t i = 0; i + kPiece <= n; i += kPiece) encodeExponential(&z[i % 4096], &e[i % 4096], kPiece, 60.0f);
+  });
+  const double libm = median(cpuClock, [&] {
+    for (size_t i = 0; i + kPiece <= n; i += kPiece)
+      for (size_t k = 0; k < kPiece; ++k) e[(i + k) % 4096] = std::exp(60.0f * (z[(i + k) % 4096] - 1.0f));
+  }) * repeats;
+  const double whole = median(cpuClock, [&] { encodeExponential(z.data(), e.data(), n, 60.0f); });
+  std::vector<float> padded(size_t(side) + taps - 1);
+  const double filter = median(cpuClock, [&] {
+    for (int y = 0; y < side; ++y) {
+      std::copy_n(&e[size_t(y) * side], side, padded.begin() + taps / 2);
+      filterRow(padded.data(), weights.data(), taps, &rows[size_t(y) * side], side);
+    }
+  });
+  const double look = median(cpuClock, [&] { lookupExponential(parameters, e.data(), positions.data(), instances.data(), V.data(), samples); });
+  const double ratio = libm / fast;
+  std::printf("exp loop, in cache       %6.1f GB/s  %5.2f ns per element\n", 8e-9 * double(n) * repeats / fast, 1e9 * fast / double(n) / repeats);
+  std::printf("the same over std::exp   %6.1f GB/s  %5.2f ns per element  (%.1f times slower)\n", 8e-9 * double(n) * repeats / libm, 1e9 * libm / double(n) / repeats, ratio);
+  std::printf("encode 1024^2            %6.1f GB/s  %5.2f ms\n", 8e-9 * double(n) / whole, 1e3 * whole);
+  std::printf("filter rows, 5 taps      %6.1f GB/s  %5.2f ms\n", 8e-9 * double(n) / filter, 1e3 * filter);
+  std::printf("lookup, 1 M samples      %6.1f GB/s  %5.2f ms  (20 bytes a sample)\n", 20e-9 * double(samples) / look, 1e3 * look);
+  if (const auto device = VulkanDevice::shared(); device.ok()) {
+    const double encode = median(wallClock, [&] { (void)vulkanEncode(**device, z, side, side, 60.0f, weights, e).ok(); });
+    const double vlook = median(wallClock, [&] { (void)vulkanLookup(**device, parameters, e, positions, instances, V, {}).ok(); });
+    std::printf("%s, wall clock with transfers: encode + filter %.2f ms, lookup %.2f ms\n", (*device)->name().c_str(), 1e3 * encode, 1e3 * vlook);
+  } else {
+    std::printf("%s\n", device.status().toString().c_str());
+  }
+  return ratio >= 1.5 ? 0 : 1;
+}

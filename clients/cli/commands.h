@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// The CLI's commands. Each takes its parsed options and returns an exit code (session.h).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "session.h"
+
+namespace gobo::cli {
+
+/// What makes a RenderRequest: a JSON file, then the options, then --set in order; later ones win.
+struct RequestOptions {
+  std::string file, camera, size, environment, outputs, priority;
+  std::vector<std::string> sets;
+  uint32_t spp = 0;
+  double time = 0, error = 0, deadlineMs = 0;
+  bool certificate = false, half = false;
+};
+
+struct RenderCommand {
+  std::string scene, out;
+  RequestOptions request;
+  bool json = false, progressive = false, quiet = false;
+};
+int runRender(const SessionOptions& session, const RenderCommand& command);
+
+struct RelightCommand {
+  std::string id, out;
+  std::vector<std::string> sets;
+  bool json = false, quiet = false;
+};
+int runRelight(const SessionOptions& session, const RelightCommand& command);
+
+int runScenes(const SessionOptions& session, bool json);
+int runLoad(const SessionOptions& session, const std::string& source, const std::string& name, bool json);
+int runInspect(const SessionOptions& session, const std::string& scene, bool json);
+int runUnload(const SessionOptions& session, const std::string& scene);
+int runStatus(const SessionOptions& session, bool json);
+int runDropCaches(const SessionOptions& session, bool disk);
+int runShutdown(const SessionOptions& session);
+
+struct CompareCommand {
+  std::string a, b, diff;
+  double scale = 0;               ///< error shown at full colour in --diff; 0: the largest
+  double maxRmse = -1;            ///< exit 1 above it; negative: never
+  bool json = false;
+};
+int runCompare(const CompareCommand& command);
+
+struct MeasureCommand {
+  std::string scene, sweep, csv, plot;
+  RequestOptions request;
+  uint32_t referenceSpp = 1024;   ///< both halves together
+  uint32_t repeat = 1;
+  bool cold = false;
+};
+int runMeasure(const SessionOptions& session, const MeasureCommand& command);
+
+/// The request that `options` describe, for the scene with this id.
+Result<v1::RenderRequest> makeRequest(const RequestOptions& options, const std::string& sceneId);
+
+}  // namespace gobo::cli

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <cstdio>
+
+#include "base/image_io.h"
+#include "commands.h"
+#include "measure/metrics.h"
+
+namespace gobo::cli {
+namespace {
+
+// JSON has no NaN or infinity.
+std::string jsonNumber(double v) { return std::isfinite(v) ? strf("%.9g", v) : "null"; }
+
+}  // namespace
+
+int runCompare(const CompareCommand& c) {
+  auto a = readImage(c.a);
+  if (!a.ok()) return complain(a.status());
+  auto b = readImage(c.b);
+  if (!b.ok()) return complain(b.status());
+  auto e = compareImages(*a, *b);
+  if (!e.ok()) return complain(e.status());
+  if (!c.diff.empty()) {
+    const double scale = c.scale > 0 ? c.scale : e->maxAbs > 0 ? e->maxAbs : 1;
+    auto bytes = encodePng(differenceImage(*a, *b, float(scale)));
+    if (!bytes.ok()) return complain(bytes.status());
+    if (const Status status = writeFileAtomic(c.diff, bytes->data(), bytes->size()); !status.ok()) return complain(status);
+  }
+  if (c.json) {
+    std::printf("{\"rmse\": %s, \"relMse\": %s, \"meanAbs\": %s, \"p99\": %s, \"maxAbs\": %s, \"ssim\": %s, \"flip\": %s, "
+                "\"meanA\": %s, \"meanB\": %s, \"differingPixels\": %zu, \"nonFinite\": %zu, \"pixels\": %zu}\n",
+                jsonNumber(e->rmse).c_str(), jsonNumber(e->relMse).c_str(), jsonNumber(e->meanAbs).c_str(), jsonNumber(e->p99).c_str(),
+                jsonNumber(e->maxAbs).c_str(), jsonNumber(e->ssim).c_str(), jsonNumber(e->flip).c_str(), jsonNumber(e->meanA).c_str(),
+                jsonNumber(e->meanB).c_str(), e->differingPixels, e->nonFinite, a->pixels());
+  } else {
+    std::printf("RMSE %.6g, relMSE %.6g, mean |d| %.6g, p99 %.6g, max %.6g, SSIM %.6g, FLIP %.6g\n", e->rmse, e->relMse, e->meanAbs, e->p99,
+                e->maxAbs, e->ssim, e->flip);
+    std::printf("mean luminance %.6g and %.6g; %zu of %zu pixels differ; %zu not finite\n", e->meanA, e->meanB, e->differingPixels,
+                a->pixels(), e->nonFinite);
+  }
+  return c.maxRmse >= 0 && !(e->rmse <= c.maxRmse) ? kFailure : kOk;
+}
+
+}  // namespace gobo::cli

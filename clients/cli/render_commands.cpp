@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cstdio>
+#include <filesystem>
+
+#include "base/image_io.h"
+#include "commands.h"
+#include "pictures.h"
+#include "plan/request.h"
+#include "report.h"
+
+namespace gobo::cli {
+
+namespace fs = std::filesystem;
+
+Result<v1::RenderRequest> makeRequest(const RequestOptions& o, const std::string& sceneId) {
+  v1::RenderRequest request;
+  if (!o.file.empty()) {
+    GOBO_ASSIGN(const std::vector<uint8_t> bytes, readFile(o.file, 16 << 20));
+    GOBO_TRY(messageFromJson(std::string(bytes.begin(), bytes.end()), request, o.file));
+  }
+  if (!sceneId.empty()) request.set_scene(sceneId);
+  if (!o.camera.empty()) request.mutable_camera()->set_name(o.camera);
+  if (!o.size.empty()) {
+    unsigned w = 0, h = 0;
+    char tail;
+    if (sscanf(o.size.c_str(), "%ux%u%c", &w, &h, &tail) != 2) return invalidArgument("--size " + o.size + ": must be WIDTHxHEIGHT, such as 640x480");
+    request.set_width(w);
+    request.set_height(h);
+  }
+  if (!o.environment.empty()) {
+    std::error_code error;
+    const bool file = fs::is_regular_file(o.environment, error);
+    request.mutable_environment()->set_path(file ? fs::absolute(o.environment).string() : o.environment);
+  }
+  if (!o.outputs.empty()) GOBO_TRY(setPath(request, "outputs=" + o.outputs));
+  if (o.spp) request.mutable_halt()->set_spp(o.spp);
+  if (o.time > 0) request.mutable_halt()->set_time_s(o.time);
+  if (o.error > 0) request.mutable_halt()->set_error(o.error);
+  if (o.certificate) request.mutable_certificate();
+  if (o.half) request.mutable_encoding()->set_half(true);
+  if (!o.priority.empty()) GOBO_TRY(setPath(request, "scheduling.priority=" + o.priority));
+  if (o.deadlineMs > 0) request.mutable_scheduling()->set_deadline_ms(o.deadlineMs);
+  for (const std::string& set : o.sets) GOBO_TRY(setPath(request, set));
+  if (request.scene().empty()) return invalidArgument("no scene: name one, or put it into --request");
+  return request;
+}
+
+namespace {
+
+// Where the pictures go is checked before anything is rendered.
+Status checkOut(const std::string& out) {
+  if (out.empty()) return {};
+  GOBO_TRY(formatOf(out).status());
+  const fs::path parent = fs::path(out).parent_path();
+  std::error_code error;
+  if (!parent.empty() && !fs::is_directory(parent, error)) return notFound("-o " + out + ": folder \"" + parent.string() + "\" does not exist");
+  return {};
+}
+
+Status setEncoding(v1::RenderRequest& request, const std::string& out) {
+  if (out.empty()) {
+    request.mutable_encoding()->set_format(v1::Encoding::RAW_HALF);   // nothing is written: the cheapest to carry
+    return {};
+  }
+  GOBO_ASSIGN(v1::Encoding::Format format, formatOf(out));
+  if (format == v1::Encoding::RAW_FLOAT && request.encoding().half()) format = v1::Encoding::RAW_HALF;
+  request.mutable_encoding()->set_format(format);
+  return {};
+}
+
+Status deliver(const Answer& answer, const std::string& out, bool json, bool quiet) {
+  std::vector<std::string> files;
+  if (!out.empty()) {
+    GOBO_ASSIGN(files, writeImages(answer, out));
+  }
+  if (json) std::printf("%s\n", messageToJson(answer.reply, true).c_str());
+  else if (!quiet) printReply(answer.reply, files);
+  return {};
+}
+
+Status render(Session& session, const RenderCommand& c) {
+  std::string id;
+  if (!c.scene.empty()) {
+    GOBO_ASSIGN(id, ensureScene(session, c.scene));
+  }
+  GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
+  GOBO_TRY(setEncoding(request, c.out));
+  StreamHooks hooks;
+  ProgressBar bar(c.progressive && !c.quiet);
+  if (c.progressive) {
+    hooks.progress = [&](const v1::Progress& p) { bar.show(p); };
+    hooks.snapshot = [&](const Answer& answer) -> Status {
+      if (c.out.empty()) return {};
+      GOBO_ASSIGN(const std::vector<std::string> files, writeImages(answer, c.out));
+      bar.clear();
+      uint32_t samples = 0;
+      for (const v1::NodeReport& n : answer.reply.plan()) samples = std::max(samples, n.samples());
+      if (!c.quiet) std::fprintf(stderr, "snapshot at %u samples: %s\n", samples, files.empty() ? "" : files[0].c_str());
+      return {};
+    };
+  }
+  GOBO_ASSIGN(const Answer answer, renderOnce(session, request, hooks));
+  bar.clear();
+  return deliver(answer, c.out, c.json, c.quiet);
+}
+
+Status relight(Session& session, const RelightCommand& c) {
+  v1::RelightRequest request;
+  request.set_render_id(c.id);
+  for (const std::string& set : c.sets) GOBO_TRY(setPath(*request.mutable_patch(), set));
+  GOBO_TRY(setEncoding(*request.mutable_patch(), c.out));
+  for (const std::string& path : setPaths(request.patch())) request.add_mask(path);
+  Session::Call call(session);
+  auto reader = session.render().Relight(&call.context, request);
+  GOBO_ASSIGN(const Answer answer, receive(session, call, *reader, {}));
+  return deliver(answer, c.out, c.json, c.quiet);
+}
+
+template <typename Body>
+int with(const SessionOptions& options, const Body& body) {
+  auto session = Session::open(options);
+  if (!session.ok()) return complain(session.status());
+  const Status status = body(**session);
+  return status.ok() ? kOk : complain(status);
+}
+
+}  // namespace
+
+int runRender(const SessionOptions& options, const RenderCommand& command) {
+  if (const Status status = checkOut(command.out); !status.ok()) return complain(status);
+  return with(options, [&](Session& session) { return render(session, command); });
+}
+
+int runRelight(const SessionOptions& options, const RelightCommand& command) {
+  if (options.local) return complain(invalidArgument("relight needs a running gobod: with --local no earlier render is remembered"));
+  if (const Status status = checkOut(command.out); !status.ok()) return complain(status);
+  return with(options, [&](Session& session) { return relight(session, command); });
+}
+
+}  // namespace gobo::cli

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "report.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+
+#include "server/log.h"
+
+namespace gobo::cli {
+
+std::string bytesText(uint64_t bytes) {
+  if (bytes < 1024) return std::to_string(bytes) + " B";
+  double v = double(bytes);
+  const char* units[] = {"B", "KiB", "MiB", "GiB", "TiB"};
+  int u = 0;
+  while (v >= 1024 && u < 4) v /= 1024, ++u;
+  return strf("%.1f %s", v, units[u]);
+}
+
+void printTable(const std::vector<std::string>& head, const std::vector<std::vector<std::string>>& rows, const std::vector<bool>& right) {
+  std::vector<size_t> width(head.size());
+  for (size_t c = 0; c < head.size(); ++c) {
+    width[c] = head[c].size();
+    for (const auto& row : rows) width[c] = std::max(width[c], row[c].size());
+  }
+  const auto line = [&](const std::vector<std::string>& row) {
+    std::string text;
+    for (size_t c = 0; c < row.size(); ++c) {
+      const std::string pad(width[c] - row[c].size(), ' ');
+      text += (c ? "  " : "") + (right[c] ? pad + row[c] : c + 1 < row.size() ? row[c] + pad : row[c]);
+    }
+    std::printf("%s\n", text.c_str());
+  };
+  line(head);
+  for (const auto& row : rows) line(row);
+}
+
+void printReply(const v1::RenderReply& reply, const std::vector<std::string>& files) {
+  static const char* const states[] = {"?", "run", "reused", "pruned", "not needed"};
+  std::vector<std::vector<std::string>> rows;
+  for (const v1::NodeReport& n : reply.plan()) {
+    const int state = int(n.state());
+    rows.push_back({escaped(n.node()) + (n.count() > 1 ? strf(" x%u", n.count()) : ""), states[state >= 0 && state < 5 ? state : 0],
+                    strf("%.1f", n.ms()), std::to_string(n.rays()), bytesText(n.bytes()), n.samples() ? std::to_string(n.samples()) : "-",
+                    escaped(n.device()), escaped(n.reason()) + (n.approximate() ? " [approximate]" : "")});
+  }
+  if (!rows.empty())
+    printTable({"node", "state", "ms", "rays", "bytes", "samples", "device", "reason"}, rows,
+               {false, false, true, true, true, true, false, false});
+  std::printf("total %.1f ms (queued %.1f ms), %llu rays, peak %s, render %s, request %s, build %s\n", reply.total_ms(), reply.queue_ms(),
+              static_cast<unsigned long long>(reply.rays()), bytesText(reply.peak_bytes()).c_str(), escaped(reply.render_id()).c_str(),
+              escaped(reply.request_hash()).c_str(), escaped(reply.build()).c_str());
+  if (reply.has_certificate()) {
+    const v1::Certificate& c = reply.certificate();
+    std::printf("certificate: RMSE %.4g (95 %%: %.4g..%.4g), relMSE %.4g (%.4g..%.4g); %u pixels at %u spp, unseen area %.2g, %llu rays, %.1f ms\n",
+                c.rmse(), c.rmse_low(), c.rmse_high(), c.rel_mse(), c.rel_mse_low(), c.rel_mse_high(), c.pixels(), c.spp(),
+                c.unseen_area(), static_cast<unsigned long long>(c.rays()), c.ms());
+    for (const std::string& name : c.not_covered()) std::printf("  not covered by the reference: %s\n", escaped(name).c_str());
+  }
+  for (const std::string& text : reply.warnings()) std::printf("warning: %s\n", escaped(text).c_str());
+  for (const std::string& name : reply.path_classes_missing()) std::printf("missing light paths: %s\n", escaped(name).c_str());
+  for (size_t i = 0; i < files.size(); ++i) {
+    const v1::ImageDescriptor& d = reply.images(int(i));
+    std::printf("wrote %s (%s, %u x %u, %d channels, %s)\n", files[i].c_str(), escaped(d.output()).c_str(), d.width(), d.height(),
+                d.channels_size(), bytesText(d.bytes()).c_str());
+  }
+}
+
+namespace {
+
+std::string vectorText(const v1::Vector3& v) { return strf("%.4g %.4g %.4g", v.x(), v.y(), v.z()); }
+
+}  // namespace
+
+void printScene(const v1::SceneInfo& info) {
+  std::printf("%s  (%s)\n", escaped(info.id()).c_str(), escaped(info.source()).c_str());
+  std::printf("  hash %s, %llu triangles, %u instances, %u materials, %u textures, %s, loaded in %.1f ms\n", info.hash().c_str(),
+              static_cast<unsigned long long>(info.triangles()), info.instances(), info.materials(), info.textures(),
+              bytesText(info.bytes()).c_str(), info.load_ms());
+  std::printf("  bounds %s .. %s m\n", vectorText(info.bounds_min()).c_str(), vectorText(info.bounds_max()).c_str());
+  const auto names = [](const char* title, const auto& list) {
+    if (list.empty()) return;
+    std::printf("  %s:", title);
+    for (const std::string& name : list) std::printf(" %s", escaped(name).c_str());
+    std::printf("\n");
+  };
+  names("cameras", info.cameras());
+  for (const v1::LightInfo& light : info.lights())
+    std::printf("  light %s: %s, power %s, at %s, towards %s\n", escaped(light.name()).c_str(), escaped(light.kind()).c_str(),
+                vectorText(light.power()).c_str(), vectorText(light.position()).c_str(), vectorText(light.direction()).c_str());
+  names("materials", info.material_names());
+  names("instances", info.instance_names());
+  for (const v1::FacetInfo& facet : info.facets()) std::printf("  facet %s %s\n", facet.facet().c_str(), facet.hash().c_str());
+  for (const std::string& text : info.warnings()) std::printf("  warning: %s\n", escaped(text).c_str());
+}
+
+void printStatus(const v1::StatusReply& s) {
+  std::printf("gobod %s, pid %d, up %.0f s, %u threads\n", escaped(s.build()).c_str(), s.pid(), s.uptime_s(), s.threads());
+  std::printf("renders: %u running, %u queued, %llu finished; %llu scenes\n", s.running(), s.queued(),
+              static_cast<unsigned long long>(s.renders()), static_cast<unsigned long long>(s.scenes()));
+  std::printf("store: %s of %s in %llu terms, disk %s; resident %s\n", bytesText(s.store_bytes()).c_str(), bytesText(s.store_limit()).c_str(),
+              static_cast<unsigned long long>(s.store_terms()), bytesText(s.disk_bytes()).c_str(), bytesText(s.rss_bytes()).c_str());
+  for (const std::string& device : s.devices()) std::printf("device: %s\n", escaped(device).c_str());
+}
+
+ProgressBar::ProgressBar(bool enabled) : enabled_(enabled), terminal_(::isatty(STDERR_FILENO) == 1) {}
+ProgressBar::~ProgressBar() { clear(); }
+
+void ProgressBar::show(const v1::Progress& p) {
+  if (!enabled_) return;
+  const double fraction = std::clamp(p.fraction(), 0.0, 1.0);
+  if (terminal_) {
+    const int full = int(fraction * 30);
+    std::fprintf(stderr, "\r\033[K[%s%s] %3.0f %%  %s  %u spp  %.1f s", std::string(size_t(full), '#').c_str(),
+                 std::string(size_t(30 - full), '.').c_str(), fraction * 100, escaped(p.stage()).substr(0, 40).c_str(), p.spp(),
+                 p.elapsed_ms() / 1000);
+    drawn_ = true;
+    return;
+  }
+  const int tenth = int(fraction * 10);
+  if (tenth == lastTenth_) return;
+  lastTenth_ = tenth;
+  std::fprintf(stderr, "%3.0f %%  %s  %u spp  %.1f s\n", fraction * 100, escaped(p.stage()).c_str(), p.spp(), p.elapsed_ms() / 1000);
+}
+
+void ProgressBar::clear() {
+  if (drawn_) std::fprintf(stderr, "\r\033[K");
+  drawn_ = false;
+}
+
+}  // namespace gobo::cli

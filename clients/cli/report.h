@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the CLI prints for people: plan table, totals, certificate, scenes, status, progress.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "gobo/v1/service.pb.h"
+
+namespace gobo::cli {
+
+void printReply(const v1::RenderReply& reply, const std::vector<std::string>& files);
+void printScene(const v1::SceneInfo& info);
+void printStatus(const v1::StatusReply& status);
+/// Rows under headings; columns marked in `right` are flush right. The last column is not padded.
+void printTable(const std::vector<std::string>& head, const std::vector<std::vector<std::string>>& rows, const std::vector<bool>& right);
+/// "1.2 MiB".
+std::string bytesText(uint64_t bytes);
+
+/// On a terminal one line that is redrawn; otherwise a plain line at every tenth.
+class ProgressBar {
+ public:
+  explicit ProgressBar(bool enabled);
+  ~ProgressBar();
+  void show(const v1::Progress& progress);
+  void clear();
+
+ private:
+  bool enabled_, terminal_, drawn_ = false;
+  int lastTenth_ = -1;
+};
+
+}  // namespace gobo::cli

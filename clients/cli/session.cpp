@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "session.h"
+
+#include <signal.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include "server/encode.h"
+
+namespace gobo::cli {
+
+namespace fs = std::filesystem;
+
+const char* const kExitHelp =
+    "Exit codes: 0 ok; 1 failure; 2 usage or bad request; 3 not found; 4 cannot reach the server; 5 cancelled or deadline; "
+    "6 busy (try again later).";
+
+int exitCodeOf(const Status& status) {
+  switch (status.code()) {
+    case Code::Ok: return kOk;
+    case Code::InvalidArgument: case Code::OutOfRange: case Code::PermissionDenied: case Code::AlreadyExists:
+    case Code::FailedPrecondition: return kUsage;
+    case Code::NotFound: return kNotFound;
+    case Code::Unavailable: return kUnreachable;
+    case Code::Cancelled: case Code::DeadlineExceeded: return kStopped;
+    case Code::ResourceExhausted: {
+      const bool passing = status.message().find("retry after") != std::string::npos || status.message().find("Threadpool") != std::string::npos;
+      return passing ? kBusy : kUsage;
+    }
+    default: return kFailure;
+  }
+}
+
+int complain(const Status& status) {
+  std::fprintf(stderr, "gobo: %s: %s%s%s%s\n", codeName(status.code()), escaped(status.message()).c_str(),
+               status.location().empty() ? "" : " (at ", escaped(status.location()).c_str(), status.location().empty() ? "" : ")");
+  return exitCodeOf(status);
+}
+
+namespace {
+
+std::mutex callsMutex;
+std::set<grpc::ClientContext*> calls;
+bool interruptSeen = false;
+
+}  // namespace
+
+void watchInterrupts() {
+  static sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  std::thread([] {
+    for (;;) {
+      int which = 0;
+      if (sigwait(&signals, &which) != 0) continue;
+      const std::lock_guard lock(callsMutex);
+      // Nothing to cancel, or asked twice: leave. Output files are written by rename, so nothing half-written stays.
+      if (interruptSeen || calls.empty()) ::_exit(kStopped);
+      interruptSeen = true;
+      for (grpc::ClientContext* context : calls) context->TryCancel();
+    }
+  }).detach();
+}
+
+bool interrupted() {
+  const std::lock_guard lock(callsMutex);
+  return interruptSeen;
+}
+
+Session::Call::Call(const Session& session) {
+  if (session.options_.timeoutSeconds > 0)
+    context.set_deadline(std::chrono::system_clock::now() +
+                         std::chrono::microseconds(int64_t(session.options_.timeoutSeconds * 1e6)));
+  const std::lock_guard lock(callsMutex);
+  calls.insert(&context);
+  if (interruptSeen) context.TryCancel();
+}
+
+Session::Call::~Call() {
+  const std::lock_guard lock(callsMutex);
+  calls.erase(&context);
+}
+
+Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
+  std::unique_ptr<Session> self(new Session());
+  self->options_ = options;
+  if (options.local) {
+    ServerConfig config;
+    config.threads = options.threads;
+    config.cacheFolder = options.cache;
+    config.logLevel = "warn";
+    setLogLevel(LogLevel::Warn);
+    GOBO_TRY(checkConfig(config));
+    EngineOptions engine = engineOptions(config);
+    engine.roots = options.roots;
+    engine.anyPath = true;
+    GOBO_ASSIGN(self->server_, Server::start(config, engine, false));
+    self->address_ = "this process";
+    self->channel_ = self->server_->inProcessChannel();
+  } else {
+    const char* env = std::getenv("GOBO_SERVER");
+    const bool named = !options.server.empty() || (env && *env);
+    self->address_ = !options.server.empty() ? options.server : named ? env : defaultAddress();
+    GOBO_ASSIGN(const Address address, parseAddress(self->address_));
+    struct stat info{};
+    // The default socket lives in a folder where everybody may write: another user's socket is not our daemon.
+    if (!named && address.isUnix && ::lstat(address.path.c_str(), &info) == 0 && info.st_uid != ::getuid() && info.st_uid != 0)
+      return Status(Code::PermissionDenied, "\"" + address.path + "\" belongs to another user: name the server with --server");
+    grpc::ChannelArguments arguments;
+    arguments.SetMaxReceiveMessageSize(-1);
+    self->channel_ = grpc::CreateCustomChannel(self->address_, grpc::InsecureChannelCredentials(), arguments);
+  }
+  self->scenes_ = v1::Scenes::NewStub(self->channel_);
+  self->render_ = v1::Render::NewStub(self->channel_);
+  self->admin_ = v1::Admin::NewStub(self->channel_);
+  return self;
+}
+
+Status Session::statusOf(const grpc::Status& status) const {
+  if (status.ok()) return {};
+  const Code code = Code(int(status.error_code()));
+  if (code == Code::Unavailable && !local())
+    return {code, "cannot reach gobod at " + address_ + ": " + status.error_message() +
+                  "\n  start it with `gobod --root DIR`, name another with --server or GOBO_SERVER, or use --local"};
+  if (code == Code::Cancelled && interrupted()) return {code, "interrupted"};
+  return {code, status.error_message()};
+}
+
+namespace {
+
+Result<v1::SceneInfo> upload(Session& session, const std::string& file, const std::string& name) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) return notFound("cannot read \"" + file + "\"");
+  const uint64_t total = fs::file_size(file);
+  std::string piece(1 << 20, '\0');
+  Sha256 sha;
+  while (in.read(piece.data(), std::streamsize(piece.size())), in.gcount() > 0) sha.add(piece.data(), size_t(in.gcount()));
+  const std::string digest = sha.hex();
+  v1::UploadSceneRequest message;
+  // The name is made from the content: the same file sent again is found under it instead of being sent.
+  message.set_name(name.empty() ? fs::path(file).stem().string() + "-" + digest.substr(0, 12) : name);
+  message.set_extension(fs::path(file).extension().string());
+  message.set_total_bytes(total);
+  message.set_sha256(digest);
+  v1::SceneInfo info;
+  if (name.empty()) {
+    Session::Call call(session);
+    v1::InspectSceneRequest inspect;
+    inspect.set_scene(message.name());
+    if (session.scenes().Inspect(&call.context, inspect, &info).ok()) return info;
+  }
+  std::fprintf(stderr, "gobo: uploading %s (%.1f MiB)\n", file.c_str(), double(total) / (1 << 20));
+  Session::Call call(session);
+  auto writer = session.scenes().Upload(&call.context, &info);
+  in.clear();
+  in.seekg(0);
+  bool open = true;
+  while (open && (in.read(piece.data(), std::streamsize(piece.size())), in.gcount() > 0)) {
+    message.set_data(piece.data(), size_t(in.gcount()));
+    open = writer->Write(message);
+    message.Clear();
+  }
+  writer->WritesDone();
+  GOBO_TRY(session.statusOf(writer->Finish()));
+  return info;
+}
+
+}  // namespace
+
+Result<v1::SceneInfo> openScene(Session& session, const std::string& source, const std::string& name) {
+  std::error_code error;
+  const bool file = fs::is_regular_file(source, error);
+  v1::OpenSceneRequest request;
+  request.set_source(file ? fs::absolute(source).string() : source);
+  request.set_name(name);
+  v1::SceneInfo info;
+  Status status;
+  {
+    Session::Call call(session);
+    status = session.statusOf(session.scenes().Open(&call.context, request, &info));
+  }
+  if (status.ok()) return info;
+  const bool cannotSee = status.code() == Code::PermissionDenied || status.code() == Code::NotFound;
+  if (!file || session.local() || !cannotSee) return status;
+  const double mib = double(fs::file_size(source, error)) / (1 << 20);
+  if (mib > session.options().uploadMiB)
+    return Status(status.code(), status.message() + strf("; not uploaded: %.0f MiB is more than --upload-limit %.0f", mib, session.options().uploadMiB));
+  return upload(session, source, name);
+}
+
+Result<std::string> ensureScene(Session& session, const std::string& source) {
+  std::error_code error;
+  if (!fs::is_regular_file(source, error)) return source;
+  GOBO_ASSIGN(const v1::SceneInfo info, openScene(session, source, ""));
+  return info.id();
+}
+
+}  // namespace gobo::cli

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+// Accessors: every read is proved inside its view and the view inside its buffer, in 64-bit arithmetic, before it happens.
+#include <cstring>
+
+#include "scene/gltf/document.h"
+
+namespace gobo::gltf {
+namespace {
+
+struct Span { const uint8_t* data = nullptr; size_t stride = 0; };
+
+struct Accessor {
+  Cursor at;
+  size_t count = 0;
+  int component = 0, components = 0;
+  bool normalised = false;
+  Span dense;                       // data null: zeros
+  size_t sparseCount = 0;
+  int sparseComponent = 0;
+  Span sparseIndices, sparseValues;
+};
+
+size_t componentSize(int64_t type) {
+  switch (type) {
+    case 5120: case 5121: return 1;
+    case 5122: case 5123: return 2;
+    case 5125: case 5126: return 4;
+    default: return 0;
+  }
+}
+
+int componentsOf(const std::string& type) {
+  if (type == "SCALAR") return 1;
+  if (type == "VEC2") return 2;
+  if (type == "VEC3") return 3;
+  if (type == "VEC4" || type == "MAT2") return 4;
+  if (type == "MAT3") return 9;
+  if (type == "MAT4") return 16;
+  return 0;
+}
+
+constexpr int64_t kMaxOffset = int64_t(1) << 48;
+
+/// `count` elements of `size` bytes from `offset` of the view that `view` names.
+Span range(Document& d, const Cursor& view, int64_t offset, uint64_t count, size_t size, bool strided) {
+  const int index = view.index("bufferViews");
+  if (index < 0) { if (!view.exists()) view.fail("bufferView is missing"); return {}; }
+  const Cursor v = d.item("bufferViews", index);
+  if (!v["buffer"].exists()) v["buffer"].fail("buffer is missing");
+  if (!v["byteLength"].exists()) v["byteLength"].fail("byteLength is missing");
+  const int buffer = v["buffer"].index("buffers");
+  const uint64_t start = uint64_t(v["byteOffset"].integer(0, 0, kMaxOffset)), length = uint64_t(v["byteLength"].integer(0, 0, kMaxOffset));
+  const uint64_t stride = strided && v["byteStride"].exists() ? uint64_t(v["byteStride"].integer(0, 1, 1 << 20)) : size;
+  if (!d.ok() || buffer < 0) return {};
+  const uint64_t available = d.buffers[buffer].size();
+  if (start + length > available) {
+    v.fail("bytes " + std::to_string(start) + " + " + std::to_string(length) + " are outside buffer " + std::to_string(buffer) + " of " +
+           std::to_string(available) + " bytes");
+    return {};
+  }
+  if (stride < size) { v["byteStride"].fail("stride " + std::to_string(stride) + " is less than an element of " + std::to_string(size) + " bytes"); return {}; }
+  // offset < 2^48, count <= 2^32, stride <= 2^20: the sum stays below 2^53.
+  const uint64_t need = count == 0 ? 0 : uint64_t(offset) + (count - 1) * stride + size;
+  if (need > length) {
+    view.fail("accessor needs " + std::to_string(need) + " bytes but bufferView " + std::to_string(index) + " has " + std::to_string(length));
+    return {};
+  }
+  return {d.buffers[buffer].data() + start + offset, size_t(stride)};
+}
+
+bool open(Document& d, int index, Accessor& a) {
+  a.at = d.item("accessors", index);
+  const Cursor type = a.at["type"], component = a.at["componentType"], count = a.at["count"];
+  for (const Cursor* c : {&type, &component, &count}) if (!c->exists()) c->fail("is missing");
+  a.component = int(component.integer(0, 0, 1 << 20));
+  a.components = componentsOf(type.text());
+  a.count = size_t(count.integer(1, 1, int64_t(1) << 32));
+  a.normalised = a.at["normalized"].boolean(false);
+  const int64_t offset = a.at["byteOffset"].integer(0, 0, kMaxOffset);
+  const size_t unit = componentSize(a.component);
+  if (unit == 0) component.fail("componentType " + std::to_string(a.component) + " is unknown");
+  if (a.components == 0) type.fail("type is unknown");
+  if (!d.ok()) return false;
+  const size_t size = unit * size_t(a.components);
+  const Cursor view = a.at["bufferView"], sparse = a.at["sparse"];
+  if (view.exists()) a.dense = range(d, view, offset, a.count, size, true);
+  else if (a.count > (1u << 24)) count.fail("an accessor without bytes has more than 2^24 elements");
+  if (sparse.exists() && d.ok()) {
+    a.sparseCount = size_t(sparse["count"].integer(0, 1, int64_t(a.count)));
+    const Cursor indices = sparse["indices"], values = sparse["values"];
+    a.sparseComponent = int(indices["componentType"].integer(0, 0, 1 << 20));
+    if (a.sparseComponent != 5121 && a.sparseComponent != 5123 && a.sparseComponent != 5125) indices["componentType"].fail("is not an unsigned integer type");
+    if (!d.ok()) return false;
+    a.sparseIndices = range(d, indices["bufferView"], indices["byteOffset"].integer(0, 0, kMaxOffset), a.sparseCount, componentSize(a.sparseComponent), false);
+    a.sparseValues = range(d, values["bufferView"], values["byteOffset"].integer(0, 0, kMaxOffset), a.sparseCount, size, false);
+  }
+  return d.ok();
+}
+
+template <typename T>
+T load(const uint8_t* p) { T v; std::memcpy(&v, p, sizeof v); return v; }
+
+uint32_t loadIndex(const uint8_t* p, int component) {
+  return component == 5121 ? *p : component == 5123 ? load<uint16_t>(p) : load<uint32_t>(p);
+}
+
+float loadFloat(const uint8_t* p, int component, bool normalised) {
+  switch (component) {
+    case 5120: { const float v = load<int8_t>(p); return normalised ? std::fmax(v / 127.0f, -1.0f) : v; }
+    case 5121: { const float v = *p; return normalised ? v / 255.0f : v; }
+    case 5122: { const float v = load<int16_t>(p); return normalised ? std::fmax(v / 32767.0f, -1.0f) : v; }
+    case 5123: { const float v = load<uint16_t>(p); return normalised ? v / 65535.0f : v; }
+    case 5125: return float(load<uint32_t>(p));
+    default: return load<float>(p);
+  }
+}
+
+/// Calls put(element, bytes) for the dense part, then for the sparse replacements.
+template <typename Put>
+bool forEach(Document& d, const Accessor& a, Put put) {
+  if (a.dense.data)
+    for (size_t i = 0; i < a.count; ++i) put(i, a.dense.data + i * a.dense.stride);
+  for (size_t k = 0; k < a.sparseCount; ++k) {
+    const uint32_t i = loadIndex(a.sparseIndices.data + k * a.sparseIndices.stride, a.sparseComponent);
+    if (i >= a.count) {
+      a.at["sparse"]["indices"].fail("sparse index " + std::to_string(i) + " of " + std::to_string(a.count) + " elements is out of range");
+      return false;
+    }
+    put(i, a.sparseValues.data + k * a.sparseValues.stride);
+  }
+  return d.ok();
+}
+
+}  // namespace
+
+bool readFloats(Document& d, int index, int components, std::vector<float>& out) {
+  Accessor a;
+  if (!open(d, index, a)) return false;
+  if (a.components != components) { a.at["type"].fail("accessor has " + std::to_string(a.components) + " components, not " + std::to_string(components)); return false; }
+  if (!d.account(uint64_t(a.count) * components * sizeof(float), a.at)) return false;
+  out.assign(a.count * size_t(components), 0.0f);
+  const size_t unit = componentSize(a.component);
+  return forEach(d, a, [&](size_t i, const uint8_t* p) {
+    for (int c = 0; c < components; ++c) out[i * size_t(components) + c] = loadFloat(p + c * unit, a.component, a.normalised);
+  });
+}
+
+bool readIndices(Document& d, int index, std::vector<uint32_t>& out) {
+  Accessor a;
+  if (!open(d, index, a)) return false;
+  if (a.components != 1) { a.at["type"].fail("indices are not SCALAR"); return false; }
+  if (a.component != 5121 && a.component != 5123 && a.component != 5125) { a.at["componentType"].fail("indices are not of an unsigned integer type"); return false; }
+  if (!d.account(uint64_t(a.count) * 4, a.at)) return false;
+  out.assign(a.count, 0);
+  return forEach(d, a, [&](size_t i, const uint8_t* p) { out[i] = loadIndex(p, a.component); });
+}
+
+size_t accessorCount(Document& d, int index) { return size_t(d.item("accessors", index)["count"].integer(0, 0, int64_t(1) << 32)); }
+int accessorComponents(Document& d, int index) { return componentsOf(d.item("accessors", index)["type"].text()); }
+
+}  // namespace gobo::gltf

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// Primitives into meshes: triangles, strips, fans; checked indices; repaired normals, tangents, texture coordinates, colours.
+#include <cstring>
+
+#include "scene/gltf/document.h"
+
+namespace gobo::gltf {
+namespace {
+
+template <typename V>
+void copyInto(std::vector<V>& out, const std::vector<float>& in) {
+  out.resize(in.size() / size_t(V::length()));
+  std::memcpy(static_cast<void*>(out.data()), in.data(), in.size() * sizeof(float));
+}
+
+template <typename V>
+bool finite(const V& v) {
+  for (int i = 0; i < V::length(); ++i) if (!std::isfinite(v[i])) return false;
+  return true;
+}
+
+/// Replaces elements that are not finite; returns how many.
+template <typename V>
+size_t repair(std::vector<V>& values, const V& by) {
+  size_t n = 0;
+  for (V& v : values) if (!finite(v)) { v = by; ++n; }
+  return n;
+}
+
+/// Attribute `name` of the primitive if it exists, with as many elements as there are vertices.
+bool attribute(Document& d, const Cursor& attributes, const char* name, int components, size_t vertices, std::vector<float>& out) {
+  const Cursor at = attributes[name];
+  const int index = at.index("accessors");
+  if (index < 0 || !d.ok()) return false;
+  const size_t count = accessorCount(d, index);
+  if (d.ok() && vertices && count != vertices) {
+    at.fail(std::string(name) + " has " + std::to_string(count) + " elements but POSITION has " + std::to_string(vertices));
+    return false;
+  }
+  if (!readFloats(d, index, components, out)) return false;
+  return true;
+}
+
+/// Corner indices of the primitive's triangles. False: nothing to draw, or an error.
+bool triangulate(Document& d, const Cursor& primitive, int64_t mode, size_t vertices, std::vector<uint32_t>& out) {
+  std::vector<uint32_t> order;
+  const int index = primitive["indices"].index("accessors");
+  if (index >= 0) {
+    if (!readIndices(d, index, order)) return false;
+    for (size_t k = 0; k < order.size(); ++k)
+      if (order[k] >= vertices) {
+        primitive["indices"].fail("index " + std::to_string(order[k]) + " at " + std::to_string(k) + " is out of range: the primitive has " +
+                                  std::to_string(vertices) + " vertices");
+        return false;
+      }
+  } else {
+    if (!d.account(vertices * 4, primitive)) return false;
+    order.resize(vertices);
+    for (size_t k = 0; k < vertices; ++k) order[k] = uint32_t(k);
+  }
+  if (!d.ok()) return false;
+  if (mode == 4) {
+    if (order.size() % 3) d.warn(primitive.pointer, std::to_string(order.size()) + " corners are not whole triangles; the rest is dropped");
+    order.resize(order.size() / 3 * 3);
+    out = std::move(order);
+  } else if (order.size() >= 3) {
+    if (!d.account(order.size() * 12, primitive)) return false;
+    out.reserve((order.size() - 2) * 3);
+    for (size_t i = 0; i + 2 < order.size(); ++i) {
+      if (mode == 5) out.insert(out.end(), {order[i], order[i + 1 + i % 2], order[i + 2 - i % 2]});
+      else out.insert(out.end(), {order[i + 1], order[i + 2], order[0]});
+    }
+  }
+  if (out.empty()) d.warn(primitive.pointer, "primitive has no triangles");
+  return !out.empty();
+}
+
+/// Unit normals; those that are not finite or have no length become the mean of their triangles' normals.
+void repairNormals(Document& d, const Cursor& primitive, Mesh& mesh) {
+  std::vector<char> bad(mesh.normals.size(), 0);
+  size_t count = 0;
+  for (size_t i = 0; i < mesh.normals.size(); ++i) {
+    const float length = finite(mesh.normals[i]) ? glm::length(mesh.normals[i]) : 0.0f;
+    if (length > 1e-12f && std::isfinite(length)) { mesh.normals[i] /= length; continue; }
+    mesh.normals[i] = Vec3(0.0f);
+    bad[i] = 1;
+    ++count;
+  }
+  if (!count) return;
+  for (size_t t = 0; t + 2 < mesh.indices.size(); t += 3) {
+    const uint32_t* v = &mesh.indices[t];
+    if (!bad[v[0]] && !bad[v[1]] && !bad[v[2]]) continue;
+    const DVec3 p0(mesh.positions[v[0]]), n = glm::cross(DVec3(mesh.positions[v[1]]) - p0, DVec3(mesh.positions[v[2]]) - p0);
+    const double length = glm::length(n);
+    if (!(length > 0.0)) continue;
+    for (int k = 0; k < 3; ++k) if (bad[v[k]]) mesh.normals[v[k]] += Vec3(n / length);
+  }
+  for (size_t i = 0; i < mesh.normals.size(); ++i)
+    if (bad[i]) {
+      const float length = glm::length(mesh.normals[i]);
+      mesh.normals[i] = length > 1e-6f ? mesh.normals[i] / length : Vec3(0, 1, 0);
+    }
+  d.warn(primitive.pointer + "/attributes/NORMAL", std::to_string(count) + " normals were not finite or had no length and were rebuilt");
+}
+
+void repairTangents(Document& d, const Cursor& primitive, Mesh& mesh) {
+  size_t count = 0;
+  for (size_t i = 0; i < mesh.tangents.size(); ++i) {
+    Vec4& t = mesh.tangents[i];
+    const float length = finite(t) ? glm::length(Vec3(t)) : 0.0f;
+    if (length > 1e-12f && std::isfinite(length)) { t = Vec4(Vec3(t) / length, t.w < 0.0f ? -1.0f : 1.0f); continue; }
+    t = Vec4(Frame(mesh.normals.empty() ? Vec3(0, 1, 0) : mesh.normals[i]).x, 1.0f);
+    ++count;
+  }
+  if (count) d.warn(primitive.pointer + "/attributes/TANGENT", std::to_string(count) + " tangents were not finite or had no length and were replaced");
+}
+
+std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const std::string& name) {
+  auto mesh = std::make_shared<Mesh>();
+  mesh->name = name;
+  const int64_t mode = primitive["mode"].integer(4, 0, 6);
+  if (!d.ok()) return nullptr;
+  if (mode < 4) { d.warn(primitive.pointer + "/mode", "points and lines are not drawn"); return nullptr; }
+  if (primitive.extension("KHR_draco_mesh_compression").exists()) d.warn(primitive.pointer, "Draco data are ignored; the plain accessors are read");
+  const Cursor attributes = primitive["attributes"];
+  if (!attributes["POSITION"].exists()) { d.warn(primitive.pointer, "primitive without POSITION is not drawn"); return nullptr; }
+  std::vector<float> values;
+  if (!attribute(d, attributes, "POSITION", 3, 0, values)) return nullptr;
+  copyInto(mesh->positions, values);
+  for (size_t i = 0; i < mesh->positions.size(); ++i)
+    if (!finite(mesh->positions[i])) {
+      attributes["POSITION"].fail("mesh \"" + name + "\": position of vertex " + std::to_string(i) + " is not finite");
+      return nullptr;
+    }
+  const size_t vertices = mesh->positions.size();
+  if (!triangulate(d, primitive, mode, vertices, mesh->indices)) return nullptr;
+  if (attribute(d, attributes, "NORMAL", 3, vertices, values)) { copyInto(mesh->normals, values); repairNormals(d, primitive, *mesh); }
+  if (attribute(d, attributes, "TANGENT", 4, vertices, values)) { copyInto(mesh->tangents, values); repairTangents(d, primitive, *mesh); }
+  size_t repaired = 0;
+  if (attribute(d, attributes, "TEXCOORD_0", 2, vertices, values)) { copyInto(mesh->uv0, values); repaired += repair(mesh->uv0, Vec2(0.0f)); }
+  if (attribute(d, attributes, "TEXCOORD_1", 2, vertices, values)) { copyInto(mesh->uv1, values); repaired += repair(mesh->uv1, Vec2(0.0f)); }
+  const int colour = attributes["COLOR_0"].index("accessors");
+  if (colour >= 0 && d.ok()) {
+    const int components = accessorComponents(d, colour);
+    if (components != 3 && components != 4) attributes["COLOR_0"].fail("colour is neither VEC3 nor VEC4");
+    else if (attribute(d, attributes, "COLOR_0", components, vertices, values)) {
+      mesh->colours.resize(vertices, Vec4(1.0f));
+      for (size_t i = 0; i < vertices; ++i)
+        for (int c = 0; c < components; ++c) mesh->colours[i][c] = values[i * size_t(components) + c];
+      repaired += repair(mesh->colours, Vec4(1.0f));
+    }
+  }
+  if (repaired) d.warn(attributes.pointer, std::to_string(repaired) + " texture coordinates or colours were not finite and were replaced");
+  if (primitive["targets"].exists()) d.warn(primitive.pointer + "/targets", "morph targets are ignored");
+  const int material = primitive["material"].index("materials");
+  if (!d.ok()) return nullptr;
+  mesh->material = material < 0 ? int(d.list("materials").size()) : material;  // the default material is last
+  sealMesh(*mesh);
+  return mesh;
+}
+
+}  // namespace
+
+Status readMeshes(Document& d, Scene& scene, std::vector<std::vector<int>>& parts) {
+  const Cursor list = d.list("meshes");
+  uint64_t triangles = 0;
+  parts.resize(list.size());
+  for (size_t i = 0; i < list.size() && d.ok(); ++i) {
+    const Cursor primitives = list.at(i)["primitives"];
+    if (!primitives.exists()) primitives.fail("primitives are missing");
+    const std::string base = list.at(i)["name"].text("mesh" + std::to_string(i));
+    for (size_t k = 0; k < primitives.size() && d.ok(); ++k) {
+      auto mesh = readPrimitive(d, primitives.at(k), k ? base + "#" + std::to_string(k + 1) : base);
+      if (!mesh) continue;
+      triangles += mesh->triangles();
+      if (triangles > d.options.maxTriangles)
+        return Status(Code::ResourceExhausted, "more than " + std::to_string(d.options.maxTriangles) + " triangles", d.path + "#" + primitives.at(k).pointer);
+      parts[i].push_back(int(scene.meshes.size()));
+      scene.meshes.push_back(std::move(mesh));
+    }
+  }
+  return d.status;
+}
+
+}  // namespace gobo::gltf

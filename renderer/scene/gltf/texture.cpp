@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures into textures: decode once per image, one Texture per (glTF texture, colour or data). A picture that cannot be read
+// leaves its texture out with a warning; NaN, Inf texels of float pictures become 0 and are counted.
+#include "scene/gltf/texture.h"
+
+#include <cmath>
+
+namespace gobo::gltf {
+namespace {
+
+Wrap wrapOf(int64_t mode) { return mode == 33071 ? Wrap::Clamp : mode == 33648 ? Wrap::Mirror : Wrap::Repeat; }
+
+bool isFloatFormat(const std::vector<uint8_t>& b) {
+  return b.size() > 4 && ((b[0] == 0x76 && b[1] == 0x2f && b[2] == 0x31 && b[3] == 0x01) || (b[0] == '#' && b[1] == '?'));
+}
+
+}  // namespace
+
+const Image* Textures::decode(int index) {
+  if (decoded_[index].tried) return decoded_[index].image.pixels() ? &decoded_[index].image : nullptr;
+  decoded_[index].tried = true;
+  auto& encoded = document_.images[index];
+  const std::string place = "/images/" + std::to_string(index);
+  auto leaveOut = [&](const std::string& why) { document_.warn(place, "picture \"" + encoded.name + "\" is left out: " + why); return nullptr; };
+  if (!encoded.problem.empty()) return leaveOut(encoded.problem);
+  auto image = readImageFromMemory(encoded.bytes.data(), encoded.bytes.size(), encoded.name.empty() ? "image" + std::to_string(index) : encoded.name);
+  if (!image.ok()) return leaveOut(image.status().message());
+  decoded_[index].floats = isFloatFormat(encoded.bytes);
+  if (!document_.account(image->data.size() * sizeof(float), document_.item("images", index))) return nullptr;
+  decoded_[index].image = std::move(*image);
+  return &decoded_[index].image;
+}
+
+TextureRef Textures::ref(const Cursor& info, bool srgb) {
+  TextureRef ref;
+  if (!info.exists()) return ref;
+  if (!info["index"].exists()) info["index"].fail("index is missing");
+  const int index = info["index"].index("textures");
+  ref.texcoord = int(info["texCoord"].integer(0, 0, 1 << 20));
+  const Cursor transform = info.extension("KHR_texture_transform");
+  ref.offset = transform["offset"].vector(Vec2(0.0f));
+  ref.scale = transform["scale"].vector(Vec2(1.0f));
+  ref.rotation = float(transform["rotation"].number(0.0));
+  ref.texcoord = int(transform["texCoord"].integer(ref.texcoord, 0, 1 << 20));
+  if (index < 0 || !document_.ok()) return {};
+  if (ref.texcoord > 1) {
+    document_.warn(info.pointer, "texture coordinate set " + std::to_string(ref.texcoord) + " is not supported; set 0 is used");
+    ref.texcoord = 0;
+  }
+  const auto key = std::pair(index, srgb);
+  const auto known = made_.find(key);
+  ref.texture = known != made_.end() ? known->second : (made_[key] = make(index, srgb));
+  return ref.texture < 0 ? TextureRef{} : ref;
+}
+
+int Textures::make(int index, bool srgb) {
+  const Cursor texture = document_.item("textures", index);
+  const int source = texture["source"].index("images"), sampler = texture["sampler"].index("samplers");
+  if (!document_.ok()) return -1;
+  if (source < 0) { document_.warn(texture.pointer, "texture has no picture in a supported format"); return -1; }
+  const Image* image = decode(source);
+  if (!image) return -1;
+  auto t = std::make_shared<Texture>();
+  t->name = document_.images[source].name;
+  t->width = image->width;
+  t->height = image->height;
+  if (sampler >= 0) {
+    const Cursor s = document_.item("samplers", sampler);
+    t->wrapU = wrapOf(s["wrapS"].integer(10497, 0, 1 << 20));
+    t->wrapV = wrapOf(s["wrapT"].integer(10497, 0, 1 << 20));
+    t->nearest = s["magFilter"].integer(9729, 0, 1 << 20) == 9728;
+  }
+  const bool floats = decoded_[source].floats;
+  const size_t values = image->pixels() * 4;
+  if (!document_.account(values * (floats ? 4 : 1), texture)) return -1;
+  t->srgb = srgb && !floats;
+  size_t repaired = 0;
+  if (floats) t->texelsF.resize(values); else t->texels8.resize(values);
+  for (size_t i = 0; i < image->pixels(); ++i) {
+    const float* p = image->data.data() + i * size_t(image->channels);
+    const int n = image->channels;
+    float rgba[4] = {p[0], n >= 3 ? p[1] : p[0], n >= 3 ? p[2] : p[0], n == 2 ? p[1] : n >= 4 ? p[3] : 1.0f};
+    bool bad = false;
+    for (int c = 0; c < 4; ++c) {
+      if (!std::isfinite(rgba[c])) { rgba[c] = c == 3 ? 1.0f : 0.0f; bad = true; }
+      if (floats) t->texelsF[i * 4 + c] = rgba[c];
+      else t->texels8[i * 4 + c] = uint8_t(clamp01(rgba[c]) * 255.0f + 0.5f);
+    }
+    repaired += bad;
+  }
+  if (repaired) document_.warn("/images/" + std::to_string(source), std::to_string(repaired) + " texels were not finite and are 0 now");
+  sealTexture(*t);
+  scene_.textures.push_back(std::move(t));
+  return int(scene_.textures.size() - 1);
+}
+
+}  // namespace gobo::gltf

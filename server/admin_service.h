@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// gobo.v1.Admin: status, caches, shutdown (Unix socket only). Thread-safe.
+#pragma once
+
+#include "gobo/v1/service.grpc.pb.h"
+#include "server/core.h"
+
+namespace gobo {
+
+class AdminService final : public v1::Admin::Service {
+ public:
+  explicit AdminService(ServerCore& core) : core_(core) {}
+  grpc::Status GetStatus(grpc::ServerContext*, const v1::StatusRequest*, v1::StatusReply*) override;
+  grpc::Status DropCaches(grpc::ServerContext*, const v1::DropCachesRequest*, v1::DropCachesReply*) override;
+  grpc::Status Shutdown(grpc::ServerContext*, const v1::ShutdownRequest*, v1::ShutdownReply*) override;
+
+ private:
+  ServerCore& core_;
+};
+
+}  // namespace gobo

@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/config.h"
+
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <sstream>
+
+#include <toml++/toml.h>
+
+namespace gobo {
+namespace {
+
+namespace fs = std::filesystem;
+
+using Key = std::function<Status(const toml::node&)>;   // errors hold the reason only; the caller adds file:line and key
+
+std::string shown(const toml::node& node) {
+  std::ostringstream out;
+  node.visit([&](const auto& n) { out << n; });
+  std::string text = out.str();
+  return text.size() > 80 ? text.substr(0, 77) + "..." : text;
+}
+
+Status wrongType(const char* want, const toml::node& node) {
+  return invalidArgument("= " + shown(node) + ": must be " + want);
+}
+
+template <typename T>
+Key integer(T& target, uint64_t low, uint64_t high) {
+  return [&target, low, high](const toml::node& node) -> Status {
+    const auto v = node.value_exact<int64_t>();
+    if (!v) return wrongType("an integer", node);
+    if (*v < 0 || uint64_t(*v) < low || uint64_t(*v) > high)
+      return invalidArgument("= " + shown(node) + ": must be in " + std::to_string(low) + ".." + std::to_string(high));
+    target = T(*v);
+    return {};
+  };
+}
+
+Key bytes(uint64_t& target) {
+  return [&target](const toml::node& node) -> Status {
+    if (const auto v = node.value_exact<int64_t>()) {
+      if (*v < 0) return invalidArgument("= " + shown(node) + ": must not be negative");
+      target = uint64_t(*v);
+      return {};
+    }
+    const auto text = node.value_exact<std::string>();
+    if (!text) return wrongType("a size: bytes as an integer, or a string such as \"4GiB\"", node);
+    auto parsed = parseBytes(*text);
+    if (!parsed.ok()) return invalidArgument("= " + shown(node) + ": " + parsed.status().message());
+    target = *parsed;
+    return {};
+  };
+}
+
+Key boolean(bool& target) {
+  return [&target](const toml::node& node) -> Status {
+    const auto v = node.value_exact<bool>();
+    if (!v) return wrongType("true or false", node);
+    target = *v;
+    return {};
+  };
+}
+
+Key number(double& target, double low, double high) {
+  return [&target, low, high](const toml::node& node) -> Status {
+    if (!node.is_number()) return wrongType("a number", node);
+    const double v = *node.value<double>();
+    if (!(v >= low && v <= high)) return invalidArgument("= " + shown(node) + ": must be in " + strf("%g..%g", low, high));
+    target = v;
+    return {};
+  };
+}
+
+using Fix = std::function<std::string(const std::string&)>;
+
+Key text(std::string& target, Fix fix = {}) {
+  return [&target, fix](const toml::node& node) -> Status {
+    const auto v = node.value_exact<std::string>();
+    if (!v) return wrongType("a string", node);
+    target = fix ? fix(*v) : *v;
+    return {};
+  };
+}
+
+Key texts(std::vector<std::string>& target, Fix fix = {}) {
+  return [&target, fix](const toml::node& node) -> Status {
+    const toml::array* array = node.as_array();
+    if (!array) return wrongType("an array of strings", node);
+    std::vector<std::string> values;
+    for (const toml::node& item : *array) {
+      const auto v = item.value_exact<std::string>();
+      if (!v) return wrongType("an array of strings", node);
+      values.push_back(fix ? fix(*v) : *v);
+    }
+    target = std::move(values);
+    return {};
+  };
+}
+
+std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix& address) {
+  const uint64_t big = 1u << 20;
+  return {
+      {"listen", texts(c.listen, address)},
+      {"allow_remote", boolean(c.allowRemote)},
+      {"reflection", boolean(c.reflection)},
+      {"log.level", text(c.logLevel)},
+      {"engine.threads", integer(c.threads, 0, 1024)},
+      {"engine.store_bytes", bytes(c.storeBytes)},
+      {"engine.cache_folder", text(c.cacheFolder, folder)},
+      {"engine.disk_bytes", bytes(c.diskBytes)},
+      {"engine.roots", texts(c.roots, folder)},
+      {"engine.keep_renders", integer(c.keepRenders, 1, 1u << 20)},
+      {"limits.rpc_threads", integer(c.rpcThreads, 16, 65536)},
+      {"limits.streams_per_connection", integer(c.streamsPerConnection, 1, 65536)},
+      {"limits.message_bytes", bytes(c.messageBytes)},
+      {"limits.rpc_memory_bytes", bytes(c.rpcMemoryBytes)},
+      {"limits.upload_bytes", bytes(c.uploadBytes)},
+      {"limits.uploads_at_once", integer(c.uploadsAtOnce, 1, 1024)},
+      {"limits.chunk_bytes", bytes(c.chunkBytes)},
+      {"limits.inline_bytes", bytes(c.inlineBytes)},
+      {"limits.image_bytes", bytes(c.imageBytes)},
+      {"limits.tmp_folder", text(c.tmpFolder, folder)},
+      {"scheduler.running", integer(c.running, 1, 1024)},
+      {"scheduler.queued_interactive", integer(c.queuedInteractive, 0, big)},
+      {"scheduler.queued_normal", integer(c.queuedNormal, 0, big)},
+      {"scheduler.queued_batch", integer(c.queuedBatch, 0, big)},
+      {"scheduler.ageing_normal_s", number(c.ageingNormal, 0, 86400)},
+      {"scheduler.ageing_batch_s", number(c.ageingBatch, 0, 86400)},
+      {"scheduler.queued_per_client", integer(c.queuedPerClient, 1, big)},
+      {"scheduler.pinned_bytes", bytes(c.pinnedBytes)},
+      {"scheduler.drain_s", number(c.drainSeconds, 0, 86400)},
+  };
+}
+
+Status readTable(const toml::table& table, const std::string& prefix, const std::string& file,
+                 const std::map<std::string, Key>& keys) {
+  for (const auto& [name, node] : table) {
+    const std::string key = prefix.empty() ? std::string(name.str()) : prefix + "." + std::string(name.str());
+    const std::string where = file + ":" + std::to_string(name.source().begin.line) + ": ";
+    const auto it = keys.find(key);
+    if (it != keys.end()) {
+      const Status status = it->second(node);
+      if (!status.ok()) return invalidArgument(where + key + " " + status.message());
+      continue;
+    }
+    const auto group = keys.lower_bound(key + ".");
+    const bool isGroup = group != keys.end() && group->first.compare(0, key.size() + 1, key + ".") == 0;
+    if (!isGroup) return invalidArgument(where + "unknown key \"" + escaped(key) + "\"");
+    if (!node.is_table()) return invalidArgument(where + key + " = " + shown(node) + ": must be a table, [" + key + "]");
+    GOBO_TRY(readTable(*node.as_table(), key, file, keys));
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string defaultAddress() { return "unix:/tmp/gobo-" + std::to_string(::getuid()) + ".sock"; }
+
+Result<uint64_t> parseBytes(const std::string& text) {
+  static const std::map<std::string, uint64_t> units = {
+      {"", 1}, {"B", 1}, {"KB", 1000}, {"MB", 1000000}, {"GB", 1000000000ull}, {"TB", 1000000000000ull},
+      {"KiB", 1ull << 10}, {"MiB", 1ull << 20}, {"GiB", 1ull << 30}, {"TiB", 1ull << 40}};
+  size_t used = 0;
+  while (used < text.size() && (std::isdigit(static_cast<unsigned char>(text[used])) || text[used] == '.')) ++used;
+  size_t unitAt = used;
+  while (unitAt < text.size() && text[unitAt] == ' ') ++unitAt;
+  const auto unit = units.find(text.substr(unitAt));
+  char* end = nullptr;
+  const std::string digits = text.substr(0, used);
+  const double value = std::strtod(digits.c_str(), &end);
+  if (digits.empty() || *end != '\0' || unit == units.end())
+    return invalidArgument("\"" + escaped(text) + "\" is not a size such as 1000, \"64MiB\" or \"4GiB\"");
+  const double total = value * double(unit->second);
+  if (!(total < 9.0e18)) return invalidArgument("\"" + escaped(text) + "\" is too large");
+  return uint64_t(std::llround(total));
+}
+
+Status readConfig(const std::string& path, ServerConfig& config) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) return notFound("cannot read configuration \"" + path + "\"");
+  std::ostringstream content;
+  content << in.rdbuf();
+  const fs::path base = fs::absolute(path).parent_path();
+  const Fix folder = [base](const std::string& p) {
+    return p.empty() || fs::path(p).is_absolute() ? p : (base / p).lexically_normal().string();
+  };
+  const Fix address = [folder](const std::string& a) {
+    return a.rfind("unix:", 0) == 0 ? "unix:" + folder(a.substr(5)) : a;
+  };
+  try {
+    const toml::table root = toml::parse(content.str(), path);
+    return readTable(root, "", path, keysOf(config, folder, address));
+  } catch (const toml::parse_error& e) {
+    return invalidArgument(path + ":" + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));
+  } catch (const std::exception& e) {
+    return invalidArgument(path + ": " + e.what());
+  }
+}
+
+bool isLoopback(const std::string& host) {
+  if (host == "localhost" || host == "::1") return true;
+  unsigned a, b, c, d;
+  char tail;
+  return sscanf(host.c_str(), "%u.%u.%u.%u%c", &a, &b, &c, &d, &tail) == 4 && a == 127 && b < 256 && c < 256 && d < 256;
+}
+
+Result<Address> parseAddress(const std::string& text) {
+  Address address;
+  if (text.rfind("unix:", 0) == 0) {
+    address.isUnix = true;
+    address.path = text.substr(5);
+    if (address.path.empty()) return invalidArgument("address \"unix:\" has no path");
+    if (address.path.size() >= sizeof(sockaddr_un{}.sun_path))
+      return invalidArgument("address \"" + escaped(text) + "\": a Unix socket path has at most " +
+                             std::to_string(sizeof(sockaddr_un{}.sun_path) - 1) + " bytes");
+    return address;
+  }
+  const size_t colon = text.rfind(':');
+  if (colon == std::string::npos)
+    return invalidArgument("address \"" + escaped(text) + "\" is neither unix:PATH nor HOST:PORT");
+  address.host = text.substr(0, colon);
+  address.port = text.substr(colon + 1);
+  if (address.host.size() > 2 && address.host.front() == '[' && address.host.back() == ']')
+    address.host = address.host.substr(1, address.host.size() - 2);
+  const bool digits = !address.port.empty() && address.port.size() <= 5 &&
+                      address.port.find_first_not_of("0123456789") == std::string::npos;
+  if (address.host.empty() || !digits || std::atoi(address.port.c_str()) > 65535)
+    return invalidArgument("address \"" + escaped(text) + "\" is neither unix:PATH nor HOST:PORT");
+  return address;
+}
+
+Status checkConfig(ServerConfig& c) {
+  if (c.listen.empty()) c.listen.push_back(defaultAddress());
+  for (const std::string& text : c.listen) {
+    GOBO_ASSIGN(const Address address, parseAddress(text));
+    if (!address.isUnix && !isLoopback(address.host) && !c.allowRemote)
+      return {Code::PermissionDenied, "listen \"" + escaped(text) + "\": not a loopback address. Gobo's protocol has no "
+              "authentication of its own; set allow_remote = true if the network in front of it has"};
+  }
+  GOBO_TRY(parseLogLevel(c.logLevel).status());
+  const auto least = [](const char* key, uint64_t value, uint64_t low) -> Status {
+    if (value >= low) return {};
+    return invalidArgument(std::string(key) + " = " + std::to_string(value) + ": must be at least " + std::to_string(low));
+  };
+  GOBO_TRY(least("engine.store_bytes", c.storeBytes, 1ull << 20));
+  GOBO_TRY(least("limits.message_bytes", c.messageBytes, 1ull << 20));
+  GOBO_TRY(least("limits.rpc_memory_bytes", c.rpcMemoryBytes, 64ull << 20));
+  GOBO_TRY(least("limits.chunk_bytes", c.chunkBytes, 4096));
+  // A chunk travels in a message with a few fields around it.
+  if (c.chunkBytes + 65536 > c.messageBytes || c.inlineBytes + 65536 > c.messageBytes)
+    return invalidArgument("limits.chunk_bytes = " + std::to_string(c.chunkBytes) + " and limits.inline_bytes = " +
+                           std::to_string(c.inlineBytes) + " must be at least 64 KiB below limits.message_bytes = " +
+                           std::to_string(c.messageBytes));
+  // A waiting render holds a call: without spare ones a full queue would lock out status, cancellation and health checks.
+  const uint64_t waiting = uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch;
+  GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running and the three queues together)", c.rpcThreads, waiting + 16));
+  for (const std::string& root : c.roots) {
+    std::error_code error;
+    if (!fs::is_directory(root, error)) return notFound("engine.roots: \"" + root + "\" is not a folder");
+  }
+  if (c.tmpFolder.empty()) {
+    const char* env = std::getenv("TMPDIR");
+    c.tmpFolder = env && *env ? env : "/tmp";
+  }
+  std::error_code error;
+  if (!fs::is_directory(c.tmpFolder, error)) return notFound("limits.tmp_folder: \"" + c.tmpFolder + "\" is not a folder");
+  if (c.pinnedBytes == 0) c.pinnedBytes = uint64_t(::sysconf(_SC_PHYS_PAGES)) * uint64_t(::sysconf(_SC_PAGESIZE)) / 2;
+  return {};
+}
+
+}  // namespace gobo

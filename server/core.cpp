@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/core.h"
+
+namespace gobo {
+
+namespace {
+
+SchedulerOptions schedulerOptions(const ServerConfig& c) {
+  SchedulerOptions o;
+  o.slots = int(c.running);
+  if (c.pinnedBytes) o.pinnedLimit = c.pinnedBytes;
+  o.queueLimit = {c.queuedInteractive, c.queuedNormal, c.queuedBatch};
+  o.clientLimit = c.queuedPerClient;
+  o.ageing = {kNever, c.ageingNormal, c.ageingBatch};
+  return o;
+}
+
+}  // namespace
+
+ServerCore::ServerCore(Engine& e, const ServerConfig& c) : engine(e), config(c), jobs(schedulerOptions(c)) {}
+
+ServerCore::Call::Call(ServerCore& core) : core_(core) {
+  const std::lock_guard lock(core_.mutex_);
+  if (core_.draining_.load()) return;
+  ok = true;
+  at_ = core_.calls_.insert(core_.calls_.end(), &stop);
+}
+
+ServerCore::Call::~Call() {
+  if (!ok) return;
+  const std::lock_guard lock(core_.mutex_);
+  core_.calls_.erase(at_);
+  core_.idle_.notify_all();
+}
+
+void ServerCore::drain() {
+  const std::lock_guard lock(mutex_);
+  draining_.store(true);
+}
+
+bool ServerCore::waitIdle(double seconds) {
+  std::unique_lock lock(mutex_);
+  return idle_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return calls_.empty(); });
+}
+
+void ServerCore::cancelAll() {
+  const std::lock_guard lock(mutex_);
+  cancelled_.store(true);
+  for (StopSource* source : calls_) source->stop(StopReason::Cancelled);
+}
+
+size_t ServerCore::running() const {
+  const std::lock_guard lock(mutex_);
+  return calls_.size();
+}
+
+}  // namespace gobo

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// ServerCore: what the services of one daemon share: the engine, the configuration, the job runner, counters, and the list
+// of running calls, so that a shutdown can refuse new work, wait for the running one, and at last stop it. Thread-safe.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <list>
+#include <mutex>
+
+#include "base/stop.h"
+#include "plan/engine.h"
+#include "server/config.h"
+#include "server/job_runner.h"
+
+namespace gobo {
+
+class ServerCore {
+ public:
+  ServerCore(Engine& engine, const ServerConfig& config);
+
+  Engine& engine;
+  const ServerConfig config;
+  JobRunner jobs;
+  std::atomic<uint64_t> renders{0};                  ///< finished with a picture
+  std::atomic<uint32_t> uploads{0};                  ///< in progress
+  const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+
+  /// While one lives, the call counts as running. `ok` is false once the server drains: refuse the request.
+  class Call {
+   public:
+    explicit Call(ServerCore& core);
+    ~Call();
+    Call(const Call&) = delete;
+    Call& operator=(const Call&) = delete;
+    bool ok = false;
+    StopSource stop;
+
+   private:
+    ServerCore& core_;
+    std::list<StopSource*>::iterator at_;
+  };
+
+  /// From now on new calls are refused; running ones go on.
+  void drain();
+  bool draining() const { return draining_.load(); }
+  /// Waits until no call runs, at most `seconds`; true if none runs.
+  bool waitIdle(double seconds);
+  /// Stops every running call (Cancelled).
+  void cancelAll();
+  bool cancelledAll() const { return cancelled_.load(); }
+  size_t running() const;
+
+  /// Asked for by Admin.Shutdown; the owner (main, tests) polls it.
+  std::atomic<bool> shutdownAsked{false};
+
+ private:
+  std::atomic<bool> draining_{false}, cancelled_{false};
+  mutable std::mutex mutex_;
+  std::condition_variable idle_;
+  std::list<StopSource*> calls_;
+};
+
+}  // namespace gobo

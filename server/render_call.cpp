@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/render_call.h"
+
+namespace gobo {
+
+using Clock = std::chrono::steady_clock;
+
+namespace {
+
+JobClass jobClassOf(v1::Scheduling::Class priority) {
+  return priority == v1::Scheduling::INTERACTIVE ? JobClass::Interactive : priority == v1::Scheduling::BATCH ? JobClass::Batch : JobClass::Normal;
+}
+
+}  // namespace
+
+RenderCall::RenderCall(ServerCore& core, StopSource stop, v1::RenderRequest request, uint64_t pinnedBytes,
+                       RenderCallOptions options)
+    : core_(core), stop_(std::move(stop)), request_(std::move(request)), pinnedBytes_(pinnedBytes), options_(std::move(options)) {
+  thread_ = std::thread([this] { work(); });
+}
+
+RenderCall::~RenderCall() {
+  cancel();
+  thread_.join();
+}
+
+void RenderCall::work() {
+  const Clock::time_point submitted = Clock::now();
+  RenderControl control;
+  if (options_.events) {
+    control.progress = [this](const v1::Progress& progress) {
+      const std::lock_guard lock(mutex_);
+      progress_ = progress;
+      changed_.notify_one();
+    };
+    control.snapshot = [this](const RenderResult& result) {
+      const std::lock_guard lock(mutex_);
+      const size_t keep = firstTaken_ ? 0 : 1;
+      while (snapshots_.size() > keep) snapshots_.pop_back();
+      snapshots_.push_back(result);
+      changed_.notify_one();
+    };
+  }
+  JobSpec spec;
+  spec.client = options_.client;
+  spec.jobClass = jobClassOf(request_.scheduling().priority());
+  if (options_.deadline) spec.deadline = std::chrono::duration<double>(options_.deadline->time_since_epoch()).count();   // JobRunner::now()
+  spec.pinnedBytes = pinnedBytes_;
+  RunControl runControl;
+  runControl.gone = [stop = stop_.token()] { return stop.stopRequested(); };
+  runControl.pollSeconds = 0.005;
+  std::optional<RenderResult> result;
+  const RunReport report = core_.jobs.run(spec, [&](StopToken stop) -> Status {
+    control.stop = stop;
+    auto rendered = core_.engine.render(request_, control);
+    if (!rendered.ok()) return rendered.status();
+    result = std::move(rendered).value();
+    return {};
+  }, runControl);
+  const std::lock_guard lock(mutex_);
+  queueMs_ = report.queuedSeconds * 1e3;
+  retryAfterMs_ = report.retryMs;
+  status_ = report.status;
+  if (status_.ok()) {
+    result_ = std::move(result);
+    result_->reply.set_queue_ms(queueMs_);
+    result_->reply.set_total_ms(std::chrono::duration<double, std::milli>(Clock::now() - submitted).count());
+  }
+  done_ = true;
+  changed_.notify_one();
+}
+
+RenderCall::News RenderCall::wait(std::chrono::milliseconds timeout) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, timeout, [&] { return done_ || progress_ || !snapshots_.empty(); });
+  News news;
+  news.progress = std::move(progress_);
+  progress_.reset();
+  // Once the answer is there only the first snapshot is still worth its transfer.
+  if (!snapshots_.empty() && done_ && firstTaken_) snapshots_.clear();
+  if (!snapshots_.empty()) {
+    news.snapshot = std::move(snapshots_.front());
+    snapshots_.pop_front();
+    firstTaken_ = true;
+    if (done_) snapshots_.clear();
+  }
+  news.done = done_ && !news.snapshot;
+  return news;
+}
+
+}  // namespace gobo

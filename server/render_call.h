@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// RenderCall: one render request on its way through the job runner, on a thread of its own, so that the thread which talks
+// to the client can notice within milliseconds that the client has gone, and a slow client never holds the cores.
+// Events wait in a mailbox of the latest progress and the latest snapshot: a client slower than the render skips snapshots,
+// except for the first one, which is always delivered. One consumer thread.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "server/core.h"
+
+namespace gobo {
+
+struct RenderCallOptions {
+  std::string client;                                                  ///< for fair share
+  std::optional<std::chrono::steady_clock::time_point> deadline;
+  bool events = false;                                                 ///< progress and snapshots wanted
+};
+
+class RenderCall {
+ public:
+  /// `request` has been resolved (its ranges are checked). `pinnedBytes` is what admission counts.
+  RenderCall(ServerCore& core, StopSource stop, v1::RenderRequest request, uint64_t pinnedBytes, RenderCallOptions options);
+  /// Cancels and joins.
+  ~RenderCall();
+
+  struct News {
+    std::optional<v1::Progress> progress;
+    std::optional<RenderResult> snapshot;
+    bool done = false;
+  };
+  /// Returns at the first news or after `timeout`. Snapshots come before done.
+  News wait(std::chrono::milliseconds timeout);
+  void cancel() { stop_.stop(StopReason::Cancelled); }
+
+  /// After done. The result is there when the status is ok; queue_ms and total_ms are filled in.
+  const Status& status() const { return status_; }
+  RenderResult& result() { return *result_; }
+  double queueMs() const { return queueMs_; }
+  double retryAfterMs() const { return retryAfterMs_; }
+
+ private:
+  void work();
+  ServerCore& core_;
+  StopSource stop_;
+  const v1::RenderRequest request_;
+  const uint64_t pinnedBytes_;
+  const RenderCallOptions options_;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::optional<v1::Progress> progress_;
+  std::deque<RenderResult> snapshots_;
+  bool firstTaken_ = false;
+  bool done_ = false;
+  Status status_;
+  std::optional<RenderResult> result_;
+  double queueMs_ = 0;
+  double retryAfterMs_ = 0;
+  std::thread thread_;
+};
+
+}  // namespace gobo

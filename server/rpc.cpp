@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/rpc.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/log.h"
+
+namespace gobo {
+
+grpc::Status toGrpc(const Status& status) {
+  if (status.ok()) return grpc::Status::OK;
+  std::string text = status.message();
+  if (!status.location().empty()) text += " (at " + status.location() + ")";
+  constexpr size_t limit = 4096;
+  if (text.size() > limit) text = text.substr(0, limit - 3) + "...";
+  return {grpc::StatusCode(int(status.code())), escaped(text)};
+}
+
+grpc::Status busy(grpc::ServerContext& context, const std::string& what, double retryAfterMs) {
+  const long ms = std::max(1L, std::lround(std::min(std::max(retryAfterMs, 1.0), 3.6e6)));
+  context.AddTrailingMetadata(kRetryAfterKey, std::to_string(ms));
+  return {grpc::StatusCode::RESOURCE_EXHAUSTED, escaped(what) + "; retry after " + std::to_string(ms) + " ms"};
+}
+
+grpc::Status drainingStatus() { return {grpc::StatusCode::UNAVAILABLE, "the server is shutting down"}; }
+
+bool isLocalPeer(const grpc::ServerContext& context) {
+  const std::string peer = context.peer();
+  return peer.rfind("unix:", 0) == 0 || peer.rfind("inproc", 0) == 0;
+}
+
+std::string clientName(const grpc::ServerContext& context, const std::string& named) {
+  if (!named.empty()) return named.substr(0, 256);
+  const std::string peer = context.peer();
+  if (peer.rfind("unix:", 0) == 0) return "unix";
+  const size_t colon = peer.rfind(':');
+  return colon == std::string::npos ? peer : peer.substr(0, colon);
+}
+
+std::optional<std::chrono::steady_clock::time_point> deadlineOf(const grpc::ServerContext& context, const v1::Scheduling& scheduling) {
+  using Steady = std::chrono::steady_clock;
+  using Ms = std::chrono::duration<double, std::milli>;
+  double ms = std::numeric_limits<double>::infinity();
+  if (scheduling.has_deadline_ms()) ms = scheduling.deadline_ms();
+  const auto rpc = context.deadline();   // time_point::max() when the client gave none
+  if (rpc < std::chrono::system_clock::time_point::max()) ms = std::min(ms, Ms(rpc - std::chrono::system_clock::now()).count());
+  if (ms > 1e11) return std::nullopt;    // over three years: none
+  return Steady::now() + std::chrono::duration_cast<Steady::duration>(Ms(std::max(ms, 0.0)));
+}
+
+}  // namespace gobo

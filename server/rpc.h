@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// The seam between Gobo's values and gRPC's: statuses, peers, deadlines, retry hints.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+
+#include <grpcpp/grpcpp.h>
+
+#include "base/status.h"
+#include "gobo/v1/render.pb.h"
+
+namespace gobo {
+
+/// Code and "message (at location)", cut to 4 KiB so that it fits into HTTP/2 trailers.
+grpc::Status toGrpc(const Status& status);
+/// RESOURCE_EXHAUSTED that may pass: trailing metadata "retry-after-ms" and the same in the message.
+grpc::Status busy(grpc::ServerContext& context, const std::string& what, double retryAfterMs);
+/// UNAVAILABLE for requests that arrive while the daemon drains.
+grpc::Status drainingStatus();
+/// A Unix socket or a channel inside the process.
+bool isLocalPeer(const grpc::ServerContext& context);
+/// scheduling.client, or the peer without its port.
+std::string clientName(const grpc::ServerContext& context, const std::string& named);
+/// The earlier of scheduling.deadline_ms from now and the RPC's own deadline.
+std::optional<std::chrono::steady_clock::time_point> deadlineOf(const grpc::ServerContext& context, const v1::Scheduling& scheduling);
+
+constexpr const char* kRetryAfterKey = "retry-after-ms";
+
+}  // namespace gobo

@@ -1,0 +1,408 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/scheduler.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "base/check.h"
+
+namespace gobo {
+
+namespace {
+constexpr double kMeanWeight = 0.2;        // of the newest value in a moving mean
+constexpr double kFirstRunGuess = 1;       // seconds, before anything was measured
+constexpr double kRounding = 1e-9;         // seconds: sums of intervals against their bound
+
+void intoMean(double& mean, double value) { mean = mean > 0 ? mean + kMeanWeight * (value - mean) : std::max(value, 1e-9); }
+}  // namespace
+
+Scheduler::Scheduler(const SchedulerOptions& options) : options_(options) { GOBO_CHECK_GT(options.slots, 0); }
+
+double Scheduler::meanRun(int c) const {
+  const double mean = classes_[size_t(c)].stats.meanRunSeconds;
+  return mean > 0 ? mean : kFirstRunGuess;
+}
+
+bool Scheduler::due(int c) const {
+  const ClassState& s = classes_[size_t(c)];
+  return s.queued > 0 && s.running == 0 && s.waited >= options_.ageing[size_t(c)] - kRounding;
+}
+
+// Brings all books to `now`: run seconds of clients, virtual time, waiting of classes.
+double Scheduler::advance(double now) {
+  if (!(now > now_)) return now_;
+  for (auto& [id, job] : jobs_) {
+    if (job.state == State::Queued) continue;
+    const double seconds = now - job.chargedUntil;
+    ClassState& s = classes_[size_t(job.spec.jobClass)];
+    Client& client = s.clients[job.spec.client];
+    client.virtualTime += seconds;
+    client.seconds += seconds;
+    s.stats.runSeconds += seconds;
+    job.ran += seconds;
+    job.chargedUntil = now;
+    // Fluid fair share: what an ideal division among the active clients would have given each.
+    size_t active = 0;
+    for (const auto& [name, c] : s.clients) active += c.queued + c.running > 0;
+    s.virtualTime += seconds / double(std::max<size_t>(active, 1));
+  }
+  for (auto& s : classes_) {
+    const double seconds = std::isfinite(now_) ? now - now_ : 0;
+    if (s.running > 0) {
+      s.served += seconds;
+      if (s.served >= options_.protectedSeconds - kRounding) s.waited = s.served = 0;
+    } else if (s.queued > 0) {
+      s.waited += seconds;
+    }
+  }
+  return now_ = now;
+}
+
+void Scheduler::activate(ClassState& s, Client& client) {
+  if (client.queued + client.running > 0) return;
+  double least = kNever;
+  for (const auto& [name, c] : s.clients)
+    if (c.queued + c.running > 0) least = std::min(least, c.virtualTime);
+  if (std::isfinite(least)) s.virtualTime = std::max(s.virtualTime, least);
+  client.virtualTime = std::max(client.virtualTime, s.virtualTime);
+}
+
+void Scheduler::settle(ClassState& s) {
+  std::erase_if(s.clients, [&](const auto& c) {
+    return c.second.queued + c.second.running == 0 && c.second.virtualTime <= s.virtualTime + kRounding;
+  });
+}
+
+double Scheduler::retryMs(int c, bool clientBound, double now) {
+  ClassState& s = classes_[size_t(c)];
+  double interval = s.stats.startInterval > 0 ? s.stats.startInterval : meanRun(c) / options_.slots;
+  interval = std::max(interval, s.queued > 0 ? now - std::max(s.lastStart, s.waitingSince) : 0.0);   // a stall shows before its end
+  double scale = double(++s.refusedSinceStart);
+  if (clientBound) {
+    size_t active = 0;
+    for (const auto& [name, client] : s.clients) active += client.queued > 0;
+    scale *= double(std::max<size_t>(active, 1));
+  }
+  return std::clamp(interval * scale * 1e3, options_.retryMinMs, options_.retryMaxMs);
+}
+
+Submit Scheduler::submit(const JobSpec& spec, double now) {
+  now = advance(now);
+  const int c = int(spec.jobClass);
+  GOBO_CHECK(c >= 0 && c < kJobClasses);
+  ClassState& s = classes_[size_t(c)];
+  Submit result;
+  const auto refuse = [&](Code code, std::string why, double retry) {
+    ++s.stats.refused;
+    result.status = Status(code, std::move(why));
+    result.retryMs = retry;
+    return result;
+  };
+  if (spec.pinnedBytes > options_.pinnedLimit)
+    return refuse(Code::FailedPrecondition, "needs " + std::to_string(spec.pinnedBytes) + " bytes at once; the limit of this server is " +
+                  std::to_string(options_.pinnedLimit), 0);
+  if (spec.deadline <= now) return refuse(Code::DeadlineExceeded, "the deadline had passed on arrival", 0);
+  if (s.queued >= options_.queueLimit[size_t(c)])
+    return refuse(Code::ResourceExhausted, "queue is full: " + std::to_string(s.queued) + " jobs of this class wait", retryMs(c, false, now));
+  const auto mine = queuedOf_.find(spec.client);
+  if ((mine == queuedOf_.end() ? 0 : mine->second) >= options_.clientLimit)
+    return refuse(Code::ResourceExhausted, "too many jobs of client '" + spec.client + "' wait: " + std::to_string(options_.clientLimit),
+                  retryMs(c, true, now));
+  Client& client = s.clients[spec.client];
+  activate(s, client);
+  if (s.queued == 0) s.waitingSince = now;
+  ++client.queued;
+  ++s.queued;
+  ++queued_;
+  ++queuedOf_[spec.client];
+  ++s.stats.submitted;
+  result.id = next_++;
+  jobs_[result.id].spec = spec;
+  return result;
+}
+
+void Scheduler::unqueue(Job& job) {
+  ClassState& s = classes_[size_t(job.spec.jobClass)];
+  --s.clients[job.spec.client].queued;
+  --s.queued;
+  --queued_;
+  const auto mine = queuedOf_.find(job.spec.client);
+  if (--mine->second == 0) queuedOf_.erase(mine);
+}
+
+void Scheduler::leave(Jobs::iterator at) {
+  Job& job = at->second;
+  ClassState& s = classes_[size_t(job.spec.jobClass)];
+  if (job.state == State::Queued) {
+    unqueue(job);
+  } else {
+    --s.clients[job.spec.client].running;
+    --s.running;
+    --running_;
+    pinned_ -= job.spec.pinnedBytes;
+  }
+  jobs_.erase(at);
+  if (s.queued == 0 && s.running == 0) s.waited = s.served = 0;
+  settle(s);
+}
+
+void Scheduler::start(JobId id, Job& job, double now) {
+  ClassState& s = classes_[size_t(job.spec.jobClass)];
+  if (due(int(job.spec.jobClass))) job.protectedUntil = now + options_.protectedSeconds;
+  unqueue(job);
+  ++s.clients[job.spec.client].running;
+  ++s.running;
+  ++running_;
+  pinned_ += job.spec.pinnedBytes;
+  job.state = State::Running;
+  job.started = job.chargedUntil = now;
+  job.blockedSince = kNever;
+  ++s.stats.started;
+  if (s.lastStart >= s.waitingSince) intoMean(s.stats.startInterval, now - s.lastStart);   // jobs waited all the time between
+  s.lastStart = now;
+  s.refusedSinceStart = 0;
+}
+
+void Scheduler::expire(double now, std::vector<Action>& actions) {
+  for (auto at = jobs_.begin(); at != jobs_.end();) {
+    const auto job = at++;
+    if (job->second.stopPending) {
+      job->second.stopPending = false;
+      actions.push_back({Action::Kind::Stop, job->first, StopReason::Cancelled});
+    } else if (job->second.spec.deadline <= now && !job->second.cancelled) {
+      if (job->second.state == State::Queued) {
+        actions.push_back({Action::Kind::Expire, job->first, StopReason::Deadline});
+        ++classes_[size_t(job->second.spec.jobClass)].stats.expired;
+        leave(job);
+      } else if (job->second.state != State::Stopping) {
+        job->second.state = State::Stopping;
+        actions.push_back({Action::Kind::Stop, job->first, StopReason::Deadline});
+      }
+    }
+  }
+}
+
+std::vector<int> Scheduler::classOrder() const {
+  std::vector<int> order{0, 1, 2};
+  const auto overdue = [&](int c) { return due(c) ? classes_[size_t(c)].waited - options_.ageing[size_t(c)] + 1 : 0; };
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return overdue(a) > overdue(b); });
+  return order;
+}
+
+bool Scheduler::preemptFor(const Job& job, double now, Room& room, std::vector<Action>& actions) {
+  std::vector<std::pair<JobId, Job*>> victims;
+  for (auto& [id, other] : jobs_)
+    if (other.state == State::Running && other.spec.jobClass > job.spec.jobClass && other.protectedUntil <= now && !other.cancelled)
+      victims.emplace_back(id, &other);
+  std::sort(victims.begin(), victims.end(), [](const auto& a, const auto& b) {
+    return std::tuple(a.second->spec.jobClass, a.second->started, a.first) > std::tuple(b.second->spec.jobClass, b.second->started, b.first);
+  });
+  int64_t slots = room.freeSlots + room.comingSlots;
+  uint64_t bytes = room.freeBytes + room.comingBytes;
+  const auto enough = [&] { return slots >= 1 && bytes >= job.spec.pinnedBytes; };
+  size_t taken = 0;
+  while (!enough() && taken < victims.size()) {
+    ++slots;
+    bytes += victims[taken++].second->spec.pinnedBytes;
+  }
+  if (!enough()) return false;
+  victims.resize(taken);
+  for (size_t i = 0; i < victims.size();) {   // the first ones may have proved needless when a larger one followed
+    const uint64_t its = victims[i].second->spec.pinnedBytes;
+    if (slots >= 2 && bytes - its >= job.spec.pinnedBytes) {
+      --slots;
+      bytes -= its;
+      victims.erase(victims.begin() + long(i));
+    } else {
+      ++i;
+    }
+  }
+  for (const auto& [id, victim] : victims) {
+    victim->state = State::Preempting;
+    ++room.comingSlots;
+    room.comingBytes += victim->spec.pinnedBytes;
+    actions.push_back({Action::Kind::Preempt, id, StopReason::Preempted});
+  }
+  return true;
+}
+
+// Starts the job, or books what it waits for. `first`: nobody may pass it. True if it started.
+bool Scheduler::tryStart(JobId id, Job& job, double now, bool first, Room& room, std::vector<Action>& actions) {
+  const uint64_t need = job.spec.pinnedBytes;
+  if (room.freeSlots >= 1 && room.freeBytes >= need) {
+    start(id, job, now);
+    --room.freeSlots;
+    room.freeBytes -= need;
+    actions.push_back({Action::Kind::Start, id});
+    return true;
+  }
+  if (room.freeBytes < need) job.blockedSince = std::min(job.blockedSince, now);
+  const bool comes = (room.freeSlots + room.comingSlots >= 1 && room.freeBytes + room.comingBytes >= need) ||
+                     preemptFor(job, now, room, actions);
+  if (!comes && !first) return false;
+  // Hold: free room first, then what jobs that are giving way will leave.
+  const uint64_t bytes = std::min(need, room.freeBytes);
+  room.freeBytes -= bytes;
+  room.comingBytes -= std::min(need - bytes, room.comingBytes);
+  if (room.freeSlots > 0) --room.freeSlots;
+  else if (room.comingSlots > 0) --room.comingSlots;
+  return false;
+}
+
+std::vector<Action> Scheduler::decide(double now) {
+  now = advance(now);
+  std::vector<Action> actions;
+  expire(now, actions);
+  if (queued_ == 0) return actions;
+  Room room{options_.slots - int64_t(running_), 0, options_.pinnedLimit - pinned_, 0};
+  int lowest = -1;   // class of a job that could be preempted
+  for (const auto& [id, job] : jobs_) {
+    if (job.state == State::Preempting || job.state == State::Stopping) {
+      ++room.comingSlots;
+      room.comingBytes += job.spec.pinnedBytes;
+    } else if (job.state == State::Running && job.protectedUntil <= now) {
+      lowest = std::max(lowest, int(job.spec.jobClass));
+    }
+  }
+  struct Candidate { JobId id; Job* job; };
+  struct Line { std::vector<Candidate> jobs; size_t at = 0; double virtualTime = 0; };
+  for (const int c : classOrder()) {
+    ClassState& s = classes_[size_t(c)];
+    if (s.queued == 0) continue;
+    const auto nothingToBeHad = [&] { return room.freeSlots <= 0 && room.comingSlots <= 0 && lowest <= c; };
+    if (nothingToBeHad()) continue;
+    const bool isDue = due(c);
+    std::vector<Candidate> reserved;                    // rule 7: they go first, oldest first
+    std::map<std::string, Line> lines;
+    for (auto& [id, job] : jobs_) {
+      if (int(job.spec.jobClass) != c) continue;
+      Line& line = lines[job.spec.client];
+      if (job.state != State::Queued) {
+        line.virtualTime += std::max(0.0, meanRun(c) - (now - job.started));   // not consumed yet, but spoken for
+      } else if (now >= job.blockedSince + options_.reserveAfter) {
+        reserved.push_back({id, &job});
+      } else {
+        line.jobs.push_back({id, &job});
+      }
+    }
+    for (auto& [name, line] : lines) {
+      line.virtualTime += s.clients[name].virtualTime;
+      std::stable_sort(line.jobs.begin(), line.jobs.end(), [](const Candidate& a, const Candidate& b) {
+        return a.job->spec.deadline < b.job->spec.deadline;
+      });
+    }
+    bool first = isDue;
+    for (const Candidate& r : reserved) {
+      tryStart(r.id, *r.job, now, true, room, actions);
+      first = false;
+    }
+    for (;;) {
+      if (nothingToBeHad()) break;
+      Line* best = nullptr;
+      for (auto& [name, line] : lines) {
+        if (line.at == line.jobs.size()) continue;
+        if (!best || std::tuple(line.virtualTime, line.jobs[line.at].id) < std::tuple(best->virtualTime, best->jobs[best->at].id)) best = &line;
+      }
+      if (!best) break;
+      const Candidate job = best->jobs[best->at++];
+      if (tryStart(job.id, *job.job, now, first, room, actions)) best->virtualTime += meanRun(c);
+      first = false;
+    }
+  }
+  return actions;
+}
+
+void Scheduler::finished(JobId id, double now, Outcome outcome) {
+  advance(now);
+  const auto at = jobs_.find(id);
+  GOBO_CHECK(at != jobs_.end() && at->second.state != State::Queued);
+  const Job& job = at->second;
+  ClassState& s = classes_[size_t(job.spec.jobClass)];
+  if (job.cancelled) ++s.stats.cancelled;
+  else if (job.state == State::Stopping && outcome == Outcome::Failed) ++s.stats.expired;
+  else if (outcome == Outcome::Done) ++s.stats.done;
+  else ++s.stats.failed;
+  if (!job.cancelled) intoMean(s.stats.meanRunSeconds, job.ran);
+  s.waited = s.served = 0;
+  leave(at);
+}
+
+bool Scheduler::preempted(JobId id, double now) {
+  now = advance(now);
+  const auto at = jobs_.find(id);
+  GOBO_CHECK(at != jobs_.end() && at->second.state != State::Queued);
+  Job& job = at->second;
+  ClassState& s = classes_[size_t(job.spec.jobClass)];
+  if (job.cancelled || job.spec.deadline <= now) {
+    ++(job.cancelled ? s.stats.cancelled : s.stats.expired);
+    leave(at);
+    return false;
+  }
+  ++s.stats.preempted;
+  Client& client = s.clients[job.spec.client];
+  --client.running;
+  --s.running;
+  --running_;
+  pinned_ -= job.spec.pinnedBytes;
+  if (s.queued == 0) s.waitingSince = now;
+  ++client.queued;
+  ++s.queued;
+  ++queued_;
+  ++queuedOf_[job.spec.client];
+  job.state = State::Queued;
+  job.protectedUntil = -kNever;
+  return true;
+}
+
+CancelResult Scheduler::cancel(JobId id, double now) {
+  advance(now);
+  const auto at = jobs_.find(id);
+  if (at == jobs_.end()) return CancelResult::Unknown;
+  Job& job = at->second;
+  if (job.state == State::Queued) {
+    ++classes_[size_t(job.spec.jobClass)].stats.cancelled;
+    leave(at);
+    return CancelResult::Removed;
+  }
+  if (!job.cancelled) job.stopPending = true;
+  job.cancelled = true;
+  job.state = State::Stopping;
+  return CancelResult::Stopping;
+}
+
+std::optional<double> Scheduler::nextEvent(double now) const {
+  double next = kNever;
+  for (const auto& [id, job] : jobs_) {
+    if (job.stopPending) return now;
+    if (job.state != State::Stopping) next = std::min(next, job.spec.deadline);
+    if (queued_ == 0) continue;
+    if (job.state == State::Running && job.protectedUntil > now_) next = std::min(next, job.protectedUntil);
+    if (job.state == State::Queued && std::isfinite(job.blockedSince) && job.blockedSince + options_.reserveAfter > now_)
+      next = std::min(next, job.blockedSince + options_.reserveAfter);
+  }
+  for (int c = 0; c < kJobClasses; ++c) {
+    const ClassState& s = classes_[size_t(c)];
+    const double left = options_.ageing[size_t(c)] - s.waited;
+    if (s.queued > 0 && s.running == 0 && left > kRounding) next = std::min(next, now_ + left);
+  }
+  if (!std::isfinite(next)) return std::nullopt;
+  return std::max(next, now);
+}
+
+SchedulerStats Scheduler::stats() const {
+  SchedulerStats stats;
+  for (int c = 0; c < kJobClasses; ++c) {
+    const ClassState& s = classes_[size_t(c)];
+    stats.classes[size_t(c)] = s.stats;
+    stats.classes[size_t(c)].queued = s.queued;
+    stats.classes[size_t(c)].running = s.running;
+    for (const auto& [name, client] : s.clients) stats.clientSeconds[name] += client.seconds;
+  }
+  stats.queued = queued_;
+  stats.running = running_;
+  stats.pinnedBytes = pinned_;
+  return stats;
+}
+
+}  // namespace gobo

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/server.h"
+
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/health_check_service_interface.h>
+#include <grpcpp/impl/server_builder_option.h>
+#include <grpcpp/impl/server_builder_plugin.h>
+#include <grpcpp/resource_quota.h>
+
+#include "server/admin_service.h"
+#include "server/render_service.h"
+#include "server/scenes_service.h"
+
+namespace gobo {
+
+struct Server::Services {
+  explicit Services(ServerCore& core) : scenes(core), render(core), admin(core) {}
+  ScenesService scenes;
+  RenderService render;
+  AdminService admin;
+};
+
+namespace {
+
+const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Admin"};
+
+// Linking gRPC's reflection library installs it in every server; this takes it out again unless it is asked for.
+class NoReflection final : public grpc::ServerBuilderOption {
+ public:
+  void UpdateArguments(grpc::ChannelArguments*) override {}
+  void UpdatePlugins(std::vector<std::unique_ptr<grpc::ServerBuilderPlugin>>* plugins) override {
+    std::erase_if(*plugins, [](const auto& plugin) { return plugin->name() == "proto_server_reflection"; });
+  }
+};
+
+}  // namespace
+
+Status claimSocketPath(const std::string& path) {
+  struct stat info{};
+  if (::lstat(path.c_str(), &info) != 0) {
+    if (errno == ENOENT) return {};
+    return {Code::Unavailable, "cannot use socket \"" + path + "\": " + std::strerror(errno)};
+  }
+  if (!S_ISSOCK(info.st_mode)) return {Code::FailedPrecondition, "\"" + path + "\" exists and is not a socket"};
+  const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  if (fd < 0) return internalError(std::string("socket: ") + std::strerror(errno));
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::strncpy(address.sun_path, path.c_str(), sizeof address.sun_path - 1);
+  const int connected = ::connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof address);
+  const int error = errno;
+  ::close(fd);
+  // Refused: nobody listens. EAGAIN is a live listener with a full backlog.
+  if (connected != 0 && error == ECONNREFUSED) {
+    if (::unlink(path.c_str()) == 0 || errno == ENOENT) return {};
+    return {Code::Unavailable, "cannot remove stale socket \"" + path + "\": " + std::strerror(errno)};
+  }
+  if (connected == 0 || error == EAGAIN) return {Code::FailedPrecondition, "another server is listening on \"" + path + "\""};
+  return {Code::Unavailable, "cannot use socket \"" + path + "\": " + std::strerror(error)};
+}
+
+EngineOptions engineOptions(const ServerConfig& config) {
+  EngineOptions options;
+  options.threads = config.threads;
+  options.storeBytes = config.storeBytes;
+  options.cacheFolder = config.cacheFolder;
+  options.diskBytes = config.diskBytes;
+  options.roots = config.roots;
+  options.keepRenders = config.keepRenders;
+  return options;
+}
+
+Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const EngineOptions& options, bool sockets) {
+  std::unique_ptr<Server> self(new Server());
+  GOBO_ASSIGN(self->engine_, Engine::create(options));
+  self->core_ = std::make_unique<ServerCore>(*self->engine_, config);
+  self->services_ = std::make_unique<Services>(*self->core_);
+
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::ServerBuilder builder;
+  grpc::ResourceQuota quota("gobod");
+  quota.Resize(config.rpcMemoryBytes);
+  // Beside the handlers gRPC needs a few pollers of its own; without a free thread a call is refused (RESOURCE_EXHAUSTED).
+  quota.SetMaxThreads(int(config.rpcThreads) + 4);
+  builder.SetResourceQuota(quota);
+  builder.SetSyncServerOption(grpc::ServerBuilder::NUM_CQS, 1);
+  builder.SetSyncServerOption(grpc::ServerBuilder::MIN_POLLERS, 1);
+  builder.SetSyncServerOption(grpc::ServerBuilder::MAX_POLLERS, 2);
+  builder.SetMaxReceiveMessageSize(int(std::min<uint64_t>(config.messageBytes, INT32_MAX)));
+  builder.SetMaxSendMessageSize(int(std::min<uint64_t>(config.messageBytes, INT32_MAX)));
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, int(config.streamsPerConnection));
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10000);
+  builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, 16384);
+  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);   // a second daemon on the same port is an error, not a lottery
+  if (!config.reflection) builder.SetOption(std::make_unique<NoReflection>());
+  builder.RegisterService(&self->services_->scenes);
+  builder.RegisterService(&self->services_->render);
+  builder.RegisterService(&self->services_->admin);
+
+  std::vector<int> ports(config.listen.size(), 0);
+  std::vector<Address> parsed;
+  if (sockets) {
+    for (size_t i = 0; i < config.listen.size(); ++i) {
+      GOBO_ASSIGN(const Address address, parseAddress(config.listen[i]));
+      parsed.push_back(address);
+      if (address.isUnix) GOBO_TRY(claimSocketPath(address.path));
+      builder.AddListeningPort(config.listen[i], grpc::InsecureServerCredentials(), &ports[i]);
+    }
+  }
+  // The socket is born with mode 0600: no moment at which others could connect.
+  const mode_t mask = ::umask(0177);
+  self->server_ = builder.BuildAndStart();
+  ::umask(mask);
+  std::string failed;
+  for (size_t i = 0; i < parsed.size(); ++i) {
+    if (parsed[i].isUnix && self->server_) self->socketFiles_.push_back(parsed[i].path);
+    if (ports[i] == 0) failed += (failed.empty() ? "" : ", ") + config.listen[i];
+    self->addresses_.push_back(parsed[i].isUnix ? config.listen[i]
+                                                : config.listen[i].substr(0, config.listen[i].rfind(':') + 1) + std::to_string(ports[i]));
+  }
+  if (!self->server_ || !failed.empty())
+    return Status(Code::Unavailable, failed.empty() ? "cannot start the gRPC server" : "cannot listen on " + failed + ": in use or not permitted");
+  for (const std::string& path : self->socketFiles_)
+    if (::chmod(path.c_str(), 0600) != 0) return Status(Code::Unavailable, "chmod \"" + path + "\": " + std::strerror(errno));
+  if (auto* health = self->server_->GetHealthCheckService())
+    for (const char* name : kServiceNames) health->SetServingStatus(name, true);
+  return self;
+}
+
+std::shared_ptr<grpc::Channel> Server::inProcessChannel() {
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(-1);
+  return server_->InProcessChannel(arguments);
+}
+
+void Server::shutdown(double drainSeconds) {
+  if (!server_) return;
+  core_->drain();
+  if (auto* health = server_->GetHealthCheckService()) health->SetServingStatus(false);
+  if (!core_->waitIdle(drainSeconds)) {
+    logWarn("%zu calls still run after %.1f s: cancelling them", core_->running(), drainSeconds);
+    core_->cancelAll();
+    core_->waitIdle(10);
+  }
+  server_->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(500));
+  server_->Wait();
+  server_.reset();
+  for (const std::string& path : socketFiles_) ::unlink(path.c_str());
+  socketFiles_.clear();
+}
+
+Server::~Server() { shutdown(0); }
+
+}  // namespace gobo

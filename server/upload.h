@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// UploadFile: a scene that arrives in pieces, kept in a fresh folder of mode 0700 under the tmp folder; the folder goes away
+// with the object, whatever happened. The name is made here, never by the client. One thread.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "base/status.h"
+#include "gobo/v1/service.pb.h"
+#include "server/encode.h"
+
+namespace gobo {
+
+class UploadFile {
+ public:
+  UploadFile() = default;
+  ~UploadFile();
+  UploadFile(const UploadFile&) = delete;
+  UploadFile& operator=(const UploadFile&) = delete;
+
+  /// Checks the first message: extension (.glb, .gltf), total_bytes in 1..maxBytes, sha256 empty or 64 hex digits.
+  /// Errors: InvalidArgument naming the field, ResourceExhausted when it is too large, Internal when the disk refuses.
+  Status begin(const std::string& tmpFolder, const v1::UploadSceneRequest& first, uint64_t maxBytes);
+  /// Errors: InvalidArgument when more arrives than announced, ResourceExhausted when the disk is full.
+  Status add(const std::string& data);
+  /// Errors: InvalidArgument when bytes are missing or the digest differs.
+  Status finish();
+  const std::string& path() const { return path_; }
+  const std::string& digest() const { return digest_; }
+
+ private:
+  std::string folder_, path_, expected_, digest_;
+  uint64_t total_ = 0, received_ = 0;
+  int fd_ = -1;
+  Sha256 sha_;
+};
+
+/// Removes what a killed daemon of the same user left under the tmp folder (folders gobo-upload-PID-* whose process is gone).
+void removeStaleUploads(const std::string& tmpFolder);
+
+}  // namespace gobo

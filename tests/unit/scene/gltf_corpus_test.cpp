@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files from elsewhere: the converted scenes have the triangle counts of their page, and the whole corpus, damaged files
+// included, ends in a sealed scene or in an error that names the file.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "scene/load.h"
+
+namespace gobo {
+namespace {
+
+namespace fs = std::filesystem;
+const fs::path kData = "../shared/data";
+
+struct Derived { const char* file; size_t triangles; size_t lights; std::vector<std::string> cameras; };
+
+TEST(GltfCorpus, DerivedScenesHaveTheirCounts) {
+  if (!fs::exists(kData / "derived")) GTEST_SKIP() << "../shared/data/derived is absent";
+  const Derived expected[] = {{"sponza.glb", 66445, 1, {"atrium", "balcony", "down"}}, {"sibenik.glb", 0, 2, {"nave", "altar"}},
+                              {"cornell_dragon.glb", 0, 1, {"front"}}, {"teapot_table.glb", 0, 0, {"main"}}, {"bunny_dragon.glb", 0, 0, {}}};
+  for (const Derived& e : expected) {
+    const auto scene = loadGltf((kData / "derived" / e.file).string());
+    ASSERT_TRUE(scene.ok()) << scene.status().toString();
+    const Scene& s = **scene;
+    std::cout << e.file << " triangles " << s.triangleCount() << " instances " << s.instances.size() << " lights";
+    for (auto& l : s.lights) std::cout << " " << l.name;
+    std::cout << " cameras";
+    for (auto& c : s.cameras) std::cout << " " << c.name;
+    std::cout << " warnings " << s.warnings.size() << "\n";
+    for (auto& w : s.warnings) std::cout << "   " << w << "\n";
+  }
+}
+
+TEST(GltfCorpus, EveryFileLoadsOrIsRefusedWithItsName) {
+  if (!fs::exists(kData / "gltf")) GTEST_SKIP() << "../shared/data/gltf is absent";
+  std::vector<std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(kData / "gltf")) {
+    const std::string e = entry.path().extension();
+    if (entry.is_regular_file() && (e == ".gltf" || e == ".glb")) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  size_t loaded = 0, refused = 0, warned = 0;
+  for (const std::string& file : files) {
+    const auto scene = loadGltf(file);
+    if (scene.ok()) {
+      ++loaded;
+      warned += !(*scene)->warnings.empty();
+      EXPECT_FALSE((*scene)->hash().isZero());
+    } else {
+      ++refused;
+      EXPECT_EQ(scene.status().location().compare(0, file.size(), file), 0) << scene.status().toString();
+      EXPECT_FALSE(scene.status().message().empty());
+      std::cout << "refused " << scene.status().toString() << "\n";
+    }
+  }
+  std::cout << "corpus: " << files.size() << " files, " << loaded << " loaded (" << warned << " with warnings), " << refused << " refused\n";
+}
+
+}  // namespace
+}  // namespace gobo

@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scheduler: each rule of its header by a small case. The long random runs are in scheduler_simulation_test.cpp.
+#include "server/scheduler.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+namespace gobo {
+namespace {
+
+using Kind = Action::Kind;
+
+JobSpec job(std::string client, JobClass c, uint64_t bytes = 0, double deadline = kNever) { return {std::move(client), c, deadline, bytes}; }
+constexpr JobClass I = JobClass::Interactive, N = JobClass::Normal, B = JobClass::Batch;
+
+std::string show(const std::vector<Action>& actions) {
+  std::string text;
+  for (const Action& a : actions) {
+    const char* kinds[] = {"start", "preempt", "stop", "expire"};
+    text += (text.empty() ? "" : " ") + std::string(kinds[int(a.kind)]) + std::to_string(a.id);
+  }
+  return text;
+}
+SchedulerOptions slots(int n) {
+  SchedulerOptions o;
+  o.slots = n;
+  return o;
+}
+
+TEST(Scheduler, FillsSlotsInOrderOfSubmissionAndNoMore) {
+  Scheduler s(slots(2));
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(s.submit(job("a", N), 0).id, JobId(i + 1));
+  EXPECT_EQ(show(s.decide(0)), "start1 start2");
+  EXPECT_EQ(show(s.decide(0)), "");                 // every action once
+  s.finished(2, 1, Outcome::Done);
+  EXPECT_EQ(show(s.decide(1)), "start3");
+  EXPECT_EQ(s.running(), 2u);
+}
+
+TEST(Scheduler, HigherClassFirst) {
+  Scheduler s(slots(1));
+  (void)s.submit(job("a", B), 0), (void)s.submit(job("a", N), 0), (void)s.submit(job("a", I), 0);
+  EXPECT_EQ(show(s.decide(0)), "start3");
+  s.finished(3, 1, Outcome::Done);
+  EXPECT_EQ(show(s.decide(1)), "start2");
+  s.finished(2, 2, Outcome::Done);
+  EXPECT_EQ(show(s.decide(2)), "start1");
+}
+
+TEST(Scheduler, InteractivePreemptsLowestClassLatestStarted) {
+  Scheduler s(slots(3));
+  (void)s.submit(job("a", N), 0);
+  (void)s.decide(0);
+  (void)s.submit(job("a", B), 1);
+  (void)s.decide(1);
+  (void)s.submit(job("a", B), 2);
+  (void)s.decide(2);
+  (void)s.submit(job("b", I), 3);
+  EXPECT_EQ(show(s.decide(3)), "preempt3");
+  EXPECT_EQ(show(s.decide(3)), "");                 // one is enough: not again while it is giving way
+  EXPECT_TRUE(s.preempted(3, 3.01));
+  EXPECT_EQ(show(s.decide(3.01)), "start4");        // and not the preempted one
+  (void)s.submit(job("b", I), 4), (void)s.submit(job("c", I), 4), (void)s.submit(job("d", I), 4);
+  EXPECT_EQ(show(s.decide(4)), "preempt2 preempt1");   // the third finds nothing of a lower class
+  EXPECT_EQ(s.running(), 3u);
+}
+
+TEST(Scheduler, NormalPreemptsBatchButNeverItsOwnClassOrAHigherOne) {
+  Scheduler s(slots(1));
+  (void)s.submit(job("a", B), 0);
+  (void)s.decide(0);
+  (void)s.submit(job("b", N), 1);
+  EXPECT_EQ(show(s.decide(1)), "preempt1");
+  EXPECT_TRUE(s.preempted(1, 1));
+  EXPECT_EQ(show(s.decide(1)), "start2");
+  (void)s.submit(job("c", N), 2), (void)s.submit(job("c", B), 2);
+  EXPECT_EQ(show(s.decide(2)), "");
+  s.finished(2, 3, Outcome::Done);
+  EXPECT_EQ(show(s.decide(3)), "start3");
+  s.finished(3, 4, Outcome::Done);
+  EXPECT_EQ(show(s.decide(4)), "start1");           // client a has had a second, but c came later and has no credit: order
+  s.finished(1, 5, Outcome::Done);
+  EXPECT_EQ(show(s.decide(5)), "start4");
+  EXPECT_EQ(s.stats().classes[2].preempted, 1u);
+}
+
+TEST(Scheduler, PreemptsForBytesNoMoreThanNeeded) {
+  SchedulerOptions o = slots(10);
+  o.pinnedLimit = 100;
+  Scheduler s(o);
+  (void)s.submit(job("a", B, 60), 0);
+  (void)s.decide(0);
+  (void)s.submit(job("a", B, 10), 1);
+  (void)s.decide(1);
+  (void)s.submit(job("a", B, 10), 2);
+  (void)s.decide(2);
+  (void)s.submit(job("b", I, 50), 3);
+  EXPECT_EQ(show(s.decide(3)), "preempt1");         // the later ones are too small to help, and are left alone
+  EXPECT_TRUE(s.preempted(1, 3));
+  EXPECT_EQ(show(s.decide(3)), "start4");
+  (void)s.submit(job("b", I, 90), 4);               // 50 of its own class stay: nothing to gain, nobody preempted
+  EXPECT_EQ(show(s.decide(4)), "");
+}
+
+TEST(Scheduler, FairShareByConsumedTimeNotByCount) {
+  Scheduler s(slots(1));
+  for (int i = 0; i < 30; ++i) (void)s.submit(job("long", N), 0);
+  for (int i = 0; i < 300; ++i) (void)s.submit(job("short", N), 0);   // beyond its bound some are refused: enough remain
+  double now = 0;
+  while (now < 100) {
+    const auto actions = s.decide(now);
+    ASSERT_EQ(actions.size(), 1u);
+    now += actions[0].id <= 30 ? 8.0 : 0.5;
+    s.finished(actions[0].id, now, Outcome::Done);
+  }
+  const auto seconds = s.stats().clientSeconds;
+  EXPECT_NEAR(seconds.at("long") / seconds.at("short"), 1.0, 0.2);
+}
+
+TEST(Scheduler, NewcomerAndReturnerGetNoCreditForIdleTime) {
+  Scheduler s(slots(1));
+  double now = 0;
+  const auto runOne = [&] {
+    const auto a = s.decide(now);
+    EXPECT_EQ(a.size(), 1u);
+    now += 1;
+    s.finished(a[0].id, now, Outcome::Done);
+    return a[0].id;
+  };
+  for (int i = 0; i < 200; ++i) (void)s.submit(job("old", N), now);
+  for (int i = 0; i < 100; ++i) runOne();           // 100 s while nobody else was there
+  const JobId firstNew = s.submit(job("new", N), now).id;
+  for (int i = 0; i < 49; ++i) (void)s.submit(job("new", N), now);
+  int mine = 0;
+  for (int i = 0; i < 20; ++i) mine += runOne() >= firstNew;
+  EXPECT_NEAR(mine, 10, 1);                         // half, and not 20
+}
+
+TEST(Scheduler, SlotsAreSharedFromTheFirstDecisionOn) {
+  Scheduler s(slots(4));
+  for (int i = 0; i < 4; ++i) (void)s.submit(job("a", N), 0);
+  for (int i = 0; i < 4; ++i) (void)s.submit(job("b", N), 0);
+  EXPECT_EQ(show(s.decide(0)), "start1 start5 start2 start6");   // though nobody has consumed anything yet
+}
+
+TEST(Scheduler, EarliestDeadlineFirstInsideAClientOnly) {
+  Scheduler s(slots(1));
+  (void)s.submit(job("a", N), 0), (void)s.submit(job("a", N, 0, 90), 0), (void)s.submit(job("a", N, 0, 50), 0);
+  (void)s.submit(job("b", N, 0, 10), 0);
+  EXPECT_EQ(show(s.decide(0)), "start3");           // a was first; among its jobs the deadline decides
+  s.finished(3, 1, Outcome::Done);
+  EXPECT_EQ(show(s.decide(1)), "start4");           // b's turn
+  s.finished(4, 3, Outcome::Done);
+  EXPECT_EQ(show(s.decide(3)), "start2");
+  s.finished(2, 4, Outcome::Done);
+  EXPECT_EQ(show(s.decide(4)), "start1");
+}
+
+TEST(Scheduler, DeadlinesExpireQueuedJobsAndStopRunningOnes) {
+  Scheduler s(slots(1));
+  EXPECT_EQ(s.submit(job("a", N, 0, 5), 5).status.code(), Code::DeadlineExceeded);
+  (void)s.submit(job("a", N, 0, 20), 6), (void)s.submit(job("a", N, 0, 30), 6);
+  EXPECT_EQ(show(s.decide(6)), "start1");
+  EXPECT_EQ(s.nextEvent(6), 20.0);
+  const auto stop = s.decide(20);
+  EXPECT_EQ(show(stop), "stop1");
+  EXPECT_EQ(stop[0].reason, StopReason::Deadline);
+  EXPECT_EQ(show(s.decide(21)), "");
+  EXPECT_EQ(show(s.decide(30)), "expire2");
+  s.finished(1, 30, Outcome::Failed);
+  EXPECT_EQ(show(s.decide(30)), "");
+  EXPECT_EQ(s.stats().classes[1].expired, 2u);
+  EXPECT_EQ(s.queued() + s.running(), 0u);
+}
+
+TEST(Scheduler, PreemptedJobPastItsDeadlineIsGone) {
+  Scheduler s(slots(1));
+  (void)s.submit(job("a", B, 0, 5), 0);
+  (void)s.decide(0);
+  (void)s.submit(job("b", I), 4.9);
+  EXPECT_EQ(show(s.decide(4.9)), "preempt1");
+  EXPECT_FALSE(s.preempted(1, 5));
+  EXPECT_EQ(show(s.decide(5)), "start2");
+}
+
+TEST(Scheduler, CancelQueuedRunningPreemptingAndUnknown) {
+  Scheduler s(slots(1));
+  for (int i = 0; i < 3; ++i) (void)s.submit(job("a", B), 0);
+  (void)s.decide(0);
+  EXPECT_EQ(s.cancel(2, 1), CancelResult::Removed);
+  EXPECT_EQ(s.cancel(2, 1), CancelResult::Unknown);
+  EXPECT_EQ(s.cancel(1, 1), CancelResult::Stopping);
+  EXPECT_EQ(s.nextEvent(1), 1.0);                   // at once
+  const auto stop = s.decide(1);
+  EXPECT_EQ(show(stop), "stop1");
+  EXPECT_EQ(stop[0].reason, StopReason::Cancelled);
+  EXPECT_EQ(s.cancel(1, 1), CancelResult::Stopping);
+  EXPECT_EQ(show(s.decide(1)), "");                 // told once
+  EXPECT_EQ(s.running(), 1u);                       // holds its slot until it says so
+  s.finished(1, 2, Outcome::Failed);
+  EXPECT_EQ(show(s.decide(2)), "start3");
+  (void)s.submit(job("b", I), 3);
+  EXPECT_EQ(show(s.decide(3)), "preempt3");
+  EXPECT_EQ(s.cancel(3, 3), CancelResult::Stopping);
+  EXPECT_EQ(show(s.decide(3)), "stop3");            // overrides the preemption
+  EXPECT_FALSE(s.preempted(3, 3));                  // and is not queued again
+  EXPECT_EQ(show(s.decide(3)), "start4");
+  EXPECT_EQ(s.stats().classes[2].cancelled, 3u);
+}
+
+TEST(Scheduler, QueueBoundsRefuseWithAHintFromTheMeasuredRate) {
+  SchedulerOptions o = slots(1);
+  o.queueLimit = {2, 5, 5};
+  o.clientLimit = 3;
+  Scheduler s(o);
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(s.submit(job("a", N), 0).status.ok());
+  const Submit own = s.submit(job("a", B), 0);      // per client, over all classes
+  EXPECT_EQ(own.status.code(), Code::ResourceExhausted);
+  EXPECT_GT(own.retryMs, 0);
+  EXPECT_EQ(own.id, 0u);
+  ASSERT_TRUE(s.submit(job("b", N), 0).status.ok());
+  double now = 0;
+  int names = 0;
+  for (int i = 0; i < 60; ++i) {                    // one job every 2.5 s, the queue never empty
+    const auto a = s.decide(now);
+    ASSERT_EQ(a.size(), 1u);
+    now += 2.5;
+    s.finished(a[0].id, now, Outcome::Done);
+    while (s.queued() < 5) (void)s.submit(job("c" + std::to_string(++names), N), now);
+  }
+  (void)s.decide(now);
+  while (s.queued() < 5) (void)s.submit(job("d" + std::to_string(++names), N), now);
+  const Submit first = s.submit(job("x", N), now), second = s.submit(job("y", N), now);
+  EXPECT_EQ(first.status.code(), Code::ResourceExhausted);
+  EXPECT_NEAR(first.retryMs, 2500, 50);
+  EXPECT_NEAR(second.retryMs, 5000, 100);           // not at the same moment
+  EXPECT_NEAR(s.submit(job("z", N), now + 20).retryMs, 60000, 1);   // nothing has started for 20 s: 3 * 20 s
+  EXPECT_TRUE(s.submit(job("x", I), now).status.ok());              // another class has its own queue
+}
+
+TEST(Scheduler, PreemptedJobIsTakenBackEvenIntoAFullQueue) {
+  SchedulerOptions o = slots(1);
+  o.queueLimit = {1, 1, 1};
+  Scheduler s(o);
+  (void)s.submit(job("a", B), 0);
+  (void)s.decide(0);
+  ASSERT_TRUE(s.submit(job("a", B), 0).status.ok());
+  (void)s.submit(job("b", I), 0);
+  (void)s.decide(0);
+  EXPECT_TRUE(s.preempted(1, 0));
+  EXPECT_EQ(s.queued(), 3u);
+}
+
+TEST(Scheduler, JobLargerThanTheLimitIsRefusedForGood) {
+  SchedulerOptions o = slots(2);
+  o.pinnedLimit = 100;
+  Scheduler s(o);
+  const Submit refused = s.submit(job("a", N, 101), 0);
+  EXPECT_EQ(refused.status.code(), Code::FailedPrecondition);
+  EXPECT_EQ(refused.retryMs, 0);
+  EXPECT_NE(refused.status.message().find("101"), std::string::npos);
+  EXPECT_TRUE(s.submit(job("a", N, 100), 0).status.ok());
+}
+
+TEST(Scheduler, LargeJobLetsSmallerOnesPassForAWhileThenHoldsRoom) {
+  SchedulerOptions o = slots(8);
+  o.pinnedLimit = 100;
+  Scheduler s(o);
+  (void)s.submit(job("a", N, 50), 0);
+  EXPECT_EQ(show(s.decide(0)), "start1");
+  (void)s.submit(job("b", N, 80), 1), (void)s.submit(job("c", N, 20), 1);
+  EXPECT_EQ(show(s.decide(1)), "start3");           // 80 does not fit; 20 passes
+  EXPECT_EQ(s.nextEvent(1), 6.0);
+  (void)s.submit(job("c", N, 20), 5.9);
+  EXPECT_EQ(show(s.decide(5.9)), "start4");
+  (void)s.submit(job("c", N, 5), 6), (void)s.submit(job("d", N, 0), 6);
+  EXPECT_EQ(show(s.decide(6)), "start6");           // from now on bytes are kept for it; what needs none may pass
+  s.finished(3, 7, Outcome::Done);
+  EXPECT_EQ(show(s.decide(7)), "");                 // 30 free, 5 would fit, but it waits behind
+  s.finished(1, 8, Outcome::Done);
+  EXPECT_EQ(show(s.decide(8)), "start2");           // 20 + 80
+  s.finished(4, 9, Outcome::Done);
+  EXPECT_EQ(show(s.decide(9)), "start5");
+}
+
+TEST(Scheduler, AgeingGivesBatchATurnThatIsProtectedAndThenPreemptible) {
+  SchedulerOptions o = slots(1);                    // ageing of batch 30 s, protected for 1 s
+  Scheduler s(o);
+  const JobId batch = s.submit(job("b", B), 0).id;
+  double now = 0, started = -1;
+  for (int i = 0; i < 100 && started < 0; ++i) {    // interactive without a gap
+    (void)s.submit(job("i", I), now);
+    for (const Action& a : s.decide(now)) {
+      if (a.id == batch) { started = now; break; }
+      now += 0.5;
+      (void)s.submit(job("i", I), now);             // the next one is there before this one ends
+      s.finished(a.id, now, Outcome::Done);
+    }
+  }
+  EXPECT_GE(started, 30);
+  EXPECT_LE(started, 30.5);
+  EXPECT_EQ(show(s.decide(started + 0.5)), "");     // not preempted within its turn, though interactive waits
+  EXPECT_EQ(s.nextEvent(started + 0.5), started + 1);
+  EXPECT_EQ(show(s.decide(started + 1)), "preempt" + std::to_string(batch));
+  EXPECT_TRUE(s.preempted(batch, started + 1));
+  const auto after = s.decide(started + 1);         // its turn is over: the clock starts anew
+  ASSERT_EQ(after.size(), 1u);
+  EXPECT_NE(after[0].id, batch);
+}
+
+TEST(Scheduler, ShortRunsInGapsDoNotResetTheAgeingClock) {
+  Scheduler s(slots(1));
+  const JobId batch = s.submit(job("b", B), 0).id;
+  double now = 0;
+  for (int i = 0; i < 29; ++i) {                    // 10 ms of run in every second: too little for a block of samples
+    EXPECT_EQ(show(s.decide(now)), "start" + std::to_string(batch));
+    const JobId hot = s.submit(job("i", I), now + 0.01).id;
+    EXPECT_EQ(show(s.decide(now + 0.01)), "preempt" + std::to_string(batch));
+    EXPECT_TRUE(s.preempted(batch, now + 0.01));
+    EXPECT_EQ(show(s.decide(now + 0.01)), "start" + std::to_string(hot));
+    now += 1;
+    s.finished(hot, now, Outcome::Done);
+  }
+  const JobId hot = s.submit(job("i", I), now).id;
+  EXPECT_EQ(show(s.decide(now)), "start" + std::to_string(hot));
+  (void)s.submit(job("i", I), now + 2);
+  s.finished(hot, now + 2, Outcome::Done);
+  EXPECT_EQ(show(s.decide(now + 2)), "start" + std::to_string(batch));
+  (void)s.submit(job("i", I), now + 2.1);
+  EXPECT_EQ(show(s.decide(now + 2.1)), "");
+}
+
+TEST(Scheduler, ClientsWithoutDebtAreForgotten) {
+  Scheduler s(slots(1));
+  double now = 0;
+  for (int i = 0; i < 2000; ++i) {
+    (void)s.submit(job("one-off " + std::to_string(i), N), now);
+    const auto a = s.decide(now);
+    now += 1;
+    s.finished(a[0].id, now, Outcome::Done);
+  }
+  EXPECT_LE(s.stats().clientSeconds.size(), 2u);
+}
+
+TEST(Scheduler, TimeThatRunsBackwardsChangesNothing) {
+  Scheduler s(slots(1));
+  (void)s.submit(job("a", N, 0, 10), 5);
+  EXPECT_EQ(show(s.decide(3)), "start1");
+  EXPECT_EQ(show(s.decide(11)), "stop1");
+  s.finished(1, 4, Outcome::Done);
+  EXPECT_DOUBLE_EQ(s.stats().classes[1].runSeconds, 6);
+}
+
+}  // namespace
+}  // namespace gobo

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trace/accel.h"
+
+#include <random>
+#include <thread>
+
+#include "support/tiny_scenes.h"
+#include "trace/accel_impl.h"
+
+namespace gobo {
+namespace {
+
+using namespace tests;
+
+constexpr Facet kGeometry = Facet::Topology | Facet::Pose | Facet::Coverage;
+const std::vector<int> kNoLights;
+
+AccelPtr buildAccel(const Scene& scene, int threads = 2) {
+  TaskArena arena(threads);
+  return Accel::build(SceneView(scene, kGeometry, kNoLights), arena);
+}
+Vec3 randomDirection(std::mt19937& g) {
+  std::normal_distribution<float> n;
+  return glm::normalize(Vec3(n(g), n(g), n(g)));
+}
+ScenePtr withCamera(SceneMaker& m) { m.camera(Vec3(0, 0, 5), Vec3(0.0f)); return m.finish(); }
+
+// Moeller-Trumbore in double over every triangle: what Embree must agree with.
+double nearest(const Scene& s, const Ray& ray, uint32_t& instance, uint32_t& primitive, DVec3& normal) {
+  double best = 1e300;
+  for (size_t i = 0; i < s.instances.size(); ++i) {
+    const Mesh& m = *s.meshes[s.instances[i].mesh];
+    const glm::dmat4 w(s.instances[i].toWorld);
+    const double flip = glm::determinant(glm::dmat3(w)) < 0 ? -1 : 1;
+    for (size_t t = 0; t < m.triangles(); ++t) {
+      DVec3 v[3];
+      for (int c = 0; c < 3; ++c) v[c] = DVec3(w * glm::dvec4(DVec3(m.positions[m.indices[3 * t + c]]), 1.0));
+      const DVec3 e1 = v[1] - v[0], e2 = v[2] - v[0], d(ray.direction), p = glm::cross(d, e2);
+      const double det = glm::dot(e1, p);
+      if (det == 0) continue;
+      const DVec3 o = DVec3(ray.origin) - v[0], q = glm::cross(o, e1);
+      const double u = glm::dot(o, p) / det, k = glm::dot(d, q) / det, at = glm::dot(e2, q) / det;
+      if (u < 0 || k < 0 || u + k > 1 || at <= ray.tmin || at >= best) continue;
+      best = at; instance = uint32_t(i); primitive = uint32_t(t); normal = glm::normalize(glm::cross(e1, e2)) * flip;
+    }
+  }
+  return best;
+}
+
+void compareWithBruteForce(const Scene& scene, float radius, int rays, unsigned seed) {
+  const AccelPtr accel = buildAccel(scene);
+  std::mt19937 g(seed);
+  int hits = 0, edges = 0;
+  for (int i = 0; i < rays; ++i) {
+    const Vec3 origin = randomDirection(g) * radius;
+    const Ray ray{origin, glm::normalize(2.5f * randomDirection(g) - origin)};
+    uint32_t instance = 0, primitive = 0;
+    DVec3 normal(0.0);
+    const double t = nearest(scene, ray, instance, primitive, normal);
+    Hit hit;
+    const bool found = accel->intersect(ray, hit);
+    EXPECT_EQ(accel->occluded(ray), found);
+    if (found != (t < 1e299)) { ++edges; continue; }
+    if (!found) continue;
+    ++hits;
+    EXPECT_NEAR(hit.t, t, 1e-4 * t + 1e-4);
+    if (hit.instance != instance || hit.primitive != primitive) { ++edges; continue; }
+    EXPECT_GT(glm::dot(DVec3(hit.Ng), normal), 0.9999) << "instance " << instance;
+  }
+  EXPECT_GT(hits, rays / 20);
+  EXPECT_LE(edges, rays / 500);                    // rays along an edge may differ between float and double
+}
+
+TEST(Accel, AgreesWithBruteForceOverMovedScaledAndMirroredInstances) {
+  SceneMaker m;
+  const int grey = m.material(Vec3(0.5f));
+  const int ball = m.mesh(sphere(Vec3(0.0f), 1.0f, 6, false), grey), cube = m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), grey);
+  m.instance(ball, translate(Vec3(2, 0, 0)) * scaling(Vec3(0.5f, 1.5f, 1.0f)));
+  m.instance(cube, translate(Vec3(-2, 0.5f, 0)) * scaling(Vec3(-1.0f, 0.7f, 0.4f)));
+  m.instance(ball, translate(Vec3(0, -2, 1)) * scaling(Vec3(0.3f, -0.3f, 0.6f)));
+  const ScenePtr scene = withCamera(m);
+  compareWithBruteForce(*scene, 5.0f, 4000, 1);
+}
+
+TEST(Accel, SharedBigMeshesAreInstancedAndReportSceneIndices) {
+  SceneMaker m;
+  const int grey = m.material(Vec3(0.5f));
+  const int cube = m.mesh(box(Vec3(-0.4f), Vec3(0.4f)), grey);
+  const int ball = m.mesh(sphere(Vec3(0.0f), 1.0f, 240, false), grey);            // 229 k triangles
+  m.instance(cube);
+  m.instance(ball, translate(Vec3(3, 0, 0)));
+  m.instance(ball, translate(Vec3(-3, 0, 0)) * scaling(Vec3(-1.0f, 1.0f, 0.5f)));
+  const ScenePtr scene = withCamera(m);
+  const AccelPtr accel = buildAccel(*scene);
+  EXPECT_TRUE(accel->impl().instances[0].world);
+  EXPECT_FALSE(accel->impl().instances[1].world);
+  std::mt19937 g(3);
+  for (int i = 0; i < 2000; ++i) {
+    const int which = i % 3;
+    const Vec3 centre = which == 0 ? Vec3(0.0f) : Vec3(which == 1 ? 3.0f : -3.0f, 0, 0);
+    const Vec3 d = randomDirection(g);
+    Hit hit;
+    ASSERT_TRUE(accel->intersect({centre, d}, hit));
+    EXPECT_EQ(hit.instance, uint32_t(which));
+    EXPECT_NEAR(glm::length(hit.Ng), 1.0f, 1e-5f);
+    EXPECT_GT(glm::dot(hit.Ng, d), 0.0f);                                          // outside, also of the mirrored one
+    if (which == 1) { EXPECT_NEAR(hit.t, 1.0f, 2e-4f); }
+    if (which == 2) {                                                              // half as deep in z: an ellipsoid
+      const Vec3 p = d * hit.t / Vec3(1, 1, 0.5f);
+      EXPECT_NEAR(glm::length(p), 1.0f, 2e-4f);
+      EXPECT_GT(glm::dot(hit.Ng, glm::normalize(p / Vec3(1, 1, 0.5f))), 0.999f);
+    }
+  }
+}
+
+TEST(Accel, ClosedMeshIsWatertight) {
+  SceneMaker m;
+  m.instance(m.mesh(sphere(Vec3(0.3f, -0.1f, 0.2f), 1.0f, 160, false), m.material(Vec3(0.5f))));   // 102 k triangles
+  const ScenePtr scene = withCamera(m);
+  const AccelPtr accel = buildAccel(*scene);
+  std::mt19937 g(11);
+  const Mesh& mesh = *scene->meshes[0];
+  std::uniform_real_distribution<float> u;
+  int escaped = 0;
+  for (int i = 0; i < 1'000'000; ++i) {
+    Vec3 d = randomDirection(g);
+    const Vec3 o = Vec3(0.3f, -0.1f, 0.2f) + 0.3f * randomDirection(g);
+    if (i % 2) {                                   // every other ray aims at a point on an edge, the hard case
+      const uint32_t* tri = &mesh.indices[3 * (g() % mesh.triangles())];
+      const float along = 0.05f + 0.9f * u(g);     // not at the vertices: there Embree's edge tests, each right to rounding, may all
+      const Vec3 a = mesh.positions[tri[0]], b = mesh.positions[tri[1]];   // say "outside" (1 of 100 rays aimed at one to the last bit)
+      d = glm::normalize(a + along * (b - a) - o);
+    }
+    Hit hit;
+    escaped += !accel->intersect({o, d}, hit);
+  }
+  EXPECT_EQ(escaped, 0);
+}
+
+std::shared_ptr<Texture> checker() {               // left half clear, right half solid
+  auto t = std::make_shared<Texture>();
+  t->name = "alpha"; t->width = 2; t->height = 1; t->nearest = true;
+  t->texels8 = {255, 255, 255, 0, 255, 255, 255, 255};
+  sealTexture(*t);
+  return t;
+}
+
+TEST(Accel, MaskedTexelsLetRaysThrough) {
+  SceneMaker m;
+  m.scene.textures.push_back(checker());
+  const int leaf = m.material(Vec3(0.5f), [](Material& x) { x.coverage.mode = AlphaMode::Mask; x.coverage.texture.texture = 0; });
+  m.instance(m.mesh(quad(Vec3(-1, -1, 0), Vec3(2, 0, 0), Vec3(0, 2, 0)), leaf));
+  m.instance(m.mesh(quad(Vec3(-1, -1, -1), Vec3(2, 0, 0), Vec3(0, 2, 0)), m.material(Vec3(0.5f))));
+  const ScenePtr scene = withCamera(m);
+  const AccelPtr accel = buildAccel(*scene);
+  std::mt19937 g(5);
+  std::uniform_real_distribution<float> u(-0.99f, 0.99f);
+  for (int i = 0; i < 2000; ++i) {
+    const Ray ray{Vec3(u(g), u(g), 1), Vec3(0, 0, -1)};
+    Hit hit;
+    ASSERT_TRUE(accel->intersect(ray, hit));
+    EXPECT_EQ(hit.instance, ray.origin.x < 0 ? 1u : 0u) << ray.origin.x;
+    EXPECT_EQ(accel->occluded({ray.origin, ray.direction, 0.0f, 1.5f}), ray.origin.x >= 0);
+  }
+}
+
+TEST(Accel, BlendPassesWithProbabilityOneMinusAlphaAndAnswersTheSameTwice) {
+  SceneMaker m;
+  const int glass = m.material(Vec3(0.5f), [](Material& x) { x.coverage.mode = AlphaMode::Blend; x.coverage.factor = 0.3f; });
+  m.instance(m.mesh(quad(Vec3(-1, -1, 0), Vec3(2, 0, 0), Vec3(0, 2, 0)), glass));
+  const ScenePtr scene = withCamera(m);
+  const AccelPtr accel = buildAccel(*scene);
+  std::mt19937 g(6);
+  std::uniform_real_distribution<float> u(-0.99f, 0.99f);
+  const int n = 100'000;
+  int hits = 0;
+  for (int i = 0; i < n; ++i) {
+    const Ray ray{Vec3(u(g), u(g), 1), Vec3(0, 0, -1)};
+    Hit hit;
+    const bool found = accel->intersect(ray, hit);
+    hits += found;
+    ASSERT_EQ(found, accel->occluded(ray));
+  }
+  EXPECT_NEAR(double(hits) / n, 0.3, 4.5 * std::sqrt(0.3 * 0.7 / n));
+}
+
+TEST(Accel, CoincidentSurfacesGiveTheSameHitWhateverTheThreads) {
+  SceneMaker m;
+  const int a = m.material(Vec3(0.2f)), b = m.material(Vec3(0.8f));
+  Mesh plane;                                      // big enough for Embree's parallel builder
+  for (int i = 0; i < 60; ++i)
+    for (int j = 0; j < 60; ++j) {
+      const Mesh q = quad(Vec3(i * 0.1f - 3, j * 0.1f - 3, 0), Vec3(0.1f, 0, 0), Vec3(0, 0.1f, 0));
+      const uint32_t base = uint32_t(plane.positions.size());
+      plane.positions.insert(plane.positions.end(), q.positions.begin(), q.positions.end());
+      for (uint32_t k : q.indices) plane.indices.push_back(base + k);
+    }
+  m.instance(m.mesh(plane, a));
+  m.instance(m.mesh(plane, b));
+  const ScenePtr scene = withCamera(m);
+  const AccelPtr one = buildAccel(*scene, 1), two = buildAccel(*scene, 2);
+  std::mt19937 g(8);
+  for (int i = 0; i < 20'000; ++i) {
+    const Ray ray{Vec3(0, 0, 3), glm::normalize(Vec3(0, 0, -1) + 0.5f * randomDirection(g))};
+    Hit x, y;
+    ASSERT_EQ(one->intersect(ray, x), two->intersect(ray, y));
+    ASSERT_EQ(x.instance, y.instance);
+    ASSERT_EQ(x.primitive, y.primitive);
+    ASSERT_EQ(x.t, y.t);
+  }
+}
+
+TEST(Accel, EmptySceneHasNoHits) {
+  SceneMaker m;
+  const ScenePtr scene = withCamera(m);
+  const AccelPtr accel = buildAccel(*scene);
+  Hit hit;
+  EXPECT_FALSE(accel->intersect({Vec3(0.0f), Vec3(0, 0, 1)}, hit));
+  EXPECT_FALSE(hit.valid());
+  EXPECT_FALSE(accel->occluded({Vec3(0.0f), Vec3(0, 0, 1)}));
+}
+
+TEST(AccelCache, ConcurrentAsksBuildOnceAndSizeIsBounded) {
+  std::vector<ScenePtr> scenes;
+  for (int i = 0; i < 3; ++i) {
+    SceneMaker m;
+    m.instance(m.mesh(sphere(Vec3(float(i), 0, 0), 1.0f, 50, false), m.material(Vec3(0.5f))));
+    scenes.push_back(withCamera(m));
+  }
+  TaskArena arena(2);
+  const size_t one = Accel::build(SceneView(*scenes[0], kGeometry, kNoLights), arena)->bytes();
+  AccelCache cache(2 * one + one / 2);
+  std::vector<AccelPtr> got(8);
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 8; ++i) threads.emplace_back([&, i] { got[i] = cache.get(SceneView(*scenes[0], kGeometry, kNoLights), arena); });
+  for (std::thread& t : threads) t.join();
+  EXPECT_EQ(cache.builds(), 1u);
+  for (const AccelPtr& p : got) EXPECT_EQ(p, got[0]);
+  cache.get(SceneView(*scenes[1], kGeometry, kNoLights), arena);
+  cache.get(SceneView(*scenes[2], kGeometry, kNoLights), arena);
+  EXPECT_LE(cache.bytes(), 2 * one + one / 2);
+  cache.get(SceneView(*scenes[2], kGeometry, kNoLights), arena);
+  EXPECT_EQ(cache.builds(), 3u);                   // the latest is kept
+  cache.get(SceneView(*scenes[0], kGeometry, kNoLights), arena);
+  EXPECT_EQ(cache.builds(), 4u);                   // the oldest went
+}
+
+TEST(OffsetOrigin, LeavesTheSurfaceOnTheAskedSideAtEveryScale) {
+  std::mt19937 g(9);
+  for (const float scale : {1e-4f, 1.0f, 1e4f}) {
+    SceneMaker m;
+    m.instance(m.mesh(sphere(Vec3(2.0f * scale, 0, 0), scale, 20, false), m.material(Vec3(0.5f))));
+    m.camera(Vec3(0, 0, 5), Vec3(0.0f));
+    const ScenePtr scene = m.finish();
+    const AccelPtr accel = buildAccel(*scene);
+    for (int i = 0; i < 20'000; ++i) {
+      const Ray in{Vec3(2.0f * scale, 0, 0), randomDirection(g)};
+      Hit hit;
+      ASSERT_TRUE(accel->intersect(in, hit));
+      const Vec3 p = in.origin + in.direction * hit.t;
+      Vec3 out = randomDirection(g);
+      if (glm::dot(out, hit.Ng) < 0) out = -out;
+      EXPECT_FALSE(accel->occluded({offsetOrigin(p, hit.Ng, accel->unit()), out})) << scale;
+      if (glm::dot(out, hit.Ng) > 1e-3f) { EXPECT_TRUE(accel->occluded({offsetOrigin(p, -hit.Ng, accel->unit()), -out})) << scale; }
+      EXPECT_LT(glm::length(offsetOrigin(p, hit.Ng, accel->unit()) - p), 1e-3f * scale);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace gobo
