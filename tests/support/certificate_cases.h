@@ -179,7 +179,7 @@ inline std::vector<CertificateCase> certificateCases(int size) {
   };
   add("noise, Gaussian", Kind::Noisy, even, gauss, true);
   add("noise, log-normal", Kind::Noisy, skewed, logNormal);
-  add("noise, fireflies in both", Kind::Noisy, fireflies, firefly, true);
+  add("noise, fireflies in both", Kind::Noisy, fireflies, firefly);
   add("noise, Pareto 4.5", Kind::Noisy, even, pareto);
   add("noise, halves 4x noisier", Kind::Noisy, strong, gauss);
   add("bias, constant", Kind::Biased, quiet, offset, true);
