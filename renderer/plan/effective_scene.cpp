@@ -78,9 +78,9 @@ bool movable(LightKind k) { return k != LightKind::Mesh && k != LightKind::Envir
 
 }  // namespace
 
-float nominalBucket(float l) {
-  if (!(l > 0.0f) || !std::isfinite(l)) return 1.0f;
-  return std::ldexp(1.0f, 4 * int(std::lround(std::log2(double(l)) / 4.0)));
+float nominalBucket(float intensity) {
+  if (!(intensity > 0.0f) || !std::isfinite(intensity)) return 1.0f;
+  return std::ldexp(1.0f, 4 * int(std::lround(std::log2(double(intensity)) / 4.0)));
 }
 
 Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& path) {
@@ -163,9 +163,7 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& base, const v1::Render
       }
       Light added;
       added.name = name;
-      const double intensity = edit->has_intensity() ? edit->intensity() : 1.0;
-      const float l = luminance(edit->has_color() ? toVec3(edit->color()) : Vec3(1.0f)) * float(intensity);
-      added.power = Vec3(nominalBucket(l));
+      added.power = Vec3(nominalBucket(edit->has_intensity() ? float(edit->intensity()) : 1.0f));
       scene->lights.push_back(added);
       index = int(scene->lights.size()) - 1;
       changed = true;

@@ -31,9 +31,9 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& base, const v1::Render
 /// Applies a light edit's shape fields (not power). `path` is used in errors.
 Status applyLightShape(const v1::LightEdit& edit, Light& light, const std::string& path);
 
-/// Power that an added light is traced with: its luminance rounded to a power of 16, white. Small edits of strength then
-/// stay gains, and sampling still knows the order of magnitude.
-float nominalBucket(float luminance);
+/// Power that an added light is traced with: its intensity rounded to a power of 16, white. Edits of colour and small edits
+/// of strength then stay gains, and sampling still knows the order of magnitude.
+float nominalBucket(float intensity);
 
 /// Estimated radiant flux of a light reaching the scene, W (order of magnitude; used to rank relight groups only).
 double estimatedFlux(const Scene& scene, int light);

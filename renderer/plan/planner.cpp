@@ -106,8 +106,9 @@ class PlanMaker {
     s.view = view_;
     s.light = light;
     s.nominal = nominal;
-    s.samples = kUnoccludedSamples;
-    s.seed = request_.seed();
+    const bool delta = isDeltaLight(scene->lights[light].shape.kind);   // evaluated, not sampled: seed and count are no part of its key
+    s.samples = delta ? 1 : kUnoccludedSamples;
+    s.seed = delta ? 0 : request_.seed();
     return source(makeDirectUnoccludedNode(s), {gbuffer(), surface()}, {light}, "unoccluded:" + scene->lights[light].name, scene, transient);
   }
 
