@@ -42,6 +42,57 @@ std::string extension(const std::string& name) {
   return e;
 }
 
+/// The PNG's picture chunks alone; sizes are checked before the library opens the file. Dropped: ICC, Exif and text, for the
+/// same reason as below.
+Result<std::vector<uint8_t>> plainPng(const uint8_t* b, size_t n, const ReadLimits& limits) {
+  auto word = [&](size_t i) { return uint64_t(b[i]) << 24 | uint64_t(b[i + 1]) << 16 | uint64_t(b[i + 2]) << 8 | b[i + 3]; };
+  if (n < 33 || std::memcmp(b + 12, "IHDR", 4) != 0) return invalidArgument("PNG header is cut short");
+  GOBO_TRY(checkImageSize(int64_t(word(16)), int64_t(word(20)), 4, n, limits));
+  std::vector<uint8_t> out(b, b + 8);
+  out.reserve(n);
+  for (size_t i = 8; i + 12 <= n;) {
+    const uint64_t length = word(i);
+    if (length > n - i - 12) return invalidArgument("PNG chunk at byte " + std::to_string(i) + " is cut short");
+    const std::string_view type(reinterpret_cast<const char*>(b + i + 4), 4);
+    if (type == "IHDR" || type == "PLTE" || type == "tRNS" || type == "IDAT" || type == "IEND") out.insert(out.end(), b + i, b + i + 12 + length);
+    if (type == "IEND") return out;
+    i += 12 + size_t(length);
+  }
+  return invalidArgument("PNG without an end chunk");
+}
+
+/// The JPEG without what a picture does not need: APPn segments but for JFIF and Adobe (which say how colours are coded), and
+/// comments. OpenImageIO 2.4 reads out of bounds in damaged ICC profiles and Exif blocks, and we use neither. Refuses sizes
+/// above the limits here, because opening a progressive JPEG already decodes all its scans.
+Result<std::vector<uint8_t>> plainJpeg(const uint8_t* b, size_t n, const ReadLimits& limits) {
+  std::vector<uint8_t> out = {0xff, 0xd8};
+  out.reserve(n);
+  bool framed = false;
+  for (size_t i = 2; i + 4 <= n;) {
+    if (b[i] != 0xff) return invalidArgument("JPEG segment marker expected at byte " + std::to_string(i));
+    const int marker = b[i + 1];
+    if (marker == 0xff) { ++i; continue; }
+    if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8)) { i += 2; continue; }
+    const size_t length = size_t(b[i + 2]) << 8 | b[i + 3];
+    if (length < 2 || length > n - i - 2) return invalidArgument("JPEG segment at byte " + std::to_string(i) + " is cut short");
+    const bool frame = marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
+    if (frame) {
+      if (length < 8) return invalidArgument("JPEG frame header is cut short");
+      GOBO_TRY(checkImageSize(b[i + 7] << 8 | b[i + 8], b[i + 5] << 8 | b[i + 6], b[i + 9], n, limits));
+      framed = true;
+    }
+    if (marker == 0xda) {  // scan data: the rest as it is
+      if (!framed) break;
+      out.insert(out.end(), b + i, b + n);
+      return out;
+    }
+    const bool dropped = marker == 0xfe || (marker >= 0xe1 && marker <= 0xef && marker != 0xee);
+    if (!dropped) out.insert(out.end(), b + i, b + i + 2 + length);
+    i += 2 + length;
+  }
+  return invalidArgument("JPEG without a frame or a scan");
+}
+
 Result<Image> readByOiio(const uint8_t* bytes, size_t size, const std::string& format, const std::string& name, const ReadLimits& limits) {
   OIIO::Filesystem::IOMemReader memory(const_cast<uint8_t*>(bytes), size);
   auto input = OIIO::ImageInput::create("memory." + format, false, nullptr, &memory);
@@ -120,10 +171,16 @@ Result<Image> readImageFromMemory(const uint8_t* bytes, size_t size, const std::
   if (size == 0) return invalidArgument("image is empty", name);
   std::string format = sniff(bytes, size);
   if (format.empty()) format = extension(name);
-  if (format == "tga" || format == "targa") format = "tga";
+  if (format == "targa") format = "tga";
+  if (format == "jpeg") format = "jpg";
   if (format.empty()) return invalidArgument("unknown image format", name);
   try {
     if (format == "exr") return readExr(bytes, size, name, limits);
+    if (format == "png" || format == "jpg") {
+      const auto plain = format == "png" ? plainPng(bytes, size, limits) : plainJpeg(bytes, size, limits);
+      if (!plain.ok()) return plain.status().at(name);
+      return readByOiio(plain->data(), plain->size(), format, name, limits);
+    }
     return readByOiio(bytes, size, format, name, limits);
   } catch (const std::exception& e) {
     return invalidArgument("damaged " + format + " image: " + e.what(), name);

@@ -163,7 +163,6 @@ TEST(ImageIo, DamagedFilesEndInAnErrorOrAPicture) {
   limits.maxPixels = 1u << 22;  // keeps the test's memory bounded
   size_t read = 0, refused = 0;
   for (const std::string& file : files) {
-    std::cerr << file << std::endl;
     const auto image = readImage(file, limits);
     if (image.ok()) {
       ++read;
