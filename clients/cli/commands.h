@@ -57,6 +57,12 @@ struct MeasureCommand {
 };
 int runMeasure(const SessionOptions& session, const MeasureCommand& command);
 
+struct DemoCommand {
+  std::string scene, out;         ///< out: folder for EXR and PNG of every step
+  RequestOptions request;
+};
+int runDemo(const SessionOptions& session, const DemoCommand& command);
+
 /// The request that `options` describe, for the scene with this id.
 Result<v1::RenderRequest> makeRequest(const RequestOptions& options, const std::string& sceneId);
 

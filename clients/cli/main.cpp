@@ -95,6 +95,11 @@ int main(int argc, char** argv) {
   measureApp->add_option("--csv", measure.csv, "write the points");
   measureApp->add_option("--plot", measure.plot, "write a log-log plot (PNG)");
   addRequestOptions(*measureApp, measure.request);
+  DemoCommand demo;
+  auto* demoApp = app.add_subcommand("demo", "render a scene, relight it step by step, print cost and error of each step");
+  demoApp->add_option("scene", demo.scene, "file, id or built-in name")->required();
+  demoApp->add_option("-o,--out", demo.out, "folder for the pictures");
+  addRequestOptions(*demoApp, demo.request);
   for (CLI::App* sub : app.get_subcommands({})) sub->footer(kExitHelp);
 
   try {
@@ -123,5 +128,6 @@ int main(int argc, char** argv) {
   if (*shutdownApp) return runShutdown(session);
   if (*compareApp) return runCompare(compare);
   if (*measureApp) return runMeasure(session, measure);
+  if (*demoApp) return runDemo(session, demo);
   return kUsage;
 }

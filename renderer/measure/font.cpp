@@ -34,4 +34,6 @@ constexpr uint8_t kGlyphs[96][7] = {
 
 const uint8_t* glyphRows(char c) { return kGlyphs[c >= 0x20 && c <= 0x7e ? c - 0x20 : 95]; }
 
+int glyphDescent(char c) { return c == 'g' || c == 'j' || c == 'p' || c == 'q' || c == 'y' ? 2 : 0; }
+
 }  // namespace gobo

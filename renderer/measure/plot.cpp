@@ -63,8 +63,8 @@ class Canvas {
       for (int row = 0; row < kGlyphHeight * kScale; ++row)
         for (int column = 0; column < kGlyphWidth * kScale; ++column) {
           if (!(glyphRows(s[i])[row / kScale] >> (kGlyphWidth - 1 - column / kScale) & 1)) continue;
-          const int along = int(i) * kGlyphAdvance * kScale + column;
-          turned ? blend(x + row, y - 1 - along, colour, 1) : blend(x + along, y + row, colour, 1);
+          const int along = int(i) * kGlyphAdvance * kScale + column, down = row + glyphDescent(s[i]) * kScale;
+          turned ? blend(x + down, y - 1 - along, colour, 1) : blend(x + along, y + down, colour, 1);
         }
   }
 

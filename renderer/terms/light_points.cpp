@@ -7,13 +7,6 @@
 #include "base/check.h"
 
 namespace gobo {
-namespace {
-
-/// Shadow rays end this share of their length before the light: mesh lights are in the acceleration structure, and lamps sit on ceilings.
-constexpr float kEnd = 1.0f - 1.0e-4f;
-
-}  // namespace
-
 Vec2 concentricDisk(Vec2 u) {
   const float a = 2.0f * u.x - 1.0f, b = 2.0f * u.y - 1.0f;
   if (a == 0.0f && b == 0.0f) return Vec2(0.0f);
@@ -141,7 +134,7 @@ Ray shadowRay(const Accel& accel, const Vec3& p, const Vec3& Ng, const LightPoin
   const Vec3 to = p + point.direction * point.distance - ray.origin;
   const float length = glm::length(to);
   ray.direction = length > 0.0f ? to / length : point.direction;
-  ray.tmax = length * kEnd;
+  ray.tmax = length * kShadowRayEnd;
   return ray;
 }
 

@@ -62,8 +62,9 @@ class ShadowSlopesNode final : public Node {
           back.tmax = ray.tmax;
           ++rays;
           const float tLast = accel->intersect(back, last) ? std::max(ray.tmax - last.t, first.t) : first.t;
-          smallest = std::min(smallest, formulas::aaSlope(first.t, point.distance));
-          largest = std::max(largest, formulas::aaSlope(tLast, point.distance));
+          const float moved = point.distance - ray.tmax / kShadowRayEnd;   // the ray starts this much off the receiver
+          smallest = std::min(smallest, formulas::aaSlope(first.t + moved, point.distance));
+          largest = std::max(largest, formulas::aaSlope(tLast + moved, point.distance));
           occluded[e] = 1;
         }
         sumV[e] = float(v);

@@ -179,7 +179,7 @@ inline std::vector<CertificateCase> certificateCases(int size) {
   };
   add("noise, Gaussian", Kind::Noisy, even, gauss, true);
   add("noise, log-normal", Kind::Noisy, skewed, logNormal);
-  add("noise, fireflies in both", Kind::Noisy, fireflies, firefly, true);
+  add("noise, fireflies in both", Kind::Noisy, fireflies, firefly);
   add("noise, Pareto 4.5", Kind::Noisy, even, pareto);
   add("noise, halves 4x noisier", Kind::Noisy, strong, gauss);
   add("bias, constant", Kind::Biased, quiet, offset, true);
@@ -191,7 +191,7 @@ inline std::vector<CertificateCase> certificateCases(int size) {
   add("bias, edges 2 % of pixels", Kind::Biased, quiet, band(0.0053, 0.4), true);
   add("bias, spot 1 % of pixels", Kind::Biased, quiet, blob(0.01, 0.5), true);
   add("mixed, noise + offset + edges", Kind::Mixed, even, both(both(gauss, offset), band(0.0133, 0.5)), true);
-  add("mixed, log-normal + blur", Kind::Mixed, skewed, both(logNormal, blur), true);
+  add("mixed, log-normal + blur", Kind::Mixed, skewed, both(logNormal, blur));
   add("mixed, little noise + edges 2 %", Kind::Mixed, quiet, both(band(0.0053, 0.5), gauss, 0.1), true);
   add("hidden, spot 0.1 %", Kind::Hidden, quiet, blob(0.001, 2));
   add("hidden, spot 0.1 % + noise", Kind::Hidden, even, both(blob(0.001, 8), gauss, 0.3));

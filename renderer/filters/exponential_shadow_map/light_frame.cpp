@@ -94,11 +94,9 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
     if (!empty && high.z > 0.0f) {
       f.far = high.z;
       f.near = std::max(low.z, 0.0f);
-      // Corners bound the projection only while all lie clearly in front of the light.
-      if (low.z > 0.01f * high.z) {
-        const Vec2 a = glm::max(f.lo, lowTan), b = glm::min(f.hi, highTan);
-        if (a.x <= b.x && a.y <= b.y) { f.lo = a; f.hi = b; }
-      }
+      // Corners beside or behind the light have tangents beyond any window, so what is left covers all that lies in front.
+      const Vec2 a = glm::max(f.lo, lowTan), b = glm::min(f.hi, highTan);
+      if (a.x <= b.x && a.y <= b.y) { f.lo = a; f.hi = b; }
     }
   } else if (!empty) {
     f.lo = Vec2(low);

@@ -103,6 +103,15 @@ TEST(Formulas, ExponentialShadowIsTheExponentialOfTheGap) {
       }
   EXPECT_EQ(esmEncode(kNan, 60.0f), 1.0f);       // a damaged texel counts as nothing hit
   EXPECT_EQ(esmVisibility(0.0f, 1.0f, false), 1.0f);
+  EXPECT_TRUE(esmCovered(0.5f, 0.5f, 1.0f));
+  for (float bad : {-1e-6f, 1.0001f, kNan, kInf}) {
+    EXPECT_FALSE(esmCovered(bad, 0.5f, 1.0f));
+    EXPECT_FALSE(esmCovered(0.5f, bad, 1.0f));
+  }
+  for (float w : {0.0f, -1.0f, kNan, -kInf}) {
+    EXPECT_EQ(esmInverse(w), 0.0f);             // behind the light
+    EXPECT_FALSE(esmCovered(0.0f, 0.0f, esmInverse(w)));
+  }
 }
 
 TEST(Formulas, ToneCurvesAreMonotoneAndCloseToTheirDefinitions) {

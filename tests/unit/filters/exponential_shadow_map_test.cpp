@@ -124,7 +124,7 @@ TEST(ExponentialShadow, NothingOverflowsAtTheLargestExponent) {
   std::vector<Vec3> points;
   for (int i = 0; i < 2000; ++i) points.push_back({random01(4, i), random01(5, i), random01(6, i)});
   for (float bias : {0.0f, 1.0f})
-    for (float v : values(lookup(receivers(points), map, unitLookup(80.0f, bias)), "V")) ASSERT_TRUE(v >= 0.0f && v <= 1.0f) << v;
+    for (float v : values(lookup(receivers(points), map, unitLookup(80.0f, bias)), "V")) ASSERT_TRUE(v >= bias && v <= 1.0f) << v;   // a bias of the whole range lights everything
 }
 
 TEST(ExponentialShadow, DamagedTexelsCountAsNothingHitAndDoNotSpread) {
@@ -137,7 +137,37 @@ TEST(ExponentialShadow, DamagedTexelsCountAsNothingHitAndDoNotSpread) {
   }
   // Depth out of range is cut, so that 1e31 cannot appear (the classic EVSM explosion).
   const auto wild = values(encode(depthMap(8, 8, [](int x, int) { return x == 4 ? 1e30f : -1e30f; }), 80.0f, 2), "E");
-  for (float e : wild) EXPECT_TRUE(e > 0.0f && e <= 1.0f + 1e-6f) << e;
+  const auto cut = values(encode(depthMap(8, 8, [](int x, int) { return x == 4 ? 1.0f : 0.0f; }), 80.0f, 2), "E");
+  EXPECT_EQ(wild, cut);
+  EXPECT_LT(cut[0], 1e-30f);
+}
+
+TEST(ExponentialShadow, DamagedMapGivesLitReceivers) {
+  auto map = std::make_shared<Term>("exponential_shadow_map", Domain::LightTexel, Extent{2, 1, 1});
+  auto e = map->addPlane<float>("E");
+  e[0] = kNan;
+  e[1] = 1e-35f;
+  const auto V = values(lookup(receivers({{0.1f, 0.5f, 0.9f}, {0.5f, 0.5f, 0.9f}, {0.9f, 0.5f, 0.9f}}), map, unitLookup(60.0f)), "V");
+  EXPECT_EQ(V[0], 1.0f);
+  EXPECT_EQ(V[1], 1.0f);
+  EXPECT_TRUE(V[2] >= 0.0f && V[2] <= 1.0f);
+}
+
+TEST(ExponentialShadow, ReceiversOutsideTheDepthRangeAreReadAtItsEnds) {
+  const TermPtr map = encode(depthMap(4, 4, [](int, int) { return 0.9f; }), 80.0f, 0);
+  const auto V = values(lookup(receivers({{0.5f, 0.5f, 1.0f}, {0.5f, 0.5f, 7.0f}, {0.5f, 0.5f, -7.0f}}), map, unitLookup(80.0f)), "V");
+  EXPECT_NEAR(V[0], std::exp(-8.0), 1e-6);
+  EXPECT_EQ(V[1], V[0]);
+  EXPECT_EQ(V[2], 1.0f);
+}
+
+TEST(ExponentialShadow, RimOfTheMapIsNotExtrapolated) {
+  const auto z = [](int x, int y) { return 0.5f + 0.05f * float(x) + 0.01f * float(y); };
+  const TermPtr map = encode(depthMap(4, 4, z), 10.0f, 0);
+  const auto V = values(lookup(receivers({{0.0f, 0.0f, 0.8f}, {1.0f, 1.0f, 0.8f}, {0.125f, 0.125f, 0.8f}}), map, unitLookup(10.0f)), "V");
+  EXPECT_NEAR(V[0], std::exp(10.0 * (z(0, 0) - 0.8)), 1e-6);
+  EXPECT_NEAR(V[1], std::exp(10.0 * (z(3, 3) - 0.8)), 1e-6);
+  EXPECT_EQ(V[2], V[0]);
 }
 
 TEST(ExponentialShadow, DamagedReceiversAndEmptyPixelsAreLit) {

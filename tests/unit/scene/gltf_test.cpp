@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+// glTF from documents made here: values read back exactly, and every class of fault answered with file, pointer and cause.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "scene/load.h"
+
+namespace gobo {
+namespace {
+
+using Json = nlohmann::json;
+namespace fs = std::filesystem;
+
+class Gltf : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / ("gobo-gltf-" + std::to_string(::getpid()) + "-" +
+                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::create_directories(folder_);
+    // 4 vertices (48 bytes), 6 u16 indices (12 bytes), 4 normals (48 bytes).
+    const float positions[] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0}, normals[] = {0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1};
+    const uint16_t indices[] = {0, 1, 2, 0, 2, 3};
+    bin_.resize(108);
+    std::memcpy(bin_.data(), positions, 48);
+    std::memcpy(bin_.data() + 48, indices, 12);
+    std::memcpy(bin_.data() + 60, normals, 48);
+    doc_ = Json::parse(R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],
+      "nodes":[{"name":"quad","mesh":0,"translation":[1,2,3]}],
+      "meshes":[{"name":"square","primitives":[{"attributes":{"POSITION":0,"NORMAL":2},"indices":1}]}],
+      "accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[0,0,0],"max":[1,1,0]},
+                   {"bufferView":1,"componentType":5123,"count":6,"type":"SCALAR"},
+                   {"bufferView":2,"componentType":5126,"count":4,"type":"VEC3"}],
+      "bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":12},{"buffer":0,"byteOffset":60,"byteLength":48}],
+      "buffers":[{"byteLength":108}]})");
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::string writeGlb() {
+    std::string text = doc_.dump();
+    while (text.size() % 4) text += ' ';
+    std::vector<uint8_t> bin = bin_;
+    while (bin.size() % 4) bin.push_back(0);
+    std::vector<uint8_t> out;
+    auto word = [&](uint32_t v) { const auto* p = reinterpret_cast<const uint8_t*>(&v); out.insert(out.end(), p, p + 4); };
+    word(0x46546c67); word(2); word(uint32_t(28 + text.size() + bin.size()));
+    word(uint32_t(text.size())); word(0x4e4f534a); out.insert(out.end(), text.begin(), text.end());
+    word(uint32_t(bin.size())); word(0x004e4942); out.insert(out.end(), bin.begin(), bin.end());
+    return write("scene.glb", out.data(), out.size());
+  }
+  std::string write(const std::string& name, const void* data, size_t size) {
+    const std::string path = (folder_ / name).string();
+    std::ofstream(path, std::ios::binary).write(static_cast<const char*>(data), std::streamsize(size));
+    return path;
+  }
+  std::string writeText(const std::string& name) { const std::string t = doc_.dump(); return write(name, t.data(), t.size()); }
+
+  void expectRefused(const std::string& path, const std::string& pointer, const std::string& word) {
+    const auto scene = loadGltf(path);
+    ASSERT_FALSE(scene.ok()) << "loaded, but " << word << " was expected";
+    EXPECT_EQ(scene.status().location(), path + pointer) << scene.status().toString();
+    EXPECT_NE(scene.status().message().find(word), std::string::npos) << scene.status().toString();
+  }
+  void expectRefused(const std::string& pointer, const std::string& word) { expectRefused(writeGlb(), "#" + pointer, word); }
+  ScenePtr load() {
+    const auto scene = loadGltf(writeGlb());
+    EXPECT_TRUE(scene.ok()) << scene.status().toString();
+    return scene.ok() ? *scene : nullptr;
+  }
+
+  fs::path folder_;
+  Json doc_;
+  std::vector<uint8_t> bin_;
+};
+
+TEST_F(Gltf, MinimalGlbReadsBackExactly) {
+  const ScenePtr s = load();
+  ASSERT_TRUE(s);
+  EXPECT_EQ(s->triangleCount(), 2u);
+  EXPECT_EQ(s->meshes[0]->indices, (std::vector<uint32_t>{0, 1, 2, 0, 2, 3}));
+  EXPECT_EQ(s->meshes[0]->positions[2], Vec3(1, 1, 0));
+  EXPECT_EQ(s->instances[0].name, "quad");
+  EXPECT_EQ(Vec3(s->instances[0].toWorld[3]), Vec3(1, 2, 3));
+  EXPECT_EQ(s->materials[s->meshes[0]->material].bsdf.metallic, 1.0f);  // the format's default material
+  EXPECT_TRUE(s->warnings.empty());
+  EXPECT_EQ(s->cameras.size(), 1u);
+}
+
+TEST_F(Gltf, DataUriAndSeparateFileGiveTheSameScene) {
+  const ScenePtr glb = load();
+  write("my data.bin", bin_.data(), bin_.size());
+  doc_["buffers"][0]["uri"] = "my%20data.bin";
+  const auto separate = loadGltf(writeText("scene.gltf"));
+  ASSERT_TRUE(separate.ok()) << separate.status().toString();
+  EXPECT_EQ((*separate)->hash(), glb->hash());
+}
+
+TEST_F(Gltf, StripsAndFansMakeTheSameSquare) {
+  const uint16_t strip[] = {0, 1, 3, 2}, fan[] = {0, 1, 2, 3};
+  doc_["accessors"][1]["count"] = 4;
+  for (int mode : {5, 6}) {
+    std::memcpy(bin_.data() + 48, mode == 5 ? strip : fan, 8);
+    doc_["meshes"][0]["primitives"][0]["mode"] = mode;
+    const ScenePtr s = load();
+    ASSERT_TRUE(s);
+    ASSERT_EQ(s->triangleCount(), 2u) << mode;
+    for (size_t t = 0; t < 6; t += 3) {  // all face +Z
+      const Mesh& m = *s->meshes[0];
+      const Vec3 a = m.positions[m.indices[t]], b = m.positions[m.indices[t + 1]], c = m.positions[m.indices[t + 2]];
+      EXPECT_EQ(glm::cross(b - a, c - a).z, 1.0f) << mode;
+    }
+  }
+}
+
+TEST_F(Gltf, SparseAndNormalisedAccessors) {
+  // Vertex 2 moves to (1,1,5) by a sparse accessor; colours are normalised bytes.
+  const uint8_t index = 2, colours[16] = {255, 0, 51, 255};
+  const float moved[] = {1, 1, 5};
+  bin_.resize(112 + 16 + 12);
+  bin_[108] = index;
+  std::memcpy(bin_.data() + 112, moved, 12);
+  std::memcpy(bin_.data() + 124, colours, 16);
+  doc_["buffers"][0]["byteLength"] = bin_.size();
+  for (auto [offset, length] : {std::pair{108, 1}, std::pair{112, 12}, std::pair{124, 16}})
+    doc_["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", offset}, {"byteLength", length}});
+  doc_["accessors"][0]["sparse"] = Json::parse(R"({"count":1,"indices":{"bufferView":3,"componentType":5121},"values":{"bufferView":4}})");
+  doc_["accessors"].push_back({{"bufferView", 5}, {"componentType", 5121}, {"normalized", true}, {"count", 4}, {"type", "VEC4"}});
+  doc_["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 3;
+  const ScenePtr s = load();
+  ASSERT_TRUE(s);
+  EXPECT_EQ(s->meshes[0]->positions[2], Vec3(1, 1, 5));
+  EXPECT_EQ(s->meshes[0]->positions[1], Vec3(1, 0, 0));
+  EXPECT_EQ(s->meshes[0]->colours[0], Vec4(1.0f, 0.0f, 51 / 255.0f, 1.0f));
+  doc_["accessors"][0]["sparse"]["indices"]["byteOffset"] = 0;
+  bin_[108] = 4;
+  expectRefused("/accessors/0/sparse/indices", "sparse index 4 of 4");
+}
+
+TEST_F(Gltf, MaterialsLightsAndCameras) {
+  doc_["materials"] = Json::parse(R"([{"name":"m","pbrMetallicRoughness":{"baseColorFactor":[0.5,0.25,0.125,0.5],"metallicFactor":0,"roughnessFactor":0.3},
+    "emissiveFactor":[1,0.5,0],"alphaMode":"BLEND","doubleSided":true,"extensions":{"KHR_materials_emissive_strength":{"emissiveStrength":4},
+    "KHR_materials_specular":{"specularFactor":0},"KHR_materials_ior":{"ior":1.33},"KHR_materials_transmission":{"transmissionFactor":1}}}])");
+  doc_["meshes"][0]["primitives"][0]["material"] = 0;
+  doc_["extensionsUsed"] = {"KHR_lights_punctual"};
+  doc_["extensions"] = Json::parse(R"({"KHR_lights_punctual":{"lights":[{"type":"spot","color":[1,0.5,0],"intensity":10,"spot":{"innerConeAngle":0.2,"outerConeAngle":0.4}}]}})");
+  doc_["cameras"] = Json::parse(R"([{"type":"perspective","perspective":{"yfov":0.7,"znear":0.1}},{"type":"orthographic","orthographic":{"xmag":2,"ymag":3,"znear":0,"zfar":9}}])");
+  doc_["nodes"].push_back(Json::parse(R"({"name":"spot","translation":[0,5,0],"rotation":[-0.70710678,0,0,0.70710678],"scale":[2,2,2],"extensions":{"KHR_lights_punctual":{"light":0}}})"));
+  doc_["nodes"].push_back(Json::parse(R"({"name":"eye","camera":0,"translation":[0,0,4]})"));
+  doc_["nodes"].push_back(Json::parse(R"({"name":"plan","camera":1})"));
+  doc_["nodes"].push_back(Json::parse(R"({"name":"panel","scale":[2,1,1],"extras":{"gobo_light":{"type":"rect","width":3,"height":4,"power":[1,2,3]}}})"));
+  doc_["scenes"][0]["nodes"] = {0, 1, 2, 3, 4};
+  const ScenePtr s = load();
+  ASSERT_TRUE(s);
+  const Material& m = s->materials[s->findMaterial("m")];
+  EXPECT_EQ(m.albedo.factor, Vec3(0.5f, 0.25f, 0.125f));
+  EXPECT_EQ(m.coverage.mode, AlphaMode::Blend);
+  EXPECT_EQ(m.coverage.factor, 0.5f);
+  EXPECT_EQ(m.emission.radiance, Vec3(4, 2, 0));
+  EXPECT_EQ(m.bsdf.specular, 0.0f);
+  EXPECT_EQ(m.bsdf.ior, 1.33f);
+  EXPECT_EQ(m.bsdf.transmission, 1.0f);
+  const Light& spot = s->lights[s->findLight("spot")];
+  EXPECT_EQ(spot.power, Vec3(10, 5, 0));
+  EXPECT_LT(glm::length(spot.shape.axis - Vec3(0, -1, 0)), 1e-6f);
+  EXPECT_NEAR(spot.shape.cosOuter, std::cos(0.4), 1e-6);
+  const Light& panel = s->lights[s->findLight("panel")];
+  EXPECT_EQ(panel.shape.u, Vec3(3, 0, 0));
+  EXPECT_EQ(panel.shape.v, Vec3(0, 2, 0));
+  EXPECT_EQ(panel.shape.axis, Vec3(0, 0, -1));
+  EXPECT_EQ(panel.power, Vec3(1, 2, 3));
+  EXPECT_EQ(s->lights[s->findLight("quad")].shape.kind, LightKind::Mesh);
+  EXPECT_EQ(s->cameras[s->findCamera("eye")].yfov, 0.7f);
+  EXPECT_EQ(s->cameras[s->findCamera("plan")].yheight, 6.0f);
+}
+
+TEST_F(Gltf, RepairsNormalsAndRefusesBadPositions) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  std::memcpy(bin_.data() + 60, &nan, 4);
+  const ScenePtr s = load();
+  ASSERT_TRUE(s);
+  EXPECT_EQ(s->meshes[0]->normals[0], Vec3(0, 0, 1));  // from its triangles
+  ASSERT_EQ(s->warnings.size(), 1u);
+  EXPECT_NE(s->warnings[0].find("/meshes/0/primitives/0/attributes/NORMAL"), std::string::npos);
+  std::memcpy(bin_.data() + 12, &nan, 4);
+  expectRefused("/meshes/0/primitives/0/attributes/POSITION", "mesh \"square\": position of vertex 1");
+}
+
+TEST_F(Gltf, FaultsNameFileAndPointer) {
+  const Json good = doc_;
+  const std::vector<uint8_t> bytes = bin_;
+  auto fresh = [&] { doc_ = good; bin_ = bytes; };
+  bin_[48] = 9;
+  expectRefused("/meshes/0/primitives/0/indices", "index 9 at 0 is out of range");
+  fresh(); doc_["accessors"][0]["count"] = 5;
+  expectRefused("/accessors/0/bufferView", "needs 60 bytes");
+  fresh(); doc_["accessors"][0]["byteOffset"] = 4;
+  expectRefused("/accessors/0/bufferView", "needs 52 bytes");
+  fresh(); doc_["accessors"][0]["count"] = 4294967296ull; doc_["bufferViews"][0]["byteStride"] = 1048576;  // wraps in 32 and, by size, in int64 sums done carelessly
+  expectRefused("/accessors/0/bufferView", "needs");
+  fresh(); doc_["accessors"][0]["count"] = 1ull << 62;
+  expectRefused("/accessors/0/count", "out of range");
+  fresh(); doc_["bufferViews"][0]["byteStride"] = 4;
+  expectRefused("/bufferViews/0/byteStride", "less than an element");
+  fresh(); doc_["bufferViews"][2]["byteLength"] = 1000;
+  expectRefused("/bufferViews/2", "outside buffer 0 of 108 bytes");
+  fresh(); doc_["bufferViews"][0]["buffer"] = 3;
+  expectRefused("/bufferViews/0/buffer", "index 3 is out of range");
+  fresh(); doc_["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 7;
+  expectRefused("/meshes/0/primitives/0/attributes/POSITION", "index 7 is out of range");
+  fresh(); doc_["meshes"][0]["primitives"][0]["material"] = 0;
+  expectRefused("/meshes/0/primitives/0/material", "index 0 is out of range");
+  fresh(); doc_["nodes"][0]["children"] = {0};
+  expectRefused("/nodes/0", "cycle");
+  fresh(); doc_["nodes"][0]["mesh"] = "zero";
+  expectRefused("/nodes/0/mesh", "not an index");
+  fresh(); doc_["nodes"][0]["translation"] = {1, 2};
+  expectRefused("/nodes/0/translation", "3 numbers");
+  fresh(); doc_["extensionsRequired"] = {"KHR_draco_mesh_compression"};
+  expectRefused("/extensionsRequired/0", "KHR_draco_mesh_compression");
+  fresh(); doc_["asset"]["version"] = "1.0";
+  expectRefused("/asset/version", "1.0");
+}
+
+TEST_F(Gltf, OptionalExtensionsAreWarnings) {
+  doc_["extensionsUsed"] = {"KHR_materials_clearcoat"};
+  const ScenePtr s = load();
+  ASSERT_EQ(s->warnings.size(), 1u);
+  EXPECT_NE(s->warnings[0].find("KHR_materials_clearcoat"), std::string::npos);
+}
+
+TEST_F(Gltf, UrisStayInTheFolder) {
+  // The file exists outside: only the rule keeps it out. A link out of the folder is no way round it.
+  const fs::path secret = folder_.parent_path() / (folder_.filename().string() + "-secret.bin");
+  std::ofstream(secret, std::ios::binary).write(reinterpret_cast<const char*>(bin_.data()), 108);
+  fs::create_symlink(secret, folder_ / "link.bin");
+  for (const std::string& uri : {"../" + secret.filename().string(), secret.string(), "file://" + secret.string(), std::string("%2e%2e/") + secret.filename().string(),
+                                 std::string("http://example.com/a.bin"), std::string("link.bin"), std::string("$(touch x).bin/../") + secret.filename().string()}) {
+    doc_["buffers"][0]["uri"] = uri;
+    const std::string path = writeText("scene.gltf");
+    const auto scene = loadGltf(path);
+    ASSERT_FALSE(scene.ok()) << uri;
+    EXPECT_EQ(scene.status().code(), Code::InvalidArgument) << scene.status().toString();
+    EXPECT_EQ(scene.status().location(), path + "#/buffers/0/uri");
+  }
+  fs::remove(secret);
+  doc_["buffers"][0]["uri"] = "absent.bin";
+  expectRefused(writeText("scene.gltf"), "#/buffers/0/uri", "absent.bin");
+  write("short.bin", bin_.data(), 50);
+  doc_["buffers"][0]["uri"] = "short.bin";
+  expectRefused(writeText("scene.gltf"), "#/buffers/0/byteLength", "has 50 bytes");
+}
+
+TEST_F(Gltf, LimitsAndCutFiles) {
+  const std::string path = writeGlb();
+  LoadOptions few;
+  few.maxTriangles = 1;
+  EXPECT_EQ(loadGltf(path, few).status().code(), Code::ResourceExhausted);
+  LoadOptions small;
+  small.maxBytes = 100;  // less than the file
+  EXPECT_EQ(loadGltf(path, small).status().code(), Code::ResourceExhausted);
+  EXPECT_EQ(loadGltf((folder_ / "none.glb").string()).status().code(), Code::NotFound);
+  std::ifstream in(path, std::ios::binary);
+  const std::string whole((std::istreambuf_iterator<char>(in)), {});
+  for (size_t n = 0; n < whole.size(); n += 7) {  // every cut is refused, none is read past
+    const auto cut = loadGltf(write("cut.glb", whole.data(), n));
+    EXPECT_FALSE(cut.ok()) << n;
+  }
+  const std::string deep = "{\"asset\":{\"version\":\"2.0\",\"extras\":" + std::string(100000, '[') + std::string(100000, ']') + "}}";
+  EXPECT_NE(loadGltf(write("deep.gltf", deep.data(), deep.size())).status().message().find("nested"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace gobo
