@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/path_kernel.h"
 
+#include <cstring>
+
 #include "trace/area_lights.h"
+#include "trace/lambert_lanes.h"
 
 namespace gobo {
 
@@ -10,17 +13,14 @@ namespace {
 // Draws of one scattering event: the light's point, the new direction, (which light, which lobe), roulette.
 enum Draw : uint32_t { kDrawLight = 0, kDrawDirection = 1, kDrawChoice = 2, kDrawRoulette = 3, kDrawsPerEvent = 4 };
 
-struct Path {
-  Vec3 origin, direction;
-  Vec3 throughput;
-  Vec3 specularPart;      // share of the first event's specular lobe in the throughput (ByLobe)
-  Vec3 from, fromNormal;  // the last vertex, as the light selector saw it
-  float pdf;              // density of `direction`; 0 after the camera or a delta event: no other technique finds the light
-  int lane;
-  bool fromHasNormal, firstDelta;
+// Path state by lane. Lanes never move: Embree masks the dead ones, and vector code computes them along.
+struct Paths {
+  Lane3 throughput;
+  Lane3 specularPart;          // share of the first event's specular lobe in the throughput (ByLobe)
+  Lane3 from, fromNormal;      // the last vertex, as the light selector saw it
+  alignas(64) float pdf[kLanes];   // density of the ray's direction; 0 after the camera or a delta event: nothing else finds its light
+  uint32_t fromHasNormal = 0, firstDelta = 0;   // bit per lane
 };
-
-struct Shadow { Vec3 value, specular; int lane, slot; };
 
 // Where contributions go: a sum per sample, so that a sample with a non-finite part can be dropped whole. Pictures with
 // several slots keep a list instead of lanes x slots sums.
@@ -65,15 +65,47 @@ float powerHeuristic(float a, float b) {
   return 1.0f / (1.0f + r * r);
 }
 
+inline Vec3 direction(const RTCRay16& r, int i) { return Vec3(r.dir_x[i], r.dir_y[i], r.dir_z[i]); }
+
+inline void putShadow(RTCRay16& r, int i, const Vec3& origin, const Vec3& aim, float reach) {
+  r.org_x[i] = origin.x; r.org_y[i] = origin.y; r.org_z[i] = origin.z;
+  r.dir_x[i] = aim.x; r.dir_y[i] = aim.y; r.dir_z[i] = aim.z;
+  r.tfar[i] = reach;
+}
+// From the moved origin to the same point of the light; t counts in units of that way. It ends short of the light by what
+// rounding may have put between the sampled point and the light's own surface.
+inline void aimShadow(RTCRay16& r, int i, const Vec3& p, const Vec3& origin, const LightSample& light) {
+  if (light.distance >= 3.0e38f) { putShadow(r, i, origin, light.direction, 3.0e38f); return; }
+  const float slack = 3e-6f * std::max(std::fabs(p.x), std::max(std::fabs(p.y), std::fabs(p.z)));
+  putShadow(r, i, origin, (p - origin) + light.direction * light.distance, std::max(0.0f, 1.0f - 2e-5f - slack / light.distance));
+}
+
+void record(uint32_t lanes, const RTCRay16& r, std::vector<Ray>& to) {
+  for (; lanes; lanes &= lanes - 1) {
+    const int i = __builtin_ctz(lanes);
+    to.push_back({Vec3(r.org_x[i], r.org_y[i], r.org_z[i]), direction(r, i), r.tnear[i], r.tfar[i]});
+  }
+}
+
 }  // namespace
 
 void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t film, int count, double* out, uint64_t& rays,
                                   uint64_t& dropped) const {
   Accumulator sums(slotCount == 1, recordBuffer());
-  Path paths[kLanes];
+  Paths paths;
+  RTCRayHit16 rh;                                   // the rays live here
+  RTCRay16 sr;                                      // at most one shadow ray a lane and event
+  LaneSurface ls;
+  lanes::LightLanes lamp;
+  Lane3 lit, litSpecular;                           // what a free shadow ray adds
+  int litSlot[kLanes];
+  Lane3 litPlain;
+  alignas(64) float shadowX[kLanes], shadowY[kLanes], shadowZ[kLanes], shadowReach[kLanes];
   alignas(64) float ux[kLanes], uy[kLanes], px[kLanes], py[kLanes], vx[kLanes], vy[kLanes], vz[kLanes];
   alignas(64) float choice[kLanes], lobe[kLanes], roulette[kLanes];
+  alignas(64) int valid[kLanes];
   const SplitMode split = settings.split;
+  const bool byLobe = split == SplitMode::ByLobe;
 
   const auto classOf = [](int events, bool firstDelta) {
     return events == 0 ? PathClass::Emission : events == 1 && !firstDelta ? PathClass::Direct : PathClass::Indirect;
@@ -93,234 +125,276 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         return;
     }
   };
-  // A ray found light k, which sends `radiance` (for power 1) along it.
-  const auto found = [&](const Path& p, int k, int events, const Vec3& radiance, float lightPdf) {
+  // The ray of lane i found light k, which sends `radiance` (for power 1) along it; `t`, `primitive` as LightSampler::pdf wants them.
+  const auto found = [&](int i, int k, int events, const Vec3& direction, const Vec3& radiance, float t, uint32_t primitive) {
     const LightInfo& l = lights[k];
-    const PathClass c = classOf(events, p.firstDelta);
     float weight = 1.0f;
-    if (p.pdf > 0.0f) {
-      const float select = selector.probability(p.from, p.fromHasNormal ? &p.fromNormal : nullptr, k);
-      weight = powerHeuristic(p.pdf, select * lightPdf);
+    if (paths.pdf[i] > 0.0f) {
+      const Vec3 from = paths.from.get(i), normal = paths.fromNormal.get(i);
+      const float select = selector.probability(from, paths.fromHasNormal >> i & 1u ? &normal : nullptr, k);
+      weight = powerHeuristic(paths.pdf[i], select * sampler->pdf(l.light, from, direction, t, primitive));
     }
-    const Vec3 value = p.throughput * radiance * l.nominal * weight;
-    add(p.lane, l.slot, events, c, value, value * p.specularPart);
+    const Vec3 value = paths.throughput.get(i) * radiance * l.nominal * weight;
+    add(i, l.slot, events, classOf(events, paths.firstDelta >> i & 1u), value, byLobe ? value * paths.specularPart.get(i) : Vec3(0.0f));
+  };
+  const auto collectAreaLights = [&](int i, int events, const Vec3& origin, const Vec3& direction, float tmax) {
+    const Ray ray{origin, direction, 0.0f, tmax};
+    for (size_t a = 0; a < areaLights.size(); ++a) {
+      const Vec3 oc = Vec3(areaX[a], areaY[a], areaZ[a]) - origin;
+      const Vec3 across = oc - direction * glm::dot(oc, direction);
+      if (glm::dot(across, across) > areaRadius2[a] + 1e-10f * glm::dot(oc, oc)) continue;   // bounding sphere, with room for float
+      const int k = areaLights[a];
+      if (paths.pdf[i] <= 0.0f && !lights[k].cameraVisible) continue;
+      float t;
+      Vec3 ng;
+      if (intersectAreaLight(areaShapes[a], ray, t, ng)) found(i, k, events, direction, sampler->emitted(lights[k].light, direction, 0, 0, 0, ng), t, 0);
+    }
   };
 
-  // Camera rays.
+  // Camera rays. Lanes beyond `count` repeat lane 0, masked out: their numbers stay ordinary.
   if (viewSamples.empty()) set.draw2D(0, px, py);
-  for (int i = 0; i < count; ++i) {
+  for (int i = 0; i < kLanes; ++i) {
     Vec2 offset;
     if (viewSamples.empty()) offset = Vec2(px[i], py[i]);
     else offset = viewSamples[size_t((film + uint64_t(i)) % viewSamples.size())];
     const float fx = float(x) + offset.x, fy = float(y) + offset.y;
-    Path& p = paths[i];
-    p.origin = cameraOrigin + cameraOriginX * fx + cameraOriginY * fy;
-    const Vec3 d = cameraDirection + cameraDirectionX * fx + cameraDirectionY * fy;
-    p.direction = d * (1.0f / std::sqrt(glm::dot(d, d)));
-    p.throughput = Vec3(1.0f);
-    p.specularPart = Vec3(0.0f);
-    p.pdf = 0.0f;
-    p.lane = i;
-    p.fromHasNormal = p.firstDelta = false;
+    const Vec3 o = cameraOrigin + cameraOriginX * fx + cameraOriginY * fy;
+    Vec3 d = cameraDirection + cameraDirectionX * fx + cameraDirectionY * fy;
+    d *= 1.0f / std::sqrt(glm::dot(d, d));
+    rh.ray.org_x[i] = o.x; rh.ray.org_y[i] = o.y; rh.ray.org_z[i] = o.z;
+    rh.ray.dir_x[i] = d.x; rh.ray.dir_y[i] = d.y; rh.ray.dir_z[i] = d.z;
+    rh.ray.tnear[i] = 0.0f; rh.ray.time[i] = 0.0f; rh.ray.mask[i] = ~0u; rh.ray.id[i] = 0; rh.ray.flags[i] = 0;
+    sr.tnear[i] = 0.0f; sr.time[i] = 0.0f; sr.mask[i] = ~0u; sr.id[i] = 0; sr.flags[i] = 0;
+    paths.throughput.set(i, Vec3(1.0f));
+    paths.specularPart.set(i, Vec3(0.0f));
+    paths.pdf[i] = 0.0f;
   }
+  std::memset(static_cast<void*>(&ls), 0, sizeof ls);
+  std::memset(static_cast<void*>(&lamp), 0, sizeof lamp);
+  std::memset(static_cast<void*>(&rh.hit), 0, sizeof rh.hit);
 
-  int alive = count;
-  for (int events = 0; alive > 0; ++events) {
-    const int n = alive;
-    RTCRayHit16 rh;
-    alignas(64) int valid[kLanes];
+  const Accel::Impl& geometry = accel->impl();
+  embree::Context context;
+  embree::initContext(context);
+  uint32_t alive = count >= 32 ? ~0u : (1u << count) - 1;
+  for (int events = 0; alive != 0; ++events) {
     for (int i = 0; i < kLanes; ++i) {
-      valid[i] = i < n ? -1 : 0;
-      const Path& p = paths[i < n ? i : 0];
-      rh.ray.org_x[i] = p.origin.x; rh.ray.org_y[i] = p.origin.y; rh.ray.org_z[i] = p.origin.z;
-      rh.ray.dir_x[i] = p.direction.x; rh.ray.dir_y[i] = p.direction.y; rh.ray.dir_z[i] = p.direction.z;
-      rh.ray.tnear[i] = 0.0f; rh.ray.tfar[i] = 3.0e38f; rh.ray.time[i] = 0.0f; rh.ray.mask[i] = ~0u; rh.ray.id[i] = 0; rh.ray.flags[i] = 0;
+      valid[i] = alive >> i & 1u ? -1 : 0;
+      rh.ray.tfar[i] = 3.0e38f;
       rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
       rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
     }
-    embree::Context context;
-    embree::initContext(context);
     embree::intersect16(valid, scene, context, rh, events == 0);
-    rays += uint64_t(n);
-    if (recorder) for (int i = 0; i < n; ++i) (events == 0 ? recorder->primary : recorder->bounce).push_back({paths[i].origin, paths[i].direction, 0.0f, 3.0e38f});
+    rays += uint64_t(__builtin_popcount(alive));
+    if (recorder) record(alive, rh.ray, events == 0 ? recorder->primary : recorder->bounce);
 
     const bool scatters = events < maxEvents;
     const int event = events + 1;
-    const uint32_t base = 1 + uint32_t(events) * kDrawsPerEvent;
+    const bool nee = (event == 1 ? wantDirect : wantIndirect) && selector.count() > 0;
     const bool rouletteOn = event >= settings.rouletteStart;
-    const bool nee = event == 1 ? wantDirect : wantIndirect;
     if (scatters) {
+      const uint32_t base = 1 + uint32_t(events) * kDrawsPerEvent;
       if (nee) set.draw2D(base + kDrawLight, ux, uy);
       set.draw2D(base + kDrawDirection, px, py);
       cosineDirections(px, py, vx, vy, vz);
-      set.draw2D(base + kDrawChoice, choice, lobe);
+      if (drawsChoice) set.draw2D(base + kDrawChoice, choice, lobe);
       if (rouletteOn) set.draw1D(base + kDrawRoulette, roulette);
     }
 
-    RTCRay16 sr;
-    Shadow shadows[kLanes];
-    int shadowCount = 0;
-    alive = 0;
-    for (int i = 0; i < n; ++i) {
-      Path& p = paths[i];
+    // What each ray met: lights, then the surface. Flat Lambert lanes are only gathered here.
+    uint32_t flat = 0, lambert = 0, general = 0, shadowed = 0, next = 0;
+    for (uint32_t left = alive; left; left &= left - 1) {
+      const int i = __builtin_ctz(left);
+      const uint32_t bit = 1u << i;
       const bool hit = rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
-      const PathClass arrives = classOf(events, p.firstDelta);
-      if (!areaLights.empty() && wanted(arrives)) {
-        const Ray ray{p.origin, p.direction, 0.0f, hit ? rh.ray.tfar[i] : 3.0e38f};
-        for (size_t a = 0; a < areaLights.size(); ++a) {
-          const Vec3 oc = Vec3(areaX[a], areaY[a], areaZ[a]) - p.origin;
-          const float along = glm::dot(oc, p.direction);
-          const Vec3 across = oc - p.direction * along;
-          if (glm::dot(across, across) > areaRadius2[a] + 1e-10f * glm::dot(oc, oc)) continue;   // bounding sphere, with room for float
-          const int k = areaLights[a];
-          if (p.pdf <= 0.0f && !lights[k].cameraVisible) continue;
-          float t;
-          Vec3 ng;
-          if (!intersectAreaLight(areaShapes[a], ray, t, ng)) continue;
-          const Vec3 radiance = sampler->emitted(lights[k].light, p.direction, 0, 0, 0, ng);
-          found(p, k, events, radiance, p.pdf > 0.0f ? sampler->pdf(lights[k].light, p.from, p.direction, t, 0) : 0.0f);
-        }
-      }
+      const bool collects = wanted(classOf(events, paths.firstDelta >> i & 1u));
+      if (collects && !areaLights.empty())
+        collectAreaLights(i, events, Vec3(rh.ray.org_x[i], rh.ray.org_y[i], rh.ray.org_z[i]), direction(rh.ray, i), hit ? rh.ray.tfar[i] : 3.0e38f);
       if (!hit) {
-        if (wanted(arrives)) {
-          for (int k : environments) {
-            const Vec3 radiance = sampler->emitted(lights[k].light, p.direction, 0, 0, 0, Vec3(0.0f));
-            found(p, k, events, radiance, p.pdf > 0.0f ? sampler->pdf(lights[k].light, p.from, p.direction, 3.0e38f, 0) : 0.0f);
-          }
-        }
+        if (collects)
+          for (int k : environments)
+            found(i, k, events, direction(rh.ray, i), sampler->emitted(lights[k].light, direction(rh.ray, i), 0, 0, 0, Vec3(0.0f)), 3.0e38f, 0);
         continue;
       }
       const uint32_t instance = rh.hit.instID[0][i] == RTC_INVALID_GEOMETRY_ID ? rh.hit.geomID[i] : rh.hit.instID[0][i];
       const uint32_t primitive = rh.hit.primID[i];
-      const float hu = rh.hit.u[i], hv = rh.hit.v[i];
-      const Vec3 Ng = accel->impl().worldNormal(instance, Vec3(rh.hit.Ng_x[i], rh.hit.Ng_y[i], rh.hit.Ng_z[i]));
-      if (const int k = meshLight[instance]; k >= 0 && wanted(arrives)) {
-        const Vec3 radiance = sampler->emitted(lights[k].light, p.direction, primitive, hu, hv, Ng);
-        if (maxComponent(radiance) > 0.0f)
-          found(p, k, events, radiance, p.pdf > 0.0f ? sampler->pdf(lights[k].light, p.from, p.direction, rh.ray.tfar[i], primitive) : 0.0f);
+      if (const int k = meshLight[instance]; k >= 0 && collects) {
+        const Vec3 d = direction(rh.ray, i);
+        const Vec3 radiance = sampler->emitted(lights[k].light, d, primitive, rh.hit.u[i], rh.hit.v[i], Vec3(0.0f));
+        if (maxComponent(radiance) > 0.0f) found(i, k, events, d, radiance, rh.ray.tfar[i], primitive);
       }
       if (!scatters) continue;
+      const SurfaceInstance& s = surfaces.instance(instance);
+      if (!s.flatLambert) { general |= bit; continue; }
+      const uint32_t* tri = s.indices + 3 * size_t(primitive);
+      ls.a.set(i, s.positions[tri[0]]); ls.b.set(i, s.positions[tri[1]]); ls.c.set(i, s.positions[tri[2]]);
+      ls.albedo.set(i, s.material->constant.albedo);
+      flat |= bit;
+    }
+    for (int h = 0; h < kLanes; h += 8)
+      if (flat >> h & 255u)
+        lambert |= lanes::flatSurface(ls, h, flat >> h & 255u, rh.hit.u, rh.hit.v, rh.hit.Ng_x, rh.hit.Ng_y, rh.hit.Ng_z, rh.ray.dir_x, rh.ray.dir_y, rh.ray.dir_z) << h;
+    general |= flat & ~lambert;
 
+    // Everything else: the full surface. Smooth or textured Lambert joins the vector code, other materials are finished here.
+    const bool goesOn = event < maxEvents || hittable;                // after the last event a ray can only find light
+    for (uint32_t left = general; left; left &= left - 1) {
+      const int i = __builtin_ctz(left);
+      const uint32_t bit = 1u << i;
+      const uint32_t instance = rh.hit.instID[0][i] == RTC_INVALID_GEOMETRY_ID ? rh.hit.geomID[i] : rh.hit.instID[0][i];
+      const Vec3 Ng = geometry.worldNormal(instance, Vec3(rh.hit.Ng_x[i], rh.hit.Ng_y[i], rh.hit.Ng_z[i]));
+      const Vec3 d = direction(rh.ray, i);
       Surface s;
-      surfaces.interact(instance, primitive, hu, hv, Ng, p.direction, s);
-      const Vec3 wo = -p.direction, facing = s.facing();
+      surfaces.interact(instance, rh.hit.primID[i], rh.hit.u[i], rh.hit.v[i], Ng, d, s);
+      const Vec3 facing = s.facing();
+      if (s.lambert) {
+        ls.p.set(i, s.p); ls.reach.set(i, s.reach); ls.facing.set(i, facing); ls.n.set(i, s.n); ls.albedo.set(i, s.bsdf.albedo);
+        lambert |= bit;
+        continue;
+      }
       const Frame frame(s.n);
-      const Vec3 woLocal = frame.toLocal(wo);
-      const bool delta = !s.lambert && bsdfIsDelta(s.bsdf);
-      const bool hasNormal = !s.material->transmissive;
-
+      const Vec3 wo = frame.toLocal(-d), throughput = paths.throughput.get(i);
+      const bool delta = bsdfIsDelta(s.bsdf), hasNormal = !s.material->transmissive;
       if (nee && !delta) {
         float select;
-        const int k = selector.sample(s.p, hasNormal ? &s.n : nullptr, choice[p.lane], select);
-        LightSample ls;
-        if (k >= 0 && sampler->sample(lights[k].light, s.p, Vec2(ux[p.lane], uy[p.lane]), ls)) {
-          const float cosine = glm::dot(ls.direction, s.n), side = glm::dot(ls.direction, facing);
+        const int k = selector.sample(s.p, hasNormal ? &s.n : nullptr, choice[i], select);
+        LightSample light;
+        if (k >= 0 && sampler->sample(lights[k].light, s.p, Vec2(ux[i], uy[i]), light)) {
+          const float cosine = glm::dot(light.direction, s.n), side = glm::dot(light.direction, facing);
           if (cosine * side > 0.0f && (cosine > 0.0f || !hasNormal)) {
-            const LightInfo& l = lights[k];
-            Vec3 f, specular(0.0f);
-            float pdf;
-            if (s.lambert) {
-              f = s.bsdf.albedo * (kInvPi * cosine);
-              pdf = kInvPi * cosine;
-            } else {
-              const Vec3 wi = frame.toLocal(ls.direction);
-              const BsdfValue value = bsdfEval(s.bsdf, woLocal, wi);
-              f = value.sum();
-              specular = value.specular;
-              pdf = ls.delta ? 0.0f : bsdfPdf(s.bsdf, woLocal, wi);
-            }
-            const float lightPdf = ls.pdf * select;
-            const float weight = ls.delta ? 1.0f : powerHeuristic(lightPdf, pdf);
-            const Vec3 arriving = p.throughput * ls.radiance * l.nominal * (weight / lightPdf);
-            const Vec3 value = arriving * f;
+            const Vec3 wi = frame.toLocal(light.direction);
+            const BsdfValue f = bsdfEval(s.bsdf, wo, wi);
+            const float lightPdf = light.pdf * select;
+            const float weight = light.delta ? 1.0f : powerHeuristic(lightPdf, bsdfPdf(s.bsdf, wo, wi));
+            const Vec3 arriving = throughput * light.radiance * lights[k].nominal * (weight / lightPdf);
+            const Vec3 value = arriving * f.sum();
             if (maxComponent(value) > 0.0f || !isFinite(value)) {
-              const Vec3 o = s.origin(side > 0.0f ? facing : -facing);
-              const int j = shadowCount++;
-              Vec3 aim = ls.direction;
-              float reach = 3.0e38f;
-              if (ls.distance < 3.0e38f) {
-                // From the moved origin to the same point of the light; t counts in units of that way. It ends short of the
-                // light by what rounding may have put between the sampled point and the light's own surface.
-                aim = (s.p - o) + ls.direction * ls.distance;
-                const float slack = 3e-6f * std::max(std::fabs(s.p.x), std::max(std::fabs(s.p.y), std::fabs(s.p.z)));
-                reach = std::max(0.0f, 1.0f - 2e-5f - slack / ls.distance);
-              }
-              sr.org_x[j] = o.x; sr.org_y[j] = o.y; sr.org_z[j] = o.z;
-              sr.dir_x[j] = aim.x; sr.dir_y[j] = aim.y; sr.dir_z[j] = aim.z;
-              sr.tnear[j] = 0.0f;
-              sr.tfar[j] = reach;
-              shadows[j] = {value, event == 1 ? arriving * specular : value * p.specularPart, p.lane, l.slot};
+              aimShadow(sr, i, s.p, s.origin(side > 0.0f ? facing : -facing), light);
+              lit.set(i, value);
+              if (byLobe) litSpecular.set(i, event == 1 ? arriving * f.specular : value * paths.specularPart.get(i));
+              litSlot[i] = lights[k].slot;
+              shadowed |= bit;
             }
           }
         }
       }
-
-      if (event == maxEvents && !hittable) continue;                  // the next ray could only find light, and there is none to find
-      if (event == 1 && delta && !wantIndirect) continue;
       BsdfSample bs;
-      Vec3 wi;
-      if (s.lambert) {
-        wi = frame.toWorld(Vec3(vx[p.lane], vy[p.lane], vz[p.lane]));
-        bs.pdf = vz[p.lane] * kInvPi;
-        bs.weight = s.bsdf.albedo;
-        if (!(bs.pdf > 0.0f) || !(glm::dot(wi, facing) > 0.0f)) continue;
-        p.origin = s.origin(facing);
-      } else {
-        if (!bsdfSample(s.bsdf, woLocal, lobe[p.lane], Vec2(px[p.lane], py[p.lane]), bs)) continue;
-        wi = frame.toWorld(bs.wi);
-        wi *= 1.0f / std::sqrt(glm::dot(wi, wi));
-        const float side = glm::dot(wi, facing);
-        if (bs.transmitted ? !(side < 0.0f) : !(side > 0.0f)) continue;
-        p.origin = s.origin(side > 0.0f ? facing : -facing);
-        if (event == 1) {
-          p.firstDelta = bs.delta;
-          if (split == SplitMode::ByLobe) {
-            if (bs.delta) {
-              p.specularPart = Vec3(1.0f);
-            } else {
-              const BsdfValue value = bsdfEval(s.bsdf, woLocal, bs.wi);
-              const Vec3 all = value.sum();
-              for (int c = 0; c < 3; ++c) p.specularPart[c] = all[c] > 0.0f ? value.specular[c] / all[c] : 0.0f;
-            }
+      if (!goesOn || (event == 1 && delta && !wantIndirect)) continue;
+      if (!bsdfSample(s.bsdf, wo, lobe[i], Vec2(px[i], py[i]), bs)) continue;
+      if (event == 1) {
+        if (bs.delta && !wantIndirect) continue;
+        if (bs.delta) paths.firstDelta |= bit;
+        if (byLobe) {
+          Vec3 part(1.0f);
+          if (!bs.delta) {
+            const BsdfValue f = bsdfEval(s.bsdf, wo, bs.wi);
+            const Vec3 all = f.sum();
+            for (int c = 0; c < 3; ++c) part[c] = all[c] > 0.0f ? f.specular[c] / all[c] : 0.0f;
           }
-          if (bs.delta && !wantIndirect) continue;
+          paths.specularPart.set(i, part);
         }
       }
-      p.throughput *= bs.weight;
-      const float most = maxComponent(p.throughput);
-      if (!isFinite(p.throughput)) { sums.bad |= 1u << p.lane; continue; }
+      Vec3 wi = frame.toWorld(bs.wi);
+      wi *= 1.0f / std::sqrt(glm::dot(wi, wi));
+      const float side = glm::dot(wi, facing);
+      if (bs.transmitted ? !(side < 0.0f) : !(side > 0.0f)) continue;
+      Vec3 carried = throughput * bs.weight;
+      const float most = maxComponent(carried);
+      if (!isFinite(carried)) { sums.bad |= bit; continue; }
       if (!(most > 0.0f)) continue;
       if (rouletteOn) {
-        const float survive = std::fmin(0.95f, most);
-        if (roulette[p.lane] >= survive) continue;
-        p.throughput *= 1.0f / survive;
+        const float survive = std::min(0.95f, most);
+        if (roulette[i] >= survive) continue;
+        carried *= 1.0f / survive;
       }
-      p.direction = wi;
-      p.pdf = bs.delta ? 0.0f : bs.pdf;
-      p.from = s.p;
-      p.fromNormal = s.n;
-      p.fromHasNormal = hasNormal;
-      if (alive != i) paths[alive] = p;
-      ++alive;
+      const Vec3 o = s.origin(side > 0.0f ? facing : -facing);
+      rh.ray.org_x[i] = o.x; rh.ray.org_y[i] = o.y; rh.ray.org_z[i] = o.z;
+      rh.ray.dir_x[i] = wi.x; rh.ray.dir_y[i] = wi.y; rh.ray.dir_z[i] = wi.z;
+      paths.throughput.set(i, carried);
+      paths.pdf[i] = bs.delta ? 0.0f : bs.pdf;
+      paths.from.set(i, s.p);
+      paths.fromNormal.set(i, s.n);
+      paths.fromHasNormal = hasNormal ? paths.fromHasNormal | bit : paths.fromHasNormal & ~bit;
+      next |= bit;
     }
 
-    if (shadowCount > 0) {
-      for (int i = 0; i < kLanes; ++i) {
-        valid[i] = i < shadowCount ? -1 : 0;
-        if (i >= shadowCount) { sr.org_x[i] = sr.org_y[i] = sr.org_z[i] = sr.tnear[i] = 0.0f; sr.dir_x[i] = sr.dir_y[i] = sr.dir_z[i] = 1.0f; sr.tfar[i] = -1.0f; }
-        sr.time[i] = 0.0f; sr.mask[i] = ~0u; sr.id[i] = 0; sr.flags[i] = 0;
-      }
-      rays += uint64_t(shadowCount);
-      if (recorder)
-        for (int i = 0; i < shadowCount; ++i)
-          recorder->shadow.push_back({Vec3(sr.org_x[i], sr.org_y[i], sr.org_z[i]), Vec3(sr.dir_x[i], sr.dir_y[i], sr.dir_z[i]), 0.0f, sr.tfar[i]});
-      embree::occluded16(valid, scene, context, sr, false);
-      for (int i = 0; i < shadowCount; ++i) {
-        if (sr.tfar[i] < 0.0f) continue;                              // Embree writes -inf
-        const Shadow& h = shadows[i];
-        add(h.lane, h.slot, event, event == 1 ? PathClass::Direct : PathClass::Indirect, h.value, h.specular);
+    // Lambert lanes.
+    for (int h = 0; h < kLanes; h += 8) if (lambert >> h & 255u) lanes::moveOrigins(ls, h);
+    if (nee && lambert != 0) {
+      if (hasPlainLight) {
+        for (uint32_t left = lambert; left; left &= left - 1) {
+          const int i = __builtin_ctz(left);
+          const PlainMeshLight::Triangle& t = plainLight.pick(drawsChoice ? choice[i] : 0.0f);
+          lamp.p.set(i, t.p); lamp.e1.set(i, t.e1); lamp.e2.set(i, t.e2); lamp.n.set(i, t.n);
+        }
+        const LightInfo& l = lights[plainLightIndex];
+        uint32_t free = 0;
+        for (int h = 0; h < kLanes; h += 8)
+          if (lambert >> h & 255u)
+            free |= lanes::sampleLight(ls, paths.throughput, lamp, plainLight.area, plainLight.doubleSided, l.nominal, h, lambert >> h & 255u, ux, uy,
+                                      shadowX, shadowY, shadowZ, shadowReach, litPlain) << h;
+        for (uint32_t left = free; left; left &= left - 1) {
+          const int i = __builtin_ctz(left);
+          putShadow(sr, i, ls.origin.get(i), Vec3(shadowX[i], shadowY[i], shadowZ[i]), shadowReach[i]);
+          lit.set(i, litPlain.get(i));
+          if (byLobe) litSpecular.set(i, event == 1 ? Vec3(0.0f) : lit.get(i) * paths.specularPart.get(i));
+          litSlot[i] = l.slot;
+        }
+        shadowed |= free;
+      } else {
+        for (uint32_t left = lambert; left; left &= left - 1) {
+          const int i = __builtin_ctz(left);
+          const Vec3 p = ls.p.get(i), n = ls.n.get(i);
+          float select;
+          const int k = selector.sample(p, &n, drawsChoice ? choice[i] : 0.0f, select);
+          LightSample light;
+          if (k < 0 || !sampler->sample(lights[k].light, p, Vec2(ux[i], uy[i]), light)) continue;
+          const float cosine = glm::dot(light.direction, n);
+          if (!(cosine > 0.0f) || !(glm::dot(light.direction, ls.facing.get(i)) > 0.0f)) continue;
+          const float f = kInvPi * cosine, lightPdf = light.pdf * select;
+          const float weight = light.delta ? 1.0f : powerHeuristic(lightPdf, f);
+          const Vec3 value = paths.throughput.get(i) * ls.albedo.get(i) * light.radiance * lights[k].nominal * (f * weight / lightPdf);
+          if (!(maxComponent(value) > 0.0f) && isFinite(value)) continue;
+          aimShadow(sr, i, p, ls.origin.get(i), light);
+          lit.set(i, value);
+          if (byLobe) litSpecular.set(i, event == 1 ? Vec3(0.0f) : value * paths.specularPart.get(i));
+          litSlot[i] = lights[k].slot;
+          shadowed |= 1u << i;
+        }
       }
     }
+    if (goesOn && lambert != 0) {
+      uint32_t on = 0;
+      for (int h = 0; h < kLanes; h += 8)
+        if (lambert >> h & 255u)
+          on |= lanes::bounce(ls, h, lambert >> h & 255u, vx, vy, vz, rouletteOn ? roulette : nullptr, paths.throughput, rh.ray.dir_x, rh.ray.dir_y,
+                              rh.ray.dir_z, paths.pdf) << h;
+      for (int i = 0; i < kLanes; ++i) {
+        const bool mine = lambert >> i & 1u;
+        rh.ray.org_x[i] = mine ? ls.origin.x[i] : rh.ray.org_x[i];
+        rh.ray.org_y[i] = mine ? ls.origin.y[i] : rh.ray.org_y[i];
+        rh.ray.org_z[i] = mine ? ls.origin.z[i] : rh.ray.org_z[i];
+        paths.from.x[i] = mine ? ls.p.x[i] : paths.from.x[i]; paths.from.y[i] = mine ? ls.p.y[i] : paths.from.y[i]; paths.from.z[i] = mine ? ls.p.z[i] : paths.from.z[i];
+        paths.fromNormal.x[i] = mine ? ls.n.x[i] : paths.fromNormal.x[i];
+        paths.fromNormal.y[i] = mine ? ls.n.y[i] : paths.fromNormal.y[i];
+        paths.fromNormal.z[i] = mine ? ls.n.z[i] : paths.fromNormal.z[i];
+      }
+      paths.fromHasNormal |= lambert;
+      next |= on;
+    }
+
+    if (shadowed != 0) {
+      for (int i = 0; i < kLanes; ++i) valid[i] = shadowed >> i & 1u ? -1 : 0;
+      rays += uint64_t(__builtin_popcount(shadowed));
+      if (recorder) record(shadowed, sr, recorder->shadow);
+      embree::occluded16(valid, scene, context, sr, false);
+      for (uint32_t left = shadowed; left; left &= left - 1) {
+        const int i = __builtin_ctz(left);
+        if (sr.tfar[i] >= 0.0f)                                       // Embree writes -inf where something is in the way
+          add(i, litSlot[i], event, event == 1 ? PathClass::Direct : PathClass::Indirect, lit.get(i), byLobe ? litSpecular.get(i) : Vec3(0.0f));
+      }
+    }
+    alive = next;
   }
   sums.flush(count, out, dropped);
 }

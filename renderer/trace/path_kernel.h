@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // The inside of PathTracer: flat tables made once, and the kernel that carries up to 16 samples of one pixel together, event
-// by event. The samples that are alive stay packed, so that Embree gets packets and the shading code stays hot.
+// by event: Embree gets packets, Lambert shading runs in vector registers (lambert_lanes.h), other
+// materials lane by lane.
 #pragma once
 
 #include <vector>
 
 #include "trace/accel_impl.h"
 #include "trace/path_tracer.h"
+#include "trace/plain_mesh_light.h"
 #include "trace/sample_set.h"
 #include "trace/surface.h"
 
@@ -30,6 +32,10 @@ struct PathTracer::Impl {
   std::vector<int> areaLights;             // k of Rect, Disk, Sphere
   std::vector<LightShape> areaShapes;
   std::vector<float> areaX, areaY, areaZ, areaRadius2;   // bounding spheres of areaLights
+  PlainMeshLight plainLight;               // the only light, if it is an untextured opaque mesh
+  bool hasPlainLight = false;
+  int plainLightIndex = -1;
+  bool drawsChoice = true;                 // false: no event needs the number that picks lights or lobes
   bool hittable = false;                   // some light can be reached by a ray
   bool wantEmission = true, wantDirect = true, wantIndirect = true;
   int slotCount = 1, perGroup = 1;

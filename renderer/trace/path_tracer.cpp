@@ -103,6 +103,13 @@ void PathTracer::Impl::prepareLights(const SceneView& view) {
       default: break;
     }
   }
+  int only = -1;
+  for (size_t k = 0; k < lights.size(); ++k) if (luminance(lights[k].nominal) > 0.0f) only = int(k);
+  if (selector.count() == 1 && lights[only].kind == LightKind::Mesh) {
+    plainLightIndex = only;
+    hasPlainLight = plainLight.build(view, view.lightShape(subset[only]));
+  }
+  drawsChoice = selector.count() > 1 || (hasPlainLight && plainLight.triangles.size() > 1) || !surfaces.allLambert();
 }
 
 void PathTracer::traceBlock(int x, int y, uint32_t block, double* out, uint64_t& rays, uint64_t& dropped) const {

@@ -15,7 +15,7 @@ void SurfaceTable::build(const SceneView& view, const Accel& accel) {
     const Albedo& albedo = view.albedo(int(i));
     const Bsdf& bsdf = view.bsdf(int(i));
     SurfaceMaterial& m = materials_[i];
-    m.constant.albedo = albedo.factor;
+    m.constant.albedo = glm::clamp(albedo.factor, Vec3(0.0f), Vec3(1.0f));
     m.constant.metallic = bsdf.metallic;
     m.constant.roughness = bsdf.roughness;
     m.constant.specular = bsdf.specular;
@@ -47,6 +47,8 @@ void SurfaceTable::build(const SceneView& view, const Accel& accel) {
     s.normalToWorld = g.normalToWorld;
     s.mirrored = g.mirrored;
     s.identity = g.toWorld == Mat4(1.0f);
+    s.flatLambert = s.world && !s.mirrored && !s.normals && !s.colours && s.material->lambert && !s.material->textured;
+    if (!s.material->lambert) allLambert_ = false;
     // Scaled to order 1, so that normals of scenes of any scale stay inside float's comfortable range when squared.
     float most = 0.0f;
     for (int c = 0; c < 3; ++c) for (int r = 0; r < 3; ++r) most = std::fmax(most, std::fabs(s.normalToWorld[c][r]));

@@ -32,6 +32,7 @@ struct SurfaceInstance {
   const Vec4* colours = nullptr;
   const SurfaceMaterial* material = nullptr;
   bool world = true, identity = true, mirrored = false;
+  bool flatLambert = false;               ///< world space, no normals, untextured Lambert: the vector code does it all
   Mat4 toWorld{1.0f};
   Mat3 normalToWorld{1.0f};
 };
@@ -49,18 +50,11 @@ struct Surface {
   /// Geometric normal on the viewer's side.
   Vec3 facing() const { return front ? Ng : -Ng; }
   /// p moved to the side of `side` (unit, +-Ng) past every point that rounding could have put on the wrong side of the
-  /// triangle (pbrt-v4 section 6.8.6, with room for Embree's own rounding); then one step further per component.
+  /// triangle (pbrt-v4 section 6.8.6, with room for Embree's own rounding: 2.5 units in the last place at least).
   Vec3 origin(const Vec3& side) const {
     // The second part is for planes along an axis: Embree takes t = 0 for a hit, and rounding of its normal counts there.
     const float d = 6e-7f * glm::dot(glm::abs(side), reach) + 3e-7f * std::max(reach.x, std::max(reach.y, reach.z));
-    Vec3 o;
-    for (int c = 0; c < 3; ++c) {
-      const float moved = p[c] + d * side[c];
-      const int32_t bits = std::bit_cast<int32_t>(moved);
-      const int32_t away = (moved > 0.0f) == (side[c] > 0.0f) ? 1 : -1;
-      o[c] = moved == 0.0f || side[c] == 0.0f ? moved : std::bit_cast<float>(bits + away);
-    }
-    return o;
+    return p + side * d;
   }
 };
 
@@ -94,6 +88,7 @@ class SurfaceTable {
     if (s.material->textured || s.colours) detail(s, a, b, c, w, u, v, d, out);
   }
   const SurfaceInstance& instance(uint32_t i) const { return instances_[i]; }
+  bool allLambert() const { return allLambert_; }
 
  private:
   static void toWorld(const SurfaceInstance& s, Surface& out);
@@ -106,6 +101,7 @@ class SurfaceTable {
     if (glm::dot(m, facing) < 0.0f) m = -m;
     return glm::dot(m, d) < -1e-4f ? m : facing;
   }
+  bool allLambert_ = true;
   std::vector<SurfaceInstance> instances_;
   std::vector<SurfaceMaterial> materials_;
   std::vector<MeshPtr> keep_;
