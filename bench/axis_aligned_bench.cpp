@@ -50,7 +50,8 @@ class Bench {
   void reference(uint32_t samples) {
     v1::ShadowTechnique t;
     t.mutable_ray_traced()->set_samples(samples);
-    const auto V = run(t, nullptr, /*seed=*/4711)->floats("V");
+    const TermPtr term = run(t, nullptr, /*seed=*/4711);
+    const auto V = term->floats("V");
     truth_.assign(V.begin(), V.end());
     // Penumbra band: truth in 0.02..0.98, dilated by 2 pixels.
     band_.assign(truth_.size(), 0);

@@ -93,11 +93,13 @@ class ShadowMu final : public Node {
     if (mean_ > 0.0f) hashRate(h, rate_);
     else h.add(mu_);
   }
-  size_t outputBytes() const override { return sizeof(float); }
+  size_t outputBytes() const override { return 2 * sizeof(float); }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     auto term = std::make_shared<Term>("shadow_mu", Domain::Table, Extent{1, 1, 1});
-    term->addPlane<float>("mu")[0] = mean_ > 0.0f ? solve(*ctx.inputs.at(0), *ctx.inputs.at(1)) : mu_;
+    const float mu = mean_ > 0.0f ? solve(*ctx.inputs.at(0), *ctx.inputs.at(1)) : mu_;
+    term->addPlane<float>("mu")[0] = mu;
+    term->addPlane<float>("filterMu")[0] = mean_ > 0.0f ? std::max(mu, 1.0f) : mu;
     return TermPtr(term);
   }
 
@@ -143,14 +145,14 @@ class ShadowSampleCount final : public Node {
     const auto sMin = ctx.inputs.at(0)->floats("sMin"), sMax = ctx.inputs[0]->floats("sMax");
     const auto footprint = ctx.inputs.at(1)->floats("footprint");
     const auto instance = ctx.inputs[1]->plane<uint32_t>("instance");
-    const float mu = ctx.inputs.at(2)->floats("mu")[0];
+    const float mu = ctx.inputs.at(2)->floats("mu")[0], filterMu = ctx.inputs[2]->floats("filterMu")[0];
     auto term = std::make_shared<Term>("shadow_sample_count", Domain::ViewSample, ctx.inputs[0]->extent());
     const auto n = term->addPlane<uint32_t>("n");
     const auto omega = term->addPlane<float>("Omega");
     for (size_t e = 0; e < sMin.size(); ++e) {
       if (instance[e] == ~0u) continue;
       n[e] = sampleCount(rate_, sMin[e], sMax[e], footprint[e], mu);
-      const float w = sMin[e] > 0.0f ? formulas::aaBandLimit(sMin[e], rate_.sigma, footprint[e], mu) : 0.0f;
+      const float w = sMin[e] > 0.0f ? formulas::aaBandLimit(sMin[e], rate_.sigma, footprint[e], filterMu) : 0.0f;
       omega[e] = std::isfinite(w) ? w : 0.0f;
     }
     return TermPtr(term);

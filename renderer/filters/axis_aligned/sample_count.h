@@ -20,14 +20,16 @@ struct ShadowRateSettings {
   uint32_t uniform = 0;         ///< not 0: this many rays everywhere instead of the adaptive rate
 };
 
-/// "shadow_mu". A Table of one f32, plane "mu". With meanSamples = 0: `mu` itself, no inputs. Otherwise inputs 0: dilated slopes,
+/// "shadow_mu". A Table of one element: planes "mu" (ray counts) and "filterMu" (filter widths). With meanSamples = 0: both are `mu`, no
+/// inputs. Otherwise filterMu = max(mu, 1), because a small budget is better spent as fewer rays under a filter at the band limit than under
+/// one wider than it (which blurs what the light lets through), and inputs 0: dilated slopes,
 /// 1: "gbuffer", and mu in [0.25, 64] is bisected until the mean count over view samples that hit something is meanSamples (the nearer end
 /// where no mu reaches it). Every eighth view sample takes part from 65536 on.
 NodePtr makeShadowMu(float mu, float meanSamples, const ShadowRateSettings& rate);
 
 /// "shadow_sample_count". Inputs 0: dilated slopes, 1: "gbuffer", 2: "shadow_mu".
 /// Planes n u32: shadow rays per view sample (0 for background), the capped equation 3.5 rounded and limited to [pilot, maxSamples];
-/// Omega f32: band limit in rad/m at that mu, 0 where there is nothing to filter.
+/// Omega f32: band limit in rad/m at filterMu, 0 where there is nothing to filter.
 NodePtr makeShadowSampleCount(const ShadowRateSettings& rate, const Extent& extent);
 
 }  // namespace gobo
