@@ -5,7 +5,7 @@
 // orphaned files are dropped. The files are the truth, the index is rebuilt when missing or damaged. Thread-safe.
 // The folder must be on a local file system (flock, and SQLite's WAL, need one).
 // Cost: put serialises, writes and syncs in the calling thread, holding no lock while it does so; get is one read, one digest
-// and one copy. Figures: docs/term_file.md.
+// and one copy. Figures: bench/store_bench.
 #pragma once
 
 #include <cstdint>

@@ -198,8 +198,8 @@ TEST(JobRunner, CancelBetweenPreemptionAndRestartIsFinal) {
 
 TEST(JobRunner, DeadlinesOfQueuedAndRunningJobsComeByThemselves) {
   JobRunner runner(slots(1));
-  JobSpec running = spec(N), queued = spec(N);
-  running.deadline = JobRunner::now() + 0.2;
+  JobSpec running = spec(I), queued = spec(N);   // the class and not the earlier deadline says who is first
+  running.deadline = JobRunner::now() + 1;
   Call first(runner, running, [&](StopToken stop) {
     Gate never;
     (void)never.waitOrStop(stop);                    // only the timer can end this
