@@ -267,6 +267,36 @@ TEST(PathTracerCases, BlockSizesThatAreNotSixteen) {
   }
 }
 
+// The same room three ways: all in vector code; surfaces through the general look-up (white vertex colours, normals); the lamp
+// through LightSampler (a white emission texture).
+TEST(PathTracerCases, VectorAndScalarCodeAgree) {
+  const auto room = [](bool general, bool textured, bool doubleSided) {
+    SceneMaker m;
+    auto white = std::make_shared<Texture>();
+    white->name = "white"; white->width = white->height = 1; white->texels8 = {255, 255, 255, 255};
+    sealTexture(*white);
+    m.scene.textures.push_back(white);
+    const auto dress = [&](Mesh mesh) { if (general) mesh.colours.assign(mesh.positions.size(), Vec4(1.0f)); return mesh; };
+    m.instance(m.mesh(dress(box(Vec3(-1.0f), Vec3(1.0f), true)), m.material(Vec3(0.7f, 0.5f, 0.3f))));
+    m.instance(m.mesh(dress(box(Vec3(-0.4f, -1, -0.5f), Vec3(0.2f, 0.1f, 0.3f))), m.material(Vec3(0.6f))));
+    m.instance(m.mesh(quad(Vec3(-0.4f, 0.9f, -0.3f), Vec3(0.8f, 0, 0), Vec3(0, 0.05f, 0.6f)), m.material(Vec3(0.2f), [&](Material& x) {
+      x.emission.radiance = Vec3(8, 6, 4); x.coverage.doubleSided = doubleSided; if (textured) x.emission.texture.texture = 0;
+    })));
+    m.camera(Vec3(0, 0, 0.95f), Vec3(0, -0.2f, -1), 1.2f);
+    return m.finish();
+  };
+  for (const bool doubleSided : {true, false}) {
+    Traced plain(room(false, false, doubleSided)), general(room(true, false, doubleSided)), sampled(room(false, true, doubleSided));
+    for (Traced* t : {&plain, &general, &sampled}) t->settings.split = SplitMode::ByBounce;
+    const Measured a = measure(plain, 48), b = measure(general, 48), c = measure(sampled, 48);
+    for (size_t k = 0; k < a.slots.size(); ++k) {
+      for (int ch = 0; ch < 3; ++ch) EXPECT_NEAR(a[k].mean[ch], b[k].mean[ch], 2e-3 * a[k].mean[ch] + 1e-9) << k;   // same draws; a ray or two round an edge
+      expectSame(a[k], c[k], 1e-4);
+    }
+    EXPECT_GT(a[1].mean.x, 0.01);
+  }
+}
+
 TEST(PathTracerCases, SettingsHashSeesEveryField) {
   PathTracerSettings s;
   s.width = s.height = 4;
