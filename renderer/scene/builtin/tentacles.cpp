@@ -35,7 +35,7 @@ Result<ScenePtr> tentacles() {
     m.tube(path, radii, slices);
     b.add("tentacle" + std::to_string(i), m, skin[i % 3]);
   }
-  b.rect("key", Vec3(2.5f, 6.5f, 2.5f), Vec3(0, 0.5f, 0), 1.0f, 1.0f, Vec3(17.0f, 16.0f, 14.5f));
+  b.rect("key", Vec3(2.5f, 6.5f, 2.5f), Vec3(0, 0.5f, 0), 1.0f, 1.0f, Vec3(58.0f, 55.0f, 50.0f));
   b.camera("front", Vec3(0.8f, 3.6f, 6.6f), Vec3(0, 0.85f, 0), 40.0f);
   return b.finish();
 }
