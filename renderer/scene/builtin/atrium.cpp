@@ -173,14 +173,14 @@ Result<ScenePtr> atrium() {
   sky.sunDirection = Vec3(0.5f, 1.0f, 0.28f);
   sky.sunScale = 0.0f;
   b.environment(skyEnvironment(sky, 256), Vec3(0.5f));
-  b.sun("sun", sky.sunDirection, Vec3(6.0f, 5.5f, 4.7f));
+  b.sun("sun", sky.sunDirection, Vec3(8.0f, 7.3f, 6.2f));
   for (int i = 0; i < 4; ++i) {
     const float x = (i & 1) ? 1.0f : -1.0f, z = (i & 2) ? 1.0f : -1.0f;
     b.spot("spot" + std::to_string(i), Vec3(x * 5.6f, 3.7f, z * 10.4f), Vec3(x * 5.0f, 0, z * 8.0f), 38.0f, Vec3(5.0f, 3.8f, 2.2f));
   }
   for (int i = 0; i < 6; ++i)
     b.point("lantern" + std::to_string(i), Vec3((i & 1 ? 1.0f : -1.0f) * 5.6f, i < 2 ? 6.9f : 2.8f, -6.0f + 6.0f * (i / 2)), Vec3(1.5f, 1.0f, 0.5f));
-  b.camera("court", Vec3(-2.9f, 1.6f, 10.6f), Vec3(0.9f, 3.3f, -4.0f), 62.0f);
+  b.camera("court", Vec3(-2.9f, 1.6f, 8.4f), Vec3(0.9f, 3.3f, -5.0f), 66.0f);
   b.camera("gallery", Vec3(-5.9f, deck + 1.65f, 8.0f), Vec3(2.0f, 2.6f, -4.0f), 65.0f);
   return b.finish();
 }

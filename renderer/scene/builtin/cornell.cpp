@@ -11,7 +11,7 @@ Result<ScenePtr> cornell() {
   const int red = b.material("red", Vec3(0.63f, 0.065f, 0.05f));
   const int green = b.material("green", Vec3(0.14f, 0.45f, 0.091f));
   const int lamp = b.material("lamp", Vec3(0.78f));
-  b.at(lamp).emission.radiance = Vec3(17.0f, 12.5f, 6.5f);
+  b.at(lamp).emission.radiance = Vec3(30.0f, 23.0f, 13.0f);
   MeshBuilder m;
   m.quad(Vec3(-1, 0, 1), Vec3(2, 0, 0), Vec3(0, 0, -2)); b.add("floor", m, white);
   m.quad(Vec3(-1, 2, -1), Vec3(2, 0, 0), Vec3(0, 0, 2)); b.add("ceiling", m, white);

@@ -31,8 +31,8 @@ Result<ScenePtr> fence() {
   b.add("rails", m, paint, false);
   for (float x : {-3.25f, 3.25f}) m.box(Vec3(x, 0.65f, -0.02f), Vec3(0.08f, 0.65f, 0.08f));
   b.add("posts", m, post, false);
-  b.rect("key", Vec3(-2.5f, 3.2f, -4.5f), Vec3(0, 0.4f, 0), 0.9f, 0.6f, Vec3(14.0f, 12.0f, 9.5f));
-  b.sun("sun", Vec3(0.75f, 0.9f, -0.8f), Vec3(1.0f, 0.95f, 0.85f));
+  b.rect("key", Vec3(-2.5f, 3.2f, -4.5f), Vec3(0, 0.4f, 0), 0.9f, 0.6f, Vec3(45.0f, 39.0f, 31.0f));
+  b.sun("sun", Vec3(0.75f, 0.9f, -0.8f), Vec3(2.6f, 2.4f, 2.1f));
   b.camera("front", Vec3(1.4f, 2.1f, 5.2f), Vec3(0, 0.45f, 0.6f), 42.0f);
   b.camera("low", Vec3(-2.2f, 0.5f, 2.6f), Vec3(0.4f, 0.45f, 0), 50.0f);
   return b.finish();

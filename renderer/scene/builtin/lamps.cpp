@@ -57,8 +57,8 @@ Result<ScenePtr> lamps() {
     }
     const Vec3 colour = glm::mix(Vec3(1.0f, 0.55f, 0.2f), Vec3(0.75f, 0.9f, 1.15f), q.z * q.z);
     const float strength = 0.4f + 1.2f * q.x * q.x;
-    if (i % 3 == 2) b.ball(name, p, 0.03f, colour * (30.0f * strength));
-    else b.point(name, p, colour * (0.085f * strength));
+    if (i % 3 == 2) b.ball(name, p, 0.03f, colour * (42.0f * strength));
+    else b.point(name, p, colour * (0.12f * strength));
   }
   b.camera("nave", Vec3(0.9f, 1.7f, 12.6f), Vec3(-0.3f, 2.3f, -4.0f), 52.0f);
   return b.finish();

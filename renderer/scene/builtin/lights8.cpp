@@ -27,8 +27,8 @@ Result<ScenePtr> lights8() {
   }
   vase.front().y = 0.001f;
   m.lathe(Vec3(1.5f, 0, -0.7f), vase, 48); b.add("vase", m, clay);
-  b.rect("key", Vec3(-1.8f, 2.7f, 1.2f), Vec3(0, 0.8f, -0.3f), 0.35f, 0.35f, Vec3(14.0f, 12.6f, 10.5f));
-  b.rect("fill", Vec3(2.4f, 2.2f, 1.6f), Vec3(0, 0.9f, -0.3f), 0.5f, 0.4f, Vec3(2.2f, 2.6f, 3.2f));
+  b.rect("key", Vec3(-1.8f, 2.7f, 1.2f), Vec3(0, 0.8f, -0.3f), 0.35f, 0.35f, Vec3(24.0f, 21.5f, 18.0f));
+  b.rect("fill", Vec3(2.4f, 2.2f, 1.6f), Vec3(0, 0.9f, -0.3f), 0.5f, 0.4f, Vec3(4.0f, 4.6f, 5.6f));
   b.disk("rim", Vec3(0.9f, 2.6f, -2.1f), Vec3(0, 1.1f, -0.3f), 0.2f, Vec3(13.0f, 12.0f, 11.0f));
   b.point("a", Vec3(-2.5f, 0.6f, -1.9f), Vec3(0.5f, 0.22f, 0.08f));
   b.spot("b", Vec3(2.4f, 2.8f, -0.2f), Vec3(1.5f, 0.2f, -0.8f), 22.0f, Vec3(3.2f, 2.9f, 2.2f));

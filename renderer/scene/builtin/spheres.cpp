@@ -46,8 +46,8 @@ Result<ScenePtr> spheres() {
   SkyParameters sky;
   sky.sunScale = 0.0f;
   sky.sunDirection = Vec3(0.3f, 0.5f, 0.6f);
-  b.environment(skyEnvironment(sky, 128), Vec3(0.25f));
-  b.rect("key", Vec3(-3.5f, 5.0f, 2.5f), Vec3(0, 0.3f, -0.4f), 0.8f, 0.8f, Vec3(11.0f, 10.0f, 8.5f));
+  b.environment(skyEnvironment(sky, 128), Vec3(0.4f));
+  b.rect("key", Vec3(-3.5f, 5.0f, 2.5f), Vec3(0, 0.3f, -0.4f), 0.8f, 0.8f, Vec3(26.0f, 24.0f, 20.0f));
   b.camera("front", Vec3(1.0f, 4.2f, 6.6f), Vec3(0, 0.15f, -0.35f), 36.0f);
   return b.finish();
 }

@@ -30,12 +30,12 @@ Result<ScenePtr> tentacles() {
       const float lean = (1.5f + 1.6f * q.x) * t * t + 0.15f, sway = 0.7f * std::sin(4.0f * t + 6.28f * q.y);
       Vec3 heading = Vec3(0, 1, 0) * std::cos(lean) + out * std::sin(lean) + side * sway * t;
       p += glm::normalize(heading) * (length / (rows - 1));
-      p.y = std::fmax(p.y, radii.back() + 0.02f * t);  // stays above the floor
+      if (t > 0.4f) p.y = std::fmax(p.y, radii.back() + 0.02f);  // a tip that comes down lies on the floor
     }
     m.tube(path, radii, slices);
     b.add("tentacle" + std::to_string(i), m, skin[i % 3]);
   }
-  b.rect("key", Vec3(2.5f, 6.5f, 2.5f), Vec3(0, 0.5f, 0), 1.0f, 1.0f, Vec3(17.0f, 16.0f, 14.5f));
+  b.rect("key", Vec3(2.5f, 6.5f, 2.5f), Vec3(0, 0.5f, 0), 1.0f, 1.0f, Vec3(58.0f, 55.0f, 50.0f));
   b.camera("front", Vec3(0.8f, 3.6f, 6.6f), Vec3(0, 0.85f, 0), 40.0f);
   return b.finish();
 }

@@ -101,8 +101,8 @@ Result<ScenePtr> trees() {
   SkyParameters sky;
   sky.sunDirection = Vec3(0.45f, 0.75f, 0.5f);
   sky.sunScale = 0.0f;
-  b.environment(skyEnvironment(sky, 256), Vec3(0.35f));
-  b.sun("sun", sky.sunDirection, Vec3(4.2f, 3.9f, 3.3f));
+  b.environment(skyEnvironment(sky, 256), Vec3(0.5f));
+  b.sun("sun", sky.sunDirection, Vec3(7.0f, 6.5f, 5.5f));
   b.camera("front", Vec3(4.0f, 2.2f, 12.0f), Vec3(-0.5f, 2.3f, -3.0f), 40.0f);
   b.camera("under", Vec3(0.3f, 1.5f, 3.2f), Vec3(-1.5f, 1.9f, -6.0f), 60.0f);
   return b.finish();
