@@ -134,7 +134,7 @@ Status Session::statusOf(const grpc::Status& status) const {
   const Code code = Code(int(status.error_code()));
   if (code == Code::Unavailable && !local())
     return {code, "cannot reach gobod at " + address_ + ": " + status.error_message() +
-                  "\n  start it with `gobod --root DIR`, name another with --server or GOBO_SERVER, or use --local"};
+                  "; start it with `gobod --root DIR`, name another with --server or GOBO_SERVER, or use --local"};
   if (code == Code::Cancelled && interrupted()) return {code, "interrupted"};
   return {code, status.error_message()};
 }
