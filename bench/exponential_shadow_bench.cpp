@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "base/sobol.h"
-#include "filters/exponential_shadow_map/vulkan_kernels.h"
+#include "filters/exponential_shadow_map/device_kernels.h"
 
 using namespace gobo;
 
@@ -82,8 +82,8 @@ int main() {
   std::printf("filter rows, 5 taps      %6.1f GB/s  %5.2f ms\n", 8e-9 * double(n) / filter, 1e3 * filter);
   std::printf("lookup, 1 M samples      %6.1f GB/s  %5.2f ms  (20 bytes a sample)\n", 20e-9 * double(samples) / look, 1e3 * look);
   if (const auto device = VulkanDevice::shared(); device.ok()) {
-    const double encode = median(wallClock, [&] { (void)vulkanEncode(**device, z, side, side, 60.0f, weights, e).ok(); });
-    const double vlook = median(wallClock, [&] { (void)vulkanLookup(**device, parameters, e, positions, instances, V, {}).ok(); });
+    const double encode = median(wallClock, [&] { (void)deviceEncode(**device, z, side, side, 60.0f, weights, e).ok(); });
+    const double vlook = median(wallClock, [&] { (void)deviceLookup(**device, parameters, e, positions, instances, V, {}).ok(); });
     std::printf("%s, wall clock with transfers: encode + filter %.2f ms, lookup %.2f ms\n", (*device)->name().c_str(), 1e3 * encode, 1e3 * vlook);
   } else {
     std::printf("%s\n", device.status().toString().c_str());

@@ -25,8 +25,8 @@ constexpr uint32_t kProbeCode[] =
 constexpr uint32_t kAddCode[] =
 #include "shaders/add_index.inc"
     ;
-const VulkanKernel kProbe{"formula_probe", kProbeCode, 2, 4};
-const VulkanKernel kAdd{"add_index", kAddCode, 1, 4};
+const ComputeKernel kProbe{"formula_probe", kProbeCode, 2, 4};
+const ComputeKernel kAdd{"add_index", kAddCode, 1, 4};
 
 std::shared_ptr<VulkanDevice> device() {
   static const auto made = VulkanDevice::create({.device = VulkanDevice::Options::fromEnvironment().device, .validation = true, .staging = false});
@@ -34,8 +34,8 @@ std::shared_ptr<VulkanDevice> device() {
   return made.ok() ? *made : nullptr;
 }
 
-VulkanDispatch addIndex(const VulkanBufferPtr& buffer, const uint32_t& count) {
-  VulkanDispatch d{&kAdd, {buffer}, {reinterpret_cast<const uint8_t*>(&count), 4}, {}};
+ComputeDispatch addIndex(const ComputeBufferPtr& buffer, const uint32_t& count) {
+  ComputeDispatch d{&kAdd, {buffer}, {reinterpret_cast<const uint8_t*>(&count), 4}, {}};
   setLinearGroups(d, count, 64);
   return d;
 }
@@ -61,7 +61,7 @@ TEST(VulkanDevice, BytesSurviveTheTrip) {
     ASSERT_TRUE((*made)->download(**buffer, back.data(), back.size() * 4).ok());
     EXPECT_EQ(sent, back);
     const uint32_t count = uint32_t(sent.size());
-    const VulkanDispatch add = addIndex(*buffer, count);
+    const ComputeDispatch add = addIndex(*buffer, count);
     const Status status = (*made)->run({&add, 1});
     ASSERT_TRUE(status.ok()) << status.toString();
     ASSERT_TRUE((*made)->download(**buffer, back.data(), back.size() * 4).ok());
@@ -76,7 +76,7 @@ TEST(VulkanDevice, DispatchesRunInOrderAndSeeEarlierWrites) {
   std::vector<uint32_t> expected(count, 1), got(count);
   auto buffer = device()->upload(std::span<const uint32_t>(expected));
   ASSERT_TRUE(buffer.ok());
-  std::vector<VulkanDispatch> dispatches(150, addIndex(*buffer, count));
+  std::vector<ComputeDispatch> dispatches(150, addIndex(*buffer, count));
   for (int k = 0; k < 150; ++k)
     for (uint32_t i = 0; i < count; ++i) expected[i] = 3 * expected[i] + i;
   std::vector<double> seconds;
@@ -90,7 +90,7 @@ TEST(VulkanDevice, DispatchesRunInOrderAndSeeEarlierWrites) {
 
 TEST(VulkanDevice, MoreGroupsThanOneDimensionHolds) {
   ASSERT_TRUE(device());
-  VulkanDispatch d;
+  ComputeDispatch d;
   setLinearGroups(d, size_t(65535) * 64 + 1, 64);
   EXPECT_EQ(d.groups[1], 2u);
   EXPECT_GE(size_t(d.groups[0]) * d.groups[1], size_t(65536));
@@ -98,7 +98,7 @@ TEST(VulkanDevice, MoreGroupsThanOneDimensionHolds) {
   std::vector<uint32_t> got(count, 0);
   auto buffer = device()->upload(std::span<const uint32_t>(got));
   ASSERT_TRUE(buffer.ok());
-  const VulkanDispatch add = addIndex(*buffer, count);
+  const ComputeDispatch add = addIndex(*buffer, count);
   ASSERT_TRUE(device()->run({&add, 1}).ok());
   ASSERT_TRUE(device()->download(**buffer, got.data(), size_t(count) * 4).ok());
   uint32_t wrong = 0;
@@ -117,7 +117,7 @@ TEST(VulkanDevice, ThreadsShareIt) {
         std::vector<uint32_t> x(count, uint32_t(k)), back(count);
         auto buffer = device()->upload(std::span<const uint32_t>(x));
         if (!buffer.ok()) return;
-        const VulkanDispatch d = addIndex(*buffer, count);
+        const ComputeDispatch d = addIndex(*buffer, count);
         if (!device()->run({&d, 1}).ok() || !device()->download(**buffer, back.data(), count * 4).ok()) return;
         for (uint32_t i = 0; i < count; ++i)
           if (back[i] != 3 * uint32_t(k) + i) return;
@@ -139,7 +139,7 @@ TEST(VulkanDevice, FormulasGiveTheCppValues) {
   auto in = device()->upload(std::span<const float>(x));
   auto out = device()->buffer(size_t(count) * 10 * 4);
   ASSERT_TRUE(in.ok() && out.ok());
-  VulkanDispatch d{&kProbe, {*in, *out}, {reinterpret_cast<const uint8_t*>(&count), 4}, {}};
+  ComputeDispatch d{&kProbe, {*in, *out}, {reinterpret_cast<const uint8_t*>(&count), 4}, {}};
   setLinearGroups(d, count, 64);
   const Status status = device()->run({&d, 1});
   ASSERT_TRUE(status.ok()) << status.toString();
@@ -190,10 +190,10 @@ TEST(VulkanDevice, ValidationLayerReportsMisuse) {
   // A push constant range smaller than the shader's block is a fault that only the layer sees.
   ASSERT_TRUE(device());
   static const std::vector<uint32_t> copy(std::begin(kAddCode), std::end(kAddCode));   // its own address: its own pipeline
-  const VulkanKernel wrong{"add_index_without_push", copy, 1, 0};
+  const ComputeKernel wrong{"add_index_without_push", copy, 1, 0};
   auto buffer = device()->buffer(256);
   ASSERT_TRUE(buffer.ok());
-  const VulkanDispatch d{&wrong, {*buffer}, {}, {1, 1, 1}};
+  const ComputeDispatch d{&wrong, {*buffer}, {}, {1, 1, 1}};
   const Status status = device()->run({&d, 1});
   EXPECT_EQ(status.code(), Code::Internal);
   EXPECT_NE(status.message().find("validation"), std::string::npos) << status.toString();
