@@ -39,7 +39,7 @@ struct ExponentialShadowLookup { LightFrame frame; float c = 60.0f, bias = 0.001
 /// Filter, term "visibility": domain and extent of the G-buffer, plane V f32 in [0,1]; 1 where the G-buffer has no surface.
 /// Inputs: "gbuffer" (planes P, instance), "exponential_shadow_map". `viewSamples`: elements expected, for admission.
 /// The devices agree within 1e-4 in V for maps up to 1024 texels (tests/unit/filters/exponential_shadow_devices_test.cpp; bit
-/// for bit on lavapipe).
+/// for bit on lavapipe and llvmpipe).
 NodePtr makeExponentialShadowLookupNode(const ExponentialShadowLookup& lookup, size_t viewSamples, std::shared_ptr<ComputeDevice> device = nullptr);
 
 }  // namespace gobo

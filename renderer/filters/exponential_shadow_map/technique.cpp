@@ -39,6 +39,9 @@ Result<NodeId> planExponentialShadow(Graph& graph, const ShadowInput& input, con
   } else if (e.device() == v1::ExponentialShadow::EGL) {
     GOBO_ASSIGN(device, EglDevice::shared());
   }
+  if (device && uint64_t(resolution) * resolution * 4 > device->maxBufferBytes())
+    return Status(Code::ResourceExhausted, std::to_string(resolution) + " texels squared are more than the " + std::to_string(device->maxBufferBytes()) +
+                                               " bytes that a buffer of " + device->name() + " may have", "shadows.exponential.resolution");
   Vec3 lo, hi;
   input.scene->bounds(lo, hi);
   GOBO_ASSIGN(const LightFrame frame, fitLightFrame(light.shape, lo, hi, int(resolution), int(blur) + 1));

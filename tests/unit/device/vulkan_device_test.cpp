@@ -35,7 +35,7 @@ ComputeDispatch addIndex(const ComputeBufferPtr& buffer, const uint32_t& count) 
 TEST(VulkanDevice, NamesItselfAndItsNumericClass) {
   ASSERT_TRUE(device());
   RecordProperty("device", device()->name());
-  std::cout << "device: " << device()->name() << ", " << device()->numericClass() << std::endl;
+  std::cout << "device: " << device()->name() << ", " << device()->numericClass() << ", buffers up to " << device()->maxBufferBytes() << std::endl;
   EXPECT_FALSE(device()->name().empty());
   EXPECT_EQ(device()->numericClass().rfind("spirv-f32/", 0), 0u);
   EXPECT_EQ(device()->numericClass().find(' '), std::string::npos);
