@@ -16,18 +16,22 @@
 
 namespace gobo {
 
-/// A storage buffer in device memory; freed with its last owner (which keeps the device alive). Belongs to one device.
+class ComputeDevice;
+
+/// A storage buffer in device memory; freed with its last owner (which keeps the device alive). Other devices CHECK when given it.
 class ComputeBuffer {
  public:
   virtual ~ComputeBuffer() = default;
   ComputeBuffer(const ComputeBuffer&) = delete;
   ComputeBuffer& operator=(const ComputeBuffer&) = delete;
   size_t bytes() const { return bytes_; }
+  bool of(const ComputeDevice& device) const { return home_ == &device; }
 
  protected:
-  explicit ComputeBuffer(size_t bytes) : bytes_(bytes) {}
+  ComputeBuffer(const ComputeDevice* home, size_t bytes) : home_(home), bytes_(bytes) {}
 
  private:
+  const ComputeDevice* home_;
   size_t bytes_;
 };
 using ComputeBufferPtr = std::shared_ptr<ComputeBuffer>;

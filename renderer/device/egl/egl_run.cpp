@@ -8,7 +8,7 @@
 namespace gobo {
 
 EglBuffer::EglBuffer(std::shared_ptr<const EglDevice> device, unsigned buffer, size_t bytes)
-    : ComputeBuffer(bytes), device_(std::move(device)), buffer_(buffer) {}
+    : ComputeBuffer(device.get(), bytes), device_(std::move(device)), buffer_(buffer) {}
 EglBuffer::~EglBuffer() {
   const EglDevice::Impl::Current current(*device_->impl_);
   if (current.status().ok()) device_->impl_->gl.DeleteBuffers(1, &buffer_);   // otherwise it goes with the context
@@ -34,6 +34,7 @@ Result<ComputeBufferPtr> EglDevice::buffer(size_t bytes) {
 }
 
 Status EglDevice::upload(ComputeBuffer& to, const void* data, size_t bytes) {
+  GOBO_CHECK(to.of(*this));
   GOBO_CHECK_LE(bytes, to.bytes());
   if (bytes == 0) return {};
   const Impl::Current current(*impl_);
@@ -43,6 +44,7 @@ Status EglDevice::upload(ComputeBuffer& to, const void* data, size_t bytes) {
 }
 
 Status EglDevice::download(const ComputeBuffer& from, void* data, size_t bytes) {
+  GOBO_CHECK(from.of(*this));
   GOBO_CHECK_LE(bytes, from.bytes());
   if (bytes == 0) return {};
   const Impl::Current current(*impl_);
@@ -121,6 +123,7 @@ Status EglDevice::run(std::span<const ComputeDispatch> dispatches, std::vector<d
     GOBO_CHECK_EQ(int(dispatch.buffers.size()), dispatch.kernel->buffers);
     GOBO_CHECK_EQ(int(dispatch.push.size()), dispatch.kernel->pushBytes);
     for (int i = 0; i < 3; ++i) GOBO_CHECK(dispatch.groups[i] >= 1 && dispatch.groups[i] <= uint32_t(d.maxGroups[i]));
+    for (const ComputeBufferPtr& buffer : dispatch.buffers) GOBO_CHECK(buffer->of(*this));
     GOBO_TRY(d.program(*dispatch.kernel).status());
   }
   const bool timed = seconds && d.timestamps;

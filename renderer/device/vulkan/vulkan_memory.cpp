@@ -52,7 +52,7 @@ void VulkanDevice::Impl::freeBuffer(VulkanBuffer::Memory& m) const {
 }
 
 VulkanBuffer::VulkanBuffer(std::shared_ptr<const VulkanDevice> device, std::unique_ptr<Memory> memory, size_t bytes)
-    : ComputeBuffer(bytes), device_(std::move(device)), memory_(std::move(memory)) {}
+    : ComputeBuffer(device.get(), bytes), device_(std::move(device)), memory_(std::move(memory)) {}
 VulkanBuffer::~VulkanBuffer() {
   std::lock_guard lock(device_->impl_->mutex);
   device_->impl_->freeBuffer(*memory_);
@@ -90,6 +90,7 @@ Status VulkanDevice::Impl::copy(VkBuffer from, VkBuffer to, size_t bytes) {
 }
 
 Status VulkanDevice::upload(ComputeBuffer& to, const void* data, size_t bytes) {
+  GOBO_CHECK(to.of(*this));
   const VulkanBuffer& buffer = static_cast<const VulkanBuffer&>(to);
   GOBO_CHECK_LE(bytes, buffer.bytes());
   if (bytes == 0) return {};
@@ -109,6 +110,7 @@ Status VulkanDevice::upload(ComputeBuffer& to, const void* data, size_t bytes) {
 }
 
 Status VulkanDevice::download(const ComputeBuffer& from, void* data, size_t bytes) {
+  GOBO_CHECK(from.of(*this));
   const VulkanBuffer& buffer = static_cast<const VulkanBuffer&>(from);
   GOBO_CHECK_LE(bytes, buffer.bytes());
   if (bytes == 0) return {};

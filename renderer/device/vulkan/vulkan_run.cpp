@@ -74,6 +74,7 @@ Status VulkanDevice::run(std::span<const ComputeDispatch> dispatches, std::vecto
       const ComputeKernel& kernel = *dispatch.kernel;
       GOBO_CHECK_EQ(int(dispatch.buffers.size()), kernel.buffers);
       GOBO_CHECK_EQ(int(dispatch.push.size()), kernel.pushBytes);
+      for (const ComputeBufferPtr& buffer : dispatch.buffers) GOBO_CHECK(buffer->of(*this));
       for (int i = 0; i < 3; ++i) GOBO_CHECK(dispatch.groups[i] >= 1 && dispatch.groups[i] <= d.properties.limits.maxComputeWorkGroupCount[i]);
       GOBO_ASSIGN(Impl::Pipeline pipeline, d.pipeline(kernel));
       pipelines.push_back(pipeline);

@@ -213,4 +213,17 @@ TEST(EglDeviceDeathTest, TooOldAnOpenGlIsUnavailable) {
   EXPECT_EXIT(createAndExit("MESA_GL_VERSION_OVERRIDE", "3.3"), testing::ExitedWithCode(int(Code::Unavailable)), "eglCreateContext.*EGL_BAD_MATCH");
 }
 
+TEST(EglDeviceDeathTest, BuffersOfAnotherDeviceAreRefused) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const auto misuse = [](bool run) {
+    auto other = EglDevice::create({});
+    auto buffer = (*other)->buffer(256);
+    const uint32_t count = 64;
+    const ComputeDispatch add = addIndex(*buffer, count);
+    (void)(run ? device()->run({&add, 1}) : device()->upload(**buffer, &count, 4)).ok();
+  };
+  EXPECT_DEATH(misuse(true), "of\\(\\*this\\)");
+  EXPECT_DEATH(misuse(false), "of\\(\\*this\\)");
+}
+
 }  // namespace
