@@ -105,6 +105,11 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
 Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<ScenePtr> scene, double ms) {
   if (!scene.ok()) return scene.status();
   std::lock_guard lock(mutex_);
+  if (id.empty()) {   // named after the file; another file of that name gets a number
+    const std::string stem = idFrom(source);
+    id = stem;
+    for (int k = 2; scenes_.count(id) && scenes_[id].source != source; ++k) id = stem + "-" + std::to_string(k);
+  }
   Entry& e = scenes_[id];
   e = {*scene, source, ms};
   return info(id, e);
@@ -125,7 +130,7 @@ Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string 
 Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id) {
   const auto start = std::chrono::steady_clock::now();
   Result<ScenePtr> scene = loadGltf(path);
-  return insert(id.empty() ? idFrom(source) : id, source, std::move(scene), msSince(start));
+  return insert(std::move(id), source, std::move(scene), msSince(start));
 }
 
 Result<ScenePtr> SceneLibrary::find(const std::string& id) {

@@ -53,7 +53,7 @@ struct RunContext {
   // Extendable nodes only. Result(n) = fixed-order sum of blocks 0..n-1, whatever it started from.
   uint32_t targetBlocks = 0;
   TermPtr previous;                    ///< a state of the same recipe with fewer blocks, or a parked one; may be null
-  TermPtr* park = nullptr;             ///< on stop, the node may leave a partial state here
+  TermPtr* park = nullptr;             ///< when preempted, the node may leave a partial state here
 };
 
 class Node {

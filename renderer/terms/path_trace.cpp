@@ -33,14 +33,14 @@ class PathTraceNode final : public Node {
     auto state = std::make_shared<Term>("path_trace", Domain::Pixel, Extent{width, height, 1});
     auto sum = state->addPlane<double>("sum", slots * 3);
     auto samples = state->addPlane<uint32_t>("samples", 1);
-    if (ctx.previous) {
-      const auto s = ctx.previous->plane<double>("sum");
-      const auto n = ctx.previous->plane<uint32_t>("samples");
-      const uint32_t most = n.empty() ? 0 : *std::max_element(n.begin(), n.end());
-      if (s.size() == sum.size() && n.size() == samples.size() && most <= ctx.targetBlocks * uint32_t(settings_.blockSize)) {
-        std::memcpy(sum.data(), s.data(), s.size_bytes());
-        std::memcpy(samples.data(), n.data(), n.size_bytes());
-      }
+    // An earlier state is taken over pixel by pixel, below: copying it whole would hold the cores between two polls.
+    std::span<const double> oldSum;
+    std::span<const uint32_t> oldSamples;
+    if (ctx.previous && ctx.previous->extent() == state->extent() && ctx.previous->channels("sum") == slots * 3) {
+      oldSum = ctx.previous->plane<double>("sum");
+      oldSamples = ctx.previous->plane<uint32_t>("samples");
+      const uint32_t most = oldSamples.empty() ? 0 : *std::max_element(oldSamples.begin(), oldSamples.end());
+      if (most > ctx.targetBlocks * uint32_t(settings_.blockSize)) oldSamples = {};
     }
 
     const int tilesX = (width + kTile - 1) / kTile, tilesY = (height + kTile - 1) / kTile;
@@ -53,6 +53,10 @@ class PathTraceNode final : public Node {
       for (int y = y0; y < std::min(height, y0 + kTile); ++y) {
         for (int x = x0; x < std::min(width, x0 + kTile); ++x) {
           const size_t p = size_t(y) * width + x;
+          if (!oldSamples.empty()) {
+            std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
+            samples[p] = oldSamples[p];
+          }
           for (uint32_t block = samples[p] / settings_.blockSize; block < ctx.targetBlocks; ++block) {
             if (ctx.stop.stopRequested()) { ctx.counters->rays += rays; return; }
             tracer->traceBlock(x, y, block, sum.data() + p * slots * 3, rays, lost);
@@ -66,13 +70,31 @@ class PathTraceNode final : public Node {
       if (ctx.progress && now % 16 == 0) ctx.progress(double(now) / double(tiles));
     }, ctx.stop);
     if (!complete || ctx.stop.stopRequested()) {
-      if (ctx.park) *ctx.park = state;
+      // Only a preempted render is asked for again; a cancelled one shall return at once.
+      if (ctx.park && ctx.stop.reason() == StopReason::Preempted) *ctx.park = oldSamples.empty() ? TermPtr(state) : merged(state, ctx.previous, slots);
       return Status(Code::Cancelled, "stopped");
     }
     return TermPtr(state);
   }
 
  private:
+  /// What a stop parks of an extension: the pixels that were reached, and the earlier state where they were not.
+  static TermPtr merged(const std::shared_ptr<Term>& state, const TermPtr& previous, int slots) {
+    const auto sum = state->writable<double>("sum");
+    const auto samples = state->writable<uint32_t>("samples");
+    const auto oldSum = previous->plane<double>("sum");
+    const auto oldSamples = previous->plane<uint32_t>("samples");
+    bool untouched = true;
+    for (size_t p = 0; p < samples.size() && untouched; ++p) untouched = samples[p] <= oldSamples[p];
+    if (untouched) return previous;
+    for (size_t p = 0; p < samples.size(); ++p) {
+      if (samples[p] >= oldSamples[p]) continue;
+      std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
+      samples[p] = oldSamples[p];
+    }
+    return state;
+  }
+
   PathTracerSettings settings_;
 };
 

@@ -1,9 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/term.h"
 
+#include <cstdlib>
 #include <cstring>
+#include <new>
 
 namespace gobo {
+
+ZeroedBytes::ZeroedBytes(size_t size) : data_(static_cast<uint8_t*>(std::calloc(std::max<size_t>(size, 1), 1))), size_(size) {
+  if (!data_) throw std::bad_alloc();
+}
+ZeroedBytes::ZeroedBytes(const ZeroedBytes& other) : ZeroedBytes(other.size()) { std::copy(other.begin(), other.end(), data_.get()); }
+void ZeroedBytes::Free::operator()(uint8_t* p) const { std::free(p); }
 
 size_t formatSize(Format format) {
   switch (format) {
@@ -39,8 +47,8 @@ const Plane& Term::need(std::string_view name) const {
 Plane& Term::addRaw(std::string name, Format format, int channels) {
   GOBO_CHECK(find(name) == nullptr);
   Plane p{std::move(name), format, channels, {}};
-  p.bytes.resize(extent_.elements() * channels * formatSize(format));
-  planes_.reserve(16);   // spans handed out earlier stay valid: vectors of bytes do not move their storage
+  p.bytes = ZeroedBytes(extent_.elements() * channels * formatSize(format));
+  planes_.reserve(16);   // spans handed out earlier stay valid: planes move, their storage does not
   planes_.push_back(std::move(p));
   return planes_.back();
 }
@@ -49,7 +57,7 @@ Hash128 Term::content() const {
   std::call_once(once_, [this] {
     Hasher h("term");
     h.add(type_).add(domain_).add(extent_.width).add(extent_.height).add(extent_.layers);
-    for (const Plane& p : planes_) h.add(p.name).add(p.format).add(p.channels).addArray(p.bytes);
+    for (const Plane& p : planes_) h.add(p.name).add(p.format).add(p.channels).addArray(std::span<const uint8_t>(p.bytes.data(), p.bytes.size()));
     content_ = h.digest();
   });
   return content_;

@@ -4,6 +4,7 @@
 // element = (layer * height + y) * width + x, so that each layer is an image. Thread-safe to read.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -32,11 +33,35 @@ struct Extent {
   bool operator==(const Extent&) const = default;
 };
 
+/// Zeroed memory whose pages the system hands out on first touch: a term of hundreds of MB costs nothing until the threads
+/// that fill it do so, in parallel and between polls of the stop flag (a memset up front held the cores for half a second).
+class ZeroedBytes {
+ public:
+  ZeroedBytes() = default;
+  explicit ZeroedBytes(size_t size);   ///< throws std::bad_alloc, which the executor turns into ResourceExhausted
+  ZeroedBytes(const ZeroedBytes& other);
+  ZeroedBytes(ZeroedBytes&&) = default;
+  ZeroedBytes& operator=(ZeroedBytes other) { std::swap(data_, other.data_); std::swap(size_, other.size_); return *this; }
+  bool operator==(const ZeroedBytes& other) const { return size_ == other.size_ && std::equal(begin(), end(), other.begin()); }
+  uint8_t* data() { return data_.get(); }
+  const uint8_t* data() const { return data_.get(); }
+  size_t size() const { return size_; }
+  uint8_t& operator[](size_t i) { return data()[i]; }
+  uint8_t operator[](size_t i) const { return data()[i]; }
+  const uint8_t* begin() const { return data(); }
+  const uint8_t* end() const { return data() + size_; }
+
+ private:
+  struct Free { void operator()(uint8_t* p) const; };
+  std::unique_ptr<uint8_t, Free> data_;
+  size_t size_ = 0;
+};
+
 struct Plane {
   std::string name;        ///< "P", "N", "V", "sum", ...
   Format format = Format::F32;
   int channels = 1;
-  std::vector<uint8_t> bytes;
+  ZeroedBytes bytes;
 };
 
 class Term {
