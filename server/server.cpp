@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include <grpc/grpc.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/impl/server_builder_option.h>
@@ -80,6 +81,9 @@ EngineOptions engineOptions(const ServerConfig& config) {
 }
 
 Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const EngineOptions& options, bool sockets) {
+  // gRPC stays up until the process ends: its own tear-down waits for a client's poller, for up to 10 s (1.51).
+  static const bool kept = (grpc_init(), true);
+  (void)kept;
   std::unique_ptr<Server> self(new Server());
   GOBO_ASSIGN(self->engine_, Engine::create(options));
   self->core_ = std::make_unique<ServerCore>(*self->engine_, config);

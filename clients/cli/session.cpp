@@ -12,6 +12,8 @@
 #include <set>
 #include <thread>
 
+#include <grpc/grpc.h>
+
 #include "server/encode.h"
 
 namespace gobo::cli {
@@ -91,6 +93,8 @@ Session::Call::~Call() {
 }
 
 Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
+  static const bool kept = (grpc_init(), true);   // no tear-down of gRPC, which may take 10 s (server/server.cpp)
+  (void)kept;
   std::unique_ptr<Session> self(new Session());
   self->options_ = options;
   if (options.local) {
@@ -130,7 +134,7 @@ Status Session::statusOf(const grpc::Status& status) const {
   const Code code = Code(int(status.error_code()));
   if (code == Code::Unavailable && !local())
     return {code, "cannot reach gobod at " + address_ + ": " + status.error_message() +
-                  "\n  start it with `gobod --root DIR`, name another with --server or GOBO_SERVER, or use --local"};
+                  "; start it with `gobod --root DIR`, name another with --server or GOBO_SERVER, or use --local"};
   if (code == Code::Cancelled && interrupted()) return {code, "interrupted"};
   return {code, status.error_message()};
 }

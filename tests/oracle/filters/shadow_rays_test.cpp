@@ -250,8 +250,9 @@ TEST(AxisAlignedSources, ContactAndOccluderAtTheLightStayFinite) {
     const GraphRun r = runGraph(p.graph);
     for (const TermPtr& term : r.terms)
       for (const Plane& plane : term->planes())
-        if (plane.format == Format::F32)
+        if (plane.format == Format::F32) {
           for (float v : term->floats(plane.name)) ASSERT_TRUE(std::isfinite(v)) << term->type() << "." << plane.name << " y=" << y;
+        }
     for (float v : r.terms[p.result]->floats("V")) ASSERT_TRUE(v >= 0 && v <= 1);
   }
 }

@@ -92,7 +92,9 @@ TEST_F(RenderProtocol, PicturesLargerThanAChunkComeInSeveral) {
   int chunks = 0;
   const Collected got = drain(context, *reader, [&](const v1::RenderEvent& e) {
     chunks += e.has_chunk();
-    if (e.has_chunk()) EXPECT_LE(e.chunk().data().size(), 1u << 20);
+    if (e.has_chunk()) {
+      EXPECT_LE(e.chunk().data().size(), 1u << 20);
+    }
   });
   ASSERT_TRUE(got.status.ok()) << got.status.error_message();
   EXPECT_EQ(chunks, int((got.images[0].size() + (1 << 20) - 1) >> 20));

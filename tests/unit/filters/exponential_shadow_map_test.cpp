@@ -68,7 +68,9 @@ TEST(ExponentialShadow, PlanarOccluderOverPlanarReceiver) {
       const int x = int(t);
       const double p = litShare(x) * (1 - (t - x)) + litShare(x + 1) * (t - x);
       EXPECT_NEAR(V[i], p + (1 - p) * std::exp(-double(c) * 0.4), 3e-5) << blur << " at " << points[i].x;
-      if (i) EXPECT_GE(V[i], V[i - 1] - 1e-6f) << "not monotone at " << points[i].x;
+      if (i) {
+        EXPECT_GE(V[i], V[i - 1] - 1e-6f) << "not monotone at " << points[i].x;
+      }
     }
     EXPECT_LT(V.front(), 1e-6f);
     EXPECT_NEAR(V.back(), 1.0f, 1e-6f);   // the weights sum to 1 within rounding

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/engine.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <thread>
+
+#include "support/engines.h"
+
+namespace gobo::testing {
+namespace {
+
+Code codeOf(Engine& engine, const v1::RenderRequest& r) { return engine.render(r).status().code(); }
+
+TEST(Engine, BadRequestsNameFieldAndValueBeforeAnyWork) {
+  const auto engine = makeEngine();
+  const auto expect = [&](const std::string& edit, Code code, const std::string& place, const std::string& word) {
+    v1::RenderRequest r = smallRequest("cornell");
+    set(r, edit);
+    const Result<RenderResult> result = engine->render(r);
+    EXPECT_EQ(result.status().code(), code) << edit << ": " << result.status().toString();
+    EXPECT_NE(result.status().location().find(place), std::string::npos) << edit << ": " << result.status().toString();
+    EXPECT_NE(result.status().message().find(word), std::string::npos) << edit << ": " << result.status().toString();
+  };
+  expect("scene=nowhere", Code::NotFound, "request.scene", "nowhere");
+  expect("width=0", Code::InvalidArgument, "request.width", "0");
+  expect("width=20000", Code::InvalidArgument, "request.width", "20000");
+  expect("outputs=beauty,shine", Code::InvalidArgument, "request.outputs", "shine");
+  expect("outputs=visibility:moon", Code::NotFound, "request.outputs", "moon");
+  expect("camera.name=side", Code::NotFound, "request.camera.name", "side");
+  expect("lights.moon.intensity=3", Code::NotFound, "request.lights.moon", "moon");
+  expect("lights.moon.kind=RECT", Code::Ok, "", "");
+  expect("shadows.exponential.c=90", Code::InvalidArgument, "c", "90");
+  expect("environment.path=/nowhere/x.hdr", Code::NotFound, "request.environment.path", "/nowhere/x.hdr");
+  expect("camera.up=0,0,0", Code::InvalidArgument, "request.camera.up", "zero");
+  expect("integrator.max_bounces=65", Code::InvalidArgument, "request.integrator.max_bounces", "65");
+  expect("halt.spp=0", Code::InvalidArgument, "request.halt.spp", "0");
+}
+
+TEST(Engine, ARootIsTheOnlyDoorToFiles) {
+  EngineOptions o;
+  o.roots = {"/usr/share"};
+  const auto engine = *Engine::create(o);
+  EXPECT_EQ(engine->openScene("/etc/passwd", "x").status().code(), Code::PermissionDenied);
+  EXPECT_EQ(engine->openScene("/usr/share/../../etc/passwd", "x").status().code(), Code::PermissionDenied);
+  EXPECT_EQ(engine->openScene("/usr/share/nothing.glb", "x").status().code(), Code::NotFound);
+  v1::RenderRequest r = smallRequest("cornell");
+  r.mutable_environment()->set_path("/etc/hostname");
+  EXPECT_EQ(codeOf(*engine, r), Code::PermissionDenied);
+}
+
+TEST(Engine, ResolvedRequestIsCompleteAndReproduces) {
+  const auto engine = makeEngine(), other = makeEngine(256ull << 20, {}, 1);
+  const RenderResult a = mustRender(*engine, smallRequest("lights8"));
+  EXPECT_TRUE(a.reply.resolved().integrator().has_russian_roulette_start());
+  EXPECT_EQ(a.reply.resolved().halt().spp(), 4u);
+  EXPECT_FALSE(a.reply.resolved().scene_hash().empty());
+  const RenderResult b = mustRender(*other, a.reply.resolved());
+  EXPECT_EQ(firstDifference(a, b), "") << "one thread and another engine";
+  EXPECT_EQ(a.reply.request_hash(), b.reply.request_hash());
+}
+
+TEST(Engine, SceneHashGuardsAgainstAChangedScene) {
+  const auto engine = makeEngine();
+  const RenderResult a = mustRender(*engine, smallRequest("cornell"));
+  v1::PatchSceneRequest p;
+  p.set_scene("cornell");
+  (*p.mutable_materials())[engine->inspectScene("cornell")->material_names(0)].mutable_base_color()->set_x(0.1f);
+  ASSERT_TRUE(engine->patchScene(p).ok());
+  EXPECT_EQ(codeOf(*engine, a.reply.resolved()), Code::FailedPrecondition);
+}
+
+TEST(Engine, RelightIsTheRememberedRequestWithTheMaskReplaced) {
+  const auto engine = makeEngine();
+  const RenderResult a = mustRender(*engine, smallRequest("cornell"));
+  v1::RelightRequest relight;
+  relight.set_render_id(a.reply.render_id());
+  ASSERT_TRUE(setPath(*relight.mutable_patch(), "environment.constant=1,1,1").ok());
+  relight.add_mask("environment");
+  const auto request = engine->relightRequest(relight);
+  ASSERT_TRUE(request.ok());
+  EXPECT_TRUE(request->environment().has_constant());
+  EXPECT_EQ(request->width(), 24u);
+  relight.set_render_id("r0");
+  EXPECT_EQ(engine->relightRequest(relight).status().code(), Code::NotFound);
+  relight.set_render_id(a.reply.render_id());
+  relight.add_mask("nothing.like.this");
+  EXPECT_EQ(engine->relightRequest(relight).status().code(), Code::InvalidArgument);
+}
+
+TEST(Engine, TimeHaltGivesAReproducibleSampleCount) {
+  const auto engine = makeEngine(), cold = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell");
+  r.clear_halt();
+  r.mutable_halt()->set_time_s(0.05);
+  const RenderResult a = mustRender(*engine, r);
+  EXPECT_GE(a.reply.resolved().halt().spp(), 16u);
+  EXPECT_FALSE(a.reply.resolved().halt().has_time_s());
+  EXPECT_EQ(firstDifference(a, mustRender(*cold, a.reply.resolved())), "");
+}
+
+TEST(Engine, ErrorHaltIsMeasuredByTheCertificate) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 40, 30);
+  r.clear_halt();
+  r.mutable_halt()->set_error(0.2);
+  r.mutable_halt()->set_spp(4096);
+  r.mutable_certificate()->set_pixel_fraction(0.3);
+  const RenderResult a = mustRender(*engine, r);
+  EXPECT_GT(a.reply.certificate().pixels(), 100u);
+  if (a.reply.warnings_size() == 0) {
+    EXPECT_LE(a.reply.certificate().rmse_high(), 0.2);
+  }
+}
+
+TEST(Engine, SnapshotsAreTheRendersOfTheirSampleCounts) {
+  const auto engine = makeEngine(), cold = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 24, 16, 128);
+  std::vector<RenderResult> snapshots;
+  RenderControl control;
+  control.snapshot = [&](const RenderResult& s) { snapshots.push_back(s); };
+  const Result<RenderResult> last = engine->render(r, control);
+  ASSERT_TRUE(last.ok());
+  ASSERT_EQ(snapshots.size(), 3u);   // 16, 32, 64; then 128 is the reply
+  for (const RenderResult& s : snapshots) EXPECT_EQ(firstDifference(s, mustRender(*cold, s.reply.resolved())), "") << s.reply.resolved().halt().spp();
+  EXPECT_EQ(firstDifference(*last, mustRender(*cold, r)), "");
+}
+
+TEST(Engine, PreemptedWorkGoesOnWhereItStopped) {
+  const auto engine = makeEngine(), cold = makeEngine();
+  v1::RenderRequest r = smallRequest("lights8", 96, 64, 256);
+  StopSource source;
+  RenderControl control;
+  control.stop = source.token();
+  int interruptions = 0;
+  Result<RenderResult> result = internalError("not run");
+  for (int attempt = 0; attempt < 40; ++attempt) {
+    source.reset();
+    std::thread preempt([&] { std::this_thread::sleep_for(std::chrono::milliseconds(15)); if (attempt < 6) source.stop(StopReason::Preempted); });
+    result = engine->render(r, control);
+    preempt.join();
+    if (result.ok()) break;
+    ASSERT_EQ(result.status().code(), Code::Aborted) << result.status().toString();
+    ++interruptions;
+  }
+  ASSERT_TRUE(result.ok());
+  EXPECT_GT(interruptions, 0);
+  EXPECT_EQ(nodesBy(*result, v1::NodeReport::RUN).at("path_trace").reason(), "resumed");
+  EXPECT_EQ(firstDifference(*result, mustRender(*cold, r)), "");
+}
+
+TEST(Engine, CancelledWorkSaysSo) {
+  const auto engine = makeEngine();
+  StopSource source;
+  source.stop(StopReason::Cancelled);
+  RenderControl control;
+  control.stop = source.token();
+  EXPECT_EQ(engine->render(smallRequest("cornell"), control).status().code(), Code::Cancelled);
+}
+
+TEST(Engine, PrunedNodesAreListedWithTheirReason) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell");
+  set(r, "integrator.indirect=false");
+  const RenderResult a = mustRender(*engine, r);
+  const auto pruned = nodesBy(a, v1::NodeReport::PRUNED);
+  ASSERT_TRUE(pruned.count("indirect"));
+  EXPECT_TRUE(pruned.at("indirect").approximate());
+  EXPECT_GT(a.reply.path_classes_missing_size(), 0);
+}
+
+TEST(Engine, CertificateNamesWhatItCannotCover) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("spheres", 32, 24, 16);
+  for (const char* e : {"lights.p.kind=POINT", "lights.p.position=0,4,0", "lights.p.intensity=10"}) set(r, e);
+  r.mutable_certificate();
+  const RenderResult a = mustRender(*engine, r);
+  EXPECT_EQ(a.reply.certificate().not_covered_size(), 1);
+  EXPECT_GT(a.reply.certificate().unseen_area(), 0);
+  EXPECT_LE(a.reply.certificate().rmse_low(), a.reply.certificate().rmse());
+  EXPECT_GE(a.reply.certificate().rmse_high(), a.reply.certificate().rmse());
+}
+
+}  // namespace
+}  // namespace gobo::testing
