@@ -8,7 +8,7 @@
 //    behind the scene shows it; both are compared with their own rule (VeniceBehindTheTeapot). What the map lights agrees.
 //  - Smooth dragon. Cycles moves shadow rays' origins near the terminator ("geometry offset" 0.1), ours does not; and on the
 //    400 folded triangles whose vertex normals all oppose their winding Cycles is black where we turn the normals over. With
-//    the offset off and the turning off, the dragon's mean agreed to 2e-5 (512 samples of Cycles). About 50 pixels, bounded below.
+//    the offset off there and normals taken as they come here, the dragon's mean agreed to 2e-5 (512 samples of Cycles). About 50 pixels, bounded below.
 //  - Sun through a slit (sponza): a lit strip half a pixel wide ends a pixel further down. 3 pixels.
 #include <filesystem>
 
