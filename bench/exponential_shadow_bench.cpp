@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Do the shared formulas still vectorise? GB/s (CPU clock of one thread, median of 9) of the exp loop (8 bytes an element: one
 // read, one written) and of the exponential shadow map's passes, beside the same exp loop over std::exp in the same run, and
-// the Vulkan device's time for the same work. Exit status 1 if the exp loop is not at least 1.5 times as fast as std::exp's: a loop
+// the Vulkan and the EGL device's time for the same work. Exit status 1 if the exp loop is not at least 1.5 times as fast as std::exp's: a loop
 // that lost its vectorisation is slower than std::exp, one that has it is 2.4 to 6 times faster.
 
 #include <algorithm>
@@ -12,7 +12,9 @@
 #include <vector>
 
 #include "base/sobol.h"
-#include "filters/exponential_shadow_map/vulkan_kernels.h"
+#include "device/egl/egl_device.h"
+#include "device/vulkan/vulkan_device.h"
+#include "filters/exponential_shadow_map/device_kernels.h"
 
 using namespace gobo;
 
@@ -81,12 +83,17 @@ int main() {
   std::printf("encode 1024^2            %6.1f GB/s  %5.2f ms\n", 8e-9 * double(n) / whole, 1e3 * whole);
   std::printf("filter rows, 5 taps      %6.1f GB/s  %5.2f ms\n", 8e-9 * double(n) / filter, 1e3 * filter);
   std::printf("lookup, 1 M samples      %6.1f GB/s  %5.2f ms  (20 bytes a sample)\n", 20e-9 * double(samples) / look, 1e3 * look);
-  if (const auto device = VulkanDevice::shared(); device.ok()) {
-    const double encode = median(wallClock, [&] { (void)vulkanEncode(**device, z, side, side, 60.0f, weights, e).ok(); });
-    const double vlook = median(wallClock, [&] { (void)vulkanLookup(**device, parameters, e, positions, instances, V, {}).ok(); });
-    std::printf("%s, wall clock with transfers: encode + filter %.2f ms, lookup %.2f ms\n", (*device)->name().c_str(), 1e3 * encode, 1e3 * vlook);
-  } else {
-    std::printf("%s\n", device.status().toString().c_str());
-  }
+  const auto onDevice = [&](const auto& device) {
+    if (!device.ok()) {
+      std::printf("%s\n", device.status().toString().c_str());
+      return;
+    }
+    const double encode = median(wallClock, [&] { (void)deviceEncode(**device, z, side, side, 60.0f, weights, e).ok(); });
+    const double lookup = median(wallClock, [&] { (void)deviceLookup(**device, parameters, e, positions, instances, V, {}).ok(); });
+    std::printf("%s: %s, wall clock with transfers: encode + filter %.2f ms, lookup %.2f ms\n", (*device)->kind(), (*device)->name().c_str(), 1e3 * encode,
+                1e3 * lookup);
+  };
+  onDevice(VulkanDevice::shared());
+  onDevice(EglDevice::shared());
   return ratio >= 1.5 ? 0 : 1;
 }

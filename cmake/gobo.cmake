@@ -5,6 +5,16 @@ function(gobo_spirv source output)
     DEPENDS ${source} DEPFILE ${output}.d VERBATIM)
 endfunction()
 
+# The same file for OpenGL: preprocessed GLSL as a C++ string, once glslc has found it valid there.
+function(gobo_glsl source output)
+  set(flags -DGOBO_OPENGL -I ${CMAKE_SOURCE_DIR}/renderer)
+  add_custom_command(OUTPUT ${output}
+    COMMAND ${GLSLC} --target-env=opengl4.5 -Werror ${flags} -o ${output}.check ${source}
+    COMMAND ${GLSLC} -E ${flags} -MD -MF ${output}.d -MT ${output} -o ${output}.glsl ${source}
+    COMMAND ${CMAKE_COMMAND} -DIN=${output}.glsl -DOUT=${output} -P ${CMAKE_SOURCE_DIR}/cmake/glsl_text.cmake
+    DEPENDS ${source} ${CMAKE_SOURCE_DIR}/cmake/glsl_text.cmake DEPFILE ${output}.d VERBATIM)
+endfunction()
+
 # Every formulas/*.glsl.h must be valid GLSL: each is compiled alone, in every build.
 function(gobo_check_formulas)
   file(GLOB formulas CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/renderer/formulas/*.glsl.h)
@@ -24,14 +34,16 @@ void main() {}
   add_custom_target(gobo_formulas_glsl ALL DEPENDS ${outputs})
 endfunction()
 
-# *.comp below `folder` become SPIR-V, which the C++ of `target` includes as "shaders/<name>.inc".
+# *.comp below `folder` become SPIR-V and OpenGL's text, which the C++ of `target` includes as "shaders/<name>.inc" and
+# "shaders/<name>.glsl.inc".
 function(gobo_shaders target folder)
   file(GLOB_RECURSE shaders CONFIGURE_DEPENDS ${folder}/*.comp)
   set(root ${CMAKE_CURRENT_BINARY_DIR}/shaders/${target})
   foreach(shader ${shaders})
     get_filename_component(file ${shader} NAME_WE)
     gobo_spirv(${shader} ${root}/shaders/${file}.inc)
-    target_sources(${target} PRIVATE ${root}/shaders/${file}.inc)
+    gobo_glsl(${shader} ${root}/shaders/${file}.glsl.inc)
+    target_sources(${target} PRIVATE ${root}/shaders/${file}.inc ${root}/shaders/${file}.glsl.inc)
   endforeach()
   target_include_directories(${target} PRIVATE ${root})
 endfunction()

@@ -10,6 +10,7 @@
 #include <openssl/evp.h>
 
 #include "base/check.h"
+#include "base/hash.h"
 #include "base/image_io.h"
 #include "plan/request.h"
 
@@ -41,12 +42,12 @@ void normaliseChannel(const Image& in, int channel, bool flip, bool positiveOnly
   }
 }
 
-std::vector<std::string> channelNames(const Image& image) {
-  if (int(image.names.size()) == image.channels) return image.names;
-  if (image.channels == 1) return {"Y"};
+std::vector<std::string> channelNames(const std::vector<std::string>& given, int channels) {
+  if (int(given.size()) == channels) return given;
+  if (channels == 1) return {"Y"};
   std::vector<std::string> names = {"R", "G", "B", "A"};
-  for (int c = 4; c < image.channels; ++c) names.push_back("C" + std::to_string(c));
-  names.resize(size_t(image.channels));
+  for (int c = 4; c < channels; ++c) names.push_back("C" + std::to_string(c));
+  names.resize(size_t(channels));
   return names;
 }
 
@@ -101,16 +102,16 @@ Image displayImage(const std::string& output, const Image& image, const v1::Tone
   return out;
 }
 
-std::vector<uint8_t> rawBytes(const Image& image, bool half) {
+std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half) {
   static_assert(std::endian::native == std::endian::little);
-  const size_t n = image.data.size();
+  const size_t n = pixels.size();
   std::vector<uint8_t> bytes(n * (half ? 2 : 4));
   if (!half) {
-    std::memcpy(bytes.data(), image.data.data(), bytes.size());
+    std::memcpy(bytes.data(), pixels.data(), bytes.size());
     return bytes;
   }
   for (size_t i = 0; i < n; ++i) {
-    const float v = std::clamp(image.data[i], -65504.0f, 65504.0f);   // overflow to infinity would leave the picture
+    const float v = std::clamp(pixels[i], -65504.0f, 65504.0f);   // overflow to infinity would leave the picture
     const uint16_t bits = Imath::half(v).bits();
     std::memcpy(bytes.data() + 2 * i, &bits, 2);
   }
@@ -133,37 +134,36 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
   std::vector<EncodedImage> encoded;
   result.reply.clear_images();
   for (const RenderedImage& rendered : result.images) {
-    const Image& image = rendered.image;
-    const auto display = [&] { return displayImage(rendered.output, image, request.tone_map()); };
+    const auto display = [&] { return displayImage(rendered.output, rendered.image(), request.tone_map()); };
     EncodedImage one;
-    std::vector<std::string> channels = channelNames(image);
+    std::vector<std::string> channels = channelNames(rendered.names(), rendered.channels());
     Result<std::vector<uint8_t>> bytes = Status();
     switch (format) {
       case v1::Encoding::EXR:
         exr.metadata["gobo:output"] = rendered.output;
-        bytes = encodeExr(image, exr);
+        bytes = encodeExr(rendered.image(), exr);
         break;
       case v1::Encoding::PNG:
       case v1::Encoding::JPEG: {
         const Image shown = display();
         bytes = format == v1::Encoding::PNG ? encodePng(shown)
                                             : encodeJpeg(shown, encoding.has_jpeg_quality() ? int(encoding.jpeg_quality()) : 90);
-        channels = channelNames(shown);
+        channels = channelNames(shown.names, shown.channels);
         break;
       }
-      case v1::Encoding::RAW_FLOAT: bytes = rawBytes(image, false); break;
-      case v1::Encoding::RAW_HALF: bytes = rawBytes(image, true); break;
+      case v1::Encoding::RAW_FLOAT: bytes = rawBytes(rendered.pixels(), false); break;
+      case v1::Encoding::RAW_HALF: bytes = rawBytes(rendered.pixels(), true); break;
       default: return invalidArgument("encoding.format = " + std::to_string(int(format)) + " is not known", "request.encoding.format");
     }
     if (!bytes.ok()) return bytes.status().at("output " + rendered.output);
     one.bytes = std::move(bytes).value();
     one.descriptor.set_output(rendered.output);
-    one.descriptor.set_width(uint32_t(image.width));
-    one.descriptor.set_height(uint32_t(image.height));
+    one.descriptor.set_width(uint32_t(rendered.width()));
+    one.descriptor.set_height(uint32_t(rendered.height()));
     for (const std::string& name : channels) one.descriptor.add_channels(name);
     one.descriptor.set_format(format);
     one.descriptor.set_bytes(one.bytes.size());
-    one.descriptor.set_sha256(sha256Hex(one.bytes.data(), one.bytes.size()));
+    one.descriptor.set_digest(hashBytes(one.bytes.data(), one.bytes.size()).hex());
     *result.reply.add_images() = one.descriptor;
     encoded.push_back(std::move(one));
   }

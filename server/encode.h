@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures as bytes in the format that a request asks for. EXR and raw keep scene-linear values; PNG and JPEG are for
 // looking at: radiance goes through the tone curve, other outputs through the mapping in displayImage's comment.
-// Cost for 640 x 480 x 3 float on one core: raw 1 ms and SHA-256 as printed by bench/socket_bench; EXR (ZIP) tens of ms.
+// Cost for 640 x 480 x 3 float on one core: raw and digest as printed by bench/socket_bench; EXR (ZIP) tens of ms.
 // Pure functions; thread-safe.
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -46,7 +47,7 @@ bool isRadiance(const std::string& output);
 Image displayImage(const std::string& output, const Image& image, const v1::ToneMap& settings);
 
 /// Row-major interleaved little-endian floats, or halves (clamped to +-65504, rounded to nearest even).
-std::vector<uint8_t> rawBytes(const Image& image, bool half);
+std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half);
 
 /// Encodes every image of a result and fills result.reply.images. The EXR header holds gobo:request (resolved, JSON),
 /// gobo:request_hash, gobo:output, gobo:seed and gobo:build.

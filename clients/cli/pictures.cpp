@@ -5,6 +5,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "base/hash.h"
 #include "base/image_io.h"
 #include "server/encode.h"
 
@@ -48,7 +49,7 @@ class Assembly {
     if (!complete()) return lost("pictures are incomplete");
     for (size_t i = 0; i < answer_.images.size(); ++i) {
       const v1::ImageDescriptor& image = answer_.reply.images(int(i));
-      if (sha256Hex(answer_.images[i].data(), answer_.images[i].size()) != image.sha256()) return lost("SHA-256 of " + image.output());
+      if (hashBytes(answer_.images[i].data(), answer_.images[i].size()).hex() != image.digest()) return lost("digest of " + image.output());
     }
     return {};
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures as they arrive from a server: the stream of events put together, checked against size and SHA-256, and written
+// Pictures as they arrive from a server: the stream of events put together, checked against size and digest, and written
 // to files named by the user's -o.
 #pragma once
 

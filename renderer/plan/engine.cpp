@@ -30,6 +30,25 @@ constexpr uint64_t kMaxViewSamples = 1ull << 29;
 
 }  // namespace
 
+RenderedImage::RenderedImage(std::string outputName, TermPtr term, std::string plane, std::vector<std::string> channels)
+    : output(std::move(outputName)), term_(std::move(term)), plane_(std::move(plane)), names_(std::move(channels)) {}
+int RenderedImage::width() const { return term_->extent().width; }
+int RenderedImage::height() const { return term_->extent().height; }
+int RenderedImage::channels() const { return term_->channels(plane_); }
+std::span<const float> RenderedImage::pixels() const { return term_->floats(plane_); }
+const Image& RenderedImage::image() const {
+  if (!image_) {
+    auto copy = std::make_shared<Image>();
+    copy->width = width();
+    copy->height = height();
+    copy->channels = channels();
+    copy->names = names_;
+    copy->data.assign(pixels().begin(), pixels().end());
+    image_ = copy;
+  }
+  return *image_;
+}
+
 struct Engine::Impl {
   explicit Impl(const EngineOptions& o) : options(o), arena(o.threads), scenes(o.roots, o.anyPath) {}
 
@@ -198,18 +217,14 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   Executor executor(plan->graph, executorServices(), control.stop, progress);
   for (const PlannedOutput& o : plan->outputs) {
     GOBO_ASSIGN(const TermPtr term, executor.evaluate(o.node));
-    const auto values = term->floats(o.plane);
-    Image image(term->extent().width, term->extent().height, term->channels(o.plane));
-    image.names = o.channels;
-    std::copy(values.begin(), values.end(), image.data.begin());
-    result.images.push_back({o.name, std::move(image)});
+    result.images.emplace_back(o.name, term, o.plane, o.channels);
   }
   fillReports(*plan, executor, expanded, reply);
   for (auto& row : *reply.mutable_plan()) if (row.samples()) row.set_samples(row.samples() * blockSize);
   if (request.has_certificate()) {
     for (const RenderedImage& image : result.images) {
       if (image.output != "beauty") continue;
-      GOBO_ASSIGN(*reply.mutable_certificate(), certifyPicture(image.image, plan->effective, request, accels, arena, control.stop));
+      GOBO_ASSIGN(*reply.mutable_certificate(), certifyPicture(image.image(), plan->effective, request, accels, arena, control.stop));
     }
   }
   *reply.mutable_resolved() = request;

@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "base/stop.h"
 #include "gobo/v1/render.pb.h"
 #include "gobo/v1/service.pb.h"
+#include "terms/term.h"
 
 namespace gobo {
 
@@ -26,7 +28,25 @@ struct EngineOptions {
   uint32_t keepRenders = 1024;               ///< render ids remembered for Relight
 };
 
-struct RenderedImage { std::string output; Image image; };   ///< linear; not tone mapped
+/// One finished picture, linear and not tone mapped: a view of its term. image() copies it out once, on first use (a copy of
+/// 11 MB costs more than the composite that made it); raw encodings read pixels() in place. One reader thread at a time.
+class RenderedImage {
+ public:
+  RenderedImage(std::string outputName, TermPtr term, std::string plane, std::vector<std::string> channels);
+  std::string output;
+  int width() const;
+  int height() const;
+  int channels() const;
+  const std::vector<std::string>& names() const { return names_; }
+  std::span<const float> pixels() const;      ///< row-major, channels interleaved
+  const Image& image() const;
+
+ private:
+  TermPtr term_;
+  std::string plane_;
+  std::vector<std::string> names_;
+  mutable std::shared_ptr<const Image> image_;
+};
 
 struct RenderResult {
   v1::RenderReply reply;                     ///< images[] left empty: encoding is the caller's (server/encode.h)

@@ -2,7 +2,6 @@
 #include "plan/executor.h"
 
 #include <chrono>
-#include <cstring>
 #include <new>
 
 namespace gobo {
@@ -42,50 +41,6 @@ void ExtensionIndex::clear() {
   std::lock_guard lock(mutex_);
   counts_.clear();
   parked_.clear();
-}
-
-namespace {
-
-// NaN and Inf are the values whose exponent bits are all ones; testing bits keeps the loop free of branches.
-template <typename Bits, int exponentShift, Bits exponentMask>
-bool anyNonFinite(const uint8_t* bytes, size_t count) {
-  Bits bad = 0;
-  for (size_t i = 0; i < count; ++i) {
-    Bits b;
-    std::memcpy(&b, bytes + i * sizeof(Bits), sizeof b);
-    bad |= Bits(((b >> exponentShift) & exponentMask) == exponentMask);
-  }
-  return bad != 0;
-}
-
-template <typename T>
-std::string describeNonFinite(const Plane& p, bool infAllowed) {
-  const T* v = reinterpret_cast<const T*>(p.bytes.data());
-  for (size_t i = 0; i < p.bytes.size() / sizeof(T); ++i)
-    if (std::isnan(v[i]) || (!infAllowed && std::isinf(v[i])) || (infAllowed && std::isinf(v[i]) && v[i] < 0))
-      return "plane " + p.name + ", element " + std::to_string(i / p.channels) + ": " + std::to_string(v[i]);
-  return {};
-}
-
-}  // namespace
-
-std::string firstNonFinite(const Term& term, const TaskArena& arena) {
-  for (const Plane& p : term.planes()) {
-    if (p.format != Format::F32 && p.format != Format::F64) continue;
-    const size_t size = formatSize(p.format), count = p.bytes.size() / size;
-    std::atomic<bool> bad{false};
-    arena.parallelFor(count, 1 << 18, [&](size_t begin, size_t end) {
-      const uint8_t* at = p.bytes.data() + begin * size;
-      const bool found = p.format == Format::F32 ? anyNonFinite<uint32_t, 23, 0xffu>(at, end - begin)
-                                                 : anyNonFinite<uint64_t, 52, 0x7ffull>(at, end - begin);
-      if (found) bad.store(true, std::memory_order_relaxed);
-    });
-    if (!bad) continue;
-    const bool infAllowed = p.name == "depth";
-    const std::string text = p.format == Format::F32 ? describeNonFinite<float>(p, infAllowed) : describeNonFinite<double>(p, infAllowed);
-    if (!text.empty()) return text;
-  }
-  return {};
 }
 
 Executor::Executor(const Graph& graph, ExecutorServices services, StopToken stop, std::function<void(const std::string&, double)> progress)

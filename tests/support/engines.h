@@ -49,7 +49,7 @@ inline RenderResult mustRender(Engine& engine, const v1::RenderRequest& request)
 inline std::string firstDifference(const RenderResult& a, const RenderResult& b) {
   if (a.images.size() != b.images.size()) return "different numbers of images";
   for (size_t i = 0; i < a.images.size(); ++i) {
-    const Image &x = a.images[i].image, &y = b.images[i].image;
+    const Image &x = a.images[i].image(), &y = b.images[i].image();
     if (x.width != y.width || x.height != y.height || x.channels != y.channels) return a.images[i].output + ": different sizes";
     for (size_t k = 0; k < x.data.size(); ++k)
       if (std::memcmp(&x.data[k], &y.data[k], 4) != 0)

@@ -48,7 +48,7 @@ struct VulkanDevice::Impl {
   Status createDevice();
   Status makeBuffer(size_t bytes, VkBufferUsageFlags usage, bool host, VulkanBuffer::Memory& made);
   void freeBuffer(VulkanBuffer::Memory& memory) const;
-  Result<Pipeline> pipeline(const VulkanKernel& kernel);
+  Result<Pipeline> pipeline(const ComputeKernel& kernel);
   Status submitAndWait();
   Status copy(VkBuffer from, VkBuffer to, size_t bytes);
   /// Internal with the layer's words, if it had any since the last call.
@@ -57,6 +57,5 @@ struct VulkanDevice::Impl {
 
 /// Dispatches of one submission; run() splits longer lists.
 inline constexpr uint32_t kMaxDispatches = 64;
-inline constexpr int kMaxKernelBuffers = 8;
 
 }  // namespace gobo

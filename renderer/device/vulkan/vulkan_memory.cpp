@@ -52,13 +52,13 @@ void VulkanDevice::Impl::freeBuffer(VulkanBuffer::Memory& m) const {
 }
 
 VulkanBuffer::VulkanBuffer(std::shared_ptr<const VulkanDevice> device, std::unique_ptr<Memory> memory, size_t bytes)
-    : device_(std::move(device)), memory_(std::move(memory)), bytes_(bytes) {}
+    : ComputeBuffer(device.get(), bytes), device_(std::move(device)), memory_(std::move(memory)) {}
 VulkanBuffer::~VulkanBuffer() {
   std::lock_guard lock(device_->impl_->mutex);
   device_->impl_->freeBuffer(*memory_);
 }
 
-Result<VulkanBufferPtr> VulkanDevice::buffer(size_t bytes) {
+Result<ComputeBufferPtr> VulkanDevice::buffer(size_t bytes) {
   if (bytes > maxBufferBytes())
     return Status(Code::ResourceExhausted, "a Vulkan buffer of " + std::to_string(bytes) + " bytes is over the limit of " + name() + ", " +
                                                std::to_string(maxBufferBytes()));
@@ -72,7 +72,7 @@ Result<VulkanBufferPtr> VulkanDevice::buffer(size_t bytes) {
     impl_->freeBuffer(*made);
     return status;
   }
-  return VulkanBufferPtr(new VulkanBuffer(shared_from_this(), std::move(made), bytes));
+  return ComputeBufferPtr(new VulkanBuffer(shared_from_this(), std::move(made), bytes));
 }
 
 Status VulkanDevice::Impl::copy(VkBuffer from, VkBuffer to, size_t bytes) {
@@ -89,7 +89,9 @@ Status VulkanDevice::Impl::copy(VkBuffer from, VkBuffer to, size_t bytes) {
   return submitAndWait();
 }
 
-Status VulkanDevice::upload(VulkanBuffer& buffer, const void* data, size_t bytes) {
+Status VulkanDevice::upload(ComputeBuffer& to, const void* data, size_t bytes) {
+  GOBO_CHECK(to.of(*this));
+  const VulkanBuffer& buffer = static_cast<const VulkanBuffer&>(to);
   GOBO_CHECK_LE(bytes, buffer.bytes());
   if (bytes == 0) return {};
   std::lock_guard lock(impl_->mutex);
@@ -107,7 +109,9 @@ Status VulkanDevice::upload(VulkanBuffer& buffer, const void* data, size_t bytes
   return status;
 }
 
-Status VulkanDevice::download(const VulkanBuffer& buffer, void* data, size_t bytes) {
+Status VulkanDevice::download(const ComputeBuffer& from, void* data, size_t bytes) {
+  GOBO_CHECK(from.of(*this));
+  const VulkanBuffer& buffer = static_cast<const VulkanBuffer&>(from);
   GOBO_CHECK_LE(bytes, buffer.bytes());
   if (bytes == 0) return {};
   std::lock_guard lock(impl_->mutex);

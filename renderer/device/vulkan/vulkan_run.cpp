@@ -7,9 +7,9 @@
 
 namespace gobo {
 
-Result<VulkanDevice::Impl::Pipeline> VulkanDevice::Impl::pipeline(const VulkanKernel& kernel) {
+Result<VulkanDevice::Impl::Pipeline> VulkanDevice::Impl::pipeline(const ComputeKernel& kernel) {
   if (const auto found = pipelines.find(kernel.code.data()); found != pipelines.end()) return found->second;
-  GOBO_CHECK(!kernel.code.empty() && kernel.buffers >= 1 && kernel.buffers <= kMaxKernelBuffers && kernel.pushBytes <= 128);
+  GOBO_CHECK(!kernel.code.empty() && kernel.buffers >= 1 && kernel.buffers <= kMaxKernelBuffers && kernel.pushBytes <= kMaxPushBytes);
   Pipeline& made = pipelines[kernel.code.data()];   // whatever is made of it is freed with the device
   const auto build = [&]() -> Status {
     std::vector<VkDescriptorSetLayoutBinding> bindings;
@@ -58,7 +58,7 @@ Status VulkanDevice::Impl::submitAndWait() {
   return validation();
 }
 
-Status VulkanDevice::run(std::span<const VulkanDispatch> dispatches, std::vector<double>* seconds) {
+Status VulkanDevice::run(std::span<const ComputeDispatch> dispatches, std::vector<double>* seconds) {
   if (seconds) seconds->assign(dispatches.size(), 0.0);
   std::lock_guard lock(impl_->mutex);
   Impl& d = *impl_;
@@ -70,10 +70,11 @@ Status VulkanDevice::run(std::span<const VulkanDispatch> dispatches, std::vector
     // Everything that can fail comes before recording begins.
     std::vector<Impl::Pipeline> pipelines;
     std::vector<VkDescriptorSet> sets;
-    for (const VulkanDispatch& dispatch : batch) {
-      const VulkanKernel& kernel = *dispatch.kernel;
+    for (const ComputeDispatch& dispatch : batch) {
+      const ComputeKernel& kernel = *dispatch.kernel;
       GOBO_CHECK_EQ(int(dispatch.buffers.size()), kernel.buffers);
       GOBO_CHECK_EQ(int(dispatch.push.size()), kernel.pushBytes);
+      for (const ComputeBufferPtr& buffer : dispatch.buffers) GOBO_CHECK(buffer->of(*this));
       for (int i = 0; i < 3; ++i) GOBO_CHECK(dispatch.groups[i] >= 1 && dispatch.groups[i] <= d.properties.limits.maxComputeWorkGroupCount[i]);
       GOBO_ASSIGN(Impl::Pipeline pipeline, d.pipeline(kernel));
       pipelines.push_back(pipeline);
@@ -87,7 +88,7 @@ Status VulkanDevice::run(std::span<const VulkanDispatch> dispatches, std::vector
       VkDescriptorBufferInfo infos[kMaxKernelBuffers];
       VkWriteDescriptorSet writes[kMaxKernelBuffers];
       for (int i = 0; i < kernel.buffers; ++i) {
-        infos[i] = {dispatch.buffers[i]->memory_->buffer, 0, VK_WHOLE_SIZE};
+        infos[i] = {static_cast<const VulkanBuffer&>(*dispatch.buffers[size_t(i)]).memory_->buffer, 0, VK_WHOLE_SIZE};
         writes[i] = {VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET, nullptr, set, uint32_t(i), 0, 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, nullptr, &infos[i], nullptr};
       }
       vkUpdateDescriptorSets(d.device, uint32_t(kernel.buffers), writes, 0, nullptr);
@@ -96,7 +97,7 @@ Status VulkanDevice::run(std::span<const VulkanDispatch> dispatches, std::vector
     GOBO_VK(vkBeginCommandBuffer, d.commands, &begin);
     if (timed) vkCmdResetQueryPool(d.commands, d.queries, 0, 2 * kMaxDispatches);
     for (size_t i = 0; i < batch.size(); ++i) {
-      const VulkanDispatch& dispatch = batch[i];
+      const ComputeDispatch& dispatch = batch[i];
       vkCmdBindPipeline(d.commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipelines[i].pipeline);
       vkCmdBindDescriptorSets(d.commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipelines[i].layout, 0, 1, &sets[i], 0, nullptr);
       if (!dispatch.push.empty())
@@ -118,15 +119,6 @@ Status VulkanDevice::run(std::span<const VulkanDispatch> dispatches, std::vector
     for (size_t i = 0; i < batch.size(); ++i) (*seconds)[first + i] = double(ticks[2 * i + 1] - ticks[2 * i]) * d.properties.limits.timestampPeriod * 1e-9;
   }
   return {};
-}
-
-void setLinearGroups(VulkanDispatch& dispatch, size_t count, uint32_t local) {
-  constexpr size_t kMaxGroups = 65535;   // what every Vulkan device can
-  const size_t groups = std::max<size_t>((count + local - 1) / local, 1);
-  const size_t rows = (groups + kMaxGroups - 1) / kMaxGroups;
-  dispatch.groups[0] = uint32_t((groups + rows - 1) / rows);
-  dispatch.groups[1] = uint32_t(rows);
-  dispatch.groups[2] = 1;
 }
 
 }  // namespace gobo

@@ -56,17 +56,6 @@ int computeFamily(VkPhysicalDevice physical, uint32_t* timestampBits = nullptr) 
   return -1;
 }
 
-/// Letters, digits, dots; anything else becomes one '-': stable inside keys and reports.
-std::string keyWord(const std::string& text) {
-  std::string out;
-  for (char c : text) {
-    if (std::isalnum(static_cast<unsigned char>(c)) || c == '.') out += c;
-    else if (!out.empty() && out.back() != '-') out += '-';
-  }
-  while (!out.empty() && out.back() == '-') out.pop_back();
-  return out;
-}
-
 Status noDevice(std::string why) {
   return {Code::Unavailable, "no Vulkan device: " + why + " (mesa-vulkan-drivers has lavapipe for machines without a GPU)"};
 }

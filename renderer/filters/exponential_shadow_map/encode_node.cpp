@@ -3,20 +3,20 @@
 #include <algorithm>
 
 #include "filters/exponential_shadow_map/exponential_shadow_map_kernels.h"
-#include "filters/exponential_shadow_map/vulkan_kernels.h"
+#include "filters/exponential_shadow_map/device_kernels.h"
 
 namespace gobo {
 namespace {
 
 class EncodeNode : public Node {
  public:
-  EncodeNode(float c, int blur, int resolution, std::shared_ptr<VulkanDevice> device)
+  EncodeNode(float c, int blur, int resolution, std::shared_ptr<ComputeDevice> device)
       : c_(c), blur_(blur), resolution_(resolution), device_(std::move(device)) {
     GOBO_CHECK(c >= 1.0f && c <= 80.0f && blur >= 0);   // above 80 the far end leaves float (exponential_shadow_map.glsl.h)
   }
   std::string type() const override { return "exponential_shadow_encode"; }
   std::string numericClass() const override { return device_ ? device_->numericClass() : Node::numericClass(); }
-  std::string device() const override { return device_ ? "vulkan: " + device_->name() : "cpu"; }
+  std::string device() const override { return device_ ? std::string(device_->kind()) + ": " + device_->name() : "cpu"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override { h.add(c_).add(blur_); }
   size_t outputBytes() const override { return size_t(resolution_) * resolution_ * 4; }
@@ -31,7 +31,7 @@ class EncodeNode : public Node {
     const std::span<float> e = term->addPlane<float>("E");
     const std::vector<float> weights = exponentialShadowWeights(blur_);
     if (device_ && !z.empty()) {
-      GOBO_TRY(vulkanEncode(*device_, z, extent.width, extent.height, c_, weights, e));
+      GOBO_TRY(deviceEncode(*device_, z, extent.width, extent.height, c_, weights, e));
       if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "exponential_shadow_encode stopped");
     } else if (!encode(ctx, z, extent, weights, e)) {
       return Status(Code::Cancelled, "exponential_shadow_encode stopped");
@@ -67,12 +67,12 @@ class EncodeNode : public Node {
 
   float c_;
   int blur_, resolution_;
-  std::shared_ptr<VulkanDevice> device_;
+  std::shared_ptr<ComputeDevice> device_;
 };
 
 }  // namespace
 
-NodePtr makeExponentialShadowEncodeNode(float c, int blur, int resolution, std::shared_ptr<VulkanDevice> device) {
+NodePtr makeExponentialShadowEncodeNode(float c, int blur, int resolution, std::shared_ptr<ComputeDevice> device) {
   return std::make_shared<EncodeNode>(c, blur, resolution, std::move(device));
 }
 

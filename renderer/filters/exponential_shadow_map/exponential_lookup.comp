@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Visibility of one view sample an invocation; the text of lookupExponential.
 #version 450
-#extension GL_GOOGLE_include_directive : require
+#include "device/kernel.glsl.h"
 #include "formulas/exponential_shadow_map.glsl.h"
 layout(local_size_x = 64) in;
-layout(std430, set = 0, binding = 0) readonly buffer Map { float e[]; };
-layout(std430, set = 0, binding = 1) readonly buffer Positions { float position[]; };
-layout(std430, set = 0, binding = 2) readonly buffer Instances { uint instance[]; };
-layout(std430, set = 0, binding = 3) writeonly buffer Visibility { float visibility[]; };
-layout(push_constant) uniform Push {
+layout(std430, binding = 0) readonly buffer Map { float e[]; };
+layout(std430, binding = 1) readonly buffer Positions { float position[]; };
+layout(std430, binding = 2) readonly buffer Instances { uint instance[]; };
+layout(std430, binding = 3) writeonly buffer Visibility { float visibility[]; };
+PUSH_CONSTANTS Push {
   vec4 u, v, w, d;
   float originX, originY, originZ, c, bias;
   int width, height;

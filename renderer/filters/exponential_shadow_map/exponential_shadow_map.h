@@ -26,20 +26,20 @@
 
 namespace gobo {
 
-class VulkanDevice;
+class ComputeDevice;
 
 /// Source, term "light_depth_map": LightTexel, plane z f32 in [0,1], 1 where nothing is hit; closer than `near` reads 0. One ray
 /// through each texel's centre.
 NodePtr makeLightDepthMapNode(const LightFrame& frame, int resolution);
 
 /// Filter, term "exponential_shadow_map": LightTexel, plane E f32 in (0,1]. Input: a term with plane z. `device` null: cpu.
-NodePtr makeExponentialShadowEncodeNode(float c, int blur, int resolution, std::shared_ptr<VulkanDevice> device = nullptr);
+NodePtr makeExponentialShadowEncodeNode(float c, int blur, int resolution, std::shared_ptr<ComputeDevice> device = nullptr);
 
 struct ExponentialShadowLookup { LightFrame frame; float c = 60.0f, bias = 0.001f; };
 /// Filter, term "visibility": domain and extent of the G-buffer, plane V f32 in [0,1]; 1 where the G-buffer has no surface.
 /// Inputs: "gbuffer" (planes P, instance), "exponential_shadow_map". `viewSamples`: elements expected, for admission.
 /// The devices agree within 1e-4 in V for maps up to 1024 texels (tests/unit/filters/exponential_shadow_devices_test.cpp; bit
-/// for bit on lavapipe).
-NodePtr makeExponentialShadowLookupNode(const ExponentialShadowLookup& lookup, size_t viewSamples, std::shared_ptr<VulkanDevice> device = nullptr);
+/// for bit on lavapipe and llvmpipe).
+NodePtr makeExponentialShadowLookupNode(const ExponentialShadowLookup& lookup, size_t viewSamples, std::shared_ptr<ComputeDevice> device = nullptr);
 
 }  // namespace gobo

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Vectorised loops of the exponential shadow map on the cpu, and what the Vulkan shaders share with them: weights and layout.
+// Vectorised loops of the exponential shadow map on the cpu, and what the *.comp kernels share with them: weights and layout.
 #pragma once
 
 #include <cstddef>

@@ -3,20 +3,20 @@
 #include <algorithm>
 
 #include "filters/exponential_shadow_map/exponential_shadow_map_kernels.h"
-#include "filters/exponential_shadow_map/vulkan_kernels.h"
+#include "filters/exponential_shadow_map/device_kernels.h"
 
 namespace gobo {
 namespace {
 
 class LookupNode : public Node {
  public:
-  LookupNode(const ExponentialShadowLookup& lookup, size_t viewSamples, std::shared_ptr<VulkanDevice> device)
+  LookupNode(const ExponentialShadowLookup& lookup, size_t viewSamples, std::shared_ptr<ComputeDevice> device)
       : lookup_(lookup), viewSamples_(viewSamples), device_(std::move(device)) {
     GOBO_CHECK(lookup.c >= 1.0f && lookup.c <= 80.0f && lookup.bias >= 0.0f);
   }
   std::string type() const override { return "exponential_shadow_lookup"; }
   std::string numericClass() const override { return device_ ? device_->numericClass() : Node::numericClass(); }
-  std::string device() const override { return device_ ? "vulkan: " + device_->name() : "cpu"; }
+  std::string device() const override { return device_ ? std::string(device_->kind()) + ": " + device_->name() : "cpu"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override {
     lookup_.frame.hash(h);
@@ -36,7 +36,7 @@ class LookupNode : public Node {
     if (E.empty()) {   // no map: nothing is known to block the light
       std::fill(V.begin(), V.end(), 1.0f);
     } else if (device_) {
-      GOBO_TRY(vulkanLookup(*device_, lookupParameters(lookup_, width, height, 0), E, P, instance, V, ctx.stop));
+      GOBO_TRY(deviceLookup(*device_, lookupParameters(lookup_, width, height, 0), E, P, instance, V, ctx.stop));
     } else {
       const ExponentialLookupParameters p = lookupParameters(lookup_, width, height, 0);
       const bool done = ctx.arena->parallelFor(V.size(), 16384, [&](size_t begin, size_t end) {
@@ -50,12 +50,12 @@ class LookupNode : public Node {
  private:
   ExponentialShadowLookup lookup_;
   size_t viewSamples_;
-  std::shared_ptr<VulkanDevice> device_;
+  std::shared_ptr<ComputeDevice> device_;
 };
 
 }  // namespace
 
-NodePtr makeExponentialShadowLookupNode(const ExponentialShadowLookup& lookup, size_t viewSamples, std::shared_ptr<VulkanDevice> device) {
+NodePtr makeExponentialShadowLookupNode(const ExponentialShadowLookup& lookup, size_t viewSamples, std::shared_ptr<ComputeDevice> device) {
   return std::make_shared<LookupNode>(lookup, viewSamples, std::move(device));
 }
 

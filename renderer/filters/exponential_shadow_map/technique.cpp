@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/exponential_shadow_map/technique.h"
 
+#include "device/egl/egl_device.h"
 #include "device/vulkan/vulkan_device.h"
 #include "filters/exponential_shadow_map/exponential_shadow_map.h"
 
@@ -32,10 +33,15 @@ Result<NodeId> planExponentialShadow(Graph& graph, const ShadowInput& input, con
   const Light& light = input.scene->lights.at(size_t(input.light));
   if (!exponentialShadowSupports(light.shape.kind))
     return Status(Code::Unimplemented, "light '" + light.name + "': exponential shadow maps support directional, spot, rectangle and disk lights");
-  std::shared_ptr<VulkanDevice> device;
+  ComputeDevicePtr device;
   if (e.device() == v1::ExponentialShadow::VULKAN) {
     GOBO_ASSIGN(device, VulkanDevice::shared());
+  } else if (e.device() == v1::ExponentialShadow::EGL) {
+    GOBO_ASSIGN(device, EglDevice::shared());
   }
+  if (device && uint64_t(resolution) * resolution * 4 > device->maxBufferBytes())
+    return Status(Code::ResourceExhausted, std::to_string(resolution) + " texels squared are more than the " + std::to_string(device->maxBufferBytes()) +
+                                               " bytes that a buffer of " + device->name() + " may have", "shadows.exponential.resolution");
   Vec3 lo, hi;
   input.scene->bounds(lo, hi);
   GOBO_ASSIGN(const LightFrame frame, fitLightFrame(light.shape, lo, hi, int(resolution), int(blur) + 1));

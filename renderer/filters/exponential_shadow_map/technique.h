@@ -11,7 +11,8 @@ bool exponentialShadowSupports(LightKind kind);
 
 /// Adds light_depth_map -> exponential_shadow_encode -> exponential_shadow_lookup. Depth map and encoded map do not depend on the
 /// camera: a moving camera re-runs the lookup alone, a changed bias too. Errors: InvalidArgument naming the field that is out of
-/// range; Unimplemented for other lights; Unavailable when Vulkan is asked for and the machine has none.
+/// range; Unimplemented for other lights; Unavailable when Vulkan or EGL is asked for and the machine has none; ResourceExhausted
+/// for a resolution beyond the device's buffers (llvmpipe, lavapipe: 5792 texels).
 Result<NodeId> planExponentialShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
 
 }  // namespace gobo

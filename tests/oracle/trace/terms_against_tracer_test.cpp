@@ -25,7 +25,7 @@ Mean meanOver(Engine& engine, v1::RenderRequest request, int seeds) {
     request.set_seed(uint64_t(100 + s));
     const RenderResult r = mustRender(engine, request);
     if (r.images.empty()) return {NAN, 0};
-    const double m = pictureMean(r.images[0].image);
+    const double m = pictureMean(r.images[0].image());
     sum += m;
     squares += m * m;
   }
@@ -84,9 +84,9 @@ TEST(TermsAgainstTracer, ClassesAddUpToTheBeauty) {
   set(r, "outputs=beauty,direct,indirect,emission");
   const RenderResult x = mustRender(*engine, r);
   ASSERT_EQ(x.images.size(), 4u);
-  for (size_t i = 0; i < x.images[0].image.data.size(); ++i) {
-    const double sum = double(x.images[1].image.data[i]) + x.images[2].image.data[i] + x.images[3].image.data[i];
-    EXPECT_NEAR(x.images[0].image.data[i], sum, 1e-5 * (1.0 + sum));
+  for (size_t i = 0; i < x.images[0].image().data.size(); ++i) {
+    const double sum = double(x.images[1].image().data[i]) + x.images[2].image().data[i] + x.images[3].image().data[i];
+    EXPECT_NEAR(x.images[0].image().data[i], sum, 1e-5 * (1.0 + sum));
   }
 }
 
@@ -99,14 +99,14 @@ TEST(TermsAgainstTracer, GroupsAddUpAndGainsAreLinear) {
   for (const auto& l : info.lights()) outputs += ",group:" + l.name();
   set(r, outputs);
   const RenderResult x = mustRender(*engine, r);
-  std::vector<double> sum(x.images[0].image.data.size(), 0.0);
+  std::vector<double> sum(x.images[0].image().data.size(), 0.0);
   for (size_t k = 1; k < x.images.size(); ++k)
-    for (size_t i = 0; i < sum.size(); ++i) sum[i] += x.images[k].image.data[i];
-  for (size_t i = 0; i < sum.size(); ++i) EXPECT_NEAR(x.images[0].image.data[i], sum[i], 1e-5 * (1 + sum[i]));
+    for (size_t i = 0; i < sum.size(); ++i) sum[i] += x.images[k].image().data[i];
+  for (size_t i = 0; i < sum.size(); ++i) EXPECT_NEAR(x.images[0].image().data[i], sum[i], 1e-5 * (1 + sum[i]));
 
   set(r, "lights." + info.lights(0).name() + ".gain=3,3,3");
   const RenderResult y = mustRender(*engine, r);
-  for (size_t i = 0; i < sum.size(); ++i) EXPECT_NEAR(y.images[1].image.data[i], 3.0 * x.images[1].image.data[i], 1e-5 * (1 + y.images[1].image.data[i]));
+  for (size_t i = 0; i < sum.size(); ++i) EXPECT_NEAR(y.images[1].image().data[i], 3.0 * x.images[1].image().data[i], 1e-5 * (1 + y.images[1].image().data[i]));
 }
 
 // A cluster folded one light at a time equals the sum of the lights each alone, in less memory.
@@ -123,8 +123,8 @@ TEST(TermsAgainstTracer, FoldOverManyLightsEqualsTheirSum) {
   for (const auto& n : folded.reply.plan()) folds += n.node().find("(folded)") != std::string::npos && n.state() != v1::NodeReport::NOT_NEEDED;
   EXPECT_GE(folds, 2) << "unoccluded light and visibility are evaluated one light at a time";
   EXPECT_LT(folded.reply.peak_bytes(), apart.reply.peak_bytes());
-  for (size_t i = 0; i < apart.images[0].image.data.size(); ++i)
-    EXPECT_NEAR(folded.images[0].image.data[i], apart.images[0].image.data[i], 2e-4 * (1 + apart.images[0].image.data[i]));
+  for (size_t i = 0; i < apart.images[0].image().data.size(); ++i)
+    EXPECT_NEAR(folded.images[0].image().data[i], apart.images[0].image().data[i], 2e-4 * (1 + apart.images[0].image().data[i]));
 }
 
 // Editing one light of a cluster adds a difference traced apart: the mean agrees with a render where that light is alone.

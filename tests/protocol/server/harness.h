@@ -15,6 +15,7 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include "base/hash.h"
 #include "base/image.h"
 #include "gobo/v1/service.grpc.pb.h"
 #include "server/encode.h"
@@ -103,7 +104,7 @@ class ServerTest : public ::testing::Test {
     if (out.status.ok())
       for (size_t i = 0; i < out.images.size(); ++i) {
         EXPECT_EQ(out.images[i].size(), out.reply.images(int(i)).bytes());
-        EXPECT_EQ(sha256Hex(out.images[i].data(), out.images[i].size()), out.reply.images(int(i)).sha256());
+        EXPECT_EQ(hashBytes(out.images[i].data(), out.images[i].size()).hex(), out.reply.images(int(i)).digest());
       }
     return out;
   }

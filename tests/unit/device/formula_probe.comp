@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every shared formula at every input, for comparison with the C++ side: out[f * count + i].
 #version 450
-#extension GL_GOOGLE_include_directive : require
+#include "device/kernel.glsl.h"
 #include "formulas/exponential_shadow_map.glsl.h"
 #include "formulas/tone_map.glsl.h"
 layout(local_size_x = 64) in;
-layout(std430, set = 0, binding = 0) readonly buffer In { float x[]; };
-layout(std430, set = 0, binding = 1) writeonly buffer Out { float y[]; };
-layout(push_constant) uniform Push { uint count; };
+layout(std430, binding = 0) readonly buffer In { float x[]; };
+layout(std430, binding = 1) writeonly buffer Out { float y[]; };
+PUSH_CONSTANTS Push { uint count; };
 void main() {
   uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * 64u + gl_LocalInvocationID.x;
   if (i >= count) return;

@@ -3,21 +3,17 @@
 // shared formulas giving the C++ values.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <cstdlib>
-#include <cstring>
-#include <limits>
 #include <numeric>
 #include <thread>
 
 #include "device/vulkan/vulkan_device.h"
-#include "formulas/exponential_shadow_map.glsl.h"
-#include "formulas/tone_map.glsl.h"
+#include "unit/device/compute_cases.h"
 
 namespace {
 
 using namespace gobo;
-using namespace gobo::formulas;
+using computetest::expectCppFormulas;
 
 constexpr uint32_t kProbeCode[] =
 #include "shaders/formula_probe.inc"
@@ -25,8 +21,8 @@ constexpr uint32_t kProbeCode[] =
 constexpr uint32_t kAddCode[] =
 #include "shaders/add_index.inc"
     ;
-const VulkanKernel kProbe{"formula_probe", kProbeCode, 2, 4};
-const VulkanKernel kAdd{"add_index", kAddCode, 1, 4};
+const ComputeKernel kProbe{"formula_probe", kProbeCode, 2, 4};
+const ComputeKernel kAdd{"add_index", kAddCode, 1, 4};
 
 std::shared_ptr<VulkanDevice> device() {
   static const auto made = VulkanDevice::create({.device = VulkanDevice::Options::fromEnvironment().device, .validation = true, .staging = false});
@@ -34,16 +30,12 @@ std::shared_ptr<VulkanDevice> device() {
   return made.ok() ? *made : nullptr;
 }
 
-VulkanDispatch addIndex(const VulkanBufferPtr& buffer, const uint32_t& count) {
-  VulkanDispatch d{&kAdd, {buffer}, {reinterpret_cast<const uint8_t*>(&count), 4}, {}};
-  setLinearGroups(d, count, 64);
-  return d;
-}
+ComputeDispatch addIndex(const ComputeBufferPtr& buffer, const uint32_t& count) { return computetest::addIndex(kAdd, buffer, count); }
 
 TEST(VulkanDevice, NamesItselfAndItsNumericClass) {
   ASSERT_TRUE(device());
   RecordProperty("device", device()->name());
-  std::cout << "device: " << device()->name() << ", " << device()->numericClass() << std::endl;
+  std::cout << "device: " << device()->name() << ", " << device()->numericClass() << ", buffers up to " << device()->maxBufferBytes() << std::endl;
   EXPECT_FALSE(device()->name().empty());
   EXPECT_EQ(device()->numericClass().rfind("spirv-f32/", 0), 0u);
   EXPECT_EQ(device()->numericClass().find(' '), std::string::npos);
@@ -61,7 +53,7 @@ TEST(VulkanDevice, BytesSurviveTheTrip) {
     ASSERT_TRUE((*made)->download(**buffer, back.data(), back.size() * 4).ok());
     EXPECT_EQ(sent, back);
     const uint32_t count = uint32_t(sent.size());
-    const VulkanDispatch add = addIndex(*buffer, count);
+    const ComputeDispatch add = addIndex(*buffer, count);
     const Status status = (*made)->run({&add, 1});
     ASSERT_TRUE(status.ok()) << status.toString();
     ASSERT_TRUE((*made)->download(**buffer, back.data(), back.size() * 4).ok());
@@ -76,7 +68,7 @@ TEST(VulkanDevice, DispatchesRunInOrderAndSeeEarlierWrites) {
   std::vector<uint32_t> expected(count, 1), got(count);
   auto buffer = device()->upload(std::span<const uint32_t>(expected));
   ASSERT_TRUE(buffer.ok());
-  std::vector<VulkanDispatch> dispatches(150, addIndex(*buffer, count));
+  std::vector<ComputeDispatch> dispatches(150, addIndex(*buffer, count));
   for (int k = 0; k < 150; ++k)
     for (uint32_t i = 0; i < count; ++i) expected[i] = 3 * expected[i] + i;
   std::vector<double> seconds;
@@ -90,7 +82,7 @@ TEST(VulkanDevice, DispatchesRunInOrderAndSeeEarlierWrites) {
 
 TEST(VulkanDevice, MoreGroupsThanOneDimensionHolds) {
   ASSERT_TRUE(device());
-  VulkanDispatch d;
+  ComputeDispatch d;
   setLinearGroups(d, size_t(65535) * 64 + 1, 64);
   EXPECT_EQ(d.groups[1], 2u);
   EXPECT_GE(size_t(d.groups[0]) * d.groups[1], size_t(65536));
@@ -98,7 +90,7 @@ TEST(VulkanDevice, MoreGroupsThanOneDimensionHolds) {
   std::vector<uint32_t> got(count, 0);
   auto buffer = device()->upload(std::span<const uint32_t>(got));
   ASSERT_TRUE(buffer.ok());
-  const VulkanDispatch add = addIndex(*buffer, count);
+  const ComputeDispatch add = addIndex(*buffer, count);
   ASSERT_TRUE(device()->run({&add, 1}).ok());
   ASSERT_TRUE(device()->download(**buffer, got.data(), size_t(count) * 4).ok());
   uint32_t wrong = 0;
@@ -117,7 +109,7 @@ TEST(VulkanDevice, ThreadsShareIt) {
         std::vector<uint32_t> x(count, uint32_t(k)), back(count);
         auto buffer = device()->upload(std::span<const uint32_t>(x));
         if (!buffer.ok()) return;
-        const VulkanDispatch d = addIndex(*buffer, count);
+        const ComputeDispatch d = addIndex(*buffer, count);
         if (!device()->run({&d, 1}).ok() || !device()->download(**buffer, back.data(), count * 4).ok()) return;
         for (uint32_t i = 0; i < count; ++i)
           if (back[i] != 3 * uint32_t(k) + i) return;
@@ -130,35 +122,7 @@ TEST(VulkanDevice, ThreadsShareIt) {
 
 TEST(VulkanDevice, FormulasGiveTheCppValues) {
   ASSERT_TRUE(device());
-  std::vector<float> x;
-  for (float a = 1e-30f; a < 1e30f; a *= 1.7f) x.insert(x.end(), {a, -a});
-  for (int i = -4000; i <= 4000; ++i) x.insert(x.end(), {float(i) * 0.03f, float(i) * 0.00025f});
-  const float inf = std::numeric_limits<float>::infinity();
-  x.insert(x.end(), {0.0f, inf, -inf, std::numeric_limits<float>::quiet_NaN()});
-  const uint32_t count = uint32_t(x.size());
-  auto in = device()->upload(std::span<const float>(x));
-  auto out = device()->buffer(size_t(count) * 10 * 4);
-  ASSERT_TRUE(in.ok() && out.ok());
-  VulkanDispatch d{&kProbe, {*in, *out}, {reinterpret_cast<const uint8_t*>(&count), 4}, {}};
-  setLinearGroups(d, count, 64);
-  const Status status = device()->run({&d, 1});
-  ASSERT_TRUE(status.ok()) << status.toString();
-  std::vector<float> y(size_t(count) * 10);
-  ASSERT_TRUE(device()->download(**out, y.data(), y.size() * 4).ok());
-  float (*const functions[])(float) = {
-      fastExp, fastExp2, fastLog, fastSin, fastCos, toneMapFilmic, toneMapReinhard,
-      [](float v) { return esmEncode(v, 80.0f); }, [](float v) { return esmReceiver(v, 80.0f, 0.001f); },
-      [](float v) { return esmVisibility(esmEncode(0.5f, 80.0f), esmReceiver(v, 80.0f, 0.0f), true); }};
-  for (int f = 0; f < 10; ++f) {
-    double worst = 0;
-    for (uint32_t i = 0; i < count; ++i) {
-      const float a = functions[f](x[i]), b = y[size_t(f) * count + i];
-      ASSERT_TRUE(std::isfinite(b)) << f << " at " << x[i];
-      worst = std::max(worst, std::fabs(double(a) - b) / std::max(1e-30 + std::fabs(double(a)), f == 3 || f == 4 ? 1.0 : 0.0));
-    }
-    std::cout << "formula " << f << ": largest relative difference C++ against device " << worst << std::endl;
-    EXPECT_LE(worst, 1e-6) << f;
-  }
+  expectCppFormulas(*device(), kProbe);
 }
 
 TEST(VulkanDevice, ErrorsNameTheirCause) {
@@ -190,10 +154,10 @@ TEST(VulkanDevice, ValidationLayerReportsMisuse) {
   // A push constant range smaller than the shader's block is a fault that only the layer sees.
   ASSERT_TRUE(device());
   static const std::vector<uint32_t> copy(std::begin(kAddCode), std::end(kAddCode));   // its own address: its own pipeline
-  const VulkanKernel wrong{"add_index_without_push", copy, 1, 0};
+  const ComputeKernel wrong{"add_index_without_push", copy, 1, 0};
   auto buffer = device()->buffer(256);
   ASSERT_TRUE(buffer.ok());
-  const VulkanDispatch d{&wrong, {*buffer}, {}, {1, 1, 1}};
+  const ComputeDispatch d{&wrong, {*buffer}, {}, {1, 1, 1}};
   const Status status = device()->run({&d, 1});
   EXPECT_EQ(status.code(), Code::Internal);
   EXPECT_NE(status.message().find("validation"), std::string::npos) << status.toString();

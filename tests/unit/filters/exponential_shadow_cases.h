@@ -52,11 +52,11 @@ inline TermPtr runNode(const NodePtr& node, std::vector<TermPtr> inputs, int thr
   return *result;
 }
 
-inline TermPtr encode(const TermPtr& depth, float c, int blur, int threads = 2, std::shared_ptr<VulkanDevice> device = nullptr) {
+inline TermPtr encode(const TermPtr& depth, float c, int blur, int threads = 2, std::shared_ptr<ComputeDevice> device = nullptr) {
   return runNode(makeExponentialShadowEncodeNode(c, blur, depth->extent().width, device), {depth}, threads);
 }
 inline TermPtr lookup(const TermPtr& gbuffer, const TermPtr& map, const ExponentialShadowLookup& l, int threads = 2,
-                      std::shared_ptr<VulkanDevice> device = nullptr) {
+                      std::shared_ptr<ComputeDevice> device = nullptr) {
   return runNode(makeExponentialShadowLookupNode(l, gbuffer->extent().elements(), device), {gbuffer, map}, threads);
 }
 

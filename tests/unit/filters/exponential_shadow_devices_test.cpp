@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Encode and lookup give the same visibility on the cpu and on the Vulkan device (lavapipe in CI), within 1e-4.
+// Encode and lookup give the same visibility on the cpu and on the Vulkan and EGL devices (lavapipe, llvmpipe in CI), within 1e-4.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
+#include "device/egl/egl_device.h"
 #include "device/vulkan/vulkan_device.h"
 #include "unit/filters/exponential_shadow_cases.h"
 
@@ -24,10 +25,23 @@ double worstDifference(const TermPtr& a, const TermPtr& b, const char* plane, bo
   return worst;
 }
 
-TEST(ExponentialShadowDevices, CpuAndVulkanAgree) {
-  auto shared = VulkanDevice::shared();
-  ASSERT_TRUE(shared.ok()) << shared.status().toString();
-  const auto device = *shared;
+enum class Kind { Vulkan, Egl };
+
+class ExponentialShadowDevices : public testing::TestWithParam<Kind> {
+ protected:
+  template <typename T> static ComputeDevicePtr made(const Result<std::shared_ptr<T>>& device) {
+    EXPECT_TRUE(device.ok()) << device.status().toString();
+    return device.ok() ? ComputeDevicePtr(*device) : nullptr;
+  }
+  static ComputeDevicePtr device() { return GetParam() == Kind::Vulkan ? made(VulkanDevice::shared()) : made(EglDevice::shared()); }
+};
+
+INSTANTIATE_TEST_SUITE_P(All, ExponentialShadowDevices, testing::Values(Kind::Vulkan, Kind::Egl),
+                         [](const auto& info) { return info.param == Kind::Vulkan ? "Vulkan" : "Egl"; });
+
+TEST_P(ExponentialShadowDevices, AgreesWithTheCpu) {
+  const ComputeDevicePtr device = this->device();
+  ASSERT_TRUE(device);
   // A perspective and an orthographic light over bumpy depth with hard steps and damaged texels; receivers in and out of the map.
   LightShape spot;
   spot.kind = LightKind::Spot;
@@ -63,31 +77,38 @@ TEST(ExponentialShadowDevices, CpuAndVulkanAgree) {
       worstV = std::max(worstV, worstDifference(V, W, "V", false));
       for (float v : V->floats("V")) penumbra += v > 0.05f && v < 0.95f;
     }
-  std::cout << "device: " << device->name() << "; cpu against vulkan: E relative " << worstE << ", V " << worstV << "; partly lit receivers " << penumbra
+  std::cout << "device: " << device->name() << "; cpu against " << device->kind() << ": E relative " << worstE << ", V " << worstV << "; partly lit receivers " << penumbra
             << std::endl;
   EXPECT_GT(penumbra, 10000u);   // the comparison covers more than 0 and 1
   EXPECT_LE(worstE, 1e-5);
   EXPECT_LE(worstV, 1e-4);
 }
 
-TEST(ExponentialShadowDevices, DevicesHaveTheirOwnKeys) {
-  auto shared = VulkanDevice::shared();
-  ASSERT_TRUE(shared.ok());
-  const NodePtr cpu = makeExponentialShadowEncodeNode(60, 2, 64), gpu = makeExponentialShadowEncodeNode(60, 2, 64, *shared);
+TEST_P(ExponentialShadowDevices, HasItsOwnKeys) {
+  const ComputeDevicePtr device = this->device();
+  ASSERT_TRUE(device);
+  const NodePtr cpu = makeExponentialShadowEncodeNode(60, 2, 64), gpu = makeExponentialShadowEncodeNode(60, 2, 64, device);
   EXPECT_NE(cpu->numericClass(), gpu->numericClass());
   EXPECT_EQ(cpu->device(), "cpu");
-  EXPECT_NE(gpu->device().find((*shared)->name()), std::string::npos);
+  EXPECT_EQ(gpu->device(), std::string(device->kind()) + ": " + device->name());
 }
 
-TEST(ExponentialShadowDevices, DegenerateMapsOnTheDevice) {
-  auto shared = VulkanDevice::shared();
-  ASSERT_TRUE(shared.ok());
+TEST(ExponentialShadowDeviceKeys, VulkanAndEglDiffer) {
+  const auto vulkan = VulkanDevice::shared();
+  const auto egl = EglDevice::shared();
+  ASSERT_TRUE(vulkan.ok() && egl.ok());
+  EXPECT_NE((*vulkan)->numericClass(), (*egl)->numericClass());
+}
+
+TEST_P(ExponentialShadowDevices, DegenerateMaps) {
+  const ComputeDevicePtr device = this->device();
+  ASSERT_TRUE(device);
   const TermPtr g = receivers({{0.5f, 0.5f, 0.9f}, {-0.5f, 0.5f, 0.9f}});
   const ExponentialShadowLookup l{unitFrame(), 60.0f, 0.0f};
-  const TermPtr one = lookup(g, encode(depthMap(1, 1, [](int, int) { return 0.2f; }), 60.0f, 64, 2, *shared), l, 2, *shared);
+  const TermPtr one = lookup(g, encode(depthMap(1, 1, [](int, int) { return 0.2f; }), 60.0f, 64, 2, device), l, 2, device);
   EXPECT_NEAR(one->floats("V")[0], std::exp(-60.0 * 0.7), 1e-6);
   EXPECT_EQ(one->floats("V")[1], 1.0f);
-  const TermPtr none = lookup(g, encode(depthMap(0, 0, [](int, int) { return 0.0f; }), 60.0f, 2, 2, *shared), l, 2, *shared);
+  const TermPtr none = lookup(g, encode(depthMap(0, 0, [](int, int) { return 0.0f; }), 60.0f, 2, 2, device), l, 2, device);
   EXPECT_EQ(none->floats("V")[0], 1.0f);
 }
 

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "device/egl/egl_device.h"
 #include "device/vulkan/vulkan_device.h"
 #include "filters/exponential_shadow_map/technique.h"
 #include "terms/gbuffer.h"
@@ -162,17 +163,32 @@ TEST(ExponentialShadowScene, BareFloorHasNoAcne) {
 }
 
 TEST(ExponentialShadowScene, DevicesAgreeOnTheWholeTechnique) {
-  ASSERT_TRUE(VulkanDevice::shared().ok());
+  ASSERT_TRUE(VulkanDevice::shared().ok() && EglDevice::shared().ok());
   const ScenePtr scene = cardScene(LightKind::Spot);
   std::vector<TermPtr> results;
-  for (const auto device : {v1::ExponentialShadow::CPU, v1::ExponentialShadow::VULKAN}) {
+  for (const auto device : {v1::ExponentialShadow::CPU, v1::ExponentialShadow::VULKAN, v1::ExponentialShadow::EGL}) {
     Planned p;
     ASSERT_TRUE(plan(p, scene, technique(256, 3, device)).ok());
     RunCounters counters;
     results.push_back(runAll(p.graph, counters).back());
   }
-  const auto a = results[0]->floats("V"), b = results[1]->floats("V");
-  for (size_t i = 0; i < a.size(); ++i) ASSERT_NEAR(a[i], b[i], 1e-4);
+  const auto a = results[0]->floats("V"), b = results[1]->floats("V"), c = results[2]->floats("V");
+  for (size_t i = 0; i < a.size(); ++i) {
+    ASSERT_NEAR(a[i], b[i], 1e-4);
+    ASSERT_NEAR(a[i], c[i], 1e-4);
+  }
+}
+
+TEST(ExponentialShadowScene, MapsBeyondTheDeviceAreRefusedBeforeTheyAreMade) {
+  const auto device = EglDevice::shared();
+  ASSERT_TRUE(device.ok()) << device.status().toString();
+  const bool fits = (*device)->maxBufferBytes() >= uint64_t(8192) * 8192 * 4;   // llvmpipe: 128 MiB, half of it
+  Planned p;
+  const auto planned = plan(p, cardScene(LightKind::Spot), technique(8192, 2, v1::ExponentialShadow::EGL));
+  EXPECT_EQ(planned.ok(), fits);
+  if (fits) return;
+  EXPECT_EQ(planned.status().code(), Code::ResourceExhausted);
+  EXPECT_EQ(planned.status().location(), "shadows.exponential.resolution");
 }
 
 TEST(ExponentialShadowScene, OnlyWhatChangedIsANewNode) {
@@ -184,11 +200,13 @@ TEST(ExponentialShadowScene, OnlyWhatChangedIsANewNode) {
   EXPECT_EQ(p.graph.size(), 4);                       // structurally equal
   ASSERT_TRUE(plan(p, scene, technique(64, 2, v1::ExponentialShadow::VULKAN)).ok());
   EXPECT_EQ(p.graph.size(), 6);                       // the depth map is shared between devices
+  ASSERT_TRUE(plan(p, scene, technique(64, 2, v1::ExponentialShadow::EGL)).ok());
+  EXPECT_EQ(p.graph.size(), 8);
   auto bright = std::make_shared<Scene>(*scene);
   bright->lights[0].power = Vec3(7.0f);
   ASSERT_TRUE(bright->seal().ok());
   ASSERT_TRUE(plan(p, bright, technique(64, 2)).ok());
-  EXPECT_EQ(p.graph.size(), 6);                       // power is no part of a shadow
+  EXPECT_EQ(p.graph.size(), 8);                       // power is no part of a shadow
 }
 
 TEST(ExponentialShadowScene, RefusalsNameTheField) {

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "base/hash.h"
+
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -18,10 +20,17 @@ Image ramp(int w, int h, int c) {
   return image;
 }
 
+RenderedImage rendered(const std::string& output, const Image& image) {
+  auto term = std::make_shared<Term>("pixels", Domain::Pixel, Extent{image.width, image.height, 1});
+  const auto plane = term->addPlane<float>("v", image.channels);
+  std::copy(image.data.begin(), image.data.end(), plane.begin());
+  return RenderedImage(output, term, "v", image.names);
+}
+
 RenderResult resultOf(const std::string& output, Image image, v1::Encoding::Format format) {
   RenderResult result;
   result.reply.mutable_resolved()->mutable_encoding()->set_format(format);
-  result.images.push_back({output, std::move(image)});
+  result.images.push_back(rendered(output, image));
   return result;
 }
 
@@ -47,13 +56,13 @@ TEST(Encode, RawFloatIsTheMemoryAsItIs) {
   EXPECT_EQ(d.height(), 3u);
   EXPECT_EQ(d.channels_size(), 4);
   EXPECT_EQ(d.bytes(), image.data.size() * 4);
-  EXPECT_EQ(d.sha256(), sha256Hex((*images)[0].bytes.data(), (*images)[0].bytes.size()));
+  EXPECT_EQ(d.digest(), hashBytes((*images)[0].bytes.data(), (*images)[0].bytes.size()).hex());
 }
 
 TEST(Encode, HalvesAreRoundedToNearestAndNeverInfinite) {
   Image image(4, 1, 1);
   image.data = {1.0f, 65520.0f, -1e9f, 0.333333f};   // 65520 would round to infinity
-  const std::vector<uint8_t> bytes = rawBytes(image, true);
+  const std::vector<uint8_t> bytes = rawBytes(image.data, true);
   uint16_t h[4];
   ASSERT_EQ(bytes.size(), sizeof h);
   std::memcpy(h, bytes.data(), sizeof h);
@@ -82,7 +91,7 @@ TEST(Encode, ExrKeepsFloatsAndSaysWhatMadeIt) {
 
 TEST(Encode, SeveralOutputsAreSeveralImages) {
   RenderResult result = resultOf("beauty", ramp(4, 4, 3), v1::Encoding::RAW_HALF);
-  result.images.push_back({"depth", ramp(4, 4, 1)});
+  result.images.push_back(rendered("depth", ramp(4, 4, 1)));
   auto images = encodeImages(result);
   ASSERT_TRUE(images.ok());
   ASSERT_EQ(result.reply.images_size(), 2);
