@@ -76,7 +76,7 @@ std::vector<Image> renderSeeds(Engine& engine, const Peer& p, int seeds = kSeeds
   for (int s = 0; s < seeds; ++s) {
     RenderResult r = mustRender(engine, requestFor(p, 101 + s));
     if (r.images.empty()) return {};
-    out.push_back(std::move(r.images[0].image));
+    out.push_back(r.images[0].image());
   }
   return out;
 }
@@ -103,7 +103,7 @@ Image plane(Engine& engine, const Peer& p, const std::string& output) {
   r.add_outputs(output);
   r.set_view_samples(16);
   RenderResult result = mustRender(engine, r);
-  return result.images.empty() ? Image() : std::move(result.images[0].image);
+  return result.images.empty() ? Image() : result.images[0].image();
 }
 
 struct Pictures { std::vector<Image> ours; Image theirs; };
