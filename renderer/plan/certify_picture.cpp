@@ -43,7 +43,7 @@ Result<v1::Certificate> certifyPicture(const Image& beauty, const EffectiveScene
       double half[2][3] = {};
       for (uint32_t b = 0; b < 2 * blocksPerHalf; ++b) {
         if (stop.stopRequested()) return;
-        tracer->traceBlock(x, y, b, half[b & 1], count, dropped);
+        tracer->traceBlock(x, y, (b & 1) * kBlocksPerStream + b / 2, half[b & 1], count, dropped);
       }
       const double scale = 1.0 / (double(blocksPerHalf) * s.blockSize);
       evidence[i] = {beauty.rgb(x, y), Vec3(half[0][0] * scale, half[0][1] * scale, half[0][2] * scale), Vec3(half[1][0] * scale, half[1][1] * scale, half[1][2] * scale)};

@@ -116,10 +116,11 @@ void PathTracer::traceBlock(int x, int y, uint32_t block, double* out, uint64_t&
   const Impl& m = *impl_;
   const int size = m.settings.blockSize;
   const uint64_t pixel = uint64_t(uint32_t(y)) << 32 | uint32_t(x);
-  const uint64_t seed = hash64(hash64(m.settings.seed, pixel), block);
+  const uint64_t seed = hash64(hash64(m.settings.seed, pixel), block / kBlocksPerStream);
+  const uint32_t begin = block % kBlocksPerStream * uint32_t(size);
   for (int first = 0; first < size; first += kLanes) {
-    const SampleSet set(seed, uint32_t(first));
-    m.traceChunk(x, y, set, uint64_t(block) * uint64_t(size) + uint64_t(first), std::min(kLanes, size - first), out, rays, dropped);
+    const SampleSet set(seed, begin + uint32_t(first));
+    m.traceChunk(x, y, set, uint64_t(begin) + uint64_t(first), std::min(kLanes, size - first), out, rays, dropped);
   }
 }
 

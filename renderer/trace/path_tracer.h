@@ -3,8 +3,9 @@
 // Veach 1997), light selection by tree, and Russian roulette. Not joined: a delta light through a specular chain (caustics of
 // Point, Spot, Directional through mirrors or smooth glass); such paths are no part of any class that it reports.
 // Rect, Disk and Sphere lights are transparent: rays pass through them and collect what they emit, shadow rays ignore them.
-// Samples come in blocks, each an independent Owen-scrambled Sobol set per pixel; a block's result depends only on
-// (settings, pixel, block), never on thread, tile or what was traced before.
+// Samples come in blocks, consecutive pieces of one Owen-scrambled Sobol sequence per pixel, so that the error goes on falling
+// faster than with independent blocks; blocks of different streams (block / kBlocksPerStream) are independent. A block's result
+// depends only on (settings, pixel, block), never on thread, tile or what was traced before.
 #pragma once
 
 #include <cstdint>
@@ -25,6 +26,9 @@ enum class SplitMode : uint8_t {
   ByLobe,          ///< emission, direct diffuse, direct specular, indirect diffuse, indirect specular (lobe of the first event)
   ByBounce,        ///< emission, then by number of scattering events 1 .. maxBounces + 1
 };
+
+/// Blocks b and b + kBlocksPerStream belong to independent sequences: halves that estimate an error take one stream each.
+inline constexpr uint32_t kBlocksPerStream = 1u << 16;
 
 struct PathTracerSettings {
   Camera camera;

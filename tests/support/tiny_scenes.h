@@ -136,8 +136,8 @@ struct Measured {
   const Estimate& operator[](size_t i) const { return slots[i]; }
 };
 
-/// Mean radiance by slot over all pixels and `blocks` blocks of each. The error comes from the blocks of each pixel, which
-/// are independent whatever the picture shows.
+/// Mean radiance by slot over all pixels and `blocks` blocks of each. The error comes from the blocks of each pixel, each of
+/// a stream of its own: independent whatever the picture shows.
 inline Measured measure(const Traced& t, int blocks) {
   const auto tracer = t.tracer();
   const size_t slots = size_t(tracer->slots()), n = slots * 3, rows = size_t(t.settings.height);
@@ -149,7 +149,7 @@ inline Measured measure(const Traced& t, int blocks) {
         std::vector<double> s(n, 0.0), q(n, 0.0);
         for (int b = 0; b < blocks; ++b) {
           std::vector<double> out(n, 0.0);
-          tracer->traceBlock(x, int(y), uint32_t(b), out.data(), rays[y], dropped[y]);
+          tracer->traceBlock(x, int(y), uint32_t(b) * kBlocksPerStream, out.data(), rays[y], dropped[y]);
           for (size_t i = 0; i < n; ++i) { out[i] /= t.settings.blockSize; s[i] += out[i]; q[i] += out[i] * out[i]; }
         }
         for (size_t i = 0; i < n; ++i) {

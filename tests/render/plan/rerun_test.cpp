@@ -248,7 +248,7 @@ TEST(Rerun, MoreSamplesExtendAndEqualScratch) {
   const RenderResult scratch = mustRender(*cold, r);
   EXPECT_NE(more.at("path_trace").reason().find("extended from 4 blocks"), std::string::npos) << more.at("path_trace").reason();
   const auto whole = nodesBy(scratch, v1::NodeReport::RUN);
-  // 64 more samples of independent blocks: about as many rays as the first 64, half of 128 at once.
+  // 64 more samples: about as many rays as the first 64, half of 128 at once.
   EXPECT_NEAR(double(more.at("path_trace").rays()), 0.5 * double(whole.at("path_trace").rays()), 0.05 * double(whole.at("path_trace").rays()));
   EXPECT_EQ(few.at("path_trace").rays() + more.at("path_trace").rays(), whole.at("path_trace").rays());
   EXPECT_EQ(firstDifference(extended, scratch), "");

@@ -287,6 +287,42 @@ TEST(PathTracer, CoverClassesAddUp) {
   EXPECT_LT(indirect.second, all.second);
 }
 
+// 8 blocks in a row are one Sobol sequence of 128 samples: their mean errs less than that of 8 independent blocks, while streams know
+// nothing of each other (the halves of a certificate rest on that).
+TEST(PathTracer, BlocksContinueOneSequenceAndStreamsAreIndependent) {
+  SceneMaker m;
+  m.instance(m.mesh(ground(2.0f), m.material(Vec3(0.7f))));
+  LightShape rect;
+  rect.kind = LightKind::Rect;
+  rect.position = Vec3(0, 1.5f, 0);
+  rect.u = Vec3(0.4f, 0, 0);
+  rect.v = Vec3(0, 0, 0.4f);
+  m.light(rect, Vec3(5.0f));
+  m.camera(Vec3(0, 1, 1), Vec3(0.0f), 0.3f);
+  Traced t(m.finish(), 8, 8);
+  t.settings.maxBounces = 0;
+  const auto tracer = t.tracer();
+  constexpr int kStreams = 24, kBlocks = 8;
+  double one = 0, eight = 0, across = 0, crossed = 0;
+  uint64_t rays = 0, dropped = 0;
+  for (int pixel = 0; pixel < 64; ++pixel) {
+    std::vector<double> first(kStreams), mean(kStreams, 0.0);
+    for (int s = 0; s < kStreams; ++s)
+      for (int b = 0; b < kBlocks; ++b) {
+        double out[3] = {};
+        tracer->traceBlock(pixel % 8, pixel / 8, uint32_t(s) * kBlocksPerStream + uint32_t(b), out, rays, dropped);
+        if (b == 0) first[s] = out[0];
+        mean[s] += out[0] / kBlocks;
+      }
+    double f = 0, e = 0;
+    for (int s = 0; s < kStreams; ++s) { f += first[s] / kStreams; e += mean[s] / kStreams; }
+    for (int s = 0; s < kStreams; ++s) { one += (first[s] - f) * (first[s] - f); eight += (mean[s] - e) * (mean[s] - e); }
+    for (int s = 0; s < kStreams; s += 2) { across += (first[s] - f) * (first[s + 1] - f); ++crossed; }
+  }
+  EXPECT_LT(eight, 0.7 * one / kBlocks);                     // 0.53; independent blocks: 1 +- 0.06
+  EXPECT_LT(std::fabs(across / crossed), 5 / std::sqrt(crossed) * one / (64 * kStreams) + one / (64 * kStreams) / kStreams);
+}
+
 TEST(PathTracer, BlocksDoNotDependOnOrder) {
   Traced t(manyLamps());
   t.settings.split = SplitMode::ByBounce;
