@@ -70,15 +70,17 @@ float LightBounds::importance(const Vec3& p, const Vec3* n) const {
   const float d2 = std::fmax(true2, std::fmax(radius2, 1e-30f));     // inside the bounds distance says nothing
   if (true2 <= radius2 * 1.0001f) return power / d2;                 // any direction is possible: stay conservative
   const Vec3 wi = toP * (1.0f / std::sqrt(true2));                   // from the lights to the receiver
-  float cosW = glm::dot(axis, wi);
-  if (twoSided) cosW = std::fabs(cosW);
-  const float sinW = sinOf(cosW);
   const float sinB2 = radius2 / true2, cosB = std::sqrt(std::fmax(0.0f, 1.0f - sinB2)), sinB = std::sqrt(sinB2);
-  const float sinO = sinOf(cosNormals);
-  const float cosX = cosSub(sinW, cosW, sinO, cosNormals), sinX = sinSub(sinW, cosW, sinO, cosNormals);
-  const float cosP = cosSub(sinX, cosX, sinB, cosB);
-  if (cosP <= cosEmission - 1e-4f) return 0.0f;
-  float result = power * std::fmax(cosP, 1e-3f) / d2;                // the floor keeps rounding from excluding a grazing light
+  float result = power / d2;
+  if (cosNormals > -1.0f || cosEmission > 0.0f) {                    // otherwise some normal points here
+    float cosW = glm::dot(axis, wi);
+    if (twoSided) cosW = std::fabs(cosW);
+    const float sinW = sinOf(cosW), sinO = sinOf(cosNormals);
+    const float cosX = cosSub(sinW, cosW, sinO, cosNormals), sinX = sinSub(sinW, cosW, sinO, cosNormals);
+    const float cosP = cosSub(sinX, cosX, sinB, cosB);
+    if (cosP <= cosEmission - 1e-4f) return 0.0f;
+    result = power * std::fmax(cosP, 1e-3f) / d2;                    // the floor keeps rounding from excluding a grazing light
+  }
   if (n) {
     const float cosI = -glm::dot(wi, *n), sinI = sinOf(cosI);
     const float cosIP = cosSub(sinI, cosI, sinB, cosB);
