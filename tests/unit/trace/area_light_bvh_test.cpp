@@ -71,6 +71,37 @@ TEST(AreaLightBvh, CollectsWhatEveryLightAskedInTurnGivesBitForBit) {
   }
 }
 
+// The box of an upright rectangle ends where the light does: at its rim only the slack of the test keeps what rounding would lose.
+TEST(AreaLightBvh, RimsOfFlatLightsAreNotLostToRounding) {
+  std::vector<AreaLightBvh::Entry> all;
+  for (int i = 0; i < 12; ++i) {
+    LightShape s;
+    s.kind = LightKind::Rect;
+    s.position = Vec3(100.0f, 30.0f, -70.0f) + 50.0f * randomPoint(21, uint64_t(i));
+    s.axis = Vec3(0, -1, 0);
+    s.u = Vec3(0.3f + random(22, uint64_t(i)), 0, 0);
+    s.v = Vec3(0, 0, 0.7f);
+    s.twoSided = true;
+    all.push_back({i, s, true});
+  }
+  const AreaLightBvh bvh(all);
+  std::vector<AreaLightBvh::Hit> hits;
+  int rim = 0;
+  for (uint64_t i = 0; i < 40000; ++i) {
+    const LightShape& s = all[i % 12].shape;
+    const Vec3 target = s.position + (i % 2 ? s.u : -s.u) + s.v * (2.0f * random(23, i) - 1.0f);
+    const Vec3 from = target + 40.0f * randomPoint(24, i);
+    const Ray r{from, glm::normalize(target - from)};
+    float t;
+    Vec3 n;
+    if (!intersectAreaLight(s, r, t, n)) continue;
+    ++rim;
+    bvh.collect(r, false, hits);
+    ASSERT_TRUE(std::any_of(hits.begin(), hits.end(), [&](const auto& h) { return h.light == int(i % 12); })) << "ray " << i;
+  }
+  EXPECT_GT(rim, 5000);
+}
+
 TEST(AreaLightBvh, NearestIsTheFirstOfAllWithTiesToTheLowerIndex) {
   const auto all = lights();
   const AreaLightBvh bvh(all);
