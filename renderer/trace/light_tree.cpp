@@ -27,7 +27,7 @@ Cone joinCones(const Cone& a, const Cone& b) {
   return {axis / std::sqrt(glm::dot(axis, axis)), float(std::cos(t)) - 1e-6f};
 }
 
-float sinOf(float c) { return std::sqrt(std::fmax(0.0f, 1.0f - c * c)); }
+float sinOf(float c) { return std::sqrt(maxOf(1.0f - c * c, 0.0f)); }
 // cos(max(0, a - b)) and sin of the same from sines and cosines.
 float cosSub(float sinA, float cosA, float sinB, float cosB) { return cosA > cosB ? 1.0f : cosA * cosB + sinA * sinB; }
 float sinSub(float sinA, float cosA, float sinB, float cosB) { return cosA > cosB ? 0.0f : sinA * cosB - cosA * sinB; }
@@ -61,53 +61,59 @@ LightBounds LightBounds::join(const LightBounds& a, const LightBounds& b) {
   return o;
 }
 
-float LightBounds::importance(const Vec3& p, const Vec3* n) const {
+LightTree::Cluster::Cluster(const LightBounds& b)
+    : centre((b.lo + b.hi) * 0.5f), axis(b.axis), cosNormals(b.cosNormals), sinNormals(sinOf(b.cosNormals)), cosEmission(b.cosEmission),
+      power(b.power), twoSided(b.twoSided), everywhere(b.cosNormals <= -1.0f && b.cosEmission <= 0.0f) {
+  const Vec3 half = (b.hi - b.lo) * 0.5f;
+  radius2 = glm::dot(half, half);
+}
+
+float LightBounds::importance(const Vec3& p, const Vec3* n) const { return LightTree::Cluster(*this).importance(p, n); }
+
+inline float LightTree::Cluster::importance(const Vec3& p, const Vec3* n) const {
   if (!(power > 0.0f)) return 0.0f;
-  const Vec3 centre = (lo + hi) * 0.5f, half = (hi - lo) * 0.5f;
-  const float radius2 = glm::dot(half, half);
   const Vec3 toP = p - centre;
   const float true2 = glm::dot(toP, toP);
-  const float d2 = std::fmax(true2, std::fmax(radius2, 1e-30f));     // inside the bounds distance says nothing
-  if (true2 <= radius2 * 1.0001f) return power / d2;                 // any direction is possible: stay conservative
+  const float d2 = maxOf(true2, maxOf(radius2, 1e-30f));             // inside the bounds distance says nothing
+  float result = power / d2;
+  if (true2 <= radius2 * 1.0001f) return result;                     // any direction is possible: stay conservative
   const Vec3 wi = toP * (1.0f / std::sqrt(true2));                   // from the lights to the receiver
-  float cosW = glm::dot(axis, wi);
-  if (twoSided) cosW = std::fabs(cosW);
-  const float sinW = sinOf(cosW);
-  const float sinB2 = radius2 / true2, cosB = std::sqrt(std::fmax(0.0f, 1.0f - sinB2)), sinB = std::sqrt(sinB2);
-  const float sinO = sinOf(cosNormals);
-  const float cosX = cosSub(sinW, cosW, sinO, cosNormals), sinX = sinSub(sinW, cosW, sinO, cosNormals);
-  const float cosP = cosSub(sinX, cosX, sinB, cosB);
-  if (cosP <= cosEmission - 1e-4f) return 0.0f;
-  float result = power * std::fmax(cosP, 1e-3f) / d2;                // the floor keeps rounding from excluding a grazing light
+  const float sinB2 = radius2 / true2, cosB = std::sqrt(maxOf(1.0f - sinB2, 0.0f)), sinB = std::sqrt(sinB2);
+  if (!everywhere) {
+    float cosW = glm::dot(axis, wi);
+    if (twoSided) cosW = std::fabs(cosW);
+    const float sinW = sinOf(cosW);
+    const float cosX = cosSub(sinW, cosW, sinNormals, cosNormals), sinX = sinSub(sinW, cosW, sinNormals, cosNormals);
+    const float cosP = cosSub(sinX, cosX, sinB, cosB);
+    if (cosP <= cosEmission - 1e-4f) return 0.0f;
+    result = power * maxOf(cosP, 1e-3f) / d2;                        // the floor keeps rounding from excluding a grazing light
+  }
   if (n) {
     const float cosI = -glm::dot(wi, *n), sinI = sinOf(cosI);
     const float cosIP = cosSub(sinI, cosI, sinB, cosB);
     if (cosIP < -1e-4f) return 0.0f;
-    result *= std::fmax(cosIP, 1e-3f);
+    result *= maxOf(cosIP, 1e-3f);
   }
   return result;
 }
 
 void LightTree::build(const std::vector<LightBounds>& bounds) {
   nodes_.clear();
+  only_ = -1;
+  root_ = LightBounds();
   leafOf_.assign(bounds.size(), -1);
   std::vector<int> order;
   for (size_t i = 0; i < bounds.size(); ++i) if (bounds[i].power > 0.0f) order.push_back(int(i));
   if (order.empty()) return;
-  nodes_.reserve(2 * order.size());
-  buildNode(bounds, order, 0, int(order.size()), -1);
+  if (order.size() == 1) { only_ = order[0]; root_ = bounds[only_]; return; }
+  nodes_.reserve(order.size() - 1);
+  root_ = buildNode(bounds, order, 0, int(order.size()), -1);
 }
 
-int LightTree::buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent) {
+LightBounds LightTree::buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent) {
   const int self = int(nodes_.size());
   nodes_.emplace_back();
   nodes_[self].parent = parent;
-  if (end - begin == 1) {
-    nodes_[self].light = order[begin];
-    nodes_[self].bounds = bounds[order[begin]];
-    leafOf_[order[begin]] = self;
-    return self;
-  }
   const auto centreOf = [&](int i) { return (bounds[i].lo + bounds[i].hi) * 0.5f; };
   Vec3 lo(3e38f), hi(-3e38f), blo(3e38f), bhi(-3e38f);
   for (int i = begin; i < end; ++i) {
@@ -138,40 +144,49 @@ int LightTree::buildNode(const std::vector<LightBounds>& bounds, std::vector<int
     middle = int(it - order.begin());
     if (middle == begin || middle == end) middle = (begin + end) / 2;
   }
-  const int left = buildNode(bounds, order, begin, middle, self);
-  const int right = buildNode(bounds, order, middle, end, self);
-  nodes_[self].left = left; nodes_[self].right = right;
-  nodes_[self].bounds = LightBounds::join(nodes_[left].bounds, nodes_[right].bounds);
-  return self;
+  LightBounds sides[2];
+  for (int c = 0; c < 2; ++c) {
+    const int from = c ? middle : begin, to = c ? end : middle, slot = 2 * self + c;
+    if (to - from == 1) {
+      nodes_[self].next[c] = ~order[from];
+      leafOf_[order[from]] = slot;
+      sides[c] = bounds[order[from]];
+    } else {
+      nodes_[self].next[c] = int(nodes_.size());
+      sides[c] = buildNode(bounds, order, from, to, slot);
+    }
+    nodes_[self].child[c] = Cluster(sides[c]);
+  }
+  return LightBounds::join(sides[0], sides[1]);
 }
 
 int LightTree::sample(const Vec3& p, const Vec3* n, float u, float& probability) const {
   probability = 1.0f;
-  if (nodes_.empty()) return -1;
+  if (nodes_.empty()) return only_;
   int at = 0;
-  if (nodes_[0].light >= 0) return nodes_[0].light;
-  while (nodes_[at].light < 0) {
+  while (at >= 0) {
     const Node& node = nodes_[at];
-    const float l = nodes_[node.left].bounds.importance(p, n), r = nodes_[node.right].bounds.importance(p, n), sum = l + r;
+    const float l = node.child[0].importance(p, n), r = node.child[1].importance(p, n), sum = l + r;
     if (!(sum > 0.0f)) return -1;
     const float pl = l / sum;
-    if (u < pl) { at = node.left; probability *= pl; u = u / pl; }
-    else { at = node.right; probability *= 1.0f - pl; u = (u - pl) / (1.0f - pl); }
-    u = std::fmin(u, 0x1.fffffep-1f);
+    if (u < pl) { at = node.next[0]; probability *= pl; u = u / pl; }
+    else { at = node.next[1]; probability *= 1.0f - pl; u = (u - pl) / (1.0f - pl); }
+    u = minOf(u, 0x1.fffffep-1f);
   }
-  return probability > 0.0f ? nodes_[at].light : -1;
+  return probability > 0.0f ? ~at : -1;
 }
 
 float LightTree::probability(const Vec3& p, const Vec3* n, int light) const {
-  int at = leafOf_[light];
-  if (at < 0) return 0.0f;
+  if (light == only_) return 1.0f;
   float product = 1.0f;
-  for (int parent = nodes_[at].parent; parent >= 0; at = parent, parent = nodes_[at].parent) {
-    const Node& node = nodes_[parent];
-    const float l = nodes_[node.left].bounds.importance(p, n), r = nodes_[node.right].bounds.importance(p, n), sum = l + r;
+  int slot = leafOf_[light];
+  if (slot < 0) return 0.0f;
+  for (; slot >= 0; slot = nodes_[slot >> 1].parent) {
+    const Node& node = nodes_[slot >> 1];
+    const float l = node.child[0].importance(p, n), r = node.child[1].importance(p, n), sum = l + r;
     if (!(sum > 0.0f)) return 0.0f;
     const float pl = l / sum;
-    product *= at == node.left ? pl : 1.0f - pl;
+    product *= slot & 1 ? 1.0f - pl : pl;
   }
   return product;
 }

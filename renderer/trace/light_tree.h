@@ -30,22 +30,36 @@ class LightTree {
  public:
   /// bounds[i].power must be >= 0; lights of power 0 are left out and never drawn.
   void build(const std::vector<LightBounds>& bounds);
-  bool empty() const { return nodes_.empty(); }
+  bool empty() const { return nodes_.empty() && only_ < 0; }
   /// Draws a light for a receiver: its index into `bounds`, or -1 if none can contribute. u in [0,1).
   int sample(const Vec3& p, const Vec3* n, float u, float& probability) const;
   /// The probability with which sample(p, n, .) gives `light`.
   float probability(const Vec3& p, const Vec3* n, int light) const;
-  const LightBounds& bounds() const { return nodes_[0].bounds; }
+  const LightBounds& bounds() const { return root_; }
 
  private:
-  struct Node {
-    LightBounds bounds;
-    int left = -1, right = -1, parent = -1;
-    int light = -1;                       // leaf: index into the input
+  /// LightBounds as importance() wants it: 48 bytes, nothing left to derive. Both children of a node lie together.
+  struct Cluster {
+    Vec3 centre{0.0f};
+    float radius2 = 0;
+    Vec3 axis{0, 0, 1};
+    float cosNormals = 1, sinNormals = 0, cosEmission = -1, power = 0;
+    bool twoSided = false, everywhere = false;   // everywhere: some normal points at every receiver
+    Cluster() = default;
+    explicit Cluster(const LightBounds& b);
+    float importance(const Vec3& p, const Vec3* n) const;
   };
-  std::vector<Node> nodes_;
-  std::vector<int> leafOf_;               // by light; -1: power 0
-  int buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent);
+  friend struct LightBounds;
+  struct Node {
+    Cluster child[2];
+    int next[2] = {-1, -1};               // node, or ~light
+    int parent = -1;                      // 2 * node + which child
+  };
+  LightBounds root_;
+  std::vector<Node> nodes_;               // inner nodes; none when there is one light
+  int only_ = -1;                         // the light when there is one
+  std::vector<int> leafOf_;               // by light: 2 * node + which child; -1: power 0
+  LightBounds buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent);
 };
 
 }  // namespace gobo

@@ -139,6 +139,13 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
   };
   const auto collectAreaLights = [&](int i, int events, const Vec3& origin, const Vec3& direction, float tmax) {
     const Ray ray{origin, direction, 0.0f, tmax};
+    const auto meets = [&](int k, float t, const Vec3& ng) { found(i, k, events, direction, sampler->emitted(lights[k].light, direction, 0, 0, 0, ng), t, 0); };
+    if (areaLights.size() >= areaBvhFrom) {
+      static thread_local std::vector<AreaLightBvh::Hit> hits;
+      areaBvh.collect(ray, paths.pdf[i] <= 0.0f, hits);
+      for (const AreaLightBvh::Hit& h : hits) meets(h.light, h.t, h.Ng);
+      return;
+    }
     for (size_t a = 0; a < areaLights.size(); ++a) {
       const Vec3 oc = Vec3(areaX[a], areaY[a], areaZ[a]) - origin;
       const Vec3 across = oc - direction * glm::dot(oc, direction);
@@ -147,7 +154,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       if (paths.pdf[i] <= 0.0f && !lights[k].cameraVisible) continue;
       float t;
       Vec3 ng;
-      if (intersectAreaLight(areaShapes[a], ray, t, ng)) found(i, k, events, direction, sampler->emitted(lights[k].light, direction, 0, 0, 0, ng), t, 0);
+      if (intersectAreaLight(areaShapes[a], ray, t, ng)) meets(k, t, ng);
     }
   };
 
@@ -263,9 +270,10 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
           const float cosine = glm::dot(light.direction, s.n), side = glm::dot(light.direction, facing);
           if (cosine * side > 0.0f && (cosine > 0.0f || !hasNormal)) {
             const Vec3 wi = frame.toLocal(light.direction);
-            const BsdfValue f = bsdfEval(s.bsdf, wo, wi);
+            float scatterPdf;
+            const BsdfValue f = bsdfEvalPdf(s.bsdf, wo, wi, scatterPdf);
             const float lightPdf = light.pdf * select;
-            const float weight = light.delta ? 1.0f : powerHeuristic(lightPdf, bsdfPdf(s.bsdf, wo, wi));
+            const float weight = light.delta ? 1.0f : powerHeuristic(lightPdf, scatterPdf);
             const Vec3 arriving = throughput * light.radiance * lights[k].nominal * (weight / lightPdf);
             const Vec3 value = arriving * f.sum();
             if (maxComponent(value) > 0.0f || !isFinite(value)) {

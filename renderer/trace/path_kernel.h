@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "trace/accel_impl.h"
+#include "trace/area_light_bvh.h"
 #include "trace/path_tracer.h"
 #include "trace/plain_mesh_light.h"
 #include "trace/sample_set.h"
@@ -32,6 +33,8 @@ struct PathTracer::Impl {
   std::vector<int> areaLights;             // k of Rect, Disk, Sphere
   std::vector<LightShape> areaShapes;
   std::vector<float> areaX, areaY, areaZ, areaRadius2;   // bounding spheres of areaLights
+  AreaLightBvh areaBvh;                    // the same lights, by k
+  mutable size_t areaBvhFrom = 9;          // asked from so many lights on; fewer are faster one by one. The picture does not depend on it
   PlainMeshLight plainLight;               // the only light, if it is an untextured opaque mesh
   bool hasPlainLight = false;
   int plainLightIndex = -1;

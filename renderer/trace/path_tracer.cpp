@@ -103,6 +103,9 @@ void PathTracer::Impl::prepareLights(const SceneView& view) {
       default: break;
     }
   }
+  std::vector<AreaLightBvh::Entry> entries;
+  for (size_t a = 0; a < areaLights.size(); ++a) entries.push_back({areaLights[a], areaShapes[a], lights[areaLights[a]].cameraVisible});
+  areaBvh = AreaLightBvh(std::move(entries));
   int only = -1;
   for (size_t k = 0; k < lights.size(); ++k) if (luminance(lights[k].nominal) > 0.0f) only = int(k);
   if (selector.count() == 1 && lights[only].kind == LightKind::Mesh) {

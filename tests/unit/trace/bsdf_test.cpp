@@ -341,5 +341,28 @@ TEST(Bsdf, ExtremeInputsStayFinite) {
   EXPECT_GT(accepted, 5000);
 }
 
+TEST(Bsdf, EvalPdfIsEvalAndPdfToTheBit) {
+  const auto unit = [](uint64_t a, uint64_t b) { return toUnit(hash32(a, b)); };
+  int lit = 0;
+  for (uint64_t i = 0; i < 20000; ++i) {
+    BsdfParams p;
+    p.albedo = Vec3(unit(1, i), unit(2, i), unit(3, i));
+    p.metallic = i % 3 ? 0.0f : unit(4, i);
+    p.roughness = i % 11 ? unit(5, i) : 0.0f;
+    p.specular = i % 5 ? unit(6, i) : 0.0f;
+    p.transmission = i % 4 ? 0.0f : unit(7, i);
+    p.ior = 1.0f + unit(8, i);
+    p.entering = i % 2;
+    const Vec3 wo = glm::normalize(Vec3(unit(9, i) - 0.5f, unit(10, i) - 0.5f, unit(11, i))), wi = glm::normalize(Vec3(unit(12, i), unit(13, i), unit(14, i)) - 0.5f);
+    float pdf = -1.0f;
+    const BsdfValue both = bsdfEvalPdf(p, wo, wi, pdf), alone = bsdfEval(p, wo, wi);
+    ASSERT_EQ(both.diffuse, alone.diffuse);
+    ASSERT_EQ(both.specular, alone.specular);
+    ASSERT_EQ(pdf, bsdfPdf(p, wo, wi));
+    lit += pdf > 0.0f;
+  }
+  EXPECT_GT(lit, 5000);
+}
+
 }  // namespace
 }  // namespace gobo
