@@ -48,6 +48,7 @@ class ZeroedBytes {
   size_t size() const { return size_; }
   uint8_t& operator[](size_t i) { return data()[i]; }
   uint8_t operator[](size_t i) const { return data()[i]; }
+  uint8_t* begin() { return data(); }
   const uint8_t* begin() const { return data(); }
   const uint8_t* end() const { return data() + size_; }
 
