@@ -68,7 +68,7 @@ Result<Hash128> Executor::recipeKey(NodeId id) {
   Hasher h("recipe");
   h.add(n.node->type()).add(n.node->version()).add(n.node->numericClass());
   n.node->hashParameters(h);
-  if (traits.facets != Facet::None) h.add(n.scene->facetHash(traits.facets, n.lights)).addArray(n.lights);
+  if (traits.facets != Facet::None) h.add(n.scene->facetHash(traits.facets, n.lights));   // by content and order, not by index in the scene
   for (NodeId input : n.inputs) {
     GOBO_ASSIGN(const Hash128 digest, identity(input));
     h.add(digest);

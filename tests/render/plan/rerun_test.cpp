@@ -217,6 +217,24 @@ TEST(Rerun, EnvironmentRotationAndExtraction) {
   EXPECT_FALSE(turned.count("gbuffer"));
 }
 
+// A new environment takes another place in the light list; what other lights made stays.
+TEST(Rerun, ALightsPlaceInTheListIsNoPartOfItsKey) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("fence", 16, 12, 4);
+  set(r, "environment.constant=0.1,0.1,0.1");
+  for (const char* e : {"lights.z.kind=RECT", "lights.z.position=0,3,1", "lights.z.direction=0,-1,0", "lights.z.intensity=5", "lights.z.shadow.axis_aligned.k=3"}) set(r, e);
+  mustRender(*engine, r);
+  v1::RenderRequest none = r;
+  none.clear_environment();
+  const Labels again = ran(mustRender(*engine, none));
+  EXPECT_FALSE(again.count("unoccluded:z")) << text(again);
+  EXPECT_FALSE(again.count("shadow_slopes:z")) << text(again);
+  EXPECT_FALSE(again.count("axis_aligned_filter:z")) << text(again);
+  r.mutable_environment()->clear_constant();
+  set(r, "environment.sky.turbidity=4");
+  EXPECT_FALSE(ran(mustRender(*engine, r)).count("unoccluded:z"));
+}
+
 TEST(Rerun, ClustersAndDifferences) {
   const auto engine = makeEngine();
   v1::RenderRequest r = smallRequest("lights8", 16, 12, 4);
