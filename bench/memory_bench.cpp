@@ -48,6 +48,7 @@ int main(int argc, char** argv) {
     double seconds = 0;
     const double peak = peakOf(sets, &seconds);
     t.add({name, peak, seconds});
+    std::fprintf(stderr, "%s: %.0f MiB, %.1f s\n", name.c_str(), peak, seconds);
   };
   for (const char* scene : {"cornell", "grids", "fence", "tentacles", "spheres", "trees", "atrium"})
     row(std::string(scene) + " 640x480, 16 spp", {std::string("scene=") + scene, "halt.spp=16"});
