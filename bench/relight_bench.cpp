@@ -76,7 +76,7 @@ int main(int argc, char** argv) {
   t.note("first render ms", first->reply.total_ms());
   t.add({std::string("one memory pass over the same terms"), floor, 1.0});
   t.add({std::string("composite node"), median(composite), median(composite) / floor});
-  t.add({std::string("whole request: resolve, plan, keys, composite, finite check, copy out"), median(edit), median(edit) / floor});
+  t.add({std::string("whole request: resolve, plan, keys, composite, finite check"), median(edit), median(edit) / floor});
   std::printf("%s", t.text().c_str());
   const std::string out = argumentOr(argc, argv, "--out", "");
   return out.empty() || t.write(out).ok() ? 0 : 1;
