@@ -69,7 +69,8 @@ void JobFiles::opened() { ::flock(lock_, LOCK_SH); }
 
 Status JobFiles::write(const std::string& path, const void* bytes, size_t size) {
   struct stat info{};
-  if (::stat(path.c_str(), &info) == 0 && size_t(info.st_size) == size) return {};
+  const std::string parent = fs::path(path).parent_path().string();
+  if (::stat(path.c_str(), &info) == 0 && size_t(info.st_size) == size) return syncFolder(parent);   // its writer may have been killed before that
   const auto at = [&](const char* what) { return step ? step(what, path) : Status(); };
   const std::string temp = temps_ + std::to_string(counter_++) + ".tmp";
   Status status = at("write");
@@ -84,7 +85,6 @@ Status JobFiles::write(const std::string& path, const void* bytes, size_t size) 
     if (status.ok()) status = at("sync");
     if (status.ok() && ::fdatasync(d.fd) != 0) status = failed("sync", path, errno);
   }
-  const std::string parent = fs::path(path).parent_path().string();
   if (status.ok()) status = at("rename");
   if (status.ok() && ::rename(temp.c_str(), path.c_str()) != 0) {
     status = failed("rename the new file to", path, errno);
@@ -137,15 +137,19 @@ void JobFiles::removeResults(int64_t job) {
   fs::remove_all(resultFolder(job), ignored);
 }
 
-Status JobFiles::sweep(JobStore& store) {
+Status JobFiles::sweep(JobStore& store, double age) {
   std::error_code error;
   const auto each = [&](const std::string& folder, const auto& visit) {
     std::vector<fs::path> found;
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) found.push_back(it->path());
     for (const fs::path& p : found) visit(p);
   };
+  const auto young = fs::file_time_type::clock::now() - std::chrono::seconds(int64_t(age));
   uint64_t removed = 0;
-  const auto drop = [&](const fs::path& p) { removed += fs::remove_all(p, error) > 0; };
+  const auto drop = [&](const fs::path& p) {
+    if (age > 0 && fs::last_write_time(p, error) > young) return;
+    removed += fs::remove_all(p, error) > 0;
+  };
   each(folder_ + "/tmp", drop);
   GOBO_ASSIGN(const auto digests, store.neededCheckpoints());
   const std::set<std::string> checkpoints(digests.begin(), digests.end());
@@ -160,9 +164,8 @@ Status JobFiles::sweep(JobStore& store) {
     if (!names.ok()) { status = names.status(); return; }
     const std::set<std::string> needed(names->begin(), names->end());
     each(p.string(), [&](const fs::path& file) { if (!needed.count(file.filename().string())) drop(file); });
-    if (needed.empty()) fs::remove(p, error);
   });
-  if (removed) logInfo("jobs: removed %llu files of a killed daemon", (unsigned long long)removed);
+  if (removed) logInfo("jobs: removed %llu files that nothing needs", (unsigned long long)removed);
   return status;
 }
 

@@ -3,7 +3,7 @@
 // hold, so that a name stands for a whole file and a file that no row names is litter:
 //   FOLDER/lock                      flock: shared while a daemon lives, exclusive for the sweep at start
 //   FOLDER/tmp/                      being written
-//   FOLDER/checkpoints/DIGEST.term   32 hex digits, xxh3-128 of the bytes (docs/term_file.md)
+//   FOLDER/checkpoints/JOB-INDEX-DIGEST.term   32 hex digits, xxh3-128 of the bytes (docs/term_file.md)
 //   FOLDER/results/JOB/SHA256        a finished picture, encoded
 //   FOLDER/scenes/SHA256.glb         an uploaded scene
 // Thread-safe but for open().
@@ -14,11 +14,9 @@
 #include <string>
 #include <vector>
 
-#include "base/status.h"
+#include "server/jobs/job_store.h"
 
 namespace gobo {
-
-class JobStore;
 
 class JobFiles {
  public:
@@ -27,13 +25,16 @@ class JobFiles {
   /// others wait until opened() is called.
   Status open(const std::string& folder, bool& alone);
   void opened();                                      ///< the exclusive lock becomes a shared one
-  /// Removes temp files, and checkpoints, results and scenes that no row of the store needs. Only when alone.
-  Status sweep(JobStore& store);
+  /// Removes temp files, and checkpoints and results that no row of the store needs, last written at least `age` seconds ago (0
+  /// only when alone: a file is written before its row).
+  Status sweep(JobStore& store, double age);
   /// Uploaded scenes that neither an unfinished job nor `loaded` (first 16 digits of the sha256) needs, older than ten minutes.
   void sweepScenes(const std::vector<std::string>& needed, const std::vector<std::string>& loaded);
 
   std::string storePath() const { return folder_ + "/jobs.sqlite"; }
-  std::string checkpointPath(const std::string& digest) const { return folder_ + "/checkpoints/" + digest + ".term"; }
+  std::string checkpointPath(TaskId task, const std::string& digest) const {
+    return folder_ + "/checkpoints/" + std::to_string(task.job) + "-" + std::to_string(task.index) + "-" + digest + ".term";
+  }
   std::string resultPath(int64_t job, const std::string& sha256) const { return resultFolder(job) + "/" + sha256; }
   std::string resultFolder(int64_t job) const { return folder_ + "/results/" + std::to_string(job); }
   std::string scenePath(const std::string& name) const { return folder_ + "/scenes/" + name; }

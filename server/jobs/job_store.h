@@ -53,7 +53,6 @@ struct Lease {
 };
 
 struct CheckpointRow { std::string recipe, digest; uint32_t blocks = 0; uint64_t bytes = 0; };
-struct ResultFile { v1::FrameFile file; };
 
 struct JobFilter {
   std::vector<v1::Job::State> states;
@@ -114,8 +113,7 @@ class JobStore {
   /// Marks the results of jobs that are over as gone: of those that ended more than `keepSeconds` ago, and the earliest ended
   /// ones while results have more than `keepBytes`. Their ids.
   virtual Result<std::vector<int64_t>> expireResults(uint64_t keepBytes, double keepSeconds) = 0;
-  /// "checkpoint digest" and "job/result digest" names that some row still needs, for sweeping files.
-  virtual Result<std::vector<std::string>> neededCheckpoints() = 0;
+  virtual Result<std::vector<std::string>> neededCheckpoints() = 0;                   ///< "JOB-INDEX-DIGEST"
   virtual Result<std::vector<std::string>> neededResults(int64_t id) = 0;             ///< sha256 of a job's files
   virtual Result<std::vector<int64_t>> jobIds() = 0;
   virtual Result<std::vector<std::string>> neededScenes() = 0;                        ///< sceneFile of jobs that are not over
