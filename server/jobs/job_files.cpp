@@ -137,6 +137,17 @@ void JobFiles::removeResults(int64_t job) {
   fs::remove_all(resultFolder(job), ignored);
 }
 
+void JobFiles::removePrefix(const std::string& prefix) {
+  std::error_code error;
+  std::vector<fs::path> found;
+  for (fs::directory_iterator it(folder_ + "/checkpoints", error), end; !error && it != end; it.increment(error))
+    if (it->path().filename().string().rfind(prefix, 0) == 0) found.push_back(it->path());
+  for (const fs::path& p : found) ::unlink(p.c_str());
+}
+
+void JobFiles::removeCheckpoints(int64_t job) { removePrefix(std::to_string(job) + "-"); }
+void JobFiles::removeCheckpoints(TaskId task) { removePrefix(std::to_string(task.job) + "-" + std::to_string(task.index) + "-"); }
+
 Status JobFiles::sweep(JobStore& store, double age) {
   std::error_code error;
   const auto each = [&](const std::string& folder, const auto& visit) {

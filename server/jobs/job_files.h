@@ -47,10 +47,13 @@ class JobFiles {
   Result<std::vector<uint8_t>> read(const std::string& path) const;   ///< NotFound, Internal
   void remove(const std::string& path);
   void removeResults(int64_t job);
+  void removeCheckpoints(int64_t job);                ///< of all its frames
+  void removeCheckpoints(TaskId task);
 
   std::function<Status(const char* step, const std::string& path)> step;   ///< a test's seam: before "write", "sync", "rename", "sync-folder"
 
  private:
+  void removePrefix(const std::string& prefix);
   std::string folder_, temps_;
   int lock_ = -1;
   std::atomic<uint64_t> counter_{0};

@@ -100,6 +100,7 @@ grpc::Status JobsService::steer(const char* method, const std::string& text, Ste
   if (status.ok()) status = (core_.durable->store().*what)(record->id);
   if (status.ok()) {
     core_.durable->hub().steered();
+    if (what == &JobStore::cancel) core_.durable->files().removeCheckpoints(record->id);
     record = read(text, false);
     status = record.status();
     if (status.ok()) *reply = std::move(record->job);

@@ -70,6 +70,7 @@ class SqliteJobStore final : public JobStore {
   Status endLease(TaskId id, bool lost, uint64_t revision);   ///< back to the queue, or failed after too many losses
   Status setFailure(TaskId id, const Status& reason, uint64_t revision);
   Status settle(int64_t job, uint64_t revision);              ///< job done or failed when no frame is left
+  Status idle(int64_t job, uint64_t revision);                ///< a running job none of whose frames runs is a queued one again
   Status endJob(int64_t job, v1::Job::State state, const Status& reason, uint64_t revision);
   Result<JobRecord> readJob(int64_t id);
   Status readFrames(int64_t id, uint64_t after, v1::Job& job);

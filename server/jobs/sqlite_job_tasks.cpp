@@ -178,9 +178,10 @@ Status SqliteJobStore::fail(const Lease& lease, const FailedReport& report) {
       GOBO_TRY(q.bind(lease.task.job).bind(lease.task.index).bind(now() + wait).bind(int(report.reason.code())).bind(report.reason.message()).bind(revision).run());
     }
     if (report.wholeJob) return endJob(lease.task.job, v1::Job::FAILED, report.reason, revision);
-    if (!last) return {};
+    if (!last) return idle(lease.task.job, revision);
     GOBO_TRY(setFailure(lease.task, report.reason, revision));
-    return settle(lease.task.job, revision);
+    GOBO_TRY(settle(lease.task.job, revision));
+    return idle(lease.task.job, revision);
   });
 }
 
@@ -239,11 +240,14 @@ Status SqliteJobStore::endLease(TaskId id, bool lost, uint64_t revision) {
   }
   if (lost && losses >= options_.maxLosses) {
     GOBO_TRY(setFailure(id, {Code::Aborted, strf("its worker was lost %llu times in a row before the first checkpoint", (unsigned long long)losses)}, revision));
-    return settle(id.job, revision);
+    GOBO_TRY(settle(id.job, revision));
   }
-  // A running job none of whose frames runs is a queued one again.
+  return idle(id.job, revision);
+}
+
+Status SqliteJobStore::idle(int64_t job, uint64_t revision) {
   Query q(db_, "UPDATE job SET state = 1, revision = ?2 WHERE id = ?1 AND state = 2 AND NOT EXISTS(SELECT 1 FROM task WHERE job = ?1 AND state = 2)");
-  return q.bind(id.job).bind(revision).run();
+  return q.bind(job).bind(revision).run();
 }
 
 Result<uint64_t> SqliteJobStore::endLeases(double before) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/jobs/task_checkpoints.h"
 
+#include <algorithm>
+
 #include "server/log.h"
 
 namespace gobo {
@@ -54,6 +56,19 @@ bool TaskCheckpoints::pending() const {
   return false;
 }
 
+double TaskCheckpoints::samples() const {
+  double most = 0;
+  const std::lock_guard lock(mutex_);
+  for (const auto& [recipe, s] : states_) {
+    if (!s.term->hasPlane("samples")) continue;
+    double sum = 0;
+    const auto counts = s.term->plane<uint32_t>("samples");
+    for (const uint32_t n : counts) sum += n;
+    most = std::max(most, counts.empty() ? 0.0 : sum / double(counts.size()));
+  }
+  return most;
+}
+
 Status TaskCheckpoints::flush(double progress, uint32_t spp) {
   for (;;) {
     Hash128 recipe;
@@ -83,7 +98,7 @@ Status TaskCheckpoints::flush(double progress, uint32_t spp) {
 
 void TaskCheckpoints::drop() {
   const std::lock_guard lock(mutex_);
-  for (const auto& [recipe, row] : rows_) files_.remove(files_.checkpointPath(lease_.task, row.digest));
+  files_.removeCheckpoints(lease_.task);   // by name: a cancel may have taken the rows before they were read
   rows_.clear();
   states_.clear();
 }

@@ -28,6 +28,8 @@ class TaskCheckpoints final : public RenderCheckpoints {
   std::optional<Clock::time_point> activeSince() const;
   void begin();
   bool pending() const;
+  /// Mean samples per pixel of the state that has most.
+  double samples() const;
   /// Writes what was saved since the last time and records it. FailedPrecondition: the lease is lost. Other errors: it stays pending.
   Status flush(double progress, uint32_t spp);
   /// The frame is over, one way or another: its files go.

@@ -56,6 +56,10 @@ void TaskRun::renewIfDue() {
 void TaskRun::flush() {
   if (!checkpoints_->pending() || Clock::now() < flushAfter_ || end() == End::Lost) return;
   const auto start = Clock::now();
+  const v1::Halt& halt = record_.job.spec().request().halt();
+  const double samples = checkpoints_->samples();
+  if (halt.has_spp()) progress_.store(std::max(progress_.load(), std::min(1.0, samples / halt.spp())));
+  spp_.store(uint32_t(samples));
   const double progress = progress_.load();
   const Status status = checkpoints_->flush(progress, spp_.load());
   if (status.ok()) {
@@ -103,7 +107,6 @@ Status TaskRun::work(StopToken slot, const v1::RenderRequest& request) {
     if (!checkpoints_->activeSince()) return;   // the parts before take little
     double now = progress_.load();
     while (p.fraction() > now && !progress_.compare_exchange_weak(now, p.fraction())) {}
-    spp_.store(p.spp());
   };
   for (;;) {
     {

@@ -233,7 +233,7 @@ TEST_F(JobsTest, InteractiveRendersGoBeforeJobs) {
 }
 
 TEST_F(JobsTest, AShutdownReleasesAndTheNextServerGoesOn) {
-  const v1::JobSpec s = spec(4096, 2);
+  const v1::JobSpec s = spec(1024, 2);
   const std::string id = submit(s).id();
   ASSERT_TRUE(eventually([&] { return get(id).frames(0).spp() > 0; }));
   server->shutdown(0);

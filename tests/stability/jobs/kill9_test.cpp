@@ -79,8 +79,8 @@ class Daemon {
 v1::RenderRequest request(uint32_t spp, uint64_t seed) {
   v1::RenderRequest r;
   r.set_scene("cornell");
-  r.set_width(40);
-  r.set_height(32);
+  r.set_width(24);
+  r.set_height(24);
   r.set_seed(seed);
   r.mutable_halt()->set_spp(spp);
   r.mutable_encoding()->set_format(v1::Encoding::RAW_FLOAT);
@@ -91,7 +91,7 @@ v1::RenderRequest request(uint32_t spp, uint64_t seed) {
 v1::JobSpec spec(int i) {
   v1::JobSpec s;
   s.set_key("job-" + std::to_string(i));
-  *s.mutable_request() = request(i % 5 == 0 ? 8192 : i % 2 ? 512 : 1536, uint64_t(i));
+  *s.mutable_request() = request(i % 5 == 0 ? 3072 : i % 2 ? 256 : 768, uint64_t(i));
   if (i % 4 == 1) {
     s.mutable_frames()->set_first(1);
     s.mutable_frames()->set_last(3);

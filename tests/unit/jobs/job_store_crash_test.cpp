@@ -63,11 +63,13 @@ void script(SqliteJobStore& store, double& time, const std::function<void(const 
 
 std::string dump(SqliteJobStore& store) {
   std::string text;
-  for (const v1::Job& job : *store.list({})) {
+  const std::vector<v1::Job> jobs = *store.list({});
+  for (const v1::Job& job : jobs) {
     const JobRecord r = *store.get(jobIdOf(job.id()), true);
     text += std::to_string(r.revision) + " " + r.job.ShortDebugString() + "\n";
   }
-  for (const auto& c : *store.neededCheckpoints()) text += c + " ";
+  const std::vector<std::string> checkpoints = *store.neededCheckpoints();
+  for (const auto& c : checkpoints) text += c + " ";
   return text;
 }
 

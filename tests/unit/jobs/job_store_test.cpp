@@ -273,7 +273,7 @@ TEST_F(Store, ResultsGoByAgeAndByBytesButNotThoseOfJobsThatGoOn) {
   EXPECT_TRUE(get(ids[0]).results_expired());
   EXPECT_EQ(get(ids[0]).frames(0).files_size(), 0);
   EXPECT_EQ(get(ids[0]).state(), v1::Job::DONE);
-  time += 995;
+  time += 985;
   EXPECT_EQ(*store->expireResults(100, 1000), (std::vector<int64_t>{ids[1]}));
   EXPECT_EQ(*store->expireResults(0, 0), (std::vector<int64_t>{ids[2]}));
   EXPECT_EQ(store->neededResults(ids[3])->size(), 1u);                              // not over yet

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <chrono>
 
+#include "server/encode.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/job_worker.h"
 #include "server/log.h"
@@ -56,8 +57,8 @@ struct Worker : test::StoreFixture {
     v1::JobSpec s;
     v1::RenderRequest& r = *s.mutable_request();
     r.set_scene("cornell");
-    r.set_width(48);
-    r.set_height(32);
+    r.set_width(24);
+    r.set_height(16);
     r.set_seed(seed);
     r.mutable_halt()->set_spp(spp);
     r.mutable_encoding()->set_format(v1::Encoding::RAW_FLOAT);
@@ -101,7 +102,7 @@ struct Worker : test::StoreFixture {
 };
 
 TEST_F(Worker, ACheckpointedFrameGoesOnAfterARestartWithTheSameBits) {
-  const v1::JobSpec s = spec(16384);
+  const v1::JobSpec s = spec(8192);
   const int64_t id = put(s);
   start();
   ASSERT_TRUE(eventually([&] { return !get(id).frames(0).checkpoint().empty(); }));
@@ -121,7 +122,7 @@ TEST_F(Worker, ACheckpointedFrameGoesOnAfterARestartWithTheSameBits) {
 }
 
 TEST_F(Worker, ADamagedCheckpointMeansAnewNotWrong) {
-  const v1::JobSpec s = spec(8192);
+  const v1::JobSpec s = spec(4096);
   const int64_t id = put(s);
   start();
   ASSERT_TRUE(eventually([&] { return !get(id).frames(0).checkpoint().empty(); }));
@@ -163,7 +164,7 @@ TEST_F(Worker, AReportThatCannotBeWrittenIsRepeatedUntilAcknowledged) {
 }
 
 TEST_F(Worker, ALostLeaseIsLetGoAndTheFrameIsDoneOnce) {
-  const v1::JobSpec s = spec(8192);
+  const v1::JobSpec s = spec(4096);
   const int64_t id = put(s);
   workerOptions.leaseSeconds = 1;
   start();
