@@ -142,14 +142,15 @@ Result<std::vector<uint8_t>> encodeIntegers(const Image& image, const char* form
     return invalidArgument("image is empty or its data has the wrong size");
   const bool jpeg = std::string_view(format) == "jpg", wide = !jpeg && options.bits == 16;
   const OIIO::TypeDesc type = wide ? OIIO::TypeDesc::UINT16 : OIIO::TypeDesc::UINT8;
-  const std::vector<uint8_t> pixels = wide ? codeValues<uint16_t>(image, channels, options.transfer) : codeValues<uint8_t>(image, channels, options.transfer);
+  const Transfer transfer = options.data ? Transfer::Linear : options.transfer;
+  const std::vector<uint8_t> pixels = wide ? codeValues<uint16_t>(image, channels, transfer) : codeValues<uint8_t>(image, channels, transfer);
   std::vector<uint8_t> out;
   OIIO::Filesystem::IOVecOutput memory(out);
   auto output = OIIO::ImageOutput::create(std::string("memory.") + format, &memory);
   if (!output || !output->supports("ioproxy")) return internalError(std::string("no encoder for ") + format);
   OIIO::ImageSpec spec(image.width, image.height, channels, type);
-  if (options.transfer == Transfer::Srgb) spec.attribute("oiio:ColorSpace", "sRGB");
-  if (options.transfer == Transfer::Linear) spec.attribute("oiio:ColorSpace", "Linear");
+  if (!options.data && transfer == Transfer::Srgb) spec.attribute("oiio:ColorSpace", "sRGB");
+  if (!options.data && transfer == Transfer::Linear) spec.attribute("oiio:ColorSpace", "Linear");
   spec.attribute("oiio:UnassociatedAlpha", 1);
   if (jpeg) spec.attribute("Compression", "jpeg:" + std::to_string(std::clamp(options.quality, 1, 100)));
   if (!output->set_ioproxy(&memory) || !output->open(std::string("memory.") + format, spec) ||

@@ -65,11 +65,12 @@ Result<std::vector<uint8_t>> encodeExr(const Image& image, const ExrOptions& opt
 
 struct PixelOptions {
   Transfer transfer = Transfer::Srgb;           ///< of the colour channels; alpha is never curved
+  bool data = false;                            ///< code values already: written as they are, the header claims no transfer function
   int bits = 8;                                 ///< PNG: 8 or 16
   int quality = 90;                             ///< JPEG
 };
-/// PNG or JPEG of an image that is display-referred and linear in 0..1 (values outside are clamped). Data that is to reach the file as
-/// it is goes with Transfer::Linear. PNG says sRGB or gamma 1 in its header; nothing for Rec709.
+/// PNG or JPEG of an image that is display-referred and linear in 0..1 (values outside are clamped). PNG says sRGB or gamma 1
+/// in its header; nothing for Rec709.
 Result<std::vector<uint8_t>> encodePng(const Image& image, const PixelOptions& options = {});
 Result<std::vector<uint8_t>> encodeJpeg(const Image& image, const PixelOptions& options = {});
 

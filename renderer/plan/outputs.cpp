@@ -97,19 +97,29 @@ Status checkEncoding(const v1::Encoding& e) {
   return {};
 }
 
-std::string nameTable(std::span<const std::string> names) {
-  std::string out = "{";
-  for (size_t i = 0; i < names.size(); ++i) {
-    out += (i ? ",\"" : "\"") + std::to_string(i) + "\":\"";
-    for (const char c : names[i]) {
+std::string jsonObject(std::span<const std::string> namesAndValues) {
+  const auto quoted = [](const std::string& text) {
+    std::string out = "\"";
+    for (const char c : text) {
       char code[8];
       if (c == '"' || c == '\\') (out += '\\') += c;
       else if (static_cast<unsigned char>(c) < 0x20) { std::snprintf(code, sizeof code, "\\u%04x", c); out += code; }
       else out += c;
     }
-    out += '"';
-  }
+    return out + '"';
+  };
+  std::string out = "{";
+  for (size_t i = 0; i + 1 < namesAndValues.size(); i += 2) out += (i ? "," : "") + quoted(namesAndValues[i]) + ":" + quoted(namesAndValues[i + 1]);
   return out + "}";
+}
+
+std::string nameTable(std::span<const std::string> names) {
+  std::vector<std::string> pairs;
+  for (size_t i = 0; i < names.size(); ++i) {
+    pairs.push_back(std::to_string(i));
+    pairs.push_back(names[i]);
+  }
+  return jsonObject(pairs);
 }
 
 }  // namespace gobo

@@ -47,6 +47,8 @@ Status checkOutputs(const Scene& scene, const v1::RenderRequest& request);
 /// Refuses encodings that cannot be: layers in anything but EXR, PNG of other than 8 or 16 bits, unknown enum values.
 Status checkEncoding(const v1::Encoding& encoding);
 
+/// {"a":"b",...} of pairs of strings.
+std::string jsonObject(std::span<const std::string> namesAndValues);
 /// {"0":"floor","1":"box"}: what an id stands for.
 std::string nameTable(std::span<const std::string> names);
 
