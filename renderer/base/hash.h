@@ -13,6 +13,8 @@
 #include <type_traits>
 #include <vector>
 
+#include "base/array.h"
+
 namespace gobo {
 
 struct Hash128 {
@@ -44,6 +46,8 @@ class Hasher {
   }
   template <typename T>
   Hasher& addArray(const std::vector<T>& values) { return addArray(std::span<const T>(values)); }
+  template <typename T>
+  Hasher& addArray(const Array<T>& values) { return addArray(std::span<const T>(values)); }
   /// A GLM vector or matrix, or any struct without padding.
   template <typename T>
     requires(std::is_trivially_copyable_v<T> && !std::is_arithmetic_v<T> && !std::is_enum_v<T>)

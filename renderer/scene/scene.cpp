@@ -90,7 +90,9 @@ size_t Scene::bytes() const {
   size_t total = instances.size() * sizeof(Instance) + materials.size() * sizeof(Material) + lights.size() * sizeof(Light);
   for (const MeshPtr& m : meshes)
     total += m->indices.size() * 4 + (m->positions.size() + m->normals.size()) * sizeof(Vec3) +
-             (m->tangents.size() + m->colours.size()) * sizeof(Vec4) + (m->uv0.size() + m->uv1.size()) * sizeof(Vec2);
+             (m->tangents.size() + m->colours.size()) * sizeof(Vec4);
+  for (const MeshPtr& m : meshes)
+    for (const Array<Vec2>& set : m->uv) total += set.size() * sizeof(Vec2);
   for (const auto& t : textures) total += t->texels8.size() + t->texelsF.size() * 4;
   if (environment) total += environment->texels.size() * sizeof(Vec3);
   return total;

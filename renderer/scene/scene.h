@@ -3,11 +3,13 @@
 // Any thread may read a Scene; nobody may change one after seal().
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "base/array.h"
 #include "base/hash.h"
 #include "base/status.h"
 #include "base/vec.h"
@@ -26,7 +28,7 @@ enum class Facet : uint32_t {
   Shading = 1 << 2,      ///< normals, tangents, texture coordinates, vertex colours
   Coverage = 1 << 3,     ///< alpha mode, cutoff, alpha texture, double-sidedness
   Albedo = 1 << 4,       ///< base colour factor and texture
-  Bsdf = 1 << 5,         ///< metallic, roughness, specular, ior, transmission, normal map
+  Bsdf = 1 << 5,         ///< everything in struct Bsdf: lobes, their textures, interior, normal map
   Emission = 1 << 6,     ///< emissive texture and the direction of emission (which surfaces emit), not its strength
   LightShape = 1 << 7,   ///< LightShape of the lights in the node's subset
   LightPower = 1 << 8,   ///< nominal power of the lights in the node's subset
@@ -42,12 +44,12 @@ const char* facetName(Facet single);
 /// One material's triangles in object space. Immutable and shared between scenes.
 struct Mesh {
   std::string name;
-  std::vector<uint32_t> indices;    ///< 3 per triangle
-  std::vector<Vec3> positions;
-  std::vector<Vec3> normals;        ///< empty: flat shading
-  std::vector<Vec4> tangents;       ///< empty: derived from uv when a normal map needs them
-  std::vector<Vec2> uv0, uv1;       ///< empty: (0,0)
-  std::vector<Vec4> colours;        ///< COLOR_0, linear RGBA; empty: white
+  Array<uint32_t> indices;          ///< 3 per triangle
+  Array<Vec3> positions;
+  Array<Vec3> normals;              ///< empty: flat shading
+  Array<Vec4> tangents;             ///< empty: derived from uv when a normal map needs them
+  std::array<Array<Vec2>, kUvSets> uv;   ///< TEXCOORD_0..; empty: (0,0)
+  Array<Vec4> colours;              ///< COLOR_0, linear RGBA; empty: white
   int material = 0;
   Hash128 topologyHash, positionsHash, shadingHash;   ///< set by sealMesh
   size_t triangles() const { return indices.size() / 3; }

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The checks of Scene::seal(): after them every index in a scene is in range and every number that geometry, lights and
 // cameras use is finite, so that sources need no checks of their own.
+#include <algorithm>
 #include <limits>
 #include <unordered_set>
 
 #include "base/check.h"
+#include "scene/fields.h"
 #include "scene/scene.h"
 
 namespace gobo {
@@ -25,7 +27,7 @@ Status fail(const Scene& scene, const std::string& list, size_t index, const std
 }
 
 template <typename T>
-bool sizeFits(const std::vector<T>& values, size_t vertices) { return values.empty() || values.size() == vertices; }
+bool sizeFits(const Array<T>& values, size_t vertices) { return values.empty() || values.size() == vertices; }
 
 }  // namespace
 
@@ -50,8 +52,8 @@ Status Scene::checkMeshes() {
       if (mesh.indices[k] >= n)
         return fail(*this, "meshes", i, mesh.name, "indices/" + std::to_string(k),
                     "index " + std::to_string(mesh.indices[k]) + " of " + std::to_string(n) + " vertices is out of range");
-    if (!sizeFits(mesh.normals, n) || !sizeFits(mesh.tangents, n) || !sizeFits(mesh.uv0, n) || !sizeFits(mesh.uv1, n) ||
-        !sizeFits(mesh.colours, n))
+    if (!sizeFits(mesh.normals, n) || !sizeFits(mesh.tangents, n) || !sizeFits(mesh.colours, n) ||
+        !std::all_of(mesh.uv.begin(), mesh.uv.end(), [&](const Array<Vec2>& set) { return sizeFits(set, n); }))
       return fail(*this, "meshes", i, mesh.name, "", "vertex arrays of different lengths");
     constexpr float inf = std::numeric_limits<float>::infinity();
     MeshCheck box{meshes[i], Vec3(inf), Vec3(-inf)};
@@ -84,21 +86,25 @@ Status Scene::checkMaterials() const {
   }
   for (size_t i = 0; i < materials.size(); ++i) {
     const Material& m = materials[i];
-    const std::pair<const char*, const TextureRef*> refs[] = {{"coverage/texture", &m.coverage.texture}, {"albedo/texture", &m.albedo.texture},
-      {"bsdf/metallicRoughness", &m.bsdf.metallicRoughness}, {"bsdf/normal", &m.bsdf.normal}, {"emission/texture", &m.emission.texture}};
-    for (const auto& [field, ref] : refs) {
-      if (ref->texture >= int(textures.size()))
-        return fail(*this, "materials", i, m.name, field,
-                    "texture " + std::to_string(ref->texture) + " of " + std::to_string(textures.size()) + " is out of range");
-      if (ref->valid() && (ref->texcoord < 0 || ref->texcoord > 1))
-        return fail(*this, "materials", i, m.name, field, "texcoord " + std::to_string(ref->texcoord) + " is not 0 or 1");
-      if (!finite(ref->offset) || !finite(ref->scale) || !std::isfinite(ref->rotation))
-        return fail(*this, "materials", i, m.name, field, "texture transform is not finite");
-    }
-    const float numbers[] = {m.coverage.cutoff, m.coverage.factor, m.albedo.factor.x, m.albedo.factor.y, m.albedo.factor.z, m.bsdf.metallic,
-      m.bsdf.roughness, m.bsdf.specular, m.bsdf.ior, m.bsdf.transmission, m.bsdf.normalScale, m.emission.radiance.x, m.emission.radiance.y, m.emission.radiance.z};
-    for (const float v : numbers)
-      if (!std::isfinite(v)) return fail(*this, "materials", i, m.name, "", "a factor is not finite");
+    Status status;
+    const auto check = [&](const std::string& field, const auto& value) {
+      using Field = std::remove_cvref_t<decltype(value)>;
+      if constexpr (std::is_same_v<Field, TextureRef>) {
+        if (value.texture >= int(textures.size()))
+          status = fail(*this, "materials", i, m.name, field, "texture " + std::to_string(value.texture) + " of " + std::to_string(textures.size()) + " is out of range");
+        if (value.valid() && (value.texcoord < 0 || value.texcoord >= kUvSets))
+          status = fail(*this, "materials", i, m.name, field, "texcoord " + std::to_string(value.texcoord) + " is not 0.." + std::to_string(kUvSets - 1));
+        if (!finite(value.offset) || !finite(value.scale) || !std::isfinite(value.rotation)) status = fail(*this, "materials", i, m.name, field, "texture transform is not finite");
+      } else if constexpr (std::is_same_v<Field, Vec3>) {
+        if (!isFinite(value)) status = fail(*this, "materials", i, m.name, field, "a factor is not finite");
+      } else if constexpr (std::is_same_v<Field, float>) {
+        if (!std::isfinite(value)) status = fail(*this, "materials", i, m.name, field, "a factor is not finite");
+      }
+    };
+    visitFields(m, [&](const std::string& facet, const auto& group) {
+      visitFields(group, [&](const char* name, const auto& value) { if (status.ok()) check(facet + "/" + name, value); });
+    });
+    if (!status.ok()) return status;
     if (!(m.bsdf.ior > 0.0f)) return fail(*this, "materials", i, m.name, "bsdf/ior", "ior " + std::to_string(m.bsdf.ior) + " is not positive");
   }
   return {};

@@ -2,6 +2,7 @@
 // Digests of meshes and facets. A field is hashed into exactly the facets whose sources may read it; the test
 // scene_hash_test mutates every field and checks that list.
 #include "base/check.h"
+#include "scene/fields.h"
 #include "scene/scene.h"
 
 namespace gobo {
@@ -14,9 +15,10 @@ void addMatrix(Hasher& h, const Mat4& m) { for (int i = 0; i < 4; ++i) addVector
 Hash128 shapeHash(const Light& light) {
   const LightShape& s = light.shape;
   Hasher h("light-shape");
-  h.add(s.kind);
-  addVector(h, s.position); addVector(h, s.axis); addVector(h, s.u); addVector(h, s.v);
-  h.add(s.radius).add(s.cosInner).add(s.cosOuter).add(s.range).add(s.twoSided).add(s.instance).add(light.cameraVisible);
+  visitFields(s, [&](const char*, const auto& field) {
+    if constexpr (requires { field.length(); }) addVector(h, field); else h.add(field);
+  });
+  h.add(light.cameraVisible);
   return h.digest();
 }
 
@@ -27,8 +29,10 @@ int facetIndex(Facet f) { return __builtin_ctz(uint32_t(f)); }
 void sealMesh(Mesh& mesh) {
   mesh.topologyHash = Hasher("mesh-topology").addArray(mesh.indices).add(uint64_t(mesh.positions.size())).digest();
   mesh.positionsHash = Hasher("mesh-positions").addArray(mesh.positions).digest();
-  mesh.shadingHash = Hasher("mesh-shading").addArray(mesh.normals).addArray(mesh.tangents).addArray(mesh.uv0).addArray(mesh.uv1)
-                       .addArray(mesh.colours).digest();
+  Hasher shading("mesh-shading");
+  shading.addArray(mesh.normals).addArray(mesh.tangents).addArray(mesh.colours);
+  for (const Array<Vec2>& set : mesh.uv) shading.addArray(set);
+  mesh.shadingHash = shading.digest();
 }
 
 /// By content, not by index: adding a texture elsewhere in the list must not change what a material looks like.
@@ -41,6 +45,12 @@ Hash128 Scene::refHash(const TextureRef& ref) const {
 }
 
 void Scene::computeDigests() {
+  const auto addField = [&](Hasher& h, const auto& field) {
+    using Field = std::remove_cvref_t<decltype(field)>;
+    if constexpr (std::is_same_v<Field, TextureRef>) h.add(refHash(field));
+    else if constexpr (requires { field.length(); }) addVector(h, field);
+    else h.add(field);
+  };
   Hasher topology("topology"), pose("pose"), shading("shading"), coverage("coverage"), albedo("albedo"), bsdf("bsdf"), emission("emission");
   for (const MeshPtr& m : meshes) {
     topology.add(m->topologyHash).add(m->material);
@@ -54,12 +64,10 @@ void Scene::computeDigests() {
   std::vector<Hash128> emissionOf(materials.size());
   for (size_t k = 0; k < materials.size(); ++k) {
     const Material& m = materials[k];
-    coverage.add(m.coverage.mode).add(m.coverage.cutoff).add(m.coverage.factor).add(m.coverage.doubleSided).add(refHash(m.coverage.texture));
-    addVector(albedo, m.albedo.factor);
-    albedo.add(refHash(m.albedo.texture));
-    const Bsdf& b = m.bsdf;
-    bsdf.add(b.metallic).add(b.roughness).add(b.specular).add(b.ior).add(b.transmission).add(b.normalScale)
-      .add(refHash(b.metallicRoughness)).add(refHash(b.normal));
+    const auto into = [&](Hasher& h) { return [&](const char*, const auto& field) { addField(h, field); }; };
+    visitFields(m.coverage, into(coverage));
+    visitFields(m.albedo, into(albedo));
+    visitFields(m.bsdf, into(bsdf));
     emissionOf[k] = Hasher("material-emission").add(m.emits()).add(refHash(m.emission.texture)).digest();
     emission.add(emissionOf[k]);
   }

@@ -82,7 +82,7 @@ class GBufferNode final : public Node {
     for (int k = 0; k < 3; ++k) {
       p += b[k] * g.positions[tri[k]];
       if (!mesh->normals.empty()) n += b[k] * mesh->normals[tri[k]];
-      if (!mesh->uv0.empty()) t += b[k] * mesh->uv0[tri[k]];
+      if (!mesh->uv[0].empty()) t += b[k] * mesh->uv[0][tri[k]];
     }
     if (!g.world) p = Vec3(g.toWorld * Vec4(p, 1.0f));
     const Vec3 ng = glm::dot(hit.Ng, ray.direction) < 0 ? hit.Ng : -hit.Ng;

@@ -125,7 +125,7 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
     for (size_t m = 0; m < impl.meshes.size(); ++m) {
       if (!instanced(m)) continue;
       std::vector<Vec3>& padded = objectPositions[m];
-      padded = impl.meshes[m]->positions;
+      padded.assign(impl.meshes[m]->positions.begin(), impl.meshes[m]->positions.end());
       padded.push_back(Vec3(0.0f));
       impl.meshScenes[m] = newScene();
       RTCGeometry g = triangleGeometry(*impl.meshes[m], padded, alphaOf[m]);

@@ -15,7 +15,7 @@ float AlphaGeometry::alpha(uint32_t primitive, float u, float v) const {
   float a = factor;
   if (!mesh->colours.empty()) a *= w * mesh->colours[tri[0]].w + u * mesh->colours[tri[1]].w + v * mesh->colours[tri[2]].w;
   if (texture) {
-    const std::vector<Vec2>& set = ref.texcoord == 1 ? mesh->uv1 : mesh->uv0;
+    const Array<Vec2>& set = mesh->uv[ref.texcoord];
     Vec2 uv(0.0f);
     if (!set.empty()) uv = w * set[tri[0]] + u * set[tri[1]] + v * set[tri[2]];
     a *= texture->sample(transformUv(ref, uv)).w;

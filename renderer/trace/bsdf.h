@@ -25,6 +25,16 @@ struct BsdfParams {
   float ior = 1.5f;
   float transmission = 0;              ///< 1: dielectric interface, no diffuse lobe
   bool entering = true;                ///< viewer outside (geometric side); decides the relative ior
+  bool thin = false;                   ///< thin-walled: both interfaces at once, light goes straight on (KHR_materials_transmission)
+  Vec3 specularColor{1.0f};            ///< scales the dielectric's F0
+  float anisotropy = 0;                ///< strength along local x, 0..1
+  float clearcoat = 0, clearcoatRoughness = 0;
+  Vec3 clearcoatNormal{0, 0, 1};       ///< local frame
+  Vec3 sheenColor{0.0f};
+  float sheenRoughness = 0;
+  float iridescence = 0, iridescenceIor = 1.3f, iridescenceThickness = 0;   ///< thickness in nanometres
+  float diffuseTransmission = 0;
+  Vec3 diffuseTransmissionColor{1.0f};
 };
 
 struct BsdfValue { Vec3 diffuse{0.0f}, specular{0.0f}; Vec3 sum() const { return diffuse + specular; } };

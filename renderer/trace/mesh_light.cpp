@@ -19,7 +19,7 @@ constexpr double kMeanShare = 0.1;
 constexpr double kEdgeOn = 1e-9;
 
 template <typename T>
-T interpolate(const std::vector<T>& values, const uint32_t* tri, float u, float v) {
+T interpolate(const Array<T>& values, const uint32_t* tri, float u, float v) {
   return values[tri[0]] * (1.0f - u - v) + values[tri[1]] * u + values[tri[2]] * v;
 }
 
@@ -83,7 +83,7 @@ MeshLight::MeshLight(const SceneView& view, uint32_t instance) {
 }
 
 Vec2 MeshLight::uv(const TextureRef& ref, uint32_t primitive, float u, float v) const {
-  const std::vector<Vec2>& set = ref.texcoord == 1 ? mesh_->uv1 : mesh_->uv0;
+  const Array<Vec2>& set = mesh_->uv[ref.texcoord];
   return transformUv(ref, set.empty() ? Vec2(0.0f) : interpolate(set, mesh_->indices.data() + 3 * size_t(primitive), u, v));
 }
 

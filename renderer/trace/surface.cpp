@@ -38,8 +38,7 @@ void SurfaceTable::build(const SceneView& view, const Accel& accel) {
     s.positions = g.positions;
     s.normals = mesh.normals.empty() ? nullptr : mesh.normals.data();
     s.tangents = mesh.tangents.empty() ? nullptr : mesh.tangents.data();
-    s.uv[0] = mesh.uv0.empty() ? nullptr : mesh.uv0.data();
-    s.uv[1] = mesh.uv1.empty() ? nullptr : mesh.uv1.data();
+    for (int k = 0; k < kUvSets; ++k) s.uv[k] = mesh.uv[k].empty() ? nullptr : mesh.uv[k].data();
     s.colours = mesh.colours.empty() ? nullptr : mesh.colours.data();
     s.material = &materials_[mesh.material];
     s.world = g.world;
@@ -68,7 +67,7 @@ void SurfaceTable::toWorld(const SurfaceInstance& s, Surface& out) {
 void SurfaceTable::detail(const SurfaceInstance& s, uint32_t a, uint32_t b, uint32_t c, float w, float u, float v, const Vec3& d, Surface& out) {
   const SurfaceMaterial& m = *s.material;
   const auto uvAt = [&](const TextureRef& ref) {
-    const Vec2* set = s.uv[ref.texcoord == 1 ? 1 : 0];
+    const Vec2* set = s.uv[ref.texcoord];
     return transformUv(ref, set ? w * set[a] + u * set[b] + v * set[c] : Vec2(0.0f));
   };
   if (s.colours) out.bsdf.albedo *= Vec3(w * s.colours[a] + u * s.colours[b] + v * s.colours[c]);
@@ -87,7 +86,7 @@ void SurfaceTable::detail(const SurfaceInstance& s, uint32_t a, uint32_t b, uint
   Vec3 tangent;
   float handed = 1.0f;
   const Vec3 e1 = s.positions[b] - s.positions[a], e2 = s.positions[c] - s.positions[a];
-  const Vec2* set = s.uv[m.normalRef.texcoord == 1 ? 1 : 0];
+  const Vec2* set = s.uv[m.normalRef.texcoord];
   if (s.tangents) {
     const Vec4 t = w * s.tangents[a] + u * s.tangents[b] + v * s.tangents[c];
     tangent = Mat3(s.toWorld) * Vec3(t);

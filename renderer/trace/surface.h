@@ -28,7 +28,7 @@ struct SurfaceInstance {
   const Vec3* positions = nullptr;        ///< world space when `world`
   const Vec3* normals = nullptr;          ///< object space; null: flat
   const Vec4* tangents = nullptr;
-  const Vec2* uv[2] = {nullptr, nullptr};
+  const Vec2* uv[kUvSets] = {};
   const Vec4* colours = nullptr;
   const SurfaceMaterial* material = nullptr;
   bool world = true, identity = true, mirrored = false;

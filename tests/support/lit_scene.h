@@ -74,7 +74,7 @@ inline void addEmissiveMesh(Scene& scene, const std::vector<Vec3>& corners, cons
   mesh->positions = corners;
   for (uint32_t i = 0; i < corners.size(); ++i) {
     mesh->indices.push_back(i);
-    mesh->uv0.push_back(Vec2(corners[i].x, corners[i].z));
+    mesh->uv[0].push_back(Vec2(corners[i].x, corners[i].z));
   }
   mesh->material = int(scene.materials.size());
   Material m;

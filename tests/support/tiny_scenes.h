@@ -74,7 +74,7 @@ struct SceneMaker {
 inline Mesh quad(const Vec3& corner, const Vec3& a, const Vec3& b) {
   Mesh m;
   m.positions = {corner, corner + a, corner + a + b, corner + b};
-  m.uv0 = {Vec2(0, 0), Vec2(1, 0), Vec2(1, 1), Vec2(0, 1)};
+  m.uv[0] = {Vec2(0, 0), Vec2(1, 0), Vec2(1, 1), Vec2(0, 1)};
   m.indices = {0, 1, 2, 0, 2, 3};
   return m;
 }

@@ -35,7 +35,7 @@ float fractalNoise(float u, float v, int cells, int octaves, uint32_t seed) {
 uint32_t MeshBuilder::vertex(const Vec3& p, const Vec3& n, const Vec2& uv) {
   mesh_.positions.push_back(p);
   mesh_.normals.push_back(n);
-  mesh_.uv0.push_back(uv);
+  mesh_.uv[0].push_back(uv);
   return uint32_t(mesh_.positions.size() - 1);
 }
 

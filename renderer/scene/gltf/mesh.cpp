@@ -8,7 +8,7 @@ namespace gobo::gltf {
 namespace {
 
 template <typename V>
-void copyInto(std::vector<V>& out, const std::vector<float>& in) {
+void copyInto(Array<V>& out, const std::vector<float>& in) {
   out.resize(in.size() / size_t(V::length()));
   std::memcpy(static_cast<void*>(out.data()), in.data(), in.size() * sizeof(float));
 }
@@ -21,7 +21,7 @@ bool finite(const V& v) {
 
 /// Replaces elements that are not finite; returns how many.
 template <typename V>
-size_t repair(std::vector<V>& values, const V& by) {
+size_t repair(Array<V>& values, const V& by) {
   size_t n = 0;
   for (V& v : values) if (!finite(v)) { v = by; ++n; }
   return n;
@@ -133,12 +133,14 @@ std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const 
       return nullptr;
     }
   const size_t vertices = mesh->positions.size();
-  if (!triangulate(d, primitive, mode, vertices, mesh->indices)) return nullptr;
+  std::vector<uint32_t> corners;
+  if (!triangulate(d, primitive, mode, vertices, corners)) return nullptr;
+  mesh->indices = std::move(corners);
   if (attribute(d, attributes, "NORMAL", 3, vertices, values)) { copyInto(mesh->normals, values); repairNormals(d, primitive, *mesh); }
   if (attribute(d, attributes, "TANGENT", 4, vertices, values)) { copyInto(mesh->tangents, values); repairTangents(d, primitive, *mesh); }
   size_t repaired = 0;
-  if (attribute(d, attributes, "TEXCOORD_0", 2, vertices, values)) { copyInto(mesh->uv0, values); repaired += repair(mesh->uv0, Vec2(0.0f)); }
-  if (attribute(d, attributes, "TEXCOORD_1", 2, vertices, values)) { copyInto(mesh->uv1, values); repaired += repair(mesh->uv1, Vec2(0.0f)); }
+  for (int k = 0; k < kUvSets; ++k)
+    if (attribute(d, attributes, ("TEXCOORD_" + std::to_string(k)).c_str(), 2, vertices, values)) { copyInto(mesh->uv[k], values); repaired += repair(mesh->uv[k], Vec2(0.0f)); }
   const int colour = attributes["COLOR_0"].index("accessors");
   if (colour >= 0 && d.ok()) {
     const int components = accessorComponents(d, colour);

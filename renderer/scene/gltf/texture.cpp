@@ -43,7 +43,7 @@ TextureRef Textures::ref(const Cursor& info, bool srgb) {
   ref.rotation = float(transform["rotation"].number(0.0));
   ref.texcoord = int(transform["texCoord"].integer(ref.texcoord, 0, 1 << 20));
   if (index < 0 || !document_.ok()) return {};
-  if (ref.texcoord > 1) {
+  if (ref.texcoord >= kUvSets) {
     document_.warn(info.pointer, "texture coordinate set " + std::to_string(ref.texcoord) + " is not supported; set 0 is used");
     ref.texcoord = 0;
   }

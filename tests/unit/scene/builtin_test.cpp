@@ -42,7 +42,7 @@ TEST_P(Builtin, SealsWithFiniteDataAndExpectedCounts) {
   // seal() has proved positions finite; normals are unit, triangles have area, texture coordinates are finite.
   for (const MeshPtr& m : s.meshes) {
     for (const Vec3& n : m->normals) ASSERT_NEAR(glm::length(n), 1.0f, 1e-4f) << m->name;
-    for (const Vec2& uv : m->uv0) ASSERT_TRUE(std::isfinite(uv.x) && std::isfinite(uv.y)) << m->name;
+    for (const Vec2& uv : m->uv[0]) ASSERT_TRUE(std::isfinite(uv.x) && std::isfinite(uv.y)) << m->name;
     for (size_t t = 0; t < m->indices.size(); t += 3) {
       const Vec3 a = m->positions[m->indices[t]], n = glm::cross(m->positions[m->indices[t + 1]] - a, m->positions[m->indices[t + 2]] - a);
       ASSERT_GT(glm::length(n), 0.0f) << m->name << " triangle " << t / 3;

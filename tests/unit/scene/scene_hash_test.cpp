@@ -15,7 +15,7 @@ std::shared_ptr<Mesh> triangleMesh(int material) {
   auto m = std::make_shared<Mesh>();
   m->positions = {Vec3(0), Vec3(1, 0, 0), Vec3(0, 1, 0)};
   m->normals.assign(3, Vec3(0, 0, 1));
-  m->uv0.assign(3, Vec2(0.5f));
+  m->uv[0].assign(3, Vec2(0.5f));
   m->indices = {0, 1, 2};
   m->material = material;
   sealMesh(*m);
@@ -87,10 +87,10 @@ TEST(FacetHash, EachFieldChangesExactlyItsFacets) {
     {"lamp transform", [](Scene& s) { s.instances[1].toWorld[3].x = 1; }, {"pose", "light-shape"}, {"pose"}},
     {"normals", [](Scene& s) { remesh(s, 0, [](Mesh& m) { m.normals[0] = Vec3(0, 1, 0); }); }, {"shading"}, {"shading"}},
     {"tangents", [](Scene& s) { remesh(s, 0, [](Mesh& m) { m.tangents.assign(3, Vec4(1)); }); }, {"shading"}, {"shading"}},
-    {"uv0", [](Scene& s) { remesh(s, 0, [](Mesh& m) { m.uv0[1].x = 0.25f; }); }, {"shading"}, {"shading"}},
-    {"uv1", [](Scene& s) { remesh(s, 0, [](Mesh& m) { m.uv1.assign(3, Vec2(0)); }); }, {"shading"}, {"shading"}},
+    {"uv0", [](Scene& s) { remesh(s, 0, [](Mesh& m) { m.uv[0][1].x = 0.25f; }); }, {"shading"}, {"shading"}},
+    {"uv3", [](Scene& s) { remesh(s, 0, [](Mesh& m) { m.uv[3].assign(3, Vec2(0)); }); }, {"shading"}, {"shading"}},
     {"colours", [](Scene& s) { remesh(s, 0, [](Mesh& m) { m.colours.assign(3, Vec4(1)); }); }, {"shading"}, {"shading"}},
-    {"lamp uv0", [](Scene& s) { remesh(s, 1, [](Mesh& m) { m.uv0[1].x = 0.25f; }); }, {"shading", "light-shape"}, {"shading"}},
+    {"lamp uv0", [](Scene& s) { remesh(s, 1, [](Mesh& m) { m.uv[0][1].x = 0.25f; }); }, {"shading", "light-shape"}, {"shading"}},
     {"alpha mode", [](Scene& s) { s.materials[0].coverage.mode = AlphaMode::Mask; }, {"coverage"}, {"coverage"}},
     {"cutoff", [](Scene& s) { s.materials[0].coverage.cutoff = 0.4f; }, {"coverage"}, {"coverage"}},
     {"alpha factor", [](Scene& s) { s.materials[0].coverage.factor = 0.4f; }, {"coverage"}, {"coverage"}},

@@ -86,7 +86,7 @@ TEST(Seal, EachFaultIsRefusedWithItsPlace) {
     {[](Scene& s) { s.instances.push_back(s.instances[0]); }, "s#/instances/1/name", "duplicate"},
     {[](Scene& s) { s.lights.push_back(s.lights[0]); }, "s#/lights/1/name", "duplicate"},
     {[](Scene& s) { s.materials[0].albedo.texture.texture = 0; }, "s#/materials/0/albedo/texture", "texture 0 of 0"},
-    {[=](Scene& s) { s.materials[0].bsdf.roughness = nan; }, "s#/materials/0", "finite"},
+    {[=](Scene& s) { s.materials[0].bsdf.roughness = nan; }, "s#/materials/0/bsdf/roughness", "finite"},
     {[](Scene& s) { s.materials[0].bsdf.ior = 0; }, "s#/materials/0/bsdf/ior", "positive"},
     {[](Scene& s) { s.lights[0].power.y = -1; }, "s#/lights/0/power", ">= 0"},
     {[=](Scene& s) { s.lights[0].shape.position.x = nan; }, "s#/lights/0/shape", "finite"},
