@@ -15,7 +15,7 @@ struct RequestOptions {
   std::vector<std::string> sets;
   uint32_t spp = 0;
   double time = 0, error = 0, deadlineMs = 0;
-  bool certificate = false, half = false;
+  bool certificate = false, half = false, layers = false;
 };
 
 struct RenderCommand {
@@ -50,6 +50,7 @@ int runCompare(const CompareCommand& command);
 
 struct MeasureCommand {
   std::string scene, sweep, csv, plot;
+  std::string reference;          ///< FILE or FILE.exr:LAYER instead of a rendered one
   RequestOptions request;
   uint32_t referenceSpp = 1024;   ///< both halves together
   uint32_t repeat = 1;

@@ -47,8 +47,10 @@ int main(int argc, char** argv) {
   RenderCommand render;
   auto* renderApp = app.add_subcommand("render", "render a scene: a file, an id, or a built-in name");
   renderApp->add_option("scene", render.scene, "file, id or built-in name (may come from --request)");
-  renderApp->add_option("-o,--out", render.out, "file: .exr .png .jpg .raw; several outputs go to out.NAME.exr");
-  renderApp->add_option("--outputs", render.request.outputs, "beauty, albedo, normal, depth, ... separated by commas");
+  renderApp->add_option("-o,--out", render.out, "file: .exr .png .jpg .raw; several outputs go to out.NAME.exr, or with --layers into one .exr");
+  renderApp->add_option("--outputs", render.request.outputs, "separated by commas: beauty, emission, direct, indirect, diffuse, specular, direct_diffuse, ..., albedo, normal, position, "
+                        "depth, alpha, object_id, material_id, motion, sample_count, variance, group:LIGHT, unoccluded:LIGHT, visibility:LIGHT");
+  renderApp->add_flag("--layers", render.request.layers, "one EXR file with every output as a named layer");
   renderApp->add_flag("--certificate", render.request.certificate, "ask for an error estimate");
   renderApp->add_flag("--half", render.request.half, "16-bit EXR or raw");
   renderApp->add_flag("--progressive", render.progressive, "show progress, write each snapshot");
@@ -79,8 +81,8 @@ int main(int argc, char** argv) {
 
   CompareCommand compare;
   auto* compareApp = app.add_subcommand("compare", "error between two pictures (no server needed)");
-  compareApp->add_option("a", compare.a, "picture")->required();
-  compareApp->add_option("b", compare.b, "picture")->required();
+  compareApp->add_option("a", compare.a, "picture: FILE, or FILE.exr:LAYER for one layer of a multi-layer file (without LAYER its R, G, B)")->required();
+  compareApp->add_option("b", compare.b, "picture, as the first")->required();
   compareApp->add_option("--diff", compare.diff, "write a signed difference picture (PNG)");
   compareApp->add_option("--scale", compare.scale, "error at full colour in --diff; default the largest")->check(CLI::PositiveNumber);
   compareApp->add_option("--max-rmse", compare.maxRmse, "exit 1 when the RMSE is above this")->check(CLI::NonNegativeNumber);
@@ -89,6 +91,7 @@ int main(int argc, char** argv) {
   auto* measureApp = app.add_subcommand("measure", "speed against error over values of one field");
   measureApp->add_option("scene", measure.scene, "file, id or built-in name")->required();
   measureApp->add_option("--sweep", measure.sweep, "PATH=V1,V2,... (';' between values that hold commas)")->required();
+  measureApp->add_option("--reference", measure.reference, "picture taken for the truth instead of rendering it: FILE, or FILE.exr:LAYER");
   measureApp->add_option("--reference-spp", measure.referenceSpp, "samples per pixel of the reference, both halves together")->check(CLI::Range(2, 1048576));
   measureApp->add_option("--repeat", measure.repeat, "renders per point; the median time counts")->check(CLI::Range(1, 1000));
   measureApp->add_flag("--cold", measure.cold, "drop the server's caches before each render");

@@ -10,6 +10,7 @@
 #include "plan/certify_picture.h"
 #include "plan/disk_store.h"
 #include "plan/executor.h"
+#include "plan/outputs.h"
 #include "plan/planner.h"
 #include "plan/request.h"
 #include "plan/scene_library.h"
@@ -90,6 +91,7 @@ struct Engine::Impl {
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
   Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control, Clock::time_point start,
                                   bool& extendable);
+  static void describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result);
   void fillReports(const Plan& plan, Executor& executor, const std::map<Hash128, ExecutedNode>& expanded, v1::RenderReply& reply) const;
 };
 
@@ -128,6 +130,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   if (r.has_certificate() && r.certificate().has_pixel_fraction() && r.certificate().pixel_fraction() == 0) r.clear_certificate();
   if (r.halt().has_error()) r.mutable_certificate();   // what the halt condition is measured by
   GOBO_TRY(resolveDefaults(r));
+  GOBO_TRY(checkEncoding(r.encoding()));
   if (uint64_t(r.width()) * r.height() * r.view_samples() > kMaxViewSamples)
     return Status(Code::ResourceExhausted, "request.width x height x view_samples = " + std::to_string(uint64_t(r.width()) * r.height() * r.view_samples()) +
                   ": must be at most " + std::to_string(kMaxViewSamples), "request.width");
@@ -151,6 +154,19 @@ Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request, ScenePtr 
   const uint32_t size = blockSizeFor(resolved.halt().has_spp() ? resolved.halt().spp() : 16);
   GOBO_ASSIGN(const auto plan, makePlan(scene, resolved, 1, size, impl_->plannerServices({})));
   return plan->pinnedBytes;
+}
+
+void Engine::Impl::describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result) {
+  const Scene& scene = *plan.effective.scene;
+  for (const std::string& o : request.outputs()) {
+    std::vector<std::string> names;
+    if (o == "object_id") for (const Instance& i : scene.instances) names.push_back(i.name);
+    else if (o == "material_id") for (const Material& m : scene.materials) names.push_back(m.name);
+    else continue;
+    result.tables["gobo:" + o] = nameTable(names);
+  }
+  result.matrices = {{"worldToCamera", worldToCamera(plan.effective.camera)},
+                     {"worldToNDC", worldToNdc(plan.effective.camera, int(request.width()), int(request.height()))}};
 }
 
 void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::map<Hash128, ExecutedNode>& expanded, v1::RenderReply& reply) const {
@@ -224,6 +240,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
     GOBO_ASSIGN(const TermPtr term, executor.evaluate(o.node));
     result.images.emplace_back(o.name, term, o.plane, o.channels);
   }
+  describe(*plan, request, result);
   fillReports(*plan, executor, expanded, reply);
   for (auto& row : *reply.mutable_plan()) if (row.samples()) row.set_samples(row.samples() * blockSize);
   if (request.has_certificate()) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
@@ -54,6 +55,8 @@ class RenderedImage {
 struct RenderResult {
   v1::RenderReply reply;                     ///< images[] left empty: encoding is the caller's (server/encode.h)
   std::vector<RenderedImage> images;         ///< in the order of the request's outputs
+  std::map<std::string, std::string> tables; ///< names behind ids that were asked for: "gobo:object_id" -> {"0":"floor",...}
+  std::map<std::string, Mat4> matrices;      ///< worldToCamera, worldToNDC (scene/camera.h)
 };
 
 struct RenderControl {
