@@ -14,7 +14,10 @@ namespace {
 using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 
-std::string troff(const std::string& text) {
+std::string troff(std::string text) {
+  // The page is made at build time: the builder's user number must not stay in it.
+  const std::string mine = defaultAddress().substr(5);
+  for (size_t at = text.find(mine); at != std::string::npos; at = text.find(mine)) text.replace(at, mine.size(), "/tmp/gobo-UID.sock");
   std::string out;
   bool lineStart = true;
   for (const char c : text) {

@@ -207,15 +207,16 @@ def connect(address: Optional[str] = None, token: Optional[str] = None, tls: Uni
 
 
 def local(*, roots: Optional[Sequence["str | os.PathLike[str]"]] = None, threads: int = 0, cache: "str | os.PathLike[str] | None" = None,
-          config: "str | os.PathLike[str] | None" = None, gobod: Optional[str] = None, args: Sequence[str] = (), timeout: Optional[float] = None,
-          retries: int = 8, upload_limit: int = 512 << 20) -> Client:
+          jobs: "str | os.PathLike[str] | None" = None, config: "str | os.PathLike[str] | None" = None, gobod: Optional[str] = None,
+          args: Sequence[str] = (), timeout: Optional[float] = None, retries: int = 8, upload_limit: int = 512 << 20) -> Client:
     """Starts a private gobod on a socket of its own and connects to it; `close` stops it, and so does the end of this process.
 
     It may open any file that you may, unless `roots` or a `config` file say otherwise; `config` and `args` go to gobod as they are.
+    `jobs` is the folder of durable jobs, `cache` that of the disk cache; both may be used again by a later daemon.
     """
     if roots is None:
         roots = () if config is not None else ("/",)
-    daemon = Daemon(roots=roots, threads=threads, cache=cache, config=config, gobod=gobod, args=args)
+    daemon = Daemon(roots=roots, threads=threads, cache=cache, jobs=jobs, config=config, gobod=gobod, args=args)
     try:
         return Client(Wire(daemon.address, None, None, timeout, retries), daemon, upload_limit)
     except BaseException:

@@ -2,6 +2,7 @@
 """A private gobod: started on a socket in a folder of its own, stopped when it is closed or when this process ends in any way."""
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -10,7 +11,7 @@ import threading
 import weakref
 from typing import IO, List, Optional, Sequence
 
-from .errors import NotFound, Unavailable
+from .errors import InvalidArgument, NotFound, Unavailable
 
 # The shell outlives neither side: it stops gobod when its standard input closes, which the kernel does even after kill -9.
 _GUARD = '"$@" </dev/null & p=$!; exec >/dev/null; read -r _; kill -TERM $p 2>/dev/null; wait $p'
@@ -45,7 +46,10 @@ class Daemon:
     """A running gobod with `address`. Use as a context manager, or call `close`."""
 
     def __init__(self, *, roots: Sequence["str | os.PathLike[str]"] = ("/",), threads: int = 0, cache: "str | os.PathLike[str] | None" = None,
-                 config: "str | os.PathLike[str] | None" = None, gobod: Optional[str] = None, args: Sequence[str] = (), wait: float = 30.0) -> None:
+                 jobs: "str | os.PathLike[str] | None" = None, config: "str | os.PathLike[str] | None" = None, gobod: Optional[str] = None,
+                 args: Sequence[str] = (), wait: float = 30.0) -> None:
+        if jobs is not None and config is not None:
+            raise InvalidArgument("jobs: name the folder in the config file, or leave config out", field="jobs")
         self.folder = tempfile.mkdtemp(prefix="gobo-py-")
         self.address = f"unix:{self.folder}/gobo.sock"
         command: List[str] = [gobod or find_gobod(), "--listen", self.address, "--threads", str(threads), "--log", "warn"]
@@ -53,6 +57,10 @@ class Daemon:
             command += ["--root", os.fspath(root)]
         if cache is not None:
             command += ["--cache", os.fspath(cache)]
+        if jobs is not None:
+            config = os.path.join(self.folder, "gobod.toml")
+            with open(config, "w", encoding="utf-8") as file:
+                file.write(f"[jobs]\nfolder = {json.dumps(os.path.abspath(jobs))}\n")   # a JSON string is a TOML string
         if config is not None:
             command += ["--config", os.fspath(config)]
         self.log = os.path.join(self.folder, "gobod.log")
