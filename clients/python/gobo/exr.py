@@ -159,6 +159,8 @@ def _read(data: bytes) -> Tuple[Dict[str, np.ndarray], Dict[str, str]]:
         y, size = struct.unpack_from("<ii", data, offset)
         rows = min(lines, height - (y - y0))
         packed = data[offset + 8:offset + 8 + size]
+        if y < y0 or rows < 1 or len(packed) != size:
+            raise InvalidArgument("EXR: a block is cut off or out of place")
         raw = _expand(packed, line * rows) if compression else packed
         position = 0
         for row in range(y - y0, y - y0 + rows):
