@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/scenes_service.h"
 
+#include <filesystem>
+
 #include "scene/load.h"
+#include "server/jobs/durable_jobs.h"
 #include "server/rpc.h"
 #include "server/upload.h"
 
@@ -64,8 +67,12 @@ grpc::Status ScenesService::Upload(grpc::ServerContext* context, grpc::ServerRea
   if (first) return answer("upload", "", invalidArgument("no message: the first one names extension and total_bytes", "upload"), reply);
   const Status status = file.finish();
   if (!status.ok()) return answer("upload", name, status, reply);
-  // The file goes away when this returns: the engine keeps the parsed scene.
+  // The file goes away when this returns: the engine keeps the parsed scene, the jobs folder a link to it.
   const std::string source = "upload:" + file.digest().substr(0, 16) + extension;
+  if (core_.durable) {   // jobs of this scene must find it after a restart
+    const Status kept = core_.durable->keepUpload(file.path(), file.digest() + std::filesystem::path(file.path()).extension().string());
+    if (!kept.ok()) return answer("upload", name, kept, reply);
+  }
   return answer("upload", name, core_.engine.openUploaded(file.path(), source, name), reply);
 }
 

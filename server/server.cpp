@@ -18,21 +18,23 @@
 #include <grpcpp/resource_quota.h>
 
 #include "server/admin_service.h"
+#include "server/jobs/jobs_service.h"
 #include "server/render_service.h"
 #include "server/scenes_service.h"
 
 namespace gobo {
 
 struct Server::Services {
-  explicit Services(ServerCore& core) : scenes(core), render(core), admin(core) {}
+  explicit Services(ServerCore& core) : scenes(core), render(core), admin(core), jobs(core) {}
   ScenesService scenes;
   RenderService render;
   AdminService admin;
+  JobsService jobs;
 };
 
 namespace {
 
-const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Admin"};
+const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Admin", "gobo.v1.Jobs"};
 
 // Linking gRPC's reflection library installs it in every server; this takes it out again unless it is asked for.
 class NoReflection final : public grpc::ServerBuilderOption {
@@ -87,6 +89,10 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   std::unique_ptr<Server> self(new Server());
   GOBO_ASSIGN(self->engine_, Engine::create(options));
   self->core_ = std::make_unique<ServerCore>(*self->engine_, config);
+  if (!config.jobsFolder.empty()) {
+    GOBO_ASSIGN(self->jobs_, DurableJobs::start(*self->engine_, self->core_->jobs, config));
+    self->core_->durable = self->jobs_.get();
+  }
   self->services_ = std::make_unique<Services>(*self->core_);
 
   grpc::EnableDefaultHealthCheckService(true);
@@ -112,6 +118,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   builder.RegisterService(&self->services_->scenes);
   builder.RegisterService(&self->services_->render);
   builder.RegisterService(&self->services_->admin);
+  builder.RegisterService(&self->services_->jobs);
 
   std::vector<int> ports(config.listen.size(), 0);
   std::vector<Address> parsed;
@@ -152,6 +159,7 @@ std::shared_ptr<grpc::Channel> Server::inProcessChannel() {
 void Server::shutdown(double drainSeconds) {
   if (!server_) return;
   core_->drain();
+  if (jobs_) jobs_->stop();   // their frames go on after the next start: nobody needs to wait for them
   if (auto* health = server_->GetHealthCheckService()) health->SetServingStatus(false);
   if (!core_->waitIdle(drainSeconds)) {
     logWarn("%zu calls still run after %.1f s: cancelling them", core_->running(), drainSeconds);
@@ -165,6 +173,7 @@ void Server::shutdown(double drainSeconds) {
   socketFiles_.clear();
 }
 
+Server::Server() = default;
 Server::~Server() { shutdown(0); }
 
 }  // namespace gobo

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Server: the three services, health and the sockets of one daemon, around an engine. Without addresses it serves only
+// Server: the services, health and the sockets of one daemon, around an engine. Without addresses it serves only
 // in-process channels: `gobo --local` and the daemon run the same code. start(), shutdown() from one thread.
 #pragma once
 
@@ -33,10 +33,11 @@ class Server {
   void shutdown(double drainSeconds);
 
  private:
-  Server() = default;
+  Server();
   struct Services;
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<ServerCore> core_;
+  std::unique_ptr<DurableJobs> jobs_;
   std::unique_ptr<Services> services_;
   std::unique_ptr<grpc::Server> server_;
   std::vector<std::string> addresses_;

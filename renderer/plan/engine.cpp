@@ -111,6 +111,9 @@ std::vector<v1::SceneInfo> Engine::listScenes() const { return impl_->scenes.lis
 Result<v1::SceneInfo> Engine::inspectScene(const std::string& id) const { return impl_->scenes.inspect(id); }
 Result<v1::SceneInfo> Engine::patchScene(const v1::PatchSceneRequest& patch) { return impl_->scenes.patch(patch); }
 Status Engine::unloadScene(const std::string& id) { return impl_->scenes.unload(id); }
+Result<ScenePtr> Engine::scene(const std::string& id) const { return impl_->scenes.find(id); }
+Result<ScenePtr> Engine::loadScene(const std::string& source, bool trusted) const { return impl_->scenes.load(source, trusted); }
+Result<std::string> Engine::allowedPath(const std::string& path, const std::string& field) const { return impl_->scenes.allowedPath(path, field); }
 int Engine::threads() const { return impl_->arena.threads(); }
 
 Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request, const ScenePtr& scene) const {
@@ -142,8 +145,8 @@ Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request) cons
   return impl_->resolve(request, scene);
 }
 
-Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request) {
-  GOBO_ASSIGN(const ScenePtr scene, impl_->scenes.find(request.scene()));
+Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request, ScenePtr scene) {
+  if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene())); }
   GOBO_ASSIGN(const v1::RenderRequest resolved, impl_->resolve(request, scene));
   const uint32_t size = blockSizeFor(resolved.halt().has_spp() ? resolved.halt().spp() : 16);
   GOBO_ASSIGN(const auto plan, makePlan(scene, resolved, 1, size, impl_->plannerServices({})));
@@ -214,7 +217,9 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
     std::lock_guard lock(progressMutex);   // nodes report from any thread
     control.progress(p);
   };
-  Executor executor(plan->graph, executorServices(), control.stop, progress);
+  ExecutorServices services = executorServices();
+  services.checkpoints = control.checkpoints;
+  Executor executor(plan->graph, services, control.stop, progress);
   for (const PlannedOutput& o : plan->outputs) {
     GOBO_ASSIGN(const TermPtr term, executor.evaluate(o.node));
     result.images.emplace_back(o.name, term, o.plane, o.channels);
@@ -246,7 +251,8 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
 Result<RenderResult> Engine::render(const v1::RenderRequest& request, const RenderControl& control) {
   Impl& m = *impl_;
   const auto start = Clock::now();
-  GOBO_ASSIGN(const ScenePtr scene, m.scenes.find(request.scene()));
+  ScenePtr scene = control.scene;
+  if (!scene) { GOBO_ASSIGN(scene, m.scenes.find(request.scene())); }
   GOBO_ASSIGN(const v1::RenderRequest resolved, m.resolve(request, scene));
   const v1::Halt& halt = resolved.halt();
   const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;

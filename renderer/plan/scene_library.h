@@ -22,6 +22,9 @@ class SceneLibrary {
   /// reloads it. Errors: NotFound, PermissionDenied (outside the roots), what the loader says.
   Result<v1::SceneInfo> open(const std::string& source, std::string id);
   Result<v1::SceneInfo> openFile(const std::string& path, const std::string& source, std::string id);
+  /// A built-in or a file, without an id; `trusted`: wherever the file is.
+  Result<ScenePtr> load(const std::string& source, bool trusted) const;
+  Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
   /// By id; a built-in name that is not loaded yet is opened. Errors: NotFound that lists what there is.
   Result<ScenePtr> find(const std::string& id);
   Result<v1::SceneInfo> inspect(const std::string& id);
@@ -35,7 +38,6 @@ class SceneLibrary {
   struct Entry { ScenePtr scene; std::string source; double loadMs = 0; };
   Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<ScenePtr> scene, double ms);
   v1::SceneInfo info(const std::string& id, const Entry& entry) const;
-  Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
 
   std::vector<std::string> roots_;
   bool anyPath_;
