@@ -7,14 +7,14 @@ import os
 import struct
 import tempfile
 import zlib
-from typing import Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from .errors import InvalidArgument
 
 _MAGIC = 20000630
-_TYPES = {1: np.dtype("<f2"), 2: np.dtype("<f4")}
+_TYPES: "Dict[int, np.dtype[Any]]" = {1: np.dtype("<f2"), 2: np.dtype("<f4")}
 _LINES = {0: 1, 2: 1, 3: 16}   # compression -> lines of a block
 
 
@@ -114,7 +114,7 @@ def _header(data: bytes) -> Tuple[Dict[str, Tuple[str, bytes]], int]:
     return attributes, at + 1
 
 
-def _channels(data: bytes) -> Iterator[Tuple[str, np.dtype]]:
+def _channels(data: bytes) -> "Iterator[Tuple[str, np.dtype[Any]]]":
     at = 0
     while data[at]:
         name, at = _text(data, at)

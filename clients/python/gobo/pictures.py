@@ -2,7 +2,7 @@
 """Pictures as they arrive: a head message and its chunks, put together, checked, and seen as numpy arrays."""
 from __future__ import annotations
 
-from typing import List, Optional
+from typing import Any, Dict, List, Optional
 
 import numpy as np
 
@@ -12,9 +12,9 @@ from .v1 import render_pb2
 try:   # the digest is xxh3-128; without python3-xxhash sizes and offsets are still checked
     from xxhash import xxh3_128_hexdigest as _digest
 except ImportError:
-    _digest = None
+    _digest = None  # type: ignore[assignment]
 
-_RAW = {render_pb2.Encoding.RAW_FLOAT: np.dtype("<f4"), render_pb2.Encoding.RAW_HALF: np.dtype("<f2")}
+_RAW: "Dict[int, np.dtype[Any]]" = {render_pb2.Encoding.RAW_FLOAT: np.dtype("<f4"), render_pb2.Encoding.RAW_HALF: np.dtype("<f2")}
 _LARGEST = 1 << 36
 
 
