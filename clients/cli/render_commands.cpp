@@ -88,9 +88,9 @@ Status render(Session& session, const RenderCommand& c) {
   GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
   GOBO_TRY(setEncoding(request, c.out));
   StreamHooks hooks;
-  ProgressBar bar(c.progressive && !c.quiet);
+  ProgressBar bar(!c.quiet, c.progressive);
+  if (c.progressive || (!c.quiet && onTerminal())) hooks.progress = [&](const v1::Progress& p) { bar.show(p); };
   if (c.progressive) {
-    hooks.progress = [&](const v1::Progress& p) { bar.show(p); };
     hooks.snapshot = [&](const Answer& answer) -> Status {
       if (c.out.empty()) return {};
       GOBO_ASSIGN(const std::vector<std::string> files, writeImages(answer, c.out));
