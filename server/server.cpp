@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include <grpc/grpc.h>
+#include <grpc/support/log.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/impl/server_builder_option.h>
@@ -56,7 +57,10 @@ EngineOptions engineOptions(const ServerConfig& config) {
 
 Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const EngineOptions& options, bool sockets) {
   // gRPC stays up until the process ends: its own tear-down waits for a client's poller, for up to 10 s (1.51).
-  static const bool kept = (grpc_init(), true);
+  // Its own messages (failed handshakes, mostly) become lines of our log.
+  static const bool kept = (gpr_set_log_function([](gpr_log_func_args* args) {
+    logEvent(args->severity == GPR_LOG_SEVERITY_ERROR ? LogLevel::Warn : LogLevel::Debug, "grpc", {{"message", args->message ? args->message : ""}});
+  }), grpc_init(), true);
   (void)kept;
   std::unique_ptr<Server> self(new Server());
   GOBO_ASSIGN(self->engine_, Engine::create(options));
