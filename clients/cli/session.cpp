@@ -28,7 +28,7 @@ const char* const kExitHelp =
 int exitCodeOf(const Status& status) {
   switch (status.code()) {
     case Code::Ok: return kOk;
-    case Code::InvalidArgument: case Code::OutOfRange: case Code::PermissionDenied: case Code::AlreadyExists:
+    case Code::InvalidArgument: case Code::OutOfRange: case Code::PermissionDenied: case Code::Unauthenticated: case Code::AlreadyExists:
     case Code::FailedPrecondition: return kUsage;
     case Code::NotFound: return kNotFound;
     case Code::Unavailable: return kUnreachable;

@@ -107,15 +107,18 @@ Result<std::unique_ptr<Engine>> Engine::create(const EngineOptions& options) {
   return engine;
 }
 
-Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::string& id) { return impl_->scenes.open(source, id); }
-Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id) { return impl_->scenes.openFile(path, source, id); }
+Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::string& id, const StopToken& stop) { return impl_->scenes.open(source, id, stop); }
+Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop) {
+  return impl_->scenes.openFile(path, source, id, stop);
+}
 std::vector<v1::SceneInfo> Engine::listScenes() const { return impl_->scenes.list(); }
 Result<v1::SceneInfo> Engine::inspectScene(const std::string& id) const { return impl_->scenes.inspect(id); }
-Result<v1::SceneInfo> Engine::patchScene(const v1::PatchSceneRequest& patch) { return impl_->scenes.patch(patch); }
+Result<v1::SceneInfo> Engine::patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop) { return impl_->scenes.patch(patch, stop); }
 Status Engine::unloadScene(const std::string& id) { return impl_->scenes.unload(id); }
 Result<ScenePtr> Engine::scene(const std::string& id) const { return impl_->scenes.find(id); }
 Result<ScenePtr> Engine::loadScene(const std::string& source, bool trusted) const { return impl_->scenes.load(source, trusted); }
 Result<std::string> Engine::allowedPath(const std::string& path, const std::string& field) const { return impl_->scenes.allowedPath(path, field); }
+void Engine::setRoots(std::vector<std::string> roots) { impl_->scenes.setRoots(std::move(roots)); }
 int Engine::threads() const { return impl_->arena.threads(); }
 
 Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request, const ScenePtr& scene) const {

@@ -72,12 +72,13 @@ class Engine {
   static Result<std::unique_ptr<Engine>> create(const EngineOptions& options);
   ~Engine();
 
-  Result<v1::SceneInfo> openScene(const std::string& source, const std::string& id);
+  /// `stop` ends a load between its phases (Cancelled); nothing of it stays.
+  Result<v1::SceneInfo> openScene(const std::string& source, const std::string& id, const StopToken& stop = {});
   /// A file that the caller received (upload), opened whatever the roots say; `source` is what inspect shows.
-  Result<v1::SceneInfo> openUploaded(const std::string& path, const std::string& source, const std::string& id);
+  Result<v1::SceneInfo> openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop = {});
   std::vector<v1::SceneInfo> listScenes() const;
   Result<v1::SceneInfo> inspectScene(const std::string& id) const;
-  Result<v1::SceneInfo> patchScene(const v1::PatchSceneRequest& patch);
+  Result<v1::SceneInfo> patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop = {});
   Status unloadScene(const std::string& id);
   /// The scene that the id stands for now: for RenderControl.scene. Errors: NotFound.
   Result<std::shared_ptr<const Scene>> scene(const std::string& id) const;
@@ -85,6 +86,8 @@ class Engine {
   Result<std::shared_ptr<const Scene>> loadScene(const std::string& source, bool trusted) const;
   /// The file that a request's path stands for. Errors: PermissionDenied outside the roots, NotFound.
   Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
+  /// From now on files are opened under these folders only; loaded scenes stay.
+  void setRoots(std::vector<std::string> roots);
 
   /// Validates and fills in every default without rendering. Errors name the field ("request.integrator.max_bounces").
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request) const;

@@ -31,7 +31,21 @@ v1::JobEvent eventOf(const v1::Job& job, const v1::Frame* frame) {
 }  // namespace
 
 grpc::Status JobsService::Watch(grpc::ServerContext* context, const v1::WatchJobRequest* request, grpc::ServerWriter<v1::JobEvent>* writer) {
-  auto record = read(request->id(), true);
+  return serve(core_, *context, "watch", [&](Rpc& rpc) {
+    rpc.quiet();
+    return watch(rpc, *request, *writer);
+  });
+}
+
+grpc::Status JobsService::Fetch(grpc::ServerContext* context, const v1::FetchRequest* request, grpc::ServerWriter<v1::FetchReply>* writer) {
+  return serve(core_, *context, "fetch", [&](Rpc& rpc) { return fetch(rpc, *request, *writer); });
+}
+
+grpc::Status JobsService::watch(Rpc& rpc, const v1::WatchJobRequest& sent, grpc::ServerWriter<v1::JobEvent>& to) {
+  grpc::ServerContext* context = &rpc.context();
+  const v1::WatchJobRequest* request = &sent;
+  grpc::ServerWriter<v1::JobEvent>* writer = &to;
+  auto record = read(rpc, request->id(), true);
   if (!record.ok()) return toGrpc(record.status());
   JobHub& hub = core_.durable->hub();
   uint64_t seen = hub.version(), revision = record->revision;
@@ -44,7 +58,7 @@ grpc::Status JobsService::Watch(grpc::ServerContext* context, const v1::WatchJob
   while (!jobIsOver(state)) {
     hub.wait(seen, kPoll);
     if (context->IsCancelled()) return {grpc::StatusCode::CANCELLED, "the client has gone"};
-    if (core_.draining()) return drainingStatus();
+    if (core_.draining()) return rpc.refuseDraining();
     auto news = core_.durable->store().changes(record->id, revision);
     if (!news.ok()) return toGrpc(news.status());
     hub.overlay(*news);
@@ -94,7 +108,7 @@ Status JobsService::sendFile(grpc::ServerContext& context, grpc::ServerWriter<v1
     v1::FetchedChunk& chunk = *reply.mutable_chunk();
     chunk.set_offset(offset);
     std::string& data = *chunk.mutable_data();
-    data.resize(size_t(std::min<uint64_t>(core_.config.chunkBytes, file.bytes() - offset)));
+    data.resize(size_t(std::min<uint64_t>(core_.live()->chunkBytes, file.bytes() - offset)));
     const ssize_t n = ::pread(d.fd, data.data(), data.size(), off_t(offset));
     if (n <= 0) return {Code::DataLoss, path + " ends early: " + (n < 0 ? std::strerror(errno) : "damaged")};
     data.resize(size_t(n));
@@ -104,8 +118,12 @@ Status JobsService::sendFile(grpc::ServerContext& context, grpc::ServerWriter<v1
   return {};
 }
 
-grpc::Status JobsService::Fetch(grpc::ServerContext* context, const v1::FetchRequest* request, grpc::ServerWriter<v1::FetchReply>* writer) {
-  auto record = read(request->id(), true);
+grpc::Status JobsService::fetch(Rpc& rpc, const v1::FetchRequest& sent, grpc::ServerWriter<v1::FetchReply>& to) {
+  grpc::ServerContext* context = &rpc.context();
+  const v1::FetchRequest* request = &sent;
+  grpc::ServerWriter<v1::FetchReply>* writer = &to;
+  rpc.note("job", request->id().substr(0, 80));
+  auto record = read(rpc, request->id(), true);
   if (!record.ok()) return toGrpc(record.status());
   std::set<int64_t> wanted(request->frames().begin(), request->frames().end());
   const std::set<std::string> outputs(request->outputs().begin(), request->outputs().end());
@@ -142,7 +160,7 @@ grpc::Status JobsService::Fetch(grpc::ServerContext* context, const v1::FetchReq
     }
     hub.wait(seen, kPoll);
     if (context->IsCancelled()) return {grpc::StatusCode::CANCELLED, "the client has gone"};
-    if (core_.draining()) return drainingStatus();
+    if (core_.draining()) return rpc.refuseDraining();
     auto news = core_.durable->store().changes(record->id, record->revision);
     if (!news.ok()) return toGrpc(news.status());
     record->revision = news->revision;
