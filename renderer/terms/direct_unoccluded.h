@@ -15,6 +15,7 @@ struct DirectUnoccludedSettings {
   Vec3 nominal{1.0f};       ///< power it is evaluated for
   int samples = 32;
   uint64_t seed = 0;
+  bool extended = false;    ///< the scene has materials with more lobes than the surface term's planes hold: those are read again
 };
 NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings);
 

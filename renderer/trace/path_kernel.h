@@ -43,6 +43,8 @@ struct PathTracer::Impl {
   bool wantEmission = true, wantDirect = true, wantIndirect = true;
   int slotCount = 1, perGroup = 1;
   int maxEvents = 9;                       // scattering events a path may have
+  bool onlyUnlit = false;                  // no light, but unlit surfaces to show
+  MediumStack cameraMedia{};               // volumes around the camera
   // Camera rays as affine functions of the film position.
   Vec3 cameraOrigin{0.0f}, cameraOriginX{0.0f}, cameraOriginY{0.0f}, cameraDirection{0.0f}, cameraDirectionX{0.0f}, cameraDirectionY{0.0f};
   std::vector<Vec2> viewSamples;
@@ -50,6 +52,7 @@ struct PathTracer::Impl {
 
   void prepareCamera();
   void prepareLights(const SceneView& view);
+  void prepareMedia(const SceneView& view);
   /// Samples first .. first + count - 1 of the pixel's block; `film` is the index of the first over all blocks.
   void traceChunk(int x, int y, const SampleSet& set, uint64_t film, int count, double* out, uint64_t& rays, uint64_t& dropped) const;
 };

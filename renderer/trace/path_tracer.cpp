@@ -2,6 +2,7 @@
 #include "trace/path_tracer.h"
 
 #include "base/check.h"
+#include "trace/camera_media.h"
 #include "trace/path_kernel.h"
 #include "trace/view_samples.h"
 
@@ -9,7 +10,7 @@ namespace gobo {
 
 void PathTracerSettings::hash(Hasher& h) const {
   h.addPod(camera.toWorld).add(camera.perspective).add(camera.yfov).add(camera.yheight).add(camera.centre.x).add(camera.centre.y);
-  h.add(width).add(height).add(viewSamples).add(maxBounces).add(rouletteStart).add(blockSize).add(seed);
+  h.add(width).add(height).add(viewSamples).add(maxBounces).add(rouletteStart).add(blockSize).add(seed).add(unlit);
   h.add(cover).add(split).add(selection).add(groups).addArray(groupOf).add(uint64_t(nominal.size()));
   for (const Vec3& n : nominal) h.add(n.x).add(n.y).add(n.z);
 }
@@ -51,6 +52,7 @@ std::shared_ptr<const PathTracer> PathTracer::create(const SceneView& view, Acce
   m.maxEvents = m.wantIndirect ? settings.maxBounces + 1 : m.wantDirect ? 1 : 0;
   m.prepareCamera();
   m.prepareLights(view);
+  m.prepareMedia(view);
   for (int s = 0; s < settings.viewSamples; ++s) m.viewSamples.push_back(viewSamplePosition(s, settings.viewSamples));
   return tracer;
 }
@@ -113,6 +115,14 @@ void PathTracer::Impl::prepareLights(const SceneView& view) {
     hasPlainLight = plainLight.build(view, view.lightShape(subset[only]));
   }
   drawsChoice = selector.count() > 1 || (hasPlainLight && plainLight.triangles.size() > 1) || !surfaces.allLambert();
+}
+
+void PathTracer::Impl::prepareMedia(const SceneView& view) {
+  cameraMedia.clear();
+  if (!surfaces.interiors().empty())
+    for (int material : volumesAround(view, cameraPoint(settings.camera))) cameraMedia.enter(surfaces.interiorOf(material));
+  if (settings.unlit && surfaces.anyUnlit()) hittable = true;
+  onlyUnlit = settings.unlit && lights.empty();
 }
 
 void PathTracer::traceBlock(int x, int y, uint32_t block, double* out, uint64_t& rays, uint64_t& dropped) const {
