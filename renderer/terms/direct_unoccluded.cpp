@@ -15,12 +15,12 @@ namespace {
 struct Receiver {
   Vec3 p, n, ng, wo;
   BsdfParams bsdf;
-  bool extended = false, fromBehind = false, hasTangent = false;   // fromBehind: light may arrive from the other side
+  bool extended = false, hasTangent = false;
   Vec3 tangent{0.0f};
   float dispersion = 0;
   bool lambert() const { return !extended && bsdf.metallic == 0 && bsdf.specular == 0 && bsdf.transmission == 0; }
   Frame frame() const { return hasTangent ? Frame(n, tangent) : Frame(n); }
-  /// Reflected and transmitted; with the index of each channel where the material is dispersive.
+  /// f cos, with the index of each channel where the material is dispersive.
   Vec3 value(const Vec3& wo, const Vec3& wi) const {
     if (!(dispersion > 0.0f)) return bsdfEval(bsdf, wo, wi).sum();
     Vec3 all(0.0f);
@@ -81,7 +81,6 @@ class DirectUnoccludedNode final : public Node {
           r.hasTangent = full.hasTangent;
           r.tangent = full.tangent;
           r.dispersion = full.material->dispersion;
-          r.fromBehind = full.material->transmissive;
         } else {
           r.bsdf.albedo = Vec3(albedo[3 * i], albedo[3 * i + 1], albedo[3 * i + 2]);
           r.bsdf.metallic = material[5 * i];
@@ -90,7 +89,6 @@ class DirectUnoccludedNode final : public Node {
           r.bsdf.ior = material[5 * i + 3];
           r.bsdf.transmission = material[5 * i + 4];
           r.bsdf.entering = (flags[i] & kSurfaceEntering) != 0;
-          r.fromBehind = r.bsdf.transmission > 0;
         }
         if (bsdfIsDelta(r.bsdf)) continue;
         Vec3 value(0.0f);
@@ -126,11 +124,8 @@ class DirectUnoccludedNode final : public Node {
     return false;
   }
 
-  /// As the tracer has it: on one side by both normals, and in front unless light may come from behind.
-  static bool arrives(const Receiver& r, const Vec3& wi) {
-    const float side = glm::dot(wi, r.ng);
-    return r.fromBehind ? side * glm::dot(wi, r.n) > 0 : side > 0;
-  }
+  /// As the tracer has it, from the front. What comes through the surface is no part of this term: its shadows are other ones.
+  static bool arrives(const Receiver& r, const Vec3& wi) { return glm::dot(wi, r.ng) > 0 && glm::dot(wi, r.n) > 0; }
 
   Vec3 sampled(const LightSampler& sampler, const LightShape& shape, const Receiver& r, size_t element) const {
     const Frame frame = r.frame();

@@ -6,6 +6,7 @@
 #include "trace/area_lights.h"
 #include "trace/lambert_lanes.h"
 #include "trace/path_media.h"
+#include "trace/path_sums.h"
 
 namespace gobo {
 
@@ -27,43 +28,6 @@ struct Paths {
   // Bit per lane. firstDelta: reaches light by an indirect path, whatever the number of events. specularOnly: delta events, if any.
   uint32_t fromHasNormal = 0, firstDelta = 0, specularOnly = ~0u;
 };
-
-// Where contributions go: a sum per sample, so that a sample with a non-finite part can be dropped whole. Pictures with
-// several slots keep a list instead of lanes x slots sums.
-struct Accumulator {
-  struct Record { Vec3 value; int lane, slot; };
-  DVec3 sum[kLanes];
-  uint32_t bad = 0;       // bit per lane
-  bool single;
-  std::vector<Record>& records;
-  Accumulator(bool single, std::vector<Record>& records) : single(single), records(records) {
-    for (DVec3& s : sum) s = DVec3(0.0);
-    records.clear();
-  }
-  void add(int lane, int slot, const Vec3& v) {
-    if (!std::isfinite(v.x + v.y + v.z)) { bad |= 1u << lane; return; }
-    if (single) sum[lane] += DVec3(v); else records.push_back({v, lane, slot});
-  }
-  void flush(int count, double* out, uint64_t& dropped) const {
-    if (single) {
-      DVec3 total(0.0);
-      for (int i = 0; i < count; ++i) if (!(bad >> i & 1u)) total += sum[i];
-      out[0] += total.x; out[1] += total.y; out[2] += total.z;
-    } else {
-      for (const Record& r : records) {
-        if (bad >> r.lane & 1u) continue;
-        double* o = out + 3 * r.slot;
-        o[0] += r.value.x; o[1] += r.value.y; o[2] += r.value.z;
-      }
-    }
-    dropped += uint64_t(__builtin_popcount(bad));
-  }
-};
-
-std::vector<Accumulator::Record>& recordBuffer() {
-  static thread_local std::vector<Accumulator::Record> buffer;
-  return buffer;
-}
 
 float powerHeuristic(float a, float b) {
   if (!(b > 0.0f)) return 1.0f;
@@ -235,12 +199,16 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         media.walking |= bit;
         bool scattered = false;
         const auto collect = [&](const Vec3& o, const Vec3& d, float t) {
-          if (scattered) walked(i, events, bit);
           if (!areaLights.empty() && wanted(classOf(done(i), paths.firstDelta >> i & 1u))) collectAreaLights(i, done(i), o, d, t);
         };
+        const auto scatter = [&](const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw) {
+          walked(i, events, bit);
+          int slot;
+          const Vec3 value = wantIndirect && mediaLights[size_t(media.stack[i].top())] ? scatteredLight(media, i, p, d, beta, draw, slot, rays) : Vec3(0.0f);
+          if (value != Vec3(0.0f)) add(i, slot, done(i), PathClass::Indirect, value, byLobe ? value * paths.specularPart.get(i) : Vec3(0.0f));
+        };
         const uint64_t key = hash64(hash64(set.seed(), film + uint64_t(i)), 0x77616c6bull << 32 | uint32_t(events));
-        if (!media.walk(i, rh, scene, paths.throughput, key, rays, scattered, collect) || (scattered && !wantIndirect)) alive &= ~bit;
-        else if (scattered) walked(i, events, bit);
+        if (!media.walk(i, rh, scene, paths.throughput, key, rays, scattered, collect, scatter) || (scattered && !wantIndirect)) alive &= ~bit;
       }
     }
 
@@ -337,7 +305,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         LightSample light;
         if (k >= 0 && sampler->sample(lights[k].light, s.p, Vec2(ux[i], uy[i]), light)) {
           const float cosine = glm::dot(light.direction, s.n), side = glm::dot(light.direction, facing);
-          if (cosine * side > 0.0f && (cosine > 0.0f || !hasNormal)) {
+          if (cosine * side > 0.0f && (cosine > 0.0f || !hasNormal) && (side < 0.0f || !(settings.behindOnly && event == 1))) {
             const Vec3 wi = frame.toLocal(light.direction);
             float scatterPdf;
             const BsdfValue f = bsdfEvalPdf(s.bsdf, wo, wi, scatterPdf);
@@ -375,7 +343,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       Vec3 wi = frame.toWorld(bs.wi);
       wi *= 1.0f / std::sqrt(glm::dot(wi, wi));
       const float side = glm::dot(wi, facing);
-      if (bs.transmitted ? !(side < 0.0f) : !(side > 0.0f)) continue;
+      if (bs.transmitted ? !(side < 0.0f) : !(side > 0.0f) || (settings.behindOnly && event == 1)) continue;
       Vec3 carried = throughput * bs.weight;
       const float most = maxComponent(carried);
       if (!isFinite(carried)) { sums.bad |= bit; continue; }
@@ -403,6 +371,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     }
 
     // Lambert lanes.
+    if (settings.behindOnly && events == 0) lambert = 0;
     for (int h = 0; h < kLanes; h += 8) if (lambert >> h & 255u) lanes::moveOrigins(ls, h);
     if (nee && lambert != 0) {
       if (hasPlainLight) {

@@ -4,6 +4,8 @@
 //   absorption  Beer-Lambert over every segment, for shadow rays too (to which the boundary itself is opaque)
 //   scattering  analog distances of one channel, chosen by throughput; weights by the one-sample balance heuristic over the
 //               channels (Wrenninge, Villemin & Hery 2017; Chiang, Kutz & Burley 2016), so that no channel's weight grows.
+//   lights      point, spot and directional lights are asked at every event where they can be seen: inside the volume, or
+//               through boundaries that bend nothing (index 1). Lights that a ray can hit are found by the walk itself.
 // A walk is no event of its own: with its reflections at the inside of its boundary it belongs to the event that entered.
 // It is bounded by unbiased roulette: against the throughput it began with, and from kLongWalk steps on by 2 % a step.
 #pragma once
@@ -68,8 +70,9 @@ struct PathMedia {
 
   /// Carries lane i through the scattering interior that it is in: from the ray in `rh` with its hit to the last segment,
   /// whose end is the hit (or a miss). collect(origin, direction, t): lights along a segment. False: the path ended.
-  template <typename Collect>
-  bool walk(int i, RTCRayHit16& rh, RTCScene scene, Lane3& throughput, uint64_t key, uint64_t& rays, bool& scattered, Collect&& collect) {
+  /// scatter(point, direction of arrival, throughput, random bits): at every event.
+  template <typename Collect, typename Scatter>
+  bool walk(int i, RTCRayHit16& rh, RTCScene scene, Lane3& throughput, uint64_t key, uint64_t& rays, bool& scattered, Collect&& collect, Scatter&& scatter) {
     const Interior& m = *around(i);
     Vec3 o(rh.ray.org_x[i], rh.ray.org_y[i], rh.ray.org_z[i]), d(rh.ray.dir_x[i], rh.ray.dir_y[i], rh.ray.dir_z[i]);
     Vec3 beta = throughput.get(i);
@@ -111,6 +114,7 @@ struct PathMedia {
         beta /= survive;
       }
       o += d * s;
+      scatter(o, d, beta, hash64(b, 5));
       d = sampleHenyeyGreenstein(d, m.g, Vec2(toUnit(uint32_t(b)), toUnit(uint32_t(b >> 32))));
     }
     return false;

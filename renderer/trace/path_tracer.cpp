@@ -2,7 +2,6 @@
 #include "trace/path_tracer.h"
 
 #include "base/check.h"
-#include "trace/camera_media.h"
 #include "trace/path_kernel.h"
 #include "trace/view_samples.h"
 
@@ -10,7 +9,7 @@ namespace gobo {
 
 void PathTracerSettings::hash(Hasher& h) const {
   h.addPod(camera.toWorld).add(camera.perspective).add(camera.yfov).add(camera.yheight).add(camera.centre.x).add(camera.centre.y);
-  h.add(width).add(height).add(viewSamples).add(maxBounces).add(rouletteStart).add(blockSize).add(seed).add(unlit);
+  h.add(width).add(height).add(viewSamples).add(maxBounces).add(rouletteStart).add(blockSize).add(seed).add(behindOnly).add(unlit);
   h.add(cover).add(split).add(selection).add(groups).addArray(groupOf).add(uint64_t(nominal.size()));
   for (const Vec3& n : nominal) h.add(n.x).add(n.y).add(n.z);
 }
@@ -115,14 +114,6 @@ void PathTracer::Impl::prepareLights(const SceneView& view) {
     hasPlainLight = plainLight.build(view, view.lightShape(subset[only]));
   }
   drawsChoice = selector.count() > 1 || (hasPlainLight && plainLight.triangles.size() > 1) || !surfaces.allLambert();
-}
-
-void PathTracer::Impl::prepareMedia(const SceneView& view) {
-  cameraMedia.clear();
-  if (!surfaces.interiors().empty())
-    for (int material : volumesAround(view, cameraPoint(settings.camera))) cameraMedia.enter(surfaces.interiorOf(material));
-  if (settings.unlit && surfaces.anyUnlit()) hittable = true;
-  onlyUnlit = settings.unlit && lights.empty();
 }
 
 void PathTracer::traceBlock(int x, int y, uint32_t block, double* out, uint64_t& rays, uint64_t& dropped) const {

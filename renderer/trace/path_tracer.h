@@ -42,6 +42,7 @@ struct PathTracerSettings {
   int rouletteStart = 3;
   int blockSize = 16;               ///< samples a block, 1 .. 4096; results are best for powers of two
   uint64_t seed = 0;
+  bool behindOnly = false;          ///< of direct light only what passes through the first surface: what techniques that see its front leave out
   bool unlit = false;               ///< unlit surfaces are shown, in group 0; else they are black
   PathClass cover = PathClass::All;
   SplitMode split = SplitMode::Combined;

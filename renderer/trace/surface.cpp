@@ -10,7 +10,9 @@ namespace {
 float unit(float v) { return clamp01(v); }
 Vec3 unit(const Vec3& v) { return glm::clamp(v, Vec3(0.0f), Vec3(1.0f)); }
 
-SurfaceMaterial makeMaterial(const Albedo& albedo, const Bsdf& b, const std::vector<std::shared_ptr<const Texture>>& textures) {
+}  // namespace
+
+SurfaceMaterial makeSurfaceMaterial(const Albedo& albedo, const Bsdf& b, const std::vector<std::shared_ptr<const Texture>>& textures) {
   const auto texture = [&](const TextureRef& ref) { return SurfaceTexture{ref.valid() ? textures[ref.texture].get() : nullptr, ref}; };
   SurfaceMaterial m;
   BsdfParams& p = m.constant;
@@ -64,8 +66,6 @@ SurfaceMaterial makeMaterial(const Albedo& albedo, const Bsdf& b, const std::vec
   return m;
 }
 
-}  // namespace
-
 void SurfaceTable::build(const SceneView& view, const Accel& accel) {
   const auto& meshes = view.meshes(Facet::Topology | Facet::Pose | Facet::Shading);
   keep_ = meshes;
@@ -74,7 +74,7 @@ void SurfaceTable::build(const SceneView& view, const Accel& accel) {
   for (size_t i = 0; i < materials_.size(); ++i) {
     const Albedo& albedo = view.albedo(int(i));
     const Bsdf& bsdf = view.bsdf(int(i));
-    materials_[i] = makeMaterial(albedo, bsdf, textures_);
+    materials_[i] = makeSurfaceMaterial(albedo, bsdf, textures_);
     if (!boundsVolume(bsdf)) continue;
     materials_[i].interior = int(interiors_.size());
     interiors_.push_back(makeInterior(bsdf));

@@ -32,6 +32,9 @@ struct SurfaceMaterial {
       sheenColor, sheenRoughness, anisotropy, iridescence, iridescenceThickness;
 };
 
+/// Flattens one material; `textures` must outlive it. `interior` is left to the table.
+SurfaceMaterial makeSurfaceMaterial(const Albedo& albedo, const Bsdf& bsdf, const std::vector<std::shared_ptr<const Texture>>& textures);
+
 struct SurfaceInstance {
   const uint32_t* indices = nullptr;
   const Vec3* positions = nullptr;        ///< world space when `world`

@@ -305,7 +305,7 @@ TEST(PathTracerCases, SettingsHashSeesEveryField) {
   std::vector<Hash128> all = {
       digest([](auto&) {}), digest([](auto& c) { c.width = 5; }), digest([](auto& c) { c.height = 5; }), digest([](auto& c) { c.viewSamples = 2; }),
       digest([](auto& c) { c.maxBounces = 2; }), digest([](auto& c) { c.rouletteStart = 9; }), digest([](auto& c) { c.blockSize = 8; }),
-      digest([](auto& c) { c.seed = 3; }), digest([](auto& c) { c.cover = PathClass::Direct; }), digest([](auto& c) { c.split = SplitMode::ByLobe; }),
+      digest([](auto& c) { c.seed = 3; }), digest([](auto& c) { c.unlit = true; }), digest([](auto& c) { c.behindOnly = true; }), digest([](auto& c) { c.cover = PathClass::Direct; }), digest([](auto& c) { c.split = SplitMode::ByLobe; }),
       digest([](auto& c) { c.selection = LightSelection::Power; }), digest([](auto& c) { c.groups = 2; }), digest([](auto& c) { c.groupOf = {1}; }),
       digest([](auto& c) { c.nominal = {Vec3(2.0f)}; }), digest([](auto& c) { c.camera.yfov = 0.5f; }), digest([](auto& c) { c.camera.toWorld[3][0] = 1; }),
       digest([](auto& c) { c.camera.perspective = false; }), digest([](auto& c) { c.camera.centre.x = 1; }), digest([](auto& c) { c.camera.yheight = 1; })};
