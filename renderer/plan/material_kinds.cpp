@@ -10,8 +10,10 @@ namespace gobo {
 
 namespace {
 
-/// Smooth enough to be a mirror, or so somewhere: a roughness texture may reach 0, but where is not looked for.
+/// Smooth enough to be a mirror. A roughness texture may reach 0 where the factor does not: where is not looked for.
 bool smooth(float roughness) { return roughness * roughness < kDeltaAlpha; }
+/// Anisotropy widens the lobe along the tangent.
+bool smooth(const Bsdf& b) { return smooth(b.roughness) && !(b.anisotropy * b.anisotropy >= kDeltaAlpha); }
 
 }  // namespace
 
@@ -28,7 +30,7 @@ MaterialKinds materialKinds(const Scene& scene) {
     // Light goes straight through an index of 1, however rough the surface.
     const bool straight = b.transmission > 0.0f && std::fabs(b.ior - 1.0f) < 1e-3f;
     kinds.extended = kinds.extended || s.extended;
-    kinds.translucent = kinds.translucent || b.diffuseTransmission > 0.0f || (b.transmission > 0.0f && !smooth(b.roughness) && !straight);
+    kinds.translucent = kinds.translucent || b.diffuseTransmission > 0.0f || (b.transmission > 0.0f && !smooth(b) && !straight);
     kinds.volumes = kinds.volumes || boundsVolume(b);
     kinds.delta = kinds.delta || straight || (interface && smooth(b.roughness)) || (b.clearcoat > 0.0f && smooth(b.clearcoatRoughness));
   }

@@ -127,6 +127,9 @@ INSTANTIATE_TEST_SUITE_P(Extensions, ExtendedDirect, ::testing::Values(
     std::pair{"thin_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.transmission = 0.8f; })},
     std::pair{"rough_solid_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.transmission = 1; b.thickness = 1; })},
     std::pair{"dispersive_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.transmission = 1; b.thickness = 1; b.dispersion = 6; })},
+    std::pair{"diffuse_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.diffuseTransmission = 0.6f; b.diffuseTransmissionColor = Vec3(0.9f, 0.2f, 0.5f); })},
+    std::pair{"diffuse_transmission_of_a_volume", std::function<void(Bsdf&)>([](Bsdf& b) { b.diffuseTransmission = 0.6f; b.thickness = 1; })},
+    std::pair{"coat_on_sheen_on_thin_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.transmission = 0.7f; b.clearcoat = 0.5f; b.clearcoatRoughness = 0.5f; b.sheenColor = Vec3(0.3f); b.sheenRoughness = 0.6f; })},
     std::pair{"plain", std::function<void(Bsdf&)>([](Bsdf&) {})}),
     [](const auto& info) { return info.param.first; });
 

@@ -252,6 +252,41 @@ TEST(PathMedia, HazeScattersPunctualLightTowardsTheCamera) {
     }
 }
 
+// Wax: light enters and leaves by diffuse transmission.
+TEST(PathMedia, WhiteWaxLosesNothing) {
+  SceneMaker m;
+  m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), m.material(Vec3(1.0f), [](Material& x) {
+    x.bsdf = {};
+    x.bsdf.specular = 0; x.bsdf.diffuseTransmission = 1; x.bsdf.thickness = 1;
+    x.bsdf.attenuationColor = Vec3(0.5f, 0.3f, 0.1f); x.bsdf.attenuationDistance = 0.3f; x.bsdf.scatterAlbedo = Vec3(1.0f);
+  })));
+  m.environment(constantEnvironment(Vec3(1.0f)));
+  m.camera(Vec3(1, 1.5f, 4), Vec3(0.0f), 0.3f);
+  Traced t(m.finish(), 4, 4);
+  const Measured e = measure(t, 16);
+  expectNear(e[0], DVec3(1.0), 2e-3);
+  EXPECT_LT(e[0].error.x, 0.02);
+}
+
+// A leaf between the sun and the camera: colour / pi times the irradiance of its back, and all of it direct light.
+TEST(PathMedia, ThinLeafPassesLightFromBehind) {
+  for (const bool behindOnly : {false, true}) {
+    SceneMaker m;
+    m.instance(m.mesh(ground(5.0f), m.material(Vec3(0.3f, 0.6f, 0.2f), [](Material& x) {
+      x.bsdf = {};
+      x.bsdf.specular = 0; x.bsdf.diffuseTransmission = 0.4f; x.bsdf.diffuseTransmissionColor = Vec3(0.8f, 0.9f, 0.1f);
+    })));
+    LightShape sun;
+    sun.kind = LightKind::Directional; sun.axis = glm::normalize(Vec3(0.3f, 1, 0));        // from below
+    m.light(sun, Vec3(2.0f));
+    m.camera(Vec3(0, 3, 0), Vec3(0.0f), 1e-4f);
+    Traced t(m.finish());
+    t.settings.cover = PathClass::Direct;
+    t.settings.behindOnly = behindOnly;
+    expectNear(measure(t, 4)[0], DVec3(0.8f, 0.9f, 0.1f) * (0.4 * 2.0 / M_PI * double(sun.axis.y)), 1e-4);
+  }
+}
+
 TEST(PathMedia, SplitsAddUpInVolumes) {
   SceneMaker m;
   m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), m.material(Vec3(0.9f), glass(1.3f, Vec3(0.5f, 0.3f, 0.1f), 0.5f, [&](Bsdf& b) { b.scatterAlbedo = Vec3(0.9f); b.roughness = 0.4f; b.dispersion = 1; }))));
