@@ -17,8 +17,12 @@ namespace {
 
 constexpr int kMaxNesting = 64;  // tinygltf walks extras by recursion
 
-const std::set<std::string> kSupported = {"KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular",
-                                          "KHR_materials_transmission", "KHR_mesh_quantization", "KHR_texture_transform"};
+const std::set<std::string> kSupported = {
+    "KHR_lights_punctual", "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_diffuse_transmission", "KHR_materials_dispersion",
+    "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_iridescence", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_sheen",
+    "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_variants", "KHR_materials_volume",
+    "KHR_materials_volume_scatter", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_draco_mesh_compression", "EXT_meshopt_compression",
+    "EXT_mesh_gpu_instancing", "EXT_texture_webp"};
 
 using Files = std::map<std::string, std::vector<uint8_t>>;  // decoded URI -> bytes: all that tinygltf may see of the disk
 
@@ -107,7 +111,7 @@ Status checkExtensions(Document& d) {
   }
   for (size_t i = 0; i < used.size(); ++i) {
     const std::string name = used.at(i).text();
-    if (!kSupported.count(name)) d.warn(used.at(i).pointer, "extension " + name + " is ignored");
+    if (d.ok() && !kSupported.count(name)) d.warn(used.at(i).pointer, "extension " + name + " is ignored");
   }
   return d.status;
 }
@@ -250,6 +254,8 @@ Status decodeImages(Document& d) {
 }
 
 }  // namespace
+
+bool supported(const std::string& extension) { return kSupported.count(extension) > 0; }
 
 Status openDocument(const std::string& path, const LoadOptions& options, Document& d) {
   d.path = path;
