@@ -35,6 +35,7 @@ struct Plan {
 
 struct PlannerServices {
   EnvironmentLoader loadEnvironment;
+  ScenePoser poseScene = requestedScene;
   std::function<Result<TermPtr>(const Graph&, NodeId)> expand;
   /// The effective scene and camera this long before the request's moment, for output motion. Empty: nothing moves.
   std::function<Result<EffectiveScene>(double secondsEarlier)> earlier;

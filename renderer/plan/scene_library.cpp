@@ -104,6 +104,13 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
   if (lo.x <= hi.x) { put(out.mutable_bounds_min(), lo); put(out.mutable_bounds_max(), hi); }
   for (const std::string& w : s.warnings) out.add_warnings(w);
   out.set_load_ms(e.loadMs);
+  if (s.rig)
+    for (const RigAnimation& a : s.rig->animations) {
+      auto* animation = out.add_animations();
+      animation->set_name(a.name);
+      animation->set_duration_s(a.end);
+    }
+  for (const std::string& v : s.variants.names) out.add_variants(v);
   return out;
 }
 

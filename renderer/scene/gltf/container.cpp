@@ -46,7 +46,6 @@ Status jsonText(const std::string& path, const std::vector<uint8_t>& file, bool&
   binary = file.size() >= 4 && std::memcmp(file.data(), "glTF", 4) == 0;
   if (!binary) {
     text = {reinterpret_cast<const char*>(file.data()), file.size()};
-    if (text.substr(0, 3) == "\xef\xbb\xbf") text.remove_prefix(3);
     return {};
   }
   if (file.size() < 20) return invalidArgument("GLB header is cut short", path);
@@ -246,6 +245,7 @@ Status decodeImages(Document& d) {
       const int buffer = v["buffer"].index("buffers");
       const int64_t offset = v["byteOffset"].integer(0, 0, int64_t(1) << 48), length = v["byteLength"].integer(0, 1, int64_t(1) << 48);
       if (!d.ok()) return d.status;
+      if (buffer >= 0 && d.buffers[buffer].empty()) { image.problem = "its buffer has no bytes"; continue; }
       if (buffer < 0 || uint64_t(offset) + uint64_t(length) > d.buffers[buffer].size()) { v.fail("buffer view is outside its buffer"); return d.status; }
       image.bytes.assign(d.buffers[buffer].begin() + offset, d.buffers[buffer].begin() + offset + length);
     } else image.problem = "image has neither uri nor bufferView";
@@ -264,6 +264,8 @@ Status openDocument(const std::string& path, const LoadOptions& options, Documen
   bool binary = false;
   std::string_view text;
   GOBO_TRY(jsonText(path, file, binary, text));
+  if (binary && word(file, 12) % 4) d.warn("(file)", "GLB chunk length " + std::to_string(word(file, 12)) + " is no multiple of 4");
+  if (text.substr(0, 3) == "\xef\xbb\xbf") { d.warn("(file)", "the JSON begins with a byte order mark"); text.remove_prefix(3); }
   if (!nestingFits(text)) return invalidArgument("JSON is nested more than " + std::to_string(kMaxNesting) + " deep", path);
   try {
     d.json = Json::parse(text.begin(), text.end());
@@ -271,6 +273,8 @@ Status openDocument(const std::string& path, const LoadOptions& options, Documen
     const std::string version = d.root()["asset"]["version"].text();
     if (!d.ok()) return d.status;
     if (version.compare(0, 2, "2.") != 0) return invalidArgument("glTF version \"" + version + "\" is not 2.x", path + "#/asset/version");
+    const std::string least = d.root()["asset"]["minVersion"].text("2.0");
+    if (least.compare(0, 2, "2.") != 0 || least.find_first_not_of('0', 2) != std::string::npos) return invalidArgument("the file needs glTF " + least + "; 2.0 is read", path + "#/asset/minVersion");
     Files files;
     GOBO_TRY(checkExtensions(d));
     GOBO_TRY(gatherFiles(d, binary, files));
