@@ -160,7 +160,7 @@ class Glb:
         return len(self.doc["textures"]) - 1
 
     def material(self, name, colour=(1, 1, 1), texture=None, metallic=0.0, roughness=1.0, emission=None, double_sided=False, specular=0.0,
-                 uv_scale=None, uv_offset=None):
+                 uv_scale=None, uv_offset=None, glass=None):
         m = {"name": name, "doubleSided": double_sided, "pbrMetallicRoughness": {"baseColorFactor": [*colour, 1.0], "metallicFactor": metallic,
              "roughnessFactor": roughness}, "extensions": {"KHR_materials_specular": {"specularFactor": specular}}}
         self.extensions.add("KHR_materials_specular")
@@ -170,6 +170,10 @@ class Glb:
                 info["extensions"] = {"KHR_texture_transform": {"scale": uv_scale, "offset": uv_offset or [0, 0]}}
                 self.extensions.add("KHR_texture_transform")
             m["pbrMetallicRoughness"]["baseColorTexture"] = info
+        if glass:   # index of refraction of a solid
+            m["extensions"].update({"KHR_materials_transmission": {"transmissionFactor": 1.0}, "KHR_materials_ior": {"ior": glass},
+                                    "KHR_materials_volume": {"thicknessFactor": 1.0}})
+            self.extensions |= {"KHR_materials_transmission", "KHR_materials_ior", "KHR_materials_volume"}
         if emission and max(emission) > 0:
             strength = max(1.0, max(emission))
             m["emissiveFactor"] = [c / strength for c in emission]

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 # Mitsuba scene (the part of it that glTF can say) to GLB, and the matching request fields on standard output, one path=value a line.
-#   mitsuba.py SCENE.xml OUT.glb [--exact]     --exact: surfaces that are only near become magenta too
+#   mitsuba.py SCENE.xml OUT.glb [--exact] [--size=WxH]
+# --exact: surfaces that are only near become magenta too. --size: of the picture, where the reference has another than the file.
 # Exact: diffuse surfaces, textures, area, point, directional and spot lights, constant and map environments, perspective cameras.
 # Near, and said on standard error: rough conductors (Schlick's Fresnel with the same F0; Beckmann read as GGX), rough plastic (glTF's
 # coupling of diffuse and specular light), smooth plastic and conductors. Surfaces that glTF cannot say become magenta and are named
@@ -92,6 +93,8 @@ class Converter:
     def sensor(self, node):
         film = next(c for c in node if c.tag == "film")
         self.width, self.height = (int(self.number(film, (k,), 0)) for k in ("width", "height"))
+        for a in sys.argv:
+            if a.startswith("--size="): self.width, self.height = map(int, a[7:].split("x"))
         # Without an angle: a 50 mm lens before 36 x 24 mm film, counted along the diagonal.
         lens = math.hypot(36, 24) / 100 / math.hypot(1, self.height / self.width)
         fov = self.number(node, ("fov",), math.degrees(2 * math.atan(lens)))
@@ -136,6 +139,8 @@ class Converter:
             distribution = self.field(node, ("distribution",))
             if kind == "roughconductor" and (distribution is None or distribution.get("value") != "ggx"): near.add("Beckmann read as GGX")
             fields.update(colour=self.conductor(node), metallic=1.0, roughness=math.sqrt(self.number(node, ("alpha",), 0.1)) if kind == "roughconductor" else 0.0)
+        elif kind == "dielectric" and self.field(node, ("int_ior", "intIOR")).tag == "float":
+            fields.update(specular=1.0, roughness=0.0, glass=self.number(node, ("int_ior", "intIOR"), 1.5))
         else:
             near.add(f"{kind} left out (magenta)")
             fields["colour"] = [1, 0, 1]
