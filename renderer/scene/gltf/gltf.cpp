@@ -1,10 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // loadGltf: the order of the passes. See document.h for how errors are placed.
+#include <chrono>
+
 #include "scene/gltf/document.h"
+#include "scene/mipmap.h"
 
 namespace gobo {
 
 Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
+  using Clock = std::chrono::steady_clock;
+  const auto start = Clock::now();
+  double textureMs = 0;
+  const auto timed = [&](auto&& work) {
+    const auto from = Clock::now();
+    auto result = work();
+    textureMs += std::chrono::duration<double, std::milli>(Clock::now() - from).count();
+    return result;
+  };
   try {
     gltf::Document d;
     GOBO_TRY(gltf::openDocument(path, options, d));
@@ -12,13 +24,15 @@ Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
     const size_t from = path.find_last_of('/') + 1;  // npos + 1 = 0
     scene->name = path.substr(from);
     std::vector<std::vector<int>> parts;
-    GOBO_TRY(gltf::readMaterials(d, *scene));
+    GOBO_TRY(timed([&] { return gltf::readMaterials(d, *scene); }));
     GOBO_TRY(gltf::readMeshes(d, *scene, parts));
     GOBO_TRY(gltf::readNodes(d, *scene, parts));
     if (d.list("animations").size() > 0) d.warn("/animations", "animations are ignored");
     if (!d.ok()) return d.status;
     scene->warnings = std::move(d.warnings);
+    timed([&] { finishTextures(*scene, options.textureBytes); return 0; });
     if (Status sealed = scene->seal(); !sealed.ok()) return Status(sealed.code(), sealed.message(), path + "#" + sealed.location().substr(std::min(sealed.location().size(), scene->name.size() + 1)));
+    if (options.times) *options.times = {std::chrono::duration<double, std::milli>(Clock::now() - start).count() - textureMs, textureMs};
     return ScenePtr(std::move(scene));
   } catch (const std::bad_alloc&) {
     return Status(Code::ResourceExhausted, "out of memory", path);
