@@ -15,6 +15,7 @@ Status Scene::seal() {
     if (lights[i].name.empty()) lights[i].name = "light" + std::to_string(i);
   GOBO_TRY(checkMeshes());
   GOBO_TRY(checkMaterials());
+  GOBO_TRY(checkVariants());
   addLights();
   addCamera();
   GOBO_TRY(checkLights());
@@ -93,6 +94,7 @@ size_t Scene::bytes() const {
              (m->tangents.size() + m->colours.size()) * sizeof(Vec4);
   for (const MeshPtr& m : meshes)
     for (const Array<Vec2>& set : m->uv) total += set.size() * sizeof(Vec2);
+  if (rig) total += rigBytes(*rig);
   for (const auto& t : textures) total += t->texels8.size() + t->texelsF.size() * 4;
   if (environment) total += environment->texels.size() * sizeof(Vec3);
   return total;

@@ -17,6 +17,7 @@
 #include "scene/environment.h"
 #include "scene/light.h"
 #include "scene/material.h"
+#include "scene/rig.h"
 
 namespace gobo {
 
@@ -54,7 +55,6 @@ struct Mesh {
   Hash128 topologyHash, positionsHash, shadingHash;   ///< set by sealMesh
   size_t triangles() const { return indices.size() / 3; }
 };
-using MeshPtr = std::shared_ptr<const Mesh>;
 /// Fills the digests; call once, when the arrays are final.
 void sealMesh(Mesh& mesh);
 
@@ -73,6 +73,8 @@ struct Scene {
   std::vector<Light> lights;            ///< includes one Mesh light per emissive instance, and one Environment light if any
   EnvironmentPtr environment;           ///< null: black
   std::vector<Camera> cameras;          ///< at least one after seal()
+  RigPtr rig;                           ///< null: nothing in it can be animated; sealed (sealRig)
+  Variants variants;                    ///< KHR_materials_variants
   std::vector<std::string> warnings;    ///< what the loader repaired or ignored
 
   /// Digest of the facets in `set`; light facets cover only `lightSubset` (indices into lights). Mesh lights pull in the
@@ -101,6 +103,7 @@ struct Scene {
   Status checkMaterials() const;
   Status checkLights() const;
   Status checkNames() const;
+  Status checkVariants() const;
   void addLights();
   void addCamera();
   void computeDigests();
@@ -110,7 +113,6 @@ struct Scene {
   std::vector<Hash128> lightShape_, lightPower_;
   Hash128 root_;
 };
-using ScenePtr = std::shared_ptr<const Scene>;
 
 /// What a node may see of a scene: reading a facet that it did not declare fails a CHECK, so a wrong declaration (and
 /// with it a wrong key) is found by the first test that runs the node.

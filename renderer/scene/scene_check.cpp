@@ -156,6 +156,17 @@ Status Scene::checkLights() const {
   return {};
 }
 
+Status Scene::checkVariants() const {
+  for (size_t i = 0; i < variants.uses.size(); ++i) {
+    const VariantUse& u = variants.uses[i];
+    if (u.variant < 0 || size_t(u.variant) >= variants.names.size() || u.mesh < 0 || size_t(u.mesh) >= meshes.size() || u.material < 0 ||
+        size_t(u.material) >= materials.size())
+      return fail(*this, "variants/uses", i, "", "", "variant, mesh or material is out of range");
+  }
+  GOBO_CHECK(!rig || !rig->content.isZero());  // sealRig was not called
+  return {};
+}
+
 Status Scene::checkNames() const {
   auto unique = [&](const auto& items, const char* list, bool mayBeEmpty) -> Status {
     std::unordered_set<std::string_view> seen;

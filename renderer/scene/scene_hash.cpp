@@ -113,7 +113,11 @@ void Scene::computeDigests() {
   set(Facet::LightPower, powers); set(Facet::Environment, sky); set(Facet::Cameras, views);
   Hasher root("scene");
   for (const Hash128& f : facet_) root.add(f);
-  root_ = root.add(names.digest()).digest();
+  root.add(names.digest()).add(rig ? rig->content : Hash128{});
+  Hasher choices("variants");
+  for (const std::string& n : variants.names) choices.add(n);
+  for (const VariantUse& u : variants.uses) choices.add(u.variant).add(u.mesh).add(u.material);
+  root_ = root.add(choices.digest()).digest();
 }
 
 Hash128 Scene::facetHash(Facet set, const std::vector<int>& lightSubset) const {
