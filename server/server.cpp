@@ -18,6 +18,7 @@
 #include <grpcpp/resource_quota.h>
 
 #include "server/admin_service.h"
+#include "server/ingest_loader.h"
 #include "server/render_service.h"
 #include "server/scenes_service.h"
 
@@ -80,11 +81,32 @@ EngineOptions engineOptions(const ServerConfig& config) {
   return options;
 }
 
-Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const EngineOptions& options, bool sockets) {
+Result<std::shared_ptr<SceneLoader>> sceneLoader(const ServerConfig& c) {
+  LoadOptions trusted;
+  trusted.textureBytes = c.ingestTextureBytes;
+  if (!c.ingestSandbox) return inProcessLoader(trusted);
+  IngestOptions o;
+  o.program = c.ingestProgram;
+  o.cacheFolder = c.ingestCacheFolder;
+  o.cacheBytes = c.ingestCacheBytes;
+  o.verifyAlways = c.ingestVerify == "always";
+  o.memoryBytes = c.ingestMemoryBytes;
+  o.blobBytes = c.ingestBlobBytes;
+  o.textureBytes = c.ingestTextureBytes;
+  o.inputBytes = c.ingestInputBytes;
+  o.cpuSeconds = c.ingestCpuSeconds;
+  o.wallSeconds = c.ingestWallSeconds;
+  o.atOnce = c.ingestAtOnce;
+  return childLoader(o);
+}
+
+Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const EngineOptions& wanted, bool sockets) {
   // gRPC stays up until the process ends: its own tear-down waits for a client's poller, for up to 10 s (1.51).
   static const bool kept = (grpc_init(), true);
   (void)kept;
   std::unique_ptr<Server> self(new Server());
+  EngineOptions options = wanted;
+  if (!options.loader) { GOBO_ASSIGN(options.loader, sceneLoader(config)); }
   GOBO_ASSIGN(self->engine_, Engine::create(options));
   self->core_ = std::make_unique<ServerCore>(*self->engine_, config);
   self->services_ = std::make_unique<Services>(*self->core_);

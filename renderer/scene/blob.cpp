@@ -180,7 +180,14 @@ Result<ScenePtr> readSceneBlob(std::shared_ptr<const void> owner, std::span<cons
     if (again.content != t.content) return bad("texture " + std::to_string(i) + ": digest is not that of its texels");
   }
   if (scene->environment) GOBO_TRY(checkMap(*scene->environment, trust));
+  if (scene->rig && scene->rig->content.isZero()) return bad("rig has no digest");
   if (const Status sealed = scene->seal(); !sealed.ok()) return bad(sealed.toString());
+  if (scene->rig && trust == BlobTrust::Foreign) {
+    for (size_t i = 0; i < scene->rig->meshes.size(); ++i) GOBO_TRY(checkMesh(*scene->rig->meshes[i], i));
+    Rig again = *scene->rig;
+    if (const Status sealed = sealRig(again, *scene); !sealed.ok()) return bad("rig: " + sealed.toString());
+    if (again.content != scene->rig->content) return bad("rig: digest is not that of its fields");
+  }
   if (scene->hash() != stored) return bad("hash " + scene->hash().hex() + " is not the stored " + stored.hex());
   return ScenePtr(std::move(scene));
 }

@@ -8,7 +8,7 @@
 //   std::vector<T>                u32 count, elements
 //   std::array<T, n>              n elements
 //   std::shared_ptr<const T>      u8 present, T
-//   struct                        its field list; Material and Camera with their name first
+//   struct                        its field list; Material and Camera with their name, Rig with its digest first
 #pragma once
 
 #include <cstring>
@@ -27,6 +27,9 @@ template <typename E> inline constexpr E lastOf = E(0);
 template <> inline constexpr Wrap lastOf<Wrap> = Wrap::Mirror;
 template <> inline constexpr AlphaMode lastOf<AlphaMode> = AlphaMode::Blend;
 template <> inline constexpr LightKind lastOf<LightKind> = LightKind::Environment;
+template <> inline constexpr RigKind lastOf<RigKind> = RigKind::Light;
+template <> inline constexpr RigPath lastOf<RigPath> = RigPath::Weights;
+template <> inline constexpr RigInterpolation lastOf<RigInterpolation> = RigInterpolation::CubicSpline;
 
 template <typename T> struct IsVector : std::false_type {};
 template <typename T> struct IsVector<std::vector<T>> : std::true_type {};
@@ -42,6 +45,7 @@ template <typename T> inline constexpr bool isPlain = std::is_same_v<T, Hash128>
 template <typename T, typename V>
 void visitStruct(T& item, V&& v) {
   if constexpr (Same<T, Material> || Same<T, Camera>) visitNamed(item, v);
+  else if constexpr (Same<T, Rig>) visitSealed(item, v);
   else visitFields(item, v);
 }
 

@@ -32,12 +32,15 @@ void visitFields(S& s, V&& v) {
 /// Materials and cameras with their names, which fields.h leaves out because no facet's digest has them.
 template <typename T, typename V>
 void visitNamed(T& item, V&& v) { v("name", item.name); visitFields(item, v); }
+/// The rig with its digest.
+template <typename T, typename V>
+void visitSealed(T& item, V&& v) { v("content", item.content); visitFields(item, v); }
 
 /// What a scene is made of. Digests and bounds are made again by seal().
 template <Same<Scene> S, typename V>
 void visitFields(S& s, V&& v) {
   v("name", s.name); v("meshes", s.meshes); v("instances", s.instances); v("materials", s.materials); v("textures", s.textures);
-  v("lights", s.lights); v("environment", s.environment); v("cameras", s.cameras); v("warnings", s.warnings);
+  v("lights", s.lights); v("environment", s.environment); v("cameras", s.cameras); v("rig", s.rig); v("variants", s.variants); v("warnings", s.warnings);
 }
 
 }  // namespace gobo

@@ -47,6 +47,18 @@ std::string forgottenFields() {
   check("Mesh", members<Mesh>(), listed<Mesh>());
   check("Texture", members<Texture>(), listed<Texture>());
   check("Environment", members<Environment>(), listed<Environment>());
+  check("RigNode", members<RigNode>(), listed<RigNode>());
+  check("RigSkin", members<RigSkin>(), listed<RigSkin>());
+  check("RigTarget", members<RigTarget>(), listed<RigTarget>() - (kUvSets - 1));   // its uv sets are listed one by one
+  check("RigSource", members<RigSource>(), listed<RigSource>());
+  check("RigDeformed", members<RigDeformed>(), listed<RigDeformed>());
+  check("RigFollower", members<RigFollower>(), listed<RigFollower>());
+  check("RigSampler", members<RigSampler>(), listed<RigSampler>());
+  check("RigChannel", members<RigChannel>(), listed<RigChannel>());
+  check("RigAnimation", members<RigAnimation>(), listed<RigAnimation>());
+  check("Rig", members<Rig>(), listed<Rig>());
+  check("VariantUse", members<VariantUse>(), listed<VariantUse>());
+  check("Variants", members<Variants>(), listed<Variants>());
   return out;
 }
 
