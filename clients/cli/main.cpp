@@ -34,6 +34,11 @@ int main(int argc, char** argv) {
   app.fallthrough();
   app.require_subcommand(0, 1);
   app.add_option("--server", session.server, "unix:PATH or HOST:PORT; default $GOBO_SERVER, else " + gobo::defaultAddress());
+  app.add_flag("--tls", session.credentials.tls, "speak TLS to HOST:PORT; the options below imply it");
+  app.add_option("--tls-ca", session.credentials.ca, "PEM file of the authority that signed the server's certificate; default $GOBO_TLS_CA, else the system's");
+  app.add_option("--tls-cert", session.credentials.cert, "PEM file of this client's certificate (mutual TLS)");
+  app.add_option("--tls-key", session.credentials.key, "PEM file of its key");
+  app.add_option("--token-file", session.credentials.tokenFile, "file that holds the bearer token; default $GOBO_TOKEN_FILE, or the token itself in $GOBO_TOKEN");
   app.add_flag("--local", session.local, "render in this process: no server is needed, any file may be opened");
   app.add_option("--root", session.roots, "--local: folders for files named inside requests");
   app.add_option("--cache", session.cache, "--local: folder of the disk cache");

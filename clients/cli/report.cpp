@@ -97,11 +97,13 @@ void printScene(const v1::SceneInfo& info) {
 }
 
 void printStatus(const v1::StatusReply& s) {
-  std::printf("gobod %s, pid %d, up %.0f s, %u threads\n", escaped(s.build()).c_str(), s.pid(), s.uptime_s(), s.threads());
-  std::printf("renders: %u running, %u queued, %llu finished; %llu scenes\n", s.running(), s.queued(),
-              static_cast<unsigned long long>(s.renders()), static_cast<unsigned long long>(s.scenes()));
+  std::printf("gobod %s, pid %d, up %.0f s, %u threads%s\n", escaped(s.build()).c_str(), s.pid(), s.uptime_s(), s.threads(),
+              s.draining() ? ", draining" : "");
+  std::printf("renders: %u running on %u workers, %u queued, %llu finished; %llu scenes, %u being loaded\n", s.running(), s.workers(), s.queued(),
+              static_cast<unsigned long long>(s.renders()), static_cast<unsigned long long>(s.scenes()), s.loads());
   std::printf("store: %s of %s in %llu terms, disk %s; resident %s\n", bytesText(s.store_bytes()).c_str(), bytesText(s.store_limit()).c_str(),
               static_cast<unsigned long long>(s.store_terms()), bytesText(s.disk_bytes()).c_str(), bytesText(s.rss_bytes()).c_str());
+  std::printf("pinned by renders: %s; %u open files\n", bytesText(s.pinned_bytes()).c_str(), s.open_fds());
   for (const std::string& device : s.devices()) std::printf("device: %s\n", escaped(device).c_str());
 }
 

@@ -27,7 +27,7 @@ const char* const kExitHelp =
 int exitCodeOf(const Status& status) {
   switch (status.code()) {
     case Code::Ok: return kOk;
-    case Code::InvalidArgument: case Code::OutOfRange: case Code::PermissionDenied: case Code::AlreadyExists:
+    case Code::InvalidArgument: case Code::OutOfRange: case Code::PermissionDenied: case Code::Unauthenticated: case Code::AlreadyExists:
     case Code::FailedPrecondition: return kUsage;
     case Code::NotFound: return kNotFound;
     case Code::Unavailable: return kUnreachable;
@@ -82,6 +82,7 @@ Session::Call::Call(const Session& session) {
   if (session.options_.timeoutSeconds > 0)
     context.set_deadline(std::chrono::system_clock::now() +
                          std::chrono::microseconds(int64_t(session.options_.timeoutSeconds * 1e6)));
+  if (!session.token_.empty()) context.AddMetadata("authorization", "Bearer " + session.token_);
   const std::lock_guard lock(callsMutex);
   calls.insert(&context);
   if (interruptSeen) context.TryCancel();
@@ -122,7 +123,9 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
       return Status(Code::PermissionDenied, "\"" + address.path + "\" belongs to another user: name the server with --server");
     grpc::ChannelArguments arguments;
     arguments.SetMaxReceiveMessageSize(-1);
-    self->channel_ = grpc::CreateCustomChannel(self->address_, grpc::InsecureChannelCredentials(), arguments);
+    GOBO_ASSIGN(const std::shared_ptr<grpc::ChannelCredentials> credentials, channelCredentials(options.credentials, address.isUnix));
+    GOBO_ASSIGN(self->token_, bearerToken(options.credentials));
+    self->channel_ = grpc::CreateCustomChannel(self->address_, credentials, arguments);
   }
   self->scenes_ = v1::Scenes::NewStub(self->channel_);
   self->render_ = v1::Render::NewStub(self->channel_);

@@ -11,6 +11,7 @@
 
 #include "base/status.h"
 #include "gobo/v1/service.grpc.pb.h"
+#include "credentials.h"
 #include "server/server.h"
 
 namespace gobo::cli {
@@ -26,6 +27,7 @@ struct SessionOptions {
   std::string server;                ///< empty: $GOBO_SERVER, else the default socket
   bool local = false;
   std::vector<std::string> roots;    ///< of --local, on top of any path
+  CredentialOptions credentials;
   std::string cache;
   int threads = 0;
   double timeoutSeconds = 0;         ///< of each call; 0: none
@@ -55,7 +57,7 @@ class Session {
 
  private:
   SessionOptions options_;
-  std::string address_;
+  std::string address_, token_;
   std::unique_ptr<Server> server_;
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::Scenes::Stub> scenes_;

@@ -50,7 +50,7 @@ const Image& RenderedImage::image() const {
 }
 
 struct Engine::Impl {
-  explicit Impl(const EngineOptions& o) : options(o), arena(o.threads), scenes(o.roots, o.anyPath) {}
+  explicit Impl(const EngineOptions& o) : options(o), arena(o.threads), scenes(o.roots, o.anyPath, o.loader) {}
 
   EngineOptions options;
   TaskArena arena;
@@ -77,7 +77,7 @@ struct Engine::Impl {
   ExecutorServices executorServices() { return {store.get(), &extensions, &accels, &arena}; }
   PlannerServices plannerServices(const StopToken& stop, std::map<Hash128, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
-    s.loadEnvironment = [this](const std::string& path) { return scenes.environment(path); };
+    s.loadEnvironment = [this, stop](const std::string& path) { return scenes.environment(path, stop); };
     s.expand = [this, stop, expanded](const Graph& graph, NodeId node) -> Result<TermPtr> {
       Executor executor(graph, executorServices(), stop);
       GOBO_ASSIGN(TermPtr term, executor.evaluate(node));
@@ -105,12 +105,22 @@ Result<std::unique_ptr<Engine>> Engine::create(const EngineOptions& options) {
   return engine;
 }
 
-Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::string& id) { return impl_->scenes.open(source, id); }
-Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id) { return impl_->scenes.openFile(path, source, id); }
+Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::string& id, const StopToken& stop) { return impl_->scenes.open(source, id, stop); }
+Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop) {
+  return impl_->scenes.openFile(path, source, id, stop);
+}
 std::vector<v1::SceneInfo> Engine::listScenes() const { return impl_->scenes.list(); }
-Result<v1::SceneInfo> Engine::inspectScene(const std::string& id) const { return impl_->scenes.inspect(id); }
-Result<v1::SceneInfo> Engine::patchScene(const v1::PatchSceneRequest& patch) { return impl_->scenes.patch(patch); }
+Result<v1::SceneInfo> Engine::inspectScene(const std::string& id) const {
+  GOBO_ASSIGN(v1::SceneInfo info, impl_->scenes.inspect(id));
+  if (const Result<ScenePtr> scene = impl_->scenes.find(id); scene.ok()) {
+    const std::vector<int> none;
+    info.set_bvh_ms(impl_->accels.buildMs(SceneView(**scene, Facet::All, none)));
+  }
+  return info;
+}
+Result<v1::SceneInfo> Engine::patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop) { return impl_->scenes.patch(patch, stop); }
 Status Engine::unloadScene(const std::string& id) { return impl_->scenes.unload(id); }
+void Engine::setRoots(std::vector<std::string> roots) { impl_->scenes.setRoots(std::move(roots)); }
 int Engine::threads() const { return impl_->arena.threads(); }
 
 Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request, const ScenePtr& scene) const {

@@ -66,13 +66,16 @@ class Engine {
   static Result<std::unique_ptr<Engine>> create(const EngineOptions& options);
   ~Engine();
 
-  Result<v1::SceneInfo> openScene(const std::string& source, const std::string& id);
+  /// `stop` ends a load between its phases (Cancelled); nothing of it stays.
+  Result<v1::SceneInfo> openScene(const std::string& source, const std::string& id, const StopToken& stop = {});
   /// A file that the caller received (upload), opened whatever the roots say; `source` is what inspect shows.
-  Result<v1::SceneInfo> openUploaded(const std::string& path, const std::string& source, const std::string& id);
+  Result<v1::SceneInfo> openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop = {});
   std::vector<v1::SceneInfo> listScenes() const;
   Result<v1::SceneInfo> inspectScene(const std::string& id) const;
-  Result<v1::SceneInfo> patchScene(const v1::PatchSceneRequest& patch);
+  Result<v1::SceneInfo> patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop = {});
   Status unloadScene(const std::string& id);
+  /// From now on files are opened under these folders only; loaded scenes stay.
+  void setRoots(std::vector<std::string> roots);
 
   /// Validates and fills in every default without rendering. Errors name the field ("request.integrator.max_bounces").
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request) const;

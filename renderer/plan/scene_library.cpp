@@ -5,6 +5,7 @@
 #include <chrono>
 #include <filesystem>
 
+#include "base/file_stamp.h"
 #include "plan/effective_scene.h"
 #include "scene/edit.h"
 #include "scene/load.h"
@@ -46,19 +47,24 @@ const char* kindName(LightKind k) {
 }  // namespace
 
 Result<std::string> SceneLibrary::allowedPath(const std::string& path, const std::string& field) const {
+  std::vector<std::string> roots;
+  {
+    std::lock_guard lock(mutex_);
+    roots = roots_;
+  }
   std::error_code error;
   const fs::path real = fs::canonical(path, error);
   if (error) {
     // Without a root nobody learns which files exist outside the roots.
     if (anyPath_) return notFound("cannot open '" + path + "': " + error.message(), field);
-    for (const std::string& root : roots_) {
+    for (const std::string& root : roots) {
       const fs::path lexical = fs::absolute(path).lexically_normal(), base = fs::weakly_canonical(root, error);
       if (std::mismatch(base.begin(), base.end(), lexical.begin(), lexical.end()).first == base.end()) return notFound("no file '" + path + "'", field);
     }
     return Status(Code::PermissionDenied, "'" + path + "' is not under an allowed root", field);
   }
   if (anyPath_) return real.string();
-  for (const std::string& root : roots_) {
+  for (const std::string& root : roots) {
     const fs::path base = fs::canonical(root, error);
     if (!error && std::mismatch(base.begin(), base.end(), real.begin(), real.end()).first == base.end()) return real.string();
   }
@@ -99,11 +105,18 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
   if (lo.x <= hi.x) { put(out.mutable_bounds_min(), lo); put(out.mutable_bounds_max(), hi); }
   for (const std::string& w : s.warnings) out.add_warnings(w);
   out.set_load_ms(e.loadMs);
+  out.set_parse_ms(e.report.parseMs);
+  out.set_texture_ms(e.report.textureMs);
+  out.set_map_ms(e.report.mapMs);
+  out.set_ingest_ms(e.report.ingestMs);
+  out.set_blob_bytes(e.report.blobBytes);
+  out.set_blob_cached(e.report.cached);
   return out;
 }
 
-Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<ScenePtr> scene, double ms) {
+Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop) {
   if (!scene.ok()) return scene.status();
+  if (stop.stopRequested()) return Status(Code::Cancelled, "the load was cancelled", source);
   std::lock_guard lock(mutex_);
   if (id.empty()) {   // named after the file; another file of that name gets a number
     const std::string stem = idFrom(source);
@@ -111,26 +124,26 @@ Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& so
     for (int k = 2; scenes_.count(id) && scenes_[id].source != source; ++k) id = stem + "-" + std::to_string(k);
   }
   Entry& e = scenes_[id];
-  e = {*scene, source, ms};
+  e = {scene->scene, source, ms, scene->report};
   return info(id, e);
 }
 
-Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string id) {
+Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string id, const StopToken& stop) {
   if (source.empty()) return invalidArgument("must not be empty", "source");
   const auto start = std::chrono::steady_clock::now();
   if (isBuiltin(source)) {
-    Result<ScenePtr> scene = makeBuiltinScene(source);
-    return insert(id.empty() ? source : id, source, std::move(scene), msSince(start));
+    GOBO_ASSIGN(ScenePtr scene, makeBuiltinScene(source));
+    return insert(id.empty() ? source : id, source, LoadedScene{std::move(scene), {}}, msSince(start), stop);
   }
   if (source.find('/') == std::string::npos && source.find('.') == std::string::npos) return makeBuiltinScene(source).status();
   GOBO_ASSIGN(const std::string path, allowedPath(source, "source"));
-  return openFile(path, source, std::move(id));
+  return openFile(path, source, std::move(id), stop);
 }
 
-Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id) {
+Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop) {
   const auto start = std::chrono::steady_clock::now();
-  Result<ScenePtr> scene = loadGltf(path);
-  return insert(std::move(id), source, std::move(scene), msSince(start));
+  Result<LoadedScene> scene = loader_->scene(path, stop);
+  return insert(std::move(id), source, std::move(scene), msSince(start), stop);
 }
 
 Result<ScenePtr> SceneLibrary::find(const std::string& id) {
@@ -169,7 +182,7 @@ std::vector<v1::SceneInfo> SceneLibrary::list() const {
   return out;
 }
 
-Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p) {
+Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const StopToken& stop) {
   GOBO_ASSIGN(const ScenePtr base, find(p.scene()));
   GOBO_ASSIGN(const ScenePtr next, editScene(*base, [&](Scene& s) -> Status {
     const auto finite = [](const v1::Vector3& v) { return std::isfinite(v.x()) && std::isfinite(v.y()) && std::isfinite(v.z()); };
@@ -226,6 +239,7 @@ Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p) {
     }
     return {};
   }));
+  if (stop.stopRequested()) return Status(Code::Cancelled, "the patch was cancelled", p.scene());
   std::lock_guard lock(mutex_);
   Entry& e = scenes_[p.scene()];
   e.scene = next;
@@ -238,21 +252,27 @@ Status SceneLibrary::unload(const std::string& id) {
   return {};
 }
 
-Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path) {
+Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path, const StopToken& stop) {
   GOBO_ASSIGN(const std::string real, allowedPath(path, "request.environment.path"));
-  std::error_code error;
-  const auto stamp = fs::last_write_time(real, error).time_since_epoch().count();
-  const std::string key = real + "@" + std::to_string(stamp) + "+" + std::to_string(fs::file_size(real, error));
+  const FileStamp stamp = FileStamp::of(real);
+  const std::string key = real + "@" + stamp.text();
   {
     std::lock_guard lock(mutex_);
     const auto it = environments_.find(key);
     if (it != environments_.end()) return it->second;
   }
-  GOBO_ASSIGN(EnvironmentPtr loaded, loadEnvironment(real));
+  GOBO_ASSIGN(EnvironmentPtr loaded, loader_->environment(real, stop));
+  // A file that changed just now may change again under the same stamp: it is not kept.
+  if (!stamp.settled() || FileStamp::of(real) != stamp) return loaded;
   std::lock_guard lock(mutex_);
   if (environments_.size() >= 8) environments_.erase(environments_.begin());
   environments_[key] = loaded;
   return loaded;
+}
+
+void SceneLibrary::setRoots(std::vector<std::string> roots) {
+  std::lock_guard lock(mutex_);
+  roots_ = std::move(roots);
 }
 
 size_t SceneLibrary::count() const {

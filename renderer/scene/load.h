@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "scene/file_source.h"
+#include "base/stop.h"
 #include "scene/scene.h"
 
 namespace gobo {
@@ -19,6 +20,7 @@ struct LoadOptions {
   uint64_t textureBytes = 4ull << 30;    ///< all textures with their mip levels; finest levels are left out above it (mipmap.h)
   FileSource* files = nullptr;           ///< null: the disk
   LoadTimes* times = nullptr;            ///< filled in when set
+  StopToken stop;                          ///< looked at between the phases: Cancelled
 };
 
 /// glTF 2.0 (.gltf with files beside it, or .glb). Errors name file, JSON pointer and value. The result is sealed.

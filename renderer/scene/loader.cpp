@@ -11,8 +11,8 @@ class InProcess final : public SceneLoader {
     LoadTimes times;
     LoadOptions options = options_;
     options.times = &times;
+    options.stop = stop;
     GOBO_ASSIGN(ScenePtr made, loadGltf(path, options));
-    if (stop.stopRequested()) return Status(Code::Cancelled, "the load was cancelled", path);
     LoadedScene loaded;
     loaded.scene = std::move(made);
     loaded.report.parseMs = times.parseMs;

@@ -17,6 +17,7 @@ Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
     textureMs += std::chrono::duration<double, std::milli>(Clock::now() - from).count();
     return result;
   };
+  const auto goOn = [&]() -> Status { return options.stop.stopRequested() ? Status(Code::Cancelled, "the load was cancelled", path) : Status(); };
   try {
     gltf::Document d;
     GOBO_TRY(gltf::openDocument(path, options, d));
@@ -24,11 +25,15 @@ Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
     const size_t from = path.find_last_of('/') + 1;  // npos + 1 = 0
     scene->name = path.substr(from);
     std::vector<std::vector<int>> parts;
+    GOBO_TRY(goOn());
     GOBO_TRY(timed([&] { return gltf::readMaterials(d, *scene); }));
+    GOBO_TRY(goOn());
     GOBO_TRY(gltf::readMeshes(d, *scene, parts));
+    GOBO_TRY(goOn());
     GOBO_TRY(gltf::readNodes(d, *scene, parts));
     if (d.list("animations").size() > 0) d.warn("/animations", "animations are ignored");
     if (!d.ok()) return d.status;
+    GOBO_TRY(goOn());
     scene->warnings = std::move(d.warnings);
     timed([&] { finishTextures(*scene, options.textureBytes); return 0; });
     if (Status sealed = scene->seal(); !sealed.ok()) return Status(sealed.code(), sealed.message(), path + "#" + sealed.location().substr(std::min(sealed.location().size(), scene->name.size() + 1)));
