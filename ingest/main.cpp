@@ -78,7 +78,17 @@ Status readJob(Job& job) {
   return {};
 }
 
+/// Memory that is not there ends the child with the error that says so, wherever it was asked for: a library that catches
+/// bad_alloc would leave out a picture instead, and the scene would depend on the limit in silence.
+void outOfMemory() {
+  static const uint8_t frame[] = {uint8_t(Frame::Failed), 25, 0, 0, 0, 0, 0, 0, 0, uint8_t(Code::ResourceExhausted), 0, 0, 0,
+                                  13, 0, 0, 0, 'o', 'u', 't', ' ', 'o', 'f', ' ', 'm', 'e', 'm', 'o', 'r', 'y', 0, 0, 0, 0};
+  writeAll(kSocket, frame, sizeof frame);
+  ::_exit(0);
+}
+
 int serve() {
+  std::set_new_handler(outOfMemory);
   prepareLibraries();
   Job job;
   Done done;
