@@ -13,7 +13,7 @@ namespace gobo {
 
 /// Milliseconds and bytes of one load. Zero: not known, or not done.
 struct LoadReport {
-  double parseMs = 0, textureMs = 0;   ///< in the reader (LoadTimes); of the load that made the blob when `cached`
+  double parseMs = 0, textureMs = 0;   ///< in the reader (LoadTimes); 0 when `cached`
   double ingestMs = 0;                 ///< the child from start to end
   double mapMs = 0;                    ///< mapping and checking the blob
   uint64_t blobBytes = 0;
