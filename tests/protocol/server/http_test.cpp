@@ -2,6 +2,7 @@
 // /metrics, /health and /ready, and loads that can be cancelled.
 #include <thread>
 
+#include <grpcpp/generic/generic_stub.h>
 #include <nlohmann/json.hpp>
 
 #include "harness.h"
@@ -102,6 +103,36 @@ TEST_F(Http, HealthAndReadyFlipBeforeTheServerGoes) {
   EXPECT_EQ(refused.status.error_code(), grpc::UNAVAILABLE);
   EXPECT_NE(refused.status.error_message().find("retry after"), std::string::npos) << refused.status.error_message();
   EXPECT_EQ(refused.trailers.count("retry-after-ms"), 1u);
+}
+
+// grpc.health.v1 by hand: HealthCheckRequest{service = 1}, HealthCheckResponse{status = 1}; 1 SERVING, 2 NOT_SERVING.
+TEST_F(Http, TheHealthServiceFlipsWithTheDrain) {
+  const auto check = [&](const std::string& service) {
+    grpc::GenericStub stub(channel);
+    grpc::ClientContext context;
+    bound(context);
+    grpc::CompletionQueue queue;
+    grpc::Slice slice(service.empty() ? std::string() : std::string("\x0a") + char(service.size()) + service);
+    grpc::ByteBuffer request(&slice, 1), response;
+    auto call = stub.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", request, &queue);
+    call->StartCall();
+    grpc::Status status;
+    call->Finish(&response, &status, nullptr);
+    void* tag;
+    bool ok;
+    queue.Next(&tag, &ok);
+    std::vector<grpc::Slice> slices;
+    std::string text;
+    if (status.ok() && response.Dump(&slices).ok())
+      for (const auto& s : slices) text.append(reinterpret_cast<const char*>(s.begin()), s.size());
+    return text.size() == 2 && text[0] == 8 ? int(text[1]) : -1;
+  };
+  for (const char* service : {"", "gobo.v1.Render", "gobo.v1.Scenes", "gobo.v1.Admin"}) EXPECT_EQ(check(service), 1) << service;
+  grpc::ClientContext context;
+  bound(context);
+  v1::ShutdownReply reply;
+  ASSERT_TRUE(admin->Shutdown(&context, {}, &reply).ok());   // before anybody calls Server::shutdown
+  for (const char* service : {"", "gobo.v1.Render", "gobo.v1.Scenes", "gobo.v1.Admin"}) EXPECT_EQ(check(service), 2) << service;
 }
 
 TEST_F(Http, OtherPathsAndMethodsAreNotServed) {
