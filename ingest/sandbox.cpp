@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/sandbox.h"
 
+#include <fcntl.h>
+
 #include <OpenEXR/ImfThreading.h>
 #include <OpenImageIO/imageio.h>
 #include <seccomp.h>
@@ -60,6 +62,11 @@ void prepareLibraries() {
 }
 
 Status lockDown(const Job& job) {
+  // When the machine runs out of memory, this process goes before the daemon.
+  if (const int fd = ::open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC); fd >= 0) {
+    (void)!::write(fd, "1000", 4);
+    ::close(fd);
+  }
   if (::prctl(PR_SET_PDEATHSIG, SIGKILL) != 0) return failed("PR_SET_PDEATHSIG");
   if (::prctl(PR_SET_DUMPABLE, 0) != 0) return failed("PR_SET_DUMPABLE");
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return failed("PR_SET_NO_NEW_PRIVS");

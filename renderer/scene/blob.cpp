@@ -70,7 +70,7 @@ Status open(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, K
   if (h.kind != uint32_t(kind)) return bad("kind " + std::to_string(h.kind) + " is not " + std::to_string(uint32_t(kind)));
   if (h.headerBytes != kBlobHeaderBytes) return bad("header of " + std::to_string(h.headerBytes) + " bytes");
   if (h.total != bytes.size()) return bad("has " + std::to_string(bytes.size()) + " bytes of " + std::to_string(h.total));
-  if (h.recordBytes > h.total - sizeof h || h.arrayStart % 64 != 0 || h.arrayStart < sizeof h + h.recordBytes || h.arrayStart > h.total)
+  if (h.recordBytes > h.total - sizeof h || h.total % 64 != 0 || h.arrayStart % 64 != 0 || h.arrayStart < sizeof h + h.recordBytes || h.arrayStart > h.total)
     return bad("sections do not fit the file");
   if (key && h.key != *key) return bad("made from something else");
   reader.owner = std::move(owner);
