@@ -33,6 +33,17 @@ std::optional<std::string> smallFile(const std::string& path) {
   return std::string(bytes->begin(), bytes->end());
 }
 
+/// By rename, without a flush: what a power cut leaves of such a file does not have its form, and is written again.
+void writeSmall(const std::string& path, const std::string& text) {
+  static std::atomic<uint64_t> counter{0};
+  const std::string temporary = path + "-" + std::to_string(::getpid()) + "-" + std::to_string(counter++) + ".stamp";
+  const int fd = ::open(temporary.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (fd < 0) { logWarn("blob cache: cannot write: %s", std::strerror(errno)); return; }
+  const bool whole = ::write(fd, text.data(), text.size()) == ssize_t(text.size());
+  ::close(fd);
+  if (!whole || ::rename(temporary.c_str(), path.c_str()) != 0) ::unlink(temporary.c_str());
+}
+
 }  // namespace
 
 std::string blobKeyHex(const BlobKey& key) {
@@ -151,7 +162,7 @@ std::optional<std::vector<std::string>> BlobCache::sideNames(const BlobKey& main
 void BlobCache::rememberSideNames(const BlobKey& mainKey, const std::vector<std::string>& names) const {
   std::string text(1, '\0');
   for (const std::string& n : names) { text += n; text += '\0'; }
-  if (const Status s = writeFileAtomic(file(mainKey, ".files"), text.data(), text.size()); !s.ok()) logWarn("blob cache: %s", s.toString().c_str());
+  writeSmall(file(mainKey, ".files"), text);
 }
 
 std::optional<std::string> BlobCache::knownDigest(const std::string& path, const std::string& stamp) const {
@@ -162,8 +173,7 @@ std::optional<std::string> BlobCache::knownDigest(const std::string& path, const
 
 void BlobCache::rememberDigest(const std::string& path, const std::string& stamp, const std::string& digest) const {
   const std::string text = stamp + "\n" + digest + "\n";
-  if (const Status s = writeFileAtomic(folder_ + "/" + sha256Hex(path.data(), path.size()) + ".stamp", text.data(), text.size()); !s.ok())
-    logWarn("blob cache: %s", s.toString().c_str());
+  writeSmall(folder_ + "/" + sha256Hex(path.data(), path.size()) + ".stamp", text);
 }
 
 uint64_t BlobCache::bytes() const {

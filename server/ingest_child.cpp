@@ -16,6 +16,7 @@
 #include <chrono>
 #include <filesystem>
 
+#include "base/file_stamp.h"
 #include "scene/file_source.h"
 #include "server/encode.h"
 
@@ -133,9 +134,11 @@ class Channel {
 Status changed(const std::string& name) { return Status(Code::Aborted, "file \"" + name + "\" changed while it was being read; try again"); }
 
 /// Sends what `file` has and hashes it. False in `alive` when the child does not take it.
-Status sendFile(Channel& channel, int file, const std::string& name, uint64_t maxBytes, std::string& digest, uint64_t& total, bool& alive) {
+Status sendFile(Channel& channel, int file, const std::string& name, uint64_t maxBytes, std::string& digest, std::string& settledStamp, uint64_t& total, bool& alive) {
   struct stat info{};
   if (::fstat(file, &info) != 0) return internalError("cannot examine \"" + name + "\"");
+  const FileStamp stamp = FileStamp::of(info);
+  const bool settled = stamp.settled();
   uint64_t left = uint64_t(info.st_size);
   if (left > maxBytes)
     return Status(Code::ResourceExhausted, "file \"" + name + "\" of " + std::to_string(left) + " bytes is above the limit of " + std::to_string(maxBytes));
@@ -152,6 +155,7 @@ Status sendFile(Channel& channel, int file, const std::string& name, uint64_t ma
     left -= size_t(n);
   }
   digest = sha.hex();
+  if (settled && ::fstat(file, &info) == 0 && FileStamp::of(info) == stamp) settledStamp = stamp.text();
   return {};
 }
 
@@ -176,7 +180,7 @@ Status answer(Channel& channel, const ingest::Job& job, const std::string& name,
     return Status();
   };
   if (outcome.sides.size() >= kMaxSideFiles) return Status(Code::ResourceExhausted, "it names more than " + std::to_string(kMaxSideFiles) + " files");
-  SideFile side{name, "absent"};
+  SideFile side{name, "absent", ""};
   auto opened = openBeside(job.path, name);
   if (!opened.ok()) {
     if (opened.status().code() == Code::NotFound) outcome.sides.push_back(side);
@@ -185,7 +189,7 @@ Status answer(Channel& channel, const ingest::Job& job, const std::string& name,
   }
   const Descriptor file(*opened);
   if (total > job.maxBytes) return Status(Code::ResourceExhausted, "the files that it names have more than " + std::to_string(job.maxBytes) + " bytes");
-  GOBO_TRY(sendFile(channel, file.get(), name, job.maxBytes - total, side.digest, total, alive));
+  GOBO_TRY(sendFile(channel, file.get(), name, job.maxBytes - total, side.digest, side.stamp, total, alive));
   outcome.sides.push_back(side);
   return {};
 }
@@ -195,7 +199,7 @@ Status talk(Channel& channel, const ingest::Job& job, int mainFile, IngestOutcom
   const std::vector<uint8_t> body = ingest::encode(job);
   uint64_t total = 0;
   alive = channel.frame(ingest::Frame::Job, body.size()) && channel.write(body.data(), body.size());
-  if (alive && mainFile >= 0) GOBO_TRY(sendFile(channel, mainFile, job.path, job.maxBytes, outcome.mainDigest, total, alive));
+  if (alive && mainFile >= 0) GOBO_TRY(sendFile(channel, mainFile, job.path, job.maxBytes, outcome.mainDigest, outcome.mainStamp, total, alive));
   while (alive) {
     uint8_t head[9];
     uint64_t size = 0;

@@ -13,10 +13,11 @@
 
 namespace gobo {
 
-struct SideFile { std::string name, digest; };   ///< SHA-256 in hex; "absent" when there is no such file
+/// SHA-256 in hex, "absent" when there is no such file; the file's stamp if that was settled before and the same after.
+struct SideFile { std::string name, digest, stamp; };
 
 struct IngestOutcome {
-  std::string mainDigest;
+  std::string mainDigest, mainStamp;
   std::vector<SideFile> sides;    ///< in the order of the first ask
   ingest::Done done;
 };

@@ -125,7 +125,7 @@ class ChildLoader final : public SceneLoader {
     for (const std::string& name : *names) {
       const auto side = digestOf(openBeside(path, name), path + "\n" + name);
       if (!side.ok() && side.status().code() != Code::NotFound) return nullptr;
-      sides.push_back({name, side.ok() ? *side : "absent"});
+      sides.push_back({name, side.ok() ? *side : "absent", ""});
     }
     key = wholeKey(main, sides);
     return cache_->find(key);
@@ -181,8 +181,14 @@ class ChildLoader final : public SceneLoader {
     std::vector<std::string> names;
     for (const SideFile& s : outcome.sides) names.push_back(s.name);
     // A cache that cannot be written to costs time, not the load.
-    if (const Status kept = cache_->commit(*temporary, wholeKey(main, outcome.sides)); kept.ok()) cache_->rememberSideNames(main, names);
-    else logWarn("blob cache: %s", kept.toString().c_str());
+    if (const Status kept = cache_->commit(*temporary, wholeKey(main, outcome.sides)); !kept.ok()) {
+      logWarn("blob cache: %s", kept.toString().c_str());
+      return {};
+    }
+    cache_->rememberSideNames(main, names);
+    if (!outcome.mainStamp.empty()) cache_->rememberDigest(path, outcome.mainStamp, outcome.mainDigest);
+    for (const SideFile& s : outcome.sides)
+      if (!s.stamp.empty()) cache_->rememberDigest(path + "\n" + s.name, s.stamp, s.digest);
     return {};
   }
 
