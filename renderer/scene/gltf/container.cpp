@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // From a path to a Document: GLB header checks in 64 bits, JSON with bounded nesting, required extensions, URIs, bytes.
-#include <stdlib.h>
-
 #include <cstring>
 #include <map>
 
@@ -75,31 +73,8 @@ std::string percentDecode(const std::string& uri) {
 /// Reads the file that `uri` names beside the glTF. NotFound is told apart from refusals, which are InvalidArgument.
 Result<std::vector<uint8_t>> readBeside(const Document& d, const std::string& uri) {
   const std::string name = percentDecode(uri);
-  auto refuse = [&](const char* why) { return invalidArgument("URI \"" + uri.substr(0, 100) + "\" " + why); };
-  if (name.empty() || name.find('\0') != std::string::npos) return refuse("is empty or holds a zero byte");
-  if (name[0] == '/' || name[0] == '\\' || name[0] == '~') return refuse("is absolute");
-  const size_t colon = name.find(':');
-  if (colon != std::string::npos && colon < name.find('/')) return refuse("has a scheme; only files beside the glTF are read");
-  for (size_t from = 0; from <= name.size();) {
-    const size_t to = std::min(name.find_first_of("/\\", from), name.size());
-    if (name.compare(from, to - from, "..") == 0) return refuse("leaves the folder of the glTF");
-    from = to + 1;
-  }
-  const size_t slash = d.path.find_last_of('/');
-  const std::string folder = slash == std::string::npos ? "." : d.path.substr(0, slash + 1);
-  // Links may lead out of the folder: the real paths are compared.
-  auto real = [](const std::string& p) {
-    char* r = ::realpath(p.c_str(), nullptr);
-    std::string s = r ? r : "";
-    ::free(r);
-    return s;
-  };
-  const std::string base = real(folder), file = real(folder + "/" + name);
-  if (file.empty()) return notFound("file \"" + name + "\" does not exist beside the glTF");
-  if (file.compare(0, base.size() + 1, base == "/" ? base : base + "/") != 0 && base != "/") return refuse("leaves the folder of the glTF");
-  auto bytes = readFile(file, d.options.maxBytes);
-  if (!bytes.ok()) return Status(bytes.status().code(), bytes.status().message() + " (\"" + name + "\")");
-  return bytes;
+  GOBO_TRY(checkSideName(name, uri));
+  return d.files->beside(name, d.options.maxBytes);
 }
 
 Status checkExtensions(Document& d) {
@@ -260,7 +235,9 @@ bool supported(const std::string& extension) { return kSupported.count(extension
 Status openDocument(const std::string& path, const LoadOptions& options, Document& d) {
   d.path = path;
   d.options = options;
-  GOBO_ASSIGN(const std::vector<uint8_t> file, readFile(path, std::min<uint64_t>(options.maxBytes, 0xffffffffu)));
+  DiskFiles disk(path);
+  d.files = options.files ? options.files : &disk;
+  GOBO_ASSIGN(const std::vector<uint8_t> file, d.files->main(std::min<uint64_t>(options.maxBytes, 0xffffffffu)));
   bool binary = false;
   std::string_view text;
   GOBO_TRY(jsonText(path, file, binary, text));

@@ -1,10 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // loadGltf: the order of the passes. See document.h for how errors are placed.
+#include <chrono>
+
 #include "scene/gltf/document.h"
+#include "scene/mipmap.h"
 
 namespace gobo {
 
 Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
+  using Clock = std::chrono::steady_clock;
+  const auto start = Clock::now();
+  double textureMs = 0;
+  const auto timed = [&](auto&& work) {
+    const auto from = Clock::now();
+    auto result = work();
+    textureMs += std::chrono::duration<double, std::milli>(Clock::now() - from).count();
+    return result;
+  };
   const auto goOn = [&]() -> Status { return options.stop.stopRequested() ? Status(Code::Cancelled, "the load was cancelled", path) : Status(); };
   try {
     gltf::Document d;
@@ -16,7 +28,7 @@ Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
     gltf::Parts parts;
     std::vector<int> place;
     GOBO_TRY(goOn());
-    GOBO_TRY(gltf::readMaterials(d, *scene));
+    GOBO_TRY(timed([&] { return gltf::readMaterials(d, *scene); }));
     GOBO_TRY(gltf::readHierarchy(d, *rig, place));
     GOBO_TRY(goOn());
     GOBO_TRY(gltf::readSkins(d, *rig, place));
@@ -32,7 +44,9 @@ Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
     GOBO_TRY(applyRestPose(*rig, *scene));
     if (!rig->animations.empty()) scene->rig = std::move(rig);
     scene->warnings = std::move(d.warnings);
+    timed([&] { finishTextures(*scene, options.textureBytes); return 0; });
     if (Status sealed = scene->seal(); !sealed.ok()) return Status(sealed.code(), sealed.message(), path + "#" + sealed.location().substr(std::min(sealed.location().size(), scene->name.size() + 1)));
+    if (options.times) *options.times = {std::chrono::duration<double, std::milli>(Clock::now() - start).count() - textureMs, textureMs};
     return ScenePtr(std::move(scene));
   } catch (const std::bad_alloc&) {
     return Status(Code::ResourceExhausted, "out of memory", path);
