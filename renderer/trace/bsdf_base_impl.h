@@ -1,32 +1,44 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "trace/bsdf_base.h"
+// The members of BaseLobes. Included by bsdf.cpp alone: inlined into eval and sample, what a material does not have costs a branch.
+#pragma once
 
+#include "trace/bsdf_base.h"
 #include "trace/bsdf_film.h"
 
 namespace gobo {
-namespace {
 
 /// Closer to 1 than this the refracted lobe is narrower than float can hold: light passes straight on.
-constexpr float kStraightIor = 1e-3f;
+inline constexpr float kStraightIor = 1e-3f;
 /// From here on (and for 0, as glTF writes it) the index is infinite: everything is reflected.
-constexpr float kInfiniteIor = 1e3f;
+inline constexpr float kInfiniteIor = 1e3f;
 /// The tables of rough glass end here (diamond 2.42, rutile 2.9); a higher index refracts as this one.
-constexpr float kLargestGlassIor = 3.0f;
+inline constexpr float kLargestGlassIor = 3.0f;
 
-Vec3 clamped(const Vec3& c) { return Vec3(clamp01(c.x), clamp01(c.y), clamp01(c.z)); }
-float minComponent(const Vec3& c) { return minOf(c.x, minOf(c.y, c.z)); }
+inline Vec3 clamped(const Vec3& c) { return Vec3(clamp01(c.x), clamp01(c.y), clamp01(c.z)); }
+inline float minComponent(const Vec3& c) { return minOf(c.x, minOf(c.y, c.z)); }
 
 /// Colour of the light that left the microfacets after two and more bounces: mean^2 E / (1 - mean D), E + D = 1.
-Vec3 bounced(const Vec3& mean, float deficitMean) {
+inline Vec3 bounced(const Vec3& mean, float deficitMean) {
   const Vec3 m = clamped(mean);
   return m * m * (1.0f - deficitMean) / (Vec3(1.0f) - m * deficitMean);
 }
 /// Cosine-weighted mean of Schlick's Fresnel.
-Vec3 schlickMeanOf(const Vec3& f0, float f90) { return f0 + (Vec3(f90) - f0) * (1.0f / 21.0f); }
+inline Vec3 schlickMeanOf(const Vec3& f0, float f90) { return f0 + (Vec3(f90) - f0) * (1.0f / 21.0f); }
 
-}  // namespace
+/// Two alphas: no table holds the albedo. Bounds of it from the tables of both alphas keep the energy below 1 (kept half of the smaller
+/// deficit, measured ratio of the true one to it: 0.58 and more; Schlick's albedo up to 0.07 above the larger).
+inline constexpr float kAnisotropicKept = 0.5f, kAnisotropicSchlick = 0.07f;
+inline ReflectionAlbedo::Value BaseLobes::lookUp(float mu) const {
+  if (smooth) return {0.0f, schlickWeight(mu)};
+  ReflectionAlbedo::Value a = table.at(mu);
+  if (!anisotropic) return a;
+  const ReflectionAlbedo::Value b = across.at(mu);
+  a.deficit = kAnisotropicKept * minOf(a.deficit, b.deficit);
+  a.schlick = minOf(maxOf(a.schlick, b.schlick) + kAnisotropicSchlick, 1.0f - a.deficit);
+  return a;
+}
 
-BaseLobes::BaseLobes(const BsdfParams& p) {
+inline BaseLobes::BaseLobes(const BsdfParams& p) {
   const float roughness = clamp01(p.roughness), metallic = clamp01(p.metallic), transmission = clamp01(p.transmission);
   const float alpha = roughness * roughness, anisotropy = clamp01(p.anisotropy);
   thin = p.thin;
@@ -36,7 +48,8 @@ BaseLobes::BaseLobes(const BsdfParams& p) {
     smooth = ax < kDeltaAlpha;
     const float ay = maxOf(alpha, kDeltaAlpha);
     g = Ggx(maxOf(ax, ay), ay);
-    tableAlpha = anisotropicTableAlpha(g.x, g.y);
+    tableAlpha = g.x;
+    anisotropic = !smooth;
   } else {
     smooth = alpha < kDeltaAlpha;
     g = Ggx(alpha);
@@ -66,9 +79,18 @@ BaseLobes::BaseLobes(const BsdfParams& p) {
   filmed = film > 0.0f && p.iridescenceThickness > 0.0f;
   const bool rough = !smooth;
   usesTable_ = rough && (metal > 0.0f || hasDielectric() || (thin && glass > 0.0f));
-  usesGlass_ = rough && glass > 0.0f && !thin;
-  if (usesTable_) table = ReflectionAlbedo(tableAlpha);
-  Vec3 metalMean = schlickMeanOf(albedo, 1.0f), dielectricMean = schlickMeanOf(f0, f90);
+  usesGlass_ = rough && glass > 0.0f && !thin && !anisotropic;   // no table with two alphas: what is lost stays lost
+  if (usesTable_) {
+    table = ReflectionAlbedo(tableAlpha);
+    if (anisotropic) {
+      across = ReflectionAlbedo(g.y);
+      table.deficitMean = kAnisotropicKept * minOf(table.deficitMean, across.deficitMean);
+      table.schlickMean = minOf(table.schlickMean, across.schlickMean);
+    }
+  }
+  Vec3 metalMean(0.0f), dielectricMean(0.0f);
+  if (metal > 0.0f) metalMean = schlickMeanOf(albedo, 1.0f);
+  if (opaque + glass > 0.0f) dielectricMean = schlickMeanOf(f0, f90);
   if (filmed) {
     filmIor = p.iridescenceIor;
     filmThickness = p.iridescenceThickness;
@@ -117,7 +139,7 @@ BaseLobes::BaseLobes(const BsdfParams& p) {
 
 /// Hemisphere means of the film's reflectance by four Gauss points in cos^2, and a Schlick curve above it at these and at normal
 /// incidence (energy of the diffuse light below; the random sweep of the tests is its check).
-void BaseLobes::setMeansOfFilm(Vec3& metalMean, Vec3& dielectricMean) {
+inline void BaseLobes::setMeansOfFilm(Vec3& metalMean, Vec3& dielectricMean) {
   static constexpr float at[5] = {0.263495f, 0.574464f, 0.818529f, 0.964666f, 1.0f};
   static constexpr float weight[5] = {0.173927f, 0.326073f, 0.326073f, 0.173927f, 0.0f};
   metalMean = dielectricMean = Vec3(0.0f);
@@ -134,16 +156,16 @@ void BaseLobes::setMeansOfFilm(Vec3& metalMean, Vec3& dielectricMean) {
   f90Bound = 1.0f;
 }
 
-Vec3 BaseLobes::metalReflected(float w, float c) const {
+inline Vec3 BaseLobes::metalReflected(float w, float c) const {
   const Vec3 f = albedo + (1.0f - albedo) * w;
   return filmed ? glm::mix(f, filmReflectance(c, filmIor, filmThickness, albedo), film) : f;
 }
-Vec3 BaseLobes::dielectricReflected(float w, float c) const {
+inline Vec3 BaseLobes::dielectricReflected(float w, float c) const {
   const Vec3 f = f0 + (Vec3(f90) - f0) * w;
   return filmed ? glm::mix(f, filmReflectance(c, filmIor, filmThickness, f0), film) : f;
 }
 /// Exact Fresnel bent to the ends that `specular` gives Schlick's; total reflection stays total.
-Vec3 BaseLobes::glassReflected(float c) const {
+inline Vec3 BaseLobes::glassReflected(float c) const {
   const float f = fresnelDielectric(c, eta);
   if (plainGlass || f >= 1.0f) return Vec3(f);
   const float grey = sqr((ior - 1.0f) / (ior + 1.0f));
@@ -155,7 +177,7 @@ Vec3 BaseLobes::glassReflected(float c) const {
   return clamped(r);
 }
 
-void BaseLobes::split(float c, Vec3& reflected, Vec3& refracted) const {
+inline void BaseLobes::split(float c, Vec3& reflected, Vec3& refracted) const {
   const float w = schlickWeight(c);
   reflected = refracted = Vec3(0.0f);
   if (metal > 0.0f) reflected += metal * metalReflected(w, c);
@@ -169,7 +191,7 @@ void BaseLobes::split(float c, Vec3& reflected, Vec3& refracted) const {
 
 /// Lobes that exist keep a tenth of the chances, because a tilted microfacet may reflect or transmit where the macroscopic surface
 /// does not. Bounced light alone keeps only its share: it is smooth and small.
-void BaseLobes::view(float oz) {
+inline void BaseLobes::view(float oz) {
   if (usesTable_ || diffuseNorm > 0.0f) ao = lookUp(oz);
   if (usesGlass_) glassO = glassTable.deficit(oz, eta < 1.0f);
   float up = 0, down = 0, s = 0, t = 0;
@@ -213,12 +235,7 @@ void BaseLobes::view(float oz) {
   passP = t * scale;
 }
 
-float BaseLobes::diffuseFactor(float iz) const {
-  if (!hasDielectric()) return 1.0f;
-  return diffuseO * maxOf(1.0f - interfaceAlbedo(lookUp(iz)), 0.0f) * diffuseNorm;
-}
-
-void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf) const {
+inline void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf) const {
   pdf = 0.0f;
   const bool up = i.z > 0.0f;
   const float iz = std::fabs(i.z);
@@ -270,7 +287,7 @@ void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& 
   pdf += interfaceP * (lt / (lr + lt)) * eta * eta * jacobian * d * 2.0f / (o.z + so);
 }
 
-bool BaseLobes::sample(const Vec3& o, float uLobe, const Vec2& u, BsdfSample& out) const {
+inline bool BaseLobes::sample(const Vec3& o, float uLobe, const Vec2& u, BsdfSample& out) const {
   if (uLobe < upP + downP) {
     const bool up = uLobe < upP;
     out.wi = sampleCosine(u);
