@@ -19,8 +19,8 @@ void evaluateLayered(const BaseLobes& base, const Layers& layers, const Vec3& o,
 
 /// Nothing but Lambert: half of a usual scene's surfaces.
 inline bool isLambert(const BsdfParams& p) {
-  return !(p.metallic > 0.0f) && !(p.specular > 0.0f) && !(p.transmission > 0.0f) && !(p.diffuseTransmission > 0.0f) && !(p.iridescence > 0.0f) &&
-         !Layers::any(p);
+  return !(p.metallic > 0.0f) && !(p.specular > 0.0f) && !(p.transmission > 0.0f) && !(p.diffuseTransmission > 0.0f) &&
+         !(p.iridescence > 0.0f) && !Layers::any(p);
 }
 inline Vec3 lambertAlbedo(const BsdfParams& p) { return Vec3(clamp01(p.albedo.x), clamp01(p.albedo.y), clamp01(p.albedo.z)); }
 

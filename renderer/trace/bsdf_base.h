@@ -19,15 +19,15 @@ struct BaseLobes {
   Ggx g;
   ReflectionAlbedo table, across;    // across: of the smaller alpha, where there are two
   GlassAlbedo glassTable;
-  float ior, eta;                    // eta: far over near index
+  float ior = 1, eta = 1;            // eta: far over near index
   bool smooth, thin, anisotropic = false;
-  bool filmed = false, plainGlass;   // plainGlass: exact Fresnel, neither specular nor film change it
-  Vec3 albedo, throughColor;
+  bool filmed = false, plainGlass = true;   // plainGlass: exact Fresnel, neither specular nor film change it
+  Vec3 albedo, throughColor{0.0f};
   float opaque, metal, glass, pass;  // shares of the four materials
   float through;                     // share of the opaque part's diffuse light that is transmitted
-  Vec3 f0;                           // dielectric, with specularColor and specular
-  float f90;
-  float f0Bound, f90Bound, msBound;  // Schlick's curve above every channel of the dielectric; and of its multiple scattering
+  Vec3 f0{0.0f};                     // dielectric, with specularColor and specular
+  float f90 = 0;
+  float f0Bound = 0, f90Bound = 0, msBound = 0;   // Schlick's curve above every channel of the dielectric; and of its multiple scattering
   float film = 0, filmIor, filmThickness;
 
   Vec3 msUp{0.0f}, msDown{0.0f};     // colour of K by ReflectionAlbedo

@@ -13,6 +13,7 @@ inline constexpr float kStraightIor = 1e-3f;
 inline constexpr float kInfiniteIor = 1e3f;
 /// The tables of rough glass end here (diamond 2.42, rutile 2.9); a higher index refracts as this one.
 inline constexpr float kLargestGlassIor = 3.0f;
+inline constexpr float kNegligibleBounce = 0.005f;
 
 inline Vec3 clamped(const Vec3& c) { return Vec3(clamp01(c.x), clamp01(c.y), clamp01(c.z)); }
 inline float minComponent(const Vec3& c) { return minOf(c.x, minOf(c.y, c.z)); }
@@ -55,25 +56,29 @@ inline BaseLobes::BaseLobes(const BsdfParams& p) {
     g = Ggx(alpha);
   }
   albedo = clamped(p.albedo);
-  const bool infinite = !(p.ior > 0.0f) || p.ior >= kInfiniteIor;
-  const float f0Grey = infinite ? 1.0f : sqr((p.ior - 1.0f) / (p.ior + 1.0f));
-  ior = infinite ? kLargestGlassIor : minOf(maxOf(p.ior, 1.0f / kLargestGlassIor), kLargestGlassIor);
-  if (thin) ior = maxOf(ior, 1.0f / ior);
-  eta = p.entering || thin ? ior : 1.0f / ior;
-  const bool straight = std::fabs(ior - 1.0f) < kStraightIor;
-  const float clear = (1.0f - metallic) * transmission;
   metal = metallic;
-  glass = straight || infinite ? 0.0f : clear;
-  pass = straight ? clear : 0.0f;
-  opaque = (1.0f - metallic) - (infinite ? 0.0f : clear);
-  through = clamp01(p.diffuseTransmission);
-  throughColor = through > 0.0f ? clamped(p.diffuseTransmissionColor) : Vec3(0.0f);
-  f90 = clamp01(p.specular);
-  f0 = clamped(f0Grey * glm::max(p.specularColor, Vec3(0.0f))) * f90;
-  plainGlass = f90 == 1.0f && p.specularColor == Vec3(1.0f);
-  f0Bound = maxComponent(f0);
-  f90Bound = f90;
-  msBound = 0.0f;
+  const float clear = (1.0f - metallic) * transmission;
+  opaque = 1.0f - metallic;
+  glass = pass = through = 0.0f;
+  float f0Grey = 0.0f;
+  if (metallic < 1.0f) {                               // pure metals skip the dielectric's arithmetic
+    const bool infinite = !(p.ior > 0.0f) || p.ior >= kInfiniteIor;
+    f0Grey = infinite ? 1.0f : sqr((p.ior - 1.0f) / (p.ior + 1.0f));
+    if (clear > 0.0f && !infinite) {
+      ior = minOf(maxOf(p.ior, 1.0f / kLargestGlassIor), kLargestGlassIor);
+      if (thin) ior = maxOf(ior, 1.0f / ior);
+      eta = p.entering || thin ? ior : 1.0f / ior;
+      (std::fabs(ior - 1.0f) < kStraightIor ? pass : glass) = clear;
+      opaque -= clear;
+      plainGlass = p.specular >= 1.0f && p.specularColor == Vec3(1.0f);
+    }
+    through = clamp01(p.diffuseTransmission);
+    if (through > 0.0f) throughColor = clamped(p.diffuseTransmissionColor);
+    f90 = clamp01(p.specular);
+    f0 = clamped(f0Grey * glm::max(p.specularColor, Vec3(0.0f))) * f90;
+    f0Bound = maxComponent(f0);
+    f90Bound = f90;
+  }
 
   film = clamp01(p.iridescence);
   filmed = film > 0.0f && p.iridescenceThickness > 0.0f;
@@ -81,9 +86,9 @@ inline BaseLobes::BaseLobes(const BsdfParams& p) {
   usesTable_ = rough && (metal > 0.0f || hasDielectric() || (thin && glass > 0.0f));
   usesGlass_ = rough && glass > 0.0f && !thin && !anisotropic;   // no table with two alphas: what is lost stays lost
   if (usesTable_) {
-    table = ReflectionAlbedo(tableAlpha);
+    table = ReflectionAlbedo(tableAlpha, anisotropic ? std::sqrt(tableAlpha) : roughness);
     if (anisotropic) {
-      across = ReflectionAlbedo(g.y);
+      across = ReflectionAlbedo(g.y, std::sqrt(g.y));
       table.deficitMean = kAnisotropicKept * minOf(table.deficitMean, across.deficitMean);
       table.schlickMean = minOf(table.schlickMean, across.schlickMean);
     }
@@ -97,23 +102,23 @@ inline BaseLobes::BaseLobes(const BsdfParams& p) {
     plainGlass = false;
     setMeansOfFilm(metalMean, dielectricMean);
   }
-  if (usesTable_ || usesGlass_) {
-    bounceB2 = sqr(2.0f * tableAlpha);
-    bounceLog = std::log(1.0f + 1.0f / bounceB2);
-  }
   if (usesTable_ && table.deficitMean > 1e-7f) {
     kernel = kInvPi / table.deficitMean;
     if (metal > 0.0f) msUp += metal * bounced(metalMean, table.deficitMean);
     if (hasDielectric()) {
+      // Of an index near 1.5 less than 0.4 % bounces out again; the rest goes into what is below, and so may this.
       const Vec3 b = bounced(dielectricMean, table.deficitMean);
-      msBound = maxComponent(b);
-      msUp += opaque * b;
+      if (maxComponent(b) > kNegligibleBounce) {
+        msBound = maxComponent(b);
+        msUp += opaque * b;
+      }
     }
     if (thin && glass > 0.0f) {
       msUp += glass * dielectricMean;
       msDown += (glass * (1.0f - maxComponent(dielectricMean))) * albedo;
     }
   }
+  if (!(maxComponent(msUp) + maxComponent(msDown) > 0.0f)) kernel = 0.0f;
   if (hasDiffuse() && hasDielectric()) {
     const float mean = interfaceAlbedo({table.deficitMean, table.schlickMean});
     diffuseNorm = mean < 0.9999f ? 1.0f / (1.0f - mean) : 0.0f;
@@ -224,6 +229,10 @@ inline void BaseLobes::view(float oz) {
   if (glassO > 0.0f) {
     bounceUp += luminance(glassUp) * (kPi * glassTable.mean[eta < 1.0f ? 1 : 0]) * glassO;
     bounceDown += luminance(glassDown) * (kPi * glassTable.mean[eta < 1.0f ? 0 : 1] * eta * eta) * glassO;
+  }
+  if (bounceUp + bounceDown > 0.0f) {
+    bounceB2 = sqr(2.0f * maxOf(g.x, g.y));
+    bounceLog = std::log(1.0f + 1.0f / bounceB2);
   }
   energy = up + down + bounceUp + bounceDown + s + t;
   const float scale = 1.0f / energy;

@@ -37,7 +37,11 @@ TEST(BsdfOracle, SmoothLimitOfRoughLobes) {
       smooth.albedo = Vec3(0.6f);
       if (kind == 0) smooth.metallic = 1;
       if (kind == 1) smooth.transmission = 1;
-      if (kind == 2) { smooth.metallic = 1; smooth.iridescence = 1; smooth.iridescenceThickness = 300; }
+      if (kind == 2) {
+        smooth.metallic = 1;
+        smooth.iridescence = 1;
+        smooth.iridescenceThickness = 300;
+      }
       smooth.roughness = 0;
       BsdfParams rough = smooth;
       rough.roughness = 0.05f;
@@ -68,8 +72,10 @@ Vec3 filmByQuadrature(double c, double n, double d, double base) {
   double xyz[4] = {0, 0, 0, 0}, white[4] = {0, 0, 0, 0};
   for (int k = 0; k < 4; ++k)
     for (int j = -400; j <= 400; ++j) {
-      // cos(position phase) exp(-variance phase^2), phase = 2 pi path: a Gaussian over wave numbers around `position` with deviation sqrt(2 variance).
-      const double x = 6.0 * j / 400, wave = position[k] + std::sqrt(2 * variance[k]) * x, g = std::exp(-0.5 * x * x) * weight[k] * std::sqrt(2 * pi * variance[k]);
+      // cos(position phase) exp(-variance phase^2), phase = 2 pi path: a Gaussian over wave numbers around `position` with deviation sqrt(2
+      // variance).
+      const double x = 6.0 * j / 400, wave = position[k] + std::sqrt(2 * variance[k]) * x,
+                   g = std::exp(-0.5 * x * x) * weight[k] * std::sqrt(2 * pi * variance[k]);
       xyz[k] += g * transferMatrix(c, n, d * 1e-9, base, 1.0 / wave);
       white[k] += g;
     }
@@ -134,7 +140,7 @@ double albedoByDirections(double mu, double a, bool schlick) {
 TEST(BsdfOracle, AlbedoTablesAgainstQuadratureOverDirections) {
   double low = 0, high = 0;
   for (float a : {0.15f, 0.33f, 0.6f, 1.0f}) {
-    const ReflectionAlbedo table(a);
+    const ReflectionAlbedo table(a, std::sqrt(a));
     for (float mu : {0.03f, 0.11f, 0.37f, 0.62f, 0.93f}) {
       const ReflectionAlbedo::Value v = table.at(mu);
       const double e = albedoByDirections(mu, a, false) + v.deficit - 1.0, s = v.schlick - albedoByDirections(mu, a, true);
@@ -150,10 +156,13 @@ TEST(BsdfOracle, AlbedoTablesAgainstQuadratureOverDirections) {
 
 TEST(BsdfOracle, KernelOfBouncedLightReturnsTheDeficit) {
   for (float a : {0.002f, 0.05f, 0.4f, 1.0f}) {
-    const ReflectionAlbedo table(a);
+    const ReflectionAlbedo table(a, std::sqrt(a));
     double mean = 0;
     const int n = 200000;
-    for (int k = 0; k < n; ++k) { const double mu = (k + 0.5) / n; mean += 2 * mu * table.at(float(mu)).deficit / n; }
+    for (int k = 0; k < n; ++k) {
+      const double mu = (k + 0.5) / n;
+      mean += 2 * mu * table.at(float(mu)).deficit / n;
+    }
     EXPECT_NEAR(table.deficitMean / mean, 1.0, 0.05) << a;
   }
 }
@@ -207,7 +216,10 @@ TEST(BsdfOracle, SheenIsCharlie) {
       EXPECT_NEAR(bsdfEval(p, o, i).sum().x, d / ((1 + lambda(co) + lambda(ci)) * 4 * co), 1e-4);
     }
   double e = 0;
-  for (int k = 0; k < 20000; ++k) { const double z = (k + 0.5) / 20000; e += (2 + 1 / alpha) * std::pow(1 - z * z, 0.5 / alpha) * z / 20000; }
+  for (int k = 0; k < 20000; ++k) {
+    const double z = (k + 0.5) / 20000;
+    e += (2 + 1 / alpha) * std::pow(1 - z * z, 0.5 / alpha) * z / 20000;
+  }
   EXPECT_NEAR(e, 1.0, 1e-4);
   for (double c : {0.05, 0.3, 0.8}) EXPECT_NEAR(test::furnace(p, localDirection(c), 3).mean, sheenAlbedo(float(c), 0.6f), 0.012) << c;
 }

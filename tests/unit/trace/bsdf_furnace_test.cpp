@@ -11,13 +11,27 @@ namespace {
 using test::Furnace;
 using test::localDirection;
 
-struct Model { const char* name; void (*set)(BsdfParams&); bool hasIor; };
+struct Model {
+  const char* name;
+  void (*set)(BsdfParams&);
+  bool hasIor;
+};
 const Model kModels[] = {
     {"metal", [](BsdfParams& p) { p.metallic = 1; }, false},
     {"dielectric on white", [](BsdfParams&) {}, true},
     {"glass from outside", [](BsdfParams& p) { p.transmission = 1; }, true},
-    {"glass from inside", [](BsdfParams& p) { p.transmission = 1; p.entering = false; }, true},
-    {"thin glass", [](BsdfParams& p) { p.transmission = 1; p.thin = true; }, true},
+    {"glass from inside",
+     [](BsdfParams& p) {
+       p.transmission = 1;
+       p.entering = false;
+     },
+     true},
+    {"thin glass",
+     [](BsdfParams& p) {
+       p.transmission = 1;
+       p.thin = true;
+     },
+     true},
 };
 
 TEST(BsdfFurnace, WhiteMetalDielectricAndGlassLoseLessThanAPercent) {
@@ -36,21 +50,32 @@ TEST(BsdfFurnace, WhiteMetalDielectricAndGlassLoseLessThanAPercent) {
           m.set(p);
           const Vec3 wo = localDirection(c, 0.3);
           Furnace f;
-          EXPECT_FALSE(test::gains(p, wo, ++seed, f)) << m.name << " roughness " << roughness << " ior " << ior << " cos " << c << ": " << f.mean << " +- " << f.error;
+          EXPECT_FALSE(test::gains(p, wo, ++seed, f))
+              << m.name << " roughness " << roughness << " ior " << ior << " cos " << c << ": " << f.mean << " +- " << f.error;
           if (f.mean < 0.99 + 3.0 * f.error && f.mean > 0.97) f = test::furnace(p, wo, ++seed, 16, 8192);
-          EXPECT_GT(f.mean + 3.0 * f.error, 0.99) << m.name << " roughness " << roughness << " ior " << ior << " cos " << c << " +- " << f.error;
-          if (f.mean < lowest) { lowest = f.mean; lossR = roughness; lossC = c; lossIor = ior; }
+          EXPECT_GT(f.mean + 3.0 * f.error, 0.99)
+              << m.name << " roughness " << roughness << " ior " << ior << " cos " << c << " +- " << f.error;
+          if (f.mean < lowest) {
+            lowest = f.mean;
+            lossR = roughness;
+            lossC = c;
+            lossIor = ior;
+          }
           highest = std::max(highest, f.mean);
           ++cases;
         }
     }
-    std::printf("  %-20s %3d cases: lowest %.4f (ior %.1f, roughness %.2f, cos %.2f), highest %.4f\n", m.name, cases, lowest, lossIor, lossR, lossC, highest);
+    std::printf("  %-20s %3d cases: lowest %.4f (ior %.1f, roughness %.2f, cos %.2f), highest %.4f\n", m.name, cases, lowest, lossIor,
+                lossR, lossC, highest);
   }
 }
 
 BsdfParams randomMaterial(test::Rng& rng) {
   const auto pick = [&](float share, float v) { return rng.next() < share ? v : 0.0f; };
-  const auto edge = [&] { const float u = rng.next(); return u < 0.1f ? 0.0f : u > 0.9f ? 1.0f : (u - 0.1f) / 0.8f; };
+  const auto edge = [&] {
+    const float u = rng.next();
+    return u < 0.1f ? 0.0f : u > 0.9f ? 1.0f : (u - 0.1f) / 0.8f;
+  };
   BsdfParams p;
   p.albedo = rng.next() < 0.7f ? Vec3(1.0f) : Vec3(rng.next(), rng.next(), rng.next());
   p.metallic = pick(0.4f, edge());
@@ -84,11 +109,11 @@ TEST(BsdfFurnace, NoStackOfLayersGains) {
     const double u = rng.next(), c = k % 3 ? 0.01 + 0.99 * u : 0.01 + 0.3 * u * u, phi = 6.28 * rng.next();
     Furnace f;
     EXPECT_FALSE(test::gains(p, localDirection(c, phi), uint32_t(k) + 5000, f))
-        << k << ": " << f.mean << " +- " << f.error << " cos " << c << " metallic " << p.metallic << " roughness " << p.roughness << " specular " << p.specular
-        << " colour " << p.specularColor.x << " " << p.specularColor.y << " " << p.specularColor.z << " ior " << p.ior << " transmission " << p.transmission
-        << " entering " << p.entering << " thin " << p.thin << " coat " << p.clearcoat << " " << p.clearcoatRoughness << " sheen " << p.sheenColor.x << " "
-        << p.sheenRoughness << " film " << p.iridescence << " " << p.iridescenceIor << " " << p.iridescenceThickness << " through " << p.diffuseTransmission
-        << " anisotropy " << p.anisotropy;
+        << k << ": " << f.mean << " +- " << f.error << " cos " << c << " metallic " << p.metallic << " roughness " << p.roughness
+        << " specular " << p.specular << " colour " << p.specularColor.x << " " << p.specularColor.y << " " << p.specularColor.z << " ior "
+        << p.ior << " transmission " << p.transmission << " entering " << p.entering << " thin " << p.thin << " coat " << p.clearcoat << " "
+        << p.clearcoatRoughness << " sheen " << p.sheenColor.x << " " << p.sheenRoughness << " film " << p.iridescence << " "
+        << p.iridescenceIor << " " << p.iridescenceThickness << " through " << p.diffuseTransmission << " anisotropy " << p.anisotropy;
     if (f.error < 0.003) highest = std::max(highest, f.mean);
   }
   std::printf("  %d random stacks: highest reflectance (of those known to 0.003) %.4f\n", n, highest);
@@ -96,21 +121,77 @@ TEST(BsdfFurnace, NoStackOfLayersGains) {
 
 /// The table of docs/materials.md.
 TEST(BsdfFurnace, LayeredModelsMeasured) {
-  struct Row { const char* name; void (*set)(BsdfParams&); };
+  struct Row {
+    const char* name;
+    void (*set)(BsdfParams&);
+  };
   const Row rows[] = {
       {"dielectric on white, roughness 0.4", [](BsdfParams& p) { p.roughness = 0.4f; }},
-      {"coat 1 on white metal 0.4", [](BsdfParams& p) { p.metallic = 1; p.roughness = 0.4f; p.clearcoat = 1; }},
-      {"rough coat 0.5 on white metal 0.4", [](BsdfParams& p) { p.metallic = 1; p.roughness = 0.4f; p.clearcoat = 1; p.clearcoatRoughness = 0.5f; }},
-      {"coat 1 on white Lambert", [](BsdfParams& p) { p.specular = 0; p.clearcoat = 1; }},
-      {"sheen 1, roughness 0.3, on white", [](BsdfParams& p) { p.sheenColor = Vec3(1.0f); p.sheenRoughness = 0.3f; }},
-      {"sheen 1, roughness 0.8, on white", [](BsdfParams& p) { p.sheenColor = Vec3(1.0f); p.sheenRoughness = 0.8f; }},
-      {"film 400 nm on white dielectric", [](BsdfParams& p) { p.roughness = 0.3f; p.iridescence = 1; p.iridescenceThickness = 400; }},
-      {"film 400 nm on metal 0.5", [](BsdfParams& p) { p.metallic = 1; p.albedo = Vec3(0.5f); p.roughness = 0.3f; p.iridescence = 1; p.iridescenceThickness = 400; }},
-      {"anisotropy 0.7, white metal 0.3", [](BsdfParams& p) { p.metallic = 1; p.roughness = 0.3f; p.anisotropy = 0.7f; }},
-      {"anisotropy 1, white metal 0.3", [](BsdfParams& p) { p.metallic = 1; p.roughness = 0.3f; p.anisotropy = 1; }},
+      {"coat 1 on white metal 0.4",
+       [](BsdfParams& p) {
+         p.metallic = 1;
+         p.roughness = 0.4f;
+         p.clearcoat = 1;
+       }},
+      {"rough coat 0.5 on white metal 0.4",
+       [](BsdfParams& p) {
+         p.metallic = 1;
+         p.roughness = 0.4f;
+         p.clearcoat = 1;
+         p.clearcoatRoughness = 0.5f;
+       }},
+      {"coat 1 on white Lambert",
+       [](BsdfParams& p) {
+         p.specular = 0;
+         p.clearcoat = 1;
+       }},
+      {"sheen 1, roughness 0.3, on white",
+       [](BsdfParams& p) {
+         p.sheenColor = Vec3(1.0f);
+         p.sheenRoughness = 0.3f;
+       }},
+      {"sheen 1, roughness 0.8, on white",
+       [](BsdfParams& p) {
+         p.sheenColor = Vec3(1.0f);
+         p.sheenRoughness = 0.8f;
+       }},
+      {"film 400 nm on white dielectric",
+       [](BsdfParams& p) {
+         p.roughness = 0.3f;
+         p.iridescence = 1;
+         p.iridescenceThickness = 400;
+       }},
+      {"film 400 nm on metal 0.5",
+       [](BsdfParams& p) {
+         p.metallic = 1;
+         p.albedo = Vec3(0.5f);
+         p.roughness = 0.3f;
+         p.iridescence = 1;
+         p.iridescenceThickness = 400;
+       }},
+      {"anisotropy 0.7, white metal 0.3",
+       [](BsdfParams& p) {
+         p.metallic = 1;
+         p.roughness = 0.3f;
+         p.anisotropy = 0.7f;
+       }},
+      {"anisotropy 1, white metal 0.3",
+       [](BsdfParams& p) {
+         p.metallic = 1;
+         p.roughness = 0.3f;
+         p.anisotropy = 1;
+       }},
       {"diffuse transmission 0.5", [](BsdfParams& p) { p.diffuseTransmission = 0.5f; }},
-      {"all: coat, sheen, film, anisotropy", [](BsdfParams& p) {
-         p.roughness = 0.4f; p.clearcoat = 0.5f; p.sheenColor = Vec3(0.5f); p.sheenRoughness = 0.4f; p.iridescence = 0.5f; p.iridescenceThickness = 300; p.anisotropy = 0.5f; }},
+      {"all: coat, sheen, film, anisotropy",
+       [](BsdfParams& p) {
+         p.roughness = 0.4f;
+         p.clearcoat = 0.5f;
+         p.sheenColor = Vec3(0.5f);
+         p.sheenRoughness = 0.4f;
+         p.iridescence = 0.5f;
+         p.iridescenceThickness = 300;
+         p.anisotropy = 0.5f;
+       }},
   };
   for (const Row& row : rows) {
     BsdfParams p;
