@@ -154,6 +154,11 @@ TEST(BsdfOracle, AlbedoTablesAgainstQuadratureOverDirections) {
   std::printf("  GGX albedo + deficit - 1: %.5f .. %.5f\n", low, high);
 }
 
+/// Alpha 1 seen along the normal: D = 1 / pi and G2 = 2 o i / (o + i) leave 1 - ln 2.
+TEST(BsdfOracle, AlbedoOfAlphaOneAlongTheNormal) {
+  EXPECT_NEAR(ReflectionAlbedo(1.0f, 1.0f).at(1.0f).deficit, std::log(2.0) - 0.001, 1e-4);   // the table's margin
+}
+
 TEST(BsdfOracle, KernelOfBouncedLightReturnsTheDeficit) {
   for (float a : {0.002f, 0.05f, 0.4f, 1.0f}) {
     const ReflectionAlbedo table(a, std::sqrt(a));

@@ -31,7 +31,7 @@ const Model kModels[] = {
        p.transmission = 1;
        p.thin = true;
      },
-     true},
+     false},   // the split between both sides changes with the index, the sum does not
 };
 
 TEST(BsdfFurnace, WhiteMetalDielectricAndGlassLoseLessThanAPercent) {
@@ -103,7 +103,7 @@ BsdfParams randomMaterial(test::Rng& rng) {
 TEST(BsdfFurnace, NoStackOfLayersGains) {
   test::Rng rng(5);
   double highest = 0;
-  const int n = 700;
+  const int n = 500;
   for (int k = 0; k < n; ++k) {
     const BsdfParams p = randomMaterial(rng);
     const double u = rng.next(), c = k % 3 ? 0.01 + 0.99 * u : 0.01 + 0.3 * u * u, phi = 6.28 * rng.next();
