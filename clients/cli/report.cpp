@@ -87,6 +87,8 @@ void printScene(const v1::SceneInfo& info) {
     std::printf("\n");
   };
   names("cameras", info.cameras());
+  for (const v1::AnimationInfo& a : info.animations()) std::printf("  animation %s: %.4g s\n", escaped(a.name()).c_str(), a.duration_s());
+  names("variants", info.variants());
   for (const v1::LightInfo& light : info.lights())
     std::printf("  light %s: %s, power %s, at %s, towards %s\n", escaped(light.name()).c_str(), escaped(light.kind()).c_str(),
                 vectorText(light.power()).c_str(), vectorText(light.position()).c_str(), vectorText(light.direction()).c_str());

@@ -55,6 +55,7 @@ struct Engine::Impl {
   EngineOptions options;
   TaskArena arena;
   SceneLibrary scenes;
+  PosedScenes posed;
   std::unique_ptr<TermStore> store;
   ExtensionIndex extensions;
   AccelCache accels;
@@ -78,6 +79,7 @@ struct Engine::Impl {
   PlannerServices plannerServices(const StopToken& stop, std::map<Hash128, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
     s.loadEnvironment = [this, stop](const std::string& path) { return scenes.environment(path, stop); };
+    s.poseScene = [this](const ScenePtr& base, const v1::RenderRequest& request) { return posed.get(base, request); };
     s.expand = [this, stop, expanded](const Graph& graph, NodeId node) -> Result<TermPtr> {
       Executor executor(graph, executorServices(), stop);
       GOBO_ASSIGN(TermPtr term, executor.evaluate(node));

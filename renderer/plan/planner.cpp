@@ -407,7 +407,7 @@ std::vector<std::string> classesNotCovered(const Scene& scene) {
 
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services) {
   auto plan = std::make_unique<Plan>();
-  GOBO_ASSIGN(plan->effective, makeEffectiveScene(base, request, services.loadEnvironment));
+  GOBO_ASSIGN(plan->effective, makeEffectiveScene(base, request, services.loadEnvironment, services.poseScene));
   GOBO_TRY(checkOutputs(*plan->effective.scene, request));
   plan->groups = makeGroups(*plan->effective.scene, int(request.integrator().max_groups()));
   PlanMaker maker(request, blocks, blockSize, services, *plan);

@@ -35,6 +35,7 @@ struct Plan {
 
 struct PlannerServices {
   EnvironmentLoader loadEnvironment;
+  ScenePoser poseScene = requestedScene;
   std::function<Result<TermPtr>(const Graph&, NodeId)> expand;
 };
 

@@ -111,6 +111,13 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
   out.set_ingest_ms(e.report.ingestMs);
   out.set_blob_bytes(e.report.blobBytes);
   out.set_blob_cached(e.report.cached);
+  if (s.rig)
+    for (const RigAnimation& a : s.rig->animations) {
+      auto* animation = out.add_animations();
+      animation->set_name(a.name);
+      animation->set_duration_s(a.end);
+    }
+  for (const std::string& v : s.variants.names) out.add_variants(v);
   return out;
 }
 
