@@ -153,6 +153,13 @@ Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std:
   return insert(std::move(id), source, std::move(scene), msSince(start), stop);
 }
 
+Result<ScenePtr> SceneLibrary::load(const std::string& source, bool trusted) const {
+  if (isBuiltin(source)) return makeBuiltinScene(source);
+  std::string path = source;
+  if (!trusted) { GOBO_ASSIGN(path, allowedPath(source, "source")); }
+  return loadGltf(path);
+}
+
 Result<ScenePtr> SceneLibrary::find(const std::string& id) {
   if (id.empty()) return invalidArgument("must not be empty", "request.scene");
   {
