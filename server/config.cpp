@@ -205,6 +205,12 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"scheduler.queued_per_client", integer(c.queuedPerClient, 1, big)},
       {"scheduler.pinned_bytes", bytes(c.pinnedBytes)},
       {"scheduler.drain_s", number(c.drainSeconds, 0, 86400)},
+      {"jobs.folder", text(c.jobsFolder, folder)},
+      {"jobs.workers", integer(c.jobsWorkers, 1, 64)},
+      {"jobs.lease_s", number(c.jobsLeaseSeconds, 1, 86400)},
+      {"jobs.checkpoint_s", number(c.jobsCheckpointSeconds, 0.05, 86400)},
+      {"jobs.keep_bytes", bytes(c.jobsKeepBytes)},
+      {"jobs.keep_days", number(c.jobsKeepDays, 0, 36500)},
   };
 }
 

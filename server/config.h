@@ -89,6 +89,12 @@ struct ServerConfig {
   double ageingNormal = 10, ageingBatch = 30; ///< seconds until a waiting class is given a turn
   uint64_t pinnedBytes = 0;                   ///< bound on the sum over running renders; 0: half of the machine's memory
   double drainSeconds = 30;                   ///< after SIGTERM, before running renders are cancelled
+
+  std::string jobsFolder;                     ///< durable jobs; empty: none
+  uint32_t jobsWorkers = 1;                   ///< frames that are rendered, or wait for a slot, at once
+  double jobsLeaseSeconds = 30, jobsCheckpointSeconds = 30;
+  uint64_t jobsKeepBytes = 64ull << 30;       ///< results of jobs that are over
+  double jobsKeepDays = 30;
 };
 
 /// "unix:/tmp/gobo-UID.sock".

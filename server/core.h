@@ -22,6 +22,8 @@
 
 namespace gobo {
 
+class DurableJobs;   // server/jobs/durable_jobs.h
+
 class ServerCore {
  public:
   ServerCore(Engine& engine, const ServerConfig& config);
@@ -36,6 +38,7 @@ class ServerCore {
   LoadGate loads;
   DeviceProbe devices;
   JobRunner jobs;
+  DurableJobs* durable = nullptr;                    ///< null: switched off
   std::atomic<uint64_t> renders{0};                  ///< finished with a picture
   std::atomic<uint32_t> uploads{0};                  ///< in progress
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/scenes_service.h"
 
+#include <filesystem>
 #include <optional>
 
 #include "scene/load.h"
+#include "server/jobs/durable_jobs.h"
 #include "server/limits.h"
 #include "server/upload.h"
 
@@ -89,8 +91,12 @@ grpc::Status ScenesService::upload(Rpc& rpc, grpc::ServerReader<v1::UploadSceneR
   const Status status = file.finish();
   if (!status.ok()) return toGrpc(status);
   rpc.note("sha256", file.digest());
-  // The file goes away when this returns: the engine keeps the parsed scene.
+  // The file goes away when this returns: the engine keeps the parsed scene, the jobs folder a link to it.
   const std::string source = "upload:" + file.digest().substr(0, 16) + extension;
+  if (core_.durable) {   // jobs of this scene must find it after a restart
+    const Status kept = core_.durable->keepUpload(file.path(), file.digest() + std::filesystem::path(file.path()).extension().string());
+    if (!kept.ok()) return toGrpc(kept);
+  }
   return gated(rpc, call, reply, [&](const StopToken& stop) { return core_.engine.openUploaded(file.path(), source, name, stop); });
 }
 

@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include <grpc/grpc.h>
+#include <grpc/support/log.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/impl/server_builder_option.h>
@@ -17,21 +18,23 @@
 #include "server/admin_service.h"
 #include "server/config_check.h"
 #include "server/ingest_loader.h"
+#include "server/jobs/jobs_service.h"
 #include "server/render_service.h"
 #include "server/scenes_service.h"
 
 namespace gobo {
 
 struct Server::Services {
-  explicit Services(ServerCore& core) : scenes(core), render(core), admin(core) {}
+  explicit Services(ServerCore& core) : scenes(core), render(core), admin(core), jobs(core) {}
   ScenesService scenes;
   RenderService render;
   AdminService admin;
+  JobsService jobs;
 };
 
 namespace {
 
-const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Admin"};
+const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Admin", "gobo.v1.Jobs"};
 
 // Linking gRPC's reflection library installs it in every server; this takes it out again unless it is asked for.
 class NoReflection final : public grpc::ServerBuilderOption {
@@ -76,13 +79,20 @@ Result<std::shared_ptr<SceneLoader>> sceneLoader(const ServerConfig& c) {
 
 Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const EngineOptions& wanted, bool sockets) {
   // gRPC stays up until the process ends: its own tear-down waits for a client's poller, for up to 10 s (1.51).
-  static const bool kept = (grpc_init(), true);
+  // Its own messages (failed handshakes, mostly) become lines of our log.
+  static const bool kept = (gpr_set_log_function([](gpr_log_func_args* args) {
+    logEvent(args->severity == GPR_LOG_SEVERITY_ERROR ? LogLevel::Warn : LogLevel::Debug, "grpc", {{"message", args->message ? args->message : ""}});
+  }), grpc_init(), true);
   (void)kept;
   std::unique_ptr<Server> self(new Server());
   EngineOptions options = wanted;
   if (!options.loader) { GOBO_ASSIGN(options.loader, sceneLoader(config)); }
   GOBO_ASSIGN(self->engine_, Engine::create(options));
   self->core_ = std::make_unique<ServerCore>(*self->engine_, config);
+  if (!config.jobsFolder.empty()) {
+    GOBO_ASSIGN(self->jobs_, DurableJobs::start(*self->engine_, self->core_->jobs, config));
+    self->core_->durable = self->jobs_.get();
+  }
   self->services_ = std::make_unique<Services>(*self->core_);
 
   grpc::EnableDefaultHealthCheckService(true);
@@ -108,6 +118,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   builder.RegisterService(&self->services_->scenes);
   builder.RegisterService(&self->services_->render);
   builder.RegisterService(&self->services_->admin);
+  builder.RegisterService(&self->services_->jobs);
 
   if (sockets && config.tls.on()) {
     GOBO_ASSIGN(TlsFiles files, readTls(config.tls));
@@ -196,6 +207,7 @@ std::shared_ptr<grpc::Channel> Server::inProcessChannel() {
 void Server::shutdown(double drainSeconds) {
   if (!server_) return;
   core_->drain();   // health says so first
+  if (jobs_) jobs_->stop();   // their frames go on after the next start: nobody needs to wait for them
   if (!core_->waitIdle(drainSeconds)) {
     logWarn("%zu calls still run after %.1f s: cancelling them", core_->running(), drainSeconds);
     core_->cancelAll();
@@ -210,6 +222,7 @@ void Server::shutdown(double drainSeconds) {
   locks_.clear();
 }
 
+Server::Server() = default;
 Server::~Server() { shutdown(0); }
 
 }  // namespace gobo

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Server: the three services, health and the sockets of one daemon, around an engine. Without addresses it serves only
+// Server: the services, health and the sockets of one daemon, around an engine. Without addresses it serves only
 // in-process channels: `gobo --local` and the daemon run the same code. start(), shutdown() from one thread.
 #pragma once
 
@@ -43,12 +43,13 @@ class Server {
   void shutdown(double drainSeconds);
 
  private:
-  Server() = default;
+  Server();
   void setServing(bool serving);
   struct Services;
   std::vector<SocketLock> locks_;          // given back last
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<ServerCore> core_;
+  std::unique_ptr<DurableJobs> jobs_;
   std::unique_ptr<Services> services_;
   std::shared_ptr<TlsSource> tls_;
   std::unique_ptr<grpc::Server> server_;

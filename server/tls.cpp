@@ -90,7 +90,10 @@ struct TlsFetch {
     const std::lock_guard lock(source.mutex_);
     if (port.seen == source.version_) return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
     const grpc_ssl_pem_key_cert_pair pair{source.files_.key.c_str(), source.files_.cert.c_str()};
-    *out = grpc_ssl_server_certificate_config_create(source.files_.clientCa.empty() ? nullptr : source.files_.clientCa.c_str(), &pair, 1);
+    // gRPC 1.51 aborts on a fetched configuration without roots. Without a client CA clients are not asked for certificates, so
+    // nothing is ever checked against this: the server's own certificate fills the place.
+    const std::string& roots = source.files_.clientCa.empty() ? source.files_.cert : source.files_.clientCa;
+    *out = grpc_ssl_server_certificate_config_create(roots.c_str(), &pair, 1);
     if (!*out) return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_FAIL;
     port.seen = source.version_;
     return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_NEW;

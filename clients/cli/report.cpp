@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "report.h"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "server/log.h"
@@ -87,6 +89,8 @@ void printScene(const v1::SceneInfo& info) {
     std::printf("\n");
   };
   names("cameras", info.cameras());
+  for (const v1::AnimationInfo& a : info.animations()) std::printf("  animation %s: %.4g s\n", escaped(a.name()).c_str(), a.duration_s());
+  names("variants", info.variants());
   for (const v1::LightInfo& light : info.lights())
     std::printf("  light %s: %s, power %s, at %s, towards %s\n", escaped(light.name()).c_str(), escaped(light.kind()).c_str(),
                 vectorText(light.power()).c_str(), vectorText(light.position()).c_str(), vectorText(light.direction()).c_str());
@@ -107,24 +111,32 @@ void printStatus(const v1::StatusReply& s) {
   for (const std::string& device : s.devices()) std::printf("device: %s\n", escaped(device).c_str());
 }
 
-ProgressBar::ProgressBar(bool enabled) : enabled_(enabled), terminal_(::isatty(STDERR_FILENO) == 1) {}
+bool onTerminal() { return ::isatty(STDERR_FILENO) == 1; }
+
+ProgressBar::ProgressBar(bool enabled, bool plain) : enabled_(enabled && (plain || onTerminal())), plain_(plain && !onTerminal()) {}
 ProgressBar::~ProgressBar() { clear(); }
 
 void ProgressBar::show(const v1::Progress& p) {
+  show(p.fraction(), strf("%s  %u spp  %.1f s", escaped(p.stage()).substr(0, 40).c_str(), p.spp(), p.elapsed_ms() / 1000));
+}
+
+void ProgressBar::show(double fraction, const std::string& text) {
   if (!enabled_) return;
-  const double fraction = std::clamp(p.fraction(), 0.0, 1.0);
-  if (terminal_) {
-    const int full = int(fraction * 30);
-    std::fprintf(stderr, "\r\033[K[%s%s] %3.0f %%  %s  %u spp  %.1f s", std::string(size_t(full), '#').c_str(),
-                 std::string(size_t(30 - full), '.').c_str(), fraction * 100, escaped(p.stage()).substr(0, 40).c_str(), p.spp(),
-                 p.elapsed_ms() / 1000);
+  fraction = std::isfinite(fraction) ? std::clamp(fraction, 0.0, 1.0) : 0.0;
+  if (!plain_) {
+    winsize window{};
+    const size_t columns = ::ioctl(STDERR_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 0 ? window.ws_col : 80;
+    const size_t full = size_t(fraction * 30);
+    std::string line = "[" + std::string(full, '#') + std::string(30 - full, '.') + strf("] %3.0f %%  ", fraction * 100) + text;
+    if (line.size() >= columns) line.resize(columns - 1);   // a wrapped line could not be taken back
+    std::fprintf(stderr, "\r\033[K%s", line.c_str());
     drawn_ = true;
     return;
   }
   const int tenth = int(fraction * 10);
   if (tenth == lastTenth_) return;
   lastTenth_ = tenth;
-  std::fprintf(stderr, "%3.0f %%  %s  %u spp  %.1f s\n", fraction * 100, escaped(p.stage()).c_str(), p.spp(), p.elapsed_ms() / 1000);
+  std::fprintf(stderr, "%3.0f %%  %s\n", fraction * 100, text.c_str());
 }
 
 void ProgressBar::clear() {

@@ -111,6 +111,13 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
   out.set_ingest_ms(e.report.ingestMs);
   out.set_blob_bytes(e.report.blobBytes);
   out.set_blob_cached(e.report.cached);
+  if (s.rig)
+    for (const RigAnimation& a : s.rig->animations) {
+      auto* animation = out.add_animations();
+      animation->set_name(a.name);
+      animation->set_duration_s(a.end);
+    }
+  for (const std::string& v : s.variants.names) out.add_variants(v);
   return out;
 }
 
@@ -144,6 +151,14 @@ Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std:
   const auto start = std::chrono::steady_clock::now();
   Result<LoadedScene> scene = loader_->scene(path, stop);
   return insert(std::move(id), source, std::move(scene), msSince(start), stop);
+}
+
+Result<ScenePtr> SceneLibrary::load(const std::string& source, bool trusted) const {
+  if (isBuiltin(source)) return makeBuiltinScene(source);
+  std::string path = source;
+  if (!trusted) { GOBO_ASSIGN(path, allowedPath(source, "source")); }
+  GOBO_ASSIGN(LoadedScene loaded, loader_->scene(path, {}));   // trusted as a path; its bytes are not
+  return std::move(loaded.scene);
 }
 
 Result<ScenePtr> SceneLibrary::find(const std::string& id) {

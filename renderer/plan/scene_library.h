@@ -27,6 +27,9 @@ class SceneLibrary {
   /// `stop` is looked at between the phases of a load: Cancelled, and the library is as before.
   Result<v1::SceneInfo> open(const std::string& source, std::string id, const StopToken& stop = {});
   Result<v1::SceneInfo> openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop = {});
+  /// A built-in or a file, without an id; `trusted`: wherever the file is.
+  Result<ScenePtr> load(const std::string& source, bool trusted) const;
+  Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
   /// By id; a built-in name that is not loaded yet is opened. Errors: NotFound that lists what there is.
   Result<ScenePtr> find(const std::string& id);
   Result<v1::SceneInfo> inspect(const std::string& id);
@@ -41,7 +44,6 @@ class SceneLibrary {
   struct Entry { ScenePtr scene; std::string source; double loadMs = 0; LoadReport report; };
   Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop);
   v1::SceneInfo info(const std::string& id, const Entry& entry) const;
-  Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
 
   std::vector<std::string> roots_;   // under mutex_
   bool anyPath_;

@@ -62,7 +62,7 @@ struct Bsdf {
   float metallic = 0.0f, roughness = 1.0f;   ///< perceptual roughness; GGX alpha = roughness^2
   TextureRef metallicRoughness;              ///< B = metallic, G = roughness
   TextureRef normal; float normalScale = 1.0f;
-  float ior = 1.5f;
+  float ior = 1.5f;                          ///< > 0; 1e6 for the infinite index that glTF writes as 0
   bool unlit = false;                        ///< KHR_materials_unlit: shows the base colour as it is
   // KHR_materials_specular
   float specular = 1.0f;                     ///< 0 makes an exact Lambert surface

@@ -10,13 +10,6 @@
 namespace gobo {
 namespace {
 
-/// Unit axes of a transform, its scale dropped, right-handed. False when two axes coincide or one has no length.
-bool rigidFrame(const Mat4& m, Mat4& out) {
-  const Vec3 z = glm::normalize(Vec3(m[2])), x = glm::normalize(glm::cross(Vec3(m[1]), z));
-  out = Mat4(Vec4(x, 0), Vec4(glm::cross(z, x), 0), Vec4(z, 0), m[3]);
-  return isFinite(z) && isFinite(x);
-}
-
 /// A transform that tracers can invert: an axis of no length becomes thin, and where several have none the object becomes a
 /// speck, as a node scaled to nothing is hidden.
 Mat4 solid(Mat4 m) {
@@ -77,6 +70,12 @@ std::string listed(const Items& items, Name name) {
 }
 
 }  // namespace
+
+bool rigidFrame(const Mat4& m, Mat4& out) {
+  const Vec3 z = glm::normalize(Vec3(m[2])), x = glm::normalize(glm::cross(Vec3(m[1]), z));
+  out = Mat4(Vec4(x, 0), Vec4(glm::cross(z, x), 0), Vec4(z, 0), m[3]);
+  return isFinite(z) && isFinite(x);
+}
 
 Status applyRestPose(const Rig& rig, Scene& scene) {
   const RigPose pose = evaluatePose(rig, {}, 0.0);

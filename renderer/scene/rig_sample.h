@@ -24,4 +24,7 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
 /// Geometry of a deformed mesh in `pose`: morphed, then skinned; named and given the material of `like`. Sealed.
 MeshPtr deformMesh(const Rig& rig, size_t deformed, const RigPose& pose, const Mesh& like);
 
+/// Unit axes of a transform, its scale dropped, right-handed. False when two axes coincide or one has no length.
+bool rigidFrame(const Mat4& m, Mat4& out);
+
 }  // namespace gobo

@@ -29,6 +29,7 @@ class DirectUnoccludedNode final : public Node {
   void hashParameters(Hasher& h) const override {
     hashCamera(h, s_.view.camera);
     h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples).addPod(s_.nominal).add(s_.samples).add(s_.seed);
+    if (s_.lobe != LobePart::Both) h.add(s_.lobe);
   }
   size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * s_.view.viewSamples * 12; }
 
@@ -69,9 +70,12 @@ class DirectUnoccludedNode final : public Node {
   }
 
  private:
+  Vec3 part(const BsdfValue& f) const { return s_.lobe == LobePart::Both ? f.sum() : s_.lobe == LobePart::Diffuse ? f.diffuse : f.specular; }
+
   /// Exact for Lambert receivers of rectangles and spheres whose visible part is the same by both normals.
   bool closedForm(const LightShape& s, const Receiver& r, Vec3& value) const {
     if (!r.lambert()) return false;
+    if (s_.lobe == LobePart::Specular) { value = Vec3(0.0f); return true; }
     const DVec3 p(r.p), n(r.n);
     if (s.kind == LightKind::Rect) {
       const DVec3 u(s.u), v(s.v), corner = DVec3(s.position) - u - v;
@@ -96,7 +100,7 @@ class DirectUnoccludedNode final : public Node {
     const Vec3 wo = frame.toLocal(r.wo);
     const auto reflected = [&](const Vec3& wi) {
       if (r.bsdf.transmission == 0 && glm::dot(wi, r.ng) <= 0) return Vec3(0.0f);
-      return bsdfEval(r.bsdf, wo, frame.toLocal(wi)).sum();
+      return part(bsdfEval(r.bsdf, wo, frame.toLocal(wi)));
     };
     LightSample ls;
     if (isDeltaLight(shape.kind)) return sampler.sample(s_.light, r.p, Vec2(0.5f), ls) ? reflected(ls.direction) * ls.radiance : Vec3(0.0f);
@@ -125,7 +129,7 @@ class DirectUnoccludedNode final : public Node {
       Vec3 normal;
       if (sampler.intersectAreaLights(ray, t, normal) != s_.light) continue;
       const float pl = sampler.pdf(s_.light, r.p, ray.direction, t, 0);
-      const Vec3 f = bsdfEval(r.bsdf, wo, b.wi).sum() * sampler.emitted(s_.light, ray.direction, 0, 0, 0, normal);
+      const Vec3 f = part(bsdfEval(r.bsdf, wo, b.wi)) * sampler.emitted(s_.light, ray.direction, 0, 0, 0, normal);
       sum += DVec3(f) / double(nLight * pl + nBsdf * b.pdf);
     }
     return Vec3(sum);

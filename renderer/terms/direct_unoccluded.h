@@ -9,12 +9,16 @@
 
 namespace gobo {
 
+/// Which lobe of the scattering event counts. Both parts come from the same samples: they add up to the whole.
+enum class LobePart : uint8_t { Both, Diffuse, Specular };
+
 struct DirectUnoccludedSettings {
   GBufferSettings view;
   int light = 0;            ///< index into the scene's lights; the node's subset must be {light}
   Vec3 nominal{1.0f};       ///< power it is evaluated for
   int samples = 32;
   uint64_t seed = 0;
+  LobePart lobe = LobePart::Both;
 };
 NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings);
 

@@ -15,8 +15,12 @@ namespace {
 
 constexpr int kMaxNesting = 64;  // tinygltf walks extras by recursion
 
-const std::set<std::string> kSupported = {"KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular",
-                                          "KHR_materials_transmission", "KHR_mesh_quantization", "KHR_texture_transform"};
+const std::set<std::string> kSupported = {
+    "KHR_lights_punctual", "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_diffuse_transmission", "KHR_materials_dispersion",
+    "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_iridescence", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_sheen",
+    "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_variants", "KHR_materials_volume",
+    "KHR_materials_volume_scatter", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_draco_mesh_compression", "EXT_meshopt_compression",
+    "EXT_mesh_gpu_instancing", "EXT_texture_webp"};
 
 using Files = std::map<std::string, std::vector<uint8_t>>;  // decoded URI -> bytes: all that tinygltf may see of the disk
 
@@ -40,7 +44,6 @@ Status jsonText(const std::string& path, const std::vector<uint8_t>& file, bool&
   binary = file.size() >= 4 && std::memcmp(file.data(), "glTF", 4) == 0;
   if (!binary) {
     text = {reinterpret_cast<const char*>(file.data()), file.size()};
-    if (text.substr(0, 3) == "\xef\xbb\xbf") text.remove_prefix(3);
     return {};
   }
   if (file.size() < 20) return invalidArgument("GLB header is cut short", path);
@@ -82,7 +85,7 @@ Status checkExtensions(Document& d) {
   }
   for (size_t i = 0; i < used.size(); ++i) {
     const std::string name = used.at(i).text();
-    if (!kSupported.count(name)) d.warn(used.at(i).pointer, "extension " + name + " is ignored");
+    if (d.ok() && !kSupported.count(name)) d.warn(used.at(i).pointer, "extension " + name + " is ignored");
   }
   return d.status;
 }
@@ -217,6 +220,7 @@ Status decodeImages(Document& d) {
       const int buffer = v["buffer"].index("buffers");
       const int64_t offset = v["byteOffset"].integer(0, 0, int64_t(1) << 48), length = v["byteLength"].integer(0, 1, int64_t(1) << 48);
       if (!d.ok()) return d.status;
+      if (buffer >= 0 && d.buffers[buffer].empty()) { image.problem = "its buffer has no bytes"; continue; }
       if (buffer < 0 || uint64_t(offset) + uint64_t(length) > d.buffers[buffer].size()) { v.fail("buffer view is outside its buffer"); return d.status; }
       image.bytes.assign(d.buffers[buffer].begin() + offset, d.buffers[buffer].begin() + offset + length);
     } else image.problem = "image has neither uri nor bufferView";
@@ -225,6 +229,8 @@ Status decodeImages(Document& d) {
 }
 
 }  // namespace
+
+bool supported(const std::string& extension) { return kSupported.count(extension) > 0; }
 
 Status openDocument(const std::string& path, const LoadOptions& options, Document& d) {
   d.path = path;
@@ -235,6 +241,8 @@ Status openDocument(const std::string& path, const LoadOptions& options, Documen
   bool binary = false;
   std::string_view text;
   GOBO_TRY(jsonText(path, file, binary, text));
+  if (binary && word(file, 12) % 4) d.warn("(file)", "GLB chunk length " + std::to_string(word(file, 12)) + " is no multiple of 4");
+  if (text.substr(0, 3) == "\xef\xbb\xbf") { d.warn("(file)", "the JSON begins with a byte order mark"); text.remove_prefix(3); }
   if (!nestingFits(text)) return invalidArgument("JSON is nested more than " + std::to_string(kMaxNesting) + " deep", path);
   try {
     d.json = Json::parse(text.begin(), text.end());
@@ -242,6 +250,8 @@ Status openDocument(const std::string& path, const LoadOptions& options, Documen
     const std::string version = d.root()["asset"]["version"].text();
     if (!d.ok()) return d.status;
     if (version.compare(0, 2, "2.") != 0) return invalidArgument("glTF version \"" + version + "\" is not 2.x", path + "#/asset/version");
+    const std::string least = d.root()["asset"]["minVersion"].text("2.0");
+    if (least.compare(0, 2, "2.") != 0 || least.find_first_not_of('0', 2) != std::string::npos) return invalidArgument("the file needs glTF " + least + "; 2.0 is read", path + "#/asset/minVersion");
     Files files;
     GOBO_TRY(checkExtensions(d));
     GOBO_TRY(gatherFiles(d, binary, files));

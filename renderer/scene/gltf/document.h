@@ -7,6 +7,7 @@
 #pragma once
 
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
@@ -59,6 +60,9 @@ struct Document {
   std::vector<std::string> warnings;
   Status status;
   uint64_t bytesUsed = 0;
+  std::map<int, std::vector<uint8_t>> unpacked;   ///< buffer views of EXT_meshopt_compression, decoded on first use
+  bool thicknessSaid = false;
+  std::set<int> boundsSeen;                       ///< accessors whose min and max were compared with their data
 
   Cursor root() { return {this, &json, ""}; }
   Cursor list(const char* name) { return root()[name]; }
@@ -72,17 +76,57 @@ struct Document {
 /// Reads the file and everything it names. Refuses absolute URIs, "..", and files outside the glTF's folder.
 Status openDocument(const std::string& path, const LoadOptions& options, Document& document);
 
+/// Bytes of a view: of its buffer, or decoded where EXT_meshopt_compression says so. `stride` 0: not given.
+struct ViewBytes { const uint8_t* data = nullptr; uint64_t size = 0, stride = 0; };
+bool viewBytes(Document& d, int view, ViewBytes& out);
+/// Decodes the EXT_meshopt_compression data of a view (meshopt.cpp).
+bool unpackView(Document& d, const Cursor& extension, uint64_t viewLength, std::vector<uint8_t>& out);
+
 /// Accessor contents as floats (normalised integers scaled), `components` a vertex; false on error.
 bool readFloats(Document& d, int accessor, int components, std::vector<float>& out);
 bool readIndices(Document& d, int accessor, std::vector<uint32_t>& out);
+/// Unsigned integers as they are, `components` a vertex (joints).
+bool readIntegers(Document& d, int accessor, int components, std::vector<uint32_t>& out);
 size_t accessorCount(Document& d, int accessor);
 int accessorComponents(Document& d, int accessor);
 
+/// What a primitive with KHR_draco_mesh_compression holds: attribute values by name, and corners.
+struct DracoData { std::map<std::string, std::vector<float>> attributes; std::vector<uint32_t> corners; };
+/// Decodes it; sizes are those of the accessors, which the stream must agree with (draco.cpp).
+bool decodeDraco(Document& d, const Cursor& primitive, DracoData& out);
+
 /// Materials and the textures they use; scene.materials[i] is glTF material i, and one default material is last.
 Status readMaterials(Document& d, Scene& scene);
-/// Meshes: scene meshes of glTF mesh i are parts[i].
-Status readMeshes(Document& d, Scene& scene, std::vector<std::vector<int>>& parts);
-/// Nodes of the default scene: instances, cameras, lights.
-Status readNodes(Document& d, Scene& scene, const std::vector<std::vector<int>>& parts);
+
+/// A primitive that was read. Plain ones are one scene mesh; those that can deform are a source of the rig, from which each
+/// node that deforms them gets a scene mesh of its own.
+struct Part {
+  MeshPtr mesh;
+  int sceneMesh = -1;                             ///< made when a node first shows it undeformed
+  int source = -1;                                ///< in Rig::sources
+  std::vector<VariantUse> variants;               ///< without `mesh`
+  std::vector<float> weights;                     ///< of the glTF mesh
+};
+using Parts = std::vector<std::vector<Part>>;     ///< a list for each glTF mesh
+
+Status readMeshes(Document& d, Scene& scene, Rig& rig, Parts& parts);
+/// Morph targets, joints and weights of a primitive into the rig; part.source stays -1 when it has none.
+void readDeformation(Document& d, const Cursor& primitive, const DracoData* draco, Rig& rig, Part& part);
+/// Attribute `name` with as many elements as there are vertices (0: any), from Draco data where they have it.
+bool readAttribute(Document& d, const Cursor& attributes, const DracoData* draco, const std::string& name, int components, size_t vertices,
+                   std::vector<float>& out);
+
+/// The node tree as rig nodes, parents first. place[i] = rig node of glTF node i. Refuses cycles and shared children.
+Status readHierarchy(Document& d, Rig& rig, std::vector<int>& place);
+Status readSkins(Document& d, Rig& rig, const std::vector<int>& place);
+Status readAnimations(Document& d, Rig& rig, const std::vector<int>& place);
+/// Nodes of the default scene: instances, cameras, lights, and what of them follows or deforms.
+Status readNodes(Document& d, Scene& scene, Rig& rig, Parts& parts, const std::vector<int>& place);
+
+/// Warns of faults against the format that the readers need not care about (audit.cpp). O(document).
+void audit(Document& d);
+void auditBounds(Document& d);                    ///< min and max of accessors that nothing read
+/// True when the extension is one that this loader knows.
+bool supported(const std::string& extension);
 
 }  // namespace gobo::gltf

@@ -24,16 +24,24 @@ Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
     auto scene = std::make_shared<Scene>();
     const size_t from = path.find_last_of('/') + 1;  // npos + 1 = 0
     scene->name = path.substr(from);
-    std::vector<std::vector<int>> parts;
+    auto rig = std::make_shared<Rig>();
+    gltf::Parts parts;
+    std::vector<int> place;
     GOBO_TRY(goOn());
     GOBO_TRY(timed([&] { return gltf::readMaterials(d, *scene); }));
     GOBO_TRY(goOn());
-    GOBO_TRY(gltf::readMeshes(d, *scene, parts));
+    GOBO_TRY(gltf::readHierarchy(d, *rig, place));
+    GOBO_TRY(gltf::readSkins(d, *rig, place));
+    GOBO_TRY(gltf::readMeshes(d, *scene, *rig, parts));
     GOBO_TRY(goOn());
-    GOBO_TRY(gltf::readNodes(d, *scene, parts));
-    if (d.list("animations").size() > 0) d.warn("/animations", "animations are ignored");
+    GOBO_TRY(gltf::readNodes(d, *scene, *rig, parts, place));
+    GOBO_TRY(gltf::readAnimations(d, *rig, place));
+    gltf::audit(d);
     if (!d.ok()) return d.status;
     GOBO_TRY(goOn());
+    if (Status sealed = sealRig(*rig, *scene); !sealed.ok()) return Status(sealed.code(), sealed.message(), path + "#" + sealed.location().substr(scene->name.size() + 1));
+    GOBO_TRY(applyRestPose(*rig, *scene));
+    if (!rig->animations.empty()) scene->rig = std::move(rig);
     scene->warnings = std::move(d.warnings);
     timed([&] { finishTextures(*scene, options.textureBytes); return 0; });
     if (Status sealed = scene->seal(); !sealed.ok()) return Status(sealed.code(), sealed.message(), path + "#" + sealed.location().substr(std::min(sealed.location().size(), scene->name.size() + 1)));

@@ -27,26 +27,13 @@ size_t repair(Array<V>& values, const V& by) {
   return n;
 }
 
-/// Attribute `name` of the primitive if it exists, with as many elements as there are vertices.
-bool attribute(Document& d, const Cursor& attributes, const char* name, int components, size_t vertices, std::vector<float>& out) {
-  const Cursor at = attributes[name];
-  const int index = at.index("accessors");
-  if (index < 0 || !d.ok()) return false;
-  const size_t count = accessorCount(d, index);
-  if (d.ok() && vertices && count != vertices) {
-    at.fail(std::string(name) + " has " + std::to_string(count) + " elements but POSITION has " + std::to_string(vertices));
-    return false;
-  }
-  if (!readFloats(d, index, components, out)) return false;
-  return true;
-}
-
 /// Corner indices of the primitive's triangles. False: nothing to draw, or an error.
-bool triangulate(Document& d, const Cursor& primitive, int64_t mode, size_t vertices, std::vector<uint32_t>& out) {
+bool triangulate(Document& d, const Cursor& primitive, const DracoData* draco, int64_t mode, size_t vertices, std::vector<uint32_t>& out) {
   std::vector<uint32_t> order;
   const int index = primitive["indices"].index("accessors");
-  if (index >= 0) {
-    if (!readIndices(d, index, order)) return false;
+  if (index >= 0 || draco) {
+    if (draco) { order = draco->corners; mode = mode == 5 ? 4 : mode; }
+    else if (!readIndices(d, index, order)) return false;
     for (size_t k = 0; k < order.size(); ++k)
       if (order[k] >= vertices) {
         primitive["indices"].fail("index " + std::to_string(order[k]) + " at " + std::to_string(k) + " is out of range: the primitive has " +
@@ -78,14 +65,15 @@ bool triangulate(Document& d, const Cursor& primitive, int64_t mode, size_t vert
 /// Unit normals; those that are not finite or have no length become the mean of their triangles' normals.
 void repairNormals(Document& d, const Cursor& primitive, Mesh& mesh) {
   std::vector<char> bad(mesh.normals.size(), 0);
-  size_t count = 0;
+  size_t count = 0, odd = 0;
   for (size_t i = 0; i < mesh.normals.size(); ++i) {
     const float length = finite(mesh.normals[i]) ? glm::length(mesh.normals[i]) : 0.0f;
-    if (length > 1e-12f && std::isfinite(length)) { mesh.normals[i] /= length; continue; }
+    if (length > 1e-12f && std::isfinite(length)) { odd += std::fabs(length - 1.0f) > 0.01f; mesh.normals[i] /= length; continue; }
     mesh.normals[i] = Vec3(0.0f);
     bad[i] = 1;
     ++count;
   }
+  if (odd) d.warn(primitive.pointer + "/attributes/NORMAL", std::to_string(odd) + " normals were not of unit length and were scaled");
   if (!count) return;
   for (size_t t = 0; t + 2 < mesh.indices.size(); t += 3) {
     const uint32_t* v = &mesh.indices[t];
@@ -104,56 +92,82 @@ void repairNormals(Document& d, const Cursor& primitive, Mesh& mesh) {
 }
 
 void repairTangents(Document& d, const Cursor& primitive, Mesh& mesh) {
-  size_t count = 0;
+  size_t count = 0, odd = 0, signs = 0;
   for (size_t i = 0; i < mesh.tangents.size(); ++i) {
     Vec4& t = mesh.tangents[i];
     const float length = finite(t) ? glm::length(Vec3(t)) : 0.0f;
+    odd += length > 1e-12f && std::fabs(length - 1.0f) > 0.01f;
+    signs += std::fabs(std::fabs(t.w) - 1.0f) > 0.01f;
     if (length > 1e-12f && std::isfinite(length)) { t = Vec4(Vec3(t) / length, t.w < 0.0f ? -1.0f : 1.0f); continue; }
     t = Vec4(Frame(mesh.normals.empty() ? Vec3(0, 1, 0) : mesh.normals[i]).x, 1.0f);
     ++count;
   }
+  if (odd) d.warn(primitive.pointer + "/attributes/TANGENT", std::to_string(odd) + " tangents were not of unit length and were scaled");
+  if (signs) d.warn(primitive.pointer + "/attributes/TANGENT", std::to_string(signs) + " tangents have a handedness that is neither 1 nor -1; its sign counts");
   if (count) d.warn(primitive.pointer + "/attributes/TANGENT", std::to_string(count) + " tangents were not finite or had no length and were replaced");
 }
 
-std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const std::string& name) {
+/// Formats that the format allows for the attributes that are read; others are read too where they make sense.
+void warnFormat(Document& d, const Cursor& attributes, const char* name, bool quantized) {
+  const int index = attributes[name].index("accessors");
+  if (index < 0 || !d.ok()) return;
+  const Cursor a = d.item("accessors", index);
+  const int64_t type = a["componentType"].integer(5126, 0, 1 << 20);
+  const bool normalised = a["normalized"].boolean(false), vertex = std::string_view(name) == "POSITION", uv = std::string_view(name).substr(0, 8) == "TEXCOORD";
+  const bool colour = std::string_view(name) == "COLOR_0", small = type >= 5120 && type <= 5123, isUnsigned = type == 5121 || type == 5123;
+  const bool core = type == 5126 || ((uv || colour) && isUnsigned && normalised);
+  const bool extended = quantized && (vertex || uv ? small : !colour && (type == 5120 || type == 5122) && normalised);
+  if (!core && !extended) d.warn(attributes[name].pointer, "component type " + std::to_string(type) + (normalised ? ", normalised," : "") + " is not allowed for " + name + (quantized ? "" : " without KHR_mesh_quantization"));
+}
+
+std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const std::string& name, bool quantized, DracoData& draco, bool& packed) {
   auto mesh = std::make_shared<Mesh>();
   mesh->name = name;
   const int64_t mode = primitive["mode"].integer(4, 0, 6);
   if (!d.ok()) return nullptr;
   if (mode < 4) { d.warn(primitive.pointer + "/mode", "points and lines are not drawn"); return nullptr; }
-  if (primitive.extension("KHR_draco_mesh_compression").exists()) d.warn(primitive.pointer, "Draco data are ignored; the plain accessors are read");
   const Cursor attributes = primitive["attributes"];
   if (!attributes["POSITION"].exists()) { d.warn(primitive.pointer, "primitive without POSITION is not drawn"); return nullptr; }
+  packed = primitive.extension("KHR_draco_mesh_compression").exists();
+  if (packed && !decodeDraco(d, primitive, draco)) return nullptr;
+  const DracoData* data = packed ? &draco : nullptr;
+  for (const char* n : {"POSITION", "NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_2", "TEXCOORD_3", "COLOR_0"}) warnFormat(d, attributes, n, quantized);
   std::vector<float> values;
-  if (!attribute(d, attributes, "POSITION", 3, 0, values)) return nullptr;
+  if (!readAttribute(d, attributes, data, "POSITION", 3, 0, values)) return nullptr;
   copyInto(mesh->positions, values);
   for (size_t i = 0; i < mesh->positions.size(); ++i)
-    if (!finite(mesh->positions[i])) {
+    if (!finite(std::as_const(mesh->positions)[i])) {
       attributes["POSITION"].fail("mesh \"" + name + "\": position of vertex " + std::to_string(i) + " is not finite");
       return nullptr;
     }
   const size_t vertices = mesh->positions.size();
   std::vector<uint32_t> corners;
-  if (!triangulate(d, primitive, mode, vertices, corners)) return nullptr;
+  if (!triangulate(d, primitive, data, mode, vertices, corners)) return nullptr;
   mesh->indices = std::move(corners);
-  if (attribute(d, attributes, "NORMAL", 3, vertices, values)) { copyInto(mesh->normals, values); repairNormals(d, primitive, *mesh); }
-  if (attribute(d, attributes, "TANGENT", 4, vertices, values)) { copyInto(mesh->tangents, values); repairTangents(d, primitive, *mesh); }
-  size_t repaired = 0;
+  if (readAttribute(d, attributes, data, "NORMAL", 3, vertices, values)) { copyInto(mesh->normals, values); repairNormals(d, primitive, *mesh); }
+  if (readAttribute(d, attributes, data, "TANGENT", 4, vertices, values)) { copyInto(mesh->tangents, values); repairTangents(d, primitive, *mesh); }
+  size_t repaired = 0, outside = 0;
   for (int k = 0; k < kUvSets; ++k)
-    if (attribute(d, attributes, ("TEXCOORD_" + std::to_string(k)).c_str(), 2, vertices, values)) { copyInto(mesh->uv[k], values); repaired += repair(mesh->uv[k], Vec2(0.0f)); }
+    if (readAttribute(d, attributes, data, "TEXCOORD_" + std::to_string(k), 2, vertices, values)) { copyInto(mesh->uv[k], values); repaired += repair(mesh->uv[k], Vec2(0.0f)); }
   const int colour = attributes["COLOR_0"].index("accessors");
   if (colour >= 0 && d.ok()) {
     const int components = accessorComponents(d, colour);
     if (components != 3 && components != 4) attributes["COLOR_0"].fail("colour is neither VEC3 nor VEC4");
-    else if (attribute(d, attributes, "COLOR_0", components, vertices, values)) {
-      mesh->colours.resize(vertices, Vec4(1.0f));
+    else if (readAttribute(d, attributes, data, "COLOR_0", components, vertices, values)) {
+      std::vector<Vec4> colours(vertices, Vec4(1.0f));
       for (size_t i = 0; i < vertices; ++i)
-        for (int c = 0; c < components; ++c) mesh->colours[i][c] = values[i * size_t(components) + c];
-      repaired += repair(mesh->colours, Vec4(1.0f));
+        for (int c = 0; c < components; ++c) colours[i][c] = values[i * size_t(components) + c];
+      for (Vec4& c : colours) {
+        if (!finite(c)) { c = Vec4(1.0f); ++repaired; }
+        const Vec4 clamped = glm::clamp(c, Vec4(0.0f), Vec4(1.0f));
+        outside += clamped != c;
+        c = clamped;
+      }
+      mesh->colours = std::move(colours);
     }
   }
   if (repaired) d.warn(attributes.pointer, std::to_string(repaired) + " texture coordinates or colours were not finite and were replaced");
-  if (primitive["targets"].exists()) d.warn(primitive.pointer + "/targets", "morph targets are ignored");
+  if (outside) d.warn(attributes["COLOR_0"].pointer, std::to_string(outside) + " colours were clamped to 0..1");
   const int material = primitive["material"].index("materials");
   if (!d.ok()) return nullptr;
   mesh->material = material < 0 ? int(d.list("materials").size()) : material;  // the default material is last
@@ -161,24 +175,79 @@ std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const 
   return mesh;
 }
 
+/// KHR_materials_variants of a primitive: which material each variant gives it.
+std::vector<VariantUse> readVariants(Document& d, const Cursor& primitive, const Cursor& names) {
+  std::vector<VariantUse> uses;
+  const Cursor mappings = primitive.extension("KHR_materials_variants")["mappings"];
+  for (size_t i = 0; i < mappings.size() && d.ok(); ++i) {
+    const Cursor list = mappings.at(i)["variants"];
+    const int material = mappings.at(i)["material"].index("materials");
+    for (size_t k = 0; k < list.size() && d.ok() && material >= 0; ++k) uses.push_back({list.at(k).indexInto(names), 0, material});
+  }
+  return uses;
+}
+
 }  // namespace
 
-Status readMeshes(Document& d, Scene& scene, std::vector<std::vector<int>>& parts) {
-  const Cursor list = d.list("meshes");
+bool readAttribute(Document& d, const Cursor& attributes, const DracoData* draco, const std::string& name, int components, size_t vertices, std::vector<float>& out) {
+  const Cursor at = attributes[name.c_str()];
+  const int index = at.index("accessors");
+  if (index < 0 || !d.ok()) return false;
+  if (draco) {
+    const auto packed = draco->attributes.find(name);
+    if (packed != draco->attributes.end()) {
+      if (accessorComponents(d, index) != components) { at.fail("accessor has not " + std::to_string(components) + " components"); return false; }
+      out = packed->second;
+      return true;
+    }
+  }
+  const size_t count = accessorCount(d, index);
+  if (d.ok() && vertices && count != vertices) {
+    at.fail(name + " has " + std::to_string(count) + " elements but POSITION has " + std::to_string(vertices));
+    return false;
+  }
+  return readFloats(d, index, components, out);
+}
+
+Status readMeshes(Document& d, Scene& scene, Rig& rig, Parts& parts) {
+  const Cursor list = d.list("meshes"), used = d.list("extensionsUsed"), variants = d.root().extension("KHR_materials_variants")["variants"];
+  bool quantized = false;
+  for (size_t i = 0; i < used.size(); ++i) quantized = quantized || used.at(i).text() == "KHR_mesh_quantization";
+  std::set<std::string> taken;
+  for (size_t i = 0; i < variants.size() && d.ok(); ++i) {
+    std::string name = variants.at(i)["name"].text("variant" + std::to_string(i));
+    const std::string wanted = name;
+    for (int k = 2; !taken.insert(name).second; ++k) name = wanted + "#" + std::to_string(k);
+    scene.variants.names.push_back(name);
+  }
   uint64_t triangles = 0;
   parts.resize(list.size());
   for (size_t i = 0; i < list.size() && d.ok(); ++i) {
-    const Cursor primitives = list.at(i)["primitives"];
+    const Cursor primitives = list.at(i)["primitives"], weights = list.at(i)["weights"];
     if (!primitives.exists()) primitives.fail("primitives are missing");
     const std::string base = list.at(i)["name"].text("mesh" + std::to_string(i));
+    std::vector<float> rest;
+    for (size_t k = 0; k < weights.size() && d.ok(); ++k) rest.push_back(float(weights.at(k).number(0.0)));
     for (size_t k = 0; k < primitives.size() && d.ok(); ++k) {
-      auto mesh = readPrimitive(d, primitives.at(k), k ? base + "#" + std::to_string(k + 1) : base);
+      const Cursor primitive = primitives.at(k);
+      DracoData draco;
+      bool packed = false;
+      auto mesh = readPrimitive(d, primitive, k ? base + "#" + std::to_string(k + 1) : base, quantized, draco, packed);
       if (!mesh) continue;
       triangles += mesh->triangles();
       if (triangles > d.options.maxTriangles)
-        return Status(Code::ResourceExhausted, "more than " + std::to_string(d.options.maxTriangles) + " triangles", d.path + "#" + primitives.at(k).pointer);
-      parts[i].push_back(int(scene.meshes.size()));
-      scene.meshes.push_back(std::move(mesh));
+        return Status(Code::ResourceExhausted, "more than " + std::to_string(d.options.maxTriangles) + " triangles", d.path + "#" + primitive.pointer);
+      Part part;
+      part.mesh = std::move(mesh);
+      part.variants = readVariants(d, primitive, variants);
+      part.weights = rest;
+      readDeformation(d, primitive, packed ? &draco : nullptr, rig, part);
+      if (part.source < 0) {
+        part.sceneMesh = int(scene.meshes.size());
+        scene.meshes.push_back(part.mesh);
+        for (VariantUse use : part.variants) { use.mesh = part.sceneMesh; scene.variants.uses.push_back(use); }
+      }
+      parts[i].push_back(std::move(part));
     }
   }
   return d.status;

@@ -3,9 +3,11 @@
 //   "gobo_light": {"type": "rect"|"disk"|"sphere", "width", "height" (rect, full sizes), "radius", "power": [r,g,b] radiance,
 //                  "twoSided", "cameraVisible"}, emitting along the node's -Z.
 // Units: candela and lux are read as W/sr and W/m^2.
+#include <algorithm>
 #include <glm/gtc/quaternion.hpp>
 
 #include "scene/gltf/document.h"
+#include "scene/rig_sample.h"
 
 namespace gobo::gltf {
 namespace {
@@ -14,28 +16,24 @@ constexpr size_t kMaxInstances = 16u << 20;
 
 class Tree {
  public:
-  Tree(Document& d, Scene& scene, const std::vector<std::vector<int>>& parts)
-      : d_(d), scene_(scene), parts_(parts), nodes_(d.list("nodes")), visited_(nodes_.size(), 0) { names_.insert("environment"); }
+  Tree(Document& d, Scene& scene, Rig& rig, Parts& parts, const std::vector<int>& place)
+      : d_(d), scene_(scene), rig_(rig), parts_(parts), nodes_(d.list("nodes")), place_(place) { names_.insert("environment"); }
 
   Status read() {
-    struct Item { int node; Mat4 parent; };
-    std::vector<Item> stack;  // not recursion: a chain of nodes may be as long as the file
-    const std::vector<int> roots = findRoots();
-    for (auto r = roots.rbegin(); r != roots.rend(); ++r) stack.push_back({*r, Mat4(1.0f)});
+    pose_ = evaluatePose(rig_, {}, 0.0);
+    moves_ = d_.list("animations").size() > 0;
+    std::vector<int> stack = findRoots();   // not recursion: a chain of nodes may be as long as the file
+    std::reverse(stack.begin(), stack.end());
     while (!stack.empty() && d_.ok()) {
-      const Item item = stack.back();
+      const int index = stack.back();
       stack.pop_back();
-      const Cursor node = nodes_.at(size_t(item.node));
-      if (visited_[item.node]++) {
-        node.fail("node " + std::to_string(item.node) + " is reached twice: the nodes form a cycle or share a child");
-        break;
-      }
-      const Mat4 world = item.parent * localTransform(node);
+      const Cursor node = nodes_.at(size_t(index));
+      const Mat4 world(pose_.world[place_[index]]);
       for (int c = 0; c < 4; ++c)
         for (int r = 0; r < 4; ++r) if (!std::isfinite(world[c][r])) { node.fail("transform overflows"); return d_.status; }
-      place(node, item.node, world);
+      place(node, index, world);
       const Cursor children = node["children"];
-      for (size_t k = children.size(); k-- > 0 && d_.ok();) stack.push_back({children.at(k).index("nodes"), world});
+      for (size_t k = children.size(); k-- > 0 && d_.ok();) stack.push_back(children.at(k).index("nodes"));
     }
     return d_.status;
   }
@@ -47,36 +45,24 @@ class Tree {
     if (scenes.size() > 0) {
       const int chosen = d_.root()["scene"].index("scenes");
       const Cursor list = scenes.at(size_t(chosen < 0 ? 0 : chosen))["nodes"];
-      for (size_t i = 0; i < list.size() && d_.ok(); ++i) roots.push_back(list.at(i).index("nodes"));
-      return roots;
+      std::set<int> seen;
+      for (size_t i = 0; i < list.size() && d_.ok(); ++i) {
+        const int node = list.at(i).index("nodes");
+        if (node < 0) continue;
+        if (rig_.nodes[place_[node]].parent >= 0) d_.warn(list.at(i).pointer, "node is not a root; it is shown with its ancestors' transforms");
+        if (!seen.insert(node).second) { list.at(i).fail("node " + std::to_string(node) + " is reached twice"); return {}; }
+        roots.push_back(node);
+      }
+      // A listed node below another listed one would be drawn twice.
+      std::vector<char> listed(rig_.nodes.size(), 0), below(rig_.nodes.size(), 0);
+      for (const int r : roots) listed[place_[r]] = 1;
+      for (size_t i = 0; i < rig_.nodes.size(); ++i) if (const int p = rig_.nodes[i].parent; p >= 0) below[i] = listed[p] || below[p];
+      std::vector<int> kept;
+      for (const int r : roots) if (!below[place_[r]]) kept.push_back(r);
+      return kept;
     }
-    std::vector<char> child(nodes_.size(), 0);
-    for (size_t i = 0; i < nodes_.size() && d_.ok(); ++i) {
-      const Cursor children = nodes_.at(i)["children"];
-      for (size_t k = 0; k < children.size() && d_.ok(); ++k) child[size_t(std::max(0, children.at(k).index("nodes")))] = 1;
-    }
-    for (size_t i = 0; i < child.size(); ++i) if (!child[i]) roots.push_back(int(i));
-    if (roots.empty() && !child.empty()) nodes_.fail("every node is a child: the nodes form a cycle");
+    for (size_t i = 0; i < nodes_.size(); ++i) if (rig_.nodes[place_[i]].parent < 0) roots.push_back(int(i));
     return roots;
-  }
-
-  Mat4 localTransform(const Cursor& node) {
-    const Cursor matrix = node["matrix"];
-    if (matrix.exists()) {
-      Mat4 m(1.0f);
-      if (matrix.size() != 16) { matrix.fail("is not an array of 16 numbers"); return m; }
-      for (size_t i = 0; i < 16; ++i) m[int(i / 4)][int(i % 4)] = float(matrix.at(i).number(0.0));
-      if (m[0][3] != 0.0f || m[1][3] != 0.0f || m[2][3] != 0.0f || m[3][3] != 1.0f) matrix.fail("last row is not 0 0 0 1");
-      return m;
-    }
-    const Vec3 t = node["translation"].vector(Vec3(0.0f)), s = node["scale"].vector(Vec3(1.0f));
-    const Vec4 q = node["rotation"].vector(Vec4(0, 0, 0, 1));
-    const float length = glm::length(q);
-    if (!(length > 1e-6f) || !std::isfinite(length)) { node["rotation"].fail("quaternion has no length"); return Mat4(1.0f); }
-    Mat4 m = glm::mat4_cast(glm::quat(q.w / length, q.x / length, q.y / length, q.z / length));
-    for (int c = 0; c < 3; ++c) m[c] *= s[c];
-    m[3] = Vec4(t, 1.0f);
-    return m;
   }
 
   std::string unique(const std::string& wanted) {
@@ -85,33 +71,111 @@ class Tree {
     return name;
   }
 
-  /// Unit axes of a transform, its scale dropped, right-handed. False when two axes coincide or one has no length.
-  static bool rigid(const Mat4& m, Mat4& out) {
-    const Vec3 z = glm::normalize(Vec3(m[2])), x = glm::normalize(glm::cross(Vec3(m[1]), z));
-    out = Mat4(Vec4(x, 0), Vec4(glm::cross(z, x), 0), Vec4(z, 0), m[3]);
-    return isFinite(z) && isFinite(x);
+  void follow(RigKind kind, size_t object, int node, const Mat4& local = Mat4(1.0f)) {
+    RigFollower f;
+    f.kind = kind;
+    f.object = int(object);
+    f.node = place_[node];
+    f.local = local;
+    rig_.followers.push_back(f);
   }
 
   void place(const Cursor& node, int index, const Mat4& world) {
     const std::string name = node["name"].text();
     const std::string base = name.empty() ? "node" + std::to_string(index) : name;
     const int mesh = node["mesh"].index("meshes"), camera = node["camera"].index("cameras");
-    if (node["skin"].exists()) d_.warn(node.pointer + "/skin", "skins are ignored; the rest pose is shown");
-    if (node.extension("EXT_mesh_gpu_instancing").exists()) d_.warn(node.pointer, "EXT_mesh_gpu_instancing is ignored: one instance is shown");
-    if (mesh >= 0 && d_.ok()) {
-      if (std::fabs(glm::determinant(Mat3(world))) > 0.0f) {
-        for (const int part : parts_[mesh]) scene_.instances.push_back({unique(base), part, world});
-        if (scene_.instances.size() > kMaxInstances) node.fail("more than " + std::to_string(kMaxInstances) + " instances");
-      } else d_.warn(node.pointer, "node with a flat or zero scale is not drawn");
-    }
+    if (mesh >= 0 && d_.ok()) placeMesh(node, index, base, mesh, world);
     Mat4 frame(1.0f);
     const Cursor punctual = node.extension("KHR_lights_punctual")["light"], area = node["extras"].json && node["extras"].json->is_object() ? node["extras"]["gobo_light"] : Cursor{&d_, nullptr, ""};
-    if (camera < 0 && !punctual.exists() && !area.exists()) return;
-    if (!rigid(world, frame)) { d_.warn(node.pointer, "camera or light without an orientation is left out"); return; }
-    if (camera >= 0 && d_.ok()) addCamera(d_.item("cameras", camera), name, frame);
+    if (!d_.ok() || (camera < 0 && !punctual.exists() && !area.exists())) return;
+    if (!rigidFrame(world, frame)) { d_.warn(node.pointer, "camera or light without an orientation is left out"); return; }
+    if (camera >= 0 && d_.ok()) { addCamera(d_.item("cameras", camera), name, frame); follow(RigKind::Camera, scene_.cameras.size() - 1, index); }
     const int light = punctual.indexInto(d_.root().extension("KHR_lights_punctual")["lights"]);
-    if (light >= 0 && d_.ok()) addPunctual(d_.root().extension("KHR_lights_punctual")["lights"].at(size_t(light)), name, light, frame);
-    if (area.exists() && d_.ok()) addArea(area, base, world, frame);
+    if (light >= 0 && d_.ok()) { addPunctual(d_.root().extension("KHR_lights_punctual")["lights"].at(size_t(light)), name, light, frame); follow(RigKind::Light, scene_.lights.size() - 1, index); }
+    if (area.exists() && d_.ok()) { follow(RigKind::Light, scene_.lights.size(), index); addArea(area, base, world, frame, rig_.followers.back()); }
+  }
+
+  /// The scene mesh that shows a part at a node: its own when the node deforms it, else shared.
+  int sceneMesh(const Cursor& node, int index, Part& part, int skin) {
+    const bool morphs = part.source >= 0 && !rig_.sources[part.source].targets.empty(), skinned = skin >= 0 && part.source >= 0 && rig_.sources[part.source].influences > 0;
+    if (!morphs && !skinned && part.sceneMesh >= 0) return part.sceneMesh;
+    const int made = int(scene_.meshes.size());
+    scene_.meshes.push_back(part.mesh);
+    for (VariantUse use : part.variants) { use.mesh = made; scene_.variants.uses.push_back(use); }
+    if (!morphs && !skinned) return part.sceneMesh = made;
+    if (!d_.account(part.mesh->positions.size() * 48, node)) return made;
+    if (skinned)
+      for (const uint16_t j : std::as_const(rig_.sources[part.source].joints))
+        if (j >= rig_.skins[skin].joints.size()) {
+          node["mesh"].fail("joint " + std::to_string(j) + " of its JOINTS is out of range: skin " + std::to_string(skin) + " has " + std::to_string(rig_.skins[skin].joints.size()));
+          return made;
+        }
+    RigDeformed r;
+    r.mesh = made;
+    r.source = part.source;
+    r.node = place_[index];
+    r.skin = skinned ? skin : -1;
+    const size_t targets = rig_.sources[part.source].targets.size();
+    const Cursor own = node["weights"];
+    if (own.exists() && own.size() != targets) d_.warn(own.pointer, std::to_string(own.size()) + " weights for " + std::to_string(targets) + " morph targets");
+    std::vector<float> weights(targets, 0.0f);
+    for (size_t t = 0; t < targets; ++t) {
+      if (own.exists()) weights[t] = float(own.at(t).number(0.0));
+      else if (t < part.weights.size()) weights[t] = part.weights[t];
+    }
+    r.weights = std::move(weights);
+    rig_.deformed.push_back(std::move(r));
+    return made;
+  }
+
+  void placeMesh(const Cursor& node, int index, const std::string& base, int mesh, const Mat4& world) {
+    const int skin = node["skin"].index("skins");
+    const Cursor instancing = node.extension("EXT_mesh_gpu_instancing");
+    std::vector<Mat4> copies{Mat4(1.0f)};
+    if (instancing.exists() && d_.ok()) readInstancing(instancing, copies);
+    if (!d_.ok()) return;
+    bool unskinned = false;
+    for (Part& part : parts_[mesh]) {
+      const bool skinned = skin >= 0 && part.source >= 0 && rig_.sources[part.source].influences > 0;
+      unskinned = unskinned || (skin >= 0 && !skinned);
+      if (!skinned && !moves_ && !(std::fabs(glm::determinant(Mat3(world))) > 0.0f)) { d_.warn(node.pointer, "node with a flat or zero scale is not drawn"); return; }
+      const int shown = sceneMesh(node, index, part, skin);
+      if (skinned) { scene_.instances.push_back({unique(base), shown, Mat4(1.0f)}); continue; }   // joints alone place a skinned mesh
+      if (!d_.account(copies.size() * (sizeof(Instance) + sizeof(RigFollower) + 64), node)) return;
+      for (const Mat4& local : copies) {
+        scene_.instances.push_back({unique(base), shown, world});
+        follow(RigKind::Instance, scene_.instances.size() - 1, index, local);
+      }
+      if (scene_.instances.size() > kMaxInstances) { node.fail("more than " + std::to_string(kMaxInstances) + " instances"); return; }
+    }
+    if (unskinned) d_.warn(node.pointer + "/skin", "a primitive of the mesh has no joints and weights; it is not skinned");
+  }
+
+  /// EXT_mesh_gpu_instancing: translation * rotation * scale of each instance, applied before the node's transform.
+  void readInstancing(const Cursor& at, std::vector<Mat4>& copies) {
+    const Cursor attributes = at["attributes"];
+    const int t = attributes["TRANSLATION"].index("accessors"), r = attributes["ROTATION"].index("accessors"), s = attributes["SCALE"].index("accessors");
+    if (!d_.ok()) return;
+    if (t < 0 && r < 0 && s < 0) { d_.warn(at.pointer, "instancing without TRANSLATION, ROTATION or SCALE: one instance is shown"); return; }
+    std::vector<float> ts, rs, ss;
+    if ((t >= 0 && !readFloats(d_, t, 3, ts)) || (r >= 0 && !readFloats(d_, r, 4, rs)) || (s >= 0 && !readFloats(d_, s, 3, ss))) return;
+    const size_t n = t >= 0 ? ts.size() / 3 : r >= 0 ? rs.size() / 4 : ss.size() / 3;
+    if ((r >= 0 && rs.size() != n * 4) || (s >= 0 && ss.size() != n * 3)) { attributes.fail("instance attributes differ in number"); return; }
+    if (n > kMaxInstances || !d_.account(n * sizeof(Mat4), at)) { at.fail("more than " + std::to_string(kMaxInstances) + " instances"); return; }
+    copies.assign(n, Mat4(1.0f));
+    size_t bad = 0;
+    for (size_t i = 0; i < n; ++i) {
+      glm::dquat q(1, 0, 0, 0);
+      if (r >= 0) q = glm::dquat(rs[i * 4 + 3], rs[i * 4], rs[i * 4 + 1], rs[i * 4 + 2]);
+      const double length = glm::length(q);
+      Mat4 m(glm::mat4_cast(length > 1e-6 ? q / length : glm::dquat(1, 0, 0, 0)));
+      if (s >= 0) for (int c = 0; c < 3; ++c) m[c] *= ss[i * 3 + size_t(c)];
+      if (t >= 0) m[3] = Vec4(ts[i * 3], ts[i * 3 + 1], ts[i * 3 + 2], 1.0f);
+      bool finite = true;
+      for (int c = 0; c < 16; ++c) finite = finite && std::isfinite(m[c / 4][c % 4]);
+      if (finite) copies[i] = m; else ++bad;
+    }
+    if (bad) d_.warn(attributes.pointer, std::to_string(bad) + " instance transforms are not finite and stand at the node");
   }
 
   void addCamera(const Cursor& at, const std::string& nodeName, const Mat4& frame) {
@@ -134,8 +198,6 @@ class Tree {
   void addPunctual(const Cursor& at, const std::string& nodeName, int index, const Mat4& frame) {
     Light l;
     const std::string type = at["type"].text();
-    l.shape.position = Vec3(frame[3]);
-    l.shape.axis = -Vec3(frame[2]);
     l.power = glm::max(at["color"].vector(Vec3(1.0f)), Vec3(0.0f)) * float(at["intensity"].number(1.0, 0.0, 1e30));
     l.shape.range = float(at["range"].number(0.0, 0.0, 3e38));
     if (type == "point") l.shape.kind = LightKind::Point;
@@ -151,20 +213,16 @@ class Tree {
     scene_.lights.push_back(std::move(l));
   }
 
-  void addArea(const Cursor& at, const std::string& name, const Mat4& world, const Mat4& frame) {
+  void addArea(const Cursor& at, const std::string& name, const Mat4& world, const Mat4& frame, RigFollower& follower) {
     Light l;
     const std::string type = at["type"].text();
     LightShape& s = l.shape;
-    s.position = Vec3(frame[3]);
-    s.axis = -Vec3(frame[2]);
-    const Vec3 scale(glm::length(Vec3(world[0])), glm::length(Vec3(world[1])), glm::length(Vec3(world[2])));
     if (type == "rect") {
       s.kind = LightKind::Rect;
-      s.u = Vec3(frame[0]) * (0.5f * scale.x * float(at["width"].number(1.0, 1e-9, 1e9)));
-      s.v = Vec3(frame[1]) * (0.5f * scale.y * float(at["height"].number(1.0, 1e-9, 1e9)));
+      follower.half = 0.5f * Vec2(float(at["width"].number(1.0, 1e-9, 1e9)), float(at["height"].number(1.0, 1e-9, 1e9)));
     } else if (type == "disk" || type == "sphere") {
       s.kind = type == "disk" ? LightKind::Disk : LightKind::Sphere;
-      s.radius = scale.x * float(at["radius"].number(0.5, 1e-9, 1e9));
+      follower.radius = float(at["radius"].number(0.5, 1e-9, 1e9));
     } else at["type"].fail("\"" + type + "\" is not rect, disk or sphere");
     s.twoSided = at["twoSided"].boolean(false);
     l.cameraVisible = at["cameraVisible"].boolean(true);
@@ -176,15 +234,18 @@ class Tree {
 
   Document& d_;
   Scene& scene_;
-  const std::vector<std::vector<int>>& parts_;
+  Rig& rig_;
+  Parts& parts_;
   Cursor nodes_;
-  std::vector<char> visited_;
+  const std::vector<int>& place_;
+  RigPose pose_;
+  bool moves_ = false;   // animations may give a flat node its size
   std::set<std::string> names_, cameraNames_;  // instances and lights share names: a Mesh light is named after its instance
   std::map<std::string, int> next_;
 };
 
 }  // namespace
 
-Status readNodes(Document& d, Scene& scene, const std::vector<std::vector<int>>& parts) { return Tree(d, scene, parts).read(); }
+Status readNodes(Document& d, Scene& scene, Rig& rig, Parts& parts, const std::vector<int>& place) { return Tree(d, scene, rig, parts, place).read(); }
 
 }  // namespace gobo::gltf

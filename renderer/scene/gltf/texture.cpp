@@ -53,13 +53,42 @@ TextureRef Textures::ref(const Cursor& info, bool srgb) {
   return ref.texture < 0 ? TextureRef{} : ref;
 }
 
+/// The texture's picture: WebP where the file offers it and it can be read, else the plain one.
+const Image* Textures::pictureOf(const Cursor& texture, int& source) {
+  const int webp = texture.extension("EXT_texture_webp")["source"].index("images"), plain = texture["source"].index("images");
+  const bool basis = texture.extension("KHR_texture_basisu").exists();
+  if (!document_.ok()) return nullptr;
+  for (const int candidate : {webp, plain}) {
+    if (candidate < 0) continue;
+    source = candidate;
+    if (const Image* image = decode(candidate)) {
+      if (basis) document_.warn(texture.pointer + "/extensions/KHR_texture_basisu", "KTX2 pictures are not read; the fallback is used");
+      return image;
+    }
+  }
+  if (webp < 0 && plain < 0) document_.warn(texture.pointer, basis ? "KTX2 pictures (KHR_texture_basisu) are not read and there is no fallback" : "texture has no picture in a supported format");
+  return nullptr;
+}
+
+TextureRef Textures::roughnessFromGloss(const Cursor& info, float gloss) {
+  TextureRef made = ref(info, false);
+  if (!made.valid()) return made;
+  auto t = std::make_shared<Texture>(*scene_.textures[made.texture]);
+  if (!document_.account(t->texels8.size() + t->texelsF.size() * 4, info)) return {};
+  for (size_t i = 0; i + 3 < t->texels8.size(); i += 4) t->texels8[i + 1] = uint8_t(255.0f - gloss * float(t->texels8[i + 3]) + 0.5f);
+  for (size_t i = 0; i + 3 < t->texelsF.size(); i += 4) t->texelsF[i + 1] = 1.0f - gloss * clamp01(t->texelsF[i + 3]);
+  sealTexture(*t);
+  scene_.textures.push_back(std::move(t));
+  made.texture = int(scene_.textures.size() - 1);
+  return made;
+}
+
 int Textures::make(int index, bool srgb) {
   const Cursor texture = document_.item("textures", index);
-  const int source = texture["source"].index("images"), sampler = texture["sampler"].index("samplers");
-  if (!document_.ok()) return -1;
-  if (source < 0) { document_.warn(texture.pointer, "texture has no picture in a supported format"); return -1; }
-  const Image* image = decode(source);
-  if (!image) return -1;
+  const int sampler = texture["sampler"].index("samplers");
+  int source = -1;
+  const Image* image = pictureOf(texture, source);
+  if (!image || !document_.ok()) return -1;
   auto t = std::make_shared<Texture>();
   t->name = document_.images[source].name;
   t->width = image->width;
@@ -75,7 +104,8 @@ int Textures::make(int index, bool srgb) {
   if (!document_.account(values * (floats ? 4 : 1), texture)) return -1;
   t->srgb = srgb && !floats;
   size_t repaired = 0;
-  if (floats) t->texelsF.resize(values); else t->texels8.resize(values);
+  std::vector<float> texelsF(floats ? values : 0);
+  std::vector<uint8_t> texels8(floats ? 0 : values);
   for (size_t i = 0; i < image->pixels(); ++i) {
     const float* p = image->data.data() + i * size_t(image->channels);
     const int n = image->channels;
@@ -83,11 +113,13 @@ int Textures::make(int index, bool srgb) {
     bool bad = false;
     for (int c = 0; c < 4; ++c) {
       if (!std::isfinite(rgba[c])) { rgba[c] = c == 3 ? 1.0f : 0.0f; bad = true; }
-      if (floats) t->texelsF[i * 4 + c] = rgba[c];
-      else t->texels8[i * 4 + c] = uint8_t(clamp01(rgba[c]) * 255.0f + 0.5f);
+      if (floats) texelsF[i * 4 + c] = rgba[c];
+      else texels8[i * 4 + c] = uint8_t(clamp01(rgba[c]) * 255.0f + 0.5f);
     }
     repaired += bad;
   }
+  t->texels8 = std::move(texels8);
+  t->texelsF = std::move(texelsF);
   if (repaired) document_.warn("/images/" + std::to_string(source), std::to_string(repaired) + " texels were not finite and are 0 now");
   sealTexture(*t);
   scene_.textures.push_back(std::move(t));

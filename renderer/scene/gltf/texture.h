@@ -14,10 +14,13 @@ class Textures {
   Textures(Document& document, Scene& scene) : document_(document), scene_(scene), decoded_(document.images.size()) {}
   /// The TextureRef of a textureInfo object; none if absent or if its picture cannot be read (a warning says why).
   TextureRef ref(const Cursor& info, bool srgb);
+  /// A texture whose green is 1 - gloss * alpha of the given one.
+  TextureRef roughnessFromGloss(const Cursor& info, float gloss);
 
  private:
   struct Decoded { bool tried = false, floats = false; Image image; };
   const Image* decode(int image);
+  const Image* pictureOf(const Cursor& texture, int& source);
   int make(int texture, bool srgb);
   Document& document_;
   Scene& scene_;

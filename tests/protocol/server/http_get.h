@@ -78,7 +78,7 @@ inline std::map<std::string, double> parseMetrics(const std::string& text) {
     EXPECT_TRUE(values.emplace(name + labels, value).second) << "twice: " << line;
     if (types[family] == "histogram" && name == family + "_bucket") {
       const std::string series = labels.substr(0, labels.find("le=\""));
-      if (series + name == bucketSeries) EXPECT_GE(value, bucket) << line;
+      if (series + name == bucketSeries) { EXPECT_GE(value, bucket) << line; }
       bucketSeries = series + name;
       bucket = value;
     }
