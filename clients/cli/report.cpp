@@ -116,8 +116,8 @@ bool onTerminal() { return ::isatty(STDERR_FILENO) == 1; }
 ProgressBar::ProgressBar(bool enabled, bool plain) : enabled_(enabled && (plain || onTerminal())), plain_(plain && !onTerminal()) {}
 ProgressBar::~ProgressBar() { clear(); }
 
-void ProgressBar::show(const v1::Progress& p) {
-  show(p.fraction(), strf("%s  %u spp  %.1f s", escaped(p.stage()).substr(0, 40).c_str(), p.spp(), p.elapsed_ms() / 1000));
+std::string progressText(const v1::Progress& p) {
+  return strf("%s  %u spp  %.1f s", escaped(p.stage()).substr(0, 40).c_str(), p.spp(), p.elapsed_ms() / 1000);
 }
 
 void ProgressBar::show(double fraction, const std::string& text) {

@@ -38,6 +38,12 @@ struct Frame {
     x = Vec3(1.0f + s * n.x * n.x * a, s * b, -s * n.x);
     y = Vec3(b, s + n.y * n.y * a, -n.y);
   }
+  /// z = n, x along t as far as n allows (t must not be parallel to n).
+  Frame(const Vec3& n, const Vec3& t) : z(n) {
+    x = t - n * glm::dot(n, t);
+    x *= 1.0f / std::sqrt(glm::dot(x, x));
+    y = glm::cross(n, x);
+  }
   Vec3 toWorld(const Vec3& v) const { return x * v.x + y * v.y + z * v.z; }
   Vec3 toLocal(const Vec3& v) const { return Vec3(glm::dot(v, x), glm::dot(v, y), glm::dot(v, z)); }
 };

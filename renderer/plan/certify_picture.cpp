@@ -29,6 +29,7 @@ Result<v1::Certificate> certifyPicture(const Image& beauty, const EffectiveScene
     s.groupOf.push_back(0);
     s.nominal.push_back(effective.gains[i] * nominalScalar(scene.lights[i]));
   }
+  s.unlit = true;
   const SceneView view(scene, kPathTracerFacets, lights);
   const auto tracer = PathTracer::create(view, accels.get(view, arena), s);
   const uint32_t blocksPerHalf = std::max<uint32_t>(1, (c.spp() + 2 * s.blockSize - 1) / (2 * s.blockSize));

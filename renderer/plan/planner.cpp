@@ -7,6 +7,7 @@
 #include "filters/composite.h"
 #include "filters/sample_statistics.h"
 #include "filters/shadow_technique.h"
+#include "plan/material_kinds.h"
 #include "plan/outputs.h"
 #include "terms/direct_unoccluded.h"
 #include "terms/extract_lights.h"
@@ -15,6 +16,7 @@
 #include "terms/motion.h"
 #include "terms/path_trace.h"
 #include "terms/surface.h"
+#include "trace/camera_media.h"
 
 namespace gobo {
 
@@ -36,13 +38,14 @@ struct Contribution {
 
 class PlanMaker {
  public:
-  PlanMaker(const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services, Plan& plan)
-      : request_(request), blocks_(blocks), blockSize_(blockSize), services_(services), plan_(plan), scene_(plan.effective.scene),
+  PlanMaker(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services, Plan& plan)
+      : base_(base), request_(request), blocks_(blocks), blockSize_(blockSize), services_(services), plan_(plan), scene_(plan.effective.scene),
         width_(int(request.width())), height_(int(request.height())), viewSamples_(int(request.view_samples())) {
     view_.camera = plan.effective.camera;
     view_.width = width_;
     view_.height = height_;
     view_.viewSamples = viewSamples_;
+    kinds_ = materialKinds(*scene_);
   }
 
   Status make() {
@@ -83,12 +86,26 @@ class PlanMaker {
     const LightKind kind = scene->lights[light].shape.kind;
     const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
     if (entry && kind == LightKind::Environment) { t.mutable_path_traced(); return t; }
+    if (entry && cameraInVolume()) {
+      warn("the camera is inside a volume: direct light is path traced");
+      t.mutable_path_traced();
+      return t;
+    }
     if (entry && !entry->supports(kind)) {
       warn(std::string(entry->name) + " does not do the kind of light '" + name + "': ray_traced used");
       t.mutable_ray_traced();
       (void)resolveRayTraced(t);
     }
     return t;
+  }
+  /// Techniques know no absorption between the camera and the first surface.
+  bool cameraInVolume() {
+    if (!kinds_.volumes) return false;
+    if (cameraInVolume_ < 0) {
+      const std::vector<int> none;
+      cameraInVolume_ = volumesAround(SceneView(*scene_, Facet::Topology | Facet::Pose | Facet::Bsdf, none), cameraPoint(view_.camera)).empty() ? 0 : 1;
+    }
+    return cameraInVolume_ > 0;
   }
   static Status resolveRayTraced(v1::ShadowTechnique& t) {
     if (!t.ray_traced().has_samples()) t.mutable_ray_traced()->set_samples(16);
@@ -125,6 +142,7 @@ class PlanMaker {
     const bool delta = isDeltaLight(scene->lights[light].shape.kind);   // evaluated, not sampled: seed and count are no part of its key
     s.samples = delta ? 1 : kUnoccludedSamples;
     s.seed = delta ? 0 : request_.seed();
+    s.extended = kinds_.extended;
     return source(makeDirectUnoccludedNode(s), {gbuffer(), surface()}, {light}, withLobe("unoccluded:" + scene->lights[light].name, lobe), scene, transient);
   }
 
@@ -145,7 +163,7 @@ class PlanMaker {
 
   /// A path tracing node over `lights` with one slot group per entry of `groups` (relight group ids, ascending).
   void pathTrace(const std::vector<int>& lights, PathClass cover, const std::string& label, const std::vector<Vec3>& nominal, const std::vector<int>& slotGroup,
-                 const std::vector<int>& groups, const std::vector<Vec3>& weights) {
+                 const std::vector<int>& groups, const std::vector<Vec3>& weights, bool behindOnly = false, bool unlit = false) {
     PathTracerSettings s;
     s.camera = view_.camera;
     s.width = width_;
@@ -155,6 +173,8 @@ class PlanMaker {
     s.rouletteStart = int(request_.integrator().russian_roulette_start());
     s.blockSize = int(blockSize_);
     s.seed = request_.seed();
+    s.behindOnly = behindOnly;
+    s.unlit = unlit;
     s.cover = cover;
     const int classes = has(cover, PathClass::Emission) + has(cover, PathClass::Direct) + has(cover, PathClass::Indirect);
     const bool scatters = has(cover, PathClass::Direct) || has(cover, PathClass::Indirect);
@@ -182,7 +202,7 @@ class PlanMaker {
   }
 
   /// The same for whole relight groups restricted to `lights`.
-  void pathTraceGroups(const std::vector<int>& lights, PathClass cover, const std::string& label) {
+  void pathTraceGroups(const std::vector<int>& lights, PathClass cover, const std::string& label, bool behindOnly = false) {
     std::vector<int> groups, slotGroup;
     std::vector<Vec3> nominal, weights;
     for (int l : lights) {
@@ -195,7 +215,7 @@ class PlanMaker {
       nominal.push_back(plan_.groups.nominal[l]);
     }
     for (int g : groups) weights.push_back(groupGain(g));
-    pathTrace(lights, cover, label, nominal, slotGroup, groups, weights);
+    pathTrace(lights, cover, label, nominal, slotGroup, groups, weights, behindOnly);
     for (int l : lights) cover_[plan_.groups.groupOf[l]] = cover_[plan_.groups.groupOf[l]] | cover;
   }
 
@@ -203,8 +223,10 @@ class PlanMaker {
     const auto& lights = scene_->lights;
     const int n = int(lights.size());
     const bool indirect = request_.integrator().indirect() && request_.integrator().max_bounces() > 0;
+    // Unlit surfaces belong to no light: a group of their own, that no gain touches.
+    if (kinds_.unlit) pathTrace({}, indirect ? PathClass::Emission | PathClass::Indirect : PathClass::Emission, "unlit", {}, {}, {-1}, {Vec3(1.0f)}, false, true);
     if (n == 0) {
-      plan_.graph.prune("beauty", "the scene has no light");
+      if (!kinds_.unlit) plan_.graph.prune("beauty", "the scene has no light");
       return {};
     }
     cover_.assign(plan_.groups.count, PathClass::None);
@@ -228,6 +250,8 @@ class PlanMaker {
       if (!traced.empty()) pathTraceGroups(traced, PathClass::Emission | PathClass::Direct, "direct");
       if (!visible.empty()) pathTraceGroups(visible, PathClass::Emission, "emission");
       GOBO_TRY(planViewedDirect(viewed, technique));
+      // Techniques see the front of surfaces; direct light through them is traced.
+      if (kinds_.translucent && !viewed.empty()) pathTraceGroups(viewed, PathClass::Direct, "through", true);
       if (extract) GOBO_TRY(planExtractedEnvironment());
     }
     planClusterEdits(indirect);
@@ -309,6 +333,7 @@ class PlanMaker {
         add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), withLobe("direct:environment", lobe)), "rgb", groupGain(group), PathClass::Direct, group, lobe);
     }
     cover_[group] = cover_[group] | PathClass::Direct;
+    if (kinds_.translucent) pathTraceGroups({environment}, PathClass::Direct, "through:environment", true);
     return {};
   }
 
@@ -352,11 +377,13 @@ class PlanMaker {
     std::vector<NodeId> inputs{node, gbuffer()};
     return filter(makePixelMeanNode(plane, channels, width_, height_, viewSamples_, overValid), std::move(inputs), label);
   }
-  /// Screen motion since `earlier`, or of a scene at rest.
+  /// Screen motion since motion_step_s before the request's moment.
   Result<NodeId> motion() {
     MotionSettings s{view_, scene_, view_.camera};
-    if (services_.earlier) {
-      GOBO_ASSIGN(const EffectiveScene before, services_.earlier(request_.motion_step_s()));
+    if (request_.has_time_s()) {   // only animation moves: without a time the scene rests
+      v1::RenderRequest earlier = request_;
+      earlier.set_time_s(request_.time_s() - request_.motion_step_s());
+      GOBO_ASSIGN(const EffectiveScene before, makeEffectiveScene(base_, earlier, services_.loadEnvironment, services_.poseScene));
       s.earlierScene = before.scene;
       s.earlierCamera = before.camera;
     }
@@ -421,6 +448,7 @@ class PlanMaker {
     return {};
   }
 
+  const ScenePtr& base_;
   const v1::RenderRequest& request_;
   uint32_t blocks_, blockSize_;
   const PlannerServices& services_;
@@ -428,6 +456,8 @@ class PlanMaker {
   ScenePtr scene_;
   int width_, height_, viewSamples_;
   GBufferSettings view_;
+  int cameraInVolume_ = -1;            // not asked yet
+  MaterialKinds kinds_;
   bool splitClasses_ = false, splitLobes_ = false, variance_ = false;
   std::vector<Contribution> contributions_;
   std::vector<NodeId> states_;          // path tracing states of the beauty
@@ -442,21 +472,12 @@ uint32_t blockSizeFor(uint32_t spp) {
   return size;
 }
 
-std::vector<std::string> classesNotCovered(const Scene& scene) {
-  bool delta = false, specular = false;
-  for (const Light& l : scene.lights) delta = delta || isDeltaLight(l.shape.kind);
-  for (const Material& m : scene.materials)
-    specular = specular || (m.bsdf.roughness * m.bsdf.roughness < 1e-3f && (m.bsdf.metallic > 0 || m.bsdf.transmission > 0));
-  if (delta && specular) return {"point, spot and directional lights seen through a specular chain (their caustics and mirror images)"};
-  return {};
-}
-
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services) {
   auto plan = std::make_unique<Plan>();
   GOBO_ASSIGN(plan->effective, makeEffectiveScene(base, request, services.loadEnvironment, services.poseScene));
   GOBO_TRY(checkOutputs(*plan->effective.scene, request));
   plan->groups = makeGroups(*plan->effective.scene, int(request.integrator().max_groups()));
-  PlanMaker maker(request, blocks, blockSize, services, *plan);
+  PlanMaker maker(base, request, blocks, blockSize, services, *plan);
   GOBO_TRY(maker.make());
   return plan;
 }

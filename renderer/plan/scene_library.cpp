@@ -105,12 +105,6 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
   if (lo.x <= hi.x) { put(out.mutable_bounds_min(), lo); put(out.mutable_bounds_max(), hi); }
   for (const std::string& w : s.warnings) out.add_warnings(w);
   out.set_load_ms(e.loadMs);
-  out.set_parse_ms(e.report.parseMs);
-  out.set_texture_ms(e.report.textureMs);
-  out.set_map_ms(e.report.mapMs);
-  out.set_ingest_ms(e.report.ingestMs);
-  out.set_blob_bytes(e.report.blobBytes);
-  out.set_blob_cached(e.report.cached);
   if (s.rig)
     for (const RigAnimation& a : s.rig->animations) {
       auto* animation = out.add_animations();
@@ -118,6 +112,12 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
       animation->set_duration_s(a.end);
     }
   for (const std::string& v : s.variants.names) out.add_variants(v);
+  out.set_parse_ms(e.report.parseMs);
+  out.set_texture_ms(e.report.textureMs);
+  out.set_map_ms(e.report.mapMs);
+  out.set_ingest_ms(e.report.ingestMs);
+  out.set_blob_bytes(e.report.blobBytes);
+  out.set_blob_cached(e.report.cached);
   return out;
 }
 

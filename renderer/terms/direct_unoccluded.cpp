@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/direct_unoccluded.h"
 
+#include "base/check.h"
 #include "base/sobol.h"
+#include "terms/surface.h"
+#include "terms/surface_reader.h"
 #include "trace/bsdf.h"
 #include "trace/light_sampling.h"
 
@@ -12,23 +15,42 @@ namespace {
 struct Receiver {
   Vec3 p, n, ng, wo;
   BsdfParams bsdf;
-  bool lambert() const { return bsdf.metallic == 0 && bsdf.specular == 0 && bsdf.transmission == 0; }
+  bool extended = false, hasTangent = false;
+  Vec3 tangent{0.0f};
+  float dispersion = 0;
+  bool lambert() const { return !extended && bsdf.metallic == 0 && bsdf.specular == 0 && bsdf.transmission == 0; }
+  Frame frame() const { return hasTangent ? Frame(n, tangent) : Frame(n); }
+  /// f cos, with the index of each channel where the material is dispersive.
+  BsdfValue value(const Vec3& wo, const Vec3& wi) const {
+    if (!(dispersion > 0.0f)) return bsdfEval(bsdf, wo, wi);
+    BsdfValue all;
+    BsdfParams p = bsdf;
+    for (int c = 0; c < 3; ++c) {
+      p.ior = dispersedIor(bsdf.ior, dispersion, c);
+      const BsdfValue f = bsdfEval(p, wo, wi);
+      all.diffuse[c] = f.diffuse[c];
+      all.specular[c] = f.specular[c];
+    }
+    return all;
+  }
 };
 
 class DirectUnoccludedNode final : public Node {
  public:
   explicit DirectUnoccludedNode(const DirectUnoccludedSettings& s) : s_(s) {}
   std::string type() const override { return "direct_unoccluded"; }
+  int version() const override { return 2; }                          // 2: every lobe
   NodeTraits traits() const override {
     NodeTraits t;
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).
     t.facets = Facet::LightShape | Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Emission;
+    if (s_.extended) t.facets = t.facets | kSurfaceFacets;
     t.pathClass = PathClass::Direct;
     return t;
   }
   void hashParameters(Hasher& h) const override {
     hashCamera(h, s_.view.camera);
-    h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples).addPod(s_.nominal).add(s_.samples).add(s_.seed);
+    h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples).addPod(s_.nominal).add(s_.samples).add(s_.seed).add(s_.extended);
     if (s_.lobe != LobePart::Both) h.add(s_.lobe);
   }
   size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * s_.view.viewSamples * 12; }
@@ -39,25 +61,38 @@ class DirectUnoccludedNode final : public Node {
     const LightShape shape = ctx.scene->lightShape(s_.light);
     const auto instance = g.plane<uint32_t>("instance");
     const auto P = g.floats("P"), Ng = g.floats("Ng"), N = surface.floats("N"), albedo = surface.floats("albedo"), material = surface.floats("material");
-    const auto entering = surface.plane<uint8_t>("entering");
+    const auto flags = surface.plane<uint8_t>("flags");
+    std::unique_ptr<const SurfaceReader> reader;
+    if (s_.extended) reader = std::make_unique<const SurfaceReader>(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), g, s_.view.camera);
     auto out = std::make_shared<Term>("direct_unoccluded", Domain::ViewSample, g.extent());
     const auto L = out->addPlane<float>("L", 3);
     const Vec3 eye(s_.view.camera.toWorld[3]), back(s_.view.camera.toWorld[2]);
     const bool complete = ctx.arena->parallelFor(instance.size(), 1 << 11, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
-        if (instance[i] == ~0u) continue;
+        if (instance[i] == ~0u || (flags[i] & kSurfaceUnlit)) continue;
         Receiver r;
         r.p = Vec3(P[3 * i], P[3 * i + 1], P[3 * i + 2]);
         r.n = Vec3(N[3 * i], N[3 * i + 1], N[3 * i + 2]);
         r.ng = Vec3(Ng[3 * i], Ng[3 * i + 1], Ng[3 * i + 2]);
         r.wo = s_.view.camera.perspective ? glm::normalize(eye - r.p) : back;
-        r.bsdf.albedo = Vec3(albedo[3 * i], albedo[3 * i + 1], albedo[3 * i + 2]);
-        r.bsdf.metallic = material[5 * i];
-        r.bsdf.roughness = material[5 * i + 1];
-        r.bsdf.specular = material[5 * i + 2];
-        r.bsdf.ior = material[5 * i + 3];
-        r.bsdf.transmission = material[5 * i + 4];
-        r.bsdf.entering = entering[i] != 0;
+        if (flags[i] & kSurfaceExtended) {
+          GOBO_CHECK(reader != nullptr);
+          Surface full;
+          reader->read(i, full);
+          r.extended = true;
+          r.bsdf = full.bsdf;
+          r.hasTangent = full.hasTangent;
+          r.tangent = full.tangent;
+          r.dispersion = full.material->dispersion;
+        } else {
+          r.bsdf.albedo = Vec3(albedo[3 * i], albedo[3 * i + 1], albedo[3 * i + 2]);
+          r.bsdf.metallic = material[5 * i];
+          r.bsdf.roughness = material[5 * i + 1];
+          r.bsdf.specular = material[5 * i + 2];
+          r.bsdf.ior = material[5 * i + 3];
+          r.bsdf.transmission = material[5 * i + 4];
+          r.bsdf.entering = (flags[i] & kSurfaceEntering) != 0;
+        }
         if (bsdfIsDelta(r.bsdf)) continue;
         Vec3 value(0.0f);
         if (!closedForm(shape, r, value)) value = sampled(*sampler, shape, r, i);
@@ -95,12 +130,15 @@ class DirectUnoccludedNode final : public Node {
     return false;
   }
 
+  /// As the tracer has it, from the front. What comes through the surface is no part of this term: its shadows are other ones.
+  static bool arrives(const Receiver& r, const Vec3& wi) { return glm::dot(wi, r.ng) > 0 && glm::dot(wi, r.n) > 0; }
+
   Vec3 sampled(const LightSampler& sampler, const LightShape& shape, const Receiver& r, size_t element) const {
-    const Frame frame(r.n);
+    const Frame frame = r.frame();
     const Vec3 wo = frame.toLocal(r.wo);
     const auto reflected = [&](const Vec3& wi) {
-      if (r.bsdf.transmission == 0 && glm::dot(wi, r.ng) <= 0) return Vec3(0.0f);
-      return part(bsdfEval(r.bsdf, wo, frame.toLocal(wi)));
+      if (!arrives(r, wi)) return Vec3(0.0f);
+      return part(r.value(wo, frame.toLocal(wi)));
     };
     LightSample ls;
     if (isDeltaLight(shape.kind)) return sampler.sample(s_.light, r.p, Vec2(0.5f), ls) ? reflected(ls.direction) * ls.radiance : Vec3(0.0f);
@@ -124,12 +162,12 @@ class DirectUnoccludedNode final : public Node {
       Ray ray;
       ray.origin = r.p;
       ray.direction = frame.toWorld(b.wi);
-      if (r.bsdf.transmission == 0 && glm::dot(ray.direction, r.ng) <= 0) continue;
+      if (!arrives(r, ray.direction)) continue;
       float t = ray.tmax;
       Vec3 normal;
       if (sampler.intersectAreaLights(ray, t, normal) != s_.light) continue;
       const float pl = sampler.pdf(s_.light, r.p, ray.direction, t, 0);
-      const Vec3 f = part(bsdfEval(r.bsdf, wo, b.wi)) * sampler.emitted(s_.light, ray.direction, 0, 0, 0, normal);
+      const Vec3 f = part(r.value(wo, b.wi)) * sampler.emitted(s_.light, ray.direction, 0, 0, 0, normal);
       sum += DVec3(f) / double(nLight * pl + nBsdf * b.pdf);
     }
     return Vec3(sum);

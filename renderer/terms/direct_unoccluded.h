@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Direct light of one light with visibility 1. Term type "direct_unoccluded", domain ViewSample, plane "L" (3): reflected
-// radiance for nominal power (white * nominal scalar), one scattering event by a non-delta lobe.
+// radiance for nominal power (white * nominal scalar), one scattering event by a non-delta lobe, from the viewer's side of the
+// surface. Light that comes through it from behind (diffuse or rough transmission) is left to the path tracer (planner.cpp).
 // Inputs: G-buffer, surface. The diffuse lobe has a closed form for point, spot, directional, rectangle (polygon form
 // factor, Lambert 1760) and unclipped sphere lights; everything else is the mean over `samples` Owen-scrambled points.
 #pragma once
@@ -18,6 +19,7 @@ struct DirectUnoccludedSettings {
   Vec3 nominal{1.0f};       ///< power it is evaluated for
   int samples = 32;
   uint64_t seed = 0;
+  bool extended = false;    ///< the scene has materials with more lobes than the surface term's planes hold: those are read again
   LobePart lobe = LobePart::Both;
 };
 NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings);

@@ -7,7 +7,7 @@
 // that faces the light on a surface that does not gives V = 0.
 // One ray on Point, Spot and Directional lights (hard shadows); `samples` Owen-scrambled Sobol points per view sample on area lights, each
 // view sample with a scramble of its own. A mesh light counts by area; its emission texture is not read. Cost: one occlusion query per sample.
-// Light that reaches a transmitting surface from behind is not tested for shadows.
+// Light that comes through a surface from behind is no part of V.
 #pragma once
 
 #include "terms/node.h"

@@ -5,6 +5,8 @@
 
 #include "trace/area_lights.h"
 #include "trace/lambert_lanes.h"
+#include "trace/path_media.h"
+#include "trace/path_sums.h"
 
 namespace gobo {
 
@@ -13,51 +15,19 @@ namespace {
 // Draws of one scattering event: the light's point, the new direction, (which light, which lobe), roulette.
 enum Draw : uint32_t { kDrawLight = 0, kDrawDirection = 1, kDrawChoice = 2, kDrawRoulette = 3, kDrawsPerEvent = 4 };
 
+// Reflections inside a scattering volume and passed boundaries are no events, but not endlessly so: meshes may be broken.
+constexpr int kMostFree = 1 << 12;
+
 // Path state by lane. Lanes never move: Embree masks the dead ones, and vector code computes them along.
 struct Paths {
   Lane3 throughput;
   Lane3 specularPart;          // share of the first event's specular lobe in the throughput (ByLobe)
   Lane3 from, fromNormal;      // the last vertex, as the light selector saw it
   alignas(64) float pdf[kLanes];   // density of the ray's direction; 0 after the camera or a delta event: nothing else finds its light
-  uint32_t fromHasNormal = 0, firstDelta = 0;   // bit per lane
+  int free[kLanes] = {};           // passes of the loop that were no scattering event of their own (path_media.h)
+  // Bit per lane. firstDelta: reaches light by an indirect path, whatever the number of events. specularOnly: delta events, if any.
+  uint32_t fromHasNormal = 0, firstDelta = 0, specularOnly = ~0u;
 };
-
-// Where contributions go: a sum per sample, so that a sample with a non-finite part can be dropped whole. Pictures with
-// several slots keep a list instead of lanes x slots sums.
-struct Accumulator {
-  struct Record { Vec3 value; int lane, slot; };
-  DVec3 sum[kLanes];
-  uint32_t bad = 0;       // bit per lane
-  bool single;
-  std::vector<Record>& records;
-  Accumulator(bool single, std::vector<Record>& records) : single(single), records(records) {
-    for (DVec3& s : sum) s = DVec3(0.0);
-    records.clear();
-  }
-  void add(int lane, int slot, const Vec3& v) {
-    if (!std::isfinite(v.x + v.y + v.z)) { bad |= 1u << lane; return; }
-    if (single) sum[lane] += DVec3(v); else records.push_back({v, lane, slot});
-  }
-  void flush(int count, double* out, uint64_t& dropped) const {
-    if (single) {
-      DVec3 total(0.0);
-      for (int i = 0; i < count; ++i) if (!(bad >> i & 1u)) total += sum[i];
-      out[0] += total.x; out[1] += total.y; out[2] += total.z;
-    } else {
-      for (const Record& r : records) {
-        if (bad >> r.lane & 1u) continue;
-        double* o = out + 3 * r.slot;
-        o[0] += r.value.x; o[1] += r.value.y; o[2] += r.value.z;
-      }
-    }
-    dropped += uint64_t(__builtin_popcount(bad));
-  }
-};
-
-std::vector<Accumulator::Record>& recordBuffer() {
-  static thread_local std::vector<Accumulator::Record> buffer;
-  return buffer;
-}
 
 float powerHeuristic(float a, float b) {
   if (!(b > 0.0f)) return 1.0f;
@@ -106,6 +76,9 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
   alignas(64) int valid[kLanes];
   const SplitMode split = settings.split;
   const bool byLobe = split == SplitMode::ByLobe;
+  const bool hasMedia = !surfaces.interiors().empty();
+  PathMedia media;
+  if (hasMedia) media.start(surfaces.interiors(), cameraMedia);
 
   const auto classOf = [](int events, bool firstDelta) {
     return events == 0 ? PathClass::Emission : events == 1 && !firstDelta ? PathClass::Direct : PathClass::Indirect;
@@ -134,7 +107,8 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       const float select = selector.probability(from, paths.fromHasNormal >> i & 1u ? &normal : nullptr, k);
       weight = powerHeuristic(paths.pdf[i], select * sampler->pdf(l.light, from, direction, t, primitive));
     }
-    const Vec3 value = paths.throughput.get(i) * radiance * l.nominal * weight;
+    Vec3 value = paths.throughput.get(i) * radiance * l.nominal * weight;
+    if (hasMedia) value *= media.through(i, t);
     add(i, l.slot, events, classOf(events, paths.firstDelta >> i & 1u), value, byLobe ? value * paths.specularPart.get(i) : Vec3(0.0f));
   };
   const auto collectAreaLights = [&](int i, int events, const Vec3& origin, const Vec3& direction, float tmax) {
@@ -156,6 +130,14 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       Vec3 ng;
       if (intersectAreaLight(areaShapes[a], ray, t, ng)) meets(k, t, ng);
     }
+  };
+
+  // A lane met a scattering event inside a volume: one event where it is the path's first, and never direct light.
+  const auto walked = [&](int i, int events, uint32_t bit) {
+    if (events == paths.free[i]) paths.free[i] = events - 1;
+    paths.firstDelta |= bit;
+    paths.specularOnly &= ~bit;
+    paths.pdf[i] = 0.0f;
   };
 
   // Camera rays. Lanes beyond `count` repeat lane 0, masked out: their numbers stay ordinary.
@@ -195,11 +177,10 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     rays += uint64_t(__builtin_popcount(alive));
     if (recorder) record(alive, rh.ray, events == 0 ? recorder->primary : recorder->bounce);
 
-    const bool scatters = events < maxEvents;
-    const int event = events + 1;
-    const bool nee = (event == 1 ? wantDirect : wantIndirect) && selector.count() > 0;
-    const bool rouletteOn = event >= settings.rouletteStart;
-    if (scatters) {
+    const bool nee = (events == 0 ? wantDirect : wantIndirect) && selector.count() > 0;
+    const bool rouletteOn = events + 1 >= settings.rouletteStart;
+    const auto done = [&](int i) { return events - paths.free[i]; };   // scattering events that lane i has behind it
+    if (events < maxEvents || hasMedia) {
       const uint32_t base = 1 + uint32_t(events) * kDrawsPerEvent;
       if (nee) set.draw2D(base + kDrawLight, ux, uy);
       set.draw2D(base + kDrawDirection, px, py);
@@ -208,19 +189,42 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       if (rouletteOn) set.draw1D(base + kDrawRoulette, roulette);
     }
 
+    if (hasMedia) {                                                   // lanes inside something that scatters walk to the end of their last segment
+      media.walking = 0;
+      for (uint32_t left = alive; left; left &= left - 1) {
+        const int i = __builtin_ctz(left);
+        const uint32_t bit = 1u << i;
+        const Interior* inside = media.around(i);
+        if (!inside || !inside->scatters) continue;
+        media.walking |= bit;
+        bool scattered = false;
+        const auto collect = [&](const Vec3& o, const Vec3& d, float t) {
+          if (!areaLights.empty() && wanted(classOf(done(i), paths.firstDelta >> i & 1u))) collectAreaLights(i, done(i), o, d, t);
+        };
+        const auto scatter = [&](const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw) {
+          walked(i, events, bit);
+          int slot;
+          const Vec3 value = wantIndirect && mediaLights[size_t(media.stack[i].top())] ? scatteredLight(media, i, p, d, beta, draw, slot, rays) : Vec3(0.0f);
+          if (value != Vec3(0.0f)) add(i, slot, done(i), PathClass::Indirect, value, byLobe ? value * paths.specularPart.get(i) : Vec3(0.0f));
+        };
+        const uint64_t key = hash64(hash64(set.seed(), film + uint64_t(i)), 0x77616c6bull << 32 | uint32_t(events));
+        if (!media.walk(i, rh, scene, paths.throughput, key, rays, scattered, collect, scatter) || (scattered && !wantIndirect)) alive &= ~bit;
+      }
+    }
+
     // What each ray met: lights, then the surface. Flat Lambert lanes are only gathered here.
     uint32_t flat = 0, lambert = 0, general = 0, shadowed = 0, next = 0;
     for (uint32_t left = alive; left; left &= left - 1) {
       const int i = __builtin_ctz(left);
       const uint32_t bit = 1u << i;
       const bool hit = rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
-      const bool collects = wanted(classOf(events, paths.firstDelta >> i & 1u));
-      if (collects && !areaLights.empty())
-        collectAreaLights(i, events, Vec3(rh.ray.org_x[i], rh.ray.org_y[i], rh.ray.org_z[i]), direction(rh.ray, i), hit ? rh.ray.tfar[i] : 3.0e38f);
+      const bool collects = wanted(classOf(done(i), paths.firstDelta >> i & 1u));
+      if (collects && !areaLights.empty() && !(hasMedia && media.walking >> i & 1u))
+        collectAreaLights(i, done(i), Vec3(rh.ray.org_x[i], rh.ray.org_y[i], rh.ray.org_z[i]), direction(rh.ray, i), hit ? rh.ray.tfar[i] : 3.0e38f);
       if (!hit) {
         if (collects)
           for (int k : environments)
-            found(i, k, events, direction(rh.ray, i), sampler->emitted(lights[k].light, direction(rh.ray, i), 0, 0, 0, Vec3(0.0f)), 3.0e38f, 0);
+            found(i, k, done(i), direction(rh.ray, i), sampler->emitted(lights[k].light, direction(rh.ray, i), 0, 0, 0, Vec3(0.0f)), 3.0e38f, 0);
         continue;
       }
       const uint32_t instance = rh.hit.instID[0][i] == RTC_INVALID_GEOMETRY_ID ? rh.hit.geomID[i] : rh.hit.instID[0][i];
@@ -228,10 +232,20 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       if (const int k = meshLight[instance]; k >= 0 && collects) {
         const Vec3 d = direction(rh.ray, i);
         const Vec3 radiance = sampler->emitted(lights[k].light, d, primitive, rh.hit.u[i], rh.hit.v[i], Vec3(0.0f));
-        if (maxComponent(radiance) > 0.0f) found(i, k, events, d, radiance, rh.ray.tfar[i], primitive);
+        if (maxComponent(radiance) > 0.0f) found(i, k, done(i), d, radiance, rh.ray.tfar[i], primitive);
       }
-      if (!scatters) continue;
+      if (hasMedia && media.stack[i].depth > 0) paths.throughput.set(i, paths.throughput.get(i) * media.through(i, rh.ray.tfar[i]));
       const SurfaceInstance& s = surfaces.instance(instance);
+      if (s.unlit) {
+        if (collects && settings.unlit && paths.specularOnly >> i & 1u) {
+          Surface shown;
+          surfaces.interact(instance, primitive, rh.hit.u[i], rh.hit.v[i], Vec3(0, 1, 0), direction(rh.ray, i), shown);
+          const Vec3 value = paths.throughput.get(i) * shown.bsdf.albedo;
+          add(i, 0, done(i), classOf(done(i), paths.firstDelta >> i & 1u), value, byLobe ? value * paths.specularPart.get(i) : Vec3(0.0f));
+        }
+        continue;
+      }
+      if (done(i) >= maxEvents) continue;
       if (!s.flatLambert) { general |= bit; continue; }
       const uint32_t* tri = s.indices + 3 * size_t(primitive);
       ls.a.set(i, s.positions[tri[0]]); ls.b.set(i, s.positions[tri[1]]); ls.c.set(i, s.positions[tri[2]]);
@@ -244,7 +258,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     general |= flat & ~lambert;
 
     // Everything else: the full surface. Smooth or textured Lambert joins the vector code, other materials are finished here.
-    const bool goesOn = event < maxEvents || hittable;                // after the last event a ray can only find light
+    const bool goesOn = events + 1 < maxEvents || hittable || hasMedia;   // after the last event a ray can only find light
     for (uint32_t left = general; left; left &= left - 1) {
       const int i = __builtin_ctz(left);
       const uint32_t bit = 1u << i;
@@ -254,12 +268,35 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       Surface s;
       surfaces.interact(instance, rh.hit.primID[i], rh.hit.u[i], rh.hit.v[i], Ng, d, s);
       const Vec3 facing = s.facing();
+      const int volume = s.material->interior;
+      if (volume >= 0) {
+        if (media.passes(i, volume, s.front)) {
+          const Vec3 o = s.origin(-facing);
+          rh.ray.org_x[i] = o.x; rh.ray.org_y[i] = o.y; rh.ray.org_z[i] = o.z;
+          media.cross(i, volume, s.front);
+          paths.pdf[i] = 0.0f;                                        // shadow rays stop here: nothing else finds the light beyond
+          ++paths.free[i];
+          if (paths.free[i] < kMostFree) next |= bit;
+          continue;
+        }
+        if (s.material->dispersion > 0.0f) {                          // one channel goes on, for all three; stratified over the samples of a pixel
+          if (media.hero[i] < 0) {
+            media.hero[i] = int8_t((film + uint64_t(i) + hash64(set.seed(), 0x64697370u) % 3) % 3);
+            Vec3 one(0.0f);
+            one[media.hero[i]] = 3.0f * paths.throughput.get(i)[media.hero[i]];
+            paths.throughput.set(i, one);
+          }
+          s.bsdf.ior = dispersedIor(s.bsdf.ior, s.material->dispersion, media.hero[i]);
+        }
+        s.bsdf.ior = media.relativeIor(i, volume, s.bsdf.ior, s.front);
+      }
+      const int event = done(i) + 1;
       if (s.lambert) {
         ls.p.set(i, s.p); ls.reach.set(i, s.reach); ls.facing.set(i, facing); ls.n.set(i, s.n); ls.albedo.set(i, s.bsdf.albedo);
         lambert |= bit;
         continue;
       }
-      const Frame frame(s.n);
+      const Frame frame = s.frame();
       const Vec3 wo = frame.toLocal(-d), throughput = paths.throughput.get(i);
       const bool delta = bsdfIsDelta(s.bsdf), hasNormal = !s.material->transmissive;
       if (nee && !delta) {
@@ -268,7 +305,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         LightSample light;
         if (k >= 0 && sampler->sample(lights[k].light, s.p, Vec2(ux[i], uy[i]), light)) {
           const float cosine = glm::dot(light.direction, s.n), side = glm::dot(light.direction, facing);
-          if (cosine * side > 0.0f && (cosine > 0.0f || !hasNormal)) {
+          if (cosine * side > 0.0f && (cosine > 0.0f || !hasNormal) && (side < 0.0f || !(settings.behindOnly && event == 1))) {
             const Vec3 wi = frame.toLocal(light.direction);
             float scatterPdf;
             const BsdfValue f = bsdfEvalPdf(s.bsdf, wo, wi, scatterPdf);
@@ -281,6 +318,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
               lit.set(i, value);
               if (byLobe) litSpecular.set(i, event == 1 ? arriving * f.specular : value * paths.specularPart.get(i));
               litSlot[i] = lights[k].slot;
+              if (hasMedia) media.shadowIn[i] = int16_t(side > 0.0f || volume < 0 ? media.stack[i].top() : media.behind(i, volume, s.front));
               shadowed |= bit;
             }
           }
@@ -305,7 +343,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       Vec3 wi = frame.toWorld(bs.wi);
       wi *= 1.0f / std::sqrt(glm::dot(wi, wi));
       const float side = glm::dot(wi, facing);
-      if (bs.transmitted ? !(side < 0.0f) : !(side > 0.0f)) continue;
+      if (bs.transmitted ? !(side < 0.0f) : !(side > 0.0f) || (settings.behindOnly && event == 1)) continue;
       Vec3 carried = throughput * bs.weight;
       const float most = maxComponent(carried);
       if (!isFinite(carried)) { sums.bad |= bit; continue; }
@@ -318,6 +356,12 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       const Vec3 o = s.origin(side > 0.0f ? facing : -facing);
       rh.ray.org_x[i] = o.x; rh.ray.org_y[i] = o.y; rh.ray.org_z[i] = o.z;
       rh.ray.dir_x[i] = wi.x; rh.ray.dir_y[i] = wi.y; rh.ray.dir_z[i] = wi.z;
+      if (volume >= 0) {
+        const Interior* inside = media.around(i);
+        if (bs.transmitted) media.cross(i, volume, s.front);
+        else if (!s.front && inside && inside->scatters && media.stack[i].top() == volume && paths.free[i] < kMostFree) ++paths.free[i];   // still the same walk
+      }
+      if (!bs.delta) paths.specularOnly &= ~bit;
       paths.throughput.set(i, carried);
       paths.pdf[i] = bs.delta ? 0.0f : bs.pdf;
       paths.from.set(i, s.p);
@@ -327,6 +371,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     }
 
     // Lambert lanes.
+    if (settings.behindOnly && events == 0) lambert = 0;
     for (int h = 0; h < kLanes; h += 8) if (lambert >> h & 255u) lanes::moveOrigins(ls, h);
     if (nee && lambert != 0) {
       if (hasPlainLight) {
@@ -345,8 +390,9 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
           const int i = __builtin_ctz(left);
           putShadow(sr, i, ls.origin.get(i), Vec3(shadowX[i], shadowY[i], shadowZ[i]), shadowReach[i]);
           lit.set(i, litPlain.get(i));
-          if (byLobe) litSpecular.set(i, event == 1 ? Vec3(0.0f) : lit.get(i) * paths.specularPart.get(i));
+          if (byLobe) litSpecular.set(i, done(i) == 0 ? Vec3(0.0f) : lit.get(i) * paths.specularPart.get(i));
           litSlot[i] = l.slot;
+          if (hasMedia) media.shadowIn[i] = int16_t(media.stack[i].top());
         }
         shadowed |= free;
       } else {
@@ -365,8 +411,9 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
           if (!(maxComponent(value) > 0.0f) && isFinite(value)) continue;
           aimShadow(sr, i, p, ls.origin.get(i), light);
           lit.set(i, value);
-          if (byLobe) litSpecular.set(i, event == 1 ? Vec3(0.0f) : value * paths.specularPart.get(i));
+          if (byLobe) litSpecular.set(i, done(i) == 0 ? Vec3(0.0f) : value * paths.specularPart.get(i));
           litSlot[i] = lights[k].slot;
+          if (hasMedia) media.shadowIn[i] = int16_t(media.stack[i].top());
           shadowed |= 1u << i;
         }
       }
@@ -388,6 +435,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         paths.fromNormal.z[i] = mine ? ls.n.z[i] : paths.fromNormal.z[i];
       }
       paths.fromHasNormal |= lambert;
+      paths.specularOnly &= ~lambert;
       next |= on;
     }
 
@@ -398,11 +446,17 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       embree::occluded16(valid, scene, context, sr, false);
       for (uint32_t left = shadowed; left; left &= left - 1) {
         const int i = __builtin_ctz(left);
-        if (sr.tfar[i] >= 0.0f)                                       // Embree writes -inf where something is in the way
-          add(i, litSlot[i], event, event == 1 ? PathClass::Direct : PathClass::Indirect, lit.get(i), byLobe ? litSpecular.get(i) : Vec3(0.0f));
+        if (!(sr.tfar[i] >= 0.0f)) continue;                          // Embree writes -inf where something is in the way
+        Vec3 value = lit.get(i), gloss = byLobe ? litSpecular.get(i) : Vec3(0.0f);
+        if (hasMedia && media.shadowIn[i] >= 0) {
+          const Vec3 left = surfaces.interiors()[size_t(media.shadowIn[i])].transmittance(sr.tfar[i] > 1e30f ? 3.0e38f : glm::length(direction(sr, i)));
+          value *= left;
+          gloss *= left;
+        }
+        add(i, litSlot[i], done(i) + 1, done(i) == 0 ? PathClass::Direct : PathClass::Indirect, value, gloss);
       }
     }
-    alive = next;
+    alive = onlyUnlit ? next & paths.specularOnly : next;
   }
   sums.flush(count, out, dropped);
 }

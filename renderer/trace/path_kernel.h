@@ -18,6 +18,8 @@ namespace gobo {
 /// Rays as they were traced, for the bench. Not thread-safe: record on one thread.
 struct RayRecorder { std::vector<Ray> primary, bounce, shadow; };
 
+struct PathMedia;
+
 struct PathTracer::Impl {
   PathTracerSettings settings;
   AccelPtr accel;
@@ -43,6 +45,9 @@ struct PathTracer::Impl {
   bool wantEmission = true, wantDirect = true, wantIndirect = true;
   int slotCount = 1, perGroup = 1;
   int maxEvents = 9;                       // scattering events a path may have
+  bool onlyUnlit = false;                  // no light, but unlit surfaces to show
+  MediumStack cameraMedia{};               // volumes around the camera
+  std::vector<char> mediaLights;           // by interior: scattering events ask for delta lights
   // Camera rays as affine functions of the film position.
   Vec3 cameraOrigin{0.0f}, cameraOriginX{0.0f}, cameraOriginY{0.0f}, cameraDirection{0.0f}, cameraDirectionX{0.0f}, cameraDirectionY{0.0f};
   std::vector<Vec2> viewSamples;
@@ -50,6 +55,9 @@ struct PathTracer::Impl {
 
   void prepareCamera();
   void prepareLights(const SceneView& view);
+  void prepareMedia(const SceneView& view);
+  /// Light of a delta light that lane i's scattering event at p turns into its path; d: direction of arrival.
+  Vec3 scatteredLight(const PathMedia& media, int i, const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw, int& slot, uint64_t& rays) const;
   /// Samples first .. first + count - 1 of the pixel's block; `film` is the index of the first over all blocks.
   void traceChunk(int x, int y, const SampleSet& set, uint64_t film, int count, double* out, uint64_t& rays, uint64_t& dropped) const;
 };

@@ -3,6 +3,10 @@
 // Veach 1997), light selection by tree, and Russian roulette. Not joined: a delta light through a specular chain (caustics of
 // Point, Spot, Directional through mirrors or smooth glass); such paths are no part of any class that it reports.
 // Rect, Disk and Sphere lights are transparent: rays pass through them and collect what they emit, shadow rays ignore them.
+// Volumes: absorption and scattering inside closed meshes (trace/interior.h, trace/path_media.h); shadow rays are blocked by
+// their boundaries like by any surface. Dispersion: the first dispersive boundary keeps one channel, three times as strong.
+// Unlit surfaces (KHR_materials_unlit) show their base colour to the camera and through chains of delta events, to nothing
+// else: they are no lights, and paths end there. Since no light owns them they are traced where `unlit` asks for them.
 // Samples come in blocks, consecutive pieces of one Owen-scrambled Sobol sequence per pixel, so that the error goes on falling
 // faster than with independent blocks; blocks of different streams (block / kBlocksPerStream) are independent. A block's result
 // depends only on (settings, pixel, block), never on thread, tile or what was traced before.
@@ -38,6 +42,8 @@ struct PathTracerSettings {
   int rouletteStart = 3;
   int blockSize = 16;               ///< samples a block, 1 .. 4096; results are best for powers of two
   uint64_t seed = 0;
+  bool behindOnly = false;          ///< of direct light only what passes through the first surface: what techniques that see its front leave out
+  bool unlit = false;               ///< unlit surfaces are shown, in group 0; else they are black
   PathClass cover = PathClass::All;
   SplitMode split = SplitMode::Combined;
   LightSelection selection = LightSelection::Tree;
@@ -70,15 +76,6 @@ class PathTracer {
  private:
   PathTracer();
   std::unique_ptr<Impl> impl_;
-};
-
-/// Homogeneous media are reserved: a medium will be a per-instance facet, and the tracer will ask this interface for
-/// free-flight distances between surface hits. No scene can hold one yet.
-class Medium {
- public:
-  virtual ~Medium() = default;
-  virtual float sampleDistance(float u, float tmax, Vec3& weight) const = 0;
-  virtual Vec3 transmittance(float t) const = 0;
 };
 
 }  // namespace gobo

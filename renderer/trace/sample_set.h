@@ -31,6 +31,8 @@ class SampleSet {
     }
   }
 
+  uint64_t seed() const { return seed_; }
+
  private:
   static float unit(uint32_t bits) { return float(int32_t(bits >> 8)) * 0x1p-24f; }   // toUnit, through the signed conversion that vectorises
   uint64_t seed_;

@@ -5,28 +5,79 @@
 
 namespace gobo {
 
+namespace {
+
+float unit(float v) { return clamp01(v); }
+Vec3 unit(const Vec3& v) { return glm::clamp(v, Vec3(0.0f), Vec3(1.0f)); }
+
+}  // namespace
+
+SurfaceMaterial makeSurfaceMaterial(const Albedo& albedo, const Bsdf& b, const std::vector<std::shared_ptr<const Texture>>& textures) {
+  const auto texture = [&](const TextureRef& ref) { return SurfaceTexture{ref.valid() ? textures[ref.texture].get() : nullptr, ref}; };
+  SurfaceMaterial m;
+  BsdfParams& p = m.constant;
+  p.albedo = unit(albedo.factor);
+  p.metallic = b.metallic;
+  p.roughness = b.roughness;
+  p.specular = b.specular;
+  p.ior = b.ior;
+  p.transmission = b.transmission;
+  p.thin = !(b.thickness > 0.0f);
+  p.specularColor = glm::max(b.specularColor, Vec3(0.0f));
+  p.anisotropy = unit(b.anisotropy);
+  p.clearcoat = unit(b.clearcoat);
+  p.clearcoatRoughness = unit(b.clearcoatRoughness);
+  p.sheenColor = unit(b.sheenColor);
+  p.sheenRoughness = unit(b.sheenRoughness);
+  p.iridescence = unit(b.iridescence);
+  p.iridescenceIor = b.iridescenceIor;
+  p.iridescenceThickness = b.iridescenceThicknessMax;
+  p.diffuseTransmission = unit(b.diffuseTransmission);
+  p.diffuseTransmissionColor = unit(b.diffuseTransmissionColor);
+  m.unlit = b.unlit;
+  m.albedo = texture(albedo.texture);
+  m.metallicRoughness = texture(b.metallicRoughness);
+  m.normal = texture(b.normal); m.normalScale = b.normalScale;
+  m.specular = texture(b.specularTexture);
+  m.specularColor = texture(b.specularColorTexture);
+  m.transmission = texture(b.transmissionTexture);
+  m.diffuseTransmission = texture(b.diffuseTransmissionTexture);
+  m.diffuseTransmissionColor = texture(b.diffuseTransmissionColorTexture);
+  m.clearcoat = texture(b.clearcoatTexture);
+  m.clearcoatRoughness = texture(b.clearcoatRoughnessTexture);
+  m.clearcoatNormal = texture(b.clearcoatNormal); m.coatNormalScale = b.clearcoatNormalScale;
+  m.sheenColor = texture(b.sheenColorTexture);
+  m.sheenRoughness = texture(b.sheenRoughnessTexture);
+  m.anisotropy = texture(b.anisotropyTexture); m.anisotropyRotation = b.anisotropyRotation;
+  m.iridescence = texture(b.iridescenceTexture);
+  m.iridescenceThickness = texture(b.iridescenceThicknessTexture); m.iridescenceThicknessMin = b.iridescenceThicknessMin;
+
+  const bool coat = p.clearcoat > 0.0f, sheen = maxComponent(p.sheenColor) > 0.0f, film = p.iridescence > 0.0f, behind = p.diffuseTransmission > 0.0f;
+  m.transmissive = p.transmission > 0.0f || behind;
+  // A texture times 0 is 0, so the factors decide.
+  m.lambert = p.metallic <= 0.0f && p.specular <= 0.0f && !m.transmissive && !coat && !sheen && !film && !m.unlit;
+  if (m.transmissive && !p.thin) m.dispersion = std::fmax(b.dispersion, 0.0f);
+  m.lobeTextured = !m.lambert && (m.specular || m.specularColor || m.transmission || m.diffuseTransmission || m.diffuseTransmissionColor ||
+                                  m.clearcoat || m.clearcoatRoughness || m.clearcoatNormal || (coat && m.normal) || m.sheenColor || m.sheenRoughness ||
+                                  m.iridescence || m.iridescenceThickness || p.anisotropy > 0.0f);
+  m.textured = m.albedo || m.normal || (m.metallicRoughness && !m.lambert) || m.lobeTextured;
+  m.extended = coat || sheen || film || behind || p.anisotropy > 0.0f || p.specularColor != Vec3(1.0f) || m.specularColor || (p.transmission > 0.0f && p.thin) ||
+               m.dispersion > 0.0f;
+  return m;
+}
+
 void SurfaceTable::build(const SceneView& view, const Accel& accel) {
   const auto& meshes = view.meshes(Facet::Topology | Facet::Pose | Facet::Shading);
   keep_ = meshes;
   textures_ = view.textures();
-  const auto texture = [&](const TextureRef& ref) -> const Texture* { return ref.valid() ? textures_[ref.texture].get() : nullptr; };
   materials_.resize(view.materialCount());
   for (size_t i = 0; i < materials_.size(); ++i) {
     const Albedo& albedo = view.albedo(int(i));
     const Bsdf& bsdf = view.bsdf(int(i));
-    SurfaceMaterial& m = materials_[i];
-    m.constant.albedo = glm::clamp(albedo.factor, Vec3(0.0f), Vec3(1.0f));
-    m.constant.metallic = bsdf.metallic;
-    m.constant.roughness = bsdf.roughness;
-    m.constant.specular = bsdf.specular;
-    m.constant.ior = bsdf.ior;
-    m.constant.transmission = bsdf.transmission;
-    m.albedo = texture(albedo.texture); m.albedoRef = albedo.texture;
-    m.metallicRoughness = texture(bsdf.metallicRoughness); m.metallicRoughnessRef = bsdf.metallicRoughness;
-    m.normal = texture(bsdf.normal); m.normalRef = bsdf.normal; m.normalScale = bsdf.normalScale;
-    m.lambert = bsdf.metallic <= 0.0f && bsdf.specular <= 0.0f && bsdf.transmission <= 0.0f;  // a metallic texture times 0 is 0
-    m.transmissive = bsdf.transmission > 0.0f;
-    m.textured = m.albedo || m.normal || (m.metallicRoughness && !m.lambert);
+    materials_[i] = makeSurfaceMaterial(albedo, bsdf, textures_);
+    if (!boundsVolume(bsdf)) continue;
+    materials_[i].interior = int(interiors_.size());
+    interiors_.push_back(makeInterior(bsdf));
   }
   const std::vector<Instance>& instances = view.instances();
   instances_.resize(instances.size());
@@ -46,6 +97,8 @@ void SurfaceTable::build(const SceneView& view, const Accel& accel) {
     s.normalToWorld = g.normalToWorld;
     s.mirrored = g.mirrored;
     s.identity = g.toWorld == Mat4(1.0f);
+    s.unlit = s.material->unlit;
+    anyUnlit_ = anyUnlit_ || s.unlit;
     s.flatLambert = s.world && !s.mirrored && !s.normals && !s.colours && s.material->lambert && !s.material->textured;
     if (!s.material->lambert) allLambert_ = false;
     // Scaled to order 1, so that normals of scenes of any scale stay inside float's comfortable range when squared.
@@ -62,61 +115,6 @@ void SurfaceTable::toWorld(const SurfaceInstance& s, Surface& out) {
   // Embree takes the ray into object space and back: the translation counts twice.
   out.reach = 2.0f * (glm::abs(Vec3(m[0])) * reach.x + glm::abs(Vec3(m[1])) * reach.y + glm::abs(Vec3(m[2])) * reach.z + glm::abs(translation)) +
               glm::abs(out.p);
-}
-
-void SurfaceTable::detail(const SurfaceInstance& s, uint32_t a, uint32_t b, uint32_t c, float w, float u, float v, const Vec3& d, Surface& out) {
-  const SurfaceMaterial& m = *s.material;
-  const auto uvAt = [&](const TextureRef& ref) {
-    const Vec2* set = s.uv[ref.texcoord];
-    return transformUv(ref, set ? w * set[a] + u * set[b] + v * set[c] : Vec2(0.0f));
-  };
-  if (s.colours) out.bsdf.albedo *= Vec3(w * s.colours[a] + u * s.colours[b] + v * s.colours[c]);
-  if (m.albedo) out.bsdf.albedo *= Vec3(m.albedo->sample(uvAt(m.albedoRef)));
-  out.bsdf.albedo = glm::clamp(out.bsdf.albedo, Vec3(0.0f), Vec3(1.0f));     // an albedo above 1 would make energy
-  if (m.metallicRoughness && !m.lambert) {
-    const Vec4 t = m.metallicRoughness->sample(uvAt(m.metallicRoughnessRef));
-    out.bsdf.roughness *= t.y;
-    out.bsdf.metallic *= t.z;
-  }
-  if (!m.normal) return;
-
-  // Tangent frame in object space: the mesh's (MikkTSpace) tangents, else the gradient of the texture coordinates.
-  const Vec3 facing = out.facing();
-  Vec3 normal = s.normals ? w * s.normals[a] + u * s.normals[b] + v * s.normals[c] : Vec3(0.0f);
-  Vec3 tangent;
-  float handed = 1.0f;
-  const Vec3 e1 = s.positions[b] - s.positions[a], e2 = s.positions[c] - s.positions[a];
-  const Vec2* set = s.uv[m.normalRef.texcoord];
-  if (s.tangents) {
-    const Vec4 t = w * s.tangents[a] + u * s.tangents[b] + v * s.tangents[c];
-    tangent = Mat3(s.toWorld) * Vec3(t);
-    handed = t.w < 0.0f ? -1.0f : 1.0f;
-  } else {
-    if (!set) return;
-    const Vec2 d1 = set[b] - set[a], d2 = set[c] - set[a];
-    const float det = d1.x * d2.y - d1.y * d2.x;
-    if (det == 0.0f) return;
-    tangent = (e1 * d2.y - e2 * d1.y) / det;
-    if (!s.world) tangent = Mat3(s.toWorld) * tangent;
-    // v points down in glTF pictures and normal maps are +Y up: the bitangent goes against the v gradient's handedness.
-    handed = det < 0.0f ? 1.0f : -1.0f;
-    if (s.mirrored) handed = -handed;
-  }
-  if (s.normals) { if (!s.identity) normal = s.normalToWorld * normal; } else { normal = out.Ng; }
-  const float nl = glm::dot(normal, normal);
-  if (!(nl > 0.0f)) return;
-  normal *= 1.0f / std::sqrt(nl);
-  tangent -= normal * glm::dot(normal, tangent);
-  const float tl = glm::dot(tangent, tangent);
-  if (!(tl > 0.0f) || !std::isfinite(tl)) return;
-  tangent *= 1.0f / std::sqrt(tl);
-  if (s.tangents && s.mirrored) handed = -handed;
-  const Vec3 bitangent = glm::cross(normal, tangent) * handed;
-  const Vec4 t = m.normal->sample(uvAt(m.normalRef));
-  const Vec3 local((2.0f * t.x - 1.0f) * m.normalScale, (2.0f * t.y - 1.0f) * m.normalScale, 2.0f * t.z - 1.0f);
-  const Vec3 mapped = tangent * local.x + bitangent * local.y + normal * local.z;
-  // The side of the map belongs to the vertex normal; seen from behind, or with inverted normals, the whole frame turns over.
-  out.n = usable(glm::dot(normal, facing) < 0.0f ? -mapped : mapped, facing, d);
 }
 
 }  // namespace gobo

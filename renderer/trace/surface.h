@@ -9,19 +9,31 @@
 
 #include "trace/accel_impl.h"
 #include "trace/bsdf.h"
+#include "trace/interior.h"
 
 namespace gobo {
+
+/// A texture with how it is looked up; null texture: none.
+struct SurfaceTexture { const Texture* texture = nullptr; TextureRef ref; explicit operator bool() const { return texture != nullptr; } };
 
 struct SurfaceMaterial {
   BsdfParams constant;                    ///< with every factor filled in
   bool lambert = false;                   ///< constant parameters are an exact Lambert surface (albedo may be textured)
-  bool textured = false;                  ///< any of the textures below, or vertex colours
-  bool transmissive = false;
-  const Texture* albedo = nullptr; TextureRef albedoRef;
-  const Texture* metallicRoughness = nullptr; TextureRef metallicRoughnessRef;
-  const Texture* normal = nullptr; TextureRef normalRef;
-  float normalScale = 1.0f;
+  bool textured = false;                  ///< a texture, vertex colours or a tangent are needed
+  bool transmissive = false;              ///< light may come from behind
+  bool unlit = false;
+  bool extended = false;                  ///< more than metallic, roughness, specular, ior and solid transmission
+  bool lobeTextured = false;              ///< any texture but those of albedo, metallic-roughness and normal; or anisotropy
+  int interior = -1;                      ///< index into SurfaceTable::interiors(), -1: bounds no volume
+  float dispersion = 0;
+  float normalScale = 1.0f, coatNormalScale = 1.0f, anisotropyRotation = 0, iridescenceThicknessMin = 0;
+  SurfaceTexture albedo, metallicRoughness, normal;
+  SurfaceTexture specular, specularColor, transmission, diffuseTransmission, diffuseTransmissionColor, clearcoat, clearcoatRoughness, clearcoatNormal,
+      sheenColor, sheenRoughness, anisotropy, iridescence, iridescenceThickness;
 };
+
+/// Flattens one material; `textures` must outlive it. `interior` is left to the table.
+SurfaceMaterial makeSurfaceMaterial(const Albedo& albedo, const Bsdf& bsdf, const std::vector<std::shared_ptr<const Texture>>& textures);
 
 struct SurfaceInstance {
   const uint32_t* indices = nullptr;
@@ -32,6 +44,7 @@ struct SurfaceInstance {
   const Vec4* colours = nullptr;
   const SurfaceMaterial* material = nullptr;
   bool world = true, identity = true, mirrored = false;
+  bool unlit = false;
   bool flatLambert = false;               ///< world space, no normals, untextured Lambert: the vector code does it all
   Mat4 toWorld{1.0f};
   Mat3 normalToWorld{1.0f};
@@ -46,7 +59,11 @@ struct Surface {
   bool lambert = false;
   const SurfaceMaterial* material = nullptr;
   BsdfParams bsdf;
+  Vec3 tangent{0.0f};                     ///< direction of the frame's x where `hasTangent`
+  bool hasTangent = false;                ///< only materials that care (anisotropy) have one
 
+  /// The frame that `bsdf` is given in.
+  Frame frame() const { return hasTangent ? Frame(n, tangent) : Frame(n); }
   /// Geometric normal on the viewer's side.
   Vec3 facing() const { return front ? Ng : -Ng; }
   /// p moved to the side of `side` (unit, +-Ng) past every point that rounding could have put on the wrong side of the
@@ -82,16 +99,27 @@ class SurfaceTable {
       if (!s.identity) n = s.normalToWorld * n;
       out.n = usable(n, facing, d);
     }
+    out.hasTangent = false;
     out.lambert = s.material->lambert;
     out.bsdf = s.material->constant;
     out.bsdf.entering = out.front;
     if (s.material->textured || s.colours) detail(s, a, b, c, w, u, v, d, out);
   }
   const SurfaceInstance& instance(uint32_t i) const { return instances_[i]; }
+  const std::vector<Interior>& interiors() const { return interiors_; }
+  int interiorOf(int material) const { return materials_[size_t(material)].interior; }
   bool allLambert() const { return allLambert_; }
+  bool anyUnlit() const { return anyUnlit_; }
 
  private:
+  struct Place { uint32_t a, b, c; float w, u, v; };                  // vertices and their weights
+  struct TangentSpace { Vec3 normal, tangent, bitangent; };          // world space, orthonormal; the normal as the vertices have it
   static void toWorld(const SurfaceInstance& s, Surface& out);
+  static bool tangentSpace(const SurfaceInstance& s, const Place& at, int uvSet, const Surface& out, TangentSpace& space);
+  static Vec2 uvAt(const SurfaceInstance& s, const Place& at, const TextureRef& ref);
+  static Vec3 mapped(const SurfaceInstance& s, const Place& at, const SurfaceTexture& map, float scale, const Vec3& d, const Surface& out);
+  static void lobes(const SurfaceInstance& s, const Place& at, Surface& out);
+  static void anisotropy(const SurfaceInstance& s, const Place& at, Surface& out);
   static void detail(const SurfaceInstance& s, uint32_t a, uint32_t b, uint32_t c, float w, float u, float v, const Vec3& d, Surface& out);
   // Normalised, on the side of `facing`; `facing` itself where the interpolated normal is unusable or turns away from the viewer.
   static Vec3 usable(const Vec3& n, const Vec3& facing, const Vec3& d) {
@@ -101,7 +129,8 @@ class SurfaceTable {
     if (glm::dot(m, facing) < 0.0f) m = -m;
     return glm::dot(m, d) < -1e-4f ? m : facing;
   }
-  bool allLambert_ = true;
+  bool allLambert_ = true, anyUnlit_ = false;
+  std::vector<Interior> interiors_;
   std::vector<SurfaceInstance> instances_;
   std::vector<SurfaceMaterial> materials_;
   std::vector<MeshPtr> keep_;

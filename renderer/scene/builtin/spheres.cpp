@@ -30,6 +30,7 @@ Result<ScenePtr> spheres() {
         default:
           k = b.material(name, Vec3(0.97f), 0.0f, 0.0f, 1.0f);
           b.at(k).bsdf.transmission = 1.0f;
+          b.at(k).bsdf.thickness = 0.9f;                              // solid
       }
       // A mesh carries its material, so each sphere is its own mesh; the arrays are copies of the first.
       int mesh;

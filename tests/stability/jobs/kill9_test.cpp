@@ -53,10 +53,10 @@ class Daemon {
       ::_exit(127);
     }
     grpc::ChannelArguments arguments;
-    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);   // no back-off inherited from the last life
+    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);   // no back-off inherited from the last life; the last one bounds a handshake
     arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 20);
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 100);
-    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 20);
+    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);
     channel_ = grpc::CreateCustomChannel("unix:" + folder_ + "/s.sock", grpc::InsecureChannelCredentials(), arguments);
     return channel_->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(60));
   }

@@ -112,14 +112,14 @@ TEST(PathTracerCases, RoughMetalNeverMakesEnergy) {
     Traced t(m.finish());
     const Measured e = measure(t, 32);
     EXPECT_LT(e[0].mean.x, 1.0 + 4.5 * e[0].error.x + 1e-4) << roughness;
-    EXPECT_GT(e[0].mean.x, roughness < 0.5f ? 0.95 : 0.3) << roughness;
+    EXPECT_GT(e[0].mean.x, 0.985) << roughness;
   }
-  SceneMaker m;                                     // alpha 1, seen along the normal: D = 1 / pi and G2 = 2 o i / (o + i) leave 1 - ln 2
+  SceneMaker m;                                     // alpha 1, seen along the normal: one bounce leaves 1 - ln 2, the later ones bring the rest back
   m.instance(m.mesh(ground(1.0f), m.material(Vec3(1.0f), [&](Material& x) { x.bsdf = {}; x.bsdf.roughness = 1; x.bsdf.metallic = 1; })));
   m.environment(constantEnvironment(Vec3(1.0f)));
   m.camera(Vec3(0, 4, 0), Vec3(0.0f), 1e-3f);
   Traced t(m.finish());
-  expectNear(measure(t, 64)[0], DVec3(1.0 - std::log(2.0)), 1e-4);
+  expectNear(measure(t, 64)[0], DVec3(1.0), 5e-3);
 }
 
 TEST(PathTracerCases, ADeltaFirstEventIsIndirect) {
@@ -305,7 +305,7 @@ TEST(PathTracerCases, SettingsHashSeesEveryField) {
   std::vector<Hash128> all = {
       digest([](auto&) {}), digest([](auto& c) { c.width = 5; }), digest([](auto& c) { c.height = 5; }), digest([](auto& c) { c.viewSamples = 2; }),
       digest([](auto& c) { c.maxBounces = 2; }), digest([](auto& c) { c.rouletteStart = 9; }), digest([](auto& c) { c.blockSize = 8; }),
-      digest([](auto& c) { c.seed = 3; }), digest([](auto& c) { c.cover = PathClass::Direct; }), digest([](auto& c) { c.split = SplitMode::ByLobe; }),
+      digest([](auto& c) { c.seed = 3; }), digest([](auto& c) { c.unlit = true; }), digest([](auto& c) { c.behindOnly = true; }), digest([](auto& c) { c.cover = PathClass::Direct; }), digest([](auto& c) { c.split = SplitMode::ByLobe; }),
       digest([](auto& c) { c.selection = LightSelection::Power; }), digest([](auto& c) { c.groups = 2; }), digest([](auto& c) { c.groupOf = {1}; }),
       digest([](auto& c) { c.nominal = {Vec3(2.0f)}; }), digest([](auto& c) { c.camera.yfov = 0.5f; }), digest([](auto& c) { c.camera.toWorld[3][0] = 1; }),
       digest([](auto& c) { c.camera.perspective = false; }), digest([](auto& c) { c.camera.centre.x = 1; }), digest([](auto& c) { c.camera.yheight = 1; })};

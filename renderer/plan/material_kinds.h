@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the materials of a scene ask of a plan, from their factors (a texture only scales a factor). Pure function.
+#pragma once
+
+#include "scene/scene.h"
+
+namespace gobo {
+
+struct MaterialKinds {
+  bool extended = false;      ///< the surface term's planes do not hold every material
+  bool translucent = false;   ///< some surface passes direct light from behind by a non-delta lobe
+  bool volumes = false;       ///< some mesh bounds a volume
+  bool unlit = false;
+  bool delta = false;         ///< some surface has a lobe that next-event estimation cannot reach
+};
+/// Materials that some instance uses.
+MaterialKinds materialKinds(const Scene& scene);
+
+}  // namespace gobo
