@@ -157,7 +157,8 @@ Result<ScenePtr> SceneLibrary::load(const std::string& source, bool trusted) con
   if (isBuiltin(source)) return makeBuiltinScene(source);
   std::string path = source;
   if (!trusted) { GOBO_ASSIGN(path, allowedPath(source, "source")); }
-  return loadGltf(path);
+  GOBO_ASSIGN(LoadedScene loaded, loader_->scene(path, {}));   // trusted as a path; its bytes are not
+  return std::move(loaded.scene);
 }
 
 Result<ScenePtr> SceneLibrary::find(const std::string& id) {
