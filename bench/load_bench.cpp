@@ -38,12 +38,14 @@ double percentile(std::vector<double> v, double p) {
 
 class Daemon {
  public:
-  Daemon(const std::string& program, const std::string& folder) : address_("unix:" + folder + "/gobod.sock") {
-    const std::string log = folder + "/gobod.log";
+  /// `storeBytes`: of the term store in memory. A soak wants one that fills at once, so that growth is a leak and not the cache.
+  Daemon(const std::string& program, const std::string& folder, const std::string& storeBytes) : address_("unix:" + folder + "/gobod.sock") {
+    const std::string log = folder + "/gobod.log", config = folder + "/gobod.toml";
+    std::ofstream(config) << "[engine]\nstore_bytes = \"" << storeBytes << "\"\n";
     pid_ = ::fork();
     if (pid_ == 0) {
       if (!std::freopen(log.c_str(), "w", stdout) || !std::freopen(log.c_str(), "a", stderr)) ::_exit(126);
-      ::execl(program.c_str(), program.c_str(), "--listen", address_.c_str(), static_cast<char*>(nullptr));
+      ::execl(program.c_str(), program.c_str(), "--config", config.c_str(), "--listen", address_.c_str(), static_cast<char*>(nullptr));
       ::_exit(127);
     }
     grpc::ChannelArguments arguments;
@@ -221,7 +223,7 @@ int main(int argc, char** argv) {
   if (!::mkdtemp(folder.data())) return 1;
   int code = 0;
   {
-    const Daemon daemon(program, folder);
+    const Daemon daemon(program, folder, renders ? "32MiB" : "4GiB");
     if (!daemon.ready()) {
       std::fprintf(stderr, "load_bench: %s does not answer; its log is %s/gobod.log\n", program.c_str(), folder.c_str());
       return 1;
