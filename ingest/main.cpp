@@ -51,14 +51,14 @@ Status writeOut(const void* data, size_t bytes) {
 Status work(const Job& job, Done& done) {
   ParentFiles files;
   if (job.task == Task::Environment) {
-    GOBO_ASSIGN(const std::vector<uint8_t> bytes, files.main(job.maxBytes));
+    GOBO_ASSIGN(const std::vector<uint8_t> bytes, files.main(~0ull));
     GOBO_ASSIGN(const EnvironmentPtr map, readEnvironment(bytes.data(), bytes.size(), job.path));
     return writeBlob(*map, writeOut);
   }
   LoadTimes times;
   LoadOptions options;
   options.maxTriangles = job.maxTriangles;
-  options.maxBytes = job.maxBytes;
+  options.maxBytes = ~0ull;   // the parent bounds what comes in, RLIMIT_AS what it grows to
   options.textureBytes = job.textureBytes;
   options.files = &files;
   options.times = &times;

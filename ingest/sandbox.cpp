@@ -13,7 +13,9 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 
 namespace gobo::ingest {
@@ -27,6 +29,15 @@ bool limit(int resource, uint64_t soft, uint64_t hard) {
   const rlim_t h = now.rlim_max == RLIM_INFINITY ? rlim_t(hard) : std::min(now.rlim_max, rlim_t(hard));
   const rlimit wanted{std::min(rlim_t(soft), h), h};
   return ::setrlimit(__rlimit_resource_t(resource), &wanted) == 0;
+}
+
+/// Address space that program and libraries take up already (about half a GB, hardly any of it memory).
+uint64_t occupied() {
+  char text[64] = {};
+  const int fd = ::open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
+  const ssize_t n = fd < 0 ? -1 : ::read(fd, text, sizeof text - 1);
+  if (fd >= 0) ::close(fd);
+  return n > 0 ? std::strtoull(text, nullptr, 10) * uint64_t(::sysconf(_SC_PAGESIZE)) : 512ull << 20;
 }
 
 /// 0, or the negative errno of the first rule that was not taken.
@@ -62,6 +73,7 @@ void prepareLibraries() {
 }
 
 Status lockDown(const Job& job) {
+  const uint64_t space = occupied() + job.memoryBytes;   // while a descriptor can still be had
   // When the machine runs out of memory, this process goes before the daemon.
   if (const int fd = ::open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC); fd >= 0) {
     (void)!::write(fd, "1000", 4);
@@ -76,7 +88,7 @@ Status lockDown(const Job& job) {
   if (!limit(RLIMIT_CORE, 0, 0) || !limit(RLIMIT_CPU, job.cpuSeconds, job.cpuSeconds + 1) || !limit(RLIMIT_FSIZE, job.blobBytes, job.blobBytes) ||
       !limit(RLIMIT_NOFILE, kOutput + 1, kOutput + 1)) return failed("setrlimit");
 #ifndef __SANITIZE_ADDRESS__   // the sanitizer's shadow memory is terabytes of address space
-  if (!limit(RLIMIT_AS, job.memoryBytes, job.memoryBytes)) return failed("setrlimit of the address space");
+  if (!limit(RLIMIT_AS, space, space)) return failed("setrlimit of the address space");
 #endif
   scmp_filter_ctx filter = seccomp_init(SCMP_ACT_KILL_PROCESS);
   if (!filter) return internalError("sandbox: seccomp_init failed");

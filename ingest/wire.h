@@ -23,8 +23,8 @@ enum class Task : uint8_t { Scene = 1, Environment = 2, Probe = 3 };   ///< Prob
 struct Job {
   Task task = Task::Scene;
   std::string path;                  ///< for messages and scene names only: the child cannot open it
-  uint64_t maxTriangles = 0, maxBytes = 0, textureBytes = 0;
-  uint64_t memoryBytes = 0, blobBytes = 0;   ///< RLIMIT_AS, RLIMIT_FSIZE
+  uint64_t maxTriangles = 0, maxBytes = 0, textureBytes = 0;   ///< maxBytes: of all files together; the parent keeps it
+  uint64_t memoryBytes = 0, blobBytes = 0;   ///< RLIMIT_AS beyond the program itself, RLIMIT_FSIZE
   uint32_t cpuSeconds = 0;           ///< RLIMIT_CPU
 };
 struct Done { double parseMs = 0, textureMs = 0; };

@@ -345,7 +345,7 @@ Status checkConfig(ServerConfig& c) {
   // A waiting render holds a call: without spare ones a full queue would lock out status, cancellation and health checks.
   const uint64_t waiting = uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch;
   GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running and the three queues together)", c.rpcThreads, waiting + 16));
-  GOBO_TRY(least("ingest.memory_bytes", c.ingestMemoryBytes, 256ull << 20));   // the libraries alone take up 150 MB of addresses
+  GOBO_TRY(least("ingest.memory_bytes", c.ingestMemoryBytes, 64ull << 20));
   GOBO_TRY(least("ingest.blob_bytes", c.ingestBlobBytes, 1ull << 20));
   if (c.ingestVerify != "changed" && c.ingestVerify != "always")
     return invalidArgument("ingest.verify = \"" + escaped(c.ingestVerify) + "\": must be \"changed\" or \"always\"");

@@ -135,14 +135,15 @@ class Channel {
 Status changed(const std::string& name) { return Status(Code::Aborted, "file \"" + name + "\" changed while it was being read; try again"); }
 
 /// Sends what `file` has and hashes it. False in `alive` when the child does not take it.
-Status sendFile(Channel& channel, int file, const std::string& name, uint64_t maxBytes, std::string& digest, std::string& settledStamp, uint64_t& total, bool& alive) {
+Status sendFile(Channel& channel, int file, const std::string& name, uint64_t limit, std::string& digest, std::string& settledStamp, uint64_t& total, bool& alive) {
   struct stat info{};
   if (::fstat(file, &info) != 0) return internalError("cannot examine \"" + name + "\"");
   const FileStamp stamp = FileStamp::of(info);
   const bool settled = stamp.settled();
   uint64_t left = uint64_t(info.st_size);
-  if (left > maxBytes)
-    return Status(Code::ResourceExhausted, "file \"" + name + "\" of " + std::to_string(left) + " bytes is above the limit of " + std::to_string(maxBytes));
+  if (left > limit - total)
+    return Status(Code::ResourceExhausted, "file \"" + name + "\" has " + std::to_string(left) + " bytes: the files of one scene are limited to " + std::to_string(limit) +
+                  " bytes together (ingest.input_bytes)");
   total += left;
   alive = channel.frame(ingest::Frame::File, left);
   Sha256 sha;
@@ -189,8 +190,7 @@ Status answer(Channel& channel, const ingest::Job& job, const std::string& name,
     return refuse(Status(opened.status().code(), opened.status().message()));
   }
   const Descriptor file(*opened);
-  if (total > job.maxBytes) return Status(Code::ResourceExhausted, "the files that it names have more than " + std::to_string(job.maxBytes) + " bytes");
-  GOBO_TRY(sendFile(channel, file.get(), name, job.maxBytes - total, side.digest, side.stamp, total, alive));
+  GOBO_TRY(sendFile(channel, file.get(), name, job.maxBytes, side.digest, side.stamp, total, alive));
   outcome.sides.push_back(side);
   return {};
 }

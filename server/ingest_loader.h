@@ -18,7 +18,7 @@ struct IngestOptions {
   std::string cacheFolder;                   ///< blobs; empty: none are kept
   uint64_t cacheBytes = 8ull << 30;
   bool verifyAlways = false;                 ///< hash files at every load
-  uint64_t memoryBytes = 4ull << 30;         ///< address space of a child
+  uint64_t memoryBytes = 4ull << 30;         ///< address space of a child beyond its program
   uint64_t blobBytes = 8ull << 30;           ///< of one scene
   uint64_t textureBytes = 4ull << 30;        ///< of one scene, mip levels included
   uint64_t inputBytes = 4ull << 30;          ///< of one scene's files together

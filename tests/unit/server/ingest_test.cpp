@@ -38,7 +38,7 @@ class Ingest : public ::testing::Test {
 
   Status probe(const std::string& what, double wall = 60, const StopToken& stop = {}) {
     const int out = ::memfd_create("probe", MFD_CLOEXEC);
-    ingest::Job job{ingest::Task::Probe, what, 1 << 20, 1 << 30, 1 << 30, 1ull << 30, 8 << 20, 1};
+    ingest::Job job{ingest::Task::Probe, what, 1 << 20, 1 << 30, 1 << 30, 256ull << 20, 8 << 20, 1};
     const auto result = runIngest(findIngestProgram(), job, out, wall, stop);
     written = ::lseek(out, 0, SEEK_END);
     ::close(out);
@@ -94,7 +94,7 @@ TEST_F(Ingest, EveryEndOfAChildHasItsName) {
   expect("abort", Code::Internal, "crashed on it (Aborted)");
   expect("spin", Code::ResourceExhausted, "more than 1 s of CPU time (ingest.cpu_s)");
   expect("sleep", Code::ResourceExhausted, "longer than 0.3 s (ingest.wall_s)", 0.3);
-  expect("allocate", Code::ResourceExhausted, "more memory than 1073741824 bytes (ingest.memory_bytes)");
+  expect("allocate", Code::ResourceExhausted, "more memory than 268435456 bytes (ingest.memory_bytes)");
   expect("write", Code::ResourceExhausted, "larger than 8388608 bytes (ingest.blob_bytes)");
   EXPECT_LE(written, 8 << 20);
   expect("silent", Code::Internal, "left without an answer");
