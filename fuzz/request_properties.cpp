@@ -74,7 +74,12 @@ void effective(v1::RenderRequest request, Outcome& out) {
   if (!std::isfinite(c.yfov) || !std::isfinite(c.yheight)) out.broken = "the camera's field is not finite";
 }
 
-bool parse(Message& m, Bytes bytes) { return m.ParseFromArray(bytes.data(), int(bytes.size())); }
+/// Fields of a later schema are kept on the wire and left out of JSON and hash: they are no part of what is compared.
+bool parse(Message& m, Bytes bytes) {
+  if (!m.ParseFromArray(bytes.data(), int(bytes.size()))) return false;
+  m.DiscardUnknownFields();
+  return true;
+}
 
 }  // namespace
 
