@@ -17,6 +17,7 @@
 #include <filesystem>
 
 #include "base/file_stamp.h"
+#include "base/utf8.h"
 #include "scene/file_source.h"
 #include "server/encode.h"
 
@@ -255,7 +256,7 @@ Result<IngestOutcome> runIngest(const std::string& program, const ingest::Job& j
   IngestOutcome outcome;
   bool alive = true;
   const Status said = talk(channel, job, mainFile, outcome, alive);
-  if (!said.ok()) return said.at(job.path);   // ~Child ends it
+  if (!said.ok()) return cleanUtf8(said.at(job.path));   // ~Child ends it
   int status = 0;
   bool over = child.gone(status);
   while (!over && !channel.expired() && !channel.stopped()) {

@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "base/utf8.h"
 #include "scene/blob_fields.h"
 
 namespace gobo::blob {
@@ -145,6 +146,7 @@ struct Reader {
       if (n > records.size() - at) { fail("string of " + std::to_string(n) + " bytes does not fit"); return; }
       item.assign(reinterpret_cast<const char*>(records.data() + at), n);
       at += n;
+      if (!isUtf8(item)) fail("string is not UTF-8");
     } else if constexpr (IsArray<T>::value) {
       using E = typename T::value_type;
       uint64_t offset = 0, count = 0;

@@ -5,6 +5,7 @@
 
 #include "base/check.h"
 #include "base/image_io.h"
+#include "base/utf8.h"
 #include "scene/environment_cube.h"
 
 namespace gobo {
@@ -67,7 +68,7 @@ Result<EnvironmentPtr> readEnvironment(const uint8_t* bytes, size_t size, const 
   if (image.channels < 1) return invalidArgument("environment map has no channels", name);
   const CubeLayout layout = cubeLayout(image, exrEnvironmentKind(bytes, size));
   if (layout != CubeLayout::None) image = latLongFromCube(image, layout);
-  return makeEnvironment(name.substr(name.find_last_of('/') + 1), std::move(image));
+  return makeEnvironment(cleanUtf8(name.substr(name.find_last_of('/') + 1)), std::move(image));
 }
 
 Result<EnvironmentPtr> loadEnvironment(const std::string& path) {

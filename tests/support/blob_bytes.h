@@ -17,7 +17,7 @@ struct BlobBytes {
   std::pair<std::shared_ptr<const void>, std::span<const uint8_t>> aligned() const {
     const size_t n = (bytes.size() + 127) / 64 * 64;
     std::shared_ptr<void> p(std::aligned_alloc(64, n), std::free);
-    std::memcpy(p.get(), bytes.data(), bytes.size());
+    if (!bytes.empty()) std::memcpy(p.get(), bytes.data(), bytes.size());
     return {p, {static_cast<const uint8_t*>(p.get()), bytes.size()}};
   }
   template <typename T> T at(size_t i) const { T v; std::memcpy(&v, bytes.data() + i, sizeof v); return v; }
