@@ -3,23 +3,24 @@
 
 #include <unistd.h>
 
-#include <fstream>
-
-#include "server/rpc.h"
+#include "server/serve.h"
+#include "server/server_metrics.h"
 
 namespace gobo {
-namespace {
 
-uint64_t residentBytes() {
-  std::ifstream in("/proc/self/statm");
-  uint64_t total = 0, resident = 0;
-  in >> total >> resident;
-  return resident * uint64_t(::sysconf(_SC_PAGESIZE));
+/// How long the first status waits for drivers to be found; the next one has them.
+static constexpr double kProbeSeconds = 0.25;
+
+grpc::Status AdminService::GetStatus(grpc::ServerContext* context, const v1::StatusRequest*, v1::StatusReply* reply) {
+  return serve(core_, *context, "status", [&](Rpc& rpc) -> grpc::Status {
+    rpc.quiet();
+    fill(*reply);
+    return grpc::Status::OK;
+  });
 }
 
-}  // namespace
-
-grpc::Status AdminService::GetStatus(grpc::ServerContext*, const v1::StatusRequest*, v1::StatusReply* reply) {
+void AdminService::fill(v1::StatusReply& status) {
+  v1::StatusReply* reply = &status;
   core_.engine.fillStatus(*reply);
   reply->set_build(buildVersion());
   reply->set_uptime_s(std::chrono::duration<double>(std::chrono::steady_clock::now() - core_.started).count());
@@ -31,29 +32,47 @@ grpc::Status AdminService::GetStatus(grpc::ServerContext*, const v1::StatusReque
   reply->set_rss_bytes(residentBytes());
   reply->set_pid(int32_t(::getpid()));
   reply->set_threads(uint32_t(core_.engine.threads()));
-  return grpc::Status::OK;
+  reply->set_draining(core_.draining());
+  reply->set_workers(uint32_t(core_.jobs.workers().size()));
+  reply->set_pinned_bytes(jobs.pinnedBytes);
+  reply->set_open_fds(openFiles());
+  reply->set_loads(core_.loads.running() + core_.uploads.load());
+  for (const std::string& device : core_.devices.list(kProbeSeconds)) reply->add_devices(device);
 }
 
-grpc::Status AdminService::DropCaches(grpc::ServerContext*, const v1::DropCachesRequest* request, v1::DropCachesReply* reply) {
+grpc::Status AdminService::DropCaches(grpc::ServerContext* context, const v1::DropCachesRequest* request, v1::DropCachesReply* reply) {
+  return serve(core_, *context, "drop_caches", [&](Rpc& rpc) -> grpc::Status {
+    const grpc::Status allowed = rpc.needAdmin("DropCaches");
+    if (!allowed.ok()) return allowed;
+    reply->set_bytes(drop(request->disk()));
+    rpc.note("disk", request->disk() ? "true" : "false");
+    rpc.note("bytes", std::to_string(reply->bytes()));
+    return grpc::Status::OK;
+  });
+}
+
+uint64_t AdminService::drop(bool disk) {
   const auto held = [&] {
     v1::StatusReply status;
     core_.engine.fillStatus(status);
-    return status.store_bytes() + (request->disk() ? status.disk_bytes() : 0);
+    return status.store_bytes() + (disk ? status.disk_bytes() : 0);
   };
   const uint64_t before = held();
-  core_.engine.dropCaches(request->disk());
+  core_.engine.dropCaches(disk);
   const uint64_t after = held();
-  reply->set_bytes(before > after ? before - after : 0);
-  logInfo("drop_caches disk=%d bytes=%llu status=OK", int(request->disk()), static_cast<unsigned long long>(reply->bytes()));
-  return grpc::Status::OK;
+  return before > after ? before - after : 0;
 }
 
 grpc::Status AdminService::Shutdown(grpc::ServerContext* context, const v1::ShutdownRequest*, v1::ShutdownReply*) {
-  if (!isLocalPeer(*context)) return {grpc::StatusCode::PERMISSION_DENIED, "Shutdown is allowed on the Unix socket only"};
-  logInfo("shutdown asked for by a client");
-  core_.drain();
-  core_.shutdownAsked.store(true);
-  return grpc::Status::OK;
+  return serve(core_, *context, "shutdown", [&](Rpc& rpc) -> grpc::Status {
+    const grpc::Status allowed = rpc.needAdmin("Shutdown");
+    if (!allowed.ok()) return allowed;
+    if (!rpc.who().local && !rpc.who().token)
+      return rpc.refuse("admin", {Code::PermissionDenied, "Shutdown is allowed on the Unix socket, or with a token that has admin = true"});
+    core_.drain();
+    core_.shutdownAsked.store(true);
+    return grpc::Status::OK;
+  });
 }
 
 }  // namespace gobo

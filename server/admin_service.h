@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gobo.v1.Admin: status, caches, shutdown (Unix socket only). Thread-safe.
+// gobo.v1.Admin: status, caches, shutdown (the last two with the admin right: the local user's, or a token's). Thread-safe.
 #pragma once
 
 #include "gobo/v1/service.grpc.pb.h"
@@ -15,6 +15,8 @@ class AdminService final : public v1::Admin::Service {
   grpc::Status Shutdown(grpc::ServerContext*, const v1::ShutdownRequest*, v1::ShutdownReply*) override;
 
  private:
+  void fill(v1::StatusReply& status);
+  uint64_t drop(bool disk);   // bytes that went
   ServerCore& core_;
 };
 

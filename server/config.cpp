@@ -15,6 +15,8 @@
 
 #include <toml++/toml.h>
 
+#include "server/config_check.h"
+
 namespace gobo {
 namespace {
 
@@ -57,6 +59,17 @@ Key bytes(uint64_t& target) {
     auto parsed = parseBytes(*text);
     if (!parsed.ok()) return invalidArgument("= " + shown(node) + ": " + parsed.status().message());
     target = *parsed;
+    return {};
+  };
+}
+
+Key mode(uint32_t& target) {
+  return [&target](const toml::node& node) -> Status {
+    const auto v = node.value_exact<std::string>();
+    const bool octal = v && !v->empty() && v->size() <= 4 && v->find_first_not_of("01234567") == std::string::npos;
+    const uint32_t bits = octal ? uint32_t(std::strtoul(v->c_str(), nullptr, 8)) : 01000u;
+    if (bits > 0777) return wrongType("an octal file mode as a string, \"0600\" to \"0777\"", node);
+    target = bits;
     return {};
   };
 }
@@ -106,10 +119,52 @@ Key texts(std::vector<std::string>& target, Fix fix = {}) {
   };
 }
 
-std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix& address) {
+Status readTable(const toml::table& table, const std::string& prefix, const std::string& file, const std::map<std::string, Key>& keys);
+
+std::map<std::string, Key> tokenKeys(TokenConfig& t, std::vector<std::string>& roots, const Fix& folder) {
+  return {{"tokens.name", text(t.name)}, {"tokens.sha256", text(t.sha256)}, {"tokens.classes", texts(t.classes)},
+          {"tokens.requests_per_s", number(t.requestsPerSecond, 0, 1e6)}, {"tokens.burst", integer(t.burst, 1, 1u << 20)},
+          {"tokens.renders_at_once", integer(t.rendersAtOnce, 0, 1u << 20)}, {"tokens.max_pixels", integer(t.maxPixels, 0, 1ull << 40)},
+          {"tokens.max_spp", integer(t.maxSpp, 0, 1u << 20)}, {"tokens.max_s", number(t.maxSeconds, 0, 86400)},
+          {"tokens.upload_bytes", bytes(t.uploadBytes)}, {"tokens.roots", texts(roots, folder)}, {"tokens.admin", boolean(t.admin)}};
+}
+
+Key tokens(std::vector<TokenConfig>& target, const Fix& folder, const std::string& file) {
+  return [&target, folder, file](const toml::node& node) -> Status {
+    const toml::array* array = node.as_array();
+    if (!array || !array->is_array_of_tables()) return wrongType("tables, [[tokens]]", node);
+    std::vector<TokenConfig> read;
+    for (const toml::node& item : *array) {
+      TokenConfig t;
+      std::vector<std::string> roots;
+      const Status status = readTable(*item.as_table(), "tokens", file, tokenKeys(t, roots, folder));
+      if (!status.ok()) return {status.code(), status.message(), file};   // has its own line
+      if (item.as_table()->contains("roots")) t.roots = std::move(roots);
+      const std::string where = file + ":" + std::to_string(item.source().begin.line) + ": ";
+      if (const Status checked = checkToken(t); !checked.ok()) return {checked.code(), where + checked.message(), file};
+      read.push_back(std::move(t));
+    }
+    target = std::move(read);
+    return {};
+  };
+}
+
+std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix& address, const std::string& file) {
   const uint64_t big = 1u << 20;
   return {
       {"listen", texts(c.listen, address)},
+      {"socket_mode", mode(c.socketMode)},
+      {"auth.require_token", text(c.requireToken)},
+      {"tls.cert", text(c.tls.cert, folder)},
+      {"tls.key", text(c.tls.key, folder)},
+      {"tls.client_ca", text(c.tls.clientCa, folder)},
+      {"tls.require_client_cert", boolean(c.tls.requireClientCert)},
+      {"http.listen", text(c.httpListen)},
+      {"http.allow_remote", boolean(c.httpAllowRemote)},
+      {"log.format", text(c.logFormat)},
+      {"limits.loads_at_once", integer(c.loadsAtOnce, 1, 1024)},
+      {"limits.request_s", number(c.requestSeconds, 0, 86400)},
+      {"tokens", tokens(c.tokens, folder, file)},
       {"allow_remote", boolean(c.allowRemote)},
       {"reflection", boolean(c.reflection)},
       {"log.level", text(c.logLevel)},
@@ -138,6 +193,12 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"scheduler.queued_per_client", integer(c.queuedPerClient, 1, big)},
       {"scheduler.pinned_bytes", bytes(c.pinnedBytes)},
       {"scheduler.drain_s", number(c.drainSeconds, 0, 86400)},
+      {"jobs.folder", text(c.jobsFolder, folder)},
+      {"jobs.workers", integer(c.jobsWorkers, 1, 64)},
+      {"jobs.lease_s", number(c.jobsLeaseSeconds, 1, 86400)},
+      {"jobs.checkpoint_s", number(c.jobsCheckpointSeconds, 0.05, 86400)},
+      {"jobs.keep_bytes", bytes(c.jobsKeepBytes)},
+      {"jobs.keep_days", number(c.jobsKeepDays, 0, 36500)},
   };
 }
 
@@ -149,6 +210,7 @@ Status readTable(const toml::table& table, const std::string& prefix, const std:
     const auto it = keys.find(key);
     if (it != keys.end()) {
       const Status status = it->second(node);
+      if (!status.ok() && !status.location().empty()) return invalidArgument(status.message());   // says its own place
       if (!status.ok()) return invalidArgument(where + key + " " + status.message());
       continue;
     }
@@ -162,6 +224,17 @@ Status readTable(const toml::table& table, const std::string& prefix, const std:
 }
 
 }  // namespace
+
+std::vector<std::string> configKeys() {
+  ServerConfig c;
+  TokenConfig t;
+  std::vector<std::string> keys;
+  for (const auto& [key, reader] : keysOf(c, {}, {}, ""))
+    if (key != "tokens") keys.push_back(key);
+  std::vector<std::string> roots;
+  for (const auto& [key, reader] : tokenKeys(t, roots, {})) keys.push_back(key);
+  return keys;
+}
 
 std::string defaultAddress() { return "unix:/tmp/gobo-" + std::to_string(::getuid()) + ".sock"; }
 
@@ -198,7 +271,8 @@ Status readConfig(const std::string& path, ServerConfig& config) {
   };
   try {
     const toml::table root = toml::parse(content.str(), path);
-    return readTable(root, "", path, keysOf(config, folder, address));
+    config.file = path;
+    return readTable(root, "", path, keysOf(config, folder, address, path));
   } catch (const toml::parse_error& e) {
     return invalidArgument(path + ":" + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));
   } catch (const std::exception& e) {
@@ -240,13 +314,9 @@ Result<Address> parseAddress(const std::string& text) {
 
 Status checkConfig(ServerConfig& c) {
   if (c.listen.empty()) c.listen.push_back(defaultAddress());
-  for (const std::string& text : c.listen) {
-    GOBO_ASSIGN(const Address address, parseAddress(text));
-    if (!address.isUnix && !isLoopback(address.host) && !c.allowRemote)
-      return {Code::PermissionDenied, "listen \"" + escaped(text) + "\": not a loopback address. Gobo's protocol has no "
-              "authentication of its own; set allow_remote = true if the network in front of it has"};
-  }
+  GOBO_TRY(checkSecurity(c));
   GOBO_TRY(parseLogLevel(c.logLevel).status());
+  GOBO_TRY(parseLogFormat(c.logFormat).status());
   const auto least = [](const char* key, uint64_t value, uint64_t low) -> Status {
     if (value >= low) return {};
     return invalidArgument(std::string(key) + " = " + std::to_string(value) + ": must be at least " + std::to_string(low));

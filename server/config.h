@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,12 +13,45 @@
 
 namespace gobo {
 
+/// One [[tokens]] table. Zero and empty mean: no bound of the token's own.
+struct TokenConfig {
+  std::string name;                           ///< also the client of the fair share
+  std::string sha256;                         ///< of the token's bytes, 64 lower-case hex digits; the token is never stored
+  std::vector<std::string> classes;           ///< of "interactive", "normal", "batch"
+  double requestsPerSecond = 0;               ///< of any kind; up to `burst` at once
+  uint32_t burst = 10;
+  uint32_t rendersAtOnce = 0;                 ///< queued ones included
+  uint64_t maxPixels = 0;                     ///< width x height
+  uint32_t maxSpp = 0;
+  double maxSeconds = 0;                      ///< of one request, from its arrival
+  uint64_t uploadBytes = 0;                   ///< of one upload, below limits.upload_bytes
+  std::optional<std::vector<std::string>> roots;   ///< if given: the only folders whose files it may name
+  bool admin = false;                         ///< DropCaches, Shutdown
+  bool operator==(const TokenConfig&) const = default;
+};
+
+struct TlsConfig {
+  std::string cert, key;                      ///< PEM files: chain, then its private key; empty: TCP in plain text
+  std::string clientCa;                       ///< PEM file; empty: clients show no certificate
+  bool requireClientCert = false;             ///< mutual TLS: no connection without a certificate signed by clientCa
+  bool on() const { return !cert.empty(); }
+  bool operator==(const TlsConfig&) const = default;
+};
+
 struct ServerConfig {
+  std::string file;                           ///< that it was read from; empty: none
   std::vector<std::string> listen;            ///< "unix:PATH" or "HOST:PORT"; the default socket if empty
-  bool allowRemote = false;                   ///< needed for any TCP address that is not loopback
+  bool allowRemote = false;                   ///< TCP addresses that are not loopback even without TLS and tokens
   bool reflection = false;                    ///< gRPC server reflection
+  uint32_t socketMode = 0600;                 ///< of Unix sockets
+  std::string requireToken = "tcp";           ///< "tcp": on TCP, once there are tokens; "always": on Unix sockets too
+  TlsConfig tls;
+  std::vector<TokenConfig> tokens;
+  std::string httpListen;                     ///< HOST:PORT of /metrics, /health, /ready; empty: none
+  bool httpAllowRemote = false;
 
   std::string logLevel = "info";
+  std::string logFormat = "text";
 
   int threads = 0;                            ///< of the task arena; 0: all
   uint64_t storeBytes = 4ull << 30;
@@ -34,6 +68,8 @@ struct ServerConfig {
   uint32_t uploadsAtOnce = 4;
   uint64_t chunkBytes = 1ull << 20;
   uint64_t inlineBytes = 48ull << 20;
+  uint32_t loadsAtOnce = 2;                   ///< scenes being loaded or patched; more wait
+  double requestSeconds = 0;                  ///< a render may take, from its arrival; 0: any time
   uint64_t imageBytes = 8ull << 30;           ///< pictures of one reply as floats, bound from width, height and outputs
   std::string tmpFolder;                      ///< uploads; $TMPDIR or /tmp if empty
 
@@ -43,6 +79,12 @@ struct ServerConfig {
   double ageingNormal = 10, ageingBatch = 30; ///< seconds until a waiting class is given a turn
   uint64_t pinnedBytes = 0;                   ///< bound on the sum over running renders; 0: half of the machine's memory
   double drainSeconds = 30;                   ///< after SIGTERM, before running renders are cancelled
+
+  std::string jobsFolder;                     ///< durable jobs; empty: none
+  uint32_t jobsWorkers = 1;                   ///< frames that are rendered, or wait for a slot, at once
+  double jobsLeaseSeconds = 30, jobsCheckpointSeconds = 30;
+  uint64_t jobsKeepBytes = 64ull << 30;       ///< results of jobs that are over
+  double jobsKeepDays = 30;
 };
 
 /// "unix:/tmp/gobo-UID.sock".
@@ -50,8 +92,14 @@ std::string defaultAddress();
 /// Reads `path` over the defaults. Relative folders in the file are relative to the file's folder.
 /// Errors: InvalidArgument "FILE:LINE: key ...", NotFound if the file cannot be read.
 Status readConfig(const std::string& path, ServerConfig& config);
-/// Ranges, addresses (loopback unless allow_remote), folders. Fills in the default listen address and tmp folder.
+/// Every key that a file may hold, "limits.upload_bytes"; those of a [[tokens]] table as "tokens.name".
+std::vector<std::string> configKeys();
+/// Ranges, addresses (beyond loopback only with TLS and tokens, or allow_remote), tokens, folders. Fills in the default listen address and tmp folder.
 Status checkConfig(ServerConfig& config);
+/// What differs between the running configuration and a new one but is fixed until a restart: keys, "scheduler.running".
+std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& running, const ServerConfig& next);
+/// `running` with what may change at run time taken from `next`: tokens, TLS files, roots, log, [limits] but for gRPC's own, drain_s.
+ServerConfig reloaded(const ServerConfig& running, const ServerConfig& next);
 /// The value of "4GiB", "64 MiB", "1000".
 Result<uint64_t> parseBytes(const std::string& text);
 

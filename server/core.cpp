@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/core.h"
 
+#include "server/log.h"
+#include "server/server_metrics.h"
+
 namespace gobo {
 
 namespace {
@@ -17,7 +20,38 @@ SchedulerOptions schedulerOptions(const ServerConfig& c) {
 
 }  // namespace
 
-ServerCore::ServerCore(Engine& e, const ServerConfig& c) : engine(e), config(c), jobs(schedulerOptions(c)) {}
+ServerCore::ServerCore(Engine& e, const ServerConfig& c) : engine(e), config(c), jobs(schedulerOptions(c)) {
+  setLive(c);
+  declareServerMetrics(*this);
+}
+
+std::shared_ptr<const ServerConfig> ServerCore::live() const {
+  const std::lock_guard lock(liveMutex_);
+  return live_;
+}
+
+void ServerCore::setLive(const ServerConfig& c) {
+  tokens.reload(c.tokens, c.requireToken == "always");
+  loads.setLimit(c.loadsAtOnce);
+  const std::lock_guard lock(liveMutex_);
+  live_ = std::make_shared<ServerConfig>(c);
+}
+
+void ServerCore::addHealth(const std::string& key, std::function<std::string()> value) {
+  const std::lock_guard lock(liveMutex_);
+  health_.emplace_back(key, std::move(value));
+}
+
+std::string ServerCore::healthExtras() const {
+  std::vector<std::pair<std::string, std::function<std::string()>>> parts;
+  {
+    const std::lock_guard lock(liveMutex_);
+    parts = health_;
+  }
+  std::string out;
+  for (const auto& [key, value] : parts) out += "," + jsonString(key) + ":" + value();
+  return out;
+}
 
 ServerCore::Call::Call(ServerCore& core) : core_(core) {
   const std::lock_guard lock(core_.mutex_);
@@ -34,6 +68,7 @@ ServerCore::Call::~Call() {
 }
 
 void ServerCore::drain() {
+  if (!drainSeen_.exchange(true) && onDrain) onDrain();
   const std::lock_guard lock(mutex_);
   draining_.store(true);
 }

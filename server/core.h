@@ -6,23 +6,39 @@
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <functional>
 #include <list>
+#include <memory>
 #include <mutex>
 
 #include "base/stop.h"
 #include "plan/engine.h"
+#include "server/auth.h"
 #include "server/config.h"
+#include "server/device_probe.h"
 #include "server/job_runner.h"
+#include "server/load_gate.h"
+#include "server/metrics.h"
 
 namespace gobo {
+
+class DurableJobs;   // server/jobs/durable_jobs.h
 
 class ServerCore {
  public:
   ServerCore(Engine& engine, const ServerConfig& config);
 
   Engine& engine;
-  const ServerConfig config;
+  const ServerConfig config;                         ///< as at the start: what is fixed until a restart
+  /// As of the last reload; hold the pointer for as long as one call needs one view of it.
+  std::shared_ptr<const ServerConfig> live() const;
+  void setLive(const ServerConfig& config);          ///< with its tokens
+  Metrics metrics;                                   ///< other parts register their own (server/server_metrics.h)
+  TokenBook tokens;
+  LoadGate loads;
+  DeviceProbe devices;
   JobRunner jobs;
+  DurableJobs* durable = nullptr;                    ///< null: switched off
   std::atomic<uint64_t> renders{0};                  ///< finished with a picture
   std::atomic<uint32_t> uploads{0};                  ///< in progress
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
@@ -42,8 +58,9 @@ class ServerCore {
     std::list<StopSource*>::iterator at_;
   };
 
-  /// From now on new calls are refused; running ones go on.
+  /// From now on new calls are refused; running ones go on. The first call of it runs `onDrain` before.
   void drain();
+  std::function<void()> onDrain;                     ///< set before serving: health says so first
   bool draining() const { return draining_.load(); }
   /// Waits until no call runs, at most `seconds`; true if none runs.
   bool waitIdle(double seconds);
@@ -52,11 +69,18 @@ class ServerCore {
   bool cancelledAll() const { return cancelled_.load(); }
   size_t running() const;
 
+  /// A part of /health: `value` gives the JSON value of `key`, on any thread.
+  void addHealth(const std::string& key, std::function<std::string()> value);
+  std::string healthExtras() const;   ///< ",\"key\":value" of each
+
   /// Asked for by Admin.Shutdown; the owner (main, tests) polls it.
   std::atomic<bool> shutdownAsked{false};
 
  private:
-  std::atomic<bool> draining_{false}, cancelled_{false};
+  std::atomic<bool> draining_{false}, cancelled_{false}, drainSeen_{false};
+  mutable std::mutex liveMutex_;
+  std::shared_ptr<const ServerConfig> live_;
+  std::vector<std::pair<std::string, std::function<std::string()>>> health_;   // under liveMutex_
   mutable std::mutex mutex_;
   std::condition_variable idle_;
   std::list<StopSource*> calls_;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <set>
 
 #include <Imath/half.h>
 #include <openssl/evp.h>
@@ -12,18 +13,12 @@
 #include "base/check.h"
 #include "base/hash.h"
 #include "base/image_io.h"
+#include "base/sobol.h"
+#include "plan/outputs.h"
 #include "plan/request.h"
 
 namespace gobo {
 namespace {
-
-// The encoders apply the sRGB curve; data that must reach the file as it is goes through its inverse first.
-float srgbToLinear(float v) {
-  v = std::clamp(v, 0.0f, 1.0f);
-  return v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f);
-}
-
-bool startsWith(const std::string& text, const char* prefix) { return text.rfind(prefix, 0) == 0; }
 
 // (v - low) / (high - low) of one channel over its finite values, and 0 for the rest; `flip`: near is bright.
 void normaliseChannel(const Image& in, int channel, bool flip, bool positiveOnly, Image& out, int outChannel) {
@@ -38,7 +33,7 @@ void normaliseChannel(const Image& in, int channel, bool flip, bool positiveOnly
     const float v = in.data[i * in.channels + channel];
     float t = 0;
     if (counts(v)) t = flip ? (high > low ? (high - v) / range : 1.0f) : (v - low) / range;
-    out.data[i * out.channels + outChannel] = srgbToLinear(t);
+    out.data[i * out.channels + outChannel] = t;
   }
 }
 
@@ -79,27 +74,44 @@ std::string sha256Hex(const void* data, size_t size) {
 }
 
 bool isRadiance(const std::string& output) {
-  return output == "beauty" || output == "direct" || output == "indirect" || output == "emission" ||
-         startsWith(output, "unoccluded:") || startsWith(output, "group:");
+  const OutputInfo* info = findOutput(output);
+  return info && info->kind == OutputKind::Radiance;
 }
 
-Image displayImage(const std::string& output, const Image& image, const v1::ToneMap& settings) {
-  if (isRadiance(output)) return toneMapped(image, settings);
-  const int channels = image.channels >= 3 ? (image.channels == 3 ? 3 : 4) : 1;
+DisplayImage displayImage(const std::string& output, const Image& image, const v1::ToneMap& settings) {
+  const OutputInfo* info = findOutput(output);
+  const OutputKind kind = info ? info->kind : OutputKind::Colour;
+  if (kind == OutputKind::Radiance) return {toneMapped(image, settings), false};
+  const bool wide = image.channels == 2 || image.channels == 3 || kind == OutputKind::Id;
+  const int channels = wide ? 3 : image.channels > 3 ? 4 : 1;
   Image out(image.width, image.height, channels);
-  if (output == "depth" || output == "position") {
-    for (int c = 0; c < channels; ++c) normaliseChannel(image, c, output == "depth", output == "depth", out, c);
-    return out;
+  if (kind == OutputKind::Range) {
+    for (int c = 0; c < channels; ++c) normaliseChannel(image, c, output == "depth", output == "depth" || output == "variance", out, c);
+    return {std::move(out), true};
   }
-  const bool asIs = output == "normal" || output == "alpha";
-  for (size_t i = 0; i < image.pixels(); ++i)
-    for (int c = 0; c < channels; ++c) {
-      float v = image.data[i * image.channels + c];
-      if (!std::isfinite(v)) v = 0;
-      if (output == "normal") v = 0.5f + 0.5f * v;
-      out.data[i * channels + c] = asIs ? srgbToLinear(v) : std::clamp(v, 0.0f, 1.0f);
+  float scale = 1.0f;                             // of vectors
+  if (output == "motion") {
+    scale = 0.0f;
+    for (const float v : image.data) scale = std::isfinite(v) ? std::max(scale, std::fabs(v)) : scale;
+    scale = scale > 0 ? 1.0f / scale : 1.0f;
+  }
+  for (size_t i = 0; i < image.pixels(); ++i) {
+    float* to = out.data.data() + i * channels;
+    const float* from = image.data.data() + i * image.channels;
+    if (kind == OutputKind::Id) {
+      if (from[0] >= 0) {
+        const uint64_t h = mix64(uint64_t(from[0]) + 1);
+        for (int c = 0; c < 3; ++c) to[c] = (56.0f + float(h >> (16 * c) & 0xffff) * (199.0f / 65535.0f)) / 255.0f;
+      }
+      continue;
     }
-  return out;
+    for (int c = 0; c < std::min(channels, image.channels); ++c) {
+      float v = std::isfinite(from[c]) ? from[c] : 0.0f;
+      if (kind == OutputKind::Vector) v = 0.5f + 0.5f * v * scale;
+      to[c] = std::clamp(v, 0.0f, 1.0f);
+    }
+  }
+  return {std::move(out), kind != OutputKind::Colour && kind != OutputKind::Plain ? true : output == "alpha"};
 }
 
 std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half) {
@@ -118,37 +130,148 @@ std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half) {
   return bytes;
 }
 
+namespace {
+
+ExrCompression compressionOf(v1::Encoding::Compression c) {
+  switch (c) {
+    case v1::Encoding::NONE: return ExrCompression::None;
+    case v1::Encoding::RLE: return ExrCompression::Rle;
+    case v1::Encoding::ZIPS: return ExrCompression::Zips;
+    case v1::Encoding::PIZ: return ExrCompression::Piz;
+    case v1::Encoding::DWAA: return ExrCompression::Dwaa;
+    case v1::Encoding::DWAB: return ExrCompression::Dwab;
+    default: return ExrCompression::Zip;
+  }
+}
+
+/// {"node":..., "samples":..., "device":...} of each node, without what differs between a cold and a warm store.
+std::string planSummary(const v1::RenderReply& reply) {
+  v1::RenderReply kept;   // by the schema's own JSON names
+  std::set<std::string> seen;
+  for (const v1::NodeReport& n : reply.plan()) {
+    const bool pruned = n.state() == v1::NodeReport::PRUNED;
+    if (!seen.insert(n.node() + (pruned ? "/pruned" : "")).second) continue;
+    v1::NodeReport& row = *kept.add_plan();
+    row.set_node(n.node());
+    row.set_samples(n.samples());
+    row.set_device(n.device());
+    row.set_approximate(n.approximate());
+    if (!pruned) continue;
+    row.set_state(n.state());
+    row.set_reason(n.reason());
+  }
+  *kept.mutable_path_classes_missing() = reply.path_classes_missing();
+  *kept.mutable_warnings() = reply.warnings();
+  return messageToJson(kept, false);
+}
+
+ExrOptions exrOptions(const RenderResult& result) {
+  const v1::RenderReply& reply = result.reply;
+  const v1::Encoding& encoding = reply.resolved().encoding();
+  v1::RenderRequest request = reply.resolved();
+  request.clear_scheduling();
+  ExrOptions exr;
+  exr.half = encoding.half();
+  exr.compression = compressionOf(encoding.compression());
+  if (encoding.has_dwa_level()) exr.dwaLevel = float(encoding.dwa_level());
+  exr.metadata = result.tables;
+  exr.metadata["gobo:request"] = messageToJson(request, false);
+  exr.metadata["gobo:request_hash"] = reply.request_hash();
+  exr.metadata["gobo:scene_hash"] = request.scene_hash();
+  exr.metadata["gobo:seed"] = std::to_string(reply.seed());
+  exr.metadata["gobo:build"] = reply.build();
+  exr.metadata["gobo:plan"] = planSummary(reply);
+  if (reply.has_certificate()) {
+    v1::Certificate certificate = reply.certificate();
+    certificate.clear_ms();
+    exr.metadata["gobo:certificate"] = messageToJson(certificate, false);
+  }
+  exr.matrices = result.matrices;
+  return exr;
+}
+
+ExrLayer layerOf(const RenderedImage& rendered) {
+  const OutputInfo* info = findOutput(rendered.output);
+  ExrLayer layer;
+  layer.channels = channelNames(rendered.names(), rendered.channels());
+  layer.pixels = rendered.pixels();
+  layer.float32 = info && info->float32;
+  layer.lossless = !info || info->lossless();
+  return layer;
+}
+
+void describe(EncodedImage& one, const std::string& output, int width, int height, const std::vector<std::string>& channels, v1::Encoding::Format format,
+              v1::RenderReply& reply) {
+  one.descriptor.set_output(output);
+  one.descriptor.set_width(uint32_t(width));
+  one.descriptor.set_height(uint32_t(height));
+  for (const std::string& name : channels) one.descriptor.add_channels(name);
+  one.descriptor.set_format(format);
+  one.descriptor.set_bytes(one.bytes.size());
+  one.descriptor.set_digest(hashBytes(one.bytes.data(), one.bytes.size()).hex());
+  *reply.add_images() = one.descriptor;
+}
+
+Result<std::vector<EncodedImage>> encodeLayers(RenderResult& result) {
+  ExrOptions exr = exrOptions(result);
+  std::vector<ExrLayer> layers;
+  std::vector<std::string> channels, named;
+  std::set<std::string> outputs, names;
+  for (const RenderedImage& rendered : result.images) {
+    if (!outputs.insert(rendered.output).second) continue;
+    ExrLayer layer = layerOf(rendered);
+    if (rendered.output != "beauty") {
+      const std::string plain = exrLayerName(rendered.output);
+      layer.name = plain;
+      for (int k = 2; !names.insert(layer.name).second; ++k) layer.name = plain + "_" + std::to_string(k);   // "group:a.b" and "group:a_b"
+      named.push_back(layer.name);
+      named.push_back(rendered.output);
+    }
+    for (const std::string& c : layer.channels) channels.push_back(layer.name.empty() ? c : layer.name + "." + c);
+    layers.push_back(std::move(layer));
+  }
+  exr.metadata["gobo:layers"] = jsonObject(named);
+  if (layers.empty()) return std::vector<EncodedImage>{};
+  const int width = result.images[0].width(), height = result.images[0].height();
+  std::vector<EncodedImage> encoded(1);
+  GOBO_ASSIGN(encoded[0].bytes, encodeExr(width, height, layers, exr));
+  describe(encoded[0], "layers", width, height, channels, v1::Encoding::EXR, result.reply);
+  return encoded;
+}
+
+}  // namespace
+
 Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
   const v1::RenderRequest& request = result.reply.resolved();
   const v1::Encoding& encoding = request.encoding();
   v1::Encoding::Format format = encoding.format();
   if (format == v1::Encoding::FORMAT_UNSPECIFIED) format = v1::Encoding::EXR;
-  ExrOptions exr;
-  if (format == v1::Encoding::EXR) {
-    exr.half = encoding.half();
-    exr.metadata = {{"gobo:request", messageToJson(request, false)},
-                    {"gobo:request_hash", result.reply.request_hash()},
-                    {"gobo:seed", std::to_string(result.reply.seed())},
-                    {"gobo:build", result.reply.build()}};
-  }
-  std::vector<EncodedImage> encoded;
   result.reply.clear_images();
+  if (format == v1::Encoding::EXR && encoding.layers()) return encodeLayers(result);
+  ExrOptions exr;
+  if (format == v1::Encoding::EXR) exr = exrOptions(result);
+  PixelOptions pixels;
+  if (encoding.has_png_bits()) pixels.bits = int(encoding.png_bits());
+  if (encoding.has_jpeg_quality()) pixels.quality = int(encoding.jpeg_quality());
+  pixels.transfer = encoding.transfer() == v1::Encoding::REC709 ? Transfer::Rec709 : encoding.transfer() == v1::Encoding::LINEAR ? Transfer::Linear : Transfer::Srgb;
+  std::vector<EncodedImage> encoded;
   for (const RenderedImage& rendered : result.images) {
-    const auto display = [&] { return displayImage(rendered.output, rendered.image(), request.tone_map()); };
     EncodedImage one;
     std::vector<std::string> channels = channelNames(rendered.names(), rendered.channels());
     Result<std::vector<uint8_t>> bytes = Status();
     switch (format) {
-      case v1::Encoding::EXR:
+      case v1::Encoding::EXR: {
         exr.metadata["gobo:output"] = rendered.output;
-        bytes = encodeExr(rendered.image(), exr);
+        const ExrLayer layer = layerOf(rendered);
+        bytes = encodeExr(rendered.width(), rendered.height(), std::span(&layer, 1), exr);
         break;
+      }
       case v1::Encoding::PNG:
       case v1::Encoding::JPEG: {
-        const Image shown = display();
-        bytes = format == v1::Encoding::PNG ? encodePng(shown)
-                                            : encodeJpeg(shown, encoding.has_jpeg_quality() ? int(encoding.jpeg_quality()) : 90);
-        channels = channelNames(shown.names, shown.channels);
+        const DisplayImage shown = displayImage(rendered.output, rendered.image(), request.tone_map());
+        pixels.data = shown.data;
+        bytes = format == v1::Encoding::PNG ? encodePng(shown.image, pixels) : encodeJpeg(shown.image, pixels);
+        channels = channelNames(shown.image.names, shown.image.channels);
         break;
       }
       case v1::Encoding::RAW_FLOAT: bytes = rawBytes(rendered.pixels(), false); break;
@@ -157,14 +280,7 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
     }
     if (!bytes.ok()) return bytes.status().at("output " + rendered.output);
     one.bytes = std::move(bytes).value();
-    one.descriptor.set_output(rendered.output);
-    one.descriptor.set_width(uint32_t(rendered.width()));
-    one.descriptor.set_height(uint32_t(rendered.height()));
-    for (const std::string& name : channels) one.descriptor.add_channels(name);
-    one.descriptor.set_format(format);
-    one.descriptor.set_bytes(one.bytes.size());
-    one.descriptor.set_digest(hashBytes(one.bytes.data(), one.bytes.size()).hex());
-    *result.reply.add_images() = one.descriptor;
+    describe(one, rendered.output, rendered.width(), rendered.height(), channels, format, result.reply);
     encoded.push_back(std::move(one));
   }
   return encoded;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures as bytes in the format that a request asks for. EXR and raw keep scene-linear values; PNG and JPEG are for
 // looking at: radiance goes through the tone curve, other outputs through the mapping in displayImage's comment.
+// What each output is comes from plan/outputs.h, transfer functions from base/transfer.h.
 // Cost for 640 x 480 x 3 float on one core: raw and digest as printed by bench/socket_bench; EXR (ZIP) tens of ms.
 // Pure functions; thread-safe.
 #pragma once
@@ -39,18 +40,22 @@ class Sha256 {
   void* context_;
 };
 
-/// True for outputs that are radiance (beauty, direct, indirect, emission, unoccluded:*, group:*).
+/// True for outputs that are radiance (plan/outputs.h: OutputKind::Radiance).
 bool isRadiance(const std::string& output);
-/// The picture that PNG and JPEG show, linear 0..1, 1, 3 or 4 channels (the encoders apply sRGB):
-/// radiance: tone mapped; albedo, visibility: clamped; alpha, normal (0.5 + n/2): stored as they are, without the curve;
-/// depth: (far - d) / (far - near) over finite positive depths, nothing = 0; position: each axis over its own range.
-Image displayImage(const std::string& output, const Image& image, const v1::ToneMap& settings);
+/// The picture that PNG and JPEG show, 0..1, 1, 3 or 4 channels. `data`: code values, for the file as they are; otherwise linear light,
+/// which the encoder gives its transfer function.
+struct DisplayImage { Image image; bool data = false; };
+/// Radiance: tone mapped; albedo, visibility: clamped. As data: alpha; normal (0.5 + n/2); motion (0.5 + m / (2 largest |m|), blue 0);
+/// depth: (far - d) / (far - near) over finite positive depths, nothing = 0; position, sample_count, variance: each channel over its own
+/// range; ids: a colour each (by a hash of the number), nothing black.
+DisplayImage displayImage(const std::string& output, const Image& image, const v1::ToneMap& settings);
 
 /// Row-major interleaved little-endian floats, or halves (clamped to +-65504, rounded to nearest even).
 std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half);
 
-/// Encodes every image of a result and fills result.reply.images. The EXR header holds gobo:request (resolved, JSON),
-/// gobo:request_hash, gobo:output, gobo:seed and gobo:build.
+/// Encodes every image of a result and fills result.reply.images; with encoding.layers (EXR) all of them as one image called "layers":
+/// the beauty in the nameless layer, the others under exrLayerName(output), an output asked for twice once. What the header holds:
+/// docs/protocol.md, "Outputs". Equal pictures of equal requests give equal bytes: nothing that a clock or a cache says is in them.
 /// Errors: Internal when the encoder fails; InvalidArgument naming encoding.format for an unknown format.
 Result<std::vector<EncodedImage>> encodeImages(RenderResult& result);
 

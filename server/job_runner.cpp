@@ -13,7 +13,9 @@ namespace gobo {
 double JobRunner::now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 JobRunner::JobRunner(const SchedulerOptions& options) : scheduler_(options) {
-  for (int i = 0; i < options.slots; ++i) threads_.emplace_back([this] { slotLoop(); });
+  workers_.resize(size_t(options.slots));
+  for (WorkerState& w : workers_) w.seconds = now();
+  for (size_t i = 0; i < workers_.size(); ++i) threads_.emplace_back([this, i] { slotLoop(i); });
   threads_.emplace_back([this] { timerLoop(); });
 }
 
@@ -63,6 +65,7 @@ void JobRunner::pump() {
 RunReport JobRunner::run(const JobSpec& spec, Work work, const RunControl& control) {
   const auto job = std::make_shared<Job>();
   job->work = std::move(work);
+  job->spec = spec;
   std::unique_lock hold(mutex_);
   if (draining_) {
     job->report.status = {Code::Unavailable, "the server is shutting down"};
@@ -114,7 +117,7 @@ bool JobRunner::cancel(JobId id) {
   return true;
 }
 
-void JobRunner::slotLoop() {
+void JobRunner::slotLoop(size_t slot) {
   std::unique_lock hold(mutex_);
   for (;;) {
     ready_.wait(hold, [&] { return closing_ || !starting_.empty(); });
@@ -125,6 +128,7 @@ void JobRunner::slotLoop() {
     const StopToken token = job->stop.token();
     const bool stopped = token.stopRequested();   // between the decision and now
     job->report.runs += !stopped;
+    workers_[slot] = {true, id, job->spec.client, job->spec.jobClass, now()};
     hold.unlock();
     Status status(Code::Aborted, "stopped");
     try {
@@ -138,6 +142,7 @@ void JobRunner::slotLoop() {
     const double time = now();
     job->report.ranSeconds += time - job->since;
     job->since = time;
+    workers_[slot] = {false, 0, {}, JobClass::Normal, time};
     if (status.code() == Code::Aborted && token.reason() == StopReason::Preempted) {
       if (scheduler_.preempted(id, time)) {
         pump();
@@ -184,6 +189,13 @@ void JobRunner::drain(double seconds) {
   for (const JobId id : left) cancel(id);
   hold.lock();
   empty_.wait(hold, [&] { return jobs_.empty(); });
+}
+
+std::vector<WorkerState> JobRunner::workers() const {
+  const std::lock_guard hold(mutex_);
+  std::vector<WorkerState> out = workers_;
+  for (WorkerState& w : out) w.seconds = now() - w.seconds;
+  return out;
 }
 
 SchedulerStats JobRunner::stats() const {

@@ -35,6 +35,15 @@ struct RunReport {
   int runs = 0;              ///< calls of the work
 };
 
+/// What one slot does.
+struct WorkerState {
+  bool busy = false;
+  JobId job = 0;
+  std::string client;
+  JobClass jobClass = JobClass::Normal;
+  double seconds = 0;        ///< in this state
+};
+
 class JobRunner {
  public:
   explicit JobRunner(const SchedulerOptions& options);
@@ -46,18 +55,21 @@ class JobRunner {
   /// Refuses new jobs (Unavailable), waits up to `seconds` for the others, cancels what is left and waits for that.
   void drain(double seconds);
   SchedulerStats stats() const;
+  /// One per slot.
+  std::vector<WorkerState> workers() const;
   static double now();       ///< seconds, steady clock
 
  private:
   struct Job {
     Work work;
+    JobSpec spec;
     StopSource stop;         // a new one for every run: a late stop of the last run must not reach the next
     RunReport report;
     double since = 0;        // entered its present state
     bool over = false;
     std::condition_variable done;
   };
-  void slotLoop();
+  void slotLoop(size_t slot);
   void timerLoop();
   void pump();               // under mutex_: asks the scheduler and carries out
   void finish(Job& job, Status status);
@@ -68,6 +80,7 @@ class JobRunner {
   std::map<JobId, std::shared_ptr<Job>> jobs_;   // not over
   std::vector<JobId> starting_;                  // told to start, not taken by a thread yet
   bool draining_ = false, closing_ = false;
+  std::vector<WorkerState> workers_;             // seconds: when the state began
   std::vector<std::thread> threads_;
 };
 

@@ -2,6 +2,7 @@
 // gobod: the rendering daemon. docs/operations.md describes its configuration and its life.
 #include <signal.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <chrono>
@@ -10,10 +11,55 @@
 
 #include <CLI/CLI.hpp>
 
+#include "server/notify.h"
 #include "server/server.h"
 #include "server/upload.h"
 
 namespace {
+
+/// What the command line says over the file, at the start and at every reload.
+struct Flags {
+  std::string configFile, cache, logLevel, logFormat, tmp, store, http;
+  std::vector<std::string> listen, roots;
+  int threads = -1;
+};
+
+gobo::Result<gobo::ServerConfig> configure(const Flags& f) {
+  gobo::ServerConfig config;
+  if (!f.configFile.empty()) GOBO_TRY(gobo::readConfig(f.configFile, config));
+  if (!f.listen.empty()) config.listen = f.listen;
+  if (!f.roots.empty()) config.roots = f.roots;
+  if (!f.cache.empty()) config.cacheFolder = f.cache;
+  if (f.threads >= 0) config.threads = f.threads;
+  if (!f.logLevel.empty()) config.logLevel = f.logLevel;
+  if (!f.logFormat.empty()) config.logFormat = f.logFormat;
+  if (!f.tmp.empty()) config.tmpFolder = f.tmp;
+  if (!f.http.empty()) config.httpListen = f.http;
+  if (!f.store.empty()) {
+    const auto bytes = gobo::parseBytes(f.store);
+    if (!bytes.ok()) return bytes.status().at("--store");
+    config.storeBytes = *bytes;
+  }
+  GOBO_TRY(gobo::checkConfig(config).at(config.file));
+  return config;
+}
+
+void reload(gobo::Server& server, const Flags& flags) {
+  gobo::notifyManager("RELOADING=1");
+  auto next = configure(flags);
+  gobo::Result<std::vector<std::string>> fixed = next.ok() ? server.reload(*next) : gobo::Result<std::vector<std::string>>(next.status());
+  if (!fixed.ok()) {
+    if (!next.ok()) server.core().metrics.add("gobo_reloads_total", {{"result", "failed"}});
+    gobo::logEvent(gobo::LogLevel::Error, "reload", {{"status", "failed"}, {"kept", "the configuration of before"}, {"error", fixed.status().toString()}});
+  } else {
+    std::string keys;
+    for (const std::string& key : *fixed) keys += (keys.empty() ? "" : ", ") + key;
+    gobo::LogFields fields{{"status", "OK"}, {"tokens", std::to_string(server.core().tokens.count())}};
+    if (!keys.empty()) fields.emplace_back("not_before_restart", keys);
+    gobo::logEvent(keys.empty() ? gobo::LogLevel::Info : gobo::LogLevel::Warn, "reload", fields);
+  }
+  gobo::notifyManager("READY=1");
+}
 
 int fail(const gobo::Status& status) {
   std::fprintf(stderr, "gobod: %s\n", gobo::escaped(status.toString()).c_str());
@@ -24,23 +70,23 @@ int fail(const gobo::Status& status) {
 
 int main(int argc, char** argv) {
   const auto begun = std::chrono::steady_clock::now();
-  std::string configFile, cache, logLevel, tmp, store;
-  std::vector<std::string> listen, roots;
-  int threads = -1;
+  Flags flags;
   bool check = false, version = false;
   CLI::App app("gobod: the Gobo rendering daemon");
-  app.add_option("--config", configFile, "TOML configuration; configs/gobod.toml documents every key");
-  app.add_option("--listen", listen, "unix:PATH or 127.0.0.1:PORT; repeat for several; default " + gobo::defaultAddress());
-  app.add_option("--root", roots, "folder under which scene and environment files may be opened; repeat for several");
-  app.add_option("--cache", cache, "folder of the disk cache");
-  app.add_option("--store", store, "bytes of the term store, such as 4GiB");
-  app.add_option("--threads", threads, "render threads; 0: all")->check(CLI::Range(0, 1024));
-  app.add_option("--log", logLevel, "debug, info, warn, error, off");
-  app.add_option("--tmp", tmp, "folder for uploads");
+  app.add_option("--config", flags.configFile, "TOML configuration; configs/gobod.toml documents every key");
+  app.add_option("--listen", flags.listen, "unix:PATH or 127.0.0.1:PORT; repeat for several; default " + gobo::defaultAddress());
+  app.add_option("--root", flags.roots, "folder under which scene and environment files may be opened; repeat for several");
+  app.add_option("--cache", flags.cache, "folder of the disk cache");
+  app.add_option("--store", flags.store, "bytes of the term store, such as 4GiB");
+  app.add_option("--threads", flags.threads, "render threads; 0: all")->check(CLI::Range(0, 1024));
+  app.add_option("--log", flags.logLevel, "debug, info, warn, error, off");
+  app.add_option("--log-format", flags.logFormat, "text, json");
+  app.add_option("--http", flags.http, "HOST:PORT of /metrics, /health and /ready");
+  app.add_option("--tmp", flags.tmp, "folder for uploads");
   app.add_flag("--check", check, "check the configuration and leave");
   app.add_flag("--version", version, "print the version");
   app.footer("Flags override the configuration file. SIGTERM and SIGINT drain: running renders finish (scheduler.drain_s), a\n"
-             "second signal cancels them. Exit codes: 0 ok, 2 bad configuration, 4 address in use.");
+             "second signal ends at once. SIGHUP reads the configuration again. Exit codes: 0 ok, 2 bad configuration, 4 address in use.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -50,32 +96,24 @@ int main(int argc, char** argv) {
     std::printf("gobod %s\n", gobo::buildVersion().c_str());
     return 0;
   }
-  gobo::ServerConfig config;
-  if (!configFile.empty())
-    if (const auto status = gobo::readConfig(configFile, config); !status.ok()) return fail(status);
-  if (!listen.empty()) config.listen = listen;
-  if (!roots.empty()) config.roots = roots;
-  if (!cache.empty()) config.cacheFolder = cache;
-  if (threads >= 0) config.threads = threads;
-  if (!logLevel.empty()) config.logLevel = logLevel;
-  if (!tmp.empty()) config.tmpFolder = tmp;
-  if (!store.empty()) {
-    auto bytes = gobo::parseBytes(store);
-    if (!bytes.ok()) return fail(bytes.status().at("--store"));
-    config.storeBytes = *bytes;
-  }
-  if (const auto status = gobo::checkConfig(config); !status.ok()) return fail(status);
+  auto configured = configure(flags);
+  if (!configured.ok()) return fail(configured.status());
+  const gobo::ServerConfig& config = *configured;
   if (check) {
+    if (config.tls.on())
+      if (const auto tls = gobo::readTls(config.tls); !tls.ok()) return fail(tls.status());
     std::printf("gobod: configuration is fine\n");
     return 0;
   }
   gobo::setLogLevel(*gobo::parseLogLevel(config.logLevel));
+  gobo::setLogFormat(*gobo::parseLogFormat(config.logFormat));
 
   // Signals are taken by sigtimedwait below; threads made from here on inherit the mask.
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGTERM);
   sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGHUP);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
 
@@ -85,26 +123,42 @@ int main(int argc, char** argv) {
   gobo::Server& server = **started;
   std::string where;
   for (const std::string& address : server.addresses()) where += (where.empty() ? "" : ", ") + address;
+  if (!server.httpAddress().empty()) where += ", http://" + server.httpAddress();
   const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begun).count();
   std::printf("gobod ready on %s in %.0f ms\n", where.c_str(), ms);
   std::fflush(stdout);
   gobo::logInfo("gobod %s ready on %s threads=%d", gobo::buildVersion().c_str(), where.c_str(), server.core().engine.threads());
 
+  gobo::notifyManager("READY=1");
+
   const timespec tick{0, 50 * 1000 * 1000};
   const auto waitSignal = [&] { return sigtimedwait(&signals, nullptr, &tick); };
   int signal = -1;
-  while (signal < 0 && !server.core().shutdownAsked.load()) signal = waitSignal();
-  gobo::logInfo("%s: draining for up to %.0f s", signal < 0 ? "shutdown" : strsignal(signal), config.drainSeconds);
+  while (!server.core().shutdownAsked.load()) {
+    signal = waitSignal();
+    if (signal == SIGHUP) reload(server, flags);
+    else if (signal > 0) break;
+  }
+  gobo::notifyManager("STOPPING=1");
+  const double drainSeconds = server.core().live()->drainSeconds;
+  gobo::logInfo("%s: draining for up to %.0f s", signal < 0 ? "shutdown" : strsignal(signal), drainSeconds);
   std::atomic<bool> down{false};
   std::thread closer([&] {
-    server.shutdown(config.drainSeconds);
+    server.shutdown(drainSeconds);
     down.store(true);
   });
-  while (!down.load())
-    if (waitSignal() > 0) {
+  std::chrono::steady_clock::time_point kill = std::chrono::steady_clock::time_point::max();
+  while (!down.load()) {
+    if (const int again = waitSignal(); again > 0 && again != SIGHUP) {
       gobo::logWarn("second signal: cancelling what runs");
       server.core().cancelAll();
+      kill = std::min(kill, std::chrono::steady_clock::now() + std::chrono::seconds(2));
     }
+    if (std::chrono::steady_clock::now() > kill) {   // as safe as kill -9, which leaves nothing wrong
+      gobo::logWarn("what runs does not stop: leaving it");
+      ::_exit(1);
+    }
+  }
   closer.join();
   gobo::logInfo("gobod stopped");
   return 0;

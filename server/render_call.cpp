@@ -5,13 +5,9 @@ namespace gobo {
 
 using Clock = std::chrono::steady_clock;
 
-namespace {
-
 JobClass jobClassOf(v1::Scheduling::Class priority) {
   return priority == v1::Scheduling::INTERACTIVE ? JobClass::Interactive : priority == v1::Scheduling::BATCH ? JobClass::Batch : JobClass::Normal;
 }
-
-}  // namespace
 
 RenderCall::RenderCall(ServerCore& core, StopSource stop, v1::RenderRequest request, uint64_t pinnedBytes,
                        RenderCallOptions options)
@@ -59,6 +55,8 @@ void RenderCall::work() {
   }, runControl);
   const std::lock_guard lock(mutex_);
   queueMs_ = report.queuedSeconds * 1e3;
+  ranMs_ = report.ranSeconds * 1e3;
+  runs_ = report.runs;
   retryAfterMs_ = report.retryMs;
   status_ = report.status;
   if (status_.ok()) {

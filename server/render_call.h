@@ -23,6 +23,8 @@ struct RenderCallOptions {
   bool events = false;                                                 ///< progress and snapshots wanted
 };
 
+JobClass jobClassOf(v1::Scheduling::Class priority);
+
 class RenderCall {
  public:
   /// `request` has been resolved (its ranges are checked). `pinnedBytes` is what admission counts.
@@ -43,6 +45,8 @@ class RenderCall {
   const Status& status() const { return status_; }
   RenderResult& result() { return *result_; }
   double queueMs() const { return queueMs_; }
+  double ranMs() const { return ranMs_; }        ///< in a slot, all runs
+  int runs() const { return runs_; }             ///< more than one: it was preempted
   double retryAfterMs() const { return retryAfterMs_; }
 
  private:
@@ -61,7 +65,8 @@ class RenderCall {
   bool done_ = false;
   Status status_;
   std::optional<RenderResult> result_;
-  double queueMs_ = 0;
+  double queueMs_ = 0, ranMs_ = 0;
+  int runs_ = 0;
   double retryAfterMs_ = 0;
   std::thread thread_;
 };

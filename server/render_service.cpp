@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
+#include "server/limits.h"
 #include "server/render_call.h"
-#include "server/rpc.h"
 
 namespace gobo {
 namespace {
@@ -12,46 +12,63 @@ namespace {
 constexpr std::chrono::milliseconds kPoll{10};           // how soon a client that has gone is noticed
 constexpr std::chrono::milliseconds kProgressGap{50};    // progress messages are thinned to this
 
-void logRender(const char* method, const v1::RenderRequest& request, const std::string& client, const RenderCall* call,
-               double ms, const grpc::Status& status) {
-  const bool ok = status.ok() && call;
-  const v1::RenderReply* reply = ok ? &const_cast<RenderCall*>(call)->result().reply : nullptr;
-  logInfo("%s id=%s scene=%s size=%ux%u client=%s ms=%.1f queue_ms=%.1f rays=%llu status=%s%s%s", method,
-          reply ? reply->render_id().c_str() : "-", request.scene().c_str(), request.width(), request.height(), client.c_str(), ms,
-          call ? call->queueMs() : 0.0, static_cast<unsigned long long>(reply ? reply->rays() : 0),
-          codeName(Code(int(status.error_code()))), status.ok() ? "" : " ", status.error_message().c_str());
+// What a finished call leaves in its log line and in the metrics.
+void account(Rpc& rpc, RenderCall& call, JobClass jobClass, double totalMs, bool ok) {
+  Metrics& m = rpc.core().metrics;
+  const MetricLabels labels{{"class", kClassNames[int(jobClass)]}};
+  rpc.note("queue_ms", strf("%.1f", call.queueMs()));
+  rpc.note("run_ms", strf("%.1f", call.ranMs()));
+  if (!ok) return;
+  m.observe("gobo_render_queue_seconds", labels, call.queueMs() * 1e-3);
+  m.observe("gobo_render_run_seconds", labels, call.ranMs() * 1e-3);
+  m.observe("gobo_render_total_seconds", labels, totalMs * 1e-3);
+  const v1::RenderReply& reply = call.result().reply;
+  rpc.note("render", reply.render_id());
+  rpc.note("rays", std::to_string(reply.rays()));
+  m.add("gobo_rays_total", {}, double(reply.rays()));
+  double memory = 0, disk = 0, misses = 0;
+  for (const v1::NodeReport& node : reply.plan()) {
+    const double count = std::max(1u, node.count());
+    if (node.state() == v1::NodeReport::RUN) misses += count;
+    if (node.state() == v1::NodeReport::REUSED) (node.reason().find("disk") == std::string::npos ? memory : disk) += count;
+  }
+  m.add("gobo_store_hits_total", {{"tier", "memory"}}, memory);
+  m.add("gobo_store_hits_total", {{"tier", "disk"}}, disk);
+  m.add("gobo_store_misses_total", {}, misses);
 }
 
 }  // namespace
 
-grpc::Status RenderService::run(grpc::ServerContext& context, const char* method, const v1::RenderRequest& request,
-                                const Deliver& deliver, const Report* report) {
+grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliver& deliver, const Report* report) {
   using Clock = std::chrono::steady_clock;
   const Clock::time_point begun = Clock::now();
-  const std::string client = clientName(context, request.scheduling().client());
-  std::unique_ptr<RenderCall> render;
-  const auto finish = [&](grpc::Status status) {
-    logRender(method, request, client, render.get(), std::chrono::duration<double, std::milli>(Clock::now() - begun).count(), status);
-    return status;
-  };
+  grpc::ServerContext& context = rpc.context();
+  rpc.note("scene", request.scene());
   ServerCore::Call call(core_);
-  if (!call.ok) return finish(drainingStatus());
+  if (!call.ok) return rpc.refuseDraining();
   auto resolved = core_.engine.resolve(request);
-  if (!resolved.ok()) return finish(toGrpc(resolved.status()));
-  const uint64_t outputs = uint64_t(std::max(1, resolved->outputs_size()));
-  const uint64_t bytes = uint64_t(resolved->width()) * resolved->height() * outputs * 16;
-  if (bytes > core_.config.imageBytes)
-    return finish(toGrpc(invalidArgument(strf("width x height x outputs = %u x %u x %llu needs %llu bytes: at most %llu (limits.image_bytes)",
-        resolved->width(), resolved->height(), (unsigned long long)outputs, (unsigned long long)bytes,
-        (unsigned long long)core_.config.imageBytes), "request.width")));
+  if (!resolved.ok()) return toGrpc(resolved.status());
+  rpc.note("size", strf("%ux%u", resolved->width(), resolved->height()));
+  const JobClass jobClass = jobClassOf(resolved->scheduling().priority());
+  rpc.note("class", kClassNames[int(jobClass)]);
+  const auto client = rpc.client(request.scheduling().client());
+  if (!client.ok()) return rpc.refuse("client", client.status());
+  if (*client != rpc.who().name) rpc.note("for", *client);
+  const grpc::Status allowed = checkRender(rpc, request, *resolved);
+  if (!allowed.ok()) return allowed;
+  const RenderSlot slot(rpc.who());
+  if (!slot.ok)
+    return rpc.refuseBusy("renders", strf("renders at once: at most %u (tokens.renders_at_once of \"%s\")", rpc.who().token->rendersAtOnce,
+                                          rpc.who().name.c_str()), 1000);
   auto pinned = core_.engine.pinnedBytes(request);
-  if (!pinned.ok()) return finish(toGrpc(pinned.status()));
+  if (!pinned.ok()) return toGrpc(pinned.status());
 
   RenderCallOptions options;
-  options.client = client;
-  options.deadline = deadlineOf(context, resolved->scheduling());
+  const Deadline deadline = deadlineFor(rpc, context, resolved->scheduling());
+  options.client = *client;
+  options.deadline = deadline.at;
   options.events = report != nullptr;
-  render = std::make_unique<RenderCall>(core_, call.stop, request, *pinned, options);
+  const auto render = std::make_unique<RenderCall>(core_, call.stop, request, *pinned, options);
   Clock::time_point lastProgress = begun - kProgressGap;
   bool gone = false;
   const auto encodeAndDeliver = [&](RenderResult& result, bool last) -> Status {
@@ -72,25 +89,28 @@ grpc::Status RenderService::run(grpc::ServerContext& context, const char* method
     }
     if (news.snapshot && !gone) {
       const Status status = encodeAndDeliver(*news.snapshot, false);
-      if (!status.ok()) return finish(toGrpc(status));
+      if (!status.ok()) return toGrpc(status);
     }
     if (news.done) break;
   }
   const Status& status = render->status();
+  account(rpc, *render, jobClass, std::chrono::duration<double, std::milli>(Clock::now() - begun).count(), status.ok());
   if (!status.ok()) {
-    if (status.code() == Code::Cancelled && core_.cancelledAll()) return finish(drainingStatus());
-    if (status.code() == Code::ResourceExhausted && render->retryAfterMs() > 0)
-      return finish(busy(context, status.message(), render->retryAfterMs()));
-    return finish(toGrpc(status));
+    if (status.code() == Code::Cancelled && core_.cancelledAll()) return rpc.refuseDraining();
+    if (status.code() == Code::ResourceExhausted && render->retryAfterMs() > 0) return rpc.refuseBusy("queue", status.message(), render->retryAfterMs());
+    if (render->runs() == 0 && status.code() == Code::FailedPrecondition) return rpc.refuse("memory", status);
+    if (status.code() == Code::DeadlineExceeded && !deadline.limit.empty())
+      return rpc.refuse("time", Status(status.code(), status.message() + ": requests may take " + deadline.limit + " s"));
+    return toGrpc(status);
   }
   core_.renders.fetch_add(1);
   const Status delivered = encodeAndDeliver(render->result(), true);
-  if (!delivered.ok()) return finish(toGrpc(delivered));
-  return finish(gone ? grpc::Status(grpc::StatusCode::CANCELLED, "the client has gone") : grpc::Status::OK);
+  if (!delivered.ok()) return toGrpc(delivered);
+  return gone ? grpc::Status(grpc::StatusCode::CANCELLED, "the client has gone") : grpc::Status::OK;
 }
 
-grpc::Status RenderService::stream(grpc::ServerContext& context, const char* method, const v1::RenderRequest& request,
-                                   grpc::ServerWriter<v1::RenderEvent>& writer, bool progressive) {
+grpc::Status RenderService::stream(Rpc& rpc, const v1::RenderRequest& request, grpc::ServerWriter<v1::RenderEvent>& writer, bool progressive) {
+  const uint64_t chunkBytes = core_.live()->chunkBytes;
   const Deliver deliver = [&](v1::RenderReply&& reply, std::vector<EncodedImage>&& images, bool last) {
     v1::RenderEvent head;
     *(last ? head.mutable_reply() : head.mutable_snapshot()) = std::move(reply);
@@ -99,8 +119,8 @@ grpc::Status RenderService::stream(grpc::ServerContext& context, const char* met
     v1::ImageChunk& chunk = *event.mutable_chunk();
     for (size_t i = 0; i < images.size(); ++i) {
       const std::vector<uint8_t>& bytes = images[i].bytes;
-      for (size_t at = 0; at < bytes.size(); at += core_.config.chunkBytes) {
-        const size_t n = std::min<size_t>(core_.config.chunkBytes, bytes.size() - at);
+      for (size_t at = 0; at < bytes.size(); at += chunkBytes) {
+        const size_t n = std::min<size_t>(chunkBytes, bytes.size() - at);
         chunk.set_image(uint32_t(i));
         chunk.set_offset(at);
         chunk.mutable_data()->assign(reinterpret_cast<const char*>(bytes.data() + at), n);
@@ -114,31 +134,35 @@ grpc::Status RenderService::stream(grpc::ServerContext& context, const char* met
     *event.mutable_progress() = progress;
     return writer.Write(event);
   };
-  return run(context, method, request, deliver, progressive ? &report : nullptr);
+  return run(rpc, request, deliver, progressive ? &report : nullptr);
 }
 
 grpc::Status RenderService::Render(grpc::ServerContext* context, const v1::RenderRequest* request,
                                    grpc::ServerWriter<v1::RenderEvent>* writer) {
-  return stream(*context, "render", *request, *writer, false);
+  return serve(core_, *context, "render", [&](Rpc& rpc) { return stream(rpc, *request, *writer, false); });
 }
 
 grpc::Status RenderService::RenderProgressive(grpc::ServerContext* context, const v1::RenderRequest* request,
                                               grpc::ServerWriter<v1::RenderEvent>* writer) {
-  return stream(*context, "render_progressive", *request, *writer, true);
+  return serve(core_, *context, "render_progressive", [&](Rpc& rpc) { return stream(rpc, *request, *writer, true); });
 }
 
 grpc::Status RenderService::Relight(grpc::ServerContext* context, const v1::RelightRequest* relight,
                                     grpc::ServerWriter<v1::RenderEvent>* writer) {
-  auto request = core_.engine.relightRequest(*relight);
-  if (!request.ok()) {
-    logInfo("relight id=%s status=%s %s", relight->render_id().c_str(), codeName(request.status().code()), request.status().message().c_str());
-    return toGrpc(request.status());
-  }
-  return stream(*context, "relight", *request, *writer, false);
+  return serve(core_, *context, "relight", [&](Rpc& rpc) -> grpc::Status {
+    rpc.note("of", relight->render_id());
+    auto request = core_.engine.relightRequest(*relight);
+    return request.ok() ? stream(rpc, *request, *writer, false) : toGrpc(request.status());
+  });
 }
 
 grpc::Status RenderService::RenderInline(grpc::ServerContext* context, const v1::RenderRequest* request, v1::InlineReply* reply) {
-  const uint64_t limit = core_.config.inlineBytes;
+  return serve(core_, *context, "render_inline", [&](Rpc& rpc) { return inlined(rpc, *request, reply); });
+}
+
+grpc::Status RenderService::inlined(Rpc& rpc, const v1::RenderRequest& asked, v1::InlineReply* reply) {
+  const v1::RenderRequest* request = &asked;
+  const uint64_t limit = core_.live()->inlineBytes;
   uint64_t total = 0;
   const Deliver deliver = [&](v1::RenderReply&& rendered, std::vector<EncodedImage>&& images, bool) {
     for (const EncodedImage& image : images) total += image.bytes.size();
@@ -148,14 +172,14 @@ grpc::Status RenderService::RenderInline(grpc::ServerContext* context, const v1:
     return true;
   };
   const auto tooLarge = [&](uint64_t bytes) {
-    return toGrpc({Code::OutOfRange, strf("the pictures have %llu bytes; RenderInline carries at most %llu: use Render",
-                                          (unsigned long long)bytes, (unsigned long long)limit)});
+    return rpc.refuse("inline_bytes", {Code::OutOfRange, strf("the pictures have %llu bytes; RenderInline carries at most %llu (limits.inline_bytes): use Render",
+                                                              (unsigned long long)bytes, (unsigned long long)limit)});
   };
   // Raw pictures have at least one channel: what cannot fit is refused before it is rendered.
   const uint64_t unit = request->encoding().format() == v1::Encoding::RAW_FLOAT ? 4 : request->encoding().format() == v1::Encoding::RAW_HALF ? 2 : 0;
   const uint64_t least = uint64_t(request->width()) * request->height() * uint64_t(std::max(1, request->outputs_size())) * unit;
   if (least > limit) return tooLarge(least);
-  const grpc::Status status = run(*context, "render_inline", *request, deliver, nullptr);
+  const grpc::Status status = run(rpc, *request, deliver, nullptr);
   return status.ok() && total > limit ? tooLarge(total) : status;
 }
 

@@ -7,8 +7,8 @@
 #include <functional>
 
 #include "gobo/v1/service.grpc.pb.h"
-#include "server/core.h"
 #include "server/encode.h"
+#include "server/serve.h"
 
 namespace gobo {
 
@@ -24,10 +24,9 @@ class RenderService final : public v1::Render::Service {
   /// What a finished or partial render does with its encoded pictures; false: the client has gone.
   using Deliver = std::function<bool(v1::RenderReply&& reply, std::vector<EncodedImage>&& images, bool last)>;
   using Report = std::function<bool(const v1::Progress&)>;
-  grpc::Status run(grpc::ServerContext& context, const char* method, const v1::RenderRequest& request, const Deliver& deliver,
-                   const Report* report);
-  grpc::Status stream(grpc::ServerContext& context, const char* method, const v1::RenderRequest& request,
-                      grpc::ServerWriter<v1::RenderEvent>& writer, bool progressive);
+  grpc::Status run(Rpc& rpc, v1::RenderRequest request, const Deliver& deliver, const Report* report);
+  grpc::Status stream(Rpc& rpc, const v1::RenderRequest& request, grpc::ServerWriter<v1::RenderEvent>& writer, bool progressive);
+  grpc::Status inlined(Rpc& rpc, const v1::RenderRequest& request, v1::InlineReply* reply);
   ServerCore& core_;
 };
 

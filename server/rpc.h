@@ -17,7 +17,7 @@ namespace gobo {
 grpc::Status toGrpc(const Status& status);
 /// RESOURCE_EXHAUSTED that may pass: trailing metadata "retry-after-ms" and the same in the message.
 grpc::Status busy(grpc::ServerContext& context, const std::string& what, double retryAfterMs);
-/// UNAVAILABLE for requests that arrive while the daemon drains.
+/// UNAVAILABLE for requests that arrive while the daemon drains (Rpc::refuseDraining adds the retry hint).
 grpc::Status drainingStatus();
 /// A Unix socket or a channel inside the process.
 bool isLocalPeer(const grpc::ServerContext& context);
@@ -27,5 +27,7 @@ std::string clientName(const grpc::ServerContext& context, const std::string& na
 std::optional<std::chrono::steady_clock::time_point> deadlineOf(const grpc::ServerContext& context, const v1::Scheduling& scheduling);
 
 constexpr const char* kRetryAfterKey = "retry-after-ms";
+constexpr const char* kRequestIdKey = "x-request-id";
+constexpr double kDrainRetryMs = 1000;   ///< hint to callers of a daemon that drains: its successor needs about that long
 
 }  // namespace gobo

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "gobo/v1/service.grpc.pb.h"
-#include "server/core.h"
+#include "server/serve.h"
 
 namespace gobo {
 
@@ -18,6 +18,7 @@ class ScenesService final : public v1::Scenes::Service {
   grpc::Status Unload(grpc::ServerContext*, const v1::UnloadSceneRequest*, v1::UnloadSceneReply*) override;
 
  private:
+  grpc::Status upload(Rpc& rpc, grpc::ServerReader<v1::UploadSceneRequest>& reader, v1::SceneInfo* reply);
   ServerCore& core_;
 };
 

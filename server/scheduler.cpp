@@ -100,14 +100,16 @@ Submit Scheduler::submit(const JobSpec& spec, double now) {
     return result;
   };
   if (spec.pinnedBytes > options_.pinnedLimit)
-    return refuse(Code::FailedPrecondition, "needs " + std::to_string(spec.pinnedBytes) + " bytes at once; the limit of this server is " +
-                  std::to_string(options_.pinnedLimit), 0);
+    return refuse(Code::FailedPrecondition, "pinned bytes of the plan = " + std::to_string(spec.pinnedBytes) + ": at most " +
+                  std::to_string(options_.pinnedLimit) + " (scheduler.pinned_bytes)", 0);
   if (spec.deadline <= now) return refuse(Code::DeadlineExceeded, "the deadline had passed on arrival", 0);
   if (s.queued >= options_.queueLimit[size_t(c)])
-    return refuse(Code::ResourceExhausted, "queue is full: " + std::to_string(s.queued) + " jobs of this class wait", retryMs(c, false, now));
+    return refuse(Code::ResourceExhausted, std::string("queue is full: ") + std::to_string(s.queued) + " jobs of class " + kClassNames[c] + " wait: at most " +
+                  std::to_string(options_.queueLimit[size_t(c)]) + " (scheduler.queued_" + kClassNames[c] + ")", retryMs(c, false, now));
   const auto mine = queuedOf_.find(spec.client);
   if ((mine == queuedOf_.end() ? 0 : mine->second) >= options_.clientLimit)
-    return refuse(Code::ResourceExhausted, "too many jobs of client '" + spec.client + "' wait: " + std::to_string(options_.clientLimit),
+    return refuse(Code::ResourceExhausted, "too many jobs of client '" + spec.client + "' wait: at most " + std::to_string(options_.clientLimit) +
+                  " (scheduler.queued_per_client)",
                   retryMs(c, true, now));
   Client& client = s.clients[spec.client];
   activate(s, client);

@@ -40,6 +40,7 @@ namespace gobo {
 
 enum class JobClass { Interactive = 0, Normal = 1, Batch = 2 };
 constexpr int kJobClasses = 3;
+constexpr const char* kClassNames[kJobClasses] = {"interactive", "normal", "batch"};
 constexpr double kNever = std::numeric_limits<double>::infinity();
 using JobId = uint64_t;   ///< from 1, in order of submission
 

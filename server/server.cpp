@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/server.h"
 
-#include <fcntl.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
 
 #include <grpc/grpc.h>
+#include <grpc/support/log.h>
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/impl/server_builder_option.h>
@@ -18,21 +16,24 @@
 #include <grpcpp/resource_quota.h>
 
 #include "server/admin_service.h"
+#include "server/config_check.h"
+#include "server/jobs/jobs_service.h"
 #include "server/render_service.h"
 #include "server/scenes_service.h"
 
 namespace gobo {
 
 struct Server::Services {
-  explicit Services(ServerCore& core) : scenes(core), render(core), admin(core) {}
+  explicit Services(ServerCore& core) : scenes(core), render(core), admin(core), jobs(core) {}
   ScenesService scenes;
   RenderService render;
   AdminService admin;
+  JobsService jobs;
 };
 
 namespace {
 
-const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Admin"};
+const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Admin", "gobo.v1.Jobs"};
 
 // Linking gRPC's reflection library installs it in every server; this takes it out again unless it is asked for.
 class NoReflection final : public grpc::ServerBuilderOption {
@@ -44,30 +45,6 @@ class NoReflection final : public grpc::ServerBuilderOption {
 };
 
 }  // namespace
-
-Status claimSocketPath(const std::string& path) {
-  struct stat info{};
-  if (::lstat(path.c_str(), &info) != 0) {
-    if (errno == ENOENT) return {};
-    return {Code::Unavailable, "cannot use socket \"" + path + "\": " + std::strerror(errno)};
-  }
-  if (!S_ISSOCK(info.st_mode)) return {Code::FailedPrecondition, "\"" + path + "\" exists and is not a socket"};
-  const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (fd < 0) return internalError(std::string("socket: ") + std::strerror(errno));
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  std::strncpy(address.sun_path, path.c_str(), sizeof address.sun_path - 1);
-  const int connected = ::connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof address);
-  const int error = errno;
-  ::close(fd);
-  // Refused: nobody listens. EAGAIN is a live listener with a full backlog.
-  if (connected != 0 && error == ECONNREFUSED) {
-    if (::unlink(path.c_str()) == 0 || errno == ENOENT) return {};
-    return {Code::Unavailable, "cannot remove stale socket \"" + path + "\": " + std::strerror(errno)};
-  }
-  if (connected == 0 || error == EAGAIN) return {Code::FailedPrecondition, "another server is listening on \"" + path + "\""};
-  return {Code::Unavailable, "cannot use socket \"" + path + "\": " + std::strerror(error)};
-}
 
 EngineOptions engineOptions(const ServerConfig& config) {
   EngineOptions options;
@@ -82,11 +59,18 @@ EngineOptions engineOptions(const ServerConfig& config) {
 
 Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const EngineOptions& options, bool sockets) {
   // gRPC stays up until the process ends: its own tear-down waits for a client's poller, for up to 10 s (1.51).
-  static const bool kept = (grpc_init(), true);
+  // Its own messages (failed handshakes, mostly) become lines of our log.
+  static const bool kept = (gpr_set_log_function([](gpr_log_func_args* args) {
+    logEvent(args->severity == GPR_LOG_SEVERITY_ERROR ? LogLevel::Warn : LogLevel::Debug, "grpc", {{"message", args->message ? args->message : ""}});
+  }), grpc_init(), true);
   (void)kept;
   std::unique_ptr<Server> self(new Server());
   GOBO_ASSIGN(self->engine_, Engine::create(options));
   self->core_ = std::make_unique<ServerCore>(*self->engine_, config);
+  if (!config.jobsFolder.empty()) {
+    GOBO_ASSIGN(self->jobs_, DurableJobs::start(*self->engine_, self->core_->jobs, config));
+    self->core_->durable = self->jobs_.get();
+  }
   self->services_ = std::make_unique<Services>(*self->core_);
 
   grpc::EnableDefaultHealthCheckService(true);
@@ -112,15 +96,28 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   builder.RegisterService(&self->services_->scenes);
   builder.RegisterService(&self->services_->render);
   builder.RegisterService(&self->services_->admin);
+  builder.RegisterService(&self->services_->jobs);
 
+  if (sockets && config.tls.on()) {
+    GOBO_ASSIGN(TlsFiles files, readTls(config.tls));
+    self->tls_ = std::make_shared<TlsSource>(std::move(files), config.tls.requireClientCert);
+    self->core_->metrics.collect([tls = self->tls_](MetricsWriter& out) {
+      out.family("gobo_tls_expires_seconds", "gauge", "Unix time at which the server's certificate ends.");
+      out.sample("gobo_tls_expires_seconds", {}, double(tls->expires()));
+    });
+  }
   std::vector<int> ports(config.listen.size(), 0);
   std::vector<Address> parsed;
   if (sockets) {
     for (size_t i = 0; i < config.listen.size(); ++i) {
       GOBO_ASSIGN(const Address address, parseAddress(config.listen[i]));
       parsed.push_back(address);
-      if (address.isUnix) GOBO_TRY(claimSocketPath(address.path));
-      builder.AddListeningPort(config.listen[i], grpc::InsecureServerCredentials(), &ports[i]);
+      if (address.isUnix) {
+        GOBO_ASSIGN(SocketLock lock, SocketLock::take(address.path));
+        self->locks_.push_back(std::move(lock));
+        GOBO_TRY(claimSocketPath(address.path));
+      }
+      builder.AddListeningPort(config.listen[i], self->tls_ && !address.isUnix ? self->tls_->credentials() : grpc::InsecureServerCredentials(), &ports[i]);
     }
   }
   // The socket is born with mode 0600: no moment at which others could connect.
@@ -137,10 +134,46 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   if (!self->server_ || !failed.empty())
     return Status(Code::Unavailable, failed.empty() ? "cannot start the gRPC server" : "cannot listen on " + failed + ": in use or not permitted");
   for (const std::string& path : self->socketFiles_)
-    if (::chmod(path.c_str(), 0600) != 0) return Status(Code::Unavailable, "chmod \"" + path + "\": " + std::strerror(errno));
-  if (auto* health = self->server_->GetHealthCheckService())
-    for (const char* name : kServiceNames) health->SetServingStatus(name, true);
+    if (::chmod(path.c_str(), mode_t(config.socketMode)) != 0) return Status(Code::Unavailable, "chmod \"" + path + "\": " + std::strerror(errno));
+  if (sockets && !config.httpListen.empty()) { GOBO_ASSIGN(self->http_, HttpEndpoint::start(*self->core_, config.httpListen)); }
+  self->setServing(true);
+  self->core_->onDrain = [raw = self.get()] { raw->setServing(false); };
   return self;
+}
+
+void Server::setServing(bool serving) {
+  auto* health = server_ ? server_->GetHealthCheckService() : nullptr;
+  if (!health) return;
+  health->SetServingStatus(serving);
+  for (const char* name : kServiceNames) health->SetServingStatus(name, serving);
+}
+
+Result<std::vector<std::string>> Server::reload(const ServerConfig& next) {
+  const ServerConfig running = *core_->live();
+  const ServerConfig config = reloaded(running, next);
+  const auto failed = [&](const Status& status) {
+    core_->metrics.add("gobo_reloads_total", {{"result", "failed"}});
+    return status;
+  };
+  // What was refused at the start stays refused: the addresses are those of the start.
+  if (Status safe = checkSecurity(config); !safe.ok()) return failed(safe);
+  GOBO_ASSIGN(const LogLevel level, parseLogLevel(config.logLevel));
+  GOBO_ASSIGN(const LogFormat format, parseLogFormat(config.logFormat));
+  if (config.chunkBytes + 65536 > running.messageBytes || config.inlineBytes + 65536 > running.messageBytes)
+    return failed(invalidArgument(strf("limits.chunk_bytes = %llu and limits.inline_bytes = %llu: must be at least 64 KiB below limits.message_bytes = %llu, which "
+                                       "is fixed until a restart", (unsigned long long)config.chunkBytes, (unsigned long long)config.inlineBytes,
+                                       (unsigned long long)running.messageBytes)));
+  if (tls_) {
+    auto files = readTls(config.tls);
+    if (!files.ok()) return failed(files.status());
+    tls_->set(std::move(*files));
+  }
+  core_->engine.setRoots(config.roots);
+  setLogLevel(level);
+  setLogFormat(format);
+  core_->setLive(config);
+  core_->metrics.add("gobo_reloads_total", {{"result", "ok"}});
+  return fixedKeysThatDiffer(core_->config, next);
 }
 
 std::shared_ptr<grpc::Channel> Server::inProcessChannel() {
@@ -151,8 +184,8 @@ std::shared_ptr<grpc::Channel> Server::inProcessChannel() {
 
 void Server::shutdown(double drainSeconds) {
   if (!server_) return;
-  core_->drain();
-  if (auto* health = server_->GetHealthCheckService()) health->SetServingStatus(false);
+  core_->drain();   // health says so first
+  if (jobs_) jobs_->stop();   // their frames go on after the next start: nobody needs to wait for them
   if (!core_->waitIdle(drainSeconds)) {
     logWarn("%zu calls still run after %.1f s: cancelling them", core_->running(), drainSeconds);
     core_->cancelAll();
@@ -163,8 +196,11 @@ void Server::shutdown(double drainSeconds) {
   server_.reset();
   for (const std::string& path : socketFiles_) ::unlink(path.c_str());
   socketFiles_.clear();
+  http_.reset();
+  locks_.clear();
 }
 
+Server::Server() = default;
 Server::~Server() { shutdown(0); }
 
 }  // namespace gobo

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Server: the three services, health and the sockets of one daemon, around an engine. Without addresses it serves only
+// Server: the services, health and the sockets of one daemon, around an engine. Without addresses it serves only
 // in-process channels: `gobo --local` and the daemon run the same code. start(), shutdown() from one thread.
 #pragma once
 
@@ -10,6 +10,9 @@
 #include <grpcpp/grpcpp.h>
 
 #include "server/core.h"
+#include "server/http_endpoint.h"
+#include "server/tls.h"
+#include "server/unix_socket.h"
 
 namespace gobo {
 
@@ -26,24 +29,33 @@ class Server {
   std::shared_ptr<grpc::Channel> inProcessChannel();
   /// The addresses that are served, with the port that was chosen for port 0.
   const std::vector<std::string>& addresses() const { return addresses_; }
+  /// Of /metrics, /health and /ready; empty without.
+  std::string httpAddress() const { return http_ ? http_->address() : std::string(); }
   ServerCore& core() { return *core_; }
+
+  /// Takes over what may change at run time: tokens, TLS files, roots, log, limits, drain_s. All or nothing: when anything of
+  /// `next` (which has passed checkConfig) cannot be had, the error says what and the old one stays. The keys that would
+  /// need a restart are in the value.
+  Result<std::vector<std::string>> reload(const ServerConfig& next);
 
   /// Refuses new renders (UNAVAILABLE), waits up to `drainSeconds` for the running ones, cancels the rest, closes.
   /// Another thread may call core().cancelAll() to end the wait.
   void shutdown(double drainSeconds);
 
  private:
-  Server() = default;
+  Server();
+  void setServing(bool serving);
   struct Services;
+  std::vector<SocketLock> locks_;          // given back last
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<ServerCore> core_;
+  std::unique_ptr<DurableJobs> jobs_;
   std::unique_ptr<Services> services_;
+  std::shared_ptr<TlsSource> tls_;
   std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<HttpEndpoint> http_;     // goes before the core
   std::vector<std::string> addresses_;
   std::vector<std::string> socketFiles_;
 };
-
-/// Makes `path` free for a socket: removes a stale socket file; refuses a live socket and anything that is not a socket.
-Status claimSocketPath(const std::string& path);
 
 }  // namespace gobo

@@ -24,7 +24,7 @@ UploadFile::~UploadFile() {
   if (!folder_.empty()) fs::remove_all(folder_, ignored);
 }
 
-Status UploadFile::begin(const std::string& tmpFolder, const v1::UploadSceneRequest& first, uint64_t maxBytes) {
+Status UploadFile::begin(const std::string& tmpFolder, const v1::UploadSceneRequest& first, uint64_t maxBytes, const char* limitKey) {
   std::string extension = first.extension();
   std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return char(std::tolower(c)); });
   if (extension != ".glb" && extension != ".gltf")
@@ -32,7 +32,7 @@ Status UploadFile::begin(const std::string& tmpFolder, const v1::UploadSceneRequ
   if (first.total_bytes() == 0) return invalidArgument("total_bytes = 0: the first message must say how much follows", "upload.total_bytes");
   if (first.total_bytes() > maxBytes)
     return {Code::ResourceExhausted, "total_bytes = " + std::to_string(first.total_bytes()) + ": uploads are limited to " +
-            std::to_string(maxBytes) + " bytes (limits.upload_bytes)", "upload.total_bytes"};
+            std::to_string(maxBytes) + " bytes (" + limitKey + ")", "upload.total_bytes"};
   expected_ = first.sha256();
   std::transform(expected_.begin(), expected_.end(), expected_.begin(), [](unsigned char c) { return char(std::tolower(c)); });
   if (!expected_.empty() && (expected_.size() != 64 || expected_.find_first_not_of("0123456789abcdef") != std::string::npos))

@@ -15,7 +15,7 @@ struct RequestOptions {
   std::vector<std::string> sets;
   uint32_t spp = 0;
   double time = 0, error = 0, deadlineMs = 0;
-  bool certificate = false, half = false;
+  bool certificate = false, half = false, layers = false;
 };
 
 struct RenderCommand {
@@ -50,6 +50,7 @@ int runCompare(const CompareCommand& command);
 
 struct MeasureCommand {
   std::string scene, sweep, csv, plot;
+  std::string reference;          ///< FILE or FILE.exr:LAYER instead of a rendered one
   RequestOptions request;
   uint32_t referenceSpp = 1024;   ///< both halves together
   uint32_t repeat = 1;
@@ -62,6 +63,28 @@ struct DemoCommand {
   RequestOptions request;
 };
 int runDemo(const SessionOptions& session, const DemoCommand& command);
+
+struct JobSubmitCommand {
+  std::string scene, frames, name, key, priority;
+  RequestOptions request;
+  std::string format;             ///< of the files; empty: EXR
+  double fps = 0, deadlineSeconds = 0;
+  uint32_t attempts = 0;
+  bool watch = false;
+};
+struct JobFetchCommand {
+  std::string id, out;            ///< out: folder
+  std::string frames, outputs;
+  bool follow = false;
+};
+int runJobSubmit(const SessionOptions& session, const JobSubmitCommand& command, bool json);
+int runJobList(const SessionOptions& session, const std::vector<std::string>& states, bool json);
+int runJobShow(const SessionOptions& session, const std::string& id, bool json);
+int runJobWatch(const SessionOptions& session, const std::string& id, bool json);
+enum class JobAct { Cancel, Pause, Resume, Delete };
+/// For every id in turn; the exit code of the first that fails.
+int runJobAct(const SessionOptions& session, JobAct act, const std::vector<std::string>& ids, bool json);
+int runJobFetch(const SessionOptions& session, const JobFetchCommand& command);
 
 /// The request that `options` describe, for the scene with this id.
 Result<v1::RenderRequest> makeRequest(const RequestOptions& options, const std::string& sceneId);

@@ -15,9 +15,9 @@ std::string jsonNumber(double v) { return std::isfinite(v) ? strf("%.9g", v) : "
 }  // namespace
 
 int runCompare(const CompareCommand& c) {
-  auto a = readImage(c.a);
+  auto a = readPicture(c.a);
   if (!a.ok()) return complain(a.status());
-  auto b = readImage(c.b);
+  auto b = readPicture(c.b);
   if (!b.ok()) return complain(b.status());
   auto e = compareImages(*a, *b);
   if (!e.ok()) return complain(e.status());

@@ -90,9 +90,15 @@ Status measure(Session& session, const MeasureCommand& c) {
     GOBO_TRY(setPath(requests.back(), sweep.path + "=" + value));
   }
   const uint32_t half = std::max(1u, c.referenceSpp / 2);
-  std::fprintf(stderr, "gobo: reference, 2 x %u spp\n", half);
-  GOBO_ASSIGN(const Image halfA, beauty(session, referenceOf(base, half, base.seed() + 0x51ed270b1ull), nullptr));
-  GOBO_ASSIGN(const Image halfB, beauty(session, referenceOf(base, half, base.seed() + 0xa3c59ac2full), nullptr));
+  Image halfA, halfB;
+  if (!c.reference.empty()) {   // taken for the truth: its own noise counts as error
+    GOBO_ASSIGN(halfA, readPicture(c.reference));
+    halfB = halfA;
+  } else {
+    std::fprintf(stderr, "gobo: reference, 2 x %u spp\n", half);
+    GOBO_ASSIGN(halfA, beauty(session, referenceOf(base, half, base.seed() + 0x51ed270b1ull), nullptr));
+    GOBO_ASSIGN(halfB, beauty(session, referenceOf(base, half, base.seed() + 0xa3c59ac2full), nullptr));
+  }
   const bool cold = c.cold || session.local();
   std::vector<Point> points;
   for (size_t i = 0; i < requests.size(); ++i) {

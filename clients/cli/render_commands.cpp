@@ -38,6 +38,7 @@ Result<v1::RenderRequest> makeRequest(const RequestOptions& o, const std::string
   if (o.error > 0) request.mutable_halt()->set_error(o.error);
   if (o.certificate) request.mutable_certificate();
   if (o.half) request.mutable_encoding()->set_half(true);
+  if (o.layers) request.mutable_encoding()->set_layers(true);
   if (!o.priority.empty()) GOBO_TRY(setPath(request, "scheduling.priority=" + o.priority));
   if (o.deadlineMs > 0) request.mutable_scheduling()->set_deadline_ms(o.deadlineMs);
   for (const std::string& set : o.sets) GOBO_TRY(setPath(request, set));
@@ -60,6 +61,7 @@ Status checkOut(const std::string& out) {
 Status setEncoding(v1::RenderRequest& request, const std::string& out) {
   if (out.empty()) {
     request.mutable_encoding()->set_format(v1::Encoding::RAW_HALF);   // nothing is written: the cheapest to carry
+    request.mutable_encoding()->clear_layers();
     return {};
   }
   GOBO_ASSIGN(v1::Encoding::Format format, formatOf(out));
@@ -86,9 +88,9 @@ Status render(Session& session, const RenderCommand& c) {
   GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
   GOBO_TRY(setEncoding(request, c.out));
   StreamHooks hooks;
-  ProgressBar bar(c.progressive && !c.quiet);
+  ProgressBar bar(!c.quiet, c.progressive);
+  if (c.progressive || (!c.quiet && onTerminal())) hooks.progress = [&](const v1::Progress& p) { bar.show(p); };
   if (c.progressive) {
-    hooks.progress = [&](const v1::Progress& p) { bar.show(p); };
     hooks.snapshot = [&](const Answer& answer) -> Status {
       if (c.out.empty()) return {};
       GOBO_ASSIGN(const std::vector<std::string> files, writeImages(answer, c.out));

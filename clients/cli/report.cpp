@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "report.h"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "server/log.h"
@@ -97,32 +99,42 @@ void printScene(const v1::SceneInfo& info) {
 }
 
 void printStatus(const v1::StatusReply& s) {
-  std::printf("gobod %s, pid %d, up %.0f s, %u threads\n", escaped(s.build()).c_str(), s.pid(), s.uptime_s(), s.threads());
-  std::printf("renders: %u running, %u queued, %llu finished; %llu scenes\n", s.running(), s.queued(),
-              static_cast<unsigned long long>(s.renders()), static_cast<unsigned long long>(s.scenes()));
+  std::printf("gobod %s, pid %d, up %.0f s, %u threads%s\n", escaped(s.build()).c_str(), s.pid(), s.uptime_s(), s.threads(),
+              s.draining() ? ", draining" : "");
+  std::printf("renders: %u running on %u workers, %u queued, %llu finished; %llu scenes, %u being loaded\n", s.running(), s.workers(), s.queued(),
+              static_cast<unsigned long long>(s.renders()), static_cast<unsigned long long>(s.scenes()), s.loads());
   std::printf("store: %s of %s in %llu terms, disk %s; resident %s\n", bytesText(s.store_bytes()).c_str(), bytesText(s.store_limit()).c_str(),
               static_cast<unsigned long long>(s.store_terms()), bytesText(s.disk_bytes()).c_str(), bytesText(s.rss_bytes()).c_str());
+  std::printf("pinned by renders: %s; %u open files\n", bytesText(s.pinned_bytes()).c_str(), s.open_fds());
   for (const std::string& device : s.devices()) std::printf("device: %s\n", escaped(device).c_str());
 }
 
-ProgressBar::ProgressBar(bool enabled) : enabled_(enabled), terminal_(::isatty(STDERR_FILENO) == 1) {}
+bool onTerminal() { return ::isatty(STDERR_FILENO) == 1; }
+
+ProgressBar::ProgressBar(bool enabled, bool plain) : enabled_(enabled && (plain || onTerminal())), plain_(plain && !onTerminal()) {}
 ProgressBar::~ProgressBar() { clear(); }
 
 void ProgressBar::show(const v1::Progress& p) {
+  show(p.fraction(), strf("%s  %u spp  %.1f s", escaped(p.stage()).substr(0, 40).c_str(), p.spp(), p.elapsed_ms() / 1000));
+}
+
+void ProgressBar::show(double fraction, const std::string& text) {
   if (!enabled_) return;
-  const double fraction = std::clamp(p.fraction(), 0.0, 1.0);
-  if (terminal_) {
-    const int full = int(fraction * 30);
-    std::fprintf(stderr, "\r\033[K[%s%s] %3.0f %%  %s  %u spp  %.1f s", std::string(size_t(full), '#').c_str(),
-                 std::string(size_t(30 - full), '.').c_str(), fraction * 100, escaped(p.stage()).substr(0, 40).c_str(), p.spp(),
-                 p.elapsed_ms() / 1000);
+  fraction = std::isfinite(fraction) ? std::clamp(fraction, 0.0, 1.0) : 0.0;
+  if (!plain_) {
+    winsize window{};
+    const size_t columns = ::ioctl(STDERR_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 0 ? window.ws_col : 80;
+    const size_t full = size_t(fraction * 30);
+    std::string line = "[" + std::string(full, '#') + std::string(30 - full, '.') + strf("] %3.0f %%  ", fraction * 100) + text;
+    if (line.size() >= columns) line.resize(columns - 1);   // a wrapped line could not be taken back
+    std::fprintf(stderr, "\r\033[K%s", line.c_str());
     drawn_ = true;
     return;
   }
   const int tenth = int(fraction * 10);
   if (tenth == lastTenth_) return;
   lastTenth_ = tenth;
-  std::fprintf(stderr, "%3.0f %%  %s  %u spp  %.1f s\n", fraction * 100, escaped(p.stage()).c_str(), p.spp(), p.elapsed_ms() / 1000);
+  std::fprintf(stderr, "%3.0f %%  %s\n", fraction * 100, text.c_str());
 }
 
 void ProgressBar::clear() {

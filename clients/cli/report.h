@@ -17,16 +17,20 @@ void printTable(const std::vector<std::string>& head, const std::vector<std::vec
 /// "1.2 MiB".
 std::string bytesText(uint64_t bytes);
 
-/// On a terminal one line that is redrawn; otherwise a plain line at every tenth.
+/// Standard error is a terminal.
+bool onTerminal();
+
+/// On a terminal one line on standard error that is redrawn; otherwise, with `plain`, a line at every tenth.
 class ProgressBar {
  public:
-  explicit ProgressBar(bool enabled);
+  ProgressBar(bool enabled, bool plain);
   ~ProgressBar();
   void show(const v1::Progress& progress);
+  void show(double fraction, const std::string& text);
   void clear();
 
  private:
-  bool enabled_, terminal_, drawn_ = false;
+  bool enabled_, plain_, drawn_ = false;
   int lastTenth_ = -1;
 };
 

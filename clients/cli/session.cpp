@@ -14,6 +14,7 @@
 
 #include <grpc/grpc.h>
 
+#include "base/image_io.h"
 #include "server/encode.h"
 
 namespace gobo::cli {
@@ -27,7 +28,7 @@ const char* const kExitHelp =
 int exitCodeOf(const Status& status) {
   switch (status.code()) {
     case Code::Ok: return kOk;
-    case Code::InvalidArgument: case Code::OutOfRange: case Code::PermissionDenied: case Code::AlreadyExists:
+    case Code::InvalidArgument: case Code::OutOfRange: case Code::PermissionDenied: case Code::Unauthenticated: case Code::AlreadyExists:
     case Code::FailedPrecondition: return kUsage;
     case Code::NotFound: return kNotFound;
     case Code::Unavailable: return kUnreachable;
@@ -82,6 +83,7 @@ Session::Call::Call(const Session& session) {
   if (session.options_.timeoutSeconds > 0)
     context.set_deadline(std::chrono::system_clock::now() +
                          std::chrono::microseconds(int64_t(session.options_.timeoutSeconds * 1e6)));
+  if (!session.token_.empty()) context.AddMetadata("authorization", "Bearer " + session.token_);
   const std::lock_guard lock(callsMutex);
   calls.insert(&context);
   if (interruptSeen) context.TryCancel();
@@ -91,6 +93,29 @@ Session::Call::~Call() {
   const std::lock_guard lock(callsMutex);
   calls.erase(&context);
 }
+
+namespace {
+
+Result<std::string> textOf(const std::string& file, const char* flag) {
+  if (file.empty()) return std::string();
+  auto bytes = readFile(file, 1 << 20);
+  if (!bytes.ok()) return bytes.status().at(flag);
+  return std::string(bytes->begin(), bytes->end());
+}
+
+Result<std::string> findToken(const SessionOptions& options) {
+  const char* env = std::getenv("GOBO_TOKEN");
+  std::string token = env ? env : "";
+  if (!options.tokenFile.empty()) {
+    GOBO_ASSIGN(token, textOf(options.tokenFile, "--token-file"));
+    token = token.substr(0, token.find_first_of("\r\n"));
+  }
+  for (const char c : token)
+    if (c <= 0x20 || c >= 0x7f) return invalidArgument("the token must be printable ASCII without spaces", options.tokenFile.empty() ? "GOBO_TOKEN" : "--token-file");
+  return token;
+}
+
+}  // namespace
 
 Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
   static const bool kept = (grpc_init(), true);   // no tear-down of gRPC, which may take 10 s (server/server.cpp)
@@ -121,11 +146,26 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
       return Status(Code::PermissionDenied, "\"" + address.path + "\" belongs to another user: name the server with --server");
     grpc::ChannelArguments arguments;
     arguments.SetMaxReceiveMessageSize(-1);
-    self->channel_ = grpc::CreateCustomChannel(self->address_, grpc::InsecureChannelCredentials(), arguments);
+    const bool tls = options.tls || !options.ca.empty() || !options.cert.empty() || !options.key.empty();
+    GOBO_ASSIGN(self->token_, findToken(options));
+    // A token must not travel in the clear beyond this machine.
+    if (!self->token_.empty() && !tls && !address.isUnix && !isLoopback(address.host))
+      return invalidArgument("the token would go to " + self->address_ + " unencrypted: use --tls or --ca");
+    std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
+    if (tls) {
+      if (options.cert.empty() != options.key.empty()) return invalidArgument("--cert and --key go together");
+      grpc::SslCredentialsOptions ssl;
+      GOBO_ASSIGN(ssl.pem_root_certs, textOf(options.ca, "--ca"));
+      GOBO_ASSIGN(ssl.pem_cert_chain, textOf(options.cert, "--cert"));
+      GOBO_ASSIGN(ssl.pem_private_key, textOf(options.key, "--key"));
+      credentials = grpc::SslCredentials(ssl);
+    }
+    self->channel_ = grpc::CreateCustomChannel(self->address_, credentials, arguments);
   }
   self->scenes_ = v1::Scenes::NewStub(self->channel_);
   self->render_ = v1::Render::NewStub(self->channel_);
   self->admin_ = v1::Admin::NewStub(self->channel_);
+  self->jobs_ = v1::Jobs::NewStub(self->channel_);
   return self;
 }
 
@@ -136,6 +176,7 @@ Status Session::statusOf(const grpc::Status& status) const {
     return {code, "cannot reach gobod at " + address_ + ": " + status.error_message() +
                   "; start it with `gobod --root DIR`, name another with --server or GOBO_SERVER, or use --local"};
   if (code == Code::Cancelled && interrupted()) return {code, "interrupted"};
+  if (code == Code::Unimplemented && status.error_message().empty()) return {code, "the server does not know this call: it is another version"};
   return {code, status.error_message()};
 }
 

@@ -10,6 +10,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include "base/status.h"
+#include "gobo/v1/jobs.grpc.pb.h"
 #include "gobo/v1/service.grpc.pb.h"
 #include "server/server.h"
 
@@ -30,6 +31,9 @@ struct SessionOptions {
   int threads = 0;
   double timeoutSeconds = 0;         ///< of each call; 0: none
   double uploadMiB = 512;            ///< largest file that is uploaded without being asked for
+  std::string tokenFile;             ///< first line: bearer token; empty: $GOBO_TOKEN
+  bool tls = false;                  ///< with the system's certificates unless `ca` names others
+  std::string ca, cert, key;         ///< PEM files; any of them switches TLS on
 };
 
 class Session {
@@ -40,6 +44,7 @@ class Session {
   v1::Scenes::Stub& scenes() { return *scenes_; }
   v1::Render::Stub& render() { return *render_; }
   v1::Admin::Stub& admin() { return *admin_; }
+  v1::Jobs::Stub& jobs() { return *jobs_; }
   /// gRPC's status as ours; "cannot reach" with the address when there is no connection.
   Status statusOf(const grpc::Status& status) const;
 
@@ -55,12 +60,13 @@ class Session {
 
  private:
   SessionOptions options_;
-  std::string address_;
+  std::string address_, token_;
   std::unique_ptr<Server> server_;
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::Scenes::Stub> scenes_;
   std::unique_ptr<v1::Render::Stub> render_;
   std::unique_ptr<v1::Admin::Stub> admin_;
+  std::unique_ptr<v1::Jobs::Stub> jobs_;
 };
 
 /// Starts the thread that turns SIGINT and SIGTERM into cancellation; call first in main. A second signal leaves at once.

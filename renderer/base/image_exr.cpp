@@ -7,14 +7,12 @@
 #include <ImfIO.h>
 #include <ImfInputPart.h>
 #include <ImfMultiPartInputFile.h>
-#include <ImfOutputFile.h>
 #include <ImfPartType.h>
 #include <ImfRgbaFile.h>
 #include <ImfStringAttribute.h>
 
 #include <algorithm>
 #include <cstring>
-#include <set>
 #include <tuple>
 
 namespace gobo {
@@ -42,22 +40,6 @@ class MemoryReader final : public Imf::IStream {
   }
   const uint8_t* bytes_;
   uint64_t size_, at_ = 0;
-};
-
-class MemoryWriter final : public Imf::OStream {
- public:
-  explicit MemoryWriter(std::vector<uint8_t>& out) : OStream("memory"), out_(out) {}
-  void write(const char c[], int n) override {
-    if (at_ + uint64_t(n) > out_.size()) out_.resize(at_ + uint64_t(n));
-    std::memcpy(out_.data() + at_, c, size_t(n));
-    at_ += uint64_t(n);
-  }
-  uint64_t tellp() override { return at_; }
-  void seekp(uint64_t pos) override { at_ = pos; }
-
- private:
-  std::vector<uint8_t>& out_;
-  uint64_t at_ = 0;
 };
 
 /// Order within an image: the nameless layer first, then layers by name; in a layer R G B A, X Y Z, then the rest by name.
@@ -89,85 +71,132 @@ Result<Image> readSubsampled(const uint8_t* bytes, size_t size, int width, int h
 
 }  // namespace
 
-Result<Image> readExr(const uint8_t* bytes, size_t size, const std::string& name, const ReadLimits& limits) {
-  MemoryReader stream(bytes, size);
-  Imf::MultiPartInputFile file(stream, 1, false);
-  if (file.parts() < 1) return invalidArgument("EXR file has no parts", name);
-  const Imf::Header& header = file.header(0);
+namespace {
+
+struct Selected { std::string channel, shown; };   // name in the file, and in the image
+
+bool hasName(const Imf::Header& header, const std::string& name) { return header.hasName() && header.name() == name; }
+std::string layerOf(const std::string& channel) {
+  const size_t dot = channel.find_last_of('.');
+  return dot == std::string::npos ? "" : channel.substr(0, dot);
+}
+
+/// The wanted channels of one part as a picture.
+Result<Image> readPart(Imf::MultiPartInputFile& file, int part, const std::vector<Selected>& wanted, const uint8_t* bytes, size_t size,
+                       const std::string& name, const ReadLimits& limits) {
+  const Imf::Header& header = file.header(part);
   if (header.hasType() && Imf::isDeepData(header.type())) return invalidArgument("deep EXR images are not read", name);
   const Imath::Box2i window = header.dataWindow();
   const int64_t width = int64_t(window.max.x) - window.min.x + 1, height = int64_t(window.max.y) - window.min.y + 1;
-  std::vector<std::string> names;
   bool subsampled = false;
-  for (auto c = header.channels().begin(); c != header.channels().end(); ++c) {
-    names.push_back(c.name());
-    subsampled |= c.channel().xSampling != 1 || c.channel().ySampling != 1;
-  }
-  GOBO_TRY(checkImageSize(width, height, int64_t(names.size()), size, limits).at(name));
+  for (auto c = header.channels().begin(); c != header.channels().end(); ++c) subsampled |= c.channel().xSampling != 1 || c.channel().ySampling != 1;
+  GOBO_TRY(checkImageSize(width, height, int64_t(wanted.size()), size, limits).at(name));
   // OpenEXR forms addresses of the window's origin in a float frame buffer: keep them far from overflow.
   constexpr int far = 1 << 24;
   if (std::abs(int64_t(window.min.x)) > far || std::abs(int64_t(window.min.y)) > far)
     return invalidArgument("EXR data window is too far from the origin", name);
   if (subsampled) return readSubsampled(bytes, size, int(width), int(height));
-  std::sort(names.begin(), names.end(), [](const auto& a, const auto& b) { return channelOrder(a) < channelOrder(b); });
-
-  Image image(int(width), int(height), int(names.size()));
-  image.names = names;
-  const size_t pixel = names.size() * sizeof(float), row = pixel * size_t(width);
+  Image image(int(width), int(height), int(wanted.size()));
+  const size_t pixel = wanted.size() * sizeof(float), row = pixel * size_t(width);
   Imf::FrameBuffer buffer;
-  for (size_t c = 0; c < names.size(); ++c) {
+  for (size_t c = 0; c < wanted.size(); ++c) {
+    image.names.push_back(wanted[c].shown);
     char* origin = reinterpret_cast<char*>(image.data.data() + c) - ptrdiff_t(window.min.x) * ptrdiff_t(pixel) - ptrdiff_t(window.min.y) * ptrdiff_t(row);
-    buffer.insert(names[c], Imf::Slice(Imf::FLOAT, origin, pixel, row));
+    buffer.insert(wanted[c].channel, Imf::Slice(Imf::FLOAT, origin, pixel, row));
   }
-  Imf::InputPart part(file, 0);
-  part.setFrameBuffer(buffer);
-  part.readPixels(window.min.y, window.max.y);
+  Imf::InputPart input(file, part);
+  input.setFrameBuffer(buffer);
+  input.readPixels(window.min.y, window.max.y);
   return image;
 }
 
-Result<std::vector<uint8_t>> encodeExr(const Image& image, const ExrOptions& options) {
-  if (image.width <= 0 || image.height <= 0 || image.channels <= 0 || image.data.size() != image.pixels() * image.channels)
-    return invalidArgument("image is empty or its data has the wrong size");
-  std::vector<std::string> names = image.names;
-  if (names.empty()) {
-    if (image.channels > 4) return invalidArgument("an image of more than 4 channels needs channel names");
-    names = image.channels == 1 ? std::vector<std::string>{"Y"} : std::vector<std::string>{"R", "G", "B", "A"};
-    names.resize(size_t(image.channels));
-  }
-  if (int(names.size()) != image.channels || std::set<std::string>(names.begin(), names.end()).size() != names.size())
-    return invalidArgument("channel names are not one per channel and unique");
-  for (const std::string& n : names)
-    if (n.empty() || n.size() > 255) return invalidArgument("channel name \"" + n.substr(0, 40) + "\" is empty or too long");
+std::vector<Selected> channelsOf(const Imf::Header& header) {
+  std::vector<Selected> out;
+  for (auto c = header.channels().begin(); c != header.channels().end(); ++c) out.push_back({c.name(), c.name()});
+  std::sort(out.begin(), out.end(), [](const Selected& a, const Selected& b) { return channelOrder(a.channel) < channelOrder(b.channel); });
+  return out;
+}
+
+/// Layers of every part, in order. A part whose channels have no layer gives its own name, but for the first part: "".
+std::vector<std::string> layersOf(Imf::MultiPartInputFile& file) {
+  std::vector<std::string> out;
+  for (int p = 0; p < file.parts(); ++p)
+    for (const Selected& c : channelsOf(file.header(p))) {
+      std::string layer = layerOf(c.channel);
+      if (layer.empty() && p > 0 && file.header(p).hasName()) layer = file.header(p).name();
+      if (std::find(out.begin(), out.end(), layer) == out.end()) out.push_back(layer);
+    }
+  return out;
+}
+
+template <typename Body>
+auto guarded(const std::string& name, const Body& body) -> decltype(body()) {
   try {
-    Imf::Header header(image.width, image.height);
-    header.compression() = Imf::ZIP_COMPRESSION;
-    for (const auto& [key, value] : options.metadata) header.insert(key, Imf::StringAttribute(value));
-    const Imf::PixelType type = options.half ? Imf::HALF : Imf::FLOAT;
-    std::vector<half> halves;
-    if (options.half) {
-      halves.resize(image.data.size());
-      // A value beyond half's range would become Inf in the file: it is clamped to the largest half instead.
-      for (size_t i = 0; i < image.data.size(); ++i)
-        halves[i] = half(std::isfinite(image.data[i]) ? std::clamp(image.data[i], -65504.0f, 65504.0f) : image.data[i]);
-    }
-    const size_t unit = options.half ? 2 : 4, pixel = unit * size_t(image.channels);
-    char* base = options.half ? reinterpret_cast<char*>(halves.data()) : reinterpret_cast<char*>(const_cast<float*>(image.data.data()));
-    Imf::FrameBuffer buffer;
-    for (int c = 0; c < image.channels; ++c) {
-      header.channels().insert(names[c], Imf::Channel(type));
-      buffer.insert(names[c], Imf::Slice(type, base + unit * size_t(c), pixel, pixel * size_t(image.width)));
-    }
-    std::vector<uint8_t> out;
-    {
-      MemoryWriter stream(out);
-      Imf::OutputFile file(stream, header, 1);
-      file.setFrameBuffer(buffer);
-      file.writePixels(image.height);
-    }
-    return out;
+    return body();
   } catch (const std::exception& e) {
-    return internalError(std::string("cannot encode EXR: ") + e.what());
+    return invalidArgument(std::string("damaged exr image: ") + e.what(), name);
   }
+}
+
+}  // namespace
+
+Result<Image> readExr(const uint8_t* bytes, size_t size, const std::string& name, const ReadLimits& limits) {
+  MemoryReader stream(bytes, size);
+  Imf::MultiPartInputFile file(stream, 1, false);
+  if (file.parts() < 1) return invalidArgument("EXR file has no parts", name);
+  return readPart(file, 0, channelsOf(file.header(0)), bytes, size, name, limits);
+}
+
+Result<Image> readExrLayer(const uint8_t* bytes, size_t size, const std::string& name, const std::string& layer, const ReadLimits& limits) {
+  return guarded(name, [&]() -> Result<Image> {
+    MemoryReader stream(bytes, size);
+    Imf::MultiPartInputFile file(stream, 1, false);
+    const std::vector<std::string> layers = layersOf(file);
+    std::string wanted = layer;
+    if (std::find(layers.begin(), layers.end(), wanted) == layers.end()) wanted = exrLayerName(layer);
+    for (int p = 0; p < file.parts(); ++p) {
+      std::vector<Selected> chosen;
+      for (const Selected& c : channelsOf(file.header(p))) {
+        const std::string own = layerOf(c.channel);
+        const bool byPart = own.empty() && p > 0 && hasName(file.header(p), wanted);
+        if ((own == wanted && (p == 0 || !own.empty())) || byPart) chosen.push_back({c.channel, own.empty() ? c.channel : c.channel.substr(own.size() + 1)});
+      }
+      if (chosen.empty() && p == 0 && wanted.empty()) chosen = channelsOf(file.header(0));   // no nameless layer: everything
+      if (!chosen.empty()) return readPart(file, p, chosen, bytes, size, name, limits);
+    }
+    std::string list;
+    for (const std::string& l : layers)
+      if (!l.empty()) list += (list.empty() ? "" : ", ") + l;
+    return notFound("no layer '" + layer + "' in the file (has: " + (list.empty() ? "none" : list) + ")", name);
+  });
+}
+
+Result<std::vector<std::string>> exrLayers(const uint8_t* bytes, size_t size, const std::string& name) {
+  return guarded(name, [&]() -> Result<std::vector<std::string>> {
+    MemoryReader stream(bytes, size);
+    Imf::MultiPartInputFile file(stream, 1, false);
+    return layersOf(file);
+  });
+}
+
+Result<std::map<std::string, std::string>> exrMetadata(const uint8_t* bytes, size_t size, const std::string& name) {
+  return guarded(name, [&]() -> Result<std::map<std::string, std::string>> {
+    MemoryReader stream(bytes, size);
+    Imf::MultiPartInputFile file(stream, 1, false);
+    std::map<std::string, std::string> out;
+    if (file.parts() < 1) return out;
+    const Imf::Header& header = file.header(0);
+    for (auto a = header.begin(); a != header.end(); ++a)
+      if (const auto* text = dynamic_cast<const Imf::StringAttribute*>(&a.attribute())) out[a.name()] = text->value();
+    return out;
+  });
+}
+
+std::string exrLayerName(std::string_view output) {
+  std::string name(output);
+  for (char& c : name)
+    if (!((c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '-' || c == '_')) c = '_';
+  return name;
 }
 
 }  // namespace gobo

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cstring>
+#include <limits>
 
 #include "base/image_exr.h"
 
@@ -120,33 +121,40 @@ Result<Image> readByOiio(const uint8_t* bytes, size_t size, const std::string& f
   return image;
 }
 
-uint8_t toSrgb8(float linear) {
-  if (!(linear > 0.0f)) return 0;  // NaN too
-  const double c = std::min(double(linear), 1.0);
-  const double e = c <= 0.0031308 ? 12.92 * c : 1.055 * std::pow(c, 1.0 / 2.4) - 0.055;
-  return uint8_t(e * 255.0 + 0.5);
-}
-uint8_t toUnorm8(float v) { return !(v > 0.0f) ? 0 : uint8_t(std::min(v, 1.0f) * 255.0f + 0.5f); }
+/// Code value of `v` in 0 .. 2^bits - 1, rounded to nearest; NaN is 0.
+uint32_t codeValue(float v, Transfer transfer, double top) { return uint32_t(encodeTransfer(transfer, double(v)) * top + 0.5); }
 
-Result<std::vector<uint8_t>> encode8(const Image& image, const char* format, int channels, int quality) {
-  if (image.width <= 0 || image.height <= 0 || image.channels <= 0 || image.data.size() != image.pixels() * image.channels)
-    return invalidArgument("image is empty or its data has the wrong size");
-  std::vector<uint8_t> pixels(image.pixels() * channels);
+template <typename T>
+std::vector<uint8_t> codeValues(const Image& image, int channels, Transfer transfer) {
+  const double top = double(std::numeric_limits<T>::max());
+  const int colours = channels >= 3 ? 3 : 1;
+  std::vector<uint8_t> bytes(image.pixels() * channels * sizeof(T));
   for (size_t i = 0; i < image.pixels(); ++i)
     for (int c = 0; c < channels; ++c) {
-      const float v = image.data[i * image.channels + c];
-      pixels[i * channels + c] = c < 3 && !(channels == 2 && c == 1) ? toSrgb8(v) : toUnorm8(v);
+      const T v = T(codeValue(image.data[i * image.channels + c], c < colours ? transfer : Transfer::Linear, top));
+      std::memcpy(bytes.data() + (i * channels + c) * sizeof(T), &v, sizeof(T));
     }
+  return bytes;
+}
+
+Result<std::vector<uint8_t>> encodeIntegers(const Image& image, const char* format, int channels, const PixelOptions& options) {
+  if (image.width <= 0 || image.height <= 0 || image.channels <= 0 || image.data.size() != image.pixels() * image.channels)
+    return invalidArgument("image is empty or its data has the wrong size");
+  const bool jpeg = std::string_view(format) == "jpg", wide = !jpeg && options.bits == 16;
+  const OIIO::TypeDesc type = wide ? OIIO::TypeDesc::UINT16 : OIIO::TypeDesc::UINT8;
+  const Transfer transfer = options.data ? Transfer::Linear : options.transfer;
+  const std::vector<uint8_t> pixels = wide ? codeValues<uint16_t>(image, channels, transfer) : codeValues<uint8_t>(image, channels, transfer);
   std::vector<uint8_t> out;
   OIIO::Filesystem::IOVecOutput memory(out);
   auto output = OIIO::ImageOutput::create(std::string("memory.") + format, &memory);
   if (!output || !output->supports("ioproxy")) return internalError(std::string("no encoder for ") + format);
-  OIIO::ImageSpec spec(image.width, image.height, channels, OIIO::TypeDesc::UINT8);
-  spec.attribute("oiio:ColorSpace", "sRGB");
+  OIIO::ImageSpec spec(image.width, image.height, channels, type);
+  if (!options.data && transfer == Transfer::Srgb) spec.attribute("oiio:ColorSpace", "sRGB");
+  if (!options.data && transfer == Transfer::Linear) spec.attribute("oiio:ColorSpace", "Linear");
   spec.attribute("oiio:UnassociatedAlpha", 1);
-  if (quality > 0) spec.attribute("Compression", "jpeg:" + std::to_string(std::clamp(quality, 1, 100)));
+  if (jpeg) spec.attribute("Compression", "jpeg:" + std::to_string(std::clamp(options.quality, 1, 100)));
   if (!output->set_ioproxy(&memory) || !output->open(std::string("memory.") + format, spec) ||
-      !output->write_image(OIIO::TypeDesc::UINT8, pixels.data()) || !output->close())
+      !output->write_image(type, pixels.data()) || !output->close())
     return internalError(std::string("cannot encode ") + format + ": " + output->geterror());
   return out;
 }
@@ -192,10 +200,28 @@ Result<Image> readImage(const std::string& path, const ReadLimits& limits) {
   return readImageFromMemory(bytes.data(), bytes.size(), path, limits);
 }
 
-Result<std::vector<uint8_t>> encodePng(const Image& image) { return encode8(image, "png", std::min(image.channels, 4), 0); }
+Result<Image> readPicture(const std::string& fileAndLayer, const ReadLimits& limits) {
+  std::string file = fileAndLayer, layer;
+  // The file's name ends at the first ".exr:": a layer may be called after an output that holds colons itself.
+  const size_t colon = fileAndLayer.find(".exr:");
+  if (colon != std::string::npos) {
+    file = fileAndLayer.substr(0, colon + 4);
+    layer = fileAndLayer.substr(colon + 5);
+  }
+  GOBO_ASSIGN(const std::vector<uint8_t> bytes, readFile(file));
+  if (!starts(bytes.data(), bytes.size(), "\x76\x2f\x31\x01")) {
+    if (!layer.empty()) return invalidArgument("only EXR files have layers", fileAndLayer);
+    return readImageFromMemory(bytes.data(), bytes.size(), file, limits);
+  }
+  return readExrLayer(bytes.data(), bytes.size(), file, layer, limits);
+}
 
-Result<std::vector<uint8_t>> encodeJpeg(const Image& image, int quality) {
-  return encode8(image, "jpg", image.channels >= 3 ? 3 : 1, quality);
+Result<std::vector<uint8_t>> encodePng(const Image& image, const PixelOptions& options) {
+  return encodeIntegers(image, "png", std::min(image.channels, 4), options);
+}
+
+Result<std::vector<uint8_t>> encodeJpeg(const Image& image, const PixelOptions& options) {
+  return encodeIntegers(image, "jpg", image.channels >= 3 ? 3 : 1, options);
 }
 
 }  // namespace gobo

@@ -21,6 +21,7 @@ const char* codeName(Code code) {
     case Code::Internal: return "INTERNAL";
     case Code::Unavailable: return "UNAVAILABLE";
     case Code::DataLoss: return "DATA_LOSS";
+    case Code::Unauthenticated: return "UNAUTHENTICATED";
   }
   return "UNKNOWN";
 }

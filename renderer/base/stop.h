@@ -13,19 +13,23 @@ enum class StopReason : int { None = 0, Cancelled, Deadline, Preempted };
 class StopToken {
  public:
   StopToken() = default;  ///< never stops
-  bool stopRequested() const { return flag_ && flag_->load(std::memory_order_relaxed) != 0; }
-  StopReason reason() const { return flag_ ? StopReason(flag_->load(std::memory_order_relaxed)) : StopReason::None; }
+  bool stopRequested() const { return set(flag_) || set(outer_); }
+  StopReason reason() const { return set(outer_) ? StopReason(outer_->load(std::memory_order_relaxed)) : set(flag_) ? StopReason(flag_->load(std::memory_order_relaxed)) : StopReason::None; }
 
  private:
   friend class StopSource;
-  explicit StopToken(std::shared_ptr<std::atomic<int>> flag) : flag_(std::move(flag)) {}
-  std::shared_ptr<std::atomic<int>> flag_;
+  using Flag = std::shared_ptr<std::atomic<int>>;
+  explicit StopToken(Flag flag, Flag outer) : flag_(std::move(flag)), outer_(std::move(outer)) {}
+  static bool set(const Flag& flag) { return flag && flag->load(std::memory_order_relaxed) != 0; }
+  Flag flag_, outer_;
 };
 
 class StopSource {
  public:
   StopSource() : flag_(std::make_shared<std::atomic<int>>(0)) {}
-  StopToken token() const { return StopToken(flag_); }
+  /// Its tokens stop with `outer` as well, whose reason goes first. (`outer` must not have an outer one itself: it is lost.)
+  explicit StopSource(const StopToken& outer) : StopSource() { outer_ = outer.flag_; }
+  StopToken token() const { return StopToken(flag_, outer_); }
   /// The first reason wins, but for Cancelled, which overrides Preempted (a cancelled job must not be resumed).
   void stop(StopReason reason) {
     int none = 0;
@@ -34,7 +38,7 @@ class StopSource {
   void reset() { flag_->store(0); }
 
  private:
-  std::shared_ptr<std::atomic<int>> flag_;
+  std::shared_ptr<std::atomic<int>> flag_, outer_;
 };
 
 }  // namespace gobo

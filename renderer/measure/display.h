@@ -6,13 +6,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/transfer.h"
 #include "base/vec.h"
 
 namespace gobo {
 
 inline double displayLinear(float radiance) { return radiance > 0 ? std::min(double(radiance), 1.0) : 0.0; }
 inline double srgbEncode(double linear) {
-  return linear <= 0.0031308 ? 12.92 * linear : 1.055 * std::pow(linear, 1 / 2.4) - 0.055;
+  return encodeTransfer(Transfer::Srgb, linear);
 }
 /// Luma of the mapped colour, 0..1: Rec.709 weights of the encoded channels.
 inline double displayLuma(const Vec3& radiance) {

@@ -10,6 +10,7 @@
 #include "plan/certify_picture.h"
 #include "plan/disk_store.h"
 #include "plan/executor.h"
+#include "plan/outputs.h"
 #include "plan/planner.h"
 #include "plan/request.h"
 #include "plan/scene_library.h"
@@ -90,6 +91,7 @@ struct Engine::Impl {
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
   Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control, Clock::time_point start,
                                   bool& extendable);
+  static void describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result);
   void fillReports(const Plan& plan, Executor& executor, const std::map<Hash128, ExecutedNode>& expanded, v1::RenderReply& reply) const;
 };
 
@@ -105,12 +107,18 @@ Result<std::unique_ptr<Engine>> Engine::create(const EngineOptions& options) {
   return engine;
 }
 
-Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::string& id) { return impl_->scenes.open(source, id); }
-Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id) { return impl_->scenes.openFile(path, source, id); }
+Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::string& id, const StopToken& stop) { return impl_->scenes.open(source, id, stop); }
+Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop) {
+  return impl_->scenes.openFile(path, source, id, stop);
+}
 std::vector<v1::SceneInfo> Engine::listScenes() const { return impl_->scenes.list(); }
 Result<v1::SceneInfo> Engine::inspectScene(const std::string& id) const { return impl_->scenes.inspect(id); }
-Result<v1::SceneInfo> Engine::patchScene(const v1::PatchSceneRequest& patch) { return impl_->scenes.patch(patch); }
+Result<v1::SceneInfo> Engine::patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop) { return impl_->scenes.patch(patch, stop); }
 Status Engine::unloadScene(const std::string& id) { return impl_->scenes.unload(id); }
+Result<ScenePtr> Engine::scene(const std::string& id) const { return impl_->scenes.find(id); }
+Result<ScenePtr> Engine::loadScene(const std::string& source, bool trusted) const { return impl_->scenes.load(source, trusted); }
+Result<std::string> Engine::allowedPath(const std::string& path, const std::string& field) const { return impl_->scenes.allowedPath(path, field); }
+void Engine::setRoots(std::vector<std::string> roots) { impl_->scenes.setRoots(std::move(roots)); }
 int Engine::threads() const { return impl_->arena.threads(); }
 
 Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request, const ScenePtr& scene) const {
@@ -125,6 +133,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   if (r.has_certificate() && r.certificate().has_pixel_fraction() && r.certificate().pixel_fraction() == 0) r.clear_certificate();
   if (r.halt().has_error()) r.mutable_certificate();   // what the halt condition is measured by
   GOBO_TRY(resolveDefaults(r));
+  GOBO_TRY(checkEncoding(r.encoding()));
   if (uint64_t(r.width()) * r.height() * r.view_samples() > kMaxViewSamples)
     return Status(Code::ResourceExhausted, "request.width x height x view_samples = " + std::to_string(uint64_t(r.width()) * r.height() * r.view_samples()) +
                   ": must be at most " + std::to_string(kMaxViewSamples), "request.width");
@@ -142,12 +151,25 @@ Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request) cons
   return impl_->resolve(request, scene);
 }
 
-Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request) {
-  GOBO_ASSIGN(const ScenePtr scene, impl_->scenes.find(request.scene()));
+Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request, ScenePtr scene) {
+  if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene())); }
   GOBO_ASSIGN(const v1::RenderRequest resolved, impl_->resolve(request, scene));
   const uint32_t size = blockSizeFor(resolved.halt().has_spp() ? resolved.halt().spp() : 16);
   GOBO_ASSIGN(const auto plan, makePlan(scene, resolved, 1, size, impl_->plannerServices({})));
   return plan->pinnedBytes;
+}
+
+void Engine::Impl::describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result) {
+  const Scene& scene = *plan.effective.scene;
+  for (const std::string& o : request.outputs()) {
+    std::vector<std::string> names;
+    if (o == "object_id") for (const Instance& i : scene.instances) names.push_back(i.name);
+    else if (o == "material_id") for (const Material& m : scene.materials) names.push_back(m.name);
+    else continue;
+    result.tables["gobo:" + o] = nameTable(names);
+  }
+  result.matrices = {{"worldToCamera", worldToCamera(plan.effective.camera)},
+                     {"worldToNDC", worldToNdc(plan.effective.camera, int(request.width()), int(request.height()))}};
 }
 
 void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::map<Hash128, ExecutedNode>& expanded, v1::RenderReply& reply) const {
@@ -214,11 +236,14 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
     std::lock_guard lock(progressMutex);   // nodes report from any thread
     control.progress(p);
   };
-  Executor executor(plan->graph, executorServices(), control.stop, progress);
+  ExecutorServices services = executorServices();
+  services.checkpoints = control.checkpoints;
+  Executor executor(plan->graph, services, control.stop, progress);
   for (const PlannedOutput& o : plan->outputs) {
     GOBO_ASSIGN(const TermPtr term, executor.evaluate(o.node));
     result.images.emplace_back(o.name, term, o.plane, o.channels);
   }
+  describe(*plan, request, result);
   fillReports(*plan, executor, expanded, reply);
   for (auto& row : *reply.mutable_plan()) if (row.samples()) row.set_samples(row.samples() * blockSize);
   if (request.has_certificate()) {
@@ -246,7 +271,8 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
 Result<RenderResult> Engine::render(const v1::RenderRequest& request, const RenderControl& control) {
   Impl& m = *impl_;
   const auto start = Clock::now();
-  GOBO_ASSIGN(const ScenePtr scene, m.scenes.find(request.scene()));
+  ScenePtr scene = control.scene;
+  if (!scene) { GOBO_ASSIGN(scene, m.scenes.find(request.scene())); }
   GOBO_ASSIGN(const v1::RenderRequest resolved, m.resolve(request, scene));
   const v1::Halt& halt = resolved.halt();
   const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;

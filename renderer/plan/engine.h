@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
@@ -17,6 +18,9 @@
 #include "terms/term.h"
 
 namespace gobo {
+
+struct Scene;              // scene/scene.h
+class RenderCheckpoints;   // plan/checkpoints.h
 
 struct EngineOptions {
   int threads = 0;                           ///< 0: all
@@ -51,12 +55,16 @@ class RenderedImage {
 struct RenderResult {
   v1::RenderReply reply;                     ///< images[] left empty: encoding is the caller's (server/encode.h)
   std::vector<RenderedImage> images;         ///< in the order of the request's outputs
+  std::map<std::string, std::string> tables; ///< names behind ids that were asked for: "gobo:object_id" -> {"0":"floor",...}
+  std::map<std::string, Mat4> matrices;      ///< worldToCamera, worldToNDC (scene/camera.h)
 };
 
 struct RenderControl {
   StopToken stop;
   std::function<void(const v1::Progress&)> progress;              ///< may be empty
   std::function<void(const RenderResult&)> snapshot;              ///< may be empty; progressive requests
+  std::shared_ptr<const Scene> scene;                             ///< rendered instead of what request.scene names now, if set
+  RenderCheckpoints* checkpoints = nullptr;                       ///< states to go on from and to be kept; may be null
 };
 
 class Engine {
@@ -64,18 +72,27 @@ class Engine {
   static Result<std::unique_ptr<Engine>> create(const EngineOptions& options);
   ~Engine();
 
-  Result<v1::SceneInfo> openScene(const std::string& source, const std::string& id);
+  /// `stop` ends a load between its phases (Cancelled); nothing of it stays.
+  Result<v1::SceneInfo> openScene(const std::string& source, const std::string& id, const StopToken& stop = {});
   /// A file that the caller received (upload), opened whatever the roots say; `source` is what inspect shows.
-  Result<v1::SceneInfo> openUploaded(const std::string& path, const std::string& source, const std::string& id);
+  Result<v1::SceneInfo> openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop = {});
   std::vector<v1::SceneInfo> listScenes() const;
   Result<v1::SceneInfo> inspectScene(const std::string& id) const;
-  Result<v1::SceneInfo> patchScene(const v1::PatchSceneRequest& patch);
+  Result<v1::SceneInfo> patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop = {});
   Status unloadScene(const std::string& id);
+  /// The scene that the id stands for now: for RenderControl.scene. Errors: NotFound.
+  Result<std::shared_ptr<const Scene>> scene(const std::string& id) const;
+  /// Loads a built-in or a file (under the roots, or `trusted`: wherever it is) without giving it an id.
+  Result<std::shared_ptr<const Scene>> loadScene(const std::string& source, bool trusted) const;
+  /// The file that a request's path stands for. Errors: PermissionDenied outside the roots, NotFound.
+  Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
+  /// From now on files are opened under these folders only; loaded scenes stay.
+  void setRoots(std::vector<std::string> roots);
 
   /// Validates and fills in every default without rendering. Errors name the field ("request.integrator.max_bounces").
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request) const;
   /// Upper bound of bytes pinned while it runs, for admission.
-  Result<uint64_t> pinnedBytes(const v1::RenderRequest& request);
+  Result<uint64_t> pinnedBytes(const v1::RenderRequest& request, std::shared_ptr<const Scene> scene = nullptr);
   /// Runs to the halt condition. With control.snapshot set, emits snapshots at 1, 2, 4, ... blocks.
   /// Stopped: Cancelled, DeadlineExceeded, or Aborted when preempted (call again to go on where it stopped).
   Result<RenderResult> render(const v1::RenderRequest& request, const RenderControl& control = {});

@@ -145,7 +145,8 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   if (traits.extendable) {
     ctx.targetBlocks = n.blocks;
     ctx.park = &parked;
-    ctx.previous = services_.extensions->takeParked(recipe);
+    if (services_.checkpoints) ctx.previous = services_.checkpoints->load(recipe, n.blocks);
+    if (!ctx.previous) ctx.previous = services_.extensions->takeParked(recipe);
     if (ctx.previous) reason = "resumed";
     if (!ctx.previous) {
       for (uint32_t blocks : services_.extensions->below(recipe, n.blocks)) {
@@ -165,7 +166,10 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
     result = Status(Code::ResourceExhausted, "out of memory in node " + n.label, n.label);
   }
   const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-  if (parked && !result.ok()) services_.extensions->park(recipe, parked);
+  if (parked && !result.ok()) {
+    if (services_.checkpoints) services_.checkpoints->save(recipe, n.blocks, parked);
+    else services_.extensions->park(recipe, parked);
+  }
   if (!result.ok()) return result.status().at("node " + n.label);
   const TermPtr term = *result;
   const std::string bad = firstNonFinite(*term, *services_.arena);
@@ -181,6 +185,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   if (!n.transient) {
     services_.store->put(key, term, traits.persist && ms > kWorthPersisting * double(term->bytes()));
     if (traits.extendable) services_.extensions->add(recipe, n.blocks);
+    if (traits.extendable && services_.checkpoints) services_.checkpoints->save(recipe, n.blocks, term);
   }
   return term;
 }

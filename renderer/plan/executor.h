@@ -14,6 +14,7 @@
 
 #include "base/status.h"
 #include "base/stop.h"
+#include "plan/checkpoints.h"
 #include "plan/store.h"
 #include "terms/graph.h"
 
@@ -50,6 +51,7 @@ struct ExecutorServices {
   ExtensionIndex* extensions = nullptr;
   AccelCache* accels = nullptr;
   const TaskArena* arena = nullptr;
+  RenderCheckpoints* checkpoints = nullptr;   ///< may be null; takes the place of parking for this request
 };
 
 class Executor {

@@ -5,11 +5,15 @@
 #include <map>
 
 #include "filters/composite.h"
+#include "filters/sample_statistics.h"
 #include "filters/shadow_technique.h"
 #include "plan/material_kinds.h"
+#include "plan/outputs.h"
 #include "terms/direct_unoccluded.h"
 #include "terms/extract_lights.h"
 #include "terms/gbuffer.h"
+#include "terms/ids.h"
+#include "terms/motion.h"
 #include "terms/path_trace.h"
 #include "terms/surface.h"
 #include "trace/camera_media.h"
@@ -27,6 +31,9 @@ struct Contribution {
   Vec3 weight;
   PathClass pathClass;
   int group;          ///< relight group, -1 for differences of edited cluster lights
+  LobePart lobe = LobePart::Both;
+  NodeId state = -1;  ///< path tracing state that it is the mean of, and the slot there; -1: by a visibility technique
+  int slot = 0;
 };
 
 class PlanMaker {
@@ -42,10 +49,13 @@ class PlanMaker {
   }
 
   Status make() {
-    for (const std::string& o : request_.outputs()) splitClasses_ = splitClasses_ || o == "direct" || o == "indirect" || o == "emission";
-    const bool radiance = std::any_of(request_.outputs().begin(), request_.outputs().end(), [](const std::string& o) {
-      return o == "beauty" || o == "direct" || o == "indirect" || o == "emission" || o.rfind("group:", 0) == 0;
-    });
+    bool radiance = false;
+    for (const std::string& o : request_.outputs()) {
+      splitClasses_ = splitClasses_ || o == "direct" || o == "indirect" || o == "emission";
+      splitLobes_ = splitLobes_ || needsLobes(o);
+      variance_ = variance_ || o == "variance";
+      radiance = radiance || needsRadiance(o);
+    }
     if (radiance) GOBO_TRY(planRadiance());
     for (const std::string& o : request_.outputs()) GOBO_TRY(planOutput(o));
     for (NodeId i = 0; i < plan_.graph.size(); ++i) {
@@ -118,8 +128,14 @@ class PlanMaker {
     GOBO_CHECK(entry != nullptr);
     return entry->plan(plan_.graph, in, t);
   }
-  NodeId unoccluded(int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false) {
+  /// The parts that direct light is planned in.
+  std::vector<LobePart> lobes() const { return splitLobes_ ? std::vector{LobePart::Diffuse, LobePart::Specular} : std::vector{LobePart::Both}; }
+  static std::string withLobe(std::string label, LobePart lobe) {
+    return lobe == LobePart::Both ? label : label + (lobe == LobePart::Diffuse ? ":diffuse" : ":specular");
+  }
+  NodeId unoccluded(int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false, LobePart lobe = LobePart::Both) {
     DirectUnoccludedSettings s;
+    s.lobe = lobe;
     s.view = view_;
     s.light = light;
     s.nominal = nominal;
@@ -127,13 +143,14 @@ class PlanMaker {
     s.samples = delta ? 1 : kUnoccludedSamples;
     s.seed = delta ? 0 : request_.seed();
     s.extended = kinds_.extended;
-    return source(makeDirectUnoccludedNode(s), {gbuffer(), surface()}, {light}, "unoccluded:" + scene->lights[light].name, scene, transient);
+    return source(makeDirectUnoccludedNode(s), {gbuffer(), surface()}, {light}, withLobe("unoccluded:" + scene->lights[light].name, lobe), scene, transient);
   }
 
   // ---- radiance ---------------------------------------------------------------------------------------------------
-  void add(NodeId node, std::string plane, const Vec3& weight, PathClass c, int group) {
+  void add(NodeId node, std::string plane, const Vec3& weight, PathClass c, int group, LobePart lobe = LobePart::Both, NodeId state = -1, int slot = 0) {
+    if (state >= 0 && std::find(states_.begin(), states_.end(), state) == states_.end()) states_.push_back(state);
     if (weight == Vec3(0.0f)) return;
-    contributions_.push_back({node, std::move(plane), weight, c, group});
+    contributions_.push_back({node, std::move(plane), weight, c, group, lobe, state, slot});
   }
   Vec3 groupGain(int group) const {
     const auto& members = plan_.groups.members[group];
@@ -160,22 +177,26 @@ class PlanMaker {
     s.unlit = unlit;
     s.cover = cover;
     const int classes = has(cover, PathClass::Emission) + has(cover, PathClass::Direct) + has(cover, PathClass::Indirect);
-    s.split = splitClasses_ && classes > 1 ? SplitMode::DirectIndirect : SplitMode::Combined;
+    const bool scatters = has(cover, PathClass::Direct) || has(cover, PathClass::Indirect);
+    s.split = splitLobes_ && scatters ? SplitMode::ByLobe : (splitClasses_ || splitLobes_) && classes > 1 ? SplitMode::DirectIndirect : SplitMode::Combined;
     s.selection = request_.integrator().light_selection() == v1::Integrator::UNIFORM ? LightSelection::Uniform
                   : request_.integrator().light_selection() == v1::Integrator::POWER ? LightSelection::Power
                                                                                      : LightSelection::Tree;
     s.groups = int(groups.size());
     s.groupOf = slotGroup;
     s.nominal = nominal;
-    GraphNode n{makePathTraceNode(s), {}, lights, label, blocks_, scene_};
+    GraphNode n{makePathTraceNode(s, variance_ ? kVarianceStreams : 1), {}, lights, label, blocks_, scene_};
     const NodeId state = plan_.graph.add(std::move(n));
     const int per = slotsPerGroup(s.split, s.maxBounces);
     const NodeId mean = filter(makeResolveNode(width_, height_, per * s.groups), {state}, label + ":mean");
     for (size_t g = 0; g < groups.size(); ++g) {
       for (int k = 0; k < per; ++k) {
-        const PathClass c = per == 1 ? cover : k == 0 ? PathClass::Emission : k == 1 ? PathClass::Direct : PathClass::Indirect;
+        const bool byLobe = s.split == SplitMode::ByLobe;
+        const PathClass c = per == 1 ? cover : k == 0 ? PathClass::Emission : k <= (byLobe ? 2 : 1) ? PathClass::Direct : PathClass::Indirect;
         if (per > 1 && !has(cover, c)) continue;
-        add(mean, "s" + std::to_string(int(g) * per + k), weights[g], c, groups[g]);
+        const LobePart lobe = !byLobe || k == 0 ? LobePart::Both : k % 2 ? LobePart::Diffuse : LobePart::Specular;
+        const int slot = int(g) * per + k;
+        add(mean, "s" + std::to_string(slot), weights[g], c, groups[g], lobe, state, slot);
       }
     }
   }
@@ -239,7 +260,7 @@ class PlanMaker {
   }
 
   Status planViewedDirect(const std::vector<int>& viewed, const std::vector<v1::ShadowTechnique>& technique) {
-    std::map<int, std::vector<NodeId>> folds;   // cluster group -> pairs (L, V)
+    std::map<std::pair<int, LobePart>, std::vector<NodeId>> folds;   // cluster group -> pairs (L, V)
     if (!viewed.empty()) surface();             // made (and kept) before any node that is marked transient below
     for (int l : viewed) {
       const int group = plan_.groups.groupOf[l];
@@ -251,20 +272,25 @@ class PlanMaker {
         continue;
       }
       const int before = plan_.graph.size();
-      const NodeId light = unoccluded(l, scene_, plan_.groups.nominal[l], !single);
+      std::vector<NodeId> parts;
+      for (const LobePart lobe : lobes()) parts.push_back(unoccluded(l, scene_, plan_.groups.nominal[l], !single, lobe));
       GOBO_ASSIGN(const NodeId v, visibility(l, scene_, technique[l]));
-      if (single) {
-        add(filter(makeShadeNode(width_, height_, viewSamples_), {light, v}, "direct:" + name), "rgb", groupGain(group), PathClass::Direct, group);
-      } else {
-        plan_.graph.markTransient(before, v);
-        folds[group].push_back(light);
-        folds[group].push_back(v);
+      if (!single) plan_.graph.markTransient(before, v);
+      for (size_t k = 0; k < parts.size(); ++k) {
+        const LobePart lobe = lobes()[k];
+        if (single) {
+          add(filter(makeShadeNode(width_, height_, viewSamples_), {parts[k], v}, withLobe("direct:" + name, lobe)), "rgb", groupGain(group), PathClass::Direct, group, lobe);
+        } else {
+          folds[{group, lobe}].push_back(parts[k]);
+          folds[{group, lobe}].push_back(v);
+        }
       }
       cover_[group] = cover_[group] | PathClass::Direct;
     }
-    for (auto& [group, pairs] : folds) {
+    for (auto& [key, pairs] : folds) {
+      const auto [group, lobe] = key;
       const int count = int(pairs.size() / 2);
-      add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), "direct:" + groupName(group)), "rgb", groupGain(group), PathClass::Direct, group);
+      add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), withLobe("direct:" + groupName(group), lobe)), "rgb", groupGain(group), PathClass::Direct, group, lobe);
     }
     return {};
   }
@@ -294,17 +320,18 @@ class PlanMaker {
     GOBO_TRY(extended->seal());
     v1::ShadowTechnique t = techniqueOf(first, extended, "environment");
     if (!findShadowTechnique(t.technique_case())) { t.mutable_ray_traced()->set_samples(1); }
-    std::vector<NodeId> pairs;
     const Vec3 nominal = plan_.groups.nominal[environment];   // scale of the map that gains refer to
-    for (int i = 0; i < count; ++i) {
-      const Vec3 power = extended->lights[first + i].power * nominal;
-      pairs.push_back(unoccluded(first + i, extended, power));
-      GOBO_ASSIGN(const NodeId v, visibility(first + i, extended, t));
-      pairs.push_back(v);
-    }
     plan_.graph.prune("direct:environment map", "replaced by " + std::to_string(count) + " extracted lights", true);
-    if (count > 0)
-      add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), "direct:environment"), "rgb", groupGain(group), PathClass::Direct, group);
+    for (const LobePart lobe : lobes()) {
+      std::vector<NodeId> pairs;
+      for (int i = 0; i < count; ++i) {
+        pairs.push_back(unoccluded(first + i, extended, extended->lights[first + i].power * nominal, false, lobe));
+        GOBO_ASSIGN(const NodeId v, visibility(first + i, extended, t));
+        pairs.push_back(v);
+      }
+      if (count > 0)
+        add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), withLobe("direct:environment", lobe)), "rgb", groupGain(group), PathClass::Direct, group, lobe);
+    }
     cover_[group] = cover_[group] | PathClass::Direct;
     if (kinds_.translucent) pathTraceGroups({environment}, PathClass::Direct, "through:environment", true);
     return {};
@@ -350,36 +377,71 @@ class PlanMaker {
     std::vector<NodeId> inputs{node, gbuffer()};
     return filter(makePixelMeanNode(plane, channels, width_, height_, viewSamples_, overValid), std::move(inputs), label);
   }
-  void output(const std::string& name, NodeId node, std::string plane, std::vector<std::string> channels) {
-    plan_.outputs.push_back({name, node, std::move(plane), std::move(channels)});
+  /// Screen motion since `earlier`, or of a scene at rest.
+  Result<NodeId> motion() {
+    MotionSettings s{view_, scene_, view_.camera};
+    if (services_.earlier) {
+      GOBO_ASSIGN(const EffectiveScene before, services_.earlier(request_.motion_step_s()));
+      s.earlierScene = before.scene;
+      s.earlierCamera = before.camera;
+    }
+    return source(makeMotionNode(s), {gbuffer()}, {}, "motion", scene_);
+  }
+  NodeId variance() {
+    std::vector<VarianceWeight> weights;
+    std::string without;
+    for (const Contribution& c : contributions_) {
+      if (c.state >= 0) weights.push_back({int(std::find(states_.begin(), states_.end(), c.state) - states_.begin()), c.slot, c.weight});
+      else without += (without.empty() ? "" : ", ") + plan_.graph.at(c.node).label;
+    }
+    if (!without.empty()) warn("variance: of the path-traced part alone, without " + without);
+    if (blocks_ < uint32_t(kVarianceStreams) && !weights.empty())
+      warn("variance: from " + std::to_string(blocks_) + " independent blocks of " + std::to_string(blockSize_) + " samples" + (blocks_ < 2 ? ": unknown (-1)" : "") +
+           "; " + std::to_string(kVarianceStreams) + " want halt.spp of at least " + std::to_string(kVarianceStreams * 16));
+    return filter(makeVarianceNode(std::move(weights), int(states_.size()), width_, height_, kVarianceStreams, int(blockSize_)), states_, "variance");
   }
 
   Status planOutput(const std::string& o) {
-    const std::vector<std::string> rgb{"R", "G", "B"};
-    const auto only = [](PathClass c) { return [c](const Contribution& k) { return k.pathClass == c; }; };
-    const size_t colon = o.find(':');
-    const std::string kind = o.substr(0, colon), name = colon == std::string::npos ? "" : o.substr(colon + 1);
-    if (o == "beauty") output(o, compose(o, [](const Contribution&) { return true; }), "rgb", rgb);
-    else if (o == "direct") output(o, compose(o, only(PathClass::Direct)), "rgb", rgb);
-    else if (o == "indirect") output(o, compose(o, only(PathClass::Indirect)), "rgb", rgb);
-    else if (o == "emission") output(o, compose(o, only(PathClass::Emission)), "rgb", rgb);
-    else if (o == "albedo") output(o, pixelMean(surface(), "albedo", 3, false, o), "albedo", rgb);
-    else if (o == "normal") output(o, pixelMean(surface(), "N", 3, true, o), "N", {"X", "Y", "Z"});
-    else if (o == "position") output(o, pixelMean(gbuffer(), "P", 3, true, o), "P", {"X", "Y", "Z"});
-    else if (o == "depth") output(o, pixelMean(gbuffer(), "depth", 1, true, o), "depth", {"Z"});
-    else if (o == "alpha") output(o, filter(makeAlphaNode(width_, height_, viewSamples_), {gbuffer()}, o), "alpha", {"A"});
+    const OutputInfo& info = *findOutput(o);
+    const std::string kind = info.name, name(outputLight(o));
+    const auto output = [&](NodeId node, std::string plane) { plan_.outputs.push_back({o, node, std::move(plane), info.channelNames()}); };
+    const auto composed = [&](const std::function<bool(const Contribution&)>& wanted) { output(compose(o, wanted), "rgb"); };
+    const auto part = [&](PathClass classes, LobePart lobe) {
+      composed([=](const Contribution& k) { return has(classes, k.pathClass) && (lobe == LobePart::Both || k.lobe == lobe); });
+    };
+    const PathClass scattered = PathClass::Direct | PathClass::Indirect;
+    if (o == "beauty") composed([](const Contribution&) { return true; });
+    else if (o == "direct") part(PathClass::Direct, LobePart::Both);
+    else if (o == "indirect") part(PathClass::Indirect, LobePart::Both);
+    else if (o == "emission") part(PathClass::Emission, LobePart::Both);
+    else if (o == "diffuse") part(scattered, LobePart::Diffuse);
+    else if (o == "specular") part(scattered, LobePart::Specular);
+    else if (o == "direct_diffuse") part(PathClass::Direct, LobePart::Diffuse);
+    else if (o == "direct_specular") part(PathClass::Direct, LobePart::Specular);
+    else if (o == "indirect_diffuse") part(PathClass::Indirect, LobePart::Diffuse);
+    else if (o == "indirect_specular") part(PathClass::Indirect, LobePart::Specular);
+    else if (o == "albedo") output(pixelMean(surface(), "albedo", 3, false, o), "albedo");
+    else if (o == "normal") output(pixelMean(surface(), "N", 3, true, o), "N");
+    else if (o == "position") output(pixelMean(gbuffer(), "P", 3, true, o), "P");
+    else if (o == "depth") output(pixelMean(gbuffer(), "depth", 1, true, o), "depth");
+    else if (o == "alpha") output(filter(makeAlphaNode(width_, height_, viewSamples_), {gbuffer()}, o), "alpha");
+    else if (o == "object_id") output(filter(makeIdNode(IdKind::Object, width_, height_), {gbuffer()}, o), "id");
+    else if (o == "material_id") output(source(makeIdNode(IdKind::Material, width_, height_), {gbuffer()}, {}, o, scene_), "id");
+    else if (o == "motion") { GOBO_ASSIGN(const NodeId node, motion()); output(node, "motion"); }
+    else if (o == "sample_count") output(filter(makeSampleCountNode(width_, height_), states_, o), "count");
+    else if (o == "variance") output(variance(), "variance");
     else if (kind == "group") {
       const int light = scene_->findLight(name), group = plan_.groups.groupOf[light];
-      output(o, compose(o, [group](const Contribution& c) { return c.group == group; }), "rgb", rgb);
+      composed([group](const Contribution& c) { return c.group == group; });
     } else if (kind == "visibility") {
       const int light = scene_->findLight(name);
       v1::ShadowTechnique t = techniqueOf(light, scene_, name);
       if (!findShadowTechnique(t.technique_case())) { t.mutable_ray_traced(); GOBO_TRY(resolveRayTraced(t)); }
       GOBO_ASSIGN(const NodeId v, visibility(light, scene_, t));
-      output(o, pixelMean(v, "V", 1, true, o), "V", {"Y"});
+      output(pixelMean(v, "V", 1, true, o), "V");
     } else if (kind == "unoccluded") {
       const int light = scene_->findLight(name);
-      output(o, pixelMean(unoccluded(light, scene_, Vec3(nominalScalar(scene_->lights[light]))), "L", 3, false, o), "L", rgb);
+      output(pixelMean(unoccluded(light, scene_, Vec3(nominalScalar(scene_->lights[light]))), "L", 3, false, o), "L");
     }
     return {};
   }
@@ -392,9 +454,10 @@ class PlanMaker {
   int width_, height_, viewSamples_;
   GBufferSettings view_;
   int cameraInVolume_ = -1;            // not asked yet
-  bool splitClasses_ = false;
   MaterialKinds kinds_;
+  bool splitClasses_ = false, splitLobes_ = false, variance_ = false;
   std::vector<Contribution> contributions_;
+  std::vector<NodeId> states_;          // path tracing states of the beauty
   std::vector<PathClass> cover_;
 };
 
@@ -404,23 +467,6 @@ uint32_t blockSizeFor(uint32_t spp) {
   uint32_t size = 16;
   while (size > std::max(spp, 1u)) size /= 2;
   return size;
-}
-
-Status checkOutputs(const Scene& scene, const v1::RenderRequest& request) {
-  static const char* plain[] = {"beauty", "direct", "indirect", "emission", "albedo", "normal", "position", "depth", "alpha"};
-  for (const std::string& o : request.outputs()) {
-    if (std::find(std::begin(plain), std::end(plain), o) != std::end(plain)) continue;
-    const size_t colon = o.find(':');
-    const std::string kind = o.substr(0, colon), name = colon == std::string::npos ? "" : o.substr(colon + 1);
-    if (colon == std::string::npos || (kind != "visibility" && kind != "unoccluded" && kind != "group"))
-      return invalidArgument("request.outputs: no output '" + o + "' (has: beauty, direct, indirect, emission, albedo, normal, position, depth, alpha, "
-                             "visibility:LIGHT, unoccluded:LIGHT, group:LIGHT)", "request.outputs");
-    const int light = scene.findLight(name);
-    if (light < 0) return notFound("request.outputs: no light '" + name + "' in the scene", "request.outputs");
-    if (kind != "group" && scene.lights[light].shape.kind == LightKind::Environment)
-      return invalidArgument("request.outputs: '" + o + "': an environment has no single visibility; ask for group:" + name, "request.outputs");
-  }
-  return {};
 }
 
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services) {

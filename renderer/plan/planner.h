@@ -36,6 +36,8 @@ struct Plan {
 struct PlannerServices {
   EnvironmentLoader loadEnvironment;
   std::function<Result<TermPtr>(const Graph&, NodeId)> expand;
+  /// The effective scene and camera this long before the request's moment, for output motion. Empty: nothing moves.
+  std::function<Result<EffectiveScene>(double secondsEarlier)> earlier;
 };
 
 /// Samples a block: 16, or the next power of two below for tiny budgets, so that a 1-sample preview costs one sample.
@@ -43,9 +45,6 @@ uint32_t blockSizeFor(uint32_t spp);
 
 /// `request` must be resolved (plan/request.h). `blocks` is the number of sample blocks for path-traced nodes.
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services);
-
-/// Names an output that does not exist, or a light that the scene lacks.
-Status checkOutputs(const Scene& scene, const v1::RenderRequest& request);
 
 /// Path classes that a unidirectional tracer cannot join in this scene, for certificates.
 std::vector<std::string> classesNotCovered(const Scene& scene);

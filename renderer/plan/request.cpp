@@ -3,7 +3,11 @@
 #include "plan/request.h"
 
 #include <google/protobuf/descriptor.h>
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 #include <google/protobuf/util/json_util.h>
+#include <google/protobuf/util/type_resolver.h>
+#include <google/protobuf/util/type_resolver_util.h>
 
 #include <algorithm>
 #include <cmath>
@@ -193,8 +197,17 @@ std::string messageToJson(const Message& message, bool pretty) {
   google::protobuf::util::JsonPrintOptions options;
   options.add_whitespace = pretty;
   options.preserve_proto_field_names = true;
-  std::string out;
-  (void)google::protobuf::util::MessageToJsonString(message, &out, options);
+  // Maps by sorted key: the text goes into file headers, and equal messages must give equal bytes.
+  std::string wire, out;
+  {
+    google::protobuf::io::StringOutputStream stream(&wire);
+    google::protobuf::io::CodedOutputStream coded(&stream);
+    coded.SetSerializationDeterministic(true);
+    message.SerializeToCodedStream(&coded);
+  }
+  static const std::unique_ptr<google::protobuf::util::TypeResolver> types(
+      google::protobuf::util::NewTypeResolverForDescriptorPool("gobo", google::protobuf::DescriptorPool::generated_pool()));
+  (void)google::protobuf::util::BinaryToJsonString(types.get(), "gobo/" + message.GetDescriptor()->full_name(), wire, &out, options);
   return out;
 }
 

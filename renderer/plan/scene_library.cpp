@@ -46,19 +46,24 @@ const char* kindName(LightKind k) {
 }  // namespace
 
 Result<std::string> SceneLibrary::allowedPath(const std::string& path, const std::string& field) const {
+  std::vector<std::string> roots;
+  {
+    std::lock_guard lock(mutex_);
+    roots = roots_;
+  }
   std::error_code error;
   const fs::path real = fs::canonical(path, error);
   if (error) {
     // Without a root nobody learns which files exist outside the roots.
     if (anyPath_) return notFound("cannot open '" + path + "': " + error.message(), field);
-    for (const std::string& root : roots_) {
+    for (const std::string& root : roots) {
       const fs::path lexical = fs::absolute(path).lexically_normal(), base = fs::weakly_canonical(root, error);
       if (std::mismatch(base.begin(), base.end(), lexical.begin(), lexical.end()).first == base.end()) return notFound("no file '" + path + "'", field);
     }
     return Status(Code::PermissionDenied, "'" + path + "' is not under an allowed root", field);
   }
   if (anyPath_) return real.string();
-  for (const std::string& root : roots_) {
+  for (const std::string& root : roots) {
     const fs::path base = fs::canonical(root, error);
     if (!error && std::mismatch(base.begin(), base.end(), real.begin(), real.end()).first == base.end()) return real.string();
   }
@@ -102,8 +107,9 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
   return out;
 }
 
-Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<ScenePtr> scene, double ms) {
+Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<ScenePtr> scene, double ms, const StopToken& stop) {
   if (!scene.ok()) return scene.status();
+  if (stop.stopRequested()) return Status(Code::Cancelled, "the load was cancelled", source);
   std::lock_guard lock(mutex_);
   if (id.empty()) {   // named after the file; another file of that name gets a number
     const std::string stem = idFrom(source);
@@ -115,22 +121,31 @@ Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& so
   return info(id, e);
 }
 
-Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string id) {
+Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string id, const StopToken& stop) {
   if (source.empty()) return invalidArgument("must not be empty", "source");
   const auto start = std::chrono::steady_clock::now();
   if (isBuiltin(source)) {
     Result<ScenePtr> scene = makeBuiltinScene(source);
-    return insert(id.empty() ? source : id, source, std::move(scene), msSince(start));
+    return insert(id.empty() ? source : id, source, std::move(scene), msSince(start), stop);
   }
   if (source.find('/') == std::string::npos && source.find('.') == std::string::npos) return makeBuiltinScene(source).status();
   GOBO_ASSIGN(const std::string path, allowedPath(source, "source"));
-  return openFile(path, source, std::move(id));
+  return openFile(path, source, std::move(id), stop);
 }
 
-Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id) {
+Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop) {
   const auto start = std::chrono::steady_clock::now();
-  Result<ScenePtr> scene = loadGltf(path);
-  return insert(std::move(id), source, std::move(scene), msSince(start));
+  LoadOptions options;
+  options.stop = stop;
+  Result<ScenePtr> scene = loadGltf(path, options);
+  return insert(std::move(id), source, std::move(scene), msSince(start), stop);
+}
+
+Result<ScenePtr> SceneLibrary::load(const std::string& source, bool trusted) const {
+  if (isBuiltin(source)) return makeBuiltinScene(source);
+  std::string path = source;
+  if (!trusted) { GOBO_ASSIGN(path, allowedPath(source, "source")); }
+  return loadGltf(path);
 }
 
 Result<ScenePtr> SceneLibrary::find(const std::string& id) {
@@ -169,7 +184,7 @@ std::vector<v1::SceneInfo> SceneLibrary::list() const {
   return out;
 }
 
-Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p) {
+Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const StopToken& stop) {
   GOBO_ASSIGN(const ScenePtr base, find(p.scene()));
   GOBO_ASSIGN(const ScenePtr next, editScene(*base, [&](Scene& s) -> Status {
     const auto finite = [](const v1::Vector3& v) { return std::isfinite(v.x()) && std::isfinite(v.y()) && std::isfinite(v.z()); };
@@ -226,6 +241,7 @@ Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p) {
     }
     return {};
   }));
+  if (stop.stopRequested()) return Status(Code::Cancelled, "the patch was cancelled", p.scene());
   std::lock_guard lock(mutex_);
   Entry& e = scenes_[p.scene()];
   e.scene = next;
@@ -253,6 +269,11 @@ Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path) {
   if (environments_.size() >= 8) environments_.erase(environments_.begin());
   environments_[key] = loaded;
   return loaded;
+}
+
+void SceneLibrary::setRoots(std::vector<std::string> roots) {
+  std::lock_guard lock(mutex_);
+  roots_ = std::move(roots);
 }
 
 size_t SceneLibrary::count() const {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/status.h"
+#include "base/stop.h"
 #include "gobo/v1/service.pb.h"
 #include "scene/scene.h"
 
@@ -20,24 +21,28 @@ class SceneLibrary {
 
   /// Built-in name or path. The id is made from the source if empty. Opening the same source again under the same id
   /// reloads it. Errors: NotFound, PermissionDenied (outside the roots), what the loader says.
-  Result<v1::SceneInfo> open(const std::string& source, std::string id);
-  Result<v1::SceneInfo> openFile(const std::string& path, const std::string& source, std::string id);
+  /// `stop` is looked at between the phases of a load: Cancelled, and the library is as before.
+  Result<v1::SceneInfo> open(const std::string& source, std::string id, const StopToken& stop = {});
+  Result<v1::SceneInfo> openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop = {});
+  /// A built-in or a file, without an id; `trusted`: wherever the file is.
+  Result<ScenePtr> load(const std::string& source, bool trusted) const;
+  Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
   /// By id; a built-in name that is not loaded yet is opened. Errors: NotFound that lists what there is.
   Result<ScenePtr> find(const std::string& id);
   Result<v1::SceneInfo> inspect(const std::string& id);
   std::vector<v1::SceneInfo> list() const;
-  Result<v1::SceneInfo> patch(const v1::PatchSceneRequest& patch);
+  Result<v1::SceneInfo> patch(const v1::PatchSceneRequest& patch, const StopToken& stop = {});
   Status unload(const std::string& id);
   Result<EnvironmentPtr> environment(const std::string& path);
   size_t count() const;
+  void setRoots(std::vector<std::string> roots);
 
  private:
   struct Entry { ScenePtr scene; std::string source; double loadMs = 0; };
-  Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<ScenePtr> scene, double ms);
+  Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<ScenePtr> scene, double ms, const StopToken& stop);
   v1::SceneInfo info(const std::string& id, const Entry& entry) const;
-  Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
 
-  std::vector<std::string> roots_;
+  std::vector<std::string> roots_;   // under mutex_
   bool anyPath_;
   mutable std::mutex mutex_;
   std::map<std::string, Entry> scenes_;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "base/stop.h"
 #include "scene/scene.h"
 
 namespace gobo {
@@ -12,6 +13,7 @@ namespace gobo {
 struct LoadOptions {
   uint64_t maxTriangles = 64ull << 20;
   uint64_t maxBytes = 8ull << 30;
+  StopToken stop;                          ///< looked at between the phases: Cancelled
 };
 
 /// glTF 2.0 (.gltf with files beside it, or .glb). Errors name file, JSON pointer and value. The result is sealed.

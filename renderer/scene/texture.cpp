@@ -3,6 +3,7 @@
 #include <array>
 
 #include "base/check.h"
+#include "base/transfer.h"
 #include "scene/material.h"
 
 namespace gobo {
@@ -14,7 +15,7 @@ struct DecodeTables {
     for (int i = 0; i < 256; ++i) {
       const double c = i / 255.0;
       linear[i] = float(c);
-      srgb[i] = float(c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4));
+      srgb[i] = float(decodeTransfer(Transfer::Srgb, c));
     }
   }
 };

@@ -21,13 +21,15 @@ struct Receiver {
   bool lambert() const { return !extended && bsdf.metallic == 0 && bsdf.specular == 0 && bsdf.transmission == 0; }
   Frame frame() const { return hasTangent ? Frame(n, tangent) : Frame(n); }
   /// f cos, with the index of each channel where the material is dispersive.
-  Vec3 value(const Vec3& wo, const Vec3& wi) const {
-    if (!(dispersion > 0.0f)) return bsdfEval(bsdf, wo, wi).sum();
-    Vec3 all(0.0f);
+  BsdfValue value(const Vec3& wo, const Vec3& wi) const {
+    if (!(dispersion > 0.0f)) return bsdfEval(bsdf, wo, wi);
+    BsdfValue all;
     BsdfParams p = bsdf;
     for (int c = 0; c < 3; ++c) {
       p.ior = dispersedIor(bsdf.ior, dispersion, c);
-      all[c] = bsdfEval(p, wo, wi).sum()[c];
+      const BsdfValue f = bsdfEval(p, wo, wi);
+      all.diffuse[c] = f.diffuse[c];
+      all.specular[c] = f.specular[c];
     }
     return all;
   }
@@ -49,6 +51,7 @@ class DirectUnoccludedNode final : public Node {
   void hashParameters(Hasher& h) const override {
     hashCamera(h, s_.view.camera);
     h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples).addPod(s_.nominal).add(s_.samples).add(s_.seed).add(s_.extended);
+    if (s_.lobe != LobePart::Both) h.add(s_.lobe);
   }
   size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * s_.view.viewSamples * 12; }
 
@@ -102,9 +105,12 @@ class DirectUnoccludedNode final : public Node {
   }
 
  private:
+  Vec3 part(const BsdfValue& f) const { return s_.lobe == LobePart::Both ? f.sum() : s_.lobe == LobePart::Diffuse ? f.diffuse : f.specular; }
+
   /// Exact for Lambert receivers of rectangles and spheres whose visible part is the same by both normals.
   bool closedForm(const LightShape& s, const Receiver& r, Vec3& value) const {
     if (!r.lambert()) return false;
+    if (s_.lobe == LobePart::Specular) { value = Vec3(0.0f); return true; }
     const DVec3 p(r.p), n(r.n);
     if (s.kind == LightKind::Rect) {
       const DVec3 u(s.u), v(s.v), corner = DVec3(s.position) - u - v;
@@ -132,7 +138,7 @@ class DirectUnoccludedNode final : public Node {
     const Vec3 wo = frame.toLocal(r.wo);
     const auto reflected = [&](const Vec3& wi) {
       if (!arrives(r, wi)) return Vec3(0.0f);
-      return r.value(wo, frame.toLocal(wi));
+      return part(r.value(wo, frame.toLocal(wi)));
     };
     LightSample ls;
     if (isDeltaLight(shape.kind)) return sampler.sample(s_.light, r.p, Vec2(0.5f), ls) ? reflected(ls.direction) * ls.radiance : Vec3(0.0f);
@@ -161,7 +167,7 @@ class DirectUnoccludedNode final : public Node {
       Vec3 normal;
       if (sampler.intersectAreaLights(ray, t, normal) != s_.light) continue;
       const float pl = sampler.pdf(s_.light, r.p, ray.direction, t, 0);
-      const Vec3 f = r.value(wo, b.wi) * sampler.emitted(s_.light, ray.direction, 0, 0, 0, normal);
+      const Vec3 f = part(r.value(wo, b.wi)) * sampler.emitted(s_.light, ray.direction, 0, 0, 0, normal);
       sum += DVec3(f) / double(nLight * pl + nBsdf * b.pdf);
     }
     return Vec3(sum);

@@ -10,6 +10,9 @@
 
 namespace gobo {
 
+/// Which lobe of the scattering event counts. Both parts come from the same samples: they add up to the whole.
+enum class LobePart : uint8_t { Both, Diffuse, Specular };
+
 struct DirectUnoccludedSettings {
   GBufferSettings view;
   int light = 0;            ///< index into the scene's lights; the node's subset must be {light}
@@ -17,6 +20,7 @@ struct DirectUnoccludedSettings {
   int samples = 32;
   uint64_t seed = 0;
   bool extended = false;    ///< the scene has materials with more lobes than the surface term's planes hold: those are read again
+  LobePart lobe = LobePart::Both;
 };
 NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings);
 

@@ -12,7 +12,7 @@ constexpr int kTile = 16;   // pixels a side: a tile of 16 samples a pixel takes
 
 class PathTraceNode final : public Node {
  public:
-  explicit PathTraceNode(const PathTracerSettings& settings) : settings_(settings) {}
+  PathTraceNode(const PathTracerSettings& settings, int streams) : settings_(settings), streams_(streams) {}
   std::string type() const override { return "path_trace"; }
   int version() const override { return 3; }                          // 2: blocks continue one sequence; 3: volumes, every lobe
   NodeTraits traits() const override {
@@ -23,9 +23,13 @@ class PathTraceNode final : public Node {
     t.persist = true;
     return t;
   }
-  void hashParameters(Hasher& h) const override { settings_.hash(h); }
+  void hashParameters(Hasher& h) const override {
+    settings_.hash(h);
+    if (streams_ > 1) h.add(streams_);
+  }
   size_t outputBytes() const override {
-    return size_t(settings_.width) * settings_.height * (24u * settings_.groups * slotsPerGroup(settings_.split, settings_.maxBounces) + 4);
+    const size_t slots = size_t(settings_.groups) * slotsPerGroup(settings_.split, settings_.maxBounces);
+    return size_t(settings_.width) * settings_.height * (slots * (24 + (streams_ > 1 ? 12 * streams_ : 0)) + 4);
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
@@ -34,12 +38,17 @@ class PathTraceNode final : public Node {
     auto state = std::make_shared<Term>("path_trace", Domain::Pixel, Extent{width, height, 1});
     auto sum = state->addPlane<double>("sum", slots * 3);
     auto samples = state->addPlane<uint32_t>("samples", 1);
+    const size_t perStream = streams_ > 1 ? size_t(slots) * 3 : 0, perPixel = perStream * streams_;
+    std::span<float> parts;
+    if (perPixel) parts = state->addPlane<float>("streams", int(perPixel));
     // An earlier state is taken over pixel by pixel, below: copying it whole would hold the cores between two polls.
     std::span<const double> oldSum;
+    std::span<const float> oldParts;
     std::span<const uint32_t> oldSamples;
     if (ctx.previous && ctx.previous->extent() == state->extent() && ctx.previous->channels("sum") == slots * 3) {
       oldSum = ctx.previous->plane<double>("sum");
       oldSamples = ctx.previous->plane<uint32_t>("samples");
+      if (perPixel) oldParts = ctx.previous->floats("streams");
       const uint32_t most = oldSamples.empty() ? 0 : *std::max_element(oldSamples.begin(), oldSamples.end());
       if (most > ctx.targetBlocks * uint32_t(settings_.blockSize)) oldSamples = {};
     }
@@ -51,16 +60,30 @@ class PathTraceNode final : public Node {
     const bool complete = ctx.arena->parallelFor(tiles, 1, [&](size_t tile, size_t) {
       const int x0 = int(tile % tilesX) * kTile, y0 = int(tile / tilesX) * kTile;
       uint64_t rays = 0, lost = 0;
+      std::vector<double> one(perStream);
       for (int y = y0; y < std::min(height, y0 + kTile); ++y) {
         for (int x = x0; x < std::min(width, x0 + kTile); ++x) {
           const size_t p = size_t(y) * width + x;
           if (!oldSamples.empty()) {
             std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
+            if (perPixel) std::copy_n(oldParts.begin() + p * perPixel, perPixel, parts.begin() + p * perPixel);
             samples[p] = oldSamples[p];
           }
           for (uint32_t block = samples[p] / settings_.blockSize; block < ctx.targetBlocks; ++block) {
             if (ctx.stop.stopRequested()) { ctx.counters->rays += rays; return; }
-            tracer->traceBlock(x, y, block, sum.data() + p * slots * 3, rays, lost);
+            if (!perPixel) {
+              tracer->traceBlock(x, y, block, sum.data() + p * slots * 3, rays, lost);
+            } else {
+              const uint32_t stream = block % uint32_t(streams_);
+              std::fill(one.begin(), one.end(), 0.0);
+              tracer->traceBlock(x, y, stream * kBlocksPerStream + block / uint32_t(streams_), one.data(), rays, lost);
+              double* all = sum.data() + p * perStream;
+              float* part = parts.data() + p * perPixel + stream * perStream;
+              for (size_t i = 0; i < perStream; ++i) {
+                all[i] += one[i];
+                part[i] = float(double(part[i]) + one[i]);
+              }
+            }
             samples[p] += settings_.blockSize;
           }
         }
@@ -83,6 +106,10 @@ class PathTraceNode final : public Node {
   static TermPtr merged(const std::shared_ptr<Term>& state, const TermPtr& previous, int slots) {
     const auto sum = state->writable<double>("sum");
     const auto samples = state->writable<uint32_t>("samples");
+    const bool split = state->hasPlane("streams");
+    const size_t perPixel = split ? size_t(state->channels("streams")) : 0;
+    const std::span<float> parts = split ? state->writable<float>("streams") : std::span<float>{};
+    const std::span<const float> oldParts = split ? previous->floats("streams") : std::span<const float>{};
     const auto oldSum = previous->plane<double>("sum");
     const auto oldSamples = previous->plane<uint32_t>("samples");
     bool untouched = true;
@@ -91,16 +118,18 @@ class PathTraceNode final : public Node {
     for (size_t p = 0; p < samples.size(); ++p) {
       if (samples[p] >= oldSamples[p]) continue;
       std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
+      if (split) std::copy_n(oldParts.begin() + p * perPixel, perPixel, parts.begin() + p * perPixel);
       samples[p] = oldSamples[p];
     }
     return state;
   }
 
   PathTracerSettings settings_;
+  int streams_;
 };
 
 }  // namespace
 
-NodePtr makePathTraceNode(const PathTracerSettings& settings) { return std::make_shared<PathTraceNode>(settings); }
+NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams) { return std::make_shared<PathTraceNode>(settings, streams); }
 
 }  // namespace gobo

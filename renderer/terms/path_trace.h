@@ -9,6 +9,13 @@
 
 namespace gobo {
 
-NodePtr makePathTraceNode(const PathTracerSettings& settings);
+/// Streams of a state whose variance is asked for.
+inline constexpr int kVarianceStreams = 8;
+
+/// `streams` > 1: block b is block b / streams of stream b % streams (path_tracer.h: independent sequences), and the state has one more
+/// plane, "streams" f32 [pixels][streams][slots][3]: the sums of each stream alone, 12 bytes a slot and stream. Their means are independent
+/// estimates of the pixel, so that their scatter gives the variance of its mean without bias; the price is that the error falls with
+/// the number of samples as that of `streams` shorter sequences.
+NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams = 1);
 
 }  // namespace gobo

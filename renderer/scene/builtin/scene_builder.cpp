@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "base/transfer.h"
 #include "scene/builtin/build.h"
 
 namespace gobo::builtin {
@@ -28,7 +29,7 @@ TextureRef SceneBuilder::texture(std::string name, int width, int height, bool s
       const Vec4 c = f((x + 0.5f) / width, (y + 0.5f) / height);
       for (int k = 0; k < 4; ++k) {
         double v = clamp01(c[k]);
-        if (srgb && k < 3) v = v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055;
+        if (srgb && k < 3) v = encodeTransfer(Transfer::Srgb, v);
         t->texels8[(size_t(y) * width + x) * 4 + k] = uint8_t(v * 255.0 + 0.5);
       }
     }

@@ -5,6 +5,7 @@
 namespace gobo {
 
 Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
+  const auto goOn = [&]() -> Status { return options.stop.stopRequested() ? Status(Code::Cancelled, "the load was cancelled", path) : Status(); };
   try {
     gltf::Document d;
     GOBO_TRY(gltf::openDocument(path, options, d));
@@ -14,12 +15,17 @@ Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options) {
     auto rig = std::make_shared<Rig>();
     gltf::Parts parts;
     std::vector<int> place;
+    GOBO_TRY(goOn());
     GOBO_TRY(gltf::readMaterials(d, *scene));
     GOBO_TRY(gltf::readHierarchy(d, *rig, place));
+    GOBO_TRY(goOn());
     GOBO_TRY(gltf::readSkins(d, *rig, place));
+    GOBO_TRY(goOn());
     GOBO_TRY(gltf::readMeshes(d, *scene, *rig, parts));
+    GOBO_TRY(goOn());
     GOBO_TRY(gltf::readNodes(d, *scene, *rig, parts, place));
     GOBO_TRY(gltf::readAnimations(d, *rig, place));
+    GOBO_TRY(goOn());
     gltf::audit(d);
     if (!d.ok()) return d.status;
     if (Status sealed = sealRig(*rig, *scene); !sealed.ok()) return Status(sealed.code(), sealed.message(), path + "#" + sealed.location().substr(scene->name.size() + 1));

@@ -48,7 +48,8 @@ double mean(const Image& image) {
 TEST(MaterialPlans, UnlitIsPartOfTheBeautyAndOfNoGroup) {
   const TwoQuads file(kMirrorAndUnlit);
   const auto engine = makeEngine();
-  v1::RenderRequest r = smallRequest(file.path, 32, 24, 16);
+  ASSERT_TRUE(engine->openScene(file.path, "quads").ok());
+  v1::RenderRequest r = smallRequest("quads", 32, 24, 16);
   for (const char* e : {"outputs=beauty,emission,direct,indirect,group:lamp", "lights.lamp.kind=RECT", "lights.lamp.position=0,6,2", "lights.lamp.direction=0,-1,0",
                         "lights.lamp.width=1", "lights.lamp.height=1", "lights.lamp.intensity=9"}) set(r, e);
   const RenderResult a = mustRender(*engine, r);
@@ -69,22 +70,25 @@ TEST(MaterialPlans, UnlitIsPartOfTheBeautyAndOfNoGroup) {
     EXPECT_NEAR(b.images[4].image().data[i], 5 * lamp, 1e-4 * (1 + lamp));
     EXPECT_NEAR(b.images[0].image().data[i], 5 * lamp + rest, 1e-4 * (1 + lamp));
   }
-  v1::RenderRequest dark = smallRequest(file.path, 32, 24, 16);                            // no light at all: unlit still shows
+  v1::RenderRequest dark = smallRequest("quads", 32, 24, 16);                            // no light at all: unlit still shows
   const RenderResult c = mustRender(*engine, dark);
+  ASSERT_FALSE(c.images.empty());
   EXPECT_GT(mean(c.images[0].image()), 0.05);
 }
 
 TEST(MaterialPlans, LightThroughALeafIsTheSameByEveryTechnique) {
   const TwoQuads file(kLeaf);
   const auto engine = makeEngine();
+  ASSERT_TRUE(engine->openScene(file.path, "quads").ok());
   const auto direct = [&](const char* technique) {
-    v1::RenderRequest r = smallRequest(file.path, 24, 18, 256);
+    v1::RenderRequest r = smallRequest("quads", 24, 18, 256);
     for (const char* e : {"outputs=direct", "integrator.indirect=false", "view_samples=4", "integrator.at_view_samples=true", "lights.under.kind=RECT", "lights.under.position=0.5,-2,0.5",
                           "lights.under.direction=0,1,0", "lights.under.width=1", "lights.under.height=1", "lights.under.intensity=30", "lights.over.kind=POINT",
                           "lights.over.position=-1,2,1", "lights.over.intensity=3", technique}) set(r, e);
     return mustRender(*engine, r);
   };
   const RenderResult traced = direct("shadows.path_traced="), rays = direct("shadows.ray_traced.samples=64");
+  ASSERT_FALSE(traced.images.empty() || rays.images.empty());
   const Image &a = traced.images[0].image(), &b = rays.images[0].image();
   double difference = 0;
   for (size_t i = 0; i < a.data.size(); ++i) difference += std::fabs(a.data[i] - b.data[i]) / double(a.data.size());

@@ -72,6 +72,7 @@ const std::map<std::string, Row>& rows() {
       {"width", {{"width=22"}, everything}},
       {"height", {{"height=18"}, everything}},
       {"outputs", {{"outputs=beauty,alpha"}, {"alpha"}}},
+      {"motion_step_s", {{"motion_step_s=0.02"}, {}}},   // of motion alone; what it re-runs there: Outputs.MotionStep
       {"halt.spp", {{"halt.spp=32"}, kTraced + kBeauty}},
       {"seed", {{"seed=5"}, kKey + kTraced + kBeauty}},
       {"view_samples", {{"view_samples=3"}, kView + kBeauty}},

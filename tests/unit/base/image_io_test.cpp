@@ -91,7 +91,7 @@ TEST(ImageIo, PngStoresSrgbOfLinear) {
 TEST(ImageIo, JpegIsClose) {
   Image image(32, 32, 3);
   std::fill(image.data.begin(), image.data.end(), 0.2140411f);  // sRGB 0.5
-  const auto bytes = encodeJpeg(image, 95);
+  const auto bytes = encodeJpeg(image, {.quality = 95});
   ASSERT_TRUE(bytes.ok()) << bytes.status().toString();
   const auto back = readImageFromMemory(bytes->data(), bytes->size(), "a.jpg");
   ASSERT_TRUE(back.ok()) << back.status().toString();

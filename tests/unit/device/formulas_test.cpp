@@ -135,4 +135,58 @@ TEST(Formulas, ToneCurvesAreMonotoneAndCloseToTheirDefinitions) {
   EXPECT_EQ(exposureScale(-3.0f), 0.125f);
 }
 
+// S. Hill's fit on greys is its rational curve alone (rows of both matrices sum to 1), for colours the matrices written out.
+TEST(Formulas, AcesClosedFormPoints) {
+  const auto curve = [](double x) { return (x * (x + 0.0245786) - 0.000090537) / (x * (0.983729 * x + 0.4329510) + 0.238081); };
+  for (double x : {0.01, 0.18, 0.5, 1.0, 4.0, 10.0}) {
+    const float v = float(x);
+    EXPECT_NEAR(toneMapAcesRed(v, v, v), curve(x), 2e-6) << x;
+    EXPECT_NEAR(toneMapAcesGreen(v, v, v), curve(x), 2e-6) << x;
+    EXPECT_NEAR(toneMapAcesBlue(v, v, v), curve(x), 2e-5) << x;   // the published row sums to 0.99999
+  }
+  EXPECT_LT(toneMapAcesRed(25.0f, 25.0f, 25.0f), 1.0f);
+  EXPECT_EQ(toneMapAcesRed(26.0f, 26.0f, 26.0f), 1.0f);   // 0.016271 x^2 = 0.4083724 x + 0.2381715 at 25.67
+  const double r = 0.8, g = 0.2, b = 0.05;
+  const double x = curve(0.59719 * r + 0.35458 * g + 0.04823 * b), y = curve(0.076 * r + 0.90834 * g + 0.01566 * b), z = curve(0.0284 * r + 0.13383 * g + 0.83777 * b);
+  EXPECT_NEAR(toneMapAcesRed(0.8f, 0.2f, 0.05f), 1.60475 * x - 0.53108 * y - 0.07367 * z, 2e-6);
+  EXPECT_NEAR(toneMapAcesGreen(0.8f, 0.2f, 0.05f), -0.10208 * x + 1.10813 * y - 0.00605 * z, 2e-6);
+  EXPECT_GT(toneMapAcesBlue(1000.0f, 0.0f, 0.0f), 0.1f) << "bright red goes to white";
+}
+
+// Khronos PBR Neutral: 6.25 x^2 at the foot, x - 0.04 in the middle, 1 - 0.0576 / (x - 0.04 - 0.52) above 0.8, on greys.
+TEST(Formulas, NeutralClosedFormPoints) {
+  const auto grey = [](float x) { return toneMapNeutral(x, x, x, x); };
+  EXPECT_NEAR(grey(0.04f), 6.25 * 0.04 * 0.04, 1e-7);
+  EXPECT_NEAR(grey(0.08f), 0.04, 1e-6);            // where foot and middle meet
+  EXPECT_NEAR(grey(0.5f), 0.46, 1e-6);
+  EXPECT_NEAR(grey(0.8f), 0.76, 1e-6);             // where the compression starts
+  EXPECT_NEAR(grey(0.8f + 1e-4f), 0.76 + 1e-4, 1e-6);   // with slope 1
+  EXPECT_NEAR(grey(2.0f), 1.0 - 0.0576 / (1.96 - 0.52), 1e-6);
+  // A base colour keeps its differences (hue and saturation); a highlight of the same hue is desaturated.
+  EXPECT_NEAR(toneMapNeutral(0.6f, 0.6f, 0.3f, 0.1f) - toneMapNeutral(0.3f, 0.6f, 0.3f, 0.1f), 0.3, 1e-6);
+  const float peak = 8.0f - 0.04f, top = 1.0f - 0.0576f / (peak - 0.52f), mix = 1.0f - 1.0f / (0.15f * (peak - top) + 1.0f);
+  EXPECT_NEAR(toneMapNeutral(8.0f, 8.0f, 1.0f, 0.1f), top, 1e-6);
+  EXPECT_NEAR(toneMapNeutral(1.0f, 8.0f, 1.0f, 0.1f), (0.96f * top / peak) * (1 - mix) + top * mix, 1e-6);
+}
+
+TEST(Formulas, ColourCurvesAreMonotoneOnGreysAndFinite) {
+  for (auto f : {+[](float x) { return toneMapAcesRed(x, x, x); }, +[](float x) { return toneMapAcesGreen(x, x, x); },
+                 +[](float x) { return toneMapAcesBlue(x, x, x); }, +[](float x) { return toneMapNeutral(x, x, x, x); }}) {
+    EXPECT_EQ(f(0.0f), 0.0f);
+    EXPECT_EQ(f(-1.0f), 0.0f);
+    EXPECT_EQ(f(kNan), 0.0f);
+    EXPECT_GE(f(kInf), 0.99f);
+    float last = 0.0f;
+    for (float x = 1e-4f; x < 1e6f; x *= 1.01f) {
+      EXPECT_GE(f(x), last - 1e-7f) << x;
+      EXPECT_LE(f(x), 1.0f);
+      last = f(x);
+    }
+  }
+  for (float x : {kNan, kInf, -kInf, FLT_MAX, FLT_MIN, 1e30f})
+    for (float y : {kNan, kInf, 0.0f, 1.0f, 1e30f})
+      for (float v : {toneMapAcesRed(x, y, 1.0f), toneMapAcesBlue(y, 0.0f, x), toneMapNeutral(x, x, y, 1.0f), toneMapNeutral(y, x, y, 0.0f)})
+        EXPECT_TRUE(v >= 0.0f && v <= 1.0f) << x << " " << y;
+}
+
 }  // namespace

@@ -127,7 +127,7 @@ TEST(Encode, ConstantAndEmptyDepthAreFinite) {
   for (const float v : {3.0f, 0.0f, std::numeric_limits<float>::quiet_NaN()}) {
     Image depth(2, 2, 1);
     std::fill(depth.data.begin(), depth.data.end(), v);
-    for (const float t : displayImage("depth", depth, {}).data) EXPECT_TRUE(t >= 0 && t <= 1) << v;
+    for (const float t : displayImage("depth", depth, {}).image.data) EXPECT_TRUE(t >= 0 && t <= 1) << v;
   }
 }
 

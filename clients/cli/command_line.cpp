@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "command_line.h"
+
+#include <cstdio>
+
+#include <google/protobuf/descriptor.h>
+
+namespace gobo::cli {
+
+namespace {
+
+constexpr const char* kOutputsHelp =
+    "separated by commas: beauty, emission, direct, indirect, diffuse, specular, direct_diffuse, ..., albedo, normal, position, depth, alpha, "
+    "object_id, material_id, motion, sample_count, variance, group:LIGHT, unoccluded:LIGHT, visibility:LIGHT";
+
+/// Only explicit type names: CLI11 would print "TEXT" and "UINT".
+template <typename T>
+CLI::Option* value(CLI::App& app, const std::string& names, T& target, const std::string& type, const std::string& help) {
+  return app.add_option(names, target, help)->type_name(type);
+}
+
+void addRequestOptions(CLI::App& app, RequestOptions& o, bool scheduling = true) {
+  value(app, "--request", o.file, "FILE", "RenderRequest as JSON");
+  value(app, "--set", o.sets, "PATH=VALUE", "a field of the request, such as lights.key.color=1,0.9,0.8; repeat for several")->allow_extra_args(false);
+  value(app, "--camera", o.camera, "CAMERA", "a camera of the scene");
+  value(app, "--size", o.size, "WIDTHxHEIGHT", "pixels");
+  value(app, "--env", o.environment, "FILE", "lat-long .hdr or .exr, or none");
+  auto* spp = value(app, "--spp", o.spp, "N", "samples per pixel")->check(CLI::Range(1, 1048576).description(""));
+  auto* time = value(app, "--time", o.time, "SECONDS", "stop after this time")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  auto* error = value(app, "--error", o.error, "RMSE", "stop when the certificate's upper bound is at most this")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  spp->excludes(time)->excludes(error);
+  time->excludes(error);
+  if (!scheduling) return;
+  value(app, "--deadline", o.deadlineMs, "MS", "give up after this many milliseconds")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  value(app, "--priority", o.priority, choices(v1::Scheduling::Class_descriptor()), "class of the scheduler");
+}
+
+}  // namespace
+
+std::string choices(const google::protobuf::EnumDescriptor* type) {
+  std::string text;
+  for (int i = 0; i < type->value_count(); ++i)
+    if (type->value(i)->number() != 0) text += (text.empty() ? "" : "|") + type->value(i)->name();
+  return text;
+}
+
+CommandLine::CommandLine() : app("client of the Gobo rendering server", "gobo") {
+  app.fallthrough();
+  app.require_subcommand(0, 1);
+  app.footer(kExitHelp);
+  addSession();
+  addRendering();
+  addScenes();
+  addServer();
+  addJobs();
+  addTools();
+}
+
+CLI::App* CommandLine::command(CLI::App& parent, const std::string& name, const std::string& help, std::function<int()> run) {
+  CLI::App* sub = parent.add_subcommand(name, help);
+  sub->footer(kExitHelp);
+  if (run) commands_.emplace_back(sub, std::move(run));
+  return sub;
+}
+
+int CommandLine::run() {
+  if (version) {
+    std::printf("gobo %s\n", buildVersion().c_str());
+    return kOk;
+  }
+  for (auto& [sub, run] : commands_)
+    if (sub->parsed()) return run();
+  std::fprintf(stderr, "%s", app.help().c_str());
+  return kUsage;
+}
+
+void CommandLine::addSession() {
+  value(app, "--server", session.server, "ADDRESS", "unix:PATH or HOST:PORT; default $GOBO_SERVER, else " + defaultAddress());
+  app.add_flag("--local", session.local, "render in this process: no server is needed, any file may be opened");
+  value(app, "--root", session.roots, "FOLDER", "--local: for files named inside requests; repeat for several")->allow_extra_args(false);
+  value(app, "--cache", session.cache, "FOLDER", "--local: the disk cache");
+  value(app, "--threads", session.threads, "N", "--local: render threads; 0: all")->check(CLI::Range(0, 1024).description(""));
+  value(app, "--timeout", session.timeoutSeconds, "SECONDS", "a call may take; 0: any")->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
+  value(app, "--upload-limit", session.uploadMiB, "MIB", "of a scene file that is uploaded when the server cannot open it; default 512");
+  value(app, "--token-file", session.tokenFile, "FILE", "bearer token for the server (first line); default $GOBO_TOKEN");
+  app.add_flag("--tls", session.tls, "encrypt; trust the system's certificates");
+  value(app, "--ca", session.ca, "FILE", "encrypt; trust these certificates (PEM)");
+  value(app, "--cert", session.cert, "FILE", "mutual TLS: this client's certificate (PEM)");
+  value(app, "--key", session.key, "FILE", "mutual TLS: its private key (PEM)");
+  app.add_flag("--json", json, "print the reply as JSON");
+  app.add_flag("--version", version, "print the version");
+}
+
+void CommandLine::addRendering() {
+  CLI::App* render = command(app, "render", "render a scene: a file, an id, or a built-in name", [this] {
+    render_.json = json;
+    return runRender(session, render_);
+  });
+  value(*render, "scene", render_.scene, "SCENE", "file, id or built-in name (may come from --request)");
+  value(*render, "-o,--out", render_.out, "FILE", ".exr .png .jpg .raw; several outputs go to out.NAME.exr, or with --layers into one .exr");
+  value(*render, "--outputs", render_.request.outputs, "OUTPUTS", kOutputsHelp);
+  render->add_flag("--certificate", render_.request.certificate, "ask for an error estimate");
+  render->add_flag("--layers", render_.request.layers, "one EXR file with every output as a named layer");
+  render->add_flag("--half", render_.request.half, "16-bit EXR or raw");
+  render->add_flag("--progressive", render_.progressive, "write each snapshot; progress also when standard error is no terminal");
+  render->add_flag("-q,--quiet", render_.quiet, "print errors only");
+  addRequestOptions(*render, render_.request);
+
+  CLI::App* relight = command(app, "relight", "render again with changes", [this] {
+    relight_.json = json;
+    return runRelight(session, relight_);
+  });
+  value(*relight, "render_id", relight_.id, "RENDER_ID", "printed by an earlier render")->required();
+  value(*relight, "--set", relight_.sets, "PATH=VALUE", "repeat for several")->required()->allow_extra_args(false);
+  value(*relight, "-o,--out", relight_.out, "FILE", ".exr .png .jpg .raw");
+  relight->add_flag("-q,--quiet", relight_.quiet, "print errors only");
+}
+
+void CommandLine::addScenes() {
+  command(app, "scenes", "loaded and built-in scenes", [this] { return runScenes(session, json); });
+  CLI::App* load = command(app, "load", "load a scene into the server", [this] { return runLoad(session, source_, name_, json); });
+  value(*load, "source", source_, "SCENE", "file or built-in name")->required();
+  value(*load, "--name", name_, "ID", "id to give it");
+  CLI::App* inspect = command(app, "inspect", "what is in a scene", [this] { return runInspect(session, scene_, json); });
+  value(*inspect, "scene", scene_, "LOADED", "id")->required();
+  CLI::App* unload = command(app, "unload", "forget a scene", [this] { return runUnload(session, scene_); });
+  value(*unload, "scene", scene_, "LOADED", "id")->required();
+}
+
+void CommandLine::addServer() {
+  command(app, "status", "how the server is", [this] { return runStatus(session, json); });
+  CLI::App* drop = command(app, "drop-caches", "empty the server's term store", [this] { return runDropCaches(session, disk_); });
+  drop->add_flag("--disk", disk_, "the disk cache too");
+  command(app, "shutdown", "drain and stop the server (Unix socket only)", [this] { return runShutdown(session); });
+}
+
+void CommandLine::addJobs() {
+  CLI::App* jobs = command(app, "jobs", "durable renders that outlive client and server", nullptr);
+  jobs->require_subcommand(1);
+  CLI::App* submit = command(*jobs, "submit", "queue a render of one or more frames; prints the job's id", [this] { return runJobSubmit(session, submit_, json); });
+  value(*submit, "scene", submit_.scene, "SCENE", "file, id or built-in name (may come from --request)");
+  value(*submit, "--frames", submit_.frames, "FIRST[-LAST[:STEP]]", "frame numbers, both ends included");
+  value(*submit, "--fps", submit_.fps, "N", "animation time of a frame is FRAME / N")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  value(*submit, "--name", submit_.name, "TEXT", "for people; starts the names of the files");
+  value(*submit, "--key", submit_.key, "TEXT", "the same key and job again: the job that is there");
+  value(*submit, "--outputs", submit_.request.outputs, "OUTPUTS", kOutputsHelp);
+  value(*submit, "--format", submit_.format, choices(v1::Encoding::Format_descriptor()), "of the files; default EXR");
+  submit->add_flag("--layers", submit_.request.layers, "one EXR file a frame with every output as a named layer");
+  submit->add_flag("--half", submit_.request.half, "16-bit EXR or raw");
+  submit->add_flag("--certificate", submit_.request.certificate, "ask for an error estimate");
+  value(*submit, "--job-priority", submit_.priority, choices(v1::JobSpec::Priority_descriptor()), "between jobs; default MEDIUM");
+  value(*submit, "--job-deadline", submit_.deadlineSeconds, "SECONDS", "the job fails when it is not done by then")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  value(*submit, "--max-attempts", submit_.attempts, "N", "of each frame; default 3")->check(CLI::Range(1, 100).description(""));
+  submit->add_flag("--watch", submit_.watch, "then watch it");
+  addRequestOptions(*submit, submit_.request, false);
+
+  CLI::App* list = command(*jobs, "list", "jobs, newest first", [this] { return runJobList(session, states_, json); });
+  value(*list, "--state", states_, choices(v1::Job::State_descriptor()), "only these; repeat for several")->allow_extra_args(false);
+  CLI::App* show = command(*jobs, "show", "a job with its frames", [this] { return runJobShow(session, job_, json); });
+  value(*show, "job", job_, "JOB", "id")->required();
+  CLI::App* watch = command(*jobs, "watch", "follow a job until it has ended", [this] { return runJobWatch(session, job_, json); });
+  value(*watch, "job", job_, "JOB", "id")->required();
+  const auto act = [&](CLI::App& parent, const char* name, const char* help, JobAct what) {
+    CLI::App* sub = command(parent, name, help, [this, what] { return runJobAct(session, what, jobs_, json); });
+    value(*sub, "job", jobs_, "JOB", "ids")->required();
+  };
+  act(*jobs, "cancel", "stop jobs for good; finished frames stay", JobAct::Cancel);
+  act(*jobs, "pause", "take jobs out of the queue; frames keep what they have", JobAct::Pause);
+  act(*jobs, "resume", "put paused jobs back", JobAct::Resume);
+  act(*jobs, "delete", "forget ended jobs and their files", JobAct::Delete);
+  act(app, "cancel", "the same as `jobs cancel`; a render is cancelled by Ctrl-C", JobAct::Cancel);
+  CLI::App* fetch = command(*jobs, "fetch", "copy the files of finished frames", [this] { return runJobFetch(session, fetch_); });
+  value(*fetch, "job", fetch_.id, "JOB", "id")->required();
+  value(*fetch, "-o,--out", fetch_.out, "FOLDER", "made if absent; default here");
+  value(*fetch, "--frames", fetch_.frames, "FIRST[-LAST[:STEP]]", "default all");
+  value(*fetch, "--outputs", fetch_.outputs, "OUTPUTS", "default all");
+  fetch->add_flag("--follow", fetch_.follow, "wait for frames that are not finished yet");
+}
+
+void CommandLine::addTools() {
+  CLI::App* compare = command(app, "compare", "error between two pictures (no server needed)", [this] {
+    compare_.json = json;
+    return runCompare(compare_);
+  });
+  value(*compare, "a", compare_.a, "FILE", "picture, or FILE.exr:LAYER for one layer of a multi-layer file (without LAYER its R, G, B)")->required();
+  value(*compare, "b", compare_.b, "FILE", "picture, as the first")->required();
+  value(*compare, "--diff", compare_.diff, "FILE", "write a signed difference picture (PNG)");
+  value(*compare, "--scale", compare_.scale, "X", "error at full colour in --diff; default the largest")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  value(*compare, "--max-rmse", compare_.maxRmse, "X", "exit 1 when the RMSE is above this")->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
+
+  CLI::App* measure = command(app, "measure", "speed against error over values of one field", [this] { return runMeasure(session, measure_); });
+  value(*measure, "scene", measure_.scene, "SCENE", "file, id or built-in name")->required();
+  value(*measure, "--sweep", measure_.sweep, "PATH=VALUES", "PATH=V1,V2,... (';' between values that hold commas)")->required();
+  value(*measure, "--reference", measure_.reference, "FILE", "picture taken for the truth instead of rendering it: FILE, or FILE.exr:LAYER");
+  value(*measure, "--reference-spp", measure_.referenceSpp, "N", "samples per pixel of the reference, both halves together; default 1024")->check(CLI::Range(2, 1048576).description(""));
+  value(*measure, "--repeat", measure_.repeat, "N", "renders per point; the median time counts")->check(CLI::Range(1, 1000).description(""));
+  measure->add_flag("--cold", measure_.cold, "drop the server's caches before each render");
+  value(*measure, "--csv", measure_.csv, "FILE", "write the points");
+  value(*measure, "--plot", measure_.plot, "FILE", "write a log-log plot (PNG)");
+  addRequestOptions(*measure, measure_.request);
+
+  CLI::App* demo = command(app, "demo", "render a scene, relight it step by step, print cost and error of each step", [this] { return runDemo(session, demo_); });
+  value(*demo, "scene", demo_.scene, "SCENE", "file, id or built-in name")->required();
+  value(*demo, "-o,--out", demo_.out, "FOLDER", "for the pictures");
+  addRequestOptions(*demo, demo_.request);
+
+  CLI::App* completion = command(app, "completion", "print a completion script: source <(gobo completion bash)", [this] {
+    auto script = completionScript(shell_);
+    if (!script.ok()) return complain(script.status());
+    std::printf("%s", script->c_str());
+    return int(kOk);
+  });
+  value(*completion, "shell", shell_, "bash|zsh|fish", "the shell")->required();
+  command(app, "man", "print the manual page: gobo man | man -l -", [this] {
+    std::printf("%s", manual(app).c_str());
+    return int(kOk);
+  });
+}
+
+}  // namespace gobo::cli

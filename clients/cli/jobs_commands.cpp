@@ -1,0 +1,404 @@
+// SPDX-License-Identifier: Apache-2.0
+// `gobo jobs ...`: durable renders. A stream that breaks (the daemon restarts) is opened again.
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <set>
+#include <thread>
+
+#include "base/image_io.h"
+#include "commands.h"
+#include "plan/request.h"
+#include "report.h"
+#include "server/encode.h"
+
+namespace gobo::cli {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kReconnects = 20;
+
+void pauseBeforeRetry(int broken) { std::this_thread::sleep_for(std::chrono::milliseconds(std::min(3000, 100 << std::min(broken, 5)))); }
+
+std::string lower(std::string text) {
+  for (char& c : text) c = char(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+std::string stateOf(const v1::Job& job) { return lower(v1::Job::State_Name(job.state())); }
+bool ended(const v1::Job& job) { return job.state() == v1::Job::DONE || job.state() == v1::Job::FAILED || job.state() == v1::Job::CANCELLED; }
+
+std::string timeText(double unix) {
+  if (unix <= 0) return "-";
+  const std::time_t seconds = std::time_t(unix);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S", std::localtime(&seconds));
+  return text;
+}
+
+struct Frames { int64_t first = 0, last = 0, step = 1; };
+
+// "7", "0-9", "0-99:10", "-5--1".
+Result<Frames> parseFrames(const std::string& text, const char* flag) {
+  Frames f;
+  char* end = nullptr;
+  const auto bad = [&] { return invalidArgument(std::string(flag) + " " + text + ": must be FIRST, FIRST-LAST or FIRST-LAST:STEP"); };
+  f.first = f.last = std::strtoll(text.c_str(), &end, 10);
+  if (end == text.c_str()) return bad();
+  if (*end == '-') {
+    const char* from = end + 1;
+    f.last = std::strtoll(from, &end, 10);
+    if (end == from) return bad();
+  }
+  if (*end == ':') {
+    const char* from = end + 1;
+    f.step = std::strtoll(from, &end, 10);
+    if (end == from || f.step < 1) return bad();
+  }
+  if (*end || f.last < f.first) return bad();
+  return f;
+}
+
+std::string uniqueKey() {
+  std::random_device device;
+  std::string key;
+  for (int i = 0; i < 4; ++i) key += strf("%08x", unsigned(device()));
+  return key;
+}
+
+void printJob(const v1::Job& job) {
+  std::printf("%s  %s  %s  %.0f %%  %llu of %llu frames%s\n", escaped(job.id()).c_str(), escaped(job.spec().name()).c_str(), stateOf(job).c_str(),
+              100 * job.progress(), static_cast<unsigned long long>(job.frames_done()), static_cast<unsigned long long>(job.frames_total()),
+              job.frames_failed() ? strf(", %llu failed", static_cast<unsigned long long>(job.frames_failed())).c_str() : "");
+  std::printf("  submitted %s, started %s, ended %s, scene %s, results %s%s\n", timeText(job.submitted_unix_s()).c_str(),
+              timeText(job.started_unix_s()).c_str(), timeText(job.ended_unix_s()).c_str(), escaped(job.spec().request().scene()).c_str(),
+              bytesText(job.result_bytes()).c_str(), job.results_expired() ? " (expired)" : "");
+  if (job.has_error()) std::printf("  error: %s\n", escaped(job.error().message()).c_str());
+  if (job.frames().empty()) return;
+  std::vector<std::vector<std::string>> rows;
+  for (const v1::Frame& f : job.frames()) {
+    std::string files = f.has_error() ? "error: " + escaped(f.error().message()) : "";
+    for (const v1::FrameFile& file : f.files()) files += (files.empty() ? "" : " ") + escaped(file.name());
+    rows.push_back({std::to_string(f.frame()), lower(v1::Frame::State_Name(f.state())), strf("%.0f %%", 100 * f.progress()), std::to_string(f.spp()),
+                    std::to_string(f.attempts()), strf("%.1f", f.seconds()), files});
+  }
+  printTable({"frame", "state", "done", "spp", "attempts", "s", "files"}, rows, {true, false, true, true, true, true, false});
+}
+
+Result<v1::Job> getJob(Session& session, const std::string& id) {
+  v1::GetJobRequest request;
+  request.set_id(id);
+  v1::Job job;
+  Session::Call call(session);
+  GOBO_TRY(session.statusOf(session.jobs().Get(&call.context, request, &job)));
+  return job;
+}
+
+// 0 when it is done; otherwise says on stderr what became of it.
+int exitOfJob(const v1::Job& job) {
+  if (job.state() == v1::Job::DONE) return kOk;
+  if (job.state() == v1::Job::CANCELLED) {
+    std::fprintf(stderr, "gobo: job %s was cancelled\n", escaped(job.id()).c_str());
+    return kStopped;
+  }
+  const Status status(Code(job.error().code()), "job " + job.id() + " failed: " + job.error().message());
+  return status.ok() ? complain(Status(Code::Unknown, status.message())) : complain(status);
+}
+
+Result<v1::Job> watch(Session& session, const std::string& id, bool json) {
+  ProgressBar bar(!json, false);
+  v1::WatchJobRequest request;
+  request.set_id(id);
+  v1::Job last;
+  std::set<int64_t> told;
+  const auto frame = [&](const v1::Frame& f) {
+    const bool over = f.state() == v1::Frame::DONE || f.state() == v1::Frame::FAILED || f.state() == v1::Frame::CANCELLED;
+    if (json || !over || !told.insert(f.frame()).second) return;
+    bar.clear();
+    std::printf("frame %lld %s%s\n", static_cast<long long>(f.frame()), lower(v1::Frame::State_Name(f.state())).c_str(),
+                f.has_error() && f.state() == v1::Frame::FAILED ? (": " + escaped(f.error().message())).c_str() : strf(" in %.1f s", f.seconds()).c_str());
+    std::fflush(stdout);
+  };
+  for (int broken = 0;; ++broken) {
+    Session::Call call(session);
+    auto reader = session.jobs().Watch(&call.context, request);
+    v1::JobEvent event;
+    while (reader->Read(&event)) {
+      broken = 0;
+      last = event.job();
+      if (json) std::printf("%s\n", messageToJson(event, false).c_str());
+      for (const v1::Frame& f : last.frames()) frame(f);
+      if (event.has_frame()) frame(event.frame());
+      bar.show(last.progress(), strf("%s  %llu of %llu frames", stateOf(last).c_str(), static_cast<unsigned long long>(last.frames_done()),
+                                     static_cast<unsigned long long>(last.frames_total())));
+    }
+    const Status status = session.statusOf(reader->Finish());
+    if (status.ok()) break;
+    if (status.code() != Code::Unavailable || last.id().empty() || broken >= kReconnects) return status;
+    pauseBeforeRetry(broken);
+  }
+  bar.clear();
+  if (!ended(last)) {
+    GOBO_ASSIGN(last, getJob(session, id));
+  }
+  return last;
+}
+
+template <typename Body>
+int with(const SessionOptions& options, const Body& body) {
+  if (options.local) return complain(invalidArgument("jobs need a running gobod: with --local nothing outlives this process"));
+  auto session = Session::open(options);
+  if (!session.ok()) return complain(session.status());
+  auto code = body(**session);
+  return code.ok() ? *code : complain(code.status());
+}
+
+// One file as it arrives: into a name beside its place, renamed when the digest is right.
+class Incoming {
+ public:
+  ~Incoming() { discard(); }
+  Status begin(const std::string& folder, const v1::FetchedFile& head) {
+    const std::string name = fs::path(head.file().name()).filename().string();
+    if (name.empty() || name == "." || name == ".." || head.offset() != 0)   // the name comes from outside
+      return {Code::DataLoss, "the server's answer is damaged: a file \"" + head.file().name() + "\""};
+    GOBO_TRY(finish());
+    head_ = head;
+    path_ = (fs::path(folder) / name).string();
+    part_ = path_ + "." + std::to_string(::getpid()) + ".part";
+    out_.open(part_, std::ios::binary | std::ios::trunc);
+    if (!out_) return internalError("cannot write \"" + part_ + "\"");
+    sha_ = std::make_unique<Sha256>();
+    at_ = 0;
+    return {};
+  }
+  Status add(const v1::FetchedChunk& chunk) {
+    if (!sha_ || chunk.offset() != at_) return {Code::DataLoss, "the server's answer is damaged: a chunk out of place"};
+    out_.write(chunk.data().data(), std::streamsize(chunk.data().size()));
+    sha_->add(chunk.data().data(), chunk.data().size());
+    at_ += chunk.data().size();
+    return {};
+  }
+  /// Puts the file into its place, if one is open.
+  Status finish() {
+    if (!sha_) return {};
+    out_.close();
+    const std::string digest = std::exchange(sha_, nullptr)->hex();
+    if (!out_) return discard(), internalError("cannot write \"" + part_ + "\"");
+    if (at_ != head_.file().bytes() || digest != head_.file().sha256())
+      return discard(), Status(Code::DataLoss, "\"" + head_.file().name() + "\": the bytes do not have their digest");
+    std::error_code error;
+    fs::rename(part_, path_, error);
+    if (error) return discard(), internalError("cannot write \"" + path_ + "\": " + error.message());
+    part_.clear();
+    std::printf("wrote %s (frame %lld, %s, %s)\n", path_.c_str(), static_cast<long long>(head_.frame()), escaped(head_.file().output()).c_str(),
+                bytesText(at_).c_str());
+    std::fflush(stdout);
+    return {};
+  }
+
+ private:
+  void discard() {
+    std::error_code ignored;
+    if (!part_.empty()) fs::remove(part_, ignored);
+    part_.clear();
+    sha_.reset();
+  }
+  v1::FetchedFile head_;
+  std::string path_, part_;
+  std::ofstream out_;
+  std::unique_ptr<Sha256> sha_;
+  uint64_t at_ = 0;
+};
+
+// True when the file of this frame is in the folder already.
+bool have(const std::string& folder, const v1::FrameFile& file) {
+  const std::string path = (fs::path(folder) / fs::path(file.name()).filename()).string();
+  std::error_code error;
+  if (!fs::is_regular_file(path, error) || fs::file_size(path, error) != file.bytes()) return false;
+  auto bytes = readFile(path);
+  return bytes.ok() && sha256Hex(bytes->data(), bytes->size()) == file.sha256();
+}
+
+Result<int> fetch(Session& session, const JobFetchCommand& c) {
+  const std::string folder = c.out.empty() ? "." : c.out;
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) return invalidArgument("-o " + folder + ": " + error.message());
+  v1::FetchRequest wanted;
+  wanted.set_id(c.id);
+  for (size_t begin = 0; begin < c.outputs.size();) {
+    const size_t end = std::min(c.outputs.find(',', begin), c.outputs.size());
+    wanted.add_outputs(c.outputs.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  Frames range;
+  if (!c.frames.empty()) {
+    GOBO_ASSIGN(range, parseFrames(c.frames, "--frames"));
+  }
+  for (int broken = 0;; ++broken) {
+    GOBO_ASSIGN(const v1::Job job, getJob(session, c.id));
+    v1::FetchRequest request = wanted;
+    for (const v1::Frame& f : job.frames()) {
+      if (!c.frames.empty() && (f.frame() < range.first || f.frame() > range.last || (f.frame() - range.first) % range.step)) continue;
+      bool complete = f.state() == v1::Frame::DONE;
+      for (const v1::FrameFile& file : f.files()) {
+        const bool selected = request.outputs().empty() || std::find(request.outputs().begin(), request.outputs().end(), file.output()) != request.outputs().end();
+        if (selected && !have(folder, file)) complete = false;
+      }
+      if (!complete) request.add_frames(f.frame());
+    }
+    if (request.frames().empty()) return kOk;   // everything is here
+    request.set_follow(c.follow);
+    Session::Call call(session);
+    auto reader = session.jobs().Fetch(&call.context, request);
+    Incoming file;
+    v1::FetchReply reply;
+    Status fault;
+    while (fault.ok() && reader->Read(&reply)) {
+      broken = 0;
+      if (reply.has_file()) fault = file.begin(folder, reply.file());
+      else if (reply.has_chunk()) fault = file.add(reply.chunk());
+    }
+    if (!fault.ok()) {
+      call.context.TryCancel();
+      (void)reader->Finish();
+      return fault;
+    }
+    const Status status = session.statusOf(reader->Finish());
+    if (status.ok()) {
+      GOBO_TRY(file.finish());
+      return kOk;
+    }
+    if (status.code() != Code::Unavailable || broken >= kReconnects) return status;
+    pauseBeforeRetry(broken);
+  }
+}
+
+}  // namespace
+
+int runJobSubmit(const SessionOptions& options, const JobSubmitCommand& c, bool json) {
+  return with(options, [&](Session& session) -> Result<int> {
+    std::string id;
+    if (!c.scene.empty()) {
+      GOBO_ASSIGN(id, ensureScene(session, c.scene));
+    }
+    v1::JobSpec spec;
+    GOBO_ASSIGN(*spec.mutable_request(), makeRequest(c.request, id));
+    if (!c.format.empty()) GOBO_TRY(setPath(*spec.mutable_request(), "encoding.format=" + c.format));
+    if (!c.frames.empty()) {
+      GOBO_ASSIGN(const Frames f, parseFrames(c.frames, "--frames"));
+      spec.mutable_frames()->set_first(f.first);
+      spec.mutable_frames()->set_last(f.last);
+      spec.mutable_frames()->set_step(uint32_t(std::min<int64_t>(f.step, UINT32_MAX)));
+    }
+    if (c.fps > 0) spec.mutable_frames()->set_fps(c.fps);
+    spec.set_name(c.name);
+    spec.set_key(c.key.empty() ? uniqueKey() : c.key);
+    if (!c.priority.empty()) GOBO_TRY(setPath(spec, "priority=" + c.priority));
+    if (c.deadlineSeconds > 0)
+      spec.set_deadline_unix_s(std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count() + c.deadlineSeconds);
+    if (c.attempts) spec.set_max_attempts(c.attempts);
+    v1::Job job;
+    {
+      Session::Call call(session);
+      GOBO_TRY(session.statusOf(session.jobs().Submit(&call.context, spec, &job)));
+    }
+    if (json) std::printf("%s\n", messageToJson(job, true).c_str());
+    else std::printf("%s\n", job.id().c_str());
+    std::fflush(stdout);
+    if (!c.watch) return int(kOk);
+    GOBO_ASSIGN(const v1::Job last, watch(session, job.id(), json));
+    return exitOfJob(last);
+  });
+}
+
+int runJobList(const SessionOptions& options, const std::vector<std::string>& states, bool json) {
+  return with(options, [&](Session& session) -> Result<int> {
+    v1::ListJobsRequest request;
+    for (std::string name : states) {
+      for (char& ch : name) ch = char(std::toupper(static_cast<unsigned char>(ch)));
+      v1::Job::State state;
+      if (!v1::Job::State_Parse(name, &state)) return invalidArgument("--state " + name + ": no such state");
+      request.add_states(state);
+    }
+    v1::ListJobsReply all;
+    do {
+      v1::ListJobsReply reply;
+      Session::Call call(session);
+      GOBO_TRY(session.statusOf(session.jobs().List(&call.context, request, &reply)));
+      all.mutable_jobs()->MergeFrom(reply.jobs());
+      request.set_page_token(reply.next_page_token());
+    } while (!request.page_token().empty());
+    if (json) {
+      std::printf("%s\n", messageToJson(all, true).c_str());
+      return int(kOk);
+    }
+    std::vector<std::vector<std::string>> rows;
+    for (const v1::Job& job : all.jobs())
+      rows.push_back({escaped(job.id()), stateOf(job), strf("%.0f %%", 100 * job.progress()),
+                      strf("%llu/%llu", static_cast<unsigned long long>(job.frames_done()), static_cast<unsigned long long>(job.frames_total())),
+                      timeText(job.submitted_unix_s()), escaped(job.spec().name())});
+    if (rows.empty()) std::printf("no jobs\n");
+    else printTable({"job", "state", "done", "frames", "submitted", "name"}, rows, {false, false, true, true, false, false});
+    return int(kOk);
+  });
+}
+
+int runJobShow(const SessionOptions& options, const std::string& id, bool json) {
+  return with(options, [&](Session& session) -> Result<int> {
+    GOBO_ASSIGN(const v1::Job job, getJob(session, id));
+    if (json) std::printf("%s\n", messageToJson(job, true).c_str());
+    else printJob(job);
+    return int(kOk);
+  });
+}
+
+int runJobWatch(const SessionOptions& options, const std::string& id, bool json) {
+  return with(options, [&](Session& session) -> Result<int> {
+    GOBO_ASSIGN(const v1::Job last, watch(session, id, json));
+    if (!json) printJob(last);
+    return exitOfJob(last);
+  });
+}
+
+int runJobAct(const SessionOptions& options, JobAct act, const std::vector<std::string>& ids, bool json) {
+  return with(options, [&](Session& session) -> Result<int> {
+    int code = kOk;
+    for (const std::string& id : ids) {
+      Session::Call call(session);
+      v1::Job job;
+      v1::DeleteJobReply deleted;
+      grpc::Status status;
+      const auto request = [&](auto message) { message.set_id(id); return message; };
+      switch (act) {
+        case JobAct::Cancel: status = session.jobs().Cancel(&call.context, request(v1::CancelJobRequest()), &job); break;
+        case JobAct::Pause: status = session.jobs().Pause(&call.context, request(v1::PauseJobRequest()), &job); break;
+        case JobAct::Resume: status = session.jobs().Resume(&call.context, request(v1::ResumeJobRequest()), &job); break;
+        case JobAct::Delete: status = session.jobs().Delete(&call.context, request(v1::DeleteJobRequest()), &deleted); break;
+      }
+      if (!status.ok()) {
+        const int failed = complain(session.statusOf(status));
+        if (code == kOk) code = failed;
+      } else if (act == JobAct::Delete) {
+        if (!json) std::printf("deleted %s\n", escaped(id).c_str());
+      } else if (json) {
+        std::printf("%s\n", messageToJson(job, true).c_str());
+      } else {
+        std::printf("%s is %s\n", escaped(job.id()).c_str(), stateOf(job).c_str());
+      }
+    }
+    return code;
+  });
+}
+
+int runJobFetch(const SessionOptions& options, const JobFetchCommand& command) {
+  return with(options, [&](Session& session) { return fetch(session, command); });
+}
+
+}  // namespace gobo::cli

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The client: rendering, relighting, and the way to scenes and jobs."""
+from __future__ import annotations
+
+import os
+from typing import Any, Callable, Iterator, Optional, Sequence, Union, Unpack
+
+from . import errors
+from .daemon import Daemon
+from .fields import RequestFields, fill
+from .jobs import Jobs
+from .pictures import Assembly
+from .result import Result
+from .scenes import Scene, Scenes
+from .v1 import render_pb2, service_pb2, service_pb2_grpc
+from .wire import Tls, Wire
+
+ProgressCallback = Callable[[render_pb2.Progress], Any]
+
+
+class Progressive(Iterator[Result]):
+    """Snapshots of one render, each with more samples; the last item is the final result (`final` is True).
+
+    Iterate it in one thread. Leaving the loop early, `close()`, Ctrl-C or the end of a `with` block cancels the render.
+    """
+
+    def __init__(self, results: Iterator[Result]) -> None:
+        self._results = results
+
+    def __iter__(self) -> "Progressive":
+        return self
+
+    def __next__(self) -> Result:
+        return next(self._results)
+
+    def close(self) -> None:
+        """Cancels the render if it is not finished."""
+        self._results.close()  # type: ignore[attr-defined]
+
+    def __enter__(self) -> "Progressive":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Client:
+    """A connection to a gobod. Threads may share it; use it as a context manager or call `close`.
+
+    Attributes:
+        scenes: `Scenes`.
+        jobs: `Jobs`.
+        address: where the server is.
+    """
+
+    def __init__(self, wire: Wire, daemon: Optional[Daemon] = None, upload_limit: int = 512 << 20) -> None:
+        self._wire = wire
+        self._daemon = daemon
+        self._render = service_pb2_grpc.RenderStub(wire.channel)
+        self._admin = service_pb2_grpc.AdminStub(wire.channel)
+        self.scenes = Scenes(wire, upload_limit)
+        self.jobs = Jobs(wire, self.scenes)
+
+    @property
+    def address(self) -> str:
+        return self._wire.address
+
+    def close(self) -> None:
+        """Closes the connection and stops the daemon if this client started it."""
+        self._wire.close()
+        if self._daemon is not None:
+            self._daemon.close()
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def render(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None,
+               on_progress: Optional[ProgressCallback] = None, **fields: "Unpack[RequestFields]") -> Result:
+        """Renders a scene: a file, the id of a loaded scene, a built-in name, or a `Scene`.
+
+        A .glb or .gltf that the server cannot open is uploaded. Keywords are fields of the request (`RequestFields`); those of
+        nested messages as dicts, by `set={"integrator.max_bounces": 2}`, or as `integrator__max_bounces=2`:
+
+            r = client.render("scene.glb", env="studio.hdr", size=(640, 480), spp=256, lights={"key": {"color": (1, 0.5, 0.2)}})
+
+        Args:
+            timeout: seconds for everything, waiting for the server included; None: the client's.
+            on_progress: called with `Progress` messages (fraction, stage, spp, elapsed_ms) while it renders.
+
+        Raises:
+            gobo.Error: see its subclasses. KeyboardInterrupt cancels the render and goes on.
+        """
+        request = self._request(scene, fields, timeout)
+        method = self._render.Render if on_progress is None else self._render.RenderProgressive
+        return self._last(self._wire.stream(method, request, timeout), on_progress)
+
+    def render_progressive(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None,
+                           on_progress: Optional[ProgressCallback] = None, **fields: "Unpack[RequestFields]") -> Progressive:
+        """Like `render`, but yields valid pictures on the way. A slow consumer misses snapshots, never the last one.
+
+            for snapshot in client.render_progressive("cornell", spp=256):
+                print(snapshot.samples, snapshot.image.mean())
+        """
+        request = self._request(scene, fields, timeout)
+        return Progressive(self._results(self._wire.stream(self._render.RenderProgressive, request, timeout), on_progress))
+
+    def relight(self, render_id: Union[str, Result], *, timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> Result:
+        """Renders an earlier request again with changes; the server recomputes what they change and nothing else.
+
+        Keywords are those of `render`. `lights={"key": None}` undoes an edit of that light. `env=` replaces the environment as a
+        whole; `set={"environment.rotation_deg": 90}` turns the one that is there.
+        """
+        if isinstance(render_id, Result):
+            render_id = render_id.render_id
+        request = render_pb2.RelightRequest(render_id=render_id)
+        fields.setdefault("format", "raw_float")
+        builder = fill(request.patch, fields)
+        whole = [p for p in ("environment", "camera", "shadows") if p in fields or (p == "environment" and "env" in fields)]
+        request.mask.extend(builder.mask(whole))
+        return self._last(self._wire.stream(self._render.Relight, request, timeout), None)
+
+    def status(self, *, timeout: Optional[float] = None) -> service_pb2.StatusReply:
+        """Version, uptime, memory, what runs and waits."""
+        return self._wire.unary(self._admin.GetStatus, service_pb2.StatusRequest(), timeout)
+
+    def drop_caches(self, disk: bool = False, *, timeout: Optional[float] = None) -> int:
+        """Empties the server's term store, for every client; returns the bytes freed."""
+        return self._wire.unary(self._admin.DropCaches, service_pb2.DropCachesRequest(disk=disk), timeout).bytes
+
+    def shutdown(self, *, timeout: Optional[float] = None) -> None:
+        """Asks the server to drain and stop (Unix socket only)."""
+        self._wire.unary(self._admin.Shutdown, service_pb2.ShutdownRequest(), timeout)
+
+    def _request(self, scene: Any, fields: Any, timeout: Optional[float]) -> render_pb2.RenderRequest:
+        request = render_pb2.RenderRequest()
+        fill(request, fields)
+        if not request.encoding.format:
+            request.encoding.format = render_pb2.Encoding.RAW_FLOAT
+        if scene is None:
+            scene = request.scene
+        if not scene:
+            raise errors.InvalidArgument("scene: name a file, a loaded scene or a built-in one", field="scene")
+        request.scene = self.scenes.resolve(scene, timeout)
+        return request
+
+    def _results(self, events: Iterator[render_pb2.RenderEvent], on_progress: Optional[ProgressCallback],
+                 snapshots: bool = True) -> Iterator[Result]:
+        assembly: Optional[Assembly] = None
+        final = False
+        try:
+            for event in events:
+                kind = event.WhichOneof("event")
+                if kind == "progress":
+                    if on_progress is not None:
+                        on_progress(event.progress)
+                elif kind in ("snapshot", "reply"):
+                    final = kind == "reply"
+                    assembly = Assembly(event.reply if final else event.snapshot)
+                elif kind == "chunk":
+                    if assembly is None:
+                        raise errors.DataLoss("the server's answer is damaged: a chunk before any picture")
+                    assembly.add(event.chunk)
+                else:
+                    continue   # events of later versions
+                if assembly is not None and not final and snapshots and kind != "progress" and assembly.complete:
+                    yield Result(self, assembly, False)
+                    assembly = None
+            if assembly is None or not final:
+                raise errors.DataLoss("the server's answer is damaged: it ended without a reply")
+            yield Result(self, assembly, True)
+        finally:
+            events.close()  # type: ignore[attr-defined]
+
+    def _last(self, events: Iterator[render_pb2.RenderEvent], on_progress: Optional[ProgressCallback]) -> Result:
+        *_, last = self._results(events, on_progress, snapshots=False)
+        return last
+
+
+def connect(address: Optional[str] = None, token: Optional[str] = None, tls: Union[None, bool, str, Tls] = None, *, start: bool = False,
+            timeout: Optional[float] = None, retries: int = 8, upload_limit: int = 512 << 20) -> Client:
+    """Connects to a gobod.
+
+    Args:
+        address: "unix:PATH" or "HOST:PORT"; None: $GOBO_SERVER, else unix:/tmp/gobo-UID.sock.
+        token: sent as `authorization: Bearer TOKEN`; None: $GOBO_TOKEN. Refused without `tls` unless the server is on this machine.
+        tls: True (the system's certificates), the path of a CA certificate, or `Tls(...)` for mutual TLS.
+        start: start a private daemon instead (`local`).
+        timeout: seconds that each call may take unless it says otherwise; None: any.
+        retries: how often a call that found the server busy is tried again, never earlier than the server asked for.
+        upload_limit: bytes of the largest scene file that is uploaded without being asked for.
+
+    Raises:
+        gobo.Unavailable: nobody listens there.
+    """
+    if start:
+        return local(timeout=timeout, retries=retries, upload_limit=upload_limit)
+    client = Client(Wire(address, token, tls, timeout, retries), None, upload_limit)
+    try:
+        client.status(timeout=timeout or 20.0)
+    except BaseException:
+        client.close()
+        raise
+    return client
+
+
+def local(*, roots: Optional[Sequence["str | os.PathLike[str]"]] = None, threads: int = 0, cache: "str | os.PathLike[str] | None" = None,
+          jobs: "str | os.PathLike[str] | None" = None, config: "str | os.PathLike[str] | None" = None, gobod: Optional[str] = None,
+          args: Sequence[str] = (), timeout: Optional[float] = None, retries: int = 8, upload_limit: int = 512 << 20) -> Client:
+    """Starts a private gobod on a socket of its own and connects to it; `close` stops it, and so does the end of this process.
+
+    It may open any file that you may, unless `roots` or a `config` file say otherwise; `config` and `args` go to gobod as they are.
+    `jobs` is the folder of durable jobs, `cache` that of the disk cache; both may be used again by a later daemon.
+    """
+    if roots is None:
+        roots = () if config is not None else ("/",)
+    daemon = Daemon(roots=roots, threads=threads, cache=cache, jobs=jobs, config=config, gobod=gobod, args=args)
+    try:
+        return Client(Wire(daemon.address, None, None, timeout, retries), daemon, upload_limit)
+    except BaseException:
+        daemon.close()
+        raise

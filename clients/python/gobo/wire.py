@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The connection: channel, token, deadlines, retries. Thread-safe: any thread may call; an iterator belongs to one thread."""
+from __future__ import annotations
+
+import os
+import random
+import time
+from dataclasses import dataclass
+from typing import Any, Callable, Iterator, List, Optional, Tuple, Union
+
+import grpc
+
+from . import errors
+
+
+@dataclass(frozen=True)
+class Tls:
+    """How to talk TLS. Files are PEM.
+
+    Attributes:
+        ca: certificates to trust; None: the system's.
+        cert: this client's certificate (mutual TLS), with `key`.
+        key: this client's private key.
+        server_name: name that the server's certificate must have, if it is not the address's.
+    """
+    ca: Optional[str] = None
+    cert: Optional[str] = None
+    key: Optional[str] = None
+    server_name: Optional[str] = None
+
+    def credentials(self) -> grpc.ChannelCredentials:
+        def read(path: Optional[str]) -> Optional[bytes]:
+            if path is None:
+                return None
+            with open(path, "rb") as file:
+                return file.read()
+        if (self.cert is None) != (self.key is None):
+            raise errors.InvalidArgument("tls: cert and key go together", field="tls")
+        return grpc.ssl_channel_credentials(read(self.ca), read(self.key), read(self.cert))
+
+
+def default_address() -> str:
+    """$GOBO_SERVER, else the socket of this user's daemon."""
+    return os.environ.get("GOBO_SERVER") or f"unix:/tmp/gobo-{os.getuid()}.sock"
+
+
+def _is_local(address: str) -> bool:
+    if address.startswith(("unix:", "unix-abstract:")):
+        return True
+    host = address.rsplit(":", 1)[0].strip("[]")
+    return host in ("localhost", "::1") or host.startswith("127.")
+
+
+def _check_socket(address: str) -> None:
+    # The default socket lives in a folder where everybody may write: another user's socket is not our daemon.
+    if not address.startswith("unix:"):
+        return
+    try:
+        owner = os.lstat(address[len("unix:"):]).st_uid
+    except OSError:
+        return
+    if owner not in (os.getuid(), 0):
+        raise errors.PermissionDenied(f'"{address}" belongs to another user: name the server with address=')
+
+
+class Wire:
+    """One channel with what every call needs."""
+
+    def __init__(self, address: Optional[str], token: Optional[str], tls: Union[None, bool, str, Tls], timeout: Optional[float],
+                 retries: int) -> None:
+        if address is None and not os.environ.get("GOBO_SERVER"):
+            _check_socket(default_address())
+        self.address = address or default_address()
+        self.timeout = timeout
+        self.retries = retries
+        token = token if token is not None else os.environ.get("GOBO_TOKEN")
+        if tls is True:
+            tls = Tls()
+        elif isinstance(tls, (str, os.PathLike)):
+            tls = Tls(ca=os.fspath(tls))
+        if token and not tls and not _is_local(self.address):
+            raise errors.InvalidArgument(f"token: it would go to {self.address} unencrypted; give tls=", field="token")
+        if token and not all(0x20 < ord(c) < 0x7f for c in token):
+            raise errors.InvalidArgument("token: must be printable ASCII without spaces", field="token")
+        self.metadata: List[Tuple[str, str]] = [("authorization", f"Bearer {token}")] if token else []
+        options: List[Tuple[str, Any]] = [("grpc.max_receive_message_length", -1), ("grpc.max_send_message_length", -1),
+                                          ("grpc.enable_retries", 0), ("grpc.use_local_subchannel_pool", 1),
+                                          ("grpc.initial_reconnect_backoff_ms", 200), ("grpc.max_reconnect_backoff_ms", 2000)]
+        if tls:
+            if tls.server_name:
+                options.append(("grpc.ssl_target_name_override", tls.server_name))
+            self.channel = grpc.secure_channel(self.address, tls.credentials(), options)
+        else:
+            self.channel = grpc.insecure_channel(self.address, options)
+        self.closed = False
+
+    def close(self) -> None:
+        self.closed = True
+        self.channel.close()
+
+    def _begin(self, timeout: Optional[float]) -> Optional[float]:
+        if self.closed:
+            raise errors.Cancelled("this client is closed")
+        seconds = timeout if timeout is not None else self.timeout
+        return None if not seconds else time.monotonic() + seconds
+
+    def _left(self, end: Optional[float]) -> Optional[float]:
+        return None if end is None else max(end - time.monotonic(), 0.001)
+
+    def _again(self, error: errors.Error, attempt: int, end: Optional[float]) -> bool:
+        """Sleeps and says True when the server asked for another try and there is time for one."""
+        if not isinstance(error, errors.ResourceExhausted) or error.retry_after_ms is None or attempt >= self.retries:
+            return False
+        # Never earlier than asked for; spread, so that clients that were refused together do not come back together.
+        pause = error.retry_after_ms / 1000 * (1 + 0.25 * random.random())
+        if end is not None and time.monotonic() + pause >= end:
+            return False
+        time.sleep(pause)
+        return True
+
+    def unary(self, method: Callable[..., Any], request: Any, timeout: Optional[float] = None) -> Any:
+        """One request, one reply. `request` may be a function that makes an iterator (client streaming)."""
+        end = self._begin(timeout)
+        attempt = 0
+        while True:
+            try:
+                message = request() if callable(request) else request
+                return method(message, timeout=self._left(end), metadata=self.metadata)
+            except grpc.RpcError as e:
+                error = errors.from_rpc(e, self.address)
+            except ValueError as e:   # grpc's answer on a closed channel
+                raise errors.Cancelled(f"this client is closed: {e}") from None
+            if not self._again(error, attempt, end):
+                raise error from None
+            attempt += 1
+
+    def stream(self, method: Callable[..., Any], request: Any, timeout: Optional[float] = None) -> Iterator[Any]:
+        """Events of a server stream. Closing the iterator, KeyboardInterrupt or any other exception cancels the call."""
+        end = self._begin(timeout)
+        attempt = 0
+        while True:
+            call = None
+            started = False
+            try:
+                call = method(request, timeout=self._left(end), metadata=self.metadata)
+                for event in call:
+                    started = True
+                    yield event
+                return
+            except grpc.RpcError as e:
+                error = errors.from_rpc(e, self.address)
+            except ValueError as e:
+                if started:
+                    raise
+                raise errors.Cancelled(f"this client is closed: {e}") from None
+            finally:
+                if call is not None:
+                    call.cancel()   # no effect on a call that has ended
+            if started or not self._again(error, attempt, end):
+                raise error from None
+            attempt += 1

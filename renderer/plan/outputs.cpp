@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/outputs.h"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace gobo {
+
+namespace {
+
+const OutputInfo kTable[] = {
+    {"beauty", OutputKind::Radiance},
+    {"emission", OutputKind::Radiance},
+    {"direct", OutputKind::Radiance},
+    {"indirect", OutputKind::Radiance},
+    {"diffuse", OutputKind::Radiance},
+    {"specular", OutputKind::Radiance},
+    {"direct_diffuse", OutputKind::Radiance},
+    {"direct_specular", OutputKind::Radiance},
+    {"indirect_diffuse", OutputKind::Radiance},
+    {"indirect_specular", OutputKind::Radiance},
+    {"albedo", OutputKind::Colour},
+    {"normal", OutputKind::Vector, false, false, "XYZ"},
+    {"position", OutputKind::Range, false, true, "XYZ"},
+    {"depth", OutputKind::Range, false, true, "Z"},
+    {"alpha", OutputKind::Plain, false, false, "A"},
+    {"object_id", OutputKind::Id, false, true, "X"},
+    {"material_id", OutputKind::Id, false, true, "X"},
+    {"motion", OutputKind::Vector, false, true, "XY"},
+    {"sample_count", OutputKind::Range, false, true, "X"},
+    {"variance", OutputKind::Range, false, true, "RGB"},
+    {"group", OutputKind::Radiance, true},
+    {"unoccluded", OutputKind::Radiance, true},
+    {"visibility", OutputKind::Plain, true, false, "Y"},
+};
+
+bool contains(std::initializer_list<std::string_view> list, std::string_view name) { return std::find(list.begin(), list.end(), name) != list.end(); }
+
+}  // namespace
+
+std::vector<std::string> OutputInfo::channelNames() const {
+  std::vector<std::string> names;
+  for (const char* c = channels; *c; ++c) names.emplace_back(1, *c);
+  return names;
+}
+
+std::span<const OutputInfo> outputTable() { return kTable; }
+
+const OutputInfo* findOutput(std::string_view output) {
+  const size_t colon = output.find(':');
+  const std::string_view name = output.substr(0, colon);
+  for (const OutputInfo& o : kTable)
+    if (name == o.name && o.perLight == (colon != std::string_view::npos)) return &o;
+  return nullptr;
+}
+
+std::string_view outputLight(std::string_view output) {
+  const size_t colon = output.find(':');
+  return colon == std::string_view::npos ? std::string_view{} : output.substr(colon + 1);
+}
+
+bool needsLobes(std::string_view o) {
+  return contains({"diffuse", "specular", "direct_diffuse", "direct_specular", "indirect_diffuse", "indirect_specular"}, o);
+}
+
+bool needsRadiance(std::string_view o) {
+  return needsLobes(o) || contains({"beauty", "emission", "direct", "indirect", "sample_count", "variance"}, o) || o.substr(0, 6) == "group:";
+}
+
+Status checkOutputs(const Scene& scene, const v1::RenderRequest& request) {
+  for (const std::string& o : request.outputs()) {
+    const OutputInfo* info = findOutput(o);
+    if (!info) {
+      std::string list;
+      for (const OutputInfo& row : kTable) list += (list.empty() ? "" : ", ") + std::string(row.name) + (row.perLight ? ":LIGHT" : "");
+      return invalidArgument("request.outputs: no output '" + o + "' (has: " + list + ")", "request.outputs");
+    }
+    if (!info->perLight) continue;
+    const std::string name(outputLight(o));
+    const int light = scene.findLight(name);
+    if (light < 0) return notFound("request.outputs: no light '" + name + "' in the scene", "request.outputs");
+    if (std::string_view(info->name) != "group" && scene.lights[light].shape.kind == LightKind::Environment)
+      return invalidArgument("request.outputs: '" + o + "': an environment has no single visibility; ask for group:" + name, "request.outputs");
+  }
+  return {};
+}
+
+Status checkEncoding(const v1::Encoding& e) {
+  if (e.layers() && e.format() != v1::Encoding::EXR && e.format() != v1::Encoding::FORMAT_UNSPECIFIED)
+    return invalidArgument("request.encoding.layers: only EXR holds layers, encoding.format is " + v1::Encoding::Format_Name(e.format()), "request.encoding.layers");
+  if (e.has_png_bits() && e.png_bits() != 8 && e.png_bits() != 16)
+    return invalidArgument("request.encoding.png_bits = " + std::to_string(e.png_bits()) + ": must be 8 or 16", "request.encoding.png_bits");
+  if (!v1::Encoding::Compression_IsValid(e.compression()))
+    return invalidArgument("request.encoding.compression = " + std::to_string(int(e.compression())) + " is not known", "request.encoding.compression");
+  if (!v1::Encoding::Transfer_IsValid(e.transfer()))
+    return invalidArgument("request.encoding.transfer = " + std::to_string(int(e.transfer())) + " is not known", "request.encoding.transfer");
+  return {};
+}
+
+std::string jsonObject(std::span<const std::string> namesAndValues) {
+  const auto quoted = [](const std::string& text) {
+    std::string out = "\"";
+    for (const char c : text) {
+      char code[8];
+      if (c == '"' || c == '\\') (out += '\\') += c;
+      else if (static_cast<unsigned char>(c) < 0x20) { std::snprintf(code, sizeof code, "\\u%04x", c); out += code; }
+      else out += c;
+    }
+    return out + '"';
+  };
+  std::string out = "{";
+  for (size_t i = 0; i + 1 < namesAndValues.size(); i += 2) out += (i ? "," : "") + quoted(namesAndValues[i]) + ":" + quoted(namesAndValues[i + 1]);
+  return out + "}";
+}
+
+std::string nameTable(std::span<const std::string> names) {
+  std::vector<std::string> pairs;
+  for (size_t i = 0; i < names.size(); ++i) {
+    pairs.push_back(std::to_string(i));
+    pairs.push_back(names[i]);
+  }
+  return jsonObject(pairs);
+}
+
+}  // namespace gobo

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "terms/ids.h"
+
+#include "trace/accel.h"
+
+namespace gobo {
+
+namespace {
+
+class IdNode final : public Node {
+ public:
+  IdNode(IdKind kind, int width, int height) : kind_(kind), width_(width), height_(height) {}
+  std::string type() const override { return kind_ == IdKind::Object ? "object_id" : "material_id"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    if (kind_ == IdKind::Material) t.facets = Facet::Topology | Facet::Pose;   // instances; objects need nothing but the G-buffer
+    t.tileable = true;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override { h.add(width_).add(height_); }
+  size_t outputBytes() const override { return size_t(width_) * height_ * 4; }
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const auto instance = ctx.inputs[0]->plane<uint32_t>("instance").first(size_t(width_) * height_);   // layer 0 is view sample 0
+    std::vector<float> number;
+    if (kind_ == IdKind::Material) {
+      const auto& meshes = ctx.scene->meshes(Facet::Topology);
+      for (const Instance& i : ctx.scene->instances()) number.push_back(float(meshes[i.mesh]->material));
+    }
+    auto out = std::make_shared<Term>("pixels", Domain::Pixel, Extent{width_, height_, 1});
+    const auto id = out->addPlane<float>("id", 1);
+    for (size_t p = 0; p < id.size(); ++p)
+      id[p] = instance[p] == kNoHit ? -1.0f : kind_ == IdKind::Object ? float(instance[p]) : number[instance[p]];
+    return TermPtr(out);
+  }
+
+ private:
+  IdKind kind_;
+  int width_, height_;
+};
+
+}  // namespace
+
+NodePtr makeIdNode(IdKind kind, int width, int height) { return std::make_shared<IdNode>(kind, width, height); }
+
+}  // namespace gobo

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "terms/motion.h"
+
+#include "trace/accel.h"
+
+namespace gobo {
+
+namespace {
+
+struct Pose {
+  const std::vector<MeshPtr>* meshes;
+  const std::vector<Instance>* instances;
+  DVec3 at(int instance, uint32_t primitive, double u, double v) const {
+    const Instance& i = (*instances)[instance];
+    const Mesh& m = *(*meshes)[i.mesh];
+    const uint32_t* t = m.indices.data() + 3 * size_t(primitive);
+    const DVec3 p = (1.0 - u - v) * DVec3(m.positions[t[0]]) + u * DVec3(m.positions[t[1]]) + v * DVec3(m.positions[t[2]]);
+    return DVec3(glm::dmat4(i.toWorld) * glm::dvec4(p, 1.0));
+  }
+  size_t triangles(int instance) const { return (*meshes)[(*instances)[instance].mesh]->triangles(); }
+};
+
+class MotionNode final : public Node {
+ public:
+  explicit MotionNode(const MotionSettings& s) : s_(s) {}
+  std::string type() const override { return "motion"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.facets = Facet::Topology | Facet::Pose;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override {
+    hashCamera(h, s_.view.camera);
+    hashCamera(h, s_.earlierCamera);
+    h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples);
+    h.add(s_.earlierScene->facetHash(Facet::Topology | Facet::Pose, {}));
+  }
+  size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * 8; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const Term& g = *ctx.inputs[0];
+    const auto instance = g.plane<uint32_t>("instance"), primitive = g.plane<uint32_t>("primitive");
+    const auto bary = g.floats("bary");
+    const int w = s_.view.width, h = s_.view.height;
+    const Pose now{&ctx.scene->meshes(Facet::Topology | Facet::Pose), &ctx.scene->instances()};
+    const Pose before{&s_.earlierScene->meshes, &s_.earlierScene->instances};
+    // Where each instance was: the same index as a rule, else by name; -1: it was not there.
+    std::vector<int> earlier(now.instances->size(), -1);
+    for (size_t i = 0; i < earlier.size(); ++i) {
+      const std::string& name = (*now.instances)[i].name;
+      int at = int(i);
+      if (i >= before.instances->size() || (*before.instances)[i].name != name) at = s_.earlierScene->findInstance(name);
+      if (at >= 0 && before.triangles(at) == now.triangles(int(i))) earlier[i] = at;
+    }
+    const Vec2 offset = viewSamplePosition(0, s_.view.viewSamples);
+    auto out = std::make_shared<Term>("pixels", Domain::Pixel, Extent{w, h, 1});
+    const auto motion = out->addPlane<float>("motion", 2);
+    const bool complete = ctx.arena->parallelFor(size_t(h), 8, [&](size_t begin, size_t end) {
+      for (size_t y = begin; y < end; ++y)
+        for (int x = 0; x < w; ++x) {
+          const size_t p = y * w + x;
+          glm::dvec4 here, there;
+          if (instance[p] == kNoHit) {
+            here = there = glm::dvec4(DVec3(cameraRay(s_.view.camera, w, h, float(x) + offset.x, float(y) + offset.y).direction), 0.0);
+          } else {
+            const int i = int(instance[p]);
+            here = there = glm::dvec4(now.at(i, primitive[p], bary[2 * p], bary[2 * p + 1]), 1.0);
+            if (earlier[i] >= 0) there = glm::dvec4(before.at(earlier[i], primitive[p], bary[2 * p], bary[2 * p + 1]), 1.0);
+          }
+          glm::dvec2 to, from;
+          if (!filmPosition(s_.view.camera, w, h, here, to) || !filmPosition(s_.earlierCamera, w, h, there, from)) continue;
+          const float dx = float(to.x - from.x), dy = float(to.y - from.y);
+          if (!std::isfinite(dx) || !std::isfinite(dy)) continue;
+          motion[2 * p] = dx;
+          motion[2 * p + 1] = dy;
+        }
+    }, ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "stopped");
+    return TermPtr(out);
+  }
+
+ private:
+  MotionSettings s_;
+};
+
+}  // namespace
+
+NodePtr makeMotionNode(const MotionSettings& settings) { return std::make_shared<MotionNode>(settings); }
+
+}  // namespace gobo

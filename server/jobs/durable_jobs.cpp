@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/jobs/durable_jobs.h"
+
+#include <unistd.h>
+
+#include <random>
+
+#include "server/log.h"
+
+namespace gobo {
+
+namespace {
+constexpr int kResultsEvery = 60, kSweepEvery = 3600;   // seconds
+constexpr double kSweepAge = 86400;                     // of files beside living daemons
+}  // namespace
+
+Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunner& runner, const ServerConfig& config) {
+  std::unique_ptr<DurableJobs> self(new DurableJobs);
+  self->engine_ = &engine;
+  self->keepBytes_ = config.jobsKeepBytes;
+  self->keepSeconds_ = config.jobsKeepDays * 86400;
+  bool alone = false;
+  GOBO_TRY(self->files_.open(config.jobsFolder, alone));
+  GOBO_ASSIGN(self->store_, SqliteJobStore::open(self->files_.storePath()));
+  if (alone) {
+    // Whoever held leases is dead: its frames are taken up at once, not when their leases run out.
+    GOBO_ASSIGN(const uint64_t ended, self->store_->endAllLeases());
+    if (ended) logInfo("jobs: %llu frames of a killed daemon go on", (unsigned long long)ended);
+    GOBO_TRY(self->files_.sweep(*self->store_, 0));
+  }
+  self->files_.opened();
+  self->scenes_ = std::make_unique<JobScenes>(engine, self->files_);
+  std::random_device random;
+  JobWorkerOptions options;
+  options.workers = int(config.jobsWorkers);
+  options.leaseSeconds = config.jobsLeaseSeconds;
+  options.checkpointSeconds = config.jobsCheckpointSeconds;
+  options.holder = std::to_string(::getpid()) + "-" + std::to_string(random());
+  self->worker_ = std::make_unique<JobWorker>(engine, runner, *self->store_, self->files_, *self->scenes_, self->hub_, options);
+  self->minder_ = std::thread([s = self.get()] { s->mind(); });
+  return self;
+}
+
+void DurableJobs::stop() {
+  if (!worker_) return;
+  worker_->stop();
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.notify_all();
+  if (minder_.joinable()) minder_.join();
+}
+
+void DurableJobs::mind() {
+  for (int second = 0;; ++second) {
+    const auto expired = store_->expireLeases();
+    if (!expired.ok()) logWarn("jobs: %s", expired.status().toString().c_str());
+    if (expired.ok() && *expired) hub_.steered();
+    if (second % kResultsEvery == 0) mindResults();
+    if (second % kSweepEvery == kSweepEvery - 1) (void)files_.sweep(*store_, kSweepAge);
+    std::unique_lock lock(mutex_);
+    if (wake_.wait_for(lock, std::chrono::seconds(1), [&] { return stopping_; })) return;
+  }
+}
+
+void DurableJobs::mindResults() {
+  const auto gone = store_->expireResults(keepBytes_, keepSeconds_);
+  if (!gone.ok()) return logWarn("jobs: %s", gone.status().toString().c_str());
+  for (int64_t id : *gone) {
+    files_.removeResults(id);
+    logInfo("job %s: results removed (jobs.keep_bytes, jobs.keep_days)", jobIdText(id).c_str());
+  }
+  const auto needed = store_->neededScenes();
+  if (!needed.ok()) return;
+  std::vector<std::string> loaded;
+  for (const v1::SceneInfo& info : engine_->listScenes())
+    if (info.source().rfind("upload:", 0) == 0) loaded.push_back(info.source().substr(7, 16));
+  files_.sweepScenes(*needed, loaded);
+}
+
+}  // namespace gobo

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// DurableJobs: the job side of one daemon: store, files, scenes, workers, and the thread that expires leases, deadlines and
+// results. Made by Server when [jobs] folder is set. Thread-safe but for start() and stop().
+#pragma once
+
+#include <condition_variable>
+#include <memory>
+
+#include "server/config.h"
+#include "server/jobs/job_worker.h"
+#include "server/jobs/sqlite_job_store.h"
+
+namespace gobo {
+
+class DurableJobs {
+ public:
+  /// Errors: the folder's or the store's, naming the file.
+  static Result<std::unique_ptr<DurableJobs>> start(Engine& engine, JobRunner& runner, const ServerConfig& config);
+  ~DurableJobs() { stop(); }
+  /// Checkpoints and releases what runs. The store still answers.
+  void stop();
+
+  JobStore& store() { return *store_; }
+  JobFiles& files() { return files_; }
+  JobScenes& scenes() { return *scenes_; }
+  JobHub& hub() { return hub_; }
+  const JobWorkerStats& stats() const { return worker_->stats(); }
+  /// Keeps an upload for the jobs that may need it: `name` = sha256 + extension.
+  Status keepUpload(const std::string& path, const std::string& name) { return files_.adopt(path, files_.scenePath(name)); }
+
+ private:
+  DurableJobs() = default;
+  void mind();
+  void mindResults();
+  uint64_t keepBytes_ = 0;
+  double keepSeconds_ = 0;
+  Engine* engine_ = nullptr;
+  JobFiles files_;
+  std::unique_ptr<SqliteJobStore> store_;
+  JobHub hub_;
+  std::unique_ptr<JobScenes> scenes_;
+  std::unique_ptr<JobWorker> worker_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool stopping_ = false;
+  std::thread minder_;
+};
+
+}  // namespace gobo

@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/jobs/job_files.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <filesystem>
+#include <random>
+#include <set>
+
+#include "server/jobs/job_store.h"
+#include "server/log.h"
+
+namespace gobo {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+struct Descriptor {
+  int fd;
+  ~Descriptor() { if (fd >= 0) ::close(fd); }
+};
+
+Status failed(const std::string& action, const std::string& path, int error) {
+  const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
+  return {full ? Code::ResourceExhausted : error == ENOENT ? Code::NotFound : Code::Internal, "cannot " + action + ": " + std::strerror(error), path};
+}
+
+Status syncFolder(const std::string& path) {
+  const Descriptor d{::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
+  if (d.fd < 0 || ::fsync(d.fd) != 0) return failed("sync", path, errno);
+  return {};
+}
+
+Status makeFolder(const std::string& path) {
+  if (::mkdir(path.c_str(), 0700) == 0) return syncFolder(fs::path(path).parent_path().string());
+  return errno == EEXIST ? Status() : failed("make folder", path, errno);
+}
+
+}  // namespace
+
+JobFiles::~JobFiles() { if (lock_ >= 0) ::close(lock_); }
+
+Status JobFiles::open(const std::string& folder, bool& alone) {
+  std::error_code error;
+  folder_ = fs::absolute(folder, error).lexically_normal().string();
+  while (folder_.size() > 1 && folder_.back() == '/') folder_.pop_back();
+  fs::create_directories(fs::path(folder_).parent_path(), error);
+  GOBO_TRY(makeFolder(folder_));
+  for (const char* sub : {"/tmp", "/checkpoints", "/results", "/scenes"}) GOBO_TRY(makeFolder(folder_ + sub));
+  const std::string name = folder_ + "/lock";
+  lock_ = ::open(name.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  if (lock_ < 0) return failed("open", name, errno);
+  alone = ::flock(lock_, LOCK_EX | LOCK_NB) == 0;
+  if (!alone && ::flock(lock_, LOCK_SH) != 0) return failed("lock", name, errno);   // waits for the one that sweeps
+  std::random_device random;   // process ids repeat: names of temp files must not
+  temps_ = folder_ + "/tmp/" + std::to_string(::getpid()) + "-" + std::to_string(random()) + "-";
+  return {};
+}
+
+void JobFiles::opened() { ::flock(lock_, LOCK_SH); }
+
+Status JobFiles::write(const std::string& path, const void* bytes, size_t size) {
+  struct stat info{};
+  const std::string parent = fs::path(path).parent_path().string();
+  if (::stat(path.c_str(), &info) == 0 && size_t(info.st_size) == size) return syncFolder(parent);   // its writer may have been killed before that
+  const auto at = [&](const char* what) { return step ? step(what, path) : Status(); };
+  const std::string temp = temps_ + std::to_string(counter_++) + ".tmp";
+  Status status = at("write");
+  {
+    const Descriptor d{status.ok() ? ::open(temp.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600) : -1};
+    if (status.ok() && d.fd < 0) return failed("make", temp, errno);
+    for (size_t done = 0; status.ok() && done < size;) {
+      const ssize_t n = ::write(d.fd, static_cast<const char*>(bytes) + done, size - done);
+      if (n >= 0) done += size_t(n);
+      else if (errno != EINTR) status = failed("write", path, errno);
+    }
+    if (status.ok()) status = at("sync");
+    if (status.ok() && ::fdatasync(d.fd) != 0) status = failed("sync", path, errno);
+  }
+  if (status.ok()) status = at("rename");
+  if (status.ok() && ::rename(temp.c_str(), path.c_str()) != 0) {
+    status = failed("rename the new file to", path, errno);
+    if (status.code() == Code::NotFound) {
+      status = makeFolder(parent);
+      if (status.ok() && ::rename(temp.c_str(), path.c_str()) != 0) status = failed("rename the new file to", path, errno);
+    }
+  }
+  if (!status.ok()) {
+    ::unlink(temp.c_str());
+    return status;
+  }
+  GOBO_TRY(at("sync-folder"));
+  return syncFolder(parent);
+}
+
+Status JobFiles::adopt(const std::string& from, const std::string& path) {
+  struct stat info{};
+  if (::stat(path.c_str(), &info) == 0) {
+    ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);   // young again: no sweep
+    return {};
+  }
+  if (::link(from.c_str(), path.c_str()) == 0) {
+    const Descriptor d{::open(path.c_str(), O_RDONLY | O_CLOEXEC)};
+    if (d.fd < 0 || ::fdatasync(d.fd) != 0) return failed("sync", path, errno);
+    return syncFolder(fs::path(path).parent_path().string());
+  }
+  GOBO_ASSIGN(const std::vector<uint8_t> bytes, read(from));
+  return write(path, bytes.data(), bytes.size());
+}
+
+Result<std::vector<uint8_t>> JobFiles::read(const std::string& path) const {
+  const Descriptor d{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)};
+  struct stat info{};
+  if (d.fd < 0 || ::fstat(d.fd, &info) != 0) return failed("read", path, errno);
+  std::vector<uint8_t> bytes(size_t(info.st_size));
+  for (size_t done = 0; done < bytes.size();) {
+    const ssize_t n = ::read(d.fd, bytes.data() + done, bytes.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return failed("read", path, n < 0 ? errno : EIO);
+    done += size_t(n);
+  }
+  return bytes;
+}
+
+void JobFiles::remove(const std::string& path) { ::unlink(path.c_str()); }
+
+void JobFiles::removeResults(int64_t job) {
+  std::error_code ignored;
+  fs::remove_all(resultFolder(job), ignored);
+}
+
+void JobFiles::removePrefix(const std::string& prefix) {
+  std::error_code error;
+  std::vector<fs::path> found;
+  for (fs::directory_iterator it(folder_ + "/checkpoints", error), end; !error && it != end; it.increment(error))
+    if (it->path().filename().string().rfind(prefix, 0) == 0) found.push_back(it->path());
+  for (const fs::path& p : found) ::unlink(p.c_str());
+}
+
+void JobFiles::removeCheckpoints(int64_t job) { removePrefix(std::to_string(job) + "-"); }
+void JobFiles::removeCheckpoints(TaskId task) { removePrefix(std::to_string(task.job) + "-" + std::to_string(task.index) + "-"); }
+
+Status JobFiles::sweep(JobStore& store, double age) {
+  std::error_code error;
+  const auto each = [&](const std::string& folder, const auto& visit) {
+    std::vector<fs::path> found;
+    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) found.push_back(it->path());
+    for (const fs::path& p : found) visit(p);
+  };
+  const auto young = fs::file_time_type::clock::now() - std::chrono::seconds(int64_t(age));
+  uint64_t removed = 0;
+  const auto drop = [&](const fs::path& p) {
+    if (age > 0 && fs::last_write_time(p, error) > young) return;
+    removed += fs::remove_all(p, error) > 0;
+  };
+  each(folder_ + "/tmp", drop);
+  GOBO_ASSIGN(const auto digests, store.neededCheckpoints());
+  const std::set<std::string> checkpoints(digests.begin(), digests.end());
+  each(folder_ + "/checkpoints", [&](const fs::path& p) { if (!checkpoints.count(p.stem().string())) drop(p); });
+  GOBO_ASSIGN(const auto ids, store.jobIds());
+  const std::set<int64_t> jobs(ids.begin(), ids.end());
+  Status status;
+  each(folder_ + "/results", [&](const fs::path& p) {
+    const int64_t id = std::atoll(p.filename().c_str());
+    if (!jobs.count(id) || !fs::is_directory(p, error)) return drop(p);
+    const auto names = store.neededResults(id);
+    if (!names.ok()) { status = names.status(); return; }
+    const std::set<std::string> needed(names->begin(), names->end());
+    each(p.string(), [&](const fs::path& file) { if (!needed.count(file.filename().string())) drop(file); });
+  });
+  if (removed) logInfo("jobs: removed %llu files that nothing needs", (unsigned long long)removed);
+  return status;
+}
+
+void JobFiles::sweepScenes(const std::vector<std::string>& needed, const std::vector<std::string>& loaded) {
+  std::error_code error;
+  const auto young = fs::file_time_type::clock::now() - std::chrono::minutes(10);
+  std::vector<fs::path> gone;
+  for (fs::directory_iterator it(folder_ + "/scenes", error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    std::error_code ignored;
+    if (fs::last_write_time(it->path(), ignored) > young) continue;
+    if (std::find(needed.begin(), needed.end(), name) != needed.end()) continue;
+    if (std::any_of(loaded.begin(), loaded.end(), [&](const std::string& digest) { return name.rfind(digest, 0) == 0; })) continue;
+    gone.push_back(it->path());
+  }
+  for (const fs::path& p : gone) fs::remove(p, error);
+}
+
+}  // namespace gobo

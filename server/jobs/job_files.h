@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// JobFiles: the files beside the job store, all made as temp file + fdatasync + rename + fsync of the folder, named after what they
+// hold, so that a name stands for a whole file and a file that no row names is litter:
+//   FOLDER/lock                      flock: shared while a daemon lives, exclusive for the sweep at start
+//   FOLDER/tmp/                      being written
+//   FOLDER/checkpoints/JOB-INDEX-DIGEST.term   32 hex digits, xxh3-128 of the bytes (docs/term_file.md)
+//   FOLDER/results/JOB/SHA256        a finished picture, encoded
+//   FOLDER/scenes/SHA256.glb         an uploaded scene
+// Thread-safe but for open().
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "server/jobs/job_store.h"
+
+namespace gobo {
+
+class JobFiles {
+ public:
+  ~JobFiles();
+  /// Makes the folders (mode 0700). `alone`: no other daemon has the folder open, so leases and litter of dead ones may go; the
+  /// others wait until opened() is called.
+  Status open(const std::string& folder, bool& alone);
+  void opened();                                      ///< the exclusive lock becomes a shared one
+  /// Removes temp files, and checkpoints and results that no row of the store needs, last written at least `age` seconds ago (0
+  /// only when alone: a file is written before its row).
+  Status sweep(JobStore& store, double age);
+  /// Uploaded scenes that neither an unfinished job nor `loaded` (first 16 digits of the sha256) needs, older than ten minutes.
+  void sweepScenes(const std::vector<std::string>& needed, const std::vector<std::string>& loaded);
+
+  std::string storePath() const { return folder_ + "/jobs.sqlite"; }
+  std::string checkpointPath(TaskId task, const std::string& digest) const {
+    return folder_ + "/checkpoints/" + std::to_string(task.job) + "-" + std::to_string(task.index) + "-" + digest + ".term";
+  }
+  std::string resultPath(int64_t job, const std::string& sha256) const { return resultFolder(job) + "/" + sha256; }
+  std::string resultFolder(int64_t job) const { return folder_ + "/results/" + std::to_string(job); }
+  std::string scenePath(const std::string& name) const { return folder_ + "/scenes/" + name; }
+
+  /// Durable on return. A file of that name stays as it is (it has the same bytes) unless its size differs.
+  /// Errors: ResourceExhausted (disk full), Internal; the file named.
+  Status write(const std::string& path, const void* bytes, size_t size);
+  /// Takes over a file of the same or another file system.
+  Status adopt(const std::string& from, const std::string& path);
+  Result<std::vector<uint8_t>> read(const std::string& path) const;   ///< NotFound, Internal
+  void remove(const std::string& path);
+  void removeResults(int64_t job);
+  void removeCheckpoints(int64_t job);                ///< of all its frames
+  void removeCheckpoints(TaskId task);
+
+  std::function<Status(const char* step, const std::string& path)> step;   ///< a test's seam: before "write", "sync", "rename", "sync-folder"
+
+ private:
+  void removePrefix(const std::string& prefix);
+  std::string folder_, temps_;
+  int lock_ = -1;
+  std::atomic<uint64_t> counter_{0};
+};
+
+}  // namespace gobo

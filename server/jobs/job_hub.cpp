@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/jobs/job_hub.h"
+
+#include <algorithm>
+#include <chrono>
+
+namespace gobo {
+
+void JobHub::changed() {
+  {
+    const std::lock_guard lock(mutex_);
+    ++version_;
+  }
+  wake_.notify_all();
+}
+
+uint64_t JobHub::version() const {
+  const std::lock_guard lock(mutex_);
+  return version_;
+}
+
+void JobHub::wait(uint64_t& seen, double seconds) {
+  std::unique_lock lock(mutex_);
+  wake_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return version_ != seen; });
+  seen = version_;
+}
+
+void JobHub::setLive(TaskId task, const Live& live) {
+  {
+    const std::lock_guard lock(mutex_);
+    live_[task] = live;
+    ++version_;
+  }
+  wake_.notify_all();
+}
+
+void JobHub::clearLive(TaskId task) {
+  const std::lock_guard lock(mutex_);
+  live_.erase(task);
+}
+
+std::map<TaskId, JobHub::Live> JobHub::live(int64_t job) const {
+  const std::lock_guard lock(mutex_);
+  return {live_.lower_bound({job, INT64_MIN}), live_.upper_bound({job, INT64_MAX})};
+}
+
+void JobHub::overlay(JobRecord& record) const {
+  if (jobIsOver(record.job.state())) return;
+  double more = 0;
+  for (const auto& [task, l] : live(record.id)) {
+    more += std::max(0.0, l.progress - l.stored);
+    for (v1::Frame& f : *record.job.mutable_frames()) {
+      if (f.frame() != l.frame || f.state() != v1::Frame::RUNNING) continue;
+      f.set_progress(std::max(f.progress(), l.progress));
+      f.set_spp(std::max(f.spp(), l.spp));
+    }
+  }
+  record.job.set_progress(std::min(1.0, record.job.progress() + more / double(std::max<uint64_t>(1, record.job.frames_total()))));
+}
+
+}  // namespace gobo

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// JobHub: what the workers, watchers and handlers of one daemon tell each other about jobs without asking the store: "something
+// changed", "somebody steered" (cancel, pause, expiry), and the live progress of running frames. Thread-safe.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <map>
+#include <mutex>
+
+#include "server/jobs/job_store.h"
+
+namespace gobo {
+
+class JobHub {
+ public:
+  struct Live { int64_t frame = 0; double progress = 0, stored = 0; uint32_t spp = 0; };   ///< stored: what the store's row says
+
+  void changed();
+  void steered() { control_.fetch_add(1); changed(); }
+  uint64_t control() const { return control_.load(); }
+  uint64_t version() const;
+  /// Waits until version() is not `seen`, at most `seconds`; updates `seen`.
+  void wait(uint64_t& seen, double seconds);
+
+  void setLive(TaskId task, const Live& live);
+  void clearLive(TaskId task);
+  std::map<TaskId, Live> live(int64_t job) const;
+  /// Adds live progress to the job, and to its frames if there are any.
+  void overlay(JobRecord& record) const;
+
+ private:
+  mutable std::mutex mutex_;
+  std::condition_variable wake_;
+  uint64_t version_ = 0;
+  std::atomic<uint64_t> control_{0};
+  std::map<TaskId, Live> live_;
+};
+
+}  // namespace gobo

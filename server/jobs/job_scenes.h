@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// JobScenes: the scene that a job was submitted with, also after a restart: the loaded one when it still has that hash, else loaded
+// again from where it came from (built-in, file under a root, kept upload). Another hash is an error, never another picture.
+// The environment's file is held to its sha256 in the same way. Thread-safe.
+#pragma once
+
+#include <mutex>
+
+#include "plan/engine.h"
+#include "server/jobs/job_files.h"
+
+namespace gobo {
+
+class JobScenes {
+ public:
+  JobScenes(Engine& engine, JobFiles& files) : engine_(engine), files_(files) {}
+  /// At submission: fills in sceneSource, sceneFile, environmentDigest.
+  Status describe(NewJob& job);
+  /// Errors: FailedPrecondition naming both hashes; what loading says.
+  Result<std::shared_ptr<const Scene>> get(const JobRecord& record);
+
+ private:
+  Result<std::string> environmentDigest(const v1::RenderRequest& request) const;
+  Engine& engine_;
+  JobFiles& files_;
+  std::mutex mutex_;                              // one load at a time
+  std::string cachedHash_;
+  std::shared_ptr<const Scene> cached_;           // the last one that had to be loaded
+};
+
+}  // namespace gobo

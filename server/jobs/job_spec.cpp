@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/jobs/job_spec.h"
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
+#include <cctype>
+#include <cmath>
+
+#include "plan/request.h"
+#include "server/encode.h"
+#include "server/log.h"
+
+namespace gobo {
+
+namespace {
+
+constexpr int64_t kMostFrames = 100000;
+
+Status textBound(const std::string& text, const char* field) {
+  if (text.size() <= 200) return {};
+  return invalidArgument(strf("%s has %zu bytes: at most 200", field, text.size()), field);
+}
+
+const char* extension(v1::Encoding::Format format) {
+  switch (format) {
+    case v1::Encoding::PNG: return "png";
+    case v1::Encoding::JPEG: return "jpg";
+    case v1::Encoding::RAW_FLOAT: case v1::Encoding::RAW_HALF: return "raw";
+    default: return "exr";
+  }
+}
+
+std::string plain(const std::string& text) {
+  std::string out;
+  for (const unsigned char c : text) out += std::isalnum(c) || c == '-' || c == '_' || c == '.' ? char(c) : '_';
+  if (!out.empty() && out[0] == '.') out[0] = '_';
+  return out;
+}
+
+}  // namespace
+
+std::string specDigest(const v1::JobSpec& sent) {
+  std::string bytes;
+  {
+    google::protobuf::io::StringOutputStream stream(&bytes);
+    google::protobuf::io::CodedOutputStream out(&stream);
+    out.SetSerializationDeterministic(true);
+    sent.SerializeToCodedStream(&out);
+  }
+  return sha256Hex(bytes.data(), bytes.size());
+}
+
+Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engine& engine, double nowUnix) {
+  NewJob job;
+  job.digest = specDigest(sent);
+  job.client = client;
+  v1::JobSpec& spec = job.spec = sent;
+  GOBO_TRY(textBound(spec.name(), "job.name"));
+  GOBO_TRY(textBound(spec.key(), "job.key"));
+  if (!spec.has_request()) return invalidArgument("job.request: must be given", "job.request");
+  if (spec.request().halt().has_time_s())
+    return invalidArgument("job.request.halt.time_s: a job's result must be repeatable: halt by spp or error", "job.request.halt.time_s");
+  spec.mutable_request()->clear_scheduling();
+  GOBO_ASSIGN(*spec.mutable_request(), engine.resolve(spec.request()));
+  spec.mutable_request()->mutable_scheduling()->set_priority(v1::Scheduling::BATCH);
+  spec.mutable_request()->mutable_scheduling()->set_client(client);
+  spec.set_client(client);
+  spec.mutable_frames();
+  GOBO_TRY(resolveDefaults(spec, "job"));
+  if (spec.priority() == v1::JobSpec::PRIORITY_UNSPECIFIED || !v1::JobSpec::Priority_IsValid(spec.priority()))
+    return invalidArgument(strf("job.priority = %d: must be LOW, MEDIUM or HIGH", int(spec.priority())), "job.priority");
+  if (spec.has_deadline_unix_s() && spec.deadline_unix_s() <= nowUnix)
+    return Status(Code::DeadlineExceeded, strf("job.deadline_unix_s = %.3f has passed", spec.deadline_unix_s()), "job.deadline_unix_s");
+  v1::FrameRange& range = *spec.mutable_frames();
+  if (!range.has_last()) range.set_last(range.first());
+  if (range.last() < range.first())
+    return invalidArgument(strf("job.frames.last = %lld: must be at least first = %lld", (long long)range.last(), (long long)range.first()), "job.frames.last");
+  const int64_t count = (range.last() - range.first()) / range.step() + 1;
+  if (count > kMostFrames) return invalidArgument(strf("job.frames: %lld frames, at most %lld", (long long)count, (long long)kMostFrames), "job.frames");
+  for (int64_t i = 0; i < count; ++i) job.frames.push_back(range.first() + i * range.step());
+  GOBO_TRY(engine.pinnedBytes(frameRequest(spec, range.first())).status());   // the plan can be made: outputs, lights, environment
+  job.sceneHash = spec.request().scene_hash();
+  return job;
+}
+
+v1::RenderRequest frameRequest(const v1::JobSpec& spec, int64_t frame) {
+  v1::RenderRequest request = spec.request();
+  if (!spec.frames().has_fps()) return request;
+  // By name: the schema's animation field, in builds whose requests have one.
+  if (const auto* field = request.GetDescriptor()->FindFieldByName("time_s"))
+    request.GetReflection()->SetDouble(&request, field, double(frame) / spec.frames().fps());
+  return request;
+}
+
+std::string resultName(const v1::JobSpec& spec, int64_t frame, const std::string& output, v1::Encoding::Format format) {
+  std::string name = plain(spec.name().empty() ? spec.request().scene() : spec.name());
+  if (name.empty()) name = "job";
+  name += strf(frame < 0 ? ".%05lld" : ".%04lld", (long long)frame);
+  if (spec.request().outputs_size() > 1) name += "." + plain(output);
+  return name + "." + extension(format);
+}
+
+}  // namespace gobo

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// Job specs as values: checked, filled in and expanded to frames; the request of one frame; names of result files.
+// Pure but for the engine's plan check. Thread-safe.
+#pragma once
+
+#include "plan/engine.h"
+#include "server/jobs/job_store.h"
+
+namespace gobo {
+
+/// Checks the spec, resolves its request against the scene as it is now, and makes the frames. `client` is the one that is
+/// charged. Leaves sceneFile and environmentDigest to the caller. Errors: InvalidArgument naming the field ("job.frames.last");
+/// the engine's own for the request.
+Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engine& engine, double nowUnix);
+/// Of the spec as sent, whatever order its maps have.
+std::string specDigest(const v1::JobSpec& sent);
+/// The request of a frame: time_s = frame / fps when fps is given.
+v1::RenderRequest frameRequest(const v1::JobSpec& spec, int64_t frame);
+/// "NAME.0007.beauty.exr"; characters that do not belong into a file name become "_".
+std::string resultName(const v1::JobSpec& spec, int64_t frame, const std::string& output, v1::Encoding::Format format);
+
+}  // namespace gobo

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// JobStore: what is promised to clients, and who works on it. A job is a request and frames; a task is one frame. A worker claims
+// a task and gets a LEASE: holder, expiry, and a token. Tokens only grow, over all tasks and for ever. Every report carries its
+// token; a report whose token is not the task's present one is refused (FailedPrecondition naming both), so a worker that was
+// taken for dead cannot disturb the one that took over. A lease is over when the store says so (expireLeases, cancel, release,
+// complete, fail), not when its time has passed: until then its holder may still report.
+// Every change is durable when the call returns Ok. Unavailable, ResourceExhausted, Internal mean "not written, or not known":
+// repeat the call; all reports may be repeated with the same token.
+// Job states: queued -> running (a frame was claimed) -> done | failed; cancelled and paused from either. A frame that fails is
+// tried again until max_attempts failures; the others go on, then the job is failed. docs/job_store.md has the schema.
+// Times are seconds since 1970 on the store's clock. Thread-safe; several processes may open one store.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/status.h"
+#include "gobo/v1/jobs.pb.h"
+
+namespace gobo {
+
+/// What is submitted: checked and resolved by the caller (server/jobs/job_spec.h).
+struct NewJob {
+  v1::JobSpec spec;                  ///< resolved
+  std::string client;
+  std::string digest;                ///< of the spec as it was sent: the same key must come with the same one
+  std::string sceneHash, sceneSource, sceneFile;   ///< sceneFile: name under FOLDER/scenes of an upload, or empty
+  std::string environmentDigest;     ///< sha256 of the environment's file, or empty
+  std::vector<int64_t> frames;
+};
+
+struct JobRecord {
+  int64_t id = 0;
+  v1::Job job;                       ///< progress counts finished frames and checkpoints
+  std::string sceneSource, sceneFile, environmentDigest;
+  uint64_t revision = 0;             ///< of the store when read; grows with every change
+};
+
+struct TaskId {
+  int64_t job = 0, index = 0;        ///< index of the frame in the job, from 0
+  auto operator<=>(const TaskId&) const = default;
+};
+
+struct Lease {
+  TaskId task;
+  uint64_t token = 0;
+  std::string holder;
+  double expires = 0;
+  int64_t frame = 0;
+  double progress = 0;               ///< of the last checkpoint
+};
+
+struct CheckpointRow { std::string recipe, digest; uint32_t blocks = 0; uint64_t bytes = 0; };
+
+struct JobFilter {
+  std::vector<v1::Job::State> states;
+  std::string client;
+  int64_t before = 0;                ///< ids below this one; 0: any
+  uint32_t limit = 50;
+};
+
+struct FailedReport {
+  Status reason;
+  bool retry = true;                 ///< false: no attempt of this frame can do better
+  bool wholeJob = false;             ///< nor of any other frame
+};
+
+struct JobTotals {
+  uint64_t queued = 0, running = 0, paused = 0, done = 0, failed = 0, cancelled = 0;   ///< jobs
+  uint64_t activeTasks = 0;          ///< frames of jobs that are not over
+  uint64_t resultBytes = 0;
+};
+
+class JobStore {
+ public:
+  virtual ~JobStore() = default;
+
+  /// The new job, or the one that has the same client and key (then `existed`). Errors: AlreadyExists naming it when that one was
+  /// made from another spec.
+  virtual Result<int64_t> submit(const NewJob& job, bool& existed) = 0;
+  /// The job with this key, 0 if there is none. Errors: AlreadyExists as above.
+  virtual Result<int64_t> findKey(const std::string& client, const std::string& key, const std::string& digest) = 0;
+  virtual Result<JobRecord> get(int64_t id, bool withFrames) = 0;                     ///< NotFound
+  virtual Result<std::vector<v1::Job>> list(const JobFilter& filter) = 0;             ///< newest first, without frames
+  /// Frames that changed after `revision`, with the job (no frames, no spec in it) and the new revision.
+  virtual Result<JobRecord> changes(int64_t id, uint64_t revision) = 0;
+  virtual Status cancel(int64_t id) = 0;                                              ///< no change when it is over
+  virtual Status pause(int64_t id) = 0;                                               ///< no change when it is over
+  virtual Status resume(int64_t id) = 0;
+  virtual Status remove(int64_t id) = 0;                                              ///< FailedPrecondition unless it is over
+
+  /// The next task: job priority, then job deadline, then job id, then frame. None: nothing is ready now.
+  virtual Result<std::optional<Lease>> claim(const std::string& holder, double leaseSeconds) = 0;
+  /// Extends the lease. The job's state: a holder that reads Paused is to release soon.
+  virtual Result<v1::Job::State> renew(Lease& lease, double leaseSeconds) = 0;
+  /// The job's state, if the lease still holds. Writes nothing.
+  virtual Result<v1::Job::State> check(const Lease& lease) = 0;
+  /// Records a checkpoint file that is on disk; it replaces the one of the same recipe. The digests of files not needed any more.
+  virtual Result<std::vector<CheckpointRow>> checkpoint(const Lease& lease, const CheckpointRow& row, double progress, uint32_t spp) = 0;
+  virtual Result<std::vector<CheckpointRow>> checkpoints(TaskId task) = 0;
+  /// The frame is done; `files` are on disk. Again with the same token and files: Ok.
+  virtual Status complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) = 0;
+  virtual Status fail(const Lease& lease, const FailedReport& report) = 0;
+  /// Gives the task back: it waits again, no attempt is counted.
+  virtual Status release(const Lease& lease) = 0;
+
+  /// Ends leases whose time has passed, and fails jobs past their deadline. The number of both.
+  virtual Result<uint64_t> expireLeases() = 0;
+  /// Ends all leases: the caller knows that no holder lives.
+  virtual Result<uint64_t> endAllLeases() = 0;
+  /// Marks the results of jobs that are over as gone: of those that ended more than `keepSeconds` ago, and the earliest ended
+  /// ones while results have more than `keepBytes`. Their ids.
+  virtual Result<std::vector<int64_t>> expireResults(uint64_t keepBytes, double keepSeconds) = 0;
+  virtual Result<std::vector<std::string>> neededCheckpoints() = 0;                   ///< "JOB-INDEX-DIGEST"
+  virtual Result<std::vector<std::string>> neededResults(int64_t id) = 0;             ///< sha256 of a job's files
+  virtual Result<std::vector<int64_t>> jobIds() = 0;
+  virtual Result<std::vector<std::string>> neededScenes() = 0;                        ///< sceneFile of jobs that are not over
+  virtual Result<JobTotals> totals() = 0;
+};
+
+/// "j-7"; 0 for what is not an id.
+std::string jobIdText(int64_t id);
+int64_t jobIdOf(const std::string& text);
+bool jobIsOver(v1::Job::State state);
+
+}  // namespace gobo

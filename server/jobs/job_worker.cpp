@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/jobs/job_worker.h"
+
+#include "server/jobs/task_run.h"
+#include "server/log.h"
+
+namespace gobo {
+
+JobWorker::JobWorker(Engine& engine, JobRunner& runner, JobStore& store, JobFiles& files, JobScenes& scenes, JobHub& hub, const JobWorkerOptions& options)
+    : engine_(engine), runner_(runner), store_(store), files_(files), scenes_(scenes), hub_(hub), options_(options) {
+  for (int i = 0; i < options_.workers; ++i) threads_.emplace_back([this, i] { loop(i); });
+}
+
+void JobWorker::stop() {
+  stopping_.store(true);
+  hub_.steered();
+  for (auto& t : threads_) if (t.joinable()) t.join();
+  threads_.clear();
+}
+
+void JobWorker::loop(int number) {
+  const std::string holder = options_.holder + "/" + std::to_string(number);
+  uint64_t seen = hub_.version();
+  while (!stopping_.load()) {
+    auto lease = store_.claim(holder, options_.leaseSeconds);
+    if (!lease.ok()) logWarn("jobs: cannot claim: %s", lease.status().toString().c_str());
+    if (!lease.ok() || !*lease) {
+      hub_.wait(seen, lease.ok() ? 0.5 : 2);   // other processes submit too, and retries become ready
+      continue;
+    }
+    hub_.changed();
+    TaskRun(*this, **lease).run();
+    hub_.clearLive((*lease)->task);
+    hub_.changed();
+  }
+}
+
+}  // namespace gobo

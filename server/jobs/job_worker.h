@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// JobWorker: threads that claim frames, render them as batch work of the daemon's scheduler, and report. Each frame's own thread
+// waits outside the slot: it renews the lease, writes checkpoints while the render goes on, and notices cancel, pause and lost
+// leases; so neither disk nor store ever holds the cores. A checkpoint is asked for by preempting the frame for a moment.
+// A finished frame is reported until the store has acknowledged it or said that the lease is over.
+#pragma once
+
+#include <atomic>
+#include <thread>
+#include <vector>
+
+#include "server/job_runner.h"
+#include "server/jobs/job_hub.h"
+#include "server/jobs/job_scenes.h"
+
+namespace gobo {
+
+struct JobWorkerOptions {
+  int workers = 1;
+  double leaseSeconds = 30;
+  double checkpointSeconds = 30;     ///< between checkpoints of a frame; more when writing one takes over a twentieth of it
+  std::string holder;                ///< names this process in the store
+};
+
+struct JobWorkerStats {
+  std::atomic<uint64_t> frames{0}, failures{0}, lost{0}, checkpoints{0}, resumed{0}, repeatedReports{0};
+};
+
+class JobWorker {
+ public:
+  JobWorker(Engine& engine, JobRunner& runner, JobStore& store, JobFiles& files, JobScenes& scenes, JobHub& hub, const JobWorkerOptions& options);
+  ~JobWorker() { stop(); }
+  /// Frames that run are checkpointed and released; returns when all threads are out.
+  void stop();
+  const JobWorkerStats& stats() const { return stats_; }
+
+ private:
+  friend class TaskRun;
+  void loop(int number);
+  Engine& engine_;
+  JobRunner& runner_;
+  JobStore& store_;
+  JobFiles& files_;
+  JobScenes& scenes_;
+  JobHub& hub_;
+  const JobWorkerOptions options_;
+  JobWorkerStats stats_;
+  std::atomic<bool> stopping_{false};
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace gobo

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+// The unary calls; jobs_streams.cpp has Watch and Fetch.
+#include "server/jobs/jobs_service.h"
+
+#include <chrono>
+
+#include "server/jobs/job_spec.h"
+#include "server/limits.h"
+
+namespace gobo {
+
+namespace {
+
+const Status kOff(Code::FailedPrecondition, "jobs are switched off: set folder in the [jobs] section of gobod's configuration (docs/operations.md)", "jobs.folder");
+
+/// The caller is bound to the jobs of its own token.
+bool bound(const Rpc& rpc) { return rpc.who().token && !rpc.who().admin; }
+
+}  // namespace
+
+Result<JobRecord> JobsService::read(const Rpc& rpc, const std::string& text, bool frames) {
+  if (!core_.durable) return kOff;
+  const Status none = notFound("no job '" + text.substr(0, 80) + "'", "id");
+  const int64_t id = jobIdOf(text);
+  if (!id) return none;
+  GOBO_ASSIGN(JobRecord record, core_.durable->store().get(id, frames));
+  if (bound(rpc) && record.job.spec().client() != rpc.who().name) return none;
+  core_.durable->hub().overlay(record);
+  return record;
+}
+
+grpc::Status JobsService::Submit(grpc::ServerContext* context, const v1::JobSpec* spec, v1::Job* reply) {
+  return serve(core_, *context, "submit", [&](Rpc& rpc) { return submit(rpc, *spec, reply); });
+}
+
+grpc::Status JobsService::submit(Rpc& rpc, const v1::JobSpec& spec, v1::Job* reply) {
+  ServerCore::Call call(core_);
+  if (!call.ok) return rpc.refuseDraining();
+  rpc.note("scene", spec.request().scene());
+  const auto client = rpc.client(spec.client().empty() ? spec.request().scheduling().client() : spec.client());
+  if (!client.ok()) return rpc.refuse("client", client.status());
+  if (!core_.durable) return toGrpc(kOff);
+  DurableJobs& jobs = *core_.durable;
+  // A known key first: its job stands, whatever became of the scene since.
+  auto id = jobs.store().findKey(*client, spec.key(), specDigest(spec));
+  if (!id.ok()) return toGrpc(id.status());
+  if (*id == 0) {
+    const double now = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+    auto job = makeJob(spec, *client, core_.engine, now);
+    if (!job.ok()) return toGrpc(job.status());
+    const grpc::Status allowed = checkRender(rpc, *job->spec.mutable_request(), job->spec.request());
+    if (!allowed.ok()) return allowed;
+    const Status described = jobs.scenes().describe(*job);
+    if (!described.ok()) return toGrpc(described);
+    bool existed = false;
+    id = jobs.store().submit(*job, existed);
+    if (!id.ok()) return toGrpc(id.status());
+    jobs.hub().changed();
+  }
+  auto record = read(rpc, jobIdText(*id), false);
+  if (!record.ok()) return toGrpc(record.status());
+  *reply = std::move(record->job);
+  rpc.note("job", reply->id());
+  rpc.note("frames", std::to_string(reply->frames_total()));
+  return grpc::Status::OK;
+}
+
+grpc::Status JobsService::Get(grpc::ServerContext* context, const v1::GetJobRequest* request, v1::Job* reply) {
+  return serve(core_, *context, "get", [&](Rpc& rpc) {
+    rpc.quiet();
+    auto record = read(rpc, request->id(), true);
+    if (record.ok()) *reply = std::move(record->job);
+    return toGrpc(record.status());
+  });
+}
+
+grpc::Status JobsService::List(grpc::ServerContext* context, const v1::ListJobsRequest* request, v1::ListJobsReply* reply) {
+  return serve(core_, *context, "list_jobs", [&](Rpc& rpc) {
+    rpc.quiet();
+    return list(rpc, *request, reply);
+  });
+}
+
+grpc::Status JobsService::list(Rpc& rpc, const v1::ListJobsRequest& sent, v1::ListJobsReply* reply) {
+  const v1::ListJobsRequest* request = &sent;
+  if (!core_.durable) return toGrpc(kOff);
+  JobFilter filter;
+  for (const int state : request->states()) {
+    if (!v1::Job::State_IsValid(state) || state == 0) return toGrpc(invalidArgument(strf("states: %d is no state", state), "states"));
+    filter.states.push_back(v1::Job::State(state));
+  }
+  filter.client = request->client();
+  if (bound(rpc)) {
+    if (!filter.client.empty() && filter.client != rpc.who().name) return grpc::Status::OK;
+    filter.client = rpc.who().name;
+  }
+  if (!request->page_token().empty() && (filter.before = jobIdOf(request->page_token())) == 0)
+    return toGrpc(invalidArgument("page_token = \"" + request->page_token().substr(0, 80) + "\": is none of this server", "page_token"));
+  if (request->page_size() > 1000) return toGrpc(invalidArgument(strf("page_size = %u: must be at most 1000", request->page_size()), "page_size"));
+  const uint32_t page = request->page_size() ? request->page_size() : 50;
+  filter.limit = page + 1;
+  auto jobs = core_.durable->store().list(filter);
+  if (!jobs.ok()) return toGrpc(jobs.status());
+  for (size_t i = 0; i < jobs->size() && i < page; ++i) {
+    JobRecord record;
+    record.job = std::move((*jobs)[i]);
+    record.id = jobIdOf(record.job.id());
+    core_.durable->hub().overlay(record);
+    *reply->add_jobs() = std::move(record.job);
+  }
+  if (jobs->size() > page) reply->set_next_page_token(reply->jobs(int(page) - 1).id());
+  return grpc::Status::OK;
+}
+
+grpc::Status JobsService::steer(grpc::ServerContext& context, const char* method, const std::string& text, Steer what, v1::Job* reply) {
+  return serve(core_, context, method, [&](Rpc& rpc) -> grpc::Status {
+    ServerCore::Call call(core_);
+    if (!call.ok) return rpc.refuseDraining();
+    rpc.note("job", text.substr(0, 80));
+    auto record = read(rpc, text, false);
+    if (!record.ok()) return toGrpc(record.status());
+    const Status status = (core_.durable->store().*what)(record->id);
+    if (!status.ok()) return toGrpc(status);
+    core_.durable->hub().steered();
+    if (what == &JobStore::cancel) core_.durable->files().removeCheckpoints(record->id);
+    record = read(rpc, text, false);
+    if (!record.ok()) return toGrpc(record.status());
+    *reply = std::move(record->job);
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status JobsService::Cancel(grpc::ServerContext* c, const v1::CancelJobRequest* r, v1::Job* reply) { return steer(*c, "cancel", r->id(), &JobStore::cancel, reply); }
+grpc::Status JobsService::Pause(grpc::ServerContext* c, const v1::PauseJobRequest* r, v1::Job* reply) { return steer(*c, "pause", r->id(), &JobStore::pause, reply); }
+grpc::Status JobsService::Resume(grpc::ServerContext* c, const v1::ResumeJobRequest* r, v1::Job* reply) { return steer(*c, "resume", r->id(), &JobStore::resume, reply); }
+
+grpc::Status JobsService::Delete(grpc::ServerContext* context, const v1::DeleteJobRequest* request, v1::DeleteJobReply*) {
+  return serve(core_, *context, "delete", [&](Rpc& rpc) -> grpc::Status {
+    ServerCore::Call call(core_);
+    if (!call.ok) return rpc.refuseDraining();
+    rpc.note("job", request->id().substr(0, 80));
+    auto record = read(rpc, request->id(), false);
+    if (!record.ok()) return toGrpc(record.status());
+    const Status status = core_.durable->store().remove(record->id);
+    if (!status.ok()) return toGrpc(status);
+    core_.durable->files().removeResults(record->id);   // a kill in between leaves litter, which the next start sweeps
+    core_.durable->hub().steered();
+    return grpc::Status::OK;
+  });
+}
+
+}  // namespace gobo

@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/jobs/task_run.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/jobs/job_spec.h"
+#include "server/log.h"
+
+namespace gobo {
+
+namespace {
+
+constexpr double kPoll = 0.02;             // seconds between ticks
+constexpr double kWriteShare = 20;         // a checkpoint may take a twentieth of the time between two
+
+double since(std::chrono::steady_clock::time_point t) { return std::chrono::duration<double>(std::chrono::steady_clock::now() - t).count(); }
+
+std::chrono::steady_clock::time_point in(double seconds) {
+  return std::chrono::steady_clock::now() + std::chrono::duration_cast<std::chrono::steady_clock::duration>(std::chrono::duration<double>(seconds));
+}
+
+/// Faults that no second attempt can mend.
+bool permanent(Code code) {
+  return code == Code::InvalidArgument || code == Code::NotFound || code == Code::PermissionDenied || code == Code::FailedPrecondition ||
+         code == Code::OutOfRange || code == Code::Unimplemented;
+}
+
+}  // namespace
+
+void TaskRun::ask(End end) {
+  if (end_.load() == End::Lost) return;
+  end_.store(end);
+  const std::lock_guard lock(mutex_);
+  // Preempted: the path tracer parks its state, the last checkpoint. A lost frame's state is nobody's.
+  if (inner_) inner_->stop(end == End::Lost ? StopReason::Cancelled : StopReason::Preempted);
+}
+
+void TaskRun::steer(const Result<v1::Job::State>& state) {
+  if (!state.ok()) {
+    if (state.status().code() == Code::FailedPrecondition) ask(End::Lost);
+    return;
+  }
+  if (*state == v1::Job::PAUSED) ask(End::Release);
+}
+
+void TaskRun::renewIfDue() {
+  if (Clock::now() < nextRenew_) return;
+  const auto state = w_.store_.renew(lease_, w_.options_.leaseSeconds);
+  if (!state.ok() && state.status().code() != Code::FailedPrecondition)
+    logWarn("jobs: cannot renew the lease of %s frame %lld: %s", jobIdText(lease_.task.job).c_str(), (long long)lease_.frame, state.status().toString().c_str());
+  nextRenew_ = in(w_.options_.leaseSeconds * (state.ok() ? 1.0 / 3 : 1.0 / 15));
+  steer(state);
+}
+
+void TaskRun::flush() {
+  if (!checkpoints_->pending() || Clock::now() < flushAfter_ || end() == End::Lost) return;
+  const auto start = Clock::now();
+  const v1::Halt& halt = record_.job.spec().request().halt();
+  const double samples = checkpoints_->samples();
+  if (halt.has_spp()) progress_.store(std::max(progress_.load(), std::min(1.0, samples / halt.spp())));
+  spp_.store(uint32_t(samples));
+  const double progress = progress_.load();
+  const Status status = checkpoints_->flush(progress, spp_.load());
+  if (status.ok()) {
+    storedProgress_ = progress;
+    gap_ = std::max(w_.options_.checkpointSeconds, kWriteShare * since(start));
+    w_.hub_.changed();
+  } else if (status.code() == Code::FailedPrecondition) {
+    ask(End::Lost);
+  } else {
+    logWarn("jobs: checkpoint of %s frame %lld: %s", jobIdText(lease_.task.job).c_str(), (long long)lease_.frame, status.toString().c_str());
+    flushAfter_ = in(1);
+  }
+}
+
+bool TaskRun::tick() {
+  if (w_.stopping_.load() && end() == End::None) ask(End::Release);
+  if (const uint64_t control = w_.hub_.control(); control != control_) {
+    control_ = control;
+    steer(w_.store_.check(lease_));
+  }
+  renewIfDue();
+  flush();
+  if (const auto active = checkpoints_->activeSince(); active && end() == End::None && !checkpoints_->pending() && inSlot_.load()) {
+    // Counted from the start of the node: each run of it gets on by at least one gap, or it would never end.
+    if (since(std::max(*active, lastCheckpoint_)) >= gap_) {
+      lastCheckpoint_ = Clock::now();
+      const std::lock_guard lock(mutex_);
+      if (inner_) inner_->stop(StopReason::Preempted);
+    }
+  }
+  if (const double p = progress_.load(); std::abs(p - shown_) >= 0.005) {
+    shown_ = p;
+    w_.hub_.setLive(lease_.task, {lease_.frame, p, storedProgress_, spp_.load()});
+  }
+  return end() == End::Lost || (end() == End::Release && !inSlot_.load());
+}
+
+Status TaskRun::work(StopToken slot, const v1::RenderRequest& request) {
+  inSlot_.store(true);
+  struct Leave { std::atomic<bool>& flag; ~Leave() { flag.store(false); } } leave{inSlot_};
+  RenderControl control;
+  control.scene = scene_;
+  control.checkpoints = checkpoints_.get();
+  control.progress = [this](const v1::Progress& p) {
+    if (!checkpoints_->activeSince()) return;   // the parts before take little
+    double now = progress_.load();
+    while (p.fraction() > now && !progress_.compare_exchange_weak(now, p.fraction())) {}
+  };
+  for (;;) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (end() != End::None) return {Code::Cancelled, "the frame was given back"};
+      inner_.emplace(slot);
+      control.stop = inner_->token();
+    }
+    checkpoints_->begin();
+    auto rendered = w_.engine_.render(request, control);
+    {
+      const std::lock_guard lock(mutex_);
+      inner_.reset();
+    }
+    if (rendered.ok()) {
+      result_ = std::move(rendered).value();
+      return {};
+    }
+    if (rendered.status().code() != Code::Aborted || slot.stopRequested()) return rendered.status();
+    if (end() != End::None) return {Code::Cancelled, "the frame was given back"};
+    // Stopped for a checkpoint: its state is kept, go on from it.
+  }
+}
+
+Status TaskRun::render(std::vector<EncodedImage>& images) {
+  auto record = w_.store_.get(lease_.task.job, false);
+  if (!record.ok()) return record.status();
+  record_ = std::move(*record);
+  auto rows = w_.store_.checkpoints(lease_.task);
+  if (!rows.ok()) return rows.status();
+  checkpoints_ = std::make_unique<TaskCheckpoints>(w_.store_, w_.files_, lease_, std::move(*rows));
+  auto scene = w_.scenes_.get(record_);
+  if (!scene.ok()) {
+    sceneFault_ = true;
+    return scene.status();
+  }
+  scene_ = *scene;
+  const v1::RenderRequest request = frameRequest(record_.job.spec(), lease_.frame);
+  auto pinned = w_.engine_.pinnedBytes(request, scene_);
+  if (!pinned.ok()) return pinned.status();
+  JobSpec spec;
+  spec.client = record_.job.spec().client();
+  spec.jobClass = JobClass::Batch;
+  spec.pinnedBytes = *pinned;
+  RunControl control;
+  control.gone = [this] { return tick(); };
+  control.pollSeconds = kPoll;
+  RunReport report;
+  for (;;) {
+    report = w_.runner_.run(spec, [&](StopToken slot) { return work(slot, request); }, control);
+    ranSeconds_ = report.ranSeconds;
+    if (report.status.code() != Code::ResourceExhausted || report.retryMs <= 0) break;
+    // The batch queue is full: not this frame's fault. Wait as others do.
+    for (const auto until = in(std::min(report.retryMs * 1e-3, 5.0)); Clock::now() < until && end() == End::None;) {
+      tick();
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    if (end() != End::None) return {Code::Cancelled, "the frame was given back"};
+  }
+  if (!report.status.ok()) return report.status;
+  GOBO_ASSIGN(images, encodeImages(*result_));
+  return {};
+}
+
+Status TaskRun::report(const char* what, const std::function<Status()>& attempt) {
+  double wait = 0.05;
+  for (int n = 1;; ++n) {
+    const Status status = attempt();
+    if (status.ok() || status.code() == Code::FailedPrecondition || status.code() == Code::DataLoss) return status;
+    ++w_.stats_.repeatedReports;
+    logWarn("jobs: %s of %s frame %lld, attempt %d: %s", what, jobIdText(lease_.task.job).c_str(), (long long)lease_.frame, n, status.toString().c_str());
+    if (w_.stopping_.load() && n >= 5) return status;   // the next daemon goes on from the last checkpoint
+    for (const auto until = in(wait); Clock::now() < until && !(w_.stopping_.load() && n >= 5);) {
+      renewIfDue();
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    wait = std::min(5.0, wait * 2);
+  }
+}
+
+Status TaskRun::deliver(const std::vector<EncodedImage>& images) {
+  std::vector<v1::FrameFile> files;
+  for (const EncodedImage& image : images) {
+    v1::FrameFile& f = files.emplace_back();
+    const v1::ImageDescriptor& d = image.descriptor;
+    f.set_output(d.output());
+    f.set_name(resultName(record_.job.spec(), lease_.frame, d.output(), d.format()));
+    f.set_bytes(image.bytes.size());
+    f.set_sha256(sha256Hex(image.bytes.data(), image.bytes.size()));
+    f.set_format(d.format());
+    f.set_width(d.width());
+    f.set_height(d.height());
+    GOBO_TRY(report("result file", [&] { return w_.files_.write(w_.files_.resultPath(lease_.task.job, f.sha256()), image.bytes.data(), image.bytes.size()); }));
+  }
+  return report("completion report", [&] { return w_.store_.complete(lease_, files, ranSeconds_); });
+}
+
+void TaskRun::run() {
+  control_ = w_.hub_.control();
+  gap_ = w_.options_.checkpointSeconds;
+  nextRenew_ = in(w_.options_.leaseSeconds / 3);
+  progress_ = storedProgress_ = lease_.progress;
+  w_.hub_.setLive(lease_.task, {lease_.frame, storedProgress_, storedProgress_, 0});
+  std::vector<EncodedImage> images;
+  Status status = render(images);
+  if (status.ok()) status = deliver(images);
+  finish(status);
+}
+
+void TaskRun::finish(const Status& status) {
+  const std::string name = jobIdText(lease_.task.job) + " frame " + std::to_string(lease_.frame);
+  if (checkpoints_) {
+    if (end() == End::Release && !status.ok()) flushAfter_ = {}, flush();
+    w_.stats_.checkpoints += checkpoints_->written();
+    w_.stats_.resumed += checkpoints_->resumed();
+  }
+  if (status.ok()) {
+    checkpoints_->drop();
+    ++w_.stats_.frames;
+    logInfo("job %s done seconds=%.1f checkpoints=%llu resumed=%llu", name.c_str(), since(begun_), (unsigned long long)checkpoints_->written(),
+            (unsigned long long)checkpoints_->resumed());
+    return;
+  }
+  const bool transient = status.code() == Code::Cancelled || status.code() == Code::Unavailable;   // asked for, or the daemon's own state
+  if (end() == End::Lost || (!transient && !w_.store_.check(lease_).ok() && w_.store_.check(lease_).status().code() == Code::FailedPrecondition)) {
+    ++w_.stats_.lost;
+    if (checkpoints_) {
+      const auto job = w_.store_.get(lease_.task.job, false);
+      if (!job.ok() || jobIsOver(job->job.state())) checkpoints_->drop();   // cancelled: nobody goes on from them
+    }
+    logInfo("job %s given up: its lease is over", name.c_str());
+    return;
+  }
+  Status told;
+  if (end() == End::Release || transient) {
+    told = report("release", [&] { return w_.store_.release(lease_); });
+    logInfo("job %s released at %.0f %%", name.c_str(), progress_.load() * 100);
+  } else {
+    const bool retry = !permanent(status.code());
+    ++w_.stats_.failures;
+    logWarn("job %s failed%s: %s", name.c_str(), retry ? "" : " for good", status.toString().c_str());
+    told = report("failure report", [&] { return w_.store_.fail(lease_, {status, retry, sceneFault_ && !retry}); });
+    const auto job = w_.store_.get(lease_.task.job, false);
+    if (checkpoints_ && (!retry || !job.ok() || jobIsOver(job->job.state()))) checkpoints_->drop();
+  }
+  if (!told.ok()) logWarn("job %s: %s", name.c_str(), told.toString().c_str());
+}
+
+}  // namespace gobo

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// TaskRun: one claimed frame from claim to report, on its worker's thread. See job_worker.h.
+#pragma once
+
+#include "server/encode.h"
+#include "server/jobs/job_worker.h"
+#include "server/jobs/task_checkpoints.h"
+
+namespace gobo {
+
+class TaskRun {
+ public:
+  TaskRun(JobWorker& worker, Lease lease) : w_(worker), lease_(std::move(lease)) {}
+  void run();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  enum class End { None, Release, Lost };
+  Status render(std::vector<EncodedImage>& images);            // Ok, or why not; end() tells what was asked meanwhile
+  Status work(StopToken slot, const v1::RenderRequest& request);
+  bool tick();                                                 // true: take the frame out of the scheduler
+  void renewIfDue();
+  void steer(const Result<v1::Job::State>& state);
+  void ask(End end);
+  End end() const { return end_.load(); }
+  void flush();
+  Status report(const char* what, const std::function<Status()>& attempt);
+  Status deliver(const std::vector<EncodedImage>& images);
+  void finish(const Status& status);
+
+  JobWorker& w_;
+  Lease lease_;
+  JobRecord record_;
+  std::shared_ptr<const Scene> scene_;
+  std::unique_ptr<TaskCheckpoints> checkpoints_;
+  std::optional<RenderResult> result_;
+  std::atomic<End> end_{End::None};
+  std::atomic<bool> inSlot_{false};
+  std::mutex mutex_;                       // inner_
+  std::optional<StopSource> inner_;        // of the render that goes on
+  std::atomic<double> progress_{0};
+  std::atomic<uint32_t> spp_{0};
+  uint64_t control_ = 0;
+  double storedProgress_ = 0, shown_ = -1;
+  Clock::time_point nextRenew_, lastCheckpoint_ = Clock::now(), begun_ = Clock::now();
+  bool sceneFault_ = false;
+  double gap_ = 0;                         // seconds between checkpoints
+  Clock::time_point flushAfter_{};         // a failed write is tried again then
+  double ranSeconds_ = 0;
+};
+
+}  // namespace gobo

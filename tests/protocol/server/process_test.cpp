@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+// gobod as a process: one of many on a path, kill -9, SIGHUP, SIGTERM once and twice. Every wait is bounded.
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+#include "harness.h"
+#include "http_get.h"
+#include "support/pki.h"
+
+extern char** environ;
+
+namespace gobo {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+class Daemon {
+ public:
+  Daemon(const std::string& folder, const std::string& name, std::vector<std::string> arguments) : out_(folder + "/" + name + ".out"), err_(folder + "/" + name + ".err") {
+    arguments.insert(arguments.begin(), GOBOD_PATH);
+    std::vector<char*> argv;
+    for (std::string& a : arguments) argv.push_back(a.data());
+    argv.push_back(nullptr);
+    posix_spawn_file_actions_t files;
+    posix_spawn_file_actions_init(&files);
+    posix_spawn_file_actions_addopen(&files, 1, out_.c_str(), O_CREAT | O_WRONLY | O_TRUNC, 0600);
+    posix_spawn_file_actions_addopen(&files, 2, err_.c_str(), O_CREAT | O_WRONLY | O_TRUNC, 0600);
+    EXPECT_EQ(::posix_spawn(&pid_, GOBOD_PATH, &files, nullptr, argv.data(), environ), 0);
+    posix_spawn_file_actions_destroy(&files);
+  }
+  ~Daemon() {
+    if (!over()) signal(SIGKILL);
+    wait(10);
+  }
+  static std::string read(const std::string& path) {
+    std::ostringstream text;
+    text << std::ifstream(path).rdbuf();
+    return text.str();
+  }
+  std::string out() const { return read(out_); }
+  std::string err() const { return read(err_); }
+  bool ready() const { return out().find("gobod ready on") != std::string::npos; }
+  bool over() {
+    if (!over_ && ::waitpid(pid_, &status_, WNOHANG) == pid_) over_ = true;
+    return over_;
+  }
+  bool wait(double seconds) { return until([&] { return over(); }, seconds); }
+  int exitCode() const { return WIFEXITED(status_) ? WEXITSTATUS(status_) : -WTERMSIG(status_); }
+  void signal(int which) { ::kill(pid_, which); }
+  static bool until(const std::function<bool()>& condition, double seconds) {
+    const auto end = Clock::now() + std::chrono::duration<double>(seconds);
+    while (Clock::now() < end) {
+      if (condition()) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return condition();
+  }
+  /// "127.0.0.1:PORT" behind `prefix` in the ready line.
+  std::string address(const std::string& prefix) const {
+    const std::string line = out();
+    const size_t at = line.find(prefix);
+    if (at == std::string::npos) return {};
+    const size_t from = at + prefix.size();
+    return line.substr(from, line.find_first_of(", \n", from) - from);
+  }
+
+ private:
+  std::string out_, err_;
+  pid_t pid_ = -1;
+  int status_ = 0;
+  bool over_ = false;
+};
+
+class Process : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (fs::temp_directory_path() / "gobo-d-XXXXXX").string();
+    ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
+    folder = pattern;
+    socket = "unix:" + folder + "/s.sock";
+  }
+  void TearDown() override { fs::remove_all(folder); }
+  std::unique_ptr<v1::Render::Stub> renderStub() const { return v1::Render::NewStub(channel()); }
+  std::shared_ptr<grpc::Channel> channel() const {
+    grpc::ChannelArguments arguments;
+    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+    return grpc::CreateCustomChannel(socket, grpc::InsecureChannelCredentials(), arguments);
+  }
+  grpc::Status list(const std::string& token) const {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(10));
+    if (!token.empty()) context.AddMetadata("authorization", "Bearer " + token);
+    v1::ListScenesReply reply;
+    return v1::Scenes::NewStub(channel())->List(&context, {}, &reply);
+  }
+  static v1::RenderRequest endless() {
+    v1::RenderRequest request;
+    request.set_scene("cornell");
+    request.set_width(64);
+    request.set_height(48);
+    request.mutable_halt()->set_spp(1 << 20);
+    return request;
+  }
+  std::string folder, socket;
+};
+
+TEST_F(Process, OfManyDaemonsOnAPathExactlyOneWinsAlsoAfterKill9) {
+  for (int round = 0; round < 2; ++round) {
+    std::vector<std::unique_ptr<Daemon>> all;
+    for (int i = 0; i < 4; ++i)
+      all.push_back(std::make_unique<Daemon>(folder, "d" + std::to_string(i), std::vector<std::string>{"--listen", socket, "--threads", "1"}));
+    const auto count = [&](auto what) { return std::count_if(all.begin(), all.end(), what); };
+    ASSERT_TRUE(Daemon::until([&] { return count([](auto& d) { return d->over(); }) == 3 && count([](auto& d) { return d->ready(); }) >= 1; }, 60));
+    EXPECT_EQ(count([](auto& d) { return d->ready(); }), 1);
+    for (auto& d : all)
+      if (d->over()) { EXPECT_EQ(d->exitCode(), 4) << d->err(); }
+    EXPECT_TRUE(list("").ok()) << "round " << round;
+    for (auto& d : all)
+      if (!d->over()) d->signal(SIGKILL);   // leaves socket and lock file behind
+    for (auto& d : all) ASSERT_TRUE(d->wait(10));
+    EXPECT_TRUE(fs::exists(folder + "/s.sock"));
+  }
+}
+
+TEST_F(Process, ACleanEndLeavesNoFiles) {
+  Daemon d(folder, "d", {"--listen", socket, "--threads", "1"});
+  ASSERT_TRUE(Daemon::until([&] { return d.ready(); }, 30)) << d.err();
+  d.signal(SIGTERM);
+  ASSERT_TRUE(d.wait(20));
+  EXPECT_EQ(d.exitCode(), 0) << d.err();
+  EXPECT_FALSE(fs::exists(folder + "/s.sock"));
+  EXPECT_FALSE(fs::exists(folder + "/s.sock.lock"));
+}
+
+TEST_F(Process, HupReloadsAndABrokenFileKeepsTheOldConfiguration) {
+  const std::string file = folder + "/gobod.toml";
+  const auto config = [&](const std::string& secret, const std::string& more) {
+    return "listen = [\"" + socket + "\"]\n" + more + "[auth]\nrequire_token = \"always\"\n[engine]\nthreads = 1\n[[tokens]]\nname = \"a\"\nsha256 = \"" +
+           sha256Hex(secret.data(), secret.size()) + "\"\n";
+  };
+  test::writeFile(file, config("one", ""));
+  Daemon d(folder, "d", {"--config", file});
+  ASSERT_TRUE(Daemon::until([&] { return d.ready(); }, 30)) << d.err();
+  EXPECT_TRUE(list("one").ok());
+  EXPECT_EQ(list("").error_code(), grpc::UNAUTHENTICATED);
+
+  test::writeFile(file, config("two", "reflektion = true\n"));
+  d.signal(SIGHUP);
+  ASSERT_TRUE(Daemon::until([&] { return d.err().find("reload status=failed") != std::string::npos; }, 10)) << d.err();
+  EXPECT_NE(d.err().find(file + ":2: unknown key"), std::string::npos) << d.err();
+  EXPECT_TRUE(list("one").ok());
+  EXPECT_EQ(list("two").error_code(), grpc::UNAUTHENTICATED);
+
+  test::writeFile(file, config("two", "reflection = true\n"));
+  d.signal(SIGHUP);
+  ASSERT_TRUE(Daemon::until([&] { return d.err().find("reload status=OK") != std::string::npos; }, 10)) << d.err();
+  EXPECT_NE(d.err().find("not_before_restart=reflection"), std::string::npos) << d.err();
+  EXPECT_TRUE(list("two").ok());
+  EXPECT_EQ(list("one").error_code(), grpc::UNAUTHENTICATED);
+}
+
+TEST_F(Process, TermDrainsAndASecondOneEndsAtOnce) {
+  const std::string file = folder + "/gobod.toml";
+  test::writeFile(file, "[scheduler]\ndrain_s = 600\n");
+  Daemon d(folder, "d", {"--config", file, "--listen", socket, "--threads", "1", "--http", "127.0.0.1:0"});
+  ASSERT_TRUE(Daemon::until([&] { return d.ready(); }, 30)) << d.err();
+  const std::string http = d.address("http://");
+  EXPECT_EQ(test::httpGet(http, "/ready").status, 200) << http;
+  grpc::ClientContext context;
+  auto stub = renderStub();
+  auto reader = stub->Render(&context, endless());
+  ASSERT_TRUE(Daemon::until([&] { return test::httpGet(http, "/metrics").body.find("\ngobo_workers_busy 1\n") != std::string::npos; }, 20));
+  d.signal(SIGTERM);
+  EXPECT_TRUE(Daemon::until([&] { return test::httpGet(http, "/ready").status == 503; }, 10));
+  grpc::ClientContext second;
+  auto refusedStub = renderStub();
+  auto refused = refusedStub->Render(&second, endless());
+  v1::RenderEvent event;
+  EXPECT_FALSE(refused->Read(&event));
+  const grpc::Status status = refused->Finish();
+  EXPECT_EQ(status.error_code(), grpc::UNAVAILABLE);
+  EXPECT_NE(status.error_message().find("retry after"), std::string::npos) << status.error_message();
+  EXPECT_FALSE(d.over()) << "the running render has its time";
+  d.signal(SIGTERM);
+  ASSERT_TRUE(d.wait(30));
+  while (reader->Read(&event)) {}
+  EXPECT_EQ(reader->Finish().error_code(), grpc::UNAVAILABLE);
+}
+
+}  // namespace
+}  // namespace gobo

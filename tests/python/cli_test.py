@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The CLI beyond rendering: completion in real shells, the manual page, the progress bar, exit codes."""
+import os
+import pty
+import re
+import select
+import shutil
+import subprocess
+import time
+import unittest
+
+from support import CLI, DaemonTest
+
+
+class Completion(DaemonTest):
+    def offers(self, *words):
+        return [line.split("\t")[0] for line in self.cli("__complete", *words).stdout.splitlines()]
+
+    def test_commands_and_options(self):
+        commands = self.offers("")
+        helped = re.search(r"Subcommands:\n(.*?)\n\n", self.cli("--help").stdout, re.S).group(1)
+        self.assertEqual(commands, [line.split()[0] for line in helped.splitlines() if re.match(r"  \w", line)])
+        for command in (["render"], ["jobs", "submit"]):        # every option that a command's help names is offered
+            named = set(re.findall(r"^  (?:-\w,)?(--[\w-]+)", self.cli(*command, "--help").stdout, re.M))
+            self.assertGreater(len(named), 10)
+            self.assertLessEqual(named, set(self.offers(*command, "--")), command)
+        self.assertIn("--server", self.offers("render", "--se"))
+        self.assertEqual(self.offers("jobs", "wa"), ["watch"])
+
+    def test_scenes(self):
+        self.client.scenes.open("cornell", "loaded-one")
+        offered = self.offers("render", "")
+        self.assertEqual([n for n in self.client.scenes.builtin() if n not in offered], [])
+        self.assertIn("loaded-one", offered)
+        self.assertIn(":file", offered)
+        self.assertEqual(self.offers("render", "loaded-o"), ["loaded-one", ":file"])
+        self.assertEqual(self.offers("unload", "loaded-o"), ["loaded-one"])
+        self.assertEqual(self.offers("render", "loaded-one", "--camera", ""), ["front"])
+        self.assertEqual(self.offers("render", "loaded-one", "--camera=f"), ["--camera=front"])
+
+    def test_outputs_paths_and_enums(self):
+        self.client.scenes.open("cornell", "loaded-two")
+        self.assertIn("beauty", self.offers("render", "x", "--outputs", ""))
+        self.assertEqual(self.offers("render", "x", "--outputs", "beauty,dep"), ["beauty,depth"])
+        self.assertEqual(self.offers("render", "loaded-two", "--outputs", "visibility:"), ["visibility:light"])
+        self.assertEqual(self.offers("render", "x", "--set", "integ"), ["integrator."])
+        self.assertEqual(self.offers("render", "x", "--set", "integrator.max_b"), ["integrator.max_bounces="])
+        self.assertEqual(self.offers("render", "x", "--set", "integrator.light_selection=T"), ["integrator.light_selection=TREE"])
+        self.assertEqual(self.offers("render", "loaded-two", "--set", "lights."), ["lights.light."])
+        self.assertEqual(self.offers("render", "x", "--set", "lights.any.name.int"), [])
+        self.assertEqual(self.offers("render", "x", "--set", "lights.key.shadow.axis_aligned.mea"), ["lights.key.shadow.axis_aligned.mean_samples="])
+        self.assertEqual(self.offers("render", "x", "--priority", "B"), ["BATCH"])
+        self.assertEqual(self.offers("completion", ""), ["bash", "zsh", "fish"])
+        self.assertEqual(self.offers("render", "x", "--out", ""), [":file"])
+
+    def test_without_a_server(self):
+        env = {**os.environ, "GOBO_SERVER": "unix:/nonesuch"}
+        done = subprocess.run([CLI, "__complete", "render", "corn"], capture_output=True, text=True, env=env, timeout=60)
+        self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "cornell\tbuilt-in\n:file\n", ""))
+
+    def bash(self, line):
+        script = (f"source <('{CLI}' completion bash); complete -p gobo >/dev/null || exit 9; COMP_LINE={line!r}; COMP_POINT=${{#COMP_LINE}}; "
+                  "_gobo; printf '%s\\n' \"${COMPREPLY[@]}\"")
+        env = {**os.environ, "PATH": os.path.dirname(CLI) + ":" + os.environ["PATH"], "GOBO_SERVER": self.client.address}
+        done = subprocess.run(["bash", "--norc", "-c", script], capture_output=True, text=True, env=env, timeout=60, cwd=self.folder)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        return done.stdout.split()
+
+    def test_in_bash(self):
+        self.assertEqual(self.bash("gobo rend"), ["render"])
+        self.assertEqual(self.bash("gobo jobs wat"), ["watch"])
+        self.assertEqual(self.bash("gobo render x --set integrator.light_selection=T"), ["TREE"])   # readline has the rest already
+        self.assertEqual(self.bash("gobo render x --outputs visib"), ["visibility:"])
+        with open(self.path("my scene.glb"), "wb"):
+            pass
+        self.assertEqual(self.bash("gobo render my"), ["my", "scene.glb"])
+
+    def test_scripts_parse(self):
+        for shell in ("bash", "zsh", "fish"):
+            path = self.path(shell)
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(self.cli("completion", shell).stdout)
+            with self.subTest(shell=shell):
+                if shutil.which(shell) is None:
+                    self.skipTest(f"{shell} is not installed")
+                done = subprocess.run([shell, "-n", path], capture_output=True, text=True, timeout=60)
+                self.assertEqual((done.returncode, done.stderr), (0, ""))
+        self.cli("completion", "tcsh", code=2)
+
+    def test_in_fish(self):
+        if shutil.which("fish") is None:
+            self.skipTest("fish is not installed")
+        env = {**os.environ, "PATH": os.path.dirname(CLI) + ":" + os.environ["PATH"], "GOBO_SERVER": self.client.address, "HOME": self.folder}
+        script = "gobo completion fish | source; complete -C 'gobo jobs wat'; complete -C 'gobo render x --priority B'"
+        done = subprocess.run(["fish", "--no-config", "-c", script], capture_output=True, text=True, env=env, timeout=60)
+        self.assertEqual([line.split("\t")[0] for line in done.stdout.splitlines()], ["watch", "BATCH"], done.stderr)
+
+
+class Manual(DaemonTest):
+    def test_page(self):
+        page = self.cli("man").stdout
+        plain = page.replace("\\-", "-")
+        for text in ("SH NAME", "SH REQUEST FIELDS", "SH EXIT STATUS", "\\fB--outputs\\fR", "jobs submit", "lights.NAME.intensity", "integrator.max_bounces",
+                     "default 8; at least 0; at most 64", "GOBO_TOKEN", "shadows.axis_aligned.k"):
+            self.assertIn(text, plain)
+        self.assertNotIn(f"gobo-{os.getuid()}.sock", plain)
+        for code in range(7):
+            self.assertIn(f"\n.B {code}\n", page)
+
+    def test_troff_is_clean(self):
+        if shutil.which("man") is None:
+            self.skipTest("man is not installed")
+        with open(self.path("gobo.1"), "w", encoding="utf-8") as file:
+            file.write(self.cli("man").stdout)
+        done = subprocess.run(["man", "--warnings", "-E", "UTF-8", "-l", self.path("gobo.1")], capture_output=True, text=True, timeout=60,
+                              env={**os.environ, "MANWIDTH": "120", "LC_ALL": "C.UTF-8"})
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        self.assertGreater(len(done.stdout), 5000)
+
+
+class Terminal(DaemonTest):
+    def on_terminal(self, *args):
+        master, slave = pty.openpty()
+        env = {**os.environ, "GOBO_SERVER": self.client.address}
+        process = subprocess.Popen([CLI, *args], stdout=subprocess.PIPE, stderr=slave, env=env, cwd=self.folder)
+        os.close(slave)
+        seen = b""
+        end = time.monotonic() + 60
+        while time.monotonic() < end:
+            ready, _, _ = select.select([master], [], [], 0.1)
+            if ready:
+                try:
+                    piece = os.read(master, 4096)
+                except OSError:
+                    break
+                if not piece:
+                    break
+                seen += piece
+            elif process.poll() is not None:
+                break
+        out = process.communicate(timeout=60)[0]
+        os.close(master)
+        return process.returncode, out, seen
+
+    def test_the_bar_is_for_terminals(self):
+        work = ["render", "cornell", "--size", "64x48", "--spp", "512", "-o", "a.exr"]
+        self.client.drop_caches()
+        code, out, shown = self.on_terminal(*work)
+        self.assertEqual(code, 0)
+        self.assertRegex(shown.decode(), r"\r\x1b\[K\[#*\.*\] +\d+ %")
+        self.assertTrue(shown.endswith(b"\r\x1b[K"), shown[-40:])          # taken back at the end
+        self.assertNotIn(b"\x1b", out)
+        self.client.drop_caches()
+        self.assertEqual(self.cli(*work).stderr, "")
+        self.client.drop_caches()
+        self.assertEqual(self.on_terminal(*work, "--quiet"), (0, b"", b""))
+
+    def test_lines_are_cut_at_the_terminal(self):
+        self.client.drop_caches()
+        master, slave = pty.openpty()
+        import fcntl
+        import struct
+        import termios
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 30, 0, 0))
+        subprocess.run([CLI, "render", "cornell", "--size", "64x48", "--spp", "512"], stderr=slave, stdout=subprocess.DEVNULL, timeout=60,
+                       env={**os.environ, "GOBO_SERVER": self.client.address}, check=True)
+        os.close(slave)
+        shown = os.read(master, 1 << 16).decode()
+        os.close(master)
+        lines = [part for part in shown.split("\r\x1b[K") if part]
+        self.assertTrue(lines)
+        self.assertLess(max(map(len, lines)), 30)
+
+
+class ExitCodes(DaemonTest):
+    def test_each(self):
+        self.cli("scenes", code=0)
+        self.cli(code=2)
+        self.cli("render", "cornell", "--size", "3", code=2)
+        self.cli("render", "cornell", "--set", "width=0", code=2)
+        self.cli("nonesuch", code=2)
+        self.cli("render", "nonesuch", code=3)
+        self.cli("--server", "unix:/nonesuch", "status", code=4)
+        self.cli("--timeout", "0.3", "render", "cornell", "--spp", "1000000", code=5)
+        self.cli("--token-file", "/nonesuch", "status", code=3)
+        self.cli("--cert", "x.pem", "status", code=2)
+
+
+if __name__ == "__main__":
+    unittest.main()

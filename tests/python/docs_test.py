@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What README.md and docs/python.md tell people to type works as written.
+
+Run are: every python block of docs/python.md, and elsewhere every fenced sh or python block with a line `<!-- run -->` before it;
+`<!-- no run: reason -->` leaves one out. A page's sh blocks run in order, then its python blocks, in one folder that looks like the
+top of the repository (links to build, configs, clients, docs, proto) and holds scene.glb (a light "key", a camera "eye"), studio.hdr and
+x.hdr. Python blocks share their names, sh blocks what they export. gobo and gobod are in the PATH, GOBO_SERVER names a daemon.
+"""
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import tempfile
+import unittest
+
+import gobo
+from gobo import glb
+from support import CLI, SOURCE, gltf
+
+FENCE = re.compile(r"^(?P<mark>(?:[ \t]*<!--.*?-->[ \t]*\n)?)```(?P<language>\w+)[^\n]*\n(?P<code>.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
+
+
+def blocks(text, always=()):
+    """(line number, language, code) of the blocks to run."""
+    for found in FENCE.finditer(text):
+        mark, language = found["mark"].strip(), found["language"]
+        run = mark == "<!-- run -->" or (language in always and not mark.startswith("<!-- no run:"))
+        if run and language in ("sh", "bash", "python"):
+            yield text.count("\n", 0, found.start("code")) + 1, language, found["code"]
+
+
+def write_hdr(path):
+    """8 x 4 Radiance pixels, flat scan lines: grey with a bright spot."""
+    pixels = [(128, 128, 128, 127)] * 32
+    pixels[10] = (255, 240, 200, 133)
+    path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n" + b"".join(map(bytes, pixels)))
+
+
+class Pages(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="gobo-docs-")
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        build = pathlib.Path(CLI).parent.parent
+        for name, target in [("build", build)] + [(n, pathlib.Path(SOURCE) / n) for n in ("configs", "clients", "docs", "proto", "deploy")]:
+            (self.folder / name).symlink_to(target)
+        original = gltf(folder.name)
+        text = pathlib.Path(original).read_text(encoding="utf-8").replace('"lamp"', '"key"')
+        pathlib.Path(original).write_text(text, encoding="utf-8")
+        (self.folder / "scene.glb").write_bytes(glb.pack(original))
+        for name in ("studio.hdr", "x.hdr"):
+            write_hdr(self.folder / name)
+        client = gobo.local(threads=2, jobs=self.folder / "jobs")
+        self.addCleanup(client.close)
+        self.env = {**os.environ, "GOBO_SERVER": client.address, "PATH": f"{build}/clients:{build}/server:" + os.environ["PATH"]}
+        self.groups = []
+        self.addCleanup(self.stop_background)
+
+    def stop_background(self):
+        for group in self.groups:
+            try:
+                os.killpg(group, signal.SIGTERM)
+            except ProcessLookupError:
+                pass
+
+    def shell(self, page, line, code):
+        after = self.folder / ".env"
+        script = f"set -eo pipefail\n{code}\nenv -0 > {after}\n"
+        with open(self.folder / ".log", "w+", encoding="utf-8") as log:   # a file: a daemon in the background may hold it open
+            process = subprocess.Popen(["bash", "-c", script], cwd=self.folder, env=self.env, stdout=log, stderr=log, stdin=subprocess.DEVNULL, start_new_session=True)
+            self.groups.append(process.pid)
+            status = process.wait(300)
+            log.seek(0)
+            self.assertEqual(status, 0, f"{page}:{line}:\n{code}\n{log.read()}")
+        self.env = dict(item.split("=", 1) for item in after.read_text().split("\0") if "=" in item)
+
+    def run_page(self, name, always=()):
+        text = (pathlib.Path(SOURCE) / name).read_text(encoding="utf-8")
+        found = list(blocks(text, always))
+        python = []
+        for line, language, code in found:
+            if language != "python":
+                self.shell(name, line, code)
+            else:
+                python.append((line, code))
+        if python:   # one process with the names of all; line numbers in tracebacks are the page's
+            last = python[-1][0] + python[-1][1].count("\n")
+            lines = [""] * last
+            for line, code in python:
+                for i, text_line in enumerate(code.splitlines()):
+                    lines[line - 1 + i] = text_line
+            script = self.folder / os.path.basename(name).replace(".md", "_md.py")
+            script.write_text("\n".join(lines) + "\n", encoding="utf-8")
+            done = subprocess.run(["/usr/bin/python3", str(script)], cwd=self.folder, env=self.env, capture_output=True, text=True, timeout=300)
+            self.assertEqual(done.returncode, 0, f"{name}:\n{done.stdout}{done.stderr}")
+        return len(found)
+
+    def test_python_page(self):
+        self.assertGreaterEqual(self.run_page("docs/python.md", always=("python",)), 9)
+        self.assertTrue((self.folder / "picture.exr").exists())
+        self.assertEqual(len(list((self.folder / "frames").iterdir())), 4)
+
+    def test_readme(self):
+        if self.run_page("README.md") == 0:
+            self.skipTest("README.md has no block marked <!-- run -->")
+
+    def test_the_test_can_fail(self):
+        self.shell("here", 1, "export SEEN=yes; test -f scene.glb; gobo render scene.glb --size 16x16 --spp 16 --env studio.hdr -q -o a.png")
+        self.shell("here", 2, "test $SEEN = yes; test -s a.png; build/clients/gobo status > /dev/null")
+        with self.assertRaises(AssertionError):
+            self.shell("here", 3, "false\ntrue")
+        page = "a\n<!-- run -->\n```sh\nx\n```\n```sh\ny\n```\n```python\nz\n```\n<!-- no run: why -->\n```python\nw\n```\n"
+        self.assertEqual(list(blocks(page)), [(4, "sh", "x\n")])
+        self.assertEqual(list(blocks(page, ("python",))), [(4, "sh", "x\n"), (10, "python", "z\n")])
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Jobs through a real gobod: the bits of a direct render, pause and resume, cancel, failure, a daemon that is killed."""
+import os
+import shutil
+import signal
+import tempfile
+import threading
+import time
+import unittest
+
+import numpy as np
+
+import gobo
+from support import SMALL, DaemonTest
+
+
+class Jobs(DaemonTest):
+    @classmethod
+    def setUpClass(cls):
+        jobs = tempfile.mkdtemp(prefix="gobo-test-jobs-")
+        cls.addClassCleanup(shutil.rmtree, jobs, ignore_errors=True)
+        cls.options = {"jobs": jobs}
+        super().setUpClass()
+
+    def test_frames_are_the_bits_of_a_render(self):
+        job = self.client.jobs.submit("cornell", frames=(3, 4), name="bits", **SMALL, outputs=["beauty", "depth"])
+        last = job.wait(timeout=100)
+        self.assertEqual((last.state, last.frames_done, [f.frame for f in last.frames], last.progress), ("done", 2, [3, 4], 1))
+        want = self.client.render("cornell", **SMALL, outputs=["beauty", "depth"])
+        for frame, image in job.images():
+            np.testing.assert_array_equal(image, want.image)
+        for frame, image in job.images("depth"):
+            np.testing.assert_array_equal(image, want.outputs["depth"])
+        paths = job.fetch(self.path("out"))
+        self.assertEqual(len(paths), 4)
+        self.cli("jobs", "fetch", job.id, "-o", "cli", "--outputs", "beauty")
+        for name in os.listdir(self.path("cli")):
+            with open(self.path("cli", name), "rb") as a, open(self.path("out", name), "rb") as b:
+                self.assertEqual(a.read(), b.read())
+        self.assertEqual(len(os.listdir(self.path("cli"))), 2)
+        raw = self.client.jobs.submit("cornell", **SMALL, format="raw_float")
+        raw.wait(timeout=100)
+        np.testing.assert_array_equal(dict(raw.images())[0], want.image)
+        self.assertIn(job.id, [j.id for j in self.client.jobs.list(states=["done"])])
+        self.assertIn("bits", self.cli("jobs", "list").stdout)
+        job.delete()
+        with self.assertRaises(gobo.NotFound):
+            job.state()
+
+    def test_one_key_one_job(self):
+        a = self.client.jobs.submit("cornell", key="once", **SMALL)
+        self.assertEqual(self.client.jobs.submit("cornell", key="once", **SMALL).id, a.id)
+        with self.assertRaises(gobo.AlreadyExists):
+            self.client.jobs.submit("cornell", key="once", **{**SMALL, "spp": 32})
+        a.wait(timeout=100)
+
+    def test_pause_resume_cancel(self):
+        job = self.client.jobs.submit("cornell", width=320, height=240, spp=1 << 18)
+        self.assertEqual(job.pause().state, "paused")
+        self.assertEqual(job.resume().state in ("queued", "running"), True)
+        with self.assertRaises(gobo.DeadlineExceeded):
+            job.wait(timeout=0.3)
+        with self.assertRaises(gobo.FailedPrecondition):
+            job.delete()
+        self.cli("cancel", job.id)
+        with self.assertRaises(gobo.Cancelled):
+            job.wait(timeout=60)
+        job.delete()
+
+    def test_errors(self):
+        with self.assertRaises(gobo.NotFound):
+            self.client.jobs.get("j-999999")
+        with self.assertRaises(gobo.InvalidArgument):
+            self.client.jobs.submit("cornell", max_seconds=3)
+        self.cli("jobs", "show", "j-999999", code=3)
+
+    def test_cli_submits_and_watches(self):
+        done = self.cli("jobs", "submit", "cornell", "--frames", "0-1", "--size", "32x24", "--spp", "16", "--name", "shell", "--watch")
+        self.assertIn("frame 1 done", done.stdout)
+        job = done.stdout.split()[0]
+        self.assertIn("2 of 2 frames", self.cli("jobs", "show", job).stdout)
+        self.cli("jobs", "delete", job)
+
+
+class Killed(unittest.TestCase):
+    def test_a_watch_survives_a_killed_daemon(self):
+        """The daemon dies by kill -9 in the middle; another one on the same address and folder finishes the job."""
+        with tempfile.TemporaryDirectory() as jobs:
+            first = gobo.Daemon(threads=2, jobs=jobs)
+            self.addCleanup(first.close)
+            request = dict(width=64, height=48, spp=256, seed=11)
+            with gobo.connect(first.address) as client:
+                job = client.jobs.submit("cornell", frames=(0, 5), **request)
+                states = []
+                watcher = threading.Thread(target=lambda: states.extend(s.state for s in job.watch(timeout=120)))
+                watcher.start()
+                end = time.monotonic() + 60
+                while job.state().frames_done < 1 and time.monotonic() < end:
+                    time.sleep(0.02)
+                os.kill(client.status().pid, signal.SIGKILL)
+                second = gobo.Daemon(threads=2, jobs=jobs, args=["--listen", first.address])
+                self.addCleanup(second.close)
+                watcher.join(120)
+                self.assertEqual(states[-1], "done")
+                images = dict(job.images())
+                self.assertEqual(sorted(images), list(range(6)))
+                want = client.render("cornell", **request).image
+                for image in images.values():
+                    np.testing.assert_array_equal(image, want)
+
+
+if __name__ == "__main__":
+    unittest.main()

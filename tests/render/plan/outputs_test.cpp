@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+// Outputs through the engine: parts add up to their wholes, variance is the variance, and what is not asked for costs nothing.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "support/engines.h"
+
+namespace gobo::testing {
+namespace {
+
+void ask(v1::RenderRequest& r, std::initializer_list<const char*> outputs) {
+  r.clear_outputs();
+  for (const char* o : outputs) r.add_outputs(o);
+}
+
+std::map<std::string, Image> pictures(const RenderResult& r) {
+  std::map<std::string, Image> out;
+  for (const RenderedImage& i : r.images) out[i.output] = i.image();
+  return out;
+}
+
+std::vector<float> values(const RenderResult& r, const std::string& output) { return pictures(r)[output].data; }
+
+const std::initializer_list<const char*> kParts = {"beauty", "emission", "direct", "indirect", "diffuse", "specular",
+                                                  "direct_diffuse", "direct_specular", "indirect_diffuse", "indirect_specular"};
+
+void expectSums(const RenderResult& result, const std::string& what) {
+  auto p = pictures(result);
+  ASSERT_EQ(p.size(), kParts.size()) << what;
+  double diffuse = 0, specular = 0;
+  for (size_t i = 0; i < p["beauty"].data.size(); ++i) {
+    const auto v = [&](const char* name) { return double(p[name].data[i]); };
+    const double rounding = 2e-6 * (1e-3 + std::fabs(v("beauty")));
+    ASSERT_NEAR(v("emission") + v("direct") + v("indirect"), v("beauty"), rounding) << what << " " << i;
+    ASSERT_NEAR(v("diffuse") + v("specular"), v("beauty") - v("emission"), rounding) << what << " " << i;
+    ASSERT_NEAR(v("direct_diffuse") + v("direct_specular"), v("direct"), rounding) << what << " " << i;
+    ASSERT_NEAR(v("indirect_diffuse") + v("indirect_specular"), v("indirect"), rounding) << what << " " << i;
+    ASSERT_NEAR(v("direct_diffuse") + v("indirect_diffuse"), v("diffuse"), rounding) << what << " " << i;
+    diffuse += v("diffuse");
+    specular += v("specular");
+  }
+  EXPECT_GT(diffuse, 0.0) << what;
+  EXPECT_GT(specular, 0.0) << what << ": without gloss the sums say nothing";
+}
+
+TEST(Outputs, PartsAddUpWhenAllIsPathTraced) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("spheres", 24, 16, 16);
+  set(r, "environment.constant=0.3,0.4,0.5");
+  ask(r, kParts);
+  expectSums(mustRender(*engine, r), "spheres");
+  set(r, "integrator.indirect=false");
+  expectSums(mustRender(*engine, r), "direct only");
+}
+
+TEST(Outputs, PartsAddUpWithVisibilityTechniquesGainsAndClusters) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("spheres", 24, 16, 16);
+  for (const char* e : {"lights.key.kind=RECT", "lights.key.position=0.5,3,1", "lights.key.direction=0,-1,-0.2", "lights.key.width=0.5", "lights.key.height=0.5",
+                        "lights.key.intensity=9", "lights.key.shadow.axis_aligned.k=3", "lights.p.kind=POINT", "lights.p.position=-1,2,2", "lights.p.intensity=5",
+                        "lights.p.shadow.ray_traced.samples=1", "lights.p.gain=1,0.5,0.2", "environment.sky.turbidity=3"})
+    set(r, e);
+  ask(r, kParts);
+  expectSums(mustRender(*engine, r), "techniques");
+  set(r, "integrator.max_groups=1");
+  expectSums(mustRender(*engine, r), "one cluster");
+  set(r, "integrator.max_groups=16");
+  set(r, "environment.extract_lights=3");
+  expectSums(mustRender(*engine, r), "extracted environment");
+}
+
+// Pixels' variance against the scatter of the beauty over independent seeds, each pixel in units of what other seeds (the pilot) say its
+// variance is (at least the median), so that the edges of the lamp are not the whole sum; pixels of far more are left out. The pilot alone
+// decides, so that nothing is selected by what is tested. Pixels are independent: their scatter gives the error of the ratio.
+TEST(Outputs, VarianceIsTheVarianceOverSeeds) {
+  for (const int spp : {128, 256}) {
+    const auto engine = makeEngine();
+    const int pilot = 16, seeds = 32;
+    v1::RenderRequest r = smallRequest("cornell", 24, 20, spp);
+    set(r, "integrator.max_bounces=1");
+    ask(r, {"beauty", "variance"});
+    const size_t n = 24 * 20 * 3;
+    std::vector<double> scale(n, 0.0), estimate(n, 0.0), sum(n, 0.0), squares(n, 0.0);
+    for (int s = 0; s < pilot + seeds; ++s) {
+      r.set_seed(uint64_t(1000 + s));
+      const RenderResult result = mustRender(*engine, r);
+      const std::vector<float> beauty = values(result, "beauty"), variance = values(result, "variance");
+      ASSERT_EQ(variance.size(), n);
+      for (size_t i = 0; i < n; ++i) {
+        ASSERT_GE(variance[i], 0.0f);
+        if (s < pilot) { scale[i] += variance[i] / pilot; continue; }
+        estimate[i] += variance[i] / seeds;
+        sum[i] += beauty[i];
+        squares[i] += double(beauty[i]) * beauty[i];
+      }
+    }
+    std::vector<double> sorted;
+    for (const double v : scale) if (v > 1e-12) sorted.push_back(v);
+    ASSERT_GT(sorted.size(), n / 2);
+    std::nth_element(sorted.begin(), sorted.begin() + ptrdiff_t(sorted.size() / 2), sorted.end());
+    const double median = sorted[sorted.size() / 2];
+    std::vector<double> difference;                  // a pixel's own, in units of its variance
+    double total = 0, ratio = 0;
+    for (size_t p = 0; p < n; p += 3) {
+      double d = 0;
+      int channels = 0;
+      for (size_t i = p; i < p + 3; ++i) {
+        if (!(scale[i] > 1e-12) || scale[i] > 10 * median) continue;
+        scale[i] = std::max(scale[i], median);
+        const double truth = (squares[i] - sum[i] * sum[i] / seeds) / (seeds - 1);
+        d += (estimate[i] - truth) / scale[i];
+        ratio += truth / scale[i];
+        total += 1;
+        ++channels;
+      }
+      if (channels) difference.push_back(d / channels);
+    }
+    double mean = 0, error = 0;
+    for (const double d : difference) mean += d / double(difference.size());
+    for (const double d : difference) error += (d - mean) * (d - mean);
+    error = std::sqrt(error) / double(difference.size());
+    std::printf("%d spp: (variance output - scatter over %d seeds) / variance = %.3f +- %.3f over %zu pixels\n", spp, seeds, mean, error, difference.size());
+    EXPECT_GT(difference.size(), 300u);
+    EXPECT_LT(error, 0.06) << "too coarse to say anything";
+    EXPECT_NEAR(mean, 0.0, 4.0 * error);
+    EXPECT_GT(ratio / total, 0.25) << "the pilot's scale means nothing";
+  }
+}
+
+TEST(Outputs, VarianceFollowsGains) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 12, 8, 128);
+  ask(r, {"variance"});
+  const Image before = pictures(mustRender(*engine, r))["variance"];
+  set(r, "lights.light.gain=2,2,2");
+  const RenderResult twice = mustRender(*engine, r);
+  EXPECT_EQ(nodesBy(twice, v1::NodeReport::RUN).size(), 1u) << "a gain runs the variance node alone";
+  const Image after = pictures(twice)["variance"];
+  for (size_t i = 0; i < before.data.size(); ++i) EXPECT_NEAR(after.data[i], 4.0f * before.data[i], 1e-5f * after.data[i]);
+}
+
+TEST(Outputs, FewBlocksWarnAndOneIsUnknown) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 8, 6, 64);
+  ask(r, {"variance", "sample_count"});
+  const RenderResult four = mustRender(*engine, r);
+  ASSERT_EQ(four.reply.warnings_size(), 1);
+  EXPECT_NE(four.reply.warnings(0).find("4 independent blocks"), std::string::npos) << four.reply.warnings(0);
+  for (const float v : values(four, "sample_count")) EXPECT_EQ(v, 64.0f);
+  set(r, "halt.spp=16");
+  for (const float v : values(mustRender(*engine, r), "variance")) EXPECT_EQ(v, -1.0f);
+  set(r, "halt.spp=128");
+  EXPECT_EQ(mustRender(*engine, r).reply.warnings_size(), 0);
+  set(r, "shadows.ray_traced.samples=4");
+  const RenderResult part = mustRender(*engine, r);
+  ASSERT_EQ(part.reply.warnings_size(), 1);
+  EXPECT_NE(part.reply.warnings(0).find("without direct:light"), std::string::npos) << part.reply.warnings(0);
+}
+
+TEST(Outputs, ExtendingWithStreamsEqualsScratch) {
+  v1::RenderRequest r = smallRequest("cornell", 12, 8, 176);
+  ask(r, {"beauty", "variance", "sample_count"});
+  const RenderResult scratch = mustRender(*makeEngine(256ull << 20, {}, 1), r);
+  const auto warm = makeEngine();
+  set(r, "halt.spp=48");
+  mustRender(*warm, r);
+  set(r, "halt.spp=176");
+  const RenderResult extended = mustRender(*warm, r);
+  EXPECT_NE(nodesBy(extended, v1::NodeReport::RUN).at("path_trace").reason().find("extended"), std::string::npos);
+  EXPECT_EQ(firstDifference(extended, scratch), "");
+}
+
+TEST(Outputs, WhatIsNotAskedForCostsNothing) {
+  const auto plain = makeEngine(), full = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 16, 12, 16);
+  const RenderResult beauty = mustRender(*plain, r);
+  EXPECT_EQ(beauty.reply.plan_size(), 3) << "path_trace, its mean, beauty";
+  EXPECT_TRUE(beauty.tables.empty());
+  const uint64_t bytes = nodesBy(beauty, v1::NodeReport::RUN).at("path_trace").bytes();
+  ask(r, {"beauty", "variance", "diffuse", "object_id", "material_id", "motion"});
+  const RenderResult all = mustRender(*full, r);
+  EXPECT_GT(nodesBy(all, v1::NodeReport::RUN).at("path_trace").bytes(), 5 * bytes);
+  EXPECT_EQ(all.tables.size(), 2u);
+  ask(r, {"object_id"});
+  const RenderResult ids = mustRender(*makeEngine(), r);
+  for (const auto& n : ids.reply.plan()) EXPECT_EQ(n.node().find("path_trace"), std::string::npos) << n.node();
+}
+
+TEST(Outputs, MotionStepAndRest) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("spheres", 16, 12, 16);
+  ask(r, {"motion"});
+  for (const float v : values(mustRender(*engine, r), "motion")) EXPECT_EQ(v, 0.0f);
+  set(r, "motion_step_s=0.5");
+  EXPECT_TRUE(nodesBy(mustRender(*engine, r), v1::NodeReport::RUN).empty()) << "the earlier moment is the same: nothing runs";
+  set(r, "motion_step_s=0");
+  EXPECT_EQ(engine->render(r).status().code(), Code::InvalidArgument);
+}
+
+TEST(Outputs, UnknownOnesAndBadEncodingsAreRefusedByName) {
+  const auto engine = makeEngine();
+  const auto refused = [&](std::initializer_list<const char*> edits, const char* word) {
+    v1::RenderRequest r = smallRequest("cornell", 8, 6, 16);
+    for (const char* e : edits) set(r, e);
+    const Status s = engine->render(r).status();
+    EXPECT_EQ(s.code(), Code::InvalidArgument) << word;
+    EXPECT_NE(s.toString().find(word), std::string::npos) << s.toString();
+  };
+  refused({"outputs=object"}, "object_id");
+  refused({"outputs=motion:light"}, "motion:light");
+  refused({"encoding.layers=true", "encoding.format=PNG"}, "encoding.layers");
+  refused({"encoding.png_bits=12"}, "encoding.png_bits");
+  refused({"encoding.dwa_level=0"}, "dwa_level");
+}
+
+}  // namespace
+}  // namespace gobo::testing

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+// Workers with a real engine and tiny pictures: checkpoints go on with the same bits, reports are repeated until acknowledged, lost
+// leases are let go, and a job never renders another scene than the one it was submitted with.
+#include <atomic>
+#include <chrono>
+
+#include "server/encode.h"
+#include "server/jobs/job_spec.h"
+#include "server/jobs/job_worker.h"
+#include "server/log.h"
+#include "unit/jobs/store_fixture.h"
+
+namespace gobo {
+namespace {
+
+struct Worker : test::StoreFixture {
+  std::unique_ptr<Engine> engine;
+  std::unique_ptr<JobRunner> runner;
+  JobFiles files_;
+  JobHub hub;
+  std::unique_ptr<JobScenes> scenes;
+  std::unique_ptr<JobWorker> worker;
+  JobWorkerOptions workerOptions;
+
+  void SetUp() override {
+    setLogLevel(LogLevel::Off);
+    StoreFixture::SetUp();
+    options.now = nullptr;
+    open();
+    bool alone = false;
+    ASSERT_TRUE(files_.open(folder, alone).ok());
+    EXPECT_TRUE(alone);
+    files_.opened();
+    workerOptions.checkpointSeconds = 0.05;
+    workerOptions.leaseSeconds = 10;
+    newEngine();
+  }
+  void TearDown() override {
+    worker.reset();
+    StoreFixture::TearDown();
+  }
+  /// As after a restart: nothing in memory.
+  void newEngine() {
+    worker.reset();
+    scenes.reset();
+    runner.reset();
+    EngineOptions o;
+    o.threads = 2;
+    o.storeBytes = 256 << 20;
+    engine = std::move(*Engine::create(o));
+    SchedulerOptions s;
+    runner = std::make_unique<JobRunner>(s);
+    scenes = std::make_unique<JobScenes>(*engine, files_);
+  }
+  void start() { worker = std::make_unique<JobWorker>(*engine, *runner, *store, files_, *scenes, hub, workerOptions); }
+  static v1::JobSpec spec(uint32_t spp, uint64_t seed = 0) {
+    v1::JobSpec s;
+    v1::RenderRequest& r = *s.mutable_request();
+    r.set_scene("cornell");
+    r.set_width(24);
+    r.set_height(16);
+    r.set_seed(seed);
+    r.mutable_halt()->set_spp(spp);
+    r.mutable_encoding()->set_format(v1::Encoding::RAW_FLOAT);
+    r.mutable_integrator()->set_max_bounces(2);
+    return s;
+  }
+  int64_t put(const v1::JobSpec& s) {
+    auto job = gobo::makeJob(s, "me", *engine, 0);
+    EXPECT_TRUE(job.ok()) << job.status().toString();
+    EXPECT_TRUE(scenes->describe(*job).ok());
+    const int64_t id = submit(*job);
+    hub.changed();
+    return id;
+  }
+  bool eventually(const std::function<bool()>& condition, double seconds = 60) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+    while (std::chrono::steady_clock::now() < end) {
+      if (condition()) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return condition();
+  }
+  bool over(int64_t id) { return eventually([&] { return jobIsOver(get(id).state()); }); }
+  std::vector<uint8_t> expected(const v1::JobSpec& s) {
+    EngineOptions o;
+    o.threads = 2;
+    auto fresh = std::move(*Engine::create(o));
+    auto result = fresh->render(s.request());
+    EXPECT_TRUE(result.ok());
+    return rawBytes(result->images[0].pixels(), false);
+  }
+  std::vector<uint8_t> result(int64_t id, int frame = 0) {
+    const v1::Job job = get(id);
+    EXPECT_EQ(job.state(), v1::Job::DONE) << job.error().message();
+    if (job.frames(frame).files_size() == 0) return {};
+    return *files_.read(files_.resultPath(id, job.frames(frame).files(0).sha256()));
+  }
+  size_t filesIn(const char* sub) {
+    return size_t(std::distance(std::filesystem::directory_iterator(folder + "/" + sub), std::filesystem::directory_iterator()));
+  }
+};
+
+TEST_F(Worker, ACheckpointedFrameGoesOnAfterARestartWithTheSameBits) {
+  const v1::JobSpec s = spec(8192);
+  const int64_t id = put(s);
+  start();
+  ASSERT_TRUE(eventually([&] { return !get(id).frames(0).checkpoint().empty(); }));
+  worker->stop();
+  ASSERT_NE(get(id).state(), v1::Job::DONE) << "too fast to be interrupted";
+  EXPECT_GT(get(id).progress(), 0);
+  EXPECT_EQ(filesIn("checkpoints"), 1u);
+  newEngine();
+  start();
+  ASSERT_TRUE(over(id));
+  EXPECT_TRUE(eventually([&] { return filesIn("checkpoints") == 0; }));
+  worker->stop();
+  EXPECT_GE(worker->stats().resumed.load(), 1u);
+  EXPECT_EQ(result(id), expected(s));
+  EXPECT_EQ(filesIn("tmp"), 0u);
+  EXPECT_EQ(get(id).frames(0).attempts(), 1u);
+}
+
+TEST_F(Worker, ADamagedCheckpointMeansAnewNotWrong) {
+  const v1::JobSpec s = spec(4096);
+  const int64_t id = put(s);
+  start();
+  ASSERT_TRUE(eventually([&] { return !get(id).frames(0).checkpoint().empty(); }));
+  worker->stop();
+  ASSERT_NE(get(id).state(), v1::Job::DONE);
+  for (const auto& file : std::filesystem::directory_iterator(folder + "/checkpoints")) {
+    auto bytes = *files_.read(file.path().string());
+    bytes[bytes.size() / 2] ^= 0x40;
+    std::filesystem::remove(file.path());
+    ASSERT_TRUE(files_.write(file.path().string(), bytes.data(), bytes.size()).ok());
+  }
+  newEngine();
+  start();
+  ASSERT_TRUE(over(id));
+  worker->stop();
+  EXPECT_EQ(worker->stats().resumed.load(), 0u);
+  EXPECT_EQ(result(id), expected(s));
+}
+
+TEST_F(Worker, AReportThatCannotBeWrittenIsRepeatedUntilAcknowledged) {
+  std::atomic<int> refusals{3};
+  options.step = [&](const char* sql) {
+    if (std::string(sql).rfind("INSERT INTO file", 0) != 0 || refusals.load() == 0) return Status();
+    --refusals;
+    return Status(Code::Unavailable, "database is locked");
+  };
+  open();
+  scenes.reset();
+  newEngine();
+  const v1::JobSpec s = spec(16);
+  const int64_t id = put(s);
+  start();
+  ASSERT_TRUE(over(id));
+  worker->stop();
+  EXPECT_EQ(worker->stats().repeatedReports.load(), 3u);
+  EXPECT_EQ(worker->stats().frames.load(), 1u);
+  EXPECT_EQ(get(id).frames(0).attempts(), 1u);   // rendered once
+  EXPECT_EQ(result(id), expected(s));
+}
+
+TEST_F(Worker, ALostLeaseIsLetGoAndTheFrameIsDoneOnce) {
+  const v1::JobSpec s = spec(4096);
+  const int64_t id = put(s);
+  workerOptions.leaseSeconds = 1;
+  start();
+  ASSERT_TRUE(eventually([&] { return get(id).frames(0).state() == v1::Frame::RUNNING; }));
+  EXPECT_EQ(*store->endAllLeases(), 1u);
+  hub.steered();
+  ASSERT_TRUE(over(id));
+  worker->stop();
+  EXPECT_EQ(worker->stats().lost.load(), 1u);
+  EXPECT_EQ(worker->stats().frames.load(), 1u);
+  EXPECT_EQ(result(id), expected(s));
+}
+
+TEST_F(Worker, PauseKeepsTheCheckpointAndCancelRemovesIt) {
+  const int64_t id = put(spec(1 << 20));
+  start();
+  ASSERT_TRUE(eventually([&] { return get(id).frames(0).state() == v1::Frame::RUNNING && get(id).frames(0).spp() > 0; }));
+  ASSERT_TRUE(store->pause(id).ok());
+  hub.steered();
+  ASSERT_TRUE(eventually([&] { return get(id).frames(0).state() == v1::Frame::QUEUED; }));
+  EXPECT_FALSE(get(id).frames(0).checkpoint().empty());
+  ASSERT_TRUE(store->resume(id).ok());
+  hub.steered();
+  ASSERT_TRUE(eventually([&] { return get(id).frames(0).state() == v1::Frame::RUNNING; }));
+  ASSERT_TRUE(store->cancel(id).ok());
+  hub.steered();
+  EXPECT_TRUE(eventually([&] { return filesIn("checkpoints") == 0 && runner->stats().running == 0; }));
+  EXPECT_EQ(get(id).state(), v1::Job::CANCELLED);
+}
+
+TEST_F(Worker, APatchedSceneIsNotTheJobs) {
+  const v1::JobSpec s = spec(16);
+  const int64_t id = put(s);
+  v1::PatchSceneRequest patch;
+  patch.set_scene("cornell");
+  patch.mutable_lights()->operator[]("light").mutable_color()->set_x(1);
+  ASSERT_TRUE(engine->patchScene(patch).ok());
+  start();
+  ASSERT_TRUE(over(id));
+  EXPECT_EQ(result(id), expected(s));   // the built-in is loaded again beside the patched one
+}
+
+TEST_F(Worker, AnotherSceneFailsTheJobAndNamesBothHashes) {
+  auto job = *gobo::makeJob(spec(16), "me", *engine, 0);
+  ASSERT_TRUE(scenes->describe(job).ok());
+  const std::string now = job.sceneHash;
+  job.sceneHash = std::string(32, '1');
+  job.spec.mutable_request()->set_scene_hash(job.sceneHash);
+  const int64_t id = submit(job);
+  start();
+  ASSERT_TRUE(over(id));
+  const v1::Job failed = get(id);
+  EXPECT_EQ(failed.state(), v1::Job::FAILED);
+  EXPECT_EQ(failed.error().code(), int(Code::FailedPrecondition));
+  EXPECT_NE(failed.error().message().find("changed since the job was submitted"), std::string::npos) << failed.error().message();
+  EXPECT_NE(failed.error().message().find(job.sceneHash), std::string::npos);
+  EXPECT_NE(failed.error().message().find(now), std::string::npos);
+}
+
+TEST(JobSpecs, FramesKeysAndFaults) {
+  EngineOptions o;
+  o.threads = 1;
+  auto engine = std::move(*Engine::create(o));
+  v1::JobSpec s = Worker::spec(16);
+  s.mutable_frames()->set_first(-2);
+  s.mutable_frames()->set_last(7);
+  s.mutable_frames()->set_step(4);
+  auto job = gobo::makeJob(s, "me", *engine, 100);
+  ASSERT_TRUE(job.ok()) << job.status().toString();
+  EXPECT_EQ(job->frames, (std::vector<int64_t>{-2, 2, 6}));
+  EXPECT_EQ(job->spec.request().scheduling().priority(), v1::Scheduling::BATCH);
+  EXPECT_FALSE(job->sceneHash.empty());
+  const auto refused = [&](const v1::JobSpec& bad, const char* where) {
+    const auto r = gobo::makeJob(bad, "me", *engine, 100);
+    EXPECT_FALSE(r.ok()) << where;
+    EXPECT_EQ(r.status().location(), where) << r.status().toString();
+  };
+  v1::JobSpec bad = s;
+  bad.mutable_frames()->set_last(-3);
+  refused(bad, "job.frames.last");
+  bad = s;
+  bad.mutable_frames()->set_last(1000000);
+  bad.mutable_frames()->set_step(1);
+  refused(bad, "job.frames");
+  bad = s;
+  bad.mutable_frames()->set_step(0);
+  refused(bad, "job.frames.step");
+  bad = s;
+  bad.set_max_attempts(0);
+  refused(bad, "job.max_attempts");
+  bad = s;
+  bad.set_deadline_unix_s(99);
+  refused(bad, "job.deadline_unix_s");
+  bad = s;
+  bad.mutable_request()->mutable_halt()->set_time_s(1);
+  refused(bad, "job.request.halt.time_s");
+  bad = s;
+  bad.set_key(std::string(201, 'k'));
+  refused(bad, "job.key");
+  bad = s;
+  bad.clear_request();
+  refused(bad, "job.request");
+  s.set_name("../a b");
+  EXPECT_EQ(resultName(s, 7, "beauty", v1::Encoding::PNG), "_._a_b.0007.png");
+  s.mutable_request()->add_outputs("beauty");
+  s.mutable_request()->add_outputs("visibility:key");
+  EXPECT_EQ(resultName(s, -7, "visibility:key", v1::Encoding::EXR), "_._a_b.-0007.visibility_key.exr");
+}
+
+}  // namespace
+}  // namespace gobo
