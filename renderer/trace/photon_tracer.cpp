@@ -21,6 +21,7 @@ constexpr float kSameSurface = 0.8f;            // cosine between normals of one
 struct Walker {
   Vec3 origin, direction;
   Vec3 throughput{1.0f};
+  Vec3 specularPart{0.0f};                      // share of the first event's specular lobe in it
   int events = 0, free = 0;
   PathMedia media;
   Hit hit;
@@ -73,7 +74,7 @@ struct Walker {
 
 void CausticSettings::hash(Hasher& h) const {
   path.hash(h);
-  h.add(photons).add(radius);
+  h.add(photons).add(radius).add(byLobe);
 }
 
 float causticRadius(float first, uint32_t pass) {
@@ -99,7 +100,6 @@ struct CausticTracer::Impl {
 
 CausticTracer::CausticTracer() : impl_(std::make_unique<Impl>()) {}
 CausticTracer::~CausticTracer() = default;
-int CausticTracer::groups() const { return impl_->settings.path.groups; }
 
 std::shared_ptr<const CausticTracer> CausticTracer::create(const SceneView& view, AccelPtr accel, const CausticSettings& settings) {
   GOBO_CHECK(settings.radius > 0.0f);
@@ -202,6 +202,7 @@ std::shared_ptr<const PhotonMap> CausticTracer::emitPass(uint32_t pass, const Ta
 }
 
 void CausticTracer::Impl::gather(const Walker& w, const Surface& s, const Frame& frame, const Vec3& wo, const PhotonMap& map, double* out) const {
+  if (map.size() == 0) return;
   const double area = M_PI * double(map.radius()) * map.radius();
   const Vec3 facing = s.facing();
   const bool through = s.material->transmissive;
@@ -209,16 +210,26 @@ void CausticTracer::Impl::gather(const Walker& w, const Surface& s, const Frame&
     if (w.events + 1 + ph.events > maxEvents || glm::dot(ph.n, s.Ng) < kSameSurface) return;
     const float side = glm::dot(ph.toLight, facing), cosine = glm::dot(ph.toLight, s.n);
     if (!(cosine * side > 0.0f) || (cosine < 0.0f && !through)) return;   // as the path tracer treats light samples
-    const Vec3 f = s.lambert ? s.bsdf.albedo * (kInvPi * cosine) : bsdfEval(s.bsdf, wo, frame.toLocal(ph.toLight)).sum();
-    const Vec3 value = w.throughput * f * ph.flux;
+    BsdfValue f;
+    if (s.lambert) f.diffuse = s.bsdf.albedo * (kInvPi * cosine);
+    else f = bsdfEval(s.bsdf, wo, frame.toLocal(ph.toLight));
+    const Vec3 arriving = w.throughput * ph.flux, value = arriving * f.sum();
     const double scale = 1.0 / (area * std::fabs(double(side)));
-    for (int c = 0; c < 3; ++c) out[3 * ph.slot + c] += double(value[c]) * scale;
+    if (!settings.byLobe) {
+      for (int c = 0; c < 3; ++c) out[3 * ph.slot + c] += double(value[c]) * scale;
+      return;
+    }
+    const Vec3 gloss = w.events == 0 ? arriving * f.specular : value * w.specularPart;
+    for (int c = 0; c < 3; ++c) {
+      out[6 * ph.slot + c] += double(value[c] - gloss[c]) * scale;
+      out[6 * ph.slot + 3 + c] += double(gloss[c]) * scale;
+    }
   });
 }
 
 /// Through the scattering volume that the path is in, from its ray with its hit to the last segment's. False: it ended.
 bool CausticTracer::Impl::scatter(Walker& w, uint64_t key, uint64_t& rays) const {
-  RTCRayHit16 rh;
+  RTCRayHit16 rh = {};
   rh.ray.org_x[0] = w.origin.x; rh.ray.org_y[0] = w.origin.y; rh.ray.org_z[0] = w.origin.z;
   rh.ray.dir_x[0] = w.direction.x; rh.ray.dir_y[0] = w.direction.y; rh.ray.dir_z[0] = w.direction.z;
   rh.ray.tfar[0] = w.hit.t;
@@ -272,6 +283,14 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
     const Vec2 u = draw.next2D();
     const float roulette = draw.next1D();
     if (!bsdfSample(s.bsdf, wo, lobe, u, bs)) return;
+    if (settings.byLobe && w.events == 0) {
+      w.specularPart = Vec3(bs.delta ? 1.0f : 0.0f);
+      if (!bs.delta) {
+        const BsdfValue f = bsdfEval(s.bsdf, wo, bs.wi);
+        const Vec3 all = f.sum();
+        for (int c = 0; c < 3; ++c) if (all[c] > 0.0f) w.specularPart[c] = f.specular[c] / all[c];
+      }
+    }
     w.throughput *= bs.weight;
     const float most = maxComponent(w.throughput);
     if (!(most > 0.0f) || !isFinite(w.throughput)) return;
@@ -298,7 +317,7 @@ void CausticTracer::traceBlock(int x, int y, uint32_t pass, const PhotonMap& map
   const uint64_t pixel = uint64_t(uint32_t(y)) << 32 | uint32_t(x);
   const uint64_t seed = hash64(hash64(hash64(s.seed, 0x63617573u), pixel), pass / kBlocksPerStream);   // "caus": never the path tracer's own
   const uint32_t begin = pass % kBlocksPerStream * uint32_t(s.blockSize);
-  const size_t n = 3 * size_t(s.groups);
+  const size_t n = 3 * size_t(m.settings.slots());
   std::vector<double> one(n);
   for (int i = 0; i < s.blockSize; ++i) {
     std::fill(one.begin(), one.end(), 0.0);

@@ -29,6 +29,8 @@ struct CausticSettings {
   PathTracerSettings path;           ///< camera, size, bounces, block size, seed, groups; lights that are not delta lights are ignored
   uint32_t photons = 0;              ///< emitted per light and pass
   float radius = 0;                  ///< of the first pass, metres
+  bool byLobe = false;               ///< two slots a group: diffuse and specular lobe of the camera path's first event
+  int slots() const { return path.groups * (byLobe ? 2 : 1); }
   void hash(Hasher& hasher) const;
 };
 
@@ -39,10 +41,9 @@ class CausticTracer {
  public:
   static std::shared_ptr<const CausticTracer> create(const SceneView& view, AccelPtr accel, const CausticSettings& settings);
   ~CausticTracer();
-  int groups() const;
   /// Photons of one pass; null if `stop` fired. Adds the rays to `rays`.
   std::shared_ptr<const PhotonMap> emitPass(uint32_t pass, const TaskArena& arena, uint64_t& rays, const StopToken& stop = {}) const;
-  /// Adds the SUM over the block's camera samples of pixel (x, y) to out[group*3 + channel]; `map` is emitPass(pass). Never adds
+  /// Adds the SUM over the block's camera samples of pixel (x, y) to out[slot*3 + channel]; `map` is emitPass(pass). Never adds
   /// a non-finite value: such samples count as zero and in `dropped`.
   void traceBlock(int x, int y, uint32_t pass, const PhotonMap& map, double* out, uint64_t& rays, uint64_t& dropped) const;
   struct Impl;
