@@ -27,6 +27,7 @@ CausticPlan causticPlan(const Scene& scene, const MaterialKinds& kinds, const v1
 }
 
 std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveScene& effective, const RelightGroups& relight, const PathTracerSettings& path, bool byLobe) {
+  if (plan.photons == 0) return {};
   const std::vector<Light>& lights = effective.scene->lights;
   CausticTask all;
   all.label = "caustics";

@@ -203,23 +203,24 @@ TEST(Caustics, PathTracerAgreesWithASmallLight) {
   const auto scene = [](bool point) {
     SceneMaker m;
     m.instance(m.mesh(ground(2.0f), m.material(Vec3(0.05f))));         // dark: light that left the floor before is no caustic
-    m.instance(m.mesh(sphere(Vec3(0, 0.5f, 0), 0.3f, 16, true), m.material(Vec3(1.0f), glass)));
-    const float r = 0.15f;
-    LightShape s = pointLight(Vec3(0, 1.5f, 0));
+    m.instance(m.mesh(sphere(Vec3(0, 0.42f, 0), 0.3f, 16, true), m.material(Vec3(1.0f), glass)));
+    const float r = 0.15f;                                             // its size adds 5 % (r / distance to the glass)^2 / 0.06 of energy
+    LightShape s = pointLight(Vec3(0, 2.0f, 0));
     if (!point) { s.kind = LightKind::Sphere; s.radius = r; }
     m.light(s, point ? Vec3(kPi * r * r) : Vec3(1.0f));
     Camera c;
     c.perspective = false;
-    c.yheight = 1.2f;
-    c.toWorld = Mat4(Vec4(1, 0, 0, 0), Vec4(0, 0, -1, 0), Vec4(0, 1, 0, 0), Vec4(0, 0.15f, 0, 1));   // between glass and floor, downwards
+    c.yheight = 0.5f;
+    c.toWorld = Mat4(Vec4(1, 0, 0, 0), Vec4(0, 0, -1, 0), Vec4(0, 1, 0, 0), Vec4(0, 0.06f, 0, 1));   // between glass and floor, downwards
     m.scene.cameras.assign(1, c);
     return m.finish();
   };
   Caustics point(scene(true), 40000, 0.02f, 2, 16, 16);
   Traced area(scene(false), 16, 16);
   area.settings.maxBounces = 2;
+  area.settings.rouletteStart = 64;
   area.settings.cover = PathClass::Indirect;
-  const Measured truth = measure(area, 120);
+  const Measured truth = measure(area, 160);
   const DVec3 got = point.mean(8);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(got[c], truth[0].mean[c], 0.02 * truth[0].mean[c] + 3 * truth[0].error[c]) << "error " << truth[0].error[c];
   EXPECT_LT(truth[0].error.x, 0.015 * truth[0].mean.x);
