@@ -166,8 +166,7 @@ TEST(Caustics, PrismFollowsSnell) {
   }
 }
 
-// All light that meets the glass leaves it again and lands on the box around; flat facets exactly, interpolated normals by
-// the adjoint correction.
+// All light that meets the glass leaves it again and lands on the box around.
 TEST(Caustics, FluxThroughGlassArrives) {
   for (const bool smooth : {false, true}) {
     for (const float flat : {1.0f, 0.35f}) {                          // ball and lens
@@ -224,6 +223,36 @@ TEST(Caustics, PathTracerAgreesWithASmallLight) {
   const DVec3 got = point.mean(8);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(got[c], truth[0].mean[c], 0.02 * truth[0].mean[c] + 3 * truth[0].error[c]) << "error " << truth[0].error[c];
   EXPECT_LT(truth[0].error.x, 0.015 * truth[0].mean.x);
+}
+
+// Interpolated normals are seen by camera paths and by photons alike: a mirror whose normals lean by 25 degrees throws 1.56 times the
+// light that photons without the adjoint factor would bring.
+TEST(Caustics, LeaningNormalsAreAdjoint) {
+  const auto scene = [](bool point) {
+    SceneMaker m;
+    m.instance(m.mesh(ground(2.0f), m.material(Vec3(0.05f))));
+    Mesh plate = quad(Vec3(-0.5f, 1.2f, -0.5f), Vec3(1, 0, 0), Vec3(0, 0, 1));
+    plate.normals.assign(4, Vec3(std::sin(0.436f), -std::cos(0.436f), 0));
+    m.instance(m.mesh(std::move(plate), m.material(Vec3(1.0f), mirror)));
+    const float r = 0.1f;
+    LightShape s = pointLight(Vec3(0.5f, 0.78f, 0));
+    if (!point) { s.kind = LightKind::Sphere; s.radius = r; }
+    m.light(s, point ? Vec3(kPi * r * r) : Vec3(1.0f));
+    Camera c;
+    c.perspective = false;
+    c.yheight = 0.3f;
+    c.toWorld = Mat4(Vec4(1, 0, 0, 0), Vec4(0, 0, -1, 0), Vec4(0, 1, 0, 0), Vec4(0, 0.06f, 0, 1));
+    m.scene.cameras.assign(1, c);
+    return m.finish();
+  };
+  Caustics point(scene(true), 20000, 0.03f, 1, 8, 8);
+  Traced area(scene(false), 8, 8);
+  area.settings.maxBounces = 1;
+  area.settings.rouletteStart = 64;
+  area.settings.cover = PathClass::Indirect;
+  const Measured truth = measure(area, 120);
+  EXPECT_NEAR(point.mean(6).x, truth[0].mean.x, 0.03 * truth[0].mean.x + 3 * truth[0].error.x) << "error " << truth[0].error.x;
+  EXPECT_LT(truth[0].error.x, 0.06 * truth[0].mean.x);
 }
 
 // Light that fell through the glass once and then bounced: the second floor sees the caustic of the first as indirect light.
