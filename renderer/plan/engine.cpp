@@ -203,7 +203,12 @@ void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::
     row = reply.add_plan();
     row->set_node(n.label);
     row->set_state(state);
-    row->set_reason(state == v1::NodeReport::NOT_NEEDED ? "what it feeds was reused" : e.reason);
+    std::string reason = state == v1::NodeReport::NOT_NEEDED ? "what it feeds was reused" : e.reason;
+    if (!n.approximate.empty()) {
+      reason += (reason.empty() ? "" : "; ") + n.approximate;
+      row->set_approximate(true);
+    }
+    row->set_reason(reason);
     row->set_ms(e.ms);
     row->set_rays(e.rays);
     row->set_bytes(e.bytes);

@@ -32,15 +32,19 @@ MaterialKinds materialKinds(const Scene& scene) {
     kinds.extended = kinds.extended || s.extended;
     kinds.translucent = kinds.translucent || b.diffuseTransmission > 0.0f || (b.transmission > 0.0f && !smooth(b) && !straight);
     kinds.volumes = kinds.volumes || boundsVolume(b);
+    kinds.scatters = kinds.scatters || (boundsVolume(b) && makeInterior(b).scatters);
     kinds.delta = kinds.delta || straight || (interface && smooth(b.roughness)) || (b.clearcoat > 0.0f && smooth(b.clearcoatRoughness));
   }
   return kinds;
 }
 
-std::vector<std::string> classesNotCovered(const Scene& scene) {
+std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics) {
   bool delta = false;
   for (const Light& l : scene.lights) delta = delta || isDeltaLight(l.shape.kind);
-  if (delta && materialKinds(scene).delta) return {"point, spot and directional lights seen through a specular chain (their caustics and mirror images)"};
+  const MaterialKinds kinds = materialKinds(scene);
+  if (!delta || !kinds.delta) return {};
+  if (!caustics) return {"point, spot and directional lights seen through a specular chain (their caustics and mirror images)"};
+  if (kinds.scatters) return {"caustics of point, spot and directional lights inside scattering volumes"};
   return {};
 }
 

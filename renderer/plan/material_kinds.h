@@ -10,6 +10,7 @@ struct MaterialKinds {
   bool extended = false;      ///< the surface term's planes do not hold every material
   bool translucent = false;   ///< some surface passes direct light from behind by a non-delta lobe
   bool volumes = false;       ///< some mesh bounds a volume
+  bool scatters = false;      ///< some volume scatters
   bool unlit = false;
   bool delta = false;         ///< some surface has a lobe that next-event estimation cannot reach
 };

@@ -7,8 +7,10 @@
 #include "filters/composite.h"
 #include "filters/sample_statistics.h"
 #include "filters/shadow_technique.h"
+#include "plan/caustic_plan.h"
 #include "plan/material_kinds.h"
 #include "plan/outputs.h"
+#include "terms/caustics.h"
 #include "terms/direct_unoccluded.h"
 #include "terms/extract_lights.h"
 #include "terms/gbuffer.h"
@@ -161,30 +163,31 @@ class PlanMaker {
     return members.size() == 1 ? scene_->lights[members[0]].name : "cluster of " + std::to_string(members.size());
   }
 
+  PathTracerSettings tracerSettings(PathClass cover) const {
+    PathTracerSettings s;
+    const v1::Integrator& i = request_.integrator();
+    s.camera = view_.camera;
+    s.width = width_; s.height = height_; s.blockSize = int(blockSize_);
+    s.viewSamples = i.at_view_samples() ? viewSamples_ : 0;
+    s.maxBounces = has(cover, PathClass::Indirect) ? int(i.max_bounces()) : 0;
+    s.rouletteStart = int(i.russian_roulette_start());
+    s.seed = request_.seed();
+    s.cover = cover;
+    return s;
+  }
+
   /// A path tracing node over `lights` with one slot group per entry of `groups` (relight group ids, ascending).
   void pathTrace(const std::vector<int>& lights, PathClass cover, const std::string& label, const std::vector<Vec3>& nominal, const std::vector<int>& slotGroup,
                  const std::vector<int>& groups, const std::vector<Vec3>& weights, bool behindOnly = false, bool unlit = false) {
-    PathTracerSettings s;
-    s.camera = view_.camera;
-    s.width = width_;
-    s.height = height_;
-    s.viewSamples = request_.integrator().at_view_samples() ? viewSamples_ : 0;
-    s.maxBounces = has(cover, PathClass::Indirect) ? int(request_.integrator().max_bounces()) : 0;
-    s.rouletteStart = int(request_.integrator().russian_roulette_start());
-    s.blockSize = int(blockSize_);
-    s.seed = request_.seed();
-    s.behindOnly = behindOnly;
-    s.unlit = unlit;
-    s.cover = cover;
+    PathTracerSettings s = tracerSettings(cover);
+    s.behindOnly = behindOnly; s.unlit = unlit;
     const int classes = has(cover, PathClass::Emission) + has(cover, PathClass::Direct) + has(cover, PathClass::Indirect);
     const bool scatters = has(cover, PathClass::Direct) || has(cover, PathClass::Indirect);
     s.split = splitLobes_ && scatters ? SplitMode::ByLobe : (splitClasses_ || splitLobes_) && classes > 1 ? SplitMode::DirectIndirect : SplitMode::Combined;
     s.selection = request_.integrator().light_selection() == v1::Integrator::UNIFORM ? LightSelection::Uniform
                   : request_.integrator().light_selection() == v1::Integrator::POWER ? LightSelection::Power
                                                                                      : LightSelection::Tree;
-    s.groups = int(groups.size());
-    s.groupOf = slotGroup;
-    s.nominal = nominal;
+    s.groups = int(groups.size()); s.groupOf = slotGroup; s.nominal = nominal;
     GraphNode n{makePathTraceNode(s, variance_ ? kVarianceStreams : 1), {}, lights, label, blocks_, scene_};
     const NodeId state = plan_.graph.add(std::move(n));
     const int per = slotsPerGroup(s.split, s.maxBounces);
@@ -255,6 +258,7 @@ class PlanMaker {
       if (extract) GOBO_TRY(planExtractedEnvironment());
     }
     planClusterEdits(indirect);
+    planCaustics();
     reportCover();
     return {};
   }
@@ -344,6 +348,20 @@ class PlanMaker {
       const Vec3 weight = plan_.effective.rawGains[l] - Vec3(1.0f);
       // A difference of all three classes at once, whatever technique the cluster uses for its own direct light.
       pathTrace({int(l)}, indirect ? PathClass::All : PathClass::Emission | PathClass::Direct, "difference:" + scene_->lights[l].name, {scene_->lights[l].power}, {0}, {-1}, {weight});
+    }
+  }
+
+  void planCaustics() {
+    const CausticPlan plan = causticPlan(*scene_, kinds_, request_.integrator());
+    if (!plan.pruned.empty()) plan_.graph.prune("caustics", plan.pruned, plan.lost);
+    for (const CausticTask& t : causticTasks(plan, plan_.effective, plan_.groups, tracerSettings(PathClass::Indirect), splitLobes_)) {
+      GraphNode n{makeCausticsNode(t.settings), {}, t.lights, t.label, blocks_, scene_, false, causticNote(plan, blocks_)};
+      const NodeId mean = filter(makeResolveNode(width_, height_, t.settings.slots()), {plan_.graph.add(std::move(n))}, t.label + ":mean");
+      for (int slot = 0; slot < t.settings.slots(); ++slot) {
+        const int g = splitLobes_ ? slot / 2 : slot;
+        const LobePart lobe = !splitLobes_ ? LobePart::Both : slot % 2 ? LobePart::Specular : LobePart::Diffuse;
+        add(mean, "s" + std::to_string(slot), t.weights[g], PathClass::Indirect, t.groups[g], lobe);
+      }
     }
   }
 

@@ -46,6 +46,7 @@ uint32_t blockSizeFor(uint32_t spp);
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services);
 
 /// Path classes that a unidirectional tracer cannot join in this scene, for certificates.
-std::vector<std::string> classesNotCovered(const Scene& scene);
+/// `caustics`: photons are traced for them too (trace/photon_tracer.h).
+std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics = false);
 
 }  // namespace gobo

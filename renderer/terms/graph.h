@@ -20,6 +20,7 @@ struct GraphNode {
   uint32_t blocks = 0;          ///< extendable nodes: blocks asked for
   ScenePtr scene;               ///< the effective scene that the node sees (null for filters)
   bool transient = false;       ///< result is not kept in the store (inputs of folds)
+  std::string approximate;      ///< for reports: in what its result is more than noise away from the truth; empty: in nothing
 };
 
 struct PrunedNode { std::string label, reason; bool approximate = false; };

@@ -97,6 +97,12 @@ bool bsdfSample(const BsdfParams& p, const Vec3& wo, float uLobe, const Vec2& u,
   return out.pdf > 0.0f && isFinite(out.weight) && maxComponent(out.weight) > 0.0f;
 }
 
+float bsdfFluxScale(const BsdfParams& p, const BsdfSample& s) {
+  if (!s.delta || !s.transmitted) return 1.0f;
+  const BaseLobes base(p);
+  return base.glass > 0.0f && !base.thin ? base.eta * base.eta : 1.0f;
+}
+
 bool bsdfIsDelta(const BsdfParams& p) { return !BaseLobes(p).evaluable() && !Layers::evaluable(p); }
 
 }  // namespace gobo

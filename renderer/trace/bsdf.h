@@ -55,6 +55,9 @@ float bsdfPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi);
 BsdfValue bsdfEvalPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi, float& pdf);
 /// u: lobe choice, then two for the direction; all in [0,1). False: the path ends (absorbed).
 bool bsdfSample(const BsdfParams& p, const Vec3& wo, float uLobe, const Vec2& u, BsdfSample& out);
+/// What makes the weight of a delta sample, drawn for radiance, the weight of flux that comes from wo and leaves along wi: the
+/// squared relative index where light was refracted (Veach 1997, section 5.2), else 1.
+float bsdfFluxScale(const BsdfParams& p, const BsdfSample& s);
 /// True if no lobe can be evaluated (mirror or smooth glass): next-event estimation is useless.
 bool bsdfIsDelta(const BsdfParams& p);
 

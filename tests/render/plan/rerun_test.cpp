@@ -82,6 +82,8 @@ const std::map<std::string, Row>& rows() {
       {"integrator.light_selection", {{"integrator.light_selection=POWER"}, kTraced + kBeauty}},
       {"integrator.russian_roulette_start", {{"integrator.russian_roulette_start=1"}, kTraced + kBeauty}},
       {"integrator.at_view_samples", {{"integrator.at_view_samples=true"}, kTraced + kBeauty}},
+      {"integrator.caustic_photons", {{"integrator.caustic_photons=1000"}, {}}},   // no mirror and no glass here: Rerun.Caustics has some
+      {"integrator.caustic_radius", {{"integrator.caustic_radius=0.01"}, {}}},
       {"lights.*.kind", {{"lights.spot.kind=POINT"}, kSpot + kIndirect + kBeauty}},
       {"lights.*.color", {{"lights.key.color=1,0.2,0.1"}, kBeauty}},
       {"lights.*.intensity", {{"lights.key.intensity=6"}, kBeauty}},
@@ -303,6 +305,24 @@ TEST(Rerun, ClustersAndDifferences) {
   }
   EXPECT_EQ(composites, 3);
   EXPECT_EQ(differences, info.lights_size() - 3);
+}
+
+TEST(Rerun, Caustics) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("spheres", 12, 8, 16);
+  for (const char* a : {"lights.lamp.kind=POINT", "lights.lamp.position=0,6,2", "lights.lamp.intensity=50"}) set(r, a);
+  const Labels without = ran(mustRender(*engine, r));
+  EXPECT_FALSE(without.count("caustics"));
+  const Labels node{"caustics", "caustics:mean"};
+  const std::pair<const char*, Labels> edits[] = {{"integrator.caustic_photons=500", node + kBeauty},
+                                                  {"integrator.caustic_radius=0.01", node + kBeauty},
+                                                  {"lights.lamp.gain=2,1,1", kBeauty},
+                                                  {"integrator.light_selection=POWER", Labels{"path_trace", "path_trace:mean"} + kBeauty},
+                                                  {"integrator.caustic_photons=0", kBeauty}};
+  for (const auto& [edit, expected] : edits) {
+    set(r, edit);
+    EXPECT_EQ(text(ran(mustRender(*engine, r))), text(expected)) << edit;
+  }
 }
 
 TEST(Rerun, MoreSamplesExtendAndEqualScratch) {

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "terms/caustics.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace gobo {
+
+namespace {
+
+class CausticsNode final : public Node {
+ public:
+  explicit CausticsNode(const CausticSettings& settings) : settings_(settings) {}
+  std::string type() const override { return "caustics"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.facets = kPathTracerFacets;
+    t.pathClass = PathClass::Indirect;
+    t.extendable = true;
+    t.persist = true;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override { settings_.hash(h); }
+  /// The state, and the photons of a pass with their sorted copy if each lands once.
+  size_t outputBytes() const override {
+    const PathTracerSettings& s = settings_.path;
+    return size_t(s.width) * s.height * (24u * settings_.slots() + 4) + size_t(settings_.photons) * s.groupOf.size() * (2 * sizeof(Photon) + 24);
+  }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const auto tracer = CausticTracer::create(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), settings_);
+    const int width = settings_.path.width, height = settings_.path.height;
+    const size_t perPixel = size_t(settings_.slots()) * 3;
+    const uint32_t blockSize = uint32_t(settings_.path.blockSize);
+    auto state = std::make_shared<Term>("caustics", Domain::Pixel, Extent{width, height, 1});
+    auto sum = state->addPlane<double>("sum", int(perPixel));
+    auto samples = state->addPlane<uint32_t>("samples", 1);
+    uint32_t pass = 0;
+    if (ctx.previous && ctx.previous->extent() == state->extent() && ctx.previous->channels("sum") == int(perPixel)) {
+      const auto oldSum = ctx.previous->plane<double>("sum");
+      const auto oldSamples = ctx.previous->plane<uint32_t>("samples");
+      const auto [least, most] = std::minmax_element(oldSamples.begin(), oldSamples.end());
+      if (!oldSamples.empty() && *most <= ctx.targetBlocks * blockSize) {
+        pass = *least / blockSize;
+        const bool copied = ctx.arena->parallelFor(samples.size(), 1 << 12, [&](size_t begin, size_t end) {
+          std::copy(oldSamples.begin() + begin, oldSamples.begin() + end, samples.begin() + begin);
+          std::copy(oldSum.begin() + begin * perPixel, oldSum.begin() + end * perPixel, sum.begin() + begin * perPixel);
+        }, ctx.stop);
+        if (!copied) return stopped(ctx, ctx.previous);
+      }
+    }
+    for (; pass < ctx.targetBlocks; ++pass) {
+      uint64_t emitted = 0;
+      const auto map = tracer->emitPass(pass, *ctx.arena, emitted, ctx.stop);
+      ctx.counters->rays += emitted;
+      if (!map) return stopped(ctx, state);
+      const bool complete = ctx.arena->parallelFor(size_t(height), 1, [&](size_t row, size_t) {
+        uint64_t rays = 0, dropped = 0;
+        for (int x = 0; x < width; ++x) {
+          const size_t p = row * size_t(width) + size_t(x);
+          if (samples[p] / blockSize != pass) continue;              // an interrupted pass: this pixel has it already
+          if (ctx.stop.stopRequested()) break;
+          tracer->traceBlock(x, int(row), pass, *map, sum.data() + p * perPixel, rays, dropped);
+          samples[p] += blockSize;
+        }
+        ctx.counters->rays += rays;
+      }, ctx.stop);
+      if (!complete || ctx.stop.stopRequested()) return stopped(ctx, state);
+      if (ctx.progress) ctx.progress(double(pass + 1) / double(ctx.targetBlocks));
+    }
+    return TermPtr(state);
+  }
+
+ private:
+  static Status stopped(const RunContext& ctx, TermPtr state) {
+    if (ctx.park && ctx.stop.reason() == StopReason::Preempted) *ctx.park = std::move(state);
+    return Status(Code::Cancelled, "stopped");
+  }
+  CausticSettings settings_;
+};
+
+}  // namespace
+
+NodePtr makeCausticsNode(const CausticSettings& settings) { return std::make_shared<CausticsNode>(settings); }
+
+}  // namespace gobo
