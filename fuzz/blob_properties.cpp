@@ -34,7 +34,7 @@ struct Editor {
     if constexpr (std::is_same_v<T, bool>) { if (here()) item = !item; }
     else if constexpr (std::is_enum_v<T>) { if (here()) item = T(value); }
     else if constexpr (std::is_arithmetic_v<T>) { if (here()) number(item); }
-    else if constexpr (std::is_same_v<T, Hash128>) { if (here()) std::memcpy(&item, &value, 4); }
+    else if constexpr (std::is_same_v<T, Hash128>) { if (here()) std::memcpy(static_cast<void*>(&item), &value, 4); }
     else if constexpr (blob::isPlain<T>) { if (here()) number(reinterpret_cast<float*>(&item)[(how / 2) % (sizeof item / 4)]); }
     else if constexpr (std::is_same_v<T, std::string>) { if (here()) item = how % 4 == 0 ? "" : how % 4 == 1 ? "\xff" : std::string(value % 300, char(how)); }
     else if constexpr (blob::IsArray<T>::value) {

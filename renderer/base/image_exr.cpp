@@ -148,7 +148,40 @@ auto guarded(const std::string& name, const Body& body) -> decltype(body()) {
 
 }  // namespace
 
+namespace {
+
+/// OpenEXR allocates what an attribute says it has before it reads it: sizes are compared with the file first.
+Status checkAttributes(const uint8_t* bytes, size_t size, const std::string& name) {
+  const auto skipText = [&](size_t& at) {
+    const size_t from = at;
+    while (at < size && bytes[at] != 0) ++at;
+    return at++ - from;   // length; past the zero
+  };
+  if (size < 8) return invalidArgument("EXR header is cut short", name);
+  const bool parts = bytes[5] & 0x10;
+  for (size_t at = 8, inHeader = 0; at < size;) {
+    const size_t length = skipText(at);
+    if (length == 0) {   // the end of a header; of all, in a file of one part or after an empty one
+      if (!parts || inHeader == 0) return {};
+      inHeader = 0;
+      continue;
+    }
+    ++inHeader;
+    skipText(at);
+    uint32_t bytesOfIt = 0;
+    if (at > size || size - at < 4) return invalidArgument("EXR header is cut short", name);
+    std::memcpy(&bytesOfIt, bytes + at, 4);
+    at += 4;
+    if (bytesOfIt > size - at) return invalidArgument("EXR attribute of " + std::to_string(bytesOfIt) + " bytes at byte " + std::to_string(at) + " does not fit the file", name);
+    at += bytesOfIt;
+  }
+  return {};
+}
+
+}  // namespace
+
 Result<Image> readExr(const uint8_t* bytes, size_t size, const std::string& name, const ReadLimits& limits) {
+  GOBO_TRY(checkAttributes(bytes, size, name));
   MemoryReader stream(bytes, size);
   Imf::MultiPartInputFile file(stream, 1, false);
   if (file.parts() < 1) return invalidArgument("EXR file has no parts", name);
@@ -157,6 +190,7 @@ Result<Image> readExr(const uint8_t* bytes, size_t size, const std::string& name
 
 Result<Image> readExrLayer(const uint8_t* bytes, size_t size, const std::string& name, const std::string& layer, const ReadLimits& limits) {
   return guarded(name, [&]() -> Result<Image> {
+    GOBO_TRY(checkAttributes(bytes, size, name));
     MemoryReader stream(bytes, size);
     Imf::MultiPartInputFile file(stream, 1, false);
     const std::vector<std::string> layers = layersOf(file);

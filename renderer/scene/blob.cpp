@@ -97,7 +97,7 @@ bool allFinite(const Array<T>& values) {
 
 Status checkMesh(const Mesh& mesh, size_t i) {
   const std::string name = "mesh " + std::to_string(i);
-  if (!allFinite(mesh.normals) || !allFinite(mesh.tangents) || !allFinite(mesh.colours) ||
+  if (!allFinite(mesh.positions) || !allFinite(mesh.normals) || !allFinite(mesh.tangents) || !allFinite(mesh.colours) ||
       !std::all_of(mesh.uv.begin(), mesh.uv.end(), [](const Array<Vec2>& set) { return allFinite(set); }))
     return bad(name + ": a vertex value is not finite");
   Mesh again = mesh;   // shares the arrays
@@ -184,6 +184,11 @@ Result<ScenePtr> readSceneBlob(std::shared_ptr<const void> owner, std::span<cons
   if (const Status sealed = scene->seal(); !sealed.ok()) return bad(sealed.toString());
   if (scene->rig && trust == BlobTrust::Foreign) {
     for (size_t i = 0; i < scene->rig->meshes.size(); ++i) GOBO_TRY(checkMesh(*scene->rig->meshes[i], i));
+    for (const RigSource& source : scene->rig->sources)
+      for (const RigTarget& t : source.targets)
+        if (!allFinite(t.positions) || !allFinite(t.normals) || !allFinite(t.tangents) || !allFinite(t.colours) ||
+            !std::all_of(t.uv.begin(), t.uv.end(), [](const Array<Vec2>& set) { return allFinite(set); }))
+          return bad("rig: a displacement is not finite");
     Rig again = *scene->rig;
     if (const Status sealed = sealRig(again, *scene); !sealed.ok()) return bad("rig: " + sealed.toString());
     if (again.content != scene->rig->content) return bad("rig: digest is not that of its fields");

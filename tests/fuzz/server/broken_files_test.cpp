@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every broken file of ../shared/data through the daemon's loader and its sandboxed child: answered within the limits of CPU time
 // and memory, by an error that blames the file and says where (the same as without a sandbox), or loaded with the fault named in
-// a warning; and the loader is as before: no child, no descriptor left, the next good file loads. GOBO_FUZZ_TABLE=1 prints each file.
+// a warning; and the loader is as before: no child, no descriptor left, the next good file loads. Every fourth file; all of them, each
+// printed, with GOBO_FUZZ_TABLE=1.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -66,7 +67,10 @@ class BrokenFiles : public ::testing::Test {
     for (const auto& e : fs::recursive_directory_iterator(root))
       if (e.is_regular_file() && (extensions.empty() || std::count(extensions.begin(), extensions.end(), e.path().extension().string()))) out.push_back(e.path());
     std::sort(out.begin(), out.end());
-    return out;
+    if (std::getenv("GOBO_FUZZ_TABLE")) return out;
+    std::vector<fs::path> some;   // a child costs tens of milliseconds: every fourth file in the ordinary run
+    for (size_t i = 0; i < out.size(); i += 4) some.push_back(out[i]);
+    return some;
   }
   template <typename Load>
   auto timed(const std::string& file, Load&& load) {
@@ -92,7 +96,7 @@ class BrokenFiles : public ::testing::Test {
     row(file, s.toString());
   }
   static void row(const std::string& file, const std::string& said) {
-    if (std::getenv("GOBO_FUZZ_TABLE")) std::cout << "| " << file << " | " << said.substr(0, 200) << " |\n";
+    if (std::getenv("GOBO_FUZZ_TABLE")) std::cout << "| " << file << " | " << said.substr(0, 200) << " |" << std::endl;
   }
   void scene(const std::string& file) {
     const auto got = timed(file, [&] { return loader->scene(file, {}); });
@@ -144,8 +148,8 @@ TEST_F(BrokenFiles, Gltf) {
     scene(file.string());
     ++scenes;
   }
-  EXPECT_GT(scenes, 50u);
-  EXPECT_GT(refused, 30u);
+  EXPECT_GT(scenes, 20u);
+  EXPECT_GT(refused, 8u);
 }
 
 TEST_F(BrokenFiles, Pictures) {
@@ -153,7 +157,7 @@ TEST_F(BrokenFiles, Pictures) {
   for (const char* corpus : {"exr/damaged", "images/oiio-corrupt"})
     for (const fs::path& file : filesOf(kData / corpus, {}))
       if (file.extension() != ".tsv" && file.extension() != ".rst" && file.extension() != ".md" && file.filename() != "LICENSE") picture(file);
-  EXPECT_GT(refused, 30u);
+  EXPECT_GT(refused, 8u);
 }
 
 }  // namespace
