@@ -56,6 +56,7 @@ int main(int argc, char** argv) {
   if (!png.empty()) {
     for (const bool on : {true, false}) {
       v1::RenderRequest r = request(width, height, spp, 1, "beauty");
+      for (const char* e : {"integrator.caustic_photons=200000", "integrator.caustic_radius=0.0015"}) (void)setPath(r, e);   // sharp enough to look at
       if (!on) r.mutable_integrator()->set_caustic_photons(0);
       const auto result = (*engine)->render(r);
       if (!result.ok()) { std::fprintf(stderr, "%s\n", result.status().toString().c_str()); return 1; }
