@@ -15,7 +15,7 @@ deps:
 
 build: deps
 	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE) > $(BUILD).log 2>&1 || { cat $(BUILD).log; exit 1; }
-	@ninja -C $(BUILD) -j $(JOBS) gobo gobod
+	@ninja -C $(BUILD) -j $(JOBS) gobo gobod python_client
 
 demo: build
 	@BUILD=$(BUILD) SCENE='$(SCENE)' ENV='$(ENV)' deploy/demo

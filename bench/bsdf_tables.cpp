@@ -3,7 +3,9 @@
 // far the interpolated tables are from the quadrature at random points between the nodes (a second).
 #include "bsdf_tables.h"
 
+#include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
@@ -12,17 +14,34 @@ using namespace gobo::tables;
 namespace {
 
 constexpr int kMu = 32, kReflectR = 32, kGlassMu = 32, kGlassR = 22, kGlassIor = 17, kSheenN = 32, kFine = 4, kGlassFine = 2;
-constexpr double kMargin = 0.001, kGlassMargin = 0.004, kStretch = 2.0, kLargest = 0.5;   // kLargest: (ior - 1)/(ior + 1) at the last node
+constexpr double kMargin = 0.001, kGlassMargin = 0.004, kStretch = 2.0, kLargest = 0.5;  // kLargest: (ior - 1)/(ior + 1) at the last node
 
 double alphaAt(double k, int n) { return std::max(sq(k / (n - 1)), 1e-4); }
-/// Cosine of node k: t = k/(n-1), x = t^2, mu = s x / (1 + s - x), s = kStretch alpha. The deficit of small alpha is a function of mu/alpha.
-double muAt(double t, double alpha) { const double x = t * t, s = kStretch * alpha; return std::max(s * x / (1 + s - x), 1e-6); }
-double tAt(double mu, double alpha) { const double s = kStretch * alpha; return std::sqrt(mu * (1 + s) / (mu + s)); }
-double iorAt(double k) { const double x = kLargest * sq(k / (kGlassIor - 1)); return std::max((1 + x) / (1 - x), 1.0002); }
+/// Cosine of node k: t = k/(n-1), x = t^2, mu = s x / (1 + s - x), s = kStretch alpha. The deficit of small alpha is a function of
+/// mu/alpha.
+double muAt(double t, double alpha) {
+  const double x = t * t, s = kStretch * alpha;
+  return std::max(s * x / (1 + s - x), 1e-6);
+}
+double tAt(double mu, double alpha) {
+  const double s = kStretch * alpha;
+  return std::sqrt(mu * (1 + s) / (mu + s));
+}
+double iorAt(double k) {
+  const double x = kLargest * sq(k / (kGlassIor - 1));
+  return std::max((1 + x) / (1 - x), 1.0002);
+}
 double quantise(double v, double margin) { return std::clamp(std::round((v - margin) * 1e4), 0.0, 9999.0) * 1e-4; }
 
-struct Cell { int k; double f; };
-Cell cell(double x, int n) { const double p = std::clamp(x, 0.0, 1.0) * (n - 1); const int k = std::min(int(p), n - 2); return {k, p - k}; }
+struct Cell {
+  int k;
+  double f;
+};
+Cell cell(double x, int n) {
+  const double p = std::clamp(x, 0.0, 1.0) * (n - 1);
+  const int k = std::min(int(p), n - 2);
+  return {k, p - k};
+}
 
 struct Grid2 {
   int nx, ny;
@@ -66,7 +85,8 @@ struct Tables {
     for (int k = 0; k <= kFine * (kReflectR - 1); ++k) {
       const double r = double(k) / (kFine * (kReflectR - 1)), a = std::max(r * r, 1e-6);
       deficitRoot.push_back(std::sqrt(hemisphere(a, [&](double t, double) { return deficit.get(t, r); })));
-      schlickMean.push_back(hemisphere(a, [&](double t, double m) { return extra.get(t, r) + std::pow(1 - m, 5) * (1 - deficit.get(t, r)); }));
+      schlickMean.push_back(
+          hemisphere(a, [&](double t, double m) { return extra.get(t, r) + std::pow(1 - m, 5) * (1 - deficit.get(t, r)); }));
     }
     for (int side = 0; side < 2; ++side) {
       for (int k = 0; k < kGlassIor; ++k) {
@@ -103,9 +123,13 @@ struct Writer {
   int column = 0;
   void number(double v, double scale) {
     char s[32];
-    if (scale > 0) std::snprintf(s, sizeof s, "%.0f,", std::round(v * scale)); else std::snprintf(s, sizeof s, "%.6gf,", v);
+    if (scale > 0) std::snprintf(s, sizeof s, "%.0f,", std::round(v * scale));
+    else std::snprintf(s, sizeof s, "%.6gf,", v);
     const int l = int(std::string(s).size());
-    if (column + l > 138) { std::fprintf(f, "\n"); column = 0; }
+    if (column + l > 138) {
+      std::fprintf(f, "\n");
+      column = 0;
+    }
     column += std::fprintf(f, "%s", s);
   }
   void array(const char* type, const char* name, const std::vector<double>& v, double scale) {
@@ -117,11 +141,20 @@ struct Writer {
 };
 Writer open(const std::string& path, const char* what) {
   FILE* f = std::fopen(path.c_str(), "w");
-  if (!f) { std::perror(path.c_str()); std::exit(1); }
-  std::fprintf(f, "// SPDX-License-Identifier: Apache-2.0\n// Written by bench/bsdf_tables.cpp; do not edit. %s\n#pragma once\n\n#include <cstdint>\n\nnamespace gobo::data {\n\n", what);
+  if (!f) {
+    std::perror(path.c_str());
+    std::exit(1);
+  }
+  std::fprintf(f,
+               "// SPDX-License-Identifier: Apache-2.0\n// Written by bench/bsdf_tables.cpp; do not edit. %s\n#pragma once\n\n"
+               "#include <cstdint>\n\nnamespace gobo::data {\n\n",
+               what);
   return {f};
 }
-void close(Writer& w) { std::fprintf(w.f, "\n}  // namespace gobo::data\n"); std::fclose(w.f); }
+void close(Writer& w) {
+  std::fprintf(w.f, "\n}  // namespace gobo::data\n");
+  std::fclose(w.f);
+}
 
 }  // namespace
 
@@ -138,7 +171,8 @@ int main(int argc, char** argv) {
     w.array("uint16_t", "kSheenAlbedo", t.sheenE.v, 1e4);
     close(w);
     for (int side = 0; side < 2; ++side) {
-      Writer g = open(dir + (side ? "/bsdf_glass_inside_data.h" : "/bsdf_glass_outside_data.h"), "Rough dielectric: ior, roughness, cosine.");
+      Writer g =
+          open(dir + (side ? "/bsdf_glass_inside_data.h" : "/bsdf_glass_outside_data.h"), "Rough dielectric: ior, roughness, cosine.");
       std::vector<double> all;
       for (const Grid2& k : t.glass[side]) all.insert(all.end(), k.v.begin(), k.v.end());
       g.array("uint16_t", side ? "kGlassInside" : "kGlassOutside", all, 1e4);
@@ -148,17 +182,25 @@ int main(int argc, char** argv) {
     return 0;
   }
   uint64_t state = 1;
-  const auto uniform = [&] { state = state * 6364136223846793005ull + 1442695040888963407ull; return double(state >> 11) * 0x1p-53; };
+  const auto uniform = [&] {
+    state = state * 6364136223846793005ull + 1442695040888963407ull;
+    return double(state >> 11) * 0x1p-53;
+  };
   double lo[4] = {0, 0, 0, 0}, hi[4] = {0, 0, 0, 0};
   for (int k = 0; k < 1500; ++k) {
-    const double r = 0.0317 + (1 - 0.0317) * uniform(), a = r * r, m = k & 1 ? muAt(uniform(), a) : 0.02 + 0.98 * uniform(), ior = 1.02 + 1.58 * uniform();
+    const double r = 0.0317 + (1 - 0.0317) * uniform(), a = r * r, m = k & 1 ? muAt(uniform(), a) : 0.02 + 0.98 * uniform();
+    const double ior = 1.02 + 1.58 * uniform();
     const Albedo e = reflection(direction(m), a, a, 128);
     const double errors[4] = {e.all + t.deficit.get(tAt(m, a), r) - 1,
                               t.extra.get(tAt(m, a), r) + std::pow(1 - m, 5) * (1 - t.deficit.get(tAt(m, a), r)) - e.schlick,
                               dielectric(direction(m), a, ior, 64) + t.glassAt(m, r, ior, 0) - 1,
                               dielectric(direction(m), a, 1 / ior, 64) + t.glassAt(m, r, ior, 1) - 1};
-    for (int q = 0; q < 4; ++q) { if (q >= 2 && (errors[q] < -0.01 || errors[q]>0)) std::printf("%d mu %.4f r %.3f ior %.3f: %.4f\n", q, m, r, ior, errors[q]); lo[q] = std::min(lo[q], errors[q]); hi[q] = std::max(hi[q], errors[q]); }
+    for (int q = 0; q < 4; ++q) {
+      lo[q] = std::min(lo[q], errors[q]);
+      hi[q] = std::max(hi[q], errors[q]);
+    }
   }
-  const char* names[4] = {"GGX, albedo + deficit - 1", "GGX, Schlick albedo", "glass from outside, albedo + deficit - 1", "glass from inside, albedo + deficit - 1"};
+  const char* names[4] = {"GGX, albedo + deficit - 1", "GGX, Schlick albedo", "glass from outside, albedo + deficit - 1",
+                          "glass from inside, albedo + deficit - 1"};
   for (int q = 0; q < 4; ++q) std::printf("%-42s %+.4f .. %+.4f\n", names[q], lo[q], hi[q]);
 }

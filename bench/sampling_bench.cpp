@@ -44,13 +44,23 @@ void run() {
   report("sobol 1D", [](int i) { SobolSampler s(5, uint32_t(i)); return s.next1D(); });
   report("sobol 2D", [](int i) { SobolSampler s(5, uint32_t(i)); return s.next2D().x; });
 
-  BsdfParams lambert, plastic, glass;
+  BsdfParams lambert, plastic, glass, metal;
   lambert.specular = 0;
   plastic.roughness = 0.4f;
   glass.transmission = 1;
   glass.roughness = 0.3f;
+  metal.metallic = 1;
+  metal.roughness = 0.4f;
+  BsdfParams coated = metal, cloth = plastic, filmed = metal, thin = glass;
+  coated.clearcoat = 1;
+  cloth.sheenColor = Vec3(0.5f);
+  cloth.sheenRoughness = 0.5f;
+  filmed.iridescence = 1;
+  filmed.iridescenceThickness = 400;
+  thin.thin = true;
   const Vec3 wo = glm::normalize(Vec3(0.3f, 0.2f, 0.8f));
-  const struct { const char* name; const BsdfParams& p; } surfaces[] = {{"lambert", lambert}, {"plastic", plastic}, {"rough glass", glass}};
+  const struct { const char* name; const BsdfParams& p; } surfaces[] = {{"lambert", lambert}, {"plastic", plastic}, {"rough glass", glass}, {"metal", metal},
+                                                                   {"coated metal", coated}, {"sheen", cloth}, {"film on metal", filmed}, {"thin glass", thin}};
   for (const auto& s : surfaces) {
     const std::string n = s.name;
     report((n + " eval").c_str(), [&](int i) { return bsdfEval(s.p, wo, glm::normalize(Vec3(square(i), 0.5f))).sum().x; });

@@ -184,6 +184,18 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"limits.inline_bytes", bytes(c.inlineBytes)},
       {"limits.image_bytes", bytes(c.imageBytes)},
       {"limits.tmp_folder", text(c.tmpFolder, folder)},
+      {"ingest.sandbox", boolean(c.ingestSandbox)},
+      {"ingest.program", text(c.ingestProgram, folder)},
+      {"ingest.cache_folder", text(c.ingestCacheFolder, folder)},
+      {"ingest.cache_bytes", bytes(c.ingestCacheBytes)},
+      {"ingest.verify", text(c.ingestVerify)},
+      {"ingest.memory_bytes", bytes(c.ingestMemoryBytes)},
+      {"ingest.blob_bytes", bytes(c.ingestBlobBytes)},
+      {"ingest.texture_bytes", bytes(c.ingestTextureBytes)},
+      {"ingest.input_bytes", bytes(c.ingestInputBytes)},
+      {"ingest.cpu_s", integer(c.ingestCpuSeconds, 1, 86400)},
+      {"ingest.wall_s", number(c.ingestWallSeconds, 0.1, 86400)},
+      {"ingest.at_once", integer(c.ingestAtOnce, 1, 64)},
       {"scheduler.running", integer(c.running, 1, 1024)},
       {"scheduler.queued_interactive", integer(c.queuedInteractive, 0, big)},
       {"scheduler.queued_normal", integer(c.queuedNormal, 0, big)},
@@ -333,6 +345,16 @@ Status checkConfig(ServerConfig& c) {
   // A waiting render holds a call: without spare ones a full queue would lock out status, cancellation and health checks.
   const uint64_t waiting = uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch;
   GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running and the three queues together)", c.rpcThreads, waiting + 16));
+  GOBO_TRY(least("ingest.memory_bytes", c.ingestMemoryBytes, 64ull << 20));
+  GOBO_TRY(least("ingest.blob_bytes", c.ingestBlobBytes, 1ull << 20));
+  if (c.ingestVerify != "changed" && c.ingestVerify != "always")
+    return invalidArgument("ingest.verify = \"" + escaped(c.ingestVerify) + "\": must be \"changed\" or \"always\"");
+  for (const std::string& text : c.listen) {
+    GOBO_ASSIGN(const Address address, parseAddress(text));
+    if (!c.ingestSandbox && !address.isUnix && !isLoopback(address.host))
+      return {Code::PermissionDenied, "ingest.sandbox = false with listen \"" + escaped(text) + "\": files from other machines are parsed in the sandbox only"};
+  }
+  if (c.ingestCacheFolder.empty() && !c.cacheFolder.empty()) c.ingestCacheFolder = c.cacheFolder + "/ingest";
   for (const std::string& root : c.roots) {
     std::error_code error;
     if (!fs::is_directory(root, error)) return notFound("engine.roots: \"" + root + "\" is not a folder");

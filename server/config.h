@@ -73,6 +73,16 @@ struct ServerConfig {
   uint64_t imageBytes = 8ull << 30;           ///< pictures of one reply as floats, bound from width, height and outputs
   std::string tmpFolder;                      ///< uploads; $TMPDIR or /tmp if empty
 
+  // [ingest]: docs/ingest.md
+  bool ingestSandbox = true;                  ///< false: files are parsed in this process; loopback and Unix sockets only
+  std::string ingestProgram;                  ///< gobo-ingest; empty: beside gobod
+  std::string ingestCacheFolder;              ///< blobs; empty: "ingest" under cacheFolder, none without one
+  uint64_t ingestCacheBytes = 8ull << 30;
+  std::string ingestVerify = "changed";       ///< "changed" or "always"
+  uint64_t ingestMemoryBytes = 4ull << 30, ingestBlobBytes = 8ull << 30, ingestTextureBytes = 4ull << 30, ingestInputBytes = 4ull << 30;
+  uint32_t ingestCpuSeconds = 300, ingestAtOnce = 2;
+  double ingestWallSeconds = 600;
+
   uint32_t running = 1;                       ///< renders at once: each uses the whole arena
   uint32_t queuedInteractive = 64, queuedNormal = 128, queuedBatch = 128;   ///< more are refused with a retry hint
   uint32_t queuedPerClient = 128;

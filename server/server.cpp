@@ -17,6 +17,7 @@
 
 #include "server/admin_service.h"
 #include "server/config_check.h"
+#include "server/ingest_loader.h"
 #include "server/jobs/jobs_service.h"
 #include "server/render_service.h"
 #include "server/scenes_service.h"
@@ -57,7 +58,26 @@ EngineOptions engineOptions(const ServerConfig& config) {
   return options;
 }
 
-Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const EngineOptions& options, bool sockets) {
+Result<std::shared_ptr<SceneLoader>> sceneLoader(const ServerConfig& c) {
+  LoadOptions trusted;
+  trusted.textureBytes = c.ingestTextureBytes;
+  if (!c.ingestSandbox) return inProcessLoader(trusted);
+  IngestOptions o;
+  o.program = c.ingestProgram;
+  o.cacheFolder = c.ingestCacheFolder;
+  o.cacheBytes = c.ingestCacheBytes;
+  o.verifyAlways = c.ingestVerify == "always";
+  o.memoryBytes = c.ingestMemoryBytes;
+  o.blobBytes = c.ingestBlobBytes;
+  o.textureBytes = c.ingestTextureBytes;
+  o.inputBytes = c.ingestInputBytes;
+  o.cpuSeconds = c.ingestCpuSeconds;
+  o.wallSeconds = c.ingestWallSeconds;
+  o.atOnce = c.ingestAtOnce;
+  return childLoader(o);
+}
+
+Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const EngineOptions& wanted, bool sockets) {
   // gRPC stays up until the process ends: its own tear-down waits for a client's poller, for up to 10 s (1.51).
   // Its own messages (failed handshakes, mostly) become lines of our log.
   static const bool kept = (gpr_set_log_function([](gpr_log_func_args* args) {
@@ -65,6 +85,8 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   }), grpc_init(), true);
   (void)kept;
   std::unique_ptr<Server> self(new Server());
+  EngineOptions options = wanted;
+  if (!options.loader) { GOBO_ASSIGN(options.loader, sceneLoader(config)); }
   GOBO_ASSIGN(self->engine_, Engine::create(options));
   self->core_ = std::make_unique<ServerCore>(*self->engine_, config);
   if (!config.jobsFolder.empty()) {

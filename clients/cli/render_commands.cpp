@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <chrono>
 #include <cstdio>
 #include <filesystem>
 
@@ -80,6 +81,32 @@ Status deliver(const Answer& answer, const std::string& out, bool json, bool qui
   return {};
 }
 
+uint32_t samplesOf(const v1::RenderReply& reply) {
+  uint32_t samples = 0;
+  for (const v1::NodeReport& n : reply.plan()) samples = std::max(samples, n.samples());
+  return samples;
+}
+
+/// Share of the whole render that is done. The server reports the fraction of a pass of 16 samples; what ends the render is
+/// known here. Never goes back.
+class Advance {
+ public:
+  explicit Advance(const v1::Halt& halt) : halt_(halt) {}
+  double to(uint32_t spp, double fraction) {
+    constexpr double pass = 16, defaultSpp = 64;
+    double done = fraction;
+    if (halt_.has_time_s()) done = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun_).count() / halt_.time_s();
+    else if (halt_.has_error()) done = 0;                 // nobody knows
+    else if (spp > 0) done = (spp - pass * (1 - fraction)) / (halt_.has_spp() ? halt_.spp() : defaultSpp);
+    return shown_ = std::max(shown_, std::min(done, 1.0));
+  }
+
+ private:
+  const v1::Halt halt_;
+  const std::chrono::steady_clock::time_point begun_ = std::chrono::steady_clock::now();
+  double shown_ = 0;
+};
+
 Status render(Session& session, const RenderCommand& c) {
   std::string id;
   if (!c.scene.empty()) {
@@ -89,15 +116,24 @@ Status render(Session& session, const RenderCommand& c) {
   GOBO_TRY(setEncoding(request, c.out));
   StreamHooks hooks;
   ProgressBar bar(!c.quiet, c.progressive);
-  if (c.progressive || (!c.quiet && onTerminal())) hooks.progress = [&](const v1::Progress& p) { bar.show(p); };
+  Advance advance(request.halt());
+  if (c.progressive || (!c.quiet && onTerminal())) {
+    hooks.progress = [&](const v1::Progress& p) { bar.show(advance.to(p.spp(), p.fraction()), progressText(p)); };
+    hooks.snapshot = [&](const Answer& answer) -> Status {   // small pictures send no progress inside a pass
+      v1::Progress p;
+      p.set_stage("snapshot");
+      p.set_spp(samplesOf(answer.reply));
+      p.set_elapsed_ms(answer.reply.total_ms());
+      bar.show(advance.to(p.spp(), 1), progressText(p));
+      return {};
+    };
+  }
   if (c.progressive) {
     hooks.snapshot = [&](const Answer& answer) -> Status {
       if (c.out.empty()) return {};
       GOBO_ASSIGN(const std::vector<std::string> files, writeImages(answer, c.out));
       bar.clear();
-      uint32_t samples = 0;
-      for (const v1::NodeReport& n : answer.reply.plan()) samples = std::max(samples, n.samples());
-      if (!c.quiet) std::fprintf(stderr, "snapshot at %u samples: %s\n", samples, files.empty() ? "" : files[0].c_str());
+      if (!c.quiet) std::fprintf(stderr, "snapshot at %u samples: %s\n", samplesOf(answer.reply), files.empty() ? "" : files[0].c_str());
       return {};
     };
   }

@@ -89,6 +89,8 @@ void printScene(const v1::SceneInfo& info) {
     std::printf("\n");
   };
   names("cameras", info.cameras());
+  for (const v1::AnimationInfo& a : info.animations()) std::printf("  animation %s: %.4g s\n", escaped(a.name()).c_str(), a.duration_s());
+  names("variants", info.variants());
   for (const v1::LightInfo& light : info.lights())
     std::printf("  light %s: %s, power %s, at %s, towards %s\n", escaped(light.name()).c_str(), escaped(light.kind()).c_str(),
                 vectorText(light.power()).c_str(), vectorText(light.position()).c_str(), vectorText(light.direction()).c_str());
@@ -114,8 +116,8 @@ bool onTerminal() { return ::isatty(STDERR_FILENO) == 1; }
 ProgressBar::ProgressBar(bool enabled, bool plain) : enabled_(enabled && (plain || onTerminal())), plain_(plain && !onTerminal()) {}
 ProgressBar::~ProgressBar() { clear(); }
 
-void ProgressBar::show(const v1::Progress& p) {
-  show(p.fraction(), strf("%s  %u spp  %.1f s", escaped(p.stage()).substr(0, 40).c_str(), p.spp(), p.elapsed_ms() / 1000));
+std::string progressText(const v1::Progress& p) {
+  return strf("%s  %u spp  %.1f s", escaped(p.stage()).substr(0, 40).c_str(), p.spp(), p.elapsed_ms() / 1000);
 }
 
 void ProgressBar::show(double fraction, const std::string& text) {

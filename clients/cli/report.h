@@ -17,6 +17,8 @@ void printTable(const std::vector<std::string>& head, const std::vector<std::vec
 /// "1.2 MiB".
 std::string bytesText(uint64_t bytes);
 
+/// Stage, samples, time.
+std::string progressText(const v1::Progress& progress);
 /// Standard error is a terminal.
 bool onTerminal();
 
@@ -25,7 +27,6 @@ class ProgressBar {
  public:
   ProgressBar(bool enabled, bool plain);
   ~ProgressBar();
-  void show(const v1::Progress& progress);
   void show(double fraction, const std::string& text);
   void clear();
 

@@ -132,6 +132,7 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
     EngineOptions engine = engineOptions(config);
     engine.roots = options.roots;
     engine.anyPath = true;
+    engine.loader = inProcessLoader();   // the caller's own files: no sandbox, no blobs
     GOBO_ASSIGN(self->server_, Server::start(config, engine, false));
     self->address_ = "this process";
     self->channel_ = self->server_->inProcessChannel();

@@ -10,6 +10,7 @@
 #include <ImfPartType.h>
 #include <ImfRgbaFile.h>
 #include <ImfStringAttribute.h>
+#include <ImfTileDescription.h>
 
 #include <algorithm>
 #include <cstring>
@@ -91,6 +92,13 @@ Result<Image> readPart(Imf::MultiPartInputFile& file, int part, const std::vecto
   bool subsampled = false;
   for (auto c = header.channels().begin(); c != header.channels().end(); ++c) subsampled |= c.channel().xSampling != 1 || c.channel().ySampling != 1;
   GOBO_TRY(checkImageSize(width, height, int64_t(wanted.size()), size, limits).at(name));
+  // OpenEXR allocates a row of tiles across the picture and whole tiles, however few of their pixels lie in the window.
+  if (header.hasTileDescription()) {
+    const Imf::TileDescription& tile = header.tileDescription();
+    for (const int64_t across : {width, int64_t(tile.xSize)})
+      if (const Status s = checkImageSize(across, int64_t(tile.ySize), int64_t(wanted.size()), size, limits); !s.ok())
+        return Status(s.code(), "EXR tiles of " + std::to_string(tile.xSize) + " x " + std::to_string(tile.ySize) + ": " + s.message(), name);
+  }
   // OpenEXR forms addresses of the window's origin in a float frame buffer: keep them far from overflow.
   constexpr int far = 1 << 24;
   if (std::abs(int64_t(window.min.x)) > far || std::abs(int64_t(window.min.y)) > far)

@@ -11,6 +11,7 @@
 #include <limits>
 
 #include "base/image_exr.h"
+#include "base/utf8.h"
 
 namespace gobo {
 namespace {
@@ -175,7 +176,9 @@ Status checkImageSize(int64_t width, int64_t height, int64_t channels, size_t fi
   return {};
 }
 
-Result<Image> readImageFromMemory(const uint8_t* bytes, size_t size, const std::string& name, const ReadLimits& limits) {
+namespace {
+
+Result<Image> readBytes(const uint8_t* bytes, size_t size, const std::string& name, const ReadLimits& limits) {
   if (size == 0) return invalidArgument("image is empty", name);
   std::string format = sniff(bytes, size);
   if (format.empty()) format = extension(name);
@@ -193,6 +196,14 @@ Result<Image> readImageFromMemory(const uint8_t* bytes, size_t size, const std::
   } catch (const std::exception& e) {
     return invalidArgument("damaged " + format + " image: " + e.what(), name);
   }
+}
+
+}  // namespace
+
+Result<Image> readImageFromMemory(const uint8_t* bytes, size_t size, const std::string& name, const ReadLimits& limits) {
+  auto image = readBytes(bytes, size, name, limits);
+  if (!image.ok()) return cleanUtf8(image.status());   // libraries quote names from the file
+  return image;
 }
 
 Result<Image> readImage(const std::string& path, const ReadLimits& limits) {

@@ -113,8 +113,9 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
   return {};
 }
 
-Result<EffectiveScene> makeEffectiveScene(const ScenePtr& base, const v1::RenderRequest& request, const EnvironmentLoader& load) {
+Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::RenderRequest& request, const EnvironmentLoader& load, const ScenePoser& pose) {
   EffectiveScene out;
+  GOBO_ASSIGN(const ScenePtr base, pose(loaded, request));
   auto scene = std::make_shared<Scene>(*base);
 
   // Environment: file, sky or constant; rotation; or removed.

@@ -10,6 +10,7 @@
 
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
+#include "plan/posed_scene.h"
 #include "scene/scene.h"
 
 namespace gobo {
@@ -25,8 +26,13 @@ struct EffectiveScene {
 /// Loads an environment file on behalf of a request (the engine checks roots and caches).
 using EnvironmentLoader = std::function<Result<EnvironmentPtr>(const std::string& path)>;
 
-/// `request` must be resolved. Errors name the field: unknown light or camera, missing kind, degenerate direction.
-Result<EffectiveScene> makeEffectiveScene(const ScenePtr& base, const v1::RenderRequest& request, const EnvironmentLoader& load);
+/// Makes the request's variant and pose of a scene (posed_scene.h; the engine caches).
+using ScenePoser = std::function<Result<ScenePtr>(const ScenePtr& base, const v1::RenderRequest& request)>;
+
+/// `request` must be resolved. Errors name the field: unknown light, camera, animation or variant, missing kind, degenerate
+/// direction.
+Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::RenderRequest& request, const EnvironmentLoader& load,
+                                          const ScenePoser& pose = requestedScene);
 
 /// Applies a light edit's shape fields (not power). `path` is used in errors.
 Status applyLightShape(const v1::LightEdit& edit, Light& light, const std::string& path);

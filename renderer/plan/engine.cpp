@@ -51,11 +51,12 @@ const Image& RenderedImage::image() const {
 }
 
 struct Engine::Impl {
-  explicit Impl(const EngineOptions& o) : options(o), arena(o.threads), scenes(o.roots, o.anyPath) {}
+  explicit Impl(const EngineOptions& o) : options(o), arena(o.threads), scenes(o.roots, o.anyPath, o.loader) {}
 
   EngineOptions options;
   TaskArena arena;
   SceneLibrary scenes;
+  PosedScenes posed;
   std::unique_ptr<TermStore> store;
   ExtensionIndex extensions;
   AccelCache accels;
@@ -78,7 +79,8 @@ struct Engine::Impl {
   ExecutorServices executorServices() { return {store.get(), &extensions, &accels, &arena}; }
   PlannerServices plannerServices(const StopToken& stop, std::map<Hash128, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
-    s.loadEnvironment = [this](const std::string& path) { return scenes.environment(path); };
+    s.loadEnvironment = [this, stop](const std::string& path) { return scenes.environment(path, stop); };
+    s.poseScene = [this](const ScenePtr& base, const v1::RenderRequest& request) { return posed.get(base, request); };
     s.expand = [this, stop, expanded](const Graph& graph, NodeId node) -> Result<TermPtr> {
       Executor executor(graph, executorServices(), stop);
       GOBO_ASSIGN(TermPtr term, executor.evaluate(node));
@@ -112,7 +114,14 @@ Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::s
   return impl_->scenes.openFile(path, source, id, stop);
 }
 std::vector<v1::SceneInfo> Engine::listScenes() const { return impl_->scenes.list(); }
-Result<v1::SceneInfo> Engine::inspectScene(const std::string& id) const { return impl_->scenes.inspect(id); }
+Result<v1::SceneInfo> Engine::inspectScene(const std::string& id) const {
+  GOBO_ASSIGN(v1::SceneInfo info, impl_->scenes.inspect(id));
+  if (const Result<ScenePtr> scene = impl_->scenes.find(id); scene.ok()) {
+    const std::vector<int> none;
+    info.set_bvh_ms(impl_->accels.buildMs(SceneView(**scene, Facet::All, none)));
+  }
+  return info;
+}
 Result<v1::SceneInfo> Engine::patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop) { return impl_->scenes.patch(patch, stop); }
 Status Engine::unloadScene(const std::string& id) { return impl_->scenes.unload(id); }
 Result<ScenePtr> Engine::scene(const std::string& id) const { return impl_->scenes.find(id); }

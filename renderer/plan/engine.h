@@ -15,6 +15,7 @@
 #include "base/stop.h"
 #include "gobo/v1/render.pb.h"
 #include "gobo/v1/service.pb.h"
+#include "scene/loader.h"
 #include "terms/term.h"
 
 namespace gobo {
@@ -30,6 +31,7 @@ struct EngineOptions {
   std::vector<std::string> roots;            ///< folders under which scene and environment files may be opened
   bool anyPath = false;                      ///< true for --local: the caller's own files
   uint32_t keepRenders = 1024;               ///< render ids remembered for Relight
+  std::shared_ptr<SceneLoader> loader;       ///< reads scene and environment files; null: in this process
 };
 
 /// One finished picture, linear and not tone mapped: a view of its term. image() copies it out once, on first use (a copy of

@@ -40,8 +40,8 @@ struct Contribution {
 
 class PlanMaker {
  public:
-  PlanMaker(const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services, Plan& plan)
-      : request_(request), blocks_(blocks), blockSize_(blockSize), services_(services), plan_(plan), scene_(plan.effective.scene),
+  PlanMaker(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services, Plan& plan)
+      : base_(base), request_(request), blocks_(blocks), blockSize_(blockSize), services_(services), plan_(plan), scene_(plan.effective.scene),
         width_(int(request.width())), height_(int(request.height())), viewSamples_(int(request.view_samples())) {
     view_.camera = plan.effective.camera;
     view_.width = width_;
@@ -395,11 +395,13 @@ class PlanMaker {
     std::vector<NodeId> inputs{node, gbuffer()};
     return filter(makePixelMeanNode(plane, channels, width_, height_, viewSamples_, overValid), std::move(inputs), label);
   }
-  /// Screen motion since `earlier`, or of a scene at rest.
+  /// Screen motion since motion_step_s before the request's moment.
   Result<NodeId> motion() {
     MotionSettings s{view_, scene_, view_.camera};
-    if (services_.earlier) {
-      GOBO_ASSIGN(const EffectiveScene before, services_.earlier(request_.motion_step_s()));
+    if (request_.has_time_s()) {   // only animation moves: without a time the scene rests
+      v1::RenderRequest earlier = request_;
+      earlier.set_time_s(request_.time_s() - request_.motion_step_s());
+      GOBO_ASSIGN(const EffectiveScene before, makeEffectiveScene(base_, earlier, services_.loadEnvironment, services_.poseScene));
       s.earlierScene = before.scene;
       s.earlierCamera = before.camera;
     }
@@ -464,6 +466,7 @@ class PlanMaker {
     return {};
   }
 
+  const ScenePtr& base_;
   const v1::RenderRequest& request_;
   uint32_t blocks_, blockSize_;
   const PlannerServices& services_;
@@ -489,10 +492,10 @@ uint32_t blockSizeFor(uint32_t spp) {
 
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services) {
   auto plan = std::make_unique<Plan>();
-  GOBO_ASSIGN(plan->effective, makeEffectiveScene(base, request, services.loadEnvironment));
+  GOBO_ASSIGN(plan->effective, makeEffectiveScene(base, request, services.loadEnvironment, services.poseScene));
   GOBO_TRY(checkOutputs(*plan->effective.scene, request));
   plan->groups = makeGroups(*plan->effective.scene, int(request.integrator().max_groups()));
-  PlanMaker maker(request, blocks, blockSize, services, *plan);
+  PlanMaker maker(base, request, blocks, blockSize, services, *plan);
   GOBO_TRY(maker.make());
   return plan;
 }

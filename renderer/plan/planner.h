@@ -35,9 +35,8 @@ struct Plan {
 
 struct PlannerServices {
   EnvironmentLoader loadEnvironment;
+  ScenePoser poseScene = requestedScene;
   std::function<Result<TermPtr>(const Graph&, NodeId)> expand;
-  /// The effective scene and camera this long before the request's moment, for output motion. Empty: nothing moves.
-  std::function<Result<EffectiveScene>(double secondsEarlier)> earlier;
 };
 
 /// Samples a block: 16, or the next power of two below for tiny budgets, so that a 1-sample preview costs one sample.

@@ -13,6 +13,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "base/utf8.h"
 #include "gobo/v1/options.pb.h"
 
 namespace gobo {
@@ -189,7 +190,7 @@ Status messageFromJson(const std::string& json, Message& message, const std::str
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = false;
   const auto status = google::protobuf::util::JsonStringToMessage(json, &message, options);
-  if (!status.ok()) return invalidArgument("JSON: " + std::string(status.message()), source);
+  if (!status.ok()) return cleanUtf8(invalidArgument("JSON: " + std::string(status.message()), source));   // it quotes the text
   return {};
 }
 

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <filesystem>
 
+#include "base/file_stamp.h"
 #include "plan/effective_scene.h"
 #include "scene/edit.h"
 #include "scene/load.h"
@@ -104,10 +105,23 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
   if (lo.x <= hi.x) { put(out.mutable_bounds_min(), lo); put(out.mutable_bounds_max(), hi); }
   for (const std::string& w : s.warnings) out.add_warnings(w);
   out.set_load_ms(e.loadMs);
+  if (s.rig)
+    for (const RigAnimation& a : s.rig->animations) {
+      auto* animation = out.add_animations();
+      animation->set_name(a.name);
+      animation->set_duration_s(a.end);
+    }
+  for (const std::string& v : s.variants.names) out.add_variants(v);
+  out.set_parse_ms(e.report.parseMs);
+  out.set_texture_ms(e.report.textureMs);
+  out.set_map_ms(e.report.mapMs);
+  out.set_ingest_ms(e.report.ingestMs);
+  out.set_blob_bytes(e.report.blobBytes);
+  out.set_blob_cached(e.report.cached);
   return out;
 }
 
-Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<ScenePtr> scene, double ms, const StopToken& stop) {
+Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop) {
   if (!scene.ok()) return scene.status();
   if (stop.stopRequested()) return Status(Code::Cancelled, "the load was cancelled", source);
   std::lock_guard lock(mutex_);
@@ -117,7 +131,7 @@ Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& so
     for (int k = 2; scenes_.count(id) && scenes_[id].source != source; ++k) id = stem + "-" + std::to_string(k);
   }
   Entry& e = scenes_[id];
-  e = {*scene, source, ms};
+  e = {scene->scene, source, ms, scene->report};
   return info(id, e);
 }
 
@@ -125,8 +139,8 @@ Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string 
   if (source.empty()) return invalidArgument("must not be empty", "source");
   const auto start = std::chrono::steady_clock::now();
   if (isBuiltin(source)) {
-    Result<ScenePtr> scene = makeBuiltinScene(source);
-    return insert(id.empty() ? source : id, source, std::move(scene), msSince(start), stop);
+    GOBO_ASSIGN(ScenePtr scene, makeBuiltinScene(source));
+    return insert(id.empty() ? source : id, source, LoadedScene{std::move(scene), {}}, msSince(start), stop);
   }
   if (source.find('/') == std::string::npos && source.find('.') == std::string::npos) return makeBuiltinScene(source).status();
   GOBO_ASSIGN(const std::string path, allowedPath(source, "source"));
@@ -135,9 +149,7 @@ Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string 
 
 Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop) {
   const auto start = std::chrono::steady_clock::now();
-  LoadOptions options;
-  options.stop = stop;
-  Result<ScenePtr> scene = loadGltf(path, options);
+  Result<LoadedScene> scene = loader_->scene(path, stop);
   return insert(std::move(id), source, std::move(scene), msSince(start), stop);
 }
 
@@ -145,7 +157,8 @@ Result<ScenePtr> SceneLibrary::load(const std::string& source, bool trusted) con
   if (isBuiltin(source)) return makeBuiltinScene(source);
   std::string path = source;
   if (!trusted) { GOBO_ASSIGN(path, allowedPath(source, "source")); }
-  return loadGltf(path);
+  GOBO_ASSIGN(LoadedScene loaded, loader_->scene(path, {}));   // trusted as a path; its bytes are not
+  return std::move(loaded.scene);
 }
 
 Result<ScenePtr> SceneLibrary::find(const std::string& id) {
@@ -254,17 +267,18 @@ Status SceneLibrary::unload(const std::string& id) {
   return {};
 }
 
-Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path) {
+Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path, const StopToken& stop) {
   GOBO_ASSIGN(const std::string real, allowedPath(path, "request.environment.path"));
-  std::error_code error;
-  const auto stamp = fs::last_write_time(real, error).time_since_epoch().count();
-  const std::string key = real + "@" + std::to_string(stamp) + "+" + std::to_string(fs::file_size(real, error));
+  const FileStamp stamp = FileStamp::of(real);
+  const std::string key = real + "@" + stamp.text();
   {
     std::lock_guard lock(mutex_);
     const auto it = environments_.find(key);
     if (it != environments_.end()) return it->second;
   }
-  GOBO_ASSIGN(EnvironmentPtr loaded, loadEnvironment(real));
+  GOBO_ASSIGN(EnvironmentPtr loaded, loader_->environment(real, stop));
+  // A file that changed just now may change again under the same stamp: it is not kept.
+  if (!stamp.settled() || FileStamp::of(real) != stamp) return loaded;
   std::lock_guard lock(mutex_);
   if (environments_.size() >= 8) environments_.erase(environments_.begin());
   environments_[key] = loaded;

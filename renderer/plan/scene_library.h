@@ -11,13 +11,16 @@
 #include "base/status.h"
 #include "base/stop.h"
 #include "gobo/v1/service.pb.h"
+#include "scene/loader.h"
 #include "scene/scene.h"
 
 namespace gobo {
 
 class SceneLibrary {
  public:
-  SceneLibrary(std::vector<std::string> roots, bool anyPath) : roots_(std::move(roots)), anyPath_(anyPath) {}
+  /// Files are read by `loader`; null: in this process.
+  SceneLibrary(std::vector<std::string> roots, bool anyPath, std::shared_ptr<SceneLoader> loader = nullptr)
+      : roots_(std::move(roots)), anyPath_(anyPath), loader_(loader ? std::move(loader) : inProcessLoader()) {}
 
   /// Built-in name or path. The id is made from the source if empty. Opening the same source again under the same id
   /// reloads it. Errors: NotFound, PermissionDenied (outside the roots), what the loader says.
@@ -33,20 +36,21 @@ class SceneLibrary {
   std::vector<v1::SceneInfo> list() const;
   Result<v1::SceneInfo> patch(const v1::PatchSceneRequest& patch, const StopToken& stop = {});
   Status unload(const std::string& id);
-  Result<EnvironmentPtr> environment(const std::string& path);
+  Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop = {});
   size_t count() const;
   void setRoots(std::vector<std::string> roots);
 
  private:
-  struct Entry { ScenePtr scene; std::string source; double loadMs = 0; };
-  Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<ScenePtr> scene, double ms, const StopToken& stop);
+  struct Entry { ScenePtr scene; std::string source; double loadMs = 0; LoadReport report; };
+  Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop);
   v1::SceneInfo info(const std::string& id, const Entry& entry) const;
 
   std::vector<std::string> roots_;   // under mutex_
   bool anyPath_;
+  std::shared_ptr<SceneLoader> loader_;
   mutable std::mutex mutex_;
   std::map<std::string, Entry> scenes_;
-  std::map<std::string, EnvironmentPtr> environments_;   ///< by canonical path + file stamp; a few are kept
+  std::map<std::string, EnvironmentPtr> environments_;   ///< by canonical path + settled file stamp; a few are kept
 };
 
 }  // namespace gobo

@@ -5,6 +5,8 @@
 
 #include "base/check.h"
 #include "base/image_io.h"
+#include "base/utf8.h"
+#include "scene/environment_cube.h"
 
 namespace gobo {
 namespace {
@@ -12,14 +14,9 @@ namespace {
 constexpr double kDPi = 3.14159265358979323846;
 constexpr float kBelowOne = 0x1.fffffep-1f;
 
-EnvironmentPtr seal(std::shared_ptr<Environment> map) {
-  Hasher h("environment");
-  h.add(map->width).add(map->height).addArray(map->texels);
-  map->content = h.digest();
-  return map;
-}
-
 }  // namespace
+
+Hash128 environmentDigest(const Environment& map) { return Hasher("environment").add(map.width).add(map.height).addArray(map.texels).digest(); }
 
 // A counter-clockwise turn seen from above takes azimuth atan2(z, x) = a to a - rotation, so a world direction of azimuth
 // `a` looks up the map at a + rotation. Both ways go through double: the pair are inverses to float rounding.
@@ -51,7 +48,7 @@ EnvironmentPtr makeEnvironment(std::string name, Image image) {
   map->name = std::move(name);
   map->width = image.width;
   map->height = image.height;
-  map->texels.resize(image.pixels());
+  std::vector<Vec3> texels(image.pixels());
   for (int y = 0; y < image.height; ++y)
     for (int x = 0; x < image.width; ++x) {
       Vec3 c = image.rgb(x, y);
@@ -59,15 +56,24 @@ EnvironmentPtr makeEnvironment(std::string name, Image image) {
         c = Vec3(0.0f);
         ++map->repairedTexels;
       }
-      map->texels[size_t(y) * image.width + x] = c + Vec3(0.0f);  // -0 becomes +0: one digest per radiance
+      texels[size_t(y) * image.width + x] = c + Vec3(0.0f);  // -0 becomes +0: one digest per radiance
     }
-  return seal(std::move(map));
+  map->texels = std::move(texels);
+  map->content = environmentDigest(*map);
+  return map;
+}
+
+Result<EnvironmentPtr> readEnvironment(const uint8_t* bytes, size_t size, const std::string& name) {
+  GOBO_ASSIGN(Image image, readImageFromMemory(bytes, size, name));
+  if (image.channels < 1) return invalidArgument("environment map has no channels", name);
+  const CubeLayout layout = cubeLayout(image, exrEnvironmentKind(bytes, size));
+  if (layout != CubeLayout::None) image = latLongFromCube(image, layout);
+  return makeEnvironment(cleanUtf8(name.substr(name.find_last_of('/') + 1)), std::move(image));
 }
 
 Result<EnvironmentPtr> loadEnvironment(const std::string& path) {
-  GOBO_ASSIGN(Image image, readImage(path));
-  if (image.channels < 1) return invalidArgument("environment map has no channels", path);
-  return makeEnvironment(path.substr(path.find_last_of('/') + 1), std::move(image));
+  GOBO_ASSIGN(const std::vector<uint8_t> bytes, readFile(path));
+  return readEnvironment(bytes.data(), bytes.size(), path);
 }
 
 EnvironmentPtr constantEnvironment(const Vec3& radiance) {

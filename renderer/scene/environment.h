@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/array.h"
 #include "base/hash.h"
 #include "base/image.h"
 #include "base/status.h"
@@ -17,7 +18,7 @@ namespace gobo {
 struct Environment {
   std::string name;
   int width = 0, height = 0;
-  std::vector<Vec3> texels;     ///< linear radiance, row-major, all finite and >= 0
+  Array<Vec3> texels;           ///< linear radiance, row-major, all finite and >= 0
   float rotation = 0.0f;        ///< radians
   int repairedTexels = 0;       ///< NaN, Inf or negative texels replaced by 0 at load (reported by inspect)
   Hash128 content;              ///< digest of size and texels (not of rotation)
@@ -32,8 +33,13 @@ using EnvironmentPtr = std::shared_ptr<const Environment>;
 
 /// Repairs NaN/Inf/negative texels (counted), computes the digest.
 EnvironmentPtr makeEnvironment(std::string name, Image image);
-/// HDR or EXR lat-long file.
+/// Any picture in memory: lat-long, or a cube map (environment_cube.h), which is resampled to lat-long. `name` is used in
+/// errors and to guess the format. Errors name the file.
+Result<EnvironmentPtr> readEnvironment(const uint8_t* bytes, size_t size, const std::string& name);
+/// The same from a file.
 Result<EnvironmentPtr> loadEnvironment(const std::string& path);
+/// What `content` must be.
+Hash128 environmentDigest(const Environment& map);
 /// Uniform radiance in every direction (1x1 map).
 EnvironmentPtr constantEnvironment(const Vec3& radiance);
 

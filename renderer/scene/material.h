@@ -18,22 +18,31 @@ inline constexpr int kUvSets = 4;            ///< TEXCOORD_n that a mesh keeps
 
 enum class Wrap : uint8_t { Repeat, Clamp, Mirror };
 
-/// Linear float texels would quadruple memory, so 8-bit sources stay 8-bit; HDR sources are float.
+/// Linear float texels would quadruple memory, so 8-bit sources stay 8-bit; HDR sources are float. All mip levels are in one
+/// array, finest first, each stored in square tiles of 2^tile texels a side (rows of tiles, rows in a tile; edge tiles are
+/// padded). tile = 0 is plain rows. Level k is max(1, width >> k) x max(1, height >> k).
 struct Texture {
   std::string name;
   int width = 0, height = 0, channels = 4;   ///< RGBA always (missing channels filled: grey -> rgb, alpha 1)
   bool srgb = false;                         ///< 8-bit texels are sRGB-encoded colour (base colour, emission)
   Wrap wrapU = Wrap::Repeat, wrapV = Wrap::Repeat;
   bool nearest = false;                      ///< point sampling; otherwise bilinear
-  Array<uint8_t> texels8;              ///< either this ...
-  Array<float> texelsF;               ///< ... or this is filled; width*height*4
-  Hash128 content;                           ///< digest of size, flags and texels
+  int levels = 1, tile = 0;                  ///< mip levels kept; log2 of the tile side
+  Array<uint8_t> texels8;                    ///< either this ...
+  Array<float> texelsF;                      ///< ... or this is filled; textureTexels() * 4 values
+  Hash128 content;                           ///< digest of size, flags, layout and texels of all levels
 
-  /// Linear RGBA at (u, v), glTF convention (v down, texel centres at half integers). Defined in texture.cpp.
-  Vec4 sample(Vec2 uv) const;
+  /// Linear RGBA at (u, v), glTF convention (v down, texel centres at half integers), of the finest level. The layout does
+  /// not change a bit of it. Defined in texture.cpp.
+  Vec4 sample(Vec2 uv) const { return sampleLevel(uv, 0); }
+  Vec4 sampleLevel(Vec2 uv, int level) const;   ///< level in 0 .. levels - 1
 };
 
-/// Fills `content`; call once, when the texels are final. CHECKs that exactly one texel array has width*height*4 values.
+inline constexpr int kMaxTextureLevels = 16, kMaxTextureTile = 4;
+/// Texels that levels 0 .. levels - 1 take up, padding included. Sizes positive; fits 64 bits for sizes up to 2^24.
+uint64_t textureTexels(int width, int height, int levels, int tile);
+
+/// Fills `content`; call once, when the texels are final. CHECKs that exactly one texel array has textureTexels() * 4 values.
 void sealTexture(Texture& texture);
 
 struct TextureRef {

@@ -71,6 +71,8 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
   RigPose pose;
   pose.weights.resize(rig.deformed.size());
   for (size_t i = 0; i < rig.deformed.size(); ++i) pose.weights[i].assign(rig.deformed[i].weights.begin(), rig.deformed[i].weights.end());
+  std::vector<std::vector<size_t>> morphed(chosen.empty() ? 0 : rig.nodes.size());   // entries of `deformed` by node
+  for (size_t i = 0; i < rig.deformed.size() && !morphed.empty(); ++i) if (!pose.weights[i].empty()) morphed[rig.deformed[i].node].push_back(i);
   for (const RigAnimation* a : chosen)
     for (const RigChannel& c : a->channels) {
       const RigSampler& s = a->samplers[c.sampler];
@@ -79,8 +81,7 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
       else if (c.path == RigPath::Scale) sampleAt(s, time, 3, false, &node.s.x);
       else if (c.path == RigPath::Rotation) sampleAt(s, time, 4, true, node.q);
       else
-        for (size_t i = 0; i < rig.deformed.size(); ++i)
-          if (rig.deformed[i].node == c.node && !pose.weights[i].empty()) sampleAt(s, time, pose.weights[i].size(), false, pose.weights[i].data());
+        for (const size_t i : morphed[c.node]) sampleAt(s, time, pose.weights[i].size(), false, pose.weights[i].data());
     }
   pose.world.resize(rig.nodes.size());
   for (size_t i = 0; i < local.size(); ++i) {

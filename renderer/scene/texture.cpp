@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Texture look-up. 8-bit texels are decoded through tables, so a bilinear sample is 16 loads and no transcendental.
+#include <algorithm>
 #include <array>
 
 #include "base/check.h"
@@ -36,8 +37,23 @@ inline int wrapIndex(int i, int n, Wrap mode) {
   return i < 0 ? 0 : i >= n ? n - 1 : i;
 }
 
-inline Vec4 texel(const Texture& t, int x, int y) {
-  const size_t at = (size_t(y) * t.width + x) * 4;
+/// One level: where it starts, its size, and its tiles a row.
+struct Level { size_t first; int width, height, tilesAcross; };
+
+Level levelOf(const Texture& t, int level) {
+  const int w = std::max(1, t.width >> level), h = std::max(1, t.height >> level);
+  return {level == 0 ? 0 : size_t(textureTexels(t.width, t.height, level, t.tile)), w, h, (w + (1 << t.tile) - 1) >> t.tile};
+}
+
+/// tile = 0 reduces to y * width + x: one formula for every layout, no branch.
+inline size_t texelIndex(const Level& l, int tile, int x, int y) {
+  const int mask = (1 << tile) - 1;
+  const size_t at = size_t(y >> tile) * size_t(l.tilesAcross) + size_t(x >> tile);
+  return l.first + ((at << (2 * tile)) | size_t(((y & mask) << tile) | (x & mask)));
+}
+
+inline Vec4 texel(const Texture& t, const Level& l, int x, int y) {
+  const size_t at = texelIndex(l, t.tile, x, y) * 4;
   if (!t.texelsF.empty()) return Vec4(t.texelsF[at], t.texelsF[at + 1], t.texelsF[at + 2], t.texelsF[at + 3]);
   const uint8_t* p = t.texels8.data() + at;
   const auto& colour = t.srgb ? kTables.srgb : kTables.linear;
@@ -53,25 +69,38 @@ inline float tame(float c, Wrap mode) {
 
 }  // namespace
 
+uint64_t textureTexels(int width, int height, int levels, int tile) {
+  uint64_t total = 0;
+  const uint64_t mask = (uint64_t(1) << tile) - 1;
+  for (int k = 0; k < levels; ++k) {
+    const uint64_t w = uint64_t(std::max(1, width >> k)), h = uint64_t(std::max(1, height >> k));
+    total += ((w + mask) & ~mask) * ((h + mask) & ~mask);
+  }
+  return total;
+}
+
 void sealTexture(Texture& t) {
   GOBO_CHECK_GT(t.width, 0);
   GOBO_CHECK_GT(t.height, 0);
-  GOBO_CHECK_EQ(t.texels8.size() + t.texelsF.size(), size_t(t.width) * t.height * 4);
+  GOBO_CHECK(t.levels >= 1 && t.levels <= kMaxTextureLevels && t.tile >= 0 && t.tile <= kMaxTextureTile);
+  GOBO_CHECK_EQ(t.texels8.size() + t.texelsF.size(), size_t(textureTexels(t.width, t.height, t.levels, t.tile)) * 4);
   t.channels = 4;
   Hasher h("texture");
-  h.add(t.width).add(t.height).add(t.srgb).add(t.wrapU).add(t.wrapV).add(t.nearest).addArray(t.texels8).addArray(t.texelsF);
+  h.add(t.width).add(t.height).add(t.srgb).add(t.wrapU).add(t.wrapV).add(t.nearest).add(t.levels).add(t.tile);
+  h.addArray(t.texels8).addArray(t.texelsF);
   t.content = h.digest();
 }
 
-Vec4 Texture::sample(Vec2 uv) const {
-  const float x = tame(uv.x, wrapU) * float(width), y = tame(uv.y, wrapV) * float(height);
-  if (nearest) return texel(*this, wrapIndex(int(std::floor(x)), width, wrapU), wrapIndex(int(std::floor(y)), height, wrapV));
+Vec4 Texture::sampleLevel(Vec2 uv, int level) const {
+  const Level l = levelOf(*this, level);
+  const float x = tame(uv.x, wrapU) * float(l.width), y = tame(uv.y, wrapV) * float(l.height);
+  if (nearest) return texel(*this, l, wrapIndex(int(std::floor(x)), l.width, wrapU), wrapIndex(int(std::floor(y)), l.height, wrapV));
   const float fx = std::floor(x - 0.5f), fy = std::floor(y - 0.5f);
   const float ax = x - 0.5f - fx, ay = y - 0.5f - fy;
-  const int x0 = wrapIndex(int(fx), width, wrapU), x1 = wrapIndex(int(fx) + 1, width, wrapU);
-  const int y0 = wrapIndex(int(fy), height, wrapV), y1 = wrapIndex(int(fy) + 1, height, wrapV);
-  const Vec4 top = texel(*this, x0, y0) * (1.0f - ax) + texel(*this, x1, y0) * ax;
-  const Vec4 bottom = texel(*this, x0, y1) * (1.0f - ax) + texel(*this, x1, y1) * ax;
+  const int x0 = wrapIndex(int(fx), l.width, wrapU), x1 = wrapIndex(int(fx) + 1, l.width, wrapU);
+  const int y0 = wrapIndex(int(fy), l.height, wrapV), y1 = wrapIndex(int(fy) + 1, l.height, wrapV);
+  const Vec4 top = texel(*this, l, x0, y0) * (1.0f - ax) + texel(*this, l, x1, y0) * ax;
+  const Vec4 bottom = texel(*this, l, x0, y1) * (1.0f - ax) + texel(*this, l, x1, y1) * ax;
   return top * (1.0f - ay) + bottom * ay;
 }
 

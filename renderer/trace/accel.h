@@ -56,9 +56,11 @@ class AccelCache {
   AccelPtr get(const SceneView& view, const TaskArena& arena);
   size_t bytes() const;
   uint64_t builds() const;
+  /// Milliseconds that the structure kept for this view took to build; 0 when none is kept.
+  double buildMs(const SceneView& view) const;
 
  private:
-  struct Entry { Hash128 key; std::shared_future<AccelPtr> accel; };
+  struct Entry { Hash128 key; std::shared_future<AccelPtr> accel; double ms = 0; };
   mutable std::mutex mutex_;
   std::list<Entry> entries_;    // most recent first
   size_t maxBytes_;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/accel.h"
 
+#include <chrono>
+
 namespace gobo {
 
 namespace {
@@ -33,9 +35,12 @@ AccelPtr AccelCache::get(const SceneView& view, const TaskArena& arena) {
     }
   }
   if (known.valid()) return known.get();                            // waits when another thread is building it
+  const auto start = std::chrono::steady_clock::now();
   AccelPtr made = Accel::build(view, arena);
+  const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   promise.set_value(made);
   std::lock_guard lock(mutex_);
+  for (Entry& e : entries_) if (e.key == key) e.ms = ms;
   size_t total = 0;
   for (auto it = entries_.begin(); it != entries_.end();) {
     if (ready(it->accel)) {
@@ -53,6 +58,13 @@ size_t AccelCache::bytes() const {
   size_t total = 0;
   for (const Entry& e : entries_) if (ready(e.accel)) total += e.accel.get()->bytes();
   return total;
+}
+
+double AccelCache::buildMs(const SceneView& view) const {
+  const Hash128 key = cacheKey(view);
+  std::lock_guard lock(mutex_);
+  for (const Entry& e : entries_) if (e.key == key) return e.ms;
+  return 0.0;
 }
 
 uint64_t AccelCache::builds() const { std::lock_guard lock(mutex_); return builds_; }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/bsdf.h"
 
-#include "trace/bsdf_base.h"
+#include "trace/bsdf_base_impl.h"
 #include "trace/bsdf_layers.h"
 
 namespace gobo {
@@ -17,12 +17,26 @@ void evaluateLayered(const BaseLobes& base, const Layers& layers, const Vec3& o,
   if (i.z > 0.0f) layers.evaluate(o, i, value, pdf);
 }
 
+/// Nothing but Lambert: half of a usual scene's surfaces.
+inline bool isLambert(const BsdfParams& p) {
+  return !(p.metallic > 0.0f) && !(p.specular > 0.0f) && !(p.transmission > 0.0f) && !(p.diffuseTransmission > 0.0f) &&
+         !(p.iridescence > 0.0f) && !Layers::any(p);
+}
+inline Vec3 lambertAlbedo(const BsdfParams& p) { return Vec3(clamp01(p.albedo.x), clamp01(p.albedo.y), clamp01(p.albedo.z)); }
+
 }  // namespace
 
 BsdfValue bsdfEvalPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi, float& pdf) {
   BsdfValue value;
   pdf = 0.0f;
   if (!(wo.z > 0.0f) || !(std::fabs(wi.z) > 0.0f)) return value;
+  if (isLambert(p)) {
+    const Vec3 albedo = lambertAlbedo(p);
+    if (!(wi.z > 0.0f) || !(maxComponent(albedo) > 0.0f)) return value;
+    pdf = kInvPi * wi.z;
+    value.diffuse = albedo * pdf;
+    return value;
+  }
   BaseLobes base(p);
   base.view(wo.z);
   if (!Layers::any(p)) {
@@ -49,6 +63,12 @@ float bsdfPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi) {
 bool bsdfSample(const BsdfParams& p, const Vec3& wo, float uLobe, const Vec2& u, BsdfSample& out) {
   out = {};
   if (!(wo.z > 0.0f)) return false;
+  if (isLambert(p)) {
+    out.wi = sampleCosine(u);
+    out.weight = lambertAlbedo(p);
+    out.pdf = kInvPi * out.wi.z;
+    return out.wi.z > 0.0f && maxComponent(out.weight) > 0.0f;
+  }
   BaseLobes base(p);
   base.view(wo.z);
   BsdfValue value;
@@ -56,8 +76,7 @@ bool bsdfSample(const BsdfParams& p, const Vec3& wo, float uLobe, const Vec2& u,
     if (!(base.energy > 0.0f) || !base.sample(wo, uLobe, u, out)) return false;
     if (out.delta) return isFinite(out.weight);
     base.evaluate(wo, out.wi, value, out.pdf);
-    // The cosine cancels exactly in diffuse light alone: Lambert's weight is its albedo to the last bit.
-    out.weight = base.onlyUp() ? base.diffuseAlbedo(out.wi.z) : value.sum() / out.pdf;
+    out.weight = value.sum() / out.pdf;
   } else {
     Layers layers(p, wo);
     layers.choose(base.energy);

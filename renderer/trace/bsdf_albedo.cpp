@@ -38,11 +38,10 @@ inline float mix(float a, float b, float f) { return a + (b - a) * f; }
 
 }  // namespace
 
-ReflectionAlbedo::ReflectionAlbedo(float alpha) : s_(kStretch * alpha) {
-  const float r = std::sqrt(alpha);
-  row_ = cell(r, kRows, f_);
+ReflectionAlbedo::ReflectionAlbedo(float alpha, float roughness) : s_(kStretch * alpha) {
+  row_ = cell(roughness, kRows, f_);
   float f;
-  const int k = cell(r, kFineRows, f);
+  const int k = cell(roughness, kFineRows, f);
   deficitMean = sqr(mix(data::kDeficitRoot[k], data::kDeficitRoot[k + 1], f));
   schlickMean = mix(data::kSchlickMean[k], data::kSchlickMean[k + 1], f);
 }

@@ -7,7 +7,7 @@
 //                f0 (1 - deficit) + (f90 - f0) schlick.
 // Axes: roughness, and t with t^2 = mu (1+s)/(mu+s), s = 2 alpha: for small alpha the deficit is a function of mu/alpha (8.6 % at mu =
 // 2 alpha however small alpha is), which a grid in mu would miss. Bilinear; error (bench/bsdf_tables prints it): deficit
-// -0.0015..+0.0001, schlick -0.0006..+0.0028, glass within 0.012 below for any index 1.02..2.6.
+// -0.0015..+0.0001, schlick -0.0006..+0.0028, glass -0.011..+0.0012 for any index 1.02..2.6.
 // Means are hemisphere integrals of the interpolated tables, so K(o,i) = deficit(o) deficit(i) / (pi mean) returns exactly deficit(o).
 #pragma once
 
@@ -19,7 +19,7 @@ namespace gobo {
 class ReflectionAlbedo {
  public:
   ReflectionAlbedo() = default;
-  explicit ReflectionAlbedo(float alpha);
+  ReflectionAlbedo(float alpha, float roughness);   ///< roughness = sqrt(alpha), which the caller has
   struct Value { float deficit = 0, schlick = 0; };
   Value at(float mu) const;
   float deficitMean = 0, schlickMean = 1.0f / 21.0f;

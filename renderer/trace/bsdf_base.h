@@ -15,22 +15,19 @@
 
 namespace gobo {
 
-/// Alpha of the (isotropic) table for two alphas: see docs/materials.md, "anisotropy".
-inline float anisotropicTableAlpha(float along, float across) { return std::cbrt(across * across * along); }
-
 struct BaseLobes {
   Ggx g;
-  ReflectionAlbedo table;
+  ReflectionAlbedo table, across;    // across: of the smaller alpha, where there are two
   GlassAlbedo glassTable;
-  float ior, eta;                    // eta: far over near index
-  bool smooth, thin;
-  bool filmed = false, plainGlass;   // plainGlass: exact Fresnel, neither specular nor film change it
-  Vec3 albedo, throughColor;
+  float ior = 1, eta = 1;            // eta: far over near index
+  bool smooth, thin, anisotropic = false;
+  bool filmed = false, plainGlass = true;   // plainGlass: exact Fresnel, neither specular nor film change it
+  Vec3 albedo, throughColor{0.0f};
   float opaque, metal, glass, pass;  // shares of the four materials
   float through;                     // share of the opaque part's diffuse light that is transmitted
-  Vec3 f0;                           // dielectric, with specularColor and specular
-  float f90;
-  float f0Bound, f90Bound, msBound;  // Schlick's curve above every channel of the dielectric; and of its multiple scattering
+  Vec3 f0{0.0f};                     // dielectric, with specularColor and specular
+  float f90 = 0;
+  float f0Bound = 0, f90Bound = 0, msBound = 0;   // Schlick's curve above every channel of the dielectric; and of its multiple scattering
   float film = 0, filmIor, filmThickness;
 
   Vec3 msUp{0.0f}, msDown{0.0f};     // colour of K by ReflectionAlbedo
@@ -56,9 +53,6 @@ struct BaseLobes {
   bool hasInterface() const { return metal > 0.0f || glass > 0.0f || hasDielectric(); }
   bool hasPass() const { return pass > 0.0f && maxComponent(albedo) > 0.0f; }
   bool evaluable() const { return hasDiffuse() || (!smooth && hasInterface()); }
-  /// Cosine lobe alone: weights are exact.
-  bool onlyUp() const { return !(downP + bounceUpP + bounceDownP + interfaceP + passP > 0.0f); }
-  Vec3 diffuseAlbedo(float iz) const { return albedo * (opaque * (1.0f - through) * diffuseFactor(iz)); }
 
   /// Reflectance and transmittance of a facet at cosine c.
   void split(float c, Vec3& reflected, Vec3& refracted) const;
@@ -72,11 +66,10 @@ struct BaseLobes {
   Vec3 metalReflected(float w, float c) const;
   Vec3 glassReflected(float c) const;
   Vec3 dielectricReflected(float w, float c) const;
-  float diffuseFactor(float iz) const;
   float interfaceAlbedo(const ReflectionAlbedo::Value& a) const {
     return f0Bound * (1.0f - a.deficit) + (f90Bound - f0Bound) * a.schlick + msBound * a.deficit;
   }
-  ReflectionAlbedo::Value lookUp(float mu) const { return smooth ? ReflectionAlbedo::Value{0.0f, schlickWeight(mu)} : table.at(mu); }
+  ReflectionAlbedo::Value lookUp(float mu) const;
   bool usesTable_ = false, usesGlass_ = false;
 };
 

@@ -41,7 +41,7 @@ Layers::Layers(const BsdfParams& p, const Vec3& o) : inside(seenFromInside(p)), 
   coatSmooth = coatAlpha(p) < kDeltaAlpha;
   if (hasCoat && !coatSmooth) {
     g = Ggx(coatAlpha(p));
-    table = ReflectionAlbedo(g.x);
+    table = ReflectionAlbedo(g.x, clamp01(p.clearcoatRoughness));
   }
   sheenRoughness = maxOf(clamp01(p.sheenRoughness), kSheenFloor);
   sheenAlpha = sqr(sheenRoughness);

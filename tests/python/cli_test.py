@@ -143,11 +143,13 @@ class Terminal(DaemonTest):
         return process.returncode, out, seen
 
     def test_the_bar_is_for_terminals(self):
-        work = ["render", "cornell", "--size", "64x48", "--spp", "512", "-o", "a.exr"]
+        work = ["render", "cornell", "--size", "128x96", "--time", "1", "-o", "a.exr"]
         self.client.drop_caches()
         code, out, shown = self.on_terminal(*work)
         self.assertEqual(code, 0)
         self.assertRegex(shown.decode(), r"\r\x1b\[K\[#*\.*\] +\d+ %")
+        shares = [int(n) for n in re.findall(r"(\d+) %", shown.decode())]
+        self.assertEqual(shares, sorted(shares))                            # of the whole render, not of a pass
         self.assertTrue(shown.endswith(b"\r\x1b[K"), shown[-40:])          # taken back at the end
         self.assertNotIn(b"\x1b", out)
         self.client.drop_caches()
@@ -162,7 +164,7 @@ class Terminal(DaemonTest):
         import struct
         import termios
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 30, 0, 0))
-        subprocess.run([CLI, "render", "cornell", "--size", "64x48", "--spp", "512"], stderr=slave, stdout=subprocess.DEVNULL, timeout=60,
+        subprocess.run([CLI, "render", "cornell", "--size", "128x96", "--time", "1"], stderr=slave, stdout=subprocess.DEVNULL, timeout=60,
                        env={**os.environ, "GOBO_SERVER": self.client.address}, check=True)
         os.close(slave)
         shown = os.read(master, 1 << 16).decode()

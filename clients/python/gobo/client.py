@@ -88,7 +88,7 @@ class Client:
 
         Args:
             timeout: seconds for everything, waiting for the server included; None: the client's.
-            on_progress: called with `Progress` messages (fraction, stage, spp, elapsed_ms) while it renders.
+            on_progress: called with `Progress` messages (stage, fraction of the pass, spp, elapsed_ms) while it renders.
 
         Raises:
             gobo.Error: see its subclasses. KeyboardInterrupt cancels the render and goes on.

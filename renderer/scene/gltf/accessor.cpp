@@ -137,7 +137,7 @@ bool forEach(Document& d, const Accessor& a, Put put) {
 /// Compares the accessor's stated bounds with its data, as the format demands; loaders trust the data.
 struct BoundsCheck {
   BoundsCheck(Document& d, int index, const Accessor& a) : at(a.at), components(size_t(a.components)) {
-    if (!d.boundsSeen.insert(index).second || components > 4) { components = 0; return; }
+    if (!d.boundsSeen.insert(index).second || components > 4 || (!a.dense.data && a.sparseCount == 0)) { components = 0; return; }
     for (size_t c = 0; c < components; ++c) { lo[c] = std::numeric_limits<float>::infinity(); hi[c] = -lo[c]; }
   }
   void see(const float* v) { for (size_t c = 0; c < components; ++c) { lo[c] = std::fmin(lo[c], v[c]); hi[c] = std::fmax(hi[c], v[c]); } }

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // From a path to a Document: GLB header checks in 64 bits, JSON with bounded nesting, required extensions, URIs, bytes.
-#include <stdlib.h>
-
 #include <cstring>
 #include <map>
 
@@ -46,7 +44,6 @@ Status jsonText(const std::string& path, const std::vector<uint8_t>& file, bool&
   binary = file.size() >= 4 && std::memcmp(file.data(), "glTF", 4) == 0;
   if (!binary) {
     text = {reinterpret_cast<const char*>(file.data()), file.size()};
-    if (text.substr(0, 3) == "\xef\xbb\xbf") text.remove_prefix(3);
     return {};
   }
   if (file.size() < 20) return invalidArgument("GLB header is cut short", path);
@@ -76,31 +73,8 @@ std::string percentDecode(const std::string& uri) {
 /// Reads the file that `uri` names beside the glTF. NotFound is told apart from refusals, which are InvalidArgument.
 Result<std::vector<uint8_t>> readBeside(const Document& d, const std::string& uri) {
   const std::string name = percentDecode(uri);
-  auto refuse = [&](const char* why) { return invalidArgument("URI \"" + uri.substr(0, 100) + "\" " + why); };
-  if (name.empty() || name.find('\0') != std::string::npos) return refuse("is empty or holds a zero byte");
-  if (name[0] == '/' || name[0] == '\\' || name[0] == '~') return refuse("is absolute");
-  const size_t colon = name.find(':');
-  if (colon != std::string::npos && colon < name.find('/')) return refuse("has a scheme; only files beside the glTF are read");
-  for (size_t from = 0; from <= name.size();) {
-    const size_t to = std::min(name.find_first_of("/\\", from), name.size());
-    if (name.compare(from, to - from, "..") == 0) return refuse("leaves the folder of the glTF");
-    from = to + 1;
-  }
-  const size_t slash = d.path.find_last_of('/');
-  const std::string folder = slash == std::string::npos ? "." : d.path.substr(0, slash + 1);
-  // Links may lead out of the folder: the real paths are compared.
-  auto real = [](const std::string& p) {
-    char* r = ::realpath(p.c_str(), nullptr);
-    std::string s = r ? r : "";
-    ::free(r);
-    return s;
-  };
-  const std::string base = real(folder), file = real(folder + "/" + name);
-  if (file.empty()) return notFound("file \"" + name + "\" does not exist beside the glTF");
-  if (file.compare(0, base.size() + 1, base == "/" ? base : base + "/") != 0 && base != "/") return refuse("leaves the folder of the glTF");
-  auto bytes = readFile(file, d.options.maxBytes);
-  if (!bytes.ok()) return Status(bytes.status().code(), bytes.status().message() + " (\"" + name + "\")");
-  return bytes;
+  GOBO_TRY(checkSideName(name, uri));
+  return d.files->beside(name, d.options.maxBytes);
 }
 
 Status checkExtensions(Document& d) {
@@ -246,6 +220,7 @@ Status decodeImages(Document& d) {
       const int buffer = v["buffer"].index("buffers");
       const int64_t offset = v["byteOffset"].integer(0, 0, int64_t(1) << 48), length = v["byteLength"].integer(0, 1, int64_t(1) << 48);
       if (!d.ok()) return d.status;
+      if (buffer >= 0 && d.buffers[buffer].empty()) { image.problem = "its buffer has no bytes"; continue; }
       if (buffer < 0 || uint64_t(offset) + uint64_t(length) > d.buffers[buffer].size()) { v.fail("buffer view is outside its buffer"); return d.status; }
       image.bytes.assign(d.buffers[buffer].begin() + offset, d.buffers[buffer].begin() + offset + length);
     } else image.problem = "image has neither uri nor bufferView";
@@ -260,10 +235,14 @@ bool supported(const std::string& extension) { return kSupported.count(extension
 Status openDocument(const std::string& path, const LoadOptions& options, Document& d) {
   d.path = path;
   d.options = options;
-  GOBO_ASSIGN(const std::vector<uint8_t> file, readFile(path, std::min<uint64_t>(options.maxBytes, 0xffffffffu)));
+  DiskFiles disk(path);
+  d.files = options.files ? options.files : &disk;
+  GOBO_ASSIGN(const std::vector<uint8_t> file, d.files->main(std::min<uint64_t>(options.maxBytes, 0xffffffffu)));
   bool binary = false;
   std::string_view text;
   GOBO_TRY(jsonText(path, file, binary, text));
+  if (binary && word(file, 12) % 4) d.warn("(file)", "GLB chunk length " + std::to_string(word(file, 12)) + " is no multiple of 4");
+  if (text.substr(0, 3) == "\xef\xbb\xbf") { d.warn("(file)", "the JSON begins with a byte order mark"); text.remove_prefix(3); }
   if (!nestingFits(text)) return invalidArgument("JSON is nested more than " + std::to_string(kMaxNesting) + " deep", path);
   try {
     d.json = Json::parse(text.begin(), text.end());
@@ -271,6 +250,8 @@ Status openDocument(const std::string& path, const LoadOptions& options, Documen
     const std::string version = d.root()["asset"]["version"].text();
     if (!d.ok()) return d.status;
     if (version.compare(0, 2, "2.") != 0) return invalidArgument("glTF version \"" + version + "\" is not 2.x", path + "#/asset/version");
+    const std::string least = d.root()["asset"]["minVersion"].text("2.0");
+    if (least.compare(0, 2, "2.") != 0 || least.find_first_not_of('0', 2) != std::string::npos) return invalidArgument("the file needs glTF " + least + "; 2.0 is read", path + "#/asset/minVersion");
     Files files;
     GOBO_TRY(checkExtensions(d));
     GOBO_TRY(gatherFiles(d, binary, files));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/gltf/document.h"
 
+#include <cmath>
+
 namespace gobo::gltf {
 namespace {
 
@@ -52,6 +54,7 @@ double Cursor::number(double otherwise, double lo, double hi) const {
 
 int64_t Cursor::integer(int64_t otherwise, int64_t lo, int64_t hi) const {
   if (!exists()) return otherwise;
+  if (const double v = json->is_number_float() ? json->get<double>() : 0.5; v == std::floor(v) && v >= double(lo) && v <= double(hi) && std::fabs(v) < 9e15) return int64_t(v);   // JSON has one kind of number: 1.0 is 1
   if (!json->is_number_integer()) { fail(shown(*json) + " is not an integer"); return otherwise; }
   const bool huge = json->is_number_unsigned() && json->get<uint64_t>() > uint64_t(std::numeric_limits<int64_t>::max());
   const int64_t v = huge ? 0 : json->get<int64_t>();
@@ -79,6 +82,7 @@ int Cursor::index(const char* list) const { return indexInto(document->list(list
 int Cursor::indexInto(const Cursor& list) const {
   if (!exists()) return -1;
   const size_t n = list.size();
+  if (const double v = json->is_number_float() ? json->get<double>() : 0.5; v == std::floor(v) && v >= 0.0 && v < double(n)) return int(v);
   if (!json->is_number_integer()) { fail(shown(*json) + " is not an index"); return -1; }
   const bool below = json->is_number_unsigned() ? json->get<uint64_t>() < n : json->get<int64_t>() >= 0 && uint64_t(json->get<int64_t>()) < n;
   if (!below) { fail("index " + shown(*json) + " is out of range: " + list.pointer + " has " + std::to_string(n)); return -1; }

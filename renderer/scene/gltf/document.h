@@ -52,6 +52,7 @@ struct Cursor {
 struct Document {
   std::string path;
   LoadOptions options;
+  FileSource* files = nullptr;         ///< while the document is being opened
   Json json;
   std::vector<std::vector<uint8_t>> buffers;
   struct EncodedImage { std::vector<uint8_t> bytes; std::string name, problem; };  ///< problem: why there are no bytes

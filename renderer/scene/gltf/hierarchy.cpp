@@ -132,7 +132,7 @@ void readChannels(Document& d, const Cursor& at, Rig& rig, const std::vector<int
     made[i] = int(a.samplers.size());
     a.samplers.push_back(std::move(s));
   }
-  std::set<std::pair<int, int>> taken;
+  std::map<std::pair<int, int>, size_t> taken;
   bool first = true;
   for (size_t i = 0; i < channels.size() && d.ok(); ++i) {
     const Cursor channel = channels.at(i), target = channel["target"];
@@ -164,7 +164,10 @@ void readChannels(Document& d, const Cursor& at, Rig& rig, const std::vector<int
       for (size_t k = from; k + 4 <= s.values.size(); k += step) odd += std::fabs(glm::length(Vec4(s.values[k], s.values[k + 1], s.values[k + 2], s.values[k + 3])) - 1.0f) > 1e-2f;
       if (odd) d.warn(channel["sampler"].pointer, std::to_string(odd) + " quaternions are not of unit length and are scaled");
     }
-    if (!taken.insert({c.node, int(c.path)}).second) { d.warn(target.pointer, "a channel before moves the same; this one is left out"); continue; }
+    if (const auto [earlier, fresh] = taken.insert({{c.node, int(c.path)}, i}); !fresh) {
+      d.warn(channels.at(earlier->second)["target"].pointer, "channel " + std::to_string(i) + " moves the same and is left out");
+      continue;
+    }
     a.start = first ? s.times.front() : std::fmin(a.start, s.times.front());
     a.end = first ? s.times.back() : std::fmax(a.end, s.times.back());
     first = false;

@@ -103,7 +103,9 @@ class Tree {
     scene_.meshes.push_back(part.mesh);
     for (VariantUse use : part.variants) { use.mesh = made; scene_.variants.uses.push_back(use); }
     if (!morphs && !skinned) return part.sceneMesh = made;
-    if (!d_.account(part.mesh->positions.size() * 48, node)) return made;
+    // What its pose costs, in memory and (targets, influences) in time: many nodes may deform one mesh.
+    const RigSource& source = rig_.sources[part.source];
+    if (!d_.account(part.mesh->positions.size() * (48 + 16 * source.targets.size() + 16 * size_t(source.influences)), node)) return made;
     if (skinned)
       for (const uint16_t j : std::as_const(rig_.sources[part.source].joints))
         if (j >= rig_.skins[skin].joints.size()) {

@@ -7,6 +7,7 @@
 
 #include <set>
 
+#include "support/animated_scene.h"
 #include "support/engines.h"
 
 namespace gobo::testing {
@@ -117,6 +118,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"environment.extract_lights", "Rerun.EnvironmentRotationAndExtraction"},
       {"integrator.max_groups", "Rerun.ClustersAndDifferences"},
       {"encoding", "not in the hash"}, {"certificate", "not in the hash"}, {"scheduling", "not in the hash"}, {"scene_hash", "not in the hash"},
+      {"time_s", "Rerun.AnimationsAndVariants"}, {"animation", "Rerun.AnimationsAndVariants"}, {"variant", "Rerun.AnimationsAndVariants"},
       {"shadows", "Rerun.FilterParameters"}, {"lights.*.shadow", "Rerun.FilterParameters"},
   };
   return table;
@@ -236,6 +238,52 @@ TEST(Rerun, ALightsPlaceInTheListIsNoPartOfItsKey) {
   r.mutable_environment()->clear_constant();
   set(r, "environment.sky.turbidity=4");
   EXPECT_FALSE(ran(mustRender(*engine, r)).count("unoccluded:z"));
+}
+
+TEST(Rerun, AnimationsAndVariants) {
+  const std::string file = writeAnimatedScene("rerun");
+  const auto requests = [&](const std::string& edits) {
+    v1::RenderRequest r = smallRequest("moving", 16, 12, 8);
+    set(r, "lights.lamp.shadow.ray_traced.samples=1");
+    set(r, "lights.still.shadow.ray_traced.samples=1");
+    for (size_t from = 0; from < edits.size();) { const size_t to = std::min(edits.find(' ', from), edits.size()); set(r, edits.substr(from, to - from)); from = to + 1; }
+    return r;
+  };
+  // Every edit against an engine that has rendered the rest pose.
+  const auto rerun = [&](const std::string& edits) {
+    const auto engine = makeEngine();
+    EXPECT_TRUE(engine->openScene(file, "moving").ok());
+    mustRender(*engine, requests(""));
+    const Labels warm = ran(mustRender(*engine, requests(edits)));
+    EXPECT_EQ(text(ran(mustRender(*engine, requests(edits)))), "") << edits << ": the same pose runs nothing";
+    const auto cold = makeEngine();
+    EXPECT_TRUE(cold->openScene(file, "moving").ok());
+    EXPECT_EQ(firstDifference(mustRender(*engine, requests(edits)), mustRender(*cold, requests(edits))), "") << edits;
+    return warm;
+  };
+  const Labels lamp{"visibility:lamp", "unoccluded:lamp", "direct:lamp"}, still{"visibility:still", "unoccluded:still", "direct:still"};
+  const Labels everything = Labels{"gbuffer", "surface"} + lamp + still + kIndirect + kBeauty;
+  EXPECT_EQ(text(rerun("time_s=0.5")), text(everything)) << "the first animation moves a mesh: pose";
+  EXPECT_EQ(text(rerun("time_s=0.5 animation=lamp")), text(lamp + kIndirect + kBeauty)) << "light shape";
+  EXPECT_EQ(text(rerun("time_s=0.5 animation=dolly")), text(everything)) << "camera";
+  EXPECT_EQ(text(rerun("time_s=0 animation=lamp")), "") << "its first key is the rest pose";
+  EXPECT_EQ(text(rerun("animation=lamp")), "") << "without a time: the rest pose";
+  EXPECT_EQ(text(rerun("variant=grey")), "") << "the variant that the file shows";
+  EXPECT_EQ(text(rerun("variant=red")), text(everything)) << "another material: which mesh has which is topology";
+  const auto engine = makeEngine();
+  ASSERT_TRUE(engine->openScene(file, "moving").ok());
+  for (const auto& [edit, names] : {std::pair{"animation=jump", "slide, lamp, dolly"}, std::pair{"variant=blue", "grey, red"}}) {
+    const auto r = engine->render(requests(edit));
+    ASSERT_FALSE(r.ok());
+    EXPECT_EQ(r.status().code(), Code::NotFound);
+    EXPECT_NE(r.status().message().find(names), std::string::npos) << r.status().toString();
+    EXPECT_EQ(r.status().location(), std::string("request.") + std::string(edit).substr(0, std::string(edit).find('=')));
+  }
+  const auto info = *engine->inspectScene("moving");
+  ASSERT_EQ(info.animations_size(), 3);
+  EXPECT_EQ(info.animations(1).name(), "lamp");
+  EXPECT_EQ(info.animations(1).duration_s(), 1.0);
+  EXPECT_EQ(info.variants_size(), 2);
 }
 
 TEST(Rerun, ClustersAndDifferences) {

@@ -1,32 +1,45 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "trace/bsdf_base.h"
+// The members of BaseLobes. Included by bsdf.cpp alone: inlined into eval and sample, what a material does not have costs a branch.
+#pragma once
 
+#include "trace/bsdf_base.h"
 #include "trace/bsdf_film.h"
 
 namespace gobo {
-namespace {
 
 /// Closer to 1 than this the refracted lobe is narrower than float can hold: light passes straight on.
-constexpr float kStraightIor = 1e-3f;
+inline constexpr float kStraightIor = 1e-3f;
 /// From here on (and for 0, as glTF writes it) the index is infinite: everything is reflected.
-constexpr float kInfiniteIor = 1e3f;
+inline constexpr float kInfiniteIor = 1e3f;
 /// The tables of rough glass end here (diamond 2.42, rutile 2.9); a higher index refracts as this one.
-constexpr float kLargestGlassIor = 3.0f;
+inline constexpr float kLargestGlassIor = 3.0f;
+inline constexpr float kNegligibleBounce = 0.005f;
 
-Vec3 clamped(const Vec3& c) { return Vec3(clamp01(c.x), clamp01(c.y), clamp01(c.z)); }
-float minComponent(const Vec3& c) { return minOf(c.x, minOf(c.y, c.z)); }
+inline Vec3 clamped(const Vec3& c) { return Vec3(clamp01(c.x), clamp01(c.y), clamp01(c.z)); }
+inline float minComponent(const Vec3& c) { return minOf(c.x, minOf(c.y, c.z)); }
 
 /// Colour of the light that left the microfacets after two and more bounces: mean^2 E / (1 - mean D), E + D = 1.
-Vec3 bounced(const Vec3& mean, float deficitMean) {
+inline Vec3 bounced(const Vec3& mean, float deficitMean) {
   const Vec3 m = clamped(mean);
   return m * m * (1.0f - deficitMean) / (Vec3(1.0f) - m * deficitMean);
 }
 /// Cosine-weighted mean of Schlick's Fresnel.
-Vec3 schlickMeanOf(const Vec3& f0, float f90) { return f0 + (Vec3(f90) - f0) * (1.0f / 21.0f); }
+inline Vec3 schlickMeanOf(const Vec3& f0, float f90) { return f0 + (Vec3(f90) - f0) * (1.0f / 21.0f); }
 
-}  // namespace
+/// Two alphas: no table holds the albedo. Bounds of it from the tables of both alphas keep the energy below 1 (kept half of the smaller
+/// deficit, measured ratio of the true one to it: 0.58 and more; Schlick's albedo up to 0.07 above the larger).
+inline constexpr float kAnisotropicKept = 0.5f, kAnisotropicSchlick = 0.07f;
+inline ReflectionAlbedo::Value BaseLobes::lookUp(float mu) const {
+  if (smooth) return {0.0f, schlickWeight(mu)};
+  ReflectionAlbedo::Value a = table.at(mu);
+  if (!anisotropic) return a;
+  const ReflectionAlbedo::Value b = across.at(mu);
+  a.deficit = kAnisotropicKept * minOf(a.deficit, b.deficit);
+  a.schlick = minOf(maxOf(a.schlick, b.schlick) + kAnisotropicSchlick, 1.0f - a.deficit);
+  return a;
+}
 
-BaseLobes::BaseLobes(const BsdfParams& p) {
+inline BaseLobes::BaseLobes(const BsdfParams& p) {
   const float roughness = clamp01(p.roughness), metallic = clamp01(p.metallic), transmission = clamp01(p.transmission);
   const float alpha = roughness * roughness, anisotropy = clamp01(p.anisotropy);
   thin = p.thin;
@@ -36,62 +49,76 @@ BaseLobes::BaseLobes(const BsdfParams& p) {
     smooth = ax < kDeltaAlpha;
     const float ay = maxOf(alpha, kDeltaAlpha);
     g = Ggx(maxOf(ax, ay), ay);
-    tableAlpha = anisotropicTableAlpha(g.x, g.y);
+    tableAlpha = g.x;
+    anisotropic = !smooth;
   } else {
     smooth = alpha < kDeltaAlpha;
     g = Ggx(alpha);
   }
   albedo = clamped(p.albedo);
-  const bool infinite = !(p.ior > 0.0f) || p.ior >= kInfiniteIor;
-  const float f0Grey = infinite ? 1.0f : sqr((p.ior - 1.0f) / (p.ior + 1.0f));
-  ior = infinite ? kLargestGlassIor : minOf(maxOf(p.ior, 1.0f / kLargestGlassIor), kLargestGlassIor);
-  if (thin) ior = maxOf(ior, 1.0f / ior);
-  eta = p.entering || thin ? ior : 1.0f / ior;
-  const bool straight = std::fabs(ior - 1.0f) < kStraightIor;
-  const float clear = (1.0f - metallic) * transmission;
   metal = metallic;
-  glass = straight || infinite ? 0.0f : clear;
-  pass = straight ? clear : 0.0f;
-  opaque = (1.0f - metallic) - (infinite ? 0.0f : clear);
-  through = clamp01(p.diffuseTransmission);
-  throughColor = through > 0.0f ? clamped(p.diffuseTransmissionColor) : Vec3(0.0f);
-  f90 = clamp01(p.specular);
-  f0 = clamped(f0Grey * glm::max(p.specularColor, Vec3(0.0f))) * f90;
-  plainGlass = f90 == 1.0f && p.specularColor == Vec3(1.0f);
-  f0Bound = maxComponent(f0);
-  f90Bound = f90;
-  msBound = 0.0f;
+  const float clear = (1.0f - metallic) * transmission;
+  opaque = 1.0f - metallic;
+  glass = pass = through = 0.0f;
+  float f0Grey = 0.0f;
+  if (metallic < 1.0f) {                               // pure metals skip the dielectric's arithmetic
+    const bool infinite = !(p.ior > 0.0f) || p.ior >= kInfiniteIor;
+    f0Grey = infinite ? 1.0f : sqr((p.ior - 1.0f) / (p.ior + 1.0f));
+    if (clear > 0.0f && !infinite) {
+      ior = minOf(maxOf(p.ior, 1.0f / kLargestGlassIor), kLargestGlassIor);
+      if (thin) ior = maxOf(ior, 1.0f / ior);
+      eta = p.entering || thin ? ior : 1.0f / ior;
+      (std::fabs(ior - 1.0f) < kStraightIor ? pass : glass) = clear;
+      opaque -= clear;
+      plainGlass = p.specular >= 1.0f && p.specularColor == Vec3(1.0f);
+    }
+    through = clamp01(p.diffuseTransmission);
+    if (through > 0.0f) throughColor = clamped(p.diffuseTransmissionColor);
+    f90 = clamp01(p.specular);
+    f0 = clamped(f0Grey * glm::max(p.specularColor, Vec3(0.0f))) * f90;
+    f0Bound = maxComponent(f0);
+    f90Bound = f90;
+  }
 
   film = clamp01(p.iridescence);
   filmed = film > 0.0f && p.iridescenceThickness > 0.0f;
   const bool rough = !smooth;
   usesTable_ = rough && (metal > 0.0f || hasDielectric() || (thin && glass > 0.0f));
-  usesGlass_ = rough && glass > 0.0f && !thin;
-  if (usesTable_) table = ReflectionAlbedo(tableAlpha);
-  Vec3 metalMean = schlickMeanOf(albedo, 1.0f), dielectricMean = schlickMeanOf(f0, f90);
+  usesGlass_ = rough && glass > 0.0f && !thin && !anisotropic;   // no table with two alphas: what is lost stays lost
+  if (usesTable_) {
+    table = ReflectionAlbedo(tableAlpha, anisotropic ? std::sqrt(tableAlpha) : roughness);
+    if (anisotropic) {
+      across = ReflectionAlbedo(g.y, std::sqrt(g.y));
+      table.deficitMean = kAnisotropicKept * minOf(table.deficitMean, across.deficitMean);
+      table.schlickMean = minOf(table.schlickMean, across.schlickMean);
+    }
+  }
+  Vec3 metalMean(0.0f), dielectricMean(0.0f);
+  if (metal > 0.0f) metalMean = schlickMeanOf(albedo, 1.0f);
+  if (opaque + glass > 0.0f) dielectricMean = schlickMeanOf(f0, f90);
   if (filmed) {
     filmIor = p.iridescenceIor;
     filmThickness = p.iridescenceThickness;
     plainGlass = false;
     setMeansOfFilm(metalMean, dielectricMean);
   }
-  if (usesTable_ || usesGlass_) {
-    bounceB2 = sqr(2.0f * tableAlpha);
-    bounceLog = std::log(1.0f + 1.0f / bounceB2);
-  }
   if (usesTable_ && table.deficitMean > 1e-7f) {
     kernel = kInvPi / table.deficitMean;
     if (metal > 0.0f) msUp += metal * bounced(metalMean, table.deficitMean);
     if (hasDielectric()) {
+      // Of an index near 1.5 less than 0.4 % bounces out again; the rest goes into what is below, and so may this.
       const Vec3 b = bounced(dielectricMean, table.deficitMean);
-      msBound = maxComponent(b);
-      msUp += opaque * b;
+      if (maxComponent(b) > kNegligibleBounce) {
+        msBound = maxComponent(b);
+        msUp += opaque * b;
+      }
     }
     if (thin && glass > 0.0f) {
       msUp += glass * dielectricMean;
       msDown += (glass * (1.0f - maxComponent(dielectricMean))) * albedo;
     }
   }
+  if (!(maxComponent(msUp) + maxComponent(msDown) > 0.0f)) kernel = 0.0f;
   if (hasDiffuse() && hasDielectric()) {
     const float mean = interfaceAlbedo({table.deficitMean, table.schlickMean});
     diffuseNorm = mean < 0.9999f ? 1.0f / (1.0f - mean) : 0.0f;
@@ -117,7 +144,7 @@ BaseLobes::BaseLobes(const BsdfParams& p) {
 
 /// Hemisphere means of the film's reflectance by four Gauss points in cos^2, and a Schlick curve above it at these and at normal
 /// incidence (energy of the diffuse light below; the random sweep of the tests is its check).
-void BaseLobes::setMeansOfFilm(Vec3& metalMean, Vec3& dielectricMean) {
+inline void BaseLobes::setMeansOfFilm(Vec3& metalMean, Vec3& dielectricMean) {
   static constexpr float at[5] = {0.263495f, 0.574464f, 0.818529f, 0.964666f, 1.0f};
   static constexpr float weight[5] = {0.173927f, 0.326073f, 0.326073f, 0.173927f, 0.0f};
   metalMean = dielectricMean = Vec3(0.0f);
@@ -134,16 +161,16 @@ void BaseLobes::setMeansOfFilm(Vec3& metalMean, Vec3& dielectricMean) {
   f90Bound = 1.0f;
 }
 
-Vec3 BaseLobes::metalReflected(float w, float c) const {
+inline Vec3 BaseLobes::metalReflected(float w, float c) const {
   const Vec3 f = albedo + (1.0f - albedo) * w;
   return filmed ? glm::mix(f, filmReflectance(c, filmIor, filmThickness, albedo), film) : f;
 }
-Vec3 BaseLobes::dielectricReflected(float w, float c) const {
+inline Vec3 BaseLobes::dielectricReflected(float w, float c) const {
   const Vec3 f = f0 + (Vec3(f90) - f0) * w;
   return filmed ? glm::mix(f, filmReflectance(c, filmIor, filmThickness, f0), film) : f;
 }
 /// Exact Fresnel bent to the ends that `specular` gives Schlick's; total reflection stays total.
-Vec3 BaseLobes::glassReflected(float c) const {
+inline Vec3 BaseLobes::glassReflected(float c) const {
   const float f = fresnelDielectric(c, eta);
   if (plainGlass || f >= 1.0f) return Vec3(f);
   const float grey = sqr((ior - 1.0f) / (ior + 1.0f));
@@ -155,7 +182,7 @@ Vec3 BaseLobes::glassReflected(float c) const {
   return clamped(r);
 }
 
-void BaseLobes::split(float c, Vec3& reflected, Vec3& refracted) const {
+inline void BaseLobes::split(float c, Vec3& reflected, Vec3& refracted) const {
   const float w = schlickWeight(c);
   reflected = refracted = Vec3(0.0f);
   if (metal > 0.0f) reflected += metal * metalReflected(w, c);
@@ -169,7 +196,7 @@ void BaseLobes::split(float c, Vec3& reflected, Vec3& refracted) const {
 
 /// Lobes that exist keep a tenth of the chances, because a tilted microfacet may reflect or transmit where the macroscopic surface
 /// does not. Bounced light alone keeps only its share: it is smooth and small.
-void BaseLobes::view(float oz) {
+inline void BaseLobes::view(float oz) {
   if (usesTable_ || diffuseNorm > 0.0f) ao = lookUp(oz);
   if (usesGlass_) glassO = glassTable.deficit(oz, eta < 1.0f);
   float up = 0, down = 0, s = 0, t = 0;
@@ -203,6 +230,10 @@ void BaseLobes::view(float oz) {
     bounceUp += luminance(glassUp) * (kPi * glassTable.mean[eta < 1.0f ? 1 : 0]) * glassO;
     bounceDown += luminance(glassDown) * (kPi * glassTable.mean[eta < 1.0f ? 0 : 1] * eta * eta) * glassO;
   }
+  if (bounceUp + bounceDown > 0.0f) {
+    bounceB2 = sqr(2.0f * maxOf(g.x, g.y));
+    bounceLog = std::log(1.0f + 1.0f / bounceB2);
+  }
   energy = up + down + bounceUp + bounceDown + s + t;
   const float scale = 1.0f / energy;
   upP = up * scale;
@@ -213,12 +244,7 @@ void BaseLobes::view(float oz) {
   passP = t * scale;
 }
 
-float BaseLobes::diffuseFactor(float iz) const {
-  if (!hasDielectric()) return 1.0f;
-  return diffuseO * maxOf(1.0f - interfaceAlbedo(lookUp(iz)), 0.0f) * diffuseNorm;
-}
-
-void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf) const {
+inline void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf) const {
   pdf = 0.0f;
   const bool up = i.z > 0.0f;
   const float iz = std::fabs(i.z);
@@ -270,7 +296,7 @@ void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& 
   pdf += interfaceP * (lt / (lr + lt)) * eta * eta * jacobian * d * 2.0f / (o.z + so);
 }
 
-bool BaseLobes::sample(const Vec3& o, float uLobe, const Vec2& u, BsdfSample& out) const {
+inline bool BaseLobes::sample(const Vec3& o, float uLobe, const Vec2& u, BsdfSample& out) const {
   if (uLobe < upP + downP) {
     const bool up = uLobe < upP;
     out.wi = sampleCosine(u);

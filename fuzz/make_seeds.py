@@ -1,0 +1,82 @@
+#!/usr/bin/env python3
+# Seeds of the fuzz targets from ../shared/data: small files only; glTF with side files that are small has them embedded as data
+# URIs. usage: fuzz/make_seeds.py OUT [DATA]
+import base64, json, pathlib, sys
+
+out = pathlib.Path(sys.argv[1])
+data = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else "../shared/data")
+GLTF, PICTURE = 24 << 10, 8 << 10
+counts = {}
+
+
+def put(target, name, content):
+    folder = out / target
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name.replace("/", "_").replace(" ", "_")[-120:]).write_bytes(content)
+    counts[target] = counts.get(target, 0) + 1
+
+
+def embedded(path):
+    try:
+        document = json.loads(path.read_bytes())
+    except (ValueError, UnicodeDecodeError, RecursionError):
+        return None
+    if not isinstance(document, dict):
+        return None
+    for kind in ("buffers", "images"):
+        items = document.get(kind)
+        for item in items if isinstance(items, list) else []:
+            uri = item.get("uri") if isinstance(item, dict) else None
+            if not isinstance(uri, str) or uri.startswith("data:"):
+                continue
+            try:
+                side = (path.parent / uri).resolve()
+                if side.is_file() and side.stat().st_size <= GLTF and data.resolve() in side.parents:
+                    mime = "image/png" if uri.endswith("png") else "application/octet-stream"
+                    item["uri"] = f"data:{mime};base64," + base64.b64encode(side.read_bytes()).decode()
+            except (OSError, ValueError):
+                pass
+    return json.dumps(document, separators=(",", ":")).encode()
+
+
+for path in sorted(data.rglob("*")):
+    if not path.is_file() or path.suffix in (".md", ".tsv", ".rst"):
+        continue
+    name, size = str(path.relative_to(data)), path.stat().st_size
+    if path.suffix in (".gltf", ".glb") and size <= 2 * GLTF:
+        raw = path.read_bytes()
+        if len(raw) <= GLTF:
+            put("gltf", name, raw)
+        more = embedded(path) if path.suffix == ".gltf" else None
+        if more and more != raw and len(more) <= GLTF:
+            put("gltf", "embedded_" + name, more)
+    elif name.split("/")[0] in ("exr", "hdr", "images") and size <= PICTURE:
+        put("image", name, path.read_bytes())
+
+request = {"scene": "rich", "width": 64, "height": 48, "outputs": ["beauty", "depth"], "seed": 7, "viewSamples": 4, "halt": {"spp": 16, "error": 0.1},
+           "camera": {"position": {"x": 1, "y": 2, "z": 3}, "lookAt": {"y": 1}, "up": {"y": 1}, "yfovDeg": 40},
+           "lights": {"lamp": {"color": {"x": 1, "y": 0.5}, "intensity": 20, "gain": {"x": 2, "y": 2, "z": 2}},
+                      "new": {"kind": "RECT", "position": {"z": 3}, "direction": {"z": -1}, "width": 1, "height": 2},
+                      "sun": {"direction": {"y": -1}, "enabled": False}},
+           "environment": {"constant": {"x": 0.5}, "rotationDeg": 30, "gain": {"x": 2}}, "integrator": {"maxBounces": 4, "lightSelection": "POWER"},
+           "toneMap": {"exposure": 1, "curve": "LINEAR"}, "encoding": {"format": "PNG"}, "certificate": {"spp": 16}}
+put("request_json", "all.json", json.dumps(request).encode())
+for key, value in request.items():
+    put("request_json", key + ".json", json.dumps({key: value}).encode())
+put("request_json", "sets", b"halt.spp=128\nlights.lamp.color=1,0.9,0.8\nlights.a.b.intensity=2\noutputs=beauty,depth\nenvironment.sky=\nshadows.path_traced=\ncamera.position=1,2,3\n")
+# Wire bytes by hand: seeds should not need a protobuf package.
+varint = lambda v: bytes([v]) if v < 128 else bytes([v & 127 | 128]) + varint(v >> 7)
+text = lambda field, v: varint(field << 3 | 2) + varint(len(v)) + v
+import struct
+vector = b"\x0d" + struct.pack("<f", 1) + b"\x15" + struct.pack("<f", 0.5)
+lamp = text(1, b"lamp") + text(2, text(2, vector) + b"\x19" + struct.pack("<d", 5))
+put("request_proto", "render", b"\0" + text(1, b"rich") + b"\x18\x40\x20\x30" + text(5, b"beauty") + text(10, lamp) + text(2, text(2, vector)))
+put("request_proto", "relight", b"\1" + text(1, b"r1") + text(2, text(10, lamp)) + text(3, b"lights.lamp.color"))
+put("request_proto", "patch", b"\2" + text(1, b"rich") + text(2, text(1, b"plain") + text(2, text(1, vector))) + text(4, lamp))
+put("request_proto", "job", b"\3" + text(1, b"name") + text(2, text(1, b"rich")) + text(3, b"\x08\x01\x10\x05"))
+put("blob", "raw", b"\0GOBOBLOB")
+put("blob", "bytes", b"\1\x90\x00\x05\x20\x03\xff")
+for field in range(0, 400, 7):
+    put("blob", f"field{field}", b"\2" + struct.pack("<HBI", field, field % 5, field * 2654435761 % (1 << 32)))
+for target in sorted(counts):
+    print(f"{target}: {counts[target]} seeds")

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// gobo-ingest: parses one scene or environment file for gobod in a sandbox and writes a scene blob. Started by gobod with a
+// socket on descriptor 3 and the output on 4 (wire.h); it opens nothing itself. docs/ingest.md has the whole story.
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstring>
+#include <new>
+
+#include "ingest/probe.h"
+#include "ingest/sandbox.h"
+#include "ingest/wire.h"
+#include "scene/blob.h"
+#include "scene/load.h"
+
+namespace gobo::ingest {
+namespace {
+
+/// The parent's end of the socket as a file source.
+class ParentFiles final : public FileSource {
+ public:
+  Result<std::vector<uint8_t>> main(uint64_t maxBytes) override { return answer(maxBytes, "the scene file"); }
+  Result<std::vector<uint8_t>> beside(const std::string& name, uint64_t maxBytes) override {
+    if (!writeFrame(kSocket, Frame::Ask, name.data(), name.size())) ::_exit(3);
+    return answer(maxBytes, "\"" + name + "\"");
+  }
+
+ private:
+  static Result<std::vector<uint8_t>> answer(uint64_t maxBytes, const std::string& what) {
+    uint8_t head[9];
+    uint64_t size = 0;
+    if (!readAll(kSocket, head, sizeof head)) ::_exit(3);
+    std::memcpy(&size, head + 1, 8);
+    if (Frame(head[0]) == Frame::File && size > maxBytes)
+      return Status(Code::ResourceExhausted, what + " has " + std::to_string(size) + " bytes, above the limit of " + std::to_string(maxBytes));
+    std::vector<uint8_t> bytes(size);
+    if (!readAll(kSocket, bytes.data(), bytes.size())) ::_exit(3);
+    if (Frame(head[0]) == Frame::File) return bytes;
+    Status status;
+    if (Frame(head[0]) != Frame::Refusal || !decode(bytes, status)) ::_exit(3);
+    return status;
+  }
+};
+
+Status writeOut(const void* data, size_t bytes) {
+  if (writeAll(kOutput, data, bytes)) return {};
+  return Status(Code::ResourceExhausted, std::string("cannot write the blob: ") + std::strerror(errno));
+}
+
+Status work(const Job& job, Done& done) {
+  ParentFiles files;
+  if (job.task == Task::Environment) {
+    GOBO_ASSIGN(const std::vector<uint8_t> bytes, files.main(~0ull));
+    GOBO_ASSIGN(const EnvironmentPtr map, readEnvironment(bytes.data(), bytes.size(), job.path));
+    return writeBlob(*map, writeOut);
+  }
+  LoadTimes times;
+  LoadOptions options;
+  options.maxTriangles = job.maxTriangles;
+  options.maxBytes = ~0ull;   // the parent bounds what comes in, RLIMIT_AS what it grows to
+  options.textureBytes = job.textureBytes;
+  options.files = &files;
+  options.times = &times;
+  GOBO_ASSIGN(const ScenePtr scene, loadGltf(job.path, options));
+  done = {times.parseMs, times.textureMs};
+  return writeBlob(*scene, writeOut);
+}
+
+Status readJob(Job& job) {
+  uint8_t head[9];
+  uint64_t size = 0;
+  if (!readAll(kSocket, head, sizeof head)) return internalError("no job arrived");
+  std::memcpy(&size, head + 1, 8);
+  if (Frame(head[0]) != Frame::Job || size > (1u << 16)) return internalError("the first frame is no job");
+  std::vector<uint8_t> body(size);
+  if (!readAll(kSocket, body.data(), body.size()) || !decode(body, job)) return internalError("the job cannot be read");
+  return {};
+}
+
+/// Memory that is not there ends the child with the error that says so, wherever it was asked for: a library that catches
+/// bad_alloc would leave out a picture instead, and the scene would depend on the limit in silence.
+void outOfMemory() {
+  static const uint8_t frame[] = {uint8_t(Frame::Failed), 25, 0, 0, 0, 0, 0, 0, 0, uint8_t(Code::ResourceExhausted), 0, 0, 0,
+                                  13, 0, 0, 0, 'o', 'u', 't', ' ', 'o', 'f', ' ', 'm', 'e', 'm', 'o', 'r', 'y', 0, 0, 0, 0};
+  writeAll(kSocket, frame, sizeof frame);
+  ::_exit(0);
+}
+
+int serve() {
+  std::set_new_handler(outOfMemory);
+  prepareLibraries();
+  Job job;
+  Done done;
+  Status status = readJob(job);
+  if (status.ok()) status = lockDown(job);
+  if (status.ok()) {
+    try {
+      status = job.task == Task::Probe ? probe(job.path) : work(job, done);
+    } catch (const std::bad_alloc&) {
+      status = Status(Code::ResourceExhausted, "out of memory", job.path);
+    } catch (const std::exception& e) {
+      status = internalError(e.what(), job.path);
+    }
+  }
+  const std::vector<uint8_t> body = status.ok() ? encode(done) : encode(status);
+  const bool told = writeFrame(kSocket, status.ok() ? Frame::Done : Frame::Failed, body.data(), body.size());
+  ::_exit(told ? 0 : 3);   // no tear-down: it could only go wrong
+}
+
+}  // namespace
+}  // namespace gobo::ingest
+
+int main(int argc, char** argv) {
+  using namespace gobo;
+  if (argc == 3 && std::strcmp(argv[1], "--probe") == 0) {
+    ingest::prepareLibraries();
+    const Status locked = ingest::lockDown({ingest::Task::Probe, argv[2], 0, 0, 0, 4ull << 30, 1 << 20, 10});
+    const Status status = locked.ok() ? ingest::probe(argv[2]) : locked;
+    std::fprintf(stderr, "gobo-ingest: %s\n", status.toString().c_str());
+    return status.code() == Code::FailedPrecondition ? 0 : 1;
+  }
+  int type = 0;
+  socklen_t size = sizeof type;
+  if (argc != 1 || ::getsockopt(ingest::kSocket, SOL_SOCKET, SO_TYPE, &type, &size) != 0) {
+    std::fprintf(stderr, "gobo-ingest is started by gobod; on its own it only answers --probe NAME (what the sandbox does about NAME)\n");
+    return 2;
+  }
+  return ingest::serve();
+}

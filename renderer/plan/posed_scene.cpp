@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/posed_scene.h"
+
+#include <algorithm>
+
+namespace gobo {
+
+Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request) {
+  auto placed = [](Result<ScenePtr> r, const char* field) -> Result<ScenePtr> { return r.ok() ? std::move(r) : Result<ScenePtr>(Status(r.status().code(), r.status().message(), field)); };
+  GOBO_ASSIGN(const ScenePtr dressed, placed(withVariant(base, request.variant()), "request.variant"));
+  GOBO_ASSIGN(const ScenePtr posed, placed(posedScene(dressed, request.animation(), request.time_s()), "request.animation"));   // refuses unknown names even without a time
+  return request.has_time_s() ? posed : dressed;
+}
+
+Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest& request) {
+  if (!request.has_time_s() && request.animation().empty() && request.variant().empty()) return base;
+  const Key key{base->hash(), request.animation(), request.has_time_s(), request.time_s(), request.variant()};
+  {
+    std::lock_guard lock(mutex_);
+    for (auto it = recent_.begin(); it != recent_.end(); ++it)
+      if (it->first == key) {
+        recent_.splice(recent_.begin(), recent_, it);
+        return recent_.front().second;
+      }
+  }
+  GOBO_ASSIGN(ScenePtr made, requestedScene(base, request));
+  std::lock_guard lock(mutex_);
+  recent_.emplace_front(key, made);
+  if (recent_.size() > keep_) recent_.pop_back();
+  return made;
+}
+
+}  // namespace gobo

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scene that a request's variant, animation and time make of a loaded one, before its other edits.
+#pragma once
+
+#include <list>
+#include <mutex>
+#include <tuple>
+
+#include "base/status.h"
+#include "gobo/v1/render.pb.h"
+#include "scene/scene.h"
+
+namespace gobo {
+
+/// Variant first, then the pose. Without either field: `base` itself. Errors (NotFound, with the names there are) name the
+/// request's field.
+Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request);
+
+/// The last few results of requestedScene, by base scene's hash and the three fields. Thread-safe.
+class PosedScenes {
+ public:
+  explicit PosedScenes(size_t keep = 8) : keep_(keep) {}
+  Result<ScenePtr> get(const ScenePtr& base, const v1::RenderRequest& request);
+
+ private:
+  using Key = std::tuple<Hash128, std::string, bool, double, std::string>;
+  size_t keep_;
+  std::mutex mutex_;
+  std::list<std::pair<Key, ScenePtr>> recent_;   ///< latest first
+};
+
+}  // namespace gobo

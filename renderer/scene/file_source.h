@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a loader's bytes come from: the disk, or (in the sandboxed child) the parent process. And the one rule which names a
+// scene file may use for the files beside it. Sources are used by one thread.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/status.h"
+
+namespace gobo {
+
+class FileSource {
+ public:
+  virtual ~FileSource() = default;
+  /// The scene file itself. Errors: what reading gives; ResourceExhausted above maxBytes.
+  virtual Result<std::vector<uint8_t>> main(uint64_t maxBytes) = 0;
+  /// A file beside it, or below its folder. NotFound when it does not exist; InvalidArgument when the name is refused.
+  virtual Result<std::vector<uint8_t>> beside(const std::string& name, uint64_t maxBytes) = 0;
+};
+
+/// Refuses names that are empty, absolute, have a scheme or a "..", hold a zero byte, or are longer than 1024 bytes.
+/// `shown` is what the error quotes (the URI before decoding).
+Status checkSideName(const std::string& name, const std::string& shown);
+
+/// Opens a regular file for reading, without waiting for a FIFO's writer. The descriptor is the caller's.
+Result<int> openRegular(const std::string& path);
+/// Opens `name` below the folder of `mainPath`. The kernel keeps every step below that folder, symbolic links included
+/// (openat2, RESOLVE_BENEATH); without openat2 real paths are compared. Errors as FileSource::beside.
+Result<int> openBeside(const std::string& mainPath, const std::string& name);
+/// Everything that a descriptor from the two above has; closes it.
+Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint64_t maxBytes);
+
+class DiskFiles final : public FileSource {
+ public:
+  explicit DiskFiles(std::string path) : path_(std::move(path)) {}
+  Result<std::vector<uint8_t>> main(uint64_t maxBytes) override;
+  Result<std::vector<uint8_t>> beside(const std::string& name, uint64_t maxBytes) override;
+
+ private:
+  std::string path_;
+};
+
+}  // namespace gobo

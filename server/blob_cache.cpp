@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/blob_cache.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
+#include "base/image_io.h"
+#include "server/encode.h"
+#include "server/log.h"
+
+namespace gobo {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr const char* kTemporary = ".tmp-";
+constexpr size_t kSmallFiles = 20000;   // .files and .stamp
+
+bool endsWith(const std::string& text, std::string_view tail) { return text.size() >= tail.size() && text.compare(text.size() - tail.size(), tail.size(), tail) == 0; }
+
+Status failed(const std::string& what) { return Status(errno == ENOSPC || errno == EDQUOT ? Code::ResourceExhausted : Code::Internal, what + ": " + std::strerror(errno)); }
+
+std::optional<std::string> smallFile(const std::string& path) {
+  auto bytes = readFile(path, 16 << 20);
+  if (!bytes.ok()) return std::nullopt;
+  return std::string(bytes->begin(), bytes->end());
+}
+
+/// By rename, without a flush: what a power cut leaves of such a file does not have its form, and is written again.
+void writeSmall(const std::string& path, const std::string& text) {
+  static std::atomic<uint64_t> counter{0};
+  const std::string temporary = path + "-" + std::to_string(::getpid()) + "-" + std::to_string(counter++) + ".stamp";
+  const int fd = ::open(temporary.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (fd < 0) { logWarn("blob cache: cannot write: %s", std::strerror(errno)); return; }
+  const bool whole = ::write(fd, text.data(), text.size()) == ssize_t(text.size());
+  ::close(fd);
+  if (!whole || ::rename(temporary.c_str(), path.c_str()) != 0) ::unlink(temporary.c_str());
+}
+
+}  // namespace
+
+std::string blobKeyHex(const BlobKey& key) {
+  static const char* digits = "0123456789abcdef";
+  std::string out;
+  for (const uint8_t b : key) { out += digits[b >> 4]; out += digits[b & 15]; }
+  return out;
+}
+
+BlobKey blobKeyOf(const std::string& hex) {
+  BlobKey key{};
+  const auto digit = [](char c) { return uint8_t(c <= '9' ? c - '0' : c - 'a' + 10); };
+  for (size_t i = 0; i < key.size() && 2 * i + 1 < hex.size(); ++i) key[i] = uint8_t(digit(hex[2 * i]) << 4 | digit(hex[2 * i + 1]));
+  return key;
+}
+
+Result<std::unique_ptr<BlobCache>> BlobCache::open(const std::string& folder, uint64_t maxBytes) {
+  std::error_code error;
+  fs::create_directories(fs::path(folder).parent_path(), error);
+  if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) return failed("cannot make the blob cache \"" + folder + "\"");
+  struct stat info{};
+  if (::stat(folder.c_str(), &info) != 0 || !S_ISDIR(info.st_mode)) return Status(Code::FailedPrecondition, "blob cache \"" + folder + "\" is not a folder");
+  // Blobs in it are trusted: whoever can write there can make the daemon read what it has not checked.
+  if (info.st_uid != ::geteuid() || (info.st_mode & 0022) != 0)
+    return Status(Code::FailedPrecondition, "blob cache \"" + folder + "\" must belong to this user and be writable by no other");
+  std::unique_ptr<BlobCache> cache(new BlobCache(folder, maxBytes));
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const std::string path = it->path().string();
+    if (it->path().filename().string().rfind(kTemporary, 0) != 0) continue;
+    const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
+    if (fd < 0) continue;
+    if (::flock(fd, LOCK_EX | LOCK_NB) == 0) ::unlink(path.c_str());   // its writer is gone
+    ::close(fd);
+  }
+  cache->trim("");
+  return cache;
+}
+
+std::shared_ptr<const MappedFile> BlobCache::find(const BlobKey& key) const {
+  const std::string path = file(key, ".blob");
+  auto mapped = MappedFile::open(path);
+  if (!mapped.ok()) return nullptr;
+  ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);   // now
+  return *mapped;
+}
+
+void BlobCache::remove(const BlobKey& key) const { ::unlink(file(key, ".blob").c_str()); }
+
+BlobCache::Temporary::~Temporary() {
+  if (!committed_ && !path_.empty()) ::unlink(path_.c_str());
+  if (fd_ >= 0) ::close(fd_);
+}
+
+Result<std::unique_ptr<BlobCache::Temporary>> BlobCache::begin() const {
+  static std::atomic<uint64_t> counter{0};
+  std::unique_ptr<Temporary> t(new Temporary());
+  t->path_ = folder_ + "/" + kTemporary + std::to_string(::getpid()) + "-" + std::to_string(counter++);
+  ::unlink(t->path_.c_str());   // of an earlier process with this number
+  t->fd_ = ::open(t->path_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (t->fd_ < 0 || ::flock(t->fd_, LOCK_EX | LOCK_NB) != 0) return failed("cannot write in the blob cache \"" + folder_ + "\"");
+  return t;
+}
+
+Status BlobCache::commit(Temporary& t, const BlobKey& key) const {
+  std::array<uint8_t, kBlobHeaderBytes> header;
+  if (::pread(t.fd_, header.data(), header.size(), 0) != ssize_t(header.size())) return failed("cannot read the blob");
+  header = withBlobKey(header, key);
+  if (::pwrite(t.fd_, header.data(), header.size(), 0) != ssize_t(header.size()) || ::fsync(t.fd_) != 0) return failed("cannot write the blob");
+  const std::string path = file(key, ".blob");
+  if (::rename(t.path_.c_str(), path.c_str()) != 0) return failed("cannot rename the blob into place");
+  t.committed_ = true;
+  const int folder = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (folder >= 0) { ::fsync(folder); ::close(folder); }
+  trim(path);
+  return {};
+}
+
+void BlobCache::trim(const std::string& keep) const {
+  struct Item { std::string path; uint64_t bytes; int64_t used; };
+  std::vector<Item> blobs, small;
+  uint64_t total = 0;
+  std::error_code error;
+  for (fs::directory_iterator it(folder_, error), end; !error && it != end; it.increment(error)) {
+    const std::string path = it->path().string();
+    struct stat info{};
+    if (::lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) continue;
+    const Item item{path, uint64_t(info.st_size), info.st_mtim.tv_sec * 1000000000ll + info.st_mtim.tv_nsec};
+    if (endsWith(path, ".blob")) { blobs.push_back(item); total += item.bytes; }
+    else if (endsWith(path, ".files") || endsWith(path, ".stamp")) small.push_back(item);
+  }
+  const auto older = [](const Item& a, const Item& b) { return a.used < b.used; };
+  std::sort(blobs.begin(), blobs.end(), older);
+  for (const Item& item : blobs) {
+    if (total <= maxBytes_) break;
+    if (item.path == keep) continue;
+    ::unlink(item.path.c_str());
+    total -= item.bytes;
+  }
+  if (small.size() <= kSmallFiles) return;
+  std::sort(small.begin(), small.end(), older);
+  for (size_t i = 0; i + kSmallFiles / 2 < small.size(); ++i) ::unlink(small[i].path.c_str());
+}
+
+std::optional<std::vector<std::string>> BlobCache::sideNames(const BlobKey& mainKey) const {
+  const auto text = smallFile(file(mainKey, ".files"));
+  if (!text || text->empty() || text->back() != '\0') return std::nullopt;
+  std::vector<std::string> names;
+  for (size_t at = 1; at < text->size();) {   // the first byte is a zero too: an empty list is not an empty file
+    const size_t end = text->find('\0', at);
+    names.push_back(text->substr(at, end - at));
+    at = end + 1;
+  }
+  return names;
+}
+
+void BlobCache::rememberSideNames(const BlobKey& mainKey, const std::vector<std::string>& names) const {
+  std::string text(1, '\0');
+  for (const std::string& n : names) { text += n; text += '\0'; }
+  writeSmall(file(mainKey, ".files"), text);
+}
+
+std::optional<std::string> BlobCache::knownDigest(const std::string& path, const std::string& stamp) const {
+  const auto text = smallFile(folder_ + "/" + sha256Hex(path.data(), path.size()) + ".stamp");
+  if (!text || text->size() != stamp.size() + 66 || text->compare(0, stamp.size() + 1, stamp + "\n") != 0) return std::nullopt;
+  return text->substr(stamp.size() + 1, 64);
+}
+
+void BlobCache::rememberDigest(const std::string& path, const std::string& stamp, const std::string& digest) const {
+  const std::string text = stamp + "\n" + digest + "\n";
+  writeSmall(folder_ + "/" + sha256Hex(path.data(), path.size()) + ".stamp", text);
+}
+
+uint64_t BlobCache::bytes() const {
+  uint64_t total = 0;
+  std::error_code error;
+  for (fs::directory_iterator it(folder_, error), end; !error && it != end; it.increment(error))
+    if (endsWith(it->path().string(), ".blob")) { std::error_code e; const uint64_t n = fs::file_size(it->path(), e); if (!e) total += n; }
+  return total;
+}
+
+}  // namespace gobo

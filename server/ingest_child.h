@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs gobo-ingest on one file: starts it (posix_spawn: safe in a process with threads), hands it the bytes it asks for, waits
+// with a wall-clock limit, and turns its end into a Status. What the child has read is hashed on its way, so a cache key is
+// made of exactly those bytes. Thread-safe: each call is on its own.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "base/status.h"
+#include "base/stop.h"
+#include "ingest/wire.h"
+
+namespace gobo {
+
+/// SHA-256 in hex, "absent" when there is no such file; the file's stamp if that was settled before and the same after.
+struct SideFile { std::string name, digest, stamp; };
+
+struct IngestOutcome {
+  std::string mainDigest, mainStamp;
+  std::vector<SideFile> sides;    ///< in the order of the first ask
+  ingest::Done done;
+};
+
+inline constexpr size_t kMaxSideFiles = 10000;
+
+/// gobo-ingest beside the running program, in ../ingest (build tree) or ../libexec/gobo; empty when there is none.
+std::string findIngestProgram();
+
+/// The blob is on `output` (from its start) when this returns ok. Errors, all placed at job.path: what the child reports;
+/// ResourceExhausted that names the limit and its configuration key; Internal when it crashed; Cancelled.
+Result<IngestOutcome> runIngest(const std::string& program, const ingest::Job& job, int output, double wallSeconds, const StopToken& stop);
+
+}  // namespace gobo

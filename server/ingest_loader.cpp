@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/ingest_loader.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <condition_variable>
+#include <cstring>
+#include <filesystem>
+#include <mutex>
+
+#include "base/file_stamp.h"
+#include "scene/blob.h"
+#include "server/blob_cache.h"
+#include "server/encode.h"
+#include "server/ingest_child.h"
+#include "server/log.h"
+
+namespace gobo {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+double msSince(Clock::time_point t) { return std::chrono::duration<double, std::milli>(Clock::now() - t).count(); }
+
+/// At most n at once; who waits looks at its stop token.
+class Gate {
+ public:
+  explicit Gate(uint32_t n) : free_(n) {}
+  bool enter(const StopToken& stop) {
+    std::unique_lock lock(mutex_);
+    while (free_ == 0) {
+      if (stop.stopRequested()) return false;
+      changed_.wait_for(lock, std::chrono::milliseconds(20));
+    }
+    --free_;
+    return true;
+  }
+  void leave() {
+    { const std::lock_guard lock(mutex_); ++free_; }
+    changed_.notify_one();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  uint32_t free_;
+};
+
+Result<std::string> digestOfOpen(int fd, const std::string& name) {
+  Sha256 sha;
+  std::vector<uint8_t> block(1 << 20);
+  for (;;) {
+    const ssize_t n = ::read(fd, block.data(), block.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return Status(Code::Unavailable, std::string("cannot read file: ") + std::strerror(errno), name);
+    if (n == 0) return sha.hex();
+    sha.add(block.data(), size_t(n));
+  }
+}
+
+class ChildLoader final : public SceneLoader {
+ public:
+  ChildLoader(IngestOptions options, std::unique_ptr<BlobCache> cache) : options_(std::move(options)), cache_(std::move(cache)), gate_(options_.atOnce) {}
+
+  Result<LoadedScene> scene(const std::string& path, const StopToken& stop) override {
+    LoadedScene out;
+    GOBO_TRY(load(ingest::Task::Scene, path, stop, out.report, [&](const auto& map, BlobTrust trust, const BlobKey* key) -> Status {
+      GOBO_ASSIGN(out.scene, readSceneBlob(map, map->bytes(), trust, key));
+      return {};
+    }));
+    return out;
+  }
+  Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop) override {
+    EnvironmentPtr out;
+    LoadReport report;
+    GOBO_TRY(load(ingest::Task::Environment, path, stop, report, [&](const auto& map, BlobTrust trust, const BlobKey* key) -> Status {
+      GOBO_ASSIGN(out, readEnvironmentBlob(map, map->bytes(), trust, key));
+      return {};
+    }));
+    return out;
+  }
+
+ private:
+  /// Digest of a file, from its stamp if that may be trusted.
+  Result<std::string> digestOf(Result<int> opened, const std::string& path) {
+    if (!opened.ok()) return opened.status();
+    const int fd = *opened;
+    struct stat info{};
+    ::fstat(fd, &info);
+    const FileStamp stamp = FileStamp::of(info);
+    if (!options_.verifyAlways)
+      if (const auto known = cache_->knownDigest(path, stamp.text())) { ::close(fd); return *known; }
+    auto digest = digestOfOpen(fd, path);
+    const bool still = ::fstat(fd, &info) == 0 && FileStamp::of(info) == stamp && stamp.settled();
+    ::close(fd);
+    if (digest.ok() && still) cache_->rememberDigest(path, stamp.text(), *digest);
+    return digest;
+  }
+
+  /// Of the scene file alone, under the options that the result depends on.
+  BlobKey mainKey(ingest::Task task, const std::string& path, const std::string& digest) const {
+    std::string text = "gobo-ingest 1\n";
+    for (const uint64_t v : {uint64_t(task), options_.triangles, options_.inputBytes, options_.textureBytes, options_.memoryBytes}) text += std::to_string(v) + "\n";
+    text += blobFormatHash().hex() + "\n" + std::filesystem::path(path).filename().string() + "\n" + digest + "\n";
+    return blobKeyOf(sha256Hex(text.data(), text.size()));
+  }
+  static BlobKey wholeKey(const BlobKey& main, const std::vector<SideFile>& sides) {
+    std::string text = blobKeyHex(main) + "\n";
+    for (const SideFile& s : sides) text += std::to_string(s.name.size()) + " " + s.name + " " + s.digest + "\n";
+    return blobKeyOf(sha256Hex(text.data(), text.size()));
+  }
+
+  /// The blob of what is on the disk now; nothing when it is not known which files that takes, or one cannot be read.
+  std::shared_ptr<const MappedFile> cached(ingest::Task task, const std::string& path, BlobKey& key) {
+    const auto digest = digestOf(openRegular(path), path);
+    if (!digest.ok()) return nullptr;
+    const BlobKey main = mainKey(task, path, *digest);
+    const auto names = cache_->sideNames(main);
+    if (!names) return nullptr;
+    std::vector<SideFile> sides;
+    for (const std::string& name : *names) {
+      const auto side = digestOf(openBeside(path, name), path + "\n" + name);
+      if (!side.ok() && side.status().code() != Code::NotFound) return nullptr;
+      sides.push_back({name, side.ok() ? *side : "absent", ""});
+    }
+    key = wholeKey(main, sides);
+    return cache_->find(key);
+  }
+
+  template <typename Read>
+  Status load(ingest::Task task, const std::string& path, const StopToken& stop, LoadReport& report, const Read& read) {
+    if (cache_) {
+      BlobKey key;
+      if (const auto map = cached(task, path, key)) {
+        const auto mapping = Clock::now();
+        const Status status = read(map, BlobTrust::Own, &key);
+        if (status.ok()) {
+          report = {};
+          report.mapMs = msSince(mapping);
+          report.blobBytes = map->bytes().size();
+          report.cached = true;
+          return {};
+        }
+        logWarn("blob %s is removed: %s", blobKeyHex(key).c_str(), status.toString().c_str());
+        cache_->remove(key);
+      }
+    }
+    if (!gate_.enter(stop)) return Status(Code::Cancelled, "the load was cancelled", path);
+    struct Leave { Gate& gate; ~Leave() { gate.leave(); } } leave{gate_};
+    return ingest(task, path, stop, report, read);
+  }
+
+  template <typename Read>
+  Status ingest(ingest::Task task, const std::string& path, const StopToken& stop, LoadReport& report, const Read& read) {
+    std::unique_ptr<BlobCache::Temporary> temporary;
+    int memory = -1;
+    if (cache_) { GOBO_ASSIGN(temporary, cache_->begin()); }
+    else if ((memory = ::memfd_create("gobo-blob", MFD_CLOEXEC | MFD_ALLOW_SEALING)) < 0) return Status(Code::ResourceExhausted, std::string("memfd: ") + std::strerror(errno), path);
+    struct Close { int fd; ~Close() { if (fd >= 0) ::close(fd); } } close{memory};
+    const int output = temporary ? temporary->fd() : memory;
+
+    const auto begun = Clock::now();
+    const ingest::Job job{task, path, options_.triangles, options_.inputBytes, options_.textureBytes, options_.memoryBytes, options_.blobBytes, options_.cpuSeconds};
+    GOBO_ASSIGN(const IngestOutcome outcome, runIngest(options_.program, job, output, options_.wallSeconds, stop));
+    report = {outcome.done.parseMs, outcome.done.textureMs, msSince(begun), 0, 0, false};
+
+    // The child is gone and held the only other descriptor: from here on nobody else can change these bytes.
+    const auto mapping = Clock::now();
+    if (memory >= 0 && ::fcntl(memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE | F_SEAL_SEAL) != 0) return internalError(std::string("memfd seals: ") + std::strerror(errno), path);
+    auto map = MappedFile::map(output, path);
+    if (!map.ok()) return internalError("the sandboxed reader wrote no blob", path);
+    if (const Status status = read(*map, BlobTrust::Foreign, nullptr); !status.ok()) return Status(status.code(), "the sandboxed reader's result is refused: " + status.message(), path);
+    report.mapMs = msSince(mapping);
+    report.blobBytes = (*map)->bytes().size();
+    if (!temporary) return {};
+    const BlobKey main = mainKey(task, path, outcome.mainDigest);
+    std::vector<std::string> names;
+    for (const SideFile& s : outcome.sides) names.push_back(s.name);
+    // A cache that cannot be written to costs time, not the load.
+    if (const Status kept = cache_->commit(*temporary, wholeKey(main, outcome.sides)); !kept.ok()) {
+      logWarn("blob cache: %s", kept.toString().c_str());
+      return {};
+    }
+    cache_->rememberSideNames(main, names);
+    if (!outcome.mainStamp.empty()) cache_->rememberDigest(path, outcome.mainStamp, outcome.mainDigest);
+    for (const SideFile& s : outcome.sides)
+      if (!s.stamp.empty()) cache_->rememberDigest(path + "\n" + s.name, s.stamp, s.digest);
+    return {};
+  }
+
+  IngestOptions options_;
+  std::unique_ptr<BlobCache> cache_;
+  Gate gate_;
+};
+
+}  // namespace
+
+Result<std::shared_ptr<SceneLoader>> childLoader(const IngestOptions& wanted) {
+  IngestOptions options = wanted;
+  if (options.program.empty()) options.program = findIngestProgram();
+  if (options.program.empty() || ::access(options.program.c_str(), X_OK) != 0)
+    return Status(Code::FailedPrecondition, options.program.empty() ? std::string("gobo-ingest is not beside this program; name it with ingest.program")
+                                                                    : "cannot run \"" + options.program + "\" (ingest.program)");
+  std::unique_ptr<BlobCache> cache;
+  if (!options.cacheFolder.empty()) { GOBO_ASSIGN(cache, BlobCache::open(options.cacheFolder, options.cacheBytes)); }
+  return std::shared_ptr<SceneLoader>(std::make_shared<ChildLoader>(options, std::move(cache)));
+}
+
+}  // namespace gobo

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// Blobs in memory for tests: aligned as a mapping is, and with their digests made right again after damage.
+#pragma once
+
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+
+#include "base/hash.h"
+#include "scene/blob.h"
+
+namespace gobo {
+
+struct BlobBytes {
+  std::vector<uint8_t> bytes;
+  /// A copy at a multiple of 64 bytes, and a view of it.
+  std::pair<std::shared_ptr<const void>, std::span<const uint8_t>> aligned() const {
+    const size_t n = (bytes.size() + 127) / 64 * 64;
+    std::shared_ptr<void> p(std::aligned_alloc(64, n), std::free);
+    if (!bytes.empty()) std::memcpy(p.get(), bytes.data(), bytes.size());
+    return {p, {static_cast<const uint8_t*>(p.get()), bytes.size()}};
+  }
+  template <typename T> T at(size_t i) const { T v; std::memcpy(&v, bytes.data() + i, sizeof v); return v; }
+  /// docs/scene_blob.md: records at 128, their length at 80, their digest at 96, the header's digest at 112.
+  void mend() {
+    if (bytes.size() < kBlobHeaderBytes) return;
+    const uint64_t records = at<uint64_t>(80);
+    if (records <= bytes.size() - kBlobHeaderBytes) {
+      const Hash128 r = hashBytes(bytes.data() + kBlobHeaderBytes, size_t(records));
+      std::memcpy(bytes.data() + 96, &r, 16);
+    }
+    const Hash128 h = hashBytes(bytes.data(), 112);
+    std::memcpy(bytes.data() + 112, &h, 16);
+  }
+  Result<ScenePtr> scene(BlobTrust trust) const { auto [owner, view] = aligned(); return readSceneBlob(owner, view, trust); }
+};
+
+template <typename T>
+BlobBytes blobOf(const T& item) {
+  BlobBytes b;
+  const Status s = writeBlob(item, [&](const void* p, size_t n) { const auto* c = static_cast<const uint8_t*>(p); b.bytes.insert(b.bytes.end(), c, c + n); return Status(); });
+  if (!s.ok()) b.bytes.clear();
+  return b;
+}
+
+}  // namespace gobo
