@@ -164,15 +164,12 @@ class PlanMaker {
   }
 
   PathTracerSettings tracerSettings(PathClass cover) const {
-    PathTracerSettings s;
-    const v1::Integrator& i = request_.integrator();
-    s.camera = view_.camera;
-    s.width = width_; s.height = height_; s.blockSize = int(blockSize_);
+    PathTracerSettings s; const v1::Integrator& i = request_.integrator();
+    s.camera = view_.camera; s.width = width_; s.height = height_; s.blockSize = int(blockSize_);
     s.viewSamples = i.at_view_samples() ? viewSamples_ : 0;
     s.maxBounces = has(cover, PathClass::Indirect) ? int(i.max_bounces()) : 0;
     s.rouletteStart = int(i.russian_roulette_start());
-    s.seed = request_.seed();
-    s.cover = cover;
+    s.seed = request_.seed(); s.cover = cover;
     return s;
   }
 

@@ -8,7 +8,7 @@
 // Left out: photons that end inside a scattering volume (L S+ V). Paths have at most maxBounces + 1 events, both ends together.
 //   estimate   radiance = sum f flux |n.w| / |Ng.w| / (pi r^2) over the photons within r whose surface has nearly the same
 //              normal; mean over independent passes of radius r_i, r_{i+1}^2 = r_i^2 (i + alpha) / (i + 1), alpha = 2/3
-//              (Knaus & Zwicker 2011, equation 20; Hachisuka & Jensen 2009): consistent, bias O(r^2), variance O(1 / passes).
+//              (Knaus & Zwicker 2011, equation 20; Hachisuka & Jensen 2009): consistent; bias and noise fall by passes^(-1/3) both.
 //   photons    flux weights: a refracted one is the radiance weight times eta^2 (bsdfFluxScale), shading normals by Veach 1997,
 //              equation 5.19: |wi.n| |wo.Ng| / (|wi.Ng| |wo.n|). Where an interpolated normal faces away from one side only, it is
 //              replaced there (trace/surface.h) and the pair is not adjoint.
