@@ -163,13 +163,15 @@ TEST(Motion, WhatWasBehindTheCameraOrNotThereIsAtRest) {
   Camera away = scene->cameras[0];
   away.toWorld[0] *= -1.0f;
   away.toWorld[2] *= -1.0f;                       // looks the other way
-  for (const float v : motionBetween({scene, away}, {scene, scene->cameras[0]})->floats("motion")) ASSERT_EQ(v, 0.0f);
+  const TermPtr rest = motionBetween({scene, away}, {scene, scene->cameras[0]});
+  for (const float v : rest->floats("motion")) ASSERT_EQ(v, 0.0f);
   SceneMaker m;                                   // another name, another triangle count: no past
   m.instances = 7;
   m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), m.material(Vec3(0.5f))));
   m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.8f);
   const ScenePtr other = m.finish();
-  for (const float v : motionBetween({other, other->cameras[0]}, {scene, scene->cameras[0]})->floats("motion")) ASSERT_EQ(v, 0.0f);
+  const TermPtr rest = motionBetween({other, other->cameras[0]}, {scene, scene->cameras[0]});
+  for (const float v : rest->floats("motion")) ASSERT_EQ(v, 0.0f);
 }
 
 TEST(Motion, KeyHoldsTheEarlierMoment) {
