@@ -170,8 +170,8 @@ TEST(Motion, WhatWasBehindTheCameraOrNotThereIsAtRest) {
   m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), m.material(Vec3(0.5f))));
   m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.8f);
   const ScenePtr other = m.finish();
-  const TermPtr rest = motionBetween({other, other->cameras[0]}, {scene, scene->cameras[0]});
-  for (const float v : rest->floats("motion")) ASSERT_EQ(v, 0.0f);
+  const TermPtr fresh = motionBetween({other, other->cameras[0]}, {scene, scene->cameras[0]});
+  for (const float v : fresh->floats("motion")) ASSERT_EQ(v, 0.0f);
 }
 
 TEST(Motion, KeyHoldsTheEarlierMoment) {
