@@ -119,8 +119,14 @@ class Manual(DaemonTest):
 
 
 class Terminal(DaemonTest):
+    def terminal(self):
+        try:
+            return pty.openpty()
+        except OSError as e:   # a bare container has no /dev/pts
+            self.skipTest(f"no pseudo terminal: {e}")
+
     def on_terminal(self, *args):
-        master, slave = pty.openpty()
+        master, slave = self.terminal()
         env = {**os.environ, "GOBO_SERVER": self.client.address}
         process = subprocess.Popen([CLI, *args], stdout=subprocess.PIPE, stderr=slave, env=env, cwd=self.folder)
         os.close(slave)
@@ -159,7 +165,7 @@ class Terminal(DaemonTest):
 
     def test_lines_are_cut_at_the_terminal(self):
         self.client.drop_caches()
-        master, slave = pty.openpty()
+        master, slave = self.terminal()
         import fcntl
         import struct
         import termios
