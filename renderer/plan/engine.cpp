@@ -67,9 +67,15 @@ struct Engine::Impl {
   std::map<std::string, v1::RenderRequest> remembered;
   std::deque<std::string> rememberedOrder;
 
+  /// The least recently used id is forgotten first: one that a client relights from again and again stays. Under rememberMutex.
+  void used(const std::string& id) {
+    const auto at = std::find(rememberedOrder.rbegin(), rememberedOrder.rend(), id);
+    if (at != rememberedOrder.rend()) std::rotate(std::prev(at.base()), at.base(), rememberedOrder.end());
+  }
   void remember(const std::string& id, const v1::RenderRequest& request) {
     std::lock_guard lock(rememberMutex);
     if (remembered.emplace(id, request).second) rememberedOrder.push_back(id);
+    else used(id);
     while (rememberedOrder.size() > options.keepRenders) {
       remembered.erase(rememberedOrder.front());
       rememberedOrder.pop_front();
@@ -339,6 +345,7 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
     if (it == impl_->remembered.end())
       return notFound("no render '" + relight.render_id() + "' (the last " + std::to_string(impl_->options.keepRenders) + " are remembered)", "render_id");
     base = it->second;
+    impl_->used(relight.render_id());
   }
   base.clear_scene_hash();   // a relight is of the scene as it is now
   GOBO_TRY(applyMask(base, relight.patch(), {relight.mask().begin(), relight.mask().end()}));

@@ -35,6 +35,7 @@ Vec3 Environment::toDirection(const Vec2& uv) const {
 }
 
 Vec3 Environment::eval(const Vec3& direction) const {
+  if (texels.size() == 1) return texels[0];   // uniform: two inverse functions saved for each ray that meets nothing
   const Vec2 uv = toUv(direction);
   const int x = std::clamp(int(uv.x * float(width)), 0, width - 1), y = std::clamp(int(uv.y * float(height)), 0, height - 1);
   return texels[size_t(y) * width + x];
