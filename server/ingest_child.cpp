@@ -17,6 +17,7 @@
 #include <filesystem>
 
 #include "base/file_stamp.h"
+#include "base/image_io.h"
 #include "base/utf8.h"
 #include "scene/file_source.h"
 #include "server/encode.h"

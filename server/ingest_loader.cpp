@@ -14,6 +14,7 @@
 #include <mutex>
 
 #include "base/file_stamp.h"
+#include "base/image_io.h"
 #include "scene/blob.h"
 #include "server/blob_cache.h"
 #include "server/encode.h"

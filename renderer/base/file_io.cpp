@@ -22,9 +22,10 @@ Code codeOf(int error) {
   }
 }
 
-Status ioError(const std::string& what, const std::string& path) { return Status(codeOf(errno), what + ": " + std::strerror(errno), path); }
 
 }  // namespace
+
+Status ioError(const std::string& what, const std::string& path) { return Status(codeOf(errno), what + ": " + std::strerror(errno), path); }
 
 Status writeFileAtomic(const std::string& path, const void* data, size_t size) {
   static std::atomic<uint64_t> counter{0};
@@ -46,24 +47,34 @@ Status writeFileAtomic(const std::string& path, const void* data, size_t size) {
   return status;
 }
 
-Result<std::vector<uint8_t>> readFile(const std::string& path, uint64_t maxBytes) {
+Result<int> regularOrClose(int fd, const std::string& name) {
+  struct stat info{};
+  if (::fstat(fd, &info) == 0 && S_ISREG(info.st_mode)) return fd;
+  ::close(fd);
+  return invalidArgument("not a regular file", name);
+}
+
+Result<int> openRegular(const std::string& path) {
   // O_NONBLOCK: a FIFO in place of a file must not hang the reader before fstat refuses it.
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd < 0) return ioError("cannot open file", path);
+  return regularOrClose(fd, path);
+}
+
+Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint64_t maxBytes) {
   struct stat info{};
   Status status;
   std::vector<uint8_t> bytes;
-  if (::fstat(fd, &info) != 0) status = ioError("cannot stat file", path);
-  else if (!S_ISREG(info.st_mode)) status = invalidArgument("not a regular file", path);
+  if (::fstat(fd, &info) != 0) status = ioError("cannot stat file", name);
   else if (uint64_t(info.st_size) > maxBytes)
-    status = Status(Code::ResourceExhausted, "file of " + std::to_string(info.st_size) + " bytes is above the limit of " + std::to_string(maxBytes), path);
+    status = Status(Code::ResourceExhausted, "file of " + std::to_string(info.st_size) + " bytes is above the limit of " + std::to_string(maxBytes), name);
   if (status.ok()) {
     bytes.resize(size_t(info.st_size));
     size_t done = 0;
     while (done < bytes.size()) {
       const ssize_t n = ::read(fd, bytes.data() + done, bytes.size() - done);
       if (n < 0 && errno == EINTR) continue;
-      if (n < 0) { status = ioError("cannot read file", path); break; }
+      if (n < 0) { status = ioError("cannot read file", name); break; }
       if (n == 0) break;  // shortened while being read
       done += size_t(n);
     }
@@ -72,6 +83,11 @@ Result<std::vector<uint8_t>> readFile(const std::string& path, uint64_t maxBytes
   ::close(fd);
   if (!status.ok()) return status;
   return bytes;
+}
+
+Result<std::vector<uint8_t>> readFile(const std::string& path, uint64_t maxBytes) {
+  GOBO_ASSIGN(const int fd, openRegular(path));
+  return readAndClose(fd, path, maxBytes);
 }
 
 }  // namespace gobo

@@ -77,5 +77,13 @@ Result<std::vector<uint8_t>> encodeJpeg(const Image& image, const PixelOptions& 
 /// Writes bytes atomically (temporary + fsync + rename).
 Status writeFileAtomic(const std::string& path, const void* data, size_t size);
 Result<std::vector<uint8_t>> readFile(const std::string& path, uint64_t maxBytes = 1ull << 32);
+/// The pieces of readFile. openRegular does not wait for a FIFO's writer; the descriptor is the caller's.
+Result<int> openRegular(const std::string& path);
+/// `fd` if it is a regular file; else closes it. InvalidArgument.
+Result<int> regularOrClose(int fd, const std::string& name);
+/// Everything from the descriptor's position on, at most maxBytes (ResourceExhausted above); closes it.
+Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint64_t maxBytes);
+/// `what` and errno's text, with the code that fits errno.
+Status ioError(const std::string& what, const std::string& path);
 
 }  // namespace gobo

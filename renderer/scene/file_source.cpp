@@ -17,19 +17,6 @@
 namespace gobo {
 namespace {
 
-Status openError(const std::string& path) {
-  const Code code = errno == ENOENT || errno == ENOTDIR ? Code::NotFound : errno == EACCES || errno == EPERM ? Code::PermissionDenied
-                    : errno == EMFILE || errno == ENFILE ? Code::ResourceExhausted : Code::Unavailable;
-  return Status(code, std::string("cannot open file: ") + std::strerror(errno), path);
-}
-
-Result<int> regular(int fd, const std::string& path) {
-  struct stat info{};
-  if (::fstat(fd, &info) == 0 && S_ISREG(info.st_mode)) return fd;
-  ::close(fd);
-  return invalidArgument("not a regular file", path);
-}
-
 std::string realPath(const std::string& p) {
   char* r = ::realpath(p.c_str(), nullptr);
   std::string s = r ? r : "";
@@ -54,19 +41,13 @@ Status checkSideName(const std::string& name, const std::string& shown) {
   return {};
 }
 
-Result<int> openRegular(const std::string& path) {
-  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (fd < 0) return openError(path);
-  return regular(fd, path);
-}
-
 Result<int> openBeside(const std::string& mainPath, const std::string& name) {
   GOBO_TRY(checkSideName(name, name));
   const auto refuse = [&] { return invalidArgument("URI \"" + name.substr(0, 100) + "\" leaves the folder of the glTF"); };
   const size_t slash = mainPath.find_last_of('/');
   const std::string folder = slash == std::string::npos ? "." : mainPath.substr(0, slash + 1);
   const int at = ::open(folder.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC);
-  if (at < 0) return openError(folder);
+  if (at < 0) return ioError("cannot open file", folder);
   open_how how{};
   how.flags = O_RDONLY | O_CLOEXEC | O_NONBLOCK;
   how.resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS;
@@ -78,38 +59,14 @@ Result<int> openBeside(const std::string& mainPath, const std::string& name) {
     if (file.empty()) return notFound("file \"" + name + "\" does not exist beside the glTF");
     if (base != "/" && file.compare(0, base.size() + 1, base + "/") != 0) return refuse();
     fd = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW);
-    if (fd < 0) return openError(name);
+    if (fd < 0) return ioError("cannot open file", name);
   } else if (fd < 0) {
     if (error == ENOENT || error == ENOTDIR) return notFound("file \"" + name + "\" does not exist beside the glTF");
     if (error == EXDEV || error == ELOOP) return refuse();
     errno = error;
-    return openError(name);
+    return ioError("cannot open file", name);
   }
-  return regular(fd, name);
-}
-
-Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint64_t maxBytes) {
-  struct stat info{};
-  Status status;
-  std::vector<uint8_t> bytes;
-  if (::fstat(fd, &info) != 0) status = openError(name);
-  else if (uint64_t(info.st_size) > maxBytes)
-    status = Status(Code::ResourceExhausted, "file of " + std::to_string(info.st_size) + " bytes is above the limit of " + std::to_string(maxBytes), name);
-  if (status.ok()) {
-    bytes.resize(size_t(info.st_size));
-    size_t done = 0;
-    while (done < bytes.size()) {
-      const ssize_t n = ::read(fd, bytes.data() + done, bytes.size() - done);
-      if (n < 0 && errno == EINTR) continue;
-      if (n < 0) { status = Status(Code::Unavailable, std::string("cannot read file: ") + std::strerror(errno), name); break; }
-      if (n == 0) break;   // shortened while being read
-      done += size_t(n);
-    }
-    bytes.resize(done);
-  }
-  ::close(fd);
-  if (!status.ok()) return status;
-  return bytes;
+  return regularOrClose(fd, name);
 }
 
 Result<std::vector<uint8_t>> DiskFiles::main(uint64_t maxBytes) { return readFile(path_, maxBytes); }

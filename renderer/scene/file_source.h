@@ -24,13 +24,9 @@ class FileSource {
 /// `shown` is what the error quotes (the URI before decoding).
 Status checkSideName(const std::string& name, const std::string& shown);
 
-/// Opens a regular file for reading, without waiting for a FIFO's writer. The descriptor is the caller's.
-Result<int> openRegular(const std::string& path);
 /// Opens `name` below the folder of `mainPath`. The kernel keeps every step below that folder, symbolic links included
 /// (openat2, RESOLVE_BENEATH); without openat2 real paths are compared. Errors as FileSource::beside.
 Result<int> openBeside(const std::string& mainPath, const std::string& name);
-/// Everything that a descriptor from the two above has; closes it.
-Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint64_t maxBytes);
 
 class DiskFiles final : public FileSource {
  public:

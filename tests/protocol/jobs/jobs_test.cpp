@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // gobo.v1.Jobs over a real server and socket.
-#include <fstream>
 #include <thread>
 
 #include "gobo/v1/jobs.grpc.pb.h"
 #include "protocol/server/harness.h"
 #include "server/jobs/durable_jobs.h"
+#include "support/triangle_glb.h"
 
 namespace gobo {
 namespace {
@@ -254,9 +254,7 @@ TEST_F(JobsTest, AShutdownReleasesAndTheNextServerGoesOn) {
 }
 
 TEST_F(JobsTest, AnUploadedSceneOutlivesTheServer) {
-  std::ifstream in("../shared/data/gltf/khronos/Box/glTF-Binary/Box.glb", std::ios::binary);
-  std::string bytes((std::istreambuf_iterator<char>(in)), {});
-  if (bytes.empty()) GTEST_SKIP() << "no ../shared/data/gltf/khronos/Box/glTF-Binary/Box.glb";
+  const std::string bytes = triangleGlb();
   grpc::ClientContext context;
   bound(context);
   v1::SceneInfo info;
