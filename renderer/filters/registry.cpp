@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The shadow techniques that a request may name: one line each.
 #include "filters/axis_aligned/technique.h"
-#include "filters/exponential_shadow_map/technique.h"
 #include "filters/ray_traced/technique.h"
+#include "filters/shadow_map/techniques.h"
 
 namespace gobo {
 
@@ -10,7 +10,13 @@ const std::vector<ShadowTechniqueEntry>& shadowTechniques() {
   static const std::vector<ShadowTechniqueEntry> table{
       rayTracedShadowTechnique(),
       axisAlignedShadowTechnique(),
-      {v1::ShadowTechnique::kExponential, "exponential", exponentialShadowSupports, planExponentialShadow},
+      {v1::ShadowTechnique::kShadowMap, "shadow_map", shadowMapSupports, planHardShadowMap, true},
+      {v1::ShadowTechnique::kPercentageCloser, "percentage_closer", shadowMapSupports, planPercentageCloser, true},
+      {v1::ShadowTechnique::kVariance, "variance", shadowMapSupports, planVarianceShadow, true},
+      {v1::ShadowTechnique::kConvolution, "convolution", shadowMapSupports, planConvolutionShadow, true},
+      {v1::ShadowTechnique::kExponential, "exponential", shadowMapSupports, planExponentialShadow, true},
+      {v1::ShadowTechnique::kExponentialVariance, "exponential_variance", shadowMapSupports, planExponentialVarianceShadow, true},
+      {v1::ShadowTechnique::kMoment, "moment", shadowMapSupports, planMomentShadow, true},
   };
   return table;
 }

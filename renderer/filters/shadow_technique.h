@@ -21,6 +21,7 @@ struct ShadowInput {
   Camera camera;
   int width = 0, height = 0, viewSamples = 1;
   uint64_t seed = 0;
+  Vec2 angularSize{0.0f};  ///< Directional: 2 tan of half the angles that it spans along its map's right and up; 0: a point at infinity
 };
 
 struct ShadowTechniqueEntry {
@@ -30,6 +31,7 @@ struct ShadowTechniqueEntry {
   bool (*supports)(LightKind kind);
   /// Adds nodes; returns the one whose term holds plane "V" (float, one channel, [0,1], view-sample domain).
   Result<NodeId> (*plan)(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
+  bool usesMap = false;    ///< reads ShadowTechnique.map
 };
 
 /// Null if the technique is not a visibility technique (path_traced, or not set).

@@ -3,7 +3,7 @@
 // branches (CHOOSE evaluates both sides), no arrays, no out-parameters, no std:: calls. C++ sees them in namespace
 // gobo::formulas as inline functions that loops vectorise over; GLSL sees plain functions.
 //   FORMULA      begins a function        PRECISE   keeps GLSL from contracting or reassociating the value
-//   CHOOSE       branch-free select       bitsOf / floatOf   bit casts       floorOf minOf maxOf absOf
+//   CHOOSE       branch-free select       bitsOf / floatOf   bit casts       floorOf minOf maxOf absOf sqrtOf
 // minOf/maxOf with a NaN are unspecified (GLSL leaves them so): pass values through finiteOr (math.glsl.h) first.
 #ifndef GOBO_FORMULAS_H
 #define GOBO_FORMULAS_H
@@ -24,6 +24,7 @@ inline float floorOf(float x) { return __builtin_floorf(x); }
 inline float minOf(float a, float b) { return a < b ? a : b; }
 inline float maxOf(float a, float b) { return a > b ? a : b; }
 inline float absOf(float x) { return __builtin_fabsf(x); }
+inline float sqrtOf(float x) { return __builtin_sqrtf(x); }   ///< x >= 0
 }  // namespace gobo::formulas
 #else
 #define FORMULAS_BEGIN
@@ -36,6 +37,7 @@ inline float absOf(float x) { return __builtin_fabsf(x); }
 #define minOf(a, b) min(a, b)
 #define maxOf(a, b) max(a, b)
 #define absOf(x) abs(x)
+#define sqrtOf(x) sqrt(x)
 #endif
 
 #endif

@@ -14,6 +14,9 @@ FORMULA float finiteOr(float x, float fallback) { return CHOOSE((bitsOf(x) & 0x7
 /// Finite x limited to [lo, hi].
 FORMULA float limit(float x, float lo, float hi) { return minOf(maxOf(x, lo), hi); }
 
+/// x moved away from zero, to keep its reciprocal finite.
+FORMULA float nonzero(float x) { return CHOOSE(x < 0.0f, minOf(x, -1.0e-30f), maxOf(x, 1.0e-30f)); }
+
 /// e^r for |r| <= ln(2)/2.
 FORMULA float expCore(float r) {
   PRECISE float p = 1.9875691500e-4f;

@@ -7,6 +7,7 @@
 #include <map>
 #include <mutex>
 
+#include "filters/shadow_technique.h"
 #include "plan/certify_picture.h"
 #include "plan/disk_store.h"
 #include "plan/executor.h"
@@ -147,6 +148,14 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   if (r.outputs_size() == 0) r.add_outputs("beauty");
   if (r.has_certificate() && r.certificate().has_pixel_fraction() && r.certificate().pixel_fraction() == 0) r.clear_certificate();
   if (r.halt().has_error()) r.mutable_certificate();   // what the halt condition is measured by
+  // The map's settings are shown resolved wherever a technique reads them.
+  const auto showMap = [](v1::ShadowTechnique& t) {
+    const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
+    if (entry && entry->usesMap) t.mutable_map();
+  };
+  showMap(*r.mutable_shadows());
+  for (auto& [name, light] : *r.mutable_lights())
+    if (light.has_shadow()) showMap(*light.mutable_shadow());
   GOBO_TRY(resolveDefaults(r));
   GOBO_TRY(checkEncoding(r.encoding()));
   if (uint64_t(r.width()) * r.height() * r.view_samples() > kMaxViewSamples)

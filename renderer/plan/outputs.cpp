@@ -32,6 +32,8 @@ const OutputInfo kTable[] = {
     {"group", OutputKind::Radiance, true},
     {"unoccluded", OutputKind::Radiance, true},
     {"visibility", OutputKind::Plain, true, false, "Y"},
+    {"shadow_flags", OutputKind::Plain, true, false, "Y"},
+    {"shadow_basis", OutputKind::Plain, true, false, "Y"},
 };
 
 bool contains(std::initializer_list<std::string_view> list, std::string_view name) { return std::find(list.begin(), list.end(), name) != list.end(); }

@@ -6,6 +6,7 @@
 
 #include "filters/composite.h"
 #include "filters/sample_statistics.h"
+#include "filters/shadow_map/techniques.h"
 #include "filters/shadow_technique.h"
 #include "plan/caustic_plan.h"
 #include "plan/material_kinds.h"
@@ -450,12 +451,15 @@ class PlanMaker {
     else if (kind == "group") {
       const int light = scene_->findLight(name), group = plan_.groups.groupOf[light];
       composed([group](const Contribution& c) { return c.group == group; });
-    } else if (kind == "visibility") {
+    } else if (kind == "visibility" || kind == "shadow_flags" || kind == "shadow_basis") {
       const int light = scene_->findLight(name);
       v1::ShadowTechnique t = techniqueOf(light, scene_, name);
       if (!findShadowTechnique(t.technique_case())) { t.mutable_ray_traced(); GOBO_TRY(resolveRayTraced(t)); }
       GOBO_ASSIGN(const NodeId v, visibility(light, scene_, t));
-      output(pixelMean(v, "V", 1, true, o), "V");
+      if (kind == "visibility") output(pixelMean(v, "V", 1, true, o), "V");
+      else if (kind == "shadow_basis") { GOBO_ASSIGN(const NodeId mosaic, planBasisMosaic(plan_.graph, v)); output(mosaic, "image"); }
+      else if (marksFailures(t)) output(pixelMean(v, "flags", 1, true, o), "flags");
+      else return invalidArgument("request.outputs: '" + o + "' needs shadows.exponential.classification = THRESHOLD or Z_MAX", "request.outputs");
     } else if (kind == "unoccluded") {
       const int light = scene_->findLight(name);
       output(pixelMean(unoccluded(light, scene_, Vec3(nominalScalar(scene_->lights[light]))), "L", 3, false, o), "L");

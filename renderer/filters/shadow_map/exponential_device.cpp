@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "filters/exponential_shadow_map/device_kernels.h"
+#include "filters/shadow_map/exponential_device.h"
 
 #include <algorithm>
 
@@ -27,10 +27,18 @@ constexpr char kLookupText[] =
 
 struct EncodePush { uint32_t count; float c; };
 struct FilterPush { int32_t width, height, radius, columns; };
+struct LookupPush {
+  float u[4], v[4], w[4], d[4];
+  float origin[3];
+  float c, bias;
+  int32_t width, height;
+  uint32_t count;
+};
+static_assert(sizeof(LookupPush) == 96);
 
 const ComputeKernel kEncode{"exponential_encode", kEncodeCode, 2, sizeof(EncodePush), kEncodeText};
 const ComputeKernel kFilter{"exponential_filter", kFilterCode, 3, sizeof(FilterPush), kFilterText};
-const ComputeKernel kLookup{"exponential_lookup", kLookupCode, 4, sizeof(ExponentialLookupParameters), kLookupText};
+const ComputeKernel kLookup{"exponential_lookup", kLookupCode, 4, sizeof(LookupPush), kLookupText};
 
 template <typename T> std::span<const uint8_t> pushBytes(const T& push) { return {reinterpret_cast<const uint8_t*>(&push), sizeof push}; }
 
@@ -54,16 +62,29 @@ Status deviceEncode(ComputeDevice& device, std::span<const float> z, int width, 
   return device.download(*second, e.data(), e.size_bytes());
 }
 
-Status deviceLookup(ComputeDevice& device, ExponentialLookupParameters p, std::span<const float> map, std::span<const float> positions,
+Status deviceLookup(ComputeDevice& device, const DeviceLookup& lookup, std::span<const float> map, std::span<const float> positions,
                     std::span<const uint32_t> instances, std::span<float> visibility, const StopToken& stop) {
   const size_t total = visibility.size(), piece = std::min<size_t>(total, size_t(1) << 20);
   if (total == 0) return {};
+  const LightFrame::Rows rows = lookup.frame.rows();
+  LookupPush p{};
+  for (int i = 0; i < 4; ++i) {
+    p.u[i] = rows.u[i];
+    p.v[i] = rows.v[i];
+    p.w[i] = rows.w[i];
+    p.d[i] = rows.d[i];
+  }
+  for (int i = 0; i < 3; ++i) p.origin[i] = lookup.frame.origin[i];
+  p.c = lookup.c;
+  p.bias = lookup.bias;
+  p.width = lookup.width;
+  p.height = lookup.height;
   GOBO_ASSIGN(const ComputeBufferPtr texels, device.upload(map));
   GOBO_ASSIGN(const ComputeBufferPtr points, device.buffer(piece * 12));
   GOBO_ASSIGN(const ComputeBufferPtr surfaces, device.buffer(piece * 4));
   GOBO_ASSIGN(const ComputeBufferPtr result, device.buffer(piece * 4));
   for (size_t begin = 0; begin < total; begin += piece) {
-    if (stop.stopRequested()) return {Code::Cancelled, "exponential_shadow_lookup stopped"};
+    if (stop.stopRequested()) return {Code::Cancelled, "shadow_lookup stopped"};
     const size_t n = std::min(piece, total - begin);
     p.count = uint32_t(n);
     GOBO_TRY(device.upload(*points, &positions[3 * begin], n * 12));

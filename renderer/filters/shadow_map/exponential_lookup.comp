@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Visibility of one view sample an invocation; the text of lookupExponential.
+// Visibility of one view sample an invocation; as Receivers::fill, ShadowTexture::bilinear and the exponential basis.
 #version 450
 #include "device/kernel.glsl.h"
 #include "formulas/exponential_shadow_map.glsl.h"
@@ -14,21 +14,21 @@ PUSH_CONSTANTS Push {
   int width, height;
   uint count;
 } p;
-float row(vec4 r, float x, float y, float z) { return esmRow(r.x, r.y, r.z, r.w, x, y, z); }
+float row(vec4 r, float x, float y, float z) { return shadowRow(r.x, r.y, r.z, r.w, x, y, z); }
 void main() {
   uint i = (gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) * 64u + gl_LocalInvocationID.x;
   if (i >= p.count) return;
   precise float x = position[3u * i] - p.originX;
   precise float y = position[3u * i + 1u] - p.originY;
   precise float z = position[3u * i + 2u] - p.originZ;
-  float inverseW = esmInverse(row(p.w, x, y, z));
+  float inverseW = shadowInverse(row(p.w, x, y, z));
   precise float mu = row(p.u, x, y, z) * inverseW;
   precise float mv = row(p.v, x, y, z) * inverseW;
-  float tx = esmTexel(mu, float(p.width)), ty = esmTexel(mv, float(p.height));
+  float tx = shadowTexel(mu, float(p.width)), ty = shadowTexel(mv, float(p.height));
   int ix = int(tx), iy = int(ty);
   int at = iy * p.width + ix;
   int stepX = CHOOSE(ix + 1 < p.width, 1, 0), stepY = CHOOSE(iy + 1 < p.height, p.width, 0);
-  float mean = esmBilinear(e[at], e[at + stepX], e[at + stepY], e[at + stepY + stepX], tx - float(ix), ty - float(iy));
-  bool covered = esmCovered(mu, mv, inverseW) && instance[i] != 0xffffffffu;
-  visibility[i] = esmVisibility(mean, esmReceiver(row(p.d, x, y, z), p.c, p.bias), covered);
+  float mean = shadowBilinear(e[at], e[at + stepX], e[at + stepY], e[at + stepY + stepX], tx - float(ix), ty - float(iy));
+  bool covered = shadowCovered(mu, mv, inverseW) && instance[i] != 0xffffffffu;
+  visibility[i] = esmVisibility(mean, esmReceiver(row(p.d, x, y, z) - p.bias, p.c), covered);
 }

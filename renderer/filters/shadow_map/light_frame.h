@@ -4,6 +4,8 @@
 // value of fixed size: nodes carry it as a parameter, so filters need neither the light nor the scene.
 #pragma once
 
+#include <array>
+
 #include "base/hash.h"
 #include "base/status.h"
 #include "scene/light.h"
@@ -36,5 +38,22 @@ struct LightFrame {
 /// The window is square and has a rim of `rimTexels` of `resolution` around it for the pre-filter. Empty bounds give a frame that
 /// sees nothing. Errors: Unimplemented for other kinds; InvalidArgument for a light or bounds with non-finite numbers.
 Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels);
+
+/// The frames of one light's map: one, or six faces of a cube for lights that shine all round.
+struct LightFrames {
+  std::array<LightFrame, 6> face;
+  int count = 1;
+  void hash(Hasher& hasher) const;
+};
+/// Which face of a cube sees direction p from its centre: 0 +x, 1 -x, 2 +y, 3 -y, 4 +z, 5 -z; ties go to the earlier axis.
+inline int cubeFace(const Vec3& p) {
+  const Vec3 a(std::fabs(p.x), std::fabs(p.y), std::fabs(p.z));
+  if (a.x >= a.y && a.x >= a.z) return p.x < 0.0f;
+  if (a.y >= a.z) return 2 + (p.y < 0.0f);
+  return 4 + (p.z < 0.0f);
+}
+/// As fitLightFrame; Point and Sphere get six faces, each a little wider than 90 degrees: by the rim and the texel that bilinear lookups
+/// reach over, so that filters never meet a seam.
+Result<LightFrames> fitLightFrames(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels);
 
 }  // namespace gobo

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "filters/exponential_shadow_map/light_frame.h"
+#include "filters/shadow_map/light_frame.h"
 
 #include <algorithm>
 
@@ -58,11 +58,11 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
         tangent = std::sqrt(1.0f - c * c) / c;
       }
       break;
-    case LightKind::Rect: case LightKind::Disk: case LightKind::Sphere:
+    case LightKind::Rect: case LightKind::Disk:
       f.perspective = true;
       break;
     default:
-      return Status(Code::Unimplemented, "a shadow map is not made for this kind of light (point lights need six faces)");
+      return Status(Code::Unimplemented, "one shadow map does not serve this kind of light");
   }
   const bool empty = !(lo.x <= hi.x && lo.y <= hi.y && lo.z <= hi.z);
   const float axisLength = glm::length(light.axis);
@@ -70,7 +70,10 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
     return invalidArgument("the light's position or axis is not finite");
   if (!empty && !(isFinite(lo) && isFinite(hi))) return invalidArgument("the scene's bounds are not finite");
   f.forward = light.axis / axisLength;
-  const Frame basis(f.forward);
+  // A rectangle's map is square to it: its penumbra kernels are boxes in the map.
+  const bool rect = light.kind == LightKind::Rect && glm::length(light.u) > 0.0f && isFinite(light.u) &&
+                    glm::length(glm::cross(light.u, f.forward)) > 0.5f * glm::length(light.u);
+  const Frame basis = rect ? Frame(f.forward, glm::normalize(light.u)) : Frame(f.forward);
   f.right = basis.x;
   f.up = basis.y;
   f.origin = f.perspective ? light.position : empty ? Vec3(0.0f) : 0.5f * lo + 0.5f * hi;
@@ -116,6 +119,48 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
   f.lo = centre - half;
   f.hi = centre + half;
   return f;
+}
+
+void LightFrames::hash(Hasher& h) const {
+  h.add(count);
+  for (int i = 0; i < count; ++i) face[size_t(i)].hash(h);
+}
+
+Result<LightFrames> fitLightFrames(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels) {
+  LightFrames frames;
+  if (light.kind != LightKind::Point && light.kind != LightKind::Sphere) {
+    GOBO_ASSIGN(frames.face[0], fitLightFrame(light, lo, hi, resolution, rimTexels));
+    return frames;
+  }
+  if (!isFinite(light.position)) return invalidArgument("the light's position is not finite");
+  const bool empty = !(lo.x <= hi.x && lo.y <= hi.y && lo.z <= hi.z);
+  if (!empty && !(isFinite(lo) && isFinite(hi))) return invalidArgument("the scene's bounds are not finite");
+  frames.count = 6;
+  for (int i = 0; i < 6; ++i) {
+    LightFrame& f = frames.face[size_t(i)];
+    f.perspective = true;
+    f.origin = light.position;
+    f.forward = Vec3(0.0f);
+    f.forward[i / 2] = i % 2 ? -1.0f : 1.0f;
+    f.right = Vec3(0.0f);
+    f.right[(i / 2 + 1) % 3] = 1.0f;
+    f.up = glm::cross(f.forward, f.right);
+    // Depth range of the scene in this face's direction; a face that sees nothing keeps an empty one.
+    float far = 0.0f, near = 3.0e38f;
+    for (int corner = 0; corner < 8 && !empty; ++corner) {
+      const Vec3 p = Vec3(corner & 1 ? hi.x : lo.x, corner & 2 ? hi.y : lo.y, corner & 4 ? hi.z : lo.z) - f.origin;
+      far = std::max(far, glm::dot(p, f.forward));
+      near = std::min(near, glm::dot(p, f.forward));
+    }
+    const float pad = std::max(1e-3f * far, 1e-6f);
+    f.near = empty || !(far > 0.0f) ? 0.0f : std::max(near - pad, 0.0f);
+    f.far = empty || !(far > 0.0f) ? 1.0f : far + pad;
+    float half = 1.0001f;
+    if (resolution > 4 * (rimTexels + 1)) half *= float(resolution) / float(resolution - 2 * (rimTexels + 1));
+    f.lo = Vec2(-half);
+    f.hi = Vec2(half);
+  }
+  return frames;
 }
 
 }  // namespace gobo

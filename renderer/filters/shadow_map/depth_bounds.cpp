@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/shadow_map/depth_bounds.h"
+
+#include <algorithm>
+
+#include "formulas/shadow_map.glsl.h"
+
+namespace gobo {
+
+MipLevel mipLevel(int resolution, int level) {
+  MipLevel m{0, resolution};
+  for (int l = 0; l < level; ++l) {
+    m.offset += size_t(m.side) * size_t(m.side);
+    m.side = (m.side + 1) / 2;
+  }
+  return m;
+}
+
+int mipLevels(int resolution) {
+  int n = 1;
+  while (resolution > 1) {
+    resolution = (resolution + 1) / 2;
+    ++n;
+  }
+  return n;
+}
+
+DepthBounds::DepthBounds(const Term& term, int resolution) : lo_(term.floats("lo").data()), hi_(term.floats("hi").data()), resolution_(resolution) {
+  faceTexels_ = size_t(term.extent().width) * size_t(term.extent().height);
+  GOBO_CHECK_EQ(faceTexels_, mipTexels(resolution));
+  const int levels = mipLevels(resolution);
+  GOBO_CHECK(levels <= kMaxLevels);
+  for (int l = 0; l < kMaxLevels; ++l) {
+    const MipLevel m = mipLevel(resolution, std::min(l, levels - 1));
+    offset_[l] = m.offset;
+    side_[l] = m.side;
+  }
+}
+
+namespace {
+
+class DepthBoundsNode : public Node {
+ public:
+  DepthBoundsNode(int resolution, int faces) : resolution_(resolution), faces_(faces) {}
+  std::string type() const override { return "depth_bounds"; }
+  NodeTraits traits() const override { return {}; }
+  void hashParameters(Hasher&) const override {}
+  size_t outputBytes() const override { return mipTexels(resolution_) * size_t(faces_) * 8; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const Term& depth = *ctx.inputs.at(0);
+    const Extent e = depth.extent();
+    GOBO_CHECK(e.width == resolution_ && e.height == resolution_);
+    const std::span<const float> z = depth.floats("z");
+    const size_t packed = mipTexels(resolution_), square = size_t(resolution_) * size_t(resolution_);
+    auto term = std::make_shared<Term>("depth_bounds", Domain::LightTexel, Extent{int(packed), 1, e.layers});
+    const auto lo = term->addPlane<float>("lo"), hi = term->addPlane<float>("hi");
+    for (int face = 0; face < e.layers; ++face) {
+      const size_t base = size_t(face) * packed;
+      if (!ctx.arena->parallelFor(square, 1 << 16, [&](size_t from, size_t to) {
+            for (size_t i = from; i < to; ++i) lo[base + i] = hi[base + i] = formulas::shadowDepth(z[size_t(face) * square + i]);
+          }, ctx.stop)) return Status(Code::Cancelled, "depth_bounds stopped");
+      for (int l = 1; l < mipLevels(resolution_); ++l) {
+        const MipLevel from = mipLevel(resolution_, l - 1), to = mipLevel(resolution_, l);
+        const bool done = ctx.arena->parallelFor(size_t(to.side), 64, [&](size_t begin, size_t end) {
+          for (size_t y = begin; y < end; ++y) {
+            const size_t y0 = 2 * y, y1 = std::min(y0 + 1, size_t(from.side - 1));
+            row(&lo[base + from.offset + y0 * size_t(from.side)], &lo[base + from.offset + y1 * size_t(from.side)], &lo[base + to.offset + y * size_t(to.side)], from.side, to.side,
+                [](float a, float b) { return a < b ? a : b; });
+            row(&hi[base + from.offset + y0 * size_t(from.side)], &hi[base + from.offset + y1 * size_t(from.side)], &hi[base + to.offset + y * size_t(to.side)], from.side, to.side,
+                [](float a, float b) { return a > b ? a : b; });
+          }
+        }, ctx.stop);
+        if (!done) return Status(Code::Cancelled, "depth_bounds stopped");
+      }
+    }
+    return TermPtr(term);
+  }
+
+ private:
+  template <typename Pick>
+  static void row(const float* a, const float* b, float* out, int from, int to, Pick pick) {
+    const int whole = from / 2;
+    for (int x = 0; x < whole; ++x) out[x] = pick(pick(a[2 * x], a[2 * x + 1]), pick(b[2 * x], b[2 * x + 1]));
+    if (whole < to) out[whole] = pick(a[from - 1], b[from - 1]);
+  }
+  int resolution_, faces_;
+};
+
+}  // namespace
+
+NodePtr makeDepthBoundsNode(int resolution, int faces) { return std::make_shared<DepthBoundsNode>(resolution, faces); }
+
+}  // namespace gobo

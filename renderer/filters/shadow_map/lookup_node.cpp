@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+// Filter: G-buffer positions + filtered basis -> visibility. Per block of receivers: coordinates, fetches, reconstruction; each a loop.
+#include <algorithm>
+
+#include "filters/shadow_map/depth_compare.h"
+#include "filters/shadow_map/exponential_device.h"
+#include "filters/shadow_map/shadow_texture.h"
+#include "filters/shadow_map/summed_area.h"
+
+namespace gobo {
+namespace {
+
+using Settings = v1::ShadowMapSettings;
+using Exponential = v1::ExponentialShadow;
+
+class LookupNode : public Node {
+ public:
+  LookupNode(ShadowBasisPtr basis, const ShadowLookup& lookup, std::shared_ptr<ComputeDevice> device)
+      : basis_(std::move(basis)), l_(lookup), device_(std::move(device)), gaussian_(shadowGaussian(lookup.map.blur)) {}
+  std::string type() const override { return "shadow_lookup"; }
+  std::string numericClass() const override { return device_ ? device_->numericClass() : Node::numericClass(); }
+  std::string device() const override { return device_ ? std::string(device_->kind()) + ": " + device_->name() : "cpu"; }
+  NodeTraits traits() const override { return {}; }
+  void hashParameters(Hasher& h) const override {
+    l_.frames.hash(h);
+    h.add(std::string_view(basis_->name())).add(l_.map.bias).add(int(l_.map.lookup));
+    basis_->hashEncode(h);
+    basis_->hashReconstruct(h);
+    if (basis_->comparesDepth()) h.add(l_.map.slopeBias).add(l_.map.blur);
+    if (footprints()) h.add(l_.map.anisotropy).add(l_.map.blur).addPod(l_.view.eye).add(l_.view.perspective);
+    if (classified()) h.add(int(l_.classification)).add(l_.epsilon).add(l_.fallbackKernel).add(l_.map.slopeBias).add(l_.map.blur);
+  }
+  size_t outputBytes() const override { return l_.view.viewSamples * (classified() ? 8 : 4); }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const Term& gbuffer = *ctx.inputs.at(0);
+    const Term& map = *ctx.inputs.at(1);
+    auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
+    const std::span<float> V = term->addPlane<float>("V");
+    const std::span<float> flags = classified() ? term->addPlane<float>("flags") : std::span<float>();
+    if (device_) {
+      GOBO_TRY(deviceLookup(*device_, {l_.frames.face[0], basis_->exponent(), l_.map.bias, map.extent().width, map.extent().height}, map.floats("B"), gbuffer.floats("P"),
+                            gbuffer.plane<uint32_t>("instance"), V, ctx.stop));
+      return TermPtr(term);
+    }
+    const bool slopes = basis_->comparesDepth() || classified();
+    const Receivers receivers(gbuffer, l_.frames, l_.map.resolution, l_.view, {.slopes = slopes && l_.map.slopeBias > 0.0f, .footprints = footprints()});
+    std::optional<ShadowTexture> texture;
+    std::optional<SummedArea> sums;
+    std::optional<DepthBounds> bounds;
+    if (l_.map.lookup == Settings::SUMMED_AREA) sums.emplace(map, l_.map.resolution);
+    else texture.emplace(map, l_.map.resolution, basis_->logarithmic());
+    if (classified()) bounds.emplace(*ctx.inputs.at(2), l_.map.resolution);
+    const bool done = ctx.arena->parallelFor(V.size(), 4096, [&](size_t begin, size_t end) {
+      ReceiverBlock b;
+      std::vector<float> values(size_t(basis_->channels()) * kN);
+      for (size_t first = begin; first < end; first += kN) {
+        const int n = int(std::min<size_t>(kN, end - first));
+        receivers.fill(first, n, b);
+        fetch(texture, sums, b, n, values.data());
+        float d[kN], s[kN];
+        for (int i = 0; i < n; ++i) d[i] = b.d[i] - l_.map.bias;
+        if (basis_->comparesDepth()) {
+          const float reach = l_.map.slopeBias * (float(l_.map.blur) + 0.5f);   // the surface's own depth changes over the kernel
+          for (int i = 0; i < n; ++i) d[i] -= reach * (std::fabs(b.slopeX[i]) + std::fabs(b.slopeY[i]));
+        }
+        basis_->reconstruct(values.data(), kN, d, s, size_t(n));
+        if (classified()) repair(*bounds, b, n, s, &flags[first]);
+        for (int i = 0; i < n; ++i) V[first + size_t(i)] = b.covered[i] ? std::clamp(s[i], 0.0f, 1.0f) : 1.0f;
+      }
+    }, ctx.stop);
+    if (!done) return Status(Code::Cancelled, "shadow_lookup stopped");
+    return TermPtr(term);
+  }
+
+ private:
+  static constexpr int kN = ReceiverBlock::kSize;
+  bool footprints() const { return l_.map.lookup != Settings::BILINEAR; }
+  bool classified() const { return l_.classification == Exponential::THRESHOLD || l_.classification == Exponential::Z_MAX; }
+
+  void fetch(const std::optional<ShadowTexture>& texture, const std::optional<SummedArea>& sums, const ReceiverBlock& b, int n, float* values) const {
+    if (l_.map.lookup == Settings::BILINEAR) return texture->bilinear(b, n, values, kN);
+    float one[2 * 32 * 2 + 1];
+    const int channels = basis_->channels();
+    for (int i = 0; i < n; ++i) {
+      const Vec2 major(b.majorX[i], b.majorY[i]), minor(b.minorX[i], b.minorY[i]);
+      switch (l_.map.lookup) {
+        case Settings::TRILINEAR:
+          texture->trilinear(b.face[i], b.x[i], b.y[i], std::log2(std::max({glm::length(major), glm::length(minor), 1.0f})), one);
+          break;
+        case Settings::ANISOTROPIC: texture->anisotropic(b.face[i], b.x[i], b.y[i], major, minor, l_.map.anisotropy, one); break;
+        default: {   // the box around the footprint, at least what bilinear lookups span
+          const float width = std::max(std::fabs(major.x) + std::fabs(minor.x), 1.0f), height = std::max(std::fabs(major.y) + std::fabs(minor.y), 1.0f);
+          sums->box(b.face[i], b.x[i], b.y[i], width, height, one);
+        }
+      }
+      for (int k = 0; k < channels; ++k) values[size_t(k) * kN + size_t(i)] = one[k];
+    }
+  }
+
+  // Thesis 7.3: where the kernel reaches behind the receiver the exponential has no meaning; there depths are compared.
+  void repair(const DepthBounds& bounds, const ReceiverBlock& b, int n, float* s, float* flags) const {
+    const int side = l_.map.resolution, radius = l_.fallbackKernel ? l_.map.blur : 0;
+    static constexpr float kOne[1] = {1.0f};
+    for (int i = 0; i < n; ++i) {
+      flags[i] = 0.0f;
+      if (!b.covered[i]) continue;
+      const int x = int(b.x[i]), y = int(b.y[i]), reach = l_.map.blur;
+      const ReceiverPlane r = receiverPlane(b, i, l_.map.bias, l_.map.slopeBias);
+      bool violated;
+      if (l_.classification == Exponential::THRESHOLD) {
+        violated = s[i] > 1.0f + l_.epsilon;
+      } else {
+        float lo, hi;
+        bounds.range(b.face[i], std::max(x - reach, 0), std::max(y - reach, 0), std::min(x + reach + 1, side - 1), std::min(y + reach + 1, side - 1), lo, hi);
+        const float own = (std::fabs(b.slopeX[i]) + std::fabs(b.slopeY[i])) * (float(reach) + 1.0f);   // what the surface itself spans
+        violated = b.d[i] + own + l_.epsilon / basis_->exponent() < hi;
+      }
+      if (!violated) continue;
+      flags[i] = 1.0f;
+      AxisKernel kx, ky;
+      interpolatedKernel(b.x[i], radius ? gaussian_.data() : kOne, radius, kx);
+      interpolatedKernel(b.y[i], radius ? gaussian_.data() : kOne, radius, ky);
+      const KernelVerdict v = kernelVerdict(bounds, b.face[i], r, kx.first, ky.first, kx.last(), ky.last());
+      s[i] = v == KernelVerdict::Lit ? 1.0f : v == KernelVerdict::Dark ? 0.0f : compareKernel(bounds.depth(b.face[i]), side, r, kx, ky);
+    }
+  }
+
+  ShadowBasisPtr basis_;
+  ShadowLookup l_;
+  std::shared_ptr<ComputeDevice> device_;
+  std::vector<float> gaussian_;
+};
+
+}  // namespace
+
+NodePtr makeShadowLookupNode(ShadowBasisPtr basis, const ShadowLookup& lookup, std::shared_ptr<ComputeDevice> device) {
+  return std::make_shared<LookupNode>(std::move(basis), lookup, std::move(device));
+}
+
+}  // namespace gobo

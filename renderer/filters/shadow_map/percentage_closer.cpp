@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// Filter: comparisons over a kernel of the depth map (Reeves, Salesin, Cook 1987; thesis eq. 5.4), the exact target of the pre-filtered
+// bases. Kernels that lie wholly on one side of the receiver are decided by the depth pyramid: one fetch where most pixels are.
+#include <algorithm>
+#include <cmath>
+
+#include "base/sobol.h"
+#include "filters/shadow_map/depth_compare.h"
+
+namespace gobo {
+namespace {
+
+class PercentageCloserNode : public Node {
+ public:
+  explicit PercentageCloserNode(const PercentageCloserLookup& l) : l_(l), gaussian_(shadowGaussian(l.map.blur)) {}
+  std::string type() const override { return l_.hard ? "shadow_map_lookup" : "percentage_closer"; }
+  NodeTraits traits() const override { return {}; }
+  void hashParameters(Hasher& h) const override {
+    l_.frames.hash(h);
+    h.add(int(l_.pattern)).add(l_.pattern == v1::PercentageCloserShadow::GAUSSIAN ? l_.map.blur : l_.taps).add(l_.hard).add(l_.map.bias).add(l_.map.slopeBias);
+  }
+  size_t outputBytes() const override { return l_.view.viewSamples * 4; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const Term& gbuffer = *ctx.inputs.at(0);
+    const DepthBounds bounds(*ctx.inputs.at(1), l_.map.resolution);
+    const Receivers receivers(gbuffer, l_.frames, l_.map.resolution, l_.view, {.slopes = l_.map.slopeBias > 0.0f});
+    auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
+    const std::span<float> V = term->addPlane<float>("V");
+    const bool done = ctx.arena->parallelFor(V.size(), 4096, [&](size_t begin, size_t end) {
+      ReceiverBlock b;
+      for (size_t first = begin; first < end; first += ReceiverBlock::kSize) {
+        const int n = int(std::min<size_t>(ReceiverBlock::kSize, end - first));
+        receivers.fill(first, n, b);
+        for (int i = 0; i < n; ++i) V[first + size_t(i)] = b.covered[i] ? visibility(bounds, b, i, first + size_t(i)) : 1.0f;
+      }
+    }, ctx.stop);
+    if (!done) return Status(Code::Cancelled, type() + " stopped");
+    return TermPtr(term);
+  }
+
+ private:
+  float visibility(const DepthBounds& bounds, const ReceiverBlock& b, int i, size_t element) const {
+    const float* z = bounds.depth(b.face[i]);
+    const int side = l_.map.resolution;
+    const ReceiverPlane r = receiverPlane(b, i, l_.map.bias, l_.map.slopeBias);
+    if (l_.hard) {
+      const int x = int(r.x + 0.5f), y = int(r.y + 0.5f);
+      return r.at(x, y) <= z[size_t(y) * size_t(side) + size_t(x)] ? 1.0f : 0.0f;
+    }
+    if (l_.pattern == v1::PercentageCloserShadow::POISSON) return poisson(bounds, z, side, r, b.face[i], element);
+    AxisKernel kx, ky;
+    if (l_.pattern == v1::PercentageCloserShadow::GAUSSIAN) {
+      interpolatedKernel(r.x, gaussian_.data(), l_.map.blur, kx);
+      interpolatedKernel(r.y, gaussian_.data(), l_.map.blur, ky);
+    } else {
+      const float width = std::max(float(l_.taps - 1), 1e-3f);   // n x n comparisons: n - 1 texels, bilinear at the ends
+      boxKernel(r.x, width, kx);
+      boxKernel(r.y, width, ky);
+    }
+    if (l_.skip) {
+      const KernelVerdict v = kernelVerdict(bounds, b.face[i], r, kx.first, ky.first, kx.last(), ky.last());
+      if (v != KernelVerdict::Mixed) return v == KernelVerdict::Lit ? 1.0f : 0.0f;
+    }
+    return compareKernel(z, side, r, kx, ky);
+  }
+
+  // taps^2 points of Vogel's spiral, an even disk, turned by a hash of the view sample; nearest texels.
+  float poisson(const DepthBounds& bounds, const float* z, int side, const ReceiverPlane& r, int face, size_t element) const {
+    const int count = l_.taps * l_.taps;
+    const float radius = 0.5f * float(l_.taps);
+    const int reach = int(radius) + 1;
+    if (l_.skip) {
+      const KernelVerdict v = kernelVerdict(bounds, face, r, int(r.x) - reach, int(r.y) - reach, int(r.x) + reach + 1, int(r.y) + reach + 1);
+      if (v != KernelVerdict::Mixed) return v == KernelVerdict::Lit ? 1.0f : 0.0f;
+    }
+    const float turn = float(hash64(element, 0x5eed) >> 40) * float(2 * M_PI / (1 << 24));
+    int lit = 0;
+    for (int k = 0; k < count; ++k) {
+      const float distance = radius * std::sqrt((float(k) + 0.5f) / float(count)), angle = turn + 2.39996323f * float(k);
+      const int x = int(std::floor(r.x + distance * std::cos(angle) + 0.5f)), y = int(std::floor(r.y + distance * std::sin(angle) + 0.5f));
+      lit += r.at(x, y) <= z[size_t(std::clamp(y, 0, side - 1)) * size_t(side) + size_t(std::clamp(x, 0, side - 1))];
+    }
+    return float(lit) / float(count);
+  }
+
+  PercentageCloserLookup l_;
+  std::vector<float> gaussian_;
+};
+
+}  // namespace
+
+NodePtr makePercentageCloserNode(const PercentageCloserLookup& lookup) { return std::make_shared<PercentageCloserNode>(lookup); }
+
+}  // namespace gobo

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/shadow_map/techniques.h"
+
+#include "device/egl/egl_device.h"
+#include "device/vulkan/vulkan_device.h"
+#include "filters/parameter.h"
+
+namespace gobo {
+
+namespace {
+
+using Settings = v1::ShadowMapSettings;
+
+Status checkRange(const char* field, double value, double low, double high) {
+  if (value >= low && value <= high) return {};
+  return invalidArgument(std::string("shadows.") + field + " = " + std::to_string(value) + ": must be in " + std::to_string(low) + " .. " + std::to_string(high),
+                         std::string("shadows.") + field);
+}
+
+NodeId addFilter(Graph& graph, NodePtr node, std::vector<NodeId> inputs, const std::string& what, const ShadowInput& input) {
+  GraphNode n;
+  n.node = std::move(node);
+  n.inputs = std::move(inputs);
+  n.label = what + ":" + input.scene->lights[size_t(input.light)].name;
+  return graph.add(std::move(n));
+}
+
+}  // namespace
+
+ShadowMapSettings shadowMapSettings(const Settings& m) {
+  ShadowMapSettings s;
+  s.resolution = int(numberParameter(m, "resolution"));
+  s.blur = int(numberParameter(m, "blur"));
+  s.anisotropy = int(numberParameter(m, "anisotropy"));
+  s.bias = float(numberParameter(m, "bias"));
+  s.slopeBias = float(numberParameter(m, "slope_bias"));
+  s.cameraFit = m.fit() == Settings::CAMERA;
+  s.lookup = m.lookup() == Settings::LOOKUP_UNSPECIFIED ? Settings::BILINEAR : m.lookup();
+  return s;
+}
+
+bool shadowMapSupports(LightKind kind) { return kind != LightKind::Environment && kind != LightKind::Mesh; }
+
+Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, int rim) {
+  const Light& light = input.scene->lights.at(size_t(input.light));
+  if (!shadowMapSupports(light.shape.kind)) return invalidArgument("light '" + light.name + "' is a mesh or an environment: a shadow map is not made for it");
+  PlannedShadowMap p;
+  p.map = shadowMapSettings(technique.map());
+  GOBO_TRY(checkRange("map.resolution", p.map.resolution, 1, 8192));
+  GOBO_TRY(checkRange("map.blur", p.map.blur, 0, 64));
+  GOBO_TRY(checkRange("map.bias", p.map.bias, 0, 1));
+  GOBO_TRY(checkRange("map.slope_bias", p.map.slopeBias, 0, 16));
+  Vec3 lo, hi;
+  input.scene->bounds(lo, hi);
+  GOBO_ASSIGN(p.frames, fitLightFrames(light.shape, lo, hi, p.map.resolution, rim));
+  p.view.perspective = input.camera.perspective;
+  p.view.eye = input.camera.perspective ? Vec3(input.camera.toWorld[3]) : Vec3(input.camera.toWorld[2]);
+  p.view.viewSamples = size_t(input.width) * size_t(input.height) * size_t(input.viewSamples);
+  GraphNode depth;
+  depth.node = makeLightDepthMapNode(p.frames, p.map.resolution);
+  depth.scene = input.scene;
+  depth.label = "light_depth_map:" + light.name;
+  p.depth = graph.add(std::move(depth));
+  return p;
+}
+
+NodeId planDepthBounds(Graph& graph, const ShadowInput& input, const PlannedShadowMap& p) {
+  return addFilter(graph, makeDepthBoundsNode(p.map.resolution, p.frames.count), {p.depth}, "depth_bounds", input);
+}
+
+bool marksFailures(const v1::ShadowTechnique& t) {
+  return t.technique_case() == v1::ShadowTechnique::kExponential && t.exponential().classification() > v1::ExponentialShadow::OFF;
+}
+
+Result<NodeId> planBasisMosaic(Graph& graph, NodeId visibility) {
+  NodeId depth = -1, basis = -1;
+  std::vector<NodeId> open{visibility};
+  while (!open.empty()) {
+    const NodeId id = open.back();
+    open.pop_back();
+    const GraphNode& n = graph.at(id);
+    if (n.node->type() == "light_depth_map") depth = id;
+    if (n.node->type() == "shadow_encode") basis = id;
+    open.insert(open.end(), n.inputs.begin(), n.inputs.end());
+  }
+  if (depth < 0) return notFound("request.outputs: the light's shadow technique has no map to show", "request.outputs");
+  const ShadowMapShape shape = shadowMapShape(*graph.at(basis < 0 ? depth : basis).node);
+  GraphNode n;
+  n.node = makeBasisMosaicNode(shape.resolution, shape.channels, shape.faces);
+  n.inputs = {basis < 0 ? depth : basis};
+  n.label = "shadow_basis";
+  return graph.add(std::move(n));
+}
+
+Result<NodeId> planHardShadowMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
+  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, 1));
+  PercentageCloserLookup l{p.frames, p.map, p.view};
+  l.hard = true;
+  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, planDepthBounds(graph, input, p)}, "visibility", input);
+}
+
+Result<NodeId> planPercentageCloser(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
+  const v1::PercentageCloserShadow& m = technique.percentage_closer();
+  const int taps = int(numberParameter(m, "taps"));
+  GOBO_TRY(checkRange("percentage_closer.taps", taps, 1, 16));
+  const auto pattern = m.pattern() == v1::PercentageCloserShadow::PATTERN_UNSPECIFIED ? v1::PercentageCloserShadow::GAUSSIAN : m.pattern();
+  const int blur = int(numberParameter(technique.map(), "blur"));
+  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, pattern == v1::PercentageCloserShadow::GAUSSIAN ? blur + 1 : taps / 2 + 1));
+  PercentageCloserLookup l{p.frames, p.map, p.view};
+  l.pattern = pattern;
+  l.taps = taps;
+  l.skip = boolParameter(m, "skip");
+  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, planDepthBounds(graph, input, p)}, "visibility", input);
+}
+
+namespace {
+
+/// Basis -> pre-filter -> chain or table -> lookup.
+Result<NodeId> planFiltered(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, ShadowBasisPtr basis, bool bytes, ComputeDevicePtr device = nullptr,
+                            const v1::ExponentialShadow* exponential = nullptr) {
+  const int blur = int(numberParameter(technique.map(), "blur"));
+  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, blur + 1));
+  const int resolution = p.map.resolution, faces = p.frames.count;
+  if (p.map.lookup == Settings::SUMMED_AREA && !basis->bounded())
+    return invalidArgument(std::string("shadows.map.lookup = SUMMED_AREA: sums of the ") + basis->name() + " map span too many orders of magnitude for a table; use BILINEAR, TRILINEAR or ANISOTROPIC",
+                           "shadows.map.lookup");
+  if (p.map.lookup == Settings::SUMMED_AREA && bytes)
+    return invalidArgument("shadows.map.lookup = SUMMED_AREA needs shadows.convolution.bytes = false: tables are made from float images", "shadows.convolution.bytes");
+  if (device && (faces > 1 || p.map.lookup != Settings::BILINEAR || (exponential && exponential->classification() > v1::ExponentialShadow::OFF)))
+    return Status(Code::Unimplemented, "shadows.exponential.device: devices do one map face, BILINEAR lookups and no classification so far", "shadows.exponential.device");
+  if (device && uint64_t(resolution) * uint64_t(resolution) * 4 > device->maxBufferBytes())
+    return Status(Code::ResourceExhausted, std::to_string(resolution) + " texels squared are more than the " + std::to_string(device->maxBufferBytes()) +
+                                               " bytes that a buffer of " + device->name() + " may have", "shadows.map.resolution");
+  NodeId map = addFilter(graph, makeShadowEncodeNode(basis, p.map.blur, resolution, faces, bytes, device), {p.depth}, std::string(basis->name()) + "_map", input);
+  if (p.map.lookup == Settings::TRILINEAR || p.map.lookup == Settings::ANISOTROPIC)
+    map = addFilter(graph, makeShadowMipmapNode(basis, resolution, faces, bytes), {map}, "shadow_mipmap", input);
+  else if (p.map.lookup == Settings::SUMMED_AREA)
+    map = addFilter(graph, makeShadowSummedAreaNode(basis, resolution, faces), {map}, "shadow_summed_area", input);
+  ShadowLookup l{p.frames, p.map, p.view, bytes};
+  std::vector<NodeId> inputs{input.gbuffer, map};
+  if (exponential && exponential->classification() > v1::ExponentialShadow::OFF) {
+    l.classification = exponential->classification();
+    l.epsilon = float(numberParameter(*exponential, "epsilon"));
+    l.fallbackKernel = boolParameter(*exponential, "fallback_kernel");
+    inputs.push_back(planDepthBounds(graph, input, p));
+  }
+  return addFilter(graph, makeShadowLookupNode(std::move(basis), l, device), std::move(inputs), "visibility", input);
+}
+
+}  // namespace
+
+Result<NodeId> planVarianceShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {
+  return planFiltered(graph, input, t, makeVarianceBasis(t.variance()), false);
+}
+Result<NodeId> planConvolutionShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {
+  GOBO_TRY(checkRange("convolution.order", numberParameter(t.convolution(), "order"), 1, 32));
+  return planFiltered(graph, input, t, makeConvolutionBasis(t.convolution()), t.convolution().bytes());
+}
+Result<NodeId> planExponentialVarianceShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {
+  const auto number = [&](const char* name) { return float(numberParameter(t.exponential_variance(), name)); };
+  GOBO_TRY(checkRange("exponential_variance.c_positive", number("c_positive"), 0.1, 42));
+  GOBO_TRY(checkRange("exponential_variance.c_negative", number("c_negative"), 0.1, 42));
+  return planFiltered(graph, input, t, makeExponentialVarianceBasis(number("c_positive"), number("c_negative"), number("min_variance"), number("bleeding_reduction")), false);
+}
+Result<NodeId> planMomentShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {
+  return planFiltered(graph, input, t, makeMomentBasis(t.moment()), false);
+}
+
+Result<NodeId> planExponentialShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {
+  const v1::ExponentialShadow& e = t.exponential();
+  const double c = numberParameter(e, "c");
+  GOBO_TRY(checkRange("exponential.c", c, 1, 2000));
+  if (e.filtering() == v1::ExponentialShadow::LINEAR && c > 80)
+    return invalidArgument("shadows.exponential.c = " + std::to_string(c) + ": LINEAR filtering leaves float above 80; use LOGARITHMIC or AUTO", "shadows.exponential.c");
+  const bool logarithmic = e.filtering() == v1::ExponentialShadow::LOGARITHMIC || c > 80;
+  ComputeDevicePtr device;
+  if (e.device() == v1::ExponentialShadow::VULKAN) {
+    GOBO_ASSIGN(device, VulkanDevice::shared());
+  } else if (e.device() == v1::ExponentialShadow::EGL) {
+    GOBO_ASSIGN(device, EglDevice::shared());
+  }
+  if (device && logarithmic)
+    return Status(Code::Unimplemented, "shadows.exponential.device: devices filter linearly so far (c at most 80)", "shadows.exponential.device");
+  return planFiltered(graph, input, t, makeExponentialBasis(float(c), logarithmic), false, device, &e);
+}
+
+}  // namespace gobo
