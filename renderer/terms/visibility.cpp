@@ -32,7 +32,7 @@ class VisibilityNode final : public Node {
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     const SurfaceSamples surface(*ctx.inputs[0]);
     auto term = std::make_shared<Term>("visibility", Domain::ViewSample, ctx.inputs[0]->extent());
-    const auto V = term->addPlane<float>("V");
+    const auto V = term->addUnsetPlane<float>("V");
     const uint32_t samples = light.pointLike() ? 1 : s_.samples;
     const size_t grain = std::clamp<size_t>(8192 / samples, 1, 1024);   // a few milliseconds between looks at `stop`
     const bool complete = ctx.arena->parallelFor(surface.size(), grain, [&](size_t from, size_t to) {
