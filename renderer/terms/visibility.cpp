@@ -18,6 +18,7 @@ class VisibilityNode final : public Node {
  public:
   explicit VisibilityNode(const VisibilitySettings& s) : s_(s) { GOBO_CHECK_GT(s.samples, 0u); }
   std::string type() const override { return "visibility"; }
+  int version() const override { return 2; }   // 2: hard shadows in packets
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
@@ -37,6 +38,10 @@ class VisibilityNode final : public Node {
     const size_t grain = std::clamp<size_t>(8192 / samples, 1, 1024);   // a few milliseconds between looks at `stop`
     const bool complete = ctx.arena->parallelFor(surface.size(), grain, [&](size_t from, size_t to) {
       uint64_t rays = 0;
+      if (light.pointLike()) {
+        hard(*accel, light, surface, from, to, V, rays);
+        from = to;
+      }
       for (size_t e = from; e < to; ++e) {
         V[e] = 1.0f;
         if (!surface.hit(e)) continue;
@@ -45,8 +50,7 @@ class VisibilityNode final : public Node {
         double seen = 0, sum = 0;
         for (uint32_t i = 0; i < samples; ++i) {
           LightPoint point;
-          const Vec2 u = light.pointLike() ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
-          if (!light.sample(p, N, Ng, u, point)) continue;
+          if (!light.sample(p, N, Ng, SobolSampler(seed, i).next2D(), point)) continue;
           sum += point.weight;
           if (point.belowSurface) continue;
           ++rays;
@@ -61,6 +65,31 @@ class VisibilityNode final : public Node {
   }
 
  private:
+  /// One ray each, 16 neighbours at a time.
+  static void hard(const Accel& accel, const LightPoints& light, const SurfaceSamples& surface, size_t from, size_t to, std::span<float> V, uint64_t& rays) {
+    Ray packet[16];
+    size_t element[16];
+    int count = 0;
+    const auto flush = [&] {
+      const uint32_t blocked = count ? accel.occluded16(packet, count) : 0;
+      for (int i = 0; i < count; ++i) V[element[i]] = blocked >> i & 1 ? 0.0f : 1.0f;
+      rays += uint64_t(count);
+      count = 0;
+    };
+    for (size_t e = from; e < to; ++e) {
+      V[e] = 1.0f;
+      if (!surface.hit(e)) continue;
+      LightPoint point;
+      const Vec3 p = surface.position(e), Ng = surface.geometricNormal(e);
+      if (!light.sample(p, surface.normal(e), Ng, Vec2(0.5f), point)) continue;
+      if (point.belowSurface) { V[e] = 0.0f; continue; }
+      packet[count] = shadowRay(accel, p, Ng, point);
+      element[count++] = e;
+      if (count == 16) flush();
+    }
+    flush();
+  }
+
   VisibilitySettings s_;
 };
 
