@@ -29,11 +29,10 @@ class Given final : public Node {
   TermPtr term_;
 };
 
-double* passOf(Passes& p, const std::string& type) {
+double* passOf(Passes& p, const std::string& type, Domain domain) {
   if (type == "light_depth_map") return &p.depth;
   if (type == "shadow_encode") return &p.encode;
-  if (type == "shadow_mipmap" || type == "shadow_summed_area" || type == "depth_bounds") return &p.filter;
-  return &p.lookup;
+  return domain == Domain::LightTexel ? &p.filter : &p.lookup;
 }
 
 double median(std::vector<double> v) {
@@ -154,7 +153,7 @@ Result<TermPtr> Runner::evaluate(const Graph& graph, NodeId wanted, int repeat, 
     }
     terms[size_t(id)] = kept.term;
     if (m) {
-      *passOf(m->ms, type) += kept.ms;
+      *passOf(m->ms, type, kept.term->domain()) += kept.ms;
       if (kept.term->domain() == Domain::LightTexel) m->bytes += kept.term->bytes();
     }
     for (NodeId i : n.inputs)
@@ -216,6 +215,19 @@ Result<Measured> Runner::supersampled(int samples) {
   });
   m.ms.lookup += now() - begin;
   return m;
+}
+
+Result<TermPtr> Runner::depthBounds(const v1::ShadowTechnique& t, int rim, PlannedShadowMap& planned) {
+  Graph graph;
+  ShadowInput input;
+  input.scene = scene_;
+  input.light = light_;
+  input.camera = camera_;
+  input.width = width_;
+  input.height = height_;
+  input.viewSamples = 1;
+  GOBO_ASSIGN(planned, planShadowMap(graph, input, t, rim));
+  return evaluate(graph, planDepthBounds(graph, input, planned), repeat_, nullptr, nullptr);
 }
 
 Status Runner::jittered(const v1::ShadowTechnique& t, int count, const std::function<void(int, const std::vector<float>&)>& visit) {

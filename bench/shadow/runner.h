@@ -8,13 +8,13 @@
 #include <memory>
 #include <string>
 
-#include "filters/shadow_technique.h"
+#include "filters/shadow_map/techniques.h"
 #include "trace/accel.h"
 
 namespace gobo::shadowbench {
 
-/// Milliseconds by pass. depth: light_depth_map; encode: shadow_encode; filter: shadow_mipmap, shadow_summed_area, depth_bounds; lookup: the
-/// rest, rays included; view: further view samples beyond the first (rays that supersample the camera).
+/// Milliseconds by pass. depth: light_depth_map; encode: shadow_encode; filter: what else is in light space (mip chains, tables, depth bounds);
+/// lookup: the rest, rays included; view: further view samples beyond the first (rays that supersample the camera).
 struct Passes {
   double depth = 0, encode = 0, filter = 0, lookup = 0, view = 0;
   double map() const { return depth + encode + filter; }
@@ -54,6 +54,9 @@ class Runner {
   Result<Measured> measure(const v1::ShadowTechnique& t, uint64_t seed = 1);
   /// Ray-traced visibility with `samples` view samples of one ray each, averaged over the pixel where the light can shine.
   Result<Measured> supersampled(int samples);
+  /// Term "depth_bounds" (level 0: the depth map) of the technique's map settings, and how it was planned.
+  Result<TermPtr> depthBounds(const v1::ShadowTechnique& t, int rim, PlannedShadowMap& planned);
+  const TermPtr& gbuffer() const { return gbuffer_; }
   /// V under cameras shifted to `count` places inside the pixel; what does not depend on the camera runs once. visit(k, V).
   Status jittered(const v1::ShadowTechnique& t, int count, const std::function<void(int, const std::vector<float>&)>& visit);
   static Vec2 jitter(int k);   ///< place k, in pixels from the centre

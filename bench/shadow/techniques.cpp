@@ -137,13 +137,11 @@ std::vector<Setting> softSettings(bool quick) {
   over("variance_soft", "", [](int s) {
     T t = shadowMap(s, 0);
     t.mutable_variance_soft();
-    t.mutable_map()->set_lookup(Map::SUMMED_AREA);
     return t;
   });
   over("evsm_soft", "", [](int s) {
     T t = shadowMap(s, 0);
     t.mutable_exponential_variance_soft();
-    t.mutable_map()->set_lookup(Map::TRILINEAR);
     return t;
   });
   for (int n : {1, 4, 9, 16, 64}) list.push_back({"rays", "n=" + std::to_string(n), rayTraced(n)});
