@@ -109,6 +109,23 @@ Result<std::vector<float>> exactBasis(Runner& r, const v1::ShadowTechnique& t) {
   return V;
 }
 
+Result<std::vector<float>> umbraDepth(Runner& r, const v1::ShadowTechnique& t) {
+  PlannedShadowMap p;
+  const int blur = int(numberParameter(t.map(), "blur"));
+  GOBO_ASSIGN(const TermPtr term, r.depthBounds(t, blur + 1, p));
+  const DepthBounds bounds(*term, p.map.resolution);
+  const int side = p.map.resolution;
+  std::vector<float> gap(r.pixels(), -1.0f);
+  forReceivers(r, p, true, [&](size_t e, const ReceiverBlock& b, int i) {
+    const float* z = bounds.depth(b.face[i]);
+    float farthest = 0;
+    for (int y = int(b.y[i]) - blur; y <= int(b.y[i]) + blur + 1; ++y)
+      for (int x = int(b.x[i]) - blur; x <= int(b.x[i]) + blur + 1; ++x) farthest = std::max(farthest, z[size_t(std::clamp(y, 0, side - 1)) * size_t(side) + size_t(std::clamp(x, 0, side - 1))]);
+    gap[e] = b.d[i] - (std::fabs(b.slopeX[i]) + std::fabs(b.slopeY[i])) * float(blur + 1) - farthest;
+  });
+  return gap;
+}
+
 namespace {
 
 /// Sums of `channels` doubles a texel; box means at fractional edges by bilinear interpolation of the sums.

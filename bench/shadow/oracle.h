@@ -12,6 +12,10 @@ namespace gobo::shadowbench {
 /// V of the Gaussian kernel of t.map.blur for t's own technique: convolution (OFFSET), exponential (any c) or variance.
 Result<std::vector<float>> exactBasis(Runner& runner, const v1::ShadowTechnique& t);
 
+/// How far behind the farthest depth of its kernel a receiver lies, in depth ranges: positive in the umbra of the Gaussian kernel alone; -1 where
+/// the map does not reach.
+Result<std::vector<float>> umbraDepth(Runner& runner, const v1::ShadowTechnique& t);
+
 /// Convolution soft shadows as the thesis has them (8.2, 8.3; search plane at the smallest depth of the kernel) of order M: float64 summed-area
 /// tables, exact boxes. Rect and Disk lights. Receivers' own slope over the kernel comes off their depth, at most half way to the nearest
 /// blocker.

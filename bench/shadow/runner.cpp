@@ -154,7 +154,10 @@ Result<TermPtr> Runner::evaluate(const Graph& graph, NodeId wanted, int repeat, 
     terms[size_t(id)] = kept.term;
     if (m) {
       *passOf(m->ms, type, kept.term->domain()) += kept.ms;
-      if (kept.term->domain() == Domain::LightTexel) m->bytes += kept.term->bytes();
+      if (kept.term->domain() == Domain::LightTexel) {
+        m->bytes += kept.term->bytes();
+        if (!shareable) m->mapBytes = kept.term->bytes();
+      }
     }
     for (NodeId i : n.inputs)
       if (last[size_t(i)] == id && i != wanted) terms[size_t(i)].reset();

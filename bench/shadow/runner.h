@@ -24,6 +24,7 @@ struct Passes {
 struct Measured {
   Passes ms;
   size_t bytes = 0;       ///< of all terms in light space
+  size_t mapBytes = 0;    ///< of the one that the lookup reads: the filtered map with its levels
   double rays = 0;        ///< per pixel, shadow and depth rays
   TermPtr term;           ///< plane V, perhaps flags
   std::vector<float> V;   ///< one a pixel

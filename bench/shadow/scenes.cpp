@@ -107,6 +107,19 @@ Result<ScenePtr> blobs() {
   return b.finish();
 }
 
+/// The built-in fence below slats that lie across it, so that kernels in its shadow hold depths of both (the thesis's Figure 6.9).
+Result<ScenePtr> pergola() {
+  GOBO_ASSIGN(const ScenePtr fence, makeBuiltinScene("fence"));
+  return editScene(*fence, [](Scene& s) -> Status {
+    MeshBuilder m;
+    for (int i = 0; i < 24; ++i) m.box(Vec3(0.4f + 0.22f * float(i - 12), 2.2f, 0.0f), Vec3(0.055f, 0.02f, 3.0f), rotateY(0.5f));
+    s.meshes.push_back(m.finish("slats", 0, false));
+    s.instances.push_back({"slats", int(s.meshes.size()) - 1, Mat4(1.0f)});
+    s.name = "pergola";
+    return {};
+  });
+}
+
 const char* kSponza = "../shared/data/derived/sponza.glb";
 std::string sponzaPath() {
   for (const char* p : {kSponza, "/work/shared/data/derived/sponza.glb"})
@@ -148,6 +161,7 @@ Result<ScenePtr> benchScene(const std::string& name) {
   if (name == "boxes") return boxes();
   if (name == "two-trees") return twoTrees();
   if (name == "blobs") return blobs();
+  if (name == "pergola") return pergola();
   GOBO_ASSIGN(const ScenePtr scene, loadScene(name == "sponza" ? sponzaPath() : name));
   if (name.find("sponza") == std::string::npos || scene->findLight("key") >= 0) return scene;
   return editScene(*scene, [](Scene& s) -> Status {   // a square lamp over the court
