@@ -53,13 +53,14 @@ enum class KernelVerdict { Mixed, Lit, Dark };
 /// What depth bounds say about a kernel before any comparison; Mixed if they cannot tell.
 inline KernelVerdict kernelVerdict(const DepthBounds& bounds, int face, const ReceiverPlane& r, int x0, int y0, int x1, int y1) {
   const int last = bounds.resolution() - 1;
+  // The plane goes on beyond the rim, where taps repeat the map's: its reach is that of the whole kernel.
+  const float reach = std::fabs(r.slopeX) * (std::max(r.x - float(x0), float(x1) - r.x) + 1.0f) + std::fabs(r.slopeY) * (std::max(r.y - float(y0), float(y1) - r.y) + 1.0f) + 1e-6f;
   x0 = std::clamp(x0, 0, last);
   x1 = std::clamp(x1, 0, last);
   y0 = std::clamp(y0, 0, last);
   y1 = std::clamp(y1, 0, last);
   float lo, hi;
   bounds.range(face, x0, y0, x1, y1, lo, hi);
-  const float reach = std::fabs(r.slopeX) * (std::max(r.x - float(x0), float(x1) - r.x) + 1.0f) + std::fabs(r.slopeY) * (std::max(r.y - float(y0), float(y1) - r.y) + 1.0f) + 1e-6f;
   if (r.d + reach <= lo) return KernelVerdict::Lit;
   if (r.d - reach > hi) return KernelVerdict::Dark;
   return KernelVerdict::Mixed;
