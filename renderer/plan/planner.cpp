@@ -475,7 +475,11 @@ class PlanMaker {
       if (!findShadowTechnique(t.technique_case())) { t.mutable_ray_traced(); GOBO_TRY(resolveRayTraced(t)); }
       GOBO_ASSIGN(const NodeId v, visibility(light, scene_, t));
       if (kind == "visibility") output(pixelMean(v, "V", 1, true, o), "V");
-      else if (kind == "shadow_basis") { GOBO_ASSIGN(const NodeId mosaic, planBasisMosaic(plan_.graph, v)); output(mosaic, "image"); }
+      else if (kind == "shadow_basis") {
+        const Result<NodeId> mosaic = planBasisMosaic(plan_.graph, v);
+        if (!mosaic.ok()) return invalidArgument("request.outputs: '" + o + "': " + mosaic.status().message(), "request.outputs");
+        output(*mosaic, "image");
+      }
       else if (marksFailures(t)) output(pixelMean(v, "flags", 1, true, o), "flags");
       else return invalidArgument("request.outputs: '" + o + "' needs shadows.exponential.classification = THRESHOLD or Z_MAX", "request.outputs");
     } else if (kind == "unoccluded") {
