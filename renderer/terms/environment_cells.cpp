@@ -63,7 +63,7 @@ EnvironmentCells::EnvironmentCells(const Environment& map) : cells(size_t(6) * k
       EnvironmentCell& cell = cells[(size_t(face) * kSide + j) * kSide + i];
       cell.solidAngle += omega;
       DVec3 radiance(map.texels[size_t(y / cutY) * map.width + x / cutX]);
-      for (int k = 0; k < 3; ++k) radiance[k] = radiance[k] > 0 && radiance[k] < 3.4e38 ? radiance[k] : 0.0;   // NaN, Inf and negative texels count as black
+      for (int k = 0; k < 3; ++k) radiance[k] = radiance[k] > 0 && std::isfinite(radiance[k]) ? radiance[k] : 0.0;   // NaN, Inf and negative texels count as black
       const DVec3 texel = radiance * omega;
       const double w = 0.2126 * texel.x + 0.7152 * texel.y + 0.0722 * texel.z;
       cell.flux += texel;

@@ -16,7 +16,7 @@ struct EnvironmentCell {
   double weight = 0;       ///< luminance of `flux`
   DVec3 moment{0.0};       ///< integral of luminance x direction
   double extent = 0;       ///< integral of luminance x the texel's own mean squared radius about its centre
-  /// Mean squared distance of the flux from its centre, as chords of the unit sphere.
+  /// Weighted mean direction: shorter than 1 by half the mean squared chord about it.
   DVec3 centre() const { return moment / weight; }
 };
 
