@@ -24,13 +24,16 @@ class VisibilityNode final : public Node {
     t.facets = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
     return t;
   }
-  void hashParameters(Hasher& h) const override { h.add(s_.samples).add(s_.seed); }
+  void hashParameters(Hasher& h) const override {
+    h.add(s_.samples).add(s_.seed);
+    if (s_.angularSize != Vec2(0.0f)) h.add(s_.angularSize.x).add(s_.angularSize.y);
+  }
   size_t outputBytes() const override { return s_.extent.elements() * sizeof(float); }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_CHECK_EQ(ctx.inputs.size(), size_t(1));
     const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
-    const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
+    const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0), s_.angularSize);
     const SurfaceSamples surface(*ctx.inputs[0]);
     auto term = std::make_shared<Term>("visibility", Domain::ViewSample, ctx.inputs[0]->extent());
     const auto V = term->addUnsetPlane<float>("V");
