@@ -41,7 +41,7 @@ inline size_t mipTexels(int resolution) { return mipLevel(resolution, mipLevels(
 /// texel's centre.
 NodePtr makeLightDepthMapNode(const LightFrames& frames, int resolution);
 
-/// Filter, term "depth_bounds": planes lo, hi f32: a packed chain (level 0 is z itself) of the smallest and largest depth below a texel.
+/// Filter, term "depth_bounds": plane bounds f32 (depth_bounds.h): the depth map and chains of the smallest and largest depth below a texel.
 NodePtr makeDepthBoundsNode(int resolution, int faces);
 
 /// Filter, term "shadow_basis": plane B, f32 or u8 (`bytes`), basis->channels() interleaved values a texel: the basis of z, filtered by a
