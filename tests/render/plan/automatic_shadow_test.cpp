@@ -67,7 +67,7 @@ TEST(AutomaticShadow, TimeBudgetsAreKept) {
 
 TEST(AutomaticShadow, HardShadowsAreRaysWhereRaysWin) {
   auto engine = makeEngine();
-  v1::RenderRequest automatic = request("sun", "auto.error=0.04"), rays = request("sun", "ray_traced.samples=1");
+  v1::RenderRequest automatic = request("sun", "auto.error=0.08"), rays = request("sun", "ray_traced.samples=1");
   automatic.set_view_samples(8);   // a small picture, smooth edges: a map of the same error costs more than all its rays
   rays.set_view_samples(8);
   const RenderResult r = mustRender(*engine, automatic);
