@@ -35,16 +35,16 @@ Ray LightFrame::ray(float u, float v, float& startDepth, float& cosine) const {
     startDepth = 0.0f;
     cosine = 1.0f / length;
   } else {
-    ray.origin = origin + right * x + up * y + forward * near;
+    ray.origin = origin + right * x + up * y + forward * start;
     ray.direction = forward;
-    startDepth = near;
+    startDepth = start;
     cosine = 1.0f;
   }
   return ray;
 }
 
 void LightFrame::hash(Hasher& h) const {
-  h.add(perspective).addPod(origin).addPod(right).addPod(up).addPod(forward).addPod(lo).addPod(hi).add(near).add(far);
+  h.add(perspective).addPod(origin).addPod(right).addPod(up).addPod(forward).addPod(lo).addPod(hi).add(near).add(far).add(start).add(sees);
 }
 
 Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels) {
@@ -118,6 +118,8 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
   if (resolution > 4 * rimTexels) half *= float(resolution) / float(resolution - 2 * rimTexels);
   f.lo = centre - half;
   f.hi = centre + half;
+  if (!f.perspective) f.start = f.near;
+  f.sees = !empty && (!f.perspective || high.z > 0.0f);
   return f;
 }
 
@@ -153,6 +155,7 @@ Result<LightFrames> fitLightFrames(const LightShape& light, const Vec3& lo, cons
       near = std::min(near, glm::dot(p, f.forward));
     }
     const float pad = std::max(1e-3f * far, 1e-6f);
+    f.sees = !empty && far > 0.0f;
     f.near = empty || !(far > 0.0f) ? 0.0f : std::max(near - pad, 0.0f);
     f.far = empty || !(far > 0.0f) ? 1.0f : far + pad;
     float half = 1.0001f;
