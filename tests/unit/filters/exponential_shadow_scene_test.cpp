@@ -160,8 +160,11 @@ TEST(ExponentialShadowScene, BareFloorHasNoAcne) {
       RunCounters counters;
       const auto terms = runAll(p.graph, counters);
       for (float v : terms.back()->floats("V"))
-        if (resolution == 256) ASSERT_GT(v, 0.98f) << int(kind);
-        else ASSERT_TRUE(v >= 0.0f && v <= 1.0f);
+        if (resolution == 256) {
+          ASSERT_GT(v, 0.98f) << int(kind);
+        } else {
+          ASSERT_TRUE(v >= 0.0f && v <= 1.0f);
+        }
     }
 }
 
