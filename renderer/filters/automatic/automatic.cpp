@@ -8,7 +8,6 @@
 #include "filters/parameter.h"
 #include "filters/ray_traced/technique.h"
 #include "filters/shadow_map/techniques.h"
-#include "terms/gbuffer.h"
 
 namespace gobo {
 namespace {
@@ -23,7 +22,6 @@ struct Costs {
   double tree = 0.08;                            // rays: share more per doubling of triangles beyond 1000
 };
 
-constexpr int kProbeWidth = 40, kProbeHeight = 30;
 constexpr uint32_t kEnvironmentResolution = 256;
 
 bool areaLight(const ShadowInput& input) {
@@ -75,7 +73,6 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   }
   if (light.shape.kind != LightKind::Environment) {
     probe.rays = delta ? std::vector<uint32_t>{1} : std::vector<uint32_t>{1, 2, 4, 8, 16, 32};
-    probe.truthRays = delta ? 1 : 64;
     for (const uint32_t n : probe.rays) {
       AutomaticCandidate c;
       c.technique.mutable_ray_traced()->set_samples(n);
@@ -112,17 +109,11 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   }
   if (choice.candidates.empty()) return invalidArgument("light '" + light.name + "': no shadow technique is left for shadows.auto");
 
-  GBufferSettings small;
-  small.camera = input.camera;
-  small.width = kProbeWidth;
-  small.height = std::max(1, int(std::lround(double(kProbeWidth) * input.height / std::max(1, input.width))));
-  if (small.height > 2 * kProbeHeight) {   // tall pictures
-    small.width = std::max(1, kProbeWidth * 2 * kProbeHeight / small.height);
-    small.height = 2 * kProbeHeight;
-  }
-  small.viewSamples = 1;
-  const NodeId view = graph.add({makeGBufferNode(small), {}, {}, "gbuffer:probe", 0, input.scene, false});
-  const NodeId node = graph.add({makeShadowProbeNode(probe), {view}, {input.light}, "shadow_probe:" + light.name, 0, input.scene, false});
+  probe.camera = input.camera;
+  probe.width = input.width;
+  probe.height = input.height;
+  probe.viewSamples = input.viewSamples;
+  const NodeId node = graph.add({makeShadowProbeNode(probe), {}, {input.light}, "shadow_probe:" + light.name, 0, input.scene, false});
   GOBO_ASSIGN(const TermPtr term, expand(graph, node));
   const auto rmse = term->plane<double>("rmse");
   GOBO_CHECK_EQ(rmse.size(), choice.candidates.size());

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // shadows.auto: technique and parameters by measured error and modelled cost.
 //
-// A probe (shadow_probe.h) measures the error of each candidate on a small picture of the same view; the cost of each is a sum of the
+// A probe (shadow_probe.h) measures the error of each candidate on some pixels of the view; the cost of each is a sum of the
 // figures below. Within `error` the cheapest wins; with `time_ms` the one of least error among those that fit; if none does, the nearest
 // miss. Costs are constants, not measurements of the running machine, so that the same request picks the same technique everywhere and the
 // picture's bits do not depend on load. Candidates: shadow rays; percentage-closer maps (hard); soft maps (area lights).
-// Probe: 1200 camera rays; a hard candidate map costs 16 rays a receiver, a soft one at most 136.
+// Probe: 1200 pixels; a hard candidate map costs 16 rays a view sample, a soft one at most 136.
 #pragma once
 
 #include <functional>

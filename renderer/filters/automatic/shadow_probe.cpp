@@ -7,15 +7,17 @@
 #include "base/sobol.h"
 #include "filters/shadow_map/depth_compare.h"
 #include "formulas/soft_shadow.glsl.h"
+#include "terms/gbuffer.h"
 #include "terms/light_points.h"
-#include "terms/surface_samples.h"
 #include "terms/visibility.h"
 #include "trace/accel.h"
+#include "trace/view_samples.h"
 
 namespace gobo {
 namespace {
 
-constexpr int kGrain = 8;                 // receivers a task
+constexpr int kGrain = 8;                 // pixels a task
+constexpr int kTruthSamples = 16;
 constexpr int kSearch = 6, kFilter = 8;   // taps a side of the soft kernels
 
 /// Depths of a map that is not there, by a ray per texel asked for.
@@ -58,6 +60,8 @@ class ShadowProbeNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override {
+    hashCamera(h, s_.camera);
+    h.add(s_.width).add(s_.height).add(s_.viewSamples).add(s_.pixels);
     for (const ProbeMap& m : s_.maps) {
       m.frames.hash(h);
       h.add(m.resolution);
@@ -68,38 +72,53 @@ class ShadowProbeNode final : public Node {
   size_t outputBytes() const override { return columns() * 16; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const Term& gbuffer = *ctx.inputs.at(0);
     const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
-    const SurfaceSamples surface(gbuffer);
-    const size_t tasks = (surface.size() + kGrain - 1) / kGrain;
+    // Cells about as wide as high; one pixel of each.
+    const double aspect = double(s_.width) / s_.height;
+    const int across = std::clamp(int(std::lround(std::sqrt(s_.pixels * aspect))), 1, s_.width), down = std::clamp(s_.pixels / across, 1, s_.height);
+    const size_t cells = size_t(across) * size_t(down), tasks = (cells + kGrain - 1) / kGrain, S = size_t(s_.viewSamples);
+    // The view samples of every judged pixel, as a G-buffer that Receivers read.
+    const auto view = std::make_shared<Term>("gbuffer", Domain::ViewSample, Extent{int(cells * S), 1, 1});
+    Surfaces at{view->addPlane<float>("P", 3), view->addPlane<float>("Ng", 3), view->addPlane<uint32_t>("instance")};
+    std::vector<float> x(cells), y(cells);
+    for (size_t c = 0; c < cells; ++c) {
+      const auto pick = [&](size_t cell, int count, int size, uint64_t salt) {   // a pixel of the cell
+        const int lo = int(int64_t(cell) * size / count), hi = std::max(lo + 1, int(int64_t(cell + 1) * size / count));
+        return float(lo + int(hash64(hash64(0x9e0be, c), salt) % uint64_t(hi - lo)));
+      };
+      x[c] = pick(c % size_t(across), across, s_.width, 1);
+      y[c] = pick(c / size_t(across), down, s_.height, 2);
+    }
+    const FilmRays film(s_.camera, s_.width, s_.height);
     // Squared errors by task, added in order afterwards: the same for any number of threads.
-    std::vector<double> sums(tasks * columns(), 0.0);
-    std::vector<double> counts(tasks, 0.0);
+    std::vector<double> sums(tasks * columns(), 0.0), counts(tasks, 0.0);
+    const auto stopped = [] { return Status(Code::Cancelled, "shadow_probe stopped"); };
+    if (!ctx.arena->parallelFor(cells, 64, [&](size_t from, size_t to) {
+          for (size_t c = from; c < to; ++c)
+            for (size_t s = 0; s < S; ++s) {
+              const Vec2 offset = viewSamplePosition(int(s), s_.viewSamples);
+              const Ray ray = film.at(x[c] + offset.x, y[c] + offset.y);
+              look(*accel, &ray, 1, at, c * S + s);
+            }
+        }, ctx.stop)) return stopped();
     std::vector<Receivers> receivers;
-    for (const ProbeMap& m : s_.maps) receivers.emplace_back(gbuffer, m.frames, m.resolution, ShadowView{}, ReceiverNeeds{.slopes = true, .facing = false});
+    for (const ProbeMap& m : s_.maps) receivers.emplace_back(*view, m.frames, m.resolution, ShadowView{}, ReceiverNeeds{.slopes = true, .facing = false});
     const bool done = ctx.arena->parallelFor(tasks, 1, [&](size_t from, size_t to) {
       uint64_t rays = 0;
+      std::vector<float> estimates(columns());
       for (size_t task = from; task < to; ++task) {
-        const size_t begin = task * kGrain, end = std::min(begin + kGrain, surface.size());
-        for (size_t e = begin; e < end; ++e) {
-          std::vector<float> estimates(s_.rays.size());
+        const size_t begin = task * kGrain, end = std::min(begin + kGrain, cells);
+        for (size_t c = begin; c < end; ++c) {
           float truth = 1.0f;
-          if (!surface.hit(e) || !trace(*accel, light, surface, e, truth, estimates.data(), rays)) continue;
+          if (!judge(*accel, light, film, x[c], y[c], at, c, receivers, truth, estimates.data(), rays)) continue;
           counts[task] += 1;
-          double* sum = &sums[task * columns()];
-          for (size_t k = 0; k < s_.rays.size(); ++k) sum[k] += sqr(double(estimates[k]) - truth);
-          for (size_t k = 0; k < s_.maps.size(); ++k) {
-            ReceiverBlock b;
-            receivers[k].fill(e, 1, b);
-            const float v = !b.covered[0] ? 1.0f : s_.size == Vec2(0.0f) ? hard(*accel, s_.maps[k], b, rays) : soft(*accel, s_.maps[k], receivers[k], b, rays);
-            sum[s_.rays.size() + k] += sqr(double(v) - truth);
-          }
+          for (size_t k = 0; k < columns(); ++k) sums[task * columns() + k] += sqr(double(estimates[k]) - truth);
         }
       }
       if (ctx.counters) ctx.counters->rays += rays;
     }, ctx.stop);
-    if (!done) return Status(Code::Cancelled, "shadow_probe stopped");
+    if (!done) return stopped();
     auto term = std::make_shared<Term>("shadow_probe", Domain::Table, Extent{int(columns()), 1, 1});
     const auto rmse = term->addPlane<double>("rmse"), judged = term->addPlane<double>("receivers");
     double count = 0;
@@ -117,33 +136,111 @@ class ShadowProbeNode final : public Node {
   static double sqr(double x) { return x * x; }
   size_t columns() const { return s_.rays.size() + s_.maps.size(); }
 
-  /// Visibility by truthRays points, and by the first rays[k] of the sequence that the ray-traced technique would use. The first n of N points
-  /// share their noise with the truth: the error of n is larger by 1 / (1 - n/N). False where the light cannot shine.
-  bool trace(const Accel& accel, const LightPoints& light, const SurfaceSamples& surface, size_t e, float& truth, float* estimates, uint64_t& rays) const {
-    const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
+  struct Surfaces {
+    std::span<float> P, Ng;
+    std::span<uint32_t> instance;
+    bool hit(size_t e) const { return instance[e] != kNoHit; }
+    Vec3 position(size_t e) const { return Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]); }
+    Vec3 normal(size_t e) const { return Vec3(Ng[3 * e], Ng[3 * e + 1], Ng[3 * e + 2]); }
+  };
+  /// Elements first .. first + count - 1: what the rays see. Shading normals are left out: a probe can do without them.
+  static void look(const Accel& accel, const Ray* ray, int count, const Surfaces& at, size_t first) {
+    Hit hit[16];
+    accel.intersect16(ray, count, hit);
+    for (int i = 0; i < count; ++i) {
+      const size_t e = first + size_t(i);
+      at.instance[e] = hit[i].instance;
+      const Vec3 p = hit[i].valid() ? ray[i].origin + ray[i].direction * hit[i].t : Vec3(0.0f);
+      const Vec3 n = !hit[i].valid() ? Vec3(0.0f) : glm::dot(hit[i].Ng, ray[i].direction) < 0 ? hit[i].Ng : -hit[i].Ng;
+      for (int c = 0; c < 3; ++c) { at.P[3 * e + c] = p[c]; at.Ng[3 * e + c] = n[c]; }
+    }
+  }
+
+  /// Truth and every candidate's value of one pixel. False where the light cannot shine.
+  bool judge(const Accel& accel, const LightPoints& light, const FilmRays& film, float px, float py, const Surfaces& view, size_t cell, const std::vector<Receivers>& receivers,
+             float& truth, float* estimates, uint64_t& rays) const {
+    const size_t S = size_t(s_.viewSamples), first = cell * S;
+    std::fill_n(estimates, columns(), 0.0f);
+    double sum = 0;
+    size_t lit = 0;
+    for (size_t s = 0; s < S; ++s) {
+      float here[16];
+      float exact = 1.0f;
+      if (!view.hit(first + s) || !trace(accel, light, view.position(first + s), view.normal(first + s), first + s, exact, here, rays)) continue;
+      ++lit;
+      sum += exact;
+      for (size_t k = 0; k < s_.rays.size(); ++k) estimates[k] += here[k];
+      for (size_t k = 0; k < s_.maps.size(); ++k) {
+        ReceiverBlock b;
+        receivers[k].fill(first + s, 1, b);
+        estimates[s_.rays.size() + k] += !b.covered[0] ? 1.0f : s_.size == Vec2(0.0f) ? hard(accel, s_.maps[k], b, rays) : soft(accel, s_.maps[k], receivers[k], b, rays);
+      }
+    }
+    if (lit == 0) return false;
+    for (size_t k = 0; k < columns(); ++k) estimates[k] /= float(lit);
+    truth = float(sum / double(lit));
+    if (!light.pointLike()) return true;
+    // Hard shadows: over the pixel's area.
+    float P[3 * kTruthSamples], Ng[3 * kTruthSamples];
+    uint32_t instance[kTruthSamples];
+    const Surfaces area{P, Ng, instance};
+    Ray ray[kTruthSamples];
+    for (int i = 0; i < kTruthSamples; ++i) {
+      const Vec2 u = SobolSampler(hash64(s_.seed, cell), uint32_t(i)).next2D();
+      ray[i] = film.at(px + u.x, py + u.y);
+    }
+    look(accel, ray, kTruthSamples, area, 0);
+    double seen = 0, count = 0;
+    for (size_t i = 0; i < kTruthSamples; ++i) {
+      float v = 1.0f;
+      if (!area.hit(i) || !trace(accel, light, area.position(i), area.normal(i), i, v, nullptr, rays)) continue;
+      seen += v;
+      ++count;
+    }
+    if (count > 0) truth = float(seen / count);
+    return true;
+  }
+
+  /// Visibility of the light at one place: by truthRays points, and (unless null) by the first rays[k] of the sequence that the ray-traced technique would
+  /// use. The first n of N points share their noise with the truth: the error of n is larger by 1 / sqrt(1 - n/N). False where the light cannot shine.
+  bool trace(const Accel& accel, const LightPoints& light, const Vec3& p, const Vec3& n, size_t e, float& truth, float* estimates, uint64_t& rays) const {
     const uint64_t seed = viewSampleSeed(s_.seed, e);
-    double seen = 0, sum = 0;
-    size_t next = 0;
-    std::vector<float> partial(s_.rays.size(), 1.0f);
     const uint32_t count = light.pointLike() ? 1 : s_.truthRays;
+    Ray packet[16];
+    uint32_t at[16];
+    int waiting = 0;
+    std::vector<float> weight(count, 0.0f);
+    std::vector<uint8_t> open(count, 0);
+    const auto flush = [&] {
+      const uint32_t blocked = waiting ? accel.occluded16(packet, waiting) : 0;
+      for (int i = 0; i < waiting; ++i) open[at[i]] = !(blocked >> i & 1);
+      rays += uint64_t(waiting);
+      waiting = 0;
+    };
     for (uint32_t i = 0; i < count; ++i) {
       LightPoint point;
       const Vec2 u = light.pointLike() ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
-      if (light.sample(p, N, Ng, u, point)) {
-        sum += point.weight;
-        if (!point.belowSurface) {
-          ++rays;
-          if (!accel.occluded(shadowRay(accel, p, Ng, point))) seen += point.weight;
-        }
-      }
-      while (next < s_.rays.size() && s_.rays[next] == i + 1) partial[next++] = sum > 0 ? float(seen / sum) : 1.0f;
+      if (!light.sample(p, n, n, u, point)) continue;
+      weight[i] = point.weight;
+      if (point.belowSurface) continue;
+      packet[waiting] = shadowRay(accel, p, n, point);
+      at[waiting++] = i;
+      if (waiting == 16) flush();
+    }
+    flush();
+    double seen = 0, sum = 0;
+    size_t next = 0;
+    for (uint32_t i = 0; i < count; ++i) {
+      sum += weight[i];
+      if (open[i]) seen += weight[i];
+      while (estimates && next < s_.rays.size() && s_.rays[next] == i + 1) estimates[next++] = sum > 0 ? float(seen / sum) : 1.0f;
     }
     if (!(sum > 0)) return false;
     truth = float(seen / sum);
-    for (size_t k = 0; k < s_.rays.size(); ++k) {
+    for (size_t k = 0; estimates && k < s_.rays.size(); ++k) {
       const double share = double(s_.rays[k]) / count;
       const double grow = count > 1 && share < 1 ? 1.0 / std::sqrt(1.0 - share) : 1.0;
-      estimates[k] = k < next ? float(truth + grow * (double(partial[k]) - truth)) : truth;
+      estimates[k] = k < next ? float(truth + grow * (double(estimates[k]) - truth)) : truth;
     }
     return true;
   }

@@ -69,6 +69,9 @@ TEST(Outputs, PartsAddUpWithVisibilityTechniquesGainsAndClusters) {
   set(r, "integrator.max_groups=16");
   set(r, "environment.extract_lights=3");
   expectSums(mustRender(*engine, r), "extracted environment");
+  r.mutable_environment()->clear_extract_lights();
+  set(r, "environment.area_lights=3");
+  expectSums(mustRender(*engine, r), "environment as area lights");
 }
 
 // Pixels' variance against the scatter of the beauty over independent seeds, each pixel in units of what other seeds (the pilot) say its
