@@ -14,7 +14,10 @@
 #include "base/sobol.h"
 #include "device/egl/egl_device.h"
 #include "device/vulkan/vulkan_device.h"
-#include "filters/exponential_shadow_map/device_kernels.h"
+#include "filters/shadow_map/exponential_device.h"
+#include "filters/shadow_map/gaussian_kernels.h"
+#include "filters/shadow_map/shadow_basis_kernels.h"
+#include "filters/shadow_map/shadow_map.h"
 
 using namespace gobo;
 
@@ -52,11 +55,10 @@ int main() {
     positions[3 * i + 1] = float(i / side) / side;
     positions[3 * i + 2] = 0.5f + 0.4f * toUnit(hash32(2, i));
   }
-  ExponentialShadowLookup lookup;
-  lookup.frame.lo = Vec2(0.0f);
-  lookup.frame.hi = Vec2(1.0f);
-  const auto parameters = lookupParameters(lookup, side, side, uint32_t(samples));
-  const auto weights = exponentialShadowWeights(taps / 2);
+  LightFrame frame;
+  frame.lo = Vec2(0.0f);
+  frame.hi = Vec2(1.0f);
+  const auto weights = shadowGaussian(taps / 2);
 
   // The exp loop in cache-sized pieces (16 KiB), so that memory does not hide arithmetic; then the passes over whole maps.
   constexpr size_t kPiece = 2048;
@@ -73,10 +75,29 @@ int main() {
   const double filter = median(cpuClock, [&] {
     for (int y = 0; y < side; ++y) {
       std::copy_n(&e[size_t(y) * side], side, padded.begin() + taps / 2);
-      filterRow(padded.data(), weights.data(), taps, &rows[size_t(y) * side], side);
+      filterRow(padded.data(), weights.data(), taps, 1, &rows[size_t(y) * side], side);
     }
   });
-  const double look = median(cpuClock, [&] { lookupExponential(parameters, e.data(), positions.data(), instances.data(), V.data(), samples); });
+  // The lookup node itself, on one thread.
+  const auto depth = std::make_shared<Term>("light_depth_map", Domain::LightTexel, Extent{side, side, 1});
+  std::copy(z.begin(), z.end(), depth->addPlane<float>("z").begin());
+  const auto gbuffer = std::make_shared<Term>("gbuffer", Domain::ViewSample, Extent{side, side, 1});
+  std::copy(positions.begin(), positions.end(), gbuffer->addPlane<float>("P", 3).begin());
+  gbuffer->addPlane<uint32_t>("instance");
+  TaskArena arena(1);
+  const auto run = [&](const NodePtr& node, std::vector<TermPtr> inputs) {
+    RunContext ctx;
+    ctx.arena = &arena;
+    ctx.inputs = std::move(inputs);
+    return *node->run(ctx);
+  };
+  const ShadowBasisPtr basis = makeExponentialBasis(60.0f, false);
+  ShadowLookup lookup;
+  lookup.frames.face[0] = frame;
+  lookup.map.resolution = side;
+  const TermPtr map = run(makeShadowEncodeNode(basis, taps / 2, side, 1, false), {depth});
+  const NodePtr node = makeShadowLookupNode(basis, lookup);
+  const double look = median(wallClock, [&] { run(node, {gbuffer, map}); });
   const double ratio = libm / fast;
   std::printf("exp loop, in cache       %6.1f GB/s  %5.2f ns per element\n", 8e-9 * double(n) * repeats / fast, 1e9 * fast / double(n) / repeats);
   std::printf("the same over std::exp   %6.1f GB/s  %5.2f ns per element  (%.1f times slower)\n", 8e-9 * double(n) * repeats / libm, 1e9 * libm / double(n) / repeats, ratio);
@@ -89,9 +110,9 @@ int main() {
       return;
     }
     const double encode = median(wallClock, [&] { (void)deviceEncode(**device, z, side, side, 60.0f, weights, e).ok(); });
-    const double lookup = median(wallClock, [&] { (void)deviceLookup(**device, parameters, e, positions, instances, V, {}).ok(); });
+    const double look = median(wallClock, [&] { (void)deviceLookup(**device, {frame, 60.0f, lookup.map.bias, side, side}, e, positions, instances, V, {}).ok(); });
     std::printf("%s: %s, wall clock with transfers: encode + filter %.2f ms, lookup %.2f ms\n", (*device)->kind(), (*device)->name().c_str(), 1e3 * encode,
-                1e3 * lookup);
+                1e3 * look);
   };
   onDevice(VulkanDevice::shared());
   onDevice(EglDevice::shared());

@@ -11,7 +11,7 @@ namespace {
 
 constexpr const char* kOutputsHelp =
     "separated by commas: beauty, emission, direct, indirect, diffuse, specular, direct_diffuse, ..., albedo, normal, position, depth, alpha, "
-    "object_id, material_id, motion, sample_count, variance, group:LIGHT, unoccluded:LIGHT, visibility:LIGHT";
+    "object_id, material_id, motion, sample_count, variance, group:LIGHT, unoccluded:LIGHT, visibility:LIGHT, shadow_flags:LIGHT, shadow_basis:LIGHT";
 
 /// Only explicit type names: CLI11 would print "TEXT" and "UINT".
 template <typename T>
@@ -198,6 +198,20 @@ void CommandLine::addTools() {
   value(*measure, "--csv", measure_.csv, "FILE", "write the points");
   value(*measure, "--plot", measure_.plot, "FILE", "write a log-log plot (PNG)");
   addRequestOptions(*measure, measure_.request);
+
+  CLI::App* occlusion = command(app, "occlusion", "visibility of one light along a row or column of the picture, by several shadow techniques and by rays",
+                                [this] { return runOcclusion(session, occlusion_); });
+  value(*occlusion, "scene", occlusion_.scene, "SCENE", "file, id or built-in name")->required();
+  value(*occlusion, "--light", occlusion_.light, "LIGHT", "name; may be left out where there is one light");
+  auto* row = value(*occlusion, "--row", occlusion_.row, "N", "of the picture, 0 on top; default the middle one")->check(CLI::Range(0, 16383).description(""));
+  value(*occlusion, "--column", occlusion_.column, "N", "instead of a row, 0 on the left")->check(CLI::Range(0, 16383).description(""))->excludes(row);
+  value(*occlusion, "--techniques", occlusion_.techniques, "TECHNIQUES",
+        "such as \"exponential.c=80;convolution.order=16,map.blur=2\": ';' between techniques, ',' between fields of one; default every one that does the light");
+  value(*occlusion, "--reference-samples", occlusion_.referenceSamples, "N", "shadow rays per view sample of the truth (1 is used for point-like lights); default 256")
+      ->check(CLI::Range(1, 4096).description(""));
+  value(*occlusion, "--csv", occlusion_.csv, "FILE", "write the line: pixel, truth, each technique");
+  value(*occlusion, "--plot", occlusion_.plot, "FILE", "write a plot (PNG)");
+  addRequestOptions(*occlusion, occlusion_.request);
 
   CLI::App* demo = command(app, "demo", "render a scene, relight it step by step, print cost and error of each step", [this] { return runDemo(session, demo_); });
   value(*demo, "scene", demo_.scene, "SCENE", "file, id or built-in name")->required();

@@ -41,6 +41,7 @@ class CommandLine {
   RelightCommand relight_;
   CompareCommand compare_;
   MeasureCommand measure_;
+  OcclusionCommand occlusion_;
   DemoCommand demo_;
   JobSubmitCommand submit_;
   JobFetchCommand fetch_;

@@ -58,6 +58,14 @@ struct MeasureCommand {
 };
 int runMeasure(const SessionOptions& session, const MeasureCommand& command);
 
+struct OcclusionCommand {
+  std::string scene, light, techniques, csv, plot;
+  RequestOptions request;
+  int row = -1, column = -1;        ///< of the picture; neither: the middle row
+  uint32_t referenceSamples = 256;  ///< shadow rays per view sample of the truth
+};
+int runOcclusion(const SessionOptions& session, const OcclusionCommand& command);
+
 struct DemoCommand {
   std::string scene, out;         ///< out: folder for EXR and PNG of every step
   RequestOptions request;

@@ -206,11 +206,44 @@ void offerPaths(const Context& c, Candidates& out) {
   }
 }
 
+void offerLights(const Context& c, Candidates& out) {
+  const v1::SceneInfo info = Server(c).inspect(sceneOf(c));
+  for (const v1::LightInfo& light : info.lights()) out.add(light.name(), light.kind());
+}
+
+// "exponential.c=80,map.blur=2;moment": what is before the last ';' or ',' stays.
+void offerTechniques(Candidates& out) {
+  const size_t mark = out.typed().find_last_of(";,");
+  const std::string before = mark == std::string::npos ? "" : out.typed().substr(0, mark + 1);
+  std::string last = out.typed().substr(before.size()), group;
+  const Descriptor* d = v1::ShadowTechnique::descriptor();
+  if (const size_t dot = last.find('.'); dot != std::string::npos) {
+    const FieldDescriptor* f = d->FindFieldByName(last.substr(0, dot));
+    if (!f) return;
+    group = last.substr(0, dot + 1);
+    d = f->message_type();
+    last.erase(0, dot + 1);
+  }
+  const size_t equals = last.find('=');
+  for (int i = 0; i < d->field_count(); ++i) {
+    const FieldDescriptor* f = d->field(i);
+    if (equals == std::string::npos) {
+      if (group.empty()) out.add(before + f->name());
+      out.add(before + group + f->name() + (group.empty() ? "." : "="), helpOf(f));
+    } else if (f->name() == last.substr(0, equals) && f->cpp_type() == FieldDescriptor::CPPTYPE_ENUM) {
+      for (int v = 0; v < f->enum_type()->value_count(); ++v)
+        if (f->enum_type()->value(v)->number()) out.add(before + group + f->name() + "=" + f->enum_type()->value(v)->name());
+    }
+  }
+}
+
 // Candidates for a value by its type name in command_line.cpp.
 void offerValue(const std::string& type, const Context& c, Candidates& out) {
   if (type == "SCENE") offerScenes(c, out, true);
   else if (type == "LOADED") offerScenes(c, out, false);
   else if (type == "OUTPUTS") offerOutputs(c, out);
+  else if (type == "LIGHT") offerLights(c, out);
+  else if (type == "TECHNIQUES") offerTechniques(out);
   else if (type == "PATH=VALUE" || type == "PATH=VALUES") offerPaths(c, out);
   else if (type == "FILE" || type == "ADDRESS") out.ask(":file");
   else if (type == "FOLDER") out.ask(":dir");

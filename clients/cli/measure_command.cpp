@@ -46,11 +46,14 @@ Result<Sweep> parseSweep(const std::string& text) {
   }
 }
 
-// The same view and lights with every approximation taken out: path traced, no extracted lights, no certificate.
+// The same view and lights with every approximation taken out: path traced, no lights in the map's place, no certificate.
 v1::RenderRequest referenceOf(v1::RenderRequest request, uint32_t spp, uint64_t seed) {
   request.mutable_shadows()->mutable_path_traced();
   for (auto& [name, light] : *request.mutable_lights()) light.clear_shadow();
-  if (request.environment().extract_lights()) request.mutable_environment()->clear_extract_lights();
+  if (request.has_environment()) {
+    request.mutable_environment()->clear_extract_lights();
+    request.mutable_environment()->clear_area_lights();
+  }
   request.clear_certificate();
   request.clear_halt();
   request.mutable_halt()->set_spp(std::max(1u, spp));

@@ -6,6 +6,12 @@
 
 namespace gobo {
 
+namespace {
+bool notAnEnvironment(LightKind kind) { return kind != LightKind::Environment; }
+// plan/planner.cpp puts what chooseShadow (automatic/automatic.h) picks in its place before it plans.
+Result<NodeId> chosenByThePlanner(Graph&, const ShadowInput&, const v1::ShadowTechnique&) { return internalError("shadows.auto was not resolved"); }
+}  // namespace
+
 const std::vector<ShadowTechniqueEntry>& shadowTechniques() {
   static const std::vector<ShadowTechniqueEntry> table{
       rayTracedShadowTechnique(),
@@ -17,6 +23,7 @@ const std::vector<ShadowTechniqueEntry>& shadowTechniques() {
       {v1::ShadowTechnique::kExponential, "exponential", shadowMapSupports, planExponentialShadow, true},
       {v1::ShadowTechnique::kExponentialVariance, "exponential_variance", shadowMapSupports, planExponentialVarianceShadow, true},
       {v1::ShadowTechnique::kMoment, "moment", shadowMapSupports, planMomentShadow, true},
+      {v1::ShadowTechnique::kAuto, "auto", notAnEnvironment, chosenByThePlanner},
   };
   return table;
 }

@@ -10,13 +10,13 @@ FORMULAS_BEGIN
 FORMULA float evsmPositive(float z, float c) { return fastExp(c * (z - 1.0f)); }
 FORMULA float evsmNegative(float z, float c) { return -fastExp(-c * z); }
 
-/// Visibility from the filtered moments of both warps. minVariance is in squared depth ranges: a warp w with slope c w has c^2 w^2 times it.
+/// Visibility from the filtered moments of both warps, each in units of the receiver's own warp: there squares of small warps and their
+/// variances stay normal floats. minVariance is in squared depth ranges: a warp w of slope c w has c^2 times it in those units.
 FORMULA float evsmVisibility(float p1, float p2, float q1, float q2, float d, float cPositive, float cNegative, float minVariance) {
   float r = shadowReceiver(d);
-  float p = evsmPositive(r, cPositive), q = evsmNegative(r, cNegative);
-  float kp = cPositive * p, kq = cNegative * q;
-  float front = vsmChebyshev(p1, p2, p, minVariance * (kp * kp));
-  float back = vsmChebyshev(q1, q2, q, minVariance * (kq * kq));
+  float p = fastExp(cPositive * (1.0f - r)), q = fastExp(cNegative * r);   // at most e^42, squares e^84
+  float front = vsmChebyshev(p1 * p, p2 * (p * p), 1.0f, minVariance * (cPositive * cPositive));
+  float back = vsmChebyshev(q1 * q, q2 * (q * q), -1.0f, minVariance * (cNegative * cNegative));
   return minOf(front, back);
 }
 

@@ -47,6 +47,18 @@ class Canvas {
         blend(x, y, colour, float(std::clamp(width / 2 + 0.5 - std::hypot(px - t * dx, py - t * dy), 0.0, 1.0)));
       }
   }
+  /// The dashes of a segment that begins `along` pixels into its line.
+  void dashes(double x0, double y0, double x1, double y1, double width, const Vec3& colour, double along) {
+    constexpr double on = 9, period = 15;
+    const double length = std::hypot(x1 - x0, y1 - y0);
+    if (!(length > 0)) return;
+    const auto part = [&](double from, double to) {
+      const double a = from / length, b = to / length;
+      segment(x0 + a * (x1 - x0), y0 + a * (y1 - y0), x0 + b * (x1 - x0), y0 + b * (y1 - y0), width, colour);
+    };
+    for (double start = std::floor(along / period) * period; start < along + length; start += period)
+      if (start + on > along) part(std::max(start - along, 0.0), std::min(start + on - along, length));
+  }
   /// Disc, square, diamond or triangle by `shape` % 4, of radius r.
   void mark(double cx, double cy, int shape, const Vec3& colour, double r = 5) {
     for (int y = int(cy - r - 2); y <= int(cy + r + 2); ++y)
@@ -189,20 +201,30 @@ Image drawPlot(const Plot& plot) {
     const PlotSeries& s = plot.series[i];
     const Vec3 colour = kColours[i % 8];
     const PlotPoint* last = nullptr;
+    double along = 0;                                        // of the line, in pixels
+    const auto join = [&](double x0, double y0, double x1, double y1) {
+      if (i / 8 % 2) canvas.dashes(x0, y0, x1, y1, s.width, colour, along);
+      else canvas.segment(x0, y0, x1, y1, s.width, colour);
+      along += std::hypot(x1 - x0, y1 - y0);
+    };
     for (const PlotPoint& p : s.points) {
-      if (!x.shows(p.x) || !y.shows(p.y)) continue;
+      if (!x.shows(p.x) || !y.shows(p.y)) {
+        if (s.gaps) last = nullptr;
+        continue;
+      }
       const double px = x.at(p.x), py = y.at(p.y);
       if (p.high > p.low && y.shows(p.high)) {
         const double lowest = y.shows(p.low) ? y.at(p.low) : double(bottom);
         canvas.segment(px, lowest, px, y.at(p.high), 1.2, colour);
         for (double end : {lowest, y.at(p.high)}) canvas.segment(px - 4, end, px + 4, end, 1.2, colour);
       }
-      if (s.line && last) canvas.segment(x.at(last->x), y.at(last->y), px, py, 2, colour);
+      if (s.line && last) join(x.at(last->x), y.at(last->y), px, py);
       if (s.marks) canvas.mark(px, py, int(i), colour);
       last = &p;
     }
     const int row = top + 8 + int(i) * kLineHeight;
-    if (s.line) canvas.segment(right + 12, row + 7, right + 34, row + 7, 2, colour);
+    along = 0;
+    if (s.line) join(right + 12, row + 7, right + 34, row + 7);
     if (s.marks) canvas.mark(right + 23, row + 7, int(i), colour);
     canvas.text(right + 42, row, s.name, kInk);
   }

@@ -20,17 +20,19 @@ struct PlotSeries {
   std::string name;           ///< in the legend; ASCII
   std::vector<PlotPoint> points;
   bool line = true, marks = true;
+  bool gaps = false;          ///< a point that is left out interrupts the line
+  double width = 2;           ///< of the line, pixels
 };
 
 struct Plot {
   std::string title, xLabel, yLabel;
   bool logX = true, logY = true;
   int width = 960, height = 600;    ///< pixels, at least 320 x 240 (CHECKed)
-  std::vector<PlotSeries> series;   ///< colours and marks repeat after eight
+  std::vector<PlotSeries> series;   ///< colours and marks repeat after eight; every second eight has dashed lines
 };
 
 /// Display-referred linear RGB in 0..1. Points that are not finite, or not positive on a logarithmic axis, are left out; lines
-/// join the points that are left, in their order. A plot without points shows its axes from 1 to 10 (0 to 1 when linear).
+/// join the points that are left, in their order (PlotSeries::gaps: only neighbours). A plot without points shows its axes from 1 to 10 (0 to 1 when linear).
 Image drawPlot(const Plot& plot);
 /// PNG, written atomically. Errors name the file.
 Status writePlot(const Plot& plot, const std::string& path);

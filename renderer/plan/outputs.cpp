@@ -33,7 +33,7 @@ const OutputInfo kTable[] = {
     {"unoccluded", OutputKind::Radiance, true},
     {"visibility", OutputKind::Plain, true, false, "Y"},
     {"shadow_flags", OutputKind::Plain, true, false, "Y"},
-    {"shadow_basis", OutputKind::Plain, true, false, "Y"},
+    {"shadow_basis", OutputKind::Plain, true, true, "Y"},   // e^(c z) leaves half
 };
 
 bool contains(std::initializer_list<std::string_view> list, std::string_view name) { return std::find(list.begin(), list.end(), name) != list.end(); }
@@ -83,6 +83,11 @@ Status checkOutputs(const Scene& scene, const v1::RenderRequest& request) {
     if (light < 0) return notFound("request.outputs: no light '" + name + "' in the scene", "request.outputs");
     if (std::string_view(info->name) != "group" && scene.lights[light].shape.kind == LightKind::Environment)
       return invalidArgument("request.outputs: '" + o + "': an environment has no single visibility; ask for group:" + name, "request.outputs");
+    if (std::string_view(info->name) == "shadow_basis" && request.encoding().layers())
+      for (const std::string& other : request.outputs())
+        if (other != o)
+          return invalidArgument("request.outputs: '" + o + "' has the size of its map and cannot be a layer beside '" + other + "'; ask for it alone or leave out encoding.layers",
+                                 "request.outputs");
   }
   return {};
 }

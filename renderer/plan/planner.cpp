@@ -2,8 +2,13 @@
 #include "plan/planner.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdio>
 #include <map>
+#include <span>
 
+#include "filters/ambient_light.h"
+#include "filters/automatic/automatic.h"
 #include "filters/composite.h"
 #include "filters/sample_statistics.h"
 #include "filters/shadow_map/techniques.h"
@@ -11,6 +16,7 @@
 #include "plan/caustic_plan.h"
 #include "plan/material_kinds.h"
 #include "plan/outputs.h"
+#include "terms/area_light_list.h"
 #include "terms/caustics.h"
 #include "terms/direct_unoccluded.h"
 #include "terms/extract_lights.h"
@@ -26,6 +32,7 @@ namespace gobo {
 namespace {
 
 constexpr int kUnoccludedSamples = 32;
+constexpr size_t kKeptEnvironmentBytes = size_t(256) << 20;   // terms of lights in the map's place, beyond which they are made again
 
 /// One weighted plane of the beauty and what it holds.
 struct Contribution {
@@ -117,7 +124,7 @@ class PlanMaker {
   void warn(const std::string& text) {
     if (std::find(plan_.warnings.begin(), plan_.warnings.end(), text) == plan_.warnings.end()) plan_.warnings.push_back(text);
   }
-  Result<NodeId> visibility(int light, const ScenePtr& scene, const v1::ShadowTechnique& t) {
+  Result<NodeId> visibility(int light, const ScenePtr& scene, const v1::ShadowTechnique& t, const Vec2& angularSize = Vec2(0.0f)) {
     ShadowInput in;
     in.scene = scene;
     in.light = light;
@@ -127,9 +134,26 @@ class PlanMaker {
     in.height = height_;
     in.viewSamples = viewSamples_;
     in.seed = request_.seed();
+    in.angularSize = angularSize;
     const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
     GOBO_CHECK(entry != nullptr);
+    if (t.has_auto_()) return automatic(in, t);
     return entry->plan(plan_.graph, in, t);
+  }
+  /// shadows.auto: the choice goes into the plan, each rejected candidate as a pruned row with what it would have cost.
+  Result<NodeId> automatic(const ShadowInput& in, const v1::ShadowTechnique& t) {
+    GOBO_ASSIGN(const AutomaticChoice choice, chooseShadow(plan_.graph, in, t, services_.expand));
+    const std::string& name = in.scene->lights[size_t(in.light)].name;
+    const AutomaticCandidate& chosen = choice.candidates[choice.chosen];
+    for (size_t k = 0; k < choice.candidates.size(); ++k) {
+      const AutomaticCandidate& c = choice.candidates[k];
+      char text[160];
+      std::snprintf(text, sizeof text, "%s: expected error %.4f in %.1f ms", k == choice.chosen ? "auto chose it" : "auto passed it over", c.rmse, c.ms);
+      if (choice.receivers > 0 || k == choice.chosen) plan_.graph.prune("auto:" + name + ": " + c.text, text);
+    }
+    const ShadowTechniqueEntry* entry = findShadowTechnique(chosen.technique.technique_case());
+    GOBO_CHECK(entry != nullptr);
+    return entry->plan(plan_.graph, in, chosen.technique);
   }
   /// The parts that direct light is planned in.
   std::vector<LobePart> lobes() const { return splitLobes_ ? std::vector{LobePart::Diffuse, LobePart::Specular} : std::vector{LobePart::Both}; }
@@ -232,7 +256,11 @@ class PlanMaker {
     }
     cover_.assign(plan_.groups.count, PathClass::None);
     if (!indirect) plan_.graph.prune("indirect", request_.integrator().indirect() ? "max_bounces is 0" : "integrator.indirect is false", true);
-    const bool extract = request_.has_environment() && request_.environment().extract_lights() > 0 && scene_->environment != nullptr;
+    const v1::EnvironmentSettings& sky = request_.environment();
+    if (sky.area_lights() > 0 && sky.extract_lights() > 0)
+      return invalidArgument("request.environment.area_lights: " + std::to_string(sky.area_lights()) + " and extract_lights " + std::to_string(sky.extract_lights()) +
+                             " both stand for the map: ask for one", "request.environment.area_lights");
+    const bool extract = (sky.area_lights() > 0 || sky.extract_lights() > 0) && scene_->environment != nullptr;
 
     std::vector<int> all, traced, viewed, visible;   // viewed: direct by a visibility technique; visible: emission by a separate node
     std::vector<v1::ShadowTechnique> technique(n);
@@ -253,7 +281,7 @@ class PlanMaker {
       GOBO_TRY(planViewedDirect(viewed, technique));
       // Techniques see the front of surfaces; direct light through them is traced.
       if (kinds_.translucent && !viewed.empty()) pathTraceGroups(viewed, PathClass::Direct, "through", true);
-      if (extract) GOBO_TRY(planExtractedEnvironment());
+      if (extract) GOBO_TRY(planEnvironmentLights());
     }
     planClusterEdits(indirect);
     planCaustics();
@@ -297,45 +325,82 @@ class PlanMaker {
     return {};
   }
 
-  Status planExtractedEnvironment() {
+  /// Lights at infinity that stand for the map: directional ones, or squares of some size with what they leave over.
+  struct EnvironmentLights {
+    std::vector<Light> lights;
+    std::vector<Vec2> angularSizes;
+    std::array<Vec3, 9> ambient{};
+    std::string kind;
+  };
+  Result<EnvironmentLights> environmentLights() {
+    const bool squares = request_.environment().area_lights() > 0;
+    const NodePtr node = squares ? makeAreaLightListNode(int(request_.environment().area_lights())) : makeExtractLightsNode(int(request_.environment().extract_lights()));
+    GOBO_ASSIGN(const TermPtr term, services_.expand(plan_.graph, source(node, {}, {}, squares ? "area_lights" : "extract_lights", scene_)));
+    const float r = scene_->environment->rotation, cosR = std::cos(r), sinR = std::sin(r);
+    const auto toWorld = [&](std::span<const float> d, int i) { return Vec3(d[3 * i] * cosR + d[3 * i + 2] * sinR, d[3 * i + 1], d[3 * i + 2] * cosR - d[3 * i] * sinR); };
+    const auto directions = term->floats("direction"), irradiance = term->floats("irradiance");
+    EnvironmentLights out;
+    out.kind = squares ? "area lights" : "extracted lights";
+    const int count = squares ? int(term->plane<uint32_t>("count")[0]) : term->extent().width;
+    for (int i = 0; i < count; ++i) {
+      Light light;
+      light.name = "environment/" + std::to_string(i);
+      light.shape.kind = LightKind::Directional;
+      light.shape.axis = -toWorld(directions, i);
+      if (squares) light.shape.u = toWorld(term->floats("right"), i);
+      light.power = Vec3(irradiance[3 * i], irradiance[3 * i + 1], irradiance[3 * i + 2]);
+      out.lights.push_back(light);
+      out.angularSizes.push_back(squares ? Vec2(term->floats("angularSize")[2 * i], term->floats("angularSize")[2 * i + 1]) : Vec2(0.0f));
+    }
+    if (squares)
+      for (int i = 0; i < 9; ++i)
+        for (int k = 0; k < 3; ++k) out.ambient[i][k] = term->floats("remainder")[3 * i + k];
+    return out;
+  }
+
+  Status planEnvironmentLights() {
     int environment = -1;
     for (size_t l = 0; l < scene_->lights.size(); ++l)
       if (scene_->lights[l].shape.kind == LightKind::Environment) environment = int(l);
     if (environment < 0) return {};
     const int group = plan_.groups.groupOf[environment];
-    const NodeId list = source(makeExtractLightsNode(int(request_.environment().extract_lights())), {}, {}, "extract_lights", scene_);
-    GOBO_ASSIGN(const TermPtr term, services_.expand(plan_.graph, list));
-    const auto directions = term->floats("direction");
-    const auto irradiance = term->floats("irradiance");
-    const float r = scene_->environment->rotation, cosR = std::cos(r), sinR = std::sin(r);
+    GOBO_ASSIGN(const EnvironmentLights found, environmentLights());
     auto extended = std::make_shared<Scene>(*scene_);
-    const int first = int(extended->lights.size()), count = term->extent().width;
-    for (int i = 0; i < count; ++i) {
-      Light light;
-      light.name = "environment/" + std::to_string(i);
-      light.shape.kind = LightKind::Directional;
-      const Vec3 d(directions[3 * i], directions[3 * i + 1], directions[3 * i + 2]);
-      light.shape.axis = -Vec3(d.x * cosR + d.z * sinR, d.y, d.z * cosR - d.x * sinR);
-      light.power = Vec3(irradiance[3 * i], irradiance[3 * i + 1], irradiance[3 * i + 2]);
-      extended->lights.push_back(light);
-    }
+    const int first = int(extended->lights.size()), count = int(found.lights.size());
+    extended->lights.insert(extended->lights.end(), found.lights.begin(), found.lights.end());
     GOBO_TRY(extended->seal());
-    v1::ShadowTechnique t = techniqueOf(first, extended, "environment");
-    if (!findShadowTechnique(t.technique_case())) { t.mutable_ray_traced()->set_samples(1); }
     const Vec3 nominal = plan_.groups.nominal[environment];   // scale of the map that gains refer to
-    plan_.graph.prune("direct:environment map", "replaced by " + std::to_string(count) + " extracted lights", true);
-    for (const LobePart lobe : lobes()) {
-      std::vector<NodeId> pairs;
-      for (int i = 0; i < count; ++i) {
-        pairs.push_back(unoccluded(first + i, extended, extended->lights[first + i].power * nominal, false, lobe));
-        GOBO_ASSIGN(const NodeId v, visibility(first + i, extended, t));
-        pairs.push_back(v);
-      }
-      if (count > 0)
-        add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), withLobe("direct:environment", lobe)), "rgb", groupGain(group), PathClass::Direct, group, lobe);
+    plan_.graph.prune("direct:environment map", "replaced by " + std::to_string(count) + " " + found.kind, true);
+    if (count > 0) GOBO_TRY(planEnvironmentFolds(extended, first, found, nominal, group));
+    if (found.ambient != std::array<Vec3, 9>{}) {
+      AmbientLightSettings s{found.ambient, scene_->environment->rotation, width_, height_, viewSamples_};
+      for (Vec3& c : s.radiance) c *= nominal;
+      GraphNode n{makeAmbientLightNode(s), {gbuffer(), surface()}, {}, "ambient:environment"};
+      n.approximate = "what the area lights leave of the map is not shadowed and reaches the diffuse lobe alone";
+      add(plan_.graph.add(std::move(n)), "rgb", groupGain(group), PathClass::Direct, group, splitLobes_ ? LobePart::Diffuse : LobePart::Both);
     }
     cover_[group] = cover_[group] | PathClass::Direct;
     if (kinds_.translucent) pathTraceGroups({environment}, PathClass::Direct, "through:environment", true);
+    return {};
+  }
+
+  Status planEnvironmentFolds(const ScenePtr& extended, int first, const EnvironmentLights& found, const Vec3& nominal, int group) {
+    const int count = int(found.lights.size());
+    v1::ShadowTechnique t = techniqueOf(first, extended, "environment");
+    if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(found.angularSizes[0] == Vec2(0.0f) ? 1 : 4);
+    surface();   // made (and kept) before any node that is marked transient below
+    const bool keep = size_t(count) * width_ * height_ * viewSamples_ * 16 <= kKeptEnvironmentBytes;
+    for (const LobePart lobe : lobes()) {
+      std::vector<NodeId> pairs;
+      for (int i = 0; i < count; ++i) {
+        const int before = plan_.graph.size();
+        pairs.push_back(unoccluded(first + i, extended, found.lights[size_t(i)].power * nominal, !keep, lobe));
+        GOBO_ASSIGN(const NodeId v, visibility(first + i, extended, t, found.angularSizes[size_t(i)]));
+        if (!keep) plan_.graph.markTransient(before, v);
+        pairs.push_back(v);
+      }
+      add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), withLobe("direct:environment", lobe)), "rgb", groupGain(group), PathClass::Direct, group, lobe);
+    }
     return {};
   }
 
@@ -457,7 +522,11 @@ class PlanMaker {
       if (!findShadowTechnique(t.technique_case())) { t.mutable_ray_traced(); GOBO_TRY(resolveRayTraced(t)); }
       GOBO_ASSIGN(const NodeId v, visibility(light, scene_, t));
       if (kind == "visibility") output(pixelMean(v, "V", 1, true, o), "V");
-      else if (kind == "shadow_basis") { GOBO_ASSIGN(const NodeId mosaic, planBasisMosaic(plan_.graph, v)); output(mosaic, "image"); }
+      else if (kind == "shadow_basis") {
+        const Result<NodeId> mosaic = planBasisMosaic(plan_.graph, v);
+        if (!mosaic.ok()) return invalidArgument("request.outputs: '" + o + "': " + mosaic.status().message(), "request.outputs");
+        output(*mosaic, "image");
+      }
       else if (marksFailures(t)) output(pixelMean(v, "flags", 1, true, o), "flags");
       else return invalidArgument("request.outputs: '" + o + "' needs shadows.exponential.classification = THRESHOLD or Z_MAX", "request.outputs");
     } else if (kind == "unoccluded") {

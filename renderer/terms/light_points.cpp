@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/check.h"
+#include "scene/light_axes.h"
 
 namespace gobo {
 Vec2 concentricDisk(Vec2 u) {
@@ -16,12 +17,18 @@ Vec2 concentricDisk(Vec2 u) {
   return Vec2(r * std::cos(phi), r * std::sin(phi));
 }
 
-LightPoints::LightPoints(const SceneView& view, int light) : shape_(view.lightShape(light)) {
+LightPoints::LightPoints(const SceneView& view, int light, const Vec2& angularSize) : shape_(view.lightShape(light)) {
   GOBO_CHECK(shape_.kind != LightKind::Environment);
   if (shape_.kind == LightKind::Disk) {
     const Frame f(glm::normalize(shape_.axis));
     tangent_ = f.x * shape_.radius;
     bitangent_ = f.y * shape_.radius;
+  }
+  if (shape_.kind == LightKind::Directional && angularSize != Vec2(0.0f)) {
+    const Frame f = mapFrame(shape_);
+    wide_ = true;
+    tangent_ = 0.5f * angularSize.x * f.x;
+    bitangent_ = 0.5f * angularSize.y * f.y;
   }
   if (shape_.kind != LightKind::Mesh) return;
   const Instance& instance = view.instances()[shape_.instance];
@@ -47,7 +54,7 @@ bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, L
   bool twoSided = shape_.twoSided;
   switch (shape_.kind) {
     case LightKind::Directional:
-      out.direction = -shape_.axis;
+      out.direction = wide_ ? glm::normalize((2.0f * u.x - 1.0f) * tangent_ + (2.0f * u.y - 1.0f) * bitangent_ - shape_.axis) : -shape_.axis;
       out.distance = 3.0e38f;
       break;
     case LightKind::Point:
@@ -105,10 +112,13 @@ bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, L
       [[fallthrough]];
     case LightKind::Point:
       if (shape_.range > 0.0f && out.distance > shape_.range) return false;
-      [[fallthrough]];
-    case LightKind::Directional:
       out.weight = 1.0f;
       break;
+    case LightKind::Directional: {
+      const float along = -glm::dot(shape_.axis, out.direction);   // solid angle of an element of the tangent plane: cos^3
+      out.weight = wide_ ? cosine * along * along * along : 1.0f;
+      break;
+    }
     case LightKind::Rect:
     case LightKind::Disk:
     case LightKind::Mesh: {

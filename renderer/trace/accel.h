@@ -34,8 +34,13 @@ class Accel {
   static std::shared_ptr<const Accel> build(const SceneView& view, const TaskArena& arena);
   ~Accel();
   bool intersect(const Ray& ray, Hit& hit) const;
+  /// The same for up to 16 rays that run side by side (camera and light rays): several times as fast as one by one. hits[i].instance is
+  /// kNoHit where ray i hits nothing. May differ from intersect() in the last bits.
+  void intersect16(const Ray* rays, int count, Hit* hits) const;
   /// Anything between ray.tmin and ray.tmax?
   bool occluded(const Ray& ray) const;
+  /// The same for up to 16 rays that run side by side: bit i of the result is set where ray i is blocked.
+  uint32_t occluded16(const Ray* rays, int count) const;
   size_t bytes() const;
   /// The size of the scene's coordinates: a power of two not below the largest absolute coordinate (1 when empty).
   /// What offsetOrigin takes as `unit`.

@@ -30,6 +30,17 @@ double bisect(double lo, double hi, const std::function<double(double)>& f) {   
 
 }  // namespace
 
+/// Where f is smallest in [lo, hi], which holds one minimum: golden section.
+template <typename F> double minimum(double lo, double hi, const F& f) {
+  const double golden = 0.5 * (std::sqrt(5.0) - 1.0);
+  double a = hi - golden * (hi - lo), b = lo + golden * (hi - lo), fa = f(a), fb = f(b);
+  for (int i = 0; i < 100; ++i) {
+    if (fa < fb) { hi = b; b = a; fb = fa; a = hi - golden * (hi - lo); fa = f(a); }
+    else { lo = a; a = b; fa = fb; b = lo + golden * (hi - lo); fb = f(b); }
+  }
+  return 0.5 * (lo + hi);
+}
+
 ConvolutionCorrection convolutionCorrection(v1::ConvolutionShadow::Correction correction, int order, double attenuation) {
   ConvolutionCorrection result;
   // First peak of the series, found on a grid and refined by golden section.
@@ -41,15 +52,21 @@ ConvolutionCorrection convolutionCorrection(v1::ConvolutionShadow::Correction co
     if (f > peak + 1e-12) { peak = f; best = i; }
     else if (f < peak - 1e-6) break;                                   // behind the first peak
   }
-  const auto crossing = [&](double level) { return bisect(0, double(best) / steps, [&](double t) { return series(t, order, attenuation) - level; }); };
+  // An extremum on the grid lies within one step of the true one; the series is symmetric about 1/2.
+  const auto refined = [&](int at, double sign) { return minimum(double(at - 1) / steps, double(at + 1) / steps, [&](double t) { return sign * series(t, order, attenuation); }); };
+  const double top = refined(best, -1.0);
+  peak = series(top, order, attenuation);
+  const auto crossing = [&](double level) { return bisect(0, top, [&](double t) { return series(t, order, attenuation) - level; }); };
   switch (correction) {
     case v1::ConvolutionShadow::SCALING:
       result.scale = 2;   // s = 2 f limited to [0,1]
       break;
     case v1::ConvolutionShadow::SHIFTED_SCALING: {
       // Lowest ripple behind the first peak: scaled up to 1, so that all of them lie above.
-      double lowest = peak;
-      for (int i = best; i <= steps / 2; ++i) lowest = std::min(lowest, series(double(i) / steps, order, attenuation));
+      int least = best;
+      for (int i = best; i <= steps / 2; ++i)
+        if (series(double(i) / steps, order, attenuation) < series(double(least) / steps, order, attenuation)) least = i;
+      const double lowest = least == best ? peak : series(refined(least, 1.0), order, attenuation);
       result.scale = 0.5 / (lowest - 0.5);
       result.offset = crossing(0.5 + 0.5 / result.scale);
       break;
@@ -57,7 +74,7 @@ ConvolutionCorrection convolutionCorrection(v1::ConvolutionShadow::Correction co
     case v1::ConvolutionShadow::NONE: break;
     default:
       if (peak >= 1) result.offset = crossing(1);
-      else { result.scale = 0.5 / (peak - 0.5); result.offset = double(best) / steps; }   // attenuated below 1: to the peak
+      else { result.scale = 0.5 / (peak - 0.5); result.offset = top; }   // attenuated below 1: to the peak
       break;
   }
   return result;

@@ -53,23 +53,51 @@ enum class KernelVerdict { Mixed, Lit, Dark };
 /// What depth bounds say about a kernel before any comparison; Mixed if they cannot tell.
 inline KernelVerdict kernelVerdict(const DepthBounds& bounds, int face, const ReceiverPlane& r, int x0, int y0, int x1, int y1) {
   const int last = bounds.resolution() - 1;
+  // The plane goes on beyond the rim, where taps repeat the map's: its reach is that of the whole kernel.
+  const float reach = std::fabs(r.slopeX) * (std::max(r.x - float(x0), float(x1) - r.x) + 1.0f) + std::fabs(r.slopeY) * (std::max(r.y - float(y0), float(y1) - r.y) + 1.0f) + 1e-6f;
   x0 = std::clamp(x0, 0, last);
   x1 = std::clamp(x1, 0, last);
   y0 = std::clamp(y0, 0, last);
   y1 = std::clamp(y1, 0, last);
   float lo, hi;
   bounds.range(face, x0, y0, x1, y1, lo, hi);
-  const float reach = std::fabs(r.slopeX) * (std::max(r.x - float(x0), float(x1) - r.x) + 1.0f) + std::fabs(r.slopeY) * (std::max(r.y - float(y0), float(y1) - r.y) + 1.0f) + 1e-6f;
   if (r.d + reach <= lo) return KernelVerdict::Lit;
   if (r.d - reach > hi) return KernelVerdict::Dark;
   return KernelVerdict::Mixed;
 }
 
+/// compareKernel for kernels of N texels a row that lie inside the map along x: N lanes, no branch.
+template <int N>
+inline float compareRows(const float* z, int side, const ReceiverPlane& r, const AxisKernel& kx, const AxisKernel& ky) {
+  float along[N], sum[N] = {};
+  int32_t lit[N] = {};
+  for (int i = 0; i < N; ++i) along[i] = r.slopeX * (float(kx.first + i) - r.x);
+  for (int j = 0; j < ky.count; ++j) {
+    const int y = ky.first + j;
+    const float* row = z + size_t(std::clamp(y, 0, side - 1)) * size_t(side) + size_t(kx.first);
+    const float across = r.slopeY * (float(y) - r.y), weight = ky.weight[j];
+    for (int i = 0; i < N; ++i) {
+      const bool pass = r.d + (along[i] + across) <= row[i];
+      sum[i] += pass ? weight : 0.0f;
+      lit[i] += pass ? 1 : 0;
+    }
+  }
+  float total = 0.0f;
+  int32_t count = 0;
+  for (int i = 0; i < N; ++i) {
+    total += kx.weight[i] * sum[i];
+    count += lit[i];
+  }
+  return count == 0 ? 0.0f : count == N * ky.count ? 1.0f : std::min(total, 1.0f);
+}
+
 /// Lit share of the kernel, in [0,1]; exactly 1 or 0 when every comparison says so. Taps outside the map repeat its rim.
 inline float compareKernel(const float* z, int side, const ReceiverPlane& r, const AxisKernel& kx, const AxisKernel& ky) {
+  const bool inside = kx.first >= 0 && kx.last() < side;
+  if (inside && kx.count == 4) return compareRows<4>(z, side, r, kx, ky);
+  if (inside && kx.count == 8) return compareRows<8>(z, side, r, kx, ky);
   float sum = 0.0f;
   int lit = 0;
-  const bool inside = kx.first >= 0 && kx.last() < side;
   for (int j = 0; j < ky.count; ++j) {
     const int y = ky.first + j;
     const float* row = z + size_t(std::clamp(y, 0, side - 1)) * size_t(side);

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "scene/light_axes.h"
+
 namespace gobo {
 
 LightFrame::Rows LightFrame::rows() const {
@@ -70,10 +72,8 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
     return invalidArgument("the light's position or axis is not finite");
   if (!empty && !(isFinite(lo) && isFinite(hi))) return invalidArgument("the scene's bounds are not finite");
   f.forward = light.axis / axisLength;
-  // A rectangle's map is square to it: its penumbra kernels are boxes in the map.
-  const bool rect = light.kind == LightKind::Rect && glm::length(light.u) > 0.0f && isFinite(light.u) &&
-                    glm::length(glm::cross(light.u, f.forward)) > 0.5f * glm::length(light.u);
-  const Frame basis = rect ? Frame(f.forward, glm::normalize(light.u)) : Frame(f.forward);
+  // The map is square to the light: penumbra kernels are boxes in it.
+  const Frame basis = mapFrame(light);
   f.right = basis.x;
   f.up = basis.y;
   f.origin = f.perspective ? light.position : empty ? Vec3(0.0f) : 0.5f * lo + 0.5f * hi;

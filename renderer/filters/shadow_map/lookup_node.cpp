@@ -36,8 +36,12 @@ class LookupNode : public Node {
     const Term& gbuffer = *ctx.inputs.at(0);
     const Term& map = *ctx.inputs.at(1);
     auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
-    const std::span<float> V = term->addPlane<float>("V");
+    const std::span<float> V = term->addUnsetPlane<float>("V");
     const std::span<float> flags = classified() ? term->addPlane<float>("flags") : std::span<float>();
+    if (l_.map.resolution == 0) {   // an empty map reaches nowhere
+      std::fill(V.begin(), V.end(), 1.0f);
+      return TermPtr(term);
+    }
     if (device_) {
       GOBO_TRY(deviceLookup(*device_, {l_.frames.face[0], basis_->exponent(), l_.map.bias, map.extent().width, map.extent().height}, map.floats("B"), gbuffer.floats("P"),
                             gbuffer.plane<uint32_t>("instance"), V, ctx.stop));
@@ -61,8 +65,10 @@ class LookupNode : public Node {
         float d[kN], s[kN];
         for (int i = 0; i < n; ++i) d[i] = b.d[i] - l_.map.bias;
         if (basis_->comparesDepth()) {
-          const float reach = l_.map.slopeBias * (float(l_.map.blur) + 0.5f);   // the surface's own depth changes over the kernel
-          for (int i = 0; i < n; ++i) d[i] -= reach * (std::fabs(b.slopeX[i]) + std::fabs(b.slopeY[i]));
+          for (int i = 0; i < n; ++i) {   // the surface's own depth changes over the kernel
+            const Vec2 reach = this->reach(b, i, 0.5f);
+            d[i] -= l_.map.slopeBias * (reach.x * std::fabs(b.slopeX[i]) + reach.y * std::fabs(b.slopeY[i]));
+          }
         }
         basis_->reconstruct(values.data(), kN, d, s, size_t(n));
         if (classified()) repair(*bounds, b, n, s, &flags[first]);
@@ -77,6 +83,30 @@ class LookupNode : public Node {
   static constexpr int kN = ReceiverBlock::kSize;
   bool footprints() const { return l_.map.lookup != Settings::BILINEAR; }
   bool classified() const { return l_.classification == Exponential::THRESHOLD || l_.classification == Exponential::Z_MAX; }
+
+  // Half sides, in texels, of the region around receiver i whose surface the lookup averages: the pre-filter and the footprint, or `least`
+  // beyond the pre-filter where the footprint is smaller.
+  Vec2 reach(const ReceiverBlock& b, int i, float least) const {
+    const float blur = float(l_.map.blur);
+    if (!footprints()) return Vec2(blur + least);
+    const Vec2 major(b.majorX[i], b.majorY[i]), minor(b.minorX[i], b.minorY[i]);
+    if (l_.map.lookup == Settings::TRILINEAR) return Vec2(blur + std::max(least, 0.5f * std::max(glm::length(major), glm::length(minor))));
+    return Vec2(blur + std::max(least, 0.5f * (std::fabs(major.x) + std::fabs(minor.x))), blur + std::max(least, 0.5f * (std::fabs(major.y) + std::fabs(minor.y))));
+  }
+
+  // Texels of the map that the lookup can touch around receiver i, beyond those that hold its position: what Z_MAX asks about. A trilinear
+  // lookup at level l reads texels up to 1.5 of the next level's away: 1.5 * 2^(l + 1) <= 6 times the footprint's half side; with more taps along
+  // the axis, that of the taps' size more. On bilinear lookups exactly the pre-filter.
+  Vec2 touched(const ReceiverBlock& b, int i) const {
+    const float blur = float(l_.map.blur);
+    if (!footprints()) return Vec2(blur);
+    const Vec2 major(b.majorX[i], b.majorY[i]), minor(b.minorX[i], b.minorY[i]);
+    const float longer = std::max(glm::length(major), glm::length(minor));
+    if (l_.map.lookup == Settings::TRILINEAR) return Vec2(blur + 3.0f * std::max(longer, 1.0f));
+    const float shorter = std::min(glm::length(major), glm::length(minor));
+    const float tap = 3.0f * std::max({shorter, longer / float(l_.map.anisotropy), 1.0f});
+    return Vec2(blur + tap) + 0.5f * Vec2(std::max(std::fabs(major.x), std::fabs(minor.x)), std::max(std::fabs(major.y), std::fabs(minor.y)));
+  }
 
   void fetch(const std::optional<ShadowTexture>& texture, const std::optional<SummedArea>& sums, const ReceiverBlock& b, int n, float* values) const {
     if (l_.map.lookup == Settings::BILINEAR) return texture->bilinear(b, n, values, kN);
@@ -105,15 +135,17 @@ class LookupNode : public Node {
     for (int i = 0; i < n; ++i) {
       flags[i] = 0.0f;
       if (!b.covered[i]) continue;
-      const int x = int(b.x[i]), y = int(b.y[i]), reach = l_.map.blur;
       const ReceiverPlane r = receiverPlane(b, i, l_.map.bias, l_.map.slopeBias);
       bool violated;
       if (l_.classification == Exponential::THRESHOLD) {
         violated = s[i] > 1.0f + l_.epsilon;
       } else {
         float lo, hi;
-        bounds.range(b.face[i], std::max(x - reach, 0), std::max(y - reach, 0), std::min(x + reach + 1, side - 1), std::min(y + reach + 1, side - 1), lo, hi);
-        const float own = (std::fabs(b.slopeX[i]) + std::fabs(b.slopeY[i])) * (float(reach) + 1.0f);   // what the surface itself spans
+        const Vec2 t = touched(b, i);
+        const auto low = [](float at, float by) { return std::max(int(at - std::min(by, at)), 0); };
+        const auto high = [&](float at, float by) { return std::min(int(at + std::min(by, float(side))) + 1, side - 1); };
+        bounds.range(b.face[i], low(b.x[i], t.x), low(b.y[i], t.y), high(b.x[i], t.x), high(b.y[i], t.y), lo, hi);
+        const float own = std::fabs(b.slopeX[i]) * (t.x + 1.0f) + std::fabs(b.slopeY[i]) * (t.y + 1.0f);   // what the surface itself spans
         violated = b.d[i] + own + l_.epsilon / basis_->exponent() < hi;
       }
       if (!violated) continue;

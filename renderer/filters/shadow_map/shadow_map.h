@@ -50,7 +50,7 @@ NodePtr makeDepthBoundsNode(int resolution, int faces);
 NodePtr makeShadowEncodeNode(ShadowBasisPtr basis, int blur, int resolution, int faces, bool bytes, std::shared_ptr<ComputeDevice> device = nullptr);
 /// Filter, term "shadow_basis": the same plane as a packed chain of levels; each halves by the box of what a texel covers.
 NodePtr makeShadowMipmapNode(ShadowBasisPtr basis, int resolution, int faces, bool bytes);
-/// Filter, term "shadow_summed_area" (summed_area.h). `shift`: values are in [shift - 1, shift + 1].
+/// Filter, term "shadow_summed_area" (summed_area.h); bounded bases only.
 NodePtr makeShadowSummedAreaNode(ShadowBasisPtr basis, int resolution, int faces);
 
 /// 2 radius + 1 Gaussian weights, sigma = (2 radius + 1) / 4, that sum to 1.

@@ -9,66 +9,68 @@
 namespace gobo {
 
 namespace {
-constexpr int kCoarse = 16;             // texels a side of the coarse table's texel
-constexpr float kLargestFine = 248.0f;  // texels a side of a box: 250^2 (both ends cut) times 2^15 stays below 2^31
-/// Steps per 1 such that a box of `side` texels stays below 2^31.
-double unit(int side) { return std::min(32768.0, std::floor(2147483647.0 / (double(side) * side))); }
-double fineUnit(int resolution) { return unit(std::min(resolution, 250)); }
-int coarseSide(int resolution) { return (resolution + kCoarse - 1) / kCoarse; }
+constexpr int kLift = 8;          // texels between lifted sums
+constexpr int kLargest = 8192;    // side up to which 4 (side + side) unit < 2^31
+constexpr double kUnit = 32767;
+constexpr int kLiftShift = 16;
 
-uint32_t quantise(float v, double unit) { return uint32_t(int32_t(std::lrint(double(formulas::limit(formulas::finiteOr(v, 0.0f), -1.0f, 1.0f)) * unit))); }
+int liftSide(int resolution) { return (resolution + kLift - 1) / kLift; }
+int32_t quantise(float v) { return int32_t(std::lrint(double(formulas::limit(formulas::finiteOr(v, 0.0f), -1.0f, 1.0f)) * kUnit)); }
 
 class SummedAreaNode : public Node {
  public:
   SummedAreaNode(ShadowBasisPtr basis, int resolution, int faces) : basis_(std::move(basis)), resolution_(resolution), faces_(faces) {
-    GOBO_CHECK(basis_->bounded());
+    GOBO_CHECK(basis_->bounded() && resolution >= 1 && resolution <= kLargest);
   }
   std::string type() const override { return "shadow_summed_area"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher&) const override {}
   size_t outputBytes() const override {
-    const size_t fine = size_t(resolution_) * size_t(resolution_), coarse = size_t(coarseSide(resolution_)) * size_t(coarseSide(resolution_));
-    return (fine + coarse) * size_t(faces_) * size_t(basis_->channels()) * 4;
+    const size_t texels = size_t(resolution_) * size_t(resolution_), lifted = size_t(liftSide(resolution_)) * size_t(liftSide(resolution_));
+    return (texels + lifted) * size_t(faces_) * size_t(basis_->channels()) * 4;
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& map = *ctx.inputs.at(0);
     const std::span<const float> B = map.floats("B");
-    const size_t C = size_t(map.channels("B")), side = size_t(resolution_), coarse = size_t(coarseSide(resolution_));
-    const size_t fineSums = side * side * C, faceSums = fineSums + coarse * coarse * C;
+    const size_t C = size_t(map.channels("B")), side = size_t(resolution_), lifted = size_t(liftSide(resolution_));
+    const size_t texelSums = side * side * C, faceSums = texelSums + lifted * lifted * C;
     const int faces = map.extent().layers;
-    GOBO_CHECK_EQ(B.size(), fineSums * size_t(faces));
-    auto term = std::make_shared<Term>("shadow_summed_area", Domain::LightTexel, Extent{int(side * side + coarse * coarse), 1, faces});
+    GOBO_CHECK_EQ(B.size(), texelSums * size_t(faces));
+    auto term = std::make_shared<Term>("shadow_summed_area", Domain::LightTexel, Extent{int(side * side + lifted * lifted), 1, faces});
     const std::span<uint32_t> sums = term->addPlane<uint32_t>("sums", int(C));
-    const auto stopped = [] { return Status(Code::Cancelled, "shadow_summed_area stopped"); };
+    std::vector<int64_t> blocks(lifted * lifted * C);
     for (int face = 0; face < faces; ++face) {
-      uint32_t* fine = &sums[size_t(face) * faceSums];
-      uint32_t* rough = fine + fineSums;
-      const float* b = &B[size_t(face) * fineSums];
-      if (!rows(ctx, fine, side, C, [&](size_t x, size_t y, size_t k) { return quantise(b[(y * side + x) * C + k], fineUnit(resolution_)); })) return stopped();
-      const auto mean = [&](size_t x, size_t y, size_t k) {
-        const size_t x1 = std::min((x + 1) * kCoarse, side), y1 = std::min((y + 1) * kCoarse, side);
-        double sum = 0;
-        for (size_t j = y * kCoarse; j < y1; ++j)
-          for (size_t i = x * kCoarse; i < x1; ++i) sum += double(b[(j * side + i) * C + k]);
-        return quantise(float(sum / double((x1 - x * kCoarse) * (y1 - y * kCoarse))), unit(int(coarse)));
-      };
-      if (!rows(ctx, rough, coarse, C, mean)) return stopped();
-      if (!columns(ctx, fine, side, C) || !columns(ctx, rough, coarse, C)) return stopped();
+      uint32_t* to = &sums[size_t(face) * faceSums];
+      if (!rows(ctx, &B[size_t(face) * texelSums], to, blocks.data(), side, C) || !columns(ctx, to, side, C) ||
+          !lift(ctx, blocks.data(), to + texelSums, lifted, C))
+        return Status(Code::Cancelled, "shadow_summed_area stopped");
     }
     return TermPtr(term);
   }
 
  private:
-  template <typename Value>
-  static bool rows(const RunContext& ctx, uint32_t* sums, size_t side, size_t C, const Value& value) {
-    return ctx.arena->parallelFor(side, 8, [&](size_t begin, size_t end) {
-      for (size_t y = begin; y < end; ++y)
-        for (size_t x = 0; x < side; ++x)
-          for (size_t k = 0; k < C; ++k) {
-            const size_t at = (y * side + x) * C + k;
-            sums[at] = value(x, y, k) + (x ? sums[at - C] : 0u);
+  // Sums along rows, modulo 2^32; and sums along rows of blocks of 8 x 8 texels, whole.
+  static bool rows(const RunContext& ctx, const float* B, uint32_t* sums, int64_t* blocks, size_t side, size_t C) {
+    const size_t lifted = size_t(liftSide(int(side)));
+    return ctx.arena->parallelFor(lifted, 1, [&](size_t begin, size_t end) {
+      for (size_t band = begin; band < end; ++band) {
+        int64_t* row = blocks + band * lifted * C;
+        std::fill_n(row, lifted * C, int64_t(0));
+        for (size_t y = band * kLift; y < std::min((band + 1) * kLift, side); ++y) {
+          const float* b = B + y * side * C;
+          uint32_t* to = sums + y * side * C;
+          for (size_t x = 0; x < side; ++x) {
+            int64_t* block = row + x / kLift * C;
+            for (size_t k = 0; k < C; ++k) {
+              const int32_t q = quantise(b[x * C + k]);
+              block[k] += q;
+              to[x * C + k] = uint32_t(q) + (x ? to[(x - 1) * C + k] : 0u);
+            }
           }
+        }
+        for (size_t i = C; i < lifted * C; ++i) row[i] += row[i - C];
+      }
     }, ctx.stop);
   }
   static bool columns(const RunContext& ctx, uint32_t* sums, size_t side, size_t C) {
@@ -84,6 +86,17 @@ class SummedAreaNode : public Node {
         }
     }, ctx.stop);
   }
+  static bool lift(const RunContext& ctx, const int64_t* blocks, uint32_t* out, size_t lifted, size_t C) {
+    return ctx.arena->parallelFor(lifted, 64, [&](size_t begin, size_t end) {
+      std::vector<int64_t> sum((end - begin) * C);
+      for (size_t y = 0; y < lifted; ++y)
+        for (size_t i = begin * C; i < end * C; ++i) {
+          int64_t& s = sum[i - begin * C];
+          s += blocks[y * lifted * C + i];
+          out[y * lifted * C + i] = uint32_t(int32_t((s + (int64_t(1) << (kLiftShift - 1))) >> kLiftShift));
+        }
+    }, ctx.stop);
+  }
   ShadowBasisPtr basis_;
   int resolution_, faces_;
 };
@@ -92,12 +105,25 @@ class SummedAreaNode : public Node {
 
 SummedArea::SummedArea(const Term& term, int resolution) : channels_(term.channels("sums")), resolution_(resolution) {
   const std::span<const uint32_t> sums = term.plane<uint32_t>("sums");
-  const size_t side = size_t(resolution), coarse = size_t(coarseSide(resolution)), C = size_t(channels_);
-  const size_t faceSums = (side * side + coarse * coarse) * C;
-  GOBO_CHECK_EQ(sums.size(), faceSums * size_t(term.extent().layers));
-  fine_ = {sums.data(), faceSums, resolution, fineUnit(resolution)};
-  coarse_ = {sums.data() + side * side * C, faceSums, int(coarse), unit(int(coarse))};
+  const size_t side = size_t(resolution), lifted = size_t(liftSide(resolution)), C = size_t(channels_);
+  face_ = (side * side + lifted * lifted) * C;
+  GOBO_CHECK_EQ(sums.size(), face_ * size_t(term.extent().layers));
+  sums_ = sums.data();
+  lift_ = sums.data() + side * side * C;
 }
+
+namespace {
+// An edge at a fractional position is the mix of the two whole ones around it: exact for texels of constant value. Four whole edges a
+// side of the box, with their weights in F(hi) - F(lo).
+struct Edges { int at[4]; double weight[4]; };
+Edges edges(float lo, float hi, int side) {
+  Edges e;
+  const int a = std::min(int(lo), side - 1), b = std::min(int(hi), side - 1);
+  const double f = double(lo) - a, g = double(hi) - b;
+  e = {{a, a + 1, b, b + 1}, {-(1.0 - f), -f, 1.0 - g, g}};
+  return e;
+}
+}  // namespace
 
 void SummedArea::box(int face, float x, float y, float width, float height, int begin, int end, float* out) const {
   const float last = float(resolution_);
@@ -109,45 +135,29 @@ void SummedArea::box(int face, float x, float y, float width, float height, int 
   float x0, x1, y0, y1;
   span(x, width, x0, x1);
   span(y, height, y0, y1);
-  if (x1 - x0 <= kLargestFine && y1 - y0 <= kLargestFine) return corners(fine_, face, x0, y0, x1, y1, begin, end, out);
-  const float s = 1.0f / float(kCoarse);
-  corners(coarse_, face, x0 * s, y0 * s, std::max(x1 * s, x0 * s + 1.0f), std::max(y1 * s, y0 * s + 1.0f), begin, end, out);
-}
-
-namespace {
-// An edge at a fractional position is the mix of the two whole ones around it: exact for texels of constant value.
-struct Edge { int at; float f; };
-Edge edge(float x, int side) {
-  const float c = std::min(x, float(side));
-  const int at = std::min(int(c), side - 1);
-  return {at, c - float(at)};
-}
-}  // namespace
-
-void SummedArea::corners(const Table& t, int face, float x0, float y0, float x1, float y1, int begin, int end, float* out) const {
-  const size_t C = size_t(channels_), side = size_t(t.side);
-  const uint32_t* base = t.sums + size_t(face) * t.faceSums;
-  const Edge ax = edge(x0, t.side), bx = edge(x1, t.side), ay = edge(y0, t.side), by = edge(y1, t.side);
-  // Sum of texels [0, x) x [0, y); 0 at the rim.
-  const auto prefix = [&](int x, int y, size_t k) { return x == 0 || y == 0 ? 0u : base[(size_t(y - 1) * side + size_t(x - 1)) * C + k]; };
-  // Box sums by difference wrap around exactly; they are made whole numbers before they meet fractions. The box is cut into the whole
-  // texels and strips at its four sides: mean = sum over corners of bilinear weights of *differences*, so each difference is taken in
-  // integers first.
-  const double area = (double(x1) - double(x0)) * (double(y1) - double(y0));
-  for (int c = begin; c < end; ++c) {
-    const size_t k = size_t(c);
-    // F(u, v) = sum over [ax.at, u) x [ay.at, v), relative to the box's own corner: small enough for 32 bits.
-    const uint32_t p00 = prefix(ax.at, ay.at, k);
-    const auto F = [&](int u, int v) {
-      return double(int32_t(prefix(u, v, k) - prefix(ax.at, v, k) - prefix(u, ay.at, k) + p00));
-    };
-    const auto alongX = [&](const Edge& e, int v) { return e.f == 0.0f ? F(e.at, v) : F(e.at, v) * (1.0 - double(e.f)) + F(e.at + 1, v) * double(e.f); };
-    const auto at = [&](const Edge& ex, const Edge& ey) {
-      return ey.f == 0.0f ? alongX(ex, ey.at) : alongX(ex, ey.at) * (1.0 - double(ey.f)) + alongX(ex, ey.at + 1) * double(ey.f);
-    };
-    const double sum = at(bx, by) - at(ax, by) - at(bx, ay) + at(ax, ay);
-    out[c - begin] = float(sum / (area * t.unit));
-  }
+  const Edges ex = edges(x0, x1, resolution_), ey = edges(y0, y1, resolution_);
+  const size_t C = size_t(channels_), side = size_t(resolution_), lifted = size_t(liftSide(resolution_));
+  const uint32_t* sums = sums_ + size_t(face) * face_;
+  const uint32_t* lift = lift_ + size_t(face) * face_;
+  double total[2 * 32];
+  for (int c = begin; c < end; ++c) total[c - begin] = 0.0;
+  for (int j = 0; j < 4; ++j)
+    for (int i = 0; i < 4; ++i) {
+      const int u = ex.at[i], v = ey.at[j];
+      const double w = ex.weight[i] * ey.weight[j];
+      if (u == 0 || v == 0 || w == 0.0) continue;
+      // Sum over [0, u) x [0, v): the one modulo 2^32 that lies nearest to its lifted neighbour.
+      const uint32_t* near = sums + (size_t(v - 1) * side + size_t(u - 1)) * C;
+      const int li = (u + kLift / 2) / kLift, lj = (v + kLift / 2) / kLift;
+      const uint32_t* far = li && lj ? lift + (size_t(std::min(lj, int(lifted)) - 1) * lifted + size_t(std::min(li, int(lifted)) - 1)) * C : nullptr;
+      for (int c = begin; c < end; ++c) {
+        const uint32_t steps = far ? far[c] : 0u;
+        const int32_t rest = int32_t(near[c] - (steps << kLiftShift));
+        total[c - begin] += w * (double(int32_t(steps)) * double(1 << kLiftShift) + double(rest));
+      }
+    }
+  const double inverse = 1.0 / ((double(x1) - double(x0)) * (double(y1) - double(y0)) * kUnit);
+  for (int c = begin; c < end; ++c) out[c - begin] = float(total[c - begin] * inverse);
 }
 
 NodePtr makeShadowSummedAreaNode(ShadowBasisPtr basis, int resolution, int faces) { return std::make_shared<SummedAreaNode>(std::move(basis), resolution, faces); }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Summed-area tables of filtered maps (Crow 1984) in integers. Values in [-1, 1] are kept as whole multiples of 2^-15, so that sums are
-// exact and wrap around harmlessly: a box is right while its own sum fits. 32-bit sums hold boxes of 248 x 248 texels; larger boxes
-// read a table of means over 16 x 16 texels, whose steps are coarse enough for the whole map. Error of a mean: at most 2^-16 (2^-14 beyond).
-// Bytes: 4 C (1 + 1/256) a texel.
+// Summed-area tables of filtered maps (Crow 1984) in integers. Values in [-1, 1] are kept as whole multiples of 1/32767, so that sums are
+// exact. The table holds them modulo 2^32; every 8th row and column also has its sum in steps of 2^16, from which any other is at most
+// 4 (side + side) texels away: less than 2^31 for sides up to 8192, so that every sum is recovered whole (in 64 bits) and a box of any
+// size is exact but for the rounding of its texels. Error of a mean: at most 2^-16. Bytes: 4 C (1 + 1/64) a texel.
 #pragma once
 
 #include "base/vec.h"
@@ -23,9 +23,9 @@ class SummedArea {
   void box(int face, float x, float y, float width, float height, int begin, int end, float* out) const;
 
  private:
-  struct Table { const uint32_t* sums = nullptr; size_t faceSums = 0; int side = 0; double unit = 1; };
-  void corners(const Table& t, int face, float x0, float y0, float x1, float y1, int begin, int end, float* out) const;
-  Table fine_, coarse_;
+  const uint32_t* sums_ = nullptr;   ///< of texels [0, x] x [0, y], modulo 2^32
+  const uint32_t* lift_ = nullptr;   ///< of texels [0, 8 i) x [0, 8 j) (the last one: the side), i and j from 1: nearest multiple of 2^16, as int32
+  size_t face_ = 0;                  ///< values from one face to the next
   int channels_ = 0, resolution_ = 0;
 };
 

@@ -83,7 +83,7 @@ Result<NodeId> planBasisMosaic(Graph& graph, NodeId visibility) {
     if (n.node->type() == "shadow_encode") basis = id;
     open.insert(open.end(), n.inputs.begin(), n.inputs.end());
   }
-  if (depth < 0) return notFound("request.outputs: the light's shadow technique has no map to show", "request.outputs");
+  if (depth < 0) return notFound("the light's shadow technique has no map to show");
   const ShadowMapShape shape = shadowMapShape(*graph.at(basis < 0 ? depth : basis).node);
   GraphNode n;
   n.node = makeBasisMosaicNode(shape.resolution, shape.channels, shape.faces);

@@ -65,7 +65,7 @@ class EditSequence {
         [&] { return "lights.lamp.gain=" + triple(0, 3); },
         [&] { return "lights.lamp.radius=" + number(0.01, 0.5); },
         [&] { return "lights.lamp.shadow." + pick({"ray_traced.samples=4", "ray_traced.samples=9", "axis_aligned.k=2", "axis_aligned.k=3", "axis_aligned.mu=2",
-                                                    "axis_aligned.radius_px=3", "exponential.c=40", "exponential.blur=1", "path_traced="}); },
+                                                    "axis_aligned.radius_px=3", "exponential.c=40", "exponential.filtering=LOGARITHMIC", "path_traced="}); },
         [&] { return "shadows." + pick({"path_traced=", "ray_traced.samples=4", "axis_aligned.max_samples=32", "axis_aligned.mean_samples=12"}); },
         [&] { return "halt.spp=" + pick({"2", "4", "16", "32", "48"}); },
         [&] { return "seed=" + pick({"0", "1"}); },

@@ -69,6 +69,9 @@ TEST(Outputs, PartsAddUpWithVisibilityTechniquesGainsAndClusters) {
   set(r, "integrator.max_groups=16");
   set(r, "environment.extract_lights=3");
   expectSums(mustRender(*engine, r), "extracted environment");
+  r.mutable_environment()->clear_extract_lights();
+  set(r, "environment.area_lights=3");
+  expectSums(mustRender(*engine, r), "environment as area lights");
 }
 
 // Pixels' variance against the scatter of the beauty over independent seeds, each pixel in units of what other seeds (the pilot) say its
@@ -213,6 +216,140 @@ TEST(Outputs, UnknownOnesAndBadEncodingsAreRefusedByName) {
   refused({"encoding.layers=true", "encoding.format=PNG"}, "encoding.layers");
   refused({"encoding.png_bits=12"}, "encoding.png_bits");
   refused({"encoding.dwa_level=0"}, "dwa_level");
+}
+
+// ---- pictures of shadow maps -----------------------------------------------------------------------------------------------------
+
+v1::RenderRequest spotRequest(std::initializer_list<const char*> edits) {
+  v1::RenderRequest r = smallRequest("spheres", 24, 16, 16);
+  for (const char* e : {"lights.key.kind=SPOT", "lights.key.position=0.5,3,1", "lights.key.direction=0,-1,-0.2", "lights.key.outer_deg=50", "lights.key.intensity=9", "view_samples=4"}) set(r, e);
+  for (const char* e : edits) set(r, e);
+  return r;
+}
+
+TEST(ShadowPictures, ConvolutionBasisIsSinesAndCosinesOfOneDepth) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = spotRequest({"shadows.convolution.order=3", "shadows.map.resolution=16", "shadows.map.blur=0", "outputs=shadow_basis:key"});
+  const RenderResult result = mustRender(*engine, r);
+  ASSERT_EQ(result.images.size(), 1u);
+  const Image basis = result.images[0].image();
+  ASSERT_EQ(basis.width, 48) << "six images in three columns";
+  ASSERT_EQ(basis.height, 32);
+  ASSERT_EQ(basis.channels, 1);
+  EXPECT_EQ(nodesBy(result, v1::NodeReport::RUN).count("visibility:key"), 0u) << "a picture of the map looks nothing up";
+  EXPECT_EQ(nodesBy(result, v1::NodeReport::RUN).count("gbuffer"), 0u);
+  set(r, "shadows.percentage_closer.taps=2");
+  const RenderResult shown = mustRender(*engine, r);
+  const Image depth = shown.images[0].image();
+  ASSERT_EQ(depth.width, 16);
+  ASSERT_EQ(depth.height, 16);
+  EXPECT_EQ(nodesBy(shown, v1::NodeReport::REUSED).count("light_depth_map:key"), 1u);
+  // Unfiltered, image pairs are sin and cos of (2 k - 1) pi z of the same texel's z (Annen et al. 2007, eq. 8).
+  double nearest = 1, farthest = 0;
+  for (int y = 0; y < 16; ++y)
+    for (int x = 0; x < 16; ++x) {
+      const double z = depth.at(x, y)[0];
+      ASSERT_GE(z, 0.0);
+      ASSERT_LE(z, 1.0);
+      nearest = std::min(nearest, z), farthest = std::max(farthest, z);
+      std::vector<double> values, wanted;
+      for (int image = 0; image < 6; ++image) values.push_back(2.0 * basis.at(16 * (image % 3) + x, 16 * (image / 3) + y)[0] - 1.0);
+      for (int k = 1; k <= 3; ++k) {
+        wanted.push_back(std::sin((2 * k - 1) * M_PI * z));
+        wanted.push_back(std::cos((2 * k - 1) * M_PI * z));
+      }
+      std::sort(values.begin(), values.end());
+      std::sort(wanted.begin(), wanted.end());
+      for (int i = 0; i < 6; ++i) ASSERT_NEAR(values[i], wanted[i], 2e-5) << x << "," << y;   // float sine of up to 5 pi, and 1/2 + v / 2 rounded
+    }
+  EXPECT_LT(nearest, farthest - 0.05) << "an even map says nothing";
+}
+
+TEST(ShadowPictures, MosaicsHaveTheirMapsSizes) {
+  const auto engine = makeEngine();
+  const auto size = [&](std::initializer_list<const char*> edits) {
+    v1::RenderRequest r = spotRequest(edits);
+    set(r, "outputs=beauty,shadow_basis:key");
+    const RenderResult result = mustRender(*engine, r);
+    if (result.images.size() != 2) return std::string("none");
+    const Image& picture = result.images[1].image();
+    EXPECT_EQ(result.images[0].width(), 24);
+    for (const float v : picture.data) EXPECT_TRUE(std::isfinite(v));
+    return std::to_string(picture.width) + "x" + std::to_string(picture.height);
+  };
+  EXPECT_EQ(size({"shadows.convolution.order=4", "shadows.map.resolution=8"}), "24x24") << "eight images and an empty one";
+  EXPECT_EQ(size({"shadows.convolution.order=2", "shadows.convolution.bytes=true", "shadows.map.resolution=8"}), "16x16");
+  EXPECT_EQ(size({"shadows.variance.min_variance=0", "shadows.map.resolution=8"}), "16x8");
+  EXPECT_EQ(size({"shadows.moment.bleeding_reduction=0", "shadows.map.resolution=8"}), "16x16");
+  EXPECT_EQ(size({"shadows.exponential.c=80", "shadows.map.resolution=8"}), "8x8");
+  EXPECT_EQ(size({"shadows.shadow_map=", "shadows.map.resolution=8"}), "8x8");
+  EXPECT_EQ(size({"shadows.shadow_map=", "shadows.map.resolution=8", "lights.key.kind=POINT"}), "24x16") << "six faces";
+  EXPECT_EQ(size({"shadows.variance.min_variance=0", "shadows.map.resolution=8", "shadows.map.lookup=TRILINEAR"}), "16x8") << "the map, not its chain";
+}
+
+TEST(ShadowPictures, ByteImagesAreTheFloatOnesRounded) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = spotRequest({"shadows.convolution.order=2", "shadows.map.resolution=16", "outputs=shadow_basis:key"});
+  const Image whole = mustRender(*engine, r).images.at(0).image();
+  set(r, "shadows.convolution.bytes=true");
+  const Image bytes = mustRender(*engine, r).images.at(0).image();
+  ASSERT_EQ(bytes.data.size(), whole.data.size());
+  double largest = 0;
+  for (size_t i = 0; i < bytes.data.size(); ++i) largest = std::max(largest, double(std::fabs(bytes.data[i] - whole.data[i])));
+  EXPECT_GT(largest, 0.0);
+  EXPECT_LE(largest, 1.01 * 0.25 / 127.0 + 0.25 / 127.0) << "half a step of 1/127 in [-1, 1], for the texel and for what is filtered";
+}
+
+TEST(ShadowPictures, FlagsAreWhatTheClassificationFound) {
+  const auto engine = makeEngine();
+  const auto flags = [&](const char* classification, const char* epsilon) {
+    v1::RenderRequest r = spotRequest({"shadows.exponential.c=40", "shadows.map.resolution=32", "shadows.map.blur=3", "outputs=shadow_flags:key,alpha"});
+    set(r, std::string("shadows.exponential.classification=") + classification);
+    set(r, std::string("shadows.exponential.epsilon=") + epsilon);
+    return pictures(mustRender(*engine, r));
+  };
+  for (const char* classification : {"THRESHOLD", "Z_MAX"}) {
+    auto tight = flags(classification, "0"), loose = flags(classification, "1");
+    const Image &some = tight["shadow_flags:key"], &fewer = loose["shadow_flags:key"], &alpha = tight["alpha"];
+    ASSERT_EQ(some.width, 24) << classification;
+    ASSERT_EQ(some.height, 16);
+    size_t marked = 0, kept = 0, whole = 0;
+    for (size_t i = 0; i < some.data.size(); ++i) {
+      const float v = some.data[i];
+      ASSERT_GE(v, 0.0f);
+      ASSERT_LE(v, 1.0f);
+      if (alpha.data[i] == 0.0f) { ASSERT_EQ(v, 0.0f) << "nothing is seen there"; }
+      if (alpha.data[i] == 1.0f) { ASSERT_EQ(v * 4, std::round(v * 4)) << "a share of four samples"; }
+      ASSERT_LE(fewer.data[i], v) << classification << ": a larger margin flags no more";
+      marked += v > 0;
+      kept += fewer.data[i] > 0;
+      whole += v == 1.0f;
+    }
+    std::printf("%s: %zu of %zu pixels flagged, %zu wholly; margin 1: %zu\n", classification, marked, some.data.size(), whole, kept);
+    EXPECT_GT(marked, 5u) << classification;
+    EXPECT_LT(marked, some.data.size() / 2) << classification;
+    EXPECT_LT(kept, marked) << classification;
+  }
+}
+
+TEST(ShadowPictures, WhatCannotBeShownIsRefusedByName) {
+  const auto engine = makeEngine();
+  const auto refused = [&](std::initializer_list<const char*> edits, Code code, std::initializer_list<const char*> words) {
+    const Status s = engine->render(spotRequest(edits)).status();
+    EXPECT_EQ(s.code(), code) << s.toString();
+    EXPECT_NE(s.toString().find("request.outputs"), std::string::npos) << s.toString();
+    for (const char* word : words) EXPECT_NE(s.toString().find(word), std::string::npos) << word << " in: " << s.toString();
+  };
+  refused({"outputs=shadow_basis:key"}, Code::InvalidArgument, {"shadow_basis:key", "no map"});               // path traced
+  refused({"outputs=shadow_basis:key", "shadows.ray_traced.samples=1"}, Code::InvalidArgument, {"shadow_basis:key", "no map"});
+  refused({"outputs=shadow_flags:key"}, Code::InvalidArgument, {"shadow_flags:key", "classification"});
+  refused({"outputs=shadow_flags:key", "shadows.exponential.c=80"}, Code::InvalidArgument, {"shadow_flags:key", "classification"});
+  refused({"outputs=shadow_flags:key", "shadows.variance.min_variance=0"}, Code::InvalidArgument, {"shadow_flags:key", "classification"});
+  refused({"outputs=shadow_flags:nonesuch", "shadows.exponential.classification=Z_MAX"}, Code::NotFound, {"nonesuch"});
+  refused({"outputs=shadow_basis"}, Code::InvalidArgument, {"shadow_basis:LIGHT"});
+  refused({"outputs=beauty,shadow_basis:key", "shadows.exponential.c=80", "encoding.layers=true"}, Code::InvalidArgument, {"shadow_basis:key", "beauty", "layers"});
+  v1::RenderRequest alone = spotRequest({"outputs=shadow_basis:key", "shadows.exponential.c=80", "encoding.layers=true", "shadows.map.resolution=8"});
+  EXPECT_TRUE(engine->render(alone).ok()) << "one picture has one size";
 }
 
 }  // namespace

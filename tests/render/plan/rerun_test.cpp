@@ -116,6 +116,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"halt.error", "Engine.ErrorHaltIsMeasuredByTheCertificate"},
       {"environment.rotation_deg", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.extract_lights", "Rerun.EnvironmentRotationAndExtraction"},
+      {"environment.area_lights", "Rerun.EnvironmentAsAreaLights"},
       {"integrator.max_groups", "Rerun.ClustersAndDifferences"},
       {"encoding", "not in the hash"}, {"certificate", "not in the hash"}, {"scheduling", "not in the hash"}, {"scene_hash", "not in the hash"},
       {"time_s", "Rerun.AnimationsAndVariants"}, {"animation", "Rerun.AnimationsAndVariants"}, {"variant", "Rerun.AnimationsAndVariants"},
@@ -220,6 +221,26 @@ TEST(Rerun, EnvironmentRotationAndExtraction) {
   const Labels turned = ran(mustRender(*engine, r));
   EXPECT_TRUE(turned.count("visibility:environment/0"));
   EXPECT_FALSE(turned.count("gbuffer"));
+}
+
+TEST(Rerun, EnvironmentAsAreaLights) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 16, 12, 4);
+  set(r, "environment.sky.turbidity=3");
+  set(r, "environment.area_lights=3");
+  set(r, "shadows.ray_traced.samples=4");
+  const Labels first = ran(mustRender(*engine, r));
+  for (const char* node : {"area_lights", "visibility:environment/2", "unoccluded:environment/2", "ambient:environment", "direct:environment"}) EXPECT_TRUE(first.count(node)) << node;
+  set(r, "environment.gain=2,2,2");
+  EXPECT_EQ(text(ran(mustRender(*engine, r))), "beauty ");
+  set(r, "shadows.ray_traced.samples=9");   // soft shadows: the lights have a size
+  EXPECT_EQ(text(ran(mustRender(*engine, r))), "beauty direct:environment visibility:environment/0 visibility:environment/1 visibility:environment/2 ");
+  set(r, "environment.rotation_deg=40");
+  const Labels turned = ran(mustRender(*engine, r));
+  for (const char* node : {"visibility:environment/0", "unoccluded:environment/0", "ambient:environment"}) EXPECT_TRUE(turned.count(node)) << node;
+  for (const char* node : {"gbuffer", "surface"}) EXPECT_FALSE(turned.count(node)) << node;
+  set(r, "environment.area_lights=4");
+  EXPECT_TRUE(ran(mustRender(*engine, r)).count("area_lights"));
 }
 
 // A new environment takes another place in the light list; what other lights made stays.

@@ -42,8 +42,8 @@ inline void expectCppFormulas(ComputeDevice& device, const ComputeKernel& probe)
   ASSERT_TRUE(device.download(**out, y.data(), y.size() * 4).ok());
   float (*const functions[])(float) = {
       fastExp, fastExp2, fastLog, fastSin, fastCos, toneMapFilmic, toneMapReinhard,
-      [](float v) { return esmEncode(v, 80.0f); }, [](float v) { return esmReceiver(v, 80.0f, 0.001f); },
-      [](float v) { return esmVisibility(esmEncode(0.5f, 80.0f), esmReceiver(v, 80.0f, 0.0f), true); }};
+      [](float v) { return esmEncode(v, 80.0f); }, [](float v) { return esmReceiver(v - 0.001f, 80.0f); },
+      [](float v) { return esmVisibility(esmEncode(0.5f, 80.0f), esmReceiver(v, 80.0f), true); }};
   for (int f = 0; f < 10; ++f) {
     double worst = 0;
     for (uint32_t i = 0; i < count; ++i) {

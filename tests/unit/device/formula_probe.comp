@@ -20,6 +20,6 @@ void main() {
   y[5 * count + i] = toneMapFilmic(v);
   y[6 * count + i] = toneMapReinhard(v);
   y[7 * count + i] = esmEncode(v, 80.0);
-  y[8 * count + i] = esmReceiver(v, 80.0, 0.001);
-  y[9 * count + i] = esmVisibility(esmEncode(0.5, 80.0), esmReceiver(v, 80.0, 0.0), true);
+  y[8 * count + i] = esmReceiver(v - 0.001, 80.0);
+  y[9 * count + i] = esmVisibility(esmEncode(0.5, 80.0), esmReceiver(v, 80.0), true);
 }

@@ -7,12 +7,12 @@
 
 #include "device/egl/egl_device.h"
 #include "device/vulkan/vulkan_device.h"
-#include "unit/filters/exponential_shadow_cases.h"
+#include "unit/filters/shadow_map_cases.h"
 
 namespace {
 
 using namespace gobo;
-using namespace gobo::esmtest;
+using namespace gobo::shadowtest;
 
 double worstDifference(const TermPtr& a, const TermPtr& b, const char* plane, bool relative) {
   const auto x = a->floats(plane), y = b->floats(plane);
@@ -70,8 +70,8 @@ TEST_P(ExponentialShadowDevices, AgreesWithTheCpu) {
       });
       const TermPtr a = encode(depth, c, blur), b = encode(depth, c, blur, 2, device);
       ASSERT_TRUE(a && b);
-      worstE = std::max(worstE, worstDifference(a, b, "E", true));
-      const ExponentialShadowLookup l{*frame, c, 0.001f};
+      worstE = std::max(worstE, worstDifference(a, b, "B", true));
+      const ExponentialCase l{*frame, c, 0.001f};
       const TermPtr V = lookup(g, a, l), W = lookup(g, b, l, 2, device);
       ASSERT_TRUE(V && W);
       worstV = std::max(worstV, worstDifference(V, W, "V", false));
@@ -87,7 +87,8 @@ TEST_P(ExponentialShadowDevices, AgreesWithTheCpu) {
 TEST_P(ExponentialShadowDevices, HasItsOwnKeys) {
   const ComputeDevicePtr device = this->device();
   ASSERT_TRUE(device);
-  const NodePtr cpu = makeExponentialShadowEncodeNode(60, 2, 64), gpu = makeExponentialShadowEncodeNode(60, 2, 64, device);
+  const ShadowBasisPtr basis = makeExponentialBasis(60, false);
+  const NodePtr cpu = makeShadowEncodeNode(basis, 2, 64, 1, false), gpu = makeShadowEncodeNode(basis, 2, 64, 1, false, device);
   EXPECT_NE(cpu->numericClass(), gpu->numericClass());
   EXPECT_EQ(cpu->device(), "cpu");
   EXPECT_EQ(gpu->device(), std::string(device->kind()) + ": " + device->name());
@@ -104,7 +105,7 @@ TEST_P(ExponentialShadowDevices, DegenerateMaps) {
   const ComputeDevicePtr device = this->device();
   ASSERT_TRUE(device);
   const TermPtr g = receivers({{0.5f, 0.5f, 0.9f}, {-0.5f, 0.5f, 0.9f}});
-  const ExponentialShadowLookup l{unitFrame(), 60.0f, 0.0f};
+  const ExponentialCase l{unitFrame(), 60.0f, 0.0f};
   const TermPtr one = lookup(g, encode(depthMap(1, 1, [](int, int) { return 0.2f; }), 60.0f, 64, 2, device), l, 2, device);
   EXPECT_NEAR(one->floats("V")[0], std::exp(-60.0 * 0.7), 1e-6);
   EXPECT_EQ(one->floats("V")[1], 1.0f);

@@ -31,7 +31,7 @@ TEST(Engine, BadRequestsNameFieldAndValueBeforeAnyWork) {
   expect("camera.name=side", Code::NotFound, "request.camera.name", "side");
   expect("lights.moon.intensity=3", Code::NotFound, "request.lights.moon", "moon");
   expect("lights.moon.kind=RECT", Code::Ok, "", "");
-  expect("shadows.exponential.c=90", Code::InvalidArgument, "c", "90");
+  expect("shadows.exponential.c=2001", Code::InvalidArgument, "c", "2001");
   expect("environment.path=/nowhere/x.hdr", Code::NotFound, "request.environment.path", "/nowhere/x.hdr");
   expect("camera.up=0,0,0", Code::InvalidArgument, "request.camera.up", "zero");
   expect("integrator.max_bounces=65", Code::InvalidArgument, "request.integrator.max_bounces", "65");

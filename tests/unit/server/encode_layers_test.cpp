@@ -112,6 +112,35 @@ TEST(EncodeLayers, HalfAndDwaSpareDataLayers) {
   }
 }
 
+// Pictures of shadow maps have sizes of their own: each file its own, and as the only layer.
+TEST(EncodeLayers, PicturesOfShadowMaps) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = layersRequest("beauty,shadow_basis:a,shadow_flags:a");
+  for (const char* e : {"encoding.layers=false", "encoding.half=true", "shadows.exponential.c=80", "shadows.exponential.classification=Z_MAX", "shadows.map.resolution=8"}) set(r, e);
+  for (const v1::Encoding::Format format : {v1::Encoding::EXR, v1::Encoding::PNG, v1::Encoding::JPEG, v1::Encoding::RAW_FLOAT}) {
+    r.mutable_encoding()->set_format(format);
+    RenderResult result = mustRender(*engine, r);
+    const auto images = encodeImages(result);
+    ASSERT_TRUE(images.ok()) << images.status().toString();
+    ASSERT_EQ(images->size(), 3u);
+    const auto& map = (*images)[1];
+    EXPECT_EQ(map.descriptor.width(), 24u) << "six faces of 8 texels in three columns";
+    EXPECT_EQ(map.descriptor.height(), 16u);
+    EXPECT_EQ(map.descriptor.channels_size(), 1);
+    EXPECT_EQ((*images)[2].descriptor.width(), 24u);
+    if (format == v1::Encoding::RAW_FLOAT) { EXPECT_EQ(map.bytes.size(), size_t(24 * 16 * 4)); }
+    if (format != v1::Encoding::EXR) continue;
+    const Image back = layer(map.bytes, "");
+    EXPECT_EQ(back.data, result.images[1].image().data) << "e^(80 z) is not stored as half";
+    EXPECT_GT(*std::max_element(back.data.begin(), back.data.end()), 65504.0f) << "the case that half would spoil";
+  }
+  r = layersRequest("shadow_basis:a");
+  for (const char* e : {"shadows.variance.min_variance=0", "shadows.map.resolution=4"}) set(r, e);
+  RenderResult alone = mustRender(*engine, r);
+  const auto bytes = fileOf(alone);
+  EXPECT_EQ(layer(bytes, "shadow_basis:a").data, alone.images.at(0).image().data);
+}
+
 TEST(EncodeLayers, NamesThatBecomeEqualStayApart) {
   RenderResult result;
   result.reply.mutable_resolved()->mutable_encoding()->set_layers(true);

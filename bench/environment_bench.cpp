@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+// An environment map as N area lights against path tracing it: direct light of a scene under a map, RMSE (by the picture's mean) against
+// a path-traced reference and CPU time, for N lights with a shadow technique and for path tracing at several sample counts; then the time
+// that path tracing takes to the lights' error (its squared error falls as 1 / samples), and the ratio. RMSE is the root of the mean of
+// (x - a)(x - b) over pixels and channels, a and b the reference's halves: free of its noise. All at the same view samples. Each figure
+// is from an engine that has the scene and its acceleration structure but no term: G-buffer, surface and fit are in the lights' time.
+// The CPU clock, because cores may be shared.
+// Arguments: --scene NAME --env FILE|sky --set assignments of the request, separated by spaces --technique ASSIGNMENT below `shadows.`
+//            --size WxH --lights N,N,... --spp N,N,... --reference N (each half) --threads N --out PATH --pictures PREFIX (writes .exr)
+#include <sys/resource.h>
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <sstream>
+
+#include "base/image_io.h"
+#include "measure/report.h"
+#include "plan/engine.h"
+#include "plan/request.h"
+
+using namespace gobo;
+
+namespace {
+
+double cpu() {
+  rusage u;
+  getrusage(RUSAGE_SELF, &u);
+  return double(u.ru_utime.tv_sec + u.ru_stime.tv_sec) + 1e-6 * double(u.ru_utime.tv_usec + u.ru_stime.tv_usec);
+}
+
+std::vector<std::string> split(const std::string& text, char by) {
+  std::vector<std::string> out;
+  std::istringstream in(text);
+  for (std::string s; std::getline(in, s, by);)
+    if (!s.empty()) out.push_back(s);
+  return out;
+}
+
+[[noreturn]] void fail(const Status& status) {
+  std::fprintf(stderr, "environment_bench: %s\n", status.toString().c_str());
+  std::exit(1);
+}
+
+struct Run { Image image; double seconds = 0, fit = 0; };
+
+class Bench {
+ public:
+  Bench(v1::RenderRequest request, int threads, std::string pictures) : request_(std::move(request)), threads_(threads), pictures_(std::move(pictures)) {}
+
+  Run render(const std::vector<std::string>& edits, const std::string& name) const {
+    EngineOptions options;
+    options.threads = threads_;
+    options.anyPath = true;
+    auto engine = Engine::create(options);
+    if (!engine.ok()) fail(engine.status());
+    v1::RenderRequest warm = request_, r = request_;
+    for (const std::string& e : edits)
+      if (const Status s = setPath(r, e); !s.ok()) fail(s);
+    warm.set_width(1);
+    warm.set_height(1);
+    warm.mutable_halt()->set_spp(1);
+    warm.mutable_shadows()->mutable_path_traced();
+    if (auto first = (*engine)->render(warm); !first.ok()) fail(first.status());
+    const double start = cpu();
+    auto result = (*engine)->render(r);
+    Run run;
+    run.seconds = cpu() - start;
+    if (!result.ok()) fail(result.status());
+    run.image = result->images[0].image();
+    for (const auto& n : result->reply.plan())
+      if (n.node() == "area_lights") run.fit = n.ms() * 1e-3;
+    if (!pictures_.empty()) {
+      const auto bytes = encodeExr(run.image);
+      if (!bytes.ok()) fail(bytes.status());
+      if (const Status s = writeFileAtomic(pictures_ + name + ".exr", bytes->data(), bytes->size()); !s.ok()) fail(s);
+    }
+    return run;
+  }
+
+ private:
+  v1::RenderRequest request_;
+  int threads_;
+  std::string pictures_;
+};
+
+double relativeError(const Image& x, const Image& a, const Image& b) {
+  double error = 0, mean = 0;
+  for (size_t i = 0; i < a.data.size(); ++i) {
+    error += (double(x.data[i]) - a.data[i]) * (double(x.data[i]) - b.data[i]);
+    mean += 0.5 * (double(a.data[i]) + b.data[i]);
+  }
+  return std::sqrt(std::max(error, 0.0) * double(a.data.size())) / mean;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string environment = argumentOr(argc, argv, "--env", "sky"), technique = argumentOr(argc, argv, "--technique", "percentage_closer=");
+  const std::string scene = argumentOr(argc, argv, "--scene", "trees");
+  int width = 0, height = 0;
+  std::sscanf(argumentOr(argc, argv, "--size", "320x240").c_str(), "%dx%d", &width, &height);
+  const std::string reference = argumentOr(argc, argv, "--reference", "1024");
+  if (width < 1 || height < 1 || std::atoi(reference.c_str()) < 1) fail(invalidArgument("--size and --reference must be positive"));
+  v1::RenderRequest request;
+  for (const std::string& e : {"scene=" + scene, "width=" + std::to_string(width), "height=" + std::to_string(height), std::string("outputs=direct"),
+                               std::string("integrator.max_bounces=0"), std::string("integrator.at_view_samples=true"),
+                               environment == "sky" ? std::string("environment.sky.turbidity=3") : "environment.path=" + environment})
+    if (const Status s = setPath(request, e); !s.ok()) fail(s);
+  for (const std::string& e : split(argumentOr(argc, argv, "--set", ""), ' '))
+    if (const Status s = setPath(request, e); !s.ok()) fail(s);
+  const Bench bench(request, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), argumentOr(argc, argv, "--pictures", ""));
+
+  const Run a = bench.render({"shadows.path_traced=", "halt.spp=" + reference, "seed=1001"}, "reference_a");
+  const Run b = bench.render({"shadows.path_traced=", "halt.spp=" + reference, "seed=1002"}, "reference_b");
+  Table table("Environment as area lights", {"method", "count", "RMSE / mean", "CPU s", "of it the fit", "path tracing to that error, s", "times faster"});
+  table.note("scene", scene);
+  table.note("map", environment);
+  table.note("technique", technique);
+  table.note("pixels", double(width) * height);
+  table.note("reference samples a pixel, each of two halves", reference);
+  double secondsPerVariance = 0;   // path tracing: time = this / error^2
+  for (const std::string& spp : split(argumentOr(argc, argv, "--spp", "4,16,64,256"), ',')) {
+    const Run r = bench.render({"shadows.path_traced=", "halt.spp=" + spp, "seed=7"}, "traced_" + spp);
+    const double error = relativeError(r.image, a.image, b.image);
+    secondsPerVariance = r.seconds * error * error;   // of the largest count, where what is done once weighs least
+    table.add({std::string("path traced"), std::atof(spp.c_str()), error, r.seconds, 0.0, r.seconds, 1.0});
+  }
+  for (const std::string& n : split(argumentOr(argc, argv, "--lights", "10,20,30,45,60,100"), ',')) {
+    const Run r = bench.render({"shadows." + technique, "environment.area_lights=" + n, "halt.spp=1"}, "lights_" + n);
+    const double error = relativeError(r.image, a.image, b.image), traced = secondsPerVariance / (error * error);
+    table.add({std::string("area lights"), std::atof(n.c_str()), error, r.seconds, r.fit, traced, traced / r.seconds});
+  }
+  std::printf("%s", table.text().c_str());
+  const std::string out = argumentOr(argc, argv, "--out", "");
+  if (out.empty()) return 0;
+  if (const Status s = table.write(out); !s.ok()) fail(s);
+  return 0;
+}

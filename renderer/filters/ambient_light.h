@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// Ambient light without shadows: radiance in spherical harmonics of order 2 from infinity, reflected by the diffuse lobe of every surface.
+// Inputs: G-buffer, surface. Output: "direct_light", domain Pixel, plane "rgb": mean over view samples of
+//   albedo (1 - metallic) (1 - transmission) / pi * max(E(N), 0),  E by Ramamoorthi & Hanrahan 2001 (formulas/harmonics.glsl.h).
+// Approximate: no occlusion (it is what other lights leave over: small, and any occlusion term would be a guess), no gloss, no clearcoat or
+// sheen on top. Zero on unlit surfaces and background. Cost: about 60 operations per view sample.
+#pragma once
+
+#include <array>
+
+#include "terms/node.h"
+
+namespace gobo {
+
+struct AmbientLightSettings {
+  std::array<Vec3, 9> radiance{};   ///< coefficients in the map's axes, for nominal power
+  float rotation = 0;               ///< of the map about +Y, radians (scene/environment.h)
+  int width = 0, height = 0, viewSamples = 1;
+};
+NodePtr makeAmbientLightNode(const AmbientLightSettings& settings);
+
+}  // namespace gobo

@@ -1,0 +1,316 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/automatic/shadow_probe.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/sobol.h"
+#include "filters/shadow_map/depth_compare.h"
+#include "formulas/soft_shadow.glsl.h"
+#include "terms/gbuffer.h"
+#include "terms/light_points.h"
+#include "terms/visibility.h"
+#include "trace/accel.h"
+#include "trace/view_samples.h"
+
+namespace gobo {
+namespace {
+
+constexpr int kGrain = 8;                 // pixels a task
+constexpr int kTruthSamples = 16;
+constexpr int kSearch = 6, kFilter = 8;   // taps a side of the soft kernels
+
+/// Depths of a map that is not there, by a ray per texel asked for.
+class VirtualMap {
+ public:
+  VirtualMap(const Accel& accel, const ProbeMap& map) : accel_(accel), map_(map) {}
+  int side() const { return map_.resolution; }
+  /// z[i] of texels (x[i], y[i]), which repeat the rim outside.
+  void depths(int face, const int* x, const int* y, int count, float* z, uint64_t& rays) const {
+    const LightFrame& f = map_.frames.face[size_t(face)];
+    const float texel = 1.0f / float(side()), scale = 1.0f / (f.far - f.near);
+    for (int first = 0; first < count; first += 16) {
+      const int n = std::min(16, count - first);
+      Ray ray[16];
+      Hit hit[16];
+      float start[16], cosine[16];
+      for (int i = 0; i < n; ++i) {
+        const int tx = std::clamp(x[first + i], 0, side() - 1), ty = std::clamp(y[first + i], 0, side() - 1);
+        ray[i] = f.ray((float(tx) + 0.5f) * texel, (float(ty) + 0.5f) * texel, start[i], cosine[i]);
+      }
+      accel_.intersect16(ray, n, hit);
+      for (int i = 0; i < n; ++i) z[first + i] = hit[i].valid() ? formulas::shadowDepth((start[i] + hit[i].t * cosine[i] - f.near) * scale) : 1.0f;
+    }
+    rays += uint64_t(count);
+  }
+
+ private:
+  const Accel& accel_;
+  const ProbeMap& map_;
+};
+
+class ShadowProbeNode final : public Node {
+ public:
+  explicit ShadowProbeNode(const ShadowProbeSettings& s) : s_(s), gaussian_(shadowGaussian(1)) {}
+  std::string type() const override { return "shadow_probe"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.facets = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
+    t.smallOutput = true;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override {
+    hashCamera(h, s_.camera);
+    h.add(s_.width).add(s_.height).add(s_.viewSamples).add(s_.pixels);
+    for (const ProbeMap& m : s_.maps) {
+      m.frames.hash(h);
+      h.add(m.resolution);
+    }
+    for (const uint32_t n : s_.rays) h.add(n);
+    h.add(s_.bias).add(s_.slopeBias).add(s_.size.x).add(s_.size.y).add(s_.truthRays).add(s_.seed);
+  }
+  size_t outputBytes() const override { return columns() * 16; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
+    const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
+    // Cells about as wide as high; one pixel of each.
+    const double aspect = double(s_.width) / s_.height;
+    const int across = std::clamp(int(std::lround(std::sqrt(s_.pixels * aspect))), 1, s_.width), down = std::clamp(s_.pixels / across, 1, s_.height);
+    const size_t cells = size_t(across) * size_t(down), tasks = (cells + kGrain - 1) / kGrain, S = size_t(s_.viewSamples);
+    // The view samples of every judged pixel, as a G-buffer that Receivers read.
+    const auto view = std::make_shared<Term>("gbuffer", Domain::ViewSample, Extent{int(cells * S), 1, 1});
+    Surfaces at{view->addPlane<float>("P", 3), view->addPlane<float>("Ng", 3), view->addPlane<uint32_t>("instance")};
+    std::vector<float> x(cells), y(cells);
+    for (size_t c = 0; c < cells; ++c) {
+      const auto pick = [&](size_t cell, int count, int size, uint64_t salt) {   // a pixel of the cell
+        const int lo = int(int64_t(cell) * size / count), hi = std::max(lo + 1, int(int64_t(cell + 1) * size / count));
+        return float(lo + int(hash64(hash64(0x9e0be, c), salt) % uint64_t(hi - lo)));
+      };
+      x[c] = pick(c % size_t(across), across, s_.width, 1);
+      y[c] = pick(c / size_t(across), down, s_.height, 2);
+    }
+    const FilmRays film(s_.camera, s_.width, s_.height);
+    // Squared errors by task, added in order afterwards: the same for any number of threads.
+    std::vector<double> sums(tasks * columns(), 0.0), counts(tasks, 0.0);
+    const auto stopped = [] { return Status(Code::Cancelled, "shadow_probe stopped"); };
+    if (!ctx.arena->parallelFor(cells, 64, [&](size_t from, size_t to) {
+          for (size_t c = from; c < to; ++c)
+            for (size_t s = 0; s < S; ++s) {
+              const Vec2 offset = viewSamplePosition(int(s), s_.viewSamples);
+              const Ray ray = film.at(x[c] + offset.x, y[c] + offset.y);
+              look(*accel, &ray, 1, at, c * S + s);
+            }
+        }, ctx.stop)) return stopped();
+    std::vector<Receivers> receivers;
+    for (const ProbeMap& m : s_.maps) receivers.emplace_back(*view, m.frames, m.resolution, ShadowView{}, ReceiverNeeds{.slopes = true, .facing = false});
+    const bool done = ctx.arena->parallelFor(tasks, 1, [&](size_t from, size_t to) {
+      uint64_t rays = 0;
+      std::vector<float> estimates(columns());
+      for (size_t task = from; task < to; ++task) {
+        const size_t begin = task * kGrain, end = std::min(begin + kGrain, cells);
+        for (size_t c = begin; c < end; ++c) {
+          float truth = 1.0f;
+          if (!judge(*accel, light, film, x[c], y[c], at, c, receivers, truth, estimates.data(), rays)) continue;
+          counts[task] += 1;
+          for (size_t k = 0; k < columns(); ++k) sums[task * columns() + k] += sqr(double(estimates[k]) - truth);
+        }
+      }
+      if (ctx.counters) ctx.counters->rays += rays;
+    }, ctx.stop);
+    if (!done) return stopped();
+    auto term = std::make_shared<Term>("shadow_probe", Domain::Table, Extent{int(columns()), 1, 1});
+    const auto rmse = term->addPlane<double>("rmse"), judged = term->addPlane<double>("receivers");
+    double count = 0;
+    for (const double c : counts) count += c;
+    for (size_t k = 0; k < columns(); ++k) {
+      double sum = 0;
+      for (size_t t = 0; t < tasks; ++t) sum += sums[t * columns() + k];
+      rmse[k] = count > 0 ? std::sqrt(sum / count) : 0.0;
+    }
+    judged[0] = count;
+    return TermPtr(term);
+  }
+
+ private:
+  static double sqr(double x) { return x * x; }
+  size_t columns() const { return s_.rays.size() + s_.maps.size(); }
+
+  struct Surfaces {
+    std::span<float> P, Ng;
+    std::span<uint32_t> instance;
+    bool hit(size_t e) const { return instance[e] != kNoHit; }
+    Vec3 position(size_t e) const { return Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]); }
+    Vec3 normal(size_t e) const { return Vec3(Ng[3 * e], Ng[3 * e + 1], Ng[3 * e + 2]); }
+  };
+  /// Elements first .. first + count - 1: what the rays see. Shading normals are left out: a probe can do without them.
+  static void look(const Accel& accel, const Ray* ray, int count, const Surfaces& at, size_t first) {
+    Hit hit[16];
+    accel.intersect16(ray, count, hit);
+    for (int i = 0; i < count; ++i) {
+      const size_t e = first + size_t(i);
+      at.instance[e] = hit[i].instance;
+      const Vec3 p = hit[i].valid() ? ray[i].origin + ray[i].direction * hit[i].t : Vec3(0.0f);
+      const Vec3 n = !hit[i].valid() ? Vec3(0.0f) : glm::dot(hit[i].Ng, ray[i].direction) < 0 ? hit[i].Ng : -hit[i].Ng;
+      for (int c = 0; c < 3; ++c) { at.P[3 * e + c] = p[c]; at.Ng[3 * e + c] = n[c]; }
+    }
+  }
+
+  /// Truth and every candidate's value of one pixel. False where the light cannot shine.
+  bool judge(const Accel& accel, const LightPoints& light, const FilmRays& film, float px, float py, const Surfaces& view, size_t cell, const std::vector<Receivers>& receivers,
+             float& truth, float* estimates, uint64_t& rays) const {
+    const size_t S = size_t(s_.viewSamples), first = cell * S;
+    std::fill_n(estimates, columns(), 0.0f);
+    double sum = 0;
+    size_t lit = 0;
+    for (size_t s = 0; s < S; ++s) {
+      float here[16];
+      float exact = 1.0f;
+      if (!view.hit(first + s) || !trace(accel, light, view.position(first + s), view.normal(first + s), first + s, exact, here, rays)) continue;
+      ++lit;
+      sum += exact;
+      for (size_t k = 0; k < s_.rays.size(); ++k) estimates[k] += here[k];
+      for (size_t k = 0; k < s_.maps.size(); ++k) {
+        ReceiverBlock b;
+        receivers[k].fill(first + s, 1, b);
+        estimates[s_.rays.size() + k] += !b.covered[0] ? 1.0f : s_.size == Vec2(0.0f) ? hard(accel, s_.maps[k], b, rays) : soft(accel, s_.maps[k], receivers[k], b, rays);
+      }
+    }
+    if (lit == 0) return false;
+    for (size_t k = 0; k < columns(); ++k) estimates[k] /= float(lit);
+    truth = float(sum / double(lit));
+    if (!light.pointLike()) return true;
+    // Hard shadows: over the pixel's area.
+    float P[3 * kTruthSamples], Ng[3 * kTruthSamples];
+    uint32_t instance[kTruthSamples];
+    const Surfaces area{P, Ng, instance};
+    Ray ray[kTruthSamples];
+    for (int i = 0; i < kTruthSamples; ++i) {
+      const Vec2 u = SobolSampler(hash64(s_.seed, cell), uint32_t(i)).next2D();
+      ray[i] = film.at(px + u.x, py + u.y);
+    }
+    look(accel, ray, kTruthSamples, area, 0);
+    double seen = 0, count = 0;
+    for (size_t i = 0; i < kTruthSamples; ++i) {
+      float v = 1.0f;
+      if (!area.hit(i) || !trace(accel, light, area.position(i), area.normal(i), i, v, nullptr, rays)) continue;
+      seen += v;
+      ++count;
+    }
+    if (count > 0) truth = float(seen / count);
+    return true;
+  }
+
+  /// Visibility of the light at one place: by truthRays points, and (unless null) by the first rays[k] of the sequence that the ray-traced technique would
+  /// use. The first n of N points share their noise with the truth: the error of n is larger by 1 / sqrt(1 - n/N). False where the light cannot shine.
+  bool trace(const Accel& accel, const LightPoints& light, const Vec3& p, const Vec3& n, size_t e, float& truth, float* estimates, uint64_t& rays) const {
+    const uint64_t seed = viewSampleSeed(s_.seed, e);
+    const uint32_t count = light.pointLike() ? 1 : s_.truthRays;
+    Ray packet[16];
+    uint32_t at[16];
+    int waiting = 0;
+    std::vector<float> weight(count, 0.0f);
+    std::vector<uint8_t> open(count, 0);
+    const auto flush = [&] {
+      const uint32_t blocked = waiting ? accel.occluded16(packet, waiting) : 0;
+      for (int i = 0; i < waiting; ++i) open[at[i]] = !(blocked >> i & 1);
+      rays += uint64_t(waiting);
+      waiting = 0;
+    };
+    for (uint32_t i = 0; i < count; ++i) {
+      LightPoint point;
+      const Vec2 u = light.pointLike() ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
+      if (!light.sample(p, n, n, u, point)) continue;
+      weight[i] = point.weight;
+      if (point.belowSurface) continue;
+      packet[waiting] = shadowRay(accel, p, n, point);
+      at[waiting++] = i;
+      if (waiting == 16) flush();
+    }
+    flush();
+    double seen = 0, sum = 0;
+    size_t next = 0;
+    for (uint32_t i = 0; i < count; ++i) {
+      sum += weight[i];
+      if (open[i]) seen += weight[i];
+      while (estimates && next < s_.rays.size() && s_.rays[next] == i + 1) estimates[next++] = sum > 0 ? float(seen / sum) : 1.0f;
+    }
+    if (!(sum > 0)) return false;
+    truth = float(seen / sum);
+    for (size_t k = 0; estimates && k < s_.rays.size(); ++k) {
+      const double share = double(s_.rays[k]) / count;
+      const double grow = count > 1 && share < 1 ? 1.0 / std::sqrt(1.0 - share) : 1.0;
+      estimates[k] = k < next ? float(truth + grow * (double(estimates[k]) - truth)) : truth;
+    }
+    return true;
+  }
+
+  float hard(const Accel& accel, const ProbeMap& map, const ReceiverBlock& b, uint64_t& rays) const {
+    AxisKernel kx, ky;
+    interpolatedKernel(b.x[0], gaussian_.data(), 1, kx);
+    interpolatedKernel(b.y[0], gaussian_.data(), 1, ky);
+    int x[16], y[16];
+    float z[16];
+    for (int i = 0; i < 16; ++i) {
+      x[i] = kx.first + i % 4;
+      y[i] = ky.first + i / 4;
+    }
+    VirtualMap(accel, map).depths(b.face[0], x, y, 16, z, rays);
+    const ReceiverPlane r = receiverPlane(b, 0, s_.bias, s_.slopeBias);
+    float sum = 0;
+    for (int i = 0; i < 16; ++i) sum += r.at(x[i], y[i]) <= z[i] ? kx.weight[i % 4] * ky.weight[i / 4] : 0.0f;
+    return std::min(sum, 1.0f);
+  }
+
+  /// taps x taps texels spread over the box of width (wx, wy) texels around the receiver.
+  static int grid(const ReceiverPlane& r, float wx, float wy, int taps, int* x, int* y) {
+    for (int i = 0; i < taps * taps; ++i) {
+      x[i] = int(std::floor(r.x + wx * ((float(i % taps) + 0.5f) / float(taps) - 0.5f) + 0.5f));
+      y[i] = int(std::floor(r.y + wy * ((float(i / taps) + 0.5f) / float(taps) - 0.5f) + 0.5f));
+    }
+    return taps * taps;
+  }
+
+  float soft(const Accel& accel, const ProbeMap& map, const Receivers& receivers, const ReceiverBlock& b, uint64_t& rays) const {
+    const VirtualMap depths(accel, map);
+    const LightFrame& f = map.frames.face[size_t(b.face[0])];
+    const ReceiverPlane r = receiverPlane(b, 0, s_.bias, s_.slopeBias);
+    const float d = receivers.metric(b.face[0], b.d[0]), texelsX = float(map.resolution) / (f.hi.x - f.lo.x), texelsY = float(map.resolution) / (f.hi.y - f.lo.y);
+    const auto width = [&](float z, float size, float texels) {
+      return std::clamp(formulas::softWidth(d, z, size, f.perspective) * texels, 1.0f, float(map.resolution));
+    };
+    int x[64], y[64];
+    float z[64];
+    float plane = std::max(f.near, 1e-3f * d);
+    double blocked = 0, share = 0;
+    for (int pass = 0; pass < 2; ++pass) {   // the search kernel is measured on the near plane, then on the nearest blocker found
+      const int n = grid(r, width(plane, s_.size.x, texelsX), width(plane, s_.size.y, texelsY), kSearch, x, y);
+      depths.depths(b.face[0], x, y, n, z, rays);
+      blocked = share = 0;
+      float nearest = 1.0f;
+      for (int i = 0; i < n; ++i)
+        if (z[i] < r.at(x[i], y[i])) {
+          blocked += receivers.metric(b.face[0], z[i]);
+          share += 1;
+          nearest = std::min(nearest, z[i]);
+        }
+      if (share == 0) return 1.0f;
+      plane = std::max(plane, receivers.metric(b.face[0], nearest));
+    }
+    const float blocker = float(blocked / share);
+    const int n = grid(r, width(blocker, s_.size.x, texelsX), width(blocker, s_.size.y, texelsY), kFilter, x, y);
+    depths.depths(b.face[0], x, y, n, z, rays);
+    int lit = 0;
+    for (int i = 0; i < n; ++i) lit += r.at(x[i], y[i]) <= z[i];
+    return float(lit) / float(n);
+  }
+
+  ShadowProbeSettings s_;
+  std::vector<float> gaussian_;
+};
+
+}  // namespace
+
+NodePtr makeShadowProbeNode(const ShadowProbeSettings& settings) { return std::make_shared<ShadowProbeNode>(settings); }
+
+}  // namespace gobo

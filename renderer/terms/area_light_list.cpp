@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "terms/area_light_list.h"
+
+#include <algorithm>
+
+#include "terms/fit_area_lights.h"
+
+namespace gobo {
+
+namespace {
+
+/// Maps may hold anything that is finite; sums and products of what follows must stay so.
+float bounded(double x) { return float(std::clamp(x, -1e30, 1e30)); }
+
+class AreaLightListNode final : public Node {
+ public:
+  explicit AreaLightListNode(int lights) : lights_(lights) {}
+  std::string type() const override { return "area_light_list"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.facets = Facet::Environment;
+    t.smallOutput = true;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override { h.add(lights_); }
+  size_t outputBytes() const override { return size_t(lights_) * 44 + 112; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const AreaLightFit fit = fitAreaLights(*ctx.scene->environment(), lights_);
+    auto out = std::make_shared<Term>("area_light_list", Domain::Table, Extent{1, 1, 1});
+    out->addPlane<uint32_t>("count")[0] = uint32_t(fit.lights.size());
+    const auto direction = out->addPlane<float>("direction", 3 * lights_), right = out->addPlane<float>("right", 3 * lights_);
+    const auto size = out->addPlane<float>("angularSize", 2 * lights_), irradiance = out->addPlane<float>("irradiance", 3 * lights_);
+    for (size_t i = 0; i < fit.lights.size(); ++i) {
+      const AreaLight& l = fit.lights[i];
+      for (int k = 0; k < 3; ++k) {
+        direction[3 * i + k] = float(l.direction[k]);
+        right[3 * i + k] = float(l.right[k]);
+        irradiance[3 * i + k] = bounded(l.irradiance[k]);
+      }
+      size[2 * i] = size[2 * i + 1] = float(l.angularSize);
+    }
+    const auto remainder = out->addPlane<float>("remainder", 27);
+    for (size_t i = 0; i < 9; ++i)
+      for (int k = 0; k < 3; ++k) remainder[3 * i + k] = bounded(fit.remainder[i][k]);
+    return TermPtr(out);
+  }
+
+ private:
+  int lights_;
+};
+
+}  // namespace
+
+NodePtr makeAreaLightListNode(int lights) { return std::make_shared<AreaLightListNode>(lights); }
+
+}  // namespace gobo

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Square lights at infinity: where their points lie and what they weigh.
+#include "terms/light_points.h"
+
+#include <gtest/gtest.h>
+
+#include "scene/light_axes.h"
+#include "support/lit_scene.h"
+
+namespace gobo {
+namespace {
+
+constexpr double kDPi = 3.14159265358979323846;
+
+TEST(LightPoints, WideDirectionalLightsFillTheirSquare) {
+  test::LitScene lit;
+  LightShape sun;
+  sun.kind = LightKind::Directional;
+  sun.axis = glm::normalize(Vec3(-1, -2, 0.5f));
+  sun.u = glm::normalize(glm::cross(sun.axis, Vec3(0, 1, 0)));
+  lit.add(sun);
+  lit.build();
+  const std::vector<int> subset{0};
+  const SceneView view(*lit.scene, Facet::LightShape, subset);
+  EXPECT_TRUE(LightPoints(view, 0).pointLike());
+  const double a = 0.4, b = 0.1;   // tangents of half the angles
+  const LightPoints light(view, 0, Vec2(float(2 * a), float(2 * b)));
+  EXPECT_FALSE(light.pointLike());
+  const Vec3 up = glm::cross(sun.axis, sun.u);
+  double sum = 0, x = 0, y = 0;
+  const int n = 64;
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i) {
+      LightPoint p;
+      ASSERT_TRUE(light.sample(Vec3(1, 2, 3), -sun.axis, -sun.axis, Vec2((i + 0.5f) / n, (j + 0.5f) / n), p));
+      const double along = -glm::dot(p.direction, sun.axis);
+      x = std::max(x, std::fabs(glm::dot(p.direction, sun.u)) / along);
+      y = std::max(y, std::fabs(glm::dot(p.direction, up)) / along);
+      sum += p.weight / double(n * n);
+    }
+  EXPECT_NEAR(x, a, a / n);   // u is the wide side: the map and the light agree on what lies along which axis
+  EXPECT_NEAR(y, b, b / n);
+  // Weights are the solid angle of the square by the cosine: a rectangle's irradiance on a plane that faces it (Lambert 1760).
+  const double s = std::sqrt(1 + a * a), t = std::sqrt(1 + b * b);
+  EXPECT_NEAR(sum * 4 * a * b, 2 * (a / s * std::atan(b / s) + b / t * std::atan(a / t)), 1e-5);
+}
+
+TEST(LightPoints, MapAxesFollowTheLight) {
+  LightShape s;
+  s.kind = LightKind::Directional;
+  s.axis = Vec3(0, 0, -1);
+  s.u = glm::normalize(Vec3(1, 2, 0));
+  EXPECT_NEAR(glm::dot(mapFrame(s).x, s.u), 1.0, 1e-6);
+  s.u = glm::normalize(Vec3(1, 0, 1));   // not perpendicular: says nothing
+  const Frame f = mapFrame(s);
+  EXPECT_EQ(f.x, Frame(s.axis).x);
+  EXPECT_NEAR(glm::dot(f.x, f.z), 0.0, 1e-6);
+  s.u = Vec3(0.0f);
+  EXPECT_EQ(mapFrame(s).x, Frame(s.axis).x);
+}
+
+}  // namespace
+}  // namespace gobo
