@@ -86,7 +86,8 @@ Status checkOutputs(const Scene& scene, const v1::RenderRequest& request) {
     if (std::string_view(info->name) == "shadow_basis" && request.encoding().layers())
       for (const std::string& other : request.outputs())
         if (other != o)
-          return invalidArgument("request.outputs: '" + o + "' has the size of its map and cannot be a layer beside '" + other + "'; ask for it alone or leave out encoding.layers",
+          return invalidArgument("request.outputs: '" + o + "' has the size of its map and cannot be a layer beside '" + other +
+                                     "'; ask for it alone or leave out encoding.layers",
                                  "request.outputs");
   }
   return {};

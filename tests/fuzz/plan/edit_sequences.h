@@ -85,7 +85,8 @@ class EditSequence {
         [&] { return "environment.rotation_deg=" + pick({"0", "30", "90"}); },
         [&] { return "environment.extract_lights=" + pick({"0", "2", "4"}); },
         [&] { return "tone_map.exposure=" + number(-2, 2); },
-        [&] { return "outputs=" + pick({"beauty", "beauty,depth", "beauty,direct,indirect", "beauty,visibility:lamp", "albedo,normal", "beauty,group:lamp", "beauty,shadow_basis:lamp", "alpha,shadow_flags:lamp"}); },
+        [&] { return "outputs=" + pick({"beauty", "beauty,depth", "beauty,direct,indirect", "beauty,visibility:lamp", "albedo,normal", "beauty,group:lamp",
+                                          "beauty,shadow_basis:lamp", "alpha,shadow_flags:lamp"}); },
         [&] { return "camera.yfov_deg=" + pick({"40", "55"}); },
     };
     if (rng_() % 8 == 0) return patchScene();
@@ -106,7 +107,8 @@ class EditSequence {
                  "moment.moment_bias=0.0001", "auto.error=0.05"});
   }
   std::string mapEdit() {
-    return pick({"resolution=8", "resolution=12", "blur=0", "blur=2", "bias=0.001", "slope_bias=2", "fit=CAMERA", "fit=SCENE", "lookup=BILINEAR", "lookup=TRILINEAR", "lookup=ANISOTROPIC",
+    return pick({"resolution=8", "resolution=12", "blur=0", "blur=2", "bias=0.001", "slope_bias=2",
+                 "fit=CAMERA", "fit=SCENE", "lookup=BILINEAR", "lookup=TRILINEAR", "lookup=ANISOTROPIC",
                  "lookup=SUMMED_AREA", "anisotropy=2"});
   }
 

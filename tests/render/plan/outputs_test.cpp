@@ -222,7 +222,9 @@ TEST(Outputs, UnknownOnesAndBadEncodingsAreRefusedByName) {
 
 v1::RenderRequest spotRequest(std::initializer_list<const char*> edits) {
   v1::RenderRequest r = smallRequest("spheres", 24, 16, 16);
-  for (const char* e : {"lights.key.kind=SPOT", "lights.key.position=0.5,3,1", "lights.key.direction=0,-1,-0.2", "lights.key.outer_deg=50", "lights.key.intensity=9", "view_samples=4"}) set(r, e);
+  for (const char* e : {"lights.key.kind=SPOT", "lights.key.position=0.5,3,1", "lights.key.direction=0,-1,-0.2", "lights.key.outer_deg=50",
+                        "lights.key.intensity=9", "view_samples=4"})
+    set(r, e);
   for (const char* e : edits) set(r, e);
   return r;
 }

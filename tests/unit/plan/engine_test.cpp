@@ -42,7 +42,9 @@ TEST(Engine, ShadowSettingsThatCannotBeAreRefused) {
   const auto engine = makeEngine();
   const auto tell = [&](std::initializer_list<const char*> edits) {
     v1::RenderRequest r = smallRequest("spheres", 8, 6);
-    for (const char* e : {"lights.lamp.kind=SPOT", "lights.lamp.position=0,3,1", "lights.lamp.direction=0,-1,0", "lights.lamp.intensity=9", "shadows.map.resolution=16", "outputs=visibility:lamp"}) set(r, e);
+    for (const char* e : {"lights.lamp.kind=SPOT", "lights.lamp.position=0,3,1", "lights.lamp.direction=0,-1,0", "lights.lamp.intensity=9",
+                          "shadows.map.resolution=16", "outputs=visibility:lamp"})
+      set(r, e);
     for (const char* e : edits) set(r, e);
     return engine->render(r).status();
   };

@@ -119,7 +119,9 @@ TEST(EncodeLayers, HalfAndDwaSpareDataLayers) {
 TEST(EncodeLayers, PicturesOfShadowMaps) {
   const auto engine = makeEngine();
   v1::RenderRequest r = layersRequest("beauty,shadow_basis:a,shadow_flags:a");
-  for (const char* e : {"encoding.layers=false", "encoding.half=true", "shadows.exponential.c=80", "shadows.exponential.classification=Z_MAX", "shadows.map.resolution=8"}) set(r, e);
+  for (const char* e : {"encoding.layers=false", "encoding.half=true", "shadows.exponential.c=80", "shadows.exponential.classification=Z_MAX",
+                        "shadows.map.resolution=8"})
+    set(r, e);
   for (const v1::Encoding::Format format : {v1::Encoding::EXR, v1::Encoding::PNG, v1::Encoding::JPEG, v1::Encoding::RAW_FLOAT}) {
     r.mutable_encoding()->set_format(format);
     RenderResult result = mustRender(*engine, r);
