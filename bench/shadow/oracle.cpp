@@ -2,7 +2,6 @@
 #include "shadow/oracle.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 
 #include "base/sobol.h"
@@ -258,7 +257,7 @@ Result<std::vector<float>> sampledKernel(Runner& r, const v1::ShadowTechnique& t
     v[size_t(k)] = float(std::fmod(0.6180339887498949 * (k + 0.5), 1.0));
   }
   std::vector<float> V(r.pixels(), 1.0f);
-  const auto begin = std::chrono::steady_clock::now();
+  const double begin = r.now();
   forReceivers(r, p, p.map.slopeBias > 0, [&](size_t e, const ReceiverBlock& b, int i) {
     const ReceiverPlane plane = receiverPlane(b, i, p.map.bias, p.map.slopeBias);
     const float* z = bounds.depth(b.face[i]);
@@ -273,7 +272,7 @@ Result<std::vector<float>> sampledKernel(Runner& r, const v1::ShadowTechnique& t
     }
     V[e] = float(lit) / float(taps);
   });
-  if (ms) *ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+  if (ms) *ms = r.now() - begin;
   return V;
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Speed against error on one scene: every technique and its main parameter.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -28,15 +27,15 @@ Result<Row> measureOne(Runner& r, const Truth& truth, const Setting& s, int temp
   }
   if (s.bilateral != 0) {
     const TermPtr g = r.gbuffer(r.camera());
-    double best = 1e30;
+    std::vector<double> times;
     std::vector<float> V;
-    for (int k = 0; k < 3; ++k) {
-      const auto begin = std::chrono::steady_clock::now();
+    for (int k = 0; k < r.repeat(); ++k) {
+      const double begin = r.now();
       V = jointBilateral(r.arena(), *g, row.m.V, s.bilateral);
-      best = std::min(best, std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
+      times.push_back(r.now() - begin);
     }
     row.m.V = V;
-    row.m.ms.filter += best;
+    row.m.ms.filter += median(times);
   }
   row.e = errorsOf(truth, row.m.V);
   if (temporal > 1 && s.viewSamples == 1 && s.bilateral == 0) {

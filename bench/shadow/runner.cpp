@@ -35,12 +35,12 @@ double* passOf(Passes& p, const std::string& type, Domain domain) {
   return domain == Domain::LightTexel ? &p.filter : &p.lookup;
 }
 
+}  // namespace
+
 double median(std::vector<double> v) {
   std::sort(v.begin(), v.end());
   return v.size() % 2 ? v[v.size() / 2] : 0.5 * (v[v.size() / 2 - 1] + v[v.size() / 2]);
 }
-
-}  // namespace
 
 Runner::Runner(ScenePtr scene, int light, const Camera& camera, int width, int height, int repeat, Clock clock)
     : scene_(std::move(scene)), light_(light), width_(width), height_(height), repeat_(std::max(repeat, 1)), clock_(clock), camera_(camera) {

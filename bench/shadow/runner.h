@@ -30,6 +30,8 @@ struct Measured {
   std::vector<float> V;   ///< one a pixel
 };
 
+double median(std::vector<double> v);
+
 class Runner {
  public:
   enum class Clock { Wall, Cpu };
@@ -44,6 +46,8 @@ class Runner {
   const TaskArena& arena() const { return arena_; }
   AccelCache& accels() { return accels_; }
   void setRepeat(int n) { repeat_ = n; }
+  int repeat() const { return repeat_; }
+  double now() const;   ///< ms of the clock that measurements use
 
   /// G-buffer of a camera; `ms` gets its time.
   TermPtr gbuffer(const Camera& camera, int viewSamples = 1, double* ms = nullptr);
@@ -67,7 +71,6 @@ class Runner {
   using Keep = std::map<Hash128, Kept>;
   Result<TermPtr> evaluate(const Graph& graph, NodeId wanted, int repeat, Keep* keep, Measured* m);
   Result<Measured> run(const v1::ShadowTechnique& t, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat, Keep* keep);
-  double now() const;
 
   ScenePtr scene_;
   int light_, width_, height_, repeat_;

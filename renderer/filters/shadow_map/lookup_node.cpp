@@ -144,8 +144,12 @@ class LookupNode : public Node {
         const Vec2 t = touched(b, i);
         const auto low = [](float at, float by) { return std::max(int(at - std::min(by, at)), 0); };
         const auto high = [&](float at, float by) { return std::min(int(at + std::min(by, float(side))) + 1, side - 1); };
-        bounds.range(b.face[i], low(b.x[i], t.x), low(b.y[i], t.y), high(b.x[i], t.x), high(b.y[i], t.y), lo, hi);
-        const float own = std::fabs(b.slopeX[i]) * (t.x + 1.0f) + std::fabs(b.slopeY[i]) * (t.y + 1.0f);   // what the surface itself spans
+        int x0 = low(b.x[i], t.x), y0 = low(b.y[i], t.y), x1 = high(b.x[i], t.x), y1 = high(b.y[i], t.y);
+        bounds.range(b.face[i], x0, y0, x1, y1, lo, hi);
+        DepthBounds::widen(x0, y0, x1, y1);
+        // What the surface itself spans over the texels that the bounds are of: a plane never lies behind itself.
+        const float own = std::fabs(b.slopeX[i]) * std::max(float(x1) - b.x[i], b.x[i] - float(x0)) +
+                          std::fabs(b.slopeY[i]) * std::max(float(y1) - b.y[i], b.y[i] - float(y0));
         violated = b.d[i] + own + l_.epsilon / basis_->exponent() < hi;
       }
       if (!violated) continue;

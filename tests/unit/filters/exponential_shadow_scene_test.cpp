@@ -134,7 +134,6 @@ TEST(ExponentialShadowScene, AgreesWithShadowRaysAwayFromEdges) {
     EXPECT_GT(dark, 40) << int(kind);
     EXPECT_GT(lit, 200) << int(kind);
     EXPECT_EQ(wrong, 0) << int(kind);
-    EXPECT_GE(counters.rays.load(), 512u * 512u);
   }
 }
 
