@@ -229,6 +229,7 @@ TEST(Rerun, EnvironmentAsAreaLights) {
   set(r, "environment.sky.turbidity=3");
   set(r, "environment.area_lights=3");
   set(r, "shadows.ray_traced.samples=4");
+  set(r, "lights.light.shadow.path_traced=");
   const Labels first = ran(mustRender(*engine, r));
   for (const char* node : {"area_lights", "visibility:environment/2", "unoccluded:environment/2", "ambient:environment", "direct:environment"}) EXPECT_TRUE(first.count(node)) << node;
   set(r, "environment.gain=2,2,2");
