@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shadows: speed against error, where the error comes from, and the thesis's claims (T. Annen, "Efficient Shadow Map Filtering", 2008).
 //
-//   shadow_bench scenes
+//   shadow_bench scenes [--list]
 //       The scenes that the others are run on, their triangles, and ray-traced truth against closed forms where there is one.
+//       --list: only name, hard light, soft light and camera, a line each (bench/run).
 //   shadow_bench pareto SCENE LIGHT CAMERA [--soft] [--size 512x384] [--truth 1024] [--temporal 64] [--repeat 3] [--quick] [--only TEXT]
 //       Every technique and its main parameter: milliseconds by pass, bytes in light space, RMSE against ray-traced truth (main: hard shadows
 //       against the pixel's area, soft ones against its centre; the other beside it), RMSE in the penumbra, false lit and dark area,
 //       temporal variance over cameras shifted inside the pixel. Table, CSV, JSON and a plot; the Pareto front by name. Without --soft an
 //       area light casts from its centre. The rivals are in it: rays (hard: view samples of one ray, soft: rays at the centre), rays with
 //       a joint bilateral filter, axis-aligned filtering.
-//   shadow_bench ladder SCENE LIGHT CAMERA [--size 256x192] [--truth 4096] [--map 1024] [--dense-map 4096]
+//   shadow_bench ladder SCENE LIGHT CAMERA [--soft] [--size 256x192] [--truth 4096] [--map 1024] [--dense-map 4096]
 //       Oracle ladder: which step adds which error. Camera, visibility factoring, the map's model at high and at the map's resolution,
 //       the basis in float64 with the same kernel, what ships, a Vulkan device.
 //   shadow_bench claims [--only NAME] [--quick]
@@ -69,6 +70,7 @@ int main(int argc, char** argv) {
     const std::string flag = argv[at];
     const char* value = at + 1 < argc ? argv[at + 1] : nullptr;
     if (flag == "--soft") { o.soft = true; continue; }
+    if (flag == "--list") { o.list = true; continue; }
     if (flag == "--quick") { o.quick = true; continue; }
     if (!value) { std::fprintf(stderr, "%s needs a value\n", flag.c_str()); return 2; }
     ++at;

@@ -14,7 +14,7 @@
 namespace gobo::shadowbench {
 namespace {
 
-constexpr size_t kSharedBytes = 600u << 20;
+constexpr size_t kSharedBytes = 600u << 20, kJitteredBytes = size_t(2) << 30;
 
 class Given final : public Node {
  public:
@@ -238,7 +238,9 @@ Status Runner::jittered(const v1::ShadowTechnique& t, int count, const std::func
   for (int k = 0; k < count; ++k) {
     const Vec2 j = jitter(k);
     const Camera camera = shifted(j.x, j.y);
-    GOBO_ASSIGN(const Measured m, run(t, gbuffer(camera), camera, 1, uint64_t(k) + 1, 1, &keep));
+    TermPtr g = size_t(k) < jittered_.size() ? jittered_[size_t(k)] : gbuffer(camera);
+    if (size_t(k) == jittered_.size() && (jittered_.size() + 1) * g->bytes() <= kJitteredBytes) jittered_.push_back(g);
+    GOBO_ASSIGN(const Measured m, run(t, g, camera, 1, uint64_t(k) + 1, 1, &keep));
     visit(k, m.V);
   }
   return {};

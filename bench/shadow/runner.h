@@ -79,6 +79,7 @@ class Runner {
   TaskArena arena_{0};
   AccelCache accels_;
   TermPtr gbuffer_;
+  std::vector<TermPtr> jittered_;   // G-buffers of the places in the pixel: every technique walks them
   std::list<std::pair<Hash128, Kept>> shared_;   // depth maps and bounds, most recent first
   size_t sharedBytes_ = 0;
 };
