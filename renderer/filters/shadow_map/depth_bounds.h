@@ -29,26 +29,16 @@ class DepthBounds {
   /// Bounds over texels [x0, x1] x [y0, y1] (inside the map), from the finest level at which they span at most two texels a side: never
   /// narrower than the truth.
   void range(int face, int x0, int y0, int x1, int y1, float& lo, float& hi) const {
-    const int level = levelFor(x0, y0, x1, y1);
+    int level = 0;
+    while ((x1 >> level) - (x0 >> level) > 1 || (y1 >> level) - (y0 >> level) > 1) ++level;
     const float* base = texels_ + size_t(face) * faceTexels_;
     const float *low = base + lo_[level], *high = base + hi_[level];
     const size_t side = size_t(side_[level]), ax = size_t(x0 >> level), bx = size_t(x1 >> level), ay = size_t(y0 >> level) * side, by = size_t(y1 >> level) * side;
     lo = least(least(low[ay + ax], low[ay + bx]), least(low[by + ax], low[by + bx]));
     hi = most(most(high[ay + ax], high[ay + bx]), most(high[by + ax], high[by + bx]));
   }
-  /// Widens a window to the texels whose bounds range() gives for it (they may end behind the map).
-  static void widen(int& x0, int& y0, int& x1, int& y1) {
-    const int level = levelFor(x0, y0, x1, y1);
-    x0 = (x0 >> level) << level, y0 = (y0 >> level) << level;
-    x1 = (((x1 >> level) + 1) << level) - 1, y1 = (((y1 >> level) + 1) << level) - 1;
-  }
 
  private:
-  static int levelFor(int x0, int y0, int x1, int y1) {
-    int level = 0;
-    while ((x1 >> level) - (x0 >> level) > 1 || (y1 >> level) - (y0 >> level) > 1) ++level;
-    return level;
-  }
   static float least(float a, float b) { return a < b ? a : b; }
   static float most(float a, float b) { return a > b ? a : b; }
   const float* texels_;

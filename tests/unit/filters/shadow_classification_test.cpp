@@ -17,12 +17,14 @@ using Settings = v1::ShadowMapSettings;
 
 struct Marked { std::vector<float> V, flags; };
 
-Marked classify(const TermPtr& depth, const TermPtr& g, float c, int blur, Exponential::Classification how, float epsilon, bool kernel = true) {
+Marked classify(const TermPtr& depth, const TermPtr& g, float c, int blur, Exponential::Classification how, float epsilon, bool kernel = true,
+                float slopeBias = 0.0f) {
   const ShadowBasisPtr basis = makeExponentialBasis(c, c > 80);
   ShadowLookup l = unitLookup(depth->extent().width, blur);
   l.classification = how;
   l.epsilon = epsilon;
   l.fallbackKernel = kernel;
+  l.map.slopeBias = slopeBias;
   const TermPtr t = lookupBasis(g, encodeBasis(depth, basis, blur), basis, l, depthBounds(depth));
   return {values(t, "V"), values(t, "flags")};
 }
@@ -66,6 +68,25 @@ TEST(ShadowClassification, ZMaxMissesNothing) {
       // Precision: the pyramid's level is up to two texels wider on either side than the kernel.
       EXPECT_GT(double(violated) / flagged, 0.8) << blur;
     }
+}
+
+TEST(ShadowClassification, ASlantedPlaneIsNotBehindItself) {
+  // The pyramid's bounds are of up to twice the kernel; without the search of the kernel itself about half of these are flagged.
+  for (const Vec2& slope : {Vec2(0.5f, -0.3f), Vec2(0.0f, 0.6f), Vec2(-0.2f, -0.1f)}) {
+    const auto plane = [&](float u, float v) { return 0.5f + slope.x * (u - 0.5f) + slope.y * (v - 0.5f); };
+    const TermPtr depth = depthMap(kSize, [&](int x, int y) { return plane((float(x) + 0.5f) / kSize, (float(y) + 0.5f) / kSize); });
+    std::vector<Vec3> points = somewhere(4000);
+    for (Vec3& p : points) {
+      p.x = 0.02f + 0.96f * p.x, p.y = 0.02f + 0.96f * p.y;   // not outside the outermost texels' centres, where the map does not go on
+      p.z = plane(p.x, p.y);
+    }
+    for (int blur : {0, 1, 2, 3, 9, 15}) {
+      const Marked m = classify(depth, receivers(points, glm::normalize(Vec3(slope, -1.0f))), 80, blur, Exponential::Z_MAX, 0.05f, true, 1.0f);
+      int flagged = 0;
+      for (const float f : m.flags) flagged += f != 0.0f;
+      EXPECT_EQ(flagged, 0) << "blur " << blur << " slope " << slope.x << "," << slope.y;
+    }
+  }
 }
 
 TEST(ShadowClassification, ZMaxMissesNothingUnderMinification) {
