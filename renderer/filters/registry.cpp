@@ -7,6 +7,12 @@
 
 namespace gobo {
 
+namespace {
+bool notAnEnvironment(LightKind kind) { return kind != LightKind::Environment; }
+// plan/planner.cpp puts what chooseShadow (automatic/automatic.h) picks in its place before it plans.
+Result<NodeId> chosenByThePlanner(Graph&, const ShadowInput&, const v1::ShadowTechnique&) { return internalError("shadows.auto was not resolved"); }
+}  // namespace
+
 const std::vector<ShadowTechniqueEntry>& shadowTechniques() {
   static const std::vector<ShadowTechniqueEntry> table{
       rayTracedShadowTechnique(),
@@ -22,6 +28,7 @@ const std::vector<ShadowTechniqueEntry>& shadowTechniques() {
       {v1::ShadowTechnique::kConvolutionSoft, "convolution_soft", softShadowSupports, planConvolutionSoft, true},
       {v1::ShadowTechnique::kVarianceSoft, "variance_soft", softShadowSupports, planVarianceSoft, true},
       {v1::ShadowTechnique::kExponentialVarianceSoft, "exponential_variance_soft", softShadowSupports, planExponentialVarianceSoft, true},
+      {v1::ShadowTechnique::kAuto, "auto", notAnEnvironment, chosenByThePlanner},
   };
   return table;
 }

@@ -151,7 +151,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   // The map's settings are shown resolved wherever a technique reads them.
   const auto showMap = [](v1::ShadowTechnique& t) {
     const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
-    if (entry && entry->usesMap) t.mutable_map();
+    if (entry && (entry->usesMap || t.has_auto_())) t.mutable_map();
   };
   showMap(*r.mutable_shadows());
   for (auto& [name, light] : *r.mutable_lights())

@@ -2,8 +2,10 @@
 #include "plan/planner.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <map>
 
+#include "filters/automatic/automatic.h"
 #include "filters/composite.h"
 #include "filters/sample_statistics.h"
 #include "filters/shadow_map/techniques.h"
@@ -129,7 +131,23 @@ class PlanMaker {
     in.seed = request_.seed();
     const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
     GOBO_CHECK(entry != nullptr);
+    if (t.has_auto_()) return automatic(in, t);
     return entry->plan(plan_.graph, in, t);
+  }
+  /// shadows.auto: the choice goes into the plan, each rejected candidate as a pruned row with what it would have cost.
+  Result<NodeId> automatic(const ShadowInput& in, const v1::ShadowTechnique& t) {
+    GOBO_ASSIGN(const AutomaticChoice choice, chooseShadow(plan_.graph, in, t, services_.expand));
+    const std::string& name = in.scene->lights[size_t(in.light)].name;
+    const AutomaticCandidate& chosen = choice.candidates[choice.chosen];
+    for (size_t k = 0; k < choice.candidates.size(); ++k) {
+      const AutomaticCandidate& c = choice.candidates[k];
+      char text[160];
+      std::snprintf(text, sizeof text, "%s: expected error %.4f in %.1f ms", k == choice.chosen ? "auto chose it" : "auto passed it over", c.rmse, c.ms);
+      if (choice.receivers > 0 || k == choice.chosen) plan_.graph.prune("auto:" + name + ": " + c.text, text);
+    }
+    const ShadowTechniqueEntry* entry = findShadowTechnique(chosen.technique.technique_case());
+    GOBO_CHECK(entry != nullptr);
+    return entry->plan(plan_.graph, in, chosen.technique);
   }
   /// The parts that direct light is planned in.
   std::vector<LobePart> lobes() const { return splitLobes_ ? std::vector{LobePart::Diffuse, LobePart::Specular} : std::vector{LobePart::Both}; }

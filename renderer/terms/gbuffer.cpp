@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/gbuffer.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "trace/accel.h"
@@ -18,6 +19,7 @@ class GBufferNode final : public Node {
  public:
   explicit GBufferNode(const GBufferSettings& s) : s_(s) {}
   std::string type() const override { return "gbuffer"; }
+  int version() const override { return 2; }                          // 2: in packets
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage;
@@ -40,37 +42,47 @@ class GBufferNode final : public Node {
     const auto footprint = out->addPlane<float>("footprint", 1);
     const auto instance = out->addPlane<uint32_t>("instance", 1), primitive = out->addPlane<uint32_t>("primitive", 1);
 
-    const size_t rows = size_t(h) * S;
-    const bool complete = ctx.arena->parallelFor(rows, 4, [&](size_t begin, size_t end) {
-      for (size_t row = begin; row < end; ++row) {
-        const int s = int(row / h), y = int(row % h);
+    // Packets of 4x4 pixels of one layer: rays that run side by side.
+    const size_t bands = size_t(h + kTile - 1) / kTile;
+    const bool complete = ctx.arena->parallelFor(bands * size_t(S), 1, [&](size_t begin, size_t end) {
+      uint64_t rays = 0;
+      for (size_t band = begin; band < end; ++band) {
+        const int s = int(band / bands), y0 = int(band % bands) * kTile, tall = std::min(kTile, h - y0);
         const Vec2 offset = viewSamplePosition(s, S);
-        for (int x = 0; x < w; ++x) {
-          const size_t at = row * w + x;
-          const Ray ray = cameraRay(s_.camera, w, h, float(x) + offset.x, float(y) + offset.y);
-          Hit hit;
-          if (!accel->intersect(ray, hit)) {
-            depth[at] = std::numeric_limits<float>::infinity();
-            instance[at] = primitive[at] = kNoHit;
-            continue;
+        for (int x0 = 0; x0 < w; x0 += kTile) {
+          const int wide = std::min(kTile, w - x0), count = wide * tall;
+          Ray ray[kTile * kTile];
+          Hit hit[kTile * kTile];
+          for (int i = 0; i < count; ++i) ray[i] = cameraRay(s_.camera, w, h, float(x0 + i % wide) + offset.x, float(y0 + i / wide) + offset.y);
+          accel->intersect16(ray, count, hit);
+          for (int i = 0; i < count; ++i) {
+            const size_t at = (size_t(s) * size_t(h) + size_t(y0 + i / wide)) * size_t(w) + size_t(x0 + i % wide);
+            if (!hit[i].valid()) {
+              depth[at] = std::numeric_limits<float>::infinity();
+              instance[at] = primitive[at] = kNoHit;
+              continue;
+            }
+            write(*accel, meshes[instances[hit[i].instance].mesh], ray[i], hit[i], at, P, N, Ng, uv);
+            const Vec3 p(P[3 * at], P[3 * at + 1], P[3 * at + 2]);
+            depth[at] = glm::length(p - ray[i].origin);
+            footprint[at] = pixelFootprint(s_.camera, h, depth[at]);
+            instance[at] = hit[i].instance;
+            primitive[at] = hit[i].primitive;
+            bary[2 * at] = hit[i].u;
+            bary[2 * at + 1] = hit[i].v;
           }
-          write(*accel, meshes[instances[hit.instance].mesh], ray, hit, at, P, N, Ng, uv);
-          const Vec3 p(P[3 * at], P[3 * at + 1], P[3 * at + 2]);
-          depth[at] = glm::length(p - ray.origin);
-          footprint[at] = pixelFootprint(s_.camera, h, depth[at]);
-          instance[at] = hit.instance;
-          primitive[at] = hit.primitive;
-          bary[2 * at] = hit.u;
-          bary[2 * at + 1] = hit.v;
         }
+        rays += uint64_t(tall) * uint64_t(w);
       }
-      ctx.counters->rays += (end - begin) * uint64_t(w);
+      ctx.counters->rays += rays;
     }, ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");
     return TermPtr(out);
   }
 
  private:
+  static constexpr int kTile = 4;
+
   /// Position from the triangle's vertices (closer to the surface than origin + t direction), normals towards the viewer.
   static void write(const Accel& accel, const MeshPtr& mesh, const Ray& ray, const Hit& hit, size_t at, std::span<float> P, std::span<float> N,
                     std::span<float> Ng, std::span<float> uv) {

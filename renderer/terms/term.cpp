@@ -1,17 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/term.h"
 
+#include <sys/mman.h>
+
 #include <cstdlib>
 #include <cstring>
 #include <new>
 
 namespace gobo {
 
-ZeroedBytes::ZeroedBytes(size_t size) : data_(static_cast<uint8_t*>(std::calloc(std::max<size_t>(size, 1), 1))), size_(size) {
+namespace {
+constexpr size_t kHugePage = size_t(2) << 20;
+}
+
+ZeroedBytes::ZeroedBytes(size_t size) : size_(size) {
+  if (size >= 2 * kHugePage) {
+    // Mapped with room to begin at a huge page; what sticks out on both sides goes back.
+    const size_t length = (size + kHugePage - 1) / kHugePage * kHugePage, room = length + kHugePage;
+    void* raw = mmap(nullptr, room, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (raw == MAP_FAILED) throw std::bad_alloc();
+    uint8_t* base = static_cast<uint8_t*>(raw);
+    const size_t before = (kHugePage - reinterpret_cast<uintptr_t>(base) % kHugePage) % kHugePage, after = kHugePage - before;
+    if (before) munmap(base, before);
+    if (after) munmap(base + before + length, after);
+    madvise(base + before, length, MADV_HUGEPAGE);
+    data_ = std::unique_ptr<uint8_t, Free>(base + before, Free(length));
+    return;
+  }
+  data_.reset(static_cast<uint8_t*>(std::calloc(std::max<size_t>(size, 1), 1)));
   if (!data_) throw std::bad_alloc();
 }
 ZeroedBytes::ZeroedBytes(const ZeroedBytes& other) : ZeroedBytes(other.size()) { std::copy(other.begin(), other.end(), data_.get()); }
-void ZeroedBytes::Free::operator()(uint8_t* p) const { std::free(p); }
+void ZeroedBytes::Free::operator()(uint8_t* p) const {
+  if (mapped) munmap(p, mapped);
+  else std::free(p);
+}
 
 size_t formatSize(Format format) {
   switch (format) {

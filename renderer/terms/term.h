@@ -34,7 +34,8 @@ struct Extent {
 };
 
 /// Zeroed memory whose pages the system hands out on first touch: a term of hundreds of MB costs nothing until the threads
-/// that fill it do so, in parallel and between polls of the stop flag (a memset up front held the cores for half a second).
+/// that fill it do so, in parallel and between polls of the stop flag (a memset up front held the cores for half a second). From 4 MB on
+/// in huge pages where the system gives them: faults of 4 KiB took longer than a whole pass over a term.
 class ZeroedBytes {
  public:
   ZeroedBytes() = default;
@@ -53,7 +54,12 @@ class ZeroedBytes {
   const uint8_t* end() const { return data() + size_; }
 
  private:
-  struct Free { void operator()(uint8_t* p) const; };
+  struct Free {
+    size_t mapped;       ///< bytes to unmap; 0: from calloc
+    Free() : mapped(0) {}
+    explicit Free(size_t bytes) : mapped(bytes) {}
+    void operator()(uint8_t* p) const;
+  };
   std::unique_ptr<uint8_t, Free> data_;
   size_t size_ = 0;
 };

@@ -176,6 +176,31 @@ bool Accel::intersect(const Ray& ray, Hit& hit) const {
   return true;
 }
 
+void Accel::intersect16(const Ray* rays, int count, Hit* hits) const {
+  alignas(64) RTCRayHit16 r;
+  alignas(64) int valid[16];
+  for (int i = 0; i < 16; ++i) {
+    const Ray& ray = rays[i < count ? i : 0];
+    valid[i] = i < count ? -1 : 0;
+    r.ray.org_x[i] = ray.origin.x; r.ray.org_y[i] = ray.origin.y; r.ray.org_z[i] = ray.origin.z;
+    r.ray.dir_x[i] = ray.direction.x; r.ray.dir_y[i] = ray.direction.y; r.ray.dir_z[i] = ray.direction.z;
+    r.ray.tnear[i] = ray.tmin; r.ray.tfar[i] = ray.tmax; r.ray.time[i] = 0; r.ray.mask[i] = ~0u; r.ray.id[i] = unsigned(i); r.ray.flags[i] = 0;
+    r.hit.geomID[i] = r.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+  }
+  embree::Context context;
+  embree::initContext(context);
+  embree::intersect16(valid, impl_->scene, context, r, true);
+  for (int i = 0; i < count; ++i) {
+    Hit& hit = hits[i];
+    if (r.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) { hit = Hit(); continue; }
+    hit.t = r.ray.tfar[i];
+    hit.instance = r.hit.instID[0][i] == RTC_INVALID_GEOMETRY_ID ? r.hit.geomID[i] : r.hit.instID[0][i];
+    hit.primitive = r.hit.primID[i];
+    hit.u = r.hit.u[i]; hit.v = r.hit.v[i];
+    hit.Ng = impl_->worldNormal(hit.instance, Vec3(r.hit.Ng_x[i], r.hit.Ng_y[i], r.hit.Ng_z[i]));
+  }
+}
+
 bool Accel::occluded(const Ray& ray) const {
   RTCRay r;
   r.org_x = ray.origin.x; r.org_y = ray.origin.y; r.org_z = ray.origin.z;

@@ -34,6 +34,9 @@ class Accel {
   static std::shared_ptr<const Accel> build(const SceneView& view, const TaskArena& arena);
   ~Accel();
   bool intersect(const Ray& ray, Hit& hit) const;
+  /// The same for up to 16 rays that run side by side (camera and light rays): several times as fast as one by one. hits[i].instance is
+  /// kNoHit where ray i hits nothing. May differ from intersect() in the last bits.
+  void intersect16(const Ray* rays, int count, Hit* hits) const;
   /// Anything between ray.tmin and ray.tmax?
   bool occluded(const Ray& ray) const;
   size_t bytes() const;

@@ -4,7 +4,7 @@
 
 #include "filters/shadow_map/shadow_map.h"
 #include "formulas/shadow_map.glsl.h"
-#include "trace/accel_impl.h"
+#include "trace/accel.h"
 
 namespace gobo {
 namespace {
@@ -31,7 +31,7 @@ class LightDepthMapNode : public ShadowMapNode {
     const bool done = ctx.arena->parallelFor(rows * size_t(frames_.count), 1, [&](size_t begin, size_t end) {
       for (size_t r = begin; r < end; ++r) {
         const size_t face = r / rows;
-        tileRow(accel->impl(), frames_.face[face], int(r % rows) * kTile, &z[face * square]);
+        tileRow(*accel, frames_.face[face], int(r % rows) * kTile, &z[face * square]);
         if (ctx.counters) ctx.counters->rays += uint64_t(std::min(kTile, resolution_ - int(r % rows) * kTile)) * uint64_t(resolution_);
       }
     }, ctx.stop);
@@ -42,40 +42,19 @@ class LightDepthMapNode : public ShadowMapNode {
  private:
   static constexpr int kTile = 4;
 
-  void tileRow(const Accel::Impl& accel, const LightFrame& f, int y0, float* z) const {
-    embree::Context context;
-    embree::initContext(context);
+  void tileRow(const Accel& accel, const LightFrame& f, int y0, float* z) const {
     const float scale = 1.0f / (f.far - f.near), texel = 1.0f / float(resolution_);
+    const int tall = std::min(kTile, resolution_ - y0);
     for (int x0 = 0; x0 < resolution_; x0 += kTile) {
-      alignas(64) RTCRayHit16 r;
-      alignas(64) int valid[16];
-      float start[16], cosine[16];
-      for (int i = 0; i < 16; ++i) {
-        const int x = x0 + i % kTile, y = y0 + i / kTile;
-        valid[i] = x < resolution_ && y < resolution_ ? -1 : 0;
-        const Ray ray = f.ray((float(x) + 0.5f) * texel, (float(y) + 0.5f) * texel, start[i], cosine[i]);
-        r.ray.org_x[i] = ray.origin.x;
-        r.ray.org_y[i] = ray.origin.y;
-        r.ray.org_z[i] = ray.origin.z;
-        r.ray.dir_x[i] = ray.direction.x;
-        r.ray.dir_y[i] = ray.direction.y;
-        r.ray.dir_z[i] = ray.direction.z;
-        r.ray.tnear[i] = ray.tmin;
-        r.ray.tfar[i] = ray.tmax;
-        r.ray.time[i] = 0.0f;
-        r.ray.mask[i] = ~0u;
-        r.ray.id[i] = unsigned(i);
-        r.ray.flags[i] = 0;
-        r.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-        r.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
-      }
-      embree::intersect16(valid, accel.scene, context, r, true);
-      for (int i = 0; i < 16; ++i) {
-        if (!valid[i]) continue;
-        float depth = 1.0f;
-        if (r.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID) depth = formulas::shadowDepth((start[i] + r.ray.tfar[i] * cosine[i] - f.near) * scale);
-        z[size_t(y0 + i / kTile) * size_t(resolution_) + size_t(x0 + i % kTile)] = depth;
-      }
+      const int wide = std::min(kTile, resolution_ - x0), count = wide * tall;
+      Ray ray[kTile * kTile];
+      Hit hit[kTile * kTile];
+      float start[kTile * kTile], cosine[kTile * kTile];
+      for (int i = 0; i < count; ++i) ray[i] = f.ray((float(x0 + i % wide) + 0.5f) * texel, (float(y0 + i / wide) + 0.5f) * texel, start[i], cosine[i]);
+      accel.intersect16(ray, count, hit);
+      for (int i = 0; i < count; ++i)
+        z[size_t(y0 + i / wide) * size_t(resolution_) + size_t(x0 + i % wide)] =
+            hit[i].valid() ? formulas::shadowDepth((start[i] + hit[i].t * cosine[i] - f.near) * scale) : 1.0f;
     }
   }
 

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/automatic/automatic.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "filters/automatic/shadow_probe.h"
+#include "filters/parameter.h"
+#include "filters/ray_traced/technique.h"
+#include "filters/shadow_map/techniques.h"
+#include "terms/gbuffer.h"
+
+namespace gobo {
+namespace {
+
+// Nanoseconds on the machine of docs/benchmarks.md (2 cores), by `bench/shadow_bench costs`.
+struct Costs {
+  double shadowRay = 70, softRay = 110;          // one occlusion query with its set-up
+  double depthTexel = 11;                        // one light ray, in packets
+  double boundsTexel = 1.6;                      // the depth pyramid
+  double hardLookup = 9, mixedLookup = 30;       // percentage-closer: decided by bounds; compared
+  double softTexel = 8, softLookup = 60;         // tables and a lookup of the soft technique
+  double tree = 0.08;                            // rays: share more per doubling of triangles beyond 1000
+};
+
+constexpr int kProbeWidth = 40, kProbeHeight = 30;
+constexpr uint32_t kEnvironmentResolution = 256;
+
+bool areaLight(const ShadowInput& input) {
+  const LightKind k = input.scene->lights[size_t(input.light)].shape.kind;
+  return k == LightKind::Rect || k == LightKind::Disk || k == LightKind::Sphere || input.angularSize != Vec2(0.0f);
+}
+
+Vec2 lightSize(const ShadowInput& input) {
+  const LightShape& s = input.scene->lights[size_t(input.light)].shape;
+  switch (s.kind) {
+    case LightKind::Rect: return Vec2(2.0f * glm::length(s.u), 2.0f * glm::length(s.v));
+    case LightKind::Disk: case LightKind::Sphere: return Vec2(s.radius * std::sqrt(kPi));   // the square of equal area
+    default: return input.angularSize;
+  }
+}
+
+size_t triangles(const Scene& scene) {
+  size_t n = 0;
+  for (const Instance& i : scene.instances) n += scene.meshes[i.mesh]->indices.size() / 3;
+  return n;
+}
+
+}  // namespace
+
+Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique,
+                                     const std::function<Result<TermPtr>(const Graph&, NodeId)>& expand) {
+  const Light& light = input.scene->lights[size_t(input.light)];
+  const bool soft = areaLight(input), mapped = shadowMapSupports(light.shape.kind);
+  const bool delta = isDeltaLight(light.shape.kind) && !soft;
+  const ShadowMapSettings base = shadowMapSettings(technique.map());
+  AutomaticChoice choice;
+  ShadowProbeSettings probe;
+  probe.bias = base.bias;
+  probe.slopeBias = base.slopeBias;
+  probe.seed = shadowSeed(input);
+  probe.size = soft ? lightSize(input) : Vec2(0.0f);
+  const double samples = double(input.width) * input.height * input.viewSamples;
+  const Costs cost;
+  const double deep = 1.0 + cost.tree * std::max(0.0, std::log2(double(triangles(*input.scene)) / 1000.0));
+
+  if (input.angularSize != Vec2(0.0f)) {   // an extracted environment light: one of many, small in the picture
+    AutomaticCandidate c;
+    *c.technique.mutable_map() = technique.map();
+    c.technique.mutable_map()->set_resolution(kEnvironmentResolution);
+    c.technique.mutable_convolution_soft();
+    c.text = "convolution_soft, " + std::to_string(kEnvironmentResolution) + " texels";
+    choice.candidates.push_back(std::move(c));
+    return choice;
+  }
+  if (light.shape.kind != LightKind::Environment) {
+    probe.rays = delta ? std::vector<uint32_t>{1} : std::vector<uint32_t>{1, 2, 4, 8, 16, 32};
+    probe.truthRays = delta ? 1 : 64;
+    for (const uint32_t n : probe.rays) {
+      AutomaticCandidate c;
+      c.technique.mutable_ray_traced()->set_samples(n);
+      c.text = "ray_traced, " + std::to_string(n) + (n > 1 ? " rays" : " ray");
+      c.ms = samples * n * (delta ? cost.shadowRay : cost.softRay) * deep * 1e-6;
+      choice.candidates.push_back(std::move(c));
+    }
+  }
+  if (mapped) {
+    Vec3 lo, hi;
+    input.scene->bounds(lo, hi);
+    const ShadowTechniqueEntry* softMap = findShadowTechnique(v1::ShadowTechnique::kPercentageCloserSoft);
+    for (const int resolution : soft ? std::vector<int>{128, 256, 512, 1024} : std::vector<int>{256, 512, 1024, 2048, 4096}) {
+      if (soft && !softMap) break;
+      ProbeMap m;
+      m.resolution = resolution;
+      GOBO_ASSIGN(m.frames, fitLightFrames(light.shape, lo, hi, resolution, 2));
+      const double texels = double(resolution) * resolution * m.frames.count;
+      AutomaticCandidate c;
+      *c.technique.mutable_map() = technique.map();
+      c.technique.mutable_map()->set_resolution(uint32_t(resolution));
+      if (soft) {
+        c.technique.mutable_percentage_closer_soft();
+        c.ms = (texels * (cost.depthTexel * deep + cost.softTexel) + samples * cost.softLookup) * 1e-6;
+      } else {
+        c.technique.mutable_percentage_closer()->set_pattern(v1::PercentageCloserShadow::GAUSSIAN);
+        c.technique.mutable_map()->set_blur(1);
+        c.ms = (texels * (cost.depthTexel * deep + cost.boundsTexel) + samples * (cost.hardLookup + 0.1 * cost.mixedLookup)) * 1e-6;
+      }
+      c.text = std::string(soft ? "percentage_closer_soft" : "percentage_closer") + ", " + std::to_string(resolution) + " texels";
+      choice.candidates.push_back(std::move(c));
+      probe.maps.push_back(std::move(m));
+    }
+  }
+  if (choice.candidates.empty()) return invalidArgument("light '" + light.name + "': no shadow technique is left for shadows.auto");
+
+  GBufferSettings small;
+  small.camera = input.camera;
+  small.width = kProbeWidth;
+  small.height = std::max(1, int(std::lround(double(kProbeWidth) * input.height / std::max(1, input.width))));
+  if (small.height > 2 * kProbeHeight) {   // tall pictures
+    small.width = std::max(1, kProbeWidth * 2 * kProbeHeight / small.height);
+    small.height = 2 * kProbeHeight;
+  }
+  small.viewSamples = 1;
+  const NodeId view = graph.add({makeGBufferNode(small), {}, {}, "gbuffer:probe", 0, input.scene, false});
+  const NodeId node = graph.add({makeShadowProbeNode(probe), {view}, {input.light}, "shadow_probe:" + light.name, 0, input.scene, false});
+  GOBO_ASSIGN(const TermPtr term, expand(graph, node));
+  const auto rmse = term->plane<double>("rmse");
+  GOBO_CHECK_EQ(rmse.size(), choice.candidates.size());
+  for (size_t k = 0; k < rmse.size(); ++k) choice.candidates[k].rmse = rmse[k];
+  choice.receivers = term->plane<double>("receivers")[0];
+
+  const v1::AutomaticShadow& a = technique.auto_();
+  const double error = numberParameter(a, "error");
+  const auto better = [&](const AutomaticCandidate& x, const AutomaticCandidate& y) {
+    if (a.has_time_ms()) {
+      const bool fx = x.ms <= a.time_ms(), fy = y.ms <= a.time_ms();
+      if (fx != fy) return fx;
+      return fx ? (x.rmse != y.rmse ? x.rmse < y.rmse : x.ms < y.ms) : x.ms < y.ms;
+    }
+    const bool fx = x.rmse <= error, fy = y.rmse <= error;
+    if (fx != fy) return fx;
+    return fx ? x.ms < y.ms : (x.rmse != y.rmse ? x.rmse < y.rmse : x.ms < y.ms);
+  };
+  for (size_t k = 1; k < choice.candidates.size(); ++k)
+    if (better(choice.candidates[k], choice.candidates[choice.chosen])) choice.chosen = k;
+  return choice;
+}
+
+}  // namespace gobo

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Source: how large the errors of candidate shadow techniques are for this light and this view, measured on a few hundred receivers
+// before any of them is run. Rays are judged by their own sequences; maps by *virtual* maps: a ray from the light through each texel centre
+// that a lookup would read, so that no map has to be made to know what it would say.
+#pragma once
+
+#include <vector>
+
+#include "filters/shadow_map/light_frame.h"
+#include "terms/node.h"
+
+namespace gobo {
+
+/// One map that could be made.
+struct ProbeMap {
+  LightFrames frames;
+  int resolution = 0;
+};
+
+struct ShadowProbeSettings {
+  std::vector<ProbeMap> maps;
+  float bias = 0.0005f, slopeBias = 1.0f;
+  Vec2 size{0.0f};              ///< soft shadows: full width of the light along its map's axes, metres (directional: 2 tan of half its angle); 0: hard
+  std::vector<uint32_t> rays;   ///< ray counts to judge, ascending
+  uint32_t truthRays = 1;       ///< per receiver; 1 for point-like lights
+  uint64_t seed = 0;
+};
+
+/// Term "shadow_probe", domain Table, width rays.size() + maps.size(): plane rmse f64, RMSE of visibility over the receivers that the light can
+/// shine on: of each ray count, then of each map (hard: 4x4 percentage-closer with the Gaussian of radius 1; soft: percentage-closer
+/// soft shadows with 36 + 64 taps). Plane receivers f64: how many receivers were judged (first element). A small output. Input: a "gbuffer" of a
+/// small picture of the view.
+NodePtr makeShadowProbeNode(const ShadowProbeSettings& settings);
+
+}  // namespace gobo
