@@ -88,7 +88,7 @@ void softTaps(const float* __restrict z, int side, const SoftPattern& pattern, S
       float u = pu + k->shiftU[i], v = pv + k->shiftV[i];
       u -= CHOOSE(u >= 1.0f, 1.0f, 0.0f);
       v -= CHOOSE(v >= 1.0f, 1.0f, 0.0f);
-      const float x = minOf(floorOf(k->x0[i] + k->sx[i] * u), last), y = minOf(floorOf(k->y0[i] + k->sy[i] * v), last);
+      const float x = formulas::minOf(floorOf(k->x0[i] + k->sx[i] * u), last), y = formulas::minOf(floorOf(k->y0[i] + k->sy[i] * v), last);
       const float depth = z[k->base[i] + int(y) * side + int(x)];
       const float dx = x - k->px[i], dy = y - k->py[i];
       const float height = softHeight(k->a[i], k->ax[i], k->ay[i], k->b[i], k->bx[i], k->by[i], dx, dy, depth);
