@@ -52,7 +52,7 @@ class ShadeNode final : public PixelNode {
     GOBO_CHECK_EQ(v.size(), pixels() * samples_);
     GOBO_CHECK_EQ(light.size(), v.size() * 3);
     auto out = pixelTerm("direct_light", width_, height_);
-    auto rgb = out->addPlane<float>("rgb", 3);
+    auto rgb = out->addUnsetPlane<float>("rgb", 3);
     const float scale = 1.0f / float(samples_);
     ctx.arena->parallelFor(pixels(), 1 << 14, [&](size_t b, size_t e) {
       for (int s = 0; s < samples_; ++s) {
@@ -60,7 +60,7 @@ class ShadeNode final : public PixelNode {
         for (size_t p = b; p < e; ++p) {
           const float w = v[layer + p] * scale;
           const float* l = light.data() + 3 * (layer + p);
-          for (int c = 0; c < 3; ++c) rgb[3 * p + c] += w * l[c];
+          for (int c = 0; c < 3; ++c) rgb[3 * p + c] = (s ? rgb[3 * p + c] : 0.0f) + w * l[c];
         }
       }
     });

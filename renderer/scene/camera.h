@@ -22,6 +22,36 @@ struct Ray {
   float tmin = 0.0f, tmax = 3.0e38f;
 };
 
+/// Rays of a width x height picture: what cameraRay and pixelFootprint give, without their tangent per call.
+class FilmRays {
+ public:
+  FilmRays(const Camera& camera, int width, int height)
+      : right_(camera.toWorld[0]), up_(camera.toWorld[1]), back_(camera.toWorld[2]), position_(camera.toWorld[3]), centre_(camera.centre), width_(float(width)),
+        height_(float(height)), aspect_(float(width) / float(height)), tangent_(std::tan(0.5f * camera.yfov)), yheight_(camera.yheight), perspective_(camera.perspective) {}
+  Ray at(float px, float py) const {
+    // Window coordinates in units of the window's height: x right, y up, (0,0) at its centre before the off-centre shift.
+    const float wx = (px / width_ - 0.5f) * aspect_ + centre_.x;
+    const float wy = 0.5f - py / height_ + centre_.y;
+    Ray ray;
+    if (perspective_) {
+      const float scale = 2.0f * tangent_;
+      ray.origin = position_;
+      ray.direction = glm::normalize(right_ * (wx * scale) + up_ * (wy * scale) - back_);
+    } else {
+      ray.origin = position_ + right_ * (wx * yheight_) + up_ * (wy * yheight_);
+      ray.direction = glm::normalize(-back_);
+    }
+    return ray;
+  }
+  float footprint(float t) const { return perspective_ ? 2.0f * t * tangent_ / height_ : yheight_ / height_; }
+
+ private:
+  Vec3 right_, up_, back_, position_;
+  Vec2 centre_;
+  float width_, height_, aspect_, tangent_, yheight_;
+  bool perspective_;
+};
+
 /// Camera ray through film position (px, py) in pixels, (0,0) = top left corner of the picture, of a width x height picture.
 Ray cameraRay(const Camera& camera, int width, int height, float px, float py);
 /// World-space width of a pixel at distance `t` along the view axis-perpendicular direction (perspective: 2 t tan(fov/2)/h).

@@ -65,10 +65,11 @@ class DirectUnoccludedNode final : public Node {
     std::unique_ptr<const SurfaceReader> reader;
     if (s_.extended) reader = std::make_unique<const SurfaceReader>(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), g, s_.view.camera);
     auto out = std::make_shared<Term>("direct_unoccluded", Domain::ViewSample, g.extent());
-    const auto L = out->addPlane<float>("L", 3);
+    const auto L = out->addUnsetPlane<float>("L", 3);
     const Vec3 eye(s_.view.camera.toWorld[3]), back(s_.view.camera.toWorld[2]);
     const bool complete = ctx.arena->parallelFor(instance.size(), 1 << 11, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
+        for (int c = 0; c < 3; ++c) L[3 * i + c] = 0.0f;
         if (instance[i] == ~0u || (flags[i] & kSurfaceUnlit)) continue;
         Receiver r;
         r.p = Vec3(P[3 * i], P[3 * i + 1], P[3 * i + 2]);

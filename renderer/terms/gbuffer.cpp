@@ -37,11 +37,12 @@ class GBufferNode final : public Node {
     const auto& instances = ctx.scene->instances();
     const int w = s_.width, h = s_.height, S = s_.viewSamples;
     auto out = std::make_shared<Term>("gbuffer", Domain::ViewSample, Extent{w, h, S});
-    const auto P = out->addPlane<float>("P", 3), N = out->addPlane<float>("N", 3), Ng = out->addPlane<float>("Ng", 3);
-    const auto uv = out->addPlane<float>("uv", 2), depth = out->addPlane<float>("depth", 1), bary = out->addPlane<float>("bary", 2);
-    const auto footprint = out->addPlane<float>("footprint", 1);
-    const auto instance = out->addPlane<uint32_t>("instance", 1), primitive = out->addPlane<uint32_t>("primitive", 1);
+    const auto P = out->addUnsetPlane<float>("P", 3), N = out->addUnsetPlane<float>("N", 3), Ng = out->addUnsetPlane<float>("Ng", 3);
+    const auto uv = out->addUnsetPlane<float>("uv", 2), depth = out->addUnsetPlane<float>("depth", 1), bary = out->addUnsetPlane<float>("bary", 2);
+    const auto footprint = out->addUnsetPlane<float>("footprint", 1);
+    const auto instance = out->addUnsetPlane<uint32_t>("instance", 1), primitive = out->addUnsetPlane<uint32_t>("primitive", 1);
 
+    const FilmRays film(s_.camera, w, h);
     // Packets of 4x4 pixels of one layer: rays that run side by side.
     const size_t bands = size_t(h + kTile - 1) / kTile;
     const bool complete = ctx.arena->parallelFor(bands * size_t(S), 1, [&](size_t begin, size_t end) {
@@ -53,11 +54,14 @@ class GBufferNode final : public Node {
           const int wide = std::min(kTile, w - x0), count = wide * tall;
           Ray ray[kTile * kTile];
           Hit hit[kTile * kTile];
-          for (int i = 0; i < count; ++i) ray[i] = cameraRay(s_.camera, w, h, float(x0 + i % wide) + offset.x, float(y0 + i / wide) + offset.y);
+          for (int i = 0; i < count; ++i) ray[i] = film.at(float(x0 + i % wide) + offset.x, float(y0 + i / wide) + offset.y);
           accel->intersect16(ray, count, hit);
           for (int i = 0; i < count; ++i) {
             const size_t at = (size_t(s) * size_t(h) + size_t(y0 + i / wide)) * size_t(w) + size_t(x0 + i % wide);
             if (!hit[i].valid()) {
+              for (int c = 0; c < 3; ++c) P[3 * at + c] = N[3 * at + c] = Ng[3 * at + c] = 0.0f;
+              for (int c = 0; c < 2; ++c) uv[2 * at + c] = bary[2 * at + c] = 0.0f;
+              footprint[at] = 0.0f;
               depth[at] = std::numeric_limits<float>::infinity();
               instance[at] = primitive[at] = kNoHit;
               continue;
@@ -65,7 +69,7 @@ class GBufferNode final : public Node {
             write(*accel, meshes[instances[hit[i].instance].mesh], ray[i], hit[i], at, P, N, Ng, uv);
             const Vec3 p(P[3 * at], P[3 * at + 1], P[3 * at + 2]);
             depth[at] = glm::length(p - ray[i].origin);
-            footprint[at] = pixelFootprint(s_.camera, h, depth[at]);
+            footprint[at] = film.footprint(depth[at]);
             instance[at] = hit[i].instance;
             primitive[at] = hit[i].primitive;
             bary[2 * at] = hit[i].u;

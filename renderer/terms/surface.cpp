@@ -27,11 +27,16 @@ class SurfaceNode final : public Node {
     const Term& g = *ctx.inputs[0];
     const SurfaceReader reader(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), g, s_.camera);
     auto out = std::make_shared<Term>("surface", Domain::ViewSample, g.extent());
-    const auto albedo = out->addPlane<float>("albedo", 3), material = out->addPlane<float>("material", 5), N = out->addPlane<float>("N", 3);
-    const auto flags = out->addPlane<uint8_t>("flags", 1);
+    const auto albedo = out->addUnsetPlane<float>("albedo", 3), material = out->addUnsetPlane<float>("material", 5), N = out->addUnsetPlane<float>("N", 3);
+    const auto flags = out->addUnsetPlane<uint8_t>("flags", 1);
     const bool complete = ctx.arena->parallelFor(reader.size(), 1 << 13, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
-        if (!reader.hit(i)) continue;
+        if (!reader.hit(i)) {
+          for (int c = 0; c < 3; ++c) albedo[3 * i + c] = N[3 * i + c] = 0.0f;
+          for (int c = 0; c < 5; ++c) material[5 * i + c] = 0.0f;
+          flags[i] = 0;
+          continue;
+        }
         Surface s;
         reader.read(i, s);
         for (int c = 0; c < 3; ++c) { albedo[3 * i + c] = s.bsdf.albedo[c]; N[3 * i + c] = s.n[c]; }

@@ -18,6 +18,7 @@ class VisibilityNode final : public Node {
  public:
   explicit VisibilityNode(const VisibilitySettings& s) : s_(s) { GOBO_CHECK_GT(s.samples, 0u); }
   std::string type() const override { return "visibility"; }
+  int version() const override { return 2; }   // 2: in packets
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
@@ -32,35 +33,58 @@ class VisibilityNode final : public Node {
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     const SurfaceSamples surface(*ctx.inputs[0]);
     auto term = std::make_shared<Term>("visibility", Domain::ViewSample, ctx.inputs[0]->extent());
-    const auto V = term->addPlane<float>("V");
+    const auto V = term->addUnsetPlane<float>("V");
     const uint32_t samples = light.pointLike() ? 1 : s_.samples;
     const size_t grain = std::clamp<size_t>(8192 / samples, 1, 1024);   // a few milliseconds between looks at `stop`
     const bool complete = ctx.arena->parallelFor(surface.size(), grain, [&](size_t from, size_t to) {
-      uint64_t rays = 0;
+      std::vector<double> seen(to - from, 0.0), sum(to - from, 0.0);
+      Packet packet(*accel, seen);
       for (size_t e = from; e < to; ++e) {
-        V[e] = 1.0f;
         if (!surface.hit(e)) continue;
         const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
         const uint64_t seed = viewSampleSeed(s_.seed, e);
-        double seen = 0, sum = 0;
         for (uint32_t i = 0; i < samples; ++i) {
           LightPoint point;
           const Vec2 u = light.pointLike() ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
           if (!light.sample(p, N, Ng, u, point)) continue;
-          sum += point.weight;
-          if (point.belowSurface) continue;
-          ++rays;
-          if (!accel->occluded(shadowRay(*accel, p, Ng, point))) seen += point.weight;
+          sum[e - from] += point.weight;
+          if (!point.belowSurface) packet.add(shadowRay(*accel, p, Ng, point), e - from, point.weight);
         }
-        if (sum > 0) V[e] = float(seen / sum);
       }
-      if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
+      packet.flush();
+      for (size_t e = from; e < to; ++e) V[e] = sum[e - from] > 0 ? float(seen[e - from] / sum[e - from]) : 1.0f;
+      if (ctx.counters) ctx.counters->rays.fetch_add(packet.rays, std::memory_order_relaxed);
     }, ctx.stop);
     if (!complete) return Status(Code::Cancelled, "visibility: stopped");
     return TermPtr(term);
   }
 
  private:
+  /// Shadow rays of neighbours and of one receiver go together, 16 at a time; what they see is added in the order they came in.
+  struct Packet {
+    Packet(const Accel& a, std::vector<double>& s) : accel(a), seen(s) {}
+    void add(const Ray& r, size_t e, float w) {
+      ray[count] = r;
+      element[count] = e;
+      weight[count++] = w;
+      if (count == 16) flush();
+    }
+    void flush() {
+      const uint32_t blocked = count ? accel.occluded16(ray, count) : 0;
+      for (int i = 0; i < count; ++i)
+        if (!(blocked >> i & 1)) seen[element[i]] += weight[i];
+      rays += uint64_t(count);
+      count = 0;
+    }
+    const Accel& accel;
+    std::vector<double>& seen;
+    Ray ray[16];
+    size_t element[16];
+    float weight[16];
+    int count = 0;
+    uint64_t rays = 0;
+  };
+
   VisibilitySettings s_;
 };
 

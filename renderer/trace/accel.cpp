@@ -212,6 +212,24 @@ bool Accel::occluded(const Ray& ray) const {
   return r.tfar < 0.0f;
 }
 
+uint32_t Accel::occluded16(const Ray* rays, int count) const {
+  alignas(64) RTCRay16 r;
+  alignas(64) int valid[16];
+  for (int i = 0; i < 16; ++i) {
+    const Ray& ray = rays[i < count ? i : 0];
+    valid[i] = i < count ? -1 : 0;
+    r.org_x[i] = ray.origin.x; r.org_y[i] = ray.origin.y; r.org_z[i] = ray.origin.z;
+    r.dir_x[i] = ray.direction.x; r.dir_y[i] = ray.direction.y; r.dir_z[i] = ray.direction.z;
+    r.tnear[i] = ray.tmin; r.tfar[i] = ray.tmax; r.time[i] = 0; r.mask[i] = ~0u; r.id[i] = unsigned(i); r.flags[i] = 0;
+  }
+  embree::Context context;
+  embree::initContext(context);
+  embree::occluded16(valid, impl_->scene, context, r, true);
+  uint32_t blocked = 0;
+  for (int i = 0; i < count; ++i) blocked |= uint32_t(r.tfar[i] < 0.0f) << i;
+  return blocked;
+}
+
 Vec3 offsetOrigin(const Vec3& p, const Vec3& n, float unit) {
   const float nearZero = unit * (1.0f / 32.0f), step = unit * (1.0f / 65536.0f);
   Vec3 out;

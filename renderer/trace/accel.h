@@ -39,6 +39,8 @@ class Accel {
   void intersect16(const Ray* rays, int count, Hit* hits) const;
   /// Anything between ray.tmin and ray.tmax?
   bool occluded(const Ray& ray) const;
+  /// The same for up to 16 rays that run side by side: bit i of the result is set where ray i is blocked.
+  uint32_t occluded16(const Ray* rays, int count) const;
   size_t bytes() const;
   /// The size of the scene's coordinates: a power of two not below the largest absolute coordinate (1 when empty).
   /// What offsetOrigin takes as `unit`.

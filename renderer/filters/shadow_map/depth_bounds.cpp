@@ -54,7 +54,7 @@ class DepthBoundsNode : public Node {
     const std::span<const float> z = depth.floats("z");
     const size_t packed = mipTexels(resolution_), square = size_t(resolution_) * size_t(resolution_);
     auto term = std::make_shared<Term>("depth_bounds", Domain::LightTexel, Extent{int(packed), 1, e.layers});
-    const auto lo = term->addPlane<float>("lo"), hi = term->addPlane<float>("hi");
+    const auto lo = term->addUnsetPlane<float>("lo"), hi = term->addUnsetPlane<float>("hi");
     for (int face = 0; face < e.layers; ++face) {
       const size_t base = size_t(face) * packed;
       if (!ctx.arena->parallelFor(square, 1 << 16, [&](size_t from, size_t to) {

@@ -16,6 +16,11 @@ class DepthBounds {
   int resolution() const { return resolution_; }
   /// Level 0: the depth map of a face.
   const float* depth(int face) const { return lo_ + size_t(face) * faceTexels_; }
+  struct Level { const float *lo, *hi; int side; };
+  /// One level of the first face; the others follow at multiples of faceTexels().
+  Level level(int l) const { return {lo_ + offset_[l], hi_ + offset_[l], side_[l]}; }
+  int levels() const { return mipLevels(resolution_); }
+  size_t faceTexels() const { return faceTexels_; }
   /// Bounds over texels [x0, x1] x [y0, y1] (inside the map), from the finest level at which they span at most two texels a side: never
   /// narrower than the truth.
   void range(int face, int x0, int y0, int x1, int y1, float& lo, float& hi) const {

@@ -65,11 +65,38 @@ inline KernelVerdict kernelVerdict(const DepthBounds& bounds, int face, const Re
   return KernelVerdict::Mixed;
 }
 
+/// compareKernel for kernels of N texels a row that lie inside the map along x: N lanes, no branch.
+template <int N>
+inline float compareRows(const float* z, int side, const ReceiverPlane& r, const AxisKernel& kx, const AxisKernel& ky) {
+  float along[N], sum[N] = {};
+  int32_t lit[N] = {};
+  for (int i = 0; i < N; ++i) along[i] = r.slopeX * (float(kx.first + i) - r.x);
+  for (int j = 0; j < ky.count; ++j) {
+    const int y = ky.first + j;
+    const float* row = z + size_t(std::clamp(y, 0, side - 1)) * size_t(side) + size_t(kx.first);
+    const float across = r.slopeY * (float(y) - r.y), weight = ky.weight[j];
+    for (int i = 0; i < N; ++i) {
+      const bool pass = r.d + (along[i] + across) <= row[i];
+      sum[i] += pass ? weight : 0.0f;
+      lit[i] += pass ? 1 : 0;
+    }
+  }
+  float total = 0.0f;
+  int32_t count = 0;
+  for (int i = 0; i < N; ++i) {
+    total += kx.weight[i] * sum[i];
+    count += lit[i];
+  }
+  return count == 0 ? 0.0f : count == N * ky.count ? 1.0f : std::min(total, 1.0f);
+}
+
 /// Lit share of the kernel, in [0,1]; exactly 1 or 0 when every comparison says so. Taps outside the map repeat its rim.
 inline float compareKernel(const float* z, int side, const ReceiverPlane& r, const AxisKernel& kx, const AxisKernel& ky) {
+  const bool inside = kx.first >= 0 && kx.last() < side;
+  if (inside && kx.count == 4) return compareRows<4>(z, side, r, kx, ky);
+  if (inside && kx.count == 8) return compareRows<8>(z, side, r, kx, ky);
   float sum = 0.0f;
   int lit = 0;
-  const bool inside = kx.first >= 0 && kx.last() < side;
   for (int j = 0; j < ky.count; ++j) {
     const int y = ky.first + j;
     const float* row = z + size_t(std::clamp(y, 0, side - 1)) * size_t(side);

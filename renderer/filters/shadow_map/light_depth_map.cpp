@@ -25,7 +25,7 @@ class LightDepthMapNode : public ShadowMapNode {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     auto term = std::make_shared<Term>("light_depth_map", Domain::LightTexel, Extent{resolution_, resolution_, frames_.count});
-    const std::span<float> z = term->addPlane<float>("z");
+    const std::span<float> z = term->addUnsetPlane<float>("z");
     const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
     const size_t rows = size_t(resolution_ + kTile - 1) / kTile, square = size_t(resolution_) * size_t(resolution_);
     const bool done = ctx.arena->parallelFor(rows * size_t(frames_.count), 1, [&](size_t begin, size_t end) {

@@ -36,7 +36,7 @@ class LookupNode : public Node {
     const Term& gbuffer = *ctx.inputs.at(0);
     const Term& map = *ctx.inputs.at(1);
     auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
-    const std::span<float> V = term->addPlane<float>("V");
+    const std::span<float> V = term->addUnsetPlane<float>("V");
     const std::span<float> flags = classified() ? term->addPlane<float>("flags") : std::span<float>();
     if (device_) {
       GOBO_TRY(deviceLookup(*device_, {l_.frames.face[0], basis_->exponent(), l_.map.bias, map.extent().width, map.extent().height}, map.floats("B"), gbuffer.floats("P"),

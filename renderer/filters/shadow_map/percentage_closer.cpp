@@ -6,13 +6,21 @@
 
 #include "base/sobol.h"
 #include "filters/shadow_map/depth_compare.h"
+#include "filters/shadow_map/percentage_closer_kernels.h"
 
 namespace gobo {
 namespace {
 
 class PercentageCloserNode : public Node {
  public:
-  explicit PercentageCloserNode(const PercentageCloserLookup& l) : l_(l), gaussian_(shadowGaussian(l.map.blur)) {}
+  explicit PercentageCloserNode(const PercentageCloserLookup& l) : l_(l), gaussian_(shadowGaussian(l.map.blur)) {
+    // Texels that the kernel can meet before and after the one under a receiver.
+    switch (l.pattern) {
+      case v1::PercentageCloserShadow::GAUSSIAN: before_ = l.map.blur; after_ = l.map.blur + 1; break;
+      case v1::PercentageCloserShadow::POISSON: before_ = l.taps / 2 + 1; after_ = l.taps / 2 + 2; break;
+      default: before_ = after_ = (l.taps - 1) / 2 + 1; break;
+    }
+  }
   std::string type() const override { return l_.hard ? "shadow_map_lookup" : "percentage_closer"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override {
@@ -26,13 +34,20 @@ class PercentageCloserNode : public Node {
     const DepthBounds bounds(*ctx.inputs.at(1), l_.map.resolution);
     const Receivers receivers(gbuffer, l_.frames, l_.map.resolution, l_.view, {.slopes = l_.map.slopeBias > 0.0f});
     auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
-    const std::span<float> V = term->addPlane<float>("V");
+    const std::span<float> V = term->addUnsetPlane<float>("V");
+    const bool skips = l_.skip && !l_.hard;
     const bool done = ctx.arena->parallelFor(V.size(), 4096, [&](size_t begin, size_t end) {
       ReceiverBlock b;
+      int32_t verdict[ReceiverBlock::kSize];
       for (size_t first = begin; first < end; first += ReceiverBlock::kSize) {
         const int n = int(std::min<size_t>(ReceiverBlock::kSize, end - first));
         receivers.fill(first, n, b);
-        for (int i = 0; i < n; ++i) V[first + size_t(i)] = b.covered[i] ? visibility(bounds, b, i, first + size_t(i)) : 1.0f;
+        if (skips) {
+          kernelVerdicts(bounds, b, n, before_, after_, l_.map.bias, l_.map.slopeBias, verdict);
+          for (int i = 0; i < n; ++i) V[first + size_t(i)] = float(verdict[i]);
+        }
+        for (int i = 0; i < n; ++i)
+          if (!skips || verdict[i] == 2) V[first + size_t(i)] = b.covered[i] ? visibility(bounds, b, i, first + size_t(i)) : 1.0f;
       }
     }, ctx.stop);
     if (!done) return Status(Code::Cancelled, type() + " stopped");
@@ -48,7 +63,7 @@ class PercentageCloserNode : public Node {
       const int x = int(r.x + 0.5f), y = int(r.y + 0.5f);
       return r.at(x, y) <= z[size_t(y) * size_t(side) + size_t(x)] ? 1.0f : 0.0f;
     }
-    if (l_.pattern == v1::PercentageCloserShadow::POISSON) return poisson(bounds, z, side, r, b.face[i], element);
+    if (l_.pattern == v1::PercentageCloserShadow::POISSON) return poisson(z, side, r, element);
     AxisKernel kx, ky;
     if (l_.pattern == v1::PercentageCloserShadow::GAUSSIAN) {
       interpolatedKernel(r.x, gaussian_.data(), l_.map.blur, kx);
@@ -58,22 +73,13 @@ class PercentageCloserNode : public Node {
       boxKernel(r.x, width, kx);
       boxKernel(r.y, width, ky);
     }
-    if (l_.skip) {
-      const KernelVerdict v = kernelVerdict(bounds, b.face[i], r, kx.first, ky.first, kx.last(), ky.last());
-      if (v != KernelVerdict::Mixed) return v == KernelVerdict::Lit ? 1.0f : 0.0f;
-    }
     return compareKernel(z, side, r, kx, ky);
   }
 
   // taps^2 points of Vogel's spiral, an even disk, turned by a hash of the view sample; nearest texels.
-  float poisson(const DepthBounds& bounds, const float* z, int side, const ReceiverPlane& r, int face, size_t element) const {
+  float poisson(const float* z, int side, const ReceiverPlane& r, size_t element) const {
     const int count = l_.taps * l_.taps;
     const float radius = 0.5f * float(l_.taps);
-    const int reach = int(radius) + 1;
-    if (l_.skip) {
-      const KernelVerdict v = kernelVerdict(bounds, face, r, int(r.x) - reach, int(r.y) - reach, int(r.x) + reach + 1, int(r.y) + reach + 1);
-      if (v != KernelVerdict::Mixed) return v == KernelVerdict::Lit ? 1.0f : 0.0f;
-    }
     const float turn = float(hash64(element, 0x5eed) >> 40) * float(2 * M_PI / (1 << 24));
     int lit = 0;
     for (int k = 0; k < count; ++k) {
@@ -86,6 +92,7 @@ class PercentageCloserNode : public Node {
 
   PercentageCloserLookup l_;
   std::vector<float> gaussian_;
+  int before_ = 0, after_ = 0;
 };
 
 }  // namespace

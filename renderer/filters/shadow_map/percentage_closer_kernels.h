@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// What depth bounds say about whole blocks of receivers whose kernel has one size: vectorised, because it decides most pixels.
+#pragma once
+
+#include <cstdint>
+
+#include "filters/shadow_map/depth_bounds.h"
+#include "filters/shadow_map/receivers.h"
+
+namespace gobo {
+
+/// verdict[i]: 1 lit, 0 dark, 2 cannot tell, for the kernel of texels floor(x) - before .. floor(x) + after around receiver i, the same along y;
+/// `bias` and `slopeBias` as receiverPlane() has them. Receivers that are not covered are lit. Conservative: 0 and 1 are what every comparison would say.
+void kernelVerdicts(const DepthBounds& bounds, const ReceiverBlock& b, int count, int before, int after, float bias, float slopeBias, int32_t* verdict);
+
+}  // namespace gobo

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// shadows.auto through the engine: what it picks follows the budget, the plan says so, and the pick keeps its promise.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+
+#include "support/engines.h"
+
+namespace {
+
+using namespace gobo;
+using namespace gobo::testing;
+
+struct Pick { std::string text; double error = 0, ms = 0; int candidates = 0; };
+Pick pickOf(const RenderResult& r) {
+  Pick pick;
+  for (const v1::NodeReport& n : r.reply.plan()) {
+    if (n.node().rfind("auto:", 0) != 0) continue;
+    ++pick.candidates;
+    if (n.reason().find("auto chose it") == std::string::npos) continue;
+    pick.text = n.node().substr(n.node().find(": ") + 2);
+    std::sscanf(n.reason().c_str(), "auto chose it: expected error %lf in %lf ms", &pick.error, &pick.ms);
+  }
+  return pick;
+}
+v1::RenderRequest request(const std::string& light, const std::string& technique, int width = 96, int height = 72) {
+  v1::RenderRequest r = smallRequest("fence", width, height);
+  r.set_view_samples(1);
+  r.add_outputs("visibility:" + light);
+  set(r, "shadows." + technique);
+  return r;
+}
+double rmse(const RenderResult& a, const RenderResult& b) {
+  const Image &x = a.images[0].image(), &y = b.images[0].image();
+  double sum = 0;
+  for (size_t i = 0; i < x.data.size(); ++i) sum += (double(x.data[i]) - y.data[i]) * (double(x.data[i]) - y.data[i]);
+  return std::sqrt(sum / double(x.data.size()));
+}
+
+TEST(AutomaticShadow, ErrorBudgetsBuyBetterPicturesForMoreTime) {
+  auto engine = makeEngine();
+  const RenderResult truth = mustRender(*engine, request("key", "ray_traced.samples=1024"));
+  double lastError = 1, lastMs = 0;
+  for (const char* budget : {"0.3", "0.1", "0.04"}) {
+    const RenderResult r = mustRender(*engine, request("key", std::string("auto.error=") + budget));
+    const Pick pick = pickOf(r);
+    ASSERT_GT(pick.candidates, 4);
+    EXPECT_LE(pick.error, std::atof(budget)) << pick.text;
+    EXPECT_LE(pick.error, lastError);
+    EXPECT_GE(pick.ms, lastMs);
+    // A probe of 1200 receivers knows the error to some 20 %; the picture counts pixels that face away as right.
+    EXPECT_LT(rmse(r, truth), 1.4 * std::atof(budget)) << pick.text;
+    lastError = pick.error;
+    lastMs = pick.ms;
+  }
+}
+
+TEST(AutomaticShadow, TimeBudgetsAreKept) {
+  auto engine = makeEngine();
+  for (const char* light : {"key", "sun"}) {
+    const Pick pick = pickOf(mustRender(*engine, request(light, "auto.time_ms=8")));
+    EXPECT_LE(pick.ms, 8) << pick.text;
+    EXPECT_FALSE(pick.text.empty());
+  }
+}
+
+TEST(AutomaticShadow, HardShadowsOfSmallPicturesAreRays) {
+  auto engine = makeEngine();
+  const RenderResult r = mustRender(*engine, request("sun", "auto.error=0.02"));
+  EXPECT_EQ(pickOf(r).text, "ray_traced, 1 ray");
+  EXPECT_EQ(firstDifference(r, mustRender(*engine, request("sun", "ray_traced.samples=1"))), "");
+}
+
+TEST(AutomaticShadow, PicksAreTheSameFromAnyStateOfTheStoreAndForAnyNumberOfThreads) {
+  auto one = makeEngine(256ull << 20, {}, 1), many = makeEngine(256ull << 20, {}, 7);
+  for (const char* light : {"key", "sun"}) {
+    const v1::RenderRequest r = request(light, "auto.error=0.05");
+    const RenderResult a = mustRender(*one, r), b = mustRender(*many, r), again = mustRender(*one, r);
+    EXPECT_EQ(pickOf(a).text, pickOf(b).text);
+    EXPECT_EQ(firstDifference(a, b), "");
+    EXPECT_EQ(firstDifference(a, again), "");
+  }
+}
+
+TEST(AutomaticShadow, ServesLightsThatNothingShinesOnAndEnvironments) {
+  auto engine = makeEngine();
+  v1::RenderRequest r = request("sun", "auto.error=0.05");
+  set(r, "lights.sun.direction=0,1,0");   // from below the floor
+  const RenderResult dark = mustRender(*engine, r);
+  for (const float v : dark.images[0].image().data) EXPECT_TRUE(v >= 0.0f && v <= 1.0f);
+  v1::RenderRequest spheres = smallRequest("spheres", 32, 24);
+  set(spheres, "shadows.auto.error=0.1");
+  mustRender(*engine, spheres);
+}
+
+}  // namespace
