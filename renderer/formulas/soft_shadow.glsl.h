@@ -53,8 +53,9 @@ FORMULA float softGate(float blocked, float lo, float hi) {
   return t * t * (3.0f - 2.0f * t);
 }
 
-/// Blocked share of a kernel in which a share `self` of the receiver's own plane reads as blocked: measured = p + (1 - p) self.
-FORMULA float softUnmix(float measured, float self) { return (measured - self) / maxOf(1.0f - self, 0.1f); }
+/// Blocked share p of a kernel whose blockers read as `full` instead of 1 and whose rest reads as `self` instead of 0: measured = p full +
+/// (1 - p) self. What a truncated series makes of blockers close to the receiver, and of the receiver's own plane, is taken out.
+FORMULA float softUnmix(float measured, float self, float full) { return (measured - self) / maxOf(full - self, 0.1f); }
 
 /// sin(x) / x, and its derivative.
 FORMULA float softSinc(float x) { return CHOOSE(absOf(x) < 1.0e-2f, 1.0f - x * x * (1.0f / 6.0f), fastSin(x) / nonzero(x)); }

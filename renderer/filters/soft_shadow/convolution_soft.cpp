@@ -2,8 +2,9 @@
 // Filter: convolution soft shadow maps (Annen et al. 2008; thesis ch. 8). Boxes of Fourier images give the blockers' mean depth and, at the
 // penumbra's width, the visible share: the same cost for every width.
 //   fbar(d, z) ~ 1 - base - scale sum_k w_k sin(c_k (z - d + o));   blocked = E[fbar],   z_avg = E[z fbar] / E[fbar]   (eq. 8.4, 8.8)
-// both from one lookup and not limited before the division. Where the receiver is tilted to the map its own plane reads as blocked in
-// part; that part is known in closed form and taken out (softUnmix).
+// both from one lookup and not limited before the division. Beyond the thesis, two errors of a short series are known in closed form and taken
+// out (softUnmix): the receiver's own plane, which reads as blocked in part where it is tilted to the map (or where there is no offset), and
+// blockers near the receiver, which read as fbar(d, z_avg) < 1, so that contacts of low orders leak light (digest 7.10, 7.11).
 #include <algorithm>
 #include <optional>
 
@@ -88,7 +89,7 @@ class ConvolutionSoftNode : public Node {
     std::vector<float> values;
     // Receivers that are looked up, side by side.
     int n = 0, open[kN];
-    float wx[kN], wy[kN], lo[kN], d[kN], x[kN], y[kN], self[kN], selfDepth[kN], blocked[kN], depth[kN], gate[kN], z[kN];
+    float wx[kN], wy[kN], lo[kN], d[kN], x[kN], y[kN], self[kN], selfDepth[kN], full[kN], blocked[kN], depth[kN], gate[kN], z[kN];
   };
 
   // Images [0, count) over the open receivers' boxes into values[k * kN + i]; and what their own planes read there.
@@ -116,6 +117,7 @@ class ConvolutionSoftNode : public Node {
       const float d = std::max(w.d[k], w.lo[k]);
       w.z[k] = softBlocker(w.depth[k], w.blocked[k], w.lo[k], d, w.lo[k]);
     }
+    convolutionFull(w.z, w.d, w.full, size_t(w.n), series_);
   }
 
   void cut(const SoftReceivers& receivers, Work& w) const {   // kernels at the plane of z
@@ -144,13 +146,16 @@ class ConvolutionSoftNode : public Node {
       cut(receivers, w);
       blockers(w);
     }
-    for (int k = 0; k < w.n; ++k) w.gate[k] = softGate(w.blocked[k], 0.002f, 0.01f);
+    for (int k = 0; k < w.n; ++k) {
+      const float full = std::max(w.full[k], 0.1f);
+      w.gate[k] = softGate(w.blocked[k], 0.002f * full, 0.01f * full);
+    }
     cut(receivers, w);
     fetch(w, images());
     reconstructConvolution(w.values.data(), kN, w.d, w.blocked, size_t(w.n), series_);
     for (int k = 0; k < w.n; ++k) {
       const int i = w.open[k];
-      const float blocked = limit(softUnmix(1.0f - w.blocked[k], w.self[k]), 0.0f, 1.0f) * w.gate[k];
+      const float blocked = limit(softUnmix(1.0f - w.blocked[k], w.self[k], w.full[k]), 0.0f, 1.0f) * w.gate[k];
       float s = softVisibility(blocked, b.above[i]);
       if (l_.sharpening > 0.0f) s = softSharpen(s, b.at.d[i] - w.z[k], l_.sharpening, l_.sharpeningExtent);
       V[i] = s;

@@ -49,7 +49,16 @@ void convolutionSelf(const float* __restrict x, const float* __restrict y, const
       selfDepth[i] += cosine * (x[i] * softSincSlope(c * x[i]) * sy + y[i] * softSincSlope(c * y[i]) * sx);
     }
   }
-  for (size_t i = 0; i < n; ++i) selfDepth[i] += d[i] * self[i];
+  for (size_t i = 0; i < n; ++i) selfDepth[i] += (d[i] + bias) * self[i];
+}
+
+void convolutionFull(const float* __restrict z, const float* __restrict d, float* __restrict full, size_t n, const ConvolutionParameters& p) {
+  const float step = csmAngle(1.0f, float(p.order)), base = 1.0f - (p.scaling ? 0.5f * p.scale : 0.5f);
+  for (size_t i = 0; i < n; ++i) full[i] = base;
+  for (int k = 0; k < p.order; ++k) {
+    const float w = p.scale * csmWeight(float(k + 1), float(p.order), p.attenuation), c = float(2 * k + 1) * step;
+    for (size_t i = 0; i < n; ++i) full[i] -= w * fastSin(c * (z[i] - d[i] + p.offset));
+  }
 }
 
 void convolutionBlockers(const float* __restrict values, size_t stride, const float* __restrict d, const float* __restrict self, const float* __restrict selfDepth,
@@ -60,7 +69,7 @@ void convolutionBlockers(const float* __restrict values, size_t stride, const fl
   const float* mean = values + 2 * images * stride;
   const float base = 1.0f - (p.scaling ? 0.5f * p.scale : 0.5f);
   for (size_t i = 0; i < n; ++i) {
-    const float share = softUnmix(base - p.scale * blocked[i], self[i]);
+    const float share = softUnmix(base - p.scale * blocked[i], self[i], 1.0f);
     const float rest = limit(1.0f - share, 0.0f, 1.0f);
     depth[i] = base * mean[i] - p.scale * depth[i] - rest * selfDepth[i];
     blocked[i] = share;

@@ -14,6 +14,9 @@ void encodeConvolutionSoft(const float* z, float* out, size_t n, int order);
 /// sin(c o) sinc(c x) sinc(c y). Receivers behind by p.offset and `bias`.
 void convolutionSelf(const float* x, const float* y, const float* d, float* self, float* selfDepth, size_t n, const ConvolutionParameters& p, float bias);
 
+/// What one blocker at depth z reads: fbar(d, z).
+void convolutionFull(const float* z, const float* d, float* full, size_t n, const ConvolutionParameters& p);
+
 /// Blocked share (unclamped) and sum of the blockers' depths from filtered images: values[k * stride + i], 4 order + 1 of them (eq. 8.8),
 /// less what the receiver's own plane contributes.
 void convolutionBlockers(const float* values, size_t stride, const float* d, const float* self, const float* selfDepth, float* blocked, float* depth, size_t n,

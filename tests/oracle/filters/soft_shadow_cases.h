@@ -82,7 +82,8 @@ inline TermPtr softDenseShadow(const SoftCase& c, const SoftMaps& m, const TermP
   return runFilter(makePercentageCloserSoftNode(l), {gbuffer, m.bounds});
 }
 
-inline double rmsDifference(std::span<const float> a, const std::function<double(size_t)>& b) {
+inline double rmsDifference(const TermPtr& V, const std::function<double(size_t)>& b) {
+  const std::span<const float> a = V->floats("V");
   double sum = 0;
   for (size_t i = 0; i < a.size(); ++i) sum += sqr(double(a[i]) - b(i));
   return std::sqrt(sum / double(a.size()));
