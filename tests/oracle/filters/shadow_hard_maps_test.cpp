@@ -136,19 +136,19 @@ TEST(ShadowBias, SlopeBiasRemovesAcneAtEveryTilt) {
         if (tilt >= 60) steep += acne;
       }
       std::printf("\n");
-      if (s.slope == 0) EXPECT_GT(steep, 100) << name << ": without slope bias steep planes shadow themselves, or this test shows nothing";
-      if (s.slope > 0 && s.bias > 0) EXPECT_EQ(total, 0) << name;
+      if (s.slope == 0) { EXPECT_GT(steep, 100) << name << ": without slope bias steep planes shadow themselves, or this test shows nothing"; }
+      if (s.slope > 0 && s.bias > 0) { EXPECT_EQ(total, 0) << name; }
     }
 }
 
-// A box that stands on the floor: its shadow must begin at its foot. Detached by at most the bias along the sun, (bias + slope bias of half a texel) of the range
-// over tan(elevation), plus a texel.
+// A card that stands on the floor: its shadow must begin at its foot. At x behind it the card is x sqrt(2) nearer to the sun, so a bias of b lights
+// x < b / sqrt(2); a texel or two more by the depth's own sampling.
 TEST(ShadowBias, ContactShadowsBeginAtTheFoot) {
   for (double bias : {0.0005, 0.005, 0.02}) {
     tests::SceneMaker s;
     const int grey = s.material(Vec3(0.5f));
     s.instance(s.mesh(tests::ground(3.0f), grey));
-    s.instance(s.mesh(tests::box(Vec3(-1, 0, -0.5f), Vec3(0, 1, 0.5f)), grey));
+    s.instance(s.mesh(tests::quad(Vec3(0, 0, 0.5f), Vec3(0, 0, -1), Vec3(0, 1, 0)), grey));
     LightShape sun;
     sun.kind = LightKind::Directional;
     sun.axis = glm::normalize(Vec3(1, -1, 0));
@@ -163,7 +163,6 @@ TEST(ShadowBias, ContactShadowsBeginAtTheFoot) {
     scene->bounds(lo, hi);
     const LightFrame f = *fitLightFrame(scene->lights[0].shape, lo, hi, 512, 1);
     const double range = f.far - f.near, texel = (f.hi.x - f.lo.x) / 512.0;
-    // Floor points at x are sqrt(2) x / 2 ... behind the box's face x = 0 along the sun; depth d(caster) = d - 2 (x / sqrt 2) cos 45 .. = x sqrt 2 along the ray.
     double detached = 0;
     for (int x = 0; x < 201; ++x) {
       const size_t i = size_t(100) * 201 + size_t(x);
@@ -174,7 +173,7 @@ TEST(ShadowBias, ContactShadowsBeginAtTheFoot) {
     const double bound = (bias * range + slopeBias) / std::sqrt(2.0) + 2.0 * texel;
     std::printf("bias %.4f of %.2f m: shadow detached %.4f m, bound %.4f m (texel %.4f m)\n", bias, range, detached, bound, texel);
     EXPECT_LE(detached, bound) << bias;
-    if (bias > 0.01) EXPECT_GT(detached, 0.25 * bias * range / std::sqrt(2.0)) << "a large bias does detach: the figure is measured";
+    if (bias > 0.01) { EXPECT_GT(detached, 0.25 * bias * range / std::sqrt(2.0)) << "a large bias does detach: the figure is measured"; }
   }
 }
 
@@ -249,7 +248,7 @@ TEST(CubeShadowMaps, AThinWallOnASeamCastsOneShadow) {
     }
     EXPECT_GT(seam, 10);
     EXPECT_EQ(off, 0) << t.name;
-    EXPECT_GT(a.share(), 0.98) << t.name;
+    EXPECT_GT(a.share(), 0.97) << t.name;
   }
 }
 
@@ -335,7 +334,7 @@ TEST(OcclusionPlot, TheRampsSlopeIsTheBlockersDistance) {
     rect.u = Vec3(0.5f * w, 0, 0);
     rect.v = Vec3(0, 0, -0.01f);
     s.light(rect);
-    s.camera(Vec3(0, 0.5f * h, 0.01f), Vec3(0, 0, 0), 2.2f);
+    s.camera(Vec3(0, 0.5f * h, 0), Vec3(0.0f), 2.0f * std::atan(1.5f * 0.0025f / (0.5f * h)));   // 2.5 mm a pixel
     const ScenePtr scene = s.finish();
     const ShadowPicture picture{801, 3};
     const ShadowRun rays = runShadow(scene, rayTraced(256), picture);
@@ -353,7 +352,7 @@ TEST(OcclusionPlot, TheRampsSlopeIsTheBlockersDistance) {
     }
     const double ramp = (x10 - x90) / 0.8, expected = w * h / (H - h);
     std::printf("blocker at %.1f m: ramp %.4f m, %.4f by similar triangles; the map's step at %.4f m\n", h, ramp, expected, step);
-    EXPECT_NEAR(ramp, expected, 0.05 * expected + 0.004);
+    EXPECT_NEAR(ramp, expected, 0.05 * expected + 0.003);   // and a pixel of either level
     EXPECT_NEAR(step, 0.0, 0.02);
   }
 }
