@@ -41,6 +41,13 @@ FORMULA float softHeight(float a, float ax, float ay, float b, float bx, float b
 /// between it and any point of a light above it. (Digest 7.10: receivers tilted to the map do not shade themselves, however wide the kernel.)
 FORMULA float softBlocks(float z, float d, float height, float margin) { return CHOOSE((z < d) && (height > margin), 1.0f, 0.0f); }
 
+/// Does a texel at offset x along an axis of the map touch the cone from the receiver (metric depth d) to the light, where it is cut at the texel's own
+/// depth z? `scale`: texels per unit of softWidth(d, z, 1).
+FORMULA bool softInside(float x, float d, float z, float scale, bool perspective) {
+  float q = CHOOSE(perspective, d * z, 1.0f);
+  return (2.0f * absOf(x) - 1.0f) * q <= scale * (d - z);
+}
+
 /// Share of a light above a plane: `height` of its centre and half its extent along the plane's normal, as if its points were spread evenly in between.
 FORMULA float softAbove(float height, float half_) { return limit(0.5f + 0.5f * finiteOr(height / maxOf(half_, 1.0e-20f), 1.0f), 0.0f, 1.0f); }
 

@@ -89,7 +89,7 @@ class ConvolutionSoftNode : public Node {
     std::vector<float> values;
     // Receivers that are looked up, side by side.
     int n = 0, open[kN];
-    float wx[kN], wy[kN], lo[kN], d[kN], x[kN], y[kN], self[kN], selfDepth[kN], full[kN], blocked[kN], depth[kN], gate[kN], z[kN];
+    float wx[kN], wy[kN], lo[kN], d[kN], shift[kN], x[kN], y[kN], self[kN], selfDepth[kN], full[kN], blocked[kN], depth[kN], gate[kN], z[kN];
   };
 
   // Images [0, count) over the open receivers' boxes into values[k * kN + i]; and what their own planes read there.
@@ -103,19 +103,21 @@ class ConvolutionSoftNode : public Node {
         w.sums->box(face, w.b.at.x[i], w.b.at.y[i], w.wx[k], w.wy[k], 0, count, one);
         for (int c = 0; c < count; ++c) w.values[size_t(c) * kN + size_t(k)] = one[c];
       }
-      const float tilt = 0.5f * l_.map.slopeBias;
-      w.x[k] = std::min(tilt * w.wx[k] * std::fabs(w.b.at.slopeX[i]), 1.0f);
-      w.y[k] = std::min(tilt * w.wy[k] * std::fabs(w.b.at.slopeY[i]), 1.0f);
+      w.x[k] = std::min(0.5f * w.wx[k] * std::fabs(w.b.at.slopeX[i]), 1.0f);
+      w.y[k] = std::min(0.5f * w.wy[k] * std::fabs(w.b.at.slopeY[i]), 1.0f);
+      // Towards the light by what the plane rises over the kernel, but not past the middle between it and the nearest blocker.
+      const float shift = std::min(l_.map.slopeBias * (w.x[k] + w.y[k]), 0.5f * std::max(w.b.limit[i] - w.lo[k], 0.0f));
+      w.d[k] = w.b.limit[i] - shift;
+      w.shift[k] = shift + l_.map.bias;
     }
-    convolutionSelf(w.x, w.y, w.d, w.self, w.selfDepth, size_t(w.n), series_, l_.map.bias);
+    convolutionSelf(w.x, w.y, w.d, w.shift, w.self, w.selfDepth, size_t(w.n), series_);
   }
 
   void blockers(Work& w) const {
     fetch(w, 2 * images() + 1);
     convolutionBlockers(w.values.data(), kN, w.d, w.self, w.selfDepth, w.blocked, w.depth, size_t(w.n), series_);
     for (int k = 0; k < w.n; ++k) {
-      const float d = std::max(w.d[k], w.lo[k]);
-      w.z[k] = softBlocker(w.depth[k], w.blocked[k], w.lo[k], d, w.lo[k]);
+      w.z[k] = softBlocker(w.depth[k], w.blocked[k], w.lo[k], std::max(w.b.limit[w.open[k]], w.lo[k]), w.lo[k]);
     }
     convolutionFull(w.z, w.d, w.full, size_t(w.n), series_);
   }
@@ -134,7 +136,6 @@ class ConvolutionSoftNode : public Node {
       if (s.verdict != SoftSearch::Mixed) { V[i] = s.verdict == SoftSearch::Lit ? 1.0f : 0.0f; continue; }
       const int k = w.n++;
       w.open[k] = i;
-      w.d[k] = b.limit[i];
       w.lo[k] = s.lo;
       w.wx[k] = s.wx;
       w.wy[k] = s.wy;
@@ -152,6 +153,7 @@ class ConvolutionSoftNode : public Node {
     }
     cut(receivers, w);
     fetch(w, images());
+    convolutionFull(w.z, w.d, w.full, size_t(w.n), series_);
     reconstructConvolution(w.values.data(), kN, w.d, w.blocked, size_t(w.n), series_);
     for (int k = 0; k < w.n; ++k) {
       const int i = w.open[k];

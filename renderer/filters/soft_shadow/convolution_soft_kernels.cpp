@@ -33,23 +33,22 @@ void encodeConvolutionSoft(const float* __restrict z, float* __restrict out, siz
   }
 }
 
-void convolutionSelf(const float* __restrict x, const float* __restrict y, const float* __restrict d, float* __restrict self, float* __restrict selfDepth, size_t n,
-                     const ConvolutionParameters& p, float bias) {
-  const float step = csmAngle(1.0f, float(p.order)), base = 1.0f - (p.scaling ? 0.5f * p.scale : 0.5f), o = p.offset + bias;
+void convolutionSelf(const float* __restrict x, const float* __restrict y, const float* __restrict d, const float* __restrict shift, float* __restrict self,
+                     float* __restrict selfDepth, size_t n, const ConvolutionParameters& p) {
+  const float step = csmAngle(1.0f, float(p.order)), base = 1.0f - (p.scaling ? 0.5f * p.scale : 0.5f);
   for (size_t i = 0; i < n; ++i) {
     self[i] = base;
     selfDepth[i] = 0.0f;
   }
   for (int k = 0; k < p.order; ++k) {
     const float w = p.scale * csmWeight(float(k + 1), float(p.order), p.attenuation), c = float(2 * k + 1) * step;
-    const float sine = w * fastSin(c * o), cosine = w * fastCos(c * o);
     for (size_t i = 0; i < n; ++i) {
-      const float sx = softSinc(c * x[i]), sy = softSinc(c * y[i]);
-      self[i] -= sine * (sx * sy);
-      selfDepth[i] += cosine * (x[i] * softSincSlope(c * x[i]) * sy + y[i] * softSincSlope(c * y[i]) * sx);
+      const float o = c * (p.offset + shift[i]), sx = softSinc(c * x[i]), sy = softSinc(c * y[i]);
+      self[i] -= w * fastSin(o) * (sx * sy);
+      selfDepth[i] += w * fastCos(o) * (x[i] * softSincSlope(c * x[i]) * sy + y[i] * softSincSlope(c * y[i]) * sx);
     }
   }
-  for (size_t i = 0; i < n; ++i) selfDepth[i] += (d[i] + bias) * self[i];
+  for (size_t i = 0; i < n; ++i) selfDepth[i] += (d[i] + shift[i]) * self[i];
 }
 
 void convolutionFull(const float* __restrict z, const float* __restrict d, float* __restrict full, size_t n, const ConvolutionParameters& p) {

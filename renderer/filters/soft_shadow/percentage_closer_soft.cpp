@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Filter: percentage-closer soft shadows (Fernando 2005). `dense` reads every texel of both kernels and is what the pre-filtered techniques
-// approximate; otherwise kernels of more texels than taps are read at taps, smaller ones are dense all the same.
+// approximate; otherwise kernels of many more texels than taps are read at taps, smaller ones are dense all the same (blocker_search.h).
 #include <algorithm>
 
-#include "filters/soft_shadow/soft_kernels.h"
+#include "filters/soft_shadow/blocker_search.h"
 #include "formulas/soft_shadow.glsl.h"
 
 namespace gobo {
@@ -14,7 +14,7 @@ namespace {
 
 class PercentageCloserSoftNode : public Node {
  public:
-  explicit PercentageCloserSoftNode(const PercentageCloserSoftLookup& l) : l_(l), search_(l.searchTaps), filter_(l.filterTaps) {}
+  explicit PercentageCloserSoftNode(const PercentageCloserSoftLookup& l) : l_(l), search_(l.dense ? 0 : l.searchTaps), filter_(l.dense ? 0 : l.filterTaps) {}
   std::string type() const override { return "percentage_closer_soft"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override {
@@ -40,69 +40,20 @@ class PercentageCloserSoftNode : public Node {
   }
 
  private:
-  struct Work {
-    explicit Work(int side) : scratch(2 * size_t(side)) {}
-    SoftBlock b;
-    SoftTaps taps;
-    SoftSearch search[SoftBlock::kSize];
-    std::vector<float> scratch;
-    float blocked[SoftBlock::kSize], depth[SoftBlock::kSize];
-    int open[SoftBlock::kSize];
-  };
-
+  using Work = BlockerSearch::Work;
   void block(const SoftReceivers& receivers, const DepthBounds& bounds, size_t first, int count, float* V, Work& w) const {
-    SoftBlock& b = w.b;
-    receivers.fill(first, count, b, V);
-    int open = 0;
-    for (int k = 0; k < b.activeCount; ++k) {
-      const int i = b.active[k];
-      w.search[i] = softSearch(receivers, bounds, b, i);
-      if (l_.skip && w.search[i].verdict != SoftSearch::Mixed) V[i] = w.search[i].verdict == SoftSearch::Lit ? 1.0f : 0.0f;
-      else w.open[open++] = i;
-    }
-    sums(bounds, search_, first, w, open, [&](int i) { return w.search[i].box; });
-    int blocked = 0;
-    for (int k = 0; k < open; ++k) {
+    search_.run(receivers, bounds, first, count, l_.skip, V, w);
+    softSums(SoftAsk::Share, bounds, filter_, first, w, [&](int i) { return receivers.box(w.b, i, w.wx[i], w.wy[i]); });
+    for (int k = 0; k < w.count; ++k) {
       const int i = w.open[k];
-      if (w.blocked[i] > 0.0f) w.open[blocked++] = i;
-      else V[i] = 1.0f;
+      // A sum of every weight is 1, however it rounds: an umbra is dark whether bounds or texels say so.
+      V[i] = w.blocked[i] > 1.0f - 4e-6f ? 0.0f : softVisibility(w.blocked[i], w.b.above[i]);
     }
-    sums(bounds, filter_, first, w, blocked, [&](int i) {
-      const float z = softBlocker(w.depth[i], w.blocked[i], w.search[i].lo, b.limit[i], w.search[i].lo);
-      float wx, wy;
-      receivers.width(b, i, receivers.metric(b.at.face[i], z), wx, wy);
-      return receivers.box(b, i, wx, wy);
-    });
-    for (int k = 0; k < blocked; ++k) V[w.open[k]] = softVisibility(w.blocked[w.open[k]], b.above[w.open[k]]);
-  }
-
-  // Blocked share and mean of blocked depths over box(i), for the first n open receivers.
-  template <typename BoxOf>
-  void sums(const DepthBounds& bounds, const SoftPattern& pattern, size_t first, Work& w, int n, const BoxOf& boxOf) const {
-    const int side = bounds.resolution();
-    w.taps.count = 0;
-    for (int k = 0; k < n; ++k) {
-      const int i = w.open[k];
-      const SoftBox box = boxOf(i);
-      if (l_.dense || softTexels(box) <= pattern.taps) {
-        const SoftSums s = softDense(bounds.depth(w.b.at.face[i]), side, w.b, i, box, w.scratch.data());
-        w.blocked[i] = s.blocked / s.weight;
-        w.depth[i] = s.depth / s.weight;
-      } else {
-        w.taps.add(w.b, i, box, mipTexels(side), first + size_t(i));
-      }
-    }
-    softTaps(bounds.depth(0), side, pattern, w.taps);
-    for (int k = 0; k < w.taps.count; ++k) {
-      w.blocked[w.taps.receiver[k]] = w.taps.blocked[k];
-      w.depth[w.taps.receiver[k]] = w.taps.depth[k];
-    }
-    for (int k = 0; k < n; ++k)   // a sum of every weight is 1, however it rounds: an umbra is dark whether bounds or texels say so
-      if (w.blocked[w.open[k]] > 1.0f - 4e-6f) w.blocked[w.open[k]] = 1.0f;
   }
 
   PercentageCloserSoftLookup l_;
-  SoftPattern search_, filter_;
+  BlockerSearch search_;
+  SoftPattern filter_;
 };
 
 }  // namespace

@@ -12,8 +12,12 @@ namespace gobo {
 /// Weighted by a box: its area, the part of it that blocks, and the sum of the blockers' depths.
 struct SoftSums { float weight = 0, blocked = 0, depth = 0; };
 
+/// What is asked of a kernel: the blockers' mean depth, of those that lie in the cone to the light at their own depth; or the blocked share of a box
+/// at one depth.
+enum class SoftAsk { Blockers, Share };
+
 /// Every texel of a box with its exact weight. `scratch`: at least 2 x side floats.
-SoftSums softDense(const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* scratch);
+SoftSums softDense(SoftAsk ask, const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* scratch);
 
 /// Texels that a box touches: what softDense costs.
 inline int softTexels(const SoftBox& box) { return (int(std::ceil(box.x1)) - int(box.x0)) * (int(std::ceil(box.y1)) - int(box.y0)); }
@@ -26,8 +30,9 @@ struct SoftTaps {
   float x0[kSize], y0[kSize], sx[kSize], sy[kSize];        ///< the box
   float px[kSize], py[kSize], limit[kSize], margin[kSize];
   float a[kSize], ax[kSize], ay[kSize], b[kSize], bx[kSize], by[kSize];
+  float near[kSize], range[kSize], metric[kSize], scaleX[kSize], scaleY[kSize];
   float shiftU[kSize], shiftV[kSize];
-  float blocked[kSize], depth[kSize];                      ///< results: share of the taps, sum of depths over the taps
+  float blocked[kSize], depth[kSize], nearest[kSize];      ///< results: share of the taps, sum of depths over the taps, smallest depth among them (or 2)
   void add(const SoftBlock& block, int i, const SoftBox& box, size_t faceTexels, uint64_t element);
 };
 
@@ -36,7 +41,10 @@ struct SoftPattern {
   explicit SoftPattern(int taps);
   int taps;
   std::vector<float> u, v;
+  std::vector<float> shrink;   ///< softProbe: width of the box that a tap is drawn from
 };
-void softTaps(const float* z, int side, const SoftPattern& pattern, SoftTaps& taps);
+void softTaps(SoftAsk ask, const float* z, int side, const SoftPattern& pattern, bool perspective, SoftTaps& taps);
+/// Looks for blockers in boxes of every width from one texel to the whole: thin ones next to the receiver are found in however wide a cone. Sets nearest.
+void softProbe(const float* z, int side, const SoftPattern& pattern, bool perspective, SoftTaps& taps);
 
 }  // namespace gobo

@@ -28,6 +28,7 @@ void SoftReceivers::fill(size_t begin, int count, SoftBlock& b, float* V) const 
 
 void SoftReceivers::planes(size_t begin, int count, SoftBlock& b, float* V) const {
   b.activeCount = 0;
+  b.perspective = perspective_;
   for (int i = 0; i < count; ++i) {
     V[i] = 1.0f;
     if (!b.at.covered[i]) continue;
@@ -52,6 +53,8 @@ void SoftReceivers::planes(size_t begin, int count, SoftBlock& b, float* V) cons
     const float range = f.far - f.near, texelX = (f.hi.x - f.lo.x) / resolution_, texelY = (f.hi.y - f.lo.y) / resolution_;
     const float d = f.near + b.at.d[i] * range;
     b.metric[i] = d;
+    b.near[i] = f.near;
+    b.range[i] = range;
     b.limit[i] = b.at.d[i] - bias_;
     b.margin[i] = bias_ * range;
     b.above[i] = softAbove(height, half);

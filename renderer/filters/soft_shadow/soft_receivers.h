@@ -23,6 +23,8 @@ struct SoftBlock {
   float a[kSize], ax[kSize], ay[kSize];           ///< softHeight
   float b[kSize], bx[kSize], by[kSize];
   float margin[kSize];                            ///< height from which texels count as above the plane
+  float near[kSize], range[kSize];                ///< metric depth of linear depth z: near + z range
+  bool perspective;
   float above[kSize];                             ///< share of the light above the receiver's plane
   int active[kSize];                              ///< receivers whose V is not known from their position alone
   int activeCount;

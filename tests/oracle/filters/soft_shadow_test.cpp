@@ -191,7 +191,7 @@ TEST(ConvolutionSoft, ClosedFormOfATiltedPlanesOwnShadow) {
   const ConvolutionParameters series{order, 0, float(c.scale), float(c.offset * (1 + 1.0 / order)), false};
   for (float x : {0.0f, 0.02f, 0.1f, 0.25f})
     for (float y : {0.0f, 0.07f, 0.2f}) {
-      const float d = 0.5f, bias = 0.01f, receiver = d - bias, zero = 0;
+      const float d = 0.5f, shift = 0.01f, receiver = d - shift, zero = 0;
       std::vector<double> sum(size_t(4 * order + 1));
       std::vector<float> one(sum.size()), mean(sum.size());
       const int n = 400;
@@ -204,7 +204,7 @@ TEST(ConvolutionSoft, ClosedFormOfATiltedPlanesOwnShadow) {
       for (size_t k = 0; k < sum.size(); ++k) mean[k] = float(sum[k] / (n * n));
       float blocked, depth, self, selfDepth;
       convolutionBlockers(mean.data(), 1, &receiver, &zero, &zero, &blocked, &depth, 1, series);
-      convolutionSelf(&x, &y, &receiver, &self, &selfDepth, 1, series, bias);
+      convolutionSelf(&x, &y, &receiver, &shift, &self, &selfDepth, 1, series);
       EXPECT_NEAR(self, blocked, 2e-4) << x << " " << y;
       // depth still has the plane's (1 - blocked) share of `zero` in it: compare E[z fbar] itself.
       EXPECT_NEAR(selfDepth, depth, 4e-4) << x << " " << y;
