@@ -134,21 +134,21 @@ Result<NodeId> planHardShadowMap(Graph& graph, const ShadowInput& input, const v
   GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, 1));
   PercentageCloserLookup l{p.frames, p.map, p.view};
   l.hard = true;
-  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, planDepthBounds(graph, input, p)}, "visibility", input);
+  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, p.depth}, "visibility", input);
 }
 
 Result<NodeId> planPercentageCloser(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
   const v1::PercentageCloserShadow& m = technique.percentage_closer();
   const int taps = int(numberParameter(m, "taps"));
   GOBO_TRY(checkRange("percentage_closer.taps", taps, 1, 16));
-  const auto pattern = m.pattern() == v1::PercentageCloserShadow::PATTERN_UNSPECIFIED ? v1::PercentageCloserShadow::GAUSSIAN : m.pattern();
+  const auto pattern = m.pattern() == v1::PercentageCloserShadow::PATTERN_UNSPECIFIED ? v1::PercentageCloserShadow::REGULAR : m.pattern();
   const int blur = int(numberParameter(technique.map(), "blur"));
-  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, pattern == v1::PercentageCloserShadow::GAUSSIAN ? blur + 1 : taps / 2 + 1));
+  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, pattern == v1::PercentageCloserShadow::GAUSSIAN ? blur + 1 : pattern == v1::PercentageCloserShadow::FOOTPRINT ? 9 : taps / 2 + 1));
   PercentageCloserLookup l{p.frames, p.map, p.view};
   l.pattern = pattern;
   l.taps = taps;
   l.skip = boolParameter(m, "skip");
-  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, planDepthBounds(graph, input, p)}, "visibility", input);
+  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, readsDepthBounds(l) ? planDepthBounds(graph, input, p) : p.depth}, "visibility", input);
 }
 
 namespace {
