@@ -220,6 +220,31 @@ TEST(ShadowDepth, GeometryAroundTheLight) {
   }
 }
 
+// A range that begins in the middle of the casters, as a camera fit makes it: those in front of it read 0 by either method.
+TEST(ShadowDepth, CastersInFrontOfNearReadZero) {
+  const ScenePtr scene = crowd(5, true);
+  Vec3 lo, hi;
+  scene->bounds(lo, hi);
+  for (LightKind kind : {LightKind::Directional, LightKind::Spot}) {
+    LightFrames frames = *fitLightFrames(lightFor(*scene, kind), lo, hi, 150, 2);
+    LightFrame& f = frames.face[0];
+    const LightFrame whole = f;
+    f.near = 0.5f * (f.near + f.far);
+    const Difference d = compareMethods(scene, frames, 150);
+    EXPECT_EQ(d.wrong, 0) << int(kind);
+    LightFrames all = frames;
+    all.face[0] = whole;
+    const TermPtr fitted = depthMap(scene, frames, 150, DepthMethod::Rays), map = depthMap(scene, all, 150, DepthMethod::Rays);
+    int zero = 0;
+    for (size_t i = 0; i < 150 * 150; ++i) {
+      const float z = map->floats("z")[i];
+      ASSERT_NEAR(fitted->floats("z")[i], z == 1.0f ? 1.0f : std::max(0.0f, 2.0f * z - 1.0f), 2e-6f) << int(kind);
+      zero += fitted->floats("z")[i] == 0.0f;
+    }
+    EXPECT_GT(zero, 50);
+  }
+}
+
 /// Looks down -y on [0, side]^2 metres, a texel a metre; depth is 10 - y over 10 m.
 LightFrames graphPaper(int side) {
   LightFrames frames;
