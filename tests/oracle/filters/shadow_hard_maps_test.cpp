@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "base/sobol.h"
 #include "filters/shadow_map/light_frame.h"
 #include "filters/shadow_map/shadow_map.h"
 #include "scene/load.h"
@@ -355,6 +356,53 @@ TEST(OcclusionPlot, TheRampsSlopeIsTheBlockersDistance) {
     EXPECT_NEAR(ramp, expected, 0.05 * expected + 0.003);   // and a pixel of either level
     EXPECT_NEAR(step, 0.0, 0.02);
   }
+}
+
+// --- temporal coherence (thesis 6.3, 7.5) ----------------------------------------------------------------------------------------------------------------
+
+// The fence from afar, its map finer than the pixels: 32 sub-pixel jitters of the camera. A comparison flickers; reading by the pixel's footprint does not.
+TEST(TemporalCoherence, FootprintLookupsFlickerLessThanComparisons) {
+  LightShape sun;
+  sun.kind = LightKind::Directional;
+  sun.axis = -glm::normalize(Vec3(0.75f, 0.9f, -0.8f));
+  auto far = std::make_shared<Scene>(*withLight(*makeBuiltinScene("fence"), sun));
+  const Camera camera = far->cameras[0];
+  const ShadowPicture picture{40, 28};
+  struct Setting { const char* name; v1::ShadowMapSettings::Lookup lookup; };
+  const Setting settings[] = {{"shadow_map", v1::ShadowMapSettings::BILINEAR}, {"percentage_closer", v1::ShadowMapSettings::BILINEAR}, {"variance", v1::ShadowMapSettings::TRILINEAR},
+                              {"variance", v1::ShadowMapSettings::ANISOTROPIC}, {"convolution", v1::ShadowMapSettings::ANISOTROPIC}};
+  std::vector<double> deviations;
+  for (const Setting& s : settings) {
+    v1::ShadowTechnique t = mapTechnique(s.name);
+    t.mutable_map()->set_resolution(512);
+    t.mutable_map()->set_lookup(s.lookup);
+    if (std::string(s.name) == "convolution") t.mutable_convolution()->set_order(8);
+    std::vector<double> sum(size_t(picture.width * picture.height)), squares(sum.size());
+    std::vector<int> seen(sum.size());
+    for (int k = 0; k < 32; ++k) {
+      auto moved = std::make_shared<Scene>(*far);
+      moved->cameras[0] = camera;
+      moved->cameras[0].centre += Vec2(toUnit(hash32(1, k)) - 0.5f, toUnit(hash32(2, k)) - 0.5f) / float(picture.height);
+      const ShadowRun r = runShadow(moved, t, picture);
+      for (size_t i = 0; i < r.size(); ++i) {
+        if (!r.surface(i) || r.at("P", i).y > 0.01f) continue;   // the ground
+        ++seen[i];
+        sum[i] += r.V()[i];
+        squares[i] += double(r.V()[i]) * r.V()[i];
+      }
+    }
+    double variance = 0;
+    int pixels = 0;
+    for (size_t i = 0; i < sum.size(); ++i) {
+      if (seen[i] < 32) continue;
+      ++pixels;
+      variance += squares[i] / 32 - (sum[i] / 32) * (sum[i] / 32);
+    }
+    ASSERT_GT(pixels, 200);
+    deviations.push_back(std::sqrt(variance / pixels));
+    std::printf("%-18s lookup %d: RMS flicker of visibility %.4f over %d pixels\n", s.name, int(s.lookup), deviations.back(), pixels);
+  }
+  for (size_t i = 2; i < deviations.size(); ++i) EXPECT_LT(deviations[i], 0.75 * deviations[0]) << settings[i].name;
 }
 
 }  // namespace
