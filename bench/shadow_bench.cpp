@@ -15,8 +15,11 @@
 //       the basis in float64 with the same kernel, what ships, a Vulkan device.
 //   shadow_bench claims [--only NAME] [--quick]
 //       The source's claims as ratios measured in one run, asked figures beside them: esm-csm, pcf-taps, flagged, bleeding, penumbra, lights.
+//   shadow_bench regret [--only SCENE] [--size 640x480] [--truth 512] [--quick]
+//       shadows.auto against the whole sweep: time of its choice, probe included, over the best time at equal error, per scene and budget.
 //   Common: --clock wall|cpu (cpu: of all threads; other programs then disturb less), --out FOLDER (out/bench), --fit scene|camera
-//   (map.fit of every map). Truths are kept in FOLDER/truth and computed once (minutes); delete them freely. Errors count only surfaces that the light can shine on.
+//   (map.fit of every map). Truths are kept in FOLDER/truth and computed once (minutes); delete them freely.
+//   Errors count only surfaces that the light can shine on.
 #include <cstdio>
 #include <cstring>
 
@@ -91,7 +94,8 @@ int main(int argc, char** argv) {
   if (command == "pareto") return pareto(o);
   if (command == "ladder") return ladder(o);
   if (command == "claims") return claims(o);
+  if (command == "regret") return regret(o);
   if (command == "scenes") return scenes(o);
-  std::fprintf(stderr, "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | claims   (the head of bench/shadow_bench.cpp has the options)\n");
+  std::fprintf(stderr, "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | claims | regret   (the head of bench/shadow_bench.cpp has the options)\n");
   return 2;
 }

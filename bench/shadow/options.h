@@ -33,6 +33,7 @@ std::string baseName(const Options& o);   ///< "fence-sun-front"
 int pareto(Options o);
 int ladder(Options o);
 int claims(Options o);
+int regret(Options o);
 int scenes(Options o);
 
 }  // namespace gobo::shadowbench

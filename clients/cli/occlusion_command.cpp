@@ -111,6 +111,7 @@ Status occlusion(Session& session, const OcclusionCommand& c) {
       GOBO_ASSIGN(Named named, parseTechnique(entry.name, settings));
       techniques.push_back(std::move(named));
     }
+    if (techniques.empty()) return invalidArgument("--light " + name + ": no shadow technique but rays does this kind of light (" + light.second + ")");
   } else {
     for (const std::string& text : split(c.techniques, ';')) {
       GOBO_ASSIGN(Named named, parseTechnique(text, settings));

@@ -78,7 +78,7 @@ class GBufferNode final : public Node {
         }
         rays += uint64_t(tall) * uint64_t(w);
       }
-      ctx.counters->rays += rays;
+      if (ctx.counters) ctx.counters->rays += rays;
     }, ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");
     return TermPtr(out);

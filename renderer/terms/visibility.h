@@ -17,8 +17,8 @@ namespace gobo {
 struct VisibilitySettings {
   uint32_t samples = 16;
   uint64_t seed = 0;
-  Vec2 angularSize{0.0f};   ///< Directional (terms/light_points.h); 0: a point at infinity
   Extent extent;        ///< of the G-buffer, for the size estimate
+  Vec2 angularSize{0.0f};   ///< Directional (terms/light_points.h); 0: a point at infinity
 };
 /// Input 0: "gbuffer". The light is the one in the graph node's `lights`; any kind but Environment.
 NodePtr makeVisibilityNode(const VisibilitySettings& settings);

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The CLI beyond rendering: completion in real shells, the manual page, the progress bar, exit codes."""
+import csv
 import os
 import pty
 import re
@@ -94,6 +95,72 @@ class Completion(DaemonTest):
         script = "gobo completion fish | source; complete -C 'gobo jobs wat'; complete -C 'gobo render x --priority B'"
         done = subprocess.run(["fish", "--no-config", "-c", script], capture_output=True, text=True, env=env, timeout=60)
         self.assertEqual([line.split("\t")[0] for line in done.stdout.splitlines()], ["watch", "BATCH"], done.stderr)
+
+
+class Occlusion(DaemonTest):
+    """`gobo occlusion` on a spot light over spheres: rays, maps, and what the line is made of."""
+
+    ARGS = ("occlusion", "spheres", "--size", "48x32", "--set", "lights.lamp.kind=SPOT", "--set", "lights.lamp.position=0.5,3,1", "--set", "lights.lamp.direction=0,-1,-0.2",
+            "--set", "lights.lamp.outer_deg=50", "--set", "lights.lamp.intensity=9", "--set", "shadows.map.resolution=128", "--light", "lamp")
+
+    def table(self, *args):
+        shown = self.cli(*self.ARGS, "--csv", "line.csv", *args).stdout
+        with open(self.path("line.csv"), newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(file))
+        return shown, rows[0], rows[1:]
+
+    def test_line(self):
+        chosen = "ray_traced.samples=1;shadow_map;exponential.c=80,map.blur=0;variance"
+        shown, head, rows = self.table("--row", "20", "--techniques", chosen, "--plot", "line.png")
+        self.assertEqual(head, ["pixel", "truth", *chosen.split(";")])
+        self.assertEqual([int(float(r[0])) for r in rows], list(range(48)))
+        # The line is the row of the output that `gobo render` writes, bit for bit.
+        fields = dict(size=(48, 32), outputs=["visibility:lamp", "alpha"],
+                      lights={"lamp": {"kind": "spot", "position": (0.5, 3, 1), "direction": (0, -1, -0.2), "outer_deg": 50, "intensity": 9}})
+        for column, technique in ((1, {"ray_traced": {"samples": 256}}), (3, {"shadow_map": {}, "map": {"resolution": 128}}),
+                                  (4, {"exponential": {"c": 80}, "map": {"resolution": 128, "blur": 0}})):
+            result = self.client.render("spheres", shadows=technique, **fields)
+            visibility, alpha = (result.outputs[o][20].reshape(48) for o in ("visibility:lamp", "alpha"))
+            got = [float(r[column]) if r[column] else None for r in rows]
+            self.assertEqual(got, [float(v) if a > 0 else None for v, a in zip(visibility, alpha)], technique)
+        truth = [float(r[1]) for r in rows if r[1]]
+        self.assertGreater(max(truth) - min(truth), 0.5)                        # there is a shadow on it
+        self.assertEqual([r[2] for r in rows], [r[1] for r in rows])            # a spot light needs one ray
+        self.assertRegex(shown, r"ray_traced.samples=1 +[\d.]+ +0.0000 +0.0000 +0.0000")
+        with open(self.path("line.png"), "rb") as file:
+            self.assertEqual(file.read(8), b"\x89PNG\r\n\x1a\n")
+
+    def test_default_is_every_technique_that_does_the_light(self):
+        shown, head, rows = self.table("--column", "24")
+        self.assertEqual(len(rows), 32)
+        for name in ("shadow_map", "percentage_closer", "variance", "convolution", "exponential", "exponential_variance", "moment"):
+            self.assertIn(name, head)
+            self.assertRegex(shown, rf"(?m)^{name} ")
+        for name in ("ray_traced", "auto", "axis_aligned"):                      # the truth, a choice, area lights only
+            self.assertNotIn(name, head)
+
+    def test_refusals(self):
+        def refused(code, words, *args):
+            self.assertIn(words, self.cli(*args, code=code).stderr)
+        refused(2, "which one?", "occlusion", "lights8", "--size", "8x8")
+        refused(3, "no such light", *self.ARGS[:-1], "nonesuch")
+        refused(2, "names no technique", *self.ARGS, "--techniques", "map.blur=2")
+        refused(2, "exponental", *self.ARGS, "--techniques", "moment;exponental.c=2")
+        refused(2, "no visibility of its own", *self.ARGS, "--techniques", "path_traced")
+        refused(2, "does not do the kind of light", *self.ARGS, "--techniques", "axis_aligned")
+        refused(2, "--row 32: the picture has 32", *self.ARGS, "--row", "32")
+        refused(2, "excludes", *self.ARGS, "--row", "1", "--column", "1")
+        refused(2, "must end in .png", *self.ARGS, "--plot", "line.exr")
+        refused(2, "exponential.c=90", *self.ARGS, "--techniques", "exponential.c=90,exponential.filtering=LINEAR")
+
+    def test_completion(self):
+        offers = lambda *words: [line.split("\t")[0] for line in self.cli("__complete", "occlusion", *words).stdout.splitlines()]
+        self.client.scenes.open("lights8", "loaded-three")
+        self.assertIn("key", offers("loaded-three", "--light", ""))
+        self.assertEqual(offers("x", "--techniques", "moment;exponential.cl"), ["moment;exponential.classification="])
+        self.assertEqual(offers("x", "--techniques", "exponential.c=80,map.bl"), ["exponential.c=80,map.blur="])
+        self.assertEqual(offers("x", "--techniques", "map.lookup=T"), ["map.lookup=TRILINEAR"])
+        self.assertIn("variance", offers("x", "--techniques", "va"))
 
 
 class Manual(DaemonTest):

@@ -14,10 +14,10 @@ namespace {
 
 // Nanoseconds on the machine of docs/benchmarks.md (2 cores), by `bench/shadow_bench costs`.
 struct Costs {
-  double shadowRay = 70, softRay = 110;          // one occlusion query with its set-up
-  double depthTexel = 11;                        // one light ray, in packets
-  double boundsTexel = 1.6;                      // the depth pyramid
-  double hardLookup = 9, mixedLookup = 30;       // percentage-closer: decided by bounds; compared
+  double shadowRay = 14, softRay = 42;           // one occlusion query with its set-up, in packets
+  double depthTexel = 9.5;                       // one light ray, in packets
+  double boundsTexel = 1.7;                      // the depth pyramid
+  double hardLookup = 5, mixedLookup = 30;       // percentage-closer: decided by bounds; compared
   double softTexel = 8, softLookup = 60;         // tables and a lookup of the soft technique
   double tree = 0.08;                            // rays: share more per doubling of triangles beyond 1000
 };

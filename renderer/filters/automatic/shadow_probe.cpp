@@ -17,7 +17,8 @@ namespace gobo {
 namespace {
 
 constexpr int kGrain = 8;                 // pixels a task
-constexpr int kTruthSamples = 16;
+constexpr int kTruthSamples = 12;         // over a pixel, each half
+constexpr uint32_t kMostRays = 64;
 constexpr int kSearch = 6, kFilter = 8;   // taps a side of the soft kernels
 
 /// Depths of a map that is not there, by a ray per texel asked for.
@@ -110,10 +111,10 @@ class ShadowProbeNode final : public Node {
       for (size_t task = from; task < to; ++task) {
         const size_t begin = task * kGrain, end = std::min(begin + kGrain, cells);
         for (size_t c = begin; c < end; ++c) {
-          float truth = 1.0f;
+          Halves truth;
           if (!judge(*accel, light, film, x[c], y[c], at, c, receivers, truth, estimates.data(), rays)) continue;
           counts[task] += 1;
-          for (size_t k = 0; k < columns(); ++k) sums[task * columns() + k] += sqr(double(estimates[k]) - truth);
+          for (size_t k = 0; k < columns(); ++k) sums[task * columns() + k] += (double(estimates[k]) - truth.a) * (double(estimates[k]) - truth.b);
         }
       }
       if (ctx.counters) ctx.counters->rays += rays;
@@ -126,14 +127,13 @@ class ShadowProbeNode final : public Node {
     for (size_t k = 0; k < columns(); ++k) {
       double sum = 0;
       for (size_t t = 0; t < tasks; ++t) sum += sums[t * columns() + k];
-      rmse[k] = count > 0 ? std::sqrt(sum / count) : 0.0;
+      rmse[k] = count > 0 ? std::sqrt(std::max(0.0, sum / count)) : 0.0;
     }
     judged[0] = count;
     return TermPtr(term);
   }
 
  private:
-  static double sqr(double x) { return x * x; }
   size_t columns() const { return s_.rays.size() + s_.maps.size(); }
 
   struct Surfaces {
@@ -156,61 +156,73 @@ class ShadowProbeNode final : public Node {
     }
   }
 
+  /// Two independent halves of the truth, so that (V - a)(V - b) is free of the truth's own noise in the mean.
+  struct Halves { float a = 1.0f, b = 1.0f; };
+
   /// Truth and every candidate's value of one pixel. False where the light cannot shine.
   bool judge(const Accel& accel, const LightPoints& light, const FilmRays& film, float px, float py, const Surfaces& view, size_t cell, const std::vector<Receivers>& receivers,
-             float& truth, float* estimates, uint64_t& rays) const {
+             Halves& truth, float* estimates, uint64_t& rays) const {
     const size_t S = size_t(s_.viewSamples), first = cell * S;
     std::fill_n(estimates, columns(), 0.0f);
-    double sum = 0;
+    const uint32_t most = light.pointLike() || s_.rays.empty() ? 1 : s_.rays.back();
+    double a = 0, b = 0;
     size_t lit = 0;
     for (size_t s = 0; s < S; ++s) {
-      float here[16];
-      float exact = 1.0f;
-      if (!view.hit(first + s) || !trace(accel, light, view.position(first + s), view.normal(first + s), first + s, exact, here, rays)) continue;
+      const size_t e = first + s;
+      std::vector<float> prefix(most);
+      if (!view.hit(e) || !trace(accel, light, view.position(e), view.normal(e), viewSampleSeed(s_.seed, e), most, prefix.data(), rays)) continue;
       ++lit;
-      sum += exact;
-      for (size_t k = 0; k < s_.rays.size(); ++k) estimates[k] += here[k];
+      for (size_t k = 0; k < s_.rays.size(); ++k) estimates[k] += prefix[std::min(s_.rays[k], most) - 1];
+      if (!light.pointLike()) {
+        a += share(accel, light, view.position(e), view.normal(e), hash64(e, 1), rays);
+        b += share(accel, light, view.position(e), view.normal(e), hash64(e, 2), rays);
+      }
       for (size_t k = 0; k < s_.maps.size(); ++k) {
-        ReceiverBlock b;
-        receivers[k].fill(first + s, 1, b);
-        estimates[s_.rays.size() + k] += !b.covered[0] ? 1.0f : s_.size == Vec2(0.0f) ? hard(accel, s_.maps[k], b, rays) : soft(accel, s_.maps[k], receivers[k], b, rays);
+        ReceiverBlock r;
+        receivers[k].fill(e, 1, r);
+        estimates[s_.rays.size() + k] += !r.covered[0] ? 1.0f : s_.size == Vec2(0.0f) ? hard(accel, s_.maps[k], r, rays) : soft(accel, s_.maps[k], receivers[k], r, rays);
       }
     }
     if (lit == 0) return false;
     for (size_t k = 0; k < columns(); ++k) estimates[k] /= float(lit);
-    truth = float(sum / double(lit));
-    if (!light.pointLike()) return true;
-    // Hard shadows: over the pixel's area.
-    float P[3 * kTruthSamples], Ng[3 * kTruthSamples];
-    uint32_t instance[kTruthSamples];
-    const Surfaces area{P, Ng, instance};
-    Ray ray[kTruthSamples];
-    for (int i = 0; i < kTruthSamples; ++i) {
-      const Vec2 u = SobolSampler(hash64(s_.seed, cell), uint32_t(i)).next2D();
-      ray[i] = film.at(px + u.x, py + u.y);
-    }
-    look(accel, ray, kTruthSamples, area, 0);
-    double seen = 0, count = 0;
-    for (size_t i = 0; i < kTruthSamples; ++i) {
-      float v = 1.0f;
-      if (!area.hit(i) || !trace(accel, light, area.position(i), area.normal(i), i, v, nullptr, rays)) continue;
-      seen += v;
-      ++count;
-    }
-    if (count > 0) truth = float(seen / count);
+    truth = {float(a / double(lit)), float(b / double(lit))};
+    if (light.pointLike()) truth = {area(accel, light, film, px, py, hash64(cell, 1), rays), area(accel, light, film, px, py, hash64(cell, 2), rays)};
     return true;
   }
 
-  /// Visibility of the light at one place: by truthRays points, and (unless null) by the first rays[k] of the sequence that the ray-traced technique would
-  /// use. The first n of N points share their noise with the truth: the error of n is larger by 1 / sqrt(1 - n/N). False where the light cannot shine.
-  bool trace(const Accel& accel, const LightPoints& light, const Vec3& p, const Vec3& n, size_t e, float& truth, float* estimates, uint64_t& rays) const {
-    const uint64_t seed = viewSampleSeed(s_.seed, e);
-    const uint32_t count = light.pointLike() ? 1 : s_.truthRays;
+  /// Hard visibility over a pixel's area, where the light can shine.
+  float area(const Accel& accel, const LightPoints& light, const FilmRays& film, float px, float py, uint64_t seed, uint64_t& rays) const {
+    float P[3 * kTruthSamples], Ng[3 * kTruthSamples];
+    uint32_t instance[kTruthSamples];
+    const Surfaces at{P, Ng, instance};
+    Ray ray[kTruthSamples];
+    for (int i = 0; i < kTruthSamples; ++i) {
+      const Vec2 u = SobolSampler(hash64(s_.seed, seed), uint32_t(i)).next2D();
+      ray[i] = film.at(px + u.x, py + u.y);
+    }
+    look(accel, ray, kTruthSamples, at, 0);
+    double seen = 0, count = 0;
+    for (size_t i = 0; i < kTruthSamples; ++i) {
+      float v = 1.0f;
+      if (!at.hit(i) || !trace(accel, light, at.position(i), at.normal(i), 0, 1, &v, rays)) continue;
+      seen += v;
+      ++count;
+    }
+    return count > 0 ? float(seen / count) : 1.0f;
+  }
+  float share(const Accel& accel, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint64_t& rays) const {
+    std::vector<float> prefix(s_.truthRays);
+    return trace(accel, light, p, n, hash64(s_.seed, seed), s_.truthRays, prefix.data(), rays) ? prefix.back() : 1.0f;
+  }
+
+  /// prefix[i]: visibility by the first i + 1 points of a sequence. False where the light cannot shine.
+  static bool trace(const Accel& accel, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint32_t count, float* prefix, uint64_t& rays) {
     Ray packet[16];
     uint32_t at[16];
     int waiting = 0;
-    std::vector<float> weight(count, 0.0f);
-    std::vector<uint8_t> open(count, 0);
+    float weight[kMostRays] = {};
+    bool open[kMostRays] = {};
+    GOBO_CHECK(count <= kMostRays);
     const auto flush = [&] {
       const uint32_t blocked = waiting ? accel.occluded16(packet, waiting) : 0;
       for (int i = 0; i < waiting; ++i) open[at[i]] = !(blocked >> i & 1);
@@ -229,20 +241,12 @@ class ShadowProbeNode final : public Node {
     }
     flush();
     double seen = 0, sum = 0;
-    size_t next = 0;
     for (uint32_t i = 0; i < count; ++i) {
       sum += weight[i];
       if (open[i]) seen += weight[i];
-      while (estimates && next < s_.rays.size() && s_.rays[next] == i + 1) estimates[next++] = sum > 0 ? float(seen / sum) : 1.0f;
+      prefix[i] = sum > 0 ? float(seen / sum) : 1.0f;
     }
-    if (!(sum > 0)) return false;
-    truth = float(seen / sum);
-    for (size_t k = 0; estimates && k < s_.rays.size(); ++k) {
-      const double share = double(s_.rays[k]) / count;
-      const double grow = count > 1 && share < 1 ? 1.0 / std::sqrt(1.0 - share) : 1.0;
-      estimates[k] = k < next ? float(truth + grow * (double(estimates[k]) - truth)) : truth;
-    }
-    return true;
+    return sum > 0;
   }
 
   float hard(const Accel& accel, const ProbeMap& map, const ReceiverBlock& b, uint64_t& rays) const {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Source: how large the errors of candidate shadow techniques are for this light and this view, measured on some pixels before any
-// of them is run. Truth: hard shadows over the pixel's area (kTruthSamples rays; what more view samples would show), soft ones over the
+// of them is run. Truth: hard shadows over the pixel's area (what more view samples would show), soft ones over the
 // light at the pixel's view samples. Rays are judged by their own sequences; maps by *virtual* maps: a ray from the light through each
 // texel centre that a lookup would read, so that no map has to be made to know what it would say.
 #pragma once
@@ -27,7 +27,7 @@ struct ShadowProbeSettings {
   float bias = 0.0005f, slopeBias = 1.0f;
   Vec2 size{0.0f};              ///< soft shadows: full width of the light along its map's axes, metres (directional: 2 tan of half its angle); 0: hard
   std::vector<uint32_t> rays;   ///< ray counts per view sample to judge, ascending
-  uint32_t truthRays = 64;      ///< per view sample; area lights
+  uint32_t truthRays = 32;      ///< per view sample and half of the truth, at most 64; area lights
   uint64_t seed = 0;
 };
 

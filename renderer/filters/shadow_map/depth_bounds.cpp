@@ -25,14 +25,16 @@ int mipLevels(int resolution) {
   return n;
 }
 
-DepthBounds::DepthBounds(const Term& term, int resolution) : lo_(term.floats("lo").data()), hi_(term.floats("hi").data()), resolution_(resolution) {
+DepthBounds::DepthBounds(const Term& term, int resolution) : texels_(term.floats("bounds").data()), resolution_(resolution) {
   faceTexels_ = size_t(term.extent().width) * size_t(term.extent().height);
-  GOBO_CHECK_EQ(faceTexels_, mipTexels(resolution));
+  GOBO_CHECK_EQ(faceTexels_, faceSize(resolution));
   const int levels = mipLevels(resolution);
   GOBO_CHECK(levels <= kMaxLevels);
+  const size_t chain = mipTexels(resolution) - size_t(resolution) * size_t(resolution);
   for (int l = 0; l < kMaxLevels; ++l) {
     const MipLevel m = mipLevel(resolution, std::min(l, levels - 1));
-    offset_[l] = m.offset;
+    lo_[l] = m.offset;
+    hi_[l] = m.offset + (m.offset ? chain : 0);
     side_[l] = m.side;
   }
 }
@@ -45,30 +47,30 @@ class DepthBoundsNode : public Node {
   std::string type() const override { return "depth_bounds"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher&) const override {}
-  size_t outputBytes() const override { return mipTexels(resolution_) * size_t(faces_) * 8; }
+  size_t outputBytes() const override { return DepthBounds::faceSize(resolution_) * size_t(faces_) * 4; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& depth = *ctx.inputs.at(0);
     const Extent e = depth.extent();
     GOBO_CHECK(e.width == resolution_ && e.height == resolution_);
     const std::span<const float> z = depth.floats("z");
-    const size_t packed = mipTexels(resolution_), square = size_t(resolution_) * size_t(resolution_);
+    const size_t packed = DepthBounds::faceSize(resolution_), square = size_t(resolution_) * size_t(resolution_), chain = mipTexels(resolution_) - square;
     auto term = std::make_shared<Term>("depth_bounds", Domain::LightTexel, Extent{int(packed), 1, e.layers});
-    const auto lo = term->addUnsetPlane<float>("lo"), hi = term->addUnsetPlane<float>("hi");
+    const auto bounds = term->addUnsetPlane<float>("bounds");
     for (int face = 0; face < e.layers; ++face) {
-      const size_t base = size_t(face) * packed;
+      float* base = &bounds[size_t(face) * packed];
+      const float* depths = &z[size_t(face) * square];
       if (!ctx.arena->parallelFor(square, 1 << 16, [&](size_t from, size_t to) {
-            for (size_t i = from; i < to; ++i) lo[base + i] = hi[base + i] = formulas::shadowDepth(z[size_t(face) * square + i]);
+            for (size_t i = from; i < to; ++i) base[i] = formulas::shadowDepth(depths[i]);
           }, ctx.stop)) return Status(Code::Cancelled, "depth_bounds stopped");
       for (int l = 1; l < mipLevels(resolution_); ++l) {
         const MipLevel from = mipLevel(resolution_, l - 1), to = mipLevel(resolution_, l);
         const bool done = ctx.arena->parallelFor(size_t(to.side), 64, [&](size_t begin, size_t end) {
+          const float *low = base + from.offset, *high = base + from.offset + (l > 1 ? chain : 0);
           for (size_t y = begin; y < end; ++y) {
-            const size_t y0 = 2 * y, y1 = std::min(y0 + 1, size_t(from.side - 1));
-            row(&lo[base + from.offset + y0 * size_t(from.side)], &lo[base + from.offset + y1 * size_t(from.side)], &lo[base + to.offset + y * size_t(to.side)], from.side, to.side,
-                [](float a, float b) { return a < b ? a : b; });
-            row(&hi[base + from.offset + y0 * size_t(from.side)], &hi[base + from.offset + y1 * size_t(from.side)], &hi[base + to.offset + y * size_t(to.side)], from.side, to.side,
-                [](float a, float b) { return a > b ? a : b; });
+            const size_t y0 = 2 * y * size_t(from.side), y1 = std::min(2 * y + 1, size_t(from.side - 1)) * size_t(from.side), out = to.offset + y * size_t(to.side);
+            row(low + y0, low + y1, base + out, from.side, to.side, [](float a, float b) { return a < b ? a : b; });
+            row(high + y0, high + y1, base + out + chain, from.side, to.side, [](float a, float b) { return a > b ? a : b; });
           }
         }, ctx.stop);
         if (!done) return Status(Code::Cancelled, "depth_bounds stopped");

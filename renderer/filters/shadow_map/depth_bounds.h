@@ -11,14 +11,19 @@ namespace gobo {
 
 class DepthBounds {
  public:
+  /// Floats of a face: the depth map, then levels 1 and up of the smallest depth, then of the largest.
+  static size_t faceSize(int resolution) {
+    const size_t square = size_t(resolution) * size_t(resolution);
+    return square + 2 * (mipTexels(resolution) - square);
+  }
   static constexpr int kMaxLevels = 15;
   DepthBounds(const Term& term, int resolution);
   int resolution() const { return resolution_; }
   /// Level 0: the depth map of a face.
-  const float* depth(int face) const { return lo_ + size_t(face) * faceTexels_; }
+  const float* depth(int face) const { return texels_ + size_t(face) * faceTexels_; }
   struct Level { const float *lo, *hi; int side; };
   /// One level of the first face; the others follow at multiples of faceTexels().
-  Level level(int l) const { return {lo_ + offset_[l], hi_ + offset_[l], side_[l]}; }
+  Level level(int l) const { return {texels_ + lo_[l], texels_ + hi_[l], side_[l]}; }
   int levels() const { return mipLevels(resolution_); }
   size_t faceTexels() const { return faceTexels_; }
   /// Bounds over texels [x0, x1] x [y0, y1] (inside the map), from the finest level at which they span at most two texels a side: never
@@ -26,19 +31,20 @@ class DepthBounds {
   void range(int face, int x0, int y0, int x1, int y1, float& lo, float& hi) const {
     int level = 0;
     while ((x1 >> level) - (x0 >> level) > 1 || (y1 >> level) - (y0 >> level) > 1) ++level;
-    const size_t base = size_t(face) * faceTexels_ + offset_[level], side = size_t(side_[level]);
-    const size_t ax = size_t(x0 >> level), bx = size_t(x1 >> level), ay = base + size_t(y0 >> level) * side, by = base + size_t(y1 >> level) * side;
-    lo = least(least(lo_[ay + ax], lo_[ay + bx]), least(lo_[by + ax], lo_[by + bx]));
-    hi = most(most(hi_[ay + ax], hi_[ay + bx]), most(hi_[by + ax], hi_[by + bx]));
+    const float* base = texels_ + size_t(face) * faceTexels_;
+    const float *low = base + lo_[level], *high = base + hi_[level];
+    const size_t side = size_t(side_[level]), ax = size_t(x0 >> level), bx = size_t(x1 >> level), ay = size_t(y0 >> level) * side, by = size_t(y1 >> level) * side;
+    lo = least(least(low[ay + ax], low[ay + bx]), least(low[by + ax], low[by + bx]));
+    hi = most(most(high[ay + ax], high[ay + bx]), most(high[by + ax], high[by + bx]));
   }
 
  private:
   static float least(float a, float b) { return a < b ? a : b; }
   static float most(float a, float b) { return a > b ? a : b; }
-  const float *lo_, *hi_;
+  const float* texels_;
   size_t faceTexels_;
   int resolution_;
-  size_t offset_[kMaxLevels];
+  size_t lo_[kMaxLevels], hi_[kMaxLevels];   // where a level begins
   int side_[kMaxLevels];
 };
 

@@ -35,16 +35,16 @@ Ray LightFrame::ray(float u, float v, float& startDepth, float& cosine) const {
     startDepth = 0.0f;
     cosine = 1.0f / length;
   } else {
-    ray.origin = origin + right * x + up * y + forward * near;
+    ray.origin = origin + right * x + up * y + forward * start;
     ray.direction = forward;
-    startDepth = near;
+    startDepth = start;
     cosine = 1.0f;
   }
   return ray;
 }
 
 void LightFrame::hash(Hasher& h) const {
-  h.add(perspective).addPod(origin).addPod(right).addPod(up).addPod(forward).addPod(lo).addPod(hi).add(near).add(far);
+  h.add(perspective).addPod(origin).addPod(right).addPod(up).addPod(forward).addPod(lo).addPod(hi).add(near).add(far).add(start).add(sees);
 }
 
 Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const Vec3& hi, int resolution, int rimTexels) {
@@ -107,9 +107,10 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
     f.near = low.z;
     f.far = high.z;
   }
-  // A flat or tiny scene still gets a window and a depth range; coordinates bound what float can tell apart.
+  // A flat or tiny scene still gets a window and a depth range; coordinates bound what float can tell apart: depths err by some 2e-7 of them, which
+  // the default bias of 5e-4 ranges must exceed, or a floor square to its light would shade itself.
   const float extent = empty ? 1.0f : std::max({high.x - low.x, high.y - low.y, high.z - low.z, std::abs(f.near), std::abs(f.far), 1e-6f});
-  const float pad = std::max(1e-3f * (f.far - f.near), 1e-5f * extent);
+  const float pad = std::max(1e-3f * (f.far - f.near), 5e-4f * extent);
   f.near = f.perspective ? std::max(f.near - pad, 0.0f) : f.near - pad;
   f.far += pad;
   const Vec2 centre = 0.5f * (f.lo + f.hi);
@@ -118,6 +119,8 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
   if (resolution > 4 * rimTexels) half *= float(resolution) / float(resolution - 2 * rimTexels);
   f.lo = centre - half;
   f.hi = centre + half;
+  if (!f.perspective) f.start = f.near;
+  f.sees = !empty && (!f.perspective || high.z > 0.0f);
   return f;
 }
 
@@ -153,6 +156,7 @@ Result<LightFrames> fitLightFrames(const LightShape& light, const Vec3& lo, cons
       near = std::min(near, glm::dot(p, f.forward));
     }
     const float pad = std::max(1e-3f * far, 1e-6f);
+    f.sees = !empty && far > 0.0f;
     f.near = empty || !(far > 0.0f) ? 0.0f : std::max(near - pad, 0.0f);
     f.far = empty || !(far > 0.0f) ? 1.0f : far + pad;
     float half = 1.0001f;

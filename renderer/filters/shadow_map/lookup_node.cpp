@@ -128,6 +128,13 @@ class LookupNode : public Node {
     }
   }
 
+  static float deepest(const float* depth, int side, int x0, int y0, int x1, int y1) {
+    float hi = 0.0f;
+    for (int y = y0; y <= y1; ++y)
+      for (int x = x0; x <= x1; ++x) hi = std::max(hi, depth[size_t(y) * size_t(side) + size_t(x)]);
+    return hi;
+  }
+
   // Thesis 7.3: where the kernel reaches behind the receiver the exponential has no meaning; there depths are compared.
   void repair(const DepthBounds& bounds, const ReceiverBlock& b, int n, float* s, float* flags) const {
     const int side = l_.map.resolution, radius = l_.fallbackKernel ? l_.map.blur : 0;
@@ -144,9 +151,13 @@ class LookupNode : public Node {
         const Vec2 t = touched(b, i);
         const auto low = [](float at, float by) { return std::max(int(at - std::min(by, at)), 0); };
         const auto high = [&](float at, float by) { return std::min(int(at + std::min(by, float(side))) + 1, side - 1); };
-        bounds.range(b.face[i], low(b.x[i], t.x), low(b.y[i], t.y), high(b.x[i], t.x), high(b.y[i], t.y), lo, hi);
+        const int x0 = low(b.x[i], t.x), y0 = low(b.y[i], t.y), x1 = high(b.x[i], t.x), y1 = high(b.y[i], t.y);
+        bounds.range(b.face[i], x0, y0, x1, y1, lo, hi);
         const float own = std::fabs(b.slopeX[i]) * (t.x + 1.0f) + std::fabs(b.slopeY[i]) * (t.y + 1.0f);   // what the surface itself spans
-        violated = b.d[i] + own + l_.epsilon / basis_->exponent() < hi;
+        const float limit = b.d[i] + own + l_.epsilon / basis_->exponent();
+        violated = limit < hi;
+        // The bounds are of up to twice the window, in which a slanted plane lies behind itself: small windows are searched.
+        if (violated && (x1 - x0) * (y1 - y0) < kSearched) violated = limit < deepest(bounds.depth(b.face[i]), side, x0, y0, x1, y1);
       }
       if (!violated) continue;
       flags[i] = 1.0f;
@@ -158,6 +169,7 @@ class LookupNode : public Node {
     }
   }
 
+  static constexpr int kSearched = 1024;   // texels: blur up to 15
   ShadowBasisPtr basis_;
   ShadowLookup l_;
   std::shared_ptr<ComputeDevice> device_;

@@ -38,10 +38,12 @@ int mipLevels(int resolution);
 inline size_t mipTexels(int resolution) { return mipLevel(resolution, mipLevels(resolution)).offset; }
 
 /// Source, term "light_depth_map": plane z f32 in [0,1], 1 where nothing is hit; closer than `near` reads 0. One ray through each
-/// texel's centre.
-NodePtr makeLightDepthMapNode(const LightFrames& frames, int resolution);
+/// texel's centre, or the same by scan conversion (depth_raster.h): Automatic takes what is faster for the scene's triangles and the map's texels;
+/// they differ by at most 1e-5 but for texels that a silhouette passes within 1e-4 texels of.
+enum class DepthMethod { Automatic, Rays, Raster };
+NodePtr makeLightDepthMapNode(const LightFrames& frames, int resolution, DepthMethod method = DepthMethod::Automatic);
 
-/// Filter, term "depth_bounds": planes lo, hi f32: a packed chain (level 0 is z itself) of the smallest and largest depth below a texel.
+/// Filter, term "depth_bounds": plane bounds f32 (depth_bounds.h): the depth map and chains of the smallest and largest depth below a texel.
 NodePtr makeDepthBoundsNode(int resolution, int faces);
 
 /// Filter, term "shadow_basis": plane B, f32 or u8 (`bytes`), basis->channels() interleaved values a texel: the basis of z, filtered by a

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/shadow_map/techniques.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "device/egl/egl_device.h"
 #include "device/vulkan/vulkan_device.h"
 #include "filters/parameter.h"
+#include "filters/shadow_map/camera_fit.h"
 
 namespace gobo {
 
@@ -39,6 +43,36 @@ ShadowMapSettings shadowMapSettings(const Settings& m) {
   return s;
 }
 
+namespace {
+
+/// Soft techniques measure the distance to casters and look beside the receiver's own texel by the light's size.
+bool isSoft(const v1::ShadowTechnique& t) {
+  using T = v1::ShadowTechnique;
+  switch (t.technique_case()) {
+    case T::kPercentageCloserSoft: case T::kConvolutionSoft: case T::kVarianceSoft: case T::kExponentialVarianceSoft: return true;
+    default: return false;
+  }
+}
+
+CameraFit cameraFit(const ShadowInput& input, const v1::ShadowTechnique& technique, const LightShape& light, const LightFrame& frame) {
+  CameraFit fit;
+  fit.camera = input.camera;
+  fit.aspect = float(std::max(input.width, 1)) / float(std::max(input.height, 1));
+  fit.pancake = !isSoft(technique);
+  switch (light.kind) {
+    case LightKind::Directional: fit.lightHalf = 0.5f * input.angularSize; break;
+    case LightKind::Disk: case LightKind::Sphere: fit.lightHalf = Vec2(light.radius); break;
+    case LightKind::Rect:
+      fit.lightHalf = Vec2(std::fabs(glm::dot(light.u, frame.right)) + std::fabs(glm::dot(light.v, frame.right)),
+                           std::fabs(glm::dot(light.u, frame.up)) + std::fabs(glm::dot(light.v, frame.up)));
+      break;
+    default: break;
+  }
+  return fit;
+}
+
+}  // namespace
+
 bool shadowMapSupports(LightKind kind) { return kind != LightKind::Environment && kind != LightKind::Mesh; }
 
 Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, int rim) {
@@ -50,9 +84,13 @@ Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, c
   GOBO_TRY(checkRange("map.blur", p.map.blur, 0, 64));
   GOBO_TRY(checkRange("map.bias", p.map.bias, 0, 1));
   GOBO_TRY(checkRange("map.slope_bias", p.map.slopeBias, 0, 16));
+  // In steps of 8 texels where that costs less than an eighth of the map: moving the blur's slider keeps the depth map.
+  const int stepped = (rim + 7) / 8 * 8;
+  if (p.map.resolution >= 16 * stepped) rim = stepped;
   Vec3 lo, hi;
   input.scene->bounds(lo, hi);
   GOBO_ASSIGN(p.frames, fitLightFrames(light.shape, lo, hi, p.map.resolution, rim));
+  if (p.map.cameraFit) fitToCamera(p.frames, cameraFit(input, technique, light.shape, p.frames.face[0]), lo, hi, p.map.resolution, rim);
   p.view.perspective = input.camera.perspective;
   p.view.eye = input.camera.perspective ? Vec3(input.camera.toWorld[3]) : Vec3(input.camera.toWorld[2]);
   p.view.viewSamples = size_t(input.width) * size_t(input.height) * size_t(input.viewSamples);

@@ -65,11 +65,21 @@ TEST(AutomaticShadow, TimeBudgetsAreKept) {
   }
 }
 
-TEST(AutomaticShadow, HardShadowsOfSmallPicturesAreRays) {
+TEST(AutomaticShadow, HardShadowsAreRaysWhereRaysWin) {
   auto engine = makeEngine();
-  const RenderResult r = mustRender(*engine, request("sun", "auto.error=0.02"));
+  v1::RenderRequest automatic = request("sun", "auto.error=0.08"), rays = request("sun", "ray_traced.samples=1");
+  automatic.set_view_samples(8);   // a small picture, smooth edges: a map of the same error costs more than all its rays
+  rays.set_view_samples(8);
+  const RenderResult r = mustRender(*engine, automatic);
   EXPECT_EQ(pickOf(r).text, "ray_traced, 1 ray");
-  EXPECT_EQ(firstDifference(r, mustRender(*engine, request("sun", "ray_traced.samples=1"))), "");
+  EXPECT_EQ(firstDifference(r, mustRender(*engine, rays)), "");
+}
+
+TEST(AutomaticShadow, OneViewSampleOfALargePictureIsAMap) {
+  auto engine = makeEngine();
+  // One ray a pixel leaves the staircase of the pixels, whatever it costs; a filtered map does not.
+  const RenderResult r = mustRender(*engine, request("sun", "auto.error=0.05", 640, 480));
+  EXPECT_NE(pickOf(r).text.find("percentage_closer"), std::string::npos) << pickOf(r).text;
 }
 
 TEST(AutomaticShadow, PicksAreTheSameFromAnyStateOfTheStoreAndForAnyNumberOfThreads) {

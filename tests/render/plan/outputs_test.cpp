@@ -244,7 +244,9 @@ TEST(ShadowPictures, ConvolutionBasisIsSinesAndCosinesOfOneDepth) {
   ASSERT_EQ(depth.width, 16);
   ASSERT_EQ(depth.height, 16);
   EXPECT_EQ(nodesBy(shown, v1::NodeReport::REUSED).count("light_depth_map:key"), 1u);
-  // Unfiltered, image pairs are sin and cos of (2 k - 1) pi z of the same texel's z (Annen et al. 2007, eq. 8).
+  // Unfiltered, the images are sin and cos of c_k z of the same texel's z, c_k = (2 k - 1) pi / P with the period P = 1 + 1 / M
+  // (formulas/convolution_shadow_map.glsl.h).
+  const double period = 1.0 + 1.0 / 3.0;
   double nearest = 1, farthest = 0;
   for (int y = 0; y < 16; ++y)
     for (int x = 0; x < 16; ++x) {
@@ -255,8 +257,8 @@ TEST(ShadowPictures, ConvolutionBasisIsSinesAndCosinesOfOneDepth) {
       std::vector<double> values, wanted;
       for (int image = 0; image < 6; ++image) values.push_back(2.0 * basis.at(16 * (image % 3) + x, 16 * (image / 3) + y)[0] - 1.0);
       for (int k = 1; k <= 3; ++k) {
-        wanted.push_back(std::sin((2 * k - 1) * M_PI * z));
-        wanted.push_back(std::cos((2 * k - 1) * M_PI * z));
+        wanted.push_back(std::sin((2 * k - 1) * M_PI / period * z));
+        wanted.push_back(std::cos((2 * k - 1) * M_PI / period * z));
       }
       std::sort(values.begin(), values.end());
       std::sort(wanted.begin(), wanted.end());
@@ -303,13 +305,13 @@ TEST(ShadowPictures, ByteImagesAreTheFloatOnesRounded) {
 TEST(ShadowPictures, FlagsAreWhatTheClassificationFound) {
   const auto engine = makeEngine();
   const auto flags = [&](const char* classification, const char* epsilon) {
-    v1::RenderRequest r = spotRequest({"shadows.exponential.c=40", "shadows.map.resolution=32", "shadows.map.blur=3", "outputs=shadow_flags:key,alpha"});
+    v1::RenderRequest r = spotRequest({"shadows.exponential.c=40", "shadows.map.resolution=256", "shadows.map.blur=2", "outputs=shadow_flags:key,alpha"});
     set(r, std::string("shadows.exponential.classification=") + classification);
     set(r, std::string("shadows.exponential.epsilon=") + epsilon);
     return pictures(mustRender(*engine, r));
   };
   for (const char* classification : {"THRESHOLD", "Z_MAX"}) {
-    auto tight = flags(classification, "0"), loose = flags(classification, "1");
+    auto tight = flags(classification, "0.05"), loose = flags(classification, "1");
     const Image &some = tight["shadow_flags:key"], &fewer = loose["shadow_flags:key"], &alpha = tight["alpha"];
     ASSERT_EQ(some.width, 24) << classification;
     ASSERT_EQ(some.height, 16);

@@ -134,7 +134,6 @@ TEST(ExponentialShadowScene, AgreesWithShadowRaysAwayFromEdges) {
     EXPECT_GT(dark, 40) << int(kind);
     EXPECT_GT(lit, 200) << int(kind);
     EXPECT_EQ(wrong, 0) << int(kind);
-    EXPECT_GE(counters.rays.load(), 512u * 512u);
   }
 }
 
@@ -160,8 +159,11 @@ TEST(ExponentialShadowScene, BareFloorHasNoAcne) {
       RunCounters counters;
       const auto terms = runAll(p.graph, counters);
       for (float v : terms.back()->floats("V"))
-        if (resolution == 256) ASSERT_GT(v, 0.98f) << int(kind);
-        else ASSERT_TRUE(v >= 0.0f && v <= 1.0f);
+        if (resolution == 256) {
+          ASSERT_GT(v, 0.98f) << int(kind);
+        } else {
+          ASSERT_TRUE(v >= 0.0f && v <= 1.0f);
+        }
     }
 }
 

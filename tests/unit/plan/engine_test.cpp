@@ -38,6 +38,41 @@ TEST(Engine, BadRequestsNameFieldAndValueBeforeAnyWork) {
   expect("halt.spp=0", Code::InvalidArgument, "request.halt.spp", "0");
 }
 
+TEST(Engine, ShadowSettingsThatCannotBeAreRefused) {
+  const auto engine = makeEngine();
+  const auto tell = [&](std::initializer_list<const char*> edits) {
+    v1::RenderRequest r = smallRequest("spheres", 8, 6);
+    for (const char* e : {"lights.lamp.kind=SPOT", "lights.lamp.position=0,3,1", "lights.lamp.direction=0,-1,0", "lights.lamp.intensity=9", "shadows.map.resolution=16", "outputs=visibility:lamp"}) set(r, e);
+    for (const char* e : edits) set(r, e);
+    return engine->render(r).status();
+  };
+  const auto refused = [&](std::initializer_list<const char*> edits, const char* field, const char* value) {
+    const Status s = tell(edits);
+    EXPECT_EQ(s.code(), Code::InvalidArgument) << *edits.begin();
+    EXPECT_NE((s.location() + " " + s.message()).find(field), std::string::npos) << *edits.begin() << ": " << s.toString();
+    EXPECT_NE(s.message().find(value), std::string::npos) << *edits.begin() << ": " << s.toString();
+  };
+  const auto fine = [&](std::initializer_list<const char*> edits) { EXPECT_EQ(tell(edits).toString(), Status().toString()) << *edits.begin(); };
+  // e^(c z) is a float up to c = 88; filtered linearly only up to 80, whatever the kernel. AUTO and LOGARITHMIC hold the rest.
+  refused({"shadows.exponential.c=80.5", "shadows.exponential.filtering=LINEAR"}, "exponential.c", "80.5");
+  fine({"shadows.exponential.c=80", "shadows.exponential.filtering=LINEAR"});
+  fine({"shadows.exponential.c=2000"});
+  fine({"shadows.exponential.c=2000", "shadows.exponential.filtering=AUTO"});
+  fine({"shadows.exponential.c=2000", "shadows.exponential.filtering=LOGARITHMIC"});
+  refused({"shadows.exponential.c=0.5"}, "exponential.c", "0.5");
+  refused({"shadows.exponential.c=80", "shadows.map.lookup=SUMMED_AREA"}, "map.lookup", "SUMMED_AREA");
+  refused({"shadows.convolution.bytes=true", "shadows.map.lookup=SUMMED_AREA"}, "convolution.bytes", "bytes");
+  fine({"shadows.convolution.order=2", "shadows.map.lookup=SUMMED_AREA"});
+  refused({"shadows.convolution.order=33"}, "convolution.order", "33");
+  refused({"shadows.percentage_closer.taps=17"}, "percentage_closer.taps", "17");
+  refused({"shadows.exponential_variance.c_positive=43"}, "exponential_variance.c_positive", "43");
+  refused({"shadows.variance.min_variance=2"}, "variance.min_variance", "2");
+  refused({"shadows.moment.moment_bias=0"}, "moment.moment_bias", "0");
+  refused({"shadows.shadow_map=", "shadows.map.resolution=8193"}, "map.resolution", "8193");
+  refused({"shadows.shadow_map=", "shadows.map.blur=65"}, "map.blur", "65");
+  fine({"shadows.shadow_map=", "shadows.map.resolution=1"});
+}
+
 TEST(Engine, ARootIsTheOnlyDoorToFiles) {
   EngineOptions o;
   o.roots = {"/usr/share"};
