@@ -17,8 +17,9 @@
 //       The source's claims as ratios measured in one run, asked figures beside them: esm-csm, pcf-taps, flagged, bleeding, penumbra, lights.
 //   shadow_bench regret [--only SCENE] [--size 640x480] [--truth 512] [--quick]
 //       shadows.auto against the whole sweep: time of its choice, probe included, over the best time at equal error, per scene and budget.
-//   Common: --clock wall|cpu (cpu: of all threads; other programs then disturb less), --out FOLDER (out/bench). Truths are kept in
-//   FOLDER/truth and computed once (minutes); delete them freely. Errors count only surfaces that the light can shine on.
+//   Common: --clock wall|cpu (cpu: of all threads; other programs then disturb less), --out FOLDER (out/bench), --fit scene|camera
+//   (map.fit of every map). Truths are kept in FOLDER/truth and computed once (minutes); delete them freely.
+//   Errors count only surfaces that the light can shine on.
 #include <cstdio>
 #include <cstring>
 
@@ -43,7 +44,9 @@ Result<std::unique_ptr<Runner>> makeRunner(const Options& o, bool soft) {
   if (!soft) {
     GOBO_ASSIGN(scene, withHardLight(*scene, light));
   }
-  return std::make_unique<Runner>(scene, light, scene->cameras[size_t(camera)], o.width, o.height, o.repeat, o.clock);
+  auto runner = std::make_unique<Runner>(scene, light, scene->cameras[size_t(camera)], o.width, o.height, o.repeat, o.clock);
+  runner->setCameraFit(o.cameraFit);
+  return runner;
 }
 
 std::string baseName(const Options& o) {
@@ -83,6 +86,7 @@ int main(int argc, char** argv) {
     else if (flag == "--map") o.map = std::max(number, 1);
     else if (flag == "--dense-map") o.denseMap = std::max(number, 1);
     else if (flag == "--clock") o.clock = std::strcmp(value, "cpu") ? Runner::Clock::Wall : Runner::Clock::Cpu;
+    else if (flag == "--fit") o.cameraFit = !std::strcmp(value, "camera");
     else if (flag == "--out") o.out = value;
     else if (flag == "--only") o.only = value;
     else { std::fprintf(stderr, "unknown option %s\n", flag.c_str()); return 2; }

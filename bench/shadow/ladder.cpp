@@ -148,6 +148,7 @@ int ladder(Options o) {
   if (!o.width) { o.width = 256; o.height = 192; }
   if (!o.truth) o.truth = 4096;
   Table table("shadow_ladder " + baseName(o), {"scene", "step", "added", "added, penumbra", "rmse centre", "rmse pixel", "false lit %", "false dark %"});
+  table.note("map.fit", o.cameraFit ? "CAMERA" : "SCENE");
   table.note("size", std::to_string(o.width) + "x" + std::to_string(o.height));
   table.note("truth", std::to_string(o.truth) + " rays a pixel in two halves; RMSE of visibility over surfaces that the light can shine on");
   int failed = Ladder(o, o.soft, table).run();

@@ -20,6 +20,7 @@ struct Options {
   int temporal = 0;                 ///< camera places for the temporal variance; 0: none
   int map = 1024, denseMap = 4096;  ///< ladder: S, and the map of R2
   Runner::Clock clock = Runner::Clock::Wall;
+  bool cameraFit = false;           ///< maps fitted to what the camera sees (map.fit = CAMERA)
   bool quick = false, list = false;
   std::string out = "out/bench";
   std::string only;                 ///< claims, pareto: techniques or claims whose name contains it

@@ -178,12 +178,17 @@ Result<Measured> Runner::run(const v1::ShadowTechnique& t, const TermPtr& gbuffe
   input.height = height_;
   input.viewSamples = viewSamples;
   input.seed = seed;
-  GOBO_ASSIGN(const NodeId node, entry->plan(graph, input, t));
+  GOBO_ASSIGN(const NodeId node, entry->plan(graph, input, fitted(t)));
   Measured m;
   GOBO_ASSIGN(m.term, evaluate(graph, node, repeat, keep, &m));
   const auto V = m.term->floats("V");
   if (viewSamples == 1) m.V.assign(V.begin(), V.end());
   return m;
+}
+
+v1::ShadowTechnique Runner::fitted(v1::ShadowTechnique t) const {
+  if (cameraFit_ && t.has_map()) t.mutable_map()->set_fit(v1::ShadowMapSettings::CAMERA);
+  return t;
 }
 
 Result<Measured> Runner::measure(const v1::ShadowTechnique& t, uint64_t seed) { return run(t, gbuffer_, camera_, 1, seed, repeat_, nullptr); }
@@ -229,7 +234,7 @@ Result<TermPtr> Runner::depthBounds(const v1::ShadowTechnique& t, int rim, Plann
   input.width = width_;
   input.height = height_;
   input.viewSamples = 1;
-  GOBO_ASSIGN(planned, planShadowMap(graph, input, t, rim));
+  GOBO_ASSIGN(planned, planShadowMap(graph, input, fitted(t), rim));
   return evaluate(graph, planDepthBounds(graph, input, planned), repeat_, nullptr, nullptr);
 }
 

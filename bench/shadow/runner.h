@@ -46,6 +46,7 @@ class Runner {
   const TaskArena& arena() const { return arena_; }
   AccelCache& accels() { return accels_; }
   void setRepeat(int n) { repeat_ = n; }
+  void setCameraFit(bool on) { cameraFit_ = on; }   ///< of every technique with a map
   int repeat() const { return repeat_; }
   double now() const;   ///< ms of the clock that measurements use
 
@@ -69,11 +70,13 @@ class Runner {
  private:
   struct Kept { TermPtr term; double ms = 0; };
   using Keep = std::map<Hash128, Kept>;
+  v1::ShadowTechnique fitted(v1::ShadowTechnique t) const;
   Result<TermPtr> evaluate(const Graph& graph, NodeId wanted, int repeat, Keep* keep, Measured* m);
   Result<Measured> run(const v1::ShadowTechnique& t, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat, Keep* keep);
 
   ScenePtr scene_;
   int light_, width_, height_, repeat_;
+  bool cameraFit_ = false;
   Clock clock_;
   Camera camera_;
   TaskArena arena_{0};
