@@ -46,7 +46,7 @@ void softSums(SoftAsk ask, const DepthBounds& bounds, const SoftPattern& pattern
       w.taps.add(w.b, i, box, mipTexels(side), first + size_t(i));
     }
   }
-  if (w.taps.count) softTaps(ask, bounds.depth(0), side, pattern, w.b.perspective, w.taps);
+  if (w.taps.count) softTaps(ask, bounds.depth(0), side, pattern, w.taps);
   for (int k = 0; k < w.taps.count; ++k) {
     w.blocked[w.taps.receiver[k]] = w.taps.blocked[k];
     w.depth[w.taps.receiver[k]] = w.taps.depth[k];

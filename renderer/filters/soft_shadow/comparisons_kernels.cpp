@@ -13,26 +13,18 @@ using namespace formulas;
 
 namespace {
 
-// Cone of the receiver towards the light, as a row of texels meets it.
-struct Cone { float near, range, metric, scaleX, scaleY, dy; };
-
 // One row of a box: columns' sums of weight wy over what blocks, and of its depths.
-template <SoftAsk ask, bool perspective>
-void row(const float* __restrict z, int n, float dx0, float limit, float margin, float a, float ax, float b, float bx, const Cone cone, float wy, float* __restrict blocked,
-         float* __restrict depth) {
+template <SoftAsk ask>
+void row(const float* __restrict z, int n, float dx0, float limit, float margin, float a, float ax, float b, float bx, float wy, float* __restrict blocked, float* __restrict depth) {
   for (int i = 0; i < n; ++i) {
     const float dx = dx0 + float(i), height = softHeight(a, ax, 0.0f, b, bx, 0.0f, dx, 0.0f, z[i]);
-    float w = wy * softBlocks(z[i], limit, height, margin);
-    if (ask == SoftAsk::Blockers) {
-      const float metric = cone.near + z[i] * cone.range;
-      w *= CHOOSE(softInside(dx, cone.metric, metric, cone.scaleX, perspective) & softInside(cone.dy, cone.metric, metric, cone.scaleY, perspective), 1.0f, 0.0f);
-      depth[i] += w * z[i];
-    }
+    const float w = wy * softBlocks(z[i], limit, height, margin);
     blocked[i] += w;
+    if (ask == SoftAsk::Blockers) depth[i] += w * z[i];
   }
 }
 
-template <SoftAsk ask, bool perspective>
+template <SoftAsk ask>
 SoftSums dense(const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* __restrict scratch) {
   const int x0 = int(box.x0), x1 = std::min(int(std::ceil(box.x1)), side), y0 = int(box.y0), y1 = std::min(int(std::ceil(box.y1)), side), n = x1 - x0;
   float* blocked = scratch;
@@ -41,8 +33,8 @@ SoftSums dense(const float* z, int side, const SoftBlock& b, int i, const SoftBo
   if (ask == SoftAsk::Blockers) std::fill_n(depth, n, 0.0f);
   for (int y = y0; y < y1; ++y) {
     const float wy = std::min(box.y1, float(y + 1)) - std::max(box.y0, float(y)), dy = float(y) - b.at.y[i];
-    row<ask, perspective>(z + size_t(y) * size_t(side) + size_t(x0), n, float(x0) - b.at.x[i], b.limit[i], b.margin[i], b.a[i] + b.ay[i] * dy, b.ax[i], b.b[i] + b.by[i] * dy, b.bx[i],
-                          {b.near[i], b.range[i], b.metric[i], b.scaleX[i], b.scaleY[i], dy}, wy, blocked, depth);
+    row<ask>(z + size_t(y) * size_t(side) + size_t(x0), n, float(x0) - b.at.x[i], b.limit[i], b.margin[i], b.a[i] + b.ay[i] * dy, b.ax[i], b.b[i] + b.by[i] * dy, b.bx[i], wy, blocked,
+             depth);
   }
   // In a fixed order, in double.
   double share = 0, sum = 0;
@@ -57,8 +49,7 @@ SoftSums dense(const float* z, int side, const SoftBlock& b, int i, const SoftBo
 }  // namespace
 
 SoftSums softDense(SoftAsk ask, const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* scratch) {
-  if (ask == SoftAsk::Share) return dense<SoftAsk::Share, true>(z, side, b, i, box, scratch);
-  return b.perspective ? dense<SoftAsk::Blockers, true>(z, side, b, i, box, scratch) : dense<SoftAsk::Blockers, false>(z, side, b, i, box, scratch);
+  return ask == SoftAsk::Share ? dense<SoftAsk::Share>(z, side, b, i, box, scratch) : dense<SoftAsk::Blockers>(z, side, b, i, box, scratch);
 }
 
 void SoftTaps::add(const SoftBlock& block, int i, const SoftBox& box, size_t faceTexels, uint64_t element) {
@@ -118,11 +109,9 @@ void taps(const float* __restrict z, int side, const SoftPattern& pattern, SoftT
       const float dx = x - k->px[i], dy = y - k->py[i];
       const float height = softHeight(k->a[i], k->ax[i], k->ay[i], k->b[i], k->bx[i], k->by[i], dx, dy, depth);
       float w = softBlocks(depth, k->limit[i], height, k->margin[i]);
-      if (pass != Pass::Share) {
+      if (pass == Pass::Probe) {   // in the cone to the light at their own depth
         const float metric = k->near[i] + depth * k->range[i];
         w *= CHOOSE(softInside(dx, k->metric[i], metric, k->scaleX[i], perspective) & softInside(dy, k->metric[i], metric, k->scaleY[i], perspective), 1.0f, 0.0f);
-      }
-      if (pass == Pass::Probe) {
         k->nearest[i] = formulas::minOf(k->nearest[i], CHOOSE(w > 0.0f, depth, 2.0f));
       } else {
         k->blocked[i] += w;
@@ -148,10 +137,9 @@ SoftPattern::SoftPattern(int n) : taps(n), u(size_t(n)), v(size_t(n)), shrink(si
   }
 }
 
-void softTaps(SoftAsk ask, const float* z, int side, const SoftPattern& pattern, bool perspective, SoftTaps& k) {
+void softTaps(SoftAsk ask, const float* z, int side, const SoftPattern& pattern, SoftTaps& k) {
   if (ask == SoftAsk::Share) taps<Pass::Share, true>(z, side, pattern, &k);
-  else if (perspective) taps<Pass::Blockers, true>(z, side, pattern, &k);
-  else taps<Pass::Blockers, false>(z, side, pattern, &k);
+  else taps<Pass::Blockers, true>(z, side, pattern, &k);
 }
 
 void softProbe(const float* z, int side, const SoftPattern& pattern, bool perspective, SoftTaps& k) {

@@ -105,8 +105,8 @@ class ConvolutionSoftNode : public Node {
       }
       w.x[k] = std::min(0.5f * w.wx[k] * std::fabs(w.b.at.slopeX[i]), 1.0f);
       w.y[k] = std::min(0.5f * w.wy[k] * std::fabs(w.b.at.slopeY[i]), 1.0f);
-      // Towards the light by what the plane rises over the kernel, but not past the middle between it and the nearest blocker.
-      const float shift = std::min(l_.map.slopeBias * (w.x[k] + w.y[k]), 0.5f * std::max(w.b.limit[i] - w.lo[k], 0.0f));
+      // Towards the light by what the plane rises over the kernel beyond the series' own offset, but not past the middle to the nearest blocker.
+      const float shift = std::min(std::max(l_.map.slopeBias * (w.x[k] + w.y[k]) - series_.offset, 0.0f), 0.5f * std::max(w.b.limit[i] - w.lo[k], 0.0f));
       w.d[k] = w.b.limit[i] - shift;
       w.shift[k] = shift + l_.map.bias;
     }

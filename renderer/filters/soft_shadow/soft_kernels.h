@@ -12,8 +12,7 @@ namespace gobo {
 /// Weighted by a box: its area, the part of it that blocks, and the sum of the blockers' depths.
 struct SoftSums { float weight = 0, blocked = 0, depth = 0; };
 
-/// What is asked of a kernel: the blockers' mean depth, of those that lie in the cone to the light at their own depth; or the blocked share of a box
-/// at one depth.
+/// What is asked of a kernel: the blocked share and the blockers' depths, or the share alone.
 enum class SoftAsk { Blockers, Share };
 
 /// Every texel of a box with its exact weight. `scratch`: at least 2 x side floats.
@@ -43,8 +42,9 @@ struct SoftPattern {
   std::vector<float> u, v;
   std::vector<float> shrink;   ///< softProbe: width of the box that a tap is drawn from
 };
-void softTaps(SoftAsk ask, const float* z, int side, const SoftPattern& pattern, bool perspective, SoftTaps& taps);
-/// Looks for blockers in boxes of every width from one texel to the whole: thin ones next to the receiver are found in however wide a cone. Sets nearest.
+void softTaps(SoftAsk ask, const float* z, int side, const SoftPattern& pattern, SoftTaps& taps);
+/// Looks for blockers that lie in the cone to the light at their own depth, in boxes of every width from 1/32 to the whole: thin ones near the receiver are
+/// found in however wide a cone. Sets nearest.
 void softProbe(const float* z, int side, const SoftPattern& pattern, bool perspective, SoftTaps& taps);
 
 }  // namespace gobo
