@@ -33,7 +33,7 @@ const OutputInfo kTable[] = {
     {"unoccluded", OutputKind::Radiance, true},
     {"visibility", OutputKind::Plain, true, false, "Y"},
     {"shadow_flags", OutputKind::Plain, true, false, "Y"},
-    {"shadow_basis", OutputKind::Plain, true, true, "Y"},   // e^(c z) leaves half
+    {"shadow_basis", OutputKind::Plain, true, true, "Y"},   // depths have more bits than half
 };
 
 bool contains(std::initializer_list<std::string_view> list, std::string_view name) { return std::find(list.begin(), list.end(), name) != list.end(); }
