@@ -1,21 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shadows: speed against error, where the error comes from, and the thesis's claims (T. Annen, "Efficient Shadow Map Filtering", 2008).
 //
-//   shadow_bench scenes
+//   shadow_bench scenes [--list]
 //       The scenes that the others are run on, their triangles, and ray-traced truth against closed forms where there is one.
+//       --list: only name, hard light, soft light and camera, a line each (bench/run).
 //   shadow_bench pareto SCENE LIGHT CAMERA [--soft] [--size 512x384] [--truth 1024] [--temporal 64] [--repeat 3] [--quick] [--only TEXT]
 //       Every technique and its main parameter: milliseconds by pass, bytes in light space, RMSE against ray-traced truth (main: hard shadows
 //       against the pixel's area, soft ones against its centre; the other beside it), RMSE in the penumbra, false lit and dark area,
 //       temporal variance over cameras shifted inside the pixel. Table, CSV, JSON and a plot; the Pareto front by name. Without --soft an
 //       area light casts from its centre. The rivals are in it: rays (hard: view samples of one ray, soft: rays at the centre), rays with
 //       a joint bilateral filter, axis-aligned filtering.
-//   shadow_bench ladder SCENE LIGHT CAMERA [--size 256x192] [--truth 4096] [--map 1024] [--dense-map 4096]
+//   shadow_bench ladder SCENE LIGHT CAMERA [--soft] [--size 256x192] [--truth 4096] [--map 1024] [--dense-map 4096]
 //       Oracle ladder: which step adds which error. Camera, visibility factoring, the map's model at high and at the map's resolution,
 //       the basis in float64 with the same kernel, what ships, a Vulkan device.
 //   shadow_bench claims [--only NAME] [--quick]
 //       The source's claims as ratios measured in one run, asked figures beside them: esm-csm, pcf-taps, flagged, bleeding, penumbra, lights.
-//   Common: --clock wall|cpu (cpu: of all threads; other programs then disturb less), --out FOLDER (out/bench). Truths are kept in
-//   FOLDER/truth and computed once (minutes); delete them freely. Errors count only surfaces that the light can shine on.
+//   shadow_bench regret [--only SCENE] [--size 640x480] [--truth 512] [--quick]
+//       shadows.auto against the whole sweep: time of its choice, probe included, over the best time at equal error, per scene and budget.
+//   Common: --clock wall|cpu (cpu: of all threads; other programs then disturb less), --out FOLDER (out/bench), --fit scene|camera
+//   (map.fit of every map). Truths are kept in FOLDER/truth and computed once (minutes); delete them freely.
+//   Errors count only surfaces that the light can shine on.
 #include <cstdio>
 #include <cstring>
 
@@ -40,7 +44,9 @@ Result<std::unique_ptr<Runner>> makeRunner(const Options& o, bool soft) {
   if (!soft) {
     GOBO_ASSIGN(scene, withHardLight(*scene, light));
   }
-  return std::make_unique<Runner>(scene, light, scene->cameras[size_t(camera)], o.width, o.height, o.repeat, o.clock);
+  auto runner = std::make_unique<Runner>(scene, light, scene->cameras[size_t(camera)], o.width, o.height, o.repeat, o.clock);
+  runner->setCameraFit(o.cameraFit);
+  return runner;
 }
 
 std::string baseName(const Options& o) {
@@ -67,6 +73,7 @@ int main(int argc, char** argv) {
     const std::string flag = argv[at];
     const char* value = at + 1 < argc ? argv[at + 1] : nullptr;
     if (flag == "--soft") { o.soft = true; continue; }
+    if (flag == "--list") { o.list = true; continue; }
     if (flag == "--quick") { o.quick = true; continue; }
     if (!value) { std::fprintf(stderr, "%s needs a value\n", flag.c_str()); return 2; }
     ++at;
@@ -79,6 +86,7 @@ int main(int argc, char** argv) {
     else if (flag == "--map") o.map = std::max(number, 1);
     else if (flag == "--dense-map") o.denseMap = std::max(number, 1);
     else if (flag == "--clock") o.clock = std::strcmp(value, "cpu") ? Runner::Clock::Wall : Runner::Clock::Cpu;
+    else if (flag == "--fit") o.cameraFit = !std::strcmp(value, "camera");
     else if (flag == "--out") o.out = value;
     else if (flag == "--only") o.only = value;
     else { std::fprintf(stderr, "unknown option %s\n", flag.c_str()); return 2; }
@@ -86,7 +94,8 @@ int main(int argc, char** argv) {
   if (command == "pareto") return pareto(o);
   if (command == "ladder") return ladder(o);
   if (command == "claims") return claims(o);
+  if (command == "regret") return regret(o);
   if (command == "scenes") return scenes(o);
-  std::fprintf(stderr, "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | claims   (the head of bench/shadow_bench.cpp has the options)\n");
+  std::fprintf(stderr, "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | claims | regret   (the head of bench/shadow_bench.cpp has the options)\n");
   return 2;
 }

@@ -206,46 +206,53 @@ class Claims {
     for (const std::string scene : {"planes", "fence"}) {
       GOBO_ASSIGN(const ScenePtr base, benchScene(scene));
       const int light = base->findLight("key"), camera = base->findCamera("front");
-      Table t("lookup ms over the light's size, " + scene + ", S=1024", {"size", "cssm sat M=4", "cssm mip M=4", "pcss 32+64", "pcss dense", "cssm sat encode+filter ms"});
+      Table t("lookup over the light's size, " + scene + ", S=1024", {"size", "penumbra % of pixels", "cssm sat ms", "cssm mip ms", "pcss 32+64 ms", "pcss dense ms", "cssm sat ns/px", "cssm mip ns/px", "pcss 32+64 ns/px", "pcss dense ns/px", "cssm sat encode+filter ms"});
+      t.note("ns/px", "time beyond that of a light of 1/64 of the size, per pixel in the penumbra (dense PCSS between 0 and 1)");
       Plot plot;
       plot.title = "penumbra size, " + scene + ", S=1024";
       plot.xLabel = "light size, relative";
-      plot.yLabel = "lookup, ms";
+      plot.yLabel = "lookup, ns per pixel in the penumbra";
       for (const Case& c : cases) plot.series.push_back({c.name, {}, true, true});
-      std::vector<double> first(4), lastMs(4), before(4);
-      double crossover = NAN, flat[2] = {1e30, 0};
-      double lastSize = 0;
-      for (const double size : {0.125, 0.25, 0.5, 1.0, 2.0, 4.0}) {
+      std::vector<double> none(4), first(4), last(4), before(4);
+      double crossover = NAN, lastSize = 0, low[2] = {1e30, 1e30}, high[2] = {0, 0};
+      // Up to where the kernel covers the map.
+      for (const double size : scene == "planes" ? std::vector<double>{1.0 / 64, 0.25, 0.5, 1.0, 2.0, 4.0} : std::vector<double>{1.0 / 64, 0.125, 0.25, 0.5, 1.0}) {
         GOBO_ASSIGN(const ScenePtr s, withLightSize(*base, light, float(size)));
         Runner r(s, light, s->cameras[size_t(camera)], o_.width ? o_.width : 512, o_.height ? o_.height : 384, o_.repeat, o_.clock);
-        std::vector<Table::Cell> row{size};
-        double prepare = 0;
-        std::vector<double> ms(4);
+        double prepare = 0, share = 0;
+        std::vector<double> ms(4), each(4);
         for (size_t k = 0; k < 4; ++k) {
           GOBO_ASSIGN(const Measured m, r.measure(cases[k].t));
           ms[k] = m.ms.lookup;
-          row.push_back(ms[k]);
-          plot.series[k].points.push_back({size, ms[k]});
           if (k == 0) prepare = m.ms.encode + m.ms.filter;
+          if (k == 3) share = double(std::count_if(m.V.begin(), m.V.end(), [](float v) { return v > 0.0f && v < 1.0f; }));
         }
-        row.push_back(prepare);
-        t.add(row);
-        flat[0] = std::min(flat[0], ms[0]);
-        flat[1] = std::max(flat[1], ms[0]);
-        if (lastSize > 0 && std::isnan(crossover) && ms[3] > ms[0] && before[3] <= before[0]) {
-          const double a = std::log(before[0] / before[3]), b = std::log(ms[3] / ms[0]);
-          crossover = std::exp(std::log(lastSize) + (std::log(size) - std::log(lastSize)) * a / std::max(a + b, 1e-12));
+        if (lastSize == 0) none = ms;
+        for (size_t k = 0; k < 4; ++k) {
+          each[k] = lastSize > 0 ? 1e6 * std::max(ms[k] - none[k], 0.0) / std::max(share, 1.0) : NAN;
+          if (lastSize > 0) plot.series[k].points.push_back({size, each[k]});
         }
-        if (lastSize == 0) first = ms;
+        t.add({size, 100 * share / double(r.pixels()), ms[0], ms[1], ms[2], ms[3], each[0], each[1], each[2], each[3], prepare});
+        if (lastSize > 0) {
+          for (int k = 0; k < 2; ++k) {
+            low[k] = std::min(low[k], each[size_t(k)]);
+            high[k] = std::max(high[k], each[size_t(k)]);
+          }
+          if (std::isnan(crossover) && ms[3] > ms[0] && before[3] <= before[0]) {   // log-log between two sizes
+            const double a = std::log(before[0] / before[3]), b = std::log(ms[3] / ms[0]);
+            crossover = std::exp(std::log(lastSize) + (std::log(size) - std::log(lastSize)) * a / std::max(a + b, 1e-12));
+          }
+          if (first[3] == 0) first = each;
+        }
         before = ms;
-        lastMs = ms;
+        last = each;
         lastSize = size;
       }
       show(t);
       GOBO_TRY(writePlot(plot, o_.out + "/shadow_claims_penumbra_" + scene + ".png"));
-      claim("CSSM (sat) lookup, slowest / fastest over light sizes 1/8..4, " + scene, "1 (flat)", flat[1] / flat[0]);
-      claim("dense PCSS lookup at 4 / at 1/8, " + scene, "grows", lastMs[3] / first[3]);
-      claim("light size at which dense PCSS gets slower than CSSM, " + scene + (std::isnan(crossover) ? (first[3] > first[0] ? " (below 1/8)" : " (beyond 4)") : ""), "stated", crossover);
+      for (int k = 0; k < 2; ++k) claim(std::string("CSSM (") + (k ? "mip" : "sat") + ") ns per penumbra pixel, slowest / fastest size, " + scene, "1 (flat)", high[k] / low[k]);
+      claim("dense PCSS ns per penumbra pixel, largest / smallest light, " + scene, "grows", last[3] / first[3]);
+      claim("light size at which dense PCSS gets slower than CSSM (sat), " + scene + (std::isnan(crossover) ? (before[3] > before[0] ? " (at every size)" : " (at none)") : ""), "stated", crossover);
     }
     return {};
   }

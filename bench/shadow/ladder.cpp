@@ -38,30 +38,33 @@ class Ladder {
       mean += centre.weight[p];
       ++n;
     }
-    step("R0 camera and light, jointly", area, area, 0);
-    step("R0c one view sample, at the centre", point, area, rmseHalves(pixel, centre));
-    step("R1 visibility factored: V_t x unoccluded", flat, point, rmseFlat(centre));
+    row("R0 camera and light, jointly", area, {0, 0, rmseHalves(truth_->mask, pixel.A, pixel.B, centre.A, centre.B), 0});
+    row("R0c one view sample, at the centre", point,
+        {rmseHalves(truth_->mask, pixel.A, pixel.B, centre.A, centre.B), rmseHalves(truth_->band, pixel.A, pixel.B, centre.A, centre.B), 0,
+         rmseHalves(truth_->mask, pixel.A, pixel.B, centre.A, centre.B)});
+    const double factored = rmseHalves(truth_->mask, centre.flatA, centre.flatB, centre.A, centre.B);
+    row("R1 visibility factored: V_t x unoccluded", flat,
+        {factored, rmseHalves(truth_->band, centre.flatA, centre.flatB, centre.A, centre.B), factored, rmseHalves(truth_->mask, centre.flatA, centre.flatB, pixel.A, pixel.B)});
     table_.note(base + ": R1 error of radiance / mean unoccluded radiance", mean > 0 ? std::sqrt(std::max(radiance / n, 0.0)) / (mean / n) : 0.0);
     return soft_ ? soft(flat) : hard(flat);
   }
 
  private:
-  /// `added`: RMSE against the step before, where halves give it without noise; below 0: from the pictures.
-  void step(const std::string& name, const std::vector<float>& V, const std::vector<float>& before, double added = -1) {
+  struct Figures { double added, penumbra, centre, pixel; };
+  void row(const std::string& name, const std::vector<float>& V, const Figures& f) {
     const Errors e = errorsOf(*truth_, V);
-    const double toPixel = soft_ ? e.other : e.rmse, toCentre = soft_ ? e.rmse : e.other;
-    table_.add({baseName(o_) + (soft_ ? " soft" : " hard"), name, added >= 0 ? added : rmse(truth_->mask, V, before), rmse(truth_->band, V, before), toCentre, toPixel, 100 * e.falseLit, 100 * e.falseDark});
+    table_.add({baseName(o_) + (soft_ ? " soft" : " hard"), name, f.added, f.penumbra, f.centre, f.pixel, 100 * e.falseLit, 100 * e.falseDark});
   }
-  double rmseHalves(const TruthImage& a, const TruthImage& b) const {
-    double sum = 0, n = 0;
-    for (size_t p = 0; p < truth_->mask.size(); ++p)
-      if (truth_->mask[p]) { sum += (double(a.A[p]) - b.A[p]) * (double(a.B[p]) - b.B[p]); ++n; }
-    return n > 0 ? std::sqrt(std::max(sum / n, 0.0)) : 0.0;
+  /// A step whose V has no noise.
+  void step(const std::string& name, const std::vector<float>& V, const std::vector<float>& before) {
+    const TruthImage &c = truth_->centre, &p = truth_->pixel;
+    row(name, V, {rmse(truth_->mask, V, before), rmse(truth_->band, V, before), rmseAgainst(truth_->mask, V, c.A, c.B), rmseAgainst(truth_->mask, V, p.A, p.B)});
   }
-  double rmseFlat(const TruthImage& t) const {
+  /// Between two estimates, each with independent halves: their noise does not count.
+  static double rmseHalves(const std::vector<uint8_t>& mask, const std::vector<float>& aA, const std::vector<float>& aB, const std::vector<float>& bA, const std::vector<float>& bB) {
     double sum = 0, n = 0;
-    for (size_t p = 0; p < truth_->mask.size(); ++p)
-      if (truth_->mask[p]) { sum += (double(t.flatA[p]) - t.A[p]) * (double(t.flatB[p]) - t.B[p]); ++n; }
+    for (size_t p = 0; p < mask.size(); ++p)
+      if (mask[p]) { sum += (double(aA[p]) - bA[p]) * (double(aB[p]) - bB[p]); ++n; }
     return n > 0 ? std::sqrt(std::max(sum / n, 0.0)) : 0.0;
   }
   int fail(const Status& s) const {
@@ -145,16 +148,13 @@ int ladder(Options o) {
   if (!o.width) { o.width = 256; o.height = 192; }
   if (!o.truth) o.truth = 4096;
   Table table("shadow_ladder " + baseName(o), {"scene", "step", "added", "added, penumbra", "rmse centre", "rmse pixel", "false lit %", "false dark %"});
+  table.note("map.fit", o.cameraFit ? "CAMERA" : "SCENE");
   table.note("size", std::to_string(o.width) + "x" + std::to_string(o.height));
   table.note("truth", std::to_string(o.truth) + " rays a pixel in two halves; RMSE of visibility over surfaces that the light can shine on");
-  const auto scene = benchScene(o.scene);
-  if (!scene.ok()) { std::fprintf(stderr, "%s\n", scene.status().toString().c_str()); return 1; }
-  const int light = (*scene)->findLight(o.light);
-  const bool area = light >= 0 && !isDeltaLight((*scene)->lights[size_t(light)].shape.kind);
-  int failed = Ladder(o, area, table).run();   // an area light as it is; its centre's hard shadow only when asked by pareto
+  int failed = Ladder(o, o.soft, table).run();
   std::fputs(table.text().c_str(), stdout);
   std::filesystem::create_directories(o.out);
-  const std::string path = o.out + "/shadow_ladder_" + baseName(o);
+  const std::string path = o.out + "/shadow_ladder_" + baseName(o) + (o.soft ? "-soft" : "-hard");
   for (const Status& s : {table.write(path + ".csv"), table.write(path + ".json")})
     if (!s.ok()) { std::fprintf(stderr, "%s\n", s.toString().c_str()); failed = 1; }
   return failed;

@@ -20,7 +20,8 @@ struct Options {
   int temporal = 0;                 ///< camera places for the temporal variance; 0: none
   int map = 1024, denseMap = 4096;  ///< ladder: S, and the map of R2
   Runner::Clock clock = Runner::Clock::Wall;
-  bool quick = false;
+  bool cameraFit = false;           ///< maps fitted to what the camera sees (map.fit = CAMERA)
+  bool quick = false, list = false;
   std::string out = "out/bench";
   std::string only;                 ///< claims, pareto: techniques or claims whose name contains it
 };
@@ -32,6 +33,7 @@ std::string baseName(const Options& o);   ///< "fence-sun-front"
 int pareto(Options o);
 int ladder(Options o);
 int claims(Options o);
+int regret(Options o);
 int scenes(Options o);
 
 }  // namespace gobo::shadowbench

@@ -114,6 +114,7 @@ int pareto(Options o) {
   table.note("error against", std::string(truth->soft ? "the pixel's centre, " : "the pixel's area, ") + std::to_string(o.truth) + " rays a pixel in two halves");
   table.note("receivers %", 100 * count(truth->mask) / double(r.pixels()));
   table.note("penumbra %", 100 * count(truth->band) / std::max(1.0, count(truth->mask)));
+  table.note("map.fit", o.cameraFit ? "CAMERA" : "SCENE");
   table.note("clock", o.clock == Runner::Clock::Wall ? "wall" : "cpu of all threads");
   if (o.temporal > 1) {
     auto own = temporalVarianceOfTruth(r, *truth, o.temporal, 16);

@@ -14,7 +14,7 @@
 namespace gobo::shadowbench {
 namespace {
 
-constexpr size_t kSharedBytes = 600u << 20;
+constexpr size_t kSharedBytes = 600u << 20, kJitteredBytes = size_t(2) << 30;
 
 class Given final : public Node {
  public:
@@ -178,12 +178,17 @@ Result<Measured> Runner::run(const v1::ShadowTechnique& t, const TermPtr& gbuffe
   input.height = height_;
   input.viewSamples = viewSamples;
   input.seed = seed;
-  GOBO_ASSIGN(const NodeId node, entry->plan(graph, input, t));
+  GOBO_ASSIGN(const NodeId node, entry->plan(graph, input, fitted(t)));
   Measured m;
   GOBO_ASSIGN(m.term, evaluate(graph, node, repeat, keep, &m));
   const auto V = m.term->floats("V");
   if (viewSamples == 1) m.V.assign(V.begin(), V.end());
   return m;
+}
+
+v1::ShadowTechnique Runner::fitted(v1::ShadowTechnique t) const {
+  if (cameraFit_ && t.has_map()) t.mutable_map()->set_fit(v1::ShadowMapSettings::CAMERA);
+  return t;
 }
 
 Result<Measured> Runner::measure(const v1::ShadowTechnique& t, uint64_t seed) { return run(t, gbuffer_, camera_, 1, seed, repeat_, nullptr); }
@@ -229,7 +234,7 @@ Result<TermPtr> Runner::depthBounds(const v1::ShadowTechnique& t, int rim, Plann
   input.width = width_;
   input.height = height_;
   input.viewSamples = 1;
-  GOBO_ASSIGN(planned, planShadowMap(graph, input, t, rim));
+  GOBO_ASSIGN(planned, planShadowMap(graph, input, fitted(t), rim));
   return evaluate(graph, planDepthBounds(graph, input, planned), repeat_, nullptr, nullptr);
 }
 
@@ -238,7 +243,9 @@ Status Runner::jittered(const v1::ShadowTechnique& t, int count, const std::func
   for (int k = 0; k < count; ++k) {
     const Vec2 j = jitter(k);
     const Camera camera = shifted(j.x, j.y);
-    GOBO_ASSIGN(const Measured m, run(t, gbuffer(camera), camera, 1, uint64_t(k) + 1, 1, &keep));
+    TermPtr g = size_t(k) < jittered_.size() ? jittered_[size_t(k)] : gbuffer(camera);
+    if (size_t(k) == jittered_.size() && (jittered_.size() + 1) * g->bytes() <= kJitteredBytes) jittered_.push_back(g);
+    GOBO_ASSIGN(const Measured m, run(t, g, camera, 1, uint64_t(k) + 1, 1, &keep));
     visit(k, m.V);
   }
   return {};

@@ -46,6 +46,7 @@ class Runner {
   const TaskArena& arena() const { return arena_; }
   AccelCache& accels() { return accels_; }
   void setRepeat(int n) { repeat_ = n; }
+  void setCameraFit(bool on) { cameraFit_ = on; }   ///< of every technique with a map
   int repeat() const { return repeat_; }
   double now() const;   ///< ms of the clock that measurements use
 
@@ -69,16 +70,19 @@ class Runner {
  private:
   struct Kept { TermPtr term; double ms = 0; };
   using Keep = std::map<Hash128, Kept>;
+  v1::ShadowTechnique fitted(v1::ShadowTechnique t) const;
   Result<TermPtr> evaluate(const Graph& graph, NodeId wanted, int repeat, Keep* keep, Measured* m);
   Result<Measured> run(const v1::ShadowTechnique& t, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat, Keep* keep);
 
   ScenePtr scene_;
   int light_, width_, height_, repeat_;
+  bool cameraFit_ = false;
   Clock clock_;
   Camera camera_;
   TaskArena arena_{0};
   AccelCache accels_;
   TermPtr gbuffer_;
+  std::vector<TermPtr> jittered_;   // G-buffers of the places in the pixel: every technique walks them
   std::list<std::pair<Hash128, Kept>> shared_;   // depth maps and bounds, most recent first
   size_t sharedBytes_ = 0;
 };

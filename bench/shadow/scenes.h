@@ -21,7 +21,8 @@ struct SceneEntry {
 /// The scenes of the tables in docs/shadow_maps.md. A glTF file that is not on this machine is left out.
 std::vector<SceneEntry> sceneEntries();
 
-/// A name above, a built-in scene, or a path to a .gltf/.glb file. Area lights "key" are added to "two-trees" and to files without one.
+/// A name above, a built-in scene, or a path to a .gltf/.glb file. "two-trees", "sponza" (data/derived/sponza.glb): with an
+/// area light "key" added. "pergola": the fence under slats.
 Result<ScenePtr> benchScene(const std::string& name);
 
 /// The same scene with an area light replaced by a spot at its centre, which is what a hard shadow map of it shows; delta lights stay.

@@ -58,6 +58,10 @@ Closed compareClosed(Runner& r, const Truth& truth, const std::string& scene) {
 }  // namespace
 
 int scenes(Options o) {
+  if (o.list) {
+    for (const SceneEntry& e : sceneEntries()) std::printf("%s %s %s %s\n", e.scene.c_str(), e.hard.c_str(), e.soft.c_str(), e.camera.c_str());
+    return 0;
+  }
   Table table("shadow_scenes", {"scene", "triangles", "hard light", "soft light", "camera", "closed form hard", "closed form soft", "what"});
   table.note("closed form", "RMSE of ray-traced truth at pixel centres (128 x 96, 1024 rays) against slab tests and 64 x 64 points of the light");
   for (const SceneEntry& e : sceneEntries()) {
@@ -77,8 +81,7 @@ int scenes(Options o) {
       if (!truth.ok()) { std::fprintf(stderr, "%s\n", truth.status().toString().c_str()); return 1; }
       closed[soft] = compareClosed(**runner, *truth, e.scene).rmse;
     }
-    const size_t slash = e.scene.rfind('/');
-    table.add({slash == std::string::npos ? e.scene : e.scene.substr(slash + 1), double((*scene)->triangleCount()), e.hard, e.soft, e.camera, closed[0], closed[1], e.note});
+    table.add({e.scene, double((*scene)->triangleCount()), e.hard, e.soft, e.camera, closed[0], closed[1], e.note});
   }
   std::fputs(table.text().c_str(), stdout);
   return 0;

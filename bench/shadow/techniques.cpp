@@ -87,7 +87,14 @@ std::vector<Setting> hardSettings(bool quick) {
     if (!quick || s == 1024) list.push_back({"shadow_map", at(s, -1), t});
   }
   overMaps(list, "percentage_closer", "gauss ", quick, [](int s, int b) { return percentageCloser(s, b); });
-  for (int n : {2, 4, 6, 8}) list.push_back({"percentage_closer", "taps=" + std::to_string(n) + "^2 " + at(1024, -1), percentageCloserTaps(1024, n)});
+  for (int size : {256, 512, 1024, 2048, 4096})
+    for (const bool footprint : {false, true}) {   // the default, and the kernel of the pixel's footprint
+      if (quick && size != 1024 && size != 2048) continue;
+      T t = percentageCloserTaps(size, 2);
+      if (footprint) t.mutable_percentage_closer()->set_pattern(v1::PercentageCloserShadow::FOOTPRINT);
+      list.push_back({"percentage_closer", (footprint ? "footprint " : "taps=2^2 ") + at(size, -1), t});
+    }
+  for (int n : {4, 6, 8}) list.push_back({"percentage_closer", "taps=" + std::to_string(n) + "^2 " + at(1024, -1), percentageCloserTaps(1024, n)});
   list.push_back({"percentage_closer", "gauss no skip " + at(1024, 3), percentageCloser(1024, 3, false)});
   overMaps(list, "variance", "", quick, [](int s, int b) { return variance(s, b); });
   overMaps(list, "convolution", "M=16 ", quick, [](int s, int b) { return convolution(16, s, b); });

@@ -3,6 +3,7 @@
 #include "filters/axis_aligned/technique.h"
 #include "filters/ray_traced/technique.h"
 #include "filters/shadow_map/techniques.h"
+#include "filters/soft_shadow/techniques.h"
 
 namespace gobo {
 
@@ -23,6 +24,10 @@ const std::vector<ShadowTechniqueEntry>& shadowTechniques() {
       {v1::ShadowTechnique::kExponential, "exponential", shadowMapSupports, planExponentialShadow, true},
       {v1::ShadowTechnique::kExponentialVariance, "exponential_variance", shadowMapSupports, planExponentialVarianceShadow, true},
       {v1::ShadowTechnique::kMoment, "moment", shadowMapSupports, planMomentShadow, true},
+      {v1::ShadowTechnique::kPercentageCloserSoft, "percentage_closer_soft", softShadowSupports, planPercentageCloserSoft, true},
+      {v1::ShadowTechnique::kConvolutionSoft, "convolution_soft", softShadowSupports, planConvolutionSoft, true},
+      {v1::ShadowTechnique::kVarianceSoft, "variance_soft", softShadowSupports, planVarianceSoft, true},
+      {v1::ShadowTechnique::kExponentialVarianceSoft, "exponential_variance_soft", softShadowSupports, planExponentialVarianceSoft, true},
       {v1::ShadowTechnique::kAuto, "auto", notAnEnvironment, chosenByThePlanner},
   };
   return table;

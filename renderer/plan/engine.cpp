@@ -84,14 +84,14 @@ struct Engine::Impl {
   }
 
   ExecutorServices executorServices() { return {store.get(), &extensions, &accels, &arena}; }
-  PlannerServices plannerServices(const StopToken& stop, std::map<Hash128, ExecutedNode>* expanded = nullptr) {
+  PlannerServices plannerServices(const StopToken& stop, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
     s.loadEnvironment = [this, stop](const std::string& path) { return scenes.environment(path, stop); };
     s.poseScene = [this](const ScenePtr& base, const v1::RenderRequest& request) { return posed.get(base, request); };
     s.expand = [this, stop, expanded](const Graph& graph, NodeId node) -> Result<TermPtr> {
       Executor executor(graph, executorServices(), stop);
       GOBO_ASSIGN(TermPtr term, executor.evaluate(node));
-      if (expanded) (*expanded)[executor.report(node).key] = executor.report(node);
+      if (expanded) (*expanded)[node] = executor.report(node);
       return term;
     };
     return s;
@@ -101,7 +101,7 @@ struct Engine::Impl {
   Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control, Clock::time_point start,
                                   bool& extendable);
   static void describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result);
-  void fillReports(const Plan& plan, Executor& executor, const std::map<Hash128, ExecutedNode>& expanded, v1::RenderReply& reply) const;
+  void fillReports(const Plan& plan, Executor& executor, const std::map<NodeId, ExecutedNode>& expanded, v1::RenderReply& reply) const;
 };
 
 Engine::Engine() = default;
@@ -196,12 +196,12 @@ void Engine::Impl::describe(const Plan& plan, const v1::RenderRequest& request, 
                      {"worldToNDC", worldToNdc(plan.effective.camera, int(request.width()), int(request.height()))}};
 }
 
-void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::map<Hash128, ExecutedNode>& expanded, v1::RenderReply& reply) const {
+void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::map<NodeId, ExecutedNode>& expanded, v1::RenderReply& reply) const {
   std::map<std::string, v1::NodeReport*> folded;   // transient nodes, one row a type and state
   for (NodeId id = 0; id < plan.graph.size(); ++id) {
     const GraphNode& n = plan.graph.at(id);
     ExecutedNode e = executor.report(id);
-    const auto early = expanded.find(e.key);
+    const auto early = expanded.find(id);   // while planning: the executor of the picture never meets it
     if (early != expanded.end()) e = early->second;
     const auto state = e.state == ExecutedNode::State::Run ? v1::NodeReport::RUN : e.state == ExecutedNode::State::Reused ? v1::NodeReport::REUSED : v1::NodeReport::NOT_NEEDED;
     v1::NodeReport* row = nullptr;
@@ -250,7 +250,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   RenderResult result;
   v1::RenderReply& reply = result.reply;
   const uint32_t blockSize = blockSizeFor(spp), blocks = (spp + blockSize - 1) / blockSize;
-  std::map<Hash128, ExecutedNode> expanded;
+  std::map<NodeId, ExecutedNode> expanded;
   GOBO_ASSIGN(const std::unique_ptr<Plan> plan, makePlan(scene, request, blocks, blockSize, plannerServices(control.stop, &expanded)));
   extendable = plan->extendable;
 

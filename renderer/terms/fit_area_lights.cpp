@@ -16,7 +16,6 @@ constexpr double kBlur = 0.006;          // W0, sr: a square of 4.4 degrees
 constexpr double kSpread = 1.6;          // largest square, in shares 4 pi / N
 constexpr double kLeast = 1e-5;          // a light of less than this share of the flux is not worth a shadow map
 constexpr int kRounds = 12;
-constexpr double kFloor = 1e-7;          // least spread, squared chords: 0.02 degrees
 constexpr double kWidest = 2.0;          // largest tangent of half a light's side
 
 /// Solid angle of a square at distance 1 that is seen face on, half side t.
@@ -73,7 +72,7 @@ class Charts {
     }
   }
 
-  struct Square { double gain = 0, flux = 0; int face = 0, x = 0, y = 0, side = 0; };
+  struct Square { double gain = 0; int face = 0, x = 0, y = 0, side = 0; };
   Square best(double largest) const {
     static constexpr int kSides[] = {1, 2, 3, 4, 6, 8, 11, 16, 22, 32, 44, 64};
     Square best;
@@ -83,7 +82,7 @@ class Charts {
           for (int x = kRim - side / 2; x + side <= kRim + kSide + side / 2; ++x) {
             if (x < 0 || y < 0 || x + side > kWidth || y + side > kWidth) continue;
             const double f = sum(flux_[face], x, y, side), w = sum(solid_[face], x, y, side), gain = f * f / (w + kBlur);
-            if (gain > best.gain * (1.0 + 1e-9) && (w <= largest || side == 1)) best = {gain, f, face, x, y, side};
+            if (gain > best.gain * (1.0 + 1e-9) && (w <= largest || side == 1)) best = {gain, face, x, y, side};
           }
     return best;
   }
@@ -133,9 +132,8 @@ std::vector<Moments> pursue(const EnvironmentCells& cells, int lights) {
   std::vector<Moments> found;
   while (int(found.size()) < lights) {
     const Charts::Square s = charts.best(kSpread * 4.0 * kDPi / lights);
-    if (!(s.flux > kLeast * cells.weight)) break;
     const Moments m = charts.take(s);
-    if (!(m.weight > 0)) break;   // rounding of the table's sums
+    if (!(m.weight > 0)) break;   // nothing is left, or no more than rounding of the table's sums
     found.push_back(m);
   }
   return found;
@@ -147,7 +145,7 @@ std::vector<Moments> refine(const EnvironmentCells& cells, std::vector<Moments> 
   for (int round = 0; round < kRounds && !lights.empty(); ++round) {
     std::vector<Gaussian> g;
     for (const Moments& m : lights) {
-      const double variance = std::max(0.5 * m.spread(), kFloor);
+      const double variance = 0.5 * m.spread();
       g.push_back({m.moment / m.weight, 0.5 / variance, std::log(variance)});
     }
     std::vector<Moments> next(lights.size());
@@ -232,7 +230,7 @@ AreaLightFit fitAreaLights(const Environment& map, int lights) {
     l.direction = m.direction();
     const double across = std::hypot(l.direction.x, l.direction.z);
     l.right = across > 1e-6 ? DVec3(l.direction.z / across, 0.0, -l.direction.x / across) : DVec3(1, 0, 0);
-    l.angularSize = 2.0 * squareOfSpread(std::max(m.spread(), 2.0 * kFloor));
+    l.angularSize = 2.0 * squareOfSpread(m.spread());
     l.irradiance = m.flux;
     fit.lights.push_back(l);
   }

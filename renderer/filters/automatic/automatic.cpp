@@ -14,12 +14,13 @@ namespace {
 
 // Nanoseconds on the machine of docs/benchmarks.md (2 cores), by `bench/shadow_bench costs`.
 struct Costs {
-  double shadowRay = 14, softRay = 42;           // one occlusion query with its set-up, in packets
-  double depthTexel = 9.5;                       // one light ray, in packets
-  double boundsTexel = 1.7;                      // the depth pyramid
-  double hardLookup = 5, mixedLookup = 30;       // percentage-closer: decided by bounds; compared
-  double softTexel = 8, softLookup = 60;         // tables and a lookup of the soft technique
-  double tree = 0.08;                            // rays: share more per doubling of triangles beyond 1000
+  double sample = 2;                             // a view sample that only background or the wrong side shows
+  double shadowRay = 13, softRay = 40;           // one occlusion query with its set-up, in packets, among 1000 triangles
+  double tree = 0.38, alpha = 0.8;               // rays: share more per doubling of triangles; per share of triangles with alpha
+  double depthTexel = 0.9, depthEdge = 11, depthTriangle = 15;   // scan conversion: t texels and r triangles cost a t + b sqrt(r t) + c r
+  double hardLookup = 7.5;                       // percentage-closer
+  double softTexel = 0.6, softLookup = 100;      // depth bounds; a lookup
+  double depth(double texels, double triangles) const { return depthTexel * texels + depthEdge * std::sqrt(texels * triangles) + depthTriangle * triangles; }
 };
 
 constexpr uint32_t kEnvironmentResolution = 256;
@@ -38,10 +39,16 @@ Vec2 lightSize(const ShadowInput& input) {
   }
 }
 
-size_t triangles(const Scene& scene) {
-  size_t n = 0;
-  for (const Instance& i : scene.instances) n += scene.meshes[i.mesh]->indices.size() / 3;
-  return n;
+struct Shapes { double triangles = 0, alpha = 0; };
+Shapes shapesOf(const Scene& scene) {
+  Shapes s;
+  for (const Instance& i : scene.instances) {
+    const Mesh& mesh = *scene.meshes[size_t(i.mesh)];
+    const double n = double(mesh.triangles());
+    s.triangles += n;
+    if (scene.materials[size_t(mesh.material)].coverage.mode != AlphaMode::Opaque) s.alpha += n;
+  }
+  return s;
 }
 
 }  // namespace
@@ -60,7 +67,8 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   probe.size = soft ? lightSize(input) : Vec2(0.0f);
   const double samples = double(input.width) * input.height * input.viewSamples;
   const Costs cost;
-  const double deep = 1.0 + cost.tree * std::max(0.0, std::log2(double(triangles(*input.scene)) / 1000.0));
+  const Shapes shapes = shapesOf(*input.scene);
+  const double deep = (1.0 + cost.tree * std::log2(1.0 + shapes.triangles / 1000.0)) * (1.0 + cost.alpha * shapes.alpha / std::max(shapes.triangles, 1.0));
 
   if (input.angularSize != Vec2(0.0f)) {   // an extracted environment light: one of many, small in the picture
     AutomaticCandidate c;
@@ -77,7 +85,7 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
       AutomaticCandidate c;
       c.technique.mutable_ray_traced()->set_samples(n);
       c.text = "ray_traced, " + std::to_string(n) + (n > 1 ? " rays" : " ray");
-      c.ms = samples * n * (delta ? cost.shadowRay : cost.softRay) * deep * 1e-6;
+      c.ms = n * (delta ? cost.shadowRay : cost.softRay) * deep;   // a receiver, for now
       choice.candidates.push_back(std::move(c));
     }
   }
@@ -90,17 +98,15 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
       ProbeMap m;
       m.resolution = resolution;
       GOBO_ASSIGN(m.frames, fitLightFrames(light.shape, lo, hi, resolution, 2));
-      const double texels = double(resolution) * resolution * m.frames.count;
       AutomaticCandidate c;
       *c.technique.mutable_map() = technique.map();
       c.technique.mutable_map()->set_resolution(uint32_t(resolution));
       if (soft) {
         c.technique.mutable_percentage_closer_soft();
-        c.ms = (texels * (cost.depthTexel * deep + cost.softTexel) + samples * cost.softLookup) * 1e-6;
+        c.ms = (m.frames.count * (cost.depth(double(resolution) * resolution, shapes.triangles) + cost.softTexel * resolution * resolution) + samples * cost.sample) * 1e-6;
       } else {
-        c.technique.mutable_percentage_closer()->set_pattern(v1::PercentageCloserShadow::GAUSSIAN);
-        c.technique.mutable_map()->set_blur(1);
-        c.ms = (texels * (cost.depthTexel * deep + cost.boundsTexel) + samples * (cost.hardLookup + 0.1 * cost.mixedLookup)) * 1e-6;
+        c.technique.mutable_percentage_closer();
+        c.ms = (m.frames.count * cost.depth(double(resolution) * resolution, shapes.triangles) + samples * cost.hardLookup) * 1e-6;   // the whole picture
       }
       c.text = std::string(soft ? "percentage_closer_soft" : "percentage_closer") + ", " + std::to_string(resolution) + " texels";
       choice.candidates.push_back(std::move(c));
@@ -119,6 +125,12 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   GOBO_CHECK_EQ(rmse.size(), choice.candidates.size());
   for (size_t k = 0; k < rmse.size(); ++k) choice.candidates[k].rmse = rmse[k];
   choice.receivers = term->plane<double>("receivers")[0];
+  // Rays are shot where the light can shine; soft lookups are cheap elsewhere.
+  for (size_t k = 0; k < choice.candidates.size(); ++k) {
+    double& ms = choice.candidates[k].ms;
+    if (k < probe.rays.size()) ms = samples * (cost.sample + choice.receivers * ms) * 1e-6;
+    else if (soft) ms += samples * choice.receivers * cost.softLookup * 1e-6;
+  }
 
   const v1::AutomaticShadow& a = technique.auto_();
   const double error = numberParameter(a, "error");

@@ -5,7 +5,7 @@
 // figures below. Within `error` the cheapest wins; with `time_ms` the one of least error among those that fit; if none does, the nearest
 // miss. Costs are constants, not measurements of the running machine, so that the same request picks the same technique everywhere and the
 // picture's bits do not depend on load. Candidates: shadow rays; percentage-closer maps (hard); soft maps (area lights).
-// Probe: 1200 pixels; a hard candidate map costs 16 rays a view sample, a soft one at most 136.
+// Probe: 1200 pixels; a hard candidate map costs 4 rays a view sample, a soft one at most 136.
 #pragma once
 
 #include <functional>
@@ -22,7 +22,7 @@ struct AutomaticCandidate {
 struct AutomaticChoice {
   std::vector<AutomaticCandidate> candidates;
   size_t chosen = 0;
-  double receivers = 0;            ///< that the probe judged; 0: the choice needed none
+  double receivers = 0;            ///< share of the picture that the light can shine on; 0: the choice needed no probe
 };
 
 /// `expand` evaluates a node of the graph while planning. Errors: those of the probe.

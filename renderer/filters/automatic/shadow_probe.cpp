@@ -52,7 +52,7 @@ class VirtualMap {
 
 class ShadowProbeNode final : public Node {
  public:
-  explicit ShadowProbeNode(const ShadowProbeSettings& s) : s_(s), gaussian_(shadowGaussian(1)) {}
+  explicit ShadowProbeNode(const ShadowProbeSettings& s) : s_(s) {}
   std::string type() const override { return "shadow_probe"; }
   NodeTraits traits() const override {
     NodeTraits t;
@@ -121,7 +121,7 @@ class ShadowProbeNode final : public Node {
     }, ctx.stop);
     if (!done) return stopped();
     auto term = std::make_shared<Term>("shadow_probe", Domain::Table, Extent{int(columns()), 1, 1});
-    const auto rmse = term->addPlane<double>("rmse"), judged = term->addPlane<double>("receivers");
+    const auto rmse = term->addPlane<double>("rmse"), judged = term->addPlane<double>("receivers");   // judged, of how many pixels
     double count = 0;
     for (const double c : counts) count += c;
     for (size_t k = 0; k < columns(); ++k) {
@@ -129,7 +129,7 @@ class ShadowProbeNode final : public Node {
       for (size_t t = 0; t < tasks; ++t) sum += sums[t * columns() + k];
       rmse[k] = count > 0 ? std::sqrt(std::max(0.0, sum / count)) : 0.0;
     }
-    judged[0] = count;
+    judged[0] = count / double(cells);
     return TermPtr(term);
   }
 
@@ -250,19 +250,20 @@ class ShadowProbeNode final : public Node {
   }
 
   float hard(const Accel& accel, const ProbeMap& map, const ReceiverBlock& b, uint64_t& rays) const {
-    AxisKernel kx, ky;
-    interpolatedKernel(b.x[0], gaussian_.data(), 1, kx);
-    interpolatedKernel(b.y[0], gaussian_.data(), 1, ky);
-    int x[16], y[16];
-    float z[16];
-    for (int i = 0; i < 16; ++i) {
-      x[i] = kx.first + i % 4;
-      y[i] = ky.first + i / 4;
-    }
-    VirtualMap(accel, map).depths(b.face[0], x, y, 16, z, rays);
     const ReceiverPlane r = receiverPlane(b, 0, s_.bias, s_.slopeBias);
+    AxisKernel kx, ky;
+    boxKernel(r.x, 1.0f, kx);
+    boxKernel(r.y, 1.0f, ky);
+    int x[9], y[9];
+    float z[9];
+    const int count = kx.count * ky.count;
+    for (int i = 0; i < count; ++i) {
+      x[i] = kx.first + i % kx.count;
+      y[i] = ky.first + i / kx.count;
+    }
+    VirtualMap(accel, map).depths(b.face[0], x, y, count, z, rays);
     float sum = 0;
-    for (int i = 0; i < 16; ++i) sum += r.at(x[i], y[i]) <= z[i] ? kx.weight[i % 4] * ky.weight[i / 4] : 0.0f;
+    for (int i = 0; i < count; ++i) sum += z[i] < r.at(x[i], y[i]) ? 0.0f : kx.weight[i % kx.count] * ky.weight[i / kx.count];
     return std::min(sum, 1.0f);
   }
 
@@ -310,7 +311,6 @@ class ShadowProbeNode final : public Node {
   }
 
   ShadowProbeSettings s_;
-  std::vector<float> gaussian_;
 };
 
 }  // namespace

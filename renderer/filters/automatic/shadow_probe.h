@@ -32,8 +32,8 @@ struct ShadowProbeSettings {
 };
 
 /// Term "shadow_probe", domain Table, width rays.size() + maps.size(): plane rmse f64, RMSE of visibility over the receivers that the light can
-/// shine on: of each ray count, then of each map (hard: 4x4 percentage-closer with the Gaussian of radius 1; soft: percentage-closer
-/// soft shadows with 36 + 64 taps). Plane receivers f64: how many pixels were judged (first element). A small output.
+/// shine on: of each ray count, then of each map (hard: the bilinear comparison; soft: percentage-closer
+/// soft shadows with 36 + 64 taps). Plane receivers f64: the share of the pixels that show a receiver (first element). A small output.
 NodePtr makeShadowProbeNode(const ShadowProbeSettings& settings);
 
 }  // namespace gobo

@@ -128,7 +128,7 @@ void fitFace(LightFrame& f, const CameraFit& fit, const Vec3& lo, const Vec3& hi
     addView(casters, lightView(f), slack);
     for (const DVec3& p : cornersOf(casters, tolerance)) near = std::min(near, glm::dot(p - light.origin, light.forward));
   }
-  const double range = std::max(1.002 * (far - near), sceneRange / 1024.0), centre = 0.5 * (near + far);
+  const double range = std::max({1.002 * (far - near), sceneRange / 1024.0, 1e-3 * (f.perspective ? far : extent)}), centre = 0.5 * (near + far);
   const Interval z = snappedInterval(centre - 0.5 * range, centre + 0.5 * range);
   f.near = float(std::max(z.lo, sceneNear));
   f.far = float(std::min(z.hi, sceneFar));

@@ -77,7 +77,7 @@ inline float compareRows(const float* z, int side, const ReceiverPlane& r, const
     const float* row = z + size_t(std::clamp(y, 0, side - 1)) * size_t(side) + size_t(kx.first);
     const float across = r.slopeY * (float(y) - r.y), weight = ky.weight[j];
     for (int i = 0; i < N; ++i) {
-      const bool pass = r.d + (along[i] + across) <= row[i];
+      const bool pass = !(row[i] < r.d + (along[i] + across));   // a depth that is no number is lit
       sum[i] += pass ? weight : 0.0f;
       lit[i] += pass ? 1 : 0;
     }
@@ -104,7 +104,7 @@ inline float compareKernel(const float* z, int side, const ReceiverPlane& r, con
     float part = 0.0f;
     for (int i = 0; i < kx.count; ++i) {
       const int x = kx.first + i;
-      const int pass = r.at(x, y) <= row[inside ? x : std::clamp(x, 0, side - 1)];
+      const int pass = !(row[inside ? x : std::clamp(x, 0, side - 1)] < r.at(x, y));
       part += pass ? kx.weight[i] : 0.0f;
       lit += pass;
     }

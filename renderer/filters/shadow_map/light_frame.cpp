@@ -107,9 +107,10 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
     f.near = low.z;
     f.far = high.z;
   }
-  // A flat or tiny scene still gets a window and a depth range; coordinates bound what float can tell apart.
+  // A flat or tiny scene still gets a window and a depth range; coordinates bound what float can tell apart: depths err by some 2e-7 of them, which
+  // the default bias of 5e-4 ranges must exceed, or a floor square to its light would shade itself.
   const float extent = empty ? 1.0f : std::max({high.x - low.x, high.y - low.y, high.z - low.z, std::abs(f.near), std::abs(f.far), 1e-6f});
-  const float pad = std::max(1e-3f * (f.far - f.near), 1e-5f * extent);
+  const float pad = std::max(1e-3f * (f.far - f.near), 5e-4f * extent);
   f.near = f.perspective ? std::max(f.near - pad, 0.0f) : f.near - pad;
   f.far += pad;
   const Vec2 centre = 0.5f * (f.lo + f.hi);

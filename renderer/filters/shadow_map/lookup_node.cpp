@@ -6,6 +6,7 @@
 #include "filters/shadow_map/exponential_device.h"
 #include "filters/shadow_map/shadow_texture.h"
 #include "filters/shadow_map/summed_area.h"
+#include "formulas/math.glsl.h"
 
 namespace gobo {
 namespace {
@@ -128,11 +129,35 @@ class LookupNode : public Node {
     }
   }
 
-  static float deepest(const float* depth, int side, int x0, int y0, int x1, int y1) {
-    float hi = 0.0f;
-    for (int y = y0; y <= y1; ++y)
-      for (int x = x0; x <= x1; ++x) hi = std::max(hi, depth[size_t(y) * size_t(side) + size_t(x)]);
-    return hi;
+  // Upper bound of what a lit plane of the receiver's slope gives: e^{x^2 / 2}, x^2 = c^2 (m_x^2 v_x + m_y^2 v_y), m the slope and v the kernel's
+  // variance (digest 6.4). It is no violation.
+  float overshoot(const ReceiverBlock& b, int i) const {
+    const float blur = l_.map.blur ? (2.0f * float(l_.map.blur) + 1.0f) / 4.0f : 0.0f, c = basis_->exponent();
+    const Vec2 beyond = reach(b, i, 0.5f) - Vec2(float(l_.map.blur));
+    const float x = c * b.slopeX[i], y = c * b.slopeY[i];
+    return formulas::fastExp(0.5f * (x * x * (blur * blur + beyond.x * beyond.x) + y * y * (blur * blur + beyond.y * beyond.y)));
+  }
+
+  // Is any depth that the lookup reads further behind the receiver than its own surface spans? The pyramid's bounds first, wider than the
+  // kernel by up to its size; then, for kernels that are not large, its texels.
+  bool reachesBehind(const DepthBounds& bounds, const ReceiverBlock& b, int i) const {
+    constexpr int kExact = 1024;   // texels
+    const int side = l_.map.resolution;
+    const Vec2 t = touched(b, i);
+    const auto low = [](float at, float by) { return std::max(int(at - std::min(by, at)), 0); };
+    const auto high = [&](float at, float by) { return std::min(int(at + std::min(by, float(side))) + 1, side - 1); };
+    const int x0 = low(b.x[i], t.x), x1 = high(b.x[i], t.x), y0 = low(b.y[i], t.y), y1 = high(b.y[i], t.y);
+    float lo, hi;
+    bounds.range(b.face[i], x0, y0, x1, y1, lo, hi);
+    const float own = std::fabs(b.slopeX[i]) * (t.x + 1.0f) + std::fabs(b.slopeY[i]) * (t.y + 1.0f);
+    const float end = b.d[i] + own + l_.epsilon / basis_->exponent();
+    if (!(end < hi) || (x1 - x0 + 1) * (y1 - y0 + 1) > kExact) return end < hi;
+    hi = 0.0f;
+    for (int y = y0; y <= y1; ++y) {
+      const float* row = bounds.depth(b.face[i]) + size_t(y) * size_t(side);
+      for (int x = x0; x <= x1; ++x) hi = std::max(hi, row[x]);
+    }
+    return end < hi;
   }
 
   // Thesis 7.3: where the kernel reaches behind the receiver the exponential has no meaning; there depths are compared.
@@ -143,23 +168,7 @@ class LookupNode : public Node {
       flags[i] = 0.0f;
       if (!b.covered[i]) continue;
       const ReceiverPlane r = receiverPlane(b, i, l_.map.bias, l_.map.slopeBias);
-      bool violated;
-      if (l_.classification == Exponential::THRESHOLD) {
-        violated = s[i] > 1.0f + l_.epsilon;
-      } else {
-        float lo, hi;
-        const Vec2 t = touched(b, i);
-        const auto low = [](float at, float by) { return std::max(int(at - std::min(by, at)), 0); };
-        const auto high = [&](float at, float by) { return std::min(int(at + std::min(by, float(side))) + 1, side - 1); };
-        const int x0 = low(b.x[i], t.x), y0 = low(b.y[i], t.y), x1 = high(b.x[i], t.x), y1 = high(b.y[i], t.y);
-        bounds.range(b.face[i], x0, y0, x1, y1, lo, hi);
-        const float own = std::fabs(b.slopeX[i]) * (t.x + 1.0f) + std::fabs(b.slopeY[i]) * (t.y + 1.0f);   // what the surface itself spans
-        const float limit = b.d[i] + own + l_.epsilon / basis_->exponent();
-        violated = limit < hi;
-        // The bounds are of up to twice the window, in which a slanted plane lies behind itself: small windows are searched.
-        if (violated && (x1 - x0) * (y1 - y0) < kSearched) violated = limit < deepest(bounds.depth(b.face[i]), side, x0, y0, x1, y1);
-      }
-      if (!violated) continue;
+      if (!(l_.classification == Exponential::THRESHOLD ? s[i] > (1.0f + l_.epsilon) * overshoot(b, i) : reachesBehind(bounds, b, i))) continue;
       flags[i] = 1.0f;
       AxisKernel kx, ky;
       interpolatedKernel(b.x[i], radius ? gaussian_.data() : kOne, radius, kx);
@@ -169,7 +178,6 @@ class LookupNode : public Node {
     }
   }
 
-  static constexpr int kSearched = 1024;   // texels: blur up to 15
   ShadowBasisPtr basis_;
   ShadowLookup l_;
   std::shared_ptr<ComputeDevice> device_;

@@ -13,4 +13,7 @@ namespace gobo {
 /// `bias` and `slopeBias` as receiverPlane() has them. Receivers that are not covered are lit. Conservative: 0 and 1 are what every comparison would say.
 void kernelVerdicts(const DepthBounds& bounds, const ReceiverBlock& b, int count, int before, int after, float bias, float slopeBias, int32_t* verdict);
 
+/// V of the bilinear comparison (REGULAR, 2 taps) for a block; `z`: the depth map, faces one after the other.
+void bilinearComparisons(const float* z, int side, size_t faceTexels, const ReceiverBlock& b, int count, float bias, float slopeBias, float* V);
+
 }  // namespace gobo

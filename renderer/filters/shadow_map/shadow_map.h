@@ -84,12 +84,14 @@ struct PercentageCloserLookup {
   LightFrames frames;
   ShadowMapSettings map;
   ShadowView view;
-  v1::PercentageCloserShadow::Pattern pattern = v1::PercentageCloserShadow::GAUSSIAN;
-  int taps = 4;                ///< 1 without bilinear weights: the hard shadow map
+  v1::PercentageCloserShadow::Pattern pattern = v1::PercentageCloserShadow::REGULAR;
+  int taps = 2;                ///< 1 without bilinear weights: the hard shadow map
   bool hard = false;
   bool skip = true;
 };
-/// Filter, term "visibility", plane V as above. Inputs: "gbuffer", "depth_bounds".
+/// Does it ask the pyramid of depth bounds, or do with the depth map?
+bool readsDepthBounds(const PercentageCloserLookup& lookup);
+/// Filter, term "visibility", plane V as above. Inputs: "gbuffer"; "depth_bounds" or, unless it readsDepthBounds, "light_depth_map".
 NodePtr makePercentageCloserNode(const PercentageCloserLookup& lookup);
 
 /// What a map node makes: planned mosaics ask. CHECKs that `node` is a light_depth_map or shadow_encode.

@@ -84,6 +84,9 @@ Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, c
   GOBO_TRY(checkRange("map.blur", p.map.blur, 0, 64));
   GOBO_TRY(checkRange("map.bias", p.map.bias, 0, 1));
   GOBO_TRY(checkRange("map.slope_bias", p.map.slopeBias, 0, 16));
+  // In steps of 8 texels where that costs less than an eighth of the map: moving the blur's slider keeps the depth map.
+  const int stepped = (rim + 7) / 8 * 8;
+  if (p.map.resolution >= 16 * stepped) rim = stepped;
   Vec3 lo, hi;
   input.scene->bounds(lo, hi);
   GOBO_ASSIGN(p.frames, fitLightFrames(light.shape, lo, hi, p.map.resolution, rim));
@@ -131,21 +134,21 @@ Result<NodeId> planHardShadowMap(Graph& graph, const ShadowInput& input, const v
   GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, 1));
   PercentageCloserLookup l{p.frames, p.map, p.view};
   l.hard = true;
-  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, planDepthBounds(graph, input, p)}, "visibility", input);
+  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, p.depth}, "visibility", input);
 }
 
 Result<NodeId> planPercentageCloser(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
   const v1::PercentageCloserShadow& m = technique.percentage_closer();
   const int taps = int(numberParameter(m, "taps"));
   GOBO_TRY(checkRange("percentage_closer.taps", taps, 1, 16));
-  const auto pattern = m.pattern() == v1::PercentageCloserShadow::PATTERN_UNSPECIFIED ? v1::PercentageCloserShadow::GAUSSIAN : m.pattern();
+  const auto pattern = m.pattern() == v1::PercentageCloserShadow::PATTERN_UNSPECIFIED ? v1::PercentageCloserShadow::REGULAR : m.pattern();
   const int blur = int(numberParameter(technique.map(), "blur"));
-  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, pattern == v1::PercentageCloserShadow::GAUSSIAN ? blur + 1 : taps / 2 + 1));
+  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, pattern == v1::PercentageCloserShadow::GAUSSIAN ? blur + 1 : pattern == v1::PercentageCloserShadow::FOOTPRINT ? 9 : taps / 2 + 1));
   PercentageCloserLookup l{p.frames, p.map, p.view};
   l.pattern = pattern;
   l.taps = taps;
   l.skip = boolParameter(m, "skip");
-  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, planDepthBounds(graph, input, p)}, "visibility", input);
+  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, readsDepthBounds(l) ? planDepthBounds(graph, input, p) : p.depth}, "visibility", input);
 }
 
 namespace {

@@ -220,6 +220,126 @@ TEST(ShadowDepth, GeometryAroundTheLight) {
   }
 }
 
+// A range that begins in the middle of the casters, as a camera fit makes it: those in front of it read 0 by either method.
+TEST(ShadowDepth, CastersInFrontOfNearReadZero) {
+  const ScenePtr scene = crowd(5, true);
+  Vec3 lo, hi;
+  scene->bounds(lo, hi);
+  for (LightKind kind : {LightKind::Directional, LightKind::Spot}) {
+    LightFrames frames = *fitLightFrames(lightFor(*scene, kind), lo, hi, 150, 2);
+    LightFrame& f = frames.face[0];
+    const LightFrame whole = f;
+    f.near = 0.5f * (f.near + f.far);
+    const Difference d = compareMethods(scene, frames, 150);
+    EXPECT_EQ(d.wrong, 0) << int(kind);
+    LightFrames all = frames;
+    all.face[0] = whole;
+    const TermPtr fitted = depthMap(scene, frames, 150, DepthMethod::Rays), map = depthMap(scene, all, 150, DepthMethod::Rays);
+    int zero = 0;
+    for (size_t i = 0; i < 150 * 150; ++i) {
+      const float z = map->floats("z")[i];
+      ASSERT_NEAR(fitted->floats("z")[i], z == 1.0f ? 1.0f : std::max(0.0f, 2.0f * z - 1.0f), 2e-6f) << int(kind);
+      zero += fitted->floats("z")[i] == 0.0f;
+    }
+    EXPECT_GT(zero, 50);
+  }
+}
+
+/// Looks down -y on [0, side]^2 metres, a texel a metre; depth is 10 - y over 10 m.
+LightFrames graphPaper(int side) {
+  LightFrames frames;
+  LightFrame& f = frames.face[0];
+  f.origin = Vec3(0, 10, 0);
+  f.right = Vec3(1, 0, 0);
+  f.up = Vec3(0, 0, -1);
+  f.forward = Vec3(0, -1, 0);
+  f.lo = Vec2(0.0f);
+  f.hi = Vec2(float(side));
+  f.far = 10.0f;
+  return frames;
+}
+ScenePtr meshScene(Mesh mesh) {
+  tests::SceneMaker s;
+  s.instance(s.mesh(std::move(mesh), s.material(Vec3(0.5f))));
+  s.camera(Vec3(0, 20, 30), Vec3(0.0f), 0.8f);
+  return s.finish();
+}
+
+// Corners and edges of a crooked sheet exactly on texel centres: every texel of its inside is covered by one triangle or another.
+TEST(ShadowDepth, SharedCornersOnTexelCentresLeaveNoGap) {
+  constexpr int kSide = 40;
+  Mesh m;
+  for (int y = 0; y <= 12; ++y)
+    for (int x = 0; x <= 12; ++x) {   // whole steps of 1, 2, 3, 4 texels, sheared: crossings are rounded
+      const float px = 1.5f + float(x * 3 + (y * 7 % 3) * (x > 0 && x < 12)), pz = -(1.5f + float(y * 3 + (x * 5 % 3) * (y > 0 && y < 12)));
+      m.positions.push_back(Vec3(px, 2.0f + 0.37f * float((x * 11 + y * 5) % 7), pz));
+    }
+  for (uint32_t y = 0; y < 12; ++y)
+    for (uint32_t x = 0; x < 12; ++x) {
+      const uint32_t a = y * 13 + x, b = a + 1, c = a + 13, d = c + 1;
+      if ((x + y) % 2) for (uint32_t i : {a, b, c, b, d, c}) m.indices.push_back(i);
+      else for (uint32_t i : {a, b, d, a, d, c}) m.indices.push_back(i);
+    }
+  const ScenePtr scene = meshScene(std::move(m));
+  const LightFrames frames = graphPaper(kSide);
+  const TermPtr map = depthMap(scene, frames, kSide, DepthMethod::Raster);
+  for (int y = 1; y <= 37; ++y)
+    for (int x = 1; x <= 37; ++x) ASSERT_LT(map->floats("z")[size_t(y) * kSide + size_t(x)], 1.0f) << x << "," << y;
+}
+
+// A wall that leans by a ten-millionth of a texel: its depth changes by metres within the rim that coverage allows, and must stay between top and foot.
+TEST(ShadowDepth, WallsSeenEdgeOnKeepTheirDepths) {
+  constexpr int kSide = 32;
+  tests::SceneMaker s;
+  const int grey = s.material(Vec3(0.5f));
+  for (int k = 1; k < 9; ++k) {
+    const float x = 3.0f * float(k) + 0.5f, lean = std::ldexp(1.0f, -25 + k);
+    s.instance(s.mesh(tests::quad(Vec3(0, 2, -1), Vec3(0, 6, 0), Vec3(0, 0, -30)), grey), tests::translate(Vec3(x, 0, 0)));
+    Mesh leaning = tests::quad(Vec3(0, 2, -1), Vec3(lean, 6, 0), Vec3(0, 0, -30));
+    s.instance(s.mesh(leaning, grey), tests::translate(Vec3(x + 1.0f, 0, 0)));
+  }
+  s.camera(Vec3(0, 20, 30), Vec3(0.0f), 0.8f);
+  const ScenePtr scene = s.finish();
+  for (bool perspective : {false, true}) {
+    LightFrames frames = graphPaper(kSide);
+    LightFrame& f = frames.face[0];
+    if (perspective) {   // above the middle: walls to either side lean in its view, those below it do not
+      f.perspective = true;
+      f.origin = Vec3(13.5f, 10.0f, -16.0f);
+      f.lo = Vec2(-2.0f);
+      f.hi = Vec2(2.0f);
+    }
+    const TermPtr map = depthMap(scene, frames, kSide, DepthMethod::Raster);
+    int hits = 0;
+    for (float z : map->floats("z")) {
+      ASSERT_TRUE((z >= 0.2f - 1e-6f && z <= 0.8f + 1e-6f) || z == 1.0f) << z;
+      hits += z < 1.0f;
+    }
+    EXPECT_GT(hits, 20);
+  }
+}
+
+// Triangles without area, drawn over a floor, take nothing from it.
+TEST(ShadowDepth, TrianglesWithoutAreaHideNothing) {
+  constexpr int kSide = 16;
+  for (bool perspective : {false, true}) {
+    Mesh m = tests::quad(Vec3(-100, 1, 100), Vec3(200, 0, 0), Vec3(0, 0, -200));
+    m.uv[0].clear();
+    for (const Vec3& p : {Vec3(4.5f, 5, -4.5f), Vec3(4.5f, 5, -4.5f), Vec3(4.5f, 5, -4.5f), Vec3(9.5f, 4, -1.5f), Vec3(9.5f, 5, -1.5f), Vec3(9.5f, 4, -1.5f)}) m.positions.push_back(p);
+    for (uint32_t i : {4, 5, 6, 7, 8, 9}) m.indices.push_back(i);
+    LightFrames frames = graphPaper(kSide);
+    LightFrame& f = frames.face[0];
+    if (perspective) {
+      f.perspective = true;
+      f.origin = Vec3(8, 10, -8);
+      f.lo = Vec2(-1.0f);
+      f.hi = Vec2(1.0f);
+    }
+    const TermPtr map = depthMap(meshScene(std::move(m)), frames, kSide, DepthMethod::Raster);
+    for (size_t i = 0; i < size_t(kSide) * kSide; ++i) ASSERT_NEAR(map->floats("z")[i], 0.9f, 1e-6f) << i;
+  }
+}
+
 TEST(ShadowDepth, FacesThatSeeNothingCostNoRay) {
   tests::SceneMaker s;
   s.instance(s.mesh(tests::ground(2.0f), s.material(Vec3(0.5f))));

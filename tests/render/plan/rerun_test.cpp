@@ -7,6 +7,7 @@
 
 #include <set>
 
+#include "filters/shadow_technique.h"
 #include "support/animated_scene.h"
 #include "support/engines.h"
 
@@ -120,7 +121,8 @@ const std::map<std::string, std::string>& elsewhere() {
       {"integrator.max_groups", "Rerun.ClustersAndDifferences"},
       {"encoding", "not in the hash"}, {"certificate", "not in the hash"}, {"scheduling", "not in the hash"}, {"scene_hash", "not in the hash"},
       {"time_s", "Rerun.AnimationsAndVariants"}, {"animation", "Rerun.AnimationsAndVariants"}, {"variant", "Rerun.AnimationsAndVariants"},
-      {"shadows", "Rerun.FilterParameters"}, {"lights.*.shadow", "Rerun.FilterParameters"},
+      {"shadows", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
+      {"lights.*.shadow", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
   };
   return table;
 }
@@ -184,6 +186,80 @@ TEST(Rerun, FilterParameters) {
   EXPECT_EQ(text(ran(mustRender(*engine, r))), "");
 }
 
+// Shadow maps: what a slider re-runs, by field of the message. `before` is set first; the edit is then the only change.
+struct ShadowRow { std::vector<std::string> before; std::string edit; Labels expected; };
+const std::map<std::string, ShadowRow>& shadowRows() {
+  static const Labels lookup{"visibility:spot", "direct:spot", "beauty"};
+  static const Labels depth{"light_depth_map:spot"}, bounds{"depth_bounds:spot"};
+  static const auto basis = [](const char* name) { return lookup + Labels{std::string(name) + "_map:spot"}; };
+  static const std::map<std::string, ShadowRow> table{
+      {"map.resolution", {{"exponential.c=60"}, "map.resolution=96", depth + basis("exponential")}},
+      {"map.fit", {{"exponential.c=60"}, "map.fit=CAMERA", depth + basis("exponential")}},
+      {"map.bias", {{"exponential.c=60"}, "map.bias=0.001", lookup}},
+      {"map.slope_bias", {{"percentage_closer.taps=4"}, "map.slope_bias=2", lookup}},
+      {"map.blur", {{"exponential.c=60"}, "map.blur=3", basis("exponential")}},
+      {"map.lookup", {{"exponential.c=60"}, "map.lookup=TRILINEAR", lookup + Labels{"shadow_mipmap:spot"}}},
+      {"map.anisotropy", {{"exponential.c=60", "map.lookup=ANISOTROPIC"}, "map.anisotropy=4", lookup}},
+      {"percentage_closer.taps", {{"percentage_closer.pattern=REGULAR"}, "percentage_closer.taps=8", lookup}},
+      {"percentage_closer.pattern", {{"percentage_closer.taps=4"}, "percentage_closer.pattern=POISSON", lookup}},
+      {"percentage_closer.skip", {{"percentage_closer.taps=4"}, "percentage_closer.skip=false", {}}},   // the result is the same
+      {"variance.bleeding_reduction", {{"variance.min_variance=1e-6"}, "variance.bleeding_reduction=0.4", lookup}},
+      {"variance.min_variance", {{"variance.bleeding_reduction=0.1"}, "variance.min_variance=1e-5", lookup}},
+      {"convolution.order", {{"convolution.attenuation=0"}, "convolution.order=8", basis("convolution")}},
+      {"convolution.attenuation", {{"convolution.order=8"}, "convolution.attenuation=1", lookup}},
+      {"convolution.correction", {{"convolution.order=8"}, "convolution.correction=SCALING", lookup}},
+      {"convolution.bytes", {{"convolution.order=8"}, "convolution.bytes=true", basis("convolution")}},
+      {"exponential.c", {{"exponential.filtering=LOGARITHMIC"}, "exponential.c=200", basis("exponential_logarithmic")}},
+      {"exponential.filtering", {{"exponential.c=60"}, "exponential.filtering=LOGARITHMIC", basis("exponential_logarithmic")}},
+      {"exponential.classification", {{"exponential.c=60"}, "exponential.classification=THRESHOLD", lookup + bounds}},
+      {"exponential.epsilon", {{"exponential.classification=THRESHOLD"}, "exponential.epsilon=0.2", lookup}},
+      {"exponential.fallback_kernel", {{"exponential.classification=THRESHOLD"}, "exponential.fallback_kernel=false", lookup}},
+      {"exponential_variance.c_positive", {{"exponential_variance.c_negative=5"}, "exponential_variance.c_positive=20", basis("exponential_variance")}},
+      {"exponential_variance.c_negative", {{"exponential_variance.c_positive=20"}, "exponential_variance.c_negative=5", basis("exponential_variance")}},
+      {"exponential_variance.bleeding_reduction", {{"exponential_variance.c_positive=20"}, "exponential_variance.bleeding_reduction=0.3", lookup}},
+      {"exponential_variance.min_variance", {{"exponential_variance.c_positive=20"}, "exponential_variance.min_variance=1e-4", lookup}},
+      {"moment.moment_bias", {{"moment.bleeding_reduction=0.1"}, "moment.moment_bias=1e-4", lookup}},
+      {"moment.bleeding_reduction", {{"moment.moment_bias=1e-5"}, "moment.bleeding_reduction=0.2", lookup}},
+  };
+  return table;
+}
+const std::map<std::string, std::string>& shadowElsewhere() {
+  static const std::map<std::string, std::string> table{
+      {"exponential.device", "another numeric class: ExponentialShadowScene.OnlyWhatChangedIsANewNode"},
+  };
+  return table;
+}
+
+TEST(Rerun, EveryShadowMapFieldHasARow) {
+  std::set<std::string> fields;
+  const auto collect = [&](const std::string& prefix, const google::protobuf::Descriptor* d) {
+    for (int i = 0; i < d->field_count(); ++i) fields.insert(prefix + "." + d->field(i)->name());
+  };
+  collect("map", v1::ShadowMapSettings::descriptor());
+  for (const ShadowTechniqueEntry& e : shadowTechniques())
+    if (e.usesMap) {
+      const auto* field = v1::ShadowTechnique::descriptor()->FindFieldByNumber(int(e.key));
+      collect(field->name(), field->message_type());
+    }
+  for (const std::string& f : fields) EXPECT_TRUE(shadowRows().count(f) || shadowElsewhere().count(f)) << f << " has no row";
+  for (const auto& [f, row] : shadowRows()) EXPECT_TRUE(fields.count(f)) << f << " is not a field of a map technique any more";
+}
+
+TEST(Rerun, EachShadowMapFieldReRunsOnlyWhatLiesBehindIt) {
+  for (const auto& [field, row] : shadowRows()) {
+    const auto engine = makeEngine();
+    v1::RenderRequest r = baseRequest();
+    r.mutable_lights()->at("spot").clear_shadow();
+    set(r, "lights.spot.shadow.map.resolution=160");
+    set(r, "camera.yfov_deg=12");   // sees less than the room: the camera's fit is another window
+    for (const std::string& e : row.before) set(r, "lights.spot.shadow." + e);
+    const Labels first = ran(mustRender(*engine, r));
+    EXPECT_TRUE(first.count("light_depth_map:spot")) << field;
+    set(r, "lights.spot.shadow." + row.edit);
+    EXPECT_EQ(text(ran(mustRender(*engine, r))), text(row.expected)) << field;
+  }
+}
+
 TEST(Rerun, EachSceneFacetReRunsExactlyWhatReadsIt) {
   const auto edit = [](const std::function<void(v1::PatchSceneRequest&, const v1::SceneInfo&)>& fill) {
     const auto engine = makeEngine();
@@ -229,6 +305,7 @@ TEST(Rerun, EnvironmentAsAreaLights) {
   set(r, "environment.sky.turbidity=3");
   set(r, "environment.area_lights=3");
   set(r, "shadows.ray_traced.samples=4");
+  set(r, "lights.light.shadow.path_traced=");
   const Labels first = ran(mustRender(*engine, r));
   for (const char* node : {"area_lights", "visibility:environment/2", "unoccluded:environment/2", "ambient:environment", "direct:environment"}) EXPECT_TRUE(first.count(node)) << node;
   set(r, "environment.gain=2,2,2");

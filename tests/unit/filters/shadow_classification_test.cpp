@@ -51,7 +51,7 @@ float deepest(const Vec3& p, int blur) {
 TEST(ShadowClassification, ZMaxMissesNothing) {
   const TermPtr depth = depthMap(kSize, blobs);
   const auto points = somewhere(20000);
-  for (int blur : {0, 1, 2, 3, 9})
+  for (int blur : {0, 1, 2, 3, 9, 20})
     for (float epsilon : {0.0f, 0.05f, 1.0f}) {
       const float c = 80;
       const Marked m = classify(depth, receivers(points), c, blur, Exponential::Z_MAX, epsilon);
@@ -65,8 +65,8 @@ TEST(ShadowClassification, ZMaxMissesNothing) {
       }
       EXPECT_EQ(found, violated) << "recall below 1 at blur " << blur;
       EXPECT_GT(violated, 1000);
-      // Precision: the pyramid's level is up to two texels wider on either side than the kernel.
-      EXPECT_GT(double(violated) / flagged, 0.8) << blur;
+      // Precision: a texel more on an axis where the receiver is at a texel's centre. Kernels above 1024 texels take the pyramid's word.
+      EXPECT_GT(double(violated) / flagged, blur == 20 ? 0.9 : 0.999) << blur;
     }
 }
 
@@ -158,6 +158,41 @@ TEST(ShadowClassification, FlaggedPixelsAreComparedAndOthersAreNot) {
           const auto plain = visibility(depth, makeExponentialBasis(c, c > 80), blur, points);
           for (size_t i = 0; i < points.size(); ++i) ASSERT_EQ(m.V[i], m.flags[i] == 1.0f ? same[i] : plain[i]) << how << " " << blur << " " << i;
         }
+}
+
+TEST(ShadowClassification, LitSlantedPlanesAreNoFailures) {
+  // Under a kernel of 7 texels this slope overshoots by x^2 / 2 = 0.6 (6.4): a bare threshold of 1.05 would flag the whole plane, a Z-Max without
+  // the plane's own span too, and one read from the pyramid alone in stripes. A hole in it is a failure for both, where the kernel sees it.
+  const int size = 64, blur = 3;
+  const float m = 0.008f;
+  for (const auto how : {Exponential::Z_MAX, Exponential::THRESHOLD}) {
+    std::vector<Vec3> points;
+    for (int i = 0; i < 4000; ++i) {
+      const float x = 0.1f + 0.8f * random01(67, uint64_t(i)), y = 0.1f + 0.8f * random01(68, uint64_t(i));
+      points.push_back({x, y, 0.2f + m * (x * size - 0.5f)});
+    }
+    const ShadowBasisPtr basis = makeExponentialBasis(80, false);
+    ShadowLookup l = unitLookup(size, blur);
+    l.map.slopeBias = 1.0f;
+    l.classification = how;
+    const TermPtr g = receivers(points, glm::normalize(Vec3(m * size, 0, -1)));
+    for (bool hole : {false, true}) {
+      const TermPtr depth = depthMap(size, [&](int x, int y) { return hole && std::abs(x - 40) < 2 && std::abs(y - 20) < 2 ? 1.0f : 0.2f + m * float(x); });
+      const auto flags = values(lookupBasis(g, encodeBasis(depth, basis, blur), basis, l, depthBounds(depth)), "flags");
+      int flagged = 0, near = 0, far = 0;
+      for (size_t i = 0; i < points.size(); ++i) {
+        const float x = points[i].x * size - 40.5f, y = points[i].y * size - 20.5f;
+        flagged += flags[i] == 1.0f;
+        if (std::max(std::fabs(x), std::fabs(y)) < 1.0f) near += flags[i] == 0.0f;
+        if (std::max(std::fabs(x), std::fabs(y)) > float(blur) + 3.0f) far += flags[i] == 1.0f;
+      }
+      EXPECT_EQ(far, 0) << how;
+      EXPECT_EQ(flagged > 0, hole) << how;
+      if (hole) {
+        EXPECT_EQ(near, 0) << how;
+      }
+    }
+  }
 }
 
 TEST(ShadowClassification, LeakBehindABlockersEdgeIsRepaired) {

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Filter: percentage-closer soft shadows (Fernando 2005). `dense` reads every texel of both kernels and is what the pre-filtered techniques
+// approximate; otherwise kernels of many more texels than taps are read at taps, smaller ones are dense all the same (blocker_search.h).
+#include <algorithm>
+
+#include "filters/soft_shadow/blocker_search.h"
+#include "formulas/soft_shadow.glsl.h"
+
+namespace gobo {
+
+using namespace formulas;
+
+namespace {
+
+class PercentageCloserSoftNode : public Node {
+ public:
+  explicit PercentageCloserSoftNode(const PercentageCloserSoftLookup& l) : l_(l), search_(l.dense ? 0 : l.searchTaps), filter_(l.dense ? 0 : l.filterTaps) {}
+  std::string type() const override { return "percentage_closer_soft"; }
+  NodeTraits traits() const override { return {}; }
+  void hashParameters(Hasher& h) const override {
+    l_.hash(h);
+    h.add(l_.dense);
+    if (!l_.dense) h.add(l_.searchTaps).add(l_.filterTaps);
+  }
+  size_t outputBytes() const override { return l_.view.viewSamples * 4; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const Term& gbuffer = *ctx.inputs.at(0);
+    const DepthBounds bounds(*ctx.inputs.at(1), l_.map.resolution);
+    const SoftReceivers receivers(gbuffer, l_, false);
+    auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
+    const std::span<float> V = term->addPlane<float>("V");
+    const bool done = ctx.arena->parallelFor(V.size(), 4096, [&](size_t begin, size_t end) {
+      auto w = std::make_unique<Work>(l_.map.resolution);
+      for (size_t first = begin; first < end; first += SoftBlock::kSize)
+        block(receivers, bounds, first, int(std::min<size_t>(SoftBlock::kSize, end - first)), &V[first], *w);
+    }, ctx.stop);
+    if (!done) return Status(Code::Cancelled, type() + " stopped");
+    return TermPtr(term);
+  }
+
+ private:
+  using Work = BlockerSearch::Work;
+  void block(const SoftReceivers& receivers, const DepthBounds& bounds, size_t first, int count, float* V, Work& w) const {
+    search_.run(receivers, bounds, first, count, l_.skip, V, w);
+    softSums(SoftAsk::Share, bounds, filter_, first, w, [&](int i) { return receivers.box(w.b, i, w.wx[i], w.wy[i]); });
+    for (int k = 0; k < w.count; ++k) {
+      const int i = w.open[k];
+      // A sum of every weight is 1, however it rounds: an umbra is dark whether bounds or texels say so.
+      V[i] = w.blocked[i] > 1.0f - 4e-6f ? 0.0f : softVisibility(w.blocked[i], w.b.above[i]);
+    }
+  }
+
+  PercentageCloserSoftLookup l_;
+  BlockerSearch search_;
+  SoftPattern filter_;
+};
+
+}  // namespace
+
+NodePtr makePercentageCloserSoftNode(const PercentageCloserSoftLookup& lookup) { return std::make_shared<PercentageCloserSoftNode>(lookup); }
+
+}  // namespace gobo

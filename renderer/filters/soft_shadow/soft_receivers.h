@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// SoftReceivers: view samples as soft lookups see them: place in the map, the plane they lie on, how wide the light is from there.
+#pragma once
+
+#include "filters/shadow_map/depth_bounds.h"
+#include "filters/shadow_map/receivers.h"
+#include "filters/soft_shadow/soft_shadow.h"
+
+namespace gobo {
+
+/// A box on one map face in texel edges (texel i is [i, i + 1]), inside [0, resolution].
+struct SoftBox {
+  float x0, x1, y0, y1;
+  float area() const { return (x1 - x0) * (y1 - y0); }
+};
+
+struct SoftBlock {
+  static constexpr int kSize = ReceiverBlock::kSize;
+  ReceiverBlock at;                               ///< x, y, d, face, slopes
+  float limit[kSize];                             ///< d less the bias: what lies at or behind it blocks nothing
+  float metric[kSize];                            ///< planar depth, metres
+  float scaleX[kSize], scaleY[kSize];             ///< texels per unit of softWidth(metric, z, 1)
+  float a[kSize], ax[kSize], ay[kSize];           ///< softHeight
+  float b[kSize], bx[kSize], by[kSize];
+  float margin[kSize];                            ///< height from which texels count as above the plane
+  float near[kSize], range[kSize];                ///< metric depth of linear depth z: near + z range
+  bool perspective;
+  float above[kSize];                             ///< share of the light above the receiver's plane
+  int active[kSize];                              ///< receivers whose V is not known from their position alone
+  int activeCount;
+};
+
+class SoftReceivers {
+ public:
+  SoftReceivers(const Term& gbuffer, const SoftLookup& lookup, bool slopes);
+  size_t size() const { return receivers_.size(); }
+  /// Fills block and, for receivers that it already decides, V.
+  void fill(size_t begin, int count, SoftBlock& block, float* V) const;
+
+  bool perspective() const { return perspective_; }
+  float metric(int face, float z) const { return receivers_.metric(face, z); }
+  /// Widths in texels, at least one, of the kernel of receiver i cut at metric depth z.
+  void width(const SoftBlock& b, int i, float z, float& wx, float& wy) const;
+  SoftBox box(const SoftBlock& b, int i, float wx, float wy) const;
+
+ private:
+  void planes(size_t begin, int count, SoftBlock& block, float* V) const;
+  Receivers receivers_;
+  std::span<const float> P_, N_, Ng_;
+  LightFrames frames_;
+  SoftLight light_;
+  float resolution_, bias_;
+  bool perspective_;
+};
+
+/// Where anything could come between receiver i and the light.
+struct SoftSearch {
+  enum Verdict { Mixed, Lit, Dark } verdict = Mixed;
+  float wx = 1, wy = 1;   ///< widths, texels
+  SoftBox box;
+  float lo = 0, hi = 1;   ///< bounds of the depths in it, or wider
+  float plane = 0;        ///< metric depth at which the cone was cut
+};
+/// Cuts the cone at the smallest depth found in it, again and again (digest 7.4: start at z-min), and asks the bounds.
+SoftSearch softSearch(const SoftReceivers& receivers, const DepthBounds& bounds, const SoftBlock& b, int i);
+/// What the bounds say of a box of texels: depths in [lo, hi] all blocking, none blocking, or neither.
+SoftSearch::Verdict softVerdict(const SoftBlock& b, int i, const SoftBox& box, float lo, float hi);
+
+}  // namespace gobo

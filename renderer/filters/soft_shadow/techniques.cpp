@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/soft_shadow/techniques.h"
+
+#include "filters/parameter.h"
+#include "filters/shadow_map/techniques.h"
+#include "filters/soft_shadow/moment_sums.h"
+
+namespace gobo {
+namespace {
+
+using Settings = v1::ShadowMapSettings;
+
+Status checkRange(const std::string& field, double value, double low, double high) {
+  if (value >= low && value <= high) return {};
+  return invalidArgument("shadows." + field + " = " + std::to_string(value) + ": must be in " + std::to_string(low) + " .. " + std::to_string(high), "shadows." + field);
+}
+
+NodeId addFilter(Graph& graph, NodePtr node, std::vector<NodeId> inputs, const std::string& what, const ShadowInput& input) {
+  GraphNode n;
+  n.node = std::move(node);
+  n.inputs = std::move(inputs);
+  n.label = what + ":" + input.scene->lights[size_t(input.light)].name;
+  return graph.add(std::move(n));
+}
+
+SoftLight softLight(const LightShape& l, const Vec2& angularSize) {
+  SoftLight s;
+  const float square = std::sqrt(kPi) * l.radius;   // side of the square of a disk's area
+  switch (l.kind) {
+    case LightKind::Rect:
+      s.half = Vec2(glm::length(l.u), glm::length(l.v));
+      s.size = 2.0f * s.half;
+      break;
+    case LightKind::Disk: case LightKind::Sphere:
+      s.half = Vec2(l.radius);
+      s.size = Vec2(square);
+      s.shape = l.kind == LightKind::Disk ? SoftLight::Disk : SoftLight::Sphere;
+      break;
+    default:
+      s.size = angularSize;
+      s.half = 0.5f * angularSize;
+  }
+  return s;
+}
+
+struct Planned { PlannedShadowMap map; NodeId bounds = -1; };
+
+/// The depth map, its bounds and what all lookups share.
+Result<Planned> planMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, SoftLookup& l) {
+  const Light& light = input.scene->lights.at(size_t(input.light));
+  if (!softShadowSupports(light.shape.kind))
+    return invalidArgument("light '" + light.name + "' has no width: soft shadow maps are made for rectangles, disks, spheres and distant lights", "shadows");
+  if (!isFinite(light.shape.u) || !isFinite(light.shape.v) || !std::isfinite(light.shape.radius) || !(input.angularSize.x >= 0.0f) || !(input.angularSize.y >= 0.0f) ||
+      !std::isfinite(input.angularSize.x) || !std::isfinite(input.angularSize.y))
+    return invalidArgument("light '" + light.name + "': its size is not finite", "shadows");
+  Planned p;
+  GOBO_ASSIGN(p.map, planShadowMap(graph, input, technique, 1));
+  p.bounds = planDepthBounds(graph, input, p.map);
+  l.frames = p.map.frames;
+  l.map = p.map.map;
+  l.view = p.map.view;
+  l.light = softLight(light.shape, input.angularSize);
+  return p;
+}
+
+Status checkBytes(const PlannedShadowMap& p, double bytesPerTexel) {
+  const double bytes = double(p.map.resolution) * p.map.resolution * p.frames.count * bytesPerTexel;
+  if (bytes <= 4.0 * (1ull << 30)) return {};
+  return Status(Code::ResourceExhausted, "shadows.map.resolution = " + std::to_string(p.map.resolution) + ": this technique's images of " + std::to_string(p.frames.count) +
+                                             " map faces take " + std::to_string(int64_t(bytes / (1 << 20))) + " MiB; at most 4096 MiB", "shadows.map.resolution");
+}
+
+}  // namespace
+
+bool softShadowSupports(LightKind kind) {
+  return kind == LightKind::Rect || kind == LightKind::Disk || kind == LightKind::Sphere || kind == LightKind::Directional;
+}
+
+Result<NodeId> planPercentageCloserSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
+  const v1::PercentageCloserSoftShadow& m = technique.percentage_closer_soft();
+  PercentageCloserSoftLookup l;
+  l.searchTaps = int(numberParameter(m, "search_taps"));
+  l.filterTaps = int(numberParameter(m, "filter_taps"));
+  l.dense = m.dense();
+  l.skip = boolParameter(m, "skip");
+  GOBO_TRY(checkRange("percentage_closer_soft.search_taps", l.searchTaps, 1, 1024));
+  GOBO_TRY(checkRange("percentage_closer_soft.filter_taps", l.filterTaps, 1, 1024));
+  GOBO_ASSIGN(const Planned p, planMap(graph, input, technique, l));
+  return addFilter(graph, makePercentageCloserSoftNode(l), {input.gbuffer, p.bounds}, "visibility", input);
+}
+
+Result<NodeId> planConvolutionSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
+  const v1::ConvolutionSoftShadow& m = technique.convolution_soft();
+  ConvolutionSoftLookup l;
+  l.order = int(numberParameter(m, "order"));
+  l.correction = m.correction() == v1::ConvolutionShadow::CORRECTION_UNSPECIFIED ? v1::ConvolutionShadow::SHIFTED_SCALING : m.correction();
+  l.search = m.search() == v1::ConvolutionSoftShadow::SEARCH_UNSPECIFIED ? v1::ConvolutionSoftShadow::Z_MIN : m.search();
+  l.sharpening = float(numberParameter(m, "sharpening"));
+  l.sharpeningExtent = float(numberParameter(m, "sharpening_extent"));
+  GOBO_TRY(checkRange("convolution_soft.order", l.order, 1, 32));
+  GOBO_TRY(checkRange("convolution_soft.sharpening", l.sharpening, 0, 100));
+  GOBO_TRY(checkRange("convolution_soft.sharpening_extent", l.sharpeningExtent, 0, 10000));
+  GOBO_ASSIGN(const Planned p, planMap(graph, input, technique, l));
+  if (l.map.lookup == Settings::ANISOTROPIC)
+    return invalidArgument("shadows.map.lookup = ANISOTROPIC: soft shadows read SUMMED_AREA boxes or a TRILINEAR chain at the penumbra's width", "shadows.map.lookup");
+  const bool mips = l.map.lookup == Settings::TRILINEAR;
+  GOBO_TRY(checkBytes(p.map, 4.0 * (4 * l.order + 1) * (mips ? 7.0 / 3.0 : 2.004)));
+  const ShadowBasisPtr basis = makeConvolutionSoftBasis(l.order);
+  const int resolution = l.map.resolution, faces = l.frames.count;
+  NodeId map = addFilter(graph, makeShadowEncodeNode(basis, 0, resolution, faces, false), {p.map.depth}, "convolution_soft_map", input);
+  if (mips) map = addFilter(graph, makeShadowMipmapNode(basis, resolution, faces, false), {map}, "shadow_mipmap", input);
+  else map = addFilter(graph, makeShadowSummedAreaNode(basis, resolution, faces), {map}, "shadow_summed_area", input);
+  return addFilter(graph, makeConvolutionSoftNode(l), {input.gbuffer, p.bounds, map}, "visibility", input);
+}
+
+Result<NodeId> planVarianceSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
+  const v1::VarianceSoftShadow& m = technique.variance_soft();
+  VarianceSoftLookup l;
+  l.minVariance = float(numberParameter(m, "min_variance"));
+  l.subdivide = boolParameter(m, "subdivide");
+  GOBO_TRY(checkRange("variance_soft.min_variance", l.minVariance, 0, 1));
+  GOBO_ASSIGN(const Planned p, planMap(graph, input, technique, l));
+  GOBO_TRY(checkBytes(p.map, 16));
+  const NodeId sums = addFilter(graph, makeMomentSumsNode(l.map.resolution, l.frames.count), {p.map.depth}, "shadow_moment_sums", input);
+  return addFilter(graph, makeVarianceSoftNode(l), {input.gbuffer, p.bounds, sums}, "visibility", input);
+}
+
+Result<NodeId> planExponentialVarianceSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
+  const v1::ExponentialVarianceSoftShadow& m = technique.exponential_variance_soft();
+  ExponentialVarianceSoftLookup l;
+  l.searchTaps = int(numberParameter(m, "search_taps"));
+  l.cPositive = float(numberParameter(m, "c_positive"));
+  l.cNegative = float(numberParameter(m, "c_negative"));
+  l.bleedingReduction = float(numberParameter(m, "bleeding_reduction"));
+  GOBO_TRY(checkRange("exponential_variance_soft.search_taps", l.searchTaps, 1, 1024));
+  GOBO_TRY(checkRange("exponential_variance_soft.c_positive", l.cPositive, 0.1, 42));
+  GOBO_TRY(checkRange("exponential_variance_soft.c_negative", l.cNegative, 0.1, 42));
+  GOBO_TRY(checkRange("exponential_variance_soft.bleeding_reduction", l.bleedingReduction, 0, 0.99));
+  GOBO_ASSIGN(const Planned p, planMap(graph, input, technique, l));
+  GOBO_TRY(checkBytes(p.map, 16 * 7.0 / 3.0));
+  const ShadowBasisPtr basis = makeExponentialVarianceBasis(l.cPositive, l.cNegative, 1e-7f, l.bleedingReduction);
+  const NodeId map = addFilter(graph, makeShadowEncodeNode(basis, 0, l.map.resolution, l.frames.count, false), {p.map.depth}, "exponential_variance_soft_map", input);
+  const NodeId chain = addFilter(graph, makeShadowMipmapNode(basis, l.map.resolution, l.frames.count, false), {map}, "shadow_mipmap", input);
+  return addFilter(graph, makeExponentialVarianceSoftNode(l), {input.gbuffer, p.bounds, chain}, "visibility", input);
+}
+
+}  // namespace gobo
