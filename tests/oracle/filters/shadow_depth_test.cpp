@@ -298,6 +298,8 @@ TEST(ShadowDepth, WallsSeenEdgeOnKeepTheirDepths) {
     Mesh leaning = tests::quad(Vec3(0, 2, -1), Vec3(lean, 6, 0), Vec3(0, 0, -30));
     s.instance(s.mesh(leaning, grey), tests::translate(Vec3(x + 1.0f, 0, 0)));
   }
+  for (float x : {4.5f, 6.5f})   // half a millionth of a texel beside a centre, leaning away by as much: carried on to the centre, its depth would be -0.4
+    s.instance(s.mesh(tests::quad(Vec3(x + std::ldexp(1.0f, -20), 2, -1), Vec3(-std::ldexp(1.0f, -21), 6, 0), Vec3(0, 0, -30)), grey));
   s.camera(Vec3(0, 20, 30), Vec3(0.0f), 0.8f);
   const ScenePtr scene = s.finish();
   for (bool perspective : {false, true}) {
