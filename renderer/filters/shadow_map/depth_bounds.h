@@ -3,6 +3,8 @@
 // exponential maps (thesis 7.3.1) and the hierarchical z-buffer (Greene 1993) are the same thing.
 #pragma once
 
+#include <algorithm>
+#include <bit>
 #include <span>
 
 #include "filters/shadow_map/shadow_map.h"
@@ -29,7 +31,7 @@ class DepthBounds {
   /// Bounds over texels [x0, x1] x [y0, y1] (inside the map), from the finest level at which they span at most two texels a side: never
   /// narrower than the truth.
   void range(int face, int x0, int y0, int x1, int y1, float& lo, float& hi) const {
-    int level = 0;
+    int level = std::max(int(std::bit_width(unsigned(std::max(x1 - x0, y1 - y0)))) - 1, 0);   // one finer spans three at least
     while ((x1 >> level) - (x0 >> level) > 1 || (y1 >> level) - (y0 >> level) > 1) ++level;
     const float* base = texels_ + size_t(face) * faceTexels_;
     const float *low = base + lo_[level], *high = base + hi_[level];

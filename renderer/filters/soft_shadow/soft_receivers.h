@@ -5,6 +5,7 @@
 #include "filters/shadow_map/depth_bounds.h"
 #include "filters/shadow_map/receivers.h"
 #include "filters/soft_shadow/soft_shadow.h"
+#include "formulas/soft_shadow.glsl.h"
 
 namespace gobo {
 
@@ -40,8 +41,15 @@ class SoftReceivers {
   bool perspective() const { return perspective_; }
   float metric(int face, float z) const { return receivers_.metric(face, z); }
   /// Widths in texels, at least one, of the kernel of receiver i cut at metric depth z.
-  void width(const SoftBlock& b, int i, float z, float& wx, float& wy) const;
-  SoftBox box(const SoftBlock& b, int i, float wx, float wy) const;
+  void width(const SoftBlock& b, int i, float z, float& wx, float& wy) const {
+    const float w = formulas::softWidth(b.metric[i], z, 1.0f, perspective_);
+    wx = formulas::limit(w * b.scaleX[i], 1.0f, 2.0f * resolution_);   // twice the map covers it from wherever the receiver is
+    wy = formulas::limit(w * b.scaleY[i], 1.0f, 2.0f * resolution_);
+  }
+  SoftBox box(const SoftBlock& b, int i, float wx, float wy) const {
+    const float x = b.at.x[i] + 0.5f, y = b.at.y[i] + 0.5f;
+    return {std::max(x - 0.5f * wx, 0.0f), std::min(x + 0.5f * wx, resolution_), std::max(y - 0.5f * wy, 0.0f), std::min(y + 0.5f * wy, resolution_)};
+  }
 
  private:
   void planes(size_t begin, int count, SoftBlock& block, float* V) const;

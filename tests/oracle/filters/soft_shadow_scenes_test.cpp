@@ -71,8 +71,8 @@ std::vector<Named> techniques(uint32_t resolution) {
     m->set_search_taps(16);
     m->set_filter_taps(16);
   }
+  add("convolution 4, shifted").mutable_convolution_soft();
   for (uint32_t order : {4, 8, 16}) {
-    add(order == 4 ? "convolution 4, shifted" : order == 8 ? "convolution 8, shifted" : "convolution 16, shifted").mutable_convolution_soft()->set_order(order);
     auto* m = add(order == 4 ? "convolution 4, offset" : order == 8 ? "convolution 8, offset" : "convolution 16, offset").mutable_convolution_soft();
     m->set_order(order);
     m->set_correction(v1::ConvolutionShadow::OFFSET);
@@ -108,12 +108,12 @@ Errors errors(const TermPtr& V, const TermPtr& truth, const Term& g) {
 }
 
 /// Loose bounds: largest error of the dense oracle, and how much more than it others may have.
-void compare(Stage& s, const char* name, double floorBound, double others) {
+void compare(Stage& s, const char* name, double floorBound, double others, uint32_t resolution = 512) {
   v1::ShadowTechnique rays;
   rays.mutable_ray_traced()->set_samples(512);
   const TermPtr truth = s.visibility(rays);
   double floor = 0;
-  for (const Named& t : techniques(512)) {
+  for (const Named& t : techniques(resolution)) {
     const TermPtr V = s.visibility(t.technique);
     for (float x : V->floats("V")) ASSERT_TRUE(x >= 0 && x <= 1) << t.name;
     const Errors e = errors(V, truth, *s.terms[size_t(s.gbuffer)]);
@@ -123,7 +123,7 @@ void compare(Stage& s, const char* name, double floorBound, double others) {
       EXPECT_LT(e.all, floorBound) << name;
     }
     const std::string_view n = t.name;
-    const bool near = n == "dense" || n.starts_with("taps") || n.starts_with("convolution 16");
+    const bool near = n == "dense" || n.starts_with("taps");
     EXPECT_LT(e.all, near ? 1.5 * floor + 0.01 : others * floor + 0.02) << name << ", " << t.name;
   }
 }
@@ -176,7 +176,7 @@ TEST(SoftShadowScenes, SphereInTheMiddleOfSpheres) {
   sphere.radius = 0.6f;
   s.scene = withLight("spheres", sphere);
   s.camera = s.scene->cameras[0].name;
-  compare(s, "spheres", 0.13, 4.5);
+  compare(s, "spheres", 0.15, 4.5, 256);   // six faces
 }
 
 }  // namespace

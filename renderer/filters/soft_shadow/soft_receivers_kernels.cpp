@@ -83,17 +83,6 @@ void SoftReceivers::planes(size_t begin, int count, SoftBlock& b, float* V) cons
   }
 }
 
-void SoftReceivers::width(const SoftBlock& b, int i, float z, float& wx, float& wy) const {
-  const float w = softWidth(b.metric[i], z, 1.0f, perspective_);
-  wx = formulas::limit(w * b.scaleX[i], 1.0f, 2.0f * resolution_);   // twice the map covers it from wherever the receiver is
-  wy = formulas::limit(w * b.scaleY[i], 1.0f, 2.0f * resolution_);
-}
-
-SoftBox SoftReceivers::box(const SoftBlock& b, int i, float wx, float wy) const {
-  const float x = b.at.x[i] + 0.5f, y = b.at.y[i] + 0.5f;
-  return {std::max(x - 0.5f * wx, 0.0f), std::min(x + 0.5f * wx, resolution_), std::max(y - 0.5f * wy, 0.0f), std::min(y + 0.5f * wy, resolution_)};
-}
-
 SoftSearch::Verdict softVerdict(const SoftBlock& b, int i, const SoftBox& box, float lo, float hi) {
   if (lo >= b.limit[i]) return SoftSearch::Lit;
   // Centres of the texels that the box touches; heights are linear in each of x, y and z: extremes lie at corners.
@@ -124,12 +113,12 @@ SoftSearch softSearch(const SoftReceivers& receivers, const DepthBounds& bounds,
   s.plane = receivers.metric(face, 0.0f);
   receivers.width(b, i, s.plane, s.wx, s.wy);
   measure();
-  for (int step = 0; step < 6; ++step) {   // each cut can only move away from the light: whatever is nearer lies outside the cone
+  for (int step = 0; step < 4; ++step) {   // each cut can only move away from the light: whatever is nearer lies outside the cone
     const float plane = receivers.metric(face, s.lo);
     if (!(plane > s.plane) || s.wx + s.wy <= 2.0f) break;
     float wx, wy;
     receivers.width(b, i, plane, wx, wy);
-    const bool settled = wx + wy > 0.9f * (s.wx + s.wy);
+    const bool settled = wx + wy > 0.8f * (s.wx + s.wy);
     s.plane = plane;
     s.wx = wx;
     s.wy = wy;
