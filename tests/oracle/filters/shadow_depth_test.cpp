@@ -327,7 +327,8 @@ TEST(ShadowDepth, TrianglesWithoutAreaHideNothing) {
   for (bool perspective : {false, true}) {
     Mesh m = tests::quad(Vec3(-100, 1, 100), Vec3(200, 0, 0), Vec3(0, 0, -200));
     m.uv[0].clear();
-    for (const Vec3& p : {Vec3(4.5f, 5, -4.5f), Vec3(4.5f, 5, -4.5f), Vec3(4.5f, 5, -4.5f), Vec3(9.5f, 4, -1.5f), Vec3(9.5f, 5, -1.5f), Vec3(9.5f, 4, -1.5f)}) m.positions.push_back(p);
+    for (int k = 0; k < 3; ++k) m.positions.push_back(Vec3(4.5f, 5, -4.5f));
+    for (float y : {4.0f, 5.0f, 4.0f}) m.positions.push_back(Vec3(9.5f, y, -1.5f));
     for (uint32_t i : {4, 5, 6, 7, 8, 9}) m.indices.push_back(i);
     LightFrames frames = graphPaper(kSide);
     LightFrame& f = frames.face[0];
