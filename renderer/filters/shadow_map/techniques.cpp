@@ -143,7 +143,7 @@ Result<NodeId> planPercentageCloser(Graph& graph, const ShadowInput& input, cons
   GOBO_TRY(checkRange("percentage_closer.taps", taps, 1, 16));
   const auto pattern = m.pattern() == v1::PercentageCloserShadow::PATTERN_UNSPECIFIED ? v1::PercentageCloserShadow::REGULAR : m.pattern();
   const int blur = int(numberParameter(technique.map(), "blur"));
-  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, pattern == v1::PercentageCloserShadow::GAUSSIAN ? blur + 1 : pattern == v1::PercentageCloserShadow::FOOTPRINT ? 9 : taps / 2 + 1));
+  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, pattern == v1::PercentageCloserShadow::GAUSSIAN ? blur + 1 : pattern == v1::PercentageCloserShadow::FOOTPRINT ? 9 : pattern == v1::PercentageCloserShadow::POISSON ? taps / 2 + 1 : (taps + 1) / 2));
   PercentageCloserLookup l{p.frames, p.map, p.view};
   l.pattern = pattern;
   l.taps = taps;

@@ -300,6 +300,7 @@ TEST(BlurredDepth, StaysBinaryWherePercentageCloserDoesNot) {
     l.frames.face[0].hi = Vec2(1.0f);
     l.map.resolution = kSide;
     l.map.blur = kRadius;
+    l.pattern = v1::PercentageCloserShadow::GAUSSIAN;
     l.hard = hard;
     const TaskArena arena(1);
     RunContext ctx;

@@ -187,9 +187,10 @@ TEST(Rerun, FilterParameters) {
 }
 
 // Shadow maps: what a slider re-runs, by field of the message. `before` is set first; the edit is then the only change.
-struct ShadowRow { std::vector<std::string> before; std::string edit; Labels expected; };
+struct ShadowRow { std::vector<std::string> before; std::string edit; Labels expected; std::string light = "spot"; };
 const std::map<std::string, ShadowRow>& shadowRows() {
   static const Labels lookup{"visibility:spot", "direct:spot", "beauty"};
+  static const Labels soft{"visibility:key", "direct:key", "beauty"}, softMap{"exponential_variance_soft_map:key", "shadow_mipmap:key"};
   static const Labels depth{"light_depth_map:spot"}, bounds{"depth_bounds:spot"};
   static const auto basis = [](const char* name) { return lookup + Labels{std::string(name) + "_map:spot"}; };
   static const std::map<std::string, ShadowRow> table{
@@ -201,8 +202,8 @@ const std::map<std::string, ShadowRow>& shadowRows() {
       {"map.lookup", {{"exponential.c=60"}, "map.lookup=TRILINEAR", lookup + Labels{"shadow_mipmap:spot"}}},
       {"map.anisotropy", {{"exponential.c=60", "map.lookup=ANISOTROPIC"}, "map.anisotropy=4", lookup}},
       {"percentage_closer.taps", {{"percentage_closer.pattern=REGULAR"}, "percentage_closer.taps=8", lookup}},
-      {"percentage_closer.pattern", {{"percentage_closer.taps=4"}, "percentage_closer.pattern=POISSON", lookup}},
-      {"percentage_closer.skip", {{"percentage_closer.taps=4"}, "percentage_closer.skip=false", {}}},   // the result is the same
+      {"percentage_closer.pattern", {{"percentage_closer.taps=4"}, "percentage_closer.pattern=POISSON", lookup + bounds}},
+      {"percentage_closer.skip", {{"percentage_closer.taps=12"}, "percentage_closer.skip=false", lookup}},   // without the pyramid: the same bits
       {"variance.bleeding_reduction", {{"variance.min_variance=1e-6"}, "variance.bleeding_reduction=0.4", lookup}},
       {"variance.min_variance", {{"variance.bleeding_reduction=0.1"}, "variance.min_variance=1e-5", lookup}},
       {"convolution.order", {{"convolution.attenuation=0"}, "convolution.order=8", basis("convolution")}},
@@ -219,6 +220,21 @@ const std::map<std::string, ShadowRow>& shadowRows() {
       {"exponential_variance.bleeding_reduction", {{"exponential_variance.c_positive=20"}, "exponential_variance.bleeding_reduction=0.3", lookup}},
       {"exponential_variance.min_variance", {{"exponential_variance.c_positive=20"}, "exponential_variance.min_variance=1e-4", lookup}},
       {"moment.moment_bias", {{"moment.bleeding_reduction=0.1"}, "moment.moment_bias=1e-4", lookup}},
+      {"percentage_closer_soft.search_taps", {{"percentage_closer_soft.filter_taps=32"}, "percentage_closer_soft.search_taps=9", soft, "key"}},
+      {"percentage_closer_soft.filter_taps", {{"percentage_closer_soft.search_taps=9"}, "percentage_closer_soft.filter_taps=32", soft, "key"}},
+      {"percentage_closer_soft.dense", {{"percentage_closer_soft.search_taps=9"}, "percentage_closer_soft.dense=true", soft, "key"}},
+      {"percentage_closer_soft.skip", {{"percentage_closer_soft.search_taps=9"}, "percentage_closer_soft.skip=false", {}, "key"}},   // the result is the same
+      {"convolution_soft.order", {{"convolution_soft.sharpening=0"}, "convolution_soft.order=2", soft + Labels{"convolution_soft_map:key", "shadow_summed_area:key"}, "key"}},
+      {"convolution_soft.correction", {{"convolution_soft.order=2"}, "convolution_soft.correction=OFFSET", soft, "key"}},
+      {"convolution_soft.sharpening", {{"convolution_soft.order=2"}, "convolution_soft.sharpening=10", soft, "key"}},
+      {"convolution_soft.sharpening_extent", {{"convolution_soft.order=2", "convolution_soft.sharpening=10"}, "convolution_soft.sharpening_extent=5", soft, "key"}},
+      {"convolution_soft.search", {{"convolution_soft.order=2"}, "convolution_soft.search=NEAR_PLANE", soft, "key"}},
+      {"variance_soft.min_variance", {{"variance_soft.subdivide=true"}, "variance_soft.min_variance=1e-5", soft, "key"}},
+      {"variance_soft.subdivide", {{"variance_soft.min_variance=1e-5"}, "variance_soft.subdivide=false", soft, "key"}},
+      {"exponential_variance_soft.search_taps", {{"exponential_variance_soft.c_positive=10"}, "exponential_variance_soft.search_taps=9", soft, "key"}},
+      {"exponential_variance_soft.c_positive", {{"exponential_variance_soft.search_taps=9"}, "exponential_variance_soft.c_positive=10", soft + softMap, "key"}},
+      {"exponential_variance_soft.c_negative", {{"exponential_variance_soft.search_taps=9"}, "exponential_variance_soft.c_negative=10", soft + softMap, "key"}},
+      {"exponential_variance_soft.bleeding_reduction", {{"exponential_variance_soft.search_taps=9"}, "exponential_variance_soft.bleeding_reduction=0.3", soft, "key"}},
       {"moment.bleeding_reduction", {{"moment.moment_bias=1e-5"}, "moment.bleeding_reduction=0.2", lookup}},
   };
   return table;
@@ -249,13 +265,14 @@ TEST(Rerun, EachShadowMapFieldReRunsOnlyWhatLiesBehindIt) {
   for (const auto& [field, row] : shadowRows()) {
     const auto engine = makeEngine();
     v1::RenderRequest r = baseRequest();
-    r.mutable_lights()->at("spot").clear_shadow();
-    set(r, "lights.spot.shadow.map.resolution=160");
+    const std::string shadow = "lights." + row.light + ".shadow.";
+    (*r.mutable_lights())[row.light].clear_shadow();
+    set(r, shadow + "map.resolution=160");
     set(r, "camera.yfov_deg=12");   // sees less than the room: the camera's fit is another window
-    for (const std::string& e : row.before) set(r, "lights.spot.shadow." + e);
+    for (const std::string& e : row.before) set(r, shadow + e);
     const Labels first = ran(mustRender(*engine, r));
-    EXPECT_TRUE(first.count("light_depth_map:spot")) << field;
-    set(r, "lights.spot.shadow." + row.edit);
+    EXPECT_TRUE(first.count("light_depth_map:" + row.light)) << field;
+    set(r, shadow + row.edit);
     EXPECT_EQ(text(ran(mustRender(*engine, r))), text(row.expected)) << field;
   }
 }

@@ -230,7 +230,7 @@ TEST(ShadowScene, EveryTechniqueAgreesWithPercentageCloserToItsOwnError) {
     return t;
   };
   v1::ShadowTechnique t = with(2);
-  t.mutable_percentage_closer();
+  t.mutable_percentage_closer()->set_pattern(v1::PercentageCloserShadow::GAUSSIAN);
   const auto exact = stage.run(planPercentageCloser, t)->floats("V");
   const auto rms = [&](Plan planner, const v1::ShadowTechnique& t) {
     const TermPtr term = stage.run(planner, t);
