@@ -65,7 +65,7 @@ void filterColumnsLogarithmic(const float* const* rows, const float* weights, in
   weightedLogarithm([=](int k) { return rows[k]; }, weights, taps, c, out, n);
 }
 void toBytes(const float* __restrict values, uint8_t* __restrict out, size_t n) {
-  for (size_t i = 0; i < n; ++i) out[i] = uint8_t(csmToByte(values[i]));
+  for (size_t i = 0; i < n; ++i) out[i] = uint8_t(int(csmToByte(values[i])));   // through int: that conversion has a vector form
 }
 
 }  // namespace gobo

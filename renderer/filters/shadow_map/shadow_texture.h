@@ -30,6 +30,7 @@ class ShadowTexture {
   const float* floats_ = nullptr;
   const uint8_t* bytes_ = nullptr;
   size_t faceTexels_ = 0;
+  MipLevel level_[16];
   int channels_ = 0, resolution_ = 0, levels_ = 1;
   float logarithmic_ = 0.0f;
 };

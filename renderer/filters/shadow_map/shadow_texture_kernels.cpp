@@ -16,6 +16,8 @@ ShadowTexture::ShadowTexture(const Term& term, int resolution, float logarithmic
   const size_t square = size_t(resolution) * size_t(resolution);
   GOBO_CHECK(faceTexels_ == square || faceTexels_ == mipTexels(resolution));
   levels_ = faceTexels_ == square ? 1 : mipLevels(resolution);
+  GOBO_CHECK(levels_ <= int(std::size(level_)));
+  for (int l = 0; l < levels_; ++l) level_[l] = mipLevel(resolution, l);
   for (const Plane& p : term.planes())
     if (p.name == "B") {
       if (p.format == Format::U8) bytes_ = p.bytes.data();
@@ -84,7 +86,7 @@ void ShadowTexture::bilinear(const ReceiverBlock& b, int count, float* out, size
 }
 
 void ShadowTexture::bilinear(int face, float x, float y, int level, float* __restrict out) const {
-  const MipLevel m = mipLevel(resolution_, level);
+  const MipLevel m = level_[level];
   const float scale = float(m.side) / float(resolution_);
   const float last = float(m.side - 1);
   const Corners c = corners(limit((x + 0.5f) * scale - 0.5f, 0.0f, last), limit((y + 0.5f) * scale - 0.5f, 0.0f, last), m.side);
