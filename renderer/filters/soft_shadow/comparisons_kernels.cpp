@@ -15,7 +15,8 @@ namespace {
 
 // One row of a box: columns' sums of weight wy over what blocks, and of its depths.
 template <SoftAsk ask>
-void row(const float* __restrict z, int n, float dx0, float limit, float margin, float a, float ax, float b, float bx, float wy, float* __restrict blocked, float* __restrict depth) {
+void row(const float* __restrict z, int n, float dx0, float limit, float margin, float a, float ax, float b, float bx, float wy,
+         float* __restrict blocked, float* __restrict depth) {
   for (int i = 0; i < n; ++i) {
     const float dx = dx0 + float(i), height = softHeight(a, ax, 0.0f, b, bx, 0.0f, dx, 0.0f, z[i]);
     const float w = wy * softBlocks(z[i], limit, height, margin);
@@ -33,8 +34,8 @@ SoftSums dense(const float* z, int side, const SoftBlock& b, int i, const SoftBo
   if (ask == SoftAsk::Blockers) std::fill_n(depth, n, 0.0f);
   for (int y = y0; y < y1; ++y) {
     const float wy = std::min(box.y1, float(y + 1)) - std::max(box.y0, float(y)), dy = float(y) - b.at.y[i];
-    row<ask>(z + size_t(y) * size_t(side) + size_t(x0), n, float(x0) - b.at.x[i], b.limit[i], b.margin[i], b.a[i] + b.ay[i] * dy, b.ax[i], b.b[i] + b.by[i] * dy, b.bx[i], wy, blocked,
-             depth);
+    row<ask>(z + size_t(y) * size_t(side) + size_t(x0), n, float(x0) - b.at.x[i], b.limit[i], b.margin[i], b.a[i] + b.ay[i] * dy, b.ax[i],
+             b.b[i] + b.by[i] * dy, b.bx[i], wy, blocked, depth);
   }
   // In a fixed order, in double.
   double share = 0, sum = 0;

@@ -113,12 +113,12 @@ SoftSearch softSearch(const SoftReceivers& receivers, const DepthBounds& bounds,
   s.plane = receivers.metric(face, 0.0f);
   receivers.width(b, i, s.plane, s.wx, s.wy);
   measure();
-  for (int step = 0; step < 4; ++step) {   // each cut can only move away from the light: whatever is nearer lies outside the cone
+  for (int step = 0; step < 6; ++step) {   // each cut can only move away from the light: whatever is nearer lies outside the cone
     const float plane = receivers.metric(face, s.lo);
     if (!(plane > s.plane) || s.wx + s.wy <= 2.0f) break;
     float wx, wy;
     receivers.width(b, i, plane, wx, wy);
-    const bool settled = wx + wy > 0.8f * (s.wx + s.wy);
+    const bool settled = wx + wy > 0.9f * (s.wx + s.wy);
     s.plane = plane;
     s.wx = wx;
     s.wy = wy;

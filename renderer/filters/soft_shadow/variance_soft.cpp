@@ -118,7 +118,8 @@ class VarianceSoftNode : public Node {
     const float* z = at.bounds.depth(b.at.face[i]);
     Blocked all;
     for (int k = 0; k < 16; ++k) {
-      const int x = std::min(int(box.x0 + (box.x1 - box.x0) * (float(k % 4) + 0.5f) * 0.25f), last), y = std::min(int(box.y0 + (box.y1 - box.y0) * (float(k / 4) + 0.5f) * 0.25f), last);
+      const int x = std::min(int(box.x0 + (box.x1 - box.x0) * (float(k % 4) + 0.5f) * 0.25f), last);
+      const int y = std::min(int(box.y0 + (box.y1 - box.y0) * (float(k / 4) + 0.5f) * 0.25f), last);
       const float depth = z[size_t(y) * size_t(last + 1) + size_t(x)];
       const float height = softHeight(b.a[i], b.ax[i], b.ay[i], b.b[i], b.bx[i], b.by[i], float(x) - b.at.x[i], float(y) - b.at.y[i], depth);
       const float w = softBlocks(depth, b.limit[i], height, b.margin[i]) * 0.0625f;

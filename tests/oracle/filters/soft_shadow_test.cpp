@@ -326,7 +326,8 @@ std::vector<Technique> techniques() {
     };
   };
   return {{"dense", comparisons(true, true)}, {"dense, no skip", comparisons(true, false)}, {"taps", comparisons(false, true)}, {"taps, no skip", comparisons(false, false)},
-          {"convolution 4", convolution(4, false, Soft::Z_MIN)}, {"convolution 16", convolution(16, false, Soft::Z_MIN)}, {"convolution 4 near", convolution(4, false, Soft::NEAR_PLANE)},
+          {"convolution 4", convolution(4, false, Soft::Z_MIN)}, {"convolution 16", convolution(16, false, Soft::Z_MIN)},
+          {"convolution 4 near", convolution(4, false, Soft::NEAR_PLANE)},
           {"convolution 4 iterated", convolution(4, false, Soft::ITERATED)}, {"convolution 4 chain", convolution(4, true, Soft::Z_MIN)}, {"variance", variance(true)},
           {"variance, whole", variance(false)}, {"exponential variance", [](const SoftCase& c, const SoftMaps& m, const TermPtr& g, int threads) {
              const auto l = c.lookup<ExponentialVarianceSoftLookup>();
@@ -468,7 +469,8 @@ TEST(MomentSums, AreExactForEveryBox) {
     double m1 = 0, m2 = 0, area = 0;
     for (int y = 0; y < 61; ++y)
       for (int x = 0; x < 61; ++x) {
-        const double w = std::max(0.0, std::min(double(b.x1), x + 1.0) - std::max(double(b.x0), double(x))) * std::max(0.0, std::min(double(b.y1), y + 1.0) - std::max(double(b.y0), double(y)));
+        const auto overlap = [](float lo, float hi, int at) { return std::max(0.0, std::min(double(hi), at + 1.0) - std::max(double(lo), double(at))); };
+        const double w = overlap(b.x0, b.x1, x) * overlap(b.y0, b.y1, y);
         const double m = double(z[size_t(y) * 61 + size_t(x)]) - 0.5;
         m1 += w * m;
         m2 += w * m * m;
