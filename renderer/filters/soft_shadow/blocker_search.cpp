@@ -22,7 +22,7 @@ void BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bound
       continue;
     }
     w.open[w.count++] = i;
-    if (pattern_.taps && softTexels(w.search[i].box) > kDensePerTap * pattern_.taps) w.taps.add(b, i, w.search[i].box, mipTexels(bounds.resolution()), first + size_t(i));
+    if (pattern_.taps && softTexels(w.search[i].box) > kDensePerTap * pattern_.taps) w.taps.add(b, i, w.search[i].box, bounds.faceTexels(), first + size_t(i));
   }
   // Few taps in a wide box miss what little there is in it: a probe finds how near to the light blockers really are, and the box shrinks to that.
   if (w.taps.count) softProbe(bounds.depth(0), bounds.resolution(), pattern_, b.perspective, w.taps);

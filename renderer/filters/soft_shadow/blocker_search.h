@@ -43,7 +43,7 @@ void softSums(SoftAsk ask, const DepthBounds& bounds, const SoftPattern& pattern
       w.blocked[i] = s.blocked / s.weight;
       w.depth[i] = s.depth / s.weight;
     } else {
-      w.taps.add(w.b, i, box, mipTexels(side), first + size_t(i));
+      w.taps.add(w.b, i, box, bounds.faceTexels(), first + size_t(i));
     }
   }
   if (w.taps.count) softTaps(ask, bounds.depth(0), side, pattern, w.taps);
