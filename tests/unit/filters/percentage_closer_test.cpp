@@ -131,6 +131,25 @@ TEST(PercentageCloser, SkippingGivesTheSameBits) {
       }
 }
 
+TEST(PercentageCloser, SkippingKnowsPlanesBeyondTheRim) {
+  // A kernel wider than the map: taps beyond both rims repeat its depth, while the receiver's plane goes on past it.
+  const int side = 5;
+  std::vector<Vec3> points;
+  for (int i = 0; i < 2000; ++i) points.push_back({random01(98, uint64_t(i)), random01(99, uint64_t(i)), 0.35f + 0.3f * random01(100, uint64_t(i))});
+  const TermPtr g = receivers(points, glm::normalize(Vec3(0.05f, 0.02f, -1)));
+  for (const auto pattern : {Percentage::REGULAR, Percentage::GAUSSIAN}) {
+    PercentageCloserLookup l = unitComparison(side, pattern, 16);
+    l.map.slopeBias = 0.5f;   // 0 would leave the plane flat
+    l.skip = false;
+    const auto sloped = compare(depthMap(side, [](int, int) { return 0.5f; }), l, g);
+    l.skip = true;
+    EXPECT_EQ(compare(depthMap(side, [](int, int) { return 0.5f; }), l, g), sloped);
+    int between = 0;
+    for (float v : sloped) between += v > 0 && v < 1;
+    EXPECT_GT(between, 20);
+  }
+}
+
 TEST(PercentageCloser, PoissonDisksAverageToTheDisk) {
   // One place, many view samples: turned disks of taps^2 points of nearest texels, whose mean is the disk's of radius taps / 2.
   const int taps = 6, n = 4000;
