@@ -14,9 +14,9 @@ void BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bound
   receivers.fill(first, count, b, V);
   w.count = 0;
   w.taps.count = 0;
+  softSearches(receivers, bounds, b, w.search);
   for (int k = 0; k < b.activeCount; ++k) {
     const int i = b.active[k];
-    w.search[i] = softSearch(receivers, bounds, b, i);
     if (skip && w.search[i].verdict != SoftSearch::Mixed) {
       V[i] = w.search[i].verdict == SoftSearch::Lit ? 1.0f : 0.0f;
       continue;

@@ -13,7 +13,7 @@ class BlockerSearch {
   static constexpr int kDensePerTap = 6;
 
   struct Work {
-    explicit Work(int side) : scratch(2 * size_t(side)) {}
+    explicit Work(int side) : scratch(2 * (size_t(side) + 8)) {}
     SoftBlock b;
     SoftTaps taps;
     SoftSearch search[SoftBlock::kSize];

@@ -28,13 +28,15 @@ void row(const float* __restrict z, int n, float dx0, float limit, float margin,
 template <SoftAsk ask>
 SoftSums dense(const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* __restrict scratch) {
   const int x0 = int(box.x0), x1 = std::min(int(std::ceil(box.x1)), side), y0 = int(box.y0), y1 = std::min(int(std::ceil(box.y1)), side), n = x1 - x0;
+  // Whole vectors a row: what is read beyond the box is not counted, and behind the map's last row the bounds go on (depth_bounds.h).
+  const int lanes = side >= 8 ? (n + 7) & ~7 : n;
   float* blocked = scratch;
-  float* depth = scratch + side;
-  std::fill_n(blocked, n, 0.0f);
-  if (ask == SoftAsk::Blockers) std::fill_n(depth, n, 0.0f);
+  float* depth = scratch + side + 8;
+  std::fill_n(blocked, lanes, 0.0f);
+  if (ask == SoftAsk::Blockers) std::fill_n(depth, lanes, 0.0f);
   for (int y = y0; y < y1; ++y) {
     const float wy = std::min(box.y1, float(y + 1)) - std::max(box.y0, float(y)), dy = float(y) - b.at.y[i];
-    row<ask>(z + size_t(y) * size_t(side) + size_t(x0), n, float(x0) - b.at.x[i], b.limit[i], b.margin[i], b.a[i] + b.ay[i] * dy, b.ax[i],
+    row<ask>(z + size_t(y) * size_t(side) + size_t(x0), lanes, float(x0) - b.at.x[i], b.limit[i], b.margin[i], b.a[i] + b.ay[i] * dy, b.ax[i],
              b.b[i] + b.by[i] * dy, b.bx[i], wy, blocked, depth);
   }
   // In a fixed order, in double.

@@ -15,7 +15,7 @@ struct SoftSums { float weight = 0, blocked = 0, depth = 0; };
 /// What is asked of a kernel: the blocked share and the blockers' depths, or the share alone.
 enum class SoftAsk { Blockers, Share };
 
-/// Every texel of a box with its exact weight. `scratch`: at least 2 x side floats.
+/// Every texel of a box with its exact weight. `scratch`: at least 2 (side + 8) floats. `z`: level 0 of depth bounds.
 SoftSums softDense(SoftAsk ask, const float* z, int side, const SoftBlock& b, int i, const SoftBox& box, float* scratch);
 
 /// Texels that a box touches: what softDense costs.

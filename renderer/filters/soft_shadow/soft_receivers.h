@@ -39,6 +39,7 @@ class SoftReceivers {
   void fill(size_t begin, int count, SoftBlock& block, float* V) const;
 
   bool perspective() const { return perspective_; }
+  float resolution() const { return resolution_; }
   float metric(int face, float z) const { return receivers_.metric(face, z); }
   /// Widths in texels, at least one, of the kernel of receiver i cut at metric depth z.
   void width(const SoftBlock& b, int i, float z, float& wx, float& wy) const {
@@ -71,6 +72,8 @@ struct SoftSearch {
 };
 /// Cuts the cone at the smallest depth found in it, again and again (digest 7.4: start at z-min), and asks the bounds.
 SoftSearch softSearch(const SoftReceivers& receivers, const DepthBounds& bounds, const SoftBlock& b, int i);
+/// The same for all active receivers of a block, vectorised; bounds may be a little wider. out[i] for i in b.active.
+void softSearches(const SoftReceivers& receivers, const DepthBounds& bounds, const SoftBlock& b, SoftSearch* out);
 /// What the bounds say of a box of texels: depths in [lo, hi] all blocking, none blocking, or neither.
 SoftSearch::Verdict softVerdict(const SoftBlock& b, int i, const SoftBox& box, float lo, float hi);
 

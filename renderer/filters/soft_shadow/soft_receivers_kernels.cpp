@@ -129,4 +129,137 @@ SoftSearch softSearch(const SoftReceivers& receivers, const DepthBounds& bounds,
   return s;
 }
 
+namespace {
+
+/// One number of each of a block's active receivers, side by side.
+struct SearchLanes {
+  static constexpr int kSize = SoftBlock::kSize;
+  int count = 0;
+  float x[kSize], y[kSize], metric[kSize], scaleX[kSize], scaleY[kSize], near[kSize], range[kSize];
+  int32_t base[kSize];
+  float wx[kSize], wy[kSize], plane[kSize], lo[kSize], hi[kSize];
+  float x0[kSize], x1[kSize], y0[kSize], y1[kSize];
+  int32_t go[kSize];
+};
+
+struct SearchLevels {
+  explicit SearchLevels(const DepthBounds& bounds) : texels(bounds.level(0).lo), last(bounds.levels() - 1) {
+    for (int l = 0; l < DepthBounds::kMaxLevels; ++l) {
+      const DepthBounds::Level v = bounds.level(l);
+      lo[l] = int32_t(v.lo - texels);
+      hi[l] = int32_t(v.hi - texels);
+      side[l] = v.side;
+    }
+  }
+  const float* texels;
+  int32_t lo[DepthBounds::kMaxLevels], hi[DepthBounds::kMaxLevels], side[DepthBounds::kMaxLevels];
+  int last;
+};
+
+/// Boxes of the widths, and bounds of the depths in them, for lanes that go on.
+void measureLanes(const SearchLevels& levels, float resolution, SearchLanes* __restrict k) {
+  const int n = k->count, end = int(resolution) - 1;
+  int32_t at[4][SearchLanes::kSize], low[SearchLanes::kSize], high[SearchLanes::kSize];
+  int32_t level[SearchLanes::kSize], ix0[SearchLanes::kSize], ix1[SearchLanes::kSize], iy0[SearchLanes::kSize], iy1[SearchLanes::kSize];
+  for (int i = 0; i < n; ++i) {
+    const float cx = k->x[i] + 0.5f, cy = k->y[i] + 0.5f, hx = 0.5f * k->wx[i], hy = 0.5f * k->wy[i];
+    const float x0 = formulas::maxOf(cx - hx, 0.0f), x1 = formulas::minOf(cx + hx, resolution), y0 = formulas::maxOf(cy - hy, 0.0f), y1 = formulas::minOf(cy + hy, resolution);
+    k->x0[i] = x0;
+    k->x1[i] = x1;
+    k->y0[i] = y0;
+    k->y1[i] = y1;
+    ix0[i] = int(x0);
+    iy0[i] = int(y0);
+    const int ex = int(-floorOf(-x1)) - 1, ey = int(-floorOf(-y1)) - 1;
+    ix1[i] = CHOOSE(ex < end, ex, end);
+    iy1[i] = CHOOSE(ey < end, ey, end);
+    // Texels of side 2^l >= the box's: it meets at most two along each axis. l is the exponent of 2 (width) - 1.
+    const int dx = ix1[i] - ix0[i], dy = iy1[i] - iy0[i], d = CHOOSE(dx > dy, dx, dy), w = CHOOSE(d > 1, d, 1);
+    const int l = (bitsOf(float(2 * w - 1)) >> 23) - 127;
+    level[i] = CHOOSE(l < levels.last, l, levels.last);
+  }
+  for (int i = 0; i < n; ++i) {
+    const int l = level[i], side = levels.side[l];
+    const int ax = ix0[i] >> l, bx = ix1[i] >> l, ay = (iy0[i] >> l) * side, by = (iy1[i] >> l) * side;
+    at[0][i] = ay + ax;
+    at[1][i] = ay + bx;
+    at[2][i] = by + ax;
+    at[3][i] = by + bx;
+    low[i] = k->base[i] + levels.lo[l];
+    high[i] = k->base[i] + levels.hi[l];
+  }
+  const float* __restrict texels = levels.texels;
+  for (int i = 0; i < n; ++i) {
+    const float a = formulas::minOf(texels[low[i] + at[0][i]], texels[low[i] + at[1][i]]), b = formulas::minOf(texels[low[i] + at[2][i]], texels[low[i] + at[3][i]]);
+    const float c = formulas::maxOf(texels[high[i] + at[0][i]], texels[high[i] + at[1][i]]), d = formulas::maxOf(texels[high[i] + at[2][i]], texels[high[i] + at[3][i]]);
+    k->lo[i] = formulas::minOf(a, b);
+    k->hi[i] = formulas::maxOf(c, d);
+  }
+}
+
+template <bool perspective>
+void widthsAt(const float* __restrict plane, float resolution, const SearchLanes* __restrict k, float* __restrict wx, float* __restrict wy) {
+  for (int i = 0; i < k->count; ++i) {
+    const float w = softWidth(k->metric[i], plane[i], 1.0f, perspective);
+    wx[i] = formulas::limit(w * k->scaleX[i], 1.0f, 2.0f * resolution);
+    wy[i] = formulas::limit(w * k->scaleY[i], 1.0f, 2.0f * resolution);
+  }
+}
+
+}  // namespace
+
+void softSearches(const SoftReceivers& receivers, const DepthBounds& bounds, const SoftBlock& b, SoftSearch* out) {
+  const SearchLevels levels(bounds);
+  const float resolution = receivers.resolution();
+  SearchLanes k;
+  k.count = b.activeCount;
+  for (int j = 0; j < k.count; ++j) {
+    const int i = b.active[j];
+    k.x[j] = b.at.x[i];
+    k.y[j] = b.at.y[i];
+    k.metric[j] = b.metric[i];
+    k.scaleX[j] = b.scaleX[i];
+    k.scaleY[j] = b.scaleY[i];
+    k.near[j] = b.near[i];
+    k.range[j] = b.range[i];
+    k.base[j] = b.at.face[i] * int32_t(bounds.faceTexels());
+    k.plane[j] = b.near[i];
+    k.go[j] = 1;
+  }
+  const auto widths = [&](const float* plane, float* wx, float* wy) {
+    if (receivers.perspective()) widthsAt<true>(plane, resolution, &k, wx, wy);
+    else widthsAt<false>(plane, resolution, &k, wx, wy);
+  };
+  widths(k.plane, k.wx, k.wy);
+  measureLanes(levels, resolution, &k);
+  for (int step = 0; step < 6; ++step) {   // each cut can only move away from the light: whatever is nearer lies outside the cone
+    float plane[SearchLanes::kSize], wx[SearchLanes::kSize], wy[SearchLanes::kSize];
+    for (int i = 0; i < k.count; ++i) plane[i] = k.near[i] + k.lo[i] * k.range[i];
+    widths(plane, wx, wy);
+    int any = 0;
+    for (int i = 0; i < k.count; ++i) {
+      const int go = CHOOSE((k.go[i] != 0) & (plane[i] > k.plane[i]) & (k.wx[i] + k.wy[i] > 2.0f), 1, 0);
+      const int settled = CHOOSE(wx[i] + wy[i] > 0.9f * (k.wx[i] + k.wy[i]), 1, 0);
+      k.plane[i] = CHOOSE(go != 0, plane[i], k.plane[i]);
+      k.wx[i] = CHOOSE(go != 0, wx[i], k.wx[i]);   // lanes that have ended keep their box, and measure it again
+      k.wy[i] = CHOOSE(go != 0, wy[i], k.wy[i]);
+      k.go[i] = go & (1 - settled);
+      any |= go;
+    }
+    if (!any) break;
+    measureLanes(levels, resolution, &k);
+  }
+  for (int j = 0; j < k.count; ++j) {
+    const int i = b.active[j];
+    SoftSearch& s = out[i];
+    s.wx = k.wx[j];
+    s.wy = k.wy[j];
+    s.box = {k.x0[j], k.x1[j], k.y0[j], k.y1[j]};
+    s.lo = k.lo[j];
+    s.hi = k.hi[j];
+    s.plane = k.plane[j];
+    s.verdict = softVerdict(b, i, s.box, s.lo, s.hi);
+  }
+}
+
 }  // namespace gobo

@@ -139,7 +139,9 @@ void SummedArea::box(int face, float x, float y, float width, float height, int 
   const size_t C = size_t(channels_), side = size_t(resolution_), lifted = size_t(liftSide(resolution_));
   const uint32_t* sums = sums_ + size_t(face) * face_;
   const uint32_t* lift = lift_ + size_t(face) * face_;
-  double total[2 * 32];
+  constexpr int kMost = 4 * 32 + 1;   // channels of the widest basis (convolution soft shadows of order 32)
+  GOBO_CHECK(end - begin <= kMost);
+  double total[kMost];
   for (int c = begin; c < end; ++c) total[c - begin] = 0.0;
   for (int j = 0; j < 4; ++j)
     for (int i = 0; i < 4; ++i) {
