@@ -31,7 +31,7 @@ namespace gobo {
 
 namespace {
 
-constexpr int kUnoccludedSamples = 32;
+constexpr int kUnoccludedSamples = 32, kSquareSamples = 8;   // the latter for each of many lights at infinity
 constexpr size_t kKeptEnvironmentBytes = size_t(256) << 20;   // terms of lights in the map's place, beyond which they are made again
 
 /// One weighted plane of the beauty and what it holds.
@@ -160,15 +160,17 @@ class PlanMaker {
   static std::string withLobe(std::string label, LobePart lobe) {
     return lobe == LobePart::Both ? label : label + (lobe == LobePart::Diffuse ? ":diffuse" : ":specular");
   }
-  NodeId unoccluded(int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false, LobePart lobe = LobePart::Both) {
+  NodeId unoccluded(int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false, LobePart lobe = LobePart::Both, const Vec2& angularSize = Vec2(0.0f)) {
     DirectUnoccludedSettings s;
+    s.angularSize = angularSize;
     s.lobe = lobe;
     s.view = view_;
     s.light = light;
     s.nominal = nominal;
     const bool delta = isDeltaLight(scene->lights[light].shape.kind);   // evaluated, not sampled: seed and count are no part of its key
-    s.samples = delta ? 1 : kUnoccludedSamples;
-    s.seed = delta ? 0 : request_.seed();
+    const bool square = angularSize != Vec2(0.0f);
+    s.samples = square ? kSquareSamples : delta ? 1 : kUnoccludedSamples;
+    s.seed = delta && !square ? 0 : request_.seed();
     s.extended = kinds_.extended;
     return source(makeDirectUnoccludedNode(s), {gbuffer(), surface()}, {light}, withLobe("unoccluded:" + scene->lights[light].name, lobe), scene, transient);
   }
@@ -394,7 +396,7 @@ class PlanMaker {
       std::vector<NodeId> pairs;
       for (int i = 0; i < count; ++i) {
         const int before = plan_.graph.size();
-        pairs.push_back(unoccluded(first + i, extended, found.lights[size_t(i)].power * nominal, !keep, lobe));
+        pairs.push_back(unoccluded(first + i, extended, found.lights[size_t(i)].power * nominal, !keep, lobe, found.angularSizes[size_t(i)]));
         GOBO_ASSIGN(const NodeId v, visibility(first + i, extended, t, found.angularSizes[size_t(i)]));
         if (!keep) plan_.graph.markTransient(before, v);
         pairs.push_back(v);

@@ -3,6 +3,7 @@
 
 #include "base/check.h"
 #include "base/sobol.h"
+#include "scene/light_axes.h"
 #include "terms/surface.h"
 #include "terms/surface_reader.h"
 #include "trace/bsdf.h"
@@ -52,6 +53,7 @@ class DirectUnoccludedNode final : public Node {
     hashCamera(h, s_.view.camera);
     h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples).addPod(s_.nominal).add(s_.samples).add(s_.seed).add(s_.extended);
     if (s_.lobe != LobePart::Both) h.add(s_.lobe);
+    if (s_.angularSize != Vec2(0.0f)) h.add("rectangle at infinity").add(s_.angularSize.x).add(s_.angularSize.y);
   }
   size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * s_.view.viewSamples * 12; }
 
@@ -142,6 +144,12 @@ class DirectUnoccludedNode final : public Node {
       return part(r.value(wo, frame.toLocal(wi)));
     };
     LightSample ls;
+    if (shape.kind == LightKind::Directional && s_.angularSize != Vec2(0.0f) && !r.lambert()) {
+      Vec3 value(0.0f);
+      if (s_.lobe != LobePart::Specular && arrives(r, -shape.axis)) value += r.value(wo, frame.toLocal(-shape.axis)).diffuse;
+      if (s_.lobe != LobePart::Diffuse) value += gloss(shape, r, frame, wo, element);
+      return value;
+    }
     if (isDeltaLight(shape.kind)) return sampler.sample(s_.light, r.p, Vec2(0.5f), ls) ? reflected(ls.direction) * ls.radiance : Vec3(0.0f);
 
     // Light samples and BSDF samples by the balance heuristic; BSDF samples only for lights that a ray can be tested against here.
@@ -172,6 +180,40 @@ class DirectUnoccludedNode final : public Node {
       sum += DVec3(f) / double(nLight * pl + nBsdf * b.pdf);
     }
     return Vec3(sum);
+  }
+
+  /// Specular lobes under a rectangle at infinity of irradiance 1: radiance 1 / solid angle. Light and BSDF samples, balance heuristic.
+  Vec3 gloss(const LightShape& shape, const Receiver& r, const Frame& frame, const Vec3& wo, size_t element) const {
+    const Frame light = mapFrame(shape);
+    const double hx = 0.5 * s_.angularSize.x, hy = 0.5 * s_.angularSize.y;
+    const double solidAngle = 4.0 * std::asin(hx * hy / std::sqrt((1.0 + hx * hx) * (1.0 + hy * hy)));
+    const auto density = [&](const Vec3& wi) {   // uniform on the tangent plane, per solid angle; 0 beside the rectangle
+      const double c = -glm::dot(shape.axis, wi);
+      return c > 0 && std::fabs(glm::dot(wi, light.x)) <= hx * c && std::fabs(glm::dot(wi, light.y)) <= hy * c ? 1.0 / (4.0 * hx * hy * c * c * c) : 0.0;
+    };
+    const int nLight = (s_.samples + 1) / 2, nBsdf = s_.samples - nLight;
+    const uint64_t seed = hash64(hash64(s_.seed, 0x676c6fu), element);
+    DVec3 sum(0.0);
+    for (int k = 0; k < s_.samples; ++k) {
+      SobolSampler u(seed, uint32_t(k));
+      Vec3 wi, local;
+      if (k < nLight) {
+        const Vec2 v = u.next2D();
+        // Just inside, so that rounding leaves no sample outside its own density.
+        wi = glm::normalize(light.x * float(0.99999 * hx * (2.0 * v.x - 1.0)) + light.y * float(0.99999 * hy * (2.0 * v.y - 1.0)) - shape.axis);
+        local = frame.toLocal(wi);
+      } else {
+        BsdfSample b;
+        const float lobe = u.next1D();
+        if (!bsdfSample(r.bsdf, wo, lobe, u.next2D(), b) || b.delta || b.pdf <= 0) continue;
+        local = b.wi;
+        wi = frame.toWorld(local);
+      }
+      const double pl = density(wi);
+      if (!(pl > 0) || !arrives(r, wi)) continue;
+      sum += DVec3(r.value(wo, local).specular) / (nLight * pl + nBsdf * double(bsdfPdf(r.bsdf, wo, local)));
+    }
+    return Vec3(sum / solidAngle);
   }
 
   DirectUnoccludedSettings s_;

@@ -84,6 +84,20 @@ TEST(EnvironmentAreaLights, ASkyWithItsSun) {
   EXPECT_TRUE(approximate);
 }
 
+// Gloss sees the squares and not their centres: one direction on a smooth sphere is a point of thousands of times the mean (RMSE of 1 to 3).
+TEST(EnvironmentAreaLights, SmoothSurfacesSeeSquares) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = directRequest("spheres");
+  set(r, "environment.sky.sun_direction=0.4,0.5,0.3");
+  lightsOff(*engine, r);
+  const std::vector<float> traced = truth(*engine, r, 1024);
+  set(r, "environment.area_lights=45");
+  set(r, "shadows.ray_traced.samples=16");
+  const double error = rms(picture(*engine, r), traced) / mean(traced);
+  std::printf("glossy spheres under a sky, 45 area lights: RMSE %.4f of the mean\n", error);
+  EXPECT_LT(error, 0.25);
+}
+
 // The lights are fitted in the map's own axes and turned with it: equal steps change the picture by about equal amounts, nothing pops.
 TEST(EnvironmentAreaLights, TurningTheMapChangesThePictureSteadily) {
   const auto engine = makeEngine();
