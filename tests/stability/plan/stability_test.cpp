@@ -26,7 +26,7 @@ double mean(const Image& image) {
 /// The techniques that read shadow maps, and exponents and orders at the ends of their ranges.
 const std::vector<const char*> kMapTechniques{"shadow_map=", "percentage_closer.taps=4", "variance.min_variance=0", "convolution.order=1", "convolution.order=32",
                                               "exponential.c=80",
-                                              "exponential.c=2000", "exponential.classification=Z_MAX", "exponential_variance.c_positive=42", "moment.moment_bias=0.0000001"};
+                                              "exponential.c=2000", "exponential.classification=Z_MAX", "exponential_variance.c_positive=42", "moment.bleeding_reduction=0.1"};
 
 std::vector<const char*> withMaps(std::vector<const char*> techniques) {
   techniques.insert(techniques.end(), kMapTechniques.begin(), kMapTechniques.end());
