@@ -134,8 +134,9 @@ std::vector<Setting> softSettings(bool quick) {
     for (int s : {256, 512, 1024})
       if (!quick || s == 512) list.push_back({family, parameter + at(s, -1), make(s)});
   };
-  over("pcss", "32+64 ", [](int s) { return percentageCloserSoft(s, 32, 64); });
-  over("pcss", "dense ", [](int s) { return percentageCloserSoft(s, 0, 0); });
+  for (int size : {256, 512, 1024, 2048}) list.push_back({"pcss", "32+64 " + at(size, -1), percentageCloserSoft(size, 32, 64)});
+  for (int size : {512, 1024, 2048})
+    if (!quick || size < 2048) list.push_back({"pcss", "dense " + at(size, -1), percentageCloserSoft(size, 0, 0)});
   for (int n : {8, 16, 128}) list.push_back({"pcss", std::to_string(n) + "+" + std::to_string(2 * n) + " " + at(512, -1), percentageCloserSoft(512, n, 2 * n)});
   for (int m : {4, 8, 16}) {
     over("cssm", "mip M=" + std::to_string(m) + " ", [&](int s) { return convolutionSoft(m, s, Map::TRILINEAR); });

@@ -19,7 +19,7 @@ struct Costs {
   double tree = 0.38, alpha = 0.8;               // rays: share more per doubling of triangles; per share of triangles with alpha
   double depthTexel = 0.9, depthEdge = 11, depthTriangle = 15;   // scan conversion: t texels and r triangles cost a t + b sqrt(r t) + c r
   double hardLookup = 7.5;                       // percentage-closer
-  double softTexel = 0.6, softLookup = 100;      // depth bounds; a lookup
+  double softTexel = 0.4, softLookup = 85;       // depth bounds; a lookup
   double depth(double texels, double triangles) const { return depthTexel * texels + depthEdge * std::sqrt(texels * triangles) + depthTriangle * triangles; }
 };
 
@@ -93,7 +93,7 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
     Vec3 lo, hi;
     input.scene->bounds(lo, hi);
     const ShadowTechniqueEntry* softMap = findShadowTechnique(v1::ShadowTechnique::kPercentageCloserSoft);
-    for (const int resolution : soft ? std::vector<int>{128, 256, 512, 1024} : std::vector<int>{256, 512, 1024, 2048, 4096}) {
+    for (const int resolution : soft ? std::vector<int>{256, 512, 1024, 2048} : std::vector<int>{256, 512, 1024, 2048, 4096}) {
       if (soft && !softMap) break;
       ProbeMap m;
       m.resolution = resolution;
