@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 
 #include "filters/automatic/automatic.h"
 #include "measure/report.h"
@@ -18,8 +19,8 @@ namespace {
 
 struct Point { std::string label; double ms = 0, rmse = 0; };
 
-/// What chooseShadow evaluates while it plans: sources without inputs.
-Result<TermPtr> evaluate(Runner& r, const Graph& graph, NodeId id, double& ms) {
+/// What chooseShadow evaluates while it plans: each node once, inputs before.
+Result<TermPtr> evaluate(Runner& r, const Graph& graph, NodeId id, std::map<NodeId, TermPtr>& known, double& total) {
   const GraphNode& n = graph.at(id);
   std::vector<double> times;
   TermPtr out;
@@ -29,12 +30,14 @@ Result<TermPtr> evaluate(Runner& r, const Graph& graph, NodeId id, double& ms) {
     ctx.scene = &view;
     ctx.arena = &r.arena();
     ctx.accels = &r.accels();
+    for (const NodeId i : n.inputs) ctx.inputs.push_back(known.at(i));
     const auto begin = std::chrono::steady_clock::now();
     GOBO_ASSIGN(out, n.node->run(ctx));
     times.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
   }
   std::sort(times.begin(), times.end());
-  ms = times[1];
+  total += times[1];
+  known[id] = out;
   return out;
 }
 
@@ -96,7 +99,8 @@ int regret(Options o) {
         v1::ShadowTechnique t;
         t.mutable_auto_()->set_error(budget);
         double probe = 0;
-        const auto choice = chooseShadow(graph, input, t, [&](const Graph& g, NodeId id) { return evaluate(r, g, id, probe); });
+        std::map<NodeId, TermPtr> known;
+        const auto choice = chooseShadow(graph, input, t, [&](const Graph& g, NodeId id) { return evaluate(r, g, id, known, probe); });
         if (!choice.ok()) { std::fprintf(stderr, "%s\n", choice.status().toString().c_str()); return 1; }
         const AutomaticCandidate& chosen = choice->candidates[choice->chosen];
         const auto m = r.measure(chosen.technique);

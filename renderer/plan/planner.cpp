@@ -148,7 +148,8 @@ class PlanMaker {
     for (size_t k = 0; k < choice.candidates.size(); ++k) {
       const AutomaticCandidate& c = choice.candidates[k];
       char text[160];
-      std::snprintf(text, sizeof text, "%s: expected error %.4f in %.1f ms", k == choice.chosen ? "auto chose it" : "auto passed it over", c.rmse, c.ms);
+      if (c.judged) std::snprintf(text, sizeof text, "%s: expected error %.4f in %.1f ms", k == choice.chosen ? "auto chose it" : "auto passed it over", c.rmse, c.ms);
+      else std::snprintf(text, sizeof text, "auto passed it over: %.1f ms", c.ms);
       if (choice.receivers > 0 || k == choice.chosen) plan_.graph.prune("auto:" + name + ": " + c.text, text);
     }
     const ShadowTechniqueEntry* entry = findShadowTechnique(chosen.technique.technique_case());

@@ -24,6 +24,8 @@ struct Costs {
 };
 
 constexpr uint32_t kEnvironmentResolution = 256;
+constexpr int kHardPixels = 400, kSoftPixels = 250;   // penumbras are wide, edges are not
+constexpr double kNearMiss = 1.25;                     // what a probe cannot tell apart
 
 bool areaLight(const ShadowInput& input) {
   const LightKind k = input.scene->lights[size_t(input.light)].shape.kind;
@@ -61,10 +63,9 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   const ShadowMapSettings base = shadowMapSettings(technique.map());
   AutomaticChoice choice;
   ShadowProbeSettings probe;
-  probe.bias = base.bias;
-  probe.slopeBias = base.slopeBias;
+  std::vector<ProbeMap> maps;
   probe.seed = shadowSeed(input);
-  probe.size = soft ? lightSize(input) : Vec2(0.0f);
+  probe.pixels = soft ? kSoftPixels : kHardPixels;
   const double samples = double(input.width) * input.height * input.viewSamples;
   const Costs cost;
   const Shapes shapes = shapesOf(*input.scene);
@@ -110,7 +111,7 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
       }
       c.text = std::string(soft ? "percentage_closer_soft" : "percentage_closer") + ", " + std::to_string(resolution) + " texels";
       choice.candidates.push_back(std::move(c));
-      probe.maps.push_back(std::move(m));
+      maps.push_back(std::move(m));
     }
   }
   if (choice.candidates.empty()) return invalidArgument("light '" + light.name + "': no shadow technique is left for shadows.auto");
@@ -120,16 +121,18 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   probe.height = input.height;
   probe.viewSamples = input.viewSamples;
   const NodeId node = graph.add({makeShadowProbeNode(probe), {}, {input.light}, "shadow_probe:" + light.name, 0, input.scene, false});
-  GOBO_ASSIGN(const TermPtr term, expand(graph, node));
-  const auto rmse = term->plane<double>("rmse");
-  GOBO_CHECK_EQ(rmse.size(), choice.candidates.size());
-  for (size_t k = 0; k < rmse.size(); ++k) choice.candidates[k].rmse = rmse[k];
-  choice.receivers = term->plane<double>("receivers")[0];
+  GOBO_ASSIGN(const TermPtr judged, expand(graph, node));
+  choice.receivers = judged->plane<double>("share")[0];
   // Rays are shot where the light can shine; soft lookups are cheap elsewhere.
   for (size_t k = 0; k < choice.candidates.size(); ++k) {
-    double& ms = choice.candidates[k].ms;
-    if (k < probe.rays.size()) ms = samples * (cost.sample + choice.receivers * ms) * 1e-6;
-    else if (soft) ms += samples * choice.receivers * cost.softLookup * 1e-6;
+    AutomaticCandidate& c = choice.candidates[k];
+    if (k < probe.rays.size()) {
+      c.ms = samples * (cost.sample + choice.receivers * c.ms) * 1e-6;
+      c.rmse = judged->plane<double>("rays")[k];
+    } else {
+      c.judged = false;
+      if (soft) c.ms += samples * choice.receivers * cost.softLookup * 1e-6;
+    }
   }
 
   const v1::AutomaticShadow& a = technique.auto_();
@@ -144,8 +147,28 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
     if (fx != fy) return fx;
     return fx ? x.ms < y.ms : (x.rmse != y.rmse ? x.rmse < y.rmse : x.ms < y.ms);
   };
-  for (size_t k = 1; k < choice.candidates.size(); ++k)
-    if (better(choice.candidates[k], choice.candidates[choice.chosen])) choice.chosen = k;
+  if (!probe.rays.empty())
+    for (size_t k = 1; k < probe.rays.size(); ++k)
+      if (better(choice.candidates[k], choice.candidates[choice.chosen])) choice.chosen = k;
+  // Maps, cheapest first (they are in that order). One that cannot win by its time is not judged.
+  for (size_t k = probe.rays.size(); k < choice.candidates.size(); ++k) {
+    AutomaticCandidate& c = choice.candidates[k];
+    const AutomaticCandidate& best = choice.candidates[choice.chosen];
+    const bool first = k == 0;
+    if (!first && (a.has_time_ms() ? c.ms > a.time_ms() && best.ms <= a.time_ms() : best.rmse <= error && c.ms >= best.ms)) continue;
+    MapProbeSettings m{std::move(maps[k - probe.rays.size()]), base.bias, base.slopeBias, soft ? lightSize(input) : Vec2(0.0f), input.viewSamples};
+    const std::string label = "map_probe:" + light.name + " " + std::to_string(m.map.resolution);
+    const NodeId id = graph.add({makeMapProbeNode(m), {node}, {}, label, 0, input.scene, false});
+    GOBO_ASSIGN(const TermPtr term, expand(graph, id));
+    c.rmse = term->plane<double>("rmse")[0];
+    c.judged = true;
+    if (!first && better(c, best)) choice.chosen = k;
+  }
+  // Nobody keeps the error: the cheapest of those that miss it by about as little as the best does.
+  const double least = choice.candidates[choice.chosen].rmse;
+  if (!a.has_time_ms() && least > error)
+    for (size_t k = 0; k < choice.candidates.size(); ++k)
+      if (choice.candidates[k].judged && choice.candidates[k].rmse <= kNearMiss * least && choice.candidates[k].ms < choice.candidates[choice.chosen].ms) choice.chosen = k;
   return choice;
 }
 

@@ -5,7 +5,7 @@
 // figures below. Within `error` the cheapest wins; with `time_ms` the one of least error among those that fit; if none does, the nearest
 // miss. Costs are constants, not measurements of the running machine, so that the same request picks the same technique everywhere and the
 // picture's bits do not depend on load. Candidates: shadow rays; percentage-closer maps (hard); soft maps (area lights).
-// Probe: 1200 pixels; a hard candidate map costs 4 rays a view sample, a soft one at most 136.
+// Probe: a few hundred pixels; a hard candidate map costs 4 rays a view sample, a soft one at most 136. Candidates that cannot win by their time are not judged.
 #pragma once
 
 #include <functional>
@@ -18,6 +18,7 @@ struct AutomaticCandidate {
   v1::ShadowTechnique technique;   ///< with map settings
   std::string text;                ///< "percentage_closer, 1024 texels"
   double rmse = 0, ms = 0;         ///< predicted: error of visibility, time of the light's nodes
+  bool judged = true;              ///< false: too dear to win, its error was not asked for
 };
 struct AutomaticChoice {
   std::vector<AutomaticCandidate> candidates;

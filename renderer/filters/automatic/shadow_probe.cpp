@@ -50,6 +50,59 @@ class VirtualMap {
   const ProbeMap& map_;
 };
 
+/// Squared errors by task, added in order afterwards: the same for any number of threads.
+class Errors {
+ public:
+  Errors(size_t tasks, size_t columns) : columns_(columns), sums_(tasks * columns, 0.0), squares_(sums_), counts_(tasks, 0.0) {}
+  void count(size_t task) { counts_[task] += 1; }
+  void add(size_t task, size_t column, double v, double a, double b) {
+    const double e = (v - a) * (v - b);
+    sums_[task * columns_ + column] += e;
+    squares_[task * columns_ + column] += e * e;
+  }
+  double judged() const {
+    double n = 0;
+    for (const double c : counts_) n += c;
+    return n;
+  }
+  /// Root of the mean squared error plus its standard error: few pixels hold most of the error, and a probe sees few of them.
+  double rmse(size_t column) const {
+    double sum = 0, squares = 0;
+    for (size_t t = 0; t < counts_.size(); ++t) {
+      sum += sums_[t * columns_ + column];
+      squares += squares_[t * columns_ + column];
+    }
+    const double n = judged();
+    if (!(n > 1)) return 0.0;
+    const double mean = sum / n, variance = std::max(0.0, squares / n - mean * mean) / (n - 1);
+    return std::sqrt(std::max(0.0, mean + std::sqrt(variance)));
+  }
+
+ private:
+  size_t columns_;
+  std::vector<double> sums_, squares_, counts_;
+};
+
+struct Surfaces {
+  std::span<float> P, Ng;
+  std::span<uint32_t> instance;
+  bool hit(size_t e) const { return instance[e] != kNoHit; }
+  Vec3 position(size_t e) const { return Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]); }
+  Vec3 normal(size_t e) const { return Vec3(Ng[3 * e], Ng[3 * e + 1], Ng[3 * e + 2]); }
+};
+/// Elements first .. first + count - 1: what the rays see. Shading normals are left out: a probe can do without them.
+void look(const Accel& accel, const Ray* ray, int count, const Surfaces& at, size_t first) {
+  Hit hit[16];
+  accel.intersect16(ray, count, hit);
+  for (int i = 0; i < count; ++i) {
+    const size_t e = first + size_t(i);
+    at.instance[e] = hit[i].instance;
+    const Vec3 p = hit[i].valid() ? ray[i].origin + ray[i].direction * hit[i].t : Vec3(0.0f);
+    const Vec3 n = !hit[i].valid() ? Vec3(0.0f) : glm::dot(hit[i].Ng, ray[i].direction) < 0 ? hit[i].Ng : -hit[i].Ng;
+    for (int c = 0; c < 3; ++c) { at.P[3 * e + c] = p[c]; at.Ng[3 * e + c] = n[c]; }
+  }
+}
+
 class ShadowProbeNode final : public Node {
  public:
   explicit ShadowProbeNode(const ShadowProbeSettings& s) : s_(s) {}
@@ -57,20 +110,14 @@ class ShadowProbeNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
-    t.smallOutput = true;
     return t;
   }
   void hashParameters(Hasher& h) const override {
     hashCamera(h, s_.camera);
-    h.add(s_.width).add(s_.height).add(s_.viewSamples).add(s_.pixels);
-    for (const ProbeMap& m : s_.maps) {
-      m.frames.hash(h);
-      h.add(m.resolution);
-    }
+    h.add(s_.width).add(s_.height).add(s_.viewSamples).add(s_.pixels).add(s_.truthRays).add(s_.seed);
     for (const uint32_t n : s_.rays) h.add(n);
-    h.add(s_.bias).add(s_.slopeBias).add(s_.size.x).add(s_.size.y).add(s_.truthRays).add(s_.seed);
   }
-  size_t outputBytes() const override { return columns() * 16; }
+  size_t outputBytes() const override { return size_t(s_.pixels) * size_t(s_.viewSamples) * 56; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
@@ -79,114 +126,59 @@ class ShadowProbeNode final : public Node {
     const double aspect = double(s_.width) / s_.height;
     const int across = std::clamp(int(std::lround(std::sqrt(s_.pixels * aspect))), 1, s_.width), down = std::clamp(s_.pixels / across, 1, s_.height);
     const size_t cells = size_t(across) * size_t(down), tasks = (cells + kGrain - 1) / kGrain, S = size_t(s_.viewSamples);
-    // The view samples of every judged pixel, as a G-buffer that Receivers read.
-    const auto view = std::make_shared<Term>("gbuffer", Domain::ViewSample, Extent{int(cells * S), 1, 1});
-    Surfaces at{view->addPlane<float>("P", 3), view->addPlane<float>("Ng", 3), view->addPlane<uint32_t>("instance")};
-    std::vector<float> x(cells), y(cells);
-    for (size_t c = 0; c < cells; ++c) {
-      const auto pick = [&](size_t cell, int count, int size, uint64_t salt) {   // a pixel of the cell
-        const int lo = int(int64_t(cell) * size / count), hi = std::max(lo + 1, int(int64_t(cell + 1) * size / count));
-        return float(lo + int(hash64(hash64(0x9e0be, c), salt) % uint64_t(hi - lo)));
-      };
-      x[c] = pick(c % size_t(across), across, s_.width, 1);
-      y[c] = pick(c / size_t(across), down, s_.height, 2);
-    }
+    auto term = std::make_shared<Term>("shadow_probe", Domain::Table, Extent{int(std::max(cells * S, s_.rays.size())), 1, 1});
+    const Surfaces at{term->addPlane<float>("P", 3), term->addPlane<float>("Ng", 3), term->addPlane<uint32_t>("instance")};
+    const auto a = term->addPlane<float>("a"), b = term->addPlane<float>("b"), lit = term->addPlane<float>("lit");
+    const auto rmse = term->addPlane<double>("rays"), share = term->addPlane<double>("share");
     const FilmRays film(s_.camera, s_.width, s_.height);
-    // Squared errors by task, added in order afterwards: the same for any number of threads.
-    std::vector<double> sums(tasks * columns(), 0.0), counts(tasks, 0.0);
-    const auto stopped = [] { return Status(Code::Cancelled, "shadow_probe stopped"); };
-    if (!ctx.arena->parallelFor(cells, 64, [&](size_t from, size_t to) {
-          for (size_t c = from; c < to; ++c)
-            for (size_t s = 0; s < S; ++s) {
-              const Vec2 offset = viewSamplePosition(int(s), s_.viewSamples);
-              const Ray ray = film.at(x[c] + offset.x, y[c] + offset.y);
-              look(*accel, &ray, 1, at, c * S + s);
-            }
-        }, ctx.stop)) return stopped();
-    std::vector<Receivers> receivers;
-    for (const ProbeMap& m : s_.maps) receivers.emplace_back(*view, m.frames, m.resolution, ShadowView{}, ReceiverNeeds{.slopes = true, .facing = false});
+    Errors errors(tasks, s_.rays.size());
     const bool done = ctx.arena->parallelFor(tasks, 1, [&](size_t from, size_t to) {
       uint64_t rays = 0;
-      std::vector<float> estimates(columns());
-      for (size_t task = from; task < to; ++task) {
-        const size_t begin = task * kGrain, end = std::min(begin + kGrain, cells);
-        for (size_t c = begin; c < end; ++c) {
-          Halves truth;
-          if (!judge(*accel, light, film, x[c], y[c], at, c, receivers, truth, estimates.data(), rays)) continue;
-          counts[task] += 1;
-          for (size_t k = 0; k < columns(); ++k) sums[task * columns() + k] += (double(estimates[k]) - truth.a) * (double(estimates[k]) - truth.b);
+      for (size_t task = from; task < to; ++task)
+        for (size_t c = task * kGrain; c < std::min((task + 1) * kGrain, cells); ++c) {
+          const auto pick = [&](size_t cell, int count, int size, uint64_t salt) {   // a pixel of the cell
+            const int lo = int(int64_t(cell) * size / count), hi = std::max(lo + 1, int(int64_t(cell + 1) * size / count));
+            return float(lo + int(hash64(hash64(0x9e0be, c), salt) % uint64_t(hi - lo)));
+          };
+          if (judge(*accel, light, film, pick(c % size_t(across), across, s_.width, 1), pick(c / size_t(across), down, s_.height, 2), at, c, a, b, lit, errors, task, rays))
+            errors.count(task);
         }
-      }
       if (ctx.counters) ctx.counters->rays += rays;
     }, ctx.stop);
-    if (!done) return stopped();
-    auto term = std::make_shared<Term>("shadow_probe", Domain::Table, Extent{int(columns()), 1, 1});
-    const auto rmse = term->addPlane<double>("rmse"), judged = term->addPlane<double>("receivers");   // judged, of how many pixels
-    double count = 0;
-    for (const double c : counts) count += c;
-    for (size_t k = 0; k < columns(); ++k) {
-      double sum = 0;
-      for (size_t t = 0; t < tasks; ++t) sum += sums[t * columns() + k];
-      rmse[k] = count > 0 ? std::sqrt(std::max(0.0, sum / count)) : 0.0;
-    }
-    judged[0] = count / double(cells);
+    if (!done) return Status(Code::Cancelled, "shadow_probe stopped");
+    for (size_t k = 0; k < s_.rays.size(); ++k) rmse[k] = errors.rmse(k);
+    share[0] = errors.judged() / double(cells);
     return TermPtr(term);
   }
 
  private:
-  size_t columns() const { return s_.rays.size() + s_.maps.size(); }
-
-  struct Surfaces {
-    std::span<float> P, Ng;
-    std::span<uint32_t> instance;
-    bool hit(size_t e) const { return instance[e] != kNoHit; }
-    Vec3 position(size_t e) const { return Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]); }
-    Vec3 normal(size_t e) const { return Vec3(Ng[3 * e], Ng[3 * e + 1], Ng[3 * e + 2]); }
-  };
-  /// Elements first .. first + count - 1: what the rays see. Shading normals are left out: a probe can do without them.
-  static void look(const Accel& accel, const Ray* ray, int count, const Surfaces& at, size_t first) {
-    Hit hit[16];
-    accel.intersect16(ray, count, hit);
-    for (int i = 0; i < count; ++i) {
-      const size_t e = first + size_t(i);
-      at.instance[e] = hit[i].instance;
-      const Vec3 p = hit[i].valid() ? ray[i].origin + ray[i].direction * hit[i].t : Vec3(0.0f);
-      const Vec3 n = !hit[i].valid() ? Vec3(0.0f) : glm::dot(hit[i].Ng, ray[i].direction) < 0 ? hit[i].Ng : -hit[i].Ng;
-      for (int c = 0; c < 3; ++c) { at.P[3 * e + c] = p[c]; at.Ng[3 * e + c] = n[c]; }
-    }
-  }
-
-  /// Two independent halves of the truth, so that (V - a)(V - b) is free of the truth's own noise in the mean.
-  struct Halves { float a = 1.0f, b = 1.0f; };
-
-  /// Truth and every candidate's value of one pixel. False where the light cannot shine.
-  bool judge(const Accel& accel, const LightPoints& light, const FilmRays& film, float px, float py, const Surfaces& view, size_t cell, const std::vector<Receivers>& receivers,
-             Halves& truth, float* estimates, uint64_t& rays) const {
+  /// View samples, truth and ray counts of one pixel. False where the light cannot shine.
+  bool judge(const Accel& accel, const LightPoints& light, const FilmRays& film, float px, float py, const Surfaces& at, size_t cell, std::span<float> outA,
+             std::span<float> outB, std::span<float> outLit, Errors& errors, size_t task, uint64_t& rays) const {
     const size_t S = size_t(s_.viewSamples), first = cell * S;
-    std::fill_n(estimates, columns(), 0.0f);
+    Ray view[16];
+    for (size_t s = 0; s < S; ++s) {
+      const Vec2 offset = viewSamplePosition(int(s), s_.viewSamples);
+      view[s] = film.at(px + offset.x, py + offset.y);
+    }
+    look(accel, view, int(S), at, first);
     const uint32_t most = light.pointLike() || s_.rays.empty() ? 1 : s_.rays.back();
-    double a = 0, b = 0;
-    size_t lit = 0;
+    double a = 0, b = 0, lit = 0, estimate[kMostRays] = {};
     for (size_t s = 0; s < S; ++s) {
       const size_t e = first + s;
-      std::vector<float> prefix(most);
-      if (!view.hit(e) || !trace(accel, light, view.position(e), view.normal(e), viewSampleSeed(s_.seed, e), most, prefix.data(), rays)) continue;
+      float prefix[kMostRays];
+      if (!at.hit(e) || !trace(accel, light, at.position(e), at.normal(e), viewSampleSeed(s_.seed, e), most, prefix, rays)) continue;
+      outLit[e] = 1.0f;
       ++lit;
-      for (size_t k = 0; k < s_.rays.size(); ++k) estimates[k] += prefix[std::min(s_.rays[k], most) - 1];
-      if (!light.pointLike()) {
-        a += share(accel, light, view.position(e), view.normal(e), hash64(e, 1), rays);
-        b += share(accel, light, view.position(e), view.normal(e), hash64(e, 2), rays);
-      }
-      for (size_t k = 0; k < s_.maps.size(); ++k) {
-        ReceiverBlock r;
-        receivers[k].fill(e, 1, r);
-        estimates[s_.rays.size() + k] += !r.covered[0] ? 1.0f : s_.size == Vec2(0.0f) ? hard(accel, s_.maps[k], r, rays) : soft(accel, s_.maps[k], receivers[k], r, rays);
-      }
+      for (size_t k = 0; k < s_.rays.size(); ++k) estimate[k] += prefix[std::min(s_.rays[k], most) - 1];
+      if (light.pointLike()) continue;
+      a += part(accel, light, at.position(e), at.normal(e), hash64(e, 1), rays);
+      b += part(accel, light, at.position(e), at.normal(e), hash64(e, 2), rays);
     }
-    if (lit == 0) return false;
-    for (size_t k = 0; k < columns(); ++k) estimates[k] /= float(lit);
-    truth = {float(a / double(lit)), float(b / double(lit))};
-    if (light.pointLike()) truth = {area(accel, light, film, px, py, hash64(cell, 1), rays), area(accel, light, film, px, py, hash64(cell, 2), rays)};
+    if (!(lit > 0)) return false;
+    outA[first] = light.pointLike() ? area(accel, light, film, px, py, hash64(cell, 1), rays) : float(a / lit);
+    outB[first] = light.pointLike() ? area(accel, light, film, px, py, hash64(cell, 2), rays) : float(b / lit);
+    for (size_t k = 0; k < s_.rays.size(); ++k) errors.add(task, k, estimate[k] / lit, outA[first], outB[first]);
     return true;
   }
 
@@ -210,9 +202,9 @@ class ShadowProbeNode final : public Node {
     }
     return count > 0 ? float(seen / count) : 1.0f;
   }
-  float share(const Accel& accel, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint64_t& rays) const {
-    std::vector<float> prefix(s_.truthRays);
-    return trace(accel, light, p, n, hash64(s_.seed, seed), s_.truthRays, prefix.data(), rays) ? prefix.back() : 1.0f;
+  float part(const Accel& accel, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint64_t& rays) const {
+    float prefix[kMostRays];
+    return trace(accel, light, p, n, hash64(s_.seed, seed), s_.truthRays, prefix, rays) ? prefix[s_.truthRays - 1] : 1.0f;
   }
 
   /// prefix[i]: visibility by the first i + 1 points of a sequence. False where the light cannot shine.
@@ -249,6 +241,57 @@ class ShadowProbeNode final : public Node {
     return sum > 0;
   }
 
+  ShadowProbeSettings s_;
+};
+
+class MapProbeNode final : public Node {
+ public:
+  explicit MapProbeNode(const MapProbeSettings& s) : s_(s) {}
+  std::string type() const override { return "map_probe"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.facets = Facet::Topology | Facet::Pose | Facet::Coverage;
+    t.smallOutput = true;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override {
+    s_.map.frames.hash(h);
+    h.add(s_.map.resolution).add(s_.bias).add(s_.slopeBias).add(s_.size.x).add(s_.size.y).add(s_.viewSamples);
+  }
+  size_t outputBytes() const override { return 8; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const Term& probe = *ctx.inputs.at(0);
+    const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
+    const auto a = probe.floats("a"), b = probe.floats("b"), lit = probe.floats("lit");
+    const Receivers receivers(probe, s_.map.frames, s_.map.resolution, ShadowView{}, {.slopes = true, .facing = false});
+    const size_t S = size_t(s_.viewSamples), cells = lit.size() / S, tasks = (cells + kGrain - 1) / kGrain;
+    Errors errors(tasks, 1);
+    const bool done = ctx.arena->parallelFor(tasks, 1, [&](size_t from, size_t to) {
+      uint64_t rays = 0;
+      for (size_t task = from; task < to; ++task)
+        for (size_t c = task * kGrain; c < std::min((task + 1) * kGrain, cells); ++c) {
+          double v = 0, count = 0;
+          for (size_t e = c * S; e < (c + 1) * S; ++e) {
+            if (lit[e] == 0.0f) continue;
+            ReceiverBlock r;
+            receivers.fill(e, 1, r);
+            v += !r.covered[0] ? 1.0f : s_.size == Vec2(0.0f) ? hard(*accel, s_.map, r, rays) : soft(*accel, s_.map, receivers, r, rays);
+            ++count;
+          }
+          if (!(count > 0)) continue;
+          errors.count(task);
+          errors.add(task, 0, v / count, a[c * S], b[c * S]);
+        }
+      if (ctx.counters) ctx.counters->rays += rays;
+    }, ctx.stop);
+    if (!done) return Status(Code::Cancelled, "map_probe stopped");
+    auto term = std::make_shared<Term>("map_probe", Domain::Table, Extent{1, 1, 1});
+    term->addPlane<double>("rmse")[0] = errors.rmse(0);
+    return TermPtr(term);
+  }
+
+ private:
   float hard(const Accel& accel, const ProbeMap& map, const ReceiverBlock& b, uint64_t& rays) const {
     const ReceiverPlane r = receiverPlane(b, 0, s_.bias, s_.slopeBias);
     AxisKernel kx, ky;
@@ -310,11 +353,12 @@ class ShadowProbeNode final : public Node {
     return float(lit) / float(n);
   }
 
-  ShadowProbeSettings s_;
+  MapProbeSettings s_;
 };
 
 }  // namespace
 
 NodePtr makeShadowProbeNode(const ShadowProbeSettings& settings) { return std::make_shared<ShadowProbeNode>(settings); }
+NodePtr makeMapProbeNode(const MapProbeSettings& settings) { return std::make_shared<MapProbeNode>(settings); }
 
 }  // namespace gobo
