@@ -23,7 +23,7 @@ struct Costs {
   double depth(double texels, double triangles) const { return depthTexel * texels + depthEdge * std::sqrt(texels * triangles) + depthTriangle * triangles; }
 };
 
-constexpr uint32_t kEnvironmentResolution = 256;
+constexpr uint32_t kEnvironmentRays = 4;   // bench/environment_bench
 constexpr int kHardPixels = 400, kSoftPixels = 250;   // penumbras are wide, edges are not
 constexpr double kNearMiss = 1.25;                     // what a probe cannot tell apart
 
@@ -71,12 +71,10 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   const Shapes shapes = shapesOf(*input.scene);
   const double deep = (1.0 + cost.tree * std::log2(1.0 + shapes.triangles / 1000.0)) * (1.0 + cost.alpha * shapes.alpha / std::max(shapes.triangles, 1.0));
 
-  if (input.angularSize != Vec2(0.0f)) {   // an extracted environment light: one of many, small in the picture
+  if (input.angularSize != Vec2(0.0f)) {   // one of many lights that stand for an environment: their noise averages out, a map's errors add up
     AutomaticCandidate c;
-    *c.technique.mutable_map() = technique.map();
-    c.technique.mutable_map()->set_resolution(kEnvironmentResolution);
-    c.technique.mutable_convolution_soft();
-    c.text = "convolution_soft, " + std::to_string(kEnvironmentResolution) + " texels";
+    c.technique.mutable_ray_traced()->set_samples(kEnvironmentRays);
+    c.text = "ray_traced, " + std::to_string(kEnvironmentRays) + " rays";
     choice.candidates.push_back(std::move(c));
     return choice;
   }
