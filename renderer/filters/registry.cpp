@@ -33,6 +33,19 @@ const std::vector<ShadowTechniqueEntry>& shadowTechniques() {
   return table;
 }
 
+NodeId addShadowFilter(Graph& graph, NodePtr node, std::vector<NodeId> inputs, const std::string& what, const ShadowInput& input) {
+  GraphNode n;
+  n.node = std::move(node);
+  n.inputs = std::move(inputs);
+  n.label = what + ":" + input.scene->lights[size_t(input.light)].name;
+  return graph.add(std::move(n));
+}
+
+Status checkShadowRange(const std::string& field, double value, double low, double high) {
+  if (value >= low && value <= high) return {};
+  return invalidArgument("shadows." + field + " = " + std::to_string(value) + ": must be in " + std::to_string(low) + " .. " + std::to_string(high), "shadows." + field);
+}
+
 const ShadowTechniqueEntry* findShadowTechnique(v1::ShadowTechnique::TechniqueCase key) {
   for (const ShadowTechniqueEntry& e : shadowTechniques())
     if (e.key == key) return &e;

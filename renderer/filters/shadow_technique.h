@@ -34,6 +34,11 @@ struct ShadowTechniqueEntry {
   bool usesMap = false;    ///< reads ShadowTechnique.map
 };
 
+/// Adds a filter labelled "what:LIGHT".
+NodeId addShadowFilter(Graph& graph, NodePtr node, std::vector<NodeId> inputs, const std::string& what, const ShadowInput& input);
+/// InvalidArgument, naming "shadows.field" and the value, unless low <= value <= high.
+Status checkShadowRange(const std::string& field, double value, double low, double high);
+
 /// Null if the technique is not a visibility technique (path_traced, or not set).
 const ShadowTechniqueEntry* findShadowTechnique(v1::ShadowTechnique::TechniqueCase key);
 const std::vector<ShadowTechniqueEntry>& shadowTechniques();

@@ -8,6 +8,7 @@
 #include "filters/parameter.h"
 #include "filters/ray_traced/technique.h"
 #include "filters/shadow_map/techniques.h"
+#include "filters/soft_shadow/soft_shadow.h"
 
 namespace gobo {
 namespace {
@@ -30,15 +31,6 @@ constexpr double kNearMiss = 1.25;                     // what a probe cannot te
 bool areaLight(const ShadowInput& input) {
   const LightKind k = input.scene->lights[size_t(input.light)].shape.kind;
   return k == LightKind::Rect || k == LightKind::Disk || k == LightKind::Sphere || input.angularSize != Vec2(0.0f);
-}
-
-Vec2 lightSize(const ShadowInput& input) {
-  const LightShape& s = input.scene->lights[size_t(input.light)].shape;
-  switch (s.kind) {
-    case LightKind::Rect: return Vec2(2.0f * glm::length(s.u), 2.0f * glm::length(s.v));
-    case LightKind::Disk: case LightKind::Sphere: return Vec2(s.radius * std::sqrt(kPi));   // the square of equal area
-    default: return input.angularSize;
-  }
 }
 
 struct Shapes { double triangles = 0, alpha = 0; };
@@ -154,7 +146,7 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
     const AutomaticCandidate& best = choice.candidates[choice.chosen];
     const bool first = k == 0;
     if (!first && (a.has_time_ms() ? c.ms > a.time_ms() && best.ms <= a.time_ms() : best.rmse <= error && c.ms >= best.ms)) continue;
-    MapProbeSettings m{std::move(maps[k - probe.rays.size()]), base.bias, base.slopeBias, soft ? lightSize(input) : Vec2(0.0f), input.viewSamples};
+    MapProbeSettings m{std::move(maps[k - probe.rays.size()]), base.bias, base.slopeBias, soft ? softLight(light.shape, input.angularSize).size : Vec2(0.0f), input.viewSamples};
     const std::string label = "map_probe:" + light.name + " " + std::to_string(m.map.resolution);
     const NodeId id = graph.add({makeMapProbeNode(m), {node}, {}, label, 0, input.scene, false});
     GOBO_ASSIGN(const TermPtr term, expand(graph, id));

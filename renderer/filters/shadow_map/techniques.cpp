@@ -15,20 +15,6 @@ namespace {
 
 using Settings = v1::ShadowMapSettings;
 
-Status checkRange(const char* field, double value, double low, double high) {
-  if (value >= low && value <= high) return {};
-  return invalidArgument(std::string("shadows.") + field + " = " + std::to_string(value) + ": must be in " + std::to_string(low) + " .. " + std::to_string(high),
-                         std::string("shadows.") + field);
-}
-
-NodeId addFilter(Graph& graph, NodePtr node, std::vector<NodeId> inputs, const std::string& what, const ShadowInput& input) {
-  GraphNode n;
-  n.node = std::move(node);
-  n.inputs = std::move(inputs);
-  n.label = what + ":" + input.scene->lights[size_t(input.light)].name;
-  return graph.add(std::move(n));
-}
-
 }  // namespace
 
 ShadowMapSettings shadowMapSettings(const Settings& m) {
@@ -80,10 +66,10 @@ Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, c
   if (!shadowMapSupports(light.shape.kind)) return invalidArgument("light '" + light.name + "' is a mesh or an environment: a shadow map is not made for it");
   PlannedShadowMap p;
   p.map = shadowMapSettings(technique.map());
-  GOBO_TRY(checkRange("map.resolution", p.map.resolution, 1, 8192));
-  GOBO_TRY(checkRange("map.blur", p.map.blur, 0, 64));
-  GOBO_TRY(checkRange("map.bias", p.map.bias, 0, 1));
-  GOBO_TRY(checkRange("map.slope_bias", p.map.slopeBias, 0, 16));
+  GOBO_TRY(checkShadowRange("map.resolution", p.map.resolution, 1, 8192));
+  GOBO_TRY(checkShadowRange("map.blur", p.map.blur, 0, 64));
+  GOBO_TRY(checkShadowRange("map.bias", p.map.bias, 0, 1));
+  GOBO_TRY(checkShadowRange("map.slope_bias", p.map.slopeBias, 0, 16));
   // In steps of 8 texels where that costs less than an eighth of the map: moving the blur's slider keeps the depth map.
   const int stepped = (rim + 7) / 8 * 8;
   if (p.map.resolution >= 16 * stepped) rim = stepped;
@@ -103,7 +89,7 @@ Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, c
 }
 
 NodeId planDepthBounds(Graph& graph, const ShadowInput& input, const PlannedShadowMap& p) {
-  return addFilter(graph, makeDepthBoundsNode(p.map.resolution, p.frames.count), {p.depth}, "depth_bounds", input);
+  return addShadowFilter(graph, makeDepthBoundsNode(p.map.resolution, p.frames.count), {p.depth}, "depth_bounds", input);
 }
 
 bool marksFailures(const v1::ShadowTechnique& t) {
@@ -134,13 +120,13 @@ Result<NodeId> planHardShadowMap(Graph& graph, const ShadowInput& input, const v
   GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, 1));
   PercentageCloserLookup l{p.frames, p.map, p.view};
   l.hard = true;
-  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, p.depth}, "visibility", input);
+  return addShadowFilter(graph, makePercentageCloserNode(l), {input.gbuffer, p.depth}, "visibility", input);
 }
 
 Result<NodeId> planPercentageCloser(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
   const v1::PercentageCloserShadow& m = technique.percentage_closer();
   const int taps = int(numberParameter(m, "taps"));
-  GOBO_TRY(checkRange("percentage_closer.taps", taps, 1, 16));
+  GOBO_TRY(checkShadowRange("percentage_closer.taps", taps, 1, 16));
   const auto pattern = m.pattern() == v1::PercentageCloserShadow::PATTERN_UNSPECIFIED ? v1::PercentageCloserShadow::REGULAR : m.pattern();
   const int blur = int(numberParameter(technique.map(), "blur"));
   GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, pattern == v1::PercentageCloserShadow::GAUSSIAN ? blur + 1 : pattern == v1::PercentageCloserShadow::FOOTPRINT ? 9 : pattern == v1::PercentageCloserShadow::POISSON ? taps / 2 + 1 : (taps + 1) / 2));
@@ -148,7 +134,7 @@ Result<NodeId> planPercentageCloser(Graph& graph, const ShadowInput& input, cons
   l.pattern = pattern;
   l.taps = taps;
   l.skip = boolParameter(m, "skip");
-  return addFilter(graph, makePercentageCloserNode(l), {input.gbuffer, readsDepthBounds(l) ? planDepthBounds(graph, input, p) : p.depth}, "visibility", input);
+  return addShadowFilter(graph, makePercentageCloserNode(l), {input.gbuffer, readsDepthBounds(l) ? planDepthBounds(graph, input, p) : p.depth}, "visibility", input);
 }
 
 namespace {
@@ -169,11 +155,11 @@ Result<NodeId> planFiltered(Graph& graph, const ShadowInput& input, const v1::Sh
   if (device && uint64_t(resolution) * uint64_t(resolution) * 4 > device->maxBufferBytes())
     return Status(Code::ResourceExhausted, std::to_string(resolution) + " texels squared are more than the " + std::to_string(device->maxBufferBytes()) +
                                                " bytes that a buffer of " + device->name() + " may have", "shadows.map.resolution");
-  NodeId map = addFilter(graph, makeShadowEncodeNode(basis, p.map.blur, resolution, faces, bytes, device), {p.depth}, std::string(basis->name()) + "_map", input);
+  NodeId map = addShadowFilter(graph, makeShadowEncodeNode(basis, p.map.blur, resolution, faces, bytes, device), {p.depth}, std::string(basis->name()) + "_map", input);
   if (p.map.lookup == Settings::TRILINEAR || p.map.lookup == Settings::ANISOTROPIC)
-    map = addFilter(graph, makeShadowMipmapNode(basis, resolution, faces, bytes), {map}, "shadow_mipmap", input);
+    map = addShadowFilter(graph, makeShadowMipmapNode(basis, resolution, faces, bytes), {map}, "shadow_mipmap", input);
   else if (p.map.lookup == Settings::SUMMED_AREA)
-    map = addFilter(graph, makeShadowSummedAreaNode(basis, resolution, faces), {map}, "shadow_summed_area", input);
+    map = addShadowFilter(graph, makeShadowSummedAreaNode(basis, resolution, faces), {map}, "shadow_summed_area", input);
   ShadowLookup l{p.frames, p.map, p.view, bytes};
   std::vector<NodeId> inputs{input.gbuffer, map};
   if (exponential && exponential->classification() > v1::ExponentialShadow::OFF) {
@@ -182,7 +168,7 @@ Result<NodeId> planFiltered(Graph& graph, const ShadowInput& input, const v1::Sh
     l.fallbackKernel = boolParameter(*exponential, "fallback_kernel");
     inputs.push_back(planDepthBounds(graph, input, p));
   }
-  return addFilter(graph, makeShadowLookupNode(std::move(basis), l, device), std::move(inputs), "visibility", input);
+  return addShadowFilter(graph, makeShadowLookupNode(std::move(basis), l, device), std::move(inputs), "visibility", input);
 }
 
 }  // namespace
@@ -191,13 +177,13 @@ Result<NodeId> planVarianceShadow(Graph& graph, const ShadowInput& input, const 
   return planFiltered(graph, input, t, makeVarianceBasis(t.variance()), false);
 }
 Result<NodeId> planConvolutionShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {
-  GOBO_TRY(checkRange("convolution.order", numberParameter(t.convolution(), "order"), 1, 32));
+  GOBO_TRY(checkShadowRange("convolution.order", numberParameter(t.convolution(), "order"), 1, 32));
   return planFiltered(graph, input, t, makeConvolutionBasis(t.convolution()), t.convolution().bytes());
 }
 Result<NodeId> planExponentialVarianceShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {
   const auto number = [&](const char* name) { return float(numberParameter(t.exponential_variance(), name)); };
-  GOBO_TRY(checkRange("exponential_variance.c_positive", number("c_positive"), 0.1, 42));
-  GOBO_TRY(checkRange("exponential_variance.c_negative", number("c_negative"), 0.1, 42));
+  GOBO_TRY(checkShadowRange("exponential_variance.c_positive", number("c_positive"), 0.1, 42));
+  GOBO_TRY(checkShadowRange("exponential_variance.c_negative", number("c_negative"), 0.1, 42));
   return planFiltered(graph, input, t, makeExponentialVarianceBasis(number("c_positive"), number("c_negative"), number("min_variance"), number("bleeding_reduction")), false);
 }
 Result<NodeId> planMomentShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {
@@ -207,7 +193,7 @@ Result<NodeId> planMomentShadow(Graph& graph, const ShadowInput& input, const v1
 Result<NodeId> planExponentialShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {
   const v1::ExponentialShadow& e = t.exponential();
   const double c = numberParameter(e, "c");
-  GOBO_TRY(checkRange("exponential.c", c, 1, 2000));
+  GOBO_TRY(checkShadowRange("exponential.c", c, 1, 2000));
   if (e.filtering() == v1::ExponentialShadow::LINEAR && c > 80)
     return invalidArgument("shadows.exponential.c = " + std::to_string(c) + ": LINEAR filtering leaves float above 80; use LOGARITHMIC or AUTO", "shadows.exponential.c");
   const bool logarithmic = e.filtering() == v1::ExponentialShadow::LOGARITHMIC || c > 80;

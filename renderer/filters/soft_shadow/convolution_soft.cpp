@@ -82,6 +82,7 @@ class ConvolutionSoftNode : public Node {
   int images() const { return 2 * l_.order; }
 
   struct Work {
+    SoftSearch search[SoftBlock::kSize];
     explicit Work(int channels) : values(size_t(channels) * kN) {}
     const SummedArea* sums = nullptr;
     const MipChain* chain = nullptr;
@@ -130,9 +131,10 @@ class ConvolutionSoftNode : public Node {
     SoftBlock& b = w.b;
     receivers.fill(first, count, b, V);
     w.n = 0;
+    softSearches(receivers, bounds, b, w.search);
     for (int a = 0; a < b.activeCount; ++a) {
       const int i = b.active[a];
-      const SoftSearch s = softSearch(receivers, bounds, b, i);
+      const SoftSearch& s = w.search[i];
       if (s.verdict != SoftSearch::Mixed) { V[i] = s.verdict == SoftSearch::Lit ? 1.0f : 0.0f; continue; }
       const int k = w.n++;
       w.open[k] = i;

@@ -70,9 +70,8 @@ struct SoftSearch {
   float lo = 0, hi = 1;   ///< bounds of the depths in it, or wider
   float plane = 0;        ///< metric depth at which the cone was cut
 };
-/// Cuts the cone at the smallest depth found in it, again and again (digest 7.4: start at z-min), and asks the bounds.
-SoftSearch softSearch(const SoftReceivers& receivers, const DepthBounds& bounds, const SoftBlock& b, int i);
-/// The same for all active receivers of a block, vectorised; bounds may be a little wider. out[i] for i in b.active.
+/// Cuts the cone at the smallest depth found in it, again and again (digest 7.4: start at z-min), and asks the bounds, for all active receivers of a
+/// block side by side. out[i] for i in b.active.
 void softSearches(const SoftReceivers& receivers, const DepthBounds& bounds, const SoftBlock& b, SoftSearch* out);
 /// What the bounds say of a box of texels: depths in [lo, hi] all blocking, none blocking, or neither.
 SoftSearch::Verdict softVerdict(const SoftBlock& b, int i, const SoftBox& box, float lo, float hi);

@@ -103,32 +103,6 @@ SoftSearch::Verdict softVerdict(const SoftBlock& b, int i, const SoftBox& box, f
   return SoftSearch::Mixed;
 }
 
-SoftSearch softSearch(const SoftReceivers& receivers, const DepthBounds& bounds, const SoftBlock& b, int i) {
-  SoftSearch s;
-  const int face = b.at.face[i], last = bounds.resolution() - 1;
-  const auto measure = [&] {
-    s.box = receivers.box(b, i, s.wx, s.wy);
-    bounds.range(face, int(s.box.x0), int(s.box.y0), std::min(int(std::ceil(s.box.x1)) - 1, last), std::min(int(std::ceil(s.box.y1)) - 1, last), s.lo, s.hi);
-  };
-  s.plane = receivers.metric(face, 0.0f);
-  receivers.width(b, i, s.plane, s.wx, s.wy);
-  measure();
-  for (int step = 0; step < 6; ++step) {   // each cut can only move away from the light: whatever is nearer lies outside the cone
-    const float plane = receivers.metric(face, s.lo);
-    if (!(plane > s.plane) || s.wx + s.wy <= 2.0f) break;
-    float wx, wy;
-    receivers.width(b, i, plane, wx, wy);
-    const bool settled = wx + wy > 0.9f * (s.wx + s.wy);
-    s.plane = plane;
-    s.wx = wx;
-    s.wy = wy;
-    measure();
-    if (settled) break;
-  }
-  s.verdict = softVerdict(b, i, s.box, s.lo, s.hi);
-  return s;
-}
-
 namespace {
 
 /// One number of each of a block's active receivers, side by side.

@@ -35,6 +35,9 @@ struct SoftLight {
   void hash(Hasher& h) const { h.addPod(size).addPod(half).add(int(shape)); }
 };
 
+/// A light as soft shadow maps see it: a disk or sphere by the square of equal area. `angularSize`: ShadowInput's, for distant lights.
+SoftLight softLight(const LightShape& light, const Vec2& angularSize);
+
 struct SoftLookup {
   LightFrames frames;
   ShadowMapSettings map;

@@ -6,22 +6,6 @@
 #include "filters/soft_shadow/moment_sums.h"
 
 namespace gobo {
-namespace {
-
-using Settings = v1::ShadowMapSettings;
-
-Status checkRange(const std::string& field, double value, double low, double high) {
-  if (value >= low && value <= high) return {};
-  return invalidArgument("shadows." + field + " = " + std::to_string(value) + ": must be in " + std::to_string(low) + " .. " + std::to_string(high), "shadows." + field);
-}
-
-NodeId addFilter(Graph& graph, NodePtr node, std::vector<NodeId> inputs, const std::string& what, const ShadowInput& input) {
-  GraphNode n;
-  n.node = std::move(node);
-  n.inputs = std::move(inputs);
-  n.label = what + ":" + input.scene->lights[size_t(input.light)].name;
-  return graph.add(std::move(n));
-}
 
 SoftLight softLight(const LightShape& l, const Vec2& angularSize) {
   SoftLight s;
@@ -42,6 +26,10 @@ SoftLight softLight(const LightShape& l, const Vec2& angularSize) {
   }
   return s;
 }
+
+namespace {
+
+using Settings = v1::ShadowMapSettings;
 
 struct Planned { PlannedShadowMap map; NodeId bounds = -1; };
 
@@ -83,10 +71,10 @@ Result<NodeId> planPercentageCloserSoft(Graph& graph, const ShadowInput& input, 
   l.filterTaps = int(numberParameter(m, "filter_taps"));
   l.dense = m.dense();
   l.skip = boolParameter(m, "skip");
-  GOBO_TRY(checkRange("percentage_closer_soft.search_taps", l.searchTaps, 1, 1024));
-  GOBO_TRY(checkRange("percentage_closer_soft.filter_taps", l.filterTaps, 1, 1024));
+  GOBO_TRY(checkShadowRange("percentage_closer_soft.search_taps", l.searchTaps, 1, 1024));
+  GOBO_TRY(checkShadowRange("percentage_closer_soft.filter_taps", l.filterTaps, 1, 1024));
   GOBO_ASSIGN(const Planned p, planMap(graph, input, technique, l));
-  return addFilter(graph, makePercentageCloserSoftNode(l), {input.gbuffer, p.bounds}, "visibility", input);
+  return addShadowFilter(graph, makePercentageCloserSoftNode(l), {input.gbuffer, p.bounds}, "visibility", input);
 }
 
 Result<NodeId> planConvolutionSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
@@ -97,9 +85,9 @@ Result<NodeId> planConvolutionSoft(Graph& graph, const ShadowInput& input, const
   l.search = m.search() == v1::ConvolutionSoftShadow::SEARCH_UNSPECIFIED ? v1::ConvolutionSoftShadow::Z_MIN : m.search();
   l.sharpening = float(numberParameter(m, "sharpening"));
   l.sharpeningExtent = float(numberParameter(m, "sharpening_extent"));
-  GOBO_TRY(checkRange("convolution_soft.order", l.order, 1, 32));
-  GOBO_TRY(checkRange("convolution_soft.sharpening", l.sharpening, 0, 100));
-  GOBO_TRY(checkRange("convolution_soft.sharpening_extent", l.sharpeningExtent, 0, 10000));
+  GOBO_TRY(checkShadowRange("convolution_soft.order", l.order, 1, 32));
+  GOBO_TRY(checkShadowRange("convolution_soft.sharpening", l.sharpening, 0, 100));
+  GOBO_TRY(checkShadowRange("convolution_soft.sharpening_extent", l.sharpeningExtent, 0, 10000));
   GOBO_ASSIGN(const Planned p, planMap(graph, input, technique, l));
   if (l.map.lookup == Settings::ANISOTROPIC)
     return invalidArgument("shadows.map.lookup = ANISOTROPIC: soft shadows read SUMMED_AREA boxes or a TRILINEAR chain at the penumbra's width", "shadows.map.lookup");
@@ -107,10 +95,10 @@ Result<NodeId> planConvolutionSoft(Graph& graph, const ShadowInput& input, const
   GOBO_TRY(checkBytes(p.map, 4.0 * (4 * l.order + 1) * (mips ? 7.0 / 3.0 : 2.004)));
   const ShadowBasisPtr basis = makeConvolutionSoftBasis(l.order);
   const int resolution = l.map.resolution, faces = l.frames.count;
-  NodeId map = addFilter(graph, makeShadowEncodeNode(basis, 0, resolution, faces, false), {p.map.depth}, "convolution_soft_map", input);
-  if (mips) map = addFilter(graph, makeShadowMipmapNode(basis, resolution, faces, false), {map}, "shadow_mipmap", input);
-  else map = addFilter(graph, makeShadowSummedAreaNode(basis, resolution, faces), {map}, "shadow_summed_area", input);
-  return addFilter(graph, makeConvolutionSoftNode(l), {input.gbuffer, p.bounds, map}, "visibility", input);
+  NodeId map = addShadowFilter(graph, makeShadowEncodeNode(basis, 0, resolution, faces, false), {p.map.depth}, "convolution_soft_map", input);
+  if (mips) map = addShadowFilter(graph, makeShadowMipmapNode(basis, resolution, faces, false), {map}, "shadow_mipmap", input);
+  else map = addShadowFilter(graph, makeShadowSummedAreaNode(basis, resolution, faces), {map}, "shadow_summed_area", input);
+  return addShadowFilter(graph, makeConvolutionSoftNode(l), {input.gbuffer, p.bounds, map}, "visibility", input);
 }
 
 Result<NodeId> planVarianceSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
@@ -118,11 +106,11 @@ Result<NodeId> planVarianceSoft(Graph& graph, const ShadowInput& input, const v1
   VarianceSoftLookup l;
   l.minVariance = float(numberParameter(m, "min_variance"));
   l.subdivide = boolParameter(m, "subdivide");
-  GOBO_TRY(checkRange("variance_soft.min_variance", l.minVariance, 0, 1));
+  GOBO_TRY(checkShadowRange("variance_soft.min_variance", l.minVariance, 0, 1));
   GOBO_ASSIGN(const Planned p, planMap(graph, input, technique, l));
   GOBO_TRY(checkBytes(p.map, 16));
-  const NodeId sums = addFilter(graph, makeMomentSumsNode(l.map.resolution, l.frames.count), {p.map.depth}, "shadow_moment_sums", input);
-  return addFilter(graph, makeVarianceSoftNode(l), {input.gbuffer, p.bounds, sums}, "visibility", input);
+  const NodeId sums = addShadowFilter(graph, makeMomentSumsNode(l.map.resolution, l.frames.count), {p.map.depth}, "shadow_moment_sums", input);
+  return addShadowFilter(graph, makeVarianceSoftNode(l), {input.gbuffer, p.bounds, sums}, "visibility", input);
 }
 
 Result<NodeId> planExponentialVarianceSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
@@ -132,16 +120,16 @@ Result<NodeId> planExponentialVarianceSoft(Graph& graph, const ShadowInput& inpu
   l.cPositive = float(numberParameter(m, "c_positive"));
   l.cNegative = float(numberParameter(m, "c_negative"));
   l.bleedingReduction = float(numberParameter(m, "bleeding_reduction"));
-  GOBO_TRY(checkRange("exponential_variance_soft.search_taps", l.searchTaps, 1, 1024));
-  GOBO_TRY(checkRange("exponential_variance_soft.c_positive", l.cPositive, 0.1, 42));
-  GOBO_TRY(checkRange("exponential_variance_soft.c_negative", l.cNegative, 0.1, 42));
-  GOBO_TRY(checkRange("exponential_variance_soft.bleeding_reduction", l.bleedingReduction, 0, 0.99));
+  GOBO_TRY(checkShadowRange("exponential_variance_soft.search_taps", l.searchTaps, 1, 1024));
+  GOBO_TRY(checkShadowRange("exponential_variance_soft.c_positive", l.cPositive, 0.1, 42));
+  GOBO_TRY(checkShadowRange("exponential_variance_soft.c_negative", l.cNegative, 0.1, 42));
+  GOBO_TRY(checkShadowRange("exponential_variance_soft.bleeding_reduction", l.bleedingReduction, 0, 0.99));
   GOBO_ASSIGN(const Planned p, planMap(graph, input, technique, l));
   GOBO_TRY(checkBytes(p.map, 16 * 7.0 / 3.0));
   const ShadowBasisPtr basis = makeExponentialVarianceBasis(l.cPositive, l.cNegative, 1e-7f, l.bleedingReduction);
-  const NodeId map = addFilter(graph, makeShadowEncodeNode(basis, 0, l.map.resolution, l.frames.count, false), {p.map.depth}, "exponential_variance_soft_map", input);
-  const NodeId chain = addFilter(graph, makeShadowMipmapNode(basis, l.map.resolution, l.frames.count, false), {map}, "shadow_mipmap", input);
-  return addFilter(graph, makeExponentialVarianceSoftNode(l), {input.gbuffer, p.bounds, chain}, "visibility", input);
+  const NodeId map = addShadowFilter(graph, makeShadowEncodeNode(basis, 0, l.map.resolution, l.frames.count, false), {p.map.depth}, "exponential_variance_soft_map", input);
+  const NodeId chain = addShadowFilter(graph, makeShadowMipmapNode(basis, l.map.resolution, l.frames.count, false), {map}, "shadow_mipmap", input);
+  return addShadowFilter(graph, makeExponentialVarianceSoftNode(l), {input.gbuffer, p.bounds, chain}, "visibility", input);
 }
 
 }  // namespace gobo

@@ -39,9 +39,11 @@ class VarianceSoftNode : public Node {
     const std::span<float> V = term->addPlane<float>("V");
     const bool done = ctx.arena->parallelFor(V.size(), 4096, [&](size_t begin, size_t end) {
       auto b = std::make_unique<SoftBlock>();
+      std::vector<SoftSearch> searches(SoftBlock::kSize);
       for (size_t first = begin; first < end; first += SoftBlock::kSize) {
         receivers.fill(first, int(std::min<size_t>(SoftBlock::kSize, end - first)), *b, &V[first]);
-        for (int k = 0; k < b->activeCount; ++k) V[first + size_t(b->active[k])] = visibility({receivers, bounds, sums, *b, b->active[k]});
+        softSearches(receivers, bounds, *b, searches.data());
+        for (int k = 0; k < b->activeCount; ++k) V[first + size_t(b->active[k])] = visibility({receivers, bounds, sums, *b, b->active[k]}, searches[size_t(b->active[k])]);
       }
     }, ctx.stop);
     if (!done) return Status(Code::Cancelled, type() + " stopped");
@@ -57,8 +59,7 @@ class VarianceSoftNode : public Node {
     int i;
   };
 
-  float visibility(const At& at) const {
-    const SoftSearch s = softSearch(at.receivers, at.bounds, at.b, at.i);
+  float visibility(const At& at, const SoftSearch& s) const {
     if (s.verdict != SoftSearch::Mixed) return s.verdict == SoftSearch::Lit ? 1.0f : 0.0f;
     const float d = at.b.limit[at.i];
     const Blocked search = blocked(at, s.box, 0);
