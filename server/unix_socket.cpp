@@ -9,20 +9,28 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstring>
+#include <thread>
 #include <utility>
 
 namespace gobo {
 
 Result<SocketLock> SocketLock::take(const std::string& socketPath) {
   const std::string path = socketPath + ".lock";
-  for (int attempt = 0; attempt < 100; ++attempt) {
+  const auto patience = std::chrono::steady_clock::now() + std::chrono::milliseconds(500);
+  for (int attempt = 0; attempt < 200; ++attempt) {
     const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd < 0) return Status(Code::Unavailable, "cannot open \"" + path + "\": " + std::strerror(errno));
     SocketLock lock(path, fd);
     if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
       lock.path_.clear();   // another's: not to be removed
-      if (errno == EWOULDBLOCK) return Status(Code::FailedPrecondition, "another server holds \"" + socketPath + "\"");
+      if (errno == EWOULDBLOCK) {
+        // A server that was just killed holds it until the system has taken its memory back.
+        if (std::chrono::steady_clock::now() > patience) return Status(Code::FailedPrecondition, "another server holds \"" + socketPath + "\"");
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        continue;
+      }
       return Status(Code::Unavailable, "cannot lock \"" + path + "\": " + std::strerror(errno));
     }
     // The holder before may have removed the file between our open and our lock: then this lock is on a file without a name.

@@ -72,7 +72,7 @@ class Liar:
     def __init__(self, credentials=None, **handlers):
         self.handlers = handlers
         self.metadata = []
-        self.server = grpc.server(futures.ThreadPoolExecutor(8))
+        self.server = grpc.server(futures.ThreadPoolExecutor(8), options=[("grpc.so_reuseport", 0)])   # a port of its own
         for base, add in ((service_pb2_grpc.RenderServicer, service_pb2_grpc.add_RenderServicer_to_server),
                           (service_pb2_grpc.ScenesServicer, service_pb2_grpc.add_ScenesServicer_to_server),
                           (service_pb2_grpc.AdminServicer, service_pb2_grpc.add_AdminServicer_to_server),

@@ -46,11 +46,13 @@ class Tokens : public ServerTest {
   struct Answer { grpc::Status status; std::multimap<std::string, std::string> trailers; };
   static void sign(grpc::ClientContext& context, const std::string& name) {
     bound(context);
+    context.set_wait_for_ready(true);   // a refused connection is tried again
     if (!name.empty()) context.AddMetadata("authorization", "Bearer secret-" + name);
   }
   Answer list(const std::string& header, const std::shared_ptr<grpc::Channel>& over, const std::string& id = "") {
     grpc::ClientContext context;
     bound(context);
+    context.set_wait_for_ready(true);
     if (!header.empty()) context.AddMetadata("authorization", header);
     if (!id.empty()) context.AddMetadata("x-request-id", id);
     v1::ListScenesReply reply;
