@@ -119,11 +119,11 @@ class PercentageCloserNode : public Node {
 
 bool readsDepthBounds(const PercentageCloserLookup& l) {
   if (l.hard || !l.skip) return false;
-  switch (l.pattern) {   // up to 8 texels a row, comparing is as fast as asking
-    case v1::PercentageCloserShadow::GAUSSIAN: return 2 * l.map.blur + 2 > 8;
+  switch (l.pattern) {   // up to 4 texels a row, comparing is as fast as asking
+    case v1::PercentageCloserShadow::GAUSSIAN: return 2 * l.map.blur + 2 > 4;
     case v1::PercentageCloserShadow::POISSON: return true;
     case v1::PercentageCloserShadow::FOOTPRINT: return false;
-    default: return l.taps > 8;
+    default: return l.taps > 4;
   }
 }
 

@@ -201,7 +201,7 @@ const std::map<std::string, ShadowRow>& shadowRows() {
       {"map.blur", {{"exponential.c=60"}, "map.blur=3", basis("exponential")}},
       {"map.lookup", {{"exponential.c=60"}, "map.lookup=TRILINEAR", lookup + Labels{"shadow_mipmap:spot"}}},
       {"map.anisotropy", {{"exponential.c=60", "map.lookup=ANISOTROPIC"}, "map.anisotropy=4", lookup}},
-      {"percentage_closer.taps", {{"percentage_closer.pattern=REGULAR"}, "percentage_closer.taps=8", lookup}},
+      {"percentage_closer.taps", {{"percentage_closer.pattern=REGULAR"}, "percentage_closer.taps=8", lookup + bounds}},
       {"percentage_closer.pattern", {{"percentage_closer.taps=4"}, "percentage_closer.pattern=POISSON", lookup + bounds}},
       {"percentage_closer.skip", {{"percentage_closer.taps=12"}, "percentage_closer.skip=false", lookup}},   // without the pyramid: the same bits
       {"variance.bleeding_reduction", {{"variance.min_variance=1e-6"}, "variance.bleeding_reduction=0.4", lookup}},
