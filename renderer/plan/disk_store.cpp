@@ -14,7 +14,7 @@
 #include <random>
 #include <unordered_map>
 
-#include "plan/disk_files.h"
+#include "plan/term_files.h"
 #include "plan/disk_index.h"
 
 namespace gobo {
@@ -27,7 +27,7 @@ constexpr int64_t kSweepMicros = 3600ll * 1000000;
 
 struct DiskStore::Impl {
   DiskStoreOptions options;
-  DiskFiles files;
+  TermFiles files;
   std::string indexPath, temps;
   std::atomic<uint64_t> counter{0};
 
@@ -140,7 +140,7 @@ struct DiskStore::Impl {
   // change(status) -> false when SQLite failed. Tried a second time with an index made anew. Under mutex.
   template <typename F> Status transact(double seconds, F change) {
     GOBO_TRY(files.lock(seconds));
-    struct Unlock { DiskFiles& f; ~Unlock() { f.unlock(); } } unlock{files};
+    struct Unlock { TermFiles& f; ~Unlock() { f.unlock(); } } unlock{files};
     for (int attempt = 0; attempt < 2; ++attempt) {
       if (dirty || !index.current()) {
         if (!openIndex()) { dirty = true; continue; }
@@ -201,7 +201,7 @@ Result<std::unique_ptr<DiskStore>> DiskStore::open(const std::string& folder, co
 TermPtr DiskStore::get(const Hash128& key) {
   Impl& d = *impl_;
   const std::string name = key.hex();
-  DiskFiles::Content content = d.files.read(name);
+  TermFiles::Content content = d.files.read(name);
   TermPtr term;
   if (content.bytes) term = parseTerm(content.bytes.get(), content.size);
   if (term) {

@@ -378,6 +378,4 @@ void Engine::fillStatus(v1::StatusReply& s) const {
   s.set_threads(uint32_t(impl_->arena.threads()));
 }
 
-std::string buildVersion() { return GOBO_BUILD; }
-
 }  // namespace gobo

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// DiskFiles: the file side of DiskStore: names, scanning, whole-file reads and writes of FOLDER/ab/<32 hex>.term, temp files
+// TermFiles: the file side of DiskStore: names, scanning, whole-file reads and writes of FOLDER/ab/<32 hex>.term, temp files
 // in FOLDER/tmp, and the lock FOLDER/lock that every change of names is made under. Stateless but for the lock's descriptor.
 #pragma once
 
@@ -18,7 +18,7 @@ namespace gobo {
 /// ResourceExhausted for a full disk or quota, Internal else; names the action and the file.
 Status fileError(const std::string& action, const std::string& path, int error);
 
-class DiskFiles {
+class TermFiles {
  public:
   struct File { std::string key; int64_t bytes = 0, modified = 0; };   ///< modified: microseconds since 1970
   struct Content {
@@ -28,8 +28,8 @@ class DiskFiles {
     int error = 0;
   };
 
-  explicit DiskFiles(std::string folder) : folder_(std::move(folder)) {}
-  ~DiskFiles();
+  explicit TermFiles(std::string folder) : folder_(std::move(folder)) {}
+  ~TermFiles();
   Status makeFolders();
   std::string path(const std::string& key) const { return folder_ + "/" + key.substr(0, 2) + "/" + key + ".term"; }
   std::string tempFolder() const { return folder_ + "/tmp"; }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "plan/disk_files.h"
+#include "plan/term_files.h"
 
 #include <dirent.h>
 #include <fcntl.h>
@@ -57,9 +57,9 @@ Status fileError(const std::string& action, const std::string& path, int error) 
   return {full ? Code::ResourceExhausted : Code::Internal, "cannot " + action + ": " + std::strerror(error), path};
 }
 
-DiskFiles::~DiskFiles() { if (lock_ >= 0) ::close(lock_); }
+TermFiles::~TermFiles() { if (lock_ >= 0) ::close(lock_); }
 
-Status DiskFiles::makeFolders() {
+Status TermFiles::makeFolders() {
   std::error_code error;
   std::filesystem::create_directories(tempFolder(), error);
   if (error) return fileError("make cache folder", folder_, error.value());
@@ -68,7 +68,7 @@ Status DiskFiles::makeFolders() {
   return {};
 }
 
-Status DiskFiles::lock(double seconds) {
+Status TermFiles::lock(double seconds) {
   const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
   const std::string name = folder_ + "/lock";
   for (;;) {
@@ -95,9 +95,9 @@ Status DiskFiles::lock(double seconds) {
   }
 }
 
-void DiskFiles::unlock() { if (lock_ >= 0) ::flock(lock_, LOCK_UN); }
+void TermFiles::unlock() { if (lock_ >= 0) ::flock(lock_, LOCK_UN); }
 
-std::vector<DiskFiles::File> DiskFiles::scan() const {
+std::vector<TermFiles::File> TermFiles::scan() const {
   std::vector<File> files;
   static const char* digits = "0123456789abcdef";
   for (int i = 0; i < 256; ++i) {
@@ -111,7 +111,7 @@ std::vector<DiskFiles::File> DiskFiles::scan() const {
   return files;
 }
 
-DiskFiles::Content DiskFiles::read(const std::string& key) const {
+TermFiles::Content TermFiles::read(const std::string& key) const {
   // read() and not mmap: a bad sector is then an error here, not SIGBUS in whoever touches the page.
   Content c;
   Descriptor d(openRetry(path(key), O_RDONLY | O_NOFOLLOW | O_NONBLOCK));
@@ -145,14 +145,14 @@ DiskFiles::Content DiskFiles::read(const std::string& key) const {
   return c;
 }
 
-int64_t DiskFiles::size(const std::string& key, ino_t* inode) const {
+int64_t TermFiles::size(const std::string& key, ino_t* inode) const {
   struct stat st;
   if (::lstat(path(key).c_str(), &st) != 0) return -1;
   if (inode) *inode = st.st_ino;
   return st.st_size;
 }
 
-bool DiskFiles::equals(const std::string& key, const std::vector<uint8_t>& bytes) const {
+bool TermFiles::equals(const std::string& key, const std::vector<uint8_t>& bytes) const {
   if (bytes.size() < 16) return false;
   Descriptor d(openRetry(path(key), O_RDONLY | O_NOFOLLOW | O_NONBLOCK));
   struct stat st;
@@ -161,7 +161,7 @@ bool DiskFiles::equals(const std::string& key, const std::vector<uint8_t>& bytes
   return ::pread(d.fd, tail, 16, off_t(bytes.size() - 16)) == 16 && std::memcmp(tail, bytes.data() + bytes.size() - 16, 16) == 0;
 }
 
-Status DiskFiles::writeTemp(const std::string& temp, const std::vector<uint8_t>& bytes, const std::function<int(const char*)>& step) {
+Status TermFiles::writeTemp(const std::string& temp, const std::vector<uint8_t>& bytes, const std::function<int(const char*)>& step) {
   int error = step("create");
   Descriptor d(error ? -1 : openRetry(temp, O_WRONLY | O_CREAT | O_EXCL));
   if (!error && d.fd < 0 && errno == ENOENT) {
@@ -182,7 +182,7 @@ Status DiskFiles::writeTemp(const std::string& temp, const std::vector<uint8_t>&
   return fileError("write", temp, error);
 }
 
-Status DiskFiles::moveIntoPlace(const std::string& temp, const std::string& key) {
+Status TermFiles::moveIntoPlace(const std::string& temp, const std::string& key) {
   const std::string to = path(key);
   if (::rename(temp.c_str(), to.c_str()) == 0) return {};
   const std::string sub = folder_ + "/" + key.substr(0, 2);
@@ -193,15 +193,15 @@ Status DiskFiles::moveIntoPlace(const std::string& temp, const std::string& key)
   return {};
 }
 
-Status DiskFiles::syncFolderOf(const std::string& key) {
+Status TermFiles::syncFolderOf(const std::string& key) {
   const std::string sub = folder_ + "/" + key.substr(0, 2);
   const int error = syncFolder(sub);
   return error ? fileError("sync", sub, error) : Status();
 }
 
-bool DiskFiles::unlink(const std::string& key) { return ::unlink(path(key).c_str()) == 0 || errno == ENOENT; }
+bool TermFiles::unlink(const std::string& key) { return ::unlink(path(key).c_str()) == 0 || errno == ENOENT; }
 
-uint64_t DiskFiles::removeStaleTemps(int64_t nowMicros, double seconds) {
+uint64_t TermFiles::removeStaleTemps(int64_t nowMicros, double seconds) {
   uint64_t removed = 0;
   eachEntry(tempFolder(), [&](const std::string& name, const struct stat& st) {
     if (double(nowMicros - micros(st.st_mtim)) * 1e-6 < seconds) return;

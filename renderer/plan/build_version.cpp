@@ -1,0 +1,7 @@
+#include "plan/engine.h"
+
+namespace gobo {
+
+std::string buildVersion() { return GOBO_BUILD; }
+
+}  // namespace gobo
