@@ -20,13 +20,17 @@ CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t 
       continue;
     }
     out.certain += e.chance >= 1;
+    double excess = 0;                                   // of the picture over the reference
+    for (const Vec3& part : e.parts)
+      for (int c = 0; c < 3; ++c) excess += double(e.picture[c]) - part[c];
+    const bool dark = excess < 0;
     const PartsEstimate s = squaredErrorOfParts(e.picture, e.parts);
     const RelativePartsEstimate r = relativeErrorOfParts(e.picture, e.parts);
-    squared.push_back({s.value, s.noise, s.spread, e.chance});
+    squared.push_back({s.value, s.noise, s.spread, e.chance, dark});
     // The weights follow the parts, which the jackknife does not see: each pixel's value is doubted as a whole.
     const double doubted = std::max(r.leaning.noise, r.leaning.value * r.leaning.value);
-    leaning.push_back({r.leaning.value, doubted, r.leaning.spread, e.chance});
-    jackknife.push_back({r.jackknife, doubted, r.leaning.spread, e.chance});
+    leaning.push_back({r.leaning.value, doubted, r.leaning.spread, e.chance, dark});
+    jackknife.push_back({r.jackknife, doubted, r.leaning.spread, e.chance, dark});
   }
   const double all = double(pixels);
   const DrawnInterval mse = drawnInterval(squared, all), rel = drawnInterval(leaning, all), other = drawnInterval(jackknife, all);

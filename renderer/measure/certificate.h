@@ -8,7 +8,8 @@
 //     T(S) = sqrt(1/N * sum of e_i over the pixels outside S)          (T(empty) is the RMSE of the picture):
 //   rmseLow <= T(empty)
 //   T(the unseenArea * N pixels of largest e_i) <= rmseHighTrimmed      whatever these pixels hold
-//   T(empty) <= rmseHigh                                               if no undrawn pixel is worse than the worst one that was drawn by chance
+//   T(empty) <= rmseHigh                                               if no undrawn pixel is worse than the worst one that was drawn by chance,
+//                                                                      and no light that the reference missed in a drawn one than half as much again as what it found
 // An area unseenArea holds no drawn pixel with a chance of 5 %, so an error of any size may hide there; rmseHigh charges all of it
 // with the largest squared error that a pixel drawn by chance (not for certain) showed. Where every pixel is drawn, it is 0.
 // Blind spot: light that the reference's own parts practically never find (a caustic hit by one path in 10^6) is an error

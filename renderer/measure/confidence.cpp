@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "base/check.h"
 
@@ -90,39 +91,75 @@ MeanInterval meanInterval(const std::vector<double>& z) {
   return out;
 }
 
+namespace {
+
+/// Pixels of largest value whose spread stands for that of the certain ones.
+constexpr size_t kWorst = 64;
+
+double pooledSpread(const std::vector<DrawnValue>& drawn) {
+  std::vector<size_t> order(drawn.size());
+  std::iota(order.begin(), order.end(), size_t(0));
+  const size_t count = std::min(kWorst, order.size());
+  std::nth_element(order.begin(), order.begin() + count - 1, order.end(),
+                   [&](size_t a, size_t b) { return drawn[a].value != drawn[b].value ? drawn[a].value > drawn[b].value : a < b; });
+  std::sort(order.begin(), order.begin() + count);                  // a sum in one order, whatever the selection did
+  double worst = 0, certain = 0;
+  size_t certainCount = 0;
+  for (size_t i = 0; i < count; ++i) worst += drawn[order[i]].spread;
+  for (const DrawnValue& d : drawn)
+    if (d.chance >= 1) certain += d.spread, ++certainCount;
+  return std::max(worst / double(count), certainCount ? certain / double(certainCount) : 0.0);
+}
+
+/// Pixels whose unseen fellows must be reckoned with: Poisson events. The others' error is known but for noise.
+struct Events {
+  double sum = 0, variance = 0, largest = 0;
+  void add(double weight, double share, double noise) {
+    sum += weight;
+    variance += share * weight * weight + noise;
+    largest = std::max(largest, std::sqrt(share) * weight);
+  }
+  /// Distance of the 97.5 % limit from the sum.
+  double above(double t) const { return std::max(t * std::sqrt(variance), poissonLimit(std::max(sum, 0.0), variance, kGranted * largest) - sum); }
+};
+struct Known {
+  double noise = 0, positive = 0;
+  void add(const DrawnValue& d, double pixelNoise, double all) { noise += pixelNoise, positive += std::max(d.value, 0.0) / (all * all); }
+  double variance(double spread) const { return std::max(noise, 4 * positive * spread); }
+};
+
+}  // namespace
+
 DrawnInterval drawnInterval(const std::vector<DrawnValue>& drawn, double all) {
   DrawnInterval out;
   if (drawn.empty() || !(all > 0)) { out.unseenArea = 1; return out; }
-  double certain = 0, chance = 0;                                   // parts of the mean
-  double certainNoise = 0, chanceVariance = 0, positive = 0, spread = 0;
-  double largestWeight = 0, largestValue = 0, leastChance = 1;
-  size_t certainCount = 0;
+  Events byChance, doubtful;   // the second: those and the dark ones
+  Known certain, bright;
+  double largestValue = 0, leastChance = 1;
   for (const DrawnValue& d : drawn) {
-    const double weight = d.value / (d.chance * all);
-    if (d.chance >= 1) {
-      certain += weight;
-      certainNoise += d.noise / (all * all);
-      positive += std::max(d.value, 0.0);
-      spread += d.spread;
-      ++certainCount;
-      continue;
+    const double weight = d.value / (d.chance * all), noise = d.noise / d.chance / (all * all);
+    const bool chance = d.chance < 1;
+    out.mean += weight;
+    if (chance) {
+      byChance.add(weight, 1 - d.chance, noise);
+      largestValue = std::max(largestValue, d.value);
+      leastChance = std::min(leastChance, d.chance);
+    } else {
+      certain.add(d, noise, all);
     }
-    chance += weight;
-    chanceVariance += (1 - d.chance) * weight * weight + d.noise / d.chance / (all * all);
-    largestWeight = std::max(largestWeight, std::sqrt(1 - d.chance) * weight);
-    largestValue = std::max(largestValue, d.value);
-    leastChance = std::min(leastChance, d.chance);
+    if (chance || d.dark) doubtful.add(weight, d.dark ? 1 : 1 - d.chance, noise);
+    else bright.add(d, noise, all);
   }
-  if (certainCount > 0) certainNoise = std::max(certainNoise, 4 * positive * spread / double(certainCount) / (all * all));
-  out.mean = certain + chance;
-  out.standardError = std::sqrt(certainNoise + chanceVariance);
-  const double t = studentQuantile(kNormal975, std::max(3.0, double(drawn.size()) - 1));
+  const double spread = pooledSpread(drawn), t = studentQuantile(kNormal975, std::max(3.0, double(drawn.size()) - 1));
+  const auto limit = [&](const Events& events, const Known& known) {
+    const double up = events.above(t);
+    return std::max(0.0, out.mean + std::sqrt(up * up + t * t * known.variance(spread)));
+  };
+  out.standardError = std::sqrt(certain.variance(spread) + byChance.variance);
   out.low = std::max(0.0, out.mean - t * out.standardError);
-  const double limit = poissonLimit(std::max(chance, 0.0), chanceVariance, kGranted * largestWeight);
-  const double up = std::max(t * std::sqrt(chanceVariance), limit - chance);
-  out.highTrimmed = std::max({0.0, out.low, out.mean + std::sqrt(up * up + t * t * certainNoise)});
+  out.highTrimmed = std::max(out.low, limit(byChance, certain));
   if (leastChance < 1) out.unseenArea = std::min(1.0, -kThree / (all * std::log1p(-leastChance)));
-  out.high = out.highTrimmed + out.unseenArea * largestValue;
+  out.high = std::max(out.highTrimmed, limit(doubtful, bright)) + out.unseenArea * largestValue;
   return out;
 }
 

@@ -33,6 +33,7 @@ struct DrawnValue {
   double noise = 0;     ///< variance of `value` for this pixel, or more
   double spread = 0;    ///< variance of the reference there, in the same units as `value`
   double chance = 1;    ///< to be drawn, above 0; 1: certain
+  bool dark = false;    ///< the picture is darker than the reference
 };
 struct DrawnInterval {
   double mean = 0;            ///< Horvitz-Thompson: sum of value / chance over all pixels' number; may be negative
@@ -44,13 +45,14 @@ struct DrawnInterval {
 };
 /// Interval for the mean over `all` pixels from those drawn with unequal chances (measure/certificate_pixels.h). O(n).
 ///  variance     (1 - chance) (value / chance)^2 of the draw (Poisson sampling's, above that of a spread-out sample of fixed
-///               size) + noise / chance. The noise of certain pixels together is taken to be at least 4 times their values times
-///               their mean spread: where a rare path makes most of the spread, few pixels see it, and each one's own noise is mostly
-///               too small.
+///               size) + noise / chance. The noise of certain pixels together is at least 4 times their values times the mean spread
+///               of the 64 pixels of largest value, or of all certain ones: where rare paths make most of the spread, few pixels
+///               see them, and each one's own noise is mostly too small.
 ///  low          mean - t * standard error
 ///  highTrimmed  the limit of Fay and Feuer as in meanInterval for the pixels drawn by chance, the normal one for the certain ones; the
 ///               distances of the two from their estimates are added in quadrature (Zou & Donner, Statistics in Medicine 27, 2008)
-///  high         highTrimmed + unseenArea * largest value drawn by chance
+///  high         the same with every pixel that is too dark, certain or not, among Fay and Feuer's events, since a reference misses
+///               light by rare paths there too, + unseenArea * largest value drawn by chance
 DrawnInterval drawnInterval(const std::vector<DrawnValue>& drawn, double all);
 
 }  // namespace gobo

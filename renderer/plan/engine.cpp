@@ -339,7 +339,7 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
     const double elapsed = msSince(start);
     const bool timeUp = halt.has_time_s() && elapsed >= halt.time_s() * 1e3;
     const bool errorMet = halt.has_error() && result->reply.certificate().rmse_high() <= halt.error();
-    const bool hopeless = halt.has_error() && !errorMet && floor.reached(result->reply.certificate(), halt.error());
+    const bool hopeless = halt.has_error() && !halt.has_time_s() && !errorMet && floor.reached(result->reply.certificate(), halt.error());
     const bool last = !extendable || spp >= most || (open && (timeUp || errorMet || hopeless));
     if (last) {
       ++m.renders;

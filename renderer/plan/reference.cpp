@@ -13,7 +13,7 @@ namespace gobo {
 namespace {
 
 /// Photons of all punctual lights together and pass, where the request names no number.
-constexpr uint32_t kPhotons = 1u << 17;
+constexpr uint32_t kPhotons = 1u << 16;
 
 std::vector<int> everyLight(const Scene& scene) {
   std::vector<int> lights(scene.lights.size());
