@@ -21,7 +21,8 @@ struct Certified {
   TriedReference reference;
   MeasuredError error;
 
-  Certified(const ScenePtr& scene, const std::string& name, int size, int spp, const std::vector<std::string>& assignments, int truthSpp) {
+  /// `close`: the picture is nearer to the truth than the latter is known.
+  Certified(const ScenePtr& scene, const std::string& name, int size, int spp, const std::vector<std::string>& assignments, int truthSpp, bool close = false) {
     request = triedPicture(name, size, spp, assignments).request;
     RenderControl control;
     control.scene = scene;
@@ -34,7 +35,7 @@ struct Certified {
     effective = *makeEffectiveScene(scene, request, {});
     reference = traceReference(scene, request, 0, truthSpp, accels, arena);
     error = measureError(image, reference);
-    EXPECT_LT(error.standardError, 0.1 * error.mse) << "the truth is too noisy to tell";
+    if (!close) { EXPECT_LT(error.standardError, 0.1 * error.mse) << "the truth is too noisy to tell"; }
   }
   ReferenceRecipe recipe() const { return referenceRecipe(effective, request); }
   v1::Certificate certify(const ReferenceRecipe& recipe) { return *certifyAgainst(recipe, image, effective, request, accels, arena, {}); }
@@ -147,17 +148,18 @@ ScenePtr ballScene() {
 }
 
 TEST(CertificateMutations, AReferenceWithoutCausticsIsNoticed) {
-  Certified without(ballScene(), "ball", 32, 32, {"integrator.caustic_radius=0.01"}, 96);
+  Certified without(ballScene(), "ball", 24, 32, {"integrator.caustic_radius=0.01"}, 64);
   EXPECT_GT(without.recipe().photons, 0u) << "the scene has caustics, whether or not the request asks for them";
   EXPECT_TRUE(holds(without.certify(), without.error.rmse()));
   ReferenceRecipe blind = without.recipe();
   blind.photons = 0;
   EXPECT_LT(without.certify(blind).rmse_high(), 0.5 * without.error.rmse()) << "what neither has is no error";
 
-  Certified with(ballScene(), "ball", 32, 32, {"integrator.caustic_radius=0.01", "integrator.caustic_photons=65536"}, 96);
-  EXPECT_TRUE(holds(with.certify(), with.error.rmse()));
-  EXPECT_LT(with.error.rmse(), 0.5 * without.error.rmse());
-  EXPECT_GT(with.certify(blind).rmse_low(), with.error.rmse()) << "what the picture has is no error";
+  Certified with(ballScene(), "ball", 24, 32, {"integrator.caustic_radius=0.01", "integrator.caustic_photons=65536"}, 64, true);
+  const double most = std::sqrt(std::max(with.error.mse, 0.0) + 3 * with.error.standardError);   // nearly exact: the truth cannot tell how nearly
+  EXPECT_LT(most, 0.5 * without.error.rmse());
+  EXPECT_LT(with.certify().rmse_low(), most);
+  EXPECT_GT(with.certify(blind).rmse_low(), most) << "what the picture has is no error";
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <thread>
 
+#include "support/certificate_scenes.h"
 #include "support/engines.h"
 
 namespace gobo::testing {
@@ -151,6 +152,39 @@ TEST(Engine, ErrorHaltIsMeasuredByTheCertificate) {
   }
 }
 
+/// What a request leaves out of the picture does not go away with samples: the render ends and says so.
+TEST(Engine, ErrorHaltGivesUpWhereMoreSamplesDoNotHelp) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 24, 16);
+  r.mutable_integrator()->set_max_bounces(0);
+  r.clear_halt();
+  r.mutable_halt()->set_error(0.02);
+  const RenderResult a = mustRender(*engine, r);
+  EXPECT_GT(a.reply.certificate().rmse_low(), 0.02);
+  EXPECT_LE(a.reply.resolved().halt().spp(), 8192u);
+  ASSERT_EQ(a.reply.warnings_size(), 1);
+  EXPECT_NE(a.reply.warnings(0).find("no longer lower the error"), std::string::npos) << a.reply.warnings(0);
+}
+
+/// min_pixels is a floor under pixel_fraction; both are at most the picture.
+TEST(Engine, CertificateLooksAtSomeThousandPixelsUnlessAskedForFewer) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("grids", 80, 64, 4);
+  r.mutable_certificate()->set_spp(4);
+  EXPECT_NEAR(mustRender(*engine, r).reply.certificate().pixels(), 4096, 1);
+  r.mutable_certificate()->set_min_pixels(100);
+  const auto few = mustRender(*engine, r).reply.certificate();
+  EXPECT_NEAR(few.pixels(), 100, 1);
+  EXPECT_LT(few.certain_pixels(), 100u);
+  EXPECT_GT(few.unseen_area(), 0);
+  EXPECT_LE(few.rmse_high_trimmed(), few.rmse_high());
+  r.mutable_certificate()->set_pixel_fraction(1);
+  const auto all = mustRender(*engine, r).reply.certificate();
+  EXPECT_EQ(all.pixels(), 80u * 64u);
+  EXPECT_EQ(all.certain_pixels(), 80u * 64u);
+  EXPECT_EQ(all.unseen_area(), 0);
+}
+
 TEST(Engine, SnapshotsAreTheRendersOfTheirSampleCounts) {
   const auto engine = makeEngine(), cold = makeEngine();
   v1::RenderRequest r = smallRequest("cornell", 24, 16, 128);
@@ -212,8 +246,15 @@ TEST(Engine, CertificateNamesWhatItCannotCover) {
   v1::RenderRequest r = smallRequest("spheres", 32, 24, 16);
   for (const char* e : {"lights.p.kind=POINT", "lights.p.position=0,4,0", "lights.p.intensity=10"}) set(r, e);
   r.mutable_certificate();
-  const RenderResult a = mustRender(*engine, r);
-  EXPECT_EQ(a.reply.certificate().not_covered_size(), 1);
+  r.mutable_certificate()->set_min_pixels(200);
+  EXPECT_EQ(mustRender(*engine, r).reply.certificate().not_covered_size(), 0) << "photons are traced for caustics";
+  RenderControl control;
+  auto smooth = std::make_shared<Scene>(**mediaScene());
+  for (Material& m : smooth->materials) if (m.bsdf.transmission > 0) m.bsdf.roughness = 0;
+  ASSERT_TRUE(smooth->seal().ok());
+  control.scene = smooth;
+  const RenderResult a = *engine->render(r, control);
+  EXPECT_GE(a.reply.certificate().not_covered_size(), 1) << "but not inside scattering volumes";
   EXPECT_GT(a.reply.certificate().unseen_area(), 0);
   EXPECT_LE(a.reply.certificate().rmse_low(), a.reply.certificate().rmse());
   EXPECT_GE(a.reply.certificate().rmse_high(), a.reply.certificate().rmse());
