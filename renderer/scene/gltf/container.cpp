@@ -9,6 +9,7 @@
 
 #include "base/image_io.h"
 #include "scene/gltf/document.h"
+#include "scene/gltf/schema.h"
 
 namespace gobo::gltf {
 namespace {
@@ -252,6 +253,8 @@ Status openDocument(const std::string& path, const LoadOptions& options, Documen
     if (version.compare(0, 2, "2.") != 0) return invalidArgument("glTF version \"" + version + "\" is not 2.x", path + "#/asset/version");
     const std::string least = d.root()["asset"]["minVersion"].text("2.0");
     if (least.compare(0, 2, "2.") != 0 || least.find_first_not_of('0', 2) != std::string::npos) return invalidArgument("the file needs glTF " + least + "; 2.0 is read", path + "#/asset/minVersion");
+    checkSchema(d);
+    if (!d.ok()) return d.status;
     Files files;
     GOBO_TRY(checkExtensions(d));
     GOBO_TRY(gatherFiles(d, binary, files));

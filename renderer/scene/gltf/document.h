@@ -58,6 +58,7 @@ struct Document {
   struct EncodedImage { std::vector<uint8_t> bytes; std::string name, problem; };  ///< problem: why there are no bytes
   std::vector<EncodedImage> images;
   std::vector<std::string> warnings;
+  std::set<std::string> warned;        ///< places that have a warning
   Status status;
   uint64_t bytesUsed = 0;
   std::map<int, std::vector<uint8_t>> unpacked;   ///< buffer views of EXT_meshopt_compression, decoded on first use
@@ -68,10 +69,16 @@ struct Document {
   Cursor list(const char* name) { return root()[name]; }
   Cursor item(const char* name, int i) { return root()[name].at(size_t(i)); }
   bool ok() const { return status.ok(); }
-  void warn(const std::string& pointer, const std::string& message) { if (warnings.size() < 1000) warnings.push_back(pointer + ": " + message); }
+  void warn(const std::string& pointer, const std::string& message) { if (warnings.size() < 1000) { warnings.push_back(pointer + ": " + message); warned.insert(pointer); } }
+  /// Unless something was said about the place already.
+  void warnOnce(const std::string& pointer, const std::string& message) { if (!warned.count(pointer)) warn(pointer, message); }
   /// Counts memory against options.maxBytes; false and an error when it would be exceeded.
   bool account(uint64_t bytes, const Cursor& where);
 };
+
+/// A key as a step of a JSON pointer; a value as text of at most 60 bytes, for messages.
+std::string escaped(std::string_view key);
+std::string shown(const Json& value);
 
 /// Reads the file and everything it names. Refuses absolute URIs, "..", and files outside the glTF's folder.
 Status openDocument(const std::string& path, const LoadOptions& options, Document& document);
