@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Internal to the glTF reader: the parsed document, its bytes, and typed access to its JSON.
-// tinygltf opens the container (GLB chunks, base64, buffers and encoded images) and is handed only files that were resolved
-// and read here. Typed fields are read from the JSON by Cursor instead, because tinygltf drops wrongly typed fields in
-// silence and knows no places: here every error carries file + JSON pointer. Errors are sticky: the first one is kept in
-// Document::status and getters return their default from then on, so callers check once per object.
+// Typed fields are read from the JSON by Cursor: every error carries file + JSON pointer. Errors are sticky: the first one is
+// kept in Document::status and getters return their default from then on, so callers check once per object.
 #pragma once
 
 #include <limits>
