@@ -117,6 +117,8 @@ using Parts = std::vector<std::vector<Part>>;     ///< a list for each glTF mesh
 Status readMeshes(Document& d, Scene& scene, Rig& rig, Parts& parts);
 /// Morph targets, joints and weights of a primitive into the rig; part.source stays -1 when it has none.
 void readDeformation(Document& d, const Cursor& primitive, const DracoData* draco, Rig& rig, Part& part);
+/// Points and lines (mode 0..3, mesh.indices in the file's order) into triangles (points_lines.cpp). False, with a warning: nothing to draw.
+bool thicken(Document& d, const Cursor& primitive, int64_t mode, Mesh& mesh);
 /// Attribute `name` with as many elements as there are vertices (0: any), from Draco data where they have it.
 bool readAttribute(Document& d, const Cursor& attributes, const DracoData* draco, const std::string& name, int components, size_t vertices,
                    std::vector<float>& out);
