@@ -102,7 +102,7 @@ class Meshes {
 
   void bounds(const Json& attributes, const std::string& at) {
     const Json& a = accessorOf(get(attributes, "POSITION"));
-    if (!a.is_null() && (get(a, "min").is_null() || get(a, "max").is_null())) d_.warn(at, "min or max of the positions is missing; the data count");
+    if (!a.is_null() && (length(get(a, "min")) != 3 || length(get(a, "max")) != 3)) d_.warn(at, "min or max of the positions is missing; the data count");
   }
 
   void variants(const Json& p, const std::string& here) {

@@ -15,6 +15,18 @@ const std::set<std::string> kSupported = {
     "KHR_materials_volume_scatter", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_draco_mesh_compression", "EXT_meshopt_compression",
     "EXT_mesh_gpu_instancing", "EXT_texture_webp"};
 
+/// Before the structure, which another version may change. What is no text is left to the structure's check.
+Status checkVersion(const Document& d) {
+  const Json* asset = d.json.contains("asset") ? &d.json["asset"] : nullptr;
+  const auto text = [&](const char* key, const char* otherwise) {
+    return asset && asset->is_object() && asset->contains(key) && (*asset)[key].is_string() ? (*asset)[key].get<std::string>() : std::string(otherwise);
+  };
+  const std::string version = text("version", "2.0"), least = text("minVersion", "2.0");
+  if (version.compare(0, 2, "2.") != 0) return invalidArgument("glTF version \"" + version + "\" is not 2.x", d.path + "#/asset/version");
+  if (least.compare(0, 2, "2.") != 0 || least.find_first_not_of('0', 2) != std::string::npos) return invalidArgument("the file needs glTF " + least + "; 2.0 is read", d.path + "#/asset/minVersion");
+  return {};
+}
+
 /// Reads the file that `uri` names beside the glTF. NotFound is told apart from refusals, which are InvalidArgument.
 Result<std::vector<uint8_t>> readBeside(const Document& d, const std::string& uri) {
   const std::string name = percentDecode(uri);
@@ -56,7 +68,10 @@ Status readBuffer(Document& d, const Container& container, size_t i) {
     bytes.assign(container.chunk.begin(), container.chunk.end());
     from = "the GLB chunk";
     if (bytes.size() > stated + 3) d.warn(length.pointer, "the GLB chunk has " + std::to_string(bytes.size() - stated) + " bytes more than byteLength says");
-  } else return {};
+  } else {
+    if (i == 0 && container.binary) d.warn(buffer.pointer, "has no uri, and the GLB has no BIN chunk: there are no bytes");
+    return {};
+  }
   if (bytes.size() < stated) length.fail("byteLength " + std::to_string(stated) + " but " + from + " has " + std::to_string(bytes.size()) + " bytes");
   bytes.resize(std::min<uint64_t>(bytes.size(), stated));   // views are proved inside what the file states
   if (d.ok()) d.account(bytes.size(), uri.exists() ? uri : buffer);
@@ -116,11 +131,7 @@ Status openDocument(const std::string& path, const LoadOptions& options, Documen
   if (text.substr(0, 3) == "\xef\xbb\xbf") { d.warn("(file)", "the JSON begins with a byte order mark"); text.remove_prefix(3); }
   try {
     GOBO_TRY(parseJson(path, text, d.json));
-    const std::string version = d.root()["asset"]["version"].text();
-    if (!d.ok()) return d.status;
-    if (version.compare(0, 2, "2.") != 0) return invalidArgument("glTF version \"" + version + "\" is not 2.x", path + "#/asset/version");
-    const std::string least = d.root()["asset"]["minVersion"].text("2.0");
-    if (least.compare(0, 2, "2.") != 0 || least.find_first_not_of('0', 2) != std::string::npos) return invalidArgument("the file needs glTF " + least + "; 2.0 is read", path + "#/asset/minVersion");
+    GOBO_TRY(checkVersion(d));
     checkSchema(d);
     if (!d.ok()) return d.status;
     GOBO_TRY(checkExtensions(d));

@@ -57,7 +57,12 @@ class Checker {
   void run() {
     readUsed();
     Place root{nullptr, &d_.json};
-    check(root, rootShape());
+    // Lists before what points into them: a list that is none is the fault, not the index.
+    for (const Field& f : rootShape().fields) {
+      const auto list = d_.json.find(std::string(f.name));
+      if (f.kind == Kind::Objects && list != d_.json.end() && d_.ok()) isListOfObjects({&root, &*list, f.name}, f);
+    }
+    if (d_.ok()) check(root, rootShape());
     for (const auto& [name, n] : undeclared_) if (n > kMostNamed) d_.warn("/extensionsUsed", name + " is used at " + std::to_string(n - kMostNamed) + " more places");
   }
 
@@ -68,6 +73,7 @@ class Checker {
     for (const Json& name : *used) if (name.is_string()) used_.insert(name.get<std::string>());
   }
 
+  static std::string absent(Answer answer, const Field& f) { return answer == Answer::Warn && !f.isRequired ? "; it counts as absent" : ""; }
   void say(Answer answer, const std::string& pointer, const std::string& message) {
     if (answer == Answer::Warn) d_.warn(pointer, message);
     else if (d_.status.ok()) d_.status = invalidArgument(message, d_.path + "#" + pointer);
@@ -95,23 +101,26 @@ class Checker {
     for (const std::string& name : removed) object.json->erase(name);   // a warning has answered it: readers find the default
   }
 
+  bool isListOfObjects(const Place& m, const Field& f) {
+    if (!m.json->is_array()) { say(f.type, m.pointer(), shown(*m.json) + " is not an array of objects" + absent(f.type, f)); return false; }
+    for (size_t i = 0; i < m.json->size(); ++i)
+      if (const Json& e = (*m.json)[i]; !e.is_object()) { say(Answer::Refuse, Place{&m, nullptr, {}, i}.pointer(), shown(e) + " is not an object"); return false; }
+    return true;
+  }
+
   /// False: answered by a warning after which the member counts as absent.
   bool value(const Place& m, const Field& f) {
     const Json& j = *m.json;
-    const auto wrong = [&](const std::string& what) { say(f.type, m.pointer(), shown(j) + " is not " + what); return false; };
+    const auto wrong = [&](const std::string& what) { say(f.type, m.pointer(), shown(j) + " is not " + what + absent(f.type, f)); return false; };
     switch (f.kind) {
       case Kind::Object:
         if (!j.is_object()) return wrong("an object");
         check(m, *f.shape);
         return true;
       case Kind::Objects:
-        if (!j.is_array()) return wrong("an array of objects");
+        if (!isListOfObjects(m, f)) return false;
         if (j.empty()) { d_.warn(m.pointer(), "is empty"); return false; }
-        for (size_t i = 0; i < j.size() && d_.ok(); ++i) {
-          const Place element{&m, &(*m.json)[i], {}, i};
-          if (!element.json->is_object()) say(Answer::Refuse, element.pointer(), shown(*element.json) + " is not an object");
-          else check(element, *f.shape);
-        }
+        for (size_t i = 0; i < j.size() && d_.ok(); ++i) check({&m, &(*m.json)[i], {}, i}, *f.shape);
         return true;
       case Kind::IndexMap:
         if (!j.is_object()) return wrong("an object of indices");
@@ -128,7 +137,7 @@ class Checker {
       case Kind::Text:
         if (!j.is_string()) return wrong("a string");
         if (f.values.empty() || listed(f.values, j.get_ref<const std::string&>())) return true;
-        say(f.value, m.pointer(), shown(j) + " is not one of " + std::string(f.values));
+        say(f.value, m.pointer(), shown(j) + " is not one of " + std::string(f.values) + absent(f.value, f));
         return false;
     }
     return true;
@@ -143,7 +152,7 @@ class Checker {
     const double v = j.get<double>();
     if (!f.values.empty()) {
       if (listed(f.values, plain(v))) return true;
-      say(f.value, m.pointer(), shown(j) + " is not one of " + std::string(f.values));
+      say(f.value, m.pointer(), shown(j) + " is not one of " + std::string(f.values) + absent(f.value, f));
       return false;
     }
     if (!inRange(v, f)) { say(std::fabs(v) > kLargest ? Answer::Refuse : f.value, m.pointer(), outside(j, f)); return true; }   // its reader clamps it

@@ -47,7 +47,7 @@ constexpr Shape kOrthographic{"camera.orthographic", kOrthographicRows};
 constexpr Field kPerspectiveRows[] = {number("aspectRatio").above(0), number("yfov").above(0).required(), number("zfar").above(0), number("znear").above(0).required()};
 constexpr Shape kPerspective{"camera.perspective", kPerspectiveRows};
 constexpr Field kCameraRows[] = {object("orthographic", kOrthographic).excludes("perspective").warnsOfCompany(), object("perspective", kPerspective),
-                                 text("type").oneOf("perspective orthographic").required().warnsOfValue(), remark("name")};
+                                 text("type").oneOf("perspective orthographic").required(), remark("name")};
 
 // A picture's kind is told by its bytes, so a missing or odd mimeType is a warning.
 constexpr Field kImageRows[] = {text("uri").excludes("bufferView"), text("mimeType").oneOf("image/jpeg image/png image/webp image/ktx2").onlyWarns(),
@@ -82,7 +82,8 @@ constexpr Field kSceneRows[] = {indices("nodes", "nodes"), remark("name")};
 constexpr Shape kScene{"scene", kSceneRows};
 constexpr Field kSkinRows[] = {index("inverseBindMatrices", "accessors"), index("skeleton", "nodes"), indices("joints", "nodes").required().warnsOfValue(), remark("name")};
 constexpr Shape kSkin{"skin", kSkinRows};
-constexpr Field kTextureRows[] = {index("sampler", "samplers"), index("source", "images"), remark("name")};
+// A picture that is not there leaves a scene that can be shown, whether its file is missing or its entry.
+constexpr Field kTextureRows[] = {index("sampler", "samplers").warnsOfValue(), index("source", "images").warnsOfValue(), remark("name")};
 
 constexpr Field kRootRows[] = {
     texts("extensionsUsed"), texts("extensionsRequired").needs("extensionsUsed").warnsOfCompany(), objects("accessors", kAccessor), objects("animations", kAnimation),

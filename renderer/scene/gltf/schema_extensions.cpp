@@ -10,7 +10,7 @@ constexpr double kPi2 = 1.5707963267948968;
 
 constexpr Field kSpotRows[] = {number("innerConeAngle").range(0, kPi2), number("outerConeAngle").range(0, kPi2).above(0)};
 constexpr Shape kSpot{"KHR_lights_punctual spot", kSpotRows};
-constexpr Field kLightRows[] = {factors("color", 3), number("intensity").from(0), object("spot", kSpot), text("type").oneOf("directional point spot").required().warnsOfValue(),
+constexpr Field kLightRows[] = {factors("color", 3), number("intensity").from(0), object("spot", kSpot), text("type").oneOf("directional point spot").required(),
                                 number("range").above(0), remark("name")};
 constexpr Shape kLight{"KHR_lights_punctual light", kLightRows};
 constexpr Field kLightsRows[] = {objects("lights", kLight).required()};
@@ -60,7 +60,7 @@ constexpr Shape kScatter{"KHR_materials_volume_scatter", kScatterRows};
 
 constexpr Field kTransformRows[] = {numbers("offset", 2), number("rotation"), numbers("scale", 2), integer("texCoord")};
 constexpr Shape kTransform{"KHR_texture_transform", kTransformRows};
-constexpr Field kPictureRows[] = {index("source", "images")};
+constexpr Field kPictureRows[] = {index("source", "images").warnsOfValue()};
 constexpr Shape kWebp{"EXT_texture_webp", kPictureRows};
 constexpr Shape kBasis{"KHR_texture_basisu", kPictureRows};
 
