@@ -14,7 +14,7 @@ class PathTraceNode final : public Node {
  public:
   PathTraceNode(const PathTracerSettings& settings, int streams) : settings_(settings), streams_(streams) {}
   std::string type() const override { return "path_trace"; }
-  int version() const override { return 5; }                          // 2: blocks continue one sequence; 3: volumes, every lobe; 4: light straight on; 5: bilinear environments
+  int version() const override { return 5; }                          // 2: blocks continue one sequence; 3: volumes, every lobe; 4: light straight on; 5: bilinear environments, every light in volumes
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;
