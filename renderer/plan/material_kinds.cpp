@@ -4,6 +4,7 @@
 #include "plan/planner.h"
 #include "trace/bsdf.h"
 #include "trace/interior.h"
+#include "trace/straight.h"
 #include "trace/surface.h"
 
 namespace gobo {
@@ -26,14 +27,16 @@ MaterialKinds materialKinds(const Scene& scene) {
     const Bsdf& b = scene.materials[m].bsdf;
     if (b.unlit) { kinds.unlit = true; continue; }
     const SurfaceMaterial s = makeSurfaceMaterial(scene.materials[m].albedo, b, scene.textures);
-    const bool interface = b.metallic > 0.0f || b.transmission > 0.0f || b.specular > 0.0f || b.iridescence > 0.0f;
-    // Light goes straight through an index of 1, however rough the surface.
-    const bool straight = b.transmission > 0.0f && std::fabs(b.ior - 1.0f) < 1e-3f;
+    // Light goes straight through an index of 1, however rough the surface, and nothing is reflected where that is all: shadow rays reach it.
+    const bool straight = b.transmission > 0.0f && std::fabs(b.ior - 1.0f) < kStraightIor;
+    const bool nothingElse = straight && b.transmission >= 1.0f && !b.transmissionTexture.valid();
+    const bool interface = b.metallic > 0.0f || (!nothingElse && (b.transmission > 0.0f || b.specular > 0.0f || b.iridescence > 0.0f));
+    kinds.clear = kinds.clear || maySendStraight(b);
     kinds.extended = kinds.extended || s.extended;
     kinds.translucent = kinds.translucent || b.diffuseTransmission > 0.0f || (b.transmission > 0.0f && !smooth(b) && !straight);
     kinds.volumes = kinds.volumes || boundsVolume(b);
     kinds.scatters = kinds.scatters || (boundsVolume(b) && makeInterior(b).scatters);
-    kinds.delta = kinds.delta || straight || (interface && smooth(b.roughness)) || (b.clearcoat > 0.0f && smooth(b.clearcoatRoughness));
+    kinds.delta = kinds.delta || (interface && smooth(b.roughness)) || (b.clearcoat > 0.0f && smooth(b.clearcoatRoughness));
   }
   return kinds;
 }

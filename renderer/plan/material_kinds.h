@@ -12,6 +12,7 @@ struct MaterialKinds {
   bool volumes = false;       ///< some mesh bounds a volume
   bool scatters = false;      ///< some volume scatters
   bool unlit = false;
+  bool clear = false;         ///< light passes some surface straight on (trace/straight.h): visibility is RGB
   bool delta = false;         ///< some surface has a lobe that next-event estimation cannot reach
 };
 /// Materials that some instance uses.

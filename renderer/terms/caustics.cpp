@@ -12,7 +12,7 @@ class CausticsNode final : public Node {
  public:
   explicit CausticsNode(const CausticSettings& settings) : settings_(settings) {}
   std::string type() const override { return "caustics"; }
-  int version() const override { return 2; }                          // 2: without light that goes straight on
+  int version() const override { return 3; }                          // 2: without light that goes straight on; 3: tilted normals lose no specular light
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;

@@ -40,7 +40,7 @@ class DirectUnoccludedNode final : public Node {
  public:
   explicit DirectUnoccludedNode(const DirectUnoccludedSettings& s) : s_(s) {}
   std::string type() const override { return "direct_unoccluded"; }
-  int version() const override { return 3; }                          // 2: every lobe; 3: bilinear environments
+  int version() const override { return 4; }                          // 2: every lobe; 3: bilinear environments; 4: specular light below the surface is mirrored back
   NodeTraits traits() const override {
     NodeTraits t;
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).
@@ -95,6 +95,7 @@ class DirectUnoccludedNode final : public Node {
           r.bsdf.ior = material[5 * i + 3];
           r.bsdf.transmission = material[5 * i + 4];
           r.bsdf.entering = (flags[i] & kSurfaceEntering) != 0;
+          if (!r.lambert() && r.n != r.ng) r.bsdf.facing = r.frame().toLocal(r.ng);
         }
         if (bsdfIsDelta(r.bsdf)) continue;
         Vec3 value(0.0f);

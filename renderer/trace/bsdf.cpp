@@ -7,15 +7,49 @@
 namespace gobo {
 namespace {
 
-/// Base and layers together; the layers' own work is behind one branch.
-void evaluateLayered(const BaseLobes& base, const Layers& layers, const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf) {
-  base.evaluate(o, i, value, pdf);
-  const float passed = layers.passed(i);
-  value.diffuse *= passed;
-  value.specular *= passed;
-  pdf *= layers.baseP;
-  if (i.z > 0.0f) layers.evaluate(o, i, value, pdf);
-}
+/// One look at a material from `o`: base, layers, and the geometric plane where the shading normal is another.
+struct Look {
+  const BsdfParams& p;
+  const Vec3& o;
+  BaseLobes base;
+  bool layered, tilted;
+  Look(const BsdfParams& p, const Vec3& o) : p(p), o(o), base(p), layered(Layers::any(p)), tilted(p.facing != Vec3(0, 0, 1)) { base.view(o.z); }
+
+  Vec3 mirrored(const Vec3& i) const { return i - (2.0f * glm::dot(i, p.facing)) * p.facing; }
+  /// Light of a pair; `layers` as the material has them. Layers are specular, but for what they let through.
+  void evaluate(const Layers* layers, const Vec3& i, BsdfValue& value, float& pdf) const {
+    if (!tilted) return upright(layers, i, value, pdf, false);
+    pdf = 0.0f;
+    const float side = glm::dot(i, p.facing);
+    if (!(side * i.z > 0.0f)) return;                                // its light is at mirrored(i)
+    upright(layers, i, value, pdf, false);
+    const Vec3 m = mirrored(i);
+    if (!(side * m.z > 0.0f)) return;
+    BsdfValue folded;
+    float density;
+    upright(layers, m, folded, density, true);
+    value.specular += folded.specular;
+    pdf += density;
+  }
+  /// A drawn direction on its lobe's side of the plane. False: lost.
+  bool turn(BsdfSample& s) const {
+    if (!tilted || (glm::dot(s.wi, p.facing) < 0.0f) == s.transmitted) return true;
+    if (!s.specularLobe) return false;
+    s.wi = glm::normalize(mirrored(s.wi));
+    return s.folded = true;
+  }
+
+ private:
+  void upright(const Layers* layers, const Vec3& i, BsdfValue& value, float& pdf, bool specularOnly) const {
+    base.evaluate(o, i, value, pdf, specularOnly);
+    if (!layers) return;
+    const float passed = layers->passed(i);
+    value.diffuse *= passed;
+    value.specular *= passed;
+    pdf *= layers->baseP;
+    if (i.z > 0.0f) layers->evaluate(o, i, value, pdf);
+  }
+};
 
 /// Nothing but Lambert: half of a usual scene's surfaces.
 inline bool isLambert(const BsdfParams& p) {
@@ -37,15 +71,14 @@ BsdfValue bsdfEvalPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi, float
     value.diffuse = albedo * pdf;
     return value;
   }
-  BaseLobes base(p);
-  base.view(wo.z);
-  if (!Layers::any(p)) {
-    base.evaluate(wo, wi, value, pdf);
+  const Look look(p, wo);
+  if (!look.layered) {
+    look.evaluate(nullptr, wi, value, pdf);
     return value;
   }
   Layers layers(p, wo);
-  layers.choose(base.energy);
-  evaluateLayered(base, layers, wo, wi, value, pdf);
+  layers.choose(look.base.energy);
+  look.evaluate(&layers, wi, value, pdf);
   return value;
 }
 
@@ -69,29 +102,31 @@ bool bsdfSample(const BsdfParams& p, const Vec3& wo, float uLobe, const Vec2& u,
     out.pdf = kInvPi * out.wi.z;
     return out.wi.z > 0.0f && maxComponent(out.weight) > 0.0f;
   }
-  BaseLobes base(p);
-  base.view(wo.z);
+  const Look look(p, wo);
+  const BaseLobes& base = look.base;
   BsdfValue value;
-  if (!Layers::any(p)) {
+  if (!look.layered) {
     if (!(base.energy > 0.0f) || !base.sample(wo, uLobe, u, out)) return false;
+    if (!look.turn(out)) return false;
     if (out.delta) return isFinite(out.weight);
-    base.evaluate(wo, out.wi, value, out.pdf);
+    look.evaluate(nullptr, out.wi, value, out.pdf);
     out.weight = value.sum() / out.pdf;
   } else {
     Layers layers(p, wo);
     layers.choose(base.energy);
     const float above = layers.coatP + layers.sheenP;
     if (uLobe < above || !(layers.baseP > 0.0f)) {
-      if (!layers.sample(uLobe, u, out)) return false;
+      if (!layers.sample(uLobe, u, out) || !look.turn(out)) return false;
       if (out.delta) return maxComponent(out.weight) > 0.0f;
     } else {
       if (!base.sample(wo, clamp01((uLobe - above) / layers.baseP), u, out)) return false;
       if (out.delta) {
         out.weight *= layers.passed(out.wi) / layers.baseP;
-        return isFinite(out.weight) && maxComponent(out.weight) > 0.0f;
+        return look.turn(out) && isFinite(out.weight) && maxComponent(out.weight) > 0.0f;
       }
     }
-    evaluateLayered(base, layers, wo, out.wi, value, out.pdf);
+    if (!look.turn(out)) return false;
+    look.evaluate(&layers, out.wi, value, out.pdf);
     out.weight = value.sum() / out.pdf;
   }
   return out.pdf > 0.0f && isFinite(out.weight) && maxComponent(out.weight) > 0.0f;

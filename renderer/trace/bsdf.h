@@ -10,6 +10,11 @@
 // Cost of eval and sample in ns (bench/sampling_bench): Lambert 10 and 20, metal and plastic 80 to 100 and 150, rough glass 100 and 200,
 // a coat adds 30, sheen 100, a film 900. All functions are pure. Densities are over solid angle; delta lobes have pdf 0 in bsdfPdf and
 // f = 0 in bsdfEval. Parameters out of range are clamped (NaN to a range's end); results are finite and >= 0.
+// Interpolated and mapped normals send light to the wrong side of the triangle. What a specular lobe sends there is mirrored at the
+// triangle's plane (`facing`), as if the facet's flat neighbourhood reflected it a second time (microfacet-based normal mapping,
+// Schuessler et al. 2017, with one flat neighbour): f'(o,i) = f(o,i) + f(o,mirrored i). It keeps the albedo of the untilted lobe exactly, is
+// continuous at the horizon, and keeps densities. Diffuse light on the wrong side is lost, as in every tracer with shading normals:
+// (1 - n.facing)/2 of it at most.
 #pragma once
 
 #include "base/vec.h"
@@ -38,6 +43,7 @@ struct BsdfParams {
   float iridescence = 0, iridescenceIor = 1.3f, iridescenceThickness = 0;   ///< thickness in nanometres
   float diffuseTransmission = 0;
   Vec3 diffuseTransmissionColor{1.0f};   ///< of the transmitted part; albedo colours the reflected one
+  Vec3 facing{0, 0, 1};                ///< geometric normal on the viewer's side, local frame, unit; z > 0
 };
 
 struct BsdfValue { Vec3 diffuse{0.0f}, specular{0.0f}; Vec3 sum() const { return diffuse + specular; } };
@@ -48,6 +54,7 @@ struct BsdfSample {
   float pdf = 0;                       ///< solid-angle density of wi; 0 for delta lobes
   bool delta = false, transmitted = false, specularLobe = false;
   bool straight = false;               ///< wi = -wo: thin smooth glass, or index 1
+  bool folded = false;                 ///< mirrored at the geometric plane
 };
 
 /// f(wo, wi) * |cos(wi)|, diffuse and specular lobes apart; delta lobes give 0.

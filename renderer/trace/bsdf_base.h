@@ -56,8 +56,9 @@ struct BaseLobes {
 
   /// Reflectance and transmittance of a facet at cosine c.
   void split(float c, Vec3& reflected, Vec3& refracted) const;
-  /// Everything about a pair of directions but delta lobes; pdf of this material's own strategy. o.z > 0.
-  void evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf) const;
+  /// Everything about a pair of directions but delta lobes; pdf of this material's own strategy; without the diffuse lobes where
+  /// `specularOnly`. o.z > 0.
+  void evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf, bool specularOnly = false) const;
   /// Draws out.wi; delta lobes come with their weight, others without. False: absorbed.
   bool sample(const Vec3& o, float uLobe, const Vec2& u, BsdfSample& out) const;
 

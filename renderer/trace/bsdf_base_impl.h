@@ -242,12 +242,12 @@ inline void BaseLobes::view(float oz) {
   passP = t * scale;
 }
 
-inline void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf) const {
+inline void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf, bool specularOnly) const {
   pdf = 0.0f;
   const bool up = i.z > 0.0f;
   const float iz = std::fabs(i.z);
   if (!(o.z > 0.0f) || !(iz > 0.0f)) return;
-  const float cosine = kInvPi * iz, lobeP = up ? upP : downP, bounceP = up ? bounceUpP : bounceDownP;
+  const float cosine = kInvPi * iz, lobeP = specularOnly ? 0.0f : up ? upP : downP, bounceP = up ? bounceUpP : bounceDownP;
   pdf = lobeP * cosine;
   const bool specular = !smooth && interfaceP > 0.0f;
   if (lobeP + bounceP > 0.0f) {

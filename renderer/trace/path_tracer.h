@@ -3,8 +3,10 @@
 // Veach 1997), light selection by tree, and Russian roulette. Not joined: a delta light through a specular chain (caustics of
 // Point, Spot, Directional through mirrors or smooth glass); such paths are no part of any class that it reports.
 // Rect, Disk and Sphere lights are transparent: rays pass through them and collect what they emit, shadow rays ignore them.
-// Volumes: absorption and scattering inside closed meshes (trace/interior.h, trace/path_media.h); shadow rays are blocked by
-// their boundaries like by any surface. Dispersion: the first dispersive boundary keeps one channel, three times as strong.
+// Light goes straight on through clear panes and boundaries of index 1 (trace/straight.h): shadow rays bring what is left of it, and
+// for a path such a pass is no vertex and no event, but at the camera's first surface, where classes and G-buffer begin.
+// Volumes: absorption and scattering inside closed meshes (trace/interior.h, trace/path_media.h); boundaries that bend light block
+// shadow rays. Dispersion: the first dispersive boundary keeps one channel, three times as strong.
 // Unlit surfaces (KHR_materials_unlit) show their base colour to the camera and through chains of delta events, to nothing
 // else: they are no lights, and paths end there. Since no light owns them they are traced where `unlit` asks for them.
 // Samples come in blocks, consecutive pieces of one Owen-scrambled Sobol sequence per pixel, so that the error goes on falling

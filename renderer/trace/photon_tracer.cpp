@@ -174,7 +174,10 @@ void CausticTracer::Impl::photon(const Source& source, uint32_t index, uint32_t 
     if (!bsdfSample(s.bsdf, wo, lobe, draw.next2D(), bs) || !bs.delta) return;   // any other lobe ends the chain: the photon has landed
     const Vec3 arrived = -w.direction;
     if (!w.leave(s, frame, bs)) return;
-    const float adjoint = std::fabs(wo.z * glm::dot(w.direction, s.Ng)) / std::fabs(glm::dot(arrived, s.Ng) * bs.wi.z);
+    // Of a folded direction the cosine before the fold counts. Folded photons follow the normal of their own direction, not the camera's: where
+    // mirrors are tilted beyond the horizon the two ways to trace a path differ (docs/materials.md).
+    const float leaving = bs.folded ? bs.wi.z - 2.0f * glm::dot(bs.wi, s.bsdf.facing) * s.bsdf.facing.z : bs.wi.z;
+    const float adjoint = std::fabs(wo.z * glm::dot(w.direction, s.Ng)) / std::fabs(glm::dot(arrived, s.Ng) * leaving);
     w.throughput *= bs.weight * (bsdfFluxScale(s.bsdf, bs) * adjoint);
     if (!isFinite(w.throughput)) return;
     if (s.material->interior >= 0 && bs.transmitted) w.media.cross(0, s.material->interior, s.front);

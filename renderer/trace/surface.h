@@ -105,6 +105,7 @@ class SurfaceTable {
     out.bsdf = s.material->constant;
     out.bsdf.entering = out.front;
     if (s.material->textured || s.colours) detail(s, a, b, c, w, u, v, d, out);
+    if (!out.lambert && out.n != facing) out.bsdf.facing = out.frame().toLocal(facing);   // nothing else may decide what a tilted normal loses
   }
   const SurfaceInstance& instance(uint32_t i) const { return instances_[i]; }
   const std::vector<Interior>& interiors() const { return interiors_; }

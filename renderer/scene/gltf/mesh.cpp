@@ -34,8 +34,11 @@ bool triangulate(Document& d, const Cursor& primitive, const DracoData* draco, i
   if (index >= 0 || draco) {
     if (draco) { order = draco->corners; mode = mode == 5 ? 4 : mode; }
     else if (!readIndices(d, index, order)) return false;
+    const int64_t type = index < 0 || draco ? 0 : d.item("accessors", index)["componentType"].integer(0, 0, 1 << 20);
+    const uint32_t restart = type == 5121 ? 0xffu : type == 5123 ? 0xffffu : 0xffffffffu;   // cuts strips on a GPU: a triangle here, none there
     for (size_t k = 0; k < order.size(); ++k)
-      if (order[k] >= vertices) {
+      if (type && order[k] == restart) { primitive["indices"].fail("index " + std::to_string(order[k]) + " at " + std::to_string(k) + " is the primitive restart value of its type"); return false; }
+      else if (order[k] >= vertices) {
         primitive["indices"].fail("index " + std::to_string(order[k]) + " at " + std::to_string(k) + " is out of range: the primitive has " +
                                   std::to_string(vertices) + " vertices");
         return false;
@@ -46,6 +49,7 @@ bool triangulate(Document& d, const Cursor& primitive, const DracoData* draco, i
     for (size_t k = 0; k < vertices; ++k) order[k] = uint32_t(k);
   }
   if (!d.ok()) return false;
+  if (mode < 4) { out = std::move(order); return true; }               // thicken() makes triangles of them
   if (mode == 4) {
     if (order.size() % 3) d.warn(primitive.pointer, std::to_string(order.size()) + " corners are not whole triangles; the rest is dropped");
     order.resize(order.size() / 3 * 3);
@@ -125,10 +129,11 @@ std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const 
   mesh->name = name;
   const int64_t mode = primitive["mode"].integer(4, 0, 6);
   if (!d.ok()) return nullptr;
-  if (mode < 4) { d.warn(primitive.pointer + "/mode", "points and lines are not drawn"); return nullptr; }
+  const bool thin = mode < 4;                                          // points and lines
   const Cursor attributes = primitive["attributes"];
   if (!attributes["POSITION"].exists()) { d.warn(primitive.pointer, "primitive without POSITION is not drawn"); return nullptr; }
   packed = primitive.extension("KHR_draco_mesh_compression").exists();
+  if (packed && thin) { d.warn(primitive.pointer + "/mode", "compressed points and lines are not drawn"); return nullptr; }
   if (packed && !decodeDraco(d, primitive, draco)) return nullptr;
   const DracoData* data = packed ? &draco : nullptr;
   for (const char* n : {"POSITION", "NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_2", "TEXCOORD_3", "COLOR_0"}) warnFormat(d, attributes, n, quantized);
@@ -144,8 +149,8 @@ std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const 
   std::vector<uint32_t> corners;
   if (!triangulate(d, primitive, data, mode, vertices, corners)) return nullptr;
   mesh->indices = std::move(corners);
-  if (readAttribute(d, attributes, data, "NORMAL", 3, vertices, values)) { copyInto(mesh->normals, values); repairNormals(d, primitive, *mesh); }
-  if (readAttribute(d, attributes, data, "TANGENT", 4, vertices, values)) { copyInto(mesh->tangents, values); repairTangents(d, primitive, *mesh); }
+  if (!thin && readAttribute(d, attributes, data, "NORMAL", 3, vertices, values)) { copyInto(mesh->normals, values); repairNormals(d, primitive, *mesh); }
+  if (!thin && readAttribute(d, attributes, data, "TANGENT", 4, vertices, values)) { copyInto(mesh->tangents, values); repairTangents(d, primitive, *mesh); }
   size_t repaired = 0, outside = 0;
   for (int k = 0; k < kUvSets; ++k)
     if (readAttribute(d, attributes, data, "TEXCOORD_" + std::to_string(k), 2, vertices, values)) { copyInto(mesh->uv[k], values); repaired += repair(mesh->uv[k], Vec2(0.0f)); }
@@ -171,6 +176,7 @@ std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const 
   const int material = primitive["material"].index("materials");
   if (!d.ok()) return nullptr;
   mesh->material = material < 0 ? int(d.list("materials").size()) : material;  // the default material is last
+  if (thin && !thicken(d, primitive, mode, *mesh)) return nullptr;
   sealMesh(*mesh);
   return mesh;
 }
@@ -241,7 +247,9 @@ Status readMeshes(Document& d, Scene& scene, Rig& rig, Parts& parts) {
       part.mesh = std::move(mesh);
       part.variants = readVariants(d, primitive, variants);
       part.weights = rest;
-      readDeformation(d, primitive, packed ? &draco : nullptr, rig, part);
+      const Cursor attributes = primitive["attributes"];
+      if (primitive["mode"].integer(4, 0, 6) >= 4) readDeformation(d, primitive, packed ? &draco : nullptr, rig, part);
+      else if (primitive["targets"].size() > 0 || attributes["JOINTS_0"].exists()) d.warn(primitive.pointer, "points and lines are drawn as they rest: without morph targets and skin");
       if (part.source < 0) {
         part.sceneMesh = int(scene.meshes.size());
         scene.meshes.push_back(part.mesh);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The node tree of the default scene: transforms, instances, cameras, KHR_lights_punctual, and area lights in `extras`:
-//   "gobo_light": {"type": "rect"|"disk"|"sphere", "width", "height" (rect, full sizes), "radius", "power": [r,g,b] radiance,
-//                  "twoSided", "cameraVisible"}, emitting along the node's -Z.
+//   "gobo_light": {"type": "rect"|"disk"|"sphere", "width", "height" (rect, full sizes), "radius", "radiance": [r,g,b] W/(m^2 sr) or
+//                  "power_w": [r,g,b] W, "twoSided", "cameraVisible"}, emitting along the node's -Z.
 // Units: candela and lux are read as W/sr and W/m^2.
 #include <algorithm>
 #include <glm/gtc/quaternion.hpp>
@@ -228,10 +228,30 @@ class Tree {
     } else at["type"].fail("\"" + type + "\" is not rect, disk or sphere");
     s.twoSided = at["twoSided"].boolean(false);
     l.cameraVisible = at["cameraVisible"].boolean(true);
-    l.power = at["power"].vector(Vec3(1.0f));
-    if (glm::any(glm::lessThan(l.power, Vec3(0.0f)))) at["power"].fail("power is negative");
+    l.power = areaRadiance(at, type, s.twoSided, follower, world);
     l.name = unique(name);
     scene_.lights.push_back(std::move(l));
+  }
+
+  /// `radiance`, or `power_w` spread over the shape at the size that the node gives it at rest: a Lambert emitter of radiance L sends
+  /// pi L area from a side. `power` is the first name of radiance.
+  Vec3 areaRadiance(const Cursor& at, const std::string& type, bool twoSided, const RigFollower& follower, const Mat4& world) {
+    std::string given;
+    for (const char* key : {"radiance", "power_w", "power"}) {
+      if (!at[key].exists()) continue;
+      if (!given.empty()) { at[key].fail("the light has \"" + given + "\" as well; give one"); return Vec3(1.0f); }
+      given = key;
+    }
+    if (given.empty()) return Vec3(1.0f);
+    const Vec3 value = at[given.c_str()].vector(Vec3(1.0f));
+    if (glm::any(glm::lessThan(value, Vec3(0.0f)))) at[given.c_str()].fail(given + " is negative");
+    if (given == "power") d_.warn(at.pointer + "/power", "is read as radiance, W/(m^2 sr); write \"radiance\", or \"power_w\" for watts");
+    if (given != "power_w") return value;
+    const double x = glm::length(Vec3(world[0])), y = glm::length(Vec3(world[1])), r = double(follower.radius) * x;
+    const double area = type == "rect" ? 4.0 * double(follower.half.x) * x * double(follower.half.y) * y : (type == "disk" ? 1.0 : 4.0) * kPi * r * r;
+    const DVec3 radiance = DVec3(value) / (kPi * area * (twoSided && type != "sphere" ? 2.0 : 1.0));
+    if (!(glm::all(glm::lessThan(radiance, DVec3(1e30))))) { at[given.c_str()].fail("the light is too small for its power"); return Vec3(1.0f); }
+    return Vec3(radiance);
   }
 
   Document& d_;

@@ -130,6 +130,8 @@ INSTANTIATE_TEST_SUITE_P(Extensions, ExtendedDirect, ::testing::Values(
     std::pair{"diffuse_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.diffuseTransmission = 0.6f; b.diffuseTransmissionColor = Vec3(0.9f, 0.2f, 0.5f); })},
     std::pair{"diffuse_transmission_of_a_volume", std::function<void(Bsdf&)>([](Bsdf& b) { b.diffuseTransmission = 0.6f; b.thickness = 1; })},
     std::pair{"coat_on_sheen_on_thin_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.transmission = 0.7f; b.clearcoat = 0.5f; b.clearcoatRoughness = 0.5f; b.sheenColor = Vec3(0.3f); b.sheenRoughness = 0.6f; })},
+    std::pair{"steeply_mapped_metal", std::function<void(Bsdf&)>([](Bsdf& b) { b.metallic = 1; b.normal.texture = 0; b.normalScale = 8; })},
+    std::pair{"steeply_mapped_brushed_metal", std::function<void(Bsdf&)>([](Bsdf& b) { b.metallic = 1; b.anisotropy = 0.6f; b.normal.texture = 0; b.normalScale = 8; })},
     std::pair{"plain", std::function<void(Bsdf&)>([](Bsdf&) {})}),
     [](const auto& info) { return info.param.first; });
 

@@ -195,8 +195,8 @@ class Glb:
         self.doc["meshes"].append({"name": name, "primitives": [{"attributes": a, "indices": indices, "material": material}]})
         self.node(matrix, name=name, mesh=len(self.doc["meshes"]) - 1)
 
-    def sphere_light(self, name, centre, radius, power):
-        self.node(translation(centre), name=name, extras={"gobo_light": {"type": "sphere", "radius": radius, "power": list(power)}})
+    def sphere_light(self, name, centre, radius, radiance):
+        self.node(translation(centre), name=name, extras={"gobo_light": {"type": "sphere", "radius": radius, "radiance": list(radiance)}})
 
     def punctual(self, name, kind, matrix, colour, **extra):
         strength = max(colour) or 1.0

@@ -152,7 +152,7 @@ TEST_F(Gltf, MaterialsLightsAndCameras) {
   doc_["nodes"].push_back(Json::parse(R"({"name":"spot","translation":[0,5,0],"rotation":[-0.70710678,0,0,0.70710678],"scale":[2,2,2],"extensions":{"KHR_lights_punctual":{"light":0}}})"));
   doc_["nodes"].push_back(Json::parse(R"({"name":"eye","camera":0,"translation":[0,0,4]})"));
   doc_["nodes"].push_back(Json::parse(R"({"name":"plan","camera":1})"));
-  doc_["nodes"].push_back(Json::parse(R"({"name":"panel","scale":[2,1,1],"extras":{"gobo_light":{"type":"rect","width":3,"height":4,"power":[1,2,3]}}})"));
+  doc_["nodes"].push_back(Json::parse(R"({"name":"panel","scale":[2,1,1],"extras":{"gobo_light":{"type":"rect","width":3,"height":4,"radiance":[1,2,3]}}})"));
   doc_["scenes"][0]["nodes"] = {0, 1, 2, 3, 4};
   const ScenePtr s = load();
   ASSERT_TRUE(s);
@@ -176,6 +176,99 @@ TEST_F(Gltf, MaterialsLightsAndCameras) {
   EXPECT_EQ(s->lights[s->findLight("quad")].shape.kind, LightKind::Mesh);
   EXPECT_EQ(s->cameras[s->findCamera("eye")].yfov, 0.7f);
   EXPECT_EQ(s->cameras[s->findCamera("plan")].yheight, 6.0f);
+}
+
+/// Points become balls, lines tubes with tips, of 1/500 of the diagonal, closed and facing outwards, with their vertices' colours.
+TEST_F(Gltf, PointsAndLinesAreDrawn) {
+  const Json good = doc_;
+  doc_["buffers"][0]["byteLength"] = 156;
+  const float colours[12] = {1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 0};
+  bin_.resize(156);
+  std::memcpy(bin_.data() + 108, colours, 48);
+  doc_["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", 108}, {"byteLength", 48}});
+  doc_["accessors"].push_back({{"bufferView", 3}, {"componentType", 5126}, {"count", 4}, {"type", "VEC3"}});
+  doc_["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 3;
+  const Json coloured = doc_;
+  const double radius = std::sqrt(2.0) / 500;
+  struct Case { int mode; size_t elements, triangles; bool indices; };
+  for (const Case& c : {Case{0, 6, 20, true}, Case{0, 4, 20, false}, Case{1, 3, 24, true}, Case{1, 2, 24, false}, Case{2, 4, 24, false}, Case{3, 3, 24, false}}) {
+    doc_ = coloured;
+    Json& primitive = doc_["meshes"][0]["primitives"][0];
+    primitive["mode"] = c.mode;
+    if (!c.indices) primitive.erase("indices");
+    const ScenePtr s = load();
+    ASSERT_TRUE(s) << c.mode;
+    EXPECT_TRUE(s->warnings.empty()) << s->warnings[0];
+    ASSERT_EQ(s->meshes.size(), 1u);
+    const Mesh& m = *s->meshes[0];
+    EXPECT_EQ(m.triangles(), c.elements * c.triangles) << c.mode;
+    ASSERT_EQ(m.normals.size(), m.positions.size());
+    ASSERT_EQ(m.colours.size(), m.positions.size());
+    std::map<std::pair<uint32_t, uint32_t>, int> edges;                 // a closed surface has each edge once in both directions
+    for (size_t t = 0; t < m.indices.size(); t += 3) {
+      const Vec3 a = m.positions[m.indices[t]], b = m.positions[m.indices[t + 1]], d = m.positions[m.indices[t + 2]], n = glm::cross(b - a, d - a);
+      EXPECT_GT(glm::dot(n, m.normals[m.indices[t]] + m.normals[m.indices[t + 1]] + m.normals[m.indices[t + 2]]), 0.0f) << c.mode;
+      for (size_t k = 0; k < 3; ++k) ++edges[{m.indices[t + k], m.indices[t + (k + 1) % 3]}];
+    }
+    for (const auto& [edge, count] : edges) { EXPECT_EQ(count, 1); EXPECT_EQ(edges.count({edge.second, edge.first}), 1u); }
+    // Every vertex is a radius away from the corner of the square whose colour it has.
+    for (size_t i = 0; i < m.positions.size(); ++i) {
+      double nearest = 1e9;
+      for (int k = 0; k < 4; ++k) {
+        const Vec3 corner(k == 1 || k == 2, k >= 2, 0), colour(colours[3 * k], colours[3 * k + 1], colours[3 * k + 2]);
+        if (Vec3(m.colours[i]) == colour) nearest = glm::length(m.positions[i] - corner);
+      }
+      EXPECT_NEAR(nearest, radius, 1e-5) << c.mode << " vertex " << i;
+    }
+  }
+  doc_ = good;
+  doc_["meshes"][0]["primitives"][0]["mode"] = 3;
+  doc_["meshes"][0]["primitives"][0].erase("indices");
+  doc_["accessors"][0]["count"] = 1;
+  doc_["accessors"][2]["count"] = 1;
+  doc_["accessors"][0]["max"] = {0, 0, 0};
+  const ScenePtr one = load();
+  ASSERT_TRUE(one);
+  EXPECT_EQ(one->instances.size(), 0u);
+  ASSERT_FALSE(one->warnings.empty());
+  EXPECT_NE(one->warnings[0].find("/meshes/0/primitives/0"), std::string::npos) << one->warnings[0];
+}
+
+/// Watts are what leaves the shape at the node's size: pi L area a side.
+TEST_F(Gltf, AreaLightsByRadianceAndByPower) {
+  const Json good = doc_;
+  const auto lamp = [&](const char* light) {
+    doc_ = good;
+    doc_["nodes"].push_back(Json::parse(std::string(R"({"name":"lamp","scale":[2,3,1],"extras":{"gobo_light":)") + light + "}}"));
+    doc_["scenes"][0]["nodes"].push_back(doc_["nodes"].size() - 1);
+  };
+  struct Case { const char* light; double area; };
+  for (const Case& c : {Case{R"({"type":"rect","width":3,"height":4,"power_w":[10,20,0]})", 6.0 * 12.0}, Case{R"({"type":"rect","width":3,"height":4,"twoSided":true,"power_w":[10,20,0]})", 2 * 6.0 * 12.0},
+                        Case{R"({"type":"disk","radius":0.5,"power_w":[10,20,0]})", M_PI}, Case{R"({"type":"sphere","radius":0.5,"twoSided":true,"power_w":[10,20,0]})", 4 * M_PI}}) {
+    lamp(c.light);
+    const ScenePtr s = load();
+    ASSERT_TRUE(s) << c.light;
+    EXPECT_TRUE(s->warnings.empty());
+    const Light& l = s->lights[s->findLight("lamp")];
+    EXPECT_NEAR(l.power.x * M_PI * c.area, 10.0, 1e-5) << c.light;
+    EXPECT_NEAR(l.power.y * M_PI * c.area, 20.0, 2e-5) << c.light;
+    const double shape = l.shape.kind == LightKind::Rect ? 4.0 * glm::length(l.shape.u) * glm::length(l.shape.v) * (l.shape.twoSided ? 2 : 1)
+                                                         : l.shape.radius * l.shape.radius * M_PI * (l.shape.kind == LightKind::Sphere ? 4 : 1);
+    EXPECT_NEAR(shape, c.area, 1e-5) << c.light;
+  }
+  lamp(R"({"type":"disk","radius":0.5,"power":[1,2,3]})");
+  const ScenePtr old = load();
+  ASSERT_TRUE(old);
+  EXPECT_EQ(old->lights[old->findLight("lamp")].power, Vec3(1, 2, 3));
+  ASSERT_EQ(old->warnings.size(), 1u);
+  EXPECT_NE(old->warnings[0].find("/extras/gobo_light/power"), std::string::npos) << old->warnings[0];
+  EXPECT_NE(old->warnings[0].find("power_w"), std::string::npos) << old->warnings[0];
+  lamp(R"({"type":"disk","radiance":[1,2,3],"power_w":[1,2,3]})");
+  expectRefused("/nodes/1/extras/gobo_light/power_w", "\"radiance\" as well");
+  lamp(R"({"type":"disk","radius":1e-9,"power_w":[1e30,0,0]})");
+  expectRefused("/nodes/1/extras/gobo_light/power_w", "too small");
+  lamp(R"({"type":"disk","power_w":[-1,0,0]})");
+  expectRefused("/nodes/1/extras/gobo_light/power_w", "negative");
 }
 
 TEST_F(Gltf, RepairsNormalsAndRefusesBadPositions) {
