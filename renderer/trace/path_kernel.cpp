@@ -31,12 +31,6 @@ struct Paths {
   uint32_t fromHasNormal = 0, firstDelta = 0, specularOnly = ~0u;
 };
 
-float powerHeuristic(float a, float b) {
-  if (!(b > 0.0f)) return 1.0f;
-  const float r = b / a;                                             // a^2 / (a^2 + b^2) without squares that leave float's range
-  return 1.0f / (1.0f + r * r);
-}
-
 inline Vec3 direction(const RTCRay16& r, int i) { return Vec3(r.dir_x[i], r.dir_y[i], r.dir_z[i]); }
 
 inline void putShadow(RTCRay16& r, int i, const Vec3& origin, const Vec3& aim, float reach) {
@@ -209,11 +203,16 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         const auto collect = [&](const Vec3& o, const Vec3& d, float t) {
           if (!areaLights.empty() && done(i) <= maxEvents && wanted(classOf(done(i), paths.firstDelta >> i & 1u))) collectAreaLights(i, done(i), o, d, t);
         };
-        const auto scatter = [&](const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw) {
+        const auto scatter = [&](const Vec3& p, const Vec3& d, const Vec3& departing, const Vec3& beta, uint64_t draw) {
           walked(i, events, bit);
+          if (!wantIndirect || done(i) > maxEvents || !mediaLights[size_t(media.stack[i].top())]) return;
           int slot;
-          const Vec3 value = wantIndirect && done(i) <= maxEvents && mediaLights[size_t(media.stack[i].top())] ? scatteredLight(media, i, p, d, beta, draw, slot, rays) : Vec3(0.0f);
+          const Vec3 value = scatteredLight(media, i, p, d, beta, draw, slot, rays);
           if (value != Vec3(0.0f)) add(i, slot, done(i), PathClass::Indirect, value, byLobe ? value * paths.specularPart.get(i) : Vec3(0.0f));
+          paths.pdf[i] = henyeyGreenstein(glm::dot(d, departing), inside->g);
+          paths.from.set(i, p);
+          paths.fromHasNormal &= ~bit;
+          paths.passed[i] = 0.0f;
         };
         const uint64_t key = hash64(hash64(set.seed(), film + uint64_t(i)), 0x77616c6bull << 32 | uint32_t(events));
         if (!media.walk(i, rh, scene, paths.throughput, key, rays, scattered, collect, scatter) || (scattered && (!wantIndirect || done(i) > maxEvents))) alive &= ~bit;

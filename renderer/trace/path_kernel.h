@@ -20,6 +20,13 @@ struct RayRecorder { std::vector<Ray> primary, bounce, shadow; };
 
 struct PathMedia;
 
+/// Weight of a sample of density a where another strategy has density b (Veach 1997, beta = 2).
+inline float powerHeuristic(float a, float b) {
+  if (!(b > 0.0f)) return 1.0f;
+  const float r = b / a;                                             // a^2 / (a^2 + b^2) without squares that leave float's range
+  return 1.0f / (1.0f + r * r);
+}
+
 struct PathTracer::Impl {
   PathTracerSettings settings;
   AccelPtr accel;
@@ -47,7 +54,7 @@ struct PathTracer::Impl {
   int maxEvents = 9;                       // scattering events a path may have
   bool onlyUnlit = false;                  // no light, but unlit surfaces to show
   MediumStack cameraMedia{};               // volumes around the camera
-  std::vector<char> mediaLights;           // by interior: scattering events ask for delta lights
+  mutable std::vector<char> mediaLights;   // by interior: scattering events ask for lights. The mean does not depend on it where a ray can hit them
   // Camera rays as affine functions of the film position.
   Vec3 cameraOrigin{0.0f}, cameraOriginX{0.0f}, cameraOriginY{0.0f}, cameraDirection{0.0f}, cameraDirectionX{0.0f}, cameraDirectionY{0.0f};
   std::vector<Vec2> viewSamples;
@@ -56,7 +63,8 @@ struct PathTracer::Impl {
   void prepareCamera();
   void prepareLights(const SceneView& view);
   void prepareMedia(const SceneView& view);
-  /// Light of a delta light that lane i's scattering event at p turns into its path; d: direction of arrival.
+  /// Light of one light that lane i's scattering event at p turns into its path; d: direction of arrival. Weighted against the phase
+  /// function's own sampling where a ray can hit that light.
   Vec3 scatteredLight(const PathMedia& media, int i, const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw, int& slot, uint64_t& rays) const;
   /// Shadow rays in scenes where light goes straight on through surfaces (trace/straight.h): what is left of it by lane, tfar -1
   /// where that is nothing. around: volumes at their starts by lane, or null.

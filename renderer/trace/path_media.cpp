@@ -7,6 +7,20 @@
 
 namespace gobo {
 
+namespace {
+
+/// Some point of a mesh light, for the question which volumes it lies in.
+Vec3 meshPoint(const SceneView& view, const LightShape& shape) {
+  const Instance& instance = view.instances()[size_t(shape.instance)];
+  const Mesh& mesh = *view.meshes(Facet::Topology | Facet::Pose)[size_t(instance.mesh)];
+  Vec3 sum(0.0f);
+  if (mesh.triangles() > 0)
+    for (int c = 0; c < 3; ++c) sum += mesh.positions[mesh.indices[size_t(c)]];
+  return Vec3(instance.toWorld * Vec4(sum / 3.0f, 1.0f));
+}
+
+}  // namespace
+
 void PathTracer::Impl::prepareMedia(const SceneView& view) {
   if (settings.unlit && surfaces.anyUnlit()) hittable = true;
   onlyUnlit = settings.unlit && lights.empty();
@@ -15,29 +29,36 @@ void PathTracer::Impl::prepareMedia(const SceneView& view) {
   if (interiors.empty()) return;
   for (int material : volumesAround(view, cameraPoint(settings.camera))) cameraMedia.enter(surfaces.interiorOf(material));
   mediaLights.assign(interiors.size(), 0);
-  bool delta = false;
+  bool any = false;
   for (const LightInfo& l : lights) {
-    if (!isDeltaLight(l.kind)) continue;
-    delta = true;
-    if (l.kind == LightKind::Directional) continue;
-    for (int material : volumesAround(view, view.lightShape(l.light).position)) mediaLights[size_t(surfaces.interiorOf(material))] = 1;
+    if (!(luminance(l.nominal) > 0.0f)) continue;
+    any = true;
+    const LightShape& shape = view.lightShape(l.light);
+    if (shape.kind == LightKind::Directional || shape.kind == LightKind::Environment) continue;
+    for (int material : volumesAround(view, shape.kind == LightKind::Mesh ? meshPoint(view, shape) : shape.position)) mediaLights[size_t(surfaces.interiorOf(material))] = 1;
   }
-  for (size_t k = 0; k < interiors.size(); ++k) if (delta && std::fabs(interiors[k].ior - 1.0f) < kStraightIor) mediaLights[k] = 1;
+  for (size_t k = 0; k < interiors.size(); ++k) if (any && std::fabs(interiors[k].ior - 1.0f) < kStraightIor) mediaLights[k] = 1;
 }
 
 Vec3 PathTracer::Impl::scatteredLight(const PathMedia& media, int i, const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw, int& slot, uint64_t& rays) const {
   float select;
   const int k = selector.sample(p, nullptr, toUnit(uint32_t(draw)), select);
-  if (k < 0 || !isDeltaLight(lights[size_t(k)].kind)) return Vec3(0.0f);
+  if (k < 0) return Vec3(0.0f);
   const LightInfo& l = lights[size_t(k)];
+  const uint64_t place = hash64(draw, 1);
   LightSample light;
-  if (!sampler->sample(l.light, p, Vec2(0.5f), light)) return Vec3(0.0f);
+  if (!sampler->sample(l.light, p, Vec2(toUnit(uint32_t(place)), toUnit(uint32_t(place >> 32))), light)) return Vec3(0.0f);
   slot = l.slot;
-  const Vec3 value = beta * light.radiance * l.nominal * (henyeyGreenstein(glm::dot(d, light.direction), media.around(i)->g) / (light.pdf * select));
+  const float phase = henyeyGreenstein(glm::dot(d, light.direction), media.around(i)->g), density = light.pdf * select;
+  const float weight = light.delta ? 1.0f : powerHeuristic(density, phase);
+  const Vec3 value = beta * light.radiance * l.nominal * (phase * weight / density);
+  if (!(maxComponent(value) > 0.0f)) return isFinite(value) ? Vec3(0.0f) : value;
   Ray ray;
   ray.origin = p;
   ray.direction = light.direction;
-  ray.tmax = light.distance >= 3.0e38f ? 3.0e38f : light.distance * (1.0f - 2e-5f);
+  // Short of the light's own surface by what rounding may have put between it and the sampled point.
+  const float slack = 3e-6f * std::max(std::fabs(p.x), std::max(std::fabs(p.y), std::fabs(p.z)));
+  ray.tmax = light.distance >= 3.0e38f ? 3.0e38f : std::max(0.0f, light.distance * (1.0f - 2e-5f) - slack);
   return value * transmittance(*accel, surfaces, ray, &media.stack[i], rays);
 }
 

@@ -4,8 +4,9 @@
 //   absorption  Beer-Lambert over every segment, for shadow rays too (trace/straight.h)
 //   scattering  analog distances of one channel, chosen by throughput; weights by the one-sample balance heuristic over the
 //               channels (Wrenninge, Villemin & Hery 2017; Chiang, Kutz & Burley 2016), so that no channel's weight grows.
-//   lights      point, spot and directional lights are asked at every event where they can be seen: inside the volume, or
-//               through boundaries that bend nothing (index 1). Lights that a ray can hit are found by the walk itself.
+//   lights      of every kind are asked at every event where they can be seen: inside the volume, or through boundaries that bend
+//               nothing (index 1). Those that a ray can hit are found by the walk too: the segment after an event has the phase
+//               function's density, and both are weighted by the power heuristic (Veach 1997), whatever lets light straight on.
 // A walk is no event of its own: with its reflections at the inside of its boundary it belongs to the event that entered.
 // It is bounded by unbiased roulette: against the throughput it began with, and from kLongWalk steps on by 2 % a step.
 #pragma once
@@ -54,7 +55,7 @@ struct PathMedia {
 
   /// Carries lane i through the scattering interior that it is in: from the ray in `rh` with its hit to the last segment,
   /// whose end is the hit (or a miss). collect(origin, direction, t): lights along a segment. False: the path ended.
-  /// scatter(point, direction of arrival, throughput, random bits): at every event.
+  /// scatter(point, direction of arrival, direction of departure, throughput, random bits): at every event.
   template <typename Collect, typename Scatter>
   bool walk(int i, RTCRayHit16& rh, RTCScene scene, Lane3& throughput, uint64_t key, uint64_t& rays, bool& scattered, Collect&& collect, Scatter&& scatter) {
     const Interior& m = *around(i);
@@ -98,8 +99,9 @@ struct PathMedia {
         beta /= survive;
       }
       o += d * s;
-      scatter(o, d, beta, hash64(b, 5));
-      d = sampleHenyeyGreenstein(d, m.g, Vec2(toUnit(uint32_t(b)), toUnit(uint32_t(b >> 32))));
+      const Vec3 next = sampleHenyeyGreenstein(d, m.g, Vec2(toUnit(uint32_t(b)), toUnit(uint32_t(b >> 32))));
+      scatter(o, d, next, beta, hash64(b, 5));
+      d = next;
     }
     return false;
   }

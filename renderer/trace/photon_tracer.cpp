@@ -254,7 +254,7 @@ bool CausticTracer::Impl::scatter(Walker& w, uint64_t key, uint64_t& rays) const
   bool scattered = false;
   w.media.walking = 1;
   const bool on = w.media.walk(0, rh, path().scene, throughput, key, rays, scattered, [](const Vec3&, const Vec3&, float) {},
-                               [](const Vec3&, const Vec3&, const Vec3&, uint64_t) {});
+                               [](const Vec3&, const Vec3&, const Vec3&, const Vec3&, uint64_t) {});
   w.throughput = throughput.get(0);
   if (scattered && w.events == 0) w.events = 1;                      // a walk that nothing came before is the first event
   if (!on) return false;

@@ -6,6 +6,7 @@
 #include "support/tiny_scenes.h"
 #include "trace/camera_media.h"
 #include "trace/interior.h"
+#include "trace/path_kernel.h"
 
 namespace gobo {
 namespace {
@@ -254,6 +255,120 @@ TEST(PathMedia, HazeScattersPunctualLightTowardsTheCamera) {
         EXPECT_LT(e[2].error[ch], 0.04 * single);
       }
     }
+}
+
+/// Haze in a box of side 4 around the origin.
+int haze(SceneMaker& m, float ior, float sigma, float g, const Vec3& albedo = Vec3(0.9f, 0.6f, 0.3f)) {
+  return m.instance(m.mesh(box(Vec3(-2.0f), Vec3(2.0f)), m.material(Vec3(1.0f), glass(ior, glm::exp(Vec3(-sigma, -0.8f * sigma, -0.6f * sigma)), 1.0f, [=](Bsdf& b) {
+    b.scatterAlbedo = albedo;
+    b.scatterAnisotropy = g;
+  }))));
+}
+/// The same picture (one slot) with every light at scattering events found by rays alone.
+Estimate hitOnly(const Traced& t, int blocks) {
+  const auto tracer = t.tracer();
+  for (char& c : tracer->impl().mediaLights) c = 0;
+  const size_t pixels = size_t(t.settings.width) * size_t(t.settings.height);
+  std::vector<DVec3> mean(pixels, DVec3(0.0)), square(pixels, DVec3(0.0));
+  t.arena.parallelFor(pixels, 4, [&](size_t begin, size_t end) {
+    for (size_t p = begin; p < end; ++p)
+      for (int b = 0; b < blocks; ++b) {
+        DVec3 out(0.0);
+        uint64_t rays = 0, dropped = 0;
+        tracer->traceBlock(int(p) % t.settings.width, int(p) / t.settings.width, uint32_t(b) * kBlocksPerStream, &out.x, rays, dropped);
+        out /= double(t.settings.blockSize);
+        mean[p] += out / double(blocks);
+        square[p] += out * out / double(blocks);
+      }
+  });
+  Estimate e;
+  for (size_t p = 0; p < pixels; ++p) {
+    e.mean += mean[p] / double(pixels);
+    e.error += glm::max(square[p] - mean[p] * mean[p], DVec3(0.0)) / double(blocks - 1);
+  }
+  e.error = glm::sqrt(e.error) / double(pixels);
+  return e;
+}
+/// A light of each kind that a ray can hit, inside the box or above it.
+void addLight(SceneMaker& m, const std::string& kind, bool inside) {
+  LightShape s;
+  s.position = Vec3(0.4f, inside ? 0.9f : 3.0f, 0.2f);
+  const float size = inside ? 0.4f : 1.0f;
+  if (kind == "sphere") { s.kind = LightKind::Sphere; s.radius = size; m.light(s, Vec3(3, 4, 5)); }
+  if (kind == "disk") { s.kind = LightKind::Disk; s.axis = glm::normalize(Vec3(0.2f, -1, 0)); s.radius = size; m.light(s, Vec3(3, 4, 5)); }
+  if (kind == "rect") { s.kind = LightKind::Rect; s.u = Vec3(size, 0, 0); s.v = Vec3(0, 0, size); s.axis = glm::normalize(glm::cross(s.u, s.v)); s.twoSided = true; m.light(s, Vec3(3, 4, 5)); }
+  if (kind == "mesh") m.instance(m.mesh(quad(s.position, Vec3(size, 0, 0), Vec3(0, 0, size)), lamp(m, Vec3(3, 4, 5))));
+  if (kind == "environment") {
+    Image sky(8, 4, 3);
+    for (size_t i = 0; i < sky.data.size(); ++i) sky.data[i] = float((i * 37) % 11) / 5 + (i == 12 ? 40.0f : 0.0f);
+    m.environment(makeEnvironment("sky", sky), 0.5f);
+  }
+}
+
+// What lights of every kind send into volumes does not depend on which strategy finds them, and less of it is noise when both do.
+TEST(PathMedia, SampledLightsInVolumesAgreeWithWhatRaysHit) {
+  const struct { const char* kind; bool inside; float ior, g; } cases[] = {
+      {"sphere", true, 1.0f, 0.0f}, {"sphere", true, 1.4f, 0.6f}, {"disk", true, 1.0f, -0.5f}, {"rect", true, 1.4f, 0.0f}, {"mesh", true, 1.0f, 0.8f},
+      {"mesh", true, 1.4f, 0.0f},   {"sphere", false, 1.0f, 0.6f}, {"rect", false, 1.0f, 0.0f}, {"mesh", false, 1.0f, 0.3f}, {"disk", false, 1.0f, 0.0f},
+      {"environment", false, 1.0f, 0.0f}, {"environment", false, 1.0f, 0.7f}, {"sphere", false, 1.4f, 0.0f}};
+  for (const auto& c : cases) {
+    SceneMaker m;
+    haze(m, c.ior, 0.7f, c.g);
+    m.instance(m.mesh(ground(1.0f, -1.0f), m.material(Vec3(0.5f))));     // inside, so that surfaces and events share the light
+    addLight(m, c.kind, c.inside);
+    m.camera(Vec3(0, 0.5f, 6), Vec3(0.0f), 0.5f);
+    Traced t(m.finish(), 8, 8);
+    t.settings.maxBounces = 6;
+    const Measured sampled = measure(t, 16);
+    t.settings.seed = 99;
+    const Estimate hit = hitOnly(t, 24);
+    SCOPED_TRACE(std::string(c.kind) + (c.inside ? " inside" : " outside") + " index " + std::to_string(c.ior));
+    EXPECT_GT(sampled[0].mean.x, 1e-3);
+    expectSame(sampled[0], hit);
+    EXPECT_EQ(sampled.dropped, 0u);
+  }
+}
+
+// A small lamp in haze is nearly a point lamp: so is its noise.
+TEST(PathMedia, ASmallLampInHazeIsAsQuietAsAPoint) {
+  for (const float radius : {0.01f, 0.1f}) {
+    DVec3 mean[2], error[2];
+    for (const bool point : {true, false}) {
+      SceneMaker m;
+      haze(m, 1.0f, 0.5f, 0.3f);
+      LightShape s;
+      s.position = Vec3(0.5f, 1.0f, 0.5f);
+      s.kind = point ? LightKind::Point : LightKind::Sphere;
+      s.radius = radius;
+      m.light(s, Vec3(point ? 1.0f : float(1.0 / (M_PI * radius * radius))));
+      m.camera(Vec3(0, 0, 6), Vec3(0.0f), 0.3f);
+      Traced t(m.finish(), 8, 8);
+      t.settings.cover = PathClass::Indirect;
+      t.settings.maxBounces = 4;
+      const Measured e = measure(t, 24);
+      mean[point] = e[0].mean;
+      error[point] = e[0].error;
+      if (point) continue;
+      const Estimate hit = hitOnly(t, 24);
+      std::printf("  lamp of radius %.2f in haze: noise by the point's %.2f, where only rays find it %.1f\n", radius, error[0].y / error[1].y, hit.error.y / error[1].y);
+      EXPECT_LT(error[0].y, 1.5 * error[1].y) << radius;
+    }
+    EXPECT_NEAR(mean[0].y / mean[1].y, 1.0, 0.03 + 4.5 * (error[0].y + error[1].y) / mean[1].y);
+  }
+}
+
+// A furnace with a scattering box of index 1 in it: every event weighs the environment against the phase function's own samples.
+TEST(PathMedia, HazeInAWhiteRoomIsInvisible) {
+  for (const float g : {-0.6f, 0.0f, 0.9f}) {
+    SceneMaker m;
+    haze(m, 1.0f, 2.0f, g, Vec3(1.0f));
+    m.environment(constantEnvironment(Vec3(1.0f)));
+    m.camera(Vec3(0, 1, 6), Vec3(0.0f), 0.5f);
+    Traced t(m.finish(), 4, 4);
+    const Measured e = measure(t, 24);
+    expectNear(e[0], DVec3(1.0), 1e-3);
+    EXPECT_LT(e[0].error.x, 0.02);
+  }
 }
 
 // Wax: light enters and leaves by diffuse transmission.
