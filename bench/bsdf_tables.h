@@ -84,6 +84,28 @@ inline double dielectric(const V3& o, double alpha, double eta, int n) {
   return sum / (double(n) * n);
 }
 
+/// The same with two alphas.
+inline double dielectric(const V3& o, double ax, double ay, double eta, int n) {
+  double sum = 0;
+  const double so = root(o, ax, ay);
+  for (int j = 0; j < n; ++j)
+    for (int k = 0; k < n; ++k) {
+      const double w = 1 - (j + 0.5) / n;
+      const V3 h = visibleNormal(o, ax, ay, (k + (j & 1 ? 0.75 : 0.25)) / n, 1 - w * w);    // staggered rings
+      const double c = dot(o, h);
+      if (!(c > 0)) continue;
+      const double f = fresnel(c, eta);
+      const V3 r{2 * c * h.x - o.x, 2 * c * h.y - o.y, 2 * c * h.z - o.z};
+      if (r.z > 0) sum += 2 * w * f * shadowing(o.z, so, r.z, root(r, ax, ay));
+      if (f < 1) {
+        const double k2 = c / eta - std::sqrt(std::max(1 - (1 - c * c) / (eta * eta), 0.0));
+        const V3 t{-o.x / eta + k2 * h.x, -o.y / eta + k2 * h.y, -o.z / eta + k2 * h.z};
+        if (t.z < 0) sum += 2 * w * (1 - f) * shadowing(o.z, so, -t.z, root(t, ax, ay));
+      }
+    }
+  return sum / (double(n) * n);
+}
+
 /// Charlie's lambda (Estevez & Kulla 2017) as KHR_materials_sheen writes it.
 inline double sheenLambda(double c, double alpha) {
   const double t = sq(1 - alpha);

@@ -13,7 +13,7 @@ struct Look {
   const Vec3& o;
   BaseLobes base;
   bool layered, tilted;
-  Look(const BsdfParams& p, const Vec3& o) : p(p), o(o), base(p), layered(Layers::any(p)), tilted(p.facing != Vec3(0, 0, 1)) { base.view(o.z); }
+  Look(const BsdfParams& p, const Vec3& o) : p(p), o(o), base(p), layered(Layers::any(p)), tilted(p.facing != Vec3(0, 0, 1)) { base.view(o); }
 
   Vec3 mirrored(const Vec3& i) const { return i - (2.0f * glm::dot(i, p.facing)) * p.facing; }
   /// Light of a pair; `layers` as the material has them. Layers are specular, but for what they let through.

@@ -11,14 +11,18 @@
 
 #include "trace/bsdf.h"
 #include "trace/bsdf_albedo.h"
+#include "trace/bsdf_anisotropic.h"
 #include "trace/bsdf_ggx.h"
 
 namespace gobo {
 
 struct BaseLobes {
   Ggx g;
-  ReflectionAlbedo table, across;    // across: of the smaller alpha, where there are two
+  ReflectionAlbedo table;
   GlassAlbedo glassTable;
+  AnisotropicAlbedo brushed;         // instead of these where there are two alphas
+  AnisotropicGlassAlbedo brushedGlass;
+  float deficitMean = 0, schlickMean = 1.0f / 21.0f, glassMean[2] = {0, 0};   // of the one in use; outside, inside
   float ior = 1, eta = 1;            // eta: far over near index
   bool smooth, thin, anisotropic = false;
   bool filmed = false, plainGlass = true;   // plainGlass: exact Fresnel, neither specular nor film change it
@@ -44,7 +48,7 @@ struct BaseLobes {
   float energy = 0;                  // estimate of the albedo (luminance), 0: nothing is reflected or transmitted
 
   explicit BaseLobes(const BsdfParams& p);
-  void view(float oz);
+  void view(const Vec3& o);
 
   bool hasDiffuse() const {
     return opaque > 0.0f && ((through < 1.0f && maxComponent(albedo) > 0.0f) || (through > 0.0f && maxComponent(throughColor) > 0.0f));
@@ -70,7 +74,8 @@ struct BaseLobes {
   float interfaceAlbedo(const ReflectionAlbedo::Value& a) const {
     return f0Bound * (1.0f - a.deficit) + (f90Bound - f0Bound) * a.schlick + msBound * a.deficit;
   }
-  ReflectionAlbedo::Value lookUp(float mu) const;
+  ReflectionAlbedo::Value lookUp(const Vec3& direction) const;
+  float glassDeficit(const Vec3& direction, bool inside) const { return anisotropic ? brushedGlass.deficit(direction, inside) : glassTable.deficit(std::fabs(direction.z), inside); }
   bool usesTable_ = false, usesGlass_ = false;
 };
 

@@ -24,30 +24,21 @@ inline Vec3 bounced(const Vec3& mean, float deficitMean) {
 /// Cosine-weighted mean of Schlick's Fresnel.
 inline Vec3 schlickMeanOf(const Vec3& f0, float f90) { return f0 + (Vec3(f90) - f0) * (1.0f / 21.0f); }
 
-/// Two alphas: no table holds the albedo. Bounds of it from the tables of both alphas keep the energy below 1 (kept half of the smaller
-/// deficit, measured ratio of the true one to it: 0.58 and more; Schlick's albedo up to 0.07 above the larger).
-inline constexpr float kAnisotropicKept = 0.5f, kAnisotropicSchlick = 0.07f;
-inline ReflectionAlbedo::Value BaseLobes::lookUp(float mu) const {
+inline ReflectionAlbedo::Value BaseLobes::lookUp(const Vec3& direction) const {
+  const float mu = std::fabs(direction.z);
   if (smooth) return {0.0f, schlickWeight(mu)};
-  ReflectionAlbedo::Value a = table.at(mu);
-  if (!anisotropic) return a;
-  const ReflectionAlbedo::Value b = across.at(mu);
-  a.deficit = kAnisotropicKept * minOf(a.deficit, b.deficit);
-  a.schlick = minOf(maxOf(a.schlick, b.schlick) + kAnisotropicSchlick, 1.0f - a.deficit);
-  return a;
+  return anisotropic ? brushed.at(direction) : table.at(mu);
 }
 
 inline BaseLobes::BaseLobes(const BsdfParams& p) {
   const float roughness = clamp01(p.roughness), metallic = clamp01(p.metallic), transmission = clamp01(p.transmission);
   const float alpha = roughness * roughness, anisotropy = clamp01(p.anisotropy);
   thin = p.thin;
-  float tableAlpha = alpha;
   if (anisotropy > 0.0f) {
     const float ax = alpha + (1.0f - alpha) * sqr(anisotropy);
     smooth = ax < kDeltaAlpha;
     const float ay = maxOf(alpha, kDeltaAlpha);
     g = Ggx(maxOf(ax, ay), ay);
-    tableAlpha = g.x;
     anisotropic = !smooth;
   } else {
     smooth = alpha < kDeltaAlpha;
@@ -82,13 +73,16 @@ inline BaseLobes::BaseLobes(const BsdfParams& p) {
   filmed = film > 0.0f && p.iridescenceThickness > 0.0f;
   const bool rough = !smooth;
   usesTable_ = rough && (metal > 0.0f || hasDielectric() || (thin && glass > 0.0f));
-  usesGlass_ = rough && glass > 0.0f && !thin && !anisotropic;   // no table with two alphas: what is lost stays lost
+  usesGlass_ = rough && glass > 0.0f && !thin;
   if (usesTable_) {
-    table = ReflectionAlbedo(tableAlpha, anisotropic ? std::sqrt(tableAlpha) : roughness);
     if (anisotropic) {
-      across = ReflectionAlbedo(g.y, std::sqrt(g.y));
-      table.deficitMean = kAnisotropicKept * minOf(table.deficitMean, across.deficitMean);
-      table.schlickMean = minOf(table.schlickMean, across.schlickMean);
+      brushed = AnisotropicAlbedo(roughness, anisotropy);
+      deficitMean = brushed.deficitMean;
+      schlickMean = brushed.schlickMean;
+    } else {
+      table = ReflectionAlbedo(alpha, roughness);
+      deficitMean = table.deficitMean;
+      schlickMean = table.schlickMean;
     }
   }
   Vec3 metalMean(0.0f), dielectricMean(0.0f);
@@ -100,12 +94,12 @@ inline BaseLobes::BaseLobes(const BsdfParams& p) {
     plainGlass = false;
     setMeansOfFilm(metalMean, dielectricMean);
   }
-  if (usesTable_ && table.deficitMean > 1e-7f) {
-    kernel = kInvPi / table.deficitMean;
-    if (metal > 0.0f) msUp += metal * bounced(metalMean, table.deficitMean);
+  if (usesTable_ && deficitMean > 1e-7f) {
+    kernel = kInvPi / deficitMean;
+    if (metal > 0.0f) msUp += metal * bounced(metalMean, deficitMean);
     if (hasDielectric()) {
       // Of an index near 1.5 less than 0.4 % bounces out again; the rest goes into what is below, and so may this.
-      const Vec3 b = bounced(dielectricMean, table.deficitMean);
+      const Vec3 b = bounced(dielectricMean, deficitMean);
       if (maxComponent(b) > kNegligibleBounce) {
         msBound = maxComponent(b);
         msUp += opaque * b;
@@ -118,15 +112,18 @@ inline BaseLobes::BaseLobes(const BsdfParams& p) {
   }
   if (!(maxComponent(msUp) + maxComponent(msDown) > 0.0f)) kernel = 0.0f;
   if (hasDiffuse() && hasDielectric()) {
-    const float mean = interfaceAlbedo({table.deficitMean, table.schlickMean});
+    const float mean = interfaceAlbedo({deficitMean, schlickMean});
     diffuseNorm = mean < 0.9999f ? 1.0f / (1.0f - mean) : 0.0f;
   }
   if (usesGlass_) {
-    glassTable = GlassAlbedo(tableAlpha, maxOf(ior, 1.0f / ior));
+    if (anisotropic) brushedGlass = AnisotropicGlassAlbedo(roughness, anisotropy, maxOf(ior, 1.0f / ior));
+    else glassTable = GlassAlbedo(alpha, maxOf(ior, 1.0f / ior));
     // The mean transmittance of the smooth interface (fit of Kulla & Conty 2017) from outside; 1/n^2 of it from inside. Reciprocity
     // ties the transmitted shares of both sides: outside / inside = n^2 mean[inside] / mean[outside]; the larger of both gives way.
     const float n = maxOf(ior, 1.0f / ior), t = 1.0f - (n - 1.0f) / (4.08567f + 1.00071f * n);
-    const float* mean = glassTable.mean;
+    const float* mean = anisotropic ? brushedGlass.mean : glassTable.mean;
+    glassMean[0] = mean[0];
+    glassMean[1] = mean[1];
     if (mean[0] > 1e-7f && mean[1] > 1e-7f) {
       const float q = mean[1] / mean[0];
       const bool inside = eta < 1.0f;
@@ -194,9 +191,9 @@ inline void BaseLobes::split(float c, Vec3& reflected, Vec3& refracted) const {
 
 /// Lobes that exist keep a tenth of the chances, because a tilted microfacet may reflect or transmit where the macroscopic surface
 /// does not. Bounced light alone keeps only its share: it is smooth and small.
-inline void BaseLobes::view(float oz) {
-  if (usesTable_ || diffuseNorm > 0.0f) ao = lookUp(oz);
-  if (usesGlass_) glassO = glassTable.deficit(oz, eta < 1.0f);
+inline void BaseLobes::view(const Vec3& o) {
+  if (usesTable_ || diffuseNorm > 0.0f) ao = lookUp(o);
+  if (usesGlass_) glassO = glassDeficit(o, eta < 1.0f);
   float up = 0, down = 0, s = 0, t = 0;
   bool diffuseUp = false, diffuseDown = false;
   if (hasDiffuse()) {
@@ -209,7 +206,7 @@ inline void BaseLobes::view(float oz) {
   }
   if (hasInterface()) {
     Vec3 r, f;
-    split(oz, r, f);
+    split(o.z, r, f);
     s = maxOf(luminance(r + f), 1e-6f);
   }
   if (hasPass()) t = maxOf(pass * luminance(albedo), 1e-6f);
@@ -225,8 +222,8 @@ inline void BaseLobes::view(float oz) {
     bounceDown = luminance(msDown) * ao.deficit;
   }
   if (glassO > 0.0f) {
-    bounceUp += luminance(glassUp) * (kPi * glassTable.mean[eta < 1.0f ? 1 : 0]) * glassO;
-    bounceDown += luminance(glassDown) * (kPi * glassTable.mean[eta < 1.0f ? 0 : 1] * eta * eta) * glassO;
+    bounceUp += luminance(glassUp) * (kPi * glassMean[eta < 1.0f ? 1 : 0]) * glassO;
+    bounceDown += luminance(glassDown) * (kPi * glassMean[eta < 1.0f ? 0 : 1] * eta * eta) * glassO;
   }
   if (bounceUp + bounceDown > 0.0f) {
     bounceB2 = sqr(2.0f * maxOf(g.x, g.y));
@@ -252,7 +249,7 @@ inline void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, 
   const bool specular = !smooth && interfaceP > 0.0f;
   if (lobeP + bounceP > 0.0f) {
     ReflectionAlbedo::Value ai;
-    if (usesTable_ || diffuseNorm > 0.0f) ai = lookUp(iz);
+    if (usesTable_ || diffuseNorm > 0.0f) ai = lookUp(i);
     if (lobeP > 0.0f) {
       float factor = opaque * diffuseO;
       if (hasDielectric()) factor *= maxOf(1.0f - interfaceAlbedo(ai), 0.0f) * diffuseNorm;
@@ -260,7 +257,7 @@ inline void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, 
     }
     if (bounceP > 0.0f) {
       if (kernel > 0.0f) value.specular = (up ? msUp : msDown) * (kernel * ao.deficit * ai.deficit * iz);
-      if (glassO > 0.0f) value.specular += (up ? glassUp : glassDown) * (glassO * glassTable.deficit(iz, (eta < 1.0f) == up) * iz);
+      if (glassO > 0.0f) value.specular += (up ? glassUp : glassDown) * (glassO * glassDeficit(i, (eta < 1.0f) == up) * iz);
       pdf += bounceP * cosine / (bounceLog * (iz * iz + bounceB2));
     }
   }
