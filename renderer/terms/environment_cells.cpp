@@ -39,7 +39,7 @@ DVec3 EnvironmentCells::cellDirection(size_t cell) {
   return direction(face, (2.0 * i + 1.0) / kSide - 1.0, (2.0 * j + 1.0) / kSide - 1.0);
 }
 
-EnvironmentCells::EnvironmentCells(const Environment& map) : cells(size_t(6) * kSide * kSide) {
+EnvironmentCells::EnvironmentCells(const Environment& map, const StopToken& stop) : cells(size_t(6) * kSide * kSide) {
   const double step = 0.5 * (0.5 * kDPi / kSide);   // half a cell
   const int cutX = std::max(1, int(std::ceil(2.0 * kDPi / map.width / step))), cutY = std::max(1, int(std::ceil(kDPi / map.height / step)));
   const int columns = map.width * cutX, rows = map.height * cutY;
@@ -51,6 +51,7 @@ EnvironmentCells::EnvironmentCells(const Environment& map) : cells(size_t(6) * k
   }
   const double dPhi = 2.0 * kDPi / columns, dTheta = kDPi / rows;
   for (int y = 0; y < rows; ++y) {
+    if (stop.stopRequested()) return;
     const double theta = (y + 0.5) * dTheta, s = std::sin(theta), c = std::cos(theta);
     const double omega = dPhi * 2.0 * s * std::sin(0.5 * dTheta);   // cos(theta - h) - cos(theta + h) without cancellation
     const double own = (dTheta * dTheta + s * s * dPhi * dPhi) / 12.0;

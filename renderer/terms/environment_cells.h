@@ -6,6 +6,7 @@
 
 #include <vector>
 
+#include "base/stop.h"
 #include "scene/environment.h"
 
 namespace gobo {
@@ -26,7 +27,8 @@ struct EnvironmentCells {
   DVec3 flux{0.0};                      ///< of the whole map
   double weight = 0;
 
-  explicit EnvironmentCells(const Environment& map);
+  /// `stop` is polled every row; cells whose making it ended are not to be used.
+  explicit EnvironmentCells(const Environment& map, const StopToken& stop = {});
   /// Unit direction to tangent coordinates on `face`: x, y in [-1,1] on the face itself, growing beyond; false behind it.
   static bool project(int face, const DVec3& d, double& x, double& y);
   static DVec3 direction(int face, double x, double y);   ///< unit

@@ -30,7 +30,7 @@ class LightDepthMapNode : public ShadowMapNode {
   LightDepthMapNode(const LightFrames& frames, int resolution, DepthMethod method) : frames_(frames), resolution_(resolution), method_(method) { GOBO_CHECK(resolution >= 1); }
   std::string type() const override { return "light_depth_map"; }
   int version() const override { return 3; }
-  NodeTraits traits() const override { return {.facets = Facet::Topology | Facet::Pose | Facet::Coverage}; }
+  NodeTraits traits() const override { return {.facets = kAccelFacets}; }
   void hashParameters(Hasher& h) const override {
     frames_.hash(h);
     h.add(resolution_).add(int(method_));
@@ -51,7 +51,7 @@ class LightDepthMapNode : public ShadowMapNode {
       if (!frame.sees) {
         std::fill(to, to + square, 1.0f);
       } else {
-        if (!accel) accel = ctx.accels->get(*ctx.scene, *ctx.arena);
+        if (!accel) { GOBO_ASSIGN(accel, ctx.accel()); }
         done = raster(*ctx.scene) ? scanFace(ctx, *accel, frame, to) : traceFace(ctx, *accel, frame, to);
       }
       if (!done) return Status(Code::Cancelled, "light_depth_map stopped");
@@ -69,9 +69,8 @@ class LightDepthMapNode : public ShadowMapNode {
   bool raster(const SceneView& scene) const {
     if (method_ != DepthMethod::Automatic) return method_ == DepthMethod::Raster;
     double triangles = 0.0;
-    const auto& meshes = scene.meshes(Facet::Topology);
     for (const Instance& i : scene.instances()) {
-      const Mesh& mesh = *meshes[size_t(i.mesh)];
+      const auto mesh = scene.mesh<Facet::Topology>(i.mesh);
       triangles += double(mesh.triangles()) * (scene.coverage(mesh.material).mode == AlphaMode::Opaque ? 1.0 : kAlphaWeight);
     }
     return triangles <= kTrianglesPerTexel * double(resolution_) * double(resolution_);
@@ -95,11 +94,10 @@ class LightDepthMapNode : public ShadowMapNode {
   }
 
   bool scanFace(const RunContext& ctx, const Accel& accel, const LightFrame& f, float* z) const {
-    const auto& meshes = ctx.scene->meshes(Facet::Topology | Facet::Pose | Facet::Coverage);
     const std::vector<Instance>& instances = ctx.scene->instances();
     std::vector<RasterMesh> parts;
     for (size_t i = 0; i < instances.size(); ++i) {
-      const Mesh& mesh = *meshes[size_t(instances[i].mesh)];
+      const auto mesh = ctx.scene->mesh<Facet::Topology>(instances[i].mesh);
       if (mesh.triangles() == 0) continue;
       const InstanceGeometry& g = accel.impl().instances[i];
       parts.push_back({g.indices, g.positions, mesh.triangles(), g.world ? Mat4(1.0f) : g.toWorld, ctx.scene->coverage(mesh.material).mode != AlphaMode::Opaque});
