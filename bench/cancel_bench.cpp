@@ -1,56 +1,117 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long a stopped render keeps the cores: from stop() to the return of Engine::render, at random moments of a first
-// render of a large scene (acceleration structure build included) and of a second one. Milliseconds: median, 95 %, worst.
-// Usage: cancel_bench [--out table.json] [--repeat 40]
+// How long a stopped request keeps the cores: from stop() to the return, at random moments, in milliseconds: median, 95 %, worst. Rows: every
+// shadow technique of the registry, everything that can stand for an environment, caustics, a certificate, each by a new engine (acceleration
+// structures, probes and fits included) and by one that has them; admission's planning; loads of files in this process.
+// Usage: cancel_bench [--out table.json] [--repeat 40] [--only TEXT] [--size 1280x720] [--load FILE.glb] [--environment FILE.hdr]
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <thread>
 #include <vector>
 
 #include "base/sobol.h"
+#include "filters/shadow_technique.h"
 #include "measure/report.h"
 #include "plan/engine.h"
 #include "plan/request.h"
 
+namespace {
+
+using namespace gobo;
+using Clock = std::chrono::steady_clock;
+
+struct Case {
+  std::string name;
+  std::vector<std::string> sets;
+  v1::ShadowTechnique::TechniqueCase technique = v1::ShadowTechnique::TECHNIQUE_NOT_SET;
+  bool area = true;
+};
+
+v1::RenderRequest requestOf(const Case& c, const std::string& size, int k) {
+  v1::RenderRequest r;
+  std::vector<std::string> sets{"scene=atrium", "width=" + size.substr(0, size.find('x')), "height=" + size.substr(size.find('x') + 1), "halt.spp=1024", "seed=" + std::to_string(k),
+                                std::string("lights.key.kind=") + (c.area ? "RECT" : "SPOT"), "lights.key.position=0,6,0", "lights.key.direction=0,-1,0",
+                                "lights.key.intensity=30"};
+  sets.insert(sets.end(), c.sets.begin(), c.sets.end());
+  for (const std::string& s : sets)
+    if (const Status set = setPath(r, s); !set.ok()) std::fprintf(stderr, "%s: %s\n", s.c_str(), set.toString().c_str());
+  if (c.technique != v1::ShadowTechnique::TECHNIQUE_NOT_SET) {
+    v1::ShadowTechnique& t = *(*r.mutable_lights())["key"].mutable_shadow();
+    t.GetReflection()->MutableMessage(&t, t.GetDescriptor()->FindFieldByNumber(c.technique));
+  }
+  return r;
+}
+
+struct Times {
+  std::vector<double> ms;
+  int completed = 0;
+  void run(int k, const std::function<Status(StopToken)>& work) {
+    StopSource source;
+    Clock::time_point stopped;
+    std::thread canceller([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5 + hash32(uint64_t(k), 7) % 1500));
+      stopped = Clock::now();
+      source.stop(StopReason::Cancelled);
+    });
+    const Status status = work(source.token());
+    const auto returned = Clock::now();
+    canceller.join();
+    if (status.ok()) ++completed;
+    else ms.push_back(std::chrono::duration<double, std::milli>(returned - stopped).count());
+  }
+  void row(Table& t, const std::string& name) {
+    std::sort(ms.begin(), ms.end());
+    if (ms.empty()) t.add({name, 0.0, 0.0, 0.0, double(completed)});
+    else t.add({name, ms[ms.size() / 2], ms[ms.size() * 95 / 100], ms.back(), double(completed)});
+  }
+};
+
+}  // namespace
+
 int main(int argc, char** argv) {
-  using namespace gobo;
-  using Clock = std::chrono::steady_clock;
   const int repeat = std::max(4, std::atoi(argumentOr(argc, argv, "--repeat", "40").c_str()));
-  Table t("Cancellation: stop() to return", {"render", "median ms", "p95 ms", "worst ms", "completed first"});
-  for (const char* technique : {"path_traced=", "axis_aligned.k=3"}) {
+  const std::string only = argumentOr(argc, argv, "--only", ""), size = argumentOr(argc, argv, "--size", "1280x720");
+  const std::string load = argumentOr(argc, argv, "--load", ""), map = argumentOr(argc, argv, "--environment", "");
+  std::vector<Case> cases{{"path_traced", {"lights.key.shadow.path_traced="}}};
+  for (const ShadowTechniqueEntry& t : shadowTechniques()) cases.push_back({t.name, {}, t.key, t.supports(LightKind::Rect)});
+  for (const char* as : {"area_lights=45", "extract_lights=64", "gain=1,1,1"})
+    cases.push_back({std::string("environment ") + as, {map.empty() ? "environment.sky.turbidity=3" : "environment.path=" + map, std::string("environment.") + as}});
+  cases.push_back({"caustics", {"lights.key.kind=POINT", "integrator.caustic_photons=100000"}});
+  cases.push_back({"certificate", {"halt.spp=1", "certificate.pixel_fraction=0.2", "certificate.spp=256"}});
+
+  EngineOptions options;
+  options.anyPath = true;
+  Table t("Cancellation: stop() to return", {"work", "median ms", "p95 ms", "worst ms", "completed first"});
+  for (const Case& c : cases) {
+    if (c.name.find(only) == std::string::npos) continue;
     for (const bool warm : {false, true}) {
-      std::vector<double> times;
-      int completed = 0;
-      auto engine = Engine::create({});
+      Times times;
+      auto engine = Engine::create(options);
       for (int k = 0; k < repeat; ++k) {
-        if (!warm) engine = Engine::create({});
-        v1::RenderRequest r;
-        for (const std::string& s : {std::string("scene=atrium"), std::string("width=1280"), std::string("height=720"), std::string("halt.spp=1024"), "seed=" + std::to_string(k),
-                                     std::string("lights.key.kind=RECT"), std::string("lights.key.position=0,6,0"), std::string("lights.key.direction=0,-1,0"),
-                                     std::string("lights.key.intensity=30"), std::string("lights.key.shadow.") + technique})
-          (void)setPath(r, s);
+        if (!warm) engine = Engine::create(options);
         (void)(*engine)->inspectScene("atrium");
-        StopSource source;
-        RenderControl control;
-        control.stop = source.token();
-        Clock::time_point stopped;
-        std::thread canceller([&] {
-          std::this_thread::sleep_for(std::chrono::milliseconds(5 + hash32(uint64_t(k), 7) % 1500));
-          stopped = Clock::now();
-          source.stop(StopReason::Cancelled);
+        times.run(k, [&](StopToken stop) {
+          RenderControl control;
+          control.stop = stop;
+          return (*engine)->render(requestOf(c, size, k), control).status();
         });
-        const auto result = (*engine)->render(r, control);
-        const auto returned = Clock::now();
-        canceller.join();
-        if (result.ok()) { ++completed; continue; }
-        times.push_back(std::chrono::duration<double, std::milli>(returned - stopped).count());
       }
-      std::sort(times.begin(), times.end());
-      if (times.empty()) continue;
-      t.add({std::string(technique) + (warm ? " warm engine" : " new engine"), times[times.size() / 2], times[times.size() * 95 / 100], times.back(), double(completed)});
+      times.row(t, c.name + (warm ? ", warm engine" : ", new engine"));
     }
+    Times planning;
+    for (int k = 0; k < repeat; ++k) {
+      auto engine = Engine::create(options);
+      (void)(*engine)->inspectScene("atrium");
+      planning.run(k, [&](StopToken stop) { return (*engine)->pinnedBytes(requestOf(c, size, k), nullptr, stop).status(); });
+    }
+    if (!planning.ms.empty()) planning.row(t, c.name + ", admission");
+  }
+  if (!load.empty()) {
+    Times times;
+    for (int k = 0; k < repeat; ++k) times.run(k, [&](StopToken stop) { return (*Engine::create(options))->openScene(load, "s", stop).status(); });
+    times.row(t, "load of " + load.substr(load.find_last_of('/') + 1));
   }
   std::printf("%s", t.text().c_str());
   const std::string out = argumentOr(argc, argv, "--out", "");

@@ -20,6 +20,8 @@
 namespace gobo {
 namespace {
 
+constexpr float kLargestHalf = 65504.0f;
+
 // (v - low) / (high - low) of one channel over its finite values, and 0 for the rest; `flip`: near is bright.
 void normaliseChannel(const Image& in, int channel, bool flip, bool positiveOnly, Image& out, int outChannel) {
   float low = std::numeric_limits<float>::max(), high = std::numeric_limits<float>::lowest();
@@ -123,7 +125,7 @@ std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half) {
     return bytes;
   }
   for (size_t i = 0; i < n; ++i) {
-    const float v = std::clamp(pixels[i], -65504.0f, 65504.0f);   // overflow to infinity would leave the picture
+    const float v = std::clamp(pixels[i], -kLargestHalf, kLargestHalf);   // overflow to infinity would leave the picture
     const uint16_t bits = Imath::half(v).bits();
     std::memcpy(bytes.data() + 2 * i, &bits, 2);
   }
@@ -212,6 +214,22 @@ void describe(EncodedImage& one, const std::string& output, int width, int heigh
   *reply.add_images() = one.descriptor;
 }
 
+/// Says how many values of each output the encoding's halves do not hold.
+void warnOfClamping(RenderResult& result, v1::Encoding::Format format) {
+  const v1::Encoding& encoding = result.reply.resolved().encoding();
+  const bool dwa = encoding.compression() == v1::Encoding::DWAA || encoding.compression() == v1::Encoding::DWAB;
+  std::set<std::string> seen;
+  for (const RenderedImage& rendered : result.images) {
+    const ExrLayer layer = layerOf(rendered);
+    const bool half = format == v1::Encoding::RAW_HALF || (format == v1::Encoding::EXR && ((encoding.half() && !layer.float32) || (dwa && !layer.lossless)));
+    if (!half || !seen.insert(rendered.output).second) continue;
+    const auto beyond = std::count_if(layer.pixels.begin(), layer.pixels.end(), [](float v) { return std::isfinite(v) && std::fabs(v) > kLargestHalf; });
+    if (beyond > 0)
+      result.reply.add_warnings(rendered.output + ": " + std::to_string(beyond) + " of " + std::to_string(layer.pixels.size()) +
+                                " values are beyond what the encoding's 16-bit floats hold and were clamped to 65504 (request.encoding)");
+  }
+}
+
 Result<std::vector<EncodedImage>> encodeLayers(RenderResult& result) {
   ExrOptions exr = exrOptions(result);
   std::vector<ExrLayer> layers;
@@ -247,6 +265,7 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
   v1::Encoding::Format format = encoding.format();
   if (format == v1::Encoding::FORMAT_UNSPECIFIED) format = v1::Encoding::EXR;
   result.reply.clear_images();
+  warnOfClamping(result, format);
   if (format == v1::Encoding::EXR && encoding.layers()) return encodeLayers(result);
   ExrOptions exr;
   if (format == v1::Encoding::EXR) exr = exrOptions(result);

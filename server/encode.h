@@ -55,7 +55,7 @@ std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half);
 
 /// Encodes every image of a result and fills result.reply.images; with encoding.layers (EXR) all of them as one image called "layers":
 /// the beauty in the nameless layer, the others under exrLayerName(output), an output asked for twice once. What the header holds:
-/// docs/protocol.md, "Outputs". Equal pictures of equal requests give equal bytes: nothing that a clock or a cache says is in them.
+/// docs/protocol.md, "Outputs". Values beyond what the encoding's halves hold are clamped and counted in a warning. Equal pictures of equal requests give equal bytes: nothing that a clock or a cache says is in them.
 /// Errors: Internal when the encoder fails; InvalidArgument naming encoding.format for an unknown format.
 Result<std::vector<EncodedImage>> encodeImages(RenderResult& result);
 

@@ -9,9 +9,8 @@ JobClass jobClassOf(v1::Scheduling::Class priority) {
   return priority == v1::Scheduling::INTERACTIVE ? JobClass::Interactive : priority == v1::Scheduling::BATCH ? JobClass::Batch : JobClass::Normal;
 }
 
-RenderCall::RenderCall(ServerCore& core, StopSource stop, v1::RenderRequest request, uint64_t pinnedBytes,
-                       RenderCallOptions options)
-    : core_(core), stop_(std::move(stop)), request_(std::move(request)), pinnedBytes_(pinnedBytes), options_(std::move(options)) {
+RenderCall::RenderCall(ServerCore& core, StopSource stop, v1::RenderRequest request, RenderCallOptions options)
+    : core_(core), stop_(std::move(stop)), request_(std::move(request)), options_(std::move(options)) {
   thread_ = std::thread([this] { work(); });
 }
 
@@ -22,7 +21,21 @@ RenderCall::~RenderCall() {
 
 void RenderCall::work() {
   const Clock::time_point submitted = Clock::now();
+  Result<uint64_t> pinned = core_.engine.pinnedBytes(request_, nullptr, stop_.token());
+  if (!pinned.ok() && pinned.status().code() == Code::Cancelled && stop_.token().reason() == StopReason::Deadline)
+    pinned = Status(Code::DeadlineExceeded, "the deadline passed while planning");
+  {
+    const std::lock_guard lock(mutex_);
+    planned_ = pinned.ok();
+    if (!planned_) {
+      status_ = pinned.status();
+      done_ = true;
+      changed_.notify_one();
+      return;
+    }
+  }
   RenderControl control;
+  control.owner = options_.owner;
   if (options_.events) {
     control.progress = [this](const v1::Progress& progress) {
       const std::lock_guard lock(mutex_);
@@ -41,7 +54,7 @@ void RenderCall::work() {
   spec.client = options_.client;
   spec.jobClass = jobClassOf(request_.scheduling().priority());
   if (options_.deadline) spec.deadline = std::chrono::duration<double>(options_.deadline->time_since_epoch()).count();   // JobRunner::now()
-  spec.pinnedBytes = pinnedBytes_;
+  spec.pinnedBytes = *pinned;
   RunControl runControl;
   runControl.gone = [stop = stop_.token()] { return stop.stopRequested(); };
   runControl.pollSeconds = 0.005;
@@ -70,6 +83,12 @@ void RenderCall::work() {
 
 RenderCall::News RenderCall::wait(std::chrono::milliseconds timeout) {
   std::unique_lock lock(mutex_);
+  // In the queue and in a slot the scheduler keeps the deadline.
+  if (!planned_ && !done_ && options_.deadline) {
+    timeout = std::min(timeout, std::chrono::ceil<std::chrono::milliseconds>(std::max(*options_.deadline - Clock::now(), Clock::duration::zero())));
+    if (Clock::now() >= *options_.deadline) stop_.stop(StopReason::Deadline);
+    if (timeout.count() == 0) timeout = std::chrono::milliseconds(1);
+  }
   changed_.wait_for(lock, timeout, [&] { return done_ || progress_ || !snapshots_.empty(); });
   News news;
   news.progress = std::move(progress_);

@@ -19,6 +19,7 @@ namespace gobo {
 
 struct RenderCallOptions {
   std::string client;                                                  ///< for fair share
+  std::string owner;                                                   ///< of the reply's render id (Rpc::renderOwner)
   std::optional<std::chrono::steady_clock::time_point> deadline;
   bool events = false;                                                 ///< progress and snapshots wanted
 };
@@ -27,8 +28,9 @@ JobClass jobClassOf(v1::Scheduling::Class priority);
 
 class RenderCall {
  public:
-  /// `request` has been resolved (its ranges are checked). `pinnedBytes` is what admission counts.
-  RenderCall(ServerCore& core, StopSource stop, v1::RenderRequest request, uint64_t pinnedBytes, RenderCallOptions options);
+  /// `request` has been resolved (its ranges are checked). It is planned first, for admission's count of bytes; that ends with
+  /// the deadline as well.
+  RenderCall(ServerCore& core, StopSource stop, v1::RenderRequest request, RenderCallOptions options);
   /// Cancels and joins.
   ~RenderCall();
 
@@ -47,6 +49,7 @@ class RenderCall {
   double queueMs() const { return queueMs_; }
   double ranMs() const { return ranMs_; }        ///< in a slot, all runs
   int runs() const { return runs_; }             ///< more than one: it was preempted
+  bool planned() const { return planned_; }      ///< false: the status says why it could not be
   double retryAfterMs() const { return retryAfterMs_; }
 
  private:
@@ -54,7 +57,6 @@ class RenderCall {
   ServerCore& core_;
   StopSource stop_;
   const v1::RenderRequest request_;
-  const uint64_t pinnedBytes_;
   const RenderCallOptions options_;
 
   std::mutex mutex_;
@@ -62,7 +64,7 @@ class RenderCall {
   std::optional<v1::Progress> progress_;
   std::deque<RenderResult> snapshots_;
   bool firstTaken_ = false;
-  bool done_ = false;
+  bool planned_ = false, done_ = false;
   Status status_;
   std::optional<RenderResult> result_;
   double queueMs_ = 0, ranMs_ = 0;

@@ -60,15 +60,14 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   if (!slot.ok)
     return rpc.refuseBusy("renders", strf("renders at once: at most %u (tokens.renders_at_once of \"%s\")", rpc.who().token->rendersAtOnce,
                                           rpc.who().name.c_str()), 1000);
-  auto pinned = core_.engine.pinnedBytes(request);
-  if (!pinned.ok()) return toGrpc(pinned.status());
 
   RenderCallOptions options;
   const Deadline deadline = deadlineFor(rpc, context, resolved->scheduling());
   options.client = *client;
+  options.owner = rpc.renderOwner();
   options.deadline = deadline.at;
   options.events = report != nullptr;
-  const auto render = std::make_unique<RenderCall>(core_, call.stop, request, *pinned, options);
+  const auto render = std::make_unique<RenderCall>(core_, call.stop, request, options);
   Clock::time_point lastProgress = begun - kProgressGap;
   bool gone = false;
   const auto encodeAndDeliver = [&](RenderResult& result, bool last) -> Status {
@@ -94,6 +93,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
     if (news.done) break;
   }
   const Status& status = render->status();
+  if (!render->planned() && status.code() != Code::Cancelled && status.code() != Code::DeadlineExceeded) return toGrpc(status);
   account(rpc, *render, jobClass, std::chrono::duration<double, std::milli>(Clock::now() - begun).count(), status.ok());
   if (!status.ok()) {
     if (status.code() == Code::Cancelled && core_.cancelledAll()) return rpc.refuseDraining();
@@ -151,7 +151,7 @@ grpc::Status RenderService::Relight(grpc::ServerContext* context, const v1::Reli
                                     grpc::ServerWriter<v1::RenderEvent>* writer) {
   return serve(core_, *context, "relight", [&](Rpc& rpc) -> grpc::Status {
     rpc.note("of", relight->render_id());
-    auto request = core_.engine.relightRequest(*relight);
+    auto request = core_.engine.relightRequest(*relight, rpc.who().admin ? std::string() : rpc.renderOwner());
     return request.ok() ? stream(rpc, *request, *writer, false) : toGrpc(request.status());
   });
 }

@@ -47,6 +47,8 @@ class Rpc {
 
   /// The client of the fair share: the token's name; else `named` (scheduling.client), which may not be a token's name; else the peer.
   Result<std::string> client(const std::string& named) const;
+  /// Whose the render ids of this call are: the token's name; empty without a token.
+  std::string renderOwner() const { return who_.token ? who_.name : std::string(); }
 
  private:
   ServerCore& core_;

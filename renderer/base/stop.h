@@ -14,13 +14,26 @@ class StopToken {
  public:
   StopToken() = default;  ///< never stops
   bool stopRequested() const { return set(flag_) || set(outer_); }
-  StopReason reason() const { return set(outer_) ? StopReason(outer_->load(std::memory_order_relaxed)) : set(flag_) ? StopReason(flag_->load(std::memory_order_relaxed)) : StopReason::None; }
+  StopReason reason() const {
+    for (const Flag& flag : {outer_, flag_})
+      if (flag && flag->load(std::memory_order_relaxed) > 0) return StopReason(flag->load(std::memory_order_relaxed));
+    return StopReason::None;
+  }
 
  private:
   friend class StopSource;
   using Flag = std::shared_ptr<std::atomic<int>>;
   explicit StopToken(Flag flag, Flag outer) : flag_(std::move(flag)), outer_(std::move(outer)) {}
-  static bool set(const Flag& flag) { return flag && flag->load(std::memory_order_relaxed) != 0; }
+  static bool set(const Flag& flag) {
+    const int v = flag ? flag->load(std::memory_order_relaxed) : 0;
+    return v != 0 && (v > 0 || countDown(*flag));
+  }
+  static bool countDown(std::atomic<int>& flag) {   // StopSource::stopAtPoll
+    int v = flag.load();
+    while (v < 0)
+      if (flag.compare_exchange_weak(v, v == -1 ? int(StopReason::Cancelled) : v + 1)) return v == -1;
+    return v > 0;
+  }
   Flag flag_, outer_;
 };
 
@@ -32,9 +45,13 @@ class StopSource {
   StopToken token() const { return StopToken(flag_, outer_); }
   /// The first reason wins, but for Cancelled, which overrides Preempted (a cancelled job must not be resumed).
   void stop(StopReason reason) {
-    int none = 0;
-    if (!flag_->compare_exchange_strong(none, int(reason)) && reason == StopReason::Cancelled) flag_->store(int(reason));
+    int v = flag_->load();
+    while (v <= 0 || reason == StopReason::Cancelled)
+      if (flag_->compare_exchange_weak(v, int(reason))) return;
   }
+  /// Its tokens stop (Cancelled) at the n-th poll from now: so that tests end work at chosen places, whatever the clock says.
+  void stopAtPoll(int n) { flag_->store(-n); }
+  int pollsLeft() const { return -flag_->load(); }   ///< of stopAtPoll
   void reset() { flag_->store(0); }
 
  private:

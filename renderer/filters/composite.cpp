@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "terms/dropped_samples.h"
+
 namespace gobo {
 
 namespace {
@@ -34,6 +36,7 @@ class CompositeNode final : public PixelNode {
     auto rgb = out->addPlane<float>("rgb", 3);
     const bool complete = ctx.arena->parallelFor(pixels(), 1 << 15, [&](size_t b, size_t e) { expression_.evaluate(ctx.inputs, b, e, rgb.data() + 3 * b); }, ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");
+    for (const TermPtr& input : ctx.inputs) passOnDropped(*input, *out);
     return TermPtr(out);
   }
 
@@ -55,6 +58,7 @@ class ShadeNode final : public PixelNode {
     auto out = pixelTerm("direct_light", width_, height_);
     auto rgb = out->addUnsetPlane<float>("rgb", 3);
     const float scale = 1.0f / float(samples_);
+    passOnDropped(*ctx.inputs[0], *out);
     ctx.arena->parallelFor(pixels(), 1 << 14, [&](size_t b, size_t e) {
       for (int s = 0; s < samples_; ++s) {
         const size_t layer = size_t(s) * pixels();
@@ -81,14 +85,19 @@ class DirectFoldNode final : public FoldNode {
   int fixedInputs() const override { return 0; }
   int stride() const override { return 2; }
 
-  struct Sum final : State { std::vector<double> rgb; };   // double: 1000 lights are summed
+  struct Sum final : State {
+    std::vector<double> rgb;   // double: 1000 lights are summed
+    std::shared_ptr<Term> dropped;   // counts alone
+  };
   std::unique_ptr<State> begin(const RunContext&, const std::vector<TermPtr>&) const override {
     auto sum = std::make_unique<Sum>();
     sum->rgb.assign(size_t(width_) * height_ * 3, 0.0);
+    sum->dropped = std::make_shared<Term>("dropped", Domain::Pixel, Extent{width_, height_, 1});
     return sum;
   }
   Status step(const RunContext& ctx, State& state, int, const std::vector<TermPtr>& inputs) const override {
     auto& rgb = static_cast<Sum&>(state).rgb;
+    passOnDropped(*inputs[0], *static_cast<Sum&>(state).dropped);
     const auto light = inputs[0]->floats("L");
     const auto v = inputs[1]->floats("V");
     const size_t C = size_t(inputs[1]->channels("V")), step = C == 3 ? 1 : 0;
@@ -108,6 +117,7 @@ class DirectFoldNode final : public FoldNode {
     auto out = pixelTerm("direct_light", width_, height_);
     auto rgb = out->addPlane<float>("rgb", 3);
     for (size_t i = 0; i < sum.size(); ++i) rgb[i] = float(sum[i]);
+    passOnDropped(*static_cast<Sum&>(*state).dropped, *out);
     return TermPtr(out);
   }
 
@@ -136,6 +146,7 @@ class ResolveNode final : public PixelNode {
           for (int c = 0; c < 3; ++c) planes[s][3 * p + c] = float(v[3 * s + c] * scale);
       }
     });
+    passOnDropped(*ctx.inputs[0], *out);
     return TermPtr(out);
   }
 

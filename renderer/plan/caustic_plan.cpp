@@ -50,14 +50,14 @@ std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveSc
   all.settings.path.groups = int(all.groups.size());
   std::vector<CausticTask> tasks;
   for (int l : all.lights) {
-    if (!effective.edited[l] || relight.single(relight.groupOf[l])) continue;
+    if (effective.gainChanges[size_t(l)] == Vec3(0.0f) || relight.single(relight.groupOf[l])) continue;
     one.label = "caustics:difference:" + lights[l].name;
     one.lights = {l};
-    one.groups = {-1};
-    one.weights = {effective.rawGains[l] - Vec3(1.0f)};
+    one.groups = {relight.groupOf[l]};
+    one.weights = {effective.gainChanges[size_t(l)]};
     one.settings.path.groups = 1;
     one.settings.path.groupOf = {0};
-    one.settings.path.nominal = {lights[l].power};
+    one.settings.path.nominal = {Vec3(nominalScalar(lights[l]))};
     tasks.push_back(one);
   }
   tasks.insert(tasks.begin(), std::move(all));

@@ -183,8 +183,6 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
 
   const size_t n = out.scene->lights.size();
   out.gains.resize(n);
-  out.rawGains.assign(n, Vec3(1.0f));
-  out.edited.assign(n, 0);
   for (size_t i = 0; i < n; ++i) out.gains[i] = out.scene->lights[i].power / nominalScalar(out.scene->lights[i]);
   for (const auto& [name, edit] : edits) {
     const std::string path = "request.lights." + name;
@@ -203,20 +201,16 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
     if (edit->has_gain()) { GOBO_TRY(checkFinite(edit->gain(), path + ".gain", true)); gain = toVec3(edit->gain()); }
     if (edit->has_enabled() && !edit->enabled()) gain = Vec3(0.0f);
     out.gains[i] = power * gain / nominalScalar(light);
-    for (int c = 0; c < 3; ++c) out.rawGains[i][c] = light.power[c] > 0 ? power[c] * gain[c] / light.power[c] : 1.0f;
-    out.edited[i] = power != light.power || gain != Vec3(1.0f);
   }
   if (request.has_environment() && request.environment().has_gain()) {
     GOBO_TRY(checkFinite(request.environment().gain(), "request.environment.gain", true));
     for (size_t i = 0; i < n; ++i)
-      if (out.scene->lights[i].shape.kind == LightKind::Environment) {
-        out.gains[i] *= toVec3(request.environment().gain());
-        out.rawGains[i] *= toVec3(request.environment().gain());
-        out.edited[i] = 1;
-      }
+      if (out.scene->lights[i].shape.kind == LightKind::Environment) out.gains[i] *= toVec3(request.environment().gain());
   }
   for (size_t i = 0; i < n; ++i)
     if (!isFinite(out.gains[i])) return invalidArgument("power of light '" + out.scene->lights[i].name + "' overflows", "request.lights." + out.scene->lights[i].name);
+  out.gainChanges.resize(n);
+  for (size_t i = 0; i < n; ++i) out.gainChanges[i] = out.gains[i] - out.scene->lights[i].power / nominalScalar(out.scene->lights[i]);
   GOBO_ASSIGN(out.camera, effectiveCamera(*out.scene, request.camera()));
   return out;
 }

@@ -18,8 +18,7 @@ namespace gobo {
 struct EffectiveScene {
   ScenePtr scene;
   std::vector<Vec3> gains;       ///< per light of `scene`: RGB factor on nominal() of that light traced alone
-  std::vector<Vec3> rawGains;    ///< per light: factor on its own scene power (for lights inside a cluster); 1 = unedited
-  std::vector<char> edited;      ///< power edited by the request (rawGains != 1)
+  std::vector<Vec3> gainChanges; ///< per light: gains less what the scene itself says, which is what a cluster holds of it; 0 = unedited
   Camera camera;
 };
 

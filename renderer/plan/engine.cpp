@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <deque>
 #include <map>
 #include <mutex>
 
@@ -13,6 +12,7 @@
 #include "plan/executor.h"
 #include "plan/outputs.h"
 #include "plan/planner.h"
+#include "plan/remembered_renders.h"
 #include "plan/request.h"
 #include "plan/scene_library.h"
 #include "plan/store.h"
@@ -51,6 +51,7 @@ RenderedImage::RenderedImage(std::string outputName, TermPtr term, std::string p
 int RenderedImage::width() const { return term_->extent().width; }
 int RenderedImage::height() const { return term_->extent().height; }
 int RenderedImage::channels() const { return term_->channels(plane_); }
+DroppedTotal RenderedImage::dropped() const { return droppedTotal(*term_); }
 std::span<const float> RenderedImage::pixels() const { return term_->floats(plane_); }
 const Image& RenderedImage::image() const {
   if (!image_) {
@@ -78,24 +79,7 @@ struct Engine::Impl {
   Clock::time_point started = Clock::now();
   std::atomic<uint64_t> renders{0};
 
-  mutable std::mutex rememberMutex;
-  std::map<std::string, v1::RenderRequest> remembered;
-  std::deque<std::string> rememberedOrder;
-
-  /// The least recently used id is forgotten first: one that a client relights from again and again stays. Under rememberMutex.
-  void used(const std::string& id) {
-    const auto at = std::find(rememberedOrder.rbegin(), rememberedOrder.rend(), id);
-    if (at != rememberedOrder.rend()) std::rotate(std::prev(at.base()), at.base(), rememberedOrder.end());
-  }
-  void remember(const std::string& id, const v1::RenderRequest& request) {
-    std::lock_guard lock(rememberMutex);
-    if (remembered.emplace(id, request).second) rememberedOrder.push_back(id);
-    else used(id);
-    while (rememberedOrder.size() > options.keepRenders) {
-      remembered.erase(rememberedOrder.front());
-      rememberedOrder.pop_front();
-    }
-  }
+  RememberedRenders remembered{options.keepRenders};
 
   ExecutorServices executorServices() { return {store.get(), &extensions, &accels, &arena}; }
   PlannerServices plannerServices(const StopToken& stop, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
@@ -189,11 +173,11 @@ Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request) cons
   return impl_->resolve(request, scene);
 }
 
-Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request, ScenePtr scene) {
+Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop) {
   if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene())); }
   GOBO_ASSIGN(const v1::RenderRequest resolved, impl_->resolve(request, scene));
   const uint32_t size = blockSizeFor(resolved.halt().has_spp() ? resolved.halt().spp() : 16);
-  GOBO_ASSIGN(const auto plan, makePlan(scene, resolved, 1, size, impl_->plannerServices({})));
+  GOBO_ASSIGN(const auto plan, makePlan(scene, resolved, 1, size, impl_->plannerServices(stop)));
   return plan->pinnedBytes;
 }
 
@@ -241,6 +225,7 @@ void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::
     row->set_ms(e.ms);
     row->set_rays(e.rays);
     row->set_bytes(e.bytes);
+    row->set_dropped_samples(e.dropped);
     row->set_device(n.node->device());
     if (!e.key.isZero()) row->set_key(e.key.hex());
     row->set_count(1);
@@ -301,10 +286,15 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   reply.mutable_resolved()->mutable_halt()->set_spp(blocks * blockSize);
   const Hash128 hash = Hasher("request").add(messageHash(reply.resolved())).add(request.scene_hash()).digest();
   reply.set_request_hash(hash.hex());
-  reply.set_render_id("r" + hash.hex().substr(0, 15));
   reply.set_seed(request.seed());
   reply.set_build(buildVersion());
   for (const std::string& w : plan->warnings) reply.add_warnings(w);
+  for (const RenderedImage& image : result.images) {
+    const DroppedTotal dropped = image.dropped();
+    if (dropped.samples > 0)
+      reply.add_warnings(image.output + ": " + std::to_string(dropped.samples) + " samples in " + std::to_string(dropped.elements) +
+                         " pixels had a part beyond what a 32-bit float holds and count as black");
+  }
   for (const std::string& m : plan->missing) reply.add_path_classes_missing(m);
   reply.set_peak_bytes(executor.peakBytes());
   reply.set_total_ms(msSince(start));
@@ -346,11 +336,11 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
       if (halt.has_error() && !errorMet)
         result->reply.add_warnings(std::string("stopped before the error bound was met") +
                                    (hopeless ? ": more samples no longer lower the error; what the request leaves out does not go away with them" : ""));
-      m.remember(result->reply.render_id(), resolved);
+      result->reply.set_render_id(m.remembered.add(result->reply.resolved(), control.owner));
       return result;
     }
     if (control.snapshot) {
-      m.remember(result->reply.render_id(), resolved);
+      result->reply.set_render_id(m.remembered.add(result->reply.resolved(), control.owner));
       control.snapshot(*result);
     }
     // Doubling, but not far beyond what the time bound leaves room for.
@@ -363,16 +353,11 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
   }
 }
 
-Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relight) const {
-  v1::RenderRequest base;
-  {
-    std::lock_guard lock(impl_->rememberMutex);
-    const auto it = impl_->remembered.find(relight.render_id());
-    if (it == impl_->remembered.end())
-      return notFound("no render '" + relight.render_id() + "' (the last " + std::to_string(impl_->options.keepRenders) + " are remembered)", "render_id");
-    base = it->second;
-    impl_->used(relight.render_id());
-  }
+Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relight, const std::string& caller) const {
+  std::optional<v1::RenderRequest> known = impl_->remembered.find(relight.render_id(), caller);
+  if (!known)
+    return notFound("no render '" + relight.render_id().substr(0, 80) + "' (the last " + std::to_string(impl_->remembered.keep()) + " are remembered)", "render_id");
+  v1::RenderRequest base = std::move(*known);
   base.clear_scene_hash();   // a relight is of the scene as it is now
   GOBO_TRY(applyMask(base, relight.patch(), {relight.mask().begin(), relight.mask().end()}));
   return base;

@@ -16,6 +16,7 @@
 #include "gobo/v1/render.pb.h"
 #include "gobo/v1/service.pb.h"
 #include "scene/loader.h"
+#include "terms/dropped_samples.h"
 #include "terms/term.h"
 
 namespace gobo {
@@ -46,6 +47,7 @@ class RenderedImage {
   const std::vector<std::string>& names() const { return names_; }
   std::span<const float> pixels() const;      ///< row-major, channels interleaved
   const Image& image() const;
+  DroppedTotal dropped() const;               ///< samples that it lacks because a part of them was not finite
 
  private:
   TermPtr term_;
@@ -67,6 +69,7 @@ struct RenderControl {
   std::function<void(const RenderResult&)> snapshot;              ///< may be empty; progressive requests
   std::shared_ptr<const Scene> scene;                             ///< rendered instead of what request.scene names now, if set
   RenderCheckpoints* checkpoints = nullptr;                       ///< states to go on from and to be kept; may be null
+  std::string owner;                                              ///< of the reply's render id: see relightRequest
 };
 
 class Engine {
@@ -94,12 +97,14 @@ class Engine {
   /// Validates and fills in every default without rendering. Errors name the field ("request.integrator.max_bounces").
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request) const;
   /// Upper bound of bytes pinned while it runs, for admission.
-  Result<uint64_t> pinnedBytes(const v1::RenderRequest& request, std::shared_ptr<const Scene> scene = nullptr);
+  /// Plans it, which may load an environment and evaluate expanders: `stop` ends that (Cancelled).
+  Result<uint64_t> pinnedBytes(const v1::RenderRequest& request, std::shared_ptr<const Scene> scene = nullptr, const StopToken& stop = {});
   /// Runs to the halt condition. With control.snapshot set, emits snapshots at 1, 2, 4, ... blocks.
   /// Stopped: Cancelled, DeadlineExceeded, or Aborted when preempted (call again to go on where it stopped).
   Result<RenderResult> render(const v1::RenderRequest& request, const RenderControl& control = {});
-  /// The request that `relight` means: the remembered request of render_id with the masked fields replaced.
-  Result<v1::RenderRequest> relightRequest(const v1::RelightRequest& relight) const;
+  /// The request that `relight` means: that of the reply `render_id` (resolved, realised samples) with the masked fields replaced.
+  /// `caller`: the owner that it was rendered for (RenderControl.owner); empty: whoever's. Errors: NotFound, also for another owner's.
+  Result<v1::RenderRequest> relightRequest(const v1::RelightRequest& relight, const std::string& caller = {}) const;
 
   void dropCaches(bool disk);
   void fillStatus(v1::StatusReply& status) const;

@@ -4,6 +4,8 @@
 #include <chrono>
 #include <new>
 
+#include "terms/dropped_samples.h"
+
 namespace gobo {
 
 namespace {
@@ -105,6 +107,7 @@ Result<TermPtr> Executor::evaluate(NodeId id) {
     report.state = ExecutedNode::State::Reused;
     report.reason = tier == TermStore::Tier::Disk ? "disk" : "memory";
     report.bytes = term->bytes();
+    report.dropped = droppedTotal(*term).samples;
     report.count = 1;
   } else {
     GOBO_ASSIGN(term, run(id, recipe, key));
@@ -180,10 +183,11 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   report.ms += ms;
   report.rays += counters.rays.load();
   report.bytes = term->bytes();
+  report.dropped += droppedTotal(*term).samples;
   report.reason = reason;
   report.count += 1;
   if (!n.transient) {
-    services_.store->put(key, term, traits.persist && ms > kWorthPersisting * double(term->bytes()));
+    services_.store->put(key, term, traits.persist && !stop_.stopRequested() && ms > kWorthPersisting * double(term->bytes()));
     if (traits.extendable) services_.extensions->add(recipe, n.blocks);
     if (traits.extendable && services_.checkpoints) services_.checkpoints->save(recipe, n.blocks, term);
   }

@@ -40,7 +40,7 @@ class ExtensionIndex {
 struct ExecutedNode {
   enum class State { NotNeeded, Run, Reused } state = State::NotNeeded;
   double ms = 0;
-  uint64_t rays = 0, bytes = 0;
+  uint64_t rays = 0, bytes = 0, dropped = 0;
   std::string reason;
   Hash128 key;
   uint32_t count = 0;      ///< evaluations (transient nodes of a fold may be folded into one row by the reporter)

@@ -41,7 +41,7 @@ struct Contribution {
   std::string plane;
   Vec3 weight;
   PathClass pathClass;
-  int group;          ///< relight group, -1 for differences of edited cluster lights
+  int group;          ///< relight group; -1: none (unlit surfaces)
   LobePart lobe = LobePart::Both;
   NodeId state = -1;  ///< path tracing state that it is the mean of, and the slot there; -1: by a visibility technique
   int slot = 0;
@@ -413,13 +413,16 @@ class PlanMaker {
     return {};
   }
 
-  /// Lights edited inside a cluster: trace that light alone, add (gain - 1) times it. The cluster itself is untouched.
+  /// Lights edited inside a cluster: that light is traced alone, white and at its nominal power, and added (new - old) times per
+  /// channel, so that it may gain what it had none of. The cluster itself is untouched.
   void planClusterEdits(bool indirect) {
     for (size_t l = 0; l < scene_->lights.size(); ++l) {
-      if (!plan_.effective.edited[l] || plan_.groups.single(plan_.groups.groupOf[l])) continue;
-      const Vec3 weight = plan_.effective.rawGains[l] - Vec3(1.0f);
+      const Vec3 weight = plan_.effective.gainChanges[l];
+      const int group = plan_.groups.groupOf[l];
+      if (weight == Vec3(0.0f) || plan_.groups.single(group)) continue;
       // A difference of all three classes at once, whatever technique the cluster uses for its own direct light.
-      pathTrace({int(l)}, indirect ? PathClass::All : PathClass::Emission | PathClass::Direct, "difference:" + scene_->lights[l].name, {scene_->lights[l].power}, {0}, {-1}, {weight});
+      pathTrace({int(l)}, indirect ? PathClass::All : PathClass::Emission | PathClass::Direct, "difference:" + scene_->lights[l].name, {Vec3(nominalScalar(scene_->lights[l]))}, {0},
+                {group}, {weight});
     }
   }
 

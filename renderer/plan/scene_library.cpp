@@ -44,6 +44,64 @@ const char* kindName(LightKind k) {
   return "?";
 }
 
+Result<ScenePtr> patched(const Scene& base, const v1::PatchSceneRequest& p) {
+  return editScene(base, [&](Scene& s) -> Status {
+    const auto finite = [](const v1::Vector3& v) { return std::isfinite(v.x()) && std::isfinite(v.y()) && std::isfinite(v.z()); };
+    const auto unit = [](double v) { return v >= 0 && v <= 1; };
+    for (const auto& [name, m] : p.materials()) {
+      const std::string path = "materials." + name;
+      const int i = s.findMaterial(name);
+      if (i < 0) return notFound("no material '" + name + "'", path);
+      Material& material = s.materials[i];
+      if (m.has_base_color()) {
+        const Vec3 c(m.base_color().x(), m.base_color().y(), m.base_color().z());
+        if (!unit(c.x) || !unit(c.y) || !unit(c.z)) return invalidArgument(path + ".base_color: each channel must be in 0..1", path + ".base_color");
+        material.albedo.factor = c;
+      }
+      if (m.has_metallic()) { if (!unit(m.metallic())) return invalidArgument(path + ".metallic = " + std::to_string(m.metallic()) + ": must be in 0..1", path + ".metallic"); material.bsdf.metallic = float(m.metallic()); }
+      if (m.has_roughness()) { if (!unit(m.roughness())) return invalidArgument(path + ".roughness = " + std::to_string(m.roughness()) + ": must be in 0..1", path + ".roughness"); material.bsdf.roughness = float(m.roughness()); }
+      if (m.has_emission()) {
+        const Vec3 c(m.emission().x(), m.emission().y(), m.emission().z());
+        if (!finite(m.emission()) || c.x < 0 || c.y < 0 || c.z < 0) return invalidArgument(path + ".emission: must be finite and not negative", path + ".emission");
+        material.emission.radiance = c;
+        // The mesh lights of this material follow; seal() makes those that are new.
+        s.lights.erase(std::remove_if(s.lights.begin(), s.lights.end(), [&](const Light& l) {
+          return l.shape.kind == LightKind::Mesh && s.meshes[s.instances[l.shape.instance].mesh]->material == i; }), s.lights.end());
+      }
+    }
+    for (const auto& [name, instance] : p.instances()) {
+      const std::string path = "instances." + name;
+      const int i = s.findInstance(name);
+      if (i < 0) return notFound("no instance '" + name + "'", path);
+      if (instance.matrix_size() != 16) return invalidArgument(path + ".matrix: has " + std::to_string(instance.matrix_size()) + " numbers, needs 16", path + ".matrix");
+      Mat4 m(1.0f);
+      for (int k = 0; k < 16; ++k) {
+        if (!std::isfinite(instance.matrix(k))) return invalidArgument(path + ".matrix[" + std::to_string(k) + "]: must be finite", path + ".matrix");
+        m[k / 4][k % 4] = instance.matrix(k);
+      }
+      if (m[0][3] != 0 || m[1][3] != 0 || m[2][3] != 0 || m[3][3] != 1) return invalidArgument(path + ".matrix: last row must be 0 0 0 1", path + ".matrix");
+      s.instances[i].toWorld = m;
+    }
+    for (const auto& [name, edit] : p.lights()) {
+      const std::string path = "lights." + name;
+      v1::LightEdit e = edit;
+      const int i = s.findLight(name);
+      if (i < 0) return notFound("no light '" + name + "'", path);
+      GOBO_TRY(applyLightShape(e, s.lights[i], path));
+      Vec3& power = s.lights[i].power;
+      if (e.has_color() || e.has_intensity()) {
+        const float old = luminance(power);
+        Vec3 color = e.has_color() ? Vec3(e.color().x(), e.color().y(), e.color().z()) : (old > 0 ? power / old : Vec3(1.0f));
+        const double intensity = e.has_intensity() ? e.intensity() : double(old);
+        if (!isFinite(color) || color.x < 0 || color.y < 0 || color.z < 0 || !std::isfinite(intensity) || intensity < 0)
+          return invalidArgument(path + ": color and intensity must be finite and not negative", path);
+        power = color * float(intensity);
+      }
+    }
+    return {};
+  });
+}
+
 }  // namespace
 
 Result<std::string> SceneLibrary::allowedPath(const std::string& path, const std::string& field) const {
@@ -169,9 +227,10 @@ Result<ScenePtr> SceneLibrary::find(const std::string& id) {
     if (it != scenes_.end()) return it->second.scene;
   }
   if (isBuiltin(id)) {
-    GOBO_TRY(open(id, id).status());
-    std::lock_guard lock(mutex_);
-    return scenes_[id].scene;
+    const auto start = std::chrono::steady_clock::now();
+    GOBO_ASSIGN(const ScenePtr scene, makeBuiltinScene(id));
+    std::lock_guard lock(mutex_);   // one that another caller has opened (and may have patched) meanwhile stays
+    return scenes_.try_emplace(id, Entry{scene, id, msSince(start), {}}).first->second.scene;
   }
   std::string names;
   {
@@ -198,67 +257,20 @@ std::vector<v1::SceneInfo> SceneLibrary::list() const {
 }
 
 Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const StopToken& stop) {
-  GOBO_ASSIGN(const ScenePtr base, find(p.scene()));
-  GOBO_ASSIGN(const ScenePtr next, editScene(*base, [&](Scene& s) -> Status {
-    const auto finite = [](const v1::Vector3& v) { return std::isfinite(v.x()) && std::isfinite(v.y()) && std::isfinite(v.z()); };
-    const auto unit = [](double v) { return v >= 0 && v <= 1; };
-    for (const auto& [name, m] : p.materials()) {
-      const std::string path = "materials." + name;
-      const int i = s.findMaterial(name);
-      if (i < 0) return notFound("no material '" + name + "'", path);
-      Material& material = s.materials[i];
-      if (m.has_base_color()) {
-        const Vec3 c(m.base_color().x(), m.base_color().y(), m.base_color().z());
-        if (!unit(c.x) || !unit(c.y) || !unit(c.z)) return invalidArgument(path + ".base_color: each channel must be in 0..1", path + ".base_color");
-        material.albedo.factor = c;
-      }
-      if (m.has_metallic()) { if (!unit(m.metallic())) return invalidArgument(path + ".metallic = " + std::to_string(m.metallic()) + ": must be in 0..1", path + ".metallic"); material.bsdf.metallic = float(m.metallic()); }
-      if (m.has_roughness()) { if (!unit(m.roughness())) return invalidArgument(path + ".roughness = " + std::to_string(m.roughness()) + ": must be in 0..1", path + ".roughness"); material.bsdf.roughness = float(m.roughness()); }
-      if (m.has_emission()) {
-        const Vec3 c(m.emission().x(), m.emission().y(), m.emission().z());
-        if (!finite(m.emission()) || c.x < 0 || c.y < 0 || c.z < 0) return invalidArgument(path + ".emission: must be finite and not negative", path + ".emission");
-        material.emission.radiance = c;
-        // The mesh lights of this material follow; seal() makes those that are new.
-        s.lights.erase(std::remove_if(s.lights.begin(), s.lights.end(), [&](const Light& l) {
-          return l.shape.kind == LightKind::Mesh && s.meshes[s.instances[l.shape.instance].mesh]->material == i; }), s.lights.end());
-      }
+  GOBO_ASSIGN(ScenePtr base, find(p.scene()));
+  for (;;) {
+    GOBO_ASSIGN(const ScenePtr next, patched(*base, p));
+    if (stop.stopRequested()) return Status(Code::Cancelled, "the patch was cancelled", p.scene());
+    std::lock_guard lock(mutex_);
+    const auto at = scenes_.find(p.scene());
+    if (at == scenes_.end()) return notFound("scene '" + p.scene() + "' was unloaded while it was patched", "scene");
+    if (at->second.scene != base) {   // another patch or a reload came first: this one goes on top of it
+      base = at->second.scene;
+      continue;
     }
-    for (const auto& [name, instance] : p.instances()) {
-      const std::string path = "instances." + name;
-      const int i = s.findInstance(name);
-      if (i < 0) return notFound("no instance '" + name + "'", path);
-      if (instance.matrix_size() != 16) return invalidArgument(path + ".matrix: has " + std::to_string(instance.matrix_size()) + " numbers, needs 16", path + ".matrix");
-      Mat4 m(1.0f);
-      for (int k = 0; k < 16; ++k) {
-        if (!std::isfinite(instance.matrix(k))) return invalidArgument(path + ".matrix[" + std::to_string(k) + "]: must be finite", path + ".matrix");
-        m[k / 4][k % 4] = instance.matrix(k);
-      }
-      if (m[0][3] != 0 || m[1][3] != 0 || m[2][3] != 0 || m[3][3] != 1) return invalidArgument(path + ".matrix: last row must be 0 0 0 1", path + ".matrix");
-      s.instances[i].toWorld = m;
-    }
-    for (const auto& [name, edit] : p.lights()) {
-      const std::string path = "lights." + name;
-      v1::LightEdit e = edit;
-      const int i = s.findLight(name);
-      if (i < 0) return notFound("no light '" + name + "'", path);
-      GOBO_TRY(applyLightShape(e, s.lights[i], path));
-      Vec3& power = s.lights[i].power;
-      if (e.has_color() || e.has_intensity()) {
-        const float old = luminance(power);
-        Vec3 color = e.has_color() ? Vec3(e.color().x(), e.color().y(), e.color().z()) : (old > 0 ? power / old : Vec3(1.0f));
-        const double intensity = e.has_intensity() ? e.intensity() : double(old);
-        if (!isFinite(color) || color.x < 0 || color.y < 0 || color.z < 0 || !std::isfinite(intensity) || intensity < 0)
-          return invalidArgument(path + ": color and intensity must be finite and not negative", path);
-        power = color * float(intensity);
-      }
-    }
-    return {};
-  }));
-  if (stop.stopRequested()) return Status(Code::Cancelled, "the patch was cancelled", p.scene());
-  std::lock_guard lock(mutex_);
-  Entry& e = scenes_[p.scene()];
-  e.scene = next;
-  return info(p.scene(), e);
+    at->second.scene = next;
+    return info(p.scene(), at->second);
+  }
 }
 
 Status SceneLibrary::unload(const std::string& id) {

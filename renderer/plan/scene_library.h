@@ -34,6 +34,8 @@ class SceneLibrary {
   Result<ScenePtr> find(const std::string& id);
   Result<v1::SceneInfo> inspect(const std::string& id);
   std::vector<v1::SceneInfo> list() const;
+  /// On top of whatever the id stands for when it is done: of patches at the same time none is lost. An id that was unloaded
+  /// meanwhile stays unloaded (NotFound).
   Result<v1::SceneInfo> patch(const v1::PatchSceneRequest& patch, const StopToken& stop = {});
   Status unload(const std::string& id);
   Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop = {});

@@ -17,46 +17,10 @@
 #include "scene/environment.h"
 #include "scene/light.h"
 #include "scene/material.h"
+#include "scene/mesh_view.h"
 #include "scene/rig.h"
 
 namespace gobo {
-
-/// Facets: the parts of a scene that a source may depend on. A node declares the set that it reads.
-enum class Facet : uint32_t {
-  None = 0,
-  Topology = 1 << 0,     ///< triangle indices, which mesh has which material, which instance has which mesh
-  Pose = 1 << 1,         ///< vertex positions, instance transforms
-  Shading = 1 << 2,      ///< normals, tangents, texture coordinates, vertex colours
-  Coverage = 1 << 3,     ///< alpha mode, cutoff, alpha texture, double-sidedness
-  Albedo = 1 << 4,       ///< base colour factor and texture
-  Bsdf = 1 << 5,         ///< everything in struct Bsdf: lobes, their textures, interior, normal map
-  Emission = 1 << 6,     ///< emissive texture and the direction of emission (which surfaces emit), not its strength
-  LightShape = 1 << 7,   ///< LightShape of the lights in the node's subset
-  LightPower = 1 << 8,   ///< nominal power of the lights in the node's subset
-  Environment = 1 << 9,  ///< map and rotation, not its scale
-  Cameras = 1 << 10,
-  All = (1 << 11) - 1,
-};
-constexpr Facet operator|(Facet a, Facet b) { return Facet(uint32_t(a) | uint32_t(b)); }
-constexpr Facet operator&(Facet a, Facet b) { return Facet(uint32_t(a) & uint32_t(b)); }
-constexpr bool has(Facet set, Facet f) { return (uint32_t(set) & uint32_t(f)) == uint32_t(f); }
-const char* facetName(Facet single);
-
-/// One material's triangles in object space. Immutable and shared between scenes.
-struct Mesh {
-  std::string name;
-  Array<uint32_t> indices;          ///< 3 per triangle
-  Array<Vec3> positions;
-  Array<Vec3> normals;              ///< empty: flat shading
-  Array<Vec4> tangents;             ///< empty: derived from uv when a normal map needs them
-  std::array<Array<Vec2>, kUvSets> uv;   ///< TEXCOORD_0..; empty: (0,0)
-  Array<Vec4> colours;              ///< COLOR_0, linear RGBA; empty: white
-  int material = 0;
-  Hash128 topologyHash, positionsHash, shadingHash;   ///< set by sealMesh
-  size_t triangles() const { return indices.size() / 3; }
-};
-/// Fills the digests; call once, when the arrays are final.
-void sealMesh(Mesh& mesh);
 
 struct Instance {
   std::string name;                 ///< unique; glTF node name (+ "#k" for further primitives or duplicates)
@@ -121,7 +85,15 @@ class SceneView {
   SceneView(const Scene& scene, Facet allowed, const std::vector<int>& lights) : scene_(&scene), allowed_(allowed), lights_(&lights) {}
   Facet allowed() const { return allowed_; }
   const std::vector<int>& lightSubset() const { return *lights_; }
-  const std::vector<MeshPtr>& meshes(Facet purpose) const { require(purpose); return scene_->meshes; }
+  /// A mesh's arrays of facets F. An array of another facet is not there: reading it does not compile.
+  template <Facet F> MeshView<F> mesh(int m) const {
+    require(F);
+    const Mesh& mesh = *scene_->meshes[size_t(m)];
+    return MeshView<F>(mesh, scene_->materials[size_t(mesh.material)].coverage.mode != AlphaMode::Opaque);
+  }
+  size_t meshCount() const { return scene_->meshes.size(); }
+  /// For who keeps pointers into the arrays of a MeshView longer than the scene may live.
+  std::vector<std::shared_ptr<const void>> keepMeshes() const { return {scene_->meshes.begin(), scene_->meshes.end()}; }
   const std::vector<Instance>& instances() const { require(Facet::Topology | Facet::Pose); return scene_->instances; }
   const std::vector<std::shared_ptr<const Texture>>& textures() const { return scene_->textures; }  // reached through a TextureRef of a checked facet
   size_t materialCount() const { return scene_->materials.size(); }
@@ -133,8 +105,8 @@ class SceneView {
   bool lightCameraVisible(int i) const { require(Facet::LightShape); requireLight(i); return scene_->lights[i].cameraVisible; }
   const Vec3& lightPower(int i) const { require(Facet::LightPower); requireLight(i); return scene_->lights[i].power; }
   const EnvironmentPtr& environment() const { require(Facet::Environment); return scene_->environment; }
-  /// For geometry acceleration structures, which cache by facet hash.
-  Hash128 geometryHash() const { require(Facet::Topology | Facet::Pose | Facet::Coverage); return scene_->facetHash(Facet::Topology | Facet::Pose | Facet::Coverage, {}); }
+  /// Digest of facets other than the lights', for what caches by it (AccelCache).
+  Hash128 digest(Facet facets) const { require(facets); return scene_->facetHash(facets, {}); }
 
  private:
   void require(Facet f) const;        ///< CHECK

@@ -56,6 +56,8 @@ void Scene::computeDigests() {
     topology.add(m->topologyHash).add(m->material);
     pose.add(m->positionsHash);
     shading.add(m->shadingHash);
+    // Alpha tests read texture coordinates and vertex alpha: whoever sees geometry sees them.
+    if (materials[size_t(m->material)].coverage.mode != AlphaMode::Opaque) coverage.add(m->shadingHash);
   }
   for (const Instance& i : instances) {
     topology.add(i.mesh);

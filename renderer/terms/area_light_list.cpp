@@ -27,7 +27,8 @@ class AreaLightListNode final : public Node {
   size_t outputBytes() const override { return size_t(lights_) * 44 + 112; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const AreaLightFit fit = fitAreaLights(*ctx.scene->environment(), lights_);
+    const AreaLightFit fit = fitAreaLights(*ctx.scene->environment(), lights_, ctx.stop);
+    if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
     auto out = std::make_shared<Term>("area_light_list", Domain::Table, Extent{1, 1, 1});
     out->addPlane<uint32_t>("count")[0] = uint32_t(fit.lights.size());
     const auto direction = out->addPlane<float>("direction", 3 * lights_), right = out->addPlane<float>("right", 3 * lights_);

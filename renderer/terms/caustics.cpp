@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "terms/dropped_samples.h"
+
 namespace gobo {
 
 namespace {
@@ -29,13 +31,15 @@ class CausticsNode final : public Node {
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const auto tracer = CausticTracer::create(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), settings_);
+    GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
+    const auto tracer = CausticTracer::create(*ctx.scene, accel, settings_);
     const int width = settings_.path.width, height = settings_.path.height;
     const size_t perPixel = size_t(settings_.slots()) * 3;
     const uint32_t blockSize = uint32_t(settings_.path.blockSize);
     auto state = std::make_shared<Term>("caustics", Domain::Pixel, Extent{width, height, 1});
     auto sum = state->addPlane<double>("sum", int(perPixel));
     auto samples = state->addPlane<uint32_t>("samples", 1);
+    DroppedSamples dropped(*state);
     uint32_t pass = 0;
     if (ctx.previous && ctx.previous->extent() == state->extent() && ctx.previous->channels("sum") == int(perPixel)) {
       const auto oldSum = ctx.previous->plane<double>("sum");
@@ -48,6 +52,7 @@ class CausticsNode final : public Node {
           std::copy(oldSum.begin() + begin * perPixel, oldSum.begin() + end * perPixel, sum.begin() + begin * perPixel);
         }, ctx.stop);
         if (!copied) return stopped(ctx, ctx.previous);
+        passOnDropped(*ctx.previous, *state);
       }
     }
     for (; pass < ctx.targetBlocks; ++pass) {
@@ -56,12 +61,14 @@ class CausticsNode final : public Node {
       ctx.counters->rays += emitted;
       if (!map) return stopped(ctx, state);
       const bool complete = ctx.arena->parallelFor(size_t(height), 1, [&](size_t row, size_t) {
-        uint64_t rays = 0, dropped = 0;
+        uint64_t rays = 0;
         for (int x = 0; x < width; ++x) {
           const size_t p = row * size_t(width) + size_t(x);
           if (samples[p] / blockSize != pass) continue;              // an interrupted pass: this pixel has it already
           if (ctx.stop.stopRequested()) break;
-          tracer->traceBlock(x, int(row), pass, *map, sum.data() + p * perPixel, rays, dropped);
+          uint64_t lost = 0;
+          tracer->traceBlock(x, int(row), pass, *map, sum.data() + p * perPixel, rays, lost);
+          dropped.add(p, lost);
           samples[p] += blockSize;
         }
         ctx.counters->rays += rays;

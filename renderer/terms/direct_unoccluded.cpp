@@ -4,6 +4,7 @@
 #include "base/check.h"
 #include "base/sobol.h"
 #include "scene/light_axes.h"
+#include "terms/dropped_samples.h"
 #include "terms/surface.h"
 #include "terms/surface_reader.h"
 #include "trace/bsdf.h"
@@ -65,9 +66,13 @@ class DirectUnoccludedNode final : public Node {
     const auto P = g.floats("P"), Ng = g.floats("Ng"), N = surface.floats("N"), albedo = surface.floats("albedo"), material = surface.floats("material");
     const auto flags = surface.plane<uint8_t>("flags");
     std::unique_ptr<const SurfaceReader> reader;
-    if (s_.extended) reader = std::make_unique<const SurfaceReader>(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), g, s_.view.camera);
+    if (s_.extended) {
+      GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
+      reader = std::make_unique<const SurfaceReader>(*ctx.scene, accel, g, s_.view.camera);
+    }
     auto out = std::make_shared<Term>("direct_unoccluded", Domain::ViewSample, g.extent());
     const auto L = out->addUnsetPlane<float>("L", 3);
+    DroppedSamples dropped(*out);
     const Vec3 eye(s_.view.camera.toWorld[3]), back(s_.view.camera.toWorld[2]);
     const bool complete = ctx.arena->parallelFor(instance.size(), 1 << 11, [&](size_t begin, size_t end) {
       for (size_t i = begin; i < end; ++i) {
@@ -101,7 +106,8 @@ class DirectUnoccludedNode final : public Node {
         Vec3 value(0.0f);
         if (!closedForm(shape, r, value)) value = sampled(*sampler, shape, r, i);
         value *= s_.nominal;
-        for (int c = 0; c < 3; ++c) L[3 * i + c] = std::isfinite(value[c]) ? value[c] : 0.0f;
+        if (!isFinite(value)) { dropped.add(i, 1); continue; }
+        for (int c = 0; c < 3; ++c) L[3 * i + c] = value[c];
       }
     }, ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");

@@ -44,7 +44,7 @@ DVec3 EnvironmentCells::cellDirection(size_t cell) {
   return direction(face, (2.0 * i + 1.0) / kSide - 1.0, (2.0 * j + 1.0) / kSide - 1.0);
 }
 
-EnvironmentCells::EnvironmentCells(const Environment& map) : cells(size_t(6) * kSide * kSide) {
+EnvironmentCells::EnvironmentCells(const Environment& map, const StopToken& stop) : cells(size_t(6) * kSide * kSide) {
   const double step = 0.5 * (0.5 * kDPi / kSide);   // half a cell
   Environment repaired;
   const Environment* clean = &map;
@@ -54,7 +54,7 @@ EnvironmentCells::EnvironmentCells(const Environment& map) : cells(size_t(6) * k
       for (int k = 0; k < 3; ++k) c[k] = valid(Vec3(c[k])) ? c[k] : 0.0f;
     clean = &repaired;
   }
-  if (2.0 * kDPi / map.width <= step && kDPi / map.height <= step) addTexels(*clean); else addPieces(*clean);
+  if (2.0 * kDPi / map.width <= step && kDPi / map.height <= step) addTexels(*clean, stop); else addPieces(*clean, stop);
   for (const EnvironmentCell& cell : cells) {
     flux += cell.flux;
     weight += cell.weight;
@@ -76,10 +76,10 @@ void EnvironmentCells::add(const DVec3& d, double solidAngle, const DVec3& radia
   cell.extent += w * own;
 }
 
-void EnvironmentCells::addTexels(const Environment& map) {
+void EnvironmentCells::addTexels(const Environment& map, const StopToken& stop) {
   const EnvironmentTents tents(map.width, map.height);
   const double dPhi = 2.0 * kDPi / map.width, dTheta = kDPi / map.height;
-  for (int y = 0; y < map.height; ++y) {
+  for (int y = 0; y < map.height && !stop.stopRequested(); ++y) {
     const double theta = (y + 0.5) * dTheta, s = std::sin(theta), c = std::cos(theta), omega = tents.weight(y);
     const double own = (dTheta * dTheta + s * s * dPhi * dPhi) / 6.0;   // a tent's variance is a sixth of its texel's width squared
     for (int x = 0; x < map.width; ++x) {
@@ -89,13 +89,13 @@ void EnvironmentCells::addTexels(const Environment& map) {
   }
 }
 
-void EnvironmentCells::addPieces(const Environment& map) {
+void EnvironmentCells::addPieces(const Environment& map, const StopToken& stop) {
   const double step = 0.5 * (0.5 * kDPi / kSide);
   // An even number of pieces a texel: none spans a texel's centre, so that radiance is linear along both axes of each.
   const int cutX = 2 * std::max(1, int(std::ceil(kDPi / map.width / step))), cutY = 2 * std::max(1, int(std::ceil(0.5 * kDPi / map.height / step)));
   const int columns = map.width * cutX, rows = map.height * cutY;
   const double dPhi = 2.0 * kDPi / columns, dTheta = kDPi / rows;
-  for (int y = 0; y < rows; ++y) {
+  for (int y = 0; y < rows && !stop.stopRequested(); ++y) {
     const double middle = (y + 0.5) * dTheta, half = 0.5 * dTheta;
     const double omega = dPhi * 2.0 * std::sin(middle) * std::sin(half);   // cos(middle - half) - cos(middle + half) without cancellation
     // Looked up at the mean of the polar angle by solid angle, a linear function gives its own mean: fluxes are exact.

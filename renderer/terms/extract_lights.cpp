@@ -14,8 +14,9 @@ struct Cell { int x0, y0, x1, y1; double power; };
 /// Integral of luminance x solid angle over map cells by a summed-area table in double.
 class PowerTable {
  public:
-  explicit PowerTable(const Environment& e) : w_(e.width), h_(e.height), tents_(e.width, e.height), sums_(size_t(e.width + 1) * (e.height + 1), 0.0) {
-    for (int y = 0; y < h_; ++y) {
+  PowerTable(const Environment& e, const StopToken& stop)
+      : w_(e.width), h_(e.height), tents_(e.width, e.height), sums_(size_t(e.width + 1) * (e.height + 1), 0.0) {
+    for (int y = 0; y < h_ && !stop.stopRequested(); ++y) {
       const double omega = texelWeight(y);
       double row = 0;
       for (int x = 0; x < w_; ++x) {
@@ -52,9 +53,10 @@ class ExtractLightsNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Environment& e = *ctx.scene->environment();
-    const PowerTable table(e);
+    const PowerTable table(e, ctx.stop);
     std::vector<Cell> cells{{0, 0, e.width, e.height, table.power(0, 0, e.width, e.height)}};
     while (int(cells.size()) < lights_) {
+      if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
       int best = -1;
       for (size_t i = 0; i < cells.size(); ++i) {
         const Cell& c = cells[i];
@@ -66,7 +68,8 @@ class ExtractLightsNode final : public Node {
       cells.push_back(b);
     }
     std::vector<float> directions, irradiances;
-    for (const Cell& c : cells) emit(e, table, c, directions, irradiances);
+    for (const Cell& c : cells) emit(e, table, c, directions, irradiances, ctx.stop);
+    if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
     auto out = std::make_shared<Term>("light_list", Domain::List, Extent{int(directions.size() / 3), 1, 1});
     std::copy(directions.begin(), directions.end(), out->addPlane<float>("direction", 3).begin());
     std::copy(irradiances.begin(), irradiances.end(), out->addPlane<float>("irradiance", 3).begin());
@@ -88,9 +91,10 @@ class ExtractLightsNode final : public Node {
     return {a, b};
   }
 
-  static void emit(const Environment& e, const PowerTable& table, const Cell& c, std::vector<float>& directions, std::vector<float>& irradiances) {
+  static void emit(const Environment& e, const PowerTable& table, const Cell& c, std::vector<float>& directions, std::vector<float>& irradiances,
+                   const StopToken& stop) {
     DVec3 centre(0.0), rgb(0.0);
-    for (int y = c.y0; y < c.y1; ++y) {
+    for (int y = c.y0; y < c.y1 && !stop.stopRequested(); ++y) {
       const double omega = table.texelWeight(y);
       const double theta = double(kPi) * (y + 0.5) / e.height;
       for (int x = c.x0; x < c.x1; ++x) {

@@ -73,17 +73,19 @@ class Charts {
   }
 
   struct Square { double gain = 0; int face = 0, x = 0, y = 0, side = 0; };
-  Square best(double largest) const {
+  Square best(double largest, const StopToken& stop) const {
     static constexpr int kSides[] = {1, 2, 3, 4, 6, 8, 11, 16, 22, 32, 44, 64};
     Square best;
     for (int face = 0; face < 6; ++face)
-      for (const int side : kSides)
+      for (const int side : kSides) {
+        if (stop.stopRequested()) return best;
         for (int y = kRim - side / 2; y + side <= kRim + kSide + side / 2; ++y)
           for (int x = kRim - side / 2; x + side <= kRim + kSide + side / 2; ++x) {
             if (x < 0 || y < 0 || x + side > kWidth || y + side > kWidth) continue;
             const double f = sum(flux_[face], x, y, side), w = sum(solid_[face], x, y, side), gain = f * f / (w + kBlur);
             if (gain > best.gain * (1.0 + 1e-9) && (w <= largest || side == 1)) best = {gain, face, x, y, side};
           }
+      }
     return best;
   }
   /// What is left in the square, which is empty then.
@@ -127,11 +129,12 @@ class Charts {
   Table solid_[6], flux_[6];
 };
 
-std::vector<Moments> pursue(const EnvironmentCells& cells, int lights) {
+std::vector<Moments> pursue(const EnvironmentCells& cells, int lights, const StopToken& stop) {
   Charts charts(cells);
   std::vector<Moments> found;
   while (int(found.size()) < lights) {
-    const Charts::Square s = charts.best(kSpread * 4.0 * kDPi / lights);
+    const Charts::Square s = charts.best(kSpread * 4.0 * kDPi / lights, stop);
+    if (stop.stopRequested()) return {};
     const Moments m = charts.take(s);
     if (!(m.weight > 0)) break;   // nothing is left, or no more than rounding of the table's sums
     found.push_back(m);
@@ -140,7 +143,7 @@ std::vector<Moments> pursue(const EnvironmentCells& cells, int lights) {
 }
 
 /// Cells to the light or background that they are likeliest of, lights to their cells, in turn.
-std::vector<Moments> refine(const EnvironmentCells& cells, std::vector<Moments> lights) {
+std::vector<Moments> refine(const EnvironmentCells& cells, std::vector<Moments> lights, const StopToken& stop) {
   struct Gaussian { DVec3 centre; double scale, logVariance; };
   const double widest = squareSpread(kWidest);
   for (int round = 0; round < kRounds && !lights.empty(); ++round) {
@@ -150,7 +153,9 @@ std::vector<Moments> refine(const EnvironmentCells& cells, std::vector<Moments> 
       g.push_back({m.moment / m.weight, 0.5 / variance, std::log(variance)});
     }
     std::vector<Moments> next(lights.size());
-    for (const EnvironmentCell& c : cells.cells) {
+    for (size_t at = 0; at < cells.cells.size(); ++at) {
+      const EnvironmentCell& c = cells.cells[at];
+      if (at % 1024 == 0 && stop.stopRequested()) return {};
       if (!(c.weight > 0)) continue;
       const DVec3 centre = c.centre();
       const double own = std::max(1.0 - glm::dot(centre, centre), 0.0) + c.extent / c.weight;
@@ -222,12 +227,13 @@ DVec3 AreaLightFit::remainderIrradiance(const DVec3& n) const {
   return e;
 }
 
-AreaLightFit fitAreaLights(const Environment& map, int lights) {
-  const EnvironmentCells cells(map);
+AreaLightFit fitAreaLights(const Environment& map, int lights, const StopToken& stop) {
+  const EnvironmentCells cells(map, stop);
   AreaLightFit fit;
+  if (stop.stopRequested()) return fit;
   fit.flux = cells.flux;
   if (!(cells.weight > 0)) return fit;
-  for (const Moments& m : refine(cells, pursue(cells, lights))) {
+  for (const Moments& m : refine(cells, pursue(cells, lights, stop), stop)) {
     AreaLight l;
     l.direction = m.direction();
     const double across = std::hypot(l.direction.x, l.direction.z);

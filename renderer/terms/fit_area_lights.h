@@ -21,6 +21,7 @@
 #include <array>
 #include <vector>
 
+#include "base/stop.h"
 #include "scene/environment.h"
 
 namespace gobo {
@@ -41,6 +42,7 @@ struct AreaLightFit {
   DVec3 remainderIrradiance(const DVec3& n) const;
 };
 
-AreaLightFit fitAreaLights(const Environment& map, int lights);
+/// `stop` is polled every few milliseconds; a fit that it ended is not to be used.
+AreaLightFit fitAreaLights(const Environment& map, int lights, const StopToken& stop = {});
 
 }  // namespace gobo

@@ -22,7 +22,7 @@ class GBufferNode final : public Node {
   int version() const override { return 2; }                          // 2: in packets
   NodeTraits traits() const override {
     NodeTraits t;
-    t.facets = Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage;
+    t.facets = kAccelFacets | Facet::Shading;
     return t;
   }
   void hashParameters(Hasher& h) const override {
@@ -32,8 +32,9 @@ class GBufferNode final : public Node {
   size_t outputBytes() const override { return size_t(s_.width) * s_.height * s_.viewSamples * 68; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
-    const auto& meshes = ctx.scene->meshes(Facet::Topology | Facet::Pose | Facet::Shading);
+    GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
+    std::vector<ShadingArrays> meshes;
+    for (size_t m = 0; m < ctx.scene->meshCount(); ++m) meshes.push_back(ctx.scene->mesh<Facet::Shading>(int(m)));
     const auto& instances = ctx.scene->instances();
     const int w = s_.width, h = s_.height, S = s_.viewSamples;
     auto out = std::make_shared<Term>("gbuffer", Domain::ViewSample, Extent{w, h, S});
@@ -86,9 +87,10 @@ class GBufferNode final : public Node {
 
  private:
   static constexpr int kTile = 4;
+  using ShadingArrays = MeshView<Facet::Shading>;
 
   /// Position from the triangle's vertices (closer to the surface than origin + t direction), normals towards the viewer.
-  static void write(const Accel& accel, const MeshPtr& mesh, const Ray& ray, const Hit& hit, size_t at, std::span<float> P, std::span<float> N,
+  static void write(const Accel& accel, const ShadingArrays& mesh, const Ray& ray, const Hit& hit, size_t at, std::span<float> P, std::span<float> N,
                     std::span<float> Ng, std::span<float> uv) {
     const InstanceGeometry& g = accel.impl().instances[hit.instance];
     const uint32_t* tri = g.indices + 3 * size_t(hit.primitive);
@@ -97,8 +99,8 @@ class GBufferNode final : public Node {
     Vec2 t(0.0f);
     for (int k = 0; k < 3; ++k) {
       p += b[k] * g.positions[tri[k]];
-      if (!mesh->normals.empty()) n += b[k] * mesh->normals[tri[k]];
-      if (!mesh->uv[0].empty()) t += b[k] * mesh->uv[0][tri[k]];
+      if (!mesh.normals.empty()) n += b[k] * mesh.normals[tri[k]];
+      if (!mesh.uv[0].empty()) t += b[k] * mesh.uv[0][tri[k]];
     }
     if (!g.world) p = Vec3(g.toWorld * Vec4(p, 1.0f));
     const Vec3 ng = glm::dot(hit.Ng, ray.direction) < 0 ? hit.Ng : -hit.Ng;

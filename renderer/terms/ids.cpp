@@ -23,8 +23,7 @@ class IdNode final : public Node {
     const auto instance = ctx.inputs[0]->plane<uint32_t>("instance").first(size_t(width_) * height_);   // layer 0 is view sample 0
     std::vector<float> number;
     if (kind_ == IdKind::Material) {
-      const auto& meshes = ctx.scene->meshes(Facet::Topology);
-      for (const Instance& i : ctx.scene->instances()) number.push_back(float(meshes[i.mesh]->material));
+      for (const Instance& i : ctx.scene->instances()) number.push_back(float(ctx.scene->mesh<Facet::Topology>(i.mesh).material));
     }
     auto out = std::make_shared<Term>("pixels", Domain::Pixel, Extent{width_, height_, 1});
     const auto id = out->addPlane<float>("id", 1);

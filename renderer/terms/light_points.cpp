@@ -32,7 +32,7 @@ LightPoints::LightPoints(const SceneView& view, int light, const Vec2& angularSi
   }
   if (shape_.kind != LightKind::Mesh) return;
   const Instance& instance = view.instances()[shape_.instance];
-  const Mesh& mesh = *view.meshes(Facet::Topology | Facet::Pose)[instance.mesh];
+  const auto mesh = view.mesh<Facet::Topology | Facet::Pose>(instance.mesh);
   meshTwoSided_ = view.coverage(mesh.material).doubleSided;
   const float handed = glm::determinant(Mat3(instance.toWorld)) < 0.0f ? -1.0f : 1.0f;   // a mirroring instance keeps outside outside
   auto world = [&](uint32_t i) { return Vec3(instance.toWorld * Vec4(mesh.positions[i], 1.0f)); };

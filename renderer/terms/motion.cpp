@@ -7,17 +7,22 @@ namespace gobo {
 
 namespace {
 
+constexpr Facet kFacets = Facet::Topology | Facet::Pose;
+
 struct Pose {
-  const std::vector<MeshPtr>* meshes;
+  std::vector<MeshView<kFacets>> meshes;
   const std::vector<Instance>* instances;
+  explicit Pose(const SceneView& view) : instances(&view.instances()) {
+    for (size_t m = 0; m < view.meshCount(); ++m) meshes.push_back(view.mesh<kFacets>(int(m)));
+  }
   DVec3 at(int instance, uint32_t primitive, double u, double v) const {
     const Instance& i = (*instances)[instance];
-    const Mesh& m = *(*meshes)[i.mesh];
+    const auto& m = meshes[size_t(i.mesh)];
     const uint32_t* t = m.indices.data() + 3 * size_t(primitive);
     const DVec3 p = (1.0 - u - v) * DVec3(m.positions[t[0]]) + u * DVec3(m.positions[t[1]]) + v * DVec3(m.positions[t[2]]);
     return DVec3(glm::dmat4(i.toWorld) * glm::dvec4(p, 1.0));
   }
-  size_t triangles(int instance) const { return (*meshes)[(*instances)[instance].mesh]->triangles(); }
+  size_t triangles(int instance) const { return meshes[size_t((*instances)[instance].mesh)].triangles(); }
 };
 
 class MotionNode final : public Node {
@@ -26,14 +31,14 @@ class MotionNode final : public Node {
   std::string type() const override { return "motion"; }
   NodeTraits traits() const override {
     NodeTraits t;
-    t.facets = Facet::Topology | Facet::Pose;
+    t.facets = kFacets;
     return t;
   }
   void hashParameters(Hasher& h) const override {
     hashCamera(h, s_.view.camera);
     hashCamera(h, s_.earlierCamera);
     h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples);
-    h.add(s_.earlierScene->facetHash(Facet::Topology | Facet::Pose, {}));
+    h.add(s_.earlierScene->facetHash(kFacets, {}));
   }
   size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * 8; }
 
@@ -42,8 +47,8 @@ class MotionNode final : public Node {
     const auto instance = g.plane<uint32_t>("instance"), primitive = g.plane<uint32_t>("primitive");
     const auto bary = g.floats("bary");
     const int w = s_.view.width, h = s_.view.height;
-    const Pose now{&ctx.scene->meshes(Facet::Topology | Facet::Pose), &ctx.scene->instances()};
-    const Pose before{&s_.earlierScene->meshes, &s_.earlierScene->instances};
+    const std::vector<int> none;
+    const Pose now(*ctx.scene), before(SceneView(*s_.earlierScene, kFacets, none));
     // Where each instance was: the same index as a rule, else by name; -1: it was not there.
     std::vector<int> earlier(now.instances->size(), -1);
     for (size_t i = 0; i < earlier.size(); ++i) {

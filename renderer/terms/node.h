@@ -22,7 +22,8 @@
 
 namespace gobo {
 
-class AccelCache;   // trace/accel.h: acceleration structures shared by the nodes of an engine
+class Accel;        // trace/accel.h
+class AccelCache;   // acceleration structures shared by the nodes of an engine
 
 /// What the node claims about itself. Each claim has a generic conformance test (tests/unit/filters/conformance_test.cpp).
 struct NodeTraits {
@@ -49,6 +50,9 @@ struct RunContext {
   StopToken stop;
   RunCounters* counters = nullptr;
   std::function<void(double fraction)> progress;   ///< may be empty; called from any thread
+
+  /// The acceleration structure of `scene`, whose node declares kAccelFacets (CHECKed). Errors: Cancelled when `stop` fired first.
+  Result<std::shared_ptr<const Accel>> accel() const;
 
   // Extendable nodes only. Result(n) = fixed-order sum of blocks 0..n-1, whatever it started from.
   uint32_t targetBlocks = 0;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/path_trace.h"
 
+#include "terms/dropped_samples.h"
+
 #include <algorithm>
 #include <cstring>
 
@@ -15,8 +17,8 @@ class PathTraceNode final : public Node {
   PathTraceNode(const PathTracerSettings& settings, int streams) : settings_(settings), streams_(streams) {}
   std::string type() const override { return "path_trace"; }
   // 2: blocks continue one sequence; 3: volumes, every lobe; 4: light straight on; 5: bilinear environments; 6: tilted normals lose no specular light;
-  // 7: every light in volumes, gentler roulette
-  int version() const override { return 7; }
+  // 7: every light in volumes, gentler roulette; 8: large finite values count
+  int version() const override { return 8; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;
@@ -35,7 +37,8 @@ class PathTraceNode final : public Node {
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const auto tracer = PathTracer::create(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), settings_);
+    GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
+    const auto tracer = PathTracer::create(*ctx.scene, accel, settings_);
     const int width = settings_.width, height = settings_.height, slots = tracer->slots();
     auto state = std::make_shared<Term>("path_trace", Domain::Pixel, Extent{width, height, 1});
     auto sum = state->addPlane<double>("sum", slots * 3);
@@ -46,22 +49,23 @@ class PathTraceNode final : public Node {
     // An earlier state is taken over pixel by pixel, below: copying it whole would hold the cores between two polls.
     std::span<const double> oldSum;
     std::span<const float> oldParts;
-    std::span<const uint32_t> oldSamples;
+    std::span<const uint32_t> oldSamples, oldDropped;
     if (ctx.previous && ctx.previous->extent() == state->extent() && ctx.previous->channels("sum") == slots * 3) {
       oldSum = ctx.previous->plane<double>("sum");
       oldSamples = ctx.previous->plane<uint32_t>("samples");
       if (perPixel) oldParts = ctx.previous->floats("streams");
       const uint32_t most = oldSamples.empty() ? 0 : *std::max_element(oldSamples.begin(), oldSamples.end());
       if (most > ctx.targetBlocks * uint32_t(settings_.blockSize)) oldSamples = {};
+      if (!oldSamples.empty()) oldDropped = droppedPlane(*ctx.previous);
     }
+    DroppedSamples dropped(*state);
 
     const int tilesX = (width + kTile - 1) / kTile, tilesY = (height + kTile - 1) / kTile;
     const size_t tiles = size_t(tilesX) * tilesY;
-    std::atomic<uint64_t> dropped{0};
     std::atomic<size_t> done{0};
     const bool complete = ctx.arena->parallelFor(tiles, 1, [&](size_t tile, size_t) {
       const int x0 = int(tile % tilesX) * kTile, y0 = int(tile / tilesX) * kTile;
-      uint64_t rays = 0, lost = 0;
+      uint64_t rays = 0;
       std::vector<double> one(perStream);
       for (int y = y0; y < std::min(height, y0 + kTile); ++y) {
         for (int x = x0; x < std::min(width, x0 + kTile); ++x) {
@@ -70,9 +74,11 @@ class PathTraceNode final : public Node {
             std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
             if (perPixel) std::copy_n(oldParts.begin() + p * perPixel, perPixel, parts.begin() + p * perPixel);
             samples[p] = oldSamples[p];
+            if (!oldDropped.empty()) dropped.add(p, oldDropped[p]);
           }
           for (uint32_t block = samples[p] / settings_.blockSize; block < ctx.targetBlocks; ++block) {
             if (ctx.stop.stopRequested()) { ctx.counters->rays += rays; return; }
+            uint64_t lost = 0;
             if (!perPixel) {
               tracer->traceBlock(x, y, block, sum.data() + p * slots * 3, rays, lost);
             } else {
@@ -86,12 +92,12 @@ class PathTraceNode final : public Node {
                 part[i] = float(double(part[i]) + one[i]);
               }
             }
+            dropped.add(p, lost);
             samples[p] += settings_.blockSize;
           }
         }
       }
       ctx.counters->rays += rays;
-      dropped += lost;
       const size_t now = ++done;
       if (ctx.progress && now % 16 == 0) ctx.progress(double(now) / double(tiles));
     }, ctx.stop);
@@ -109,6 +115,8 @@ class PathTraceNode final : public Node {
     const auto sum = state->writable<double>("sum");
     const auto samples = state->writable<uint32_t>("samples");
     const bool split = state->hasPlane("streams");
+    DroppedSamples dropped(*state);
+    const std::span<const uint32_t> oldDropped = droppedPlane(*previous);
     const size_t perPixel = split ? size_t(state->channels("streams")) : 0;
     const std::span<float> parts = split ? state->writable<float>("streams") : std::span<float>{};
     const std::span<const float> oldParts = split ? previous->floats("streams") : std::span<const float>{};
@@ -122,6 +130,7 @@ class PathTraceNode final : public Node {
       std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
       if (split) std::copy_n(oldParts.begin() + p * perPixel, perPixel, parts.begin() + p * perPixel);
       samples[p] = oldSamples[p];
+      if (!oldDropped.empty()) dropped.add(p, oldDropped[p]);   // nothing was traced here: its own count is 0
     }
     return state;
   }

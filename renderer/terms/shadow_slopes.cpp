@@ -17,7 +17,7 @@ namespace gobo {
 namespace {
 
 Facet facets(bool clear) {
-  const Facet plain = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
+  const Facet plain = kAccelFacets | Facet::LightShape;
   return clear ? plain | kSurfaceFacets : plain;   // tints
 }
 
@@ -39,7 +39,7 @@ class ShadowSlopesNode final : public Node {
   Result<TermPtr> run(const RunContext& ctx) const override {
     const int index = ctx.scene->lightSubset().at(0);
     GOBO_CHECK(hasShadowLightFrame(ctx.scene->lightShape(index).kind));
-    const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
+    GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const LightPoints light(*ctx.scene, index);
     const SurfaceSamples surface(*ctx.inputs.at(0));
     auto term = std::make_shared<Term>("shadow_slopes", Domain::ViewSample, ctx.inputs[0]->extent());
@@ -112,7 +112,7 @@ class ShadowAdaptiveNode final : public Node {
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_CHECK_EQ(ctx.inputs.size(), size_t(3));
     const size_t C = s_.clear ? 3 : 1;
-    const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
+    GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     const SurfaceSamples surface(*ctx.inputs[0]);
     const auto sumV = ctx.inputs[1]->floats("sumV"), sumW = ctx.inputs[1]->floats("sumW");

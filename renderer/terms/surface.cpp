@@ -25,7 +25,8 @@ class SurfaceNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& g = *ctx.inputs[0];
-    const SurfaceReader reader(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), g, s_.camera);
+    GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
+    const SurfaceReader reader(*ctx.scene, accel, g, s_.camera);
     auto out = std::make_shared<Term>("surface", Domain::ViewSample, g.extent());
     const auto albedo = out->addUnsetPlane<float>("albedo", 3), material = out->addUnsetPlane<float>("material", 5), N = out->addUnsetPlane<float>("N", 3);
     const auto flags = out->addUnsetPlane<uint8_t>("flags", 1);

@@ -22,7 +22,7 @@ class VisibilityNode final : public Node {
   int version() const override { return 2; }   // 2: in packets
   NodeTraits traits() const override {
     NodeTraits t;
-    t.facets = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
+    t.facets = kAccelFacets | Facet::LightShape;
     if (s_.glass != Glass::Solid) t.facets = t.facets | kSurfaceFacets;   // tints
     return t;
   }
@@ -35,7 +35,7 @@ class VisibilityNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_CHECK_EQ(ctx.inputs.size(), size_t(1));
-    const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
+    GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0), s_.angularSize);
     const SurfaceSamples surface(*ctx.inputs[0]);
     auto term = std::make_shared<Term>("visibility", Domain::ViewSample, ctx.inputs[0]->extent());

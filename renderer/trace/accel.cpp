@@ -20,6 +20,7 @@ RTCDevice device() {
     RTCDevice made = rtcNewDevice("start_threads=0,set_affinity=0");
     GOBO_CHECK(made != nullptr);
     rtcSetDeviceErrorFunction(made, [](void*, RTCError code, const char* text) {
+      if (code == RTC_ERROR_CANCELLED) return;                      // a build that its stop token ended
       std::cerr << "Embree error " << int(code) << ": " << text << std::endl;
       std::abort();                                                 // out of memory or a misuse: nothing sensible can follow
     }, nullptr);
@@ -28,7 +29,9 @@ RTCDevice device() {
   return d;
 }
 
-RTCGeometry triangleGeometry(const Mesh& mesh, const std::vector<Vec3>& padded, AlphaGeometry* alpha) {
+using AccelMesh = MeshView<kAccelFacets>;
+
+RTCGeometry triangleGeometry(const AccelMesh& mesh, const std::vector<Vec3>& padded, AlphaGeometry* alpha) {
   RTCGeometry g = rtcNewGeometry(device(), RTC_GEOMETRY_TYPE_TRIANGLE);
   rtcSetSharedGeometryBuffer(g, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, padded.data(), 0, sizeof(Vec3), mesh.positions.size());
   rtcSetSharedGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.indices.data(), 0, 12, mesh.triangles());
@@ -49,6 +52,14 @@ RTCScene newScene() {
   return s;
 }
 
+/// Builds; false when `stop` fired, which Embree asks between its pieces of work.
+bool commit(RTCScene scene, const StopToken& stop) {
+  rtcSetSceneProgressMonitorFunction(scene, [](void* token, double) { return !static_cast<const StopToken*>(token)->stopRequested(); }, const_cast<StopToken*>(&stop));
+  rtcCommitScene(scene);
+  rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
+  return !stop.stopRequested();
+}
+
 float coordinateUnit(float largest) {
   if (!(largest > 0.0f) || !std::isfinite(largest)) return 1.0f;
   return std::ldexp(1.0f, std::ilogb(largest) + 1);
@@ -66,21 +77,24 @@ Accel::Impl::~Impl() {
   for (RTCScene s : meshScenes) if (s) rtcReleaseScene(s);
 }
 
-std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena& arena) {
+std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena& arena, const StopToken& stop) {
   auto accel = std::shared_ptr<Accel>(new Accel());
   Impl& impl = *accel->impl_;
-  impl.meshes = view.meshes(Facet::Topology | Facet::Pose | Facet::Coverage);
+  impl.meshes = view.keepMeshes();
+  std::vector<AccelMesh> meshes;
+  for (size_t m = 0; m < view.meshCount(); ++m) meshes.push_back(view.mesh<kAccelFacets>(int(m)));
   const std::vector<Instance>& instances = view.instances();
 
-  std::vector<size_t> uses(impl.meshes.size(), 0);
+  std::vector<size_t> uses(meshes.size(), 0);
   for (const Instance& i : instances) ++uses[i.mesh];
-  std::vector<AlphaGeometry*> alphaOf(impl.meshes.size(), nullptr);
-  for (size_t m = 0; m < impl.meshes.size(); ++m) {
+  std::vector<AlphaGeometry*> alphaOf(meshes.size(), nullptr);
+  for (size_t m = 0; m < meshes.size(); ++m) {
     if (uses[m] == 0) continue;
-    const Coverage& c = view.coverage(impl.meshes[m]->material);
+    const Coverage& c = view.coverage(meshes[m].material);
     if (c.mode == AlphaMode::Opaque) continue;
     auto a = std::make_unique<AlphaGeometry>();
-    a->mesh = impl.meshes[m]; a->ref = c.texture; a->mode = c.mode; a->cutoff = c.cutoff; a->factor = c.factor;
+    a->indices = meshes[m].indices.data(); a->uv = &(*meshes[m].alphaUv)[size_t(c.texture.texcoord)]; a->colours = meshes[m].alphaColours;
+    a->ref = c.texture; a->mode = c.mode; a->cutoff = c.cutoff; a->factor = c.factor;
     if (c.texture.valid()) a->texture = view.textures()[c.texture.texture];
     alphaOf[m] = a.get();
     impl.alphas.push_back(std::move(a));
@@ -90,12 +104,12 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
   // World-space copies, in parallel over instances: disjoint writes. One element of padding: Embree reads 16 bytes a vertex.
   impl.instances.resize(instances.size());
   impl.worldPositions.resize(instances.size());
-  std::vector<std::vector<Vec3>> objectPositions(impl.meshes.size());
-  const auto instanced = [&](size_t mesh) { return uses[mesh] > 1 && impl.meshes[mesh]->triangles() * (uses[mesh] - 1) > kMaxCopiedTriangles; };
+  std::vector<std::vector<Vec3>> objectPositions(meshes.size());
+  const auto instanced = [&](size_t mesh) { return uses[mesh] > 1 && meshes[mesh].triangles() * (uses[mesh] - 1) > kMaxCopiedTriangles; };
   std::vector<float> largest(instances.size(), 0.0f);
-  arena.parallelFor(instances.size(), 1, [&](size_t begin, size_t end) {
+  const bool copied = arena.parallelFor(instances.size(), 1, [&](size_t begin, size_t end) {
     for (size_t i = begin; i < end; ++i) {
-      const Mesh& mesh = *impl.meshes[instances[i].mesh];
+      const AccelMesh& mesh = meshes[size_t(instances[i].mesh)];
       InstanceGeometry& g = impl.instances[i];
       g.toWorld = instances[i].toWorld;
       const Mat3 linear(g.toWorld);
@@ -115,24 +129,26 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
       }
       if (g.world) { out.push_back(Vec3(0.0f)); g.positions = out.data(); }
     }
-  });
+  }, stop);
+  if (!copied) return nullptr;
   float most = 0.0f;
   for (float l : largest) most = std::fmax(most, l);
   impl.unit = coordinateUnit(most);
 
-  impl.meshScenes.assign(impl.meshes.size(), nullptr);
+  impl.meshScenes.assign(meshes.size(), nullptr);
+  bool complete = true;
   arena.execute([&] {
-    for (size_t m = 0; m < impl.meshes.size(); ++m) {
+    for (size_t m = 0; m < meshes.size(); ++m) {
       if (!instanced(m)) continue;
       std::vector<Vec3>& padded = objectPositions[m];
-      padded.assign(impl.meshes[m]->positions.begin(), impl.meshes[m]->positions.end());
+      padded.assign(meshes[m].positions.begin(), meshes[m].positions.end());
       padded.push_back(Vec3(0.0f));
       impl.meshScenes[m] = newScene();
-      RTCGeometry g = triangleGeometry(*impl.meshes[m], padded, alphaOf[m]);
+      RTCGeometry g = triangleGeometry(meshes[m], padded, alphaOf[m]);
       rtcAttachGeometryByID(impl.meshScenes[m], g, 0);
       rtcReleaseGeometry(g);
-      rtcCommitScene(impl.meshScenes[m]);
-      impl.bytes += impl.meshes[m]->triangles() * 64 + padded.size() * sizeof(Vec3);
+      if (!commit(impl.meshScenes[m], stop)) { complete = false; return; }
+      impl.bytes += meshes[m].triangles() * 64 + padded.size() * sizeof(Vec3);
     }
     impl.scene = newScene();
     for (size_t i = 0; i < instances.size(); ++i) {
@@ -145,16 +161,17 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
         rtcSetGeometryTransform(g, 0, RTC_FORMAT_FLOAT4X4_COLUMN_MAJOR, &instances[i].toWorld[0][0]);
         rtcCommitGeometry(g);
       } else {
-        if (impl.meshes[m]->triangles() == 0) continue;
-        g = triangleGeometry(*impl.meshes[m], impl.worldPositions[i], alphaOf[m]);
-        impl.bytes += impl.meshes[m]->triangles() * 64 + impl.worldPositions[i].size() * sizeof(Vec3);
+        if (meshes[m].triangles() == 0) continue;
+        g = triangleGeometry(meshes[m], impl.worldPositions[i], alphaOf[m]);
+        impl.bytes += meshes[m].triangles() * 64 + impl.worldPositions[i].size() * sizeof(Vec3);
       }
       rtcAttachGeometryByID(impl.scene, g, unsigned(i));            // geometry id == index into Scene::instances
       rtcReleaseGeometry(g);
     }
-    rtcCommitScene(impl.scene);
+    complete = commit(impl.scene, stop);
   });
-  impl.objectPositions = std::move(objectPositions);
+  impl.objectPositions = std::move(objectPositions);   // a structure that was not finished is released with what it points to
+  if (!complete) return nullptr;
   return accel;
 }
 

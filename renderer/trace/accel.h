@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Accel: Embree over a scene's triangles (facets Topology, Pose, Coverage). Immutable after build; any thread may trace.
+// Accel: Embree over a scene's triangles (facets kAccelFacets). Immutable after build; any thread may trace.
 // Alpha-masked texels let rays through; Blend surfaces are passed with probability 1 - alpha, decided by a hash of the ray,
 // so that the same ray always gets the same answer.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <future>
 #include <list>
 #include <memory>
 #include <mutex>
 
+#include "base/stop.h"
 #include "base/task_arena.h"
 #include "scene/camera.h"
 #include "scene/scene.h"
@@ -17,6 +19,10 @@
 namespace gobo {
 
 inline constexpr uint32_t kNoHit = ~0u;
+
+/// What an Accel reads of a scene, alpha tests included. A node that asks for one declares at least these, so that its key
+/// holds whatever a ray may meet; the cache keys by their digest.
+inline constexpr Facet kAccelFacets = Facet::Topology | Facet::Pose | Facet::Coverage;
 
 struct Hit {
   float t = 3.0e38f;
@@ -30,8 +36,8 @@ struct Hit {
 
 class Accel {
  public:
-  /// Reads facets Topology, Pose, Coverage of `view` (CHECKed).
-  static std::shared_ptr<const Accel> build(const SceneView& view, const TaskArena& arena);
+  /// Reads facets kAccelFacets of `view` (CHECKed). Null when `stop` fired, which is polled every few milliseconds.
+  static std::shared_ptr<const Accel> build(const SceneView& view, const TaskArena& arena, const StopToken& stop = {});
   ~Accel();
   bool intersect(const Ray& ray, Hit& hit) const;
   /// The same for up to 16 rays that run side by side (camera and light rays): several times as fast as one by one. hits[i].instance is
@@ -54,21 +60,28 @@ class Accel {
 };
 using AccelPtr = std::shared_ptr<const Accel>;
 
-/// Keeps the last few structures by geometry hash. Thread-safe; concurrent asks for one hash build once.
+/// Keeps the last few structures by the digest of kAccelFacets. Thread-safe; concurrent asks for one digest build once. A build
+/// that throws or is stopped leaves nothing behind: the next ask builds again.
 class AccelCache {
  public:
-  explicit AccelCache(size_t maxBytes = 4ull << 30) : maxBytes_(maxBytes) {}
-  AccelPtr get(const SceneView& view, const TaskArena& arena);
+  using Build = std::function<AccelPtr(const SceneView&, const TaskArena&, const StopToken&)>;
+  /// `build`: a seam for tests.
+  explicit AccelCache(size_t maxBytes = 4ull << 30, Build build = Accel::build) : maxBytes_(maxBytes), build_(std::move(build)) {}
+  /// Null when `stop` fired first, also while another thread builds. Throws what the build throws (std::bad_alloc).
+  AccelPtr get(const SceneView& view, const TaskArena& arena, const StopToken& stop = {});
   size_t bytes() const;
   uint64_t builds() const;
   /// Milliseconds that the structure kept for this view took to build; 0 when none is kept.
   double buildMs(const SceneView& view) const;
 
  private:
-  struct Entry { Hash128 key; std::shared_future<AccelPtr> accel; double ms = 0; };
+  struct Entry { Hash128 key; uint64_t build = 0; std::shared_future<AccelPtr> accel; double ms = 0; };
+  void drop(uint64_t build);
+  void trim();                  // under mutex_
   mutable std::mutex mutex_;
   std::list<Entry> entries_;    // most recent first
   size_t maxBytes_;
+  Build build_;
   uint64_t builds_ = 0;
 };
 

@@ -6,41 +6,62 @@
 namespace gobo {
 
 namespace {
-// Alpha look-ups read texture coordinates and vertex alpha, which are Shading facets: they join the key of alpha meshes.
-Hash128 cacheKey(const SceneView& view) {
-  Hasher h("accel");
-  h.add(view.geometryHash());
-  for (const MeshPtr& mesh : view.meshes(Facet::Coverage))
-    if (view.coverage(mesh->material).mode != AlphaMode::Opaque) h.add(mesh->shadingHash);
-  return h.digest();
-}
 bool ready(const std::shared_future<AccelPtr>& f) { return f.wait_for(std::chrono::seconds(0)) == std::future_status::ready; }
+constexpr std::chrono::milliseconds kPoll{2};
 }  // namespace
 
-AccelPtr AccelCache::get(const SceneView& view, const TaskArena& arena) {
-  const Hash128 key = cacheKey(view);
-  std::promise<AccelPtr> promise;
-  std::shared_future<AccelPtr> known;
-  {
+AccelPtr AccelCache::get(const SceneView& view, const TaskArena& arena, const StopToken& stop) {
+  const Hash128 key = view.digest(kAccelFacets);
+  for (;;) {
+    std::promise<AccelPtr> promise;
+    std::shared_future<AccelPtr> known;
+    uint64_t build = 0;
+    {
+      std::lock_guard lock(mutex_);
+      for (auto it = entries_.begin(); it != entries_.end(); ++it) {
+        if (it->key != key) continue;
+        entries_.splice(entries_.begin(), entries_, it);
+        known = it->accel;
+        break;
+      }
+      if (!known.valid()) {
+        build = ++builds_;
+        entries_.push_front({key, build, promise.get_future().share()});
+      }
+    }
+    if (known.valid()) {                                            // another thread built it or is about to
+      while (known.wait_for(kPoll) != std::future_status::ready)
+        if (stop.stopRequested()) return nullptr;
+      if (AccelPtr made = known.get()) return made;
+      if (stop.stopRequested()) return nullptr;
+      continue;                                                     // its builder was stopped: this thread builds
+    }
+    const auto start = std::chrono::steady_clock::now();
+    AccelPtr made;
+    try {
+      made = build_(view, arena, stop);
+    } catch (...) {
+      drop(build);
+      promise.set_exception(std::current_exception());              // for those who wait for this build; the next ask builds again
+      throw;
+    }
+    const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    if (!made) drop(build);
+    promise.set_value(made);
+    if (!made) return nullptr;
     std::lock_guard lock(mutex_);
-    for (auto it = entries_.begin(); it != entries_.end(); ++it) {
-      if (it->key != key) continue;
-      entries_.splice(entries_.begin(), entries_, it);
-      known = it->accel;
-      break;
-    }
-    if (!known.valid()) {
-      entries_.push_front({key, promise.get_future().share()});
-      ++builds_;
-    }
+    for (Entry& e : entries_) if (e.build == build) e.ms = ms;
+    trim();
+    return made;
   }
-  if (known.valid()) return known.get();                            // waits when another thread is building it
-  const auto start = std::chrono::steady_clock::now();
-  AccelPtr made = Accel::build(view, arena);
-  const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-  promise.set_value(made);
+}
+
+void AccelCache::drop(uint64_t build) {
   std::lock_guard lock(mutex_);
-  for (Entry& e : entries_) if (e.key == key) e.ms = ms;
+  entries_.remove_if([build](const Entry& e) { return e.build == build; });
+}
+
+void AccelCache::trim() {
   size_t total = 0;
   for (auto it = entries_.begin(); it != entries_.end();) {
     if (ready(it->accel)) {
@@ -50,7 +71,6 @@ AccelPtr AccelCache::get(const SceneView& view, const TaskArena& arena) {
     }
     ++it;
   }
-  return made;
 }
 
 size_t AccelCache::bytes() const {
@@ -61,7 +81,7 @@ size_t AccelCache::bytes() const {
 }
 
 double AccelCache::buildMs(const SceneView& view) const {
-  const Hash128 key = cacheKey(view);
+  const Hash128 key = view.digest(kAccelFacets);
   std::lock_guard lock(mutex_);
   for (const Entry& e : entries_) if (e.key == key) return e.ms;
   return 0.0;

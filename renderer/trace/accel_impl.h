@@ -11,9 +11,11 @@
 
 namespace gobo {
 
-/// What an intersection filter needs to look up coverage. One per alpha geometry; keeps its mesh and texture alive.
+/// What an intersection filter needs to look up coverage. One per alpha geometry; keeps its texture alive, the Accel its mesh.
 struct AlphaGeometry {
-  MeshPtr mesh;
+  const uint32_t* indices = nullptr;       ///< 3 per triangle
+  const Array<Vec2>* uv = nullptr;         ///< of the alpha texture; may be empty
+  const Array<Vec4>* colours = nullptr;    ///< may be empty
   std::shared_ptr<const Texture> texture;  ///< null: no texture
   TextureRef ref;
   AlphaMode mode = AlphaMode::Opaque;
@@ -39,7 +41,7 @@ struct Accel::Impl {
   std::vector<InstanceGeometry> instances;              ///< by Scene::instances index == Embree geometry id
   std::vector<std::vector<Vec3>> worldPositions;        ///< by instance; empty when instanced by Embree
   std::vector<std::vector<Vec3>> objectPositions;       // by mesh; padded copies of the instanced ones
-  std::vector<MeshPtr> meshes;                          ///< kept alive: Embree reads their buffers
+  std::vector<std::shared_ptr<const void>> meshes;      ///< kept alive: Embree and alpha tests read their buffers
   std::vector<std::unique_ptr<AlphaGeometry>> alphas;
   bool hasAlpha = false;
   float unit = 1.0f;

@@ -10,15 +10,14 @@
 namespace gobo {
 
 float AlphaGeometry::alpha(uint32_t primitive, float u, float v) const {
-  const uint32_t* tri = mesh->indices.data() + 3 * size_t(primitive);
+  const uint32_t* tri = indices + 3 * size_t(primitive);
   const float w = 1.0f - u - v;
   float a = factor;
-  if (!mesh->colours.empty()) a *= w * mesh->colours[tri[0]].w + u * mesh->colours[tri[1]].w + v * mesh->colours[tri[2]].w;
+  if (!colours->empty()) a *= w * (*colours)[tri[0]].w + u * (*colours)[tri[1]].w + v * (*colours)[tri[2]].w;
   if (texture) {
-    const Array<Vec2>& set = mesh->uv[ref.texcoord];
-    Vec2 uv(0.0f);
-    if (!set.empty()) uv = w * set[tri[0]] + u * set[tri[1]] + v * set[tri[2]];
-    a *= texture->sample(transformUv(ref, uv)).w;
+    Vec2 at(0.0f);
+    if (!uv->empty()) at = w * (*uv)[tri[0]] + u * (*uv)[tri[1]] + v * (*uv)[tri[2]];
+    a *= texture->sample(transformUv(ref, at)).w;
   }
   return a;
 }

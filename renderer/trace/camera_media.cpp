@@ -10,9 +10,8 @@ namespace gobo {
 std::vector<int> volumesAround(const SceneView& view, const Vec3& p) {
   struct Found { double size; int material; };
   std::vector<Found> found;
-  const auto& meshes = view.meshes(Facet::Topology | Facet::Pose);
   for (const Instance& instance : view.instances()) {
-    const Mesh& mesh = *meshes[instance.mesh];
+    const auto mesh = view.mesh<Facet::Topology | Facet::Pose>(instance.mesh);
     if (mesh.positions.empty() || !boundsVolume(view.bsdf(mesh.material))) continue;
     const glm::dmat4 toWorld(instance.toWorld);
     DVec3 lo(1e300), hi(-1e300);

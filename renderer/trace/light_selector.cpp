@@ -23,7 +23,7 @@ float meanLuminance(const Texture* texture) {
 LightBounds meshBounds(const SceneView& view, const LightShape& shape, float radiance) {
   LightBounds b;
   const Instance& instance = view.instances()[shape.instance];
-  const Mesh& mesh = *view.meshes(Facet::Pose)[instance.mesh];
+  const auto mesh = view.mesh<Facet::Topology | Facet::Pose>(instance.mesh);
   const bool mirrored = glm::determinant(Mat3(instance.toWorld)) < 0.0f;
   double area = 0;
   DVec3 mean(0.0);
@@ -98,7 +98,7 @@ LightBounds finiteBounds(const SceneView& view, int light, float scale) {
 float sceneRadius(const SceneView& view) {
   Vec3 lo(3e38f), hi(-3e38f);
   for (const Instance& i : view.instances())
-    for (const Vec3& p : view.meshes(Facet::Pose)[i.mesh]->positions) {
+    for (const Vec3& p : view.mesh<Facet::Pose>(i.mesh).positions) {
       const Vec3 q(i.toWorld * Vec4(p, 1.0f));
       lo = glm::min(lo, q); hi = glm::max(hi, q);
     }

@@ -37,25 +37,31 @@ Vec2 squareToTriangle(float x, float y) {
 
 }  // namespace
 
-MeshLight::MeshLight(const SceneView& view, uint32_t instance) {
+namespace {
+const Instance& checkedInstance(const SceneView& view, uint32_t instance) {
   GOBO_CHECK_LT(size_t(instance), view.instances().size());
+  return view.instances()[instance];
+}
+}  // namespace
+
+MeshLight::MeshLight(const SceneView& view, uint32_t instance)
+    : mesh_(view.mesh<Facet::Topology | Facet::Pose | Facet::Shading>(checkedInstance(view, instance).mesh)), keep_(view.keepMeshes()) {
   const Instance& placed = view.instances()[instance];
-  mesh_ = view.meshes(Facet::Topology | Facet::Pose | Facet::Shading)[placed.mesh];
-  coverage_ = view.coverage(mesh_->material);
-  emissionRef_ = view.emission(mesh_->material).texture;
+  coverage_ = view.coverage(mesh_.material);
+  emissionRef_ = view.emission(mesh_.material).texture;
   if (emissionRef_.valid()) emission_ = view.textures()[emissionRef_.texture];
   if (coverage_.texture.valid()) alpha_ = view.textures()[coverage_.texture.texture];
 
   const glm::dmat4 m(placed.toWorld);
   const double flip = glm::determinant(glm::dmat3(m)) < 0 ? -1.0 : 1.0;
-  const size_t count = mesh_->triangles();
+  const size_t count = mesh_.triangles();
   triangles_.resize(count);
   std::vector<double> areas(count), mean(count, 1.0);
   double power = 0;
   for (size_t k = 0; k < count; ++k) {
-    const uint32_t* tri = mesh_->indices.data() + 3 * k;
+    const uint32_t* tri = mesh_.indices.data() + 3 * k;
     DVec3 p[3];
-    for (int c = 0; c < 3; ++c) p[c] = DVec3(m * glm::dvec4(DVec3(mesh_->positions[tri[c]]), 1.0));
+    for (int c = 0; c < 3; ++c) p[c] = DVec3(m * glm::dvec4(DVec3(mesh_.positions[tri[c]]), 1.0));
     const DVec3 n = glm::cross(p[1] - p[0], p[2] - p[0]);
     const double length = glm::length(n);
     areas[k] = 0.5 * length;
@@ -83,8 +89,8 @@ MeshLight::MeshLight(const SceneView& view, uint32_t instance) {
 }
 
 Vec2 MeshLight::uv(const TextureRef& ref, uint32_t primitive, float u, float v) const {
-  const Array<Vec2>& set = mesh_->uv[ref.texcoord];
-  return transformUv(ref, set.empty() ? Vec2(0.0f) : interpolate(set, mesh_->indices.data() + 3 * size_t(primitive), u, v));
+  const Array<Vec2>& set = mesh_.uv[ref.texcoord];
+  return transformUv(ref, set.empty() ? Vec2(0.0f) : interpolate(set, mesh_.indices.data() + 3 * size_t(primitive), u, v));
 }
 
 Vec3 MeshLight::texel(uint32_t primitive, float u, float v) const {
@@ -94,7 +100,7 @@ Vec3 MeshLight::texel(uint32_t primitive, float u, float v) const {
 float MeshLight::coverage(uint32_t primitive, float u, float v) const {
   if (coverage_.mode == AlphaMode::Opaque) return 1.0f;
   float a = coverage_.factor;
-  if (!mesh_->colours.empty()) a *= interpolate(mesh_->colours, mesh_->indices.data() + 3 * size_t(primitive), u, v).w;
+  if (!mesh_.colours.empty()) a *= interpolate(mesh_.colours, mesh_.indices.data() + 3 * size_t(primitive), u, v).w;
   if (alpha_) a *= alpha_->sample(uv(coverage_.texture, primitive, u, v)).w;
   return coverage_.mode == AlphaMode::Mask ? (a >= coverage_.cutoff ? 1.0f : 0.0f) : clamp01(a);
 }

@@ -33,7 +33,8 @@ class MeshLight {
   float coverage(uint32_t primitive, float u, float v) const;
   Vec2 uv(const TextureRef& ref, uint32_t primitive, float u, float v) const;
 
-  MeshPtr mesh_;
+  MeshView<Facet::Topology | Facet::Pose | Facet::Shading> mesh_;
+  std::vector<std::shared_ptr<const void>> keep_;   // its arrays
   TextureRef emissionRef_;
   std::shared_ptr<const Texture> emission_, alpha_;
   Coverage coverage_;

@@ -12,7 +12,7 @@ namespace {
 /// Some point of a mesh light, for the question which volumes it lies in.
 Vec3 meshPoint(const SceneView& view, const LightShape& shape) {
   const Instance& instance = view.instances()[size_t(shape.instance)];
-  const Mesh& mesh = *view.meshes(Facet::Topology | Facet::Pose)[size_t(instance.mesh)];
+  const auto mesh = view.mesh<Facet::Topology | Facet::Pose>(instance.mesh);
   Vec3 sum(0.0f);
   if (mesh.triangles() > 0)
     for (int c = 0; c < 3; ++c) sum += mesh.positions[mesh.indices[size_t(c)]];

@@ -22,7 +22,7 @@ struct Accumulator {
     records.clear();
   }
   void add(int lane, int slot, const Vec3& v) {
-    if (!std::isfinite(v.x + v.y + v.z)) { bad |= 1u << lane; return; }
+    if (!isFinite(v)) { bad |= 1u << lane; return; }   // each channel by itself: the sum of three finite ones may overflow
     if (single) sum[lane] += DVec3(v); else records.push_back({v, lane, slot});
   }
   void flush(int count, double* out, uint64_t& dropped) const {

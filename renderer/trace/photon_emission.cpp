@@ -13,7 +13,7 @@ bool maySmooth(float roughness, bool textured) { return textured || roughness * 
 
 /// Box of one instance, widened to hold rounding.
 Sphere instanceSphere(const SceneView& view, const Instance& instance) {
-  const Mesh& mesh = *view.meshes(Facet::Topology | Facet::Pose)[size_t(instance.mesh)];
+  const auto mesh = view.mesh<Facet::Pose>(instance.mesh);
   if (mesh.positions.empty()) return {};
   const glm::dmat4 toWorld(instance.toWorld);
   DVec3 lo(1e300), hi(-1e300);

@@ -5,7 +5,7 @@ namespace gobo {
 
 bool PlainMeshLight::build(const SceneView& view, const LightShape& shape) {
   const Instance& instance = view.instances()[shape.instance];
-  const Mesh& mesh = *view.meshes(Facet::Topology | Facet::Pose)[instance.mesh];
+  const auto mesh = view.mesh<Facet::Topology | Facet::Pose>(instance.mesh);
   const Coverage& coverage = view.coverage(mesh.material);
   if (coverage.mode != AlphaMode::Opaque || view.emission(mesh.material).texture.valid()) return false;
   if (mesh.triangles() > (1u << 16)) return false;                    // a draw has 24 bits: they must do for the triangle and its share

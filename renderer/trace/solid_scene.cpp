@@ -7,8 +7,7 @@ namespace gobo {
 
 SolidScene::SolidScene(const SceneView& view, AccelPtr accel, bool clear) : accel_(std::move(accel)) {
   if (!clear) return;
-  const auto& meshes = view.meshes(Facet::Topology);
-  for (const Instance& i : view.instances()) passable_.push_back(maySendStraight(view.bsdf(meshes[size_t(i.mesh)]->material)));
+  for (const Instance& i : view.instances()) passable_.push_back(maySendStraight(view.bsdf(view.mesh<Facet::Topology>(i.mesh).material)));
 }
 
 /// The first solid hit from `hit` on, along the same line.

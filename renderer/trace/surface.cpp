@@ -69,8 +69,7 @@ SurfaceMaterial makeSurfaceMaterial(const Albedo& albedo, const Bsdf& b, const s
 }
 
 void SurfaceTable::build(const SceneView& view, const Accel& accel) {
-  const auto& meshes = view.meshes(Facet::Topology | Facet::Pose | Facet::Shading);
-  keep_ = meshes;
+  keep_ = view.keepMeshes();
   textures_ = view.textures();
   materials_.resize(view.materialCount());
   for (size_t i = 0; i < materials_.size(); ++i) {
@@ -84,7 +83,7 @@ void SurfaceTable::build(const SceneView& view, const Accel& accel) {
   const std::vector<Instance>& instances = view.instances();
   instances_.resize(instances.size());
   for (size_t i = 0; i < instances.size(); ++i) {
-    const Mesh& mesh = *meshes[instances[i].mesh];
+    const auto mesh = view.mesh<Facet::Topology | Facet::Pose | Facet::Shading>(instances[i].mesh);
     const InstanceGeometry& g = accel.impl().instances[i];
     SurfaceInstance& s = instances_[i];
     s.indices = mesh.indices.data();

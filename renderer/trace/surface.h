@@ -137,7 +137,7 @@ class SurfaceTable {
   std::vector<Interior> interiors_;
   std::vector<SurfaceInstance> instances_;
   std::vector<SurfaceMaterial> materials_;
-  std::vector<MeshPtr> keep_;
+  std::vector<std::shared_ptr<const void>> keep_;
   std::vector<std::shared_ptr<const Texture>> textures_;
 };
 

@@ -109,7 +109,7 @@ class ShadowProbeNode final : public Node {
   std::string type() const override { return "shadow_probe"; }
   NodeTraits traits() const override {
     NodeTraits t;
-    t.facets = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
+    t.facets = kAccelFacets | Facet::LightShape;
     if (s_.clear) t.facets = t.facets | Facet::Bsdf;
     return t;
   }
@@ -122,7 +122,8 @@ class ShadowProbeNode final : public Node {
   size_t outputBytes() const override { return size_t(s_.pixels) * size_t(s_.viewSamples) * 56; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const SolidScene scene(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), s_.clear);
+    GOBO_ASSIGN(AccelPtr accel, ctx.accel());
+    const SolidScene scene(*ctx.scene, std::move(accel), s_.clear);
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     // Cells about as wide as high; one pixel of each.
     const double aspect = double(s_.width) / s_.height;
@@ -252,7 +253,7 @@ class MapProbeNode final : public Node {
   std::string type() const override { return "map_probe"; }
   NodeTraits traits() const override {
     NodeTraits t;
-    t.facets = Facet::Topology | Facet::Pose | Facet::Coverage;
+    t.facets = kAccelFacets;
     if (s_.clear) t.facets = t.facets | Facet::Bsdf;
     t.smallOutput = true;
     return t;
@@ -266,7 +267,8 @@ class MapProbeNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& probe = *ctx.inputs.at(0);
-    const SolidScene scene(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), s_.clear);
+    GOBO_ASSIGN(AccelPtr accel, ctx.accel());
+    const SolidScene scene(*ctx.scene, std::move(accel), s_.clear);
     const auto a = probe.floats("a"), b = probe.floats("b"), lit = probe.floats("lit");
     const Receivers receivers(probe, s_.map.frames, s_.map.resolution, ShadowView{}, {.slopes = true, .facing = false});
     const size_t S = size_t(s_.viewSamples), cells = lit.size() / S, tasks = (cells + kGrain - 1) / kGrain;

@@ -32,10 +32,7 @@ class LightDepthMapNode : public ShadowMapNode {
       : frames_(frames), resolution_(resolution), method_(method), clear_(clear) { GOBO_CHECK(resolution >= 1); }
   std::string type() const override { return "light_depth_map"; }
   int version() const override { return 3; }
-  NodeTraits traits() const override {
-    const Facet facets = Facet::Topology | Facet::Pose | Facet::Coverage;
-    return {.facets = clear_ ? facets | Facet::Bsdf : facets};
-  }
+  NodeTraits traits() const override { return {.facets = clear_ ? kAccelFacets | Facet::Bsdf : kAccelFacets}; }
   void hashParameters(Hasher& h) const override {
     frames_.hash(h);
     h.add(resolution_).add(int(method_));
@@ -57,7 +54,10 @@ class LightDepthMapNode : public ShadowMapNode {
       if (!frame.sees) {
         std::fill(to, to + square, 1.0f);
       } else {
-        if (!solid) solid = std::make_unique<const SolidScene>(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), clear_);
+        if (!solid) {
+          GOBO_ASSIGN(AccelPtr accel, ctx.accel());
+          solid = std::make_unique<const SolidScene>(*ctx.scene, std::move(accel), clear_);
+        }
         done = raster(*ctx.scene) ? scanFace(ctx, *solid, frame, to) : traceFace(ctx, *solid, frame, to);
       }
       if (!done) return Status(Code::Cancelled, "light_depth_map stopped");
@@ -75,9 +75,8 @@ class LightDepthMapNode : public ShadowMapNode {
   bool raster(const SceneView& scene) const {
     if (method_ != DepthMethod::Automatic) return method_ == DepthMethod::Raster;
     double triangles = 0.0;
-    const auto& meshes = scene.meshes(Facet::Topology);
     for (const Instance& i : scene.instances()) {
-      const Mesh& mesh = *meshes[size_t(i.mesh)];
+      const auto mesh = scene.mesh<Facet::Topology>(i.mesh);
       triangles += double(mesh.triangles()) * (scene.coverage(mesh.material).mode == AlphaMode::Opaque ? 1.0 : kAlphaWeight);
     }
     return triangles <= kTrianglesPerTexel * double(resolution_) * double(resolution_);
@@ -101,11 +100,10 @@ class LightDepthMapNode : public ShadowMapNode {
   }
 
   bool scanFace(const RunContext& ctx, const SolidScene& solid, const LightFrame& f, float* z) const {
-    const auto& meshes = ctx.scene->meshes(Facet::Topology | Facet::Pose | Facet::Coverage);
     const std::vector<Instance>& instances = ctx.scene->instances();
     std::vector<RasterMesh> parts;
     for (size_t i = 0; i < instances.size(); ++i) {
-      const Mesh& mesh = *meshes[size_t(instances[i].mesh)];
+      const auto mesh = ctx.scene->mesh<Facet::Topology>(instances[i].mesh);
       if (mesh.triangles() == 0 || !solid.solid(uint32_t(i))) continue;
       const InstanceGeometry& g = solid.accel().impl().instances[i];
       parts.push_back({g.indices, g.positions, mesh.triangles(), g.world ? Mat4(1.0f) : g.toWorld, ctx.scene->coverage(mesh.material).mode != AlphaMode::Opaque});

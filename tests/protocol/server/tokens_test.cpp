@@ -122,6 +122,30 @@ TEST_F(Tokens, EveryMethodOfTheSchemaWantsOne) {
   EXPECT_GE(methods, 13);
 }
 
+TEST_F(Tokens, ARenderIdIsItsTokens) {
+  const Collected first = renderAs("plain", batch());
+  ASSERT_TRUE(first.status.ok()) << first.status.error_message();
+  const auto relightAs = [&](const std::string& name, const std::string& id, const std::shared_ptr<grpc::Channel>& over) {
+    v1::RelightRequest relight;
+    relight.set_render_id(id);
+    relight.mutable_patch()->mutable_tone_map()->set_exposure(1);
+    relight.add_mask("tone_map.exposure");
+    grpc::ClientContext context;
+    sign(context, name);
+    auto stub = v1::Render::NewStub(over);
+    auto reader = stub->Relight(&context, relight);
+    return drain(context, *reader);
+  };
+  EXPECT_TRUE(relightAs("plain", first.reply.render_id(), tcp).status.ok());
+  const Collected other = relightAs("narrow", first.reply.render_id(), tcp);
+  EXPECT_EQ(other.status.error_code(), grpc::NOT_FOUND);
+  EXPECT_TRUE(relightAs("admin", first.reply.render_id(), tcp).status.ok());
+  EXPECT_TRUE(relightAs("", first.reply.render_id(), channel).status.ok()) << "the local user, as with jobs";
+  const Collected local = renderOnce(batch());
+  ASSERT_TRUE(local.status.ok());
+  EXPECT_EQ(relightAs("plain", local.reply.render_id(), tcp).status.error_code(), grpc::NOT_FOUND);
+}
+
 TEST_F(Tokens, RequestsPerSecond) {
   EXPECT_TRUE(list("Bearer secret-slow", tcp).status.ok());
   EXPECT_TRUE(list("Bearer secret-slow", tcp).status.ok());

@@ -2,6 +2,7 @@
 // shadows.auto through the engine: what it picks follows the budget, the plan says so, and the pick keeps its promise.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
@@ -53,6 +54,50 @@ TEST(AutomaticShadow, ErrorBudgetsBuyBetterPicturesForMoreTime) {
     EXPECT_LT(rmse(r, truth), 1.4 * std::atof(budget)) << pick.text;
     lastError = pick.error;
     lastMs = pick.ms;
+  }
+}
+
+struct Row { double error = 0, ms = 0; bool judged = false, chosen = false; };
+std::vector<Row> rowsOf(const RenderResult& r) {
+  std::vector<Row> rows;
+  for (const v1::NodeReport& n : r.reply.plan()) {
+    if (n.node().rfind("auto:", 0) != 0) continue;
+    Row row;
+    row.chosen = n.reason().find("auto chose it") != std::string::npos;
+    row.judged = n.reason().find("expected error") != std::string::npos;
+    const char* figures = n.reason().c_str() + n.reason().find(": ") + 2;
+    if (row.judged) std::sscanf(figures, "expected error %lf in %lf ms", &row.error, &row.ms);
+    else std::sscanf(figures, "%lf ms", &row.ms);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+TEST(AutomaticShadow, TheCheapestThatKeepsTheErrorAndTheBestThatKeepsTheTime) {
+  auto engine = makeEngine();
+  constexpr double kPrinted = 0.051, kDigits = 0.00006;   // figures of the plan are rounded
+  int several = 0;
+  for (const char* light : {"key", "sun"})
+    for (const char* budget : {"0.3", "0.15", "0.08", "0.04"}) {
+      const std::vector<Row> rows = rowsOf(mustRender(*engine, request(light, std::string("auto.error=") + budget)));
+      const double error = std::atof(budget);
+      const auto chosen = std::find_if(rows.begin(), rows.end(), [](const Row& r) { return r.chosen; });
+      ASSERT_NE(chosen, rows.end());
+      int keep = 0;
+      for (const Row& r : rows) keep += r.judged && r.error <= error - kDigits;
+      several += keep > 1;
+      if (keep == 0) continue;
+      EXPECT_LE(chosen->error, error + kDigits) << light << " " << budget;
+      for (const Row& r : rows)
+        if (!r.judged || r.error <= error - kDigits) { EXPECT_LE(chosen->ms, r.ms + kPrinted) << light << " " << budget; }
+    }
+  EXPECT_GT(several, 3) << "there was something to choose";
+  for (const char* budget : {"2", "8", "40"}) {
+    const std::vector<Row> rows = rowsOf(mustRender(*engine, request("key", std::string("auto.time_ms=") + budget)));
+    const auto chosen = std::find_if(rows.begin(), rows.end(), [](const Row& r) { return r.chosen; });
+    ASSERT_NE(chosen, rows.end());
+    for (const Row& r : rows)
+      if (r.judged && r.ms <= std::atof(budget) - kPrinted) { EXPECT_LE(chosen->error, r.error + kDigits) << budget; }
   }
 }
 

@@ -6,6 +6,7 @@
 #include "base/hash.h"
 
 #include <cmath>
+#include <functional>
 #include <cstring>
 #include <limits>
 
@@ -32,6 +33,28 @@ RenderResult resultOf(const std::string& output, Image image, v1::Encoding::Form
   result.reply.mutable_resolved()->mutable_encoding()->set_format(format);
   result.images.push_back(rendered(output, image));
   return result;
+}
+
+TEST(Encode, SaysHowManyValuesHalvesDoNotHold) {
+  Image image(4, 2, 3);
+  for (size_t i = 0; i < image.data.size(); ++i) image.data[i] = 65504.0f;                    // the largest half is no loss
+  const float inf = std::numeric_limits<float>::infinity();
+  image.data[3] = 65505.0f; image.data[7] = -1e30f; image.data[9] = 3e38f; image.data[11] = inf;   // infinitely far is no number to lose
+  const auto warnings = [&](const std::string& output, const std::function<void(v1::Encoding&)>& edit) {
+    RenderResult result = resultOf(output, image, v1::Encoding::RAW_HALF);
+    edit(*result.reply.mutable_resolved()->mutable_encoding());
+    EXPECT_TRUE(encodeImages(result).ok());
+    return std::vector<std::string>(result.reply.warnings().begin(), result.reply.warnings().end());
+  };
+  const auto raw = warnings("beauty", [](v1::Encoding&) {});
+  ASSERT_EQ(raw.size(), 1u);
+  EXPECT_NE(raw[0].find("beauty: 3 of 24 values"), std::string::npos) << raw[0];
+  EXPECT_TRUE(warnings("beauty", [](v1::Encoding& e) { e.set_format(v1::Encoding::RAW_FLOAT); }).empty());
+  EXPECT_TRUE(warnings("beauty", [](v1::Encoding& e) { e.set_format(v1::Encoding::EXR); }).empty());
+  EXPECT_EQ(warnings("beauty", [](v1::Encoding& e) { e.set_format(v1::Encoding::EXR); e.set_half(true); }).size(), 1u);
+  EXPECT_EQ(warnings("beauty", [](v1::Encoding& e) { e.set_format(v1::Encoding::EXR); e.set_half(true); e.set_layers(true); }).size(), 1u);
+  EXPECT_EQ(warnings("beauty", [](v1::Encoding& e) { e.set_format(v1::Encoding::EXR); e.set_compression(v1::Encoding::DWAA); }).size(), 1u);
+  EXPECT_TRUE(warnings("position", [](v1::Encoding& e) { e.set_format(v1::Encoding::EXR); e.set_half(true); }).empty()) << "written as 32 bits";
 }
 
 TEST(Sha256, KnownDigests) {   // FIPS 180-4 examples

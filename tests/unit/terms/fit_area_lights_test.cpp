@@ -281,5 +281,21 @@ TEST(FitAreaLights, SmallTurnsOfTheMapChangeLittle) {
   EXPECT_LT(worst, 0.02 * mean);
 }
 
+TEST(FitAreaLights, PollsItsStopTokenAllAlong) {
+  const Environment e = mapOf(64, 32, [](const DVec3& d) { return Vec3(1.0f + float(d.y)); });
+  constexpr int kMany = 1 << 30;
+  StopSource count;
+  count.stopAtPoll(kMany);
+  ASSERT_EQ(fitAreaLights(e, 16, count.token()).lights.size(), 16u);
+  const int polls = kMany - count.pollsLeft();
+  EXPECT_GT(polls, 16 * 6 * 12) << "for each light, chart and size";
+  for (const int n : {1, 10, 40, 200, polls / 2, polls - 1}) {   // in the cells, the pursuit, the refinement
+    StopSource stop;
+    stop.stopAtPoll(n);
+    EXPECT_TRUE(fitAreaLights(e, 16, stop.token()).lights.empty()) << n;
+    EXPECT_EQ(stop.token().reason(), StopReason::Cancelled) << n;
+  }
+}
+
 }  // namespace
 }  // namespace gobo

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/accel.h"
 
+#include <atomic>
+#include <future>
 #include <random>
 #include <thread>
 
@@ -12,7 +14,7 @@ namespace {
 
 using namespace tests;
 
-constexpr Facet kGeometry = Facet::Topology | Facet::Pose | Facet::Coverage;
+constexpr Facet kGeometry = kAccelFacets;
 const std::vector<int> kNoLights;
 
 AccelPtr buildAccel(const Scene& scene, int threads = 2) {
@@ -243,6 +245,68 @@ TEST(AccelCache, ConcurrentAsksBuildOnceAndSizeIsBounded) {
   EXPECT_EQ(cache.builds(), 3u);                   // the latest is kept
   cache.get(SceneView(*scenes[0], kGeometry, kNoLights), arena);
   EXPECT_EQ(cache.builds(), 4u);                   // the oldest went
+}
+
+ScenePtr oneBall() {
+  SceneMaker m;
+  m.instance(m.mesh(sphere(Vec3(0.0f), 1.0f, 20, false), m.material(Vec3(0.5f))));
+  return withCamera(m);
+}
+
+TEST(AccelCache, ABuildThatThrowsIsTriedAgain) {
+  const ScenePtr scene = oneBall();
+  const SceneView view(*scene, kGeometry, kNoLights);
+  TaskArena arena(1);
+  std::atomic<int> builds{0};
+  AccelCache cache(1ull << 30, [&](const SceneView& v, const TaskArena& a, const StopToken& s) {
+    if (builds++ == 0) throw std::bad_alloc();
+    return Accel::build(v, a, s);
+  });
+  EXPECT_THROW(cache.get(view, arena), std::bad_alloc);
+  EXPECT_EQ(cache.bytes(), 0u);
+  const AccelPtr made = cache.get(view, arena);
+  ASSERT_NE(made, nullptr);
+  EXPECT_EQ(cache.get(view, arena), made);
+  EXPECT_EQ(builds, 2);
+}
+
+TEST(AccelCache, WhoWaitsForABuildThatThrowsIsTold) {
+  const ScenePtr scene = oneBall();
+  const SceneView view(*scene, kGeometry, kNoLights);
+  TaskArena arena(1);
+  std::promise<void> building, go;
+  AccelCache cache(1ull << 30, [&](const SceneView&, const TaskArena&, const StopToken&) -> AccelPtr {
+    building.set_value();
+    go.get_future().wait();
+    throw std::bad_alloc();
+  });
+  std::thread builder([&] { EXPECT_THROW(cache.get(view, arena), std::bad_alloc); });
+  building.get_future().wait();
+  StopSource second;
+  std::thread stopped([&] { EXPECT_EQ(cache.get(view, arena, second.token()), nullptr) << "its own stop ends the wait"; });
+  second.stop(StopReason::Cancelled);
+  stopped.join();
+  go.set_value();
+  builder.join();
+  EXPECT_EQ(cache.builds(), 1u);
+}
+
+TEST(AccelCache, AStoppedBuildLeavesNothingBehind) {
+  const ScenePtr scene = oneBall();
+  const SceneView view(*scene, kGeometry, kNoLights);
+  TaskArena arena(2);
+  // Ended at its first poll, its second, and so on, until one is not ended.
+  int n = 1;
+  for (AccelPtr made; !made; ++n) {
+    AccelCache cache;
+    StopSource stop;
+    stop.stopAtPoll(n);
+    made = cache.get(view, arena, stop.token());
+    EXPECT_EQ(cache.bytes() > 0, made != nullptr) << n;
+    ASSERT_NE(cache.get(view, arena), nullptr) << n;
+    EXPECT_EQ(cache.builds(), made ? 1u : 2u) << n;
+  }
+  EXPECT_GT(n, 3) << "a build polls";
 }
 
 TEST(OffsetOrigin, LeavesTheSurfaceOnTheAskedSideAtEveryScale) {

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// RememberedRenders: what each reply's render id stands for. An id is a handle of one reply, 128 random bits: it says nothing about
+// the request (that is request_hash), equal requests get different ids, and nobody finds another caller's by guessing.
+// The request is the reply's own: resolved, with the samples that were realised. Thread-safe.
+#pragma once
+
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "gobo/v1/render.pb.h"
+
+namespace gobo {
+
+class RememberedRenders {
+ public:
+  explicit RememberedRenders(size_t keep) : keep_(keep) {}
+  /// The new reply's id. `owner`: who may relight from it besides those who may everything; may be empty (nobody's in particular).
+  std::string add(const v1::RenderRequest& request, const std::string& owner);
+  /// `caller` empty: may use every id. Otherwise another owner's id is unknown to it, like one that never was. The id counts as used.
+  std::optional<v1::RenderRequest> find(const std::string& id, const std::string& caller);
+  size_t keep() const { return keep_; }
+
+ private:
+  struct Entry { v1::RenderRequest request; std::string owner; };
+  const size_t keep_;
+  std::mutex mutex_;
+  std::map<std::string, Entry> entries_;
+  std::deque<std::string> order_;          // least recently used first
+};
+
+}  // namespace gobo

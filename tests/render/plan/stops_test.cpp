@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// A render that is stopped at any of its polls says so, leaves nothing wrong behind, and polls often: for every technique of the
+// registry, for environments of every kind, and for what runs while planning.
+#include <gtest/gtest.h>
+
+#include "filters/shadow_technique.h"
+#include "support/engines.h"
+
+namespace gobo::testing {
+namespace {
+
+constexpr int kMany = 1 << 30;
+
+struct Case { std::string name; v1::RenderRequest request; };
+
+std::vector<Case> cases() {
+  std::vector<Case> out;
+  for (const ShadowTechniqueEntry& t : shadowTechniques()) {
+    v1::RenderRequest r = smallRequest("cornell", 24, 16, 2);
+    set(r, std::string("lights.lamp.kind=") + (t.supports(LightKind::Rect) ? "RECT" : "SPOT"));
+    for (const char* a : {"lights.lamp.position=0.2,1.6,0.4", "lights.lamp.direction=0,-1,-0.2", "lights.lamp.intensity=3"}) set(r, a);
+    v1::ShadowTechnique& technique = *(*r.mutable_lights())["lamp"].mutable_shadow();
+    technique.GetReflection()->MutableMessage(&technique, technique.GetDescriptor()->FindFieldByNumber(t.key));
+    if (t.usesMap || technique.has_auto_()) technique.mutable_map()->set_resolution(32);
+    if (technique.has_auto_()) technique.mutable_auto_()->set_error(0.05);
+    out.push_back({t.name, r});
+  }
+  for (const char* kind : {"environment.area_lights=6", "environment.extract_lights=6", "seed=1"}) {
+    v1::RenderRequest r = smallRequest("cornell", 24, 16, 2);
+    set(r, "environment.sky.turbidity=3");
+    set(r, kind);
+    out.push_back({kind, r});
+  }
+  v1::RenderRequest caustics = smallRequest("spheres", 24, 16, 2);
+  for (const char* a : {"lights.lamp.kind=POINT", "lights.lamp.position=1,3,1", "lights.lamp.intensity=5", "integrator.caustic_photons=500"}) set(caustics, a);
+  out.push_back({"caustics", caustics});
+  return out;
+}
+
+TEST(Stops, AtAnyPollARenderEndsAndLeavesNothingWrong) {
+  for (const Case& c : cases()) {
+    RenderControl counting;
+    StopSource count;
+    count.stopAtPoll(kMany);
+    counting.stop = count.token();
+    const auto engine = makeEngine(256ull << 20, {}, 1);
+    const auto whole = engine->render(c.request, counting);
+    ASSERT_TRUE(whole.ok()) << c.name << ": " << whole.status().toString();
+    const int polls = kMany - count.pollsLeft();
+    EXPECT_GT(polls, 20) << c.name;
+    const auto stopped = makeEngine(256ull << 20, {}, 1);
+    for (int k = 0; k < 5; ++k) {   // the same engine again and again: it goes on from what the stopped ones left
+      StopSource stop;
+      stop.stopAtPoll(1 + polls * k / 6);
+      RenderControl control;
+      control.stop = stop.token();
+      const auto result = stopped->render(c.request, control);
+      if (result.ok()) EXPECT_EQ(firstDifference(*result, *whole), "") << c.name << " stopped at " << k << "/6";   // the store had the rest
+      else EXPECT_EQ(result.status().code(), Code::Cancelled) << c.name << ": " << result.status().toString();
+    }
+    EXPECT_EQ(firstDifference(mustRender(*stopped, c.request), *whole), "") << c.name;
+  }
+}
+
+TEST(Stops, AdmissionsPlanStopsInItsExpanders) {
+  for (const Case& c : cases()) {
+    if (c.name.find("environment.") == std::string::npos && c.name != "auto") continue;
+    StopSource count;
+    count.stopAtPoll(kMany);
+    ASSERT_TRUE(makeEngine(256ull << 20, {}, 1)->pinnedBytes(c.request, nullptr, count.token()).ok()) << c.name;
+    const int polls = kMany - count.pollsLeft();
+    EXPECT_GT(polls, 30) << c.name;
+    for (const int n : {1, polls / 2, polls - 1}) {
+      StopSource stop;
+      stop.stopAtPoll(n);
+      const auto bytes = makeEngine(256ull << 20, {}, 1)->pinnedBytes(c.request, nullptr, stop.token());
+      ASSERT_FALSE(bytes.ok()) << c.name << " at " << n;
+      EXPECT_EQ(bytes.status().code(), Code::Cancelled) << c.name;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace gobo::testing
