@@ -4,9 +4,9 @@ JOBS ?= $(shell nproc)
 SCENE ?= atrium
 ENV ?=
 SHELL := /bin/bash
-CONFIGURE = cmake -S . -B $(BUILD) -G Ninja -DCMAKE_BUILD_TYPE=Release
+CONFIGURE = cmake --preset release -B $(BUILD)
 
-.PHONY: all deps build demo test bench references lint format clean
+.PHONY: all deps build demo test sanitize bench references lint format clean
 
 all: build
 
@@ -24,6 +24,10 @@ test: deps
 	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE)
 	@ninja -C $(BUILD) -j $(JOBS)
 	@cd $(BUILD) && ctest --output-on-failure -j $(JOBS)
+
+# Tests under the sanitizers and unoptimised, each in a build folder of its own (CMakePresets.json).
+sanitize: deps
+	@for preset in asan tsan debug; do deploy/sanitize $$preset $(JOBS) || exit 1; done
 
 bench: deps
 	@deploy/install-deps --bench

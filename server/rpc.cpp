@@ -13,7 +13,7 @@ grpc::Status toGrpc(const Status& status) {
   std::string text = status.message();
   if (!status.location().empty()) text += " (at " + status.location() + ")";
   constexpr size_t limit = 4096;
-  if (text.size() > limit) text = text.substr(0, limit - 3) + "...";
+  if (text.size() > limit) text.replace(limit - 3, std::string::npos, "...");
   return {grpc::StatusCode(int(status.code())), escaped(text)};
 }
 

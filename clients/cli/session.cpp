@@ -108,7 +108,7 @@ Result<std::string> findToken(const SessionOptions& options) {
   std::string token = env ? env : "";
   if (!options.tokenFile.empty()) {
     GOBO_ASSIGN(token, textOf(options.tokenFile, "--token-file"));
-    token = token.substr(0, token.find_first_of("\r\n"));
+    if (const size_t end = token.find_first_of("\r\n"); end != std::string::npos) token.resize(end);
   }
   for (const char c : token)
     if (c <= 0x20 || c >= 0x7f) return invalidArgument("the token must be printable ASCII without spaces", options.tokenFile.empty() ? "GOBO_TOKEN" : "--token-file");

@@ -50,7 +50,7 @@ void ExtensionIndex::clear() {
   parked_.clear();
 }
 
-Executor::Executor(const Graph& graph, ExecutorServices services, StopToken stop, std::function<void(const std::string&, double)> progress)
+Executor::Executor(const Graph& graph, const ExecutorServices& services, StopToken stop, std::function<void(const std::string&, double)> progress)
     : graph_(graph), services_(services), stop_(stop), progress_(std::move(progress)) {}
 
 void Executor::grow() {

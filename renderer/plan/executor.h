@@ -56,7 +56,7 @@ struct ExecutorServices {
 
 class Executor {
  public:
-  Executor(const Graph& graph, ExecutorServices services, StopToken stop, std::function<void(const std::string&, double)> progress = {});
+  Executor(const Graph& graph, const ExecutorServices& services, StopToken stop, std::function<void(const std::string&, double)> progress = {});
   Result<TermPtr> evaluate(NodeId id);
   /// The key under which the node's result is stored. May evaluate small-output nodes above it.
   Result<Hash128> identity(NodeId id);

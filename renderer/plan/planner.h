@@ -11,7 +11,7 @@
 #include "filters/expression.h"
 #include "plan/effective_scene.h"
 #include "terms/graph.h"
-#include "terms/path_class.h"
+#include "trace/path_class.h"
 
 namespace gobo {
 

@@ -17,7 +17,7 @@
 #include "base/stop.h"
 #include "base/task_arena.h"
 #include "scene/scene.h"
-#include "terms/path_class.h"
+#include "trace/path_class.h"
 #include "terms/term.h"
 
 namespace gobo {

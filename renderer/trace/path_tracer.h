@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "scene/camera.h"
-#include "terms/path_class.h"
+#include "trace/path_class.h"
 #include "trace/accel.h"
 #include "trace/light_sampling.h"
 #include "trace/light_selector.h"

@@ -56,7 +56,7 @@ int computeFamily(VkPhysicalDevice physical, uint32_t* timestampBits = nullptr) 
   return -1;
 }
 
-Status noDevice(std::string why) {
+Status noDevice(const std::string& why) {
   return {Code::Unavailable, "no Vulkan device: " + why + " (mesa-vulkan-drivers has lavapipe for machines without a GPU)"};
 }
 

@@ -39,7 +39,7 @@ DepthRaster::DepthRaster(const LightFrame& frame, int resolution, std::span<cons
   rows_.reserve(meshes.size());
   for (uint32_t m = 0; m < meshes.size(); ++m) {
     const glm::dmat4 toWorld(meshes[m].toWorld);
-    Rows r;
+    Rows r{};
     double* const to[4] = {r.x, r.y, r.w, r.z};
     for (int k = 0; k < 4; ++k) {
       for (int c = 0; c < 3; ++c) to[k][c] = glm::dot(rows[k].a, D(toWorld[c]));
