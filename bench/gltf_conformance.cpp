@@ -3,9 +3,14 @@
 // verdicts by folder, then each model where loader and report disagree; --all lists every model.
 // gltf_conformance --verdicts LIST: one JSON line {"file", "error" | "warnings"} for each path in the file LIST, which
 // bench/gltf_validator/compare.mjs lays beside the Khronos validator's.
+// gltf_conformance --rules: docs/gltf_checks.md. gltf_conformance --base FILE: writes the document that the tests' mutants are made of.
+#include <cstring>
 #include <iostream>
 #include <set>
 
+#include "scene/gltf/schema.h"
+#include "support/gltf_base.h"
+#include "support/gltf_rules.h"
 #include "support/gltf_verdicts.h"
 
 namespace {
@@ -23,11 +28,56 @@ int printVerdicts(const std::string& list) {
   return 0;
 }
 
+std::string typeOf(const gobo::gltf::Field& f) {
+  using gobo::gltf::Kind;
+  constexpr const char* names[] = {"object", "objects", "indices by name", "index", "indices", "integer", "number", "numbers", "true or false", "text", "texts"};
+  std::string out = names[int(f.kind)];
+  char part[64];
+  if (f.kind == Kind::Numbers && f.least == f.most) out = std::to_string(f.least) + " " + out;
+  if (f.shape) out += ": " + std::string(f.shape->name);
+  if (!f.list.empty()) out += " of " + std::string(f.list);
+  if (!f.values.empty()) return out + ": " + std::string(f.values);
+  const bool top = f.kind == Kind::Integer ? f.hi < gobo::gltf::kLargestSize : f.hi < gobo::gltf::kLargest;
+  if (f.lo > -gobo::gltf::kLargest && f.kind != Kind::Index) {
+    std::snprintf(part, sizeof part, top ? "%s%g to %g" : "%s%g", f.openLow ? " above " : " from ", f.lo, f.hi);
+    out += part;
+  }
+  if (f.step > 1) out += ", multiple of " + std::to_string(f.step);
+  return out;
+}
+
+int printRules() {
+  using namespace gobo;
+  std::cout << "# What a glTF is checked against\n\nPrinted by `gltf_conformance --rules`. Policy and results: [gltf.md](gltf.md).\n\n"
+               "## Structure\n\nOne table in `renderer/scene/gltf/schema_core.cpp` and `schema_extensions.cpp`; `GltfSchema.EveryRowIsHeld` makes documents from each row that break it.\n"
+               "*Bold*: required. The last column says what becomes of a wrong type, of a value outside, of a missing or forbidden neighbour.\n\n"
+               "| object | member | type and range | needs / excludes | answer |\n|---|---|---|---|---|\n";
+  std::vector<const gltf::Shape*> shapes{&gltf::rootShape()};
+  for (size_t i = 0; i < shapes.size(); ++i)
+    for (const gltf::Field& f : shapes[i]->fields) if (f.shape && std::find(shapes.begin(), shapes.end(), f.shape) == shapes.end()) shapes.push_back(f.shape);
+  for (const auto& row : gltf::extensionRows()) {
+    if (std::find(shapes.begin(), shapes.end(), row.shape) == shapes.end()) shapes.push_back(row.shape);
+    for (const gltf::Field& f : row.shape->fields) if (f.shape && std::find(shapes.begin(), shapes.end(), f.shape) == shapes.end()) shapes.push_back(f.shape);
+  }
+  for (const gltf::Shape* s : shapes)
+    for (const gltf::Field& f : s->fields) {
+      const auto word = [](gltf::Answer a) { return a == gltf::Answer::Refuse ? "refused" : "warning"; };
+      std::cout << "| " << s->name << " | " << (f.isRequired ? "**" : "") << f.name << (f.isRequired ? "**" : "") << " | " << typeOf(f) << " | " << f.needed << (f.excluded.empty() ? "" : "not ") << f.excluded << " | "
+                << word(f.type) << (f.value == f.type ? "" : std::string("; value: ") + word(f.value)) << (f.beside == f.type || (f.needed.empty() && f.excluded.empty()) ? "" : std::string("; neighbour: ") + word(f.beside)) << " |\n";
+    }
+  std::cout << "\n## Codes of the Khronos validator\n\nEvery code that the validator (2.0.0-dev.3.10) calls an error; `GltfRules.EveryCodeIsAnswered` has a mutant for each that the table above does not hold.\n\n"
+               "| code | answer | note |\n|---|---|---|\n";
+  for (const testing::CodeRule& r : testing::kRules) std::cout << "| " << r.code << " | " << testing::heldName(r.held) << " | " << r.note << " |\n";
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   using namespace gobo::testing;
   if (argc == 3 && std::string(argv[1]) == "--verdicts") return printVerdicts(argv[2]);
+  if (argc == 2 && std::string(argv[1]) == "--rules") return printRules();
+  if (argc == 3 && std::string(argv[1]) == "--base") { std::ofstream(argv[2]) << gltfBase().text(); return 0; }
   std::string folder = "../shared/data/gltf";
   bool all = false;
   for (int i = 1; i < argc; ++i) if (std::string(argv[i]) == "--all") all = true; else folder = argv[i];

@@ -25,6 +25,9 @@ class ParentFiles final : public FileSource {
     if (!writeFrame(kSocket, Frame::Ask, name.data(), name.size())) ::_exit(3);
     return answer(maxBytes, "\"" + name + "\"");
   }
+  void parsing(const std::string& place) override {
+    if (!writeFrame(kSocket, Frame::Note, place.data(), place.size())) ::_exit(3);
+  }
 
  private:
   static Result<std::vector<uint8_t>> answer(uint64_t maxBytes, const std::string& what) {
@@ -52,6 +55,7 @@ Status work(const Job& job, Done& done) {
   ParentFiles files;
   if (job.task == Task::Environment) {
     GOBO_ASSIGN(const std::vector<uint8_t> bytes, files.main(~0ull));
+    files.parsing("");
     GOBO_ASSIGN(const EnvironmentPtr map, readEnvironment(bytes.data(), bytes.size(), job.path));
     return writeBlob(*map, writeOut);
   }
@@ -96,6 +100,7 @@ int serve() {
   if (status.ok()) status = lockDown(job);
   if (status.ok()) {
     try {
+      if (job.task == Task::Probe) writeFrame(kSocket, Frame::Note, nullptr, 0);
       status = job.task == Task::Probe ? probe(job.path) : work(job, done);
     } catch (const std::bad_alloc&) {
       status = Status(Code::ResourceExhausted, "out of memory", job.path);

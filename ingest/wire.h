@@ -3,6 +3,7 @@
 // Little endian, same machine. Frames: u8 type, u64 body bytes, body.
 //   parent  Job        everything the child needs to know, then a File frame with the scene file
 //   child   Ask        a name beside the scene file; the parent answers with File or Refusal
+//   child   Note       what it is about to parse, so that its end can be blamed on that: "" for the file itself, else a place in it
 //   child   Done       the blob is complete on descriptor 4: times
 //   child   Failed     one error: code, message, location
 // The parent trusts none of it: names are checked again, counts and sizes are bounded, and the blob is verified.
@@ -17,7 +18,7 @@
 namespace gobo::ingest {
 
 inline constexpr int kSocket = 3, kOutput = 4;
-enum class Frame : uint8_t { Job = 1, File = 2, Refusal = 3, Ask = 4, Done = 5, Failed = 6 };
+enum class Frame : uint8_t { Job = 1, File = 2, Refusal = 3, Ask = 4, Done = 5, Failed = 6, Note = 7 };
 enum class Task : uint8_t { Scene = 1, Environment = 2, Probe = 3 };   ///< Probe: path names a thing to try (probe.h)
 
 struct Job {

@@ -70,7 +70,7 @@ class Child {
     ::posix_spawnattr_destroy(&attributes);
     if (error == 0) return {};
     pid_ = -1;
-    return Status(error == EAGAIN || error == ENOMEM ? Code::ResourceExhausted : Code::FailedPrecondition,
+    return Status(error == EAGAIN || error == ENOMEM ? Code::ResourceExhausted : Code::Internal,
                   "cannot start \"" + program + "\": " + strerrordesc_np(error) + " (ingest.program)");
   }
   void kill() { ::kill(pid_, SIGKILL); }
@@ -162,7 +162,15 @@ Status sendFile(Channel& channel, int file, const std::string& name, uint64_t li
   return {};
 }
 
-Status whyItEnded(const ingest::Job& job, int status) {
+/// A crash in the middle of a client's file is that file's doing, and so the client's error; before, it is the server's.
+Status crashed(int signal, const IngestOutcome& outcome) {
+  const char* name = ::sigabbrev_np(signal);
+  const std::string end = std::string(::strsignal(signal)) + (name ? std::string(", SIG") + name : "");
+  if (!outcome.parsing) return internalError("the sandboxed reader crashed before it read the file (" + end + ")");
+  return invalidArgument("the file crashes its reader (" + end + ")" + (outcome.place.empty() ? "" : " at " + outcome.place) + "; it is damaged or made to do so, and only this load is affected");
+}
+
+Status whyItEnded(const ingest::Job& job, const IngestOutcome& outcome, int status) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return internalError("the sandboxed reader left without an answer");
   if (WIFEXITED(status)) return internalError("the sandboxed reader gave up with exit code " + std::to_string(WEXITSTATUS(status)));
   const int signal = WTERMSIG(status);
@@ -171,7 +179,10 @@ Status whyItEnded(const ingest::Job& job, int status) {
     case SIGXFSZ: return Status(Code::ResourceExhausted, "its blob is larger than " + std::to_string(job.blobBytes) + " bytes (ingest.blob_bytes)");
     case SIGSYS: return internalError("the sandboxed reader tried a system call that its sandbox forbids and was stopped");
     case SIGKILL: return Status(Code::ResourceExhausted, "the sandboxed reader was killed from outside (is the machine out of memory?)");
-    default: return internalError(std::string("the sandboxed reader crashed on it (") + ::strsignal(signal) + "); only this load is affected");
+    case SIGTERM:
+    case SIGINT:
+    case SIGHUP: return Status(Code::Unavailable, std::string("the sandboxed reader was stopped from outside (") + ::strsignal(signal) + "); try again");
+    default: return crashed(signal, outcome);
   }
 }
 
@@ -202,16 +213,18 @@ Status talk(Channel& channel, const ingest::Job& job, int mainFile, IngestOutcom
   uint64_t total = 0;
   alive = channel.frame(ingest::Frame::Job, body.size()) && channel.write(body.data(), body.size());
   if (alive && mainFile >= 0) GOBO_TRY(sendFile(channel, mainFile, job.path, job.maxBytes, outcome.mainDigest, outcome.mainStamp, total, alive));
-  while (alive) {
+  // Also when it took nothing: what it said before it went is still there.
+  for (;;) {
     uint8_t head[9];
     uint64_t size = 0;
-    if (!(alive = channel.read(head, sizeof head))) break;
+    if (!channel.read(head, sizeof head)) break;
     memcpy(&size, head + 1, 8);
     if (size > (1u << 20)) return internalError("the sandboxed reader broke the protocol");
     std::vector<uint8_t> bytes(size);
-    if (!(alive = channel.read(bytes.data(), bytes.size()))) break;
+    if (!channel.read(bytes.data(), bytes.size())) break;
     Status reported;
     switch (ingest::Frame(head[0])) {
+      case ingest::Frame::Note: outcome.parsing = true; outcome.place.assign(bytes.begin(), bytes.begin() + std::min<ptrdiff_t>(ptrdiff_t(bytes.size()), 200)); break;
       case ingest::Frame::Ask: GOBO_TRY(answer(channel, job, std::string(bytes.begin(), bytes.end()), outcome, total, alive)); break;
       case ingest::Frame::Done: return ingest::decode(bytes, outcome.done) ? Status() : internalError("the sandboxed reader broke the protocol");
       case ingest::Frame::Failed:
@@ -222,6 +235,7 @@ Status talk(Channel& channel, const ingest::Job& job, int mainFile, IngestOutcom
       default: return internalError("the sandboxed reader broke the protocol");
     }
   }
+  alive = false;
   return {};
 }
 
@@ -272,7 +286,10 @@ Result<IngestOutcome> runIngest(const std::string& program, const ingest::Job& j
     snprintf(limit, sizeof limit, "%g", wallSeconds);
     return Status(Code::ResourceExhausted, std::string("reading it takes longer than ") + limit + " s (ingest.wall_s)", job.path);
   }
-  if (!alive || !WIFEXITED(status) || WEXITSTATUS(status) != 0) return whyItEnded(job, status).at(job.path);
+  if (!alive || !WIFEXITED(status) || WEXITSTATUS(status) != 0) {
+    const std::string place = !outcome.place.empty() && WIFSIGNALED(status) ? job.path + "#" + outcome.place : job.path;
+    return cleanUtf8(whyItEnded(job, outcome, status).at(place));
+  }
   return outcome;
 }
 

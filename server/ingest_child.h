@@ -20,6 +20,8 @@ struct IngestOutcome {
   std::string mainDigest, mainStamp;
   std::vector<SideFile> sides;    ///< in the order of the first ask
   ingest::Done done;
+  bool parsing = false;           ///< it began to parse; `place` is what, a JSON pointer or ""
+  std::string place;
 };
 
 inline constexpr size_t kMaxSideFiles = 10000;
@@ -28,7 +30,8 @@ inline constexpr size_t kMaxSideFiles = 10000;
 std::string findIngestProgram();
 
 /// The blob is on `output` (from its start) when this returns ok. Errors, all placed at job.path: what the child reports;
-/// ResourceExhausted that names the limit and its configuration key; Internal when it crashed; Cancelled.
+/// ResourceExhausted that names the limit and its configuration key; InvalidArgument when it crashed while it parsed the file;
+/// Internal when it crashed before, cannot be started, or tried what its sandbox forbids; Cancelled.
 Result<IngestOutcome> runIngest(const std::string& program, const ingest::Job& job, int output, double wallSeconds, const StopToken& stop);
 
 }  // namespace gobo

@@ -18,6 +18,9 @@ class FileSource {
   virtual Result<std::vector<uint8_t>> main(uint64_t maxBytes) = 0;
   /// A file beside it, or below its folder. NotFound when it does not exist; InvalidArgument when the name is refused.
   virtual Result<std::vector<uint8_t>> beside(const std::string& name, uint64_t maxBytes) = 0;
+  /// The loader is about to parse the file ("") or the part of it at a JSON pointer ("/images/3"): who watches the loader knows
+  /// what to blame if it does not come back.
+  virtual void parsing(const std::string& /*place*/) {}
 };
 
 /// Refuses names that are empty, absolute, have a scheme or a "..", hold a zero byte, or are longer than 1024 bytes.

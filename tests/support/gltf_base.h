@@ -134,8 +134,8 @@ inline GltfBase gltfBase() {
   b.accessor(std::vector<float>{0.5, 0.5, 0, 0, 0.5, 0.5, 0, 0, 0.5, 0.5, 0, 0, 0.5, 0.5, 0, 0}, 5126, "VEC4", 4, vertices);
   b.accessor(faces, 5123, "SCALAR", 1, corners);
   b.accessor(std::vector<float>{0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1}, 5126, "VEC3", 3, vertices, true);
-  std::vector<float> binds(32, 0.0f);
-  for (size_t i = 0; i < 32; i += i % 16 == 15 ? 1 : 5) binds[i] = 1.0f;
+  std::vector<float> binds(48, 0.0f);   // one more than joints
+  for (size_t i = 0; i < binds.size(); i += i % 16 == 15 ? 1 : 5) binds[i] = 1.0f;
   b.accessor(binds, 5126, "MAT4", 16);
   b.accessor(std::vector<float>{0, 1}, 5126, "SCALAR", 1, 0, true);
   b.accessor(std::vector<float>{0, 1, 0, 0, 2, 0}, 5126, "VEC3", 3);

@@ -22,7 +22,7 @@ Status checkVersion(const Document& d) {
     return asset && asset->is_object() && asset->contains(key) && (*asset)[key].is_string() ? (*asset)[key].get<std::string>() : std::string(otherwise);
   };
   const std::string version = text("version", "2.0"), least = text("minVersion", "2.0");
-  if (version.compare(0, 2, "2.") != 0) return invalidArgument("glTF version \"" + version + "\" is not 2.x", d.path + "#/asset/version");
+  if (version.compare(0, 2, "2.") != 0 || version.size() < 3 || version.find_first_not_of("0123456789", 2) != std::string::npos) return invalidArgument("glTF version \"" + version + "\" is not 2.x", d.path + "#/asset/version");
   if (least.compare(0, 2, "2.") != 0 || least.find_first_not_of('0', 2) != std::string::npos) return invalidArgument("the file needs glTF " + least + "; 2.0 is read", d.path + "#/asset/minVersion");
   return {};
 }
@@ -125,6 +125,7 @@ Status openDocument(const std::string& path, const LoadOptions& options, Documen
   DiskFiles disk(path);
   d.files = options.files ? options.files : &disk;
   GOBO_ASSIGN(const std::vector<uint8_t> file, d.files->main(std::min<uint64_t>(options.maxBytes, 0xffffffffu)));
+  d.files->parsing("");
   Container container;
   GOBO_TRY(splitContainer(d, file, container));
   std::string_view text = container.text;

@@ -126,7 +126,7 @@ Material readMaterial(Document& d, const Cursor& at, Textures& textures) {
   if (mode == "MASK") m.coverage.mode = AlphaMode::Mask;
   else if (mode == "BLEND") m.coverage.mode = AlphaMode::Blend;
   else if (mode != "OPAQUE") at["alphaMode"].fail("\"" + mode + "\" is not OPAQUE, MASK or BLEND");
-  m.coverage.cutoff = float(at["alphaCutoff"].number(0.5, 0.0, 3e38));
+  m.coverage.cutoff = bounded(at["alphaCutoff"], 0.5, 0.0, 3e38);
   m.coverage.doubleSided = at["doubleSided"].boolean(false);
   if (m.coverage.mode != AlphaMode::Opaque) {  // OPAQUE ignores alpha
     m.coverage.factor = base.w;

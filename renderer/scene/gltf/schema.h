@@ -40,6 +40,7 @@ struct Field {
   Answer type = Answer::Refuse;         ///< to a wrong type or number of elements, and where it is required: to its absence
   Answer value = Answer::Refuse;        ///< to a number outside its range, an unknown value, a repeated element
   Answer beside = Answer::Refuse;       ///< to what is missing or must not be beside it
+  Answer none = Answer::Warn;           ///< to an empty list
 
   constexpr Field required() const { Field f = *this; f.isRequired = true; return f; }
   constexpr Field range(double low, double high) const { Field f = *this; f.lo = low; f.hi = high; return f; }
@@ -53,6 +54,7 @@ struct Field {
   constexpr Field excludes(std::string_view others) const { Field f = *this; f.excluded = others; return f; }
   constexpr Field warnsOfValue() const { Field f = *this; f.value = Answer::Warn; return f; }
   constexpr Field warnsOfCompany() const { Field f = *this; f.beside = Answer::Warn; return f; }
+  constexpr Field refusesNone() const { Field f = *this; f.none = Answer::Refuse; return f; }
   constexpr Field onlyWarns() const { Field f = *this; f.type = f.value = f.beside = Answer::Warn; return f; }
 };
 

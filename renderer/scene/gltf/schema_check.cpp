@@ -82,6 +82,7 @@ class Checker {
 
   void check(const Place& object, const Shape& shape) {
     std::vector<std::string> removed;
+    if (!object.up) extensions(object, shape);   // lights and variants before what points into them
     for (const Field& f : shape.fields) {
       if (!d_.ok()) return;
       const auto found = object.json->find(std::string(f.name));
@@ -97,7 +98,7 @@ class Checker {
         if (listed(f.excluded, other)) say(f.beside, at(object, f.name), "may not stand beside " + other);
     }
     if (&shape == &morphTargetShape()) { if (object.json->empty()) d_.warn(object.pointer(), "is empty"); indexMap(object, "accessors"); }
-    extensions(object, shape);
+    if (object.up) extensions(object, shape);
     for (const std::string& name : removed) object.json->erase(name);   // a warning has answered it: readers find the default
   }
 
@@ -167,7 +168,7 @@ class Checker {
     const char* what = f.kind == Kind::Numbers ? " numbers" : f.kind == Kind::Indices ? " indices" : " strings";
     if (!j.is_array()) { say(f.type, m.pointer(), "is not an array of" + std::string(f.least == f.most ? " " + std::to_string(f.least) : "") + what); return false; }
     if (f.least == f.most && j.size() != f.least) { say(f.type, m.pointer(), "has " + std::to_string(j.size()) + " elements and is not an array of " + std::to_string(f.least) + what); return false; }
-    if (j.size() < f.least) { d_.warn(m.pointer(), "is empty"); return false; }
+    if (j.size() < f.least) { say(f.none, m.pointer(), "is empty"); return false; }
     if (j.size() > f.most) { say(f.type, m.pointer(), "has more than " + std::to_string(f.most) + " elements"); return false; }
     std::set<int64_t> indices;
     std::set<std::string> words;

@@ -34,7 +34,7 @@ constexpr Shape kTarget{"animation.channel.target", kTargetRows};
 constexpr Field kChannelRows[] = {index("sampler", "samplers").required(), object("target", kTarget).required()};
 constexpr Field kAnimationSamplerRows[] = {index("input", "accessors").required(), text("interpolation").oneOf("LINEAR STEP CUBICSPLINE").warnsOfValue(), index("output", "accessors").required()};
 constexpr Shape kAnimationSampler{"animation.sampler", kAnimationSamplerRows};
-constexpr Field kAnimationRows[] = {objects("channels", kChannel).required(), objects("samplers", kAnimationSampler).required(), remark("name")};
+constexpr Field kAnimationRows[] = {objects("samplers", kAnimationSampler).required(), objects("channels", kChannel).required(), remark("name")};
 
 constexpr Field kBufferRows[] = {text("uri"), integer("byteLength", 1).required(), remark("name")};
 constexpr Field kBufferViewRows[] = {
@@ -80,7 +80,7 @@ constexpr Field kSamplerRows[] = {integer("magFilter").oneOf("9728 9729").warnsO
 constexpr Shape kSampler{"sampler", kSamplerRows};
 constexpr Field kSceneRows[] = {indices("nodes", "nodes"), remark("name")};
 constexpr Shape kScene{"scene", kSceneRows};
-constexpr Field kSkinRows[] = {index("inverseBindMatrices", "accessors"), index("skeleton", "nodes"), indices("joints", "nodes").required().warnsOfValue(), remark("name")};
+constexpr Field kSkinRows[] = {index("inverseBindMatrices", "accessors"), index("skeleton", "nodes"), indices("joints", "nodes").required().warnsOfValue().refusesNone(), remark("name")};
 constexpr Shape kSkin{"skin", kSkinRows};
 // A picture that is not there leaves a scene that can be shown, whether its file is missing or its entry.
 constexpr Field kTextureRows[] = {index("sampler", "samplers").warnsOfValue(), index("source", "images").warnsOfValue(), remark("name")};

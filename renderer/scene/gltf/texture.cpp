@@ -27,8 +27,10 @@ const Image* Textures::decode(int index) {
   if (!encoded.problem.empty()) return nullptr;   // said when the file was opened
   const std::string kind = pictureKind(encoded.bytes);
   if (kind == "image/ktx2" || kind == "image/ktx" || kind == "image/basis") return leaveOut("it is " + kind.substr(6) + " (Basis Universal or GPU blocks), which is not decoded");
+  if (document_.options.files) document_.options.files->parsing(place);   // picture libraries are where files bite
   auto image = readImageFromMemory(encoded.bytes.data(), encoded.bytes.size(), encoded.name.empty() ? "image" + std::to_string(index) : encoded.name);
   if (!image.ok()) return leaveOut(image.status().message());
+  if (document_.options.files) document_.options.files->parsing("");
   decoded_[index].floats = isFloatFormat(encoded.bytes);
   if (!document_.account(image->data.size() * sizeof(float), document_.item("images", index))) return nullptr;
   decoded_[index].image = std::move(*image);

@@ -62,7 +62,7 @@ class Maker {
       case Kind::Text: if (!f.values.empty()) set("unknown", "BOGUS", f.value); break;
       case Kind::Objects: set("empty", Json::array(), Answer::Warn); set("a list of numbers", Json{1}, Answer::Refuse, "/0"); break;
       case Kind::IndexMap: set("empty", Json::object(), Answer::Warn); set("past the end", {{"POSITION", f.list.empty() ? -1 : 1000000}}, Answer::Refuse, "/POSITION"); break;
-      case Kind::Indices: set("empty", Json::array(), Answer::Warn); set("past the end", Json{1000000}, Answer::Refuse, "/0"); repeated(); break;
+      case Kind::Indices: set("empty", Json::array(), f.none); set("past the end", Json{1000000}, Answer::Refuse, "/0"); repeated(); break;
       case Kind::Texts: set("empty", Json::array(), Answer::Warn); set("a list of numbers", Json{1}, Answer::Refuse, "/0"); repeated(); break;
       case Kind::Numbers: numbers(); break;
       default: break;
