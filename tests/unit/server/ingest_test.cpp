@@ -101,47 +101,6 @@ TEST_F(Ingest, EveryEndOfAChildHasItsName) {
   expect("babble", Code::Internal, "broke the protocol");
 }
 
-/// A program in place of gobo-ingest.
-class FakeReader : public Ingest {
- protected:
-  Status load(const std::string& script) {
-    const std::string program = put("reader.sh", "#!/bin/sh\n" + script + "\n");
-    ::chmod(program.c_str(), 0700);
-    const int out = ::memfd_create("fake", MFD_CLOEXEC);
-    const ingest::Job job{ingest::Task::Scene, put("scene.gltf", smallGltf("")), 1 << 20, 1 << 30, 1 << 30, 256ull << 20, 8 << 20, 1};
-    const auto result = runIngest(program, job, out, 20, {});
-    ::close(out);
-    EXPECT_FALSE(result.ok());
-    return result.status();
-  }
-};
-
-TEST_F(FakeReader, ACrashIsTheFilesFaultOnlyWhileItIsParsed) {
-  const std::string note = "printf '\\007\\012\\000\\000\\000\\000\\000\\000\\000/images/12' >&3; ";
-  for (const auto& [signal, name] : {std::pair{"SEGV", "SIGSEGV"}, {"ABRT", "SIGABRT"}, {"BUS", "SIGBUS"}, {"FPE", "SIGFPE"}, {"ILL", "SIGILL"}}) {
-    const Status early = load("kill -" + std::string(signal) + " $$");
-    EXPECT_EQ(early.code(), Code::Internal) << early.toString();
-    EXPECT_NE(early.message().find("before it read the file"), std::string::npos) << early.toString();
-    const Status parsing = load(note + "kill -" + signal + " $$");
-    EXPECT_EQ(parsing.code(), Code::InvalidArgument) << parsing.toString();
-    EXPECT_NE(parsing.message().find(name), std::string::npos) << parsing.toString();
-    EXPECT_EQ(parsing.location(), folder + "/scene.gltf#/images/12");
-  }
-  EXPECT_EQ(load(note + "kill -KILL $$").code(), Code::ResourceExhausted);
-  EXPECT_EQ(load(note + "kill -XCPU $$").code(), Code::ResourceExhausted);
-  EXPECT_EQ(load(note + "kill -TERM $$").code(), Code::Unavailable);
-  EXPECT_EQ(load(note + "exit 7").code(), Code::Internal);
-}
-
-TEST_F(FakeReader, OneThatCannotBeStartedIsTheServersFault) {
-  const int out = ::memfd_create("fake", MFD_CLOEXEC);
-  const ingest::Job job{ingest::Task::Scene, put("scene.gltf", smallGltf("")), 1 << 20, 1 << 30, 1 << 30, 256ull << 20, 8 << 20, 1};
-  const auto result = runIngest(folder + "/scene.gltf", job, out, 20, {});   // exists, is no program
-  ::close(out);
-  EXPECT_EQ(result.status().code(), Code::Internal) << result.status().toString();
-  EXPECT_NE(result.status().message().find("ingest.program"), std::string::npos);
-}
-
 TEST_F(Ingest, StopKillsTheChild) {
   StopSource stop;
   std::thread later([&] { std::this_thread::sleep_for(std::chrono::milliseconds(200)); stop.stop(StopReason::Cancelled); });
