@@ -12,7 +12,8 @@ struct MaterialKinds {
   bool volumes = false;       ///< some mesh bounds a volume
   bool scatters = false;      ///< some volume scatters
   bool unlit = false;
-  bool delta = false;         ///< some surface has a lobe that next-event estimation cannot reach
+  bool boundary = false, pane = false, specular = false;   ///< some delta lobe passes light on as Passage (trace/reach.h) has it
+  bool delta() const { return boundary || pane || specular; }
 };
 /// Materials that some instance uses.
 MaterialKinds materialKinds(const Scene& scene);
