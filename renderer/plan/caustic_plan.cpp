@@ -4,20 +4,21 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "trace/reach.h"
-
 namespace gobo {
+
+// Photons have specular chains alone: the plan looks for nothing else.
+static_assert(!photonReaches(LightKind::Point, Receiver::Surface, Passage::Boundary) && !photonReaches(LightKind::Point, Receiver::Surface, Passage::Pane));
 
 CausticPlan causticPlan(const Scene& scene, const MaterialKinds& kinds, const v1::Integrator& integrator) {
   CausticPlan plan;
   const bool lights = std::any_of(scene.lights.begin(), scene.lights.end(), [](const Light& l) { return photonReaches(l.shape.kind, Receiver::Surface, Passage::Specular); });
-  const bool some = lights && kinds.delta(), asked = integrator.caustic_photons() > 0;
+  const bool some = lights && kinds.specular, asked = integrator.caustic_photons() > 0;
   Vec3 lo, hi;
   scene.bounds(lo, hi);
   const float radius = float(integrator.caustic_radius()) * glm::length(hi - lo);
   if (!asked) plan.pruned = some ? "integrator.caustic_photons is 0" : "";
   else if (!lights) plan.pruned = "the scene has no point, spot or directional light";
-  else if (!kinds.delta()) plan.pruned = "no surface is a mirror or smooth glass";
+  else if (!kinds.specular) plan.pruned = "no surface is a mirror or smooth glass";
   else if (!integrator.indirect() || integrator.max_bounces() == 0) plan.pruned = "indirect light is off";
   else if (!(radius > 0.0f) || !std::isfinite(radius)) plan.pruned = "the scene has no size";
   plan.lost = some && !plan.pruned.empty();

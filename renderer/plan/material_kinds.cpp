@@ -5,7 +5,6 @@
 
 #include "plan/planner.h"
 #include "trace/interior.h"
-#include "trace/reach.h"
 #include "trace/surface.h"
 
 namespace gobo {
@@ -57,7 +56,7 @@ MaterialKinds materialKinds(const Scene& scene) {
     if (b.unlit) { kinds.unlit = true; continue; }
     const SurfaceMaterial s = makeSurfaceMaterial(scene.materials[m].albedo, b, scene.textures);
     // Light goes straight through an index of 1, however rough the surface; and through smooth thin walls, which reflect too.
-    const bool clear = b.transmission > 0.0f, one = std::fabs(b.ior - 1.0f) < kStraightIndex, solid = boundsVolume(b);
+    const bool clear = b.transmission > 0.0f, one = std::fabs(b.ior - 1.0f) < kStraightIor, solid = boundsVolume(b);
     const bool opaque = b.transmission < 1.0f || b.transmissionTexture.valid();
     const bool interface = b.metallic > 0.0f || b.iridescence > 0.0f || (clear && !one) || (opaque && b.specular > 0.0f);
     const bool coat = b.clearcoat > 0.0f, layers = coat || maxComponent(b.sheenColor) > 0.0f || b.diffuseTransmission > 0.0f;
@@ -75,7 +74,6 @@ MaterialKinds materialKinds(const Scene& scene) {
 
 std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics) {
   const MaterialKinds kinds = materialKinds(scene);
-  const auto occurs = [&](Passage p) { return p == Passage::Open || (p == Passage::Boundary ? kinds.boundary : p == Passage::Pane ? kinds.pane : kinds.specular); };
   static constexpr struct { LightKind kind; const char* name; } kNames[] = {
       {LightKind::Point, "point"}, {LightKind::Spot, "spot"}, {LightKind::Directional, "directional"}, {LightKind::Rect, "rectangle"},
       {LightKind::Disk, "disk"}, {LightKind::Sphere, "sphere"}, {LightKind::Mesh, "mesh"}, {LightKind::Environment, "environment"}};
@@ -86,7 +84,7 @@ std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics) {
     bool kind[std::size(kNames)] = {}, way[std::size(kPassages)] = {};
     for (const Light& l : scene.lights)
       for (const Passage p : kPassages) {
-        if (!occurs(p) || !outOfReach(l.shape.kind, l.cameraVisible, r, p, caustics)) continue;
+        if (!kinds.occurs(p) || !outOfReach(l.shape.kind, l.cameraVisible, r, p, caustics)) continue;
         for (size_t k = 0; k < std::size(kNames); ++k) kind[k] = kind[k] || kNames[k].kind == l.shape.kind;
         way[size_t(p)] = true;
       }

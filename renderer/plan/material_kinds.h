@@ -3,6 +3,7 @@
 #pragma once
 
 #include "scene/scene.h"
+#include "trace/reach.h"
 
 namespace gobo {
 
@@ -13,7 +14,7 @@ struct MaterialKinds {
   bool scatters = false;      ///< some volume scatters
   bool unlit = false;
   bool boundary = false, pane = false, specular = false;   ///< some delta lobe passes light on as Passage (trace/reach.h) has it
-  bool delta() const { return boundary || pane || specular; }
+  bool occurs(Passage p) const { return p == Passage::Open || (p == Passage::Boundary ? boundary : p == Passage::Pane ? pane : specular); }
 };
 /// Materials that some instance uses.
 MaterialKinds materialKinds(const Scene& scene);

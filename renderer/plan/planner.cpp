@@ -430,6 +430,9 @@ class PlanMaker {
         add(mean, "s" + std::to_string(slot), t.weights[g], PathClass::Indirect, t.groups[g], lobe);
       }
     }
+    // A class that is held may still lack paths that nothing finds.
+    if (request_.integrator().indirect())
+      for (const std::string& lost : classesNotCovered(*scene_, plan.photons > 0)) plan_.missing.push_back(lost);
   }
 
   void reportCover() {

@@ -12,6 +12,7 @@ class CausticsNode final : public Node {
  public:
   explicit CausticsNode(const CausticSettings& settings) : settings_(settings) {}
   std::string type() const override { return "caustics"; }
+  int version() const override { return 2; }                          // 2: without light that goes straight on
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;

@@ -103,6 +103,19 @@ float bsdfFluxScale(const BsdfParams& p, const BsdfSample& s) {
   return base.glass > 0.0f && !base.thin ? base.eta * base.eta : 1.0f;
 }
 
+Vec3 bsdfStraight(const BsdfParams& p, const Vec3& wo) {
+  if (!(wo.z > 0.0f) || !(p.transmission > 0.0f) || p.metallic >= 1.0f) return Vec3(0.0f);
+  const BaseLobes base(p);
+  Vec3 through = base.pass * base.albedo;
+  if (base.smooth && base.thin && base.glass > 0.0f) {
+    Vec3 reflected, passed;
+    base.split(wo.z, reflected, passed);
+    through += passed;
+  }
+  if (!(maxComponent(through) > 0.0f) || !isFinite(through)) return Vec3(0.0f);
+  return Layers::any(p) ? through * Layers(p, wo).passed(-wo) : through;
+}
+
 bool bsdfIsDelta(const BsdfParams& p) { return !BaseLobes(p).evaluable() && !Layers::evaluable(p); }
 
 }  // namespace gobo

@@ -18,6 +18,8 @@ namespace gobo {
 
 /// GGX alpha below this is a mirror (delta lobe).
 inline constexpr float kDeltaAlpha = 1e-3f;
+/// An index closer to 1 than this refracts more narrowly than float can hold: light passes straight on.
+inline constexpr float kStraightIor = 1e-3f;
 
 struct BsdfParams {
   Vec3 albedo{0.5f};
@@ -45,6 +47,7 @@ struct BsdfSample {
   Vec3 weight{0.0f};                   ///< f |cos| / pdf over the whole sampling strategy (finite, >= 0)
   float pdf = 0;                       ///< solid-angle density of wi; 0 for delta lobes
   bool delta = false, transmitted = false, specularLobe = false;
+  bool straight = false;               ///< wi = -wo: thin smooth glass, or index 1
 };
 
 /// f(wo, wi) * |cos(wi)|, diffuse and specular lobes apart; delta lobes give 0.
@@ -58,6 +61,8 @@ bool bsdfSample(const BsdfParams& p, const Vec3& wo, float uLobe, const Vec2& u,
 /// What makes the weight of a delta sample, drawn for radiance, the weight of flux that comes from wo and leaves along wi: the
 /// squared relative index where light was refracted (Veach 1997, section 5.2), else 1.
 float bsdfFluxScale(const BsdfParams& p, const BsdfSample& s);
+/// Share of the light that goes straight on, the expected weight of a `straight` sample; 0 for materials that have no such lobe.
+Vec3 bsdfStraight(const BsdfParams& p, const Vec3& wo);
 /// True if no lobe can be evaluated (mirror or smooth glass): next-event estimation is useless.
 bool bsdfIsDelta(const BsdfParams& p);
 

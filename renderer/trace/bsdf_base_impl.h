@@ -7,8 +7,6 @@
 
 namespace gobo {
 
-/// Closer to 1 than this the refracted lobe is narrower than float can hold: light passes straight on.
-inline constexpr float kStraightIor = 1e-3f;
 /// From here on (and for 0, as glTF writes it) the index is infinite: everything is reflected.
 inline constexpr float kInfiniteIor = 1e3f;
 /// The tables of rough glass end here (diamond 2.42, rutile 2.9); a higher index refracts as this one.
@@ -318,7 +316,7 @@ inline bool BaseLobes::sample(const Vec3& o, float uLobe, const Vec2& u, BsdfSam
     if (!(passP > 0.0f)) return false;
     out.wi = -o;
     out.weight = albedo * (pass / passP);
-    return out.delta = out.transmitted = out.specularLobe = true;
+    return out.delta = out.transmitted = out.specularLobe = out.straight = true;
   }
   const Vec3 h = smooth ? Vec3(0, 0, 1) : g.sample(o, u);
   const float c = glm::dot(o, h);
@@ -334,7 +332,7 @@ inline bool BaseLobes::sample(const Vec3& o, float uLobe, const Vec2& u, BsdfSam
     out.delta = true;
     const float chance = interfaceP * (reflect ? reflectP : 1.0f - reflectP);
     if (reflect) out.wi = Vec3(-o.x, -o.y, o.z);
-    else if (thin) out.wi = -o;
+    else if (thin) { out.wi = -o; out.straight = true; }
     else if (!refract(o, h, eta, out.wi)) return false;
     out.weight = reflect ? r / chance : t / (thin ? chance : chance * eta * eta);
     return maxComponent(out.weight) > 0.0f;

@@ -11,6 +11,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "base/vec.h"
 #include "scene/material.h"
@@ -51,6 +52,21 @@ struct MediumStack {
   void clear() { depth = 0; }
   int top() const { return depth > 0 ? id[depth - 1] : -1; }
   bool holds(int volume) const { for (int k = 0; k < depth; ++k) if (id[k] == volume) return true; return false; }
+  /// Its boundary changes nothing: the path is in that medium already, or in one that it entered later.
+  bool passes(int volume, bool entering) const {
+    if (entering) return top() == volume;
+    if (!holds(volume)) return false;
+    if (top() != volume) return true;
+    return depth > 1 && id[depth - 2] == volume;
+  }
+  /// Index of the volume (`ior` as its surface has it) over what is outside it at its boundary; 1 where that changes nothing.
+  float relativeIor(const std::vector<Interior>& interiors, int volume, float ior, bool entering) const {
+    if (entering) return top() < 0 ? ior : top() == volume ? 1.0f : ior / interiors[size_t(top())].ior;
+    if (!holds(volume)) return ior;
+    MediumStack outside = *this;
+    outside.leave(volume);
+    return outside.top() < 0 ? ior : ior / interiors[size_t(outside.top())].ior;
+  }
   void enter(int volume) { if (depth < kMost) id[depth++] = int16_t(volume); }
   /// Takes away the latest entry of `volume`, if any.
   void leave(int volume) {

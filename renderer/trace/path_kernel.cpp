@@ -8,6 +8,7 @@
 #include "trace/path_media.h"
 #include "trace/path_sums.h"
 #include "trace/reach.h"
+#include "trace/straight.h"
 
 namespace gobo {
 
@@ -25,7 +26,8 @@ struct Paths {
   Lane3 specularPart;          // share of the first event's specular lobe in the throughput (ByLobe)
   Lane3 from, fromNormal;      // the last vertex, as the light selector saw it
   alignas(64) float pdf[kLanes];   // density of the ray's direction; 0 after the camera or a delta event: nothing else finds its light
-  int free[kLanes] = {};           // passes of the loop that were no scattering event of their own (path_media.h)
+  float passed[kLanes] = {};       // way from the last vertex to the ray's origin: surfaces passed straight on are no vertices
+  int free[kLanes] = {};           // passes of the loop that were no scattering event of their own (path_media.h, straight.h)
   // Bit per lane. firstDelta: reaches light by an indirect path, whatever the number of events. specularOnly: delta events, if any.
   // fromCamera: the camera still looks straight on, so that lights hidden from it are passed (trace/reach.h); no question of the density.
   uint32_t fromHasNormal = 0, firstDelta = 0, specularOnly = ~0u, fromCamera = ~0u;
@@ -79,6 +81,10 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
   const SplitMode split = settings.split;
   const bool byLobe = split == SplitMode::ByLobe;
   const bool hasMedia = !surfaces.interiors().empty();
+  // Light goes straight on through some surfaces. Shadow rays see through them, so the path's own rays keep the density that they
+  // had at their last vertex: beyond the surface both strategies find the same light.
+  const bool straight = surfaces.anyStraight();
+  const bool freePasses = hasMedia || straight;
   PathMedia media;
   if (hasMedia) media.start(surfaces.interiors(), cameraMedia);
 
@@ -107,7 +113,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     if (paths.pdf[i] > 0.0f) {
       const Vec3 from = paths.from.get(i), normal = paths.fromNormal.get(i);
       const float select = selector.probability(from, paths.fromHasNormal >> i & 1u ? &normal : nullptr, k);
-      weight = powerHeuristic(paths.pdf[i], select * sampler->pdf(l.light, from, direction, t, primitive));
+      weight = powerHeuristic(paths.pdf[i], select * sampler->pdf(l.light, from, direction, t + paths.passed[i], primitive));
     }
     Vec3 value = paths.throughput.get(i) * radiance * l.nominal * weight;
     if (hasMedia) value *= media.through(i, t);
@@ -137,7 +143,8 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
 
   // A lane met a scattering event inside a volume: one event where it is the path's first, and never direct light.
   const auto walked = [&](int i, int events, uint32_t bit) {
-    if (events == paths.free[i]) paths.free[i] = events - 1;
+    if (events == paths.free[i] || media.strayed & bit) --paths.free[i];
+    media.strayed &= ~bit;
     paths.firstDelta |= bit;
     paths.specularOnly &= ~bit;
     paths.fromCamera &= ~bit;
@@ -181,10 +188,11 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     rays += uint64_t(__builtin_popcount(alive));
     if (recorder) record(alive, rh.ray, events == 0 ? recorder->primary : recorder->bounce);
 
-    const bool nee = (events == 0 ? wantDirect : wantIndirect) && selector.count() > 0;
-    const bool rouletteOn = events + 1 >= settings.rouletteStart;
     const auto done = [&](int i) { return events - paths.free[i]; };   // scattering events that lane i has behind it
-    if (events < maxEvents || hasMedia) {
+    const auto asks = [&](int i) { return done(i) == 0 ? wantDirect : wantIndirect; };   // for light at its next event
+    const bool nee = (events == 0 ? wantDirect : wantIndirect || (freePasses && wantDirect)) && selector.count() > 0;
+    const bool rouletteOn = events + 1 >= settings.rouletteStart;
+    if (events < maxEvents || freePasses) {
       const uint32_t base = 1 + uint32_t(events) * kDrawsPerEvent;
       if (nee) set.draw2D(base + kDrawLight, ux, uy);
       set.draw2D(base + kDrawDirection, px, py);
@@ -203,16 +211,17 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         media.walking |= bit;
         bool scattered = false;
         const auto collect = [&](const Vec3& o, const Vec3& d, float t) {
-          if (!areaLights.empty() && wanted(classOf(done(i), paths.firstDelta >> i & 1u))) collectAreaLights(i, done(i), o, d, t);
+          if (!areaLights.empty() && done(i) <= maxEvents && wanted(classOf(done(i), paths.firstDelta >> i & 1u))) collectAreaLights(i, done(i), o, d, t);
         };
         const auto scatter = [&](const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw) {
           walked(i, events, bit);
           int slot;
-          const Vec3 value = wantIndirect && mediaLights[size_t(media.stack[i].top())] ? scatteredLight(media, i, p, d, beta, draw, slot, rays) : Vec3(0.0f);
+          const Vec3 value = wantIndirect && done(i) <= maxEvents && mediaLights[size_t(media.stack[i].top())] ? scatteredLight(media, i, p, d, beta, draw, slot, rays) : Vec3(0.0f);
           if (value != Vec3(0.0f)) add(i, slot, done(i), PathClass::Indirect, value, byLobe ? value * paths.specularPart.get(i) : Vec3(0.0f));
         };
         const uint64_t key = hash64(hash64(set.seed(), film + uint64_t(i)), 0x77616c6bull << 32 | uint32_t(events));
-        if (!media.walk(i, rh, scene, paths.throughput, key, rays, scattered, collect, scatter) || (scattered && !wantIndirect)) alive &= ~bit;
+        if (!media.walk(i, rh, scene, paths.throughput, key, rays, scattered, collect, scatter) || (scattered && (!wantIndirect || done(i) > maxEvents))) alive &= ~bit;
+        media.strayed &= ~bit;
       }
     }
 
@@ -249,7 +258,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         }
         continue;
       }
-      if (done(i) >= maxEvents) continue;
+      if (done(i) >= maxEvents && !(straight && (s.material->straight || s.material->interior >= 0))) continue;
       if (!s.flatLambert) { general |= bit; continue; }
       const uint32_t* tri = s.indices + 3 * size_t(primitive);
       ls.a.set(i, s.positions[tri[0]]); ls.b.set(i, s.positions[tri[1]]); ls.c.set(i, s.positions[tri[2]]);
@@ -262,7 +271,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     general |= flat & ~lambert;
 
     // Everything else: the full surface. Smooth or textured Lambert joins the vector code, other materials are finished here.
-    const bool goesOn = events + 1 < maxEvents || hittable || hasMedia;   // after the last event a ray can only find light
+    const bool goesOn = events + 1 < maxEvents || hittable || freePasses;   // after the last event a ray can only find light
     for (uint32_t left = general; left; left &= left - 1) {
       const int i = __builtin_ctz(left);
       const uint32_t bit = 1u << i;
@@ -278,7 +287,8 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
           const Vec3 o = s.origin(-facing);
           rh.ray.org_x[i] = o.x; rh.ray.org_y[i] = o.y; rh.ray.org_z[i] = o.z;
           media.cross(i, volume, s.front);
-          paths.pdf[i] = 0.0f;                                        // shadow rays stop here: nothing else finds the light beyond
+          if (straight) paths.passed[i] += rh.ray.tfar[i];
+          else paths.pdf[i] = 0.0f;                                   // shadow rays stop here: nothing else finds the light beyond
           ++paths.free[i];
           if (paths.free[i] < kMostFree) next |= bit;
           continue;
@@ -295,6 +305,24 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         s.bsdf.ior = media.relativeIor(i, volume, s.bsdf.ior, s.front);
       }
       const int event = done(i) + 1;
+      // What the camera sees first is an event, whatever it does: G-buffer and classes begin there.
+      const bool mayPass = straight && event > 1 && (s.material->straight || volume >= 0) && bendsAlike(*s.material);
+      const auto passOn = [&](const Vec3& carried) {
+        const Vec3 o = s.origin(-facing);
+        rh.ray.org_x[i] = o.x; rh.ray.org_y[i] = o.y; rh.ray.org_z[i] = o.z;
+        if (volume >= 0) {
+          media.cross(i, volume, s.front);
+          if (const Interior* inside = media.around(i); inside && inside->scatters) media.strayed |= bit;
+        }
+        paths.throughput.set(i, carried);
+        paths.passed[i] += rh.ray.tfar[i];
+        if (++paths.free[i] < kMostFree) next |= bit;
+      };
+      if (event > maxEvents) {                                        // no event is left, but light beyond what bends nothing
+        const Vec3 left = mayPass && hittable ? bsdfStraight(s.bsdf, s.frame().toLocal(-d)) : Vec3(0.0f);
+        if (maxComponent(left) > 0.0f) passOn(paths.throughput.get(i) * left);
+        continue;
+      }
       if (s.lambert) {
         ls.p.set(i, s.p); ls.reach.set(i, s.reach); ls.facing.set(i, facing); ls.n.set(i, s.n); ls.albedo.set(i, s.bsdf.albedo);
         lambert |= bit;
@@ -303,7 +331,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       const Frame frame = s.frame();
       const Vec3 wo = frame.toLocal(-d), throughput = paths.throughput.get(i);
       const bool delta = bsdfIsDelta(s.bsdf), hasNormal = !s.material->transmissive;
-      if (nee && !delta) {
+      if (nee && !delta && asks(i)) {
         float select;
         const int k = selector.sample(s.p, hasNormal ? &s.n : nullptr, choice[i], select);
         LightSample light;
@@ -322,7 +350,10 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
               lit.set(i, value);
               if (byLobe) litSpecular.set(i, event == 1 ? arriving * f.specular : value * paths.specularPart.get(i));
               litSlot[i] = lights[k].slot;
-              if (hasMedia) media.shadowIn[i] = int16_t(side > 0.0f || volume < 0 ? media.stack[i].top() : media.behind(i, volume, s.front));
+              if (hasMedia) {
+                if (side > 0.0f || volume < 0) media.startShadow(i);
+                else media.startShadowBehind(i, volume, s.front);
+              }
               shadowed |= bit;
             }
           }
@@ -352,6 +383,10 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       const float most = maxComponent(carried);
       if (!isFinite(carried)) { sums.bad |= bit; continue; }
       if (!(most > 0.0f)) continue;
+      if (mayPass && bs.straight) {
+        passOn(carried);
+        continue;
+      }
       if (rouletteOn) {
         const float survive = std::min(0.95f, most);
         if (roulette[i] >= survive) continue;
@@ -366,9 +401,10 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         else if (!s.front && inside && inside->scatters && media.stack[i].top() == volume && paths.free[i] < kMostFree) ++paths.free[i];   // still the same walk
       }
       if (!bs.delta) paths.specularOnly &= ~bit;
-      if (!passedStraight(s.bsdf, bs)) paths.fromCamera &= ~bit;
+      if (!bs.straight) paths.fromCamera &= ~bit;
       paths.throughput.set(i, carried);
       paths.pdf[i] = bs.delta ? 0.0f : bs.pdf;
+      paths.passed[i] = 0.0f;
       paths.from.set(i, s.p);
       paths.fromNormal.set(i, s.n);
       paths.fromHasNormal = hasNormal ? paths.fromHasNormal | bit : paths.fromHasNormal & ~bit;
@@ -376,11 +412,20 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     }
 
     // Lambert lanes.
-    if (settings.behindOnly && events == 0) lambert = 0;
+    uint32_t asking = lambert, bouncing = lambert;
+    if (freePasses)
+      for (uint32_t left = lambert; left; left &= left - 1) {
+        const int i = __builtin_ctz(left);
+        const uint32_t bit = 1u << i;
+        if (!asks(i)) asking &= ~bit;
+        if (done(i) + 1 >= maxEvents && !hittable && !hasMedia) bouncing &= ~bit;
+        if (settings.behindOnly && done(i) == 0) { lambert &= ~bit; asking &= ~bit; bouncing &= ~bit; }
+      }
+    else if (settings.behindOnly && events == 0) lambert = asking = bouncing = 0;
     for (int h = 0; h < kLanes; h += 8) if (lambert >> h & 255u) lanes::moveOrigins(ls, h);
-    if (nee && lambert != 0) {
+    if (nee && asking != 0) {
       if (hasPlainLight) {
-        for (uint32_t left = lambert; left; left &= left - 1) {
+        for (uint32_t left = asking; left; left &= left - 1) {
           const int i = __builtin_ctz(left);
           const PlainMeshLight::Triangle& t = plainLight.pick(drawsChoice ? choice[i] : 0.0f);
           lamp.p.set(i, t.p); lamp.e1.set(i, t.e1); lamp.e2.set(i, t.e2); lamp.n.set(i, t.n);
@@ -388,8 +433,8 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         const LightInfo& l = lights[plainLightIndex];
         uint32_t free = 0;
         for (int h = 0; h < kLanes; h += 8)
-          if (lambert >> h & 255u)
-            free |= lanes::sampleLight(ls, paths.throughput, lamp, plainLight.area, plainLight.doubleSided, l.nominal, h, lambert >> h & 255u, ux, uy,
+          if (asking >> h & 255u)
+            free |= lanes::sampleLight(ls, paths.throughput, lamp, plainLight.area, plainLight.doubleSided, l.nominal, h, asking >> h & 255u, ux, uy,
                                       shadowX, shadowY, shadowZ, shadowReach, litPlain) << h;
         for (uint32_t left = free; left; left &= left - 1) {
           const int i = __builtin_ctz(left);
@@ -397,11 +442,11 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
           lit.set(i, litPlain.get(i));
           if (byLobe) litSpecular.set(i, done(i) == 0 ? Vec3(0.0f) : lit.get(i) * paths.specularPart.get(i));
           litSlot[i] = l.slot;
-          if (hasMedia) media.shadowIn[i] = int16_t(media.stack[i].top());
+          if (hasMedia) media.startShadow(i);
         }
         shadowed |= free;
       } else {
-        for (uint32_t left = lambert; left; left &= left - 1) {
+        for (uint32_t left = asking; left; left &= left - 1) {
           const int i = __builtin_ctz(left);
           const Vec3 p = ls.p.get(i), n = ls.n.get(i);
           float select;
@@ -418,19 +463,19 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
           lit.set(i, value);
           if (byLobe) litSpecular.set(i, done(i) == 0 ? Vec3(0.0f) : value * paths.specularPart.get(i));
           litSlot[i] = lights[k].slot;
-          if (hasMedia) media.shadowIn[i] = int16_t(media.stack[i].top());
+          if (hasMedia) media.startShadow(i);
           shadowed |= 1u << i;
         }
       }
     }
-    if (goesOn && lambert != 0) {
+    if (goesOn && bouncing != 0) {
       uint32_t on = 0;
       for (int h = 0; h < kLanes; h += 8)
-        if (lambert >> h & 255u)
-          on |= lanes::bounce(ls, h, lambert >> h & 255u, vx, vy, vz, rouletteOn ? roulette : nullptr, paths.throughput, rh.ray.dir_x, rh.ray.dir_y,
+        if (bouncing >> h & 255u)
+          on |= lanes::bounce(ls, h, bouncing >> h & 255u, vx, vy, vz, rouletteOn ? roulette : nullptr, paths.throughput, rh.ray.dir_x, rh.ray.dir_y,
                               rh.ray.dir_z, paths.pdf) << h;
       for (int i = 0; i < kLanes; ++i) {
-        const bool mine = lambert >> i & 1u;
+        const bool mine = bouncing >> i & 1u;
         rh.ray.org_x[i] = mine ? ls.origin.x[i] : rh.ray.org_x[i];
         rh.ray.org_y[i] = mine ? ls.origin.y[i] : rh.ray.org_y[i];
         rh.ray.org_z[i] = mine ? ls.origin.z[i] : rh.ray.org_z[i];
@@ -438,24 +483,30 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         paths.fromNormal.x[i] = mine ? ls.n.x[i] : paths.fromNormal.x[i];
         paths.fromNormal.y[i] = mine ? ls.n.y[i] : paths.fromNormal.y[i];
         paths.fromNormal.z[i] = mine ? ls.n.z[i] : paths.fromNormal.z[i];
+        paths.passed[i] = mine ? 0.0f : paths.passed[i];
       }
-      paths.fromHasNormal |= lambert;
-      paths.specularOnly &= ~lambert;
-      paths.fromCamera &= ~lambert;
+      paths.fromHasNormal |= bouncing;
+      paths.specularOnly &= ~bouncing;
+      paths.fromCamera &= ~bouncing;
       next |= on;
     }
 
     if (shadowed != 0) {
       for (int i = 0; i < kLanes; ++i) valid[i] = shadowed >> i & 1u ? -1 : 0;
-      rays += uint64_t(__builtin_popcount(shadowed));
+      if (!straight) rays += uint64_t(__builtin_popcount(shadowed));
       if (recorder) record(shadowed, sr, recorder->shadow);
-      embree::occluded16(valid, scene, context, sr, false);
+      Vec3 beyond[kLanes];                                            // what surfaces that bend nothing leave of the light
+      if (straight) throughPanes(shadowed, sr, hasMedia ? media.shadow : nullptr, beyond, rays);
+      else embree::occluded16(valid, scene, context, sr, false);
       for (uint32_t left = shadowed; left; left &= left - 1) {
         const int i = __builtin_ctz(left);
         if (!(sr.tfar[i] >= 0.0f)) continue;                          // Embree writes -inf where something is in the way
         Vec3 value = lit.get(i), gloss = byLobe ? litSpecular.get(i) : Vec3(0.0f);
-        if (hasMedia && media.shadowIn[i] >= 0) {
-          const Vec3 left = surfaces.interiors()[size_t(media.shadowIn[i])].transmittance(sr.tfar[i] > 1e30f ? 3.0e38f : glm::length(direction(sr, i)));
+        if (straight) {
+          value *= beyond[i];
+          gloss *= beyond[i];
+        } else if (hasMedia && media.shadow[i].top() >= 0) {
+          const Vec3 left = surfaces.interiors()[size_t(media.shadow[i].top())].transmittance(sr.tfar[i] > 1e30f ? 3.0e38f : glm::length(direction(sr, i)));
           value *= left;
           gloss *= left;
         }

@@ -58,6 +58,9 @@ struct PathTracer::Impl {
   void prepareMedia(const SceneView& view);
   /// Light of a delta light that lane i's scattering event at p turns into its path; d: direction of arrival.
   Vec3 scatteredLight(const PathMedia& media, int i, const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw, int& slot, uint64_t& rays) const;
+  /// Shadow rays in scenes where light goes straight on through surfaces (trace/straight.h): what is left of it by lane, tfar -1
+  /// where that is nothing. around: volumes at their starts by lane, or null.
+  void throughPanes(uint32_t lanes, RTCRay16& r, const MediumStack* around, Vec3* left, uint64_t& rays) const;
   /// Samples first .. first + count - 1 of the pixel's block; `film` is the index of the first over all blocks.
   void traceChunk(int x, int y, const SampleSet& set, uint64_t film, int count, double* out, uint64_t& rays, uint64_t& dropped) const;
 };

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The volumes that the lanes of a chunk are in, and the random walk through those that scatter. Touched only in scenes that
 // have volumes.
-//   absorption  Beer-Lambert over every segment, for shadow rays too (to which the boundary itself is opaque)
+//   absorption  Beer-Lambert over every segment, for shadow rays too (trace/straight.h)
 //   scattering  analog distances of one channel, chosen by throughput; weights by the one-sample balance heuristic over the
 //               channels (Wrenninge, Villemin & Hery 2017; Chiang, Kutz & Burley 2016), so that no channel's weight grows.
 //   lights      point, spot and directional lights are asked at every event where they can be seen: inside the volume, or
@@ -21,14 +21,15 @@ struct PathMedia {
   static constexpr int kLongWalk = 1024, kMostSteps = 1 << 16;   // 0.98^64512: the last is never reached
   MediumStack stack[kLanes];
   Vec3 chance[kLanes];           ///< of the channels, on the segment that a walking lane is on
-  int16_t shadowIn[kLanes];      ///< what the lane's shadow ray runs through, -1: nothing
+  MediumStack shadow[kLanes];    ///< volumes at the start of the lane's shadow ray
   int8_t hero[kLanes];           ///< the only channel left after a dispersive event; -1: all
   uint32_t walking = 0;          ///< lanes whose segment is in a scattering interior
+  uint32_t strayed = 0;          ///< lanes that came into it straight on, by no event: the first of their walk is one
   const std::vector<Interior>* interiors = nullptr;
 
   void start(const std::vector<Interior>& all, const MediumStack& around) {
     interiors = &all;
-    walking = 0;
+    walking = strayed = 0;
     for (int i = 0; i < kLanes; ++i) { stack[i] = around; hero[i] = -1; }
   }
   const Interior* around(int i) const { const int k = stack[i].top(); return k < 0 ? nullptr : &(*interiors)[size_t(k)]; }
@@ -41,31 +42,14 @@ struct PathMedia {
     const float got = glm::dot(chance[i], left);
     return got > 0.0f ? left / got : Vec3(0.0f);
   }
-  /// Index of the volume over what is outside it at a boundary that lane i meets; 1 where the boundary changes nothing.
-  float relativeIor(int i, int volume, float ior, bool entering) const {
-    const MediumStack& s = stack[i];
-    if (entering) {
-      const int top = s.top();
-      return top < 0 ? ior : top == volume ? 1.0f : ior / (*interiors)[size_t(top)].ior;
-    }
-    if (!s.holds(volume)) return ior;
-    MediumStack outside = s;
-    outside.leave(volume);
-    return outside.top() < 0 ? ior : ior / (*interiors)[size_t(outside.top())].ior;
-  }
-  /// The boundary changes nothing: the path is in that medium already, or in one that it entered later.
-  bool passes(int i, int volume, bool entering) const {
-    const MediumStack& s = stack[i];
-    if (entering) return s.top() == volume;
-    if (!s.holds(volume)) return false;
-    if (s.top() != volume) return true;
-    return s.depth > 1 && s.id[s.depth - 2] == volume;
-  }
+  float relativeIor(int i, int volume, float ior, bool entering) const { return stack[i].relativeIor(*interiors, volume, ior, entering); }
+  bool passes(int i, int volume, bool entering) const { return stack[i].passes(volume, entering); }
   void cross(int i, int volume, bool entering) { if (entering) stack[i].enter(volume); else stack[i].leave(volume); }
-  int behind(int i, int volume, bool entering) const {
-    MediumStack s = stack[i];
-    if (entering) s.enter(volume); else s.leave(volume);
-    return s.top();
+  /// The volumes at the start of lane i's shadow ray, on the far side of a boundary that it meets or on the near one.
+  void startShadow(int i) { shadow[i] = stack[i]; }
+  void startShadowBehind(int i, int volume, bool entering) {
+    shadow[i] = stack[i];
+    if (entering) shadow[i].enter(volume); else shadow[i].leave(volume);
   }
 
   /// Carries lane i through the scattering interior that it is in: from the ray in `rh` with its hit to the last segment,

@@ -8,6 +8,7 @@
 #include "trace/path_media.h"
 #include "trace/photon_emission.h"
 #include "trace/reach.h"
+#include "trace/straight.h"
 
 namespace gobo {
 
@@ -146,6 +147,8 @@ void CausticTracer::Impl::photon(const Source& source, uint32_t index, uint32_t 
   w.start(path().surfaces.interiors(), source.around, start.origin, start.direction);
   w.throughput = source.nominal * float(double(start.power) / double(settings.photons));
   float length = 0;
+  bool turned = false;                                               // light that came straight on is the path tracer's: its shadow rays see it
+  const bool straightSeen = path().surfaces.anyStraight();
   while (w.events + w.free <= maxEvents + kMostFree) {
     if (!next(w, rays)) return;
     length += w.hit.t;
@@ -158,11 +161,13 @@ void CausticTracer::Impl::photon(const Source& source, uint32_t index, uint32_t 
       continue;
     }
     const bool landed = !bsdfIsDelta(s.bsdf);
-    if (landed && w.events + w.free > 0 && w.events + 1 <= maxEvents) {
+    if (landed && (turned || (w.free > 0 && !straightSeen)) && w.events + 1 <= maxEvents) {
       const float left = source.emitter.window(length);
       if (left > 0.0f) out.push_back({s.p, -w.direction, s.Ng, w.throughput * left, source.group, w.events});
     }
-    if (w.events + 2 > maxEvents) return;
+    const bool mayPass = straightSeen && bendsAlike(*s.material);
+    const bool last = w.events + 2 > maxEvents;                      // nothing but straight on, then
+    if (last && !(mayPass && s.material->transmissive)) return;
     const Frame frame = s.frame();
     const Vec3 wo = frame.toLocal(-w.direction);
     BsdfSample bs;
@@ -174,7 +179,14 @@ void CausticTracer::Impl::photon(const Source& source, uint32_t index, uint32_t 
     w.throughput *= bs.weight * (bsdfFluxScale(s.bsdf, bs) * adjoint);
     if (!isFinite(w.throughput)) return;
     if (s.material->interior >= 0 && bs.transmitted) w.media.cross(0, s.material->interior, s.front);
-    ++w.events;
+    if (mayPass && bs.straight) {
+      if (++w.free > kMostFree) return;
+    } else if (last) {
+      return;
+    } else {
+      ++w.events;
+      turned = true;
+    }
   }
 }
 
@@ -302,12 +314,12 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
     }
     if (!w.leave(s, frame, bs)) return;
     const int volume = s.material->interior;
-    bool sameWalk = false;
+    bool uncounted = w.events > 0 && bs.straight && m.surfaces.anyStraight() && bendsAlike(*s.material);   // as the path tracer: no event
     if (volume >= 0) {
-      sameWalk = !bs.transmitted && !s.front && inside && inside->scatters && w.media.stack[0].top() == volume;
+      uncounted = uncounted || (!bs.transmitted && !s.front && inside && inside->scatters && w.media.stack[0].top() == volume);
       if (bs.transmitted) w.media.cross(0, volume, s.front);
     }
-    if (sameWalk) ++w.free; else ++w.events;
+    if (uncounted) ++w.free; else ++w.events;
   }
 }
 

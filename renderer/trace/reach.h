@@ -10,16 +10,11 @@
 // clear panes and boundaries of index 1. They light everything: mirrors and refraction show them, volumes scatter their light.
 #pragma once
 
-#include <cmath>
 #include <cstdint>
 
 #include "scene/light.h"
-#include "trace/bsdf.h"
 
 namespace gobo {
-
-/// A refractive index closer to 1 than this passes light straight on (trace/bsdf.h).
-inline constexpr float kStraightIndex = 1e-3f;
 
 enum class Receiver : uint8_t { Camera, Surface, Volume };
 enum class Passage : uint8_t {
@@ -31,12 +26,13 @@ enum class Passage : uint8_t {
 inline constexpr Receiver kReceivers[] = {Receiver::Camera, Receiver::Surface, Receiver::Volume};
 inline constexpr Passage kPassages[] = {Passage::Open, Passage::Boundary, Passage::Pane, Passage::Specular};
 
-/// How far shadow rays go. At surfaces they ask for every kind of light, in volumes for those that no ray can hit.
+/// Shadow rays go on through what bends nothing (trace/straight.h). At surfaces they ask for every kind of light, in volumes for
+/// those that no ray can hit.
 constexpr bool shadowRayReaches(LightKind kind, Receiver from, Passage through) {
   switch (from) {
     case Receiver::Camera: return false;
-    case Receiver::Surface: return through == Passage::Open;
-    case Receiver::Volume: return isDeltaLight(kind) && (through == Passage::Open || through == Passage::Boundary);
+    case Receiver::Surface: return through != Passage::Specular;
+    case Receiver::Volume: return isDeltaLight(kind) && through != Passage::Specular;
   }
   return false;
 }
@@ -55,11 +51,6 @@ constexpr bool photonReaches(LightKind kind, Receiver from, Passage through) {
 constexpr bool outOfReach(LightKind kind, bool cameraVisible, Receiver from, Passage through, bool photons) {
   return from != Receiver::Camera && !shadowRayReaches(kind, from, through) && !rayReaches(kind, cameraVisible, from, through) &&
          !(photons && photonReaches(kind, from, through));
-}
-
-/// The sample went on as if the surface were not there.
-inline bool passedStraight(const BsdfParams& p, const BsdfSample& s) {
-  return s.delta && s.transmitted && (p.thin || std::fabs(p.ior - 1.0f) < kStraightIndex);
 }
 
 }  // namespace gobo

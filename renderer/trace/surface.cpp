@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/surface.h"
 
+#include "trace/straight.h"
 #include "trace/texture_lookup.h"
 
 namespace gobo {
@@ -35,6 +36,7 @@ SurfaceMaterial makeSurfaceMaterial(const Albedo& albedo, const Bsdf& b, const s
   p.diffuseTransmission = unit(b.diffuseTransmission);
   p.diffuseTransmissionColor = unit(b.diffuseTransmissionColor);
   m.unlit = b.unlit;
+  m.straight = maySendStraight(b);
   m.albedo = texture(albedo.texture);
   m.metallicRoughness = texture(b.metallicRoughness);
   m.normal = texture(b.normal); m.normalScale = b.normalScale;
@@ -99,6 +101,7 @@ void SurfaceTable::build(const SceneView& view, const Accel& accel) {
     s.identity = g.toWorld == Mat4(1.0f);
     s.unlit = s.material->unlit;
     anyUnlit_ = anyUnlit_ || s.unlit;
+    anyStraight_ = anyStraight_ || s.material->straight || (s.material->interior >= 0 && interiors_[size_t(s.material->interior)].scatters);
     s.flatLambert = s.world && !s.mirrored && !s.normals && !s.colours && s.material->lambert && !s.material->textured;
     if (!s.material->lambert) allLambert_ = false;
     // Scaled to order 1, so that normals of scenes of any scale stay inside float's comfortable range when squared.

@@ -23,6 +23,7 @@ struct SurfaceMaterial {
   bool transmissive = false;              ///< light may come from behind
   bool unlit = false;
   bool extended = false;                  ///< more than metallic, roughness, specular, ior and solid transmission
+  bool straight = false;                  ///< light may go straight on through it (trace/straight.h)
   bool lobeTextured = false;              ///< any texture but those of albedo, metallic-roughness and normal; or anisotropy
   int interior = -1;                      ///< index into SurfaceTable::interiors(), -1: bounds no volume
   float dispersion = 0;
@@ -108,6 +109,8 @@ class SurfaceTable {
   const SurfaceInstance& instance(uint32_t i) const { return instances_[i]; }
   const std::vector<Interior>& interiors() const { return interiors_; }
   int interiorOf(int material) const { return materials_[size_t(material)].interior; }
+  /// Some instance lets light through straight on: shadow rays have to ask what is left of them (trace/straight.h).
+  bool anyStraight() const { return anyStraight_; }
   bool allLambert() const { return allLambert_; }
   bool anyUnlit() const { return anyUnlit_; }
 
@@ -129,7 +132,7 @@ class SurfaceTable {
     if (glm::dot(m, facing) < 0.0f) m = -m;
     return glm::dot(m, d) < -1e-4f ? m : facing;
   }
-  bool allLambert_ = true, anyUnlit_ = false;
+  bool allLambert_ = true, anyUnlit_ = false, anyStraight_ = false;
   std::vector<Interior> interiors_;
   std::vector<SurfaceInstance> instances_;
   std::vector<SurfaceMaterial> materials_;

@@ -260,10 +260,11 @@ TEST(Caustics, GatheringAtLaterVertices) {
   SceneMaker m;
   m.instance(m.mesh(ground(0.5f), m.material(Vec3(0.8f))));
   m.instance(m.mesh(quad(Vec3(1.0f, 0.2f, 0.2f), Vec3(0, 0, -0.4f), Vec3(0, 0.4f, 0)), m.material(Vec3(0.5f))));
-  m.instance(m.mesh(quad(Vec3(-0.2f, 0.9f, -0.2f), Vec3(0.4f, 0, 0), Vec3(0, 0, 0.4f)), m.material(Vec3(1.0f), [](Material& g) { glass(g); g.bsdf.ior = 1.0f; g.bsdf.thickness = 0; })));
-  m.light(pointLight(Vec3(0, 1.8f, 0)), Vec3(6.0f));
+  const float half = 0.4f * 0.8f / 1.8f;
+  m.instance(m.mesh(quad(Vec3(-half, 1, -half), Vec3(2 * half, 0, 0), Vec3(0, 0, 2 * half)), m.material(Vec3(1.0f), mirror)));
+  m.light(pointLight(Vec3(0, 0.2f, 0)), Vec3(6.0f));
   m.camera(Vec3(0.6f, 0.4f, 0), Vec3(1.0f, 0.4f, 0), 0.05f);
-  // Index 1: light goes straight on, and lights the square |x|, |z| < 0.4 of the floor as if nothing were there.
+  // The lamp's image 0.8 m above the mirror lights the square |x|, |z| < 0.4 of the floor.
   double truth = 0;
   const int n = 200;
   const DVec3 at(1.0, 0.4, 0);
@@ -275,8 +276,30 @@ TEST(Caustics, GatheringAtLaterVertices) {
     }
   Caustics c(m.finish(), 20000, 0.02f, 3, 16, 16);
   expectWithin(c.mean(8), DVec3(truth * 0.5 / M_PI), 0.03);
-  c.settings.maxBounces = 1;                                            // straight on, floor, wall: three events
+  c.settings.maxBounces = 1;                                            // mirror, floor, wall: three events
   expectWithin(c.mean(2) + 1.0, DVec3(1.0), 1e-12);
+}
+
+TEST(Caustics, LightThatComesStraightOnIsNoCaustic) {
+  // Two panes: their shadow rays see through both, so only light that is reflected between them lands as photons, (1-F)^2 F^2 of it.
+  const auto landed = [](float ior) {
+    SceneMaker m;
+    m.instance(m.mesh(ground(50.0f), m.material(Vec3(0.5f))));
+    const int pane = m.material(Vec3(1.0f), [ior](Material& g) { glass(g); g.bsdf.ior = ior; g.bsdf.thickness = 0; });
+    for (float y : {1.0f, 2.0f}) m.instance(m.mesh(quad(Vec3(-0.5f, y, -0.5f), Vec3(1, 0, 0), Vec3(0, 0, 1)), pane));
+    LightShape sun;
+    sun.kind = LightKind::Directional;
+    sun.axis = Vec3(0, -1, 0);
+    m.light(sun, Vec3(1.0f));
+    m.camera(Vec3(0, 0.5f, 0), Vec3(0.1f, 0, 0));
+    Caustics c(m.finish(), 200000, 0.05f, 3);
+    double flux = 0;
+    const auto map = c.photons();
+    map->around(Vec3(0.0f), [&](const Photon& p) { flux += p.flux.x; });
+    return flux / (M_PI * map->radius() * map->radius());
+  };
+  EXPECT_EQ(landed(1.0f), 0.0);
+  EXPECT_NEAR(landed(3.0f), 0.75 * 0.75 * 0.25 * 0.25, 0.01);   // index 3: F = 1/4
 }
 
 TEST(Caustics, NothingWithoutASpecularChain) {

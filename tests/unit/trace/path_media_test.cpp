@@ -147,6 +147,10 @@ TEST(Interior, AlbedoOfOneEventGivesTheAlbedoOfTheSlab) {
       const double a = singleScatteringAlbedo(multiple, g), s = std::sqrt((1 - a) / (1 - a * double(g)));
       EXPECT_NEAR((1 - s) * (1 - 0.139 * s) / (1 + 1.17 * s), multiple, 4e-3) << g;      // van de Hulst's formula itself
     }
+  EXPECT_EQ(singleScatteringAlbedo(0.0f, 0.3f), 0.0f);
+  Bsdf absorbing;
+  absorbing.thickness = 1; absorbing.attenuationColor = Vec3(0.5f); absorbing.attenuationDistance = 1;
+  EXPECT_FALSE(makeInterior(absorbing).scatters);
   EXPECT_EQ(singleScatteringAlbedo(1.0f, 0.3f), 1.0f);
   EXPECT_EQ(singleScatteringAlbedo(0.0f, 0.3f), 0.0f);
 }
