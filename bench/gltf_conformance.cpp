@@ -1,13 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 // gltf_conformance [folder] [--all]: loads every glTF model below a folder and prints the tables of docs/gltf.md as Markdown:
 // verdicts by folder, then each model where loader and report disagree; --all lists every model.
+// gltf_conformance --verdicts LIST: one JSON line {"file", "error" | "warnings"} for each path in the file LIST, which
+// bench/gltf_validator/compare.mjs lays beside the Khronos validator's.
 #include <iostream>
 #include <set>
 
 #include "support/gltf_verdicts.h"
 
+namespace {
+
+int printVerdicts(const std::string& list) {
+  std::ifstream in(list);
+  if (!in) { std::cerr << "cannot read " << list << "\n"; return 2; }
+  for (std::string file; std::getline(in, file);) {
+    if (file.empty()) continue;
+    const auto scene = gobo::loadGltf(file);
+    nlohmann::json line{{"file", file}};
+    if (scene.ok()) line["warnings"] = (*scene)->warnings; else line["error"] = scene.status().toString();
+    std::cout << line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) << "\n";
+  }
+  return 0;
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
   using namespace gobo::testing;
+  if (argc == 3 && std::string(argv[1]) == "--verdicts") return printVerdicts(argv[2]);
   std::string folder = "../shared/data/gltf";
   bool all = false;
   for (int i = 1; i < argc; ++i) if (std::string(argv[i]) == "--all") all = true; else folder = argv[i];

@@ -131,7 +131,7 @@ Status demo(Session& session, const DemoCommand& c) {
     for (const std::string& w : reply.warnings()) std::fprintf(stderr, "note: %s\n", w.c_str());
   }
   printTable({"request", "ms", "rays", "RMSE +- standard error", "kept", "ran"}, rows, {false, true, true, true, true, false});
-  std::printf("\nms and rays are without the certificate that measures RMSE against the path-traced reference (1 %% of the pixels, two halves).\n");
+  std::printf("\nms and rays are without the certificate that measures RMSE against the path-traced reference (docs/certificate.md).\n");
   if (!c.out.empty()) std::printf("EXR and PNG of every row are in %s\n", c.out.c_str());
   return {};
 }

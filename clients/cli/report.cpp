@@ -56,9 +56,9 @@ void printReply(const v1::RenderReply& reply, const std::vector<std::string>& fi
               escaped(reply.request_hash()).c_str(), escaped(reply.build()).c_str());
   if (reply.has_certificate()) {
     const v1::Certificate& c = reply.certificate();
-    std::printf("certificate: RMSE %.4g (95 %%: %.4g..%.4g), relMSE %.4g (%.4g..%.4g); %u pixels at %u spp, unseen area %.2g, %llu rays, %.1f ms\n",
-                c.rmse(), c.rmse_low(), c.rmse_high(), c.rel_mse(), c.rel_mse_low(), c.rel_mse_high(), c.pixels(), c.spp(),
-                c.unseen_area(), static_cast<unsigned long long>(c.rays()), c.ms());
+    std::printf("certificate: RMSE %.4g (95 %%: %.4g..%.4g; at most %.4g without the worst %.2g of the picture), relMSE %.4g (%.4g..%.4g); %u pixels (%u certain) at %u spp, %llu rays, %.1f ms\n",
+                c.rmse(), c.rmse_low(), c.rmse_high(), c.rmse_high_trimmed(), c.unseen_area(), c.rel_mse(), c.rel_mse_low(), c.rel_mse_high(), c.pixels(),
+                c.certain_pixels(), c.spp(), static_cast<unsigned long long>(c.rays()), c.ms());
     for (const std::string& name : c.not_covered()) std::printf("  not covered by the reference: %s\n", escaped(name).c_str());
   }
   for (const std::string& text : reply.warnings()) std::printf("warning: %s\n", escaped(text).c_str());

@@ -49,8 +49,9 @@ class ShadeNode final : public PixelNode {
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto light = ctx.inputs[0]->floats("L");
     const auto v = ctx.inputs[1]->floats("V");
-    GOBO_CHECK_EQ(v.size(), pixels() * samples_);
-    GOBO_CHECK_EQ(light.size(), v.size() * 3);
+    const size_t C = size_t(ctx.inputs[1]->channels("V")), step = C == 3 ? 1 : 0;   // RGB visibility, or one for all channels
+    GOBO_CHECK_EQ(v.size(), pixels() * samples_ * C);
+    GOBO_CHECK_EQ(light.size(), pixels() * samples_ * 3);
     auto out = pixelTerm("direct_light", width_, height_);
     auto rgb = out->addUnsetPlane<float>("rgb", 3);
     const float scale = 1.0f / float(samples_);
@@ -58,9 +59,8 @@ class ShadeNode final : public PixelNode {
       for (int s = 0; s < samples_; ++s) {
         const size_t layer = size_t(s) * pixels();
         for (size_t p = b; p < e; ++p) {
-          const float w = v[layer + p] * scale;
-          const float* l = light.data() + 3 * (layer + p);
-          for (int c = 0; c < 3; ++c) rgb[3 * p + c] = (s ? rgb[3 * p + c] : 0.0f) + w * l[c];
+          const float *w = v.data() + C * (layer + p), *l = light.data() + 3 * (layer + p);
+          for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] = (s ? rgb[3 * p + c] : 0.0f) + w[step * c] * scale * l[c];
         }
       }
     });
@@ -91,13 +91,14 @@ class DirectFoldNode final : public FoldNode {
     auto& rgb = static_cast<Sum&>(state).rgb;
     const auto light = inputs[0]->floats("L");
     const auto v = inputs[1]->floats("V");
+    const size_t C = size_t(inputs[1]->channels("V")), step = C == 3 ? 1 : 0;
     const size_t pixels = size_t(width_) * height_;
     const double scale = 1.0 / samples_;
     ctx.arena->parallelFor(pixels, 1 << 14, [&](size_t b, size_t e) {
       for (int s = 0; s < samples_; ++s)
         for (size_t p = b; p < e; ++p) {
           const size_t at = size_t(s) * pixels + p;
-          for (int c = 0; c < 3; ++c) rgb[3 * p + c] += scale * v[at] * light[3 * at + c];
+          for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] += scale * v[C * at + step * c] * light[3 * at + c];
         }
     });
     return {};
@@ -151,6 +152,8 @@ class PixelMeanNode final : public PixelNode {
   size_t outputBytes() const override { return pixels() * 4 * channels_; }
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto in = ctx.inputs[0]->floats(plane_);
+    const bool grey = channels_ == 1 && ctx.inputs[0]->channels(plane_) == 3;   // RGB visibility shown as one channel: its luminance
+    GOBO_CHECK(grey || ctx.inputs[0]->channels(plane_) == channels_);
     const bool masked = ctx.inputs.size() > 1;
     const std::span<const uint32_t> valid = masked ? ctx.inputs[1]->plane<uint32_t>("instance") : std::span<const uint32_t>{};
     auto out = pixelTerm("pixels", width_, height_);
@@ -163,7 +166,8 @@ class PixelMeanNode final : public PixelNode {
           const size_t at = size_t(s) * pixels() + p;
           if (masked && valid[at] == ~0u) continue;
           ++count;
-          for (int c = 0; c < channels_; ++c) sum[c] += in[at * channels_ + c];
+          if (grey) sum[0] += luminance(Vec3(in[at * 3], in[at * 3 + 1], in[at * 3 + 2]));
+          else for (int c = 0; c < channels_; ++c) sum[c] += in[at * channels_ + c];
         }
         const double n = overValidOnly_ ? count : samples_;
         for (int c = 0; c < channels_; ++c) mean[p * channels_ + c] = n > 0 ? float(sum[c] / n) : 0.0f;

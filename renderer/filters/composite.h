@@ -15,7 +15,7 @@ namespace gobo {
 /// Output: term "picture", domain Pixel, plane "rgb" (3). Expression inputs are the node's inputs, all pixel terms of one extent.
 NodePtr makeCompositeNode(Expression expression, int width, int height);
 
-/// Inputs: unoccluded term (plane "L", 3, view samples) and visibility term (plane "V", 1). Output: "direct_light", plane
+/// Inputs: unoccluded term (plane "L", 3, view samples) and visibility term (plane "V", 1 or 3). Output: "direct_light", plane
 /// "rgb": mean over view samples of L * V.
 NodePtr makeShadeNode(int width, int height, int viewSamples);
 

@@ -21,6 +21,7 @@ struct ShadowInput {
   Camera camera;
   int width = 0, height = 0, viewSamples = 1;
   uint64_t seed = 0;
+  bool clear = false;      ///< hasClearSurfaces(scene) (trace/straight.h): visibility is RGB
   Vec2 angularSize{0.0f};  ///< Directional: 2 tan of half the angles that it spans along its map's right and up; 0: a point at infinity
 };
 
@@ -29,7 +30,8 @@ struct ShadowTechniqueEntry {
   const char* name;
   /// Which light kinds it can do; others fall back to ray tracing, reported in the plan.
   bool (*supports)(LightKind kind);
-  /// Adds nodes; returns the one whose term holds plane "V" (float, one channel, [0,1], view-sample domain).
+  /// Adds nodes; returns the one whose term holds plane "V" (float, [0,1], view-sample domain; one channel, or RGB where the scene is
+  /// `clear`). Techniques that use a map leave clear surfaces to planTint (filters/tinted_visibility.h).
   Result<NodeId> (*plan)(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
   bool usesMap = false;    ///< reads ShadowTechnique.map
 };

@@ -14,6 +14,9 @@ constexpr double kNormal975 = 1.959963984540054;
 /// size; heavy tails (log-normal errors) hold 93 % only with more, and regular pictures pay 1 % of the width for it.
 constexpr double kGranted = 1.5;
 
+/// -ln 0.05: an area that is drawn this often on the average is missed with a chance of 5 %.
+constexpr double kThree = 2.995732273553991;
+
 /// P(shape, x): power series below the mean, Lentz's continued fraction above it.
 double regularisedGamma(double shape, double x) {
   if (x <= 0) return 0;
@@ -36,6 +39,12 @@ double regularisedGamma(double shape, double x) {
   return std::clamp(1 - fraction * scale, 0.0, 1.0);
 }
 
+/// Fay and Feuer's 97.5 % limit of a weighted sum of Poisson counts, `sum` seen with this variance; `granted`: weight of one event more.
+double poissonLimit(double sum, double variance, double granted) {
+  const double y = sum + granted, v = variance + granted * granted;
+  return y > 0 && v > 0 ? v / y * gammaQuantile(y * y / v, 0.975) : 0.0;
+}
+
 }  // namespace
 
 double studentQuantile(double q, double degrees) {
@@ -46,6 +55,10 @@ double studentQuantile(double q, double degrees) {
 
 double gammaQuantile(double shape, double probability) {
   GOBO_CHECK(shape > 0 && probability > 0 && probability < 1);
+  if (shape > 1e6 && probability == 0.975) {   // Wilson & Hilferty 1931, off by far less than 1e-9 here, where the series is long
+    const double root = 1 - 1 / (9 * shape) + kNormal975 / (3 * std::sqrt(shape));
+    return shape * root * root * root;
+  }
   double high = std::max(1.0, shape);
   while (regularisedGamma(shape, high) < probability) high *= 2;
   // P is increasing: bisect, in the logarithm once the answer is known to be small (tiny shapes put it near zero).
@@ -73,9 +86,43 @@ MeanInterval meanInterval(const std::vector<double>& z) {
   out.low = std::max(0.0, out.mean - t);
   out.high = std::max(0.0, out.mean + t);
 
-  const double weight = kGranted * largest / double(n);  // of the event that is granted
-  const double y = std::max(out.mean, 0.0) + weight, v = squares / (double(n) * double(n)) + weight * weight;
-  if (y > 0 && v > 0) out.high = std::max(out.high, v / y * gammaQuantile(y * y / v, 0.975));
+  out.high = std::max(out.high, poissonLimit(std::max(out.mean, 0.0), squares / (double(n) * double(n)), kGranted * largest / double(n)));
+  return out;
+}
+
+DrawnInterval drawnInterval(const std::vector<DrawnValue>& drawn, double all) {
+  DrawnInterval out;
+  if (drawn.empty() || !(all > 0)) { out.unseenArea = 1; return out; }
+  double certain = 0, chance = 0;                                   // parts of the mean
+  double certainNoise = 0, chanceVariance = 0, positive = 0, spread = 0;
+  double largestWeight = 0, largestValue = 0, leastChance = 1;
+  size_t certainCount = 0;
+  for (const DrawnValue& d : drawn) {
+    const double weight = d.value / (d.chance * all);
+    if (d.chance >= 1) {
+      certain += weight;
+      certainNoise += d.noise / (all * all);
+      positive += std::max(d.value, 0.0);
+      spread += d.spread;
+      ++certainCount;
+      continue;
+    }
+    chance += weight;
+    chanceVariance += (1 - d.chance) * weight * weight + d.noise / d.chance / (all * all);
+    largestWeight = std::max(largestWeight, std::sqrt(1 - d.chance) * weight);
+    largestValue = std::max(largestValue, d.value);
+    leastChance = std::min(leastChance, d.chance);
+  }
+  if (certainCount > 0) certainNoise = std::max(certainNoise, 4 * positive * spread / double(certainCount) / (all * all));
+  out.mean = certain + chance;
+  out.standardError = std::sqrt(certainNoise + chanceVariance);
+  const double t = studentQuantile(kNormal975, std::max(3.0, double(drawn.size()) - 1));
+  out.low = std::max(0.0, out.mean - t * out.standardError);
+  const double limit = poissonLimit(std::max(chance, 0.0), chanceVariance, kGranted * largestWeight);
+  const double up = std::max(t * std::sqrt(chanceVariance), limit - chance);
+  out.highTrimmed = std::max({0.0, out.low, out.mean + std::sqrt(up * up + t * t * certainNoise)});
+  if (leastChance < 1) out.unseenArea = std::min(1.0, -kThree / (all * std::log1p(-leastChance)));
+  out.high = out.highTrimmed + out.unseenArea * largestValue;
   return out;
 }
 

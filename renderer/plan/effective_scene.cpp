@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "scene/edit.h"
+#include "scene/environment_tents.h"
 
 namespace gobo {
 
@@ -245,16 +246,7 @@ double estimatedFlux(const Scene& scene, int index) {
       }
       return kPi * l * area;
     }
-    case LightKind::Environment: {
-      if (!scene.environment) return 0;
-      double sum = 0, weight = 0;
-      const Environment& e = *scene.environment;
-      for (int y = 0; y < e.height; ++y) {
-        const double w = std::sin(kPi * (y + 0.5) / e.height);
-        for (int x = 0; x < e.width; ++x) { sum += w * luminance(e.texels[size_t(y) * e.width + x]); weight += w; }
-      }
-      return weight > 0 ? kPi * crossSection * l * sum / weight : 0;
-    }
+    case LightKind::Environment: return crossSection * l * environmentFlux(scene.environment.get()) / 4.0;
   }
   return 0;
 }

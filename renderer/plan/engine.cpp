@@ -27,6 +27,20 @@ double msSince(Clock::time_point t) { return std::chrono::duration<double, std::
 
 /// The most samples a pixel gets when only time or error bounds the request.
 constexpr uint32_t kMaxSpp = 65536;
+/// More samples have stopped lowering the error: eight times as many took off less than a tenth, where noise would lose 65 %, so what is
+/// left is bias (docs/certificate.md, "Stopping on error").
+class ErrorFloor {
+ public:
+  /// One certificate after every doubling. True if the bound is out of reach.
+  bool reached(const v1::Certificate& c, double bound) {
+    rmse_.push_back(c.rmse());
+    return rmse_.size() > 3 && c.rmse_low() > 1.05 * bound && c.rmse() > 0.9 * rmse_[rmse_.size() - 4];
+  }
+
+ private:
+  std::vector<double> rmse_;
+};
+
 /// Requests beyond this many view samples are refused before any work (16384^2 at one view sample is below it).
 constexpr uint64_t kMaxViewSamples = 1ull << 29;
 
@@ -307,7 +321,7 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
   const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;
   const bool open = halt.has_time_s() || halt.has_error();      // the sample count is not known beforehand
   uint32_t spp = open || control.snapshot ? std::min<uint32_t>(most, 16) : most;
-  std::vector<v1::NodeReport> ran;                              // of earlier passes, so that the last plan tells the whole cost
+  ErrorFloor floor;
 
   while (true) {
     bool extendable = false;
@@ -325,10 +339,13 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
     const double elapsed = msSince(start);
     const bool timeUp = halt.has_time_s() && elapsed >= halt.time_s() * 1e3;
     const bool errorMet = halt.has_error() && result->reply.certificate().rmse_high() <= halt.error();
-    const bool last = !extendable || spp >= most || (open && (timeUp || errorMet)) ;
+    const bool hopeless = halt.has_error() && !errorMet && floor.reached(result->reply.certificate(), halt.error());
+    const bool last = !extendable || spp >= most || (open && (timeUp || errorMet || hopeless));
     if (last) {
       ++m.renders;
-      if (halt.has_error() && !errorMet) result->reply.add_warnings("stopped before the error bound was met");
+      if (halt.has_error() && !errorMet)
+        result->reply.add_warnings(std::string("stopped before the error bound was met") +
+                                   (hopeless ? ": more samples no longer lower the error; what the request leaves out does not go away with them" : ""));
       m.remember(result->reply.render_id(), resolved);
       return result;
     }

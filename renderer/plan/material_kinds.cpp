@@ -5,6 +5,7 @@
 
 #include "plan/planner.h"
 #include "trace/interior.h"
+#include "trace/straight.h"
 #include "trace/surface.h"
 
 namespace gobo {
@@ -15,27 +16,6 @@ namespace {
 bool smooth(float roughness) { return roughness * roughness < kDeltaAlpha; }
 /// Anisotropy widens the lobe along the tangent.
 bool smooth(const Bsdf& b) { return smooth(b.roughness) && !(b.anisotropy * b.anisotropy >= kDeltaAlpha); }
-
-/// Where volumes overlap, some boundaries change nothing (trace/interior.h). Judged by boxes; O(vertices) of the volumes if there are several.
-bool volumesOverlap(const Scene& scene) {
-  struct Box { Vec3 lo{3e38f}, hi{-3e38f}; };
-  std::vector<const Instance*> volumes;
-  for (const Instance& i : scene.instances)
-    if (boundsVolume(scene.materials[size_t(scene.meshes[size_t(i.mesh)]->material)].bsdf)) volumes.push_back(&i);
-  if (volumes.size() < 2) return false;
-  std::vector<Box> boxes(volumes.size());
-  for (size_t k = 0; k < volumes.size(); ++k)
-    for (const Vec3& v : scene.meshes[size_t(volumes[k]->mesh)]->positions) {
-      const Vec3 p(volumes[k]->toWorld * Vec4(v, 1.0f));
-      boxes[k].lo = glm::min(boxes[k].lo, p);
-      boxes[k].hi = glm::max(boxes[k].hi, p);
-    }
-  std::sort(boxes.begin(), boxes.end(), [](const Box& a, const Box& b) { return a.lo.x < b.lo.x; });
-  for (size_t a = 0; a < boxes.size(); ++a)
-    for (size_t b = a + 1; b < boxes.size() && boxes[b].lo.x <= boxes[a].hi.x; ++b)
-      if (boxes[b].lo.y <= boxes[a].hi.y && boxes[a].lo.y <= boxes[b].hi.y && boxes[b].lo.z <= boxes[a].hi.z && boxes[a].lo.z <= boxes[b].hi.z) return true;
-  return false;
-}
 
 /// "a, b and c"
 std::string listed(const std::vector<std::string>& parts) {
@@ -55,20 +35,20 @@ MaterialKinds materialKinds(const Scene& scene) {
     const Bsdf& b = scene.materials[m].bsdf;
     if (b.unlit) { kinds.unlit = true; continue; }
     const SurfaceMaterial s = makeSurfaceMaterial(scene.materials[m].albedo, b, scene.textures);
-    // Light goes straight through an index of 1, however rough the surface; and through smooth thin walls, which reflect too.
-    const bool clear = b.transmission > 0.0f, one = std::fabs(b.ior - 1.0f) < kStraightIor, solid = boundsVolume(b);
-    const bool opaque = b.transmission < 1.0f || b.transmissionTexture.valid();
-    const bool interface = b.metallic > 0.0f || b.iridescence > 0.0f || (clear && !one) || (opaque && b.specular > 0.0f);
+    // Light goes straight through an index of 1, however rough the surface, and nothing is reflected where that is all; and through smooth thin walls, which reflect too.
+    const bool clear = b.transmission > 0.0f, one = clear && std::fabs(b.ior - 1.0f) < kStraightIor, solid = boundsVolume(b);
+    const bool nothingElse = one && b.transmission >= 1.0f && !b.transmissionTexture.valid();
+    const bool interface = b.metallic > 0.0f || (!nothingElse && (clear || b.specular > 0.0f || b.iridescence > 0.0f));
     const bool coat = b.clearcoat > 0.0f, layers = coat || maxComponent(b.sheenColor) > 0.0f || b.diffuseTransmission > 0.0f;
+    kinds.clear = kinds.clear || maySendStraight(b);
     kinds.extended = kinds.extended || s.extended;
     kinds.translucent = kinds.translucent || b.diffuseTransmission > 0.0f || (clear && !smooth(b) && !one);
     kinds.volumes = kinds.volumes || solid;
     kinds.scatters = kinds.scatters || (solid && makeInterior(b).scatters);
-    kinds.boundary = kinds.boundary || (clear && one && solid);
-    kinds.pane = kinds.pane || (clear && one && (!solid || interface || layers)) || (clear && !solid && smooth(b.roughness));
+    kinds.boundary = kinds.boundary || (one && solid && nothingElse && !layers);
+    kinds.pane = kinds.pane || (one && !(solid && nothingElse && !layers)) || (clear && !solid && smooth(b.roughness));
     kinds.specular = kinds.specular || (interface && smooth(b.roughness)) || (coat && smooth(b.clearcoatRoughness));
   }
-  kinds.pane = kinds.pane || (kinds.volumes && volumesOverlap(scene));
   return kinds;
 }
 

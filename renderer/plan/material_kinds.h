@@ -13,7 +13,10 @@ struct MaterialKinds {
   bool volumes = false;       ///< some mesh bounds a volume
   bool scatters = false;      ///< some volume scatters
   bool unlit = false;
-  bool boundary = false, pane = false, specular = false;   ///< some delta lobe passes light on as Passage (trace/reach.h) has it
+  bool clear = false;         ///< light passes some surface straight on (trace/straight.h): visibility is RGB
+  /// Some delta lobe passes light on as Passage (trace/reach.h) has it. Boundaries of volumes in each other, which may change nothing,
+  /// are not looked for: shadow rays pass them.
+  bool boundary = false, pane = false, specular = false;
   bool occurs(Passage p) const { return p == Passage::Open || (p == Passage::Boundary ? boundary : p == Passage::Pane ? pane : specular); }
 };
 /// Materials that some instance uses.

@@ -13,6 +13,7 @@
 #include "filters/sample_statistics.h"
 #include "filters/shadow_map/techniques.h"
 #include "filters/shadow_technique.h"
+#include "filters/tinted_visibility.h"
 #include "plan/caustic_plan.h"
 #include "plan/material_kinds.h"
 #include "plan/outputs.h"
@@ -136,10 +137,15 @@ class PlanMaker {
     in.viewSamples = viewSamples_;
     in.seed = request_.seed();
     in.angularSize = angularSize;
+    in.clear = kinds_.clear;
     const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
     GOBO_CHECK(entry != nullptr);
     if (t.has_auto_()) return automatic(in, t);
-    return entry->plan(plan_.graph, in, t);
+    return planned(*entry, in, t);
+  }
+  Result<NodeId> planned(const ShadowTechniqueEntry& entry, const ShadowInput& in, const v1::ShadowTechnique& t) {
+    GOBO_ASSIGN(const NodeId v, entry.plan(plan_.graph, in, t));
+    return entry.usesMap ? planTint(plan_.graph, in, v) : v;
   }
   /// shadows.auto: the choice goes into the plan, each rejected candidate as a pruned row with what it would have cost.
   Result<NodeId> automatic(const ShadowInput& in, const v1::ShadowTechnique& t) {
@@ -155,7 +161,7 @@ class PlanMaker {
     }
     const ShadowTechniqueEntry* entry = findShadowTechnique(chosen.technique.technique_case());
     GOBO_CHECK(entry != nullptr);
-    return entry->plan(plan_.graph, in, chosen.technique);
+    return planned(*entry, in, chosen.technique);
   }
   /// The parts that direct light is planned in.
   std::vector<LobePart> lobes() const { return splitLobes_ ? std::vector{LobePart::Diffuse, LobePart::Specular} : std::vector{LobePart::Both}; }

@@ -7,6 +7,7 @@
 #include "base/image_io.h"
 #include "base/utf8.h"
 #include "scene/environment_cube.h"
+#include "scene/environment_tents.h"
 
 namespace gobo {
 namespace {
@@ -37,8 +38,7 @@ Vec3 Environment::toDirection(const Vec2& uv) const {
 Vec3 Environment::eval(const Vec3& direction) const {
   if (texels.size() == 1) return texels[0];   // uniform: two inverse functions saved for each ray that meets nothing
   const Vec2 uv = toUv(direction);
-  const int x = std::clamp(int(uv.x * float(width)), 0, width - 1), y = std::clamp(int(uv.y * float(height)), 0, height - 1);
-  return texels[size_t(y) * width + x];
+  return interpolateTexels(*this, double(uv.x) * width, double(uv.y) * height);
 }
 
 EnvironmentPtr makeEnvironment(std::string name, Image image) {

@@ -26,7 +26,7 @@ struct Environment {
   /// Direction (unit) to continuous map coordinates in [0,1)^2, and back. Rotation applied.
   Vec2 toUv(const Vec3& direction) const;
   Vec3 toDirection(const Vec2& uv) const;
-  /// Radiance from a direction. Texels are piecewise constant: sampling is then exact whatever the contrast.
+  /// Radiance from a direction, bilinear between texel centres (environment_tents.h); the samplers' density is that, whatever the contrast.
   Vec3 eval(const Vec3& direction) const;
 };
 using EnvironmentPtr = std::shared_ptr<const Environment>;

@@ -9,6 +9,7 @@
 
 #include "base/check.h"
 #include "scene/environment.h"
+#include "scene/environment_tents.h"
 
 namespace gobo {
 namespace {
@@ -94,6 +95,7 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width) {
     const DVec3 energy = sunIrradiance(thetaS, T) * double(parameters.sunScale);
     horizontal += energy * sun.y;
     const DVec3 u = glm::normalize(glm::cross(std::abs(sun.y) < 0.99 ? DVec3(0, 1, 0) : DVec3(1, 0, 0), sun)), v = glm::cross(sun, u);
+    const EnvironmentTents tents(width, height);   // what a texel sends once it is looked up bilinearly
     constexpr int rings = 64, sectors = 128;  // pieces of equal solid angle on the cap
     for (int r = 0; r < rings; ++r)
       for (int s = 0; s < sectors; ++s) {
@@ -104,7 +106,7 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width) {
         tu -= std::floor(tu);
         const int i = std::min(int(tu * width), width - 1);
         const int j = std::clamp(int(std::acos(std::clamp(d.y, -1.0, 1.0)) / kDPi * height), 0, height - 1);
-        texels[size_t(j) * width + i] += energy / (double(rings * sectors) * solidAngle(j));
+        texels[size_t(j) * width + i] += energy / (double(rings * sectors) * tents.weight(j));
       }
   }
   const DVec3 ground = DVec3(parameters.groundAlbedo) * horizontal / kDPi;

@@ -40,7 +40,7 @@ class DirectUnoccludedNode final : public Node {
  public:
   explicit DirectUnoccludedNode(const DirectUnoccludedSettings& s) : s_(s) {}
   std::string type() const override { return "direct_unoccluded"; }
-  int version() const override { return 2; }                          // 2: every lobe
+  int version() const override { return 3; }                          // 2: every lobe; 3: bilinear environments
   NodeTraits traits() const override {
     NodeTraits t;
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).

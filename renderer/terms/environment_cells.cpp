@@ -2,11 +2,16 @@
 #include "terms/environment_cells.h"
 
 #include <algorithm>
+#include <cmath>
+
+#include "scene/environment_tents.h"
 
 namespace gobo {
 
 namespace {
 constexpr double kDPi = 3.14159265358979323846;
+/// NaN, Inf and negative channels count as black, before neighbours are interpolated with them.
+bool valid(const Vec3& c) { return isFinite(c) && c.x >= 0.0f && c.y >= 0.0f && c.z >= 0.0f; }
 }
 
 int EnvironmentCells::faceOf(const DVec3& d) {
@@ -41,40 +46,65 @@ DVec3 EnvironmentCells::cellDirection(size_t cell) {
 
 EnvironmentCells::EnvironmentCells(const Environment& map) : cells(size_t(6) * kSide * kSide) {
   const double step = 0.5 * (0.5 * kDPi / kSide);   // half a cell
-  const int cutX = std::max(1, int(std::ceil(2.0 * kDPi / map.width / step))), cutY = std::max(1, int(std::ceil(kDPi / map.height / step)));
-  const int columns = map.width * cutX, rows = map.height * cutY;
-  std::vector<double> cosine(columns), sine(columns);
-  for (int x = 0; x < columns; ++x) {
-    const double phi = (x + 0.5) / columns * 2.0 * kDPi - kDPi;
-    cosine[x] = std::cos(phi);
-    sine[x] = std::sin(phi);
+  Environment repaired;
+  const Environment* clean = &map;
+  if (!std::all_of(map.texels.begin(), map.texels.end(), valid)) {
+    repaired = map;
+    for (Vec3& c : repaired.texels)
+      for (int k = 0; k < 3; ++k) c[k] = valid(Vec3(c[k])) ? c[k] : 0.0f;
+    clean = &repaired;
   }
-  const double dPhi = 2.0 * kDPi / columns, dTheta = kDPi / rows;
-  for (int y = 0; y < rows; ++y) {
-    const double theta = (y + 0.5) * dTheta, s = std::sin(theta), c = std::cos(theta);
-    const double omega = dPhi * 2.0 * s * std::sin(0.5 * dTheta);   // cos(theta - h) - cos(theta + h) without cancellation
-    const double own = (dTheta * dTheta + s * s * dPhi * dPhi) / 12.0;
-    for (int x = 0; x < columns; ++x) {
-      const DVec3 d(s * cosine[x], c, s * sine[x]);
-      const int face = faceOf(d);
-      double u = 0, v = 0;
-      project(face, d, u, v);
-      const int i = std::clamp(int((u + 1.0) * 0.5 * kSide), 0, kSide - 1), j = std::clamp(int((v + 1.0) * 0.5 * kSide), 0, kSide - 1);
-      EnvironmentCell& cell = cells[(size_t(face) * kSide + j) * kSide + i];
-      cell.solidAngle += omega;
-      DVec3 radiance(map.texels[size_t(y / cutY) * map.width + x / cutX]);
-      for (int k = 0; k < 3; ++k) radiance[k] = radiance[k] > 0 && std::isfinite(radiance[k]) ? radiance[k] : 0.0;   // NaN, Inf and negative texels count as black
-      const DVec3 texel = radiance * omega;
-      const double w = 0.2126 * texel.x + 0.7152 * texel.y + 0.0722 * texel.z;
-      cell.flux += texel;
-      cell.weight += w;
-      cell.moment += w * d;
-      cell.extent += w * own;
-    }
-  }
+  if (2.0 * kDPi / map.width <= step && kDPi / map.height <= step) addTexels(*clean); else addPieces(*clean);
   for (const EnvironmentCell& cell : cells) {
     flux += cell.flux;
     weight += cell.weight;
+  }
+}
+
+void EnvironmentCells::add(const DVec3& d, double solidAngle, const DVec3& radiance, double own) {
+  const int face = faceOf(d);
+  double u = 0, v = 0;
+  project(face, d, u, v);
+  const int i = std::clamp(int((u + 1.0) * 0.5 * kSide), 0, kSide - 1), j = std::clamp(int((v + 1.0) * 0.5 * kSide), 0, kSide - 1);
+  EnvironmentCell& cell = cells[(size_t(face) * kSide + j) * kSide + i];
+  cell.solidAngle += solidAngle;
+  const DVec3 part = radiance * solidAngle;
+  const double w = 0.2126 * part.x + 0.7152 * part.y + 0.0722 * part.z;
+  cell.flux += part;
+  cell.weight += w;
+  cell.moment += w * d;
+  cell.extent += w * own;
+}
+
+void EnvironmentCells::addTexels(const Environment& map) {
+  const EnvironmentTents tents(map.width, map.height);
+  const double dPhi = 2.0 * kDPi / map.width, dTheta = kDPi / map.height;
+  for (int y = 0; y < map.height; ++y) {
+    const double theta = (y + 0.5) * dTheta, s = std::sin(theta), c = std::cos(theta), omega = tents.weight(y);
+    const double own = (dTheta * dTheta + s * s * dPhi * dPhi) / 6.0;   // a tent's variance is a sixth of its texel's width squared
+    for (int x = 0; x < map.width; ++x) {
+      const double phi = (x + 0.5) * dPhi - kDPi;
+      add(DVec3(s * std::cos(phi), c, s * std::sin(phi)), omega, DVec3(map.texels[size_t(y) * map.width + x]), own);
+    }
+  }
+}
+
+void EnvironmentCells::addPieces(const Environment& map) {
+  const double step = 0.5 * (0.5 * kDPi / kSide);
+  // An even number of pieces a texel: none spans a texel's centre, so that radiance is linear along both axes of each.
+  const int cutX = 2 * std::max(1, int(std::ceil(kDPi / map.width / step))), cutY = 2 * std::max(1, int(std::ceil(0.5 * kDPi / map.height / step)));
+  const int columns = map.width * cutX, rows = map.height * cutY;
+  const double dPhi = 2.0 * kDPi / columns, dTheta = kDPi / rows;
+  for (int y = 0; y < rows; ++y) {
+    const double middle = (y + 0.5) * dTheta, half = 0.5 * dTheta;
+    const double omega = dPhi * 2.0 * std::sin(middle) * std::sin(half);   // cos(middle - half) - cos(middle + half) without cancellation
+    // Looked up at the mean of the polar angle by solid angle, a linear function gives its own mean: fluxes are exact.
+    const double theta = middle + std::cos(middle) / std::sin(middle) * (1.0 - half * std::cos(half) / std::sin(half)), s = std::sin(theta), c = std::cos(theta);
+    const double own = (dTheta * dTheta + s * s * dPhi * dPhi) / 12.0;
+    for (int x = 0; x < columns; ++x) {
+      const double phi = (x + 0.5) * dPhi - kDPi;
+      add(DVec3(s * std::cos(phi), c, s * std::sin(phi)), omega, DVec3(interpolateTexels(map, (x + 0.5) / cutX, theta / kDPi * map.height)), own);
+    }
   }
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// An environment map gathered into the cells of a cube (6 x 64 x 64, about 1.4 degrees each): for every cell the flux of the map's texels
-// in it with its first and second moments, so that what is fitted to the cells keeps sub-cell positions and sizes (a sun of half a degree
-// lies where it lies). Map axes (rotation 0). Texels that span several cells are cut up first. All sums in double, in one fixed order.
+// An environment map gathered into the cells of a cube (6 x 64 x 64, about 1.4 degrees each): for every cell the flux of what lies in
+// it with its first and second moments, so that what is fitted to the cells keeps sub-cell positions and sizes (a sun of half a degree
+// lies where it lies). Map axes (rotation 0). Fine maps: texel by texel, each with the weight and the spread of its tent
+// (scene/environment_tents.h); coarse ones are cut up. Either way fluxes are the bilinear look-up's. All sums in double, in one fixed order.
 #pragma once
 
 #include <vector>
@@ -11,11 +12,11 @@
 namespace gobo {
 
 struct EnvironmentCell {
-  double solidAngle = 0;   ///< of the texels gathered, sr
+  double solidAngle = 0;   ///< of what was gathered, sr
   DVec3 flux{0.0};         ///< integral of radiance over them, W/m^2
   double weight = 0;       ///< luminance of `flux`
   DVec3 moment{0.0};       ///< integral of luminance x direction
-  double extent = 0;       ///< integral of luminance x the texel's own mean squared radius about its centre
+  double extent = 0;       ///< integral of luminance x the piece's own mean squared radius about its centre
   /// Weighted mean direction: shorter than 1 by half the mean squared chord about it.
   DVec3 centre() const { return moment / weight; }
 };
@@ -32,6 +33,11 @@ struct EnvironmentCells {
   static DVec3 direction(int face, double x, double y);   ///< unit
   static DVec3 cellDirection(size_t cell);
   static int faceOf(const DVec3& d);
+
+ private:
+  void add(const DVec3& direction, double solidAngle, const DVec3& radiance, double own);
+  void addTexels(const Environment& map);   // texels narrower than half a cell: each in one place
+  void addPieces(const Environment& map);   // coarser maps: cut up
 };
 
 }  // namespace gobo

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "scene/environment_tents.h"
+
 namespace gobo {
 
 namespace {
@@ -12,9 +14,9 @@ struct Cell { int x0, y0, x1, y1; double power; };
 /// Integral of luminance x solid angle over map cells by a summed-area table in double.
 class PowerTable {
  public:
-  explicit PowerTable(const Environment& e) : w_(e.width), h_(e.height), sums_(size_t(e.width + 1) * (e.height + 1), 0.0) {
+  explicit PowerTable(const Environment& e) : w_(e.width), h_(e.height), tents_(e.width, e.height), sums_(size_t(e.width + 1) * (e.height + 1), 0.0) {
     for (int y = 0; y < h_; ++y) {
-      const double omega = texelSolidAngle(e, y);
+      const double omega = texelWeight(y);
       double row = 0;
       for (int x = 0; x < w_; ++x) {
         row += omega * luminance(e.texels[size_t(y) * w_ + x]);
@@ -22,15 +24,15 @@ class PowerTable {
       }
     }
   }
-  static double texelSolidAngle(const Environment& e, int y) {
-    return 2.0 * double(kPi) / e.width * (std::cos(double(kPi) * y / e.height) - std::cos(double(kPi) * (y + 1) / e.height));
-  }
+  /// Of the bilinear look-up, so that fluxes are the map's.
+  double texelWeight(int y) const { return tents_.weight(y); }
   double power(int x0, int y0, int x1, int y1) const { return sum(x1, y1) - sum(x0, y1) - sum(x1, y0) + sum(x0, y0); }
 
  private:
   double& at(int x, int y) { return sums_[size_t(y) * (w_ + 1) + x]; }
   double sum(int x, int y) const { return sums_[size_t(y) * (w_ + 1) + x]; }
   int w_, h_;
+  EnvironmentTents tents_;
   std::vector<double> sums_;
 };
 
@@ -38,6 +40,7 @@ class ExtractLightsNode final : public Node {
  public:
   explicit ExtractLightsNode(int lights) : lights_(lights) {}
   std::string type() const override { return "extract_lights"; }
+  int version() const override { return 2; }                          // 2: of the bilinear look-up
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = Facet::Environment;
@@ -63,7 +66,7 @@ class ExtractLightsNode final : public Node {
       cells.push_back(b);
     }
     std::vector<float> directions, irradiances;
-    for (const Cell& c : cells) emit(e, c, directions, irradiances);
+    for (const Cell& c : cells) emit(e, table, c, directions, irradiances);
     auto out = std::make_shared<Term>("light_list", Domain::List, Extent{int(directions.size() / 3), 1, 1});
     std::copy(directions.begin(), directions.end(), out->addPlane<float>("direction", 3).begin());
     std::copy(irradiances.begin(), irradiances.end(), out->addPlane<float>("irradiance", 3).begin());
@@ -85,10 +88,10 @@ class ExtractLightsNode final : public Node {
     return {a, b};
   }
 
-  static void emit(const Environment& e, const Cell& c, std::vector<float>& directions, std::vector<float>& irradiances) {
+  static void emit(const Environment& e, const PowerTable& table, const Cell& c, std::vector<float>& directions, std::vector<float>& irradiances) {
     DVec3 centre(0.0), rgb(0.0);
     for (int y = c.y0; y < c.y1; ++y) {
-      const double omega = PowerTable::texelSolidAngle(e, y);
+      const double omega = table.texelWeight(y);
       const double theta = double(kPi) * (y + 0.5) / e.height;
       for (int x = c.x0; x < c.x1; ++x) {
         const Vec3 v = e.texels[size_t(y) * e.width + x];

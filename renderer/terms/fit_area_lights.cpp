@@ -142,6 +142,7 @@ std::vector<Moments> pursue(const EnvironmentCells& cells, int lights) {
 /// Cells to the light or background that they are likeliest of, lights to their cells, in turn.
 std::vector<Moments> refine(const EnvironmentCells& cells, std::vector<Moments> lights) {
   struct Gaussian { DVec3 centre; double scale, logVariance; };
+  const double widest = squareSpread(kWidest);
   for (int round = 0; round < kRounds && !lights.empty(); ++round) {
     std::vector<Gaussian> g;
     for (const Moments& m : lights) {
@@ -163,8 +164,9 @@ std::vector<Moments> refine(const EnvironmentCells& cells, std::vector<Moments> 
       if (best >= 0) next[size_t(best)].add(c);
     }
     lights.clear();
+    // What is too wide for a square (a whole floor) is no light: as one direction it would be wrong, the remainder holds it well.
     for (const Moments& m : next)
-      if (m.weight > kLeast * cells.weight && glm::length(m.moment) > 1e-3 * m.weight) lights.push_back(m);
+      if (m.spread() < widest && m.weight > kLeast * cells.weight && glm::length(m.moment) > 1e-3 * m.weight) lights.push_back(m);
   }
   return lights;
 }
@@ -229,7 +231,7 @@ AreaLightFit fitAreaLights(const Environment& map, int lights) {
     AreaLight l;
     l.direction = m.direction();
     const double across = std::hypot(l.direction.x, l.direction.z);
-    l.right = across > 1e-6 ? DVec3(l.direction.z / across, 0.0, -l.direction.x / across) : DVec3(1, 0, 0);
+    l.right = across > 1e-6 ? DVec3(l.direction.z / across, 0.0, -l.direction.x / across) : glm::normalize(DVec3(1, 0, 0) - l.direction * l.direction.x);
     l.angularSize = 2.0 * squareOfSpread(m.spread());
     l.irradiance = m.flux;
     fit.lights.push_back(l);

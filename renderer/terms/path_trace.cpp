@@ -14,7 +14,7 @@ class PathTraceNode final : public Node {
  public:
   PathTraceNode(const PathTracerSettings& settings, int streams) : settings_(settings), streams_(streams) {}
   std::string type() const override { return "path_trace"; }
-  int version() const override { return 4; }                          // 2: blocks continue one sequence; 3: volumes, every lobe; 4: light straight on, hidden lights
+  int version() const override { return 6; }                          // 2: blocks continue one sequence; 3: volumes, every lobe; 4: light straight on; 5: bilinear environments; 6: hidden lights shine through delta events
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;

@@ -8,13 +8,18 @@
 #include "formulas/axis_aligned.glsl.h"
 #include "terms/light_points.h"
 #include "terms/shadow_light.h"
+#include "terms/surface_reader.h"
 #include "terms/surface_samples.h"
 #include "terms/visibility.h"
+#include "trace/straight.h"
 
 namespace gobo {
 namespace {
 
-constexpr Facet kFacets = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
+Facet facets(bool clear) {
+  const Facet plain = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
+  return clear ? plain | kSurfaceFacets : plain;   // tints
+}
 
 class ShadowSlopesNode final : public Node {
  public:
@@ -22,11 +27,14 @@ class ShadowSlopesNode final : public Node {
   std::string type() const override { return "shadow_slopes"; }
   NodeTraits traits() const override {
     NodeTraits t;
-    t.facets = kFacets;
+    t.facets = facets(s_.clear);
     return t;
   }
-  void hashParameters(Hasher& h) const override { h.add(s_.pilot).add(s_.seed); }
-  size_t outputBytes() const override { return s_.extent.elements() * (4 * sizeof(float) + 1); }
+  void hashParameters(Hasher& h) const override {
+    h.add(s_.pilot).add(s_.seed);
+    if (s_.clear) h.add("clear");
+  }
+  size_t outputBytes() const override { return s_.extent.elements() * (4 * sizeof(float) + 1 + (s_.clear ? 8 : 0)); }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const int index = ctx.scene->lightSubset().at(0);
@@ -36,7 +44,10 @@ class ShadowSlopesNode final : public Node {
     const SurfaceSamples surface(*ctx.inputs.at(0));
     auto term = std::make_shared<Term>("shadow_slopes", Domain::ViewSample, ctx.inputs[0]->extent());
     const auto sMax = term->addPlane<float>("sMax"), sMin = term->addPlane<float>("sMin");
-    const auto sumV = term->addPlane<float>("sumV"), sumW = term->addPlane<float>("sumW");
+    const size_t C = s_.clear ? 3 : 1;
+    const auto sumV = term->addPlane<float>("sumV", int(C)), sumW = term->addPlane<float>("sumW");
+    SurfaceTable surfaces;
+    if (s_.clear) surfaces.build(*ctx.scene, *accel);
     const auto occluded = term->addPlane<uint8_t>("occluded");
     const bool complete = ctx.arena->parallelFor(surface.size(), 128, [&](size_t from, size_t to) {
       uint64_t rays = 0;
@@ -44,7 +55,8 @@ class ShadowSlopesNode final : public Node {
         if (!surface.hit(e)) continue;
         const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
         const uint64_t seed = viewSampleSeed(s_.seed, e);
-        double v = 0, w = 0;
+        DVec3 v(0.0);
+        double w = 0;
         float largest = 0, smallest = AA_SLOPE_MAX;
         for (uint32_t i = 0; i < s_.pilot; ++i) {
           LightPoint point;
@@ -54,7 +66,8 @@ class ShadowSlopesNode final : public Node {
           const Ray ray = shadowRay(*accel, p, Ng, point);
           Hit first, last;
           ++rays;
-          if (!accel->intersect(ray, first)) { v += point.weight; continue; }
+          if (!accel->intersect(ray, first)) { v += DVec3(point.weight); continue; }
+          if (s_.clear) v += DVec3(transmittance(*accel, surfaces, ray, nullptr, rays)) * double(point.weight);
           // Back from the light: the occluder nearest to it. Where rounding lets that ray through, the first one serves.
           Ray back;
           back.origin = ray.origin + ray.direction * ray.tmax;
@@ -67,7 +80,7 @@ class ShadowSlopesNode final : public Node {
           largest = std::max(largest, formulas::aaSlope(tLast + moved, point.distance));
           occluded[e] = 1;
         }
-        sumV[e] = float(v);
+        for (size_t c = 0; c < C; ++c) sumV[C * e + c] = float(v[int(c)]);
         sumW[e] = float(w);
         if (occluded[e]) { sMax[e] = largest; sMin[e] = smallest; }
       }
@@ -87,38 +100,52 @@ class ShadowAdaptiveNode final : public Node {
   std::string type() const override { return "shadow_adaptive"; }
   NodeTraits traits() const override {
     NodeTraits t;
-    t.facets = kFacets;
+    t.facets = facets(s_.clear);
     return t;
   }
-  void hashParameters(Hasher& h) const override { h.add(s_.pilot).add(s_.seed); }
-  size_t outputBytes() const override { return s_.extent.elements() * sizeof(float); }
+  void hashParameters(Hasher& h) const override {
+    h.add(s_.pilot).add(s_.seed);
+    if (s_.clear) h.add("clear");
+  }
+  size_t outputBytes() const override { return s_.extent.elements() * sizeof(float) * (s_.clear ? 3 : 1); }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_CHECK_EQ(ctx.inputs.size(), size_t(3));
+    const size_t C = s_.clear ? 3 : 1;
     const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     const SurfaceSamples surface(*ctx.inputs[0]);
     const auto sumV = ctx.inputs[1]->floats("sumV"), sumW = ctx.inputs[1]->floats("sumW");
     const auto n = ctx.inputs[2]->plane<uint32_t>("n");
     auto term = std::make_shared<Term>("visibility", Domain::ViewSample, ctx.inputs[0]->extent());
-    const auto V = term->addPlane<float>("V");
+    const auto V = term->addPlane<float>("V", int(C));
+    SurfaceTable surfaces;
+    if (s_.clear) surfaces.build(*ctx.scene, *accel);
     const bool complete = ctx.arena->parallelFor(surface.size(), 32, [&](size_t from, size_t to) {
       uint64_t rays = 0;
       for (size_t e = from; e < to; ++e) {
-        V[e] = 1.0f;
+        for (size_t c = 0; c < C; ++c) V[C * e + c] = 1.0f;
         if (!surface.hit(e)) continue;
         const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
         const uint64_t seed = viewSampleSeed(s_.seed, e);
-        double v = sumV[e], w = sumW[e];
+        DVec3 v(0.0);
+        for (size_t c = 0; c < C; ++c) v[int(c)] = sumV[C * e + c];
+        double w = sumW[e];
         for (uint32_t i = s_.pilot; i < n[e]; ++i) {
           LightPoint point;
           if (!light.sample(p, N, Ng, SobolSampler(seed, i).next2D(), point)) continue;
           w += point.weight;
           if (point.belowSurface) continue;
+          const Ray ray = shadowRay(*accel, p, Ng, point);
+          if (s_.clear) {
+            v += DVec3(transmittance(*accel, surfaces, ray, nullptr, rays)) * double(point.weight);
+            continue;
+          }
           ++rays;
-          if (!accel->occluded(shadowRay(*accel, p, Ng, point))) v += point.weight;
+          if (!accel->occluded(ray)) v += DVec3(point.weight);
         }
-        if (w > 0) V[e] = clamp01(float(v / w));
+        if (w > 0)
+          for (size_t c = 0; c < C; ++c) V[C * e + c] = clamp01(float(v[int(c)] / w));
       }
       if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
     }, ctx.stop);

@@ -5,8 +5,9 @@
 
 #include "base/sobol.h"
 #include "terms/light_points.h"
+#include "terms/surface_reader.h"
 #include "terms/surface_samples.h"
-#include "trace/accel.h"
+#include "trace/straight.h"
 
 namespace gobo {
 
@@ -22,13 +23,15 @@ class VisibilityNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
+    if (s_.glass != Glass::Solid) t.facets = t.facets | kSurfaceFacets;   // tints
     return t;
   }
   void hashParameters(Hasher& h) const override {
     h.add(s_.samples).add(s_.seed);
     if (s_.angularSize != Vec2(0.0f)) h.add(s_.angularSize.x).add(s_.angularSize.y);
+    if (s_.glass != Glass::Solid) h.add("glass").add(s_.glass);
   }
-  size_t outputBytes() const override { return s_.extent.elements() * sizeof(float); }
+  size_t outputBytes() const override { return s_.extent.elements() * sizeof(float) * size_t(channels()); }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_CHECK_EQ(ctx.inputs.size(), size_t(1));
@@ -36,12 +39,15 @@ class VisibilityNode final : public Node {
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0), s_.angularSize);
     const SurfaceSamples surface(*ctx.inputs[0]);
     auto term = std::make_shared<Term>("visibility", Domain::ViewSample, ctx.inputs[0]->extent());
-    const auto V = term->addUnsetPlane<float>("V");
+    const size_t C = size_t(channels());
+    const auto V = term->addUnsetPlane<float>("V", channels());
+    SurfaceTable surfaces;
+    if (s_.glass != Glass::Solid) surfaces.build(*ctx.scene, *accel);
     const uint32_t samples = light.pointLike() ? 1 : s_.samples;
     const size_t grain = std::clamp<size_t>(8192 / samples, 1, 1024);   // a few milliseconds between looks at `stop`
     const bool complete = ctx.arena->parallelFor(surface.size(), grain, [&](size_t from, size_t to) {
-      std::vector<double> seen(to - from, 0.0), sum(to - from, 0.0);
-      Packet packet(*accel, seen);
+      std::vector<double> seen((to - from) * C, 0.0), sum(to - from, 0.0);
+      Packet packet(*accel, surfaces, s_.glass, seen);
       for (size_t e = from; e < to; ++e) {
         if (!surface.hit(e)) continue;
         const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
@@ -50,12 +56,14 @@ class VisibilityNode final : public Node {
           LightPoint point;
           const Vec2 u = light.pointLike() ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
           if (!light.sample(p, N, Ng, u, point)) continue;
+          if (point.belowSurface && s_.glass == Glass::Alone) continue;
           sum[e - from] += point.weight;
           if (!point.belowSurface) packet.add(shadowRay(*accel, p, Ng, point), e - from, point.weight);
         }
       }
       packet.flush();
-      for (size_t e = from; e < to; ++e) V[e] = sum[e - from] > 0 ? float(seen[e - from] / sum[e - from]) : 1.0f;
+      for (size_t e = from; e < to; ++e)
+        for (size_t c = 0; c < C; ++c) V[C * e + c] = sum[e - from] > 0 ? float(seen[C * (e - from) + c] / sum[e - from]) : 1.0f;
       if (ctx.counters) ctx.counters->rays.fetch_add(packet.rays, std::memory_order_relaxed);
     }, ctx.stop);
     if (!complete) return Status(Code::Cancelled, "visibility: stopped");
@@ -65,7 +73,7 @@ class VisibilityNode final : public Node {
  private:
   /// Shadow rays of neighbours and of one receiver go together, 16 at a time; what they see is added in the order they came in.
   struct Packet {
-    Packet(const Accel& a, std::vector<double>& s) : accel(a), seen(s) {}
+    Packet(const Accel& a, const SurfaceTable& t, Glass g, std::vector<double>& s) : accel(a), surfaces(t), glass(g), seen(s) {}
     void add(const Ray& r, size_t e, float w) {
       ray[count] = r;
       element[count] = e;
@@ -73,13 +81,28 @@ class VisibilityNode final : public Node {
       if (count == 16) flush();
     }
     void flush() {
+      if (glass != Glass::Solid) {
+        flushTinted();
+        return;
+      }
       const uint32_t blocked = count ? accel.occluded16(ray, count) : 0;
       for (int i = 0; i < count; ++i)
         if (!(blocked >> i & 1)) seen[element[i]] += weight[i];
       rays += uint64_t(count);
       count = 0;
     }
+    void flushTinted() {
+      Vec3 left[16];
+      if (glass == Glass::Seen && count) transmittance16(accel, surfaces, ray, nullptr, count, left, rays);
+      for (int i = 0; i < count; ++i) {
+        if (glass == Glass::Alone) left[i] = tint(accel, surfaces, ray[i], rays);
+        for (int c = 0; c < 3; ++c) seen[3 * element[i] + size_t(c)] += double(weight[i]) * left[i][c];
+      }
+      count = 0;
+    }
     const Accel& accel;
+    const SurfaceTable& surfaces;
+    Glass glass;
     std::vector<double>& seen;
     Ray ray[16];
     size_t element[16];
@@ -88,6 +111,7 @@ class VisibilityNode final : public Node {
     uint64_t rays = 0;
   };
 
+  int channels() const { return s_.glass == Glass::Solid ? 1 : 3; }
   VisibilitySettings s_;
 };
 

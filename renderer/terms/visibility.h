@@ -8,17 +8,27 @@
 // One ray on Point, Spot and Directional lights without angular size (hard shadows); `samples` Owen-scrambled Sobol points per view sample on area lights, each
 // view sample with a scramble of its own. A mesh light counts by area; its emission texture is not read. Cost: one occlusion query per sample.
 // Light that comes through a surface from behind is no part of V.
+// Scenes with surfaces that light passes straight on (trace/straight.h: clear panes, index 1) have an RGB visibility: V f32x3, what
+// of each channel arrives.
 #pragma once
 
 #include "terms/node.h"
 
 namespace gobo {
 
+/// What becomes of light at surfaces that it passes straight on.
+enum class Glass : uint8_t {
+  Solid,   ///< the scene has none: V has one channel
+  Seen,    ///< it is tinted: V has three channels
+  Alone,   ///< only that: V (three channels) is the mean tint of what solid surfaces may or may not let through
+};
+
 struct VisibilitySettings {
   uint32_t samples = 16;
   uint64_t seed = 0;
   Extent extent;        ///< of the G-buffer, for the size estimate
   Vec2 angularSize{0.0f};   ///< Directional (terms/light_points.h); 0: a point at infinity
+  Glass glass = Glass::Solid;
 };
 /// Input 0: "gbuffer". The light is the one in the graph node's `lights`; any kind but Environment.
 NodePtr makeVisibilityNode(const VisibilitySettings& settings);

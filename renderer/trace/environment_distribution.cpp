@@ -2,6 +2,7 @@
 #include "trace/environment_distribution.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace gobo {
 namespace {
@@ -31,21 +32,14 @@ size_t locate(const double* sums, size_t n, double u, double& rest) {
 EnvironmentDistribution::EnvironmentDistribution(EnvironmentPtr map) : map_(std::move(map)) {
   if (!map_) return;
   const size_t w = size_t(map_->width), h = size_t(map_->height);
+  tents_.emplace(map_->width, map_->height);
   rows_.resize(h);
   columns_.resize(w * h);
-  cosines_.resize(h + 1);
-  for (size_t y = 0; y <= h; ++y) cosines_[y] = std::cos(kDPi * double(y) / double(h));
   for (size_t y = 0; y < h; ++y) {
     double sum = 0;
     for (size_t x = 0; x < w; ++x) columns_[y * w + x] = sum += texelLuminance(map_->texels[y * w + x]);
-    rows_[y] = total_ += sum * texelSolidAngle(int(y));
+    rows_[y] = total_ += sum * tents_->weight(int(y));
   }
-}
-
-double EnvironmentDistribution::texelSolidAngle(int y) const {
-  // cos(a) - cos(b) = 2 sin((a+b)/2) sin((b-a)/2) keeps its digits in thin polar rows, counted from the nearer pole.
-  const double step = kDPi / map_->height;
-  return 2.0 * kDPi / map_->width * 2.0 * std::sin((std::min(y, map_->height - 1 - y) + 0.5) * step) * std::sin(0.5 * step);
 }
 
 bool EnvironmentDistribution::sample(const Vec2& u, Vec3& direction, Vec3& radiance, float& pdf) const {
@@ -54,10 +48,10 @@ bool EnvironmentDistribution::sample(const Vec2& u, Vec3& direction, Vec3& radia
   double fy, fx;
   const size_t y = locate(rows_.data(), h, u.y, fy);
   const size_t x = locate(columns_.data() + y * w, w, u.x, fx);
-  const double c = std::clamp(cosines_[y] + fy * (cosines_[y + 1] - cosines_[y]), -1.0, 1.0), s = std::sqrt((1.0 - c) * (1.0 + c));
-  const double azimuth = ((double(x) + fx) / double(w) - 0.5) * 2.0 * kDPi - double(map_->rotation);
-  direction = Vec3(float(s * std::cos(azimuth)), float(c), float(s * std::sin(azimuth)));
-  radiance = map_->texels[y * w + x];
+  const double polar = tents_->polar(int(y), fy), across = double(x) + 0.5 + EnvironmentTents::across(fx), s = std::sin(polar);
+  const double azimuth = (across / double(w) - 0.5) * 2.0 * kDPi - double(map_->rotation);
+  direction = Vec3(float(s * std::cos(azimuth)), float(std::cos(polar)), float(s * std::sin(azimuth)));
+  radiance = interpolateTexels(*map_, across, polar / kDPi * double(h));
   pdf = float(texelLuminance(radiance) / total_);
   return pdf > 0.0f;
 }

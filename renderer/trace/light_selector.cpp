@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scene/environment_tents.h"
+
 namespace gobo {
 
 namespace {
@@ -103,18 +105,6 @@ float sceneRadius(const SceneView& view) {
   return lo.x <= hi.x ? std::fmax(0.5f * glm::length(hi - lo), 1e-20f) : 1.0f;
 }
 
-double environmentIrradiance(const Environment* e) {                  // mean radiance luminance over the sphere, times pi
-  if (!e || e->texels.empty()) return 0.0;
-  double sum = 0, weight = 0;
-  for (int y = 0; y < e->height; ++y) {
-    const double w = std::sin(M_PI * (y + 0.5) / e->height);
-    double row = 0;
-    for (int x = 0; x < e->width; ++x) row += luminance(e->texels[size_t(y) * e->width + x]);
-    sum += w * row; weight += w * e->width;
-  }
-  return M_PI * sum / weight;
-}
-
 }  // namespace
 
 void LightSelector::build(const SceneView& view, const std::vector<Vec3>& nominal, LightSelection selection) {
@@ -134,7 +124,7 @@ void LightSelector::build(const SceneView& view, const std::vector<Vec3>& nomina
     const LightKind kind = view.lightShape(subset[k]).kind;
     if (kind == LightKind::Directional || kind == LightKind::Environment) {
       if (radius < 0.0f) radius = sceneRadius(view);
-      const double irradiance = kind == LightKind::Directional ? scale : scale * environmentIrradiance(view.environment().get());
+      const double irradiance = kind == LightKind::Directional ? scale : scale * environmentFlux(view.environment().get()) / 4.0;   // of an environment: mean radiance times pi
       weight[k] = std::max(irradiance * M_PI * radius * radius, 1e-30);
       infinitePower += weight[k];
     } else {

@@ -70,6 +70,12 @@ bool maySendStraight(const Bsdf& b) {
   return !boundsVolume(b) && (b.metallicRoughness.valid() || b.roughness * b.roughness < kDeltaAlpha);
 }
 
+bool hasClearSurfaces(const Scene& scene) {
+  for (const Instance& i : scene.instances)
+    if (maySendStraight(scene.materials[size_t(scene.meshes[size_t(i.mesh)]->material)].bsdf)) return true;
+  return false;
+}
+
 bool lightGoesStraight(const Scene& scene) {
   for (const Instance& i : scene.instances) {
     const Bsdf& b = scene.materials[size_t(scene.meshes[size_t(i.mesh)]->material)].bsdf;

@@ -14,6 +14,8 @@ namespace gobo {
 
 /// True if light may pass a surface of this material straight on in air, by its factors (textures only scale them).
 bool maySendStraight(const Bsdf& bsdf);
+/// Some instance has such a material: visibility is RGB. Reads facets Topology and Bsdf.
+bool hasClearSurfaces(const Scene& scene);
 /// Some instance has such a material, or bounds a volume that scatters (which asks for lights beyond its boundary): shadow rays have
 /// to find out what is left of the light. Reads facets Topology and Bsdf; SurfaceTable::anyStraight says the same.
 bool lightGoesStraight(const Scene& scene);

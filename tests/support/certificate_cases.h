@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Synthetic pictures with a known truth, and cheap noisy halves of it at any pixel: what the certificate's coverage is
+// Synthetic pictures with a known truth, and cheap noisy parts of it at any pixel: what the certificate's coverage is
 // measured on, by the unit test (some hundred seeds) and by bench/certificate_bench.cpp (a thousand and more).
 #pragma once
 
@@ -13,7 +13,7 @@
 #include "base/sobol.h"
 #include "base/vec.h"
 #include "measure/certificate.h"
-#include "measure/halves.h"
+#include "measure/certificate_pixels.h"
 
 namespace gobo::testing {
 
@@ -35,9 +35,10 @@ class Stream {
 
 enum class Tail { Gauss, LogNormal, Firefly };
 
-/// Noise of one half: standard deviation (relative to `sigma` per pixel) `level`.
+/// Noise of half the parts together: standard deviation (relative to `sigma` per pixel) `level`.
 struct HalfNoise { double level; Tail tail; };
 
+/// Hidden: an error on so few pixels that only the trimmed figures are promised.
 enum class Kind { Noisy, Biased, Mixed, Hidden, Exact };
 inline const char* kindName(Kind k) {
   const char* names[] = {"noisy", "biased", "mixed", "hidden", "exact"};
@@ -56,9 +57,9 @@ struct CertificateCase {
   double rmse = 0, relMse = 0;                    ///< of the whole picture
   std::vector<double> squaredSums, relativeSums;  ///< descending prefix: [k] = mean over the picture without its k largest
 
-  Vec3 half(size_t pixel, Stream& random) const {
+  Vec3 part(size_t pixel, Stream& random) const {
     const Vec3 t = truth[pixel];
-    const double s = noise.level * sigma[pixel];
+    const double s = noise.level * sigma[pixel] * std::sqrt(0.5 * kParts);
     if (s == 0) return t;
     double grey = 0;                              // channels of a path share their noise for the most part
     if (noise.tail == Tail::Gauss) grey = s * random.normal();
@@ -75,15 +76,23 @@ struct CertificateCase {
     return out;
   }
 
-  CertificateFigures run(double fraction, uint64_t seed) const {
-    Stream random(hash64(seed, 77));
-    std::vector<PixelEvidence> evidence;
-    for (uint32_t p : certificatePixels(size, size, fraction, seed)) {
-      const Vec3 a = half(p, random), b = half(p, random);
-      evidence.push_back({picture[p], a, b});
-    }
-    return certify(evidence, seed);
+  /// Chances of the pixels when a share of them is drawn.
+  std::vector<float> chances(double fraction) const {
+    std::vector<float> rgb;
+    for (const Vec3& p : picture) rgb.insert(rgb.end(), {p.x, p.y, p.z});
+    return drawingChances(forecastError(rgb, size, size), std::round(fraction * double(picture.size())));
   }
+  std::vector<PixelEvidence> evidence(const std::vector<float>& chances, uint64_t seed) const {
+    Stream random(hash64(seed, 77));
+    std::vector<PixelEvidence> out;
+    for (uint32_t p : drawPixels(size, size, chances, seed)) {
+      PixelEvidence e{picture[p], {}, double(chances[p])};
+      for (Vec3& v : e.parts) v = part(p, random);
+      out.push_back(e);
+    }
+    return out;
+  }
+  CertificateFigures run(const std::vector<float>& chances, uint64_t seed) const { return certify(evidence(chances, seed), picture.size()); }
 
   /// Smallest share of the pixels that holds half of the squared error (0 for an exact picture).
   double halfErrorArea() const {
@@ -209,31 +218,32 @@ inline std::vector<CertificateCase> certificateCases(int size) {
 
 struct Coverage {
   double whole = 0;        ///< share of seeds whose interval holds the RMSE of the whole picture
-  double claimed = 0;      ///< ... for which the certificate's claim holds (certificate.h)
+  double trimmed = 0;      ///< ... for which rmseLow and rmseHighTrimmed hold
   double belowLow = 0;     ///< share with rmseLow above the RMSE of the whole picture
   double halfWidth = 0;    ///< median of (high - low) / 2 over the true RMSE (over 1 for an exact picture)
-  double relWhole = 0, relClaimed = 0, relHalfWidth = 0;
+  double relWhole = 0, relTrimmed = 0, relHalfWidth = 0;
   double meanMse = 0, meanRelMse = 0;  ///< of the point estimates, over the truth
 };
 
 inline Coverage measureCoverage(const CertificateCase& picture, double fraction, int seeds, uint64_t firstSeed = 1) {
   Coverage out;
   std::vector<double> widths, relWidths;
+  const std::vector<float> chances = picture.chances(fraction);
   for (int s = 0; s < seeds; ++s) {
-    const CertificateFigures f = picture.run(fraction, firstSeed + uint64_t(s));
+    const CertificateFigures f = picture.run(chances, firstSeed + uint64_t(s));
     const double slack = 1 + 1e-6;                                // float rounding of a noiseless constant error
     const bool low = f.rmseLow <= picture.rmse * slack, relLow = f.relMseLow <= picture.relMse * slack;
     out.belowLow += !low;
     out.whole += low && picture.rmse <= f.rmseHigh * slack;
-    out.claimed += low && picture.rmseWithout(f.unseenArea) <= f.rmseHigh * slack;
+    out.trimmed += low && picture.rmseWithout(f.unseenArea) <= f.rmseHighTrimmed * slack;
     out.relWhole += relLow && picture.relMse <= f.relMseHigh * slack;
-    out.relClaimed += relLow && picture.relMseWithout(f.unseenArea) <= f.relMseHigh * slack;
+    out.relTrimmed += relLow && picture.relMseWithout(f.unseenArea) <= f.relMseHighTrimmed * slack;
     widths.push_back((f.rmseHigh - f.rmseLow) / 2 / (picture.rmse > 0 ? picture.rmse : 1));
     relWidths.push_back((f.relMseHigh - f.relMseLow) / 2 / (picture.relMse > 0 ? picture.relMse : 1));
     out.meanMse += f.rmse * f.rmse, out.meanRelMse += f.relMse;
   }
   const auto median = [](std::vector<double>& v) { std::nth_element(v.begin(), v.begin() + v.size() / 2, v.end()); return v[v.size() / 2]; };
-  for (double* share : {&out.whole, &out.claimed, &out.belowLow, &out.relWhole, &out.relClaimed, &out.meanMse, &out.meanRelMse}) *share /= seeds;
+  for (double* share : {&out.whole, &out.trimmed, &out.belowLow, &out.relWhole, &out.relTrimmed, &out.meanMse, &out.meanRelMse}) *share /= seeds;
   if (picture.rmse > 0) out.meanMse /= picture.rmse * picture.rmse, out.meanRelMse /= picture.relMse;
   out.halfWidth = median(widths);
   out.relHalfWidth = median(relWidths);

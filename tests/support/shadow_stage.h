@@ -10,8 +10,10 @@
 #include <vector>
 
 #include "filters/shadow_technique.h"
+#include "filters/tinted_visibility.h"
 #include "terms/gbuffer.h"
 #include "trace/accel.h"
+#include "trace/straight.h"
 
 namespace gobo::test {
 
@@ -60,12 +62,13 @@ inline ShadowRun runShadow(const ScenePtr& scene, const v1::ShadowTechnique& tec
   input.camera = scene->cameras.at(0);
   input.width = picture.width;
   input.height = picture.height;
+  input.clear = hasClearSurfaces(*scene);
   const ShadowTechniqueEntry* entry = findShadowTechnique(technique.technique_case());
   GOBO_CHECK(entry != nullptr);
   auto id = entry->plan(r.graph, input, technique);
   r.status = id.status();
   if (!id.ok()) return r;
-  r.visibility = *id;
+  r.visibility = entry->usesMap ? planTint(r.graph, input, *id) : *id;
   const TaskArena arena(picture.threads);
   static AccelCache accels;
   for (NodeId n = 0; n < r.graph.size(); ++n) {

@@ -51,6 +51,8 @@ class Certificate:
     not_covered: List[str]
     rays: int
     ms: float
+    rmse_high_trimmed: float = 0.0   # without the worst unseen_area of the picture
+    certain_pixels: int = 0          # of `pixels`: looked at because the picture says that errors may be there
 
 
 def _node(n: render_pb2.NodeReport) -> Node:
@@ -60,7 +62,7 @@ def _node(n: render_pb2.NodeReport) -> Node:
 
 def _certificate(c: render_pb2.Certificate) -> Certificate:
     return Certificate(c.rmse, c.rmse_low, c.rmse_high, c.rel_mse, c.rel_mse_low, c.rel_mse_high, c.standard_error, c.pixels, c.spp,
-                       c.unseen_area, list(c.not_covered), c.rays, c.ms)
+                       c.unseen_area, list(c.not_covered), c.rays, c.ms, c.rmse_high_trimmed, c.certain_pixels)
 
 
 class Result:

@@ -110,6 +110,7 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   probe.width = input.width;
   probe.height = input.height;
   probe.viewSamples = input.viewSamples;
+  probe.clear = input.clear;
   const NodeId node = graph.add({makeShadowProbeNode(probe), {}, {input.light}, "shadow_probe:" + light.name, 0, input.scene, false});
   GOBO_ASSIGN(const TermPtr judged, expand(graph, node));
   choice.receivers = judged->plane<double>("share")[0];
@@ -146,7 +147,7 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
     const AutomaticCandidate& best = choice.candidates[choice.chosen];
     const bool first = k == 0;
     if (!first && (a.has_time_ms() ? c.ms > a.time_ms() && best.ms <= a.time_ms() : best.rmse <= error && c.ms >= best.ms)) continue;
-    MapProbeSettings m{std::move(maps[k - probe.rays.size()]), base.bias, base.slopeBias, soft ? softLight(light.shape, input.angularSize).size : Vec2(0.0f), input.viewSamples};
+    MapProbeSettings m{std::move(maps[k - probe.rays.size()]), base.bias, base.slopeBias, soft ? softLight(light.shape, input.angularSize).size : Vec2(0.0f), input.viewSamples, input.clear};
     const std::string label = "map_probe:" + light.name + " " + std::to_string(m.map.resolution);
     const NodeId id = graph.add({makeMapProbeNode(m), {node}, {}, label, 0, input.scene, false});
     GOBO_ASSIGN(const TermPtr term, expand(graph, id));

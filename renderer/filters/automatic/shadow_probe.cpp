@@ -10,7 +10,7 @@
 #include "terms/gbuffer.h"
 #include "terms/light_points.h"
 #include "terms/visibility.h"
-#include "trace/accel.h"
+#include "trace/solid_scene.h"
 #include "trace/view_samples.h"
 
 namespace gobo {
@@ -24,7 +24,7 @@ constexpr int kSearch = 6, kFilter = 8;   // taps a side of the soft kernels
 /// Depths of a map that is not there, by a ray per texel asked for.
 class VirtualMap {
  public:
-  VirtualMap(const Accel& accel, const ProbeMap& map) : accel_(accel), map_(map) {}
+  VirtualMap(const SolidScene& scene, const ProbeMap& map) : scene_(scene), map_(map) {}
   int side() const { return map_.resolution; }
   /// z[i] of texels (x[i], y[i]), which repeat the rim outside.
   void depths(int face, const int* x, const int* y, int count, float* z, uint64_t& rays) const {
@@ -39,14 +39,14 @@ class VirtualMap {
         const int tx = std::clamp(x[first + i], 0, side() - 1), ty = std::clamp(y[first + i], 0, side() - 1);
         ray[i] = f.ray((float(tx) + 0.5f) * texel, (float(ty) + 0.5f) * texel, start[i], cosine[i]);
       }
-      accel_.intersect16(ray, n, hit);
+      scene_.intersect16(ray, n, hit);
       for (int i = 0; i < n; ++i) z[first + i] = hit[i].valid() ? formulas::shadowDepth((start[i] + hit[i].t * cosine[i] - f.near) * scale) : 1.0f;
     }
     rays += uint64_t(count);
   }
 
  private:
-  const Accel& accel_;
+  const SolidScene& scene_;
   const ProbeMap& map_;
 };
 
@@ -91,9 +91,9 @@ struct Surfaces {
   Vec3 normal(size_t e) const { return Vec3(Ng[3 * e], Ng[3 * e + 1], Ng[3 * e + 2]); }
 };
 /// Elements first .. first + count - 1: what the rays see. Shading normals are left out: a probe can do without them.
-void look(const Accel& accel, const Ray* ray, int count, const Surfaces& at, size_t first) {
+void look(const SolidScene& scene, const Ray* ray, int count, const Surfaces& at, size_t first) {
   Hit hit[16];
-  accel.intersect16(ray, count, hit);
+  scene.accel().intersect16(ray, count, hit);
   for (int i = 0; i < count; ++i) {
     const size_t e = first + size_t(i);
     at.instance[e] = hit[i].instance;
@@ -110,17 +110,19 @@ class ShadowProbeNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = Facet::Topology | Facet::Pose | Facet::Coverage | Facet::LightShape;
+    if (s_.clear) t.facets = t.facets | Facet::Bsdf;
     return t;
   }
   void hashParameters(Hasher& h) const override {
     hashCamera(h, s_.camera);
     h.add(s_.width).add(s_.height).add(s_.viewSamples).add(s_.pixels).add(s_.truthRays).add(s_.seed);
     for (const uint32_t n : s_.rays) h.add(n);
+    if (s_.clear) h.add("clear");
   }
   size_t outputBytes() const override { return size_t(s_.pixels) * size_t(s_.viewSamples) * 56; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
+    const SolidScene scene(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), s_.clear);
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     // Cells about as wide as high; one pixel of each.
     const double aspect = double(s_.width) / s_.height;
@@ -140,7 +142,7 @@ class ShadowProbeNode final : public Node {
             const int lo = int(int64_t(cell) * size / count), hi = std::max(lo + 1, int(int64_t(cell + 1) * size / count));
             return float(lo + int(hash64(hash64(0x9e0be, c), salt) % uint64_t(hi - lo)));
           };
-          if (judge(*accel, light, film, pick(c % size_t(across), across, s_.width, 1), pick(c / size_t(across), down, s_.height, 2), at, c, a, b, lit, errors, task, rays))
+          if (judge(scene, light, film, pick(c % size_t(across), across, s_.width, 1), pick(c / size_t(across), down, s_.height, 2), at, c, a, b, lit, errors, task, rays))
             errors.count(task);
         }
       if (ctx.counters) ctx.counters->rays += rays;
@@ -153,7 +155,7 @@ class ShadowProbeNode final : public Node {
 
  private:
   /// View samples, truth and ray counts of one pixel. False where the light cannot shine.
-  bool judge(const Accel& accel, const LightPoints& light, const FilmRays& film, float px, float py, const Surfaces& at, size_t cell, std::span<float> outA,
+  bool judge(const SolidScene& scene, const LightPoints& light, const FilmRays& film, float px, float py, const Surfaces& at, size_t cell, std::span<float> outA,
              std::span<float> outB, std::span<float> outLit, Errors& errors, size_t task, uint64_t& rays) const {
     const size_t S = size_t(s_.viewSamples), first = cell * S;
     Ray view[16];
@@ -161,29 +163,29 @@ class ShadowProbeNode final : public Node {
       const Vec2 offset = viewSamplePosition(int(s), s_.viewSamples);
       view[s] = film.at(px + offset.x, py + offset.y);
     }
-    look(accel, view, int(S), at, first);
+    look(scene, view, int(S), at, first);
     const uint32_t most = light.pointLike() || s_.rays.empty() ? 1 : s_.rays.back();
     double a = 0, b = 0, lit = 0, estimate[kMostRays] = {};
     for (size_t s = 0; s < S; ++s) {
       const size_t e = first + s;
       float prefix[kMostRays];
-      if (!at.hit(e) || !trace(accel, light, at.position(e), at.normal(e), viewSampleSeed(s_.seed, e), most, prefix, rays)) continue;
+      if (!at.hit(e) || !trace(scene, light, at.position(e), at.normal(e), viewSampleSeed(s_.seed, e), most, prefix, rays)) continue;
       outLit[e] = 1.0f;
       ++lit;
       for (size_t k = 0; k < s_.rays.size(); ++k) estimate[k] += prefix[std::min(s_.rays[k], most) - 1];
       if (light.pointLike()) continue;
-      a += part(accel, light, at.position(e), at.normal(e), hash64(e, 1), rays);
-      b += part(accel, light, at.position(e), at.normal(e), hash64(e, 2), rays);
+      a += part(scene, light, at.position(e), at.normal(e), hash64(e, 1), rays);
+      b += part(scene, light, at.position(e), at.normal(e), hash64(e, 2), rays);
     }
     if (!(lit > 0)) return false;
-    outA[first] = light.pointLike() ? area(accel, light, film, px, py, hash64(cell, 1), rays) : float(a / lit);
-    outB[first] = light.pointLike() ? area(accel, light, film, px, py, hash64(cell, 2), rays) : float(b / lit);
+    outA[first] = light.pointLike() ? area(scene, light, film, px, py, hash64(cell, 1), rays) : float(a / lit);
+    outB[first] = light.pointLike() ? area(scene, light, film, px, py, hash64(cell, 2), rays) : float(b / lit);
     for (size_t k = 0; k < s_.rays.size(); ++k) errors.add(task, k, estimate[k] / lit, outA[first], outB[first]);
     return true;
   }
 
   /// Hard visibility over a pixel's area, where the light can shine.
-  float area(const Accel& accel, const LightPoints& light, const FilmRays& film, float px, float py, uint64_t seed, uint64_t& rays) const {
+  float area(const SolidScene& scene, const LightPoints& light, const FilmRays& film, float px, float py, uint64_t seed, uint64_t& rays) const {
     float P[3 * kTruthSamples], Ng[3 * kTruthSamples];
     uint32_t instance[kTruthSamples];
     const Surfaces at{P, Ng, instance};
@@ -192,23 +194,23 @@ class ShadowProbeNode final : public Node {
       const Vec2 u = SobolSampler(hash64(s_.seed, seed), uint32_t(i)).next2D();
       ray[i] = film.at(px + u.x, py + u.y);
     }
-    look(accel, ray, kTruthSamples, at, 0);
+    look(scene, ray, kTruthSamples, at, 0);
     double seen = 0, count = 0;
     for (size_t i = 0; i < kTruthSamples; ++i) {
       float v = 1.0f;
-      if (!at.hit(i) || !trace(accel, light, at.position(i), at.normal(i), 0, 1, &v, rays)) continue;
+      if (!at.hit(i) || !trace(scene, light, at.position(i), at.normal(i), 0, 1, &v, rays)) continue;
       seen += v;
       ++count;
     }
     return count > 0 ? float(seen / count) : 1.0f;
   }
-  float part(const Accel& accel, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint64_t& rays) const {
+  float part(const SolidScene& scene, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint64_t& rays) const {
     float prefix[kMostRays];
-    return trace(accel, light, p, n, hash64(s_.seed, seed), s_.truthRays, prefix, rays) ? prefix[s_.truthRays - 1] : 1.0f;
+    return trace(scene, light, p, n, hash64(s_.seed, seed), s_.truthRays, prefix, rays) ? prefix[s_.truthRays - 1] : 1.0f;
   }
 
   /// prefix[i]: visibility by the first i + 1 points of a sequence. False where the light cannot shine.
-  static bool trace(const Accel& accel, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint32_t count, float* prefix, uint64_t& rays) {
+  static bool trace(const SolidScene& scene, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint32_t count, float* prefix, uint64_t& rays) {
     Ray packet[16];
     uint32_t at[16];
     int waiting = 0;
@@ -216,7 +218,7 @@ class ShadowProbeNode final : public Node {
     bool open[kMostRays] = {};
     GOBO_CHECK(count <= kMostRays);
     const auto flush = [&] {
-      const uint32_t blocked = waiting ? accel.occluded16(packet, waiting) : 0;
+      const uint32_t blocked = waiting ? scene.occluded16(packet, waiting) : 0;
       for (int i = 0; i < waiting; ++i) open[at[i]] = !(blocked >> i & 1);
       rays += uint64_t(waiting);
       waiting = 0;
@@ -227,7 +229,7 @@ class ShadowProbeNode final : public Node {
       if (!light.sample(p, n, n, u, point)) continue;
       weight[i] = point.weight;
       if (point.belowSurface) continue;
-      packet[waiting] = shadowRay(accel, p, n, point);
+      packet[waiting] = shadowRay(scene.accel(), p, n, point);
       at[waiting++] = i;
       if (waiting == 16) flush();
     }
@@ -251,18 +253,20 @@ class MapProbeNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = Facet::Topology | Facet::Pose | Facet::Coverage;
+    if (s_.clear) t.facets = t.facets | Facet::Bsdf;
     t.smallOutput = true;
     return t;
   }
   void hashParameters(Hasher& h) const override {
     s_.map.frames.hash(h);
     h.add(s_.map.resolution).add(s_.bias).add(s_.slopeBias).add(s_.size.x).add(s_.size.y).add(s_.viewSamples);
+    if (s_.clear) h.add("clear");
   }
   size_t outputBytes() const override { return 8; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& probe = *ctx.inputs.at(0);
-    const AccelPtr accel = ctx.accels->get(*ctx.scene, *ctx.arena);
+    const SolidScene scene(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), s_.clear);
     const auto a = probe.floats("a"), b = probe.floats("b"), lit = probe.floats("lit");
     const Receivers receivers(probe, s_.map.frames, s_.map.resolution, ShadowView{}, {.slopes = true, .facing = false});
     const size_t S = size_t(s_.viewSamples), cells = lit.size() / S, tasks = (cells + kGrain - 1) / kGrain;
@@ -276,7 +280,7 @@ class MapProbeNode final : public Node {
             if (lit[e] == 0.0f) continue;
             ReceiverBlock r;
             receivers.fill(e, 1, r);
-            v += !r.covered[0] ? 1.0f : s_.size == Vec2(0.0f) ? hard(*accel, s_.map, r, rays) : soft(*accel, s_.map, receivers, r, rays);
+            v += !r.covered[0] ? 1.0f : s_.size == Vec2(0.0f) ? hard(scene, s_.map, r, rays) : soft(scene, s_.map, receivers, r, rays);
             ++count;
           }
           if (!(count > 0)) continue;
@@ -292,7 +296,7 @@ class MapProbeNode final : public Node {
   }
 
  private:
-  float hard(const Accel& accel, const ProbeMap& map, const ReceiverBlock& b, uint64_t& rays) const {
+  float hard(const SolidScene& scene, const ProbeMap& map, const ReceiverBlock& b, uint64_t& rays) const {
     const ReceiverPlane r = receiverPlane(b, 0, s_.bias, s_.slopeBias);
     AxisKernel kx, ky;
     boxKernel(r.x, 1.0f, kx);
@@ -304,7 +308,7 @@ class MapProbeNode final : public Node {
       x[i] = kx.first + i % kx.count;
       y[i] = ky.first + i / kx.count;
     }
-    VirtualMap(accel, map).depths(b.face[0], x, y, count, z, rays);
+    VirtualMap(scene, map).depths(b.face[0], x, y, count, z, rays);
     float sum = 0;
     for (int i = 0; i < count; ++i) sum += z[i] < r.at(x[i], y[i]) ? 0.0f : kx.weight[i % kx.count] * ky.weight[i / kx.count];
     return std::min(sum, 1.0f);
@@ -319,8 +323,8 @@ class MapProbeNode final : public Node {
     return taps * taps;
   }
 
-  float soft(const Accel& accel, const ProbeMap& map, const Receivers& receivers, const ReceiverBlock& b, uint64_t& rays) const {
-    const VirtualMap depths(accel, map);
+  float soft(const SolidScene& scene, const ProbeMap& map, const Receivers& receivers, const ReceiverBlock& b, uint64_t& rays) const {
+    const VirtualMap depths(scene, map);
     const LightFrame& f = map.frames.face[size_t(b.face[0])];
     const ReceiverPlane r = receiverPlane(b, 0, s_.bias, s_.slopeBias);
     const float d = receivers.metric(b.face[0], b.d[0]), texelsX = float(map.resolution) / (f.hi.x - f.lo.x), texelsY = float(map.resolution) / (f.hi.y - f.lo.y);

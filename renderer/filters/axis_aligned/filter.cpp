@@ -98,7 +98,7 @@ class AxisAlignedFilter final : public Node {
   Result<TermPtr> run(const RunContext& ctx) const override;
 
  private:
-  bool fill(Layer& L, const RunContext& ctx, int layer) const;
+  bool fill(Layer& L, const RunContext& ctx, int layer, size_t channel, size_t channels) const;
   void radii(const Layer& L, std::span<const uint32_t> instance, std::span<const float> footprint, size_t base, int y, bool columns,
              std::vector<int>& out) const;
   bool pass(Layer& L, const std::vector<int>& rx, const std::vector<int>& ry, const RunContext& ctx) const;
@@ -106,8 +106,8 @@ class AxisAlignedFilter final : public Node {
   size_t bytes_;
 };
 
-/// Copies layer `layer` of the inputs. False if stopped.
-bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer) const {
+/// Copies layer `layer` of the inputs, one channel of V. False if stopped.
+bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer, size_t channel, size_t channels) const {
   const auto value = ctx.inputs[0]->floats("V"), P = ctx.inputs[1]->floats("P"), N = ctx.inputs[1]->floats("N"), omega = ctx.inputs[2]->floats("Omega");
   const auto instance = ctx.inputs[1]->plane<uint32_t>("instance");
   const size_t base = size_t(layer) * L.width * L.height;
@@ -115,7 +115,7 @@ bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer) const {
     for (size_t y = y0; y < y1; ++y)
       for (int x = 0; x < L.width; ++x) {
         const size_t e = base + y * L.width + x, i = L.at(x, int(y));
-        L.value[i] = value[e];
+        L.value[i] = value[channels * e + channel];
         if (instance[e] == ~0u || !(omega[e] > 0.0f)) continue;
         const Vec3 r = Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]) - s_.light.centre, a = s_.light.normalFor(r);
         L.px[i] = r.x; L.py[i] = r.y; L.pz[i] = r.z;
@@ -190,32 +190,37 @@ Result<TermPtr> AxisAlignedFilter::run(const RunContext& ctx) const {
   for (float v : value)
     if (!std::isfinite(v)) return internalError("axis_aligned_filter: visibility is not finite");
   auto term = std::make_shared<Term>("visibility", Domain::ViewSample, extent);
-  const auto out = term->addPlane<float>("V");
+  const size_t C = size_t(ctx.inputs[0]->channels("V"));             // RGB where light passes tinted panes: the same kernel for each
+  const auto out = term->addPlane<float>("V", int(C));
   const Status stopped(Code::Cancelled, "axis_aligned_filter: stopped");
   for (int layer = 0; layer < extent.layers; ++layer) {
     const size_t base = size_t(layer) * extent.width * extent.height;
+    const size_t square = size_t(extent.width) * extent.height;
     if (s_.radiusPx == 0) {
-      std::copy_n(value.begin() + base, size_t(extent.width) * extent.height, out.begin() + base);
+      std::copy_n(value.begin() + C * base, C * square, out.begin() + C * base);
       continue;
     }
     Layer L(extent.width, extent.height);
     std::vector<int> rx(L.value.size()), ry(L.value.size()), none(L.value.size());
-    if (!fill(L, ctx, layer)) return stopped;
-    const bool measured = ctx.arena->parallelFor(L.height, 16, [&](size_t y0, size_t y1) {
-      for (size_t y = y0; y < y1; ++y) {
-        radii(L, instance, footprint, base, int(y), false, rx);
-        radii(L, instance, footprint, base, int(y), true, ry);
+    for (size_t c = 0; c < C; ++c) {
+      if (!fill(L, ctx, layer, c, C)) return stopped;
+      const bool measured = c > 0 || ctx.arena->parallelFor(L.height, 16, [&](size_t y0, size_t y1) {
+        for (size_t y = y0; y < y1; ++y) {
+          radii(L, instance, footprint, base, int(y), false, rx);
+          radii(L, instance, footprint, base, int(y), true, ry);
+        }
+      }, ctx.stop);
+      if (!measured) return stopped;
+      if (s_.exact2d) {
+        if (!pass(L, rx, ry, ctx)) return stopped;
+      } else {
+        if (!pass(L, rx, none, ctx)) return stopped;
+        L.value.swap(L.result);
+        if (!pass(L, none, ry, ctx)) return stopped;
       }
-    }, ctx.stop);
-    if (!measured) return stopped;
-    if (s_.exact2d) {
-      if (!pass(L, rx, ry, ctx)) return stopped;
-    } else {
-      if (!pass(L, rx, none, ctx)) return stopped;
-      L.value.swap(L.result);
-      if (!pass(L, none, ry, ctx)) return stopped;
+      for (int y = 0; y < L.height; ++y)
+        for (int x = 0; x < L.width; ++x) out[C * (base + size_t(y) * L.width + x) + c] = L.result[L.at(x, y)];
     }
-    for (int y = 0; y < L.height; ++y) std::copy_n(L.result.begin() + L.at(0, y), L.width, out.begin() + base + size_t(y) * L.width);
   }
   return TermPtr(term);
 }

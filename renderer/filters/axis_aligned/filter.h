@@ -6,9 +6,9 @@
 //              Ramamoorthi 2012). |D| is the distance in the plane parallel to the light; beta = 1/(k Omega). A tap counts if it
 //              is filterable, |beta' - beta| <= betaThreshold max(beta, beta'), the normals differ by at most `angle`, and it is
 //              within 6 beta in space. The centre tap always counts, so there is no 0/0.
-// Inputs       0: any ViewSample term with plane "V" (f32, one channel); 1: "gbuffer" (P, N, instance, footprint);
+// Inputs       0: any ViewSample term with plane "V" (f32, one channel or RGB: each by the same weights); 1: "gbuffer" (P, N, instance, footprint);
 //              2: term with plane "Omega" (f32, rad/m; 0 = leave this pixel alone), see terms/shadow_slopes.h.
-// Output       term "visibility", plane "V". Layers are filtered each on its own.
+// Output       term "visibility", plane "V" with as many channels. Layers are filtered each on its own.
 // Parameters   k (1..8), radiusPx (0..64; 0 = identity), betaThreshold (0..1), angle (radians, 0..pi), the light's frame.
 // Cost         about 2 (2 r + 1) taps of 30 flops per pixel, r = min(ceil(3 beta / pixel step), radiusPx); 44 bytes per pixel of
 //              scratch for one layer. Pixels without an occluder cost nothing.

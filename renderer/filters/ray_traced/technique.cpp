@@ -25,6 +25,7 @@ Result<NodeId> plan(Graph& graph, const ShadowInput& input, const v1::ShadowTech
   s.samples = hard ? 1 : uint32_t(numberParameter(technique.ray_traced(), "samples"));
   s.seed = hard ? 0 : shadowSeed(input);
   if (light.shape.kind == LightKind::Directional) s.angularSize = input.angularSize;
+  if (input.clear) s.glass = Glass::Seen;
   s.extent = {input.width, input.height, input.viewSamples};
   return graph.add({makeVisibilityNode(s), {input.gbuffer}, {input.light}, "visibility:" + light.name, 0, input.scene, false});
 }

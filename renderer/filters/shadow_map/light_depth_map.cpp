@@ -7,6 +7,7 @@
 #include "filters/shadow_map/shadow_map.h"
 #include "formulas/shadow_map.glsl.h"
 #include "trace/accel_impl.h"
+#include "trace/solid_scene.h"
 
 namespace gobo {
 namespace {
@@ -14,26 +15,31 @@ namespace {
 constexpr int kLanes = 16;
 
 /// Depth of up to 16 texels, by one packet of rays.
-void traceTexels(const Accel& accel, const LightFrame& f, int resolution, const uint32_t* texels, int count, float* z) {
+void traceTexels(const SolidScene& scene, const LightFrame& f, int resolution, const uint32_t* texels, int count, float* z) {
   const float scale = 1.0f / (f.far - f.near), texel = 1.0f / float(resolution);
   Ray ray[kLanes];
   Hit hit[kLanes];
   float start[kLanes], cosine[kLanes];
   for (int i = 0; i < count; ++i)
     ray[i] = f.ray((float(texels[i] % uint32_t(resolution)) + 0.5f) * texel, (float(texels[i] / uint32_t(resolution)) + 0.5f) * texel, start[i], cosine[i]);
-  accel.intersect16(ray, count, hit);
+  scene.intersect16(ray, count, hit);
   for (int i = 0; i < count; ++i) z[texels[i]] = hit[i].valid() ? formulas::shadowDepth((start[i] + hit[i].t * cosine[i] - f.near) * scale) : 1.0f;
 }
 
 class LightDepthMapNode : public ShadowMapNode {
  public:
-  LightDepthMapNode(const LightFrames& frames, int resolution, DepthMethod method) : frames_(frames), resolution_(resolution), method_(method) { GOBO_CHECK(resolution >= 1); }
+  LightDepthMapNode(const LightFrames& frames, int resolution, DepthMethod method, bool clear)
+      : frames_(frames), resolution_(resolution), method_(method), clear_(clear) { GOBO_CHECK(resolution >= 1); }
   std::string type() const override { return "light_depth_map"; }
   int version() const override { return 3; }
-  NodeTraits traits() const override { return {.facets = Facet::Topology | Facet::Pose | Facet::Coverage}; }
+  NodeTraits traits() const override {
+    const Facet facets = Facet::Topology | Facet::Pose | Facet::Coverage;
+    return {.facets = clear_ ? facets | Facet::Bsdf : facets};
+  }
   void hashParameters(Hasher& h) const override {
     frames_.hash(h);
     h.add(resolution_).add(int(method_));
+    if (clear_) h.add("clear");
   }
   size_t outputBytes() const override { return size_t(resolution_) * size_t(resolution_) * size_t(frames_.count) * 4; }
 
@@ -43,7 +49,7 @@ class LightDepthMapNode : public ShadowMapNode {
     auto term = std::make_shared<Term>("light_depth_map", Domain::LightTexel, Extent{resolution_, resolution_, frames_.count});
     const std::span<float> z = term->addUnsetPlane<float>("z");
     const size_t square = size_t(resolution_) * size_t(resolution_);
-    AccelPtr accel;
+    std::unique_ptr<const SolidScene> solid;
     for (int face = 0; face < frames_.count; ++face) {
       const LightFrame& frame = frames_.face[size_t(face)];
       float* const to = &z[size_t(face) * square];
@@ -51,8 +57,8 @@ class LightDepthMapNode : public ShadowMapNode {
       if (!frame.sees) {
         std::fill(to, to + square, 1.0f);
       } else {
-        if (!accel) accel = ctx.accels->get(*ctx.scene, *ctx.arena);
-        done = raster(*ctx.scene) ? scanFace(ctx, *accel, frame, to) : traceFace(ctx, *accel, frame, to);
+        if (!solid) solid = std::make_unique<const SolidScene>(*ctx.scene, ctx.accels->get(*ctx.scene, *ctx.arena), clear_);
+        done = raster(*ctx.scene) ? scanFace(ctx, *solid, frame, to) : traceFace(ctx, *solid, frame, to);
       }
       if (!done) return Status(Code::Cancelled, "light_depth_map stopped");
     }
@@ -77,7 +83,7 @@ class LightDepthMapNode : public ShadowMapNode {
     return triangles <= kTrianglesPerTexel * double(resolution_) * double(resolution_);
   }
 
-  bool traceFace(const RunContext& ctx, const Accel& accel, const LightFrame& f, float* z) const {
+  bool traceFace(const RunContext& ctx, const SolidScene& solid, const LightFrame& f, float* z) const {
     const int rows = (resolution_ + kTile - 1) / kTile;
     return ctx.arena->parallelFor(size_t(rows), 1, [&](size_t begin, size_t end) {
       for (size_t r = begin; r < end; ++r) {
@@ -87,21 +93,21 @@ class LightDepthMapNode : public ShadowMapNode {
           int count = 0;
           for (int y = y0; y < y1; ++y)
             for (int x = x0; x < std::min(x0 + kTile, resolution_); ++x) texels[count++] = uint32_t(y) * uint32_t(resolution_) + uint32_t(x);
-          traceTexels(accel, f, resolution_, texels, count, z);
+          traceTexels(solid, f, resolution_, texels, count, z);
         }
         if (ctx.counters) ctx.counters->rays += uint64_t(y1 - y0) * uint64_t(resolution_);
       }
     }, ctx.stop);
   }
 
-  bool scanFace(const RunContext& ctx, const Accel& accel, const LightFrame& f, float* z) const {
+  bool scanFace(const RunContext& ctx, const SolidScene& solid, const LightFrame& f, float* z) const {
     const auto& meshes = ctx.scene->meshes(Facet::Topology | Facet::Pose | Facet::Coverage);
     const std::vector<Instance>& instances = ctx.scene->instances();
     std::vector<RasterMesh> parts;
     for (size_t i = 0; i < instances.size(); ++i) {
       const Mesh& mesh = *meshes[size_t(instances[i].mesh)];
-      if (mesh.triangles() == 0) continue;
-      const InstanceGeometry& g = accel.impl().instances[i];
+      if (mesh.triangles() == 0 || !solid.solid(uint32_t(i))) continue;
+      const InstanceGeometry& g = solid.accel().impl().instances[i];
       parts.push_back({g.indices, g.positions, mesh.triangles(), g.world ? Mat4(1.0f) : g.toWorld, ctx.scene->coverage(mesh.material).mode != AlphaMode::Opaque});
     }
     DepthRaster raster(f, resolution_, parts);
@@ -110,7 +116,7 @@ class LightDepthMapNode : public ShadowMapNode {
       std::vector<uint32_t> open;
       for (size_t b = begin; b < end; ++b) {
         raster.band(int(b), z, open);
-        for (size_t i = 0; i < open.size(); i += kLanes) traceTexels(accel, f, resolution_, &open[i], int(std::min<size_t>(kLanes, open.size() - i)), z);
+        for (size_t i = 0; i < open.size(); i += kLanes) traceTexels(solid, f, resolution_, &open[i], int(std::min<size_t>(kLanes, open.size() - i)), z);
         if (ctx.counters) ctx.counters->rays += open.size();
       }
     }, ctx.stop);
@@ -119,10 +125,13 @@ class LightDepthMapNode : public ShadowMapNode {
   LightFrames frames_;
   int resolution_;
   DepthMethod method_;
+  bool clear_;
 };
 
 }  // namespace
 
-NodePtr makeLightDepthMapNode(const LightFrames& frames, int resolution, DepthMethod method) { return std::make_shared<LightDepthMapNode>(frames, resolution, method); }
+NodePtr makeLightDepthMapNode(const LightFrames& frames, int resolution, DepthMethod method, bool clear) {
+  return std::make_shared<LightDepthMapNode>(frames, resolution, method, clear);
+}
 
 }  // namespace gobo

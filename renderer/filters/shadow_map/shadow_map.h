@@ -41,7 +41,8 @@ inline size_t mipTexels(int resolution) { return mipLevel(resolution, mipLevels(
 /// texel's centre, or the same by scan conversion (depth_raster.h): Automatic takes what is faster for the scene's triangles and the map's texels;
 /// they differ by at most 1e-5 but for texels that a silhouette passes within 1e-4 texels of.
 enum class DepthMethod { Automatic, Rays, Raster };
-NodePtr makeLightDepthMapNode(const LightFrames& frames, int resolution, DepthMethod method = DepthMethod::Automatic);
+/// `clear`: surfaces that light passes straight on cast nothing (trace/solid_scene.h).
+NodePtr makeLightDepthMapNode(const LightFrames& frames, int resolution, DepthMethod method = DepthMethod::Automatic, bool clear = false);
 
 /// Filter, term "depth_bounds": plane bounds f32 (depth_bounds.h): the depth map and chains of the smallest and largest depth below a texel.
 NodePtr makeDepthBoundsNode(int resolution, int faces);

@@ -81,7 +81,7 @@ Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, c
   p.view.eye = input.camera.perspective ? Vec3(input.camera.toWorld[3]) : Vec3(input.camera.toWorld[2]);
   p.view.viewSamples = size_t(input.width) * size_t(input.height) * size_t(input.viewSamples);
   GraphNode depth;
-  depth.node = makeLightDepthMapNode(p.frames, p.map.resolution);
+  depth.node = makeLightDepthMapNode(p.frames, p.map.resolution, DepthMethod::Automatic, input.clear);
   depth.scene = input.scene;
   depth.label = "light_depth_map:" + light.name;
   p.depth = graph.add(std::move(depth));

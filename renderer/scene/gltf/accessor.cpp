@@ -123,8 +123,11 @@ template <typename Put>
 bool forEach(Document& d, const Accessor& a, Put put) {
   if (a.dense.data)
     for (size_t i = 0; i < a.count; ++i) put(i, a.dense.data + i * a.dense.stride);
+  uint32_t before = 0;
   for (size_t k = 0; k < a.sparseCount; ++k) {
     const uint32_t i = loadIndex(a.sparseIndices.data + k * a.sparseIndices.stride, a.sparseComponent);
+    if (k && i <= before) d.warnOnce(a.at["sparse"]["indices"].pointer, "sparse index " + std::to_string(i) + " at " + std::to_string(k) + " does not follow " + std::to_string(before) + "; the last value counts");
+    before = i;
     if (i >= a.count) {
       a.at["sparse"]["indices"].fail("sparse index " + std::to_string(i) + " of " + std::to_string(a.count) + " elements is out of range");
       return false;
@@ -140,7 +143,7 @@ struct BoundsCheck {
     if (!d.boundsSeen.insert(index).second || components > 4 || (!a.dense.data && a.sparseCount == 0)) { components = 0; return; }
     for (size_t c = 0; c < components; ++c) { lo[c] = std::numeric_limits<float>::infinity(); hi[c] = -lo[c]; }
   }
-  void see(const float* v) { for (size_t c = 0; c < components; ++c) { lo[c] = std::fmin(lo[c], v[c]); hi[c] = std::fmax(hi[c], v[c]); } }
+  void see(const float* v) { for (size_t c = 0; c < components; ++c) { lo[c] = std::fmin(lo[c], v[c]); hi[c] = std::fmax(hi[c], v[c]); } }   // NaN is said elsewhere
   void finish(Document& d, float scale) const {
     for (const auto& [name, seen] : {std::pair{"min", lo}, std::pair{"max", hi}}) {
       const Cursor stated = at[name];
@@ -148,7 +151,8 @@ struct BoundsCheck {
       if (!stated.json->is_array() || stated.json->size() != components) { d.warn(stated.pointer, "is not an array of " + std::to_string(components) + " numbers"); continue; }
       for (size_t c = 0; c < components; ++c) {
         const Json& value = (*stated.json)[c];
-        if (!value.is_number() || float(value.get<double>()) == seen[c] || std::fabs(float(value.get<double>()) - seen[c]) <= 1e-6f * std::fabs(seen[c]) * scale) continue;
+        const float said = value.is_number() ? float(value.get<double>()) : seen[c];
+        if (said == seen[c] || (std::isfinite(seen[c]) && std::fabs(said - seen[c]) <= 1e-6f * std::fabs(seen[c]) * scale)) continue;
         d.warn(stated.pointer + "/" + std::to_string(c), "says " + value.dump() + " but the data have " + std::to_string(seen[c]) + "; the data count");
       }
     }
@@ -232,6 +236,9 @@ bool readFloats(Document& d, int index, int components, std::vector<float>& out)
       out[i * size_t(components) + c] = loadFloat(p + at, a.component, a.normalised);
     }
   });
+  if (done && a.component == 5126 && !d.boundsSeen.count(index))
+    for (size_t k = 0; k < out.size(); ++k)
+      if (!std::isfinite(out[k])) { d.warn(a.at.pointer, "number " + std::to_string(k) + " of the accessor is " + (std::isnan(out[k]) ? "NaN" : "infinite")); break; }
   BoundsCheck bounds(d, index, a);
   if (!done || bounds.components == 0 || !(a.at["min"].exists() || a.at["max"].exists())) return done;
   // Bounds are those of the stored numbers, before normalisation.

@@ -4,9 +4,8 @@
 #include <cmath>
 
 namespace gobo::gltf {
-namespace {
 
-std::string escape(const std::string& key) {
+std::string escaped(std::string_view key) {
   std::string out;
   for (const char c : key) out += c == '~' ? "~0" : c == '/' ? "~1" : std::string(1, c);
   return out;
@@ -17,14 +16,12 @@ std::string shown(const Json& j) {
   return text.size() > 60 ? text.substr(0, 57) + "..." : text;
 }
 
-}  // namespace
-
 void Cursor::fail(const std::string& message) const {
   if (document->status.ok()) document->status = invalidArgument(message, document->path + "#" + pointer);
 }
 
 Cursor Cursor::operator[](const char* key) const {
-  Cursor child{document, nullptr, pointer + "/" + escape(key)};
+  Cursor child{document, nullptr, pointer + "/" + escaped(key)};
   if (!exists()) return child;
   if (!json->is_object()) { fail("is not an object"); return child; }
   const auto it = json->find(key);

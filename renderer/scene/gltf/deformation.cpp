@@ -98,15 +98,21 @@ void readDeformation(Document& d, const Cursor& primitive, const DracoData* drac
     source.influences = int(influences);
     std::vector<uint16_t> all(vertices * influences, 0);
     std::vector<float> shares(vertices * influences, 0.0f);
+    size_t most = 0, beyond = 0, twice = 0;   // joints of the largest skin
+    for (size_t k = 0; k < d.list("skins").size(); ++k) most = std::max(most, d.list("skins").at(k)["joints"].size());
     for (size_t i = 0; i < vertices; ++i)
       for (size_t s = 0; s < sets; ++s)
         for (size_t c = 0; c < 4; ++c) {
           const uint32_t joint = joints[s][i * 4 + c];
           const float share = weights[s][i * 4 + c];
+          beyond += share == 0.0f && most > 0 && joint >= most;
+          for (size_t e = 0; e < s * 4 + c && sets <= 4 && share != 0.0f; ++e) twice += joints[e / 4][i * 4 + e % 4] == joint && weights[e / 4][i * 4 + e % 4] != 0.0f;
           if (joint > 65535) { attributes["JOINTS_0"].fail("joint " + std::to_string(joint) + " is out of range"); return; }
           shares[i * influences + s * 4 + c] = share;
           all[i * influences + s * 4 + c] = share != 0.0f ? uint16_t(joint) : 0;   // joints without weight may be anything
         }
+    if (beyond) d.warn(attributes["JOINTS_0"].pointer, std::to_string(beyond) + " joints without weight are out of range of every skin");
+    if (twice) d.warn(attributes["JOINTS_0"].pointer, std::to_string(twice) + " joints move their vertex twice; the weights add up");
     normaliseWeights(d, attributes, influences, shares);
     source.joints = std::move(all);
     source.weights = std::move(shares);

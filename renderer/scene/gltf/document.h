@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Internal to the glTF reader: the parsed document, its bytes, and typed access to its JSON.
-// tinygltf opens the container (GLB chunks, base64, buffers and encoded images) and is handed only files that were resolved
-// and read here. Typed fields are read from the JSON by Cursor instead, because tinygltf drops wrongly typed fields in
-// silence and knows no places: here every error carries file + JSON pointer. Errors are sticky: the first one is kept in
-// Document::status and getters return their default from then on, so callers check once per object.
+// Typed fields are read from the JSON by Cursor: every error carries file + JSON pointer. Errors are sticky: the first one is
+// kept in Document::status and getters return their default from then on, so callers check once per object.
 #pragma once
 
 #include <limits>
@@ -58,6 +56,7 @@ struct Document {
   struct EncodedImage { std::vector<uint8_t> bytes; std::string name, problem; };  ///< problem: why there are no bytes
   std::vector<EncodedImage> images;
   std::vector<std::string> warnings;
+  std::set<std::string> warned;        ///< places that have a warning
   Status status;
   uint64_t bytesUsed = 0;
   std::map<int, std::vector<uint8_t>> unpacked;   ///< buffer views of EXT_meshopt_compression, decoded on first use
@@ -68,10 +67,16 @@ struct Document {
   Cursor list(const char* name) { return root()[name]; }
   Cursor item(const char* name, int i) { return root()[name].at(size_t(i)); }
   bool ok() const { return status.ok(); }
-  void warn(const std::string& pointer, const std::string& message) { if (warnings.size() < 1000) warnings.push_back(pointer + ": " + message); }
+  void warn(const std::string& pointer, const std::string& message) { if (warnings.size() < 1000) { warnings.push_back(pointer + ": " + message); warned.insert(pointer); } }
+  /// Unless something was said about the place already.
+  void warnOnce(const std::string& pointer, const std::string& message) { if (!warned.count(pointer)) warn(pointer, message); }
   /// Counts memory against options.maxBytes; false and an error when it would be exceeded.
   bool account(uint64_t bytes, const Cursor& where);
 };
+
+/// A key as a step of a JSON pointer; a value as text of at most 60 bytes, for messages.
+std::string escaped(std::string_view key);
+std::string shown(const Json& value);
 
 /// Reads the file and everything it names. Refuses absolute URIs, "..", and files outside the glTF's folder.
 Status openDocument(const std::string& path, const LoadOptions& options, Document& document);

@@ -8,14 +8,20 @@ namespace {
 float bounded(const Cursor& at, double otherwise, double lo, double hi) {
   const double v = at.number(otherwise);
   if (v >= lo && v <= hi) return float(v);
-  at.document->warn(at.pointer, "factor " + std::to_string(v) + " is clamped to " + std::to_string(lo) + ".." + std::to_string(hi));
+  at.document->warnOnce(at.pointer, "factor " + std::to_string(v) + " is clamped to " + std::to_string(lo) + ".." + std::to_string(hi));
   return float(std::fmin(std::fmax(v, lo), hi));
+}
+
+/// The structure's check names the element.
+bool saidOf(const Cursor& at) {
+  for (size_t i = 0; i < at.size(); ++i) if (at.document->warned.count(at.at(i).pointer)) return true;
+  return false;
 }
 
 template <typename V>
 V boundedVector(const Cursor& at, V otherwise, float hi) {
   const V v = at.vector(otherwise), c = glm::clamp(v, V(0.0f), V(hi));
-  if (c != v) at.document->warn(at.pointer, "factor is clamped to 0.." + std::to_string(hi));
+  if (c != v && !saidOf(at)) at.document->warn(at.pointer, "factor is clamped to 0.." + std::to_string(hi));
   return c;
 }
 
@@ -48,7 +54,7 @@ void readInterior(Document& d, const Cursor& at, Textures& textures, Bsdf& b) {
   }
   b.attenuationColor = boundedVector(volume["attenuationColor"], Vec3(1.0f), 1.0f);
   b.attenuationDistance = bounded(volume["attenuationDistance"], 0.0, 0.0, 3e38);   // absent: infinite, which 0 stands for
-  if (volume["attenuationDistance"].exists() && b.attenuationDistance == 0.0f) d.warn(volume["attenuationDistance"].pointer, "distance 0 is not allowed; nothing is absorbed");
+  if (volume["attenuationDistance"].exists() && b.attenuationDistance == 0.0f) d.warnOnce(volume["attenuationDistance"].pointer, "distance 0 is not allowed; nothing is absorbed");
   const Cursor scatter = at.extension("KHR_materials_volume_scatter"), diffuse = at.extension("KHR_materials_diffuse_transmission");
   b.scatterAlbedo = boundedVector(scatter["multiscatterColor"], Vec3(0.0f), 1.0f);
   b.scatterAnisotropy = bounded(scatter["scatterAnisotropy"], 0.0, -0.999, 0.999);

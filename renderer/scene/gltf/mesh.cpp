@@ -34,8 +34,11 @@ bool triangulate(Document& d, const Cursor& primitive, const DracoData* draco, i
   if (index >= 0 || draco) {
     if (draco) { order = draco->corners; mode = mode == 5 ? 4 : mode; }
     else if (!readIndices(d, index, order)) return false;
+    const int64_t type = index < 0 || draco ? 0 : d.item("accessors", index)["componentType"].integer(0, 0, 1 << 20);
+    const uint32_t restart = type == 5121 ? 0xffu : type == 5123 ? 0xffffu : 0xffffffffu;   // cuts strips on a GPU: a triangle here, none there
     for (size_t k = 0; k < order.size(); ++k)
-      if (order[k] >= vertices) {
+      if (type && order[k] == restart) { primitive["indices"].fail("index " + std::to_string(order[k]) + " at " + std::to_string(k) + " is the primitive restart value of its type"); return false; }
+      else if (order[k] >= vertices) {
         primitive["indices"].fail("index " + std::to_string(order[k]) + " at " + std::to_string(k) + " is out of range: the primitive has " +
                                   std::to_string(vertices) + " vertices");
         return false;

@@ -3,6 +3,8 @@
 // leaves its texture out with a warning; NaN, Inf texels of float pictures become 0 and are counted.
 #include "scene/gltf/texture.h"
 
+#include "scene/gltf/container.h"
+
 #include <cmath>
 
 namespace gobo::gltf {
@@ -22,7 +24,9 @@ const Image* Textures::decode(int index) {
   auto& encoded = document_.images[index];
   const std::string place = "/images/" + std::to_string(index);
   auto leaveOut = [&](const std::string& why) { document_.warn(place, "picture \"" + encoded.name + "\" is left out: " + why); return nullptr; };
-  if (!encoded.problem.empty()) return leaveOut(encoded.problem);
+  if (!encoded.problem.empty()) return nullptr;   // said when the file was opened
+  const std::string kind = pictureKind(encoded.bytes);
+  if (kind == "image/ktx2" || kind == "image/ktx" || kind == "image/basis") return leaveOut("it is " + kind.substr(6) + " (Basis Universal or GPU blocks), which is not decoded");
   auto image = readImageFromMemory(encoded.bytes.data(), encoded.bytes.size(), encoded.name.empty() ? "image" + std::to_string(index) : encoded.name);
   if (!image.ok()) return leaveOut(image.status().message());
   decoded_[index].floats = isFloatFormat(encoded.bytes);

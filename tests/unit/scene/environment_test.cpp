@@ -7,14 +7,10 @@
 #include <limits>
 
 #include "base/sobol.h"
+#include "scene/environment_tents.h"
 
 namespace gobo {
 namespace {
-
-double solidAngle(const Environment& e, int row) {
-  const double pi = 3.14159265358979323846;
-  return 2 * pi / e.width * (std::cos(pi * row / e.height) - std::cos(pi * (row + 1) / e.height));
-}
 
 TEST(Environment, FollowsTheConvention) {
   Environment e;
@@ -49,13 +45,40 @@ TEST(Environment, UvAndDirectionAreInverse) {
   }
 }
 
-TEST(Environment, EvalIsPiecewiseConstant) {
+TEST(Environment, EvalIsBilinearBetweenTexelCentres) {
   Image image(8, 4, 3);
-  for (size_t i = 0; i < image.data.size(); ++i) image.data[i] = float(i);
+  for (size_t i = 0; i < image.data.size(); ++i) image.data[i] = float((i * 37) % 23);
+  auto e = std::make_shared<Environment>(*makeEnvironment("map", image));
+  for (float rotation : {0.0f, 2.0f}) {
+    e->rotation = rotation;
+    const auto at = [&](float x, float y) { return e->eval(e->toDirection(Vec2(x / 8, y / 4))); };
+    const auto near = [](const Vec3& a, const Vec3& b) { return glm::length(a - b) < 1e-4f; };
+    for (int y = 0; y < 4; ++y)
+      for (int x = 0; x < 8; ++x) {
+        EXPECT_TRUE(near(at(x + 0.5f, y + 0.5f), image.rgb(x, y)));
+        const Vec3 right = image.rgb((x + 1) % 8, y);                       // the seam is no edge
+        const float across = x + 1.0f < 8 ? x + 1.0f : 0.0f;
+        EXPECT_TRUE(near(at(across, y + 0.5f), 0.5f * (image.rgb(x, y) + right))) << x << " " << y;
+        if (y < 3) { EXPECT_TRUE(near(at(x + 0.5f, y + 0.75f), 0.75f * image.rgb(x, y) + 0.25f * image.rgb(x, y + 1))); }
+      }
+    for (int x = 0; x < 8; ++x)                                             // constant from the outermost centres to the poles
+      for (float a : {0.01f, 0.3f}) {
+        EXPECT_TRUE(near(at(x + 0.5f, a), image.rgb(x, 0)));
+        EXPECT_TRUE(near(at(x + 0.5f, 4 - a), image.rgb(x, 3)));
+      }
+  }
+}
+
+/// The kind: no look-up jumps. A step across directions 1e-4 apart is at most what the gradient allows, seams and texel edges included.
+TEST(Environment, EvalIsContinuous) {
+  Image image(16, 8, 3);
+  for (size_t i = 0; i < image.data.size(); ++i) image.data[i] = float((i * 71) % 101) / 101;
   const auto e = makeEnvironment("map", image);
-  for (int y = 0; y < 4; ++y)
-    for (int x = 0; x < 8; ++x)
-      for (float a : {0.02f, 0.5f, 0.98f}) EXPECT_EQ(e->eval(e->toDirection(Vec2((x + a) / 8, (y + a) / 4))), image.rgb(x, y));
+  for (int i = 0; i < 20000; ++i) {
+    const float v = 0.1f + 0.8f * toUnit(hash32(1, i)), u = i % 4 ? toUnit(hash32(2, i)) : float(hash32(2, i) % 16) / 16;
+    const Vec3 a = e->eval(e->toDirection(Vec2(u, v))), b = e->eval(e->toDirection(Vec2(u < 2e-5f ? u + 0.99998f : u - 2e-5f, v + (i % 3 - 1) * 2e-5f)));
+    EXPECT_LT(glm::length(a - b), 2e-3f) << u << " " << v;                  // 16 texels x 2e-5 x sqrt(3), and along v
+  }
 }
 
 TEST(Environment, RepairsAndCountsBadTexels) {
@@ -87,10 +110,11 @@ TEST(Sky, SunEnergyDoesNotDependOnResolution) {
   for (int width : {32, 256, 2048}) {
     const auto a = skyEnvironment(with, width), b = skyEnvironment(without, width);
     double energy = 0.0;
+    const EnvironmentTents tents(a->width, a->height);
     for (int y = 0; y < a->height; ++y)
       for (int x = 0; x < a->width; ++x) {
         const size_t i = size_t(y) * a->width + x;
-        energy += (double(a->texels[i].y) - double(b->texels[i].y)) * solidAngle(*a, y);
+        energy += (double(a->texels[i].y) - double(b->texels[i].y)) * tents.weight(y);
       }
     // Closed form: 13.31 exp(-m (0.008735 0.55^-4.08 + beta 0.55^-1.3)), beta = 0.04608 * 3 - 0.04586, m the air mass.
     const double theta = std::acos(0.8 / std::sqrt(0.16 + 0.64 + 0.09)), degrees = theta * 180 / kPi;

@@ -8,6 +8,8 @@
 #include <cstdio>
 #include <limits>
 
+#include "scene/environment_tents.h"
+
 namespace gobo {
 namespace {
 
@@ -23,21 +25,29 @@ Environment mapOf(int width, int height, const std::function<Vec3(const DVec3& d
   e.texels = Array<Vec3>(std::move(texels));
   return e;
 }
-double texelSolidAngle(const Environment& e, int y) { return 2.0 * kDPi / e.width * (std::cos(kDPi * y / e.height) - std::cos(kDPi * (y + 1) / e.height)); }
+/// What the bilinear look-up makes of texels, by row.
+std::vector<double> texelWeights(const Environment& e) {
+  const EnvironmentTents tents(e.width, e.height);
+  std::vector<double> out;
+  for (int y = 0; y < e.height; ++y) out.push_back(tents.weight(y));
+  return out;
+}
 
 DVec3 fluxOf(const Environment& e) {
   DVec3 sum(0.0);
+  const std::vector<double> weight = texelWeights(e);
   for (int y = 0; y < e.height; ++y)
-    for (int x = 0; x < e.width; ++x) sum += texelSolidAngle(e, y) * DVec3(e.texels[size_t(y) * e.width + x]);
+    for (int x = 0; x < e.width; ++x) sum += weight[size_t(y)] * DVec3(e.texels[size_t(y) * e.width + x]);
   return sum;
 }
 /// E(n) of the map: every texel at its middle, which is within 1e-4 for the smooth and the small maps here.
 DVec3 irradianceOf(const Environment& e, const DVec3& n) {
   DVec3 sum(0.0);
+  const std::vector<double> weight = texelWeights(e);
   for (int y = 0; y < e.height; ++y)
     for (int x = 0; x < e.width; ++x) {
       const DVec3 d(e.toDirection(Vec2((x + 0.5f) / e.width, (y + 0.5f) / e.height)));
-      sum += texelSolidAngle(e, y) * std::max(glm::dot(n, d), 0.0) * DVec3(e.texels[size_t(y) * e.width + x]);
+      sum += weight[size_t(y)] * std::max(glm::dot(n, d), 0.0) * DVec3(e.texels[size_t(y) * e.width + x]);
     }
   return sum;
 }
@@ -154,9 +164,9 @@ TEST(FitAreaLights, OneTexelIsOneLightInItsPlace) {
     const AreaLightFit fit = fitAreaLights(e, 45);
     ASSERT_EQ(fit.lights.size(), 1u) << x << " " << y;
     EXPECT_LT(degrees(fit.lights[0].direction, DVec3(e.toDirection(Vec2((x + 0.5f) / 1024, (y + 0.5f) / 512)))), 0.02);
-    EXPECT_LT(fit.lights[0].angularSize, 1.5 * kDPi / 512) << "no larger than the texel";
+    EXPECT_LT(fit.lights[0].angularSize, 1.5 * kDPi / 512) << "no larger than the texel's tent";
     EXPECT_GT(fit.lights[0].angularSize, 0.5 * kDPi / 512 * std::max(0.4, std::sin(kDPi * (y + 0.5) / 512)));
-    EXPECT_NEAR(fit.lights[0].irradiance.x, 1000 * texelSolidAngle(e, y), 1e-6 * 1000 * texelSolidAngle(e, y));
+    EXPECT_NEAR(fit.lights[0].irradiance.x, 1000 * texelWeights(e)[size_t(y)], 1e-6 * 1000 * texelWeights(e)[size_t(y)]);
     EXPECT_EQ(fit.remainderFlux(), DVec3(0.0));
   }
 }
@@ -166,10 +176,11 @@ TEST(FitAreaLights, ASunKeepsItsSizeInASky) {
   const DVec3 axis = glm::normalize(DVec3(0.5, 0.6, -0.4));
   const double half = std::tan(1.5 * kDPi / 180);
   const Environment e = squarePatch(axis, half, Vec3(1500.0f), Vec3(1.0f));
+  const std::vector<double> weight = texelWeights(e);
   DVec3 centre(0.0);   // of the texels that the patch became: they are 0.7 degrees wide
   for (int y = 0; y < e.height; ++y)
     for (int x = 0; x < e.width; ++x)
-      if (e.texels[size_t(y) * e.width + x].x > 1) centre += texelSolidAngle(e, y) * DVec3(e.toDirection(Vec2((x + 0.5f) / e.width, (y + 0.5f) / e.height)));
+      if (e.texels[size_t(y) * e.width + x].x > 1) centre += weight[size_t(y)] * DVec3(e.toDirection(Vec2((x + 0.5f) / e.width, (y + 0.5f) / e.height)));
   centre = glm::normalize(centre);
   for (const int n : {10, 45}) {
     const AreaLightFit fit = fitAreaLights(e, n);

@@ -292,14 +292,14 @@ TEST(Caustics, LightThatComesStraightOnIsNoCaustic) {
     sun.axis = Vec3(0, -1, 0);
     m.light(sun, Vec3(1.0f));
     m.camera(Vec3(0, 0.5f, 0), Vec3(0.1f, 0, 0));
-    Caustics c(m.finish(), 200000, 0.05f, 3);
+    Caustics c(m.finish(), 200000, 0.3f, 3);
     double flux = 0;
     const auto map = c.photons();
     map->around(Vec3(0.0f), [&](const Photon& p) { flux += p.flux.x; });
     return flux / (M_PI * map->radius() * map->radius());
   };
   EXPECT_EQ(landed(1.0f), 0.0);
-  EXPECT_NEAR(landed(3.0f), 0.75 * 0.75 * 0.25 * 0.25, 0.01);   // index 3: F = 1/4
+  EXPECT_NEAR(landed(3.0f), 0.75 * 0.75 * 0.25 * 0.25, 0.003);   // index 3: F = 1/4
 }
 
 TEST(Caustics, NothingWithoutASpecularChain) {

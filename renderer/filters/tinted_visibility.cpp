@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/tinted_visibility.h"
+
+#include <algorithm>
+
+#include "filters/ray_traced/technique.h"
+#include "terms/visibility.h"
+
+namespace gobo {
+
+namespace {
+
+constexpr uint32_t kTintSamples = 16;   // area lights
+
+class TintedVisibilityNode final : public Node {
+ public:
+  explicit TintedVisibilityNode(const Extent& extent) : extent_(extent) {}
+  std::string type() const override { return "tinted_visibility"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.linearPerGroup = t.tileable = true;
+    return t;
+  }
+  void hashParameters(Hasher&) const override {}
+  size_t outputBytes() const override { return extent_.elements() * 12; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const Term &solid = *ctx.inputs.at(0), &glass = *ctx.inputs.at(1);
+    GOBO_CHECK_EQ(solid.channels("V"), 1);
+    GOBO_CHECK_EQ(glass.channels("V"), 3);
+    const auto v = solid.floats("V"), tint = glass.floats("V");
+    GOBO_CHECK_EQ(3 * v.size(), tint.size());
+    auto term = std::make_shared<Term>("visibility", Domain::ViewSample, solid.extent());
+    const auto V = term->addUnsetPlane<float>("V", 3);
+    const bool complete = ctx.arena->parallelFor(v.size(), 1 << 14, [&](size_t begin, size_t end) {
+      for (size_t e = begin; e < end; ++e)
+        for (size_t c = 0; c < 3; ++c) V[3 * e + c] = v[e] * tint[3 * e + c];
+    }, ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "tinted_visibility: stopped");
+    if (solid.hasPlane("flags")) {
+      const auto from = solid.floats("flags");
+      std::copy(from.begin(), from.end(), term->addUnsetPlane<float>("flags").begin());
+    }
+    return TermPtr(term);
+  }
+
+ private:
+  Extent extent_;
+};
+
+}  // namespace
+
+NodePtr makeTintedVisibilityNode(const Extent& extent) { return std::make_shared<TintedVisibilityNode>(extent); }
+
+NodeId planTint(Graph& graph, const ShadowInput& input, NodeId v) {
+  if (!input.clear) return v;
+  const Light& light = input.scene->lights[size_t(input.light)];
+  VisibilitySettings s;
+  const bool hard = isDeltaLight(light.shape.kind) && input.angularSize == Vec2(0.0f);
+  s.samples = hard ? 1 : kTintSamples;
+  s.seed = hard ? 0 : shadowSeed(input);
+  if (light.shape.kind == LightKind::Directional) s.angularSize = input.angularSize;
+  s.extent = {input.width, input.height, input.viewSamples};
+  s.glass = Glass::Alone;
+  const NodeId tint = graph.add({makeVisibilityNode(s), {input.gbuffer}, {input.light}, "tint:" + light.name, 0, input.scene, false});
+  GraphNode n{makeTintedVisibilityNode(s.extent), {v, tint}, {}, "tinted_visibility:" + light.name};
+  if (!hard) n.approximate = "light through clear glass is the map's solid shadow times the mean of rays";
+  return graph.add(std::move(n));
+}
+
+}  // namespace gobo

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/reference.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "base/sobol.h"
+#include "plan/caustic_plan.h"
+#include "trace/photon_tracer.h"
+
+namespace gobo {
+
+namespace {
+
+/// Photons of all punctual lights together and pass, where the request names no number.
+constexpr uint32_t kPhotons = 1u << 17;
+
+std::vector<int> everyLight(const Scene& scene) {
+  std::vector<int> lights(scene.lights.size());
+  std::iota(lights.begin(), lights.end(), 0);
+  return lights;
+}
+
+}  // namespace
+
+ReferenceRecipe referenceRecipe(const EffectiveScene& effective, const v1::RenderRequest& request) {
+  const Scene& scene = *effective.scene;
+  ReferenceRecipe recipe;
+  recipe.seed = hash64(0x63657274u, request.certificate().seed());   // "cert": never the samples that made the picture
+  v1::Integrator everything = request.integrator();
+  everything.set_indirect(true);
+  everything.set_max_bounces(uint32_t(recipe.maxBounces));
+  if (everything.caustic_photons() == 0) {
+    const auto punctual = uint32_t(std::count_if(scene.lights.begin(), scene.lights.end(), [](const Light& l) { return isDeltaLight(l.shape.kind); }));
+    everything.set_caustic_photons(std::max<uint32_t>(kPhotons / std::max<uint32_t>(punctual, 1), 256));
+  }
+  const CausticPlan caustics = causticPlan(scene, materialKinds(scene), everything);
+  recipe.photons = caustics.photons;
+  recipe.radius = caustics.radius;
+  return recipe;
+}
+
+ReferenceTracer::ReferenceTracer(const EffectiveScene& effective, int width, int height, const ReferenceRecipe& recipe, AccelCache& accels, const TaskArena& arena)
+    : recipe_(recipe), lights_(everyLight(*effective.scene)), view_(*effective.scene, kPathTracerFacets, lights_), accels_(accels), arena_(arena) {
+  settings_.camera = effective.camera;
+  settings_.width = width;
+  settings_.height = height;
+  settings_.maxBounces = recipe.maxBounces;
+  settings_.blockSize = kBlockSize;
+  settings_.seed = recipe.seed;
+  settings_.groups = 1;
+  settings_.unlit = true;
+  settings_.groupOf.assign(lights_.size(), 0);
+  for (size_t i = 0; i < lights_.size(); ++i) settings_.nominal.push_back(effective.gains[i] * nominalScalar(effective.scene->lights[i]));
+  tracer_ = PathTracer::create(view_, accels.get(view_, arena), settings_);
+}
+
+Result<std::vector<Vec3>> ReferenceTracer::trace(const std::vector<uint32_t>& pixels, uint32_t stream, uint32_t blocks, std::atomic<uint64_t>& rays,
+                                                 const StopToken& stop) const {
+  const uint32_t width = uint32_t(settings_.width);
+  std::vector<DVec3> sums(pixels.size(), DVec3(0.0));
+  const Status stopped(Code::Cancelled, "stopped");
+  if (recipe_.photons > 0) {
+    CausticSettings photons;
+    photons.path = settings_;
+    photons.path.seed = hash64(settings_.seed, stream);
+    photons.photons = recipe_.photons;
+    photons.radius = recipe_.radius;
+    const auto caustics = CausticTracer::create(view_, accels_.get(view_, arena_), photons);
+    for (uint32_t pass = 0; pass < blocks; ++pass) {
+      uint64_t emitted = 0;
+      const auto map = caustics->emitPass(pass, arena_, emitted, stop);
+      if (!map) return stopped;
+      rays += emitted;
+      arena_.parallelFor(pixels.size(), 8, [&](size_t begin, size_t end) {
+        uint64_t count = 0, dropped = 0;
+        for (size_t i = begin; i < end; ++i) caustics->traceBlock(int(pixels[i] % width), int(pixels[i] / width), pass, *map, &sums[i].x, count, dropped);
+        rays += count;
+      }, stop);
+    }
+  }
+  std::vector<Vec3> means(pixels.size());
+  const bool complete = arena_.parallelFor(pixels.size(), 8, [&](size_t begin, size_t end) {
+    uint64_t count = 0, dropped = 0;
+    for (size_t i = begin; i < end; ++i) {
+      if (stop.stopRequested()) return;
+      for (uint32_t b = 0; b < blocks; ++b)
+        tracer_->traceBlock(int(pixels[i] % width), int(pixels[i] / width), stream * kBlocksPerStream + b, &sums[i].x, count, dropped);
+      means[i] = Vec3(sums[i] / (double(blocks) * kBlockSize));
+    }
+    rays += count;
+  }, stop);
+  if (!complete || stop.stopRequested()) return stopped;
+  return means;
+}
+
+}  // namespace gobo
