@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/material_kinds.h"
 
+#include <algorithm>
+
 #include "plan/planner.h"
-#include "trace/bsdf.h"
 #include "trace/interior.h"
 #include "trace/straight.h"
 #include "trace/surface.h"
@@ -16,6 +17,13 @@ bool smooth(float roughness) { return roughness * roughness < kDeltaAlpha; }
 /// Anisotropy widens the lobe along the tangent.
 bool smooth(const Bsdf& b) { return smooth(b.roughness) && !(b.anisotropy * b.anisotropy >= kDeltaAlpha); }
 
+/// "a, b and c"
+std::string listed(const std::vector<std::string>& parts) {
+  std::string all;
+  for (size_t k = 0; k < parts.size(); ++k) all += (k == 0 ? "" : k + 1 == parts.size() ? " and " : ", ") + parts[k];
+  return all;
+}
+
 }  // namespace
 
 MaterialKinds materialKinds(const Scene& scene) {
@@ -27,28 +35,45 @@ MaterialKinds materialKinds(const Scene& scene) {
     const Bsdf& b = scene.materials[m].bsdf;
     if (b.unlit) { kinds.unlit = true; continue; }
     const SurfaceMaterial s = makeSurfaceMaterial(scene.materials[m].albedo, b, scene.textures);
-    // Light goes straight through an index of 1, however rough the surface, and nothing is reflected where that is all: shadow rays reach it.
-    const bool straight = b.transmission > 0.0f && std::fabs(b.ior - 1.0f) < kStraightIor;
-    const bool nothingElse = straight && b.transmission >= 1.0f && !b.transmissionTexture.valid();
-    const bool interface = b.metallic > 0.0f || (!nothingElse && (b.transmission > 0.0f || b.specular > 0.0f || b.iridescence > 0.0f));
+    // Light goes straight through an index of 1, however rough the surface, and nothing is reflected where that is all; and through smooth thin walls, which reflect too.
+    const bool clear = b.transmission > 0.0f, one = clear && std::fabs(b.ior - 1.0f) < kStraightIor, solid = boundsVolume(b);
+    const bool nothingElse = one && b.transmission >= 1.0f && !b.transmissionTexture.valid();
+    const bool interface = b.metallic > 0.0f || (!nothingElse && (clear || b.specular > 0.0f || b.iridescence > 0.0f));
+    const bool coat = b.clearcoat > 0.0f, layers = coat || maxComponent(b.sheenColor) > 0.0f || b.diffuseTransmission > 0.0f;
     kinds.clear = kinds.clear || maySendStraight(b);
     kinds.extended = kinds.extended || s.extended;
-    kinds.translucent = kinds.translucent || b.diffuseTransmission > 0.0f || (b.transmission > 0.0f && !smooth(b) && !straight);
-    kinds.volumes = kinds.volumes || boundsVolume(b);
-    kinds.scatters = kinds.scatters || (boundsVolume(b) && makeInterior(b).scatters);
-    kinds.delta = kinds.delta || (interface && smooth(b.roughness)) || (b.clearcoat > 0.0f && smooth(b.clearcoatRoughness));
+    kinds.translucent = kinds.translucent || b.diffuseTransmission > 0.0f || (clear && !smooth(b) && !one);
+    kinds.volumes = kinds.volumes || solid;
+    kinds.scatters = kinds.scatters || (solid && makeInterior(b).scatters);
+    kinds.boundary = kinds.boundary || (one && solid && nothingElse && !layers);
+    kinds.pane = kinds.pane || (one && !(solid && nothingElse && !layers)) || (clear && !solid && smooth(b.roughness));
+    kinds.specular = kinds.specular || (interface && smooth(b.roughness)) || (coat && smooth(b.clearcoatRoughness));
   }
   return kinds;
 }
 
 std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics) {
-  bool delta = false;
-  for (const Light& l : scene.lights) delta = delta || isDeltaLight(l.shape.kind);
   const MaterialKinds kinds = materialKinds(scene);
-  if (!delta || !kinds.delta) return {};
-  if (!caustics) return {"point, spot and directional lights seen through a specular chain (their caustics and mirror images)"};
-  if (kinds.scatters) return {"caustics of point, spot and directional lights inside scattering volumes"};
-  return {};
+  static constexpr struct { LightKind kind; const char* name; } kNames[] = {
+      {LightKind::Point, "point"}, {LightKind::Spot, "spot"}, {LightKind::Directional, "directional"}, {LightKind::Rect, "rectangle"},
+      {LightKind::Disk, "disk"}, {LightKind::Sphere, "sphere"}, {LightKind::Mesh, "mesh"}, {LightKind::Environment, "environment"}};
+  static constexpr const char* kThrough[] = {"open ways", "boundaries of index 1", "clear panes", "mirrors and smooth refraction (caustics)"};
+  std::vector<std::string> missing;
+  for (const Receiver r : kReceivers) {
+    if (r == Receiver::Volume && !kinds.scatters) continue;
+    bool kind[std::size(kNames)] = {}, way[std::size(kPassages)] = {};
+    for (const Light& l : scene.lights)
+      for (const Passage p : kPassages) {
+        if (!kinds.occurs(p) || !outOfReach(l.shape.kind, l.cameraVisible, r, p, caustics)) continue;
+        for (size_t k = 0; k < std::size(kNames); ++k) kind[k] = kind[k] || kNames[k].kind == l.shape.kind;
+        way[size_t(p)] = true;
+      }
+    std::vector<std::string> lights, ways;
+    for (size_t k = 0; k < std::size(kNames); ++k) if (kind[k]) lights.push_back(kNames[k].name);
+    for (size_t p = 0; p < std::size(kPassages); ++p) if (way[p]) ways.push_back(kThrough[p]);
+    if (!lights.empty()) missing.push_back(listed(lights) + " lights through " + listed(ways) + (r == Receiver::Volume ? ", scattered by volumes" : ", on surfaces"));
+  }
+  return missing;
 }
 
 }  // namespace gobo

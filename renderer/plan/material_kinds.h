@@ -3,6 +3,7 @@
 #pragma once
 
 #include "scene/scene.h"
+#include "trace/reach.h"
 
 namespace gobo {
 
@@ -13,7 +14,10 @@ struct MaterialKinds {
   bool scatters = false;      ///< some volume scatters
   bool unlit = false;
   bool clear = false;         ///< light passes some surface straight on (trace/straight.h): visibility is RGB
-  bool delta = false;         ///< some surface has a lobe that next-event estimation cannot reach
+  /// Some delta lobe passes light on as Passage (trace/reach.h) has it. Boundaries of volumes in each other, which may change nothing,
+  /// are not looked for: shadow rays pass them.
+  bool boundary = false, pane = false, specular = false;
+  bool occurs(Passage p) const { return p == Passage::Open || (p == Passage::Boundary ? boundary : p == Passage::Pane ? pane : specular); }
 };
 /// Materials that some instance uses.
 MaterialKinds materialKinds(const Scene& scene);

@@ -27,6 +27,7 @@
 #include "terms/path_trace.h"
 #include "terms/surface.h"
 #include "trace/camera_media.h"
+#include "trace/reach.h"
 
 namespace gobo {
 
@@ -279,7 +280,7 @@ class PlanMaker {
       const bool environmentByLights = extract && lights[l].shape.kind == LightKind::Environment;
       if (!findShadowTechnique(technique[l].technique_case()) && !environmentByLights) { traced.push_back(l); continue; }
       if (!environmentByLights) viewed.push_back(l);
-      if (!isDeltaLight(lights[l].shape.kind)) visible.push_back(l);
+      if (rayReaches(lights[l].shape.kind, lights[l].cameraVisible, Receiver::Camera, Passage::Open)) visible.push_back(l);
     }
     if (int(traced.size()) == n) {
       pathTraceGroups(all, indirect ? PathClass::All : PathClass::Emission | PathClass::Direct, "path_trace");
@@ -438,12 +439,16 @@ class PlanMaker {
         add(mean, "s" + std::to_string(slot), t.weights[g], PathClass::Indirect, t.groups[g], lobe);
       }
     }
+    // A class that is held may still lack paths that nothing finds.
+    if (request_.integrator().indirect())
+      for (const std::string& lost : classesNotCovered(*scene_, plan.photons > 0)) plan_.missing.push_back(lost);
   }
 
   void reportCover() {
     for (int g = 0; g < plan_.groups.count; ++g) {
       bool anyVisible = false;
-      for (int l : plan_.groups.members[g]) anyVisible = anyVisible || !isDeltaLight(scene_->lights[l].shape.kind);
+      for (int l : plan_.groups.members[g])
+        anyVisible = anyVisible || rayReaches(scene_->lights[l].shape.kind, scene_->lights[l].cameraVisible, Receiver::Camera, Passage::Open);
       if (!has(cover_[g], PathClass::Direct)) plan_.missing.push_back("direct (" + groupName(g) + ")");
       if (anyVisible && !has(cover_[g], PathClass::Emission)) plan_.missing.push_back("emission (" + groupName(g) + ")");
       if (!has(cover_[g], PathClass::Indirect)) plan_.missing.push_back("indirect (" + groupName(g) + ")");

@@ -28,7 +28,7 @@ struct Plan {
   RelightGroups groups;
   std::vector<PlannedOutput> outputs;
   bool extendable = false;               ///< some node takes more samples
-  std::vector<std::string> missing;      ///< "indirect (environment)": classes that no term of the beauty holds
+  std::vector<std::string> missing;      ///< "indirect (environment)": classes that no term of the beauty holds; and paths that none finds (classesNotCovered)
   std::vector<std::string> warnings;
   uint64_t pinnedBytes = 0;              ///< upper bound of bytes held while it runs
 };

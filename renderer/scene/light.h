@@ -42,7 +42,7 @@ struct Light {
   std::string name;                ///< unique in the scene; the handle that requests use
   LightShape shape;
   Vec3 power{1.0f};                ///< linear RGB, unit by kind (above); Mesh: factor x strength of the material's emission
-  bool cameraVisible = true;       ///< Rect, Disk, Sphere: seen by camera and by specular chains
+  bool cameraVisible = true;       ///< Rect, Disk, Sphere: false hides it from camera rays, also straight through panes; mirrors and refraction show it
 };
 
 /// The scalar used as the nominal power of a light that stands alone in its relight group: such a light is traced as

@@ -37,7 +37,7 @@ class LightSampler {
   Vec3 emitted(int i, const Vec3& direction, uint32_t primitive, float u, float v, const Vec3& Ng) const;
   /// Nearest hit with the emitting sides of Rect, Disk, Sphere lights of the subset within (ray.tmin, ray.tmax); -1 if none.
   /// These lights block nothing (shadow rays do not see them): a ray that is to meet every light on its way asks again with
-  /// tmin = the t it got. cameraVisibleOnly: lights hidden from the camera and from specular chains are passed.
+  /// tmin = the t it got. cameraVisibleOnly: lights hidden from the camera are passed.
   int intersectAreaLights(const Ray& ray, float& t, Vec3& Ng, bool cameraVisibleOnly = false) const;
 
   struct Impl;

@@ -7,6 +7,7 @@
 #include "trace/lambert_lanes.h"
 #include "trace/path_media.h"
 #include "trace/path_sums.h"
+#include "trace/reach.h"
 #include "trace/straight.h"
 
 namespace gobo {
@@ -28,7 +29,8 @@ struct Paths {
   float passed[kLanes] = {};       // way from the last vertex to the ray's origin: surfaces passed straight on are no vertices
   int free[kLanes] = {};           // passes of the loop that were no scattering event of their own (path_media.h, straight.h)
   // Bit per lane. firstDelta: reaches light by an indirect path, whatever the number of events. specularOnly: delta events, if any.
-  uint32_t fromHasNormal = 0, firstDelta = 0, specularOnly = ~0u;
+  // fromCamera: the camera still looks straight on, so that lights hidden from it are passed (trace/reach.h); no question of the density.
+  uint32_t fromHasNormal = 0, firstDelta = 0, specularOnly = ~0u, fromCamera = ~0u;
 };
 
 inline Vec3 direction(const RTCRay16& r, int i) { return Vec3(r.dir_x[i], r.dir_y[i], r.dir_z[i]); }
@@ -113,10 +115,11 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
   };
   const auto collectAreaLights = [&](int i, int events, const Vec3& origin, const Vec3& direction, float tmax) {
     const Ray ray{origin, direction, 0.0f, tmax};
+    const bool visibleOnly = paths.fromCamera >> i & 1u;
     const auto meets = [&](int k, float t, const Vec3& ng) { found(i, k, events, direction, sampler->emitted(lights[k].light, direction, 0, 0, 0, ng), t, 0); };
     if (areaLights.size() >= areaBvhFrom) {
       static thread_local std::vector<AreaLightBvh::Hit> hits;
-      areaBvh.collect(ray, paths.pdf[i] <= 0.0f, hits);
+      areaBvh.collect(ray, visibleOnly, hits);
       for (const AreaLightBvh::Hit& h : hits) meets(h.light, h.t, h.Ng);
       return;
     }
@@ -125,7 +128,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       const Vec3 across = oc - direction * glm::dot(oc, direction);
       if (glm::dot(across, across) > areaRadius2[a] + 1e-10f * glm::dot(oc, oc)) continue;   // bounding sphere, with room for float
       const int k = areaLights[a];
-      if (paths.pdf[i] <= 0.0f && !lights[k].cameraVisible) continue;
+      if (visibleOnly && !lights[k].seenByCamera) continue;
       float t;
       Vec3 ng;
       if (intersectAreaLight(areaShapes[a], ray, t, ng)) meets(k, t, ng);
@@ -138,6 +141,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     media.strayed &= ~bit;
     paths.firstDelta |= bit;
     paths.specularOnly &= ~bit;
+    paths.fromCamera &= ~bit;
     paths.pdf[i] = 0.0f;
   };
 
@@ -396,6 +400,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         else if (!s.front && inside && inside->scatters && media.stack[i].top() == volume && paths.free[i] < kMostFree) ++paths.free[i];   // still the same walk
       }
       if (!bs.delta) paths.specularOnly &= ~bit;
+      if (!bs.straight) paths.fromCamera &= ~bit;
       paths.throughput.set(i, carried);
       paths.pdf[i] = bs.delta ? 0.0f : bs.pdf;
       paths.passed[i] = 0.0f;
@@ -481,6 +486,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       }
       paths.fromHasNormal |= bouncing;
       paths.specularOnly &= ~bouncing;
+      paths.fromCamera &= ~bouncing;
       next |= on;
     }
 

@@ -35,7 +35,7 @@ struct PathTracer::Impl {
   LightSelector selector;
   std::shared_ptr<const LightSampler> sampler;
 
-  struct LightInfo { int light = 0; int slot = 0; LightKind kind = LightKind::Point; Vec3 nominal{0.0f}; bool cameraVisible = true; };
+  struct LightInfo { int light = 0; int slot = 0; LightKind kind = LightKind::Point; Vec3 nominal{0.0f}; bool seenByCamera = true; };
   std::vector<LightInfo> lights;           // by k
   std::vector<int> meshLight;              // by instance: k, -1 for none
   std::vector<int> environments;           // k

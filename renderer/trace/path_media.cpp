@@ -3,6 +3,7 @@
 #include "trace/path_media.h"
 
 #include "trace/camera_media.h"
+#include "trace/reach.h"
 #include "trace/straight.h"
 
 namespace gobo {
@@ -31,19 +32,20 @@ void PathTracer::Impl::prepareMedia(const SceneView& view) {
   mediaLights.assign(interiors.size(), 0);
   bool any = false;
   for (const LightInfo& l : lights) {
-    if (!(luminance(l.nominal) > 0.0f)) continue;
+    if (!(luminance(l.nominal) > 0.0f) || !shadowRayReaches(l.kind, Receiver::Volume, Passage::Open)) continue;
     any = true;
     const LightShape& shape = view.lightShape(l.light);
     if (shape.kind == LightKind::Directional || shape.kind == LightKind::Environment) continue;
     for (int material : volumesAround(view, shape.kind == LightKind::Mesh ? meshPoint(view, shape) : shape.position)) mediaLights[size_t(surfaces.interiorOf(material))] = 1;
   }
-  for (size_t k = 0; k < interiors.size(); ++k) if (any && std::fabs(interiors[k].ior - 1.0f) < kStraightIor) mediaLights[k] = 1;
+  // Several volumes may overlap, and boundaries between them change nothing.
+  for (size_t k = 0; k < interiors.size(); ++k) if (any && (interiors.size() > 1 || std::fabs(interiors[k].ior - 1.0f) < kStraightIor)) mediaLights[k] = 1;
 }
 
 Vec3 PathTracer::Impl::scatteredLight(const PathMedia& media, int i, const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw, int& slot, uint64_t& rays) const {
   float select;
   const int k = selector.sample(p, nullptr, toUnit(uint32_t(draw)), select);
-  if (k < 0) return Vec3(0.0f);
+  if (k < 0 || !shadowRayReaches(lights[size_t(k)].kind, Receiver::Volume, Passage::Open)) return Vec3(0.0f);
   const LightInfo& l = lights[size_t(k)];
   const uint64_t place = hash64(draw, 1);
   LightSample light;

@@ -3,6 +3,7 @@
 
 #include "base/check.h"
 #include "trace/path_kernel.h"
+#include "trace/reach.h"
 #include "trace/view_samples.h"
 
 namespace gobo {
@@ -86,7 +87,7 @@ void PathTracer::Impl::prepareLights(const SceneView& view) {
     info.slot = settings.groupOf[k] * perGroup;
     info.kind = shape.kind;
     info.nominal = settings.nominal[k];
-    info.cameraVisible = view.lightCameraVisible(subset[k]);
+    info.seenByCamera = rayReaches(shape.kind, view.lightCameraVisible(subset[k]), Receiver::Camera, Passage::Open);
     lights.push_back(info);
     if (!(luminance(info.nominal) > 0.0f)) continue;                  // traced as black: nothing to find
     switch (shape.kind) {
@@ -105,7 +106,7 @@ void PathTracer::Impl::prepareLights(const SceneView& view) {
     }
   }
   std::vector<AreaLightBvh::Entry> entries;
-  for (size_t a = 0; a < areaLights.size(); ++a) entries.push_back({areaLights[a], areaShapes[a], lights[areaLights[a]].cameraVisible});
+  for (size_t a = 0; a < areaLights.size(); ++a) entries.push_back({areaLights[a], areaShapes[a], lights[areaLights[a]].seenByCamera});
   areaBvh = AreaLightBvh(std::move(entries));
   int only = -1;
   for (size_t k = 0; k < lights.size(); ++k) if (luminance(lights[k].nominal) > 0.0f) only = int(k);

@@ -32,10 +32,13 @@ TEST(CausticPlans, OnlyWhereThereIsSomethingToFind) {
   EXPECT_TRUE(row.approximate());
   EXPECT_NE(row.reason().find("radius of"), std::string::npos) << row.reason();
   EXPECT_EQ(row.samples(), 16u);
+  EXPECT_EQ(on.reply.path_classes_missing_size(), 0);
 
   set(r, "integrator.caustic_photons=0");
   const RenderResult off = mustRender(*engine, r);
   EXPECT_TRUE(nodesBy(off, v1::NodeReport::PRUNED).at("caustics").approximate());
+  ASSERT_EQ(off.reply.path_classes_missing_size(), 1);
+  EXPECT_EQ(off.reply.path_classes_missing(0), "point lights through mirrors and smooth refraction (caustics), on surfaces");
   EXPECT_GT(mean(on.images[0].image()), mean(off.images[0].image()));
 
   v1::RenderRequest area = spheres();

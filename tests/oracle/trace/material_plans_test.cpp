@@ -133,8 +133,12 @@ TEST(MaterialPlans, WhatTheTracerCannotJoinIsNamed) {
   EXPECT_EQ(missing([](Bsdf& b) { b.clearcoat = 1; b.clearcoatRoughness = 0.5f; }), 0u);
   EXPECT_EQ(missing([](Bsdf& b) { b.transmission = 1; }), 0u);
   EXPECT_EQ(missing([](Bsdf& b) { b.transmission = 1; b.roughness = 0; }), 1u);
-  EXPECT_EQ(missing([](Bsdf& b) { b.transmission = 1; b.ior = 1; }), 0u) << "shadow rays see through an index of 1";
-  EXPECT_EQ(missing([](Bsdf& b) { b.transmission = 0.5f; b.ior = 1; b.specular = 1; b.roughness = 0; }), 1u) << "the rest of the surface reflects";
+  EXPECT_EQ(missing([](Bsdf& b) { b.transmission = 1; b.ior = 1; }), 0u) << "shadow rays go straight on";
+  EXPECT_EQ(missing([](Bsdf& b) { b.transmission = 1; b.ior = 1; b.thickness = 1; b.roughness = 0; }), 0u);
+  EXPECT_EQ(missing([](Bsdf& b) { b.transmission = 0.5f; b.specular = 1; b.ior = 1; b.roughness = 0; }), 1u) << "the other half is a smooth coat on diffuse";
+  EXPECT_EQ(missing([](Bsdf& b) { b.transmission = b.thickness = 1; b.roughness = 0; }), 1u);
+  EXPECT_EQ(missing([](Bsdf& b) { b.transmission = b.thickness = 1; b.roughness = 0; b.attenuationDistance = 1; b.attenuationColor = b.scatterAlbedo = Vec3(0.5f); }), 2u)
+      << "on surfaces and inside";
   EXPECT_EQ(missing([](Bsdf& b) { b.metallic = 1; b.roughness = 0; b.unlit = true; }), 0u);
 }
 
