@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/render_call.h"
 
+#include <algorithm>
+
 namespace gobo {
 
 using Clock = std::chrono::steady_clock;

@@ -2,6 +2,7 @@
 // One change for every field of a scene, made from the field lists (scene/fields.h) so that a new field cannot be forgotten.
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <string>
 #include <vector>

@@ -55,8 +55,11 @@ TEST(Stops, AtAnyPollARenderEndsAndLeavesNothingWrong) {
       RenderControl control;
       control.stop = stop.token();
       const auto result = stopped->render(c.request, control);
-      if (result.ok()) EXPECT_EQ(firstDifference(*result, *whole), "") << c.name << " stopped at " << k << "/6";   // the store had the rest
-      else EXPECT_EQ(result.status().code(), Code::Cancelled) << c.name << ": " << result.status().toString();
+      if (result.ok()) {   // the store had the rest
+        EXPECT_EQ(firstDifference(*result, *whole), "") << c.name << " stopped at " << k << "/6";
+      } else {
+        EXPECT_EQ(result.status().code(), Code::Cancelled) << c.name << ": " << result.status().toString();
+      }
     }
     EXPECT_EQ(firstDifference(mustRender(*stopped, c.request), *whole), "") << c.name;
   }
