@@ -25,9 +25,10 @@ test: deps
 	@ninja -C $(BUILD) -j $(JOBS)
 	@cd $(BUILD) && ctest --output-on-failure -j $(JOBS)
 
-# Tests under the sanitizers and unoptimised, each in a build folder of its own (CMakePresets.json).
+# Tests under the sanitizers and unoptimised, each in a build folder of its own (CMakePresets.json). TIER=all: every test.
+TIER ?= fast
 sanitize: deps
-	@for preset in asan tsan debug; do deploy/sanitize $$preset $(JOBS) || exit 1; done
+	@for preset in asan tsan debug; do deploy/sanitize $$preset $(TIER) $(JOBS) || exit 1; done
 
 bench: deps
 	@deploy/install-deps --bench
