@@ -125,7 +125,7 @@ inline uint32_t bounce(const LaneSurface& s, int at, uint32_t bits, const float*
   const F most = max3(t);
   ok = both(ok, less(zero, most));
   if (roulette) {
-    const F survive = _mm256_min_ps(set(0.95f), most);
+    const F survive = _mm256_min_ps(set(0.95f), _mm256_sqrt_ps(most));   // see path_tracer.h
     ok = both(ok, less(load(roulette + at), survive));
     t = t * (one / survive);
   }

@@ -387,7 +387,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         continue;
       }
       if (rouletteOn) {
-        const float survive = std::min(0.95f, most);
+        const float survive = std::min(0.95f, std::sqrt(most));         // see path_tracer.h
         if (roulette[i] >= survive) continue;
         carried *= 1.0f / survive;
       }
