@@ -95,8 +95,7 @@ double certifiedOfBlack(const ScenePtr& scene, std::vector<std::string>& missing
   e.scene = scene;
   e.gains.assign(scene->lights.size(), Vec3(1.0f));
   for (const Light& l : scene->lights) e.gains[size_t(&l - scene->lights.data())] = l.power / nominalScalar(l);
-  e.rawGains.assign(scene->lights.size(), Vec3(1.0f));
-  e.edited.assign(scene->lights.size(), 0);
+  e.gainChanges.assign(scene->lights.size(), Vec3(0.0f));
   e.camera = scene->cameras[0];
   v1::RenderRequest request;
   request.mutable_integrator()->set_max_bounces(8);
