@@ -15,7 +15,7 @@ class PathTraceNode final : public Node {
   PathTraceNode(const PathTracerSettings& settings, int streams) : settings_(settings), streams_(streams) {}
   std::string type() const override { return "path_trace"; }
   // 2: blocks continue one sequence; 3: volumes, every lobe; 4: light straight on; 5: bilinear environments; 6: tilted normals lose no specular light;
-  // 7: every light in volumes, gentler roulette
+  // 7: every light in volumes
   int version() const override { return 7; }
   NodeTraits traits() const override {
     NodeTraits t;
