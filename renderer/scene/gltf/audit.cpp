@@ -146,12 +146,12 @@ class Auditor {
   void scenes() {
     const Json &nodes = get(j_, "nodes"), &list = get(j_, "scenes");
     if (length(get(j_, "skins")) == 0 || parents().empty()) return;
-    const auto rootOf = [&](size_t k) { for (size_t steps = 0; parent_[k] >= 0 && steps < parent_.size(); ++steps) k = size_t(parent_[k]); return k; };
-    size_t work = 0;
+    size_t work = 0;   // chains of nodes may be as long as the file
+    const auto rootOf = [&](size_t k) { for (; parent_[k] >= 0 && work < 10'000'000; ++work) k = size_t(parent_[k]); return k; };
     for (size_t s = 0; s < length(list); ++s) {
       std::set<size_t> roots;
       for (const Json& r : get(list[s], "nodes")) roots.insert(size_t(number(r, 0)));
-      for (size_t i = 0; i < nodes.size() && work < 1'000'000; ++i, ++work) {
+      for (size_t i = 0; i < nodes.size() && work < 10'000'000; ++i, ++work) {
         const Json& joints = get(item(get(j_, "skins"), get(nodes[i], "skin")), "joints");
         if (length(joints) == 0 || !roots.count(rootOf(i))) continue;
         const size_t joint = rootOf(size_t(number(joints[0], 0)));
