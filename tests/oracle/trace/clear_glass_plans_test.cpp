@@ -118,11 +118,11 @@ TEST(ClearGlassPlans, OnlyReflectionsAreLeftToPhotons) {
   };
   const MaterialKinds nothing = kinds([](Bsdf& b) { b.ior = 1; }), fog = kinds([](Bsdf& b) { b.ior = 1; b.thickness = 1; b.attenuationColor = Vec3(0.5f); b.attenuationDistance = 1; });
   EXPECT_TRUE(nothing.clear && fog.clear);
-  EXPECT_FALSE(nothing.delta || fog.delta) << "shadow rays reach every light through an index of 1";
+  EXPECT_FALSE(nothing.specular || fog.specular) << "shadow rays reach every light through an index of 1";
   const MaterialKinds half = kinds([](Bsdf& b) { b.ior = 1; b.transmission = 0.5f; }), glass = kinds([](Bsdf&) {});
-  EXPECT_TRUE(half.clear && half.delta && glass.clear && glass.delta) << "a pane reflects besides";
+  EXPECT_TRUE(half.clear && half.specular && glass.clear && glass.specular) << "a pane reflects besides";
   const MaterialKinds block = kinds([](Bsdf& b) { b.thickness = 1; });
-  EXPECT_TRUE(!block.clear && block.delta);
+  EXPECT_TRUE(!block.clear && block.specular);
 }
 
 }  // namespace
