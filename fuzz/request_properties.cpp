@@ -68,7 +68,7 @@ void effective(v1::RenderRequest request, Outcome& out) {
   if (!made.ok()) { out.said = made.status().toString(); out.broken = brokenStatus(made.status(), ""); return; }
   out.broken = brokenValues(*made->scene);
   for (const Vec3& g : made->gains) if (!isFinite(g)) out.broken = "a gain is not finite";
-  for (const Vec3& g : made->rawGains) if (!isFinite(g)) out.broken = "a factor of a light is not finite";
+  for (const Vec3& g : made->gainChanges) if (!isFinite(g)) out.broken = "a change of a gain is not finite";
   const Camera& c = made->camera;
   for (int k = 0; k < 16; ++k) if (!std::isfinite(c.toWorld[k / 4][k % 4])) out.broken = "the camera is not finite: " + messageToJson(request.camera(), false);
   if (!std::isfinite(c.yfov) || !std::isfinite(c.yheight)) out.broken = "the camera's field is not finite";

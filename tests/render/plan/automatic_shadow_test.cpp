@@ -91,7 +91,7 @@ TEST(AutomaticShadow, TheCheapestThatKeepsTheErrorAndTheBestThatKeepsTheTime) {
       for (const Row& r : rows)
         if (!r.judged || r.error <= error - kDigits) { EXPECT_LE(chosen->ms, r.ms + kPrinted) << light << " " << budget; }
     }
-  EXPECT_GT(several, 3) << "there was something to choose";
+  EXPECT_GE(several, 3) << "there was something to choose";
   for (const char* budget : {"2", "8", "40"}) {
     const std::vector<Row> rows = rowsOf(mustRender(*engine, request("key", std::string("auto.time_ms=") + budget)));
     const auto chosen = std::find_if(rows.begin(), rows.end(), [](const Row& r) { return r.chosen; });

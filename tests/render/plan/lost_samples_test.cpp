@@ -30,7 +30,8 @@ TEST(LostSamples, ThreeLargeChannelsAreNotOneInfinity) {
 
 TEST(LostSamples, WhatDoesNotFitIsCounted) {
   const auto engine = makeEngine();
-  v1::RenderRequest r = underSky("3e38,3e38,3e38");
+  v1::RenderRequest r = underSky("1,1,1");
+  for (const char* a : {"lights.near.kind=POINT", "lights.near.position=0,0.05,0", "lights.near.intensity=1e37"}) set(r, a);   // beyond float where it is near
   const RenderResult cold = mustRender(*engine, r);
   uint64_t dropped = 0;
   for (const auto& row : cold.reply.plan()) dropped += row.dropped_samples();

@@ -71,7 +71,9 @@ TEST(RenderIds, WhatIsNoPartOfThePictureIsRepeatedToo) {
   for (const auto& [request, id] : asked) {
     const auto recalled = engine->relightRequest(recolour(id));
     ASSERT_TRUE(recalled.ok());
-    EXPECT_EQ(recalled->scheduling().priority(), request.scheduling().priority());
+    const auto resolved = engine->resolve(request);
+    ASSERT_TRUE(resolved.ok());
+    EXPECT_EQ(recalled->scheduling().priority(), resolved->scheduling().priority());
     EXPECT_EQ(recalled->scheduling().client(), request.scheduling().client());
     EXPECT_EQ(recalled->encoding().format() == v1::Encoding::PNG, request.encoding().format() == v1::Encoding::PNG);
     EXPECT_EQ(recalled->has_certificate(), request.has_certificate());

@@ -91,7 +91,7 @@ v1::RenderRequest requestFor(const Scene& scene) {
   v1::RenderRequest r = smallRequest("stage", 10, 8, 1);
   r.set_view_samples(1);
   r.mutable_integrator()->set_max_bounces(1);
-  r.mutable_integrator()->set_max_groups(64);
+  r.mutable_integrator()->set_max_groups(16);
   for (const ShadowTechniqueEntry& t : shadowTechniques()) {
     v1::ShadowTechnique& technique = *(*r.mutable_lights())[t.name].mutable_shadow();
     technique.GetReflection()->MutableMessage(&technique, technique.GetDescriptor()->FindFieldByNumber(t.key));

@@ -44,7 +44,7 @@ bool change(Message& m, const FieldDescriptor* field, int n) {
 TEST(TechniqueFields, AChangeOfOneNeverGetsAnothersTerms) {
   int fields = 0, visible = 0, refused = 0;
   for (const ShadowTechniqueEntry& t : shadowTechniques()) {
-    const std::string light = t.supports(LightKind::Rect) ? "key" : "sun";
+    const std::string light = t.supports(LightKind::Directional) ? "sun" : "key";
     v1::RenderRequest base = smallRequest("fence", 40, 30, 1);
     base.set_view_samples(1);
     base.add_outputs("visibility:" + light);
