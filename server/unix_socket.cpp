@@ -18,8 +18,8 @@ namespace gobo {
 
 Result<SocketLock> SocketLock::take(const std::string& socketPath) {
   const std::string path = socketPath + ".lock";
-  const auto patience = std::chrono::steady_clock::now() + std::chrono::milliseconds(500);
-  for (int attempt = 0; attempt < 200; ++attempt) {
+  const auto patience = std::chrono::steady_clock::now() + std::chrono::seconds(4);
+  for (int attempt = 0; attempt < 2000; ++attempt) {
     const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd < 0) return Status(Code::Unavailable, "cannot open \"" + path + "\": " + std::strerror(errno));
     SocketLock lock(path, fd);
