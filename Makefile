@@ -25,10 +25,12 @@ test: deps
 	@ninja -C $(BUILD) -j $(JOBS)
 	@cd $(BUILD) && ctest --output-on-failure -j $(JOBS)
 
-# Tests under the sanitizers and unoptimised, each in a build folder of its own (CMakePresets.json). TIER=all: every test.
+# Tests under sanitizers or unoptimised, each preset in a build folder of its own (CMakePresets.json; deploy/sanitize).
+# PRESETS="asan tsan debug" for all three, TIER=all for every test.
+PRESETS ?= asan
 TIER ?= fast
 sanitize: deps
-	@for preset in asan tsan debug; do deploy/sanitize $$preset $(TIER) $(JOBS) || exit 1; done
+	@for preset in $(PRESETS); do deploy/sanitize $$preset $(TIER) $(JOBS) || exit 1; done
 
 bench: deps
 	@deploy/install-deps --bench
