@@ -132,6 +132,13 @@ TEST(DiskStoreCrash, SurvivorGoesOnWhileAnotherIsKilledHoldingTheFolder) {
   EXPECT_EQ((*survivor)->stats().adopted, 1u);
 }
 
+// Instrumented children take that much longer to have written anything.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr int kPatience = 12;
+#else
+constexpr int kPatience = 1;
+#endif
+
 TEST(DiskStoreCrash, KilledAtRandomMomentsThirtyTimes) {
   TempFolder folder;
   const uint64_t bound = 60000;
@@ -139,7 +146,7 @@ TEST(DiskStoreCrash, KilledAtRandomMomentsThirtyTimes) {
   int kills = 0;
   for (int round = 0; round < 30; ++round) {
     const pid_t child = spawn([&] { churn(folder.path, bound, 100 + uint64_t(round), 0); });
-    ::usleep(2000 + useconds_t(next(random) % 18000));
+    ::usleep(kPatience * (2000 + useconds_t(next(random) % 18000)));
     ::kill(child, SIGKILL);
     int status = 0;
     ASSERT_EQ(::waitpid(child, &status, 0), child);
