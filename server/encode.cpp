@@ -101,7 +101,7 @@ DisplayImage displayImage(const std::string& output, const Image& image, const v
     float* to = out.data.data() + i * channels;
     const float* from = image.data.data() + i * image.channels;
     if (kind == OutputKind::Id) {
-      if (from[0] >= 0) {
+      if (from[0] >= 0 && from[0] < 0x1p63f) {   // not what no integer holds
         const uint64_t h = mix64(uint64_t(from[0]) + 1);
         for (int c = 0; c < 3; ++c) to[c] = (56.0f + float(h >> (16 * c) & 0xffff) * (199.0f / 65535.0f)) / 255.0f;
       }
