@@ -54,7 +54,7 @@ Status probe(const std::string& what) {
   if (what == "kill") return verdict("a signal to the parent", ::kill(::getppid(), 0) == 0);
   if (what == "ptrace") return verdict("ptrace", ::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) == 0);
   if (what == "mmap-exec") return verdict("executable memory", ::mmap(nullptr, 4096, PROT_READ | PROT_WRITE | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0) != MAP_FAILED);
-  if (what == "segv") { *reinterpret_cast<volatile int*>(std::strlen(what.c_str()) - 4) = 1; return {}; }
+  if (what == "segv") { std::memset(reinterpret_cast<void*>(std::strlen(what.c_str()) + 4092), 1, what.size()); return {}; }   // a page that is never mapped
   if (what == "abort") std::abort();
   if (what == "spin") spin();
   if (what == "sleep") for (;;) ::usleep(100000);
