@@ -5,6 +5,7 @@
 
 #include "filters/shadow_technique.h"
 #include "support/engines.h"
+#include "support/stopping.h"
 
 namespace gobo::testing {
 namespace {
@@ -34,6 +35,12 @@ std::vector<Case> cases() {
   v1::RenderRequest caustics = smallRequest("spheres", 24, 16, 2);
   for (const char* a : {"lights.lamp.kind=POINT", "lights.lamp.position=1,3,1", "lights.lamp.intensity=5", "integrator.caustic_photons=500"}) set(caustics, a);
   out.push_back({"caustics", caustics});
+  v1::RenderRequest certified = smallRequest("spheres", 24, 16, 1);
+  for (const char* a : {"certificate.min_pixels=16", "certificate.spp=4"}) set(certified, a);
+  out.push_back({"certificate", certified});
+  v1::RenderRequest cluster = smallRequest("cornell", 24, 16, 1);    // its lights are folded
+  for (const char* a : {"integrator.max_groups=1", "shadows.ray_traced.samples=1", "lights.a.kind=SPOT", "lights.a.position=0,1,0", "lights.b.kind=POINT", "lights.b.position=0.3,1,0"}) set(cluster, a);
+  out.push_back({"cluster", cluster});
   return out;
 }
 
@@ -63,6 +70,23 @@ TEST(Stops, AtAnyPollARenderEndsAndLeavesNothingWrong) {
     }
     EXPECT_EQ(firstDifference(mustRender(*stopped, c.request), *whole), "") << c.name;
   }
+}
+
+TEST(Stops, ABuiltInSceneThatARenderWaitsForIsNotKept) {
+  const auto engine = makeEngine(256ull << 20, {}, 1);
+  for (const bool planning : {false, true}) {
+    StopSource stop;
+    stop.stopAtPoll(700);   // among the rows of its textures
+    RenderControl control;
+    control.stop = stop.token();
+    const v1::RenderRequest request = smallRequest("atrium", 24, 16, 1);
+    const Status status = planning ? engine->pinnedBytes(request, nullptr, stop.token()).status() : engine->render(request, control).status();
+    EXPECT_EQ(status.code(), Code::Cancelled) << status.toString();
+    EXPECT_TRUE(engine->listScenes().empty());
+  }
+  EXPECT_EQ(engine->openScene("atrium", "", tests::stoppedAlready()).status().code(), Code::Cancelled);
+  EXPECT_TRUE(engine->listScenes().empty());
+  EXPECT_TRUE(engine->openScene("atrium", "").ok());
 }
 
 TEST(Stops, AdmissionsPlanStopsInItsExpanders) {
