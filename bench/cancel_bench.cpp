@@ -2,8 +2,14 @@
 // How long a stopped request keeps the cores: from stop() to the return, at random moments, in milliseconds: median, 95 %, worst. Rows: every
 // shadow technique of the registry, everything that can stand for an environment, caustics, a certificate, each by a new engine (acceleration
 // structures, probes and fits included) and by one that has them; admission's planning; loads of files in this process.
-// Usage: cancel_bench [--out table.json] [--repeat 40] [--only TEXT] [--size 1280x720] [--load FILE.glb] [--environment FILE.hdr]
+// --polls looks for what random moments rarely hit: the longest processor time of one thread between two polls, over one whole run of
+// each row at one sample a pixel. Processor time, so that other work on the machine does not count.
+// Usage: cancel_bench [--out table.json] [--repeat 40] [--only TEXT] [--size 1280x720] [--load FILE.glb] [--environment FILE.hdr] [--polls yes]
+#include <pthread.h>
+#include <time.h>
+
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -68,6 +74,66 @@ struct Times {
   }
 };
 
+/// Watches the calling thread, which does all the work.
+struct Gap {
+  double ms = 0;
+  int at = 0, polls = 0;
+  Status status;
+  explicit Gap(const std::function<Status(StopToken)>& work) {
+    constexpr int many = 1 << 30;
+    StopSource source;
+    source.stopAtPoll(many);
+    clockid_t clock;
+    ::pthread_getcpuclockid(::pthread_self(), &clock);
+    const auto now = [clock] { timespec t; ::clock_gettime(clock, &t); return double(t.tv_sec) * 1e3 + double(t.tv_nsec) * 1e-6; };
+    std::atomic<bool> done{false};
+    std::thread watcher([&] {
+      double since = now();
+      for (int last = many; ; std::this_thread::sleep_for(std::chrono::microseconds(200))) {
+        const bool over = done.load();
+        const int left = source.pollsLeft();
+        const double t = now();
+        if (t - since > ms) { ms = t - since; at = many - last; }
+        if (left != last) { since = t; last = left; }
+        if (over) break;
+      }
+    });
+    status = work(source.token());
+    done = true;
+    watcher.join();
+    polls = many - source.pollsLeft();
+  }
+};
+
+/// One whole run of every row, one sample a pixel, one thread.
+int longestGaps(const std::vector<Case>& cases, const std::string& only, const std::string& size, const std::string& load, const std::string& out) {
+  EngineOptions options;
+  options.anyPath = true;
+  options.threads = 1;
+  Table t("Longest time without a poll", {"work", "ms", "after poll", "polls"});
+  const auto row = [&](const std::string& name, const std::function<Status(StopToken)>& work) {
+    const Gap gap(work);
+    if (!gap.status.ok()) std::fprintf(stderr, "%s: %s\n", name.c_str(), gap.status.toString().c_str());
+    t.add({name, gap.ms, double(gap.at), double(gap.polls)});
+  };
+  for (const Case& c : cases) {
+    if (c.name.find(only) == std::string::npos) continue;
+    const auto engine = *Engine::create(options);
+    v1::RenderRequest request = requestOf(c, size, 0);
+    request.mutable_halt()->set_spp(1);
+    if (request.has_certificate()) { request.mutable_certificate()->set_spp(4); request.mutable_certificate()->set_pixel_fraction(0.01); }
+    row(c.name + ", admission", [&](StopToken stop) { return engine->pinnedBytes(request, nullptr, stop).status(); });   // makes the scene
+    row(c.name, [&](StopToken stop) {
+      RenderControl control;
+      control.stop = stop;
+      return engine->render(request, control).status();
+    });
+  }
+  if (!load.empty()) row("load of " + load.substr(load.find_last_of('/') + 1), [&](StopToken stop) { return (*Engine::create(options))->openScene(load, "s", stop).status(); });
+  std::printf("%s", t.text().c_str());
+  return out.empty() || t.write(out).ok() ? 0 : 1;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -81,6 +147,7 @@ int main(int argc, char** argv) {
   cases.push_back({"caustics", {"lights.key.kind=POINT", "integrator.caustic_photons=100000"}});
   cases.push_back({"certificate", {"halt.spp=1", "certificate.pixel_fraction=0.2", "certificate.spp=256"}});
 
+  if (argumentOr(argc, argv, "--polls", "") == "yes") return longestGaps(cases, only, size, load, argumentOr(argc, argv, "--out", ""));
   EngineOptions options;
   options.anyPath = true;
   Table t("Cancellation: stop() to return", {"work", "median ms", "p95 ms", "worst ms", "completed first"});

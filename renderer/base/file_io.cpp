@@ -3,6 +3,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
@@ -61,7 +62,7 @@ Result<int> openRegular(const std::string& path) {
   return regularOrClose(fd, path);
 }
 
-Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint64_t maxBytes) {
+Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint64_t maxBytes, const StopToken& stop) {
   struct stat info{};
   Status status;
   std::vector<uint8_t> bytes;
@@ -69,9 +70,13 @@ Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint6
   else if (uint64_t(info.st_size) > maxBytes)
     status = Status(Code::ResourceExhausted, "file of " + std::to_string(info.st_size) + " bytes is above the limit of " + std::to_string(maxBytes), name);
   if (status.ok()) {
-    bytes.resize(size_t(info.st_size));
+    constexpr size_t piece = size_t(4) << 20;   // between two polls; memory is cleared piece by piece too
+    const size_t size = size_t(info.st_size);
+    bytes.reserve(size);
     size_t done = 0;
-    while (done < bytes.size()) {
+    while (done < size) {
+      if (stop.stopRequested()) { status = Status(Code::Cancelled, "the reading was cancelled", name); break; }
+      bytes.resize(std::min(size, done + piece));
       const ssize_t n = ::read(fd, bytes.data() + done, bytes.size() - done);
       if (n < 0 && errno == EINTR) continue;
       if (n < 0) { status = ioError("cannot read file", name); break; }
@@ -85,9 +90,9 @@ Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint6
   return bytes;
 }
 
-Result<std::vector<uint8_t>> readFile(const std::string& path, uint64_t maxBytes) {
+Result<std::vector<uint8_t>> readFile(const std::string& path, uint64_t maxBytes, const StopToken& stop) {
   GOBO_ASSIGN(const int fd, openRegular(path));
-  return readAndClose(fd, path, maxBytes);
+  return readAndClose(fd, path, maxBytes, stop);
 }
 
 }  // namespace gobo

@@ -19,6 +19,8 @@
 namespace gobo {
 namespace {
 
+constexpr int kRowsBetweenPolls = 64;   // of a stop token
+
 class MemoryReader final : public Imf::IStream {
  public:
   MemoryReader(const uint8_t* bytes, size_t size) : IStream("memory"), bytes_(bytes), size_(size) {}
@@ -114,7 +116,10 @@ Result<Image> readPart(Imf::MultiPartInputFile& file, int part, const std::vecto
   }
   Imf::InputPart input(file, part);
   input.setFrameBuffer(buffer);
-  input.readPixels(window.min.y, window.max.y);
+  for (int y = window.min.y; y <= window.max.y; y += kRowsBetweenPolls) {
+    if (limits.stop.stopRequested()) return Status(Code::Cancelled, "the reading was cancelled", name);
+    input.readPixels(y, std::min(window.max.y, y + kRowsBetweenPolls - 1));
+  }
   return image;
 }
 

@@ -115,7 +115,22 @@ Result<Image> readByOiio(const uint8_t* bytes, size_t size, const std::string& f
   if (spec.deep) return invalidArgument("deep images are not read", name);
   Image image(spec.width, spec.height, spec.nchannels);
   image.names = {spec.channelnames.begin(), spec.channelnames.end()};
-  if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, image.data.data())) {
+  // Rows in whole strips between polls; tiles by the library, which asks for itself.
+  bool read = true;
+  if (spec.tile_width > 0) {
+    const OIIO::ProgressCallback stopped = [](void* stop, float) { return static_cast<const StopToken*>(stop)->stopRequested(); };
+    read = input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, image.data.data(), OIIO::AutoStride, OIIO::AutoStride, OIIO::AutoStride, stopped,
+                             const_cast<StopToken*>(&limits.stop));
+  } else {
+    const int strip = std::max(1, spec.get_int_attribute("tiff:RowsPerStrip", 1)), rows = std::max(64 / strip, 1) * strip;
+    for (int y = 0; y < spec.height && read && !limits.stop.stopRequested(); y += rows) {
+      const int end = std::min(spec.height, y + rows);
+      float* to = image.data.data() + size_t(y) * size_t(spec.width) * size_t(spec.nchannels);
+      read = input->read_scanlines(0, 0, spec.y + y, spec.y + end, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, to);
+    }
+  }
+  if (limits.stop.stopRequested()) return Status(Code::Cancelled, "the reading was cancelled", name);
+  if (!read) {
     const std::string why = input->geterror();
     return invalidArgument("damaged " + format + " image" + (why.empty() ? "" : ": " + why), name);
   }

@@ -12,6 +12,7 @@
 
 #include "base/image.h"
 #include "base/status.h"
+#include "base/stop.h"
 #include "base/transfer.h"
 
 namespace gobo {
@@ -19,6 +20,7 @@ namespace gobo {
 struct ReadLimits {
   int maxDimension = 16384;             ///< pixels a side
   uint64_t maxPixels = 1ull << 27;      ///< decompression bombs are refused before their pixels are allocated
+  StopToken stop;                       ///< polled between rows: Cancelled (what a library decodes before it has rows to give is not left early)
 };
 
 /// Any readable picture, as floats. Integer formats are scaled to 0..1 and kept in the file's transfer curve
@@ -76,13 +78,15 @@ Result<std::vector<uint8_t>> encodeJpeg(const Image& image, const PixelOptions& 
 
 /// Writes bytes atomically (temporary + fsync + rename).
 Status writeFileAtomic(const std::string& path, const void* data, size_t size);
-Result<std::vector<uint8_t>> readFile(const std::string& path, uint64_t maxBytes = 1ull << 32);
+inline constexpr uint64_t kMostFileBytes = 1ull << 32;
+/// Errors: also Cancelled; `stop` is polled every few MB.
+Result<std::vector<uint8_t>> readFile(const std::string& path, uint64_t maxBytes = kMostFileBytes, const StopToken& stop = {});
 /// The pieces of readFile. openRegular does not wait for a FIFO's writer; the descriptor is the caller's.
 Result<int> openRegular(const std::string& path);
 /// `fd` if it is a regular file; else closes it. InvalidArgument.
 Result<int> regularOrClose(int fd, const std::string& name);
 /// Everything from the descriptor's position on, at most maxBytes (ResourceExhausted above); closes it.
-Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint64_t maxBytes);
+Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint64_t maxBytes, const StopToken& stop = {});
 /// `what` and errno's text, with the code that fits errno.
 Status ioError(const std::string& what, const std::string& path);
 

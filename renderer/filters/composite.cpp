@@ -9,6 +9,8 @@ namespace gobo {
 
 namespace {
 
+Status stopped() { return Status(Code::Cancelled, "stopped"); }
+
 std::shared_ptr<Term> pixelTerm(const char* type, int width, int height) {
   return std::make_shared<Term>(type, Domain::Pixel, Extent{width, height, 1});
 }
@@ -35,7 +37,7 @@ class CompositeNode final : public PixelNode {
     auto out = pixelTerm("picture", width_, height_);
     auto rgb = out->addPlane<float>("rgb", 3);
     const bool complete = ctx.arena->parallelFor(pixels(), 1 << 15, [&](size_t b, size_t e) { expression_.evaluate(ctx.inputs, b, e, rgb.data() + 3 * b); }, ctx.stop);
-    if (!complete) return Status(Code::Cancelled, "stopped");
+    if (!complete) return stopped();
     for (const TermPtr& input : ctx.inputs) passOnDropped(*input, *out);
     return TermPtr(out);
   }
@@ -59,7 +61,7 @@ class ShadeNode final : public PixelNode {
     auto rgb = out->addUnsetPlane<float>("rgb", 3);
     const float scale = 1.0f / float(samples_);
     passOnDropped(*ctx.inputs[0], *out);
-    ctx.arena->parallelFor(pixels(), 1 << 14, [&](size_t b, size_t e) {
+    const bool complete = ctx.arena->parallelFor(pixels(), 1 << 14, [&](size_t b, size_t e) {
       for (int s = 0; s < samples_; ++s) {
         const size_t layer = size_t(s) * pixels();
         for (size_t p = b; p < e; ++p) {
@@ -67,8 +69,8 @@ class ShadeNode final : public PixelNode {
           for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] = (s ? rgb[3 * p + c] : 0.0f) + w[step * c] * scale * l[c];
         }
       }
-    });
-    return TermPtr(out);
+    }, ctx.stop);
+    return complete ? Result<TermPtr>(TermPtr(out)) : stopped();
   }
 
  private:
@@ -103,20 +105,21 @@ class DirectFoldNode final : public FoldNode {
     const size_t C = size_t(inputs[1]->channels("V")), step = C == 3 ? 1 : 0;
     const size_t pixels = size_t(width_) * height_;
     const double scale = 1.0 / samples_;
-    ctx.arena->parallelFor(pixels, 1 << 14, [&](size_t b, size_t e) {
+    const bool complete = ctx.arena->parallelFor(pixels, 1 << 14, [&](size_t b, size_t e) {
       for (int s = 0; s < samples_; ++s)
         for (size_t p = b; p < e; ++p) {
           const size_t at = size_t(s) * pixels + p;
           for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] += scale * v[C * at + step * c] * light[3 * at + c];
         }
-    });
-    return {};
+    }, ctx.stop);
+    return complete ? Status() : stopped();
   }
-  Result<TermPtr> finish(const RunContext&, std::unique_ptr<State> state) const override {
+  Result<TermPtr> finish(const RunContext& ctx, std::unique_ptr<State> state) const override {
     const auto& sum = static_cast<Sum&>(*state).rgb;
     auto out = pixelTerm("direct_light", width_, height_);
-    auto rgb = out->addPlane<float>("rgb", 3);
-    for (size_t i = 0; i < sum.size(); ++i) rgb[i] = float(sum[i]);
+    auto rgb = out->addUnsetPlane<float>("rgb", 3);
+    const bool complete = ctx.arena->parallelFor(sum.size(), 1 << 15, [&](size_t b, size_t e) { for (size_t i = b; i < e; ++i) rgb[i] = float(sum[i]); }, ctx.stop);
+    if (!complete) return stopped();
     passOnDropped(*static_cast<Sum&>(*state).dropped, *out);
     return TermPtr(out);
   }
@@ -137,15 +140,19 @@ class ResolveNode final : public PixelNode {
     GOBO_CHECK_EQ(sum.size(), pixels() * slots_ * 3);
     auto out = pixelTerm("radiance", width_, height_);
     std::vector<std::span<float>> planes;
-    for (int s = 0; s < slots_; ++s) planes.push_back(out->addPlane<float>("s" + std::to_string(s), 3));
-    ctx.arena->parallelFor(pixels(), 1 << 13, [&](size_t b, size_t e) {
-      for (size_t p = b; p < e; ++p) {
-        const double scale = samples[p] ? 1.0 / samples[p] : 0.0;
-        const double* v = sum.data() + p * slots_ * 3;
-        for (int s = 0; s < slots_; ++s)
-          for (int c = 0; c < 3; ++c) planes[s][3 * p + c] = float(v[3 * s + c] * scale);
+    for (int s = 0; s < slots_; ++s) planes.push_back(out->addUnsetPlane<float>("s" + std::to_string(s), 3));
+    // Slot by slot: the first touch of each plane's next huge page has the system clear it, which takes as long as thousands of pixels.
+    const bool complete = ctx.arena->parallelFor(pixels(), 1 << 11, [&](size_t b, size_t e) {
+      for (int s = 0; s < slots_; ++s) {
+        if (ctx.stop.stopRequested()) return;
+        for (size_t p = b; p < e; ++p) {
+          const double scale = samples[p] ? 1.0 / samples[p] : 0.0;
+          const double* v = sum.data() + (p * slots_ + s) * 3;
+          for (int c = 0; c < 3; ++c) planes[s][3 * p + c] = float(v[c] * scale);
+        }
       }
-    });
+    }, ctx.stop);
+    if (!complete || ctx.stop.stopRequested()) return stopped();
     passOnDropped(*ctx.inputs[0], *out);
     return TermPtr(out);
   }
@@ -168,8 +175,8 @@ class PixelMeanNode final : public PixelNode {
     const bool masked = ctx.inputs.size() > 1;
     const std::span<const uint32_t> valid = masked ? ctx.inputs[1]->plane<uint32_t>("instance") : std::span<const uint32_t>{};
     auto out = pixelTerm("pixels", width_, height_);
-    auto mean = out->addPlane<float>(plane_, channels_);
-    ctx.arena->parallelFor(pixels(), 1 << 13, [&](size_t b, size_t e) {
+    auto mean = out->addUnsetPlane<float>(plane_, channels_);
+    const bool complete = ctx.arena->parallelFor(pixels(), 1 << 13, [&](size_t b, size_t e) {
       for (size_t p = b; p < e; ++p) {
         double sum[4] = {0, 0, 0, 0};
         int count = 0;
@@ -183,8 +190,8 @@ class PixelMeanNode final : public PixelNode {
         const double n = overValidOnly_ ? count : samples_;
         for (int c = 0; c < channels_; ++c) mean[p * channels_ + c] = n > 0 ? float(sum[c] / n) : 0.0f;
       }
-    });
-    return TermPtr(out);
+    }, ctx.stop);
+    return complete ? Result<TermPtr>(TermPtr(out)) : stopped();
   }
 
  private:
@@ -202,13 +209,15 @@ class AlphaNode final : public PixelNode {
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto instance = ctx.inputs[0]->plane<uint32_t>("instance");
     auto out = pixelTerm("pixels", width_, height_);
-    auto alpha = out->addPlane<float>("alpha", 1);
-    for (size_t p = 0; p < pixels(); ++p) {
-      int hits = 0;
-      for (int s = 0; s < samples_; ++s) hits += instance[size_t(s) * pixels() + p] != ~0u;
-      alpha[p] = float(hits) / float(samples_);
-    }
-    return TermPtr(out);
+    auto alpha = out->addUnsetPlane<float>("alpha", 1);
+    const bool complete = ctx.arena->parallelFor(pixels(), 1 << 15, [&](size_t b, size_t e) {
+      for (size_t p = b; p < e; ++p) {
+        int hits = 0;
+        for (int s = 0; s < samples_; ++s) hits += instance[size_t(s) * pixels() + p] != ~0u;
+        alpha[p] = float(hits) / float(samples_);
+      }
+    }, ctx.stop);
+    return complete ? Result<TermPtr>(TermPtr(out)) : stopped();
   }
 
  private:

@@ -19,7 +19,10 @@ class SampleCountNode final : public Node {
     const auto count = out->addPlane<float>("count", 1);
     for (size_t i = 0; i < ctx.inputs.size(); ++i) {
       const auto samples = ctx.inputs[i]->plane<uint32_t>("samples");
-      for (size_t p = 0; p < count.size(); ++p) count[p] = i == 0 ? float(samples[p]) : std::min(count[p], float(samples[p]));
+      const bool complete = ctx.arena->parallelFor(count.size(), 1 << 15, [&](size_t begin, size_t end) {
+        for (size_t p = begin; p < end; ++p) count[p] = i == 0 ? float(samples[p]) : std::min(count[p], float(samples[p]));
+      }, ctx.stop);
+      if (!complete) return Status(Code::Cancelled, "stopped");
     }
     return TermPtr(out);
   }

@@ -15,6 +15,8 @@ namespace {
 constexpr int kReach = 2;                                           // of a window, pixels
 constexpr int kNeighbours = (2 * kReach + 1) * (2 * kReach + 1) - 1;
 
+constexpr size_t kPoll = 1 << 16;                                    // pixels between two looks at a stop token, in plain sums
+
 /// In [0, 1), from a hash.
 double uniform(uint64_t hash) { return double(hash >> 11) * 0x1p-53; }
 
@@ -26,13 +28,13 @@ struct Draws {
 
 }  // namespace
 
-std::vector<float> forecastError(std::span<const float> rgb, int width, int height) {
+std::vector<float> forecastError(std::span<const float> rgb, int width, int height, const StopToken& stop) {
   GOBO_CHECK(rgb.size() == size_t(width) * height * 3);
   const size_t all = size_t(width) * height;
   std::vector<float> grey(all), outlier(all), forecast(all);
   for (size_t i = 0; i < all; ++i) grey[i] = (rgb[3 * i] + rgb[3 * i + 1] + rgb[3 * i + 2]) / 3.0f;
   const auto at = [&](int x, int y) { return size_t(std::clamp(y, 0, height - 1)) * width + std::clamp(x, 0, width - 1); };
-  for (int y = 0; y < height; ++y)
+  for (int y = 0; y < height && !stop.stopRequested(); ++y)
     for (int x = 0; x < width; ++x) {
       std::array<float, kNeighbours> around;
       int n = 0;
@@ -47,13 +49,13 @@ std::vector<float> forecastError(std::span<const float> rgb, int width, int heig
       outlier[at(x, y)] = std::isfinite(square) ? square : 0.0f;
     }
   std::vector<float> rows(all);
-  for (int y = 0; y < height; ++y)
+  for (int y = 0; y < height && !stop.stopRequested(); ++y)
     for (int x = 0; x < width; ++x) {
       float sum = 0;
       for (int u = -kReach; u <= kReach; ++u) sum += outlier[at(x + u, y)] / (2 * kReach + 1);
       rows[at(x, y)] = sum;
     }
-  for (int y = 0; y < height; ++y)
+  for (int y = 0; y < height && !stop.stopRequested(); ++y)
     for (int x = 0; x < width; ++x) {
       float sum = 0;
       for (int v = -kReach; v <= kReach; ++v) sum += rows[at(x, y + v)] / (2 * kReach + 1);
@@ -62,7 +64,7 @@ std::vector<float> forecastError(std::span<const float> rgb, int width, int heig
   return forecast;
 }
 
-std::vector<float> drawingChances(std::span<const float> forecast, double wanted) {
+std::vector<float> drawingChances(std::span<const float> forecast, double wanted, const StopToken& stop) {
   const double all = double(forecast.size());
   GOBO_CHECK(wanted >= 0 && wanted <= all);
   std::vector<float> chances(forecast.size(), forecast.empty() ? 0.0f : float(wanted / all));
@@ -72,19 +74,22 @@ std::vector<float> drawingChances(std::span<const float> forecast, double wanted
   const double least = kEvenShare * wanted / all;
   const auto total = [&](double scale) {
     double sum = 0;
-    for (float f : forecast) sum += std::clamp(scale * double(f), least, 1.0);
+    for (size_t i = 0; i < forecast.size(); ++i) {
+      if (i % kPoll == 0 && stop.stopRequested()) break;
+      sum += std::clamp(scale * double(forecast[i]), least, 1.0);
+    }
     return sum;
   };
   // total() grows with the scale from below `wanted` to the number of pixels with a forecast (the others keep the least).
   double low = least / largest, high = low;
-  while (high < 1e280 && total(high) < wanted) low = high, high *= 8;
+  while (high < 1e280 && !stop.stopRequested() && total(high) < wanted) low = high, high *= 8;
   if (total(high) < wanted) {                                       // too few pixels have a forecast: they for certain, the rest evenly
     size_t certain = 0;
     for (float f : forecast) certain += f > 0;
     for (size_t i = 0; i < forecast.size(); ++i) chances[i] = forecast[i] > 0 ? 1.0f : float((wanted - double(certain)) / (all - double(certain)));
     return chances;
   }
-  for (int i = 0; i < 60; ++i) {
+  for (int i = 0; i < 60 && !stop.stopRequested(); ++i) {
     const double middle = std::sqrt(low * high), sum = total(middle);
     if (std::fabs(sum - wanted) <= 1e-6 * wanted) { high = middle; break; }
     (sum < wanted ? low : high) = middle;
@@ -93,7 +98,7 @@ std::vector<float> drawingChances(std::span<const float> forecast, double wanted
   return chances;
 }
 
-std::vector<uint32_t> drawPixels(int width, int height, std::span<const float> chances, uint64_t seed) {
+std::vector<uint32_t> drawPixels(int width, int height, std::span<const float> chances, uint64_t seed, const StopToken& stop) {
   const uint64_t w = uint64_t(width), h = uint64_t(height), all = w * h;
   GOBO_CHECK(chances.size() == all && all <= UINT32_MAX);
   double sum = 0;
@@ -122,7 +127,7 @@ std::vector<uint32_t> drawPixels(int width, int height, std::span<const float> c
       open = both - 1;
     }
   };
-  for (uint64_t band = 0; band < bands; ++band) {
+  for (uint64_t band = 0; band < bands && !stop.stopRequested(); ++band) {
     const uint64_t top = band * h / bands, end = (band + 1) * h / bands;
     for (uint64_t c = 0; c < w; ++c)
       for (uint64_t y = top; y < end; ++y) {

@@ -11,18 +11,18 @@
 
 namespace gobo {
 
-CertificateDraw drawCertificate(const Image& beauty, const v1::CertificateSettings& settings) {
+CertificateDraw drawCertificate(const Image& beauty, const v1::CertificateSettings& settings, const StopToken& stop) {
   const double all = double(beauty.width) * beauty.height;
   const double wanted = std::min(all, std::max(std::round(settings.pixel_fraction() * all), double(std::max(settings.min_pixels(), 1u))));
   std::vector<float> rgb(size_t(beauty.width) * beauty.height * 3);
-  for (int y = 0; y < beauty.height; ++y)
+  for (int y = 0; y < beauty.height && !stop.stopRequested(); ++y)
     for (int x = 0; x < beauty.width; ++x) {
       const Vec3 p = beauty.rgb(x, y);
       for (int c = 0; c < 3; ++c) rgb[(size_t(y) * beauty.width + x) * 3 + c] = p[c];
     }
-  const std::vector<float> chances = drawingChances(forecastError(rgb, beauty.width, beauty.height), wanted);
+  const std::vector<float> chances = drawingChances(forecastError(rgb, beauty.width, beauty.height, stop), wanted, stop);
   CertificateDraw draw;
-  draw.pixels = drawPixels(beauty.width, beauty.height, chances, settings.seed());
+  draw.pixels = drawPixels(beauty.width, beauty.height, chances, settings.seed(), stop);
   for (uint32_t p : draw.pixels) draw.chances.push_back(double(chances[p]));
   return draw;
 }
@@ -35,10 +35,11 @@ Result<v1::Certificate> certifyPicture(const Image& beauty, const EffectiveScene
 Result<v1::Certificate> certifyAgainst(const ReferenceRecipe& recipe, const Image& beauty, const EffectiveScene& effective, const v1::RenderRequest& request,
                                        AccelCache& accels, const TaskArena& arena, const StopToken& stop) {
   const auto start = std::chrono::steady_clock::now();
-  const CertificateDraw draw = drawCertificate(beauty, request.certificate());
+  const CertificateDraw draw = drawCertificate(beauty, request.certificate(), stop);
+  if (stop.stopRequested()) return Status(Code::Cancelled, "stopped");
   std::vector<PixelEvidence> evidence(draw.pixels.size());
   std::atomic<uint64_t> rays{0};
-  const ReferenceTracer reference(effective, beauty.width, beauty.height, recipe, accels, arena);
+  const ReferenceTracer reference(effective, beauty.width, beauty.height, recipe, accels, arena, stop);
   const uint32_t blocks = std::max<uint32_t>(1, (request.certificate().spp() + kParts * ReferenceTracer::kBlockSize - 1) / (kParts * ReferenceTracer::kBlockSize));
   for (int k = 0; k < kParts; ++k) {
     GOBO_ASSIGN(const std::vector<Vec3> part, reference.trace(draw.pixels, recipe.streams[k], blocks, rays, stop));

@@ -25,7 +25,8 @@ struct CertificateDraw {
   std::vector<uint32_t> pixels;   ///< y * width + x, ascending
   std::vector<double> chances;    ///< of each
 };
-/// round(pixel_fraction * N) pixels, at least min_pixels, at most all N, drawn by what the picture says of its own errors.
-CertificateDraw drawCertificate(const Image& beauty, const v1::CertificateSettings& settings);
+/// round(pixel_fraction * N) pixels, at least min_pixels, at most all N, drawn by what the picture says of its own errors. What it gives
+/// when `stop` ended it is of no use.
+CertificateDraw drawCertificate(const Image& beauty, const v1::CertificateSettings& settings, const StopToken& stop = {});
 
 }  // namespace gobo

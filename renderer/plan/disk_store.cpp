@@ -138,8 +138,8 @@ struct DiskStore::Impl {
   }
 
   // change(status) -> false when SQLite failed. Tried a second time with an index made anew. Under mutex.
-  template <typename F> Status transact(double seconds, F change) {
-    GOBO_TRY(files.lock(seconds));
+  template <typename F> Status transact(double seconds, F change, const StopToken& stop = {}) {
+    GOBO_TRY(files.lock(seconds, stop));
     struct Unlock { TermFiles& f; ~Unlock() { f.unlock(); } } unlock{files};
     for (int attempt = 0; attempt < 2; ++attempt) {
       if (dirty || !index.current()) {
@@ -198,12 +198,13 @@ Result<std::unique_ptr<DiskStore>> DiskStore::open(const std::string& folder, co
   return store;
 }
 
-TermPtr DiskStore::get(const Hash128& key) {
+TermPtr DiskStore::get(const Hash128& key, const StopToken& stop) {
   Impl& d = *impl_;
   const std::string name = key.hex();
-  TermFiles::Content content = d.files.read(name);
+  TermFiles::Content content = d.files.read(name, stop);
   TermPtr term;
-  if (content.bytes) term = parseTerm(content.bytes.get(), content.size);
+  if (content.bytes) term = parseTerm(content.bytes.get(), content.size, stop);
+  if (!term && stop.stopRequested()) return nullptr;   // says nothing of the file
   if (term) {
     d.note(name);
     std::lock_guard hold(d.mutex);
@@ -234,17 +235,18 @@ TermPtr DiskStore::get(const Hash128& key) {
   return nullptr;
 }
 
-Status DiskStore::put(const Hash128& key, const Term& term) {
+Status DiskStore::put(const Hash128& key, const Term& term, const StopToken& stop) {
   Impl& d = *impl_;
   const std::string name = key.hex();
-  const std::vector<uint8_t> bytes = serializeTerm(term);
+  const std::vector<uint8_t> bytes = serializeTerm(term, stop);
+  if (bytes.empty()) return {Code::Cancelled, "stopped before it was written", d.files.path(name)};
   if (bytes.size() > d.options.maxBytes) return {};
   if (d.files.equals(name, bytes)) {
     d.note(name);
     return {};
   }
   const std::string temp = d.temps + "-" + std::to_string(d.counter++) + ".tmp";
-  GOBO_TRY(d.files.writeTemp(temp, bytes, d.options.step));
+  GOBO_TRY(d.files.writeTemp(temp, bytes, d.options.step, stop));
   {
     std::lock_guard hold(d.mutex);
     bool moved = false;
@@ -258,7 +260,7 @@ Status DiskStore::put(const Hash128& key, const Term& term) {
       else failed = d.files.moveIntoPlace(temp, name);
       moved = failed.ok();
       return true;
-    });
+    }, stop);
     if (!status.ok()) {
       ::unlink(temp.c_str());
       if (moved) d.files.unlink(name);   // not counted, so it must not stay: repeated failures would pass the bound

@@ -45,11 +45,12 @@ class DiskStore {
   static Result<std::unique_ptr<DiskStore>> open(const std::string& folder, uint64_t maxBytes);
   static Result<std::unique_ptr<DiskStore>> open(const std::string& folder, const DiskStoreOptions& options);
   ~DiskStore();
-  TermPtr get(const Hash128& key);                 ///< null if absent or damaged (then removed)
+  TermPtr get(const Hash128& key, const StopToken& stop = {});   ///< null if absent or damaged (then removed), or stopped (then as it was)
   /// Writes the file and evicts so that the files stay within maxBytes; durable on return. A term whose file is larger than
   /// maxBytes is not kept (Ok). An equal file already there is only marked used; a different one is replaced.
-  /// Errors: ResourceExhausted (disk full), Unavailable (folder locked for too long), Internal; the message names the file.
-  Status put(const Hash128& key, const Term& term);
+  /// Errors: ResourceExhausted (disk full), Unavailable (folder locked for too long), Internal, Cancelled (`stop`: nothing of it is left);
+  /// the message names the file.
+  Status put(const Hash128& key, const Term& term, const StopToken& stop = {});
   void erase(const Hash128& key);
   void clear();                                    ///< every term of the folder, also those other processes wrote
   uint64_t bytes() const;                          ///< sum of file sizes, by the index

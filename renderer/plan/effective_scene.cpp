@@ -114,9 +114,10 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
   return {};
 }
 
-Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::RenderRequest& request, const EnvironmentLoader& load, const ScenePoser& pose) {
+Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::RenderRequest& request, const EnvironmentLoader& load, const ScenePoser& pose,
+                                          const StopToken& stop) {
   EffectiveScene out;
-  GOBO_ASSIGN(const ScenePtr base, pose(loaded, request));
+  GOBO_ASSIGN(const ScenePtr base, pose(loaded, request, stop));
   auto scene = std::make_shared<Scene>(*base);
 
   // Environment: file, sky or constant; rotation; or removed.
@@ -133,7 +134,8 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
       if (e.sky().has_sun_direction()) { GOBO_ASSIGN(sky.sunDirection, unitVector(e.sky().sun_direction(), "request.environment.sky.sun_direction")); }
       if (e.sky().has_turbidity()) sky.turbidity = float(e.sky().turbidity());
       if (e.sky().has_sun_scale()) sky.sunScale = float(e.sky().sun_scale());
-      scene->environment = skyEnvironment(sky);
+      scene->environment = skyEnvironment(sky, 512, stop);
+      if (!scene->environment) return Status(Code::Cancelled, "stopped");
     } else if (e.has_constant()) {
       GOBO_TRY(checkFinite(e.constant(), "request.environment.constant", true));
       scene->environment = constantEnvironment(toVec3(e.constant()));
@@ -215,7 +217,7 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
   return out;
 }
 
-double estimatedFlux(const Scene& scene, int index) {
+double estimatedFlux(const Scene& scene, int index, const StopToken& stop) {
   const Light& light = scene.lights[index];
   const LightShape& s = light.shape;
   const double l = nominalScalar(light);
@@ -234,18 +236,19 @@ double estimatedFlux(const Scene& scene, int index) {
       const Mesh& mesh = *scene.meshes[instance.mesh];
       double area = 0;
       for (size_t t = 0; t < mesh.triangles(); ++t) {
+        if (t % 4096 == 0 && stop.stopRequested()) break;
         Vec3 p[3];
         for (int k = 0; k < 3; ++k) p[k] = Vec3(instance.toWorld * Vec4(mesh.positions[mesh.indices[3 * t + k]], 1.0f));
         area += 0.5 * glm::length(glm::cross(p[1] - p[0], p[2] - p[0]));
       }
       return kPi * l * area;
     }
-    case LightKind::Environment: return crossSection * l * environmentFlux(scene.environment.get()) / 4.0;
+    case LightKind::Environment: return crossSection * l * environmentFlux(scene.environment.get(), stop) / 4.0;
   }
   return 0;
 }
 
-RelightGroups makeGroups(const Scene& scene, int maxGroups) {
+RelightGroups makeGroups(const Scene& scene, int maxGroups, const StopToken& stop) {
   const int n = int(scene.lights.size());
   RelightGroups g;
   g.groupOf.assign(n, 0);
@@ -254,7 +257,7 @@ RelightGroups makeGroups(const Scene& scene, int maxGroups) {
   std::iota(order.begin(), order.end(), 0);
   if (n > maxGroups) {
     std::vector<double> flux(n);
-    for (int i = 0; i < n; ++i) flux[i] = estimatedFlux(scene, i);
+    for (int i = 0; i < n; ++i) flux[i] = estimatedFlux(scene, i, stop);
     std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return flux[a] > flux[b]; });
     std::sort(order.begin(), order.begin() + (maxGroups - 1));
   }

@@ -26,12 +26,12 @@ struct EffectiveScene {
 using EnvironmentLoader = std::function<Result<EnvironmentPtr>(const std::string& path)>;
 
 /// Makes the request's variant and pose of a scene (posed_scene.h; the engine caches).
-using ScenePoser = std::function<Result<ScenePtr>(const ScenePtr& base, const v1::RenderRequest& request)>;
+using ScenePoser = std::function<Result<ScenePtr>(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop)>;
 
 /// `request` must be resolved. Errors name the field: unknown light, camera, animation or variant, missing kind, degenerate
-/// direction.
+/// direction. Cancelled soon after `stop` (the loader has its own).
 Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::RenderRequest& request, const EnvironmentLoader& load,
-                                          const ScenePoser& pose = requestedScene);
+                                          const ScenePoser& pose = requestedScene, const StopToken& stop = {});
 
 /// Applies a light edit's shape fields (not power). `path` is used in errors.
 Status applyLightShape(const v1::LightEdit& edit, Light& light, const std::string& path);
@@ -40,8 +40,8 @@ Status applyLightShape(const v1::LightEdit& edit, Light& light, const std::strin
 /// of strength then stay gains, and sampling still knows the order of magnitude.
 float nominalBucket(float intensity);
 
-/// Estimated radiant flux of a light reaching the scene, W (order of magnitude; used to rank relight groups only).
-double estimatedFlux(const Scene& scene, int light);
+/// Estimated radiant flux of a light reaching the scene, W (order of magnitude; used to rank relight groups only). Of no use after `stop`.
+double estimatedFlux(const Scene& scene, int light, const StopToken& stop = {});
 
 struct RelightGroups {
   int count = 0;
@@ -50,7 +50,7 @@ struct RelightGroups {
   std::vector<Vec3> nominal;               ///< per light: what it is traced with (path_tracer.h)
   bool single(int group) const { return members[group].size() == 1; }
 };
-/// The strongest lights get a group each, the rest share the last. Depends on the effective scene only, not on gains.
-RelightGroups makeGroups(const Scene& scene, int maxGroups);
+/// The strongest lights get a group each, the rest share the last. Depends on the effective scene only, not on gains. Of no use after `stop`.
+RelightGroups makeGroups(const Scene& scene, int maxGroups, const StopToken& stop = {});
 
 }  // namespace gobo

@@ -85,7 +85,8 @@ struct Engine::Impl {
   PlannerServices plannerServices(const StopToken& stop, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
     s.loadEnvironment = [this, stop](const std::string& path) { return scenes.environment(path, stop); };
-    s.poseScene = [this](const ScenePtr& base, const v1::RenderRequest& request) { return posed.get(base, request); };
+    s.stop = stop;
+    s.poseScene = [this](const ScenePtr& base, const v1::RenderRequest& request, const StopToken& until) { return posed.get(base, request, until); };
     s.expand = [this, stop, expanded](const Graph& graph, NodeId node) -> Result<TermPtr> {
       Executor executor(graph, executorServices(), stop);
       GOBO_ASSIGN(TermPtr term, executor.evaluate(node));
@@ -174,7 +175,7 @@ Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request) cons
 }
 
 Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop) {
-  if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene())); }
+  if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene(), stop)); }
   GOBO_ASSIGN(const v1::RenderRequest resolved, impl_->resolve(request, scene));
   const uint32_t size = blockSizeFor(resolved.halt().has_spp() ? resolved.halt().spp() : 16);
   GOBO_ASSIGN(const auto plan, makePlan(scene, resolved, 1, size, impl_->plannerServices(stop)));
@@ -305,7 +306,7 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
   Impl& m = *impl_;
   const auto start = Clock::now();
   ScenePtr scene = control.scene;
-  if (!scene) { GOBO_ASSIGN(scene, m.scenes.find(request.scene())); }
+  if (!scene) { GOBO_ASSIGN(scene, m.scenes.find(request.scene(), control.stop)); }
   GOBO_ASSIGN(const v1::RenderRequest resolved, m.resolve(request, scene));
   const v1::Halt& halt = resolved.halt();
   const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;

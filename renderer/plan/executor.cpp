@@ -102,7 +102,7 @@ Result<TermPtr> Executor::evaluate(NodeId id) {
   ExecutedNode& report = reports_[id];
   report.key = key;
   TermStore::Tier tier = TermStore::Tier::None;
-  TermPtr term = services_.store->get(key, &tier);
+  TermPtr term = services_.store->get(key, &tier, stop_);
   if (term) {
     report.state = ExecutedNode::State::Reused;
     report.reason = tier == TermStore::Tier::Disk ? "disk" : "memory";
@@ -144,16 +144,16 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   std::optional<SceneView> view;
   if (traits.facets != Facet::None) ctx.scene = &view.emplace(*n.scene, traits.facets, n.lights);
   std::string reason;
-  TermPtr parked;
+  TermPtr parked, taken;   // taken: what was parked before
   if (traits.extendable) {
     ctx.targetBlocks = n.blocks;
     ctx.park = &parked;
     if (services_.checkpoints) ctx.previous = services_.checkpoints->load(recipe, n.blocks);
-    if (!ctx.previous) ctx.previous = services_.extensions->takeParked(recipe);
+    if (!ctx.previous) taken = ctx.previous = services_.extensions->takeParked(recipe);
     if (ctx.previous) reason = "resumed";
     if (!ctx.previous) {
       for (uint32_t blocks : services_.extensions->below(recipe, n.blocks)) {
-        ctx.previous = services_.store->get(Hasher("blocks").add(recipe).add(blocks).digest());
+        ctx.previous = services_.store->get(Hasher("blocks").add(recipe).add(blocks).digest(), nullptr, stop_);
         if (!ctx.previous) continue;
         reason = "extended from " + std::to_string(blocks) + " blocks";
         break;
@@ -169,14 +169,22 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
     result = Status(Code::ResourceExhausted, "out of memory in node " + n.label, n.label);
   }
   const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  if (result.ok()) {
+    const Result<std::string> bad = firstNonFinite(**result, *services_.arena, stop_);
+    if (!bad.ok()) {
+      if (traits.extendable && stop_.reason() == StopReason::Preempted) parked = *result;   // made, but not read to its end: whoever goes on reads it
+      result = bad.status();
+    } else if (!bad->empty()) {
+      result = internalError("a non-finite value would leave the node: " + *bad, "node " + n.label);
+    }
+  }
+  if (!result.ok() && !parked && stop_.reason() == StopReason::Preempted) parked = taken;   // preempted before the node came to it
   if (parked && !result.ok()) {
     if (services_.checkpoints) services_.checkpoints->save(recipe, n.blocks, parked);
     else services_.extensions->park(recipe, parked);
   }
   if (!result.ok()) return result.status().at("node " + n.label);
   const TermPtr term = *result;
-  const std::string bad = firstNonFinite(*term, *services_.arena);
-  if (!bad.empty()) return internalError("a non-finite value would leave the node: " + bad, "node " + n.label);
 
   ExecutedNode& report = reports_[id];
   report.state = ExecutedNode::State::Run;
@@ -187,7 +195,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   report.reason = reason;
   report.count += 1;
   if (!n.transient) {
-    services_.store->put(key, term, traits.persist && !stop_.stopRequested() && ms > kWorthPersisting * double(term->bytes()));
+    services_.store->put(key, term, traits.persist && !stop_.stopRequested() && ms > kWorthPersisting * double(term->bytes()), stop_);
     if (traits.extendable) services_.extensions->add(recipe, n.blocks);
     if (traits.extendable && services_.checkpoints) services_.checkpoints->save(recipe, n.blocks, term);
   }

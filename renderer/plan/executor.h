@@ -81,7 +81,7 @@ class Executor {
 };
 
 /// First non-finite value of a term, as "plane V, element 12: nan"; empty if there is none. +inf is allowed in planes
-/// called "depth" only.
-std::string firstNonFinite(const Term& term, const TaskArena& arena);
+/// called "depth" only. Errors: Cancelled.
+Result<std::string> firstNonFinite(const Term& term, const TaskArena& arena, const StopToken& stop = {});
 
 }  // namespace gobo

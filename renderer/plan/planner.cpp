@@ -115,7 +115,7 @@ class PlanMaker {
     if (!kinds_.volumes) return false;
     if (cameraInVolume_ < 0) {
       const std::vector<int> none;
-      cameraInVolume_ = volumesAround(SceneView(*scene_, Facet::Topology | Facet::Pose | Facet::Bsdf, none), cameraPoint(view_.camera)).empty() ? 0 : 1;
+      cameraInVolume_ = volumesAround(SceneView(*scene_, Facet::Topology | Facet::Pose | Facet::Bsdf, none), cameraPoint(view_.camera), services_.stop).empty() ? 0 : 1;
     }
     return cameraInVolume_ > 0;
   }
@@ -481,7 +481,7 @@ class PlanMaker {
     if (request_.has_time_s()) {   // only animation moves: without a time the scene rests
       v1::RenderRequest earlier = request_;
       earlier.set_time_s(request_.time_s() - request_.motion_step_s());
-      GOBO_ASSIGN(const EffectiveScene before, makeEffectiveScene(base_, earlier, services_.loadEnvironment, services_.poseScene));
+      GOBO_ASSIGN(const EffectiveScene before, makeEffectiveScene(base_, earlier, services_.loadEnvironment, services_.poseScene, services_.stop));
       s.earlierScene = before.scene;
       s.earlierCamera = before.camera;
     }
@@ -579,11 +579,13 @@ uint32_t blockSizeFor(uint32_t spp) {
 
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services) {
   auto plan = std::make_unique<Plan>();
-  GOBO_ASSIGN(plan->effective, makeEffectiveScene(base, request, services.loadEnvironment, services.poseScene));
+  GOBO_ASSIGN(plan->effective, makeEffectiveScene(base, request, services.loadEnvironment, services.poseScene, services.stop));
   GOBO_TRY(checkOutputs(*plan->effective.scene, request));
-  plan->groups = makeGroups(*plan->effective.scene, int(request.integrator().max_groups()));
+  plan->groups = makeGroups(*plan->effective.scene, int(request.integrator().max_groups()), services.stop);
+  if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
   PlanMaker maker(base, request, blocks, blockSize, services, *plan);
   GOBO_TRY(maker.make());
+  if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
   return plan;
 }
 

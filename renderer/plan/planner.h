@@ -37,6 +37,7 @@ struct PlannerServices {
   EnvironmentLoader loadEnvironment;
   ScenePoser poseScene = requestedScene;
   std::function<Result<TermPtr>(const Graph&, NodeId)> expand;
+  StopToken stop;   ///< ends planning (Cancelled); loadEnvironment and expand have their own
 };
 
 /// Samples a block: 16, or the next power of two below for tiny budgets, so that a 1-sample preview costs one sample.

@@ -5,14 +5,14 @@
 
 namespace gobo {
 
-Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request) {
+Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop) {
   auto placed = [](Result<ScenePtr> r, const char* field) -> Result<ScenePtr> { return r.ok() ? std::move(r) : Result<ScenePtr>(Status(r.status().code(), r.status().message(), field)); };
   GOBO_ASSIGN(const ScenePtr dressed, placed(withVariant(base, request.variant()), "request.variant"));
-  GOBO_ASSIGN(const ScenePtr posed, placed(posedScene(dressed, request.animation(), request.time_s()), "request.animation"));   // refuses unknown names even without a time
+  GOBO_ASSIGN(const ScenePtr posed, placed(posedScene(dressed, request.animation(), request.time_s(), stop), "request.animation"));   // refuses unknown names even without a time
   return request.has_time_s() ? posed : dressed;
 }
 
-Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest& request) {
+Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop) {
   if (!request.has_time_s() && request.animation().empty() && request.variant().empty()) return base;
   const Key key{base->hash(), request.animation(), request.has_time_s(), request.time_s(), request.variant()};
   {
@@ -23,7 +23,7 @@ Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest&
         return recent_.front().second;
       }
   }
-  GOBO_ASSIGN(ScenePtr made, requestedScene(base, request));
+  GOBO_ASSIGN(ScenePtr made, requestedScene(base, request, stop));
   std::lock_guard lock(mutex_);
   recent_.emplace_front(key, made);
   if (recent_.size() > keep_) recent_.pop_back();

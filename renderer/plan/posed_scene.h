@@ -7,20 +7,22 @@
 #include <tuple>
 
 #include "base/status.h"
+#include "base/stop.h"
 #include "gobo/v1/render.pb.h"
 #include "scene/scene.h"
 
 namespace gobo {
 
 /// Variant first, then the pose. Without either field: `base` itself. Errors (NotFound, with the names there are) name the
-/// request's field.
-Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request);
+/// request's field; Cancelled soon after `stop`.
+Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop = {});
 
 /// The last few results of requestedScene, by base scene's hash and the three fields. Thread-safe.
 class PosedScenes {
  public:
   explicit PosedScenes(size_t keep = 8) : keep_(keep) {}
-  Result<ScenePtr> get(const ScenePtr& base, const v1::RenderRequest& request);
+  /// One that `stop` ended is not kept.
+  Result<ScenePtr> get(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop = {});
 
  private:
   using Key = std::tuple<Hash128, std::string, bool, double, std::string>;

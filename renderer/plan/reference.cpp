@@ -40,7 +40,8 @@ ReferenceRecipe referenceRecipe(const EffectiveScene& effective, const v1::Rende
   return recipe;
 }
 
-ReferenceTracer::ReferenceTracer(const EffectiveScene& effective, int width, int height, const ReferenceRecipe& recipe, AccelCache& accels, const TaskArena& arena)
+ReferenceTracer::ReferenceTracer(const EffectiveScene& effective, int width, int height, const ReferenceRecipe& recipe, AccelCache& accels, const TaskArena& arena,
+                                 const StopToken& stop)
     : recipe_(recipe), lights_(everyLight(*effective.scene)), view_(*effective.scene, kPathTracerFacets, lights_), accels_(accels), arena_(arena) {
   settings_.camera = effective.camera;
   settings_.width = width;
@@ -52,7 +53,7 @@ ReferenceTracer::ReferenceTracer(const EffectiveScene& effective, int width, int
   settings_.unlit = true;
   settings_.groupOf.assign(lights_.size(), 0);
   for (size_t i = 0; i < lights_.size(); ++i) settings_.nominal.push_back(effective.gains[i] * nominalScalar(effective.scene->lights[i]));
-  tracer_ = PathTracer::create(view_, accels.get(view_, arena), settings_);
+  if (AccelPtr accel = accels.get(view_, arena, stop)) tracer_ = PathTracer::create(view_, std::move(accel), settings_, stop);
 }
 
 Result<std::vector<Vec3>> ReferenceTracer::trace(const std::vector<uint32_t>& pixels, uint32_t stream, uint32_t blocks, std::atomic<uint64_t>& rays,
@@ -60,13 +61,16 @@ Result<std::vector<Vec3>> ReferenceTracer::trace(const std::vector<uint32_t>& pi
   const uint32_t width = uint32_t(settings_.width);
   std::vector<DVec3> sums(pixels.size(), DVec3(0.0));
   const Status stopped(Code::Cancelled, "stopped");
+  if (!tracer_) return stopped;
   if (recipe_.photons > 0) {
     CausticSettings photons;
     photons.path = settings_;
     photons.path.seed = hash64(settings_.seed, stream);
     photons.photons = recipe_.photons;
     photons.radius = recipe_.radius;
-    const auto caustics = CausticTracer::create(view_, accels_.get(view_, arena_), photons);
+    AccelPtr accel = accels_.get(view_, arena_, stop);
+    const auto caustics = accel ? CausticTracer::create(view_, std::move(accel), photons, stop) : nullptr;
+    if (!caustics) return stopped;
     for (uint32_t pass = 0; pass < blocks; ++pass) {
       uint64_t emitted = 0;
       const auto map = caustics->emitPass(pass, arena_, emitted, stop);

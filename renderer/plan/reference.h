@@ -31,8 +31,9 @@ ReferenceRecipe referenceRecipe(const EffectiveScene& effective, const v1::Rende
 
 class ReferenceTracer {
  public:
-  /// `effective`, `accels` and `arena` must outlive it.
-  ReferenceTracer(const EffectiveScene& effective, int width, int height, const ReferenceRecipe& recipe, AccelCache& accels, const TaskArena& arena);
+  /// `effective`, `accels` and `arena` must outlive it. Where `stop` fired first, trace() says Cancelled.
+  ReferenceTracer(const EffectiveScene& effective, int width, int height, const ReferenceRecipe& recipe, AccelCache& accels, const TaskArena& arena,
+                  const StopToken& stop = {});
   ReferenceTracer(const ReferenceTracer&) = delete;
   ReferenceTracer& operator=(const ReferenceTracer&) = delete;
   static constexpr int kBlockSize = 16;
@@ -47,7 +48,7 @@ class ReferenceTracer {
   SceneView view_;
   AccelCache& accels_;
   const TaskArena& arena_;
-  std::shared_ptr<const PathTracer> tracer_;
+  std::shared_ptr<const PathTracer> tracer_;   // null: stopped
 };
 
 }  // namespace gobo

@@ -197,7 +197,7 @@ Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string 
   if (source.empty()) return invalidArgument("must not be empty", "source");
   const auto start = std::chrono::steady_clock::now();
   if (isBuiltin(source)) {
-    GOBO_ASSIGN(ScenePtr scene, makeBuiltinScene(source));
+    GOBO_ASSIGN(ScenePtr scene, makeBuiltinScene(source, stop));
     return insert(id.empty() ? source : id, source, LoadedScene{std::move(scene), {}}, msSince(start), stop);
   }
   if (source.find('/') == std::string::npos && source.find('.') == std::string::npos) return makeBuiltinScene(source).status();
@@ -219,7 +219,7 @@ Result<ScenePtr> SceneLibrary::load(const std::string& source, bool trusted) con
   return std::move(loaded.scene);
 }
 
-Result<ScenePtr> SceneLibrary::find(const std::string& id) {
+Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop) {
   if (id.empty()) return invalidArgument("must not be empty", "request.scene");
   {
     std::lock_guard lock(mutex_);
@@ -228,7 +228,7 @@ Result<ScenePtr> SceneLibrary::find(const std::string& id) {
   }
   if (isBuiltin(id)) {
     const auto start = std::chrono::steady_clock::now();
-    GOBO_ASSIGN(const ScenePtr scene, makeBuiltinScene(id));
+    GOBO_ASSIGN(const ScenePtr scene, makeBuiltinScene(id, stop));
     std::lock_guard lock(mutex_);   // one that another caller has opened (and may have patched) meanwhile stays
     return scenes_.try_emplace(id, Entry{scene, id, msSince(start), {}}).first->second.scene;
   }
@@ -257,7 +257,7 @@ std::vector<v1::SceneInfo> SceneLibrary::list() const {
 }
 
 Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const StopToken& stop) {
-  GOBO_ASSIGN(ScenePtr base, find(p.scene()));
+  GOBO_ASSIGN(ScenePtr base, find(p.scene(), stop));
   for (;;) {
     GOBO_ASSIGN(const ScenePtr next, patched(*base, p));
     if (stop.stopRequested()) return Status(Code::Cancelled, "the patch was cancelled", p.scene());

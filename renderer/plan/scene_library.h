@@ -30,8 +30,8 @@ class SceneLibrary {
   /// A built-in or a file, without an id; `trusted`: wherever the file is.
   Result<ScenePtr> load(const std::string& source, bool trusted) const;
   Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
-  /// By id; a built-in name that is not loaded yet is opened. Errors: NotFound that lists what there is.
-  Result<ScenePtr> find(const std::string& id);
+  /// By id; a built-in name that is not loaded yet is opened. Errors: NotFound that lists what there is; Cancelled.
+  Result<ScenePtr> find(const std::string& id, const StopToken& stop = {});
   Result<v1::SceneInfo> inspect(const std::string& id);
   std::vector<v1::SceneInfo> list() const;
   /// On top of whatever the id stands for when it is done: of patches at the same time none is lost. An id that was unloaded

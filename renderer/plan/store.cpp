@@ -25,7 +25,7 @@ void TermStore::insert(const Hash128& key, TermPtr term, std::vector<TermPtr>& g
   bytes_ += bytes;
 }
 
-TermPtr TermStore::get(const Hash128& key, Tier* from) {
+TermPtr TermStore::get(const Hash128& key, Tier* from, const StopToken& stop) {
   if (from) *from = Tier::None;
   {
     std::lock_guard hold(mutex_);
@@ -35,7 +35,7 @@ TermPtr TermStore::get(const Hash128& key, Tier* from) {
       return at->second->term;
     }
   }
-  TermPtr term = disk_ ? disk_->get(key) : nullptr;
+  TermPtr term = disk_ ? disk_->get(key, stop) : nullptr;
   if (!term) return nullptr;
   if (from) *from = Tier::Disk;
   std::vector<TermPtr> gone;
@@ -46,7 +46,7 @@ TermPtr TermStore::get(const Hash128& key, Tier* from) {
   return term;
 }
 
-void TermStore::put(const Hash128& key, TermPtr term, bool persist) {
+void TermStore::put(const Hash128& key, TermPtr term, bool persist, const StopToken& stop) {
   GOBO_CHECK(term != nullptr);
   {
     std::vector<TermPtr> gone;   // freed after the lock: declared before it
@@ -54,8 +54,8 @@ void TermStore::put(const Hash128& key, TermPtr term, bool persist) {
     insert(key, term, gone);
   }
   if (!persist || !disk_) return;
-  const Status status = disk_->put(key, *term);
-  if (status.ok()) return;
+  const Status status = disk_->put(key, *term, stop);
+  if (status.ok() || status.code() == Code::Cancelled) return;
   std::lock_guard hold(mutex_);
   ++diskErrors_;
   lastDiskError_ = status;

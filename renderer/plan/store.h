@@ -23,12 +23,12 @@ class TermStore {
   explicit TermStore(uint64_t maxBytes, std::unique_ptr<DiskStore> disk = nullptr);
   ~TermStore();
   enum class Tier { None, Memory, Disk };
-  /// The term, or null. `from` says which tier had it; a disk hit moves it into RAM.
-  TermPtr get(const Hash128& key, Tier* from = nullptr);
+  /// The term, or null. `from` says which tier had it; a disk hit moves it into RAM. Null, too, when `stop` ended the reading of a file.
+  TermPtr get(const Hash128& key, Tier* from = nullptr, const StopToken& stop = {});
   /// Keeps the term; evicts least recently used ones beyond the bound. `persist`: also to the disk tier.
   /// A term larger than the bound is not kept in RAM (its holder still has it). Persisting writes and syncs the file in
-  /// the calling thread, without holding up other callers.
-  void put(const Hash128& key, TermPtr term, bool persist);
+  /// the calling thread, without holding up other callers; `stop` ends that, and leaves no file.
+  void put(const Hash128& key, TermPtr term, bool persist, const StopToken& stop = {});
   void erase(const Hash128& key);            ///< from both tiers
   void clear(bool disk);
   uint64_t bytes() const;

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
@@ -19,6 +20,8 @@
 namespace gobo {
 
 namespace {
+
+constexpr size_t kPiece = size_t(4) << 20;   // bytes between two looks at a stop token
 
 struct Descriptor {
   int fd;
@@ -68,7 +71,7 @@ Status TermFiles::makeFolders() {
   return {};
 }
 
-Status TermFiles::lock(double seconds) {
+Status TermFiles::lock(double seconds, const StopToken& stop) {
   const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
   const std::string name = folder_ + "/lock";
   for (;;) {
@@ -90,6 +93,7 @@ Status TermFiles::lock(double seconds) {
       continue;
     }
     if (errno != EWOULDBLOCK && errno != EINTR) return fileError("lock the cache folder", name, errno);
+    if (stop.stopRequested()) return {Code::Cancelled, "stopped while waiting for the cache folder", name};
     if (std::chrono::steady_clock::now() >= until) return {Code::Unavailable, "cache folder is held by another process", name};
     std::this_thread::sleep_for(std::chrono::microseconds(200));
   }
@@ -111,7 +115,7 @@ std::vector<TermFiles::File> TermFiles::scan() const {
   return files;
 }
 
-TermFiles::Content TermFiles::read(const std::string& key) const {
+TermFiles::Content TermFiles::read(const std::string& key, const StopToken& stop) const {
   // read() and not mmap: a bad sector is then an error here, not SIGBUS in whoever touches the page.
   Content c;
   Descriptor d(openRetry(path(key), O_RDONLY | O_NOFOLLOW | O_NONBLOCK));
@@ -135,7 +139,8 @@ TermFiles::Content TermFiles::read(const std::string& key) const {
     return c;
   }
   while (c.size < size_t(st.st_size)) {
-    const ssize_t n = ::read(d.fd, bytes.get() + c.size, size_t(st.st_size) - c.size);
+    if (stop.stopRequested()) return {};
+    const ssize_t n = ::read(d.fd, bytes.get() + c.size, std::min(kPiece, size_t(st.st_size) - c.size));
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) c.error = errno;
     if (n <= 0) break;
@@ -161,7 +166,7 @@ bool TermFiles::equals(const std::string& key, const std::vector<uint8_t>& bytes
   return ::pread(d.fd, tail, 16, off_t(bytes.size() - 16)) == 16 && std::memcmp(tail, bytes.data() + bytes.size() - 16, 16) == 0;
 }
 
-Status TermFiles::writeTemp(const std::string& temp, const std::vector<uint8_t>& bytes, const std::function<int(const char*)>& step) {
+Status TermFiles::writeTemp(const std::string& temp, const std::vector<uint8_t>& bytes, const std::function<int(const char*)>& step, const StopToken& stop) {
   int error = step("create");
   Descriptor d(error ? -1 : openRetry(temp, O_WRONLY | O_CREAT | O_EXCL));
   if (!error && d.fd < 0 && errno == ENOENT) {
@@ -170,10 +175,21 @@ Status TermFiles::writeTemp(const std::string& temp, const std::vector<uint8_t>&
   }
   if (d.fd < 0) return fileError("make", temp, error ? error : errno);
   error = step("write");
-  for (size_t at = 0; !error && at < bytes.size();) {
-    const ssize_t n = ::write(d.fd, bytes.data() + at, bytes.size() - at);
-    if (n >= 0) at += size_t(n);
-    else if (errno != EINTR) error = errno;
+  bool stopped = false;
+  for (size_t at = 0; !error && !stopped && at < bytes.size();) {
+    const ssize_t n = ::write(d.fd, bytes.data() + at, std::min(kPiece, bytes.size() - at));
+    if (n < 0 && errno != EINTR) error = errno;
+    if (n < 0) continue;
+    if (bytes.size() > kPiece) {   // hints: what they could not do, fdatasync() does
+      ::sync_file_range(d.fd, off_t(at), n, SYNC_FILE_RANGE_WRITE);
+      if (at >= kPiece) ::sync_file_range(d.fd, off_t(at - kPiece), off_t(kPiece), SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER);
+    }
+    at += size_t(n);
+    stopped = stop.stopRequested();
+  }
+  if (stopped && !error) {
+    ::unlink(temp.c_str());
+    return {Code::Cancelled, "stopped while writing", temp};
   }
   if (!error) error = step("sync");
   if (!error && ::fdatasync(d.fd) != 0) error = errno;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/status.h"
+#include "base/stop.h"
 
 namespace gobo {
 
@@ -34,17 +35,19 @@ class TermFiles {
   std::string path(const std::string& key) const { return folder_ + "/" + key.substr(0, 2) + "/" + key + ".term"; }
   std::string tempFolder() const { return folder_ + "/tmp"; }
 
-  /// Takes the folder's lock, waiting for other processes at most `seconds`. Errors: Unavailable.
-  Status lock(double seconds);
+  /// Takes the folder's lock, waiting for other processes at most `seconds`. Errors: Unavailable, Cancelled.
+  Status lock(double seconds, const StopToken& stop = {});
   void unlock();
 
   std::vector<File> scan() const;      ///< every term file; foreign names are left alone
-  Content read(const std::string& key) const;
+  /// What `stop`, polled every few MB, has cut short has neither bytes nor an error.
+  Content read(const std::string& key, const StopToken& stop = {}) const;
   /// Size of the file, or -1; `inode` may be null.
   int64_t size(const std::string& key, ino_t* inode = nullptr) const;
   bool equals(const std::string& key, const std::vector<uint8_t>& bytes) const;  ///< by size and trailing digest
-  /// Writes and syncs a temp file; on error there is none.
-  Status writeTemp(const std::string& temp, const std::vector<uint8_t>& bytes, const std::function<int(const char*)>& step);
+  /// Writes and syncs a temp file; on error there is none. Errors: also Cancelled; `stop` is polled every few MB, and each piece is on its
+  /// way to the disk before the next but one is written, so that the sync at the end has little left to wait for.
+  Status writeTemp(const std::string& temp, const std::vector<uint8_t>& bytes, const std::function<int(const char*)>& step, const StopToken& stop = {});
   Status moveIntoPlace(const std::string& temp, const std::string& key);
   Status syncFolderOf(const std::string& key);
   bool unlink(const std::string& key);  ///< true when the file is gone

@@ -41,7 +41,7 @@ Vec3 Environment::eval(const Vec3& direction) const {
   return interpolateTexels(*this, double(uv.x) * width, double(uv.y) * height);
 }
 
-EnvironmentPtr makeEnvironment(std::string name, Image image) {
+EnvironmentPtr makeEnvironment(std::string name, Image image, const StopToken& stop) {
   GOBO_CHECK_GT(image.width, 0);
   GOBO_CHECK_GT(image.height, 0);
   GOBO_CHECK_GT(image.channels, 0);
@@ -49,32 +49,39 @@ EnvironmentPtr makeEnvironment(std::string name, Image image) {
   map->name = std::move(name);
   map->width = image.width;
   map->height = image.height;
-  std::vector<Vec3> texels(image.pixels());
-  for (int y = 0; y < image.height; ++y)
+  std::vector<Vec3> texels;
+  texels.reserve(image.pixels());   // not cleared first: hundreds of MB at once would be long without a poll
+  for (int y = 0; y < image.height; ++y) {
+    if (stop.stopRequested()) return nullptr;
     for (int x = 0; x < image.width; ++x) {
       Vec3 c = image.rgb(x, y);
       if (!isFinite(c) || c.x < 0.0f || c.y < 0.0f || c.z < 0.0f) {
         c = Vec3(0.0f);
         ++map->repairedTexels;
       }
-      texels[size_t(y) * image.width + x] = c + Vec3(0.0f);  // -0 becomes +0: one digest per radiance
+      texels.push_back(c + Vec3(0.0f));  // -0 becomes +0: one digest per radiance
     }
+  }
   map->texels = std::move(texels);
   map->content = environmentDigest(*map);
   return map;
 }
 
-Result<EnvironmentPtr> readEnvironment(const uint8_t* bytes, size_t size, const std::string& name) {
-  GOBO_ASSIGN(Image image, readImageFromMemory(bytes, size, name));
+Result<EnvironmentPtr> readEnvironment(const uint8_t* bytes, size_t size, const std::string& name, const StopToken& stop) {
+  ReadLimits limits;
+  limits.stop = stop;
+  GOBO_ASSIGN(Image image, readImageFromMemory(bytes, size, name, limits));
   if (image.channels < 1) return invalidArgument("environment map has no channels", name);
   const CubeLayout layout = cubeLayout(image, exrEnvironmentKind(bytes, size));
-  if (layout != CubeLayout::None) image = latLongFromCube(image, layout);
-  return makeEnvironment(cleanUtf8(name.substr(name.find_last_of('/') + 1)), std::move(image));
+  if (layout != CubeLayout::None) image = latLongFromCube(image, layout, stop);
+  EnvironmentPtr made = makeEnvironment(cleanUtf8(name.substr(name.find_last_of('/') + 1)), std::move(image), stop);
+  if (!made) return Status(Code::Cancelled, "the reading was cancelled", name);
+  return made;
 }
 
-Result<EnvironmentPtr> loadEnvironment(const std::string& path) {
-  GOBO_ASSIGN(const std::vector<uint8_t> bytes, readFile(path));
-  return readEnvironment(bytes.data(), bytes.size(), path);
+Result<EnvironmentPtr> loadEnvironment(const std::string& path, const StopToken& stop) {
+  GOBO_ASSIGN(const std::vector<uint8_t> bytes, readFile(path, kMostFileBytes, stop));
+  return readEnvironment(bytes.data(), bytes.size(), path, stop);
 }
 
 EnvironmentPtr constantEnvironment(const Vec3& radiance) {

@@ -11,6 +11,7 @@
 #include "base/hash.h"
 #include "base/image.h"
 #include "base/status.h"
+#include "base/stop.h"
 #include "base/vec.h"
 
 namespace gobo {
@@ -31,13 +32,13 @@ struct Environment {
 };
 using EnvironmentPtr = std::shared_ptr<const Environment>;
 
-/// Repairs NaN/Inf/negative texels (counted), computes the digest.
-EnvironmentPtr makeEnvironment(std::string name, Image image);
+/// Repairs NaN/Inf/negative texels (counted), computes the digest. Null if `stop` fired first.
+EnvironmentPtr makeEnvironment(std::string name, Image image, const StopToken& stop = {});
 /// Any picture in memory: lat-long, or a cube map (environment_cube.h), which is resampled to lat-long. `name` is used in
-/// errors and to guess the format. Errors name the file.
-Result<EnvironmentPtr> readEnvironment(const uint8_t* bytes, size_t size, const std::string& name);
+/// errors and to guess the format. Errors name the file; Cancelled soon after `stop`.
+Result<EnvironmentPtr> readEnvironment(const uint8_t* bytes, size_t size, const std::string& name, const StopToken& stop = {});
 /// The same from a file.
-Result<EnvironmentPtr> loadEnvironment(const std::string& path);
+Result<EnvironmentPtr> loadEnvironment(const std::string& path, const StopToken& stop = {});
 /// What `content` must be.
 Hash128 environmentDigest(const Environment& map);
 /// Uniform radiance in every direction (1x1 map).
@@ -45,6 +46,7 @@ EnvironmentPtr constantEnvironment(const Vec3& radiance);
 
 struct SkyParameters { Vec3 sunDirection{0.4f, 0.8f, 0.3f}; float turbidity = 3.0f; float sunRadiusDeg = 0.2665f; float sunScale = 1.0f; Vec3 groundAlbedo{0.2f}; };
 /// Analytic clear sky with sun disk (Preetham et al. 1999), baked to width x width/2. Radiance scaled so that the zenith is of order 1.
-EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width = 512);
+/// Null if `stop`, polled every row, fired first.
+EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width = 512, const StopToken& stop = {});
 
 }  // namespace gobo

@@ -106,7 +106,7 @@ Vec2 cubePosition(CubeLayout layout, int n, const Vec3& d, Vec2& faceMin) {
   return faceMin + Vec2((s / major + 1.0f) * 0.5f * float(n), (t / major + 1.0f) * 0.5f * float(n));
 }
 
-Image latLongFromCube(const Image& cube, CubeLayout layout) {
+Image latLongFromCube(const Image& cube, CubeLayout layout, const StopToken& stop) {
   const int n = faceSize(cube, layout);
   GOBO_CHECK(n > 0 && layout != CubeLayout::None);
   const int width = std::min(4 * n, 8192), height = width / 2;
@@ -125,7 +125,7 @@ Image latLongFromCube(const Image& cube, CubeLayout layout) {
     return part(x0, y0, (1 - a) * (1 - b)) + part(x1, y0, a * (1 - b)) + part(x0, y1, (1 - a) * b) + part(x1, y1, a * b);
   };
   const double pi = 3.14159265358979323846;
-  for (int y = 0; y < height; ++y)
+  for (int y = 0; y < height && !stop.stopRequested(); ++y)
     for (int x = 0; x < width; ++x) {
       DVec3 sum(0.0);
       for (int j = 0; j < grid; ++j)

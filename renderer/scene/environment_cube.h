@@ -13,6 +13,7 @@
 #include <cstdint>
 
 #include "base/image.h"
+#include "base/stop.h"
 #include "base/vec.h"
 
 namespace gobo {
@@ -38,6 +39,7 @@ CubeLayout cubeLayout(const Image& image, ExrEnvironmentKind kind);
 Vec2 cubePosition(CubeLayout layout, int face, const Vec3& direction, Vec2& faceMin);
 
 /// Lat-long picture of min(4 faces, 8192) x half of it, 3 channels. CHECKs that the layout fits the image.
-Image latLongFromCube(const Image& cube, CubeLayout layout);
+/// `stop` is polled every row; the picture is of no use then.
+Image latLongFromCube(const Image& cube, CubeLayout layout, const StopToken& stop = {});
 
 }  // namespace gobo

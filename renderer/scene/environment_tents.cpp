@@ -70,11 +70,11 @@ double EnvironmentTents::polar(int y, double u) const {
 
 double EnvironmentTents::across(double u) { return u < 0.5 ? std::sqrt(2.0 * u) - 1.0 : 1.0 - std::sqrt(std::max(2.0 - 2.0 * u, 0.0)); }
 
-double environmentFlux(const Environment* map) {
+double environmentFlux(const Environment* map, const StopToken& stop) {
   if (!map || map->texels.empty()) return 0.0;
   const EnvironmentTents tents(map->width, map->height);
   double sum = 0;
-  for (int y = 0; y < map->height; ++y) {
+  for (int y = 0; y < map->height && !stop.stopRequested(); ++y) {
     double row = 0;
     for (int x = 0; x < map->width; ++x) {
       const Vec3& c = map->texels[size_t(y) * map->width + x];

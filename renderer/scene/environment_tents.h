@@ -9,6 +9,7 @@
 
 #include <vector>
 
+#include "base/stop.h"
 #include "scene/environment.h"
 
 namespace gobo {
@@ -34,7 +35,8 @@ class EnvironmentTents {
   std::vector<double> above_;
 };
 
-/// Integral of luminance over the sphere, W m^-2 (without a cosine); 0 for a missing map.
-double environmentFlux(const Environment* map);
+/// Integral of luminance over the sphere, W m^-2 (without a cosine); 0 for a missing map. `stop` is polled every row: the sum is of no
+/// use then.
+double environmentFlux(const Environment* map, const StopToken& stop = {});
 
 }  // namespace gobo

@@ -8,7 +8,7 @@
 namespace gobo {
 namespace {
 
-struct Builtin { const char* name; Result<ScenePtr> (*make)(); };
+struct Builtin { const char* name; Result<ScenePtr> (*make)(const StopToken&); };
 constexpr Builtin kBuiltins[] = {
   {"cornell", builtin::cornell}, {"furnace", builtin::furnace}, {"grids", builtin::grids}, {"fence", builtin::fence},
   {"tentacles", builtin::tentacles}, {"spheres", builtin::spheres}, {"trees", builtin::trees}, {"lamps", builtin::lamps},
@@ -33,9 +33,9 @@ const std::vector<std::string>& builtinSceneNames() {
   return names;
 }
 
-Result<ScenePtr> makeBuiltinScene(const std::string& name) {
+Result<ScenePtr> makeBuiltinScene(const std::string& name, const StopToken& stop) {
   for (const Builtin& b : kBuiltins)
-    if (name == b.name) return b.make();
+    if (name == b.name) return b.make(stop);
   std::string list;
   for (const Builtin& b : kBuiltins) list += std::string(list.empty() ? "" : ", ") + b.name;
   return notFound("no built-in scene \"" + name + "\"; there are: " + list);
@@ -43,7 +43,7 @@ Result<ScenePtr> makeBuiltinScene(const std::string& name) {
 
 Result<ScenePtr> loadScene(const std::string& nameOrPath, const LoadOptions& options) {
   if (endsWith(nameOrPath, ".gltf") || endsWith(nameOrPath, ".glb")) return loadGltf(nameOrPath, options);
-  return makeBuiltinScene(nameOrPath);
+  return makeBuiltinScene(nameOrPath, options.stop);
 }
 
 }  // namespace gobo

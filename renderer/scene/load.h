@@ -27,8 +27,8 @@ struct LoadOptions {
 Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options = {});
 
 /// "cornell", "grids", ... (builtinSceneNames).
-/// Errors: NotFound that lists the names.
-Result<ScenePtr> makeBuiltinScene(const std::string& name);
+/// Errors: NotFound that lists the names, Cancelled soon after `stop`.
+Result<ScenePtr> makeBuiltinScene(const std::string& name, const StopToken& stop = {});
 const std::vector<std::string>& builtinSceneNames();
 
 /// A path ending in .gltf/.glb, or the name of a built-in scene.

@@ -19,7 +19,7 @@ class InProcess final : public SceneLoader {
     loaded.report.textureMs = times.textureMs;
     return loaded;
   }
-  Result<EnvironmentPtr> environment(const std::string& path, const StopToken&) override { return loadEnvironment(path); }
+  Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop) override { return loadEnvironment(path, stop); }
 
  private:
   LoadOptions options_;

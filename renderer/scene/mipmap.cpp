@@ -38,10 +38,10 @@ std::vector<Taps> tapsOf(int n, int m) {
 }
 
 template <typename Source>
-std::vector<Vec4> halved(int w, int h, int nw, int nh, bool coverage, const Source& source) {
+std::vector<Vec4> halved(int w, int h, int nw, int nh, bool coverage, const StopToken& stop, const Source& source) {
   std::vector<Vec4> out(size_t(nw) * nh);
   const std::vector<Taps> across = tapsOf(w, nw), down = tapsOf(h, nh);
-  for (int y = 0; y < nh; ++y)
+  for (int y = 0; y < nh && !stop.stopRequested(); ++y)
     for (int x = 0; x < nw; ++x) {
       Vec4 sum(0.0f);
       Vec3 covered(0.0f);
@@ -60,9 +60,9 @@ std::vector<Vec4> halved(int w, int h, int nw, int nh, bool coverage, const Sour
 
 /// Rows to tiles; what pads the edge tiles stays 0.
 template <typename T, typename At>
-void store(std::vector<T>& out, size_t first, int w, int h, int tile, const At& at) {
+void store(std::vector<T>& out, size_t first, int w, int h, int tile, const StopToken& stop, const At& at) {
   const int mask = (1 << tile) - 1, tilesAcross = (w + mask) >> tile;
-  for (int y = 0; y < h; ++y)
+  for (int y = 0; y < h && !stop.stopRequested(); ++y)
     for (int x = 0; x < w; ++x) {
       const size_t block = size_t(y >> tile) * size_t(tilesAcross) + size_t(x >> tile);
       const size_t to = (first + ((block << (2 * tile)) | size_t(((y & mask) << tile) | (x & mask)))) * 4;
@@ -78,7 +78,7 @@ int levelsOf(int w, int h) {
 
 }  // namespace
 
-Texture mipmapped(const Texture& t, bool coverage, int drop, int tile) {
+Texture mipmapped(const Texture& t, bool coverage, int drop, int tile, const StopToken& stop) {
   GOBO_CHECK(t.levels == 1 && t.tile == 0);
   static const EncodeTable encode;
   const bool floats = !t.texelsF.empty();
@@ -95,8 +95,8 @@ Texture mipmapped(const Texture& t, bool coverage, int drop, int tile) {
   if (drop == 0) {
     const uint8_t* from8 = t.texels8.data();
     const float* fromF = t.texelsF.data();
-    if (floats) store(texelsF, 0, t.width, t.height, tile, [&](int x, int y, float* to) { std::copy_n(fromF + (size_t(y) * t.width + x) * 4, 4, to); });
-    else store(texels8, 0, t.width, t.height, tile, [&](int x, int y, uint8_t* to) { std::copy_n(from8 + (size_t(y) * t.width + x) * 4, 4, to); });
+    if (floats) store(texelsF, 0, t.width, t.height, tile, stop, [&](int x, int y, float* to) { std::copy_n(fromF + (size_t(y) * t.width + x) * 4, 4, to); });
+    else store(texels8, 0, t.width, t.height, tile, stop, [&](int x, int y, uint8_t* to) { std::copy_n(from8 + (size_t(y) * t.width + x) * 4, 4, to); });
   }
   std::array<float, 256> colour, linear;   // as in texture.cpp
   for (int i = 0; i < 256; ++i) {
@@ -107,23 +107,23 @@ Texture mipmapped(const Texture& t, bool coverage, int drop, int tile) {
   std::vector<Vec4> now;                    // the level above, linear; level 0 is read in place: it is four times as big as the rest
   for (int k = 1, w = t.width, h = t.height; k < all; ++k) {
     const int nw = std::max(1, t.width >> k), nh = std::max(1, t.height >> k);
-    if (k > 1) now = halved(w, h, nw, nh, coverage, [&](int x, int y) { return now[size_t(y) * w + x]; });
+    if (k > 1) now = halved(w, h, nw, nh, coverage, stop, [&](int x, int y) { return now[size_t(y) * w + x]; });
     else if (floats) {
       const float* p = t.texelsF.data();
-      now = halved(w, h, nw, nh, coverage, [&](int x, int y) { const float* q = p + (size_t(y) * w + x) * 4; return Vec4(q[0], q[1], q[2], q[3]); });
+      now = halved(w, h, nw, nh, coverage, stop, [&](int x, int y) { const float* q = p + (size_t(y) * w + x) * 4; return Vec4(q[0], q[1], q[2], q[3]); });
     } else {
       const uint8_t* p = t.texels8.data();
-      now = halved(w, h, nw, nh, coverage, [&](int x, int y) { const uint8_t* q = p + (size_t(y) * w + x) * 4; return Vec4(colour[q[0]], colour[q[1]], colour[q[2]], linear[q[3]]); });
+      now = halved(w, h, nw, nh, coverage, stop, [&](int x, int y) { const uint8_t* q = p + (size_t(y) * w + x) * 4; return Vec4(colour[q[0]], colour[q[1]], colour[q[2]], linear[q[3]]); });
     }
     w = nw;
     h = nh;
     if (k < drop) continue;
     const size_t first = size_t(textureTexels(out.width, out.height, k - drop, tile));
-    if (floats) store(texelsF, first, w, h, tile, [&](int x, int y, float* to) {
+    if (floats) store(texelsF, first, w, h, tile, stop, [&](int x, int y, float* to) {
       const Vec4& c = now[size_t(y) * w + x];
       for (int i = 0; i < 4; ++i) to[i] = std::isfinite(c[i]) ? c[i] : 3.0e38f;   // a sum of large finite texels may overflow
     });
-    else store(texels8, first, w, h, tile, [&](int x, int y, uint8_t* to) {
+    else store(texels8, first, w, h, tile, stop, [&](int x, int y, uint8_t* to) {
       const Vec4& c = now[size_t(y) * w + x];
       for (int i = 0; i < 3; ++i) to[i] = t.srgb ? encode.code[size_t(clamp01(c[i]) * 65535.0f + 0.5f)] : unorm(c[i]);
       to[3] = unorm(c.w);
@@ -135,7 +135,7 @@ Texture mipmapped(const Texture& t, bool coverage, int drop, int tile) {
   return out;
 }
 
-void finishTextures(Scene& scene, uint64_t maxBytes) {
+void finishTextures(Scene& scene, uint64_t maxBytes, const StopToken& stop) {
   const size_t n = scene.textures.size();
   std::vector<char> coverage(n, 0);
   for (const Material& m : scene.materials)
@@ -159,9 +159,9 @@ void finishTextures(Scene& scene, uint64_t maxBytes) {
     total -= bytesAt(largest, drop[largest]);
     total += bytesAt(largest, ++drop[largest]);
   }
-  for (size_t i = 0; i < n; ++i) {
+  for (size_t i = 0; i < n && !stop.stopRequested(); ++i) {
     const std::shared_ptr<const Texture> whole = std::move(scene.textures[i]);
-    auto made = std::make_shared<Texture>(mipmapped(*whole, coverage[i], drop[i]));
+    auto made = std::make_shared<Texture>(mipmapped(*whole, coverage[i], drop[i], kTextureTile, stop));
     if (drop[i] > 0)
       scene.warnings.push_back("/textures: \"" + whole->name + "\" is kept at " + std::to_string(made->width) + " x " + std::to_string(made->height) + " of " +
                                std::to_string(whole->width) + " x " + std::to_string(whole->height) + ": the scene's textures are bounded by " +

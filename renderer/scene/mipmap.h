@@ -8,6 +8,7 @@
 
 #include <cstdint>
 
+#include "base/stop.h"
 #include "scene/scene.h"
 
 namespace gobo {
@@ -17,11 +18,13 @@ inline constexpr int kTextureTile = 2;
 
 /// `texture` (one level of rows) with all its mip levels down to 1 x 1, tiled; `drop` finest levels are left out (at most
 /// all but the last). Sealed. CHECKs levels = 1 and tile = 0.
-Texture mipmapped(const Texture& texture, bool coverage, int drop = 0, int tile = kTextureTile);
+/// `stop` is polled every row; the texture is of no use then.
+Texture mipmapped(const Texture& texture, bool coverage, int drop = 0, int tile = kTextureTile, const StopToken& stop = {});
 
 /// Replaces every texture of the scene by its mip-mapped form. When all of them together need more than `maxBytes`, the
 /// largest one loses its finest level, again and again, until they fit (or all are 1 x 1); each texture that lost levels is
 /// named in scene.warnings. Among equals the first loses first.
-void finishTextures(Scene& scene, uint64_t maxBytes);
+/// After `stop` the scene is of no use.
+void finishTextures(Scene& scene, uint64_t maxBytes, const StopToken& stop = {});
 
 }  // namespace gobo

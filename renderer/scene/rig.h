@@ -16,6 +16,7 @@
 #include "base/array.h"
 #include "base/hash.h"
 #include "base/status.h"
+#include "base/stop.h"
 #include "base/vec.h"
 #include "scene/fields.h"
 #include "scene/material.h"
@@ -114,12 +115,14 @@ size_t rigBytes(const Rig& rig);
 /// thing). Time is clamped to each channel's keys. Nodes that no channel of it moves stay as the rest pose has them, and
 /// what stays is shared: unchanged meshes keep their MeshPtr. A scene without animations is returned as it is when no name
 /// is given. Errors: NotFound that lists the names. O(vertices of the meshes that deform) + O(nodes).
-Result<ScenePtr> posedScene(const ScenePtr& base, std::string_view animation, double time);
+/// Cancelled soon after `stop`.
+Result<ScenePtr> posedScene(const ScenePtr& base, std::string_view animation, double time, const StopToken& stop = {});
 /// The scene with the materials of a variant; "" = the scene as it is. Errors: NotFound that lists the names.
 Result<ScenePtr> withVariant(const ScenePtr& base, std::string_view variant);
 
 /// Sets every follower and deformed mesh of `scene` to the rig's rest pose (the loader's last step before seal).
-Status applyRestPose(const Rig& rig, Scene& scene);
+/// Errors: Cancelled; the scene is of no use then.
+Status applyRestPose(const Rig& rig, Scene& scene, const StopToken& stop = {});
 
 template <Same<RigNode> S, typename V>
 void visitFields(S& s, V&& v) {

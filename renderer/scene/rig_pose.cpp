@@ -39,7 +39,7 @@ void placeLight(const RigFollower& f, const Mat4& world, const Mat4& frame, Ligh
 bool movable(LightKind k) { return k != LightKind::Mesh && k != LightKind::Environment; }
 
 /// What differs between the poses goes into the scene; without `rest` everything does.
-void applyPose(const Rig& rig, const RigPose* rest, const RigPose& pose, Scene& scene) {
+Status applyPose(const Rig& rig, const RigPose* rest, const RigPose& pose, Scene& scene, const StopToken& stop) {
   std::vector<char> moved(rig.nodes.size(), 1);
   if (rest) for (size_t i = 0; i < moved.size(); ++i) moved[i] = Mat4(rest->world[i]) != Mat4(pose.world[i]);
   for (const RigFollower& f : rig.followers) {
@@ -55,8 +55,12 @@ void applyPose(const Rig& rig, const RigPose* rest, const RigPose& pose, Scene& 
     const RigDeformed& d = rig.deformed[i];
     bool changed = !rest || rest->weights[i] != pose.weights[i];
     if (d.skin >= 0) for (const int32_t j : rig.skins[d.skin].joints) changed = changed || moved[j];
-    if (changed) scene.meshes[d.mesh] = deformMesh(rig, i, pose, *scene.meshes[d.mesh]);
+    if (!changed) continue;
+    MeshPtr deformed = deformMesh(rig, i, pose, *scene.meshes[d.mesh], stop);
+    if (!deformed) return Status(Code::Cancelled, "stopped");
+    scene.meshes[d.mesh] = std::move(deformed);
   }
+  return {};
 }
 
 template <typename Items, typename Name>
@@ -77,13 +81,12 @@ bool rigidFrame(const Mat4& m, Mat4& out) {
   return isFinite(z) && isFinite(x);
 }
 
-Status applyRestPose(const Rig& rig, Scene& scene) {
+Status applyRestPose(const Rig& rig, Scene& scene, const StopToken& stop) {
   const RigPose pose = evaluatePose(rig, {}, 0.0);
-  applyPose(rig, nullptr, pose, scene);
-  return {};
+  return applyPose(rig, nullptr, pose, scene, stop);
 }
 
-Result<ScenePtr> posedScene(const ScenePtr& base, std::string_view animation, double time) {
+Result<ScenePtr> posedScene(const ScenePtr& base, std::string_view animation, double time, const StopToken& stop) {
   const Rig* rig = base->rig.get();
   std::vector<const RigAnimation*> chosen;
   if (rig)
@@ -96,7 +99,7 @@ Result<ScenePtr> posedScene(const ScenePtr& base, std::string_view animation, do
   }
   if (!std::isfinite(time)) return invalidArgument("time is not finite");
   const RigPose rest = evaluatePose(*rig, {}, 0.0), pose = evaluatePose(*rig, chosen, time);
-  return editScene(*base, [&](Scene& scene) -> Status { applyPose(*rig, &rest, pose, scene); return {}; });
+  return editScene(*base, [&](Scene& scene) -> Status { return applyPose(*rig, &rest, pose, scene, stop); });
 }
 
 Result<ScenePtr> withVariant(const ScenePtr& base, std::string_view name) {

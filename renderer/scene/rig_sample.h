@@ -21,8 +21,9 @@ struct RigPose {
 /// Nodes with the animations of `chosen` applied in order; none: the rest pose.
 RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& chosen, double time);
 
-/// Geometry of a deformed mesh in `pose`: morphed, then skinned; named and given the material of `like`. Sealed.
-MeshPtr deformMesh(const Rig& rig, size_t deformed, const RigPose& pose, const Mesh& like);
+/// Geometry of a deformed mesh in `pose`: morphed, then skinned; named and given the material of `like`. Sealed. Null if `stop`, polled
+/// every few thousand vertices, fired first.
+MeshPtr deformMesh(const Rig& rig, size_t deformed, const RigPose& pose, const Mesh& like, const StopToken& stop = {});
 
 /// Unit axes of a transform, its scale dropped, right-handed. False when two axes coincide or one has no length.
 bool rigidFrame(const Mat4& m, Mat4& out);

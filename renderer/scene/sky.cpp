@@ -53,7 +53,7 @@ DVec3 sunIrradiance(double thetaS, double turbidity) {
 
 }  // namespace
 
-EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width) {
+EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width, const StopToken& stop) {
   GOBO_CHECK_GT(width, 1);
   const int height = std::max(width / 2, 1);
   const double length = glm::length(DVec3(parameters.sunDirection));
@@ -78,6 +78,7 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width) {
   DVec3 horizontal(0.0);  // irradiance of sky and sun on the ground
   const int horizon = height / 2;
   for (int j = 0; j < horizon; ++j) {
+    if (stop.stopRequested()) return nullptr;
     const double polar = kDPi * (j + 0.5) / height, cosTheta = std::cos(polar), sinTheta = std::sin(polar);
     for (int i = 0; i < width; ++i) {
       const double azimuth = ((i + 0.5) / width - 0.5) * 2 * kDPi;
@@ -97,7 +98,7 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width) {
     const DVec3 u = glm::normalize(glm::cross(std::abs(sun.y) < 0.99 ? DVec3(0, 1, 0) : DVec3(1, 0, 0), sun)), v = glm::cross(sun, u);
     const EnvironmentTents tents(width, height);   // what a texel sends once it is looked up bilinearly
     constexpr int rings = 64, sectors = 128;  // pieces of equal solid angle on the cap
-    for (int r = 0; r < rings; ++r)
+    for (int r = 0; r < rings && !stop.stopRequested(); ++r)
       for (int s = 0; s < sectors; ++s) {
         const double cosA = 1 - (r + 0.5) / rings * (1 - std::cos(radius)), sinA = std::sqrt(std::max(1 - cosA * cosA, 0.0));
         const double a = 2 * kDPi * (s + 0.5 * (r & 1)) / sectors;
@@ -116,7 +117,7 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width) {
   Image image(width, height, 3);
   for (size_t k = 0; k < texels.size(); ++k)
     for (int c = 0; c < 3; ++c) image.data[k * 3 + c] = float(texels[k][c]);
-  return makeEnvironment("sky", std::move(image));
+  return makeEnvironment("sky", std::move(image), stop);
 }
 
 }  // namespace gobo

@@ -32,7 +32,8 @@ class CausticsNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
-    const auto tracer = CausticTracer::create(*ctx.scene, accel, settings_);
+    const auto tracer = CausticTracer::create(*ctx.scene, accel, settings_, ctx.stop);
+    if (!tracer) return Status(Code::Cancelled, "stopped");
     const int width = settings_.path.width, height = settings_.path.height;
     const size_t perPixel = size_t(settings_.slots()) * 3;
     const uint32_t blockSize = uint32_t(settings_.path.blockSize);

@@ -60,7 +60,8 @@ class DirectUnoccludedNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term &g = *ctx.inputs[0], &surface = *ctx.inputs[1];
-    const auto sampler = LightSampler::build(*ctx.scene);
+    const auto sampler = LightSampler::build(*ctx.scene, ctx.stop);
+    if (!sampler) return Status(Code::Cancelled, "stopped");
     const LightShape shape = ctx.scene->lightShape(s_.light);
     const auto instance = g.plane<uint32_t>("instance");
     const auto P = g.floats("P"), Ng = g.floats("Ng"), N = surface.floats("N"), albedo = surface.floats("albedo"), material = surface.floats("material");

@@ -26,9 +26,11 @@ class IdNode final : public Node {
       for (const Instance& i : ctx.scene->instances()) number.push_back(float(ctx.scene->mesh<Facet::Topology>(i.mesh).material));
     }
     auto out = std::make_shared<Term>("pixels", Domain::Pixel, Extent{width_, height_, 1});
-    const auto id = out->addPlane<float>("id", 1);
-    for (size_t p = 0; p < id.size(); ++p)
-      id[p] = instance[p] == kNoHit ? -1.0f : kind_ == IdKind::Object ? float(instance[p]) : number[instance[p]];
+    const auto id = out->addUnsetPlane<float>("id", 1);
+    const bool complete = ctx.arena->parallelFor(id.size(), 1 << 15, [&](size_t begin, size_t end) {
+      for (size_t p = begin; p < end; ++p) id[p] = instance[p] == kNoHit ? -1.0f : kind_ == IdKind::Object ? float(instance[p]) : number[instance[p]];
+    }, ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "stopped");
     return TermPtr(out);
   }
 

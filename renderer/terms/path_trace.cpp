@@ -38,7 +38,8 @@ class PathTraceNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
-    const auto tracer = PathTracer::create(*ctx.scene, accel, settings_);
+    const auto tracer = PathTracer::create(*ctx.scene, accel, settings_, ctx.stop);
+    if (!tracer) return Status(Code::Cancelled, "stopped");
     const int width = settings_.width, height = settings_.height, slots = tracer->slots();
     auto state = std::make_shared<Term>("path_trace", Domain::Pixel, Extent{width, height, 1});
     auto sum = state->addPlane<double>("sum", slots * 3);

@@ -150,11 +150,14 @@ constexpr uint32_t kMaxPlanes = 1024;
 constexpr int kMaxChannels = 1 << 16;
 constexpr uint64_t kMaxElements = 1ull << 40;   // times channels and scalar size: still below 2^60
 
+constexpr size_t kPiece = size_t(4) << 20;   // bytes between two looks at a stop token
+
 struct Writer {
-  uint8_t* p;
+  std::vector<uint8_t>& out;
+  StopToken stop;
   void bytes(const void* from, size_t n) {
-    if (n) std::memcpy(p, from, n);
-    p += n;
+    const auto* p = static_cast<const uint8_t*>(from);
+    for (size_t at = 0; at < n && !(n > kPiece && stop.stopRequested()); at += kPiece) out.insert(out.end(), p + at, p + std::min(n, at + kPiece));
   }
   template <typename T> void put(T v) { bytes(&v, sizeof v); }
   void text(const std::string& s) {
@@ -185,11 +188,12 @@ struct Reader {
 
 }  // namespace
 
-std::vector<uint8_t> serializeTerm(const Term& term) {
+std::vector<uint8_t> serializeTerm(const Term& term, const StopToken& stop) {
   size_t size = 8 + 4 + term.type().size() + 20 + 16;
   for (const Plane& p : term.planes()) size += 4 + p.name.size() + 16 + p.bytes.size();
-  std::vector<uint8_t> out(size);
-  Writer w{out.data()};
+  std::vector<uint8_t> out;
+  out.reserve(size);   // not cleared: its pages come one by one, between polls
+  Writer w{out, stop};
   w.bytes(kMagic, sizeof kMagic);
   w.text(term.type());
   w.put(uint32_t(term.domain()));
@@ -204,19 +208,20 @@ std::vector<uint8_t> serializeTerm(const Term& term) {
     w.put(uint64_t(p.bytes.size()));
     w.bytes(p.bytes.data(), p.bytes.size());
   }
-  GOBO_CHECK_EQ(size_t(w.p - out.data()), size - 16);
+  if (stop.stopRequested()) return {};
+  GOBO_CHECK_EQ(out.size(), size - 16);
   const Hash128 digest = hashBytes(out.data(), size - 16);
   w.put(digest.lo);
   w.put(digest.hi);
   return out;
 }
 
-std::shared_ptr<Term> parseTerm(const uint8_t* bytes, size_t size) {
+std::shared_ptr<Term> parseTerm(const uint8_t* bytes, size_t size, const StopToken& stop) {
   if (size < 24 || std::memcmp(bytes, kMagic, 8) != 0) return nullptr;
   Hash128 stored;
   std::memcpy(&stored.lo, bytes + size - 16, 8);
   std::memcpy(&stored.hi, bytes + size - 8, 8);
-  if (hashBytes(bytes, size - 16) != stored) return nullptr;
+  if (stop.stopRequested() || hashBytes(bytes, size - 16) != stored) return nullptr;
   Reader r{bytes + 8, size - 24};
   const std::string type = r.text();
   const uint32_t domainNumber = r.take<uint32_t>();
@@ -243,7 +248,10 @@ std::shared_ptr<Term> parseTerm(const uint8_t* bytes, size_t size) {
     if (length > r.left || term->hasPlane(name)) return nullptr;
     if (length != extent.elements() * size_t(channels) * formatSize(format)) return nullptr;
     Plane& p = term->addRaw(name, format, channels);
-    if (length) std::memcpy(p.bytes.data(), r.p, length);
+    for (uint64_t at = 0; at < length; at += kPiece) {
+      if (stop.stopRequested()) return nullptr;
+      std::memcpy(p.bytes.data() + at, r.p + at, std::min<uint64_t>(kPiece, length - at));
+    }
     r.p += length; r.left -= length;
   }
   return r.left == 0 ? term : nullptr;

@@ -7,13 +7,14 @@
 
 namespace gobo {
 
-std::vector<int> volumesAround(const SceneView& view, const Vec3& p) {
+std::vector<int> volumesAround(const SceneView& view, const Vec3& p, const StopToken& stop) {
   struct Found { double size; int material; };
   std::vector<Found> found;
   for (const Instance& instance : view.instances()) {
     const auto mesh = view.mesh<Facet::Topology | Facet::Pose>(instance.mesh);
     if (mesh.positions.empty() || !boundsVolume(view.bsdf(mesh.material))) continue;
     const glm::dmat4 toWorld(instance.toWorld);
+    if (stop.stopRequested()) return {};
     DVec3 lo(1e300), hi(-1e300);
     for (const Vec3& v : mesh.positions) {
       const DVec3 w(toWorld * glm::dvec4(DVec3(v), 1.0));
@@ -24,6 +25,7 @@ std::vector<int> volumesAround(const SceneView& view, const Vec3& p) {
     if (glm::any(glm::lessThan(q, lo)) || glm::any(glm::greaterThan(q, hi))) continue;
     double angle = 0;
     for (size_t t = 0; t < mesh.triangles(); ++t) {
+      if (t % 4096 == 0 && stop.stopRequested()) return {};
       DVec3 r[3];
       double l[3];
       for (int c = 0; c < 3; ++c) {

@@ -7,12 +7,14 @@
 
 #include <vector>
 
+#include "base/stop.h"
 #include "scene/scene.h"
 
 namespace gobo {
 
-/// Materials (indices) of the volumes around p, outermost first: by the size of the instances' boxes.
-std::vector<int> volumesAround(const SceneView& view, const Vec3& p);
+/// Materials (indices) of the volumes around p, outermost first: by the size of the instances' boxes. `stop` is polled every few thousand
+/// triangles; what it returns then is of no use.
+std::vector<int> volumesAround(const SceneView& view, const Vec3& p, const StopToken& stop = {});
 /// Where the camera's rays start: its position; for an orthographic camera the middle of its window.
 Vec3 cameraPoint(const Camera& camera);
 

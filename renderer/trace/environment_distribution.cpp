@@ -29,13 +29,13 @@ size_t locate(const double* sums, size_t n, double u, double& rest) {
 
 }  // namespace
 
-EnvironmentDistribution::EnvironmentDistribution(EnvironmentPtr map) : map_(std::move(map)) {
+EnvironmentDistribution::EnvironmentDistribution(EnvironmentPtr map, const StopToken& stop) : map_(std::move(map)) {
   if (!map_) return;
   const size_t w = size_t(map_->width), h = size_t(map_->height);
   tents_.emplace(map_->width, map_->height);
   rows_.resize(h);
-  columns_.resize(w * h);
-  for (size_t y = 0; y < h; ++y) {
+  columns_ = std::make_unique_for_overwrite<double[]>(w * h);
+  for (size_t y = 0; y < h && !stop.stopRequested(); ++y) {
     double sum = 0;
     for (size_t x = 0; x < w; ++x) columns_[y * w + x] = sum += texelLuminance(map_->texels[y * w + x]);
     rows_[y] = total_ += sum * tents_->weight(int(y));
@@ -47,7 +47,7 @@ bool EnvironmentDistribution::sample(const Vec2& u, Vec3& direction, Vec3& radia
   const size_t w = size_t(map_->width), h = size_t(map_->height);
   double fy, fx;
   const size_t y = locate(rows_.data(), h, u.y, fy);
-  const size_t x = locate(columns_.data() + y * w, w, u.x, fx);
+  const size_t x = locate(columns_.get() + y * w, w, u.x, fx);
   const double polar = tents_->polar(int(y), fy), across = double(x) + 0.5 + EnvironmentTents::across(fx), s = std::sin(polar);
   const double azimuth = (across / double(w) - 0.5) * 2.0 * kDPi - double(map_->rotation);
   direction = Vec3(float(s * std::cos(azimuth)), float(std::cos(polar)), float(s * std::sin(azimuth)));

@@ -9,13 +9,15 @@
 #include <optional>
 #include <vector>
 
+#include "base/stop.h"
 #include "scene/environment_tents.h"
 
 namespace gobo {
 
 class EnvironmentDistribution {
  public:
-  explicit EnvironmentDistribution(EnvironmentPtr map);
+  /// `stop` is polled every row; a distribution whose making it ended is not to be used.
+  explicit EnvironmentDistribution(EnvironmentPtr map, const StopToken& stop = {});
   /// False for a black map. `direction` unit in world axes, radiance from there, density over solid angle.
   bool sample(const Vec2& u, Vec3& direction, Vec3& radiance, float& pdf) const;
   float pdf(const Vec3& direction) const;
@@ -28,7 +30,7 @@ class EnvironmentDistribution {
   EnvironmentPtr map_;
   std::optional<EnvironmentTents> tents_;
   std::vector<double> rows_;      // inclusive prefix sums over rows
-  std::vector<double> columns_;   // inclusive prefix sums of luminance inside each row
+  std::unique_ptr<double[]> columns_;   // inclusive prefix sums of luminance inside each row; not cleared first, which takes as long as the sums
   double total_ = 0;
 };
 

@@ -71,7 +71,7 @@ struct LightSampler::Impl {
 LightSampler::LightSampler() : impl_(std::make_unique<Impl>()) {}
 LightSampler::~LightSampler() = default;
 
-std::shared_ptr<const LightSampler> LightSampler::build(const SceneView& view) {
+std::shared_ptr<const LightSampler> LightSampler::build(const SceneView& view, const StopToken& stop) {
   std::shared_ptr<LightSampler> sampler(new LightSampler);
   Impl& m = *sampler->impl_;
   std::vector<AreaLightBvh::Entry> area;
@@ -87,14 +87,15 @@ std::shared_ptr<const LightSampler> LightSampler::build(const SceneView& view) {
       case LightKind::Sphere: area.push_back({i, s, view.lightCameraVisible(i)}); break;
       case LightKind::Mesh:
         m.mesh.back() = int(m.meshes.size());
-        m.meshes.emplace_back(view, s.instance);
+        m.meshes.emplace_back(view, s.instance, stop);
         break;
       case LightKind::Environment:
         m.environment = view.environment();
-        if (!m.distribution) m.distribution.emplace(m.environment);
+        if (!m.distribution) m.distribution.emplace(m.environment, stop);
         break;
       default: break;
     }
+    if (stop.stopRequested()) return nullptr;
   }
   m.area = AreaLightBvh(std::move(area));
   return sampler;

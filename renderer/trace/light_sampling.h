@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "base/stop.h"
 #include "scene/scene.h"
 
 namespace gobo {
@@ -23,7 +24,8 @@ struct LightSample {
 /// Pose, Shading, Coverage, Emission. Immutable; any thread may sample. Cost a sample: 10 ns (delta lights) to 0.2 us (Rect), 0.3 us (Environment).
 class LightSampler {
  public:
-  static std::shared_ptr<const LightSampler> build(const SceneView& view);
+  /// Null if `stop` fired first.
+  static std::shared_ptr<const LightSampler> build(const SceneView& view, const StopToken& stop = {});
   ~LightSampler();
 
   /// Samples light `i` (index into Scene::lights, must be in the view's subset) as seen from `p`. u in [0,1)^2.

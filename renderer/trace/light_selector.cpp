@@ -20,7 +20,7 @@ float meanLuminance(const Texture* texture) {
   return float(std::max(sum / (double(nx) * ny), 1e-4));             // never 0: a bright spot may hide between the texels looked at
 }
 
-LightBounds meshBounds(const SceneView& view, const LightShape& shape, float radiance) {
+LightBounds meshBounds(const SceneView& view, const LightShape& shape, float radiance, const StopToken& stop) {
   LightBounds b;
   const Instance& instance = view.instances()[shape.instance];
   const auto mesh = view.mesh<Facet::Topology | Facet::Pose>(instance.mesh);
@@ -30,6 +30,7 @@ LightBounds meshBounds(const SceneView& view, const LightShape& shape, float rad
   std::vector<Vec3> normals;
   normals.reserve(mesh.triangles());
   for (size_t t = 0; t < mesh.triangles(); ++t) {
+    if (t % 4096 == 0 && stop.stopRequested()) return b;
     Vec3 v[3];
     for (int c = 0; c < 3; ++c) {
       v[c] = Vec3(instance.toWorld * Vec4(mesh.positions[mesh.indices[3 * t + c]], 1.0f));
@@ -58,7 +59,7 @@ LightBounds meshBounds(const SceneView& view, const LightShape& shape, float rad
   return b;
 }
 
-LightBounds finiteBounds(const SceneView& view, int light, float scale) {
+LightBounds finiteBounds(const SceneView& view, int light, float scale, const StopToken& stop) {
   const LightShape& s = view.lightShape(light);
   LightBounds b;
   b.lo = b.hi = s.position;
@@ -88,26 +89,29 @@ LightBounds finiteBounds(const SceneView& view, int light, float scale) {
       b.cosNormals = -1.0f; b.cosEmission = 0.0f;
       b.power = 4 * kPi * sqr(s.radius) * kPi * scale;
       break;
-    case LightKind::Mesh: return meshBounds(view, s, scale);
+    case LightKind::Mesh: return meshBounds(view, s, scale, stop);
     case LightKind::Directional: case LightKind::Environment: break;
   }
   return b;
 }
 
 // Radius of the sphere around the scene's instances: what an infinite light's irradiance is multiplied with to give watts.
-float sceneRadius(const SceneView& view) {
+float sceneRadius(const SceneView& view, const StopToken& stop) {
   Vec3 lo(3e38f), hi(-3e38f);
-  for (const Instance& i : view.instances())
+  for (const Instance& i : view.instances()) {
+    size_t polled = 0;
     for (const Vec3& p : view.mesh<Facet::Pose>(i.mesh).positions) {
+      if (polled++ % 16384 == 0 && stop.stopRequested()) return 1.0f;
       const Vec3 q(i.toWorld * Vec4(p, 1.0f));
       lo = glm::min(lo, q); hi = glm::max(hi, q);
     }
+  }
   return lo.x <= hi.x ? std::fmax(0.5f * glm::length(hi - lo), 1e-20f) : 1.0f;
 }
 
 }  // namespace
 
-void LightSelector::build(const SceneView& view, const std::vector<Vec3>& nominal, LightSelection selection) {
+void LightSelector::build(const SceneView& view, const std::vector<Vec3>& nominal, LightSelection selection, const StopToken& stop) {
   const std::vector<int>& subset = view.lightSubset();
   const int n = int(subset.size());
   treeIndex_.assign(n, -1);
@@ -123,12 +127,12 @@ void LightSelector::build(const SceneView& view, const std::vector<Vec3>& nomina
     only_ = k;
     const LightKind kind = view.lightShape(subset[k]).kind;
     if (kind == LightKind::Directional || kind == LightKind::Environment) {
-      if (radius < 0.0f) radius = sceneRadius(view);
-      const double irradiance = kind == LightKind::Directional ? scale : scale * environmentFlux(view.environment().get()) / 4.0;   // of an environment: mean radiance times pi
+      if (radius < 0.0f) radius = sceneRadius(view, stop);
+      const double irradiance = kind == LightKind::Directional ? scale : scale * environmentFlux(view.environment().get(), stop) / 4.0;   // of an environment: mean radiance times pi
       weight[k] = std::max(irradiance * M_PI * radius * radius, 1e-30);
       infinitePower += weight[k];
     } else {
-      const LightBounds b = finiteBounds(view, subset[k], scale);
+      const LightBounds b = finiteBounds(view, subset[k], scale, stop);
       const double power = std::max(double(b.power), 1e-30);
       if (selection == LightSelection::Tree) {
         treeIndex_[k] = int(bounds.size());
@@ -141,11 +145,13 @@ void LightSelector::build(const SceneView& view, const std::vector<Vec3>& nomina
       finitePower += power;
     }
     if (selection == LightSelection::Uniform) weight[k] = 1.0;
+    if (stop.stopRequested()) return;
   }
   if (count_ != 1) only_ = -1;
   if (count_ <= 1) return;
   if (!bounds.empty()) {
-    tree_.build(bounds);
+    tree_.build(bounds, stop);
+    if (stop.stopRequested()) return;
     // Watts decide between near and far, within limits: a lamp may matter although the sun is stronger elsewhere.
     treeShare_ = infinitePower > 0 ? float(std::clamp(finitePower / (finitePower + infinitePower), 0.2, 0.8)) : 1.0f;
   }

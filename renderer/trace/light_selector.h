@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "base/stop.h"
 #include "scene/scene.h"
 #include "trace/light_tree.h"
 
@@ -15,7 +16,8 @@ class LightSelector {
  public:
   /// nominal[k]: radiometric scale of light k of the view's subset; its luminance is the importance. Lights of luminance 0 are
   /// never drawn. Needs facets Topology, Pose, Emission, Coverage, LightShape, Environment.
-  void build(const SceneView& view, const std::vector<Vec3>& nominal, LightSelection selection);
+  /// `stop` is polled every few thousand triangles, texels or lights; a selector whose building it ended is not to be used.
+  void build(const SceneView& view, const std::vector<Vec3>& nominal, LightSelection selection, const StopToken& stop = {});
   /// Draws k (an index into the view's subset), or -1 if no light can contribute. n: see LightBounds::importance.
   int sample(const Vec3& p, const Vec3* n, float u, float& probability) const {
     if (only_ >= 0) { probability = 1.0f; return only_; }

@@ -97,7 +97,7 @@ inline float LightTree::Cluster::importance(const Vec3& p, const Vec3* n) const 
   return result;
 }
 
-void LightTree::build(const std::vector<LightBounds>& bounds) {
+void LightTree::build(const std::vector<LightBounds>& bounds, const StopToken& stop) {
   nodes_.clear();
   only_ = -1;
   root_ = LightBounds();
@@ -107,10 +107,11 @@ void LightTree::build(const std::vector<LightBounds>& bounds) {
   if (order.empty()) return;
   if (order.size() == 1) { only_ = order[0]; root_ = bounds[only_]; return; }
   nodes_.reserve(order.size() - 1);
-  root_ = buildNode(bounds, order, 0, int(order.size()), -1);
+  root_ = buildNode(bounds, order, 0, int(order.size()), -1, stop);
 }
 
-LightBounds LightTree::buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent) {
+LightBounds LightTree::buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent, const StopToken& stop) {
+  if (end - begin > 64 && stop.stopRequested()) return {};
   const int self = int(nodes_.size());
   nodes_.emplace_back();
   nodes_[self].parent = parent;
@@ -153,7 +154,7 @@ LightBounds LightTree::buildNode(const std::vector<LightBounds>& bounds, std::ve
       sides[c] = bounds[order[from]];
     } else {
       nodes_[self].next[c] = int(nodes_.size());
-      sides[c] = buildNode(bounds, order, from, to, slot);
+      sides[c] = buildNode(bounds, order, from, to, slot, stop);
     }
     nodes_[self].child[c] = Cluster(sides[c]);
   }

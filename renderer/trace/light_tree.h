@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/stop.h"
 #include "base/vec.h"
 
 namespace gobo {
@@ -29,7 +30,8 @@ struct LightBounds {
 class LightTree {
  public:
   /// bounds[i].power must be >= 0; lights of power 0 are left out and never drawn.
-  void build(const std::vector<LightBounds>& bounds);
+  /// `stop` is polled at every node of many lights; a tree whose building it ended is not to be used.
+  void build(const std::vector<LightBounds>& bounds, const StopToken& stop = {});
   bool empty() const { return nodes_.empty() && only_ < 0; }
   /// Draws a light for a receiver: its index into `bounds`, or -1 if none can contribute. u in [0,1).
   int sample(const Vec3& p, const Vec3* n, float u, float& probability) const;
@@ -59,7 +61,7 @@ class LightTree {
   std::vector<Node> nodes_;               // inner nodes; none when there is one light
   int only_ = -1;                         // the light when there is one
   std::vector<int> leafOf_;               // by light: 2 * node + which child; -1: power 0
-  LightBounds buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent);
+  LightBounds buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent, const StopToken& stop);
 };
 
 }  // namespace gobo

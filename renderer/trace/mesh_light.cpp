@@ -44,7 +44,7 @@ const Instance& checkedInstance(const SceneView& view, uint32_t instance) {
 }
 }  // namespace
 
-MeshLight::MeshLight(const SceneView& view, uint32_t instance)
+MeshLight::MeshLight(const SceneView& view, uint32_t instance, const StopToken& stop)
     : mesh_(view.mesh<Facet::Topology | Facet::Pose | Facet::Shading>(checkedInstance(view, instance).mesh)), keep_(view.keepMeshes()) {
   const Instance& placed = view.instances()[instance];
   coverage_ = view.coverage(mesh_.material);
@@ -59,6 +59,7 @@ MeshLight::MeshLight(const SceneView& view, uint32_t instance)
   std::vector<double> areas(count), mean(count, 1.0);
   double power = 0;
   for (size_t k = 0; k < count; ++k) {
+    if (k % 512 == 0 && stop.stopRequested()) return;
     const uint32_t* tri = mesh_.indices.data() + 3 * k;
     DVec3 p[3];
     for (int c = 0; c < 3; ++c) p[c] = DVec3(m * glm::dvec4(DVec3(mesh_.positions[tri[c]]), 1.0));

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "base/stop.h"
 #include "scene/scene.h"
 #include "trace/alias_table.h"
 #include "trace/area_lights.h"
@@ -15,7 +16,8 @@ namespace gobo {
 
 class MeshLight {
  public:
-  MeshLight(const SceneView& view, uint32_t instance);
+  /// `stop` is polled every few hundred triangles; a light whose making it ended is not to be used.
+  MeshLight(const SceneView& view, uint32_t instance, const StopToken& stop = {});
   /// Radiance is the emission texture (white without one) x alpha coverage at the point: what a ray sees there on average.
   bool sample(const Vec3& p, const Vec2& u, AreaSample& out, Vec3& radiance) const;
   float pdf(const Vec3& direction, float t, uint32_t primitive) const;

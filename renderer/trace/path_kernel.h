@@ -61,8 +61,8 @@ struct PathTracer::Impl {
   mutable RayRecorder* recorder = nullptr;
 
   void prepareCamera();
-  void prepareLights(const SceneView& view);
-  void prepareMedia(const SceneView& view);
+  bool prepareLights(const SceneView& view, const StopToken& stop);   // false: stopped
+  void prepareMedia(const SceneView& view, const StopToken& stop);
   /// Light of one light that lane i's scattering event at p turns into its path; d: direction of arrival. Weighted against the phase
   /// function's own sampling where a ray can hit that light.
   Vec3 scatteredLight(const PathMedia& media, int i, const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw, int& slot, uint64_t& rays) const;

@@ -22,13 +22,13 @@ Vec3 meshPoint(const SceneView& view, const LightShape& shape) {
 
 }  // namespace
 
-void PathTracer::Impl::prepareMedia(const SceneView& view) {
+void PathTracer::Impl::prepareMedia(const SceneView& view, const StopToken& stop) {
   if (settings.unlit && surfaces.anyUnlit()) hittable = true;
   onlyUnlit = settings.unlit && lights.empty();
   cameraMedia.clear();
   const std::vector<Interior>& interiors = surfaces.interiors();
   if (interiors.empty()) return;
-  for (int material : volumesAround(view, cameraPoint(settings.camera))) cameraMedia.enter(surfaces.interiorOf(material));
+  for (int material : volumesAround(view, cameraPoint(settings.camera), stop)) cameraMedia.enter(surfaces.interiorOf(material));
   mediaLights.assign(interiors.size(), 0);
   bool any = false;
   for (const LightInfo& l : lights) {
@@ -36,7 +36,7 @@ void PathTracer::Impl::prepareMedia(const SceneView& view) {
     any = true;
     const LightShape& shape = view.lightShape(l.light);
     if (shape.kind == LightKind::Directional || shape.kind == LightKind::Environment) continue;
-    for (int material : volumesAround(view, shape.kind == LightKind::Mesh ? meshPoint(view, shape) : shape.position)) mediaLights[size_t(surfaces.interiorOf(material))] = 1;
+    for (int material : volumesAround(view, shape.kind == LightKind::Mesh ? meshPoint(view, shape) : shape.position, stop)) mediaLights[size_t(surfaces.interiorOf(material))] = 1;
   }
   // Several volumes may overlap, and boundaries between them change nothing.
   for (size_t k = 0; k < interiors.size(); ++k) if (any && (interiors.size() > 1 || std::fabs(interiors[k].ior - 1.0f) < kStraightIor)) mediaLights[k] = 1;

@@ -29,7 +29,7 @@ PathTracer::PathTracer() : impl_(std::make_unique<Impl>()) {}
 PathTracer::~PathTracer() = default;
 int PathTracer::slots() const { return impl_->slotCount; }
 
-std::shared_ptr<const PathTracer> PathTracer::create(const SceneView& view, AccelPtr accel, const PathTracerSettings& settings) {
+std::shared_ptr<const PathTracer> PathTracer::create(const SceneView& view, AccelPtr accel, const PathTracerSettings& settings, const StopToken& stop) {
   GOBO_CHECK_EQ(settings.groupOf.size(), view.lightSubset().size());
   GOBO_CHECK_EQ(settings.nominal.size(), view.lightSubset().size());
   GOBO_CHECK_LT(0, settings.blockSize);
@@ -51,8 +51,9 @@ std::shared_ptr<const PathTracer> PathTracer::create(const SceneView& view, Acce
   m.wantIndirect = has(settings.cover, PathClass::Indirect);
   m.maxEvents = m.wantIndirect ? settings.maxBounces + 1 : m.wantDirect ? 1 : 0;
   m.prepareCamera();
-  m.prepareLights(view);
-  m.prepareMedia(view);
+  if (!m.prepareLights(view, stop)) return nullptr;
+  m.prepareMedia(view, stop);
+  if (stop.stopRequested()) return nullptr;
   for (int s = 0; s < settings.viewSamples; ++s) m.viewSamples.push_back(viewSamplePosition(s, settings.viewSamples));
   return tracer;
 }
@@ -75,12 +76,15 @@ void PathTracer::Impl::prepareCamera() {
   }
 }
 
-void PathTracer::Impl::prepareLights(const SceneView& view) {
+bool PathTracer::Impl::prepareLights(const SceneView& view, const StopToken& stop) {
   const std::vector<int>& subset = view.lightSubset();
-  sampler = LightSampler::build(view);
-  selector.build(view, settings.nominal, settings.selection);
+  sampler = LightSampler::build(view, stop);
+  if (!sampler) return false;
+  selector.build(view, settings.nominal, settings.selection, stop);
+  if (stop.stopRequested()) return false;
   meshLight.assign(view.instances().size(), -1);
   for (size_t k = 0; k < subset.size(); ++k) {
+    if (k % 256 == 0 && stop.stopRequested()) return false;
     const LightShape& shape = view.lightShape(subset[k]);
     LightInfo info;
     info.light = subset[k];
@@ -115,6 +119,7 @@ void PathTracer::Impl::prepareLights(const SceneView& view) {
     hasPlainLight = plainLight.build(view, view.lightShape(subset[only]));
   }
   drawsChoice = selector.count() > 1 || (hasPlainLight && plainLight.triangles.size() > 1) || !surfaces.allLambert();
+  return true;
 }
 
 void PathTracer::traceBlock(int x, int y, uint32_t block, double* out, uint64_t& rays, uint64_t& dropped) const {

@@ -67,7 +67,8 @@ int slotsPerGroup(SplitMode split, int maxBounces);
 
 class PathTracer {
  public:
-  static std::shared_ptr<const PathTracer> create(const SceneView& view, AccelPtr accel, const PathTracerSettings& settings);
+  /// Null if `stop` fired first. O(vertices + texels of the environment): lights are weighed, their distributions made.
+  static std::shared_ptr<const PathTracer> create(const SceneView& view, AccelPtr accel, const PathTracerSettings& settings, const StopToken& stop = {});
   ~PathTracer();
   /// groups * slotsPerGroup; slot = group * slotsPerGroup + split.
   int slots() const;

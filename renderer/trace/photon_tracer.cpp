@@ -103,12 +103,13 @@ struct CausticTracer::Impl {
 CausticTracer::CausticTracer() : impl_(std::make_unique<Impl>()) {}
 CausticTracer::~CausticTracer() = default;
 
-std::shared_ptr<const CausticTracer> CausticTracer::create(const SceneView& view, AccelPtr accel, const CausticSettings& settings) {
+std::shared_ptr<const CausticTracer> CausticTracer::create(const SceneView& view, AccelPtr accel, const CausticSettings& settings, const StopToken& stop) {
   GOBO_CHECK(settings.radius > 0.0f);
   auto tracer = std::shared_ptr<CausticTracer>(new CausticTracer());
   Impl& m = *tracer->impl_;
   m.settings = settings;
-  m.tracer = PathTracer::create(view, std::move(accel), settings.path);
+  m.tracer = PathTracer::create(view, std::move(accel), settings.path, stop);
+  if (!m.tracer) return nullptr;
   m.maxEvents = settings.path.maxBounces + 1;
   const SurfaceTable& surfaces = m.path().surfaces;
   const std::vector<Sphere> targets = specularTargets(view, surfaces);
@@ -121,8 +122,9 @@ std::shared_ptr<const CausticTracer> CausticTracer::create(const SceneView& view
     MediumStack around;
     around.clear();
     if (shape.kind != LightKind::Directional && !surfaces.interiors().empty())
-      for (int material : volumesAround(view, shape.position)) around.enter(surfaces.interiorOf(material));
+      for (int material : volumesAround(view, shape.position, stop)) around.enter(surfaces.interiorOf(material));
     m.sources.push_back({PhotonEmitter(shape, targets, scene), around, nominal, settings.path.groupOf[k], hash64(0x70686f746f6eu, k)});
+    if (stop.stopRequested()) return nullptr;
   }
   return tracer;
 }

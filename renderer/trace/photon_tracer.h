@@ -39,7 +39,8 @@ float causticRadius(float first, uint32_t pass);
 
 class CausticTracer {
  public:
-  static std::shared_ptr<const CausticTracer> create(const SceneView& view, AccelPtr accel, const CausticSettings& settings);
+  /// Null if `stop` fired first.
+  static std::shared_ptr<const CausticTracer> create(const SceneView& view, AccelPtr accel, const CausticSettings& settings, const StopToken& stop = {});
   ~CausticTracer();
   /// Photons of one pass; null if `stop` fired. Adds the rays to `rays`.
   std::shared_ptr<const PhotonMap> emitPass(uint32_t pass, const TaskArena& arena, uint64_t& rays, const StopToken& stop = {}) const;

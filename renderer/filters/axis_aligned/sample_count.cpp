@@ -97,14 +97,15 @@ class ShadowMu final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     auto term = std::make_shared<Term>("shadow_mu", Domain::Table, Extent{1, 1, 1});
-    const float mu = mean_ > 0.0f ? solve(*ctx.inputs.at(0), *ctx.inputs.at(1)) : mu_;
+    const float mu = mean_ > 0.0f ? solve(*ctx.inputs.at(0), *ctx.inputs.at(1), ctx.stop) : mu_;
+    if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "shadow_mu: stopped");
     term->addPlane<float>("mu")[0] = mu;
     term->addPlane<float>("filterMu")[0] = mean_ > 0.0f ? std::max(mu, 1.0f) : mu;
     return TermPtr(term);
   }
 
  private:
-  float solve(const Term& slopes, const Term& gbuffer) const {
+  float solve(const Term& slopes, const Term& gbuffer, const StopToken& stop) const {
     const auto sMin = slopes.floats("sMin"), sMax = slopes.floats("sMax"), footprint = gbuffer.floats("footprint");
     const auto instance = gbuffer.plane<uint32_t>("instance");
     const size_t step = sMin.size() < 65536 ? 1 : 8;
@@ -114,11 +115,15 @@ class ShadowMu final : public Node {
     if (list.empty()) return 1.0f;
     auto mean = [&](double mu) {
       uint64_t sum = 0;
-      for (size_t e : list) sum += sampleCount(rate_, sMin[e], sMax[e], footprint[e], float(mu));
+      for (size_t i = 0; i < list.size(); ++i) {
+        if (i % 4096 == 0 && stop.stopRequested()) break;
+        const size_t e = list[i];
+        sum += sampleCount(rate_, sMin[e], sMax[e], footprint[e], float(mu));
+      }
       return double(sum) / double(list.size());
     };
     double lo = std::log(0.25), hi = std::log(64.0);
-    for (int i = 0; i < 20; ++i) {
+    for (int i = 0; i < 20 && !stop.stopRequested(); ++i) {
       const double middle = 0.5 * (lo + hi);
       (mean(std::exp(middle)) < mean_ ? lo : hi) = middle;
     }
@@ -149,12 +154,15 @@ class ShadowSampleCount final : public Node {
     auto term = std::make_shared<Term>("shadow_sample_count", Domain::ViewSample, ctx.inputs[0]->extent());
     const auto n = term->addPlane<uint32_t>("n");
     const auto omega = term->addPlane<float>("Omega");
-    for (size_t e = 0; e < sMin.size(); ++e) {
-      if (instance[e] == ~0u) continue;
-      n[e] = sampleCount(rate_, sMin[e], sMax[e], footprint[e], mu);
-      const float w = sMin[e] > 0.0f ? formulas::aaBandLimit(sMin[e], rate_.sigma, footprint[e], filterMu) : 0.0f;
-      omega[e] = std::isfinite(w) ? w : 0.0f;
-    }
+    const bool complete = ctx.arena->parallelFor(sMin.size(), 1 << 13, [&](size_t begin, size_t end) {
+      for (size_t e = begin; e < end; ++e) {
+        if (instance[e] == ~0u) continue;
+        n[e] = sampleCount(rate_, sMin[e], sMax[e], footprint[e], mu);
+        const float w = sMin[e] > 0.0f ? formulas::aaBandLimit(sMin[e], rate_.sigma, footprint[e], filterMu) : 0.0f;
+        omega[e] = std::isfinite(w) ? w : 0.0f;
+      }
+    }, ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "shadow_sample_count: stopped");
     return TermPtr(term);
   }
 

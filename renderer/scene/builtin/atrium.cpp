@@ -125,8 +125,8 @@ void addShell(SceneBuilder& b, MeshBuilder& m, const Stones& s) {
 
 }  // namespace
 
-Result<ScenePtr> atrium() {
-  SceneBuilder b("atrium");
+Result<ScenePtr> atrium(const StopToken& stop) {
+  SceneBuilder b("atrium", stop);
   const Stones s = makeMaterials(b);
   MeshBuilder m;
   addShell(b, m, s);

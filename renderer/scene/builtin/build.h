@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/stop.h"
 #include "scene/scene.h"
 
 namespace gobo::builtin {
@@ -44,7 +45,8 @@ class MeshBuilder {
 
 class SceneBuilder {
  public:
-  explicit SceneBuilder(std::string name);
+  /// `stop` is polled every row of a texture; finish() says Cancelled then.
+  explicit SceneBuilder(std::string name, const StopToken& stop = {});
   Scene& scene() { return *scene_; }
   /// A diffuse material: exact Lambert (specular 0) unless a roughness below 1 is given with specular > 0.
   int material(std::string name, const Vec3& albedo, float roughness = 1.0f, float metallic = 0.0f, float specular = 0.0f);
@@ -69,17 +71,18 @@ class SceneBuilder {
  private:
   Light& light(std::string name, LightKind kind, const Vec3& position, const Vec3& power);
   std::shared_ptr<Scene> scene_;
+  StopToken stop_;
 };
 
-Result<ScenePtr> cornell();
-Result<ScenePtr> furnace();
-Result<ScenePtr> grids();
-Result<ScenePtr> fence();
-Result<ScenePtr> tentacles();
-Result<ScenePtr> spheres();
-Result<ScenePtr> trees();
-Result<ScenePtr> lamps();
-Result<ScenePtr> atrium();
-Result<ScenePtr> lights8();
+Result<ScenePtr> cornell(const StopToken& stop);
+Result<ScenePtr> furnace(const StopToken& stop);
+Result<ScenePtr> grids(const StopToken& stop);
+Result<ScenePtr> fence(const StopToken& stop);
+Result<ScenePtr> tentacles(const StopToken& stop);
+Result<ScenePtr> spheres(const StopToken& stop);
+Result<ScenePtr> trees(const StopToken& stop);
+Result<ScenePtr> lamps(const StopToken& stop);
+Result<ScenePtr> atrium(const StopToken& stop);
+Result<ScenePtr> lights8(const StopToken& stop);
 
 }  // namespace gobo::builtin

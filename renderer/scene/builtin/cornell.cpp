@@ -5,8 +5,8 @@
 
 namespace gobo::builtin {
 
-Result<ScenePtr> cornell() {
-  SceneBuilder b("cornell");
+Result<ScenePtr> cornell(const StopToken& stop) {
+  SceneBuilder b("cornell", stop);
   const int white = b.material("white", Vec3(0.725f, 0.71f, 0.68f));
   const int red = b.material("red", Vec3(0.63f, 0.065f, 0.05f));
   const int green = b.material("green", Vec3(0.14f, 0.45f, 0.091f));

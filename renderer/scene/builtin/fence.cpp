@@ -5,8 +5,8 @@
 
 namespace gobo::builtin {
 
-Result<ScenePtr> fence() {
-  SceneBuilder b("fence");
+Result<ScenePtr> fence(const StopToken& stop) {
+  SceneBuilder b("fence", stop);
   const int floor = b.material("floor", Vec3(0.5f, 0.48f, 0.42f)), paint = b.material("paint", Vec3(0.75f, 0.74f, 0.7f));
   const int post = b.material("post", Vec3(0.45f, 0.3f, 0.18f));
   MeshBuilder m;

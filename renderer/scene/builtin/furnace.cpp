@@ -7,8 +7,8 @@
 
 namespace gobo::builtin {
 
-Result<ScenePtr> furnace() {
-  SceneBuilder b("furnace");
+Result<ScenePtr> furnace(const StopToken& stop) {
+  SceneBuilder b("furnace", stop);
   const int grey = b.material("grey", Vec3(0.5f));
   b.at(grey).emission.radiance = Vec3(1.0f);
   MeshBuilder m;

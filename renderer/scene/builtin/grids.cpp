@@ -30,8 +30,8 @@ void addGrid(MeshBuilder& m, float y, float period, float bar, float extent) {
 
 }  // namespace
 
-Result<ScenePtr> grids() {
-  SceneBuilder b("grids");
+Result<ScenePtr> grids(const StopToken& stop) {
+  SceneBuilder b("grids", stop);
   const int floor = b.material("floor", Vec3(0.7f)), metal = b.material("bars", Vec3(0.35f, 0.2f, 0.12f));
   MeshBuilder m;
   m.quad(Vec3(-8, 0, 8), Vec3(16, 0, 0), Vec3(0, 0, -16)); b.add("floor", m, floor);

@@ -8,8 +8,8 @@
 
 namespace gobo::builtin {
 
-Result<ScenePtr> lamps() {
-  SceneBuilder b("lamps");
+Result<ScenePtr> lamps(const StopToken& stop) {
+  SceneBuilder b("lamps", stop);
   const int floor = b.material("floor", Vec3(1.0f), 0.35f, 0.0f, 0.6f), wall = b.material("wall", Vec3(1.0f)), stone = b.material("stone", Vec3(0.62f, 0.58f, 0.5f));
   b.at(floor).albedo.texture = b.texture("tiles", 256, 256, true, [](float u, float v) {
     const float fu = 2 * u - std::floor(2 * u), fv = 2 * v - std::floor(2 * v);

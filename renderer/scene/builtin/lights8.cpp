@@ -5,8 +5,8 @@
 
 namespace gobo::builtin {
 
-Result<ScenePtr> lights8() {
-  SceneBuilder b("lights8");
+Result<ScenePtr> lights8(const StopToken& stop) {
+  SceneBuilder b("lights8", stop);
   const int wall = b.material("wall", Vec3(0.68f, 0.66f, 0.62f)), floor = b.material("floor", Vec3(0.45f, 0.36f, 0.28f), 0.5f, 0.0f, 0.5f);
   const int clay = b.material("clay", Vec3(0.6f, 0.28f, 0.18f)), plastic = b.material("plastic", Vec3(0.12f, 0.28f, 0.5f), 0.25f, 0.0f, 1.0f);
   const int brass = b.material("brass", Vec3(0.85f, 0.65f, 0.3f), 0.3f, 1.0f, 1.0f), white = b.material("white", Vec3(0.78f));

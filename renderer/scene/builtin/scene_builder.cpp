@@ -4,7 +4,7 @@
 
 namespace gobo::builtin {
 
-SceneBuilder::SceneBuilder(std::string name) : scene_(std::make_shared<Scene>()) { scene_->name = std::move(name); }
+SceneBuilder::SceneBuilder(std::string name, const StopToken& stop) : scene_(std::make_shared<Scene>()), stop_(stop) { scene_->name = std::move(name); }
 
 int SceneBuilder::material(std::string name, const Vec3& albedo, float roughness, float metallic, float specular) {
   Material m;
@@ -24,7 +24,7 @@ TextureRef SceneBuilder::texture(std::string name, int width, int height, bool s
   t->height = height;
   t->srgb = srgb;
   t->texels8.resize(size_t(width) * height * 4);
-  for (int y = 0; y < height; ++y)
+  for (int y = 0; y < height && !stop_.stopRequested(); ++y)
     for (int x = 0; x < width; ++x) {
       const Vec4 c = f((x + 0.5f) / width, (y + 0.5f) / height);
       for (int k = 0; k < 4; ++k) {
@@ -42,7 +42,7 @@ TextureRef SceneBuilder::texture(std::string name, int width, int height, bool s
 
 TextureRef SceneBuilder::normalMap(std::string name, int width, float size, const std::function<float(float, float)>& height) {
   std::vector<float> h(size_t(width) * width);
-  for (int y = 0; y < width; ++y)
+  for (int y = 0; y < width && !stop_.stopRequested(); ++y)
     for (int x = 0; x < width; ++x) h[size_t(y) * width + x] = height((x + 0.5f) / width, (y + 0.5f) / width);
   const float scale = 0.5f * width / size;
   return texture(std::move(name), width, width, false, [&](float u, float v) {
@@ -133,6 +133,7 @@ void SceneBuilder::environment(EnvironmentPtr map, const Vec3& factor) {
 }
 
 Result<ScenePtr> SceneBuilder::finish() {
+  if (stop_.stopRequested()) return Status(Code::Cancelled, "the load was cancelled", scene_->name);
   GOBO_TRY(scene_->seal());
   return ScenePtr(scene_);
 }

@@ -5,8 +5,8 @@
 
 namespace gobo::builtin {
 
-Result<ScenePtr> spheres() {
-  SceneBuilder b("spheres");
+Result<ScenePtr> spheres(const StopToken& stop) {
+  SceneBuilder b("spheres", stop);
   const int floor = b.material("floor", Vec3(1.0f));
   b.at(floor).albedo.texture = b.texture("checker", 64, 64, true, [](float u, float v) {
     return Vec4(Vec3((u < 0.5f) == (v < 0.5f) ? 0.55f : 0.22f), 1.0f);

@@ -6,8 +6,8 @@
 
 namespace gobo::builtin {
 
-Result<ScenePtr> tentacles() {
-  SceneBuilder b("tentacles");
+Result<ScenePtr> tentacles(const StopToken& stop) {
+  SceneBuilder b("tentacles", stop);
   const int floor = b.material("floor", Vec3(0.6f, 0.57f, 0.52f));
   const int skin[] = {b.material("violet", Vec3(0.42f, 0.22f, 0.4f)), b.material("teal", Vec3(0.16f, 0.42f, 0.4f)),
                       b.material("ochre", Vec3(0.6f, 0.4f, 0.15f))};

@@ -42,8 +42,8 @@ void addClump(MeshBuilder& m, int cards, uint32_t seed) {
 
 }  // namespace
 
-Result<ScenePtr> trees() {
-  SceneBuilder b("trees");
+Result<ScenePtr> trees(const StopToken& stop) {
+  SceneBuilder b("trees", stop);
   const int ground = b.material("ground", Vec3(1.0f)), bark = b.material("bark", Vec3(1.0f)), leaf = b.material("leaf", Vec3(1.0f));
   b.at(ground).albedo.texture = b.texture("grass", 256, 256, true, [](float u, float v) {
     const float a = fractalNoise(u, v, 8, 5, 1), c = fractalNoise(u, v, 32, 3, 9);

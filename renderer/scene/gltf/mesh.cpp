@@ -238,6 +238,7 @@ Status readMeshes(Document& d, Scene& scene, Rig& rig, Parts& parts) {
       const Cursor primitive = primitives.at(k);
       DracoData draco;
       bool packed = false;
+      if (d.options.stop.stopRequested()) return Status(Code::Cancelled, "the load was cancelled", d.path);
       auto mesh = readPrimitive(d, primitive, k ? base + "#" + std::to_string(k + 1) : base, quantized, draco, packed);
       if (!mesh) continue;
       triangles += mesh->triangles();

@@ -28,7 +28,10 @@ const Image* Textures::decode(int index) {
   const std::string kind = pictureKind(encoded.bytes);
   if (kind == "image/ktx2" || kind == "image/ktx" || kind == "image/basis") return leaveOut("it is " + kind.substr(6) + " (Basis Universal or GPU blocks), which is not decoded");
   if (document_.options.files) document_.options.files->parsing(place);   // picture libraries are where files bite
-  auto image = readImageFromMemory(encoded.bytes.data(), encoded.bytes.size(), encoded.name.empty() ? "image" + std::to_string(index) : encoded.name);
+  ReadLimits limits;
+  limits.stop = document_.options.stop;
+  auto image = readImageFromMemory(encoded.bytes.data(), encoded.bytes.size(), encoded.name.empty() ? "image" + std::to_string(index) : encoded.name, limits);
+  if (image.status().code() == Code::Cancelled) { document_.status = image.status(); return nullptr; }
   if (!image.ok()) return leaveOut(image.status().message());
   if (document_.options.files) document_.options.files->parsing("");
   decoded_[index].floats = isFloatFormat(encoded.bytes);
@@ -113,6 +116,7 @@ int Textures::make(int index, bool srgb) {
   std::vector<float> texelsF(floats ? values : 0);
   std::vector<uint8_t> texels8(floats ? 0 : values);
   for (size_t i = 0; i < image->pixels(); ++i) {
+    if (i % (1 << 16) == 0 && document_.options.stop.stopRequested()) { document_.status = Status(Code::Cancelled, "the load was cancelled", document_.path); return -1; }
     const float* p = image->data.data() + i * size_t(image->channels);
     const int n = image->channels;
     float rgba[4] = {p[0], n >= 3 ? p[1] : p[0], n >= 3 ? p[2] : p[0], n == 2 ? p[1] : n >= 4 ? p[3] : 1.0f};

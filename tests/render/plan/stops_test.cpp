@@ -4,7 +4,10 @@
 #include <gtest/gtest.h>
 
 #include "filters/shadow_technique.h"
+#include "plan/certify_picture.h"
+#include "plan/reference.h"
 #include "support/engines.h"
+#include "support/stopping.h"
 
 namespace gobo::testing {
 namespace {
@@ -34,6 +37,12 @@ std::vector<Case> cases() {
   v1::RenderRequest caustics = smallRequest("spheres", 24, 16, 2);
   for (const char* a : {"lights.lamp.kind=POINT", "lights.lamp.position=1,3,1", "lights.lamp.intensity=5", "integrator.caustic_photons=500"}) set(caustics, a);
   out.push_back({"caustics", caustics});
+  v1::RenderRequest certified = smallRequest("spheres", 24, 16, 1);
+  for (const char* a : {"certificate.min_pixels=16", "certificate.spp=4"}) set(certified, a);
+  out.push_back({"certificate", certified});
+  v1::RenderRequest cluster = smallRequest("cornell", 24, 16, 1);    // its lights are folded
+  for (const char* a : {"integrator.max_groups=1", "shadows.ray_traced.samples=1", "lights.a.kind=SPOT", "lights.a.position=0,1,0", "lights.b.kind=POINT", "lights.b.position=0.3,1,0"}) set(cluster, a);
+  out.push_back({"cluster", cluster});
   return out;
 }
 
@@ -63,6 +72,60 @@ TEST(Stops, AtAnyPollARenderEndsAndLeavesNothingWrong) {
     }
     EXPECT_EQ(firstDifference(mustRender(*stopped, c.request), *whole), "") << c.name;
   }
+}
+
+TEST(Stops, ABuiltInSceneThatARenderWaitsForIsNotKept) {
+  const auto engine = makeEngine(256ull << 20, {}, 1);
+  for (const bool planning : {false, true}) {
+    StopSource stop;
+    stop.stopAtPoll(700);   // among the rows of its textures
+    RenderControl control;
+    control.stop = stop.token();
+    const v1::RenderRequest request = smallRequest("atrium", 24, 16, 1);
+    const Status status = planning ? engine->pinnedBytes(request, nullptr, stop.token()).status() : engine->render(request, control).status();
+    EXPECT_EQ(status.code(), Code::Cancelled) << status.toString();
+    EXPECT_TRUE(engine->listScenes().empty());
+  }
+  EXPECT_EQ(engine->openScene("atrium", "", tests::stoppedAlready()).status().code(), Code::Cancelled);
+  EXPECT_TRUE(engine->listScenes().empty());
+  EXPECT_TRUE(engine->openScene("atrium", "").ok());
+}
+
+TEST(Stops, PlanningPollsWhileItBakesASkyAndWeighsLights) {
+  v1::RenderRequest sky = smallRequest("cornell", 24, 16, 1);
+  set(sky, "environment.sky.turbidity=3");
+  const auto engine = makeEngine(256ull << 20, {}, 1);
+  ASSERT_TRUE(engine->pinnedBytes(smallRequest("cornell", 24, 16, 1)).ok());
+  // Of 512 x 256 texels the rows above the horizon, the rings of the sun, all rows.
+  EXPECT_GE(tests::pollsOf([&](const StopToken& s) { ASSERT_TRUE(engine->pinnedBytes(sky, nullptr, s).ok()); }), 128 + 64 + 256);
+  for (const int k : {1, 100, 180, 300}) EXPECT_EQ(engine->pinnedBytes(sky, nullptr, tests::stopAt(k)).status().code(), Code::Cancelled) << k;
+  const ScenePtr spheres = *engine->loadScene("spheres", true);   // under a map of 128 x 64
+  EXPECT_GE(tests::pollsOf([&](const StopToken& s) { (void)makeGroups(*spheres, 1, s); }), 64);
+}
+
+TEST(Stops, ACertificatePollsBeforeItTraces) {
+  constexpr int width = 200, height = 100;
+  Image picture(width, height, 3);
+  for (size_t i = 0; i < picture.data.size(); ++i) picture.data[i] = float(i % 97);
+  v1::CertificateSettings settings;
+  settings.set_pixel_fraction(0.1);
+  // The picture copied, medians, two sums over windows.
+  EXPECT_GE(tests::pollsOf([&](const StopToken& s) { (void)drawCertificate(picture, settings, s); }), 4 * height);
+  const auto engine = makeEngine(256ull << 20, {}, 1);
+  const auto request = engine->resolve(smallRequest("spheres", width, height, 1));
+  ASSERT_TRUE(request.ok());
+  const auto effective = makeEffectiveScene(*engine->scene("spheres"), *request, {});
+  ASSERT_TRUE(effective.ok());
+  const ReferenceRecipe recipe = referenceRecipe(*effective, *request);
+  const TaskArena arena(1);
+  std::atomic<uint64_t> rays{0};
+  const auto make = [&](const StopToken& s) {
+    AccelCache accels;
+    return ReferenceTracer(*effective, width, height, recipe, accels, arena, s).trace({1, 2, 3}, 0, 1, rays).status();
+  };
+  const int polls = tests::pollsOf([&](const StopToken& s) { EXPECT_TRUE(make(s).ok()); });
+  EXPECT_GE(polls, 10 + 2 * 64);                                     // the hierarchy; the map's distribution and flux
+  for (const int k : {1, polls / 2, polls}) EXPECT_EQ(make(tests::stopAt(k)).code(), Code::Cancelled) << k << " of " << polls;
 }
 
 TEST(Stops, AdmissionsPlanStopsInItsExpanders) {
