@@ -43,6 +43,7 @@ Result<Camera> effectiveCamera(const Scene& scene, const v1::CameraSettings& set
     }
   }
   Camera camera = scene.cameras[index];
+  if (settings.has_cull_back_faces()) camera.cullBackFaces = settings.cull_back_faces();
   if (settings.has_yfov_deg()) { camera.yfov = radians(settings.yfov_deg()); camera.perspective = true; }
   if (settings.has_orthographic_height()) { camera.perspective = false; camera.yheight = float(settings.orthographic_height()); }
   if (settings.has_position() || settings.has_look_at() || settings.has_up()) {

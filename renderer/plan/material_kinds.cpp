@@ -12,10 +12,13 @@ namespace gobo {
 
 namespace {
 
-/// Smooth enough to be a mirror. A roughness texture may reach 0 where the factor does not: where is not looked for.
 bool smooth(float roughness) { return roughness * roughness < kDeltaAlpha; }
-/// Anisotropy widens the lobe along the tangent.
-bool smooth(const Bsdf& b) { return smooth(b.roughness) && !(b.anisotropy * b.anisotropy >= kDeltaAlpha); }
+/// Smooth enough somewhere to be a mirror: by the texture's lowest texel (G), whether or not a triangle shows it.
+bool maySmooth(float roughness, const TextureRef& texture, const Scene& scene) {
+  return smooth(texture.valid() ? roughness * maxOf(scene.textures[size_t(texture.texture)]->lowest.y, 0.0f) : roughness);
+}
+/// Rough somewhere: a texture may make the whole smoother, never rougher. Anisotropy widens the lobe along the tangent.
+bool mayRough(const Bsdf& b) { return !smooth(b.roughness) || b.anisotropy * b.anisotropy >= kDeltaAlpha; }
 
 /// "a, b and c"
 std::string listed(const std::vector<std::string>& parts) {
@@ -42,12 +45,13 @@ MaterialKinds materialKinds(const Scene& scene) {
     const bool coat = b.clearcoat > 0.0f, layers = coat || maxComponent(b.sheenColor) > 0.0f || b.diffuseTransmission > 0.0f;
     kinds.clear = kinds.clear || maySendStraight(b);
     kinds.extended = kinds.extended || s.extended;
-    kinds.translucent = kinds.translucent || b.diffuseTransmission > 0.0f || (clear && !smooth(b) && !one);
+    kinds.translucent = kinds.translucent || b.diffuseTransmission > 0.0f || (clear && mayRough(b) && !one);
     kinds.volumes = kinds.volumes || solid;
     kinds.scatters = kinds.scatters || (solid && makeInterior(b).scatters);
     kinds.boundary = kinds.boundary || (one && solid && nothingElse && !layers);
-    kinds.pane = kinds.pane || (one && !(solid && nothingElse && !layers)) || (clear && !solid && smooth(b.roughness));
-    kinds.specular = kinds.specular || (interface && smooth(b.roughness)) || (coat && smooth(b.clearcoatRoughness));
+    const bool somewhere = maySmooth(b.roughness, b.metallicRoughness, scene);
+    kinds.pane = kinds.pane || (one && !(solid && nothingElse && !layers)) || (clear && !solid && somewhere);
+    kinds.specular = kinds.specular || (interface && somewhere) || (coat && maySmooth(b.clearcoatRoughness, b.clearcoatRoughnessTexture, scene));
   }
   return kinds;
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the materials of a scene ask of a plan, from their factors (a texture only scales a factor). Pure function.
+// What the materials of a scene ask of a plan, from their factors (a texture only scales a factor) and the lowest texels of roughness
+// textures. Pure function.
 #pragma once
 
 #include "scene/scene.h"

@@ -178,6 +178,7 @@ Result<ScenePtr> readSceneBlob(std::shared_ptr<const void> owner, std::span<cons
     Texture again = t;
     sealTexture(again);
     if (again.content != t.content) return bad("texture " + std::to_string(i) + ": digest is not that of its texels");
+    if (again.lowest != t.lowest) return bad("texture " + std::to_string(i) + ": lowest values are not those of its texels");
   }
   if (scene->environment) GOBO_TRY(checkMap(*scene->environment, trust));
   if (scene->rig && scene->rig->content.isZero()) return bad("rig has no digest");

@@ -25,7 +25,7 @@ namespace gobo {
 
 using BlobKey = std::array<uint8_t, 32>;      ///< SHA-256 of what the blob was made from; zero: not known
 enum class BlobTrust { Foreign, Own };
-inline constexpr uint32_t kBlobVersion = 2;   // 2: points and lines are geometry: what the importer makes of a file is part of the format
+inline constexpr uint32_t kBlobVersion = 3;   // 2: points and lines are geometry: what the importer makes of a file is part of the format; 3: Texture::lowest, Camera::cullBackFaces
 inline constexpr size_t kBlobHeaderBytes = 128;
 
 /// Digest of all field lists with names and types: what decides whether a blob can be read by this build.

@@ -22,6 +22,7 @@ template <Same<Texture> S, typename V>
 void visitFields(S& s, V&& v) {
   v("name", s.name); v("width", s.width); v("height", s.height); v("channels", s.channels); v("srgb", s.srgb); v("wrapU", s.wrapU); v("wrapV", s.wrapV);
   v("nearest", s.nearest); v("levels", s.levels); v("tile", s.tile); v("texels8", s.texels8); v("texelsF", s.texelsF); v("content", s.content);
+  v("lowest", s.lowest);
 }
 template <Same<Environment> S, typename V>
 void visitFields(S& s, V&& v) {

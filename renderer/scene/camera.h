@@ -14,6 +14,7 @@ struct Camera {
   bool perspective = true;
   float yfov = 0.8f;          ///< perspective: full vertical angle, radians
   float yheight = 2.0f;       ///< orthographic: full height of the window, metres
+  bool cullBackFaces = false; ///< its rays pass back faces of single-sided materials (trace/back_faces.h); light meets them all the same
   Vec2 centre{0.0f};          ///< off-centre shift of the window in units of its height (x right, y up)
 };
 

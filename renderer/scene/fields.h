@@ -65,7 +65,8 @@ void visitFields(S& s, V&& v) {
 
 template <Same<Camera> S, typename V>
 void visitFields(S& s, V&& v) {
-  v("toWorld", s.toWorld); v("perspective", s.perspective); v("yfov", s.yfov); v("yheight", s.yheight); v("centre", s.centre);
+  v("toWorld", s.toWorld); v("perspective", s.perspective); v("yfov", s.yfov); v("yheight", s.yheight); v("cullBackFaces", s.cullBackFaces);
+  v("centre", s.centre);
 }
 
 }  // namespace gobo

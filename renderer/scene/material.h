@@ -31,6 +31,7 @@ struct Texture {
   Array<uint8_t> texels8;                    ///< either this ...
   Array<float> texelsF;                      ///< ... or this is filled; textureTexels() * 4 values
   Hash128 content;                           ///< digest of size, flags, layout and texels of all levels
+  Vec4 lowest{0.0f};                         ///< by channel, of all levels' texels as sample() decodes them: no look-up is below it
 
   /// Linear RGBA at (u, v), glTF convention (v down, texel centres at half integers), of the finest level. The layout does
   /// not change a bit of it. Defined in texture.cpp.
@@ -42,7 +43,7 @@ inline constexpr int kMaxTextureLevels = 16, kMaxTextureTile = 4;
 /// Texels that levels 0 .. levels - 1 take up, padding included. Sizes positive; fits 64 bits for sizes up to 2^24.
 uint64_t textureTexels(int width, int height, int levels, int tile);
 
-/// Fills `content`; call once, when the texels are final. CHECKs that exactly one texel array has textureTexels() * 4 values.
+/// Fills `content` and `lowest`; call once, when the texels are final. CHECKs that exactly one texel array has textureTexels() * 4 values.
 void sealTexture(Texture& texture);
 
 struct TextureRef {

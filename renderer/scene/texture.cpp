@@ -60,6 +60,24 @@ inline Vec4 texel(const Texture& t, const Level& l, int x, int y) {
   return Vec4(colour[p[0]], colour[p[1]], colour[p[2]], kTables.linear[p[3]]);  // alpha is never sRGB-encoded
 }
 
+/// The lowest texel of each channel over all levels; padding does not count.
+template <typename T>
+void lowestTexel(const Texture& t, const Array<T>& texels, T (&least)[4]) {
+  std::copy_n(texels.data(), 4, least);
+  const auto take = [&](const T* p) { for (int c = 0; c < 4; ++c) least[c] = std::min(least[c], p[c]); };
+  for (int k = 0; k < t.levels; ++k) {
+    const Level l = levelOf(t, k);
+    const int mask = (1 << t.tile) - 1;
+    if (((l.width | l.height) & mask) == 0) {                         // nothing padded: as they lie
+      const size_t count = size_t(l.width) * size_t(l.height);
+      for (size_t i = 0; i < count; ++i) take(texels.data() + (l.first + i) * 4);
+    } else {
+      for (int y = 0; y < l.height; ++y)
+        for (int x = 0; x < l.width; ++x) take(texels.data() + texelIndex(l, t.tile, x, y) * 4);
+    }
+  }
+}
+
 /// Brings a coordinate into a range where int texel arithmetic is exact; NaN becomes 0. Repeat and Mirror are periodic in 2.
 inline float tame(float c, Wrap mode) {
   if (!std::isfinite(c)) return 0.0f;
@@ -89,6 +107,16 @@ void sealTexture(Texture& t) {
   h.add(t.width).add(t.height).add(t.srgb).add(t.wrapU).add(t.wrapV).add(t.nearest).add(t.levels).add(t.tile);
   h.addArray(t.texels8).addArray(t.texelsF);
   t.content = h.digest();
+  if (!t.texelsF.empty()) {
+    float least[4];
+    lowestTexel(t, t.texelsF, least);
+    t.lowest = Vec4(least[0], least[1], least[2], least[3]);
+  } else {
+    uint8_t least[4];
+    lowestTexel(t, t.texels8, least);
+    const auto& colour = t.srgb ? kTables.srgb : kTables.linear;
+    t.lowest = Vec4(colour[least[0]], colour[least[1]], colour[least[2]], kTables.linear[least[3]]);
+  }
 }
 
 Vec4 Texture::sampleLevel(Vec2 uv, int level) const {

@@ -6,11 +6,13 @@
 
 #include "trace/accel.h"
 #include "trace/accel_impl.h"
+#include "trace/back_faces.h"
 
 namespace gobo {
 
 void hashCamera(Hasher& h, const Camera& c) {
   h.addPod(c.toWorld).add(c.perspective).add(c.perspective ? c.yfov : c.yheight).add(c.centre.x).add(c.centre.y);
+  if (c.cullBackFaces) h.add("cullBackFaces");
 }
 
 namespace {
@@ -23,6 +25,7 @@ class GBufferNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::Shading;
+    if (s_.camera.cullBackFaces) t.facets = t.facets | kBackFaceFacets;
     return t;
   }
   void hashParameters(Hasher& h) const override {
@@ -33,6 +36,7 @@ class GBufferNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
+    const BackFaces passed = s_.camera.cullBackFaces ? BackFaces(*ctx.scene, *accel) : BackFaces();
     std::vector<ShadingArrays> meshes;
     for (size_t m = 0; m < ctx.scene->meshCount(); ++m) meshes.push_back(ctx.scene->mesh<Facet::Shading>(int(m)));
     const auto& instances = ctx.scene->instances();
@@ -56,7 +60,7 @@ class GBufferNode final : public Node {
           Ray ray[kTile * kTile];
           Hit hit[kTile * kTile];
           for (int i = 0; i < count; ++i) ray[i] = film.at(float(x0 + i % wide) + offset.x, float(y0 + i / wide) + offset.y);
-          accel->intersect16(ray, count, hit);
+          accel->intersect16(ray, count, hit, &passed);
           for (int i = 0; i < count; ++i) {
             const size_t at = (size_t(s) * size_t(h) + size_t(y0 + i / wide)) * size_t(w) + size_t(x0 + i % wide);
             if (!hit[i].valid()) {

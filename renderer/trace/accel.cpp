@@ -6,6 +6,7 @@
 #include "base/check.h"
 #include "trace/accel_impl.h"
 #include "trace/alpha_filter.h"
+#include "trace/back_faces.h"
 
 namespace gobo {
 
@@ -47,7 +48,8 @@ RTCGeometry triangleGeometry(const AccelMesh& mesh, const std::vector<Vec3>& pad
 
 RTCScene newScene() {
   RTCScene s = rtcNewScene(device());
-  rtcSetSceneFlags(s, RTC_SCENE_FLAG_ROBUST);                       // watertight: no ray slips between triangles that share an edge
+  // Watertight: no ray slips between triangles that share an edge. Calls may bring a filter of their own (trace/back_faces.h).
+  rtcSetSceneFlags(s, RTCSceneFlags(RTC_SCENE_FLAG_ROBUST | embree::kSceneFlagCallFilter));
   rtcSetSceneBuildQuality(s, RTC_BUILD_QUALITY_MEDIUM);
   return s;
 }
@@ -175,15 +177,16 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
   return accel;
 }
 
-bool Accel::intersect(const Ray& ray, Hit& hit) const {
+bool Accel::intersect(const Ray& ray, Hit& hit, const BackFaces* passed) const {
+  if (passed && !passed->any()) passed = nullptr;
   RTCRayHit r;
   r.ray.org_x = ray.origin.x; r.ray.org_y = ray.origin.y; r.ray.org_z = ray.origin.z;
   r.ray.dir_x = ray.direction.x; r.ray.dir_y = ray.direction.y; r.ray.dir_z = ray.direction.z;
-  r.ray.tnear = ray.tmin; r.ray.tfar = ray.tmax; r.ray.time = 0; r.ray.mask = ~0u; r.ray.id = 0; r.ray.flags = 0;
+  r.ray.tnear = ray.tmin; r.ray.tfar = ray.tmax; r.ray.time = 0; r.ray.mask = ~0u; r.ray.id = passed ? BackFaces::kPasses : 0; r.ray.flags = 0;
   r.hit.geomID = r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  embree::Context context;
-  embree::initContext(context);
-  embree::intersect1(impl_->scene, context, r, false);
+  BackFaces::Context context;
+  if (passed) passed->init(context); else embree::initContext(context.context);
+  embree::intersect1(impl_->scene, context.context, r, false, passed ? BackFaces::filter : nullptr);
   if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) { hit.instance = kNoHit; return false; }
   hit.t = r.ray.tfar;
   hit.instance = r.hit.instID[0] == RTC_INVALID_GEOMETRY_ID ? r.hit.geomID : r.hit.instID[0];
@@ -193,7 +196,8 @@ bool Accel::intersect(const Ray& ray, Hit& hit) const {
   return true;
 }
 
-void Accel::intersect16(const Ray* rays, int count, Hit* hits) const {
+void Accel::intersect16(const Ray* rays, int count, Hit* hits, const BackFaces* passed) const {
+  if (passed && !passed->any()) passed = nullptr;
   alignas(64) RTCRayHit16 r;
   alignas(64) int valid[16];
   for (int i = 0; i < 16; ++i) {
@@ -201,12 +205,13 @@ void Accel::intersect16(const Ray* rays, int count, Hit* hits) const {
     valid[i] = i < count ? -1 : 0;
     r.ray.org_x[i] = ray.origin.x; r.ray.org_y[i] = ray.origin.y; r.ray.org_z[i] = ray.origin.z;
     r.ray.dir_x[i] = ray.direction.x; r.ray.dir_y[i] = ray.direction.y; r.ray.dir_z[i] = ray.direction.z;
-    r.ray.tnear[i] = ray.tmin; r.ray.tfar[i] = ray.tmax; r.ray.time[i] = 0; r.ray.mask[i] = ~0u; r.ray.id[i] = unsigned(i); r.ray.flags[i] = 0;
+    r.ray.tnear[i] = ray.tmin; r.ray.tfar[i] = ray.tmax; r.ray.time[i] = 0; r.ray.mask[i] = ~0u; r.ray.flags[i] = 0;
+    r.ray.id[i] = passed ? BackFaces::kPasses : 0;
     r.hit.geomID[i] = r.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
-  embree::Context context;
-  embree::initContext(context);
-  embree::intersect16(valid, impl_->scene, context, r, true);
+  BackFaces::Context context;
+  if (passed) passed->init(context); else embree::initContext(context.context);
+  embree::intersect16(valid, impl_->scene, context.context, r, true, passed ? BackFaces::filter : nullptr);
   for (int i = 0; i < count; ++i) {
     Hit& hit = hits[i];
     if (r.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) { hit = Hit(); continue; }

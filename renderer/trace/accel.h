@@ -34,15 +34,18 @@ struct Hit {
   bool valid() const { return instance != kNoHit; }
 };
 
+class BackFaces;   // trace/back_faces.h
+
 class Accel {
  public:
   /// Reads facets kAccelFacets of `view` (CHECKed). Null when `stop` fired, which is polled every few milliseconds.
   static std::shared_ptr<const Accel> build(const SceneView& view, const TaskArena& arena, const StopToken& stop = {});
   ~Accel();
-  bool intersect(const Ray& ray, Hit& hit) const;
+  /// `passed`: back faces that the ray goes through; null: none.
+  bool intersect(const Ray& ray, Hit& hit, const BackFaces* passed = nullptr) const;
   /// The same for up to 16 rays that run side by side (camera and light rays): several times as fast as one by one. hits[i].instance is
   /// kNoHit where ray i hits nothing. May differ from intersect() in the last bits.
-  void intersect16(const Ray* rays, int count, Hit* hits) const;
+  void intersect16(const Ray* rays, int count, Hit* hits, const BackFaces* passed = nullptr) const;
   /// Anything between ray.tmin and ray.tmax?
   bool occluded(const Ray& ray) const;
   /// The same for up to 16 rays that run side by side: bit i of the result is set where ray i is blocked.

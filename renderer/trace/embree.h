@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The one place that knows which Embree is installed. Embree 4 renamed the context and put the ray query flags and filters
-// into an arguments structure; the wrappers below are all that the tracer uses of either.
+// into an arguments structure; the wrappers below are all that the tracer uses of either. `filter`: called for every hit of this call
+// after the geometry's own filter; scenes have kSceneFlagCallFilter for it.
 #pragma once
 
 #if __has_include(<embree4/rtcore.h>)
@@ -16,18 +17,26 @@ namespace gobo::embree {
 #if GOBO_EMBREE == 4
 using Context = RTCRayQueryContext;
 inline void initContext(Context& c) { rtcInitRayQueryContext(&c); }
-inline void intersect1(RTCScene s, Context& c, RTCRayHit& r, bool coherent) {
-  RTCIntersectArguments a; rtcInitIntersectArguments(&a);
-  a.context = &c; a.flags = coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
+inline constexpr RTCSceneFlags kSceneFlagCallFilter = RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
+inline void setCall(RTCIntersectArguments& a, Context& c, bool coherent, RTCFilterFunctionN filter) {
+  rtcInitIntersectArguments(&a);
+  a.context = &c;
+  a.filter = filter;
+  a.flags = RTCRayQueryFlags((coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT) |
+                             (filter ? RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER : RTC_RAY_QUERY_FLAG_NONE));
+}
+inline void intersect1(RTCScene s, Context& c, RTCRayHit& r, bool coherent, RTCFilterFunctionN filter = nullptr) {
+  RTCIntersectArguments a;
+  setCall(a, c, coherent, filter);
   rtcIntersect1(s, &r, &a);
 }
 inline void occluded1(RTCScene s, Context& c, RTCRay& r) {
   RTCOccludedArguments a; rtcInitOccludedArguments(&a);
   a.context = &c; rtcOccluded1(s, &r, &a);
 }
-inline void intersect16(const int* valid, RTCScene s, Context& c, RTCRayHit16& r, bool coherent) {
-  RTCIntersectArguments a; rtcInitIntersectArguments(&a);
-  a.context = &c; a.flags = coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
+inline void intersect16(const int* valid, RTCScene s, Context& c, RTCRayHit16& r, bool coherent, RTCFilterFunctionN filter = nullptr) {
+  RTCIntersectArguments a;
+  setCall(a, c, coherent, filter);
   rtcIntersect16(valid, s, &r, &a);
 }
 inline void occluded16(const int* valid, RTCScene s, Context& c, RTCRay16& r, bool coherent) {
@@ -41,13 +50,16 @@ inline void initContext(Context& c) { rtcInitIntersectContext(&c); }
 inline void setCoherent(Context& c, bool coherent) {
   c.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
 }
-inline void intersect1(RTCScene s, Context& c, RTCRayHit& r, bool coherent) { setCoherent(c, coherent); rtcIntersect1(s, &c, &r); }
-inline void occluded1(RTCScene s, Context& c, RTCRay& r) { setCoherent(c, false); rtcOccluded1(s, &c, &r); }
-inline void intersect16(const int* valid, RTCScene s, Context& c, RTCRayHit16& r, bool coherent) {
-  setCoherent(c, coherent); rtcIntersect16(valid, s, &c, &r);
+inline constexpr RTCSceneFlags kSceneFlagCallFilter = RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
+inline void intersect1(RTCScene s, Context& c, RTCRayHit& r, bool coherent, RTCFilterFunctionN filter = nullptr) {
+  setCoherent(c, coherent); c.filter = filter; rtcIntersect1(s, &c, &r);
+}
+inline void occluded1(RTCScene s, Context& c, RTCRay& r) { setCoherent(c, false); c.filter = nullptr; rtcOccluded1(s, &c, &r); }
+inline void intersect16(const int* valid, RTCScene s, Context& c, RTCRayHit16& r, bool coherent, RTCFilterFunctionN filter = nullptr) {
+  setCoherent(c, coherent); c.filter = filter; rtcIntersect16(valid, s, &c, &r);
 }
 inline void occluded16(const int* valid, RTCScene s, Context& c, RTCRay16& r, bool coherent) {
-  setCoherent(c, coherent); rtcOccluded16(valid, s, &c, &r);
+  setCoherent(c, coherent); c.filter = nullptr; rtcOccluded16(valid, s, &c, &r);
 }
 #endif
 

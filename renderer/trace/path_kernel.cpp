@@ -29,7 +29,8 @@ struct Paths {
   float passed[kLanes] = {};       // way from the last vertex to the ray's origin: surfaces passed straight on are no vertices
   int free[kLanes] = {};           // passes of the loop that were no scattering event of their own (path_media.h, straight.h)
   // Bit per lane. firstDelta: reaches light by an indirect path, whatever the number of events. specularOnly: delta events, if any.
-  // fromCamera: the camera still looks straight on, so that lights hidden from it are passed (trace/reach.h); no question of the density.
+  // fromCamera: the camera still looks straight on, so that lights hidden from it (trace/reach.h) and back faces that it culls are passed;
+  // no question of the density.
   uint32_t fromHasNormal = 0, firstDelta = 0, specularOnly = ~0u, fromCamera = ~0u;
 };
 
@@ -170,6 +171,9 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
   const Accel::Impl& geometry = accel->impl();
   embree::Context context;
   embree::initContext(context);
+  const bool culls = passed.any();
+  BackFaces::Context cameraContext;
+  if (culls) passed.init(cameraContext);
   uint32_t alive = count >= 32 ? ~0u : (1u << count) - 1;
   for (int events = 0; alive != 0; ++events) {
     for (int i = 0; i < kLanes; ++i) {
@@ -178,7 +182,12 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
       rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
     }
-    embree::intersect16(valid, scene, context, rh, events == 0);
+    if (culls && (alive & paths.fromCamera) != 0) {
+      for (int i = 0; i < kLanes; ++i) rh.ray.id[i] = paths.fromCamera >> i & 1u ? BackFaces::kPasses : 0;
+      embree::intersect16(valid, scene, cameraContext.context, rh, events == 0, BackFaces::filter);
+    } else {
+      embree::intersect16(valid, scene, context, rh, events == 0);
+    }
     rays += uint64_t(__builtin_popcount(alive));
     if (recorder) record(alive, rh.ray, events == 0 ? recorder->primary : recorder->bounce);
 

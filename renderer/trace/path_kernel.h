@@ -8,6 +8,7 @@
 
 #include "trace/accel_impl.h"
 #include "trace/area_light_bvh.h"
+#include "trace/back_faces.h"
 #include "trace/path_tracer.h"
 #include "trace/plain_mesh_light.h"
 #include "trace/sample_set.h"
@@ -54,6 +55,7 @@ struct PathTracer::Impl {
   int maxEvents = 9;                       // scattering events a path may have
   bool onlyUnlit = false;                  // no light, but unlit surfaces to show
   MediumStack cameraMedia{};               // volumes around the camera
+  BackFaces passed;                        // by rays of the camera that went straight on
   mutable std::vector<char> mediaLights;   // by interior: scattering events ask for lights. The mean does not depend on it where a ray can hit them
   // Camera rays as affine functions of the film position.
   Vec3 cameraOrigin{0.0f}, cameraOriginX{0.0f}, cameraOriginY{0.0f}, cameraDirection{0.0f}, cameraDirectionX{0.0f}, cameraDirectionY{0.0f};

@@ -10,6 +10,7 @@ namespace gobo {
 
 void PathTracerSettings::hash(Hasher& h) const {
   h.addPod(camera.toWorld).add(camera.perspective).add(camera.yfov).add(camera.yheight).add(camera.centre.x).add(camera.centre.y);
+  if (camera.cullBackFaces) h.add("cullBackFaces");
   h.add(width).add(height).add(viewSamples).add(maxBounces).add(rouletteStart).add(blockSize).add(seed).add(behindOnly).add(unlit);
   h.add(cover).add(split).add(selection).add(groups).addArray(groupOf).add(uint64_t(nominal.size()));
   for (const Vec3& n : nominal) h.add(n.x).add(n.y).add(n.z);
@@ -51,6 +52,7 @@ std::shared_ptr<const PathTracer> PathTracer::create(const SceneView& view, Acce
   m.wantIndirect = has(settings.cover, PathClass::Indirect);
   m.maxEvents = m.wantIndirect ? settings.maxBounces + 1 : m.wantDirect ? 1 : 0;
   m.prepareCamera();
+  if (settings.camera.cullBackFaces) m.passed = BackFaces(view, *m.accel);
   if (!m.prepareLights(view, stop)) return nullptr;
   m.prepareMedia(view, stop);
   if (stop.stopRequested()) return nullptr;

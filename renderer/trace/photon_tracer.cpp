@@ -25,6 +25,7 @@ struct Walker {
   Vec3 throughput{1.0f};
   Vec3 specularPart{0.0f};                      // share of the first event's specular lobe in it
   int events = 0, free = 0;
+  bool fromCamera = false;                      // nothing but straight on since the camera
   PathMedia media;
   Hit hit;
 
@@ -93,7 +94,7 @@ struct CausticTracer::Impl {
   int maxEvents = 1;
 
   const PathTracer::Impl& path() const { return tracer->impl(); }
-  bool next(Walker& w, uint64_t& rays) const;
+  bool next(Walker& w, uint64_t& rays) const;   ///< Walker::fromCamera: through what the camera passes
   void photon(const Source& source, uint32_t index, uint32_t pass, std::vector<Photon>& out, uint64_t& rays) const;
   void sample(int x, int y, uint64_t seed, uint32_t index, const PhotonMap& map, double* out, uint64_t& rays) const;
   bool scatter(Walker& w, uint64_t key, uint64_t& rays) const;
@@ -136,7 +137,7 @@ bool CausticTracer::Impl::next(Walker& w, uint64_t& rays) const {
   ray.direction = w.direction;
   w.hit = {};
   ++rays;
-  return path().accel->intersect(ray, w.hit);
+  return path().accel->intersect(ray, w.hit, w.fromCamera ? &path().passed : nullptr);
 }
 
 void CausticTracer::Impl::photon(const Source& source, uint32_t index, uint32_t pass, std::vector<Photon>& out, uint64_t& rays) const {
@@ -262,6 +263,7 @@ bool CausticTracer::Impl::scatter(Walker& w, uint64_t key, uint64_t& rays) const
   if (scattered && w.events == 0) w.events = 1;                      // a walk that nothing came before is the first event
   if (!on) return false;
   if (!scattered) return true;
+  w.fromCamera = false;
   if (rh.hit.geomID[0] == RTC_INVALID_GEOMETRY_ID) return false;
   w.origin = Vec3(rh.ray.org_x[0], rh.ray.org_y[0], rh.ray.org_z[0]);
   w.direction = Vec3(rh.ray.dir_x[0], rh.ray.dir_y[0], rh.ray.dir_z[0]);
@@ -283,6 +285,7 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
   Walker w;
   w.start(m.surfaces.interiors(), m.cameraMedia, m.cameraOrigin + m.cameraOriginX * fx + m.cameraOriginY * fy,
           glm::normalize(m.cameraDirection + m.cameraDirectionX * fx + m.cameraDirectionY * fy));
+  w.fromCamera = true;
   while (w.events + 1 <= maxEvents && w.free <= kMostFree) {
     if (!next(w, rays)) return;
     const Interior* inside = w.media.around(0);
@@ -324,6 +327,7 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
       uncounted = uncounted || (!bs.transmitted && !s.front && inside && inside->scatters && w.media.stack[0].top() == volume);
       if (bs.transmitted) w.media.cross(0, volume, s.front);
     }
+    if (!bs.straight) w.fromCamera = false;
     if (uncounted) ++w.free; else ++w.events;
   }
 }

@@ -11,6 +11,7 @@
 #include "terms/light_points.h"
 #include "terms/visibility.h"
 #include "trace/solid_scene.h"
+#include "trace/back_faces.h"
 #include "trace/view_samples.h"
 
 namespace gobo {
@@ -90,10 +91,12 @@ struct Surfaces {
   Vec3 position(size_t e) const { return Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]); }
   Vec3 normal(size_t e) const { return Vec3(Ng[3 * e], Ng[3 * e + 1], Ng[3 * e + 2]); }
 };
+struct Eye { FilmRays film; BackFaces passed; };
+
 /// Elements first .. first + count - 1: what the rays see. Shading normals are left out: a probe can do without them.
-void look(const SolidScene& scene, const Ray* ray, int count, const Surfaces& at, size_t first) {
+void look(const SolidScene& scene, const Eye& eye, const Ray* ray, int count, const Surfaces& at, size_t first) {
   Hit hit[16];
-  scene.accel().intersect16(ray, count, hit);
+  scene.accel().intersect16(ray, count, hit, &eye.passed);
   for (int i = 0; i < count; ++i) {
     const size_t e = first + size_t(i);
     at.instance[e] = hit[i].instance;
@@ -111,6 +114,7 @@ class ShadowProbeNode final : public Node {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::LightShape;
     if (s_.clear) t.facets = t.facets | Facet::Bsdf;
+    if (s_.camera.cullBackFaces) t.facets = t.facets | kBackFaceFacets;
     return t;
   }
   void hashParameters(Hasher& h) const override {
@@ -123,6 +127,7 @@ class ShadowProbeNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_ASSIGN(AccelPtr accel, ctx.accel());
+    const Eye eye{FilmRays(s_.camera, s_.width, s_.height), s_.camera.cullBackFaces ? BackFaces(*ctx.scene, *accel) : BackFaces()};
     const SolidScene scene(*ctx.scene, std::move(accel), s_.clear);
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     // Cells about as wide as high; one pixel of each.
@@ -133,7 +138,6 @@ class ShadowProbeNode final : public Node {
     const Surfaces at{term->addPlane<float>("P", 3), term->addPlane<float>("Ng", 3), term->addPlane<uint32_t>("instance")};
     const auto a = term->addPlane<float>("a"), b = term->addPlane<float>("b"), lit = term->addPlane<float>("lit");
     const auto rmse = term->addPlane<double>("rays"), share = term->addPlane<double>("share");
-    const FilmRays film(s_.camera, s_.width, s_.height);
     Errors errors(tasks, s_.rays.size());
     const bool done = ctx.arena->parallelFor(tasks, 1, [&](size_t from, size_t to) {
       uint64_t rays = 0;
@@ -143,7 +147,7 @@ class ShadowProbeNode final : public Node {
             const int lo = int(int64_t(cell) * size / count), hi = std::max(lo + 1, int(int64_t(cell + 1) * size / count));
             return float(lo + int(hash64(hash64(0x9e0be, c), salt) % uint64_t(hi - lo)));
           };
-          if (judge(scene, light, film, pick(c % size_t(across), across, s_.width, 1), pick(c / size_t(across), down, s_.height, 2), at, c, a, b, lit, errors, task, rays))
+          if (judge(scene, light, eye, pick(c % size_t(across), across, s_.width, 1), pick(c / size_t(across), down, s_.height, 2), at, c, a, b, lit, errors, task, rays))
             errors.count(task);
         }
       if (ctx.counters) ctx.counters->rays += rays;
@@ -156,15 +160,15 @@ class ShadowProbeNode final : public Node {
 
  private:
   /// View samples, truth and ray counts of one pixel. False where the light cannot shine.
-  bool judge(const SolidScene& scene, const LightPoints& light, const FilmRays& film, float px, float py, const Surfaces& at, size_t cell, std::span<float> outA,
+  bool judge(const SolidScene& scene, const LightPoints& light, const Eye& eye, float px, float py, const Surfaces& at, size_t cell, std::span<float> outA,
              std::span<float> outB, std::span<float> outLit, Errors& errors, size_t task, uint64_t& rays) const {
     const size_t S = size_t(s_.viewSamples), first = cell * S;
     Ray view[16];
     for (size_t s = 0; s < S; ++s) {
       const Vec2 offset = viewSamplePosition(int(s), s_.viewSamples);
-      view[s] = film.at(px + offset.x, py + offset.y);
+      view[s] = eye.film.at(px + offset.x, py + offset.y);
     }
-    look(scene, view, int(S), at, first);
+    look(scene, eye, view, int(S), at, first);
     const uint32_t most = light.pointLike() || s_.rays.empty() ? 1 : s_.rays.back();
     double a = 0, b = 0, lit = 0, estimate[kMostRays] = {};
     for (size_t s = 0; s < S; ++s) {
@@ -179,23 +183,23 @@ class ShadowProbeNode final : public Node {
       b += part(scene, light, at.position(e), at.normal(e), hash64(e, 2), rays);
     }
     if (!(lit > 0)) return false;
-    outA[first] = light.pointLike() ? area(scene, light, film, px, py, hash64(cell, 1), rays) : float(a / lit);
-    outB[first] = light.pointLike() ? area(scene, light, film, px, py, hash64(cell, 2), rays) : float(b / lit);
+    outA[first] = light.pointLike() ? area(scene, light, eye, px, py, hash64(cell, 1), rays) : float(a / lit);
+    outB[first] = light.pointLike() ? area(scene, light, eye, px, py, hash64(cell, 2), rays) : float(b / lit);
     for (size_t k = 0; k < s_.rays.size(); ++k) errors.add(task, k, estimate[k] / lit, outA[first], outB[first]);
     return true;
   }
 
   /// Hard visibility over a pixel's area, where the light can shine.
-  float area(const SolidScene& scene, const LightPoints& light, const FilmRays& film, float px, float py, uint64_t seed, uint64_t& rays) const {
+  float area(const SolidScene& scene, const LightPoints& light, const Eye& eye, float px, float py, uint64_t seed, uint64_t& rays) const {
     float P[3 * kTruthSamples], Ng[3 * kTruthSamples];
     uint32_t instance[kTruthSamples];
     const Surfaces at{P, Ng, instance};
     Ray ray[kTruthSamples];
     for (int i = 0; i < kTruthSamples; ++i) {
       const Vec2 u = SobolSampler(hash64(s_.seed, seed), uint32_t(i)).next2D();
-      ray[i] = film.at(px + u.x, py + u.y);
+      ray[i] = eye.film.at(px + u.x, py + u.y);
     }
-    look(scene, ray, kTruthSamples, at, 0);
+    look(scene, eye, ray, kTruthSamples, at, 0);
     double seen = 0, count = 0;
     for (size_t i = 0; i < kTruthSamples; ++i) {
       float v = 1.0f;

@@ -11,14 +11,17 @@
 
 namespace gobo::testing {
 
-struct SequenceResult { int renders = 0, reusedNodes = 0, ranNodes = 0; std::string failure; };
+struct SequenceResult { int renders = 0, reusedNodes = 0, ranNodes = 0, switches = 0; std::string failure; };
 
 class EditSequence {
  public:
-  /// `cache`: folder of a disk tier, or empty. A tiny store forces evictions.
-  EditSequence(uint64_t seed, uint64_t storeBytes, const std::string& cache) : rng_(seed), warm_(makeEngine(storeBytes, cache)) {
+  /// `cache`: folder of a disk tier, or empty. A tiny store forces evictions. `files`: paths of scenes that are gone over to and back
+  /// among the edits; none: a built-in scene.
+  EditSequence(uint64_t seed, uint64_t storeBytes, const std::string& cache, const std::vector<std::string>& files = {})
+      : rng_(seed), warm_(makeEngine(storeBytes, cache)), files_(files) {
     static const char* scenes[] = {"cornell", "lights8", "grids"};
-    scene_ = scenes[rng_() % 3];
+    scene_ = files_.empty() ? scenes[rng_() % 3] : files_[0];
+    for (const std::string& f : files_) EXPECT_TRUE(warm_->openScene(f, f).ok()) << f;
     request_ = smallRequest(scene_, 16, 12, 4);
     static const char* lamp[] = {"RECT", "DISK", "SPHERE", "SPOT", "DIRECTIONAL", "POINT"};
     (void)setPath(request_, std::string("lights.lamp.kind=") + lamp[rng_() % 6]);
@@ -34,15 +37,18 @@ class EditSequence {
     for (int i = 0; i < steps && out.failure.empty(); ++i) {
       const v1::RenderRequest before = request_;
       const std::string edit = i == 0 ? "start" : mutate();
+      out.switches += request_.scene() != before.scene();
       history_ += edit + "; ";
       Result<RenderResult> warm = warm_->render(request_);
       const auto cold = makeEngine(256ull << 20, {}, 1 + int(rng_() % 2));
-      for (const auto& p : patches_) (void)cold->patchScene(p);
+      if (!files_.empty()) EXPECT_TRUE(cold->openScene(scene_, scene_).ok()) << scene_;
+      for (const auto& p : patches_) if (p.scene() == scene_) (void)cold->patchScene(p);
       Result<RenderResult> fresh = warm.ok() ? cold->render(warm->reply.resolved()) : cold->render(request_);
       if (warm.ok() != fresh.ok()) { out.failure = history_ + warm.status().toString() + " vs " + fresh.status().toString(); break; }
       ++out.renders;
       if (!warm.ok()) {          // refused alike (flags of a technique that has none): go on from what was good
         request_ = before;
+        scene_ = before.scene();
         continue;
       }
       out.reusedNodes += int(nodesBy(*warm, v1::NodeReport::REUSED).size());
@@ -89,6 +95,16 @@ class EditSequence {
                                           "beauty,shadow_basis:lamp", "alpha,shadow_flags:lamp"}); },
         [&] { return "camera.yfov_deg=" + pick({"40", "55"}); },
     };
+    if (!files_.empty() && rng_() % 3 == 0) {
+      scene_ = files_[rng_() % files_.size()];
+      request_.set_scene(scene_);
+      return scene_;
+    }
+    if (!files_.empty() && rng_() % 8 == 0) {
+      const std::string edit = "camera.cull_back_faces=" + pick({"true", "false"});
+      (void)setPath(request_, edit);
+      return edit;
+    }
     if (rng_() % 8 == 0) return patchScene();
     const std::string edit = edits[rng_() % edits.size()]();
     (void)setPath(request_, edit.substr(edit.find(' ') + 1));   // what stands before a blank is set already
@@ -138,6 +154,7 @@ class EditSequence {
 
   std::mt19937_64 rng_;
   std::unique_ptr<Engine> warm_;
+  std::vector<std::string> files_;
   std::string scene_, history_;
   v1::RenderRequest request_;
   std::vector<v1::PatchSceneRequest> patches_;

@@ -13,6 +13,8 @@
 #include "plan/planner.h"
 #include "scene/load.h"
 #include "support/engines.h"
+#include "support/tiny_scenes.h"
+#include "terms/surface_reader.h"
 
 namespace gobo::testing {
 namespace {
@@ -140,6 +142,58 @@ TEST(MaterialPlans, WhatTheTracerCannotJoinIsNamed) {
   EXPECT_EQ(missing([](Bsdf& b) { b.transmission = b.thickness = 1; b.roughness = 0; b.attenuationDistance = 1; b.attenuationColor = b.scatterAlbedo = Vec3(0.5f); }), 2u)
       << "on surfaces and inside";
   EXPECT_EQ(missing([](Bsdf& b) { b.metallic = 1; b.roughness = 0; b.unlit = true; }), 0u);
+}
+
+// A texture makes a mirror of what its factor says is rough: where its lowest texel does, and exactly there.
+TEST(MaterialPlans, WhatARoughnessTextureMakesSmoothIsNamed) {
+  const auto scene = [](const std::function<void(Bsdf&)>& change, int texel) {
+    tests::SceneMaker m;
+    auto t = std::make_shared<Texture>();
+    t->name = "roughness";
+    t->width = t->height = 2;
+    t->nearest = true;
+    for (int i = 0; i < 4; ++i) for (int c = 0; c < 4; ++c) t->texels8.push_back(uint8_t(c == 1 && i == 2 ? texel : 255));
+    sealTexture(*t);
+    m.scene.textures.push_back(t);
+    m.instance(m.mesh(tests::ground(1.0f), m.material(Vec3(0.5f), [&](Material& x) { x.bsdf = {}; change(x.bsdf); })));
+    LightShape s;
+    s.position = Vec3(0, 2, 0);
+    m.light(s);
+    m.camera(Vec3(0, 2, 0), Vec3(0.0f));
+    return m.finish();
+  };
+  // The same surface at that texel as the tracer has it.
+  const auto mirror = [](const Scene& s) {
+    const std::vector<int> none;
+    const TaskArena arena(1);
+    const SceneView view(s, kSurfaceFacets, none);
+    const AccelPtr accel = Accel::build(view, arena);
+    SurfaceTable table;
+    table.build(view, *accel);
+    for (int k = 0; k < 16; ++k) {                                    // both triangles and every texel
+      Hit hit;
+      if (!accel->intersect({Vec3(-0.75f + 0.5f * float(k % 4), 1, -0.75f + 0.5f * float(k / 4)), Vec3(0, -1, 0)}, hit)) continue;
+      Surface at;
+      table.interact(hit.instance, hit.primitive, hit.u, hit.v, hit.Ng, Vec3(0, -1, 0), at);
+      if (bsdfIsDelta(at.bsdf)) return true;
+    }
+    return false;
+  };
+  const auto named = [](const Scene& s) { return !classesNotCovered(s, false).empty(); };
+  int smooth = 0;
+  for (const float factor : {1.0f, 0.5f, 0.1f, 0.02f})
+    for (const int texel : {0, 4, 8, 9, 60, 90, 255}) {
+      const ScenePtr metal = scene([&](Bsdf& b) { b.metallic = 1; b.roughness = factor; b.metallicRoughness.texture = 0; }, texel);
+      EXPECT_EQ(named(*metal), mirror(*metal)) << "factor " << factor << ", texel " << texel;
+      EXPECT_EQ(materialKinds(*metal).specular, mirror(*metal)) << "factor " << factor << ", texel " << texel;
+      const ScenePtr coat = scene([&](Bsdf& b) { b.roughness = 1; b.clearcoat = 1; b.clearcoatRoughness = factor; b.clearcoatRoughnessTexture.texture = 0; }, texel);
+      EXPECT_EQ(named(*coat), mirror(*metal)) << "coat, factor " << factor << ", texel " << texel;
+      const ScenePtr pane = scene([&](Bsdf& b) { b.transmission = 1; b.roughness = factor; b.metallicRoughness.texture = 0; }, texel);
+      EXPECT_EQ(materialKinds(*pane).pane, mirror(*pane)) << "pane, factor " << factor << ", texel " << texel;
+      smooth += mirror(*metal);
+    }
+  EXPECT_GT(smooth, 8);
+  EXPECT_LT(smooth, 24);
 }
 
 }  // namespace

@@ -71,6 +71,7 @@ const std::map<std::string, Row>& rows() {
       {"camera.up", {{"camera.up=0.1,1,0"}, everything}},
       {"camera.yfov_deg", {{"camera.yfov_deg=33"}, everything}},
       {"camera.orthographic_height", {{"camera.orthographic_height=2"}, everything}},
+      {"camera.cull_back_faces", {{"camera.cull_back_faces=true"}, everything}},
       {"width", {{"width=22"}, everything}},
       {"height", {{"height=18"}, everything}},
       {"outputs", {{"outputs=beauty,alpha"}, {"alpha"}}},

@@ -39,27 +39,29 @@ MeshPtr square(const char* name, int material, const Vec3& at, const Vec3& u, co
 
 const char* kindOf(LightKind k) { return k == LightKind::Spot ? "spot" : k == LightKind::Rect ? "rect" : k == LightKind::Sphere ? "sphere" : "directional"; }
 
-/// A floor under a masked card and a blended sheet, a lamp with a texture, a box of every lobe; for each technique a light that it
+/// A floor under a masked card and a blended sheet, a lamp with a texture, a box of every lobe, a screen from behind; for each technique a light that it
 /// supports, and one light of every kind that is path traced.
 ScenePtr stage() {
   auto s = std::make_shared<Scene>();
   s->name = "stage";
   s->textures = {pattern("dots", 1), pattern("lines", 2)};
-  s->materials.resize(5);
-  const char* names[] = {"floor", "card", "sheet", "glow", "rich"};
-  for (int i = 0; i < 5; ++i) s->materials[size_t(i)].name = names[i];
+  s->materials.resize(6);
+  const char* names[] = {"floor", "card", "sheet", "glow", "rich", "screen"};
+  for (int i = 0; i < 6; ++i) s->materials[size_t(i)].name = names[i];
   s->materials[0].albedo.texture.texture = 1;
   s->materials[1].coverage = {AlphaMode::Mask, 0.4f, 0.9f, {.texture = 0}, true};
   s->materials[2].coverage = {AlphaMode::Blend, 0.5f, 0.6f, {.texture = 1}, true};
   s->materials[3].emission = {Vec3(2.0f), {.texture = 1}};
+  s->materials[5].coverage.doubleSided = false;
   Bsdf& b = s->materials[4].bsdf;
   b.roughness = 0.4f; b.metallic = 0.3f; b.transmission = 0.3f; b.clearcoat = 0.5f; b.sheenColor = Vec3(0.3f); b.iridescence = 0.4f; b.anisotropy = 0.5f;
   b.diffuseTransmission = 0.2f;
   b.normal.texture = 0;
   s->meshes = {square("floor", 0, Vec3(0), Vec3(2, 0, 0), Vec3(0, 0, -2)), square("card", 1, Vec3(-0.4f, 0.8f, 0), Vec3(0.6f, 0, 0), Vec3(0, 0.1f, -0.6f)),
                square("sheet", 2, Vec3(0.6f, 0.6f, 0.2f), Vec3(0.5f, 0, 0), Vec3(0, 0, -0.5f)), square("lamp", 3, Vec3(-1.2f, 1.2f, -0.8f), Vec3(0.3f, 0, 0), Vec3(0, 0, 0.3f)),
-               square("panel", 4, Vec3(0.8f, 0.5f, -1), Vec3(0.6f, 0, 0), Vec3(0, 0.5f, 0.2f))};
-  for (int i = 0; i < 5; ++i) s->instances.push_back({s->meshes[size_t(i)]->name, i, Mat4(1.0f)});
+               square("panel", 4, Vec3(0.8f, 0.5f, -1), Vec3(0.6f, 0, 0), Vec3(0, 0.5f, 0.2f)),
+               square("screen", 5, Vec3(-0.3f, 0.4f, 0.8f), Vec3(0, 0.3f, 0.1f), Vec3(0.4f, 0, 0))};
+  for (int i = 0; i < 6; ++i) s->instances.push_back({s->meshes[size_t(i)]->name, i, Mat4(1.0f)});
   s->environment = skyEnvironment({}, 16);
   const auto place = [&](const std::string& name, LightKind kind, int n) {
     Light l;
@@ -81,6 +83,7 @@ ScenePtr stage() {
   c.name = "eye";
   c.toWorld = Mat4(Vec4(1, 0, 0, 0), Vec4(0, 0.8f, -0.6f, 0), Vec4(0, 0.6f, 0.8f, 0), Vec4(0, 2.4f, 3.4f, 1));
   c.yfov = 0.9f;
+  c.cullBackFaces = true;                                             // of the screen, whose back it sees
   s->cameras = {c};
   const Status sealed = s->seal();
   EXPECT_TRUE(sealed.ok()) << sealed.toString();

@@ -221,6 +221,15 @@ TEST(Blob, ForeignArraysAreNotBelieved) {
   const auto refused = blobOf(s).scene(BlobTrust::Foreign);   // seal() does not look at normals: the blob check must
   ASSERT_FALSE(refused.ok());
   EXPECT_NE(refused.status().message().find("not finite"), std::string::npos) << refused.status().toString();
+  // What a texture says of its own texels: a mirror that calls itself rough would be named nowhere.
+  Scene lying = smallScene();
+  auto texture = std::make_shared<Texture>(*lying.textures[0]);
+  texture->lowest.y += 0.25f;
+  lying.textures[0] = texture;
+  ASSERT_TRUE(lying.seal().ok());
+  const auto caughtLying = blobOf(lying).scene(BlobTrust::Foreign);
+  ASSERT_FALSE(caughtLying.ok());
+  EXPECT_NE(caughtLying.status().message().find("lowest"), std::string::npos) << caughtLying.status().toString();
 }
 
 TEST(Blob, KeyVersionAndFormatAreChecked) {

@@ -40,6 +40,25 @@ TEST(Mipmap, LayoutChangesNoBitOfALookup) {
         }
 }
 
+// Texture::lowest: no look-up of any level is below it, some texel reaches it, and padding of tiles does not count.
+TEST(Mipmap, LowestIsTheLeastOfWhatIsLookedUp) {
+  for (const auto& [w, h] : {std::pair{1, 1}, {2, 5}, {7, 3}, {16, 16}, {33, 64}})
+    for (const bool floats : {false, true})
+      for (const int tile : {0, 2, 3}) {
+        Texture t = mipmapped(noise(w, h, floats, !floats, uint32_t(w + tile)), false, 0, tile);
+        Vec4 least(1e9f), point(1e9f);
+        for (int level = 0; level < t.levels; ++level)
+          for (int i = 0; i < 400; ++i) least = glm::min(least, t.sampleLevel(Vec2(2.0f * toUnit(hash32(5, i)) - 1.0f, toUnit(hash32(6, i))), level));
+        t.nearest = true;
+        for (int level = 0; level < t.levels; ++level) {
+          const int a = std::max(1, w >> level), b = std::max(1, h >> level);
+          for (int i = 0; i < a * b; ++i) point = glm::min(point, t.sampleLevel(Vec2((float(i % a) + 0.5f) / float(a), (float(i / a) + 0.5f) / float(b)), level));
+        }
+        EXPECT_EQ(t.lowest, point) << w << "x" << h << " tile " << tile << " floats " << floats;
+        for (int c = 0; c < 4; ++c) EXPECT_GE(least[c], t.lowest[c] * (1.0f - 1e-6f)) << w << "x" << h << " tile " << tile;
+      }
+}
+
 /// Mean over a level by point look-ups of its texel centres.
 Vec4 meanOf(const Texture& t, int level) {
   Texture p = t;
