@@ -5,7 +5,8 @@
 // A directional light of some angular size reaches the diffuse lobe from its centre and the others from all of its rectangle: a gloss that is
 // narrower than the light would show one blinding point of it (specular lobes by light and BSDF samples).
 // Inputs: G-buffer, surface. The diffuse lobe has a closed form for point, spot, directional, rectangle (polygon form
-// factor, Lambert 1760) and unclipped sphere lights; everything else is the mean over `samples` Owen-scrambled points.
+// factor, Lambert 1760) and unclipped sphere lights; everything else is the mean over `samples` Owen-scrambled points
+// (16 times as many where a rectangle at infinity lies in the highlight of a narrow lobe).
 #pragma once
 
 #include "terms/gbuffer.h"
