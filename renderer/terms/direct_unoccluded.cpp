@@ -41,7 +41,7 @@ class DirectUnoccludedNode final : public Node {
  public:
   explicit DirectUnoccludedNode(const DirectUnoccludedSettings& s) : s_(s) {}
   std::string type() const override { return "direct_unoccluded"; }
-  int version() const override { return 5; }                          // 2: every lobe; 3: bilinear environments; 4: specular light below the surface is mirrored back; 5: highlights of squares
+  int version() const override { return 6; }                          // 2: every lobe; 3: bilinear environments; 4: specular light below the surface is mirrored back; 5: highlights of squares; 6: facing triangles
   NodeTraits traits() const override {
     NodeTraits t;
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).

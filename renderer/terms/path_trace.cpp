@@ -17,8 +17,9 @@ class PathTraceNode final : public Node {
   PathTraceNode(const PathTracerSettings& settings, int streams) : settings_(settings), streams_(streams) {}
   std::string type() const override { return "path_trace"; }
   // 2: blocks continue one sequence; 3: volumes, every lobe; 4: light straight on; 5: bilinear environments; 6: tilted normals lose no specular light;
-  // 7: every light in volumes, gentler roulette; 8: large finite values count; 9: hidden lights shine through delta events
-  int version() const override { return 9; }
+  // 7: every light in volumes, gentler roulette; 8: large finite values count; 9: hidden lights shine through delta events;
+  // 10: of a lamp of few triangles those that face the receiver
+  int version() const override { return 10; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;

@@ -78,11 +78,11 @@ inline uint32_t flatSurface(LaneSurface& s, int at, uint32_t bits, const float* 
 
 inline void moveOrigins(LaneSurface& s, int at) { store(s.origin, at, leave(load(s.p, at), load(s.facing, at), load(s.reach, at))); }
 
-struct LightLanes { Lane3 p, e1, e2, n; };    // the triangle that each lane picked
+struct LightLanes { Lane3 p, e1, e2, n; float area[kLanes]; };    // the triangle that each lane picked, and the area that it picked from
 
 /// Next-event estimation towards a plain mesh light: shadow rays from s.origin, values to add where they are free. Returns
 /// the lanes that have one.
-inline uint32_t sampleLight(const LaneSurface& s, const Lane3& throughput, const LightLanes& light, float area, bool doubleSided, const Vec3& nominal,
+inline uint32_t sampleLight(const LaneSurface& s, const Lane3& throughput, const LightLanes& light, bool doubleSided, const Vec3& nominal,
                            int at, uint32_t bits, const float* ux, const float* uy, float* dirX, float* dirY, float* dirZ, float* tfar, Lane3& value) {
   // Square to triangle (Heitz 2019), as MeshLight does.
   const F x = load(ux + at), y = load(uy + at), half = set(0.5f);
@@ -97,7 +97,7 @@ inline uint32_t sampleLight(const LaneSurface& s, const Lane3& throughput, const
   const F cosine = dot(w, n), side = dot(w, facing), zero = set(0.0f);
   const F ok = both(both(both(less(zero, cosine), less(zero, side)), both(less(set(1e-9f), cosLight), less(set(1e-30f), d2))), maskOf(bits));
   // weight / pdf of the light with the power heuristic against cosine / pi: l = d^2 / (cosLight area), b = cosine / pi.
-  const F inverseL = cosLight * set(area) / d2, f = cosine * set(kInvPi), ratio = f * inverseL;
+  const F inverseL = cosLight * load(light.area + at) / d2, f = cosine * set(kInvPi), ratio = f * inverseL;
   const F scale = inverseL * f / (set(1.0f) + ratio * ratio);
   const F3 c = load(throughput, at) * load(s.albedo, at) * scale;
   const F3 v = {c.x * set(nominal.x), c.y * set(nominal.y), c.z * set(nominal.z)};

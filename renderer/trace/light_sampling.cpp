@@ -134,7 +134,7 @@ float LightSampler::pdf(int i, const Vec3& p, const Vec3& direction, float t, ui
     case LightKind::Rect: return rectPdf(s, p, direction, t);
     case LightKind::Disk: return diskPdf(s, p, direction, t);
     case LightKind::Sphere: return spherePdf(s, p);
-    case LightKind::Mesh: return impl_->meshes[impl_->mesh[r]].pdf(direction, t, primitive);
+    case LightKind::Mesh: return impl_->meshes[impl_->mesh[r]].pdf(p, direction, t, primitive);
     case LightKind::Environment: return impl_->distribution->pdf(direction);
     default: return 0.0f;
   }

@@ -87,6 +87,8 @@ MeshLight::MeshLight(const SceneView& view, uint32_t instance, const StopToken& 
   for (size_t k = 0; k < count; ++k) total += weights[k] = areas[k] * (emission_ ? (1.0 - kMeanShare) * mean[k] + share : 1.0);
   for (size_t k = 0; k < count; ++k) triangles_[k].areaDensity = areas[k] > 0 ? float(weights[k] / (total * areas[k])) : 0.0f;
   table_ = AliasTable(weights);
+  if (coverage_.doubleSided || count > FacingTriangles::kMost) return;
+  for (size_t k = 0; k < count; ++k) facing_.add(triangles_[k].p, triangles_[k].n, areas[k] > 0 ? weights[k] / total : 0.0);
 }
 
 Vec2 MeshLight::uv(const TextureRef& ref, uint32_t primitive, float u, float v) const {
@@ -109,7 +111,9 @@ float MeshLight::coverage(uint32_t primitive, float u, float v) const {
 bool MeshLight::sample(const Vec3& p, const Vec2& u, AreaSample& out, Vec3& radiance) const {
   if (table_.empty()) return false;
   float x = u.x;
-  const uint32_t primitive = table_.sample(x);
+  const double mass = facing_.empty() ? 1.0 : facing_.mass(DVec3(p));
+  if (!(mass > 0)) return false;
+  const uint32_t primitive = facing_.empty() ? table_.sample(x) : facing_.pick(DVec3(p), mass, x);
   // What is left of u.x has lost log2(triangles) of its 24 bits: a hash of the pair fills the places that became empty.
   const float quantum = float(double(table_.size()) * 0x1p-24);
   x += quantum * toUnit(hash32(std::bit_cast<uint32_t>(u.x), std::bit_cast<uint32_t>(u.y)));
@@ -123,18 +127,20 @@ bool MeshLight::sample(const Vec3& p, const Vec2& u, AreaSample& out, Vec3& radi
   if (coverage_.doubleSided ? std::fabs(side) < kEdgeOn : side > -kEdgeOn) return false;
   out.direction = Vec3(d / length);
   out.distance = float(length);
-  out.pdf = float(std::min(tri.areaDensity * d2 / std::fabs(side), 1e37));
+  out.pdf = float(std::min(tri.areaDensity / mass * d2 / std::fabs(side), 1e37));
   if (!(out.pdf > 0.0f && out.distance > 0.0f)) return false;
   radiance = texel(primitive, b.x, b.y) * coverage(primitive, b.x, b.y);
   return maxComponent(radiance) > 0.0f;
 }
 
-float MeshLight::pdf(const Vec3& direction, float t, uint32_t primitive) const {
+float MeshLight::pdf(const Vec3& p, const Vec3& direction, float t, uint32_t primitive) const {
   GOBO_CHECK_LT(size_t(primitive), triangles_.size());
   const Triangle& tri = triangles_[primitive];
   const double side = glm::dot(DVec3(direction), DVec3(tri.n));
   if (coverage_.doubleSided ? std::fabs(side) < kEdgeOn : side > -kEdgeOn) return 0.0f;
-  return float(std::min(tri.areaDensity * double(t) * t / std::fabs(side), 1e37));
+  if (!facing_.empty() && !facing_.faces(primitive, DVec3(p))) return 0.0f;
+  const double mass = facing_.empty() ? 1.0 : facing_.mass(DVec3(p));
+  return float(std::min(tri.areaDensity / mass * double(t) * t / std::fabs(side), 1e37));
 }
 
 Vec3 MeshLight::emitted(const Vec3& direction, uint32_t primitive, float u, float v) const {

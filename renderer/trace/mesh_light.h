@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Emissive triangles of one instance: an alias table over area x mean emission, uniform inside the triangle. Memory: 64 bytes a
-// triangle. Densities are turned from area to solid angle at the receiver; weights grow without bound towards the surface
+// Emissive triangles of one instance: an alias table over area x mean emission, uniform inside the triangle; of a few one-sided ones
+// only those that face the receiver. Memory: 64 bytes a triangle. Densities are turned from area to solid angle at the receiver; weights grow without bound towards the surface
 // (d^2 in the density), which BSDF sampling covers under MIS. Immutable; any thread may sample.
 #pragma once
 
@@ -11,6 +11,7 @@
 #include "scene/scene.h"
 #include "trace/alias_table.h"
 #include "trace/area_lights.h"
+#include "trace/facing_triangles.h"
 
 namespace gobo {
 
@@ -20,7 +21,7 @@ class MeshLight {
   MeshLight(const SceneView& view, uint32_t instance, const StopToken& stop = {});
   /// Radiance is the emission texture (white without one) x alpha coverage at the point: what a ray sees there on average.
   bool sample(const Vec3& p, const Vec2& u, AreaSample& out, Vec3& radiance) const;
-  float pdf(const Vec3& direction, float t, uint32_t primitive) const;
+  float pdf(const Vec3& p, const Vec3& direction, float t, uint32_t primitive) const;
   /// Emission texture at a point of a triangle, 0 behind a one-sided one. Coverage is not applied: the ray that hit has passed it.
   Vec3 emitted(const Vec3& direction, uint32_t primitive, float u, float v) const;
   double area() const { return area_; }
@@ -42,6 +43,7 @@ class MeshLight {
   Coverage coverage_;
   std::vector<Triangle> triangles_;
   AliasTable table_;
+  FacingTriangles facing_;              // empty: by the table alone
   double area_ = 0;
 };
 

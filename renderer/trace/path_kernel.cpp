@@ -435,14 +435,14 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       if (hasPlainLight) {
         for (uint32_t left = asking; left; left &= left - 1) {
           const int i = __builtin_ctz(left);
-          const PlainMeshLight::Triangle& t = plainLight.pick(drawsChoice ? choice[i] : 0.0f);
+          const PlainMeshLight::Triangle& t = plainLight.pick(drawsChoice ? choice[i] : 0.0f, ls.p.get(i), lamp.area[i]);
           lamp.p.set(i, t.p); lamp.e1.set(i, t.e1); lamp.e2.set(i, t.e2); lamp.n.set(i, t.n);
         }
         const LightInfo& l = lights[plainLightIndex];
         uint32_t free = 0;
         for (int h = 0; h < kLanes; h += 8)
           if (asking >> h & 255u)
-            free |= lanes::sampleLight(ls, paths.throughput, lamp, plainLight.area, plainLight.doubleSided, l.nominal, h, asking >> h & 255u, ux, uy,
+            free |= lanes::sampleLight(ls, paths.throughput, lamp, plainLight.doubleSided, l.nominal, h, asking >> h & 255u, ux, uy,
                                       shadowX, shadowY, shadowZ, shadowReach, litPlain) << h;
         for (uint32_t left = free; left; left &= left - 1) {
           const int i = __builtin_ctz(left);

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // PlainMeshLight: the commonest lamp, an untextured opaque mesh that is the only light. Next-event estimation for it runs on 8
-// lanes at once; its density is MeshLight's (uniform over the area), so that both give the same MIS weights.
+// lanes at once; its density is MeshLight's (uniform over the area, or over what of it faces the receiver), so that both give the same MIS
+// weights.
 #pragma once
 
 #include <vector>
 
 #include "scene/scene.h"
+#include "trace/facing_triangles.h"
 
 namespace gobo {
 
@@ -14,12 +16,20 @@ struct PlainMeshLight {
   std::vector<Triangle> triangles;         ///< world space; n: unit outside normal
   struct Entry { float keep = 1.0f; uint32_t alias = 0; };
   std::vector<Entry> table;                ///< alias table over areas
+  FacingTriangles facing;                  ///< weights: areas; empty: the table alone decides
   float area = 0.0f;
   bool doubleSided = false;
 
   /// False if the light's instance is textured, has coverage, or has no area.
   bool build(const SceneView& view, const LightShape& shape);
-  const Triangle& pick(float u) const {
+  /// `visible`: the area that the choice was made from, 0 where the receiver p sees no front.
+  const Triangle& pick(float u, const Vec3& p, float& visible) const {
+    if (!facing.empty()) {
+      const double mass = facing.mass(DVec3(p));
+      visible = float(mass);
+      return triangles[mass > 0 ? facing.pick(DVec3(p), mass, u) : 0];
+    }
+    visible = area;
     const float scaled = u * float(table.size());
     const size_t slot = size_t(scaled) < table.size() ? size_t(scaled) : table.size() - 1;
     return triangles[scaled - float(slot) < table[slot].keep ? slot : table[slot].alias];

@@ -107,6 +107,7 @@ TEST(FacetHash, EachFieldChangesExactlyItsFacets) {
     {"normal map", [](Scene& s) { s.materials[0].bsdf.normal.texture = 1; }, {"bsdf"}, {"bsdf"}},
     {"normal scale", [](Scene& s) { s.materials[0].bsdf.normalScale = 2.0f; }, {"bsdf"}, {"bsdf"}},
     {"emission strength", [](Scene& s) { s.materials[1].emission.radiance = Vec3(5.0f); }, none, none},
+    {"wall emits", [](Scene& s) { s.materials[0].emission.radiance = Vec3(5.0f); }, {"emission"}, {"emission"}},
     {"emission texture", [](Scene& s) { s.materials[1].emission.texture.texture = 1; }, {"emission", "light-shape"}, {"emission"}},
     {"emission texture offset", [](Scene& s) { s.materials[1].emission.texture.offset.x = 0.5f; }, {"emission", "light-shape"}, {"emission"}},
     {"texture content", [](Scene& s) { s.textures[0] = texture(99); }, {"emission", "light-shape"}, {"emission"}},

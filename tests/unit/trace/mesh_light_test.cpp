@@ -104,6 +104,51 @@ TEST(MeshLight, EqualsTheAnalyticRectangle) {
   EXPECT_FALSE(s.sampler->sample(0, Vec3(0, 3, 0), Vec2(0.4f), out));  // behind a one-sided light
 }
 
+/// The 12 triangles of a box, fronts outwards.
+std::vector<Vec3> box(const Vec3& half) {
+  std::vector<Vec3> corners;
+  for (int axis = 0; axis < 3; ++axis)
+    for (float sign : {-1.0f, 1.0f}) {
+      Vec3 n(0.0f), u(0.0f), v(0.0f);
+      n[axis] = sign * half[axis];
+      u[(axis + 1) % 3] = half[(axis + 1) % 3];
+      v[(axis + 2) % 3] = sign * half[(axis + 2) % 3];
+      for (const Vec2& c : {Vec2(-1, -1), Vec2(1, -1), Vec2(1, 1), Vec2(-1, -1), Vec2(1, 1), Vec2(-1, 1)}) corners.push_back(n + u * c.x + v * c.y);
+    }
+  return corners;
+}
+
+/// Most of a thin closed lamp never faces a receiver: nothing is spent there, and the density says so (its integral is the chi-squared
+/// test's, which has the mean of the samples too).
+TEST(MeshLight, NothingIsSpentOnTrianglesThatFaceAway) {
+  const std::vector<Vec3> corners = box(Vec3(0.5f, 0.01f, 0.5f));
+  LitScene s;
+  addEmissiveMesh(*s.scene, corners, glm::translate(Mat4(1.0f), Vec3(0, 2, 0)), false);
+  s.build();
+  uint64_t seed = 80;
+  for (const Vec3& p : {Vec3(0), Vec3(0, 2.3f, 0), Vec3(3, 2, 0), Vec3(-2, 0.5f, 1)}) {
+    Rng rng(seed++);
+    int refused = 0;
+    for (int k = 0; k < 4000; ++k) {
+      LightSample out;
+      refused += !s.sampler->sample(0, p, rng.next2(), out);
+    }
+    EXPECT_LE(refused, 4) << p.x << " " << p.y;                        // edge-on within rounding
+    const auto r = chi2Test({glm::normalize(Vec3(0, 2, 0) - p + Vec3(1e-3f, 0, 0)), -1.0, 10, 16}, 40000, seed++,
+                            [&](Rng& g, Vec3& w) {
+                              LightSample out;
+                              if (!s.sampler->sample(0, p, g.next2(), out)) return false;
+                              w = out.direction;
+                              return true;
+                            },
+                            [&](const Vec3& w) { return meshPdf(s, p, w); }, 6);
+    EXPECT_GT(r.p, sidak(4)) << p.x << " " << p.y << " chi2 " << r.statistic << "/" << r.degrees << " integral " << r.integral;
+  }
+  // Within the box no front is seen.
+  LightSample out;
+  EXPECT_FALSE(s.sampler->sample(0, Vec3(0, 2, 0), Vec2(0.3f, 0.6f), out));
+}
+
 /// The unit square's stripes: half at 1, half at 0.05; far away irradiance is radiance x area / d^2.
 TEST(MeshLight, TextureIsSampledInProportionAndStrengthIsNotApplied) {
   for (bool oneTexel : {false, true}) {

@@ -148,6 +148,36 @@ TEST(PathTracer, EmissiveMeshLightsTheFloorLikeTheRectangle) {
   expectNear(measure(t, 32)[0], DVec3(3.0 * double(0.6f) * form), 1e-4);
 }
 
+/// A closed thin lamp: only its lower side lights what is below, by the kernel's lanes (opaque) and by the sampler of any lamp (masked).
+TEST(PathTracer, OfAClosedLampTheFacingSideLightsTheFloor) {
+  for (const bool masked : {false, true}) {
+    SceneMaker m;
+    m.instance(m.mesh(ground(50.0f), m.material(Vec3(0.6f))));
+    Mesh lamp = quad(Vec3(-0.5f, 1, -0.9f), Vec3(1, 0, 0), Vec3(0, 0, 1.8f));
+    const auto join = [&](const Mesh& other) {
+      std::vector<Vec3> positions(lamp.positions.begin(), lamp.positions.end());
+      std::vector<uint32_t> indices(lamp.indices.begin(), lamp.indices.end());
+      for (const uint32_t i : other.indices) indices.push_back(i + uint32_t(positions.size()));
+      positions.insert(positions.end(), other.positions.begin(), other.positions.end());
+      lamp.positions = std::move(positions);
+      lamp.indices = std::move(indices);
+      lamp.normals = {};
+    };
+    join(quad(Vec3(-0.5f, 1.01f, -0.9f), Vec3(0, 0, 1.8f), Vec3(1, 0, 0)));
+    join(quad(Vec3(-0.5f, 1, -0.9f), Vec3(0, 0, 1.8f), Vec3(0, 0.01f, 0)));
+    join(quad(Vec3(0.5f, 1, -0.9f), Vec3(0, 0.01f, 0), Vec3(0, 0, 1.8f)));
+    m.instance(m.mesh(lamp, m.material(Vec3(0.0f), [&](Material& x) {
+      x.emission.radiance = Vec3(3.0f);
+      if (masked) x.coverage.mode = AlphaMode::Mask;
+    })));
+    m.camera(Vec3(3, 0.5f, 0.1f), Vec3(0.0f), 1e-5f);
+    const double a = 0.5, b = 0.9, c = 1.0, ra = std::hypot(a, c), rb = std::hypot(b, c);
+    const double form = 4 * (a / ra * std::atan(b / ra) + b / rb * std::atan(a / rb)) / (2 * M_PI);
+    Traced t(m.finish());
+    expectNear(measure(t, 32)[0], DVec3(3.0 * double(0.6f) * form), 1e-4);
+  }
+}
+
 TEST(PathTracer, WhiteSurfacesUnderAWhiteSkyAreWhite) {
   for (const bool ball : {false, true}) {
     SceneMaker m;
