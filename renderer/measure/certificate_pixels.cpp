@@ -31,8 +31,13 @@ struct Draws {
 std::vector<float> forecastError(std::span<const float> rgb, int width, int height, const StopToken& stop) {
   GOBO_CHECK(rgb.size() == size_t(width) * height * 3);
   const size_t all = size_t(width) * height;
-  std::vector<float> grey(all), outlier(all), forecast(all);
-  for (size_t i = 0; i < all; ++i) grey[i] = (rgb[3 * i] + rgb[3 * i + 1] + rgb[3 * i + 2]) / 3.0f;
+  // Grown row by row, not cleared at once: first touches of tens of MB take longer than what is computed.
+  std::vector<float> grey, outlier, rows, forecast;
+  for (std::vector<float>* v : {&grey, &outlier, &rows, &forecast}) v->reserve(all);
+  for (size_t i = 0; i < all; ++i) {
+    if (i % kPoll == 0 && stop.stopRequested()) return {};
+    grey.push_back((rgb[3 * i] + rgb[3 * i + 1] + rgb[3 * i + 2]) / 3.0f);
+  }
   const auto at = [&](int x, int y) { return size_t(std::clamp(y, 0, height - 1)) * width + std::clamp(x, 0, width - 1); };
   for (int y = 0; y < height && !stop.stopRequested(); ++y)
     for (int x = 0; x < width; ++x) {
@@ -46,20 +51,19 @@ std::vector<float> forecastError(std::span<const float> rgb, int width, int heig
           }
       std::nth_element(around.begin(), around.begin() + kNeighbours / 2, around.end());
       const float d = grey[at(x, y)] - around[kNeighbours / 2], square = d * d;
-      outlier[at(x, y)] = std::isfinite(square) ? square : 0.0f;
+      outlier.push_back(std::isfinite(square) ? square : 0.0f);
     }
-  std::vector<float> rows(all);
   for (int y = 0; y < height && !stop.stopRequested(); ++y)
     for (int x = 0; x < width; ++x) {
       float sum = 0;
       for (int u = -kReach; u <= kReach; ++u) sum += outlier[at(x + u, y)] / (2 * kReach + 1);
-      rows[at(x, y)] = sum;
+      rows.push_back(sum);
     }
   for (int y = 0; y < height && !stop.stopRequested(); ++y)
     for (int x = 0; x < width; ++x) {
       float sum = 0;
       for (int v = -kReach; v <= kReach; ++v) sum += rows[at(x, y + v)] / (2 * kReach + 1);
-      forecast[at(x, y)] = 0.5f * outlier[at(x, y)] + 0.5f * sum;
+      forecast.push_back(0.5f * outlier[at(x, y)] + 0.5f * sum);
     }
   return forecast;
 }

@@ -14,14 +14,18 @@ namespace gobo {
 CertificateDraw drawCertificate(const Image& beauty, const v1::CertificateSettings& settings, const StopToken& stop) {
   const double all = double(beauty.width) * beauty.height;
   const double wanted = std::min(all, std::max(std::round(settings.pixel_fraction() * all), double(std::max(settings.min_pixels(), 1u))));
-  std::vector<float> rgb(size_t(beauty.width) * beauty.height * 3);
+  CertificateDraw draw;
+  std::vector<float> rgb;
+  rgb.reserve(size_t(beauty.width) * beauty.height * 3);
   for (int y = 0; y < beauty.height && !stop.stopRequested(); ++y)
     for (int x = 0; x < beauty.width; ++x) {
       const Vec3 p = beauty.rgb(x, y);
-      for (int c = 0; c < 3; ++c) rgb[(size_t(y) * beauty.width + x) * 3 + c] = p[c];
+      for (int c = 0; c < 3; ++c) rgb.push_back(p[c]);
     }
-  const std::vector<float> chances = drawingChances(forecastError(rgb, beauty.width, beauty.height, stop), wanted, stop);
-  CertificateDraw draw;
+  if (stop.stopRequested()) return draw;
+  const std::vector<float> forecast = forecastError(rgb, beauty.width, beauty.height, stop);
+  if (stop.stopRequested()) return draw;
+  const std::vector<float> chances = drawingChances(forecast, wanted, stop);
   draw.pixels = drawPixels(beauty.width, beauty.height, chances, settings.seed(), stop);
   for (uint32_t p : draw.pixels) draw.chances.push_back(double(chances[p]));
   return draw;

@@ -5,6 +5,7 @@
 
 #include "filters/shadow_technique.h"
 #include "plan/certify_picture.h"
+#include "plan/checkpoints.h"
 #include "plan/reference.h"
 #include "support/engines.h"
 #include "support/stopping.h"
@@ -126,6 +127,35 @@ TEST(Stops, ACertificatePollsBeforeItTraces) {
   const int polls = tests::pollsOf([&](const StopToken& s) { EXPECT_TRUE(make(s).ok()); });
   EXPECT_GE(polls, 10 + 2 * 64);                                     // the hierarchy; the map's distribution and flux
   for (const int k : {1, polls / 2, polls}) EXPECT_EQ(make(tests::stopAt(k)).code(), Code::Cancelled) << k << " of " << polls;
+}
+
+/// Preempts the render that asks for a checkpoint, and has none.
+struct Preempting final : RenderCheckpoints {
+  explicit Preempting(StopSource& s) : source(s) {}
+  TermPtr load(const Hash128&, uint32_t) override { source.stop(StopReason::Preempted); return nullptr; }
+  void save(const Hash128&, uint32_t, TermPtr state) override { saved = std::move(state); }
+  StopSource& source;
+  TermPtr saved;
+};
+
+TEST(Stops, AStateTakenUpAgainIsKeptWhenItsNodeIsPreemptedBeforeItBegins) {
+  const auto engine = makeEngine(256ull << 20, {}, 1);
+  const v1::RenderRequest request = smallRequest("cornell", 160, 96, 16);
+  StopSource first;
+  RenderControl control;
+  control.stop = first.token();
+  control.progress = [&](const v1::Progress&) { first.stop(StopReason::Preempted); };   // path tracing reports, in its midst
+  ASSERT_EQ(engine->render(request, control).status().code(), Code::Aborted);
+  StopSource second;
+  Preempting checkpoints(second);
+  RenderControl again;
+  again.stop = second.token();
+  again.checkpoints = &checkpoints;
+  ASSERT_EQ(engine->render(request, again).status().code(), Code::Aborted);
+  ASSERT_NE(checkpoints.saved, nullptr);
+  uint64_t samples = 0;
+  for (const uint32_t s : checkpoints.saved->plane<uint32_t>("samples")) samples += s;
+  EXPECT_GT(samples, 0u);
 }
 
 TEST(Stops, AdmissionsPlanStopsInItsExpanders) {

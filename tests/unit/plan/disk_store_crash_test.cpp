@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <cstring>
+#include <utility>
 
 #include "plan/disk_store.h"
 #include "unit/plan/term_maker.h"
@@ -38,8 +39,9 @@ template <typename F> pid_t spawn(F work) {
   return child;
 }
 
-/// Reads, writes and evicts `rounds` times (0: for ever); exit code 1: a wrong term, 2: an error, 3: over the bound.
-void churn(const std::string& folder, uint64_t maxBytes, uint64_t seed, int rounds) {
+/// Reads, writes and evicts `rounds` times (0: for ever); exit code 1: a wrong term, 2: an error, 3: over the bound. `begun`: is told of
+/// the first change, if it is not -1.
+void churn(const std::string& folder, uint64_t maxBytes, uint64_t seed, int rounds, int begun = -1) {
   auto store = DiskStore::open(folder, maxBytes);
   if (!store.ok()) ::_exit(2);
   for (int n = 0; rounds == 0 || n < rounds; ++n) {
@@ -49,6 +51,9 @@ void churn(const std::string& folder, uint64_t maxBytes, uint64_t seed, int roun
       if (term && term->content() != makeTerm(i, sizeOf(i))->content()) ::_exit(1);
     } else if (!(*store)->put(key(i), *makeTerm(i, sizeOf(i))).ok()) {
       ::_exit(2);
+    } else if (begun >= 0) {
+      (void)!::write(begun, "b", 1);
+      ::close(std::exchange(begun, -1));
     }
     if ((*store)->bytes() > maxBytes) ::_exit(3);
   }
@@ -145,11 +150,18 @@ TEST(DiskStoreCrash, KilledAtRandomMomentsThirtyTimes) {
   uint64_t random = 4711;
   int kills = 0;
   for (int round = 0; round < 30; ++round) {
-    const pid_t child = spawn([&] { churn(folder.path, bound, 100 + uint64_t(round), 0); });
+    int begun[2];
+    ASSERT_EQ(::pipe(begun), 0);
+    const pid_t child = spawn([&] { churn(folder.path, bound, 100 + uint64_t(round), 0, begun[1]); });
+    ::close(begun[1]);
+    // Every other kill counts from the first change: on a busy machine a child may need longer than all of its time to come to it.
+    char byte;
+    if (round % 2 == 0) EXPECT_EQ(::read(begun[0], &byte, 1), 1);
     ::usleep(kPatience * (2000 + useconds_t(next(random) % 18000)));
     ::kill(child, SIGKILL);
     int status = 0;
     ASSERT_EQ(::waitpid(child, &status, 0), child);
+    ::close(begun[0]);   // not before: a child that still writes must not die of it
     ASSERT_TRUE(WIFSIGNALED(status)) << "child left by itself with " << WEXITSTATUS(status);
     ++kills;
     if (round % 3 == 2) expectSound(folder.path, bound, "kill " + std::to_string(round));   // else crash upon crash
