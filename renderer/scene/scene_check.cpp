@@ -149,6 +149,8 @@ Status Scene::checkLights() const {
     if (!finite(c.toWorld) || !finite(c.centre)) return fail(*this, "cameras", i, c.name, "", "a number is not finite");
     if (c.perspective ? !(c.yfov > 0.0f && c.yfov < kPi) : !(c.yheight > 0.0f && std::isfinite(c.yheight)))
       return fail(*this, "cameras", i, c.name, c.perspective ? "yfov" : "yheight", "window is empty or not finite");
+    // The other kind of window may be asked for by a request.
+    if (!std::isfinite(c.yfov) || !std::isfinite(c.yheight)) return fail(*this, "cameras", i, c.name, c.perspective ? "yheight" : "yfov", "a number is not finite");
   }
   if (environment && (environment->width <= 0 || environment->height <= 0 || environment->content.isZero() ||
                       environment->texels.size() != size_t(environment->width) * environment->height || !std::isfinite(environment->rotation)))

@@ -98,6 +98,8 @@ TEST(Seal, EachFaultIsRefusedWithItsPlace) {
     {[](Scene& s) { s.lights[0].shape.kind = LightKind::Mesh; s.lights[0].shape.instance = 1; }, "s#/lights/0/shape/instance", "instance 1 of 1"},
     {[](Scene& s) { s.lights[0].shape.kind = LightKind::Environment; }, "s#/lights/0", "without a map"},
     {[](Scene& s) { s.cameras.resize(1); s.cameras[0].yfov = 0; }, "s#/cameras/0/yfov", "window"},
+    {[](Scene& s) { s.cameras.resize(1); s.cameras[0].yheight = NAN; }, "s#/cameras/0/yheight", "not finite"},
+    {[](Scene& s) { s.cameras.resize(1); s.cameras[0].perspective = false; s.cameras[0].yfov = INFINITY; }, "s#/cameras/0/yfov", "not finite"},
     {[](Scene& s) { s.cameras.resize(2); }, "s#/cameras/1/name", "duplicate"},
   };
   ASSERT_TRUE(good()->seal().ok());
