@@ -6,6 +6,7 @@
 
 #include "base/check.h"
 #include "base/sobol.h"
+#include "trace/spherical_triangle.h"
 #include "trace/texture_lookup.h"
 
 namespace gobo {
@@ -119,15 +120,23 @@ bool MeshLight::sample(const Vec3& p, const Vec2& u, AreaSample& out, Vec3& radi
   x += quantum * toUnit(hash32(std::bit_cast<uint32_t>(u.x), std::bit_cast<uint32_t>(u.y)));
   x = x < 1.0f ? x : x - 1.0f;
   const Triangle& tri = triangles_[primitive];
-  const Vec2 b = squareToTriangle(clamp01(x), u.y);
-  const DVec3 d = DVec3(tri.p) - DVec3(p) + DVec3(tri.e1) * double(b.x) + DVec3(tri.e2) * double(b.y);
+  Vec2 b = squareToTriangle(clamp01(x), u.y);
+  DVec3 d = DVec3(tri.p) - DVec3(p) + DVec3(tri.e1) * double(b.x) + DVec3(tri.e2) * double(b.y);
+  double density = 0;                              // over solid angle, of a near triangle
+  if (nearTriangle(p, tri.p, tri.e1, tri.e2)) {
+    const SphericalTriangle near(p, tri.p, tri.e1, tri.e2);
+    if (near.valid()) {
+      d = near.sample(clamp01(x), u.y, b);
+      density = near.area() / near.solidAngle();
+    }
+  }
   const double d2 = glm::dot(d, d);
   if (!(d2 > 0)) return false;
   const double length = std::sqrt(d2), side = glm::dot(d, DVec3(tri.n)) / length;
   if (coverage_.doubleSided ? std::fabs(side) < kEdgeOn : side > -kEdgeOn) return false;
   out.direction = Vec3(d / length);
   out.distance = float(length);
-  out.pdf = float(std::min(tri.areaDensity / mass * d2 / std::fabs(side), 1e37));
+  out.pdf = float(std::min(tri.areaDensity / mass * (density > 0 ? density : d2 / std::fabs(side)), 1e37));
   if (!(out.pdf > 0.0f && out.distance > 0.0f)) return false;
   radiance = texel(primitive, b.x, b.y) * coverage(primitive, b.x, b.y);
   return maxComponent(radiance) > 0.0f;
@@ -140,6 +149,10 @@ float MeshLight::pdf(const Vec3& p, const Vec3& direction, float t, uint32_t pri
   if (coverage_.doubleSided ? std::fabs(side) < kEdgeOn : side > -kEdgeOn) return 0.0f;
   if (!facing_.empty() && !facing_.faces(primitive, DVec3(p))) return 0.0f;
   const double mass = facing_.empty() ? 1.0 : facing_.mass(DVec3(p));
+  if (nearTriangle(p, tri.p, tri.e1, tri.e2)) {
+    const SphericalTriangle near(p, tri.p, tri.e1, tri.e2);
+    if (near.valid()) return float(std::min(tri.areaDensity / mass * near.area() / near.solidAngle(), 1e37));
+  }
   return float(std::min(tri.areaDensity / mass * double(t) * t / std::fabs(side), 1e37));
 }
 

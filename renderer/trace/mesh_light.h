@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Emissive triangles of one instance: an alias table over area x mean emission, uniform inside the triangle; of a few one-sided ones
-// only those that face the receiver. Memory: 64 bytes a triangle. Densities are turned from area to solid angle at the receiver; weights grow without bound towards the surface
-// (d^2 in the density), which BSDF sampling covers under MIS. Immutable; any thread may sample.
+// Emissive triangles of one instance: an alias table over area x mean emission; of a few one-sided triangles only those that face the
+// receiver (facing_triangles.h). Inside a triangle uniform in solid angle where the receiver is near (spherical_triangle.h), else over
+// the area, with the density turned to solid angle. Memory: 64 bytes a triangle. Immutable; any thread may sample.
 #pragma once
 
 #include <memory>

@@ -8,6 +8,7 @@
 #include "trace/path_media.h"
 #include "trace/path_sums.h"
 #include "trace/reach.h"
+#include "trace/spherical_triangle.h"
 #include "trace/straight.h"
 
 namespace gobo {
@@ -432,10 +433,33 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     else if (settings.behindOnly && events == 0) lambert = asking = bouncing = 0;
     for (int h = 0; h < kLanes; h += 8) if (lambert >> h & 255u) lanes::moveOrigins(ls, h);
     if (nee && asking != 0) {
+      // Lane i asks for light k by the sample that it drew, which was chosen with probability `select`.
+      const auto ask = [&](int i, int k, const LightSample& light, float select) {
+        const Vec3 p = ls.p.get(i);
+        const float cosine = glm::dot(light.direction, ls.n.get(i));
+        if (!(cosine > 0.0f) || !(glm::dot(light.direction, ls.facing.get(i)) > 0.0f)) return;
+        const float f = kInvPi * cosine, lightPdf = light.pdf * select;
+        const float weight = light.delta ? 1.0f : powerHeuristic(lightPdf, f);
+        const Vec3 value = paths.throughput.get(i) * ls.albedo.get(i) * light.radiance * lights[k].nominal * (f * weight / lightPdf);
+        if (!(maxComponent(value) > 0.0f) && isFinite(value)) return;
+        aimShadow(sr, i, p, ls.origin.get(i), light);
+        lit.set(i, value);
+        if (byLobe) litSpecular.set(i, done(i) == 0 ? Vec3(0.0f) : value * paths.specularPart.get(i));
+        litSlot[i] = lights[k].slot;
+        if (hasMedia) media.startShadow(i);
+        shadowed |= 1u << i;
+      };
       if (hasPlainLight) {
         for (uint32_t left = asking; left; left &= left - 1) {
           const int i = __builtin_ctz(left);
-          const PlainMeshLight::Triangle& t = plainLight.pick(drawsChoice ? choice[i] : 0.0f, ls.p.get(i), lamp.area[i]);
+          const Vec3 p = ls.p.get(i);
+          const PlainMeshLight::Triangle& t = plainLight.pick(drawsChoice ? choice[i] : 0.0f, p, lamp.area[i]);
+          LightSample light;
+          if (nearTriangle(p, t.p, t.e1, t.e2) && SphericalTriangle(p, t.p, t.e1, t.e2).valid()) {
+            asking &= ~(1u << i);
+            if (plainLight.sampleNear(t, p, lamp.area[i], Vec2(ux[i], uy[i]), light)) ask(i, plainLightIndex, light, 1.0f);
+            continue;
+          }
           lamp.p.set(i, t.p); lamp.e1.set(i, t.e1); lamp.e2.set(i, t.e2); lamp.n.set(i, t.n);
         }
         const LightInfo& l = lights[plainLightIndex];
@@ -461,18 +485,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
           const int k = selector.sample(p, &n, drawsChoice ? choice[i] : 0.0f, select);
           LightSample light;
           if (k < 0 || !sampler->sample(lights[k].light, p, Vec2(ux[i], uy[i]), light)) continue;
-          const float cosine = glm::dot(light.direction, n);
-          if (!(cosine > 0.0f) || !(glm::dot(light.direction, ls.facing.get(i)) > 0.0f)) continue;
-          const float f = kInvPi * cosine, lightPdf = light.pdf * select;
-          const float weight = light.delta ? 1.0f : powerHeuristic(lightPdf, f);
-          const Vec3 value = paths.throughput.get(i) * ls.albedo.get(i) * light.radiance * lights[k].nominal * (f * weight / lightPdf);
-          if (!(maxComponent(value) > 0.0f) && isFinite(value)) continue;
-          aimShadow(sr, i, p, ls.origin.get(i), light);
-          lit.set(i, value);
-          if (byLobe) litSpecular.set(i, done(i) == 0 ? Vec3(0.0f) : value * paths.specularPart.get(i));
-          litSlot[i] = lights[k].slot;
-          if (hasMedia) media.startShadow(i);
-          shadowed |= 1u << i;
+          ask(i, k, light, select);
         }
       }
     }

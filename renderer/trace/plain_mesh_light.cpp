@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/plain_mesh_light.h"
 
+#include <algorithm>
+
+#include "trace/spherical_triangle.h"
+
 namespace gobo {
 
 bool PlainMeshLight::build(const SceneView& view, const LightShape& shape) {
@@ -41,6 +45,17 @@ bool PlainMeshLight::build(const SceneView& view, const LightShape& shape) {
     if (areas[l] < 1.0) { large.pop_back(); small.push_back(l); }
   }
   return true;
+}
+
+bool PlainMeshLight::sampleNear(const Triangle& t, const Vec3& p, float visible, const Vec2& u, LightSample& out) const {
+  const SphericalTriangle near(p, t.p, t.e1, t.e2);
+  if (!near.valid() || !(visible > 0.0f)) return false;
+  Vec2 b;
+  const DVec3 d = near.sample(u.x, u.y, b);
+  const double length = glm::length(d), side = glm::dot(d, DVec3(t.n)) / length;
+  if (!(length > 0) || (doubleSided ? std::fabs(side) < 1e-9 : side > -1e-9)) return false;
+  out = {Vec3(d / length), float(length), Vec3(1.0f), float(std::min(near.area() / near.solidAngle() / double(visible), 1e37)), false};
+  return out.distance > 0.0f && out.pdf > 0.0f;
 }
 
 }  // namespace gobo

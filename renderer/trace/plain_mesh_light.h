@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // PlainMeshLight: the commonest lamp, an untextured opaque mesh that is the only light. Next-event estimation for it runs on 8
-// lanes at once; its density is MeshLight's (uniform over the area, or over what of it faces the receiver), so that both give the same MIS
-// weights.
+// lanes at once where the picked triangle is far, and by sampleNear where it is near; its density is MeshLight's, so that both give the
+// same MIS weights.
 #pragma once
 
 #include <vector>
 
 #include "scene/scene.h"
 #include "trace/facing_triangles.h"
+#include "trace/light_sampling.h"
 
 namespace gobo {
 
@@ -22,6 +23,8 @@ struct PlainMeshLight {
 
   /// False if the light's instance is textured, has coverage, or has no area.
   bool build(const SceneView& view, const LightShape& shape);
+  /// A direction to the near triangle (spherical_triangle.h) that was picked from `visible` m^2; `u` is the place in it. False: none.
+  bool sampleNear(const Triangle& t, const Vec3& p, float visible, const Vec2& u, LightSample& out) const;
   /// `visible`: the area that the choice was made from, 0 where the receiver p sees no front.
   const Triangle& pick(float u, const Vec3& p, float& visible) const {
     if (!facing.empty()) {

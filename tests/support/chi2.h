@@ -64,9 +64,9 @@ inline Vec3 domainDirection(const SphereDomain& d, double s, double phi) {
 }
 
 /// Integral over [x0,x1] x [y0,y1], 3 x 3 Gauss points, halved in both directions until two levels agree, but at least twice
-/// (a light's edge may slip between the points of the first levels).
+/// `atLeast` + 1 times (a light's edge may slip between the points of the first levels: the more so the flatter the density beside it).
 inline double integrate2D(const std::function<double(double, double)>& f, double x0, double x1, double y0, double y1, double tolerance,
-                          int depth) {
+                          int depth, int atLeast = 1) {
   static const double at[3] = {0.5 - 0.5 * 0.774596669241483377, 0.5, 0.5 + 0.5 * 0.774596669241483377};
   static const double weight[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
   const auto rule = [&](double a, double b, double c, double d) {
@@ -80,7 +80,7 @@ inline double integrate2D(const std::function<double(double, double)>& f, double
         const double xm = 0.5 * (a + b), ym = 0.5 * (c + d);
         const double q[4] = {rule(a, xm, c, ym), rule(xm, b, c, ym), rule(a, xm, ym, d), rule(xm, b, ym, d)};
         const double sum = q[0] + q[1] + q[2] + q[3];
-        if (left <= 0 || (left < depth && std::fabs(sum - whole) <= tol)) return sum;
+        if (left <= 0 || (left <= depth - atLeast && std::fabs(sum - whole) <= tol)) return sum;
         return go(a, xm, c, ym, q[0], 0.4 * tol, left - 1) + go(xm, b, c, ym, q[1], 0.4 * tol, left - 1) +
                go(a, xm, ym, d, q[2], 0.4 * tol, left - 1) + go(xm, b, ym, d, q[3], 0.4 * tol, left - 1);
       };
@@ -89,13 +89,13 @@ inline double integrate2D(const std::function<double(double, double)>& f, double
 
 /// Integral of f(direction) over the cells of a domain, row-major.
 inline std::vector<double> integrateCells(const SphereDomain& d, const std::function<double(const Vec3&)>& f, double tolerance = 2e-6,
-                                          int depth = 5) {
+                                          int depth = 5, int atLeast = 1) {
   std::vector<double> cells(size_t(d.rows) * d.columns);
   const double dp = 2.0 * 3.14159265358979323846 / d.columns, ds = 1.0 / d.rows;
   const auto g = [&](double s, double phi) { return f(domainDirection(d, s, phi)) * d.span; };
   for (int r = 0; r < d.rows; ++r)
     for (int c = 0; c < d.columns; ++c)
-      cells[size_t(r) * d.columns + c] = integrate2D(g, r * ds, (r + 1) * ds, c * dp, (c + 1) * dp, tolerance, depth);
+      cells[size_t(r) * d.columns + c] = integrate2D(g, r * ds, (r + 1) * ds, c * dp, (c + 1) * dp, tolerance, depth, atLeast);
   return cells;
 }
 inline double integrateSphere(const SphereDomain& d, const std::function<double(const Vec3&)>& f, double tolerance = 2e-6, int depth = 5) {
@@ -112,10 +112,10 @@ struct Chi2Result {
 /// sample(rng, direction) returns false when it refuses. density(direction) over solid angle; `depth`: halvings of a bin, more
 /// for densities with edges.
 inline Chi2Result chi2Test(const SphereDomain& d, int samples, uint64_t seed, const std::function<bool(Rng&, Vec3&)>& sample,
-                           const std::function<double(const Vec3&)>& density, int depth = 5) {
+                           const std::function<double(const Vec3&)>& density, int depth = 5, int atLeast = 1) {
   Chi2Result r;
   r.samples = samples;
-  std::vector<double> expected = integrateCells(d, density, 2e-6, depth);
+  std::vector<double> expected = integrateCells(d, density, 2e-6, depth, atLeast);
   std::vector<double> observed(expected.size() + 1, 0.0);
   for (double& e : expected) {
     r.integral += e;

@@ -162,6 +162,8 @@ TEST(PathTracer, OfAClosedLampTheFacingSideLightsTheFloor) {
       lamp.positions = std::move(positions);
       lamp.indices = std::move(indices);
       lamp.normals = {};
+      lamp.tangents = {};
+      lamp.uv = {};
     };
     join(quad(Vec3(-0.5f, 1.01f, -0.9f), Vec3(0, 0, 1.8f), Vec3(1, 0, 0)));
     join(quad(Vec3(-0.5f, 1, -0.9f), Vec3(0, 0, 1.8f), Vec3(0, 0.01f, 0)));
