@@ -8,6 +8,8 @@ namespace gobo {
 namespace {
 
 constexpr double kDPi = 3.14159265358979323846;
+/// Height above the triangle's plane, over distances and coordinates, from which on it is more than rounding.
+constexpr double kPlane = 1e-5;
 
 /// Between unit vectors; exact for small angles and near pi.
 double angleBetween(const DVec3& a, const DVec3& b) { return 2.0 * std::atan2(glm::length(a - b), glm::length(a + b)); }
@@ -34,8 +36,9 @@ SphericalTriangle::SphericalTriangle(const Vec3& p, const Vec3& v, const Vec3& e
   const DVec3 ab = glm::cross(a_, b_), bc = glm::cross(b_, c_), ca = glm::cross(c_, a_);
   const double lab = glm::length(ab), lbc = glm::length(bc), lca = glm::length(ca);
   if (!(std::min({lab, lbc, lca}) > 1e-9)) return;
-  // In the triangle's plane to the last digits: there is no inside.
-  if (!(std::fabs(glm::dot(corner_, normal_)) > 1e-12 * longest * 2.0 * area_)) return;
+  // In the triangle's plane as far as a float position can tell: a lamp's own points would see half a sphere of it, on either side.
+  const double rounding = kPlane * (longest + std::max({std::fabs(double(p.x)), std::fabs(double(p.y)), std::fabs(double(p.z))}));
+  if (!(std::fabs(glm::dot(corner_, normal_)) > rounding * 2.0 * area_)) return;
   const double alpha = angleBetween(ab / lab, -ca / lca), beta = angleBetween(bc / lbc, -ab / lab), gamma = angleBetween(ca / lca, -bc / lbc);
   angles_ = alpha + beta + gamma;
   cosAlpha_ = std::cos(alpha);

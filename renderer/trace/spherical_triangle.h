@@ -20,7 +20,7 @@ class SphericalTriangle {
  public:
   /// Of v, v + e1, v + e2 around p.
   SphericalTriangle(const Vec3& p, const Vec3& v, const Vec3& e1, const Vec3& e2);
-  /// False where there is no angle to speak of: p on an edge, in the plane, or below 1e-6 sr. Then by area.
+  /// False where there is no angle to speak of: p on an edge, in the plane within rounding, or below 1e-6 sr. Then by area.
   bool valid() const { return solidAngle_ > 1e-6; }
   double solidAngle() const { return solidAngle_; }      ///< sr
   double area() const { return area_; }                  ///< of the flat one, m^2

@@ -84,5 +84,27 @@ TEST(EnvironmentTurn, LightsAndRemainderTurnTogether) {
   }
 }
 
+/// What a file says of its map's strength (0.4 in `spheres`) reaches whatever stands for the map: the mean of its direct light is that of the
+/// traced map, within what a remainder without shadows costs.
+TEST(EnvironmentStrength, OfTheFileReachesLightsAndRemainder) {
+  v1::RenderRequest r = smallRequest("spheres", 32, 24, 64);
+  r.add_outputs("direct");
+  set(r, "integrator.indirect=false");
+  const auto engine = makeEngine();
+  const auto mean = [](const RenderResult& result) {
+    double sum = 0;
+    for (const float v : result.images[0].image().data) sum += double(v);
+    return sum;
+  };
+  const double traced = mean(mustRender(*engine, r));
+  for (const char* as : {"environment.area_lights=1", "environment.area_lights=8"}) {
+    v1::RenderRequest other = r;
+    set(other, as);
+    const double ratio = mean(mustRender(*engine, other)) / traced;
+    EXPECT_GT(ratio, 0.75) << as;
+    EXPECT_LT(ratio, 1.5) << as;
+  }
+}
+
 }  // namespace
 }  // namespace gobo::testing

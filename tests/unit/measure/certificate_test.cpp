@@ -241,6 +241,7 @@ TEST(Certify, CoverageAndWidth) {
     const Coverage c = measureCoverage(picture, 0.0625, seeds, 1000);
     EXPECT_GE(c.trimmed, 0.93) << picture.name;
     EXPECT_GE(c.relTrimmed, 0.9) << picture.name;
+    if (picture.kind != Kind::Hidden) { EXPECT_GE(c.relWhole, 0.9) << picture.name; }
     if (picture.kind != Kind::Hidden) {
       EXPECT_GE(c.whole, 0.93) << picture.name;
     }
@@ -273,6 +274,14 @@ TEST(Certify, PlainIntervalWouldMissRareErrors) {
   }
   EXPECT_LT(plain, 0.93 * seeds);
   EXPECT_GE(certified, 0.94 * seeds);
+}
+
+TEST(Confidence, StandardErrorIsTheTextbooks) {
+  const MeanInterval m = meanInterval({1, 2, 4, 9});             // mean 4, squared deviations 9 + 4 + 0 + 25
+  EXPECT_DOUBLE_EQ(m.mean, 4);
+  EXPECT_DOUBLE_EQ(m.standardError, std::sqrt(38.0 / (4 * 3)));
+  EXPECT_LT(m.low, m.mean - m.standardError);
+  EXPECT_GT(m.high, m.mean + m.standardError);
 }
 
 }  // namespace

@@ -352,5 +352,22 @@ TEST(Scheduler, TimeThatRunsBackwardsChangesNothing) {
   EXPECT_DOUBLE_EQ(s.stats().classes[1].runSeconds, 6);
 }
 
+TEST(Scheduler, AClientsHintGrowsWithTheClientsThatWait) {
+  double alone = 0;
+  for (const int waiting : {1, 3}) {
+    SchedulerOptions o = slots(1);
+    o.clientLimit = 2;
+    Scheduler s(o);
+    (void)s.submit(job("runs", N), 0);
+    (void)s.decide(0);
+    for (int i = 0; i < 2; ++i) ASSERT_TRUE(s.submit(job("a", N), 0).status.ok());
+    for (int i = 1; i < waiting; ++i) ASSERT_TRUE(s.submit(job("other" + std::to_string(i), N), 0).status.ok());
+    const double hint = s.submit(job("a", N), 0).retryMs;
+    if (waiting == 1) alone = hint;
+    else EXPECT_DOUBLE_EQ(hint, 3 * alone);
+  }
+  EXPECT_GT(alone, 0);
+}
+
 }  // namespace
 }  // namespace gobo

@@ -164,5 +164,15 @@ TEST(LightSelector, EveryStrategySumsToOneWithFiniteAndInfiniteLights) {
   }
 }
 
+TEST(LightTree, TheOnlyLightIsCertain) {
+  std::mt19937 g(4);
+  LightTree tree;
+  tree.build(randomLights(g, 1));
+  EXPECT_EQ(tree.probability(Vec3(0.0f), nullptr, 0), 1.0f);
+  float probability = 0;
+  EXPECT_EQ(tree.sample(Vec3(0.0f), nullptr, 0.3f, probability), 0);
+  EXPECT_EQ(probability, 1.0f);
+}
+
 }  // namespace
 }  // namespace gobo
