@@ -48,7 +48,7 @@ TEST(FuzzDictionary, HasEveryNameOfTheSchemaAndNoOther) {
   static const std::set<std::string> values{"NaN", "Infinity", "beauty,depth", "key", "lamp", "environment", "none", "true", "null", "shadow_basis:lamp", "shadow_flags:lamp"};
   static const std::regex identifier("[A-Za-z_][A-Za-z0-9_]*");
   for (const std::string& w : words)
-    if (std::regex_match(w, identifier) && !values.count(w)) EXPECT_TRUE(names.count(w)) << "no field and no enumerator: \"" << w << '"';
+    if (std::regex_match(w, identifier) && !values.count(w)) { EXPECT_TRUE(names.count(w)) << "no field and no enumerator: \"" << w << '"'; }
 }
 
 }  // namespace

@@ -156,7 +156,7 @@ TEST(DiskStoreCrash, KilledAtRandomMomentsThirtyTimes) {
     ::close(begun[1]);
     // Every other kill counts from the first change: on a busy machine a child may need longer than all of its time to come to it.
     char byte;
-    if (round % 2 == 0) EXPECT_EQ(::read(begun[0], &byte, 1), 1);
+    if (round % 2 == 0) { EXPECT_EQ(::read(begun[0], &byte, 1), 1); }
     ::usleep(kPatience * (2000 + useconds_t(next(random) % 18000)));
     ::kill(child, SIGKILL);
     int status = 0;

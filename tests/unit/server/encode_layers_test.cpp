@@ -109,9 +109,10 @@ TEST(EncodeLayers, HalfAndDwaSpareDataLayers) {
   for (const RenderedImage& i : result.images) {
     const OutputInfo& info = *findOutput(i.output);
     const Image back = layer(bytes, i.output == "beauty" ? "" : i.output);
-    if (info.float32) EXPECT_EQ(back.data, i.image().data) << i.output;
-    if (!info.float32 && info.lossless())
+    if (info.float32) { EXPECT_EQ(back.data, i.image().data) << i.output; }
+    if (!info.float32 && info.lossless()) {
       for (size_t k = 0; k < back.data.size(); ++k) ASSERT_NEAR(back.data[k], i.image().data[k], 0x1p-11f * std::fabs(i.image().data[k]) + 0x1p-24f) << i.output;
+    }
   }
 }
 
