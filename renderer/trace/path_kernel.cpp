@@ -454,11 +454,13 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
           const int i = __builtin_ctz(left);
           const Vec3 p = ls.p.get(i);
           const PlainMeshLight::Triangle& t = plainLight.pick(drawsChoice ? choice[i] : 0.0f, p, lamp.area[i]);
-          LightSample light;
-          if (nearTriangle(p, t.p, t.e1, t.e2) && SphericalTriangle(p, t.p, t.e1, t.e2).valid()) {
-            asking &= ~(1u << i);
-            if (plainLight.sampleNear(t, p, lamp.area[i], Vec2(ux[i], uy[i]), light)) ask(i, plainLightIndex, light, 1.0f);
-            continue;
+          if (nearTriangle(p, t.p, t.e1, t.e2)) {
+            if (const SphericalTriangle near(p, t.p, t.e1, t.e2); near.valid()) {
+              asking &= ~(1u << i);
+              LightSample light;
+              if (plainLight.sampleNear(t, near, lamp.area[i], Vec2(ux[i], uy[i]), light)) ask(i, plainLightIndex, light, 1.0f);
+              continue;
+            }
           }
           lamp.p.set(i, t.p); lamp.e1.set(i, t.e1); lamp.e2.set(i, t.e2); lamp.n.set(i, t.n);
         }

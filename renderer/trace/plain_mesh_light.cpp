@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "trace/spherical_triangle.h"
 
 namespace gobo {
 
@@ -47,9 +46,8 @@ bool PlainMeshLight::build(const SceneView& view, const LightShape& shape) {
   return true;
 }
 
-bool PlainMeshLight::sampleNear(const Triangle& t, const Vec3& p, float visible, const Vec2& u, LightSample& out) const {
-  const SphericalTriangle near(p, t.p, t.e1, t.e2);
-  if (!near.valid() || !(visible > 0.0f)) return false;
+bool PlainMeshLight::sampleNear(const Triangle& t, const SphericalTriangle& near, float visible, const Vec2& u, LightSample& out) const {
+  if (!(visible > 0.0f)) return false;
   Vec2 b;
   const DVec3 d = near.sample(u.x, u.y, b);
   const double length = glm::length(d), side = glm::dot(d, DVec3(t.n)) / length;

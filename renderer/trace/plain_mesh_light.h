@@ -9,6 +9,7 @@
 #include "scene/scene.h"
 #include "trace/facing_triangles.h"
 #include "trace/light_sampling.h"
+#include "trace/spherical_triangle.h"
 
 namespace gobo {
 
@@ -23,8 +24,8 @@ struct PlainMeshLight {
 
   /// False if the light's instance is textured, has coverage, or has no area.
   bool build(const SceneView& view, const LightShape& shape);
-  /// A direction to the near triangle (spherical_triangle.h) that was picked from `visible` m^2; `u` is the place in it. False: none.
-  bool sampleNear(const Triangle& t, const Vec3& p, float visible, const Vec2& u, LightSample& out) const;
+  /// A direction to the triangle `t`, `near` as the receiver sees it (valid), that was picked from `visible` m^2; `u` is the place in it. False: none.
+  bool sampleNear(const Triangle& t, const SphericalTriangle& near, float visible, const Vec2& u, LightSample& out) const;
   /// `visible`: the area that the choice was made from, 0 where the receiver p sees no front.
   const Triangle& pick(float u, const Vec3& p, float& visible) const {
     if (!facing.empty()) {
