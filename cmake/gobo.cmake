@@ -56,6 +56,8 @@ function(gobo_layer name)
   foreach(source ${sources})
     if(source MATCHES "_kernels\\.cpp$")
       set_source_files_properties(${source} PROPERTIES COMPILE_OPTIONS "-O3;-fno-trapping-math" SKIP_PRECOMPILE_HEADERS ON)
+    elseif(source MATCHES "/technique\\.cpp$")   # every family calls its functions alike
+      set_source_files_properties(${source} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
     endif()
   endforeach()
   add_library(gobo_${name} STATIC ${sources})

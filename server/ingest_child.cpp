@@ -16,6 +16,7 @@
 #include <chrono>
 #include <filesystem>
 
+#include "base/descriptor.h"
 #include "base/file_stamp.h"
 #include "base/image_io.h"
 #include "base/utf8.h"
@@ -26,19 +27,6 @@ namespace gobo {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-class Descriptor {
- public:
-  explicit Descriptor(int fd = -1) : fd_(fd) {}
-  ~Descriptor() { close(); }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int get() const { return fd_; }
-  void close() { if (fd_ >= 0) ::close(std::exchange(fd_, -1)); }
-
- private:
-  int fd_;
-};
 
 /// The child while it lives; its end in any case when this goes away.
 class Child {

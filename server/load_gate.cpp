@@ -8,7 +8,7 @@
 
 namespace gobo {
 
-static constexpr std::chrono::milliseconds kPoll{10};
+static constexpr std::chrono::milliseconds kLook{10};   // between two looks at whether a waiter has gone
 
 void LoadGate::setLimit(uint32_t limit) {
   const std::lock_guard lock(mutex_);
@@ -34,7 +34,7 @@ Status LoadGate::run(const std::function<Status(const StopToken&)>& work, const 
   ++waiting_;
   bool left = false;
   while (running_ >= limit_ && !left) {
-    if (free_.wait_for(lock, kPoll) == std::cv_status::timeout) {
+    if (free_.wait_for(lock, kLook) == std::cv_status::timeout) {
       lock.unlock();
       left = gone();
       lock.lock();
@@ -65,7 +65,7 @@ Status LoadGate::run(const std::function<Status(const StopToken&)>& work, const 
   {
     std::unique_lock hold(doneMutex);
     while (!over) {
-      if (done.wait_for(hold, kPoll, [&] { return over; })) break;
+      if (done.wait_for(hold, kLook, [&] { return over; })) break;
       hold.unlock();
       if (gone()) stop.stop(StopReason::Cancelled);
       hold.lock();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "base/check.h"
 #include "measure/display.h"
@@ -9,7 +10,6 @@
 namespace gobo {
 namespace {
 
-constexpr double kPiD = 3.14159265358979323846;
 using Plane = std::vector<double>;
 struct Triple { Plane c[3]; };
 
@@ -72,13 +72,13 @@ struct Sensitivity { double a1, b1, a2, b2; };
 constexpr Sensitivity kSensitivity[3] = {{1, 0.0047, 0, 1e-5}, {1, 0.0053, 0, 1e-5}, {34.1, 0.04, 13.5, 0.025}};
 
 Plane contrastFiltered(const Plane& in, int w, int h, const Sensitivity& s, double ppd) {
-  const int r = int(std::ceil(3 * std::sqrt(0.04 / (2 * kPiD * kPiD)) * ppd));  // of the widest of them all
+  const int r = int(std::ceil(3 * std::sqrt(0.04 / (2 * std::numbers::pi * std::numbers::pi)) * ppd));  // of the widest of them all
   const auto gaussian = [&](double b) {
     std::vector<double> g(2 * size_t(r) + 1);
-    for (int i = -r; i <= r; ++i) g[size_t(i + r)] = std::exp(-kPiD * kPiD * (i / ppd) * (i / ppd) / b);
+    for (int i = -r; i <= r; ++i) g[size_t(i + r)] = std::exp(-std::numbers::pi * std::numbers::pi * (i / ppd) * (i / ppd) / b);
     return g;
   };
-  const auto weight = [](double a, double b) { return a * std::sqrt(kPiD / b); };
+  const auto weight = [](double a, double b) { return a * std::sqrt(std::numbers::pi / b); };
   const auto sumOf = [](const std::vector<double>& g) { double sum = 0; for (double v : g) sum += v; return sum; };
   const auto g1 = gaussian(s.b1), g2 = gaussian(s.b2);
   const double w1 = weight(s.a1, s.b1), w2 = weight(s.a2, s.b2);
@@ -141,7 +141,7 @@ Prepared prepare(const Image& image, double ppd) {
 
 }  // namespace
 
-double flipPixelsPerDegree() { return 0.7 * (3840 / 0.7) * (kPiD / 180); }
+double flipPixelsPerDegree() { return 0.7 * (3840 / 0.7) * (std::numbers::pi / 180); }
 
 std::vector<double> flipMap(const Image& reference, const Image& test, double ppd) {
   GOBO_CHECK(reference.width == test.width && reference.height == test.height && reference.pixels() > 0 && ppd > 0);

@@ -15,6 +15,7 @@
 #include <new>
 #include <thread>
 
+#include "base/descriptor.h"
 #include "base/hash.h"
 
 namespace gobo {
@@ -22,13 +23,6 @@ namespace gobo {
 namespace {
 
 constexpr size_t kPiece = size_t(4) << 20;   // bytes between two looks at a stop token
-
-struct Descriptor {
-  int fd;
-  explicit Descriptor(int f) : fd(f) {}
-  ~Descriptor() { if (fd >= 0) ::close(fd); }
-  Descriptor(const Descriptor&) = delete;
-};
 
 int openRetry(const std::string& path, int flags, mode_t mode = 0644) {
   int fd;
@@ -38,7 +32,7 @@ int openRetry(const std::string& path, int flags, mode_t mode = 0644) {
 
 int syncFolder(const std::string& path) {
   Descriptor d(openRetry(path, O_RDONLY | O_DIRECTORY));
-  return d.fd >= 0 && ::fsync(d.fd) == 0 ? 0 : errno;
+  return d && ::fsync(d.get()) == 0 ? 0 : errno;
 }
 
 int64_t micros(const timespec& t) { return int64_t(t.tv_sec) * 1000000 + t.tv_nsec / 1000; }
@@ -120,11 +114,11 @@ TermFiles::Content TermFiles::read(const std::string& key, const StopToken& stop
   Content c;
   Descriptor d(openRetry(path(key), O_RDONLY | O_NOFOLLOW | O_NONBLOCK));
   struct stat st;
-  if (d.fd < 0) {
+  if (!d) {
     c.error = errno == ENOENT || errno == ENOTDIR ? 0 : errno;
     return c;
   }
-  if (::fstat(d.fd, &st) != 0) {
+  if (::fstat(d.get(), &st) != 0) {
     c.error = errno;
     return c;
   }
@@ -140,7 +134,7 @@ TermFiles::Content TermFiles::read(const std::string& key, const StopToken& stop
   }
   while (c.size < size_t(st.st_size)) {
     if (stop.stopRequested()) return {};
-    const ssize_t n = ::read(d.fd, bytes.get() + c.size, std::min(kPiece, size_t(st.st_size) - c.size));
+    const ssize_t n = ::read(d.get(), bytes.get() + c.size, std::min(kPiece, size_t(st.st_size) - c.size));
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) c.error = errno;
     if (n <= 0) break;
@@ -161,28 +155,28 @@ bool TermFiles::equals(const std::string& key, const std::vector<uint8_t>& bytes
   if (bytes.size() < 16) return false;
   Descriptor d(openRetry(path(key), O_RDONLY | O_NOFOLLOW | O_NONBLOCK));
   struct stat st;
-  if (d.fd < 0 || ::fstat(d.fd, &st) != 0 || size_t(st.st_size) != bytes.size()) return false;
+  if (!d || ::fstat(d.get(), &st) != 0 || size_t(st.st_size) != bytes.size()) return false;
   uint8_t tail[16];
-  return ::pread(d.fd, tail, 16, off_t(bytes.size() - 16)) == 16 && std::memcmp(tail, bytes.data() + bytes.size() - 16, 16) == 0;
+  return ::pread(d.get(), tail, 16, off_t(bytes.size() - 16)) == 16 && std::memcmp(tail, bytes.data() + bytes.size() - 16, 16) == 0;
 }
 
 Status TermFiles::writeTemp(const std::string& temp, const std::vector<uint8_t>& bytes, const std::function<int(const char*)>& step, const StopToken& stop) {
   int error = step("create");
   Descriptor d(error ? -1 : openRetry(temp, O_WRONLY | O_CREAT | O_EXCL));
-  if (!error && d.fd < 0 && errno == ENOENT) {
+  if (!error && !d && errno == ENOENT) {
     GOBO_TRY(makeFolders());
-    d.fd = openRetry(temp, O_WRONLY | O_CREAT | O_EXCL);
+    d = Descriptor(openRetry(temp, O_WRONLY | O_CREAT | O_EXCL));
   }
-  if (d.fd < 0) return fileError("make", temp, error ? error : errno);
+  if (!d) return fileError("make", temp, error ? error : errno);
   error = step("write");
   bool stopped = false;
   for (size_t at = 0; !error && !stopped && at < bytes.size();) {
-    const ssize_t n = ::write(d.fd, bytes.data() + at, std::min(kPiece, bytes.size() - at));
+    const ssize_t n = ::write(d.get(), bytes.data() + at, std::min(kPiece, bytes.size() - at));
     if (n < 0 && errno != EINTR) error = errno;
     if (n < 0) continue;
     if (bytes.size() > kPiece) {   // hints: what they could not do, fdatasync() does
-      ::sync_file_range(d.fd, off_t(at), n, SYNC_FILE_RANGE_WRITE);
-      if (at >= kPiece) ::sync_file_range(d.fd, off_t(at - kPiece), off_t(kPiece), SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER);
+      ::sync_file_range(d.get(), off_t(at), n, SYNC_FILE_RANGE_WRITE);
+      if (at >= kPiece) ::sync_file_range(d.get(), off_t(at - kPiece), off_t(kPiece), SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER);
     }
     at += size_t(n);
     stopped = stop.stopRequested();
@@ -192,7 +186,7 @@ Status TermFiles::writeTemp(const std::string& temp, const std::vector<uint8_t>&
     return {Code::Cancelled, "stopped while writing", temp};
   }
   if (!error) error = step("sync");
-  if (!error && ::fdatasync(d.fd) != 0) error = errno;
+  if (!error && ::fdatasync(d.get()) != 0) error = errno;
   if (!error) return {};
   ::unlink(temp.c_str());
   return fileError("write", temp, error);

@@ -2,6 +2,7 @@
 #include "scene/environment.h"
 
 #include <algorithm>
+#include <numbers>
 
 #include "base/check.h"
 #include "base/image_io.h"
@@ -12,7 +13,6 @@
 namespace gobo {
 namespace {
 
-constexpr double kDPi = 3.14159265358979323846;
 constexpr float kBelowOne = 0x1.fffffep-1f;
 
 }  // namespace
@@ -23,14 +23,14 @@ Hash128 environmentDigest(const Environment& map) { return Hasher("environment")
 // `a` looks up the map at a + rotation. Both ways go through double: the pair are inverses to float rounding.
 Vec2 Environment::toUv(const Vec3& d) const {
   const double x = d.x, y = d.y, z = d.z;
-  double u = 0.5 + (std::atan2(z, x) + double(rotation)) / (2.0 * kDPi);
+  double u = 0.5 + (std::atan2(z, x) + double(rotation)) / (2.0 * std::numbers::pi);
   u -= std::floor(u);
-  const double v = std::atan2(std::sqrt(x * x + z * z), y) / kDPi;  // well conditioned at the poles, unlike acos(y)
+  const double v = std::atan2(std::sqrt(x * x + z * z), y) / std::numbers::pi;  // well conditioned at the poles, unlike acos(y)
   return Vec2(std::min(float(u), kBelowOne), std::min(float(v), kBelowOne));
 }
 
 Vec3 Environment::toDirection(const Vec2& uv) const {
-  const double azimuth = (double(uv.x) - 0.5) * 2.0 * kDPi - double(rotation), polar = double(uv.y) * kDPi;
+  const double azimuth = (double(uv.x) - 0.5) * 2.0 * std::numbers::pi - double(rotation), polar = double(uv.y) * std::numbers::pi;
   const double s = std::sin(polar);
   return Vec3(float(s * std::cos(azimuth)), float(std::cos(polar)), float(s * std::sin(azimuth)));
 }

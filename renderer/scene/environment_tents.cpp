@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace gobo {
 namespace {
 
-constexpr double kDPi = 3.14159265358979323846;
 
 /// Integrals over t from 0 to tau of (1 - t) cos(t step) and (1 - t) sin(t step): the falling half of a tent against the sine of
 /// (centre + t step) is sin(centre) * cosine + cos(centre) * sine.
@@ -33,7 +33,7 @@ Vec3 interpolateTexels(const Environment& map, double x, double y) {
   return (upper[x0] * (1.0f - a) + upper[x1] * a) * (1.0f - b) + (lower[x0] * (1.0f - a) + lower[x1] * a) * b;
 }
 
-EnvironmentTents::EnvironmentTents(int width, int height) : height_(height), step_(kDPi / height), azimuthStep_(2.0 * kDPi / width), above_(size_t(height)) {
+EnvironmentTents::EnvironmentTents(int width, int height) : height_(height), step_(std::numbers::pi / height), azimuthStep_(2.0 * std::numbers::pi / width), above_(size_t(height)) {
   const Ramp whole(1.0, step_);
   const double quarter = std::sin(0.25 * step_);
   above_[0] = 2.0 * quarter * quarter;   // the cap above the first row's centres, where the look-up is constant in the polar angle
@@ -65,7 +65,7 @@ double EnvironmentTents::polar(int y, double u) const {
     }
     angle = centre - (1.0 - std::sqrt(q)) * step_;
   }
-  return up ? angle : kDPi - angle;
+  return up ? angle : std::numbers::pi - angle;
 }
 
 double EnvironmentTents::across(double u) { return u < 0.5 ? std::sqrt(2.0 * u) - 1.0 : 1.0 - std::sqrt(std::max(2.0 - 2.0 * u, 0.0)); }

@@ -6,6 +6,7 @@
 // the solid angle of the texel it falls into, so that the map integrates to the same irradiance even where the disk is
 // smaller than a texel. Below the horizon: groundAlbedo lit by sky and sun.
 #include <algorithm>
+#include <numbers>
 
 #include "base/check.h"
 #include "scene/environment.h"
@@ -14,7 +15,6 @@
 namespace gobo {
 namespace {
 
-constexpr double kDPi = 3.14159265358979323846;
 constexpr double kScale = 0.1;            // radiance per kcd/m^2
 constexpr double kSunIlluminance = 133.1; // klx outside the atmosphere: 128 klx luminous solar constant to 133; same unit as kcd/m^2 x sr
 
@@ -41,7 +41,7 @@ DVec3 xyYToRgb(double x, double y, double Y) {
 
 /// Irradiance of the sun on a plane facing it, per channel (at 680, 550, 440 nm), sunScale not applied.
 DVec3 sunIrradiance(double thetaS, double turbidity) {
-  const double degrees = thetaS * 180 / kDPi;
+  const double degrees = thetaS * 180 / std::numbers::pi;
   const double mass = 1.0 / (std::cos(thetaS) + 0.15 * std::pow(std::max(93.885 - degrees, 0.1), -1.253));
   const double beta = std::max(0.04608365822050 * turbidity - 0.04586025928522, 0.0);
   const double micrometres[3] = {0.68, 0.55, 0.44};
@@ -59,29 +59,29 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width, const 
   const double length = glm::length(DVec3(parameters.sunDirection));
   const DVec3 sun = length > 0 ? DVec3(parameters.sunDirection) / length : DVec3(0, 1, 0);
   const double T = std::clamp(double(parameters.turbidity), 1.7, 10.0);  // the fit's range
-  const double thetaS = std::min(std::acos(std::clamp(sun.y, -1.0, 1.0)), 0.5 * kDPi - 1e-3), cosS = std::cos(thetaS);
+  const double thetaS = std::min(std::acos(std::clamp(sun.y, -1.0, 1.0)), 0.5 * std::numbers::pi - 1e-3), cosS = std::cos(thetaS);
 
   const Perez Y{0.1787 * T - 1.4630, -0.3554 * T + 0.4275, -0.0227 * T + 5.3251, 0.1206 * T - 2.5771, -0.0670 * T + 0.3703};
   const Perez x{-0.0193 * T - 0.2592, -0.0665 * T + 0.0008, -0.0004 * T + 0.2125, -0.0641 * T - 0.8989, -0.0033 * T + 0.0452};
   const Perez y{-0.0167 * T - 0.2608, -0.0950 * T + 0.0092, -0.0079 * T + 0.2102, -0.0441 * T - 1.6537, -0.0109 * T + 0.0529};
   constexpr double mx[3][4] = {{0.00166, -0.00375, 0.00209, 0}, {-0.02903, 0.06377, -0.03202, 0.00394}, {0.11693, -0.21196, 0.06052, 0.25886}};
   constexpr double my[3][4] = {{0.00275, -0.00610, 0.00317, 0}, {-0.04214, 0.08970, -0.04153, 0.00516}, {0.15346, -0.26756, 0.06670, 0.26688}};
-  const double chi = (4.0 / 9 - T / 120) * (kDPi - 2 * thetaS);
+  const double chi = (4.0 / 9 - T / 120) * (std::numbers::pi - 2 * thetaS);
   const double Yz = std::max((4.0453 * T - 4.9710) * std::tan(chi) - 0.2155 * T + 2.4192, 0.05);
   const double xz = zenithChromaticity(mx, T, thetaS), yz = zenithChromaticity(my, T, thetaS);
   const double normY = Y(1, thetaS, cosS), normX = x(1, thetaS, cosS), normYc = y(1, thetaS, cosS);
 
   std::vector<DVec3> texels(size_t(width) * height, DVec3(0.0));
   auto solidAngle = [&](int row) {
-    return 2 * kDPi / width * (std::cos(kDPi * row / height) - std::cos(kDPi * (row + 1) / height));
+    return 2 * std::numbers::pi / width * (std::cos(std::numbers::pi * row / height) - std::cos(std::numbers::pi * (row + 1) / height));
   };
   DVec3 horizontal(0.0);  // irradiance of sky and sun on the ground
   const int horizon = height / 2;
   for (int j = 0; j < horizon; ++j) {
     if (stop.stopRequested()) return nullptr;
-    const double polar = kDPi * (j + 0.5) / height, cosTheta = std::cos(polar), sinTheta = std::sin(polar);
+    const double polar = std::numbers::pi * (j + 0.5) / height, cosTheta = std::cos(polar), sinTheta = std::sin(polar);
     for (int i = 0; i < width; ++i) {
-      const double azimuth = ((i + 0.5) / width - 0.5) * 2 * kDPi;
+      const double azimuth = ((i + 0.5) / width - 0.5) * 2 * std::numbers::pi;
       const DVec3 d(sinTheta * std::cos(azimuth), cosTheta, sinTheta * std::sin(azimuth));
       // Angle to the sun that is used for its height, so that a sun below the horizon still gives a dusk sky.
       const double cosGamma = std::clamp(glm::dot(d, sun), -1.0, 1.0), gamma = std::acos(cosGamma);
@@ -91,7 +91,7 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width, const 
       horizontal += rgb * (solidAngle(j) * cosTheta);
     }
   }
-  const double radius = std::max(double(parameters.sunRadiusDeg), 1e-3) * kDPi / 180;
+  const double radius = std::max(double(parameters.sunRadiusDeg), 1e-3) * std::numbers::pi / 180;
   if (sun.y > 0 && parameters.sunScale > 0) {
     const DVec3 energy = sunIrradiance(thetaS, T) * double(parameters.sunScale);
     horizontal += energy * sun.y;
@@ -101,16 +101,16 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width, const 
     for (int r = 0; r < rings && !stop.stopRequested(); ++r)
       for (int s = 0; s < sectors; ++s) {
         const double cosA = 1 - (r + 0.5) / rings * (1 - std::cos(radius)), sinA = std::sqrt(std::max(1 - cosA * cosA, 0.0));
-        const double a = 2 * kDPi * (s + 0.5 * (r & 1)) / sectors;
+        const double a = 2 * std::numbers::pi * (s + 0.5 * (r & 1)) / sectors;
         const DVec3 d = sun * cosA + (u * std::cos(a) + v * std::sin(a)) * sinA;
-        double tu = 0.5 + std::atan2(d.z, d.x) / (2 * kDPi);
+        double tu = 0.5 + std::atan2(d.z, d.x) / (2 * std::numbers::pi);
         tu -= std::floor(tu);
         const int i = std::min(int(tu * width), width - 1);
-        const int j = std::clamp(int(std::acos(std::clamp(d.y, -1.0, 1.0)) / kDPi * height), 0, height - 1);
+        const int j = std::clamp(int(std::acos(std::clamp(d.y, -1.0, 1.0)) / std::numbers::pi * height), 0, height - 1);
         texels[size_t(j) * width + i] += energy / (double(rings * sectors) * tents.weight(j));
       }
   }
-  const DVec3 ground = DVec3(parameters.groundAlbedo) * horizontal / kDPi;
+  const DVec3 ground = DVec3(parameters.groundAlbedo) * horizontal / std::numbers::pi;
   for (int j = horizon; j < height; ++j)
     for (int i = 0; i < width; ++i) texels[size_t(j) * width + i] += ground;
 

@@ -2,6 +2,7 @@
 #include "terms/fit_area_lights.h"
 
 #include <algorithm>
+#include <numbers>
 
 #include "formulas/harmonics.glsl.h"
 #include "terms/environment_cells.h"
@@ -10,7 +11,6 @@ namespace gobo {
 
 namespace {
 
-constexpr double kDPi = 3.14159265358979323846;
 constexpr int kSide = EnvironmentCells::kSide;
 constexpr double kBlur = 0.006;          // W0, sr: a square of 4.4 degrees
 constexpr double kSpread = 1.6;          // largest square, in shares 4 pi / N
@@ -133,7 +133,7 @@ std::vector<Moments> pursue(const EnvironmentCells& cells, int lights, const Sto
   Charts charts(cells);
   std::vector<Moments> found;
   while (int(found.size()) < lights) {
-    const Charts::Square s = charts.best(kSpread * 4.0 * kDPi / lights, stop);
+    const Charts::Square s = charts.best(kSpread * 4.0 * std::numbers::pi / lights, stop);
     if (stop.stopRequested()) return {};
     const Moments m = charts.take(s);
     if (!(m.weight > 0)) break;   // nothing is left, or no more than rounding of the table's sums
@@ -220,7 +220,7 @@ void findRemainder(const EnvironmentCells& cells, AreaLightFit& fit) {
 }  // namespace
 
 double AreaLight::solidAngle() const { return squareSolidAngle(0.5 * angularSize); }
-DVec3 AreaLightFit::remainderFlux() const { return remainder[0] * (4.0 * kDPi * 0.282094791773878); }
+DVec3 AreaLightFit::remainderFlux() const { return remainder[0] * (4.0 * std::numbers::pi * 0.282094791773878); }
 DVec3 AreaLightFit::remainderIrradiance(const DVec3& n) const {
   DVec3 e;
   for (int k = 0; k < 3; ++k) e[k] = irradiance0(remainder, k) + irradiance12(remainder, n, k);

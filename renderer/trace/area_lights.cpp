@@ -2,11 +2,11 @@
 #include "trace/area_lights.h"
 
 #include <algorithm>
+#include <numbers>
 
 namespace gobo {
 namespace {
 
-constexpr double kDPi = 3.14159265358979323846;
 constexpr double kTinySolidAngle = 1e-5;
 
 /// The rectangle in a frame centred at the receiver: x in [x0,x1], y in [y0,y1], at depth z < 0, and its spherical quad.
@@ -36,7 +36,7 @@ struct SphericalRect {
     const double g0 = std::acos(-n0 * n1), g1 = std::acos(-n1 * n2), g2 = std::acos(-n2 * n3), g3 = std::acos(-n3 * n0);
     b0 = n0;
     b1 = n2;
-    k = 2 * kDPi - g2 - g3;
+    k = 2 * std::numbers::pi - g2 - g3;
     solidAngle = g0 + g1 - k;
   }
 
@@ -113,10 +113,10 @@ bool sampleDisk(const LightShape& s, const Vec3& p, const Vec2& u, AreaSample& o
     if (!(r.solidAngle > 0) || glm::dot(fromCentre, fromCentre) > double(s.radius) * s.radius) return false;
     return finish(d, 1.0 / r.solidAngle, out);
   }
-  const double phi = 2.0 * kDPi * u.x, radius = std::sqrt(double(u.y));
+  const double phi = 2.0 * std::numbers::pi * u.x, radius = std::sqrt(double(u.y));
   const DVec3 d = toCentre + radius * (std::cos(phi) * DVec3(ex) + std::sin(phi) * DVec3(ey));
   const double d2 = glm::dot(d, d);
-  return finish(d, areaPdf(std::fabs(glm::dot(d, DVec3(s.axis))) / std::sqrt(d2), d2, kDPi * s.radius * s.radius), out);
+  return finish(d, areaPdf(std::fabs(glm::dot(d, DVec3(s.axis))) / std::sqrt(d2), d2, std::numbers::pi * s.radius * s.radius), out);
 }
 
 float diskPdf(const LightShape& s, const Vec3& p, const Vec3& direction, float t) {
@@ -128,7 +128,7 @@ float diskPdf(const LightShape& s, const Vec3& p, const Vec3& direction, float t
     return solidAngle > 0 ? float(1.0 / solidAngle) : 0.0f;
   }
   const double cosine = std::fabs(glm::dot(DVec3(direction), DVec3(s.axis)));
-  return float(std::min(areaPdf(cosine, double(t) * t, kDPi * s.radius * s.radius), 1e37));
+  return float(std::min(areaPdf(cosine, double(t) * t, std::numbers::pi * s.radius * s.radius), 1e37));
 }
 
 namespace {
@@ -142,7 +142,7 @@ bool sampleSphere(const LightShape& s, const Vec3& p, const Vec2& u, AreaSample&
   if (!(d2 > r2) || !(r2 > 0)) return false;
   const double d = std::sqrt(d2), cone = oneMinusCos(r2 / d2);
   const double m = double(u.x) * cone;  // 1 - cos of the sampled angle
-  const double sin2 = m * (2.0 - m), sine = std::sqrt(sin2), phi = 2.0 * kDPi * u.y;
+  const double sin2 = m * (2.0 - m), sine = std::sqrt(sin2), phi = 2.0 * std::numbers::pi * u.y;
   const DVec3 z = c / d;
   const DVec3 x = glm::normalize(std::fabs(z.x) > 0.6 ? glm::cross(z, DVec3(0, 1, 0)) : glm::cross(z, DVec3(1, 0, 0)));
   const DVec3 direction = (1.0 - m) * z + sine * (std::cos(phi) * x + std::sin(phi) * glm::cross(z, x));
@@ -150,7 +150,7 @@ bool sampleSphere(const LightShape& s, const Vec3& p, const Vec2& u, AreaSample&
   out.direction = Vec3(direction);
   // (d^2 - r^2) / (far root) is the near root without the difference of two large numbers.
   out.distance = float((d2 - r2) / (d * (1.0 - m) + half));
-  out.pdf = float(std::min(1.0 / (2.0 * kDPi * cone), 1e37));
+  out.pdf = float(std::min(1.0 / (2.0 * std::numbers::pi * cone), 1e37));
   return out.distance > 0.0f;
 }
 
@@ -158,7 +158,7 @@ float spherePdf(const LightShape& s, const Vec3& p) {
   const DVec3 c = DVec3(s.position) - DVec3(p);
   const double d2 = glm::dot(c, c), r2 = double(s.radius) * s.radius;
   if (!(d2 > r2) || !(r2 > 0)) return 0.0f;
-  return float(std::min(1.0 / (2.0 * kDPi * oneMinusCos(r2 / d2)), 1e37));
+  return float(std::min(1.0 / (2.0 * std::numbers::pi * oneMinusCos(r2 / d2)), 1e37));
 }
 
 bool intersectAreaLight(const LightShape& s, const Ray& ray, float& t, Vec3& Ng) {

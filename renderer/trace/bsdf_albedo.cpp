@@ -6,6 +6,7 @@
 #include "trace/bsdf_glass_inside_data.h"
 #include "trace/bsdf_glass_outside_data.h"
 #include "trace/bsdf_reflection_data.h"
+#include "trace/table_lookup.h"
 
 namespace gobo {
 namespace {
@@ -34,7 +35,6 @@ inline int cell(float x, int n, float& f) {
   return k;
 }
 inline int cosineCell(float mu, float s, float& f) { return cell(std::sqrt(mu * (1.0f + s) / (mu + s)), kMu, f); }
-inline float mix(float a, float b, float f) { return a + (b - a) * f; }
 
 }  // namespace
 

@@ -5,6 +5,7 @@
 #include "trace/bsdf_anisotropic_inside_data.h"
 #include "trace/bsdf_anisotropic_outside_data.h"
 #include "trace/bsdf_anisotropic_reflection_data.h"
+#include "trace/table_lookup.h"
 
 namespace gobo {
 namespace {
@@ -14,7 +15,6 @@ using Cell = grid::Cell<float>;
 
 constexpr float kStep = 1.0f / 250.0f;                 // of glass
 
-inline float mix(float a, float b, float f) { return a + (b - a) * f; }
 
 }  // namespace
 

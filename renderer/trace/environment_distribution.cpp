@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace gobo {
 namespace {
 
-constexpr double kDPi = 3.14159265358979323846;
 
 double texelLuminance(const Vec3& c) { return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z; }
 
@@ -49,9 +49,9 @@ bool EnvironmentDistribution::sample(const Vec2& u, Vec3& direction, Vec3& radia
   const size_t y = locate(rows_.data(), h, u.y, fy);
   const size_t x = locate(columns_.get() + y * w, w, u.x, fx);
   const double polar = tents_->polar(int(y), fy), across = double(x) + 0.5 + EnvironmentTents::across(fx), s = std::sin(polar);
-  const double azimuth = (across / double(w) - 0.5) * 2.0 * kDPi - double(map_->rotation);
+  const double azimuth = (across / double(w) - 0.5) * 2.0 * std::numbers::pi - double(map_->rotation);
   direction = Vec3(float(s * std::cos(azimuth)), float(std::cos(polar)), float(s * std::sin(azimuth)));
-  radiance = interpolateTexels(*map_, across, polar / kDPi * double(h));
+  radiance = interpolateTexels(*map_, across, polar / std::numbers::pi * double(h));
   pdf = float(texelLuminance(radiance) / total_);
   return pdf > 0.0f;
 }

@@ -18,9 +18,6 @@ namespace {
 // Draws of one scattering event: the light's point, the new direction, (which light, which lobe), roulette.
 enum Draw : uint32_t { kDrawLight = 0, kDrawDirection = 1, kDrawChoice = 2, kDrawRoulette = 3, kDrawsPerEvent = 4 };
 
-// Reflections inside a scattering volume and passed boundaries are no events, but not endlessly so: meshes may be broken.
-constexpr int kMostFree = 1 << 12;
-
 // Path state by lane. Lanes never move: Embree masks the dead ones, and vector code computes them along.
 struct Paths {
   Lane3 throughput;

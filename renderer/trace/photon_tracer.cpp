@@ -16,7 +16,6 @@ namespace {
 
 constexpr double kAlpha = 2.0 / 3.0;
 constexpr size_t kPhotonsPerTask = 4096;
-constexpr int kMostFree = 1 << 12;              // boundaries that change nothing: meshes may be broken
 constexpr float kSameSurface = 0.8f;            // cosine between normals of one surface within a radius
 
 /// One path from either end: a ray, the volumes around it (lane 0 of PathMedia), and what it carries.

@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace gobo {
 namespace {
 
-constexpr double kDPi = 3.14159265358979323846;
 /// Height above the triangle's plane, over distances and coordinates, from which on it is more than rounding.
 constexpr double kPlane = 1e-5;
 
@@ -44,12 +44,12 @@ SphericalTriangle::SphericalTriangle(const Vec3& p, const Vec3& v, const Vec3& e
   cosAlpha_ = std::cos(alpha);
   sinAlpha_ = std::sin(alpha);
   if (!(sinAlpha_ > 1e-9)) return;
-  solidAngle_ = angles_ - kDPi;
+  solidAngle_ = angles_ - std::numbers::pi;
 }
 
 DVec3 SphericalTriangle::sample(double u, double v, Vec2& barycentrics) const {
   // The corner c' for which the triangle a b c' has the share u of the solid angle; then a place on the arc from b to c'.
-  const double share = kDPi + u * (angles_ - kDPi), sinShare = std::sin(share), cosShare = std::cos(share);
+  const double share = std::numbers::pi + u * (angles_ - std::numbers::pi), sinShare = std::sin(share), cosShare = std::cos(share);
   const double sinPhi = sinShare * cosAlpha_ - cosShare * sinAlpha_, cosPhi = cosShare * cosAlpha_ + sinShare * sinAlpha_;
   const double k1 = cosPhi + cosAlpha_, k2 = sinPhi - sinAlpha_ * glm::dot(a_, b_);
   const double above = k2 + (k2 * cosPhi - k1 * sinPhi) * cosAlpha_, below = (k2 * sinPhi + k1 * cosPhi) * sinAlpha_;

@@ -12,6 +12,10 @@
 
 namespace gobo {
 
+/// Boundaries that change nothing and reflections inside a scattering volume are no events of a path, but not endlessly so: meshes may
+/// be broken.
+inline constexpr int kMostFree = 1 << 12;
+
 /// True if light may pass a surface of this material straight on in air, by its factors (textures only scale them).
 bool maySendStraight(const Bsdf& bsdf);
 /// Some instance has such a material: visibility is RGB. Reads facets Topology and Bsdf.

@@ -14,6 +14,7 @@
 #include <random>
 #include <set>
 
+#include "base/descriptor.h"
 #include "server/jobs/job_store.h"
 #include "server/log.h"
 
@@ -23,11 +24,6 @@ namespace fs = std::filesystem;
 
 namespace {
 
-struct Descriptor {
-  int fd;
-  ~Descriptor() { if (fd >= 0) ::close(fd); }
-};
-
 Status failed(const std::string& action, const std::string& path, int error) {
   const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
   return {full ? Code::ResourceExhausted : error == ENOENT ? Code::NotFound : Code::Internal, "cannot " + action + ": " + std::strerror(error), path};
@@ -35,7 +31,7 @@ Status failed(const std::string& action, const std::string& path, int error) {
 
 Status syncFolder(const std::string& path) {
   const Descriptor d{::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
-  if (d.fd < 0 || ::fsync(d.fd) != 0) return failed("sync", path, errno);
+  if (!d || ::fsync(d.get()) != 0) return failed("sync", path, errno);
   return {};
 }
 
@@ -76,14 +72,14 @@ Status JobFiles::write(const std::string& path, const void* bytes, size_t size) 
   Status status = at("write");
   {
     const Descriptor d{status.ok() ? ::open(temp.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600) : -1};
-    if (status.ok() && d.fd < 0) return failed("make", temp, errno);
+    if (status.ok() && !d) return failed("make", temp, errno);
     for (size_t done = 0; status.ok() && done < size;) {
-      const ssize_t n = ::write(d.fd, static_cast<const char*>(bytes) + done, size - done);
+      const ssize_t n = ::write(d.get(), static_cast<const char*>(bytes) + done, size - done);
       if (n >= 0) done += size_t(n);
       else if (errno != EINTR) status = failed("write", path, errno);
     }
     if (status.ok()) status = at("sync");
-    if (status.ok() && ::fdatasync(d.fd) != 0) status = failed("sync", path, errno);
+    if (status.ok() && ::fdatasync(d.get()) != 0) status = failed("sync", path, errno);
   }
   if (status.ok()) status = at("rename");
   if (status.ok() && ::rename(temp.c_str(), path.c_str()) != 0) {
@@ -109,7 +105,7 @@ Status JobFiles::adopt(const std::string& from, const std::string& path) {
   }
   if (::link(from.c_str(), path.c_str()) == 0) {
     const Descriptor d{::open(path.c_str(), O_RDONLY | O_CLOEXEC)};
-    if (d.fd < 0 || ::fdatasync(d.fd) != 0) return failed("sync", path, errno);
+    if (!d || ::fdatasync(d.get()) != 0) return failed("sync", path, errno);
     return syncFolder(fs::path(path).parent_path().string());
   }
   GOBO_ASSIGN(const std::vector<uint8_t> bytes, read(from));
@@ -119,10 +115,10 @@ Status JobFiles::adopt(const std::string& from, const std::string& path) {
 Result<std::vector<uint8_t>> JobFiles::read(const std::string& path) const {
   const Descriptor d{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)};
   struct stat info{};
-  if (d.fd < 0 || ::fstat(d.fd, &info) != 0) return failed("read", path, errno);
+  if (!d || ::fstat(d.get(), &info) != 0) return failed("read", path, errno);
   std::vector<uint8_t> bytes(size_t(info.st_size));
   for (size_t done = 0; done < bytes.size();) {
-    const ssize_t n = ::read(d.fd, bytes.data() + done, bytes.size() - done);
+    const ssize_t n = ::read(d.get(), bytes.data() + done, bytes.size() - done);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) return failed("read", path, n < 0 ? errno : EIO);
     done += size_t(n);

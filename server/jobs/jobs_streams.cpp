@@ -9,6 +9,7 @@
 #include <cstring>
 #include <set>
 
+#include "base/descriptor.h"
 #include "server/jobs/jobs_service.h"
 #include "server/log.h"
 #include "server/rpc.h"
@@ -17,7 +18,7 @@ namespace gobo {
 
 namespace {
 
-constexpr double kPoll = 0.25;   // seconds: how soon a client that has gone, a drain, or another daemon's work is noticed
+constexpr double kStreamPoll = 0.25;   // seconds: how soon a client that has gone, a drain, or another daemon's work is noticed
 
 v1::JobEvent eventOf(const v1::Job& job, const v1::Frame* frame) {
   v1::JobEvent event;
@@ -56,7 +57,7 @@ grpc::Status JobsService::watch(Rpc& rpc, const v1::WatchJobRequest& sent, grpc:
   std::map<TaskId, double> progress;   // of live frames, as sent
   v1::Job::State state = record->job.state();
   while (!jobIsOver(state)) {
-    hub.wait(seen, kPoll);
+    hub.wait(seen, kStreamPoll);
     if (context->IsCancelled()) return {grpc::StatusCode::CANCELLED, "the client has gone"};
     if (core_.draining()) return rpc.refuseDraining();
     auto news = core_.durable->store().changes(record->id, revision);
@@ -95,8 +96,8 @@ Status JobsService::sendFile(grpc::ServerContext& context, grpc::ServerWriter<v1
   if (offset > file.bytes())
     return {Code::OutOfRange, strf("offset = %llu: %s has %llu bytes", (unsigned long long)offset, file.name().c_str(), (unsigned long long)file.bytes()), "offset"};
   const std::string path = core_.durable->files().resultPath(job, file.sha256());
-  struct Descriptor { int fd; ~Descriptor() { if (fd >= 0) ::close(fd); } } d{::open(path.c_str(), O_RDONLY | O_CLOEXEC)};
-  if (d.fd < 0) return {Code::DataLoss, "cannot read " + path + ": " + std::strerror(errno)};
+  const Descriptor d{::open(path.c_str(), O_RDONLY | O_CLOEXEC)};
+  if (!d) return {Code::DataLoss, "cannot read " + path + ": " + std::strerror(errno)};
   const Status left(Code::Cancelled, "the client has gone");
   v1::FetchReply reply;
   v1::FetchedFile& head = *reply.mutable_file();
@@ -109,7 +110,7 @@ Status JobsService::sendFile(grpc::ServerContext& context, grpc::ServerWriter<v1
     chunk.set_offset(offset);
     std::string& data = *chunk.mutable_data();
     data.resize(size_t(std::min<uint64_t>(core_.live()->chunkBytes, file.bytes() - offset)));
-    const ssize_t n = ::pread(d.fd, data.data(), data.size(), off_t(offset));
+    const ssize_t n = ::pread(d.get(), data.data(), data.size(), off_t(offset));
     if (n <= 0) return {Code::DataLoss, path + " ends early: " + (n < 0 ? std::strerror(errno) : "damaged")};
     data.resize(size_t(n));
     offset += uint64_t(n);
@@ -158,7 +159,7 @@ grpc::Status JobsService::fetch(Rpc& rpc, const v1::FetchRequest& sent, grpc::Se
       ++at;
       continue;
     }
-    hub.wait(seen, kPoll);
+    hub.wait(seen, kStreamPoll);
     if (context->IsCancelled()) return {grpc::StatusCode::CANCELLED, "the client has gone"};
     if (core_.draining()) return rpc.refuseDraining();
     auto news = core_.durable->store().changes(record->id, record->revision);

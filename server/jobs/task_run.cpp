@@ -11,7 +11,7 @@ namespace gobo {
 
 namespace {
 
-constexpr double kPoll = 0.02;             // seconds between ticks
+constexpr double kTick = 0.02;             // seconds between ticks
 constexpr double kWriteShare = 20;         // a checkpoint may take a twentieth of the time between two
 
 double since(std::chrono::steady_clock::time_point t) { return std::chrono::duration<double>(std::chrono::steady_clock::now() - t).count(); }
@@ -153,7 +153,7 @@ Status TaskRun::render(std::vector<EncodedImage>& images) {
   spec.pinnedBytes = *pinned;
   RunControl control;
   control.gone = [this] { return tick(); };
-  control.pollSeconds = kPoll;
+  control.pollSeconds = kTick;
   RunReport report;
   for (;;) {
     report = w_.runner_.run(spec, [&](StopToken slot) { return work(slot, request); }, control);

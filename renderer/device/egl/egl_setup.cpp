@@ -10,13 +10,13 @@ namespace gobo {
 namespace {
 
 /// No driver, or one that lacks something: Unavailable, unless memory ran out.
-Status noDevice(const std::string& why) {
+Status noEglDevice(const std::string& why) {
   return {Code::Unavailable, "no EGL device: " + why + " (libgl1-mesa-dri has llvmpipe for machines without a GPU)"};
 }
 Status failed(const char* call) {
   const int error = eglGetError();
   if (error == EGL_BAD_ALLOC) return eglStatus(error, call);
-  return noDevice(std::string(call) + ": " + eglErrorName(error));
+  return noEglDevice(std::string(call) + ": " + eglErrorName(error));
 }
 
 bool hasWord(const char* list, const char* word) {
@@ -26,11 +26,11 @@ bool hasWord(const char* list, const char* word) {
 Result<EGLDeviceEXT> deviceAt(const std::string& index) {
   const auto query = reinterpret_cast<PFNEGLQUERYDEVICESEXTPROC>(eglGetProcAddress("eglQueryDevicesEXT"));
   EGLint n = 0;
-  if (!query) return noDevice("no EGL_EXT_device_enumeration");
+  if (!query) return noEglDevice("no EGL_EXT_device_enumeration");
   if (!query(0, nullptr, &n)) return failed("eglQueryDevicesEXT");
   std::vector<EGLDeviceEXT> all(size_t(std::max(n, 1)));
   if (!query(n, all.data(), &n)) return failed("eglQueryDevicesEXT");
-  if (std::stol(index) >= n) return noDevice("GOBO_EGL_DEVICE=" + index + ", eglQueryDevicesEXT has " + std::to_string(n));
+  if (std::stol(index) >= n) return noEglDevice("GOBO_EGL_DEVICE=" + index + ", eglQueryDevicesEXT has " + std::to_string(n));
   return all[size_t(std::stol(index))];
 }
 
@@ -39,7 +39,7 @@ Result<EGLDeviceEXT> deviceAt(const std::string& index) {
 Status GlFunctions::load() {
 #define X(name, NAME)                                                               \
   name = reinterpret_cast<PFNGL##NAME##PROC>(eglGetProcAddress("gl" #name));        \
-  if (!name) return noDevice("eglGetProcAddress: the driver has no gl" #name);
+  if (!name) return noEglDevice("eglGetProcAddress: the driver has no gl" #name);
   GOBO_GL_FUNCTIONS(X)
 #undef X
   return {};
@@ -61,21 +61,21 @@ Status EglDevice::Impl::openDisplay(const std::string& device) {
   const char* extensions = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
   const bool number = !device.empty() && device.size() < 4 && std::all_of(device.begin(), device.end(), [](char c) { return c >= '0' && c <= '9'; });
   if (number) {
-    if (!hasWord(extensions, "EGL_EXT_platform_device")) return noDevice("no EGL_EXT_platform_device");
+    if (!hasWord(extensions, "EGL_EXT_platform_device")) return noEglDevice("no EGL_EXT_platform_device");
     GOBO_ASSIGN(const EGLDeviceEXT native, deviceAt(device));
     display = eglGetPlatformDisplay(EGL_PLATFORM_DEVICE_EXT, native, nullptr);
   } else if (device.empty() || device == "surfaceless") {
-    if (!hasWord(extensions, "EGL_MESA_platform_surfaceless")) return noDevice("no driver has EGL_MESA_platform_surfaceless");
+    if (!hasWord(extensions, "EGL_MESA_platform_surfaceless")) return noEglDevice("no driver has EGL_MESA_platform_surfaceless");
     display = eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
   } else {
-    return noDevice("GOBO_EGL_DEVICE='" + device + "' is neither 'surfaceless' nor the number of a device");
+    return noEglDevice("GOBO_EGL_DEVICE='" + device + "' is neither 'surfaceless' nor the number of a device");
   }
   if (display == EGL_NO_DISPLAY) return failed("eglGetPlatformDisplay");
   EGLint major = 0, minor = 0;
   if (!eglInitialize(display, &major, &minor)) return failed("eglInitialize");
   for (const char* need : {"EGL_KHR_surfaceless_context", "EGL_KHR_no_config_context"})
-    if (!hasWord(eglQueryString(display, EGL_EXTENSIONS), need)) return noDevice(std::string("the driver has no ") + need);
-  if (major == 1 && minor < 5) return noDevice("EGL 1.5 is needed, the driver has 1." + std::to_string(minor));
+    if (!hasWord(eglQueryString(display, EGL_EXTENSIONS), need)) return noEglDevice(std::string("the driver has no ") + need);
+  if (major == 1 && minor < 5) return noEglDevice("EGL 1.5 is needed, the driver has 1." + std::to_string(minor));
   return {};
 }
 

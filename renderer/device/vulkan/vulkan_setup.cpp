@@ -56,7 +56,7 @@ int computeFamily(VkPhysicalDevice physical, uint32_t* timestampBits = nullptr) 
   return -1;
 }
 
-Status noDevice(const std::string& why) {
+Status noVulkanDevice(const std::string& why) {
   return {Code::Unavailable, "no Vulkan device: " + why + " (mesa-vulkan-drivers has lavapipe for machines without a GPU)"};
 }
 
@@ -91,7 +91,7 @@ Status VulkanDevice::Impl::createInstance(bool wantValidation) {
     info.ppEnabledExtensionNames = &extension;
   }
   if (const VkResult r = vkCreateInstance(&info, nullptr, &instance); r != VK_SUCCESS) {
-    if (r == VK_ERROR_INCOMPATIBLE_DRIVER) return noDevice("no driver is installed, vkCreateInstance: " + vkResultName(r));
+    if (r == VK_ERROR_INCOMPATIBLE_DRIVER) return noVulkanDevice("no driver is installed, vkCreateInstance: " + vkResultName(r));
     return vkStatus(r, "vkCreateInstance");
   }
   if (wantValidation) {
@@ -121,7 +121,7 @@ Status VulkanDevice::Impl::choosePhysical(const std::string& wanted) {
     physical = all[i];
     properties = p;
   }
-  if (n == 0) return noDevice("the drivers offer none");
+  if (n == 0) return noVulkanDevice("the drivers offer none");
   if (physical == VK_NULL_HANDLE)
     return {Code::Unavailable, wanted.empty() ? "no Vulkan device with version 1.1 and compute among: " + names
                                               : "no usable Vulkan device matches GOBO_VULKAN_DEVICE='" + wanted + "' among: " + names};

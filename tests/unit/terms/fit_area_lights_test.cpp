@@ -7,13 +7,13 @@
 
 #include <cstdio>
 #include <limits>
+#include <numbers>
 
 #include "scene/environment_tents.h"
 
 namespace gobo {
 namespace {
 
-constexpr double kDPi = 3.14159265358979323846;
 
 Environment mapOf(int width, int height, const std::function<Vec3(const DVec3& direction)>& radiance) {
   Environment e;
@@ -64,7 +64,7 @@ std::vector<DVec3> normals(int count) {
   }
   return out;
 }
-double degrees(const DVec3& a, const DVec3& b) { return std::acos(std::min(glm::dot(a, b), 1.0)) * 180.0 / kDPi; }
+double degrees(const DVec3& a, const DVec3& b) { return std::acos(std::min(glm::dot(a, b), 1.0)) * 180.0 / std::numbers::pi; }
 
 /// RMS over normals and channels, by the RMS of the truth.
 double relativeError(const Environment& e, const AreaLightFit& fit, int count = 200) {
@@ -146,10 +146,10 @@ TEST(FitAreaLights, UniformLightIsUniform) {
     double squares = 0;
     for (const DVec3& n : normals(500)) {
       const double e = irradianceOf(fit, n).x;
-      squares += (e - kDPi) * (e - kDPi) / 500;
-      EXPECT_NEAR(e, kDPi, worst * kDPi);
+      squares += (e - std::numbers::pi) * (e - std::numbers::pi) / 500;
+      EXPECT_NEAR(e, std::numbers::pi, worst * std::numbers::pi);
     }
-    EXPECT_LT(std::sqrt(squares), 0.012 * kDPi) << count;
+    EXPECT_LT(std::sqrt(squares), 0.012 * std::numbers::pi) << count;
   }
 }
 
@@ -164,8 +164,8 @@ TEST(FitAreaLights, OneTexelIsOneLightInItsPlace) {
     const AreaLightFit fit = fitAreaLights(e, 45);
     ASSERT_EQ(fit.lights.size(), 1u) << x << " " << y;
     EXPECT_LT(degrees(fit.lights[0].direction, DVec3(e.toDirection(Vec2((x + 0.5f) / 1024, (y + 0.5f) / 512)))), 0.02);
-    EXPECT_LT(fit.lights[0].angularSize, 1.5 * kDPi / 512) << "no larger than the texel's tent";
-    EXPECT_GT(fit.lights[0].angularSize, 0.5 * kDPi / 512 * std::max(0.4, std::sin(kDPi * (y + 0.5) / 512)));
+    EXPECT_LT(fit.lights[0].angularSize, 1.5 * std::numbers::pi / 512) << "no larger than the texel's tent";
+    EXPECT_GT(fit.lights[0].angularSize, 0.5 * std::numbers::pi / 512 * std::max(0.4, std::sin(std::numbers::pi * (y + 0.5) / 512)));
     EXPECT_NEAR(fit.lights[0].irradiance.x, 1000 * texelWeights(e)[size_t(y)], 1e-6 * 1000 * texelWeights(e)[size_t(y)]);
     EXPECT_EQ(fit.remainderFlux(), DVec3(0.0));
   }
@@ -174,7 +174,7 @@ TEST(FitAreaLights, OneTexelIsOneLightInItsPlace) {
 // A sun of 3 degrees with a quarter of the light in a uniform sky: the sky near it must not widen it. (Nearest-centre clusters give 8 degrees.)
 TEST(FitAreaLights, ASunKeepsItsSizeInASky) {
   const DVec3 axis = glm::normalize(DVec3(0.5, 0.6, -0.4));
-  const double half = std::tan(1.5 * kDPi / 180);
+  const double half = std::tan(1.5 * std::numbers::pi / 180);
   const Environment e = squarePatch(axis, half, Vec3(1500.0f), Vec3(1.0f));
   const std::vector<double> weight = texelWeights(e);
   DVec3 centre(0.0);   // of the texels that the patch became: they are 0.7 degrees wide
@@ -210,7 +210,7 @@ TEST(FitAreaLights, NoMoreLightsThanAreOfUse) {
   three.texels = Array<Vec3>(std::move(texels));
   const AreaLightFit fit = fitAreaLights(three, 64);
   EXPECT_EQ(fit.lights.size(), 3u);
-  EXPECT_NEAR(fit.remainderFlux().x, 4 * kDPi, 0.02 * 4 * kDPi);   // less the sky in the lights' own places
+  EXPECT_NEAR(fit.remainderFlux().x, 4 * std::numbers::pi, 0.02 * 4 * std::numbers::pi);   // less the sky in the lights' own places
 }
 
 TEST(FitAreaLights, TexelsThatAreNoNumbersCountAsBlack) {

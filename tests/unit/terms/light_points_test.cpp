@@ -10,7 +10,6 @@
 namespace gobo {
 namespace {
 
-constexpr double kDPi = 3.14159265358979323846;
 
 TEST(LightPoints, WideDirectionalLightsFillTheirSquare) {
   test::LitScene lit;

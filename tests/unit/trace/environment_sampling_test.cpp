@@ -2,6 +2,8 @@
 // Oracles: quadrature of the look-up, bounds on radiance over density, sums over the sphere in extended precision.
 #include <gtest/gtest.h>
 
+#include <numbers>
+
 #include "support/chi2.h"
 #include "support/lit_scene.h"
 #include "trace/environment_distribution.h"
@@ -10,8 +12,6 @@ namespace gobo {
 namespace {
 
 using namespace test;
-
-constexpr double kDPi = 3.14159265358979323846;
 
 std::shared_ptr<Environment> makeMap(int w, int h, float rotation, const std::function<Vec3(int, int)>& texel) {
   Image image(w, h, 3);
@@ -113,7 +113,7 @@ TEST(EnvironmentSampling, TotalIsTheIntegralOfTheLookUp) {
     const int nx = 24 * w, ny = 24 * h;
     double sum = 0;
     for (int y = 0; y < ny; ++y) {
-      const double band = (std::cos(kDPi * y / ny) - std::cos(kDPi * (y + 1) / ny)) * 2 * kDPi / nx;
+      const double band = (std::cos(std::numbers::pi * y / ny) - std::cos(std::numbers::pi * (y + 1) / ny)) * 2 * std::numbers::pi / nx;
       for (int x = 0; x < nx; ++x) sum += band * luminance(map->eval(map->toDirection(Vec2((x + 0.5f) / nx, (y + 0.5f) / ny))));
     }
     EXPECT_NEAR(EnvironmentDistribution(map).total() / sum, 1.0, 1e-3) << w << " x " << h;
@@ -129,11 +129,11 @@ TEST(EnvironmentSampling, OneHotTexelIntegratesExactly) {
       const LitScene s = lit(makeMap(w, h, rotation, [&](int x, int y) { return x == 17 && y == row ? Vec3(1e6f) : Vec3(1); }));
       double hot = 0;   // the azimuthal tent integrates to one texel's width
       for (int k = 0; k < n; ++k) {
-        const double at = -1 + (k + 0.5) * 2 / n, theta = kDPi * (row + 0.5 + at) / h;
+        const double at = -1 + (k + 0.5) * 2 / n, theta = std::numbers::pi * (row + 0.5 + at) / h;
         if (theta < 0) continue;
-        hot += (row == 0 && at < 0 ? 1 : 1 - std::fabs(at)) * std::sin(theta) * std::cos(theta) * (2.0 / n) * (kDPi / h) * (2 * kDPi / w);
+        hot += (row == 0 && at < 0 ? 1 : 1 - std::fabs(at)) * std::sin(theta) * std::cos(theta) * (2.0 / n) * (std::numbers::pi / h) * (2 * std::numbers::pi / w);
       }
-      const double truth = kDPi + (1e6 - 1) * hot;
+      const double truth = std::numbers::pi + (1e6 - 1) * hot;
       const Irradiance e = irradiance(*s.sampler, 0, Vec3(0), Vec3(0, 1, 0));
       EXPECT_NEAR(e.mean / truth, 1.0, 1e-3) << "row " << row;
       EXPECT_LT(e.deviation, 0.15 * e.mean);
@@ -144,9 +144,9 @@ TEST(EnvironmentSampling, OneHotTexelIntegratesExactly) {
 TEST(EnvironmentSampling, UniformSphereGivesPi) {
   const LitScene s = lit(makeMap(1, 1, 0, [](int, int) { return Vec3(1); }));
   const Vec3 n = glm::normalize(Vec3(1, -2, 0.5f));
-  EXPECT_NEAR(irradiance(*s.sampler, 0, Vec3(0), n, 16384).mean, kDPi, 2e-3);
+  EXPECT_NEAR(irradiance(*s.sampler, 0, Vec3(0), n, 16384).mean, std::numbers::pi, 2e-3);
   for (const Vec3& d : {Vec3(0, 1, 0), Vec3(0, -1, 0), Vec3(1, 0, 0), Vec3(-1, 0, 0), Vec3(-1, 0, -0.0f)})
-    EXPECT_NEAR(s.sampler->pdf(0, Vec3(0), d, 3e38f, 0), 1 / (4 * kDPi), 1e-8);
+    EXPECT_NEAR(s.sampler->pdf(0, Vec3(0), d, 3e38f, 0), 1 / (4 * std::numbers::pi), 1e-8);
 }
 
 TEST(EnvironmentSampling, BlackMapsAndMissingMapsGiveNothing) {
@@ -198,7 +198,7 @@ TEST(EnvironmentSampling, TexelWeightsAreExactAtThePoles) {
     EXPECT_NEAR(d.texelWeight(y) / double(exact), 1.0, 1e-9) << y;
     sum += d.texelWeight(y) * w;
   }
-  EXPECT_NEAR(sum, 4 * kDPi, 1e-9);
+  EXPECT_NEAR(sum, 4 * std::numbers::pi, 1e-9);
 }
 
 /// The inverse of each row's distribution, against the forward integral by quadrature.
@@ -206,10 +206,10 @@ TEST(EnvironmentSampling, PolarAnglesFollowTheTent) {
   for (const int h : {1, 2, 3, 5, 64}) {
     const EnvironmentTents tents(1, h);
     for (int y = 0; y < h; y += std::max(1, h / 7)) {
-      const double step = kDPi / h, from = y == 0 ? 0 : (y - 0.5) * step, to = y == h - 1 ? kDPi : (y + 1.5) * step;
+      const double step = std::numbers::pi / h, from = y == 0 ? 0 : (y - 0.5) * step, to = y == h - 1 ? std::numbers::pi : (y + 1.5) * step;
       const int n = 20000;
       double sum = 0;
-      const double all = tents.weight(y) / (2 * kDPi);
+      const double all = tents.weight(y) / (2 * std::numbers::pi);
       double next = 0.05;
       for (int k = 0; k < n && next < 1; ++k) {
         const double theta = from + (k + 0.5) * (to - from) / n, at = theta / step - (y + 0.5);

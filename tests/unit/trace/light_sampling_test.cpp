@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <numbers>
+
 #include "support/chi2.h"
 #include "support/lit_scene.h"
 #include "trace/alias_table.h"
@@ -13,8 +15,6 @@ namespace gobo {
 namespace {
 
 using namespace test;
-
-constexpr double kDPi = 3.14159265358979323846;
 
 /// Chi-squared of light 0 of a scene seen from p, in the cone of directions that `axis` and `span` give.
 Chi2Result chi2OfAreaLight(const LightShape& shape, const Vec3& p, uint64_t seed, SphereDomain d = {}) {
@@ -130,7 +130,7 @@ TEST(AreaLights, DiskMatchesTheClosedForm) {
   for (double h : {0.02, 0.5, 2.5, 3.5, 40.0}) {
     LitScene lit;
     lit.add(diskLight(Vec3(0, float(h), 0), Vec3(0, -1, 0), 1.0f));
-    const double truth = kDPi / (1 + h * h);
+    const double truth = std::numbers::pi / (1 + h * h);
     EXPECT_NEAR(irradiance(lit.build(), 0, Vec3(0), Vec3(0, 1, 0)).mean, truth, 1e-2 * truth) << h;
   }
 }
@@ -139,7 +139,7 @@ TEST(AreaLights, SphereMatchesTheClosedForm) {
   for (double d : {1.2, 2.0, 10.0, 1000.0}) {
     LitScene lit;
     lit.add(sphereLight(Vec3(float(d * 0.6), float(d * 0.8), 0), 0.5f));
-    const double truth = kDPi * 0.25 / (d * d) * 0.8;
+    const double truth = std::numbers::pi * 0.25 / (d * d) * 0.8;
     const Irradiance e = irradiance(lit.build(), 0, Vec3(0), Vec3(0, 1, 0));
     EXPECT_NEAR(e.mean, truth, 1e-3 * truth) << d;
   }
@@ -152,7 +152,7 @@ TEST(AreaLights, TinyAndFarLights) {
     lit.add(rectLight(Vec3(0, float(d), 0), Vec3(1e-3f, 0, 0), Vec3(0, 0, 2e-3f)));
     lit.add(diskLight(Vec3(0, float(d), 0), Vec3(0, -1, 0), 1e-3f));
     const LightSampler& s = lit.build();
-    const double areas[] = {kDPi * 1e-12, 8e-6, kDPi * 1e-6};
+    const double areas[] = {std::numbers::pi * 1e-12, 8e-6, std::numbers::pi * 1e-6};
     for (int i = 0; i < 3; ++i) {
       const Irradiance e = irradiance(s, i, Vec3(0), Vec3(0, 1, 0), 256);
       EXPECT_NEAR(e.mean * d * d / areas[i], 1.0, 1e-4) << i << " at " << d;
@@ -176,10 +176,10 @@ TEST(AreaLights, ReceiverAtAMicrometre) {
   lit.add(sphereLight(Vec3(0, 1e-6f + 1e-3f, 0), 1e-3f));
   const LightSampler& s = lit.build();
   const Vec3 p(0, -1e-6f, 0);
-  EXPECT_NEAR(irradiance(s, 0, p, up).mean, kDPi, 0.01);
-  EXPECT_NEAR(irradiance(s, 1, p, up).mean, kDPi, 0.03);
+  EXPECT_NEAR(irradiance(s, 0, p, up).mean, std::numbers::pi, 0.01);
+  EXPECT_NEAR(irradiance(s, 1, p, up).mean, std::numbers::pi, 0.03);
   const double d = 1e-3 + 2e-6;
-  EXPECT_NEAR(irradiance(s, 2, p, up).mean, kDPi * 1e-6 / (d * d), 0.01);
+  EXPECT_NEAR(irradiance(s, 2, p, up).mean, std::numbers::pi * 1e-6 / (d * d), 0.01);
   // In the plane, behind it, on the surface, inside: no light and no NaN.
   LightSample out;
   for (const Vec3& q : {Vec3(0), Vec3(0.5f, 0, 0), Vec3(2, 0, 0), Vec3(0, 1, 0)})
@@ -195,8 +195,8 @@ TEST(AreaLights, ReceiverAtAMicrometre) {
 
 TEST(AreaLights, SolidAngleOfACubeFace) {
   // From a cube's centre each face fills a sixth of the sphere, from a corner's opposite face a 24th... of 8 octants.
-  EXPECT_NEAR(rectSolidAngle(rectLight(Vec3(0, 1, 0), Vec3(1, 0, 0), Vec3(0, 0, 1)), Vec3(0)), 4 * kDPi / 6, 1e-12);
-  EXPECT_NEAR(rectSolidAngle(rectLight(Vec3(1, 2, 1), Vec3(1, 0, 0), Vec3(0, 0, 1)), Vec3(0)), 4 * kDPi / 24, 1e-12);
+  EXPECT_NEAR(rectSolidAngle(rectLight(Vec3(0, 1, 0), Vec3(1, 0, 0), Vec3(0, 0, 1)), Vec3(0)), 4 * std::numbers::pi / 6, 1e-12);
+  EXPECT_NEAR(rectSolidAngle(rectLight(Vec3(1, 2, 1), Vec3(1, 0, 0), Vec3(0, 0, 1)), Vec3(0)), 4 * std::numbers::pi / 24, 1e-12);
 }
 
 TEST(AreaLights, AThousandLightsAreFoundAsByExhaustiveSearch) {
