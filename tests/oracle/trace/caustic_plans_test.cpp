@@ -8,7 +8,7 @@
 #include "plan/planner.h"
 #include "support/engines.h"
 
-namespace gobo::testing {
+namespace gobo::testing::caustic_plans_test {
 namespace {
 
 v1::RenderRequest spheres(int spp = 16) {
@@ -107,4 +107,4 @@ TEST(CausticPlans, NeverMoreLightWithoutAChain) {
 }
 
 }  // namespace
-}  // namespace gobo::testing
+}  // namespace gobo::testing::caustic_plans_test

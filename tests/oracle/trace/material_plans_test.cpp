@@ -16,7 +16,7 @@
 #include "support/tiny_scenes.h"
 #include "terms/surface_reader.h"
 
-namespace gobo::testing {
+namespace gobo::testing::material_plans_test {
 namespace {
 
 /// A floor with material 0 and a wall behind it with material 1.
@@ -197,4 +197,4 @@ TEST(MaterialPlans, WhatARoughnessTextureMakesSmoothIsNamed) {
 }
 
 }  // namespace
-}  // namespace gobo::testing
+}  // namespace gobo::testing::material_plans_test

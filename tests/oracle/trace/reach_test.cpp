@@ -8,7 +8,7 @@
 #include "trace/photon_tracer.h"
 #include "trace/reach.h"
 
-namespace gobo {
+namespace gobo::reach_test {
 namespace {
 
 using namespace tests;
@@ -220,4 +220,4 @@ TEST_P(Reach, PhotonsBringWhatIsLeftToThem) {
 INSTANTIATE_TEST_SUITE_P(Barriers, Reach, ::testing::ValuesIn(kBarriers), [](const auto& i) { return std::string(i.param.name); });
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::reach_test

@@ -20,7 +20,7 @@
 #include "base/image_io.h"
 #include "support/engines.h"
 
-namespace gobo::testing {
+namespace gobo::testing::published_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -220,4 +220,4 @@ TEST(Published, NearScenesByTheirMeans) {
 }
 
 }  // namespace
-}  // namespace gobo::testing
+}  // namespace gobo::testing::published_test

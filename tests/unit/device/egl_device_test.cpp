@@ -14,6 +14,7 @@
 #include "device/egl/egl_result.h"
 #include "unit/device/compute_cases.h"
 
+namespace egl_device_test {
 namespace {
 
 using namespace gobo;
@@ -227,3 +228,4 @@ TEST(EglDeviceDeathTest, BuffersOfAnotherDeviceAreRefused) {
 }
 
 }  // namespace
+}  // namespace egl_device_test

@@ -10,6 +10,7 @@
 #include "device/vulkan/vulkan_device.h"
 #include "unit/device/compute_cases.h"
 
+namespace vulkan_device_test {
 namespace {
 
 using namespace gobo;
@@ -164,3 +165,4 @@ TEST(VulkanDevice, ValidationLayerReportsMisuse) {
 }
 
 }  // namespace
+}  // namespace vulkan_device_test

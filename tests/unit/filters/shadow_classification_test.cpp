@@ -30,7 +30,7 @@ Marked classify(const TermPtr& depth, const TermPtr& g, float c, int blur, Expon
 }
 
 // Blobs of depth over a far floor, receivers on and above it.
-constexpr int kSize = 61;   // not a power of two: the pyramid's last texels cover less
+constexpr int kSide = 61;   // not a power of two: the pyramid's last texels cover less
 float blobs(int x, int y) { return random01(61, uint64_t(y / 5 * 100 + x / 5)) < 0.35f ? 0.3f + 0.3f * random01(62, uint64_t(y / 5 * 100 + x / 5)) : 0.8f; }
 std::vector<Vec3> somewhere(int n) {
   std::vector<Vec3> points;
@@ -39,17 +39,17 @@ std::vector<Vec3> somewhere(int n) {
 }
 /// Largest depth among texels that the bilinear lookup of the filtered map gives weight to.
 float deepest(const Vec3& p, int blur) {
-  const auto t = [](float u) { return formulas::shadowTexel(u, float(kSize)); };
+  const auto t = [](float u) { return formulas::shadowTexel(u, float(kSide)); };
   float hi = 0;
   const int x = int(t(p.x)), y = int(t(p.y));
   const int right = t(p.x) > float(x), below = t(p.y) > float(y);
   for (int j = y - blur; j <= y + blur + below; ++j)
-    for (int i = x - blur; i <= x + blur + right; ++i) hi = std::max(hi, blobs(std::clamp(i, 0, kSize - 1), std::clamp(j, 0, kSize - 1)));
+    for (int i = x - blur; i <= x + blur + right; ++i) hi = std::max(hi, blobs(std::clamp(i, 0, kSide - 1), std::clamp(j, 0, kSide - 1)));
   return hi;
 }
 
 TEST(ShadowClassification, ZMaxMissesNothing) {
-  const TermPtr depth = depthMap(kSize, blobs);
+  const TermPtr depth = depthMap(kSide, blobs);
   const auto points = somewhere(20000);
   for (int blur : {0, 1, 2, 3, 9, 20})
     for (float epsilon : {0.0f, 0.05f, 1.0f}) {
@@ -74,7 +74,7 @@ TEST(ShadowClassification, ASlantedPlaneIsNotBehindItself) {
   // The pyramid's bounds are of up to twice the kernel; without the search of the kernel itself about half of these are flagged.
   for (const Vec2& slope : {Vec2(0.5f, -0.3f), Vec2(0.0f, 0.6f), Vec2(-0.2f, -0.1f)}) {
     const auto plane = [&](float u, float v) { return 0.5f + slope.x * (u - 0.5f) + slope.y * (v - 0.5f); };
-    const TermPtr depth = depthMap(kSize, [&](int x, int y) { return plane((float(x) + 0.5f) / kSize, (float(y) + 0.5f) / kSize); });
+    const TermPtr depth = depthMap(kSide, [&](int x, int y) { return plane((float(x) + 0.5f) / kSide, (float(y) + 0.5f) / kSide); });
     std::vector<Vec3> points = somewhere(4000);
     for (Vec3& p : points) {
       p.x = 0.02f + 0.96f * p.x, p.y = 0.02f + 0.96f * p.y;   // not outside the outermost texels' centres, where the map does not go on
@@ -120,7 +120,7 @@ TEST(ShadowClassification, ZMaxMissesNothingUnderMinification) {
 
 TEST(ShadowClassification, ThresholdIsPreciseAndItsRecallFallsWithEpsilon) {
   // s > 1 + eps needs some z > d + ln(1 + eps) / c: precision is 1 by that margin. What blockers hide is missed: recall, printed.
-  const TermPtr depth = depthMap(kSize, blobs);
+  const TermPtr depth = depthMap(kSide, blobs);
   const auto points = somewhere(20000);
   const float c = 80;
   for (int blur : {0, 1, 2, 3}) {
@@ -146,7 +146,7 @@ TEST(ShadowClassification, ThresholdIsPreciseAndItsRecallFallsWithEpsilon) {
 }
 
 TEST(ShadowClassification, FlaggedPixelsAreComparedAndOthersAreNot) {
-  const TermPtr depth = depthMap(kSize, blobs);
+  const TermPtr depth = depthMap(kSide, blobs);
   const auto points = somewhere(5000);
   const TermPtr g = receivers(points);
   for (const auto how : {Exponential::Z_MAX, Exponential::THRESHOLD})
@@ -154,7 +154,7 @@ TEST(ShadowClassification, FlaggedPixelsAreComparedAndOthersAreNot) {
       for (float c : {60.0f, 200.0f})
         for (bool kernel : {true, false}) {
           const Marked m = classify(depth, g, c, blur, how, 0.05f, kernel);
-          const auto same = compare(depth, unitComparison(kSize, v1::PercentageCloserShadow::GAUSSIAN, kernel ? blur : 0), g);
+          const auto same = compare(depth, unitComparison(kSide, v1::PercentageCloserShadow::GAUSSIAN, kernel ? blur : 0), g);
           const auto plain = visibility(depth, makeExponentialBasis(c, c > 80), blur, points);
           for (size_t i = 0; i < points.size(); ++i) ASSERT_EQ(m.V[i], m.flags[i] == 1.0f ? same[i] : plain[i]) << how << " " << blur << " " << i;
         }

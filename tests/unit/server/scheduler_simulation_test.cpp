@@ -180,7 +180,7 @@ std::vector<Action> randomRun(uint64_t seed) {
   int submitted = 0;
   double arrival = 0;
   while (submitted < 400) {
-    while (server.now < arrival && !testing::Test::HasFatalFailure()) server.step(arrival);
+    while (server.now < arrival && !::testing::Test::HasFatalFailure()) server.step(arrival);
     JobSpec spec;
     spec.client = std::string(1, char('a' + r.below(5)));
     spec.jobClass = JobClass(r.below(3));
@@ -193,10 +193,10 @@ std::vector<Action> randomRun(uint64_t seed) {
     ++submitted;
     if (r.below(10) == 0) server.cancelSomebody();
     arrival = server.now + (r.below(3) ? 0.4 * r.unit() : 0);
-    if (testing::Test::HasFatalFailure()) return {};
+    if (::testing::Test::HasFatalFailure()) return {};
   }
   const double drained = server.now + 3000;
-  while (server.alive > 0 && server.now < drained && !testing::Test::HasFatalFailure()) server.step(drained);
+  while (server.alive > 0 && server.now < drained && !::testing::Test::HasFatalFailure()) server.step(drained);
   EXPECT_EQ(server.alive, 0) << "jobs that never ran, seed " << seed;
   EXPECT_EQ(server.scheduler.queued() + server.scheduler.running(), 0u);
   uint64_t sum = 0;
@@ -210,7 +210,7 @@ std::vector<Action> randomRun(uint64_t seed) {
 TEST(SchedulerSimulation, InvariantsHoldOverRandomRuns) {
   for (uint64_t seed = 1; seed <= 40; ++seed) {
     randomRun(seed);
-    ASSERT_FALSE(testing::Test::HasFailure()) << "seed " << seed;
+    ASSERT_FALSE(::testing::Test::HasFailure()) << "seed " << seed;
   }
 }
 
@@ -227,7 +227,7 @@ TEST(SchedulerSimulation, EqualClientsGetEqualSharesWhateverTheSizeOfTheirJobs) 
     Server server(o, 9);
     const double sizes[] = {0.05, 0.3, 1, 4};
     const double end = 2000;
-    while (server.now < end && !testing::Test::HasFatalFailure()) {
+    while (server.now < end && !::testing::Test::HasFatalFailure()) {
       for (int c = 0; c < 4; ++c) {            // everybody always has a few jobs waiting
         int mine = 0;
         const std::string name(1, char('a' + c));
@@ -247,7 +247,7 @@ TEST(SchedulerSimulation, LateComersGetTheirShareAndNoMore) {
   Server server(o, 5);
   std::map<std::string, double> before;
   for (double end : {500.0, 1000.0}) {
-    while (server.now < end && !testing::Test::HasFatalFailure()) {
+    while (server.now < end && !::testing::Test::HasFatalFailure()) {
       for (const char* name : {"early", "late"}) {
         if (std::string(name) == "late" && end < 600) continue;
         int mine = 0;
@@ -275,7 +275,7 @@ TEST(SchedulerSimulation, BatchAndNormalMakeTheProgressThatIsPromised) {
   std::array<double, kJobClasses> last{}, gap{};
   std::array<double, kJobClasses> ranAt{};
   const double end = 1500;
-  while (server.now < end && !testing::Test::HasFatalFailure()) {
+  while (server.now < end && !::testing::Test::HasFatalFailure()) {
     for (int c = 0; c < 3; ++c) {
       int mine = 0;
       for (const auto& [id, t] : server.truths) mine += !t.over && int(t.spec.jobClass) == c;

@@ -9,7 +9,7 @@
 #include "support/tiny_scenes.h"
 #include "trace/accel_impl.h"
 
-namespace gobo {
+namespace gobo::accel_test {
 namespace {
 
 using namespace tests;
@@ -332,4 +332,4 @@ TEST(OffsetOrigin, LeavesTheSurfaceOnTheAskedSideAtEveryScale) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::accel_test

@@ -6,7 +6,7 @@
 
 #include "support/tiny_scenes.h"
 
-namespace gobo {
+namespace gobo::back_faces_test {
 namespace {
 
 using namespace tests;
@@ -224,4 +224,4 @@ TEST(BackFaces, ARoomFromOutsideIsTheRoomFromInside) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::back_faces_test

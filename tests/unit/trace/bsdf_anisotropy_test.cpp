@@ -5,7 +5,7 @@
 
 #include "support/furnace.h"
 
-namespace gobo {
+namespace gobo::bsdf_anisotropy_test {
 namespace {
 
 using test::Furnace;
@@ -104,4 +104,4 @@ TEST(BsdfAnisotropy, SamplingWeightsAreBounded) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::bsdf_anisotropy_test

@@ -5,7 +5,7 @@
 
 #include "support/furnace.h"
 
-namespace gobo {
+namespace gobo::bsdf_furnace_test {
 namespace {
 
 using test::Furnace;
@@ -209,4 +209,4 @@ TEST(BsdfFurnace, LayeredModelsMeasured) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::bsdf_furnace_test

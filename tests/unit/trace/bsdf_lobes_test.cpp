@@ -6,7 +6,7 @@
 
 #include "support/furnace.h"
 
-namespace gobo {
+namespace gobo::bsdf_lobes_test {
 namespace {
 
 using test::localDirection;
@@ -338,4 +338,4 @@ TEST(BsdfLobes, ExtremeInputsStayFinite) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::bsdf_lobes_test

@@ -8,7 +8,7 @@
 
 #include "support/chi2.h"
 
-namespace gobo {
+namespace gobo::bsdf_test {
 namespace {
 
 using test::Moments;
@@ -343,4 +343,4 @@ TEST(Bsdf, EvalPdfIsEvalAndPdfToTheBit) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::bsdf_test

@@ -6,7 +6,7 @@
 #include "support/tiny_scenes.h"
 #include "trace/light_selector.h"
 
-namespace gobo {
+namespace gobo::light_tree_test {
 namespace {
 
 using namespace tests;
@@ -175,4 +175,4 @@ TEST(LightTree, TheOnlyLightIsCertain) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::light_tree_test

@@ -9,7 +9,7 @@
 #include "support/chi2.h"
 #include "support/lit_scene.h"
 
-namespace gobo {
+namespace gobo::mesh_light_test {
 namespace {
 
 using namespace test;
@@ -270,4 +270,4 @@ TEST(MeshLight, DegenerateTrianglesAndNearReceiversStayFinite) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::mesh_light_test

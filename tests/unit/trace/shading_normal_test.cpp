@@ -7,7 +7,7 @@
 #include "support/tiny_scenes.h"
 #include "trace/surface.h"
 
-namespace gobo {
+namespace gobo::shading_normal_test {
 namespace {
 
 using namespace tests;
@@ -221,4 +221,4 @@ TEST(ShadingNormal, FlatSurfacesAreNotTouched) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::shading_normal_test

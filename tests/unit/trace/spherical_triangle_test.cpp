@@ -6,7 +6,7 @@
 
 #include "support/chi2.h"
 
-namespace gobo {
+namespace gobo::spherical_triangle_test {
 namespace {
 
 using test::Rng;
@@ -64,4 +64,4 @@ TEST(SphericalTriangle, QuartersGetTheirShare) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::spherical_triangle_test
