@@ -26,8 +26,8 @@ test: deps
 	@cd $(BUILD) && ctest --output-on-failure -j $(JOBS) --repeat until-pass:2   # a test that kills processes may meet a busy machine; ctest says which ran twice
 
 # Tests under sanitizers or unoptimised, each preset in a build folder of its own (CMakePresets.json; deploy/sanitize).
-# PRESETS="asan tsan debug" for all three, TIER=all for every test.
-PRESETS ?= asan
+# TIER=all for every test, PRESETS=asan for one.
+PRESETS ?= asan tsan debug
 TIER ?= fast
 sanitize: deps
 	@for preset in $(PRESETS); do deploy/sanitize $$preset $(TIER) $(JOBS) || exit 1; done

@@ -20,6 +20,9 @@ extern "C" int __lsan_is_turned_off() { return 1; }
 // A crash ends it by its signal, as without the sanitizer, which is how the daemon tells whose fault it was.
 extern "C" const char* __asan_default_options() { return "handle_segv=0:handle_sigbus=0:handle_sigfpe=0:handle_sigill=0"; }
 #endif
+#ifdef GOBO_THREAD_SANITIZER   // the sandbox allows no second thread; its parent's suppressions do not reach it
+extern "C" const char* __tsan_default_options() { return "report_bugs=0:handle_segv=0:handle_sigbus=0:handle_sigfpe=0:handle_sigill=0"; }
+#endif
 
 namespace gobo::ingest {
 namespace {

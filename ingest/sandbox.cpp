@@ -87,7 +87,7 @@ Status lockDown(const Job& job) {
   // SIGXCPU at the soft limit ends the process; the hard one is for who catches it.
   if (!limit(RLIMIT_CORE, 0, 0) || !limit(RLIMIT_CPU, job.cpuSeconds, job.cpuSeconds + 1) || !limit(RLIMIT_FSIZE, job.blobBytes, job.blobBytes) ||
       !limit(RLIMIT_NOFILE, kOutput + 1, kOutput + 1)) return failed("setrlimit");
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)   // the sanitizer's shadow memory is terabytes of address space
+#if !defined(__SANITIZE_ADDRESS__) && !defined(GOBO_THREAD_SANITIZER)   // the sanitizer's shadow memory is terabytes of address space
   if (!limit(RLIMIT_AS, space, space)) return failed("setrlimit of the address space");
 #endif
   scmp_filter_ctx filter = seccomp_init(SCMP_ACT_KILL_PROCESS);

@@ -8,7 +8,7 @@
 
 #include <atomic>
 
-#ifdef __SANITIZE_THREAD__
+#ifdef GOBO_THREAD_SANITIZER
 #include <sanitizer/tsan_interface.h>
 #endif
 
@@ -17,7 +17,7 @@ namespace gobo {
 namespace {
 
 // The thread sanitizer sees our code, not the inside of TBB's library: it is told that a piece begins after the call and ends before its return.
-#ifdef __SANITIZE_THREAD__
+#ifdef GOBO_THREAD_SANITIZER
 void passedOn(void* what) { __tsan_release(what); }
 void takenOver(void* what) { __tsan_acquire(what); }
 #else

@@ -138,7 +138,7 @@ TEST(DiskStoreCrash, SurvivorGoesOnWhileAnotherIsKilledHoldingTheFolder) {
 }
 
 // Instrumented children take that much longer to have written anything.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(__SANITIZE_ADDRESS__) || defined(GOBO_THREAD_SANITIZER)
 constexpr int kPatience = 12;
 #else
 constexpr int kPatience = 1;

@@ -94,7 +94,7 @@ TEST_F(Ingest, EveryEndOfAChildHasItsName) {
   expect("abort", Code::InvalidArgument, "crashes its reader (Aborted, SIGABRT)");
   expect("spin", Code::ResourceExhausted, "more than 1 s of CPU time (ingest.cpu_s)");
   expect("sleep", Code::ResourceExhausted, "longer than 0.3 s (ingest.wall_s)", 0.3);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)   // whose shadow memory rules out the limit
+#if !defined(__SANITIZE_ADDRESS__) && !defined(GOBO_THREAD_SANITIZER)   // whose shadow memory rules out the limit
   expect("allocate", Code::ResourceExhausted, "more memory than 268435456 bytes (ingest.memory_bytes)");
 #endif
   expect("write", Code::ResourceExhausted, "larger than 8388608 bytes (ingest.blob_bytes)");
