@@ -12,8 +12,8 @@
 #include <cstring>
 #include <sstream>
 
-#include "../tests/support/certificate_cases.h"
-#include "../tests/support/certificate_tries.h"
+#include "support/certificate_cases.h"
+#include "support/certificate_tries.h"
 #include "measure/report.h"
 
 namespace {
