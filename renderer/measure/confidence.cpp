@@ -93,6 +93,9 @@ MeanInterval meanInterval(const std::vector<double>& z) {
 
 namespace {
 
+/// Degrees of freedom of one pixel's noise, a jackknife over four parts.
+constexpr double kPixelDegrees = 3;
+
 /// Pixels of largest value whose spread stands for that of the certain ones.
 constexpr size_t kWorst = 64;
 
@@ -123,9 +126,19 @@ struct Events {
   double above(double t) const { return std::max(t * std::sqrt(variance), poissonLimit(std::max(sum, 0.0), variance, kGranted * largest) - sum); }
 };
 struct Known {
-  double noise = 0, positive = 0;
-  void add(const DrawnValue& d, double pixelNoise, double all) { noise += pixelNoise, positive += std::max(d.value, 0.0) / (all * all); }
+  double noise = 0, noise2 = 0, positive = 0, positive2 = 0;   // ...2: sums of squares
+  void add(const DrawnValue& d, double pixelNoise, double all) {
+    const double value = std::max(d.value, 0.0) / (all * all);
+    noise += pixelNoise, noise2 += pixelNoise * pixelNoise;
+    positive += value, positive2 += value * value;
+  }
   double variance(double spread) const { return std::max(noise, 4 * positive * spread); }
+  /// Of the variance (Satterthwaite 1946): few where few pixels make it.
+  double degrees(double spread) const {
+    const bool own = noise >= 4 * positive * spread;
+    const double sum = own ? noise : positive, squares = own ? noise2 : positive2;
+    return squares > 0 ? kPixelDegrees * sum * sum / squares : 1e9;
+  }
 };
 
 }  // namespace
@@ -152,8 +165,8 @@ DrawnInterval drawnInterval(const std::vector<DrawnValue>& drawn, double all) {
   }
   const double spread = pooledSpread(drawn), t = studentQuantile(kNormal975, std::max(3.0, double(drawn.size()) - 1));
   const auto limit = [&](const Events& events, const Known& known) {
-    const double up = events.above(t);
-    return std::max(0.0, out.mean + std::sqrt(up * up + t * t * known.variance(spread)));
+    const double up = events.above(t), few = studentQuantile(kNormal975, std::max(kPixelDegrees, known.degrees(spread)));
+    return std::max(0.0, out.mean + std::sqrt(up * up + few * few * known.variance(spread)));
   };
   out.standardError = std::sqrt(certain.variance(spread) + byChance.variance);
   out.low = std::max(0.0, out.mean - t * out.standardError);

@@ -49,8 +49,10 @@ struct DrawnInterval {
 ///               of the 64 pixels of largest value, or of all certain ones: where rare paths make most of the spread, few pixels
 ///               see them, and each one's own noise is mostly too small.
 ///  low          mean - t * standard error
-///  highTrimmed  the limit of Fay and Feuer as in meanInterval for the pixels drawn by chance, the normal one for the certain ones; the
-///               distances of the two from their estimates are added in quadrature (Zou & Donner, Statistics in Medicine 27, 2008)
+///  highTrimmed  the limit of Fay and Feuer as in meanInterval for the pixels drawn by chance, Student's for the certain ones, whose
+///               degrees of freedom are those of their noise (Satterthwaite, Biometrics Bulletin 2, 1946: 3 for a pixel, from four
+///               parts): rare paths leave it to few pixels; the distances of the two from their estimates are added in quadrature
+///               (Zou & Donner, Statistics in Medicine 27, 2008)
 ///  high         the same with every pixel that is too dark, certain or not, among Fay and Feuer's events, since a reference misses
 ///               light by rare paths there too, + unseenArea * largest value drawn by chance
 DrawnInterval drawnInterval(const std::vector<DrawnValue>& drawn, double all);

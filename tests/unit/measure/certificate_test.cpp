@@ -276,6 +276,22 @@ TEST(Certify, PlainIntervalWouldMissRareErrors) {
   EXPECT_GE(certified, 0.94 * seeds);
 }
 
+// Closed forms: Student's t of 3 degrees where one pixel makes all of the noise, of 3 n where n pixels make it alike.
+TEST(Confidence, NoiseOfFewPixelsHasFewDegreesOfFreedom) {
+  for (const bool own : {true, false})                 // the pixels' own noise, or what the pooled spread makes of their values
+    for (const size_t noisy : {size_t(1), size_t(2), size_t(10), size_t(1000)}) {
+      std::vector<DrawnValue> drawn(1000);
+      for (size_t i = 0; i < noisy; ++i) {
+        drawn[i].value = 1;
+        (own ? drawn[i].noise : drawn[i].spread) = 0.01;
+      }
+      const double n = double(noisy), worst = std::min(n, 64.0) / 64, variance = own ? 0.01 * n : 4 * n * 0.01 * std::max(worst, n / 1000);
+      const DrawnInterval m = drawnInterval(drawn, 1000);
+      EXPECT_NEAR(m.high, (n + studentQuantile(1.959964, 3 * n) * std::sqrt(variance)) / 1000, 1e-8) << noisy << own;
+      EXPECT_NEAR(m.low, std::max(0.0, n - studentQuantile(1.959964, 999) * std::sqrt(variance)) / 1000, 1e-8) << noisy << own;
+    }
+}
+
 TEST(Confidence, StandardErrorIsTheTextbooks) {
   const MeanInterval m = meanInterval({1, 2, 4, 9});             // mean 4, squared deviations 9 + 4 + 0 + 25
   EXPECT_DOUBLE_EQ(m.mean, 4);
