@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cstring>
 #include <numeric>
+#include <sstream>
 
+#include "scene/coordinates.h"
 #include "scene/edit.h"
 #include "scene/environment_tents.h"
 
@@ -22,12 +24,20 @@ Status checkFinite(const v1::Vector3& v, const std::string& path, bool nonNegati
   return {};
 }
 
+Status checkCoordinate(const v1::Vector3& v, const std::string& path) {
+  GOBO_TRY(checkFinite(v, path));
+  if (isCoordinate(toVec3(v))) return {};
+  std::ostringstream text;
+  text << path << " = (" << v.x() << ", " << v.y() << ", " << v.z() << "): must be within 1e9 m of the origin along each axis";
+  return invalidArgument(text.str(), path);
+}
+
 Result<Vec3> unitVector(const v1::Vector3& v, const std::string& path) {
   GOBO_TRY(checkFinite(v, path));
-  const Vec3 x = toVec3(v);
-  const float length = glm::length(x);
-  if (!(length > 1e-12f)) return invalidArgument(path + ": must not be the zero vector", path);
-  return x / length;
+  const DVec3 x(toVec3(v));   // in double precision every float's square is finite, and above 0 if it is
+  const double length = glm::length(x);
+  if (!(length > 1e-12)) return invalidArgument(path + ": must not be the zero vector", path);
+  return Vec3(x / length);
 }
 
 float radians(double degrees) { return float(degrees * 0.017453292519943295); }
@@ -47,8 +57,8 @@ Result<Camera> effectiveCamera(const Scene& scene, const v1::CameraSettings& set
   if (settings.has_yfov_deg()) { camera.yfov = radians(settings.yfov_deg()); camera.perspective = true; }
   if (settings.has_orthographic_height()) { camera.perspective = false; camera.yheight = float(settings.orthographic_height()); }
   if (settings.has_position() || settings.has_look_at() || settings.has_up()) {
-    if (settings.has_position()) GOBO_TRY(checkFinite(settings.position(), "request.camera.position"));
-    if (settings.has_look_at()) GOBO_TRY(checkFinite(settings.look_at(), "request.camera.look_at"));
+    if (settings.has_position()) GOBO_TRY(checkCoordinate(settings.position(), "request.camera.position"));
+    if (settings.has_look_at()) GOBO_TRY(checkCoordinate(settings.look_at(), "request.camera.look_at"));
     const Vec3 position = settings.has_position() ? toVec3(settings.position()) : Vec3(camera.toWorld[3]);
     const Vec3 target = settings.has_look_at() ? toVec3(settings.look_at()) : position - Vec3(camera.toWorld[2]);
     Vec3 up = Vec3(camera.toWorld[1]);
@@ -94,7 +104,7 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
   const bool shapeFields = e.has_position() || e.has_direction() || e.has_width() || e.has_height() || e.has_radius() || e.has_inner_deg() || e.has_outer_deg();
   if (shapeFields && !movable(s.kind))
     return invalidArgument(path + ": '" + light.name + "' is part of the scene's geometry or environment; only gain, color and intensity can be edited", path);
-  if (e.has_position()) { GOBO_TRY(checkFinite(e.position(), path + ".position")); s.position = toVec3(e.position()); }
+  if (e.has_position()) { GOBO_TRY(checkCoordinate(e.position(), path + ".position")); s.position = toVec3(e.position()); }
   if (e.has_direction() || e.has_width() || e.has_height()) {
     Vec3 axis = s.axis;
     if (e.has_direction()) { GOBO_ASSIGN(axis, unitVector(e.direction(), path + ".direction")); }

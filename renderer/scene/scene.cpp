@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "base/check.h"
+#include "scene/coordinates.h"
 
 namespace gobo {
 
@@ -63,7 +64,8 @@ void Scene::addCamera() {
   const Vec3 right = glm::normalize(glm::cross(Vec3(0, 1, 0), back));
   const Vec3 up = glm::cross(back, right);
   const float distance = radius / std::sin(0.5f * camera.yfov);  // the bounding sphere touches the window's top and bottom
-  camera.toWorld = Mat4(Vec4(right, 0), Vec4(up, 0), Vec4(back, 0), Vec4(centre + back * distance, 1));
+  const Vec3 position = glm::clamp(centre + back * distance, Vec3(-kLargestCoordinate), Vec3(kLargestCoordinate));
+  camera.toWorld = Mat4(Vec4(right, 0), Vec4(up, 0), Vec4(back, 0), Vec4(position, 1));
   cameras.push_back(camera);
 }
 

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The checks of Scene::seal(): after them every index in a scene is in range and every number that geometry, lights and
-// cameras use is finite, so that sources need no checks of their own.
+// The checks of Scene::seal(): after them every index in a scene is in range, every number that geometry, lights and cameras use is
+// finite and every coordinate within kLargestCoordinate, so that sources need no checks of their own.
 #include <algorithm>
 #include <limits>
+#include <sstream>
 #include <unordered_set>
 
 #include "base/check.h"
+#include "scene/coordinates.h"
 #include "scene/fields.h"
 #include "scene/scene.h"
 
@@ -13,17 +15,18 @@ namespace gobo {
 namespace {
 
 bool finite(const Vec2& v) { return std::isfinite(v.x) && std::isfinite(v.y); }
-bool finite(const Mat4& m) {
-  for (int c = 0; c < 4; ++c)
-    for (int r = 0; r < 4; ++r)
-      if (!std::isfinite(m[c][r])) return false;
-  return true;
-}
+constexpr const char* kBeyond = " is not finite or beyond 1e9";   // kLargestCoordinate
 
 Status fail(const Scene& scene, const std::string& list, size_t index, const std::string& name, const std::string& field,
             const std::string& message) {
   return invalidArgument((name.empty() ? std::string() : "\"" + name + "\": ") + message,
                          scene.name + "#/" + list + "/" + std::to_string(index) + (field.empty() ? "" : "/" + field));
+}
+
+std::string text(const Vec3& v) {
+  std::ostringstream s;
+  s << "(" << v.x << ", " << v.y << ", " << v.z << ")";
+  return s.str();
 }
 
 template <typename T>
@@ -58,8 +61,8 @@ Status Scene::checkMeshes() {
     constexpr float inf = std::numeric_limits<float>::infinity();
     MeshCheck box{meshes[i], Vec3(inf), Vec3(-inf)};
     for (size_t k = 0; k < n; ++k) {
-      if (!isFinite(mesh.positions[k]))
-        return fail(*this, "meshes", i, mesh.name, "positions/" + std::to_string(k), "position is not finite");
+      if (!isCoordinate(mesh.positions[k]))
+        return fail(*this, "meshes", i, mesh.name, "positions/" + std::to_string(k), "position " + text(mesh.positions[k]) + kBeyond);
       box.lo = glm::min(box.lo, mesh.positions[k]);
       box.hi = glm::max(box.hi, mesh.positions[k]);
     }
@@ -70,12 +73,13 @@ Status Scene::checkMeshes() {
     if (instance.mesh < 0 || size_t(instance.mesh) >= meshes.size())
       return fail(*this, "instances", i, instance.name, "mesh",
                   "mesh " + std::to_string(instance.mesh) + " of " + std::to_string(meshes.size()) + " is out of range");
-    if (!finite(instance.toWorld)) return fail(*this, "instances", i, instance.name, "toWorld", "transform is not finite");
+    if (!isCoordinate(instance.toWorld)) return fail(*this, "instances", i, instance.name, "toWorld", std::string("transform") + kBeyond);
   }
   checked_ = std::move(checked);
   Vec3 lo, hi;
   bounds(lo, hi);
-  if (lo.x <= hi.x && !(isFinite(lo) && isFinite(hi))) return invalidArgument("transformed positions overflow", name + "#/instances");
+  if (lo.x <= hi.x && !(isCoordinate(lo) && isCoordinate(hi)))
+    return invalidArgument("transformed positions from " + text(lo) + " to " + text(hi) + " go beyond 1e9", name + "#/instances");
   return {};
 }
 
@@ -117,7 +121,9 @@ Status Scene::checkLights() const {
     const LightShape& s = light.shape;
     if (!isFinite(light.power) || light.power.x < 0 || light.power.y < 0 || light.power.z < 0)
       return fail(*this, "lights", i, light.name, "power", "power is not finite and >= 0");
-    if (!isFinite(s.position) || !isFinite(s.axis) || !isFinite(s.u) || !isFinite(s.v) || !std::isfinite(s.radius) ||
+    if (!isCoordinate(s.position)) return fail(*this, "lights", i, light.name, "shape/position", "position " + text(s.position) + kBeyond);
+    if (!isCoordinate(s.u) || !isCoordinate(s.v) || !isCoordinate(s.radius)) return fail(*this, "lights", i, light.name, "shape", std::string("size") + kBeyond);
+    if (!isFinite(s.axis) ||
         !std::isfinite(s.cosInner) || !std::isfinite(s.cosOuter) || !std::isfinite(s.range))
       return fail(*this, "lights", i, light.name, "shape", "a number is not finite");
     const bool aimed = s.kind == LightKind::Spot || s.kind == LightKind::Directional || s.kind == LightKind::Rect || s.kind == LightKind::Disk;
@@ -146,11 +152,11 @@ Status Scene::checkLights() const {
   }
   for (size_t i = 0; i < cameras.size(); ++i) {
     const Camera& c = cameras[i];
-    if (!finite(c.toWorld) || !finite(c.centre)) return fail(*this, "cameras", i, c.name, "", "a number is not finite");
-    if (c.perspective ? !(c.yfov > 0.0f && c.yfov < kPi) : !(c.yheight > 0.0f && std::isfinite(c.yheight)))
-      return fail(*this, "cameras", i, c.name, c.perspective ? "yfov" : "yheight", "window is empty or not finite");
+    if (!isCoordinate(c.toWorld) || !isCoordinate(c.centre)) return fail(*this, "cameras", i, c.name, "", std::string("a number") + kBeyond);
+    if (c.perspective ? !(c.yfov > 0.0f && c.yfov < kPi) : !(c.yheight > 0.0f && isCoordinate(c.yheight)))
+      return fail(*this, "cameras", i, c.name, c.perspective ? "yfov" : "yheight", std::string("window is empty or") + kBeyond);
     // The other kind of window may be asked for by a request.
-    if (!std::isfinite(c.yfov) || !std::isfinite(c.yheight)) return fail(*this, "cameras", i, c.name, c.perspective ? "yheight" : "yfov", "a number is not finite");
+    if (!std::isfinite(c.yfov) || !isCoordinate(c.yheight)) return fail(*this, "cameras", i, c.name, c.perspective ? "yheight" : "yfov", "a number is not finite");
   }
   if (environment && (environment->width <= 0 || environment->height <= 0 || environment->content.isZero() ||
                       environment->texels.size() != size_t(environment->width) * environment->height || !std::isfinite(environment->rotation)))

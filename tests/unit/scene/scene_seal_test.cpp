@@ -89,7 +89,7 @@ TEST(Seal, EachFaultIsRefusedWithItsPlace) {
     {[=](Scene& s) { s.materials[0].bsdf.roughness = nan; }, "s#/materials/0/bsdf/roughness", "finite"},
     {[](Scene& s) { s.materials[0].bsdf.ior = 0; }, "s#/materials/0/bsdf/ior", "positive"},
     {[](Scene& s) { s.lights[0].power.y = -1; }, "s#/lights/0/power", ">= 0"},
-    {[=](Scene& s) { s.lights[0].shape.position.x = nan; }, "s#/lights/0/shape", "finite"},
+    {[=](Scene& s) { s.lights[0].shape.position.x = nan; }, "s#/lights/0/shape/position", "finite"},
     {[](Scene& s) { s.lights[0].shape.kind = LightKind::Sphere; s.lights[0].shape.radius = 0; }, "s#/lights/0/shape/radius", "positive"},
     {[](Scene& s) { s.lights[0].shape.kind = LightKind::Directional; s.lights[0].shape.axis = Vec3(0, 2, 0); }, "s#/lights/0/shape/axis", "unit"},
     {[](Scene& s) { s.lights[0].shape.kind = LightKind::Rect; s.lights[0].shape.v = Vec3(1, 0, 1); }, "s#/lights/0/shape/v", "perpendicular"},

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/accel.h"
 
+#include <array>
 #include <atomic>
 #include <future>
+#include <limits>
 #include <random>
 #include <thread>
 
@@ -145,6 +147,37 @@ std::shared_ptr<Texture> checker() {               // left half clear, right hal
   t->texels8 = {255, 255, 255, 0, 255, 255, 255, 255};
   sealTexture(*t);
   return t;
+}
+
+// Embree's assertions end the process for such rays; here they meet nothing, get no light, and their neighbours in a packet do not notice.
+TEST(Accel, RaysThatAreNotFiniteMeetNothing) {
+  SceneMaker m;
+  m.instance(m.mesh(quad(Vec3(-1, -1, 0), Vec3(2, 0, 0), Vec3(0, 2, 0)), m.material(Vec3(0.5f))));
+  const ScenePtr scene = withCamera(m);
+  const AccelPtr accel = buildAccel(*scene);
+  const float bad[] = {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity()};
+  for (int number = 0; number < 8; ++number)
+    for (const float value : bad) {
+      if (number >= 6 && !std::isnan(value)) continue;    // an end may be infinite
+      std::array<Ray, 16> rays;
+      for (size_t i = 0; i < 16; ++i) {
+        rays[i] = Ray{Vec3(0.05f * float(i), 0, 1), Vec3(0, 0, -1)};
+        if (i % 2 == 0) continue;
+        if (number < 3) rays[i].origin[number] = value;
+        else if (number < 6) rays[i].direction[number - 3] = value;
+        else (number == 6 ? rays[i].tmin : rays[i].tmax) = value;
+      }
+      std::array<Hit, 16> hits;
+      accel->intersect16(rays.data(), 16, hits.data());
+      const uint32_t blocked = accel->occluded16(rays.data(), 16);
+      for (size_t i = 0; i < 16; ++i) {
+        Hit one;
+        EXPECT_EQ(accel->intersect(rays[i], one), i % 2 == 0) << number << " " << value;
+        EXPECT_EQ(hits[i].instance == kNoHit, i % 2 == 1) << number << " " << value << " lane " << i;
+        EXPECT_TRUE(blocked >> i & 1u);
+        EXPECT_TRUE(accel->occluded(rays[i]));
+      }
+    }
 }
 
 TEST(Accel, MaskedTexelsLetRaysThrough) {
