@@ -42,7 +42,7 @@ class SceneLibraryCalls : public ::testing::Test {
         {"open", [](SceneLibrary& l, const std::string& id, uint32_t) { return whole(l.open(id, id), id); }},
         {"find", [](SceneLibrary& l, const std::string& id, uint32_t) {
            const Result<ScenePtr> s = l.find(id);
-           if (s.ok()) EXPECT_GT((*s)->triangleCount(), 0u);
+           if (s.ok()) { EXPECT_GT((*s)->triangleCount(), 0u); }
            return s.status();
          }},
         {"inspect", [](SceneLibrary& l, const std::string& id, uint32_t) { return whole(l.inspect(id), id); }},
