@@ -7,7 +7,7 @@
 #include <functional>
 #include <limits>
 
-#include "scene/scene.h"
+#include "support/sealable_scene.h"
 
 namespace gobo::coordinates_test {
 namespace {
@@ -18,18 +18,7 @@ struct Place {
 };
 
 std::shared_ptr<Scene> good() {
-  auto s = std::make_shared<Scene>();
-  s->name = "s";
-  auto m = std::make_shared<Mesh>();
-  m->positions = {Vec3(-1, 0, 0), Vec3(1, 0, 0), Vec3(0, 1, 0)};
-  m->indices = {0, 1, 2};
-  sealMesh(*m);
-  s->meshes = {m};
-  s->instances = {{"a", 0, Mat4(1.0f)}};
-  s->materials.resize(1);
-  Light l;
-  l.name = "l";
-  s->lights = {l};
+  auto s = tests::sealableScene();
   s->cameras.resize(1);
   return s;
 }
@@ -86,7 +75,7 @@ TEST(Coordinates, WhatInstancesMakeOfThem) {
 // A scene as large as allowed gets a camera that is allowed too.
 TEST(Coordinates, TheOwnCameraStaysInside) {
   auto s = good();
-  for (int k = 0; k < 3; ++k) s->instances[0].toWorld[k][k] = kLargestCoordinate;
+  for (int k = 0; k < 3; ++k) s->instances[0].toWorld[k][k] = 0.33f * kLargestCoordinate;   // the triangle is 4 wide, from -1 to 3
   s->cameras.clear();
   ASSERT_TRUE(s->seal().ok()) << s->seal().toString();
   EXPECT_TRUE(isCoordinate(s->cameras[0].toWorld));

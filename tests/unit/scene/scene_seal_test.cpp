@@ -6,25 +6,12 @@
 #include <limits>
 
 #include "scene/edit.h"
+#include "support/sealable_scene.h"
 
 namespace gobo {
 namespace {
 
-std::shared_ptr<Scene> good() {
-  auto s = std::make_shared<Scene>();
-  s->name = "s";
-  auto m = std::make_shared<Mesh>();
-  m->positions = {Vec3(-1, 0, 0), Vec3(3, 0, 0), Vec3(0, 2, 0)};
-  m->indices = {0, 1, 2};
-  sealMesh(*m);
-  s->meshes = {m};
-  s->instances = {{"a", 0, Mat4(1.0f)}};
-  s->materials.resize(1);
-  Light l;
-  l.name = "l";
-  s->lights = {l};
-  return s;
-}
+std::shared_ptr<Scene> good() { return tests::sealableScene(); }
 
 void replaceMesh(Scene& s, const std::function<void(Mesh&)>& edit) {
   auto m = std::make_shared<Mesh>(*s.meshes[0]);
