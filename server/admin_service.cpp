@@ -36,7 +36,7 @@ void AdminService::fill(v1::StatusReply& status) {
   reply->set_workers(uint32_t(core_.jobs.workers().size()));
   reply->set_pinned_bytes(jobs.pinnedBytes);
   reply->set_open_fds(openFiles());
-  reply->set_loads(core_.loads.running() + core_.uploads.load());
+  reply->set_loads(core_.loads.running() + uint32_t(core_.uploads.used()));
   for (const std::string& device : core_.devices.list(kProbeSeconds)) reply->add_devices(device);
 }
 

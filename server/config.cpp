@@ -16,6 +16,7 @@
 #include <toml++/toml.h>
 
 #include "server/config_check.h"
+#include "server/load_gate.h"
 
 namespace gobo {
 namespace {
@@ -174,12 +175,22 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"engine.disk_bytes", bytes(c.diskBytes)},
       {"engine.roots", texts(c.roots, folder)},
       {"engine.keep_renders", integer(c.keepRenders, 1, 1u << 20)},
+      {"engine.keep_renders_bytes", bytes(c.keepRendersBytes)},
+      {"engine.scene_bytes", bytes(c.sceneBytes)},
+      {"engine.environment_bytes", bytes(c.environmentBytes)},
+      {"engine.accel_bytes", bytes(c.accelBytes)},
       {"limits.rpc_threads", integer(c.rpcThreads, 16, 65536)},
       {"limits.streams_per_connection", integer(c.streamsPerConnection, 1, 65536)},
       {"limits.message_bytes", bytes(c.messageBytes)},
       {"limits.rpc_memory_bytes", bytes(c.rpcMemoryBytes)},
       {"limits.upload_bytes", bytes(c.uploadBytes)},
       {"limits.uploads_at_once", integer(c.uploadsAtOnce, 1, 1024)},
+      {"limits.request_bytes", bytes(c.requestBytes)},
+      {"limits.watches", integer(c.watches, 2, 65536)},
+      {"limits.reply_bytes", bytes(c.replyBytes)},
+      {"limits.client_idle_s", number(c.clientIdleSeconds, 0.1, 86400)},
+      {"limits.connections", integer(c.connections, 2, 1u << 20)},
+      {"limits.connections_per_peer", integer(c.connectionsPerPeer, 1, 1u << 20)},
       {"limits.chunk_bytes", bytes(c.chunkBytes)},
       {"limits.inline_bytes", bytes(c.inlineBytes)},
       {"limits.image_bytes", bytes(c.imageBytes)},
@@ -343,8 +354,13 @@ Status checkConfig(ServerConfig& c) {
                            std::to_string(c.inlineBytes) + " must be at least 64 KiB below limits.message_bytes = " +
                            std::to_string(c.messageBytes));
   // A waiting render holds a call: without spare ones a full queue would lock out status, cancellation and health checks.
-  const uint64_t waiting = uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch;
-  GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running and the three queues together)", c.rpcThreads, waiting + 16));
+  const uint64_t waiting = uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch + c.watches + c.uploadsAtOnce + c.loadsAtOnce + LoadGate::kWaiting;
+  GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running, the three queues, limits.watches, uploads_at_once, loads_at_once and 32 together)", c.rpcThreads, waiting + 16));
+  GOBO_TRY(least("limits.request_bytes", c.requestBytes, 1ull << 20));
+  GOBO_TRY(least("limits.reply_bytes", c.replyBytes, 16ull << 20));
+  GOBO_TRY(least("engine.keep_renders_bytes", c.keepRendersBytes, 1ull << 20));
+  GOBO_TRY(least("engine.environment_bytes", c.environmentBytes, 1ull << 20));
+  GOBO_TRY(least("engine.accel_bytes", c.accelBytes, 1ull << 20));
   GOBO_TRY(least("ingest.memory_bytes", c.ingestMemoryBytes, 64ull << 20));
   GOBO_TRY(least("ingest.blob_bytes", c.ingestBlobBytes, 1ull << 20));
   if (c.ingestVerify != "changed" && c.ingestVerify != "always")
@@ -365,7 +381,9 @@ Status checkConfig(ServerConfig& c) {
   }
   std::error_code error;
   if (!fs::is_directory(c.tmpFolder, error)) return notFound("limits.tmp_folder: \"" + c.tmpFolder + "\" is not a folder");
-  if (c.pinnedBytes == 0) c.pinnedBytes = uint64_t(::sysconf(_SC_PHYS_PAGES)) * uint64_t(::sysconf(_SC_PAGESIZE)) / 2;
+  const uint64_t machine = uint64_t(::sysconf(_SC_PHYS_PAGES)) * uint64_t(::sysconf(_SC_PAGESIZE));
+  if (c.pinnedBytes == 0) c.pinnedBytes = machine / 2;
+  if (c.sceneBytes == 0) c.sceneBytes = machine / 4;
   return {};
 }
 

@@ -59,13 +59,22 @@ struct ServerConfig {
   uint64_t diskBytes = 16ull << 30;
   std::vector<std::string> roots;
   uint32_t keepRenders = 1024;
+  uint64_t keepRendersBytes = 64ull << 20;    ///< of the requests behind them
+  uint64_t sceneBytes = 0;                    ///< loaded scenes; 0: a quarter of the machine's memory
+  uint64_t environmentBytes = 2ull << 30;     ///< environment maps in memory
+  uint64_t accelBytes = 4ull << 30;           ///< ray tracing structures kept between renders
 
-  uint32_t rpcThreads = 400;                  ///< concurrent calls, waiting renders included; one more is refused
+  uint32_t rpcThreads = 512;                  ///< concurrent calls, waiting renders included; one more is refused
   uint32_t streamsPerConnection = 64;
   uint64_t messageBytes = 64ull << 20;
   uint64_t rpcMemoryBytes = 1ull << 30;       ///< gRPC resource quota
   uint64_t uploadBytes = 1ull << 30;          ///< a scene in Upload
-  uint32_t uploadsAtOnce = 4;
+  uint32_t uploadsAtOnce = 4;                 ///< of which one client may have half
+  uint64_t requestBytes = 16ull << 20;        ///< one message from a client
+  uint32_t watches = 64;                      ///< Jobs.Watch and Jobs.Fetch at once, of which one client may have half
+  uint64_t replyBytes = 2ull << 30;           ///< pictures that are being made or sent, of which one client may have half
+  double clientIdleSeconds = 30;              ///< a client that neither sends nor takes for that long loses its call
+  uint32_t connections = 1024, connectionsPerPeer = 256;
   uint64_t chunkBytes = 1ull << 20;
   uint64_t inlineBytes = 48ull << 20;
   uint32_t loadsAtOnce = 2;                   ///< scenes being loaded or patched; more wait

@@ -75,6 +75,13 @@ std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& a, const Server
   differ("engine.cache_folder", a.cacheFolder != b.cacheFolder);
   differ("engine.disk_bytes", a.diskBytes != b.diskBytes);
   differ("engine.keep_renders", a.keepRenders != b.keepRenders);
+  differ("engine.keep_renders_bytes", a.keepRendersBytes != b.keepRendersBytes);
+  differ("engine.scene_bytes", a.sceneBytes != b.sceneBytes);
+  differ("engine.environment_bytes", a.environmentBytes != b.environmentBytes);
+  differ("engine.accel_bytes", a.accelBytes != b.accelBytes);
+  differ("limits.request_bytes", a.requestBytes != b.requestBytes);
+  differ("limits.connections", a.connections != b.connections);
+  differ("limits.connections_per_peer", a.connectionsPerPeer != b.connectionsPerPeer);
   differ("limits.rpc_threads", a.rpcThreads != b.rpcThreads);
   differ("limits.streams_per_connection", a.streamsPerConnection != b.streamsPerConnection);
   differ("limits.message_bytes", a.messageBytes != b.messageBytes);
@@ -105,6 +112,9 @@ ServerConfig reloaded(const ServerConfig& running, const ServerConfig& next) {
   c.logFormat = next.logFormat;
   c.uploadBytes = next.uploadBytes;
   c.uploadsAtOnce = next.uploadsAtOnce;
+  c.watches = next.watches;
+  c.replyBytes = next.replyBytes;
+  c.clientIdleSeconds = next.clientIdleSeconds;
   c.loadsAtOnce = next.loadsAtOnce;
   c.requestSeconds = next.requestSeconds;
   c.chunkBytes = next.chunkBytes;

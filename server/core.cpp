@@ -14,13 +14,15 @@ SchedulerOptions schedulerOptions(const ServerConfig& c) {
   if (c.pinnedBytes) o.pinnedLimit = c.pinnedBytes;
   o.queueLimit = {c.queuedInteractive, c.queuedNormal, c.queuedBatch};
   o.clientLimit = c.queuedPerClient;
+  o.clientPart = 0.75;
   o.ageing = {kNever, c.ageingNormal, c.ageingBatch};
   return o;
 }
 
 }  // namespace
 
-ServerCore::ServerCore(Engine& e, const ServerConfig& c) : engine(e), config(c), jobs(schedulerOptions(c)) {
+ServerCore::ServerCore(Engine& e, const ServerConfig& c)
+    : engine(e), config(c), idle(c.clientIdleSeconds), uploads(c.uploadsAtOnce), watches(c.watches), replies(c.replyBytes), jobs(schedulerOptions(c)) {
   setLive(c);
   declareServerMetrics(*this);
 }
@@ -33,6 +35,10 @@ std::shared_ptr<const ServerConfig> ServerCore::live() const {
 void ServerCore::setLive(const ServerConfig& c) {
   tokens.reload(c.tokens, c.requireToken == "always");
   loads.setLimit(c.loadsAtOnce);
+  idle.setSeconds(c.clientIdleSeconds);
+  uploads.setLimit(c.uploadsAtOnce);
+  watches.setLimit(c.watches);
+  replies.setLimit(c.replyBytes);
   const std::lock_guard lock(liveMutex_);
   live_ = std::make_shared<ServerConfig>(c);
 }

@@ -16,9 +16,11 @@
 #include "server/auth.h"
 #include "server/config.h"
 #include "server/device_probe.h"
+#include "server/idle_watch.h"
 #include "server/job_runner.h"
 #include "server/load_gate.h"
 #include "server/metrics.h"
+#include "server/shared_limit.h"
 
 namespace gobo {
 
@@ -36,11 +38,13 @@ class ServerCore {
   Metrics metrics;                                   ///< other parts register their own (server/server_metrics.h)
   TokenBook tokens;
   LoadGate loads;
+  IdleWatch idle;
+  SharedLimit uploads, watches;                      ///< calls in progress
+  SharedLimit replies;                               ///< bytes of pictures that are being made or sent
   DeviceProbe devices;
   JobRunner jobs;
   DurableJobs* durable = nullptr;                    ///< null: switched off
   std::atomic<uint64_t> renders{0};                  ///< finished with a picture
-  std::atomic<uint32_t> uploads{0};                  ///< in progress
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
 
   /// While one lives, the call counts as running. `ok` is false once the server drains: refuse the request.
@@ -61,6 +65,9 @@ class ServerCore {
   /// From now on new calls are refused; running ones go on. The first call of it runs `onDrain` before.
   void drain();
   std::function<void()> onDrain;                     ///< set before serving: health says so first
+  /// Whether a connection to each of the daemon's addresses is accepted within `seconds`; empty: no sockets. For the HTTP door, which lives
+  /// between the two changes of it.
+  std::function<bool(double seconds)> reachable;
   bool draining() const { return draining_.load(); }
   /// Waits until no call runs, at most `seconds`; true if none runs.
   bool waitIdle(double seconds);

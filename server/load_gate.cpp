@@ -5,6 +5,7 @@
 #include <exception>
 #include <string>
 #include <thread>
+#include <tuple>
 
 namespace gobo {
 
@@ -13,7 +14,7 @@ static constexpr std::chrono::milliseconds kLook{10};   // between two looks at 
 void LoadGate::setLimit(uint32_t limit) {
   const std::lock_guard lock(mutex_);
   limit_ = limit;
-  free_.notify_all();
+  call();
 }
 
 uint32_t LoadGate::running() const {
@@ -23,26 +24,62 @@ uint32_t LoadGate::running() const {
 
 uint32_t LoadGate::waiting() const {
   const std::lock_guard lock(mutex_);
-  return waiting_;
+  return uint32_t(waiters_.size());
 }
 
-Status LoadGate::run(const std::function<Status(const StopToken&)>& work, const std::function<bool()>& gone) {
+void LoadGate::call() {
+  while (running_ < limit_) {
+    Waiter* best = nullptr;
+    for (Waiter& w : waiters_) {
+      const Client& c = clients_[w.client];
+      if (w.called || (c.running > 0 && running_ + 1 >= limit_)) continue;
+      if (best) {
+        const Client& b = clients_[best->client];
+        if (std::tuple(c.running, c.served) >= std::tuple(b.running, b.served)) continue;
+      }
+      best = &w;
+    }
+    if (!best) break;
+    Client& c = clients_[best->client];
+    best->called = true;
+    c.served = ++calls_;
+    ++c.running;
+    ++running_;
+  }
+  free_.notify_all();
+}
+
+void LoadGate::forget(const std::string& client) {
+  const auto at = clients_.find(client);
+  if (at->second.running == 0 && at->second.waiting == 0) clients_.erase(at);
+}
+
+Status LoadGate::run(const std::string& client, const std::function<Status(const StopToken&)>& work, const std::function<bool()>& gone) {
   std::unique_lock lock(mutex_);
-  if (running_ >= limit_ && waiting_ >= kWaiting)
-    return {Code::ResourceExhausted, std::to_string(running_) + " scenes are being loaded (limits.loads_at_once) and " + std::to_string(waiting_) +
-            " calls wait for that: at most " + std::to_string(kWaiting)};
-  ++waiting_;
+  const auto mine = clients_.find(client);
+  const uint32_t ofMine = mine == clients_.end() ? 0 : mine->second.waiting;
+  if (waiters_.size() >= kWaiting || ofMine >= kWaitingOfOne)
+    return {Code::ResourceExhausted, std::to_string(running_) + " scenes are being loaded (limits.loads_at_once) and " + std::to_string(waiters_.size()) +
+            " calls wait for that, " + std::to_string(ofMine) + " of them of \"" + client + "\": at most " + std::to_string(kWaiting) + ", " +
+            std::to_string(kWaitingOfOne) + " of one client"};
+  const auto place = waiters_.insert(waiters_.end(), {client, false});
+  ++clients_[client].waiting;
+  call();
   bool left = false;
-  while (running_ >= limit_ && !left) {
-    if (free_.wait_for(lock, kLook) == std::cv_status::timeout) {
+  while (!place->called && !left) {
+    if (free_.wait_for(lock, kLook) == std::cv_status::timeout && !place->called) {
       lock.unlock();
       left = gone();
       lock.lock();
     }
   }
-  --waiting_;
-  if (left) return {Code::Cancelled, "cancelled while it waited for other loads"};
-  ++running_;
+  const bool called = place->called;
+  waiters_.erase(place);
+  --clients_[client].waiting;
+  if (!called) {
+    forget(client);
+    return {Code::Cancelled, "cancelled while it waited for other loads"};
+  }
   lock.unlock();
 
   StopSource stop;
@@ -74,7 +111,9 @@ Status LoadGate::run(const std::function<Status(const StopToken&)>& work, const 
   worker.join();
   lock.lock();
   --running_;
-  free_.notify_one();
+  --clients_[client].running;
+  forget(client);
+  call();
   return status;
 }
 

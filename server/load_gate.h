@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // LoadGate: bounds how many scenes are loaded or patched at once, and lets a client that has gone stop its load between phases.
-// The work runs on a thread of its own while the handler's watches the client. Thread-safe.
+// Places go to the client that has the fewest loads now, then to the one served longest ago, then by arrival; the last place is not
+// for a client that has one already, so that nobody's slow files keep everybody out. The work runs on a thread of its own while the
+// handler's watches the client. Thread-safe.
 #pragma once
 
 #include <condition_variable>
 #include <cstdint>
 #include <functional>
+#include <list>
+#include <map>
 #include <mutex>
+#include <string>
 
 #include "base/status.h"
 #include "base/stop.h"
@@ -18,16 +23,23 @@ class LoadGate {
   void setLimit(uint32_t limit);
   /// Waits for a place, then runs `work` and returns when it has returned. `gone` is asked every 10 ms, waiting or running; once it
   /// says true the token says Cancelled. Work that never got a place: Cancelled when the caller has gone, ResourceExhausted when
-  /// kWaiting callers wait already. An exception that leaves the work becomes Internal.
-  Status run(const std::function<Status(const StopToken&)>& work, const std::function<bool()>& gone);
+  /// kWaiting callers, or kWaitingOfOne of this client, wait already. An exception that leaves the work becomes Internal.
+  Status run(const std::string& client, const std::function<Status(const StopToken&)>& work, const std::function<bool()>& gone);
   uint32_t running() const;
   uint32_t waiting() const;
-  static constexpr uint32_t kWaiting = 32;
+  static constexpr uint32_t kWaiting = 32, kWaitingOfOne = 16;
 
  private:
+  struct Waiter { std::string client; bool called = false; };
+  struct Client { uint32_t running = 0, waiting = 0; uint64_t served = 0; };   ///< served: when it was last called, in calls
+  void call();                   ///< under mutex_: gives free places away
+  void forget(const std::string& client);
   mutable std::mutex mutex_;
   std::condition_variable free_;
-  uint32_t limit_ = 1, running_ = 0, waiting_ = 0;
+  uint32_t limit_ = 1, running_ = 0;
+  std::list<Waiter> waiters_;    ///< in order of arrival
+  std::map<std::string, Client> clients_;
+  uint64_t calls_ = 0;
 };
 
 }  // namespace gobo

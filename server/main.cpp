@@ -2,8 +2,10 @@
 // gobod: the rendering daemon. docs/operations.md describes its configuration and its life.
 #include <signal.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
@@ -16,6 +18,8 @@
 #include "server/upload.h"
 
 namespace {
+
+constexpr double kGraceSeconds = 1.5;   // after the drain: what does not stop by then is left
 
 /// What the command line says over the file, at the start and at every reload.
 struct Flags {
@@ -117,6 +121,12 @@ int main(int argc, char** argv) {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   ::signal(SIGPIPE, SIG_IGN);
 
+  // As many descriptors as this user may have: each connection takes one.
+  if (rlimit files{}; ::getrlimit(RLIMIT_NOFILE, &files) == 0 && files.rlim_cur < files.rlim_max) {
+    files.rlim_cur = std::min<rlim_t>(files.rlim_max, 1 << 16);
+    ::setrlimit(RLIMIT_NOFILE, &files);
+  }
+
   gobo::removeStaleUploads(config.tmpFolder);
   auto started = gobo::Server::start(config, gobo::engineOptions(config), true);
   if (!started.ok()) return fail(started.status());
@@ -143,20 +153,24 @@ int main(int argc, char** argv) {
   const double drainSeconds = server.core().live()->drainSeconds;
   gobo::logInfo("%s: draining for up to %.0f s", signal < 0 ? "shutdown" : strsignal(signal), drainSeconds);
   std::atomic<bool> down{false};
+  bool hurried = false;
   std::thread closer([&] {
     server.shutdown(drainSeconds);
     down.store(true);
   });
-  std::chrono::steady_clock::time_point kill = std::chrono::steady_clock::time_point::max();
+  // Whatever still runs then is left as it is: a supervisor's own patience must never be needed.
+  using Seconds = std::chrono::duration<double>;
+  auto kill = std::chrono::steady_clock::now() + std::chrono::duration_cast<std::chrono::steady_clock::duration>(Seconds(drainSeconds + kGraceSeconds));
   while (!down.load()) {
     if (const int again = waitSignal(); again > 0 && again != SIGHUP) {
       gobo::logWarn("second signal: cancelling what runs");
       server.core().cancelAll();
-      kill = std::min(kill, std::chrono::steady_clock::now() + std::chrono::seconds(2));
+      hurried = true;
+      kill = std::min(kill, std::chrono::steady_clock::now() + std::chrono::milliseconds(1500));
     }
     if (std::chrono::steady_clock::now() > kill) {   // as safe as kill -9, which leaves nothing wrong
       gobo::logWarn("what runs does not stop: leaving it");
-      ::_exit(1);
+      ::_exit(hurried ? 1 : 0);
     }
   }
   closer.join();

@@ -54,6 +54,7 @@ void RenderCall::work() {
   }
   JobSpec spec;
   spec.client = options_.client;
+  spec.group = options_.payer;
   spec.jobClass = jobClassOf(request_.scheduling().priority());
   if (options_.deadline) spec.deadline = std::chrono::duration<double>(options_.deadline->time_since_epoch()).count();   // JobRunner::now()
   spec.pinnedBytes = *pinned;
@@ -63,6 +64,10 @@ void RenderCall::work() {
   std::optional<RenderResult> result;
   const RunReport report = core_.jobs.run(spec, [&](StopToken stop) -> Status {
     control.stop = stop;
+    if (!reply_ && options_.replyBytes && !(reply_ = core_.replies.take(options_.payer, options_.replyBytes))) {
+      replyRefused_ = true;
+      return Status(Code::ResourceExhausted, "no room for its pictures");
+    }
     auto rendered = core_.engine.render(request_, control);
     if (!rendered.ok()) return rendered.status();
     result = std::move(rendered).value();

@@ -22,6 +22,8 @@ struct RenderCallOptions {
   std::string owner;                                                   ///< of the reply's render id (Rpc::renderOwner)
   std::optional<std::chrono::steady_clock::time_point> deadline;
   bool events = false;                                                 ///< progress and snapshots wanted
+  std::string payer;                                                   ///< whose part of ServerCore::replies it takes, from the first run to its end
+  uint64_t replyBytes = 0;
 };
 
 JobClass jobClassOf(v1::Scheduling::Class priority);
@@ -51,6 +53,7 @@ class RenderCall {
   int runs() const { return runs_; }             ///< more than one: it was preempted
   bool planned() const { return planned_; }      ///< false: the status says why it could not be
   double retryAfterMs() const { return retryAfterMs_; }
+  bool replyRefused() const { return replyRefused_; }   ///< there was no room for its pictures
 
  private:
   void work();
@@ -70,6 +73,8 @@ class RenderCall {
   double queueMs_ = 0, ranMs_ = 0;
   int runs_ = 0;
   double retryAfterMs_ = 0;
+  bool replyRefused_ = false;
+  std::unique_ptr<SharedLimit::Hold> reply_;
   std::thread thread_;
 };
 

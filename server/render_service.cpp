@@ -64,9 +64,12 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   RenderCallOptions options;
   const Deadline deadline = deadlineFor(rpc, context, resolved->scheduling());
   options.client = *client;
+  options.payer = rpc.who().name;
   options.owner = rpc.renderOwner();
   options.deadline = deadline.at;
   options.events = report != nullptr;
+  // The picture as floats and as it is sent, chunks on their way included.
+  options.replyBytes = 32ull * resolved->width() * resolved->height() * uint64_t(std::max(1, resolved->outputs_size())) + 2 * core_.live()->chunkBytes;
   const auto render = std::make_unique<RenderCall>(core_, call.stop, request, options);
   Clock::time_point lastProgress = begun - kProgressGap;
   bool gone = false;
@@ -98,6 +101,11 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   if (!status.ok()) {
     if (status.code() == Code::Cancelled && core_.cancelledAll()) return rpc.refuseDraining();
     if (status.code() == Code::ResourceExhausted && render->retryAfterMs() > 0) return rpc.refuseBusy("queue", status.message(), render->retryAfterMs());
+    if (render->replyRefused())
+      return rpc.refuseBusy("reply_bytes", strf("pictures being made or sent hold %llu bytes, %llu of them for \"%s\": at most %llu, half of it for one client "
+                                                "(limits.reply_bytes); read the replies that wait", (unsigned long long)core_.replies.used(),
+                                                (unsigned long long)core_.replies.usedBy(rpc.who().name), rpc.who().name.c_str(),
+                                                (unsigned long long)core_.replies.limit()), 1000);
     if (render->runs() == 0 && status.code() == Code::FailedPrecondition) return rpc.refuse("memory", status);
     if (status.code() == Code::DeadlineExceeded && !deadline.limit.empty())
       return rpc.refuse("time", Status(status.code(), status.message() + ": requests may take " + deadline.limit + " s"));
@@ -111,10 +119,14 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
 
 grpc::Status RenderService::stream(Rpc& rpc, const v1::RenderRequest& request, grpc::ServerWriter<v1::RenderEvent>& writer, bool progressive) {
   const uint64_t chunkBytes = core_.live()->chunkBytes;
+  const auto write = [&](const v1::RenderEvent& event) {
+    const IdleWatch::Wait wait(core_.idle, rpc.context());
+    return writer.Write(event);
+  };
   const Deliver deliver = [&](v1::RenderReply&& reply, std::vector<EncodedImage>&& images, bool last) {
     v1::RenderEvent head;
     *(last ? head.mutable_reply() : head.mutable_snapshot()) = std::move(reply);
-    if (!writer.Write(head)) return false;
+    if (!write(head)) return false;
     v1::RenderEvent event;   // one message for all chunks: its buffer is reused
     v1::ImageChunk& chunk = *event.mutable_chunk();
     for (size_t i = 0; i < images.size(); ++i) {
@@ -124,7 +136,7 @@ grpc::Status RenderService::stream(Rpc& rpc, const v1::RenderRequest& request, g
         chunk.set_image(uint32_t(i));
         chunk.set_offset(at);
         chunk.mutable_data()->assign(reinterpret_cast<const char*>(bytes.data() + at), n);
-        if (!writer.Write(event)) return false;
+        if (!write(event)) return false;
       }
     }
     return true;
@@ -132,7 +144,7 @@ grpc::Status RenderService::stream(Rpc& rpc, const v1::RenderRequest& request, g
   const Report report = [&](const v1::Progress& progress) {
     v1::RenderEvent event;
     *event.mutable_progress() = progress;
-    return writer.Write(event);
+    return write(event);
   };
   return run(rpc, request, deliver, progressive ? &report : nullptr);
 }

@@ -24,7 +24,7 @@ grpc::Status answer(Rpc& rpc, Result<v1::SceneInfo> result, v1::SceneInfo* reply
 template <typename Load>
 grpc::Status gated(Rpc& rpc, ServerCore::Call& call, v1::SceneInfo* reply, const Load& load) {
   std::optional<Result<v1::SceneInfo>> result;
-  const Status status = rpc.core().loads.run([&](const StopToken& stop) -> Status {
+  const Status status = rpc.core().loads.run(rpc.who().name, [&](const StopToken& stop) -> Status {
     result.emplace(load(stop));
     return {};
   }, [&] { return rpc.context().IsCancelled() || call.stop.token().stopRequested(); });
@@ -57,21 +57,21 @@ grpc::Status ScenesService::Upload(grpc::ServerContext* context, grpc::ServerRea
 grpc::Status ScenesService::upload(Rpc& rpc, grpc::ServerReader<v1::UploadSceneRequest>& reader, v1::SceneInfo* reply) {
   ServerCore::Call call(core_);
   if (!call.ok) return rpc.refuseDraining();
-  struct Slot {
-    std::atomic<uint32_t>& count;
-    const uint32_t mine;
-    explicit Slot(std::atomic<uint32_t>& c) : count(c), mine(c.fetch_add(1)) {}
-    ~Slot() { count.fetch_sub(1); }
-  } slot(core_.uploads);
-  const uint32_t most = core_.live()->uploadsAtOnce;
-  if (slot.mine >= most)
-    return rpc.refuseBusy("uploads", std::to_string(slot.mine) + " uploads are in progress: at most " + std::to_string(most) + " (limits.uploads_at_once)", 1000);
+  const auto slot = core_.uploads.take(rpc.who().name, 1);
+  if (!slot)
+    return rpc.refuseBusy("uploads", strf("%llu uploads are in progress, %llu of them of \"%s\": at most %llu, half of it of one client (limits.uploads_at_once)",
+                                          (unsigned long long)core_.uploads.used(), (unsigned long long)core_.uploads.usedBy(rpc.who().name),
+                                          rpc.who().name.c_str(), (unsigned long long)core_.uploads.limit()), 1000);
 
   UploadFile file;
   std::string name, extension;
   v1::UploadSceneRequest message;
   bool first = true;
-  while (reader.Read(&message)) {
+  const auto next = [&] {
+    const IdleWatch::Wait wait(core_.idle, rpc.context());
+    return reader.Read(&message);
+  };
+  while (next()) {
     if (call.stop.token().stopRequested()) return rpc.refuseDraining();
     Status status;
     if (first) {
@@ -86,7 +86,7 @@ grpc::Status ScenesService::upload(Rpc& rpc, grpc::ServerReader<v1::UploadSceneR
     if (!status.ok()) return toGrpc(status);
     core_.metrics.add("gobo_upload_bytes_total", {}, double(message.data().size()));
   }
-  if (rpc.context().IsCancelled()) return {grpc::StatusCode::CANCELLED, "upload cancelled"};
+  if (rpc.context().IsCancelled()) return {grpc::StatusCode::CANCELLED, strf("upload cancelled, by its client or because nothing came for %g s (limits.client_idle_s)", core_.idle.seconds())};
   if (first) return toGrpc(invalidArgument("no message: the first one names extension and total_bytes", "upload"));
   const Status status = file.finish();
   if (!status.ok()) return toGrpc(status);

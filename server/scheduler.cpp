@@ -14,6 +14,22 @@ constexpr double kMeanWeight = 0.2;        // of the newest value in a moving me
 constexpr double kFirstRunGuess = 1;       // seconds, before anything was measured
 constexpr double kRounding = 1e-9;         // seconds: sums of intervals against their bound
 
+template <typename Map>
+size_t active(const Map& map) {
+  return size_t(std::count_if(map.begin(), map.end(), [](const auto& c) { return c.second.queued + c.second.running > 0; }));
+}
+
+/// One that comes back from idle starts at the present virtual time of its likes.
+template <typename Map, typename Member>
+void comeBack(const Map& map, Member& member, double& clock) {
+  if (member.queued + member.running > 0) return;
+  double least = kNever;
+  for (const auto& [name, c] : map)
+    if (c.queued + c.running > 0) least = std::min(least, c.virtualTime);
+  if (std::isfinite(least)) clock = std::max(clock, least);
+  member.virtualTime = std::max(member.virtualTime, clock);
+}
+
 void intoMean(double& mean, double value) { mean = mean > 0 ? mean + kMeanWeight * (value - mean) : std::max(value, 1e-9); }
 }  // namespace
 
@@ -36,16 +52,18 @@ double Scheduler::advance(double now) {
     if (job.state == State::Queued) continue;
     const double seconds = now - job.chargedUntil;
     ClassState& s = classes_[size_t(job.spec.jobClass)];
-    Client& client = s.clients[job.spec.client];
-    client.virtualTime += seconds;
-    client.seconds += seconds;
+    Group& group = s.groups[job.group];
+    Client& client = group.clients[job.client];
+    for (Client* who : {static_cast<Client*>(&group), &client}) {
+      who->virtualTime += seconds;
+      who->seconds += seconds;
+    }
     s.stats.runSeconds += seconds;
     job.ran += seconds;
     job.chargedUntil = now;
-    // Fluid fair share: what an ideal division among the active clients would have given each.
-    size_t active = 0;
-    for (const auto& [name, c] : s.clients) active += c.queued + c.running > 0;
-    s.virtualTime += seconds / double(std::max<size_t>(active, 1));
+    // Fluid fair share: what an ideal division among the active ones would have given each.
+    s.virtualTime += seconds / double(std::max<size_t>(active(s.groups), 1));
+    group.clock += seconds / double(std::max<size_t>(active(group.clients), 1));
   }
   for (auto& s : classes_) {
     const double seconds = std::isfinite(now_) ? now - now_ : 0;
@@ -59,19 +77,33 @@ double Scheduler::advance(double now) {
   return now_ = now;
 }
 
-void Scheduler::activate(ClassState& s, Client& client) {
-  if (client.queued + client.running > 0) return;
-  double least = kNever;
-  for (const auto& [name, c] : s.clients)
-    if (c.queued + c.running > 0) least = std::min(least, c.virtualTime);
-  if (std::isfinite(least)) s.virtualTime = std::max(s.virtualTime, least);
-  client.virtualTime = std::max(client.virtualTime, s.virtualTime);
+void Scheduler::activate(ClassState& s, Group& group, Client& client) {
+  comeBack(s.groups, group, s.virtualTime);
+  comeBack(group.clients, client, group.clock);
 }
 
 void Scheduler::settle(ClassState& s) {
-  std::erase_if(s.clients, [&](const auto& c) {
-    return c.second.queued + c.second.running == 0 && c.second.virtualTime <= s.virtualTime + kRounding;
-  });
+  const auto idle = [](const Client& c, double clock) { return c.queued + c.running == 0 && c.virtualTime <= clock + kRounding; };
+  for (auto& [name, group] : s.groups)
+    std::erase_if(group.clients, [&](const auto& c) { return idle(c.second, group.clock); });
+  std::erase_if(s.groups, [&](const auto& g) { return idle(g.second, s.virtualTime); });
+}
+
+void Scheduler::count(Job& job, int queued, int running) {
+  ClassState& s = classes_[size_t(job.spec.jobClass)];
+  Group& group = s.groups[job.group];
+  for (Client* who : {static_cast<Client*>(&group), &group.clients[job.client]}) {
+    who->queued += size_t(queued);
+    who->running += size_t(running);
+  }
+  s.queued += size_t(queued);
+  s.running += size_t(running);
+  queued_ += size_t(queued);
+  running_ += size_t(running);
+  if (queued == 0) return;
+  size_t& mine = queuedOf_[job.group];
+  mine += size_t(queued);
+  if (mine == 0) queuedOf_.erase(job.group);
 }
 
 double Scheduler::retryMs(int c, bool clientBound, double now) {
@@ -80,9 +112,8 @@ double Scheduler::retryMs(int c, bool clientBound, double now) {
   interval = std::max(interval, s.queued > 0 ? now - std::max(s.lastStart, s.waitingSince) : 0.0);   // a stall shows before its end
   double scale = double(++s.refusedSinceStart);
   if (clientBound) {
-    size_t active = 0;
-    for (const auto& [name, client] : s.clients) active += client.queued > 0;
-    scale *= double(std::max<size_t>(active, 1));
+    const auto waiting = std::count_if(s.groups.begin(), s.groups.end(), [](const auto& g) { return g.second.queued > 0; });
+    scale *= double(std::max<long>(waiting, 1));
   }
   return std::clamp(interval * scale * 1e3, options_.retryMinMs, options_.retryMaxMs);
 }
@@ -106,42 +137,39 @@ Submit Scheduler::submit(const JobSpec& spec, double now) {
   if (s.queued >= options_.queueLimit[size_t(c)])
     return refuse(Code::ResourceExhausted, std::string("queue is full: ") + std::to_string(s.queued) + " jobs of class " + kClassNames[c] + " wait: at most " +
                   std::to_string(options_.queueLimit[size_t(c)]) + " (scheduler.queued_" + kClassNames[c] + ")", retryMs(c, false, now));
-  const auto mine = queuedOf_.find(spec.client);
+  const std::string name = spec.group.empty() ? spec.client : spec.group;
+  const auto mine = queuedOf_.find(name);
   if ((mine == queuedOf_.end() ? 0 : mine->second) >= options_.clientLimit)
-    return refuse(Code::ResourceExhausted, "too many jobs of client '" + spec.client + "' wait: at most " + std::to_string(options_.clientLimit) +
+    return refuse(Code::ResourceExhausted, "too many jobs of client '" + name + "' wait: at most " + std::to_string(options_.clientLimit) +
                   " (scheduler.queued_per_client)",
                   retryMs(c, true, now));
-  Client& client = s.clients[spec.client];
-  activate(s, client);
+  // Whoever is quick must leave places in the queue, or nobody else could ever enter it.
+  const auto part = std::max<size_t>(1, size_t(std::ceil(double(options_.queueLimit[size_t(c)]) * options_.clientPart)));
+  if (const auto known = s.groups.find(name); known != s.groups.end() && known->second.queued >= part)
+    return refuse(Code::ResourceExhausted, "too many jobs of client '" + name + "' wait in class " + kClassNames[c] + ": at most " + std::to_string(part) +
+                  ", a part of scheduler.queued_" + kClassNames[c], retryMs(c, true, now));
+  Job job;
+  job.spec = spec;
+  job.group = name;
+  Group& group = s.groups[name];
+  job.client = active(group.clients) < kNames || (group.clients.count(spec.client) && group.clients[spec.client].queued + group.clients[spec.client].running > 0)
+                   ? spec.client : std::string();
+  activate(s, group, group.clients[job.client]);
   if (s.queued == 0) s.waitingSince = now;
-  ++client.queued;
-  ++s.queued;
-  ++queued_;
-  ++queuedOf_[spec.client];
+  count(job, 1, 0);
   ++s.stats.submitted;
   result.id = next_++;
-  jobs_[result.id].spec = spec;
+  jobs_[result.id] = std::move(job);
   return result;
-}
-
-void Scheduler::unqueue(Job& job) {
-  ClassState& s = classes_[size_t(job.spec.jobClass)];
-  --s.clients[job.spec.client].queued;
-  --s.queued;
-  --queued_;
-  const auto mine = queuedOf_.find(job.spec.client);
-  if (--mine->second == 0) queuedOf_.erase(mine);
 }
 
 void Scheduler::leave(Jobs::iterator at) {
   Job& job = at->second;
   ClassState& s = classes_[size_t(job.spec.jobClass)];
   if (job.state == State::Queued) {
-    unqueue(job);
+    count(job, -1, 0);
   } else {
-    --s.clients[job.spec.client].running;
-    --s.running;
-    --running_;
+    count(job, 0, -1);
     pinned_ -= job.spec.pinnedBytes;
   }
   jobs_.erase(at);
@@ -152,10 +180,7 @@ void Scheduler::leave(Jobs::iterator at) {
 void Scheduler::start(JobId id, Job& job, double now) {
   ClassState& s = classes_[size_t(job.spec.jobClass)];
   if (due(int(job.spec.jobClass))) job.protectedUntil = now + options_.protectedSeconds;
-  unqueue(job);
-  ++s.clients[job.spec.client].running;
-  ++s.running;
-  ++running_;
+  count(job, -1, 1);
   pinned_ += job.spec.pinnedBytes;
   job.state = State::Running;
   job.started = job.chargedUntil = now;
@@ -268,7 +293,23 @@ std::vector<Action> Scheduler::decide(double now) {
     }
   }
   struct Candidate { JobId id; Job* job; };
-  struct Line { std::vector<Candidate> jobs; size_t at = 0; double virtualTime = 0; };
+  struct Line {
+    std::vector<Candidate> jobs;
+    size_t at = 0;
+    double virtualTime = 0;
+    bool over() const { return at == jobs.size(); }
+    JobId first() const { return jobs[at].id; }
+  };
+  struct GroupLine {
+    std::map<std::string, Line> lines;
+    double virtualTime = 0;
+    Line* next() {
+      Line* best = nullptr;
+      for (auto& [name, line] : lines)
+        if (!line.over() && (!best || std::tuple(line.virtualTime, line.first()) < std::tuple(best->virtualTime, best->first()))) best = &line;
+      return best;
+    }
+  };
   for (const int c : classOrder()) {
     ClassState& s = classes_[size_t(c)];
     if (s.queued == 0) continue;
@@ -276,23 +317,30 @@ std::vector<Action> Scheduler::decide(double now) {
     if (nothingToBeHad()) continue;
     const bool isDue = due(c);
     std::vector<Candidate> reserved;                    // rule 7: they go first, oldest first
-    std::map<std::string, Line> lines;
+    std::map<std::string, GroupLine> groups;
     for (auto& [id, job] : jobs_) {
       if (int(job.spec.jobClass) != c) continue;
-      Line& line = lines[job.spec.client];
+      GroupLine& group = groups[job.group];
+      Line& line = group.lines[job.client];
       if (job.state != State::Queued) {
-        line.virtualTime += std::max(0.0, meanRun(c) - (now - job.started));   // not consumed yet, but spoken for
+        const double spoken = std::max(0.0, meanRun(c) - (now - job.started));   // not consumed yet, but spoken for
+        line.virtualTime += spoken;
+        group.virtualTime += spoken;
       } else if (now >= job.blockedSince + options_.reserveAfter) {
         reserved.push_back({id, &job});
       } else {
         line.jobs.push_back({id, &job});
       }
     }
-    for (auto& [name, line] : lines) {
-      line.virtualTime += s.clients[name].virtualTime;
-      std::stable_sort(line.jobs.begin(), line.jobs.end(), [](const Candidate& a, const Candidate& b) {
-        return a.job->spec.deadline < b.job->spec.deadline;
-      });
+    for (auto& [groupName, group] : groups) {
+      Group& books = s.groups[groupName];
+      group.virtualTime += books.virtualTime;
+      for (auto& [name, line] : group.lines) {
+        line.virtualTime += books.clients[name].virtualTime;
+        std::stable_sort(line.jobs.begin(), line.jobs.end(), [](const Candidate& a, const Candidate& b) {
+          return a.job->spec.deadline < b.job->spec.deadline;
+        });
+      }
     }
     bool first = isDue;
     for (const Candidate& r : reserved) {
@@ -301,14 +349,18 @@ std::vector<Action> Scheduler::decide(double now) {
     }
     for (;;) {
       if (nothingToBeHad()) break;
-      Line* best = nullptr;
-      for (auto& [name, line] : lines) {
-        if (line.at == line.jobs.size()) continue;
-        if (!best || std::tuple(line.virtualTime, line.jobs[line.at].id) < std::tuple(best->virtualTime, best->jobs[best->at].id)) best = &line;
+      GroupLine* best = nullptr;
+      Line* line = nullptr;
+      for (auto& [name, group] : groups) {
+        Line* next = group.next();
+        if (next && (!best || std::tuple(group.virtualTime, next->first()) < std::tuple(best->virtualTime, line->first()))) best = &group, line = next;
       }
       if (!best) break;
-      const Candidate job = best->jobs[best->at++];
-      if (tryStart(job.id, *job.job, now, first, room, actions)) best->virtualTime += meanRun(c);
+      const Candidate job = line->jobs[line->at++];
+      if (tryStart(job.id, *job.job, now, first, room, actions)) {
+        best->virtualTime += meanRun(c);
+        line->virtualTime += meanRun(c);
+      }
       first = false;
     }
   }
@@ -342,16 +394,9 @@ bool Scheduler::preempted(JobId id, double now) {
     return false;
   }
   ++s.stats.preempted;
-  Client& client = s.clients[job.spec.client];
-  --client.running;
-  --s.running;
-  --running_;
   pinned_ -= job.spec.pinnedBytes;
   if (s.queued == 0) s.waitingSince = now;
-  ++client.queued;
-  ++s.queued;
-  ++queued_;
-  ++queuedOf_[job.spec.client];
+  count(job, 1, -1);
   job.state = State::Queued;
   job.protectedUntil = -kNever;
   return true;
@@ -399,7 +444,7 @@ SchedulerStats Scheduler::stats() const {
     stats.classes[size_t(c)] = s.stats;
     stats.classes[size_t(c)].queued = s.queued;
     stats.classes[size_t(c)].running = s.running;
-    for (const auto& [name, client] : s.clients) stats.clientSeconds[name] += client.seconds;
+    for (const auto& [name, group] : s.groups) stats.clientSeconds[name] += group.seconds;
   }
   stats.queued = queued_;
   stats.running = running_;

@@ -4,8 +4,10 @@
 //
 // Rules
 //  1. Class: interactive before normal before batch.
-//  2. Client: inside a class the client with the least virtual time goes first (consumed run seconds; running jobs count with at
-//     least the class's mean run time). A client that comes back from idle starts at the class's virtual time: no credit saved.
+//  2. Client: inside a class the group with the least virtual time goes first (consumed run seconds; running jobs count with at
+//     least the class's mean run time), inside a group the client by the same rule. A group is who the caller is (token, peer), a
+//     client a name that the caller chose: so names divide their group's share and take nothing of the others'. One that comes back
+//     from idle starts at the present virtual time: no credit saved. A group has kNames names at once; more share one line.
 //  3. Job: inside class and client the earliest deadline first, then the order of submission (a preempted job keeps its place).
 //  4. Deadline: a queued job at or past it gets Expire and is gone; it never starts. A running one gets Stop(Deadline).
 //  5. Preemption: a job that cannot start for want of slots or bytes preempts running jobs of lower classes: the lowest
@@ -49,13 +51,15 @@ struct JobSpec {
   JobClass jobClass = JobClass::Normal;
   double deadline = kNever;      ///< on the clock of `now`, seconds
   uint64_t pinnedBytes = 0;      ///< held while it runs
+  std::string group = {};        ///< empty: the client is a group of its own
 };
 
 struct SchedulerOptions {
   int slots = 1;                                               ///< jobs at once
   uint64_t pinnedLimit = std::numeric_limits<uint64_t>::max();
   std::array<size_t, kJobClasses> queueLimit{64, 256, 4096};   ///< queued jobs of a class
-  size_t clientLimit = 256;                                    ///< queued jobs of a client, all classes
+  size_t clientLimit = 256;                                    ///< queued jobs of a group, all classes
+  double clientPart = 1;                                       ///< of a class's queue that one group may fill
   std::array<double, kJobClasses> ageing{kNever, 10, 30};      ///< seconds
   double protectedSeconds = 1;
   double reserveAfter = 5;
@@ -88,7 +92,7 @@ struct SchedulerStats {
   std::array<Class, kJobClasses> classes;
   size_t queued = 0, running = 0;
   uint64_t pinnedBytes = 0;
-  std::map<std::string, double> clientSeconds;   ///< consumed by clients that are known now
+  std::map<std::string, double> clientSeconds;   ///< consumed by groups that are known now
 };
 
 class Scheduler {
@@ -108,6 +112,7 @@ class Scheduler {
   /// The next time at which decide() may have something to say without any other event.
   std::optional<double> nextEvent(double now) const;
   SchedulerStats stats() const;
+  static constexpr size_t kNames = 8;
   size_t queued() const { return queued_; }
   size_t running() const { return running_; }
 
@@ -115,6 +120,7 @@ class Scheduler {
   enum class State { Queued, Running, Preempting, Stopping };   // the last two still hold their slot and bytes
   struct Job {
     JobSpec spec;
+    std::string group, client;          // keys of the books
     State state = State::Queued;
     bool stopPending = false;           // cancelled while running, Stop not given out yet
     bool cancelled = false;
@@ -125,8 +131,12 @@ class Scheduler {
     double blockedSince = kNever;       // first time that bytes kept it from starting
   };
   struct Client { double virtualTime = 0, seconds = 0; size_t queued = 0, running = 0; };
-  struct ClassState {
+  struct Group : Client {
     std::map<std::string, Client> clients;
+    double clock = 0;                   // virtual time of its clients
+  };
+  struct ClassState {
+    std::map<std::string, Group> groups;
     double virtualTime = 0;
     double waited = 0, served = 0, charged = 0;   // rule 6: seconds; `charged`: until when they are counted
     size_t queued = 0, running = 0;
@@ -146,9 +156,9 @@ class Scheduler {
   bool preemptFor(const Job& job, double now, Room& room, std::vector<Action>& actions);
   void start(JobId id, Job& job, double now);
   void leave(Jobs::iterator at);          // out of queue or slots, and out of the books
-  void unqueue(Job& job);
-  void activate(ClassState& state, Client& client);
-  void settle(ClassState& state);         // forgets clients without debt
+  void count(Job& job, int queued, int running);   // into the books of its client, group and class
+  static void activate(ClassState& state, Group& group, Client& client);
+  static void settle(ClassState& state);           // forgets clients and groups without debt
   double retryMs(int c, bool clientBound, double now);
 
   SchedulerOptions options_;

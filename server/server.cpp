@@ -105,7 +105,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   builder.SetSyncServerOption(grpc::ServerBuilder::NUM_CQS, 1);
   builder.SetSyncServerOption(grpc::ServerBuilder::MIN_POLLERS, 1);
   builder.SetSyncServerOption(grpc::ServerBuilder::MAX_POLLERS, 2);
-  builder.SetMaxReceiveMessageSize(int(std::min<uint64_t>(config.messageBytes, INT32_MAX)));
+  builder.SetMaxReceiveMessageSize(int(std::min<uint64_t>({config.requestBytes, config.messageBytes, INT32_MAX})));
   builder.SetMaxSendMessageSize(int(std::min<uint64_t>(config.messageBytes, INT32_MAX)));
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, int(config.streamsPerConnection));
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 30000);
@@ -113,7 +113,8 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10000);
   builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, 16384);
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);   // a second daemon on the same port is an error, not a lottery
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, 10000);   // of TLS and HTTP/2 together
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, 600000);       // clients connect again by themselves
   if (!config.reflection) builder.SetOption(std::make_unique<NoReflection>());
   builder.RegisterService(&self->services_->scenes);
   builder.RegisterService(&self->services_->render);
@@ -128,35 +129,57 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
       out.sample("gobo_tls_expires_seconds", {}, double(tls->expires()));
     });
   }
-  std::vector<int> ports(config.listen.size(), 0);
-  std::vector<Address> parsed;
+  std::vector<bool> isUnix;
   if (sockets) {
-    for (size_t i = 0; i < config.listen.size(); ++i) {
-      GOBO_ASSIGN(const Address address, parseAddress(config.listen[i]));
-      parsed.push_back(address);
+    self->listener_ = std::make_unique<Listener>(ListenerLimits{config.connections, config.connectionsPerPeer});
+    for (const std::string& text : config.listen) {
+      GOBO_ASSIGN(const Address address, parseAddress(text));
+      isUnix.push_back(address.isUnix);
       if (address.isUnix) {
         GOBO_ASSIGN(SocketLock lock, SocketLock::take(address.path));
         self->locks_.push_back(std::move(lock));
         GOBO_TRY(claimSocketPath(address.path));
       }
-      builder.AddListeningPort(config.listen[i], self->tls_ && !address.isUnix ? self->tls_->credentials() : grpc::InsecureServerCredentials(), &ports[i]);
+      GOBO_ASSIGN(const std::string served, self->listener_->add(text));
+      if (address.isUnix) self->socketFiles_.push_back(address.path);
+      self->addresses_.push_back(served);
     }
   }
-  // The socket is born with mode 0600: no moment at which others could connect.
-  const mode_t mask = ::umask(0177);
+  using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
+  using FromFd = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
+  const auto acceptor = [&](std::shared_ptr<grpc::ServerCredentials> credentials) {
+    return std::shared_ptr<Acceptor>(builder.experimental().AddExternalConnectionAcceptor(FromFd::FROM_FD, std::move(credentials)));
+  };
+  const std::shared_ptr<Acceptor> plain = sockets ? acceptor(grpc::InsecureServerCredentials()) : nullptr;
+  const std::shared_ptr<Acceptor> secure = sockets && self->tls_ ? acceptor(self->tls_->credentials()) : plain;
   self->server_ = builder.BuildAndStart();
-  ::umask(mask);
-  std::string failed;
-  for (size_t i = 0; i < parsed.size(); ++i) {
-    if (parsed[i].isUnix && self->server_) self->socketFiles_.push_back(parsed[i].path);
-    if (ports[i] == 0) failed += (failed.empty() ? "" : ", ") + config.listen[i];
-    self->addresses_.push_back(parsed[i].isUnix ? config.listen[i]
-                                                : config.listen[i].substr(0, config.listen[i].rfind(':') + 1) + std::to_string(ports[i]));
-  }
-  if (!self->server_ || !failed.empty())
-    return Status(Code::Unavailable, failed.empty() ? "cannot start the gRPC server" : "cannot listen on " + failed + ": in use or not permitted");
+  if (!self->server_) return Status(Code::Unavailable, "cannot start the gRPC server");
   for (const std::string& path : self->socketFiles_)
     if (::chmod(path.c_str(), mode_t(config.socketMode)) != 0) return Status(Code::Unavailable, "chmod \"" + path + "\": " + std::strerror(errno));
+  if (self->listener_) {
+    self->listener_->start([plain, secure, isUnix](int fd, size_t socket) {
+      Acceptor::NewConnectionParameters connection;
+      connection.fd = fd;
+      (isUnix[socket] ? plain : secure)->HandleNewConnection(&connection);
+    });
+    self->core_->reachable = [listener = self->listener_.get(), n = config.listen.size()](double seconds) {
+      for (size_t i = 0; i < n; ++i)
+        if (!listener->reachable(i, seconds)) return false;
+      return true;
+    };
+    self->core_->metrics.collect([listener = self->listener_.get()](MetricsWriter& out) {
+      const ListenerStats s = listener->stats();
+      const auto one = [&](const char* name, const char* type, const char* help, double value) {
+        out.family(name, type, help);
+        out.sample(name, {}, value);
+      };
+      one("gobo_connections", "gauge", "Open connections.", s.open);
+      one("gobo_connections_total", "counter", "Connections that were taken.", double(s.accepted));
+      one("gobo_connections_refused_total", "counter", "Connections closed at once (limits.connections, connections_per_peer).", double(s.refused));
+      one("gobo_connections_evicted_total", "counter", "Connections that never sent a byte and had to go for others.", double(s.evicted));
+      one("gobo_descriptors_missing_total", "counter", "Connections closed because the process had no descriptor left.", double(s.noDescriptor));
+    });
+  }
   if (sockets && !config.httpListen.empty()) { GOBO_ASSIGN(self->http_, HttpEndpoint::start(*self->core_, config.httpListen)); }
   self->setServing(true);
   self->core_->onDrain = [raw = self.get()] { raw->setServing(false); };
@@ -213,12 +236,14 @@ void Server::shutdown(double drainSeconds) {
     core_->cancelAll();
     core_->waitIdle(10);
   }
+  http_.reset();
+  core_->reachable = nullptr;
+  if (listener_) listener_->stop();
   server_->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(500));
   server_->Wait();
   server_.reset();
   for (const std::string& path : socketFiles_) ::unlink(path.c_str());
   socketFiles_.clear();
-  http_.reset();
   locks_.clear();
 }
 

@@ -11,6 +11,7 @@
 
 #include "server/core.h"
 #include "server/http_endpoint.h"
+#include "server/listener.h"
 #include "server/tls.h"
 #include "server/unix_socket.h"
 
@@ -53,6 +54,7 @@ class Server {
   std::unique_ptr<Services> services_;
   std::shared_ptr<TlsSource> tls_;
   std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<Listener> listener_;
   std::unique_ptr<HttpEndpoint> http_;     // goes before the core
   std::vector<std::string> addresses_;
   std::vector<std::string> socketFiles_;

@@ -52,7 +52,10 @@ void gauges(ServerCore& core, MetricsWriter& out) {
   one("gobo_store_terms", "gauge", "Terms in memory, number.", double(s.store_terms()));
   one("gobo_disk_bytes", "gauge", "Terms on disk.", double(s.disk_bytes()));
   one("gobo_scenes", "gauge", "Scenes loaded.", double(s.scenes()));
-  one("gobo_uploads", "gauge", "Uploads in progress.", double(core.uploads.load()));
+  one("gobo_uploads", "gauge", "Uploads in progress.", double(core.uploads.used()));
+  one("gobo_watches", "gauge", "Jobs.Watch and Jobs.Fetch calls.", double(core.watches.used()));
+  one("gobo_reply_bytes", "gauge", "Bound of the pictures that are being made or sent.", double(core.replies.used()));
+  one("gobo_idle_calls_ended_total", "counter", "Calls ended because their client neither sent nor took anything (limits.client_idle_s).", double(core.idle.ended()));
   one("gobo_loads", "gauge", "Scenes being loaded or patched.", double(core.loads.running()));
   one("gobo_loads_waiting", "gauge", "Calls that wait for a load's place.", double(core.loads.waiting()));
   one("gobo_tokens", "gauge", "Tokens configured.", double(core.tokens.count()));

@@ -18,6 +18,7 @@ class Descriptor {
     return *this;
   }
   int get() const { return fd_; }
+  int release() { return std::exchange(fd_, -1); }   ///< the caller's from now on
   explicit operator bool() const { return fd_ >= 0; }
   void close() { if (fd_ >= 0) ::close(std::exchange(fd_, -1)); }
 

@@ -32,7 +32,7 @@ class JobsService final : public v1::Jobs::Service {
   grpc::Status fetch(Rpc& rpc, const v1::FetchRequest& request, grpc::ServerWriter<v1::FetchReply>& writer);
   /// NotFound for a job of somebody else as for one that does not exist.
   Result<JobRecord> read(const Rpc& rpc, const std::string& id, bool frames);
-  Status sendFile(grpc::ServerContext&, grpc::ServerWriter<v1::FetchReply>&, int64_t job, const v1::Frame& frame, const v1::FrameFile& file, uint64_t offset);
+  Status sendFile(Rpc&, grpc::ServerWriter<v1::FetchReply>&, int64_t job, const v1::Frame& frame, const v1::FrameFile& file, uint64_t offset);
   ServerCore& core_;
 };
 

@@ -20,6 +20,22 @@ namespace {
 
 constexpr double kStreamPoll = 0.25;   // seconds: how soon a client that has gone, a drain, or another daemon's work is noticed
 
+/// A place among the streams that live as long as their client likes.
+std::unique_ptr<SharedLimit::Hold> place(const Rpc& rpc) { return rpc.core().watches.take(rpc.who().name, 1); }
+
+grpc::Status noPlace(Rpc& rpc) {
+  const SharedLimit& w = rpc.core().watches;
+  return rpc.refuseBusy("watches", strf("%llu Watch and Fetch calls run, %llu of them of \"%s\": at most %llu, half of it of one client (limits.watches)",
+                                        (unsigned long long)w.used(), (unsigned long long)w.usedBy(rpc.who().name), rpc.who().name.c_str(),
+                                        (unsigned long long)w.limit()), 1000);
+}
+
+template <typename Message>
+bool send(Rpc& rpc, grpc::ServerWriter<Message>& writer, const Message& message) {
+  const IdleWatch::Wait wait(rpc.core().idle, rpc.context());
+  return writer.Write(message);
+}
+
 v1::JobEvent eventOf(const v1::Job& job, const v1::Frame* frame) {
   v1::JobEvent event;
   *event.mutable_job() = job;
@@ -46,13 +62,15 @@ grpc::Status JobsService::watch(Rpc& rpc, const v1::WatchJobRequest& sent, grpc:
   grpc::ServerContext* context = &rpc.context();
   const v1::WatchJobRequest* request = &sent;
   grpc::ServerWriter<v1::JobEvent>* writer = &to;
+  const auto held = place(rpc);
+  if (!held) return noPlace(rpc);
   auto record = read(rpc, request->id(), true);
   if (!record.ok()) return toGrpc(record.status());
   JobHub& hub = core_.durable->hub();
   uint64_t seen = hub.version(), revision = record->revision;
   v1::JobEvent first;
   *first.mutable_job() = record->job;
-  if (!writer->Write(first)) return {grpc::StatusCode::CANCELLED, "the client has gone"};
+  if (!send(rpc, *writer, first)) return {grpc::StatusCode::CANCELLED, "the client has gone"};
   std::string shown = eventOf(record->job, nullptr).SerializeAsString();
   std::map<TaskId, double> progress;   // of live frames, as sent
   v1::Job::State state = record->job.state();
@@ -69,7 +87,7 @@ grpc::Status JobsService::watch(Rpc& rpc, const v1::WatchJobRequest& sent, grpc:
     bool gone = false;
     for (const v1::Frame& frame : news->job.frames()) {
       told.insert(frame.frame());
-      gone = gone || !writer->Write(eventOf(news->job, &frame));
+      gone = gone || !send(rpc, *writer, eventOf(news->job, &frame));
     }
     for (const auto& [task, live] : hub.live(record->id)) {
       if (told.count(live.frame) || jobIsOver(state) || live.progress - progress[task] < 0.005) continue;
@@ -79,19 +97,19 @@ grpc::Status JobsService::watch(Rpc& rpc, const v1::WatchJobRequest& sent, grpc:
       frame.set_state(v1::Frame::RUNNING);
       frame.set_progress(live.progress);
       frame.set_spp(live.spp);
-      gone = gone || !writer->Write(eventOf(news->job, &frame));
+      gone = gone || !send(rpc, *writer, eventOf(news->job, &frame));
       told.insert(live.frame);
     }
     const std::string now = eventOf(news->job, nullptr).SerializeAsString();
     // The last event is the one in which the job is over.
-    if (now != shown && (told.empty() || jobIsOver(state))) gone = gone || !writer->Write(eventOf(news->job, nullptr));
+    if (now != shown && (told.empty() || jobIsOver(state))) gone = gone || !send(rpc, *writer, eventOf(news->job, nullptr));
     shown = now;
     if (gone) return {grpc::StatusCode::CANCELLED, "the client has gone"};
   }
   return grpc::Status::OK;
 }
 
-Status JobsService::sendFile(grpc::ServerContext& context, grpc::ServerWriter<v1::FetchReply>& writer, int64_t job, const v1::Frame& frame, const v1::FrameFile& file,
+Status JobsService::sendFile(Rpc& rpc, grpc::ServerWriter<v1::FetchReply>& writer, int64_t job, const v1::Frame& frame, const v1::FrameFile& file,
                              uint64_t offset) {
   if (offset > file.bytes())
     return {Code::OutOfRange, strf("offset = %llu: %s has %llu bytes", (unsigned long long)offset, file.name().c_str(), (unsigned long long)file.bytes()), "offset"};
@@ -104,7 +122,7 @@ Status JobsService::sendFile(grpc::ServerContext& context, grpc::ServerWriter<v1
   head.set_frame(frame.frame());
   *head.mutable_file() = file;
   head.set_offset(offset);
-  if (!writer.Write(reply)) return left;
+  if (!send(rpc, writer, reply)) return left;
   while (offset < file.bytes()) {
     v1::FetchedChunk& chunk = *reply.mutable_chunk();
     chunk.set_offset(offset);
@@ -114,7 +132,7 @@ Status JobsService::sendFile(grpc::ServerContext& context, grpc::ServerWriter<v1
     if (n <= 0) return {Code::DataLoss, path + " ends early: " + (n < 0 ? std::strerror(errno) : "damaged")};
     data.resize(size_t(n));
     offset += uint64_t(n);
-    if (context.IsCancelled() || !writer.Write(reply)) return left;
+    if (rpc.context().IsCancelled() || !send(rpc, writer, reply)) return left;
   }
   return {};
 }
@@ -124,6 +142,8 @@ grpc::Status JobsService::fetch(Rpc& rpc, const v1::FetchRequest& sent, grpc::Se
   const v1::FetchRequest* request = &sent;
   grpc::ServerWriter<v1::FetchReply>* writer = &to;
   rpc.note("job", request->id().substr(0, 80));
+  const auto held = place(rpc);
+  if (!held) return noPlace(rpc);
   auto record = read(rpc, request->id(), true);
   if (!record.ok()) return toGrpc(record.status());
   std::set<int64_t> wanted(request->frames().begin(), request->frames().end());
@@ -153,7 +173,7 @@ grpc::Status JobsService::fetch(Rpc& rpc, const v1::FetchRequest& sent, grpc::Se
     if (frame.state() == v1::Frame::DONE) {
       for (const v1::FrameFile& file : frame.files()) {
         if (!outputs.empty() && !outputs.count(file.output())) continue;
-        const Status status = sendFile(*context, *writer, record->id, frame, file, std::exchange(offset, 0));
+        const Status status = sendFile(rpc, *writer, record->id, frame, file, std::exchange(offset, 0));
         if (!status.ok()) return toGrpc(status);
       }
       ++at;

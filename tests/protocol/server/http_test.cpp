@@ -171,7 +171,7 @@ TEST_F(Http, AClientThatLeavesTakesItsLoadAlong) {
   gate.setLimit(1);
   std::atomic<bool> release{false};
   std::thread holder([&] {
-    const Status held = gate.run([&](const StopToken&) -> Status {
+    const Status held = gate.run("someone", [&](const StopToken&) -> Status {
       while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
       return {};
     }, [] { return false; });

@@ -94,8 +94,8 @@ TEST(Gate, BoundsWhatRunsAndPassesStops) {
   std::atomic<int> running{0}, most{0}, done{0};
   std::vector<std::thread> threads;
   for (int i = 0; i < 6; ++i)
-    threads.emplace_back([&] {
-      const Status s = gate.run([&](const StopToken&) -> Status {
+    threads.emplace_back([&, i] {
+      const Status s = gate.run("client " + std::to_string(i), [&](const StopToken&) -> Status {
         const int now = ++running;
         int seen = most.load();
         while (now > seen && !most.compare_exchange_weak(seen, now)) {}
@@ -109,31 +109,89 @@ TEST(Gate, BoundsWhatRunsAndPassesStops) {
   EXPECT_EQ(done, 6);
   EXPECT_LE(most, 2);
   // The caller leaves while the work runs: the token says so, and the work's own answer counts.
-  const Status stopped = gate.run([](const StopToken& stop) -> Status {
+  const Status stopped = gate.run("someone", [](const StopToken& stop) -> Status {
     for (int i = 0; i < 5000 && !stop.stopRequested(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     return {stop.stopRequested() ? Code::Cancelled : Code::Internal, "ended"};
   }, [] { return true; });
   EXPECT_EQ(stopped.code(), Code::Cancelled);
-  const Status thrown = gate.run([](const StopToken&) -> Status { throw std::runtime_error("boom"); }, [] { return false; });
+  const Status thrown = gate.run("someone", [](const StopToken&) -> Status { throw std::runtime_error("boom"); }, [] { return false; });
   EXPECT_EQ(thrown.code(), Code::Internal);
   EXPECT_NE(thrown.message().find("boom"), std::string::npos);
   EXPECT_EQ(gate.running(), 0u);
 }
 
+struct Loads {
+  LoadGate gate;
+  std::atomic<bool> release{false};
+  std::mutex mutex;
+  std::vector<std::string> order;   // in which clients got their place
+  std::vector<std::thread> threads;
+  Status run(const std::string& client) {
+    return gate.run(client, [&, client](const StopToken&) -> Status {
+      { const std::lock_guard lock(mutex); order.push_back(client); }
+      while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      return {};
+    }, [] { return false; });
+  }
+  void start(const std::string& client, uint32_t running, uint32_t waiting) {
+    threads.emplace_back([this, client] { EXPECT_TRUE(run(client).ok()); });
+    for (int i = 0; i < 20000 && (gate.running() != running || gate.waiting() != waiting); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    EXPECT_EQ(gate.running(), running);
+    EXPECT_EQ(gate.waiting(), waiting);
+  }
+  ~Loads() {
+    release = true;
+    for (auto& t : threads) t.join();
+  }
+};
+
 TEST(Gate, RefusesWhenTooManyWait) {
+  Loads loads;
+  loads.gate.setLimit(1);
+  loads.start("a", 1, 0);
+  for (uint32_t i = 0; i < LoadGate::kWaitingOfOne; ++i) loads.start("a", 1, i + 1);
+  const Status mine = loads.run("a");
+  EXPECT_EQ(mine.code(), Code::ResourceExhausted);
+  EXPECT_NE(mine.message().find("16 of one client"), std::string::npos) << mine.message();
+  for (uint32_t i = LoadGate::kWaitingOfOne; i < LoadGate::kWaiting; ++i) loads.start("b", 1, i + 1);   // others still may
+  EXPECT_EQ(loads.run("c").code(), Code::ResourceExhausted);
+}
+
+// Whoever has many slow loads leaves a place, and the next free one is not his.
+TEST(Gate, OneClientNeverHoldsEveryPlace) {
+  Loads loads;
+  loads.gate.setLimit(2);
+  loads.start("greedy", 1, 0);
+  for (uint32_t i = 1; i <= 3; ++i) loads.start("greedy", 1, i);
+  loads.start("other", 2, 3);
+  EXPECT_EQ(loads.order, (std::vector<std::string>{"greedy", "other"}));
+}
+
+TEST(Gate, PlacesGoToWhoWasServedLongestAgo) {
   LoadGate gate;
   gate.setLimit(1);
+  std::mutex mutex;
+  std::vector<std::string> order;
   std::atomic<bool> release{false};
-  const auto hold = [&](const StopToken&) -> Status {
-    while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    return {};
-  };
   std::vector<std::thread> threads;
-  for (uint32_t i = 0; i < LoadGate::kWaiting + 1; ++i) threads.emplace_back([&] { EXPECT_TRUE(gate.run(hold, [] { return false; }).ok()); });
-  while (gate.running() != 1 || gate.waiting() != LoadGate::kWaiting) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  EXPECT_EQ(gate.run(hold, [] { return false; }).code(), Code::ResourceExhausted);
+  const auto start = [&](const std::string& client, uint32_t waiting) {
+    threads.emplace_back([&, client] {
+      EXPECT_TRUE(gate.run(client, [&](const StopToken&) -> Status {
+        while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        const std::lock_guard lock(mutex);
+        order.push_back(client);
+        return {};
+      }, [] { return false; }).ok());
+    });
+    while (gate.running() != 1 || gate.waiting() != waiting) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  };
+  start("a", 0);
+  for (uint32_t i = 1; i <= 3; ++i) start("a", i);
+  start("b", 4);
+  start("c", 5);
   release = true;
   for (auto& t : threads) t.join();
+  EXPECT_EQ(order, (std::vector<std::string>{"a", "b", "c", "a", "a", "a"}));
 }
 
 // Oracle: a bucket of `burst` that fills with `rate` gives burst + rate * T requests in T seconds, whatever the steps.

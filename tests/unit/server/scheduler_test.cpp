@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <functional>
+#include <map>
 
 namespace gobo {
 namespace {
@@ -367,6 +369,79 @@ TEST(Scheduler, AClientsHintGrowsWithTheClientsThatWait) {
     else EXPECT_DOUBLE_EQ(hint, 3 * alone);
   }
   EXPECT_GT(alone, 0);
+}
+
+JobSpec named(std::string group, std::string client, JobClass c) {
+  JobSpec spec = job(std::move(client), c);
+  spec.group = std::move(group);
+  return spec;
+}
+
+// Runs `rounds` jobs of one second, one at a time, while every group keeps `depth` jobs queued; the seconds each group got.
+std::map<std::string, int> shares(const std::vector<std::string>& groups, const std::function<std::string(const std::string&, int)>& name, int depth, int rounds) {
+  Scheduler s(slots(1));
+  std::map<JobId, std::string> of;
+  std::map<std::string, int> queued, got;
+  double now = 0;
+  for (int r = 0, n = 0; r < rounds; ++r) {
+    for (const std::string& g : groups)
+      while (queued[g] < depth) {
+        const Submit submitted = s.submit(named(g, name(g, n++), N), now);
+        EXPECT_TRUE(submitted.status.ok());
+        of[submitted.id] = g;
+        ++queued[g];
+      }
+    const auto actions = s.decide(now);
+    EXPECT_EQ(actions.size(), 1u);
+    const std::string g = of[actions[0].id];
+    --queued[g];
+    ++got[g];
+    s.finished(actions[0].id, now += 1, Outcome::Done);
+  }
+  return got;
+}
+
+// A new name for each call is a new client of its group, and takes nothing of another group.
+TEST(Scheduler, NamesDivideTheirGroupsShareOnly) {
+  const auto got = shares({"attacker", "victim"}, [](const std::string& g, int n) { return g == "victim" ? g : "name " + std::to_string(n); }, 16, 100);
+  EXPECT_NEAR(got.at("victim"), 50, 1);
+}
+
+TEST(Scheduler, InsideAGroupNamesShareAndMoreThanAFewShareOneLine) {
+  const auto of = [](int names) {   // of 81 seconds, those of a client with much to do beside `names` others
+    SchedulerOptions o = slots(1);
+    o.clientLimit = 4096;
+    Scheduler s(o);
+    std::map<JobId, bool> victims;
+    for (int i = 0; i < 81; ++i) victims[s.submit(named("peer", "victim", B), 0).id] = true;
+    for (int i = 0; i < 81 * names; ++i) victims[s.submit(named("peer", "name " + std::to_string(i % names), B), 0).id] = false;
+    int got = 0;
+    for (int r = 0; r < 81; ++r) {
+      const auto actions = s.decide(r);
+      EXPECT_EQ(actions.size(), 1u);
+      got += victims[actions[0].id];
+      s.finished(actions[0].id, r + 1, Outcome::Done);
+    }
+    return got;
+  };
+  EXPECT_NEAR(of(1), 40, 1);
+  EXPECT_NEAR(of(2), 27, 1);
+  EXPECT_NEAR(of(40), 9, 1);   // eight names and the rest, not forty-one
+}
+
+TEST(Scheduler, OneGroupNeverFillsAQueue) {
+  SchedulerOptions o = slots(1);
+  o.queueLimit = {8, 8, 8};
+  o.clientPart = 0.75;
+  Scheduler s(o);
+  int taken = 0;
+  for (int i = 0; i < 20; ++i) taken += s.submit(named("greedy", "n" + std::to_string(i), I), 0).status.ok();
+  EXPECT_EQ(taken, 6);
+  const Submit refused = s.submit(named("greedy", "x", I), 0);
+  EXPECT_EQ(refused.status.code(), Code::ResourceExhausted);
+  EXPECT_NE(refused.status.message().find("scheduler.queued_interactive"), std::string::npos);
+  EXPECT_GT(refused.retryMs, 0);
+  EXPECT_TRUE(s.submit(named("other", "o", I), 0).status.ok());
 }
 
 }  // namespace

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/idle_watch.h"
+
+namespace gobo {
+
+using Clock = std::chrono::steady_clock;
+static constexpr std::chrono::milliseconds kLook{100};
+
+IdleWatch::Wait::Wait(IdleWatch& watch, grpc::ServerContext& context) : watch_(watch) {
+  const auto until = Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(watch.seconds()));
+  const std::lock_guard lock(watch_.mutex_);
+  at_ = watch_.waits_.insert(watch_.waits_.end(), {until, &context});
+  if (!watch_.thread_.joinable()) watch_.thread_ = std::thread([w = &watch_] { w->loop(); });
+}
+
+IdleWatch::Wait::~Wait() {
+  const std::lock_guard lock(watch_.mutex_);
+  watch_.waits_.erase(at_);
+}
+
+IdleWatch::~IdleWatch() {
+  {
+    const std::lock_guard lock(mutex_);
+    closing_ = true;
+  }
+  wake_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+void IdleWatch::loop() {
+  std::unique_lock lock(mutex_);
+  while (!wake_.wait_for(lock, kLook, [&] { return closing_; })) {
+    const auto now = Clock::now();
+    for (auto& [until, context] : waits_) {
+      if (now < until) continue;
+      context->TryCancel();   // does not wait; the context lives while its wait does
+      until = Clock::time_point::max();
+      ended_.fetch_add(1);
+    }
+  }
+}
+
+}  // namespace gobo

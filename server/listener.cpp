@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/listener.h"
+
+#include <fcntl.h>
+#include <linux/tcp.h>   // glibc's has an older tcp_info
+#include <netdb.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "server/config.h"
+#include "server/log.h"
+
+namespace gobo {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr std::chrono::seconds kSilent{1};   // a client speaks first: one that has said nothing for so long may have to go
+
+Status cannot(const std::string& address) { return {Code::Unavailable, "cannot listen on " + address + ": " + std::strerror(errno)}; }
+
+/// "127.0.0.1:4711", the abstract name of a Unix client, or "" for one without.
+std::string nameOf(const sockaddr_storage& a, socklen_t size, bool withPort) {
+  if (a.ss_family == AF_UNIX) {
+    constexpr socklen_t head = offsetof(sockaddr_un, sun_path);
+    return size > head ? "unix:" + std::string(reinterpret_cast<const sockaddr_un&>(a).sun_path, size - head) : std::string();
+  }
+  char host[NI_MAXHOST], port[NI_MAXSERV];
+  if (::getnameinfo(reinterpret_cast<const sockaddr*>(&a), size, host, sizeof host, port, sizeof port, NI_NUMERICHOST | NI_NUMERICSERV) != 0) return "?";
+  return withPort ? std::string(host) + ":" + port : host;
+}
+
+uint64_t inodeOf(int fd) {
+  struct stat info{};
+  return ::fstat(fd, &info) == 0 && S_ISSOCK(info.st_mode) ? info.st_ino : 0;
+}
+
+/// Nothing has arrived on it yet. False where that cannot be told.
+bool silent(int fd) {
+  tcp_info info{};
+  socklen_t size = sizeof info;
+  return ::getsockopt(fd, IPPROTO_TCP, TCP_INFO, &info, &size) == 0 && size >= offsetof(tcp_info, tcpi_bytes_received) + sizeof info.tcpi_bytes_received &&
+         info.tcpi_bytes_received == 0;
+}
+
+struct Resolved {
+  addrinfo* list = nullptr;
+  ~Resolved() { if (list) ::freeaddrinfo(list); }
+};
+
+}  // namespace
+
+Result<std::string> Listener::add(const std::string& text) {
+  GOBO_ASSIGN(const Address address, parseAddress(text));
+  const size_t index = added_++;
+  if (address.isUnix) {
+    sockaddr_un name{};
+    name.sun_family = AF_UNIX;
+    std::copy(address.path.begin(), address.path.end(), name.sun_path);
+    Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+    const mode_t mask = ::umask(0177);   // born with mode 0600: no moment at which others could connect
+    const bool bound = fd && ::bind(fd.get(), reinterpret_cast<const sockaddr*>(&name), sizeof name) == 0;
+    ::umask(mask);
+    if (!bound || ::listen(fd.get(), 512) != 0) return cannot(text);
+    sockets_.push_back({std::move(fd), index, true});
+    return text;
+  }
+  addrinfo hints{};
+  hints.ai_socktype = SOCK_STREAM;
+  hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
+  Resolved found;
+  if (const int error = ::getaddrinfo(address.host.c_str(), address.port.c_str(), &hints, &found.list); error != 0)
+    return Status(Code::Unavailable, "cannot listen on " + text + ": " + ::gai_strerror(error));
+  int port = std::atoi(address.port.c_str());
+  bool some = false;
+  for (const addrinfo* a = found.list; a; a = a->ai_next) {
+    sockaddr_storage name{};
+    std::memcpy(&name, a->ai_addr, a->ai_addrlen);
+    in_port_t& number = a->ai_family == AF_INET6 ? reinterpret_cast<sockaddr_in6&>(name).sin6_port : reinterpret_cast<sockaddr_in&>(name).sin_port;
+    number = htons(uint16_t(port));   // the one that the first address was given, for port 0
+    Descriptor fd(::socket(a->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+    if (!fd && errno == EAFNOSUPPORT) continue;   // a name with an address of a family that this machine has not
+    const int yes = 1;
+    if (fd) ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+    if (fd && a->ai_family == AF_INET6 && found.list->ai_next) ::setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &yes, sizeof yes);
+    if (!fd || ::bind(fd.get(), reinterpret_cast<const sockaddr*>(&name), a->ai_addrlen) != 0) {
+      if (errno == EADDRNOTAVAIL && (some || a->ai_next)) continue;
+      return cannot(text);
+    }
+    if (::listen(fd.get(), 512) != 0) return cannot(text);
+    socklen_t size = sizeof name;
+    ::getsockname(fd.get(), reinterpret_cast<sockaddr*>(&name), &size);
+    port = ntohs(number);
+    some = true;
+    sockets_.push_back({std::move(fd), index, false});
+  }
+  if (!some) return cannot(text);
+  return text.substr(0, text.rfind(':') + 1) + std::to_string(port);
+}
+
+void Listener::start(Take take) {
+  take_ = std::move(take);
+  reserve_ = Descriptor(::open("/dev/null", O_RDONLY | O_CLOEXEC));
+  wake_ = Descriptor(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  thread_ = std::thread([this] { loop(); });
+}
+
+void Listener::stop() {
+  if (!thread_.joinable()) return;
+  stopping_.store(true);
+  const uint64_t one = 1;
+  (void)!::write(wake_.get(), &one, sizeof one);
+  thread_.join();
+  sockets_.clear();
+}
+
+void Listener::loop() {
+  std::vector<pollfd> wait;
+  for (const Socket& s : sockets_) wait.push_back({s.fd.get(), POLLIN, 0});
+  wait.push_back({wake_.get(), POLLIN, 0});
+  while (!stopping_.load()) {
+    const int ready = ::poll(wait.data(), nfds_t(wait.size()), 1000);
+    if (ready <= 0) {
+      const std::lock_guard lock(mutex_);
+      forgetClosed();
+      continue;
+    }
+    for (size_t i = 0; i < sockets_.size(); ++i)
+      if (wait[i].revents) accept(sockets_[i]);
+  }
+}
+
+void Listener::forgetClosed() {
+  std::erase_if(peers_, [&](const Peer& p) {
+    if (inodeOf(p.fd) == p.inode) return false;
+    if (--ofPeer_[p.address] == 0) ofPeer_.erase(p.address);
+    return true;
+  });
+  stats_.open = uint32_t(peers_.size());
+}
+
+// Between the look at the inode and shutdown() the descriptor could in theory become another connection, which then loses its place:
+// its client connects again.
+bool Listener::evictSilent(const std::string* address) {
+  const auto before = Clock::now() - kSilent;
+  for (const Peer& p : peers_) {   // oldest first
+    if ((address && p.address != *address) || p.since > before || inodeOf(p.fd) != p.inode || !silent(p.fd)) continue;
+    ::shutdown(p.fd, SHUT_RDWR);
+    if (--ofPeer_[p.address] == 0) ofPeer_.erase(p.address);
+    peers_.erase(peers_.begin() + (&p - peers_.data()));
+    ++stats_.evicted;
+    return true;
+  }
+  return false;
+}
+
+bool Listener::makeRoom(const std::string& address) {
+  const auto full = [&] {
+    const auto mine = ofPeer_.find(address);
+    return !address.empty() && mine != ofPeer_.end() && mine->second >= limits_.mostOfPeer;
+  };
+  if (peers_.size() >= limits_.most || full()) forgetClosed();
+  if (full() && !evictSilent(&address)) return false;
+  return peers_.size() < limits_.most || evictSilent(nullptr);
+}
+
+void Listener::accept(Socket& from) {
+  for (int n = 0; n < 64; ++n) {   // then the other sockets have their turn
+    sockaddr_storage name{};
+    socklen_t size = sizeof name;
+    Descriptor fd(::accept4(from.fd.get(), reinterpret_cast<sockaddr*>(&name), &size, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    if (!fd) {
+      if (errno == EMFILE || errno == ENFILE) {
+        const std::lock_guard lock(mutex_);
+        ++stats_.noDescriptor;
+        forgetClosed();
+        (void)evictSilent(nullptr);
+        // The reserve takes the connection off the queue: its client hears a close instead of nothing.
+        reserve_.close();
+        Descriptor refused(::accept4(from.fd.get(), nullptr, nullptr, SOCK_CLOEXEC));
+        refused.close();
+        reserve_ = Descriptor(::open("/dev/null", O_RDONLY | O_CLOEXEC));
+        ::usleep(1000);   // a process without descriptors must not spin
+      } else if (errno != EINTR && errno != ECONNABORTED) {
+        return;   // EAGAIN; what else there is poll() will tell again
+      }
+      continue;
+    }
+    const std::string whole = nameOf(name, size, true), address = from.isUnix ? std::string() : nameOf(name, size, false);
+    {
+      const std::lock_guard lock(mutex_);
+      if (probes_.erase(whole)) {   // of reachable(): it has shown what it came for
+        probed_.notify_all();
+        continue;
+      }
+      if (!makeRoom(address)) {
+        ++stats_.refused;
+        continue;
+      }
+      ++stats_.accepted;
+      ++ofPeer_[address];
+      peers_.push_back({fd.get(), inodeOf(fd.get()), address, Clock::now()});
+      stats_.open = uint32_t(peers_.size());
+    }
+    const int yes = 1;
+    if (!from.isUnix) ::setsockopt(fd.get(), IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+    take_(fd.release(), from.index);
+  }
+}
+
+ListenerStats Listener::stats() const {
+  const std::lock_guard lock(mutex_);
+  return stats_;
+}
+
+bool Listener::reachable(size_t index, double seconds) {
+  const auto at = std::find_if(sockets_.begin(), sockets_.end(), [&](const Socket& s) { return s.index == index; });
+  if (at == sockets_.end()) return false;
+  sockaddr_storage there{}, here{};
+  socklen_t size = sizeof there, mine = sizeof here;
+  if (::getsockname(at->fd.get(), reinterpret_cast<sockaddr*>(&there), &size) != 0) return false;
+  const Descriptor fd(::socket(there.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!fd) return false;   // no descriptor: a client would not get one either
+  here.ss_family = there.ss_family;
+  if (at->isUnix) {
+    if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&here), sizeof(sa_family_t)) != 0) return false;   // an abstract name of its own
+  } else {
+    // Listening on every address: it is reached through loopback.
+    sockaddr_in& v4 = reinterpret_cast<sockaddr_in&>(there);
+    sockaddr_in6& v6 = reinterpret_cast<sockaddr_in6&>(there);
+    if (there.ss_family == AF_INET && v4.sin_addr.s_addr == htonl(INADDR_ANY)) v4.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    if (there.ss_family == AF_INET6 && IN6_IS_ADDR_UNSPECIFIED(&v6.sin6_addr)) v6.sin6_addr = in6addr_loopback;
+    sockaddr_storage from = there;
+    (there.ss_family == AF_INET ? reinterpret_cast<sockaddr_in&>(from).sin_port : reinterpret_cast<sockaddr_in6&>(from).sin6_port) = 0;
+    // Bound first, so that its name is known before it is accepted. An address of this machine can be bound to.
+    if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&from), there.ss_family == AF_INET ? sizeof(sockaddr_in) : sizeof(sockaddr_in6)) != 0) return false;
+  }
+  if (::getsockname(fd.get(), reinterpret_cast<sockaddr*>(&here), &mine) != 0) return false;
+  const std::string name = nameOf(here, mine, true);
+  std::unique_lock lock(mutex_);
+  probes_.insert(name);
+  lock.unlock();
+  const bool connecting = ::connect(fd.get(), reinterpret_cast<const sockaddr*>(&there), size) == 0 || errno == EINPROGRESS;
+  lock.lock();
+  const bool accepted = connecting && probed_.wait_for(lock, std::chrono::duration<double>(seconds), [&] { return !probes_.count(name); });
+  probes_.erase(name);
+  return accepted;
+}
+
+}  // namespace gobo
