@@ -28,7 +28,6 @@ void AdminService::fill(v1::StatusReply& status) {
   reply->set_running(uint32_t(jobs.running));
   reply->set_queued(uint32_t(jobs.queued));
   reply->set_renders(core_.renders.load());
-  reply->set_scenes(core_.engine.listScenes().size());
   reply->set_rss_bytes(residentBytes());
   reply->set_pid(int32_t(::getpid()));
   reply->set_threads(uint32_t(core_.engine.threads()));
@@ -37,6 +36,14 @@ void AdminService::fill(v1::StatusReply& status) {
   reply->set_pinned_bytes(jobs.pinnedBytes);
   reply->set_open_fds(openFiles());
   reply->set_loads(core_.loads.running() + uint32_t(core_.uploads.used()));
+  const auto holder = [&](const char* name, uint64_t bytes, uint64_t limit) {
+    v1::MemoryHolder& h = *reply->add_memory();
+    h.set_name(name);
+    h.set_bytes(bytes);
+    h.set_limit(limit);
+  };
+  holder("running renders", jobs.pinnedBytes, core_.config.pinnedBytes);
+  holder("pictures made or sent", core_.replies.used(), core_.replies.limit());
   for (const std::string& device : core_.devices.list(kProbeSeconds)) reply->add_devices(device);
 }
 

@@ -18,6 +18,7 @@
 #include "scene/blob.h"
 #include "server/blob_cache.h"
 #include "server/encode.h"
+#include "server/file_digest.h"
 #include "server/ingest_child.h"
 #include "server/log.h"
 
@@ -51,18 +52,6 @@ class Gate {
   uint32_t free_;
 };
 
-Result<std::string> digestOfOpen(int fd, const std::string& name) {
-  Sha256 sha;
-  std::vector<uint8_t> block(1 << 20);
-  for (;;) {
-    const ssize_t n = ::read(fd, block.data(), block.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return Status(Code::Unavailable, std::string("cannot read file: ") + std::strerror(errno), name);
-    if (n == 0) return sha.hex();
-    sha.add(block.data(), size_t(n));
-  }
-}
-
 class ChildLoader final : public SceneLoader {
  public:
   ChildLoader(IngestOptions options, std::unique_ptr<BlobCache> cache) : options_(std::move(options)), cache_(std::move(cache)), gate_(options_.atOnce) {}
@@ -87,7 +76,7 @@ class ChildLoader final : public SceneLoader {
 
  private:
   /// Digest of a file, from its stamp if that may be trusted.
-  Result<std::string> digestOf(Result<int> opened, const std::string& path) {
+  Result<std::string> digestOf(Result<int> opened, const std::string& path, const StopToken& stop) {
     if (!opened.ok()) return opened.status();
     const int fd = *opened;
     struct stat info{};
@@ -95,7 +84,7 @@ class ChildLoader final : public SceneLoader {
     const FileStamp stamp = FileStamp::of(info);
     if (!options_.verifyAlways)
       if (const auto known = cache_->knownDigest(path, stamp.text())) { ::close(fd); return *known; }
-    auto digest = digestOfOpen(fd, path);
+    auto digest = fileDigest(fd, path, {options_.inputBytes, "ingest.input_bytes"}, stop);
     const bool still = ::fstat(fd, &info) == 0 && FileStamp::of(info) == stamp && stamp.settled();
     ::close(fd);
     if (digest.ok() && still) cache_->rememberDigest(path, stamp.text(), *digest);
@@ -116,15 +105,15 @@ class ChildLoader final : public SceneLoader {
   }
 
   /// The blob of what is on the disk now; nothing when it is not known which files that takes, or one cannot be read.
-  std::shared_ptr<const MappedFile> cached(ingest::Task task, const std::string& path, BlobKey& key) {
-    const auto digest = digestOf(openRegular(path), path);
+  std::shared_ptr<const MappedFile> cached(ingest::Task task, const std::string& path, BlobKey& key, const StopToken& stop) {
+    const auto digest = digestOf(openRegular(path), path, stop);
     if (!digest.ok()) return nullptr;
     const BlobKey main = mainKey(task, path, *digest);
     const auto names = cache_->sideNames(main);
     if (!names) return nullptr;
     std::vector<SideFile> sides;
     for (const std::string& name : *names) {
-      const auto side = digestOf(openBeside(path, name), path + "\n" + name);
+      const auto side = digestOf(openBeside(path, name), path + "\n" + name, stop);
       if (!side.ok() && side.status().code() != Code::NotFound) return nullptr;
       sides.push_back({name, side.ok() ? *side : "absent", ""});
     }
@@ -136,7 +125,7 @@ class ChildLoader final : public SceneLoader {
   Status load(ingest::Task task, const std::string& path, const StopToken& stop, LoadReport& report, const Read& read) {
     if (cache_) {
       BlobKey key;
-      if (const auto map = cached(task, path, key)) {
+      if (const auto map = cached(task, path, key, stop)) {
         const auto mapping = Clock::now();
         const Status status = read(map, BlobTrust::Own, &key);
         if (status.ok()) {

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "server/jobs/crash_marks.h"
+
 namespace gobo {
 
 using Clock = std::chrono::steady_clock;
@@ -23,7 +25,10 @@ RenderCall::~RenderCall() {
 
 void RenderCall::work() {
   const Clock::time_point submitted = Clock::now();
-  Result<uint64_t> pinned = core_.engine.pinnedBytes(request_, nullptr, stop_.token());
+  Result<uint64_t> pinned = [&] {
+    const CrashMarks::Other other;
+    return core_.engine.pinnedBytes(request_, nullptr, stop_.token(), options_.access);
+  }();
   if (!pinned.ok() && pinned.status().code() == Code::Cancelled && stop_.token().reason() == StopReason::Deadline)
     pinned = Status(Code::DeadlineExceeded, "the deadline passed while planning");
   {
@@ -38,6 +43,7 @@ void RenderCall::work() {
   }
   RenderControl control;
   control.owner = options_.owner;
+  control.access = options_.access;
   if (options_.events) {
     control.progress = [this](const v1::Progress& progress) {
       const std::lock_guard lock(mutex_);
@@ -68,6 +74,7 @@ void RenderCall::work() {
       replyRefused_ = true;
       return Status(Code::ResourceExhausted, "no room for its pictures");
     }
+    const CrashMarks::Other other;
     auto rendered = core_.engine.render(request_, control);
     if (!rendered.ok()) return rendered.status();
     result = std::move(rendered).value();

@@ -21,6 +21,7 @@ struct RenderCallOptions {
   std::string client;                                                  ///< for fair share
   std::string owner;                                                   ///< of the reply's render id (Rpc::renderOwner)
   std::optional<std::chrono::steady_clock::time_point> deadline;
+  SceneAccess access;                                                  ///< to the scene
   bool events = false;                                                 ///< progress and snapshots wanted
   std::string payer;                                                   ///< whose part of ServerCore::replies it takes, from the first run to its end
   uint64_t replyBytes = 0;

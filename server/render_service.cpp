@@ -46,7 +46,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   rpc.note("scene", request.scene());
   ServerCore::Call call(core_);
   if (!call.ok) return rpc.refuseDraining();
-  auto resolved = core_.engine.resolve(request);
+  auto resolved = core_.engine.resolve(request, rpc.access());
   if (!resolved.ok()) return toGrpc(resolved.status());
   rpc.note("size", strf("%ux%u", resolved->width(), resolved->height()));
   const JobClass jobClass = jobClassOf(resolved->scheduling().priority());
@@ -66,6 +66,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   options.client = *client;
   options.payer = rpc.who().name;
   options.owner = rpc.renderOwner();
+  options.access = rpc.access();
   options.deadline = deadline.at;
   options.events = report != nullptr;
   // The picture as floats and as it is sent, chunks on their way included.

@@ -46,7 +46,7 @@ grpc::Status ScenesService::Open(grpc::ServerContext* context, const v1::OpenSce
     rpc.note("source", request->source());
     const grpc::Status allowed = checkPath(rpc, request->source(), "open.source");
     if (!allowed.ok()) return allowed;
-    return gated(rpc, call, reply, [&](const StopToken& stop) { return core_.engine.openScene(request->source(), request->name(), stop); });
+    return gated(rpc, call, reply, [&](const StopToken& stop) { return core_.engine.openScene(request->source(), request->name(), stop, rpc.access(), {request->share().begin(), request->share().end()}); });
   });
 }
 
@@ -65,6 +65,7 @@ grpc::Status ScenesService::upload(Rpc& rpc, grpc::ServerReader<v1::UploadSceneR
 
   UploadFile file;
   std::string name, extension;
+  std::vector<std::string> share;
   v1::UploadSceneRequest message;
   bool first = true;
   const auto next = [&] {
@@ -77,6 +78,7 @@ grpc::Status ScenesService::upload(Rpc& rpc, grpc::ServerReader<v1::UploadSceneR
     if (first) {
       name = message.name();
       extension = message.extension();
+      share.assign(message.share().begin(), message.share().end());
       const UploadLimit limit = uploadLimit(rpc);
       status = file.begin(core_.config.tmpFolder, message, limit.bytes, limit.key);
       if (status.code() == Code::ResourceExhausted) return rpc.refuse("upload_bytes", status);
@@ -97,13 +99,13 @@ grpc::Status ScenesService::upload(Rpc& rpc, grpc::ServerReader<v1::UploadSceneR
     const Status kept = core_.durable->keepUpload(file.path(), file.digest() + std::filesystem::path(file.path()).extension().string());
     if (!kept.ok()) return toGrpc(kept);
   }
-  return gated(rpc, call, reply, [&](const StopToken& stop) { return core_.engine.openUploaded(file.path(), source, name, stop); });
+  return gated(rpc, call, reply, [&](const StopToken& stop) { return core_.engine.openUploaded(file.path(), source, name, stop, rpc.access(), share); });
 }
 
 grpc::Status ScenesService::List(grpc::ServerContext* context, const v1::ListScenesRequest*, v1::ListScenesReply* reply) {
   return serve(core_, *context, "list", [&](Rpc& rpc) -> grpc::Status {
     rpc.quiet();
-    for (v1::SceneInfo& info : core_.engine.listScenes()) *reply->add_scenes() = std::move(info);
+    for (v1::SceneInfo& info : core_.engine.listScenes(rpc.access())) *reply->add_scenes() = std::move(info);
     for (const std::string& name : builtinSceneNames()) reply->add_builtin(name);
     return grpc::Status::OK;
   });
@@ -113,7 +115,7 @@ grpc::Status ScenesService::Inspect(grpc::ServerContext* context, const v1::Insp
   return serve(core_, *context, "inspect", [&](Rpc& rpc) -> grpc::Status {
     rpc.quiet();
     if (request->scene().empty()) return missing("inspect.scene");
-    return answer(rpc, core_.engine.inspectScene(request->scene()), reply);
+    return answer(rpc, core_.engine.inspectScene(request->scene(), rpc.access()), reply);
   });
 }
 
@@ -123,7 +125,7 @@ grpc::Status ScenesService::Patch(grpc::ServerContext* context, const v1::PatchS
     if (!call.ok) return rpc.refuseDraining();
     if (request->scene().empty()) return missing("patch.scene");
     rpc.note("scene", request->scene());
-    return gated(rpc, call, reply, [&](const StopToken& stop) { return core_.engine.patchScene(*request, stop); });
+    return gated(rpc, call, reply, [&](const StopToken& stop) { return core_.engine.patchScene(*request, stop, rpc.access()); });
   });
 }
 
@@ -131,7 +133,7 @@ grpc::Status ScenesService::Unload(grpc::ServerContext* context, const v1::Unloa
   return serve(core_, *context, "unload", [&](Rpc& rpc) -> grpc::Status {
     if (request->scene().empty()) return missing("unload.scene");
     rpc.note("scene", request->scene());
-    return toGrpc(core_.engine.unloadScene(request->scene()));
+    return toGrpc(core_.engine.unloadScene(request->scene(), rpc.access()));
   });
 }
 

@@ -11,6 +11,7 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include "plan/scene_access.h"
 #include "server/auth.h"
 #include "server/core.h"
 #include "server/log.h"
@@ -47,6 +48,8 @@ class Rpc {
 
   /// The client of the fair share: the token's name; else `named` (scheduling.client), which may not be a token's name; else the peer.
   Result<std::string> client(const std::string& named) const;
+  /// What this caller may do with loaded scenes: a token without the admin right uses what is its own, everybody's, or shared with it.
+  SceneAccess access() const { return {who_.token ? who_.name : std::string(), !who_.token || who_.admin}; }
   /// Whose the render ids of this call are: the token's name; empty without a token.
   std::string renderOwner() const { return who_.token ? who_.name : std::string(); }
 

@@ -55,6 +55,10 @@ EngineOptions engineOptions(const ServerConfig& config) {
   options.diskBytes = config.diskBytes;
   options.roots = config.roots;
   options.keepRenders = config.keepRenders;
+  options.keepRendersBytes = config.keepRendersBytes;
+  if (config.sceneBytes) options.sceneBytes = config.sceneBytes;
+  options.environmentBytes = config.environmentBytes;
+  options.accelBytes = config.accelBytes;
   return options;
 }
 

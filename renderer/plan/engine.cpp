@@ -67,7 +67,7 @@ const Image& RenderedImage::image() const {
 }
 
 struct Engine::Impl {
-  explicit Impl(const EngineOptions& o) : options(o), arena(o.threads), scenes(o.roots, o.anyPath, o.loader) {}
+  explicit Impl(const EngineOptions& o) : options(o), arena(o.threads), scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}), accels(o.accelBytes) {}
 
   EngineOptions options;
   TaskArena arena;
@@ -79,7 +79,7 @@ struct Engine::Impl {
   Clock::time_point started = Clock::now();
   std::atomic<uint64_t> renders{0};
 
-  RememberedRenders remembered{options.keepRenders};
+  RememberedRenders remembered{options.keepRenders, options.keepRendersBytes};
 
   ExecutorServices executorServices() { return {store.get(), &extensions, &accels, &arena}; }
   PlannerServices plannerServices(const StopToken& stop, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
@@ -115,21 +115,27 @@ Result<std::unique_ptr<Engine>> Engine::create(const EngineOptions& options) {
   return engine;
 }
 
-Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::string& id, const StopToken& stop) { return impl_->scenes.open(source, id, stop); }
-Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop) {
-  return impl_->scenes.openFile(path, source, id, stop);
+Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::string& id, const StopToken& stop, const SceneAccess& access,
+                                        const std::vector<std::string>& share) {
+  return impl_->scenes.open(source, id, stop, access, share);
 }
-std::vector<v1::SceneInfo> Engine::listScenes() const { return impl_->scenes.list(); }
-Result<v1::SceneInfo> Engine::inspectScene(const std::string& id) const {
-  GOBO_ASSIGN(v1::SceneInfo info, impl_->scenes.inspect(id));
-  if (const Result<ScenePtr> scene = impl_->scenes.find(id); scene.ok()) {
+Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop, const SceneAccess& access,
+                                           const std::vector<std::string>& share) {
+  return impl_->scenes.openFile(path, source, id, stop, access, share);
+}
+std::vector<v1::SceneInfo> Engine::listScenes(const SceneAccess& access) const { return impl_->scenes.list(access); }
+Result<v1::SceneInfo> Engine::inspectScene(const std::string& id, const SceneAccess& access) const {
+  GOBO_ASSIGN(v1::SceneInfo info, impl_->scenes.inspect(id, access));
+  if (const Result<ScenePtr> scene = impl_->scenes.find(id, {}, access); scene.ok()) {
     const std::vector<int> none;
     info.set_bvh_ms(impl_->accels.buildMs(SceneView(**scene, Facet::All, none)));
   }
   return info;
 }
-Result<v1::SceneInfo> Engine::patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop) { return impl_->scenes.patch(patch, stop); }
-Status Engine::unloadScene(const std::string& id) { return impl_->scenes.unload(id); }
+Result<v1::SceneInfo> Engine::patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop, const SceneAccess& access) {
+  return impl_->scenes.patch(patch, stop, access);
+}
+Status Engine::unloadScene(const std::string& id, const SceneAccess& access) { return impl_->scenes.unload(id, access); }
 Result<ScenePtr> Engine::scene(const std::string& id) const { return impl_->scenes.find(id); }
 Result<ScenePtr> Engine::loadScene(const std::string& source, bool trusted) const { return impl_->scenes.load(source, trusted); }
 Result<std::string> Engine::allowedPath(const std::string& path, const std::string& field) const { return impl_->scenes.allowedPath(path, field); }
@@ -138,6 +144,7 @@ int Engine::threads() const { return impl_->arena.threads(); }
 
 Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request, const ScenePtr& scene) const {
   v1::RenderRequest r = request;
+  r.DiscardUnknownFields();   // remembered with the request they would be memory that nothing bounds
   r.mutable_integrator();
   r.mutable_tone_map();
   r.mutable_encoding();
@@ -169,13 +176,13 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   return r;
 }
 
-Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request) const {
-  GOBO_ASSIGN(const ScenePtr scene, impl_->scenes.find(request.scene()));
+Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request, const SceneAccess& access) const {
+  GOBO_ASSIGN(const ScenePtr scene, impl_->scenes.find(request.scene(), {}, access));
   return impl_->resolve(request, scene);
 }
 
-Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop) {
-  if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene(), stop)); }
+Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop, const SceneAccess& access) {
+  if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene(), stop, access)); }
   GOBO_ASSIGN(const v1::RenderRequest resolved, impl_->resolve(request, scene));
   const uint32_t size = blockSizeFor(resolved.halt().has_spp() ? resolved.halt().spp() : 16);
   GOBO_ASSIGN(const auto plan, makePlan(scene, resolved, 1, size, impl_->plannerServices(stop)));
@@ -306,7 +313,7 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
   Impl& m = *impl_;
   const auto start = Clock::now();
   ScenePtr scene = control.scene;
-  if (!scene) { GOBO_ASSIGN(scene, m.scenes.find(request.scene(), control.stop)); }
+  if (!scene) { GOBO_ASSIGN(scene, m.scenes.find(request.scene(), control.stop, control.access)); }
   GOBO_ASSIGN(const v1::RenderRequest resolved, m.resolve(request, scene));
   const v1::Halt& halt = resolved.halt();
   const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;
@@ -379,6 +386,19 @@ void Engine::fillStatus(v1::StatusReply& s) const {
   s.set_renders(impl_->renders.load());
   s.set_scenes(impl_->scenes.count());
   s.set_threads(uint32_t(impl_->arena.threads()));
+  const auto holder = [&](const char* name, uint64_t bytes, uint64_t limit) {
+    v1::MemoryHolder& h = *s.add_memory();
+    h.set_name(name);
+    h.set_bytes(bytes);
+    h.set_limit(limit);
+  };
+  const SceneLimits& limits = impl_->scenes.limits();
+  holder("terms", impl_->store->bytes(), impl_->store->maxBytes());
+  holder("scenes", impl_->scenes.sceneBytes(), limits.sceneBytes);
+  holder("posed scenes", impl_->posed.bytes(), impl_->posed.limit());
+  holder("environments", impl_->scenes.environmentBytes(), limits.environmentBytes);
+  holder("ray tracing", impl_->accels.bytes(), impl_->options.accelBytes);
+  holder("remembered requests", impl_->remembered.bytes(), impl_->remembered.limit());
 }
 
 }  // namespace gobo

@@ -15,6 +15,7 @@
 #include "base/stop.h"
 #include "gobo/v1/render.pb.h"
 #include "gobo/v1/service.pb.h"
+#include "plan/scene_access.h"
 #include "scene/loader.h"
 #include "terms/dropped_samples.h"
 #include "terms/term.h"
@@ -32,6 +33,10 @@ struct EngineOptions {
   std::vector<std::string> roots;            ///< folders under which scene and environment files may be opened
   bool anyPath = false;                      ///< true for --local: the caller's own files
   uint32_t keepRenders = 1024;               ///< render ids remembered for Relight
+  uint64_t keepRendersBytes = 64ull << 20;   ///< of the requests behind them
+  uint64_t sceneBytes = UINT64_MAX;          ///< loaded scenes
+  uint64_t environmentBytes = 2ull << 30;
+  uint64_t accelBytes = 4ull << 30;
   std::shared_ptr<SceneLoader> loader;       ///< reads scene and environment files; null: in this process
 };
 
@@ -70,6 +75,7 @@ struct RenderControl {
   std::shared_ptr<const Scene> scene;                             ///< rendered instead of what request.scene names now, if set
   RenderCheckpoints* checkpoints = nullptr;                       ///< states to go on from and to be kept; may be null
   std::string owner;                                              ///< of the reply's render id: see relightRequest
+  SceneAccess access;                                             ///< of whoever asks, to request.scene
 };
 
 class Engine {
@@ -78,13 +84,15 @@ class Engine {
   ~Engine();
 
   /// `stop` ends a load between its phases (Cancelled); nothing of it stays.
-  Result<v1::SceneInfo> openScene(const std::string& source, const std::string& id, const StopToken& stop = {});
+  Result<v1::SceneInfo> openScene(const std::string& source, const std::string& id, const StopToken& stop = {}, const SceneAccess& access = {},
+                                  const std::vector<std::string>& share = {});
   /// A file that the caller received (upload), opened whatever the roots say; `source` is what inspect shows.
-  Result<v1::SceneInfo> openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop = {});
-  std::vector<v1::SceneInfo> listScenes() const;
-  Result<v1::SceneInfo> inspectScene(const std::string& id) const;
-  Result<v1::SceneInfo> patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop = {});
-  Status unloadScene(const std::string& id);
+  Result<v1::SceneInfo> openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop = {},
+                                     const SceneAccess& access = {}, const std::vector<std::string>& share = {});
+  std::vector<v1::SceneInfo> listScenes(const SceneAccess& access = {}) const;
+  Result<v1::SceneInfo> inspectScene(const std::string& id, const SceneAccess& access = {}) const;
+  Result<v1::SceneInfo> patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop = {}, const SceneAccess& access = {});
+  Status unloadScene(const std::string& id, const SceneAccess& access = {});
   /// The scene that the id stands for now: for RenderControl.scene. Errors: NotFound.
   Result<std::shared_ptr<const Scene>> scene(const std::string& id) const;
   /// Loads a built-in or a file (under the roots, or `trusted`: wherever it is) without giving it an id.
@@ -95,10 +103,12 @@ class Engine {
   void setRoots(std::vector<std::string> roots);
 
   /// Validates and fills in every default without rendering. Errors name the field ("request.integrator.max_bounces").
-  Result<v1::RenderRequest> resolve(const v1::RenderRequest& request) const;
+  /// Fields that this build does not know are dropped.
+  Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const SceneAccess& access = {}) const;
   /// Upper bound of bytes pinned while it runs, for admission.
   /// Plans it, which may load an environment and evaluate expanders: `stop` ends that (Cancelled).
-  Result<uint64_t> pinnedBytes(const v1::RenderRequest& request, std::shared_ptr<const Scene> scene = nullptr, const StopToken& stop = {});
+  Result<uint64_t> pinnedBytes(const v1::RenderRequest& request, std::shared_ptr<const Scene> scene = nullptr, const StopToken& stop = {},
+                               const SceneAccess& access = {});
   /// Runs to the halt condition. With control.snapshot set, emits snapshots at 1, 2, 4, ... blocks.
   /// Stopped: Cancelled, DeadlineExceeded, or Aborted when preempted (call again to go on where it stopped).
   Result<RenderResult> render(const v1::RenderRequest& request, const RenderControl& control = {});

@@ -26,8 +26,19 @@ Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest&
   GOBO_ASSIGN(ScenePtr made, requestedScene(base, request, stop));
   std::lock_guard lock(mutex_);
   recent_.emplace_front(key, made);
-  if (recent_.size() > keep_) recent_.pop_back();
+  while (recent_.size() > 1 && (recent_.size() > keep_ || held() > bytes_)) recent_.pop_back();
   return made;
+}
+
+uint64_t PosedScenes::held() const {
+  uint64_t total = 0;
+  for (const auto& [key, scene] : recent_) total += scene->bytes();
+  return total;
+}
+
+uint64_t PosedScenes::bytes() const {
+  std::lock_guard lock(mutex_);
+  return held();
 }
 
 }  // namespace gobo

@@ -20,14 +20,19 @@ Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& r
 /// The last few results of requestedScene, by base scene's hash and the three fields. Thread-safe.
 class PosedScenes {
  public:
-  explicit PosedScenes(size_t keep = 8) : keep_(keep) {}
+  /// At most `keep` of them, and `bytes` together (the latest always).
+  explicit PosedScenes(size_t keep = 8, uint64_t bytes = 1ull << 30) : keep_(keep), bytes_(bytes) {}
+  uint64_t bytes() const;
+  uint64_t limit() const { return bytes_; }
   /// One that `stop` ended is not kept.
   Result<ScenePtr> get(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop = {});
 
  private:
   using Key = std::tuple<Hash128, std::string, bool, double, std::string>;
+  uint64_t held() const;       ///< under mutex_
   size_t keep_;
-  std::mutex mutex_;
+  uint64_t bytes_;
+  mutable std::mutex mutex_;
   std::list<std::pair<Key, ScenePtr>> recent_;   ///< latest first
 };
 

@@ -19,11 +19,23 @@ std::string randomId() {
 std::string RememberedRenders::add(const v1::RenderRequest& request, const std::string& owner) {
   const std::string id = randomId();
   std::lock_guard lock(mutex_);
-  entries_[id] = {request, owner};
-  order_.push_back(id);
-  while (order_.size() > keep_) {
-    entries_.erase(order_.front());
-    order_.pop_front();
+  Entry& entry = entries_[id];
+  entry = {request, owner, uint64_t(request.SpaceUsedLong()) + 256};
+  Held& mine = owners_[owner];
+  mine.order.push_back(id);
+  mine.bytes += entry.bytes;
+  held_ += entry.bytes;
+  while (entries_.size() > keep_ || (held_ > bytes_ && entries_.size() > 1)) {
+    const bool number = entries_.size() > keep_;
+    const auto most = std::max_element(owners_.begin(), owners_.end(), [&](const auto& a, const auto& b) {
+      return number ? a.second.order.size() < b.second.order.size() : a.second.bytes < b.second.bytes;
+    });
+    const auto gone = entries_.find(most->second.order.front());
+    most->second.bytes -= gone->second.bytes;
+    held_ -= gone->second.bytes;
+    entries_.erase(gone);
+    most->second.order.pop_front();
+    if (most->second.order.empty()) owners_.erase(most);
   }
   return id;
 }
@@ -33,9 +45,15 @@ std::optional<v1::RenderRequest> RememberedRenders::find(const std::string& id, 
   const auto entry = entries_.find(id);
   if (entry == entries_.end() || (!caller.empty() && entry->second.owner != caller)) return std::nullopt;
   // One that a client relights from again and again stays.
-  const auto at = std::find(order_.rbegin(), order_.rend(), id);
-  if (at != order_.rend()) std::rotate(std::prev(at.base()), at.base(), order_.end());
+  std::list<std::string>& order = owners_[entry->second.owner].order;
+  const auto at = std::find(order.rbegin(), order.rend(), id);
+  if (at != order.rend()) order.splice(order.end(), order, std::prev(at.base()));
   return entry->second.request;
+}
+
+uint64_t RememberedRenders::bytes() const {
+  std::lock_guard lock(mutex_);
+  return held_;
 }
 
 }  // namespace gobo

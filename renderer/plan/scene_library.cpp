@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <utility>
 
 #include "base/file_stamp.h"
 #include "plan/effective_scene.h"
@@ -176,39 +177,82 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
   out.set_ingest_ms(e.report.ingestMs);
   out.set_blob_bytes(e.report.blobBytes);
   out.set_blob_cached(e.report.cached);
+  out.set_owner(e.owner);
+  for (const std::string& name : e.share) out.add_share(name);
   return out;
 }
 
-Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop) {
+uint64_t SceneLibrary::sceneBytesHeld() const {
+  uint64_t total = 0;
+  for (const auto& [id, entry] : scenes_) total += entry.scene->bytes();
+  return total;
+}
+
+// The owner that has most gives first: whoever loads much makes room for himself.
+Status SceneLibrary::makeRoom(uint64_t bytes, const std::string& keep) {
+  for (uint64_t held = sceneBytesHeld(); held > limits_.sceneBytes || bytes > limits_.sceneBytes - held; held = sceneBytesHeld()) {
+    std::map<std::string, uint64_t> ofOwner;
+    for (const auto& [id, entry] : scenes_) ofOwner[entry.owner] += entry.scene->bytes();
+    Entries::iterator victim = scenes_.end();
+    for (auto at = scenes_.begin(); at != scenes_.end(); ++at) {
+      if (at->first == keep || at->second.scene.use_count() > 1) continue;   // somebody renders it, or works on it
+      const auto order = [&](Entries::iterator e) { return std::pair(~ofOwner[e->second.owner], e->second.used); };
+      if (victim == scenes_.end() || order(at) < order(victim)) victim = at;
+    }
+    if (victim == scenes_.end())
+      return {Code::ResourceExhausted, "no room for a scene of " + std::to_string(bytes) + " bytes: loaded ones that are in use have " + std::to_string(held) + ", at most " +
+              std::to_string(limits_.sceneBytes) + " (engine.scene_bytes)", "scene"};
+    gone_.push_back(victim->first);
+    if (gone_.size() > 1000) gone_.pop_front();
+    scenes_.erase(victim);
+  }
+  return {};
+}
+
+Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop,
+                                           const SceneAccess& access, const std::vector<std::string>& share) {
   if (!scene.ok()) return scene.status();
   if (stop.stopRequested()) return Status(Code::Cancelled, "the load was cancelled", source);
   std::lock_guard lock(mutex_);
+  const auto taken = [&](const std::string& name) {   // by somebody else, or as a built-in
+    const auto at = scenes_.find(name);
+    return at != scenes_.end() ? !access.changes(at->second.owner) : !access.all && isBuiltin(name);
+  };
   if (id.empty()) {   // named after the file; another file of that name gets a number
     const std::string stem = idFrom(source);
     id = stem;
-    for (int k = 2; scenes_.count(id) && scenes_[id].source != source; ++k) id = stem + "-" + std::to_string(k);
+    for (int k = 2; taken(id) || (scenes_.count(id) && scenes_[id].source != source); ++k) id = stem + "-" + std::to_string(k);
+  } else if (taken(id)) {
+    return Status(Code::PermissionDenied, "scene '" + id + "' is another's: choose another name", "name");
   }
+  const auto old = scenes_.find(id);
+  const ScenePtr before = old == scenes_.end() ? nullptr : old->second.scene;
+  const uint64_t bytes = scene->scene->bytes(), replaced = before ? before->bytes() : 0;
+  GOBO_TRY(makeRoom(bytes > replaced ? bytes - replaced : 0, id));
   Entry& e = scenes_[id];
-  e = {scene->scene, source, ms, scene->report};
+  e = {scene->scene, source, ms, scene->report, access.caller, share, ++clock_};
   return info(id, e);
 }
 
-Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string id, const StopToken& stop) {
+Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string id, const StopToken& stop, const SceneAccess& access, const std::vector<std::string>& share) {
   if (source.empty()) return invalidArgument("must not be empty", "source");
   const auto start = std::chrono::steady_clock::now();
   if (isBuiltin(source)) {
+    // Under its own name a built-in is everybody's.
+    if (!access.all && (id.empty() || id == source)) return inspect(source, access);
     GOBO_ASSIGN(ScenePtr scene, makeBuiltinScene(source, stop));
-    return insert(id.empty() ? source : id, source, LoadedScene{std::move(scene), {}}, msSince(start), stop);
+    return insert(id.empty() ? source : id, source, LoadedScene{std::move(scene), {}}, msSince(start), stop, id.empty() || id == source ? SceneAccess{} : access, share);
   }
   if (source.find('/') == std::string::npos && source.find('.') == std::string::npos) return makeBuiltinScene(source).status();
   GOBO_ASSIGN(const std::string path, allowedPath(source, "source"));
-  return openFile(path, source, std::move(id), stop);
+  return openFile(path, source, std::move(id), stop, access, share);
 }
 
-Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop) {
+Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop, const SceneAccess& access,
+                                             const std::vector<std::string>& share) {
   const auto start = std::chrono::steady_clock::now();
   Result<LoadedScene> scene = loader_->scene(path, stop);
-  return insert(std::move(id), source, std::move(scene), msSince(start), stop);
+  return insert(std::move(id), source, std::move(scene), msSince(start), stop, access, share);
 }
 
 Result<ScenePtr> SceneLibrary::load(const std::string& source, bool trusted) const {
@@ -219,63 +263,87 @@ Result<ScenePtr> SceneLibrary::load(const std::string& source, bool trusted) con
   return std::move(loaded.scene);
 }
 
-Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop) {
+Status SceneLibrary::unknown(const std::string& id, const SceneAccess& access) const {
+  std::string names;
+  for (const auto& [name, entry] : scenes_)
+    if (access.uses(entry.owner, entry.share)) names += (names.empty() ? "" : ", ") + name;
+  for (const std::string& name : builtinSceneNames()) names += (names.empty() ? "" : ", ") + name;
+  const bool went = std::find(gone_.begin(), gone_.end(), id) != gone_.end();
+  return notFound("no scene '" + id + "'" + (went ? ", which was unloaded to make room (engine.scene_bytes): open it again" : "") + " (has: " + names + ")", "request.scene");
+}
+
+Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop, const SceneAccess& access) {
   if (id.empty()) return invalidArgument("must not be empty", "request.scene");
   {
     std::lock_guard lock(mutex_);
     const auto it = scenes_.find(id);
-    if (it != scenes_.end()) return it->second.scene;
+    if (it != scenes_.end()) {
+      if (!access.uses(it->second.owner, it->second.share)) return unknown(id, access);
+      it->second.used = ++clock_;
+      return it->second.scene;
+    }
+    if (!isBuiltin(id)) return unknown(id, access);
   }
-  if (isBuiltin(id)) {
-    const auto start = std::chrono::steady_clock::now();
-    GOBO_ASSIGN(const ScenePtr scene, makeBuiltinScene(id, stop));
-    std::lock_guard lock(mutex_);   // one that another caller has opened (and may have patched) meanwhile stays
-    return scenes_.try_emplace(id, Entry{scene, id, msSince(start), {}}).first->second.scene;
-  }
-  std::string names;
-  {
-    std::lock_guard lock(mutex_);
-    for (const auto& [name, entry] : scenes_) names += (names.empty() ? "" : ", ") + name;
-  }
-  for (const std::string& name : builtinSceneNames()) names += (names.empty() ? "" : ", ") + name;
-  return notFound("no scene '" + id + "' (has: " + names + ")", "request.scene");
+  const auto start = std::chrono::steady_clock::now();
+  GOBO_ASSIGN(const ScenePtr scene, makeBuiltinScene(id, stop));
+  std::lock_guard lock(mutex_);   // one that another caller has opened (and may have patched) meanwhile stays
+  if (const auto it = scenes_.find(id); it != scenes_.end()) return it->second.scene;
+  GOBO_TRY(makeRoom(scene->bytes(), id));
+  return scenes_.try_emplace(id, Entry{.scene = scene, .source = id, .loadMs = msSince(start), .used = ++clock_}).first->second.scene;
 }
 
-Result<v1::SceneInfo> SceneLibrary::inspect(const std::string& id) {
-  GOBO_TRY(find(id).status().at("scene"));
+Result<v1::SceneInfo> SceneLibrary::inspect(const std::string& id, const SceneAccess& access) {
+  const Result<ScenePtr> found = find(id, {}, access);
+  GOBO_TRY(found.status().at("scene"));
   std::lock_guard lock(mutex_);
   const auto it = scenes_.find(id);
-  if (it == scenes_.end()) return notFound("scene '" + id + "' was unloaded", "scene");
+  if (it == scenes_.end() || !access.uses(it->second.owner, it->second.share)) return notFound("scene '" + id + "' was unloaded", "scene");
   return info(id, it->second);
 }
 
-std::vector<v1::SceneInfo> SceneLibrary::list() const {
+std::vector<v1::SceneInfo> SceneLibrary::list(const SceneAccess& access) const {
   std::lock_guard lock(mutex_);
   std::vector<v1::SceneInfo> out;
-  for (const auto& [id, entry] : scenes_) out.push_back(info(id, entry));
+  for (const auto& [id, entry] : scenes_)
+    if (access.uses(entry.owner, entry.share)) out.push_back(info(id, entry));
   return out;
 }
 
-Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const StopToken& stop) {
-  GOBO_ASSIGN(ScenePtr base, find(p.scene(), stop));
+Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const StopToken& stop, const SceneAccess& access) {
+  GOBO_ASSIGN(ScenePtr base, find(p.scene(), stop, access));
+  const auto mine = [&](const Entry& e) -> Status {
+    if (access.changes(e.owner)) return {};
+    return {Code::PermissionDenied, "scene '" + p.scene() + "' is " + (e.owner.empty() ? "everybody's" : "another's") +
+            ": open it under a name of your own and patch that", "scene"};
+  };
+  {
+    std::lock_guard lock(mutex_);
+    if (const auto at = scenes_.find(p.scene()); at != scenes_.end()) GOBO_TRY(mine(at->second));
+  }
   for (;;) {
     GOBO_ASSIGN(const ScenePtr next, patched(*base, p));
     if (stop.stopRequested()) return Status(Code::Cancelled, "the patch was cancelled", p.scene());
     std::lock_guard lock(mutex_);
     const auto at = scenes_.find(p.scene());
     if (at == scenes_.end()) return notFound("scene '" + p.scene() + "' was unloaded while it was patched", "scene");
+    GOBO_TRY(mine(at->second));
     if (at->second.scene != base) {   // another patch or a reload came first: this one goes on top of it
       base = at->second.scene;
       continue;
     }
     at->second.scene = next;
+    at->second.used = ++clock_;
     return info(p.scene(), at->second);
   }
 }
 
-Status SceneLibrary::unload(const std::string& id) {
+Status SceneLibrary::unload(const std::string& id, const SceneAccess& access) {
   std::lock_guard lock(mutex_);
-  if (scenes_.erase(id) == 0) return notFound("no loaded scene '" + id + "'", "scene");
+  const auto at = scenes_.find(id);
+  if (at == scenes_.end() || !access.uses(at->second.owner, at->second.share)) return notFound("no loaded scene '" + id + "'", "scene");
+  if (!access.changes(at->second.owner))
+    return {Code::PermissionDenied, "scene '" + id + "' is " + (at->second.owner.empty() ? "everybody's" : "another's"), "scene"};
+  scenes_.erase(at);
   return {};
 }
 
@@ -286,20 +354,45 @@ Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path, const 
   {
     std::lock_guard lock(mutex_);
     const auto it = environments_.find(key);
-    if (it != environments_.end()) return it->second;
+    if (it != environments_.end()) {
+      it->second.used = ++clock_;
+      return it->second.map;
+    }
   }
   GOBO_ASSIGN(EnvironmentPtr loaded, loader_->environment(real, stop));
   // A file that changed just now may change again under the same stamp: it is not kept.
   if (!stamp.settled() || FileStamp::of(real) != stamp) return loaded;
   std::lock_guard lock(mutex_);
-  if (environments_.size() >= 8) environments_.erase(environments_.begin());
-  environments_[key] = loaded;
-  return loaded;
+  const auto bytes = [](const EnvironmentPtr& map) { return uint64_t(map->texels.size()) * sizeof(Vec3); };
+  if (bytes(loaded) > limits_.environmentBytes) return loaded;
+  environments_[key] = {loaded, ++clock_};
+  for (;;) {
+    uint64_t total = 0;
+    auto oldest = environments_.begin();
+    for (auto e = environments_.begin(); e != environments_.end(); ++e) {
+      total += bytes(e->second.map);
+      if (e->second.used < oldest->second.used) oldest = e;
+    }
+    if (total <= limits_.environmentBytes) return loaded;
+    environments_.erase(oldest);
+  }
 }
 
 void SceneLibrary::setRoots(std::vector<std::string> roots) {
   std::lock_guard lock(mutex_);
   roots_ = std::move(roots);
+}
+
+uint64_t SceneLibrary::sceneBytes() const {
+  std::lock_guard lock(mutex_);
+  return sceneBytesHeld();
+}
+
+uint64_t SceneLibrary::environmentBytes() const {
+  std::lock_guard lock(mutex_);
+  uint64_t total = 0;
+  for (const auto& [key, e] : environments_) total += uint64_t(e.map->texels.size()) * sizeof(Vec3);
+  return total;
 }
 
 size_t SceneLibrary::count() const {

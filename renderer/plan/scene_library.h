@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// SceneLibrary: the scenes and environments that an engine holds, by id and by path, and the rule which files may be
-// opened. Thread-safe; scenes handed out stay valid after unload (shared, immutable).
+// SceneLibrary: the scenes and environments that an engine holds, by id and by path, the rule which files may be opened, and whose a
+// scene is (scene_access.h). Both kinds are bounded in bytes: beyond the bound the least recently used scene of the owner that has most goes,
+// unless somebody renders it. Thread-safe; scenes handed out stay valid after unload (shared, immutable).
 #pragma once
 
+#include <cstdint>
+#include <deque>
 #include <map>
 #include <mutex>
 #include <string>
@@ -11,48 +14,79 @@
 #include "base/status.h"
 #include "base/stop.h"
 #include "gobo/v1/service.pb.h"
+#include "plan/scene_access.h"
 #include "scene/loader.h"
 #include "scene/scene.h"
 
 namespace gobo {
 
+struct SceneLimits {
+  uint64_t sceneBytes = UINT64_MAX, environmentBytes = UINT64_MAX;
+};
+
 class SceneLibrary {
  public:
   /// Files are read by `loader`; null: in this process.
-  SceneLibrary(std::vector<std::string> roots, bool anyPath, std::shared_ptr<SceneLoader> loader = nullptr)
-      : roots_(std::move(roots)), anyPath_(anyPath), loader_(loader ? std::move(loader) : inProcessLoader()) {}
+  SceneLibrary(std::vector<std::string> roots, bool anyPath, std::shared_ptr<SceneLoader> loader = nullptr, const SceneLimits& limits = {})
+      : roots_(std::move(roots)), anyPath_(anyPath), loader_(loader ? std::move(loader) : inProcessLoader()), limits_(limits) {}
 
   /// Built-in name or path. The id is made from the source if empty. Opening the same source again under the same id
-  /// reloads it. Errors: NotFound, PermissionDenied (outside the roots), what the loader says.
+  /// reloads it. Errors: NotFound, PermissionDenied (outside the roots, an id that is another's), ResourceExhausted (no room although all
+  /// that could go has gone), what the loader says.
   /// `stop` is looked at between the phases of a load: Cancelled, and the library is as before.
-  Result<v1::SceneInfo> open(const std::string& source, std::string id, const StopToken& stop = {});
-  Result<v1::SceneInfo> openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop = {});
+  /// It belongs to access.caller and is shared with `share`.
+  Result<v1::SceneInfo> open(const std::string& source, std::string id, const StopToken& stop = {}, const SceneAccess& access = {},
+                             const std::vector<std::string>& share = {});
+  Result<v1::SceneInfo> openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop = {},
+                                 const SceneAccess& access = {}, const std::vector<std::string>& share = {});
   /// A built-in or a file, without an id; `trusted`: wherever the file is.
   Result<ScenePtr> load(const std::string& source, bool trusted) const;
   Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
-  /// By id; a built-in name that is not loaded yet is opened. Errors: NotFound that lists what there is; Cancelled.
-  Result<ScenePtr> find(const std::string& id, const StopToken& stop = {});
-  Result<v1::SceneInfo> inspect(const std::string& id);
-  std::vector<v1::SceneInfo> list() const;
+  /// By id; a built-in name that is not loaded yet is opened. Errors: NotFound that lists what there is, also for what the caller may not
+  /// use; Cancelled.
+  Result<ScenePtr> find(const std::string& id, const StopToken& stop = {}, const SceneAccess& access = {});
+  Result<v1::SceneInfo> inspect(const std::string& id, const SceneAccess& access = {});
+  std::vector<v1::SceneInfo> list(const SceneAccess& access = {}) const;
   /// On top of whatever the id stands for when it is done: of patches at the same time none is lost. An id that was unloaded
-  /// meanwhile stays unloaded (NotFound).
-  Result<v1::SceneInfo> patch(const v1::PatchSceneRequest& patch, const StopToken& stop = {});
-  Status unload(const std::string& id);
+  /// meanwhile stays unloaded (NotFound). PermissionDenied for a scene that the caller may use, but not change.
+  Result<v1::SceneInfo> patch(const v1::PatchSceneRequest& patch, const StopToken& stop = {}, const SceneAccess& access = {});
+  Status unload(const std::string& id, const SceneAccess& access = {});
   Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop = {});
   size_t count() const;
+  uint64_t sceneBytes() const;         ///< of all loaded scenes; what several share counts for each
+  uint64_t environmentBytes() const;
+  const SceneLimits& limits() const { return limits_; }
   void setRoots(std::vector<std::string> roots);
 
  private:
-  struct Entry { ScenePtr scene; std::string source; double loadMs = 0; LoadReport report; };
-  Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop);
+  struct Entry {
+    ScenePtr scene;
+    std::string source;
+    double loadMs = 0;
+    LoadReport report = {};
+    std::string owner = {};
+    std::vector<std::string> share = {};
+    uint64_t used = 0;           ///< clock_ of the last use
+  };
+  struct Map { EnvironmentPtr map; uint64_t used; };
+  using Entries = std::map<std::string, Entry>;
+  Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop,
+                               const SceneAccess& access, const std::vector<std::string>& share);
+  // Under mutex_.
+  uint64_t sceneBytesHeld() const;
+  Status makeRoom(uint64_t bytes, const std::string& keep);
+  Status unknown(const std::string& id, const SceneAccess& access) const;
   v1::SceneInfo info(const std::string& id, const Entry& entry) const;
 
   std::vector<std::string> roots_;   // under mutex_
   bool anyPath_;
   std::shared_ptr<SceneLoader> loader_;
   mutable std::mutex mutex_;
-  std::map<std::string, Entry> scenes_;
-  std::map<std::string, EnvironmentPtr> environments_;   ///< by canonical path + settled file stamp; a few are kept
+  const SceneLimits limits_;
+  Entries scenes_;
+  std::deque<std::string> gone_;       ///< ids that had to make room, the latest last
+  uint64_t clock_ = 0;
+  std::map<std::string, Map> environments_;   ///< by canonical path + settled file stamp
 };
 
 }  // namespace gobo

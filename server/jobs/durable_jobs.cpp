@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <cstring>
 #include <random>
 
 #include "server/log.h"
@@ -28,13 +29,26 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
     if (ended) logInfo("jobs: %llu frames of a killed daemon go on", (unsigned long long)ended);
     GOBO_TRY(self->files_.sweep(*self->store_, 0));
   }
+  // Before anything is claimed: what crashed the last daemon must not be the first thing this one starts.
+  for (const CrashReport& crash : CrashMarks::read(config.jobsFolder)) {
+    const char* name = ::sigabbrev_np(crash.signal);
+    const std::string signal = std::string("SIG") + (name ? name : std::to_string(crash.signal).c_str());
+    for (const TaskId& task : crash.tasks) {
+      GOBO_TRY(self->store_->blame(task, {Code::Internal, "the daemon crashed (" + signal + ") while it rendered this frame" +
+                                          (crash.alone ? "" : ", for the third time, each beside other work") + "; it is set aside"}, crash.alone));
+      logWarn("jobs: the last daemon crashed (%s) in %s, frame index %lld%s", signal.c_str(), jobIdText(task.job).c_str(), (long long)task.index,
+              crash.alone ? ": set aside" : ", beside other work");
+    }
+  }
+  GOBO_ASSIGN(self->marks_, CrashMarks::open(config.jobsFolder));
   self->files_.opened();
-  self->scenes_ = std::make_unique<JobScenes>(engine, self->files_);
+  self->scenes_ = std::make_unique<JobScenes>(engine, self->files_, config.ingestInputBytes);
   std::random_device random;
   JobWorkerOptions options;
   options.workers = int(config.jobsWorkers);
   options.leaseSeconds = config.jobsLeaseSeconds;
   options.checkpointSeconds = config.jobsCheckpointSeconds;
+  options.marks = self->marks_.get();
   options.holder = std::to_string(::getpid()) + "-" + std::to_string(random());
   self->worker_ = std::make_unique<JobWorker>(engine, runner, *self->store_, self->files_, *self->scenes_, self->hub_, options);
   self->minder_ = std::thread([s = self.get()] { s->mind(); });

@@ -39,6 +39,7 @@ class DurableJobs {
   std::unique_ptr<SqliteJobStore> store_;
   JobHub hub_;
   std::unique_ptr<JobScenes> scenes_;
+  std::unique_ptr<CrashMarks> marks_;
   std::unique_ptr<JobWorker> worker_;
   std::mutex mutex_;
   std::condition_variable wake_;

@@ -6,6 +6,7 @@
 //   FOLDER/checkpoints/JOB-INDEX-DIGEST.term   32 hex digits, xxh3-128 of the bytes (docs/term_file.md)
 //   FOLDER/results/JOB/SHA256        a finished picture, encoded
 //   FOLDER/scenes/SHA256.glb         an uploaded scene
+//   FOLDER/marks/                    which frames a crashed daemon worked on (crash_marks.h)
 // Thread-safe but for open().
 #pragma once
 

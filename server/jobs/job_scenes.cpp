@@ -3,8 +3,10 @@
 
 #include <filesystem>
 
+#include "base/descriptor.h"
+#include "base/image_io.h"
 #include "scene/scene.h"
-#include "server/encode.h"
+#include "server/file_digest.h"
 
 namespace gobo {
 
@@ -23,17 +25,18 @@ std::string keptUpload(const std::string& folder, const std::string& source) {
 
 }  // namespace
 
-Result<std::string> JobScenes::environmentDigest(const v1::RenderRequest& request) const {
+Result<std::string> JobScenes::environmentDigest(const v1::RenderRequest& request, const StopToken& stop) const {
   const std::string& path = request.environment().path();
   if (path.empty() || path == "none") return std::string();
   GOBO_ASSIGN(const std::string real, engine_.allowedPath(path, "request.environment.path"));
-  GOBO_ASSIGN(const std::vector<uint8_t> bytes, files_.read(real));
-  return sha256Hex(bytes.data(), bytes.size());
+  GOBO_ASSIGN(const int opened, openRegular(real));
+  const Descriptor fd(opened);
+  return fileDigest(fd.get(), real, {inputBytes_, "ingest.input_bytes"}, stop);
 }
 
-Status JobScenes::describe(NewJob& job) {
+Status JobScenes::describe(NewJob& job, const SceneAccess& access, const StopToken& stop) {
   const v1::RenderRequest& request = job.spec.request();
-  GOBO_ASSIGN(const v1::SceneInfo info, engine_.inspectScene(request.scene()));
+  GOBO_ASSIGN(const v1::SceneInfo info, engine_.inspectScene(request.scene(), access));
   job.sceneSource = info.source();
   if (job.sceneSource.rfind("upload:", 0) == 0) {
     job.sceneFile = keptUpload(files_.scenePath(""), job.sceneSource);
@@ -41,14 +44,14 @@ Status JobScenes::describe(NewJob& job) {
       return {Code::FailedPrecondition, "the uploaded file of scene '" + request.scene() + "' is not kept any more: upload it again", "job.request.scene"};
     GOBO_TRY(files_.adopt("", files_.scenePath(job.sceneFile)));   // young again: not swept before the job is in the store
   }
-  GOBO_ASSIGN(job.environmentDigest, environmentDigest(request));
+  GOBO_ASSIGN(job.environmentDigest, environmentDigest(request, stop));
   return {};
 }
 
 Result<ScenePtr> JobScenes::get(const JobRecord& record) {
   const v1::RenderRequest& request = record.job.spec().request();
   const std::string& wanted = record.job.scene_hash();
-  GOBO_ASSIGN(const std::string environment, environmentDigest(request));
+  GOBO_ASSIGN(const std::string environment, environmentDigest(request, {}));
   if (environment != record.environmentDigest)
     return Status(Code::FailedPrecondition, "environment '" + request.environment().path() + "' changed since the job was submitted: its file had sha256 " +
                   record.environmentDigest + ", now " + environment, "request.environment.path");

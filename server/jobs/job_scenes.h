@@ -13,16 +13,18 @@ namespace gobo {
 
 class JobScenes {
  public:
-  JobScenes(Engine& engine, JobFiles& files) : engine_(engine), files_(files) {}
+  /// Environment files above `inputBytes` are refused.
+  JobScenes(Engine& engine, JobFiles& files, uint64_t inputBytes = UINT64_MAX) : engine_(engine), files_(files), inputBytes_(inputBytes) {}
   /// At submission: fills in sceneSource, sceneFile, environmentDigest.
-  Status describe(NewJob& job);
+  Status describe(NewJob& job, const SceneAccess& access = {}, const StopToken& stop = {});
   /// Errors: FailedPrecondition naming both hashes; what loading says.
   Result<std::shared_ptr<const Scene>> get(const JobRecord& record);
 
  private:
-  Result<std::string> environmentDigest(const v1::RenderRequest& request) const;
+  Result<std::string> environmentDigest(const v1::RenderRequest& request, const StopToken& stop) const;
   Engine& engine_;
   JobFiles& files_;
+  const uint64_t inputBytes_;
   std::mutex mutex_;                              // one load at a time
   std::string cachedHash_;
   std::shared_ptr<const Scene> cached_;           // the last one that had to be loaded

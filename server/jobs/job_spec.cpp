@@ -51,18 +51,22 @@ std::string specDigest(const v1::JobSpec& sent) {
   return sha256Hex(bytes.data(), bytes.size());
 }
 
-Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engine& engine, double nowUnix) {
+Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engine& engine, double nowUnix, const SceneAccess& access,
+                       const StopToken& stop) {
   NewJob job;
   job.digest = specDigest(sent);
   job.client = client;
   v1::JobSpec& spec = job.spec = sent;
+  spec.DiscardUnknownFields();
+  if (spec.ByteSizeLong() > kSpecBytes)
+    return Status(Code::ResourceExhausted, strf("job has %zu bytes: at most %zu", spec.ByteSizeLong(), kSpecBytes), "job");
   GOBO_TRY(textBound(spec.name(), "job.name"));
   GOBO_TRY(textBound(spec.key(), "job.key"));
   if (!spec.has_request()) return invalidArgument("job.request: must be given", "job.request");
   if (spec.request().halt().has_time_s())
     return invalidArgument("job.request.halt.time_s: a job's result must be repeatable: halt by spp or error", "job.request.halt.time_s");
   spec.mutable_request()->clear_scheduling();
-  GOBO_ASSIGN(*spec.mutable_request(), engine.resolve(spec.request()));
+  GOBO_ASSIGN(*spec.mutable_request(), engine.resolve(spec.request(), access));
   spec.mutable_request()->mutable_scheduling()->set_priority(v1::Scheduling::BATCH);
   spec.mutable_request()->mutable_scheduling()->set_client(client);
   spec.set_client(client);
@@ -79,7 +83,7 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
   const int64_t count = (range.last() - range.first()) / range.step() + 1;
   if (count > kMostFrames) return invalidArgument(strf("job.frames: %lld frames, at most %lld", (long long)count, (long long)kMostFrames), "job.frames");
   for (int64_t i = 0; i < count; ++i) job.frames.push_back(range.first() + i * range.step());
-  GOBO_TRY(engine.pinnedBytes(frameRequest(spec, range.first())).status());   // the plan can be made: outputs, lights, environment
+  GOBO_TRY(engine.pinnedBytes(frameRequest(spec, range.first()), nullptr, stop, access).status());   // the plan can be made: outputs, lights, environment
   job.sceneHash = spec.request().scene_hash();
   return job;
 }

@@ -59,6 +59,7 @@ struct JobFilter {
   std::string client;
   int64_t before = 0;                ///< ids below this one; 0: any
   uint32_t limit = 50;
+  uint64_t bytes = UINT64_MAX;       ///< ends with the job that passes this sum
 };
 
 struct FailedReport {
@@ -91,7 +92,8 @@ class JobStore {
   virtual Status resume(int64_t id) = 0;
   virtual Status remove(int64_t id) = 0;                                              ///< FailedPrecondition unless it is over
 
-  /// The next task: job priority, then job deadline, then job id, then frame. None: nothing is ready now.
+  /// The next task: of the client that has had least time of this process's workers (server/jobs/job_shares.h), by job priority, then job
+  /// deadline, then job id, then frame. None: nothing is ready now.
   virtual Result<std::optional<Lease>> claim(const std::string& holder, double leaseSeconds) = 0;
   /// Extends the lease. The job's state: a holder that reads Paused is to release soon.
   virtual Result<v1::Job::State> renew(Lease& lease, double leaseSeconds) = 0;
@@ -110,6 +112,9 @@ class JobStore {
   virtual Result<uint64_t> expireLeases() = 0;
   /// Ends all leases: the caller knows that no holder lives.
   virtual Result<uint64_t> endAllLeases() = 0;
+  /// The daemon crashed while it worked on this frame. `certain`: on nothing else; then the frame is set aside (failed) with the reason. Else
+  /// it counts as if a third of the losses that are borne had happened. No change when the frame is over.
+  virtual Status blame(TaskId task, const Status& reason, bool certain) = 0;
   /// Marks the results of jobs that are over as gone: of those that ended more than `keepSeconds` ago, and the earliest ended
   /// ones while results have more than `keepBytes`. Their ids.
   virtual Result<std::vector<int64_t>> expireResults(uint64_t keepBytes, double keepSeconds) = 0;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "server/job_runner.h"
+#include "server/jobs/crash_marks.h"
 #include "server/jobs/job_hub.h"
 #include "server/jobs/job_scenes.h"
 
@@ -20,6 +21,7 @@ struct JobWorkerOptions {
   double leaseSeconds = 30;
   double checkpointSeconds = 30;     ///< between checkpoints of a frame; more when writing one takes over a twentieth of it
   std::string holder;                ///< names this process in the store
+  CrashMarks* marks = nullptr;       ///< may be null
 };
 
 struct JobWorkerStats {

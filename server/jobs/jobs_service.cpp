@@ -13,6 +13,8 @@ namespace {
 
 const Status kOff(Code::FailedPrecondition, "jobs are switched off: set folder in the [jobs] section of gobod's configuration (docs/operations.md)", "jobs.folder");
 
+constexpr uint64_t kPageBytes = 8 << 20;   // of one reply of List
+
 /// The caller is bound to the jobs of its own token.
 bool bound(const Rpc& rpc) { return rpc.who().token && !rpc.who().admin; }
 
@@ -46,11 +48,14 @@ grpc::Status JobsService::submit(Rpc& rpc, const v1::JobSpec& spec, v1::Job* rep
   if (!id.ok()) return toGrpc(id.status());
   if (*id == 0) {
     const double now = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
-    auto job = makeJob(spec, *client, core_.engine, now);
+    // Before anything is opened: an answer must not tell which files exist where the caller may not look.
+    const grpc::Status path = checkPath(rpc, spec.request().environment().path(), "job.request.environment.path");
+    if (!path.ok()) return path;
+    auto job = makeJob(spec, *client, core_.engine, now, rpc.access(), call.stop.token());
     if (!job.ok()) return toGrpc(job.status());
     const grpc::Status allowed = checkRender(rpc, *job->spec.mutable_request(), job->spec.request());
     if (!allowed.ok()) return allowed;
-    const Status described = jobs.scenes().describe(*job);
+    const Status described = jobs.scenes().describe(*job, rpc.access(), call.stop.token());
     if (!described.ok()) return toGrpc(described);
     bool existed = false;
     id = jobs.store().submit(*job, existed);
@@ -99,16 +104,21 @@ grpc::Status JobsService::list(Rpc& rpc, const v1::ListJobsRequest& sent, v1::Li
   if (request->page_size() > 1000) return toGrpc(invalidArgument(strf("page_size = %u: must be at most 1000", request->page_size()), "page_size"));
   const uint32_t page = request->page_size() ? request->page_size() : 50;
   filter.limit = page + 1;
+  filter.bytes = kPageBytes;
   auto jobs = core_.durable->store().list(filter);
   if (!jobs.ok()) return toGrpc(jobs.status());
-  for (size_t i = 0; i < jobs->size() && i < page; ++i) {
+  // The last one only shows that there are more: a page ends by number or by bytes.
+  uint64_t bytes = 0;
+  for (const v1::Job& job : *jobs) bytes += job.ByteSizeLong();
+  const bool more = jobs->size() > page || (jobs->size() > 1 && bytes > kPageBytes);
+  for (size_t i = 0; i + more < jobs->size(); ++i) {
     JobRecord record;
     record.job = std::move((*jobs)[i]);
     record.id = jobIdOf(record.job.id());
     core_.durable->hub().overlay(record);
     *reply->add_jobs() = std::move(record.job);
   }
-  if (jobs->size() > page) reply->set_next_page_token(reply->jobs(int(page) - 1).id());
+  if (more) reply->set_next_page_token(reply->jobs(reply->jobs_size() - 1).id());
   return grpc::Status::OK;
 }
 

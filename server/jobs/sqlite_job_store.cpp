@@ -102,6 +102,9 @@ Result<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open(const std::string& 
   if (!store->options_.now) store->options_.now = [] {
     return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
   };
+  if (!store->options_.steady) store->options_.steady = [] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+  };
   GOBO_TRY(store->db_.open(path, options.busySeconds));
   ::chmod(path.c_str(), 0600);
   GOBO_TRY(store->migrate());
@@ -297,7 +300,10 @@ Result<std::vector<v1::Job>> SqliteJobStore::list(const JobFilter& filter) {
   Query q(db_, sql.c_str());
   q.bind(filter.before > 0 ? filter.before : INT64_MAX).bind(filter.client).bind(int64_t(filter.limit));
   std::vector<v1::Job> jobs;
-  while (q.next()) jobs.push_back(jobOf(q).job);
+  for (uint64_t bytes = 0; (jobs.size() < 2 || bytes <= filter.bytes) && q.next();) {
+    jobs.push_back(jobOf(q).job);
+    bytes += jobs.back().ByteSizeLong();
+  }
   if (!q.status().ok()) return q.status();
   return jobs;
 }

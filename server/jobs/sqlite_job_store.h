@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 
+#include "server/jobs/job_shares.h"
 #include "server/jobs/job_store.h"
 #include "server/jobs/sqlite.h"
 
@@ -15,6 +16,7 @@ namespace gobo {
 
 struct JobStoreOptions {
   std::function<double()> now;       ///< seconds since 1970; the system clock if empty
+  std::function<double()> steady;    ///< seconds that never jump, for the shares of clients; the steady clock if empty
   double busySeconds = 5;
   double retrySeconds = 1;           ///< wait before the second attempt; doubles, at most a minute
   uint32_t maxLosses = 25;           ///< leases lost in a row without a checkpoint: a frame that kills its worker each time
@@ -49,6 +51,7 @@ class SqliteJobStore final : public JobStore {
 
   Result<uint64_t> expireLeases() override;
   Result<uint64_t> endAllLeases() override;
+  Status blame(TaskId task, const Status& reason, bool certain) override;
   Result<std::vector<int64_t>> expireResults(uint64_t keepBytes, double keepSeconds) override;
   Result<std::vector<std::string>> neededCheckpoints() override;
   Result<std::vector<std::string>> neededResults(int64_t id) override;
@@ -79,6 +82,7 @@ class SqliteJobStore final : public JobStore {
   double now() const { return options_.now(); }
 
   std::mutex mutex_;
+  JobShares shares_;                                          ///< of this process
   Sqlite db_;
   std::string path_;
   JobStoreOptions options_;

@@ -36,22 +36,38 @@ Result<std::optional<Lease>> SqliteJobStore::claim(const std::string& holder, do
   const std::lock_guard lock(mutex_);
   std::optional<Lease> lease;
   const double time = now();
+  std::string client;
+  // The first ready frame of each client by its own priorities and deadlines; of these the one whose client has had least.
   const auto ready = [&]() -> Status {
-    Query q(db_, "SELECT j.id, t.idx, t.frame, t.progress FROM job j JOIN task t ON t.job = j.id AND t.idx ="
-                 " (SELECT idx FROM task r WHERE r.job = j.id AND r.state = 1 AND r.ready <= ?1 ORDER BY idx LIMIT 1)"
-                 " WHERE j.state IN (1, 2) ORDER BY j.priority DESC, ifnull(j.deadline, 1e300), j.id LIMIT 1");
-    q.bind(time);
-    while (q.next()) {
-      lease.emplace();
-      lease->task = {q.integer(0), q.integer(1)};
-      lease->frame = q.integer(2);
-      lease->progress = q.real(3);
+    lease.reset();
+    std::vector<std::string> clients;
+    {
+      Query q(db_, "SELECT DISTINCT client FROM job WHERE state IN (1, 2)");
+      while (q.next()) clients.push_back(q.text(0));
+      GOBO_TRY(q.status());
     }
-    return q.status();
+    shares_.retain(clients);
+    shares_.order(clients);
+    for (const std::string& c : clients) {
+      Query q(db_, "SELECT j.id, t.idx, t.frame, t.progress FROM job j JOIN task t ON t.job = j.id AND t.idx ="
+                   " (SELECT idx FROM task r WHERE r.job = j.id AND r.state = 1 AND r.ready <= ?1 ORDER BY idx LIMIT 1)"
+                   " WHERE j.state IN (1, 2) AND j.client = ?2 ORDER BY j.priority DESC, ifnull(j.deadline, 1e300), j.id LIMIT 1");
+      q.bind(time).bind(c);
+      while (q.next()) {
+        lease.emplace();
+        lease->task = {q.integer(0), q.integer(1)};
+        lease->frame = q.integer(2);
+        lease->progress = q.real(3);
+      }
+      GOBO_TRY(q.status());
+      if (!lease) continue;
+      client = c;
+      return {};
+    }
+    return {};
   };
   GOBO_TRY(ready());              // an idle worker asks often: without a write transaction
   if (!lease) return lease;
-  lease.reset();
   GOBO_TRY(transact([&]() -> Status {
     GOBO_TRY(ready());            // another process may have been first
     if (!lease) return {};
@@ -66,6 +82,7 @@ Result<std::optional<Lease>> SqliteJobStore::claim(const std::string& holder, do
     Query q(db_, "UPDATE job SET state = 2, started = CASE WHEN started = 0 THEN ?2 ELSE started END, revision = ?3 WHERE id = ?1");
     return q.bind(lease->task.job).bind(time).bind(revision).run();
   }));
+  if (lease) shares_.started(client, {lease->task.job, lease->task.index}, options_.steady());
   return lease;
 }
 
@@ -123,6 +140,7 @@ Result<std::vector<CheckpointRow>> SqliteJobStore::checkpoint(const Lease& lease
 
 Status SqliteJobStore::complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) {
   const std::lock_guard lock(mutex_);
+  shares_.ended(lease.task, options_.steady());
   return transact([&]() -> Status {
     GOBO_ASSIGN(const TaskRow row, task(lease.task));
     if (row.token == lease.token && row.state == v1::Frame::DONE) {   // the acknowledgement was lost: the report comes again
@@ -165,6 +183,7 @@ Status SqliteJobStore::complete(const Lease& lease, const std::vector<v1::FrameF
 
 Status SqliteJobStore::fail(const Lease& lease, const FailedReport& report) {
   const std::lock_guard lock(mutex_);
+  shares_.ended(lease.task, options_.steady());
   return transact([&]() -> Status {
     GOBO_ASSIGN(const TaskRow row, task(lease.task));
     // Repeated: the same token has been told off already, and nobody claimed since.
@@ -222,6 +241,7 @@ Status SqliteJobStore::endJob(int64_t job, v1::Job::State state, const Status& r
 
 Status SqliteJobStore::release(const Lease& lease) {
   const std::lock_guard lock(mutex_);
+  shares_.ended(lease.task, options_.steady());
   return transact([&]() -> Status {
     GOBO_TRY(held(lease).status());
     GOBO_ASSIGN(const uint64_t revision, bump("revision"));
@@ -300,6 +320,28 @@ Result<uint64_t> SqliteJobStore::endAllLeases() {
     return {};
   }));
   return count;
+}
+
+Status SqliteJobStore::blame(TaskId id, const Status& reason, bool certain) {
+  const std::lock_guard lock(mutex_);
+  return transact([&]() -> Status {
+    const Result<TaskRow> row = task(id);
+    if (!row.ok()) return row.status().code() == Code::FailedPrecondition ? Status() : row.status();   // the job was deleted
+    if ((row->state != v1::Frame::QUEUED && row->state != v1::Frame::RUNNING) || jobIsOver(row->job)) return {};
+    GOBO_ASSIGN(const uint64_t revision, bump("revision"));
+    uint64_t losses = 0;
+    {
+      Query q(db_, "UPDATE task SET losses = losses + ?3, revision = ?4 WHERE job = ?1 AND idx = ?2 RETURNING losses");
+      q.bind(id.job).bind(id.index).bind(uint64_t(options_.maxLosses / 3 + 1)).bind(revision);
+      while (q.next()) losses = uint64_t(q.integer(0));
+      GOBO_TRY(q.status());
+    }
+    if (certain || losses >= options_.maxLosses) {
+      GOBO_TRY(setFailure(id, reason, revision));
+      GOBO_TRY(settle(id.job, revision));
+    }
+    return idle(id.job, revision);
+  });
 }
 
 Result<std::vector<int64_t>> SqliteJobStore::expireResults(uint64_t keepBytes, double keepSeconds) {

@@ -99,6 +99,7 @@ bool TaskRun::tick() {
 
 Status TaskRun::work(StopToken slot, const v1::RenderRequest& request) {
   inSlot_.store(true);
+  const CrashMarks::Working working(w_.options_.marks, lease_.task);
   struct Leave { std::atomic<bool>& flag; ~Leave() { flag.store(false); } } leave{inSlot_};
   RenderControl control;
   control.scene = scene_;
@@ -145,7 +146,10 @@ Status TaskRun::render(std::vector<EncodedImage>& images) {
   }
   scene_ = *scene;
   const v1::RenderRequest request = frameRequest(record_.job.spec(), lease_.frame);
-  auto pinned = w_.engine_.pinnedBytes(request, scene_);
+  Result<uint64_t> pinned = [&] {
+    const CrashMarks::Working working(w_.options_.marks, lease_.task);
+    return w_.engine_.pinnedBytes(request, scene_);
+  }();
   if (!pinned.ok()) return pinned.status();
   JobSpec spec;
   spec.client = record_.job.spec().client();

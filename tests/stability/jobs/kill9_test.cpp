@@ -23,6 +23,7 @@
 #include "gobo/v1/service.grpc.pb.h"
 #include "server/encode.h"
 #include "server/jobs/sqlite_job_store.h"
+#include "daemon.h"
 
 namespace gobo {
 namespace {
@@ -32,49 +33,6 @@ using Clock = std::chrono::steady_clock;
 
 double since(Clock::time_point t) { return std::chrono::duration<double>(Clock::now() - t).count(); }
 void nap(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
-
-class Daemon {
- public:
-  explicit Daemon(std::string folder) : folder_(std::move(folder)) {
-    std::ofstream(folder_ + "/gobod.toml") << "listen = [\"unix:s.sock\"]\n[log]\nlevel = \"info\"\n[engine]\nthreads = 2\nstore_bytes = \"256MiB\"\n"
-        "[limits]\ntmp_folder = \"tmp\"\n[jobs]\nfolder = \"jobs\"\nworkers = 2\nlease_s = 5\ncheckpoint_s = 0.1\n";
-    fs::create_directory(folder_ + "/tmp");
-  }
-  ~Daemon() { if (pid_ > 0) kill(SIGKILL); }
-
-  bool start() {
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-      const int log = ::open((folder_ + "/log").c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
-      ::dup2(log, 1);
-      ::dup2(log, 2);
-      ::execl(GOBOD, "gobod", "--config", (folder_ + "/gobod.toml").c_str(), nullptr);
-      ::_exit(127);
-    }
-    grpc::ChannelArguments arguments;
-    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);   // no back-off inherited from the last life; the last one bounds a handshake
-    arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 20);
-    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 100);
-    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);
-    channel_ = grpc::CreateCustomChannel("unix:" + folder_ + "/s.sock", grpc::InsecureChannelCredentials(), arguments);
-    return channel_->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(60));
-  }
-  /// The exit status as waitpid gives it.
-  int kill(int signal) {
-    ::kill(pid_, signal);
-    int status = 0;
-    ::waitpid(pid_, &status, 0);
-    pid_ = -1;
-    return status;
-  }
-  std::shared_ptr<grpc::Channel> channel() const { return channel_; }
-
- private:
-  std::string folder_;
-  pid_t pid_ = -1;
-  std::shared_ptr<grpc::Channel> channel_;
-};
 
 v1::RenderRequest request(uint32_t spp, uint64_t seed) {
   v1::RenderRequest r;
@@ -106,10 +64,9 @@ void bound(grpc::ClientContext& context, double seconds = 60) {
 TEST(Kill9, NothingLostNothingTwiceTheSameBits) {
   const char* asked = std::getenv("GOBO_KILLS");
   const int kills = asked ? std::atoi(asked) : 6;
-  std::string folder = (fs::temp_directory_path() / "gobo-kill-XXXXXX").string();
-  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
-  struct Remove { std::string folder; ~Remove() { std::error_code e; fs::remove_all(folder, e); } } remove{folder};
-  Daemon daemon(folder);
+  const test::TemporaryFolder temporary;
+  const std::string& folder = temporary.path;
+  test::Daemon daemon(folder, 2);
   std::mt19937 random(20240501);
   const auto begun = Clock::now();
   int submitted = 0, repeated = 0, inFlight = 0;

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// JobShares: which client's frame is next. Start-time fair queueing over clients: each has a virtual time, the seconds that its frames
+// have taken; the least goes first; one that comes back from idle starts at the least of the others, so nothing is saved up. Priorities
+// and deadlines order a client's own jobs: no client passes another by calling everything urgent.
+// Kept in memory by each process for its own workers. Not thread-safe.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "server/jobs/job_store.h"
+
+namespace gobo {
+
+class JobShares {
+ public:
+  /// Forgets clients that have no job.
+  void retain(const std::vector<std::string>& active);
+  /// The client that is to be served first, first; equal ones by when they were served last, then by name.
+  void order(std::vector<std::string>& clients) const;
+  void started(const std::string& client, TaskId task, double now);
+  /// Whatever its end was. Unknown tasks are another process's, or ended before.
+  void ended(TaskId task, double now);
+
+ private:
+  static constexpr double kGuess = 1;   // seconds that a frame counts with while it runs
+  struct Client { double virtualTime = 0; uint64_t served = 0; };
+  struct Running { std::string client; double since = 0; };
+  std::map<std::string, Client> clients_;
+  std::map<TaskId, Running> running_;
+  uint64_t served_ = 0;
+};
+
+}  // namespace gobo

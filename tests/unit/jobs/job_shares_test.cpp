@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// The next frame goes to the client that has had least, whatever priorities and numbers of frames others sent first.
+#include <gtest/gtest.h>
+
+#include "server/jobs/job_shares.h"
+#include "store_fixture.h"
+
+namespace gobo::job_shares_test {
+namespace {
+
+class JobSharesTest : public test::StoreFixture {
+ protected:
+  JobSharesTest() { options.steady = [this] { return time; }; }
+  int64_t add(const std::string& client, int frames, v1::JobSpec::Priority priority = v1::JobSpec::MEDIUM) {
+    NewJob job = makeJob(frames, "", priority);
+    job.client = client;
+    const int64_t id = submit(job);
+    owner[id] = client;
+    return id;
+  }
+  /// Runs the next frame for `seconds`; whose it was.
+  std::string next(double seconds) {
+    auto lease = store->claim("w", 1000);
+    EXPECT_TRUE(lease.ok() && *lease);
+    if (!lease.ok() || !*lease) return "";
+    time += seconds;
+    EXPECT_TRUE(store->release(**lease).ok());
+    return owner[(*lease)->task.job];
+  }
+  std::map<int64_t, std::string> owner;
+};
+
+TEST_F(JobSharesTest, OneFrameDoesNotWaitForAHundred) {
+  add("first", 100);
+  EXPECT_EQ(next(10), "first");
+  add("second", 1);
+  EXPECT_EQ(next(10), "second");
+}
+
+TEST_F(JobSharesTest, NobodyPassesAnotherByCallingEverythingUrgent) {
+  add("modest", 100, v1::JobSpec::LOW);
+  add("urgent", 100, v1::JobSpec::HIGH);
+  int modest = 0;
+  for (int i = 0; i < 20; ++i) modest += next(5) == "modest";
+  EXPECT_NEAR(modest, 10, 1);
+}
+
+// Seconds count, not frames: cheap frames are given more often.
+TEST_F(JobSharesTest, SecondsAreShared) {
+  add("slow", 100);
+  add("quick", 100);
+  double slow = 0, quick = 0;
+  for (int i = 0; i < 200; ++i) {
+    const double before = time;
+    auto lease = store->claim("w", 1000);
+    ASSERT_TRUE(lease.ok() && *lease);
+    const bool isSlow = owner[(*lease)->task.job] == "slow";
+    time += isSlow ? 30 : 2;
+    (isSlow ? slow : quick) += time - before;
+    ASSERT_TRUE(store->release(**lease).ok());
+  }
+  EXPECT_NEAR(slow / quick, 1, 0.15);
+}
+
+TEST_F(JobSharesTest, IdleTimeIsNotSavedUp) {
+  add("busy", 1000);
+  for (int i = 0; i < 50; ++i) EXPECT_EQ(next(10), "busy");
+  add("late", 1000);
+  int late = 0;
+  for (int i = 0; i < 20; ++i) late += next(10) == "late";
+  EXPECT_NEAR(late, 10, 1);
+}
+
+}  // namespace
+}  // namespace gobo::job_shares_test
