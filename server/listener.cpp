@@ -15,6 +15,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "server/bound_socket.h"
 #include "server/config.h"
 #include "server/log.h"
 
@@ -50,11 +51,6 @@ bool silent(int fd) {
          info.tcpi_bytes_received == 0;
 }
 
-struct Resolved {
-  addrinfo* list = nullptr;
-  ~Resolved() { if (list) ::freeaddrinfo(list); }
-};
-
 }  // namespace
 
 Result<std::string> Listener::add(const std::string& text) {
@@ -72,37 +68,9 @@ Result<std::string> Listener::add(const std::string& text) {
     sockets_.push_back({std::move(fd), index, true});
     return text;
   }
-  addrinfo hints{};
-  hints.ai_socktype = SOCK_STREAM;
-  hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
-  Resolved found;
-  if (const int error = ::getaddrinfo(address.host.c_str(), address.port.c_str(), &hints, &found.list); error != 0)
-    return Status(Code::Unavailable, "cannot listen on " + text + ": " + ::gai_strerror(error));
-  int port = std::atoi(address.port.c_str());
-  bool some = false;
-  for (const addrinfo* a = found.list; a; a = a->ai_next) {
-    sockaddr_storage name{};
-    std::memcpy(&name, a->ai_addr, a->ai_addrlen);
-    in_port_t& number = a->ai_family == AF_INET6 ? reinterpret_cast<sockaddr_in6&>(name).sin6_port : reinterpret_cast<sockaddr_in&>(name).sin_port;
-    number = htons(uint16_t(port));   // the one that the first address was given, for port 0
-    Descriptor fd(::socket(a->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-    if (!fd && errno == EAFNOSUPPORT) continue;   // a name with an address of a family that this machine has not
-    const int yes = 1;
-    if (fd) ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
-    if (fd && a->ai_family == AF_INET6 && found.list->ai_next) ::setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &yes, sizeof yes);
-    if (!fd || ::bind(fd.get(), reinterpret_cast<const sockaddr*>(&name), a->ai_addrlen) != 0) {
-      if (errno == EADDRNOTAVAIL && (some || a->ai_next)) continue;
-      return cannot(text);
-    }
-    if (::listen(fd.get(), 512) != 0) return cannot(text);
-    socklen_t size = sizeof name;
-    ::getsockname(fd.get(), reinterpret_cast<sockaddr*>(&name), &size);
-    port = ntohs(number);
-    some = true;
-    sockets_.push_back({std::move(fd), index, false});
-  }
-  if (!some) return cannot(text);
-  return text.substr(0, text.rfind(':') + 1) + std::to_string(port);
+  GOBO_ASSIGN(BoundSockets bound, bindTcp(text));
+  for (Descriptor& fd : bound.sockets) sockets_.push_back({std::move(fd), index, false});
+  return bound.served;
 }
 
 void Listener::start(Take take) {

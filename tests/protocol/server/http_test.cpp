@@ -138,7 +138,7 @@ TEST_F(Http, TheHealthServiceFlipsWithTheDrain) {
 TEST_F(Http, OtherPathsAndMethodsAreNotServed) {
   EXPECT_EQ(httpGet(server->httpAddress(), "/").status, 404);
   EXPECT_EQ(httpGet(server->httpAddress(), "/../../etc/passwd").status, 404);
-  EXPECT_EQ(httpGet(server->httpAddress(), "/metrics", "DELETE").status, 404);
+  EXPECT_EQ(httpGet(server->httpAddress(), "/metrics", "DELETE").status, 405);
 }
 
 TEST_F(Http, AnAddressThatIsTakenFailsTheStart) {
