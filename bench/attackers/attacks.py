@@ -190,7 +190,7 @@ def idle_connections(field):
         alive = []
         for s in held:
             try:
-                if s.recv(4096, socket.MSG_DONTWAIT):
+                if s.recv(4096):
                     alive.append(s)
                 else:
                     s.close()
@@ -206,6 +206,7 @@ def idle_connections(field):
                 held.append(socket.create_connection((host, int(port)), 0.2))
                 if len(held) % 2:
                     held[-1].sendall(http2.PREFACE + http2.frame(http2.SETTINGS, 0, 0))
+                held[-1].setblocking(False)
                 field.done["connected"] += 1
             except OSError:
                 field.done["not connected"] += 1
@@ -228,6 +229,7 @@ def slow_http(field):
             except OSError:
                 field.done["not connected"] += 1
                 break
+            s.setblocking(False)
             field.done["connected"] += 1
             path = ("/ready", "/metrics")[len(held) % 2]
             held.append((s, iter(f"GET {path} HTTP/1.1\r\nHost: localhost\r\nX-Slow: " + "z" * 10000)))
@@ -235,7 +237,7 @@ def slow_http(field):
         for s, text in held:
             try:
                 s.sendall(next(text).encode())
-                if s.recv(4096, socket.MSG_DONTWAIT) == b"":
+                if s.recv(4096) == b"":
                     raise OSError
                 alive.append((s, text))
             except BlockingIOError:

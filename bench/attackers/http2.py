@@ -53,6 +53,22 @@ def connect(host: str, port: int, ca: str = "", cert: str = "", key: str = "", s
     return raw
 
 
+def _exactly(connection: socket.socket, count: int) -> bytes:
+    data = b""
+    while len(data) < count:
+        piece = connection.recv(count - len(data))
+        if not piece:
+            raise ConnectionError("the connection ended within a frame")
+        data += piece
+    return data
+
+
+def read(connection: socket.socket):
+    """(kind, stream, payload) of the next frame."""
+    head = _exactly(connection, 9)
+    return head[3], struct.unpack(">I", head[5:])[0], _exactly(connection, int.from_bytes(head[:3], "big"))
+
+
 class RapidReset:
     """CVE-2023-44487: requests that are cancelled in the same breath, so that the bound on open streams is never met."""
 

@@ -43,7 +43,7 @@ def small() -> bytes:
 
 def large(salt: int, mib: int = 36) -> bytes:
     """A strip of points and triangles of `mib` MiB; another scene for another salt."""
-    vertices = mib * (1 << 20) // 24
+    vertices = mib * (1 << 20) // 16   # a point and an index each
     row = struct.pack("<6f", -1 + salt * 1e-4, -1, 0, 1, -1, 0.001)
     points = (row * (vertices // 2 + 1))[:12 * vertices]
     indices = struct.pack("<3I", 0, 1, 2) * (vertices // 3)
