@@ -49,7 +49,7 @@ class Field:
             code = "OK"
         except grpc.RpcError as e:
             code = e.code().name
-            self.said = e.details()
+            self.said = self.said or e.details()
         except ValueError:
             code = "CUT_SHORT"
         with self.lock:
@@ -127,7 +127,7 @@ def new_clients(field):
     field.crowd(64, render)
 
 
-@attack("f", "jobs of 100 frames, submitted first")
+@attack("f", "jobs of 100 frames, submitted first", own_job=True)
 def many_frames(field):
     caller = field.caller()
     for n in range(10):
@@ -155,14 +155,20 @@ def large_specs(field):
     caller = field.caller()
     submit, lists = caller.raw("Jobs/Submit"), caller.raw("Jobs/List")
     waste = unknown(20 * 1000 * 1000)
-    for n in range(20):
+    everything = jobs_pb2.ListJobsRequest(page_size=1000).SerializeToString()
+    serial = itertools.count()
+
+    def work(k):
+        if k >= 2:
+            lists(everything, timeout=60, metadata=caller.metadata)
+            return
+        n = next(serial)
         spec = jobs_pb2.JobSpec(request=request(spp=4096, seed=n), key=f"large{n}")
         spec.request.ClearField("scheduling")
-        field.count(lambda: submit(spec.SerializeToString() + waste, timeout=60, metadata=caller.metadata))
-        if field.over.is_set():
-            return
-    everything = jobs_pb2.ListJobsRequest(page_size=1000).SerializeToString()
-    field.crowd(4, lambda k: lists(everything, timeout=60, metadata=caller.metadata))
+        submit(spec.SerializeToString() + waste, timeout=60, metadata=caller.metadata)
+        with field.lock:
+            field.done["submitted"] += 1
+    field.crowd(5, work)
 
 
 @attack("i", "streams of 1 Mpx that nobody reads", memory=True)
