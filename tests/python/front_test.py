@@ -225,6 +225,21 @@ class Front(unittest.TestCase):
             self.assertIn(("retry-after-ms", "500"), [(k, v) for k, v in refused[0].trailing_metadata()])
         time.sleep(3)   # the bucket of this address fills again for the other tests
 
+    def test_no_daemon_behind(self):
+        path = os.path.join(self.folder, "gobo.sock")
+        os.rename(path, path + ".away")
+        try:
+            self.nginx.send_signal(signal.SIGHUP)   # connections that it keeps to the daemon go
+            time.sleep(1)
+            channel, metadata = self.raw()
+            with channel, self.assertRaises(grpc.RpcError) as caught:
+                service_pb2_grpc.AdminStub(channel).GetStatus(service_pb2.StatusRequest(), metadata=metadata, timeout=20)
+        finally:
+            os.rename(path + ".away", path)
+        self.assertEqual((caught.exception.code(), caught.exception.details()),
+                         (grpc.StatusCode.UNAVAILABLE, "the daemon behind the front does not answer"))
+        self.assertIn(("retry-after-ms", "1000"), [(k, v) for k, v in caught.exception.trailing_metadata()])
+
     # What stops at the front.
 
     def test_a_silent_upload_ends(self):
