@@ -140,21 +140,25 @@ def many_frames(field):
     field.over.wait()
 
 
-@attack("g", "requests with 20 MB of unknown fields", memory=True)
+@attack("g", "requests with 20 and with 15 MB of unknown fields", memory=True)
 def unknown_fields(field):
     caller = field.caller()
     call = caller.raw("Render/Render", stream=True)
     seeds = itertools.count()
-    waste = unknown(20 * 1000 * 1000)
-    field.crowd(6, lambda k: [None for _ in call(request(seed=next(seeds), priority=render_pb2.Scheduling.NORMAL).SerializeToString() + waste, timeout=60,
-                                                 metadata=caller.metadata)])
+    waste = [unknown(mb * 1000 * 1000) for mb in (20, 15)]   # beyond and within what one message may have
+
+    def render(k):
+        body = request(seed=next(seeds), priority=render_pb2.Scheduling.NORMAL).SerializeToString() + waste[k % 2]
+        for _ in call(body, timeout=60, metadata=caller.metadata):
+            pass
+    field.crowd(6, render)
 
 
-@attack("h", "job specs of 20 MB, then lists of them", memory=True)
+@attack("h", "job specs of 20 and of 15 MB, and lists of them", memory=True)
 def large_specs(field):
     caller = field.caller()
     submit, lists = caller.raw("Jobs/Submit"), caller.raw("Jobs/List")
-    waste = unknown(20 * 1000 * 1000)
+    waste = [unknown(mb * 1000 * 1000) for mb in (20, 15)]
     everything = jobs_pb2.ListJobsRequest(page_size=1000).SerializeToString()
     serial = itertools.count()
 
@@ -165,7 +169,7 @@ def large_specs(field):
         n = next(serial)
         spec = jobs_pb2.JobSpec(request=request(spp=4096, seed=n), key=f"large{n}")
         spec.request.ClearField("scheduling")
-        submit(spec.SerializeToString() + waste, timeout=60, metadata=caller.metadata)
+        submit(spec.SerializeToString() + waste[n % 2], timeout=60, metadata=caller.metadata)
         with field.lock:
             field.done["submitted"] += 1
     field.crowd(5, work)
@@ -187,7 +191,7 @@ def unread(field):
         field.over.wait(0.02)
 
 
-@attack("j", "1100 idle connections", plain=True)
+@attack("j", "1100 idle connections from five addresses", plain=True)
 def idle_connections(field):
     host, port = field.address.rsplit(":", 1)
     held = []
@@ -209,7 +213,7 @@ def idle_connections(field):
         until = time.monotonic() + 0.5
         while len(held) < 1100 and not field.over.is_set() and time.monotonic() < until:
             try:
-                held.append(socket.create_connection((host, int(port)), 0.2))
+                held.append(socket.create_connection((host, int(port)), 0.2, (f"127.0.0.{2 + len(held) % 5}", 0)))
                 if len(held) % 2:
                     held[-1].sendall(http2.PREFACE + http2.frame(http2.SETTINGS, 0, 0))
                 held[-1].setblocking(False)

@@ -18,7 +18,8 @@ MIB = 1 << 20
 TOKENS = {name: hashlib.sha256(f"attackers:{name}".encode()).hexdigest() for name in ("victim", "attacker", "hurried")}
 DRAIN_S = 5
 # Bounds of the memory that the configuration below gives to kinds of data; what a daemon needs before the first call comes on top.
-BOUNDS_MIB = {"store": 256, "rpc": 256, "loads": 2 * 512}
+BOUNDS_MIB = {"store": 256, "scenes": 512, "environments": 64, "ray tracing structures": 256, "renders": 16, "running renders": 512, "replies": 128,
+              "rpc": 256}
 
 CONFIG = """listen = ["127.0.0.1:0", "unix:gobo.sock"]
 {tls}[http]
@@ -28,10 +29,18 @@ level = "info"
 [engine]
 threads = 2
 store_bytes = "256MiB"
+scene_bytes = "512MiB"
+environment_bytes = "64MiB"
+accel_bytes = "256MiB"
+keep_renders_bytes = "16MiB"
 cache_folder = "cache"
 disk_bytes = "256MiB"
 roots = ["scenes"]
 [limits]
+client_idle_s = 5
+request_bytes = "16MiB"
+reply_bytes = "128MiB"
+connections_per_peer = 256
 rpc_memory_bytes = "256MiB"
 upload_bytes = "64MiB"
 uploads_at_once = 4
@@ -45,6 +54,7 @@ cache_bytes = "512MiB"
 cpu_s = 60
 wall_s = 60
 [scheduler]
+pinned_bytes = "512MiB"
 drain_s = {drain}
 [jobs]
 folder = "jobs"

@@ -144,7 +144,7 @@ class Front(unittest.TestCase):
                 np.testing.assert_array_equal(direct.render("cornell", **SMALL).image, picture.image)
 
     def test_large_upload_streams(self):
-        """70 MB are more than one message may have, and than client_max_body_size of other methods."""
+        """68 MB are more than one message may have, and than client_max_body_size of other methods."""
         with self.connect() as client:
             scene = client.scenes.upload(scenes.large(3, 68), "large")
             self.assertGreater(scene.triangles, 900000)
@@ -211,7 +211,7 @@ class Front(unittest.TestCase):
     def test_too_large_for_a_message(self):
         channel, metadata = self.raw()
         with channel, self.assertRaises(grpc.RpcError) as caught:
-            channel.unary_unary("/gobo.v1.Render/RenderInline")(bytes(70 << 20), metadata=metadata, timeout=60)
+            channel.unary_unary("/gobo.v1.Render/RenderInline")(bytes(18 << 20), metadata=metadata, timeout=60)
         self.assertEqual(caught.exception.code(), grpc.StatusCode.RESOURCE_EXHAUSTED)
 
     def test_too_many_calls_have_a_hint(self):
