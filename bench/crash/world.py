@@ -187,18 +187,18 @@ class Ledger:
         integrity = base.execute("PRAGMA integrity_check").fetchone()[0]
         if integrity != "ok":
             self.blame("broken", integrity)
-        keys = {}
+        keys, named = {}, {}
         for id, key, frames in base.execute("SELECT id, key, frames FROM job"):
             if key in keys:
                 self.blame("twice", f"{key} is two jobs")
             keys[key] = id
+            named[id] = key
             tasks = base.execute("SELECT count(*), count(DISTINCT frame) FROM task WHERE job = ?", (id,)).fetchone()
             if tasks != (frames, frames):
                 self.blame("lost", f"{key}: {tasks} rows and frames of {frames}")
         for key, id in self.acknowledged.items():
             if keys.get(key) != int(id[2:]):
                 self.blame("lost", f"{key} was acknowledged as {id}")
-        named = {id: key for key, id in keys.items()}
         now = {}
         for job, frame, sha, outputs in base.execute("SELECT task.job, task.frame, min(file.sha256), count(file.sha256) FROM task LEFT JOIN file "
                                                      "ON file.job = task.job AND file.idx = task.idx WHERE task.state = ? GROUP BY task.job, task.idx", (DONE,)):
