@@ -20,7 +20,7 @@ import grpc
 import numpy as np
 
 import gobo
-from gobo.v1 import service_pb2, service_pb2_grpc
+from gobo.v1 import render_pb2, service_pb2, service_pb2_grpc
 from support import SMALL, SOURCE
 
 sys.path.insert(0, os.path.join(SOURCE, "bench", "attackers"))
@@ -79,7 +79,7 @@ class Front(unittest.TestCase):
         with open(os.path.join(FRONT, "nginx.conf"), encoding="utf-8") as file:
             front = replaced(file.read(), (r"listen 443 ssl", f"listen 127.0.0.1:{cls.port} ssl"), (r"/run/gobo/gobo\.sock", f"{cls.folder}/gobo.sock"),
                              (r"127\.0\.0\.1:9464", f"127.0.0.1:{http}"), (r"/etc/gobo/front", certs), (r"/run/nginx\.pid", f"{cls.folder}/nginx.pid"),
-                             (r"/var/log/nginx", cls.folder), (r"/var/lib/nginx", cls.folder), (r"client_body_timeout 30s", "client_body_timeout 2s"),
+                             (r"/var/log/nginx", cls.folder), (r"/var/lib/nginx", cls.folder), (r"client_body_timeout 30s", "client_body_timeout 2s"), (r"send_timeout 60s;  ", "send_timeout 3s;  "),
                              (r"user www-data gobo;[^\n]*", "user root;" if os.getuid() == 0 else ""))
         # Temporary folders of modules that the file has no use for.
         front = front.replace("  access_log off;", "".join(f"  {m}_temp_path {cls.folder}/{m};\n" for m in ("fastcgi", "uwsgi", "scgi")) + "  access_log off;")
@@ -278,6 +278,20 @@ class Front(unittest.TestCase):
         self.assertIsNotNone(last, "1500 requests over one connection")
         self.assertGreater(last, 900)
         self.assertLessEqual(last, 1000)
+
+    def test_a_picture_that_nobody_reads(self):
+        """12 MB that stay where they are: the stream ends, and the daemon holds neither call nor picture."""
+        request = render_pb2.RenderRequest(scene="cornell", width=1024, height=1024, outputs=["depth", "normal", "position"], view_samples=1)
+        request.halt.spp = 1
+        request.encoding.format = render_pb2.Encoding.RAW_FLOAT
+        channel, metadata = self.raw()
+        with channel:
+            call = service_pb2_grpc.RenderStub(channel).Render(request, metadata=metadata, timeout=60)
+            ended = threading.Event()
+            call.add_callback(ended.set)
+            self.assertTrue(ended.wait(40), "the stream still waits for its reader")
+            self.assertNotEqual(call.code(), grpc.StatusCode.OK)
+            self.assertNotEqual(call.code(), grpc.StatusCode.DEADLINE_EXCEEDED)
 
     def test_rapid_reset(self):
         """8 s of requests that are taken back at once, from another address: the daemon does not grow, a victim renders."""
