@@ -31,7 +31,7 @@ class Attacker:
                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                                         env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)})
 
-    def on(self, patience: float = 60.0) -> bool:
+    def on(self, patience: float = 150.0) -> bool:
         return bool(select.select([self.process.stdout], [], [], patience)[0]) and self.process.stdout.readline() == b"on\n"
 
     def stop(self) -> dict:
