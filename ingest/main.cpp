@@ -13,6 +13,7 @@
 #include <cstring>
 #include <new>
 
+#include "base/decode_limit.h"
 #include "ingest/layers.h"
 #include "ingest/probe.h"
 #include "ingest/sandbox.h"
@@ -69,6 +70,7 @@ Status writeOut(const void* data, size_t bytes) {
 
 Status work(const Job& job, Done& done) {
   ParentFiles files;
+  setMostDecodedBytes(job.textureBytes);
   if (job.task == Task::Environment) {
     GOBO_ASSIGN(const std::vector<uint8_t> bytes, files.main(~0ull));
     files.parsing("");
