@@ -20,7 +20,7 @@ SchedulerOptions schedulerOptions(const ServerConfig& c) {
 
 }  // namespace
 
-ServerCore::ServerCore(Engine& e, const ServerConfig& c) : engine(e), config(c), jobs(schedulerOptions(c)) {
+ServerCore::ServerCore(Engine& e, const ServerConfig& c) : engine(e), config(c), sandbox(c.ingestSandbox, c.ingestProgram), jobs(schedulerOptions(c)) {
   setLive(c);
   declareServerMetrics(*this);
 }

@@ -19,6 +19,7 @@
 #include "server/job_runner.h"
 #include "server/load_gate.h"
 #include "server/metrics.h"
+#include "server/sandbox_probe.h"
 
 namespace gobo {
 
@@ -37,6 +38,7 @@ class ServerCore {
   TokenBook tokens;
   LoadGate loads;
   DeviceProbe devices;
+  SandboxProbe sandbox;
   JobRunner jobs;
   DurableJobs* durable = nullptr;                    ///< null: switched off
   std::atomic<uint64_t> renders{0};                  ///< finished with a picture
