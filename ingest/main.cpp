@@ -1,13 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // gobo-ingest: parses one scene or environment file for gobod in a sandbox and writes a scene blob. Started by gobod with a
 // socket on descriptor 3 and the output on 4 (wire.h); it opens nothing itself. docs/ingest.md has the whole story.
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <new>
 
+#include "base/decode_limit.h"
+#include "ingest/layers.h"
 #include "ingest/probe.h"
 #include "ingest/sandbox.h"
 #include "ingest/wire.h"
@@ -63,6 +70,7 @@ Status writeOut(const void* data, size_t bytes) {
 
 Status work(const Job& job, Done& done) {
   ParentFiles files;
+  setMostDecodedBytes(job.textureBytes);
   if (job.task == Task::Environment) {
     GOBO_ASSIGN(const std::vector<uint8_t> bytes, files.main(~0ull));
     files.parsing("");
@@ -77,7 +85,8 @@ Status work(const Job& job, Done& done) {
   options.files = &files;
   options.times = &times;
   GOBO_ASSIGN(const ScenePtr scene, loadGltf(job.path, options));
-  done = {times.parseMs, times.textureMs};
+  done.parseMs = times.parseMs;
+  done.textureMs = times.textureMs;
   return writeBlob(*scene, writeOut);
 }
 
@@ -101,13 +110,13 @@ void outOfMemory() {
   ::_exit(0);
 }
 
-int serve() {
+int serve(Layers& layers) {
   std::set_new_handler(outOfMemory);
   prepareLibraries();
   Job job;
   Done done;
   Status status = readJob(job);
-  if (status.ok()) status = lockDown(job);
+  if (status.ok()) status = lockDown(job, layers);
   if (status.ok()) {
     try {
       if (job.task == Task::Probe) writeFrame(kSocket, Frame::Note, nullptr, 0);
@@ -118,9 +127,35 @@ int serve() {
       status = internalError(e.what(), job.path);
     }
   }
+  done.layers = layers;
   const std::vector<uint8_t> body = status.ok() ? encode(done) : encode(status);
   const bool told = writeFrame(kSocket, status.ok() ? Frame::Done : Frame::Failed, body.data(), body.size());
   ::_exit(told ? 0 : 3);   // no tear-down: it could only go wrong
+}
+
+/// Goes on in a process of one thread. Libraries start threads before main (log4cplus does, which OpenImageIO's plugins bring along), and
+/// a filter, capabilities and Landlock are a thread's own: those would stay outside of the sandbox, in the reader's memory, and no user
+/// namespace can be had. A fork leaves them behind. The first process reads nothing, waits, and ends as the reader ended.
+void leaveThreadsBehind() {
+  const rlimit none{0, 0};
+  ::setrlimit(RLIMIT_CORE, &none);
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  const pid_t first = ::getpid(), reader = ::fork();
+  if (reader < 0) ::_exit(3);
+  if (reader == 0) {
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (::getppid() != first) ::_exit(3);
+    return;
+  }
+  ::close(kSocket);   // or the reader's end would not be the end of the conversation
+  ::close(kOutput);
+  int status = 0;
+  while (::waitpid(reader, &status, 0) < 0 && errno == EINTR) {}
+  if (WIFSIGNALED(status)) {
+    ::signal(WTERMSIG(status), SIG_DFL);
+    ::kill(::getpid(), WTERMSIG(status));
+  }
+  ::_exit(WIFEXITED(status) ? WEXITSTATUS(status) : 3);
 }
 
 }  // namespace
@@ -129,11 +164,16 @@ int serve() {
 int main(int argc, char** argv) {
   using namespace gobo;
   if (argc == 3 && std::strcmp(argv[1], "--probe") == 0) {
+    ingest::leaveThreadsBehind();
+    ingest::Layers layers;
+    ingest::enterUserNamespace(layers);
     ingest::prepareLibraries();
-    const Status locked = ingest::lockDown({ingest::Task::Probe, argv[2], 0, 0, 0, 4ull << 30, 1 << 20, 10});
+    const Status locked = ingest::lockDown({ingest::Task::Probe, argv[2], 0, 0, 0, 4ull << 30, 1 << 20, 10}, layers);
+    for (const std::string& layer : layers.active) std::fprintf(stderr, "gobo-ingest: has %s\n", layer.c_str());
+    for (const std::string& layer : layers.missing) std::fprintf(stderr, "gobo-ingest: lacks %s\n", layer.c_str());
     const Status status = locked.ok() ? ingest::probe(argv[2]) : locked;
     std::fprintf(stderr, "gobo-ingest: %s\n", status.toString().c_str());
-    return status.code() == Code::FailedPrecondition ? 0 : 1;
+    ::_exit(status.code() == Code::FailedPrecondition ? 0 : 1);   // what libraries do at exit expects the threads that were left behind
   }
   int type = 0;
   socklen_t size = sizeof type;
@@ -141,5 +181,8 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "gobo-ingest is started by gobod; on its own it only answers --probe NAME (what the sandbox does about NAME)\n");
     return 2;
   }
-  return ingest::serve();
+  ingest::leaveThreadsBehind();
+  ingest::Layers layers;
+  ingest::enterUserNamespace(layers);
+  return ingest::serve(layers);
 }

@@ -73,7 +73,7 @@ Status probe(const std::string& what) {
     writeAll(kSocket, junk.data(), junk.size());
     return {};
   }
-  if (what == "empty") return {};   // Done without a blob
+  if (what == "empty") return {};   // Done, with the layers, without a blob
   return invalidArgument("no probe \"" + what + "\"");
 }
 

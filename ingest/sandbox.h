@@ -10,11 +10,12 @@ namespace gobo::ingest {
 /// Library state that would start threads or open files later: OpenImageIO and OpenEXR use the calling thread only.
 void prepareLibraries();
 
-/// Core files off, no new privileges, death with the parent, every descriptor but 0-4 closed; limits of the job (address
+/// Namespaces and Landlock as far as the machine has them (layers.h; `layers` says which); core files off, no new privileges, death
+/// with the parent, every descriptor but 0-4 closed; limits of the job (address
 /// space, CPU seconds, size of the output, no new descriptors); then a seccomp filter: an allow-list of system calls for
 /// memory, the descriptors that are open, time and leaving. Looking at files answers EPERM (libraries probe for their
 /// configuration), and so does making threads; every other call, sockets and exec among them, kills the process (SIGSYS).
 /// Memory can no longer become executable. Errors: Internal; the caller must leave then.
-Status lockDown(const Job& job);
+Status lockDown(const Job& job, Layers& layers);
 
 }  // namespace gobo::ingest

@@ -13,6 +13,7 @@ struct Out {
   std::vector<uint8_t> bytes;
   template <typename T>
   Out& put(const T& v) { const auto* p = reinterpret_cast<const uint8_t*>(&v); bytes.insert(bytes.end(), p, p + sizeof v); return *this; }
+  Out& put(const std::vector<std::string>& list) { put(uint32_t(list.size())); for (const std::string& s : list) put(s); return *this; }
   Out& put(const std::string& s) { put(uint32_t(s.size())); bytes.insert(bytes.end(), s.begin(), s.end()); return *this; }
 };
 
@@ -35,6 +36,14 @@ struct In {
     at += n;
     return *this;
   }
+  In& get(std::vector<std::string>& list) {
+    uint32_t n = 0;
+    get(n);
+    if (n > 64) ok = false;
+    list.assign(ok ? n : 0, {});
+    for (std::string& s : list) get(s);
+    return *this;
+  }
   bool whole() const { return ok && at == bytes.size(); }
 };
 
@@ -43,7 +52,7 @@ struct In {
 std::vector<uint8_t> encode(const Job& j) {
   return Out().put(j.task).put(j.path).put(j.maxTriangles).put(j.maxBytes).put(j.textureBytes).put(j.memoryBytes).put(j.blobBytes).put(j.cpuSeconds).bytes;
 }
-std::vector<uint8_t> encode(const Done& d) { return Out().put(d.parseMs).put(d.textureMs).bytes; }
+std::vector<uint8_t> encode(const Done& d) { return Out().put(d.parseMs).put(d.textureMs).put(d.layers.active).put(d.layers.missing).bytes; }
 std::vector<uint8_t> encode(const Status& s) { return Out().put(uint32_t(s.code())).put(s.message()).put(s.location()).bytes; }
 
 bool decode(const std::vector<uint8_t>& body, Job& j) {
@@ -51,7 +60,7 @@ bool decode(const std::vector<uint8_t>& body, Job& j) {
   in.get(j.task).get(j.path).get(j.maxTriangles).get(j.maxBytes).get(j.textureBytes).get(j.memoryBytes).get(j.blobBytes).get(j.cpuSeconds);
   return in.whole();
 }
-bool decode(const std::vector<uint8_t>& body, Done& d) { return In{body}.get(d.parseMs).get(d.textureMs).whole(); }
+bool decode(const std::vector<uint8_t>& body, Done& d) { return In{body}.get(d.parseMs).get(d.textureMs).get(d.layers.active).get(d.layers.missing).whole(); }
 bool decode(const std::vector<uint8_t>& body, Status& s) {
   uint32_t code = 0;
   std::string message, location;

@@ -4,7 +4,7 @@
 //   parent  Job        everything the child needs to know, then a File frame with the scene file
 //   child   Ask        a name beside the scene file; the parent answers with File or Refusal
 //   child   Note       what it is about to parse, so that its end can be blamed on that: "" for the file itself, else a place in it
-//   child   Done       the blob is complete on descriptor 4: times
+//   child   Done       the blob is complete on descriptor 4: times, layers of the sandbox
 //   child   Failed     one error: code, message, location
 // The parent trusts none of it: names are checked again, counts and sizes are bounded, and the blob is verified.
 #pragma once
@@ -28,7 +28,9 @@ struct Job {
   uint64_t memoryBytes = 0, blobBytes = 0;   ///< RLIMIT_AS beyond the program itself, RLIMIT_FSIZE
   uint32_t cpuSeconds = 0;           ///< RLIMIT_CPU
 };
-struct Done { double parseMs = 0, textureMs = 0; };
+/// What stood around the reader while it read ("seccomp", "landlock", ...), and what the machine did not give, each with why.
+struct Layers { std::vector<std::string> active, missing; };
+struct Done { double parseMs = 0, textureMs = 0; Layers layers; };
 
 std::vector<uint8_t> encode(const Job& job);
 std::vector<uint8_t> encode(const Done& done);

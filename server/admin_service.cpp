@@ -8,7 +8,7 @@
 
 namespace gobo {
 
-/// How long the first status waits for drivers to be found; the next one has them.
+/// How long the first status waits for drivers, and for the layers of the sandbox, to be found; the next one has them.
 static constexpr double kProbeSeconds = 0.25;
 
 grpc::Status AdminService::GetStatus(grpc::ServerContext* context, const v1::StatusRequest*, v1::StatusReply* reply) {
@@ -45,6 +45,9 @@ void AdminService::fill(v1::StatusReply& status) {
   holder("running renders", jobs.pinnedBytes, core_.config.pinnedBytes);
   holder("pictures made or sent", core_.replies.used(), core_.replies.limit());
   for (const std::string& device : core_.devices.list(kProbeSeconds)) reply->add_devices(device);
+  const ingest::Layers layers = core_.sandbox.layers(kProbeSeconds);
+  reply->mutable_sandbox()->Assign(layers.active.begin(), layers.active.end());
+  reply->mutable_sandbox_missing()->Assign(layers.missing.begin(), layers.missing.end());
 }
 
 grpc::Status AdminService::DropCaches(grpc::ServerContext* context, const v1::DropCachesRequest* request, v1::DropCachesReply* reply) {

@@ -88,7 +88,7 @@ struct ServerConfig {
   std::string ingestCacheFolder;              ///< blobs; empty: "ingest" under cacheFolder, none without one
   uint64_t ingestCacheBytes = 8ull << 30;
   std::string ingestVerify = "changed";       ///< "changed" or "always"
-  uint64_t ingestMemoryBytes = 4ull << 30, ingestBlobBytes = 8ull << 30, ingestTextureBytes = 4ull << 30, ingestInputBytes = 4ull << 30;
+  uint64_t ingestMemoryBytes = 4ull << 30, ingestBlobBytes = 2ull << 30, ingestTextureBytes = 1ull << 30, ingestInputBytes = 4ull << 30;
   uint32_t ingestCpuSeconds = 300, ingestAtOnce = 2;
   double ingestWallSeconds = 600;
 

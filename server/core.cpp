@@ -22,7 +22,8 @@ SchedulerOptions schedulerOptions(const ServerConfig& c) {
 }  // namespace
 
 ServerCore::ServerCore(Engine& e, const ServerConfig& c)
-    : engine(e), config(c), idle(c.clientIdleSeconds), uploads(c.uploadsAtOnce), watches(c.watches), replies(c.replyBytes), jobs(schedulerOptions(c)) {
+    : engine(e), config(c), idle(c.clientIdleSeconds), uploads(c.uploadsAtOnce), watches(c.watches), replies(c.replyBytes), sandbox(c.ingestSandbox, c.ingestProgram),
+      jobs(schedulerOptions(c)) {
   setLive(c);
   declareServerMetrics(*this);
 }

@@ -20,6 +20,7 @@
 #include "server/job_runner.h"
 #include "server/load_gate.h"
 #include "server/metrics.h"
+#include "server/sandbox_probe.h"
 #include "server/shared_limit.h"
 
 namespace gobo {
@@ -42,6 +43,7 @@ class ServerCore {
   SharedLimit uploads, watches;                      ///< calls in progress
   SharedLimit replies;                               ///< bytes of pictures that are being made or sent
   DeviceProbe devices;
+  SandboxProbe sandbox;
   JobRunner jobs;
   DurableJobs* durable = nullptr;                    ///< null: switched off
   std::atomic<uint64_t> renders{0};                  ///< finished with a picture

@@ -61,7 +61,8 @@ class Child {
     return Status(error == EAGAIN || error == ENOMEM ? Code::ResourceExhausted : Code::Internal,
                   "cannot start \"" + program + "\": " + strerrordesc_np(error) + " (ingest.program)");
   }
-  void kill() { ::kill(pid_, SIGKILL); }
+  /// The group: the program and the reader that it forked.
+  void kill() { if (::kill(-pid_, SIGKILL) != 0) ::kill(pid_, SIGKILL); }
   /// Blocks until it is gone.
   void reap(int& status) {
     while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {}

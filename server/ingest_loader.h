@@ -19,8 +19,8 @@ struct IngestOptions {
   uint64_t cacheBytes = 8ull << 30;
   bool verifyAlways = false;                 ///< hash files at every load
   uint64_t memoryBytes = 4ull << 30;         ///< address space of a child beyond its program
-  uint64_t blobBytes = 8ull << 30;           ///< of one scene
-  uint64_t textureBytes = 4ull << 30;        ///< of one scene, mip levels included
+  uint64_t blobBytes = 2ull << 30;           ///< of one scene; of an environment map at most what its file can decode to
+  uint64_t textureBytes = 1ull << 30;        ///< of one scene, mip levels included
   uint64_t inputBytes = 4ull << 30;          ///< of one scene's files together
   uint64_t triangles = 64ull << 20;
   uint32_t cpuSeconds = 300;

@@ -108,6 +108,10 @@ void printStatus(const v1::StatusReply& s) {
   std::printf("store: %s of %s in %llu terms, disk %s; resident %s\n", bytesText(s.store_bytes()).c_str(), bytesText(s.store_limit()).c_str(),
               static_cast<unsigned long long>(s.store_terms()), bytesText(s.disk_bytes()).c_str(), bytesText(s.rss_bytes()).c_str());
   std::printf("pinned by renders: %s; %u open files\n", bytesText(s.pinned_bytes()).c_str(), s.open_fds());
+  std::string layers;
+  for (const std::string& layer : s.sandbox()) layers += (layers.empty() ? "" : ", ") + escaped(layer);
+  std::printf("sandbox of the file reader: %s\n", layers.empty() ? "none" : layers.c_str());
+  for (const std::string& layer : s.sandbox_missing()) std::printf("  missing: %s\n", escaped(layer).c_str());
   for (const std::string& device : s.devices()) std::printf("device: %s\n", escaped(device).c_str());
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/image_exr.h"
+#include "base/exr_header.h"
 
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
@@ -101,6 +102,14 @@ Result<Image> readPart(Imf::MultiPartInputFile& file, int part, const std::vecto
       if (const Status s = checkImageSize(across, int64_t(tile.ySize), int64_t(wanted.size()), size, limits); !s.ok())
         return Status(s.code(), "EXR tiles of " + std::to_string(tile.xSize) + " x " + std::to_string(tile.ySize) + ": " + s.message(), name);
   }
+  // It holds a chunk of all channels, read or not: lines as many as the compression takes together, or a row of tiles.
+  uint64_t pixelBytes = 0;
+  for (auto c = header.channels().begin(); c != header.channels().end(); ++c) pixelBytes += c.channel().type == Imf::HALF ? 2 : 4;
+  const uint64_t lines = header.hasTileDescription() ? header.tileDescription().ySize : uint64_t(exrLinesPerChunk(header.compression()));
+  const uint64_t across = header.hasTileDescription() ? std::max(uint64_t(width), uint64_t(header.tileDescription().xSize)) : uint64_t(width);
+  if (pixelBytes * lines * across > mostExrBuffer(size))
+    return invalidArgument("EXR of " + std::to_string(size) + " bytes has chunks of " + std::to_string(across) + " x " + std::to_string(lines) + " pixels, " + std::to_string(pixelBytes) +
+                           " bytes each, which is more than it can hold", name);
   // OpenEXR forms addresses of the window's origin in a float frame buffer: keep them far from overflow.
   constexpr int far = 1 << 24;
   if (std::abs(int64_t(window.min.x)) > far || std::abs(int64_t(window.min.y)) > far)
@@ -153,40 +162,8 @@ auto guarded(const std::string& name, const Body& body) -> decltype(body()) {
 
 }  // namespace
 
-namespace {
-
-/// OpenEXR allocates what an attribute says it has before it reads it: sizes are compared with the file first.
-Status checkAttributes(const uint8_t* bytes, size_t size, const std::string& name) {
-  const auto skipText = [&](size_t& at) {
-    const size_t from = at;
-    while (at < size && bytes[at] != 0) ++at;
-    return at++ - from;   // length; past the zero
-  };
-  if (size < 8) return invalidArgument("EXR header is cut short", name);
-  const bool parts = bytes[5] & 0x10;
-  for (size_t at = 8, inHeader = 0; at < size;) {
-    const size_t length = skipText(at);
-    if (length == 0) {   // the end of a header; of all, in a file of one part or after an empty one
-      if (!parts || inHeader == 0) return {};
-      inHeader = 0;
-      continue;
-    }
-    ++inHeader;
-    skipText(at);
-    uint32_t bytesOfIt = 0;
-    if (at > size || size - at < 4) return invalidArgument("EXR header is cut short", name);
-    std::memcpy(&bytesOfIt, bytes + at, 4);
-    at += 4;
-    if (bytesOfIt > size - at) return invalidArgument("EXR attribute of " + std::to_string(bytesOfIt) + " bytes at byte " + std::to_string(at) + " does not fit the file", name);
-    at += bytesOfIt;
-  }
-  return {};
-}
-
-}  // namespace
-
 Result<Image> readExr(const uint8_t* bytes, size_t size, const std::string& name, const ReadLimits& limits) {
-  GOBO_TRY(checkAttributes(bytes, size, name));
+  GOBO_TRY(checkExrHeaders(bytes, size, name));
   MemoryReader stream(bytes, size);
   Imf::MultiPartInputFile file(stream, 1, false);
   if (file.parts() < 1) return invalidArgument("EXR file has no parts", name);
@@ -195,7 +172,7 @@ Result<Image> readExr(const uint8_t* bytes, size_t size, const std::string& name
 
 Result<Image> readExrLayer(const uint8_t* bytes, size_t size, const std::string& name, const std::string& layer, const ReadLimits& limits) {
   return guarded(name, [&]() -> Result<Image> {
-    GOBO_TRY(checkAttributes(bytes, size, name));
+    GOBO_TRY(checkExrHeaders(bytes, size, name));
     MemoryReader stream(bytes, size);
     Imf::MultiPartInputFile file(stream, 1, false);
     const std::vector<std::string> layers = layersOf(file);
@@ -220,6 +197,7 @@ Result<Image> readExrLayer(const uint8_t* bytes, size_t size, const std::string&
 
 Result<std::vector<std::string>> exrLayers(const uint8_t* bytes, size_t size, const std::string& name) {
   return guarded(name, [&]() -> Result<std::vector<std::string>> {
+    GOBO_TRY(checkExrHeaders(bytes, size, name));
     MemoryReader stream(bytes, size);
     Imf::MultiPartInputFile file(stream, 1, false);
     return layersOf(file);
@@ -228,6 +206,7 @@ Result<std::vector<std::string>> exrLayers(const uint8_t* bytes, size_t size, co
 
 Result<std::map<std::string, std::string>> exrMetadata(const uint8_t* bytes, size_t size, const std::string& name) {
   return guarded(name, [&]() -> Result<std::map<std::string, std::string>> {
+    GOBO_TRY(checkExrHeaders(bytes, size, name));
     MemoryReader stream(bytes, size);
     Imf::MultiPartInputFile file(stream, 1, false);
     std::map<std::string, std::string> out;

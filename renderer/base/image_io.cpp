@@ -6,10 +6,12 @@
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cctype>
 #include <cstring>
 #include <limits>
 
+#include "base/decode_limit.h"
 #include "base/image_exr.h"
 #include "base/utf8.h"
 
@@ -49,7 +51,7 @@ std::string extension(const std::string& name) {
 Result<std::vector<uint8_t>> plainPng(const uint8_t* b, size_t n, const ReadLimits& limits) {
   auto word = [&](size_t i) { return uint64_t(b[i]) << 24 | uint64_t(b[i + 1]) << 16 | uint64_t(b[i + 2]) << 8 | b[i + 3]; };
   if (n < 33 || std::memcmp(b + 12, "IHDR", 4) != 0) return invalidArgument("PNG header is cut short");
-  GOBO_TRY(checkImageSize(int64_t(word(16)), int64_t(word(20)), 4, n, limits));
+  GOBO_TRY(checkImageSize(int64_t(word(16)), int64_t(word(20)), b[25] == 0 ? 1 : b[25] == 4 ? 2 : b[25] == 6 ? 4 : 3, n, limits));
   std::vector<uint8_t> out(b, b + 8);
   out.reserve(n);
   for (size_t i = 8; i + 12 <= n;) {
@@ -177,6 +179,13 @@ Result<std::vector<uint8_t>> encodeIntegers(const Image& image, const char* form
 
 }  // namespace
 
+namespace {
+std::atomic<uint64_t> decodedLimit{kMostDecodedBytes};
+}  // namespace
+
+void setMostDecodedBytes(uint64_t bytes) { decodedLimit = bytes; }
+uint64_t mostDecodedBytes() { return decodedLimit; }
+
 Status checkImageSize(int64_t width, int64_t height, int64_t channels, size_t fileBytes, const ReadLimits& limits) {
   const std::string size = std::to_string(width) + " x " + std::to_string(height) + " x " + std::to_string(channels);
   if (width <= 0 || height <= 0 || channels <= 0) return invalidArgument("image size " + size + " is empty");
@@ -188,6 +197,11 @@ Status checkImageSize(int64_t width, int64_t height, int64_t channels, size_t fi
   const uint64_t pixels = uint64_t(width) * uint64_t(height);
   if (pixels > (1u << 16) && pixels / 16384 > fileBytes)
     return invalidArgument("image size " + size + " cannot come from " + std::to_string(fileBytes) + " bytes");
+  // What decoders really make of a small file: a flat picture of 382 KB was 1.6 GB of floats.
+  const uint64_t decoded = pixels * uint64_t(channels) * sizeof(float);
+  if (decoded > std::max({mostDecodedBytes(), uint64_t(fileBytes) * kDecodedPerByte, kLeastDecodedBytes}))
+    return Status(Code::ResourceExhausted, "image size " + size + " is " + std::to_string(decoded) + " bytes out of a file of " + std::to_string(fileBytes) + ", above the limit of " +
+                  std::to_string(std::max(mostDecodedBytes(), kLeastDecodedBytes)) + " (ingest.texture_bytes) and above " + std::to_string(kDecodedPerByte) + " times the file");
   return {};
 }
 

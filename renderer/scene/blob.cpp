@@ -6,6 +6,7 @@
 
 #include "base/check.h"
 #include "scene/blob_codec.h"
+#include "scene/texture_seal.h"
 
 namespace gobo {
 namespace {
@@ -169,14 +170,14 @@ Result<ScenePtr> readSceneBlob(std::shared_ptr<const void> owner, std::span<cons
     if (trust == BlobTrust::Foreign) GOBO_TRY(checkMesh(mesh, i));
     else if (mesh.topologyHash.isZero()) return bad("mesh " + std::to_string(i) + " has no digest");
   }
+  TextureSealer sealer;
   for (size_t i = 0; i < scene->textures.size(); ++i) {
     if (!scene->textures[i]) return bad("texture " + std::to_string(i) + " is missing");
     const Texture& t = *scene->textures[i];
     GOBO_TRY(checkTextureShape(t, i));
     if (trust == BlobTrust::Own) continue;
-    if (!allFinite(t.texelsF)) return bad("texture " + std::to_string(i) + ": a texel is not finite");
     Texture again = t;
-    sealTexture(again);
+    if (sealer.seal(again) && !allFinite(t.texelsF)) return bad("texture " + std::to_string(i) + ": a texel is not finite");
     if (again.content != t.content) return bad("texture " + std::to_string(i) + ": digest is not that of its texels");
     if (again.lowest != t.lowest) return bad("texture " + std::to_string(i) + ": lowest values are not those of its texels");
   }

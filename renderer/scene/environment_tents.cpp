@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/to_index.h"
+
 namespace gobo {
 namespace {
 
@@ -26,7 +28,7 @@ Vec3 interpolateTexels(const Environment& map, double x, double y) {
   const int w = map.width, h = map.height;
   const double fx = x - 0.5, fy = std::clamp(y - 0.5, 0.0, double(h - 1));
   const double cx = std::floor(fx);
-  const int x0 = ((int(cx) % w) + w) % w, x1 = x0 + 1 < w ? x0 + 1 : 0, y0 = std::min(int(fy), h - 1), y1 = std::min(y0 + 1, h - 1);
+  const int x0 = ((toInteger(cx, -(1 << 30), 1 << 30) % w) + w) % w, x1 = x0 + 1 < w ? x0 + 1 : 0, y0 = toIndex(fy, h), y1 = std::min(y0 + 1, h - 1);
   const float a = float(fx - cx), b = float(fy - double(y0));
   const Vec3 *upper = map.texels.begin() + size_t(y0) * w, *lower = map.texels.begin() + size_t(y1) * w;
   // Weighted sums, not differences: texels of 0 and of 1e38 side by side stay finite and non-negative.

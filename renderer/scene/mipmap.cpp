@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
+#include <tuple>
 #include <vector>
 
 #include "base/check.h"
+#include "scene/texture_seal.h"
 
 namespace gobo {
 namespace {
@@ -141,28 +144,53 @@ void finishTextures(Scene& scene, uint64_t maxBytes, const StopToken& stop) {
   for (const Material& m : scene.materials)
     for (const TextureRef* ref : {&m.coverage.texture, &m.albedo.texture})
       if (m.coverage.mode != AlphaMode::Opaque && ref->valid() && size_t(ref->texture) < n) coverage[ref->texture] = 1;
-  const auto bytesAt = [&](size_t i, int drop) {
+  // What comes out the same for all textures in it: a group has one set of levels.
+  using Source = std::tuple<const void*, size_t, int, int, bool, char>;
+  std::map<Source, size_t> groups;
+  std::vector<size_t> group(n), first;      // of texture i; of group g
+  for (size_t i = 0; i < n; ++i) {
     const Texture& t = *scene.textures[i];
+    const bool floats = !t.texelsF.empty();
+    const Source source(floats ? static_cast<const void*>(t.texelsF.data()) : t.texels8.data(), floats ? t.texelsF.size() : t.texels8.size(), t.width, t.height, t.srgb, coverage[i]);
+    const auto [at, fresh] = groups.try_emplace(source, first.size());
+    if (fresh) first.push_back(i);
+    group[i] = at->second;
+  }
+  const auto bytesAt = [&](size_t g, int drop) {
+    const Texture& t = *scene.textures[first[g]];
     const int levels = levelsOf(t.width, t.height);
     return textureTexels(std::max(1, t.width >> drop), std::max(1, t.height >> drop), levels - drop, kTextureTile) * (t.texelsF.empty() ? 4u : 16u);
   };
-  std::vector<int> drop(n, 0);
+  std::vector<int> drop(first.size(), 0);
   uint64_t total = 0;
-  for (size_t i = 0; i < n; ++i) total += bytesAt(i, 0);
+  for (size_t g = 0; g < first.size(); ++g) total += bytesAt(g, 0);
   while (total > maxBytes) {
-    size_t largest = n;
-    for (size_t i = 0; i < n; ++i) {
-      if (drop[i] + 1 >= levelsOf(scene.textures[i]->width, scene.textures[i]->height)) continue;
-      if (largest == n || bytesAt(i, drop[i]) > bytesAt(largest, drop[largest])) largest = i;
+    size_t largest = first.size();
+    for (size_t g = 0; g < first.size(); ++g) {
+      if (drop[g] + 1 >= levelsOf(scene.textures[first[g]]->width, scene.textures[first[g]]->height)) continue;
+      if (largest == first.size() || bytesAt(g, drop[g]) > bytesAt(largest, drop[largest])) largest = g;
     }
-    if (largest == n) break;
+    if (largest == first.size()) break;
     total -= bytesAt(largest, drop[largest]);
     total += bytesAt(largest, ++drop[largest]);
   }
+  TextureSealer sealer;
+  std::vector<std::shared_ptr<const Texture>> levels(first.size());
   for (size_t i = 0; i < n && !stop.stopRequested(); ++i) {
+    const size_t g = group[i];
     const std::shared_ptr<const Texture> whole = std::move(scene.textures[i]);
-    auto made = std::make_shared<Texture>(mipmapped(*whole, coverage[i], drop[i], kTextureTile, stop));
-    if (drop[i] > 0)
+    std::shared_ptr<Texture> made;
+    if (!levels[g]) {
+      levels[g] = made = std::make_shared<Texture>(mipmapped(*whole, coverage[i], drop[g], kTextureTile, stop));
+    } else {
+      made = std::make_shared<Texture>(*levels[g]);
+      made->name = whole->name;
+      made->wrapU = whole->wrapU;
+      made->wrapV = whole->wrapV;
+      made->nearest = whole->nearest;
+      sealer.seal(*made);
+    }
+    if (drop[g] > 0)
       scene.warnings.push_back("/textures: \"" + whole->name + "\" is kept at " + std::to_string(made->width) + " x " + std::to_string(made->height) + " of " +
                                std::to_string(whole->width) + " x " + std::to_string(whole->height) + ": the scene's textures are bounded by " +
                                std::to_string(maxBytes) + " bytes (ingest.texture_bytes)");

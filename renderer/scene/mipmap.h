@@ -23,7 +23,8 @@ Texture mipmapped(const Texture& texture, bool coverage, int drop = 0, int tile 
 
 /// Replaces every texture of the scene by its mip-mapped form. When all of them together need more than `maxBytes`, the
 /// largest one loses its finest level, again and again, until they fit (or all are 1 x 1); each texture that lost levels is
-/// named in scene.warnings. Among equals the first loses first.
+/// named in scene.warnings. Among equals the first loses first. Textures that share their texels go on sharing them (as far as
+/// colour space and cut-outs allow): the levels of one picture are made, kept and counted once.
 /// After `stop` the scene is of no use.
 void finishTextures(Scene& scene, uint64_t maxBytes, const StopToken& stop = {});
 

@@ -6,6 +6,7 @@
 
 #include "base/check.h"
 #include "scene/coordinates.h"
+#include "scene/texture_seal.h"
 
 namespace gobo {
 
@@ -97,7 +98,8 @@ size_t Scene::bytes() const {
   for (const MeshPtr& m : meshes)
     for (const Array<Vec2>& set : m->uv) total += set.size() * sizeof(Vec2);
   if (rig) total += rigBytes(*rig);
-  for (const auto& t : textures) total += t->texels8.size() + t->texelsF.size() * 4;
+  TexelBytes texels;
+  for (const auto& t : textures) total += texels.add(*t);
   if (environment) total += environment->texels.size() * sizeof(Vec3);
   return total;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/to_index.h"
 #include "scene/environment_tents.h"
 
 namespace gobo {
@@ -65,7 +66,7 @@ void EnvironmentCells::add(const DVec3& d, double solidAngle, const DVec3& radia
   const int face = faceOf(d);
   double u = 0, v = 0;
   project(face, d, u, v);
-  const int i = std::clamp(int((u + 1.0) * 0.5 * kSide), 0, kSide - 1), j = std::clamp(int((v + 1.0) * 0.5 * kSide), 0, kSide - 1);
+  const int i = toIndex((u + 1.0) * 0.5 * kSide, kSide), j = toIndex((v + 1.0) * 0.5 * kSide, kSide);
   EnvironmentCell& cell = cells[(size_t(face) * kSide + j) * kSide + i];
   cell.solidAngle += solidAngle;
   const DVec3 part = radiance * solidAngle;

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "base/to_index.h"
+
 namespace gobo {
 
 namespace {
@@ -125,7 +127,7 @@ LightBounds LightTree::buildNode(const std::vector<LightBounds>& bounds, std::ve
   constexpr int kBins = 12;
   double bestCost = 1e300;
   int bestDim = -1, bestBin = -1;
-  const auto binOf = [&](int i, int dim) { return std::min(kBins - 1, int(kBins * ((centreOf(i)[dim] - lo[dim]) / (hi[dim] - lo[dim])))); };
+  const auto binOf = [&](int i, int dim) { return toIndex(kBins * ((centreOf(i)[dim] - lo[dim]) / (hi[dim] - lo[dim])), kBins); };
   for (int dim = 0; dim < 3; ++dim) {
     if (!(hi[dim] > lo[dim])) continue;
     LightBounds bins[kBins];

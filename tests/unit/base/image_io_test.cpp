@@ -2,6 +2,8 @@
 // Round trips by value, size limits, atomic writes, and damaged files that must end in an error or a finite-sized picture.
 #include "base/image_io.h"
 
+#include "base/decode_limit.h"
+
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -117,6 +119,27 @@ TEST(ImageIo, LimitsRefuseBeforeDecoding) {
   EXPECT_EQ(readImageFromMemory(bytes->data(), bytes->size(), "a.exr", limits).status().code(), Code::ResourceExhausted);
   limits.maxPixels = 64 * 32;
   EXPECT_TRUE(readImageFromMemory(bytes->data(), bytes->size(), "a.exr", limits).ok());
+}
+
+// A flat picture of many pixels in a small file: refused by what it would decode to, before that is allocated.
+TEST(ImageIo, DecodedBytesAreBounded) {
+  Image flat(8192, 2900, 3);   // 285 MB of floats
+  const auto png = encodePng(flat);
+  ASSERT_TRUE(png.ok());
+  ASSERT_LT(png->size(), 1u << 20);
+  const uint64_t before = mostDecodedBytes();
+  setMostDecodedBytes(280 << 20);
+  EXPECT_TRUE(readImageFromMemory(png->data(), png->size(), "a.png").ok());
+  setMostDecodedBytes(1 << 20);   // 256 MiB are read all the same
+  const Status refused = readImageFromMemory(png->data(), png->size(), "a.png").status();
+  const auto small = encodePng(Image(8192, 2700, 3));   // 265 MB
+  const bool read = readImageFromMemory(small->data(), small->size(), "b.png").ok();
+  setMostDecodedBytes(before);
+  EXPECT_TRUE(read);
+  EXPECT_EQ(refused.code(), Code::ResourceExhausted);
+  EXPECT_NE(refused.message().find("8192 x 2900 x 3 is 285081600 bytes"), std::string::npos) << refused.toString();
+  EXPECT_NE(refused.message().find("ingest.texture_bytes"), std::string::npos) << refused.toString();
+  EXPECT_EQ(refused.location(), "a.png");
 }
 
 TEST(ImageIo, EncodersRefuseMalformedImages) {

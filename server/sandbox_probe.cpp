@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/sandbox_probe.h"
+
+#include <sys/mman.h>
+
+#include <chrono>
+
+#include "base/descriptor.h"
+#include "server/ingest_child.h"
+
+namespace gobo {
+namespace {
+
+constexpr double kWallSeconds = 30;
+
+ingest::Layers probe(const std::string& program, const StopToken& stop) {
+  const Descriptor output(::memfd_create("gobo-probe", MFD_CLOEXEC));
+  if (output.get() < 0) return {{}, {"all: no descriptor for a probe"}};
+  const ingest::Job job{ingest::Task::Probe, "empty", 0, 0, 0, 256ull << 20, 1 << 20, 10};
+  const auto outcome = runIngest(program, job, output.get(), kWallSeconds, stop);
+  if (!outcome.ok()) return {{}, {"all: " + outcome.status().message()}};
+  return outcome->done.layers;
+}
+
+}  // namespace
+
+SandboxProbe::SandboxProbe(bool sandbox, std::string program) {
+  if (program.empty()) program = findIngestProgram();
+  if (!sandbox || program.empty()) {
+    layers_.missing = {sandbox ? "all: gobo-ingest is not beside this program (ingest.program)" : "all: files are read in this process (ingest.sandbox = false)"};
+    known_ = true;
+    return;
+  }
+  thread_ = std::thread([this, program] {
+    ingest::Layers found = probe(program, stop_.token());
+    const std::lock_guard hold(mutex_);
+    layers_ = std::move(found);
+    known_ = true;
+    changed_.notify_all();
+  });
+}
+
+SandboxProbe::~SandboxProbe() {
+  stop_.stop(StopReason::Cancelled);
+  if (thread_.joinable()) thread_.join();
+}
+
+ingest::Layers SandboxProbe::layers(double waitSeconds) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, std::chrono::duration<double>(waitSeconds), [&] { return known_; });
+  return known_ ? layers_ : ingest::Layers{{}, {"all: being looked for"}};
+}
+
+}  // namespace gobo

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// SandboxProbe: which layers this machine gives around the reader of files, for `status`: one child is started for it, on a thread of
+// its own, when the daemon starts. Thread-safe.
+#pragma once
+
+#include <condition_variable>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "base/stop.h"
+#include "ingest/wire.h"
+
+namespace gobo {
+
+class SandboxProbe {
+ public:
+  /// `sandbox`, `program`: ingest.sandbox and ingest.program of the configuration.
+  SandboxProbe(bool sandbox, std::string program);
+  ~SandboxProbe();   ///< ends the child
+  /// Waits up to `waitSeconds`; says "being looked for" of what is not known yet.
+  ingest::Layers layers(double waitSeconds);
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool known_ = false;
+  ingest::Layers layers_;
+  StopSource stop_;
+  std::thread thread_;
+};
+
+}  // namespace gobo
