@@ -47,8 +47,8 @@ int main(int argc, char** argv) {
     const double put = medianSeconds(runs, [&](int i) { if (!(*opened)->put(keyOf(i), *terms[size_t(i)]).ok()) std::abort(); });
     const double get = medianSeconds(runs, [&](int i) { if (!(*opened)->get(keyOf(i))) std::abort(); });
     std::vector<uint8_t> file;
-    const double serialise = medianSeconds(runs, [&](int i) { file = serializeTerm(*terms[size_t(i)]); });
-    const double parse = medianSeconds(runs, [&](int) { if (!parseTerm(file.data(), file.size())) std::abort(); });
+    const double serialise = medianSeconds(runs, [&](int i) { file = serializeTerm(*terms[size_t(i)], keyOf(i)); });
+    const double parse = medianSeconds(runs, [&](int) { if (!parseTerm(file.data(), file.size(), keyOf(runs - 1))) std::abort(); });
     (*opened)->clear();
     TermStore store(1ull << 30, std::move(*opened));
     store.put(keyOf(0), terms[0], false);

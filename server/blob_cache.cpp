@@ -12,7 +12,9 @@
 #include <cstring>
 #include <filesystem>
 
+#include "base/descriptor.h"
 #include "base/image_io.h"
+#include "base/own_folder.h"
 #include "server/encode.h"
 #include "server/log.h"
 
@@ -21,6 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr const char* kTemporary = ".tmp-";
+constexpr const char* kWhat = "blob cache";
 constexpr size_t kSmallFiles = 20000;   // .files and .stamp
 
 bool endsWith(const std::string& text, std::string_view tail) { return text.size() >= tail.size() && text.compare(text.size() - tail.size(), tail.size(), tail) == 0; }
@@ -38,7 +41,7 @@ void writeSmall(const std::string& path, const std::string& text) {
   static std::atomic<uint64_t> counter{0};
   const std::string temporary = path + "-" + std::to_string(::getpid()) + "-" + std::to_string(counter++) + ".stamp";
   const int fd = ::open(temporary.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (fd < 0) { logWarn("blob cache: cannot write: %s", std::strerror(errno)); return; }
+  if (fd < 0) return;   // it costs the next load a digest; commit() has said what is wrong
   const bool whole = ::write(fd, text.data(), text.size()) == ssize_t(text.size());
   ::close(fd);
   if (!whole || ::rename(temporary.c_str(), path.c_str()) != 0) ::unlink(temporary.c_str());
@@ -61,14 +64,10 @@ BlobKey blobKeyOf(const std::string& hex) {
 }
 
 Result<std::unique_ptr<BlobCache>> BlobCache::open(const std::string& folder, uint64_t maxBytes) {
-  std::error_code error;
-  fs::create_directories(fs::path(folder).parent_path(), error);
-  if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) return failed("cannot make the blob cache \"" + folder + "\"");
-  struct stat info{};
-  if (::stat(folder.c_str(), &info) != 0 || !S_ISDIR(info.st_mode)) return Status(Code::FailedPrecondition, "blob cache \"" + folder + "\" is not a folder");
   // Blobs in it are trusted: whoever can write there can make the daemon read what it has not checked.
-  if (info.st_uid != ::geteuid() || (info.st_mode & 0022) != 0)
-    return Status(Code::FailedPrecondition, "blob cache \"" + folder + "\" must belong to this user and be writable by no other");
+  GOBO_TRY(makeOwnFolder(folder, kWhat));
+  if (::access(folder.c_str(), W_OK | X_OK) != 0) return ioError("blob cache: cannot write to the folder", folder);
+  std::error_code error;
   std::unique_ptr<BlobCache> cache(new BlobCache(folder, maxBytes));
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     const std::string path = it->path().string();
@@ -82,15 +81,43 @@ Result<std::unique_ptr<BlobCache>> BlobCache::open(const std::string& folder, ui
   return cache;
 }
 
-std::shared_ptr<const MappedFile> BlobCache::find(const BlobKey& key) const {
+Result<std::shared_ptr<const MappedFile>> BlobCache::find(const BlobKey& key, const StopToken& stop) const {
   const std::string path = file(key, ".blob");
-  auto mapped = MappedFile::open(path);
-  if (!mapped.ok()) return nullptr;
-  ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);   // now
+  const Descriptor d{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW)};
+  struct stat info{};
+  if (!d || ::fstat(d.get(), &info) != 0) return std::shared_ptr<const MappedFile>();
+  auto mapped = MappedFile::map(d.get(), path);
+  if (!mapped.ok()) return std::shared_ptr<const MappedFile>();
+  const FileStamp stamp = FileStamp::of(info);
+  const bool settled = stamp.settled();   // of before the reading
+  bool known = false;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto it = checked_.find(path);
+    known = it != checked_.end() && it->second == stamp;
+    checks_ += !known;
+  }
+  if (!known) {
+    GOBO_TRY(checkBlobArrays((*mapped)->bytes(), stop));
+    const std::lock_guard lock(mutex_);
+    if (settled) checked_[path] = stamp;
+  }
+  const std::string used = file(key, ".used");
+  if (::utimensat(AT_FDCWD, used.c_str(), nullptr, 0) != 0) Descriptor(::open(used.c_str(), O_CREAT | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600));
   return *mapped;
 }
 
-void BlobCache::remove(const BlobKey& key) const { ::unlink(file(key, ".blob").c_str()); }
+void BlobCache::drop(const std::string& blob) const {
+  ::unlink(blob.c_str());
+  ::unlink((blob.substr(0, blob.size() - 5) + ".used").c_str());
+  const std::lock_guard lock(mutex_);
+  checked_.erase(blob);
+}
+
+uint64_t BlobCache::checks() const {
+  const std::lock_guard lock(mutex_);
+  return checks_;
+}
 
 BlobCache::Temporary::~Temporary() {
   if (!committed_ && !path_.empty()) ::unlink(path_.c_str());
@@ -102,7 +129,12 @@ Result<std::unique_ptr<BlobCache::Temporary>> BlobCache::begin() const {
   std::unique_ptr<Temporary> t(new Temporary());
   t->path_ = folder_ + "/" + kTemporary + std::to_string(::getpid()) + "-" + std::to_string(counter++);
   ::unlink(t->path_.c_str());   // of an earlier process with this number
-  t->fd_ = ::open(t->path_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600);
+  const auto make = [&] { return ::open(t->path_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600); };
+  t->fd_ = make();
+  if (t->fd_ < 0 && errno == ENOENT) {   // somebody removed the folder
+    GOBO_TRY(makeOwnFolder(folder_, kWhat));
+    t->fd_ = make();
+  }
   if (t->fd_ < 0 || ::flock(t->fd_, LOCK_EX | LOCK_NB) != 0) return failed("cannot write in the blob cache \"" + folder_ + "\"");
   return t;
 }
@@ -130,16 +162,22 @@ void BlobCache::trim(const std::string& keep) const {
     const std::string path = it->path().string();
     struct stat info{};
     if (::lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) continue;
-    const Item item{path, uint64_t(info.st_size), info.st_mtim.tv_sec * 1000000000ll + info.st_mtim.tv_nsec};
-    if (endsWith(path, ".blob")) { blobs.push_back(item); total += item.bytes; }
-    else if (endsWith(path, ".files") || endsWith(path, ".stamp")) small.push_back(item);
+    Item item{path, uint64_t(info.st_size), FileStamp::of(info).modifiedNs};
+    const std::string stem = path.substr(0, path.size() - std::min<size_t>(path.size(), 5));
+    if (endsWith(path, ".blob")) {
+      if (::lstat((stem + ".used").c_str(), &info) == 0) item.used = std::max(item.used, FileStamp::of(info).modifiedNs);
+      blobs.push_back(item);
+      total += item.bytes;
+    } else if (endsWith(path, ".used")) {
+      if (::access((stem + ".blob").c_str(), F_OK) != 0) ::unlink(path.c_str());
+    } else if (endsWith(path, ".files") || endsWith(path, ".stamp")) small.push_back(item);
   }
   const auto older = [](const Item& a, const Item& b) { return a.used < b.used; };
   std::sort(blobs.begin(), blobs.end(), older);
   for (const Item& item : blobs) {
     if (total <= maxBytes_) break;
     if (item.path == keep) continue;
-    ::unlink(item.path.c_str());
+    drop(item.path);
     total -= item.bytes;
   }
   if (small.size() <= kSmallFiles) return;

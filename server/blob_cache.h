@@ -2,17 +2,21 @@
 // BlobCache: a folder of scene blobs named by what they were made from, bounded in bytes, least recently used out first. Safe
 // against kill -9 (temporary file, fsync, rename) and against other daemons in the same folder: blobs never change, a blob
 // that another one removes stays readable where it is mapped, and temporaries are locked while their writer lives.
-//   KEY.blob    the blob; its modification time is when it was last used
+//   KEY.blob    the blob
+//   KEY.used    empty; its modification time is when the blob was last used (that of the blob would tell of a change that is none)
 //   KEY.files   names of the files beside a scene file, by the key of the scene file alone
 //   KEY.stamp   stat and SHA-256 of a file outside, by the digest of its path
-// Thread-safe.
+// The folder may go, fill up or become read-only at any time: that costs time, not a load. Thread-safe.
 #pragma once
 
+#include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "base/file_stamp.h"
 #include "base/mapped_file.h"
 #include "base/status.h"
 #include "scene/blob.h"
@@ -25,12 +29,14 @@ BlobKey blobKeyOf(const std::string& hex64);
 class BlobCache {
  public:
   /// Makes the folder (mode 0700) and removes temporaries that nobody writes any more.
-  /// Errors: FailedPrecondition when the folder belongs to another user or others may write to it; Internal.
+  /// Errors: FailedPrecondition when its blobs cannot be believed (base/own_folder.h); others when it cannot be made or written to.
   static Result<std::unique_ptr<BlobCache>> open(const std::string& folder, uint64_t maxBytes);
 
-  /// The blob, mapped and marked as used; null when there is none.
-  std::shared_ptr<const MappedFile> find(const BlobKey& key) const;
-  void remove(const BlobKey& key) const;
+  /// The blob, mapped and marked as used; null when there is none. Its arrays are checked against their digest (checkBlobArrays) the first
+  /// time in this process, and again when stat shows another file or change, or one of the last two seconds (FileStamp::settled).
+  /// Errors: DataLoss when they are damaged; Cancelled.
+  Result<std::shared_ptr<const MappedFile>> find(const BlobKey& key, const StopToken& stop = {}) const;
+  void remove(const BlobKey& key) const { drop(file(key, ".blob")); }
 
   /// A blob that is being written: an open, locked temporary file. It is removed again unless it is committed.
   class Temporary {
@@ -47,6 +53,7 @@ class BlobCache {
     int fd_ = -1;
     bool committed_ = false;
   };
+  /// Makes a folder that was deleted again. Errors: as open().
   Result<std::unique_ptr<Temporary>> begin() const;
   /// Puts the key into the header, flushes, renames, and removes what is above the bound.
   Status commit(Temporary& temporary, const BlobKey& key) const;
@@ -58,13 +65,18 @@ class BlobCache {
   void rememberDigest(const std::string& path, const std::string& stamp, const std::string& digest) const;
 
   uint64_t bytes() const;   ///< of all blobs now
+  uint64_t checks() const;  ///< how often find() has read a whole blob
 
  private:
   BlobCache(std::string folder, uint64_t maxBytes) : folder_(std::move(folder)), maxBytes_(maxBytes) {}
   std::string file(const BlobKey& key, const char* extension) const { return folder_ + "/" + blobKeyHex(key) + extension; }
   void trim(const std::string& keep) const;
+  void drop(const std::string& blob) const;
   std::string folder_;
   uint64_t maxBytes_;
+  mutable std::mutex mutex_;
+  mutable std::map<std::string, FileStamp> checked_;   // files whose arrays had their digest, by path
+  mutable uint64_t checks_ = 0;
 };
 
 }  // namespace gobo

@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <condition_variable>
@@ -13,6 +14,7 @@
 #include <filesystem>
 #include <mutex>
 
+#include "base/descriptor.h"
 #include "base/file_stamp.h"
 #include "base/image_io.h"
 #include "scene/blob.h"
@@ -25,6 +27,7 @@
 namespace gobo {
 namespace {
 
+constexpr const char* kCannotWrite = "cannot write the blob";   // begins what a child says whose output takes no more
 using Clock = std::chrono::steady_clock;
 double msSince(Clock::time_point t) { return std::chrono::duration<double, std::milli>(Clock::now() - t).count(); }
 
@@ -105,33 +108,36 @@ class ChildLoader final : public SceneLoader {
   }
 
   /// The blob of what is on the disk now; nothing when it is not known which files that takes, or one cannot be read.
-  std::shared_ptr<const MappedFile> cached(ingest::Task task, const std::string& path, BlobKey& key, const StopToken& stop) {
+  Result<std::shared_ptr<const MappedFile>> cached(ingest::Task task, const std::string& path, const StopToken& stop, BlobKey& key) {
+    const std::shared_ptr<const MappedFile> none;
     const auto digest = digestOf(openRegular(path), path, stop);
-    if (!digest.ok()) return nullptr;
+    if (!digest.ok()) return none;
     const BlobKey main = mainKey(task, path, *digest);
     const auto names = cache_->sideNames(main);
-    if (!names) return nullptr;
+    if (!names) return none;
     std::vector<SideFile> sides;
     for (const std::string& name : *names) {
       const auto side = digestOf(openBeside(path, name), path + "\n" + name, stop);
-      if (!side.ok() && side.status().code() != Code::NotFound) return nullptr;
+      if (!side.ok() && side.status().code() != Code::NotFound) return none;
       sides.push_back({name, side.ok() ? *side : "absent", ""});
     }
     key = wholeKey(main, sides);
-    return cache_->find(key);
+    return cache_->find(key, stop);
   }
 
   template <typename Read>
   Status load(ingest::Task task, const std::string& path, const StopToken& stop, LoadReport& report, const Read& read) {
     if (cache_) {
       BlobKey key;
-      if (const auto map = cached(task, path, key, stop)) {
-        const auto mapping = Clock::now();
-        const Status status = read(map, BlobTrust::Own, &key);
+      const auto mapping = Clock::now();
+      const auto map = cached(task, path, stop, key);
+      if (map.status().code() == Code::Cancelled) return Status(Code::Cancelled, "the load was cancelled", path);
+      if (!map.ok() || *map) {
+        const Status status = map.ok() ? read(*map, BlobTrust::Own, &key) : map.status();
         if (status.ok()) {
           report = {};
           report.mapMs = msSince(mapping);
-          report.blobBytes = map->bytes().size();
+          report.blobBytes = (*map)->bytes().size();
           report.cached = true;
           return {};
         }
@@ -141,17 +147,32 @@ class ChildLoader final : public SceneLoader {
     }
     if (!gate_.enter(stop)) return Status(Code::Cancelled, "the load was cancelled", path);
     struct Leave { Gate& gate; ~Leave() { gate.leave(); } } leave{gate_};
-    return ingest(task, path, stop, report, read);
+    if (cache_) {
+      auto temporary = cache_->begin();
+      if (!temporary.ok()) cacheFails(temporary.status());
+      else {
+        const Status status = ingest(task, path, stop, report, read, temporary->get());
+        if (status.message().find(kCannotWrite) == std::string::npos) return status;
+        cacheFails(status);   // full: once more, into memory
+      }
+    }
+    return ingest(task, path, stop, report, read, nullptr);
   }
 
+  /// At most once a minute: every load would say the same.
+  void cacheFails(const Status& status) {
+    const int64_t now = std::chrono::duration_cast<std::chrono::seconds>(Clock::now().time_since_epoch()).count();
+    int64_t last = lastWarning_.load();
+    if ((last != 0 && now - last < 60) || !lastWarning_.compare_exchange_strong(last, now)) return;
+    logWarn("blob cache: %s; scenes are loaded without it (said once a minute)", status.toString().c_str());
+  }
+
+  /// With a temporary of the cache, or into memory.
   template <typename Read>
-  Status ingest(ingest::Task task, const std::string& path, const StopToken& stop, LoadReport& report, const Read& read) {
-    std::unique_ptr<BlobCache::Temporary> temporary;
-    int memory = -1;
-    if (cache_) { GOBO_ASSIGN(temporary, cache_->begin()); }
-    else if ((memory = ::memfd_create("gobo-blob", MFD_CLOEXEC | MFD_ALLOW_SEALING)) < 0) return Status(Code::ResourceExhausted, std::string("memfd: ") + std::strerror(errno), path);
-    struct Close { int fd; ~Close() { if (fd >= 0) ::close(fd); } } close{memory};
-    const int output = temporary ? temporary->fd() : memory;
+  Status ingest(ingest::Task task, const std::string& path, const StopToken& stop, LoadReport& report, const Read& read, BlobCache::Temporary* temporary) {
+    const Descriptor memory{temporary ? -1 : ::memfd_create("gobo-blob", MFD_CLOEXEC | MFD_ALLOW_SEALING)};
+    if (!temporary && !memory) return Status(Code::ResourceExhausted, std::string("memfd: ") + std::strerror(errno), path);
+    const int output = temporary ? temporary->fd() : memory.get();
 
     const auto begun = Clock::now();
     const ingest::Job job{task, path, options_.triangles, options_.inputBytes, options_.textureBytes, options_.memoryBytes, options_.blobBytes, options_.cpuSeconds};
@@ -160,7 +181,7 @@ class ChildLoader final : public SceneLoader {
 
     // The child is gone and held the only other descriptor: from here on nobody else can change these bytes.
     const auto mapping = Clock::now();
-    if (memory >= 0 && ::fcntl(memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE | F_SEAL_SEAL) != 0) return internalError(std::string("memfd seals: ") + std::strerror(errno), path);
+    if (memory && ::fcntl(memory.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE | F_SEAL_SEAL) != 0) return internalError(std::string("memfd seals: ") + std::strerror(errno), path);
     auto map = MappedFile::map(output, path);
     if (!map.ok()) return internalError("the sandboxed reader wrote no blob", path);
     if (const Status status = read(*map, BlobTrust::Foreign, nullptr); !status.ok()) return Status(status.code(), "the sandboxed reader's result is refused: " + status.message(), path);
@@ -172,7 +193,7 @@ class ChildLoader final : public SceneLoader {
     for (const SideFile& s : outcome.sides) names.push_back(s.name);
     // A cache that cannot be written to costs time, not the load.
     if (const Status kept = cache_->commit(*temporary, wholeKey(main, outcome.sides)); !kept.ok()) {
-      logWarn("blob cache: %s", kept.toString().c_str());
+      cacheFails(kept);
       return {};
     }
     cache_->rememberSideNames(main, names);
@@ -185,6 +206,7 @@ class ChildLoader final : public SceneLoader {
   IngestOptions options_;
   std::unique_ptr<BlobCache> cache_;
   Gate gate_;
+  std::atomic<int64_t> lastWarning_{0};
 };
 
 }  // namespace
@@ -196,7 +218,12 @@ Result<std::shared_ptr<SceneLoader>> childLoader(const IngestOptions& wanted) {
     return Status(Code::FailedPrecondition, options.program.empty() ? std::string("gobo-ingest is not beside this program; name it with ingest.program")
                                                                     : "cannot run \"" + options.program + "\" (ingest.program)");
   std::unique_ptr<BlobCache> cache;
-  if (!options.cacheFolder.empty()) { GOBO_ASSIGN(cache, BlobCache::open(options.cacheFolder, options.cacheBytes)); }
+  if (!options.cacheFolder.empty()) {
+    auto opened = BlobCache::open(options.cacheFolder, options.cacheBytes);
+    if (opened.ok()) cache = std::move(*opened);
+    else if (opened.status().code() == Code::FailedPrecondition) return opened.status();
+    else logWarn("%s; scenes are loaded without the blob cache", opened.status().toString().c_str());
+  }
   return std::shared_ptr<SceneLoader>(std::make_shared<ChildLoader>(options, std::move(cache)));
 }
 

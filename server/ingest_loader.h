@@ -28,7 +28,8 @@ struct IngestOptions {
   uint32_t atOnce = 2;                       ///< children; more wait
 };
 
-/// Errors: FailedPrecondition when there is no gobo-ingest or the cache folder cannot be trusted.
+/// Errors: FailedPrecondition when there is no gobo-ingest or the cache folder cannot be trusted (base/own_folder.h).
+/// A cache folder that cannot be made or written to is a warning: the loader goes without.
 Result<std::shared_ptr<SceneLoader>> childLoader(const IngestOptions& options);
 
 }  // namespace gobo

@@ -91,7 +91,14 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   std::unique_ptr<Server> self(new Server());
   EngineOptions options = wanted;
   if (!options.loader) { GOBO_ASSIGN(options.loader, sceneLoader(config)); }
-  GOBO_ASSIGN(self->engine_, Engine::create(options));
+  auto engine = Engine::create(options);
+  if (!engine.ok() && !options.cacheFolder.empty() && engine.status().code() != Code::FailedPrecondition) {   // not: whose terms cannot be believed
+    logWarn("%s; terms are kept in memory only (engine.cache_folder)", engine.status().toString().c_str());
+    options.cacheFolder.clear();
+    engine = Engine::create(options);
+  }
+  if (!engine.ok()) return engine.status();
+  self->engine_ = std::move(*engine);
   self->core_ = std::make_unique<ServerCore>(*self->engine_, config);
   if (!config.jobsFolder.empty()) {
     GOBO_ASSIGN(self->jobs_, DurableJobs::start(*self->engine_, self->core_->jobs, config));

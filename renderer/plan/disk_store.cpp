@@ -16,6 +16,7 @@
 
 #include "plan/term_files.h"
 #include "plan/disk_index.h"
+#include "terms/term_file.h"
 
 namespace gobo {
 
@@ -56,7 +57,10 @@ struct DiskStore::Impl {
     std::vector<DiskIndex::Row> rows;
     if (!index.begin() || !index.all(rows)) return false;
     std::unordered_map<std::string, int64_t> known;
-    for (const auto& r : rows) known[r.key] = r.bytes;
+    for (const auto& r : rows) {
+      known[r.key] = r.bytes;
+      lastUse = std::max(lastUse, r.used);   // the clock may have been set back since: what is used from now on was still used last
+    }
     for (const auto& f : files.scan()) {
       const auto row = known.find(f.key);
       if (row == known.end() || row->second != f.bytes) {
@@ -203,7 +207,7 @@ TermPtr DiskStore::get(const Hash128& key, const StopToken& stop) {
   const std::string name = key.hex();
   TermFiles::Content content = d.files.read(name, stop);
   TermPtr term;
-  if (content.bytes) term = parseTerm(content.bytes.get(), content.size, stop);
+  if (content.bytes) term = parseTerm(content.bytes.get(), content.size, key, stop);
   if (!term && stop.stopRequested()) return nullptr;   // says nothing of the file
   if (term) {
     d.note(name);
@@ -214,6 +218,7 @@ TermPtr DiskStore::get(const Hash128& key, const StopToken& stop) {
   std::lock_guard hold(d.mutex);
   ++d.stats.misses;
   if (content.error == EMFILE || content.error == ENFILE || content.error == ENOMEM) return nullptr;   // ours, not the file's fault
+  if (content.bytes && isOtherTermVersion(content.bytes.get(), content.size)) return nullptr;   // the next put replaces it
   if (content.bytes || content.error) {
     ++d.stats.damaged;
     const auto drop = [&](Status&) {
@@ -238,7 +243,7 @@ TermPtr DiskStore::get(const Hash128& key, const StopToken& stop) {
 Status DiskStore::put(const Hash128& key, const Term& term, const StopToken& stop) {
   Impl& d = *impl_;
   const std::string name = key.hex();
-  const std::vector<uint8_t> bytes = serializeTerm(term, stop);
+  const std::vector<uint8_t> bytes = serializeTerm(term, key, stop);
   if (bytes.empty()) return {Code::Cancelled, "stopped before it was written", d.files.path(name)};
   if (bytes.size() > d.options.maxBytes) return {};
   if (d.files.equals(name, bytes)) {
@@ -268,7 +273,7 @@ Status DiskStore::put(const Hash128& key, const Term& term, const StopToken& sto
     }
     ++d.stats.writes;
     const int64_t now = d.options.nowMicros();
-    if (now - d.lastSweep > kSweepMicros) {
+    if (now < d.lastSweep || now - d.lastSweep > kSweepMicros) {   // before: the clock was set back
       d.lastSweep = now;
       d.stats.staleTemps += d.files.removeStaleTemps(now, d.options.staleTempSeconds);
     }

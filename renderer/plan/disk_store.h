@@ -14,6 +14,7 @@
 #include <string>
 
 #include "base/status.h"
+#include "base/stop.h"
 #include "terms/term.h"
 
 namespace gobo {
@@ -41,7 +42,8 @@ struct DiskStoreStats {
 
 class DiskStore {
  public:
-  /// Errors: folder cannot be made or written; the message names it.
+  /// Errors: FailedPrecondition when the folder's files cannot be believed (base/own_folder.h); others when it cannot be made or
+  /// written to. They name it.
   static Result<std::unique_ptr<DiskStore>> open(const std::string& folder, uint64_t maxBytes);
   static Result<std::unique_ptr<DiskStore>> open(const std::string& folder, const DiskStoreOptions& options);
   ~DiskStore();

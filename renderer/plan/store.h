@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/status.h"
+#include "base/stop.h"
 #include "terms/term.h"
 
 namespace gobo {

@@ -11,12 +11,12 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
-#include <filesystem>
 #include <new>
 #include <thread>
 
 #include "base/descriptor.h"
 #include "base/hash.h"
+#include "base/own_folder.h"
 
 namespace gobo {
 
@@ -57,9 +57,8 @@ Status fileError(const std::string& action, const std::string& path, int error) 
 TermFiles::~TermFiles() { if (lock_ >= 0) ::close(lock_); }
 
 Status TermFiles::makeFolders() {
-  std::error_code error;
-  std::filesystem::create_directories(tempFolder(), error);
-  if (error) return fileError("make cache folder", folder_, error.value());
+  GOBO_TRY(makeOwnFolder(folder_, "cache folder"));
+  if (::mkdir(tempFolder().c_str(), 0700) != 0 && errno != EEXIST) return fileError("make cache folder", tempFolder(), errno);
   if (::access(folder_.c_str(), W_OK | X_OK) != 0 || ::access(tempFolder().c_str(), W_OK | X_OK) != 0)
     return fileError("write to cache folder", folder_, errno);
   return {};
@@ -74,11 +73,9 @@ Status TermFiles::lock(double seconds, const StopToken& stop) {
     if (lock_ < 0 || ::fstat(lock_, &mine) != 0 || ::stat(name.c_str(), &named) != 0 || mine.st_ino != named.st_ino ||
         mine.st_dev != named.st_dev) {
       if (lock_ >= 0) ::close(lock_);
+      lock_ = -1;
+      GOBO_TRY(makeFolders());   // and what is there now may be another's
       lock_ = openRetry(name, O_RDWR | O_CREAT);
-      if (lock_ < 0 && errno == ENOENT) {
-        GOBO_TRY(makeFolders());
-        lock_ = openRetry(name, O_RDWR | O_CREAT);
-      }
       if (lock_ < 0) return fileError("open the lock of the cache folder", name, errno);
     }
     if (::flock(lock_, LOCK_EX | LOCK_NB) == 0) {
@@ -197,7 +194,7 @@ Status TermFiles::moveIntoPlace(const std::string& temp, const std::string& key)
   if (::rename(temp.c_str(), to.c_str()) == 0) return {};
   const std::string sub = folder_ + "/" + key.substr(0, 2);
   if (errno != ENOENT) return fileError("rename the new file to", to, errno);
-  if (::mkdir(sub.c_str(), 0755) != 0 && errno != EEXIST) return fileError("make", sub, errno);
+  if (::mkdir(sub.c_str(), 0700) != 0 && errno != EEXIST) return fileError("make", sub, errno);
   if (const int error = syncFolder(folder_)) return fileError("sync", folder_, error);
   if (::rename(temp.c_str(), to.c_str()) != 0) return fileError("rename the new file to", to, errno);
   return {};

@@ -31,6 +31,7 @@ class TermFiles {
 
   explicit TermFiles(std::string folder) : folder_(std::move(folder)) {}
   ~TermFiles();
+  /// Errors: FailedPrecondition when the folder is not this user's own (base/own_folder.h); others when it cannot be made or written to.
   Status makeFolders();
   std::string path(const std::string& key) const { return folder_ + "/" + key.substr(0, 2) + "/" + key + ".term"; }
   std::string tempFolder() const { return folder_ + "/tmp"; }

@@ -20,12 +20,41 @@ struct Header {
   Hash128 format;
   BlobKey key;
   uint64_t recordBytes, arrayStart;
-  Hash128 records, self;      // self: digest of the bytes before it
+  Hash128 records, arrays, self;   // self: digest of the bytes before it
 };
 static_assert(sizeof(Header) == kBlobHeaderBytes && std::is_trivially_copyable_v<Header>);
 constexpr char kMagic[8] = {'G', 'O', 'B', 'O', 'B', 'L', 'O', 'B'};
 constexpr uint32_t kEndian = 0x01020304;
 constexpr size_t kSelfAt = kBlobHeaderBytes - sizeof(Hash128);
+
+constexpr size_t kSlice = size_t(4) << 20;   // of the arrays; each has a digest, and theirs is the one in the header
+
+/// Digest of arrays that come in pieces of any size.
+class SliceDigest {
+ public:
+  void add(const void* data, size_t bytes) {
+    const auto* p = static_cast<const uint8_t*>(data);
+    while (bytes > 0) {
+      const size_t n = std::min(bytes, kSlice - slice_.size());
+      slice_.insert(slice_.end(), p, p + n);
+      p += n;
+      bytes -= n;
+      if (slice_.size() == kSlice) close();
+    }
+  }
+  Hash128 digest() {
+    if (!slice_.empty()) close();
+    return hashBytes(digests_.data(), digests_.size() * sizeof(Hash128));
+  }
+
+ private:
+  void close() {
+    digests_.push_back(hashBytes(slice_.data(), slice_.size()));
+    slice_.clear();
+  }
+  std::vector<uint8_t> slice_;
+  std::vector<Hash128> digests_;
+};
 
 Status bad(const std::string& what) { return Status(Code::DataLoss, "scene blob: " + what); }
 
@@ -46,8 +75,14 @@ Status write(const T& item, Kind kind, const BlobSink& sink, const BlobKey& key)
   h.arrayStart = (kBlobHeaderBytes + h.recordBytes + 63) & ~uint64_t(63);
   h.total = h.arrayStart + w.arrayBytes;
   h.records = hashBytes(w.records.data(), w.records.size());
-  h.self = hashBytes(&h, kSelfAt);
   static constexpr char zeroes[64] = {};
+  SliceDigest arrays;
+  for (const auto& piece : w.pieces) {
+    arrays.add(piece.data, size_t(piece.bytes));
+    arrays.add(zeroes, size_t((64 - piece.bytes % 64) % 64));
+  }
+  h.arrays = arrays.digest();
+  h.self = hashBytes(&h, kSelfAt);
   GOBO_TRY(sink(&h, sizeof h));
   GOBO_TRY(sink(w.records.data(), w.records.size()));
   GOBO_TRY(sink(zeroes, size_t(h.arrayStart - kBlobHeaderBytes - h.recordBytes)));
@@ -58,9 +93,7 @@ Status write(const T& item, Kind kind, const BlobSink& sink, const BlobKey& key)
   return {};
 }
 
-/// A reader over the checked parts of a file.
-Status open(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, Kind kind, const BlobKey* key, blob::Reader& reader) {
-  Header h;
+Status checkHeader(std::span<const uint8_t> bytes, Header& h) {
   if (bytes.size() < sizeof h) return bad("file of " + std::to_string(bytes.size()) + " bytes is shorter than the header");
   std::memcpy(&h, bytes.data(), sizeof h);
   if (std::memcmp(h.magic, kMagic, sizeof kMagic) != 0) return bad("this is no scene blob");
@@ -68,11 +101,19 @@ Status open(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, K
   if (h.endian != kEndian) return bad("another byte order");
   if (h.self != hashBytes(&h, kSelfAt)) return bad("header is damaged");
   if (h.format != blobFormatHash()) return bad("made by a build with other fields");
-  if (h.kind != uint32_t(kind)) return bad("kind " + std::to_string(h.kind) + " is not " + std::to_string(uint32_t(kind)));
   if (h.headerBytes != kBlobHeaderBytes) return bad("header of " + std::to_string(h.headerBytes) + " bytes");
   if (h.total != bytes.size()) return bad("has " + std::to_string(bytes.size()) + " bytes of " + std::to_string(h.total));
   if (h.recordBytes > h.total - sizeof h || h.total % 64 != 0 || h.arrayStart % 64 != 0 || h.arrayStart < sizeof h + h.recordBytes || h.arrayStart > h.total)
     return bad("sections do not fit the file");
+  return {};
+}
+
+/// A reader over the checked parts of a file.
+Status open(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, Kind kind, BlobTrust trust, const BlobKey* key, blob::Reader& reader) {
+  Header h;
+  GOBO_TRY(checkHeader(bytes, h));
+  if (h.kind != uint32_t(kind)) return bad("kind " + std::to_string(h.kind) + " is not " + std::to_string(uint32_t(kind)));
+  if (trust == BlobTrust::Foreign) GOBO_TRY(checkBlobArrays(bytes));   // a blob that is kept must pass this later
   if (key && h.key != *key) return bad("made from something else");
   reader.owner = std::move(owner);
   reader.records = bytes.subspan(sizeof h, size_t(h.recordBytes));
@@ -155,9 +196,23 @@ std::array<uint8_t, kBlobHeaderBytes> withBlobKey(std::span<const uint8_t> heade
   return out;
 }
 
+Status checkBlobArrays(std::span<const uint8_t> bytes, const StopToken& stop) {
+  Header h;
+  GOBO_TRY(checkHeader(bytes, h));
+  const std::span<const uint8_t> arrays = bytes.subspan(size_t(h.arrayStart));
+  std::vector<Hash128> digests;
+  digests.reserve(arrays.size() / kSlice + 1);
+  for (size_t at = 0; at < arrays.size(); at += kSlice) {
+    if (stop.stopRequested()) return {Code::Cancelled, "scene blob: stopped while its arrays were checked"};
+    digests.push_back(hashBytes(arrays.data() + at, std::min(kSlice, arrays.size() - at)));
+  }
+  if (hashBytes(digests.data(), digests.size() * sizeof(Hash128)) != h.arrays) return bad("arrays are damaged");
+  return {};
+}
+
 Result<ScenePtr> readSceneBlob(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, BlobTrust trust, const BlobKey* key) {
   blob::Reader r;
-  GOBO_TRY(open(std::move(owner), bytes, Kind::Scene, key, r));
+  GOBO_TRY(open(std::move(owner), bytes, Kind::Scene, trust, key, r));
   auto scene = std::make_shared<Scene>();
   Hash128 stored;
   r.get(*scene);
@@ -201,7 +256,7 @@ Result<ScenePtr> readSceneBlob(std::shared_ptr<const void> owner, std::span<cons
 
 Result<EnvironmentPtr> readEnvironmentBlob(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, BlobTrust trust, const BlobKey* key) {
   blob::Reader r;
-  GOBO_TRY(open(std::move(owner), bytes, Kind::Environment, key, r));
+  GOBO_TRY(open(std::move(owner), bytes, Kind::Environment, trust, key, r));
   auto map = std::make_shared<Environment>();
   r.get(*map);
   if (!r.problem.empty()) return bad(r.problem);

@@ -15,7 +15,6 @@
 
 #include "base/check.h"
 #include "base/hash.h"
-#include "base/stop.h"
 
 namespace gobo {
 
@@ -124,10 +123,5 @@ class Term {
   mutable Hash128 content_;
 };
 using TermPtr = std::shared_ptr<const Term>;
-
-/// Byte form for the disk tier (format: docs/term_file.md). parse() checks every length and the checksum. `stop` is polled every few MB
-/// that are copied.
-std::vector<uint8_t> serializeTerm(const Term& term, const StopToken& stop = {});                      ///< empty if stopped
-std::shared_ptr<Term> parseTerm(const uint8_t* bytes, size_t size, const StopToken& stop = {});  ///< null if damaged or stopped
 
 }  // namespace gobo

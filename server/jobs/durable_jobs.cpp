@@ -6,6 +6,7 @@
 #include <cstring>
 #include <random>
 
+#include "server/jobs/store_identity.h"
 #include "server/log.h"
 
 namespace gobo {
@@ -22,7 +23,7 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
   self->keepSeconds_ = config.jobsKeepDays * 86400;
   bool alone = false;
   GOBO_TRY(self->files_.open(config.jobsFolder, alone));
-  GOBO_ASSIGN(self->store_, SqliteJobStore::open(self->files_.storePath()));
+  GOBO_ASSIGN(self->store_, openStore(self->files_));
   if (alone) {
     // Whoever held leases is dead: its frames are taken up at once, not when their leases run out.
     GOBO_ASSIGN(const uint64_t ended, self->store_->endAllLeases());

@@ -8,13 +8,14 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <random>
 #include <set>
 
 #include "base/descriptor.h"
+#include "base/own_folder.h"
 #include "server/jobs/job_store.h"
 #include "server/log.h"
 
@@ -27,6 +28,16 @@ namespace {
 Status failed(const std::string& action, const std::string& path, int error) {
   const bool full = error == ENOSPC || error == EDQUOT || error == EFBIG;
   return {full ? Code::ResourceExhausted : error == ENOENT ? Code::NotFound : Code::Internal, "cannot " + action + ": " + std::strerror(error), path};
+}
+
+constexpr double kSceneSeconds = 600;
+
+/// "7" of results, "7-0-DIGEST.term" of checkpoints; 0: of no job.
+int64_t jobOfFile(const fs::path& p) {
+  const std::string name = p.filename().string();
+  const size_t digits = std::min(name.find_first_not_of("0123456789"), name.size());
+  if (digits == 0 || digits > 18 || (digits < name.size() && name[digits] != '-')) return 0;
+  return std::atoll(name.c_str());
 }
 
 Status syncFolder(const std::string& path) {
@@ -48,8 +59,9 @@ Status JobFiles::open(const std::string& folder, bool& alone) {
   std::error_code error;
   folder_ = fs::absolute(folder, error).lexically_normal().string();
   while (folder_.size() > 1 && folder_.back() == '/') folder_.pop_back();
-  fs::create_directories(fs::path(folder_).parent_path(), error);
-  GOBO_TRY(makeFolder(folder_));
+  const bool fresh = !fs::exists(folder_, error);
+  GOBO_TRY(makeOwnFolder(folder_, "jobs folder"));
+  if (fresh) GOBO_TRY(syncFolder(fs::path(folder_).parent_path().string()));
   for (const char* sub : {"/tmp", "/checkpoints", "/results", "/scenes"}) GOBO_TRY(makeFolder(folder_ + sub));
   const std::string name = folder_ + "/lock";
   lock_ = ::open(name.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
@@ -66,7 +78,10 @@ void JobFiles::opened() { ::flock(lock_, LOCK_SH); }
 Status JobFiles::write(const std::string& path, const void* bytes, size_t size) {
   struct stat info{};
   const std::string parent = fs::path(path).parent_path().string();
-  if (::stat(path.c_str(), &info) == 0 && size_t(info.st_size) == size) return syncFolder(parent);   // its writer may have been killed before that
+  if (::stat(path.c_str(), &info) == 0 && size_t(info.st_size) == size) {
+    ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);   // changed, for a sweep that has taken it for litter
+    return syncFolder(parent);                         // its writer may have been killed before that
+  }
   const auto at = [&](const char* what) { return step ? step(what, path) : Status(); };
   const std::string temp = temps_ + std::to_string(counter_++) + ".tmp";
   Status status = at("write");
@@ -144,6 +159,33 @@ void JobFiles::removePrefix(const std::string& prefix) {
 void JobFiles::removeCheckpoints(int64_t job) { removePrefix(std::to_string(job) + "-"); }
 void JobFiles::removeCheckpoints(TaskId task) { removePrefix(std::to_string(task.job) + "-" + std::to_string(task.index) + "-"); }
 
+Result<std::string> JobFiles::identity() const {
+  const auto bytes = read(identityPath());
+  if (bytes.status().code() == Code::NotFound) return std::string();
+  if (!bytes.ok()) return bytes.status();
+  const std::string text(bytes->begin(), bytes->end());
+  if (text.size() == 33 && text[32] == '\n' && text.find_first_not_of("0123456789abcdef") == 32) return text.substr(0, 32);
+  return Status(Code::DataLoss, "is not the identity of a job store: remove it if jobs.sqlite is the store of this folder", identityPath());
+}
+
+Status JobFiles::writeIdentity(const std::string& id) { return write(identityPath(), (id + "\n").data(), id.size() + 1); }
+
+bool JobFiles::holdsPromises() const {
+  std::error_code error;
+  for (const char* sub : {"/results", "/checkpoints"})
+    if (fs::directory_iterator(folder_ + sub, error) != fs::directory_iterator()) return true;
+  return !fs::exists(storePath(), error) && fs::exists(storePath() + "-wal", error);
+}
+
+int64_t JobFiles::lastJob() const {
+  int64_t last = 0;
+  for (const char* sub : {"/results", "/checkpoints"}) {
+    std::error_code error;
+    for (fs::directory_iterator it(folder_ + sub, error), end; !error && it != end; it.increment(error)) last = std::max(last, jobOfFile(it->path()));
+  }
+  return last;
+}
+
 Status JobFiles::sweep(JobStore& store, double age) {
   std::error_code error;
   const auto each = [&](const std::string& folder, const auto& visit) {
@@ -151,42 +193,41 @@ Status JobFiles::sweep(JobStore& store, double age) {
     for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) found.push_back(it->path());
     for (const fs::path& p : found) visit(p);
   };
-  const auto young = fs::file_time_type::clock::now() - std::chrono::seconds(int64_t(age));
   uint64_t removed = 0;
-  const auto drop = [&](const fs::path& p) {
-    if (age > 0 && fs::last_write_time(p, error) > young) return;
-    removed += fs::remove_all(p, error) > 0;
-  };
+  const auto drop = [&](const fs::path& p) { if (litter.lain(p.string(), age)) removed += fs::remove_all(p, error) > 0; };
   each(folder_ + "/tmp", drop);
+  GOBO_ASSIGN(const OwnedJobs owned, store.owned());   // before what they need: a job submitted meanwhile is not one that needs nothing
   GOBO_ASSIGN(const auto digests, store.neededCheckpoints());
   const std::set<std::string> checkpoints(digests.begin(), digests.end());
-  each(folder_ + "/checkpoints", [&](const fs::path& p) { if (!checkpoints.count(p.stem().string())) drop(p); });
+  each(folder_ + "/checkpoints", [&](const fs::path& p) { if (owned.has(jobOfFile(p)) && !checkpoints.count(p.stem().string())) drop(p); });
   GOBO_ASSIGN(const auto ids, store.jobIds());
   const std::set<int64_t> jobs(ids.begin(), ids.end());
   Status status;
   each(folder_ + "/results", [&](const fs::path& p) {
-    const int64_t id = std::atoll(p.filename().c_str());
-    if (!jobs.count(id) || !fs::is_directory(p, error)) return drop(p);
+    const int64_t id = jobOfFile(p);
+    if (!owned.has(id)) return;
+    if (!jobs.count(id)) return drop(p);
+    // Of a job that goes on, an older copy of the store does not name what was finished since; its frames come to the same files.
+    const auto job = store.get(id, false);
+    if (!job.ok() || !jobIsOver(job->job.state())) return;
     const auto names = store.neededResults(id);
     if (!names.ok()) { status = names.status(); return; }
     const std::set<std::string> needed(names->begin(), names->end());
     each(p.string(), [&](const fs::path& file) { if (!needed.count(file.filename().string())) drop(file); });
   });
+  litter.forget(2 * 3600);   // swept hourly
   if (removed) logInfo("jobs: removed %llu files that nothing needs", (unsigned long long)removed);
   return status;
 }
 
 void JobFiles::sweepScenes(const std::vector<std::string>& needed, const std::vector<std::string>& loaded) {
   std::error_code error;
-  const auto young = fs::file_time_type::clock::now() - std::chrono::minutes(10);
   std::vector<fs::path> gone;
   for (fs::directory_iterator it(folder_ + "/scenes", error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string();
-    std::error_code ignored;
-    if (fs::last_write_time(it->path(), ignored) > young) continue;
     if (std::find(needed.begin(), needed.end(), name) != needed.end()) continue;
     if (std::any_of(loaded.begin(), loaded.end(), [&](const std::string& digest) { return name.rfind(digest, 0) == 0; })) continue;
-    gone.push_back(it->path());
+    if (litter.lain(it->path().string(), kSceneSeconds)) gone.push_back(it->path());
   }
   for (const fs::path& p : gone) fs::remove(p, error);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // JobFiles: the files beside the job store, all made as temp file + fdatasync + rename + fsync of the folder, named after what they
 // hold, so that a name stands for a whole file and a file that no row names is litter:
+//   FOLDER/identity                  32 hex digits: the store that the files belong to (server/jobs/store_identity.h)
 //   FOLDER/lock                      flock: shared while a daemon lives, exclusive for the sweep at start
 //   FOLDER/tmp/                      being written
 //   FOLDER/checkpoints/JOB-INDEX-DIGEST.term   32 hex digits, xxh3-128 of the bytes (docs/term_file.md)
@@ -16,23 +17,31 @@
 #include <vector>
 
 #include "server/jobs/job_store.h"
+#include "server/jobs/litter.h"
 
 namespace gobo {
 
 class JobFiles {
  public:
   ~JobFiles();
-  /// Makes the folders (mode 0700). `alone`: no other daemon has the folder open, so leases and litter of dead ones may go; the
+  /// Makes the folders (mode 0700). Errors: FailedPrecondition when the folder is not this user's own (base/own_folder.h). `alone`: no other daemon has the folder open, so leases and litter of dead ones may go; the
   /// others wait until opened() is called.
   Status open(const std::string& folder, bool& alone);
   void opened();                                      ///< the exclusive lock becomes a shared one
-  /// Removes temp files, and checkpoints and results that no row of the store needs, last written at least `age` seconds ago (0
-  /// only when alone: a file is written before its row).
+  /// Removes temp files, and checkpoints and results of jobs that the store has made and no row needs (results only of jobs that are over),
+  /// once they have lain unchanged for `age` seconds of this process (0 only when alone: a file is written before its row).
   Status sweep(JobStore& store, double age);
-  /// Uploaded scenes that neither an unfinished job nor `loaded` (first 16 digits of the sha256) needs, older than ten minutes.
+  /// Uploaded scenes that neither an unfinished job nor `loaded` (first 16 digits of the sha256) needs, after ten minutes of that.
   void sweepScenes(const std::vector<std::string>& needed, const std::vector<std::string>& loaded);
 
   std::string storePath() const { return folder_ + "/jobs.sqlite"; }
+  std::string identityPath() const { return folder_ + "/identity"; }
+  /// What the file says; empty without one. Errors: DataLoss when it says something else than 32 digits.
+  Result<std::string> identity() const;
+  Status writeIdentity(const std::string& id);
+  /// Somebody was promised what lies here: results, checkpoints, or a log of the store without the store.
+  bool holdsPromises() const;
+  int64_t lastJob() const;                            ///< the highest id among results and checkpoints; 0 without
   std::string checkpointPath(TaskId task, const std::string& digest) const {
     return folder_ + "/checkpoints/" + std::to_string(task.job) + "-" + std::to_string(task.index) + "-" + digest + ".term";
   }
@@ -51,6 +60,7 @@ class JobFiles {
   void removeCheckpoints(int64_t job);                ///< of all its frames
   void removeCheckpoints(TaskId task);
 
+  Litter litter;
   std::function<Status(const char* step, const std::string& path)> step;   ///< a test's seam: before "write", "sync", "rename", "sync-folder"
 
  private:

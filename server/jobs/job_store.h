@@ -8,12 +8,15 @@
 // repeat the call; all reports may be repeated with the same token.
 // Job states: queued -> running (a frame was claimed) -> done | failed; cancelled and paused from either. A frame that fails is
 // tried again until max_attempts failures; the others go on, then the job is failed. docs/job_store.md has the schema.
-// Times are seconds since 1970 on the store's clock. Thread-safe; several processes may open one store.
+// Times that clients read, and deadlines, are seconds since 1970. Leases, waits and the age of results are measured on the store's own
+// clock, which counts the seconds that the machine is up and no jump of the wall clock moves. Thread-safe; several processes may open one
+// store.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/status.h"
@@ -47,7 +50,7 @@ struct Lease {
   TaskId task;
   uint64_t token = 0;
   std::string holder;
-  double expires = 0;
+  double expires = 0;                ///< on the store's own clock
   int64_t frame = 0;
   double progress = 0;               ///< of the last checkpoint
 };
@@ -66,6 +69,13 @@ struct FailedReport {
   Status reason;
   bool retry = true;                 ///< false: no attempt of this frame can do better
   bool wholeJob = false;             ///< nor of any other frame
+};
+
+/// The job ids that a store has given: what else lies in the folder is not its to remove.
+struct OwnedJobs {
+  int64_t last = 0;
+  std::vector<std::pair<int64_t, int64_t>> except;   ///< first and last of ranges that it found taken (JobStore::disown)
+  bool has(int64_t id) const;
 };
 
 struct JobTotals {
@@ -115,12 +125,14 @@ class JobStore {
   /// The daemon crashed while it worked on this frame. `certain`: on nothing else; then the frame is set aside (failed) with the reason. Else
   /// it counts as if a third of the losses that are borne had happened. No change when the frame is over.
   virtual Status blame(TaskId task, const Status& reason, bool certain) = 0;
-  /// Marks the results of jobs that are over as gone: of those that ended more than `keepSeconds` ago, and the earliest ended
+  /// Marks the results of jobs that are over as gone: of those that ended more than `keepSeconds` ago (seconds
+  /// in which the machine was up), and the earliest ended
   /// ones while results have more than `keepBytes`. Their ids.
   virtual Result<std::vector<int64_t>> expireResults(uint64_t keepBytes, double keepSeconds) = 0;
   virtual Result<std::vector<std::string>> neededCheckpoints() = 0;                   ///< "JOB-INDEX-DIGEST"
   virtual Result<std::vector<std::string>> neededResults(int64_t id) = 0;             ///< sha256 of a job's files
   virtual Result<std::vector<int64_t>> jobIds() = 0;
+  virtual Result<OwnedJobs> owned() = 0;
   virtual Result<std::vector<std::string>> neededScenes() = 0;                        ///< sceneFile of jobs that are not over
   virtual Result<JobTotals> totals() = 0;
 };

@@ -2,6 +2,7 @@
 #include "server/jobs/sqlite.h"
 
 #include <sqlite3.h>
+#include <sys/stat.h>
 
 namespace gobo {
 
@@ -29,7 +30,14 @@ Status Sqlite::open(const std::string& path, double busySeconds) {
   sqlite3_busy_timeout(db_, int(busySeconds * 1e3));
   for (const char* sql : {"PRAGMA journal_mode=WAL", "PRAGMA synchronous=FULL", "PRAGMA foreign_keys=ON"})
     if (const Status status = exec(sql); !status.ok()) { close(); return status; }
+  struct stat info{};
+  if (::stat(path.c_str(), &info) == 0) device_ = uint64_t(info.st_dev), inode_ = uint64_t(info.st_ino);
   return {};
+}
+
+bool Sqlite::current() const {
+  struct stat info{};
+  return ::stat(path_.c_str(), &info) == 0 && uint64_t(info.st_dev) == device_ && uint64_t(info.st_ino) == inode_;
 }
 
 void Sqlite::close() {

@@ -28,6 +28,8 @@ class Sqlite {
   Status open(const std::string& path, double busySeconds);
   void close();
   bool isOpen() const { return db_ != nullptr; }
+  /// The file at the path is still the one that is open: nobody removed or replaced it, which SQLite would not see.
+  bool current() const;
   /// Statements without values, separated by ";".
   Status exec(const std::string& sql);
   /// The first column of the first row, as text; empty without a row.
@@ -75,6 +77,7 @@ class Sqlite {
   sqlite3_stmt* prepare(const char* sql, Status& status);
   sqlite3* db_ = nullptr;
   std::string path_;
+  uint64_t device_ = 0, inode_ = 0;
   std::map<std::string, sqlite3_stmt*> statements_;
 };
 

@@ -3,9 +3,14 @@
 #include "server/jobs/sqlite_job_store.h"
 
 #include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
+#include <fstream>
+#include <random>
 
 #include "server/log.h"
 
@@ -15,7 +20,7 @@ namespace {
 
 using Query = Sqlite::Query;
 
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 // States are the numbers of v1.Job.State and v1.Frame.State. revision: of the store when the row last changed.
 constexpr const char* kSchema = R"(
 CREATE TABLE counter(name TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
@@ -46,8 +51,24 @@ CREATE TABLE checkpoint(
 CREATE TABLE file(
   job INTEGER NOT NULL, idx INTEGER NOT NULL, output INTEGER NOT NULL, sha256 TEXT NOT NULL, bytes INTEGER NOT NULL,
   message BLOB NOT NULL, PRIMARY KEY(job, idx, output), FOREIGN KEY(job, idx) REFERENCES task(job, idx) ON DELETE CASCADE) WITHOUT ROWID;
-PRAGMA user_version = 1;
 )";
+// What version 2 added. Times of leases and waits were of the wall clock: they start anew, and so does the age of results.
+constexpr const char* kVersion2 = R"(
+CREATE TABLE identity(id TEXT NOT NULL);
+CREATE TABLE clock(boot TEXT NOT NULL, base REAL NOT NULL, kept REAL NOT NULL);
+INSERT INTO clock VALUES('', 0, 0);
+CREATE TABLE unowned(first INTEGER NOT NULL, last INTEGER NOT NULL);
+ALTER TABLE job ADD COLUMN ended_uptime REAL NOT NULL DEFAULT 0;
+UPDATE task SET expires = 0, ready = 0;
+PRAGMA user_version = 2;
+)";
+
+std::string bootId() {
+  std::ifstream in("/proc/sys/kernel/random/boot_id");
+  std::string id;
+  std::getline(in, id);
+  return id.empty() ? "unknown" : id;
+}
 
 constexpr const char* kJobColumns =
     "SELECT id, spec, state, error_code, error, frames, done, failed, scene_hash, submitted, started, ended, result_bytes, expired,"
@@ -86,6 +107,17 @@ Status noJob(int64_t id) { return notFound("no job '" + jobIdText(id) + "'", "id
 
 }  // namespace
 
+bool OwnedJobs::has(int64_t id) const {
+  return id > 0 && id <= last && std::none_of(except.begin(), except.end(), [&](const auto& range) { return id >= range.first && id <= range.second; });
+}
+
+std::string newStoreIdentity() {
+  std::random_device random;
+  std::string text;
+  for (int i = 0; i < 4; ++i) text += strf("%08x", unsigned(random()));
+  return text;
+}
+
 std::string jobIdText(int64_t id) { return "j-" + std::to_string(id); }
 
 int64_t jobIdOf(const std::string& text) {
@@ -102,12 +134,17 @@ Result<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open(const std::string& 
   if (!store->options_.now) store->options_.now = [] {
     return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
   };
-  if (!store->options_.steady) store->options_.steady = [] {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+  if (!store->options_.uptime) store->options_.uptime = options.now ? options.now : [] {
+    timespec t{};
+    ::clock_gettime(CLOCK_BOOTTIME, &t);
+    return double(t.tv_sec) + double(t.tv_nsec) * 1e-9;
   };
+  if (store->options_.boot.empty()) store->options_.boot = bootId();
+  if (!options.create && ::access(path.c_str(), F_OK) != 0) return Status(Code::DataLoss, "job store is missing", path);
   GOBO_TRY(store->db_.open(path, options.busySeconds));
   ::chmod(path.c_str(), 0600);
   GOBO_TRY(store->migrate());
+  GOBO_TRY(store->startClock());
   store->db_.step = options.step;
   return store;
 }
@@ -118,16 +155,83 @@ Status SqliteJobStore::migrate() {
   return transact([&]() -> Status {
     GOBO_ASSIGN(const std::string text, db_.value("PRAGMA user_version"));
     const int version = std::atoi(text.c_str());
-    if (version == kVersion) return {};
+    GOBO_ASSIGN(const std::string tables, db_.value("SELECT count(*) FROM sqlite_schema"));
+    GOBO_ASSIGN(const std::string ours, db_.value("SELECT count(*) FROM sqlite_schema WHERE name IN ('job', 'task', 'counter')"));
     if (version > kVersion)
       return {Code::FailedPrecondition, strf("job store has schema version %d, this build knows %d", version, kVersion), path_};
-    GOBO_ASSIGN(const std::string tables, db_.value("SELECT count(*) FROM sqlite_schema"));
-    if (tables != "0") return {Code::FailedPrecondition, "is a database, but no job store", path_};
-    return db_.exec(kSchema);
+    if (tables != "0" && (ours != "3" || version < 1)) return {Code::FailedPrecondition, "is a database, but no job store", path_};
+    if (version == kVersion && tables != "0") return {};
+    if (version == 1 && tables != "0") return db_.exec(kVersion2);
+    if (!options_.create) return {Code::DataLoss, "job store is empty", path_};
+    GOBO_TRY(db_.exec(kSchema));
+    GOBO_TRY(db_.exec(kVersion2));
+    return db_.exec("INSERT INTO identity VALUES('" + newStoreIdentity() + "')");
   });
 }
 
+Status SqliteJobStore::startClock() {
+  return transact([&]() -> Status {
+    std::string boot;
+    {
+      Query q(db_, "SELECT boot, base, kept FROM clock");
+      while (q.next()) boot = q.text(0), clockBase_ = q.real(1), clockKept_ = q.real(2);
+      GOBO_TRY(q.status());
+    }
+    if (boot == options_.boot && uptime() >= clockKept_) return {};   // as the processes that are open
+    clockBase_ = clockKept_ - options_.uptime();                      // a new store's begins at 0
+    Query q(db_, "UPDATE clock SET boot = ?1, base = ?2");
+    return q.bind(options_.boot).bind(clockBase_).run();
+  });
+}
+
+Status SqliteJobStore::keepClock() {
+  clockKept_ = std::max(clockKept_, uptime());
+  Query q(db_, "UPDATE clock SET kept = max(kept, ?1)");
+  return q.bind(clockKept_).run();
+}
+
+Result<std::string> SqliteJobStore::identity() {
+  const std::lock_guard lock(mutex_);
+  return db_.value("SELECT id FROM identity");
+}
+
+Status SqliteJobStore::identify(const std::string& id) {
+  const std::lock_guard lock(mutex_);
+  return transact([&]() -> Status {
+    Query q(db_, "INSERT INTO identity SELECT ?1 WHERE NOT EXISTS(SELECT 1 FROM identity)");
+    return q.bind(id).run();
+  });
+}
+
+Status SqliteJobStore::disown(int64_t last) {
+  const std::lock_guard lock(mutex_);
+  return transact([&]() -> Status {
+    GOBO_ASSIGN(const std::string text, db_.value("SELECT seq FROM sqlite_sequence WHERE name = 'job'"));
+    const int64_t given = std::atoll(text.c_str());
+    if (last <= given) return {};
+    {
+      Query q(db_, "INSERT INTO unowned VALUES(?1, ?2)");
+      GOBO_TRY(q.bind(given + 1).bind(last).run());
+    }
+    Query q(db_, text.empty() ? "INSERT INTO sqlite_sequence(name, seq) VALUES('job', ?1)" : "UPDATE sqlite_sequence SET seq = ?1 WHERE name = 'job'");
+    return q.bind(last).run();
+  });
+}
+
+Result<OwnedJobs> SqliteJobStore::owned() {
+  const std::lock_guard lock(mutex_);
+  GOBO_ASSIGN(const std::string text, db_.value("SELECT seq FROM sqlite_sequence WHERE name = 'job'"));
+  OwnedJobs owned;
+  owned.last = std::atoll(text.c_str());
+  Query q(db_, "SELECT first, last FROM unowned");
+  while (q.next()) owned.except.push_back({q.integer(0), q.integer(1)});
+  if (!q.status().ok()) return q.status();
+  return owned;
+}
+
 Status SqliteJobStore::transact(const std::function<Status()>& change) {
+  // SQLite goes on writing into a file that has no name any more: nothing is promised there.
+  if (!db_.current()) return {Code::Unavailable, "job store was removed or replaced under the daemon: put it back, or stop the daemon and see docs/job_store.md", path_};
   GOBO_TRY(db_.exec("BEGIN IMMEDIATE"));
   Status status = change();
   if (status.ok()) {

@@ -16,7 +16,9 @@ namespace gobo {
 
 struct JobStoreOptions {
   std::function<double()> now;       ///< seconds since 1970; the system clock if empty
-  std::function<double()> steady;    ///< seconds that never jump, for the shares of clients; the steady clock if empty
+  std::function<double()> uptime;    ///< seconds since the machine started, the same in all processes; if empty: `now` where that is given, else the system's
+  std::string boot;                  ///< names the start of the machine that `uptime` counts from; the system's if empty
+  bool create = true;                ///< a file that is missing or empty becomes a new store
   double busySeconds = 5;
   double retrySeconds = 1;           ///< wait before the second attempt; doubles, at most a minute
   uint32_t maxLosses = 25;           ///< leases lost in a row without a checkpoint: a frame that kills its worker each time
@@ -24,9 +26,12 @@ struct JobStoreOptions {
   std::function<Status(const char* sql)> step;   ///< see Sqlite::step
 };
 
+/// 32 random hex digits.
+std::string newStoreIdentity();
+
 class SqliteJobStore final : public JobStore {
  public:
-  /// Errors: DataLoss when the file is damaged (it is never made anew: it holds promises), FailedPrecondition for a schema of a
+  /// Errors: DataLoss when the file is damaged (it is never made anew: it holds promises), or empty and not to be made; FailedPrecondition for a schema of a
   /// newer Gobo, Internal, Unavailable; all name the file.
   static Result<std::unique_ptr<SqliteJobStore>> open(const std::string& path, const JobStoreOptions& options = {});
 
@@ -56,8 +61,15 @@ class SqliteJobStore final : public JobStore {
   Result<std::vector<std::string>> neededCheckpoints() override;
   Result<std::vector<std::string>> neededResults(int64_t id) override;
   Result<std::vector<int64_t>> jobIds() override;
+  Result<OwnedJobs> owned() override;
   Result<std::vector<std::string>> neededScenes() override;
   Result<JobTotals> totals() override;
+  /// The random name that the store got when it was made; empty in one that an earlier version made, until it is given one.
+  Result<std::string> identity();
+  Status identify(const std::string& id);
+  /// Jobs up to `last` have files in the folder: those of them that the store never made (it is an older copy) are not its own, and new
+  /// jobs get ids above.
+  Status disown(int64_t last);
   /// PRAGMA integrity_check; "ok" or what it says.
   Result<std::string> integrity();
 
@@ -65,6 +77,7 @@ class SqliteJobStore final : public JobStore {
   struct TaskRow { v1::Frame::State state; uint64_t token; uint32_t failures; v1::Job::State job; uint32_t maxAttempts; int64_t frame; };
   SqliteJobStore() = default;
   Status migrate();
+  Status startClock();
   /// Runs `change` in a transaction; rolled back unless it returns Ok.
   Status transact(const std::function<Status()>& change);
   Result<uint64_t> bump(const char* counter);                 ///< in a transaction: the next revision or token
@@ -80,12 +93,15 @@ class SqliteJobStore final : public JobStore {
   Result<uint64_t> endLeases(double before);
   Result<std::vector<std::string>> texts(const char* sql, int64_t id = 0);
   double now() const { return options_.now(); }
+  double uptime() const { return clockBase_ + options_.uptime(); }   ///< the store's own clock
+  Status keepClock();                                         ///< in a transaction: after a restart of the machine the clock goes on from here
 
   std::mutex mutex_;
   JobShares shares_;                                          ///< of this process
   Sqlite db_;
   std::string path_;
   JobStoreOptions options_;
+  double clockBase_ = 0, clockKept_ = 0;
 };
 
 }  // namespace gobo

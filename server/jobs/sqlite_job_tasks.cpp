@@ -10,6 +10,10 @@ namespace gobo {
 
 using Query = Sqlite::Query;
 
+namespace {
+constexpr double kClockEvery = 60;   // seconds that a restart of the machine may take from the age of results
+}  // namespace
+
 Result<SqliteJobStore::TaskRow> SqliteJobStore::task(TaskId id) {
   Query q(db_, "SELECT t.state, t.token, t.failures, j.state, j.max_attempts, t.frame FROM task t JOIN job j ON j.id = t.job WHERE t.job = ?1 AND t.idx = ?2");
   q.bind(id.job).bind(id.index);
@@ -35,7 +39,7 @@ Result<SqliteJobStore::TaskRow> SqliteJobStore::held(const Lease& lease) {
 Result<std::optional<Lease>> SqliteJobStore::claim(const std::string& holder, double leaseSeconds) {
   const std::lock_guard lock(mutex_);
   std::optional<Lease> lease;
-  const double time = now();
+  const double time = uptime();
   std::string client;
   // The first ready frame of each client by its own priorities and deadlines; of these the one whose client has had least.
   const auto ready = [&]() -> Status {
@@ -80,16 +84,16 @@ Result<std::optional<Lease>> SqliteJobStore::claim(const std::string& holder, do
       GOBO_TRY(q.bind(lease->task.job).bind(lease->task.index).bind(lease->token).bind(holder).bind(lease->expires).bind(revision).run());
     }
     Query q(db_, "UPDATE job SET state = 2, started = CASE WHEN started = 0 THEN ?2 ELSE started END, revision = ?3 WHERE id = ?1");
-    return q.bind(lease->task.job).bind(time).bind(revision).run();
+    return q.bind(lease->task.job).bind(now()).bind(revision).run();
   }));
-  if (lease) shares_.started(client, {lease->task.job, lease->task.index}, options_.steady());
+  if (lease) shares_.started(client, {lease->task.job, lease->task.index}, uptime());
   return lease;
 }
 
 Result<v1::Job::State> SqliteJobStore::renew(Lease& lease, double leaseSeconds) {
   const std::lock_guard lock(mutex_);
   v1::Job::State state{};
-  const double expires = now() + leaseSeconds;
+  const double expires = uptime() + leaseSeconds;
   GOBO_TRY(transact([&]() -> Status {
     GOBO_ASSIGN(const TaskRow row, held(lease));
     state = row.job;
@@ -140,7 +144,7 @@ Result<std::vector<CheckpointRow>> SqliteJobStore::checkpoint(const Lease& lease
 
 Status SqliteJobStore::complete(const Lease& lease, const std::vector<v1::FrameFile>& files, double seconds) {
   const std::lock_guard lock(mutex_);
-  shares_.ended(lease.task, options_.steady());
+  shares_.ended(lease.task, uptime());
   return transact([&]() -> Status {
     GOBO_ASSIGN(const TaskRow row, task(lease.task));
     if (row.token == lease.token && row.state == v1::Frame::DONE) {   // the acknowledgement was lost: the report comes again
@@ -183,7 +187,7 @@ Status SqliteJobStore::complete(const Lease& lease, const std::vector<v1::FrameF
 
 Status SqliteJobStore::fail(const Lease& lease, const FailedReport& report) {
   const std::lock_guard lock(mutex_);
-  shares_.ended(lease.task, options_.steady());
+  shares_.ended(lease.task, uptime());
   return transact([&]() -> Status {
     GOBO_ASSIGN(const TaskRow row, task(lease.task));
     // Repeated: the same token has been told off already, and nobody claimed since.
@@ -194,7 +198,7 @@ Status SqliteJobStore::fail(const Lease& lease, const FailedReport& report) {
     {
       Query q(db_, "UPDATE task SET state = 1, holder = '', failures = failures + 1, ready = ?3, error_code = ?4, error = ?5, revision = ?6 WHERE job = ?1 AND idx = ?2");
       const double wait = std::min(60.0, options_.retrySeconds * std::exp2(std::min(row.failures, 10u)));
-      GOBO_TRY(q.bind(lease.task.job).bind(lease.task.index).bind(now() + wait).bind(int(report.reason.code())).bind(report.reason.message()).bind(revision).run());
+      GOBO_TRY(q.bind(lease.task.job).bind(lease.task.index).bind(uptime() + wait).bind(int(report.reason.code())).bind(report.reason.message()).bind(revision).run());
     }
     if (report.wholeJob) return endJob(lease.task.job, v1::Job::FAILED, report.reason, revision);
     if (!last) return idle(lease.task.job, revision);
@@ -220,8 +224,9 @@ Status SqliteJobStore::setFailure(TaskId id, const Status& reason, uint64_t revi
 }
 
 Status SqliteJobStore::settle(int64_t job, uint64_t revision) {
-  Query q(db_, "UPDATE job SET state = CASE WHEN failed > 0 THEN 5 ELSE 4 END, ended = ?2, revision = ?3 WHERE id = ?1 AND state IN (1, 2, 3) AND done + failed >= frames");
-  return q.bind(job).bind(now()).bind(revision).run();
+  GOBO_TRY(keepClock());
+  Query q(db_, "UPDATE job SET state = CASE WHEN failed > 0 THEN 5 ELSE 4 END, ended = ?2, revision = ?3, ended_uptime = ?4 WHERE id = ?1 AND state IN (1, 2, 3) AND done + failed >= frames");
+  return q.bind(job).bind(now()).bind(revision).bind(clockKept_).run();
 }
 
 Status SqliteJobStore::endJob(int64_t job, v1::Job::State state, const Status& reason, uint64_t revision) {
@@ -235,13 +240,14 @@ Status SqliteJobStore::endJob(int64_t job, v1::Job::State state, const Status& r
     Query q(db_, "DELETE FROM checkpoint WHERE job = ?1");
     GOBO_TRY(q.bind(job).run());
   }
-  Query q(db_, "UPDATE job SET state = ?2, error_code = ?3, error = ?4, ended = ?5, revision = ?6 WHERE id = ?1");
-  return q.bind(job).bind(int(state)).bind(int(reason.code())).bind(reason.message()).bind(now()).bind(revision).run();
+  GOBO_TRY(keepClock());
+  Query q(db_, "UPDATE job SET state = ?2, error_code = ?3, error = ?4, ended = ?5, revision = ?6, ended_uptime = ?7 WHERE id = ?1");
+  return q.bind(job).bind(int(state)).bind(int(reason.code())).bind(reason.message()).bind(now()).bind(revision).bind(clockKept_).run();
 }
 
 Status SqliteJobStore::release(const Lease& lease) {
   const std::lock_guard lock(mutex_);
-  shares_.ended(lease.task, options_.steady());
+  shares_.ended(lease.task, uptime());
   return transact([&]() -> Status {
     GOBO_TRY(held(lease).status());
     GOBO_ASSIGN(const uint64_t revision, bump("revision"));
@@ -284,10 +290,11 @@ Result<uint64_t> SqliteJobStore::endLeases(double before) {
 
 Result<uint64_t> SqliteJobStore::expireLeases() {
   const std::lock_guard lock(mutex_);
-  const double time = now();
+  const double time = now(), up = uptime();
+  if (up - clockKept_ >= kClockEvery) GOBO_TRY(transact([&] { return keepClock(); }));
   {
-    Query q(db_, "SELECT EXISTS(SELECT 1 FROM task WHERE state = 2 AND expires <= ?1) OR EXISTS(SELECT 1 FROM job WHERE state IN (1, 2, 3) AND deadline <= ?1)");
-    q.bind(time);
+    Query q(db_, "SELECT EXISTS(SELECT 1 FROM task WHERE state = 2 AND expires <= ?1) OR EXISTS(SELECT 1 FROM job WHERE state IN (1, 2, 3) AND deadline <= ?2)");
+    q.bind(up).bind(time);
     bool some = false;
     while (q.next()) some = q.integer(0) != 0;
     if (!q.status().ok()) return q.status();
@@ -295,7 +302,7 @@ Result<uint64_t> SqliteJobStore::expireLeases() {
   }
   uint64_t count = 0;
   GOBO_TRY(transact([&]() -> Status {
-    GOBO_ASSIGN(count, endLeases(time));
+    GOBO_ASSIGN(count, endLeases(up));
     std::vector<int64_t> late;
     {
       Query q(db_, "SELECT id FROM job WHERE state IN (1, 2, 3) AND deadline <= ?1");
@@ -349,9 +356,10 @@ Result<std::vector<int64_t>> SqliteJobStore::expireResults(uint64_t keepBytes, d
   std::vector<int64_t> gone;
   const auto choose = [&]() -> Status {
     gone.clear();
-    Query q(db_, "SELECT id, result_bytes, ended FROM job WHERE state IN (4, 5, 6) AND result_bytes > 0 AND expired = 0 ORDER BY ended DESC, id DESC");
+    Query q(db_, "SELECT id, result_bytes, ended_uptime FROM job WHERE state IN (4, 5, 6) AND result_bytes > 0 AND expired = 0"
+                 " ORDER BY ended_uptime DESC, ended DESC, id DESC");
     uint64_t sum = 0;
-    const double time = now();
+    const double time = uptime();
     while (q.next()) {   // newest first: what is beyond the bound goes
       sum += uint64_t(q.integer(1));
       if (sum > keepBytes || q.real(2) + keepSeconds < time) gone.push_back(q.integer(0));

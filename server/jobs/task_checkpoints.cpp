@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "server/log.h"
+#include "terms/term_file.h"
 
 namespace gobo {
 
@@ -21,7 +22,7 @@ TermPtr TaskCheckpoints::load(const Hash128& recipe, uint32_t blocks) {
   const std::string path = files_.checkpointPath(lease_.task, row->second.digest);
   const auto bytes = files_.read(path);
   TermPtr term;
-  if (bytes.ok() && hashBytes(bytes->data(), bytes->size()).hex() == row->second.digest) term = parseTerm(bytes->data(), bytes->size());
+  if (bytes.ok() && hashBytes(bytes->data(), bytes->size()).hex() == row->second.digest) term = parseTerm(bytes->data(), bytes->size(), recipe);
   if (!term) {
     logWarn("jobs: checkpoint %s cannot be used (%s): the frame starts anew", path.c_str(), bytes.ok() ? "damaged" : bytes.status().message().c_str());
     return nullptr;
@@ -79,7 +80,7 @@ Status TaskCheckpoints::flush(double progress, uint32_t spp) {
         if (!s.written) recipe = r, state = s;
     }
     if (!state.term) return {};
-    const std::vector<uint8_t> bytes = serializeTerm(*state.term);
+    const std::vector<uint8_t> bytes = serializeTerm(*state.term, recipe);
     const CheckpointRow row{recipe.hex(), hashBytes(bytes.data(), bytes.size()).hex(), state.blocks, bytes.size()};
     const std::string path = files_.checkpointPath(lease_.task, row.digest);
     GOBO_TRY(files_.write(path, bytes.data(), bytes.size()));

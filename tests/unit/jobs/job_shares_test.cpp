@@ -10,7 +10,6 @@ namespace {
 
 class JobSharesTest : public test::StoreFixture {
  protected:
-  JobSharesTest() { options.steady = [this] { return time; }; }
   int64_t add(const std::string& client, int frames, v1::JobSpec::Priority priority = v1::JobSpec::MEDIUM) {
     NewJob job = makeJob(frames, "", priority);
     job.client = client;

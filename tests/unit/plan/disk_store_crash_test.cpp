@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "plan/disk_store.h"
+#include "terms/term_file.h"
 #include "unit/plan/term_maker.h"
 
 namespace gobo {
@@ -85,7 +86,7 @@ void expectSound(const std::string& folder, uint64_t maxBytes, const std::string
 }
 
 TEST(DiskStoreCrash, KilledAfterEachStepOfAPutThatEvicts) {
-  const uint64_t bound = serializeTerm(*makeTerm(30, sizeOf(30))).size() + 100;
+  const uint64_t bound = serializeTerm(*makeTerm(30, sizeOf(30)), key(30)).size() + 100;
   for (const char* at : {"create", "write", "sync", "evict", "unlink", "rename", "commit", "sync-folder", "done"}) {
     TempFolder folder;
     const pid_t child = spawn([&] {
@@ -184,7 +185,7 @@ TEST(DiskStoreCrash, TwoProcessesWriteReadAndEvictInOneFolder) {
     EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << "exit code " << WEXITSTATUS(status);
   }
   // A file seen here may be evicted while its followers are counted: one listing may count a term too many.
-  EXPECT_LE(worst, bound + 3 * serializeTerm(*makeTerm(kKeys - 1, sizeOf(kKeys - 1))).size());
+  EXPECT_LE(worst, bound + 3 * serializeTerm(*makeTerm(kKeys - 1, sizeOf(kKeys - 1)), key(kKeys - 1)).size());
   expectSound(folder.path, bound, "two processes");
 }
 

@@ -11,6 +11,7 @@
 #include <limits>
 #include <thread>
 
+#include "terms/term_file.h"
 #include "unit/plan/term_maker.h"
 
 namespace gobo {
@@ -83,7 +84,7 @@ TEST(DiskStore, FolderThatCannotBeWrittenIsAnErrorThatNamesIt) {
 
 TEST(DiskStore, EvictsLeastRecentlyUsedAndFilesStayWithinTheBound) {
   TempFolder folder;
-  const uint64_t one = serializeTerm(*makeTerm(0, 1000)).size();
+  const uint64_t one = serializeTerm(*makeTerm(0, 1000), key(0)).size();
   DiskStoreOptions options;
   options.maxBytes = 3 * one;
   int64_t now = 1'000'000'000;
@@ -112,7 +113,7 @@ TEST(DiskStore, EvictsLeastRecentlyUsedAndFilesStayWithinTheBound) {
 
 TEST(DiskStore, LastUseSurvivesReopeningAndOpenAppliesASmallerBound) {
   TempFolder folder;
-  const uint64_t one = serializeTerm(*makeTerm(0, 1000)).size();
+  const uint64_t one = serializeTerm(*makeTerm(0, 1000), key(0)).size();
   {
     auto store = openStore(folder.path, 10 * one);
     for (int i = 0; i < 5; ++i) ASSERT_TRUE(store->put(key(i), *makeTerm(i, 1000)).ok());
@@ -135,13 +136,13 @@ TEST(DiskStore, PutOfAnotherValueReplacesAndOfTheSameWritesNothing) {
   ASSERT_TRUE(store->put(key(1), *makeTerm(2, 3000)).ok());   // more sample blocks under the same key
   EXPECT_EQ(store->stats().writes, 2u);
   EXPECT_EQ(store->get(key(1))->content(), makeTerm(2, 3000)->content());
-  EXPECT_EQ(store->bytes(), serializeTerm(*makeTerm(2, 3000)).size());
+  EXPECT_EQ(store->bytes(), serializeTerm(*makeTerm(2, 3000), key(2)).size());
   EXPECT_EQ(store->count(), 1u);
 }
 
 TEST(DiskStore, ReplacingTheLargestTermDoesNotEvictTheOthers) {
   TempFolder folder;
-  const uint64_t one = serializeTerm(*makeTerm(0, 1000)).size();
+  const uint64_t one = serializeTerm(*makeTerm(0, 1000), key(0)).size();
   auto store = openStore(folder.path, 3 * one);
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(store->put(key(i), *makeTerm(i, 1000)).ok());
   ASSERT_TRUE(store->put(key(1), *makeTerm(8, 1000)).ok());
@@ -194,7 +195,7 @@ TEST(DiskStore, OddThingsInTheFolderAreNotFollowedAndForeignFilesStay) {
   fs::create_directory(file);                                   // a folder where a file should be
   EXPECT_EQ(store->get(key(1)), nullptr);
   fs::remove(file);
-  spill(folder.path + "/outside", serializeTerm(*makeTerm(1, 10)));
+  spill(folder.path + "/outside", serializeTerm(*makeTerm(1, 10), key(1)));
   fs::create_symlink(folder.path + "/outside", file);           // a link is not followed
   EXPECT_EQ(store->get(key(1)), nullptr);
   const std::string foreign = folder.path + "/" + key(1).hex().substr(0, 2) + "/readme.txt";
@@ -277,7 +278,7 @@ TEST(DiskStore, MissingFilesAndOrphansAreReconciled) {
   fs::remove(fileOf(folder.path, 1));
   const std::string orphan = fileOf(folder.path, 9);
   fs::create_directories(fs::path(orphan).parent_path());
-  spill(orphan, serializeTerm(*makeTerm(9, 500)));
+  spill(orphan, serializeTerm(*makeTerm(9, 500), key(9)));
   EXPECT_NE(store->get(key(9)), nullptr);                       // found without a row
   store = nullptr;
   store = openStore(folder.path);
@@ -305,7 +306,7 @@ TEST(DiskStore, StaleTempsLeaveByAgeOnly) {
 TEST(DiskStore, FailureOfAnyStepIsReportedAndLeavesNoWrongState) {
   for (const char* failing : {"create", "write", "sync", "evict", "unlink", "rename", "commit", "sync-folder"}) {
     TempFolder folder;
-    const uint64_t one = serializeTerm(*makeTerm(0, 500)).size();
+    const uint64_t one = serializeTerm(*makeTerm(0, 500), key(0)).size();
     DiskStoreOptions options;
     options.maxBytes = 2 * one;
     bool armed = false;
@@ -331,7 +332,7 @@ TEST(DiskStore, FailureOfAnyStepIsReportedAndLeavesNoWrongState) {
 
 TEST(DiskStore, ThreadsHammering) {
   TempFolder folder;
-  const uint64_t bound = 12 * serializeTerm(*makeTerm(0, 300)).size();
+  const uint64_t bound = 12 * serializeTerm(*makeTerm(0, 300), key(0)).size();
   auto store = openStore(folder.path, bound);
   std::atomic<int> wrong{0}, hits{0};
   std::vector<std::thread> threads;

@@ -208,6 +208,7 @@ TEST(Blob, ForeignArraysAreNotBelieved) {
   for (size_t i = arrays; i < whole.bytes.size(); ++i) {
     BlobBytes b = whole;
     b.bytes[i] ^= 0x04;
+    b.mend();
     b.scene(BlobTrust::Foreign).ok() ? ++padding : ++caught;
   }
   // Arrays: 2 x (12 + 36) + 36 + 24 + 48 + 48 of meshes, 24 texels, 96 of the map, 8 + 24 of the rig; equal arrays are written once.
@@ -230,6 +231,37 @@ TEST(Blob, ForeignArraysAreNotBelieved) {
   const auto caughtLying = blobOf(lying).scene(BlobTrust::Foreign);
   ASSERT_FALSE(caughtLying.ok());
   EXPECT_NE(caughtLying.status().message().find("lowest"), std::string::npos) << caughtLying.status().toString();
+}
+
+TEST(Blob, EveryDamagedByteOfTheArraysIsFound) {
+  const BlobBytes whole = blobOf(smallScene());
+  const auto check = [](const BlobBytes& b, const StopToken& stop = {}) { const auto [owner, view] = b.aligned(); return checkBlobArrays(view, stop); };
+  EXPECT_TRUE(check(whole).ok()) << check(whole).toString();
+  for (size_t i = size_t(whole.at<uint64_t>(88)); i < whole.bytes.size(); ++i) {
+    BlobBytes b = whole;
+    b.bytes[i] ^= uint8_t(1 << i % 8);
+    ASSERT_EQ(check(b).code(), Code::DataLoss) << "byte " << i;
+    ASSERT_FALSE(b.scene(BlobTrust::Foreign).ok()) << "byte " << i;
+  }
+  // Several slices, the last one short; and the stop token is looked at before each.
+  Environment map;
+  map.width = 1024;
+  map.height = 1000;
+  map.texels.assign(size_t(map.width) * size_t(map.height), Vec3(0.25f));
+  map.content = environmentDigest(map);
+  BlobBytes large = blobOf(map);
+  ASSERT_GT(large.bytes.size(), size_t(11) << 20);
+  ASSERT_TRUE(check(large).ok());
+  for (const size_t at : {size_t(4) << 20, (size_t(8) << 20) + 500, large.bytes.size() - 1}) {
+    large.bytes[at] ^= 0x10;
+    EXPECT_EQ(check(large).code(), Code::DataLoss) << at;
+    large.bytes[at] ^= 0x10;
+  }
+  for (int n = 1; n <= 3; ++n) {
+    StopSource stop;
+    stop.stopAtPoll(n);
+    EXPECT_EQ(check(large, stop.token()).code(), Code::Cancelled) << n;
+  }
 }
 
 TEST(Blob, KeyVersionAndFormatAreChecked) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Terms: the content digest tells any two values apart, and the parser of the file form takes nothing on trust.
-#include "terms/term.h"
+#include "terms/term_file.h"
 
 #include <gtest/gtest.h>
 
@@ -9,6 +9,8 @@
 
 namespace gobo {
 namespace {
+
+const Hash128 kKey{0x0807060504030201ull, 0x100f0e0d0c0b0a09ull};
 
 uint64_t next(uint64_t& state) {
   state ^= state << 13;
@@ -45,8 +47,8 @@ void expectSound(const Term& term) {
     ASSERT_EQ(p.bytes.size(), term.extent().elements() * size_t(p.channels) * formatSize(p.format));
   }
   ASSERT_LE(int(term.domain()), int(Domain::Table));
-  const auto bytes = serializeTerm(term);
-  const auto back = parseTerm(bytes.data(), bytes.size());
+  const auto bytes = serializeTerm(term, kKey);
+  const auto back = parseTerm(bytes.data(), bytes.size(), kKey);
   ASSERT_NE(back, nullptr);
   ASSERT_EQ(back->content(), term.content());
 }
@@ -98,8 +100,9 @@ TEST(TermFile, LayoutIsWhatTheDocumentSays) {
   Term term("ab", Domain::List, {3, 1, 1});
   auto v = term.addPlane<uint8_t>("xyz", 1);
   v[0] = 1, v[1] = 2, v[2] = 3;
-  auto bytes = serializeTerm(term);
-  const std::vector<uint8_t> expected = {'G', 'O', 'B', 'O', 'T', 'R', 'M', '1', 2, 0, 0, 0, 'a', 'b', 4, 0, 0, 0, 3, 0, 0, 0, 1, 0, 0, 0,
+  auto bytes = serializeTerm(term, kKey);
+  const std::vector<uint8_t> expected = {'G', 'O', 'B', 'O', 'T', 'R', 'M', '2', 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16,
+                                         2, 0, 0, 0, 'a', 'b', 4, 0, 0, 0, 3, 0, 0, 0, 1, 0, 0, 0,
                                          1, 0, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 'x', 'y', 'z', 3, 0, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0,
                                          1, 2, 3};
   ASSERT_EQ(bytes.size(), expected.size() + 16);
@@ -120,37 +123,72 @@ TEST(TermFile, ManyPlanesAndEmptyExtentsRoundTrip) {
 }
 
 TEST(TermFile, EveryTruncationAndEveryFlippedBitIsRefused) {
-  const auto good = serializeTerm(sample());
-  for (size_t n = 0; n < good.size(); ++n) EXPECT_EQ(parseTerm(good.data(), n), nullptr) << n;
+  const auto good = serializeTerm(sample(), kKey);
+  for (size_t n = 0; n < good.size(); ++n) EXPECT_EQ(parseTerm(good.data(), n, kKey), nullptr) << n;
   for (size_t at = 0; at < good.size(); ++at)
     for (int bit = 0; bit < 8; ++bit) {
       auto bytes = good;
       bytes[at] ^= uint8_t(1 << bit);
-      EXPECT_EQ(parseTerm(bytes.data(), bytes.size()), nullptr) << at;
+      EXPECT_EQ(parseTerm(bytes.data(), bytes.size(), kKey), nullptr) << at;
     }
+}
+
+TEST(TermFile, IsOfOneKeyOnly) {
+  uint64_t random = 99;
+  const auto draw = [&] { const uint64_t lo = next(random); return Hash128{lo, next(random)}; };
+  for (int n = 0; n < 2000; ++n) {
+    Hash128 key = draw(), other = n % 2 ? draw() : key;
+    if (n % 2 == 0) (n % 4 ? other.lo : other.hi) ^= 1ull << (next(random) % 64);   // one bit beside it
+    const auto bytes = serializeTerm(sample(), key);
+    const auto back = parseTerm(bytes.data(), bytes.size(), key);
+    ASSERT_NE(back, nullptr);
+    ASSERT_EQ(back->content(), sample().content());
+    ASSERT_EQ(parseTerm(bytes.data(), bytes.size(), other), nullptr) << key.hex() << " " << other.hex();
+    auto renamed = bytes;   // the key is inside the digest
+    std::memcpy(renamed.data() + 8, &other, 16);
+    ASSERT_EQ(parseTerm(renamed.data(), renamed.size(), other), nullptr);
+  }
+}
+
+TEST(TermFile, OtherVersionsAreToldFromDamage) {
+  auto bytes = serializeTerm(sample(), kKey);
+  EXPECT_FALSE(isOtherTermVersion(bytes.data(), bytes.size()));
+  for (const char version : {'1', '3'}) {
+    bytes[7] = uint8_t(version);
+    sign(bytes);
+    EXPECT_TRUE(isOtherTermVersion(bytes.data(), bytes.size()));
+    EXPECT_EQ(parseTerm(bytes.data(), bytes.size(), kKey), nullptr);
+  }
+  EXPECT_FALSE(isOtherTermVersion(bytes.data(), 7));
+  bytes[30] ^= 1;
+  EXPECT_FALSE(isOtherTermVersion(bytes.data(), bytes.size()));   // damaged as well
+  bytes[30] ^= 1;
+  bytes[0] = 'X';
+  EXPECT_FALSE(isOtherTermVersion(bytes.data(), bytes.size()));
 }
 
 TEST(TermFile, RandomBytesAreRefusedOrSound) {
   uint64_t random = 12345;
   for (int n = 0; n < 20000; ++n) {
-    std::vector<uint8_t> bytes(24 + next(random) % 120);
+    std::vector<uint8_t> bytes(40 + next(random) % 120);
     for (auto& b : bytes) b = uint8_t(next(random) & (n % 2 ? 0xff : 0x03));   // small numbers reach further into the parser
-    std::memcpy(bytes.data(), "GOBOTRM1", 8);
+    std::memcpy(bytes.data(), "GOBOTRM2", 8);
+    std::memcpy(bytes.data() + 8, &kKey, 16);
     sign(bytes);
-    if (const auto term = parseTerm(bytes.data(), bytes.size())) expectSound(*term);
+    if (const auto term = parseTerm(bytes.data(), bytes.size(), kKey)) expectSound(*term);
   }
 }
 
 TEST(TermFile, SignedMutationsAreRefusedOrSound) {
   // With a right digest every check behind it has to hold by itself: no CHECK, no overflow, no huge allocation.
-  const auto good = serializeTerm(sample());
+  const auto good = serializeTerm(sample(), kKey);
   uint64_t random = 777;
   int parsed = 0;
   static const uint32_t odd[] = {0, 1, 2, 3, 4, 5, 0x7fffffff, 0x80000000u, 0xffffffffu, 0x10000, 0x40000000, 65537};
   for (int n = 0; n < 60000; ++n) {
     auto bytes = good;
     for (int k = 0; k < 1 + int(next(random) % 3); ++k) {
-      const size_t at = 8 + next(random) % (bytes.size() - 28);
+      const size_t at = 24 + next(random) % (bytes.size() - 44);
       switch (next(random) % 4) {
         case 0: bytes[at] = uint8_t(next(random)); break;
         case 1: std::memcpy(bytes.data() + at, &odd[next(random) % 12], 4); break;
@@ -159,7 +197,7 @@ TEST(TermFile, SignedMutationsAreRefusedOrSound) {
       }
     }
     sign(bytes);
-    if (const auto term = parseTerm(bytes.data(), bytes.size())) { ++parsed; expectSound(*term); }
+    if (const auto term = parseTerm(bytes.data(), bytes.size(), kKey)) { ++parsed; expectSound(*term); }
   }
   EXPECT_GT(parsed, 1000);      // changed values are fine
   EXPECT_LT(parsed, 59000);
@@ -171,11 +209,11 @@ TEST(TermFile, ForgedHeadersThatWouldTripLaterCodeAreRefused) {
     std::vector<uint8_t> b;
     const auto put = [&](const void* p, size_t n) { b.insert(b.end(), static_cast<const uint8_t*>(p), static_cast<const uint8_t*>(p) + n); };
     const uint32_t one = 1;
-    put("GOBOTRM1", 8), put(&one, 4), put("t", 1), put(&domain, 4), put(&w, 4), put(&h, 4), put(&l, 4), put(&planes, 4);
+    put("GOBOTRM2", 8), put(&kKey, 16), put(&one, 4), put("t", 1), put(&domain, 4), put(&w, 4), put(&h, 4), put(&l, 4), put(&planes, 4);
     for (const char* name : names) put(&one, 4), put(name, 1), put(&format, 4), put(&channels, 4), put(&length, 8);
     b.resize(b.size() + 16);
     sign(b);
-    return parseTerm(b.data(), b.size());
+    return parseTerm(b.data(), b.size(), kKey);
   };
   EXPECT_NE(header(0, 0, 1, 1, 1, {"a"}), nullptr);                 // the builder itself is right
   EXPECT_EQ(header(0, 0, 1, 1, 2, {"a", "a"}), nullptr);            // a name twice would trip addRaw's CHECK
