@@ -254,6 +254,32 @@ bool Scheduler::preemptFor(const Job& job, double now, Room& room, std::vector<A
   return true;
 }
 
+double Scheduler::sliceEnd(const Job& job) const {
+  return std::max(job.started + std::ldexp(options_.slice[size_t(job.spec.jobClass)], std::min(job.gaveWay, 30)), job.protectedUntil);
+}
+
+bool Scheduler::sliceFor(const Job& job, double now, Room& room, std::vector<Action>& actions) {
+  ClassState& s = classes_[size_t(job.spec.jobClass)];
+  const auto had = [&](const std::string& group) {
+    const auto at = s.groups.find(group);
+    return at == s.groups.end() ? 0.0 : at->second.virtualTime;
+  };
+  std::pair<JobId, Job*> victim{0, nullptr};
+  for (auto& [id, other] : jobs_) {
+    if (other.state != State::Running || other.cancelled || other.spec.jobClass != job.spec.jobClass || other.group == job.group) continue;
+    if (sliceEnd(other) > now + kRounding || had(other.group) <= had(job.group)) continue;
+    if (room.freeBytes + room.comingBytes + other.spec.pinnedBytes < job.spec.pinnedBytes) continue;
+    if (!victim.second || had(other.group) > had(victim.second->group)) victim = {id, &other};
+  }
+  if (!victim.second) return false;
+  victim.second->state = State::Preempting;
+  ++victim.second->gaveWay;
+  ++room.comingSlots;
+  room.comingBytes += victim.second->spec.pinnedBytes;
+  actions.push_back({Action::Kind::Preempt, victim.first, StopReason::Preempted});
+  return true;
+}
+
 // Starts the job, or books what it waits for. `first`: nobody may pass it. True if it started.
 bool Scheduler::tryStart(JobId id, Job& job, double now, bool first, Room& room, std::vector<Action>& actions) {
   const uint64_t need = job.spec.pinnedBytes;
@@ -266,7 +292,7 @@ bool Scheduler::tryStart(JobId id, Job& job, double now, bool first, Room& room,
   }
   if (room.freeBytes < need) job.blockedSince = std::min(job.blockedSince, now);
   const bool comes = (room.freeSlots + room.comingSlots >= 1 && room.freeBytes + room.comingBytes >= need) ||
-                     preemptFor(job, now, room, actions);
+                     preemptFor(job, now, room, actions) || sliceFor(job, now, room, actions);
   if (!comes && !first) return false;
   // Hold: free room first, then what jobs that are giving way will leave.
   const uint64_t bytes = std::min(need, room.freeBytes);
@@ -313,7 +339,10 @@ std::vector<Action> Scheduler::decide(double now) {
   for (const int c : classOrder()) {
     ClassState& s = classes_[size_t(c)];
     if (s.queued == 0) continue;
-    const auto nothingToBeHad = [&] { return room.freeSlots <= 0 && room.comingSlots <= 0 && lowest <= c; };
+    const bool sliced = std::any_of(jobs_.begin(), jobs_.end(), [&](const auto& j) {
+      return j.second.state == State::Running && int(j.second.spec.jobClass) == c && sliceEnd(j.second) <= now + kRounding;
+    });
+    const auto nothingToBeHad = [&] { return room.freeSlots <= 0 && room.comingSlots <= 0 && lowest <= c && !sliced; };
     if (nothingToBeHad()) continue;
     const bool isDue = due(c);
     std::vector<Candidate> reserved;                    // rule 7: they go first, oldest first
@@ -425,6 +454,7 @@ std::optional<double> Scheduler::nextEvent(double now) const {
     if (job.state != State::Stopping) next = std::min(next, job.spec.deadline);
     if (queued_ == 0) continue;
     if (job.state == State::Running && job.protectedUntil > now_) next = std::min(next, job.protectedUntil);
+    if (job.state == State::Running && classes_[size_t(job.spec.jobClass)].queued > 0 && sliceEnd(job) > now_) next = std::min(next, sliceEnd(job));
     if (job.state == State::Queued && std::isfinite(job.blockedSince) && job.blockedSince + options_.reserveAfter > now_)
       next = std::min(next, job.blockedSince + options_.reserveAfter);
   }

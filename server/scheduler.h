@@ -24,6 +24,9 @@
 //  8. Queues are bounded per class and per client; beyond, ResourceExhausted with a retry hint: the measured interval between
 //     starts of the class, times the refused callers before this one since the last start (so that they do not all come back
 //     at once), times the active clients where the client's own bound was met.
+//  9. Slices: where the first waiting job of a class cannot start, a running one of the same class gives way to it if it is another
+//     group's that has had more, and it has run for its slice: slice[class] seconds, doubled each time that this job gave way, so
+//     that what has to begin its step anew comes to its end. So a short job waits for one slice of each longer one, not for its end.
 // Cost: decide() is O(queued log queued) when something may start, O(running) else.
 #pragma once
 
@@ -61,6 +64,7 @@ struct SchedulerOptions {
   size_t clientLimit = 256;                                    ///< queued jobs of a group, all classes
   double clientPart = 1;                                       ///< of a class's queue that one group may fill
   std::array<double, kJobClasses> ageing{kNever, 10, 30};      ///< seconds
+  std::array<double, kJobClasses> slice{kNever, kNever, kNever};   ///< seconds
   double protectedSeconds = 1;
   double reserveAfter = 5;
   double retryMinMs = 10, retryMaxMs = 60000;
@@ -129,6 +133,7 @@ class Scheduler {
     double ran = 0;                     // seconds of all its runs
     double protectedUntil = -kNever;
     double blockedSince = kNever;       // first time that bytes kept it from starting
+    int gaveWay = 0;                    // rule 9: times
   };
   struct Client { double virtualTime = 0, seconds = 0; size_t queued = 0, running = 0; };
   struct Group : Client {
@@ -153,6 +158,8 @@ class Scheduler {
   bool due(int c) const;
   double meanRun(int c) const;
   bool tryStart(JobId id, Job& job, double now, bool first, Room& room, std::vector<Action>& actions);
+  double sliceEnd(const Job& job) const;
+  bool sliceFor(const Job& job, double now, Room& room, std::vector<Action>& actions);
   bool preemptFor(const Job& job, double now, Room& room, std::vector<Action>& actions);
   void start(JobId id, Job& job, double now);
   void leave(Jobs::iterator at);          // out of queue or slots, and out of the books

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/server.h"
 
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -33,6 +34,19 @@ struct Server::Services {
 };
 
 namespace {
+
+/// Descriptors that files, pipes to readers and gRPC itself need beside connections.
+constexpr uint64_t kOtherDescriptors = 256;
+
+uint32_t connectionsFor(const ServerConfig& config) {
+  rlimit files{};
+  if (::getrlimit(RLIMIT_NOFILE, &files) != 0) return config.connections;
+  const uint64_t most = files.rlim_cur > 2 * kOtherDescriptors ? uint64_t(files.rlim_cur) - kOtherDescriptors : uint64_t(files.rlim_cur) / 2;
+  if (most >= config.connections) return config.connections;
+  logWarn("limits.connections = %u: %llu are taken, as this process may have %llu descriptors (LimitNOFILE, ulimit -n)", config.connections, (unsigned long long)most,
+          (unsigned long long)files.rlim_cur);
+  return uint32_t(most);
+}
 
 const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Admin", "gobo.v1.Jobs"};
 
@@ -142,7 +156,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   }
   std::vector<bool> isUnix;
   if (sockets) {
-    self->listener_ = std::make_unique<Listener>(ListenerLimits{config.connections, config.connectionsPerPeer});
+    self->listener_ = std::make_unique<Listener>(ListenerLimits{connectionsFor(config), config.connectionsPerPeer});
     for (const std::string& text : config.listen) {
       GOBO_ASSIGN(const Address address, parseAddress(text));
       isUnix.push_back(address.isUnix);

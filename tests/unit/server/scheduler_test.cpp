@@ -429,6 +429,78 @@ TEST(Scheduler, InsideAGroupNamesShareAndMoreThanAFewShareOneLine) {
   EXPECT_NEAR(of(40), 9, 1);   // eight names and the rest, not forty-one
 }
 
+TEST(Scheduler, ALongJobGivesWayAfterItsSliceToAnotherGroupsShortOne) {
+  SchedulerOptions o = slots(1);
+  o.slice = {0.25, kNever, kNever};
+  Scheduler s(o);
+  (void)s.submit(named("long", "", I), 0);
+  EXPECT_EQ(show(s.decide(0)), "start1");
+  (void)s.submit(named("long", "", I), 0.01);          // one's own job waits
+  (void)s.submit(named("short", "", I), 0.05);
+  EXPECT_EQ(show(s.decide(0.05)), "");
+  ASSERT_TRUE(s.nextEvent(0.05));
+  EXPECT_NEAR(*s.nextEvent(0.05), 0.25, 1e-9);         // and the runner looks again then
+  EXPECT_EQ(show(s.decide(0.25)), "preempt1");
+  EXPECT_TRUE(s.preempted(1, 0.26));
+  EXPECT_EQ(show(s.decide(0.26)), "start3");
+  s.finished(3, 0.3, Outcome::Done);
+  EXPECT_EQ(show(s.decide(0.3)), "start1");            // it goes on before its group's later one
+  (void)s.submit(named("short", "", I), 0.31);
+  EXPECT_EQ(show(s.decide(0.56)), "");                 // twice the slice now
+  EXPECT_EQ(show(s.decide(0.81)), "preempt1");
+}
+
+TEST(Scheduler, NobodyGivesWayToWhoHasHadMore) {
+  SchedulerOptions o = slots(1);
+  o.slice = {0.25, kNever, kNever};
+  Scheduler s(o);
+  (void)s.submit(named("a", "", I), 0);
+  (void)s.submit(named("b", "", I), 0);
+  EXPECT_EQ(show(s.decide(0)), "start1");
+  EXPECT_EQ(show(s.decide(1)), "preempt1");
+  EXPECT_TRUE(s.preempted(1, 1));
+  EXPECT_EQ(show(s.decide(1)), "start2");
+  EXPECT_EQ(show(s.decide(1.5)), "");                  // b has had half of what a had
+  EXPECT_EQ(show(s.decide(2.5)), "preempt2");          // now more
+}
+
+// Shares hold with slices, and every job ends: two groups, jobs of many slices, each begun anew when it gave way would still end.
+TEST(Scheduler, SlicesShareAndEveryJobEnds) {
+  SchedulerOptions o = slots(1);
+  o.slice = {0.25, 0.25, 0.25};
+  Scheduler s(o);
+  std::map<JobId, double> left;
+  std::map<JobId, std::string> of;
+  for (int i = 0; i < 20; ++i) {
+    const std::string group = i % 2 ? "odd" : "even";
+    const JobId id = s.submit(named(group, "", N), 0).id;
+    left[id] = 1 + i % 7;
+    of[id] = group;
+  }
+  double now = 0, odd = 0, even = 0;
+  JobId running = 0;
+  double begun = 0;
+  for (int step = 0; step < 200000 && !left.empty(); ++step, now += 0.05) {
+    if (running) (of[running] == "odd" ? odd : even) += 0.05;
+    if (running && now - begun >= left[running]) {   // without a checkpoint: only an undisturbed run ends it
+      s.finished(running, now, Outcome::Done);
+      left.erase(running);
+      running = 0;
+    }
+    if (now > 1 && std::min(odd, even) > 0 && left.size() > 12) { EXPECT_LT(std::abs(odd - even), 12) << now; }
+    for (const Action& a : s.decide(now)) {
+      if (a.kind == Kind::Start) running = a.id, begun = now;
+      if (a.kind == Kind::Preempt) {
+        EXPECT_TRUE(s.preempted(a.id, now));
+        running = 0;
+        for (const Action& b : s.decide(now))
+          if (b.kind == Kind::Start) running = b.id, begun = now;
+      }
+    }
+  }
+  EXPECT_TRUE(left.empty()) << left.size() << " never end";
+}
+
 TEST(Scheduler, OneGroupNeverFillsAQueue) {
   SchedulerOptions o = slots(1);
   o.queueLimit = {8, 8, 8};
