@@ -51,7 +51,8 @@ int addRules(scmp_filter_ctx filter) {
                          SCMP_SYS(rt_sigaction), SCMP_SYS(rt_sigprocmask), SCMP_SYS(sigaltstack), SCMP_SYS(exit), SCMP_SYS(exit_group), SCMP_SYS(clock_gettime),
                          SCMP_SYS(clock_getres), SCMP_SYS(gettimeofday), SCMP_SYS(time), SCMP_SYS(nanosleep), SCMP_SYS(clock_nanosleep), SCMP_SYS(getpid),
                          SCMP_SYS(gettid), SCMP_SYS(getrandom), SCMP_SYS(sched_yield), SCMP_SYS(sched_getaffinity), SCMP_SYS(sysinfo), SCMP_SYS(uname),
-                         SCMP_SYS(getrusage), SCMP_SYS(restart_syscall)})
+                         SCMP_SYS(getrusage), SCMP_SYS(restart_syscall),
+                         SCMP_SYS(rseq), SCMP_SYS(set_robust_list)})   // the last two: of a library's thread that was just being started or ended
     if (const int rc = allow(call)) return rc;
   // Memory stays data: neither new nor old pages may become executable.
   for (const int call : {SCMP_SYS(mmap), SCMP_SYS(mprotect)})

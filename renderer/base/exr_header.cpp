@@ -18,7 +18,7 @@ const std::map<std::string_view, uint32_t>& sizesOfTypes() {
   return sizes;
 }
 
-struct Part {
+struct PartHeader {
   int64_t width = 0, height = 0, tileWidth = 0, tileHeight = 0, chunkCount = 0;
   int compression = 0;
 };
@@ -34,7 +34,7 @@ class Walk {
     uint64_t tables = 0;
     for (int parts = 0;; ++parts) {
       if (parts == kMaxExrParts) return invalidArgument("EXR has more than " + std::to_string(kMaxExrParts) + " parts", name_);
-      Part part;
+      PartHeader part;
       bool empty = false;
       GOBO_TRY(header(part, empty));
       if (empty && (many || parts > 0)) return {};
@@ -60,7 +60,7 @@ class Walk {
   T number(size_t at) const { T v; std::memcpy(&v, bytes_ + at, sizeof v); return v; }
 
   /// Attributes up to the header's end. `empty`: there was none.
-  Status header(Part& part, bool& empty) {
+  Status header(PartHeader& part, bool& empty) {
     for (empty = true;; empty = false) {
       std::string_view name, type;
       if (!text(name)) return cut();
@@ -106,7 +106,7 @@ class Walk {
     return true;
   }
 
-  void take(Part& part, std::string_view name, std::string_view type) const {
+  void take(PartHeader& part, std::string_view name, std::string_view type) const {
     if (name == "dataWindow" && type == "box2i") {
       part.width = int64_t(number<int32_t>(at_ + 8)) - number<int32_t>(at_) + 1;
       part.height = int64_t(number<int32_t>(at_ + 12)) - number<int32_t>(at_ + 4) + 1;
@@ -118,7 +118,7 @@ class Walk {
   }
 
   /// Entries of the chunk table, those of level 0 alone; 0 where OpenEXR will say what is wrong.
-  static uint64_t chunks(const Part& p, bool mayBeTiled) {
+  static uint64_t chunks(const PartHeader& p, bool mayBeTiled) {
     const int lines = exrLinesPerChunk(p.compression);
     if (p.width <= 0 || p.height <= 0 || lines == 0) return uint64_t(p.chunkCount);
     uint64_t n = (uint64_t(p.height) + uint64_t(lines) - 1) / uint64_t(lines);

@@ -14,7 +14,7 @@
 #include "base/image_exr.h"
 #include "base/image_io.h"
 
-namespace gobo {
+namespace gobo::exr_header_test {
 namespace {
 
 struct Bytes {
@@ -163,4 +163,4 @@ TEST(ExrHeader, GoodFilesPass) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::exr_header_test

@@ -10,7 +10,7 @@
 #include <functional>
 #include <fstream>
 
-namespace gobo {
+namespace gobo::own_folder_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -101,4 +101,4 @@ TEST_F(OwnFolder, AFileSystemThatTakesNoneIsNotATrustedFolderNorADistrustedOne) 
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::own_folder_test

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-namespace gobo {
+namespace gobo::to_index_test {
 namespace {
 
 template <typename F>
@@ -35,4 +35,4 @@ TEST(ToIndex, ClampsWhatDoesNotFit) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::to_index_test

@@ -6,7 +6,7 @@
 #include "server/log.h"
 #include "unit/jobs/store_fixture.h"
 
-namespace gobo {
+namespace gobo::job_clock_test {
 namespace {
 
 constexpr double kTenYears = 10 * 365 * 86400.0, kDay = 86400;
@@ -179,4 +179,4 @@ TEST_F(Clock, AFileWhoseRowIsAboutToComeIsNoLitterWhateverItsTimesSay) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::job_clock_test

@@ -14,7 +14,7 @@
 #include "server/log.h"
 #include "unit/jobs/store_fixture.h"
 
-namespace gobo {
+namespace gobo::store_identity_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -256,4 +256,4 @@ TEST_F(Identity, AFolderRemovedUnderADaemonTakesNoPromises) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::store_identity_test

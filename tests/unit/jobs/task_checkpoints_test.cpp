@@ -8,7 +8,7 @@
 #include "server/log.h"
 #include "unit/jobs/store_fixture.h"
 
-namespace gobo {
+namespace gobo::task_checkpoints_test {
 namespace {
 
 struct Checkpoints : test::StoreFixture {
@@ -67,4 +67,4 @@ TEST_F(Checkpoints, StatesThatTradeNamesAndRowsAreNotUsed) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::task_checkpoints_test

@@ -10,7 +10,7 @@
 #include "scene/mipmap.h"
 #include "support/small_gltf.h"
 
-namespace gobo {
+namespace gobo::shared_textures_test {
 namespace {
 
 using Json = nlohmann::json;
@@ -147,4 +147,4 @@ TEST(SharedTextures, GlossMapsAreMadeOnceForEachFactor) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::shared_textures_test

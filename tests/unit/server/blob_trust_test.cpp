@@ -23,7 +23,7 @@
 #include "support/blob_bytes.h"
 #include "support/small_gltf.h"
 
-namespace gobo {
+namespace gobo::blob_trust_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -221,4 +221,4 @@ TEST_F(BlobTrustTest, CostOfTheCheck) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::blob_trust_test

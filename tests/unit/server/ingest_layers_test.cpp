@@ -21,7 +21,7 @@
 #include "server/sandbox_probe.h"
 #include "support/small_gltf.h"
 
-namespace gobo {
+namespace gobo::ingest_layers_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -143,4 +143,4 @@ TEST(IngestLayers, TheReaderHasOneThread) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::ingest_layers_test
