@@ -28,7 +28,7 @@ extern "C" int __lsan_is_turned_off() { return 1; }
 extern "C" const char* __asan_default_options() { return "handle_segv=0:handle_sigbus=0:handle_sigfpe=0:handle_sigill=0"; }
 #endif
 #ifdef GOBO_THREAD_SANITIZER   // the sandbox allows no second thread; its parent's suppressions do not reach it
-extern "C" const char* __tsan_default_options() { return "report_bugs=0:handle_segv=0:handle_sigbus=0:handle_sigfpe=0:handle_sigill=0"; }
+extern "C" const char* __tsan_default_options() { return "report_bugs=0:die_after_fork=0:handle_segv=0:handle_sigbus=0:handle_sigfpe=0:handle_sigill=0"; }
 #endif
 
 namespace gobo::ingest {
