@@ -67,6 +67,18 @@ function(gobo_layer name)
   gobo_precompiled(gobo_${name} ${ARGN})
 endfunction()
 
+# The picture formats, loaded when they are needed (renderer/base/image_codec.h): found beside a program, in the build folder, or installed.
+set(CMAKE_BUILD_RPATH "\$ORIGIN;\$ORIGIN/../renderer;\$ORIGIN/../lib/gobo")   # as in the container, which copies
+set(CMAKE_INSTALL_RPATH "\$ORIGIN;\$ORIGIN/../lib/gobo")
+function(gobo_image_codec)
+  add_library(gobo_image_codec MODULE ${CMAKE_CURRENT_SOURCE_DIR}/codec/image_codec.cpp ${CMAKE_CURRENT_SOURCE_DIR}/base/status.cpp)
+  target_include_directories(gobo_image_codec PRIVATE ${CMAKE_SOURCE_DIR}/renderer)
+  target_link_libraries(gobo_image_codec PRIVATE PkgConfig::OpenImageIO)
+  set_target_properties(gobo_image_codec PROPERTIES CXX_VISIBILITY_PRESET hidden UNITY_BUILD OFF)
+  install(TARGETS gobo_image_codec DESTINATION lib/gobo)
+  add_dependencies(gobo_base gobo_image_codec)
+endfunction()
+
 # Precompiled headers: half of a compilation is reading the same headers again. cmake/pch/NAME.h, by what the target may include.
 function(gobo_precompiled target)
   set(set standard)

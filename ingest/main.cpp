@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// gobo-ingest: parses one scene or environment file for gobod in a sandbox and writes a scene blob. Started by gobod with a
-// socket on descriptor 3 and the output on 4 (wire.h); it opens nothing itself. docs/ingest.md has the whole story.
+// gobo-ingest: parses one scene or environment file for gobod in a sandbox and writes a scene blob, with a socket on descriptor 3 and the
+// output on 4 (wire.h); it opens nothing itself. `gobo-ingest --nursery` forks such readers (nursery.h). docs/ingest.md has the whole story.
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -15,6 +15,7 @@
 
 #include "base/decode_limit.h"
 #include "ingest/layers.h"
+#include "ingest/nursery.h"
 #include "ingest/probe.h"
 #include "ingest/sandbox.h"
 #include "ingest/wire.h"
@@ -112,7 +113,6 @@ void outOfMemory() {
 
 int serve(Layers& layers) {
   std::set_new_handler(outOfMemory);
-  prepareLibraries();
   Job job;
   Done done;
   Status status = readJob(job);
@@ -133,24 +133,25 @@ int serve(Layers& layers) {
   ::_exit(told ? 0 : 3);   // no tear-down: it could only go wrong
 }
 
-/// Goes on in a process of one thread. Libraries start threads before main (log4cplus does, which OpenImageIO's plugins bring along), and
-/// a filter, capabilities and Landlock are a thread's own: those would stay outside of the sandbox, in the reader's memory, and no user
-/// namespace can be had. A fork leaves them behind. The first process reads nothing, waits, and ends as the reader ended.
-void leaveThreadsBehind() {
+/// Goes on in a process of one thread. Libraries start threads (log4cplus does, which OpenImageIO's plugins bring along), and a filter,
+/// capabilities and Landlock are a thread's own: those would stay outside of the sandbox, in the reader's memory, and no user namespace can
+/// be had. A fork leaves them behind. The first process reads nothing, waits, and ends as the second ended.
+void leaveThreadsBehind(bool ofReader) {
   const rlimit none{0, 0};
   ::setrlimit(RLIMIT_CORE, &none);
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  const pid_t first = ::getpid(), reader = ::fork();
-  if (reader < 0) ::_exit(3);
-  if (reader == 0) {
+  prepareLibraries();
+  if (ofReader) ::prctl(PR_SET_PDEATHSIG, SIGKILL);   // a nursery outlives the thread that started it: it ends when its socket does
+  const pid_t first = ::getpid(), second = ::fork();
+  if (second < 0) ::_exit(3);
+  if (second == 0) {
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (::getppid() != first) ::_exit(3);
     return;
   }
-  ::close(kSocket);   // or the reader's end would not be the end of the conversation
+  ::close(kSocket);   // or the second's end would not be the end of the conversation
   ::close(kOutput);
   int status = 0;
-  while (::waitpid(reader, &status, 0) < 0 && errno == EINTR) {}
+  while (::waitpid(second, &status, 0) < 0 && errno == EINTR) {}
   if (WIFSIGNALED(status)) {
     ::signal(WTERMSIG(status), SIG_DFL);
     ::kill(::getpid(), WTERMSIG(status));
@@ -164,10 +165,9 @@ void leaveThreadsBehind() {
 int main(int argc, char** argv) {
   using namespace gobo;
   if (argc == 3 && std::strcmp(argv[1], "--probe") == 0) {
-    ingest::leaveThreadsBehind();
+    ingest::leaveThreadsBehind(true);
     ingest::Layers layers;
     ingest::enterUserNamespace(layers);
-    ingest::prepareLibraries();
     const Status locked = ingest::lockDown({ingest::Task::Probe, argv[2], 0, 0, 0, 4ull << 30, 1 << 20, 10}, layers);
     for (const std::string& layer : layers.active) std::fprintf(stderr, "gobo-ingest: has %s\n", layer.c_str());
     for (const std::string& layer : layers.missing) std::fprintf(stderr, "gobo-ingest: lacks %s\n", layer.c_str());
@@ -177,11 +177,13 @@ int main(int argc, char** argv) {
   }
   int type = 0;
   socklen_t size = sizeof type;
-  if (argc != 1 || ::getsockopt(ingest::kSocket, SOL_SOCKET, SO_TYPE, &type, &size) != 0) {
+  const bool nursery = argc == 2 && std::strcmp(argv[1], "--nursery") == 0;
+  if ((argc != 1 && !nursery) || ::getsockopt(ingest::kSocket, SOL_SOCKET, SO_TYPE, &type, &size) != 0) {
     std::fprintf(stderr, "gobo-ingest is started by gobod; on its own it only answers --probe NAME (what the sandbox does about NAME)\n");
     return 2;
   }
-  ingest::leaveThreadsBehind();
+  ingest::leaveThreadsBehind(!nursery);
+  if (nursery) ingest::tendReaders(ingest::kSocket);
   ingest::Layers layers;
   ingest::enterUserNamespace(layers);
   return ingest::serve(layers);

@@ -4,7 +4,6 @@
 #include <fcntl.h>
 
 #include <OpenEXR/ImfThreading.h>
-#include <OpenImageIO/imageio.h>
 #include <seccomp.h>
 #include <signal.h>
 #include <sys/mman.h>
@@ -18,6 +17,7 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "base/image_codec.h"
 #include "ingest/layers.h"
 
 namespace gobo::ingest {
@@ -71,8 +71,7 @@ int addRules(scmp_filter_ctx filter) {
 
 void prepareLibraries() {
   Imf::setGlobalThreadCount(0);
-  OIIO::attribute("threads", 1);
-  OIIO::attribute("exr_threads", -1);   // none of its own
+  if (const auto codec = imageCodec(); codec.ok()) (*codec)->useOneThread();   // now: nothing can be loaded later. If it cannot be, pictures will say so
 }
 
 Status lockDown(const Job& job, Layers& layers) {

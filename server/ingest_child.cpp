@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <spawn.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -27,56 +26,6 @@ namespace gobo {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-/// The child while it lives; its end in any case when this goes away.
-class Child {
- public:
-  ~Child() { if (pid_ > 0) { kill(); int ignored; reap(ignored); } }
-  Status start(const std::string& program, int socket, int output) {
-    posix_spawn_file_actions_t actions;
-    posix_spawnattr_t attributes;
-    ::posix_spawn_file_actions_init(&actions);
-    ::posix_spawnattr_init(&attributes);
-    for (int fd = 0; fd < 3; ++fd) ::posix_spawn_file_actions_addopen(&actions, fd, "/dev/null", O_RDWR, 0);
-    ::posix_spawn_file_actions_adddup2(&actions, socket, ingest::kSocket);
-    ::posix_spawn_file_actions_adddup2(&actions, output, ingest::kOutput);
-    ::posix_spawn_file_actions_addclosefrom_np(&actions, ingest::kOutput + 1);
-    sigset_t none, all;
-    sigemptyset(&none);
-    sigfillset(&all);
-    ::posix_spawnattr_setsigmask(&attributes, &none);
-    ::posix_spawnattr_setsigdefault(&attributes, &all);
-    ::posix_spawnattr_setpgroup(&attributes, 0);   // a terminal's Ctrl-C is the daemon's business
-    ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-    std::string name = program, locale = "LC_ALL=C", library;
-    const char* path = std::getenv("LD_LIBRARY_PATH");
-    if (path) library = std::string("LD_LIBRARY_PATH=") + path;
-    char* argv[] = {name.data(), nullptr};
-    char* environment[] = {locale.data(), path ? library.data() : nullptr, nullptr};
-    const int error = ::posix_spawn(&pid_, program.c_str(), &actions, &attributes, argv, environment);
-    ::posix_spawn_file_actions_destroy(&actions);
-    ::posix_spawnattr_destroy(&attributes);
-    if (error == 0) return {};
-    pid_ = -1;
-    return Status(error == EAGAIN || error == ENOMEM ? Code::ResourceExhausted : Code::Internal,
-                  "cannot start \"" + program + "\": " + strerrordesc_np(error) + " (ingest.program)");
-  }
-  /// The group: the program and the reader that it forked.
-  void kill() { if (::kill(-pid_, SIGKILL) != 0) ::kill(pid_, SIGKILL); }
-  /// Blocks until it is gone.
-  void reap(int& status) {
-    while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {}
-    pid_ = -1;
-  }
-  bool gone(int& status) {
-    if (::waitpid(pid_, &status, WNOHANG) != pid_) return false;
-    pid_ = -1;
-    return true;
-  }
-
- private:
-  pid_t pid_ = -1;
-};
 
 /// Blocking I/O with a deadline and a stop token. False: end of file, time out or stop; `reason` tells the last two.
 class Channel {
@@ -150,6 +99,8 @@ Status sendFile(Channel& channel, int file, const std::string& name, uint64_t li
   if (settled && ::fstat(file, &info) == 0 && FileStamp::of(info) == stamp) settledStamp = stamp.text();
   return {};
 }
+
+bool isCrash(int signal) { return signal == SIGSEGV || signal == SIGBUS || signal == SIGILL || signal == SIGFPE || signal == SIGABRT || signal == SIGSYS; }
 
 /// A crash in the middle of a client's file is that file's doing, and so the client's error; before, it is the server's.
 Status crashed(int signal, const IngestOutcome& outcome) {
@@ -240,7 +191,7 @@ std::string findIngestProgram() {
   return {};
 }
 
-Result<IngestOutcome> runIngest(const std::string& program, const ingest::Job& job, int output, double wallSeconds, const StopToken& stop) {
+Result<IngestOutcome> runIngest(Readers& readers, const ingest::Job& job, int output, double wallSeconds, const StopToken& stop) {
   int mainFile = -1;
   if (job.task != ingest::Task::Probe) { GOBO_ASSIGN(mainFile, openRegular(job.path)); }
   const Descriptor file(mainFile);
@@ -250,8 +201,9 @@ Result<IngestOutcome> runIngest(const std::string& program, const ingest::Job& j
   Descriptor mine(pair[0]), low(pair[1]);
   Descriptor theirs(::fcntl(low.get(), F_DUPFD_CLOEXEC, 16)), target(::fcntl(output, F_DUPFD_CLOEXEC, 16));
   if (theirs.get() < 0 || target.get() < 0) return Status(Code::ResourceExhausted, std::string("no descriptor left: ") + ::strerror(errno), job.path);
-  Child child;
-  GOBO_TRY(child.start(program, theirs.get(), target.get()).at(job.path));
+  auto started = readers.start(theirs.get(), target.get());
+  if (!started.ok()) return started.status().at(job.path);
+  const std::unique_ptr<ReaderProcess> child = std::move(*started);
   theirs.close();
   target.close();
   low.close();   // or the end of the child would not be the end of the stream
@@ -260,21 +212,21 @@ Result<IngestOutcome> runIngest(const std::string& program, const ingest::Job& j
   IngestOutcome outcome;
   bool alive = true;
   const Status said = talk(channel, job, mainFile, outcome, alive);
-  if (!said.ok()) return cleanUtf8(said.at(job.path));   // ~Child ends it
+  if (!said.ok()) return cleanUtf8(said.at(job.path));   // its destructor ends it
   int status = 0;
-  bool over = child.gone(status);
+  bool over = child->gone(status);
   while (!over && !channel.expired() && !channel.stopped()) {
     ::usleep(500);
-    over = child.gone(status);
+    over = child->gone(status);
   }
   if (!over) {
-    child.kill();
-    child.reap(status);
+    child->end();
     if (channel.stopped()) return Status(Code::Cancelled, "the load was cancelled", job.path);
     char limit[32];
     snprintf(limit, sizeof limit, "%g", wallSeconds);
     return Status(Code::ResourceExhausted, std::string("reading it takes longer than ") + limit + " s (ingest.wall_s)", job.path);
   }
+  if (WIFSIGNALED(status) && isCrash(WTERMSIG(status))) readers.crashed();
   if (!alive || !WIFEXITED(status) || WEXITSTATUS(status) != 0) {
     const std::string place = !outcome.place.empty() && WIFSIGNALED(status) ? job.path + "#" + outcome.place : job.path;
     return cleanUtf8(whyItEnded(job, outcome, status).at(place));

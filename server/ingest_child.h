@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs gobo-ingest on one file: starts it (posix_spawn: safe in a process with threads), hands it the bytes it asks for, waits
-// with a wall-clock limit, and turns its end into a Status. What the child has read is hashed on its way, so a cache key is
+// Runs a sandboxed reader on one file: starts it (reader_process.h), hands it the bytes it asks for, waits a wall-clock limit, and turns its end into a Status. What the child has read is hashed on its way, so a cache key is
 // made of exactly those bytes. Thread-safe: each call is on its own.
 #pragma once
 
@@ -10,6 +9,7 @@
 #include "base/status.h"
 #include "base/stop.h"
 #include "ingest/wire.h"
+#include "server/reader_process.h"
 
 namespace gobo {
 
@@ -32,6 +32,6 @@ std::string findIngestProgram();
 /// The blob is on `output` (from its start) when this returns ok. Errors, all placed at job.path: what the child reports;
 /// ResourceExhausted that names the limit and its configuration key; InvalidArgument when it crashed while it parsed the file;
 /// Internal when it crashed before, cannot be started, or tried what its sandbox forbids; Cancelled.
-Result<IngestOutcome> runIngest(const std::string& program, const ingest::Job& job, int output, double wallSeconds, const StopToken& stop);
+Result<IngestOutcome> runIngest(Readers& readers, const ingest::Job& job, int output, double wallSeconds, const StopToken& stop);
 
 }  // namespace gobo

@@ -176,7 +176,7 @@ class ChildLoader final : public SceneLoader {
 
     const auto begun = Clock::now();
     const ingest::Job job{task, path, options_.triangles, options_.inputBytes, options_.textureBytes, options_.memoryBytes, options_.blobBytes, options_.cpuSeconds};
-    GOBO_ASSIGN(const IngestOutcome outcome, runIngest(options_.program, job, output, options_.wallSeconds, stop));
+    GOBO_ASSIGN(const IngestOutcome outcome, runIngest(*readers_, job, output, options_.wallSeconds, stop));
     report = {outcome.done.parseMs, outcome.done.textureMs, msSince(begun), 0, 0, false};
 
     // The child is gone and held the only other descriptor: from here on nobody else can change these bytes.
@@ -204,6 +204,7 @@ class ChildLoader final : public SceneLoader {
   }
 
   IngestOptions options_;
+  const std::shared_ptr<Readers> readers_ = forkedReaders(options_.program);
   std::unique_ptr<BlobCache> cache_;
   Gate gate_;
   std::atomic<int64_t> lastWarning_{0};

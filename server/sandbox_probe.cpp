@@ -17,7 +17,7 @@ ingest::Layers probe(const std::string& program, const StopToken& stop) {
   const Descriptor output(::memfd_create("gobo-probe", MFD_CLOEXEC));
   if (output.get() < 0) return {{}, {"all: no descriptor for a probe"}};
   const ingest::Job job{ingest::Task::Probe, "empty", 0, 0, 0, 256ull << 20, 1 << 20, 10};
-  const auto outcome = runIngest(program, job, output.get(), kWallSeconds, stop);
+  const auto outcome = runIngest(*forkedReaders(program), job, output.get(), kWallSeconds, stop);
   if (!outcome.ok()) return {{}, {"all: " + outcome.status().message()}};
   return outcome->done.layers;
 }

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Format choice by content, OpenImageIO formats, PNG and JPEG. EXR is in image_exr.cpp, files in file_io.cpp.
+// Format choice by content, what is taken out of PNG and JPEG before a library sees them. EXR is in image_exr.cpp, files in file_io.cpp, the
+// other formats in renderer/codec.
 #include "base/image_io.h"
-
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
 
 #include <algorithm>
 #include <atomic>
@@ -12,7 +10,9 @@
 #include <limits>
 
 #include "base/decode_limit.h"
+#include "base/image_codec.h"
 #include "base/image_exr.h"
+#include "base/image_write.h"
 #include "base/utf8.h"
 
 namespace gobo {
@@ -97,46 +97,9 @@ Result<std::vector<uint8_t>> plainJpeg(const uint8_t* b, size_t n, const ReadLim
   return invalidArgument("JPEG without a frame or a scan");
 }
 
-Result<Image> readByOiio(const uint8_t* bytes, size_t size, const std::string& format, const std::string& name, const ReadLimits& limits) {
-  OIIO::Filesystem::IOMemReader memory(const_cast<uint8_t*>(bytes), size);
-  auto input = OIIO::ImageInput::create("memory." + format, false, nullptr, &memory);
-  if (!input) {
-    OIIO::geterror();
-    return invalidArgument("unknown image format", name);
-  }
-  if (!input->supports("ioproxy")) return Status(Code::Unimplemented, "image format " + format + " cannot be read", name);
-  OIIO::ImageSpec config, spec;
-  config.attribute("oiio:UnassociatedAlpha", 1);  // glTF and our own PNGs keep colour and alpha apart
-  // The name must not exist as a file: readers that ignore the proxy would open it.
-  if (!input->set_ioproxy(&memory) || !input->open("memory." + format, spec, config)) {
-    const std::string why = input->geterror();
-    return invalidArgument("not a readable " + format + " image" + (why.empty() ? "" : ": " + why), name);
-  }
-  GOBO_TRY(checkImageSize(spec.width, spec.height, spec.nchannels, size, limits).at(name));
-  if (spec.depth > 1) return invalidArgument("volume images are not read", name);
-  if (spec.deep) return invalidArgument("deep images are not read", name);
-  Image image(spec.width, spec.height, spec.nchannels);
-  image.names = {spec.channelnames.begin(), spec.channelnames.end()};
-  // Rows in whole strips between polls; tiles by the library, which asks for itself.
-  bool read = true;
-  if (spec.tile_width > 0) {
-    const OIIO::ProgressCallback stopped = [](void* stop, float) { return static_cast<const StopToken*>(stop)->stopRequested(); };
-    read = input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, image.data.data(), OIIO::AutoStride, OIIO::AutoStride, OIIO::AutoStride, stopped,
-                             const_cast<StopToken*>(&limits.stop));
-  } else {
-    const int strip = std::max(1, spec.get_int_attribute("tiff:RowsPerStrip", 1)), rows = std::max(64 / strip, 1) * strip;
-    for (int y = 0; y < spec.height && read && !limits.stop.stopRequested(); y += rows) {
-      const int end = std::min(spec.height, y + rows);
-      float* to = image.data.data() + size_t(y) * size_t(spec.width) * size_t(spec.nchannels);
-      read = input->read_scanlines(0, 0, spec.y + y, spec.y + end, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, to);
-    }
-  }
-  if (limits.stop.stopRequested()) return Status(Code::Cancelled, "the reading was cancelled", name);
-  if (!read) {
-    const std::string why = input->geterror();
-    return invalidArgument("damaged " + format + " image" + (why.empty() ? "" : ": " + why), name);
-  }
-  return image;
+Result<Image> readByCodec(const uint8_t* bytes, size_t size, const std::string& format, const std::string& name, const ReadLimits& limits) {
+  GOBO_ASSIGN(const ImageCodec* const codec, imageCodec());
+  return codec->decode(bytes, size, format, name, limits, checkImageSize);
 }
 
 /// Code value of `v` in 0 .. 2^bits - 1, rounded to nearest; NaN is 0.
@@ -155,26 +118,14 @@ std::vector<uint8_t> codeValues(const Image& image, int channels, Transfer trans
   return bytes;
 }
 
-Result<std::vector<uint8_t>> encodeIntegers(const Image& image, const char* format, int channels, const PixelOptions& options) {
+Result<std::vector<uint8_t>> encodeIntegers(const Image& image, bool jpeg, int channels, const PixelOptions& options) {
   if (image.width <= 0 || image.height <= 0 || image.channels <= 0 || image.data.size() != image.pixels() * image.channels)
     return invalidArgument("image is empty or its data has the wrong size");
-  const bool jpeg = std::string_view(format) == "jpg", wide = !jpeg && options.bits == 16;
-  const OIIO::TypeDesc type = wide ? OIIO::TypeDesc::UINT16 : OIIO::TypeDesc::UINT8;
+  const bool wide = !jpeg && options.bits == 16;
   const Transfer transfer = options.data ? Transfer::Linear : options.transfer;
-  const std::vector<uint8_t> pixels = wide ? codeValues<uint16_t>(image, channels, transfer) : codeValues<uint8_t>(image, channels, transfer);
-  std::vector<uint8_t> out;
-  OIIO::Filesystem::IOVecOutput memory(out);
-  auto output = OIIO::ImageOutput::create(std::string("memory.") + format, &memory);
-  if (!output || !output->supports("ioproxy")) return internalError(std::string("no encoder for ") + format);
-  OIIO::ImageSpec spec(image.width, image.height, channels, type);
-  if (!options.data && transfer == Transfer::Srgb) spec.attribute("oiio:ColorSpace", "sRGB");
-  if (!options.data && transfer == Transfer::Linear) spec.attribute("oiio:ColorSpace", "Linear");
-  spec.attribute("oiio:UnassociatedAlpha", 1);
-  if (jpeg) spec.attribute("Compression", "jpeg:" + std::to_string(std::clamp(options.quality, 1, 100)));
-  if (!output->set_ioproxy(&memory) || !output->open(std::string("memory.") + format, spec) ||
-      !output->write_image(type, pixels.data()) || !output->close())
-    return internalError(std::string("cannot encode ") + format + ": " + output->geterror());
-  return out;
+  const std::vector<uint8_t> values = wide ? codeValues<uint16_t>(image, channels, transfer) : codeValues<uint8_t>(image, channels, transfer);
+  const CodedPixels pixels{values.data(), image.width, image.height, channels, wide, options.data, transfer, std::clamp(options.quality, 1, 100)};
+  return jpeg ? writeJpeg(pixels) : writePng(pixels);
 }
 
 }  // namespace
@@ -219,9 +170,9 @@ Result<Image> readBytes(const uint8_t* bytes, size_t size, const std::string& na
     if (format == "png" || format == "jpg") {
       const auto plain = format == "png" ? plainPng(bytes, size, limits) : plainJpeg(bytes, size, limits);
       if (!plain.ok()) return plain.status().at(name);
-      return readByOiio(plain->data(), plain->size(), format, name, limits);
+      return readByCodec(plain->data(), plain->size(), format, name, limits);
     }
-    return readByOiio(bytes, size, format, name, limits);
+    return readByCodec(bytes, size, format, name, limits);
   } catch (const std::exception& e) {
     return invalidArgument("damaged " + format + " image: " + e.what(), name);
   }
@@ -257,11 +208,11 @@ Result<Image> readPicture(const std::string& fileAndLayer, const ReadLimits& lim
 }
 
 Result<std::vector<uint8_t>> encodePng(const Image& image, const PixelOptions& options) {
-  return encodeIntegers(image, "png", std::min(image.channels, 4), options);
+  return encodeIntegers(image, false, std::min(image.channels, 4), options);
 }
 
 Result<std::vector<uint8_t>> encodeJpeg(const Image& image, const PixelOptions& options) {
-  return encodeIntegers(image, "jpg", image.channels >= 3 ? 3 : 1, options);
+  return encodeIntegers(image, true, image.channels >= 3 ? 3 : 1, options);
 }
 
 }  // namespace gobo

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading and writing pictures: EXR by OpenEXR, everything else by OpenImageIO. Errors name the file.
+// Reading and writing pictures: EXR by OpenEXR, PNG and JPEG written by libpng and libjpeg, everything else read by OpenImageIO. Errors name the file.
 // Writing is atomic: a temporary file in the same folder, then rename; a failed write leaves nothing behind.
 #pragma once
 

@@ -11,6 +11,7 @@
 #include <fstream>
 
 #include "harness.h"
+#include "support/readers_left.h"
 #include "support/small_gltf.h"
 
 namespace gobo {
@@ -39,7 +40,7 @@ class IngestProtocol : public ServerTest {
     v1::SceneInfo ignored;
     return scenes->Open(&context, request, info ? info : &ignored);
   }
-  /// Refused with all of `texts` in the message, and the daemon is as before: it answers, and no child is left over.
+  /// Refused with all of `texts` in the message, and the daemon is as before: it answers, and no reader is left over.
   void refused(const std::string& what, const std::string& path, grpc::StatusCode code, const std::vector<std::string>& texts) {
     const auto start = std::chrono::steady_clock::now();
     v1::SceneInfo info;
@@ -55,9 +56,7 @@ class IngestProtocol : public ServerTest {
   }
   void alive(const std::string& what) {
     EXPECT_GT(status().uptime_s(), 0.0) << what;
-    // No child, dead or living; the one that tells which layers the sandbox has is asked for once at the start and waited for.
-    siginfo_t none{};
-    EXPECT_TRUE(eventually([&] { return ::waitid(P_ALL, 0, &none, WEXITED | WNOHANG | WNOWAIT) == -1 && errno == ECHILD; })) << what;
+    EXPECT_TRUE(noReaderIsLeft()) << what;
   }
   std::string with(const std::string& from, const std::string& to) {
     std::string s = smallGltf("");

@@ -4,8 +4,6 @@
 #include <meshoptimizer.h>
 #include <unistd.h>
 
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
 
 #include <cstring>
 #include <filesystem>
@@ -14,6 +12,7 @@
 #include <set>
 #include <nlohmann/json.hpp>
 
+#include "base/image_io.h"
 #include "scene/load.h"
 
 namespace gobo {
@@ -151,15 +150,16 @@ TEST_F(Codec, WebpPicturesAndBasisFallback) {
   const float quad[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
   primitive()["attributes"]["POSITION"] = accessor(view(quad, sizeof quad), 5126, "VEC3", 3);
   primitive()["material"] = 0;
-  const auto picture = [&](const std::string& name, uint8_t r, uint8_t g, uint8_t b) {
-    std::vector<uint8_t> pixels;
-    for (int i = 0; i < 64; ++i) pixels.insert(pixels.end(), {r, g, b});
-    auto out = OIIO::ImageOutput::create((folder_ / name).string());
-    OIIO::ImageSpec spec(8, 8, 3, OIIO::TypeDesc::UINT8);
-    ASSERT_TRUE(out && out->open((folder_ / name).string(), spec) && out->write_image(OIIO::TypeDesc::UINT8, pixels.data()) && out->close());
-  };
-  picture("green.webp", 0, 255, 0);
-  picture("red.png", 255, 0, 0);
+  // 8 x 8, green (0, 255, 0), lossy.
+  const unsigned char green[] = {0x52, 0x49, 0x46, 0x46, 0x44, 0x00, 0x00, 0x00, 0x57, 0x45, 0x42, 0x50, 0x56, 0x50, 0x38, 0x20, 0x38, 0x00, 0x00, 0x00, 0x50, 0x02, 0x00, 0x9d, 0x01, 0x2a,
+                                 0x08, 0x00, 0x08, 0x00, 0x00, 0x00, 0x00, 0x25, 0xa0, 0x02, 0x74, 0xba, 0x01, 0xf8, 0x01, 0xfa, 0x01, 0xfc, 0x00, 0x07, 0x90, 0x00, 0xfe, 0xfb, 0x0f, 0x8b,
+                                 0xff, 0xee, 0x94, 0x25, 0xc9, 0x9a, 0x6e, 0x7f, 0xfb, 0xa5, 0x0f, 0xff, 0xe9, 0xea, 0x93, 0x67, 0xc9, 0x31, 0x97, 0xff, 0xa7, 0x71, 0x00, 0x00};
+  Image red(8, 8, 3);
+  for (size_t i = 0; i < red.data.size(); i += 3) red.data[i] = 1;
+  const auto png = encodePng(red);
+  ASSERT_TRUE(png.ok());
+  ASSERT_TRUE(writeFileAtomic(folder_ / "green.webp", green, sizeof green).ok());
+  ASSERT_TRUE(writeFileAtomic(folder_ / "red.png", png->data(), png->size()).ok());
   doc_["images"] = Json::parse(R"([{"uri":"green.webp"},{"uri":"red.png"},{"uri":"absent.ktx2"}])");
   doc_["textures"] = Json::parse(R"([{"source":1,"extensions":{"EXT_texture_webp":{"source":0}}},{"source":1,"extensions":{"KHR_texture_basisu":{"source":2}}}])");
   doc_["materials"] = Json::parse(R"([{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}])");

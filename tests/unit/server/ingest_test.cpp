@@ -46,7 +46,7 @@ class Ingest : public ::testing::Test {
   Status probe(const std::string& what, double wall = 60, const StopToken& stop = {}) {
     const int out = ::memfd_create("probe", MFD_CLOEXEC);
     ingest::Job job{ingest::Task::Probe, what, 1 << 20, 1 << 30, 1 << 30, 256ull << 20, 8 << 20, kCpuSeconds};
-    const auto result = runIngest(findIngestProgram(), job, out, wall, stop);
+    const auto result = runIngest(*forkedReaders(findIngestProgram()), job, out, wall, stop);
     written = ::lseek(out, 0, SEEK_END);
     ::close(out);
     return result.ok() ? Status() : result.status();

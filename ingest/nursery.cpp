@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/nursery.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+
+#include "ingest/wire.h"
+
+namespace gobo::ingest {
+namespace {
+
+constexpr int kDescriptors = 3;
+
+/// False: the daemon is gone.
+bool receive(int control, int (&descriptors)[kDescriptors]) {
+  for (;;) {
+    char byte = 0;
+    iovec io{&byte, 1};
+    alignas(cmsghdr) char space[CMSG_SPACE(sizeof descriptors)] = {};
+    msghdr message{};
+    message.msg_iov = &io;
+    message.msg_iovlen = 1;
+    message.msg_control = space;
+    message.msg_controllen = sizeof space;
+    const ssize_t n = ::recvmsg(control, &message, MSG_CMSG_CLOEXEC);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    const cmsghdr* head = CMSG_FIRSTHDR(&message);
+    if (!head || head->cmsg_type != SCM_RIGHTS || head->cmsg_len != CMSG_LEN(sizeof descriptors)) continue;   // none left for them here: the daemon sees its ends close
+    std::memcpy(descriptors, CMSG_DATA(head), sizeof descriptors);
+    return true;
+  }
+}
+
+void onlyWake(int) {}
+
+/// Waits for the reader, and ends it when the daemon shuts the life line. A process of its own, because the nursery waits for requests.
+[[noreturn]] void guard(pid_t reader, int life) {
+  sigset_t none;
+  sigemptyset(&none);
+  int status = 0;
+  bool ended = false;
+  for (;;) {
+    const pid_t gone = ::waitpid(reader, &status, WNOHANG);
+    if (gone == reader) break;
+    if (gone < 0 && errno != EINTR) ::_exit(3);
+    pollfd line{life, POLLIN, 0};
+    // SIGCHLD is blocked but in here: a reader that ended since the look above ends this at once.
+    if (::ppoll(ended ? nullptr : &line, ended ? 0 : 1, nullptr, &none) > 0) {
+      ::kill(reader, SIGKILL);
+      ended = true;
+    }
+  }
+  const int32_t told = status;
+  (void)!::send(life, &told, sizeof told, MSG_NOSIGNAL);
+  ::_exit(0);
+}
+
+}  // namespace
+
+void tendReaders(int control) {
+  ::signal(SIGCHLD, SIG_IGN);   // nobody waits for the guards
+  for (;;) {
+    int descriptors[kDescriptors];
+    if (!receive(control, descriptors)) ::_exit(0);
+    const auto [socket, output, life] = descriptors;
+    const pid_t nursery = ::getpid();
+    const pid_t guarding = ::fork();
+    if (guarding != 0) {   // also when there was no fork: the daemon sees its life line end without a word
+      for (const int fd : descriptors) ::close(fd);
+      continue;
+    }
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (::getppid() != nursery) ::_exit(3);
+    ::close(control);
+    sigset_t child;
+    sigemptyset(&child);
+    sigaddset(&child, SIGCHLD);
+    ::sigprocmask(SIG_BLOCK, &child, nullptr);
+    ::signal(SIGCHLD, onlyWake);
+    const pid_t guardian = ::getpid(), reader = ::fork();
+    if (reader < 0) ::_exit(3);
+    if (reader > 0) {
+      ::close(socket);   // or the reader's end would not be the end of the conversation
+      ::close(output);
+      guard(reader, life);
+    }
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (::getppid() != guardian) ::_exit(3);
+    ::signal(SIGCHLD, SIG_DFL);
+    ::sigprocmask(SIG_UNBLOCK, &child, nullptr);
+    ::close(life);
+    // Above both places first: one may stand where the other belongs.
+    const int highSocket = ::fcntl(socket, F_DUPFD_CLOEXEC, 16), highOutput = ::fcntl(output, F_DUPFD_CLOEXEC, 16);
+    if (::dup2(highSocket, kSocket) < 0 || ::dup2(highOutput, kOutput) < 0) ::_exit(3);
+    return;   // lockDown closes the rest
+  }
+}
+
+}  // namespace gobo::ingest

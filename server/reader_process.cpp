@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/reader_process.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <mutex>
+#include <utility>
+
+#include "base/descriptor.h"
+#include "ingest/wire.h"
+
+namespace gobo {
+namespace {
+
+/// `output` < 0: /dev/null, which keeps descriptor 4 from being anything else.
+Result<pid_t> spawn(const std::string& program, const char* argument, int socket, int output) {
+  posix_spawn_file_actions_t actions;
+  posix_spawnattr_t attributes;
+  ::posix_spawn_file_actions_init(&actions);
+  ::posix_spawnattr_init(&attributes);
+  for (int fd = 0; fd < 3; ++fd) ::posix_spawn_file_actions_addopen(&actions, fd, "/dev/null", O_RDWR, 0);
+  ::posix_spawn_file_actions_adddup2(&actions, socket, ingest::kSocket);
+  if (output >= 0) ::posix_spawn_file_actions_adddup2(&actions, output, ingest::kOutput);
+  else ::posix_spawn_file_actions_addopen(&actions, ingest::kOutput, "/dev/null", O_RDWR, 0);
+  ::posix_spawn_file_actions_addclosefrom_np(&actions, ingest::kOutput + 1);
+  sigset_t none, all;
+  sigemptyset(&none);
+  sigfillset(&all);
+  ::posix_spawnattr_setsigmask(&attributes, &none);
+  ::posix_spawnattr_setsigdefault(&attributes, &all);
+  ::posix_spawnattr_setpgroup(&attributes, 0);   // a terminal's Ctrl-C is the daemon's business
+  ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
+  std::string name = program, option = argument ? argument : "", locale = "LC_ALL=C", library;
+  const char* path = std::getenv("LD_LIBRARY_PATH");
+  if (path) library = std::string("LD_LIBRARY_PATH=") + path;
+  char* argv[] = {name.data(), argument ? option.data() : nullptr, nullptr};
+  char* environment[] = {locale.data(), path ? library.data() : nullptr, nullptr};
+  pid_t pid = -1;
+  const int error = ::posix_spawn(&pid, program.c_str(), &actions, &attributes, argv, environment);
+  ::posix_spawn_file_actions_destroy(&actions);
+  ::posix_spawnattr_destroy(&attributes);
+  if (error == 0) return pid;
+  return Status(error == EAGAIN || error == ENOMEM ? Code::ResourceExhausted : Code::Internal,
+                "cannot start \"" + program + "\": " + strerrordesc_np(error) + " (ingest.program)");
+}
+
+void reap(pid_t pid, int& status) { while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {} }
+
+class SpawnedReader final : public ReaderProcess {
+ public:
+  explicit SpawnedReader(pid_t pid) : pid_(pid) {}
+  ~SpawnedReader() override { end(); }
+  bool gone(int& status) override {
+    if (::waitpid(pid_, &status, WNOHANG) != pid_) return false;
+    pid_ = -1;
+    return true;
+  }
+  void end() override {
+    if (pid_ < 0) return;
+    if (::kill(-pid_, SIGKILL) != 0) ::kill(pid_, SIGKILL);   // the group: the program and the reader that it forked
+    int ignored;
+    reap(pid_, ignored);
+    pid_ = -1;
+  }
+
+ private:
+  pid_t pid_;
+};
+
+class SpawnedReaders final : public Readers {
+ public:
+  explicit SpawnedReaders(const std::string& program) : program_(program) {}
+  Result<std::unique_ptr<ReaderProcess>> start(int socket, int output) override {
+    GOBO_ASSIGN(const pid_t pid, spawn(program_, nullptr, socket, output));
+    return std::unique_ptr<ReaderProcess>(std::make_unique<SpawnedReader>(pid));
+  }
+
+ private:
+  const std::string program_;
+};
+
+/// The process that forks readers. It ends when its socket does.
+class Nursery {
+ public:
+  static Result<std::shared_ptr<Nursery>> start(const std::string& program) {
+    int pair[2];
+    if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair) != 0) return Status(Code::ResourceExhausted, std::string("cannot make a socket pair: ") + ::strerror(errno));
+    auto made = std::make_shared<Nursery>();
+    made->control_ = Descriptor(pair[0]);
+    const Descriptor low(pair[1]), theirs(::fcntl(low.get(), F_DUPFD_CLOEXEC, 16));
+    if (theirs.get() < 0) return Status(Code::ResourceExhausted, std::string("no descriptor left: ") + ::strerror(errno));
+    GOBO_ASSIGN(made->pid_, spawn(program, "--nursery", theirs.get(), -1));
+    return made;
+  }
+  ~Nursery() {
+    if (pid_ <= 0) return;
+    ::kill(-pid_, SIGKILL);   // the group: it may be loading libraries still. No reader is left, each keeps its nursery
+    int ignored;
+    reap(pid_, ignored);
+  }
+  /// It did not do what it was asked for: the next reader comes of another.
+  void lost() { lost_ = true; }
+  bool isLost() const { return lost_; }
+  /// False: it is gone.
+  bool ask(int socket, int output, int life) {
+    const int descriptors[] = {socket, output, life};
+    char byte = 0;
+    iovec io{&byte, 1};
+    alignas(cmsghdr) char space[CMSG_SPACE(sizeof descriptors)] = {};
+    msghdr message{};
+    message.msg_iov = &io;
+    message.msg_iovlen = 1;
+    message.msg_control = space;
+    message.msg_controllen = sizeof space;
+    cmsghdr* const head = CMSG_FIRSTHDR(&message);
+    head->cmsg_level = SOL_SOCKET;
+    head->cmsg_type = SCM_RIGHTS;
+    head->cmsg_len = CMSG_LEN(sizeof descriptors);
+    std::memcpy(CMSG_DATA(head), descriptors, sizeof descriptors);
+    for (;;) {
+      if (::sendmsg(control_.get(), &message, MSG_NOSIGNAL) == 1) return true;
+      if (errno != EINTR) return false;
+    }
+  }
+
+ private:
+  Descriptor control_{-1};
+  pid_t pid_ = -1;
+  std::atomic<bool> lost_{false};
+};
+
+/// Known by its life line alone: no process number that might by now be another's.
+class ForkedReader final : public ReaderProcess {
+ public:
+  ForkedReader(std::shared_ptr<Nursery> nursery, Descriptor life) : nursery_(std::move(nursery)), life_(std::move(life)) {}
+  ~ForkedReader() override { end(); }
+  bool gone(int& status) override { return over_ || look(status); }
+  void end() override {
+    if (over_) return;
+    ::shutdown(life_.get(), SHUT_WR);
+    int ignored;
+    while (!look(ignored)) {
+      pollfd line{life_.get(), POLLIN, 0};
+      ::poll(&line, 1, 1000);
+    }
+  }
+
+ private:
+  bool look(int& status) {
+    int32_t told = 0;
+    const ssize_t n = ::recv(life_.get(), &told, sizeof told, MSG_DONTWAIT);
+    if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) return false;
+    if (n != ssize_t(sizeof told)) nursery_->lost();   // without a word: whoever watched the reader was killed, and took it along
+    status = n == ssize_t(sizeof told) ? told : SIGKILL;
+    return over_ = true;
+  }
+  const std::shared_ptr<Nursery> nursery_;   // when it goes, its readers do
+  Descriptor life_;
+  bool over_ = false;
+};
+
+class ForkedReaders final : public Readers {
+ public:
+  explicit ForkedReaders(const std::string& program) : program_(program) {}
+  Result<std::unique_ptr<ReaderProcess>> start(int socket, int output) override {
+    int pair[2];
+    if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) != 0) return Status(Code::ResourceExhausted, std::string("cannot make a socket pair: ") + ::strerror(errno));
+    Descriptor mine(pair[0]);
+    const Descriptor theirs(pair[1]);
+    for (int tries = 0; tries < 2; ++tries) {   // one that was killed from outside is replaced
+      GOBO_ASSIGN(const std::shared_ptr<Nursery> nursery, current());
+      if (nursery->ask(socket, output, theirs.get())) return std::unique_ptr<ReaderProcess>(std::make_unique<ForkedReader>(nursery, std::move(mine)));
+      drop(nursery);
+    }
+    return internalError("\"" + program_ + "\" ends when it is to start a reader (ingest.program)");
+  }
+  void crashed() override { drop(nullptr); }
+
+ private:
+  Result<std::shared_ptr<Nursery>> current() {
+    const std::lock_guard hold(mutex_);
+    if (!nursery_ || nursery_->isLost()) { GOBO_ASSIGN(nursery_, Nursery::start(program_)); }
+    return nursery_;
+  }
+  /// The next reader comes of a new one. Null: whichever there is.
+  void drop(const std::shared_ptr<Nursery>& which) {
+    std::shared_ptr<Nursery> last;
+    const std::lock_guard hold(mutex_);
+    if (!which || which == nursery_) last = std::exchange(nursery_, nullptr);
+  }
+  const std::string program_;
+  std::mutex mutex_;
+  std::shared_ptr<Nursery> nursery_;
+};
+
+}  // namespace
+
+std::shared_ptr<Readers> spawnedReaders(const std::string& program) { return std::make_shared<SpawnedReaders>(program); }
+
+std::shared_ptr<Readers> forkedReaders(const std::string& program) {
+  static std::mutex mutex;
+  static std::map<std::string, std::shared_ptr<Readers>> known;
+  const std::lock_guard hold(mutex);
+  auto& readers = known[program];
+  if (!readers) readers = std::make_shared<ForkedReaders>(program);
+  return readers;
+}
+
+}  // namespace gobo

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// How a sandboxed reader (gobo-ingest) comes to be, and its end.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "base/status.h"
+
+namespace gobo {
+
+/// One reader while it lives. Its destructor ends it. Of one thread.
+class ReaderProcess {
+ public:
+  virtual ~ReaderProcess() = default;
+  /// Does not block. `status` as waitpid gives it.
+  virtual bool gone(int& status) = 0;
+  /// Kills it and waits until it is gone.
+  virtual void end() = 0;
+};
+
+/// Thread-safe.
+class Readers {
+ public:
+  virtual ~Readers() = default;
+  /// With the descriptors, which must be above 15, on kSocket and kOutput (ingest/wire.h); they stay the caller's too.
+  /// Errors: Internal or ResourceExhausted, naming ingest.program.
+  virtual Result<std::unique_ptr<ReaderProcess>> start(int socket, int output) = 0;
+  /// A reader ended by a signal.
+  virtual void crashed() {}
+};
+
+/// A new process for each: posix_spawn, which is safe in a process with threads.
+std::shared_ptr<Readers> spawnedReaders(const std::string& program);
+/// Forks of one process that has loaded its libraries (ingest/nursery.h); it is started by the first reader and shared by everybody here who
+/// names the program. After a crash the next reader comes of a new one: a reader's addresses must not be guessed by trying.
+std::shared_ptr<Readers> forkedReaders(const std::string& program);
+
+}  // namespace gobo
