@@ -22,8 +22,10 @@ SchedulerOptions schedulerOptions(const ServerConfig& c) {
 
 }  // namespace
 
+constexpr uint32_t kPlansAtOnce = 16;   // of one caller as many as there are cores, so that each of fifteen others finds a place
+
 ServerCore::ServerCore(Engine& e, const ServerConfig& c)
-    : engine(e), config(c), idle(c.clientIdleSeconds), uploads(c.uploadsAtOnce), watches(c.watches), replies(c.replyBytes), sandbox(c.ingestSandbox, c.ingestProgram),
+    : engine(e), config(c), planning({kPlansAtOnce, uint32_t(std::max(1, e.threads()))}), idle(c.clientIdleSeconds), uploads(c.uploadsAtOnce), watches(c.watches), replies(c.replyBytes), sandbox(c.ingestSandbox, c.ingestProgram),
       jobs(schedulerOptions(c)) {
   setLive(c);
   declareServerMetrics(*this);

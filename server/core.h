@@ -39,6 +39,7 @@ class ServerCore {
   Metrics metrics;                                   ///< other parts register their own (server/server_metrics.h)
   TokenBook tokens;
   LoadGate loads;
+  FairGate planning;                                 ///< plans being made before admission: they trace rays and take every core they find
   IdleWatch idle;
   SharedLimit uploads, watches;                      ///< calls in progress
   SharedLimit replies;                               ///< bytes of pictures that are being made or sent

@@ -5,16 +5,13 @@
 // handler's watches the client. Thread-safe.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
 #include <functional>
-#include <list>
-#include <map>
-#include <mutex>
 #include <string>
 
 #include "base/status.h"
 #include "base/stop.h"
+#include "server/fair_gate.h"
 
 namespace gobo {
 
@@ -25,21 +22,12 @@ class LoadGate {
   /// says true the token says Cancelled. Work that never got a place: Cancelled when the caller has gone, ResourceExhausted when
   /// kWaiting callers, or kWaitingOfOne of this client, wait already. An exception that leaves the work becomes Internal.
   Status run(const std::string& client, const std::function<Status(const StopToken&)>& work, const std::function<bool()>& gone);
-  uint32_t running() const;
-  uint32_t waiting() const;
+  uint32_t running() const { return gate_.running(); }
+  uint32_t waiting() const { return gate_.waiting(); }
   static constexpr uint32_t kWaiting = 32, kWaitingOfOne = 16;
 
  private:
-  struct Waiter { std::string client; bool called = false; };
-  struct Client { uint32_t running = 0, waiting = 0; uint64_t served = 0; };   ///< served: when it was last called, in calls
-  void call();                   ///< under mutex_: gives free places away
-  void forget(const std::string& client);
-  mutable std::mutex mutex_;
-  std::condition_variable free_;
-  uint32_t limit_ = 1, running_ = 0;
-  std::list<Waiter> waiters_;    ///< in order of arrival
-  std::map<std::string, Client> clients_;
-  uint64_t calls_ = 0;
+  FairGate gate_;
 };
 
 }  // namespace gobo

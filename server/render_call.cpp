@@ -9,9 +9,14 @@ namespace gobo {
 
 using Clock = std::chrono::steady_clock;
 
+constexpr double kRetryMs = 200;   // for a caller whose plans wait: they end one by one, soon
+
 JobClass jobClassOf(v1::Scheduling::Class priority) {
   return priority == v1::Scheduling::INTERACTIVE ? JobClass::Interactive : priority == v1::Scheduling::BATCH ? JobClass::Batch : JobClass::Normal;
 }
+
+/// Of one caller: a queue like those behind it, of which nobody may fill more than three quarters either.
+static size_t mostPlansWaiting(const ServerConfig& c) { return std::max<size_t>(1, (size_t(c.queuedInteractive) + c.queuedNormal + c.queuedBatch) * 3 / 4); }
 
 RenderCall::RenderCall(ServerCore& core, StopSource stop, v1::RenderRequest request, RenderCallOptions options)
     : core_(core), stop_(std::move(stop)), request_(std::move(request)), options_(std::move(options)) {
@@ -25,7 +30,16 @@ RenderCall::~RenderCall() {
 
 void RenderCall::work() {
   const Clock::time_point submitted = Clock::now();
-  Result<uint64_t> pinned = [&] {
+  Result<uint64_t> pinned = [&]() -> Result<uint64_t> {
+    const auto place = core_.planning.enter(options_.payer, [stop = stop_.token()] { return stop.stopRequested(); }, [&](const FairGate::Queue& queue) {
+      if (queue.ofClient < mostPlansWaiting(core_.config)) return false;
+      retryAfterMs_ = kRetryMs;
+      return true;
+    });
+    if (!place && retryAfterMs_ > 0)
+      return Status(Code::ResourceExhausted, std::to_string(mostPlansWaiting(core_.config)) + " renders of \"" + options_.payer +
+                    "\" wait to be planned: at most three quarters of what the queues take (scheduler.queued_interactive, _normal, _batch)");
+    if (!place) return Status(Code::Cancelled, "cancelled while it waited to be planned");
     const CrashMarks::Other other;
     return core_.engine.pinnedBytes(request_, nullptr, stop_.token(), options_.access);
   }();

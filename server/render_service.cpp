@@ -97,7 +97,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
     if (news.done) break;
   }
   const Status& status = render->status();
-  if (!render->planned() && status.code() != Code::Cancelled && status.code() != Code::DeadlineExceeded) return toGrpc(status);
+  if (!render->planned() && render->retryAfterMs() == 0 && status.code() != Code::Cancelled && status.code() != Code::DeadlineExceeded) return toGrpc(status);
   account(rpc, *render, jobClass, std::chrono::duration<double, std::milli>(Clock::now() - begun).count(), status.ok());
   if (!status.ok()) {
     if (status.code() == Code::Cancelled && core_.cancelledAll()) return rpc.refuseDraining();
