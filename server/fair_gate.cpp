@@ -6,7 +6,7 @@
 
 namespace gobo {
 
-static constexpr std::chrono::milliseconds kLook{10};   // between two looks at whether a waiter has gone
+static constexpr std::chrono::milliseconds kLeftEvery{10};   // between two looks at whether a waiter has gone
 
 void FairGate::setLimits(Limits limits) {
   const std::lock_guard lock(mutex_);
@@ -68,7 +68,7 @@ std::optional<FairGate::Place> FairGate::enter(const std::string& client, const 
   call();
   bool left = false;
   while (!waiter->called && !left) {
-    if (free_.wait_for(lock, kLook) == std::cv_status::timeout && !waiter->called) {
+    if (free_.wait_for(lock, kLeftEvery) == std::cv_status::timeout && !waiter->called) {
       lock.unlock();
       left = gone();
       lock.lock();
