@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
-namespace gobo {
+namespace gobo::config_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -145,4 +145,4 @@ TEST(Config, LimitsThatContradictEachOther) {
 TEST(Log, TextFromClientsStaysOnItsLine) { EXPECT_EQ(escaped("a\nb\x1b[31m"), "a\\x0ab\\x1b[31m"); }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::config_test

@@ -12,7 +12,7 @@
 #include "server/encode.h"
 #include "support/engines.h"
 
-namespace gobo {
+namespace gobo::encode_layers_test {
 namespace {
 
 using namespace testing;
@@ -205,4 +205,4 @@ TEST(EncodeLayers, TransferAndBitsReachTheFile) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::encode_layers_test

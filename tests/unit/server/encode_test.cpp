@@ -12,7 +12,7 @@
 
 #include "base/image_io.h"
 
-namespace gobo {
+namespace gobo::encode_test {
 namespace {
 
 Image ramp(int w, int h, int c) {
@@ -179,4 +179,4 @@ TEST(Encode, UnknownFormatNamesTheField) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::encode_test

@@ -13,7 +13,7 @@
 
 #include "support/small_gltf.h"
 
-namespace gobo {
+namespace gobo::ingest_child_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -71,4 +71,4 @@ TEST_F(FakeReader, OneThatCannotBeStartedIsTheServersFault) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::ingest_child_test

@@ -20,7 +20,7 @@
 #include "server/log.h"
 #include "support/small_gltf.h"
 
-namespace gobo {
+namespace gobo::ingest_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -305,4 +305,4 @@ TEST_F(Ingest, EnvironmentsToo) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::ingest_test

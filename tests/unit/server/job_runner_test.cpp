@@ -8,7 +8,7 @@
 #include <set>
 #include <stdexcept>
 
-namespace gobo {
+namespace gobo::job_runner_test {
 namespace {
 
 /// A door that opens once.
@@ -321,4 +321,4 @@ TEST(JobRunner, ManyCallersNeverExceedSlotsAndEachJobEndsOnce) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::job_runner_test

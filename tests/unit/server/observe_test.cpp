@@ -17,7 +17,7 @@
 #include "server/metrics.h"
 #include "server/unix_socket.h"
 
-namespace gobo {
+namespace gobo::observe_test {
 namespace {
 
 class LogLines : public ::testing::Test {
@@ -253,4 +253,4 @@ TEST(SocketLockFile, OneHolderAndNoLitter) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::observe_test

@@ -9,7 +9,7 @@
 
 #include "server/scheduler.h"
 
-namespace gobo {
+namespace gobo::scheduler_simulation_test {
 namespace {
 
 struct Random {
@@ -306,4 +306,4 @@ TEST(SchedulerSimulation, BatchAndNormalMakeTheProgressThatIsPromised) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::scheduler_simulation_test

@@ -8,7 +8,7 @@
 #include <functional>
 #include <map>
 
-namespace gobo {
+namespace gobo::scheduler_test {
 namespace {
 
 using Kind = Action::Kind;
@@ -517,4 +517,4 @@ TEST(Scheduler, OneGroupNeverFillsAQueue) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::scheduler_test

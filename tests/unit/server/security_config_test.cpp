@@ -14,7 +14,7 @@
 #include "server/tls.h"
 #include "support/pki.h"
 
-namespace gobo {
+namespace gobo::security_config_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -179,4 +179,4 @@ TEST(Reload, WhatMayChangeDoesAndTheRestIsNamed) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::security_config_test

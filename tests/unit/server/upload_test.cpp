@@ -10,7 +10,7 @@
 #include <fstream>
 #include <memory>
 
-namespace gobo {
+namespace gobo::upload_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -106,4 +106,4 @@ TEST_F(Upload, LeftoversOfDeadProcessesGoAway) {
 }
 
 }  // namespace
-}  // namespace gobo
+}  // namespace gobo::upload_test
