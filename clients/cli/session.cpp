@@ -80,7 +80,8 @@ bool interrupted() {
 }
 
 Session::Call::Call(const Session& session) {
-  if (session.options_.timeoutSeconds > 0)
+  constexpr double kMost = 1e8;   // over three years: none, which the clock's arithmetic could not hold
+  if (session.options_.timeoutSeconds > 0 && session.options_.timeoutSeconds < kMost)
     context.set_deadline(std::chrono::system_clock::now() +
                          std::chrono::microseconds(int64_t(session.options_.timeoutSeconds * 1e6)));
   if (!session.token_.empty()) context.AddMetadata("authorization", "Bearer " + session.token_);

@@ -88,7 +88,9 @@ struct Axis {
   double low = 0, high = 0;   // in data units
   double pixelLow = 0, pixelHigh = 0;
 
-  bool shows(double v) const { return std::isfinite(v) && (!logarithmic || v > 0); }
+  /// Beyond these an axis with its margins would leave double, and no point would have a place.
+  static constexpr double kLargest = 1e150;
+  bool shows(double v) const { return std::fabs(v) <= kLargest && (!logarithmic || v >= 1 / kLargest); }
   double transform(double v) const { return logarithmic ? std::log10(v) : v; }
   double at(double v) const {
     return pixelLow + (transform(v) - transform(low)) / (transform(high) - transform(low)) * (pixelHigh - pixelLow);

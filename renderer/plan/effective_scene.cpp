@@ -32,6 +32,24 @@ Status checkCoordinate(const v1::Vector3& v, const std::string& path) {
   return invalidArgument(text.str(), path);
 }
 
+/// Large enough that single precision holds its square.
+Status checkLength(double v, const std::string& path) {
+  constexpr double kLeast = 1e-18;
+  if (v >= kLeast) return {};
+  std::ostringstream text;
+  text << path << " = " << v << ": must be at least " << kLeast << " m";
+  return invalidArgument(text.str(), path);
+}
+
+/// A rectangle's area, whose square single precision holds as well.
+Status checkArea(double width, double height, const std::string& path) {
+  constexpr double kLeast = 1e-18;
+  if (width * height >= kLeast) return {};
+  std::ostringstream text;
+  text << path << ".width = " << width << " by " << path << ".height = " << height << ": must be at least " << kLeast << " m^2";
+  return invalidArgument(text.str(), path + (width <= height ? ".width" : ".height"));
+}
+
 Result<Vec3> unitVector(const v1::Vector3& v, const std::string& path) {
   GOBO_TRY(checkFinite(v, path));
   const DVec3 x(toVec3(v));   // in double precision every float's square is finite, and above 0 if it is
@@ -105,6 +123,9 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
   if (shapeFields && !movable(s.kind))
     return invalidArgument(path + ": '" + light.name + "' is part of the scene's geometry or environment; only gain, color and intensity can be edited", path);
   if (e.has_position()) { GOBO_TRY(checkCoordinate(e.position(), path + ".position")); s.position = toVec3(e.position()); }
+  if (e.has_radius()) GOBO_TRY(checkLength(e.radius(), path + ".radius"));
+  if (e.has_width()) GOBO_TRY(checkLength(e.width(), path + ".width"));
+  if (e.has_height()) GOBO_TRY(checkLength(e.height(), path + ".height"));
   if (e.has_direction() || e.has_width() || e.has_height()) {
     Vec3 axis = s.axis;
     if (e.has_direction()) { GOBO_ASSIGN(axis, unitVector(e.direction(), path + ".direction")); }
@@ -113,6 +134,7 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
     if (e.has_direction()) { const Frame f(axis); s.u = f.x * w; s.v = f.y * h; }
     else { s.u = glm::normalize(s.u) * w; s.v = glm::normalize(s.v) * h; }
     s.axis = axis;
+    if (s.kind == LightKind::Rect) GOBO_TRY(checkArea(2.0 * double(w), 2.0 * double(h), path));
   }
   if (e.has_radius()) s.radius = float(e.radius());
   const float outer = e.has_outer_deg() ? radians(e.outer_deg()) : std::acos(glm::clamp(s.cosOuter, -1.0f, 1.0f));

@@ -52,7 +52,7 @@ class PhotonMap {
   static constexpr int64_t kMost = (1 << 21) - 1;  // 21 bits an axis; what is beyond shares the last cell
   int64_t cell(float x, int axis) const {
     const double k = std::floor((double(x) - origin_[axis]) * perCell_);
-    return k < -1.0 ? -1 : k > double(kMost) ? kMost : int64_t(k);
+    return !(k >= -1.0) ? -1 : k > double(kMost) ? kMost : int64_t(k);   // what is no number is nowhere
   }
   const Cell* find(const int64_t at[3]) const;
   std::vector<Photon> photons_;                    // by cell

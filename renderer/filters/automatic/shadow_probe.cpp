@@ -335,7 +335,8 @@ class MapProbeNode final : public Node {
     const ReceiverPlane r = receiverPlane(b, 0, s_.bias, s_.slopeBias);
     const float d = receivers.metric(b.face[0], b.d[0]), texelsX = float(map.resolution) / (f.hi.x - f.lo.x), texelsY = float(map.resolution) / (f.hi.y - f.lo.y);
     const auto width = [&](float z, float size, float texels) {
-      return std::clamp(formulas::softWidth(d, z, size, f.perspective) * texels, 1.0f, float(map.resolution));
+      // limit: a window without width has infinitely many texels a metre, and no width times that is no number.
+      return formulas::limit(formulas::softWidth(d, z, size, f.perspective) * texels, 1.0f, float(map.resolution));
     };
     int x[64], y[64];
     float z[64];

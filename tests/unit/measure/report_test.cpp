@@ -82,7 +82,7 @@ TEST(Plot, PointsLandOnTheAxes) {
   Plot middle = base, corner = base, bad = base;
   middle.series.push_back({"", {{10, 10}}, false, true});
   corner.series.push_back({"", {{100, 1}}, false, true});
-  bad.series.push_back({"", {{-1, 10}, {0, 10}, {10, std::numeric_limits<double>::quiet_NaN()}}, true, true});
+  bad.series.push_back({"", {{-1, 10}, {0, 10}, {10, std::numeric_limits<double>::quiet_NaN()}, {10, 1e300}, {1e308, 10}, {1e-308, 10}}, true, true});
   const auto marksOnly = [&](const Plot& with) { Plot without = base; without.series.push_back({"", {}, false, true}); return differing(with, without); };
   const Vec3 m = marksOnly(middle), c = marksOnly(corner);
   EXPECT_GT(m.z, 30);
