@@ -195,5 +195,53 @@ TEST_F(Process, TermDrainsAndASecondOneEndsAtOnce) {
   EXPECT_EQ(reader->Finish().error_code(), grpc::UNAVAILABLE);
 }
 
+// SECURITY.md: SIGTERM ends the process whatever runs: a render, plans that fit lights to a sky, an upload that says nothing. It ends by itself;
+// the bound in seconds is drain_s + 2, which a busy machine must not be held to.
+TEST_F(Process, TermEndsWhateverRuns) {
+  const std::string file = folder + "/gobod.toml";
+  test::writeFile(file, "[scheduler]\ndrain_s = 0.3\n[limits]\nclient_idle_s = 3600\ntmp_folder = \"" + folder + "\"\n");
+  Daemon d(folder, "d", {"--config", file, "--listen", socket, "--threads", "1", "--http", "127.0.0.1:0"});
+  ASSERT_TRUE(Daemon::until([&] { return d.ready(); }, 60)) << d.err();
+  const std::string http = d.address("http://");
+  const auto connection = channel();
+  const auto render = v1::Render::NewStub(connection);
+  const auto scenes = v1::Scenes::NewStub(connection);
+
+  grpc::ClientContext running, sending;
+  const auto reader = render->Render(&running, endless());
+  v1::RenderRequest fitted = endless();
+  fitted.mutable_environment()->mutable_sky();
+  fitted.mutable_environment()->set_area_lights(128);
+  grpc::ClientContext planning[4];
+  std::unique_ptr<grpc::ClientReader<v1::RenderEvent>> plans[4];
+  for (int i = 0; i < 4; ++i) {
+    fitted.mutable_environment()->mutable_sky()->set_turbidity(2 + i);   // none finds another's fit
+    plans[i] = render->Render(&planning[i], fitted);
+  }
+  v1::SceneInfo info;
+  const auto upload = scenes->Upload(&sending, &info);
+  v1::UploadSceneRequest head;
+  head.set_extension(".glb");
+  head.set_total_bytes(1000);
+  head.set_data("g");
+  ASSERT_TRUE(upload->Write(head));
+  ASSERT_TRUE(Daemon::until([&] { return test::httpGet(http, "/metrics").body.find("\ngobo_workers_busy 1\n") != std::string::npos; }, 60));
+
+  const auto begun = Clock::now();
+  d.signal(SIGTERM);
+  ASSERT_TRUE(d.wait(60)) << d.err();
+  EXPECT_EQ(d.exitCode(), 0) << d.err();
+  std::printf("ended %.2f s after SIGTERM, drain_s 0.3\n", std::chrono::duration<double>(Clock::now() - begun).count());
+  v1::RenderEvent event;
+  while (reader->Read(&event)) {}
+  EXPECT_EQ(reader->Finish().error_code(), grpc::UNAVAILABLE);
+  for (const auto& plan : plans) {
+    while (plan->Read(&event)) {}
+    EXPECT_FALSE(plan->Finish().ok());
+  }
+  upload->WritesDone();
+  EXPECT_FALSE(upload->Finish().ok());
+}
+
 }  // namespace
 }  // namespace gobo
