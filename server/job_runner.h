@@ -50,6 +50,10 @@ class JobRunner {
   ~JobRunner();              ///< drain(0); every run() must have returned, or be about to, before its memory goes
   /// Blocks until the job is over. spec.deadline is on the clock of now().
   RunReport run(const JobSpec& spec, Work work, const RunControl& control = {});
+  Submit refusal(const JobSpec& spec) {   ///< Scheduler::refusal, now
+    const std::lock_guard hold(mutex_);
+    return scheduler_.refusal(spec, now());
+  }
   /// From any thread. The job's token says Cancelled before this returns. False: no such job (any more).
   bool cancel(JobId id);
   /// Refuses new jobs (Unavailable), waits up to `seconds` for the others, cancels what is left and waits for that.

@@ -30,7 +30,16 @@ RenderCall::~RenderCall() {
 
 void RenderCall::work() {
   const Clock::time_point submitted = Clock::now();
+  JobSpec spec;
+  spec.client = options_.client;
+  spec.group = options_.payer;
+  spec.jobClass = jobClassOf(request_.scheduling().priority());
+  if (options_.deadline) spec.deadline = std::chrono::duration<double>(options_.deadline->time_since_epoch()).count();   // JobRunner::now()
   Result<uint64_t> pinned = [&]() -> Result<uint64_t> {
+    if (Submit refusal = core_.jobs.refusal(spec); refusal.status.code() == Code::ResourceExhausted) {
+      retryAfterMs_ = refusal.retryMs;
+      return refusal.status;
+    }
     const auto place = core_.planning.enter(options_.payer, [stop = stop_.token()] { return stop.stopRequested(); }, [&](const FairGate::Queue& queue) {
       if (queue.ofClient < mostPlansWaiting(core_.config)) return false;
       retryAfterMs_ = kRetryMs;
@@ -72,11 +81,6 @@ void RenderCall::work() {
       changed_.notify_one();
     };
   }
-  JobSpec spec;
-  spec.client = options_.client;
-  spec.group = options_.payer;
-  spec.jobClass = jobClassOf(request_.scheduling().priority());
-  if (options_.deadline) spec.deadline = std::chrono::duration<double>(options_.deadline->time_since_epoch()).count();   // JobRunner::now()
   spec.pinnedBytes = *pinned;
   RunControl runControl;
   runControl.gone = [stop = stop_.token()] { return stop.stopRequested(); };

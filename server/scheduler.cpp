@@ -118,7 +118,7 @@ double Scheduler::retryMs(int c, bool clientBound, double now) {
   return std::clamp(interval * scale * 1e3, options_.retryMinMs, options_.retryMaxMs);
 }
 
-Submit Scheduler::submit(const JobSpec& spec, double now) {
+Submit Scheduler::refusal(const JobSpec& spec, double now) {
   now = advance(now);
   const int c = int(spec.jobClass);
   GOBO_CHECK(c >= 0 && c < kJobClasses);
@@ -148,6 +148,14 @@ Submit Scheduler::submit(const JobSpec& spec, double now) {
   if (const auto known = s.groups.find(name); known != s.groups.end() && known->second.queued >= part)
     return refuse(Code::ResourceExhausted, "too many jobs of client '" + name + "' wait in class " + kClassNames[c] + ": at most " + std::to_string(part) +
                   ", a part of scheduler.queued_" + kClassNames[c], retryMs(c, true, now));
+  return result;
+}
+
+Submit Scheduler::submit(const JobSpec& spec, double now) {
+  Submit result = refusal(spec, now);
+  if (!result.status.ok()) return result;
+  ClassState& s = classes_[size_t(spec.jobClass)];
+  const std::string name = spec.group.empty() ? spec.client : spec.group;
   Job job;
   job.spec = spec;
   job.group = name;
@@ -155,7 +163,7 @@ Submit Scheduler::submit(const JobSpec& spec, double now) {
   job.client = active(group.clients) < kNames || (group.clients.count(spec.client) && group.clients[spec.client].queued + group.clients[spec.client].running > 0)
                    ? spec.client : std::string();
   activate(s, group, group.clients[job.client]);
-  if (s.queued == 0) s.waitingSince = now;
+  if (s.queued == 0) s.waitingSince = now_;
   count(job, 1, 0);
   ++s.stats.submitted;
   result.id = next_++;
@@ -184,6 +192,7 @@ void Scheduler::start(JobId id, Job& job, double now) {
   pinned_ += job.spec.pinnedBytes;
   job.state = State::Running;
   job.started = job.chargedUntil = now;
+  job.ranBefore = job.ran;
   job.blockedSince = kNever;
   ++s.stats.started;
   if (s.lastStart >= s.waitingSince) intoMean(s.stats.startInterval, now - s.lastStart);   // jobs waited all the time between
@@ -255,7 +264,7 @@ bool Scheduler::preemptFor(const Job& job, double now, Room& room, std::vector<A
 }
 
 double Scheduler::sliceEnd(const Job& job) const {
-  return std::max(job.started + std::ldexp(options_.slice[size_t(job.spec.jobClass)], std::min(job.gaveWay, 30)), job.protectedUntil);
+  return std::max(job.started + std::max(options_.slice[size_t(job.spec.jobClass)], job.ranBefore / 4), job.protectedUntil);
 }
 
 bool Scheduler::sliceFor(const Job& job, double now, Room& room, std::vector<Action>& actions) {
@@ -273,7 +282,6 @@ bool Scheduler::sliceFor(const Job& job, double now, Room& room, std::vector<Act
   }
   if (!victim.second) return false;
   victim.second->state = State::Preempting;
-  ++victim.second->gaveWay;
   ++room.comingSlots;
   room.comingBytes += victim.second->spec.pinnedBytes;
   actions.push_back({Action::Kind::Preempt, victim.first, StopReason::Preempted});

@@ -25,8 +25,8 @@
 //     starts of the class, times the refused callers before this one since the last start (so that they do not all come back
 //     at once), times the active clients where the client's own bound was met.
 //  9. Slices: where the first waiting job of a class cannot start, a running one of the same class gives way to it if it is another
-//     group's that has had more, and it has run for its slice: slice[class] seconds, doubled each time that this job gave way, so
-//     that what has to begin its step anew comes to its end. So a short job waits for one slice of each longer one, not for its end.
+//     group's that has had more, and it has run for its slice: slice[class] seconds, or a quarter of what it ran before if that is
+//     more, so that what has to begin its step anew comes to its end. So a short job waits for one slice of each longer one, not for its end.
 // Cost: decide() is O(queued log queued) when something may start, O(running) else.
 #pragma once
 
@@ -105,6 +105,8 @@ class Scheduler {
 
   // `now`: seconds, on any clock that does not run backwards (an earlier value is taken as the latest one).
   Submit submit(const JobSpec& spec, double now);
+  /// What submit() would refuse now, counted as refused; Ok and no id: nothing. So that nobody plans what has no place in the queue.
+  Submit refusal(const JobSpec& spec, double now);
   /// What to do now. Each action is given once; a Start or Expire changes the state at once, a Preempt or Stop is done when
   /// finished() or preempted() is called.
   std::vector<Action> decide(double now);
@@ -133,7 +135,7 @@ class Scheduler {
     double ran = 0;                     // seconds of all its runs
     double protectedUntil = -kNever;
     double blockedSince = kNever;       // first time that bytes kept it from starting
-    int gaveWay = 0;                    // rule 9: times
+    double ranBefore = 0;               // rule 9: seconds of the runs before this one
   };
   struct Client { double virtualTime = 0, seconds = 0; size_t queued = 0, running = 0; };
   struct Group : Client {

@@ -446,8 +446,22 @@ TEST(Scheduler, ALongJobGivesWayAfterItsSliceToAnotherGroupsShortOne) {
   s.finished(3, 0.3, Outcome::Done);
   EXPECT_EQ(show(s.decide(0.3)), "start1");            // it goes on before its group's later one
   (void)s.submit(named("short", "", I), 0.31);
-  EXPECT_EQ(show(s.decide(0.56)), "");                 // twice the slice now
-  EXPECT_EQ(show(s.decide(0.81)), "preempt1");
+  EXPECT_EQ(show(s.decide(0.54)), "");
+  EXPECT_EQ(show(s.decide(0.56)), "preempt1");         // no longer slice for having given way: what it did is kept, mostly
+  EXPECT_TRUE(s.preempted(1, 0.56));
+  EXPECT_EQ(show(s.decide(0.56)), "start4");
+  s.finished(4, 0.6, Outcome::Done);
+  EXPECT_EQ(show(s.decide(0.6)), "start1");
+  EXPECT_EQ(show(s.decide(4.5)), "");                  // alone: 4.5 s in all
+  (void)s.submit(named("short", "", I), 4.5);
+  EXPECT_EQ(show(s.decide(4.6)), "preempt1");
+  EXPECT_TRUE(s.preempted(1, 4.6));
+  EXPECT_EQ(show(s.decide(4.6)), "start5");
+  s.finished(5, 4.7, Outcome::Done);
+  EXPECT_EQ(show(s.decide(4.7)), "start1");
+  (void)s.submit(named("short", "", I), 4.71);
+  EXPECT_EQ(show(s.decide(5.7)), "");                  // a quarter of that, so that a step which begins anew ends some time
+  EXPECT_EQ(show(s.decide(5.9)), "preempt1");
 }
 
 TEST(Scheduler, NobodyGivesWayToWhoHasHadMore) {
@@ -513,6 +527,12 @@ TEST(Scheduler, OneGroupNeverFillsAQueue) {
   EXPECT_EQ(refused.status.code(), Code::ResourceExhausted);
   EXPECT_NE(refused.status.message().find("scheduler.queued_interactive"), std::string::npos);
   EXPECT_GT(refused.retryMs, 0);
+  // The same, asked beforehand: nothing is queued by asking.
+  const Submit before = s.refusal(named("greedy", "x", I), 0);
+  EXPECT_EQ(before.status.message(), refused.status.message());
+  EXPECT_TRUE(s.refusal(named("other", "o", I), 0).status.ok());
+  EXPECT_EQ(s.queued(), 6u);
+  EXPECT_EQ(s.stats().classes[int(I)].refused, 16u);
   EXPECT_TRUE(s.submit(named("other", "o", I), 0).status.ok());
 }
 
