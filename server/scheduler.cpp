@@ -12,6 +12,7 @@ namespace gobo {
 namespace {
 constexpr double kMeanWeight = 0.2;        // of the newest value in a moving mean
 constexpr double kFirstRunGuess = 1;       // seconds, before anything was measured
+constexpr double kLookAgain = 0.01;   // seconds
 constexpr double kRounding = 1e-9;         // seconds: sums of intervals against their bound
 
 template <typename Map>
@@ -264,7 +265,7 @@ bool Scheduler::preemptFor(const Job& job, double now, Room& room, std::vector<A
 }
 
 double Scheduler::sliceEnd(const Job& job) const {
-  return std::max(job.started + std::max(options_.slice[size_t(job.spec.jobClass)], job.ranBefore / 4), job.protectedUntil);
+  return std::max(job.started + std::max(options_.slice[size_t(job.spec.jobClass)], job.ranBefore / 8), job.protectedUntil);
 }
 
 bool Scheduler::sliceFor(const Job& job, double now, Room& room, std::vector<Action>& actions) {
@@ -455,6 +456,18 @@ CancelResult Scheduler::cancel(JobId id, double now) {
   return CancelResult::Stopping;
 }
 
+double Scheduler::givesWayAt(const Job& job) const {
+  const ClassState& s = classes_[size_t(job.spec.jobClass)];
+  if (s.queued == 0 || !std::isfinite(sliceEnd(job))) return kNever;
+  if (sliceEnd(job) > now_) return sliceEnd(job);
+  // It is over, but whoever waits has had as much: until this one has had more.
+  double least = kNever;
+  for (const auto& [name, group] : s.groups)
+    if (group.queued > 0 && name != job.group) least = std::min(least, group.virtualTime);
+  const Group& mine = s.groups.at(job.group);
+  return now_ + std::max((least - mine.virtualTime) / double(std::max<size_t>(mine.running, 1)), kLookAgain);
+}
+
 std::optional<double> Scheduler::nextEvent(double now) const {
   double next = kNever;
   for (const auto& [id, job] : jobs_) {
@@ -462,7 +475,7 @@ std::optional<double> Scheduler::nextEvent(double now) const {
     if (job.state != State::Stopping) next = std::min(next, job.spec.deadline);
     if (queued_ == 0) continue;
     if (job.state == State::Running && job.protectedUntil > now_) next = std::min(next, job.protectedUntil);
-    if (job.state == State::Running && classes_[size_t(job.spec.jobClass)].queued > 0 && sliceEnd(job) > now_) next = std::min(next, sliceEnd(job));
+    if (job.state == State::Running) next = std::min(next, givesWayAt(job));
     if (job.state == State::Queued && std::isfinite(job.blockedSince) && job.blockedSince + options_.reserveAfter > now_)
       next = std::min(next, job.blockedSince + options_.reserveAfter);
   }

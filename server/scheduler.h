@@ -25,7 +25,7 @@
 //     starts of the class, times the refused callers before this one since the last start (so that they do not all come back
 //     at once), times the active clients where the client's own bound was met.
 //  9. Slices: where the first waiting job of a class cannot start, a running one of the same class gives way to it if it is another
-//     group's that has had more, and it has run for its slice: slice[class] seconds, or a quarter of what it ran before if that is
+//     group's that has had more, and it has run for its slice: slice[class] seconds, or an eighth of what it ran before if that is
 //     more, so that what has to begin its step anew comes to its end. So a short job waits for one slice of each longer one, not for its end.
 // Cost: decide() is O(queued log queued) when something may start, O(running) else.
 #pragma once
@@ -161,6 +161,7 @@ class Scheduler {
   double meanRun(int c) const;
   bool tryStart(JobId id, Job& job, double now, bool first, Room& room, std::vector<Action>& actions);
   double sliceEnd(const Job& job) const;
+  double givesWayAt(const Job& job) const;   ///< when decide() has to look at rule 9 again
   bool sliceFor(const Job& job, double now, Room& room, std::vector<Action>& actions);
   bool preemptFor(const Job& job, double now, Room& room, std::vector<Action>& actions);
   void start(JobId id, Job& job, double now);

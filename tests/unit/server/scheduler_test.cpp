@@ -460,8 +460,8 @@ TEST(Scheduler, ALongJobGivesWayAfterItsSliceToAnotherGroupsShortOne) {
   s.finished(5, 4.7, Outcome::Done);
   EXPECT_EQ(show(s.decide(4.7)), "start1");
   (void)s.submit(named("short", "", I), 4.71);
-  EXPECT_EQ(show(s.decide(5.7)), "");                  // a quarter of that, so that a step which begins anew ends some time
-  EXPECT_EQ(show(s.decide(5.9)), "preempt1");
+  EXPECT_EQ(show(s.decide(5.2)), "");                  // an eighth of that, so that a step which begins anew ends some time
+  EXPECT_EQ(show(s.decide(5.3)), "preempt1");
 }
 
 TEST(Scheduler, NobodyGivesWayToWhoHasHadMore) {
@@ -476,6 +476,28 @@ TEST(Scheduler, NobodyGivesWayToWhoHasHadMore) {
   EXPECT_EQ(show(s.decide(1)), "start2");
   EXPECT_EQ(show(s.decide(1.5)), "");                  // b has had half of what a had
   EXPECT_EQ(show(s.decide(2.5)), "preempt2");          // now more
+}
+
+// The runner sleeps until the next event: there must be one when the running job's group has had more than who waits, not only when its slice ends.
+TEST(Scheduler, TheEndOfASliceThatCameTooEarlyIsLookedAtAgain) {
+  SchedulerOptions o = slots(1);
+  o.slice = {0.25, kNever, kNever};
+  Scheduler s(o);
+  (void)s.submit(named("a", "", I), 0);
+  (void)s.submit(named("b", "", I), 0);
+  EXPECT_EQ(show(s.decide(0)), "start1");
+  EXPECT_EQ(show(s.decide(1)), "preempt1");
+  EXPECT_TRUE(s.preempted(1, 1));
+  EXPECT_EQ(show(s.decide(1)), "start2");
+  double now = 1;
+  std::string did;
+  for (int looks = 0; looks < 20 && did.empty(); ++looks) {   // by nextEvent() alone
+    ASSERT_TRUE(s.nextEvent(now)) << now;
+    ASSERT_GT(*s.nextEvent(now), now);
+    did = show(s.decide(now = *s.nextEvent(now)));
+  }
+  EXPECT_EQ(did, "preempt2");
+  EXPECT_NEAR(now, 2, 0.02);
 }
 
 // Shares hold with slices, and every job ends: two groups, jobs of many slices, each begun anew when it gave way would still end.
