@@ -3,6 +3,7 @@
 #include <cstring>
 #include <limits>
 
+#include "base/utf8.h"
 #include "fuzz/properties.h"
 #include "scene/blob_codec.h"
 #include "tests/support/blob_bytes.h"
@@ -100,12 +101,12 @@ BlobBytes editedScene(Bytes edits, std::string& broken) {
   for (const auto& t : scene->textures) whole &= t && !t->content.isZero();
   if (whole) {
     const Status sealed = scene->seal();
-    if (!sealed.ok()) broken = brokenStatus(sealed, "");
+    if (!sealed.ok()) broken = brokenStatus(cleanUtf8(sealed), "");   // no loader lets such a name in
     else if (scene->rig) {
       auto rig = std::make_shared<Rig>(*scene->rig);
       const Status s = sealRig(*rig, *scene);
       if (s.ok()) { scene->rig = rig; (void)scene->seal(); }
-      else broken = brokenStatus(s, "");
+      else broken = brokenStatus(cleanUtf8(s), "");
     }
   }
   return blobOf(*scene);
