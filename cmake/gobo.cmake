@@ -67,9 +67,7 @@ function(gobo_layer name)
   gobo_precompiled(gobo_${name} ${ARGN})
 endfunction()
 
-# The picture formats, loaded when they are needed (renderer/base/image_codec.h): found beside a program, in the build folder, or installed.
-set(CMAKE_BUILD_RPATH "\$ORIGIN;\$ORIGIN/../renderer;\$ORIGIN/../lib/gobo")   # as in the container, which copies
-set(CMAKE_INSTALL_RPATH "\$ORIGIN;\$ORIGIN/../lib/gobo")
+# The picture formats, loaded when they are needed (renderer/base/image_codec.h), which knows where.
 function(gobo_image_codec)
   add_library(gobo_image_codec MODULE ${CMAKE_CURRENT_SOURCE_DIR}/codec/image_codec.cpp ${CMAKE_CURRENT_SOURCE_DIR}/base/status.cpp)
   target_include_directories(gobo_image_codec PRIVATE ${CMAKE_SOURCE_DIR}/renderer)
