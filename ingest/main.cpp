@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // gobo-ingest: parses one scene or environment file for gobod in a sandbox and writes a scene blob, with a socket on descriptor 3 and the
 // output on 4 (wire.h); it opens nothing itself. `gobo-ingest --nursery` forks such readers (nursery.h). docs/ingest.md has the whole story.
+#include <dirent.h>
+#include <fcntl.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -10,6 +12,7 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <new>
 
@@ -133,6 +136,24 @@ int serve(Layers& layers) {
   ::_exit(told ? 0 : 3);   // no tear-down: it could only go wrong
 }
 
+/// Whether every other thread of this process sleeps. One that does holds no lock in the middle of something.
+bool othersSleep() {
+  DIR* const tasks = ::opendir("/proc/self/task");
+  bool sleep = true;
+  while (const dirent* task = tasks ? ::readdir(tasks) : nullptr) {
+    if (task->d_name[0] == '.' || std::atoi(task->d_name) == int(::getpid())) continue;
+    char name[64], text[256] = {};
+    std::snprintf(name, sizeof name, "/proc/self/task/%.20s/stat", task->d_name);
+    const int file = ::open(name, O_RDONLY | O_CLOEXEC);
+    const ssize_t n = file < 0 ? 0 : ::read(file, text, sizeof text - 1);
+    if (file >= 0) ::close(file);
+    const char* const state = n > 0 ? std::strrchr(text, ')') : nullptr;
+    sleep = sleep && (!state || state[2] == 'S');
+  }
+  if (tasks) ::closedir(tasks);
+  return sleep;
+}
+
 /// Goes on in a process of one thread. Libraries start threads (log4cplus does, which OpenImageIO's plugins bring along), and a filter,
 /// capabilities and Landlock are a thread's own: those would stay outside of the sandbox, in the reader's memory, and no user namespace can
 /// be had. A fork leaves them behind. The first process reads nothing, waits, and ends as the second ended.
@@ -141,6 +162,8 @@ void leaveThreadsBehind(bool ofReader) {
   ::setrlimit(RLIMIT_CORE, &none);
   prepareLibraries();
   if (ofReader) ::prctl(PR_SET_PDEATHSIG, SIGKILL);   // a nursery outlives the thread that started it: it ends when its socket does
+  // Or a lock that one of them holds now would be held for ever in the fork, and in each fork of that.
+  for (int asleep = 0, looks = 0; asleep < 3 && looks < 200; ++looks, ::usleep(1000)) asleep = othersSleep() ? asleep + 1 : 0;
   const pid_t first = ::getpid(), second = ::fork();
   if (second < 0) ::_exit(3);
   if (second == 0) {

@@ -221,6 +221,7 @@ Result<IngestOutcome> runIngest(Readers& readers, const ingest::Job& job, int ou
   }
   if (!over) {
     child->end();
+    if (!channel.stopped()) readers.crashed();   // should it be the nursery's fault, the next comes of another
     if (channel.stopped()) return Status(Code::Cancelled, "the load was cancelled", job.path);
     char limit[32];
     snprintf(limit, sizeof limit, "%g", wallSeconds);

@@ -205,6 +205,12 @@ class ForkedReaders final : public Readers {
   std::shared_ptr<Nursery> nursery_;
 };
 
+#if defined(__SANITIZE_ADDRESS__) || defined(GOBO_THREAD_SANITIZER)
+constexpr bool kForks = false;
+#else
+constexpr bool kForks = true;
+#endif
+
 }  // namespace
 
 std::shared_ptr<Readers> spawnedReaders(const std::string& program) { return std::make_shared<SpawnedReaders>(program); }
@@ -214,7 +220,8 @@ std::shared_ptr<Readers> forkedReaders(const std::string& program) {
   static std::map<std::string, std::shared_ptr<Readers>> known;
   const std::lock_guard hold(mutex);
   auto& readers = known[program];
-  if (!readers) readers = std::make_shared<ForkedReaders>(program);
+  // A sanitizer's allocator does not survive the fork of a process with threads always: not to be tried twice a reader.
+  if (!readers) readers = kForks ? std::shared_ptr<Readers>(std::make_shared<ForkedReaders>(program)) : spawnedReaders(program);
   return readers;
 }
 

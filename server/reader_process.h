@@ -34,6 +34,7 @@ class Readers {
 std::shared_ptr<Readers> spawnedReaders(const std::string& program);
 /// Forks of one process that has loaded its libraries (ingest/nursery.h); it is started by the first reader and shared by everybody here who
 /// names the program. After a crash the next reader comes of a new one: a reader's addresses must not be guessed by trying.
+/// Under a sanitizer: spawned ones.
 std::shared_ptr<Readers> forkedReaders(const std::string& program);
 
 }  // namespace gobo

@@ -116,10 +116,11 @@ std::string parentOf(const std::string& process) {
   return {};
 }
 
-/// Guard, nursery, and the process that this one started stand between.
+/// Guard, nursery, and the process that this one started may stand between.
 bool readsForMe(std::string process) {
-  for (int up = 0; up < 4; ++up) process = parentOf(process);
-  return process == std::to_string(::getpid());
+  for (int up = 0; up < 4; ++up)
+    if ((process = parentOf(process)) == std::to_string(::getpid())) return true;
+  return false;
 }
 
 // The reader is a process of one thread: what a library starts before main would have no filter.
