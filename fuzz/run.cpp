@@ -12,7 +12,6 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -86,7 +85,7 @@ class NowFile {
   /// The file is the input and no byte more.
   void hold(const std::vector<uint8_t>& input) {
     if (::ftruncate(fd_, off_t(most_)) != 0) { std::perror(path_.c_str()); std::exit(2); }
-    std::memcpy(bytes_, input.data(), input.size());
+    std::copy(input.begin(), input.end(), bytes_);
     if (::ftruncate(fd_, off_t(input.size())) != 0) { std::perror(path_.c_str()); std::exit(2); }
   }
   const std::string& path() const { return path_; }
