@@ -11,35 +11,12 @@
 
 #include <cerrno>
 #include <cstdint>
-#include <cstring>
 
+#include "ingest/descriptors.h"
 #include "ingest/wire.h"
 
 namespace gobo::ingest {
 namespace {
-
-constexpr int kDescriptors = 3;
-
-/// False: the daemon is gone.
-bool receive(int control, int (&descriptors)[kDescriptors]) {
-  for (;;) {
-    char byte = 0;
-    iovec io{&byte, 1};
-    alignas(cmsghdr) char space[CMSG_SPACE(sizeof descriptors)] = {};
-    msghdr message{};
-    message.msg_iov = &io;
-    message.msg_iovlen = 1;
-    message.msg_control = space;
-    message.msg_controllen = sizeof space;
-    const ssize_t n = ::recvmsg(control, &message, MSG_CMSG_CLOEXEC);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return false;
-    const cmsghdr* head = CMSG_FIRSTHDR(&message);
-    if (!head || head->cmsg_type != SCM_RIGHTS || head->cmsg_len != CMSG_LEN(sizeof descriptors)) continue;   // none left for them here: the daemon sees its ends close
-    std::memcpy(descriptors, CMSG_DATA(head), sizeof descriptors);
-    return true;
-  }
-}
 
 void onlyWake(int) {}
 
@@ -70,9 +47,10 @@ void onlyWake(int) {}
 void tendReaders(int control) {
   ::signal(SIGCHLD, SIG_IGN);   // nobody waits for the guards
   for (;;) {
-    int descriptors[kDescriptors];
-    if (!receive(control, descriptors)) ::_exit(0);
+    ReaderDescriptors descriptors;
+    if (!receiveDescriptors(control, descriptors)) ::_exit(0);
     const auto [socket, output, life] = descriptors;
+    if (life < 0) continue;
     const pid_t nursery = ::getpid();
     const pid_t guarding = ::fork();
     if (guarding != 0) {   // also when there was no fork: the daemon sees its life line end without a word

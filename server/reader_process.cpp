@@ -13,12 +13,12 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdlib>
-#include <cstring>
 #include <map>
 #include <mutex>
 #include <utility>
 
 #include "base/descriptor.h"
+#include "ingest/descriptors.h"
 #include "ingest/wire.h"
 
 namespace gobo {
@@ -106,34 +106,17 @@ class Nursery {
   }
   ~Nursery() {
     if (pid_ <= 0) return;
-    ::kill(-pid_, SIGKILL);   // the group: it may be loading libraries still. No reader is left, each keeps its nursery
+    kill();   // it may be loading libraries still. No reader is left, each keeps its nursery
     int ignored;
     reap(pid_, ignored);
   }
   /// It did not do what it was asked for: the next reader comes of another.
   void lost() { lost_ = true; }
   bool isLost() const { return lost_; }
-  /// False: it is gone.
-  bool ask(int socket, int output, int life) {
-    const int descriptors[] = {socket, output, life};
-    char byte = 0;
-    iovec io{&byte, 1};
-    alignas(cmsghdr) char space[CMSG_SPACE(sizeof descriptors)] = {};
-    msghdr message{};
-    message.msg_iov = &io;
-    message.msg_iovlen = 1;
-    message.msg_control = space;
-    message.msg_controllen = sizeof space;
-    cmsghdr* const head = CMSG_FIRSTHDR(&message);
-    head->cmsg_level = SOL_SOCKET;
-    head->cmsg_type = SCM_RIGHTS;
-    head->cmsg_len = CMSG_LEN(sizeof descriptors);
-    std::memcpy(CMSG_DATA(head), descriptors, sizeof descriptors);
-    for (;;) {
-      if (::sendmsg(control_.get(), &message, MSG_NOSIGNAL) == 1) return true;
-      if (errno != EINTR) return false;
-    }
-  }
+  /// False: it is gone, or does not take what it is asked for.
+  bool ask(int socket, int output, int life) { return ingest::sendDescriptors(control_.get(), {socket, output, life}); }
+  /// With every reader of it.
+  void kill() { ::kill(-pid_, SIGKILL); }
 
  private:
   Descriptor control_{-1};
@@ -151,13 +134,18 @@ class ForkedReader final : public ReaderProcess {
     if (over_) return;
     ::shutdown(life_.get(), SHUT_WR);
     int ignored;
-    while (!look(ignored)) {
+    for (int waits = 0; !look(ignored); ++waits) {
+      if (waits == kPatience) {   // it never took this reader in, or the guard is stopped: nobody must wait for it for ever
+        nursery_->lost();
+        nursery_->kill();
+      }
       pollfd line{life_.get(), POLLIN, 0};
       ::poll(&line, 1, 1000);
     }
   }
 
  private:
+  static constexpr int kPatience = 5;   // seconds that a kill may take
   bool look(int& status) {
     int32_t told = 0;
     const ssize_t n = ::recv(life_.get(), &told, sizeof told, MSG_DONTWAIT);

@@ -36,7 +36,7 @@ void RenderCall::work() {
   spec.jobClass = jobClassOf(request_.scheduling().priority());
   if (options_.deadline) spec.deadline = std::chrono::duration<double>(options_.deadline->time_since_epoch()).count();   // JobRunner::now()
   Result<uint64_t> pinned = [&]() -> Result<uint64_t> {
-    if (Submit refusal = core_.jobs.refusal(spec); refusal.status.code() == Code::ResourceExhausted) {
+    if (Submit refusal = core_.jobs.refusal(spec); !refusal.status.ok()) {
       retryAfterMs_ = refusal.retryMs;
       return refusal.status;
     }

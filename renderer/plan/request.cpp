@@ -75,7 +75,13 @@ Status checkRange(const v1::Number& range, double v, const std::string& path) {
 Status resolveScalar(Message& m, const FieldDescriptor* f, const std::string& path) {
   const Reflection& r = *m.GetReflection();
   const auto& options = f->options();
-  if (f->is_repeated()) return {};
+  if (f->is_repeated()) {
+    for (int k = 0; k < r.FieldSize(m, f); ++k) {   // adding it to a negative zero makes it positive, and changes nothing else
+      if (f->cpp_type() == FieldDescriptor::CPPTYPE_FLOAT) r.SetRepeatedFloat(&m, f, k, r.GetRepeatedFloat(m, f, k) + 0.0f);
+      if (f->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE) r.SetRepeatedDouble(&m, f, k, r.GetRepeatedDouble(m, f, k) + 0.0);
+    }
+    return {};
+  }
   if (isNumeric(f)) {
     const v1::Number range = options.GetExtension(v1::number);
     if (f->has_presence() && !r.HasField(m, f)) {
@@ -83,7 +89,11 @@ Status resolveScalar(Message& m, const FieldDescriptor* f, const std::string& pa
       setNumber(m, r, f, range.default_());
       return {};
     }
-    return checkRange(range, getNumber(m, r, f), path);
+    const double v = getNumber(m, r, f);
+    GOBO_TRY(checkRange(range, v, path));
+    // JSON's readers make "-0" an integer, which has one zero: a request and its JSON must be the same request.
+    if (v == 0 && std::signbit(v)) setNumber(m, r, f, 0.0);
+    return {};
   }
   if (f->cpp_type() == FieldDescriptor::CPPTYPE_ENUM) {
     const std::string& name = options.GetExtension(v1::text_default);

@@ -116,6 +116,19 @@ TEST_F(Forked, OneWhoseProcessIsKilledIsAnErrorAndTheNextOneReads) {
   EXPECT_TRUE(probe(*readers, "empty").ok() || probe(*readers, "empty").ok());   // the first may meet it dying
 }
 
+// Its life line is in a queue that nobody reads; whoever gives the load up must come away.
+TEST_F(Forked, OneThatNeverTakesItInIsKilled) {
+  std::string folder = (std::filesystem::temp_directory_path() / "gobo-nursery-XXXXXX").string();
+  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
+  const std::string program = folder + "/deaf.sh";
+  std::ofstream(program) << "#!/bin/sh\nsleep 100000\n";
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  StopSource stop;
+  stop.stop(StopReason::Cancelled);
+  EXPECT_EQ(probe(*forkedReaders(program), "empty", stop.token()).code(), Code::Cancelled);
+  std::filesystem::remove_all(folder);
+}
+
 TEST_F(Forked, AProgramThatIsNoneIsTheServersFault) {
   const Status absent = probe(*forkedReaders("/no/such/program"), "empty"), other = probe(*forkedReaders("/bin/true"), "empty");
   EXPECT_EQ(absent.code(), Code::Internal);

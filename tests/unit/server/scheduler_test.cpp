@@ -464,7 +464,8 @@ TEST(Scheduler, ALongJobGivesWayAfterItsSliceToAnotherGroupsShortOne) {
   EXPECT_EQ(show(s.decide(5.3)), "preempt1");
 }
 
-TEST(Scheduler, NobodyGivesWayToWhoHasHadMore) {
+/// Job 1 of group a ran for a second and gave way to job 2 of group b.
+Scheduler afterOneHadASecond() {
   SchedulerOptions o = slots(1);
   o.slice = {0.25, kNever, kNever};
   Scheduler s(o);
@@ -474,21 +475,18 @@ TEST(Scheduler, NobodyGivesWayToWhoHasHadMore) {
   EXPECT_EQ(show(s.decide(1)), "preempt1");
   EXPECT_TRUE(s.preempted(1, 1));
   EXPECT_EQ(show(s.decide(1)), "start2");
+  return s;
+}
+
+TEST(Scheduler, NobodyGivesWayToWhoHasHadMore) {
+  Scheduler s = afterOneHadASecond();
   EXPECT_EQ(show(s.decide(1.5)), "");                  // b has had half of what a had
   EXPECT_EQ(show(s.decide(2.5)), "preempt2");          // now more
 }
 
 // The runner sleeps until the next event: there must be one when the running job's group has had more than who waits, not only when its slice ends.
 TEST(Scheduler, TheEndOfASliceThatCameTooEarlyIsLookedAtAgain) {
-  SchedulerOptions o = slots(1);
-  o.slice = {0.25, kNever, kNever};
-  Scheduler s(o);
-  (void)s.submit(named("a", "", I), 0);
-  (void)s.submit(named("b", "", I), 0);
-  EXPECT_EQ(show(s.decide(0)), "start1");
-  EXPECT_EQ(show(s.decide(1)), "preempt1");
-  EXPECT_TRUE(s.preempted(1, 1));
-  EXPECT_EQ(show(s.decide(1)), "start2");
+  Scheduler s = afterOneHadASecond();
   double now = 1;
   std::string did;
   for (int looks = 0; looks < 20 && did.empty(); ++looks) {   // by nextEvent() alone
