@@ -22,6 +22,7 @@ void onlyWake(int) {}
 
 /// Waits for the reader, and ends it when the daemon shuts the life line. A process of its own, because the nursery waits for requests.
 [[noreturn]] void guard(pid_t reader, int life) {
+  (void)!::send(life, &kTakenIn, sizeof kTakenIn, MSG_NOSIGNAL);
   sigset_t none;
   sigemptyset(&none);
   int status = 0;

@@ -15,7 +15,7 @@ SchedulerOptions schedulerOptions(const ServerConfig& c) {
   o.queueLimit = {c.queuedInteractive, c.queuedNormal, c.queuedBatch};
   o.clientLimit = c.queuedPerClient;
   o.clientPart = 0.75;
-  o.slice = {0.05, 0.5, 5};
+  o.slice = {0.03, 0.5, 5};
   o.ageing = {kNever, c.ageingNormal, c.ageingBatch};
   return o;
 }

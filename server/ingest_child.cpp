@@ -201,7 +201,7 @@ Result<IngestOutcome> runIngest(Readers& readers, const ingest::Job& job, int ou
   Descriptor mine(pair[0]), low(pair[1]);
   Descriptor theirs(::fcntl(low.get(), F_DUPFD_CLOEXEC, 16)), target(::fcntl(output, F_DUPFD_CLOEXEC, 16));
   if (theirs.get() < 0 || target.get() < 0) return Status(Code::ResourceExhausted, std::string("no descriptor left: ") + ::strerror(errno), job.path);
-  auto started = readers.start(theirs.get(), target.get());
+  auto started = readers.start(theirs.get(), target.get(), stop);
   if (!started.ok()) return started.status().at(job.path);
   const std::unique_ptr<ReaderProcess> child = std::move(*started);
   theirs.close();

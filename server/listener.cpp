@@ -106,20 +106,33 @@ void Listener::loop() {
 }
 
 void Listener::forgetClosed() {
+  stats_.looked += peers_.size();
   std::erase_if(peers_, [&](const Peer& p) {
     if (inodeOf(p.fd) == p.inode) return false;
     if (--ofPeer_[p.address] == 0) ofPeer_.erase(p.address);
     return true;
   });
   stats_.open = uint32_t(peers_.size());
+  forgotten_ = Clock::now();
+}
+
+void Listener::forgetClosed(std::chrono::milliseconds age) {
+  if (Clock::now() - forgotten_ >= age) forgetClosed();
 }
 
 // Between the look at the inode and shutdown() the descriptor could in theory become another connection, which then loses its place:
 // its client connects again.
 bool Listener::evictSilent(const std::string* address) {
   const auto before = Clock::now() - kSilent;
-  for (const Peer& p : peers_) {   // oldest first
-    if ((address && p.address != *address) || p.since > before || inodeOf(p.fd) != p.inode || !silent(p.fd)) continue;
+  for (Peer& p : peers_) {
+    if (p.since > before) return false;   // oldest first
+    if (p.spoke || (address && p.address != *address)) continue;
+    ++stats_.looked;
+    if (inodeOf(p.fd) != p.inode) continue;
+    if (!silent(p.fd)) {
+      p.spoke = true;
+      continue;
+    }
     ::shutdown(p.fd, SHUT_RDWR);
     if (--ofPeer_[p.address] == 0) ofPeer_.erase(p.address);
     peers_.erase(peers_.begin() + (&p - peers_.data()));
@@ -129,14 +142,23 @@ bool Listener::evictSilent(const std::string* address) {
   return false;
 }
 
+// Who connects again and again must not make each connection cost a look at all that are open: what was closed is looked for at most
+// every kOften, and once more, after kAtMost, before anybody is refused.
 bool Listener::makeRoom(const std::string& address) {
+  constexpr std::chrono::milliseconds kOften{50}, kAtMost{5};
   const auto full = [&] {
     const auto mine = ofPeer_.find(address);
     return !address.empty() && mine != ofPeer_.end() && mine->second >= limits_.mostOfPeer;
   };
-  if (peers_.size() >= limits_.most || full()) forgetClosed();
-  if (full() && !evictSilent(&address)) return false;
-  return peers_.size() < limits_.most || evictSilent(nullptr);
+  const auto whole = [&] { return peers_.size() >= limits_.most; };
+  if (whole() || full()) forgetClosed(kOften);
+  if (full() && !evictSilent(&address)) {
+    forgetClosed(kAtMost);
+    if (full()) return false;
+  }
+  if (!whole() || evictSilent(nullptr)) return true;
+  forgetClosed(kAtMost);
+  return !whole();
 }
 
 void Listener::accept(Socket& from) {

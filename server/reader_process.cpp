@@ -12,6 +12,7 @@
 
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cstdlib>
 #include <map>
 #include <mutex>
@@ -19,6 +20,7 @@
 
 #include "base/descriptor.h"
 #include "ingest/descriptors.h"
+#include "ingest/nursery.h"
 #include "ingest/wire.h"
 
 namespace gobo {
@@ -82,7 +84,7 @@ class SpawnedReader final : public ReaderProcess {
 class SpawnedReaders final : public Readers {
  public:
   explicit SpawnedReaders(const std::string& program) : program_(program) {}
-  Result<std::unique_ptr<ReaderProcess>> start(int socket, int output) override {
+  Result<std::unique_ptr<ReaderProcess>> start(int socket, int output, const StopToken&) override {
     GOBO_ASSIGN(const pid_t pid, spawn(program_, nullptr, socket, output));
     return std::unique_ptr<ReaderProcess>(std::make_unique<SpawnedReader>(pid));
   }
@@ -129,50 +131,78 @@ class ForkedReader final : public ReaderProcess {
  public:
   ForkedReader(std::shared_ptr<Nursery> nursery, Descriptor life) : nursery_(std::move(nursery)), life_(std::move(life)) {}
   ~ForkedReader() override { end(); }
-  bool gone(int& status) override { return over_ || look(status); }
+  /// Within so many seconds, or not.
+  bool begins(double patience, const StopToken& stop) {
+    const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(patience);
+    while (!look() && !takenIn_ && !stop.stopRequested() && std::chrono::steady_clock::now() < until) wait(20);
+    return takenIn_;
+  }
+  /// It has not begun; if it does, its life line has ended.
+  void abandon() { over_ = true; }
+  bool gone(int& status) override {
+    if (!look()) return false;
+    status = status_;
+    return true;
+  }
   void end() override {
     if (over_) return;
     ::shutdown(life_.get(), SHUT_WR);
-    int ignored;
-    for (int waits = 0; !look(ignored); ++waits) {
+    for (int waits = 0; !look(); ++waits) {
       if (waits == kPatience) {   // it never took this reader in, or the guard is stopped: nobody must wait for it for ever
         nursery_->lost();
         nursery_->kill();
       }
-      pollfd line{life_.get(), POLLIN, 0};
-      ::poll(&line, 1, 1000);
+      wait(1000);
     }
   }
 
  private:
   static constexpr int kPatience = 5;   // seconds that a kill may take
-  bool look(int& status) {
-    int32_t told = 0;
-    const ssize_t n = ::recv(life_.get(), &told, sizeof told, MSG_DONTWAIT);
-    if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) return false;
-    if (n != ssize_t(sizeof told)) nursery_->lost();   // without a word: whoever watched the reader was killed, and took it along
-    status = n == ssize_t(sizeof told) ? told : SIGKILL;
-    return over_ = true;
+  void wait(int ms) {
+    pollfd line{life_.get(), POLLIN, 0};
+    ::poll(&line, 1, ms);
+  }
+  /// Whether it is over.
+  bool look() {
+    while (!over_) {
+      int32_t word = 0;
+      const ssize_t n = ::recv(life_.get(), &word, sizeof word, MSG_DONTWAIT);
+      if (n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) break;
+      if (n == ssize_t(sizeof word) && word == ingest::kTakenIn) {
+        takenIn_ = true;
+        continue;
+      }
+      if (n != ssize_t(sizeof word)) nursery_->lost();   // without a word: whoever watched the reader was killed, and took it along
+      status_ = n == ssize_t(sizeof word) ? word : SIGKILL;
+      over_ = true;
+    }
+    return over_;
   }
   const std::shared_ptr<Nursery> nursery_;   // when it goes, its readers do
   Descriptor life_;
-  bool over_ = false;
+  int status_ = 0;
+  bool takenIn_ = false, over_ = false;
 };
 
 class ForkedReaders final : public Readers {
  public:
-  explicit ForkedReaders(const std::string& program) : program_(program) {}
-  Result<std::unique_ptr<ReaderProcess>> start(int socket, int output) override {
-    int pair[2];
-    if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) != 0) return Status(Code::ResourceExhausted, std::string("cannot make a socket pair: ") + ::strerror(errno));
-    Descriptor mine(pair[0]);
-    const Descriptor theirs(pair[1]);
-    for (int tries = 0; tries < 2; ++tries) {   // one that was killed from outside is replaced
+  ForkedReaders(const std::string& program, double patience) : program_(program), patience_(patience) {}
+  Result<std::unique_ptr<ReaderProcess>> start(int socket, int output, const StopToken& stop) override {
+    for (int tries = 0; tries < 2; ++tries) {   // one that was killed from outside, or is stuck, is replaced
+      int pair[2];
+      if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) != 0) return Status(Code::ResourceExhausted, std::string("cannot make a socket pair: ") + ::strerror(errno));
+      Descriptor mine(pair[0]), theirs(pair[1]);
       GOBO_ASSIGN(const std::shared_ptr<Nursery> nursery, current());
-      if (nursery->ask(socket, output, theirs.get())) return std::unique_ptr<ReaderProcess>(std::make_unique<ForkedReader>(nursery, std::move(mine)));
+      const bool asked = nursery->ask(socket, output, theirs.get());
+      theirs.close();   // or its end would not be seen here
+      if (asked) {
+        auto reader = std::make_unique<ForkedReader>(nursery, std::move(mine));
+        if (reader->begins(patience_, stop) || stop.stopRequested()) return std::unique_ptr<ReaderProcess>(std::move(reader));
+        reader->abandon();   // readers that began go on; with the last of them the process goes
+      }
       drop(nursery);
     }
-    return internalError("\"" + program_ + "\" ends when it is to start a reader (ingest.program)");
+    return internalError("\"" + program_ + "\" does not start readers (ingest.program)");
   }
   void crashed() override { drop(nullptr); }
 
@@ -189,6 +219,7 @@ class ForkedReaders final : public Readers {
     if (!which || which == nursery_) last = std::exchange(nursery_, nullptr);
   }
   const std::string program_;
+  const double patience_;
   std::mutex mutex_;
   std::shared_ptr<Nursery> nursery_;
 };
@@ -203,13 +234,13 @@ constexpr bool kForks = true;
 
 std::shared_ptr<Readers> spawnedReaders(const std::string& program) { return std::make_shared<SpawnedReaders>(program); }
 
-std::shared_ptr<Readers> forkedReaders(const std::string& program) {
+std::shared_ptr<Readers> forkedReaders(const std::string& program, double patience) {
   static std::mutex mutex;
   static std::map<std::string, std::shared_ptr<Readers>> known;
   const std::lock_guard hold(mutex);
   auto& readers = known[program];
   // A sanitizer's allocator does not survive the fork of a process with threads always: not to be tried twice a reader.
-  if (!readers) readers = kForks ? std::shared_ptr<Readers>(std::make_shared<ForkedReaders>(program)) : spawnedReaders(program);
+  if (!readers) readers = kForks ? std::shared_ptr<Readers>(std::make_shared<ForkedReaders>(program, patience)) : spawnedReaders(program);
   return readers;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "base/status.h"
+#include "base/stop.h"
 
 namespace gobo {
 
@@ -24,8 +25,8 @@ class Readers {
  public:
   virtual ~Readers() = default;
   /// With the descriptors, which must be above 15, on kSocket and kOutput (ingest/wire.h); they stay the caller's too.
-  /// Errors: Internal or ResourceExhausted, naming ingest.program.
-  virtual Result<std::unique_ptr<ReaderProcess>> start(int socket, int output) = 0;
+  /// Errors: Internal or ResourceExhausted, naming ingest.program. `stop` ends waiting for it to begin, not the reader.
+  virtual Result<std::unique_ptr<ReaderProcess>> start(int socket, int output, const StopToken& stop = {}) = 0;
   /// A reader ended by a signal.
   virtual void crashed() {}
 };
@@ -34,7 +35,8 @@ class Readers {
 std::shared_ptr<Readers> spawnedReaders(const std::string& program);
 /// Forks of one process that has loaded its libraries (ingest/nursery.h); it is started by the first reader and shared by everybody here who
 /// names the program. After a crash the next reader comes of a new one: a reader's addresses must not be guessed by trying.
+/// One that has not begun after `patience` seconds (the first who names a program says how long) is tried once more with a new process.
 /// Under a sanitizer: spawned ones.
-std::shared_ptr<Readers> forkedReaders(const std::string& program);
+std::shared_ptr<Readers> forkedReaders(const std::string& program, double patience = 20);
 
 }  // namespace gobo

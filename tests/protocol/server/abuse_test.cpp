@@ -327,5 +327,40 @@ TEST(ListenerTest, ReachableMeansAccepted) {
   }
 }
 
+// Each new one beyond the bound once cost a look at all the others, so that a client who connects in a loop kept everybody from being accepted.
+TEST(ListenerBounds, WhatANewConnectionCostsDoesNotGrowWithThoseThatAreOpen) {
+  constexpr uint32_t kMost = 400;
+  Listener listener({kMost, kMost});
+  auto address = listener.add("127.0.0.1:0");
+  ASSERT_TRUE(address.ok()) << address.status().toString();
+  std::vector<Descriptor> taken;
+  std::mutex mutex;
+  listener.start([&](int fd, size_t) {
+    const std::lock_guard lock(mutex);
+    taken.emplace_back(fd);
+  });
+  const auto accepted = [&](uint64_t n) {
+    for (int i = 0; i < 1000 && listener.stats().accepted + listener.stats().refused < n; ++i) ::usleep(10000);
+    return listener.stats();
+  };
+  std::vector<Descriptor> clients;
+  for (uint32_t i = 0; i < kMost; ++i) {
+    clients.push_back(connectTo(*address));
+    if (i < kMost / 2) ASSERT_EQ(::send(clients.back().get(), "x", 1, MSG_NOSIGNAL), 1);   // the older half may not be driven out
+  }
+  ASSERT_EQ(accepted(kMost).accepted, kMost);
+  ::usleep(1200000);   // the others have been silent for long enough
+  const uint64_t before = listener.stats().looked;
+  const auto begun = Clock::now();
+  for (uint32_t i = 0; i < kMost / 2; ++i) clients.push_back(connectTo(*address));
+  const ListenerStats after = accepted(kMost + kMost / 2);
+  EXPECT_EQ(after.evicted, kMost / 2);
+  EXPECT_EQ(after.refused, 0u);
+  const double sweeps = since(begun) / 0.05 + 2;
+  EXPECT_LT(double(after.looked - before), kMost * (sweeps + 2)) << since(begun) << " s";
+  EXPECT_TRUE(listener.reachable(0, 5));
+  listener.stop();
+}
+
 }  // namespace
 }  // namespace gobo::abuse_test

@@ -50,7 +50,7 @@ class Forked : public ::testing::Test {
     GTEST_SKIP() << "readers are spawned under a sanitizer";
 #endif
     ASSERT_FALSE(findIngestProgram().empty()); 
-    readers = forkedReaders(findIngestProgram());
+    readers = forkedReaders(findIngestProgram(), 5);
   }
   void TearDown() override { EXPECT_TRUE(noReaderIsLeft()); }
   std::shared_ptr<Readers> readers;
@@ -116,17 +116,37 @@ TEST_F(Forked, OneWhoseProcessIsKilledIsAnErrorAndTheNextOneReads) {
   EXPECT_TRUE(probe(*readers, "empty").ok() || probe(*readers, "empty").ok());   // the first may meet it dying
 }
 
+/// A nursery that takes nothing in.
+struct Deaf {
+  Deaf() {
+    EXPECT_NE(::mkdtemp(folder.data()), nullptr);
+    std::ofstream(program()) << "#!/bin/sh\nsleep 100000\n";
+    std::filesystem::permissions(program(), std::filesystem::perms::owner_all);
+  }
+  ~Deaf() { std::filesystem::remove_all(folder); }
+  std::string program() const { return folder + "/deaf.sh"; }
+  std::string folder = (std::filesystem::temp_directory_path() / "gobo-nursery-XXXXXX").string();
+};
+
 // Its life line is in a queue that nobody reads; whoever gives the load up must come away.
 TEST_F(Forked, OneThatNeverTakesItInIsKilled) {
-  std::string folder = (std::filesystem::temp_directory_path() / "gobo-nursery-XXXXXX").string();
-  ASSERT_NE(::mkdtemp(folder.data()), nullptr);
-  const std::string program = folder + "/deaf.sh";
-  std::ofstream(program) << "#!/bin/sh\nsleep 100000\n";
-  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  const Deaf deaf;
   StopSource stop;
   stop.stop(StopReason::Cancelled);
-  EXPECT_EQ(probe(*forkedReaders(program), "empty", stop.token()).code(), Code::Cancelled);
-  std::filesystem::remove_all(folder);
+  EXPECT_EQ(probe(*forkedReaders(deaf.program()), "empty", stop.token()).code(), Code::Cancelled);
+}
+
+// Not found out by the first load whose time is over.
+TEST_F(Forked, ANurseryThatIsStuckIsReplacedAtOnce) {
+  const Deaf deaf;
+  const auto others = nurseries();
+  const Status stuck = probe(*forkedReaders(deaf.program(), 0.2), "empty");
+  EXPECT_EQ(stuck.code(), Code::Internal) << stuck.toString();
+  EXPECT_NE(stuck.message().find("does not start readers (ingest.program)"), std::string::npos) << stuck.message();
+  EXPECT_EQ(nurseries(), others);
+  ASSERT_TRUE(probe(*readers, "empty").ok());
+  for (const int pid : nurseries()) ::kill(pid, SIGSTOP);
+  EXPECT_TRUE(probe(*forkedReaders(findIngestProgram()), "empty").ok());
 }
 
 TEST_F(Forked, AProgramThatIsNoneIsTheServersFault) {
