@@ -15,6 +15,14 @@ grpc::Status AdminService::GetStatus(grpc::ServerContext* context, const v1::Sta
   return serve(core_, *context, "status", [&](Rpc& rpc) -> grpc::Status {
     rpc.quiet();
     fill(*reply);
+    // Names of tokens are for who may see everybody's scenes.
+    if (!rpc.access().all)
+      for (v1::MemoryHolder& holder : *reply->mutable_memory()) {
+        const auto mine = holder.callers().find(rpc.access().caller);
+        const uint64_t bytes = mine == holder.callers().end() ? 0 : mine->second;
+        holder.clear_callers();
+        if (bytes) (*holder.mutable_callers())[rpc.access().caller] = bytes;
+      }
     return grpc::Status::OK;
   });
 }
@@ -36,14 +44,6 @@ void AdminService::fill(v1::StatusReply& status) {
   reply->set_pinned_bytes(jobs.pinnedBytes);
   reply->set_open_fds(openFiles());
   reply->set_loads(core_.loads.running() + uint32_t(core_.uploads.used()));
-  const auto holder = [&](const char* name, uint64_t bytes, uint64_t limit) {
-    v1::MemoryHolder& h = *reply->add_memory();
-    h.set_name(name);
-    h.set_bytes(bytes);
-    h.set_limit(limit);
-  };
-  holder("running renders", jobs.pinnedBytes, core_.config.pinnedBytes);
-  holder("pictures made or sent", core_.replies.used(), core_.replies.limit());
   for (const std::string& device : core_.devices.list(kProbeSeconds)) reply->add_devices(device);
   const ingest::Layers layers = core_.sandbox.layers(kProbeSeconds);
   reply->mutable_sandbox()->Assign(layers.active.begin(), layers.active.end());

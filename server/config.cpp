@@ -3,7 +3,6 @@
 
 #include <sys/stat.h>
 #include <sys/un.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <cstdlib>
@@ -17,6 +16,7 @@
 
 #include "server/config_check.h"
 #include "server/load_gate.h"
+#include "server/machine_memory.h"
 
 namespace gobo {
 namespace {
@@ -176,6 +176,7 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"engine.roots", texts(c.roots, folder)},
       {"engine.keep_renders", integer(c.keepRenders, 1, 1u << 20)},
       {"engine.keep_renders_bytes", bytes(c.keepRendersBytes)},
+      {"engine.memory_bytes", bytes(c.memoryBytes)},
       {"engine.scene_bytes", bytes(c.sceneBytes)},
       {"engine.environment_bytes", bytes(c.environmentBytes)},
       {"engine.accel_bytes", bytes(c.accelBytes)},
@@ -381,9 +382,15 @@ Status checkConfig(ServerConfig& c) {
   }
   std::error_code error;
   if (!fs::is_directory(c.tmpFolder, error)) return notFound("limits.tmp_folder: \"" + c.tmpFolder + "\" is not a folder");
-  const uint64_t machine = uint64_t(::sysconf(_SC_PHYS_PAGES)) * uint64_t(::sysconf(_SC_PAGESIZE));
+  const uint64_t machine = machineMemory();
   if (c.pinnedBytes == 0) c.pinnedBytes = machine / 2;
   if (c.sceneBytes == 0) c.sceneBytes = machine / 4;
+  // Caches give way to what cannot; so that must have its place.
+  const uint64_t fixed = c.pinnedBytes + c.replyBytes + c.keepRendersBytes;
+  if (c.memoryBytes != 0 && c.memoryBytes < fixed)
+    return invalidArgument("engine.memory_bytes = " + std::to_string(c.memoryBytes) + ": scheduler.pinned_bytes, limits.reply_bytes and engine.keep_renders_bytes, which do not give way, are " +
+                           std::to_string(fixed) + " together");
+  if (c.memoryBytes == 0) c.memoryBytes = std::max(machine / 4 * 3, fixed);
   return {};
 }
 

@@ -60,6 +60,7 @@ struct ServerConfig {
   std::vector<std::string> roots;
   uint32_t keepRenders = 1024;
   uint64_t keepRendersBytes = 64ull << 20;    ///< of the requests behind them
+  uint64_t memoryBytes = 0;                   ///< of everything together; 0: three quarters of the machine's memory
   uint64_t sceneBytes = 0;                    ///< loaded scenes; 0: a quarter of the machine's memory
   uint64_t environmentBytes = 2ull << 30;     ///< environment maps in memory
   uint64_t accelBytes = 4ull << 30;           ///< ray tracing structures kept between renders

@@ -76,6 +76,7 @@ std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& a, const Server
   differ("engine.disk_bytes", a.diskBytes != b.diskBytes);
   differ("engine.keep_renders", a.keepRenders != b.keepRenders);
   differ("engine.keep_renders_bytes", a.keepRendersBytes != b.keepRendersBytes);
+  differ("engine.memory_bytes", a.memoryBytes != b.memoryBytes);
   differ("engine.scene_bytes", a.sceneBytes != b.sceneBytes);
   differ("engine.environment_bytes", a.environmentBytes != b.environmentBytes);
   differ("engine.accel_bytes", a.accelBytes != b.accelBytes);

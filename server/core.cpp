@@ -28,6 +28,8 @@ ServerCore::ServerCore(Engine& e, const ServerConfig& c)
     : engine(e), config(c), planning({kPlansAtOnce, uint32_t(std::max(1, e.threads()))}), idle(c.clientIdleSeconds), uploads(c.uploadsAtOnce), watches(c.watches), replies(c.replyBytes), sandbox(c.ingestSandbox, c.ingestProgram),
       jobs(schedulerOptions(c)) {
   setLive(c);
+  accounts.push_back(engine.memory().add({"running renders", [this] { return config.pinnedBytes ? config.pinnedBytes : UINT64_MAX; }, [this] { return jobs.stats().pinnedBytes; }, {}, [this] { return jobs.stats().pinnedOfGroups; }}));
+  accounts.push_back(engine.memory().add({"pictures made or sent", [this] { return replies.limit(); }, [this] { return replies.used(); }, {}, [this] { return replies.clients(); }}));
   declareServerMetrics(*this);
 }
 

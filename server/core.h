@@ -10,6 +10,7 @@
 #include <list>
 #include <memory>
 #include <mutex>
+#include <vector>
 
 #include "base/stop.h"
 #include "plan/engine.h"
@@ -46,6 +47,7 @@ class ServerCore {
   DeviceProbe devices;
   SandboxProbe sandbox;
   JobRunner jobs;
+  std::vector<std::shared_ptr<const MemoryHolder>> accounts;   ///< what it adds to the engine's memory()
   DurableJobs* durable = nullptr;                    ///< null: switched off
   std::atomic<uint64_t> renders{0};                  ///< finished with a picture
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();

@@ -500,6 +500,8 @@ SchedulerStats Scheduler::stats() const {
   stats.queued = queued_;
   stats.running = running_;
   stats.pinnedBytes = pinned_;
+  for (const auto& [id, job] : jobs_)
+    if (job.state == State::Running) stats.pinnedOfGroups[job.group] += job.spec.pinnedBytes;
   return stats;
 }
 

@@ -96,6 +96,7 @@ struct SchedulerStats {
   std::array<Class, kJobClasses> classes;
   size_t queued = 0, running = 0;
   uint64_t pinnedBytes = 0;
+  std::map<std::string, uint64_t> pinnedOfGroups;
   std::map<std::string, double> clientSeconds;   ///< consumed by groups that are known now
 };
 

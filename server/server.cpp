@@ -73,6 +73,7 @@ EngineOptions engineOptions(const ServerConfig& config) {
   if (config.sceneBytes) options.sceneBytes = config.sceneBytes;
   options.environmentBytes = config.environmentBytes;
   options.accelBytes = config.accelBytes;
+  if (config.memoryBytes) options.memoryBytes = config.memoryBytes;
   return options;
 }
 

@@ -47,6 +47,13 @@ void gauges(ServerCore& core, MetricsWriter& out) {
   perClass("gobo_run_seconds_total", "counter", "Worker time, preempted runs included.", [](const auto& c) { return c.runSeconds; });
   one("gobo_pinned_bytes", "gauge", "Bound of the bytes that running renders hold.", double(jobs.pinnedBytes));
   one("gobo_pinned_limit_bytes", "gauge", "scheduler.pinned_bytes.", double(core.config.pinnedBytes));
+  const auto perHolder = [&](const char* name, const char* help, auto value) {
+    out.family(name, "gauge", help);
+    for (const v1::MemoryHolder& h : s.memory()) out.sample(name, {{"holder", h.name()}}, double(value(h)));
+  };
+  perHolder("gobo_memory_bytes", "What holds memory (docs/operations.md, Memory).", [](const auto& h) { return h.bytes(); });
+  perHolder("gobo_memory_limit_bytes", "The bound of each holder.", [](const auto& h) { return h.limit(); });
+  one("gobo_memory_total_limit_bytes", "gauge", "engine.memory_bytes.", double(s.memory_limit()));
   one("gobo_store_bytes", "gauge", "Terms in memory.", double(s.store_bytes()));
   one("gobo_store_limit_bytes", "gauge", "engine.store_bytes.", double(s.store_limit()));
   one("gobo_store_terms", "gauge", "Terms in memory, number.", double(s.store_terms()));

@@ -47,4 +47,9 @@ uint64_t SharedLimit::usedBy(const std::string& client) const {
   return mine == clients_.end() ? 0 : mine->second;
 }
 
+std::map<std::string, uint64_t> SharedLimit::clients() const {
+  const std::lock_guard lock(mutex_);
+  return clients_;
+}
+
 }  // namespace gobo

@@ -67,7 +67,7 @@ const Image& RenderedImage::image() const {
 }
 
 struct Engine::Impl {
-  explicit Impl(const EngineOptions& o) : options(o), arena(o.threads), scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}), accels(o.accelBytes) {}
+  explicit Impl(const EngineOptions& o) : options(o), arena(o.threads), scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}), accels(o.accelBytes), memory(o.memoryBytes) {}
 
   EngineOptions options;
   TaskArena arena;
@@ -76,10 +76,12 @@ struct Engine::Impl {
   std::unique_ptr<TermStore> store;
   ExtensionIndex extensions;
   AccelCache accels;
+  MemoryLedger memory;
   Clock::time_point started = Clock::now();
   std::atomic<uint64_t> renders{0};
 
   RememberedRenders remembered{options.keepRenders, options.keepRendersBytes};
+  std::vector<std::shared_ptr<const MemoryHolder>> accounts;
 
   ExecutorServices executorServices() { return {store.get(), &extensions, &accels, &arena}; }
   PlannerServices plannerServices(const StopToken& stop, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
@@ -96,6 +98,17 @@ struct Engine::Impl {
     return s;
   }
 
+  /// What is dear to make again, or whose going is seen, gives last.
+  void keepAccounts() {
+    accounts.push_back(memory.add({"posed scenes", [this] { return posed.limit(); }, [this] { return posed.bytes(); }, [this](uint64_t most) { posed.shrink(most); }}));
+    accounts.push_back(memory.add({"terms", [this] { return store->maxBytes(); }, [this] { return store->bytes(); }, [this](uint64_t most) { store->shrink(most); }}));
+    accounts.push_back(memory.add({"ray tracing", [this] { return options.accelBytes; }, [this] { return uint64_t(accels.bytes()); }, [this](uint64_t most) { accels.shrink(size_t(most)); }}));
+    accounts.push_back(memory.add({"environments", [this] { return scenes.limits().environmentBytes; }, [this] { return scenes.environmentBytes(); }, [this](uint64_t most) { scenes.shrinkEnvironments(most); }}));
+    accounts.push_back(memory.add({"scenes", [this] { return scenes.limits().sceneBytes; }, [this] { return scenes.sceneBytes(); }, [this](uint64_t most) { scenes.shrinkScenes(most); },
+                [this] { return scenes.sceneBytesOfOwners(); }}));
+    accounts.push_back(memory.add({"remembered requests", [this] { return remembered.limit(); }, [this] { return remembered.bytes(); }, {}, [this] { return remembered.bytesOfOwners(); }}));
+    scenes.setLedger(&memory);
+  }
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
   Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control, Clock::time_point start,
                                   bool& extendable);
@@ -112,6 +125,7 @@ Result<std::unique_ptr<Engine>> Engine::create(const EngineOptions& options) {
   std::unique_ptr<DiskStore> disk;
   if (!options.cacheFolder.empty()) { GOBO_ASSIGN(disk, DiskStore::open(options.cacheFolder, options.diskBytes)); }
   engine->impl_->store = std::make_unique<TermStore>(options.storeBytes, std::move(disk));
+  engine->impl_->keepAccounts();
   return engine;
 }
 
@@ -314,6 +328,12 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
   const auto start = Clock::now();
   ScenePtr scene = control.scene;
   if (!scene) { GOBO_ASSIGN(scene, m.scenes.find(request.scene(), control.stop, control.access)); }
+  // Before: what it will pin is in the ledger already, where somebody counts it. After: what it left behind.
+  struct Settle {
+    MemoryLedger& memory;
+    explicit Settle(MemoryLedger& ledger) : memory(ledger) { memory.settle(); }
+    ~Settle() { memory.settle(); }
+  } settle(m.memory);
   GOBO_ASSIGN(const v1::RenderRequest resolved, m.resolve(request, scene));
   const v1::Halt& halt = resolved.halt();
   const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;
@@ -386,19 +406,17 @@ void Engine::fillStatus(v1::StatusReply& s) const {
   s.set_renders(impl_->renders.load());
   s.set_scenes(impl_->scenes.count());
   s.set_threads(uint32_t(impl_->arena.threads()));
-  const auto holder = [&](const char* name, uint64_t bytes, uint64_t limit) {
-    v1::MemoryHolder& h = *s.add_memory();
-    h.set_name(name);
-    h.set_bytes(bytes);
-    h.set_limit(limit);
-  };
-  const SceneLimits& limits = impl_->scenes.limits();
-  holder("terms", impl_->store->bytes(), impl_->store->maxBytes());
-  holder("scenes", impl_->scenes.sceneBytes(), limits.sceneBytes);
-  holder("posed scenes", impl_->posed.bytes(), impl_->posed.limit());
-  holder("environments", impl_->scenes.environmentBytes(), limits.environmentBytes);
-  holder("ray tracing", impl_->accels.bytes(), impl_->options.accelBytes);
-  holder("remembered requests", impl_->remembered.bytes(), impl_->remembered.limit());
+  for (const auto& h : impl_->memory.holders()) {
+    v1::MemoryHolder& out = *s.add_memory();
+    out.set_name(h->name);
+    out.set_bytes(h->bytes());
+    out.set_limit(h->limit());
+    if (h->callers)
+      for (const auto& [caller, bytes] : h->callers()) (*out.mutable_callers())[caller] = bytes;
+  }
+  s.set_memory_limit(impl_->memory.total());
 }
+
+MemoryLedger& Engine::memory() { return impl_->memory; }
 
 }  // namespace gobo

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/image.h"
+#include "base/memory_ledger.h"
 #include "base/status.h"
 #include "base/stop.h"
 #include "gobo/v1/render.pb.h"
@@ -37,6 +38,7 @@ struct EngineOptions {
   uint64_t sceneBytes = UINT64_MAX;          ///< loaded scenes
   uint64_t environmentBytes = 2ull << 30;
   uint64_t accelBytes = 4ull << 30;
+  uint64_t memoryBytes = UINT64_MAX;         ///< of all that and what the owner adds to memory(), together
   std::shared_ptr<SceneLoader> loader;       ///< reads scene and environment files; null: in this process
 };
 
@@ -117,6 +119,8 @@ class Engine {
   Result<v1::RenderRequest> relightRequest(const v1::RelightRequest& relight, const std::string& caller = {}) const;
 
   void dropCaches(bool disk);
+  /// What holds memory; others may add to it before the first call. Caches give way when a render begins or ends and when a scene comes.
+  MemoryLedger& memory();
   void fillStatus(v1::StatusReply& status) const;
   int threads() const;
 

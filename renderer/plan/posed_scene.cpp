@@ -30,6 +30,12 @@ Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest&
   return made;
 }
 
+void PosedScenes::shrink(uint64_t most) {
+  std::list<std::pair<Key, ScenePtr>> gone;   // freed after the lock
+  std::lock_guard lock(mutex_);
+  while (!recent_.empty() && held() > most) gone.splice(gone.begin(), recent_, std::prev(recent_.end()));
+}
+
 uint64_t PosedScenes::held() const {
   uint64_t total = 0;
   for (const auto& [key, scene] : recent_) total += scene->bytes();

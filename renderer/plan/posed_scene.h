@@ -24,6 +24,7 @@ class PosedScenes {
   explicit PosedScenes(size_t keep = 8, uint64_t bytes = 1ull << 30) : keep_(keep), bytes_(bytes) {}
   uint64_t bytes() const;
   uint64_t limit() const { return bytes_; }
+  void shrink(uint64_t most);
   /// One that `stop` ended is not kept.
   Result<ScenePtr> get(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop = {});
 

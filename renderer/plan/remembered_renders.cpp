@@ -51,6 +51,13 @@ std::optional<v1::RenderRequest> RememberedRenders::find(const std::string& id, 
   return entry->second.request;
 }
 
+std::map<std::string, uint64_t> RememberedRenders::bytesOfOwners() const {
+  std::lock_guard lock(mutex_);
+  std::map<std::string, uint64_t> out;
+  for (const auto& [owner, held] : owners_) out[owner] = held.bytes;
+  return out;
+}
+
 uint64_t RememberedRenders::bytes() const {
   std::lock_guard lock(mutex_);
   return held_;

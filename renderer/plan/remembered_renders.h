@@ -26,6 +26,7 @@ class RememberedRenders {
   size_t keep() const { return keep_; }
   uint64_t bytes() const;
   uint64_t limit() const { return bytes_; }
+  std::map<std::string, uint64_t> bytesOfOwners() const;
 
  private:
   struct Entry { v1::RenderRequest request; std::string owner; uint64_t bytes = 0; };

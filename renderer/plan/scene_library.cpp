@@ -184,35 +184,53 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
 
 uint64_t SceneLibrary::sceneBytesHeld() const {
   uint64_t total = 0;
-  for (const auto& [id, entry] : scenes_) total += entry.scene->bytes();
+  for (const auto& [id, entry] : scenes_) total += entry.bytes;
   return total;
 }
 
 // The owner that has most gives first: whoever loads much makes room for himself.
-Status SceneLibrary::makeRoom(uint64_t bytes, const std::string& keep) {
-  for (uint64_t held = sceneBytesHeld(); held > limits_.sceneBytes || bytes > limits_.sceneBytes - held; held = sceneBytesHeld()) {
-    std::map<std::string, uint64_t> ofOwner;
-    for (const auto& [id, entry] : scenes_) ofOwner[entry.owner] += entry.scene->bytes();
-    Entries::iterator victim = scenes_.end();
-    for (auto at = scenes_.begin(); at != scenes_.end(); ++at) {
-      if (at->first == keep || at->second.scene.use_count() > 1) continue;   // somebody renders it, or works on it
-      const auto order = [&](Entries::iterator e) { return std::pair(~ofOwner[e->second.owner], e->second.used); };
-      if (victim == scenes_.end() || order(at) < order(victim)) victim = at;
-    }
-    if (victim == scenes_.end())
+bool SceneLibrary::evict(const std::string& keep, Gone& gone) {
+  std::map<std::string, uint64_t> ofOwner;
+  for (const auto& [id, entry] : scenes_) ofOwner[entry.owner] += entry.bytes;
+  Entries::iterator victim = scenes_.end();
+  for (auto at = scenes_.begin(); at != scenes_.end(); ++at) {
+    if (at->first == keep || at->second.scene.use_count() > 1) continue;   // somebody renders it, or works on it
+    const auto order = [&](Entries::iterator e) { return std::pair(~ofOwner[e->second.owner], e->second.used); };
+    if (victim == scenes_.end() || order(at) < order(victim)) victim = at;
+  }
+  if (victim == scenes_.end()) return false;
+  gone_.push_back(victim->first);
+  if (gone_.size() > 1000) gone_.pop_front();
+  gone.push_back(std::move(victim->second.scene));
+  scenes_.erase(victim);
+  return true;
+}
+
+Status SceneLibrary::makeRoom(uint64_t bytes, const std::string& keep, Gone& gone) {
+  for (uint64_t held = sceneBytesHeld(); held > limits_.sceneBytes || bytes > limits_.sceneBytes - held; held = sceneBytesHeld())
+    if (!evict(keep, gone))
       return {Code::ResourceExhausted, "no room for a scene of " + std::to_string(bytes) + " bytes: loaded ones that are in use have " + std::to_string(held) + ", at most " +
               std::to_string(limits_.sceneBytes) + " (engine.scene_bytes)", "scene"};
-    gone_.push_back(victim->first);
-    if (gone_.size() > 1000) gone_.pop_front();
-    scenes_.erase(victim);
-  }
   return {};
+}
+
+Status SceneLibrary::room(uint64_t bytes, const char* what) {
+  return ledger_ ? ledger_->makeRoom(bytes, what).at("scene") : Status();
+}
+
+void SceneLibrary::shrinkScenes(uint64_t most) {
+  Gone gone;
+  std::lock_guard lock(mutex_);
+  while (sceneBytesHeld() > most && evict("", gone)) {}
 }
 
 Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop,
                                            const SceneAccess& access, const std::vector<std::string>& share) {
   if (!scene.ok()) return scene.status();
   if (stop.stopRequested()) return Status(Code::Cancelled, "the load was cancelled", source);
+  const uint64_t bytes = scene->scene->bytes();
+  GOBO_TRY(room(bytes, "a scene"));
+  Gone gone;
   std::lock_guard lock(mutex_);
   const auto taken = [&](const std::string& name) {   // by somebody else, or as a built-in
     const auto at = scenes_.find(name);
@@ -226,11 +244,11 @@ Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& so
     return Status(Code::PermissionDenied, "scene '" + id + "' is another's: choose another name", "name");
   }
   const auto old = scenes_.find(id);
-  const ScenePtr before = old == scenes_.end() ? nullptr : old->second.scene;
-  const uint64_t bytes = scene->scene->bytes(), replaced = before ? before->bytes() : 0;
-  GOBO_TRY(makeRoom(bytes > replaced ? bytes - replaced : 0, id));
+  const uint64_t replaced = old == scenes_.end() ? 0 : old->second.bytes;
+  if (old != scenes_.end()) gone.push_back(old->second.scene);
+  GOBO_TRY(makeRoom(bytes > replaced ? bytes - replaced : 0, id, gone));
   Entry& e = scenes_[id];
-  e = {scene->scene, source, ms, scene->report, access.caller, share, ++clock_};
+  e = {scene->scene, source, ms, scene->report, access.caller, share, ++clock_, bytes};
   return info(id, e);
 }
 
@@ -286,10 +304,13 @@ Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop
   }
   const auto start = std::chrono::steady_clock::now();
   GOBO_ASSIGN(const ScenePtr scene, makeBuiltinScene(id, stop));
+  const uint64_t bytes = scene->bytes();
+  GOBO_TRY(room(bytes, "a scene"));
+  Gone gone;
   std::lock_guard lock(mutex_);   // one that another caller has opened (and may have patched) meanwhile stays
   if (const auto it = scenes_.find(id); it != scenes_.end()) return it->second.scene;
-  GOBO_TRY(makeRoom(scene->bytes(), id));
-  return scenes_.try_emplace(id, Entry{.scene = scene, .source = id, .loadMs = msSince(start), .used = ++clock_}).first->second.scene;
+  GOBO_TRY(makeRoom(bytes, id, gone));
+  return scenes_.try_emplace(id, Entry{.scene = scene, .source = id, .loadMs = msSince(start), .used = ++clock_, .bytes = bytes}).first->second.scene;
 }
 
 Result<v1::SceneInfo> SceneLibrary::inspect(const std::string& id, const SceneAccess& access) {
@@ -323,6 +344,7 @@ Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const 
   for (;;) {
     GOBO_ASSIGN(const ScenePtr next, patched(*base, p));
     if (stop.stopRequested()) return Status(Code::Cancelled, "the patch was cancelled", p.scene());
+    const uint64_t bytes = next->bytes();
     std::lock_guard lock(mutex_);
     const auto at = scenes_.find(p.scene());
     if (at == scenes_.end()) return notFound("scene '" + p.scene() + "' was unloaded while it was patched", "scene");
@@ -333,6 +355,7 @@ Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const 
     }
     at->second.scene = next;
     at->second.used = ++clock_;
+    at->second.bytes = bytes;
     return info(p.scene(), at->second);
   }
 }
@@ -362,20 +385,34 @@ Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path, const 
   GOBO_ASSIGN(EnvironmentPtr loaded, loader_->environment(real, stop));
   // A file that changed just now may change again under the same stamp: it is not kept.
   if (!stamp.settled() || FileStamp::of(real) != stamp) return loaded;
+  const uint64_t bytes = Map{loaded, 0}.bytes();
+  if (bytes > limits_.environmentBytes) return loaded;
+  if (ledger_) GOBO_TRY(ledger_->makeRoom(bytes, "an environment map").at(path));
+  std::vector<EnvironmentPtr> gone;
   std::lock_guard lock(mutex_);
-  const auto bytes = [](const EnvironmentPtr& map) { return uint64_t(map->texels.size()) * sizeof(Vec3); };
-  if (bytes(loaded) > limits_.environmentBytes) return loaded;
   environments_[key] = {loaded, ++clock_};
+  trimEnvironments(limits_.environmentBytes, gone);
+  return loaded;
+}
+
+void SceneLibrary::trimEnvironments(uint64_t most, std::vector<EnvironmentPtr>& gone) {
   for (;;) {
     uint64_t total = 0;
     auto oldest = environments_.begin();
     for (auto e = environments_.begin(); e != environments_.end(); ++e) {
-      total += bytes(e->second.map);
+      total += e->second.bytes();
       if (e->second.used < oldest->second.used) oldest = e;
     }
-    if (total <= limits_.environmentBytes) return loaded;
+    if (total <= most) return;
+    gone.push_back(std::move(oldest->second.map));
     environments_.erase(oldest);
   }
+}
+
+void SceneLibrary::shrinkEnvironments(uint64_t most) {
+  std::vector<EnvironmentPtr> gone;
+  std::lock_guard lock(mutex_);
+  trimEnvironments(most, gone);
 }
 
 void SceneLibrary::setRoots(std::vector<std::string> roots) {
@@ -388,10 +425,17 @@ uint64_t SceneLibrary::sceneBytes() const {
   return sceneBytesHeld();
 }
 
+BytesOfCallers SceneLibrary::sceneBytesOfOwners() const {
+  std::lock_guard lock(mutex_);
+  BytesOfCallers out;
+  for (const auto& [id, entry] : scenes_) out[entry.owner] += entry.bytes;
+  return out;
+}
+
 uint64_t SceneLibrary::environmentBytes() const {
   std::lock_guard lock(mutex_);
   uint64_t total = 0;
-  for (const auto& [key, e] : environments_) total += uint64_t(e.map->texels.size()) * sizeof(Vec3);
+  for (const auto& [key, e] : environments_) total += e.bytes();
   return total;
 }
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "base/memory_ledger.h"
 #include "base/status.h"
 #include "base/stop.h"
 #include "gobo/v1/service.pb.h"
@@ -54,8 +55,14 @@ class SceneLibrary {
   Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop = {});
   size_t count() const;
   uint64_t sceneBytes() const;         ///< of all loaded scenes; what several share counts for each
+  BytesOfCallers sceneBytesOfOwners() const;
   uint64_t environmentBytes() const;
   const SceneLimits& limits() const { return limits_; }
+  /// Scenes that nobody renders go, the least recently used of the owner that has most first.
+  void shrinkScenes(uint64_t most);
+  void shrinkEnvironments(uint64_t most);
+  /// Asked for room before a scene or an environment is taken in, never under the library's lock. Before the first call.
+  void setLedger(MemoryLedger* ledger) { ledger_ = ledger; }
   void setRoots(std::vector<std::string> roots);
 
  private:
@@ -67,14 +74,19 @@ class SceneLibrary {
     std::string owner = {};
     std::vector<std::string> share = {};
     uint64_t used = 0;           ///< clock_ of the last use
+    uint64_t bytes = 0;          ///< of the scene
   };
-  struct Map { EnvironmentPtr map; uint64_t used; };
+  struct Map { EnvironmentPtr map; uint64_t used; uint64_t bytes() const { return uint64_t(map->texels.size()) * sizeof(Vec3); } };
   using Entries = std::map<std::string, Entry>;
   Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop,
                                const SceneAccess& access, const std::vector<std::string>& share);
-  // Under mutex_.
+  Status room(uint64_t bytes, const char* what);
+  // Under mutex_. What goes is in `gone`, to be freed after the lock.
+  using Gone = std::vector<ScenePtr>;
   uint64_t sceneBytesHeld() const;
-  Status makeRoom(uint64_t bytes, const std::string& keep);
+  Status makeRoom(uint64_t bytes, const std::string& keep, Gone& gone);
+  bool evict(const std::string& keep, Gone& gone);
+  void trimEnvironments(uint64_t most, std::vector<EnvironmentPtr>& gone);
   Status unknown(const std::string& id, const SceneAccess& access) const;
   v1::SceneInfo info(const std::string& id, const Entry& entry) const;
 
@@ -83,6 +95,7 @@ class SceneLibrary {
   std::shared_ptr<SceneLoader> loader_;
   mutable std::mutex mutex_;
   const SceneLimits limits_;
+  MemoryLedger* ledger_ = nullptr;
   Entries scenes_;
   std::deque<std::string> gone_;       ///< ids that had to make room, the latest last
   uint64_t clock_ = 0;

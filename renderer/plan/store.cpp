@@ -81,6 +81,12 @@ void TermStore::clear(bool disk) {
   if (disk && disk_) disk_->clear();
 }
 
+void TermStore::shrink(uint64_t most) {
+  std::vector<TermPtr> gone;
+  std::lock_guard hold(mutex_);
+  while (bytes_ > most) remove(std::prev(lru_.end()), gone);
+}
+
 uint64_t TermStore::bytes() const {
   std::lock_guard hold(mutex_);
   return bytes_;

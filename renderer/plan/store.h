@@ -32,6 +32,7 @@ class TermStore {
   void put(const Hash128& key, TermPtr term, bool persist, const StopToken& stop = {});
   void erase(const Hash128& key);            ///< from both tiers
   void clear(bool disk);
+  void shrink(uint64_t most);                ///< the memory tier, least recently used first
   uint64_t bytes() const;
   uint64_t maxBytes() const { return maxBytes_; }
   uint64_t diskBytes() const;

@@ -73,6 +73,7 @@ class AccelCache {
   /// Null when `stop` fired first, also while another thread builds. Throws what the build throws (std::bad_alloc).
   AccelPtr get(const SceneView& view, const TaskArena& arena, const StopToken& stop = {});
   size_t bytes() const;
+  void shrink(size_t most);     ///< the least recently used go; who renders with one keeps it
   uint64_t builds() const;
   /// Milliseconds that the structure kept for this view took to build; 0 when none is kept.
   double buildMs(const SceneView& view) const;
@@ -80,7 +81,7 @@ class AccelCache {
  private:
   struct Entry { Hash128 key; uint64_t build = 0; std::shared_future<AccelPtr> accel; double ms = 0; };
   void drop(uint64_t build);
-  void trim();                  // under mutex_
+  void trim(size_t most, bool keepFirst);   // under mutex_
   mutable std::mutex mutex_;
   std::list<Entry> entries_;    // most recent first
   size_t maxBytes_;

@@ -51,7 +51,7 @@ AccelPtr AccelCache::get(const SceneView& view, const TaskArena& arena, const St
     if (!made) return nullptr;
     std::lock_guard lock(mutex_);
     for (Entry& e : entries_) if (e.build == build) e.ms = ms;
-    trim();
+    trim(maxBytes_, true);
     return made;
   }
 }
@@ -61,16 +61,21 @@ void AccelCache::drop(uint64_t build) {
   entries_.remove_if([build](const Entry& e) { return e.build == build; });
 }
 
-void AccelCache::trim() {
+void AccelCache::trim(size_t most, bool keepFirst) {
   size_t total = 0;
   for (auto it = entries_.begin(); it != entries_.end();) {
     if (ready(it->accel)) {
       const size_t b = it->accel.get()->bytes();
-      if (it != entries_.begin() && total + b > maxBytes_) { it = entries_.erase(it); continue; }
+      if (!(keepFirst && it == entries_.begin()) && total + b > most) { it = entries_.erase(it); continue; }
       total += b;
     }
     ++it;
   }
+}
+
+void AccelCache::shrink(size_t most) {
+  std::lock_guard lock(mutex_);
+  trim(most, false);
 }
 
 size_t AccelCache::bytes() const {

@@ -2,6 +2,7 @@
 // SECURITY.md: memory is bounded, kind by kind. What `status` says is held stays within what is configured, through loads, renders by several ways of
 // shadowing, environments and a refused load, and each of the kinds really held something.
 #include <fstream>
+#include <set>
 
 #include "harness.h"
 #include "support/triangle_glb.h"
@@ -75,6 +76,23 @@ TEST_F(Memory, StaysWithinWhatIsConfigured) {
   for (const auto& [name, bytes] : most) std::printf("%-28s %.2f MiB at most\n", name.c_str(), double(bytes) / (1 << 20));
   EXPECT_GT(pictures, config.storeBytes) << "terms would fit without their bound";
   EXPECT_GT(most["terms"], config.storeBytes / 2);
+}
+
+// tests/unit/plan/engine_memory_test.cpp: that caches keep to it.
+TEST_F(Memory, EverythingTogetherHasALimit) {
+  const v1::StatusReply before = status();
+  EXPECT_EQ(before.memory_limit(), config.memoryBytes);
+  EXPECT_GE(before.memory_limit(), config.pinnedBytes + config.replyBytes + config.keepRendersBytes);
+  const Collected c = renderOnce(small());
+  ASSERT_TRUE(c.status.ok()) << c.status.error_message();
+  std::set<std::string> holders;
+  for (const v1::MemoryHolder& h : status().memory()) {
+    holders.insert(h.name());
+    uint64_t sum = 0;
+    for (const auto& [caller, bytes] : h.callers()) sum += bytes;
+    if (h.name() == "scenes") EXPECT_EQ(sum, h.bytes());
+  }
+  EXPECT_EQ(holders.size(), 8u);
 }
 
 }  // namespace

@@ -146,6 +146,34 @@ TEST_F(Tokens, ARenderIdIsItsTokens) {
   EXPECT_EQ(relightAs("plain", local.reply.render_id(), tcp).status.error_code(), grpc::NOT_FOUND);
 }
 
+TEST_F(Tokens, StatusSaysWhatOfTheMemoryIsWhoseToThemAlone) {
+  for (const char* name : {"plain", "admin"}) {
+    grpc::ClientContext context;
+    sign(context, name);
+    v1::OpenSceneRequest open;
+    open.set_source("cornell");
+    open.set_name(std::string("of-") + name);
+    v1::SceneInfo info;
+    ASSERT_TRUE(v1::Scenes::NewStub(tcp)->Open(&context, open, &info).ok());
+  }
+  const auto scenesOf = [&](const std::string& name) {
+    grpc::ClientContext context;
+    sign(context, name);
+    v1::StatusReply reply;
+    EXPECT_TRUE(v1::Admin::NewStub(tcp)->GetStatus(&context, {}, &reply).ok());
+    std::vector<std::string> callers;
+    for (const v1::MemoryHolder& holder : reply.memory())
+      if (holder.name() == "scenes")
+        for (const auto& [caller, bytes] : holder.callers())
+          if (bytes > 0) callers.push_back(caller);
+    std::sort(callers.begin(), callers.end());
+    return callers;
+  };
+  EXPECT_EQ(scenesOf("plain"), std::vector<std::string>{"plain"});
+  EXPECT_EQ(scenesOf("narrow"), std::vector<std::string>{});
+  EXPECT_EQ(scenesOf("admin"), (std::vector<std::string>{"admin", "plain"}));
+}
+
 TEST_F(Tokens, RequestsPerSecond) {
   EXPECT_TRUE(list("Bearer secret-slow", tcp).status.ok());
   EXPECT_TRUE(list("Bearer secret-slow", tcp).status.ok());

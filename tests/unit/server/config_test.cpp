@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "server/machine_memory.h"
+
 namespace gobo::config_test {
 namespace {
 
@@ -140,6 +142,39 @@ TEST(Config, LimitsThatContradictEachOther) {
   config = {};
   config.roots = {"/no/such/folder"};
   EXPECT_EQ(checkConfig(config).code(), Code::NotFound);
+}
+
+// What cannot give way must have its place in the total.
+TEST_F(ConfigFile, TheTotalOfMemoryHoldsWhatDoesNotGiveWay) {
+  const std::string small = "listen = [\"unix:a.sock\"]\n[limits]\nreply_bytes = \"64MiB\"\n[scheduler]\npinned_bytes = \"128MiB\"\n[engine]\nkeep_renders_bytes = \"8MiB\"\n";
+  ASSERT_TRUE(read(small + "memory_bytes = \"200MiB\"\n").ok());
+  EXPECT_TRUE(checkConfig(config).ok());
+  ASSERT_TRUE(read(small + "memory_bytes = \"199MiB\"\n").ok());
+  const Status refused = checkConfig(config);
+  EXPECT_EQ(refused.code(), Code::InvalidArgument);
+  for (const char* words : {"engine.memory_bytes = 208666624", "scheduler.pinned_bytes", "209715200"}) EXPECT_NE(refused.message().find(words), std::string::npos) << refused.message();
+  config = {};
+  ASSERT_TRUE(read(small).ok());
+  ASSERT_TRUE(checkConfig(config).ok());
+  EXPECT_EQ(config.memoryBytes, std::max<uint64_t>(machineMemory() / 4 * 3, 200ull << 20));
+}
+
+TEST_F(ConfigFile, AContainersLimitIsTheMachinesMemory) {
+  const uint64_t machine = machineMemory((folder / "none").string());
+  EXPECT_GT(machine, 1u << 20);
+  fs::create_directories(folder / "proc/self");
+  fs::create_directories(folder / "sys/fs/cgroup/a/b");
+  std::ofstream(folder / "proc/self/cgroup") << "1:name=systemd:/x\n0::/a/b\n";
+  std::ofstream(folder / "sys/fs/cgroup/a/b/memory.max") << "max\n";
+  EXPECT_EQ(machineMemory(folder.string()), machine);
+  std::ofstream(folder / "sys/fs/cgroup/a/memory.max") << "1048576\n";
+  EXPECT_EQ(machineMemory(folder.string()), 1048576u);
+  std::ofstream(folder / "sys/fs/cgroup/a/b/memory.max") << "524288\n";
+  EXPECT_EQ(machineMemory(folder.string()), 524288u);
+  std::ofstream(folder / "proc/self/cgroup") << "0::/\n";   // as a container sees itself
+  EXPECT_EQ(machineMemory(folder.string()), machine);
+  std::ofstream(folder / "sys/fs/cgroup/memory.max") << "4096\n";
+  EXPECT_EQ(machineMemory(folder.string()), 4096u);
 }
 
 TEST(Log, TextFromClientsStaysOnItsLine) { EXPECT_EQ(escaped("a\nb\x1b[31m"), "a\\x0ab\\x1b[31m"); }
