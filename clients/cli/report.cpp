@@ -108,6 +108,13 @@ void printStatus(const v1::StatusReply& s) {
   std::printf("store: %s of %s in %llu terms, disk %s; resident %s\n", bytesText(s.store_bytes()).c_str(), bytesText(s.store_limit()).c_str(),
               static_cast<unsigned long long>(s.store_terms()), bytesText(s.disk_bytes()).c_str(), bytesText(s.rss_bytes()).c_str());
   std::printf("pinned by renders: %s; %u open files\n", bytesText(s.pinned_bytes()).c_str(), s.open_fds());
+  uint64_t held = 0;
+  std::string holders;
+  for (const v1::MemoryHolder& h : s.memory()) {
+    held += h.bytes();
+    if (h.bytes() > 0) holders += (holders.empty() ? "" : ", ") + escaped(h.name()) + " " + bytesText(h.bytes());
+  }
+  std::printf("memory: %s of %s%s%s\n", bytesText(held).c_str(), bytesText(s.memory_limit()).c_str(), holders.empty() ? "" : ": ", holders.c_str());
   std::string layers;
   for (const std::string& layer : s.sandbox()) layers += (layers.empty() ? "" : ", ") + escaped(layer);
   std::printf("sandbox of the file reader: %s\n", layers.empty() ? "none" : layers.c_str());
