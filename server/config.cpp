@@ -336,6 +336,10 @@ Result<Address> parseAddress(const std::string& text) {
   return address;
 }
 
+uint64_t callsThatMayWait(const ServerConfig& c) {
+  return uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch + c.watches + c.uploadsAtOnce + c.loadsAtOnce + LoadGate::kWaiting;
+}
+
 Status checkConfig(ServerConfig& c) {
   if (c.listen.empty()) c.listen.push_back(defaultAddress());
   GOBO_TRY(checkSecurity(c));
@@ -354,8 +358,8 @@ Status checkConfig(ServerConfig& c) {
     return invalidArgument("limits.chunk_bytes = " + std::to_string(c.chunkBytes) + " and limits.inline_bytes = " +
                            std::to_string(c.inlineBytes) + " must be at least 64 KiB below limits.message_bytes = " +
                            std::to_string(c.messageBytes));
-  // A waiting render holds a call: without spare ones a full queue would lock out status, cancellation and health checks.
-  const uint64_t waiting = uint64_t(c.running) + c.queuedInteractive + c.queuedNormal + c.queuedBatch + c.watches + c.uploadsAtOnce + c.loadsAtOnce + LoadGate::kWaiting;
+  // Without spare ones a full queue would lock out status, cancellation and health checks.
+  const uint64_t waiting = callsThatMayWait(c);
   GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running, the three queues, limits.watches, uploads_at_once, loads_at_once and 32 together)", c.rpcThreads, waiting + 16));
   GOBO_TRY(least("limits.request_bytes", c.requestBytes, 1ull << 20));
   GOBO_TRY(least("limits.reply_bytes", c.replyBytes, 16ull << 20));

@@ -116,6 +116,8 @@ Status readConfig(const std::string& path, ServerConfig& config);
 std::vector<std::string> configKeys();
 /// Ranges, addresses (beyond loopback only with TLS and tokens, or allow_remote), tokens, folders. Fills in the default listen address and tmp folder.
 Status checkConfig(ServerConfig& config);
+/// Calls that may wait at once, each in a thread of limits.rpc_threads: running and queued renders, watches, uploads, loads.
+uint64_t callsThatMayWait(const ServerConfig& config);
 /// What differs between the running configuration and a new one but is fixed until a restart: keys, "scheduler.running".
 std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& running, const ServerConfig& next);
 /// `running` with what may change at run time taken from `next`: tokens, TLS files, roots, log, [limits] but for gRPC's own, drain_s.

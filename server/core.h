@@ -21,6 +21,7 @@
 #include "server/job_runner.h"
 #include "server/load_gate.h"
 #include "server/metrics.h"
+#include "server/refusal_pause.h"
 #include "server/sandbox_probe.h"
 #include "server/shared_limit.h"
 
@@ -41,6 +42,7 @@ class ServerCore {
   TokenBook tokens;
   LoadGate loads;
   FairGate planning;                                 ///< plans being made before admission: they trace rays and take every core they find
+  RefusalPause impatient;                            ///< answers to who does not wait for his hint
   IdleWatch idle;
   SharedLimit uploads, watches;                      ///< calls in progress
   SharedLimit replies;                               ///< bytes of pictures that are being made or sent

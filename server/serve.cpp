@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <thread>
 
 #include <google/protobuf/any.pb.h>
 #include <google/protobuf/duration.pb.h>
@@ -114,6 +115,16 @@ grpc::Status Rpc::finish(grpc::Status status) {
   logEvent(level, method_, fields);
   if (status.ok()) return status;
   return {status.error_code(), status.error_message(), details(status, id_, retryMs_)};
+}
+
+void Rpc::pause() {
+  if (retryMs_ <= 0 || core_.draining()) return;
+  const double seconds = core_.impatient.begin(who_.name, JobRunner::now(), retryMs_ * 1e-3);
+  if (seconds <= 0) return;
+  const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  while (std::chrono::steady_clock::now() < until && !context_.IsCancelled() && !core_.draining())
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  core_.impatient.end(who_.name);
 }
 
 grpc::Status Rpc::refuse(const char* reason, const Status& status) {

@@ -27,6 +27,8 @@ class Rpc {
   grpc::Status admit();
   /// Logs and counts the call, gives errors their details ("grpc-status-details-bin": google.rpc.RequestInfo, RetryInfo). Once.
   grpc::Status finish(grpc::Status status);
+  /// After finish(): keeps the answer back from a caller who was told when to come back and did not wait.
+  void pause();
 
   ServerCore& core() const { return core_; }
   grpc::ServerContext& context() { return context_; }
@@ -72,7 +74,9 @@ grpc::Status serve(ServerCore& core, grpc::ServerContext& context, const char* m
   try {
     grpc::Status status = rpc.admit();
     if (status.ok()) status = body(rpc);
-    return rpc.finish(std::move(status));
+    status = rpc.finish(std::move(status));
+    rpc.pause();
+    return status;
   } catch (const std::exception& e) {
     return rpc.finish({grpc::StatusCode::INTERNAL, std::string("exception in a handler: ") + e.what()});
   }

@@ -85,8 +85,9 @@ TEST_F(Memory, EverythingTogetherHasALimit) {
   EXPECT_GE(before.memory_limit(), config.pinnedBytes + config.replyBytes + config.keepRendersBytes);
   const Collected c = renderOnce(small());
   ASSERT_TRUE(c.status.ok()) << c.status.error_message();
+  const v1::StatusReply after = status();
   std::set<std::string> holders;
-  for (const v1::MemoryHolder& h : status().memory()) {
+  for (const v1::MemoryHolder& h : after.memory()) {
     holders.insert(h.name());
     uint64_t sum = 0;
     for (const auto& [caller, bytes] : h.callers()) sum += bytes;
