@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-# Seeds of the fuzz targets from ../shared/data: small files only; glTF with side files that are small has them embedded as data
-# URIs. usage: fuzz/make_seeds.py OUT [DATA]
-import base64, json, pathlib, sys
+# Seeds of the fuzz targets: ours, and from ../shared/data, where it is, small files; glTF with side files that are small has them
+# embedded as data URIs. usage: fuzz/make_seeds.py OUT [DATA]
+import base64, json, pathlib, random, sys
 
 out = pathlib.Path(sys.argv[1])
 data = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else "../shared/data")
@@ -78,5 +78,10 @@ put("blob", "raw", b"\0GOBOBLOB")
 put("blob", "bytes", b"\1\x90\x00\x05\x20\x03\xff")
 for field in range(0, 400, 7):
     put("blob", f"field{field}", b"\2" + struct.pack("<HBI", field, field % 5, field * 2654435761 % (1 << 32)))
+# Any bytes are a request and calls (fuzz/served): a fixed stream of them.
+stream = random.Random(1)
+for k in range(24):
+    put("rendered_request", f"bytes{k}", bytes([stream.randrange(256), k % 12]) + stream.randbytes(10 * (k % 12)))
+    put("sequence", f"bytes{k}", stream.randbytes(40 + 20 * (k % 12)))
 for target in sorted(counts):
     print(f"{target}: {counts[target]} seeds")

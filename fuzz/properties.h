@@ -48,6 +48,8 @@ std::string brokenValues(const Scene& scene);
 std::string brokenBlob(const Scene& scene);
 /// Every animation at its start, middle and end, every variant.
 std::string brokenPoses(const ScenePtr& scene);
+/// The file of richScene(), whole in itself.
+std::string richGltf();
 /// A small scene with everything in it: skin, morph targets, animation, variants, texture, environment, lights, camera.
 ScenePtr richScene();
 

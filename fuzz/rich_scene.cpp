@@ -7,7 +7,6 @@
 #include "tests/support/small_gltf.h"
 
 namespace gobo::fuzz {
-namespace {
 
 /// Three corners with a skin of two joints and one morph target, moved by an animation of each kind of path.
 std::string richGltf() {
@@ -45,6 +44,8 @@ std::string richGltf() {
     "animations":[{"name":"all","samplers":[{"input":6,"output":7},{"input":6,"output":8},{"input":6,"output":9}],"channels":[)" +
          channel(0, 2, "translation") + "," + channel(1, 1, "rotation") + "," + channel(2, 0, "weights") + "," + channel(0, 3, "translation") + "]}]}";
 }
+
+namespace {
 
 class Text final : public FileSource {
  public:

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// gobo_fuzz_run TARGET SECONDS SEED FOLDER...: the properties under inputs that are made out of the files in the folders, built by any compiler
-// and so with any sanitizer. It sees no branches: an input whose answer is of a new kind (its words without numbers and quotations) becomes a seed.
-// The input at work is in out/fuzz/TARGET.SEED.now, also after a crash; a property that does not hold, a crash and more than kSeconds of processor for one
-// input end the process with that file kept and the words that repeat it.
+// gobo_fuzz_run TARGET SECONDS SEED FOLDER...: the properties under inputs that are made out of the files in the folders (packs are unpacked), built by any
+// compiler and so with any sanitizer. It sees no branches: an input whose answer is of a new kind (its words without numbers and quotations) becomes a
+// seed; those, and of the files the first of each kind, are in out/fuzz/TARGET.SEED.pack at the end. The input at work is in out/fuzz/TARGET.SEED.now, also
+// after a crash; a property that does not hold, a crash and more than kSeconds of processor for one input end the process with that file kept and the
+// words that repeat it.
+// gobo_fuzz_run pack FILE FOLDER... and unpack FILE FOLDER: a corpus as one file, and back (fuzz/pack.h).
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/time.h>
@@ -14,11 +16,14 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <set>
 
+#include <google/protobuf/stubs/logging.h>
+
+#include "base/hash.h"
 #include "fuzz/mutator.h"
-#include "fuzz/properties.h"
+#include "fuzz/pack.h"
+#include "fuzz/targets.h"
 
 namespace gobo::fuzz {
 namespace {
@@ -27,13 +32,10 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 constexpr long kSeconds = 60;   // of processor for one input: instrumented code is slow
 
-struct Target { Outcome (*property)(Bytes); size_t mostBytes; const char* dictionary; };
-const std::map<std::string, Target> kTargets{{"gltf", {tryGltf, 24 << 10, "gltf"}}, {"image", {tryImage, 8 << 10, "image"}}, {"blob", {tryBlob, 8 << 10, ""}},
-                                             {"request_json", {tryRequestText, 4 << 10, "request"}}, {"request_proto", {tryRequestBytes, 4 << 10, "request"}}};
-
-std::vector<uint8_t> contents(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
+std::vector<Target> everyTarget() {
+  std::vector<Target> out(readerTargets().begin(), readerTargets().end());
+  out.insert(out.end(), servedTargets().begin(), servedTargets().end());
+  return out;
 }
 
 /// SIGPROF ends the process after that much of its processor time: a busy machine is no finding. 0: never.
@@ -60,15 +62,29 @@ std::vector<std::string> words(const std::string& name) {
   return out;
 }
 
-/// The answer without what depends on the input's names and numbers.
-std::string kindOf(const Outcome& outcome) {
-  std::string kind = outcome.accepted ? "+" : "-";
-  bool quoted = false;
-  for (const char c : outcome.said) {
-    if (c == '"') quoted = !quoted;
-    else if (!quoted && !(c >= '0' && c <= '9') && c != '.') kind += c;
+constexpr size_t kKindLength = 64;
+
+/// A line of the answer without what depends on the input's names and numbers.
+std::string kindOf(const std::string& line, bool accepted) {
+  std::string kind = accepted ? "+" : "-";
+  char quote = 0;
+  for (size_t i = 0; i < line.size(); ++i) {
+    const char c = line[i];
+    if (quote ? c == quote : c == '"' || (c == '\'' && i > 0 && line[i - 1] == ' ')) quote = quote ? 0 : c;
+    else if (!quote && !(c >= '0' && c <= '9') && c != '.') kind += c;
   }
-  return kind.substr(0, 160);
+  return kind.substr(0, std::min(kind.find(" ("), kKindLength));   // what follows in brackets is a place or a list
+}
+
+/// Whether a line of it is of a kind that was not there yet.
+bool addKinds(const Outcome& outcome, std::set<std::string>& kinds) {
+  bool added = false;
+  for (size_t at = 0; at <= outcome.said.size();) {
+    const size_t end = std::min(outcome.said.find('\n', at), outcome.said.size());
+    added = kinds.insert(kindOf(outcome.said.substr(at, end - at), outcome.accepted)).second || added;
+    at = end + 1;
+  }
+  return added;
 }
 
 /// The input at work, in a mapped file, so that it is there whatever ends the process.
@@ -97,19 +113,15 @@ class NowFile {
   uint8_t* bytes_ = nullptr;
 };
 
-int run(const std::string& name, const Target& target, double seconds, uint64_t seed, const std::vector<std::string>& folders) {
-  std::vector<std::vector<uint8_t>> seeds;
-  for (const std::string& folder : folders) {
-    std::error_code error;
-    std::vector<fs::path> files;
-    for (auto it = fs::recursive_directory_iterator(folder, error); !error && it != fs::recursive_directory_iterator(); it.increment(error))
-      if (it->is_regular_file() && it->file_size() <= target.mostBytes) files.push_back(it->path());
-    std::sort(files.begin(), files.end());
-    for (const fs::path& file : files) seeds.push_back(contents(file));
-  }
+int run(const Target& target, double seconds, uint64_t seed, const std::vector<std::string>& folders) {
+  const std::string name = target.name;
+  Inputs seeds, kept;
+  for (const std::string& folder : folders)
+    for (auto& input : readInputs(folder, target.mostBytes)) seeds.push_back(std::move(input));
   if (seeds.empty()) { std::fprintf(stderr, "%s: no seed of at most %zu bytes in the folders\n", name.c_str(), target.mostBytes); return 2; }
   Mutator mutator(seed, words(target.dictionary), target.mostBytes);
-  NowFile now("out/fuzz/" + name + "." + std::to_string(seed) + ".now", target.mostBytes);
+  const std::string out = "out/fuzz/" + name + "." + std::to_string(seed);
+  NowFile now(out + ".now", target.mostBytes);
   std::set<std::string> kinds;
   uint64_t executions = 0, accepted = 0;
   const size_t given = seeds.size();
@@ -128,10 +140,33 @@ int run(const std::string& name, const Target& target, double seconds, uint64_t 
       std::fprintf(stderr, "%s: %s\nrepeat: gobo_fuzz_run %s 0 0 FOLDER with %s in it\n", name.c_str(), outcome.broken.c_str(), name.c_str(), now.path().c_str());
       ::_exit(1);
     }
-    if (kinds.insert(kindOf(outcome)).second && executions > given && seeds.size() < 5000) seeds.push_back(std::move(input));
+    if (!addKinds(outcome, kinds)) continue;
+    kept.push_back(input);
+    if (executions > given && seeds.size() < 5000) seeds.push_back(std::move(input));
   }
+  if (const Status s = writePack(out + ".pack", kept); !s.ok()) { std::fprintf(stderr, "%s\n", s.toString().c_str()); return 2; }
   std::printf("%s: %llu executions in %.0f s, %llu accepted, %zu kinds of answer, %zu seeds given, %zu made, seed %llu\n", name.c_str(), (unsigned long long)executions, spent(),
               (unsigned long long)accepted, kinds.size(), given, seeds.size() - given, (unsigned long long)seed);
+  return 0;
+}
+
+int pack(const std::string& file, const std::vector<std::string>& folders) {
+  Inputs inputs;
+  for (const std::string& folder : folders)
+    for (auto& input : readInputs(folder, SIZE_MAX)) inputs.push_back(std::move(input));
+  const Status s = writePack(file, inputs);
+  if (!s.ok()) std::fprintf(stderr, "%s\n", s.toString().c_str());
+  return s.ok() ? 0 : 2;
+}
+
+/// A file an input, named by what it is.
+int unpack(const std::string& file, const fs::path& folder) {
+  const auto inputs = readPack(file);
+  if (!inputs.ok()) { std::fprintf(stderr, "%s\n", inputs.status().toString().c_str()); return 2; }
+  fs::create_directories(folder);
+  for (const auto& input : *inputs)
+    std::ofstream(folder / hashBytes(input.data(), input.size()).hex(), std::ios::binary).write(reinterpret_cast<const char*>(input.data()), std::streamsize(input.size()));
+  std::printf("%zu inputs\n", inputs->size());
   return 0;
 }
 
@@ -139,10 +174,16 @@ int run(const std::string& name, const Target& target, double seconds, uint64_t 
 }  // namespace gobo::fuzz
 
 int main(int argc, char** argv) {
-  const auto target = argc > 4 ? gobo::fuzz::kTargets.find(argv[1]) : gobo::fuzz::kTargets.end();
-  if (target == gobo::fuzz::kTargets.end()) {
-    std::fprintf(stderr, "usage: gobo_fuzz_run gltf|image|blob|request_json|request_proto SECONDS SEED FOLDER...\n");
-    return 2;
+  using namespace gobo::fuzz;
+  const std::string what = argc > 1 ? argv[1] : "";
+  google::protobuf::SetLogHandler(nullptr);   // it says of every text that it is not UTF-8
+  if (what == "pack" && argc > 3) return pack(argv[2], {argv + 3, argv + argc});
+  if (what == "unpack" && argc == 4) return unpack(argv[2], argv[3]);
+  std::string names;
+  for (const Target& target : everyTarget()) {
+    if (what == target.name && argc > 4) return run(target, std::atof(argv[2]), std::strtoull(argv[3], nullptr, 10), {argv + 4, argv + argc});
+    names += std::string(names.empty() ? "" : "|") + target.name;
   }
-  return gobo::fuzz::run(target->first, target->second, std::atof(argv[2]), std::strtoull(argv[3], nullptr, 10), {argv + 4, argv + argc});
+  std::fprintf(stderr, "usage: gobo_fuzz_run %s SECONDS SEED FOLDER...\n       gobo_fuzz_run pack FILE FOLDER... | unpack FILE FOLDER\n", names.c_str());
+  return 2;
 }

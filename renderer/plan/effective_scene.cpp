@@ -118,6 +118,14 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
   if (e.kind() != v1::LightEdit::KIND_UNSPECIFIED) {
     if (!movable(s.kind)) return invalidArgument(path + ".kind: '" + light.name + "' is part of the scene's geometry or environment", path + ".kind");
     s.kind = toKind(e.kind());
+    // A light of another kind was turned by its axis alone: its edges follow, as long as they were.
+    const Vec3 n = glm::cross(s.u, s.v);
+    if (s.kind == LightKind::Rect && std::fabs(glm::dot(n, s.axis)) < 0.999f * glm::length(n)) {
+      const Frame f(s.axis);
+      const float w = glm::length(s.u), h = glm::length(s.v);
+      s.u = f.x * w;
+      s.v = f.y * h;
+    }
   }
   const bool shapeFields = e.has_position() || e.has_direction() || e.has_width() || e.has_height() || e.has_radius() || e.has_inner_deg() || e.has_outer_deg();
   if (shapeFields && !movable(s.kind))

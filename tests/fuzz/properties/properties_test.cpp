@@ -2,6 +2,7 @@
 // The fuzz targets' properties without a fuzzer: every seed of ../shared/data, every regression (tests/data/fuzz/TARGET), and
 // inputs made on the spot. And that the properties can fail.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +11,8 @@
 #include <map>
 
 #include "base/utf8.h"
-#include "fuzz/properties.h"
+#include "fuzz/pack.h"
+#include "fuzz/targets.h"
 #include "support/small_gltf.h"
 
 namespace gobo::fuzz {
@@ -43,13 +45,56 @@ Count feed(Property property, const fs::path& root, size_t most, const std::func
 void show(const char* what, const Count& n) { std::cout << what << ": " << n.files << " files, " << n.accepted << " accepted, " << n.refused << " refused\n"; }
 
 TEST(FuzzProperties, Regressions) {
-  const std::map<std::string, Property> targets{{"gltf", tryGltf}, {"image", tryImage}, {"blob", tryBlob}, {"request_json", tryRequestText}, {"request_proto", tryRequestBytes}};
+  std::map<std::string, Property> targets{{"corpus", nullptr}};   // below
+  for (const Target& t : readerTargets()) targets[t.name] = t.property;
+  for (const char* name : kServedNames) targets[name] = nullptr;  // tests/fuzz/served
   for (const auto& e : fs::directory_iterator("tests/data/fuzz")) {
     if (!e.is_directory()) continue;
     const auto target = targets.find(e.path().filename());
     ASSERT_NE(target, targets.end()) << e.path() << " belongs to no target";
-    show(target->first.c_str(), feed(target->second, e.path(), 64 << 10, [](const fs::path&) { return true; }));
+    if (target->second) show(target->first.c_str(), feed(target->second, e.path(), 64 << 10, [](const fs::path&) { return true; }));
   }
+}
+
+// What fuzzers found worth keeping, made of our own seeds (docs/fuzzing.md).
+TEST(FuzzProperties, Corpora) {
+  for (const Target& t : readerTargets()) {
+    const std::string file = std::string("tests/data/fuzz/corpus/") + t.name + ".pack";
+    const auto inputs = readPack(file);
+    ASSERT_TRUE(inputs.ok()) << inputs.status().toString();
+    EXPECT_GT(inputs->size(), 10u) << file;
+    Count n;
+    for (size_t i = 0; i < inputs->size(); ++i) {
+      EXPECT_LE((*inputs)[i].size(), t.mostBytes) << file;
+      const Outcome out = t.property((*inputs)[i]);
+      EXPECT_EQ(out.broken, "") << file << ", input " << i;
+      ++n.files;
+      ++(out.accepted ? n.accepted : n.refused);
+    }
+    show(t.name, n);
+  }
+}
+
+TEST(FuzzPack, IsReadAsItWasWritten) {
+  const std::string file = (fs::temp_directory_path() / ("gobo-pack-" + std::to_string(::getpid()))).string();
+  const auto damaged = [&](const std::string& bytes) {
+    std::ofstream(file, std::ios::binary | std::ios::trunc) << bytes;
+    return readPack(file).status();
+  };
+  EXPECT_EQ(readPack(file).status().code(), Code::NotFound);
+  ASSERT_TRUE(writePack(file, {{3, 2}, {}, {1}, {3, 2}}).ok());
+  const auto back = readPack(file);
+  ASSERT_TRUE(back.ok()) << back.status().toString();
+  EXPECT_EQ(*back, (Inputs{{}, {1}, {3, 2}}));
+  const std::vector<uint8_t> raw = contents(file);
+  const std::string whole(raw.begin(), raw.end());
+  EXPECT_TRUE(damaged(whole).ok());
+  EXPECT_EQ(damaged("GOBO" + whole).code(), Code::InvalidArgument);
+  EXPECT_EQ(damaged(whole.substr(0, whole.size() - 1)).code(), Code::InvalidArgument);
+  EXPECT_EQ(damaged(whole + "ab").code(), Code::InvalidArgument);
+  EXPECT_EQ(damaged(whole).location(), "");
+  EXPECT_EQ(damaged(whole + "ab").location(), file);
+  fs::remove(file);
 }
 
 TEST(FuzzProperties, GltfSeeds) {
