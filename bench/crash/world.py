@@ -36,6 +36,7 @@ lease_s = 5
 checkpoint_s = 0.1
 """
 SIDE = 24
+PATIENCE_S = 300   # where nothing is killed: other work may have the machine
 DONE = 3   # state of a task in the store (docs/job_store.md, jobs.proto)
 
 
@@ -78,11 +79,14 @@ class World:
         self.aside = tempfile.mkdtemp(prefix="gobo-crash-aside-")
         self.log = os.path.join(self.aside, "log")
         self.process = None
+        self.environment = {}           # beside this process's own
+        self.faults = []                # what a mode saw that must not be
 
     def spawn(self) -> None:
         with open(self.log, "ab") as log:
             self.process = subprocess.Popen([self.program, "--config", os.path.join(self.folder, "gobod.toml")], stdin=subprocess.DEVNULL,
-                                            stdout=subprocess.PIPE, stderr=log, start_new_session=True)
+                                            stdout=subprocess.PIPE, stderr=log, start_new_session=True,
+                                            env={**os.environ, **self.environment})
 
     def start(self) -> bool:
         self.spawn()
@@ -103,9 +107,9 @@ class World:
         return Caller(f"unix:{self.folder}/s.sock", "")
 
     @staticmethod
-    def open_scene(caller: Caller, path: str) -> None:
+    def open_scene(caller: Caller, path: str, timeout: float = 20) -> None:
         """From the file, or its blob: once in a life, and then it is there."""
-        caller.scenes.Open(service_pb2.OpenSceneRequest(source=path, name=path), timeout=20)
+        caller.scenes.Open(service_pb2.OpenSceneRequest(source=path, name=path), timeout=timeout)
 
     def remove(self) -> None:
         if self.process and self.process.poll() is None:
@@ -124,11 +128,11 @@ def reference(program: str, specs: int = 36):
             raise RuntimeError(f"{program} does not start")
         caller = world.caller()
         for name in ("a", "b"):
-            world.open_scene(caller, os.path.join(world.folder, "scenes", f"{name}.glb"))
+            world.open_scene(caller, os.path.join(world.folder, "scenes", f"{name}.glb"), PATIENCE_S)
 
         def picture(r):
-            caller.admin.DropCaches(service_pb2.DropCachesRequest(), timeout=20)
-            return caller.picture(r, 60)
+            caller.admin.DropCaches(service_pb2.DropCachesRequest(), timeout=PATIENCE_S)
+            return caller.picture(r, PATIENCE_S)
         pictures = [picture(r) for r in interactive(world.folder)]
         jobs = [hashlib.sha256(picture(spec(world.folder, n).request)).hexdigest() for n in range(specs)]
         caller.close()
@@ -206,9 +210,11 @@ class Ledger:
                 self.blame("lost" if outputs == 0 else "twice", f"{named[job]} frame {frame}: {outputs} files")
                 continue
             now[job, frame] = sha
-            if (job, frame) in self.done:
-                continue
             path = os.path.join(self.world.folder, "jobs", "results", str(job), sha)
+            if (job, frame) in self.done:
+                if not os.path.exists(path):   # swept though nobody asked for it, long before jobs.keep_days
+                    self.blame("lost", f"{named[job]} frame {frame}: {path} is not there any more")
+                continue
             try:
                 with open(path, "rb") as file:
                     held = hashlib.sha256(file.read()).hexdigest()
