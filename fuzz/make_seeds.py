@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Seeds of the fuzz targets: ours, and from ../shared/data, where it is, small files; glTF with side files that are small has them
 # embedded as data URIs. usage: fuzz/make_seeds.py OUT [DATA]
-import base64, json, pathlib, random, sys
+import base64, json, pathlib, random, struct, sys, zlib
 
 out = pathlib.Path(sys.argv[1])
 data = pathlib.Path(sys.argv[2] if len(sys.argv) > 2 else "../shared/data")
@@ -67,7 +67,6 @@ put("request_json", "sets", b"halt.spp=128\nlights.lamp.color=1,0.9,0.8\nlights.
 # Wire bytes by hand: seeds should not need a protobuf package.
 varint = lambda v: bytes([v]) if v < 128 else bytes([v & 127 | 128]) + varint(v >> 7)
 text = lambda field, v: varint(field << 3 | 2) + varint(len(v)) + v
-import struct
 vector = b"\x0d" + struct.pack("<f", 1) + b"\x15" + struct.pack("<f", 0.5)
 lamp = text(1, b"lamp") + text(2, text(2, vector) + b"\x19" + struct.pack("<d", 5))
 put("request_proto", "render", b"\0" + text(1, b"rich") + b"\x18\x40\x20\x30" + text(5, b"beauty") + text(10, lamp) + text(2, text(2, vector)))
@@ -78,6 +77,18 @@ put("blob", "raw", b"\0GOBOBLOB")
 put("blob", "bytes", b"\1\x90\x00\x05\x20\x03\xff")
 for field in range(0, 400, 7):
     put("blob", f"field{field}", b"\2" + struct.pack("<HBI", field, field % 5, field * 2654435761 % (1 << 32)))
+# The smallest pictures of three formats, 4 by 2.
+chunk = lambda kind, body: struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+rows = b"".join(b"\0" + bytes(range(12 * y, 12 * y + 12)) for y in range(2))
+put("image", "png", b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 4, 2, 8, 2, 0, 0, 0)) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+put("image", "hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + bytes(v for i in range(8) for v in (40 * (i % 4), 128, 30 * i, 129)))
+attribute = lambda name, kind, body: name + b"\0" + kind + b"\0" + struct.pack("<I", len(body)) + body
+window = struct.pack("<4i", 0, 0, 3, 1)
+head = struct.pack("<II", 20000630, 2) + attribute(b"channels", b"chlist", b"Y\0" + struct.pack("<iIii", 2, 0, 1, 1) + b"\0") + attribute(b"compression", b"compression", b"\0")
+head += attribute(b"dataWindow", b"box2i", window) + attribute(b"displayWindow", b"box2i", window) + attribute(b"lineOrder", b"lineOrder", b"\0")
+head += attribute(b"pixelAspectRatio", b"float", struct.pack("<f", 1)) + attribute(b"screenWindowCenter", b"v2f", struct.pack("<ff", 0, 0)) + attribute(b"screenWindowWidth", b"float", struct.pack("<f", 1)) + b"\0"
+lines = [struct.pack("<iI4f", y, 16, y, 0.5, 2, 4) for y in range(2)]
+put("image", "exr", head + struct.pack("<QQ", len(head) + 16, len(head) + 16 + len(lines[0])) + b"".join(lines))
 # Any bytes are a request and calls (fuzz/served): a fixed stream of them.
 stream = random.Random(1)
 for k in range(24):

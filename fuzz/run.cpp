@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // gobo_fuzz_run TARGET SECONDS SEED FOLDER...: the properties under inputs that are made out of the files in the folders (packs are unpacked), built by any
 // compiler and so with any sanitizer. It sees no branches: an input whose answer is of a new kind (its words without numbers and quotations) becomes a
-// seed; those, and of the files the first of each kind, are in out/fuzz/TARGET.SEED.pack at the end. The input at work is in out/fuzz/TARGET.SEED.now, also
+// seed. The first of each kind are in out/fuzz/TARGET.SEED.pack at the end. The input at work is in out/fuzz/TARGET.SEED.now, also
 // after a crash; a property that does not hold, a crash and more than kSeconds of processor for one input end the process with that file kept and the
 // words that repeat it.
 // gobo_fuzz_run pack FILE FOLDER... and unpack FILE FOLDER: a corpus as one file, and back (fuzz/pack.h).
@@ -63,6 +63,7 @@ std::vector<std::string> words(const std::string& name) {
 }
 
 constexpr size_t kKindLength = 64;
+constexpr size_t kMostKept = 400;   // inputs of the pack: what comes later is a variant, and tests run them all
 
 /// A line of the answer without what depends on the input's names and numbers.
 std::string kindOf(const std::string& line, bool accepted) {
@@ -76,12 +77,13 @@ std::string kindOf(const std::string& line, bool accepted) {
   return kind.substr(0, std::min(kind.find(" ("), kKindLength));   // what follows in brackets is a place or a list
 }
 
-/// Whether a line of it is of a kind that was not there yet.
-bool addKinds(const Outcome& outcome, std::set<std::string>& kinds) {
+/// Whether it has a kind that was not there yet.
+bool addKinds(const Target& target, const Outcome& outcome, std::set<std::string>& kinds) {
   bool added = false;
   for (size_t at = 0; at <= outcome.said.size();) {
     const size_t end = std::min(outcome.said.find('\n', at), outcome.said.size());
     added = kinds.insert(kindOf(outcome.said.substr(at, end - at), outcome.accepted)).second || added;
+    if (!target.lines) break;   // parsers quote the input from the second line on
     at = end + 1;
   }
   return added;
@@ -140,8 +142,8 @@ int run(const Target& target, double seconds, uint64_t seed, const std::vector<s
       std::fprintf(stderr, "%s: %s\nrepeat: gobo_fuzz_run %s 0 0 FOLDER with %s in it\n", name.c_str(), outcome.broken.c_str(), name.c_str(), now.path().c_str());
       ::_exit(1);
     }
-    if (!addKinds(outcome, kinds)) continue;
-    kept.push_back(input);
+    if (!addKinds(target, outcome, kinds)) continue;
+    if (kept.size() < kMostKept) kept.push_back(input);
     if (executions > given && seeds.size() < 5000) seeds.push_back(std::move(input));
   }
   if (const Status s = writePack(out + ".pack", kept); !s.ok()) { std::fprintf(stderr, "%s\n", s.toString().c_str()); return 2; }

@@ -90,7 +90,7 @@ class Play {
     const std::vector<MessagePtr> requests = requestsOf(c, daemon_.root(), learned_);
     CallOptions options;
     options.token = SmallDaemon::tokenOf(c.client);
-    const bool endless = c.method->server_streaming() && c.method->service()->name() == "Jobs";
+    const bool endless = c.method->server_streaming() && c.method->service()->name() == "Jobs" && c.client != kStranger;
     options.seconds = endless ? kWatchSeconds : kCallSeconds;
     options.cancelAfter = c.cancelAfter();
     const CallAnswer answer = callMethod(daemon_.channel(), *c.method, requests, options);

@@ -7,7 +7,7 @@
 namespace gobo::fuzz {
 
 std::span<const Target> servedTargets() {
-  static const Target table[] = {{kServedNames[0], tryRenderedRequest, 2 << 10, ""}, {kServedNames[1], trySequence, 2 << 10, ""}};
+  static const Target table[] = {{kServedNames[0], tryRenderedRequest, 2 << 10, "", true}, {kServedNames[1], trySequence, 2 << 10, "", true}};
   return table;
 }
 

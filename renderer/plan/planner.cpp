@@ -572,8 +572,8 @@ class PlanMaker {
 }  // namespace
 
 uint32_t blockSizeFor(uint32_t spp) {
-  uint32_t size = 16;
-  while (size > std::max(spp, 1u)) size /= 2;
+  uint32_t size = 1;   // the realised count, asked for again, has the same blocks: 5 samples are one block of 8, as 8 are
+  while (size < spp && size < 16) size *= 2;
   return size;
 }
 

@@ -40,7 +40,7 @@ struct PlannerServices {
   StopToken stop;   ///< ends planning (Cancelled); loadEnvironment and expand have their own
 };
 
-/// Samples a block: 16, or the next power of two below for tiny budgets, so that a 1-sample preview costs one sample.
+/// Samples a block: 16, or for tiny budgets the power of two that holds them, so that a 1-sample preview costs one sample.
 uint32_t blockSizeFor(uint32_t spp);
 
 /// `request` must be resolved (plan/request.h). `blocks` is the number of sample blocks for path-traced nodes.
