@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/file_stamp.h"
+#include "base/mapped_file.h"
 #include "plan/effective_scene.h"
 #include "scene/edit.h"
 #include "scene/load.h"
@@ -188,6 +189,11 @@ uint64_t SceneLibrary::sceneBytesHeld() const {
   return total;
 }
 
+void SceneLibrary::noteGone(const std::string& id, const char* why) {
+  gone_.push_back({id, why});
+  if (gone_.size() > 1000) gone_.pop_front();
+}
+
 // The owner that has most gives first: whoever loads much makes room for himself.
 Status SceneLibrary::makeRoom(uint64_t bytes, const std::string& keep) {
   for (uint64_t held = sceneBytesHeld(); held > limits_.sceneBytes || bytes > limits_.sceneBytes - held; held = sceneBytesHeld()) {
@@ -202,8 +208,7 @@ Status SceneLibrary::makeRoom(uint64_t bytes, const std::string& keep) {
     if (victim == scenes_.end())
       return {Code::ResourceExhausted, "no room for a scene of " + std::to_string(bytes) + " bytes: loaded ones that are in use have " + std::to_string(held) + ", at most " +
               std::to_string(limits_.sceneBytes) + " (engine.scene_bytes)", "scene"};
-    gone_.push_back(victim->first);
-    if (gone_.size() > 1000) gone_.pop_front();
+    noteGone(victim->first, "to make room (engine.scene_bytes)");
     scenes_.erase(victim);
   }
   return {};
@@ -268,8 +273,8 @@ Status SceneLibrary::unknown(const std::string& id, const SceneAccess& access) c
   for (const auto& [name, entry] : scenes_)
     if (access.uses(entry.owner, entry.share)) names += (names.empty() ? "" : ", ") + name;
   for (const std::string& name : builtinSceneNames()) names += (names.empty() ? "" : ", ") + name;
-  const bool went = std::find(gone_.begin(), gone_.end(), id) != gone_.end();
-  return notFound("no scene '" + id + "'" + (went ? ", which was unloaded to make room (engine.scene_bytes): open it again" : "") + " (has: " + names + ")", "request.scene");
+  const auto went = std::find_if(gone_.rbegin(), gone_.rend(), [&](const Gone& g) { return g.id == id; });
+  return notFound("no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : "") + " (has: " + names + ")", "request.scene");
 }
 
 Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop, const SceneAccess& access) {
@@ -345,6 +350,24 @@ Status SceneLibrary::unload(const std::string& id, const SceneAccess& access) {
     return {Code::PermissionDenied, "scene '" + id + "' is " + (at->second.owner.empty() ? "everybody's" : "another's"), "scene"};
   scenes_.erase(at);
   return {};
+}
+
+void SceneLibrary::dropBroken(std::vector<std::shared_ptr<const MappedFile>> broken) {
+  const auto isBroken = [&](const std::shared_ptr<const MappedFile>& file) {
+    if (!file || file->intact()) return false;
+    broken.push_back(file);
+    return true;
+  };
+  {
+    std::lock_guard lock(mutex_);
+    for (auto at = scenes_.begin(); at != scenes_.end();) {
+      if (!isBroken(at->second.scene->file)) { ++at; continue; }
+      noteGone(at->first, "because its mapped file was cut short or cannot be read");
+      at = scenes_.erase(at);
+    }
+    std::erase_if(environments_, [&](const auto& e) { return isBroken(e.second.map->file); });
+  }
+  for (const auto& file : broken) loader_->discard(*file);
 }
 
 Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path, const StopToken& stop) {

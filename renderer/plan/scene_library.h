@@ -51,6 +51,8 @@ class SceneLibrary {
   /// meanwhile stays unloaded (NotFound). PermissionDenied for a scene that the caller may use, but not change.
   Result<v1::SceneInfo> patch(const v1::PatchSceneRequest& patch, const StopToken& stop = {}, const SceneAccess& access = {});
   Status unload(const std::string& id, const SceneAccess& access = {});
+  /// Unloads scenes and environment maps whose mapped file is not intact, and has the loader discard those files and `broken`.
+  void dropBroken(std::vector<std::shared_ptr<const MappedFile>> broken);
   Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop = {});
   size_t count() const;
   uint64_t sceneBytes() const;         ///< of all loaded scenes; what several share counts for each
@@ -84,7 +86,9 @@ class SceneLibrary {
   mutable std::mutex mutex_;
   const SceneLimits limits_;
   Entries scenes_;
-  std::deque<std::string> gone_;       ///< ids that had to make room, the latest last
+  struct Gone { std::string id, why; };
+  void noteGone(const std::string& id, const char* why);   ///< under mutex_
+  std::deque<Gone> gone_;              ///< ids that were unloaded without being asked to, the latest last
   uint64_t clock_ = 0;
   std::map<std::string, Map> environments_;   ///< by canonical path + settled file stamp
 };
