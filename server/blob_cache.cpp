@@ -86,8 +86,16 @@ Result<std::shared_ptr<const MappedFile>> BlobCache::find(const BlobKey& key, co
   const Descriptor d{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW)};
   struct stat info{};
   if (!d || ::fstat(d.get(), &info) != 0) return std::shared_ptr<const MappedFile>();
-  auto mapped = MappedFile::map(d.get(), path);
-  if (!mapped.ok()) return std::shared_ptr<const MappedFile>();
+  std::shared_ptr<const MappedFile> mapped;
+  {
+    const std::lock_guard lock(mutex_);
+    if (const auto it = mapped_.find(path); it != mapped_.end()) mapped = it->second.lock();
+  }
+  if (!mapped || !mapped->isOf(info) || mapped->bytes().size() != uint64_t(info.st_size) || !mapped->intact()) {
+    auto made = MappedFile::map(d.get(), path);
+    if (!made.ok()) return std::shared_ptr<const MappedFile>();
+    mapped = std::move(*made);
+  }
   const FileStamp stamp = FileStamp::of(info);
   const bool settled = stamp.settled();   // of before the reading
   bool known = false;
@@ -98,13 +106,33 @@ Result<std::shared_ptr<const MappedFile>> BlobCache::find(const BlobKey& key, co
     checks_ += !known;
   }
   if (!known) {
-    GOBO_TRY(checkBlobArrays((*mapped)->bytes(), stop));
+    GOBO_TRY(checkBlobArrays(mapped->bytes(), stop));
     const std::lock_guard lock(mutex_);
     if (settled) checked_[path] = stamp;
   }
+  {
+    const std::lock_guard lock(mutex_);
+    rememberMapped(path, mapped);
+  }
   const std::string used = file(key, ".used");
   if (::utimensat(AT_FDCWD, used.c_str(), nullptr, 0) != 0) Descriptor(::open(used.c_str(), O_CREAT | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600));
-  return *mapped;
+  return mapped;
+}
+
+void BlobCache::rememberMapped(const std::string& path, const std::shared_ptr<const MappedFile>& mapped) const {
+  std::erase_if(mapped_, [](const auto& e) { return e.second.expired(); });
+  mapped_[path] = mapped;
+}
+
+void BlobCache::discard(const MappedFile& mapped) const {
+  std::error_code error;
+  for (fs::directory_iterator it(folder_, error), end; !error && it != end; it.increment(error)) {
+    const std::string path = it->path().string();
+    struct stat info{};
+    if (!endsWith(path, ".blob") || ::lstat(path.c_str(), &info) != 0 || !mapped.isOf(info)) continue;
+    logWarn("blob %s is removed: %s", it->path().stem().c_str(), mapped.lost().message().c_str());
+    drop(path);
+  }
 }
 
 void BlobCache::drop(const std::string& blob) const {
@@ -139,14 +167,25 @@ Result<std::unique_ptr<BlobCache::Temporary>> BlobCache::begin() const {
   return t;
 }
 
-Status BlobCache::commit(Temporary& t, const BlobKey& key) const {
+Status BlobCache::stamp(Temporary& t, const BlobKey& key) const {
   std::array<uint8_t, kBlobHeaderBytes> header;
   if (::pread(t.fd_, header.data(), header.size(), 0) != ssize_t(header.size())) return failed("cannot read the blob");
   header = withBlobKey(header, key);
-  if (::pwrite(t.fd_, header.data(), header.size(), 0) != ssize_t(header.size()) || ::fsync(t.fd_) != 0) return failed("cannot write the blob");
+  if (::pwrite(t.fd_, header.data(), header.size(), 0) != ssize_t(header.size())) return failed("cannot write the blob");
+  t.stamped_ = true;
+  return {};
+}
+
+Status BlobCache::commit(Temporary& t, const BlobKey& key, const std::shared_ptr<const MappedFile>& mapped) const {
+  if (!t.stamped_) GOBO_TRY(stamp(t, key));
+  if (::fsync(t.fd_) != 0) return failed("cannot write the blob");
   const std::string path = file(key, ".blob");
   if (::rename(t.path_.c_str(), path.c_str()) != 0) return failed("cannot rename the blob into place");
   t.committed_ = true;
+  if (mapped) {
+    const std::lock_guard lock(mutex_);
+    rememberMapped(path, mapped);
+  }
   const int folder = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (folder >= 0) { ::fsync(folder); ::close(folder); }
   trim(path);

@@ -32,11 +32,15 @@ class BlobCache {
   /// Errors: FailedPrecondition when its blobs cannot be believed (base/own_folder.h); others when it cannot be made or written to.
   static Result<std::unique_ptr<BlobCache>> open(const std::string& folder, uint64_t maxBytes);
 
-  /// The blob, mapped and marked as used; null when there is none. Its arrays are checked against their digest (checkBlobArrays) the first
+  /// The blob, mapped and marked as used; null when there is none. One that is mapped already is not mapped again: what was built over its
+  /// arrays is of use to all who load it. Its arrays are checked against their digest (checkBlobArrays) the first
   /// time in this process, and again when stat shows another file or change, or one of the last two seconds (FileStamp::settled).
   /// Errors: DataLoss when they are damaged; Cancelled.
   Result<std::shared_ptr<const MappedFile>> find(const BlobKey& key, const StopToken& stop = {}) const;
   void remove(const BlobKey& key) const { drop(file(key, ".blob")); }
+  /// Removes the blob that is mapped there, whatever it is called. One that has taken its place stays.
+  void discard(const MappedFile& mapped) const;
+  std::string path(const BlobKey& key) const { return file(key, ".blob"); }
 
   /// A blob that is being written: an open, locked temporary file. It is removed again unless it is committed.
   class Temporary {
@@ -51,12 +55,14 @@ class BlobCache {
     Temporary() = default;
     std::string path_;
     int fd_ = -1;
-    bool committed_ = false;
+    bool committed_ = false, stamped_ = false;
   };
   /// Makes a folder that was deleted again. Errors: as open().
   Result<std::unique_ptr<Temporary>> begin() const;
-  /// Puts the key into the header, flushes, renames, and removes what is above the bound.
-  Status commit(Temporary& temporary, const BlobKey& key) const;
+  /// Puts the key into the header: before the file is mapped, if it is mapped before commit().
+  Status stamp(Temporary& temporary, const BlobKey& key) const;
+  /// Stamps it, flushes, renames, and removes what is above the bound. `mapped`: the file as its maker has it mapped, which find() gives from now on.
+  Status commit(Temporary& temporary, const BlobKey& key, const std::shared_ptr<const MappedFile>& mapped = nullptr) const;
 
   std::optional<std::vector<std::string>> sideNames(const BlobKey& mainKey) const;
   void rememberSideNames(const BlobKey& mainKey, const std::vector<std::string>& names) const;
@@ -72,10 +78,12 @@ class BlobCache {
   std::string file(const BlobKey& key, const char* extension) const { return folder_ + "/" + blobKeyHex(key) + extension; }
   void trim(const std::string& keep) const;
   void drop(const std::string& blob) const;
+  void rememberMapped(const std::string& path, const std::shared_ptr<const MappedFile>& mapped) const;   ///< under mutex_
   std::string folder_;
   uint64_t maxBytes_;
   mutable std::mutex mutex_;
   mutable std::map<std::string, FileStamp> checked_;   // files whose arrays had their digest, by path
+  mutable std::map<std::string, std::weak_ptr<const MappedFile>> mapped_;   // by path
   mutable uint64_t checks_ = 0;
 };
 

@@ -62,7 +62,7 @@ class ChildLoader final : public SceneLoader {
   Result<LoadedScene> scene(const std::string& path, const StopToken& stop) override {
     LoadedScene out;
     GOBO_TRY(load(ingest::Task::Scene, path, stop, out.report, [&](const auto& map, BlobTrust trust, const BlobKey* key) -> Status {
-      GOBO_ASSIGN(out.scene, readSceneBlob(map, map->bytes(), trust, key));
+      GOBO_ASSIGN(out.scene, readSceneBlob(map, trust, key));
       return {};
     }));
     return out;
@@ -71,10 +71,13 @@ class ChildLoader final : public SceneLoader {
     EnvironmentPtr out;
     LoadReport report;
     GOBO_TRY(load(ingest::Task::Environment, path, stop, report, [&](const auto& map, BlobTrust trust, const BlobKey* key) -> Status {
-      GOBO_ASSIGN(out, readEnvironmentBlob(map, map->bytes(), trust, key));
+      GOBO_ASSIGN(out, readEnvironmentBlob(map, trust, key));
       return {};
     }));
     return out;
+  }
+  void discard(const MappedFile& file) override {
+    if (cache_) cache_->discard(file);
   }
 
  private:
@@ -182,17 +185,18 @@ class ChildLoader final : public SceneLoader {
     // The child is gone and held the only other descriptor: from here on nobody else can change these bytes.
     const auto mapping = Clock::now();
     if (memory && ::fcntl(memory.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE | F_SEAL_SEAL) != 0) return internalError(std::string("memfd seals: ") + std::strerror(errno), path);
-    auto map = MappedFile::map(output, path);
+    const BlobKey main = mainKey(task, path, outcome.mainDigest), whole = wholeKey(main, outcome.sides);
+    if (temporary) (void)cache_->stamp(*temporary, whole);   // one that cannot be stamped is refused below, or not kept
+    auto map = MappedFile::map(output, temporary ? cache_->path(whole) : path);
     if (!map.ok()) return internalError("the sandboxed reader wrote no blob", path);
     if (const Status status = read(*map, BlobTrust::Foreign, nullptr); !status.ok()) return Status(status.code(), "the sandboxed reader's result is refused: " + status.message(), path);
     report.mapMs = msSince(mapping);
     report.blobBytes = (*map)->bytes().size();
     if (!temporary) return {};
-    const BlobKey main = mainKey(task, path, outcome.mainDigest);
     std::vector<std::string> names;
     for (const SideFile& s : outcome.sides) names.push_back(s.name);
     // A cache that cannot be written to costs time, not the load.
-    if (const Status kept = cache_->commit(*temporary, wholeKey(main, outcome.sides)); !kept.ok()) {
+    if (const Status kept = cache_->commit(*temporary, whole, *map); !kept.ok()) {
       cacheFails(kept);
       return {};
     }

@@ -6,8 +6,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <cstring>
+
+#include "base/mapped_faults.h"
 
 namespace gobo {
 
@@ -25,9 +28,35 @@ Result<std::shared_ptr<const MappedFile>> MappedFile::map(int fd, const std::str
   if (info.st_size <= 0) return invalidArgument("file is empty", name);
   void* p = ::mmap(nullptr, size_t(info.st_size), PROT_READ, MAP_SHARED, fd, 0);
   if (p == MAP_FAILED) return Status(Code::ResourceExhausted, std::string("cannot map file: ") + std::strerror(errno), name);
-  return std::shared_ptr<const MappedFile>(new MappedFile(static_cast<const uint8_t*>(p), size_t(info.st_size)));
+  std::shared_ptr<const MappedFile> mapped(new MappedFile(static_cast<const uint8_t*>(p), info, name));
+  if (!mapped->intact()) return mapped->lost();
+  return mapped;
 }
 
-MappedFile::~MappedFile() { ::munmap(const_cast<uint8_t*>(data_), size_); }
+MappedFile::MappedFile(const uint8_t* data, const struct stat& info, std::string name)
+    : data_(data), size_(size_t(info.st_size)), name_(std::move(name)), device_(uint64_t(info.st_dev)), inode_(uint64_t(info.st_ino)), range_(watchMapped(data, size_)) {
+  static std::atomic<uint64_t> made{0};
+  id_ = ++made;
+  tail_ = tail();
+}
+
+MappedFile::~MappedFile() {
+  unwatchMapped(range_);
+  ::munmap(const_cast<uint8_t*>(data_), size_);
+}
+
+Hash128 MappedFile::tail() const {
+  const size_t page = size_t(::sysconf(_SC_PAGESIZE)), begin = (size_ - 1) / page * page;
+  return hashBytes(data_ + begin, size_ - begin);
+}
+
+bool MappedFile::intact() const {
+  if (!range_->broken.load() && tail() != tail_) range_->broken.store(true);
+  return !range_->broken.load();
+}
+
+bool MappedFile::isOf(const struct stat& info) const { return device_ == uint64_t(info.st_dev) && inode_ == uint64_t(info.st_ino); }
+
+Status MappedFile::lost() const { return {Code::DataLoss, "mapped file was cut short, or the disk cannot read it", name_}; }
 
 }  // namespace gobo

@@ -10,6 +10,7 @@
 #include "plan/certify_picture.h"
 #include "plan/disk_store.h"
 #include "plan/executor.h"
+#include "plan/mapped_guard.h"
 #include "plan/outputs.h"
 #include "plan/planner.h"
 #include "plan/remembered_renders.h"
@@ -83,14 +84,18 @@ struct Engine::Impl {
   RememberedRenders remembered{options.keepRenders, options.keepRendersBytes};
   std::vector<std::shared_ptr<const MemoryHolder>> accounts;
 
-  ExecutorServices executorServices() { return {store.get(), &extensions, &accels, &arena}; }
-  PlannerServices plannerServices(const StopToken& stop, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
+  ExecutorServices executorServices(const MappedGuard& guard) { return {store.get(), &extensions, &accels, &arena, nullptr, &guard}; }
+  PlannerServices plannerServices(const StopToken& stop, MappedGuard& guard, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
-    s.loadEnvironment = [this, stop](const std::string& path) { return scenes.environment(path, stop); };
+    s.loadEnvironment = [this, stop, &guard](const std::string& path) -> Result<EnvironmentPtr> {
+      GOBO_ASSIGN(EnvironmentPtr map, scenes.environment(path, stop));
+      guard.add(*map, path);
+      return map;
+    };
     s.stop = stop;
     s.poseScene = [this](const ScenePtr& base, const v1::RenderRequest& request, const StopToken& until) { return posed.get(base, request, until); };
-    s.expand = [this, stop, expanded](const Graph& graph, NodeId node) -> Result<TermPtr> {
-      Executor executor(graph, executorServices(), stop);
+    s.expand = [this, stop, expanded, &guard](const Graph& graph, NodeId node) -> Result<TermPtr> {
+      Executor executor(graph, executorServices(guard), stop);
       GOBO_ASSIGN(TermPtr term, executor.evaluate(node));
       if (expanded) (*expanded)[node] = executor.report(node);
       return term;
@@ -111,7 +116,9 @@ struct Engine::Impl {
   }
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
   Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control, Clock::time_point start,
-                                  bool& extendable);
+                                  MappedGuard& guard, bool& extendable);
+  /// What `result` is worth when files under it may have broken meanwhile: they and what looks into them are dropped then.
+  Status checked(const MappedGuard& guard, const Status& result);
   static void describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result);
   void fillReports(const Plan& plan, Executor& executor, const std::map<NodeId, ExecutedNode>& expanded, v1::RenderReply& reply) const;
 };
@@ -199,8 +206,10 @@ Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request, ScenePtr 
   if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene(), stop, access)); }
   GOBO_ASSIGN(const v1::RenderRequest resolved, impl_->resolve(request, scene));
   const uint32_t size = blockSizeFor(resolved.halt().has_spp() ? resolved.halt().spp() : 16);
-  GOBO_ASSIGN(const auto plan, makePlan(scene, resolved, 1, size, impl_->plannerServices(stop)));
-  return plan->pinnedBytes;
+  MappedGuard guard(*scene, request.scene());
+  const auto plan = makePlan(scene, resolved, 1, size, impl_->plannerServices(stop, guard));
+  GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
+  return (*plan)->pinnedBytes;
 }
 
 void Engine::Impl::describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result) {
@@ -267,12 +276,12 @@ void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::
 }
 
 Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control,
-                                              Clock::time_point start, bool& extendable) {
+                                              Clock::time_point start, MappedGuard& guard, bool& extendable) {
   RenderResult result;
   v1::RenderReply& reply = result.reply;
   const uint32_t blockSize = blockSizeFor(spp), blocks = (spp + blockSize - 1) / blockSize;
   std::map<NodeId, ExecutedNode> expanded;
-  GOBO_ASSIGN(const std::unique_ptr<Plan> plan, makePlan(scene, request, blocks, blockSize, plannerServices(control.stop, &expanded)));
+  GOBO_ASSIGN(const std::unique_ptr<Plan> plan, makePlan(scene, request, blocks, blockSize, plannerServices(control.stop, guard, &expanded)));
   extendable = plan->extendable;
 
   std::mutex progressMutex;
@@ -286,7 +295,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
     std::lock_guard lock(progressMutex);   // nodes report from any thread
     control.progress(p);
   };
-  ExecutorServices services = executorServices();
+  ExecutorServices services = executorServices(guard);
   services.checkpoints = control.checkpoints;
   Executor executor(plan->graph, services, control.stop, progress);
   for (const PlannedOutput& o : plan->outputs) {
@@ -323,6 +332,13 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   return result;
 }
 
+Status Engine::Impl::checked(const MappedGuard& guard, const Status& result) {
+  const Status lost = guard.check();
+  if (lost.ok()) return result;
+  scenes.dropBroken(guard.broken());
+  return lost;
+}
+
 Result<RenderResult> Engine::render(const v1::RenderRequest& request, const RenderControl& control) {
   Impl& m = *impl_;
   const auto start = Clock::now();
@@ -343,7 +359,10 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
 
   while (true) {
     bool extendable = false;
-    Result<RenderResult> result = m.renderOnce(scene, resolved, spp, control, start, extendable);
+    MappedGuard guard(*scene, request.scene());
+    GOBO_TRY(m.checked(guard, {}));   // of no use to begin with
+    Result<RenderResult> result = m.renderOnce(scene, resolved, spp, control, start, guard, extendable);
+    if (const Status status = m.checked(guard, result.ok() ? Status() : result.status()); !status.ok()) result = status;
     if (!result.ok()) {
       if (result.status().code() == Code::Cancelled) {
         switch (control.stop.reason()) {

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <new>
 
+#include "plan/mapped_guard.h"
 #include "terms/dropped_samples.h"
 
 namespace gobo {
@@ -178,6 +179,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
       result = internalError("a non-finite value would leave the node: " + *bad, "node " + n.label);
     }
   }
+  if (services_.guard) GOBO_TRY(services_.guard->check());
   if (!result.ok() && !parked && stop_.reason() == StopReason::Preempted) parked = taken;   // preempted before the node came to it
   if (parked && !result.ok()) {
     if (services_.checkpoints) services_.checkpoints->save(recipe, n.blocks, parked);

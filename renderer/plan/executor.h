@@ -20,6 +20,8 @@
 
 namespace gobo {
 
+class MappedGuard;   // plan/mapped_guard.h
+
 /// Which block counts of an extendable recipe were made, and partial states of stopped ones. Shared by the executors of an
 /// engine; hints only: losing it costs time, never correctness. Thread-safe.
 class ExtensionIndex {
@@ -52,6 +54,7 @@ struct ExecutorServices {
   AccelCache* accels = nullptr;
   const TaskArena* arena = nullptr;
   RenderCheckpoints* checkpoints = nullptr;   ///< may be null; takes the place of parking for this request
+  const MappedGuard* guard = nullptr;         ///< asked before anything is kept; null: nothing is mapped
 };
 
 class Executor {

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "base/mapped_file.h"
+
 namespace gobo {
 
 Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop) {
@@ -14,7 +16,7 @@ Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& r
 
 Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop) {
   if (!request.has_time_s() && request.animation().empty() && request.variant().empty()) return base;
-  const Key key{base->hash(), request.animation(), request.has_time_s(), request.time_s(), request.variant()};
+  const Key key{base->hash(), base->file ? base->file->id() : 0, request.animation(), request.has_time_s(), request.time_s(), request.variant()};
   {
     std::lock_guard lock(mutex_);
     for (auto it = recent_.begin(); it != recent_.end(); ++it)

@@ -17,7 +17,7 @@ namespace gobo {
 /// request's field; Cancelled soon after `stop`.
 Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop = {});
 
-/// The last few results of requestedScene, by base scene's hash and the three fields. Thread-safe.
+/// The last few results of requestedScene, by base scene's hash, the mapped file under its arrays and the three fields. Thread-safe.
 class PosedScenes {
  public:
   /// At most `keep` of them, and `bytes` together (the latest always).
@@ -29,7 +29,7 @@ class PosedScenes {
   Result<ScenePtr> get(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop = {});
 
  private:
-  using Key = std::tuple<Hash128, std::string, bool, double, std::string>;
+  using Key = std::tuple<Hash128, uint64_t, std::string, bool, double, std::string>;
   uint64_t held() const;       ///< under mutex_
   size_t keep_;
   uint64_t bytes_;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/file_stamp.h"
+#include "base/mapped_file.h"
 #include "plan/effective_scene.h"
 #include "scene/edit.h"
 #include "scene/load.h"
@@ -188,8 +189,13 @@ uint64_t SceneLibrary::sceneBytesHeld() const {
   return total;
 }
 
+void SceneLibrary::noteGone(const std::string& id, const char* why) {
+  gone_.push_back({id, why});
+  if (gone_.size() > 1000) gone_.pop_front();
+}
+
 // The owner that has most gives first: whoever loads much makes room for himself.
-bool SceneLibrary::evict(const std::string& keep, Gone& gone) {
+bool SceneLibrary::evict(const std::string& keep, const char* why, Freed& freed) {
   std::map<std::string, uint64_t> ofOwner;
   for (const auto& [id, entry] : scenes_) ofOwner[entry.owner] += entry.bytes;
   Entries::iterator victim = scenes_.end();
@@ -199,16 +205,15 @@ bool SceneLibrary::evict(const std::string& keep, Gone& gone) {
     if (victim == scenes_.end() || order(at) < order(victim)) victim = at;
   }
   if (victim == scenes_.end()) return false;
-  gone_.push_back(victim->first);
-  if (gone_.size() > 1000) gone_.pop_front();
-  gone.push_back(std::move(victim->second.scene));
+  noteGone(victim->first, why);
+  freed.push_back(std::move(victim->second.scene));
   scenes_.erase(victim);
   return true;
 }
 
-Status SceneLibrary::makeRoom(uint64_t bytes, const std::string& keep, Gone& gone) {
+Status SceneLibrary::makeRoom(uint64_t bytes, const std::string& keep, Freed& freed) {
   for (uint64_t held = sceneBytesHeld(); held > limits_.sceneBytes || bytes > limits_.sceneBytes - held; held = sceneBytesHeld())
-    if (!evict(keep, gone))
+    if (!evict(keep, "to make room (engine.scene_bytes)", freed))
       return {Code::ResourceExhausted, "no room for a scene of " + std::to_string(bytes) + " bytes: loaded ones that are in use have " + std::to_string(held) + ", at most " +
               std::to_string(limits_.sceneBytes) + " (engine.scene_bytes)", "scene"};
   return {};
@@ -219,9 +224,9 @@ Status SceneLibrary::room(uint64_t bytes, const char* what) {
 }
 
 void SceneLibrary::shrinkScenes(uint64_t most) {
-  Gone gone;
+  Freed freed;
   std::lock_guard lock(mutex_);
-  while (sceneBytesHeld() > most && evict("", gone)) {}
+  while (sceneBytesHeld() > most && evict("", "to make room (engine.memory_bytes)", freed)) {}
 }
 
 Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop,
@@ -230,7 +235,7 @@ Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& so
   if (stop.stopRequested()) return Status(Code::Cancelled, "the load was cancelled", source);
   const uint64_t bytes = scene->scene->bytes();
   GOBO_TRY(room(bytes, "a scene"));
-  Gone gone;
+  Freed freed;
   std::lock_guard lock(mutex_);
   const auto taken = [&](const std::string& name) {   // by somebody else, or as a built-in
     const auto at = scenes_.find(name);
@@ -245,8 +250,8 @@ Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& so
   }
   const auto old = scenes_.find(id);
   const uint64_t replaced = old == scenes_.end() ? 0 : old->second.bytes;
-  if (old != scenes_.end()) gone.push_back(old->second.scene);
-  GOBO_TRY(makeRoom(bytes > replaced ? bytes - replaced : 0, id, gone));
+  if (old != scenes_.end()) freed.push_back(old->second.scene);
+  GOBO_TRY(makeRoom(bytes > replaced ? bytes - replaced : 0, id, freed));
   Entry& e = scenes_[id];
   e = {scene->scene, source, ms, scene->report, access.caller, share, ++clock_, bytes};
   return info(id, e);
@@ -286,8 +291,8 @@ Status SceneLibrary::unknown(const std::string& id, const SceneAccess& access) c
   for (const auto& [name, entry] : scenes_)
     if (access.uses(entry.owner, entry.share)) names += (names.empty() ? "" : ", ") + name;
   for (const std::string& name : builtinSceneNames()) names += (names.empty() ? "" : ", ") + name;
-  const bool went = std::find(gone_.begin(), gone_.end(), id) != gone_.end();
-  return notFound("no scene '" + id + "'" + (went ? ", which was unloaded to make room (engine.scene_bytes): open it again" : "") + " (has: " + names + ")", "request.scene");
+  const auto went = std::find_if(gone_.rbegin(), gone_.rend(), [&](const Gone& g) { return g.id == id; });
+  return notFound("no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : "") + " (has: " + names + ")", "request.scene");
 }
 
 Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop, const SceneAccess& access) {
@@ -306,10 +311,10 @@ Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop
   GOBO_ASSIGN(const ScenePtr scene, makeBuiltinScene(id, stop));
   const uint64_t bytes = scene->bytes();
   GOBO_TRY(room(bytes, "a scene"));
-  Gone gone;
+  Freed freed;
   std::lock_guard lock(mutex_);   // one that another caller has opened (and may have patched) meanwhile stays
   if (const auto it = scenes_.find(id); it != scenes_.end()) return it->second.scene;
-  GOBO_TRY(makeRoom(bytes, id, gone));
+  GOBO_TRY(makeRoom(bytes, id, freed));
   return scenes_.try_emplace(id, Entry{.scene = scene, .source = id, .loadMs = msSince(start), .used = ++clock_, .bytes = bytes}).first->second.scene;
 }
 
@@ -368,6 +373,24 @@ Status SceneLibrary::unload(const std::string& id, const SceneAccess& access) {
     return {Code::PermissionDenied, "scene '" + id + "' is " + (at->second.owner.empty() ? "everybody's" : "another's"), "scene"};
   scenes_.erase(at);
   return {};
+}
+
+void SceneLibrary::dropBroken(std::vector<std::shared_ptr<const MappedFile>> broken) {
+  const auto isBroken = [&](const std::shared_ptr<const MappedFile>& file) {
+    if (!file || file->intact()) return false;
+    broken.push_back(file);
+    return true;
+  };
+  {
+    std::lock_guard lock(mutex_);
+    for (auto at = scenes_.begin(); at != scenes_.end();) {
+      if (!isBroken(at->second.scene->file)) { ++at; continue; }
+      noteGone(at->first, "because its mapped file was cut short or cannot be read");
+      at = scenes_.erase(at);
+    }
+    std::erase_if(environments_, [&](const auto& e) { return isBroken(e.second.map->file); });
+  }
+  for (const auto& file : broken) loader_->discard(*file);
 }
 
 Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path, const StopToken& stop) {

@@ -52,6 +52,8 @@ class SceneLibrary {
   /// meanwhile stays unloaded (NotFound). PermissionDenied for a scene that the caller may use, but not change.
   Result<v1::SceneInfo> patch(const v1::PatchSceneRequest& patch, const StopToken& stop = {}, const SceneAccess& access = {});
   Status unload(const std::string& id, const SceneAccess& access = {});
+  /// Unloads scenes and environment maps whose mapped file is not intact, and has the loader discard those files and `broken`.
+  void dropBroken(std::vector<std::shared_ptr<const MappedFile>> broken);
   Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop = {});
   size_t count() const;
   uint64_t sceneBytes() const;         ///< of all loaded scenes; what several share counts for each
@@ -81,11 +83,11 @@ class SceneLibrary {
   Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop,
                                const SceneAccess& access, const std::vector<std::string>& share);
   Status room(uint64_t bytes, const char* what);
-  // Under mutex_. What goes is in `gone`, to be freed after the lock.
-  using Gone = std::vector<ScenePtr>;
+  // Under mutex_. What goes is in `freed`, until after the lock.
+  using Freed = std::vector<ScenePtr>;
   uint64_t sceneBytesHeld() const;
-  Status makeRoom(uint64_t bytes, const std::string& keep, Gone& gone);
-  bool evict(const std::string& keep, Gone& gone);
+  Status makeRoom(uint64_t bytes, const std::string& keep, Freed& freed);
+  bool evict(const std::string& keep, const char* why, Freed& freed);
   void trimEnvironments(uint64_t most, std::vector<EnvironmentPtr>& gone);
   Status unknown(const std::string& id, const SceneAccess& access) const;
   v1::SceneInfo info(const std::string& id, const Entry& entry) const;
@@ -97,7 +99,9 @@ class SceneLibrary {
   const SceneLimits limits_;
   MemoryLedger* ledger_ = nullptr;
   Entries scenes_;
-  std::deque<std::string> gone_;       ///< ids that had to make room, the latest last
+  struct Gone { std::string id, why; };
+  void noteGone(const std::string& id, const char* why);   ///< under mutex_
+  std::deque<Gone> gone_;              ///< ids that were unloaded without being asked to, the latest last
   uint64_t clock_ = 0;
   std::map<std::string, Map> environments_;   ///< by canonical path + settled file stamp
 };

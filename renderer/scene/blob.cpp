@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "base/check.h"
+#include "base/mapped_file.h"
 #include "scene/blob_codec.h"
 #include "scene/texture_seal.h"
 
@@ -210,7 +211,7 @@ Status checkBlobArrays(std::span<const uint8_t> bytes, const StopToken& stop) {
   return {};
 }
 
-Result<ScenePtr> readSceneBlob(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, BlobTrust trust, const BlobKey* key) {
+static Result<std::shared_ptr<Scene>> readScene(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, BlobTrust trust, const BlobKey* key) {
   blob::Reader r;
   GOBO_TRY(open(std::move(owner), bytes, Kind::Scene, trust, key, r));
   auto scene = std::make_shared<Scene>();
@@ -251,10 +252,10 @@ Result<ScenePtr> readSceneBlob(std::shared_ptr<const void> owner, std::span<cons
     if (again.content != scene->rig->content) return bad("rig: digest is not that of its fields");
   }
   if (scene->hash() != stored) return bad("hash " + scene->hash().hex() + " is not the stored " + stored.hex());
-  return ScenePtr(std::move(scene));
+  return scene;
 }
 
-Result<EnvironmentPtr> readEnvironmentBlob(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, BlobTrust trust, const BlobKey* key) {
+static Result<std::shared_ptr<Environment>> readMap(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, BlobTrust trust, const BlobKey* key) {
   blob::Reader r;
   GOBO_TRY(open(std::move(owner), bytes, Kind::Environment, trust, key, r));
   auto map = std::make_shared<Environment>();
@@ -262,7 +263,33 @@ Result<EnvironmentPtr> readEnvironmentBlob(std::shared_ptr<const void> owner, st
   if (!r.problem.empty()) return bad(r.problem);
   if (r.at != r.records.size()) return bad("records have " + std::to_string(r.records.size() - r.at) + " bytes too many");
   GOBO_TRY(checkMap(*map, trust));
-  return EnvironmentPtr(std::move(map));
+  return map;
+}
+
+Result<ScenePtr> readSceneBlob(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, BlobTrust trust, const BlobKey* key) {
+  GOBO_ASSIGN(ScenePtr scene, readScene(std::move(owner), bytes, trust, key));
+  return scene;
+}
+
+Result<EnvironmentPtr> readEnvironmentBlob(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, BlobTrust trust, const BlobKey* key) {
+  GOBO_ASSIGN(EnvironmentPtr map, readMap(std::move(owner), bytes, trust, key));
+  return map;
+}
+
+Result<ScenePtr> readSceneBlob(const std::shared_ptr<const MappedFile>& file, BlobTrust trust, const BlobKey* key) {
+  const auto scene = readScene(file, file->bytes(), trust, key);
+  if (!file->intact()) return file->lost();   // whatever the reading made of the zeroes
+  if (!scene.ok()) return scene.status();
+  (*scene)->file = file;
+  return ScenePtr(*scene);
+}
+
+Result<EnvironmentPtr> readEnvironmentBlob(const std::shared_ptr<const MappedFile>& file, BlobTrust trust, const BlobKey* key) {
+  const auto map = readMap(file, file->bytes(), trust, key);
+  if (!file->intact()) return file->lost();
+  if (!map.ok()) return map.status();
+  (*map)->file = file;
+  return EnvironmentPtr(*map);
 }
 
 }  // namespace gobo

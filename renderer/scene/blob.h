@@ -52,5 +52,8 @@ Status checkBlobArrays(std::span<const uint8_t> bytes, const StopToken& stop = {
 /// Errors: DataLoss that says what is wrong ("scene blob: ...").
 Result<ScenePtr> readSceneBlob(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, BlobTrust trust, const BlobKey* key = nullptr);
 Result<EnvironmentPtr> readEnvironmentBlob(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, BlobTrust trust, const BlobKey* key = nullptr);
+/// The same of a mapped file, which the result names (Scene::file, Environment::file). DataLoss, too, when the file is not intact after the reading.
+Result<ScenePtr> readSceneBlob(const std::shared_ptr<const MappedFile>& file, BlobTrust trust, const BlobKey* key = nullptr);
+Result<EnvironmentPtr> readEnvironmentBlob(const std::shared_ptr<const MappedFile>& file, BlobTrust trust, const BlobKey* key = nullptr);
 
 }  // namespace gobo

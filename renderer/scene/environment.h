@@ -16,6 +16,8 @@
 
 namespace gobo {
 
+class MappedFile;   // base/mapped_file.h
+
 struct Environment {
   std::string name;
   int width = 0, height = 0;
@@ -23,6 +25,7 @@ struct Environment {
   float rotation = 0.0f;        ///< radians
   int repairedTexels = 0;       ///< NaN, Inf or negative texels replaced by 0 at load (reported by inspect)
   Hash128 content;              ///< digest of size and texels (not of rotation)
+  std::shared_ptr<const MappedFile> file = nullptr;   ///< that the texels lie in; null: none, or the scene's
 
   /// Direction (unit) to continuous map coordinates in [0,1)^2, and back. Rotation applied.
   Vec2 toUv(const Vec3& direction) const;

@@ -31,6 +31,8 @@ class SceneLoader {
   /// `path` is real and allowed. Cancelled soon after `stop`; otherwise errors name the file, JSON pointer and value.
   virtual Result<LoadedScene> scene(const std::string& path, const StopToken& stop) = 0;
   virtual Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop) = 0;
+  /// `file`, which an earlier result looks into, is not intact: whatever is kept of it goes, so that the next load makes it anew.
+  virtual void discard(const MappedFile& file) { (void)file; }
 };
 
 std::shared_ptr<SceneLoader> inProcessLoader(const LoadOptions& options = {});

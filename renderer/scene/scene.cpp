@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "base/check.h"
+#include "base/mapped_file.h"
 #include "scene/coordinates.h"
 #include "scene/texture_seal.h"
 
@@ -139,6 +140,8 @@ const char* facetName(Facet single) {
   }
   return "several";
 }
+
+uint64_t SceneView::mapping() const { return scene_->file ? scene_->file->id() : 0; }
 
 void SceneView::require(Facet f) const {
   if (has(allowed_, f)) return;

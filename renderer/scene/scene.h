@@ -22,6 +22,8 @@
 
 namespace gobo {
 
+class MappedFile;   // base/mapped_file.h
+
 struct Instance {
   std::string name;                 ///< unique; glTF node name (+ "#k" for further primitives or duplicates)
   int mesh = 0;
@@ -40,6 +42,7 @@ struct Scene {
   RigPtr rig;                           ///< null: nothing in it can be animated; sealed (sealRig)
   Variants variants;                    ///< KHR_materials_variants
   std::vector<std::string> warnings;    ///< what the loader repaired or ignored
+  std::shared_ptr<const MappedFile> file;   ///< that arrays of it, and of scenes made from it, look into; null: none
 
   /// Digest of the facets in `set`; light facets cover only `lightSubset` (indices into lights). Mesh lights pull in the
   /// topology, pose and emission of their instance. O(number of materials + lights): facet digests are cached by seal().
@@ -107,6 +110,8 @@ class SceneView {
   const EnvironmentPtr& environment() const { require(Facet::Environment); return scene_->environment; }
   /// Digest of facets other than the lights', for what caches by it (AccelCache).
   Hash128 digest(Facet facets) const { require(facets); return scene_->facetHash(facets, {}); }
+  /// The mapping under the arrays: what keeps pointers into them is of no use to the same scene in another one (0: in none).
+  uint64_t mapping() const;
 
  private:
   void require(Facet f) const;        ///< CHECK

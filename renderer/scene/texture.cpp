@@ -78,11 +78,11 @@ void lowestTexel(const Texture& t, const Array<T>& texels, T (&least)[4]) {
   }
 }
 
-/// Brings a coordinate into a range where int texel arithmetic is exact; NaN becomes 0. Repeat and Mirror are periodic in 2.
-inline float tame(float c, Wrap mode) {
+/// Brings a coordinate into a range where int texel arithmetic over `size` texels is exact; NaN becomes 0. Repeat and Mirror are periodic in 2.
+inline float tame(float c, Wrap mode, int size) {
   if (!std::isfinite(c)) return 0.0f;
   if (mode == Wrap::Clamp) return std::fmin(std::fmax(c, -1.0f), 2.0f);
-  return std::fabs(c) < 1024.0f ? c : c - 2.0f * std::floor(c * 0.5f);
+  return std::fabs(c) < 1024.0f && std::fabs(c) * float(size) < 0x1p30f ? c : c - 2.0f * std::floor(c * 0.5f);
 }
 
 }  // namespace
@@ -121,7 +121,7 @@ void sealTexture(Texture& t) {
 
 Vec4 Texture::sampleLevel(Vec2 uv, int level) const {
   const Level l = levelOf(*this, level);
-  const float x = tame(uv.x, wrapU) * float(l.width), y = tame(uv.y, wrapV) * float(l.height);
+  const float x = tame(uv.x, wrapU, l.width) * float(l.width), y = tame(uv.y, wrapV, l.height) * float(l.height);
   if (nearest) return texel(*this, l, wrapIndex(int(std::floor(x)), l.width, wrapU), wrapIndex(int(std::floor(y)), l.height, wrapV));
   const float fx = std::floor(x - 0.5f), fy = std::floor(y - 0.5f);
   const float ax = x - 0.5f - fx, ay = y - 0.5f - fy;

@@ -63,7 +63,7 @@ class Accel {
 };
 using AccelPtr = std::shared_ptr<const Accel>;
 
-/// Keeps the last few structures by the digest of kAccelFacets. Thread-safe; concurrent asks for one digest build once. A build
+/// Keeps the last few structures by the digest of kAccelFacets and the mapping (SceneView::mapping). Thread-safe; concurrent asks for one digest build once. A build
 /// that throws or is stopped leaves nothing behind: the next ask builds again.
 class AccelCache {
  public:

@@ -8,10 +8,16 @@ namespace gobo {
 namespace {
 bool ready(const std::shared_future<AccelPtr>& f) { return f.wait_for(std::chrono::seconds(0)) == std::future_status::ready; }
 constexpr std::chrono::milliseconds kPoll{2};
+
+// A structure looks into the arrays that it was built over. One over a mapping that breaks must not be found by the same scene in another.
+Hash128 keyOf(const SceneView& view) {
+  const Hash128 digest = view.digest(kAccelFacets);
+  return view.mapping() == 0 ? digest : Hasher("accel").add(digest).add(view.mapping()).digest();
+}
 }  // namespace
 
 AccelPtr AccelCache::get(const SceneView& view, const TaskArena& arena, const StopToken& stop) {
-  const Hash128 key = view.digest(kAccelFacets);
+  const Hash128 key = keyOf(view);
   for (;;) {
     std::promise<AccelPtr> promise;
     std::shared_future<AccelPtr> known;
@@ -86,7 +92,7 @@ size_t AccelCache::bytes() const {
 }
 
 double AccelCache::buildMs(const SceneView& view) const {
-  const Hash128 key = view.digest(kAccelFacets);
+  const Hash128 key = keyOf(view);
   std::lock_guard lock(mutex_);
   for (const Entry& e : entries_) if (e.key == key) return e.ms;
   return 0.0;

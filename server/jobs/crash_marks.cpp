@@ -13,6 +13,8 @@
 #include <filesystem>
 #include <random>
 
+#include "base/mapped_faults.h"
+
 namespace gobo {
 
 namespace fs = std::filesystem;
@@ -46,6 +48,7 @@ void crashed(int number) {
 void install() {
   static const bool once = [] {
     for (const int number : kSignals) {
+      if (number == SIGBUS && runOnOtherBusError(crashed)) continue;   // under a mapped file it is no crash
       struct sigaction now{}, wanted{};
       // A sanitizer's own handler, and its report, go before.
       if (::sigaction(number, nullptr, &now) != 0 || now.sa_handler != SIG_DFL) continue;

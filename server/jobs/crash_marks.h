@@ -3,7 +3,8 @@
 // file that is mapped and shared: what is written there is the kernel's at once and outlives the process, however it ends. Frames are
 // entered while they are planned or rendered; other renders are counted. A handler of SIGSEGV, SIGBUS, SIGFPE, SIGILL and SIGABRT writes
 // the signal's number and lets the process die of it. So a kill from outside (SIGKILL, out of memory, power) leaves no signal there: its
-// frames are tried again. A stack overflow cannot run the handler; then the limit on lost leases counts.
+// frames are tried again. SIGBUS under a mapped
+// file is survived (base/mapped_faults.h) and leaves nothing. A stack overflow cannot run the handler; then the limit on lost leases counts.
 //   FOLDER/marks/PID-RANDOM      locked (flock) while its process lives
 // Thread-safe but for open() and read().
 #pragma once

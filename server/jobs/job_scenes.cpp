@@ -5,6 +5,7 @@
 
 #include "base/descriptor.h"
 #include "base/image_io.h"
+#include "base/mapped_file.h"
 #include "scene/scene.h"
 #include "server/file_digest.h"
 
@@ -22,6 +23,9 @@ std::string keptUpload(const std::string& folder, const std::string& source) {
     if (const std::string name = it->path().filename().string(); digest.size() == 16 && name.rfind(digest, 0) == 0) return name;
   return {};
 }
+
+/// A scene whose mapped file broke is loaded again.
+bool readable(const Scene& scene) { return !scene.file || scene.file->intact(); }
 
 }  // namespace
 
@@ -58,10 +62,10 @@ Result<ScenePtr> JobScenes::get(const JobRecord& record) {
   std::string loadedHash;
   if (auto scene = engine_.scene(request.scene()); scene.ok()) {
     loadedHash = (*scene)->hash().hex();
-    if (loadedHash == wanted) return scene;
+    if (loadedHash == wanted && readable(**scene)) return scene;
   }
   const std::lock_guard lock(mutex_);
-  if (cached_ && cachedHash_ == wanted) return cached_;
+  if (cached_ && cachedHash_ == wanted && readable(*cached_)) return cached_;
   const bool kept = !record.sceneFile.empty();
   auto scene = engine_.loadScene(kept ? files_.scenePath(record.sceneFile) : record.sceneSource, kept);
   if (!scene.ok())

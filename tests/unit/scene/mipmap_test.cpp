@@ -59,6 +59,25 @@ TEST(Mipmap, LowestIsTheLeastOfWhatIsLookedUp) {
       }
 }
 
+// 900 x 4194304 texels is no int. The reference: the same place in the first tile.
+TEST(Mipmap, AWideTextureIsLookedUpFarFromItsOrigin) {
+  constexpr int kWide = 1 << 22;
+  Texture t;
+  t.width = kWide;
+  t.height = 1;
+  t.nearest = true;
+  std::vector<uint8_t> texels(size_t(kWide) * 4, 9);
+  texels[size_t(kWide) / 2 * 4] = 200;
+  t.texels8 = texels;
+  sealTexture(t);
+  for (const Wrap wrap : {Wrap::Repeat, Wrap::Mirror}) {
+    t.wrapU = wrap;
+    const float bright = t.sampleLevel(Vec2(0.5f, 0.5f), 0).x;
+    EXPECT_GT(bright, t.sampleLevel(Vec2(0.25f, 0.5f), 0).x);
+    for (const float tiles : {2.0f, 900.0f, -900.0f, 1e6f}) EXPECT_EQ(t.sampleLevel(Vec2(tiles + 0.5f, 0.5f), 0).x, bright) << tiles;
+  }
+}
+
 /// Mean over a level by point look-ups of its texel centres.
 Vec4 meanOf(const Texture& t, int level) {
   Texture p = t;
