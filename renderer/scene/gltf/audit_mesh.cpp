@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rules about meshes, accessors and buffer views that the readers pass over. O(document).
+#include <climits>
 #include <cmath>
 
+#include "base/to_index.h"
 #include "scene/gltf/audit.h"
 
 namespace gobo::gltf::audits {
@@ -73,7 +75,7 @@ class Meshes {
       if (key == "extras" || !value.is_object()) continue;
       if (get(value, "index").is_number() && key.size() > 7 && key.compare(key.size() - 7, 7, "Texture") == 0) {
         const Json& moved = get(get(get(value, "extensions"), "KHR_texture_transform"), "texCoord");
-        most = std::max(most, int64_t(number(moved, number(get(value, "texCoord"), 0))));
+        most = std::max(most, int64_t(toInteger(number(moved, number(get(value, "texCoord"), 0)), -1, INT_MAX)));   // of an unknown extension: nobody has checked it
       }
       most = std::max(most, setsOf(value, depth + 1));
     }

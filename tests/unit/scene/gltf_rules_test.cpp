@@ -105,6 +105,8 @@ std::vector<Case> cases() {
       {"MESH_PRIMITIVE_NO_TANGENT_SPACE", kWarned, p + "/material", [](GltfBase& b) { primitive(b)["attributes"].erase("TANGENT"); b.doc["materials"][0].erase("normalTexture"); }},
       {"MESH_PRIMITIVE_POSITION_ACCESSOR_WITHOUT_BOUNDS", kWarned, a + "/POSITION", [](GltfBase& b) { accessorOf(b, kPositions).erase("min"); }},
       {"MESH_PRIMITIVE_TOO_FEW_TEXCOORDS", kWarned, p + "/material", [](GltfBase& b) { primitive(b)["attributes"].erase("TEXCOORD_0"); }},
+      // A number of an extension that nobody knows, so that no rule holds it, and beyond every integer.
+      {"MESH_PRIMITIVE_TOO_FEW_TEXCOORDS", kWarned, p + "/material", [](GltfBase& b) { b.doc["materials"][0]["extensions"]["VENDOR_gloss"]["glossTexture"] = {{"index", 0}, {"texCoord", 1e300}}; }},
       {"MESH_PRIMITIVE_UNEQUAL_ACCESSOR_COUNT", kRefused, a + "/NORMAL", [](GltfBase& b) { accessorOf(b, kNormals)["count"] = 3; }},
       {"NODE_LOOP", kRefused, "/nodes/1", [](GltfBase& b) { b.doc["nodes"][1]["children"] = {2}; }},
       {"NODE_PARENT_OVERRIDE", kRefused, "/nodes/1", [](GltfBase& b) { b.doc["nodes"][3]["children"] = {1}; }},
