@@ -28,6 +28,7 @@ listen = "127.0.0.1:0"
 level = "info"
 [engine]
 threads = 2
+memory_bytes = "768MiB"
 store_bytes = "256MiB"
 scene_bytes = "512MiB"
 environment_bytes = "64MiB"
