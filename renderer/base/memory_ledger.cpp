@@ -6,6 +6,8 @@
 namespace gobo {
 
 namespace {
+constexpr int kPasses = 16;
+
 /// Sums that cannot wrap: bounds may be "as much as there is".
 uint64_t plus(uint64_t a, uint64_t b) { return a > UINT64_MAX - b ? UINT64_MAX : a + b; }
 }  // namespace
@@ -38,13 +40,15 @@ Status MemoryLedger::makeRoom(uint64_t more, const std::string& what) {
   if (over() == 0) return {};
   const std::lock_guard one(shrinking_);
   const auto all = holders();
-  for (const auto& h : all) {
-    const uint64_t missing = over();
-    if (missing == 0) return {};
-    if (!h->shrink) continue;
-    const uint64_t has = h->bytes();
-    h->shrink(has > missing ? has - missing : 0);
-  }
+  // Several times: others may grow meanwhile.
+  for (int pass = 0; pass < kPasses; ++pass)
+    for (const auto& h : all) {
+      const uint64_t missing = over();
+      if (missing == 0) return {};
+      if (!h->shrink) continue;
+      const uint64_t has = h->bytes();
+      h->shrink(has > missing ? has - missing : 0);
+    }
   if (over() == 0) return {};
   std::vector<std::pair<uint64_t, std::string>> largest;
   for (const auto& h : all) largest.push_back({h->bytes(), h->name});
