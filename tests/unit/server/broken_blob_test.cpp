@@ -22,7 +22,12 @@ namespace gobo::testing {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr int kLong = 4096;   // samples: a second or so
+// Samples: some tenths of a second, so that the cut comes in the middle.
+#if defined(__SANITIZE_ADDRESS__) || defined(GOBO_THREAD_SANITIZER)
+constexpr int kLong = 128;
+#else
+constexpr int kLong = 1024;
+#endif
 
 struct BrokenBlob : ::testing::Test {
   std::string folder, file, map;
