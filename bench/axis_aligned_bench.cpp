@@ -22,8 +22,14 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-struct Result1 { double rmse = 0, penumbra = 0, rays = 0, ms = 0, filterMs = 0; };
-struct Point { std::string curve; double asked = 0; Result1 r; };
+struct Result1 {
+  double rmse = 0, penumbra = 0, rays = 0, ms = 0, filterMs = 0;
+};
+struct Point {
+  std::string curve;
+  double asked = 0;
+  Result1 r;
+};
 
 class Bench {
  public:
@@ -31,11 +37,17 @@ class Bench {
 
   bool prepare() {
     auto loaded = loadScene("grids");
-    if (!loaded.ok()) { std::fprintf(stderr, "%s\n", loaded.status().toString().c_str()); return false; }
+    if (!loaded.ok()) {
+      std::fprintf(stderr, "%s\n", loaded.status().toString().c_str());
+      return false;
+    }
     scene_ = *loaded;
     const int camera = scene_->findCamera("receiver");
     light_ = scene_->findLight("key");
-    if (camera < 0 || light_ < 0) { std::fprintf(stderr, "grids: no camera 'receiver' or light 'key'\n"); return false; }
+    if (camera < 0 || light_ < 0) {
+      std::fprintf(stderr, "grids: no camera 'receiver' or light 'key'\n");
+      return false;
+    }
     camera_ = scene_->cameras[camera];
     GBufferSettings g;
     g.camera = camera_;
@@ -80,7 +92,10 @@ class Bench {
     for (size_t i = 0; i < truth_.size(); ++i) {
       const double d = double(v[i]) - truth_[i];
       sum += d * d;
-      if (band_[i]) { bandSum += d * d; ++bandCount; }
+      if (band_[i]) {
+        bandSum += d * d;
+        ++bandCount;
+      }
     }
     p.r.rmse = std::sqrt(sum / double(truth_.size()));
     p.r.penumbra = bandCount > 0 ? std::sqrt(bandSum / bandCount) : 0;
@@ -105,7 +120,10 @@ class Bench {
       const auto begin = Clock::now();
       auto out = n.node->run(ctx);
       const double ms = std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
-      if (!out.ok()) { std::fprintf(stderr, "%s: %s\n", n.label.c_str(), out.status().toString().c_str()); std::exit(1); }
+      if (!out.ok()) {
+        std::fprintf(stderr, "%s: %s\n", n.label.c_str(), out.status().toString().c_str());
+        std::exit(1);
+      }
       terms.push_back(*out);
       if (!r || n.label == "gbuffer") continue;
       r->ms += ms;
@@ -125,7 +143,10 @@ class Bench {
     input.width = input.height = size_;
     input.seed = seed;
     auto result = findShadowTechnique(t.technique_case())->plan(graph, input, t);
-    if (!result.ok()) { std::fprintf(stderr, "%s\n", result.status().toString().c_str()); std::exit(1); }
+    if (!result.ok()) {
+      std::fprintf(stderr, "%s\n", result.status().toString().c_str());
+      std::exit(1);
+    }
     return evaluate(graph, *result, r);
   }
 
@@ -187,7 +208,7 @@ int main(int argc, char** argv) {
     t.mutable_ray_traced()->set_samples(n);
     points.push_back(bench.measure("mc", n, t));
   }
-  for (double n : {9.0, 16.0, 25.0, 64.0, 165.0}) {   // the same count everywhere, fixed width
+  for (double n : {9.0, 16.0, 25.0, 64.0, 165.0}) {  // the same count everywhere, fixed width
     v1::ShadowTechnique t;
     t.mutable_axis_aligned()->set_adaptive(false);
     t.mutable_axis_aligned()->set_mean_samples(n);
@@ -217,7 +238,8 @@ int main(int argc, char** argv) {
     points.push_back(bench.measure("aaf uniform mu", n, t));
   }
 
-  std::printf("grids %dx%d, %d-ray reference, %u hardware threads, penumbra %.0f %% of the picture\n", size, size, referenceSamples, std::thread::hardware_concurrency(), 100 * bench.bandShare());
+  std::printf("grids %dx%d, %d-ray reference, %u hardware threads, penumbra %.0f %% of the picture\n", size, size, referenceSamples,
+              std::thread::hardware_concurrency(), 100 * bench.bandShare());
   std::printf("%-32s %8s %10s %10s %10s %9s %9s %11s %11s\n", "curve", "asked", "rays/px", "rmse", "penumbra", "ms", "filter%", "mc rays", "mc ms");
   std::string json = "{\"scene\":\"grids\",\"size\":" + std::to_string(size) + ",\"reference_rays\":" + std::to_string(referenceSamples) + ",\"points\":[";
   for (size_t i = 0; i < points.size(); ++i) {
@@ -226,7 +248,9 @@ int main(int argc, char** argv) {
     std::printf("%-32s %8.0f %10.2f %10.5f %10.5f %9.1f %9.1f %11.1f %11.1f\n", p.curve.c_str(), p.asked, p.r.rays, p.r.rmse, p.r.penumbra, p.r.ms,
                 p.r.ms > 0 ? 100 * p.r.filterMs / p.r.ms : 0, mcRays, mcMs);
     char line[512];
-    std::snprintf(line, sizeof line, "%s{\"curve\":\"%s\",\"asked\":%g,\"rays\":%.6g,\"rmse\":%.6g,\"rmse_penumbra\":%.6g,\"ms\":%.4g,\"filter_ms\":%.4g,\"mc_rays_at_equal_rmse\":%.6g,\"mc_ms_at_equal_rmse\":%.4g}",
+    std::snprintf(line, sizeof line,
+                  "%s{\"curve\":\"%s\",\"asked\":%g,\"rays\":%.6g,\"rmse\":%.6g,\"rmse_penumbra\":%.6g,\"ms\":%.4g,\"filter_ms\":%.4g,\"mc_rays_at_equal_"
+                  "rmse\":%.6g,\"mc_ms_at_equal_rmse\":%.4g}",
                   i ? "," : "", p.curve.c_str(), p.asked, p.r.rays, p.r.rmse, p.r.penumbra, p.r.ms, p.r.filterMs, mcRays, mcMs);
     json += line;
   }
@@ -234,7 +258,10 @@ int main(int argc, char** argv) {
   if (!out.empty()) {
     std::ofstream file(out);
     file << json;
-    if (!file) { std::fprintf(stderr, "cannot write %s\n", out.c_str()); return 1; }
+    if (!file) {
+      std::fprintf(stderr, "cannot write %s\n", out.c_str());
+      return 1;
+    }
   }
   return 0;
 }

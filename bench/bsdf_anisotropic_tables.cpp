@@ -16,8 +16,8 @@ using namespace gobo::anisotropic;
 
 namespace {
 
-constexpr int kPoints = 48, kGlassPoints = 32;          // of the quadratures, squared
-constexpr double kStep = 1.0 / 250;                     // of glass, in bytes
+constexpr int kPoints = 48, kGlassPoints = 32;  // of the quadratures, squared
+constexpr double kStep = 1.0 / 250;             // of glass, in bytes
 
 struct Random {
   uint64_t state;
@@ -107,7 +107,8 @@ struct Lowering {
 };
 
 /// Cosine-weighted mean over the hemisphere (2/pi of an integral over a quarter of azimuths).
-template <class F> double hemisphere(double ax, const F& f) {
+template <class F>
+double hemisphere(double ax, const F& f) {
   double sum = 0, last = 0;
   const int nm = 96, np = 48;
   const double s = 2 * ax;
@@ -115,7 +116,7 @@ template <class F> double hemisphere(double ax, const F& f) {
     const double next = j + 1 == nm ? 1.0 : cosineAt(double(j + 1) / nm, s), mu = 0.5 * (last + next);
     double row = 0;
     for (int k = 0; k < np; ++k) {
-      const double u = (k + 0.5) / np, phi = 0.5 * pi * (1 - u * u * u), weight = 3 * u * u;   // dense across the brushed direction
+      const double u = (k + 0.5) / np, phi = 0.5 * pi * (1 - u * u * u), weight = 3 * u * u;  // dense across the brushed direction
       row += weight * f(directionOf(mu, sq(std::cos(phi)))) / np;
     }
     sum += row * (next * next - last * last);
@@ -141,7 +142,7 @@ struct Reflection {
             extra[size_t(reflectionIndex(a, b, p, m))] = e.schlick - pow5(1 - mu) * e.all;
           }
     Random u{1};
-    Fit fitDeficit, fitExtra;                                          // of -extra: what Schlick adds is kept above the truth
+    Fit fitDeficit, fitExtra;  // of -extra: what Schlick adds is kept above the truth
     for (int k = 0; k < 60000; ++k) {
       double r, s, all, schlick;
       const Taps t = tried(u, k, r, s, all, schlick);
@@ -199,7 +200,8 @@ struct Glass {
             for (int m = 0; m < kGlassMu; ++m)
               for (int p = 0; p < kGlassPhi[side]; ++p) {
                 const double r = double(a) / (kGlassR - 1), s = double(b) / (kGlassS - 1), ax = alphaX(r, s), ior = iorAt(double(i) / (kGlassIor - 1));
-                const double mu = cosineAt(double(m) / (kGlassMu - 1), 2 * ax), cos2 = azimuthAt(p, edge2(side == 1, ior, 1 - mu * mu), kFirstPiece[side], kGlassPhi[side]);
+                const double mu = cosineAt(double(m) / (kGlassMu - 1), 2 * ax),
+                             cos2 = azimuthAt(p, edge2(side == 1, ior, 1 - mu * mu), kFirstPiece[side], kGlassPhi[side]);
                 v[size_t(glassIndex(side, i, a, b, p, m))] = lost(side, ior, r, s, directionOf(mu, cos2));
               }
       Random u{11};
@@ -258,7 +260,10 @@ FILE* open(const std::string& path, const char* what) {
     std::perror(path.c_str());
     std::exit(1);
   }
-  std::fprintf(f, "// SPDX-License-Identifier: Apache-2.0\n// Written by bench/bsdf_anisotropic_tables.cpp; do not edit. %s\n#pragma once\n\n#include <cstdint>\n\nnamespace gobo::data {\n\n", what);
+  std::fprintf(f,
+               "// SPDX-License-Identifier: Apache-2.0\n// Written by bench/bsdf_anisotropic_tables.cpp; do not edit. %s\n#pragma once\n\n#include "
+               "<cstdint>\n\nnamespace gobo::data {\n\n",
+               what);
   return f;
 }
 void close(FILE* f) {
@@ -268,7 +273,8 @@ void close(FILE* f) {
 void print(const char* name, std::vector<double>& e) {
   std::sort(e.begin(), e.end());
   const size_t n = e.size();
-  std::printf("%-44s lowest %+.4f, 1 %% %+.4f, 5 %% %+.4f, median %+.4f, 99 %% %+.4f, highest %+.4f\n", name, e[0], e[n / 100], e[n / 20], e[n / 2], e[n - 1 - n / 100], e[n - 1]);
+  std::printf("%-44s lowest %+.4f, 1 %% %+.4f, 5 %% %+.4f, median %+.4f, 99 %% %+.4f, highest %+.4f\n", name, e[0], e[n / 100], e[n / 20], e[n / 2],
+              e[n - 1 - n / 100], e[n - 1]);
 }
 
 }  // namespace
@@ -287,7 +293,8 @@ int main(int argc, char** argv) {
     array(f, "uint16_t", "kAnisotropicSchlickMean", t.schlickMean, 5e4);
     close(f);
     for (int side = 0; side < 2; ++side) {
-      f = open(dir + (side ? "/bsdf_anisotropic_inside_data.h" : "/bsdf_anisotropic_outside_data.h"), "Rough dielectric with two alphas: ior, roughness, anisotropy, azimuth, cosine.");
+      f = open(dir + (side ? "/bsdf_anisotropic_inside_data.h" : "/bsdf_anisotropic_outside_data.h"),
+               "Rough dielectric with two alphas: ior, roughness, anisotropy, azimuth, cosine.");
       array(f, "uint8_t", side ? "kAnisotropicInside" : "kAnisotropicOutside", g.deficit[side], 1 / kStep);
       array(f, "uint16_t", side ? "kAnisotropicInsideRoot" : "kAnisotropicOutsideRoot", g.root[side], 5e4);
       close(f);

@@ -85,8 +85,7 @@ struct Tables {
     for (int k = 0; k <= kFine * (kReflectR - 1); ++k) {
       const double r = double(k) / (kFine * (kReflectR - 1)), a = std::max(r * r, 1e-6);
       deficitRoot.push_back(std::sqrt(hemisphere(a, [&](double t, double) { return deficit.get(t, r); })));
-      schlickMean.push_back(
-          hemisphere(a, [&](double t, double m) { return extra.get(t, r) + std::pow(1 - m, 5) * (1 - deficit.get(t, r)); }));
+      schlickMean.push_back(hemisphere(a, [&](double t, double m) { return extra.get(t, r) + std::pow(1 - m, 5) * (1 - deficit.get(t, r)); }));
     }
     for (int side = 0; side < 2; ++side) {
       for (int k = 0; k < kGlassIor; ++k) {
@@ -171,8 +170,7 @@ int main(int argc, char** argv) {
     w.array("uint16_t", "kSheenAlbedo", t.sheenE.v, 1e4);
     close(w);
     for (int side = 0; side < 2; ++side) {
-      Writer g =
-          open(dir + (side ? "/bsdf_glass_inside_data.h" : "/bsdf_glass_outside_data.h"), "Rough dielectric: ior, roughness, cosine.");
+      Writer g = open(dir + (side ? "/bsdf_glass_inside_data.h" : "/bsdf_glass_outside_data.h"), "Rough dielectric: ior, roughness, cosine.");
       std::vector<double> all;
       for (const Grid2& k : t.glass[side]) all.insert(all.end(), k.v.begin(), k.v.end());
       g.array("uint16_t", side ? "kGlassInside" : "kGlassOutside", all, 1e4);
@@ -191,10 +189,9 @@ int main(int argc, char** argv) {
     const double r = 0.0317 + (1 - 0.0317) * uniform(), a = r * r, m = k & 1 ? muAt(uniform(), a) : 0.02 + 0.98 * uniform();
     const double ior = 1.02 + 1.58 * uniform();
     const Albedo e = reflection(direction(m), a, a, 128);
-    const double errors[4] = {e.all + t.deficit.get(tAt(m, a), r) - 1,
-                              t.extra.get(tAt(m, a), r) + std::pow(1 - m, 5) * (1 - t.deficit.get(tAt(m, a), r)) - e.schlick,
-                              dielectric(direction(m), a, ior, 64) + t.glassAt(m, r, ior, 0) - 1,
-                              dielectric(direction(m), a, 1 / ior, 64) + t.glassAt(m, r, ior, 1) - 1};
+    const double errors[4] = {
+        e.all + t.deficit.get(tAt(m, a), r) - 1, t.extra.get(tAt(m, a), r) + std::pow(1 - m, 5) * (1 - t.deficit.get(tAt(m, a), r)) - e.schlick,
+        dielectric(direction(m), a, ior, 64) + t.glassAt(m, r, ior, 0) - 1, dielectric(direction(m), a, 1 / ior, 64) + t.glassAt(m, r, ior, 1) - 1};
     for (int q = 0; q < 4; ++q) {
       lo[q] = std::min(lo[q], errors[q]);
       hi[q] = std::max(hi[q], errors[q]);

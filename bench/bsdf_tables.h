@@ -8,12 +8,16 @@
 
 namespace gobo::tables {
 
-struct V3 { double x, y, z; };
+struct V3 {
+  double x, y, z;
+};
 inline double dot(const V3& a, const V3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline double sq(double x) { return x * x; }
 inline constexpr double pi = 3.14159265358979323846;
 
-struct Albedo { double all = 0, schlick = 0; };   ///< of F = 1, of F = (1 - c)^5
+struct Albedo {
+  double all = 0, schlick = 0;
+};  ///< of F = 1, of F = (1 - c)^5
 
 /// sqrt(z^2 + ax^2 x^2 + ay^2 y^2): Smith's G1 = 2 z / (z + root).
 inline double root(const V3& v, double ax, double ay) { return std::sqrt(v.z * v.z + sq(ax * v.x) + sq(ay * v.y)); }
@@ -42,7 +46,7 @@ inline Albedo reflection(const V3& o, double ax, double ay, int n, bool whole = 
   const double so = root(o, ax, ay);
   for (int j = 0; j < n; ++j)
     for (int k = 0; k < n; ++k) {
-      const double t = 1 - (j + 0.5) / n;                               // denser at v = 1, where reflections graze
+      const double t = 1 - (j + 0.5) / n;  // denser at v = 1, where reflections graze
       const V3 h = visibleNormal(o, ax, ay, (k + 0.5) / (whole ? n : 2 * n), 1 - t * t);
       const double c = dot(o, h);
       if (!(c > 0)) continue;
@@ -69,7 +73,7 @@ inline double dielectric(const V3& o, double alpha, double eta, int n) {
   for (int j = 0; j < n; ++j)
     for (int k = 0; k < n; ++k) {
       const double w = 1 - (j + 0.5) / n;
-      const V3 h = visibleNormal(o, alpha, alpha, (k + 0.5) / (2 * n), 1 - w * w);       // the other half mirrors it
+      const V3 h = visibleNormal(o, alpha, alpha, (k + 0.5) / (2 * n), 1 - w * w);  // the other half mirrors it
       const double c = dot(o, h);
       if (!(c > 0)) continue;
       const double f = fresnel(c, eta);
@@ -91,7 +95,7 @@ inline double dielectric(const V3& o, double ax, double ay, double eta, int n) {
   for (int j = 0; j < n; ++j)
     for (int k = 0; k < n; ++k) {
       const double w = 1 - (j + 0.5) / n;
-      const V3 h = visibleNormal(o, ax, ay, (k + (j & 1 ? 0.75 : 0.25)) / n, 1 - w * w);    // staggered rings
+      const V3 h = visibleNormal(o, ax, ay, (k + (j & 1 ? 0.75 : 0.25)) / n, 1 - w * w);  // staggered rings
       const double c = dot(o, h);
       if (!(c > 0)) continue;
       const double f = fresnel(c, eta);
@@ -127,7 +131,7 @@ inline double sheen(const V3& o, double alpha, int n) {
   double sum = 0;
   for (int j = 0; j < n; ++j)
     for (int k = 0; k < n; ++k) {
-      const double t = (j + 0.5) / n, c = t * t;                        // denser near the horizon
+      const double t = (j + 0.5) / n, c = t * t;  // denser near the horizon
       sum += sheenF(o, direction(c, pi * (k + 0.5) / n), alpha) * c * 2 * t;
     }
   return sum * 2 * pi / (double(n) * n);

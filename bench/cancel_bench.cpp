@@ -37,8 +37,14 @@ struct Case {
 
 v1::RenderRequest requestOf(const Case& c, const std::string& size, int k) {
   v1::RenderRequest r;
-  std::vector<std::string> sets{"scene=atrium", "width=" + size.substr(0, size.find('x')), "height=" + size.substr(size.find('x') + 1), "halt.spp=1024", "seed=" + std::to_string(k),
-                                std::string("lights.key.kind=") + (c.area ? "RECT" : "SPOT"), "lights.key.position=0,6,0", "lights.key.direction=0,-1,0",
+  std::vector<std::string> sets{"scene=atrium",
+                                "width=" + size.substr(0, size.find('x')),
+                                "height=" + size.substr(size.find('x') + 1),
+                                "halt.spp=1024",
+                                "seed=" + std::to_string(k),
+                                std::string("lights.key.kind=") + (c.area ? "RECT" : "SPOT"),
+                                "lights.key.position=0,6,0",
+                                "lights.key.direction=0,-1,0",
                                 "lights.key.intensity=30"};
   sets.insert(sets.end(), c.sets.begin(), c.sets.end());
   for (const std::string& s : sets)
@@ -85,16 +91,26 @@ struct Gap {
     source.stopAtPoll(many);
     clockid_t clock;
     ::pthread_getcpuclockid(::pthread_self(), &clock);
-    const auto now = [clock] { timespec t; ::clock_gettime(clock, &t); return double(t.tv_sec) * 1e3 + double(t.tv_nsec) * 1e-6; };
+    const auto now = [clock] {
+      timespec t;
+      ::clock_gettime(clock, &t);
+      return double(t.tv_sec) * 1e3 + double(t.tv_nsec) * 1e-6;
+    };
     std::atomic<bool> done{false};
     std::thread watcher([&] {
       double since = now();
-      for (int last = many; ; std::this_thread::sleep_for(std::chrono::microseconds(200))) {
+      for (int last = many;; std::this_thread::sleep_for(std::chrono::microseconds(200))) {
         const bool over = done.load();
         const int left = source.pollsLeft();
         const double t = now();
-        if (t - since > ms) { ms = t - since; at = many - last; }
-        if (left != last) { since = t; last = left; }
+        if (t - since > ms) {
+          ms = t - since;
+          at = many - last;
+        }
+        if (left != last) {
+          since = t;
+          last = left;
+        }
         if (over) break;
       }
     });
@@ -121,15 +137,19 @@ int longestGaps(const std::vector<Case>& cases, const std::string& only, const s
     const auto engine = *Engine::create(options);
     v1::RenderRequest request = requestOf(c, size, 0);
     request.mutable_halt()->set_spp(1);
-    if (request.has_certificate()) { request.mutable_certificate()->set_spp(4); request.mutable_certificate()->set_pixel_fraction(0.01); }
-    row(c.name + ", admission", [&](StopToken stop) { return engine->pinnedBytes(request, nullptr, stop).status(); });   // makes the scene
+    if (request.has_certificate()) {
+      request.mutable_certificate()->set_spp(4);
+      request.mutable_certificate()->set_pixel_fraction(0.01);
+    }
+    row(c.name + ", admission", [&](StopToken stop) { return engine->pinnedBytes(request, nullptr, stop).status(); });  // makes the scene
     row(c.name, [&](StopToken stop) {
       RenderControl control;
       control.stop = stop;
       return engine->render(request, control).status();
     });
   }
-  if (!load.empty()) row("load of " + load.substr(load.find_last_of('/') + 1), [&](StopToken stop) { return (*Engine::create(options))->openScene(load, "s", stop).status(); });
+  if (!load.empty())
+    row("load of " + load.substr(load.find_last_of('/') + 1), [&](StopToken stop) { return (*Engine::create(options))->openScene(load, "s", stop).status(); });
   std::printf("%s", t.text().c_str());
   return out.empty() || t.write(out).ok() ? 0 : 1;
 }
@@ -143,7 +163,8 @@ int main(int argc, char** argv) {
   std::vector<Case> cases{{"path_traced", {"lights.key.shadow.path_traced="}}};
   for (const ShadowTechniqueEntry& t : shadowTechniques()) cases.push_back({t.name, {}, t.key, t.supports(LightKind::Rect)});
   for (const char* as : {"area_lights=45", "extract_lights=64", "gain=1,1,1"})
-    cases.push_back({std::string("environment ") + as, {map.empty() ? "environment.sky.turbidity=3" : "environment.path=" + map, std::string("environment.") + as}});
+    cases.push_back(
+        {std::string("environment ") + as, {map.empty() ? "environment.sky.turbidity=3" : "environment.path=" + map, std::string("environment.") + as}});
   cases.push_back({"caustics", {"lights.key.kind=POINT", "integrator.caustic_photons=100000"}});
   cases.push_back({"certificate", {"halt.spp=1", "certificate.pixel_fraction=0.2", "certificate.spp=256"}});
 

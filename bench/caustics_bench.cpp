@@ -24,7 +24,8 @@ v1::RenderRequest request(int width, int height, int spp, int seed, const char* 
   r.mutable_halt()->set_spp(uint32_t(spp));
   r.set_seed(uint64_t(seed));
   r.add_outputs(output);
-  for (const char* s : {"lights.lamp.kind=POINT", "lights.lamp.position=0,6,2", "lights.lamp.intensity=150", "integrator.caustic_photons=20000"}) (void)setPath(r, s);
+  for (const char* s : {"lights.lamp.kind=POINT", "lights.lamp.position=0,6,2", "lights.lamp.intensity=150", "integrator.caustic_photons=20000"})
+    (void)setPath(r, s);
   return r;
 }
 
@@ -34,10 +35,14 @@ std::vector<double> caustics(Engine& engine, v1::RenderRequest r, double* ms) {
   r.mutable_integrator()->set_caustic_photons(0);
   const auto without = engine.render(r);
   std::vector<double> out;
-  if (!with.ok() || !without.ok()) { std::fprintf(stderr, "%s\n", (with.ok() ? without : with).status().toString().c_str()); std::exit(1); }
+  if (!with.ok() || !without.ok()) {
+    std::fprintf(stderr, "%s\n", (with.ok() ? without : with).status().toString().c_str());
+    std::exit(1);
+  }
   const auto a = with->images[0].pixels(), b = without->images[0].pixels();
   for (size_t i = 0; i < a.size(); ++i) out.push_back(double(a[i]) - double(b[i]));
-  for (const auto& n : with->reply.plan()) if (n.node() == "caustics") *ms = n.ms();
+  for (const auto& n : with->reply.plan())
+    if (n.node() == "caustics") *ms = n.ms();
   return out;
 }
 
@@ -49,22 +54,31 @@ int main(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--png") && i + 4 < argc) {
       png = argv[++i];
-      width = std::atoi(argv[++i]); height = std::atoi(argv[++i]); spp = std::atoi(argv[++i]);
+      width = std::atoi(argv[++i]);
+      height = std::atoi(argv[++i]);
+      spp = std::atoi(argv[++i]);
     }
   }
   auto engine = Engine::create({});
   if (!png.empty()) {
     for (const bool on : {true, false}) {
       v1::RenderRequest r = request(width, height, spp, 1, "beauty");
-      for (const char* e : {"integrator.caustic_photons=200000", "integrator.caustic_radius=0.0015"}) (void)setPath(r, e);   // sharp enough to look at
+      for (const char* e : {"integrator.caustic_photons=200000", "integrator.caustic_radius=0.0015"}) (void)setPath(r, e);  // sharp enough to look at
       if (!on) r.mutable_integrator()->set_caustic_photons(0);
       const auto result = (*engine)->render(r);
-      if (!result.ok()) { std::fprintf(stderr, "%s\n", result.status().toString().c_str()); return 1; }
-      for (const auto& n : result->reply.plan()) std::fprintf(stderr, "%s: %.0f ms, %llu rays; %s\n", n.node().c_str(), n.ms(), (unsigned long long)n.rays(), n.reason().c_str());
+      if (!result.ok()) {
+        std::fprintf(stderr, "%s\n", result.status().toString().c_str());
+        return 1;
+      }
+      for (const auto& n : result->reply.plan())
+        std::fprintf(stderr, "%s: %.0f ms, %llu rays; %s\n", n.node().c_str(), n.ms(), (unsigned long long)n.rays(), n.reason().c_str());
       Image image = result->images[0].image();
       for (float& v : image.data) v = v / (1.0f + v);
       const auto bytes = encodePng(image);
-      if (!bytes.ok() || !writeFileAtomic(on ? png : png + ".without.png", bytes->data(), bytes->size()).ok()) { std::fprintf(stderr, "no picture written\n"); return 1; }
+      if (!bytes.ok() || !writeFileAtomic(on ? png : png + ".without.png", bytes->data(), bytes->size()).ok()) {
+        std::fprintf(stderr, "no picture written\n");
+        return 1;
+      }
     }
     return 0;
   }

@@ -12,9 +12,9 @@
 #include <cstring>
 #include <sstream>
 
+#include "measure/report.h"
 #include "support/certificate_cases.h"
 #include "support/certificate_tries.h"
-#include "measure/report.h"
 
 namespace {
 
@@ -32,8 +32,8 @@ int finish(const Table& table, const std::string& path, bool kept) {
 }
 
 int synthetic(int seeds, double fraction, int size, const std::string& path) {
-  Table table("certificate", {"picture", "RMSE", "half the error in % of pixels", "holds RMSE", "trimmed holds", "half-width %",
-                              "rel: holds", "rel: trimmed", "rel: half-width %", "promised"});
+  Table table("certificate", {"picture", "RMSE", "half the error in % of pixels", "holds RMSE", "trimmed holds", "half-width %", "rel: holds", "rel: trimmed",
+                              "rel: half-width %", "promised"});
   table.note("seeds", double(seeds));
   table.note("pixels drawn", std::round(fraction * size * size));
   table.note("of", double(size) * size);
@@ -43,8 +43,11 @@ int synthetic(int seeds, double fraction, int size, const std::string& path) {
     const bool whole = picture.kind != Kind::Hidden;
     const bool ok = c.trimmed >= 0.93 && (!whole || c.whole >= 0.93) && (!picture.widthPromised || c.halfWidth <= 0.25);
     kept = kept && ok;
-    table.add({picture.name, picture.rmse, 100 * picture.halfErrorArea(), c.whole, c.trimmed, 100 * c.halfWidth, c.relWhole, c.relTrimmed,
-               100 * c.relHalfWidth, std::string(picture.widthPromised ? "93 %, width 25 %" : whole ? "93 %" : "trimmed 93 %") + (ok ? "" : " MISSED")});
+    table.add({picture.name, picture.rmse, 100 * picture.halfErrorArea(), c.whole, c.trimmed, 100 * c.halfWidth, c.relWhole, c.relTrimmed, 100 * c.relHalfWidth,
+               std::string(picture.widthPromised ? "93 %, width 25 %"
+                           : whole               ? "93 %"
+                                                 : "trimmed 93 %") +
+                   (ok ? "" : " MISSED")});
   }
   return finish(table, path, kept);
 }
@@ -67,7 +70,10 @@ Image mustRender(Engine& engine, const ScenePtr& scene, const v1::RenderRequest&
   RenderControl control;
   control.scene = scene;
   const Result<RenderResult> r = engine.render(request, control);
-  if (!r.ok()) { std::fprintf(stderr, "%s\n", r.status().toString().c_str()); std::exit(2); }
+  if (!r.ok()) {
+    std::fprintf(stderr, "%s\n", r.status().toString().c_str());
+    std::exit(2);
+  }
   return r->images[0].image();
 }
 
@@ -84,7 +90,7 @@ RealTotals tryScene(Table& table, const TriedScene& tried, const ScenePtr& scene
   for (const TriedPicture& p : pictures) {
     const Image image = mustRender(*engine, scene, p.request);
     const MeasuredError error = measureError(image, reference);
-    const double doubt = error.standardError / std::max(error.mse, 1e-30) / 2;   // of the RMSE
+    const double doubt = error.standardError / std::max(error.mse, 1e-30) / 2;  // of the RMSE
     const bool usable = error.mse > 0 && doubt <= 0.1;
     ++total.pictures;
     total.dropped += !usable;
@@ -93,8 +99,8 @@ RealTotals tryScene(Table& table, const TriedScene& tried, const ScenePtr& scene
       normal.add(tryCertificate(image, reference, k, kDefaultPixels), error.rmse());
       few.add(tryCertificate(image, reference, k, kFewPixels), error.rmse());
     }
-    table.add({tried.name, use, p.name, error.rmse(), 100 * doubt, double(normal.held), double(normal.above), double(normal.below), 100 * normal.halfWidth(), double(few.held),
-               double(few.above), double(few.below), 100 * few.halfWidth()});
+    table.add({tried.name, use, p.name, error.rmse(), 100 * doubt, double(normal.held), double(normal.above), double(normal.below), 100 * normal.halfWidth(),
+               double(few.held), double(few.above), double(few.below), 100 * few.halfWidth()});
     total.normal.add(normal), total.few.add(few);
   }
   std::vector<Image> doublings;
@@ -105,7 +111,7 @@ RealTotals tryScene(Table& table, const TriedScene& tried, const ScenePtr& scene
     doublings.push_back(mustRender(*engine, scene, request));
     errors.push_back(measureError(doublings.back(), reference));
   }
-  for (const double factor : {0.5, 1.0, 1.6}) {   // of the error at 64 samples
+  for (const double factor : {0.5, 1.0, 1.6}) {  // of the error at 64 samples
     const double asked = factor * errors[2].rmse();
     for (auto [halts, pixels] : {std::pair(&total.halts, kDefaultPixels), {&total.fewHalts, kFewPixels}}) {
       const Halts h = tryHalts(doublings, errors, reference, certificates, asked, pixels);
@@ -116,25 +122,37 @@ RealTotals tryScene(Table& table, const TriedScene& tried, const ScenePtr& scene
 }
 
 int real(int certificates, int size, int truthSpp, const std::string& which, const std::string& data, const std::string& path) {
-  Table table("certificates of rendered pictures", {"scene", "use", "picture", "RMSE", "truth's error %", "held", "low above", "high below", "half-width %", "held (512)",
-                                                     "low above (512)", "high below (512)", "half-width % (512)"});
-  Table scenes("by scene", {"scene", "use", "pictures", "left out", "certificates", "held", "half-width %", "held (512)", "half-width % (512)", "halts", "kept", "halts (512)", "kept (512)"});
+  Table table("certificates of rendered pictures", {"scene", "use", "picture", "RMSE", "truth's error %", "held", "low above", "high below", "half-width %",
+                                                    "held (512)", "low above (512)", "high below (512)", "half-width % (512)"});
+  Table scenes("by scene", {"scene", "use", "pictures", "left out", "certificates", "held", "half-width %", "held (512)", "half-width % (512)", "halts", "kept",
+                            "halts (512)", "kept (512)"});
   const auto addScene = [&](const std::string& name, const std::string& use, const RealTotals& t) {
-    scenes.add({name, use, double(t.pictures), double(t.dropped), double(t.normal.tried), t.normal.share(), 100 * t.normal.halfWidth(), t.few.share(), 100 * t.few.halfWidth(),
-                double(t.halts.stopped), double(t.halts.kept), double(t.fewHalts.stopped), double(t.fewHalts.kept)});
+    scenes.add({name, use, double(t.pictures), double(t.dropped), double(t.normal.tried), t.normal.share(), 100 * t.normal.halfWidth(), t.few.share(),
+                100 * t.few.halfWidth(), double(t.halts.stopped), double(t.halts.kept), double(t.fewHalts.stopped), double(t.fewHalts.kept)});
   };
-  const auto opener = std::move(*Engine::create([] { EngineOptions o; o.anyPath = true; return o; }()));
+  const auto opener = std::move(*Engine::create([] {
+    EngineOptions o;
+    o.anyPath = true;
+    return o;
+  }()));
   RealTotals all, unseen;
   bool kept = true;
   for (const TriedScene& tried : triedScenes()) {
-    if (which == "tuned" ? !tried.tuned : which == "other" ? tried.tuned : which != "all" && ("," + which + ",").find("," + tried.name + ",") == std::string::npos) continue;
+    if (which == "tuned"   ? !tried.tuned
+        : which == "other" ? tried.tuned
+                           : which != "all" && ("," + which + ",").find("," + tried.name + ",") == std::string::npos)
+      continue;
     const Result<ScenePtr> scene = openTried(*opener, tried.name, data);
-    if (!scene.ok()) { std::fprintf(stderr, "left out: %s\n", scene.status().toString().c_str()); continue; }
+    if (!scene.ok()) {
+      std::fprintf(stderr, "left out: %s\n", scene.status().toString().c_str());
+      continue;
+    }
     const auto start = std::chrono::steady_clock::now();
     const RealTotals t = tryScene(table, tried, *scene, size, certificates, truthSpp);
     addScene(tried.name, tried.tuned ? "tuning" : "unseen", t);
-    std::fprintf(stderr, "%s: %.3f of %d held, %.3f with 512 pixels; %d of %d halts kept; %.0f s\n", tried.name.c_str(), t.normal.share(), t.normal.tried, t.few.share(),
-                 t.halts.kept + t.fewHalts.kept, t.halts.stopped + t.fewHalts.stopped, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+    std::fprintf(stderr, "%s: %.3f of %d held, %.3f with 512 pixels; %d of %d halts kept; %.0f s\n", tried.name.c_str(), t.normal.share(), t.normal.tried,
+                 t.few.share(), t.halts.kept + t.fewHalts.kept, t.halts.stopped + t.fewHalts.stopped,
+                 std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
     kept = kept && t.normal.share() >= 0.9 && t.few.share() >= 0.9;
     all.add(t);
     if (!tried.tuned) unseen.add(t);
@@ -156,9 +174,11 @@ int main(int argc, char** argv) {
   const bool onReal = std::any_of(argv, argv + argc, [](const char* a) { return !std::strcmp(a, "--real"); });
   const int size = int(number("--size", onReal ? "64" : "512"));
   const int seeds = int(number("--seeds", "1000")), certificates = int(number("--certificates", "16")), truth = int(number("--truth", "1024"));
-  const double fraction = number("--fraction", "0.015625");   // 4096 of 512 x 512
+  const double fraction = number("--fraction", "0.015625");  // 4096 of 512 x 512
   if (seeds < 1 || fraction <= 0 || fraction > 1 || size < 8 || certificates < 1 || truth < 16 || (!path.empty() && path.rfind('.') == std::string::npos)) {
-    std::fprintf(stderr, "certificate_bench: --seeds and --certificates at least 1, --fraction in (0,1], --size at least 8, --truth at least 16, --out with an extension\n");
+    std::fprintf(
+        stderr,
+        "certificate_bench: --seeds and --certificates at least 1, --fraction in (0,1], --size at least 8, --truth at least 16, --out with an extension\n");
     return 2;
   }
   if (onReal) return real(certificates, size, truth, argumentOr(argc, argv, "--scenes", "all"), argumentOr(argc, argv, "--data", "../shared/data"), path);

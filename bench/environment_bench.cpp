@@ -42,7 +42,10 @@ std::vector<std::string> split(const std::string& text, char by) {
   std::exit(1);
 }
 
-struct Run { Image image; double seconds = 0, fit = 0; };
+struct Run {
+  Image image;
+  double seconds = 0, fit = 0;
+};
 
 class Bench {
  public:
@@ -119,11 +122,11 @@ int main(int argc, char** argv) {
   table.note("technique", technique);
   table.note("pixels", double(width) * height);
   table.note("reference samples a pixel, each of two halves", reference);
-  double secondsPerVariance = 0;   // path tracing: time = this / error^2
+  double secondsPerVariance = 0;  // path tracing: time = this / error^2
   for (const std::string& spp : split(argumentOr(argc, argv, "--spp", "4,16,64,256"), ',')) {
     const Run r = bench.render({"shadows.path_traced=", "halt.spp=" + spp, "seed=7"}, "traced_" + spp);
     const double error = relativeError(r.image, a.image, b.image);
-    secondsPerVariance = r.seconds * error * error;   // of the largest count, where what is done once weighs least
+    secondsPerVariance = r.seconds * error * error;  // of the largest count, where what is done once weighs least
     table.add({std::string("path traced"), std::atof(spp.c_str()), error, r.seconds, 0.0, r.seconds, 1.0});
   }
   for (const std::string& n : split(argumentOr(argc, argv, "--lights", "10,20,30,45,60,100"), ',')) {

@@ -30,7 +30,8 @@ double cpuClock() {
 }
 double wallClock() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
-template <typename Work> double median(double (*clock)(), const Work& work) {
+template <typename Work>
+double median(double (*clock)(), const Work& work) {
   std::vector<double> times;
   for (int i = 0; i < 9; ++i) {
     const double begin = clock();
@@ -66,10 +67,12 @@ int main() {
     for (int r = 0; r < repeats; ++r)
       for (size_t i = 0; i + kPiece <= n; i += kPiece) encodeExponential(&z[i % 4096], &e[i % 4096], kPiece, 60.0f);
   });
-  const double libm = median(cpuClock, [&] {
-    for (size_t i = 0; i + kPiece <= n; i += kPiece)
-      for (size_t k = 0; k < kPiece; ++k) e[(i + k) % 4096] = std::exp(60.0f * (z[(i + k) % 4096] - 1.0f));
-  }) * repeats;
+  const double libm = median(cpuClock,
+                             [&] {
+                               for (size_t i = 0; i + kPiece <= n; i += kPiece)
+                                 for (size_t k = 0; k < kPiece; ++k) e[(i + k) % 4096] = std::exp(60.0f * (z[(i + k) % 4096] - 1.0f));
+                             }) *
+                      repeats;
   const double whole = median(cpuClock, [&] { encodeExponential(z.data(), e.data(), n, 60.0f); });
   std::vector<float> padded(size_t(side) + taps - 1);
   const double filter = median(cpuClock, [&] {
@@ -100,7 +103,8 @@ int main() {
   const double look = median(wallClock, [&] { run(node, {gbuffer, map}); });
   const double ratio = libm / fast;
   std::printf("exp loop, in cache       %6.1f GB/s  %5.2f ns per element\n", 8e-9 * double(n) * repeats / fast, 1e9 * fast / double(n) / repeats);
-  std::printf("the same over std::exp   %6.1f GB/s  %5.2f ns per element  (%.1f times slower)\n", 8e-9 * double(n) * repeats / libm, 1e9 * libm / double(n) / repeats, ratio);
+  std::printf("the same over std::exp   %6.1f GB/s  %5.2f ns per element  (%.1f times slower)\n", 8e-9 * double(n) * repeats / libm,
+              1e9 * libm / double(n) / repeats, ratio);
   std::printf("encode 1024^2            %6.1f GB/s  %5.2f ms\n", 8e-9 * double(n) / whole, 1e3 * whole);
   std::printf("filter rows, 5 taps      %6.1f GB/s  %5.2f ms\n", 8e-9 * double(n) / filter, 1e3 * filter);
   std::printf("lookup, 1 M samples      %6.1f GB/s  %5.2f ms  (20 bytes a sample)\n", 20e-9 * double(samples) / look, 1e3 * look);
@@ -110,7 +114,9 @@ int main() {
       return;
     }
     const double encode = median(wallClock, [&] { (void)deviceEncode(**device, z, side, side, 60.0f, weights, e).ok(); });
-    const double look = median(wallClock, [&] { (void)deviceLookup(**device, {frame, 60.0f, lookup.map.bias, side, side}, e, positions, instances, V, {}).ok(); });
+    const double look = median(wallClock, [&] {
+      (void)deviceLookup(**device, {frame, 60.0f, lookup.map.bias, side, side}, e, positions, instances, V, {}).ok();
+    });
     std::printf("%s: %s, wall clock with transfers: encode + filter %.2f ms, lookup %.2f ms\n", (*device)->kind(), (*device)->name().c_str(), 1e3 * encode,
                 1e3 * look);
   };

@@ -28,14 +28,21 @@ using namespace gobo;
 using Clock = std::chrono::steady_clock;
 double msSince(Clock::time_point t) { return std::chrono::duration<double, std::milli>(Clock::now() - t).count(); }
 
-struct Row { double total = 0; LoadReport report; };
+struct Row {
+  double total = 0;
+  LoadReport report;
+};
 const Row& median(std::vector<Row>& rows) {
   std::sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) { return a.total < b.total; });
   return rows[rows.size() / 2];
 }
 
 /// CPU time of this thread: what else runs on the machine counts less.
-double cpuNs() { timespec t{}; ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t); return double(t.tv_sec) * 1e9 + double(t.tv_nsec); }
+double cpuNs() {
+  timespec t{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return double(t.tv_sec) * 1e9 + double(t.tv_nsec);
+}
 
 /// Random: a path tracer's second hits. Coherent: neighbouring pixels of a slanted view, a texel or so apart. Layouts take turns,
 /// so that a busy machine hits all of them.
@@ -47,7 +54,10 @@ void layouts() {
     t.width = t.height = size;
     t.srgb = true;
     std::vector<uint8_t> texels(size_t(size) * size * 4);
-    for (size_t i = 0; i < texels.size(); i += 4) { const uint32_t v = hash32(1, uint32_t(i)); std::memcpy(&texels[i], &v, 4); }
+    for (size_t i = 0; i < texels.size(); i += 4) {
+      const uint32_t v = hash32(1, uint32_t(i));
+      std::memcpy(&texels[i], &v, 4);
+    }
     t.texels8 = texels;
     sealTexture(t);
     std::vector<Texture> made;
@@ -69,7 +79,8 @@ void layouts() {
           best[k][kind] = std::min(best[k][kind], (cpuNs() - start) / n);
         }
     for (size_t k = 0; k < made.size(); ++k)
-      std::printf("%-8d %-8s %8.1f %8.1f%s\n", size, tiles[k] == 0 ? "rows" : std::to_string(1 << tiles[k]).c_str(), best[k][0], best[k][1], sum.x < 0 ? "!" : "");
+      std::printf("%-8d %-8s %8.1f %8.1f%s\n", size, tiles[k] == 0 ? "rows" : std::to_string(1 << tiles[k]).c_str(), best[k][0], best[k][1],
+                  sum.x < 0 ? "!" : "");
   }
 }
 
@@ -79,7 +90,10 @@ int main(int argc, char** argv) {
   int repeat = 5;
   std::string out;
   for (int i = 1; i < argc; ++i) {
-    if (!std::strcmp(argv[i], "--layout")) { layouts(); return 0; }
+    if (!std::strcmp(argv[i], "--layout")) {
+      layouts();
+      return 0;
+    }
     if (!std::strcmp(argv[i], "--repeat") && i + 1 < argc) repeat = std::max(1, std::atoi(argv[++i]));
     else if (!std::strcmp(argv[i], "--out") && i + 1 < argc) out = argv[++i];
   }
@@ -88,12 +102,17 @@ int main(int argc, char** argv) {
   if (!::mkdtemp(folder.data())) return 1;
   const std::string data = "../shared/data/";
   std::string json = "[";
-  std::printf("%-14s %-8s %9s %9s %9s %9s %9s %9s %9s   (ms, median of %d)\n", "scene", "load", "total", "child", "parse", "textures", "map", "BVH", "blob MB", repeat);
+  std::printf("%-14s %-8s %9s %9s %9s %9s %9s %9s %9s   (ms, median of %d)\n", "scene", "load", "total", "child", "parse", "textures", "map", "BVH", "blob MB",
+              repeat);
   const TaskArena arena;
-  for (const auto& [name, file] : {std::pair<const char*, const char*>{"sponza", "derived/sponza.glb"}, {"FlightHelmet", "gltf/FlightHelmet/FlightHelmet.gltf"},
+  for (const auto& [name, file] : {std::pair<const char*, const char*>{"sponza", "derived/sponza.glb"},
+                                   {"FlightHelmet", "gltf/FlightHelmet/FlightHelmet.gltf"},
                                    {"DamagedHelmet", "gltf/khronos/DamagedHelmet/glTF-Binary/DamagedHelmet.glb"}}) {
     const std::string path = std::filesystem::absolute(data + file).lexically_normal().string();
-    if (!std::filesystem::exists(path)) { std::printf("%-14s is absent\n", name); continue; }
+    if (!std::filesystem::exists(path)) {
+      std::printf("%-14s is absent\n", name);
+      continue;
+    }
     double bvh = 0;
     for (const char* load : {"local", "cold", "warm"}) {
       std::vector<Row> rows;
@@ -102,11 +121,17 @@ int main(int argc, char** argv) {
         options.cacheFolder = folder + "/" + name;
         if (!std::strcmp(load, "cold")) std::filesystem::remove_all(options.cacheFolder);
         auto loader = !std::strcmp(load, "local") ? Result<std::shared_ptr<SceneLoader>>(inProcessLoader()) : childLoader(options);
-        if (!loader.ok()) { std::fprintf(stderr, "%s\n", loader.status().toString().c_str()); return 1; }
+        if (!loader.ok()) {
+          std::fprintf(stderr, "%s\n", loader.status().toString().c_str());
+          return 1;
+        }
         const auto start = Clock::now();
         const auto loaded = (*loader)->scene(path, {});
         rows.push_back({msSince(start), loaded.ok() ? loaded->report : LoadReport{}});
-        if (!loaded.ok()) { std::fprintf(stderr, "%s\n", loaded.status().toString().c_str()); return 1; }
+        if (!loaded.ok()) {
+          std::fprintf(stderr, "%s\n", loaded.status().toString().c_str());
+          return 1;
+        }
         if (bvh == 0) {
           const std::vector<int> none;
           const auto building = Clock::now();
@@ -115,12 +140,12 @@ int main(int argc, char** argv) {
         }
       }
       const Row& r = median(rows);
-      std::printf("%-14s %-8s %9.1f %9.1f %9.1f %9.1f %9.2f %9.1f %9.1f\n", name, load, r.total, r.report.ingestMs, r.report.parseMs, r.report.textureMs, r.report.mapMs, bvh,
-                  double(r.report.blobBytes) / 1e6);
+      std::printf("%-14s %-8s %9.1f %9.1f %9.1f %9.1f %9.2f %9.1f %9.1f\n", name, load, r.total, r.report.ingestMs, r.report.parseMs, r.report.textureMs,
+                  r.report.mapMs, bvh, double(r.report.blobBytes) / 1e6);
       json += std::string(json.size() > 1 ? ",\n " : "\n ") + "{\"scene\":\"" + name + "\",\"load\":\"" + load + "\",\"total_ms\":" + std::to_string(r.total) +
-              ",\"child_ms\":" + std::to_string(r.report.ingestMs) + ",\"parse_ms\":" + std::to_string(r.report.parseMs) + ",\"texture_ms\":" +
-              std::to_string(r.report.textureMs) + ",\"map_ms\":" + std::to_string(r.report.mapMs) + ",\"bvh_ms\":" + std::to_string(bvh) + ",\"blob_bytes\":" +
-              std::to_string(r.report.blobBytes) + ",\"cached\":" + (r.report.cached ? "true" : "false") + "}";
+              ",\"child_ms\":" + std::to_string(r.report.ingestMs) + ",\"parse_ms\":" + std::to_string(r.report.parseMs) +
+              ",\"texture_ms\":" + std::to_string(r.report.textureMs) + ",\"map_ms\":" + std::to_string(r.report.mapMs) + ",\"bvh_ms\":" + std::to_string(bvh) +
+              ",\"blob_bytes\":" + std::to_string(r.report.blobBytes) + ",\"cached\":" + (r.report.cached ? "true" : "false") + "}";
     }
   }
   if (!out.empty()) std::ofstream(out) << json << "\n]\n";

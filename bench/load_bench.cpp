@@ -61,13 +61,16 @@ class Daemon {
   /// A connection of its own: one per client.
   std::unique_ptr<v1::Render::Stub> connect(int id) const {
     grpc::ChannelArguments arguments;
-    arguments.SetInt("gobo.client", id);   // different arguments: no sharing of connections
+    arguments.SetInt("gobo.client", id);  // different arguments: no sharing of connections
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
     return v1::Render::NewStub(grpc::CreateCustomChannel(address_, grpc::InsecureChannelCredentials(), arguments));
   }
   std::shared_ptr<grpc::Channel> channel() const { return channel_; }
 
-  struct Health { double rssMb = 0; int files = 0, threads = 0; };
+  struct Health {
+    double rssMb = 0;
+    int files = 0, threads = 0;
+  };
   Health health() const {
     Health h;
     std::ifstream status("/proc/" + std::to_string(pid_) + "/status");
@@ -116,7 +119,12 @@ bool drain(grpc::ClientReaderInterface<v1::RenderEvent>& reader, std::string* id
   return false;
 }
 
-struct Load { std::vector<std::vector<double>> ms; std::atomic<uint64_t> errors{0}, batches{0}; std::string firstError; std::mutex mutex; };
+struct Load {
+  std::vector<std::vector<double>> ms;
+  std::atomic<uint64_t> errors{0}, batches{0};
+  std::string firstError;
+  std::mutex mutex;
+};
 
 void fail(Load& load, const std::string& error) {
   load.errors++;
@@ -124,23 +132,30 @@ void fail(Load& load, const std::string& error) {
   if (load.firstError.empty()) load.firstError = error;
 }
 
-void relightLoad(const Daemon& daemon, int clients, int batch, double seconds, unsigned width, unsigned height, const std::vector<std::string>& lights, Load& load) {
+void relightLoad(const Daemon& daemon, int clients, int batch, double seconds, unsigned width, unsigned height, const std::vector<std::string>& lights,
+                 Load& load) {
   load.ms.assign(size_t(clients), {});
   std::atomic<bool> over{false};
   std::atomic<int> warm{0};
   std::vector<std::thread> threads;
   std::mutex batchMutex;
-  std::vector<grpc::ClientContext*> batchCalls(size_t(batch), nullptr);   // to be cancelled at the end
+  std::vector<grpc::ClientContext*> batchCalls(size_t(batch), nullptr);  // to be cancelled at the end
   for (int b = 0; b < batch; ++b)
     threads.emplace_back([&, b] {
       auto stub = daemon.connect(10000 + b);
       for (uint64_t k = 0; !over; ++k) {
         grpc::ClientContext context;
-        { std::lock_guard lock(batchMutex); batchCalls[size_t(b)] = &context; }
+        {
+          std::lock_guard lock(batchMutex);
+          batchCalls[size_t(b)] = &context;
+        }
         auto reader = stub->Render(&context, requestOf(320, 240, 10000 + b, 1000 * uint64_t(b + 1) + k, 64, v1::Scheduling::BATCH));
         std::string error;
         const bool ok = drain(*reader, nullptr, &error);
-        { std::lock_guard lock(batchMutex); batchCalls[size_t(b)] = nullptr; }
+        {
+          std::lock_guard lock(batchMutex);
+          batchCalls[size_t(b)] = nullptr;
+        }
         if (ok) load.batches++;
         else if (!over) fail(load, "batch: " + error);
       }
@@ -152,7 +167,11 @@ void relightLoad(const Daemon& daemon, int clients, int batch, double seconds, u
       {
         grpc::ClientContext context;
         auto reader = stub->Render(&context, requestOf(width, height, c, 7, 4, v1::Scheduling::INTERACTIVE));
-        if (!drain(*reader, &id, &error)) { fail(load, "first render: " + error); warm++; return; }
+        if (!drain(*reader, &id, &error)) {
+          fail(load, "first render: " + error);
+          warm++;
+          return;
+        }
       }
       warm++;
       while (warm < clients && !over) std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -178,7 +197,8 @@ void relightLoad(const Daemon& daemon, int clients, int batch, double seconds, u
   over = true;
   {
     std::lock_guard lock(batchMutex);
-    for (grpc::ClientContext* call : batchCalls) if (call) call->TryCancel();
+    for (grpc::ClientContext* call : batchCalls)
+      if (call) call->TryCancel();
   }
   for (std::thread& t : threads) t.join();
 }
@@ -198,7 +218,10 @@ int soak(const Daemon& daemon, uint64_t renders, const std::string& out) {
     }
     grpc::ClientContext context;
     auto reader = stub->Render(&context, requestOf(8, 8, 1, k, 1, v1::Scheduling::NORMAL));
-    if (!drain(*reader, nullptr, &error)) { if (first.empty()) first = error; ++errors; }
+    if (!drain(*reader, nullptr, &error)) {
+      if (first.empty()) first = error;
+      ++errors;
+    }
   }
   table.note("errors", double(errors));
   std::printf("%s", table.text().c_str());
@@ -235,7 +258,10 @@ int main(int argc, char** argv) {
       v1::OpenSceneRequest open;
       open.set_source("lights8");
       const auto status = v1::Scenes::NewStub(daemon.channel())->Open(&context, open, &info);
-      if (!status.ok()) { std::fprintf(stderr, "load_bench: %s\n", status.error_message().c_str()); return 1; }
+      if (!status.ok()) {
+        std::fprintf(stderr, "load_bench: %s\n", status.error_message().c_str());
+        return 1;
+      }
       std::vector<std::string> lights;
       for (const auto& l : info.lights()) lights.push_back(l.name());
       Table table("load", {"load", "relights/s", "p50 ms", "p95 ms", "p99 ms", "worst ms", "least share", "largest share", "errors", "batch renders"});
@@ -243,13 +269,19 @@ int main(int argc, char** argv) {
         Load load;
         relightLoad(daemon, clients, beside, seconds, width, height, lights, load);
         std::vector<double> all, counts;
-        for (const auto& v : load.ms) { all.insert(all.end(), v.begin(), v.end()); counts.push_back(double(v.size())); }
+        for (const auto& v : load.ms) {
+          all.insert(all.end(), v.begin(), v.end());
+          counts.push_back(double(v.size()));
+        }
         const double mean = double(all.size()) / double(clients);
         table.add({std::to_string(clients) + " clients" + (beside ? ", " + std::to_string(beside) + " batch" : ""), double(all.size()) / seconds,
                    percentile(all, 0.5), percentile(all, 0.95), percentile(all, 0.99), percentile(all, 1.0),
-                   *std::min_element(counts.begin(), counts.end()) / mean, *std::max_element(counts.begin(), counts.end()) / mean,
-                   double(load.errors), double(load.batches)});
-        if (load.errors) { std::printf("first error: %s\n", load.firstError.c_str()); code = 1; }
+                   *std::min_element(counts.begin(), counts.end()) / mean, *std::max_element(counts.begin(), counts.end()) / mean, double(load.errors),
+                   double(load.batches)});
+        if (load.errors) {
+          std::printf("first error: %s\n", load.firstError.c_str());
+          code = 1;
+        }
         if (batch == 0) break;
       }
       const auto h = daemon.health();

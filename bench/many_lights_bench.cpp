@@ -46,7 +46,11 @@ Result<ScenePtr> withLights(const Scene& base, int count) {
   });
 }
 
-struct Picture { std::vector<double> texels; double seconds = 0; uint64_t rays = 0; };
+struct Picture {
+  std::vector<double> texels;
+  double seconds = 0;
+  uint64_t rays = 0;
+};
 
 struct Run {
   int width, height;
@@ -56,11 +60,15 @@ struct Run {
   Picture trace(const Scene& scene, const SceneView& view, const AccelPtr& accel, LightSelection selection, uint64_t seed, int spp) const {
     PathTracerSettings s;
     s.camera = scene.cameras[0];
-    s.width = width; s.height = height;
+    s.width = width;
+    s.height = height;
     s.blockSize = std::min(spp, 4096);
     s.seed = seed;
     s.selection = selection;
-    for (const Light& l : scene.lights) { s.groupOf.push_back(0); s.nominal.push_back(l.power); }
+    for (const Light& l : scene.lights) {
+      s.groupOf.push_back(0);
+      s.nominal.push_back(l.power);
+    }
     const auto tracer = PathTracer::create(view, accel, s);
     Picture p;
     p.texels.assign(size_t(width) * height * 3, 0.0);
@@ -101,9 +109,15 @@ int main(int argc, char** argv) {
     return 2;
   }
   auto loaded = loadScene("lamps");
-  if (!loaded) { std::fprintf(stderr, "%s\n", loaded.status().toString().c_str()); return 1; }
+  if (!loaded) {
+    std::fprintf(stderr, "%s\n", loaded.status().toString().c_str());
+    return 1;
+  }
   constexpr double kTarget = 0.01;
-  const struct { LightSelection kind; const char* name; } selections[] = {{LightSelection::Tree, "tree"}, {LightSelection::Power, "power"}, {LightSelection::Uniform, "uniform"}};
+  const struct {
+    LightSelection kind;
+    const char* name;
+  } selections[] = {{LightSelection::Tree, "tree"}, {LightSelection::Power, "power"}, {LightSelection::Uniform, "uniform"}};
   Table table("many lights", {"lights", "selection", "us a sample", "relMSE", "s to relMSE 0.01", "rays a path"});
   table.note("scene", std::string("lamps, every k-th light at k times the power"));
   table.note("pixels", double(run.width) * run.height);
@@ -112,13 +126,17 @@ int main(int argc, char** argv) {
   std::map<std::string, std::map<int, double>> seconds;
   for (const int count : {10, 100, 1000}) {
     auto scene = withLights(**loaded, count);
-    if (!scene) { std::fprintf(stderr, "%s\n", scene.status().toString().c_str()); return 1; }
+    if (!scene) {
+      std::fprintf(stderr, "%s\n", scene.status().toString().c_str());
+      return 1;
+    }
     std::vector<int> all(size_t(count), 0);
     std::iota(all.begin(), all.end(), 0);
     const SceneView view(**scene, kPathTracerFacets, all);
     const AccelPtr accel = Accel::build(view, run.arena);
     // The tree makes the best reference for its cost; any selection converges to the same picture.
-    const Picture a = run.trace(**scene, view, accel, LightSelection::Tree, 1001, reference), b = run.trace(**scene, view, accel, LightSelection::Tree, 1002, reference);
+    const Picture a = run.trace(**scene, view, accel, LightSelection::Tree, 1001, reference),
+                  b = run.trace(**scene, view, accel, LightSelection::Tree, 1002, reference);
     for (const auto& s : selections) {
       double error = 0, best = 1e30;
       uint64_t rays = 0;
@@ -137,7 +155,10 @@ int main(int argc, char** argv) {
   for (const auto& s : selections) table.note(std::string("growth 10 -> 1000, ") + s.name, seconds[s.name][1000] / seconds[s.name][10]);
   std::printf("%s", table.text().c_str());
   if (const std::string out = argumentOr(argc, argv, "--out", ""); !out.empty()) {
-    if (const Status status = table.write(out); !status.ok()) { std::fprintf(stderr, "%s\n", status.toString().c_str()); return 1; }
+    if (const Status status = table.write(out); !status.ok()) {
+      std::fprintf(stderr, "%s\n", status.toString().c_str());
+      return 1;
+    }
   }
   return 0;
 }

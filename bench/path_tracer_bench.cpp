@@ -30,7 +30,10 @@ PathTracerSettings settingsFor(const Scene& scene, int size) {
   s.camera = scene.cameras[0];
   s.width = s.height = size;
   s.groups = 1;
-  for (const Light& l : scene.lights) { s.groupOf.push_back(0); s.nominal.push_back(l.power); }
+  for (const Light& l : scene.lights) {
+    s.groupOf.push_back(0);
+    s.nominal.push_back(l.power);
+  }
   return s;
 }
 
@@ -48,7 +51,8 @@ void bare(const char* name, const Accel& accel, const std::vector<Ray>& rays, bo
       RTCRayHit h;
       h.ray = {r.origin.x, r.origin.y, r.origin.z, r.tmin, r.direction.x, r.direction.y, r.direction.z, 0.0f, r.tmax, ~0u, 0, 0};
       h.hit.geomID = h.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-      if (shadow) embree::occluded1(scene, context, h.ray); else embree::intersect1(scene, context, h, coherent);
+      if (shadow) embree::occluded1(scene, context, h.ray);
+      else embree::intersect1(scene, context, h, coherent);
       hits += shadow ? h.ray.tfar < 0.0f : h.hit.geomID != RTC_INVALID_GEOMETRY_ID;
     }
     best1 = std::min(best1, cpu() - t0);
@@ -59,9 +63,18 @@ void bare(const char* name, const Accel& accel, const std::vector<Ray>& rays, bo
       for (int i = 0; i < 16; ++i) {
         const Ray& r = rays[at + i];
         valid[i] = -1;
-        h.ray.org_x[i] = r.origin.x; h.ray.org_y[i] = r.origin.y; h.ray.org_z[i] = r.origin.z; h.ray.tnear[i] = r.tmin;
-        h.ray.dir_x[i] = r.direction.x; h.ray.dir_y[i] = r.direction.y; h.ray.dir_z[i] = r.direction.z; h.ray.tfar[i] = r.tmax;
-        h.ray.time[i] = 0; h.ray.mask[i] = ~0u; h.ray.id[i] = 0; h.ray.flags[i] = 0;
+        h.ray.org_x[i] = r.origin.x;
+        h.ray.org_y[i] = r.origin.y;
+        h.ray.org_z[i] = r.origin.z;
+        h.ray.tnear[i] = r.tmin;
+        h.ray.dir_x[i] = r.direction.x;
+        h.ray.dir_y[i] = r.direction.y;
+        h.ray.dir_z[i] = r.direction.z;
+        h.ray.tfar[i] = r.tmax;
+        h.ray.time[i] = 0;
+        h.ray.mask[i] = ~0u;
+        h.ray.id[i] = 0;
+        h.ray.flags[i] = 0;
         h.hit.geomID[i] = h.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
       }
       if (shadow) embree::occluded16(valid, scene, context, reinterpret_cast<RTCRay16&>(h.ray), false);
@@ -80,7 +93,10 @@ int main(int argc, char** argv) {
   const std::string name = argc > 1 ? argv[1] : "cornell";
   const int size = argc > 2 ? std::atoi(argv[2]) : 512, spp = argc > 3 ? std::atoi(argv[3]) : 64, threads = argc > 4 ? std::atoi(argv[4]) : 2;
   auto loaded = loadScene(name);
-  if (!loaded) { std::fprintf(stderr, "%s\n", loaded.status().toString().c_str()); return 1; }
+  if (!loaded) {
+    std::fprintf(stderr, "%s\n", loaded.status().toString().c_str());
+    return 1;
+  }
   const Scene& scene = **loaded;
   std::vector<int> all(scene.lights.size());
   std::iota(all.begin(), all.end(), 0);
@@ -88,8 +104,8 @@ int main(int argc, char** argv) {
   TaskArena arena(threads);
   double t0 = wall();
   const AccelPtr accel = Accel::build(view, arena);
-  std::printf("%s: %zu triangles, %zu lights; accel %.1f ms, %.1f MB\n", name.c_str(), scene.triangleCount(), scene.lights.size(),
-              1e3 * (wall() - t0), accel->bytes() * 1e-6);
+  std::printf("%s: %zu triangles, %zu lights; accel %.1f ms, %.1f MB\n", name.c_str(), scene.triangleCount(), scene.lights.size(), 1e3 * (wall() - t0),
+              accel->bytes() * 1e-6);
   const PathTracerSettings settings = settingsFor(scene, size);
   const auto tracer = PathTracer::create(view, accel, settings);
 
@@ -117,8 +133,8 @@ int main(int argc, char** argv) {
   for (size_t i = 0; i < picture.size(); ++i) mean[i % 3] += picture[i];
   for (double& m : mean) m /= paths;
   const double w = *std::min_element(walls.begin(), walls.end()), c = *std::min_element(cpus.begin(), cpus.end());
-  std::printf("%dx%d %d spp, %d threads: %.2f s wall = %.2f Mpaths/s, %.2f Mray/s; %.2f s CPU = %.2f Mpaths/s a core-second, x %d threads = %.2f\n", size,
-              size, blocks * settings.blockSize, threads, w, paths / w * 1e-6, rays / w * 1e-6, c, paths / c * 1e-6, threads, threads * paths / c * 1e-6);
+  std::printf("%dx%d %d spp, %d threads: %.2f s wall = %.2f Mpaths/s, %.2f Mray/s; %.2f s CPU = %.2f Mpaths/s a core-second, x %d threads = %.2f\n", size, size,
+              blocks * settings.blockSize, threads, w, paths / w * 1e-6, rays / w * 1e-6, c, paths / c * 1e-6, threads, threads * paths / c * 1e-6);
   std::printf("  %.2f rays a path, mean %.4f %.4f %.4f, dropped %llu\n", rays / paths, mean[0], mean[1], mean[2], (unsigned long long)dropped);
 
   RayRecorder recorder;

@@ -19,7 +19,10 @@ namespace {
 using namespace gobo;
 using Clock = std::chrono::steady_clock;
 double msSince(Clock::time_point t) { return std::chrono::duration<double, std::milli>(Clock::now() - t).count(); }
-double median(std::vector<double> v) { std::sort(v.begin(), v.end()); return v[v.size() / 2]; }
+double median(std::vector<double> v) {
+  std::sort(v.begin(), v.end());
+  return v[v.size() / 2];
+}
 
 /// The floor: read `planes` RGB float planes of n pixels once, write one.
 double memoryPass(const TaskArena& arena, size_t pixels, int planes, int repeat) {
@@ -33,7 +36,8 @@ double memoryPass(const TaskArena& arena, size_t pixels, int planes, int repeat)
       for (size_t r = b; r < e; r += kRun) {
         float sum[kRun] = {};
         const size_t n = std::min(kRun, e - r);
-        for (const auto& plane : in) for (size_t i = 0; i < n; ++i) sum[i] += plane[r + i];
+        for (const auto& plane : in)
+          for (size_t i = 0; i < n; ++i) sum[i] += plane[r + i];
         std::copy(sum, sum + n, out.begin() + ptrdiff_t(r));
       }
     });
@@ -55,7 +59,10 @@ int main(int argc, char** argv) {
   r.set_height(height);
   r.mutable_halt()->set_spp(uint32_t(std::max(1, std::atoi(argumentOr(argc, argv, "--spp", "16").c_str()))));
   const auto first = (*engine)->render(r);
-  if (!first.ok()) { std::fprintf(stderr, "relight_bench: %s\n", first.status().toString().c_str()); return 1; }
+  if (!first.ok()) {
+    std::fprintf(stderr, "relight_bench: %s\n", first.status().toString().c_str());
+    return 1;
+  }
   const auto info = *(*engine)->inspectScene("lights8");
   std::vector<double> edit, composite;
   for (int k = 0; k < repeat; ++k) {
@@ -66,7 +73,8 @@ int main(int argc, char** argv) {
     const auto begun = Clock::now();
     const auto result = (*engine)->render(r);
     edit.push_back(msSince(begun));
-    for (const auto& n : result->reply.plan()) if (n.node() == "beauty") composite.push_back(n.ms());
+    for (const auto& n : result->reply.plan())
+      if (n.node() == "beauty") composite.push_back(n.ms());
   }
   const TaskArena arena((*engine)->threads());
   const double floor = memoryPass(arena, size_t(width) * height, info.lights_size(), repeat);

@@ -41,8 +41,14 @@ LightShape shape(LightKind kind) {
 
 void run() {
   report("loop and two hashes (subtract)", [](int i) { return square(i).x; });
-  report("sobol 1D", [](int i) { SobolSampler s(5, uint32_t(i)); return s.next1D(); });
-  report("sobol 2D", [](int i) { SobolSampler s(5, uint32_t(i)); return s.next2D().x; });
+  report("sobol 1D", [](int i) {
+    SobolSampler s(5, uint32_t(i));
+    return s.next1D();
+  });
+  report("sobol 2D", [](int i) {
+    SobolSampler s(5, uint32_t(i));
+    return s.next2D().x;
+  });
 
   BsdfParams lambert, plastic, glass, metal;
   lambert.specular = 0;
@@ -59,8 +65,11 @@ void run() {
   filmed.iridescenceThickness = 400;
   thin.thin = true;
   const Vec3 wo = glm::normalize(Vec3(0.3f, 0.2f, 0.8f));
-  const struct { const char* name; const BsdfParams& p; } surfaces[] = {{"lambert", lambert}, {"plastic", plastic}, {"rough glass", glass}, {"metal", metal},
-                                                                   {"coated metal", coated}, {"sheen", cloth}, {"film on metal", filmed}, {"thin glass", thin}};
+  const struct {
+    const char* name;
+    const BsdfParams& p;
+  } surfaces[] = {{"lambert", lambert},     {"plastic", plastic}, {"rough glass", glass},    {"metal", metal},
+                  {"coated metal", coated}, {"sheen", cloth},     {"film on metal", filmed}, {"thin glass", thin}};
   for (const auto& s : surfaces) {
     const std::string n = s.name;
     report((n + " eval").c_str(), [&](int i) { return bsdfEval(s.p, wo, glm::normalize(Vec3(square(i), 0.5f))).sum().x; });
@@ -72,7 +81,7 @@ void run() {
   }
 
   Scene scene;
-  const LightKind kinds[] = {LightKind::Point, LightKind::Spot, LightKind::Directional, LightKind::Rect,
+  const LightKind kinds[] = {LightKind::Point, LightKind::Spot,   LightKind::Directional, LightKind::Rect,
                              LightKind::Disk,  LightKind::Sphere, LightKind::Environment};
   const char* names[] = {"point", "spot", "directional", "rect", "disk", "sphere", "environment 1024x512"};
   for (size_t k = 0; k < 7; ++k) {
@@ -105,9 +114,9 @@ void run() {
       LightSample out;
       return sampler->sample(k, Vec3(0.1f, 0, 0.2f), square(i), out) ? out.pdf : 0.0f;
     });
-    if (k >= 3) report((std::string(names[k]) + " pdf").c_str(), [&](int i) {
-      return sampler->pdf(k, Vec3(0.1f, 0, 0.2f), glm::normalize(Vec3(square(i), 1.0f)), 2.0f, 0);
-    });
+    if (k >= 3)
+      report((std::string(names[k]) + " pdf").c_str(),
+             [&](int i) { return sampler->pdf(k, Vec3(0.1f, 0, 0.2f), glm::normalize(Vec3(square(i), 1.0f)), 2.0f, 0); });
   }
   report("1000 area lights, one ray", [&](int i) {
     float t = 0;

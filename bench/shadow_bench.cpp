@@ -41,9 +41,7 @@ Result<std::unique_ptr<Runner>> makeRunner(const Options& o, bool soft) {
     for (const Camera& c : scene->cameras) names += " " + c.name;
     return invalidArgument("scene '" + o.scene + "' has no light '" + o.light + "' or camera '" + o.camera + "'; lights:" + names);
   }
-  if (!soft) {
-    GOBO_ASSIGN(scene, withHardLight(*scene, light));
-  }
+  if (!soft) { GOBO_ASSIGN(scene, withHardLight(*scene, light)); }
   auto runner = std::make_unique<Runner>(scene, light, scene->cameras[size_t(camera)], o.width, o.height, o.repeat, o.clock);
   runner->setCameraFit(o.cameraFit);
   return runner;
@@ -63,7 +61,10 @@ int main(int argc, char** argv) {
   const std::string command = argc > 1 ? argv[1] : "";
   int at = 2;
   if (command == "pareto" || command == "ladder") {
-    if (argc < 5 || argv[2][0] == '-') { std::fprintf(stderr, "shadow_bench %s SCENE LIGHT CAMERA ...; `shadow_bench scenes` lists them\n", command.c_str()); return 2; }
+    if (argc < 5 || argv[2][0] == '-') {
+      std::fprintf(stderr, "shadow_bench %s SCENE LIGHT CAMERA ...; `shadow_bench scenes` lists them\n", command.c_str());
+      return 2;
+    }
     o.scene = argv[2];
     o.light = argv[3];
     o.camera = argv[4];
@@ -72,14 +73,29 @@ int main(int argc, char** argv) {
   for (; at < argc; ++at) {
     const std::string flag = argv[at];
     const char* value = at + 1 < argc ? argv[at + 1] : nullptr;
-    if (flag == "--soft") { o.soft = true; continue; }
-    if (flag == "--list") { o.list = true; continue; }
-    if (flag == "--quick") { o.quick = true; continue; }
-    if (!value) { std::fprintf(stderr, "%s needs a value\n", flag.c_str()); return 2; }
+    if (flag == "--soft") {
+      o.soft = true;
+      continue;
+    }
+    if (flag == "--list") {
+      o.list = true;
+      continue;
+    }
+    if (flag == "--quick") {
+      o.quick = true;
+      continue;
+    }
+    if (!value) {
+      std::fprintf(stderr, "%s needs a value\n", flag.c_str());
+      return 2;
+    }
     ++at;
     const int number = std::atoi(value);
     if (flag == "--size") {
-      if (std::sscanf(value, "%dx%d", &o.width, &o.height) != 2 || o.width < 16 || o.height < 16) { std::fprintf(stderr, "--size %s: not WxH of at least 16x16\n", value); return 2; }
+      if (std::sscanf(value, "%dx%d", &o.width, &o.height) != 2 || o.width < 16 || o.height < 16) {
+        std::fprintf(stderr, "--size %s: not WxH of at least 16x16\n", value);
+        return 2;
+      }
     } else if (flag == "--truth") o.truth = std::max(number, 2);
     else if (flag == "--repeat") o.repeat = std::max(number, 1);
     else if (flag == "--temporal") o.temporal = number;
@@ -89,13 +105,18 @@ int main(int argc, char** argv) {
     else if (flag == "--fit") o.cameraFit = !std::strcmp(value, "camera");
     else if (flag == "--out") o.out = value;
     else if (flag == "--only") o.only = value;
-    else { std::fprintf(stderr, "unknown option %s\n", flag.c_str()); return 2; }
+    else {
+      std::fprintf(stderr, "unknown option %s\n", flag.c_str());
+      return 2;
+    }
   }
   if (command == "pareto") return pareto(o);
   if (command == "ladder") return ladder(o);
   if (command == "claims") return claims(o);
   if (command == "regret") return regret(o);
   if (command == "scenes") return scenes(o);
-  std::fprintf(stderr, "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | claims | regret   (the head of bench/shadow_bench.cpp has the options)\n");
+  std::fprintf(
+      stderr,
+      "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | claims | regret   (the head of bench/shadow_bench.cpp has the options)\n");
   return 2;
 }

@@ -48,7 +48,8 @@ ScenePtr sheet(int n) {
   return scene;
 }
 
-template <typename Work> double median(const Work& work) {
+template <typename Work>
+double median(const Work& work) {
   std::vector<double> t;
   for (int i = 0; i < 5; ++i) {
     const double begin = now();
@@ -68,8 +69,8 @@ int main() {
   for (const char* name : {"cornell", "fence", "trees"}) scenes.push_back(*makeBuiltinScene(name));
   scenes.push_back(sheet(422));
   scenes.push_back(sheet(1000));
-  std::printf("%-14s %9s %-12s %5s | %8s %8s %8s ms | %6s %6s Mrays/s | %7s Mtexels/s | tri/texel | raster wins by\n", "scene", "triangles", "light", "side", "single", "packets", "raster", "single", "packets",
-              "raster");
+  std::printf("%-14s %9s %-12s %5s | %8s %8s %8s ms | %6s %6s Mrays/s | %7s Mtexels/s | tri/texel | raster wins by\n", "scene", "triangles", "light", "side",
+              "single", "packets", "raster", "single", "packets", "raster");
   for (const ScenePtr& scene : scenes)
     for (const LightKind kind : {LightKind::Directional, LightKind::Spot}) {
       LightShape light;
@@ -92,7 +93,9 @@ int main() {
         ctx.accels = &accels;
         const auto time = [&](DepthMethod method) {
           const NodePtr node = makeLightDepthMapNode(frames, side, method);
-          return median([&] { if (!node->run(ctx).ok()) std::abort(); });
+          return median([&] {
+            if (!node->run(ctx).ok()) std::abort();
+          });
         };
         const double packets = time(DepthMethod::Rays), raster = time(DepthMethod::Raster);
         std::vector<float> z(size_t(side) * size_t(side));
@@ -108,9 +111,9 @@ int main() {
           });
         });
         const double texels = double(side) * side;
-        std::printf("%-14s %9zu %-12s %5d | %8.2f %8.2f %8.2f    | %6.1f %6.1f         | %7.1f           | %8.3f  | %.2f\n", scene->name.c_str(), scene->triangleCount(),
-                    kind == LightKind::Spot ? "spot" : "directional", side, single * 1e3, packets * 1e3, raster * 1e3, texels / single * 1e-6, texels / packets * 1e-6, texels / raster * 1e-6,
-                    double(scene->triangleCount()) / texels, packets / raster);
+        std::printf("%-14s %9zu %-12s %5d | %8.2f %8.2f %8.2f    | %6.1f %6.1f         | %7.1f           | %8.3f  | %.2f\n", scene->name.c_str(),
+                    scene->triangleCount(), kind == LightKind::Spot ? "spot" : "directional", side, single * 1e3, packets * 1e3, raster * 1e3,
+                    texels / single * 1e-6, texels / packets * 1e-6, texels / raster * 1e-6, double(scene->triangleCount()) / texels, packets / raster);
         std::fflush(stdout);
       }
     }

@@ -33,7 +33,10 @@ TermPtr run(const NodePtr& node, std::vector<TermPtr> inputs) {
 }
 
 /// The node's term and the median of its seconds.
-struct Timed { TermPtr term; double seconds; };
+struct Timed {
+  TermPtr term;
+  double seconds;
+};
 Timed timed(const NodePtr& node, const std::vector<TermPtr>& inputs) {
   Timed t;
   std::vector<double> times;
@@ -48,7 +51,11 @@ Timed timed(const NodePtr& node, const std::vector<TermPtr>& inputs) {
   return t;
 }
 
-struct Family { const char* name; ShadowBasisPtr basis; bool bytes = false; };
+struct Family {
+  const char* name;
+  ShadowBasisPtr basis;
+  bool bytes = false;
+};
 
 }  // namespace
 
@@ -87,14 +94,20 @@ int main(int argc, char** argv) {
     m.set_order(order);
     return makeConvolutionBasis(m);
   };
-  const std::vector<Family> families{{"exponential", makeExponentialBasis(80, false)}, {"exponential, logarithmic", makeExponentialBasis(300, true)},
-                                     {"variance", makeVarianceBasis({})}, {"exponential variance", makeExponentialVarianceBasis(40, 10, 1e-6f, 0.1f)},
-                                     {"moment", makeMomentBasis({})}, {"convolution 4", convolution(4)}, {"convolution 16", convolution(16)},
+  const std::vector<Family> families{{"exponential", makeExponentialBasis(80, false)},
+                                     {"exponential, logarithmic", makeExponentialBasis(300, true)},
+                                     {"variance", makeVarianceBasis({})},
+                                     {"exponential variance", makeExponentialVarianceBasis(40, 10, 1e-6f, 0.1f)},
+                                     {"moment", makeMomentBasis({})},
+                                     {"convolution 4", convolution(4)},
+                                     {"convolution 16", convolution(16)},
                                      {"convolution 16, bytes", convolution(16), true}};
   const Timed bounds = timed(makeDepthBoundsNode(side, 1), {depth});
   std::printf("%d^2 map, %d x %d pre-filter, 1 M view samples, one thread\n", side, 2 * blur + 1, 2 * blur + 1);
-  std::printf("%-26s %22s %22s %22s %12s %12s %12s %12s\n", "", "encode + filter", "mip chain", "summed area", "bilinear", "trilinear", "anisotropic", "summed area");
-  std::printf("%-26s %13s %8s %13s %8s %13s %8s %12s %12s %12s %12s\n", "", "ms", "GB/s", "ms", "GB/s", "ms", "GB/s", "ns/sample", "ns/sample", "ns/sample", "ns/sample");
+  std::printf("%-26s %22s %22s %22s %12s %12s %12s %12s\n", "", "encode + filter", "mip chain", "summed area", "bilinear", "trilinear", "anisotropic",
+              "summed area");
+  std::printf("%-26s %13s %8s %13s %8s %13s %8s %12s %12s %12s %12s\n", "", "ms", "GB/s", "ms", "GB/s", "ms", "GB/s", "ns/sample", "ns/sample", "ns/sample",
+              "ns/sample");
   for (const Family& f : families) {
     const double texel = double(f.basis->channels()) * (f.bytes ? 1 : 4);
     const Timed map = timed(makeShadowEncodeNode(f.basis, blur, side, 1, f.bytes), {depth});
@@ -102,7 +115,8 @@ int main(int argc, char** argv) {
     std::optional<Timed> table;
     if (f.basis->bounded() && !f.bytes) table = timed(makeShadowSummedAreaNode(f.basis, side, 1), {map.term});
     const auto gbs = [&](double bytes, double s) { return 1e-9 * bytes * double(texels) / s; };
-    std::printf("%-26s %13.2f %8.2f %13.2f %8.2f ", f.name, 1e3 * map.seconds, gbs(4 + texel, map.seconds), 1e3 * chain.seconds, gbs(texel * 7 / 3, chain.seconds));
+    std::printf("%-26s %13.2f %8.2f %13.2f %8.2f ", f.name, 1e3 * map.seconds, gbs(4 + texel, map.seconds), 1e3 * chain.seconds,
+                gbs(texel * 7 / 3, chain.seconds));
     if (table) std::printf("%13.2f %8.2f", 1e3 * table->seconds, gbs(2 * texel, table->seconds));
     else std::printf("%13s %8s", "-", "-");
     ShadowLookup l;
@@ -117,7 +131,9 @@ int main(int argc, char** argv) {
         continue;
       }
       l.map.lookup = lookup;
-      const Timed t = timed(makeShadowLookupNode(f.basis, l), {gbuffer, lookup == Settings::BILINEAR ? map.term : lookup == Settings::SUMMED_AREA ? table->term : chain.term});
+      const Timed t = timed(makeShadowLookupNode(f.basis, l), {gbuffer, lookup == Settings::BILINEAR      ? map.term
+                                                                        : lookup == Settings::SUMMED_AREA ? table->term
+                                                                                                          : chain.term});
       std::printf(" %12.1f", 1e9 * t.seconds / double(samples));
     }
     std::printf("\n");
@@ -134,8 +150,10 @@ int main(int argc, char** argv) {
     const Timed t = timed(makeShadowLookupNode(families[0].basis, l), {gbuffer, map, bounds.term});
     std::printf("exponential, %s with fallback: %.1f ns/sample\n", classified == 1 ? "threshold" : "Z-Max", 1e9 * t.seconds / double(samples));
   }
-  for (const auto& [name, pattern, size] : {std::tuple{"gaussian 5 x 5", v1::PercentageCloserShadow::GAUSSIAN, blur}, {"regular 2 x 2", v1::PercentageCloserShadow::REGULAR, 2},
-                                            {"regular 8 x 8", v1::PercentageCloserShadow::REGULAR, 8}, {"poisson 16", v1::PercentageCloserShadow::POISSON, 4}})
+  for (const auto& [name, pattern, size] : {std::tuple{"gaussian 5 x 5", v1::PercentageCloserShadow::GAUSSIAN, blur},
+                                            {"regular 2 x 2", v1::PercentageCloserShadow::REGULAR, 2},
+                                            {"regular 8 x 8", v1::PercentageCloserShadow::REGULAR, 8},
+                                            {"poisson 16", v1::PercentageCloserShadow::POISSON, 4}})
     for (bool skip : {true, false}) {
       PercentageCloserLookup l;
       l.frames.face[0].lo = Vec2(0.0f);

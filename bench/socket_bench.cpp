@@ -25,7 +25,9 @@ double median(std::vector<double> v) {
   return v[v.size() / 2];
 }
 
-struct Timing { double wall = 0, server = 0, bytes = 0; };
+struct Timing {
+  double wall = 0, server = 0, bytes = 0;
+};
 
 // One call; wall time to the last byte, optionally with the client's own digest check.
 Timing once(v1::Render::Stub& stub, const v1::RenderRequest& request) {
@@ -76,7 +78,7 @@ int main(int argc, char** argv) {
 
   Table table("socket", {"path", "wall ms", "server ms", "overhead ms", "MB/s of overhead"});
   std::vector<double> engineMs, encodeMs;
-  for (int i = 0; i < repeat + 1; ++i) {   // the first fills the store
+  for (int i = 0; i < repeat + 1; ++i) {  // the first fills the store
     const auto begun = Clock::now();
     auto result = (*server)->core().engine.render(request);
     if (!result.ok()) {

@@ -21,7 +21,14 @@ struct Editor {
   template <typename T>
   void number(T& item) {
     if constexpr (std::is_floating_point_v<T>) {
-      const float odd[] = {0, -0.0f, -1, 1e-40f, 3.4e38f, std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()};
+      const float odd[] = {0,
+                           -0.0f,
+                           -1,
+                           1e-40f,
+                           3.4e38f,
+                           std::numeric_limits<float>::infinity(),
+                           -std::numeric_limits<float>::infinity(),
+                           std::numeric_limits<float>::quiet_NaN()};
       float bits;
       std::memcpy(&bits, &value, 4);
       item = how % 2 ? odd[value % 8] : bits;
@@ -32,13 +39,19 @@ struct Editor {
   }
   template <typename T>
   void get(T& item) {
-    if constexpr (std::is_same_v<T, bool>) { if (here()) item = !item; }
-    else if constexpr (std::is_enum_v<T>) { if (here()) item = T(value); }
-    else if constexpr (std::is_arithmetic_v<T>) { if (here()) number(item); }
-    else if constexpr (std::is_same_v<T, Hash128>) { if (here()) std::memcpy(static_cast<void*>(&item), &value, 4); }
-    else if constexpr (blob::isPlain<T>) { if (here()) number(reinterpret_cast<float*>(&item)[(how / 2) % (sizeof item / 4)]); }
-    else if constexpr (std::is_same_v<T, std::string>) { if (here()) item = how % 4 == 0 ? "" : how % 4 == 1 ? "\xff" : std::string(value % 300, char(how)); }
-    else if constexpr (blob::IsArray<T>::value) {
+    if constexpr (std::is_same_v<T, bool>) {
+      if (here()) item = !item;
+    } else if constexpr (std::is_enum_v<T>) {
+      if (here()) item = T(value);
+    } else if constexpr (std::is_arithmetic_v<T>) {
+      if (here()) number(item);
+    } else if constexpr (std::is_same_v<T, Hash128>) {
+      if (here()) std::memcpy(static_cast<void*>(&item), &value, 4);
+    } else if constexpr (blob::isPlain<T>) {
+      if (here()) number(reinterpret_cast<float*>(&item)[(how / 2) % (sizeof item / 4)]);
+    } else if constexpr (std::is_same_v<T, std::string>) {
+      if (here()) item = how % 4 == 0 ? "" : how % 4 == 1 ? "\xff" : std::string(value % 300, char(how));
+    } else if constexpr (blob::IsArray<T>::value) {
       if (!here()) return;
       using E = typename T::value_type;
       if (how % 8 == 0) item.resize(value % 64);
@@ -55,8 +68,9 @@ struct Editor {
         else item.erase(item.begin() + value % item.size());
       }
       for (auto& e : item) get(e);
-    } else if constexpr (blob::IsFixed<T>::value) { for (auto& e : item) get(e); }
-    else if constexpr (blob::IsShared<T>::value) {
+    } else if constexpr (blob::IsFixed<T>::value) {
+      for (auto& e : item) get(e);
+    } else if constexpr (blob::IsShared<T>::value) {
       if (here()) item = nullptr;
       if (!item) return;
       const int64_t from = count;
@@ -66,23 +80,39 @@ struct Editor {
     } else blob::visitStruct(item, *this);
   }
   template <typename T>
-  void operator()(const char*, T& item) { get(item); }
+  void operator()(const char*, T& item) {
+    get(item);
+  }
 };
 
 /// Digests as a child would fill them in, where the fields allow it at all.
 void reseal(Scene& s) {
-  for (auto& mesh : s.meshes) if (mesh) { auto m = std::make_shared<Mesh>(*mesh); sealMesh(*m); mesh = m; }
+  for (auto& mesh : s.meshes)
+    if (mesh) {
+      auto m = std::make_shared<Mesh>(*mesh);
+      sealMesh(*m);
+      mesh = m;
+    }
   for (auto& texture : s.textures) {
     if (!texture) continue;
     auto t = std::make_shared<Texture>(*texture);
-    const bool shape = t->width > 0 && t->height > 0 && t->width < 4096 && t->height < 4096 && t->levels >= 1 && t->levels <= kMaxTextureLevels && t->tile >= 0 && t->tile <= kMaxTextureTile;
+    const bool shape = t->width > 0 && t->height > 0 && t->width < 4096 && t->height < 4096 && t->levels >= 1 && t->levels <= kMaxTextureLevels &&
+                       t->tile >= 0 && t->tile <= kMaxTextureTile;
     if (shape && t->texels8.size() + t->texelsF.size() == textureTexels(t->width, t->height, t->levels, t->tile) * 4) sealTexture(*t);
     texture = t;
   }
-  if (s.environment) { auto e = std::make_shared<Environment>(*s.environment); e->content = environmentDigest(*e); s.environment = e; }
+  if (s.environment) {
+    auto e = std::make_shared<Environment>(*s.environment);
+    e->content = environmentDigest(*e);
+    s.environment = e;
+  }
 }
 
-uint32_t word(const uint8_t* p, int bytes) { uint32_t v = 0; std::memcpy(&v, p, size_t(bytes)); return v; }
+uint32_t word(const uint8_t* p, int bytes) {
+  uint32_t v = 0;
+  std::memcpy(&v, p, size_t(bytes));
+  return v;
+}
 
 BlobBytes editedScene(Bytes edits, std::string& broken) {
   auto scene = std::make_shared<Scene>(*richScene());
@@ -96,17 +126,19 @@ BlobBytes editedScene(Bytes edits, std::string& broken) {
     e.get(*scene);
   }
   reseal(*scene);
-  bool whole = true;   // the loaders' side never makes these; seal() may ask for digests
+  bool whole = true;  // the loaders' side never makes these; seal() may ask for digests
   for (const auto& m : scene->meshes) whole &= m != nullptr;
   for (const auto& t : scene->textures) whole &= t && !t->content.isZero();
   if (whole) {
     const Status sealed = scene->seal();
-    if (!sealed.ok()) broken = brokenStatus(cleanUtf8(sealed), "");   // no loader lets such a name in
+    if (!sealed.ok()) broken = brokenStatus(cleanUtf8(sealed), "");  // no loader lets such a name in
     else if (scene->rig) {
       auto rig = std::make_shared<Rig>(*scene->rig);
       const Status s = sealRig(*rig, *scene);
-      if (s.ok()) { scene->rig = rig; (void)scene->seal(); }
-      else broken = brokenStatus(cleanUtf8(s), "");
+      if (s.ok()) {
+        scene->rig = rig;
+        (void)scene->seal();
+      } else broken = brokenStatus(cleanUtf8(s), "");
     }
   }
   return blobOf(*scene);
@@ -135,7 +167,10 @@ Outcome tryBlob(Bytes bytes) {
     return out;
   }
   out.accepted = true;
-  if (!own.ok() || (*own)->hash() != (*scene)->hash()) { out.broken = "accepted as foreign but not as own"; return out; }
+  if (!own.ok() || (*own)->hash() != (*scene)->hash()) {
+    out.broken = "accepted as foreign but not as own";
+    return out;
+  }
   out.broken = brokenValues(**scene);
   if (out.broken.empty()) out.broken = brokenPoses(*scene);
   if (out.broken.empty()) {

@@ -16,7 +16,7 @@ class OneFile final : public FileSource {
  public:
   explicit OneFile(Bytes bytes) : bytes_(bytes) {}
   Result<std::vector<uint8_t>> main(uint64_t) override { return std::vector<uint8_t>(bytes_.begin(), bytes_.end()); }
-  Result<std::vector<uint8_t>> beside(const std::string& name, uint64_t) override {   // as openBeside says it
+  Result<std::vector<uint8_t>> beside(const std::string& name, uint64_t) override {  // as openBeside says it
     GOBO_TRY(checkSideName(name, name));
     return notFound("file \"" + name + "\" does not exist beside the glTF");
   }
@@ -55,7 +55,7 @@ Outcome tryImage(Bytes bytes) {
   if (!image.ok()) {
     out.said = image.status().toString();
     out.broken = brokenStatus(image.status(), kPicture);
-    return out;   // the environment's reader is the same, with wider limits
+    return out;  // the environment's reader is the same, with wider limits
   }
   out.accepted = true;
   if (image->width <= 0 || image->height <= 0 || image->channels <= 0 || image->data.size() != image->pixels() * size_t(image->channels) ||
@@ -64,8 +64,15 @@ Outcome tryImage(Bytes bytes) {
     return out;
   }
   const auto map = readEnvironment(bytes.data(), bytes.size(), kPicture);
-  if (!map.ok()) { out.broken = brokenStatus(map.status(), kPicture); return out; }
-  for (const Vec3& t : (*map)->texels) if (!isFinite(t) || t.x < 0 || t.y < 0 || t.z < 0) { out.broken = "a texel is not finite and >= 0"; return out; }
+  if (!map.ok()) {
+    out.broken = brokenStatus(map.status(), kPicture);
+    return out;
+  }
+  for (const Vec3& t : (*map)->texels)
+    if (!isFinite(t) || t.x < 0 || t.y < 0 || t.z < 0) {
+      out.broken = "a texel is not finite and >= 0";
+      return out;
+    }
   const auto [owner, view] = blobOf(**map).aligned();
   if (const auto back = readEnvironmentBlob(owner, view, BlobTrust::Foreign); !back.ok()) out.broken = "its blob is refused: " + back.status().toString();
   else if ((*back)->content != (*map)->content) out.broken = "its blob has another digest";

@@ -2,18 +2,69 @@
 #include "fuzz/mutator.h"
 
 #include <algorithm>
-#include <cstddef>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <limits>
 
 namespace gobo::fuzz {
 namespace {
 
-constexpr const char* kNumbers[] = {"0", "-0.0", "-1", "1", "255", "256", "65535", "65536", "2147483647", "2147483648", "4294967295", "4294967296", "18446744073709551615", "-9223372036854775808",
-                                    "1e-320", "1e-38", "1e9", "1e18", "3.5e38", "1e308", "1e309", "-1e39", "0.1", "NaN", "Infinity", "\"-Infinity\"", "[]", "null", "true"};
-constexpr uint64_t kIntegers[] = {0, 1, 2, 3, 4, 7, 8, 15, 16, 127, 128, 255, 256, 32767, 32768, 65535, 65536, 1u << 24, 0x7fffffff, 0x80000000, 0xffffffff, 0x100000000, 0x7fffffffffffffff, 0xffffffffffffffff};
-constexpr float kFloats[] = {0.0f, -0.0f, 1.0f, -1.0f, 1e-38f, 1e-45f, 1e9f, 3e38f, -3e38f, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()};
+constexpr const char* kNumbers[] = {"0",
+                                    "-0.0",
+                                    "-1",
+                                    "1",
+                                    "255",
+                                    "256",
+                                    "65535",
+                                    "65536",
+                                    "2147483647",
+                                    "2147483648",
+                                    "4294967295",
+                                    "4294967296",
+                                    "18446744073709551615",
+                                    "-9223372036854775808",
+                                    "1e-320",
+                                    "1e-38",
+                                    "1e9",
+                                    "1e18",
+                                    "3.5e38",
+                                    "1e308",
+                                    "1e309",
+                                    "-1e39",
+                                    "0.1",
+                                    "NaN",
+                                    "Infinity",
+                                    "\"-Infinity\"",
+                                    "[]",
+                                    "null",
+                                    "true"};
+constexpr uint64_t kIntegers[] = {0,
+                                  1,
+                                  2,
+                                  3,
+                                  4,
+                                  7,
+                                  8,
+                                  15,
+                                  16,
+                                  127,
+                                  128,
+                                  255,
+                                  256,
+                                  32767,
+                                  32768,
+                                  65535,
+                                  65536,
+                                  1u << 24,
+                                  0x7fffffff,
+                                  0x80000000,
+                                  0xffffffff,
+                                  0x100000000,
+                                  0x7fffffffffffffff,
+                                  0xffffffffffffffff};
+constexpr float kFloats[] = {
+    0.0f, -0.0f, 1.0f, -1.0f, 1e-38f, 1e-45f, 1e9f, 3e38f, -3e38f, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()};
 
 bool partOfNumber(uint8_t c) { return (c >= '0' && c <= '9') || c == '.' || c == '-' || c == '+' || c == 'e' || c == 'E'; }
 
@@ -40,10 +91,16 @@ void Mutator::editNumber(std::vector<uint8_t>& input) {
 void Mutator::edit(std::vector<uint8_t>& input, const std::vector<uint8_t>& other) {
   const size_t at = below(input.size() + 1), length = 1 + below(below(8) ? 8 : 256);
   switch (below(10)) {
-    case 0: if (at < input.size()) input[at] ^= uint8_t(1u << below(8)); break;
-    case 1: if (at < input.size()) input[at] = uint8_t(below(256)); break;
+    case 0:
+      if (at < input.size()) input[at] ^= uint8_t(1u << below(8));
+      break;
+    case 1:
+      if (at < input.size()) input[at] = uint8_t(below(256));
+      break;
     case 2: replace(input, std::min(at, input.size()), length, "", 0); break;
-    case 3: if (at < input.size()) replace(input, at, 0, input.data() + at, std::min(length, input.size() - at)); break;
+    case 3:
+      if (at < input.size()) replace(input, at, 0, input.data() + at, std::min(length, input.size() - at));
+      break;
     case 4: {
       const uint64_t v = kIntegers[below(std::size(kIntegers))];
       replace(input, at, 4, &v, below(2) ? 4 : 8);
@@ -54,7 +111,8 @@ void Mutator::edit(std::vector<uint8_t>& input, const std::vector<uint8_t>& othe
       replace(input, at, 4, &v, sizeof v);
       break;
     }
-    case 6: case 7: editNumber(input); break;
+    case 6:
+    case 7: editNumber(input); break;
     case 8:
       if (!words_.empty()) {
         const std::string& word = words_[below(words_.size())];

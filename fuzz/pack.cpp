@@ -22,7 +22,9 @@ std::vector<uint8_t> bytesOfFile(const fs::path& file) {
 Result<Inputs> readPack(const std::string& path) {
   if (!fs::is_regular_file(path)) return notFound("no such pack", path);
   const std::vector<uint8_t> bytes = bytesOfFile(path);
-  const auto wrong = [&](size_t at, const char* what) { return invalidArgument(std::string(what) + " at byte " + std::to_string(at) + " of " + std::to_string(bytes.size()), path); };
+  const auto wrong = [&](size_t at, const char* what) {
+    return invalidArgument(std::string(what) + " at byte " + std::to_string(at) + " of " + std::to_string(bytes.size()), path);
+  };
   if (bytes.size() < kMagic.size() || !std::equal(kMagic.begin(), kMagic.end(), bytes.begin())) return wrong(0, "no pack: its first line is another");
   Inputs out;
   for (size_t at = kMagic.size(); at < bytes.size();) {
@@ -63,7 +65,8 @@ Inputs readInputs(const std::string& folderOrFile, size_t mostBytes) {
     if (file.extension() == ".pack") {
       if (auto pack = readPack(file.string()); pack.ok()) held = std::move(*pack);
     } else if (fs::file_size(file, error) <= mostBytes) held.push_back(bytesOfFile(file));
-    for (auto& input : held) if (input.size() <= mostBytes) out.push_back(std::move(input));
+    for (auto& input : held)
+      if (input.size() <= mostBytes) out.push_back(std::move(input));
   }
   return out;
 }

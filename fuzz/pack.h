@@ -17,7 +17,8 @@ using Inputs = std::vector<std::vector<uint8_t>>;
 Result<Inputs> readPack(const std::string& path);
 /// Sorted and each once. Errors: Internal that names the file.
 Status writePack(const std::string& path, Inputs inputs);
-/// Every file below the folder, packs unpacked, of at most `mostBytes` each, in the order of their paths; a file that is named is that file. Nothing where it does not exist.
+/// Every file below the folder, packs unpacked, of at most `mostBytes` each, in the order of their paths; a file that is named is that file. Nothing where it
+/// does not exist.
 Inputs readInputs(const std::string& folderOrFile, size_t mostBytes);
 
 }  // namespace gobo::fuzz

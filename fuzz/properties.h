@@ -15,8 +15,8 @@ namespace gobo::fuzz {
 
 struct Outcome {
   bool accepted = false;
-  std::string said;      ///< the error, when refused
-  std::string broken;    ///< the property that does not hold; empty: all is well
+  std::string said;    ///< the error, when refused
+  std::string broken;  ///< the property that does not hold; empty: all is well
 };
 using Bytes = std::span<const uint8_t>;
 

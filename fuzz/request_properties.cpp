@@ -53,24 +53,40 @@ void resolved(Message& m, Outcome& out) {
   out.accepted = true;
   std::unique_ptr<Message> again(m.New()), back(m.New());
   again->CopyFrom(m);
-  if (const Status s = resolveDefaults(*again); !s.ok()) { out.broken = "resolved, then refused: " + s.toString(); return; }
-  if (bytesOf(*again) != bytesOf(m)) { out.broken = "resolving again changes it"; return; }
+  if (const Status s = resolveDefaults(*again); !s.ok()) {
+    out.broken = "resolved, then refused: " + s.toString();
+    return;
+  }
+  if (bytesOf(*again) != bytesOf(m)) {
+    out.broken = "resolving again changes it";
+    return;
+  }
   const std::string json = messageToJson(m, false);
-  if (const Status s = messageFromJson(json, *back, "again"); !s.ok()) { out.broken = "its JSON is refused: " + s.toString() + " " + json; return; }
+  if (const Status s = messageFromJson(json, *back, "again"); !s.ok()) {
+    out.broken = "its JSON is refused: " + s.toString() + " " + json;
+    return;
+  }
   if (messageHash(*back) != messageHash(m) || bytesOf(*back) != bytesOf(m)) out.broken = "its JSON is another message: " + json;
 }
 
 void effective(v1::RenderRequest request, Outcome& out) {
-  if (request.environment().has_sky()) request.mutable_environment()->mutable_sky()->clear_sun_direction();   // a bake costs 0.1 s: once a kind
+  if (request.environment().has_sky()) request.mutable_environment()->mutable_sky()->clear_sun_direction();  // a bake costs 0.1 s: once a kind
   if (request.environment().has_sky()) request.mutable_environment()->clear_sky();
   const auto none = [](const std::string& path) -> Result<EnvironmentPtr> { return notFound("no file '" + path + "'", "request.environment.path"); };
   const auto made = makeEffectiveScene(plainScene(), request, none, requestedScene);
-  if (!made.ok()) { out.said = made.status().toString(); out.broken = brokenStatus(made.status(), ""); return; }
+  if (!made.ok()) {
+    out.said = made.status().toString();
+    out.broken = brokenStatus(made.status(), "");
+    return;
+  }
   out.broken = brokenValues(*made->scene);
-  for (const Vec3& g : made->gains) if (!isFinite(g)) out.broken = "a gain is not finite";
-  for (const Vec3& g : made->gainChanges) if (!isFinite(g)) out.broken = "a change of a gain is not finite";
+  for (const Vec3& g : made->gains)
+    if (!isFinite(g)) out.broken = "a gain is not finite";
+  for (const Vec3& g : made->gainChanges)
+    if (!isFinite(g)) out.broken = "a change of a gain is not finite";
   const Camera& c = made->camera;
-  for (int k = 0; k < 16; ++k) if (!std::isfinite(c.toWorld[k / 4][k % 4])) out.broken = "the camera is not finite: " + messageToJson(request.camera(), false);
+  for (int k = 0; k < 16; ++k)
+    if (!std::isfinite(c.toWorld[k / 4][k % 4])) out.broken = "the camera is not finite: " + messageToJson(request.camera(), false);
   if (!std::isfinite(c.yfov) || !std::isfinite(c.yheight)) out.broken = "the camera's field is not finite";
 }
 
@@ -98,14 +114,14 @@ Outcome tryRequestText(Bytes bytes) {
       const size_t end = std::min(text.find('\n', at), text.size());
       const std::string line = text.substr(at, end - at);
       at = end + 1;
-      if (!isUtf8(line)) continue;   // a command line's bytes; protobuf says no to them when it is sent
+      if (!isUtf8(line)) continue;  // a command line's bytes; protobuf says no to them when it is sent
       if (const Status s = setPath(request, line); !s.ok()) {
         out.said = s.toString();
         out.broken = line.find('=') == 0 ? "" : brokenStatus(s, "");
         if (!out.broken.empty()) return out;
       }
     }
-    for (const std::string& path : setPaths(request)) {   // what relight sends as its mask
+    for (const std::string& path : setPaths(request)) {  // what relight sends as its mask
       v1::RenderRequest base;
       const Status s = applyMask(base, request, {path});
       if (!s.ok() && s.message().empty()) out.broken = "a mask's error says nothing: " + path;
@@ -146,7 +162,11 @@ Outcome tryRequestBytes(Bytes bytes) {
     SceneLibrary library({}, false, std::make_shared<OneScene>());
     (void)library.openFile("rich.gltf", "rich.gltf", "rich");
     const auto info = library.patch(patch);
-    if (!info.ok()) { out.said = info.status().toString(); out.broken = brokenStatus(info.status(), ""); return out; }
+    if (!info.ok()) {
+      out.said = info.status().toString();
+      out.broken = brokenStatus(info.status(), "");
+      return out;
+    }
     out.accepted = true;
     out.broken = brokenValues(**library.find("rich"));
   } else {

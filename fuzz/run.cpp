@@ -30,7 +30,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
-constexpr long kSeconds = 60;   // of processor for one input: instrumented code is slow
+constexpr long kSeconds = 60;  // of processor for one input: instrumented code is slow
 
 std::vector<Target> everyTarget() {
   std::vector<Target> out(readerTargets().begin(), readerTargets().end());
@@ -53,8 +53,10 @@ std::vector<std::string> words(const std::string& name) {
     if (line.empty() || line[0] == '#' || from == std::string::npos || to <= from) continue;
     std::string word;
     for (size_t i = from + 1; i < to; ++i) {
-      if (line[i] == '\\' && i + 3 < to + 1 && line[i + 1] == 'x') { word += char(std::stoi(line.substr(i + 2, 2), nullptr, 16)); i += 3; }
-      else if (line[i] == '\\' && i + 1 < to) word += line[++i];
+      if (line[i] == '\\' && i + 3 < to + 1 && line[i + 1] == 'x') {
+        word += char(std::stoi(line.substr(i + 2, 2), nullptr, 16));
+        i += 3;
+      } else if (line[i] == '\\' && i + 1 < to) word += line[++i];
       else word += line[i];
     }
     out.push_back(word);
@@ -63,7 +65,7 @@ std::vector<std::string> words(const std::string& name) {
 }
 
 constexpr size_t kKindLength = 64;
-constexpr size_t kMostKept = 400;   // inputs of the pack: what comes later is a variant, and tests run them all
+constexpr size_t kMostKept = 400;  // inputs of the pack: what comes later is a variant, and tests run them all
 
 /// A line of the answer without what depends on the input's names and numbers.
 std::string kindOf(const std::string& line, bool accepted) {
@@ -74,7 +76,7 @@ std::string kindOf(const std::string& line, bool accepted) {
     if (quote ? c == quote : c == '"' || (c == '\'' && i > 0 && line[i - 1] == ' ')) quote = quote ? 0 : c;
     else if (!quote && !(c >= '0' && c <= '9') && c != '.') kind += c;
   }
-  return kind.substr(0, std::min(kind.find(" ("), kKindLength));   // what follows in brackets is a place or a list
+  return kind.substr(0, std::min(kind.find(" ("), kKindLength));  // what follows in brackets is a place or a list
 }
 
 /// Whether it has a kind that was not there yet.
@@ -83,7 +85,7 @@ bool addKinds(const Target& target, const Outcome& outcome, std::set<std::string
   for (size_t at = 0; at <= outcome.said.size();) {
     const size_t end = std::min(outcome.said.find('\n', at), outcome.said.size());
     added = kinds.insert(kindOf(outcome.said.substr(at, end - at), outcome.accepted)).second || added;
-    if (!target.lines) break;   // parsers quote the input from the second line on
+    if (!target.lines) break;  // parsers quote the input from the second line on
     at = end + 1;
   }
   return added;
@@ -95,16 +97,32 @@ class NowFile {
   NowFile(std::string path, size_t most) : path_(std::move(path)), most_(most) {
     fs::create_directories(fs::path(path_).parent_path());
     fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-    if (fd_ < 0 || ::ftruncate(fd_, off_t(most)) != 0) { std::perror(path_.c_str()); std::exit(2); }
+    if (fd_ < 0 || ::ftruncate(fd_, off_t(most)) != 0) {
+      std::perror(path_.c_str());
+      std::exit(2);
+    }
     bytes_ = static_cast<uint8_t*>(::mmap(nullptr, most, PROT_READ | PROT_WRITE, MAP_SHARED, fd_, 0));
-    if (bytes_ == MAP_FAILED) { std::perror(path_.c_str()); std::exit(2); }
+    if (bytes_ == MAP_FAILED) {
+      std::perror(path_.c_str());
+      std::exit(2);
+    }
   }
-  ~NowFile() { ::munmap(bytes_, most_); ::close(fd_); fs::remove(path_); }
+  ~NowFile() {
+    ::munmap(bytes_, most_);
+    ::close(fd_);
+    fs::remove(path_);
+  }
   /// The file is the input and no byte more.
   void hold(const std::vector<uint8_t>& input) {
-    if (::ftruncate(fd_, off_t(most_)) != 0) { std::perror(path_.c_str()); std::exit(2); }
+    if (::ftruncate(fd_, off_t(most_)) != 0) {
+      std::perror(path_.c_str());
+      std::exit(2);
+    }
     std::copy(input.begin(), input.end(), bytes_);
-    if (::ftruncate(fd_, off_t(input.size())) != 0) { std::perror(path_.c_str()); std::exit(2); }
+    if (::ftruncate(fd_, off_t(input.size())) != 0) {
+      std::perror(path_.c_str());
+      std::exit(2);
+    }
   }
   const std::string& path() const { return path_; }
 
@@ -120,7 +138,10 @@ int run(const Target& target, double seconds, uint64_t seed, const std::vector<s
   Inputs seeds, kept;
   for (const std::string& folder : folders)
     for (auto& input : readInputs(folder, target.mostBytes)) seeds.push_back(std::move(input));
-  if (seeds.empty()) { std::fprintf(stderr, "%s: no seed of at most %zu bytes in the folders\n", name.c_str(), target.mostBytes); return 2; }
+  if (seeds.empty()) {
+    std::fprintf(stderr, "%s: no seed of at most %zu bytes in the folders\n", name.c_str(), target.mostBytes);
+    return 2;
+  }
   Mutator mutator(seed, words(target.dictionary), target.mostBytes);
   const std::string out = "out/fuzz/" + name + "." + std::to_string(seed);
   NowFile now(out + ".now", target.mostBytes);
@@ -131,7 +152,8 @@ int run(const Target& target, double seconds, uint64_t seed, const std::vector<s
   const auto spent = [&] { return std::chrono::duration<double>(Clock::now() - begun).count(); };
   // Without seconds: the files as they are, so a finding can be repeated.
   while (executions < given || spent() < seconds) {
-    std::vector<uint8_t> input = executions < given ? seeds[size_t(executions)] : mutator.mutate(seeds[mutator.below(seeds.size())], seeds[mutator.below(seeds.size())]);
+    std::vector<uint8_t> input =
+        executions < given ? seeds[size_t(executions)] : mutator.mutate(seeds[mutator.below(seeds.size())], seeds[mutator.below(seeds.size())]);
     now.hold(input);
     limit(kSeconds);
     const Outcome outcome = target.property(input);
@@ -139,16 +161,20 @@ int run(const Target& target, double seconds, uint64_t seed, const std::vector<s
     ++executions;
     accepted += outcome.accepted;
     if (!outcome.broken.empty()) {
-      std::fprintf(stderr, "%s: %s\nrepeat: gobo_fuzz_run %s 0 0 FOLDER with %s in it\n", name.c_str(), outcome.broken.c_str(), name.c_str(), now.path().c_str());
+      std::fprintf(stderr, "%s: %s\nrepeat: gobo_fuzz_run %s 0 0 FOLDER with %s in it\n", name.c_str(), outcome.broken.c_str(), name.c_str(),
+                   now.path().c_str());
       ::_exit(1);
     }
     if (!addKinds(target, outcome, kinds)) continue;
     if (kept.size() < kMostKept) kept.push_back(input);
     if (executions > given && seeds.size() < 5000) seeds.push_back(std::move(input));
   }
-  if (const Status s = writePack(out + ".pack", kept); !s.ok()) { std::fprintf(stderr, "%s\n", s.toString().c_str()); return 2; }
-  std::printf("%s: %llu executions in %.0f s, %llu accepted, %zu kinds of answer, %zu seeds given, %zu made, seed %llu\n", name.c_str(), (unsigned long long)executions, spent(),
-              (unsigned long long)accepted, kinds.size(), given, seeds.size() - given, (unsigned long long)seed);
+  if (const Status s = writePack(out + ".pack", kept); !s.ok()) {
+    std::fprintf(stderr, "%s\n", s.toString().c_str());
+    return 2;
+  }
+  std::printf("%s: %llu executions in %.0f s, %llu accepted, %zu kinds of answer, %zu seeds given, %zu made, seed %llu\n", name.c_str(),
+              (unsigned long long)executions, spent(), (unsigned long long)accepted, kinds.size(), given, seeds.size() - given, (unsigned long long)seed);
   return 0;
 }
 
@@ -164,10 +190,14 @@ int pack(const std::string& file, const std::vector<std::string>& folders) {
 /// A file an input, named by what it is.
 int unpack(const std::string& file, const fs::path& folder) {
   const auto inputs = readPack(file);
-  if (!inputs.ok()) { std::fprintf(stderr, "%s\n", inputs.status().toString().c_str()); return 2; }
+  if (!inputs.ok()) {
+    std::fprintf(stderr, "%s\n", inputs.status().toString().c_str());
+    return 2;
+  }
   fs::create_directories(folder);
   for (const auto& input : *inputs)
-    std::ofstream(folder / hashBytes(input.data(), input.size()).hex(), std::ios::binary).write(reinterpret_cast<const char*>(input.data()), std::streamsize(input.size()));
+    std::ofstream(folder / hashBytes(input.data(), input.size()).hex(), std::ios::binary)
+        .write(reinterpret_cast<const char*>(input.data()), std::streamsize(input.size()));
   std::printf("%zu inputs\n", inputs->size());
   return 0;
 }
@@ -178,7 +208,7 @@ int unpack(const std::string& file, const fs::path& folder) {
 int main(int argc, char** argv) {
   using namespace gobo::fuzz;
   const std::string what = argc > 1 ? argv[1] : "";
-  google::protobuf::SetLogHandler(nullptr);   // it says of every text that it is not UTF-8
+  google::protobuf::SetLogHandler(nullptr);  // it says of every text that it is not UTF-8
   if (what == "pack" && argc > 3) return pack(argv[2], {argv + 3, argv + argc});
   if (what == "unpack" && argc == 4) return unpack(argv[2], argv[3]);
   std::string names;

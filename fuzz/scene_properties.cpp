@@ -15,25 +15,34 @@ namespace {
 struct Values {
   std::string broken, place;
 
-  void wrong(const std::string& what) { if (broken.empty()) broken = place + " " + what; }
+  void wrong(const std::string& what) {
+    if (broken.empty()) broken = place + " " + what;
+  }
   void number(const float* p, size_t n) {
-    for (size_t i = 0; i < n; ++i) if (!std::isfinite(p[i])) return wrong("is not finite at " + std::to_string(i));
+    for (size_t i = 0; i < n; ++i)
+      if (!std::isfinite(p[i])) return wrong("is not finite at " + std::to_string(i));
   }
   template <typename T>
   void get(const T& item) {
     if constexpr (std::is_same_v<T, float>) number(&item, 1);
-    else if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T> || std::is_same_v<T, Hash128>) {}
-    else if constexpr (blob::isPlain<T>) number(reinterpret_cast<const float*>(&item), sizeof item / 4);
-    else if constexpr (std::is_same_v<T, std::string>) { if (!isUtf8(item)) wrong("is not UTF-8"); }
-    else if constexpr (blob::IsArray<T>::value) {
+    else if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T> || std::is_same_v<T, Hash128>) {
+    } else if constexpr (blob::isPlain<T>) number(reinterpret_cast<const float*>(&item), sizeof item / 4);
+    else if constexpr (std::is_same_v<T, std::string>) {
+      if (!isUtf8(item)) wrong("is not UTF-8");
+    } else if constexpr (blob::IsArray<T>::value) {
       using E = typename T::value_type;
       if constexpr (std::is_same_v<E, float> || blob::isPlain<E>) number(reinterpret_cast<const float*>(item.data()), item.size() * sizeof(E) / 4);
-    } else if constexpr (blob::IsVector<T>::value || blob::IsFixed<T>::value) { for (const auto& e : item) get(e); }
-    else if constexpr (blob::IsShared<T>::value) { if (item) get(*item); }
-    else blob::visitStruct(item, *this);
+    } else if constexpr (blob::IsVector<T>::value || blob::IsFixed<T>::value) {
+      for (const auto& e : item) get(e);
+    } else if constexpr (blob::IsShared<T>::value) {
+      if (item) get(*item);
+    } else blob::visitStruct(item, *this);
   }
   template <typename T>
-  void operator()(const char* name, const T& item) { place = name; get(item); }
+  void operator()(const char* name, const T& item) {
+    place = name;
+    get(item);
+  }
 };
 
 }  // namespace

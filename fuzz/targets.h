@@ -10,11 +10,11 @@
 namespace gobo::fuzz {
 
 struct Target {
-  const char* name;              ///< tests/data/fuzz/NAME, tests/data/fuzz/corpus/NAME.pack
+  const char* name;  ///< tests/data/fuzz/NAME, tests/data/fuzz/corpus/NAME.pack
   Outcome (*property)(Bytes);
-  size_t mostBytes;              ///< of an input
-  const char* dictionary;        ///< fuzz/NAME.dict; empty: none
-  bool lines = false;            ///< each line of what is said is a kind of answer of its own; else the first line is
+  size_t mostBytes;        ///< of an input
+  const char* dictionary;  ///< fuzz/NAME.dict; empty: none
+  bool lines = false;      ///< each line of what is said is a kind of answer of its own; else the first line is
 };
 
 /// What reads bytes: these are libFuzzer's targets too.

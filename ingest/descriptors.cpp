@@ -20,7 +20,7 @@ struct Message {
     head.msg_control = space;
     head.msg_controllen = sizeof space;
   }
-  Message(const Message&) = delete;   // it points into itself
+  Message(const Message&) = delete;  // it points into itself
   Message& operator=(const Message&) = delete;
 };
 
@@ -47,7 +47,8 @@ bool receiveDescriptors(int socket, ReaderDescriptors& descriptors) {
   while (n < 0 && errno == EINTR);
   if (n <= 0) return false;
   const cmsghdr* const head = CMSG_FIRSTHDR(&message.head);
-  if (head && head->cmsg_type == SCM_RIGHTS && head->cmsg_len == CMSG_LEN(sizeof descriptors)) std::memcpy(descriptors.data(), CMSG_DATA(head), sizeof descriptors);
+  if (head && head->cmsg_type == SCM_RIGHTS && head->cmsg_len == CMSG_LEN(sizeof descriptors))
+    std::memcpy(descriptors.data(), CMSG_DATA(head), sizeof descriptors);
   return true;
 }
 

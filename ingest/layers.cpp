@@ -18,17 +18,19 @@ namespace {
 // The numbers are those of every architecture; headers of the build machine may be older than the kernel that runs this.
 constexpr long kLandlockCreate = 444, kLandlockRestrict = 446;
 constexpr uint32_t kAskVersion = 1;
-struct Ruleset { uint64_t files = 0, net = 0, scoped = 0; };
+struct Ruleset {
+  uint64_t files = 0, net = 0, scoped = 0;
+};
 
 /// Rights by version of the interface. A version that is not known here has at least those of the last.
 Ruleset everyRight(int version) {
   Ruleset r;
-  r.files = (1ull << 13) - 1;                 // execute, write, read, read_dir, remove_*, make_*
-  if (version >= 2) r.files |= 1ull << 13;    // refer
-  if (version >= 3) r.files |= 1ull << 14;    // truncate
-  if (version >= 5) r.files |= 1ull << 15;    // ioctl of devices
-  if (version >= 4) r.net = 3;                // bind, connect (TCP)
-  if (version >= 6) r.scoped = 3;             // abstract Unix sockets, signals
+  r.files = (1ull << 13) - 1;               // execute, write, read, read_dir, remove_*, make_*
+  if (version >= 2) r.files |= 1ull << 13;  // refer
+  if (version >= 3) r.files |= 1ull << 14;  // truncate
+  if (version >= 5) r.files |= 1ull << 15;  // ioctl of devices
+  if (version >= 4) r.net = 3;              // bind, connect (TCP)
+  if (version >= 6) r.scoped = 3;           // abstract Unix sockets, signals
   return r;
 }
 size_t sizeOf(int version) { return version >= 6 ? 24 : version >= 4 ? 16 : 8; }

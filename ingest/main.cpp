@@ -31,7 +31,7 @@ extern "C" int __lsan_is_turned_off() { return 1; }
 // A crash ends it by its signal, as without the sanitizer, which is how the daemon tells whose fault it was.
 extern "C" const char* __asan_default_options() { return "handle_segv=0:handle_sigbus=0:handle_sigfpe=0:handle_sigill=0"; }
 #endif
-#ifdef GOBO_THREAD_SANITIZER   // the sandbox allows no second thread; its parent's suppressions do not reach it
+#ifdef GOBO_THREAD_SANITIZER  // the sandbox allows no second thread; its parent's suppressions do not reach it
 extern "C" const char* __tsan_default_options() { return "report_bugs=0:die_after_fork=0:handle_segv=0:handle_sigbus=0:handle_sigfpe=0:handle_sigill=0"; }
 #endif
 
@@ -84,7 +84,7 @@ Status work(const Job& job, Done& done) {
   LoadTimes times;
   LoadOptions options;
   options.maxTriangles = job.maxTriangles;
-  options.maxBytes = ~0ull;   // the parent bounds what comes in, RLIMIT_AS what it grows to
+  options.maxBytes = ~0ull;  // the parent bounds what comes in, RLIMIT_AS what it grows to
   options.textureBytes = job.textureBytes;
   options.files = &files;
   options.times = &times;
@@ -108,8 +108,40 @@ Status readJob(Job& job) {
 /// Memory that is not there ends the child with the error that says so, wherever it was asked for: a library that catches
 /// bad_alloc would leave out a picture instead, and the scene would depend on the limit in silence.
 void outOfMemory() {
-  static const uint8_t frame[] = {uint8_t(Frame::Failed), 25, 0, 0, 0, 0, 0, 0, 0, uint8_t(Code::ResourceExhausted), 0, 0, 0,
-                                  13, 0, 0, 0, 'o', 'u', 't', ' ', 'o', 'f', ' ', 'm', 'e', 'm', 'o', 'r', 'y', 0, 0, 0, 0};
+  static const uint8_t frame[] = {uint8_t(Frame::Failed),
+                                  25,
+                                  0,
+                                  0,
+                                  0,
+                                  0,
+                                  0,
+                                  0,
+                                  0,
+                                  uint8_t(Code::ResourceExhausted),
+                                  0,
+                                  0,
+                                  0,
+                                  13,
+                                  0,
+                                  0,
+                                  0,
+                                  'o',
+                                  'u',
+                                  't',
+                                  ' ',
+                                  'o',
+                                  'f',
+                                  ' ',
+                                  'm',
+                                  'e',
+                                  'm',
+                                  'o',
+                                  'r',
+                                  'y',
+                                  0,
+                                  0,
+                                  0,
+                                  0};
   writeAll(kSocket, frame, sizeof frame);
   ::_exit(0);
 }
@@ -124,16 +156,14 @@ int serve(Layers& layers) {
     try {
       if (job.task == Task::Probe) writeFrame(kSocket, Frame::Note, nullptr, 0);
       status = job.task == Task::Probe ? probe(job.path) : work(job, done);
-    } catch (const std::bad_alloc&) {
-      status = Status(Code::ResourceExhausted, "out of memory", job.path);
-    } catch (const std::exception& e) {
+    } catch (const std::bad_alloc&) { status = Status(Code::ResourceExhausted, "out of memory", job.path); } catch (const std::exception& e) {
       status = internalError(e.what(), job.path);
     }
   }
   done.layers = layers;
   const std::vector<uint8_t> body = status.ok() ? encode(done) : encode(status);
   const bool told = writeFrame(kSocket, status.ok() ? Frame::Done : Frame::Failed, body.data(), body.size());
-  ::_exit(told ? 0 : 3);   // no tear-down: it could only go wrong
+  ::_exit(told ? 0 : 3);  // no tear-down: it could only go wrong
 }
 
 /// Whether every other thread of this process sleeps. One that does holds no lock in the middle of something.
@@ -161,7 +191,7 @@ void leaveThreadsBehind(bool ofReader) {
   const rlimit none{0, 0};
   ::setrlimit(RLIMIT_CORE, &none);
   prepareLibraries();
-  if (ofReader) ::prctl(PR_SET_PDEATHSIG, SIGKILL);   // a nursery outlives the thread that started it: it ends when its socket does
+  if (ofReader) ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // a nursery outlives the thread that started it: it ends when its socket does
   // Or a lock that one of them holds now would be held for ever in the fork, and in each fork of that.
   for (int asleep = 0, looks = 0; asleep < 3 && looks < 200; ++looks, ::usleep(1000)) asleep = othersSleep() ? asleep + 1 : 0;
   const pid_t first = ::getpid(), second = ::fork();
@@ -171,7 +201,7 @@ void leaveThreadsBehind(bool ofReader) {
     if (::getppid() != first) ::_exit(3);
     return;
   }
-  ::close(kSocket);   // or the second's end would not be the end of the conversation
+  ::close(kSocket);  // or the second's end would not be the end of the conversation
   ::close(kOutput);
   int status = 0;
   while (::waitpid(second, &status, 0) < 0 && errno == EINTR) {}
@@ -196,7 +226,7 @@ int main(int argc, char** argv) {
     for (const std::string& layer : layers.missing) std::fprintf(stderr, "gobo-ingest: lacks %s\n", layer.c_str());
     const Status status = locked.ok() ? ingest::probe(argv[2]) : locked;
     std::fprintf(stderr, "gobo-ingest: %s\n", status.toString().c_str());
-    ::_exit(status.code() == Code::FailedPrecondition ? 0 : 1);   // what libraries do at exit expects the threads that were left behind
+    ::_exit(status.code() == Code::FailedPrecondition ? 0 : 1);  // what libraries do at exit expects the threads that were left behind
   }
   int type = 0;
   socklen_t size = sizeof type;

@@ -46,7 +46,7 @@ void onlyWake(int) {}
 }  // namespace
 
 void tendReaders(int control) {
-  ::signal(SIGCHLD, SIG_IGN);   // nobody waits for the guards
+  ::signal(SIGCHLD, SIG_IGN);  // nobody waits for the guards
   for (;;) {
     ReaderDescriptors descriptors;
     if (!receiveDescriptors(control, descriptors)) ::_exit(0);
@@ -54,7 +54,7 @@ void tendReaders(int control) {
     if (life < 0) continue;
     const pid_t nursery = ::getpid();
     const pid_t guarding = ::fork();
-    if (guarding != 0) {   // also when there was no fork: the daemon sees its life line end without a word
+    if (guarding != 0) {  // also when there was no fork: the daemon sees its life line end without a word
       for (const int fd : descriptors) ::close(fd);
       continue;
     }
@@ -69,7 +69,7 @@ void tendReaders(int control) {
     const pid_t guardian = ::getpid(), reader = ::fork();
     if (reader < 0) ::_exit(3);
     if (reader > 0) {
-      ::close(socket);   // or the reader's end would not be the end of the conversation
+      ::close(socket);  // or the reader's end would not be the end of the conversation
       ::close(output);
       guard(reader, life);
     }
@@ -81,7 +81,7 @@ void tendReaders(int control) {
     // Above both places first: one may stand where the other belongs.
     const int highSocket = ::fcntl(socket, F_DUPFD_CLOEXEC, 16), highOutput = ::fcntl(output, F_DUPFD_CLOEXEC, 16);
     if (::dup2(highSocket, kSocket) < 0 || ::dup2(highOutput, kOutput) < 0) ::_exit(3);
-    return;   // lockDown closes the rest
+    return;  // lockDown closes the rest
   }
 }
 

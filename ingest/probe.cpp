@@ -25,7 +25,9 @@ Status verdict(const std::string& what, bool happened) {
   return Status(Code::FailedPrecondition, what + " was denied: " + std::strerror(errno));
 }
 
-[[gnu::noinline]] void spin() { for (volatile uint64_t i = 0;; i = i + 1) {} }
+[[gnu::noinline]] void spin() {
+  for (volatile uint64_t i = 0;; i = i + 1) {}
+}
 
 }  // namespace
 
@@ -53,11 +55,16 @@ Status probe(const std::string& what) {
   }
   if (what == "kill") return verdict("a signal to the parent", ::kill(::getppid(), 0) == 0);
   if (what == "ptrace") return verdict("ptrace", ::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) == 0);
-  if (what == "mmap-exec") return verdict("executable memory", ::mmap(nullptr, 4096, PROT_READ | PROT_WRITE | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0) != MAP_FAILED);
-  if (what == "segv") { std::memset(reinterpret_cast<void*>(std::strlen(what.c_str()) + 4092), 1, what.size()); return {}; }   // a page that is never mapped
+  if (what == "mmap-exec")
+    return verdict("executable memory", ::mmap(nullptr, 4096, PROT_READ | PROT_WRITE | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0) != MAP_FAILED);
+  if (what == "segv") {
+    std::memset(reinterpret_cast<void*>(std::strlen(what.c_str()) + 4092), 1, what.size());
+    return {};
+  }  // a page that is never mapped
   if (what == "abort") std::abort();
   if (what == "spin") spin();
-  if (what == "sleep") for (;;) ::usleep(100000);
+  if (what == "sleep")
+    for (;;) ::usleep(100000);
   if (what == "allocate") {
     std::vector<std::vector<char>> hoard;
     for (;;) hoard.emplace_back(64u << 20, 'x');
@@ -73,7 +80,7 @@ Status probe(const std::string& what) {
     writeAll(kSocket, junk.data(), junk.size());
     return {};
   }
-  if (what == "empty") return {};   // Done, with the layers, without a blob
+  if (what == "empty") return {};  // Done, with the layers, without a blob
   return invalidArgument("no probe \"" + what + "\"");
 }
 

@@ -12,9 +12,21 @@ namespace {
 struct Out {
   std::vector<uint8_t> bytes;
   template <typename T>
-  Out& put(const T& v) { const auto* p = reinterpret_cast<const uint8_t*>(&v); bytes.insert(bytes.end(), p, p + sizeof v); return *this; }
-  Out& put(const std::vector<std::string>& list) { put(uint32_t(list.size())); for (const std::string& s : list) put(s); return *this; }
-  Out& put(const std::string& s) { put(uint32_t(s.size())); bytes.insert(bytes.end(), s.begin(), s.end()); return *this; }
+  Out& put(const T& v) {
+    const auto* p = reinterpret_cast<const uint8_t*>(&v);
+    bytes.insert(bytes.end(), p, p + sizeof v);
+    return *this;
+  }
+  Out& put(const std::vector<std::string>& list) {
+    put(uint32_t(list.size()));
+    for (const std::string& s : list) put(s);
+    return *this;
+  }
+  Out& put(const std::string& s) {
+    put(uint32_t(s.size()));
+    bytes.insert(bytes.end(), s.begin(), s.end());
+    return *this;
+  }
 };
 
 struct In {
@@ -23,7 +35,10 @@ struct In {
   bool ok = true;
   template <typename T>
   In& get(T& v) {
-    if (!ok || bytes.size() - at < sizeof v) { ok = false; return *this; }
+    if (!ok || bytes.size() - at < sizeof v) {
+      ok = false;
+      return *this;
+    }
     std::memcpy(&v, bytes.data() + at, sizeof v);
     at += sizeof v;
     return *this;
@@ -31,7 +46,10 @@ struct In {
   In& get(std::string& s) {
     uint32_t n = 0;
     get(n);
-    if (!ok || bytes.size() - at < n) { ok = false; return *this; }
+    if (!ok || bytes.size() - at < n) {
+      ok = false;
+      return *this;
+    }
     s.assign(reinterpret_cast<const char*>(bytes.data()) + at, n);
     at += n;
     return *this;

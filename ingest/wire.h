@@ -19,18 +19,23 @@ namespace gobo::ingest {
 
 inline constexpr int kSocket = 3, kOutput = 4;
 enum class Frame : uint8_t { Job = 1, File = 2, Refusal = 3, Ask = 4, Done = 5, Failed = 6, Note = 7 };
-enum class Task : uint8_t { Scene = 1, Environment = 2, Probe = 3 };   ///< Probe: path names a thing to try (probe.h)
+enum class Task : uint8_t { Scene = 1, Environment = 2, Probe = 3 };  ///< Probe: path names a thing to try (probe.h)
 
 struct Job {
   Task task = Task::Scene;
-  std::string path;                  ///< for messages and scene names only: the child cannot open it
-  uint64_t maxTriangles = 0, maxBytes = 0, textureBytes = 0;   ///< maxBytes: of all files together; the parent keeps it
-  uint64_t memoryBytes = 0, blobBytes = 0;   ///< RLIMIT_AS beyond the program itself, RLIMIT_FSIZE
-  uint32_t cpuSeconds = 0;           ///< RLIMIT_CPU
+  std::string path;                                           ///< for messages and scene names only: the child cannot open it
+  uint64_t maxTriangles = 0, maxBytes = 0, textureBytes = 0;  ///< maxBytes: of all files together; the parent keeps it
+  uint64_t memoryBytes = 0, blobBytes = 0;                    ///< RLIMIT_AS beyond the program itself, RLIMIT_FSIZE
+  uint32_t cpuSeconds = 0;                                    ///< RLIMIT_CPU
 };
 /// What stood around the reader while it read ("seccomp", "landlock", ...), and what the machine did not give, each with why.
-struct Layers { std::vector<std::string> active, missing; };
-struct Done { double parseMs = 0, textureMs = 0; Layers layers; };
+struct Layers {
+  std::vector<std::string> active, missing;
+};
+struct Done {
+  double parseMs = 0, textureMs = 0;
+  Layers layers;
+};
 
 std::vector<uint8_t> encode(const Job& job);
 std::vector<uint8_t> encode(const Done& done);

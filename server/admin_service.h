@@ -16,7 +16,7 @@ class AdminService final : public v1::Admin::Service {
 
  private:
   void fill(v1::StatusReply& status);
-  uint64_t drop(bool disk);   // bytes that went
+  uint64_t drop(bool disk);  // bytes that went
   ServerCore& core_;
 };
 

@@ -63,7 +63,7 @@ grpc::Status TokenBook::identify(const grpc::ServerContext& context, Principal& 
       if (needed) return refuse("authorization: none was sent; this server wants \"authorization: Bearer TOKEN\" metadata");
     }
     who.name = inProcess ? "local" : clientName(context, "");
-    who.admin = true;   // of a daemon without tokens, or its own user; Shutdown asks for `local` as well
+    who.admin = true;  // of a daemon without tokens, or its own user; Shutdown asks for `local` as well
     return grpc::Status::OK;
   }
   if (std::next(first) != last) return refuse("authorization: sent more than once");

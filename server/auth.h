@@ -20,14 +20,14 @@ namespace gobo {
 /// What one token has used.
 struct TokenUse {
   std::mutex mutex;
-  double available = -1;                     ///< requests in the bucket; negative: fresh, hence full
-  double at = 0;                             ///< seconds of JobRunner::now() at which `available` held
+  double available = -1;  ///< requests in the bucket; negative: fresh, hence full
+  double at = 0;          ///< seconds of JobRunner::now() at which `available` held
   std::atomic<uint32_t> renders{0};
 };
 
 struct Principal {
-  std::string name;                          ///< of the token; else "unix", "local", or the peer's host
-  bool local = false;                        ///< Unix socket or this process
+  std::string name;    ///< of the token; else "unix", "local", or the peer's host
+  bool local = false;  ///< Unix socket or this process
   bool admin = false;
   std::shared_ptr<const TokenConfig> token;  ///< null: none was shown, and none is needed here
   std::shared_ptr<TokenUse> use;             ///< with a token
@@ -59,7 +59,11 @@ class TokenBook {
   size_t count() const;
 
  private:
-  struct Entry { std::string digest; std::shared_ptr<const TokenConfig> config; std::shared_ptr<TokenUse> use; };
+  struct Entry {
+    std::string digest;
+    std::shared_ptr<const TokenConfig> config;
+    std::shared_ptr<TokenUse> use;
+  };
   mutable std::mutex mutex_;
   std::vector<Entry> entries_;
   std::map<std::string, std::shared_ptr<TokenUse>> uses_;

@@ -24,11 +24,15 @@ namespace {
 namespace fs = std::filesystem;
 constexpr const char* kTemporary = ".tmp-";
 constexpr const char* kWhat = "blob cache";
-constexpr size_t kSmallFiles = 20000;   // .files and .stamp
+constexpr size_t kSmallFiles = 20000;  // .files and .stamp
 
-bool endsWith(const std::string& text, std::string_view tail) { return text.size() >= tail.size() && text.compare(text.size() - tail.size(), tail.size(), tail) == 0; }
+bool endsWith(const std::string& text, std::string_view tail) {
+  return text.size() >= tail.size() && text.compare(text.size() - tail.size(), tail.size(), tail) == 0;
+}
 
-Status failed(const std::string& what) { return Status(errno == ENOSPC || errno == EDQUOT ? Code::ResourceExhausted : Code::Internal, what + ": " + std::strerror(errno)); }
+Status failed(const std::string& what) {
+  return Status(errno == ENOSPC || errno == EDQUOT ? Code::ResourceExhausted : Code::Internal, what + ": " + std::strerror(errno));
+}
 
 std::optional<std::string> smallFile(const std::string& path) {
   auto bytes = readFile(path, 16 << 20);
@@ -41,7 +45,7 @@ void writeSmall(const std::string& path, const std::string& text) {
   static std::atomic<uint64_t> counter{0};
   const std::string temporary = path + "-" + std::to_string(::getpid()) + "-" + std::to_string(counter++) + ".stamp";
   const int fd = ::open(temporary.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC | O_NOFOLLOW, 0600);
-  if (fd < 0) return;   // it costs the next load a digest; commit() has said what is wrong
+  if (fd < 0) return;  // it costs the next load a digest; commit() has said what is wrong
   const bool whole = ::write(fd, text.data(), text.size()) == ssize_t(text.size());
   ::close(fd);
   if (!whole || ::rename(temporary.c_str(), path.c_str()) != 0) ::unlink(temporary.c_str());
@@ -52,7 +56,10 @@ void writeSmall(const std::string& path, const std::string& text) {
 std::string blobKeyHex(const BlobKey& key) {
   static const char* digits = "0123456789abcdef";
   std::string out;
-  for (const uint8_t b : key) { out += digits[b >> 4]; out += digits[b & 15]; }
+  for (const uint8_t b : key) {
+    out += digits[b >> 4];
+    out += digits[b & 15];
+  }
   return out;
 }
 
@@ -74,7 +81,7 @@ Result<std::unique_ptr<BlobCache>> BlobCache::open(const std::string& folder, ui
     if (it->path().filename().string().rfind(kTemporary, 0) != 0) continue;
     const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
     if (fd < 0) continue;
-    if (::flock(fd, LOCK_EX | LOCK_NB) == 0) ::unlink(path.c_str());   // its writer is gone
+    if (::flock(fd, LOCK_EX | LOCK_NB) == 0) ::unlink(path.c_str());  // its writer is gone
     ::close(fd);
   }
   cache->trim("");
@@ -84,7 +91,7 @@ Result<std::unique_ptr<BlobCache>> BlobCache::open(const std::string& folder, ui
 Result<std::shared_ptr<const MappedFile>> BlobCache::find(const BlobKey& key, const StopToken& stop) const {
   const std::string path = file(key, ".blob");
   const Descriptor d{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW)};
-  struct stat info{};
+  struct stat info {};
   if (!d || ::fstat(d.get(), &info) != 0) return std::shared_ptr<const MappedFile>();
   std::shared_ptr<const MappedFile> mapped;
   {
@@ -97,7 +104,7 @@ Result<std::shared_ptr<const MappedFile>> BlobCache::find(const BlobKey& key, co
     mapped = std::move(*made);
   }
   const FileStamp stamp = FileStamp::of(info);
-  const bool settled = stamp.settled();   // of before the reading
+  const bool settled = stamp.settled();  // of before the reading
   bool known = false;
   {
     const std::lock_guard lock(mutex_);
@@ -128,7 +135,7 @@ void BlobCache::discard(const MappedFile& mapped) const {
   std::error_code error;
   for (fs::directory_iterator it(folder_, error), end; !error && it != end; it.increment(error)) {
     const std::string path = it->path().string();
-    struct stat info{};
+    struct stat info {};
     if (!endsWith(path, ".blob") || ::lstat(path.c_str(), &info) != 0 || !mapped.isOf(info)) continue;
     logWarn("blob %s is removed: %s", it->path().stem().c_str(), mapped.lost().message().c_str());
     drop(path);
@@ -156,10 +163,10 @@ Result<std::unique_ptr<BlobCache::Temporary>> BlobCache::begin() const {
   static std::atomic<uint64_t> counter{0};
   std::unique_ptr<Temporary> t(new Temporary());
   t->path_ = folder_ + "/" + kTemporary + std::to_string(::getpid()) + "-" + std::to_string(counter++);
-  ::unlink(t->path_.c_str());   // of an earlier process with this number
+  ::unlink(t->path_.c_str());  // of an earlier process with this number
   const auto make = [&] { return ::open(t->path_.c_str(), O_CREAT | O_EXCL | O_RDWR | O_CLOEXEC | O_NOFOLLOW, 0600); };
   t->fd_ = make();
-  if (t->fd_ < 0 && errno == ENOENT) {   // somebody removed the folder
+  if (t->fd_ < 0 && errno == ENOENT) {  // somebody removed the folder
     GOBO_TRY(makeOwnFolder(folder_, kWhat));
     t->fd_ = make();
   }
@@ -187,19 +194,26 @@ Status BlobCache::commit(Temporary& t, const BlobKey& key, const std::shared_ptr
     rememberMapped(path, mapped);
   }
   const int folder = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (folder >= 0) { ::fsync(folder); ::close(folder); }
+  if (folder >= 0) {
+    ::fsync(folder);
+    ::close(folder);
+  }
   trim(path);
   return {};
 }
 
 void BlobCache::trim(const std::string& keep) const {
-  struct Item { std::string path; uint64_t bytes; int64_t used; };
+  struct Item {
+    std::string path;
+    uint64_t bytes;
+    int64_t used;
+  };
   std::vector<Item> blobs, small;
   uint64_t total = 0;
   std::error_code error;
   for (fs::directory_iterator it(folder_, error), end; !error && it != end; it.increment(error)) {
     const std::string path = it->path().string();
-    struct stat info{};
+    struct stat info {};
     if (::lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) continue;
     Item item{path, uint64_t(info.st_size), FileStamp::of(info).modifiedNs};
     const std::string stem = path.substr(0, path.size() - std::min<size_t>(path.size(), 5));
@@ -228,7 +242,7 @@ std::optional<std::vector<std::string>> BlobCache::sideNames(const BlobKey& main
   const auto text = smallFile(file(mainKey, ".files"));
   if (!text || text->empty() || text->back() != '\0') return std::nullopt;
   std::vector<std::string> names;
-  for (size_t at = 1; at < text->size();) {   // the first byte is a zero too: an empty list is not an empty file
+  for (size_t at = 1; at < text->size();) {  // the first byte is a zero too: an empty list is not an empty file
     const size_t end = text->find('\0', at);
     names.push_back(text->substr(at, end - at));
     at = end + 1;
@@ -238,7 +252,10 @@ std::optional<std::vector<std::string>> BlobCache::sideNames(const BlobKey& main
 
 void BlobCache::rememberSideNames(const BlobKey& mainKey, const std::vector<std::string>& names) const {
   std::string text(1, '\0');
-  for (const std::string& n : names) { text += n; text += '\0'; }
+  for (const std::string& n : names) {
+    text += n;
+    text += '\0';
+  }
   writeSmall(file(mainKey, ".files"), text);
 }
 
@@ -257,7 +274,11 @@ uint64_t BlobCache::bytes() const {
   uint64_t total = 0;
   std::error_code error;
   for (fs::directory_iterator it(folder_, error), end; !error && it != end; it.increment(error))
-    if (endsWith(it->path().string(), ".blob")) { std::error_code e; const uint64_t n = fs::file_size(it->path(), e); if (!e) total += n; }
+    if (endsWith(it->path().string(), ".blob")) {
+      std::error_code e;
+      const uint64_t n = fs::file_size(it->path(), e);
+      if (!e) total += n;
+    }
   return total;
 }
 

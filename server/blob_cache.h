@@ -78,12 +78,12 @@ class BlobCache {
   std::string file(const BlobKey& key, const char* extension) const { return folder_ + "/" + blobKeyHex(key) + extension; }
   void trim(const std::string& keep) const;
   void drop(const std::string& blob) const;
-  void rememberMapped(const std::string& path, const std::shared_ptr<const MappedFile>& mapped) const;   ///< under mutex_
+  void rememberMapped(const std::string& path, const std::shared_ptr<const MappedFile>& mapped) const;  ///< under mutex_
   std::string folder_;
   uint64_t maxBytes_;
   mutable std::mutex mutex_;
-  mutable std::map<std::string, FileStamp> checked_;   // files whose arrays had their digest, by path
-  mutable std::map<std::string, std::weak_ptr<const MappedFile>> mapped_;   // by path
+  mutable std::map<std::string, FileStamp> checked_;                       // files whose arrays had their digest, by path
+  mutable std::map<std::string, std::weak_ptr<const MappedFile>> mapped_;  // by path
   mutable uint64_t checks_ = 0;
 };
 

@@ -12,11 +12,15 @@
 namespace gobo {
 namespace {
 
-Status cannot(const std::string& address) { return {Code::Unavailable, "cannot listen on " + address + ": " + std::strerror(errno) + ": in use or not permitted"}; }
+Status cannot(const std::string& address) {
+  return {Code::Unavailable, "cannot listen on " + address + ": " + std::strerror(errno) + ": in use or not permitted"};
+}
 
 struct Resolved {
   addrinfo* list = nullptr;
-  ~Resolved() { if (list) ::freeaddrinfo(list); }
+  ~Resolved() {
+    if (list) ::freeaddrinfo(list);
+  }
 };
 
 }  // namespace
@@ -36,9 +40,9 @@ Result<BoundSockets> bindTcp(const std::string& text) {
     sockaddr_storage name{};
     std::memcpy(&name, a->ai_addr, a->ai_addrlen);
     in_port_t& number = a->ai_family == AF_INET6 ? reinterpret_cast<sockaddr_in6&>(name).sin6_port : reinterpret_cast<sockaddr_in&>(name).sin_port;
-    number = htons(uint16_t(port));   // the one that the first address was given, for port 0
+    number = htons(uint16_t(port));  // the one that the first address was given, for port 0
     Descriptor fd(::socket(a->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-    if (!fd && errno == EAFNOSUPPORT) continue;   // a name with an address of a family that this machine has not
+    if (!fd && errno == EAFNOSUPPORT) continue;  // a name with an address of a family that this machine has not
     const int yes = 1;
     if (fd) ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
     if (fd && a->ai_family == AF_INET6 && found.list->ai_next) ::setsockopt(fd.get(), IPPROTO_IPV6, IPV6_V6ONLY, &yes, sizeof yes);

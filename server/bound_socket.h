@@ -12,8 +12,8 @@
 namespace gobo {
 
 struct BoundSockets {
-  std::vector<Descriptor> sockets;   ///< non-blocking; one for each address of the name, all with one port
-  std::string served;                ///< HOST:PORT with the port that was picked for port 0
+  std::vector<Descriptor> sockets;  ///< non-blocking; one for each address of the name, all with one port
+  std::string served;               ///< HOST:PORT with the port that was picked for port 0
 };
 
 /// `text`: the address as configured. Errors: Unavailable "cannot listen on ...".

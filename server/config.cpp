@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-using Key = std::function<Status(const toml::node&)>;   // errors hold the reason only; the caller adds file:line and key
+using Key = std::function<Status(const toml::node&)>;  // errors hold the reason only; the caller adds file:line and key
 
 std::string shown(const toml::node& node) {
   std::ostringstream out;
@@ -32,9 +32,7 @@ std::string shown(const toml::node& node) {
   return text.size() > 80 ? text.substr(0, 77) + "..." : text;
 }
 
-Status wrongType(const char* want, const toml::node& node) {
-  return invalidArgument("= " + shown(node) + ": must be " + want);
-}
+Status wrongType(const char* want, const toml::node& node) { return invalidArgument("= " + shown(node) + ": must be " + want); }
 
 template <typename T>
 Key integer(T& target, uint64_t low, uint64_t high) {
@@ -123,11 +121,18 @@ Key texts(std::vector<std::string>& target, Fix fix = {}) {
 Status readTable(const toml::table& table, const std::string& prefix, const std::string& file, const std::map<std::string, Key>& keys);
 
 std::map<std::string, Key> tokenKeys(TokenConfig& t, std::vector<std::string>& roots, const Fix& folder) {
-  return {{"tokens.name", text(t.name)}, {"tokens.sha256", text(t.sha256)}, {"tokens.classes", texts(t.classes)},
-          {"tokens.requests_per_s", number(t.requestsPerSecond, 0, 1e6)}, {"tokens.burst", integer(t.burst, 1, 1u << 20)},
-          {"tokens.renders_at_once", integer(t.rendersAtOnce, 0, 1u << 20)}, {"tokens.max_pixels", integer(t.maxPixels, 0, 1ull << 40)},
-          {"tokens.max_spp", integer(t.maxSpp, 0, 1u << 20)}, {"tokens.max_s", number(t.maxSeconds, 0, 86400)},
-          {"tokens.upload_bytes", bytes(t.uploadBytes)}, {"tokens.roots", texts(roots, folder)}, {"tokens.admin", boolean(t.admin)}};
+  return {{"tokens.name", text(t.name)},
+          {"tokens.sha256", text(t.sha256)},
+          {"tokens.classes", texts(t.classes)},
+          {"tokens.requests_per_s", number(t.requestsPerSecond, 0, 1e6)},
+          {"tokens.burst", integer(t.burst, 1, 1u << 20)},
+          {"tokens.renders_at_once", integer(t.rendersAtOnce, 0, 1u << 20)},
+          {"tokens.max_pixels", integer(t.maxPixels, 0, 1ull << 40)},
+          {"tokens.max_spp", integer(t.maxSpp, 0, 1u << 20)},
+          {"tokens.max_s", number(t.maxSeconds, 0, 86400)},
+          {"tokens.upload_bytes", bytes(t.uploadBytes)},
+          {"tokens.roots", texts(roots, folder)},
+          {"tokens.admin", boolean(t.admin)}};
 }
 
 Key tokens(std::vector<TokenConfig>& target, const Fix& folder, const std::string& file) {
@@ -139,7 +144,7 @@ Key tokens(std::vector<TokenConfig>& target, const Fix& folder, const std::strin
       TokenConfig t;
       std::vector<std::string> roots;
       const Status status = readTable(*item.as_table(), "tokens", file, tokenKeys(t, roots, folder));
-      if (!status.ok()) return {status.code(), status.message(), file};   // has its own line
+      if (!status.ok()) return {status.code(), status.message(), file};  // has its own line
       if (item.as_table()->contains("roots")) t.roots = std::move(roots);
       const std::string where = file + ":" + std::to_string(item.source().begin.line) + ": ";
       if (const Status checked = checkToken(t); !checked.ok()) return {checked.code(), where + checked.message(), file};
@@ -226,15 +231,14 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
   };
 }
 
-Status readTable(const toml::table& table, const std::string& prefix, const std::string& file,
-                 const std::map<std::string, Key>& keys) {
+Status readTable(const toml::table& table, const std::string& prefix, const std::string& file, const std::map<std::string, Key>& keys) {
   for (const auto& [name, node] : table) {
     const std::string key = prefix.empty() ? std::string(name.str()) : prefix + "." + std::string(name.str());
     const std::string where = file + ":" + std::to_string(name.source().begin.line) + ": ";
     const auto it = keys.find(key);
     if (it != keys.end()) {
       const Status status = it->second(node);
-      if (!status.ok() && !status.location().empty()) return invalidArgument(status.message());   // says its own place
+      if (!status.ok() && !status.location().empty()) return invalidArgument(status.message());  // says its own place
       if (!status.ok()) return invalidArgument(where + key + " " + status.message());
       continue;
     }
@@ -263,9 +267,16 @@ std::vector<std::string> configKeys() {
 std::string defaultAddress() { return "unix:/tmp/gobo-" + std::to_string(::getuid()) + ".sock"; }
 
 Result<uint64_t> parseBytes(const std::string& text) {
-  static const std::map<std::string, uint64_t> units = {
-      {"", 1}, {"B", 1}, {"KB", 1000}, {"MB", 1000000}, {"GB", 1000000000ull}, {"TB", 1000000000000ull},
-      {"KiB", 1ull << 10}, {"MiB", 1ull << 20}, {"GiB", 1ull << 30}, {"TiB", 1ull << 40}};
+  static const std::map<std::string, uint64_t> units = {{"", 1},
+                                                        {"B", 1},
+                                                        {"KB", 1000},
+                                                        {"MB", 1000000},
+                                                        {"GB", 1000000000ull},
+                                                        {"TB", 1000000000000ull},
+                                                        {"KiB", 1ull << 10},
+                                                        {"MiB", 1ull << 20},
+                                                        {"GiB", 1ull << 30},
+                                                        {"TiB", 1ull << 40}};
   size_t used = 0;
   while (used < text.size() && (std::isdigit(static_cast<unsigned char>(text[used])) || text[used] == '.')) ++used;
   size_t unitAt = used;
@@ -287,21 +298,15 @@ Status readConfig(const std::string& path, ServerConfig& config) {
   std::ostringstream content;
   content << in.rdbuf();
   const fs::path base = fs::absolute(path).parent_path();
-  const Fix folder = [base](const std::string& p) {
-    return p.empty() || fs::path(p).is_absolute() ? p : (base / p).lexically_normal().string();
-  };
-  const Fix address = [folder](const std::string& a) {
-    return a.rfind("unix:", 0) == 0 ? "unix:" + folder(a.substr(5)) : a;
-  };
+  const Fix folder = [base](const std::string& p) { return p.empty() || fs::path(p).is_absolute() ? p : (base / p).lexically_normal().string(); };
+  const Fix address = [folder](const std::string& a) { return a.rfind("unix:", 0) == 0 ? "unix:" + folder(a.substr(5)) : a; };
   try {
     const toml::table root = toml::parse(content.str(), path);
     config.file = path;
     return readTable(root, "", path, keysOf(config, folder, address, path));
   } catch (const toml::parse_error& e) {
     return invalidArgument(path + ":" + std::to_string(e.source().begin.line) + ": " + std::string(e.description()));
-  } catch (const std::exception& e) {
-    return invalidArgument(path + ": " + e.what());
-  }
+  } catch (const std::exception& e) { return invalidArgument(path + ": " + e.what()); }
 }
 
 bool isLoopback(const std::string& host) {
@@ -318,19 +323,16 @@ Result<Address> parseAddress(const std::string& text) {
     address.path = text.substr(5);
     if (address.path.empty()) return invalidArgument("address \"unix:\" has no path");
     if (address.path.size() >= sizeof(sockaddr_un{}.sun_path))
-      return invalidArgument("address \"" + escaped(text) + "\": a Unix socket path has at most " +
-                             std::to_string(sizeof(sockaddr_un{}.sun_path) - 1) + " bytes");
+      return invalidArgument("address \"" + escaped(text) + "\": a Unix socket path has at most " + std::to_string(sizeof(sockaddr_un{}.sun_path) - 1) +
+                             " bytes");
     return address;
   }
   const size_t colon = text.rfind(':');
-  if (colon == std::string::npos)
-    return invalidArgument("address \"" + escaped(text) + "\" is neither unix:PATH nor HOST:PORT");
+  if (colon == std::string::npos) return invalidArgument("address \"" + escaped(text) + "\" is neither unix:PATH nor HOST:PORT");
   address.host = text.substr(0, colon);
   address.port = text.substr(colon + 1);
-  if (address.host.size() > 2 && address.host.front() == '[' && address.host.back() == ']')
-    address.host = address.host.substr(1, address.host.size() - 2);
-  const bool digits = !address.port.empty() && address.port.size() <= 5 &&
-                      address.port.find_first_not_of("0123456789") == std::string::npos;
+  if (address.host.size() > 2 && address.host.front() == '[' && address.host.back() == ']') address.host = address.host.substr(1, address.host.size() - 2);
+  const bool digits = !address.port.empty() && address.port.size() <= 5 && address.port.find_first_not_of("0123456789") == std::string::npos;
   if (address.host.empty() || !digits || std::atoi(address.port.c_str()) > 65535)
     return invalidArgument("address \"" + escaped(text) + "\" is neither unix:PATH nor HOST:PORT");
   return address;
@@ -355,12 +357,12 @@ Status checkConfig(ServerConfig& c) {
   GOBO_TRY(least("limits.chunk_bytes", c.chunkBytes, 4096));
   // A chunk travels in a message with a few fields around it.
   if (c.chunkBytes + 65536 > c.messageBytes || c.inlineBytes + 65536 > c.messageBytes)
-    return invalidArgument("limits.chunk_bytes = " + std::to_string(c.chunkBytes) + " and limits.inline_bytes = " +
-                           std::to_string(c.inlineBytes) + " must be at least 64 KiB below limits.message_bytes = " +
-                           std::to_string(c.messageBytes));
+    return invalidArgument("limits.chunk_bytes = " + std::to_string(c.chunkBytes) + " and limits.inline_bytes = " + std::to_string(c.inlineBytes) +
+                           " must be at least 64 KiB below limits.message_bytes = " + std::to_string(c.messageBytes));
   // Without spare ones a full queue would lock out status, cancellation and health checks.
   const uint64_t waiting = callsThatMayWait(c);
-  GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running, the three queues, limits.watches, uploads_at_once, loads_at_once and 32 together)", c.rpcThreads, waiting + 16));
+  GOBO_TRY(least("limits.rpc_threads (16 more than scheduler.running, the three queues, limits.watches, uploads_at_once, loads_at_once and 32 together)",
+                 c.rpcThreads, waiting + 16));
   GOBO_TRY(least("limits.request_bytes", c.requestBytes, 1ull << 20));
   GOBO_TRY(least("limits.reply_bytes", c.replyBytes, 16ull << 20));
   GOBO_TRY(least("engine.keep_renders_bytes", c.keepRendersBytes, 1ull << 20));
@@ -392,8 +394,9 @@ Status checkConfig(ServerConfig& c) {
   // Caches give way to what cannot; so that must have its place.
   const uint64_t fixed = c.pinnedBytes + c.replyBytes + c.keepRendersBytes;
   if (c.memoryBytes != 0 && c.memoryBytes < fixed)
-    return invalidArgument("engine.memory_bytes = " + std::to_string(c.memoryBytes) + ": scheduler.pinned_bytes, limits.reply_bytes and engine.keep_renders_bytes, which do not give way, are " +
-                           std::to_string(fixed) + " together");
+    return invalidArgument("engine.memory_bytes = " + std::to_string(c.memoryBytes) +
+                           ": scheduler.pinned_bytes, limits.reply_bytes and engine.keep_renders_bytes, which do not give way, are " + std::to_string(fixed) +
+                           " together");
   if (c.memoryBytes == 0) c.memoryBytes = std::max(machine / 4 * 3, fixed);
   return {};
 }

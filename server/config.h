@@ -15,95 +15,95 @@ namespace gobo {
 
 /// One [[tokens]] table. Zero and empty mean: no bound of the token's own.
 struct TokenConfig {
-  std::string name;                           ///< also the client of the fair share
-  std::string sha256;                         ///< of the token's bytes, 64 lower-case hex digits; the token is never stored
-  std::vector<std::string> classes;           ///< of "interactive", "normal", "batch"
-  double requestsPerSecond = 0;               ///< of any kind; up to `burst` at once
+  std::string name;                  ///< also the client of the fair share
+  std::string sha256;                ///< of the token's bytes, 64 lower-case hex digits; the token is never stored
+  std::vector<std::string> classes;  ///< of "interactive", "normal", "batch"
+  double requestsPerSecond = 0;      ///< of any kind; up to `burst` at once
   uint32_t burst = 10;
-  uint32_t rendersAtOnce = 0;                 ///< queued ones included
-  uint64_t maxPixels = 0;                     ///< width x height
+  uint32_t rendersAtOnce = 0;  ///< queued ones included
+  uint64_t maxPixels = 0;      ///< width x height
   uint32_t maxSpp = 0;
-  double maxSeconds = 0;                      ///< of one request, from its arrival
-  uint64_t uploadBytes = 0;                   ///< of one upload, below limits.upload_bytes
-  std::optional<std::vector<std::string>> roots;   ///< if given: the only folders whose files it may name
-  bool admin = false;                         ///< DropCaches, Shutdown
+  double maxSeconds = 0;                          ///< of one request, from its arrival
+  uint64_t uploadBytes = 0;                       ///< of one upload, below limits.upload_bytes
+  std::optional<std::vector<std::string>> roots;  ///< if given: the only folders whose files it may name
+  bool admin = false;                             ///< DropCaches, Shutdown
   bool operator==(const TokenConfig&) const = default;
 };
 
 struct TlsConfig {
-  std::string cert, key;                      ///< PEM files: chain, then its private key; empty: TCP in plain text
-  std::string clientCa;                       ///< PEM file; empty: clients show no certificate
-  bool requireClientCert = false;             ///< mutual TLS: no connection without a certificate signed by clientCa
+  std::string cert, key;           ///< PEM files: chain, then its private key; empty: TCP in plain text
+  std::string clientCa;            ///< PEM file; empty: clients show no certificate
+  bool requireClientCert = false;  ///< mutual TLS: no connection without a certificate signed by clientCa
   bool on() const { return !cert.empty(); }
   bool operator==(const TlsConfig&) const = default;
 };
 
 struct ServerConfig {
-  std::string file;                           ///< that it was read from; empty: none
-  std::vector<std::string> listen;            ///< "unix:PATH" or "HOST:PORT"; the default socket if empty
-  bool allowRemote = false;                   ///< TCP addresses that are not loopback even without TLS and tokens
-  bool reflection = false;                    ///< gRPC server reflection
-  uint32_t socketMode = 0600;                 ///< of Unix sockets
-  std::string requireToken = "tcp";           ///< "tcp": on TCP, once there are tokens; "always": on Unix sockets too
+  std::string file;                  ///< that it was read from; empty: none
+  std::vector<std::string> listen;   ///< "unix:PATH" or "HOST:PORT"; the default socket if empty
+  bool allowRemote = false;          ///< TCP addresses that are not loopback even without TLS and tokens
+  bool reflection = false;           ///< gRPC server reflection
+  uint32_t socketMode = 0600;        ///< of Unix sockets
+  std::string requireToken = "tcp";  ///< "tcp": on TCP, once there are tokens; "always": on Unix sockets too
   TlsConfig tls;
   std::vector<TokenConfig> tokens;
-  std::string httpListen;                     ///< HOST:PORT of /metrics, /health, /ready; empty: none
+  std::string httpListen;  ///< HOST:PORT of /metrics, /health, /ready; empty: none
   bool httpAllowRemote = false;
 
   std::string logLevel = "info";
   std::string logFormat = "text";
 
-  int threads = 0;                            ///< of the task arena; 0: all
+  int threads = 0;  ///< of the task arena; 0: all
   uint64_t storeBytes = 4ull << 30;
-  std::string cacheFolder;                    ///< disk tier; empty: none
+  std::string cacheFolder;  ///< disk tier; empty: none
   uint64_t diskBytes = 16ull << 30;
   std::vector<std::string> roots;
   uint32_t keepRenders = 1024;
-  uint64_t keepRendersBytes = 64ull << 20;    ///< of the requests behind them
-  uint64_t memoryBytes = 0;                   ///< of everything together; 0: three quarters of the machine's memory
-  uint64_t sceneBytes = 0;                    ///< loaded scenes; 0: a quarter of the machine's memory
-  uint64_t environmentBytes = 2ull << 30;     ///< environment maps in memory
-  uint64_t accelBytes = 4ull << 30;           ///< ray tracing structures kept between renders
+  uint64_t keepRendersBytes = 64ull << 20;  ///< of the requests behind them
+  uint64_t memoryBytes = 0;                 ///< of everything together; 0: three quarters of the machine's memory
+  uint64_t sceneBytes = 0;                  ///< loaded scenes; 0: a quarter of the machine's memory
+  uint64_t environmentBytes = 2ull << 30;   ///< environment maps in memory
+  uint64_t accelBytes = 4ull << 30;         ///< ray tracing structures kept between renders
 
-  uint32_t rpcThreads = 512;                  ///< concurrent calls, waiting renders included; one more is refused
+  uint32_t rpcThreads = 512;  ///< concurrent calls, waiting renders included; one more is refused
   uint32_t streamsPerConnection = 64;
   uint64_t messageBytes = 64ull << 20;
-  uint64_t rpcMemoryBytes = 1ull << 30;       ///< gRPC resource quota
-  uint64_t uploadBytes = 1ull << 30;          ///< a scene in Upload
-  uint32_t uploadsAtOnce = 4;                 ///< of which one client may have half
-  uint64_t requestBytes = 16ull << 20;        ///< one message from a client
-  uint32_t watches = 64;                      ///< Jobs.Watch and Jobs.Fetch at once, of which one client may have half
-  uint64_t replyBytes = 2ull << 30;           ///< pictures that are being made or sent, of which one client may have half
-  double clientIdleSeconds = 30;              ///< a client that neither sends nor takes for that long loses its call
+  uint64_t rpcMemoryBytes = 1ull << 30;  ///< gRPC resource quota
+  uint64_t uploadBytes = 1ull << 30;     ///< a scene in Upload
+  uint32_t uploadsAtOnce = 4;            ///< of which one client may have half
+  uint64_t requestBytes = 16ull << 20;   ///< one message from a client
+  uint32_t watches = 64;                 ///< Jobs.Watch and Jobs.Fetch at once, of which one client may have half
+  uint64_t replyBytes = 2ull << 30;      ///< pictures that are being made or sent, of which one client may have half
+  double clientIdleSeconds = 30;         ///< a client that neither sends nor takes for that long loses its call
   uint32_t connections = 1024, connectionsPerPeer = 256;
   uint64_t chunkBytes = 1ull << 20;
   uint64_t inlineBytes = 48ull << 20;
-  uint32_t loadsAtOnce = 2;                   ///< scenes being loaded or patched; more wait
-  double requestSeconds = 0;                  ///< a render may take, from its arrival; 0: any time
-  uint64_t imageBytes = 8ull << 30;           ///< pictures of one reply as floats, bound from width, height and outputs
-  std::string tmpFolder;                      ///< uploads; $TMPDIR or /tmp if empty
+  uint32_t loadsAtOnce = 2;          ///< scenes being loaded or patched; more wait
+  double requestSeconds = 0;         ///< a render may take, from its arrival; 0: any time
+  uint64_t imageBytes = 8ull << 30;  ///< pictures of one reply as floats, bound from width, height and outputs
+  std::string tmpFolder;             ///< uploads; $TMPDIR or /tmp if empty
 
   // [ingest]: docs/ingest.md
-  bool ingestSandbox = true;                  ///< false: files are parsed in this process; loopback and Unix sockets only
-  std::string ingestProgram;                  ///< gobo-ingest; empty: beside gobod
-  std::string ingestCacheFolder;              ///< blobs; empty: "ingest" under cacheFolder, none without one
+  bool ingestSandbox = true;      ///< false: files are parsed in this process; loopback and Unix sockets only
+  std::string ingestProgram;      ///< gobo-ingest; empty: beside gobod
+  std::string ingestCacheFolder;  ///< blobs; empty: "ingest" under cacheFolder, none without one
   uint64_t ingestCacheBytes = 8ull << 30;
-  std::string ingestVerify = "changed";       ///< "changed" or "always"
+  std::string ingestVerify = "changed";  ///< "changed" or "always"
   uint64_t ingestMemoryBytes = 4ull << 30, ingestBlobBytes = 2ull << 30, ingestTextureBytes = 1ull << 30, ingestInputBytes = 4ull << 30;
   uint32_t ingestCpuSeconds = 300, ingestAtOnce = 2;
   double ingestWallSeconds = 600;
 
-  uint32_t running = 1;                       ///< renders at once: each uses the whole arena
-  uint32_t queuedInteractive = 64, queuedNormal = 128, queuedBatch = 128;   ///< more are refused with a retry hint
+  uint32_t running = 1;                                                    ///< renders at once: each uses the whole arena
+  uint32_t queuedInteractive = 64, queuedNormal = 128, queuedBatch = 128;  ///< more are refused with a retry hint
   uint32_t queuedPerClient = 128;
-  double ageingNormal = 10, ageingBatch = 30; ///< seconds until a waiting class is given a turn
-  uint64_t pinnedBytes = 0;                   ///< bound on the sum over running renders; 0: half of the machine's memory
-  double drainSeconds = 30;                   ///< after SIGTERM, before running renders are cancelled
+  double ageingNormal = 10, ageingBatch = 30;  ///< seconds until a waiting class is given a turn
+  uint64_t pinnedBytes = 0;                    ///< bound on the sum over running renders; 0: half of the machine's memory
+  double drainSeconds = 30;                    ///< after SIGTERM, before running renders are cancelled
 
-  std::string jobsFolder;                     ///< durable jobs; empty: none
-  uint32_t jobsWorkers = 1;                   ///< frames that are rendered, or wait for a slot, at once
+  std::string jobsFolder;    ///< durable jobs; empty: none
+  uint32_t jobsWorkers = 1;  ///< frames that are rendered, or wait for a slot, at once
   double jobsLeaseSeconds = 30, jobsCheckpointSeconds = 30;
-  uint64_t jobsKeepBytes = 64ull << 30;       ///< results of jobs that are over
+  uint64_t jobsKeepBytes = 64ull << 30;  ///< results of jobs that are over
   double jobsKeepDays = 30;
 };
 
@@ -127,7 +127,7 @@ Result<uint64_t> parseBytes(const std::string& text);
 
 struct Address {
   bool isUnix = false;
-  std::string path;              ///< of the socket
+  std::string path;  ///< of the socket
   std::string host, port;
 };
 /// Errors: InvalidArgument that quotes the address.

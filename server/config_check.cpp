@@ -28,8 +28,9 @@ Status checkSecurity(const ServerConfig& c) {
   for (const std::string& text : c.listen) {
     GOBO_ASSIGN(const Address address, parseAddress(text));
     if (address.isUnix || isLoopback(address.host) || c.allowRemote || (c.tls.on() && !c.tokens.empty())) continue;
-    return {Code::PermissionDenied, "listen = \"" + escaped(text) + "\": not a loopback address. It needs [tls] cert and key and at least one "
-            "[[tokens]] table; or set allow_remote = true if the network in front of it protects it"};
+    return {Code::PermissionDenied, "listen = \"" + escaped(text) +
+                                        "\": not a loopback address. It needs [tls] cert and key and at least one "
+                                        "[[tokens]] table; or set allow_remote = true if the network in front of it protects it"};
   }
   if (c.tls.cert.empty() != c.tls.key.empty())
     return invalidArgument("tls.cert = \"" + escaped(c.tls.cert) + "\", tls.key = \"" + escaped(c.tls.key) + "\": both or none must be given");
@@ -53,15 +54,18 @@ Status checkSecurity(const ServerConfig& c) {
     GOBO_ASSIGN(const Address address, parseAddress(c.httpListen));
     if (address.isUnix) return invalidArgument("http.listen = \"" + escaped(c.httpListen) + "\": must be HOST:PORT");
     if (!isLoopback(address.host) && !c.httpAllowRemote)
-      return {Code::PermissionDenied, "http.listen = \"" + escaped(c.httpListen) + "\": not a loopback address, and metrics are served to anybody who "
-              "asks; set http.allow_remote = true if the network in front of it protects it"};
+      return {Code::PermissionDenied, "http.listen = \"" + escaped(c.httpListen) +
+                                          "\": not a loopback address, and metrics are served to anybody who "
+                                          "asks; set http.allow_remote = true if the network in front of it protects it"};
   }
   return {};
 }
 
 std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& a, const ServerConfig& b) {
   std::vector<std::string> keys;
-  const auto differ = [&](const char* key, bool is) { if (is) keys.push_back(key); };
+  const auto differ = [&](const char* key, bool is) {
+    if (is) keys.push_back(key);
+  };
   differ("listen", a.listen != b.listen);
   differ("allow_remote", a.allowRemote != b.allowRemote);
   differ("reflection", a.reflection != b.reflection);

@@ -21,18 +21,33 @@ SchedulerOptions schedulerOptions(const ServerConfig& c) {
 }
 
 /// Half of the threads that nothing else can wait in.
-uint32_t heldRefusals(const ServerConfig& c) { return uint32_t(std::min<uint64_t>(64, (c.rpcThreads - std::min<uint64_t>(c.rpcThreads, callsThatMayWait(c))) / 2)); }
+uint32_t heldRefusals(const ServerConfig& c) {
+  return uint32_t(std::min<uint64_t>(64, (c.rpcThreads - std::min<uint64_t>(c.rpcThreads, callsThatMayWait(c))) / 2));
+}
 
 }  // namespace
 
-constexpr uint32_t kPlansAtOnce = 16;   // of one caller as many as there are cores, so that each of fifteen others finds a place
+constexpr uint32_t kPlansAtOnce = 16;  // of one caller as many as there are cores, so that each of fifteen others finds a place
 
 ServerCore::ServerCore(Engine& e, const ServerConfig& c)
-    : engine(e), config(c), planning({kPlansAtOnce, uint32_t(std::max(1, e.threads()))}), impatient(heldRefusals(c)), idle(c.clientIdleSeconds), uploads(c.uploadsAtOnce), watches(c.watches), replies(c.replyBytes), sandbox(c.ingestSandbox, c.ingestProgram),
+    : engine(e),
+      config(c),
+      planning({kPlansAtOnce, uint32_t(std::max(1, e.threads()))}),
+      impatient(heldRefusals(c)),
+      idle(c.clientIdleSeconds),
+      uploads(c.uploadsAtOnce),
+      watches(c.watches),
+      replies(c.replyBytes),
+      sandbox(c.ingestSandbox, c.ingestProgram),
       jobs(schedulerOptions(c)) {
   setLive(c);
-  accounts.push_back(engine.memory().add({"running renders", [this] { return config.pinnedBytes ? config.pinnedBytes : UINT64_MAX; }, [this] { return jobs.stats().pinnedBytes; }, {}, [this] { return jobs.stats().pinnedOfGroups; }}));
-  accounts.push_back(engine.memory().add({"pictures made or sent", [this] { return replies.limit(); }, [this] { return replies.used(); }, {}, [this] { return replies.clients(); }}));
+  accounts.push_back(engine.memory().add({"running renders",
+                                          [this] { return config.pinnedBytes ? config.pinnedBytes : UINT64_MAX; },
+                                          [this] { return jobs.stats().pinnedBytes; },
+                                          {},
+                                          [this] { return jobs.stats().pinnedOfGroups; }}));
+  accounts.push_back(engine.memory().add(
+      {"pictures made or sent", [this] { return replies.limit(); }, [this] { return replies.used(); }, {}, [this] { return replies.clients(); }}));
   declareServerMetrics(*this);
 }
 

@@ -27,31 +27,31 @@
 
 namespace gobo {
 
-class DurableJobs;   // server/jobs/durable_jobs.h
+class DurableJobs;  // server/jobs/durable_jobs.h
 
 class ServerCore {
  public:
   ServerCore(Engine& engine, const ServerConfig& config);
 
   Engine& engine;
-  const ServerConfig config;                         ///< as at the start: what is fixed until a restart
+  const ServerConfig config;  ///< as at the start: what is fixed until a restart
   /// As of the last reload; hold the pointer for as long as one call needs one view of it.
   std::shared_ptr<const ServerConfig> live() const;
-  void setLive(const ServerConfig& config);          ///< with its tokens
-  Metrics metrics;                                   ///< other parts register their own (server/server_metrics.h)
+  void setLive(const ServerConfig& config);  ///< with its tokens
+  Metrics metrics;                           ///< other parts register their own (server/server_metrics.h)
   TokenBook tokens;
   LoadGate loads;
-  FairGate planning;                                 ///< plans being made before admission: they trace rays and take every core they find
-  RefusalPause impatient;                            ///< answers to who does not wait for his hint
+  FairGate planning;       ///< plans being made before admission: they trace rays and take every core they find
+  RefusalPause impatient;  ///< answers to who does not wait for his hint
   IdleWatch idle;
-  SharedLimit uploads, watches;                      ///< calls in progress
-  SharedLimit replies;                               ///< bytes of pictures that are being made or sent
+  SharedLimit uploads, watches;  ///< calls in progress
+  SharedLimit replies;           ///< bytes of pictures that are being made or sent
   DeviceProbe devices;
   SandboxProbe sandbox;
   JobRunner jobs;
-  std::vector<std::shared_ptr<const MemoryHolder>> accounts;   ///< what it adds to the engine's memory()
-  DurableJobs* durable = nullptr;                    ///< null: switched off
-  std::atomic<uint64_t> renders{0};                  ///< finished with a picture
+  std::vector<std::shared_ptr<const MemoryHolder>> accounts;  ///< what it adds to the engine's memory()
+  DurableJobs* durable = nullptr;                             ///< null: switched off
+  std::atomic<uint64_t> renders{0};                           ///< finished with a picture
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
 
   /// While one lives, the call counts as running. `ok` is false once the server drains: refuse the request.
@@ -71,7 +71,7 @@ class ServerCore {
 
   /// From now on new calls are refused; running ones go on. The first call of it runs `onDrain` before.
   void drain();
-  std::function<void()> onDrain;                     ///< set before serving: health says so first
+  std::function<void()> onDrain;  ///< set before serving: health says so first
   /// Whether a connection to each of the daemon's addresses is accepted within `seconds`; empty: no sockets. For the HTTP door, which lives
   /// between the two changes of it.
   std::function<bool(double seconds)> reachable;
@@ -85,7 +85,7 @@ class ServerCore {
 
   /// A part of /health: `value` gives the JSON value of `key`, on any thread.
   void addHealth(const std::string& key, std::function<std::string()> value);
-  std::string healthExtras() const;   ///< ",\"key\":value" of each
+  std::string healthExtras() const;  ///< ",\"key\":value" of each
 
   /// Asked for by Admin.Shutdown; the owner (main, tests) polls it.
   std::atomic<bool> shutdownAsked{false};
@@ -94,7 +94,7 @@ class ServerCore {
   std::atomic<bool> draining_{false}, cancelled_{false}, drainSeen_{false};
   mutable std::mutex liveMutex_;
   std::shared_ptr<const ServerConfig> live_;
-  std::vector<std::pair<std::string, std::function<std::string()>>> health_;   // under liveMutex_
+  std::vector<std::pair<std::string, std::function<std::string()>>> health_;  // under liveMutex_
   mutable std::mutex mutex_;
   std::condition_variable idle_;
   std::list<StopSource*> calls_;

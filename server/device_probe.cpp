@@ -19,7 +19,9 @@ std::string cpuText() {
       break;
     }
   std::string isa;
-  const auto add = [&](bool has, const char* word) { if (has) isa += (isa.empty() ? "" : " ") + std::string(word); };
+  const auto add = [&](bool has, const char* word) {
+    if (has) isa += (isa.empty() ? "" : " ") + std::string(word);
+  };
   add(__builtin_cpu_supports("avx2"), "avx2");
   add(__builtin_cpu_supports("fma"), "fma");
   add(__builtin_cpu_supports("avx512f"), "avx512f");

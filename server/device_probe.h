@@ -14,7 +14,7 @@ namespace gobo {
 class DeviceProbe {
  public:
   DeviceProbe();
-  ~DeviceProbe();   ///< waits for the probing thread: a driver must not be left half loaded at exit
+  ~DeviceProbe();  ///< waits for the probing thread: a driver must not be left half loaded at exit
   /// "cpu: NAME (avx2 fma)", "vulkan: NAME", "egl: NAME", or "vulkan: none (why)". Starts the probe; waits for it up to `waitSeconds`,
   /// then says "...: being looked for" of what is not known yet.
   std::vector<std::string> list(double waitSeconds);

@@ -91,7 +91,7 @@ DisplayImage displayImage(const std::string& output, const Image& image, const v
     for (int c = 0; c < channels; ++c) normaliseChannel(image, c, output == "depth", output == "depth" || output == "variance", out, c);
     return {std::move(out), true};
   }
-  float scale = 1.0f;                             // of vectors
+  float scale = 1.0f;  // of vectors
   if (output == "motion") {
     scale = 0.0f;
     for (const float v : image.data) scale = std::isfinite(v) ? std::max(scale, std::fabs(v)) : scale;
@@ -101,7 +101,7 @@ DisplayImage displayImage(const std::string& output, const Image& image, const v
     float* to = out.data.data() + i * channels;
     const float* from = image.data.data() + i * image.channels;
     if (kind == OutputKind::Id) {
-      if (from[0] >= 0 && from[0] < 0x1p63f) {   // not what no integer holds
+      if (from[0] >= 0 && from[0] < 0x1p63f) {  // not what no integer holds
         const uint64_t h = mix64(uint64_t(from[0]) + 1);
         for (int c = 0; c < 3; ++c) to[c] = (56.0f + float(h >> (16 * c) & 0xffff) * (199.0f / 65535.0f)) / 255.0f;
       }
@@ -125,7 +125,7 @@ std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half) {
     return bytes;
   }
   for (size_t i = 0; i < n; ++i) {
-    const float v = std::clamp(pixels[i], -kLargestHalf, kLargestHalf);   // overflow to infinity would leave the picture
+    const float v = std::clamp(pixels[i], -kLargestHalf, kLargestHalf);  // overflow to infinity would leave the picture
     const uint16_t bits = Imath::half(v).bits();
     std::memcpy(bytes.data() + 2 * i, &bits, 2);
   }
@@ -148,7 +148,7 @@ ExrCompression compressionOf(v1::Encoding::Compression c) {
 
 /// {"node":..., "samples":..., "device":...} of each node, without what differs between a cold and a warm store.
 std::string planSummary(const v1::RenderReply& reply) {
-  v1::RenderReply kept;   // by the schema's own JSON names
+  v1::RenderReply kept;  // by the schema's own JSON names
   std::set<std::string> seen;
   for (const v1::NodeReport& n : reply.plan()) {
     const bool pruned = n.state() == v1::NodeReport::PRUNED;
@@ -241,7 +241,7 @@ Result<std::vector<EncodedImage>> encodeLayers(RenderResult& result) {
     if (rendered.output != "beauty") {
       const std::string plain = exrLayerName(rendered.output);
       layer.name = plain;
-      for (int k = 2; !names.insert(layer.name).second; ++k) layer.name = plain + "_" + std::to_string(k);   // "group:a.b" and "group:a_b"
+      for (int k = 2; !names.insert(layer.name).second; ++k) layer.name = plain + "_" + std::to_string(k);  // "group:a.b" and "group:a_b"
       named.push_back(layer.name);
       named.push_back(rendered.output);
     }
@@ -272,7 +272,9 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
   PixelOptions pixels;
   if (encoding.has_png_bits()) pixels.bits = int(encoding.png_bits());
   if (encoding.has_jpeg_quality()) pixels.quality = int(encoding.jpeg_quality());
-  pixels.transfer = encoding.transfer() == v1::Encoding::REC709 ? Transfer::Rec709 : encoding.transfer() == v1::Encoding::LINEAR ? Transfer::Linear : Transfer::Srgb;
+  pixels.transfer = encoding.transfer() == v1::Encoding::REC709   ? Transfer::Rec709
+                    : encoding.transfer() == v1::Encoding::LINEAR ? Transfer::Linear
+                                                                  : Transfer::Srgb;
   std::vector<EncodedImage> encoded;
   for (const RenderedImage& rendered : result.images) {
     EncodedImage one;

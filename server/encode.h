@@ -34,7 +34,7 @@ class Sha256 {
   Sha256(const Sha256&) = delete;
   Sha256& operator=(const Sha256&) = delete;
   void add(const void* data, size_t size);
-  std::string hex();   ///< call once, last
+  std::string hex();  ///< call once, last
 
  private:
   void* context_;
@@ -44,7 +44,10 @@ class Sha256 {
 bool isRadiance(const std::string& output);
 /// The picture that PNG and JPEG show, 0..1, 1, 3 or 4 channels. `data`: code values, for the file as they are; otherwise linear light,
 /// which the encoder gives its transfer function.
-struct DisplayImage { Image image; bool data = false; };
+struct DisplayImage {
+  Image image;
+  bool data = false;
+};
 /// Radiance: tone mapped; albedo, visibility: clamped. As data: alpha; normal (0.5 + n/2); motion (0.5 + m / (2 largest |m|), blue 0);
 /// depth: (far - d) / (far - near) over finite positive depths, nothing = 0; position, sample_count, variance: each channel over its own
 /// range; ids: a colour each (by a hash of the number), nothing black.
@@ -55,8 +58,9 @@ std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half);
 
 /// Encodes every image of a result and fills result.reply.images; with encoding.layers (EXR) all of them as one image called "layers":
 /// the beauty in the nameless layer, the others under exrLayerName(output), an output asked for twice once. What the header holds:
-/// docs/protocol.md, "Outputs". Values beyond what the encoding's halves hold are clamped and counted in a warning. Equal pictures of equal requests give equal bytes: nothing that a clock or a cache says is in them.
-/// Errors: Internal when the encoder fails; InvalidArgument naming encoding.format for an unknown format.
+/// docs/protocol.md, "Outputs". Values beyond what the encoding's halves hold are clamped and counted in a warning. Equal pictures of equal requests give equal
+/// bytes: nothing that a clock or a cache says is in them. Errors: Internal when the encoder fails; InvalidArgument naming encoding.format for an unknown
+/// format.
 Result<std::vector<EncodedImage>> encodeImages(RenderResult& result);
 
 }  // namespace gobo

@@ -6,7 +6,7 @@
 
 namespace gobo {
 
-static constexpr std::chrono::milliseconds kLeftEvery{10};   // between two looks at whether a waiter has gone
+static constexpr std::chrono::milliseconds kLeftEvery{10};  // between two looks at whether a waiter has gone
 
 void FairGate::setLimits(Limits limits) {
   const std::lock_guard lock(mutex_);

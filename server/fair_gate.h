@@ -18,8 +18,13 @@ namespace gobo {
 
 class FairGate {
  public:
-  struct Limits { uint32_t places = 1, shared = 1; };
-  struct Queue { size_t waiting = 0, ofClient = 0; uint32_t running = 0; };
+  struct Limits {
+    uint32_t places = 1, shared = 1;
+  };
+  struct Queue {
+    size_t waiting = 0, ofClient = 0;
+    uint32_t running = 0;
+  };
   FairGate() = default;
   explicit FairGate(Limits limits) : limits_(limits) {}
   void setLimits(Limits limits);
@@ -30,7 +35,9 @@ class FairGate {
     Place(FairGate& gate, std::string client) : gate_(&gate), client_(std::move(client)) {}
     Place(Place&& other) noexcept : gate_(std::exchange(other.gate_, nullptr)), client_(std::move(other.client_)) {}
     Place& operator=(Place&&) = delete;
-    ~Place() { if (gate_) gate_->leave(client_); }
+    ~Place() {
+      if (gate_) gate_->leave(client_);
+    }
 
    private:
     FairGate* gate_;
@@ -42,16 +49,22 @@ class FairGate {
   uint32_t waiting() const;
 
  private:
-  struct Waiter { std::string client; bool called = false; };
-  struct Client { uint32_t running = 0, waiting = 0; uint64_t served = 0; };   ///< served: when it was last called, in calls
-  void call();                   ///< under mutex_: gives free places away
+  struct Waiter {
+    std::string client;
+    bool called = false;
+  };
+  struct Client {
+    uint32_t running = 0, waiting = 0;
+    uint64_t served = 0;
+  };            ///< served: when it was last called, in calls
+  void call();  ///< under mutex_: gives free places away
   void leave(const std::string& client);
   void forget(const std::string& client);
   mutable std::mutex mutex_;
   std::condition_variable free_;
   Limits limits_;
   uint32_t running_ = 0;
-  std::list<Waiter> waiters_;    ///< in order of arrival
+  std::list<Waiter> waiters_;  ///< in order of arrival
   std::map<std::string, Client> clients_;
   uint64_t calls_ = 0;
 };

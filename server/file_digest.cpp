@@ -14,9 +14,10 @@ namespace gobo {
 
 Result<std::string> fileDigest(int fd, const std::string& name, const DigestLimit& limit, const StopToken& stop) {
   const auto tooLarge = [&](uint64_t bytes) {
-    return Status(Code::ResourceExhausted, "file has " + std::to_string(bytes) + " bytes: at most " + std::to_string(limit.bytes) + " (" + limit.key + ")", name);
+    return Status(Code::ResourceExhausted, "file has " + std::to_string(bytes) + " bytes: at most " + std::to_string(limit.bytes) + " (" + limit.key + ")",
+                  name);
   };
-  struct stat info{};
+  struct stat info {};
   if (::fstat(fd, &info) == 0 && uint64_t(info.st_size) > limit.bytes) return tooLarge(uint64_t(info.st_size));
   Sha256 sha;
   std::vector<uint8_t> slice(1 << 20);

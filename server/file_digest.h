@@ -11,7 +11,10 @@
 
 namespace gobo {
 
-struct DigestLimit { uint64_t bytes = UINT64_MAX; const char* key = ""; };   ///< key: of the configuration, for the error
+struct DigestLimit {
+  uint64_t bytes = UINT64_MAX;
+  const char* key = "";
+};  ///< key: of the configuration, for the error
 
 /// 64 hex digits, of what is between the descriptor's position and its end. `name` places errors: ResourceExhausted above the limit, also
 /// when the file grows beyond it; Cancelled; Unavailable.

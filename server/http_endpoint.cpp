@@ -17,17 +17,20 @@ namespace gobo {
 using Clock = std::chrono::steady_clock;
 
 namespace {
-constexpr double kReadySeconds = 0.5;    // an accept may take that long
-constexpr double kReadyKept = 0.25;      // and its answer counts for that long: asking often costs nothing
+constexpr double kReadySeconds = 0.5;  // an accept may take that long
+constexpr double kReadyKept = 0.25;    // and its answer counts for that long: asking often costs nothing
 double since(Clock::time_point t) { return std::chrono::duration<double>(Clock::now() - t).count(); }
 }  // namespace
 
 // Callbacks come on libmicrohttpd's one thread only.
 struct HttpEndpoint::Impl {
-  struct Open { int fd; Clock::time_point since; };
+  struct Open {
+    int fd;
+    Clock::time_point since;
+  };
   ServerCore& core;
   MHD_Daemon* daemon = nullptr;
-  std::list<Open> open;                  // oldest first
+  std::list<Open> open;  // oldest first
   bool reached = true;
   Clock::time_point asked{};
 
@@ -54,7 +57,7 @@ struct HttpEndpoint::Impl {
 
   static MHD_Result answer(void* self, MHD_Connection* connection, const char* url, const char* method, const char*, const char*, size_t* bodyBytes, void**) {
     Impl& impl = *static_cast<Impl*>(self);
-    if (*bodyBytes > 0) return MHD_NO;   // bodies are not read: the connection closes
+    if (*bodyBytes > 0) return MHD_NO;  // bodies are not read: the connection closes
     if (std::strcmp(method, MHD_HTTP_METHOD_GET) != 0 && std::strcmp(method, MHD_HTTP_METHOD_HEAD) != 0)
       return reply(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "only GET\n", "text/plain");
     if (std::strcmp(url, "/metrics") == 0) return reply(connection, MHD_HTTP_OK, impl.core.metrics.text(), "text/plain; version=0.0.4; charset=utf-8");
@@ -64,7 +67,11 @@ struct HttpEndpoint::Impl {
     }
     if (std::strcmp(url, "/ready") == 0) {
       const bool draining = impl.core.draining(), ready = !draining && impl.reachable();
-      return reply(connection, ready ? MHD_HTTP_OK : MHD_HTTP_SERVICE_UNAVAILABLE, ready ? "ready\n" : draining ? "draining\n" : "connections are not accepted\n", "text/plain");
+      return reply(connection, ready ? MHD_HTTP_OK : MHD_HTTP_SERVICE_UNAVAILABLE,
+                   ready      ? "ready\n"
+                   : draining ? "draining\n"
+                              : "connections are not accepted\n",
+                   "text/plain");
     }
     return reply(connection, MHD_HTTP_NOT_FOUND, "has /metrics, /health and /ready\n", "text/plain");
   }
@@ -103,7 +110,7 @@ Result<std::unique_ptr<HttpEndpoint>> HttpEndpoint::start(ServerCore& core, cons
                                   MHD_OPTION_CONNECTION_LIMIT, kConnections, MHD_OPTION_CONNECTION_TIMEOUT, unsigned(kOldest),
                                   MHD_OPTION_CONNECTION_MEMORY_LIMIT, size_t(16384), MHD_OPTION_NOTIFY_CONNECTION, &Impl::connection, impl, MHD_OPTION_END);
   if (!impl->daemon) return Status(Code::Unavailable, "http.listen: cannot start the HTTP listener on " + text);
-  bound->sockets[0].release();   // the daemon's now
+  bound->sockets[0].release();  // the daemon's now
   return self;
 }
 

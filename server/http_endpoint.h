@@ -21,7 +21,7 @@ class HttpEndpoint {
   static constexpr double kOldest = 5;
   /// `address` is HOST:PORT (port 0 picks one). Errors: Unavailable when it cannot be bound.
   static Result<std::unique_ptr<HttpEndpoint>> start(ServerCore& core, const std::string& address);
-  ~HttpEndpoint();   ///< closes, joins
+  ~HttpEndpoint();  ///< closes, joins
   /// HOST:PORT with the port that was picked.
   const std::string& address() const { return address_; }
 

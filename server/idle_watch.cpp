@@ -33,7 +33,7 @@ void IdleWatch::loop() {
     const auto now = Clock::now();
     for (auto& [until, context] : waits_) {
       if (now < until) continue;
-      context->TryCancel();   // does not wait; the context lives while its wait does
+      context->TryCancel();  // does not wait; the context lives while its wait does
       until = Clock::time_point::max();
       ended_.fetch_add(1);
     }

@@ -22,7 +22,7 @@ class IdleWatch {
   /// For waits that begin from now on.
   void setSeconds(double seconds) { seconds_.store(seconds); }
   double seconds() const { return seconds_.load(); }
-  uint64_t ended() const { return ended_.load(); }   ///< calls
+  uint64_t ended() const { return ended_.load(); }  ///< calls
 
   /// Around one blocking read or write: when it lasts too long its call is cancelled, and the read or write returns false.
   class Wait {
@@ -46,7 +46,7 @@ class IdleWatch {
   std::condition_variable wake_;
   Waits waits_;
   bool closing_ = false;
-  std::thread thread_;      // from the first wait
+  std::thread thread_;  // from the first wait
 };
 
 }  // namespace gobo

@@ -37,7 +37,11 @@ class Channel {
     auto* p = static_cast<uint8_t*>(to);
     while (bytes > 0) {
       const ssize_t n = ::recv(fd_, p, bytes, MSG_DONTWAIT);
-      if (n > 0) { p += n; bytes -= size_t(n); continue; }
+      if (n > 0) {
+        p += n;
+        bytes -= size_t(n);
+        continue;
+      }
       if (n == 0 || !again() || !wait(POLLIN)) return false;
     }
     return true;
@@ -46,7 +50,11 @@ class Channel {
     const auto* p = static_cast<const uint8_t*>(from);
     while (bytes > 0) {
       const ssize_t n = ::send(fd_, p, bytes, MSG_DONTWAIT | MSG_NOSIGNAL);
-      if (n > 0) { p += n; bytes -= size_t(n); continue; }
+      if (n > 0) {
+        p += n;
+        bytes -= size_t(n);
+        continue;
+      }
       if (!again() || !wait(POLLOUT)) return false;
     }
     return true;
@@ -74,15 +82,16 @@ class Channel {
 Status changed(const std::string& name) { return Status(Code::Aborted, "file \"" + name + "\" changed while it was being read; try again"); }
 
 /// Sends what `file` has and hashes it. False in `alive` when the child does not take it.
-Status sendFile(Channel& channel, int file, const std::string& name, uint64_t limit, std::string& digest, std::string& settledStamp, uint64_t& total, bool& alive) {
-  struct stat info{};
+Status sendFile(Channel& channel, int file, const std::string& name, uint64_t limit, std::string& digest, std::string& settledStamp, uint64_t& total,
+                bool& alive) {
+  struct stat info {};
   if (::fstat(file, &info) != 0) return internalError("cannot examine \"" + name + "\"");
   const FileStamp stamp = FileStamp::of(info);
   const bool settled = stamp.settled();
   uint64_t left = uint64_t(info.st_size);
   if (left > limit - total)
-    return Status(Code::ResourceExhausted, "file \"" + name + "\" has " + std::to_string(left) + " bytes: the files of one scene are limited to " + std::to_string(limit) +
-                  " bytes together (ingest.input_bytes)");
+    return Status(Code::ResourceExhausted, "file \"" + name + "\" has " + std::to_string(left) + " bytes: the files of one scene are limited to " +
+                                               std::to_string(limit) + " bytes together (ingest.input_bytes)");
   total += left;
   alive = channel.frame(ingest::Frame::File, left);
   Sha256 sha;
@@ -107,7 +116,8 @@ Status crashed(int signal, const IngestOutcome& outcome) {
   const char* name = ::sigabbrev_np(signal);
   const std::string end = std::string(::strsignal(signal)) + (name ? std::string(", SIG") + name : "");
   if (!outcome.parsing) return internalError("the sandboxed reader crashed before it read the file (" + end + ")");
-  return invalidArgument("the file crashes its reader (" + end + ")" + (outcome.place.empty() ? "" : " at " + outcome.place) + "; it is damaged or made to do so, and only this load is affected");
+  return invalidArgument("the file crashes its reader (" + end + ")" + (outcome.place.empty() ? "" : " at " + outcome.place) +
+                         "; it is damaged or made to do so, and only this load is affected");
 }
 
 Status whyItEnded(const ingest::Job& job, const IngestOutcome& outcome, int status) {
@@ -164,7 +174,10 @@ Status talk(Channel& channel, const ingest::Job& job, int mainFile, IngestOutcom
     if (!channel.read(bytes.data(), bytes.size())) break;
     Status reported;
     switch (ingest::Frame(head[0])) {
-      case ingest::Frame::Note: outcome.parsing = true; outcome.place.assign(bytes.begin(), bytes.begin() + std::min<ptrdiff_t>(ptrdiff_t(bytes.size()), 200)); break;
+      case ingest::Frame::Note:
+        outcome.parsing = true;
+        outcome.place.assign(bytes.begin(), bytes.begin() + std::min<ptrdiff_t>(ptrdiff_t(bytes.size()), 200));
+        break;
       case ingest::Frame::Ask: GOBO_TRY(answer(channel, job, std::string(bytes.begin(), bytes.end()), outcome, total, alive)); break;
       case ingest::Frame::Done: return ingest::decode(bytes, outcome.done) ? Status() : internalError("the sandboxed reader broke the protocol");
       case ingest::Frame::Failed:
@@ -196,7 +209,8 @@ Result<IngestOutcome> runIngest(Readers& readers, const ingest::Job& job, int ou
   if (job.task != ingest::Task::Probe) { GOBO_ASSIGN(mainFile, openRegular(job.path)); }
   const Descriptor file(mainFile);
   int pair[2];
-  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) != 0) return Status(Code::ResourceExhausted, std::string("cannot make a socket pair: ") + ::strerror(errno), job.path);
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) != 0)
+    return Status(Code::ResourceExhausted, std::string("cannot make a socket pair: ") + ::strerror(errno), job.path);
   // Above the child's numbers: dup2 in the child must not overwrite a descriptor that it still has to copy.
   Descriptor mine(pair[0]), low(pair[1]);
   Descriptor theirs(::fcntl(low.get(), F_DUPFD_CLOEXEC, 16)), target(::fcntl(output, F_DUPFD_CLOEXEC, 16));
@@ -206,13 +220,13 @@ Result<IngestOutcome> runIngest(Readers& readers, const ingest::Job& job, int ou
   const std::unique_ptr<ReaderProcess> child = std::move(*started);
   theirs.close();
   target.close();
-  low.close();   // or the end of the child would not be the end of the stream
+  low.close();  // or the end of the child would not be the end of the stream
 
   Channel channel(mine.get(), Clock::now() + std::chrono::microseconds(int64_t(wallSeconds * 1e6)), stop);
   IngestOutcome outcome;
   bool alive = true;
   const Status said = talk(channel, job, mainFile, outcome, alive);
-  if (!said.ok()) return cleanUtf8(said.at(job.path));   // its destructor ends it
+  if (!said.ok()) return cleanUtf8(said.at(job.path));  // its destructor ends it
   int status = 0;
   bool over = child->gone(status);
   while (!over && !channel.expired() && !channel.stopped()) {
@@ -221,7 +235,7 @@ Result<IngestOutcome> runIngest(Readers& readers, const ingest::Job& job, int ou
   }
   if (!over) {
     child->end();
-    if (!channel.stopped()) readers.crashed();   // should it be the nursery's fault, the next comes of another
+    if (!channel.stopped()) readers.crashed();  // should it be the nursery's fault, the next comes of another
     if (channel.stopped()) return Status(Code::Cancelled, "the load was cancelled", job.path);
     char limit[32];
     snprintf(limit, sizeof limit, "%g", wallSeconds);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs a sandboxed reader on one file: starts it (reader_process.h), hands it the bytes it asks for, waits a wall-clock limit, and turns its end into a Status. What the child has read is hashed on its way, so a cache key is
-// made of exactly those bytes. Thread-safe: each call is on its own.
+// Runs a sandboxed reader on one file: starts it (reader_process.h), hands it the bytes it asks for, waits a wall-clock limit, and turns its end into a Status.
+// What the child has read is hashed on its way, so a cache key is made of exactly those bytes. Thread-safe: each call is on its own.
 #pragma once
 
 #include <string>
@@ -14,13 +14,15 @@
 namespace gobo {
 
 /// SHA-256 in hex, "absent" when there is no such file; the file's stamp if that was settled before and the same after.
-struct SideFile { std::string name, digest, stamp; };
+struct SideFile {
+  std::string name, digest, stamp;
+};
 
 struct IngestOutcome {
   std::string mainDigest, mainStamp;
-  std::vector<SideFile> sides;    ///< in the order of the first ask
+  std::vector<SideFile> sides;  ///< in the order of the first ask
   ingest::Done done;
-  bool parsing = false;           ///< it began to parse; `place` is what, a JSON pointer or ""
+  bool parsing = false;  ///< it began to parse; `place` is what, a JSON pointer or ""
   std::string place;
 };
 

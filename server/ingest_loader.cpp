@@ -27,7 +27,7 @@
 namespace gobo {
 namespace {
 
-constexpr const char* kCannotWrite = "cannot write the blob";   // begins what a child says whose output takes no more
+constexpr const char* kCannotWrite = "cannot write the blob";  // begins what a child says whose output takes no more
 using Clock = std::chrono::steady_clock;
 double msSince(Clock::time_point t) { return std::chrono::duration<double, std::milli>(Clock::now() - t).count(); }
 
@@ -45,7 +45,10 @@ class Gate {
     return true;
   }
   void leave() {
-    { const std::lock_guard lock(mutex_); ++free_; }
+    {
+      const std::lock_guard lock(mutex_);
+      ++free_;
+    }
     changed_.notify_one();
   }
 
@@ -85,11 +88,14 @@ class ChildLoader final : public SceneLoader {
   Result<std::string> digestOf(Result<int> opened, const std::string& path, const StopToken& stop) {
     if (!opened.ok()) return opened.status();
     const int fd = *opened;
-    struct stat info{};
+    struct stat info {};
     ::fstat(fd, &info);
     const FileStamp stamp = FileStamp::of(info);
     if (!options_.verifyAlways)
-      if (const auto known = cache_->knownDigest(path, stamp.text())) { ::close(fd); return *known; }
+      if (const auto known = cache_->knownDigest(path, stamp.text())) {
+        ::close(fd);
+        return *known;
+      }
     auto digest = fileDigest(fd, path, {options_.inputBytes, "ingest.input_bytes"}, stop);
     const bool still = ::fstat(fd, &info) == 0 && FileStamp::of(info) == stamp && stamp.settled();
     ::close(fd);
@@ -100,7 +106,8 @@ class ChildLoader final : public SceneLoader {
   /// Of the scene file alone, under the options that the result depends on.
   BlobKey mainKey(ingest::Task task, const std::string& path, const std::string& digest) const {
     std::string text = "gobo-ingest 3\n";
-    for (const uint64_t v : {uint64_t(task), options_.triangles, options_.inputBytes, options_.textureBytes, options_.memoryBytes}) text += std::to_string(v) + "\n";
+    for (const uint64_t v : {uint64_t(task), options_.triangles, options_.inputBytes, options_.textureBytes, options_.memoryBytes})
+      text += std::to_string(v) + "\n";
     text += blobFormatHash().hex() + "\n" + std::filesystem::path(path).filename().string() + "\n" + digest + "\n";
     return blobKeyOf(sha256Hex(text.data(), text.size()));
   }
@@ -149,14 +156,17 @@ class ChildLoader final : public SceneLoader {
       }
     }
     if (!gate_.enter(stop)) return Status(Code::Cancelled, "the load was cancelled", path);
-    struct Leave { Gate& gate; ~Leave() { gate.leave(); } } leave{gate_};
+    struct Leave {
+      Gate& gate;
+      ~Leave() { gate.leave(); }
+    } leave{gate_};
     if (cache_) {
       auto temporary = cache_->begin();
       if (!temporary.ok()) cacheFails(temporary.status());
       else {
         const Status status = ingest(task, path, stop, report, read, temporary->get());
         if (status.message().find(kCannotWrite) == std::string::npos) return status;
-        cacheFails(status);   // full: once more, into memory
+        cacheFails(status);  // full: once more, into memory
       }
     }
     return ingest(task, path, stop, report, read, nullptr);
@@ -178,18 +188,21 @@ class ChildLoader final : public SceneLoader {
     const int output = temporary ? temporary->fd() : memory.get();
 
     const auto begun = Clock::now();
-    const ingest::Job job{task, path, options_.triangles, options_.inputBytes, options_.textureBytes, options_.memoryBytes, options_.blobBytes, options_.cpuSeconds};
+    const ingest::Job job{
+        task, path, options_.triangles, options_.inputBytes, options_.textureBytes, options_.memoryBytes, options_.blobBytes, options_.cpuSeconds};
     GOBO_ASSIGN(const IngestOutcome outcome, runIngest(*readers_, job, output, options_.wallSeconds, stop));
     report = {outcome.done.parseMs, outcome.done.textureMs, msSince(begun), 0, 0, false};
 
     // The child is gone and held the only other descriptor: from here on nobody else can change these bytes.
     const auto mapping = Clock::now();
-    if (memory && ::fcntl(memory.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE | F_SEAL_SEAL) != 0) return internalError(std::string("memfd seals: ") + std::strerror(errno), path);
+    if (memory && ::fcntl(memory.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE | F_SEAL_SEAL) != 0)
+      return internalError(std::string("memfd seals: ") + std::strerror(errno), path);
     const BlobKey main = mainKey(task, path, outcome.mainDigest), whole = wholeKey(main, outcome.sides);
-    if (temporary) (void)cache_->stamp(*temporary, whole);   // one that cannot be stamped is refused below, or not kept
+    if (temporary) (void)cache_->stamp(*temporary, whole);  // one that cannot be stamped is refused below, or not kept
     auto map = MappedFile::map(output, temporary ? cache_->path(whole) : path);
     if (!map.ok()) return internalError("the sandboxed reader wrote no blob", path);
-    if (const Status status = read(*map, BlobTrust::Foreign, nullptr); !status.ok()) return Status(status.code(), "the sandboxed reader's result is refused: " + status.message(), path);
+    if (const Status status = read(*map, BlobTrust::Foreign, nullptr); !status.ok())
+      return Status(status.code(), "the sandboxed reader's result is refused: " + status.message(), path);
     report.mapMs = msSince(mapping);
     report.blobBytes = (*map)->bytes().size();
     if (!temporary) return {};

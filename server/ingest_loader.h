@@ -14,18 +14,18 @@
 namespace gobo {
 
 struct IngestOptions {
-  std::string program;                       ///< gobo-ingest; empty: found beside the running program
-  std::string cacheFolder;                   ///< blobs; empty: none are kept
+  std::string program;      ///< gobo-ingest; empty: found beside the running program
+  std::string cacheFolder;  ///< blobs; empty: none are kept
   uint64_t cacheBytes = 8ull << 30;
-  bool verifyAlways = false;                 ///< hash files at every load
-  uint64_t memoryBytes = 4ull << 30;         ///< address space of a child beyond its program
-  uint64_t blobBytes = 2ull << 30;           ///< of one scene; of an environment map at most what its file can decode to
-  uint64_t textureBytes = 1ull << 30;        ///< of one scene, mip levels included
-  uint64_t inputBytes = 4ull << 30;          ///< of one scene's files together
+  bool verifyAlways = false;           ///< hash files at every load
+  uint64_t memoryBytes = 4ull << 30;   ///< address space of a child beyond its program
+  uint64_t blobBytes = 2ull << 30;     ///< of one scene; of an environment map at most what its file can decode to
+  uint64_t textureBytes = 1ull << 30;  ///< of one scene, mip levels included
+  uint64_t inputBytes = 4ull << 30;    ///< of one scene's files together
   uint64_t triangles = 64ull << 20;
   uint32_t cpuSeconds = 300;
   double wallSeconds = 600;
-  uint32_t atOnce = 2;                       ///< children; more wait
+  uint32_t atOnce = 2;  ///< children; more wait
 };
 
 /// Errors: FailedPrecondition when there is no gobo-ingest or the cache folder cannot be trusted (base/own_folder.h).

@@ -59,7 +59,7 @@ void JobRunner::pump() {
     }
   }
   if (jobs_.empty()) empty_.notify_all();
-  timer_.notify_one();   // the next event may be an earlier one
+  timer_.notify_one();  // the next event may be an earlier one
 }
 
 RunReport JobRunner::run(const JobSpec& spec, Work work, const RunControl& control) {
@@ -80,7 +80,7 @@ RunReport JobRunner::run(const JobSpec& spec, Work work, const RunControl& contr
   }
   jobs_[submit.id] = job;
   if (control.admitted) {
-    hold.unlock();   // it may call cancel()
+    hold.unlock();  // it may call cancel()
     control.admitted(submit.id);
     hold.lock();
   }
@@ -106,14 +106,14 @@ bool JobRunner::cancel(JobId id) {
   const auto at = jobs_.find(id);
   if (at == jobs_.end()) return false;
   const CancelResult result = scheduler_.cancel(id, now());
-  if (result == CancelResult::Unknown) return false;   // its work has ended, its caller is about to be told
+  if (result == CancelResult::Unknown) return false;  // its work has ended, its caller is about to be told
   if (result == CancelResult::Removed) {
     Job& job = *at->second;
     job.report.queuedSeconds += now() - job.since;
     finish(job, {Code::Cancelled, "cancelled in the queue"});
     jobs_.erase(at);
   }
-  pump();   // carries the Stop to the token
+  pump();  // carries the Stop to the token
   return true;
 }
 
@@ -126,16 +126,14 @@ void JobRunner::slotLoop(size_t slot) {
     starting_.erase(starting_.begin());
     const std::shared_ptr<Job> job = jobs_.at(id);
     const StopToken token = job->stop.token();
-    const bool stopped = token.stopRequested();   // between the decision and now
+    const bool stopped = token.stopRequested();  // between the decision and now
     job->report.runs += !stopped;
     workers_[slot] = {true, id, job->spec.client, job->spec.jobClass, now()};
     hold.unlock();
     Status status(Code::Aborted, "stopped");
     try {
       if (!stopped) status = job->work(token);
-    } catch (const std::exception& e) {
-      status = internalError(std::string("exception in a job: ") + e.what());
-    } catch (...) {
+    } catch (const std::exception& e) { status = internalError(std::string("exception in a job: ") + e.what()); } catch (...) {
       status = internalError("exception of unknown kind in a job");
     }
     hold.lock();
@@ -156,7 +154,7 @@ void JobRunner::slotLoop(size_t slot) {
       if (status.code() == Code::Aborted && token.reason() == StopReason::Deadline) status = {Code::DeadlineExceeded, "the deadline passed"};
     }
     hold.unlock();
-    job->work = nullptr;   // what it captured goes before the caller goes on, and not under the lock
+    job->work = nullptr;  // what it captured goes before the caller goes on, and not under the lock
     hold.lock();
     finish(*job, std::move(status));
     jobs_.erase(id);

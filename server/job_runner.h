@@ -22,9 +22,9 @@ namespace gobo {
 using Work = std::function<Status(StopToken)>;
 
 struct RunControl {
-  std::function<bool()> gone;                 ///< "has the caller left?" (ServerContext::IsCancelled); asked every pollSeconds
+  std::function<bool()> gone;  ///< "has the caller left?" (ServerContext::IsCancelled); asked every pollSeconds
   double pollSeconds = 0.01;
-  std::function<void(JobId)> admitted;        ///< called once, with the id that cancel() takes; the job may run already
+  std::function<void(JobId)> admitted;  ///< called once, with the id that cancel() takes; the job may run already
 };
 
 struct RunReport {
@@ -41,16 +41,16 @@ struct WorkerState {
   JobId job = 0;
   std::string client;
   JobClass jobClass = JobClass::Normal;
-  double seconds = 0;        ///< in this state
+  double seconds = 0;  ///< in this state
 };
 
 class JobRunner {
  public:
   explicit JobRunner(const SchedulerOptions& options);
-  ~JobRunner();              ///< drain(0); every run() must have returned, or be about to, before its memory goes
+  ~JobRunner();  ///< drain(0); every run() must have returned, or be about to, before its memory goes
   /// Blocks until the job is over. spec.deadline is on the clock of now().
   RunReport run(const JobSpec& spec, Work work, const RunControl& control = {});
-  Submit refusal(const JobSpec& spec) {   ///< Scheduler::refusal, now
+  Submit refusal(const JobSpec& spec) {  ///< Scheduler::refusal, now
     const std::lock_guard hold(mutex_);
     return scheduler_.refusal(spec, now());
   }
@@ -61,30 +61,30 @@ class JobRunner {
   SchedulerStats stats() const;
   /// One per slot.
   std::vector<WorkerState> workers() const;
-  static double now();       ///< seconds, steady clock
+  static double now();  ///< seconds, steady clock
 
  private:
   struct Job {
     Work work;
     JobSpec spec;
-    StopSource stop;         // a new one for every run: a late stop of the last run must not reach the next
+    StopSource stop;  // a new one for every run: a late stop of the last run must not reach the next
     RunReport report;
-    double since = 0;        // entered its present state
+    double since = 0;  // entered its present state
     bool over = false;
     std::condition_variable done;
   };
   void slotLoop(size_t slot);
   void timerLoop();
-  void pump();               // under mutex_: asks the scheduler and carries out
+  void pump();  // under mutex_: asks the scheduler and carries out
   void finish(Job& job, Status status);
 
   mutable std::mutex mutex_;
   std::condition_variable ready_, timer_, empty_;
   Scheduler scheduler_;
-  std::map<JobId, std::shared_ptr<Job>> jobs_;   // not over
-  std::vector<JobId> starting_;                  // told to start, not taken by a thread yet
+  std::map<JobId, std::shared_ptr<Job>> jobs_;  // not over
+  std::vector<JobId> starting_;                 // told to start, not taken by a thread yet
   bool draining_ = false, closing_ = false;
-  std::vector<WorkerState> workers_;             // seconds: when the state began
+  std::vector<WorkerState> workers_;  // seconds: when the state began
   std::vector<std::thread> threads_;
 };
 

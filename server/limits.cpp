@@ -20,24 +20,28 @@ grpc::Status checkRender(Rpc& rpc, v1::RenderRequest& request, const v1::RenderR
   const uint64_t bytes = pixels * outputs * 16, most = rpc.core().live()->imageBytes;
   if (bytes > most)
     return rpc.refuse("image_bytes", invalidArgument(strf("width x height x outputs = %u x %u x %llu needs %llu bytes: at most %llu (limits.image_bytes)",
-        resolved.width(), resolved.height(), ull(outputs), ull(bytes), ull(most)), "request.width"));
+                                                          resolved.width(), resolved.height(), ull(outputs), ull(bytes), ull(most)),
+                                                     "request.width"));
   if (const TokenConfig* t = rpc.who().token.get()) {
     const std::string name = kClassNames[int(jobClassOf(resolved.scheduling().priority()))];
     if (!t->classes.empty() && std::find(t->classes.begin(), t->classes.end(), name) == t->classes.end()) {
       std::string allowed;
       for (const std::string& c : t->classes) allowed += (allowed.empty() ? "" : ", ") + c;
-      return rpc.refuse("class", {Code::PermissionDenied, "scheduling.priority = " + name + ": token \"" + t->name + "\" may use " + allowed +
-                        " (tokens.classes)", "request.scheduling.priority"});
+      return rpc.refuse("class",
+                        {Code::PermissionDenied, "scheduling.priority = " + name + ": token \"" + t->name + "\" may use " + allowed + " (tokens.classes)",
+                         "request.scheduling.priority"});
     }
     if (t->maxPixels && pixels > t->maxPixels)
-      return rpc.refuse("pixels", invalidArgument(strf("width x height = %u x %u = %llu pixels: at most %llu (tokens.max_pixels of \"%s\")",
-          resolved.width(), resolved.height(), ull(pixels), ull(t->maxPixels), t->name.c_str()), "request.width"));
+      return rpc.refuse("pixels", invalidArgument(strf("width x height = %u x %u = %llu pixels: at most %llu (tokens.max_pixels of \"%s\")", resolved.width(),
+                                                       resolved.height(), ull(pixels), ull(t->maxPixels), t->name.c_str()),
+                                                  "request.width"));
     if (t->maxSpp && resolved.halt().has_spp() && resolved.halt().spp() > t->maxSpp)
-      return rpc.refuse("spp", invalidArgument(strf("halt.spp = %u: at most %u (tokens.max_spp of \"%s\")", resolved.halt().spp(), t->maxSpp,
-                                                    t->name.c_str()), "request.halt.spp"));
+      return rpc.refuse("spp", invalidArgument(strf("halt.spp = %u: at most %u (tokens.max_spp of \"%s\")", resolved.halt().spp(), t->maxSpp, t->name.c_str()),
+                                               "request.halt.spp"));
     if (t->maxSpp && resolved.certificate().spp() > t->maxSpp)
-      return rpc.refuse("spp", invalidArgument(strf("certificate.spp = %u: at most %u (tokens.max_spp of \"%s\")", resolved.certificate().spp(),
-                                                    t->maxSpp, t->name.c_str()), "request.certificate.spp"));
+      return rpc.refuse(
+          "spp", invalidArgument(strf("certificate.spp = %u: at most %u (tokens.max_spp of \"%s\")", resolved.certificate().spp(), t->maxSpp, t->name.c_str()),
+                                 "request.certificate.spp"));
     // Bound by time or error alone it would go on to the engine's own bound.
     if (t->maxSpp && !resolved.halt().has_spp()) request.mutable_halt()->set_spp(t->maxSpp);
   }
@@ -56,8 +60,8 @@ grpc::Status checkPath(Rpc& rpc, const std::string& path, const char* field) {
     const fs::path base = fs::canonical(root, ignored);
     if (!error && !ignored && std::mismatch(base.begin(), base.end(), real.begin(), real.end()).first == base.end()) return grpc::Status::OK;
   }
-  return rpc.refuse("root", {Code::PermissionDenied, "\"" + escaped(path.substr(0, 1024)) + "\" is not under a folder that token \"" + t->name +
-                    "\" may read (tokens.roots)", field});
+  return rpc.refuse("root", {Code::PermissionDenied,
+                             "\"" + escaped(path.substr(0, 1024)) + "\" is not under a folder that token \"" + t->name + "\" may read (tokens.roots)", field});
 }
 
 UploadLimit uploadLimit(const Rpc& rpc) {

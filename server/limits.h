@@ -19,13 +19,16 @@ grpc::Status checkRender(Rpc& rpc, v1::RenderRequest& request, const v1::RenderR
 /// A file or folder that a request names: under the token's roots, if it has any of its own. Built-in names and "none" pass.
 grpc::Status checkPath(Rpc& rpc, const std::string& path, const char* field);
 /// The bytes that one upload may have, and the name of what says so.
-struct UploadLimit { uint64_t bytes; const char* key; };
+struct UploadLimit {
+  uint64_t bytes;
+  const char* key;
+};
 UploadLimit uploadLimit(const Rpc& rpc);
 
 /// The earliest of deadlineOf(), limits.request_s and the token's max_s.
 struct Deadline {
   std::optional<std::chrono::steady_clock::time_point> at;
-  std::string limit;             ///< "limits.request_s = 5" when a limit of the server is the earliest; else empty
+  std::string limit;  ///< "limits.request_s = 5" when a limit of the server is the earliest; else empty
 };
 Deadline deadlineFor(const Rpc& rpc, const grpc::ServerContext& context, const v1::Scheduling& scheduling);
 

@@ -2,7 +2,7 @@
 #include "server/listener.h"
 
 #include <fcntl.h>
-#include <linux/tcp.h>   // glibc's has an older tcp_info
+#include <linux/tcp.h>  // glibc's has an older tcp_info
 #include <netdb.h>
 #include <netinet/in.h>
 #include <poll.h>
@@ -23,7 +23,7 @@ namespace gobo {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-constexpr std::chrono::seconds kSilent{1};   // a client speaks first: one that has said nothing for so long may have to go
+constexpr std::chrono::seconds kSilent{1};  // a client speaks first: one that has said nothing for so long may have to go
 
 Status cannot(const std::string& address) { return {Code::Unavailable, "cannot listen on " + address + ": " + std::strerror(errno)}; }
 
@@ -39,7 +39,7 @@ std::string nameOf(const sockaddr_storage& a, socklen_t size, bool withPort) {
 }
 
 uint64_t inodeOf(int fd) {
-  struct stat info{};
+  struct stat info {};
   return ::fstat(fd, &info) == 0 && S_ISSOCK(info.st_mode) ? info.st_ino : 0;
 }
 
@@ -61,7 +61,7 @@ Result<std::string> Listener::add(const std::string& text) {
     name.sun_family = AF_UNIX;
     std::copy(address.path.begin(), address.path.end(), name.sun_path);
     Descriptor fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-    const mode_t mask = ::umask(0177);   // born with mode 0600: no moment at which others could connect
+    const mode_t mask = ::umask(0177);  // born with mode 0600: no moment at which others could connect
     const bool bound = fd && ::bind(fd.get(), reinterpret_cast<const sockaddr*>(&name), sizeof name) == 0;
     ::umask(mask);
     if (!bound || ::listen(fd.get(), 512) != 0) return cannot(text);
@@ -125,7 +125,7 @@ void Listener::forgetClosed(std::chrono::milliseconds age) {
 bool Listener::evictSilent(const std::string* address) {
   const auto before = Clock::now() - kSilent;
   for (Peer& p : peers_) {
-    if (p.since > before) return false;   // oldest first
+    if (p.since > before) return false;  // oldest first
     if (p.spoke || (address && p.address != *address)) continue;
     ++stats_.looked;
     if (inodeOf(p.fd) != p.inode) continue;
@@ -162,7 +162,7 @@ bool Listener::makeRoom(const std::string& address) {
 }
 
 void Listener::accept(Socket& from) {
-  for (int n = 0; n < 64; ++n) {   // then the other sockets have their turn
+  for (int n = 0; n < 64; ++n) {  // then the other sockets have their turn
     sockaddr_storage name{};
     socklen_t size = sizeof name;
     Descriptor fd(::accept4(from.fd.get(), reinterpret_cast<sockaddr*>(&name), &size, SOCK_NONBLOCK | SOCK_CLOEXEC));
@@ -177,16 +177,16 @@ void Listener::accept(Socket& from) {
         Descriptor refused(::accept4(from.fd.get(), nullptr, nullptr, SOCK_CLOEXEC));
         refused.close();
         reserve_ = Descriptor(::open("/dev/null", O_RDONLY | O_CLOEXEC));
-        ::usleep(1000);   // a process without descriptors must not spin
+        ::usleep(1000);  // a process without descriptors must not spin
       } else if (errno != EINTR && errno != ECONNABORTED) {
-        return;   // EAGAIN; what else there is poll() will tell again
+        return;  // EAGAIN; what else there is poll() will tell again
       }
       continue;
     }
     const std::string whole = nameOf(name, size, true), address = from.isUnix ? std::string() : nameOf(name, size, false);
     {
       const std::lock_guard lock(mutex_);
-      if (probes_.erase(whole)) {   // of reachable(): it has shown what it came for
+      if (probes_.erase(whole)) {  // of reachable(): it has shown what it came for
         probed_.notify_all();
         continue;
       }
@@ -217,10 +217,10 @@ bool Listener::reachable(size_t index, double seconds) {
   socklen_t size = sizeof there, mine = sizeof here;
   if (::getsockname(at->fd.get(), reinterpret_cast<sockaddr*>(&there), &size) != 0) return false;
   const Descriptor fd(::socket(there.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-  if (!fd) return false;   // no descriptor: a client would not get one either
+  if (!fd) return false;  // no descriptor: a client would not get one either
   here.ss_family = there.ss_family;
   if (at->isUnix) {
-    if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&here), sizeof(sa_family_t)) != 0) return false;   // an abstract name of its own
+    if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&here), sizeof(sa_family_t)) != 0) return false;  // an abstract name of its own
   } else {
     // Listening on every address: it is reached through loopback.
     sockaddr_in& v4 = reinterpret_cast<sockaddr_in&>(there);

@@ -31,8 +31,8 @@ struct ListenerLimits {
 
 struct ListenerStats {
   uint64_t accepted = 0, refused = 0, noDescriptor = 0;
-  uint64_t evicted = 0;          ///< silent ones that had to go for others
-  uint64_t looked = 0;           ///< system calls that asked about a connection which is there: a few for each new one, however many are open
+  uint64_t evicted = 0;  ///< silent ones that had to go for others
+  uint64_t looked = 0;   ///< system calls that asked about a connection which is there: a few for each new one, however many are open
   uint32_t open = 0;
 };
 
@@ -53,33 +53,37 @@ class Listener {
   bool reachable(size_t socket, double seconds);
 
  private:
-  struct Socket { Descriptor fd; size_t index; bool isUnix = false; };
+  struct Socket {
+    Descriptor fd;
+    size_t index;
+    bool isUnix = false;
+  };
   struct Peer {
     int fd;
     uint64_t inode;
     std::string address;
     std::chrono::steady_clock::time_point since;
-    bool spoke = false;   ///< known to have sent a byte
+    bool spoke = false;  ///< known to have sent a byte
   };
   void loop();
   void accept(Socket& from);
-  bool makeRoom(const std::string& address);   ///< under mutex_; false: there is none
+  bool makeRoom(const std::string& address);  ///< under mutex_; false: there is none
   bool evictSilent(const std::string* address);
   void forgetClosed();
-  void forgetClosed(std::chrono::milliseconds age);   ///< unless that was done less than `age` ago
+  void forgetClosed(std::chrono::milliseconds age);  ///< unless that was done less than `age` ago
   const ListenerLimits limits_;
-  std::vector<Socket> sockets_;            // several where a name has several addresses
+  std::vector<Socket> sockets_;  // several where a name has several addresses
   size_t added_ = 0;
   Take take_;
   Descriptor reserve_, wake_;
   std::thread thread_;
   std::atomic<bool> stopping_{false};
-  mutable std::mutex mutex_;               // below
+  mutable std::mutex mutex_;  // below
   std::condition_variable probed_;
   std::vector<Peer> peers_;
   std::map<std::string, uint32_t> ofPeer_;
   std::chrono::steady_clock::time_point forgotten_{};
-  std::set<std::string> probes_;           // local addresses of connections made by reachable()
+  std::set<std::string> probes_;  // local addresses of connections made by reachable()
   ListenerStats stats_;
 };
 

@@ -10,7 +10,7 @@
 
 namespace gobo {
 
-static constexpr std::chrono::milliseconds kGoneEvery{10};   // between two looks at whether the caller has gone
+static constexpr std::chrono::milliseconds kGoneEvery{10};  // between two looks at whether the caller has gone
 
 // The last place is for a client that has none.
 void LoadGate::setLimit(uint32_t limit) { gate_.setLimits({limit, limit > 0 ? limit - 1 : 0}); }
@@ -20,8 +20,8 @@ Status LoadGate::run(const std::string& client, const std::function<Status(const
   const auto place = gate_.enter(client, gone, [&](const FairGate::Queue& queue) {
     if (queue.waiting < kWaiting && queue.ofClient < kWaitingOfOne) return false;
     refused = {Code::ResourceExhausted, std::to_string(queue.running) + " scenes are being loaded (limits.loads_at_once) and " + std::to_string(queue.waiting) +
-               " calls wait for that, " + std::to_string(queue.ofClient) + " of them of \"" + client + "\": at most " + std::to_string(kWaiting) + ", " +
-               std::to_string(kWaitingOfOne) + " of one client"};
+                                            " calls wait for that, " + std::to_string(queue.ofClient) + " of them of \"" + client + "\": at most " +
+                                            std::to_string(kWaiting) + ", " + std::to_string(kWaitingOfOne) + " of one client"};
     return true;
   });
   if (!place) return refused;
@@ -35,9 +35,7 @@ Status LoadGate::run(const std::string& client, const std::function<Status(const
     Status result;
     try {
       result = work(stop.token());
-    } catch (const std::exception& e) {
-      result = internalError(std::string("exception in a load: ") + e.what());
-    }
+    } catch (const std::exception& e) { result = internalError(std::string("exception in a load: ") + e.what()); }
     const std::lock_guard hold(doneMutex);
     status = std::move(result);
     over = true;

@@ -119,7 +119,8 @@ std::string jsonString(const std::string& text) {
       bool valid = n != 0 && i + n <= text.size();
       for (size_t k = 1; valid && k < n; ++k) valid = (static_cast<unsigned char>(text[i + k]) & 0xc0) == 0x80;
       const unsigned second = valid ? static_cast<unsigned char>(text[i + 1]) : 0;
-      if (valid && ((c == 0xe0 && second < 0xa0) || (c == 0xed && second > 0x9f) || (c == 0xf0 && second < 0x90) || (c == 0xf4 && second > 0x8f))) valid = false;
+      if (valid && ((c == 0xe0 && second < 0xa0) || (c == 0xed && second > 0x9f) || (c == 0xf0 && second < 0x90) || (c == 0xf4 && second > 0x8f)))
+        valid = false;
       out += valid ? text.substr(i, n) : "\xef\xbf\xbd";
       i += valid ? n : 1;
     }
@@ -161,13 +162,13 @@ std::string strf(const char* format, ...) {
   return text;
 }
 
-#define GOBO_LOG_FUNCTION(name, level)        \
-  void name(const char* format, ...) {        \
-    va_list args;                             \
-    va_start(args, format);                   \
+#define GOBO_LOG_FUNCTION(name, level)            \
+  void name(const char* format, ...) {            \
+    va_list args;                                 \
+    va_start(args, format);                       \
     const std::string text = vstrf(format, args); \
-    va_end(args);                             \
-    logLine(level, text);                     \
+    va_end(args);                                 \
+    logLine(level, text);                         \
   }
 GOBO_LOG_FUNCTION(logInfo, LogLevel::Info)
 GOBO_LOG_FUNCTION(logWarn, LogLevel::Warn)

@@ -13,10 +13,10 @@ uint64_t machineMemory(const std::string& root) {
   std::ifstream groups(root + "/proc/self/cgroup");
   std::string group;
   for (std::string line; std::getline(groups, line);)
-    if (line.rfind("0::", 0) == 0) group = line.substr(3);   // version 2; a container sees itself as the root
+    if (line.rfind("0::", 0) == 0) group = line.substr(3);  // version 2; a container sees itself as the root
   for (;;) {
     uint64_t most = 0;
-    if (std::ifstream file(root + "/sys/fs/cgroup" + group + "/memory.max"); file >> most) least = std::min(least, most);   // "max": no number
+    if (std::ifstream file(root + "/sys/fs/cgroup" + group + "/memory.max"); file >> most) least = std::min(least, most);  // "max": no number
     const size_t up = group.rfind('/');
     if (up == std::string::npos || group.size() <= 1) return least;
     group.resize(up);

@@ -19,7 +19,7 @@
 
 namespace {
 
-constexpr double kGraceSeconds = 1.5;   // after the drain: what does not stop by then is left
+constexpr double kGraceSeconds = 1.5;  // after the drain: what does not stop by then is left
 
 /// What the command line says over the file, at the start and at every reload.
 struct Flags {
@@ -89,13 +89,12 @@ int main(int argc, char** argv) {
   app.add_option("--tmp", flags.tmp, "folder for uploads");
   app.add_flag("--check", check, "check the configuration and leave");
   app.add_flag("--version", version, "print the version");
-  app.footer("Flags override the configuration file. SIGTERM and SIGINT drain: running renders finish (scheduler.drain_s), a\n"
-             "second signal ends at once. SIGHUP reads the configuration again. Exit codes: 0 ok, 2 bad configuration, 4 address in use.");
+  app.footer(
+      "Flags override the configuration file. SIGTERM and SIGINT drain: running renders finish (scheduler.drain_s), a\n"
+      "second signal ends at once. SIGHUP reads the configuration again. Exit codes: 0 ok, 2 bad configuration, 4 address in use.");
   try {
     app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  } catch (const CLI::ParseError& e) { return app.exit(e) == 0 ? 0 : 2; }
   if (version) {
     std::printf("gobod %s\n", gobo::buildVersion().c_str());
     return 0;
@@ -168,7 +167,7 @@ int main(int argc, char** argv) {
       hurried = true;
       kill = std::min(kill, std::chrono::steady_clock::now() + std::chrono::milliseconds(1500));
     }
-    if (std::chrono::steady_clock::now() > kill) {   // as safe as kill -9, which leaves nothing wrong
+    if (std::chrono::steady_clock::now() > kill) {  // as safe as kill -9, which leaves nothing wrong
       gobo::logWarn("what runs does not stop: leaving it");
       ::_exit(hurried ? 1 : 0);
     }

@@ -43,8 +43,16 @@ class Metrics {
   std::string text() const;
 
  private:
-  struct Series { double value = 0, sum = 0; std::vector<double> buckets; };
-  struct Family { std::string help; bool isHistogram = false; std::vector<double> bounds; std::map<MetricLabels, Series> series; };
+  struct Series {
+    double value = 0, sum = 0;
+    std::vector<double> buckets;
+  };
+  struct Family {
+    std::string help;
+    bool isHistogram = false;
+    std::vector<double> bounds;
+    std::map<MetricLabels, Series> series;
+  };
   mutable std::mutex mutex_;
   std::map<std::string, Family> families_;
   mutable std::mutex collectorsMutex_;

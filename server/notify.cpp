@@ -17,7 +17,7 @@ void notifyManager(const std::string& state) {
   if (!path || (*path != '/' && *path != '@') || std::strlen(path) >= sizeof address.sun_path) return;
   address.sun_family = AF_UNIX;
   std::memcpy(address.sun_path, path, std::strlen(path));
-  if (*path == '@') address.sun_path[0] = '\0';   // abstract
+  if (*path == '@') address.sun_path[0] = '\0';  // abstract
   const int fd = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (fd < 0) return;
   const socklen_t size = socklen_t(offsetof(sockaddr_un, sun_path) + std::strlen(path));

@@ -42,7 +42,7 @@ Result<pid_t> spawn(const std::string& program, const char* argument, int socket
   sigfillset(&all);
   ::posix_spawnattr_setsigmask(&attributes, &none);
   ::posix_spawnattr_setsigdefault(&attributes, &all);
-  ::posix_spawnattr_setpgroup(&attributes, 0);   // a terminal's Ctrl-C is the daemon's business
+  ::posix_spawnattr_setpgroup(&attributes, 0);  // a terminal's Ctrl-C is the daemon's business
   ::posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
   std::string name = program, option = argument ? argument : "", locale = "LC_ALL=C", library;
   const char* path = std::getenv("LD_LIBRARY_PATH");
@@ -58,7 +58,9 @@ Result<pid_t> spawn(const std::string& program, const char* argument, int socket
                 "cannot start \"" + program + "\": " + strerrordesc_np(error) + " (ingest.program)");
 }
 
-void reap(pid_t pid, int& status) { while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {} }
+void reap(pid_t pid, int& status) {
+  while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {}
+}
 
 class SpawnedReader final : public ReaderProcess {
  public:
@@ -71,7 +73,7 @@ class SpawnedReader final : public ReaderProcess {
   }
   void end() override {
     if (pid_ < 0) return;
-    if (::kill(-pid_, SIGKILL) != 0) ::kill(pid_, SIGKILL);   // the group: the program and the reader that it forked
+    if (::kill(-pid_, SIGKILL) != 0) ::kill(pid_, SIGKILL);  // the group: the program and the reader that it forked
     int ignored;
     reap(pid_, ignored);
     pid_ = -1;
@@ -98,7 +100,8 @@ class Nursery {
  public:
   static Result<std::shared_ptr<Nursery>> start(const std::string& program) {
     int pair[2];
-    if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair) != 0) return Status(Code::ResourceExhausted, std::string("cannot make a socket pair: ") + ::strerror(errno));
+    if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair) != 0)
+      return Status(Code::ResourceExhausted, std::string("cannot make a socket pair: ") + ::strerror(errno));
     auto made = std::make_shared<Nursery>();
     made->control_ = Descriptor(pair[0]);
     const Descriptor low(pair[1]), theirs(::fcntl(low.get(), F_DUPFD_CLOEXEC, 16));
@@ -108,7 +111,7 @@ class Nursery {
   }
   ~Nursery() {
     if (pid_ <= 0) return;
-    kill();   // it may be loading libraries still. No reader is left, each keeps its nursery
+    kill();  // it may be loading libraries still. No reader is left, each keeps its nursery
     int ignored;
     reap(pid_, ignored);
   }
@@ -148,7 +151,7 @@ class ForkedReader final : public ReaderProcess {
     if (over_) return;
     ::shutdown(life_.get(), SHUT_WR);
     for (int waits = 0; !look(); ++waits) {
-      if (waits == kPatience) {   // it never took this reader in, or the guard is stopped: nobody must wait for it for ever
+      if (waits == kPatience) {  // it never took this reader in, or the guard is stopped: nobody must wait for it for ever
         nursery_->lost();
         nursery_->kill();
       }
@@ -157,7 +160,7 @@ class ForkedReader final : public ReaderProcess {
   }
 
  private:
-  static constexpr int kPatience = 5;   // seconds that a kill may take
+  static constexpr int kPatience = 5;  // seconds that a kill may take
   void wait(int ms) {
     pollfd line{life_.get(), POLLIN, 0};
     ::poll(&line, 1, ms);
@@ -172,13 +175,13 @@ class ForkedReader final : public ReaderProcess {
         takenIn_ = true;
         continue;
       }
-      if (n != ssize_t(sizeof word)) nursery_->lost();   // without a word: whoever watched the reader was killed, and took it along
+      if (n != ssize_t(sizeof word)) nursery_->lost();  // without a word: whoever watched the reader was killed, and took it along
       status_ = n == ssize_t(sizeof word) ? word : SIGKILL;
       over_ = true;
     }
     return over_;
   }
-  const std::shared_ptr<Nursery> nursery_;   // when it goes, its readers do
+  const std::shared_ptr<Nursery> nursery_;  // when it goes, its readers do
   Descriptor life_;
   int status_ = 0;
   bool takenIn_ = false, over_ = false;
@@ -188,17 +191,18 @@ class ForkedReaders final : public Readers {
  public:
   ForkedReaders(const std::string& program, double patience) : program_(program), patience_(patience) {}
   Result<std::unique_ptr<ReaderProcess>> start(int socket, int output, const StopToken& stop) override {
-    for (int tries = 0; tries < 2; ++tries) {   // one that was killed from outside, or is stuck, is replaced
+    for (int tries = 0; tries < 2; ++tries) {  // one that was killed from outside, or is stuck, is replaced
       int pair[2];
-      if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) != 0) return Status(Code::ResourceExhausted, std::string("cannot make a socket pair: ") + ::strerror(errno));
+      if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) != 0)
+        return Status(Code::ResourceExhausted, std::string("cannot make a socket pair: ") + ::strerror(errno));
       Descriptor mine(pair[0]), theirs(pair[1]);
       GOBO_ASSIGN(const std::shared_ptr<Nursery> nursery, current());
       const bool asked = nursery->ask(socket, output, theirs.get());
-      theirs.close();   // or its end would not be seen here
+      theirs.close();  // or its end would not be seen here
       if (asked) {
         auto reader = std::make_unique<ForkedReader>(nursery, std::move(mine));
         if (reader->begins(patience_, stop) || stop.stopRequested()) return std::unique_ptr<ReaderProcess>(std::move(reader));
-        reader->abandon();   // readers that began go on; with the last of them the process goes
+        reader->abandon();  // readers that began go on; with the last of them the process goes
       }
       drop(nursery);
     }

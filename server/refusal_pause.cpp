@@ -6,7 +6,7 @@
 namespace gobo {
 
 double RefusalPause::begin(const std::string& caller, double now, double hint) {
-  constexpr size_t kRemembered = 4096;   // names may be made up
+  constexpr size_t kRemembered = 4096;  // names may be made up
   const std::lock_guard lock(mutex_);
   if (callers_.size() >= kRemembered) std::erase_if(callers_, [&](const auto& c) { return c.second.held == 0 && c.second.back <= now; });
   if (callers_.size() >= kRemembered && !callers_.count(caller)) return 0;

@@ -12,7 +12,7 @@ namespace gobo {
 
 class RefusalPause {
  public:
-  static constexpr double kLongest = 0.25;   ///< seconds
+  static constexpr double kLongest = 0.25;  ///< seconds
   /// `most` calls are held back at once (each holds a thread), half of them of one caller.
   explicit RefusalPause(uint32_t most) : most_(most) {}
   /// `caller` is refused at `now` and told to come back after `hint` seconds. How long to keep the answer; if more than 0, end() comes after it.
@@ -21,7 +21,10 @@ class RefusalPause {
   uint32_t held() const;
 
  private:
-  struct Caller { double back = 0; uint32_t held = 0; };
+  struct Caller {
+    double back = 0;
+    uint32_t held = 0;
+  };
   const uint32_t most_;
   mutable std::mutex mutex_;
   uint32_t held_ = 0;

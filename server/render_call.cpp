@@ -9,7 +9,7 @@ namespace gobo {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr double kRetryMs = 200;   // for a caller whose plans wait: they end one by one, soon
+constexpr double kRetryMs = 200;  // for a caller whose plans wait: they end one by one, soon
 
 JobClass jobClassOf(v1::Scheduling::Class priority) {
   return priority == v1::Scheduling::INTERACTIVE ? JobClass::Interactive : priority == v1::Scheduling::BATCH ? JobClass::Batch : JobClass::Normal;
@@ -34,20 +34,23 @@ void RenderCall::work() {
   spec.client = options_.client;
   spec.group = options_.payer;
   spec.jobClass = jobClassOf(request_.scheduling().priority());
-  if (options_.deadline) spec.deadline = std::chrono::duration<double>(options_.deadline->time_since_epoch()).count();   // JobRunner::now()
+  if (options_.deadline) spec.deadline = std::chrono::duration<double>(options_.deadline->time_since_epoch()).count();  // JobRunner::now()
   Result<uint64_t> pinned = [&]() -> Result<uint64_t> {
     if (Submit refusal = core_.jobs.refusal(spec); !refusal.status.ok()) {
       retryAfterMs_ = refusal.retryMs;
       return refusal.status;
     }
-    const auto place = core_.planning.enter(options_.payer, [stop = stop_.token()] { return stop.stopRequested(); }, [&](const FairGate::Queue& queue) {
-      if (queue.ofClient < mostPlansWaiting(core_.config)) return false;
-      retryAfterMs_ = kRetryMs;
-      return true;
-    });
+    const auto place = core_.planning.enter(
+        options_.payer, [stop = stop_.token()] { return stop.stopRequested(); },
+        [&](const FairGate::Queue& queue) {
+          if (queue.ofClient < mostPlansWaiting(core_.config)) return false;
+          retryAfterMs_ = kRetryMs;
+          return true;
+        });
     if (!place && retryAfterMs_ > 0)
-      return Status(Code::ResourceExhausted, std::to_string(mostPlansWaiting(core_.config)) + " renders of \"" + options_.payer +
-                    "\" wait to be planned: at most three quarters of what the queues take (scheduler.queued_interactive, _normal, _batch)");
+      return Status(Code::ResourceExhausted,
+                    std::to_string(mostPlansWaiting(core_.config)) + " renders of \"" + options_.payer +
+                        "\" wait to be planned: at most three quarters of what the queues take (scheduler.queued_interactive, _normal, _batch)");
     if (!place) return Status(Code::Cancelled, "cancelled while it waited to be planned");
     const CrashMarks::Other other;
     return core_.engine.pinnedBytes(request_, nullptr, stop_.token(), options_.access);
@@ -86,18 +89,21 @@ void RenderCall::work() {
   runControl.gone = [stop = stop_.token()] { return stop.stopRequested(); };
   runControl.pollSeconds = 0.005;
   std::optional<RenderResult> result;
-  const RunReport report = core_.jobs.run(spec, [&](StopToken stop) -> Status {
-    control.stop = stop;
-    if (!reply_ && options_.replyBytes && !(reply_ = core_.replies.take(options_.payer, options_.replyBytes))) {
-      replyRefused_ = true;
-      return Status(Code::ResourceExhausted, "no room for its pictures");
-    }
-    const CrashMarks::Other other;
-    auto rendered = core_.engine.render(request_, control);
-    if (!rendered.ok()) return rendered.status();
-    result = std::move(rendered).value();
-    return {};
-  }, runControl);
+  const RunReport report = core_.jobs.run(
+      spec,
+      [&](StopToken stop) -> Status {
+        control.stop = stop;
+        if (!reply_ && options_.replyBytes && !(reply_ = core_.replies.take(options_.payer, options_.replyBytes))) {
+          replyRefused_ = true;
+          return Status(Code::ResourceExhausted, "no room for its pictures");
+        }
+        const CrashMarks::Other other;
+        auto rendered = core_.engine.render(request_, control);
+        if (!rendered.ok()) return rendered.status();
+        result = std::move(rendered).value();
+        return {};
+      },
+      runControl);
   const std::lock_guard lock(mutex_);
   queueMs_ = report.queuedSeconds * 1e3;
   ranMs_ = report.ranSeconds * 1e3;

@@ -18,12 +18,12 @@
 namespace gobo {
 
 struct RenderCallOptions {
-  std::string client;                                                  ///< for fair share
-  std::string owner;                                                   ///< of the reply's render id (Rpc::renderOwner)
+  std::string client;  ///< for fair share
+  std::string owner;   ///< of the reply's render id (Rpc::renderOwner)
   std::optional<std::chrono::steady_clock::time_point> deadline;
-  SceneAccess access;                                                  ///< to the scene
-  bool events = false;                                                 ///< progress and snapshots wanted
-  std::string payer;                                                   ///< whose part of ServerCore::replies it takes, from the first run to its end
+  SceneAccess access;   ///< to the scene
+  bool events = false;  ///< progress and snapshots wanted
+  std::string payer;    ///< whose part of ServerCore::replies it takes, from the first run to its end
   uint64_t replyBytes = 0;
 };
 
@@ -50,11 +50,11 @@ class RenderCall {
   const Status& status() const { return status_; }
   RenderResult& result() { return *result_; }
   double queueMs() const { return queueMs_; }
-  double ranMs() const { return ranMs_; }        ///< in a slot, all runs
-  int runs() const { return runs_; }             ///< more than one: it was preempted
-  bool planned() const { return planned_; }      ///< false: the status says why it could not be
+  double ranMs() const { return ranMs_; }    ///< in a slot, all runs
+  int runs() const { return runs_; }         ///< more than one: it was preempted
+  bool planned() const { return planned_; }  ///< false: the status says why it could not be
   double retryAfterMs() const { return retryAfterMs_; }
-  bool replyRefused() const { return replyRefused_; }   ///< there was no room for its pictures
+  bool replyRefused() const { return replyRefused_; }  ///< there was no room for its pictures
 
  private:
   void work();

@@ -9,8 +9,8 @@
 namespace gobo {
 namespace {
 
-constexpr std::chrono::milliseconds kPoll{10};           // how soon a client that has gone is noticed
-constexpr std::chrono::milliseconds kProgressGap{50};    // progress messages are thinned to this
+constexpr std::chrono::milliseconds kPoll{10};         // how soon a client that has gone is noticed
+constexpr std::chrono::milliseconds kProgressGap{50};  // progress messages are thinned to this
 
 // What a finished call leaves in its log line and in the metrics.
 void account(Rpc& rpc, RenderCall& call, JobClass jobClass, double totalMs, bool ok) {
@@ -58,8 +58,8 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   if (!allowed.ok()) return allowed;
   const RenderSlot slot(rpc.who());
   if (!slot.ok)
-    return rpc.refuseBusy("renders", strf("renders at once: at most %u (tokens.renders_at_once of \"%s\")", rpc.who().token->rendersAtOnce,
-                                          rpc.who().name.c_str()), 1000);
+    return rpc.refuseBusy("renders",
+                          strf("renders at once: at most %u (tokens.renders_at_once of \"%s\")", rpc.who().token->rendersAtOnce, rpc.who().name.c_str()), 1000);
 
   RenderCallOptions options;
   const Deadline deadline = deadlineFor(rpc, context, resolved->scheduling());
@@ -103,10 +103,12 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
     if (status.code() == Code::Cancelled && core_.cancelledAll()) return rpc.refuseDraining();
     if (status.code() == Code::ResourceExhausted && render->retryAfterMs() > 0) return rpc.refuseBusy("queue", status.message(), render->retryAfterMs());
     if (render->replyRefused())
-      return rpc.refuseBusy("reply_bytes", strf("pictures being made or sent hold %llu bytes, %llu of them for \"%s\": at most %llu, half of it for one client "
-                                                "(limits.reply_bytes); read the replies that wait", (unsigned long long)core_.replies.used(),
-                                                (unsigned long long)core_.replies.usedBy(rpc.who().name), rpc.who().name.c_str(),
-                                                (unsigned long long)core_.replies.limit()), 1000);
+      return rpc.refuseBusy("reply_bytes",
+                            strf("pictures being made or sent hold %llu bytes, %llu of them for \"%s\": at most %llu, half of it for one client "
+                                 "(limits.reply_bytes); read the replies that wait",
+                                 (unsigned long long)core_.replies.used(), (unsigned long long)core_.replies.usedBy(rpc.who().name), rpc.who().name.c_str(),
+                                 (unsigned long long)core_.replies.limit()),
+                            1000);
     if (render->runs() == 0 && status.code() == Code::FailedPrecondition) return rpc.refuse("memory", status);
     if (status.code() == Code::DeadlineExceeded && !deadline.limit.empty())
       return rpc.refuse("time", Status(status.code(), status.message() + ": requests may take " + deadline.limit + " s"));
@@ -128,7 +130,7 @@ grpc::Status RenderService::stream(Rpc& rpc, const v1::RenderRequest& request, g
     v1::RenderEvent head;
     *(last ? head.mutable_reply() : head.mutable_snapshot()) = std::move(reply);
     if (!write(head)) return false;
-    v1::RenderEvent event;   // one message for all chunks: its buffer is reused
+    v1::RenderEvent event;  // one message for all chunks: its buffer is reused
     v1::ImageChunk& chunk = *event.mutable_chunk();
     for (size_t i = 0; i < images.size(); ++i) {
       const std::vector<uint8_t>& bytes = images[i].bytes;
@@ -150,18 +152,15 @@ grpc::Status RenderService::stream(Rpc& rpc, const v1::RenderRequest& request, g
   return run(rpc, request, deliver, progressive ? &report : nullptr);
 }
 
-grpc::Status RenderService::Render(grpc::ServerContext* context, const v1::RenderRequest* request,
-                                   grpc::ServerWriter<v1::RenderEvent>* writer) {
+grpc::Status RenderService::Render(grpc::ServerContext* context, const v1::RenderRequest* request, grpc::ServerWriter<v1::RenderEvent>* writer) {
   return serve(core_, *context, "render", [&](Rpc& rpc) { return stream(rpc, *request, *writer, false); });
 }
 
-grpc::Status RenderService::RenderProgressive(grpc::ServerContext* context, const v1::RenderRequest* request,
-                                              grpc::ServerWriter<v1::RenderEvent>* writer) {
+grpc::Status RenderService::RenderProgressive(grpc::ServerContext* context, const v1::RenderRequest* request, grpc::ServerWriter<v1::RenderEvent>* writer) {
   return serve(core_, *context, "render_progressive", [&](Rpc& rpc) { return stream(rpc, *request, *writer, true); });
 }
 
-grpc::Status RenderService::Relight(grpc::ServerContext* context, const v1::RelightRequest* relight,
-                                    grpc::ServerWriter<v1::RenderEvent>* writer) {
+grpc::Status RenderService::Relight(grpc::ServerContext* context, const v1::RelightRequest* relight, grpc::ServerWriter<v1::RenderEvent>* writer) {
   return serve(core_, *context, "relight", [&](Rpc& rpc) -> grpc::Status {
     rpc.note("of", relight->render_id());
     auto request = core_.engine.relightRequest(*relight, rpc.who().admin ? std::string() : rpc.renderOwner());
@@ -185,8 +184,9 @@ grpc::Status RenderService::inlined(Rpc& rpc, const v1::RenderRequest& asked, v1
     return true;
   };
   const auto tooLarge = [&](uint64_t bytes) {
-    return rpc.refuse("inline_bytes", {Code::OutOfRange, strf("the pictures have %llu bytes; RenderInline carries at most %llu (limits.inline_bytes): use Render",
-                                                              (unsigned long long)bytes, (unsigned long long)limit)});
+    return rpc.refuse("inline_bytes",
+                      {Code::OutOfRange, strf("the pictures have %llu bytes; RenderInline carries at most %llu (limits.inline_bytes): use Render",
+                                              (unsigned long long)bytes, (unsigned long long)limit)});
   };
   // Raw pictures have at least one channel: what cannot fit is refused before it is rendered.
   const uint64_t unit = request->encoding().format() == v1::Encoding::RAW_FLOAT ? 4 : request->encoding().format() == v1::Encoding::RAW_HALF ? 2 : 0;

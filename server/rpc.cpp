@@ -43,9 +43,9 @@ std::optional<std::chrono::steady_clock::time_point> deadlineOf(const grpc::Serv
   using Ms = std::chrono::duration<double, std::milli>;
   double ms = std::numeric_limits<double>::infinity();
   if (scheduling.has_deadline_ms()) ms = scheduling.deadline_ms();
-  const auto rpc = context.deadline();   // time_point::max() when the client gave none
+  const auto rpc = context.deadline();  // time_point::max() when the client gave none
   if (rpc < std::chrono::system_clock::time_point::max()) ms = std::min(ms, Ms(rpc - std::chrono::system_clock::now()).count());
-  if (ms > 1e11) return std::nullopt;    // over three years: none
+  if (ms > 1e11) return std::nullopt;  // over three years: none
   return Steady::now() + std::chrono::duration_cast<Steady::duration>(Ms(std::max(ms, 0.0)));
 }
 

@@ -28,6 +28,6 @@ std::optional<std::chrono::steady_clock::time_point> deadlineOf(const grpc::Serv
 
 constexpr const char* kRetryAfterKey = "retry-after-ms";
 constexpr const char* kRequestIdKey = "x-request-id";
-constexpr double kDrainRetryMs = 1000;   ///< hint to callers of a daemon that drains: its successor needs about that long
+constexpr double kDrainRetryMs = 1000;  ///< hint to callers of a daemon that drains: its successor needs about that long
 
 }  // namespace gobo

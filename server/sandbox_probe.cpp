@@ -27,7 +27,8 @@ ingest::Layers probe(const std::string& program, const StopToken& stop) {
 SandboxProbe::SandboxProbe(bool sandbox, std::string program) {
   if (program.empty()) program = findIngestProgram();
   if (!sandbox || program.empty()) {
-    layers_.missing = {sandbox ? "all: gobo-ingest is not beside this program (ingest.program)" : "all: files are read in this process (ingest.sandbox = false)"};
+    layers_.missing = {sandbox ? "all: gobo-ingest is not beside this program (ingest.program)"
+                               : "all: files are read in this process (ingest.sandbox = false)"};
     known_ = true;
     return;
   }

@@ -17,7 +17,7 @@ class SandboxProbe {
  public:
   /// `sandbox`, `program`: ingest.sandbox and ingest.program of the configuration.
   SandboxProbe(bool sandbox, std::string program);
-  ~SandboxProbe();   ///< ends the child
+  ~SandboxProbe();  ///< ends the child
   /// Waits up to `waitSeconds`; says "being looked for" of what is not known yet.
   ingest::Layers layers(double waitSeconds);
 

@@ -24,10 +24,13 @@ grpc::Status answer(Rpc& rpc, Result<v1::SceneInfo> result, v1::SceneInfo* reply
 template <typename Load>
 grpc::Status gated(Rpc& rpc, ServerCore::Call& call, v1::SceneInfo* reply, const Load& load) {
   std::optional<Result<v1::SceneInfo>> result;
-  const Status status = rpc.core().loads.run(rpc.who().name, [&](const StopToken& stop) -> Status {
-    result.emplace(load(stop));
-    return {};
-  }, [&] { return rpc.context().IsCancelled() || call.stop.token().stopRequested(); });
+  const Status status = rpc.core().loads.run(
+      rpc.who().name,
+      [&](const StopToken& stop) -> Status {
+        result.emplace(load(stop));
+        return {};
+      },
+      [&] { return rpc.context().IsCancelled() || call.stop.token().stopRequested(); });
   if (call.stop.token().stopRequested() && rpc.core().draining()) return rpc.refuseDraining();
   if (status.code() == Code::ResourceExhausted) return rpc.refuseBusy("loads", status.message(), 1000);
   if (!status.ok()) return toGrpc(status);
@@ -46,7 +49,9 @@ grpc::Status ScenesService::Open(grpc::ServerContext* context, const v1::OpenSce
     rpc.note("source", request->source());
     const grpc::Status allowed = checkPath(rpc, request->source(), "open.source");
     if (!allowed.ok()) return allowed;
-    return gated(rpc, call, reply, [&](const StopToken& stop) { return core_.engine.openScene(request->source(), request->name(), stop, rpc.access(), {request->share().begin(), request->share().end()}); });
+    return gated(rpc, call, reply, [&](const StopToken& stop) {
+      return core_.engine.openScene(request->source(), request->name(), stop, rpc.access(), {request->share().begin(), request->share().end()});
+    });
   });
 }
 
@@ -59,9 +64,11 @@ grpc::Status ScenesService::upload(Rpc& rpc, grpc::ServerReader<v1::UploadSceneR
   if (!call.ok) return rpc.refuseDraining();
   const auto slot = core_.uploads.take(rpc.who().name, 1);
   if (!slot)
-    return rpc.refuseBusy("uploads", strf("%llu uploads are in progress, %llu of them of \"%s\": at most %llu, half of it of one client (limits.uploads_at_once)",
-                                          (unsigned long long)core_.uploads.used(), (unsigned long long)core_.uploads.usedBy(rpc.who().name),
-                                          rpc.who().name.c_str(), (unsigned long long)core_.uploads.limit()), 1000);
+    return rpc.refuseBusy("uploads",
+                          strf("%llu uploads are in progress, %llu of them of \"%s\": at most %llu, half of it of one client (limits.uploads_at_once)",
+                               (unsigned long long)core_.uploads.used(), (unsigned long long)core_.uploads.usedBy(rpc.who().name), rpc.who().name.c_str(),
+                               (unsigned long long)core_.uploads.limit()),
+                          1000);
 
   UploadFile file;
   std::string name, extension;
@@ -88,14 +95,15 @@ grpc::Status ScenesService::upload(Rpc& rpc, grpc::ServerReader<v1::UploadSceneR
     if (!status.ok()) return toGrpc(status);
     core_.metrics.add("gobo_upload_bytes_total", {}, double(message.data().size()));
   }
-  if (rpc.context().IsCancelled()) return {grpc::StatusCode::CANCELLED, strf("upload cancelled, by its client or because nothing came for %g s (limits.client_idle_s)", core_.idle.seconds())};
+  if (rpc.context().IsCancelled())
+    return {grpc::StatusCode::CANCELLED, strf("upload cancelled, by its client or because nothing came for %g s (limits.client_idle_s)", core_.idle.seconds())};
   if (first) return toGrpc(invalidArgument("no message: the first one names extension and total_bytes", "upload"));
   const Status status = file.finish();
   if (!status.ok()) return toGrpc(status);
   rpc.note("sha256", file.digest());
   // The file goes away when this returns: the engine keeps the parsed scene, the jobs folder a link to it.
   const std::string source = "upload:" + file.digest().substr(0, 16) + extension;
-  if (core_.durable) {   // jobs of this scene must find it after a restart
+  if (core_.durable) {  // jobs of this scene must find it after a restart
     const Status kept = core_.durable->keepUpload(file.path(), file.digest() + std::filesystem::path(file.path()).extension().string());
     if (!kept.ok()) return toGrpc(kept);
   }

@@ -10,10 +10,10 @@
 namespace gobo {
 
 namespace {
-constexpr double kMeanWeight = 0.2;        // of the newest value in a moving mean
-constexpr double kFirstRunGuess = 1;       // seconds, before anything was measured
+constexpr double kMeanWeight = 0.2;   // of the newest value in a moving mean
+constexpr double kFirstRunGuess = 1;  // seconds, before anything was measured
 constexpr double kLookAgain = 0.01;   // seconds
-constexpr double kRounding = 1e-9;         // seconds: sums of intervals against their bound
+constexpr double kRounding = 1e-9;    // seconds: sums of intervals against their bound
 
 template <typename Map>
 size_t active(const Map& map) {
@@ -85,8 +85,7 @@ void Scheduler::activate(ClassState& s, Group& group, Client& client) {
 
 void Scheduler::settle(ClassState& s) {
   const auto idle = [](const Client& c, double clock) { return c.queued + c.running == 0 && c.virtualTime <= clock + kRounding; };
-  for (auto& [name, group] : s.groups)
-    std::erase_if(group.clients, [&](const auto& c) { return idle(c.second, group.clock); });
+  for (auto& [name, group] : s.groups) std::erase_if(group.clients, [&](const auto& c) { return idle(c.second, group.clock); });
   std::erase_if(s.groups, [&](const auto& g) { return idle(g.second, s.virtualTime); });
 }
 
@@ -110,7 +109,7 @@ void Scheduler::count(Job& job, int queued, int running) {
 double Scheduler::retryMs(int c, bool clientBound, double now) {
   ClassState& s = classes_[size_t(c)];
   double interval = s.stats.startInterval > 0 ? s.stats.startInterval : meanRun(c) / options_.slots;
-  interval = std::max(interval, s.queued > 0 ? now - std::max(s.lastStart, s.waitingSince) : 0.0);   // a stall shows before its end
+  interval = std::max(interval, s.queued > 0 ? now - std::max(s.lastStart, s.waitingSince) : 0.0);  // a stall shows before its end
   double scale = double(++s.refusedSinceStart);
   if (clientBound) {
     const auto waiting = std::count_if(s.groups.begin(), s.groups.end(), [](const auto& g) { return g.second.queued > 0; });
@@ -132,23 +131,29 @@ Submit Scheduler::refusal(const JobSpec& spec, double now) {
     return result;
   };
   if (spec.pinnedBytes > options_.pinnedLimit)
-    return refuse(Code::FailedPrecondition, "pinned bytes of the plan = " + std::to_string(spec.pinnedBytes) + ": at most " +
-                  std::to_string(options_.pinnedLimit) + " (scheduler.pinned_bytes)", 0);
+    return refuse(
+        Code::FailedPrecondition,
+        "pinned bytes of the plan = " + std::to_string(spec.pinnedBytes) + ": at most " + std::to_string(options_.pinnedLimit) + " (scheduler.pinned_bytes)",
+        0);
   if (spec.deadline <= now) return refuse(Code::DeadlineExceeded, "the deadline had passed on arrival", 0);
   if (s.queued >= options_.queueLimit[size_t(c)])
-    return refuse(Code::ResourceExhausted, std::string("queue is full: ") + std::to_string(s.queued) + " jobs of class " + kClassNames[c] + " wait: at most " +
-                  std::to_string(options_.queueLimit[size_t(c)]) + " (scheduler.queued_" + kClassNames[c] + ")", retryMs(c, false, now));
+    return refuse(Code::ResourceExhausted,
+                  std::string("queue is full: ") + std::to_string(s.queued) + " jobs of class " + kClassNames[c] + " wait: at most " +
+                      std::to_string(options_.queueLimit[size_t(c)]) + " (scheduler.queued_" + kClassNames[c] + ")",
+                  retryMs(c, false, now));
   const std::string name = spec.group.empty() ? spec.client : spec.group;
   const auto mine = queuedOf_.find(name);
   if ((mine == queuedOf_.end() ? 0 : mine->second) >= options_.clientLimit)
-    return refuse(Code::ResourceExhausted, "too many jobs of client '" + name + "' wait: at most " + std::to_string(options_.clientLimit) +
-                  " (scheduler.queued_per_client)",
+    return refuse(Code::ResourceExhausted,
+                  "too many jobs of client '" + name + "' wait: at most " + std::to_string(options_.clientLimit) + " (scheduler.queued_per_client)",
                   retryMs(c, true, now));
   // Whoever is quick must leave places in the queue, or nobody else could ever enter it.
   const auto part = std::max<size_t>(1, size_t(std::ceil(double(options_.queueLimit[size_t(c)]) * options_.clientPart)));
   if (const auto known = s.groups.find(name); known != s.groups.end() && known->second.queued >= part)
-    return refuse(Code::ResourceExhausted, "too many jobs of client '" + name + "' wait in class " + kClassNames[c] + ": at most " + std::to_string(part) +
-                  ", a part of scheduler.queued_" + kClassNames[c], retryMs(c, true, now));
+    return refuse(Code::ResourceExhausted,
+                  "too many jobs of client '" + name + "' wait in class " + kClassNames[c] + ": at most " + std::to_string(part) +
+                      ", a part of scheduler.queued_" + kClassNames[c],
+                  retryMs(c, true, now));
   return result;
 }
 
@@ -161,8 +166,10 @@ Submit Scheduler::submit(const JobSpec& spec, double now) {
   job.spec = spec;
   job.group = name;
   Group& group = s.groups[name];
-  job.client = active(group.clients) < kNames || (group.clients.count(spec.client) && group.clients[spec.client].queued + group.clients[spec.client].running > 0)
-                   ? spec.client : std::string();
+  job.client =
+      active(group.clients) < kNames || (group.clients.count(spec.client) && group.clients[spec.client].queued + group.clients[spec.client].running > 0)
+          ? spec.client
+          : std::string();
   activate(s, group, group.clients[job.client]);
   if (s.queued == 0) s.waitingSince = now_;
   count(job, 1, 0);
@@ -196,7 +203,7 @@ void Scheduler::start(JobId id, Job& job, double now) {
   job.ranBefore = job.ran;
   job.blockedSince = kNever;
   ++s.stats.started;
-  if (s.lastStart >= s.waitingSince) intoMean(s.stats.startInterval, now - s.lastStart);   // jobs waited all the time between
+  if (s.lastStart >= s.waitingSince) intoMean(s.stats.startInterval, now - s.lastStart);  // jobs waited all the time between
   s.lastStart = now;
   s.refusedSinceStart = 0;
 }
@@ -245,7 +252,7 @@ bool Scheduler::preemptFor(const Job& job, double now, Room& room, std::vector<A
   }
   if (!enough()) return false;
   victims.resize(taken);
-  for (size_t i = 0; i < victims.size();) {   // the first ones may have proved needless when a larger one followed
+  for (size_t i = 0; i < victims.size();) {  // the first ones may have proved needless when a larger one followed
     const uint64_t its = victims[i].second->spec.pinnedBytes;
     if (slots >= 2 && bytes - its >= job.spec.pinnedBytes) {
       --slots;
@@ -300,8 +307,8 @@ bool Scheduler::tryStart(JobId id, Job& job, double now, bool first, Room& room,
     return true;
   }
   if (room.freeBytes < need) job.blockedSince = std::min(job.blockedSince, now);
-  const bool comes = (room.freeSlots + room.comingSlots >= 1 && room.freeBytes + room.comingBytes >= need) ||
-                     preemptFor(job, now, room, actions) || sliceFor(job, now, room, actions);
+  const bool comes = (room.freeSlots + room.comingSlots >= 1 && room.freeBytes + room.comingBytes >= need) || preemptFor(job, now, room, actions) ||
+                     sliceFor(job, now, room, actions);
   if (!comes && !first) return false;
   // Hold: free room first, then what jobs that are giving way will leave.
   const uint64_t bytes = std::min(need, room.freeBytes);
@@ -318,7 +325,7 @@ std::vector<Action> Scheduler::decide(double now) {
   expire(now, actions);
   if (queued_ == 0) return actions;
   Room room{options_.slots - int64_t(running_), 0, options_.pinnedLimit - pinned_, 0};
-  int lowest = -1;   // class of a job that could be preempted
+  int lowest = -1;  // class of a job that could be preempted
   for (const auto& [id, job] : jobs_) {
     if (job.state == State::Preempting || job.state == State::Stopping) {
       ++room.comingSlots;
@@ -327,7 +334,10 @@ std::vector<Action> Scheduler::decide(double now) {
       lowest = std::max(lowest, int(job.spec.jobClass));
     }
   }
-  struct Candidate { JobId id; Job* job; };
+  struct Candidate {
+    JobId id;
+    Job* job;
+  };
   struct Line {
     std::vector<Candidate> jobs;
     size_t at = 0;
@@ -354,14 +364,14 @@ std::vector<Action> Scheduler::decide(double now) {
     const auto nothingToBeHad = [&] { return room.freeSlots <= 0 && room.comingSlots <= 0 && lowest <= c && !sliced; };
     if (nothingToBeHad()) continue;
     const bool isDue = due(c);
-    std::vector<Candidate> reserved;                    // rule 7: they go first, oldest first
+    std::vector<Candidate> reserved;  // rule 7: they go first, oldest first
     std::map<std::string, GroupLine> groups;
     for (auto& [id, job] : jobs_) {
       if (int(job.spec.jobClass) != c) continue;
       GroupLine& group = groups[job.group];
       Line& line = group.lines[job.client];
       if (job.state != State::Queued) {
-        const double spoken = std::max(0.0, meanRun(c) - (now - job.started));   // not consumed yet, but spoken for
+        const double spoken = std::max(0.0, meanRun(c) - (now - job.started));  // not consumed yet, but spoken for
         line.virtualTime += spoken;
         group.virtualTime += spoken;
       } else if (now >= job.blockedSince + options_.reserveAfter) {
@@ -375,9 +385,8 @@ std::vector<Action> Scheduler::decide(double now) {
       group.virtualTime += books.virtualTime;
       for (auto& [name, line] : group.lines) {
         line.virtualTime += books.clients[name].virtualTime;
-        std::stable_sort(line.jobs.begin(), line.jobs.end(), [](const Candidate& a, const Candidate& b) {
-          return a.job->spec.deadline < b.job->spec.deadline;
-        });
+        std::stable_sort(line.jobs.begin(), line.jobs.end(),
+                         [](const Candidate& a, const Candidate& b) { return a.job->spec.deadline < b.job->spec.deadline; });
       }
     }
     bool first = isDue;

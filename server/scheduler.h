@@ -47,31 +47,31 @@ enum class JobClass { Interactive = 0, Normal = 1, Batch = 2 };
 constexpr int kJobClasses = 3;
 constexpr const char* kClassNames[kJobClasses] = {"interactive", "normal", "batch"};
 constexpr double kNever = std::numeric_limits<double>::infinity();
-using JobId = uint64_t;   ///< from 1, in order of submission
+using JobId = uint64_t;  ///< from 1, in order of submission
 
 struct JobSpec {
   std::string client;
   JobClass jobClass = JobClass::Normal;
-  double deadline = kNever;      ///< on the clock of `now`, seconds
-  uint64_t pinnedBytes = 0;      ///< held while it runs
-  std::string group = {};        ///< empty: the client is a group of its own
+  double deadline = kNever;  ///< on the clock of `now`, seconds
+  uint64_t pinnedBytes = 0;  ///< held while it runs
+  std::string group = {};    ///< empty: the client is a group of its own
 };
 
 struct SchedulerOptions {
-  int slots = 1;                                               ///< jobs at once
+  int slots = 1;  ///< jobs at once
   uint64_t pinnedLimit = std::numeric_limits<uint64_t>::max();
-  std::array<size_t, kJobClasses> queueLimit{64, 256, 4096};   ///< queued jobs of a class
-  size_t clientLimit = 256;                                    ///< queued jobs of a group, all classes
-  double clientPart = 1;                                       ///< of a class's queue that one group may fill
-  std::array<double, kJobClasses> ageing{kNever, 10, 30};      ///< seconds
-  std::array<double, kJobClasses> slice{kNever, kNever, kNever};   ///< seconds
+  std::array<size_t, kJobClasses> queueLimit{64, 256, 4096};      ///< queued jobs of a class
+  size_t clientLimit = 256;                                       ///< queued jobs of a group, all classes
+  double clientPart = 1;                                          ///< of a class's queue that one group may fill
+  std::array<double, kJobClasses> ageing{kNever, 10, 30};         ///< seconds
+  std::array<double, kJobClasses> slice{kNever, kNever, kNever};  ///< seconds
   double protectedSeconds = 1;
   double reserveAfter = 5;
   double retryMinMs = 10, retryMaxMs = 60000;
 };
 
 struct Submit {
-  Status status;       ///< Ok, ResourceExhausted (retryMs > 0), FailedPrecondition (never fits), DeadlineExceeded (already past)
+  Status status;  ///< Ok, ResourceExhausted (retryMs > 0), FailedPrecondition (never fits), DeadlineExceeded (already past)
   JobId id = 0;
   double retryMs = 0;
 };
@@ -79,25 +79,25 @@ struct Submit {
 struct Action {
   enum class Kind { Start, Preempt, Stop, Expire } kind;
   JobId id;
-  StopReason reason = StopReason::None;   ///< Preempt: Preempted. Stop: Cancelled or Deadline. Expire: Deadline.
+  StopReason reason = StopReason::None;  ///< Preempt: Preempted. Stop: Cancelled or Deadline. Expire: Deadline.
 };
 
 enum class Outcome { Done, Failed };
-enum class CancelResult { Unknown, Removed, Stopping };   ///< Stopping: the next decide() holds the Stop
+enum class CancelResult { Unknown, Removed, Stopping };  ///< Stopping: the next decide() holds the Stop
 
 struct SchedulerStats {
   struct Class {
     size_t queued = 0, running = 0;
     uint64_t submitted = 0, started = 0, done = 0, failed = 0, expired = 0, cancelled = 0, preempted = 0, refused = 0;
-    double runSeconds = 0;       ///< consumed, preempted runs included
-    double meanRunSeconds = 0;   ///< of a job, moving mean; 0 before the first
-    double startInterval = 0;    ///< seconds between starts while jobs waited, moving mean; 0 before the first
+    double runSeconds = 0;      ///< consumed, preempted runs included
+    double meanRunSeconds = 0;  ///< of a job, moving mean; 0 before the first
+    double startInterval = 0;   ///< seconds between starts while jobs waited, moving mean; 0 before the first
   };
   std::array<Class, kJobClasses> classes;
   size_t queued = 0, running = 0;
   uint64_t pinnedBytes = 0;
   std::map<std::string, uint64_t> pinnedOfGroups;
-  std::map<std::string, double> clientSeconds;   ///< consumed by groups that are known now
+  std::map<std::string, double> clientSeconds;  ///< consumed by groups that are known now
 };
 
 class Scheduler {
@@ -124,35 +124,41 @@ class Scheduler {
   size_t running() const { return running_; }
 
  private:
-  enum class State { Queued, Running, Preempting, Stopping };   // the last two still hold their slot and bytes
+  enum class State { Queued, Running, Preempting, Stopping };  // the last two still hold their slot and bytes
   struct Job {
     JobSpec spec;
-    std::string group, client;          // keys of the books
+    std::string group, client;  // keys of the books
     State state = State::Queued;
-    bool stopPending = false;           // cancelled while running, Stop not given out yet
+    bool stopPending = false;  // cancelled while running, Stop not given out yet
     bool cancelled = false;
-    double started = 0;                 // of this run
+    double started = 0;  // of this run
     double chargedUntil = 0;
-    double ran = 0;                     // seconds of all its runs
+    double ran = 0;  // seconds of all its runs
     double protectedUntil = -kNever;
-    double blockedSince = kNever;       // first time that bytes kept it from starting
-    double ranBefore = 0;               // rule 9: seconds of the runs before this one
+    double blockedSince = kNever;  // first time that bytes kept it from starting
+    double ranBefore = 0;          // rule 9: seconds of the runs before this one
   };
-  struct Client { double virtualTime = 0, seconds = 0; size_t queued = 0, running = 0; };
+  struct Client {
+    double virtualTime = 0, seconds = 0;
+    size_t queued = 0, running = 0;
+  };
   struct Group : Client {
     std::map<std::string, Client> clients;
-    double clock = 0;                   // virtual time of its clients
+    double clock = 0;  // virtual time of its clients
   };
   struct ClassState {
     std::map<std::string, Group> groups;
     double virtualTime = 0;
-    double waited = 0, served = 0, charged = 0;   // rule 6: seconds; `charged`: until when they are counted
+    double waited = 0, served = 0, charged = 0;  // rule 6: seconds; `charged`: until when they are counted
     size_t queued = 0, running = 0;
-    double lastStart = -kNever, waitingSince = 0;   // rule 8
+    double lastStart = -kNever, waitingSince = 0;  // rule 8
     uint64_t refusedSinceStart = 0;
     SchedulerStats::Class stats;
   };
-  struct Room { int64_t freeSlots, comingSlots; uint64_t freeBytes, comingBytes; };
+  struct Room {
+    int64_t freeSlots, comingSlots;
+    uint64_t freeBytes, comingBytes;
+  };
   using Jobs = std::map<JobId, Job>;
 
   double advance(double now);
@@ -162,14 +168,14 @@ class Scheduler {
   double meanRun(int c) const;
   bool tryStart(JobId id, Job& job, double now, bool first, Room& room, std::vector<Action>& actions);
   double sliceEnd(const Job& job) const;
-  double givesWayAt(const Job& job) const;   ///< when decide() has to look at rule 9 again
+  double givesWayAt(const Job& job) const;  ///< when decide() has to look at rule 9 again
   bool sliceFor(const Job& job, double now, Room& room, std::vector<Action>& actions);
   bool preemptFor(const Job& job, double now, Room& room, std::vector<Action>& actions);
   void start(JobId id, Job& job, double now);
-  void leave(Jobs::iterator at);          // out of queue or slots, and out of the books
-  void count(Job& job, int queued, int running);   // into the books of its client, group and class
+  void leave(Jobs::iterator at);                  // out of queue or slots, and out of the books
+  void count(Job& job, int queued, int running);  // into the books of its client, group and class
   static void activate(ClassState& state, Group& group, Client& client);
-  static void settle(ClassState& state);           // forgets clients and groups without debt
+  static void settle(ClassState& state);  // forgets clients and groups without debt
   double retryMs(int c, bool clientBound, double now);
 
   SchedulerOptions options_;

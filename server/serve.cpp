@@ -96,7 +96,8 @@ grpc::Status Rpc::admit() {
   }
   const double wait = who_.takeRequest(JobRunner::now());
   if (wait > 0)
-    return refuseBusy("rate", strf("requests per second: at most %g (tokens.requests_per_s of \"%s\")", who_.token->requestsPerSecond, who_.name.c_str()), wait * 1e3);
+    return refuseBusy("rate", strf("requests per second: at most %g (tokens.requests_per_s of \"%s\")", who_.token->requestsPerSecond, who_.name.c_str()),
+                      wait * 1e3);
   return grpc::Status::OK;
 }
 
@@ -122,8 +123,7 @@ void Rpc::pause() {
   const double seconds = core_.impatient.begin(who_.name, JobRunner::now(), retryMs_ * 1e-3);
   if (seconds <= 0) return;
   const auto until = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
-  while (std::chrono::steady_clock::now() < until && !context_.IsCancelled() && !core_.draining())
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  while (std::chrono::steady_clock::now() < until && !context_.IsCancelled() && !core_.draining()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   core_.impatient.end(who_.name);
 }
 

@@ -77,9 +77,7 @@ grpc::Status serve(ServerCore& core, grpc::ServerContext& context, const char* m
     status = rpc.finish(std::move(status));
     rpc.pause();
     return status;
-  } catch (const std::exception& e) {
-    return rpc.finish({grpc::StatusCode::INTERNAL, std::string("exception in a handler: ") + e.what()});
-  }
+  } catch (const std::exception& e) { return rpc.finish({grpc::StatusCode::INTERNAL, std::string("exception in a handler: ") + e.what()}); }
 }
 
 }  // namespace gobo

@@ -43,8 +43,8 @@ uint32_t connectionsFor(const ServerConfig& config) {
   if (::getrlimit(RLIMIT_NOFILE, &files) != 0) return config.connections;
   const uint64_t most = files.rlim_cur > 2 * kOtherDescriptors ? uint64_t(files.rlim_cur) - kOtherDescriptors : uint64_t(files.rlim_cur) / 2;
   if (most >= config.connections) return config.connections;
-  logWarn("limits.connections = %u: %llu are taken, as this process may have %llu descriptors (LimitNOFILE, ulimit -n)", config.connections, (unsigned long long)most,
-          (unsigned long long)files.rlim_cur);
+  logWarn("limits.connections = %u: %llu are taken, as this process may have %llu descriptors (LimitNOFILE, ulimit -n)", config.connections,
+          (unsigned long long)most, (unsigned long long)files.rlim_cur);
   return uint32_t(most);
 }
 
@@ -99,15 +99,17 @@ Result<std::shared_ptr<SceneLoader>> sceneLoader(const ServerConfig& c) {
 Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const EngineOptions& wanted, bool sockets) {
   // gRPC stays up until the process ends: its own tear-down waits for a client's poller, for up to 10 s (1.51).
   // Its own messages (failed handshakes, mostly) become lines of our log.
-  static const bool kept = (gpr_set_log_function([](gpr_log_func_args* args) {
-    logEvent(args->severity == GPR_LOG_SEVERITY_ERROR ? LogLevel::Warn : LogLevel::Debug, "grpc", {{"message", args->message ? args->message : ""}});
-  }), grpc_init(), true);
+  static const bool kept =
+      (gpr_set_log_function([](gpr_log_func_args* args) {
+         logEvent(args->severity == GPR_LOG_SEVERITY_ERROR ? LogLevel::Warn : LogLevel::Debug, "grpc", {{"message", args->message ? args->message : ""}});
+       }),
+       grpc_init(), true);
   (void)kept;
   std::unique_ptr<Server> self(new Server());
   EngineOptions options = wanted;
   if (!options.loader) { GOBO_ASSIGN(options.loader, sceneLoader(config)); }
   auto engine = Engine::create(options);
-  if (!engine.ok() && !options.cacheFolder.empty() && engine.status().code() != Code::FailedPrecondition) {   // not: whose terms cannot be believed
+  if (!engine.ok() && !options.cacheFolder.empty() && engine.status().code() != Code::FailedPrecondition) {  // not: whose terms cannot be believed
     logWarn("%s; terms are kept in memory only (engine.cache_folder)", engine.status().toString().c_str());
     options.cacheFolder.clear();
     engine = Engine::create(options);
@@ -139,8 +141,8 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 10000);
   builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, 16384);
-  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, 10000);   // of TLS and HTTP/2 together
-  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, 600000);       // clients connect again by themselves
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, 10000);  // of TLS and HTTP/2 together
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, 600000);      // clients connect again by themselves
   if (!config.reflection) builder.SetOption(std::make_unique<NoReflection>());
   builder.RegisterService(&self->services_->scenes);
   builder.RegisterService(&self->services_->render);
@@ -231,9 +233,10 @@ Result<std::vector<std::string>> Server::reload(const ServerConfig& next) {
   GOBO_ASSIGN(const LogLevel level, parseLogLevel(config.logLevel));
   GOBO_ASSIGN(const LogFormat format, parseLogFormat(config.logFormat));
   if (config.chunkBytes + 65536 > running.messageBytes || config.inlineBytes + 65536 > running.messageBytes)
-    return failed(invalidArgument(strf("limits.chunk_bytes = %llu and limits.inline_bytes = %llu: must be at least 64 KiB below limits.message_bytes = %llu, which "
-                                       "is fixed until a restart", (unsigned long long)config.chunkBytes, (unsigned long long)config.inlineBytes,
-                                       (unsigned long long)running.messageBytes)));
+    return failed(
+        invalidArgument(strf("limits.chunk_bytes = %llu and limits.inline_bytes = %llu: must be at least 64 KiB below limits.message_bytes = %llu, which "
+                             "is fixed until a restart",
+                             (unsigned long long)config.chunkBytes, (unsigned long long)config.inlineBytes, (unsigned long long)running.messageBytes)));
   if (tls_) {
     auto files = readTls(config.tls);
     if (!files.ok()) return failed(files.status());
@@ -255,8 +258,8 @@ std::shared_ptr<grpc::Channel> Server::inProcessChannel() {
 
 void Server::shutdown(double drainSeconds) {
   if (!server_) return;
-  core_->drain();   // health says so first
-  if (jobs_) jobs_->stop();   // their frames go on after the next start: nobody needs to wait for them
+  core_->drain();            // health says so first
+  if (jobs_) jobs_->stop();  // their frames go on after the next start: nobody needs to wait for them
   if (!core_->waitIdle(drainSeconds)) {
     logWarn("%zu calls still run after %.1f s: cancelling them", core_->running(), drainSeconds);
     core_->cancelAll();

@@ -47,7 +47,7 @@ class Server {
   Server();
   void setServing(bool serving);
   struct Services;
-  std::vector<SocketLock> locks_;          // given back last
+  std::vector<SocketLock> locks_;  // given back last
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<ServerCore> core_;
   std::unique_ptr<DurableJobs> jobs_;
@@ -55,7 +55,7 @@ class Server {
   std::shared_ptr<TlsSource> tls_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<Listener> listener_;
-  std::unique_ptr<HttpEndpoint> http_;     // goes before the core
+  std::unique_ptr<HttpEndpoint> http_;  // goes before the core
   std::vector<std::string> addresses_;
   std::vector<std::string> socketFiles_;
 };

@@ -62,7 +62,8 @@ void gauges(ServerCore& core, MetricsWriter& out) {
   one("gobo_uploads", "gauge", "Uploads in progress.", double(core.uploads.used()));
   one("gobo_watches", "gauge", "Jobs.Watch and Jobs.Fetch calls.", double(core.watches.used()));
   one("gobo_reply_bytes", "gauge", "Bound of the pictures that are being made or sent.", double(core.replies.used()));
-  one("gobo_idle_calls_ended_total", "counter", "Calls ended because their client neither sent nor took anything (limits.client_idle_s).", double(core.idle.ended()));
+  one("gobo_idle_calls_ended_total", "counter", "Calls ended because their client neither sent nor took anything (limits.client_idle_s).",
+      double(core.idle.ended()));
   one("gobo_loads", "gauge", "Scenes being loaded or patched.", double(core.loads.running()));
   one("gobo_loads_waiting", "gauge", "Calls that wait for a load's place.", double(core.loads.waiting()));
   one("gobo_tokens", "gauge", "Tokens configured.", double(core.tokens.count()));
@@ -85,7 +86,7 @@ uint32_t openFiles() {
   uint32_t n = 0;
   while (const dirent* entry = ::readdir(folder)) n += entry->d_name[0] != '.';
   ::closedir(folder);
-  return n > 0 ? n - 1 : 0;   // the folder itself was open
+  return n > 0 ? n - 1 : 0;  // the folder itself was open
 }
 
 void declareServerMetrics(ServerCore& core) {
@@ -122,12 +123,13 @@ HealthReport healthReport(ServerCore& core) {
   }
   for (int c = 0; c < kJobClasses; ++c)
     queues += strf("%s\"%s\":{\"queued\":%zu,\"running\":%zu}", c ? "," : "", kClassNames[c], jobs.classes[size_t(c)].queued, jobs.classes[size_t(c)].running);
-  report.json = std::string("{\"status\":\"") + (report.ready ? "serving" : "draining") + "\",\"build\":" + jsonString(buildVersion()) +
-                strf(",\"uptime_s\":%.3f,\"ready_workers\":%zu,\"total_workers\":%zu,", uptime(core), report.ready ? workers.size() : size_t(0), workers.size()) +
-                "\"workers\":[" + list + "],\"queues\":{" + queues + "}," +
-                strf("\"store\":{\"bytes\":%llu,\"limit\":%llu,\"disk_bytes\":%llu},\"rss_bytes\":%llu", (unsigned long long)s.store_bytes(),
-                     (unsigned long long)s.store_limit(), (unsigned long long)s.disk_bytes(), (unsigned long long)residentBytes()) +
-                core.healthExtras() + "}\n";
+  report.json =
+      std::string("{\"status\":\"") + (report.ready ? "serving" : "draining") + "\",\"build\":" + jsonString(buildVersion()) +
+      strf(",\"uptime_s\":%.3f,\"ready_workers\":%zu,\"total_workers\":%zu,", uptime(core), report.ready ? workers.size() : size_t(0), workers.size()) +
+      "\"workers\":[" + list + "],\"queues\":{" + queues + "}," +
+      strf("\"store\":{\"bytes\":%llu,\"limit\":%llu,\"disk_bytes\":%llu},\"rss_bytes\":%llu", (unsigned long long)s.store_bytes(),
+           (unsigned long long)s.store_limit(), (unsigned long long)s.disk_bytes(), (unsigned long long)residentBytes()) +
+      core.healthExtras() + "}\n";
   return report;
 }
 

@@ -14,8 +14,8 @@ class ServerCore;
 void declareServerMetrics(ServerCore& core);
 
 struct HealthReport {
-  bool ready = false;          ///< false while the server drains
-  std::string json;            ///< status, build, uptime_s, ready_workers, total_workers, workers[], queues{}, store{}, draining
+  bool ready = false;  ///< false while the server drains
+  std::string json;    ///< status, build, uptime_s, ready_workers, total_workers, workers[], queues{}, store{}, draining
 };
 HealthReport healthReport(ServerCore& core);
 

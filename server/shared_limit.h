@@ -37,7 +37,7 @@ class SharedLimit {
   uint64_t limit() const;
   uint64_t used() const;
   uint64_t usedBy(const std::string& client) const;
-  std::map<std::string, uint64_t> clients() const;   ///< what each has
+  std::map<std::string, uint64_t> clients() const;  ///< what each has
 
  private:
   mutable std::mutex mutex_;

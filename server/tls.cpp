@@ -62,7 +62,8 @@ Result<TlsFiles> readTls(const TlsConfig& config) {
   if (!cert) return bad("cert", config.cert, "holds no PEM certificate");
   const Key key(PEM_read_bio_PrivateKey(keyBio.get(), nullptr, noPassphrase, nullptr));
   if (!key) return bad("key", config.key, "holds no PEM private key without a passphrase");
-  if (X509_check_private_key(cert.get(), key.get()) != 1) return bad("key", config.key, "is not the key of the certificate in \"" + escaped(config.cert) + "\"");
+  if (X509_check_private_key(cert.get(), key.get()) != 1)
+    return bad("key", config.key, "is not the key of the certificate in \"" + escaped(config.cert) + "\"");
   files.expires = unixTime(X509_get0_notAfter(cert.get()));
   if (X509_cmp_current_time(X509_get0_notAfter(cert.get())) <= 0) return bad("cert", config.cert, "the certificate expired at " + dateText(files.expires));
   if (X509_cmp_current_time(X509_get0_notBefore(cert.get())) > 0)
@@ -82,7 +83,7 @@ Result<TlsFiles> readTls(const TlsConfig& config) {
 // gRPC's callback, once per handshake, and what one listening port has seen.
 struct TlsFetch {
   std::shared_ptr<TlsSource> source;
-  uint64_t seen = 0;   // under the source's mutex
+  uint64_t seen = 0;  // under the source's mutex
 
   static grpc_ssl_certificate_config_reload_status fetch(void* user, grpc_ssl_server_certificate_config** out) {
     TlsFetch& port = *static_cast<TlsFetch*>(user);
@@ -122,7 +123,7 @@ class FetchedCredentials final : public grpc::ServerCredentials {
   ~FetchedCredentials() override {
     if (credentials_) grpc_server_credentials_release(credentials_);
   }
-  void SetAuthMetadataProcessor(const std::shared_ptr<grpc::AuthMetadataProcessor>&) override {}   // tokens: server/auth.h
+  void SetAuthMetadataProcessor(const std::shared_ptr<grpc::AuthMetadataProcessor>&) override {}  // tokens: server/auth.h
 
  private:
   int AddPortToServer(const std::string& address, grpc_server* server) override {
@@ -148,8 +149,8 @@ int64_t TlsSource::expires() const {
 
 std::shared_ptr<grpc::ServerCredentials> TlsSource::credentials() {
   const auto request = files_.clientCa.empty() ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
-                       : require_ ? GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY
-                                  : GRPC_SSL_REQUEST_CLIENT_CERTIFICATE_AND_VERIFY;
+                       : require_              ? GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY
+                                               : GRPC_SSL_REQUEST_CLIENT_CERTIFICATE_AND_VERIFY;
   return std::make_shared<FetchedCredentials>(shared_from_this(), request);
 }
 

@@ -17,7 +17,7 @@ namespace gobo {
 /// The files of [tls], read and checked.
 struct TlsFiles {
   std::string cert, key, clientCa;
-  int64_t expires = 0;           ///< Unix time at which the certificate ends
+  int64_t expires = 0;  ///< Unix time at which the certificate ends
   std::string subject;
 };
 /// Errors: InvalidArgument "tls.KEY = \"PATH\": ..." for what cannot be read, is no PEM, does not belong together or is expired.

@@ -24,7 +24,7 @@ Result<SocketLock> SocketLock::take(const std::string& socketPath) {
     if (fd < 0) return Status(Code::Unavailable, "cannot open \"" + path + "\": " + std::strerror(errno));
     SocketLock lock(path, fd);
     if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
-      lock.path_.clear();   // another's: not to be removed
+      lock.path_.clear();  // another's: not to be removed
       if (errno == EWOULDBLOCK) {
         // A server that was just killed holds it until the system has taken its memory back.
         if (std::chrono::steady_clock::now() > patience) return Status(Code::FailedPrecondition, "another server holds \"" + socketPath + "\"");
@@ -34,7 +34,8 @@ Result<SocketLock> SocketLock::take(const std::string& socketPath) {
       return Status(Code::Unavailable, "cannot lock \"" + path + "\": " + std::strerror(errno));
     }
     // The holder before may have removed the file between our open and our lock: then this lock is on a file without a name.
-    struct stat mine{}, named{};
+    struct stat mine {
+    }, named{};
     if (::fstat(fd, &mine) == 0 && ::stat(path.c_str(), &named) == 0 && mine.st_ino == named.st_ino && mine.st_dev == named.st_dev) return lock;
     lock.path_.clear();
   }
@@ -56,7 +57,7 @@ SocketLock::~SocketLock() {
 }
 
 Status claimSocketPath(const std::string& path) {
-  struct stat info{};
+  struct stat info {};
   if (::lstat(path.c_str(), &info) != 0) {
     if (errno == ENOENT) return {};
     return {Code::Unavailable, "cannot use socket \"" + path + "\": " + std::strerror(errno)};

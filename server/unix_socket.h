@@ -15,7 +15,7 @@ class SocketLock {
   static Result<SocketLock> take(const std::string& socketPath);
   SocketLock(SocketLock&& other) noexcept;
   SocketLock& operator=(SocketLock&& other) noexcept;
-  ~SocketLock();   ///< removes the file while it still holds the lock
+  ~SocketLock();  ///< removes the file while it still holds the lock
 
  private:
   SocketLock(std::string path, int fd) : path_(std::move(path)), fd_(fd) {}

@@ -31,8 +31,9 @@ Status UploadFile::begin(const std::string& tmpFolder, const v1::UploadSceneRequ
     return invalidArgument("extension = \"" + escaped(first.extension()) + "\": must be .glb or .gltf", "upload.extension");
   if (first.total_bytes() == 0) return invalidArgument("total_bytes = 0: the first message must say how much follows", "upload.total_bytes");
   if (first.total_bytes() > maxBytes)
-    return {Code::ResourceExhausted, "total_bytes = " + std::to_string(first.total_bytes()) + ": uploads are limited to " +
-            std::to_string(maxBytes) + " bytes (" + limitKey + ")", "upload.total_bytes"};
+    return {Code::ResourceExhausted,
+            "total_bytes = " + std::to_string(first.total_bytes()) + ": uploads are limited to " + std::to_string(maxBytes) + " bytes (" + limitKey + ")",
+            "upload.total_bytes"};
   expected_ = first.sha256();
   std::transform(expected_.begin(), expected_.end(), expected_.begin(), [](unsigned char c) { return char(std::tolower(c)); });
   if (!expected_.empty() && (expected_.size() != 64 || expected_.find_first_not_of("0123456789abcdef") != std::string::npos))
@@ -48,14 +49,12 @@ Status UploadFile::begin(const std::string& tmpFolder, const v1::UploadSceneRequ
 }
 
 Status UploadFile::add(const std::string& data) {
-  if (data.size() > total_ - received_)
-    return invalidArgument("data goes beyond total_bytes = " + std::to_string(total_), "upload.data");
+  if (data.size() > total_ - received_) return invalidArgument("data goes beyond total_bytes = " + std::to_string(total_), "upload.data");
   size_t at = 0;
   while (at < data.size()) {
     const ssize_t n = ::write(fd_, data.data() + at, data.size() - at);
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0)
-      return {errno == ENOSPC ? Code::ResourceExhausted : Code::Internal, "cannot write \"" + path_ + "\": " + std::strerror(errno)};
+    if (n <= 0) return {errno == ENOSPC ? Code::ResourceExhausted : Code::Internal, "cannot write \"" + path_ + "\": " + std::strerror(errno)};
     at += size_t(n);
   }
   sha_.add(data.data(), data.size());
@@ -67,8 +66,7 @@ Status UploadFile::finish() {
   if (received_ != total_)
     return invalidArgument("received " + std::to_string(received_) + " bytes of total_bytes = " + std::to_string(total_), "upload.total_bytes");
   digest_ = sha_.hex();
-  if (!expected_.empty() && digest_ != expected_)
-    return invalidArgument("sha256 = " + expected_ + ": the bytes received have " + digest_, "upload.sha256");
+  if (!expected_.empty() && digest_ != expected_) return invalidArgument("sha256 = " + expected_ + ": the bytes received have " + digest_, "upload.sha256");
   if (::close(std::exchange(fd_, -1)) != 0) return internalError("cannot write \"" + path_ + "\": " + std::strerror(errno));
   return {};
 }
@@ -79,7 +77,7 @@ void removeStaleUploads(const std::string& tmpFolder) {
     const std::string name = it->path().filename().string();
     if (name.rfind(kPrefix, 0) != 0) continue;
     const long pid = std::atol(name.c_str() + std::strlen(kPrefix));
-    struct stat info{};
+    struct stat info {};
     if (pid <= 0 || ::lstat(it->path().c_str(), &info) != 0 || !S_ISDIR(info.st_mode) || info.st_uid != ::getuid()) continue;
     if (::kill(pid_t(pid), 0) == 0 || errno != ESRCH) continue;
     std::error_code ignored;

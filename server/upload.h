@@ -21,8 +21,7 @@ class UploadFile {
 
   /// Checks the first message: extension (.glb, .gltf), total_bytes in 1..maxBytes, sha256 empty or 64 hex digits.
   /// Errors: InvalidArgument naming the field, ResourceExhausted when it is too large, Internal when the disk refuses.
-  Status begin(const std::string& tmpFolder, const v1::UploadSceneRequest& first, uint64_t maxBytes,
-               const char* limitKey = "limits.upload_bytes");
+  Status begin(const std::string& tmpFolder, const v1::UploadSceneRequest& first, uint64_t maxBytes, const char* limitKey = "limits.upload_bytes");
   /// Errors: InvalidArgument when more arrives than announced, ResourceExhausted when the disk is full.
   Status add(const std::string& data);
   /// Errors: InvalidArgument when bytes are missing or the digest differs.

@@ -55,8 +55,9 @@ Options parse(int argc, char** argv) {
   for (int i = 3; i + 1 < argc; i += 2) {
     const std::string name = argv[i], value = argv[i + 1];
     if (name == "--shadows") o.shadows = value;
-    else if (name == "--size") { if (std::sscanf(value.c_str(), "%ux%u", &o.width, &o.height) != 2) fail("--size " + value); }
-    else if (name == "--map") o.map = unsigned(std::atoi(value.c_str()));
+    else if (name == "--size") {
+      if (std::sscanf(value.c_str(), "%ux%u", &o.width, &o.height) != 2) fail("--size " + value);
+    } else if (name == "--map") o.map = unsigned(std::atoi(value.c_str()));
     else if (name == "--frames") o.frames = std::atoi(value.c_str());
     else if (name == "--move") o.move = value;
     else fail("unknown option " + name);
@@ -76,7 +77,8 @@ std::vector<uint8_t> readAll(const std::string& path) {
 
 /// Filament frees the buffer's memory through this; ours stays, and the flag says that it is filled.
 backend::PixelBufferDescriptor buffer(void* data, size_t size, backend::PixelDataFormat format, backend::PixelDataType type, bool* done) {
-  return backend::PixelBufferDescriptor(data, size, format, type, [](void*, size_t, void* flag) { *static_cast<bool*>(flag) = true; }, done);
+  return backend::PixelBufferDescriptor(
+      data, size, format, type, [](void*, size_t, void* flag) { *static_cast<bool*>(flag) = true; }, done);
 }
 
 }  // namespace
@@ -125,12 +127,12 @@ int main(int argc, char** argv) {
   view->setCamera(camera);
   view->setScene(scene);
   view->setViewport({0, 0, o.width, o.height});
-  view->setPostProcessingEnabled(false);      // its table of colours is wrong on llvmpipe
+  view->setPostProcessingEnabled(false);  // its table of colours is wrong on llvmpipe
   view->setShadowingEnabled(o.shadows != "none");
   if (o.shadows == "vsm") view->setShadowType(View::ShadowType::VSM);
 
   std::vector<uint8_t> shown(pixels * 4);
-  const auto place = [&](int k) {              // where light or camera are in frame k; frame 0: as in the file
+  const auto place = [&](int k) {  // where light or camera are in frame k; frame 0: as in the file
     const float angle = 0.01f * float(k), c = std::cos(angle), s = std::sin(angle);
     if (o.move == "light") lights.setDirection(light, math::float3{c * sun.x + s * sun.z, sun.y, -s * sun.x + c * sun.z});
     if (o.move == "camera") camera->setModelMatrix(math::mat4f::translation(math::float3{0.02f * float(k), 0, 0}) * eye);
@@ -141,13 +143,14 @@ int main(int argc, char** argv) {
     bool done = !read;
     while (!renderer->beginFrame(chain)) {}
     renderer->render(view);
-    if (read) renderer->readPixels(0, 0, o.width, o.height, buffer(shown.data(), shown.size(), backend::PixelDataFormat::RGBA, backend::PixelDataType::UBYTE, &done));
+    if (read)
+      renderer->readPixels(0, 0, o.width, o.height, buffer(shown.data(), shown.size(), backend::PixelDataFormat::RGBA, backend::PixelDataType::UBYTE, &done));
     renderer->endFrame();
     engine->flushAndWait();
     while (!done) engine->flushAndWait();
     return std::chrono::duration<double, std::milli>(Clock::now() - begun).count();
   };
-  for (int k = 1; k <= 3; ++k) frame(-k, true);   // shaders are compiled
+  for (int k = 1; k <= 3; ++k) frame(-k, true);  // shaders are compiled
   std::vector<double> withRead, without;
   const std::clock_t processor = std::clock();
   for (int k = 1; k <= o.frames; ++k) withRead.push_back(frame(k, true));
@@ -156,17 +159,30 @@ int main(int argc, char** argv) {
   frame(0, true);
 
   // The picture to compare, without the swap chain's 8 bits.
-  Texture* colour = Texture::Builder().width(o.width).height(o.height).levels(1).format(Texture::InternalFormat::RGBA16F)
-                        .usage(Texture::Usage::COLOR_ATTACHMENT | Texture::Usage::SAMPLEABLE).build(*engine);
-  Texture* depth = Texture::Builder().width(o.width).height(o.height).levels(1).format(Texture::InternalFormat::DEPTH24).usage(Texture::Usage::DEPTH_ATTACHMENT).build(*engine);
-  RenderTarget* target = RenderTarget::Builder().texture(RenderTarget::AttachmentPoint::COLOR, colour).texture(RenderTarget::AttachmentPoint::DEPTH, depth).build(*engine);
+  Texture* colour = Texture::Builder()
+                        .width(o.width)
+                        .height(o.height)
+                        .levels(1)
+                        .format(Texture::InternalFormat::RGBA16F)
+                        .usage(Texture::Usage::COLOR_ATTACHMENT | Texture::Usage::SAMPLEABLE)
+                        .build(*engine);
+  Texture* depth = Texture::Builder()
+                       .width(o.width)
+                       .height(o.height)
+                       .levels(1)
+                       .format(Texture::InternalFormat::DEPTH24)
+                       .usage(Texture::Usage::DEPTH_ATTACHMENT)
+                       .build(*engine);
+  RenderTarget* target =
+      RenderTarget::Builder().texture(RenderTarget::AttachmentPoint::COLOR, colour).texture(RenderTarget::AttachmentPoint::DEPTH, depth).build(*engine);
   view->setRenderTarget(target);
   std::vector<float> picture(pixels * 4);
   bool done = false;
   place(0);
   while (!renderer->beginFrame(chain)) {}
   renderer->render(view);
-  renderer->readPixels(target, 0, 0, o.width, o.height, buffer(picture.data(), picture.size() * 4, backend::PixelDataFormat::RGBA, backend::PixelDataType::FLOAT, &done));
+  renderer->readPixels(target, 0, 0, o.width, o.height,
+                       buffer(picture.data(), picture.size() * 4, backend::PixelDataFormat::RGBA, backend::PixelDataType::FLOAT, &done));
   renderer->endFrame();
   while (!done) engine->flushAndWait();
 
@@ -175,7 +191,7 @@ int main(int argc, char** argv) {
   double mean = 0, mean8 = 0;
   for (size_t y = 0; y < o.height; ++y)
     for (size_t x = 0; x < o.width; ++x) {
-      const float* p = &picture[4 * (y * o.width + x)];   // Filament gives the top row first
+      const float* p = &picture[4 * (y * o.width + x)];  // Filament gives the top row first
       mean += p[1] / double(pixels);
       mean8 += shown[4 * (y * o.width + x) + 1] / 255.0 / double(pixels);
       if (std::fwrite(p, 4, 3, f) != 3) fail("cannot write " + o.out);
@@ -184,11 +200,15 @@ int main(int argc, char** argv) {
 
   const auto list = [](const std::vector<double>& v) {
     std::string text = "[";
-    for (const double x : v) { char b[32]; std::snprintf(b, sizeof b, "%s%.2f", text.size() > 1 ? ", " : "", x); text += b; }
+    for (const double x : v) {
+      char b[32];
+      std::snprintf(b, sizeof b, "%s%.2f", text.size() > 1 ? ", " : "", x);
+      text += b;
+    }
     return text + "]";
   };
-  std::printf("{\"frame_ms\": %s, \"frame_without_reading_ms\": %s, \"cpu_ms\": %.2f, \"mean\": %.6f, \"mean_8bit\": %.6f}\n",
-              list(withRead).c_str(), list(without).c_str(), cpu, mean, mean8);
+  std::printf("{\"frame_ms\": %s, \"frame_without_reading_ms\": %s, \"cpu_ms\": %.2f, \"mean\": %.6f, \"mean_8bit\": %.6f}\n", list(withRead).c_str(),
+              list(without).c_str(), cpu, mean, mean8);
   std::fflush(stdout);
-  std::_Exit(0);   // Filament's own end asks for every resource to be handed back one by one; the process ends here
+  std::_Exit(0);  // Filament's own end asks for every resource to be handed back one by one; the process ends here
 }

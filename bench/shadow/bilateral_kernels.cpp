@@ -7,18 +7,20 @@
 namespace gobo::shadowbench {
 namespace {
 
-struct Planes { const float *px, *py, *pz, *nx, *ny, *nz; };
+struct Planes {
+  const float *px, *py, *pz, *nx, *ny, *nz;
+};
 
 /// One row of one tap, added to sum and total: pixels [x0, x1) read x + shift of another row.
-void addTap(const Planes& g, const float* __restrict from, const float* __restrict scale, size_t row, size_t other, size_t x0, size_t x1, long shift, float spatial,
-            float* __restrict sum, float* __restrict total) {
+void addTap(const Planes& g, const float* __restrict from, const float* __restrict scale, size_t row, size_t other, size_t x0, size_t x1, long shift,
+            float spatial, float* __restrict sum, float* __restrict total) {
   for (size_t x = x0; x < x1; ++x) {
     const size_t p = row + x, q = size_t(long(other + x) + shift);
     const float cosine = std::max(g.nx[p] * g.nx[q] + g.ny[p] * g.ny[q] + g.nz[p] * g.nz[q], 0.0f);
     const float c2 = cosine * cosine, c4 = c2 * c2, c8 = c4 * c4, c16 = c8 * c8;
     const float plane = ((g.px[q] - g.px[p]) * g.nx[p] + (g.py[q] - g.py[p]) * g.ny[p] + (g.pz[q] - g.pz[p]) * g.nz[p]) * scale[p];
     const float near = 1.0f / (1.0f + plane * plane);
-    const float w = spatial * c16 * c16 * near * near;   // normals of the background are 0
+    const float w = spatial * c16 * c16 * near * near;  // normals of the background are 0
     sum[x] += w * from[q];
     total[x] += w;
   }
@@ -55,7 +57,9 @@ std::vector<float> jointBilateral(const TaskArena& arena, const Term& gbuffer, c
           for (long i = -reach; i <= reach; ++i) {
             const long dx = i * step;
             const size_t x0 = size_t(std::max(0l, -dx)), x1 = size_t(std::min(long(w), long(w) - dx));
-            if (x0 < x1) addTap(g, in.data(), &planes[6 * n], y * w, size_t(oy) * w, x0, x1, dx, std::exp(-0.5f * float(i * i + j * j) / (sigma * sigma)), sum.data(), total.data());
+            if (x0 < x1)
+              addTap(g, in.data(), &planes[6 * n], y * w, size_t(oy) * w, x0, x1, dx, std::exp(-0.5f * float(i * i + j * j) / (sigma * sigma)), sum.data(),
+                     total.data());
           }
         }
         for (size_t x = 0; x < w; ++x) out[y * w + x] = total[x] > 0 ? sum[x] / total[x] : in[y * w + x];

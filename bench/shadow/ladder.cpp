@@ -44,13 +44,16 @@ class Ladder {
          rmseHalves(truth_->mask, pixel.A, pixel.B, centre.A, centre.B)});
     const double factored = rmseHalves(truth_->mask, centre.flatA, centre.flatB, centre.A, centre.B);
     row("R1 visibility factored: V_t x unoccluded", flat,
-        {factored, rmseHalves(truth_->band, centre.flatA, centre.flatB, centre.A, centre.B), factored, rmseHalves(truth_->mask, centre.flatA, centre.flatB, pixel.A, pixel.B)});
+        {factored, rmseHalves(truth_->band, centre.flatA, centre.flatB, centre.A, centre.B), factored,
+         rmseHalves(truth_->mask, centre.flatA, centre.flatB, pixel.A, pixel.B)});
     table_.note(base + ": R1 error of radiance / mean unoccluded radiance", mean > 0 ? std::sqrt(std::max(radiance / n, 0.0)) / (mean / n) : 0.0);
     return soft_ ? soft(flat) : hard(flat);
   }
 
  private:
-  struct Figures { double added, penumbra, centre, pixel; };
+  struct Figures {
+    double added, penumbra, centre, pixel;
+  };
   void row(const std::string& name, const std::vector<float>& V, const Figures& f) {
     const Errors e = errorsOf(*truth_, V);
     table_.add({baseName(o_) + (soft_ ? " soft" : " hard"), name, f.added, f.penumbra, f.centre, f.pixel, 100 * e.falseLit, 100 * e.falseDark});
@@ -58,13 +61,18 @@ class Ladder {
   /// A step whose V has no noise.
   void step(const std::string& name, const std::vector<float>& V, const std::vector<float>& before) {
     const TruthImage &c = truth_->centre, &p = truth_->pixel;
-    row(name, V, {rmse(truth_->mask, V, before), rmse(truth_->band, V, before), rmseAgainst(truth_->mask, V, c.A, c.B), rmseAgainst(truth_->mask, V, p.A, p.B)});
+    row(name, V,
+        {rmse(truth_->mask, V, before), rmse(truth_->band, V, before), rmseAgainst(truth_->mask, V, c.A, c.B), rmseAgainst(truth_->mask, V, p.A, p.B)});
   }
   /// Between two estimates, each with independent halves: their noise does not count.
-  static double rmseHalves(const std::vector<uint8_t>& mask, const std::vector<float>& aA, const std::vector<float>& aB, const std::vector<float>& bA, const std::vector<float>& bB) {
+  static double rmseHalves(const std::vector<uint8_t>& mask, const std::vector<float>& aA, const std::vector<float>& aB, const std::vector<float>& bA,
+                           const std::vector<float>& bB) {
     double sum = 0, n = 0;
     for (size_t p = 0; p < mask.size(); ++p)
-      if (mask[p]) { sum += (double(aA[p]) - bA[p]) * (double(aB[p]) - bB[p]); ++n; }
+      if (mask[p]) {
+        sum += (double(aA[p]) - bA[p]) * (double(aB[p]) - bB[p]);
+        ++n;
+      }
     return n > 0 ? std::sqrt(std::max(sum / n, 0.0)) : 0.0;
   }
   int fail(const Status& s) const {
@@ -73,9 +81,15 @@ class Ladder {
   }
   /// Measures t; on failure says so and leaves V as it was.
   bool shipped(const std::string& name, const v1::ShadowTechnique& t, const std::vector<float>& before, std::vector<float>* V = nullptr) {
-    if (!r_->supported(t)) { std::printf("%s: not registered, left out\n", name.c_str()); return false; }
+    if (!r_->supported(t)) {
+      std::printf("%s: not registered, left out\n", name.c_str());
+      return false;
+    }
     auto m = r_->measure(t);
-    if (!m.ok()) { fail(m.status()); return false; }
+    if (!m.ok()) {
+      fail(m.status());
+      return false;
+    }
     step(name, m->V, before);
     if (V) *V = m->V;
     return true;
@@ -87,11 +101,16 @@ class Ladder {
     const double ratio = double(o_.denseMap) / S;
     const int wide = std::clamp(int(std::lround(0.5 * ((2 * blur + 1) * ratio - 1))), 1, 64);
     std::vector<float> dense, target;
-    if (!shipped("R2 percentage closer, S=" + std::to_string(o_.denseMap) + " blur=" + std::to_string(wide), percentageCloser(o_.denseMap, wide), flat, &dense)) return 1;
+    if (!shipped("R2 percentage closer, S=" + std::to_string(o_.denseMap) + " blur=" + std::to_string(wide), percentageCloser(o_.denseMap, wide), flat, &dense))
+      return 1;
     if (!shipped("R3 percentage closer, S=" + std::to_string(S) + " blur=1", percentageCloser(S, blur), dense, &target)) return 1;
-    struct Basis { std::string name; v1::ShadowTechnique t; };
-    for (const Basis& b : {Basis{"convolution M=4", convolution(4, S, blur)}, Basis{"convolution M=16", convolution(16, S, blur)}, Basis{"exponential c=80", exponential(80, S, blur)},
-                           Basis{"exponential c=300", exponential(300, S, blur)}, Basis{"variance", variance(S, blur)}}) {
+    struct Basis {
+      std::string name;
+      v1::ShadowTechnique t;
+    };
+    for (const Basis& b :
+         {Basis{"convolution M=4", convolution(4, S, blur)}, Basis{"convolution M=16", convolution(16, S, blur)},
+          Basis{"exponential c=80", exponential(80, S, blur)}, Basis{"exponential c=300", exponential(300, S, blur)}, Basis{"variance", variance(S, blur)}}) {
       auto exact = exactBasis(*r_, b.t);
       if (!exact.ok()) return fail(exact.status());
       step("R4 " + b.name + " in float64", *exact, target);
@@ -122,7 +141,10 @@ class Ladder {
     for (const int m : {4, 8}) {
       const std::string name = "convolution soft M=" + std::to_string(m);
       auto exact = exactConvolutionSoft(*r_, convolutionSoft(m, S, v1::ShadowMapSettings::SUMMED_AREA), m);
-      if (!exact.ok()) { fail(exact.status()); continue; }
+      if (!exact.ok()) {
+        fail(exact.status());
+        continue;
+      }
       step("R4 " + name + " as in the thesis, float64 (against R3)", *exact, target);
       shipped("R5 " + name + " summed area (against R3)", convolutionSoft(m, S, v1::ShadowMapSettings::SUMMED_AREA), target);
       shipped("R5 " + name + " mip (against R3)", convolutionSoft(m, S, v1::ShadowMapSettings::TRILINEAR), target);
@@ -145,7 +167,10 @@ class Ladder {
 }  // namespace
 
 int ladder(Options o) {
-  if (!o.width) { o.width = 256; o.height = 192; }
+  if (!o.width) {
+    o.width = 256;
+    o.height = 192;
+  }
   if (!o.truth) o.truth = 4096;
   Table table("shadow_ladder " + baseName(o), {"scene", "step", "added", "added, penumbra", "rmse centre", "rmse pixel", "false lit %", "false dark %"});
   table.note("map.fit", o.cameraFit ? "CAMERA" : "SCENE");
@@ -156,7 +181,10 @@ int ladder(Options o) {
   std::filesystem::create_directories(o.out);
   const std::string path = o.out + "/shadow_ladder_" + baseName(o) + (o.soft ? "-soft" : "-hard");
   for (const Status& s : {table.write(path + ".csv"), table.write(path + ".json")})
-    if (!s.ok()) { std::fprintf(stderr, "%s\n", s.toString().c_str()); failed = 1; }
+    if (!s.ok()) {
+      std::fprintf(stderr, "%s\n", s.toString().c_str());
+      failed = 1;
+    }
   return failed;
 }
 

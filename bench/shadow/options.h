@@ -13,22 +13,22 @@ namespace gobo::shadowbench {
 
 struct Options {
   std::string scene = "fence", light = "sun", camera = "front";
-  int width = 0, height = 0;        ///< 0: the subcommand's default
-  bool soft = false;                ///< an area light as it is; else its centre
-  int truth = 0;                    ///< rays a pixel of the truth; 0: the subcommand's default
+  int width = 0, height = 0;  ///< 0: the subcommand's default
+  bool soft = false;          ///< an area light as it is; else its centre
+  int truth = 0;              ///< rays a pixel of the truth; 0: the subcommand's default
   int repeat = 3;
   int temporal = 0;                 ///< camera places for the temporal variance; 0: none
   int map = 1024, denseMap = 4096;  ///< ladder: S, and the map of R2
   Runner::Clock clock = Runner::Clock::Wall;
-  bool cameraFit = false;           ///< maps fitted to what the camera sees (map.fit = CAMERA)
+  bool cameraFit = false;  ///< maps fitted to what the camera sees (map.fit = CAMERA)
   bool quick = false, list = false;
   std::string out = "out/bench";
-  std::string only;                 ///< claims, pareto: techniques or claims whose name contains it
+  std::string only;  ///< claims, pareto: techniques or claims whose name contains it
 };
 
 /// Scene, light and camera of the options; the light made hard unless `soft`.
 Result<std::unique_ptr<Runner>> makeRunner(const Options& o, bool soft);
-std::string baseName(const Options& o);   ///< "fence-sun-front"
+std::string baseName(const Options& o);  ///< "fence-sun-front"
 
 int pareto(Options o);
 int ladder(Options o);

@@ -26,7 +26,7 @@ void forReceivers(Runner& r, const PlannedShadowMap& p, bool slopes, const Visit
   });
 }
 
-struct Series {   // f_M of the thesis with the period and the offset that ship
+struct Series {  // f_M of the thesis with the period and the offset that ship
   int order;
   double period, offset, scale;
   std::vector<double> c, w;
@@ -69,7 +69,8 @@ Result<std::vector<float>> exactBasis(Runner& r, const v1::ShadowTechnique& t) {
       break;
     default: return invalidArgument("no float64 form of this technique");
   }
-  const double minVariance = c == 0 && !series ? numberParameter(t.variance(), "min_variance") : 0, cut = c == 0 && !series ? numberParameter(t.variance(), "bleeding_reduction") : 0;
+  const double minVariance = c == 0 && !series ? numberParameter(t.variance(), "min_variance") : 0,
+               cut = c == 0 && !series ? numberParameter(t.variance(), "bleeding_reduction") : 0;
   const int side = p.map.resolution;
   std::vector<float> V(r.pixels(), 1.0f);
   forReceivers(r, p, basis->comparesDepth() && p.map.slopeBias > 0, [&](size_t e, const ReceiverBlock& b, int i) {
@@ -119,7 +120,8 @@ Result<std::vector<float>> umbraDepth(Runner& r, const v1::ShadowTechnique& t) {
     const float* z = bounds.depth(b.face[i]);
     float farthest = 0;
     for (int y = int(b.y[i]) - blur; y <= int(b.y[i]) + blur + 1; ++y)
-      for (int x = int(b.x[i]) - blur; x <= int(b.x[i]) + blur + 1; ++x) farthest = std::max(farthest, z[size_t(std::clamp(y, 0, side - 1)) * size_t(side) + size_t(std::clamp(x, 0, side - 1))]);
+      for (int x = int(b.x[i]) - blur; x <= int(b.x[i]) + blur + 1; ++x)
+        farthest = std::max(farthest, z[size_t(std::clamp(y, 0, side - 1)) * size_t(side) + size_t(std::clamp(x, 0, side - 1))]);
     gap[e] = b.d[i] - (std::fabs(b.slopeX[i]) + std::fabs(b.slopeY[i])) * float(blur + 1) - farthest;
   });
   return gap;
@@ -164,7 +166,8 @@ Result<std::vector<float>> exactConvolutionSoft(Runner& r, const v1::ShadowTechn
   PlannedShadowMap p;
   GOBO_ASSIGN(const TermPtr term, r.depthBounds(t, 1, p));
   const LightShape& light = r.scene()->lights[size_t(r.light())].shape;
-  if (p.frames.count != 1 || (light.kind != LightKind::Rect && light.kind != LightKind::Disk)) return invalidArgument("exact convolution soft shadows: Rect and Disk lights only");
+  if (p.frames.count != 1 || (light.kind != LightKind::Rect && light.kind != LightKind::Disk))
+    return invalidArgument("exact convolution soft shadows: Rect and Disk lights only");
   const DepthBounds bounds(*term, p.map.resolution);
   const int side = p.map.resolution, channels = 4 * order + 1;
   const Series s(order, v1::ConvolutionShadow::SHIFTED_SCALING);
@@ -191,7 +194,7 @@ Result<std::vector<float>> exactConvolutionSoft(Runner& r, const v1::ShadowTechn
   forReceivers(r, p, true, [&](size_t e, const ReceiverBlock& b, int i) {
     const double x = b.x[i] + 0.5, y = b.y[i] + 0.5, metric = f.near + b.d[i] * range;
     double x0, x1, y0, y1;
-    const auto box = [&](double plane, double& wx, double& wy) {   // the cone from the receiver to the light, cut at a plane
+    const auto box = [&](double plane, double& wx, double& wy) {  // the cone from the receiver to the light, cut at a plane
       const double gap = std::max(metric - plane, 0.0) / std::max(metric * plane, 1e-12) * texels;
       wx = std::clamp(sizeX * gap, 1.0, double(side));
       wy = std::clamp(sizeY * gap, 1.0, double(side));
@@ -208,7 +211,7 @@ Result<std::vector<float>> exactConvolutionSoft(Runner& r, const v1::ShadowTechn
       plane = std::max(f.near + lo * range, 1e-3 * range);
     }
     const double d0 = double(b.d[i]) - p.map.bias, own = 0.5 * p.map.slopeBias * (std::fabs(b.slopeX[i]) * wx + std::fabs(b.slopeY[i]) * wy);
-    if (lo >= d0) return;   // nothing before the receiver
+    if (lo >= d0) return;  // nothing before the receiver
     double d = d0 - std::min(own, 0.5 * (d0 - lo));
     std::vector<double> m(static_cast<size_t>(channels));
     const auto blocked = [&](double& share, double& depth) {
@@ -252,7 +255,7 @@ Result<std::vector<float>> sampledKernel(Runner& r, const v1::ShadowTechnique& t
     table[size_t(j)] = float(k - blur) - 0.5f + (u - before) / weights[size_t(k)];
   }
   std::vector<float> u(static_cast<size_t>(taps)), v(static_cast<size_t>(taps));
-  for (int k = 0; k < taps; ++k) {   // Fibonacci-like lattice
+  for (int k = 0; k < taps; ++k) {  // Fibonacci-like lattice
     u[size_t(k)] = (float(k) + 0.5f) / float(taps);
     v[size_t(k)] = float(std::fmod(0.6180339887498949 * (k + 0.5), 1.0));
   }
@@ -267,7 +270,8 @@ Result<std::vector<float>> sampledKernel(Runner& r, const v1::ShadowTechnique& t
       float a = u[size_t(k)] + su, c = v[size_t(k)] + sv;
       a -= a >= 1.0f ? 1.0f : 0.0f;
       c -= c >= 1.0f ? 1.0f : 0.0f;
-      const int x = std::clamp(int(std::floor(plane.x + table[size_t(a * 256.0f)] + 0.5f)), 0, side - 1), y = std::clamp(int(std::floor(plane.y + table[size_t(c * 256.0f)] + 0.5f)), 0, side - 1);
+      const int x = std::clamp(int(std::floor(plane.x + table[size_t(a * 256.0f)] + 0.5f)), 0, side - 1),
+                y = std::clamp(int(std::floor(plane.y + table[size_t(c * 256.0f)] + 0.5f)), 0, side - 1);
       lit += plane.at(x, y) <= z[size_t(y) * size_t(side) + size_t(x)];
     }
     V[e] = float(lit) / float(taps);

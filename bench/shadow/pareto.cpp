@@ -14,9 +14,15 @@
 namespace gobo::shadowbench {
 namespace {
 
-struct Row { Setting setting; Measured m; Errors e; double temporal = -1; bool front = false; };
+struct Row {
+  Setting setting;
+  Measured m;
+  Errors e;
+  double temporal = -1;
+  bool front = false;
+};
 
-constexpr double kFloor = 1e-4;   // errors are unbiased estimates: below this they are noise, and logarithms need a floor
+constexpr double kFloor = 1e-4;  // errors are unbiased estimates: below this they are noise, and logarithms need a floor
 
 Result<Row> measureOne(Runner& r, const Truth& truth, const Setting& s, int temporal) {
   Row row{s, {}, {}};
@@ -38,9 +44,7 @@ Result<Row> measureOne(Runner& r, const Truth& truth, const Setting& s, int temp
     row.m.ms.filter += median(times);
   }
   row.e = errorsOf(truth, row.m.V);
-  if (temporal > 1 && s.viewSamples == 1 && s.bilateral == 0) {
-    GOBO_ASSIGN(row.temporal, temporalVariance(r, truth, s.technique, temporal));
-  }
+  if (temporal > 1 && s.viewSamples == 1 && s.bilateral == 0) { GOBO_ASSIGN(row.temporal, temporalVariance(r, truth, s.technique, temporal)); }
   row.m.term.reset();
   return row;
 }
@@ -80,15 +84,24 @@ Status plotRows(const std::vector<Row>& rows, const std::string& title, const st
 }  // namespace
 
 int pareto(Options o) {
-  if (!o.width) { o.width = 512; o.height = 384; }
+  if (!o.width) {
+    o.width = 512;
+    o.height = 384;
+  }
   if (!o.truth) o.truth = 1024;
   auto runner = makeRunner(o, o.soft);
-  if (!runner.ok()) { std::fprintf(stderr, "%s\n", runner.status().toString().c_str()); return 1; }
+  if (!runner.ok()) {
+    std::fprintf(stderr, "%s\n", runner.status().toString().c_str());
+    return 1;
+  }
   Runner& r = **runner;
   r.setRepeat(o.repeat);
   const std::string base = baseName(o) + (o.soft ? "-soft" : "-hard");
   const auto truth = makeTruth(r, base, o.truth, o.out + "/truth");
-  if (!truth.ok()) { std::fprintf(stderr, "%s\n", truth.status().toString().c_str()); return 1; }
+  if (!truth.ok()) {
+    std::fprintf(stderr, "%s\n", truth.status().toString().c_str());
+    return 1;
+  }
 
   std::vector<Row> rows;
   std::string skipped;
@@ -99,19 +112,23 @@ int pareto(Options o) {
       continue;
     }
     auto row = measureOne(r, *truth, s, o.temporal);
-    if (!row.ok()) { std::fprintf(stderr, "%s: %s\n", s.label().c_str(), row.status().toString().c_str()); continue; }
+    if (!row.ok()) {
+      std::fprintf(stderr, "%s: %s\n", s.label().c_str(), row.status().toString().c_str());
+      continue;
+    }
     rows.push_back(*row);
   }
   markFront(rows);
 
-  Table table("shadow_pareto " + base, {"family", "parameter", "depth ms", "encode ms", "filter ms", "lookup ms", "view ms", "total ms", "MiB", "rays/px", "rmse",
-                                       o.soft ? "rmse pixel" : "rmse centre", "penumbra", "false lit %", "false dark %", "temporal", "front"});
+  Table table("shadow_pareto " + base, {"family", "parameter", "depth ms", "encode ms", "filter ms", "lookup ms", "view ms", "total ms", "MiB", "rays/px",
+                                        "rmse", o.soft ? "rmse pixel" : "rmse centre", "penumbra", "false lit %", "false dark %", "temporal", "front"});
   const auto count = [](const std::vector<uint8_t>& m) { return double(std::count(m.begin(), m.end(), 1)); };
   table.note("scene", o.scene);
   table.note("light", o.light + (o.soft ? " (area)" : " (hard)"));
   table.note("camera", o.camera);
   table.note("size", std::to_string(o.width) + "x" + std::to_string(o.height));
-  table.note("error against", std::string(truth->soft ? "the pixel's centre, " : "the pixel's area, ") + std::to_string(o.truth) + " rays a pixel in two halves");
+  table.note("error against",
+             std::string(truth->soft ? "the pixel's centre, " : "the pixel's area, ") + std::to_string(o.truth) + " rays a pixel in two halves");
   table.note("receivers %", 100 * count(truth->mask) / double(r.pixels()));
   table.note("penumbra %", 100 * count(truth->band) / std::max(1.0, count(truth->mask)));
   table.note("map.fit", o.cameraFit ? "CAMERA" : "SCENE");
@@ -122,8 +139,9 @@ int pareto(Options o) {
   }
   if (!skipped.empty()) table.note("not registered or not for this light", skipped);
   for (const Row& x : rows)
-    table.add({x.setting.family, x.setting.parameter, x.m.ms.depth, x.m.ms.encode, x.m.ms.filter, x.m.ms.lookup, x.m.ms.view, x.m.ms.total(), double(x.m.bytes) / (1 << 20), x.m.rays,
-               x.e.rmse, x.e.other, x.e.penumbra, 100 * x.e.falseLit, 100 * x.e.falseDark, x.temporal >= 0 ? x.temporal : NAN, std::string(x.front ? "*" : "")});
+    table.add({x.setting.family, x.setting.parameter, x.m.ms.depth, x.m.ms.encode, x.m.ms.filter, x.m.ms.lookup, x.m.ms.view, x.m.ms.total(),
+               double(x.m.bytes) / (1 << 20), x.m.rays, x.e.rmse, x.e.other, x.e.penumbra, 100 * x.e.falseLit, 100 * x.e.falseDark,
+               x.temporal >= 0 ? x.temporal : NAN, std::string(x.front ? "*" : "")});
   std::fputs(table.text().c_str(), stdout);
   std::sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) { return a.m.ms.total() < b.m.ms.total(); });
   std::printf("\nPareto front, fastest first:\n");
@@ -132,7 +150,10 @@ int pareto(Options o) {
   std::filesystem::create_directories(o.out);
   const std::string path = o.out + "/shadow_pareto_" + base;
   for (const Status& s : {table.write(path + ".csv"), table.write(path + ".json"), plotRows(rows, baseName(o) + (o.soft ? ", soft" : ", hard"), path + ".png")})
-    if (!s.ok()) { std::fprintf(stderr, "%s\n", s.toString().c_str()); return 1; }
+    if (!s.ok()) {
+      std::fprintf(stderr, "%s\n", s.toString().c_str());
+      return 1;
+    }
   std::printf("%s.csv, .json, .png\n", path.c_str());
   return 0;
 }

@@ -17,7 +17,10 @@
 namespace gobo::shadowbench {
 namespace {
 
-struct Point { std::string label; double ms = 0, rmse = 0; };
+struct Point {
+  std::string label;
+  double ms = 0, rmse = 0;
+};
 
 /// What chooseShadow evaluates while it plans: each node once, inputs before.
 Result<TermPtr> evaluate(Runner& r, const Graph& graph, NodeId id, std::map<NodeId, TermPtr>& known, double& total) {
@@ -46,7 +49,7 @@ Result<std::vector<Point>> sweep(Runner& r, const Truth& truth, bool soft, bool 
   for (const Setting& s : soft ? softSettings(quick) : hardSettings(quick)) {
     if (!r.supported(s.technique)) continue;
     const bool supersampled = s.family == "rays" && s.viewSamples > 1;
-    if (supersampled) continue;   // view samples are the request's, not the technique's
+    if (supersampled) continue;  // view samples are the request's, not the technique's
     auto m = r.measure(s.technique);
     if (!m.ok()) continue;
     double ms = m->ms.total();
@@ -65,7 +68,10 @@ Result<std::vector<Point>> sweep(Runner& r, const Truth& truth, bool soft, bool 
 }  // namespace
 
 int regret(Options o) {
-  if (!o.width) { o.width = 640; o.height = 480; }
+  if (!o.width) {
+    o.width = 640;
+    o.height = 480;
+  }
   if (!o.truth) o.truth = 512;
   Table table("shadow_regret", {"scene", "kind", "budget", "chosen", "probe ms", "chosen ms", "its error", "expected", "best within", "best ms", "regret"});
   table.note("size", std::to_string(o.width) + "x" + std::to_string(o.height));
@@ -79,14 +85,23 @@ int regret(Options o) {
       at.camera = e.camera;
       if (at.light.empty()) continue;
       auto runner = makeRunner(at, soft);
-      if (!runner.ok()) { std::fprintf(stderr, "%s: %s\n", e.scene.c_str(), runner.status().toString().c_str()); continue; }
+      if (!runner.ok()) {
+        std::fprintf(stderr, "%s: %s\n", e.scene.c_str(), runner.status().toString().c_str());
+        continue;
+      }
       Runner& r = **runner;
       r.setRepeat(o.repeat);
       const std::string size = std::to_string(o.width);
       const auto truth = makeTruth(r, baseName(at) + (soft ? "-soft-" : "-hard-") + size, o.truth, o.out + "/truth");
-      if (!truth.ok()) { std::fprintf(stderr, "%s\n", truth.status().toString().c_str()); return 1; }
+      if (!truth.ok()) {
+        std::fprintf(stderr, "%s\n", truth.status().toString().c_str());
+        return 1;
+      }
       auto points = sweep(r, *truth, soft, o.quick);
-      if (!points.ok()) { std::fprintf(stderr, "%s\n", points.status().toString().c_str()); return 1; }
+      if (!points.ok()) {
+        std::fprintf(stderr, "%s\n", points.status().toString().c_str());
+        return 1;
+      }
       for (const double budget : {0.2, 0.1, 0.05, 0.03}) {
         Graph graph;
         ShadowInput input;
@@ -101,17 +116,24 @@ int regret(Options o) {
         double probe = 0;
         std::map<NodeId, TermPtr> known;
         const auto choice = chooseShadow(graph, input, t, [&](const Graph& g, NodeId id) { return evaluate(r, g, id, known, probe); });
-        if (!choice.ok()) { std::fprintf(stderr, "%s\n", choice.status().toString().c_str()); return 1; }
+        if (!choice.ok()) {
+          std::fprintf(stderr, "%s\n", choice.status().toString().c_str());
+          return 1;
+        }
         const AutomaticCandidate& chosen = choice->candidates[choice->chosen];
         const auto m = r.measure(chosen.technique);
-        if (!m.ok()) { std::fprintf(stderr, "%s\n", m.status().toString().c_str()); return 1; }
+        if (!m.ok()) {
+          std::fprintf(stderr, "%s\n", m.status().toString().c_str());
+          return 1;
+        }
         const double error = errorsOf(*truth, m->V).rmse, ms = probe + m->ms.total();
         // At equal error: what keeps the budget, or the choice's own error where that misses it.
         Point best{chosen.text, m->ms.total(), error};
         for (const Point& p : *points)
           if (p.rmse <= std::max(budget, error) && p.ms < best.ms) best = p;
         all.push_back(ms / best.ms);
-        table.add({e.scene, std::string(soft ? "soft" : "hard"), budget, chosen.text, probe, m->ms.total(), error, chosen.rmse, best.label, best.ms, ms / best.ms});
+        table.add(
+            {e.scene, std::string(soft ? "soft" : "hard"), budget, chosen.text, probe, m->ms.total(), error, chosen.rmse, best.label, best.ms, ms / best.ms});
       }
     }
   }
@@ -122,7 +144,10 @@ int regret(Options o) {
   std::filesystem::create_directories(o.out);
   const std::string path = o.out + "/shadow_regret";
   for (const Status& s : {table.write(path + ".csv"), table.write(path + ".json")})
-    if (!s.ok()) { std::fprintf(stderr, "%s\n", s.toString().c_str()); return 1; }
+    if (!s.ok()) {
+      std::fprintf(stderr, "%s\n", s.toString().c_str());
+      return 1;
+    }
   return 0;
 }
 

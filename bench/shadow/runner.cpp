@@ -44,7 +44,7 @@ double median(std::vector<double> v) {
 
 Runner::Runner(ScenePtr scene, int light, const Camera& camera, int width, int height, int repeat, Clock clock)
     : scene_(std::move(scene)), light_(light), width_(width), height_(height), repeat_(std::max(repeat, 1)), clock_(clock), camera_(camera) {
-  gbuffer_ = gbuffer(camera_);   // builds the acceleration structure too, outside every measurement
+  gbuffer_ = gbuffer(camera_);  // builds the acceleration structure too, outside every measurement
 }
 
 double Runner::now() const {
@@ -70,7 +70,7 @@ TermPtr Runner::gbuffer(const Camera& camera, int viewSamples, double* ms) {
 }
 
 Camera Runner::shifted(double dx, double dy) const {
-  Camera c = camera_;   // the window moves with the place in the pixel; its unit is the picture's height
+  Camera c = camera_;  // the window moves with the place in the pixel; its unit is the picture's height
   c.centre.x += float(dx / height_);
   c.centre.y -= float(dy / height_);
   return c;
@@ -89,7 +89,7 @@ Result<TermPtr> Runner::evaluate(const Graph& graph, NodeId wanted, int repeat, 
   for (NodeId id = graph.size() - 1; id >= 0; --id)
     if (needed[size_t(id)])
       for (NodeId i : graph.at(id).inputs) needed[size_t(i)] = 1;
-  std::vector<NodeId> last(size_t(graph.size()), -1);   // where a term is read last: big maps go as soon as they may
+  std::vector<NodeId> last(size_t(graph.size()), -1);  // where a term is read last: big maps go as soon as they may
   for (NodeId id = 0; id < graph.size(); ++id)
     for (NodeId i : graph.at(id).inputs) last[size_t(i)] = id;
   std::vector<TermPtr> terms(size_t(graph.size()));
@@ -165,7 +165,8 @@ Result<TermPtr> Runner::evaluate(const Graph& graph, NodeId wanted, int repeat, 
   return terms[size_t(wanted)];
 }
 
-Result<Measured> Runner::run(const v1::ShadowTechnique& t, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat, Keep* keep) {
+Result<Measured> Runner::run(const v1::ShadowTechnique& t, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat,
+                             Keep* keep) {
   const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
   if (!entry) return notFound("technique is not registered");
   Graph graph;

@@ -23,11 +23,11 @@ struct Passes {
 
 struct Measured {
   Passes ms;
-  size_t bytes = 0;       ///< of all terms in light space
-  size_t mapBytes = 0;    ///< of the one that the lookup reads: the filtered map with its levels
-  double rays = 0;        ///< per pixel, shadow and depth rays
-  TermPtr term;           ///< plane V, perhaps flags
-  std::vector<float> V;   ///< one a pixel
+  size_t bytes = 0;      ///< of all terms in light space
+  size_t mapBytes = 0;   ///< of the one that the lookup reads: the filtered map with its levels
+  double rays = 0;       ///< per pixel, shadow and depth rays
+  TermPtr term;          ///< plane V, perhaps flags
+  std::vector<float> V;  ///< one a pixel
 };
 
 double median(std::vector<double> v);
@@ -46,9 +46,9 @@ class Runner {
   const TaskArena& arena() const { return arena_; }
   AccelCache& accels() { return accels_; }
   void setRepeat(int n) { repeat_ = n; }
-  void setCameraFit(bool on) { cameraFit_ = on; }   ///< of every technique with a map
+  void setCameraFit(bool on) { cameraFit_ = on; }  ///< of every technique with a map
   int repeat() const { return repeat_; }
-  double now() const;   ///< ms of the clock that measurements use
+  double now() const;  ///< ms of the clock that measurements use
 
   /// G-buffer of a camera; `ms` gets its time.
   TermPtr gbuffer(const Camera& camera, int viewSamples = 1, double* ms = nullptr);
@@ -65,10 +65,13 @@ class Runner {
   const TermPtr& gbuffer() const { return gbuffer_; }
   /// V under cameras shifted to `count` places inside the pixel; what does not depend on the camera runs once. visit(k, V).
   Status jittered(const v1::ShadowTechnique& t, int count, const std::function<void(int, const std::vector<float>&)>& visit);
-  static Vec2 jitter(int k);   ///< place k, in pixels from the centre
+  static Vec2 jitter(int k);  ///< place k, in pixels from the centre
 
  private:
-  struct Kept { TermPtr term; double ms = 0; };
+  struct Kept {
+    TermPtr term;
+    double ms = 0;
+  };
   using Keep = std::map<Hash128, Kept>;
   v1::ShadowTechnique fitted(v1::ShadowTechnique t) const;
   Result<TermPtr> evaluate(const Graph& graph, NodeId wanted, int repeat, Keep* keep, Measured* m);
@@ -82,8 +85,8 @@ class Runner {
   TaskArena arena_{0};
   AccelCache accels_;
   TermPtr gbuffer_;
-  std::vector<TermPtr> jittered_;   // G-buffers of the places in the pixel: every technique walks them
-  std::list<std::pair<Hash128, Kept>> shared_;   // depth maps and bounds, most recent first
+  std::vector<TermPtr> jittered_;               // G-buffers of the places in the pixel: every technique walks them
+  std::list<std::pair<Hash128, Kept>> shared_;  // depth maps and bounds, most recent first
   size_t sharedBytes_ = 0;
 };
 

@@ -13,11 +13,15 @@ namespace {
 
 using namespace builtin;
 
-struct Box { Vec3 centre, half; };
+struct Box {
+  Vec3 centre, half;
+};
 /// Casters of the two closed-form scenes. The plate's edge at x = 0 is a half plane as far as the light and the camera are concerned.
 const Box kPlate{Vec3(-6.0f, 2.0f, 0.0f), Vec3(6.0f, 0.01f, 12.0f)};
-const Box kBoxes[] = {{Vec3(0.0f, 0.5f, 0.0f), Vec3(0.5f)},           {Vec3(1.6f, 0.15f, 0.6f), Vec3(0.25f, 0.15f, 0.4f)},
-                      {Vec3(-1.5f, 1.0f, -0.8f), Vec3(0.2f, 1.0f, 0.2f)}, {Vec3(0.4f, 1.6f, 0.2f), Vec3(0.6f, 0.03f, 0.1f)}};
+const Box kBoxes[] = {{Vec3(0.0f, 0.5f, 0.0f), Vec3(0.5f)},
+                      {Vec3(1.6f, 0.15f, 0.6f), Vec3(0.25f, 0.15f, 0.4f)},
+                      {Vec3(-1.5f, 1.0f, -0.8f), Vec3(0.2f, 1.0f, 0.2f)},
+                      {Vec3(0.4f, 1.6f, 0.2f), Vec3(0.6f, 0.03f, 0.1f)}};
 
 void lights(SceneBuilder& b, const Vec3& at, const Vec3& target, float half) {
   b.rect("key", at, target, half, half, Vec3(60.0f));
@@ -28,8 +32,10 @@ Result<ScenePtr> planes() {
   SceneBuilder b("planes");
   const int floor = b.material("floor", Vec3(0.6f)), plate = b.material("plate", Vec3(0.3f));
   MeshBuilder m;
-  m.quad(Vec3(-4, 0, 4), Vec3(8, 0, 0), Vec3(0, 0, -8)); b.add("floor", m, floor);
-  m.box(kPlate.centre, kPlate.half); b.add("plate", m, plate, false);
+  m.quad(Vec3(-4, 0, 4), Vec3(8, 0, 0), Vec3(0, 0, -8));
+  b.add("floor", m, floor);
+  m.box(kPlate.centre, kPlate.half);
+  b.add("plate", m, plate, false);
   b.rect("key", Vec3(0, 6, 0), Vec3(0), 0.5f, 0.5f, Vec3(60.0f));
   b.sun("sun", Vec3(0.2f, 1.0f, 0.1f), Vec3(3.0f));
   b.camera("front", Vec3(2.5f, 1.6f, 2.5f), Vec3(0.2f, 0.0f, 0.0f), 45.0f);
@@ -40,7 +46,8 @@ Result<ScenePtr> boxes() {
   SceneBuilder b("boxes");
   const int floor = b.material("floor", Vec3(0.6f)), paint = b.material("paint", Vec3(0.7f, 0.4f, 0.2f));
   MeshBuilder m;
-  m.quad(Vec3(-5, 0, 5), Vec3(10, 0, 0), Vec3(0, 0, -10)); b.add("floor", m, floor);
+  m.quad(Vec3(-5, 0, 5), Vec3(10, 0, 0), Vec3(0, 0, -10));
+  b.add("floor", m, floor);
   for (const Box& x : kBoxes) m.box(x.centre, x.half);
   b.add("boxes", m, paint, false);
   lights(b, Vec3(2.5f, 5.0f, 2.0f), Vec3(0, 0.3f, 0), 0.4f);
@@ -52,12 +59,11 @@ Result<ScenePtr> boxes() {
 Result<ScenePtr> twoTrees() {
   GOBO_ASSIGN(const ScenePtr grove, makeBuiltinScene("trees"));
   return editScene(*grove, [](Scene& s) -> Status {
-    std::erase_if(s.instances, [](const Instance& i) {
-      return i.name.rfind("tree", 0) == 0 && i.name.rfind("tree3-", 0) != 0 && i.name.rfind("tree4-", 0) != 0;
-    });
+    std::erase_if(s.instances,
+                  [](const Instance& i) { return i.name.rfind("tree", 0) == 0 && i.name.rfind("tree3-", 0) != 0 && i.name.rfind("tree4-", 0) != 0; });
     s.name = "two-trees";
     for (Instance& i : s.instances)
-      if (i.name == "ground") i.toWorld = i.toWorld * scale(Vec3(0.25f, 1.0f, 0.25f));   // 20 m: the map is the trees', not the meadow's
+      if (i.name == "ground") i.toWorld = i.toWorld * scale(Vec3(0.25f, 1.0f, 0.25f));  // 20 m: the map is the trees', not the meadow's
     Light key;
     key.name = "key";
     key.shape.kind = LightKind::Rect;
@@ -82,7 +88,8 @@ Result<ScenePtr> blobs() {
   SceneBuilder b("blobs");
   const int floor = b.material("floor", Vec3(0.55f)), clay = b.material("clay", Vec3(0.6f, 0.45f, 0.35f));
   MeshBuilder m;
-  m.quad(Vec3(-6, 0, 6), Vec3(12, 0, 0), Vec3(0, 0, -12)); b.add("floor", m, floor);
+  m.quad(Vec3(-6, 0, 6), Vec3(12, 0, 0), Vec3(0, 0, -12));
+  b.add("floor", m, floor);
   constexpr int kSlices = 128, kStacks = 64;
   for (int k = 0; k < 25; ++k) {
     const Vec3 r = random3(7, uint64_t(k)), place((k % 5 - 2) * 1.3f + 0.5f * (r.x - 0.5f), 0.45f + 1.6f * r.y * r.y, (k / 5 - 2) * 1.3f + 0.5f * (r.z - 0.5f));
@@ -93,7 +100,8 @@ Result<ScenePtr> blobs() {
         const float phi = 2.0f * kPi * float(i % kSlices) / kSlices, theta = kPi * float(j) / kStacks;
         const Vec3 n(std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi));
         // Bumps that vanish at the poles, so that the fan closes.
-        const float bump = 0.22f * std::sin(theta) * std::sin(5.0f * phi + 6.0f * r.x) * std::sin(6.0f * theta + 3.0f * r.y) + 0.05f * std::sin(theta) * std::sin(17.0f * phi) * std::sin(19.0f * theta);
+        const float bump = 0.22f * std::sin(theta) * std::sin(5.0f * phi + 6.0f * r.x) * std::sin(6.0f * theta + 3.0f * r.y) +
+                           0.05f * std::sin(theta) * std::sin(17.0f * phi) * std::sin(19.0f * theta);
         id.push_back(m.vertex(place + n * (radius * (1.0f + bump)), n, Vec2(0)));
       }
     for (int j = 0; j < kStacks; ++j)
@@ -122,7 +130,7 @@ Result<ScenePtr> pergola() {
   });
 }
 
-const char* kSponza = "../shared/data/derived/sponza.glb";   // from the root of the repository, as bench/run calls
+const char* kSponza = "../shared/data/derived/sponza.glb";  // from the root of the repository, as bench/run calls
 std::string sponzaPath() { return std::filesystem::exists(kSponza) ? kSponza : ""; }
 
 bool hitsBox(const DVec3& p, const DVec3& d, double length, const Box& box) {
@@ -163,7 +171,7 @@ Result<ScenePtr> benchScene(const std::string& name) {
   if (name == "sponza" && sponzaPath().empty()) return notFound(std::string("scene 'sponza': there is no ") + kSponza);
   GOBO_ASSIGN(const ScenePtr scene, loadScene(name == "sponza" ? sponzaPath() : name));
   if (name != "sponza" || scene->findLight("key") >= 0) return scene;
-  return editScene(*scene, [](Scene& s) -> Status {   // a square lamp above the open court: inside it walls would lie beyond a map's 75 degrees
+  return editScene(*scene, [](Scene& s) -> Status {  // a square lamp above the open court: inside it walls would lie beyond a map's 75 degrees
     Vec3 lo, hi;
     s.bounds(lo, hi);
     Light key;
@@ -185,7 +193,7 @@ Result<ScenePtr> withHardLight(const Scene& scene, int light) {
     LightShape& shape = s.lights[size_t(light)].shape;
     if (shape.kind == LightKind::Rect || shape.kind == LightKind::Disk) {
       shape.kind = LightKind::Spot;
-      shape.cosOuter = std::cos(75.0f * kPi / 180.0f);   // as wide as an area light's map
+      shape.cosOuter = std::cos(75.0f * kPi / 180.0f);  // as wide as an area light's map
       shape.cosInner = 1.0f;
     } else if (shape.kind == LightKind::Sphere) {
       shape.kind = LightKind::Point;

@@ -13,8 +13,8 @@ namespace gobo::shadowbench {
 
 /// One comparison: which lights and camera of a scene the tables use.
 struct SceneEntry {
-  std::string scene;          ///< name for benchScene
-  std::string hard, soft;     ///< light for hard and for soft shadows; hard may be an area light: its centre casts then
+  std::string scene;       ///< name for benchScene
+  std::string hard, soft;  ///< light for hard and for soft shadows; hard may be an area light: its centre casts then
   std::string camera;
   std::string note;
 };

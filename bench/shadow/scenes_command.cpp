@@ -12,7 +12,9 @@ namespace gobo::shadowbench {
 namespace {
 
 /// Mean visibility over the light at every surface sample from the closed form: a grid of n x n points of a rectangle, or the direction.
-struct Closed { double rmse = 0, worst = 0; };
+struct Closed {
+  double rmse = 0, worst = 0;
+};
 Closed compareClosed(Runner& r, const Truth& truth, const std::string& scene) {
   const auto visible = closedForm(scene);
   const LightShape& light = r.scene()->lights[size_t(r.light())].shape;
@@ -66,7 +68,10 @@ int scenes(Options o) {
   table.note("closed form", "RMSE of ray-traced truth at pixel centres (128 x 96, 1024 rays) against slab tests and 64 x 64 points of the light");
   for (const SceneEntry& e : sceneEntries()) {
     const auto scene = benchScene(e.scene);
-    if (!scene.ok()) { std::fprintf(stderr, "%s\n", scene.status().toString().c_str()); return 1; }
+    if (!scene.ok()) {
+      std::fprintf(stderr, "%s\n", scene.status().toString().c_str());
+      return 1;
+    }
     double closed[2] = {NAN, NAN};
     for (int soft = 0; soft < 2 && closedForm(e.scene); ++soft) {
       Options p = o;
@@ -76,9 +81,15 @@ int scenes(Options o) {
       p.width = 128;
       p.height = 96;
       auto runner = makeRunner(p, soft != 0);
-      if (!runner.ok()) { std::fprintf(stderr, "%s\n", runner.status().toString().c_str()); return 1; }
+      if (!runner.ok()) {
+        std::fprintf(stderr, "%s\n", runner.status().toString().c_str());
+        return 1;
+      }
       const auto truth = makeTruth(**runner, baseName(p), 1024, "");
-      if (!truth.ok()) { std::fprintf(stderr, "%s\n", truth.status().toString().c_str()); return 1; }
+      if (!truth.ok()) {
+        std::fprintf(stderr, "%s\n", truth.status().toString().c_str());
+        return 1;
+      }
       closed[soft] = compareClosed(**runner, *truth, e.scene).rmse;
     }
     table.add({e.scene, double((*scene)->triangleCount()), e.hard, e.soft, e.camera, closed[0], closed[1], e.note});

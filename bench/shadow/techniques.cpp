@@ -88,7 +88,7 @@ std::vector<Setting> hardSettings(bool quick) {
   }
   overMaps(list, "percentage_closer", "gauss ", quick, [](int s, int b) { return percentageCloser(s, b); });
   for (int size : {256, 512, 1024, 2048, 4096})
-    for (const bool footprint : {false, true}) {   // the default, and the kernel of the pixel's footprint
+    for (const bool footprint : {false, true}) {  // the default, and the kernel of the pixel's footprint
       if (quick && size != 1024 && size != 2048) continue;
       T t = percentageCloserTaps(size, 2);
       if (footprint) t.mutable_percentage_closer()->set_pattern(v1::PercentageCloserShadow::FOOTPRINT);
@@ -108,7 +108,8 @@ std::vector<Setting> hardSettings(bool quick) {
   overMaps(list, "exponential", "c=80 threshold ", quick, [](int s, int b) { return exponential(80, s, b, true); });
   for (double c : {20.0, 40.0}) list.push_back({"exponential", "c=" + std::to_string(int(c)) + " " + at(1024, 1), exponential(c, 1024, 1)});
   for (double c : {200.0, 500.0})
-    for (bool threshold : {false, true}) list.push_back({"exponential", "log c=" + std::to_string(int(c)) + (threshold ? " threshold " : " ") + at(1024, 1), exponential(c, 1024, 1, threshold)});
+    for (bool threshold : {false, true})
+      list.push_back({"exponential", "log c=" + std::to_string(int(c)) + (threshold ? " threshold " : " ") + at(1024, 1), exponential(c, 1024, 1, threshold)});
   overMaps(list, "exp_variance", "", quick, [](int s, int b) {
     T t = shadowMap(s, b);
     t.mutable_exponential_variance();

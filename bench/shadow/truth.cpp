@@ -17,8 +17,8 @@ namespace gobo::shadowbench {
 namespace {
 
 struct Sums {
-  std::vector<double> seen, weight, lit, count;   // of weight x visible, weight, visible, samples that can shine
-  std::vector<double> all;                        // samples drawn on surfaces
+  std::vector<double> seen, weight, lit, count;  // of weight x visible, weight, visible, samples that can shine
+  std::vector<double> all;                       // samples drawn on surfaces
   explicit Sums(size_t n) : seen(n), weight(n), lit(n), count(n), all(n) {}
 };
 
@@ -89,7 +89,10 @@ TruthImage trace(Runner& r, bool area, int samples) {
   return t;
 }
 
-std::vector<float>* planesOf(TruthImage& t, int k) { std::vector<float>* all[5] = {&t.A, &t.B, &t.flatA, &t.flatB, &t.weight}; return all[k]; }
+std::vector<float>* planesOf(TruthImage& t, int k) {
+  std::vector<float>* all[5] = {&t.A, &t.B, &t.flatA, &t.flatB, &t.weight};
+  return all[k];
+}
 
 bool readTruth(const std::string& path, TruthImage& t) {
   const auto bytes = readFile(path);
@@ -120,10 +123,11 @@ Result<Truth> makeTruth(Runner& r, const std::string& name, int samples, const s
   if (!folder.empty()) std::filesystem::create_directories(folder);
   for (int area = 0; area < 2; ++area) {
     TruthImage& t = area ? truth.pixel : truth.centre;
-    Hasher h("truth 1");   // raise it when the sampling changes
+    Hasher h("truth 1");  // raise it when the sampling changes
     h.add(r.scene()->hash()).add(r.light()).add(samples).add(area).add(r.width()).add(r.height());
     hashCamera(h, r.camera());
-    const std::string path = folder + "/" + name + (area ? "-pixel-" : "-centre-") + std::to_string(r.width()) + "x" + std::to_string(r.height()) + "-" + std::to_string(samples) + "-" + h.digest().hex().substr(0, 12) + ".exr";
+    const std::string path = folder + "/" + name + (area ? "-pixel-" : "-centre-") + std::to_string(r.width()) + "x" + std::to_string(r.height()) + "-" +
+                             std::to_string(samples) + "-" + h.digest().hex().substr(0, 12) + ".exr";
     t.width = r.width();
     t.height = r.height();
     t.samples = samples;

@@ -25,8 +25,8 @@ struct TruthImage {
 
 struct Truth {
   TruthImage centre, pixel;
-  std::vector<uint8_t> mask;   ///< a surface at the pixel's centre that the light can shine on
-  std::vector<uint8_t> band;   ///< penumbra: truth in (0.02, 0.98), 2 pixels wider, inside the mask
+  std::vector<uint8_t> mask;  ///< a surface at the pixel's centre that the light can shine on
+  std::vector<uint8_t> band;  ///< penumbra: truth in (0.02, 0.98), 2 pixels wider, inside the mask
   bool soft = false;
   /// What tables call the error: soft shadows against the centre's truth, hard ones (whose centre is 0 or 1) against the pixel's.
   const TruthImage& main() const { return soft ? centre : pixel; }
@@ -37,8 +37,8 @@ struct Truth {
 Result<Truth> makeTruth(Runner& runner, const std::string& name, int samples, const std::string& folder);
 
 struct Errors {
-  double rmse = 0, other = 0, penumbra = 0;   ///< against main(), other(), and main() inside the band
-  double falseLit = 0, falseDark = 0;         ///< shares of the mask with V > truth + 0.1, V < truth - 0.1
+  double rmse = 0, other = 0, penumbra = 0;  ///< against main(), other(), and main() inside the band
+  double falseLit = 0, falseDark = 0;        ///< shares of the mask with V > truth + 0.1, V < truth - 0.1
 };
 Errors errorsOf(const Truth& truth, const std::vector<float>& V);
 double rmse(const std::vector<uint8_t>& mask, const std::vector<float>& a, const std::vector<float>& b);

@@ -27,7 +27,8 @@ void addRequestOptions(CLI::App& app, RequestOptions& o, bool scheduling = true)
   value(app, "--env", o.environment, "FILE", "lat-long .hdr or .exr, or none");
   auto* spp = value(app, "--spp", o.spp, "N", "samples per pixel")->check(CLI::Range(1, 1048576).description(""));
   auto* time = value(app, "--time", o.time, "SECONDS", "stop after this time")->check(CLI::Validator(CLI::PositiveNumber).description(""));
-  auto* error = value(app, "--error", o.error, "RMSE", "stop when the certificate's upper bound is at most this")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  auto* error = value(app, "--error", o.error, "RMSE", "stop when the certificate's upper bound is at most this")
+                    ->check(CLI::Validator(CLI::PositiveNumber).description(""));
   spp->excludes(time)->excludes(error);
   time->excludes(error);
   if (!scheduling) return;
@@ -137,7 +138,8 @@ void CommandLine::addServer() {
 void CommandLine::addJobs() {
   CLI::App* jobs = command(app, "jobs", "durable renders that outlive client and server", nullptr);
   jobs->require_subcommand(1);
-  CLI::App* submit = command(*jobs, "submit", "queue a render of one or more frames; prints the job's id", [this] { return runJobSubmit(session, submit_, json); });
+  CLI::App* submit =
+      command(*jobs, "submit", "queue a render of one or more frames; prints the job's id", [this] { return runJobSubmit(session, submit_, json); });
   value(*submit, "scene", submit_.scene, "SCENE", "file, id or built-in name (may come from --request)");
   value(*submit, "--frames", submit_.frames, "FIRST[-LAST[:STEP]]", "frame numbers, both ends included");
   value(*submit, "--fps", submit_.fps, "N", "animation time of a frame is FRAME / N")->check(CLI::Validator(CLI::PositiveNumber).description(""));
@@ -149,7 +151,8 @@ void CommandLine::addJobs() {
   submit->add_flag("--half", submit_.request.half, "16-bit EXR or raw");
   submit->add_flag("--certificate", submit_.request.certificate, "ask for an error estimate");
   value(*submit, "--job-priority", submit_.priority, choices(v1::JobSpec::Priority_descriptor()), "between jobs; default MEDIUM");
-  value(*submit, "--job-deadline", submit_.deadlineSeconds, "SECONDS", "the job fails when it is not done by then")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  value(*submit, "--job-deadline", submit_.deadlineSeconds, "SECONDS", "the job fails when it is not done by then")
+      ->check(CLI::Validator(CLI::PositiveNumber).description(""));
   value(*submit, "--max-attempts", submit_.attempts, "N", "of each frame; default 3")->check(CLI::Range(1, 100).description(""));
   submit->add_flag("--watch", submit_.watch, "then watch it");
   addRequestOptions(*submit, submit_.request, false);
@@ -185,14 +188,16 @@ void CommandLine::addTools() {
   value(*compare, "a", compare_.a, "FILE", "picture, or FILE.exr:LAYER for one layer of a multi-layer file (without LAYER its R, G, B)")->required();
   value(*compare, "b", compare_.b, "FILE", "picture, as the first")->required();
   value(*compare, "--diff", compare_.diff, "FILE", "write a signed difference picture (PNG)");
-  value(*compare, "--scale", compare_.scale, "X", "error at full colour in --diff; default the largest")->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  value(*compare, "--scale", compare_.scale, "X", "error at full colour in --diff; default the largest")
+      ->check(CLI::Validator(CLI::PositiveNumber).description(""));
   value(*compare, "--max-rmse", compare_.maxRmse, "X", "exit 1 when the RMSE is above this")->check(CLI::Validator(CLI::NonNegativeNumber).description(""));
 
   CLI::App* measure = command(app, "measure", "speed against error over values of one field", [this] { return runMeasure(session, measure_); });
   value(*measure, "scene", measure_.scene, "SCENE", "file, id or built-in name")->required();
   value(*measure, "--sweep", measure_.sweep, "PATH=VALUES", "PATH=V1,V2,... (';' between values that hold commas)")->required();
   value(*measure, "--reference", measure_.reference, "FILE", "picture taken for the truth instead of rendering it: FILE, or FILE.exr:LAYER");
-  value(*measure, "--reference-spp", measure_.referenceSpp, "N", "samples per pixel of the reference, both halves together; default 1024")->check(CLI::Range(2, 1048576).description(""));
+  value(*measure, "--reference-spp", measure_.referenceSpp, "N", "samples per pixel of the reference, both halves together; default 1024")
+      ->check(CLI::Range(2, 1048576).description(""));
   value(*measure, "--repeat", measure_.repeat, "N", "renders per point; the median time counts")->check(CLI::Range(1, 1000).description(""));
   measure->add_flag("--cold", measure_.cold, "drop the server's caches before each render");
   value(*measure, "--csv", measure_.csv, "FILE", "write the points");
@@ -205,15 +210,18 @@ void CommandLine::addTools() {
   value(*occlusion, "--light", occlusion_.light, "LIGHT", "name; may be left out where there is one light");
   auto* row = value(*occlusion, "--row", occlusion_.row, "N", "of the picture, 0 on top; default the middle one")->check(CLI::Range(0, 16383).description(""));
   value(*occlusion, "--column", occlusion_.column, "N", "instead of a row, 0 on the left")->check(CLI::Range(0, 16383).description(""))->excludes(row);
-  value(*occlusion, "--techniques", occlusion_.techniques, "TECHNIQUES",
-        "such as \"exponential.c=80;convolution.order=16,map.blur=2\": ';' between techniques, ',' between fields of one; default every one that does the light");
-  value(*occlusion, "--reference-samples", occlusion_.referenceSamples, "N", "shadow rays per view sample of the truth (1 is used for point-like lights); default 256")
+  value(
+      *occlusion, "--techniques", occlusion_.techniques, "TECHNIQUES",
+      "such as \"exponential.c=80;convolution.order=16,map.blur=2\": ';' between techniques, ',' between fields of one; default every one that does the light");
+  value(*occlusion, "--reference-samples", occlusion_.referenceSamples, "N",
+        "shadow rays per view sample of the truth (1 is used for point-like lights); default 256")
       ->check(CLI::Range(1, 4096).description(""));
   value(*occlusion, "--csv", occlusion_.csv, "FILE", "write the line: pixel, truth, each technique");
   value(*occlusion, "--plot", occlusion_.plot, "FILE", "write a plot (PNG)");
   addRequestOptions(*occlusion, occlusion_.request);
 
-  CLI::App* demo = command(app, "demo", "render a scene, relight it step by step, print cost and error of each step", [this] { return runDemo(session, demo_); });
+  CLI::App* demo =
+      command(app, "demo", "render a scene, relight it step by step, print cost and error of each step", [this] { return runDemo(session, demo_); });
   value(*demo, "scene", demo_.scene, "SCENE", "file, id or built-in name")->required();
   value(*demo, "-o,--out", demo_.out, "FOLDER", "for the pictures");
   addRequestOptions(*demo, demo_.request);

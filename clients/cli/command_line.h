@@ -59,7 +59,9 @@ Result<std::string> completionScript(const std::string& shell);
 std::string manual(const CLI::App& app);
 
 /// Help of a field of the request, from the schema ("lights.*.intensity" style names are made by the callers).
-struct FieldHelp { std::string path, type, text; };
+struct FieldHelp {
+  std::string path, type, text;
+};
 std::vector<FieldHelp> requestFields();
 /// "A|B|C": names of an enum of the schema without the unspecified one.
 std::string choices(const google::protobuf::EnumDescriptor* type);

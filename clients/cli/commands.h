@@ -42,17 +42,17 @@ int runShutdown(const SessionOptions& session);
 
 struct CompareCommand {
   std::string a, b, diff;
-  double scale = 0;               ///< error shown at full colour in --diff; 0: the largest
-  double maxRmse = -1;            ///< exit 1 above it; negative: never
+  double scale = 0;     ///< error shown at full colour in --diff; 0: the largest
+  double maxRmse = -1;  ///< exit 1 above it; negative: never
   bool json = false;
 };
 int runCompare(const CompareCommand& command);
 
 struct MeasureCommand {
   std::string scene, sweep, csv, plot;
-  std::string reference;          ///< FILE or FILE.exr:LAYER instead of a rendered one
+  std::string reference;  ///< FILE or FILE.exr:LAYER instead of a rendered one
   RequestOptions request;
-  uint32_t referenceSpp = 1024;   ///< both halves together
+  uint32_t referenceSpp = 1024;  ///< both halves together
   uint32_t repeat = 1;
   bool cold = false;
 };
@@ -67,7 +67,7 @@ struct OcclusionCommand {
 int runOcclusion(const SessionOptions& session, const OcclusionCommand& command);
 
 struct DemoCommand {
-  std::string scene, out;         ///< out: folder for EXR and PNG of every step
+  std::string scene, out;  ///< out: folder for EXR and PNG of every step
   RequestOptions request;
 };
 int runDemo(const SessionOptions& session, const DemoCommand& command);
@@ -75,13 +75,13 @@ int runDemo(const SessionOptions& session, const DemoCommand& command);
 struct JobSubmitCommand {
   std::string scene, frames, name, key, priority;
   RequestOptions request;
-  std::string format;             ///< of the files; empty: EXR
+  std::string format;  ///< of the files; empty: EXR
   double fps = 0, deadlineSeconds = 0;
   uint32_t attempts = 0;
   bool watch = false;
 };
 struct JobFetchCommand {
-  std::string id, out;            ///< out: folder
+  std::string id, out;  ///< out: folder
   std::string frames, outputs;
   bool follow = false;
 };

@@ -28,16 +28,16 @@ int runCompare(const CompareCommand& c) {
     if (const Status status = writeFileAtomic(c.diff, bytes->data(), bytes->size()); !status.ok()) return complain(status);
   }
   if (c.json) {
-    std::printf("{\"rmse\": %s, \"relMse\": %s, \"meanAbs\": %s, \"p99\": %s, \"maxAbs\": %s, \"ssim\": %s, \"flip\": %s, "
-                "\"meanA\": %s, \"meanB\": %s, \"differingPixels\": %zu, \"nonFinite\": %zu, \"pixels\": %zu}\n",
-                jsonNumber(e->rmse).c_str(), jsonNumber(e->relMse).c_str(), jsonNumber(e->meanAbs).c_str(), jsonNumber(e->p99).c_str(),
-                jsonNumber(e->maxAbs).c_str(), jsonNumber(e->ssim).c_str(), jsonNumber(e->flip).c_str(), jsonNumber(e->meanA).c_str(),
-                jsonNumber(e->meanB).c_str(), e->differingPixels, e->nonFinite, a->pixels());
+    std::printf(
+        "{\"rmse\": %s, \"relMse\": %s, \"meanAbs\": %s, \"p99\": %s, \"maxAbs\": %s, \"ssim\": %s, \"flip\": %s, "
+        "\"meanA\": %s, \"meanB\": %s, \"differingPixels\": %zu, \"nonFinite\": %zu, \"pixels\": %zu}\n",
+        jsonNumber(e->rmse).c_str(), jsonNumber(e->relMse).c_str(), jsonNumber(e->meanAbs).c_str(), jsonNumber(e->p99).c_str(), jsonNumber(e->maxAbs).c_str(),
+        jsonNumber(e->ssim).c_str(), jsonNumber(e->flip).c_str(), jsonNumber(e->meanA).c_str(), jsonNumber(e->meanB).c_str(), e->differingPixels, e->nonFinite,
+        a->pixels());
   } else {
-    std::printf("RMSE %.6g, relMSE %.6g, mean |d| %.6g, p99 %.6g, max %.6g, SSIM %.6g, FLIP %.6g\n", e->rmse, e->relMse, e->meanAbs, e->p99,
-                e->maxAbs, e->ssim, e->flip);
-    std::printf("mean luminance %.6g and %.6g; %zu of %zu pixels differ; %zu not finite\n", e->meanA, e->meanB, e->differingPixels,
-                a->pixels(), e->nonFinite);
+    std::printf("RMSE %.6g, relMSE %.6g, mean |d| %.6g, p99 %.6g, max %.6g, SSIM %.6g, FLIP %.6g\n", e->rmse, e->relMse, e->meanAbs, e->p99, e->maxAbs, e->ssim,
+                e->flip);
+    std::printf("mean luminance %.6g and %.6g; %zu of %zu pixels differ; %zu not finite\n", e->meanA, e->meanB, e->differingPixels, a->pixels(), e->nonFinite);
   }
   return c.maxRmse >= 0 && !(e->rmse <= c.maxRmse) ? kFailure : kOk;
 }

@@ -23,9 +23,9 @@ constexpr double kPatienceSeconds = 0.3;
 // The words so far, read the way the parser will read them.
 struct Context {
   const CLI::App* app;
-  std::vector<std::string> positionals;             // of `app`
-  const CLI::Option* pending = nullptr;             // its value is being typed
-  std::map<std::string, std::string> values;        // by long name
+  std::vector<std::string> positionals;       // of `app`
+  const CLI::Option* pending = nullptr;       // its value is being typed
+  std::map<std::string, std::string> values;  // by long name
 };
 
 const CLI::Option* findOption(const CLI::App* app, const std::string& word) {
@@ -99,7 +99,10 @@ class Server {
  public:
   explicit Server(const Context& c) {
     SessionOptions options;
-    const auto value = [&](const char* name) { const auto it = c.values.find(name); return it == c.values.end() ? std::string() : it->second; };
+    const auto value = [&](const char* name) {
+      const auto it = c.values.find(name);
+      return it == c.values.end() ? std::string() : it->second;
+    };
     options.server = value("server");
     options.tokenFile = value("token-file");
     options.ca = value("ca");
@@ -193,7 +196,8 @@ void offerPaths(const Context& c, Candidates& out) {
   }
   for (int i = 0; i < d->field_count(); ++i) {
     const FieldDescriptor* f = d->field(i);
-    const bool group = f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && f->message_type()->full_name() != "gobo.v1.Vector3" && f->message_type()->field_count() > 0;
+    const bool group =
+        f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && f->message_type()->full_name() != "gobo.v1.Vector3" && f->message_type()->field_count() > 0;
     if (equals == std::string::npos) {
       out.add(before + f->name() + (group ? "." : "="), helpOf(f));
     } else if (f->name() == path) {
@@ -336,7 +340,7 @@ std::vector<std::string> complete(const std::vector<std::string>& given) {
     offerValue(c.pending->get_type_name(), c, out);
     return out.lines;
   }
-  if (const size_t equals = typed.find('='); typed.rfind("--", 0) == 0 && equals != std::string::npos) {   // --camera=fr
+  if (const size_t equals = typed.find('='); typed.rfind("--", 0) == 0 && equals != std::string::npos) {  // --camera=fr
     const CLI::Option* o = findOption(c.app, typed.substr(0, equals));
     if (!o) return {};
     Candidates value(typed.substr(equals + 1));

@@ -16,9 +16,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Step { std::string name; std::vector<std::string> sets; };
+struct Step {
+  std::string name;
+  std::vector<std::string> sets;
+};
 
-std::string number(double v) { char text[32]; std::snprintf(text, sizeof text, "%.4g", v); return text; }
+std::string number(double v) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", v);
+  return text;
+}
 std::string triple(double x, double y, double z) { return number(x) + "," + number(y) + "," + number(z); }
 
 /// A key light above the middle of the scene, sized by its bounds.
@@ -27,8 +34,13 @@ std::vector<std::string> keyLight(const v1::SceneInfo& info) {
   const double dx = hi.x() - lo.x(), dy = hi.y() - lo.y(), dz = hi.z() - lo.z();
   const double reach = std::max(std::min({dx, dy, dz}), 0.05 * std::max({dx, dy, dz}));
   const double cx = 0.5 * (lo.x() + hi.x()), cz = 0.5 * (lo.z() + hi.z()), y = lo.y() + 0.75 * dy;
-  return {"lights.key.kind=RECT", "lights.key.position=" + triple(cx + 0.12 * dx, y, cz + 0.12 * dz), "lights.key.direction=0,-1,0", "lights.key.width=" + number(0.15 * reach),
-          "lights.key.height=" + number(0.15 * reach), "lights.key.intensity=60", "lights.key.shadow.axis_aligned.k=3"};
+  return {"lights.key.kind=RECT",
+          "lights.key.position=" + triple(cx + 0.12 * dx, y, cz + 0.12 * dz),
+          "lights.key.direction=0,-1,0",
+          "lights.key.width=" + number(0.15 * reach),
+          "lights.key.height=" + number(0.15 * reach),
+          "lights.key.intensity=60",
+          "lights.key.shadow.axis_aligned.k=3"};
 }
 
 std::string ranList(const v1::RenderReply& reply) {
@@ -57,17 +69,23 @@ Status demo(Session& session, const DemoCommand& c) {
     Session::Call call(session);
     GOBO_TRY(session.statusOf(session.scenes().Inspect(&call.context, inspect, &info)));
   }
-  std::printf("scene %s: %llu triangles, %d lights, loaded in %.0f ms\n\n", id.c_str(), static_cast<unsigned long long>(info.triangles()), info.lights_size(), info.load_ms());
+  std::printf("scene %s: %llu triangles, %d lights, loaded in %.0f ms\n\n", id.c_str(), static_cast<unsigned long long>(info.triangles()), info.lights_size(),
+              info.load_ms());
 
   GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
-  if (c.request.size.empty()) { request.set_width(640); request.set_height(400); }
+  if (c.request.size.empty()) {
+    request.set_width(640);
+    request.set_height(400);
+  }
   if (!request.has_halt()) request.mutable_halt()->set_spp(64);
   if (!request.has_certificate()) request.mutable_certificate();
   const bool ownKey = std::any_of(info.lights().begin(), info.lights().end(), [](const auto& l) { return l.name() == "key"; });
-  if (!ownKey) for (const std::string& s : keyLight(info)) GOBO_TRY(setPath(request, s));
+  if (!ownKey)
+    for (const std::string& s : keyLight(info)) GOBO_TRY(setPath(request, s));
   else GOBO_TRY(setPath(request, "lights.key.shadow.axis_aligned.k=3"));
   std::vector<std::string> moved;
-  for (const auto& l : info.lights()) if (l.name() == "key") moved = {"lights.key.position=" + triple(l.position().x() * 0.9 + 0.1, l.position().y(), l.position().z() * 0.9)};
+  for (const auto& l : info.lights())
+    if (l.name() == "key") moved = {"lights.key.position=" + triple(l.position().x() * 0.9 + 0.1, l.position().y(), l.position().z() * 0.9)};
   if (!ownKey) {
     const auto& p = request.lights().at("key").position();
     moved = {"lights.key.position=" + triple(p.x() - 0.2 * (info.bounds_max().x() - info.bounds_min().x()), p.y(), p.z())};
@@ -123,7 +141,8 @@ Status demo(Session& session, const DemoCommand& c) {
       char stem[64];
       std::snprintf(stem, sizeof stem, "%zu-", i);
       std::string name = steps[i].name;
-      for (char& ch : name) if (ch == ' ' || ch == '=') ch = '-';
+      for (char& ch : name)
+        if (ch == ' ' || ch == '=') ch = '-';
       const std::string base = (fs::path(c.out) / (stem + name)).string();
       GOBO_TRY(write(session, request, base + ".exr"));
       GOBO_TRY(write(session, request, base + ".png"));

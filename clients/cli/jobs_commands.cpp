@@ -42,7 +42,9 @@ std::string timeText(double unix) {
   return text;
 }
 
-struct Frames { int64_t first = 0, last = 0, step = 1; };
+struct Frames {
+  int64_t first = 0, last = 0, step = 1;
+};
 
 // "7", "0-9", "0-99:10", "-5--1".
 Result<Frames> parseFrames(const std::string& text, const char* flag) {
@@ -144,9 +146,7 @@ Result<v1::Job> watch(Session& session, const std::string& id, bool json) {
     pauseBeforeRetry(broken);
   }
   bar.clear();
-  if (!ended(last)) {
-    GOBO_ASSIGN(last, getJob(session, id));
-  }
+  if (!ended(last)) { GOBO_ASSIGN(last, getJob(session, id)); }
   return last;
 }
 
@@ -165,7 +165,7 @@ class Incoming {
   ~Incoming() { discard(); }
   Status begin(const std::string& folder, const v1::FetchedFile& head) {
     const std::string name = fs::path(head.file().name()).filename().string();
-    if (name.empty() || name == "." || name == ".." || head.offset() != 0)   // the name comes from outside
+    if (name.empty() || name == "." || name == ".." || head.offset() != 0)  // the name comes from outside
       return {Code::DataLoss, "the server's answer is damaged: a file \"" + head.file().name() + "\""};
     GOBO_TRY(finish());
     head_ = head;
@@ -238,9 +238,7 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
     begin = end + 1;
   }
   Frames range;
-  if (!c.frames.empty()) {
-    GOBO_ASSIGN(range, parseFrames(c.frames, "--frames"));
-  }
+  if (!c.frames.empty()) { GOBO_ASSIGN(range, parseFrames(c.frames, "--frames")); }
   for (int broken = 0;; ++broken) {
     GOBO_ASSIGN(const v1::Job job, getJob(session, c.id));
     v1::FetchRequest request = wanted;
@@ -248,12 +246,13 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
       if (!c.frames.empty() && (f.frame() < range.first || f.frame() > range.last || (f.frame() - range.first) % range.step)) continue;
       bool complete = f.state() == v1::Frame::DONE;
       for (const v1::FrameFile& file : f.files()) {
-        const bool selected = request.outputs().empty() || std::find(request.outputs().begin(), request.outputs().end(), file.output()) != request.outputs().end();
+        const bool selected =
+            request.outputs().empty() || std::find(request.outputs().begin(), request.outputs().end(), file.output()) != request.outputs().end();
         if (selected && !have(folder, file)) complete = false;
       }
       if (!complete) request.add_frames(f.frame());
     }
-    if (request.frames().empty()) return kOk;   // everything is here
+    if (request.frames().empty()) return kOk;  // everything is here
     request.set_follow(c.follow);
     Session::Call call(session);
     auto reader = session.jobs().Fetch(&call.context, request);
@@ -285,9 +284,7 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
 int runJobSubmit(const SessionOptions& options, const JobSubmitCommand& c, bool json) {
   return with(options, [&](Session& session) -> Result<int> {
     std::string id;
-    if (!c.scene.empty()) {
-      GOBO_ASSIGN(id, ensureScene(session, c.scene));
-    }
+    if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
     v1::JobSpec spec;
     GOBO_ASSIGN(*spec.mutable_request(), makeRequest(c.request, id));
     if (!c.format.empty()) GOBO_TRY(setPath(*spec.mutable_request(), "encoding.format=" + c.format));
@@ -375,7 +372,10 @@ int runJobAct(const SessionOptions& options, JobAct act, const std::vector<std::
       v1::Job job;
       v1::DeleteJobReply deleted;
       grpc::Status status;
-      const auto request = [&](auto message) { message.set_id(id); return message; };
+      const auto request = [&](auto message) {
+        message.set_id(id);
+        return message;
+      };
       switch (act) {
         case JobAct::Cancel: status = session.jobs().Cancel(&call.context, request(v1::CancelJobRequest()), &job); break;
         case JobAct::Pause: status = session.jobs().Pause(&call.context, request(v1::PauseJobRequest()), &job); break;

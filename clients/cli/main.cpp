@@ -7,16 +7,14 @@
 
 int main(int argc, char** argv) {
   using namespace gobo::cli;
-  if (argc > 1 && std::strcmp(argv[1], "__complete") == 0) {   // asked by the scripts of `gobo completion`
+  if (argc > 1 && std::strcmp(argv[1], "__complete") == 0) {  // asked by the scripts of `gobo completion`
     for (const std::string& line : complete({argv + 2, argv + argc})) std::printf("%s\n", line.c_str());
     return kOk;
   }
   CommandLine line;
   try {
     line.app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return line.app.exit(e) == 0 ? kOk : kUsage;
-  }
+  } catch (const CLI::ParseError& e) { return line.app.exit(e) == 0 ? kOk : kUsage; }
   watchInterrupts();
   return line.run();
 }

@@ -44,7 +44,8 @@ std::string typeText(const FieldDescriptor* f) {
     case FieldDescriptor::CPPTYPE_BOOL: type = "true|false"; break;
     case FieldDescriptor::CPPTYPE_ENUM: type = choices(f->enum_type()); break;
     case FieldDescriptor::CPPTYPE_MESSAGE: type = f->message_type()->name() == "Vector3" ? "X,Y,Z" : "(empty)"; break;
-    case FieldDescriptor::CPPTYPE_FLOAT: case FieldDescriptor::CPPTYPE_DOUBLE: type = "number"; break;
+    case FieldDescriptor::CPPTYPE_FLOAT:
+    case FieldDescriptor::CPPTYPE_DOUBLE: type = "number"; break;
     default: type = "integer";
   }
   return f->is_repeated() ? type + ",..." : type;
@@ -72,7 +73,8 @@ void collect(const Descriptor* d, const std::string& prefix, std::vector<FieldHe
       collect(f->message_type()->FindFieldByName("value")->message_type(), path + ".NAME.", out);
     } else if (f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && f->message_type()->name() != "Vector3" && f->message_type()->field_count() > 0) {
       // A technique has the same fields wherever it stands: they are listed once.
-      if (f->message_type()->name() == "ShadowTechnique" && path != "shadows") out.push_back({path + ".TECHNIQUE", "group", fieldText(f) + " (fields as under shadows)"});
+      if (f->message_type()->name() == "ShadowTechnique" && path != "shadows")
+        out.push_back({path + ".TECHNIQUE", "group", fieldText(f) + " (fields as under shadows)"});
       else collect(f->message_type(), path + ".", out);
     } else {
       out.push_back({path, typeText(f), fieldText(f)});
@@ -139,7 +141,8 @@ std::string manual(const CLI::App& app) {
   out << ".SH COMMANDS\n";
   for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) command(out, *sub, "");
   out << ".SH REQUEST FIELDS\nPaths of\n.BR \\-\\-set ,\nand the fields of\n.BR \\-\\-request .\n";
-  for (const FieldHelp& f : requestFields()) out << ".TP\n\\fB" << troff(f.path) << "\\fR=\\fI" << troff(f.type) << "\\fR\n" << (f.text.empty() ? "\\&" : troff(f.text)) << "\n";
+  for (const FieldHelp& f : requestFields())
+    out << ".TP\n\\fB" << troff(f.path) << "\\fR=\\fI" << troff(f.type) << "\\fR\n" << (f.text.empty() ? "\\&" : troff(f.text)) << "\n";
   out << ".SH ENVIRONMENT\n.TP\n.B GOBO_SERVER\naddress of the server\n.TP\n.B GOBO_TOKEN\nbearer token for it\n"
       << ".SH FILES\n.TP\n.I " << troff(defaultAddress().substr(5)) << "\nsocket of the default server; refused when it belongs to another user\n"
       << ".SH EXIT STATUS\n";

@@ -25,13 +25,15 @@ struct Point {
   int reused = 0;
 };
 
-struct Sweep { std::string path; std::vector<std::string> values; };
+struct Sweep {
+  std::string path;
+  std::vector<std::string> values;
+};
 
 // "path=a,b,c"; with ";" between values that hold commas themselves ("lights.key.color=1,0,0;0,1,0").
 Result<Sweep> parseSweep(const std::string& text) {
   const size_t equals = text.find('=');
-  if (equals == std::string::npos || equals == 0 || equals + 1 == text.size())
-    return invalidArgument("--sweep " + text + ": must be PATH=VALUE,VALUE,...");
+  if (equals == std::string::npos || equals == 0 || equals + 1 == text.size()) return invalidArgument("--sweep " + text + ": must be PATH=VALUE,VALUE,...");
   Sweep sweep{text.substr(0, equals), {}};
   const std::string list = text.substr(equals + 1);
   const char by = list.find(';') != std::string::npos ? ';' : ',';
@@ -94,7 +96,7 @@ Status measure(Session& session, const MeasureCommand& c) {
   }
   const uint32_t half = std::max(1u, c.referenceSpp / 2);
   Image halfA, halfB;
-  if (!c.reference.empty()) {   // taken for the truth: its own noise counts as error
+  if (!c.reference.empty()) {  // taken for the truth: its own noise counts as error
     GOBO_ASSIGN(halfA, readPicture(c.reference));
     halfB = halfA;
   } else {
@@ -129,10 +131,9 @@ Status measure(Session& session, const MeasureCommand& c) {
   bool noisy = false, reused = false;
   for (const Point& p : points) {
     const HalvesError& e = p.error;
-    rows.push_back({p.value, strf("%.1f", p.ms), std::to_string(p.rays), strf("%.4g", e.rmse), strf("%.2g", e.rmseStandardError),
-                    strf("%.4g", e.relMse), strf("%.2g", e.relMseStandardError)});
-    table.add({p.value, p.ms, double(p.rays), e.rmse, e.rmseStandardError, e.mse, e.standardError, e.relMse, e.relMseStandardError,
-               double(p.reused)});
+    rows.push_back({p.value, strf("%.1f", p.ms), std::to_string(p.rays), strf("%.4g", e.rmse), strf("%.2g", e.rmseStandardError), strf("%.4g", e.relMse),
+                    strf("%.2g", e.relMseStandardError)});
+    table.add({p.value, p.ms, double(p.rays), e.rmse, e.rmseStandardError, e.mse, e.standardError, e.relMse, e.relMseStandardError, double(p.reused)});
     series.points.push_back({p.ms, e.rmse, e.rmse - e.rmseStandardError, e.rmse + e.rmseStandardError});
     noisy |= e.standardError > 0.1 * std::abs(e.mse);
     reused |= p.reused > 0;

@@ -18,7 +18,10 @@
 namespace gobo::cli {
 namespace {
 
-struct Named { std::string text; v1::ShadowTechnique technique; };
+struct Named {
+  std::string text;
+  v1::ShadowTechnique technique;
+};
 
 std::vector<std::string> split(const std::string& text, char by) {
   std::vector<std::string> parts;
@@ -68,15 +71,19 @@ Result<std::pair<std::string, std::string>> findLight(const v1::SceneInfo& scene
 }
 
 bool supports(const ShadowTechniqueEntry& entry, const std::string& kind) {
-  static const std::pair<const char*, LightKind> kinds[] = {{"point", LightKind::Point}, {"spot", LightKind::Spot}, {"directional", LightKind::Directional},
-                                                            {"rect", LightKind::Rect},   {"disk", LightKind::Disk}, {"sphere", LightKind::Sphere},
-                                                            {"mesh", LightKind::Mesh},   {"environment", LightKind::Environment}};
+  static const std::pair<const char*, LightKind> kinds[] = {
+      {"point", LightKind::Point},   {"spot", LightKind::Spot}, {"directional", LightKind::Directional}, {"rect", LightKind::Rect}, {"disk", LightKind::Disk},
+      {"sphere", LightKind::Sphere}, {"mesh", LightKind::Mesh}, {"environment", LightKind::Environment}};
   for (const auto& [name, value] : kinds)
     if (kind == name) return entry.supports(value);
-  return true;                       // a kind of later versions: the server knows
+  return true;  // a kind of later versions: the server knows
 }
 
-struct Line { Image visibility; std::vector<double> values; double ms = 0; };   ///< NaN where no surface is seen
+struct Line {
+  Image visibility;
+  std::vector<double> values;
+  double ms = 0;
+};  ///< NaN where no surface is seen
 
 Status occlusion(Session& session, const OcclusionCommand& c) {
   if (!c.plot.empty()) {
@@ -131,8 +138,7 @@ Status occlusion(Session& session, const OcclusionCommand& c) {
     GOBO_ASSIGN(const Image alpha, rawImage(answer, 1));
     const Image& v = line.visibility;
     const int lines = vertical ? v.width : v.height, at = vertical ? c.column : c.row >= 0 ? c.row : v.height / 2;
-    if (at >= lines)
-      return invalidArgument(std::string(vertical ? "--column " : "--row ") + std::to_string(at) + ": the picture has " + std::to_string(lines));
+    if (at >= lines) return invalidArgument(std::string(vertical ? "--column " : "--row ") + std::to_string(at) + ": the picture has " + std::to_string(lines));
     for (int i = 0; i < (vertical ? v.height : v.width); ++i) {
       const int x = vertical ? at : i, y = vertical ? i : at;
       line.values.push_back(alpha.at(x, y)[0] > 0 ? double(v.at(x, y)[0]) : std::numeric_limits<double>::quiet_NaN());
@@ -178,7 +184,10 @@ Status occlusion(Session& session, const OcclusionCommand& c) {
   }
   if (!c.plot.empty()) {
     Plot plot;
-    plot.title = scene.id() + ": light " + name + ", " + (vertical ? "column " : "row ") + std::to_string(vertical ? c.column : c.row >= 0 ? c.row : truth.visibility.height / 2);
+    plot.title = scene.id() + ": light " + name + ", " + (vertical ? "column " : "row ") +
+                 std::to_string(vertical     ? c.column
+                                : c.row >= 0 ? c.row
+                                             : truth.visibility.height / 2);
     plot.xLabel = vertical ? "y [px]" : "x [px]";
     plot.yLabel = "visibility";
     plot.logX = plot.logY = false;

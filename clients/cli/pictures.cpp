@@ -82,7 +82,7 @@ Result<Answer> receive(Session& session, Session::Call& call, grpc::ClientReader
         snapshotOpen = false;
         break;
       case v1::RenderEvent::kChunk: fault = assembly.add(event.chunk()); break;
-      default: break;   // events of later versions
+      default: break;  // events of later versions
     }
     if (fault.ok() && snapshotOpen && assembly.complete()) {
       snapshotOpen = false;

@@ -16,12 +16,12 @@ namespace gobo::cli {
 
 struct Answer {
   v1::RenderReply reply;
-  std::vector<std::string> images;   ///< encoded bytes, in the order of reply.images
+  std::vector<std::string> images;  ///< encoded bytes, in the order of reply.images
 };
 
 struct StreamHooks {
-  std::function<void(const v1::Progress&)> progress;                 ///< may be empty
-  std::function<Status(const Answer&)> snapshot;                     ///< may be empty
+  std::function<void(const v1::Progress&)> progress;  ///< may be empty
+  std::function<Status(const Answer&)> snapshot;      ///< may be empty
 };
 
 /// Errors: the call's; DataLoss when bytes are missing, out of place or do not have the digest that was promised.

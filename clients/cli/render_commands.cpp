@@ -61,7 +61,7 @@ Status checkOut(const std::string& out) {
 
 Status setEncoding(v1::RenderRequest& request, const std::string& out) {
   if (out.empty()) {
-    request.mutable_encoding()->set_format(v1::Encoding::RAW_HALF);   // nothing is written: the cheapest to carry
+    request.mutable_encoding()->set_format(v1::Encoding::RAW_HALF);  // nothing is written: the cheapest to carry
     request.mutable_encoding()->clear_layers();
     return {};
   }
@@ -73,9 +73,7 @@ Status setEncoding(v1::RenderRequest& request, const std::string& out) {
 
 Status deliver(const Answer& answer, const std::string& out, bool json, bool quiet) {
   std::vector<std::string> files;
-  if (!out.empty()) {
-    GOBO_ASSIGN(files, writeImages(answer, out));
-  }
+  if (!out.empty()) { GOBO_ASSIGN(files, writeImages(answer, out)); }
   if (json) std::printf("%s\n", messageToJson(answer.reply, true).c_str());
   else if (!quiet) printReply(answer.reply, files);
   return {};
@@ -96,7 +94,7 @@ class Advance {
     constexpr double pass = 16, defaultSpp = 64;
     double done = fraction;
     if (halt_.has_time_s()) done = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun_).count() / halt_.time_s();
-    else if (halt_.has_error()) done = 0;                 // nobody knows
+    else if (halt_.has_error()) done = 0;  // nobody knows
     else if (spp > 0) done = (spp - pass * (1 - fraction)) / (halt_.has_spp() ? halt_.spp() : defaultSpp);
     return shown_ = std::max(shown_, std::min(done, 1.0));
   }
@@ -109,9 +107,7 @@ class Advance {
 
 Status render(Session& session, const RenderCommand& c) {
   std::string id;
-  if (!c.scene.empty()) {
-    GOBO_ASSIGN(id, ensureScene(session, c.scene));
-  }
+  if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
   GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
   GOBO_TRY(setEncoding(request, c.out));
   StreamHooks hooks;
@@ -119,7 +115,7 @@ Status render(Session& session, const RenderCommand& c) {
   Advance advance(request.halt());
   if (c.progressive || (!c.quiet && onTerminal())) {
     hooks.progress = [&](const v1::Progress& p) { bar.show(advance.to(p.spp(), p.fraction()), progressText(p)); };
-    hooks.snapshot = [&](const Answer& answer) -> Status {   // small pictures send no progress inside a pass
+    hooks.snapshot = [&](const Answer& answer) -> Status {  // small pictures send no progress inside a pass
       v1::Progress p;
       p.set_stage("snapshot");
       p.set_spp(samplesOf(answer.reply));

@@ -44,29 +44,30 @@ void printReply(const v1::RenderReply& reply, const std::vector<std::string>& fi
   std::vector<std::vector<std::string>> rows;
   for (const v1::NodeReport& n : reply.plan()) {
     const int state = int(n.state());
-    rows.push_back({escaped(n.node()) + (n.count() > 1 ? strf(" x%u", n.count()) : ""), states[state >= 0 && state < 5 ? state : 0],
-                    strf("%.1f", n.ms()), std::to_string(n.rays()), bytesText(n.bytes()), n.samples() ? std::to_string(n.samples()) : "-",
-                    escaped(n.device()), escaped(n.reason()) + (n.approximate() ? " [approximate]" : "")});
+    rows.push_back({escaped(n.node()) + (n.count() > 1 ? strf(" x%u", n.count()) : ""), states[state >= 0 && state < 5 ? state : 0], strf("%.1f", n.ms()),
+                    std::to_string(n.rays()), bytesText(n.bytes()), n.samples() ? std::to_string(n.samples()) : "-", escaped(n.device()),
+                    escaped(n.reason()) + (n.approximate() ? " [approximate]" : "")});
   }
   if (!rows.empty())
-    printTable({"node", "state", "ms", "rays", "bytes", "samples", "device", "reason"}, rows,
-               {false, false, true, true, true, true, false, false});
+    printTable({"node", "state", "ms", "rays", "bytes", "samples", "device", "reason"}, rows, {false, false, true, true, true, true, false, false});
   std::printf("total %.1f ms (queued %.1f ms), %llu rays, peak %s, render %s, request %s, build %s\n", reply.total_ms(), reply.queue_ms(),
               static_cast<unsigned long long>(reply.rays()), bytesText(reply.peak_bytes()).c_str(), escaped(reply.render_id()).c_str(),
               escaped(reply.request_hash()).c_str(), escaped(reply.build()).c_str());
   if (reply.has_certificate()) {
     const v1::Certificate& c = reply.certificate();
-    std::printf("certificate: RMSE %.4g (95 %%: %.4g..%.4g; at most %.4g without the worst %.2g of the picture), relMSE %.4g (%.4g..%.4g); %u pixels (%u certain) at %u spp, %llu rays, %.1f ms\n",
-                c.rmse(), c.rmse_low(), c.rmse_high(), c.rmse_high_trimmed(), c.unseen_area(), c.rel_mse(), c.rel_mse_low(), c.rel_mse_high(), c.pixels(),
-                c.certain_pixels(), c.spp(), static_cast<unsigned long long>(c.rays()), c.ms());
+    std::printf(
+        "certificate: RMSE %.4g (95 %%: %.4g..%.4g; at most %.4g without the worst %.2g of the picture), relMSE %.4g (%.4g..%.4g); %u pixels (%u certain) at "
+        "%u spp, %llu rays, %.1f ms\n",
+        c.rmse(), c.rmse_low(), c.rmse_high(), c.rmse_high_trimmed(), c.unseen_area(), c.rel_mse(), c.rel_mse_low(), c.rel_mse_high(), c.pixels(),
+        c.certain_pixels(), c.spp(), static_cast<unsigned long long>(c.rays()), c.ms());
     for (const std::string& name : c.not_covered()) std::printf("  not covered by the reference: %s\n", escaped(name).c_str());
   }
   for (const std::string& text : reply.warnings()) std::printf("warning: %s\n", escaped(text).c_str());
   for (const std::string& name : reply.path_classes_missing()) std::printf("missing light paths: %s\n", escaped(name).c_str());
   for (size_t i = 0; i < files.size(); ++i) {
     const v1::ImageDescriptor& d = reply.images(int(i));
-    std::printf("wrote %s (%s, %u x %u, %d channels, %s)\n", files[i].c_str(), escaped(d.output()).c_str(), d.width(), d.height(),
-                d.channels_size(), bytesText(d.bytes()).c_str());
+    std::printf("wrote %s (%s, %u x %u, %d channels, %s)\n", files[i].c_str(), escaped(d.output()).c_str(), d.width(), d.height(), d.channels_size(),
+                bytesText(d.bytes()).c_str());
   }
 }
 
@@ -79,8 +80,8 @@ std::string vectorText(const v1::Vector3& v) { return strf("%.4g %.4g %.4g", v.x
 void printScene(const v1::SceneInfo& info) {
   std::printf("%s  (%s)\n", escaped(info.id()).c_str(), escaped(info.source()).c_str());
   std::printf("  hash %s, %llu triangles, %u instances, %u materials, %u textures, %s, loaded in %.1f ms\n", info.hash().c_str(),
-              static_cast<unsigned long long>(info.triangles()), info.instances(), info.materials(), info.textures(),
-              bytesText(info.bytes()).c_str(), info.load_ms());
+              static_cast<unsigned long long>(info.triangles()), info.instances(), info.materials(), info.textures(), bytesText(info.bytes()).c_str(),
+              info.load_ms());
   std::printf("  bounds %s .. %s m\n", vectorText(info.bounds_min()).c_str(), vectorText(info.bounds_max()).c_str());
   const auto names = [](const char* title, const auto& list) {
     if (list.empty()) return;
@@ -101,8 +102,7 @@ void printScene(const v1::SceneInfo& info) {
 }
 
 void printStatus(const v1::StatusReply& s) {
-  std::printf("gobod %s, pid %d, up %.0f s, %u threads%s\n", escaped(s.build()).c_str(), s.pid(), s.uptime_s(), s.threads(),
-              s.draining() ? ", draining" : "");
+  std::printf("gobod %s, pid %d, up %.0f s, %u threads%s\n", escaped(s.build()).c_str(), s.pid(), s.uptime_s(), s.threads(), s.draining() ? ", draining" : "");
   std::printf("renders: %u running on %u workers, %u queued, %llu finished; %llu scenes, %u being loaded\n", s.running(), s.workers(), s.queued(),
               static_cast<unsigned long long>(s.renders()), static_cast<unsigned long long>(s.scenes()), s.loads());
   std::printf("store: %s of %s in %llu terms, disk %s; resident %s\n", bytesText(s.store_bytes()).c_str(), bytesText(s.store_limit()).c_str(),
@@ -127,9 +127,7 @@ bool onTerminal() { return ::isatty(STDERR_FILENO) == 1; }
 ProgressBar::ProgressBar(bool enabled, bool plain) : enabled_(enabled && (plain || onTerminal())), plain_(plain && !onTerminal()) {}
 ProgressBar::~ProgressBar() { clear(); }
 
-std::string progressText(const v1::Progress& p) {
-  return strf("%s  %u spp  %.1f s", escaped(p.stage()).substr(0, 40).c_str(), p.spp(), p.elapsed_ms() / 1000);
-}
+std::string progressText(const v1::Progress& p) { return strf("%s  %u spp  %.1f s", escaped(p.stage()).substr(0, 40).c_str(), p.spp(), p.elapsed_ms() / 1000); }
 
 void ProgressBar::show(double fraction, const std::string& text) {
   if (!enabled_) return;
@@ -139,7 +137,7 @@ void ProgressBar::show(double fraction, const std::string& text) {
     const size_t columns = ::ioctl(STDERR_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 0 ? window.ws_col : 80;
     const size_t full = size_t(fraction * 30);
     std::string line = "[" + std::string(full, '#') + std::string(30 - full, '.') + strf("] %3.0f %%  ", fraction * 100) + text;
-    if (line.size() >= columns) line.resize(columns - 1);   // a wrapped line could not be taken back
+    if (line.size() >= columns) line.resize(columns - 1);  // a wrapped line could not be taken back
     std::fprintf(stderr, "\r\033[K%s", line.c_str());
     drawn_ = true;
     return;

@@ -28,8 +28,8 @@ int unary(const SessionOptions& options, bool json, const Invoke& invoke, const 
 }  // namespace
 
 int runScenes(const SessionOptions& options, bool json) {
-  return unary<v1::ListScenesReply>(options, json,
-      [](Session& s, grpc::ClientContext& context, v1::ListScenesReply& reply) { return s.scenes().List(&context, {}, &reply); },
+  return unary<v1::ListScenesReply>(
+      options, json, [](Session& s, grpc::ClientContext& context, v1::ListScenesReply& reply) { return s.scenes().List(&context, {}, &reply); },
       [](const v1::ListScenesReply& reply) {
         std::vector<std::vector<std::string>> rows;
         for (const v1::SceneInfo& i : reply.scenes())
@@ -53,8 +53,9 @@ int runLoad(const SessionOptions& options, const std::string& source, const std:
 }
 
 int runInspect(const SessionOptions& options, const std::string& scene, bool json) {
-  if (options.local) return runLoad(options, scene, "", json);   // nothing is loaded yet in this process
-  return unary<v1::SceneInfo>(options, json,
+  if (options.local) return runLoad(options, scene, "", json);  // nothing is loaded yet in this process
+  return unary<v1::SceneInfo>(
+      options, json,
       [&](Session& s, grpc::ClientContext& context, v1::SceneInfo& reply) {
         v1::InspectSceneRequest request;
         request.set_scene(scene);
@@ -64,7 +65,8 @@ int runInspect(const SessionOptions& options, const std::string& scene, bool jso
 }
 
 int runUnload(const SessionOptions& options, const std::string& scene) {
-  return unary<v1::UnloadSceneReply>(options, false,
+  return unary<v1::UnloadSceneReply>(
+      options, false,
       [&](Session& s, grpc::ClientContext& context, v1::UnloadSceneReply& reply) {
         v1::UnloadSceneRequest request;
         request.set_scene(scene);
@@ -74,13 +76,14 @@ int runUnload(const SessionOptions& options, const std::string& scene) {
 }
 
 int runStatus(const SessionOptions& options, bool json) {
-  return unary<v1::StatusReply>(options, json,
-      [](Session& s, grpc::ClientContext& context, v1::StatusReply& reply) { return s.admin().GetStatus(&context, {}, &reply); },
+  return unary<v1::StatusReply>(
+      options, json, [](Session& s, grpc::ClientContext& context, v1::StatusReply& reply) { return s.admin().GetStatus(&context, {}, &reply); },
       [](const v1::StatusReply& reply) { printStatus(reply); });
 }
 
 int runDropCaches(const SessionOptions& options, bool disk) {
-  return unary<v1::DropCachesReply>(options, false,
+  return unary<v1::DropCachesReply>(
+      options, false,
       [&](Session& s, grpc::ClientContext& context, v1::DropCachesReply& reply) {
         v1::DropCachesRequest request;
         request.set_disk(disk);
@@ -90,8 +93,8 @@ int runDropCaches(const SessionOptions& options, bool disk) {
 }
 
 int runShutdown(const SessionOptions& options) {
-  return unary<v1::ShutdownReply>(options, false,
-      [](Session& s, grpc::ClientContext& context, v1::ShutdownReply& reply) { return s.admin().Shutdown(&context, {}, &reply); },
+  return unary<v1::ShutdownReply>(
+      options, false, [](Session& s, grpc::ClientContext& context, v1::ShutdownReply& reply) { return s.admin().Shutdown(&context, {}, &reply); },
       [](const v1::ShutdownReply&) { std::printf("the server is draining\n"); });
 }
 

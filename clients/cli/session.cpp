@@ -28,11 +28,16 @@ const char* const kExitHelp =
 int exitCodeOf(const Status& status) {
   switch (status.code()) {
     case Code::Ok: return kOk;
-    case Code::InvalidArgument: case Code::OutOfRange: case Code::PermissionDenied: case Code::Unauthenticated: case Code::AlreadyExists:
+    case Code::InvalidArgument:
+    case Code::OutOfRange:
+    case Code::PermissionDenied:
+    case Code::Unauthenticated:
+    case Code::AlreadyExists:
     case Code::FailedPrecondition: return kUsage;
     case Code::NotFound: return kNotFound;
     case Code::Unavailable: return kUnreachable;
-    case Code::Cancelled: case Code::DeadlineExceeded: return kStopped;
+    case Code::Cancelled:
+    case Code::DeadlineExceeded: return kStopped;
     case Code::ResourceExhausted: {
       const bool passing = status.message().find("retry after") != std::string::npos || status.message().find("Threadpool") != std::string::npos;
       return passing ? kBusy : kUsage;
@@ -42,8 +47,8 @@ int exitCodeOf(const Status& status) {
 }
 
 int complain(const Status& status) {
-  std::fprintf(stderr, "gobo: %s: %s%s%s%s\n", codeName(status.code()), escaped(status.message()).c_str(),
-               status.location().empty() ? "" : " (at ", escaped(status.location()).c_str(), status.location().empty() ? "" : ")");
+  std::fprintf(stderr, "gobo: %s: %s%s%s%s\n", codeName(status.code()), escaped(status.message()).c_str(), status.location().empty() ? "" : " (at ",
+               escaped(status.location()).c_str(), status.location().empty() ? "" : ")");
   return exitCodeOf(status);
 }
 
@@ -80,10 +85,9 @@ bool interrupted() {
 }
 
 Session::Call::Call(const Session& session) {
-  constexpr double kMost = 1e8;   // over three years: none, which the clock's arithmetic could not hold
+  constexpr double kMost = 1e8;  // over three years: none, which the clock's arithmetic could not hold
   if (session.options_.timeoutSeconds > 0 && session.options_.timeoutSeconds < kMost)
-    context.set_deadline(std::chrono::system_clock::now() +
-                         std::chrono::microseconds(int64_t(session.options_.timeoutSeconds * 1e6)));
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::microseconds(int64_t(session.options_.timeoutSeconds * 1e6)));
   if (!session.token_.empty()) context.AddMetadata("authorization", "Bearer " + session.token_);
   const std::lock_guard lock(callsMutex);
   calls.insert(&context);
@@ -112,14 +116,15 @@ Result<std::string> findToken(const SessionOptions& options) {
     if (const size_t end = token.find_first_of("\r\n"); end != std::string::npos) token.resize(end);
   }
   for (const char c : token)
-    if (c <= 0x20 || c >= 0x7f) return invalidArgument("the token must be printable ASCII without spaces", options.tokenFile.empty() ? "GOBO_TOKEN" : "--token-file");
+    if (c <= 0x20 || c >= 0x7f)
+      return invalidArgument("the token must be printable ASCII without spaces", options.tokenFile.empty() ? "GOBO_TOKEN" : "--token-file");
   return token;
 }
 
 }  // namespace
 
 Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
-  static const bool kept = (grpc_init(), true);   // no tear-down of gRPC, which may take 10 s (server/server.cpp)
+  static const bool kept = (grpc_init(), true);  // no tear-down of gRPC, which may take 10 s (server/server.cpp)
   (void)kept;
   std::unique_ptr<Session> self(new Session());
   self->options_ = options;
@@ -133,7 +138,7 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
     EngineOptions engine = engineOptions(config);
     engine.roots = options.roots;
     engine.anyPath = true;
-    engine.loader = inProcessLoader();   // the caller's own files: no sandbox, no blobs
+    engine.loader = inProcessLoader();  // the caller's own files: no sandbox, no blobs
     GOBO_ASSIGN(self->server_, Server::start(config, engine, false));
     self->address_ = "this process";
     self->channel_ = self->server_->inProcessChannel();
@@ -142,7 +147,7 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
     const bool named = !options.server.empty() || (env && *env);
     self->address_ = !options.server.empty() ? options.server : named ? env : defaultAddress();
     GOBO_ASSIGN(const Address address, parseAddress(self->address_));
-    struct stat info{};
+    struct stat info {};
     // The default socket lives in a folder where everybody may write: another user's socket is not our daemon.
     if (!named && address.isUnix && ::lstat(address.path.c_str(), &info) == 0 && info.st_uid != ::getuid() && info.st_uid != 0)
       return Status(Code::PermissionDenied, "\"" + address.path + "\" belongs to another user: name the server with --server");
@@ -176,7 +181,7 @@ Status Session::statusOf(const grpc::Status& status) const {
   const Code code = Code(int(status.error_code()));
   if (code == Code::Unavailable && !local())
     return {code, "cannot reach gobod at " + address_ + ": " + status.error_message() +
-                  "; start it with `gobod --root DIR`, name another with --server or GOBO_SERVER, or use --local"};
+                      "; start it with `gobod --root DIR`, name another with --server or GOBO_SERVER, or use --local"};
   if (code == Code::Cancelled && interrupted()) return {code, "interrupted"};
   if (code == Code::Unimplemented && status.error_message().empty()) return {code, "the server does not know this call: it is another version"};
   return {code, status.error_message()};

@@ -24,16 +24,16 @@ int exitCodeOf(const Status& status);
 int complain(const Status& status);
 
 struct SessionOptions {
-  std::string server;                ///< empty: $GOBO_SERVER, else the default socket
+  std::string server;  ///< empty: $GOBO_SERVER, else the default socket
   bool local = false;
-  std::vector<std::string> roots;    ///< of --local, on top of any path
+  std::vector<std::string> roots;  ///< of --local, on top of any path
   std::string cache;
   int threads = 0;
-  double timeoutSeconds = 0;         ///< of each call; 0: none
-  double uploadMiB = 512;            ///< largest file that is uploaded without being asked for
-  std::string tokenFile;             ///< first line: bearer token; empty: $GOBO_TOKEN
-  bool tls = false;                  ///< with the system's certificates unless `ca` names others
-  std::string ca, cert, key;         ///< PEM files; any of them switches TLS on
+  double timeoutSeconds = 0;  ///< of each call; 0: none
+  double uploadMiB = 512;     ///< largest file that is uploaded without being asked for
+  std::string tokenFile;      ///< first line: bearer token; empty: $GOBO_TOKEN
+  bool tls = false;           ///< with the system's certificates unless `ca` names others
+  std::string ca, cert, key;  ///< PEM files; any of them switches TLS on
 };
 
 class Session {

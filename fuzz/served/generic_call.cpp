@@ -21,9 +21,12 @@ const std::vector<const google::protobuf::MethodDescriptor*>& everyMethod() {
   return methods;
 }
 
-MessagePtr newMessage(const google::protobuf::Descriptor& type) { return MessagePtr(google::protobuf::MessageFactory::generated_factory()->GetPrototype(&type)->New()); }
+MessagePtr newMessage(const google::protobuf::Descriptor& type) {
+  return MessagePtr(google::protobuf::MessageFactory::generated_factory()->GetPrototype(&type)->New());
+}
 
-CallAnswer callMethod(const std::shared_ptr<grpc::Channel>& channel, const google::protobuf::MethodDescriptor& method, const std::vector<MessagePtr>& requests, const CallOptions& options) {
+CallAnswer callMethod(const std::shared_ptr<grpc::Channel>& channel, const google::protobuf::MethodDescriptor& method, const std::vector<MessagePtr>& requests,
+                      const CallOptions& options) {
   using Clock = std::chrono::steady_clock;
   const auto begun = Clock::now();
   CallAnswer out;
@@ -31,12 +34,15 @@ CallAnswer callMethod(const std::shared_ptr<grpc::Channel>& channel, const googl
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::microseconds(int64_t(options.seconds * 1e6)));
   if (!options.token.empty()) context.AddMetadata("authorization", "Bearer " + options.token);
   grpc::CompletionQueue queue;
-  const auto done = [&] {   // of the one operation that is under way
+  const auto done = [&] {  // of the one operation that is under way
     void* tag = nullptr;
     bool ok = false;
     return queue.Next(&tag, &ok) && ok;
   };
-  const auto cancel = [&] { out.cancelled = true; context.TryCancel(); };
+  const auto cancel = [&] {
+    out.cancelled = true;
+    context.TryCancel();
+  };
   grpc::GenericStub stub(channel);
   const auto call = stub.PrepareCall(&context, "/" + method.service()->full_name() + "/" + method.name(), &queue);
   call->StartCall(nullptr);
@@ -51,7 +57,7 @@ CallAnswer callMethod(const std::shared_ptr<grpc::Channel>& channel, const googl
     call->WritesDone(nullptr);
     open = done();
   }
-  for (grpc::ByteBuffer buffer; ; buffer.Clear()) {
+  for (grpc::ByteBuffer buffer;; buffer.Clear()) {
     call->Read(&buffer, nullptr);
     if (!done()) break;
     std::vector<grpc::Slice> slices;
@@ -59,7 +65,10 @@ CallAnswer callMethod(const std::shared_ptr<grpc::Channel>& channel, const googl
     if (!buffer.Dump(&slices).ok()) break;
     for (const grpc::Slice& s : slices) bytes.append(reinterpret_cast<const char*>(s.begin()), s.size());
     MessagePtr reply = newMessage(*method.output_type());
-    if (!reply->ParseFromString(bytes)) { out.status = grpc::Status(grpc::INTERNAL, "a reply is no " + method.output_type()->full_name()); return out; }
+    if (!reply->ParseFromString(bytes)) {
+      out.status = grpc::Status(grpc::INTERNAL, "a reply is no " + method.output_type()->full_name());
+      return out;
+    }
     out.replies.push_back(std::move(reply));
     if (int(out.replies.size()) == options.cancelAfter) cancel();
   }

@@ -17,22 +17,23 @@ namespace gobo::fuzz {
 using MessagePtr = std::unique_ptr<google::protobuf::Message>;
 
 struct CallOptions {
-  std::string token;             ///< shown as the bearer; empty: none
-  double seconds = 60;           ///< until the call's deadline
-  int cancelAfter = -1;          ///< replies after which the client cancels; negative: never
+  std::string token;     ///< shown as the bearer; empty: none
+  double seconds = 60;   ///< until the call's deadline
+  int cancelAfter = -1;  ///< replies after which the client cancels; negative: never
 };
 
 struct CallAnswer {
   grpc::Status status;
   std::vector<MessagePtr> replies;
   double seconds = 0;
-  bool cancelled = false;        ///< by the client, before the end was known
+  bool cancelled = false;  ///< by the client, before the end was known
 };
 
 /// Every method of gobo.v1's services in the order of the schema.
 const std::vector<const google::protobuf::MethodDescriptor*>& everyMethod();
 
 MessagePtr newMessage(const google::protobuf::Descriptor& type);
-CallAnswer callMethod(const std::shared_ptr<grpc::Channel>& channel, const google::protobuf::MethodDescriptor& method, const std::vector<MessagePtr>& requests, const CallOptions& options);
+CallAnswer callMethod(const std::shared_ptr<grpc::Channel>& channel, const google::protobuf::MethodDescriptor& method, const std::vector<MessagePtr>& requests,
+                      const CallOptions& options);
 
 }  // namespace gobo::fuzz

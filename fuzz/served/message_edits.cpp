@@ -15,7 +15,7 @@ using google::protobuf::Message;
 using google::protobuf::Reflection;
 
 constexpr size_t kSteps = 5;
-constexpr int kMostElements = 4;   // of a list: more of a thing costs time and is no other case
+constexpr int kMostElements = 4;  // of a list: more of a thing costs time and is no other case
 
 struct Edit {
   uint8_t step[kSteps];
@@ -32,8 +32,13 @@ double number(const FieldDescriptor& f, const Edit& e) {
     case 1: return high;
     case 2: return range.has_default_() ? range.default_() : 1;
     case 3:
-      if (e.how & 24) return low + (high - low) * std::pow(double(e.value) / 4294967296.0, 4);   // beyond the range: at times only, or little would get past its refusal
-      { float bits; std::memcpy(&bits, &e.value, 4); return bits; }
+      if (e.how & 24)
+        return low + (high - low) * std::pow(double(e.value) / 4294967296.0, 4);  // beyond the range: at times only, or little would get past its refusal
+      {
+        float bits;
+        std::memcpy(&bits, &e.value, 4);
+        return bits;
+      }
     case 4: return low + (high - low) * (double(e.value) / 4294967296.0);
     case 5: return double(e.value % 9);
     case 6: {
@@ -44,7 +49,8 @@ double number(const FieldDescriptor& f, const Edit& e) {
   }
 }
 
-template <typename T> T integer(double v) {   // as C++ has no conversion for what does not fit
+template <typename T>
+T integer(double v) {  // as C++ has no conversion for what does not fit
   if (!(v > double(std::numeric_limits<T>::min()))) return std::numeric_limits<T>::min();
   return v < double(std::numeric_limits<T>::max()) ? T(v) : std::numeric_limits<T>::max();
 }
@@ -80,12 +86,16 @@ void add(Message& m, const FieldDescriptor& f, size_t depth, const Edit& e, cons
   const int size = r.FieldSize(m, &f);
   if (e.how >= 240) return r.ClearField(&m, &f);
   switch (f.cpp_type()) {
-    case FieldDescriptor::CPPTYPE_FLOAT:   // the only list of floats is a matrix; the next one begins as if it were
-      if (size == 0) for (int k = 0; k < 16; ++k) r.AddFloat(&m, &f, k % 5 == 0 ? 1.0f : 0.0f);
+    case FieldDescriptor::CPPTYPE_FLOAT:  // the only list of floats is a matrix; the next one begins as if it were
+      if (size == 0)
+        for (int k = 0; k < 16; ++k) r.AddFloat(&m, &f, k % 5 == 0 ? 1.0f : 0.0f);
       return r.SetRepeatedFloat(&m, &f, int(e.step[kSteps - 1]) % r.FieldSize(m, &f), float(number(f, e)));
     case FieldDescriptor::CPPTYPE_MESSAGE:
       if (f.is_map()) return descendMap(m, f, depth, e, texts);
-      return descend(size < kMostElements && e.how % 2 ? *r.AddMessage(&m, &f) : size ? *r.MutableRepeatedMessage(&m, &f, e.how % size) : *r.AddMessage(&m, &f), depth, e, texts);
+      return descend(size < kMostElements && e.how % 2 ? *r.AddMessage(&m, &f)
+                     : size                            ? *r.MutableRepeatedMessage(&m, &f, e.how % size)
+                                                       : *r.AddMessage(&m, &f),
+                     depth, e, texts);
     default: break;
   }
   if (size >= kMostElements) return;
@@ -109,7 +119,8 @@ void set(Message& m, const FieldDescriptor& f, size_t depth, const Edit& e, cons
   switch (f.cpp_type()) {
     case FieldDescriptor::CPPTYPE_MESSAGE: return descend(*r.MutableMessage(&m, &f), depth, e, texts);
     case FieldDescriptor::CPPTYPE_STRING: return r.SetString(&m, &f, texts(f, e.value));
-    case FieldDescriptor::CPPTYPE_ENUM: return r.SetEnumValue(&m, &f, int(e.value % uint32_t(f.enum_type()->value_count() + (e.how % 8 == 6))));   // at times one that is none
+    case FieldDescriptor::CPPTYPE_ENUM:
+      return r.SetEnumValue(&m, &f, int(e.value % uint32_t(f.enum_type()->value_count() + (e.how % 8 == 6))));  // at times one that is none
     case FieldDescriptor::CPPTYPE_DOUBLE: return r.SetDouble(&m, &f, number(f, e));
     case FieldDescriptor::CPPTYPE_FLOAT: return r.SetFloat(&m, &f, float(number(f, e)));
     case FieldDescriptor::CPPTYPE_BOOL: return r.SetBool(&m, &f, e.value % 2 != 0);

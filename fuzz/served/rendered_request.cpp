@@ -15,7 +15,7 @@
 namespace gobo::fuzz::rendered_request {
 namespace {
 
-constexpr uint8_t kScene = 0x07, kCold = 0x18, kEncoded = 0x20;   // bits of the first byte; files only of what is rendered a third time
+constexpr uint8_t kScene = 0x07, kCold = 0x18, kEncoded = 0x20;  // bits of the first byte; files only of what is rendered a third time
 constexpr size_t kMostEdits = 24;
 
 std::unique_ptr<Engine> engine(int threads) {
@@ -31,7 +31,7 @@ std::unique_ptr<Engine> engine(int threads) {
 
 const ScenePtr& sceneOf(uint8_t choice) {
   static const ScenePtr scenes[] = {richScene(), *makeBuiltinScene("cornell")};
-  return scenes[(choice & kScene) % 4 == 3];   // mostly the one with everything in it
+  return scenes[(choice & kScene) % 4 == 3];  // mostly the one with everything in it
 }
 
 /// What a client may do about it: a code that blames the request, and the field's name. Rules of the shadows name the field as it is written in
@@ -40,7 +40,11 @@ std::string brokenRefusal(const Status& s) {
   const std::string wrong = brokenStatus(s, s.location().rfind("shadows", 0) == 0 ? "shadows" : "request");
   if (!wrong.empty()) return wrong;
   switch (s.code()) {
-    case Code::InvalidArgument: case Code::NotFound: case Code::PermissionDenied: case Code::FailedPrecondition: case Code::ResourceExhausted: return {};
+    case Code::InvalidArgument:
+    case Code::NotFound:
+    case Code::PermissionDenied:
+    case Code::FailedPrecondition:
+    case Code::ResourceExhausted: return {};
     default: return "does not blame the request: " + s.toString();
   }
 }
@@ -51,9 +55,11 @@ std::string difference(const RenderResult& a, const RenderResult& b, const char*
   if (a.images.size() != b.images.size()) return place + "another number of pictures";
   for (size_t i = 0; i < a.images.size(); ++i) {
     const auto x = a.images[i].pixels(), y = b.images[i].pixels();
-    if (a.images[i].output != b.images[i].output || x.size() != y.size() || a.images[i].width() != b.images[i].width()) return place + a.images[i].output + " has another shape";
+    if (a.images[i].output != b.images[i].output || x.size() != y.size() || a.images[i].width() != b.images[i].width())
+      return place + a.images[i].output + " has another shape";
     for (size_t k = 0; k < x.size(); ++k)
-      if (std::memcmp(&x[k], &y[k], sizeof(float)) != 0) return place + a.images[i].output + "[" + std::to_string(k) + "] " + std::to_string(x[k]) + " became " + std::to_string(y[k]);
+      if (std::memcmp(&x[k], &y[k], sizeof(float)) != 0)
+        return place + a.images[i].output + "[" + std::to_string(k) + "] " + std::to_string(x[k]) + " became " + std::to_string(y[k]);
   }
   return a.reply.request_hash() == b.reply.request_hash() ? "" : place + "another request hash";
 }
@@ -84,8 +90,12 @@ Outcome render(uint8_t how, const v1::RenderRequest& request) {
   out.accepted = true;
   for (const RenderedImage& image : first->images)
     for (const float v : image.pixels())
-      if (!std::isfinite(v)) { out.broken = image.output + " is not finite"; return out; }
-  for (const v1::NodeReport& node : first->reply.plan()) out.said += v1::NodeReport::State_Name(node.state()) + " " + node.node().substr(0, node.node().find(':')) + "\n";
+      if (!std::isfinite(v)) {
+        out.broken = image.output + " is not finite";
+        return out;
+      }
+  for (const v1::NodeReport& node : first->reply.plan())
+    out.said += v1::NodeReport::State_Name(node.state()) + " " + node.node().substr(0, node.node().find(':')) + "\n";
   // As resolved: that is what a time or an error had ended, with the samples that it got.
   const auto again = [&](Engine& other, const char* what) {
     Result<RenderResult> second = other.render(first->reply.resolved(), control);
@@ -113,8 +123,9 @@ v1::RenderRequest renderedRequest(Bytes bytes) {
   const size_t edits = std::min((bytes.size() - 2) / kEditBytes, size_t(bytes[1]) % (rendered_request::kMostEdits + 1)) * kEditBytes;
   const Bytes wire = bytes.subspan(2 + edits);
   if (!request.ParseFromArray(wire.data(), int(wire.size()))) request.Clear();
-  editMessage(request, bytes.subspan(2, edits), [&](const google::protobuf::FieldDescriptor& field, uint32_t value) { return requestText(field.name(), value, scene); });
-  request.clear_scene();   // it is given
+  editMessage(request, bytes.subspan(2, edits),
+              [&](const google::protobuf::FieldDescriptor& field, uint32_t value) { return requestText(field.name(), value, scene); });
+  request.clear_scene();  // it is given
   makeTiny(request);
   return request;
 }

@@ -35,13 +35,17 @@ void collect(const Message& m, const std::string& name, std::set<std::string>& o
   r.ListFields(m, &fields);
   for (const FieldDescriptor* f : fields) {
     if (f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-      for (int k = 0; k < (f->is_repeated() ? r.FieldSize(m, f) : 1); ++k) collect(f->is_repeated() ? r.GetRepeatedMessage(m, f, k) : r.GetMessage(m, f), name, out);
+      for (int k = 0; k < (f->is_repeated() ? r.FieldSize(m, f) : 1); ++k)
+        collect(f->is_repeated() ? r.GetRepeatedMessage(m, f, k) : r.GetMessage(m, f), name, out);
     } else if (f->name() == name && f->cpp_type() == FieldDescriptor::CPPTYPE_STRING && !f->is_repeated()) out.insert(r.GetString(m, f));
   }
 }
 
 /// The last reply of a render's stream with the bytes of its pictures; null where there is none.
-struct Picture { const v1::RenderReply* reply = nullptr; std::vector<std::string> files; };
+struct Picture {
+  const v1::RenderReply* reply = nullptr;
+  std::vector<std::string> files;
+};
 Picture pictureOf(const CallAnswer& answer) {
   Picture out;
   for (const MessagePtr& m : answer.replies) {
@@ -81,7 +85,8 @@ class Play {
     for (const ScriptedCall& c : calls) clients.insert(c.client);
     for (const std::string& client : clients)
       threads.emplace_back([&, client] {
-        for (const ScriptedCall& c : calls) if (c.client == client) act(c, false);
+        for (const ScriptedCall& c : calls)
+          if (c.client == client) act(c, false);
       });
     for (std::thread& t : threads) t.join();
   }
@@ -96,14 +101,15 @@ class Play {
     const CallAnswer answer = callMethod(daemon_.channel(), *c.method, requests, options);
     const std::string broken = wrong(c, requests, answer, endless);
     const std::lock_guard lock(mutex_);
-    std::string kind = c.method->service()->name() + "." + c.method->name() + " " + std::to_string(int(answer.status.error_code())) + (answer.cancelled ? " given up " : " ") + answer.status.error_message();
+    std::string kind = c.method->service()->name() + "." + c.method->name() + " " + std::to_string(int(answer.status.error_code())) +
+                       (answer.cancelled ? " given up " : " ") + answer.status.error_message();
     std::replace(kind.begin(), kind.end(), '\n', ' ');
     kinds_.insert(std::move(kind));
     out_.accepted = out_.accepted || answer.status.ok();
     const std::string different = broken.empty() && alone && c.compared() && answer.status.ok() ? differs(answer) : "";
     if (out_.broken.empty() && !(broken + different).empty())
-      out_.broken = c.client + " " + c.method->full_name() + ": " + broken + different + "\nanswer " + std::to_string(int(answer.status.error_code())) + " " + answer.status.error_message() +
-                    "\nrequest " + messageToJson(*requests[0], false);
+      out_.broken = c.client + " " + c.method->full_name() + ": " + broken + different + "\nanswer " + std::to_string(int(answer.status.error_code())) + " " +
+                    answer.status.error_message() + "\nrequest " + messageToJson(*requests[0], false);
   }
 
   /// What is wrong with an answer.
@@ -115,13 +121,15 @@ class Play {
     if (!s.ok() && s.error_message().empty()) return "an error that says nothing";
     if (!isUtf8(s.error_message())) return "an error that is not UTF-8";
     if (s.error_code() == grpc::UNAVAILABLE && !daemon_.server().core().draining()) return "unavailable, though it does not drain";
-    if (c.client == kStranger) return s.error_code() == grpc::UNAUTHENTICATED || answer.cancelled || s.error_code() == grpc::UNAVAILABLE ? "" : "a stranger is let in";
+    if (c.client == kStranger)
+      return s.error_code() == grpc::UNAUTHENTICATED || answer.cancelled || s.error_code() == grpc::UNAVAILABLE ? "" : "a stranger is let in";
     if (s.error_code() == grpc::UNAUTHENTICATED) return "a token is not known";
     const Picture picture = pictureOf(answer);
     if (s.ok() && picture.reply)
       for (size_t i = 0; i < picture.files.size(); ++i) {
         const v1::ImageDescriptor& d = picture.reply->images(int(i));
-        if (d.bytes() != picture.files[i].size() || d.digest() != hashBytes(picture.files[i].data(), picture.files[i].size()).hex()) return "the bytes of " + d.output() + " are not those of its digest";
+        if (d.bytes() != picture.files[i].size() || d.digest() != hashBytes(picture.files[i].data(), picture.files[i].size()).hex())
+          return "the bytes of " + d.output() + " are not those of its digest";
       }
     std::set<std::string> renders, sent;
     for (const MessagePtr& m : answer.replies) collect(*m, "render_id", renders);
@@ -134,7 +142,10 @@ class Play {
   std::string told(const ScriptedCall& c, const std::vector<MessagePtr>& requests, const CallAnswer& answer, const std::set<std::string>& own) {
     std::string asked, text = answer.status.error_message();
     std::set<std::string> used;
-    for (const MessagePtr& m : requests) { asked += m->SerializeAsString(); collect(*m, "render_id", used); }
+    for (const MessagePtr& m : requests) {
+      asked += m->SerializeAsString();
+      collect(*m, "render_id", used);
+    }
     for (const MessagePtr& m : answer.replies) text += m->SerializeAsString();
     for (const std::string& id : used) {
       const std::string owner = learned_.ownerOf(id);
@@ -157,7 +168,8 @@ class Play {
       const bool shared = std::any_of(info->share().begin(), info->share().end(), [&](const std::string& s) { return s == "*" || s == client; });
       if (!info->owner().empty() && info->owner() != client && !shared) return "scene \"" + info->id() + "\" of " + info->owner() + " is shown";
     }
-    if (const auto* const job = dynamic_cast<const v1::Job*>(&m); job && job->has_spec() && job->spec().client() != client) return "job " + job->id() + " of " + job->spec().client() + " is shown";
+    if (const auto* const job = dynamic_cast<const v1::Job*>(&m); job && job->has_spec() && job->spec().client() != client)
+      return "job " + job->id() + " of " + job->spec().client() + " is shown";
     std::vector<const FieldDescriptor*> fields;
     const auto& r = *m.GetReflection();
     r.ListFields(m, &fields);
@@ -174,7 +186,7 @@ class Play {
     if (!picture.reply) return {};
     const v1::RenderRequest& resolved = picture.reply->resolved();
     const auto scene = daemon_.server().core().engine.scene(resolved.scene());
-    if (!scene.ok() || (*scene)->hash().hex() != resolved.scene_hash()) return {};   // a job may have taken it meanwhile
+    if (!scene.ok() || (*scene)->hash().hex() != resolved.scene_hash()) return {};  // a job may have taken it meanwhile
     EngineOptions o;
     o.threads = 1;
     o.storeBytes = 64 << 20;
@@ -188,7 +200,8 @@ class Play {
     if (!files.ok()) return "of a fresh engine it cannot be encoded: " + files.status().toString();
     if (files->size() != picture.files.size()) return "a fresh engine gives another number of pictures";
     for (size_t i = 0; i < files->size(); ++i)
-      if ((*files)[i].descriptor.digest() != picture.reply->images(int(i)).digest()) return "a fresh engine gives another picture: " + (*files)[i].descriptor.output();
+      if ((*files)[i].descriptor.digest() != picture.reply->images(int(i)).digest())
+        return "a fresh engine gives another picture: " + (*files)[i].descriptor.output();
     return {};
   }
 
@@ -203,14 +216,19 @@ class Play {
     if (answer.status.ok() && answer.replies.size() == 1) reply = dynamic_cast<const Reply&>(*answer.replies[0]);
     return answer.status;
   }
-  static const MethodDescriptor& method(const std::string& name) { return *google::protobuf::DescriptorPool::generated_pool()->FindMethodByName("gobo.v1." + name); }
+  static const MethodDescriptor& method(const std::string& name) {
+    return *google::protobuf::DescriptorPool::generated_pool()->FindMethodByName("gobo.v1." + name);
+  }
 
   /// Everything goes, and the books are balanced.
   void settle() {
     if (daemon_.server().core().draining()) return;
     v1::ListScenesReply scenes;
     v1::ListJobsReply jobs;
-    const auto failed = [&](const char* what, const grpc::Status& s) { if (!s.ok() && out_.broken.empty()) out_.broken = std::string("at the end, ") + what + ": " + s.error_message(); return !s.ok(); };
+    const auto failed = [&](const char* what, const grpc::Status& s) {
+      if (!s.ok() && out_.broken.empty()) out_.broken = std::string("at the end, ") + what + ": " + s.error_message();
+      return !s.ok();
+    };
     if (failed("listing jobs", asRoot(method("Jobs.List"), v1::ListJobsRequest(), jobs))) return;
     for (const v1::Job& job : jobs.jobs()) {
       v1::CancelJobRequest cancel;
@@ -219,7 +237,9 @@ class Play {
       remove.set_id(job.id());
       v1::Job cancelled;
       v1::DeleteJobReply removed;
-      if (failed("cancelling a job", asRoot(method("Jobs.Cancel"), cancel, cancelled)) || failed("deleting a job", asRoot(method("Jobs.Delete"), remove, removed))) return;
+      if (failed("cancelling a job", asRoot(method("Jobs.Cancel"), cancel, cancelled)) ||
+          failed("deleting a job", asRoot(method("Jobs.Delete"), remove, removed)))
+        return;
     }
     if (failed("listing scenes", asRoot(method("Scenes.List"), v1::ListScenesRequest(), scenes))) return;
     for (const v1::SceneInfo& scene : scenes.scenes()) {
@@ -236,7 +256,9 @@ class Play {
       drop.set_disk(true);
       v1::DropCachesReply dropped;
       v1::StatusReply status;
-      if (failed("dropping caches", asRoot(method("Admin.DropCaches"), drop, dropped)) || failed("status", asRoot(method("Admin.GetStatus"), v1::StatusRequest(), status))) return;
+      if (failed("dropping caches", asRoot(method("Admin.DropCaches"), drop, dropped)) ||
+          failed("status", asRoot(method("Admin.GetStatus"), v1::StatusRequest(), status)))
+        return;
       held = heldBy(status);
       if (held.empty()) return;
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
@@ -249,14 +271,15 @@ class Play {
       const bool cache = h.name() == "posed scenes" || h.name() == "environments" || h.name() == "ray tracing" || h.name() == "remembered requests";
       if (h.bytes() > (cache ? h.limit() : 0)) return h.name() + " hold " + std::to_string(h.bytes()) + " bytes";
     }
-    if (s.running() + s.queued() + s.loads() > 0) return std::to_string(s.running()) + " run, " + std::to_string(s.queued()) + " wait, " + std::to_string(s.loads()) + " load";
+    if (s.running() + s.queued() + s.loads() > 0)
+      return std::to_string(s.running()) + " run, " + std::to_string(s.queued()) + " wait, " + std::to_string(s.loads()) + " load";
     return s.scenes() ? std::to_string(s.scenes()) + " scenes are loaded" : "";
   }
 
   SmallDaemon daemon_;
   LearnedIds learned_;
   std::mutex mutex_;
-  Outcome out_;                    // under mutex_, as is
+  Outcome out_;  // under mutex_, as is
   std::set<std::string> kinds_;
 };
 
@@ -266,8 +289,9 @@ class Play {
 namespace gobo::fuzz {
 
 std::span<const grpc::StatusCode> documentedCodes() {
-  static constexpr grpc::StatusCode codes[] = {grpc::OK, grpc::INVALID_ARGUMENT, grpc::OUT_OF_RANGE, grpc::UNAUTHENTICATED, grpc::PERMISSION_DENIED, grpc::FAILED_PRECONDITION, grpc::NOT_FOUND,
-                                               grpc::ALREADY_EXISTS, grpc::UNAVAILABLE, grpc::CANCELLED, grpc::DEADLINE_EXCEEDED, grpc::RESOURCE_EXHAUSTED};
+  static constexpr grpc::StatusCode codes[] = {
+      grpc::OK,        grpc::INVALID_ARGUMENT, grpc::OUT_OF_RANGE, grpc::UNAUTHENTICATED, grpc::PERMISSION_DENIED, grpc::FAILED_PRECONDITION,
+      grpc::NOT_FOUND, grpc::ALREADY_EXISTS,   grpc::UNAVAILABLE,  grpc::CANCELLED,       grpc::DEADLINE_EXCEEDED, grpc::RESOURCE_EXHAUSTED};
   return codes;
 }
 

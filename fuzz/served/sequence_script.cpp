@@ -22,7 +22,8 @@ std::string pick(std::initializer_list<std::string> from, uint32_t value) { retu
 std::string sceneId(const std::string& client, uint32_t value) {
   const std::string other = kClients[(value / 8) % std::size(kClients)];
   switch (value % 8) {
-    case 0: case 1: return "cornell";
+    case 0:
+    case 1: return "cornell";
     case 2: return privatePrefix(client) + "0";
     case 3: return "open-" + client;
     case 4: return "shot";
@@ -38,14 +39,25 @@ std::string text(const ScriptedCall& call, const FieldDescriptor& field, uint32_
   const bool ofRequest = field.file() == v1::RenderRequest::descriptor()->file() || field.file() == v1::ShadowTechnique::descriptor()->file();
   if (name == "scene") return sceneId(call.client, value);
   if (name == "render_id") return learned.any(value);
-  if (name == "mask") return pick({"lights", "environment", "tone_map.exposure", "shadows", "halt", "camera", "outputs", "encoding", "width", "scene", "integrator.max_bounces", "lights.light.color", "nothing"}, value);
+  if (name == "mask")
+    return pick({"lights", "environment", "tone_map.exposure", "shadows", "halt", "camera", "outputs", "encoding", "width", "scene", "integrator.max_bounces",
+                 "lights.light.color", "nothing"},
+                value);
   if (name == "client") return value % 4 ? call.client : pick({"", kClients[0], kClients[1]}, value / 4);
   if (ofRequest) return requestText(name, value, nullptr);
-  if (name == "source") return pick({root + "/tri.glb", "cornell", root + "/rich.gltf", root + "/tri.glb", root + "/tri.glb", "fence", root + "/none.glb", "/etc/hostname"}, value);
-  if (name == "name") return pick({privatePrefix(call.client) + "0", "open-" + call.client, privatePrefix(call.client) + "0", "open-" + call.client, "shot", "cornell", "", "a/b"}, value);
+  if (name == "source")
+    return pick({root + "/tri.glb", "cornell", root + "/rich.gltf", root + "/tri.glb", root + "/tri.glb", "fence", root + "/none.glb", "/etc/hostname"}, value);
+  if (name == "name")
+    return pick(
+        {privatePrefix(call.client) + "0", "open-" + call.client, privatePrefix(call.client) + "0", "open-" + call.client, "shot", "cornell", "", "a/b"},
+        value);
   if (name == "share") return pick({"*", kClients[0], kClients[1], "nobody"}, value);
   if (name == "extension") return pick({".glb", ".glb", ".glb", ".gltf", ".exe"}, value);
-  if (name == "data") { std::string glb = value % 8 == 6 ? richGltf() : triangleGlb(); if (value % 8 == 7) glb[value / 8 % glb.size()] ^= char(1 << value % 7); return glb; }
+  if (name == "data") {
+    std::string glb = value % 8 == 6 ? richGltf() : triangleGlb();
+    if (value % 8 == 7) glb[value / 8 % glb.size()] ^= char(1 << value % 7);
+    return glb;
+  }
   if (name == "sha256" || name == "page_token" || name == "key") return value % 8 < 5 ? "" : pick({"k", "j-2", std::string(64, '0')}, value);
   if (name == "id") return "j-" + std::to_string(value % 8 < 6 ? 1 : 2 + value / 8 % 3);
   if (name == "materials") return pick({"glow", "white", "plain", "none"}, value);
@@ -59,9 +71,10 @@ void begin(Message& m, const Texts& texts, uint32_t value) {
   const auto& r = *m.GetReflection();
   for (int i = 0; i < m.GetDescriptor()->field_count(); ++i) {
     const FieldDescriptor& f = *m.GetDescriptor()->field(i);
-    if (f.is_repeated() || f.containing_oneof()) continue;   // an optional field is in a oneof of its own
+    if (f.is_repeated() || f.containing_oneof()) continue;  // an optional field is in a oneof of its own
     if (f.cpp_type() == FieldDescriptor::CPPTYPE_STRING) r.SetString(&m, &f, texts(f, value));
-    else if (f.message_type() == v1::RenderRequest::descriptor() && m.GetDescriptor() == v1::JobSpec::descriptor()) begin(*r.MutableMessage(&m, &f), texts, value);
+    else if (f.message_type() == v1::RenderRequest::descriptor() && m.GetDescriptor() == v1::JobSpec::descriptor())
+      begin(*r.MutableMessage(&m, &f), texts, value);
   }
 }
 
@@ -115,13 +128,15 @@ std::string LearnedIds::any(uint32_t value) const {
 }
 std::string LearnedIds::ownerOf(const std::string& renderId) const {
   const std::lock_guard lock(mutex_);
-  for (const auto& [client, id] : ids_) if (id == renderId) return client;
+  for (const auto& [client, id] : ids_)
+    if (id == renderId) return client;
   return {};
 }
 std::vector<std::string> LearnedIds::othersThan(const std::string& client) const {
   const std::lock_guard lock(mutex_);
   std::vector<std::string> out;
-  for (const auto& [owner, id] : ids_) if (owner != client) out.push_back(id);
+  for (const auto& [owner, id] : ids_)
+    if (owner != client) out.push_back(id);
   return out;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The calls that bytes stand for, and the texts in their requests: ids that are the caller's, another's, everybody's or nobody's. Pure but for what has been learned.
+// The calls that bytes stand for, and the texts in their requests: ids that are the caller's, another's, everybody's or nobody's. Pure but for what has been
+// learned.
 #pragma once
 
 #include <mutex>
@@ -14,7 +15,7 @@ namespace gobo::fuzz {
 struct ScriptedCall {
   std::string client;
   const google::protobuf::MethodDescriptor* method = nullptr;
-  bool beside = false;           ///< at the same time as those before it
+  bool beside = false;  ///< at the same time as those before it
   uint8_t how = 0;
   Bytes edits;
 

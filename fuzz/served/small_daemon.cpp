@@ -30,7 +30,7 @@ SmallDaemon::SmallDaemon() {
   c.jobsFolder = folder_ + "/jobs";
   c.logLevel = "off";
   c.threads = 2;
-  c.ingestSandbox = false;   // readers have targets of their own
+  c.ingestSandbox = false;  // readers have targets of their own
   c.storeBytes = 8 << 20;
   c.sceneBytes = 16 << 20;
   c.environmentBytes = 16 << 20;
@@ -46,7 +46,7 @@ SmallDaemon::SmallDaemon() {
     const std::string token = tokenOf(client);
     t.sha256 = sha256Hex(token.data(), token.size());
     t.roots = c.roots;
-    t.maxPixels = 1024;   // what a relight clears has its default, which is no tiny picture's
+    t.maxPixels = 1024;  // what a relight clears has its default, which is no tiny picture's
     t.maxSpp = 64;
     t.admin = client == *std::rbegin(kClients);
     c.tokens.push_back(t);

@@ -10,8 +10,8 @@
 
 namespace gobo::fuzz {
 
-constexpr const char* kClients[] = {"alice", "bob", "root"};   ///< the last one with the admin right
-constexpr const char* kStranger = "mallory";                   ///< shows a token that nobody has
+constexpr const char* kClients[] = {"alice", "bob", "root"};  ///< the last one with the admin right
+constexpr const char* kStranger = "mallory";                  ///< shows a token that nobody has
 
 class SmallDaemon {
  public:
@@ -22,7 +22,7 @@ class SmallDaemon {
 
   Server& server() { return *server_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
-  const std::string& root() const { return root_; }   ///< of its files: tri.glb, rich.gltf
+  const std::string& root() const { return root_; }  ///< of its files: tri.glb, rich.gltf
   static std::string tokenOf(const std::string& client) { return "secret-of-" + client; }
 
  private:

@@ -14,21 +14,21 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-constexpr uint32_t kMost = 64;             // of whatever is counted
-constexpr uint32_t kPixelSamples = 2048;   // samples of the whole picture
+constexpr uint32_t kMost = 64;            // of whatever is counted
+constexpr uint32_t kPixelSamples = 2048;  // samples of the whole picture
 /// Counts of which 64 would cost too much, or too little to be worth it.
-const std::map<std::string, uint32_t> kMostOf{{"width", 16}, {"height", 16}, {"view_samples", 4}, {"resolution", 32}, {"samples", 16}, {"max_samples", 32},
-                                              {"caustic_photons", 256}, {"extract_lights", 4}, {"area_lights", 4}};
+const std::map<std::string, uint32_t> kMostOf{{"width", 16},       {"height", 16},           {"view_samples", 4},   {"resolution", 32}, {"samples", 16},
+                                              {"max_samples", 32}, {"caustic_photons", 256}, {"extract_lights", 4}, {"area_lights", 4}};
 
 void tame(v1::ShadowTechnique& shadow) {
-  shadow.mutable_map();   // its default size is too large
+  shadow.mutable_map();  // its default size is too large
   if (shadow.has_auto_()) shadow.mutable_auto_()->clear_time_ms();
   if (shadow.has_exponential()) shadow.mutable_exponential()->clear_device();
 }
 
 void begin(v1::RenderRequest& request) {
   v1::Halt& halt = *request.mutable_halt();
-  if (halt.has_error()) request.mutable_certificate();   // what it is measured by
+  if (halt.has_error()) request.mutable_certificate();  // what it is measured by
   if (!halt.has_spp()) halt.set_spp(4);
 }
 
@@ -90,11 +90,12 @@ std::string requestText(const std::string& field, uint32_t value, const Scene* s
   if (scene) {
     for (const Light& l : scene->lights) lights.push_back(l.name);
     for (const Camera& c : scene->cameras) cameras.push_back(c.name);
-    if (scene->rig) for (const RigAnimation& a : scene->rig->animations) animations.push_back(a.name);
+    if (scene->rig)
+      for (const RigAnimation& a : scene->rig->animations) animations.push_back(a.name);
   }
   if (lights.empty()) lights = {"light", "lamp"};
   const uint32_t more = value / 8;
-  if (value % 8 == 7) return pick({"", "*", "none", "\x01", "a.b", "beauty", "x:y", std::string(300, 'n')}, more);   // meaningful nowhere, or elsewhere
+  if (value % 8 == 7) return pick({"", "*", "none", "\x01", "a.b", "beauty", "x:y", std::string(300, 'n')}, more);  // meaningful nowhere, or elsewhere
   if (field == "outputs") {
     const auto table = outputTable();
     const OutputInfo& info = table[more % table.size()];

@@ -43,32 +43,52 @@ class Array {
   T* begin() { return own().data(); }
   T* end() { return own().data() + size_; }
   T& back() { return own()[size_ - 1]; }
-  void push_back(const T& v) { change([&](std::vector<T>& o) { o.push_back(v); }); }
-  void pop_back() { change([](std::vector<T>& o) { o.pop_back(); }); }
-  void reserve(size_t n) { own().reserve(n); see(); }
-  void resize(size_t n, const T& v = T()) { change([&](std::vector<T>& o) { o.resize(n, v); }); }
+  void push_back(const T& v) {
+    change([&](std::vector<T>& o) { o.push_back(v); });
+  }
+  void pop_back() {
+    change([](std::vector<T>& o) { o.pop_back(); });
+  }
+  void reserve(size_t n) {
+    own().reserve(n);
+    see();
+  }
+  void resize(size_t n, const T& v = T()) {
+    change([&](std::vector<T>& o) { o.resize(n, v); });
+  }
   void assign(size_t n, const T& v) { adopt(std::vector<T>(n, v)); }
   template <typename I>
-    requires(!std::is_integral_v<I>)
-  void assign(I first, I last) { adopt(std::vector<T>(first, last)); }
+  requires(!std::is_integral_v<I>) void assign(I first, I last) { adopt(std::vector<T>(first, last)); }
   void clear() { *this = Array(); }
   template <typename I>
-  void insert(const T* at, I first, I last) { insertAt(size_t(at - data_), std::vector<T>(first, last)); }
+  void insert(const T* at, I first, I last) {
+    insertAt(size_t(at - data_), std::vector<T>(first, last));
+  }
   void insert(const T* at, std::initializer_list<T> values) { insertAt(size_t(at - data_), std::vector<T>(values)); }
 
  private:
-  void adopt(std::vector<T> values) { own_ = std::make_shared<std::vector<T>>(std::move(values)); keep_.reset(); see(); }
-  void see() { data_ = own_->data(); size_ = own_->size(); }
+  void adopt(std::vector<T> values) {
+    own_ = std::make_shared<std::vector<T>>(std::move(values));
+    keep_.reset();
+    see();
+  }
+  void see() {
+    data_ = own_->data();
+    size_ = own_->size();
+  }
   std::vector<T>& own() {
     if (!own_ || own_.use_count() > 1) adopt(std::vector<T>(data_, data_ + size_));
     return *own_;
   }
   template <typename F>
-  void change(F&& f) { f(own()); see(); }
+  void change(F&& f) {
+    f(own());
+    see();
+  }
   void insertAt(size_t at, const std::vector<T>& values) {
     change([&](std::vector<T>& o) { o.insert(o.begin() + std::ptrdiff_t(at), values.begin(), values.end()); });
   }
-  std::shared_ptr<std::vector<T>> own_;      // null: foreign or empty
+  std::shared_ptr<std::vector<T>> own_;  // null: foreign or empty
   std::shared_ptr<const void> keep_;
   const T* data_ = nullptr;
   size_t size_ = 0;

@@ -14,13 +14,18 @@ class Descriptor {
   ~Descriptor() { close(); }
   Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
   Descriptor& operator=(Descriptor&& other) noexcept {
-    if (this != &other) { close(); fd_ = std::exchange(other.fd_, -1); }
+    if (this != &other) {
+      close();
+      fd_ = std::exchange(other.fd_, -1);
+    }
     return *this;
   }
   int get() const { return fd_; }
-  int release() { return std::exchange(fd_, -1); }   ///< the caller's from now on
+  int release() { return std::exchange(fd_, -1); }  ///< the caller's from now on
   explicit operator bool() const { return fd_ >= 0; }
-  void close() { if (fd_ >= 0) ::close(std::exchange(fd_, -1)); }
+  void close() {
+    if (fd_ >= 0) ::close(std::exchange(fd_, -1));
+  }
 
  private:
   int fd_;

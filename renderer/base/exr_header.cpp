@@ -12,9 +12,9 @@ namespace {
 /// Types that OpenEXR reads without looking at the size; 0 for lists and texts, which are measured below.
 const std::map<std::string_view, uint32_t>& sizesOfTypes() {
   static const std::map<std::string_view, uint32_t> sizes{
-      {"int", 4}, {"float", 4}, {"double", 8}, {"box2i", 16}, {"box2f", 16}, {"v2i", 8}, {"v2f", 8}, {"v2d", 16}, {"v3i", 12}, {"v3f", 12}, {"v3d", 24},
-      {"m33f", 36}, {"m33d", 72}, {"m44f", 64}, {"m44d", 128}, {"chromaticities", 32}, {"compression", 1}, {"lineOrder", 1}, {"envmap", 1},
-      {"deepImageState", 1}, {"keycode", 28}, {"rational", 8}, {"timecode", 8}, {"tiledesc", 9}};
+      {"int", 4},         {"float", 4},     {"double", 8}, {"box2i", 16},         {"box2f", 16},   {"v2i", 8},      {"v2f", 8},      {"v2d", 16},
+      {"v3i", 12},        {"v3f", 12},      {"v3d", 24},   {"m33f", 36},          {"m33d", 72},    {"m44f", 64},    {"m44d", 128},   {"chromaticities", 32},
+      {"compression", 1}, {"lineOrder", 1}, {"envmap", 1}, {"deepImageState", 1}, {"keycode", 28}, {"rational", 8}, {"timecode", 8}, {"tiledesc", 9}};
   return sizes;
 }
 
@@ -40,7 +40,9 @@ class Walk {
       if (empty && (many || parts > 0)) return {};
       tables += chunks(part, many || tiled) * 8;
       if (tables > size_)
-        return invalidArgument("EXR of " + std::to_string(part.width) + " x " + std::to_string(part.height) + " has a chunk table of " + std::to_string(tables) + " bytes, which the file cannot hold", name_);
+        return invalidArgument("EXR of " + std::to_string(part.width) + " x " + std::to_string(part.height) + " has a chunk table of " +
+                                   std::to_string(tables) + " bytes, which the file cannot hold",
+                               name_);
       if (!many) return {};
     }
   }
@@ -57,7 +59,11 @@ class Walk {
     return true;
   }
   template <typename T>
-  T number(size_t at) const { T v; std::memcpy(&v, bytes_ + at, sizeof v); return v; }
+  T number(size_t at) const {
+    T v;
+    std::memcpy(&v, bytes_ + at, sizeof v);
+    return v;
+  }
 
   /// Attributes up to the header's end. `empty`: there was none.
   Status header(PartHeader& part, bool& empty) {
@@ -69,7 +75,9 @@ class Walk {
       const uint32_t bytes = number<uint32_t>(at_);
       at_ += 4;
       const auto wrong = [&](const std::string& why) {
-        return invalidArgument("EXR attribute \"" + std::string(name.substr(0, 60)) + "\" (" + std::string(type.substr(0, 60)) + ") of " + std::to_string(bytes) + " bytes at byte " + std::to_string(at_) + " " + why, name_);
+        return invalidArgument("EXR attribute \"" + std::string(name.substr(0, 60)) + "\" (" + std::string(type.substr(0, 60)) + ") of " +
+                                   std::to_string(bytes) + " bytes at byte " + std::to_string(at_) + " " + why,
+                               name_);
       };
       if (bytes > size_ - at_) return wrong("does not fit the file");
       const auto fixed = sizesOfTypes().find(type);
@@ -84,7 +92,9 @@ class Walk {
   bool whole(std::string_view type, uint32_t bytes) const {
     const size_t end = at_ + bytes;
     if (type == "floatvector") return bytes % 4 == 0;
-    if (type == "preview") return bytes >= 8 && number<uint32_t>(at_) <= bytes && number<uint32_t>(at_ + 4) <= bytes && bytes == 8 + uint64_t(number<uint32_t>(at_)) * number<uint32_t>(at_ + 4) * 4;
+    if (type == "preview")
+      return bytes >= 8 && number<uint32_t>(at_) <= bytes && number<uint32_t>(at_ + 4) <= bytes &&
+             bytes == 8 + uint64_t(number<uint32_t>(at_)) * number<uint32_t>(at_ + 4) * 4;
     if (type == "idmanifest") return bytes >= 4;
     if (type == "stringvector") {
       size_t at = at_;
@@ -139,7 +149,7 @@ Status checkExrHeaders(const uint8_t* bytes, size_t size, const std::string& nam
 uint64_t mostExrBuffer(uint64_t fileBytes) { return std::max<uint64_t>(64 << 20, fileBytes * 1024); }
 
 int exrLinesPerChunk(int compression) {
-  constexpr int lines[] = {1, 1, 1, 16, 32, 16, 32, 32, 32, 256};   // none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB
+  constexpr int lines[] = {1, 1, 1, 16, 32, 16, 32, 32, 32, 256};  // none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB
   return compression >= 0 && compression < int(std::size(lines)) ? lines[compression] : 0;
 }
 

@@ -16,13 +16,18 @@ namespace {
 
 Code codeOf(int error) {
   switch (error) {
-    case ENOENT: case ENOTDIR: return Code::NotFound;
-    case EACCES: case EPERM: case EROFS: return Code::PermissionDenied;
-    case ENOSPC: case EDQUOT: case EMFILE: case ENFILE: return Code::ResourceExhausted;
+    case ENOENT:
+    case ENOTDIR: return Code::NotFound;
+    case EACCES:
+    case EPERM:
+    case EROFS: return Code::PermissionDenied;
+    case ENOSPC:
+    case EDQUOT:
+    case EMFILE:
+    case ENFILE: return Code::ResourceExhausted;
     default: return Code::Unavailable;
   }
 }
-
 
 }  // namespace
 
@@ -49,7 +54,7 @@ Status writeFileAtomic(const std::string& path, const void* data, size_t size) {
 }
 
 Result<int> regularOrClose(int fd, const std::string& name) {
-  struct stat info{};
+  struct stat info {};
   if (::fstat(fd, &info) == 0 && S_ISREG(info.st_mode)) return fd;
   ::close(fd);
   return invalidArgument("not a regular file", name);
@@ -63,23 +68,29 @@ Result<int> openRegular(const std::string& path) {
 }
 
 Result<std::vector<uint8_t>> readAndClose(int fd, const std::string& name, uint64_t maxBytes, const StopToken& stop) {
-  struct stat info{};
+  struct stat info {};
   Status status;
   std::vector<uint8_t> bytes;
   if (::fstat(fd, &info) != 0) status = ioError("cannot stat file", name);
   else if (uint64_t(info.st_size) > maxBytes)
     status = Status(Code::ResourceExhausted, "file of " + std::to_string(info.st_size) + " bytes is above the limit of " + std::to_string(maxBytes), name);
   if (status.ok()) {
-    constexpr size_t piece = size_t(4) << 20;   // between two polls; memory is cleared piece by piece too
+    constexpr size_t piece = size_t(4) << 20;  // between two polls; memory is cleared piece by piece too
     const size_t size = size_t(info.st_size);
     bytes.reserve(size);
     size_t done = 0;
     while (done < size) {
-      if (stop.stopRequested()) { status = Status(Code::Cancelled, "the reading was cancelled", name); break; }
+      if (stop.stopRequested()) {
+        status = Status(Code::Cancelled, "the reading was cancelled", name);
+        break;
+      }
       bytes.resize(std::min(size, done + piece));
       const ssize_t n = ::read(fd, bytes.data() + done, bytes.size() - done);
       if (n < 0 && errno == EINTR) continue;
-      if (n < 0) { status = ioError("cannot read file", name); break; }
+      if (n < 0) {
+        status = ioError("cannot read file", name);
+        break;
+      }
       if (n == 0) break;  // shortened while being read
       done += size_t(n);
     }

@@ -24,7 +24,7 @@ struct FileStamp {
   }
   /// Zero (inode 0) when the file cannot be examined.
   static FileStamp of(const std::string& path) {
-    struct stat s{};
+    struct stat s {};
     return ::stat(path.c_str(), &s) == 0 ? of(s) : FileStamp{};
   }
   /// The last change lies at least two seconds back.
@@ -35,7 +35,8 @@ struct FileStamp {
     return inode != 0 && modifiedNs < limit && changedNs < limit;
   }
   std::string text() const {
-    return std::to_string(device) + ":" + std::to_string(inode) + ":" + std::to_string(size) + ":" + std::to_string(modifiedNs) + ":" + std::to_string(changedNs);
+    return std::to_string(device) + ":" + std::to_string(inode) + ":" + std::to_string(size) + ":" + std::to_string(modifiedNs) + ":" +
+           std::to_string(changedNs);
   }
 };
 

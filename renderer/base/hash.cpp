@@ -44,13 +44,19 @@ void Hasher::fold(const void* data, size_t bytes) {
 Hasher& Hasher::raw(const void* data, size_t bytes) {
   // Small pieces gather in a buffer; the split into folds depends only on the sequence of sizes, so it is reproducible.
   if (bytes >= 4096) {
-    if (!small_.empty()) { fold(small_.data(), small_.size()); small_.clear(); }
+    if (!small_.empty()) {
+      fold(small_.data(), small_.size());
+      small_.clear();
+    }
     fold(data, bytes);
     return *this;
   }
   const auto* p = static_cast<const uint8_t*>(data);
   small_.insert(small_.end(), p, p + bytes);
-  if (small_.size() >= 4096) { fold(small_.data(), small_.size()); small_.clear(); }
+  if (small_.size() >= 4096) {
+    fold(small_.data(), small_.size());
+    small_.clear();
+  }
   return *this;
 }
 

@@ -19,7 +19,7 @@ struct ImageCodec {
   using SizeCheck = Status (*)(int64_t width, int64_t height, int64_t channels, size_t fileBytes, const ReadLimits& limits);
   /// `format` as an extension. Errors: InvalidArgument, Unimplemented, Cancelled, those of `check`; may throw what the library throws.
   Result<Image> (*decode)(const uint8_t* bytes, size_t size, const std::string& format, const std::string& name, const ReadLimits& limits, SizeCheck check);
-  void (*useOneThread)();                    ///< from now on, of the whole process
+  void (*useOneThread)();  ///< from now on, of the whole process
 };
 
 /// Loads it at the first call. Internal when it cannot be loaded: why.

@@ -20,7 +20,7 @@
 namespace gobo {
 namespace {
 
-constexpr int kRowsBetweenPolls = 64;   // of a stop token
+constexpr int kRowsBetweenPolls = 64;  // of a stop token
 
 class MemoryReader final : public Imf::IStream {
  public:
@@ -77,7 +77,9 @@ Result<Image> readSubsampled(const uint8_t* bytes, size_t size, int width, int h
 
 namespace {
 
-struct Selected { std::string channel, shown; };   // name in the file, and in the image
+struct Selected {
+  std::string channel, shown;
+};  // name in the file, and in the image
 
 bool hasName(const Imf::Header& header, const std::string& name) { return header.hasName() && header.name() == name; }
 std::string layerOf(const std::string& channel) {
@@ -86,8 +88,8 @@ std::string layerOf(const std::string& channel) {
 }
 
 /// The wanted channels of one part as a picture.
-Result<Image> readPart(Imf::MultiPartInputFile& file, int part, const std::vector<Selected>& wanted, const uint8_t* bytes, size_t size,
-                       const std::string& name, const ReadLimits& limits) {
+Result<Image> readPart(Imf::MultiPartInputFile& file, int part, const std::vector<Selected>& wanted, const uint8_t* bytes, size_t size, const std::string& name,
+                       const ReadLimits& limits) {
   const Imf::Header& header = file.header(part);
   if (header.hasType() && Imf::isDeepData(header.type())) return invalidArgument("deep EXR images are not read", name);
   const Imath::Box2i window = header.dataWindow();
@@ -108,8 +110,9 @@ Result<Image> readPart(Imf::MultiPartInputFile& file, int part, const std::vecto
   const uint64_t lines = header.hasTileDescription() ? header.tileDescription().ySize : uint64_t(exrLinesPerChunk(header.compression()));
   const uint64_t across = header.hasTileDescription() ? std::max(uint64_t(width), uint64_t(header.tileDescription().xSize)) : uint64_t(width);
   if (pixelBytes * lines * across > mostExrBuffer(size))
-    return invalidArgument("EXR of " + std::to_string(size) + " bytes has chunks of " + std::to_string(across) + " x " + std::to_string(lines) + " pixels, " + std::to_string(pixelBytes) +
-                           " bytes each, which is more than it can hold", name);
+    return invalidArgument("EXR of " + std::to_string(size) + " bytes has chunks of " + std::to_string(across) + " x " + std::to_string(lines) + " pixels, " +
+                               std::to_string(pixelBytes) + " bytes each, which is more than it can hold",
+                           name);
   // OpenEXR forms addresses of the window's origin in a float frame buffer: keep them far from overflow.
   constexpr int far = 1 << 24;
   if (std::abs(int64_t(window.min.x)) > far || std::abs(int64_t(window.min.y)) > far)
@@ -155,9 +158,7 @@ template <typename Body>
 auto guarded(const std::string& name, const Body& body) -> decltype(body()) {
   try {
     return body();
-  } catch (const std::exception& e) {
-    return invalidArgument(std::string("damaged exr image: ") + e.what(), name);
-  }
+  } catch (const std::exception& e) { return invalidArgument(std::string("damaged exr image: ") + e.what(), name); }
 }
 
 }  // namespace
@@ -185,7 +186,7 @@ Result<Image> readExrLayer(const uint8_t* bytes, size_t size, const std::string&
         const bool byPart = own.empty() && p > 0 && hasName(file.header(p), wanted);
         if ((own == wanted && (p == 0 || !own.empty())) || byPart) chosen.push_back({c.channel, own.empty() ? c.channel : c.channel.substr(own.size() + 1)});
       }
-      if (chosen.empty() && p == 0 && wanted.empty()) chosen = channelsOf(file.header(0));   // no nameless layer: everything
+      if (chosen.empty() && p == 0 && wanted.empty()) chosen = channelsOf(file.header(0));  // no nameless layer: everything
       if (!chosen.empty()) return readPart(file, p, chosen, bytes, size, name, limits);
     }
     std::string list;

@@ -103,7 +103,7 @@ Status check(int width, int height, std::span<const ExrLayer> layers) {
 void addAttributes(Imf::Header& header, const ExrOptions& options) {
   for (const auto& [key, value] : options.metadata) header.insert(key, Imf::StringAttribute(value));
   for (const auto& [key, m] : options.matrices) {
-    Imath::M44f rows;   // row vectors: the transpose, which is our columns as they lie
+    Imath::M44f rows;  // row vectors: the transpose, which is our columns as they lie
     for (int i = 0; i < 4; ++i)
       for (int j = 0; j < 4; ++j) rows[i][j] = m[i][j];
     header.insert(key, Imf::M44fAttribute(rows));
@@ -145,9 +145,7 @@ Result<std::vector<uint8_t>> encodeExr(int width, int height, std::span<const Ex
       }
     }
     return out;
-  } catch (const std::exception& e) {
-    return internalError(std::string("cannot encode EXR: ") + e.what());
-  }
+  } catch (const std::exception& e) { return internalError(std::string("cannot encode EXR: ") + e.what()); }
 }
 
 Result<std::vector<uint8_t>> encodeExr(const Image& image, const ExrOptions& options) {

@@ -29,7 +29,8 @@ std::string sniff(const uint8_t* b, size_t n) {
   if (starts(b, n, "BM")) return "bmp";
   if (starts(b, n, "GIF8")) return "gif";
   if (starts(b, n, std::string_view("II*\0", 4)) || starts(b, n, std::string_view("MM\0*", 4)) || starts(b, n, std::string_view("II+\0", 4)) ||
-      starts(b, n, std::string_view("MM\0+", 4))) return "tif";
+      starts(b, n, std::string_view("MM\0+", 4)))
+    return "tif";
   if (starts(b, n, "DDS ")) return "dds";
   if (starts(b, n, "8BPS")) return "psd";
   if (n >= 12 && starts(b, n, "RIFF") && std::memcmp(b + 8, "WEBP", 4) == 0) return "webp";
@@ -75,8 +76,14 @@ Result<std::vector<uint8_t>> plainJpeg(const uint8_t* b, size_t n, const ReadLim
   for (size_t i = 2; i + 4 <= n;) {
     if (b[i] != 0xff) return invalidArgument("JPEG segment marker expected at byte " + std::to_string(i));
     const int marker = b[i + 1];
-    if (marker == 0xff) { ++i; continue; }
-    if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8)) { i += 2; continue; }
+    if (marker == 0xff) {
+      ++i;
+      continue;
+    }
+    if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8)) {
+      i += 2;
+      continue;
+    }
     const size_t length = size_t(b[i + 2]) << 8 | b[i + 3];
     if (length < 2 || length > n - i - 2) return invalidArgument("JPEG segment at byte " + std::to_string(i) + " is cut short");
     const bool frame = marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
@@ -141,8 +148,8 @@ Status checkImageSize(int64_t width, int64_t height, int64_t channels, size_t fi
   const std::string size = std::to_string(width) + " x " + std::to_string(height) + " x " + std::to_string(channels);
   if (width <= 0 || height <= 0 || channels <= 0) return invalidArgument("image size " + size + " is empty");
   if (width > limits.maxDimension || height > limits.maxDimension || uint64_t(width) * uint64_t(height) > limits.maxPixels)
-    return Status(Code::ResourceExhausted, "image size " + size + " is above the limit of " + std::to_string(limits.maxDimension) +
-                  " pixels a side, " + std::to_string(limits.maxPixels) + " in all");
+    return Status(Code::ResourceExhausted, "image size " + size + " is above the limit of " + std::to_string(limits.maxDimension) + " pixels a side, " +
+                                               std::to_string(limits.maxPixels) + " in all");
   if (channels > 64) return Status(Code::ResourceExhausted, "image has " + std::to_string(channels) + " channels; at most 64 are read");
   // No format packs more than about 8000 pixels into a byte (deflate of 1-bit pixels): more is a damaged or hostile header.
   const uint64_t pixels = uint64_t(width) * uint64_t(height);
@@ -151,8 +158,9 @@ Status checkImageSize(int64_t width, int64_t height, int64_t channels, size_t fi
   // What decoders really make of a small file: a flat picture of 382 KB was 1.6 GB of floats.
   const uint64_t decoded = pixels * uint64_t(channels) * sizeof(float);
   if (decoded > std::max({mostDecodedBytes(), uint64_t(fileBytes) * kDecodedPerByte, kLeastDecodedBytes}))
-    return Status(Code::ResourceExhausted, "image size " + size + " is " + std::to_string(decoded) + " bytes out of a file of " + std::to_string(fileBytes) + ", above the limit of " +
-                  std::to_string(std::max(mostDecodedBytes(), kLeastDecodedBytes)) + " (ingest.texture_bytes) and above " + std::to_string(kDecodedPerByte) + " times the file");
+    return Status(Code::ResourceExhausted, "image size " + size + " is " + std::to_string(decoded) + " bytes out of a file of " + std::to_string(fileBytes) +
+                                               ", above the limit of " + std::to_string(std::max(mostDecodedBytes(), kLeastDecodedBytes)) +
+                                               " (ingest.texture_bytes) and above " + std::to_string(kDecodedPerByte) + " times the file");
   return {};
 }
 
@@ -173,16 +181,14 @@ Result<Image> readBytes(const uint8_t* bytes, size_t size, const std::string& na
       return readByCodec(plain->data(), plain->size(), format, name, limits);
     }
     return readByCodec(bytes, size, format, name, limits);
-  } catch (const std::exception& e) {
-    return invalidArgument("damaged " + format + " image: " + e.what(), name);
-  }
+  } catch (const std::exception& e) { return invalidArgument("damaged " + format + " image: " + e.what(), name); }
 }
 
 }  // namespace
 
 Result<Image> readImageFromMemory(const uint8_t* bytes, size_t size, const std::string& name, const ReadLimits& limits) {
   auto image = readBytes(bytes, size, name, limits);
-  if (!image.ok()) return cleanUtf8(image.status());   // libraries quote names from the file
+  if (!image.ok()) return cleanUtf8(image.status());  // libraries quote names from the file
   return image;
 }
 

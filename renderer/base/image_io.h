@@ -18,9 +18,9 @@
 namespace gobo {
 
 struct ReadLimits {
-  int maxDimension = 16384;             ///< pixels a side
-  uint64_t maxPixels = 1ull << 27;      ///< decompression bombs are refused before their pixels are allocated
-  StopToken stop;                       ///< polled between rows: Cancelled (what a library decodes before it has rows to give is not left early)
+  int maxDimension = 16384;         ///< pixels a side
+  uint64_t maxPixels = 1ull << 27;  ///< decompression bombs are refused before their pixels are allocated
+  StopToken stop;                   ///< polled between rows: Cancelled (what a library decodes before it has rows to give is not left early)
 };
 
 /// Any readable picture, as floats. Integer formats are scaled to 0..1 and kept in the file's transfer curve
@@ -45,18 +45,18 @@ std::string exrLayerName(std::string_view output);
 
 enum class ExrCompression : uint8_t { None, Rle, Zips, Zip, Piz, Dwaa, Dwab };
 struct ExrOptions {
-  bool half = false;                            ///< 16-bit channels but for layers of `float32`
+  bool half = false;  ///< 16-bit channels but for layers of `float32`
   ExrCompression compression = ExrCompression::Zip;
   float dwaLevel = 45.0f;
   std::map<std::string, std::string> metadata;  ///< string attributes, e.g. {"gobo:request", json}
   std::map<std::string, Mat4> matrices;         ///< matrices for column vectors, written as OpenEXR's (for row vectors)
 };
 struct ExrLayer {
-  std::string name;                             ///< "" for the nameless layer: R, G, B
-  std::vector<std::string> channels;            ///< without the layer's name
-  std::span<const float> pixels;                ///< width * height * channels, interleaved
-  bool float32 = false;                         ///< 32 bits whatever the options say (ids, positions)
-  bool lossless = true;                         ///< false: DWA may lose some of R, G, B
+  std::string name;                   ///< "" for the nameless layer: R, G, B
+  std::vector<std::string> channels;  ///< without the layer's name
+  std::span<const float> pixels;      ///< width * height * channels, interleaved
+  bool float32 = false;               ///< 32 bits whatever the options say (ids, positions)
+  bool lossless = true;               ///< false: DWA may lose some of R, G, B
 };
 /// Scan-line EXR. One part; with DWAA or DWAB and both kinds of layers two: "color" (DWA) and "data" (ZIP), because DWA takes every
 /// channel called Y for luma and would lose some of normal.Y and position.Y too. Values beyond half's range are clamped to +-65504 in
@@ -66,10 +66,10 @@ Result<std::vector<uint8_t>> encodeExr(int width, int height, std::span<const Ex
 Result<std::vector<uint8_t>> encodeExr(const Image& image, const ExrOptions& options = {});
 
 struct PixelOptions {
-  Transfer transfer = Transfer::Srgb;           ///< of the colour channels; alpha is never curved
-  bool data = false;                            ///< code values already: written as they are, the header claims no transfer function
-  int bits = 8;                                 ///< PNG: 8 or 16
-  int quality = 90;                             ///< JPEG
+  Transfer transfer = Transfer::Srgb;  ///< of the colour channels; alpha is never curved
+  bool data = false;                   ///< code values already: written as they are, the header claims no transfer function
+  int bits = 8;                        ///< PNG: 8 or 16
+  int quality = 90;                    ///< JPEG
 };
 /// PNG or JPEG of an image that is display-referred and linear in 0..1 (values outside are clamped). PNG says sRGB or gamma 1
 /// in its header; nothing for Rec709.

@@ -12,7 +12,7 @@ namespace gobo {
 namespace {
 
 struct Errors {
-  jpeg_error_mgr manager;   ///< first: the library gives a pointer to it back
+  jpeg_error_mgr manager;  ///< first: the library gives a pointer to it back
   std::jmp_buf place;
   char why[JMSG_LENGTH_MAX];
 };
@@ -57,7 +57,8 @@ Result<std::vector<uint8_t>> writeJpeg(const CodedPixels& pixels) {
   unsigned long size = 0;
   const bool written = write(jpeg, errors, pixels, out, size);
   jpeg_destroy_compress(&jpeg);
-  Result<std::vector<uint8_t>> result = written ? Result<std::vector<uint8_t>>(std::vector<uint8_t>(out, out + size)) : internalError(std::string("cannot encode jpg: ") + errors.why);
+  Result<std::vector<uint8_t>> result =
+      written ? Result<std::vector<uint8_t>>(std::vector<uint8_t>(out, out + size)) : internalError(std::string("cannot encode jpg: ") + errors.why);
   std::free(out);
   return result;
 }

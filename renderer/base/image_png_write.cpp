@@ -22,7 +22,7 @@ void append(png_structp png, png_bytep data, png_size_t size) {
     sink.bytes.insert(sink.bytes.end(), data, data + size);
     return;
   } catch (const std::bad_alloc&) {}
-  png_error(png, "out of memory");   // outside of the handler: it jumps
+  png_error(png, "out of memory");  // outside of the handler: it jumps
 }
 void nothing(png_structp) {}
 void fail(png_structp png, png_const_charp what) {
@@ -36,8 +36,8 @@ bool write(png_structp png, png_infop info, const CodedPixels& p) {
   constexpr int kTypes[] = {PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_GRAY_ALPHA, PNG_COLOR_TYPE_RGB, PNG_COLOR_TYPE_RGB_ALPHA};
   if (setjmp(png_jmpbuf(png))) return false;
   png_set_user_limits(png, 0x7fffffff, 0x7fffffff);
-  png_set_IHDR(png, info, png_uint_32(p.width), png_uint_32(p.height), p.wide ? 16 : 8, kTypes[p.channels - 1], PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
-               PNG_FILTER_TYPE_DEFAULT);
+  png_set_IHDR(png, info, png_uint_32(p.width), png_uint_32(p.height), p.wide ? 16 : 8, kTypes[p.channels - 1], PNG_INTERLACE_NONE,
+               PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   png_set_compression_level(png, 6);
   png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_NO_FILTERS);
   if (!p.plain && p.transfer == Transfer::Srgb) png_set_sRGB(png, info, PNG_sRGB_INTENT_ABSOLUTE);

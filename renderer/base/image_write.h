@@ -12,12 +12,12 @@ namespace gobo {
 
 /// Rows of code values, top first, channels interleaved; width, height > 0.
 struct CodedPixels {
-  const uint8_t* values = nullptr;           ///< width * height * channels, of uint8_t, or of uint16_t if `wide`
+  const uint8_t* values = nullptr;  ///< width * height * channels, of uint8_t, or of uint16_t if `wide`
   int width = 0, height = 0, channels = 0;
-  bool wide = false;                         ///< PNG
-  bool plain = false;                        ///< PNG: the header names no transfer function
+  bool wide = false;   ///< PNG
+  bool plain = false;  ///< PNG: the header names no transfer function
   Transfer transfer = Transfer::Srgb;
-  int quality = 90;                          ///< JPEG: 1 .. 100
+  int quality = 90;  ///< JPEG: 1 .. 100
 };
 
 /// 1 to 4 channels; alpha is not premultiplied. ResourceExhausted, Internal.

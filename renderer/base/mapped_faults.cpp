@@ -20,9 +20,9 @@ struct Block {
   std::atomic<Block*> next{nullptr};
 };
 Block first;
-std::mutex changing;                               // who adds and removes; the handler takes no lock
+std::mutex changing;  // who adds and removes; the handler takes no lock
 
-struct sigaction before{};                         // written before the handler is in place
+struct sigaction before {};  // written before the handler is in place
 std::atomic<bool> installed{false};
 std::atomic<void (*)(int)> otherwise{nullptr};
 
@@ -33,7 +33,7 @@ bool cover(uintptr_t at) {
       const uint32_t version = range.version.load();
       const uintptr_t begin = range.begin.load(), end = range.end.load();
       if (at < begin || at >= end || version % 2 != 0 || range.version.load() != version) continue;
-      range.broken.store(true);                    // before anybody can read a zero
+      range.broken.store(true);  // before anybody can read a zero
       // The call itself: a sanitizer's mmap() keeps books, which a handler may not.
       const long page = ::sysconf(_SC_PAGESIZE), bytes = long(end - begin + uintptr_t(page) - 1) / page * page;
       return ::syscall(SYS_mmap, begin, bytes, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED | MAP_NORESERVE, -1, 0) == long(begin);
@@ -43,25 +43,25 @@ bool cover(uintptr_t at) {
 
 void onBusError(int signal, siginfo_t* info, void* context) {
   const int error = errno;
-  const bool covered = info->si_code > 0 && cover(reinterpret_cast<uintptr_t>(info->si_addr));   // > 0: of the kernel
+  const bool covered = info->si_code > 0 && cover(reinterpret_cast<uintptr_t>(info->si_addr));  // > 0: of the kernel
   errno = error;
   if (covered) return;
   if ((before.sa_flags & SA_SIGINFO) && before.sa_sigaction) return before.sa_sigaction(signal, info, context);
   if (before.sa_handler != SIG_DFL && before.sa_handler != SIG_IGN) return before.sa_handler(signal);
   if (void (*then)(int) = otherwise.load()) return then(signal);
   ::signal(signal, SIG_DFL);
-  ::raise(signal);                                 // comes when this handler has returned
+  ::raise(signal);  // comes when this handler has returned
 }
 
-void install() {                                   // under `changing`
+void install() {  // under `changing`
   if (installed.load() || ::sigaction(SIGBUS, nullptr, &before) != 0) return;
-  struct sigaction wanted{};
+  struct sigaction wanted {};
   wanted.sa_sigaction = onBusError;
   wanted.sa_flags = SA_SIGINFO | SA_ONSTACK;
   installed.store(::sigaction(SIGBUS, &wanted, nullptr) == 0);
 }
 
-MappedRange* freeRange() {                         // under `changing`
+MappedRange* freeRange() {  // under `changing`
   for (Block* block = &first;; block = block->next.load()) {
     for (MappedRange& range : block->ranges)
       if (range.begin.load() == 0) return &range;
@@ -94,7 +94,7 @@ void unwatchMapped(MappedRange* range) {
 
 bool runOnOtherBusError(void (*then)(int)) {
   const std::lock_guard lock(changing);
-  struct sigaction now{};
+  struct sigaction now {};
   if (!installed.load() || ::sigaction(SIGBUS, nullptr, &now) != 0 || !(now.sa_flags & SA_SIGINFO) || now.sa_sigaction != onBusError) return false;
   otherwise.store(then);
   return true;

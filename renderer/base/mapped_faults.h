@@ -15,7 +15,7 @@ namespace gobo {
 /// added or removed is one that nobody reads yet or any more.
 struct MappedRange {
   std::atomic<uint32_t> version{0};
-  std::atomic<uintptr_t> begin{0}, end{0};   // 0: free
+  std::atomic<uintptr_t> begin{0}, end{0};  // 0: free
   std::atomic<bool> broken{false};
 };
 

@@ -16,14 +16,18 @@ namespace gobo {
 
 Result<std::shared_ptr<const MappedFile>> MappedFile::open(const std::string& path) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (fd < 0) return Status(errno == ENOENT ? Code::NotFound : errno == EACCES ? Code::PermissionDenied : Code::Unavailable, std::string("cannot open file: ") + std::strerror(errno), path);
+  if (fd < 0)
+    return Status(errno == ENOENT   ? Code::NotFound
+                  : errno == EACCES ? Code::PermissionDenied
+                                    : Code::Unavailable,
+                  std::string("cannot open file: ") + std::strerror(errno), path);
   auto mapped = map(fd, path);
   ::close(fd);
   return mapped;
 }
 
 Result<std::shared_ptr<const MappedFile>> MappedFile::map(int fd, const std::string& name) {
-  struct stat info{};
+  struct stat info {};
   if (::fstat(fd, &info) != 0 || !S_ISREG(info.st_mode)) return invalidArgument("not a regular file", name);
   if (info.st_size <= 0) return invalidArgument("file is empty", name);
   void* p = ::mmap(nullptr, size_t(info.st_size), PROT_READ, MAP_SHARED, fd, 0);
@@ -34,7 +38,12 @@ Result<std::shared_ptr<const MappedFile>> MappedFile::map(int fd, const std::str
 }
 
 MappedFile::MappedFile(const uint8_t* data, const struct stat& info, std::string name)
-    : data_(data), size_(size_t(info.st_size)), name_(std::move(name)), device_(uint64_t(info.st_dev)), inode_(uint64_t(info.st_ino)), range_(watchMapped(data, size_)) {
+    : data_(data),
+      size_(size_t(info.st_size)),
+      name_(std::move(name)),
+      device_(uint64_t(info.st_dev)),
+      inode_(uint64_t(info.st_ino)),
+      range_(watchMapped(data, size_)) {
   static std::atomic<uint64_t> made{0};
   id_ = ++made;
   tail_ = tail();

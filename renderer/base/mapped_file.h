@@ -45,8 +45,8 @@ class MappedFile {
   size_t size_;
   std::string name_;
   uint64_t id_, device_, inode_;
-  struct MappedRange* range_;   // in the table of mapped_faults.h
-  Hash128 tail_;                // of the last page as it was when it was mapped
+  struct MappedRange* range_;  // in the table of mapped_faults.h
+  Hash128 tail_;               // of the last page as it was when it was mapped
 };
 
 }  // namespace gobo

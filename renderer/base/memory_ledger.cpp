@@ -54,9 +54,10 @@ Status MemoryLedger::makeRoom(uint64_t more, const std::string& what) {
   for (const auto& h : all) largest.push_back({h->bytes(), h->name});
   std::sort(largest.rbegin(), largest.rend());
   std::string said;
-  for (size_t i = 0; i < largest.size() && i < 3 && largest[i].first > 0; ++i) said += (i ? ", " : "") + largest[i].second + " " + std::to_string(largest[i].first);
-  return {Code::ResourceExhausted, "no room for " + what + " of " + std::to_string(more) + " bytes: in use are " + (said.empty() ? "none" : said) + "; at most " + std::to_string(total_) +
-          " together (engine.memory_bytes)"};
+  for (size_t i = 0; i < largest.size() && i < 3 && largest[i].first > 0; ++i)
+    said += (i ? ", " : "") + largest[i].second + " " + std::to_string(largest[i].first);
+  return {Code::ResourceExhausted, "no room for " + what + " of " + std::to_string(more) + " bytes: in use are " + (said.empty() ? "none" : said) +
+                                       "; at most " + std::to_string(total_) + " together (engine.memory_bytes)"};
 }
 
 }  // namespace gobo

@@ -15,15 +15,15 @@
 
 namespace gobo {
 
-using BytesOfCallers = std::map<std::string, uint64_t>;   ///< "": everybody's
+using BytesOfCallers = std::map<std::string, uint64_t>;  ///< "": everybody's
 
 struct MemoryHolder {
   std::string name;
-  std::function<uint64_t()> limit;            ///< its own bound
+  std::function<uint64_t()> limit;  ///< its own bound
   std::function<uint64_t()> bytes;
   /// Gives up what nobody uses until it holds at most so much, or has nothing more to give. Empty: gives nothing.
   std::function<void(uint64_t most)> shrink = {};
-  std::function<BytesOfCallers()> callers = {};   ///< empty: what it holds belongs to nobody in particular
+  std::function<BytesOfCallers()> callers = {};  ///< empty: what it holds belongs to nobody in particular
 };
 
 class MemoryLedger {
@@ -42,8 +42,8 @@ class MemoryLedger {
 
  private:
   const uint64_t total_;
-  mutable std::mutex mutex_;                  // holders_
-  std::mutex shrinking_;                      // one at a time: two would both take what one needs
+  mutable std::mutex mutex_;  // holders_
+  std::mutex shrinking_;      // one at a time: two would both take what one needs
   std::vector<std::weak_ptr<const MemoryHolder>> holders_;
 };
 

@@ -17,7 +17,7 @@ namespace gobo {
 
 namespace {
 
-constexpr int kMostLinks = 40;   // as the kernel's
+constexpr int kMostLinks = 40;  // as the kernel's
 
 std::string absolute(const std::string& folder) {
   std::error_code error;
@@ -42,7 +42,8 @@ struct Judge {
   }
   Status link(const std::string& path, const struct stat& s) const {
     if (s.st_uid == user || s.st_uid == 0) return {};
-    return refuse("\"" + path + "\" is a link of user " + std::to_string(s.st_uid), "name the folder itself, or make the link as this user (" + std::to_string(user) + ")");
+    return refuse("\"" + path + "\" is a link of user " + std::to_string(s.st_uid),
+                  "name the folder itself, or make the link as this user (" + std::to_string(user) + ")");
   }
   Status above(const std::string& path, const struct stat& s) const {
     if (!S_ISDIR(s.st_mode)) return refuse("\"" + path + "\" is not a folder", "name another folder");
@@ -57,7 +58,9 @@ struct Judge {
     if (s.st_uid != user)
       return refuse("belongs to user " + std::to_string(s.st_uid) + " and not to this one (" + std::to_string(user) + ")",
                     "chown " + std::to_string(user) + " \"" + path + "\" if its files can be trusted, or name another folder");
-    if (s.st_mode & 0022) return refuse("others may write to it (mode " + modeText(s.st_mode) + ")", "chmod 0700 \"" + path + "\" if its files can be trusted, or name another folder");
+    if (s.st_mode & 0022)
+      return refuse("others may write to it (mode " + modeText(s.st_mode) + ")",
+                    "chmod 0700 \"" + path + "\" if its files can be trusted, or name another folder");
     return {};
   }
 };
@@ -71,19 +74,20 @@ Status checkOwnFolder(const std::string& name, const std::string& what) {
   const auto prepend = [&](const std::string& path) {
     std::deque<std::string> more;
     std::istringstream in(path);
-    for (std::string part; std::getline(in, part, '/');) if (!part.empty() && part != ".") more.push_back(part);
+    for (std::string part; std::getline(in, part, '/');)
+      if (!part.empty() && part != ".") more.push_back(part);
     parts.insert(parts.begin(), more.begin(), more.end());
   };
   prepend(judge.folder);
   std::string at = "/";
-  struct stat s{};
+  struct stat s {};
   if (::lstat("/", &s) != 0) return ioError(what + ": cannot examine", "/");
   for (int links = 0; !parts.empty();) {
     GOBO_TRY(judge.above(at, s));
     const std::string part = parts.front();
     parts.pop_front();
     std::string next = part == ".." ? std::filesystem::path(at).parent_path().string() : (at == "/" ? "" : at) + "/" + part;
-    struct stat n{};
+    struct stat n {};
     if (::lstat(next.c_str(), &n) != 0) return ioError(what + ": cannot examine", next);
     if (!S_ISLNK(n.st_mode)) {
       at = std::move(next);
@@ -108,15 +112,15 @@ Status makeOwnFolder(const std::string& name, const std::string& what) {
   const std::string folder = absolute(name);
   for (size_t end = folder.find('/', 1); end != std::string::npos; end = folder.find('/', end + 1))
     if (const std::string above = folder.substr(0, end); ::mkdir(above.c_str(), 0755) != 0) {
-      const int error = errno;   // EEXIST, but also EROFS, EACCES, EPERM of what is there
-      struct stat s{};
+      const int error = errno;  // EEXIST, but also EROFS, EACCES, EPERM of what is there
+      struct stat s {};
       if (::stat(above.c_str(), &s) == 0) continue;
       errno = error;
       return ioError(what + ": cannot make the folder", above);
     }
   if (::mkdir(folder.c_str(), 0700) != 0) {
     const int error = errno;
-    struct stat s{};
+    struct stat s {};
     if (::stat(folder.c_str(), &s) != 0) {
       errno = error;
       return ioError(what + ": cannot make the folder", folder);

@@ -11,8 +11,10 @@ namespace gobo {
 
 /// Avalanche hash of 64 bits (SplitMix64 finaliser).
 inline uint64_t mix64(uint64_t x) {
-  x ^= x >> 30; x *= 0xbf58476d1ce4e5b9ull;
-  x ^= x >> 27; x *= 0x94d049bb133111ebull;
+  x ^= x >> 30;
+  x *= 0xbf58476d1ce4e5b9ull;
+  x ^= x >> 27;
+  x *= 0x94d049bb133111ebull;
   return x ^ (x >> 31);
 }
 inline uint64_t hash64(uint64_t a, uint64_t b) { return mix64(a + 0x9e3779b97f4a7c15ull * (b + 1)); }
@@ -69,13 +71,12 @@ class SobolSampler {
   Vec2 next2D() {
     const uint64_t h = hash64(seed_, dimension_++), g = mix64(h ^ 0x9e3779b97f4a7c15ull);
     const uint32_t shuffled = reverseBits(laineKarras(index_, uint32_t(h >> 32)));
-    return Vec2(toUnit(reverseBits(laineKarras(shuffled, uint32_t(g)))),
-                toUnit(reverseBits(laineKarras(pascalDigits(shuffled), uint32_t(g >> 32)))));
+    return Vec2(toUnit(reverseBits(laineKarras(shuffled, uint32_t(g)))), toUnit(reverseBits(laineKarras(pascalDigits(shuffled), uint32_t(g >> 32)))));
   }
 
  private:
   uint64_t seed_;
-  uint32_t index_;          // bit-reversed, as the shuffle wants it
+  uint32_t index_;  // bit-reversed, as the shuffle wants it
   uint32_t dimension_ = 0;
 };
 

@@ -12,9 +12,23 @@ namespace gobo {
 
 /// Numerically equal to grpc::StatusCode, so that the server maps them without a table.
 enum class Code {
-  Ok = 0, Cancelled = 1, Unknown = 2, InvalidArgument = 3, DeadlineExceeded = 4, NotFound = 5, AlreadyExists = 6,
-  PermissionDenied = 7, ResourceExhausted = 8, FailedPrecondition = 9, Aborted = 10, OutOfRange = 11,
-  Unimplemented = 12, Internal = 13, Unavailable = 14, DataLoss = 15, Unauthenticated = 16,
+  Ok = 0,
+  Cancelled = 1,
+  Unknown = 2,
+  InvalidArgument = 3,
+  DeadlineExceeded = 4,
+  NotFound = 5,
+  AlreadyExists = 6,
+  PermissionDenied = 7,
+  ResourceExhausted = 8,
+  FailedPrecondition = 9,
+  Aborted = 10,
+  OutOfRange = 11,
+  Unimplemented = 12,
+  Internal = 13,
+  Unavailable = 14,
+  DataLoss = 15,
+  Unauthenticated = 16,
 };
 
 const char* codeName(Code code);
@@ -22,8 +36,7 @@ const char* codeName(Code code);
 class [[nodiscard]] Status {
  public:
   Status() = default;
-  Status(Code code, std::string message, std::string location = {})
-      : code_(code), message_(std::move(message)), location_(std::move(location)) {}
+  Status(Code code, std::string message, std::string location = {}) : code_(code), message_(std::move(message)), location_(std::move(location)) {}
 
   bool ok() const { return code_ == Code::Ok; }
   Code code() const { return code_; }
@@ -41,22 +54,16 @@ class [[nodiscard]] Status {
   std::string location_;
 };
 
-inline Status invalidArgument(std::string message, std::string location = {}) {
-  return {Code::InvalidArgument, std::move(message), std::move(location)};
-}
-inline Status notFound(std::string message, std::string location = {}) {
-  return {Code::NotFound, std::move(message), std::move(location)};
-}
-inline Status internalError(std::string message, std::string location = {}) {
-  return {Code::Internal, std::move(message), std::move(location)};
-}
+inline Status invalidArgument(std::string message, std::string location = {}) { return {Code::InvalidArgument, std::move(message), std::move(location)}; }
+inline Status notFound(std::string message, std::string location = {}) { return {Code::NotFound, std::move(message), std::move(location)}; }
+inline Status internalError(std::string message, std::string location = {}) { return {Code::Internal, std::move(message), std::move(location)}; }
 
 /// A value or the Status that explains its absence.
 template <typename T>
 class [[nodiscard]] Result {
  public:
-  Result(T value) : value_(std::move(value)) {}                 // NOLINT: implicit on purpose, `return value;`
-  Result(Status status) : status_(std::move(status)) {}         // NOLINT: implicit on purpose, `return status;`
+  Result(T value) : value_(std::move(value)) {}          // NOLINT: implicit on purpose, `return value;`
+  Result(Status status) : status_(std::move(status)) {}  // NOLINT: implicit on purpose, `return status;`
 
   bool ok() const { return value_.has_value(); }
   explicit operator bool() const { return ok(); }
@@ -80,8 +87,8 @@ class [[nodiscard]] Result {
 #define GOBO_CONCAT_INNER(a, b) a##b
 #define GOBO_CONCAT(a, b) GOBO_CONCAT_INNER(a, b)
 /// Leaves the enclosing function with the Status of `expr` unless it is ok.
-#define GOBO_TRY(expr)                                                \
-  do {                                                                \
+#define GOBO_TRY(expr)                                                    \
+  do {                                                                    \
     if (auto goboStatus_ = (expr); !goboStatus_.ok()) return goboStatus_; \
   } while (0)
 /// `GOBO_ASSIGN(auto x, f())`: x = the value, or leaves the enclosing function with the Status.

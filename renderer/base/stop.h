@@ -28,7 +28,7 @@ class StopToken {
     const int v = flag ? flag->load(std::memory_order_relaxed) : 0;
     return v != 0 && (v > 0 || countDown(*flag));
   }
-  static bool countDown(std::atomic<int>& flag) {   // StopSource::stopAtPoll
+  static bool countDown(std::atomic<int>& flag) {  // StopSource::stopAtPoll
     int v = flag.load();
     while (v < 0)
       if (flag.compare_exchange_weak(v, v == -1 ? int(StopReason::Cancelled) : v + 1)) return v == -1;
@@ -51,7 +51,7 @@ class StopSource {
   }
   /// Its tokens stop (Cancelled) at the n-th poll from now: so that tests end work at chosen places, whatever the clock says.
   void stopAtPoll(int n) { flag_->store(-n); }
-  int pollsLeft() const { return -flag_->load(); }   ///< of stopAtPoll
+  int pollsLeft() const { return -flag_->load(); }  ///< of stopAtPoll
   void reset() { flag_->store(0); }
 
  private:

@@ -37,8 +37,7 @@ TaskArena::~TaskArena() = default;
 
 int TaskArena::threads() const { return impl_->arena.max_concurrency(); }
 
-bool TaskArena::parallelFor(size_t count, size_t grain, const std::function<void(size_t, size_t)>& body,
-                            const StopToken& stop) const {
+bool TaskArena::parallelFor(size_t count, size_t grain, const std::function<void(size_t, size_t)>& body, const StopToken& stop) const {
   if (count == 0) return true;
   if (grain == 0) grain = 1;
   const size_t pieces = (count + grain - 1) / grain;
@@ -46,14 +45,20 @@ bool TaskArena::parallelFor(size_t count, size_t grain, const std::function<void
   char begun = 0, ended = 0;
   passedOn(&begun);
   impl_->arena.execute([&] {
-    tbb::parallel_for(tbb::blocked_range<size_t>(0, pieces, 1), [&](const tbb::blocked_range<size_t>& range) {
-      takenOver(&begun);
-      for (size_t i = range.begin(); i != range.end(); ++i) {
-        if (stop.stopRequested()) { complete.store(false, std::memory_order_relaxed); break; }
-        body(i * grain, std::min(count, (i + 1) * grain));
-      }
-      passedOn(&ended);
-    }, tbb::simple_partitioner{});
+    tbb::parallel_for(
+        tbb::blocked_range<size_t>(0, pieces, 1),
+        [&](const tbb::blocked_range<size_t>& range) {
+          takenOver(&begun);
+          for (size_t i = range.begin(); i != range.end(); ++i) {
+            if (stop.stopRequested()) {
+              complete.store(false, std::memory_order_relaxed);
+              break;
+            }
+            body(i * grain, std::min(count, (i + 1) * grain));
+          }
+          passedOn(&ended);
+        },
+        tbb::simple_partitioner{});
   });
   takenOver(&ended);
   return complete.load();
@@ -62,7 +67,7 @@ bool TaskArena::parallelFor(size_t count, size_t grain, const std::function<void
 void TaskArena::execute(const std::function<void()>& work) const {
   char begun = 0, ended = 0;
   passedOn(&begun);
-  impl_->arena.execute([&] {   // may run on another thread of the arena
+  impl_->arena.execute([&] {  // may run on another thread of the arena
     takenOver(&begun);
     work();
     passedOn(&ended);

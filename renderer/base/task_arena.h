@@ -23,8 +23,7 @@ class TaskArena {
   int threads() const;
   /// Calls body(begin, end) over [0, count) in pieces of at most `grain`. Pieces not begun when `stop` fires are skipped.
   /// Returns false if any piece was skipped.
-  bool parallelFor(size_t count, size_t grain, const std::function<void(size_t begin, size_t end)>& body,
-                   const StopToken& stop = {}) const;
+  bool parallelFor(size_t count, size_t grain, const std::function<void(size_t begin, size_t end)>& body, const StopToken& stop = {}) const;
   /// Runs `work` inside the arena (so that libraries using TBB, such as Embree's builder, use these threads).
   void execute(const std::function<void()>& work) const;
 

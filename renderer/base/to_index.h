@@ -11,15 +11,15 @@ namespace gobo {
 
 /// `v` towards zero, within lo .. hi (lo <= hi); lo for NaN.
 template <typename F>
-  requires std::is_floating_point_v<F>
+requires std::is_floating_point_v<F>
 constexpr int toInteger(F v, int lo, int hi) {
   if (!(v > F(lo))) return lo;
-  return v >= F(hi) ? hi : std::clamp(int(v), lo, hi);   // F(hi) may be rounded up; a v below it still fits an int
+  return v >= F(hi) ? hi : std::clamp(int(v), lo, hi);  // F(hi) may be rounded up; a v below it still fits an int
 }
 
 /// Cell of `v` in 0 .. n - 1 (n > 0): 0 for NaN and what is below, n - 1 for what is above.
 template <typename F>
-  requires std::is_floating_point_v<F>
+requires std::is_floating_point_v<F>
 constexpr int toIndex(F v, int n) { return toInteger(v, 0, n - 1); }
 
 }  // namespace gobo

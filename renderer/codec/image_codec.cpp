@@ -58,7 +58,7 @@ Result<Image> decode(const uint8_t* bytes, size_t size, const std::string& forma
 
 void useOneThread() {
   OIIO::attribute("threads", 1);
-  OIIO::attribute("exr_threads", -1);   // none of its own
+  OIIO::attribute("exr_threads", -1);  // none of its own
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 namespace gobo {
 
 void setLinearGroups(ComputeDispatch& dispatch, size_t count, uint32_t local) {
-  constexpr size_t kMaxGroups = 65535;   // what every Vulkan and OpenGL device can
+  constexpr size_t kMaxGroups = 65535;  // what every Vulkan and OpenGL device can
   const size_t groups = std::max<size_t>((count + local - 1) / local, 1);
   const size_t rows = (groups + kMaxGroups - 1) / kMaxGroups;
   dispatch.groups[0] = uint32_t((groups + rows - 1) / rows);

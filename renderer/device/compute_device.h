@@ -50,7 +50,7 @@ struct ComputeKernel {
 struct ComputeDispatch {
   const ComputeKernel* kernel = nullptr;
   std::vector<ComputeBufferPtr> buffers;
-  std::span<const uint8_t> push;       ///< kernel->pushBytes of them
+  std::span<const uint8_t> push;  ///< kernel->pushBytes of them
   uint32_t groups[3] = {1, 1, 1};
 };
 
@@ -76,7 +76,8 @@ class ComputeDevice {
   virtual Result<ComputeBufferPtr> buffer(size_t bytes) = 0;
   virtual Status upload(ComputeBuffer& buffer, const void* data, size_t bytes) = 0;
   virtual Status download(const ComputeBuffer& buffer, void* data, size_t bytes) = 0;
-  template <typename T> Result<ComputeBufferPtr> upload(std::span<const T> data) {
+  template <typename T>
+  Result<ComputeBufferPtr> upload(std::span<const T> data) {
     GOBO_ASSIGN(ComputeBufferPtr made, buffer(data.size_bytes()));
     GOBO_TRY(upload(*made, data.data(), data.size_bytes()));
     return made;

@@ -34,20 +34,23 @@ class AmbientLightNode final : public Node {
     const auto rgb = out->addPlane<float>("rgb", 3);
     const float cosR = std::cos(s_.rotation), sinR = std::sin(s_.rotation), scale = kInvPi / float(s_.viewSamples);
     const auto& c = s_.radiance;
-    const bool complete = ctx.arena->parallelFor(pixels(), 1 << 12, [&](size_t begin, size_t end) {
-      for (int s = 0; s < s_.viewSamples; ++s)
-        for (size_t p = begin; p < end; ++p) {
-          const size_t i = size_t(s) * pixels() + p;
-          if (instance[i] == ~0u || (flags[i] & kSurfaceUnlit)) continue;
-          const float x = N[3 * i] * cosR - N[3 * i + 2] * sinR, y = N[3 * i + 1], z = N[3 * i] * sinR + N[3 * i + 2] * cosR;   // into the map's axes
-          const float reflecting = (1.0f - material[5 * i]) * (1.0f - material[5 * i + 4]) * scale;
-          for (int k = 0; k < 3; ++k) {
-            const float e = formulas::harmonicIrradiance0(c[0][k]) + formulas::harmonicIrradiance1(x, y, z, c[1][k], c[2][k], c[3][k]) +
-                            formulas::harmonicIrradiance2(x, y, z, c[4][k], c[5][k], c[6][k], c[7][k], c[8][k]);
-            rgb[3 * p + k] += albedo[3 * i + k] * reflecting * maxOf(e, 0.0f);
-          }
-        }
-    }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        pixels(), 1 << 12,
+        [&](size_t begin, size_t end) {
+          for (int s = 0; s < s_.viewSamples; ++s)
+            for (size_t p = begin; p < end; ++p) {
+              const size_t i = size_t(s) * pixels() + p;
+              if (instance[i] == ~0u || (flags[i] & kSurfaceUnlit)) continue;
+              const float x = N[3 * i] * cosR - N[3 * i + 2] * sinR, y = N[3 * i + 1], z = N[3 * i] * sinR + N[3 * i + 2] * cosR;  // into the map's axes
+              const float reflecting = (1.0f - material[5 * i]) * (1.0f - material[5 * i + 4]) * scale;
+              for (int k = 0; k < 3; ++k) {
+                const float e = formulas::harmonicIrradiance0(c[0][k]) + formulas::harmonicIrradiance1(x, y, z, c[1][k], c[2][k], c[3][k]) +
+                                formulas::harmonicIrradiance2(x, y, z, c[4][k], c[5][k], c[6][k], c[7][k], c[8][k]);
+                rgb[3 * p + k] += albedo[3 * i + k] * reflecting * maxOf(e, 0.0f);
+              }
+            }
+        },
+        ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");
     return TermPtr(out);
   }

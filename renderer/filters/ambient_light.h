@@ -13,8 +13,8 @@
 namespace gobo {
 
 struct AmbientLightSettings {
-  std::array<Vec3, 9> radiance{};   ///< coefficients in the map's axes, for nominal power
-  float rotation = 0;               ///< of the map about +Y, radians (scene/environment.h)
+  std::array<Vec3, 9> radiance{};  ///< coefficients in the map's axes, for nominal power
+  float rotation = 0;              ///< of the map about +Y, radians (scene/environment.h)
   int width = 0, height = 0, viewSamples = 1;
 };
 NodePtr makeAmbientLightNode(const AmbientLightSettings& settings);

@@ -11,16 +11,19 @@ namespace {
 
 Status stopped() { return Status(Code::Cancelled, "stopped"); }
 
-std::shared_ptr<Term> pixelTerm(const char* type, int width, int height) {
-  return std::make_shared<Term>(type, Domain::Pixel, Extent{width, height, 1});
-}
+std::shared_ptr<Term> pixelTerm(const char* type, int width, int height) { return std::make_shared<Term>(type, Domain::Pixel, Extent{width, height, 1}); }
 
 class PixelNode : public Node {
  public:
   PixelNode(int width, int height) : width_(width), height_(height) {}
   size_t pixels() const { return size_t(width_) * height_; }
   size_t outputBytes() const override { return pixels() * 12; }
-  NodeTraits traits() const override { NodeTraits t; t.linearPerGroup = true; t.tileable = true; return t; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.linearPerGroup = true;
+    t.tileable = true;
+    return t;
+  }
 
  protected:
   int width_, height_;
@@ -30,13 +33,21 @@ class CompositeNode final : public PixelNode {
  public:
   CompositeNode(Expression e, int w, int h) : PixelNode(w, h), expression_(std::move(e)) {}
   std::string type() const override { return "composite"; }
-  NodeTraits traits() const override { NodeTraits t; t.tileable = true; return t; }
-  void hashParameters(Hasher& h) const override { h.add(width_).add(height_); expression_.hash(h); }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.tileable = true;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override {
+    h.add(width_).add(height_);
+    expression_.hash(h);
+  }
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_TRY(expression_.check(ctx.inputs));
     auto out = pixelTerm("picture", width_, height_);
     auto rgb = out->addPlane<float>("rgb", 3);
-    const bool complete = ctx.arena->parallelFor(pixels(), 1 << 15, [&](size_t b, size_t e) { expression_.evaluate(ctx.inputs, b, e, rgb.data() + 3 * b); }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        pixels(), 1 << 15, [&](size_t b, size_t e) { expression_.evaluate(ctx.inputs, b, e, rgb.data() + 3 * b); }, ctx.stop);
     if (!complete) return stopped();
     for (const TermPtr& input : ctx.inputs) passOnDropped(*input, *out);
     return TermPtr(out);
@@ -54,22 +65,25 @@ class ShadeNode final : public PixelNode {
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto light = ctx.inputs[0]->floats("L");
     const auto v = ctx.inputs[1]->floats("V");
-    const size_t C = size_t(ctx.inputs[1]->channels("V")), step = C == 3 ? 1 : 0;   // RGB visibility, or one for all channels
+    const size_t C = size_t(ctx.inputs[1]->channels("V")), step = C == 3 ? 1 : 0;  // RGB visibility, or one for all channels
     GOBO_CHECK_EQ(v.size(), pixels() * samples_ * C);
     GOBO_CHECK_EQ(light.size(), pixels() * samples_ * 3);
     auto out = pixelTerm("direct_light", width_, height_);
     auto rgb = out->addUnsetPlane<float>("rgb", 3);
     const float scale = 1.0f / float(samples_);
     passOnDropped(*ctx.inputs[0], *out);
-    const bool complete = ctx.arena->parallelFor(pixels(), 1 << 14, [&](size_t b, size_t e) {
-      for (int s = 0; s < samples_; ++s) {
-        const size_t layer = size_t(s) * pixels();
-        for (size_t p = b; p < e; ++p) {
-          const float *w = v.data() + C * (layer + p), *l = light.data() + 3 * (layer + p);
-          for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] = (s ? rgb[3 * p + c] : 0.0f) + w[step * c] * scale * l[c];
-        }
-      }
-    }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        pixels(), 1 << 14,
+        [&](size_t b, size_t e) {
+          for (int s = 0; s < samples_; ++s) {
+            const size_t layer = size_t(s) * pixels();
+            for (size_t p = b; p < e; ++p) {
+              const float *w = v.data() + C * (layer + p), *l = light.data() + 3 * (layer + p);
+              for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] = (s ? rgb[3 * p + c] : 0.0f) + w[step * c] * scale * l[c];
+            }
+          }
+        },
+        ctx.stop);
     return complete ? Result<TermPtr>(TermPtr(out)) : stopped();
   }
 
@@ -81,15 +95,20 @@ class DirectFoldNode final : public FoldNode {
  public:
   DirectFoldNode(int w, int h, int s, int lights) : width_(w), height_(h), samples_(s), lights_(lights) {}
   std::string type() const override { return "direct_fold"; }
-  NodeTraits traits() const override { NodeTraits t; t.linearPerGroup = true; t.tileable = true; return t; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.linearPerGroup = true;
+    t.tileable = true;
+    return t;
+  }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_).add(lights_); }
   size_t outputBytes() const override { return size_t(width_) * height_ * 12; }
   int fixedInputs() const override { return 0; }
   int stride() const override { return 2; }
 
   struct Sum final : State {
-    std::vector<double> rgb;   // double: 1000 lights are summed
-    std::shared_ptr<Term> dropped;   // counts alone
+    std::vector<double> rgb;        // double: 1000 lights are summed
+    std::shared_ptr<Term> dropped;  // counts alone
   };
   std::unique_ptr<State> begin(const RunContext&, const std::vector<TermPtr>&) const override {
     auto sum = std::make_unique<Sum>();
@@ -105,20 +124,28 @@ class DirectFoldNode final : public FoldNode {
     const size_t C = size_t(inputs[1]->channels("V")), step = C == 3 ? 1 : 0;
     const size_t pixels = size_t(width_) * height_;
     const double scale = 1.0 / samples_;
-    const bool complete = ctx.arena->parallelFor(pixels, 1 << 14, [&](size_t b, size_t e) {
-      for (int s = 0; s < samples_; ++s)
-        for (size_t p = b; p < e; ++p) {
-          const size_t at = size_t(s) * pixels + p;
-          for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] += scale * v[C * at + step * c] * light[3 * at + c];
-        }
-    }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        pixels, 1 << 14,
+        [&](size_t b, size_t e) {
+          for (int s = 0; s < samples_; ++s)
+            for (size_t p = b; p < e; ++p) {
+              const size_t at = size_t(s) * pixels + p;
+              for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] += scale * v[C * at + step * c] * light[3 * at + c];
+            }
+        },
+        ctx.stop);
     return complete ? Status() : stopped();
   }
   Result<TermPtr> finish(const RunContext& ctx, std::unique_ptr<State> state) const override {
     const auto& sum = static_cast<Sum&>(*state).rgb;
     auto out = pixelTerm("direct_light", width_, height_);
     auto rgb = out->addUnsetPlane<float>("rgb", 3);
-    const bool complete = ctx.arena->parallelFor(sum.size(), 1 << 15, [&](size_t b, size_t e) { for (size_t i = b; i < e; ++i) rgb[i] = float(sum[i]); }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        sum.size(), 1 << 15,
+        [&](size_t b, size_t e) {
+          for (size_t i = b; i < e; ++i) rgb[i] = float(sum[i]);
+        },
+        ctx.stop);
     if (!complete) return stopped();
     passOnDropped(*static_cast<Sum&>(*state).dropped, *out);
     return TermPtr(out);
@@ -142,16 +169,19 @@ class ResolveNode final : public PixelNode {
     std::vector<std::span<float>> planes;
     for (int s = 0; s < slots_; ++s) planes.push_back(out->addUnsetPlane<float>("s" + std::to_string(s), 3));
     // Slot by slot: the first touch of each plane's next huge page has the system clear it, which takes as long as thousands of pixels.
-    const bool complete = ctx.arena->parallelFor(pixels(), 1 << 11, [&](size_t b, size_t e) {
-      for (int s = 0; s < slots_; ++s) {
-        if (ctx.stop.stopRequested()) return;
-        for (size_t p = b; p < e; ++p) {
-          const double scale = samples[p] ? 1.0 / samples[p] : 0.0;
-          const double* v = sum.data() + (p * slots_ + s) * 3;
-          for (int c = 0; c < 3; ++c) planes[s][3 * p + c] = float(v[c] * scale);
-        }
-      }
-    }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        pixels(), 1 << 11,
+        [&](size_t b, size_t e) {
+          for (int s = 0; s < slots_; ++s) {
+            if (ctx.stop.stopRequested()) return;
+            for (size_t p = b; p < e; ++p) {
+              const double scale = samples[p] ? 1.0 / samples[p] : 0.0;
+              const double* v = sum.data() + (p * slots_ + s) * 3;
+              for (int c = 0; c < 3; ++c) planes[s][3 * p + c] = float(v[c] * scale);
+            }
+          }
+        },
+        ctx.stop);
     if (!complete || ctx.stop.stopRequested()) return stopped();
     passOnDropped(*ctx.inputs[0], *out);
     return TermPtr(out);
@@ -170,27 +200,31 @@ class PixelMeanNode final : public PixelNode {
   size_t outputBytes() const override { return pixels() * 4 * channels_; }
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto in = ctx.inputs[0]->floats(plane_);
-    const bool grey = channels_ == 1 && ctx.inputs[0]->channels(plane_) == 3;   // RGB visibility shown as one channel: its luminance
+    const bool grey = channels_ == 1 && ctx.inputs[0]->channels(plane_) == 3;  // RGB visibility shown as one channel: its luminance
     GOBO_CHECK(grey || ctx.inputs[0]->channels(plane_) == channels_);
     const bool masked = ctx.inputs.size() > 1;
     const std::span<const uint32_t> valid = masked ? ctx.inputs[1]->plane<uint32_t>("instance") : std::span<const uint32_t>{};
     auto out = pixelTerm("pixels", width_, height_);
     auto mean = out->addUnsetPlane<float>(plane_, channels_);
-    const bool complete = ctx.arena->parallelFor(pixels(), 1 << 13, [&](size_t b, size_t e) {
-      for (size_t p = b; p < e; ++p) {
-        double sum[4] = {0, 0, 0, 0};
-        int count = 0;
-        for (int s = 0; s < samples_; ++s) {
-          const size_t at = size_t(s) * pixels() + p;
-          if (masked && valid[at] == ~0u) continue;
-          ++count;
-          if (grey) sum[0] += luminance(Vec3(in[at * 3], in[at * 3 + 1], in[at * 3 + 2]));
-          else for (int c = 0; c < channels_; ++c) sum[c] += in[at * channels_ + c];
-        }
-        const double n = overValidOnly_ ? count : samples_;
-        for (int c = 0; c < channels_; ++c) mean[p * channels_ + c] = n > 0 ? float(sum[c] / n) : 0.0f;
-      }
-    }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        pixels(), 1 << 13,
+        [&](size_t b, size_t e) {
+          for (size_t p = b; p < e; ++p) {
+            double sum[4] = {0, 0, 0, 0};
+            int count = 0;
+            for (int s = 0; s < samples_; ++s) {
+              const size_t at = size_t(s) * pixels() + p;
+              if (masked && valid[at] == ~0u) continue;
+              ++count;
+              if (grey) sum[0] += luminance(Vec3(in[at * 3], in[at * 3 + 1], in[at * 3 + 2]));
+              else
+                for (int c = 0; c < channels_; ++c) sum[c] += in[at * channels_ + c];
+            }
+            const double n = overValidOnly_ ? count : samples_;
+            for (int c = 0; c < channels_; ++c) mean[p * channels_ + c] = n > 0 ? float(sum[c] / n) : 0.0f;
+          }
+        },
+        ctx.stop);
     return complete ? Result<TermPtr>(TermPtr(out)) : stopped();
   }
 
@@ -210,13 +244,16 @@ class AlphaNode final : public PixelNode {
     const auto instance = ctx.inputs[0]->plane<uint32_t>("instance");
     auto out = pixelTerm("pixels", width_, height_);
     auto alpha = out->addUnsetPlane<float>("alpha", 1);
-    const bool complete = ctx.arena->parallelFor(pixels(), 1 << 15, [&](size_t b, size_t e) {
-      for (size_t p = b; p < e; ++p) {
-        int hits = 0;
-        for (int s = 0; s < samples_; ++s) hits += instance[size_t(s) * pixels() + p] != ~0u;
-        alpha[p] = float(hits) / float(samples_);
-      }
-    }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        pixels(), 1 << 15,
+        [&](size_t b, size_t e) {
+          for (size_t p = b; p < e; ++p) {
+            int hits = 0;
+            for (int s = 0; s < samples_; ++s) hits += instance[size_t(s) * pixels() + p] != ~0u;
+            alpha[p] = float(hits) / float(samples_);
+          }
+        },
+        ctx.stop);
     return complete ? Result<TermPtr>(TermPtr(out)) : stopped();
   }
 

@@ -17,15 +17,23 @@ namespace gobo {
 class Expression {
  public:
   enum class Op : uint8_t {
-    Constant,   ///< value
-    Plane,      ///< inputs[input].plane(name)
-    Add, Multiply, Ratio,   ///< a op b; Ratio is a / max(b, 1e-8) where b > 0, else a
-    MultiplyAdd,            ///< a + value * b (b usually a plane)
-    Lerp,       ///< a + (b - a) * c
-    Over,       ///< a over b with coverage c: a * c + b * (1 - c)
-    Clamp,      ///< min(max(a, value.x), value.y)
+    Constant,  ///< value
+    Plane,     ///< inputs[input].plane(name)
+    Add,
+    Multiply,
+    Ratio,        ///< a op b; Ratio is a / max(b, 1e-8) where b > 0, else a
+    MultiplyAdd,  ///< a + value * b (b usually a plane)
+    Lerp,         ///< a + (b - a) * c
+    Over,         ///< a over b with coverage c: a * c + b * (1 - c)
+    Clamp,        ///< min(max(a, value.x), value.y)
   };
-  struct Instruction { Op op; int a = -1, b = -1, c = -1; int input = -1; std::string plane; Vec3 value{0.0f}; };
+  struct Instruction {
+    Op op;
+    int a = -1, b = -1, c = -1;
+    int input = -1;
+    std::string plane;
+    Vec3 value{0.0f};
+  };
 
   int constant(const Vec3& v) { return push({Op::Constant, -1, -1, -1, -1, {}, v}); }
   int plane(int input, std::string name) { return push({Op::Plane, -1, -1, -1, input, std::move(name), Vec3(0.0f)}); }
@@ -45,7 +53,10 @@ class Expression {
   void evaluate(const std::vector<TermPtr>& inputs, size_t begin, size_t end, float* out) const;
 
  private:
-  int push(Instruction i) { code_.push_back(std::move(i)); return int(code_.size()) - 1; }
+  int push(Instruction i) {
+    code_.push_back(std::move(i));
+    return int(code_.size()) - 1;
+  }
   std::vector<Instruction> code_;
 };
 

@@ -31,7 +31,7 @@ Status Expression::check(const std::vector<TermPtr>& inputs) const {
 
 namespace {
 
-constexpr size_t kRun = 256;   // pixels a run: 3 KiB a value
+constexpr size_t kRun = 256;  // pixels a run: 3 KiB a value
 
 struct Buffers {
   std::vector<float> values;
@@ -61,27 +61,52 @@ void Expression::evaluate(const std::vector<TermPtr>& inputs, size_t begin, size
       const float* b = i.b >= 0 ? value[i.b] : nullptr;
       const float* c = i.c >= 0 ? value[i.c] : nullptr;
       switch (i.op) {
-        case Op::Constant: for (size_t j = 0; j < n; ++j) { r[3 * j] = i.value.x; r[3 * j + 1] = i.value.y; r[3 * j + 2] = i.value.z; } break;
+        case Op::Constant:
+          for (size_t j = 0; j < n; ++j) {
+            r[3 * j] = i.value.x;
+            r[3 * j + 1] = i.value.y;
+            r[3 * j + 2] = i.value.z;
+          }
+          break;
         case Op::Plane:
-          if (channels[k] == 3 && k + 1 != code_.size()) { value[k] = planes[k] + run * 3; continue; }
-          if (channels[k] == 3) { std::copy(planes[k] + run * 3, planes[k] + run * 3 + m, r); break; }
+          if (channels[k] == 3 && k + 1 != code_.size()) {
+            value[k] = planes[k] + run * 3;
+            continue;
+          }
+          if (channels[k] == 3) {
+            std::copy(planes[k] + run * 3, planes[k] + run * 3 + m, r);
+            break;
+          }
           for (size_t j = 0; j < n; ++j) r[3 * j] = r[3 * j + 1] = r[3 * j + 2] = planes[k][run + j];
           break;
-        case Op::Add: for (size_t j = 0; j < m; ++j) r[j] = a[j] + b[j]; break;
-        case Op::Multiply: for (size_t j = 0; j < m; ++j) r[j] = a[j] * b[j]; break;
-        case Op::Ratio: for (size_t j = 0; j < m; ++j) r[j] = b[j] > 0.0f ? a[j] / std::max(b[j], 1e-8f) : a[j]; break;
+        case Op::Add:
+          for (size_t j = 0; j < m; ++j) r[j] = a[j] + b[j];
+          break;
+        case Op::Multiply:
+          for (size_t j = 0; j < m; ++j) r[j] = a[j] * b[j];
+          break;
+        case Op::Ratio:
+          for (size_t j = 0; j < m; ++j) r[j] = b[j] > 0.0f ? a[j] / std::max(b[j], 1e-8f) : a[j];
+          break;
         case Op::MultiplyAdd: {
           // A gain pattern of period 3 written out over 24 floats lets the compiler use whole vectors.
           alignas(32) float g[24];
           for (int j = 0; j < 24; ++j) g[j] = i.value[j % 3];
           size_t j = 0;
-          for (; j + 24 <= m; j += 24) for (int l = 0; l < 24; ++l) r[j + l] = a[j + l] + g[l] * b[j + l];
+          for (; j + 24 <= m; j += 24)
+            for (int l = 0; l < 24; ++l) r[j + l] = a[j + l] + g[l] * b[j + l];
           for (; j < m; ++j) r[j] = a[j] + g[j % 3] * b[j];
           break;
         }
-        case Op::Lerp: for (size_t j = 0; j < m; ++j) r[j] = a[j] + (b[j] - a[j]) * c[j]; break;
-        case Op::Over: for (size_t j = 0; j < m; ++j) r[j] = a[j] * c[j] + b[j] * (1.0f - c[j]); break;
-        case Op::Clamp: for (size_t j = 0; j < m; ++j) r[j] = std::min(std::max(a[j], i.value.x), i.value.y); break;
+        case Op::Lerp:
+          for (size_t j = 0; j < m; ++j) r[j] = a[j] + (b[j] - a[j]) * c[j];
+          break;
+        case Op::Over:
+          for (size_t j = 0; j < m; ++j) r[j] = a[j] * c[j] + b[j] * (1.0f - c[j]);
+          break;
+        case Op::Clamp:
+          for (size_t j = 0; j < m; ++j) r[j] = std::min(std::max(a[j], i.value.x), i.value.y);
+          break;
       }
       value[k] = r;
     }

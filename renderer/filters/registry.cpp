@@ -43,7 +43,8 @@ NodeId addShadowFilter(Graph& graph, NodePtr node, std::vector<NodeId> inputs, c
 
 Status checkShadowRange(const std::string& field, double value, double low, double high) {
   if (value >= low && value <= high) return {};
-  return invalidArgument("shadows." + field + " = " + std::to_string(value) + ": must be in " + std::to_string(low) + " .. " + std::to_string(high), "shadows." + field);
+  return invalidArgument("shadows." + field + " = " + std::to_string(value) + ": must be in " + std::to_string(low) + " .. " + std::to_string(high),
+                         "shadows." + field);
 }
 
 const ShadowTechniqueEntry* findShadowTechnique(v1::ShadowTechnique::TechniqueCase key) {

@@ -11,7 +11,11 @@ class SampleCountNode final : public Node {
  public:
   SampleCountNode(int width, int height) : width_(width), height_(height) {}
   std::string type() const override { return "pixel_sample_count"; }
-  NodeTraits traits() const override { NodeTraits t; t.tileable = true; return t; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.tileable = true;
+    return t;
+  }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_); }
   size_t outputBytes() const override { return size_t(width_) * height_ * 4; }
   Result<TermPtr> run(const RunContext& ctx) const override {
@@ -19,9 +23,12 @@ class SampleCountNode final : public Node {
     const auto count = out->addPlane<float>("count", 1);
     for (size_t i = 0; i < ctx.inputs.size(); ++i) {
       const auto samples = ctx.inputs[i]->plane<uint32_t>("samples");
-      const bool complete = ctx.arena->parallelFor(count.size(), 1 << 15, [&](size_t begin, size_t end) {
-        for (size_t p = begin; p < end; ++p) count[p] = i == 0 ? float(samples[p]) : std::min(count[p], float(samples[p]));
-      }, ctx.stop);
+      const bool complete = ctx.arena->parallelFor(
+          count.size(), 1 << 15,
+          [&](size_t begin, size_t end) {
+            for (size_t p = begin; p < end; ++p) count[p] = i == 0 ? float(samples[p]) : std::min(count[p], float(samples[p]));
+          },
+          ctx.stop);
       if (!complete) return Status(Code::Cancelled, "stopped");
     }
     return TermPtr(out);
@@ -36,7 +43,11 @@ class VarianceNode final : public Node {
   VarianceNode(std::vector<VarianceWeight> weights, int inputs, int width, int height, int streams, int blockSize)
       : weights_(std::move(weights)), inputs_(inputs), width_(width), height_(height), streams_(streams), blockSize_(blockSize) {}
   std::string type() const override { return "pixel_variance"; }
-  NodeTraits traits() const override { NodeTraits t; t.tileable = true; return t; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.tileable = true;
+    return t;
+  }
   void hashParameters(Hasher& h) const override {
     h.add(width_).add(height_).add(streams_).add(blockSize_).add(uint64_t(weights_.size()));
     for (const VarianceWeight& w : weights_) h.add(w.input).add(w.slot).add(w.weight.x).add(w.weight.y).add(w.weight.z);
@@ -47,7 +58,7 @@ class VarianceNode final : public Node {
     GOBO_CHECK_EQ(int(ctx.inputs.size()), inputs_);
     auto out = std::make_shared<Term>("pixels", Domain::Pixel, Extent{width_, height_, 1});
     const auto variance = out->addPlane<float>("variance", 3);
-    if (weights_.empty()) return TermPtr(out);   // nothing is path traced: nothing scatters
+    if (weights_.empty()) return TermPtr(out);  // nothing is path traced: nothing scatters
     std::vector<std::span<const float>> parts;
     std::vector<std::span<const uint32_t>> samples;
     std::vector<size_t> slots;
@@ -56,35 +67,38 @@ class VarianceNode final : public Node {
       samples.push_back(t->plane<uint32_t>("samples"));
       slots.push_back(size_t(t->channels("streams")) / 3 / size_t(streams_));
     }
-    const bool complete = ctx.arena->parallelFor(variance.size() / 3, 1 << 11, [&](size_t begin, size_t end) {
-      std::vector<DVec3> mean(streams_);
-      std::vector<double> n(streams_);
-      for (size_t p = begin; p < end; ++p) {
-        int used = 0;
-        double total = 0;
-        DVec3 all(0.0);
-        for (int k = 0; k < streams_; ++k) {
-          mean[k] = DVec3(0.0);
-          n[k] = double(blocksOf(samples[0][p], k)) * blockSize_;
-          if (n[k] == 0) continue;
-          for (const VarianceWeight& w : weights_) {
-            const double count = double(blocksOf(samples[w.input][p], k)) * blockSize_;
-            const float* s = parts[w.input].data() + ((p * streams_ + k) * slots[w.input] + w.slot) * 3;
-            if (count > 0) mean[k] += DVec3(w.weight) * DVec3(s[0], s[1], s[2]) / count;
+    const bool complete = ctx.arena->parallelFor(
+        variance.size() / 3, 1 << 11,
+        [&](size_t begin, size_t end) {
+          std::vector<DVec3> mean(streams_);
+          std::vector<double> n(streams_);
+          for (size_t p = begin; p < end; ++p) {
+            int used = 0;
+            double total = 0;
+            DVec3 all(0.0);
+            for (int k = 0; k < streams_; ++k) {
+              mean[k] = DVec3(0.0);
+              n[k] = double(blocksOf(samples[0][p], k)) * blockSize_;
+              if (n[k] == 0) continue;
+              for (const VarianceWeight& w : weights_) {
+                const double count = double(blocksOf(samples[w.input][p], k)) * blockSize_;
+                const float* s = parts[w.input].data() + ((p * streams_ + k) * slots[w.input] + w.slot) * 3;
+                if (count > 0) mean[k] += DVec3(w.weight) * DVec3(s[0], s[1], s[2]) / count;
+              }
+              ++used;
+              total += n[k];
+              all += n[k] * mean[k];
+            }
+            DVec3 spread(0.0);
+            for (int k = 0; k < streams_; ++k)
+              if (n[k] > 0) spread += n[k] * (mean[k] - all / total) * (mean[k] - all / total);
+            for (int c = 0; c < 3; ++c) {
+              const double v = used > 1 ? spread[c] / ((used - 1) * total) : -1.0;
+              variance[3 * p + c] = float(std::min(v, 3.0e38));
+            }
           }
-          ++used;
-          total += n[k];
-          all += n[k] * mean[k];
-        }
-        DVec3 spread(0.0);
-        for (int k = 0; k < streams_; ++k)
-          if (n[k] > 0) spread += n[k] * (mean[k] - all / total) * (mean[k] - all / total);
-        for (int c = 0; c < 3; ++c) {
-          const double v = used > 1 ? spread[c] / ((used - 1) * total) : -1.0;
-          variance[3 * p + c] = float(std::min(v, 3.0e38));
-        }
-      }
-    }, ctx.stop);
+        },
+        ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");
     return TermPtr(out);
   }

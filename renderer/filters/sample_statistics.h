@@ -11,7 +11,10 @@ namespace gobo {
 /// Output: "pixels", plane "count" f32: samples of the pixel, the smallest over the states; 0 without any.
 NodePtr makeSampleCountNode(int width, int height);
 
-struct VarianceWeight { int input = 0, slot = 0; Vec3 weight{1.0f}; };
+struct VarianceWeight {
+  int input = 0, slot = 0;
+  Vec3 weight{1.0f};
+};
 /// Variance of the pixel mean of sum(weight * slot), by channel. The states have `streams` independent streams of blocks of `blockSize`
 /// samples. With x_k the mean of stream k over its n_k samples and N = sum n_k: sum n_k (x_k - mean)^2 / ((K - 1) N), K the streams that
 /// have samples: unbiased when the n_k are equal (a multiple of K blocks); its own relative standard error is about sqrt(2 / (K - 1)) and

@@ -15,9 +15,9 @@
 namespace gobo {
 
 struct ShadowInput {
-  ScenePtr scene;          ///< effective scene
-  int light = 0;           ///< index into scene->lights
-  NodeId gbuffer = -1;     ///< term "gbuffer" (terms/gbuffer.h)
+  ScenePtr scene;       ///< effective scene
+  int light = 0;        ///< index into scene->lights
+  NodeId gbuffer = -1;  ///< term "gbuffer" (terms/gbuffer.h)
   Camera camera;
   int width = 0, height = 0, viewSamples = 1;
   uint64_t seed = 0;
@@ -33,7 +33,7 @@ struct ShadowTechniqueEntry {
   /// Adds nodes; returns the one whose term holds plane "V" (float, [0,1], view-sample domain; one channel, or RGB where the scene is
   /// `clear`). Techniques that use a map leave clear surfaces to planTint (filters/tinted_visibility.h).
   Result<NodeId> (*plan)(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
-  bool usesMap = false;    ///< reads ShadowTechnique.map
+  bool usesMap = false;  ///< reads ShadowTechnique.map
 };
 
 /// Adds a filter labelled "what:LIGHT".

@@ -10,7 +10,7 @@ namespace gobo {
 
 namespace {
 
-constexpr uint32_t kTintSamples = 16;   // area lights
+constexpr uint32_t kTintSamples = 16;  // area lights
 
 class TintedVisibilityNode final : public Node {
  public:
@@ -32,10 +32,13 @@ class TintedVisibilityNode final : public Node {
     GOBO_CHECK_EQ(3 * v.size(), tint.size());
     auto term = std::make_shared<Term>("visibility", Domain::ViewSample, solid.extent());
     const auto V = term->addUnsetPlane<float>("V", 3);
-    const bool complete = ctx.arena->parallelFor(v.size(), 1 << 14, [&](size_t begin, size_t end) {
-      for (size_t e = begin; e < end; ++e)
-        for (size_t c = 0; c < 3; ++c) V[3 * e + c] = v[e] * tint[3 * e + c];
-    }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        v.size(), 1 << 14,
+        [&](size_t begin, size_t end) {
+          for (size_t e = begin; e < end; ++e)
+            for (size_t c = 0; c < 3; ++c) V[3 * e + c] = v[e] * tint[3 * e + c];
+        },
+        ctx.stop);
     if (!complete) return Status(Code::Cancelled, "tinted_visibility: stopped");
     if (solid.hasPlane("flags")) {
       const auto from = solid.floats("flags");

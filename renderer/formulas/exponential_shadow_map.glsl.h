@@ -11,7 +11,7 @@ FORMULAS_BEGIN
 /// E of one texel, 1 <= c <= 80. A depth that is not finite counts as "nothing hit" (z = 1), so that no filter can spread it.
 FORMULA float esmEncode(float z, float c) {
   PRECISE float x = (c * 1.44269504088896341f) * (shadowDepth(z) - 1.0f);
-  return exp2InRange(x);   // x in [-115.5, 0]
+  return exp2InRange(x);  // x in [-115.5, 0]
 }
 
 /// Unnormalised Gaussian at `offset` texels.
@@ -24,9 +24,7 @@ FORMULA float esmReceiver(float d, float c) {
 }
 
 /// Visibility of a receiver; points that the map does not cover are lit.
-FORMULA float esmVisibility(float e, float receiver, bool covered) {
-  return CHOOSE(covered, limit(finiteOr(e * receiver, 1.0f), 0.0f, 1.0f), 1.0f);
-}
+FORMULA float esmVisibility(float e, float receiver, bool covered) { return CHOOSE(covered, limit(finiteOr(e * receiver, 1.0f), 0.0f, 1.0f), 1.0f); }
 
 FORMULAS_END
 #endif

@@ -14,7 +14,7 @@ FORMULA float evsmNegative(float z, float c) { return -fastExp(-c * z); }
 /// variances stay normal floats. minVariance is in squared depth ranges: a warp w of slope c w has c^2 times it in those units.
 FORMULA float evsmVisibility(float p1, float p2, float q1, float q2, float d, float cPositive, float cNegative, float minVariance) {
   float r = shadowReceiver(d);
-  float p = fastExp(cPositive * (1.0f - r)), q = fastExp(cNegative * r);   // at most e^42, squares e^84
+  float p = fastExp(cPositive * (1.0f - r)), q = fastExp(cNegative * r);  // at most e^42, squares e^84
   float front = vsmChebyshev(p1 * p, p2 * (p * p), 1.0f, minVariance * (cPositive * cPositive));
   float back = vsmChebyshev(q1 * q, q2 * (q * q), -1.0f, minVariance * (cNegative * cNegative));
   return minOf(front, back);

@@ -24,7 +24,7 @@ inline float floorOf(float x) { return __builtin_floorf(x); }
 inline float minOf(float a, float b) { return a < b ? a : b; }
 inline float maxOf(float a, float b) { return a > b ? a : b; }
 inline float absOf(float x) { return __builtin_fabsf(x); }
-inline float sqrtOf(float x) { return __builtin_sqrtf(x); }   ///< x >= 0
+inline float sqrtOf(float x) { return __builtin_sqrtf(x); }  ///< x >= 0
 }  // namespace gobo::formulas
 #else
 #define FORMULAS_BEGIN

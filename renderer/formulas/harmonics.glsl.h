@@ -11,7 +11,8 @@ FORMULAS_BEGIN
 FORMULA float harmonicIrradiance1(float x, float y, float z, float c1, float c2, float c3) { return 1.02332670794649f * (c1 * y + c2 * z + c3 * x); }
 /// Its quadratic part.
 FORMULA float harmonicIrradiance2(float x, float y, float z, float c4, float c5, float c6, float c7, float c8) {
-  return 0.858085530825384f * (c4 * (x * y) + c5 * (y * z) + c7 * (x * z)) + 0.247707956101846f * c6 * (3.0f * z * z - 1.0f) + 0.429042765412692f * c8 * (x * x - y * y);
+  return 0.858085530825384f * (c4 * (x * y) + c5 * (y * z) + c7 * (x * z)) + 0.247707956101846f * c6 * (3.0f * z * z - 1.0f) +
+         0.429042765412692f * c8 * (x * x - y * y);
 }
 /// Its mean over all n.
 FORMULA float harmonicIrradiance0(float c0) { return 0.886226925452758f * c0; }

@@ -51,7 +51,7 @@ FORMULA float fastExp2(float x) { return exp2InRange(limit(CHOOSE(x == x, x, 0.0
 /// ln(x) within 1 ulp for normal x > 0; below the smallest normal (1.18e-38), negative or not finite: its value there, -87.34.
 FORMULA float fastLog(float x) {
   float y = maxOf(finiteOr(x, 0.0f), 1.17549435e-38f);
-  int e = (bitsOf(y) - 0x3f3504f3) >> 23;           // m in [sqrt(1/2), sqrt(2))
+  int e = (bitsOf(y) - 0x3f3504f3) >> 23;  // m in [sqrt(1/2), sqrt(2))
   float m = floatOf(bitsOf(y) - (e << 23));
   float n = float(e);
   float f = m - 1.0f;

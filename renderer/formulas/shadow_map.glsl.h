@@ -17,9 +17,7 @@ FORMULA float shadowRow(float ax, float ay, float az, float b, float px, float p
 FORMULA float shadowInverse(float w) { return CHOOSE(finiteOr(w, -1.0f) > 1.0e-20f, 1.0f / maxOf(w, 1.0e-20f), 0.0f); }
 
 /// Is the map coordinate covered? A NaN is not.
-FORMULA bool shadowCovered(float u, float v, float inverseW) {
-  return (u >= 0.0f) && (u <= 1.0f) && (v >= 0.0f) && (v <= 1.0f) && (inverseW > 0.0f);
-}
+FORMULA bool shadowCovered(float u, float v, float inverseW) { return (u >= 0.0f) && (u <= 1.0f) && (v >= 0.0f) && (v <= 1.0f) && (inverseW > 0.0f); }
 
 /// Texel position of coordinate u on an axis of `size` texels, limited to the centres of the first and the last one.
 FORMULA float shadowTexel(float u, float size) {

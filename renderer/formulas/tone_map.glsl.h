@@ -43,15 +43,9 @@ FORMULA float acesRow(float r, float g, float b, float o0, float o1, float o2) {
   float z = acesCurve(0.02840f * r + 0.13383f * g + 0.83777f * b);
   return limit(o0 * x + o1 * y + o2 * z, 0.0f, 1.0f);
 }
-FORMULA float toneMapAcesRed(float r, float g, float b) {
-  return acesRow(toneMapInput(r), toneMapInput(g), toneMapInput(b), 1.60475f, -0.53108f, -0.07367f);
-}
-FORMULA float toneMapAcesGreen(float r, float g, float b) {
-  return acesRow(toneMapInput(r), toneMapInput(g), toneMapInput(b), -0.10208f, 1.10813f, -0.00605f);
-}
-FORMULA float toneMapAcesBlue(float r, float g, float b) {
-  return acesRow(toneMapInput(r), toneMapInput(g), toneMapInput(b), -0.00327f, -0.07276f, 1.07602f);
-}
+FORMULA float toneMapAcesRed(float r, float g, float b) { return acesRow(toneMapInput(r), toneMapInput(g), toneMapInput(b), 1.60475f, -0.53108f, -0.07367f); }
+FORMULA float toneMapAcesGreen(float r, float g, float b) { return acesRow(toneMapInput(r), toneMapInput(g), toneMapInput(b), -0.10208f, 1.10813f, -0.00605f); }
+FORMULA float toneMapAcesBlue(float r, float g, float b) { return acesRow(toneMapInput(r), toneMapInput(g), toneMapInput(b), -0.00327f, -0.07276f, 1.07602f); }
 
 /// Channel `c` (one of r, g, b) of the colour.
 FORMULA float toneMapNeutral(float c, float r, float g, float b) {
@@ -60,7 +54,7 @@ FORMULA float toneMapNeutral(float c, float r, float g, float b) {
   float high = maxOf(toneMapInput(r), maxOf(toneMapInput(g), toneMapInput(b)));
   float offset = CHOOSE(low < 0.08f, low - 6.25f * low * low, 0.04f);
   float peak = high - offset;
-  float compressed = 1.0f - 0.0576f / (maxOf(peak, 0.76f) + (0.24f - 0.76f));   // 0.0576 = 0.24^2, 0.24 = 1 - 0.76
+  float compressed = 1.0f - 0.0576f / (maxOf(peak, 0.76f) + (0.24f - 0.76f));  // 0.0576 = 0.24^2, 0.24 = 1 - 0.76
   float grey = 1.0f - 1.0f / (0.15f * (maxOf(peak, 0.76f) - compressed) + 1.0f);
   float scaled = (x - offset) * (compressed / maxOf(peak, 0.76f));
   return limit(CHOOSE(peak < 0.76f, x - offset, scaled + (compressed - scaled) * grey), 0.0f, 1.0f);

@@ -12,7 +12,7 @@ CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t 
   CertificateFigures out;
   std::vector<DrawnValue> squared, leaning, jackknife;
   for (auto* v : {&squared, &leaning, &jackknife}) v->reserve(evidence.size());
-  double broken = 0;                                     // pixels that evidence without figures stands for
+  double broken = 0;  // pixels that evidence without figures stands for
   for (const PixelEvidence& e : evidence) {
     if (!isFinite(e.picture) || !std::all_of(e.parts.begin(), e.parts.end(), [](const Vec3& v) { return isFinite(v); })) {
       ++out.nonFinite;
@@ -20,7 +20,7 @@ CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t 
       continue;
     }
     out.certain += e.chance >= 1;
-    double excess = 0;                                   // of the picture over the reference
+    double excess = 0;  // of the picture over the reference
     for (const Vec3& part : e.parts)
       for (int c = 0; c < 3; ++c) excess += double(e.picture[c]) - part[c];
     const bool dark = excess < 0;
@@ -42,7 +42,7 @@ CertificateFigures certify(const std::vector<PixelEvidence>& evidence, uint64_t 
   out.rmseHighTrimmed = std::sqrt(mse.highTrimmed);
   out.rmseStandardError = std::sqrt(positive + mse.standardError) - out.rmse;
   out.relMse = std::max(rel.mean, 0.0);
-  const double doubt = std::fabs(rel.mean - other.mean);          // skewed noise biases both to the same side
+  const double doubt = std::fabs(rel.mean - other.mean);  // skewed noise biases both to the same side
   out.relMseLow = std::max(0.0, std::min(rel.low, other.low) - doubt);
   out.relMseHigh = std::max(rel.high, other.high) + doubt;
   out.relMseHighTrimmed = std::max(rel.highTrimmed, other.highTrimmed) + doubt;

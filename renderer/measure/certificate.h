@@ -9,7 +9,8 @@
 //   rmseLow <= T(empty)
 //   T(the unseenArea * N pixels of largest e_i) <= rmseHighTrimmed      whatever these pixels hold
 //   T(empty) <= rmseHigh                                               if no undrawn pixel is worse than the worst one that was drawn by chance,
-//                                                                      and no light that the reference missed in a drawn one than half as much again as what it found
+//                                                                      and no light that the reference missed in a drawn one than half as much again as what it
+//                                                                      found
 // An area unseenArea holds no drawn pixel with a chance of 5 %, so an error of any size may hide there; rmseHigh charges all of it
 // with the largest squared error that a pixel drawn by chance (not for certain) showed. Where every pixel is drawn, it is 0.
 // Blind spot: light that the reference's own parts practically never find (a caustic hit by one path in 10^6) is an error
@@ -26,19 +27,19 @@
 namespace gobo {
 
 struct PixelEvidence {
-  Vec3 picture;        ///< linear radiance
-  TruthParts parts;    ///< independent, unbiased, made alike; may be far noisier than the error sought
-  double chance = 1;   ///< with which the pixel was drawn; 1: certain
+  Vec3 picture;       ///< linear radiance
+  TruthParts parts;   ///< independent, unbiased, made alike; may be far noisier than the error sought
+  double chance = 1;  ///< with which the pixel was drawn; 1: certain
 };
 
 struct CertificateFigures {
-  double rmse = 0, rmseLow = 0, rmseHigh = 0;           ///< 95 % interval
-  double rmseHighTrimmed = 0;                           ///< without the worst unseenArea of the picture
-  double rmseStandardError = 0;                         ///< sqrt(m + se) - sqrt(m), m = max(MSE, 0): se / (2 RMSE) for small se
+  double rmse = 0, rmseLow = 0, rmseHigh = 0;  ///< 95 % interval
+  double rmseHighTrimmed = 0;                  ///< without the worst unseenArea of the picture
+  double rmseStandardError = 0;                ///< sqrt(m + se) - sqrt(m), m = max(MSE, 0): se / (2 RMSE) for small se
   double relMse = 0, relMseLow = 0, relMseHigh = 0, relMseHighTrimmed = 0;
-  double unseenArea = 0;                                ///< share of the picture, at most 1 (plus what evidence that is not finite stands for)
-  size_t certain = 0;                                   ///< evidence of chance 1
-  size_t nonFinite = 0;                                 ///< evidence with a NaN or Inf: left out of the other figures
+  double unseenArea = 0;  ///< share of the picture, at most 1 (plus what evidence that is not finite stands for)
+  size_t certain = 0;     ///< evidence of chance 1
+  size_t nonFinite = 0;   ///< evidence with a NaN or Inf: left out of the other figures
 };
 
 /// `evidence` in any order; `pixels` of the whole picture. The RMSE's interval is the square root of the MSE's

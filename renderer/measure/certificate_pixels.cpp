@@ -12,10 +12,10 @@ namespace gobo {
 
 namespace {
 
-constexpr int kReach = 2;                                           // of a window, pixels
+constexpr int kReach = 2;  // of a window, pixels
 constexpr int kNeighbours = (2 * kReach + 1) * (2 * kReach + 1) - 1;
 
-constexpr size_t kPoll = 1 << 16;                                    // pixels between two looks at a stop token, in plain sums
+constexpr size_t kPoll = 1 << 16;  // pixels between two looks at a stop token, in plain sums
 
 /// In [0, 1), from a hash.
 double uniform(uint64_t hash) { return double(hash >> 11) * 0x1p-53; }
@@ -47,7 +47,7 @@ std::vector<float> forecastError(std::span<const float> rgb, int width, int heig
         for (int u = -kReach; u <= kReach; ++u)
           if (u != 0 || v != 0) {
             const float g = grey[at(x + u, y + v)];
-            around[n++] = std::isfinite(g) ? g : 0.0f;              // an order needs numbers
+            around[n++] = std::isfinite(g) ? g : 0.0f;  // an order needs numbers
           }
       std::nth_element(around.begin(), around.begin() + kNeighbours / 2, around.end());
       const float d = grey[at(x, y)] - around[kNeighbours / 2], square = d * d;
@@ -87,7 +87,7 @@ std::vector<float> drawingChances(std::span<const float> forecast, double wanted
   // total() grows with the scale from below `wanted` to the number of pixels with a forecast (the others keep the least).
   double low = least / largest, high = low;
   while (high < 1e280 && !stop.stopRequested() && total(high) < wanted) low = high, high *= 8;
-  if (total(high) < wanted) {                                       // too few pixels have a forecast: they for certain, the rest evenly
+  if (total(high) < wanted) {  // too few pixels have a forecast: they for certain, the rest evenly
     size_t certain = 0;
     for (float f : forecast) certain += f > 0;
     for (size_t i = 0; i < forecast.size(); ++i) chances[i] = forecast[i] > 0 ? 1.0f : float((wanted - double(certain)) / (all - double(certain)));
@@ -95,7 +95,10 @@ std::vector<float> drawingChances(std::span<const float> forecast, double wanted
   }
   for (int i = 0; i < 60 && !stop.stopRequested(); ++i) {
     const double middle = std::sqrt(low * high), sum = total(middle);
-    if (std::fabs(sum - wanted) <= 1e-6 * wanted) { high = middle; break; }
+    if (std::fabs(sum - wanted) <= 1e-6 * wanted) {
+      high = middle;
+      break;
+    }
     (sum < wanted ? low : high) = middle;
   }
   for (size_t i = 0; i < forecast.size(); ++i) chances[i] = float(std::clamp(high * double(forecast[i]), least, 1.0));
@@ -117,7 +120,10 @@ std::vector<uint32_t> drawPixels(int width, int height, std::span<const float> c
   double open = 0;
   uint32_t holder = 0;
   const auto meet = [&](uint32_t pixel, double chance) {
-    if (chance >= 1) { pixels.push_back(pixel); return; }
+    if (chance >= 1) {
+      pixels.push_back(pixel);
+      return;
+    }
     const double both = open + chance;
     if (both <= 0) return;
     if (both < 1) {
@@ -139,7 +145,7 @@ std::vector<uint32_t> drawPixels(int width, int height, std::span<const float> c
         meet(pixel, double(chances[pixel]));
       }
   }
-  if (draws.next() < open) pixels.push_back(holder);                // what rounding leaves of the sum
+  if (draws.next() < open) pixels.push_back(holder);  // what rounding leaves of the sum
   std::sort(pixels.begin(), pixels.end());
   return pixels;
 }

@@ -56,7 +56,7 @@ double studentQuantile(double q, double degrees) {
 
 double gammaQuantile(double shape, double probability) {
   GOBO_CHECK(shape > 0 && probability > 0 && probability < 1);
-  if (shape > 1e6 && probability == 0.975) {   // Wilson & Hilferty 1931, off by far less than 1e-9 here, where the series is long
+  if (shape > 1e6 && probability == 0.975) {  // Wilson & Hilferty 1931, off by far less than 1e-9 here, where the series is long
     const double root = 1 - 1 / (9 * shape) + kNormal975 / (3 * std::sqrt(shape));
     return shape * root * root * root;
   }
@@ -105,7 +105,7 @@ double pooledSpread(const std::vector<DrawnValue>& drawn) {
   const size_t count = std::min(kWorst, order.size());
   std::nth_element(order.begin(), order.begin() + count - 1, order.end(),
                    [&](size_t a, size_t b) { return drawn[a].value != drawn[b].value ? drawn[a].value > drawn[b].value : a < b; });
-  std::sort(order.begin(), order.begin() + count);                  // a sum in one order, whatever the selection did
+  std::sort(order.begin(), order.begin() + count);  // a sum in one order, whatever the selection did
   double worst = 0, certain = 0;
   size_t certainCount = 0;
   for (size_t i = 0; i < count; ++i) worst += drawn[order[i]].spread;
@@ -126,7 +126,7 @@ struct Events {
   double above(double t) const { return std::max(t * std::sqrt(variance), poissonLimit(std::max(sum, 0.0), variance, kGranted * largest) - sum); }
 };
 struct Known {
-  double noise = 0, noise2 = 0, positive = 0, positive2 = 0;   // ...2: sums of squares
+  double noise = 0, noise2 = 0, positive = 0, positive2 = 0;  // ...2: sums of squares
   void add(const DrawnValue& d, double pixelNoise, double all) {
     const double value = std::max(d.value, 0.0) / (all * all);
     noise += pixelNoise, noise2 += pixelNoise * pixelNoise;
@@ -145,8 +145,11 @@ struct Known {
 
 DrawnInterval drawnInterval(const std::vector<DrawnValue>& drawn, double all) {
   DrawnInterval out;
-  if (drawn.empty() || !(all > 0)) { out.unseenArea = 1; return out; }
-  Events byChance, doubtful;   // the second: those and the dark ones
+  if (drawn.empty() || !(all > 0)) {
+    out.unseenArea = 1;
+    return out;
+  }
+  Events byChance, doubtful;  // the second: those and the dark ones
   Known certain, bright;
   double largestValue = 0, leastChance = 1;
   for (const DrawnValue& d : drawn) {

@@ -29,19 +29,19 @@ MeanInterval meanInterval(const std::vector<double>& z);
 
 /// What one drawn pixel says.
 struct DrawnValue {
-  double value = 0;     ///< E = its squared error >= 0
-  double noise = 0;     ///< variance of `value` for this pixel, or more
-  double spread = 0;    ///< variance of the reference there, in the same units as `value`
-  double chance = 1;    ///< to be drawn, above 0; 1: certain
-  bool dark = false;    ///< the picture is darker than the reference
+  double value = 0;   ///< E = its squared error >= 0
+  double noise = 0;   ///< variance of `value` for this pixel, or more
+  double spread = 0;  ///< variance of the reference there, in the same units as `value`
+  double chance = 1;  ///< to be drawn, above 0; 1: certain
+  bool dark = false;  ///< the picture is darker than the reference
 };
 struct DrawnInterval {
-  double mean = 0;            ///< Horvitz-Thompson: sum of value / chance over all pixels' number; may be negative
+  double mean = 0;  ///< Horvitz-Thompson: sum of value / chance over all pixels' number; may be negative
   double standardError = 0;
-  double low = 0;             ///< 95 %, 2.5 % on each side; 0 <= low <= highTrimmed <= high
-  double highTrimmed = 0;     ///< of the mean without the pixels of `unseenArea` with the largest values
-  double high = 0;            ///< of the whole mean, if no pixel of that area is worse than the worst that was drawn by chance
-  double unseenArea = 0;      ///< share of the pixels that no draw meets with a chance of 5 %, wherever they lie; 0 where all are certain
+  double low = 0;          ///< 95 %, 2.5 % on each side; 0 <= low <= highTrimmed <= high
+  double highTrimmed = 0;  ///< of the mean without the pixels of `unseenArea` with the largest values
+  double high = 0;         ///< of the whole mean, if no pixel of that area is worse than the worst that was drawn by chance
+  double unseenArea = 0;   ///< share of the pixels that no draw meets with a chance of 5 %, wherever they lie; 0 where all are certain
 };
 /// Interval for the mean over `all` pixels from those drawn with unequal chances (measure/certificate_pixels.h). O(n).
 ///  variance     (1 - chance) (value / chance)^2 of the draw (Poisson sampling's, above that of a spread-out sample of fixed

@@ -12,13 +12,10 @@
 namespace gobo {
 
 inline double displayLinear(float radiance) { return radiance > 0 ? std::min(double(radiance), 1.0) : 0.0; }
-inline double srgbEncode(double linear) {
-  return encodeTransfer(Transfer::Srgb, linear);
-}
+inline double srgbEncode(double linear) { return encodeTransfer(Transfer::Srgb, linear); }
 /// Luma of the mapped colour, 0..1: Rec.709 weights of the encoded channels.
 inline double displayLuma(const Vec3& radiance) {
-  return 0.2126 * srgbEncode(displayLinear(radiance.x)) + 0.7152 * srgbEncode(displayLinear(radiance.y)) +
-         0.0722 * srgbEncode(displayLinear(radiance.z));
+  return 0.2126 * srgbEncode(displayLinear(radiance.x)) + 0.7152 * srgbEncode(displayLinear(radiance.y)) + 0.0722 * srgbEncode(displayLinear(radiance.z));
 }
 
 }  // namespace gobo

@@ -11,17 +11,17 @@ namespace gobo {
 namespace {
 
 using Plane = std::vector<double>;
-struct Triple { Plane c[3]; };
+struct Triple {
+  Plane c[3];
+};
 
 /// Linear Rec.709 to XYZ and the D65 white that belongs to it: the rational form that FLIP fixes (Section 4.1 and its errata).
 constexpr double kToXyz[3][3] = {{10135552.0 / 24577794, 8788810.0 / 24577794, 4435075.0 / 24577794},
                                  {2613072.0 / 12288897, 8788810.0 / 12288897, 887015.0 / 12288897},
                                  {1425312.0 / 73733382, 8788810.0 / 73733382, 70074185.0 / 73733382}};
-const DVec3 kWhite(kToXyz[0][0] + kToXyz[0][1] + kToXyz[0][2], kToXyz[1][0] + kToXyz[1][1] + kToXyz[1][2],
-                   kToXyz[2][0] + kToXyz[2][1] + kToXyz[2][2]);
+const DVec3 kWhite(kToXyz[0][0] + kToXyz[0][1] + kToXyz[0][2], kToXyz[1][0] + kToXyz[1][1] + kToXyz[1][2], kToXyz[2][0] + kToXyz[2][1] + kToXyz[2][2]);
 /// GLM matrices are column-major.
-const glm::dmat3 kRgbToXyz(kToXyz[0][0], kToXyz[1][0], kToXyz[2][0], kToXyz[0][1], kToXyz[1][1], kToXyz[2][1],
-                           kToXyz[0][2], kToXyz[1][2], kToXyz[2][2]);
+const glm::dmat3 kRgbToXyz(kToXyz[0][0], kToXyz[1][0], kToXyz[2][0], kToXyz[0][1], kToXyz[1][1], kToXyz[2][1], kToXyz[0][2], kToXyz[1][2], kToXyz[2][2]);
 const glm::dmat3 kXyzToRgb = glm::inverse(kRgbToXyz);
 
 /// Linear opponent space Y Cx Cz (Flohr et al. 1993), white normalised.
@@ -68,7 +68,9 @@ Plane filter(const Plane& in, int w, int h, const std::vector<double>& across, c
 }
 
 /// A contrast sensitivity function as one or two Gaussians in the pixel domain, a sqrt(pi/b) exp(-pi^2 x^2 / b) (Table 1).
-struct Sensitivity { double a1, b1, a2, b2; };
+struct Sensitivity {
+  double a1, b1, a2, b2;
+};
 constexpr Sensitivity kSensitivity[3] = {{1, 0.0047, 0, 1e-5}, {1, 0.0053, 0, 1e-5}, {34.1, 0.04, 13.5, 0.025}};
 
 Plane contrastFiltered(const Plane& in, int w, int h, const Sensitivity& s, double ppd) {
@@ -79,7 +81,11 @@ Plane contrastFiltered(const Plane& in, int w, int h, const Sensitivity& s, doub
     return g;
   };
   const auto weight = [](double a, double b) { return a * std::sqrt(std::numbers::pi / b); };
-  const auto sumOf = [](const std::vector<double>& g) { double sum = 0; for (double v : g) sum += v; return sum; };
+  const auto sumOf = [](const std::vector<double>& g) {
+    double sum = 0;
+    for (double v : g) sum += v;
+    return sum;
+  };
   const auto g1 = gaussian(s.b1), g2 = gaussian(s.b2);
   const double w1 = weight(s.a1, s.b1), w2 = weight(s.a2, s.b2);
   const double total = w1 * sumOf(g1) * sumOf(g1) + w2 * sumOf(g2) * sumOf(g2);
@@ -104,7 +110,7 @@ Plane featureLength(const Plane& luminance, int w, int h, double ppd, bool point
     sum += value;
     (derivative > 0 ? positive : negative) += std::fabs(derivative);
   }
-  for (double& v : g) v /= sum;                                   // positive weights sum to 1, negative ones to -1
+  for (double& v : g) v /= sum;  // positive weights sum to 1, negative ones to -1
   for (double& v : d) v /= v > 0 ? positive : negative;
   const Plane x = filter(luminance, w, h, d, g), y = filter(luminance, w, h, g, d);
   Plane out(x.size());
@@ -112,7 +118,10 @@ Plane featureLength(const Plane& luminance, int w, int h, double ppd, bool point
   return out;
 }
 
-struct Prepared { std::vector<DVec3> lab; Plane edges, points; };
+struct Prepared {
+  std::vector<DVec3> lab;
+  Plane edges, points;
+};
 
 Prepared prepare(const Image& image, double ppd) {
   const int w = image.width, h = image.height;

@@ -82,8 +82,7 @@ Result<ErrorFigures> compareImages(const Image& a, const Image& b) {
 
 Result<ErrorFigures> compareImages(const Image& a, const Image& b, const std::vector<uint8_t>& mask) {
   GOBO_TRY(sameSize(a, b));
-  if (mask.size() != a.pixels()) return invalidArgument("mask has " + std::to_string(mask.size()) + " entries for " +
-                                                        std::to_string(a.pixels()) + " pixels");
+  if (mask.size() != a.pixels()) return invalidArgument("mask has " + std::to_string(mask.size()) + " entries for " + std::to_string(a.pixels()) + " pixels");
   return pixelErrors(a, b, &mask);
 }
 

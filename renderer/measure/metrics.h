@@ -13,16 +13,16 @@
 namespace gobo {
 
 struct ErrorFigures {
-  double rmse = 0;      ///< sqrt of the mean over pixels and channels of (a - b)^2
-  double relMse = 0;    ///< mean over pixels and channels of (a - b)^2 / (b^2 + 1e-2)
-  double meanAbs = 0;   ///< mean over pixels and channels of |a - b|
-  double p99 = 0;       ///< 99th percentile (nearest rank) over pixels of a pixel's mean |a - b|
-  double maxAbs = 0;    ///< largest |a - b| of any channel
-  double ssim = 0;      ///< measure/perceptual.h, display-mapped luma
-  double flip = 0;      ///< mean LDR-FLIP, measure/perceptual.h, at 67.02 pixels per degree
-  double meanA = 0, meanB = 0;        ///< mean luminance
-  size_t differingPixels = 0;         ///< not bitwise equal in the compared channels (+0 and -0 differ)
-  size_t nonFinite = 0;               ///< pixels with a NaN or Inf in either: left out of all the above but ssim and flip
+  double rmse = 0;              ///< sqrt of the mean over pixels and channels of (a - b)^2
+  double relMse = 0;            ///< mean over pixels and channels of (a - b)^2 / (b^2 + 1e-2)
+  double meanAbs = 0;           ///< mean over pixels and channels of |a - b|
+  double p99 = 0;               ///< 99th percentile (nearest rank) over pixels of a pixel's mean |a - b|
+  double maxAbs = 0;            ///< largest |a - b| of any channel
+  double ssim = 0;              ///< measure/perceptual.h, display-mapped luma
+  double flip = 0;              ///< mean LDR-FLIP, measure/perceptual.h, at 67.02 pixels per degree
+  double meanA = 0, meanB = 0;  ///< mean luminance
+  size_t differingPixels = 0;   ///< not bitwise equal in the compared channels (+0 and -0 differ)
+  size_t nonFinite = 0;         ///< pixels with a NaN or Inf in either: left out of all the above but ssim and flip
 };
 /// b is the reference. Errors: InvalidArgument on different or empty sizes.
 Result<ErrorFigures> compareImages(const Image& a, const Image& b);
@@ -35,10 +35,10 @@ Result<ErrorFigures> compareImages(const Image& a, const Image& b, const std::ve
 std::vector<uint8_t> penumbraMask(const Image& truth, float low = 0.02f, float high = 0.98f, int dilation = 2);
 
 struct HalvesError {
-  double mse = 0, standardError = 0;       ///< mean((A-p)(B-p)), unbiased though the halves are noisy; se over pixels
-  double rmse = 0, rmseStandardError = 0;  ///< sqrt(max(mse,0)); its se is sqrt(m + se) - sqrt(m), about se / (2 rmse)
+  double mse = 0, standardError = 0;           ///< mean((A-p)(B-p)), unbiased though the halves are noisy; se over pixels
+  double rmse = 0, rmseStandardError = 0;      ///< sqrt(max(mse,0)); its se is sqrt(m + se) - sqrt(m), about se / (2 rmse)
   double relMse = 0, relMseStandardError = 0;  ///< measure/halves.h: leaning; the se includes its distance to the jackknife
-  size_t nonFinite = 0;                    ///< pixels with a NaN or Inf in any of the three: left out
+  size_t nonFinite = 0;                        ///< pixels with a NaN or Inf in any of the three: left out
 };
 /// Squared error of `picture` against the truth of which A and B are independent unbiased estimates. The standard errors
 /// take pixels' noise as independent. Errors: InvalidArgument on different or empty sizes.

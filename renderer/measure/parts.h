@@ -10,13 +10,13 @@
 
 namespace gobo {
 
-inline constexpr int kParts = 4;   ///< jackknifing a product of two needs three
+inline constexpr int kParts = 4;  ///< jackknifing a product of two needs three
 using TruthParts = std::array<Vec3, kParts>;
 
 struct PartsEstimate {
-  double value = 0;    ///< sum over channels of w (truth - p)^2 / 3, without bias for weights w that do not depend on the parts
-  double noise = 0;    ///< variance of `value` by jackknife, which is too large on the average (Efron & Stein, Annals of Statistics 9, 1981)
-  double spread = 0;   ///< variance of the parts' mean, w-weighted mean over channels
+  double value = 0;   ///< sum over channels of w (truth - p)^2 / 3, without bias for weights w that do not depend on the parts
+  double noise = 0;   ///< variance of `value` by jackknife, which is too large on the average (Efron & Stein, Annals of Statistics 9, 1981)
+  double spread = 0;  ///< variance of the parts' mean, w-weighted mean over channels
 };
 
 /// value = mean over pairs j != k of w (x_j - p)(x_k - p): E = w (truth - p)^2 however noisy the parts are.
@@ -43,8 +43,8 @@ inline PartsEstimate squaredErrorOfParts(const Vec3& p, const TruthParts& parts,
 
 /// Mean over channels of (truth - p)^2 / (truth^2 + epsilon): no function of noisy parts estimates it without bias.
 struct RelativePartsEstimate {
-  PartsEstimate leaning;   ///< squaredErrorOfParts with w = 1 / (q^2 + epsilon), q as in RelativeError::leaning
-  double jackknife = 0;    ///< K g(M) - (K - 1) mean of g(M without k), g(x) = (x - p)^2 / (x^2 + epsilon) (Quenouille 1956)
+  PartsEstimate leaning;  ///< squaredErrorOfParts with w = 1 / (q^2 + epsilon), q as in RelativeError::leaning
+  double jackknife = 0;   ///< K g(M) - (K - 1) mean of g(M without k), g(x) = (x - p)^2 / (x^2 + epsilon) (Quenouille 1956)
 };
 inline RelativePartsEstimate relativeErrorOfParts(const Vec3& p, const TruthParts& parts) {
   const DVec3 pd(p);

@@ -12,13 +12,12 @@
 namespace gobo {
 namespace {
 
-constexpr int kScale = 2;                                   // of the font
+constexpr int kScale = 2;  // of the font
 constexpr int kLineHeight = (kGlyphHeight + 4) * kScale;
 const Vec3 kInk(0.02f), kGrid(0.80f), kMinorGrid(0.91f);
 /// Okabe and Ito's colours, which the colour-blind can tell apart, decoded to linear; yellow is replaced by grey (on white).
-const Vec3 kColours[8] = {Vec3(0.000f, 0.168f, 0.445f), Vec3(0.665f, 0.112f, 0.000f), Vec3(0.000f, 0.342f, 0.171f),
-                          Vec3(0.604f, 0.191f, 0.386f), Vec3(0.791f, 0.347f, 0.000f), Vec3(0.093f, 0.456f, 0.815f),
-                          Vec3(0.180f, 0.180f, 0.180f), Vec3(0.020f, 0.020f, 0.020f)};
+const Vec3 kColours[8] = {Vec3(0.000f, 0.168f, 0.445f), Vec3(0.665f, 0.112f, 0.000f), Vec3(0.000f, 0.342f, 0.171f), Vec3(0.604f, 0.191f, 0.386f),
+                          Vec3(0.791f, 0.347f, 0.000f), Vec3(0.093f, 0.456f, 0.815f), Vec3(0.180f, 0.180f, 0.180f), Vec3(0.020f, 0.020f, 0.020f)};
 
 int textWidth(const std::string& s) { return s.empty() ? 0 : (int(s.size()) * kGlyphAdvance - 1) * kScale; }
 
@@ -85,16 +84,14 @@ class Canvas {
 
 struct Axis {
   bool logarithmic;
-  double low = 0, high = 0;   // in data units
+  double low = 0, high = 0;  // in data units
   double pixelLow = 0, pixelHigh = 0;
 
   /// Beyond these an axis with its margins would leave double, and no point would have a place.
   static constexpr double kLargest = 1e150;
   bool shows(double v) const { return std::fabs(v) <= kLargest && (!logarithmic || v >= 1 / kLargest); }
   double transform(double v) const { return logarithmic ? std::log10(v) : v; }
-  double at(double v) const {
-    return pixelLow + (transform(v) - transform(low)) / (transform(high) - transform(low)) * (pixelHigh - pixelLow);
-  }
+  double at(double v) const { return pixelLow + (transform(v) - transform(low)) / (transform(high) - transform(low)) * (pixelHigh - pixelLow); }
   /// Takes the range of `values` with a margin.
   void fit(const std::vector<double>& values) {
     low = logarithmic ? 1 : 0, high = logarithmic ? 10 : 1;
@@ -115,7 +112,7 @@ std::string tickLabel(double v) {
   std::string s = buffer;
   const size_t e = s.find('e');
   if (e == std::string::npos) return s;
-  while (e + 2 < s.size() - 1 && s[e + 2] == '0') s.erase(e + 2, 1);   // 1e-05 -> 1e-5
+  while (e + 2 < s.size() - 1 && s[e + 2] == '0') s.erase(e + 2, 1);  // 1e-05 -> 1e-5
   if (s[e + 1] == '+') s.erase(e + 1, 1);
   return s;
 }
@@ -136,7 +133,7 @@ std::vector<double> axisTicks(double low, double high, bool logarithmic) {
         out.push_back(v);
       }
     if (out.size() >= 2) return out;
-    out.clear();                                             // less than half a decade: evenly spaced values read better
+    out.clear();  // less than half a decade: evenly spaced values read better
   }
   const double rough = (high - low) / 6, power = std::pow(10.0, std::floor(std::log10(rough)));
   const double step = power * (rough / power > 5 ? 10 : rough / power > 2 ? 5 : rough / power > 1 ? 2 : 1);
@@ -170,7 +167,7 @@ Image drawPlot(const Plot& plot) {
   const int bottom = plot.height - 16 - 2 * kLineHeight;
   x.pixelLow = left, x.pixelHigh = right, y.pixelLow = bottom, y.pixelHigh = top;
 
-  const auto minor = [](const Axis& axis) {                  // 2..9 of every decade
+  const auto minor = [](const Axis& axis) {  // 2..9 of every decade
     std::vector<double> out;
     if (axis.logarithmic && std::log10(axis.high / axis.low) < 8)
       for (int e = int(std::floor(std::log10(axis.low))); e <= int(std::log10(axis.high)) + 1; ++e)
@@ -180,7 +177,7 @@ Image drawPlot(const Plot& plot) {
   };
   for (double v : minor(x)) canvas.box(int(x.at(v)), top, int(x.at(v)) + 1, bottom, kMinorGrid);
   for (double v : minor(y)) canvas.box(left, int(y.at(v)), right, int(y.at(v)) + 1, kMinorGrid);
-  int free = -1000;                                          // labels that would run into one another are left out
+  int free = -1000;  // labels that would run into one another are left out
   for (double v : xTicks) {
     const int at = int(x.at(v)), half = textWidth(tickLabel(v)) / 2;
     canvas.box(at, top, at + 1, bottom + 5, kGrid);
@@ -203,7 +200,7 @@ Image drawPlot(const Plot& plot) {
     const PlotSeries& s = plot.series[i];
     const Vec3 colour = kColours[i % 8];
     const PlotPoint* last = nullptr;
-    double along = 0;                                        // of the line, in pixels
+    double along = 0;  // of the line, in pixels
     const auto join = [&](double x0, double y0, double x1, double y1) {
       if (i / 8 % 2) canvas.dashes(x0, y0, x1, y1, s.width, colour, along);
       else canvas.segment(x0, y0, x1, y1, s.width, colour);

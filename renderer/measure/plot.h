@@ -13,22 +13,22 @@ namespace gobo {
 
 struct PlotPoint {
   double x = 0, y = 0;
-  double low = 0, high = 0;   ///< an error bar from low to high in y, where high > low
+  double low = 0, high = 0;  ///< an error bar from low to high in y, where high > low
 };
 
 struct PlotSeries {
-  std::string name;           ///< in the legend; ASCII
+  std::string name;  ///< in the legend; ASCII
   std::vector<PlotPoint> points;
   bool line = true, marks = true;
-  bool gaps = false;          ///< a point that is left out interrupts the line
-  double width = 2;           ///< of the line, pixels
+  bool gaps = false;  ///< a point that is left out interrupts the line
+  double width = 2;   ///< of the line, pixels
 };
 
 struct Plot {
   std::string title, xLabel, yLabel;
   bool logX = true, logY = true;
-  int width = 960, height = 600;    ///< pixels, at least 320 x 240 (CHECKed)
-  std::vector<PlotSeries> series;   ///< colours and marks repeat after eight; every second eight has dashed lines
+  int width = 960, height = 600;   ///< pixels, at least 320 x 240 (CHECKed)
+  std::vector<PlotSeries> series;  ///< colours and marks repeat after eight; every second eight has dashed lines
 };
 
 /// Display-referred linear RGB in 0..1. Points that are not finite, or not positive on a logarithmic axis, are left out; lines

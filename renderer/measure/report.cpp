@@ -76,8 +76,7 @@ std::string Table::text() const {
   };
   const auto numeric = [&](size_t c) { return !rows_.empty() && std::holds_alternative<double>(rows_[0][c]); };
   line([&](size_t c) { return std::pair(columns_[c], numeric(c)); });
-  for (const auto& row : rows_)
-    line([&](size_t c) { return std::pair(shown(row[c]), std::holds_alternative<double>(row[c])); });
+  for (const auto& row : rows_) line([&](size_t c) { return std::pair(shown(row[c]), std::holds_alternative<double>(row[c])); });
   return out;
 }
 

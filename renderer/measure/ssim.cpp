@@ -11,7 +11,9 @@ namespace {
 
 constexpr int kTaps = 11;
 
-struct Moments { double a = 0, b = 0, aa = 0, bb = 0, ab = 0; };
+struct Moments {
+  double a = 0, b = 0, aa = 0, bb = 0, ab = 0;
+};
 
 void add(Moments& m, double weight, const Moments& o) {
   m.a += weight * o.a, m.b += weight * o.b, m.aa += weight * o.aa, m.bb += weight * o.bb, m.ab += weight * o.ab;

@@ -11,7 +11,8 @@ static_assert(!photonReaches(LightKind::Point, Receiver::Surface, Passage::Bound
 
 CausticPlan causticPlan(const Scene& scene, const MaterialKinds& kinds, const v1::Integrator& integrator) {
   CausticPlan plan;
-  const bool lights = std::any_of(scene.lights.begin(), scene.lights.end(), [](const Light& l) { return photonReaches(l.shape.kind, Receiver::Surface, Passage::Specular); });
+  const bool lights =
+      std::any_of(scene.lights.begin(), scene.lights.end(), [](const Light& l) { return photonReaches(l.shape.kind, Receiver::Surface, Passage::Specular); });
   const bool some = lights && kinds.specular, asked = integrator.caustic_photons() > 0;
   Vec3 lo, hi;
   scene.bounds(lo, hi);
@@ -29,7 +30,8 @@ CausticPlan causticPlan(const Scene& scene, const MaterialKinds& kinds, const v1
   return plan;
 }
 
-std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveScene& effective, const RelightGroups& relight, const PathTracerSettings& path, bool byLobe) {
+std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveScene& effective, const RelightGroups& relight, const PathTracerSettings& path,
+                                      bool byLobe) {
   if (plan.photons == 0) return {};
   const std::vector<Light>& lights = effective.scene->lights;
   CausticTask all;
@@ -47,8 +49,7 @@ std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveSc
   }
   std::sort(all.groups.begin(), all.groups.end());
   all.groups.erase(std::unique(all.groups.begin(), all.groups.end()), all.groups.end());
-  for (int l : all.lights)
-    all.settings.path.groupOf.push_back(int(std::find(all.groups.begin(), all.groups.end(), relight.groupOf[l]) - all.groups.begin()));
+  for (int l : all.lights) all.settings.path.groupOf.push_back(int(std::find(all.groups.begin(), all.groups.end(), relight.groupOf[l]) - all.groups.begin()));
   for (int g : all.groups) all.weights.push_back(relight.members[g].size() == 1 ? effective.gains[relight.members[g][0]] : Vec3(1.0f));
   all.settings.path.groups = int(all.groups.size());
   std::vector<CausticTask> tasks;
@@ -69,8 +70,8 @@ std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveSc
 
 std::string causticNote(const CausticPlan& plan, uint32_t passes) {
   char note[200];
-  std::snprintf(note, sizeof note, "consistent, not unbiased: photons averaged over a radius of %.3g m in the first pass, %.3g m in the last of %u", double(plan.radius),
-                double(causticRadius(plan.radius, std::max(passes, 1u) - 1)), passes);
+  std::snprintf(note, sizeof note, "consistent, not unbiased: photons averaged over a radius of %.3g m in the first pass, %.3g m in the last of %u",
+                double(plan.radius), double(causticRadius(plan.radius, std::max(passes, 1u) - 1)), passes);
   return note;
 }
 

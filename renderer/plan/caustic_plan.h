@@ -13,10 +13,10 @@
 namespace gobo {
 
 struct CausticPlan {
-  uint32_t photons = 0;       ///< 0: none are made
-  float radius = 0;           ///< of the first pass, metres
-  std::string pruned;         ///< why none are made; empty when nobody asked and there is none to make
-  bool lost = false;          ///< the scene has such light, and it is left out
+  uint32_t photons = 0;  ///< 0: none are made
+  float radius = 0;      ///< of the first pass, metres
+  std::string pruned;    ///< why none are made; empty when nobody asked and there is none to make
+  bool lost = false;     ///< the scene has such light, and it is left out
 };
 CausticPlan causticPlan(const Scene& scene, const MaterialKinds& kinds, const v1::Integrator& integrator);
 
@@ -29,7 +29,8 @@ struct CausticTask {
   std::vector<Vec3> weights;  ///< of its planes in the beauty
 };
 /// `path`: camera, size, bounces, block size, seed; its groups are filled in.
-std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveScene& effective, const RelightGroups& relight, const PathTracerSettings& path, bool byLobe);
+std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveScene& effective, const RelightGroups& relight, const PathTracerSettings& path,
+                                      bool byLobe);
 /// What is wrong with `passes` passes, for reports.
 std::string causticNote(const CausticPlan& plan, uint32_t passes);
 

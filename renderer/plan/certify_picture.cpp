@@ -31,8 +31,8 @@ CertificateDraw drawCertificate(const Image& beauty, const v1::CertificateSettin
   return draw;
 }
 
-Result<v1::Certificate> certifyPicture(const Image& beauty, const EffectiveScene& effective, const v1::RenderRequest& request,
-                                       AccelCache& accels, const TaskArena& arena, const StopToken& stop) {
+Result<v1::Certificate> certifyPicture(const Image& beauty, const EffectiveScene& effective, const v1::RenderRequest& request, AccelCache& accels,
+                                       const TaskArena& arena, const StopToken& stop) {
   return certifyAgainst(referenceRecipe(effective, request), beauty, effective, request, accels, arena, stop);
 }
 
@@ -44,7 +44,8 @@ Result<v1::Certificate> certifyAgainst(const ReferenceRecipe& recipe, const Imag
   std::vector<PixelEvidence> evidence(draw.pixels.size());
   std::atomic<uint64_t> rays{0};
   const ReferenceTracer reference(effective, beauty.width, beauty.height, recipe, accels, arena, stop);
-  const uint32_t blocks = std::max<uint32_t>(1, (request.certificate().spp() + kParts * ReferenceTracer::kBlockSize - 1) / (kParts * ReferenceTracer::kBlockSize));
+  const uint32_t blocks =
+      std::max<uint32_t>(1, (request.certificate().spp() + kParts * ReferenceTracer::kBlockSize - 1) / (kParts * ReferenceTracer::kBlockSize));
   for (int k = 0; k < kParts; ++k) {
     GOBO_ASSIGN(const std::vector<Vec3> part, reference.trace(draw.pixels, recipe.streams[k], blocks, rays, stop));
     for (size_t i = 0; i < evidence.size(); ++i) evidence[i].parts[k] = part[i];

@@ -12,8 +12,8 @@ namespace gobo {
 
 /// `beauty` is a finished linear picture of the effective scene with its gains; certificate.spp samples a chosen pixel, rounded up
 /// to four equal parts. Errors: Cancelled.
-Result<v1::Certificate> certifyPicture(const Image& beauty, const EffectiveScene& effective, const v1::RenderRequest& request,
-                                       AccelCache& accels, const TaskArena& arena, const StopToken& stop);
+Result<v1::Certificate> certifyPicture(const Image& beauty, const EffectiveScene& effective, const v1::RenderRequest& request, AccelCache& accels,
+                                       const TaskArena& arena, const StopToken& stop);
 
 /// The same against a reference made by this recipe instead of referenceRecipe(): what certifyPicture() does, and what tests of the
 /// certificate's guards do with a recipe that is wrong.
@@ -22,8 +22,8 @@ Result<v1::Certificate> certifyAgainst(const ReferenceRecipe& recipe, const Imag
 
 /// The pixels of a certificate and their chances.
 struct CertificateDraw {
-  std::vector<uint32_t> pixels;   ///< y * width + x, ascending
-  std::vector<double> chances;    ///< of each
+  std::vector<uint32_t> pixels;  ///< y * width + x, ascending
+  std::vector<double> chances;   ///< of each
 };
 /// round(pixel_fraction * N) pixels, at least min_pixels, at most all N, drawn by what the picture says of its own errors. What it gives
 /// when `stop` ended it is of no use.

@@ -55,8 +55,8 @@ bool DiskIndex::open(const std::string& path) {
   // synchronous=NORMAL: a power cut may take back the last transactions but not the index; open() compares with the files.
   const bool good = exec("PRAGMA journal_mode=WAL") && exec("PRAGMA synchronous=NORMAL") && sound(db_) &&
                     (pragmaInt(db_, "PRAGMA user_version") == kVersion ||
-                     (pragmaInt(db_, "PRAGMA user_version") == 0 && pragmaInt(db_, "SELECT count(*) FROM sqlite_schema") == 0 &&
-                      exec("BEGIN IMMEDIATE") && exec(kSchema) && exec("COMMIT")));
+                     (pragmaInt(db_, "PRAGMA user_version") == 0 && pragmaInt(db_, "SELECT count(*) FROM sqlite_schema") == 0 && exec("BEGIN IMMEDIATE") &&
+                      exec(kSchema) && exec("COMMIT")));
   struct stat st;
   if (!good || ::stat(path.c_str(), &st) != 0) {
     close();
@@ -109,11 +109,11 @@ bool DiskIndex::done(sqlite3_stmt* s) {
 
 bool DiskIndex::begin() { return exec("BEGIN IMMEDIATE"); }
 bool DiskIndex::commit() { return exec("COMMIT"); }
-void DiskIndex::rollback() { if (db_ && !sqlite3_get_autocommit(db_)) exec("ROLLBACK"); }
-bool DiskIndex::clear() { return exec("DELETE FROM term") && recount(); }
-bool DiskIndex::recount() {
-  return exec("UPDATE total SET bytes = (SELECT coalesce(sum(bytes), 0) FROM term), files = (SELECT count(*) FROM term)");
+void DiskIndex::rollback() {
+  if (db_ && !sqlite3_get_autocommit(db_)) exec("ROLLBACK");
 }
+bool DiskIndex::clear() { return exec("DELETE FROM term") && recount(); }
+bool DiskIndex::recount() { return exec("UPDATE total SET bytes = (SELECT coalesce(sum(bytes), 0) FROM term), files = (SELECT count(*) FROM term)"); }
 
 bool DiskIndex::upsert(const std::string& key, int64_t bytes, int64_t used) {
   auto* s = prepare(0, "INSERT INTO term VALUES(?1, ?2, ?3) ON CONFLICT(key) DO UPDATE SET bytes = ?2, used = max(used, ?3)");

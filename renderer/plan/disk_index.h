@@ -18,7 +18,10 @@ namespace gobo {
 
 class DiskIndex {
  public:
-  struct Row { std::string key; int64_t bytes = 0, used = 0; };
+  struct Row {
+    std::string key;
+    int64_t bytes = 0, used = 0;
+  };
 
   ~DiskIndex() { close(); }
   /// Opens or makes the index. False: it is there but damaged (or cannot be made); the caller removes it and tries again.
@@ -36,19 +39,19 @@ class DiskIndex {
   bool commit();
   void rollback();
   bool upsert(const std::string& key, int64_t bytes, int64_t used);
-  bool touch(const std::string& key, int64_t used);   ///< only ever forwards; no row: nothing
+  bool touch(const std::string& key, int64_t used);  ///< only ever forwards; no row: nothing
   bool erase(const std::string& key);
   bool clear();
   bool oldest(Row& row, bool& found);
   bool find(const std::string& key, Row& row, bool& found);
   bool all(std::vector<Row>& rows);
   bool totals(int64_t& bytes, int64_t& files);
-  bool recount();                                     ///< total from the rows, should a trigger's work have been lost
+  bool recount();  ///< total from the rows, should a trigger's work have been lost
 
  private:
   bool exec(const char* sql);
   sqlite3_stmt* prepare(int which, const char* sql);
-  bool done(sqlite3_stmt* s);                         ///< steps to the end and resets
+  bool done(sqlite3_stmt* s);  ///< steps to the end and resets
   static constexpr int kStatements = 10;
   sqlite3* db_ = nullptr;
   sqlite3_stmt* statements_[kStatements] = {};

@@ -14,15 +14,15 @@
 #include <random>
 #include <unordered_map>
 
-#include "plan/term_files.h"
 #include "plan/disk_index.h"
+#include "plan/term_files.h"
 #include "terms/term_file.h"
 
 namespace gobo {
 
 namespace {
-constexpr size_t kTouchesPerFlush = 64;      // gets whose last use may be lost by a kill
-constexpr size_t kMostTouches = 4096;        // while the folder is held by another
+constexpr size_t kTouchesPerFlush = 64;  // gets whose last use may be lost by a kill
+constexpr size_t kMostTouches = 4096;    // while the folder is held by another
 constexpr int64_t kSweepMicros = 3600ll * 1000000;
 }  // namespace
 
@@ -32,21 +32,22 @@ struct DiskStore::Impl {
   std::string indexPath, temps;
   std::atomic<uint64_t> counter{0};
 
-  mutable std::mutex mutex;    // all below; never held while term bytes are read or written
+  mutable std::mutex mutex;  // all below; never held while term bytes are read or written
   mutable DiskIndex index;
-  bool dirty = true;           // index and files may disagree, or the index is not open
-  bool damagedIndex = false;   // to be removed rather than opened again
+  bool dirty = true;          // index and files may disagree, or the index is not open
+  bool damagedIndex = false;  // to be removed rather than opened again
   bool opened = false;
   std::unordered_map<std::string, int64_t> touched;
   DiskStoreStats stats;
   int64_t lastUse = 0, lastSweep = 0;
 
   Impl(const std::string& folder, const DiskStoreOptions& o) : options(o), files(folder), indexPath(folder + "/index.sqlite") {
-    if (!options.nowMicros) options.nowMicros = [] {
-      return int64_t(std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count());
-    };
+    if (!options.nowMicros)
+      options.nowMicros = [] {
+        return int64_t(std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count());
+      };
     if (!options.step) options.step = [](const char*) { return 0; };
-    std::random_device random;   // process ids repeat (containers sharing a folder): names of temp files must not
+    std::random_device random;  // process ids repeat (containers sharing a folder): names of temp files must not
     temps = files.tempFolder() + "/" + std::to_string(::getpid()) + "-" + std::to_string(random()) + "-" + std::to_string(random());
   }
 
@@ -59,7 +60,7 @@ struct DiskStore::Impl {
     std::unordered_map<std::string, int64_t> known;
     for (const auto& r : rows) {
       known[r.key] = r.bytes;
-      lastUse = std::max(lastUse, r.used);   // the clock may have been set back since: what is used from now on was still used last
+      lastUse = std::max(lastUse, r.used);  // the clock may have been set back since: what is used from now on was still used last
     }
     for (const auto& f : files.scan()) {
       const auto row = known.find(f.key);
@@ -104,7 +105,7 @@ struct DiskStore::Impl {
     for (int64_t last = -1;;) {
       int64_t bytes = 0, count = 0;
       if (!index.totals(bytes, count)) return false;
-      if (count == last) {   // a row that cannot be deleted: the index is not sound, whatever its check said
+      if (count == last) {  // a row that cannot be deleted: the index is not sound, whatever its check said
         damagedIndex = true;
         return false;
       }
@@ -114,10 +115,16 @@ struct DiskStore::Impl {
       bool found = false;
       if (!index.oldest(row, found)) return false;
       if (!found) return index.recount();
-      if (int e = options.step("evict")) { status = fileError("evict", files.path(row.key), e); return true; }
+      if (int e = options.step("evict")) {
+        status = fileError("evict", files.path(row.key), e);
+        return true;
+      }
       if (!index.erase(row.key)) return false;
       int e = options.step("unlink");
-      if (e || !files.unlink(row.key)) { status = fileError("evict", files.path(row.key), e ? e : errno); return true; }
+      if (e || !files.unlink(row.key)) {
+        status = fileError("evict", files.path(row.key), e ? e : errno);
+        return true;
+      }
       ++stats.evicted;
     }
   }
@@ -142,12 +149,19 @@ struct DiskStore::Impl {
   }
 
   // change(status) -> false when SQLite failed. Tried a second time with an index made anew. Under mutex.
-  template <typename F> Status transact(double seconds, F change, const StopToken& stop = {}) {
+  template <typename F>
+  Status transact(double seconds, F change, const StopToken& stop = {}) {
     GOBO_TRY(files.lock(seconds, stop));
-    struct Unlock { TermFiles& f; ~Unlock() { f.unlock(); } } unlock{files};
+    struct Unlock {
+      TermFiles& f;
+      ~Unlock() { f.unlock(); }
+    } unlock{files};
     for (int attempt = 0; attempt < 2; ++attempt) {
       if (dirty || !index.current()) {
-        if (!openIndex()) { dirty = true; continue; }
+        if (!openIndex()) {
+          dirty = true;
+          continue;
+        }
       }
       Status status;
       if (index.begin() && flush() && change(status)) {
@@ -172,7 +186,7 @@ struct DiskStore::Impl {
     std::lock_guard hold(mutex);
     if (touched.size() < kMostTouches || touched.count(key)) touched[key] = use();
     if (touched.size() >= kTouchesPerFlush && touched.size() % kTouchesPerFlush == 0)
-      (void)transact(0, [](Status&) { return true; });   // the folder is busy: later
+      (void)transact(0, [](Status&) { return true; });  // the folder is busy: later
   }
 };
 
@@ -208,7 +222,7 @@ TermPtr DiskStore::get(const Hash128& key, const StopToken& stop) {
   TermFiles::Content content = d.files.read(name, stop);
   TermPtr term;
   if (content.bytes) term = parseTerm(content.bytes.get(), content.size, key, stop);
-  if (!term && stop.stopRequested()) return nullptr;   // says nothing of the file
+  if (!term && stop.stopRequested()) return nullptr;  // says nothing of the file
   if (term) {
     d.note(name);
     std::lock_guard hold(d.mutex);
@@ -217,13 +231,13 @@ TermPtr DiskStore::get(const Hash128& key, const StopToken& stop) {
   }
   std::lock_guard hold(d.mutex);
   ++d.stats.misses;
-  if (content.error == EMFILE || content.error == ENFILE || content.error == ENOMEM) return nullptr;   // ours, not the file's fault
-  if (content.bytes && isOtherTermVersion(content.bytes.get(), content.size)) return nullptr;   // the next put replaces it
+  if (content.error == EMFILE || content.error == ENFILE || content.error == ENOMEM) return nullptr;  // ours, not the file's fault
+  if (content.bytes && isOtherTermVersion(content.bytes.get(), content.size)) return nullptr;         // the next put replaces it
   if (content.bytes || content.error) {
     ++d.stats.damaged;
     const auto drop = [&](Status&) {
       ino_t inode = 0;
-      if (d.files.size(name, &inode) >= 0 && (inode != content.inode || !d.files.unlink(name))) return true;   // replaced meanwhile
+      if (d.files.size(name, &inode) >= 0 && (inode != content.inode || !d.files.unlink(name))) return true;  // replaced meanwhile
       return d.index.erase(name);
     };
     (void)d.transact(d.options.lockSeconds, drop);
@@ -231,11 +245,12 @@ TermPtr DiskStore::get(const Hash128& key, const StopToken& stop) {
     DiskIndex::Row row;
     bool found = false;
     d.touched.erase(name);
-    if (d.index.find(name, row, found) && found) (void)d.transact(0, [&](Status&) {
-      if (d.files.size(name) >= 0) return true;
-      ++d.stats.missing;
-      return d.index.erase(name);
-    });
+    if (d.index.find(name, row, found) && found)
+      (void)d.transact(0, [&](Status&) {
+        if (d.files.size(name) >= 0) return true;
+        ++d.stats.missing;
+        return d.index.erase(name);
+      });
   }
   return nullptr;
 }
@@ -255,25 +270,28 @@ Status DiskStore::put(const Hash128& key, const Term& term, const StopToken& sto
   {
     std::lock_guard hold(d.mutex);
     bool moved = false;
-    const Status status = d.transact(d.options.lockSeconds, [&](Status& failed) {
-      // A file of this name that is about to be replaced does not count: its row goes first.
-      if (!d.index.erase(name) || !d.evict(int64_t(bytes.size()), failed)) return false;
-      if (!failed.ok()) return true;
-      if (!d.index.upsert(name, int64_t(bytes.size()), d.use())) return false;
-      if (moved) return true;
-      if (int e = d.options.step("rename")) failed = fileError("rename", temp, e);
-      else failed = d.files.moveIntoPlace(temp, name);
-      moved = failed.ok();
-      return true;
-    }, stop);
+    const Status status = d.transact(
+        d.options.lockSeconds,
+        [&](Status& failed) {
+          // A file of this name that is about to be replaced does not count: its row goes first.
+          if (!d.index.erase(name) || !d.evict(int64_t(bytes.size()), failed)) return false;
+          if (!failed.ok()) return true;
+          if (!d.index.upsert(name, int64_t(bytes.size()), d.use())) return false;
+          if (moved) return true;
+          if (int e = d.options.step("rename")) failed = fileError("rename", temp, e);
+          else failed = d.files.moveIntoPlace(temp, name);
+          moved = failed.ok();
+          return true;
+        },
+        stop);
     if (!status.ok()) {
       ::unlink(temp.c_str());
-      if (moved) d.files.unlink(name);   // not counted, so it must not stay: repeated failures would pass the bound
+      if (moved) d.files.unlink(name);  // not counted, so it must not stay: repeated failures would pass the bound
       return status;
     }
     ++d.stats.writes;
     const int64_t now = d.options.nowMicros();
-    if (now < d.lastSweep || now - d.lastSweep > kSweepMicros) {   // before: the clock was set back
+    if (now < d.lastSweep || now - d.lastSweep > kSweepMicros) {  // before: the clock was set back
       d.lastSweep = now;
       d.stats.staleTemps += d.files.removeStaleTemps(now, d.options.staleTempSeconds);
     }

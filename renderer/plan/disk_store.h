@@ -32,12 +32,12 @@ struct DiskStoreOptions {
 
 struct DiskStoreStats {
   uint64_t hits = 0, misses = 0, writes = 0;
-  uint64_t damaged = 0;        ///< files dropped because their bytes were wrong
+  uint64_t damaged = 0;  ///< files dropped because their bytes were wrong
   uint64_t evicted = 0;
-  uint64_t adopted = 0;        ///< files found without an index row
-  uint64_t missing = 0;        ///< index rows found without a file
-  uint64_t staleTemps = 0;     ///< litter of killed writers, removed
-  uint64_t rebuilds = 0;       ///< times the index was made anew because it was missing, damaged or replaced
+  uint64_t adopted = 0;     ///< files found without an index row
+  uint64_t missing = 0;     ///< index rows found without a file
+  uint64_t staleTemps = 0;  ///< litter of killed writers, removed
+  uint64_t rebuilds = 0;    ///< times the index was made anew because it was missing, damaged or replaced
 };
 
 class DiskStore {
@@ -47,17 +47,17 @@ class DiskStore {
   static Result<std::unique_ptr<DiskStore>> open(const std::string& folder, uint64_t maxBytes);
   static Result<std::unique_ptr<DiskStore>> open(const std::string& folder, const DiskStoreOptions& options);
   ~DiskStore();
-  TermPtr get(const Hash128& key, const StopToken& stop = {});   ///< null if absent or damaged (then removed), or stopped (then as it was)
+  TermPtr get(const Hash128& key, const StopToken& stop = {});  ///< null if absent or damaged (then removed), or stopped (then as it was)
   /// Writes the file and evicts so that the files stay within maxBytes; durable on return. A term whose file is larger than
   /// maxBytes is not kept (Ok). An equal file already there is only marked used; a different one is replaced.
   /// Errors: ResourceExhausted (disk full), Unavailable (folder locked for too long), Internal, Cancelled (`stop`: nothing of it is left);
   /// the message names the file.
   Status put(const Hash128& key, const Term& term, const StopToken& stop = {});
   void erase(const Hash128& key);
-  void clear();                                    ///< every term of the folder, also those other processes wrote
-  uint64_t bytes() const;                          ///< sum of file sizes, by the index
+  void clear();            ///< every term of the folder, also those other processes wrote
+  uint64_t bytes() const;  ///< sum of file sizes, by the index
   uint64_t count() const;
-  DiskStoreStats stats() const;                    ///< of this object
+  DiskStoreStats stats() const;  ///< of this object
 
  private:
   DiskStore();

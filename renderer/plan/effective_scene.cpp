@@ -52,7 +52,7 @@ Status checkArea(double width, double height, const std::string& path) {
 
 Result<Vec3> unitVector(const v1::Vector3& v, const std::string& path) {
   GOBO_TRY(checkFinite(v, path));
-  const DVec3 x(toVec3(v));   // in double precision every float's square is finite, and above 0 if it is
+  const DVec3 x(toVec3(v));  // in double precision every float's square is finite, and above 0 if it is
   const double length = glm::length(x);
   if (!(length > 1e-12)) return invalidArgument(path + ": must not be the zero vector", path);
   return Vec3(x / length);
@@ -72,8 +72,14 @@ Result<Camera> effectiveCamera(const Scene& scene, const v1::CameraSettings& set
   }
   Camera camera = scene.cameras[index];
   if (settings.has_cull_back_faces()) camera.cullBackFaces = settings.cull_back_faces();
-  if (settings.has_yfov_deg()) { camera.yfov = radians(settings.yfov_deg()); camera.perspective = true; }
-  if (settings.has_orthographic_height()) { camera.perspective = false; camera.yheight = float(settings.orthographic_height()); }
+  if (settings.has_yfov_deg()) {
+    camera.yfov = radians(settings.yfov_deg());
+    camera.perspective = true;
+  }
+  if (settings.has_orthographic_height()) {
+    camera.perspective = false;
+    camera.yheight = float(settings.orthographic_height());
+  }
   if (settings.has_position() || settings.has_look_at() || settings.has_up()) {
     if (settings.has_position()) GOBO_TRY(checkCoordinate(settings.position(), "request.camera.position"));
     if (settings.has_look_at()) GOBO_TRY(checkCoordinate(settings.look_at(), "request.camera.look_at"));
@@ -130,7 +136,10 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
   const bool shapeFields = e.has_position() || e.has_direction() || e.has_width() || e.has_height() || e.has_radius() || e.has_inner_deg() || e.has_outer_deg();
   if (shapeFields && !movable(s.kind))
     return invalidArgument(path + ": '" + light.name + "' is part of the scene's geometry or environment; only gain, color and intensity can be edited", path);
-  if (e.has_position()) { GOBO_TRY(checkCoordinate(e.position(), path + ".position")); s.position = toVec3(e.position()); }
+  if (e.has_position()) {
+    GOBO_TRY(checkCoordinate(e.position(), path + ".position"));
+    s.position = toVec3(e.position());
+  }
   if (e.has_radius()) GOBO_TRY(checkLength(e.radius(), path + ".radius"));
   if (e.has_width()) GOBO_TRY(checkLength(e.width(), path + ".width"));
   if (e.has_height()) GOBO_TRY(checkLength(e.height(), path + ".height"));
@@ -139,8 +148,14 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
     if (e.has_direction()) { GOBO_ASSIGN(axis, unitVector(e.direction(), path + ".direction")); }
     const float w = e.has_width() ? float(e.width()) * 0.5f : glm::length(s.u);
     const float h = e.has_height() ? float(e.height()) * 0.5f : glm::length(s.v);
-    if (e.has_direction()) { const Frame f(axis); s.u = f.x * w; s.v = f.y * h; }
-    else { s.u = glm::normalize(s.u) * w; s.v = glm::normalize(s.v) * h; }
+    if (e.has_direction()) {
+      const Frame f(axis);
+      s.u = f.x * w;
+      s.v = f.y * h;
+    } else {
+      s.u = glm::normalize(s.u) * w;
+      s.v = glm::normalize(s.v) * h;
+    }
     s.axis = axis;
     if (s.kind == LightKind::Rect) GOBO_TRY(checkArea(2.0 * double(w), 2.0 * double(h), path));
   }
@@ -199,11 +214,17 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
   for (const auto& [name, edit] : edits) {
     const std::string path = "request.lights." + name;
     int index = scene->findLight(name);
-    if (index < 0 && name == "environment" && scene->environment) continue;   // its light appears at seal()
+    if (index < 0 && name == "environment" && scene->environment) continue;  // its light appears at seal()
     if (index < 0) {
       if (edit->kind() == v1::LightEdit::KIND_UNSPECIFIED) {
         std::string names;
-        for (const Light& l : scene->lights) { if (names.size() > 300) { names += ", ..."; break; } names += (names.empty() ? "" : ", ") + l.name; }
+        for (const Light& l : scene->lights) {
+          if (names.size() > 300) {
+            names += ", ...";
+            break;
+          }
+          names += (names.empty() ? "" : ", ") + l.name;
+        }
         return notFound("no light '" + name + "' in the scene (has: " + names + "); give `kind` to add one", path);
       }
       Light added;
@@ -241,7 +262,10 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
       power = color * intensity;
     }
     Vec3 gain(1.0f);
-    if (edit->has_gain()) { GOBO_TRY(checkFinite(edit->gain(), path + ".gain", true)); gain = toVec3(edit->gain()); }
+    if (edit->has_gain()) {
+      GOBO_TRY(checkFinite(edit->gain(), path + ".gain", true));
+      gain = toVec3(edit->gain());
+    }
     if (edit->has_enabled() && !edit->enabled()) gain = Vec3(0.0f);
     out.gains[i] = power * gain / nominalScalar(light);
   }
@@ -251,7 +275,8 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
       if (out.scene->lights[i].shape.kind == LightKind::Environment) out.gains[i] *= toVec3(request.environment().gain());
   }
   for (size_t i = 0; i < n; ++i)
-    if (!isFinite(out.gains[i])) return invalidArgument("power of light '" + out.scene->lights[i].name + "' overflows", "request.lights." + out.scene->lights[i].name);
+    if (!isFinite(out.gains[i]))
+      return invalidArgument("power of light '" + out.scene->lights[i].name + "' overflows", "request.lights." + out.scene->lights[i].name);
   out.gainChanges.resize(n);
   for (size_t i = 0; i < n; ++i) out.gainChanges[i] = out.gains[i] - out.scene->lights[i].power / nominalScalar(out.scene->lights[i]);
   GOBO_ASSIGN(out.camera, effectiveCamera(*out.scene, request.camera()));

@@ -17,8 +17,8 @@ namespace gobo {
 
 struct EffectiveScene {
   ScenePtr scene;
-  std::vector<Vec3> gains;       ///< per light of `scene`: RGB factor on nominal() of that light traced alone
-  std::vector<Vec3> gainChanges; ///< per light: gains less what the scene itself says, which is what a cluster holds of it; 0 = unedited
+  std::vector<Vec3> gains;        ///< per light of `scene`: RGB factor on nominal() of that light traced alone
+  std::vector<Vec3> gainChanges;  ///< per light: gains less what the scene itself says, which is what a cluster holds of it; 0 = unedited
   Camera camera;
 };
 
@@ -45,9 +45,9 @@ double estimatedFlux(const Scene& scene, int light, const StopToken& stop = {});
 
 struct RelightGroups {
   int count = 0;
-  std::vector<int> groupOf;                ///< per light
-  std::vector<std::vector<int>> members;   ///< per group, ascending
-  std::vector<Vec3> nominal;               ///< per light: what it is traced with (path_tracer.h)
+  std::vector<int> groupOf;               ///< per light
+  std::vector<std::vector<int>> members;  ///< per group, ascending
+  std::vector<Vec3> nominal;              ///< per light: what it is traced with (path_tracer.h)
   bool single(int group) const { return members[group].size() == 1; }
 };
 /// The strongest lights get a group each, the rest share the last. Depends on the effective scene only, not on gains. Of no use after `stop`.

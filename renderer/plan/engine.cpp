@@ -68,7 +68,8 @@ const Image& RenderedImage::image() const {
 }
 
 struct Engine::Impl {
-  explicit Impl(const EngineOptions& o) : options(o), arena(o.threads), scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}), accels(o.accelBytes), memory(o.memoryBytes) {}
+  explicit Impl(const EngineOptions& o)
+      : options(o), arena(o.threads), scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}), accels(o.accelBytes), memory(o.memoryBytes) {}
 
   EngineOptions options;
   TaskArena arena;
@@ -105,13 +106,21 @@ struct Engine::Impl {
 
   /// What is dear to make again, or whose going is seen, gives last.
   void keepAccounts() {
-    accounts.push_back(memory.add({"posed scenes", [this] { return posed.limit(); }, [this] { return posed.bytes(); }, [this](uint64_t most) { posed.shrink(most); }}));
-    accounts.push_back(memory.add({"terms", [this] { return store->maxBytes(); }, [this] { return store->bytes(); }, [this](uint64_t most) { store->shrink(most); }}));
-    accounts.push_back(memory.add({"ray tracing", [this] { return options.accelBytes; }, [this] { return uint64_t(accels.bytes()); }, [this](uint64_t most) { accels.shrink(size_t(most)); }}));
-    accounts.push_back(memory.add({"environments", [this] { return scenes.limits().environmentBytes; }, [this] { return scenes.environmentBytes(); }, [this](uint64_t most) { scenes.shrinkEnvironments(most); }}));
-    accounts.push_back(memory.add({"scenes", [this] { return scenes.limits().sceneBytes; }, [this] { return scenes.sceneBytes(); }, [this](uint64_t most) { scenes.shrinkScenes(most); },
-                [this] { return scenes.sceneBytesOfOwners(); }}));
-    accounts.push_back(memory.add({"remembered requests", [this] { return remembered.limit(); }, [this] { return remembered.bytes(); }, {}, [this] { return remembered.bytesOfOwners(); }}));
+    accounts.push_back(
+        memory.add({"posed scenes", [this] { return posed.limit(); }, [this] { return posed.bytes(); }, [this](uint64_t most) { posed.shrink(most); }}));
+    accounts.push_back(
+        memory.add({"terms", [this] { return store->maxBytes(); }, [this] { return store->bytes(); }, [this](uint64_t most) { store->shrink(most); }}));
+    accounts.push_back(memory.add({"ray tracing", [this] { return options.accelBytes; }, [this] { return uint64_t(accels.bytes()); },
+                                   [this](uint64_t most) { accels.shrink(size_t(most)); }}));
+    accounts.push_back(memory.add({"environments", [this] { return scenes.limits().environmentBytes; }, [this] { return scenes.environmentBytes(); },
+                                   [this](uint64_t most) { scenes.shrinkEnvironments(most); }}));
+    accounts.push_back(memory.add({"scenes", [this] { return scenes.limits().sceneBytes; }, [this] { return scenes.sceneBytes(); },
+                                   [this](uint64_t most) { scenes.shrinkScenes(most); }, [this] { return scenes.sceneBytesOfOwners(); }}));
+    accounts.push_back(memory.add({"remembered requests",
+                                   [this] { return remembered.limit(); },
+                                   [this] { return remembered.bytes(); },
+                                   {},
+                                   [this] { return remembered.bytesOfOwners(); }}));
     scenes.setLedger(&memory);
   }
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
@@ -140,8 +149,8 @@ Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::st
                                         const std::vector<std::string>& share) {
   return impl_->scenes.open(source, id, stop, access, share);
 }
-Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop, const SceneAccess& access,
-                                           const std::vector<std::string>& share) {
+Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop,
+                                           const SceneAccess& access, const std::vector<std::string>& share) {
   return impl_->scenes.openFile(path, source, id, stop, access, share);
 }
 std::vector<v1::SceneInfo> Engine::listScenes(const SceneAccess& access) const { return impl_->scenes.list(access); }
@@ -165,7 +174,7 @@ int Engine::threads() const { return impl_->arena.threads(); }
 
 Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request, const ScenePtr& scene) const {
   v1::RenderRequest r = request;
-  r.DiscardUnknownFields();   // remembered with the request they would be memory that nothing bounds
+  r.DiscardUnknownFields();  // remembered with the request they would be memory that nothing bounds
   r.mutable_integrator();
   r.mutable_tone_map();
   r.mutable_encoding();
@@ -174,7 +183,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   if (!r.has_halt() || (!r.halt().has_spp() && !r.halt().has_time_s() && !r.halt().has_error())) r.mutable_halt()->set_spp(64);
   if (r.outputs_size() == 0) r.add_outputs("beauty");
   if (r.has_certificate() && r.certificate().has_pixel_fraction() && r.certificate().pixel_fraction() == 0) r.clear_certificate();
-  if (r.halt().has_error()) r.mutable_certificate();   // what the halt condition is measured by
+  if (r.halt().has_error()) r.mutable_certificate();  // what the halt condition is measured by
   // The map's settings are shown resolved wherever a technique reads them.
   const auto showMap = [](v1::ShadowTechnique& t) {
     const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
@@ -186,8 +195,10 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   GOBO_TRY(resolveDefaults(r));
   GOBO_TRY(checkEncoding(r.encoding()));
   if (uint64_t(r.width()) * r.height() * r.view_samples() > kMaxViewSamples)
-    return Status(Code::ResourceExhausted, "request.width x height x view_samples = " + std::to_string(uint64_t(r.width()) * r.height() * r.view_samples()) +
-                  ": must be at most " + std::to_string(kMaxViewSamples), "request.width");
+    return Status(Code::ResourceExhausted,
+                  "request.width x height x view_samples = " + std::to_string(uint64_t(r.width()) * r.height() * r.view_samples()) + ": must be at most " +
+                      std::to_string(kMaxViewSamples),
+                  "request.width");
   const bool beauty = std::find(r.outputs().begin(), r.outputs().end(), "beauty") != r.outputs().end();
   if (r.has_certificate() && !beauty) return invalidArgument("request.certificate: needs output 'beauty'", "request.certificate");
   const std::string hash = scene->hash().hex();
@@ -216,8 +227,10 @@ void Engine::Impl::describe(const Plan& plan, const v1::RenderRequest& request, 
   const Scene& scene = *plan.effective.scene;
   for (const std::string& o : request.outputs()) {
     std::vector<std::string> names;
-    if (o == "object_id") for (const Instance& i : scene.instances) names.push_back(i.name);
-    else if (o == "material_id") for (const Material& m : scene.materials) names.push_back(m.name);
+    if (o == "object_id")
+      for (const Instance& i : scene.instances) names.push_back(i.name);
+    else if (o == "material_id")
+      for (const Material& m : scene.materials) names.push_back(m.name);
     else continue;
     result.tables["gobo:" + o] = nameTable(names);
   }
@@ -226,17 +239,24 @@ void Engine::Impl::describe(const Plan& plan, const v1::RenderRequest& request, 
 }
 
 void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::map<NodeId, ExecutedNode>& expanded, v1::RenderReply& reply) const {
-  std::map<std::string, v1::NodeReport*> folded;   // transient nodes, one row a type and state
+  std::map<std::string, v1::NodeReport*> folded;  // transient nodes, one row a type and state
   for (NodeId id = 0; id < plan.graph.size(); ++id) {
     const GraphNode& n = plan.graph.at(id);
     ExecutedNode e = executor.report(id);
-    const auto early = expanded.find(id);   // while planning: the executor of the picture never meets it
+    const auto early = expanded.find(id);  // while planning: the executor of the picture never meets it
     if (early != expanded.end()) e = early->second;
-    const auto state = e.state == ExecutedNode::State::Run ? v1::NodeReport::RUN : e.state == ExecutedNode::State::Reused ? v1::NodeReport::REUSED : v1::NodeReport::NOT_NEEDED;
+    const auto state = e.state == ExecutedNode::State::Run      ? v1::NodeReport::RUN
+                       : e.state == ExecutedNode::State::Reused ? v1::NodeReport::REUSED
+                                                                : v1::NodeReport::NOT_NEEDED;
     v1::NodeReport* row = nullptr;
     if (n.transient) {
       v1::NodeReport*& slot = folded[n.node->type() + std::to_string(state)];
-      if (!slot) { slot = reply.add_plan(); slot->set_node(n.node->type() + " (folded)"); slot->set_state(state); slot->set_device(n.node->device()); }
+      if (!slot) {
+        slot = reply.add_plan();
+        slot->set_node(n.node->type() + " (folded)");
+        slot->set_state(state);
+        slot->set_device(n.node->device());
+      }
       row = slot;
       row->set_ms(row->ms() + e.ms);
       row->set_rays(row->rays() + e.rays);
@@ -286,15 +306,16 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
 
   std::mutex progressMutex;
   std::function<void(const std::string&, double)> progress;
-  if (control.progress) progress = [&](const std::string& stage, double fraction) {
-    v1::Progress p;
-    p.set_stage(stage);
-    p.set_fraction(fraction);
-    p.set_spp(blocks * blockSize);
-    p.set_elapsed_ms(msSince(start));
-    std::lock_guard lock(progressMutex);   // nodes report from any thread
-    control.progress(p);
-  };
+  if (control.progress)
+    progress = [&](const std::string& stage, double fraction) {
+      v1::Progress p;
+      p.set_stage(stage);
+      p.set_fraction(fraction);
+      p.set_spp(blocks * blockSize);
+      p.set_elapsed_ms(msSince(start));
+      std::lock_guard lock(progressMutex);  // nodes report from any thread
+      control.progress(p);
+    };
   ExecutorServices services = executorServices(guard);
   services.checkpoints = control.checkpoints;
   Executor executor(plan->graph, services, control.stop, progress);
@@ -304,7 +325,8 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   }
   describe(*plan, request, result);
   fillReports(*plan, executor, expanded, reply);
-  for (auto& row : *reply.mutable_plan()) if (row.samples()) row.set_samples(row.samples() * blockSize);
+  for (auto& row : *reply.mutable_plan())
+    if (row.samples()) row.set_samples(row.samples() * blockSize);
   if (request.has_certificate()) {
     for (const RenderedImage& image : result.images) {
       if (image.output != "beauty") continue;
@@ -353,14 +375,14 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
   GOBO_ASSIGN(const v1::RenderRequest resolved, m.resolve(request, scene));
   const v1::Halt& halt = resolved.halt();
   const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;
-  const bool open = halt.has_time_s() || halt.has_error();      // the sample count is not known beforehand
+  const bool open = halt.has_time_s() || halt.has_error();  // the sample count is not known beforehand
   uint32_t spp = open || control.snapshot ? std::min<uint32_t>(most, 16) : most;
   ErrorFloor floor;
 
   while (true) {
     bool extendable = false;
     MappedGuard guard(*scene, request.scene());
-    GOBO_TRY(m.checked(guard, {}));   // of no use to begin with
+    GOBO_TRY(m.checked(guard, {}));  // of no use to begin with
     Result<RenderResult> result = m.renderOnce(scene, resolved, spp, control, start, guard, extendable);
     if (const Status status = m.checked(guard, result.ok() ? Status() : result.status()); !status.ok()) result = status;
     if (!result.ok()) {
@@ -403,9 +425,10 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
 Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relight, const std::string& caller) const {
   std::optional<v1::RenderRequest> known = impl_->remembered.find(relight.render_id(), caller);
   if (!known)
-    return notFound("no render '" + relight.render_id().substr(0, 80) + "' (the last " + std::to_string(impl_->remembered.keep()) + " are remembered)", "render_id");
+    return notFound("no render '" + relight.render_id().substr(0, 80) + "' (the last " + std::to_string(impl_->remembered.keep()) + " are remembered)",
+                    "render_id");
   v1::RenderRequest base = std::move(*known);
-  base.clear_scene_hash();   // a relight is of the scene as it is now
+  base.clear_scene_hash();  // a relight is of the scene as it is now
   GOBO_TRY(applyMask(base, relight.patch(), {relight.mask().begin(), relight.mask().end()}));
   return base;
 }

@@ -23,23 +23,23 @@
 
 namespace gobo {
 
-struct Scene;              // scene/scene.h
-class RenderCheckpoints;   // plan/checkpoints.h
+struct Scene;             // scene/scene.h
+class RenderCheckpoints;  // plan/checkpoints.h
 
 struct EngineOptions {
-  int threads = 0;                           ///< 0: all
-  uint64_t storeBytes = 4ull << 30;          ///< RAM tier bound
-  std::string cacheFolder;                   ///< disk tier; empty: none
+  int threads = 0;                   ///< 0: all
+  uint64_t storeBytes = 4ull << 30;  ///< RAM tier bound
+  std::string cacheFolder;           ///< disk tier; empty: none
   uint64_t diskBytes = 16ull << 30;
-  std::vector<std::string> roots;            ///< folders under which scene and environment files may be opened
-  bool anyPath = false;                      ///< true for --local: the caller's own files
-  uint32_t keepRenders = 1024;               ///< render ids remembered for Relight
-  uint64_t keepRendersBytes = 64ull << 20;   ///< of the requests behind them
-  uint64_t sceneBytes = UINT64_MAX;          ///< loaded scenes
+  std::vector<std::string> roots;           ///< folders under which scene and environment files may be opened
+  bool anyPath = false;                     ///< true for --local: the caller's own files
+  uint32_t keepRenders = 1024;              ///< render ids remembered for Relight
+  uint64_t keepRendersBytes = 64ull << 20;  ///< of the requests behind them
+  uint64_t sceneBytes = UINT64_MAX;         ///< loaded scenes
   uint64_t environmentBytes = 2ull << 30;
   uint64_t accelBytes = 4ull << 30;
-  uint64_t memoryBytes = UINT64_MAX;         ///< of all that and what the owner adds to memory(), together
-  std::shared_ptr<SceneLoader> loader;       ///< reads scene and environment files; null: in this process
+  uint64_t memoryBytes = UINT64_MAX;    ///< of all that and what the owner adds to memory(), together
+  std::shared_ptr<SceneLoader> loader;  ///< reads scene and environment files; null: in this process
 };
 
 /// One finished picture, linear and not tone mapped: a view of its term. image() copies it out once, on first use (a copy of
@@ -52,9 +52,9 @@ class RenderedImage {
   int height() const;
   int channels() const;
   const std::vector<std::string>& names() const { return names_; }
-  std::span<const float> pixels() const;      ///< row-major, channels interleaved
+  std::span<const float> pixels() const;  ///< row-major, channels interleaved
   const Image& image() const;
-  DroppedTotal dropped() const;               ///< samples that it lacks because a part of them was not finite
+  DroppedTotal dropped() const;  ///< samples that it lacks because a part of them was not finite
 
  private:
   TermPtr term_;
@@ -64,20 +64,20 @@ class RenderedImage {
 };
 
 struct RenderResult {
-  v1::RenderReply reply;                     ///< images[] left empty: encoding is the caller's (server/encode.h)
-  std::vector<RenderedImage> images;         ///< in the order of the request's outputs
-  std::map<std::string, std::string> tables; ///< names behind ids that were asked for: "gobo:object_id" -> {"0":"floor",...}
-  std::map<std::string, Mat4> matrices;      ///< worldToCamera, worldToNDC (scene/camera.h)
+  v1::RenderReply reply;                      ///< images[] left empty: encoding is the caller's (server/encode.h)
+  std::vector<RenderedImage> images;          ///< in the order of the request's outputs
+  std::map<std::string, std::string> tables;  ///< names behind ids that were asked for: "gobo:object_id" -> {"0":"floor",...}
+  std::map<std::string, Mat4> matrices;       ///< worldToCamera, worldToNDC (scene/camera.h)
 };
 
 struct RenderControl {
   StopToken stop;
-  std::function<void(const v1::Progress&)> progress;              ///< may be empty
-  std::function<void(const RenderResult&)> snapshot;              ///< may be empty; progressive requests
-  std::shared_ptr<const Scene> scene;                             ///< rendered instead of what request.scene names now, if set
-  RenderCheckpoints* checkpoints = nullptr;                       ///< states to go on from and to be kept; may be null
-  std::string owner;                                              ///< of the reply's render id: see relightRequest
-  SceneAccess access;                                             ///< of whoever asks, to request.scene
+  std::function<void(const v1::Progress&)> progress;  ///< may be empty
+  std::function<void(const RenderResult&)> snapshot;  ///< may be empty; progressive requests
+  std::shared_ptr<const Scene> scene;                 ///< rendered instead of what request.scene names now, if set
+  RenderCheckpoints* checkpoints = nullptr;           ///< states to go on from and to be kept; may be null
+  std::string owner;                                  ///< of the reply's render id: see relightRequest
+  SceneAccess access;                                 ///< of whoever asks, to request.scene
 };
 
 class Engine {

@@ -16,7 +16,7 @@ constexpr double kWorthPersisting = 4.0 / 1e5;
 
 void ExtensionIndex::add(const Hash128& recipe, uint32_t blocks) {
   std::lock_guard lock(mutex_);
-  if (counts_.size() > 4096) counts_.clear();   // hints only; bounded
+  if (counts_.size() > 4096) counts_.clear();  // hints only; bounded
   counts_[recipe].insert(blocks);
 }
 
@@ -61,7 +61,10 @@ void Executor::grow() {
   reports_.resize(graph_.size());
 }
 
-const ExecutedNode& Executor::report(NodeId id) { grow(); return reports_[id]; }
+const ExecutedNode& Executor::report(NodeId id) {
+  grow();
+  return reports_[id];
+}
 
 Result<Hash128> Executor::recipeKey(NodeId id) {
   grow();
@@ -71,7 +74,7 @@ Result<Hash128> Executor::recipeKey(NodeId id) {
   Hasher h("recipe");
   h.add(n.node->type()).add(n.node->version()).add(n.node->numericClass());
   n.node->hashParameters(h);
-  if (traits.facets != Facet::None) h.add(n.scene->facetHash(traits.facets, n.lights));   // by content and order, not by index in the scene
+  if (traits.facets != Facet::None) h.add(n.scene->facetHash(traits.facets, n.lights));  // by content and order, not by index in the scene
   for (NodeId input : n.inputs) {
     GOBO_ASSIGN(const Hash128 digest, identity(input));
     h.add(digest);
@@ -145,7 +148,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   std::optional<SceneView> view;
   if (traits.facets != Facet::None) ctx.scene = &view.emplace(*n.scene, traits.facets, n.lights);
   std::string reason;
-  TermPtr parked, taken;   // taken: what was parked before
+  TermPtr parked, taken;  // taken: what was parked before
   if (traits.extendable) {
     ctx.targetBlocks = n.blocks;
     ctx.park = &parked;
@@ -166,21 +169,19 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   Result<TermPtr> result = internalError("not run");
   try {
     result = fold ? runFold(id, *fold, ctx) : n.node->run(ctx);
-  } catch (const std::bad_alloc&) {
-    result = Status(Code::ResourceExhausted, "out of memory in node " + n.label, n.label);
-  }
+  } catch (const std::bad_alloc&) { result = Status(Code::ResourceExhausted, "out of memory in node " + n.label, n.label); }
   const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   if (result.ok()) {
     const Result<std::string> bad = firstNonFinite(**result, *services_.arena, stop_);
     if (!bad.ok()) {
-      if (traits.extendable && stop_.reason() == StopReason::Preempted) parked = *result;   // made, but not read to its end: whoever goes on reads it
+      if (traits.extendable && stop_.reason() == StopReason::Preempted) parked = *result;  // made, but not read to its end: whoever goes on reads it
       result = bad.status();
     } else if (!bad->empty()) {
       result = internalError("a non-finite value would leave the node: " + *bad, "node " + n.label);
     }
   }
   if (services_.guard) GOBO_TRY(services_.guard->check());
-  if (!result.ok() && !parked && stop_.reason() == StopReason::Preempted) parked = taken;   // preempted before the node came to it
+  if (!result.ok() && !parked && stop_.reason() == StopReason::Preempted) parked = taken;  // preempted before the node came to it
   if (parked && !result.ok()) {
     if (services_.checkpoints) services_.checkpoints->save(recipe, n.blocks, parked);
     else services_.extensions->park(recipe, parked);

@@ -20,7 +20,7 @@
 
 namespace gobo {
 
-class MappedGuard;   // plan/mapped_guard.h
+class MappedGuard;  // plan/mapped_guard.h
 
 /// Which block counts of an extendable recipe were made, and partial states of stopped ones. Shared by the executors of an
 /// engine; hints only: losing it costs time, never correctness. Thread-safe.
@@ -45,7 +45,7 @@ struct ExecutedNode {
   uint64_t rays = 0, bytes = 0, dropped = 0;
   std::string reason;
   Hash128 key;
-  uint32_t count = 0;      ///< evaluations (transient nodes of a fold may be folded into one row by the reporter)
+  uint32_t count = 0;  ///< evaluations (transient nodes of a fold may be folded into one row by the reporter)
 };
 
 struct ExecutorServices {
@@ -53,8 +53,8 @@ struct ExecutorServices {
   ExtensionIndex* extensions = nullptr;
   AccelCache* accels = nullptr;
   const TaskArena* arena = nullptr;
-  RenderCheckpoints* checkpoints = nullptr;   ///< may be null; takes the place of parking for this request
-  const MappedGuard* guard = nullptr;         ///< asked before anything is kept; null: nothing is mapped
+  RenderCheckpoints* checkpoints = nullptr;  ///< may be null; takes the place of parking for this request
+  const MappedGuard* guard = nullptr;        ///< asked before anything is kept; null: nothing is mapped
 };
 
 class Executor {

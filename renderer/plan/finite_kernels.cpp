@@ -38,12 +38,15 @@ Result<std::string> firstNonFinite(const Term& term, const TaskArena& arena, con
     if (p.format != Format::F32 && p.format != Format::F64) continue;
     const size_t size = formatSize(p.format), count = p.bytes.size() / size;
     std::atomic<bool> bad{false};
-    const bool complete = arena.parallelFor(count, 1 << 18, [&](size_t begin, size_t end) {
-      const uint8_t* at = p.bytes.data() + begin * size;
-      const bool found = p.format == Format::F32 ? anyNonFinite<uint32_t, 23, 0xffu>(at, end - begin)
-                                                 : anyNonFinite<uint64_t, 52, 0x7ffull>(at, end - begin);
-      if (found) bad.store(true, std::memory_order_relaxed);
-    }, stop);
+    const bool complete = arena.parallelFor(
+        count, 1 << 18,
+        [&](size_t begin, size_t end) {
+          const uint8_t* at = p.bytes.data() + begin * size;
+          const bool found =
+              p.format == Format::F32 ? anyNonFinite<uint32_t, 23, 0xffu>(at, end - begin) : anyNonFinite<uint64_t, 52, 0x7ffull>(at, end - begin);
+          if (found) bad.store(true, std::memory_order_relaxed);
+        },
+        stop);
     if (!complete) return Status(Code::Cancelled, "stopped");
     if (!bad) continue;
     const bool infAllowed = p.name == "depth";

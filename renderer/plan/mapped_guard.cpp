@@ -6,8 +6,10 @@ namespace gobo {
 Status MappedGuard::check() const {
   for (const Watched& w : files_)
     if (!w.file->intact())
-      return {Code::DataLoss, w.what + " is not readable any more and was unloaded: its mapped file \"" + w.file->name() +
-              "\" was cut short, or the disk cannot read it; nothing that was made of it is kept. Load it again", w.field};
+      return {Code::DataLoss,
+              w.what + " is not readable any more and was unloaded: its mapped file \"" + w.file->name() +
+                  "\" was cut short, or the disk cannot read it; nothing that was made of it is kept. Load it again",
+              w.field};
   return {};
 }
 

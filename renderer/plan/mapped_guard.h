@@ -23,7 +23,10 @@ class MappedGuard {
   std::vector<std::shared_ptr<const MappedFile>> broken() const;
 
  private:
-  struct Watched { std::shared_ptr<const MappedFile> file; std::string what, field; };
+  struct Watched {
+    std::shared_ptr<const MappedFile> file;
+    std::string what, field;
+  };
   void add(const std::shared_ptr<const MappedFile>& file, const std::string& what, const char* field) {
     if (file) files_.push_back({file, what, field});
   }

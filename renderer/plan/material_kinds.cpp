@@ -36,9 +36,13 @@ MaterialKinds materialKinds(const Scene& scene) {
   for (size_t m = 0; m < used.size(); ++m) {
     if (!used[m]) continue;
     const Bsdf& b = scene.materials[m].bsdf;
-    if (b.unlit) { kinds.unlit = true; continue; }
+    if (b.unlit) {
+      kinds.unlit = true;
+      continue;
+    }
     const SurfaceMaterial s = makeSurfaceMaterial(scene.materials[m].albedo, b, scene.textures);
-    // Light goes straight through an index of 1, however rough the surface, and nothing is reflected where that is all; and through smooth thin walls, which reflect too.
+    // Light goes straight through an index of 1, however rough the surface, and nothing is reflected where that is all; and through smooth thin walls, which
+    // reflect too.
     const bool clear = b.transmission > 0.0f, one = clear && std::fabs(b.ior - 1.0f) < kStraightIor, solid = boundsVolume(b);
     const bool nothingElse = one && b.transmission >= 1.0f && !b.transmissionTexture.valid();
     const bool interface = b.metallic > 0.0f || (!nothingElse && (clear || b.specular > 0.0f || b.iridescence > 0.0f));
@@ -58,9 +62,17 @@ MaterialKinds materialKinds(const Scene& scene) {
 
 std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics) {
   const MaterialKinds kinds = materialKinds(scene);
-  static constexpr struct { LightKind kind; const char* name; } kNames[] = {
-      {LightKind::Point, "point"}, {LightKind::Spot, "spot"}, {LightKind::Directional, "directional"}, {LightKind::Rect, "rectangle"},
-      {LightKind::Disk, "disk"}, {LightKind::Sphere, "sphere"}, {LightKind::Mesh, "mesh"}, {LightKind::Environment, "environment"}};
+  static constexpr struct {
+    LightKind kind;
+    const char* name;
+  } kNames[] = {{LightKind::Point, "point"},
+                {LightKind::Spot, "spot"},
+                {LightKind::Directional, "directional"},
+                {LightKind::Rect, "rectangle"},
+                {LightKind::Disk, "disk"},
+                {LightKind::Sphere, "sphere"},
+                {LightKind::Mesh, "mesh"},
+                {LightKind::Environment, "environment"}};
   static constexpr const char* kThrough[] = {"open ways", "boundaries of index 1", "clear panes", "mirrors and smooth refraction (caustics)"};
   std::vector<std::string> missing;
   for (const Receiver r : kReceivers) {
@@ -73,9 +85,12 @@ std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics) {
         way[size_t(p)] = true;
       }
     std::vector<std::string> lights, ways;
-    for (size_t k = 0; k < std::size(kNames); ++k) if (kind[k]) lights.push_back(kNames[k].name);
-    for (size_t p = 0; p < std::size(kPassages); ++p) if (way[p]) ways.push_back(kThrough[p]);
-    if (!lights.empty()) missing.push_back(listed(lights) + " lights through " + listed(ways) + (r == Receiver::Volume ? ", scattered by volumes" : ", on surfaces"));
+    for (size_t k = 0; k < std::size(kNames); ++k)
+      if (kind[k]) lights.push_back(kNames[k].name);
+    for (size_t p = 0; p < std::size(kPassages); ++p)
+      if (way[p]) ways.push_back(kThrough[p]);
+    if (!lights.empty())
+      missing.push_back(listed(lights) + " lights through " + listed(ways) + (r == Receiver::Volume ? ", scattered by volumes" : ", on surfaces"));
   }
   return missing;
 }

@@ -9,12 +9,12 @@
 namespace gobo {
 
 struct MaterialKinds {
-  bool extended = false;      ///< the surface term's planes do not hold every material
-  bool translucent = false;   ///< some surface passes direct light from behind by a non-delta lobe
-  bool volumes = false;       ///< some mesh bounds a volume
-  bool scatters = false;      ///< some volume scatters
+  bool extended = false;     ///< the surface term's planes do not hold every material
+  bool translucent = false;  ///< some surface passes direct light from behind by a non-delta lobe
+  bool volumes = false;      ///< some mesh bounds a volume
+  bool scatters = false;     ///< some volume scatters
   bool unlit = false;
-  bool clear = false;         ///< light passes some surface straight on (trace/straight.h): visibility is RGB
+  bool clear = false;  ///< light passes some surface straight on (trace/straight.h): visibility is RGB
   /// Some delta lobe passes light on as Passage (trace/reach.h) has it. Boundaries of volumes in each other, which may change nothing,
   /// are not looked for: shadow rays pass them.
   bool boundary = false, pane = false, specular = false;

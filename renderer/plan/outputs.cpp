@@ -33,7 +33,7 @@ const OutputInfo kTable[] = {
     {"unoccluded", OutputKind::Radiance, true},
     {"visibility", OutputKind::Plain, true, false, "Y"},
     {"shadow_flags", OutputKind::Plain, true, false, "Y"},
-    {"shadow_basis", OutputKind::Plain, true, true, "Y"},   // depths have more bits than half
+    {"shadow_basis", OutputKind::Plain, true, true, "Y"},  // depths have more bits than half
 };
 
 bool contains(std::initializer_list<std::string_view> list, std::string_view name) { return std::find(list.begin(), list.end(), name) != list.end(); }
@@ -95,7 +95,8 @@ Status checkOutputs(const Scene& scene, const v1::RenderRequest& request) {
 
 Status checkEncoding(const v1::Encoding& e) {
   if (e.layers() && e.format() != v1::Encoding::EXR && e.format() != v1::Encoding::FORMAT_UNSPECIFIED)
-    return invalidArgument("request.encoding.layers: only EXR holds layers, encoding.format is " + v1::Encoding::Format_Name(e.format()), "request.encoding.layers");
+    return invalidArgument("request.encoding.layers: only EXR holds layers, encoding.format is " + v1::Encoding::Format_Name(e.format()),
+                           "request.encoding.layers");
   if (e.has_png_bits() && e.png_bits() != 8 && e.png_bits() != 16)
     return invalidArgument("request.encoding.png_bits = " + std::to_string(e.png_bits()) + ": must be 8 or 16", "request.encoding.png_bits");
   if (!v1::Encoding::Compression_IsValid(e.compression()))
@@ -111,8 +112,10 @@ std::string jsonObject(std::span<const std::string> namesAndValues) {
     for (const char c : text) {
       char code[8];
       if (c == '"' || c == '\\') (out += '\\') += c;
-      else if (static_cast<unsigned char>(c) < 0x20) { std::snprintf(code, sizeof code, "\\u%04x", c); out += code; }
-      else out += c;
+      else if (static_cast<unsigned char>(c) < 0x20) {
+        std::snprintf(code, sizeof code, "\\u%04x", c);
+        out += code;
+      } else out += c;
     }
     return out + '"';
   };

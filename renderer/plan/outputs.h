@@ -15,20 +15,20 @@
 namespace gobo {
 
 enum class OutputKind : uint8_t {
-  Radiance,   ///< tone mapped in PNG and JPEG; DWA may lose some
-  Colour,     ///< albedo: the transfer function only; DWA may lose some
-  Plain,      ///< 0..1 by itself: alpha, visibility
-  Vector,     ///< normal, motion
-  Range,      ///< shown over its own range: depth, position, sample_count, variance
-  Id,         ///< shown in a colour of its own
+  Radiance,  ///< tone mapped in PNG and JPEG; DWA may lose some
+  Colour,    ///< albedo: the transfer function only; DWA may lose some
+  Plain,     ///< 0..1 by itself: alpha, visibility
+  Vector,    ///< normal, motion
+  Range,     ///< shown over its own range: depth, position, sample_count, variance
+  Id,        ///< shown in a colour of its own
 };
 
 struct OutputInfo {
-  const char* name;                   ///< "group" for "group:LIGHT"
+  const char* name;  ///< "group" for "group:LIGHT"
   OutputKind kind;
   bool perLight = false;
-  bool float32 = false;               ///< never stored as half
-  const char* channels = "RGB";       ///< EXR channel names, one letter each
+  bool float32 = false;          ///< never stored as half
+  const char* channels = "RGB";  ///< EXR channel names, one letter each
   std::vector<std::string> channelNames() const;
   bool lossless() const { return kind != OutputKind::Radiance && kind != OutputKind::Colour; }
 };

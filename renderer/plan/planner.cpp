@@ -34,7 +34,7 @@ namespace gobo {
 namespace {
 
 constexpr int kUnoccludedSamples = 32, kSquareSamples = 8;   // the latter for each of many lights at infinity
-constexpr size_t kKeptEnvironmentBytes = size_t(256) << 20;   // terms of lights in the map's place, beyond which they are made again
+constexpr size_t kKeptEnvironmentBytes = size_t(256) << 20;  // terms of lights in the map's place, beyond which they are made again
 
 /// One weighted plane of the beauty and what it holds.
 struct Contribution {
@@ -42,7 +42,7 @@ struct Contribution {
   std::string plane;
   Vec3 weight;
   PathClass pathClass;
-  int group;          ///< relight group; -1: none (unlit surfaces)
+  int group;  ///< relight group; -1: none (unlit surfaces)
   LobePart lobe = LobePart::Both;
   NodeId state = -1;  ///< path tracing state that it is the mean of, and the slot there; -1: by a visibility technique
   int slot = 0;
@@ -51,8 +51,16 @@ struct Contribution {
 class PlanMaker {
  public:
   PlanMaker(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services, Plan& plan)
-      : base_(base), request_(request), blocks_(blocks), blockSize_(blockSize), services_(services), plan_(plan), scene_(plan.effective.scene),
-        width_(int(request.width())), height_(int(request.height())), viewSamples_(int(request.view_samples())) {
+      : base_(base),
+        request_(request),
+        blocks_(blocks),
+        blockSize_(blockSize),
+        services_(services),
+        plan_(plan),
+        scene_(plan.effective.scene),
+        width_(int(request.width())),
+        height_(int(request.height())),
+        viewSamples_(int(request.view_samples())) {
     view_.camera = plan.effective.camera;
     view_.width = width_;
     view_.height = height_;
@@ -97,7 +105,10 @@ class PlanMaker {
     if (edit != request_.lights().end() && edit->second.has_shadow()) t = edit->second.shadow();
     const LightKind kind = scene->lights[light].shape.kind;
     const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
-    if (entry && kind == LightKind::Environment) { t.mutable_path_traced(); return t; }
+    if (entry && kind == LightKind::Environment) {
+      t.mutable_path_traced();
+      return t;
+    }
     if (entry && cameraInVolume()) {
       warn("the camera is inside a volume: direct light is path traced");
       t.mutable_path_traced();
@@ -115,7 +126,8 @@ class PlanMaker {
     if (!kinds_.volumes) return false;
     if (cameraInVolume_ < 0) {
       const std::vector<int> none;
-      cameraInVolume_ = volumesAround(SceneView(*scene_, Facet::Topology | Facet::Pose | Facet::Bsdf, none), cameraPoint(view_.camera), services_.stop).empty() ? 0 : 1;
+      cameraInVolume_ =
+          volumesAround(SceneView(*scene_, Facet::Topology | Facet::Pose | Facet::Bsdf, none), cameraPoint(view_.camera), services_.stop).empty() ? 0 : 1;
     }
     return cameraInVolume_ > 0;
   }
@@ -155,7 +167,8 @@ class PlanMaker {
     for (size_t k = 0; k < choice.candidates.size(); ++k) {
       const AutomaticCandidate& c = choice.candidates[k];
       char text[160];
-      if (c.judged) std::snprintf(text, sizeof text, "%s: expected error %.4f in %.1f ms", k == choice.chosen ? "auto chose it" : "auto passed it over", c.rmse, c.ms);
+      if (c.judged)
+        std::snprintf(text, sizeof text, "%s: expected error %.4f in %.1f ms", k == choice.chosen ? "auto chose it" : "auto passed it over", c.rmse, c.ms);
       else std::snprintf(text, sizeof text, "auto passed it over: %.1f ms", c.ms);
       if (choice.receivers > 0 || k == choice.chosen) plan_.graph.prune("auto:" + name + ": " + c.text, text);
     }
@@ -168,14 +181,15 @@ class PlanMaker {
   static std::string withLobe(std::string label, LobePart lobe) {
     return lobe == LobePart::Both ? label : label + (lobe == LobePart::Diffuse ? ":diffuse" : ":specular");
   }
-  NodeId unoccluded(int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false, LobePart lobe = LobePart::Both, const Vec2& angularSize = Vec2(0.0f)) {
+  NodeId unoccluded(int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false, LobePart lobe = LobePart::Both,
+                    const Vec2& angularSize = Vec2(0.0f)) {
     DirectUnoccludedSettings s;
     s.angularSize = angularSize;
     s.lobe = lobe;
     s.view = view_;
     s.light = light;
     s.nominal = nominal;
-    const bool delta = isDeltaLight(scene->lights[light].shape.kind);   // evaluated, not sampled: seed and count are no part of its key
+    const bool delta = isDeltaLight(scene->lights[light].shape.kind);  // evaluated, not sampled: seed and count are no part of its key
     const bool square = angularSize != Vec2(0.0f);
     s.samples = square ? kSquareSamples : delta ? 1 : kUnoccludedSamples;
     s.seed = delta && !square ? 0 : request_.seed();
@@ -199,12 +213,17 @@ class PlanMaker {
   }
 
   PathTracerSettings tracerSettings(PathClass cover) const {
-    PathTracerSettings s; const v1::Integrator& i = request_.integrator();
-    s.camera = view_.camera; s.width = width_; s.height = height_; s.blockSize = int(blockSize_);
+    PathTracerSettings s;
+    const v1::Integrator& i = request_.integrator();
+    s.camera = view_.camera;
+    s.width = width_;
+    s.height = height_;
+    s.blockSize = int(blockSize_);
     s.viewSamples = i.at_view_samples() ? viewSamples_ : 0;
     s.maxBounces = has(cover, PathClass::Indirect) ? int(i.max_bounces()) : 0;
     s.rouletteStart = int(i.russian_roulette_start());
-    s.seed = request_.seed(); s.cover = cover;
+    s.seed = request_.seed();
+    s.cover = cover;
     return s;
   }
 
@@ -212,14 +231,17 @@ class PlanMaker {
   void pathTrace(const std::vector<int>& lights, PathClass cover, const std::string& label, const std::vector<Vec3>& nominal, const std::vector<int>& slotGroup,
                  const std::vector<int>& groups, const std::vector<Vec3>& weights, bool behindOnly = false, bool unlit = false) {
     PathTracerSettings s = tracerSettings(cover);
-    s.behindOnly = behindOnly; s.unlit = unlit;
+    s.behindOnly = behindOnly;
+    s.unlit = unlit;
     const int classes = has(cover, PathClass::Emission) + has(cover, PathClass::Direct) + has(cover, PathClass::Indirect);
     const bool scatters = has(cover, PathClass::Direct) || has(cover, PathClass::Indirect);
     s.split = splitLobes_ && scatters ? SplitMode::ByLobe : (splitClasses_ || splitLobes_) && classes > 1 ? SplitMode::DirectIndirect : SplitMode::Combined;
     s.selection = request_.integrator().light_selection() == v1::Integrator::UNIFORM ? LightSelection::Uniform
                   : request_.integrator().light_selection() == v1::Integrator::POWER ? LightSelection::Power
                                                                                      : LightSelection::Tree;
-    s.groups = int(groups.size()); s.groupOf = slotGroup; s.nominal = nominal;
+    s.groups = int(groups.size());
+    s.groupOf = slotGroup;
+    s.nominal = nominal;
     GraphNode n{makePathTraceNode(s, variance_ ? kVarianceStreams : 1), {}, lights, label, blocks_, scene_};
     const NodeId state = plan_.graph.add(std::move(n));
     const int per = slotsPerGroup(s.split, s.maxBounces);
@@ -259,7 +281,8 @@ class PlanMaker {
     const int n = int(lights.size());
     const bool indirect = request_.integrator().indirect() && request_.integrator().max_bounces() > 0;
     // Unlit surfaces belong to no light: a group of their own, that no gain touches.
-    if (kinds_.unlit) pathTrace({}, indirect ? PathClass::Emission | PathClass::Indirect : PathClass::Emission, "unlit", {}, {}, {-1}, {Vec3(1.0f)}, false, true);
+    if (kinds_.unlit)
+      pathTrace({}, indirect ? PathClass::Emission | PathClass::Indirect : PathClass::Emission, "unlit", {}, {}, {-1}, {Vec3(1.0f)}, false, true);
     if (n == 0) {
       if (!kinds_.unlit) plan_.graph.prune("beauty", "the scene has no light");
       return {};
@@ -268,17 +291,21 @@ class PlanMaker {
     if (!indirect) plan_.graph.prune("indirect", request_.integrator().indirect() ? "max_bounces is 0" : "integrator.indirect is false", true);
     const v1::EnvironmentSettings& sky = request_.environment();
     if (sky.area_lights() > 0 && sky.extract_lights() > 0)
-      return invalidArgument("request.environment.area_lights: " + std::to_string(sky.area_lights()) + " and extract_lights " + std::to_string(sky.extract_lights()) +
-                             " both stand for the map: ask for one", "request.environment.area_lights");
+      return invalidArgument("request.environment.area_lights: " + std::to_string(sky.area_lights()) + " and extract_lights " +
+                                 std::to_string(sky.extract_lights()) + " both stand for the map: ask for one",
+                             "request.environment.area_lights");
     const bool extract = (sky.area_lights() > 0 || sky.extract_lights() > 0) && scene_->environment != nullptr;
 
-    std::vector<int> all, traced, viewed, visible;   // viewed: direct by a visibility technique; visible: emission by a separate node
+    std::vector<int> all, traced, viewed, visible;  // viewed: direct by a visibility technique; visible: emission by a separate node
     std::vector<v1::ShadowTechnique> technique(n);
     for (int l = 0; l < n; ++l) {
       all.push_back(l);
       technique[l] = techniqueOf(l, scene_, lights[l].name);
       const bool environmentByLights = extract && lights[l].shape.kind == LightKind::Environment;
-      if (!findShadowTechnique(technique[l].technique_case()) && !environmentByLights) { traced.push_back(l); continue; }
+      if (!findShadowTechnique(technique[l].technique_case()) && !environmentByLights) {
+        traced.push_back(l);
+        continue;
+      }
       if (!environmentByLights) viewed.push_back(l);
       if (rayReaches(lights[l].shape.kind, lights[l].cameraVisible, Receiver::Camera, Passage::Open)) visible.push_back(l);
     }
@@ -300,8 +327,8 @@ class PlanMaker {
   }
 
   Status planViewedDirect(const std::vector<int>& viewed, const std::vector<v1::ShadowTechnique>& technique) {
-    std::map<std::pair<int, LobePart>, std::vector<NodeId>> folds;   // cluster group -> pairs (L, V)
-    if (!viewed.empty()) surface();             // made (and kept) before any node that is marked transient below
+    std::map<std::pair<int, LobePart>, std::vector<NodeId>> folds;  // cluster group -> pairs (L, V)
+    if (!viewed.empty()) surface();                                 // made (and kept) before any node that is marked transient below
     for (int l : viewed) {
       const int group = plan_.groups.groupOf[l];
       const bool single = plan_.groups.single(group);
@@ -319,7 +346,8 @@ class PlanMaker {
       for (size_t k = 0; k < parts.size(); ++k) {
         const LobePart lobe = lobes()[k];
         if (single) {
-          add(filter(makeShadeNode(width_, height_, viewSamples_), {parts[k], v}, withLobe("direct:" + name, lobe)), "rgb", groupGain(group), PathClass::Direct, group, lobe);
+          add(filter(makeShadeNode(width_, height_, viewSamples_), {parts[k], v}, withLobe("direct:" + name, lobe)), "rgb", groupGain(group), PathClass::Direct,
+              group, lobe);
         } else {
           folds[{group, lobe}].push_back(parts[k]);
           folds[{group, lobe}].push_back(v);
@@ -330,7 +358,8 @@ class PlanMaker {
     for (auto& [key, pairs] : folds) {
       const auto [group, lobe] = key;
       const int count = int(pairs.size() / 2);
-      add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), withLobe("direct:" + groupName(group), lobe)), "rgb", groupGain(group), PathClass::Direct, group, lobe);
+      add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), withLobe("direct:" + groupName(group), lobe)), "rgb",
+          groupGain(group), PathClass::Direct, group, lobe);
     }
     return {};
   }
@@ -344,10 +373,13 @@ class PlanMaker {
   };
   Result<EnvironmentLights> environmentLights() {
     const bool squares = request_.environment().area_lights() > 0;
-    const NodePtr node = squares ? makeAreaLightListNode(int(request_.environment().area_lights())) : makeExtractLightsNode(int(request_.environment().extract_lights()));
+    const NodePtr node =
+        squares ? makeAreaLightListNode(int(request_.environment().area_lights())) : makeExtractLightsNode(int(request_.environment().extract_lights()));
     GOBO_ASSIGN(const TermPtr term, services_.expand(plan_.graph, source(node, {}, {}, squares ? "area_lights" : "extract_lights", scene_)));
     const float r = scene_->environment->rotation, cosR = std::cos(r), sinR = std::sin(r);
-    const auto toWorld = [&](std::span<const float> d, int i) { return Vec3(d[3 * i] * cosR + d[3 * i + 2] * sinR, d[3 * i + 1], d[3 * i + 2] * cosR - d[3 * i] * sinR); };
+    const auto toWorld = [&](std::span<const float> d, int i) {
+      return Vec3(d[3 * i] * cosR + d[3 * i + 2] * sinR, d[3 * i + 1], d[3 * i + 2] * cosR - d[3 * i] * sinR);
+    };
     const auto directions = term->floats("direction"), irradiance = term->floats("irradiance");
     EnvironmentLights out;
     out.kind = squares ? "area lights" : "extracted lights";
@@ -379,7 +411,7 @@ class PlanMaker {
     const int first = int(extended->lights.size()), count = int(found.lights.size());
     extended->lights.insert(extended->lights.end(), found.lights.begin(), found.lights.end());
     GOBO_TRY(extended->seal());
-    const Vec3 nominal = plan_.groups.nominal[environment];   // scale of the map that gains refer to
+    const Vec3 nominal = plan_.groups.nominal[environment];  // scale of the map that gains refer to
     plan_.graph.prune("direct:environment map", "replaced by " + std::to_string(count) + " " + found.kind, true);
     if (count > 0) GOBO_TRY(planEnvironmentFolds(extended, first, found, nominal, group));
     if (found.ambient != std::array<Vec3, 9>{}) {
@@ -398,7 +430,7 @@ class PlanMaker {
     const int count = int(found.lights.size());
     v1::ShadowTechnique t = techniqueOf(first, extended, "environment");
     if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(found.angularSizes[0] == Vec2(0.0f) ? 1 : 4);
-    surface();   // made (and kept) before any node that is marked transient below
+    surface();  // made (and kept) before any node that is marked transient below
     const bool keep = size_t(count) * width_ * height_ * viewSamples_ * 16 <= kKeptEnvironmentBytes;
     for (const LobePart lobe : lobes()) {
       std::vector<NodeId> pairs;
@@ -409,7 +441,8 @@ class PlanMaker {
         if (!keep) plan_.graph.markTransient(before, v);
         pairs.push_back(v);
       }
-      add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), withLobe("direct:environment", lobe)), "rgb", groupGain(group), PathClass::Direct, group, lobe);
+      add(filter(makeDirectFoldNode(width_, height_, viewSamples_, count), std::move(pairs), withLobe("direct:environment", lobe)), "rgb", groupGain(group),
+          PathClass::Direct, group, lobe);
     }
     return {};
   }
@@ -422,8 +455,8 @@ class PlanMaker {
       const int group = plan_.groups.groupOf[l];
       if (weight == Vec3(0.0f) || plan_.groups.single(group)) continue;
       // A difference of all three classes at once, whatever technique the cluster uses for its own direct light.
-      pathTrace({int(l)}, indirect ? PathClass::All : PathClass::Emission | PathClass::Direct, "difference:" + scene_->lights[l].name, {Vec3(nominalScalar(scene_->lights[l]))}, {0},
-                {group}, {weight});
+      pathTrace({int(l)}, indirect ? PathClass::All : PathClass::Emission | PathClass::Direct, "difference:" + scene_->lights[l].name,
+                {Vec3(nominalScalar(scene_->lights[l]))}, {0}, {group}, {weight});
     }
   }
 
@@ -478,7 +511,7 @@ class PlanMaker {
   /// Screen motion since motion_step_s before the request's moment.
   Result<NodeId> motion() {
     MotionSettings s{view_, scene_, view_.camera};
-    if (request_.has_time_s()) {   // only animation moves: without a time the scene rests
+    if (request_.has_time_s()) {  // only animation moves: without a time the scene rests
       v1::RenderRequest earlier = request_;
       earlier.set_time_s(request_.time_s() - request_.motion_step_s());
       GOBO_ASSIGN(const EffectiveScene before, makeEffectiveScene(base_, earlier, services_.loadEnvironment, services_.poseScene, services_.stop));
@@ -496,8 +529,9 @@ class PlanMaker {
     }
     if (!without.empty()) warn("variance: of the path-traced part alone, without " + without);
     if (blocks_ < uint32_t(kVarianceStreams) && !weights.empty())
-      warn("variance: from " + std::to_string(blocks_) + " independent blocks of " + std::to_string(blockSize_) + " samples" + (blocks_ < 2 ? ": unknown (-1)" : "") +
-           "; " + std::to_string(kVarianceStreams) + " want halt.spp of at least " + std::to_string(kVarianceStreams * 16));
+      warn("variance: from " + std::to_string(blocks_) + " independent blocks of " + std::to_string(blockSize_) + " samples" +
+           (blocks_ < 2 ? ": unknown (-1)" : "") + "; " + std::to_string(kVarianceStreams) + " want halt.spp of at least " +
+           std::to_string(kVarianceStreams * 16));
     return filter(makeVarianceNode(std::move(weights), int(states_.size()), width_, height_, kVarianceStreams, int(blockSize_)), states_, "variance");
   }
 
@@ -527,8 +561,10 @@ class PlanMaker {
     else if (o == "alpha") output(filter(makeAlphaNode(width_, height_, viewSamples_), {gbuffer()}, o), "alpha");
     else if (o == "object_id") output(filter(makeIdNode(IdKind::Object, width_, height_), {gbuffer()}, o), "id");
     else if (o == "material_id") output(source(makeIdNode(IdKind::Material, width_, height_), {gbuffer()}, {}, o, scene_), "id");
-    else if (o == "motion") { GOBO_ASSIGN(const NodeId node, motion()); output(node, "motion"); }
-    else if (o == "sample_count") output(filter(makeSampleCountNode(width_, height_), states_, o), "count");
+    else if (o == "motion") {
+      GOBO_ASSIGN(const NodeId node, motion());
+      output(node, "motion");
+    } else if (o == "sample_count") output(filter(makeSampleCountNode(width_, height_), states_, o), "count");
     else if (o == "variance") output(variance(), "variance");
     else if (kind == "group") {
       const int light = scene_->findLight(name), group = plan_.groups.groupOf[light];
@@ -536,15 +572,17 @@ class PlanMaker {
     } else if (kind == "visibility" || kind == "shadow_flags" || kind == "shadow_basis") {
       const int light = scene_->findLight(name);
       v1::ShadowTechnique t = techniqueOf(light, scene_, name);
-      if (!findShadowTechnique(t.technique_case())) { t.mutable_ray_traced(); GOBO_TRY(resolveRayTraced(t)); }
+      if (!findShadowTechnique(t.technique_case())) {
+        t.mutable_ray_traced();
+        GOBO_TRY(resolveRayTraced(t));
+      }
       GOBO_ASSIGN(const NodeId v, visibility(light, scene_, t));
       if (kind == "visibility") output(pixelMean(v, "V", 1, true, o), "V");
       else if (kind == "shadow_basis") {
         const Result<NodeId> mosaic = planBasisMosaic(plan_.graph, v);
         if (!mosaic.ok()) return invalidArgument("request.outputs: '" + o + "': " + mosaic.status().message(), "request.outputs");
         output(*mosaic, "image");
-      }
-      else if (marksFailures(t)) output(pixelMean(v, "flags", 1, true, o), "flags");
+      } else if (marksFailures(t)) output(pixelMean(v, "flags", 1, true, o), "flags");
       else return invalidArgument("request.outputs: '" + o + "' needs shadows.exponential.classification = THRESHOLD or Z_MAX", "request.outputs");
     } else if (kind == "unoccluded") {
       const int light = scene_->findLight(name);
@@ -561,23 +599,24 @@ class PlanMaker {
   ScenePtr scene_;
   int width_, height_, viewSamples_;
   GBufferSettings view_;
-  int cameraInVolume_ = -1;            // not asked yet
+  int cameraInVolume_ = -1;  // not asked yet
   MaterialKinds kinds_;
   bool splitClasses_ = false, splitLobes_ = false, variance_ = false;
   std::vector<Contribution> contributions_;
-  std::vector<NodeId> states_;          // path tracing states of the beauty
+  std::vector<NodeId> states_;  // path tracing states of the beauty
   std::vector<PathClass> cover_;
 };
 
 }  // namespace
 
 uint32_t blockSizeFor(uint32_t spp) {
-  uint32_t size = 1;   // the realised count, asked for again, has the same blocks: 5 samples are one block of 8, as 8 are
+  uint32_t size = 1;  // the realised count, asked for again, has the same blocks: 5 samples are one block of 8, as 8 are
   while (size < spp && size < 16) size *= 2;
   return size;
 }
 
-Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services) {
+Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize,
+                                       const PlannerServices& services) {
   auto plan = std::make_unique<Plan>();
   GOBO_ASSIGN(plan->effective, makeEffectiveScene(base, request, services.loadEnvironment, services.poseScene, services.stop));
   GOBO_TRY(checkOutputs(*plan->effective.scene, request));

@@ -19,7 +19,7 @@ struct PlannedOutput {
   std::string name;
   NodeId node = -1;
   std::string plane;
-  std::vector<std::string> channels;   ///< EXR channel names
+  std::vector<std::string> channels;  ///< EXR channel names
 };
 
 struct Plan {
@@ -27,24 +27,25 @@ struct Plan {
   EffectiveScene effective;
   RelightGroups groups;
   std::vector<PlannedOutput> outputs;
-  bool extendable = false;               ///< some node takes more samples
-  std::vector<std::string> missing;      ///< "indirect (environment)": classes that no term of the beauty holds; and paths that none finds (classesNotCovered)
+  bool extendable = false;           ///< some node takes more samples
+  std::vector<std::string> missing;  ///< "indirect (environment)": classes that no term of the beauty holds; and paths that none finds (classesNotCovered)
   std::vector<std::string> warnings;
-  uint64_t pinnedBytes = 0;              ///< upper bound of bytes held while it runs
+  uint64_t pinnedBytes = 0;  ///< upper bound of bytes held while it runs
 };
 
 struct PlannerServices {
   EnvironmentLoader loadEnvironment;
   ScenePoser poseScene = requestedScene;
   std::function<Result<TermPtr>(const Graph&, NodeId)> expand;
-  StopToken stop;   ///< ends planning (Cancelled); loadEnvironment and expand have their own
+  StopToken stop;  ///< ends planning (Cancelled); loadEnvironment and expand have their own
 };
 
 /// Samples a block: 16, or for tiny budgets the power of two that holds them, so that a 1-sample preview costs one sample.
 uint32_t blockSizeFor(uint32_t spp);
 
 /// `request` must be resolved (plan/request.h). `blocks` is the number of sample blocks for path-traced nodes.
-Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PlannerServices& services);
+Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize,
+                                       const PlannerServices& services);
 
 /// Path classes that a unidirectional tracer cannot join in this scene, for certificates.
 /// `caustics`: photons are traced for them too (trace/photon_tracer.h).

@@ -8,9 +8,12 @@
 namespace gobo {
 
 Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop) {
-  auto placed = [](Result<ScenePtr> r, const char* field) -> Result<ScenePtr> { return r.ok() ? std::move(r) : Result<ScenePtr>(Status(r.status().code(), r.status().message(), field)); };
+  auto placed = [](Result<ScenePtr> r, const char* field) -> Result<ScenePtr> {
+    return r.ok() ? std::move(r) : Result<ScenePtr>(Status(r.status().code(), r.status().message(), field));
+  };
   GOBO_ASSIGN(const ScenePtr dressed, placed(withVariant(base, request.variant()), "request.variant"));
-  GOBO_ASSIGN(const ScenePtr posed, placed(posedScene(dressed, request.animation(), request.time_s(), stop), "request.animation"));   // refuses unknown names even without a time
+  GOBO_ASSIGN(const ScenePtr posed,
+              placed(posedScene(dressed, request.animation(), request.time_s(), stop), "request.animation"));  // refuses unknown names even without a time
   return request.has_time_s() ? posed : dressed;
 }
 
@@ -33,7 +36,7 @@ Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest&
 }
 
 void PosedScenes::shrink(uint64_t most) {
-  std::list<std::pair<Key, ScenePtr>> gone;   // freed after the lock
+  std::list<std::pair<Key, ScenePtr>> gone;  // freed after the lock
   std::lock_guard lock(mutex_);
   while (!recent_.empty() && held() > most) gone.splice(gone.begin(), recent_, std::prev(recent_.end()));
 }

@@ -30,11 +30,11 @@ class PosedScenes {
 
  private:
   using Key = std::tuple<Hash128, uint64_t, std::string, bool, double, std::string>;
-  uint64_t held() const;       ///< under mutex_
+  uint64_t held() const;  ///< under mutex_
   size_t keep_;
   uint64_t bytes_;
   mutable std::mutex mutex_;
-  std::list<std::pair<Key, ScenePtr>> recent_;   ///< latest first
+  std::list<std::pair<Key, ScenePtr>> recent_;  ///< latest first
 };
 
 }  // namespace gobo

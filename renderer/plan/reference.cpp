@@ -26,7 +26,7 @@ std::vector<int> everyLight(const Scene& scene) {
 ReferenceRecipe referenceRecipe(const EffectiveScene& effective, const v1::RenderRequest& request) {
   const Scene& scene = *effective.scene;
   ReferenceRecipe recipe;
-  recipe.seed = hash64(0x63657274u, request.certificate().seed());   // "cert": never the samples that made the picture
+  recipe.seed = hash64(0x63657274u, request.certificate().seed());  // "cert": never the samples that made the picture
   v1::Integrator everything = request.integrator();
   everything.set_indirect(true);
   everything.set_max_bounces(uint32_t(recipe.maxBounces));
@@ -40,8 +40,8 @@ ReferenceRecipe referenceRecipe(const EffectiveScene& effective, const v1::Rende
   return recipe;
 }
 
-ReferenceTracer::ReferenceTracer(const EffectiveScene& effective, int width, int height, const ReferenceRecipe& recipe, AccelCache& accels, const TaskArena& arena,
-                                 const StopToken& stop)
+ReferenceTracer::ReferenceTracer(const EffectiveScene& effective, int width, int height, const ReferenceRecipe& recipe, AccelCache& accels,
+                                 const TaskArena& arena, const StopToken& stop)
     : recipe_(recipe), lights_(everyLight(*effective.scene)), view_(*effective.scene, kPathTracerFacets, lights_), accels_(accels), arena_(arena) {
   settings_.camera = effective.camera;
   settings_.width = width;
@@ -76,24 +76,30 @@ Result<std::vector<Vec3>> ReferenceTracer::trace(const std::vector<uint32_t>& pi
       const auto map = caustics->emitPass(pass, arena_, emitted, stop);
       if (!map) return stopped;
       rays += emitted;
-      arena_.parallelFor(pixels.size(), 8, [&](size_t begin, size_t end) {
-        uint64_t count = 0, dropped = 0;
-        for (size_t i = begin; i < end; ++i) caustics->traceBlock(int(pixels[i] % width), int(pixels[i] / width), pass, *map, &sums[i].x, count, dropped);
-        rays += count;
-      }, stop);
+      arena_.parallelFor(
+          pixels.size(), 8,
+          [&](size_t begin, size_t end) {
+            uint64_t count = 0, dropped = 0;
+            for (size_t i = begin; i < end; ++i) caustics->traceBlock(int(pixels[i] % width), int(pixels[i] / width), pass, *map, &sums[i].x, count, dropped);
+            rays += count;
+          },
+          stop);
     }
   }
   std::vector<Vec3> means(pixels.size());
-  const bool complete = arena_.parallelFor(pixels.size(), 8, [&](size_t begin, size_t end) {
-    uint64_t count = 0, dropped = 0;
-    for (size_t i = begin; i < end; ++i) {
-      if (stop.stopRequested()) return;
-      for (uint32_t b = 0; b < blocks; ++b)
-        tracer_->traceBlock(int(pixels[i] % width), int(pixels[i] / width), stream * kBlocksPerStream + b, &sums[i].x, count, dropped);
-      means[i] = Vec3(sums[i] / (double(blocks) * kBlockSize));
-    }
-    rays += count;
-  }, stop);
+  const bool complete = arena_.parallelFor(
+      pixels.size(), 8,
+      [&](size_t begin, size_t end) {
+        uint64_t count = 0, dropped = 0;
+        for (size_t i = begin; i < end; ++i) {
+          if (stop.stopRequested()) return;
+          for (uint32_t b = 0; b < blocks; ++b)
+            tracer_->traceBlock(int(pixels[i] % width), int(pixels[i] / width), stream * kBlocksPerStream + b, &sums[i].x, count, dropped);
+          means[i] = Vec3(sums[i] / (double(blocks) * kBlockSize));
+        }
+        rays += count;
+      },
+      stop);
   if (!complete || stop.stopRequested()) return stopped;
   return means;
 }

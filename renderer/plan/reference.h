@@ -18,11 +18,11 @@ namespace gobo {
 
 /// What a reference consists of. Two traces of one recipe are independent where seed or stream differ.
 struct ReferenceRecipe {
-  uint64_t seed = 0;             ///< never that of the render
-  std::array<uint32_t, kParts> streams{0, 1, 2, 3};   ///< of the parts (trace/path_tracer.h, kBlocksPerStream)
+  uint64_t seed = 0;                                 ///< never that of the render
+  std::array<uint32_t, kParts> streams{0, 1, 2, 3};  ///< of the parts (trace/path_tracer.h, kBlocksPerStream)
   int maxBounces = 64;
-  uint32_t photons = 0;          ///< per punctual light and pass of 16 samples; 0: the scene has no caustics of such lights
-  float radius = 0;              ///< of the first pass, metres
+  uint32_t photons = 0;  ///< per punctual light and pass of 16 samples; 0: the scene has no caustics of such lights
+  float radius = 0;      ///< of the first pass, metres
 };
 
 /// The recipe of a request's certificate: depends on the scene, certificate.seed and the size of the caustics' photons alone,
@@ -39,7 +39,8 @@ class ReferenceTracer {
   static constexpr int kBlockSize = 16;
   /// Mean radiance of the pixels (y * width + x) over `blocks` blocks of 16 samples of one stream. Adds the rays to `rays`.
   /// Errors: Cancelled.
-  Result<std::vector<Vec3>> trace(const std::vector<uint32_t>& pixels, uint32_t stream, uint32_t blocks, std::atomic<uint64_t>& rays, const StopToken& stop = {}) const;
+  Result<std::vector<Vec3>> trace(const std::vector<uint32_t>& pixels, uint32_t stream, uint32_t blocks, std::atomic<uint64_t>& rays,
+                                  const StopToken& stop = {}) const;
 
  private:
   PathTracerSettings settings_;
@@ -48,7 +49,7 @@ class ReferenceTracer {
   SceneView view_;
   AccelCache& accels_;
   const TaskArena& arena_;
-  std::shared_ptr<const PathTracer> tracer_;   // null: stopped
+  std::shared_ptr<const PathTracer> tracer_;  // null: stopped
 };
 
 }  // namespace gobo

@@ -9,7 +9,7 @@ namespace gobo {
 
 namespace {
 std::string randomId() {
-  static thread_local std::random_device device;   // the system's generator
+  static thread_local std::random_device device;  // the system's generator
   char text[34];
   std::snprintf(text, sizeof text, "r%08x%08x%08x%08x", device(), device(), device(), device());
   return text;

@@ -29,8 +29,15 @@ class RememberedRenders {
   std::map<std::string, uint64_t> bytesOfOwners() const;
 
  private:
-  struct Entry { v1::RenderRequest request; std::string owner; uint64_t bytes = 0; };
-  struct Held { std::list<std::string> order; uint64_t bytes = 0; };   ///< of one owner; least recently used first
+  struct Entry {
+    v1::RenderRequest request;
+    std::string owner;
+    uint64_t bytes = 0;
+  };
+  struct Held {
+    std::list<std::string> order;
+    uint64_t bytes = 0;
+  };  ///< of one owner; least recently used first
   const size_t keep_;
   const uint64_t bytes_;
   mutable std::mutex mutex_;

@@ -58,8 +58,12 @@ void setNumber(Message& m, const Reflection& r, const FieldDescriptor* f, double
 
 bool isNumeric(const FieldDescriptor* f) {
   switch (f->cpp_type()) {
-    case FieldDescriptor::CPPTYPE_INT32: case FieldDescriptor::CPPTYPE_INT64: case FieldDescriptor::CPPTYPE_UINT32:
-    case FieldDescriptor::CPPTYPE_UINT64: case FieldDescriptor::CPPTYPE_FLOAT: case FieldDescriptor::CPPTYPE_DOUBLE: return true;
+    case FieldDescriptor::CPPTYPE_INT32:
+    case FieldDescriptor::CPPTYPE_INT64:
+    case FieldDescriptor::CPPTYPE_UINT32:
+    case FieldDescriptor::CPPTYPE_UINT64:
+    case FieldDescriptor::CPPTYPE_FLOAT:
+    case FieldDescriptor::CPPTYPE_DOUBLE: return true;
     default: return false;
   }
 }
@@ -76,7 +80,7 @@ Status resolveScalar(Message& m, const FieldDescriptor* f, const std::string& pa
   const Reflection& r = *m.GetReflection();
   const auto& options = f->options();
   if (f->is_repeated()) {
-    for (int k = 0; k < r.FieldSize(m, f); ++k) {   // adding it to a negative zero makes it positive, and changes nothing else
+    for (int k = 0; k < r.FieldSize(m, f); ++k) {  // adding it to a negative zero makes it positive, and changes nothing else
       if (f->cpp_type() == FieldDescriptor::CPPTYPE_FLOAT) r.SetRepeatedFloat(&m, f, k, r.GetRepeatedFloat(m, f, k) + 0.0f);
       if (f->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE) r.SetRepeatedDouble(&m, f, k, r.GetRepeatedDouble(m, f, k) + 0.0);
     }
@@ -128,8 +132,7 @@ Status resolveDefaults(Message& m, const std::string& path) {
         GOBO_TRY(resolveDefaults(*entry->GetReflection()->MutableMessage(entry, value), fieldPath + "." + name));
       }
     } else if (f->is_repeated()) {
-      for (int k = 0; k < r.FieldSize(m, f); ++k)
-        GOBO_TRY(resolveDefaults(*r.MutableRepeatedMessage(&m, f, k), fieldPath + "[" + std::to_string(k) + "]"));
+      for (int k = 0; k < r.FieldSize(m, f); ++k) GOBO_TRY(resolveDefaults(*r.MutableRepeatedMessage(&m, f, k), fieldPath + "[" + std::to_string(k) + "]"));
     } else if (r.HasField(m, f)) {
       GOBO_TRY(resolveDefaults(*r.MutableMessage(&m, f), fieldPath));
     }
@@ -161,7 +164,7 @@ void hashValue(Hasher& h, const Message& m, const FieldDescriptor* f, int k) {
 void hashMessage(Hasher& h, const Message& m) {
   const Reflection& r = *m.GetReflection();
   std::vector<const FieldDescriptor*> fields;
-  r.ListFields(m, &fields);   // set fields in number order
+  r.ListFields(m, &fields);  // set fields in number order
   for (const FieldDescriptor* f : fields) {
     if (f->options().GetExtension(v1::not_in_hash)) continue;
     h.add(f->number());
@@ -200,7 +203,7 @@ Status messageFromJson(const std::string& json, Message& message, const std::str
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = false;
   const auto status = google::protobuf::util::JsonStringToMessage(json, &message, options);
-  if (!status.ok()) return cleanUtf8(invalidArgument("JSON: " + std::string(status.message()), source));   // it quotes the text
+  if (!status.ok()) return cleanUtf8(invalidArgument("JSON: " + std::string(status.message()), source));  // it quotes the text
   return {};
 }
 

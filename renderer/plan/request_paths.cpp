@@ -62,8 +62,8 @@ void eraseMapKey(Message& m, const FieldDescriptor* f, const std::string& key) {
 struct Place {
   Message* message = nullptr;
   const FieldDescriptor* field = nullptr;
-  std::string mapKey;          ///< set when the path ends on an entry of map `field`
-  bool missing = false;        ///< with create = false: an ancestor is absent
+  std::string mapKey;    ///< set when the path ends on an entry of map `field`
+  bool missing = false;  ///< with create = false: an ancestor is absent
 };
 
 Result<Place> walk(Message& root, const std::string& path, bool create) {
@@ -74,7 +74,8 @@ Result<Place> walk(Message& root, const std::string& path, bool create) {
     if (!f) return invalidArgument("no field '" + parts[i] + "' in " + m->GetDescriptor()->name() + " (has: " + fieldNames(*m) + ")", path);
     if (f->is_map()) {
       if (i + 1 == parts.size()) return Place{m, f, {}, false};
-      const Message* prototype = google::protobuf::MessageFactory::generated_factory()->GetPrototype(f->message_type()->FindFieldByName("value")->message_type());
+      const Message* prototype =
+          google::protobuf::MessageFactory::generated_factory()->GetPrototype(f->message_type()->FindFieldByName("value")->message_type());
       // Keys may contain dots: take segments until the next one names a field of the value, or none are left.
       std::string key = parts[i + 1];
       size_t next = i + 2;
@@ -90,8 +91,7 @@ Result<Place> walk(Message& root, const std::string& path, bool create) {
       continue;
     }
     if (i + 1 == parts.size()) return Place{m, f, {}, false};
-    if (f->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE || f->is_repeated())
-      return invalidArgument("'" + parts[i] + "' has no fields of its own", path);
+    if (f->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE || f->is_repeated()) return invalidArgument("'" + parts[i] + "' has no fields of its own", path);
     if (!create && !m->GetReflection()->HasField(*m, f)) return Place{m, f, {}, true};
     m = m->GetReflection()->MutableMessage(m, f);
   }
@@ -146,7 +146,8 @@ Status setScalar(Message& m, const FieldDescriptor* f, const std::string& text, 
     return {};
   }
   GOBO_ASSIGN(const double v, toNumber(text, path));
-  if (f->cpp_type() == FieldDescriptor::CPPTYPE_FLOAT) r.SetFloat(&m, f, float(v)); else r.SetDouble(&m, f, v);
+  if (f->cpp_type() == FieldDescriptor::CPPTYPE_FLOAT) r.SetFloat(&m, f, float(v));
+  else r.SetDouble(&m, f, v);
   return {};
 }
 
@@ -168,7 +169,8 @@ void collect(const Message& m, const std::string& prefix, std::vector<std::strin
       const Message& inner = r.GetMessage(m, f);
       std::vector<const FieldDescriptor*> set;
       inner.GetReflection()->ListFields(inner, &set);
-      if (set.empty()) out.push_back(path); else collect(inner, path, out);
+      if (set.empty()) out.push_back(path);
+      else collect(inner, path, out);
     } else {
       out.push_back(path);
     }
@@ -193,7 +195,7 @@ Status setPath(Message& message, const std::string& assignment) {
   if (f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
     Message* inner = place.message->GetReflection()->MutableMessage(place.message, f);
     const int fields = inner->GetDescriptor()->field_count();
-    if (fields == 0 || text.empty()) return {};          // e.g. shadows.path_traced=
+    if (fields == 0 || text.empty()) return {};  // e.g. shadows.path_traced=
     if (inner->GetDescriptor()->full_name() != "gobo.v1.Vector3") return invalidArgument("is a group of fields; set one of " + fieldNames(*inner), path);
     std::vector<std::string> parts = split(text, ',');
     if (parts.size() == 1) parts = {parts[0], parts[0], parts[0]};
@@ -209,7 +211,7 @@ Status applyMask(Message& base, const Message& patch, const std::vector<std::str
   source->CopyFrom(patch);
   for (const std::string& path : mask) {
     GOBO_ASSIGN(const Place from, walk(*source, path, false));
-    if (from.missing) {   // absent in the patch: cleared in the base, if it is there
+    if (from.missing) {  // absent in the patch: cleared in the base, if it is there
       GOBO_ASSIGN(Place gone, walk(base, path, false));
       if (!gone.missing && gone.mapKey.empty()) gone.message->GetReflection()->ClearField(gone.message, gone.field);
       continue;

@@ -12,8 +12,8 @@ namespace gobo {
 
 /// Who asks. The default may do everything: callers without a token, in this process.
 struct SceneAccess {
-  std::string caller;        ///< the token's name; empty: none
-  bool all = true;           ///< the admin right, or no token
+  std::string caller;  ///< the token's name; empty: none
+  bool all = true;     ///< the admin right, or no token
 
   bool uses(const std::string& owner, const std::vector<std::string>& share) const {
     if (all || owner.empty() || owner == caller) return true;

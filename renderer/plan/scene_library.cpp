@@ -30,7 +30,11 @@ std::string idFrom(const std::string& source) {
   return id.empty() ? "scene" : id;
 }
 
-void put(v1::Vector3* out, const Vec3& v) { out->set_x(v.x); out->set_y(v.y); out->set_z(v.z); }
+void put(v1::Vector3* out, const Vec3& v) {
+  out->set_x(v.x);
+  out->set_y(v.y);
+  out->set_z(v.z);
+}
 
 const char* kindName(LightKind k) {
   switch (k) {
@@ -60,22 +64,32 @@ Result<ScenePtr> patched(const Scene& base, const v1::PatchSceneRequest& p) {
         if (!unit(c.x) || !unit(c.y) || !unit(c.z)) return invalidArgument(path + ".base_color: each channel must be in 0..1", path + ".base_color");
         material.albedo.factor = c;
       }
-      if (m.has_metallic()) { if (!unit(m.metallic())) return invalidArgument(path + ".metallic = " + std::to_string(m.metallic()) + ": must be in 0..1", path + ".metallic"); material.bsdf.metallic = float(m.metallic()); }
-      if (m.has_roughness()) { if (!unit(m.roughness())) return invalidArgument(path + ".roughness = " + std::to_string(m.roughness()) + ": must be in 0..1", path + ".roughness"); material.bsdf.roughness = float(m.roughness()); }
+      if (m.has_metallic()) {
+        if (!unit(m.metallic())) return invalidArgument(path + ".metallic = " + std::to_string(m.metallic()) + ": must be in 0..1", path + ".metallic");
+        material.bsdf.metallic = float(m.metallic());
+      }
+      if (m.has_roughness()) {
+        if (!unit(m.roughness())) return invalidArgument(path + ".roughness = " + std::to_string(m.roughness()) + ": must be in 0..1", path + ".roughness");
+        material.bsdf.roughness = float(m.roughness());
+      }
       if (m.has_emission()) {
         const Vec3 c(m.emission().x(), m.emission().y(), m.emission().z());
-        if (!finite(m.emission()) || c.x < 0 || c.y < 0 || c.z < 0) return invalidArgument(path + ".emission: must be finite and not negative", path + ".emission");
+        if (!finite(m.emission()) || c.x < 0 || c.y < 0 || c.z < 0)
+          return invalidArgument(path + ".emission: must be finite and not negative", path + ".emission");
         material.emission.radiance = c;
         // The mesh lights of this material follow; seal() makes those that are new.
-        s.lights.erase(std::remove_if(s.lights.begin(), s.lights.end(), [&](const Light& l) {
-          return l.shape.kind == LightKind::Mesh && s.meshes[s.instances[l.shape.instance].mesh]->material == i; }), s.lights.end());
+        s.lights.erase(
+            std::remove_if(s.lights.begin(), s.lights.end(),
+                           [&](const Light& l) { return l.shape.kind == LightKind::Mesh && s.meshes[s.instances[l.shape.instance].mesh]->material == i; }),
+            s.lights.end());
       }
     }
     for (const auto& [name, instance] : p.instances()) {
       const std::string path = "instances." + name;
       const int i = s.findInstance(name);
       if (i < 0) return notFound("no instance '" + name + "'", path);
-      if (instance.matrix_size() != 16) return invalidArgument(path + ".matrix: has " + std::to_string(instance.matrix_size()) + " numbers, needs 16", path + ".matrix");
+      if (instance.matrix_size() != 16)
+        return invalidArgument(path + ".matrix: has " + std::to_string(instance.matrix_size()) + " numbers, needs 16", path + ".matrix");
       Mat4 m(1.0f);
       for (int k = 0; k < 16; ++k) {
         if (!std::isfinite(instance.matrix(k))) return invalidArgument(path + ".matrix[" + std::to_string(k) + "]: must be finite", path + ".matrix");
@@ -162,7 +176,10 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
   for (size_t i = 0; i < s.instances.size() && i < 10000; ++i) out.add_instance_names(s.instances[i].name);
   Vec3 lo, hi;
   s.bounds(lo, hi);
-  if (lo.x <= hi.x) { put(out.mutable_bounds_min(), lo); put(out.mutable_bounds_max(), hi); }
+  if (lo.x <= hi.x) {
+    put(out.mutable_bounds_min(), lo);
+    put(out.mutable_bounds_max(), hi);
+  }
   for (const std::string& w : s.warnings) out.add_warnings(w);
   out.set_load_ms(e.loadMs);
   if (s.rig)
@@ -200,7 +217,7 @@ bool SceneLibrary::evict(const std::string& keep, const char* why, Freed& freed)
   for (const auto& [id, entry] : scenes_) ofOwner[entry.owner] += entry.bytes;
   Entries::iterator victim = scenes_.end();
   for (auto at = scenes_.begin(); at != scenes_.end(); ++at) {
-    if (at->first == keep || at->second.scene.use_count() > 1) continue;   // somebody renders it, or works on it
+    if (at->first == keep || at->second.scene.use_count() > 1) continue;  // somebody renders it, or works on it
     const auto order = [&](Entries::iterator e) { return std::pair(~ofOwner[e->second.owner], e->second.used); };
     if (victim == scenes_.end() || order(at) < order(victim)) victim = at;
   }
@@ -214,14 +231,14 @@ bool SceneLibrary::evict(const std::string& keep, const char* why, Freed& freed)
 Status SceneLibrary::makeRoom(uint64_t bytes, const std::string& keep, Freed& freed) {
   for (uint64_t held = sceneBytesHeld(); held > limits_.sceneBytes || bytes > limits_.sceneBytes - held; held = sceneBytesHeld())
     if (!evict(keep, "to make room (engine.scene_bytes)", freed))
-      return {Code::ResourceExhausted, "no room for a scene of " + std::to_string(bytes) + " bytes: loaded ones that are in use have " + std::to_string(held) + ", at most " +
-              std::to_string(limits_.sceneBytes) + " (engine.scene_bytes)", "scene"};
+      return {Code::ResourceExhausted,
+              "no room for a scene of " + std::to_string(bytes) + " bytes: loaded ones that are in use have " + std::to_string(held) + ", at most " +
+                  std::to_string(limits_.sceneBytes) + " (engine.scene_bytes)",
+              "scene"};
   return {};
 }
 
-Status SceneLibrary::room(uint64_t bytes, const char* what) {
-  return ledger_ ? ledger_->makeRoom(bytes, what).at("scene") : Status();
-}
+Status SceneLibrary::room(uint64_t bytes, const char* what) { return ledger_ ? ledger_->makeRoom(bytes, what).at("scene") : Status(); }
 
 void SceneLibrary::shrinkScenes(uint64_t most) {
   Freed freed;
@@ -237,11 +254,11 @@ Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& so
   GOBO_TRY(room(bytes, "a scene"));
   Freed freed;
   std::lock_guard lock(mutex_);
-  const auto taken = [&](const std::string& name) {   // by somebody else, or as a built-in
+  const auto taken = [&](const std::string& name) {  // by somebody else, or as a built-in
     const auto at = scenes_.find(name);
     return at != scenes_.end() ? !access.changes(at->second.owner) : !access.all && isBuiltin(name);
   };
-  if (id.empty()) {   // named after the file; another file of that name gets a number
+  if (id.empty()) {  // named after the file; another file of that name gets a number
     const std::string stem = idFrom(source);
     id = stem;
     for (int k = 2; taken(id) || (scenes_.count(id) && scenes_[id].source != source); ++k) id = stem + "-" + std::to_string(k);
@@ -257,22 +274,24 @@ Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& so
   return info(id, e);
 }
 
-Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string id, const StopToken& stop, const SceneAccess& access, const std::vector<std::string>& share) {
+Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string id, const StopToken& stop, const SceneAccess& access,
+                                         const std::vector<std::string>& share) {
   if (source.empty()) return invalidArgument("must not be empty", "source");
   const auto start = std::chrono::steady_clock::now();
   if (isBuiltin(source)) {
     // Under its own name a built-in is everybody's.
     if (!access.all && (id.empty() || id == source)) return inspect(source, access);
     GOBO_ASSIGN(ScenePtr scene, makeBuiltinScene(source, stop));
-    return insert(id.empty() ? source : id, source, LoadedScene{std::move(scene), {}}, msSince(start), stop, id.empty() || id == source ? SceneAccess{} : access, share);
+    return insert(id.empty() ? source : id, source, LoadedScene{std::move(scene), {}}, msSince(start), stop,
+                  id.empty() || id == source ? SceneAccess{} : access, share);
   }
   if (source.find('/') == std::string::npos && source.find('.') == std::string::npos) return makeBuiltinScene(source).status();
   GOBO_ASSIGN(const std::string path, allowedPath(source, "source"));
   return openFile(path, source, std::move(id), stop, access, share);
 }
 
-Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop, const SceneAccess& access,
-                                             const std::vector<std::string>& share) {
+Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop,
+                                             const SceneAccess& access, const std::vector<std::string>& share) {
   const auto start = std::chrono::steady_clock::now();
   Result<LoadedScene> scene = loader_->scene(path, stop);
   return insert(std::move(id), source, std::move(scene), msSince(start), stop, access, share);
@@ -282,7 +301,7 @@ Result<ScenePtr> SceneLibrary::load(const std::string& source, bool trusted) con
   if (isBuiltin(source)) return makeBuiltinScene(source);
   std::string path = source;
   if (!trusted) { GOBO_ASSIGN(path, allowedPath(source, "source")); }
-  GOBO_ASSIGN(LoadedScene loaded, loader_->scene(path, {}));   // trusted as a path; its bytes are not
+  GOBO_ASSIGN(LoadedScene loaded, loader_->scene(path, {}));  // trusted as a path; its bytes are not
   return std::move(loaded.scene);
 }
 
@@ -292,7 +311,8 @@ Status SceneLibrary::unknown(const std::string& id, const SceneAccess& access) c
     if (access.uses(entry.owner, entry.share)) names += (names.empty() ? "" : ", ") + name;
   for (const std::string& name : builtinSceneNames()) names += (names.empty() ? "" : ", ") + name;
   const auto went = std::find_if(gone_.rbegin(), gone_.rend(), [&](const Gone& g) { return g.id == id; });
-  return notFound("no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : "") + " (has: " + names + ")", "request.scene");
+  return notFound("no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : "") + " (has: " + names + ")",
+                  "request.scene");
 }
 
 Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop, const SceneAccess& access) {
@@ -312,7 +332,7 @@ Result<ScenePtr> SceneLibrary::find(const std::string& id, const StopToken& stop
   const uint64_t bytes = scene->bytes();
   GOBO_TRY(room(bytes, "a scene"));
   Freed freed;
-  std::lock_guard lock(mutex_);   // one that another caller has opened (and may have patched) meanwhile stays
+  std::lock_guard lock(mutex_);  // one that another caller has opened (and may have patched) meanwhile stays
   if (const auto it = scenes_.find(id); it != scenes_.end()) return it->second.scene;
   GOBO_TRY(makeRoom(bytes, id, freed));
   return scenes_.try_emplace(id, Entry{.scene = scene, .source = id, .loadMs = msSince(start), .used = ++clock_, .bytes = bytes}).first->second.scene;
@@ -339,8 +359,8 @@ Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const 
   GOBO_ASSIGN(ScenePtr base, find(p.scene(), stop, access));
   const auto mine = [&](const Entry& e) -> Status {
     if (access.changes(e.owner)) return {};
-    return {Code::PermissionDenied, "scene '" + p.scene() + "' is " + (e.owner.empty() ? "everybody's" : "another's") +
-            ": open it under a name of your own and patch that", "scene"};
+    return {Code::PermissionDenied,
+            "scene '" + p.scene() + "' is " + (e.owner.empty() ? "everybody's" : "another's") + ": open it under a name of your own and patch that", "scene"};
   };
   {
     std::lock_guard lock(mutex_);
@@ -354,7 +374,7 @@ Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const 
     const auto at = scenes_.find(p.scene());
     if (at == scenes_.end()) return notFound("scene '" + p.scene() + "' was unloaded while it was patched", "scene");
     GOBO_TRY(mine(at->second));
-    if (at->second.scene != base) {   // another patch or a reload came first: this one goes on top of it
+    if (at->second.scene != base) {  // another patch or a reload came first: this one goes on top of it
       base = at->second.scene;
       continue;
     }
@@ -384,7 +404,10 @@ void SceneLibrary::dropBroken(std::vector<std::shared_ptr<const MappedFile>> bro
   {
     std::lock_guard lock(mutex_);
     for (auto at = scenes_.begin(); at != scenes_.end();) {
-      if (!isBroken(at->second.scene->file)) { ++at; continue; }
+      if (!isBroken(at->second.scene->file)) {
+        ++at;
+        continue;
+      }
       noteGone(at->first, "because its mapped file was cut short or cannot be read");
       at = scenes_.erase(at);
     }

@@ -38,8 +38,8 @@ class SceneLibrary {
   /// It belongs to access.caller and is shared with `share`.
   Result<v1::SceneInfo> open(const std::string& source, std::string id, const StopToken& stop = {}, const SceneAccess& access = {},
                              const std::vector<std::string>& share = {});
-  Result<v1::SceneInfo> openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop = {},
-                                 const SceneAccess& access = {}, const std::vector<std::string>& share = {});
+  Result<v1::SceneInfo> openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop = {}, const SceneAccess& access = {},
+                                 const std::vector<std::string>& share = {});
   /// A built-in or a file, without an id; `trusted`: wherever the file is.
   Result<ScenePtr> load(const std::string& source, bool trusted) const;
   Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
@@ -56,7 +56,7 @@ class SceneLibrary {
   void dropBroken(std::vector<std::shared_ptr<const MappedFile>> broken);
   Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop = {});
   size_t count() const;
-  uint64_t sceneBytes() const;         ///< of all loaded scenes; what several share counts for each
+  uint64_t sceneBytes() const;  ///< of all loaded scenes; what several share counts for each
   BytesOfCallers sceneBytesOfOwners() const;
   uint64_t environmentBytes() const;
   const SceneLimits& limits() const { return limits_; }
@@ -75,10 +75,14 @@ class SceneLibrary {
     LoadReport report = {};
     std::string owner = {};
     std::vector<std::string> share = {};
-    uint64_t used = 0;           ///< clock_ of the last use
-    uint64_t bytes = 0;          ///< of the scene
+    uint64_t used = 0;   ///< clock_ of the last use
+    uint64_t bytes = 0;  ///< of the scene
   };
-  struct Map { EnvironmentPtr map; uint64_t used; uint64_t bytes() const { return uint64_t(map->texels.size()) * sizeof(Vec3); } };
+  struct Map {
+    EnvironmentPtr map;
+    uint64_t used;
+    uint64_t bytes() const { return uint64_t(map->texels.size()) * sizeof(Vec3); }
+  };
   using Entries = std::map<std::string, Entry>;
   Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop,
                                const SceneAccess& access, const std::vector<std::string>& share);
@@ -92,18 +96,20 @@ class SceneLibrary {
   Status unknown(const std::string& id, const SceneAccess& access) const;
   v1::SceneInfo info(const std::string& id, const Entry& entry) const;
 
-  std::vector<std::string> roots_;   // under mutex_
+  std::vector<std::string> roots_;  // under mutex_
   bool anyPath_;
   std::shared_ptr<SceneLoader> loader_;
   mutable std::mutex mutex_;
   const SceneLimits limits_;
   MemoryLedger* ledger_ = nullptr;
   Entries scenes_;
-  struct Gone { std::string id, why; };
-  void noteGone(const std::string& id, const char* why);   ///< under mutex_
-  std::deque<Gone> gone_;              ///< ids that were unloaded without being asked to, the latest last
+  struct Gone {
+    std::string id, why;
+  };
+  void noteGone(const std::string& id, const char* why);  ///< under mutex_
+  std::deque<Gone> gone_;                                 ///< ids that were unloaded without being asked to, the latest last
   uint64_t clock_ = 0;
-  std::map<std::string, Map> environments_;   ///< by canonical path + settled file stamp
+  std::map<std::string, Map> environments_;  ///< by canonical path + settled file stamp
 };
 
 }  // namespace gobo

@@ -49,7 +49,7 @@ TermPtr TermStore::get(const Hash128& key, Tier* from, const StopToken& stop) {
 void TermStore::put(const Hash128& key, TermPtr term, bool persist, const StopToken& stop) {
   GOBO_CHECK(term != nullptr);
   {
-    std::vector<TermPtr> gone;   // freed after the lock: declared before it
+    std::vector<TermPtr> gone;  // freed after the lock: declared before it
     std::lock_guard hold(mutex_);
     insert(key, term, gone);
   }

@@ -17,7 +17,7 @@
 
 namespace gobo {
 
-class DiskStore;   // plan/disk_store.h
+class DiskStore;  // plan/disk_store.h
 
 class TermStore {
  public:
@@ -30,9 +30,9 @@ class TermStore {
   /// A term larger than the bound is not kept in RAM (its holder still has it). Persisting writes and syncs the file in
   /// the calling thread, without holding up other callers; `stop` ends that, and leaves no file.
   void put(const Hash128& key, TermPtr term, bool persist, const StopToken& stop = {});
-  void erase(const Hash128& key);            ///< from both tiers
+  void erase(const Hash128& key);  ///< from both tiers
   void clear(bool disk);
-  void shrink(uint64_t most);                ///< the memory tier, least recently used first
+  void shrink(uint64_t most);  ///< the memory tier, least recently used first
   uint64_t bytes() const;
   uint64_t maxBytes() const { return maxBytes_; }
   uint64_t diskBytes() const;
@@ -42,9 +42,13 @@ class TermStore {
   Status lastDiskError() const;
 
  private:
-  struct Entry { Hash128 key; TermPtr term; uint64_t bytes; };
+  struct Entry {
+    Hash128 key;
+    TermPtr term;
+    uint64_t bytes;
+  };
   mutable std::mutex mutex_;
-  std::list<Entry> lru_;    // most recent first
+  std::list<Entry> lru_;  // most recent first
   std::unordered_map<Hash128, std::list<Entry>::iterator> index_;
   uint64_t bytes_ = 0;
   uint64_t maxBytes_;

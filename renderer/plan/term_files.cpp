@@ -22,11 +22,12 @@ namespace gobo {
 
 namespace {
 
-constexpr size_t kPiece = size_t(4) << 20;   // bytes between two looks at a stop token
+constexpr size_t kPiece = size_t(4) << 20;  // bytes between two looks at a stop token
 
 int openRetry(const std::string& path, int flags, mode_t mode = 0644) {
   int fd;
-  do fd = ::open(path.c_str(), flags | O_CLOEXEC, mode); while (fd < 0 && errno == EINTR);
+  do fd = ::open(path.c_str(), flags | O_CLOEXEC, mode);
+  while (fd < 0 && errno == EINTR);
   return fd;
 }
 
@@ -37,7 +38,8 @@ int syncFolder(const std::string& path) {
 
 int64_t micros(const timespec& t) { return int64_t(t.tv_sec) * 1000000 + t.tv_nsec / 1000; }
 
-template <typename F> void eachEntry(const std::string& folder, F f) {
+template <typename F>
+void eachEntry(const std::string& folder, F f) {
   DIR* dir = ::opendir(folder.c_str());
   if (!dir) return;
   while (const dirent* e = ::readdir(dir)) {
@@ -54,7 +56,9 @@ Status fileError(const std::string& action, const std::string& path, int error) 
   return {full ? Code::ResourceExhausted : Code::Internal, "cannot " + action + ": " + std::strerror(error), path};
 }
 
-TermFiles::~TermFiles() { if (lock_ >= 0) ::close(lock_); }
+TermFiles::~TermFiles() {
+  if (lock_ >= 0) ::close(lock_);
+}
 
 Status TermFiles::makeFolders() {
   GOBO_TRY(makeOwnFolder(folder_, "cache folder"));
@@ -70,11 +74,10 @@ Status TermFiles::lock(double seconds, const StopToken& stop) {
   for (;;) {
     struct stat mine, named;
     // Somebody may have removed the folder, or its lock: two holders of two different files would both believe they have it.
-    if (lock_ < 0 || ::fstat(lock_, &mine) != 0 || ::stat(name.c_str(), &named) != 0 || mine.st_ino != named.st_ino ||
-        mine.st_dev != named.st_dev) {
+    if (lock_ < 0 || ::fstat(lock_, &mine) != 0 || ::stat(name.c_str(), &named) != 0 || mine.st_ino != named.st_ino || mine.st_dev != named.st_dev) {
       if (lock_ >= 0) ::close(lock_);
       lock_ = -1;
-      GOBO_TRY(makeFolders());   // and what is there now may be another's
+      GOBO_TRY(makeFolders());  // and what is there now may be another's
       lock_ = openRetry(name, O_RDWR | O_CREAT);
       if (lock_ < 0) return fileError("open the lock of the cache folder", name, errno);
     }
@@ -90,7 +93,9 @@ Status TermFiles::lock(double seconds, const StopToken& stop) {
   }
 }
 
-void TermFiles::unlock() { if (lock_ >= 0) ::flock(lock_, LOCK_UN); }
+void TermFiles::unlock() {
+  if (lock_ >= 0) ::flock(lock_, LOCK_UN);
+}
 
 std::vector<TermFiles::File> TermFiles::scan() const {
   std::vector<File> files;
@@ -171,9 +176,10 @@ Status TermFiles::writeTemp(const std::string& temp, const std::vector<uint8_t>&
     const ssize_t n = ::write(d.get(), bytes.data() + at, std::min(kPiece, bytes.size() - at));
     if (n < 0 && errno != EINTR) error = errno;
     if (n < 0) continue;
-    if (bytes.size() > kPiece) {   // hints: what they could not do, fdatasync() does
+    if (bytes.size() > kPiece) {  // hints: what they could not do, fdatasync() does
       ::sync_file_range(d.get(), off_t(at), n, SYNC_FILE_RANGE_WRITE);
-      if (at >= kPiece) ::sync_file_range(d.get(), off_t(at - kPiece), off_t(kPiece), SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER);
+      if (at >= kPiece)
+        ::sync_file_range(d.get(), off_t(at - kPiece), off_t(kPiece), SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER);
     }
     at += size_t(n);
     stopped = stop.stopRequested();

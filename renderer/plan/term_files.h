@@ -21,9 +21,12 @@ Status fileError(const std::string& action, const std::string& path, int error);
 
 class TermFiles {
  public:
-  struct File { std::string key; int64_t bytes = 0, modified = 0; };   ///< modified: microseconds since 1970
+  struct File {
+    std::string key;
+    int64_t bytes = 0, modified = 0;
+  };  ///< modified: microseconds since 1970
   struct Content {
-    std::unique_ptr<uint8_t[]> bytes;   ///< null: not there, or (error != 0) unreadable
+    std::unique_ptr<uint8_t[]> bytes;  ///< null: not there, or (error != 0) unreadable
     size_t size = 0;
     ino_t inode = 0;
     int error = 0;
@@ -40,7 +43,7 @@ class TermFiles {
   Status lock(double seconds, const StopToken& stop = {});
   void unlock();
 
-  std::vector<File> scan() const;      ///< every term file; foreign names are left alone
+  std::vector<File> scan() const;  ///< every term file; foreign names are left alone
   /// What `stop`, polled every few MB, has cut short has neither bytes nor an error.
   Content read(const std::string& key, const StopToken& stop = {}) const;
   /// Size of the file, or -1; `inode` may be null.

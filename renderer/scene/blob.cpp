@@ -21,14 +21,14 @@ struct Header {
   Hash128 format;
   BlobKey key;
   uint64_t recordBytes, arrayStart;
-  Hash128 records, arrays, self;   // self: digest of the bytes before it
+  Hash128 records, arrays, self;  // self: digest of the bytes before it
 };
 static_assert(sizeof(Header) == kBlobHeaderBytes && std::is_trivially_copyable_v<Header>);
 constexpr char kMagic[8] = {'G', 'O', 'B', 'O', 'B', 'L', 'O', 'B'};
 constexpr uint32_t kEndian = 0x01020304;
 constexpr size_t kSelfAt = kBlobHeaderBytes - sizeof(Hash128);
 
-constexpr size_t kSlice = size_t(4) << 20;   // of the arrays; each has a digest, and theirs is the one in the header
+constexpr size_t kSlice = size_t(4) << 20;  // of the arrays; each has a digest, and theirs is the one in the header
 
 /// Digest of arrays that come in pieces of any size.
 class SliceDigest {
@@ -114,7 +114,7 @@ Status open(std::shared_ptr<const void> owner, std::span<const uint8_t> bytes, K
   Header h;
   GOBO_TRY(checkHeader(bytes, h));
   if (h.kind != uint32_t(kind)) return bad("kind " + std::to_string(h.kind) + " is not " + std::to_string(uint32_t(kind)));
-  if (trust == BlobTrust::Foreign) GOBO_TRY(checkBlobArrays(bytes));   // a blob that is kept must pass this later
+  if (trust == BlobTrust::Foreign) GOBO_TRY(checkBlobArrays(bytes));  // a blob that is kept must pass this later
   if (key && h.key != *key) return bad("made from something else");
   reader.owner = std::move(owner);
   reader.records = bytes.subspan(sizeof h, size_t(h.recordBytes));
@@ -129,7 +129,7 @@ template <typename T>
 bool allFinite(const Array<T>& values) {
   const float* p = reinterpret_cast<const float*>(values.data());
   const size_t n = values.size() * (sizeof(T) / sizeof(float));
-  uint32_t worst = 0;   // exponent all ones: Inf or NaN; integer maximum vectorises
+  uint32_t worst = 0;  // exponent all ones: Inf or NaN; integer maximum vectorises
   for (size_t i = 0; i < n; ++i) {
     uint32_t bits;
     std::memcpy(&bits, p + i, 4);
@@ -143,7 +143,7 @@ Status checkMesh(const Mesh& mesh, size_t i) {
   if (!allFinite(mesh.positions) || !allFinite(mesh.normals) || !allFinite(mesh.tangents) || !allFinite(mesh.colours) ||
       !std::all_of(mesh.uv.begin(), mesh.uv.end(), [](const Array<Vec2>& set) { return allFinite(set); }))
     return bad(name + ": a vertex value is not finite");
-  Mesh again = mesh;   // shares the arrays
+  Mesh again = mesh;  // shares the arrays
   sealMesh(again);
   if (again.topologyHash != mesh.topologyHash || again.positionsHash != mesh.positionsHash || again.shadingHash != mesh.shadingHash)
     return bad(name + ": digest is not that of its arrays");
@@ -153,10 +153,12 @@ Status checkMesh(const Mesh& mesh, size_t i) {
 /// What sealTexture would CHECK, and the ranges that sampling relies on.
 Status checkTextureShape(const Texture& t, size_t i) {
   const std::string name = "texture " + std::to_string(i);
-  if (t.width <= 0 || t.height <= 0 || t.width > (1 << 24) || t.height > (1 << 24)) return bad(name + ": size " + std::to_string(t.width) + " x " + std::to_string(t.height));
+  if (t.width <= 0 || t.height <= 0 || t.width > (1 << 24) || t.height > (1 << 24))
+    return bad(name + ": size " + std::to_string(t.width) + " x " + std::to_string(t.height));
   if (t.levels < 1 || t.levels > kMaxTextureLevels || t.tile < 0 || t.tile > kMaxTextureTile || t.channels != 4) return bad(name + ": layout is out of range");
   const uint64_t texels = textureTexels(t.width, t.height, t.levels, t.tile);
-  if ((t.texels8.empty() == t.texelsF.empty()) || uint64_t(t.texels8.size()) + t.texelsF.size() != texels * 4) return bad(name + ": has not the texels of its size");
+  if ((t.texels8.empty() == t.texelsF.empty()) || uint64_t(t.texels8.size()) + t.texelsF.size() != texels * 4)
+    return bad(name + ": has not the texels of its size");
   if (t.content.isZero()) return bad(name + ": has no digest");
   return {};
 }
@@ -166,7 +168,8 @@ Status checkMap(const Environment& map, BlobTrust trust) {
     return bad("environment: has not the texels of its size");
   if (trust == BlobTrust::Own) return {};
   if (!allFinite(map.texels) || !std::isfinite(map.rotation)) return bad("environment: a texel is not finite");
-  for (const Vec3& t : map.texels) if (t.x < 0 || t.y < 0 || t.z < 0) return bad("environment: a texel is negative");
+  for (const Vec3& t : map.texels)
+    if (t.x < 0 || t.y < 0 || t.z < 0) return bad("environment: a texel is negative");
   if (environmentDigest(map) != map.content) return bad("environment: digest is not that of its texels");
   return {};
 }
@@ -278,7 +281,7 @@ Result<EnvironmentPtr> readEnvironmentBlob(std::shared_ptr<const void> owner, st
 
 Result<ScenePtr> readSceneBlob(const std::shared_ptr<const MappedFile>& file, BlobTrust trust, const BlobKey* key) {
   const auto scene = readScene(file, file->bytes(), trust, key);
-  if (!file->intact()) return file->lost();   // whatever the reading made of the zeroes
+  if (!file->intact()) return file->lost();  // whatever the reading made of the zeroes
   if (!scene.ok()) return scene.status();
   (*scene)->file = file;
   return ScenePtr(*scene);

@@ -25,7 +25,7 @@
 
 namespace gobo {
 
-using BlobKey = std::array<uint8_t, 32>;      ///< SHA-256 of what the blob was made from; zero: not known
+using BlobKey = std::array<uint8_t, 32>;  ///< SHA-256 of what the blob was made from; zero: not known
 enum class BlobTrust { Foreign, Own };
 // 2: points and lines are geometry: what the importer makes of a file is part of the format; 3: Texture::lowest, Camera::cullBackFaces; 4: digest of
 // the arrays.

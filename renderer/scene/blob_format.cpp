@@ -9,10 +9,13 @@ namespace gobo::blob {
 namespace {
 
 struct Anything {
-  template <typename T> operator T() const;
+  template <typename T>
+  operator T() const;
 };
 template <typename T, size_t... i>
-constexpr bool takes(std::index_sequence<i...>) { return requires { T{(void(i), Anything{})...}; }; }
+constexpr bool takes(std::index_sequence<i...>) {
+  return requires { T{(void(i), Anything{})...}; };
+}
 template <typename T, size_t n = 0>
 constexpr size_t members() {
   if constexpr (!takes<T>(std::make_index_sequence<n + 1>())) return n;
@@ -22,10 +25,17 @@ constexpr size_t members() {
 struct Count {
   size_t n = 0;
   template <typename T>
-  constexpr void operator()(const char*, const T&) { ++n; }
+  constexpr void operator()(const char*, const T&) {
+    ++n;
+  }
 };
 template <typename T>
-size_t listed() { T item; Count c; visitStruct(item, c); return c.n; }
+size_t listed() {
+  T item;
+  Count c;
+  visitStruct(item, c);
+  return c.n;
+}
 
 }  // namespace
 
@@ -46,10 +56,10 @@ std::string forgottenFields() {
   check("Instance", members<Instance>(), listed<Instance>());
   check("Mesh", members<Mesh>(), listed<Mesh>());
   check("Texture", members<Texture>(), listed<Texture>());
-  check("Environment", members<Environment>() - 1, listed<Environment>());   // `file` is where it lies
+  check("Environment", members<Environment>() - 1, listed<Environment>());  // `file` is where it lies
   check("RigNode", members<RigNode>(), listed<RigNode>());
   check("RigSkin", members<RigSkin>(), listed<RigSkin>());
-  check("RigTarget", members<RigTarget>(), listed<RigTarget>() - (kUvSets - 1));   // its uv sets are listed one by one
+  check("RigTarget", members<RigTarget>(), listed<RigTarget>() - (kUvSets - 1));  // its uv sets are listed one by one
   check("RigSource", members<RigSource>(), listed<RigSource>());
   check("RigDeformed", members<RigDeformed>(), listed<RigDeformed>());
   check("RigFollower", members<RigFollower>(), listed<RigFollower>());

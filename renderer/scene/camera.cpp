@@ -30,10 +30,10 @@ Mat4 worldToCamera(const Camera& camera) {
 Mat4 worldToNdc(const Camera& camera, int width, int height) {
   const float aspect = float(width) / float(height), scale = camera.perspective ? 2.0f * std::tan(0.5f * camera.yfov) : camera.yheight;
   const float left = 0.5f - camera.centre.x / aspect, top = 0.5f + camera.centre.y;
-  Mat4 p(0.0f);                                    // from the camera's frame: columns are x, y, depth, 1
+  Mat4 p(0.0f);  // from the camera's frame: columns are x, y, depth, 1
   p[0][0] = 1.0f / (scale * aspect);
   p[1][1] = -1.0f / scale;
-  const int unit = camera.perspective ? 2 : 3;     // which column w comes from
+  const int unit = camera.perspective ? 2 : 3;  // which column w comes from
   p[unit][0] = left;
   p[unit][1] = top;
   p[unit][3] = 1.0f;

@@ -10,16 +10,16 @@ namespace gobo {
 
 struct Camera {
   std::string name = "camera";
-  Mat4 toWorld{1.0f};         ///< rigid; columns are right, up, back, position
+  Mat4 toWorld{1.0f};  ///< rigid; columns are right, up, back, position
   bool perspective = true;
-  float yfov = 0.8f;          ///< perspective: full vertical angle, radians
-  float yheight = 2.0f;       ///< orthographic: full height of the window, metres
-  bool cullBackFaces = false; ///< its rays pass back faces of single-sided materials (trace/back_faces.h); light meets them all the same
-  Vec2 centre{0.0f};          ///< off-centre shift of the window in units of its height (x right, y up)
+  float yfov = 0.8f;           ///< perspective: full vertical angle, radians
+  float yheight = 2.0f;        ///< orthographic: full height of the window, metres
+  bool cullBackFaces = false;  ///< its rays pass back faces of single-sided materials (trace/back_faces.h); light meets them all the same
+  Vec2 centre{0.0f};           ///< off-centre shift of the window in units of its height (x right, y up)
 };
 
 struct Ray {
-  Vec3 origin, direction;     ///< direction is unit
+  Vec3 origin, direction;  ///< direction is unit
   float tmin = 0.0f, tmax = 3.0e38f;
 };
 
@@ -27,8 +27,17 @@ struct Ray {
 class FilmRays {
  public:
   FilmRays(const Camera& camera, int width, int height)
-      : right_(camera.toWorld[0]), up_(camera.toWorld[1]), back_(camera.toWorld[2]), position_(camera.toWorld[3]), centre_(camera.centre), width_(float(width)),
-        height_(float(height)), aspect_(float(width) / float(height)), tangent_(std::tan(0.5f * camera.yfov)), yheight_(camera.yheight), perspective_(camera.perspective) {}
+      : right_(camera.toWorld[0]),
+        up_(camera.toWorld[1]),
+        back_(camera.toWorld[2]),
+        position_(camera.toWorld[3]),
+        centre_(camera.centre),
+        width_(float(width)),
+        height_(float(height)),
+        aspect_(float(width) / float(height)),
+        tangent_(std::tan(0.5f * camera.yfov)),
+        yheight_(camera.yheight),
+        perspective_(camera.perspective) {}
   Ray at(float px, float py) const {
     // Window coordinates in units of the window's height: x right, y up, (0,0) at its centre before the off-centre shift.
     const float wx = (px / width_ - 0.5f) * aspect_ + centre_.x;
@@ -57,7 +66,6 @@ class FilmRays {
 Ray cameraRay(const Camera& camera, int width, int height, float px, float py);
 /// World-space width of a pixel at distance `t` along the view axis-perpendicular direction (perspective: 2 t tan(fov/2)/h).
 float pixelFootprint(const Camera& camera, int height, float t);
-
 
 /// Where a point is seen: pixels from the top left corner, the inverse of cameraRay. `p.w` 1: a point; 0: the direction of something
 /// infinitely far. False where the camera cannot see it: behind a perspective camera, or at infinity for an orthographic one.

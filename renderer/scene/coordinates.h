@@ -12,7 +12,7 @@ namespace gobo {
 /// Metres, of every coordinate of a scene, a pose, a patch and a request; factors of transforms alike. The schema's ranges of lengths agree.
 inline constexpr float kLargestCoordinate = 1e9f;
 
-inline bool isCoordinate(float x) { return std::fabs(x) <= kLargestCoordinate; }   // false for NaN
+inline bool isCoordinate(float x) { return std::fabs(x) <= kLargestCoordinate; }  // false for NaN
 inline bool isCoordinate(const Vec2& v) { return isCoordinate(v.x) && isCoordinate(v.y); }
 inline bool isCoordinate(const Vec3& v) { return isCoordinate(v.x) && isCoordinate(v.y) && isCoordinate(v.z); }
 inline bool isCoordinate(const Mat4& m) {

@@ -36,7 +36,7 @@ Vec3 Environment::toDirection(const Vec2& uv) const {
 }
 
 Vec3 Environment::eval(const Vec3& direction) const {
-  if (texels.size() == 1) return texels[0];   // uniform: two inverse functions saved for each ray that meets nothing
+  if (texels.size() == 1) return texels[0];  // uniform: two inverse functions saved for each ray that meets nothing
   const Vec2 uv = toUv(direction);
   return interpolateTexels(*this, double(uv.x) * width, double(uv.y) * height);
 }
@@ -50,7 +50,7 @@ EnvironmentPtr makeEnvironment(std::string name, Image image, const StopToken& s
   map->width = image.width;
   map->height = image.height;
   std::vector<Vec3> texels;
-  texels.reserve(image.pixels());   // not cleared first: hundreds of MB at once would be long without a poll
+  texels.reserve(image.pixels());  // not cleared first: hundreds of MB at once would be long without a poll
   for (int y = 0; y < image.height; ++y) {
     if (stop.stopRequested()) return nullptr;
     for (int x = 0; x < image.width; ++x) {

@@ -16,16 +16,16 @@
 
 namespace gobo {
 
-class MappedFile;   // base/mapped_file.h
+class MappedFile;  // base/mapped_file.h
 
 struct Environment {
   std::string name;
   int width = 0, height = 0;
-  Array<Vec3> texels;           ///< linear radiance, row-major, all finite and >= 0
-  float rotation = 0.0f;        ///< radians
-  int repairedTexels = 0;       ///< NaN, Inf or negative texels replaced by 0 at load (reported by inspect)
-  Hash128 content;              ///< digest of size and texels (not of rotation)
-  std::shared_ptr<const MappedFile> file = nullptr;   ///< that the texels lie in; null: none, or the scene's
+  Array<Vec3> texels;                                ///< linear radiance, row-major, all finite and >= 0
+  float rotation = 0.0f;                             ///< radians
+  int repairedTexels = 0;                            ///< NaN, Inf or negative texels replaced by 0 at load (reported by inspect)
+  Hash128 content;                                   ///< digest of size and texels (not of rotation)
+  std::shared_ptr<const MappedFile> file = nullptr;  ///< that the texels lie in; null: none, or the scene's
 
   /// Direction (unit) to continuous map coordinates in [0,1)^2, and back. Rotation applied.
   Vec2 toUv(const Vec3& direction) const;
@@ -47,7 +47,13 @@ Hash128 environmentDigest(const Environment& map);
 /// Uniform radiance in every direction (1x1 map).
 EnvironmentPtr constantEnvironment(const Vec3& radiance);
 
-struct SkyParameters { Vec3 sunDirection{0.4f, 0.8f, 0.3f}; float turbidity = 3.0f; float sunRadiusDeg = 0.2665f; float sunScale = 1.0f; Vec3 groundAlbedo{0.2f}; };
+struct SkyParameters {
+  Vec3 sunDirection{0.4f, 0.8f, 0.3f};
+  float turbidity = 3.0f;
+  float sunRadiusDeg = 0.2665f;
+  float sunScale = 1.0f;
+  Vec3 groundAlbedo{0.2f};
+};
 /// Analytic clear sky with sun disk (Preetham et al. 1999), baked to width x width/2. Radiance scaled so that the zenith is of order 1.
 /// Null if `stop`, polled every row, fired first.
 EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width = 512, const StopToken& stop = {});

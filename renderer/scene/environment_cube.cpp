@@ -12,7 +12,10 @@ namespace {
 
 enum Face { Right, Left, Top, Bottom, Front, Back };
 
-struct Cell { int x, y; bool turned; };
+struct Cell {
+  int x, y;
+  bool turned;
+};
 Cell cellOf(CubeLayout layout, Face face) {
   static constexpr Cell horizontal[6] = {{2, 1, false}, {0, 1, false}, {1, 0, false}, {1, 2, false}, {1, 1, false}, {3, 1, false}};
   static constexpr Cell vertical[6] = {{2, 1, false}, {0, 1, false}, {1, 0, false}, {1, 2, false}, {1, 1, false}, {1, 3, true}};
@@ -97,11 +100,27 @@ Vec2 cubePosition(CubeLayout layout, int n, const Vec3& d, Vec2& faceMin) {
   // OpenGL 4.6, table 8.19.
   Face face;
   float s, t, major;
-  if (ax >= ay && ax >= az) { face = d.x > 0 ? Right : Left; s = d.x > 0 ? -d.z : d.z; t = -d.y; major = ax; }
-  else if (ay >= az) { face = d.y > 0 ? Top : Bottom; s = d.x; t = d.y > 0 ? d.z : -d.z; major = ay; }
-  else { face = d.z > 0 ? Front : Back; s = d.z > 0 ? d.x : -d.x; t = -d.y; major = az; }
+  if (ax >= ay && ax >= az) {
+    face = d.x > 0 ? Right : Left;
+    s = d.x > 0 ? -d.z : d.z;
+    t = -d.y;
+    major = ax;
+  } else if (ay >= az) {
+    face = d.y > 0 ? Top : Bottom;
+    s = d.x;
+    t = d.y > 0 ? d.z : -d.z;
+    major = ay;
+  } else {
+    face = d.z > 0 ? Front : Back;
+    s = d.z > 0 ? d.x : -d.x;
+    t = -d.y;
+    major = az;
+  }
   const Cell cell = cellOf(layout, face);
-  if (cell.turned) { s = -s; t = -t; }
+  if (cell.turned) {
+    s = -s;
+    t = -t;
+  }
   faceMin = Vec2(float(cell.x * n), float(cell.y * n));
   return faceMin + Vec2((s / major + 1.0f) * 0.5f * float(n), (t / major + 1.0f) * 0.5f * float(n));
 }

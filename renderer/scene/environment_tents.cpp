@@ -10,7 +10,6 @@
 namespace gobo {
 namespace {
 
-
 /// Integrals over t from 0 to tau of (1 - t) cos(t step) and (1 - t) sin(t step): the falling half of a tent against the sine of
 /// (centre + t step) is sin(centre) * cosine + cos(centre) * sine.
 struct Ramp {
@@ -35,10 +34,11 @@ Vec3 interpolateTexels(const Environment& map, double x, double y) {
   return (upper[x0] * (1.0f - a) + upper[x1] * a) * (1.0f - b) + (lower[x0] * (1.0f - a) + lower[x1] * a) * b;
 }
 
-EnvironmentTents::EnvironmentTents(int width, int height) : height_(height), step_(std::numbers::pi / height), azimuthStep_(2.0 * std::numbers::pi / width), above_(size_t(height)) {
+EnvironmentTents::EnvironmentTents(int width, int height)
+    : height_(height), step_(std::numbers::pi / height), azimuthStep_(2.0 * std::numbers::pi / width), above_(size_t(height)) {
   const Ramp whole(1.0, step_);
   const double quarter = std::sin(0.25 * step_);
-  above_[0] = 2.0 * quarter * quarter;   // the cap above the first row's centres, where the look-up is constant in the polar angle
+  above_[0] = 2.0 * quarter * quarter;  // the cap above the first row's centres, where the look-up is constant in the polar angle
   for (int y = 1; y < height; ++y) {
     // Angles from the nearer pole: the sine keeps its digits.
     const double centre = (std::min(y, height - 1 - y) + 0.5) * step_, side = 2 * y < height ? 1.0 : -1.0;
@@ -49,9 +49,9 @@ EnvironmentTents::EnvironmentTents(int width, int height) : height_(height), ste
 double EnvironmentTents::polar(int y, double u) const {
   const double target = u * (above(y) + below(y)) - above(y);
   const bool up = target < 0.0;
-  const int row = up ? y : height_ - 1 - y;                           // as seen from the pole that the sample lies towards
+  const int row = up ? y : height_ - 1 - y;  // as seen from the pole that the sample lies towards
   const double all = above(row), part = std::min(std::fabs(target), all), centre = (row + 0.5) * step_;
-  double angle;                                                       // from that pole
+  double angle;  // from that pole
   if (row == 0) {
     angle = 2.0 * std::asin(std::sqrt(std::max(0.5 * (all - part), 0.0)));
   } else {

@@ -28,10 +28,10 @@ class EnvironmentTents {
   static double across(double u);
 
  private:
-  double above(int y) const { return above_[size_t(y)]; }                        // of the half towards +Y, without the azimuth
-  double below(int y) const { return above_[size_t(height_ - 1 - y)]; }          // the sphere is symmetric
+  double above(int y) const { return above_[size_t(y)]; }                // of the half towards +Y, without the azimuth
+  double below(int y) const { return above_[size_t(height_ - 1 - y)]; }  // the sphere is symmetric
   int height_;
-  double step_, azimuthStep_;                                                    // between texel centres, radians
+  double step_, azimuthStep_;  // between texel centres, radians
   std::vector<double> above_;
 };
 

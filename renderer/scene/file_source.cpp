@@ -54,7 +54,7 @@ Result<int> openBeside(const std::string& mainPath, const std::string& name) {
   int fd = int(::syscall(SYS_openat2, at, name.c_str(), &how, sizeof how));
   const int error = errno;
   ::close(at);
-  if (fd < 0 && (error == ENOSYS || error == EPERM)) {   // an old kernel, or a container's filter that does not know the call
+  if (fd < 0 && (error == ENOSYS || error == EPERM)) {  // an old kernel, or a container's filter that does not know the call
     const std::string base = realPath(folder), file = realPath(folder + "/" + name);
     if (file.empty()) return notFound("file \"" + name + "\" does not exist beside the glTF");
     if (base != "/" && file.compare(0, base.size() + 1, base + "/") != 0) return refuse();

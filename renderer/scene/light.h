@@ -22,27 +22,25 @@ enum class LightKind : uint8_t {
 };
 
 /// True for kinds that a ray cannot hit (so only next-event estimation reaches them).
-constexpr bool isDeltaLight(LightKind k) {
-  return k == LightKind::Point || k == LightKind::Spot || k == LightKind::Directional;
-}
+constexpr bool isDeltaLight(LightKind k) { return k == LightKind::Point || k == LightKind::Spot || k == LightKind::Directional; }
 
 struct LightShape {
   LightKind kind = LightKind::Point;
   Vec3 position{0.0f};
-  Vec3 axis{0, -1, 0};             ///< unit; direction of emission (Spot, Directional, Rect, Disk)
-  Vec3 u{1, 0, 0}, v{0, 0, 1};     ///< Rect: half edges in metres (perpendicular, cross(u, v) along +-axis)
-  float radius = 0.5f;             ///< Disk, Sphere
+  Vec3 axis{0, -1, 0};                            ///< unit; direction of emission (Spot, Directional, Rect, Disk)
+  Vec3 u{1, 0, 0}, v{0, 0, 1};                    ///< Rect: half edges in metres (perpendicular, cross(u, v) along +-axis)
+  float radius = 0.5f;                            ///< Disk, Sphere
   float cosInner = 1.0f, cosOuter = 0.70710678f;  ///< Spot: KHR_lights_punctual falloff
-  float range = 0.0f;              ///< Point, Spot: glTF range in metres, 0 = infinite
-  bool twoSided = false;           ///< Rect, Disk
-  uint32_t instance = 0;           ///< Mesh: index into Scene::instances
+  float range = 0.0f;                             ///< Point, Spot: glTF range in metres, 0 = infinite
+  bool twoSided = false;                          ///< Rect, Disk
+  uint32_t instance = 0;                          ///< Mesh: index into Scene::instances
 };
 
 struct Light {
-  std::string name;                ///< unique in the scene; the handle that requests use
+  std::string name;  ///< unique in the scene; the handle that requests use
   LightShape shape;
-  Vec3 power{1.0f};                ///< linear RGB, unit by kind (above); Mesh: factor x strength of the material's emission
-  bool cameraVisible = true;       ///< Rect, Disk, Sphere: false hides it from camera rays, also straight through panes; mirrors and refraction show it
+  Vec3 power{1.0f};           ///< linear RGB, unit by kind (above); Mesh: factor x strength of the material's emission
+  bool cameraVisible = true;  ///< Rect, Disk, Sphere: false hides it from camera rays, also straight through panes; mirrors and refraction show it
 };
 
 /// The scalar used as the nominal power of a light that stands alone in its relight group: such a light is traced as

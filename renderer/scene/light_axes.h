@@ -11,7 +11,7 @@ namespace gobo {
 inline Frame mapFrame(const LightShape& s) {
   const float length = glm::length(s.axis), u = glm::length(s.u);
   const Vec3 z = s.axis / length;
-  const float least = s.kind == LightKind::Rect ? 0.5f : s.kind == LightKind::Directional ? 0.999999f : 2.0f;   // sine of the angle
+  const float least = s.kind == LightKind::Rect ? 0.5f : s.kind == LightKind::Directional ? 0.999999f : 2.0f;  // sine of the angle
   return u > 0.0f && isFinite(s.u) && glm::length(glm::cross(s.u, z)) > least * u ? Frame(z, s.u / u) : Frame(z);
 }
 

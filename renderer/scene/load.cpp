@@ -8,11 +8,13 @@
 namespace gobo {
 namespace {
 
-struct Builtin { const char* name; Result<ScenePtr> (*make)(const StopToken&); };
+struct Builtin {
+  const char* name;
+  Result<ScenePtr> (*make)(const StopToken&);
+};
 constexpr Builtin kBuiltins[] = {
-  {"cornell", builtin::cornell}, {"furnace", builtin::furnace}, {"grids", builtin::grids}, {"fence", builtin::fence},
-  {"tentacles", builtin::tentacles}, {"spheres", builtin::spheres}, {"trees", builtin::trees}, {"lamps", builtin::lamps},
-  {"atrium", builtin::atrium}, {"lights8", builtin::lights8},
+    {"cornell", builtin::cornell}, {"furnace", builtin::furnace}, {"grids", builtin::grids}, {"fence", builtin::fence},   {"tentacles", builtin::tentacles},
+    {"spheres", builtin::spheres}, {"trees", builtin::trees},     {"lamps", builtin::lamps}, {"atrium", builtin::atrium}, {"lights8", builtin::lights8},
 };
 
 bool endsWith(const std::string& text, std::string_view tail) {

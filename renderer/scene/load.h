@@ -5,22 +5,24 @@
 #include <string>
 #include <vector>
 
-#include "scene/file_source.h"
 #include "base/stop.h"
+#include "scene/file_source.h"
 #include "scene/scene.h"
 
 namespace gobo {
 
 /// Where the time of a load went.
-struct LoadTimes { double parseMs = 0, textureMs = 0; };   ///< everything but textures; decoding, mip levels and tiles
+struct LoadTimes {
+  double parseMs = 0, textureMs = 0;
+};  ///< everything but textures; decoding, mip levels and tiles
 
 struct LoadOptions {
   uint64_t maxTriangles = 64ull << 20;
   uint64_t maxBytes = 8ull << 30;
-  uint64_t textureBytes = 4ull << 30;    ///< all textures with their mip levels; finest levels are left out above it (mipmap.h)
-  FileSource* files = nullptr;           ///< null: the disk
-  LoadTimes* times = nullptr;            ///< filled in when set
-  StopToken stop;                          ///< looked at between the phases: Cancelled
+  uint64_t textureBytes = 4ull << 30;  ///< all textures with their mip levels; finest levels are left out above it (mipmap.h)
+  FileSource* files = nullptr;         ///< null: the disk
+  LoadTimes* times = nullptr;          ///< filled in when set
+  StopToken stop;                      ///< looked at between the phases: Cancelled
 };
 
 /// glTF 2.0 (.gltf with files beside it, or .glb). Errors name file, JSON pointer and value. The result is sealed.

@@ -13,11 +13,11 @@ namespace gobo {
 
 /// Milliseconds and bytes of one load. Zero: not known, or not done.
 struct LoadReport {
-  double parseMs = 0, textureMs = 0;   ///< in the reader (LoadTimes); 0 when `cached`
-  double ingestMs = 0;                 ///< the child from start to end
-  double mapMs = 0;                    ///< mapping and checking the blob
+  double parseMs = 0, textureMs = 0;  ///< in the reader (LoadTimes); 0 when `cached`
+  double ingestMs = 0;                ///< the child from start to end
+  double mapMs = 0;                   ///< mapping and checking the blob
   uint64_t blobBytes = 0;
-  bool cached = false;                 ///< the blob was there already
+  bool cached = false;  ///< the blob was there already
 };
 
 struct LoadedScene {

@@ -40,14 +40,14 @@ const char* facetName(Facet single);
 /// One material's triangles in object space. Immutable and shared between scenes.
 struct Mesh {
   std::string name;
-  Array<uint32_t> indices;          ///< 3 per triangle
+  Array<uint32_t> indices;  ///< 3 per triangle
   Array<Vec3> positions;
-  Array<Vec3> normals;              ///< empty: flat shading
-  Array<Vec4> tangents;             ///< empty: derived from uv when a normal map needs them
-  std::array<Array<Vec2>, kUvSets> uv;   ///< TEXCOORD_0..; empty: (0,0)
-  Array<Vec4> colours;              ///< COLOR_0, linear RGBA; empty: white
+  Array<Vec3> normals;                  ///< empty: flat shading
+  Array<Vec4> tangents;                 ///< empty: derived from uv when a normal map needs them
+  std::array<Array<Vec2>, kUvSets> uv;  ///< TEXCOORD_0..; empty: (0,0)
+  Array<Vec4> colours;                  ///< COLOR_0, linear RGBA; empty: white
   int material = 0;
-  Hash128 topologyHash, positionsHash, shadingHash;   ///< set by sealMesh
+  Hash128 topologyHash, positionsHash, shadingHash;  ///< set by sealMesh
   size_t triangles() const { return indices.size() / 3; }
 };
 /// Fills the digests; call once, when the arrays are final.
@@ -77,17 +77,25 @@ struct Coverage {
   const Array<Vec4>* alphaColours;
   explicit Coverage(const Mesh& m, bool alphaTested) : alphaUv(alphaTested ? &m.uv : nullptr), alphaColours(alphaTested ? &m.colours : nullptr) {}
 };
-template <int> struct None { explicit None(const Mesh&, bool) {} };
-template <Facet F, Facet Of, typename Part> using If = std::conditional_t<has(F, Of), Part, None<int(Of)>>;
+template <int>
+struct None {
+  explicit None(const Mesh&, bool) {}
+};
+template <Facet F, Facet Of, typename Part>
+using If = std::conditional_t<has(F, Of), Part, None<int(Of)>>;
 }  // namespace mesh_parts
 
 /// By SceneView::mesh(). A few pointers; valid as long as the mesh.
 template <Facet F>
-struct MeshView : mesh_parts::If<F, Facet::Topology, mesh_parts::Topology>, mesh_parts::If<F, Facet::Pose, mesh_parts::Pose>,
-                  mesh_parts::If<F, Facet::Shading, mesh_parts::Shading>, mesh_parts::If<F, Facet::Coverage, mesh_parts::Coverage> {
+struct MeshView : mesh_parts::If<F, Facet::Topology, mesh_parts::Topology>,
+                  mesh_parts::If<F, Facet::Pose, mesh_parts::Pose>,
+                  mesh_parts::If<F, Facet::Shading, mesh_parts::Shading>,
+                  mesh_parts::If<F, Facet::Coverage, mesh_parts::Coverage> {
   MeshView(const Mesh& m, bool alphaTested)
-      : mesh_parts::If<F, Facet::Topology, mesh_parts::Topology>(m, alphaTested), mesh_parts::If<F, Facet::Pose, mesh_parts::Pose>(m, alphaTested),
-        mesh_parts::If<F, Facet::Shading, mesh_parts::Shading>(m, alphaTested), mesh_parts::If<F, Facet::Coverage, mesh_parts::Coverage>(m, alphaTested) {}
+      : mesh_parts::If<F, Facet::Topology, mesh_parts::Topology>(m, alphaTested),
+        mesh_parts::If<F, Facet::Pose, mesh_parts::Pose>(m, alphaTested),
+        mesh_parts::If<F, Facet::Shading, mesh_parts::Shading>(m, alphaTested),
+        mesh_parts::If<F, Facet::Coverage, mesh_parts::Coverage>(m, alphaTested) {}
 };
 
 }  // namespace gobo

@@ -27,7 +27,10 @@ struct EncodeTable {
 uint8_t unorm(float v) { return uint8_t(clamp01(v) * 255.0f + 0.5f); }
 
 /// Which texels of `n` fall on each of `m` <= n: at most 4, with their shares (sum 1).
-struct Taps { int first = 0, count = 0; std::array<float, 4> weight{}; };
+struct Taps {
+  int first = 0, count = 0;
+  std::array<float, 4> weight{};
+};
 std::vector<Taps> tapsOf(int n, int m) {
   std::vector<Taps> taps(m);
   for (int i = 0; i < m; ++i) {
@@ -101,36 +104,44 @@ Texture mipmapped(const Texture& t, bool coverage, int drop, int tile, const Sto
     if (floats) store(texelsF, 0, t.width, t.height, tile, stop, [&](int x, int y, float* to) { std::copy_n(fromF + (size_t(y) * t.width + x) * 4, 4, to); });
     else store(texels8, 0, t.width, t.height, tile, stop, [&](int x, int y, uint8_t* to) { std::copy_n(from8 + (size_t(y) * t.width + x) * 4, 4, to); });
   }
-  std::array<float, 256> colour, linear;   // as in texture.cpp
+  std::array<float, 256> colour, linear;  // as in texture.cpp
   for (int i = 0; i < 256; ++i) {
     const double c = i / 255.0;
     linear[i] = float(c);
     colour[i] = t.srgb ? float(c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4)) : float(c);
   }
-  std::vector<Vec4> now;                    // the level above, linear; level 0 is read in place: it is four times as big as the rest
+  std::vector<Vec4> now;  // the level above, linear; level 0 is read in place: it is four times as big as the rest
   for (int k = 1, w = t.width, h = t.height; k < all; ++k) {
     const int nw = std::max(1, t.width >> k), nh = std::max(1, t.height >> k);
     if (k > 1) now = halved(w, h, nw, nh, coverage, stop, [&](int x, int y) { return now[size_t(y) * w + x]; });
     else if (floats) {
       const float* p = t.texelsF.data();
-      now = halved(w, h, nw, nh, coverage, stop, [&](int x, int y) { const float* q = p + (size_t(y) * w + x) * 4; return Vec4(q[0], q[1], q[2], q[3]); });
+      now = halved(w, h, nw, nh, coverage, stop, [&](int x, int y) {
+        const float* q = p + (size_t(y) * w + x) * 4;
+        return Vec4(q[0], q[1], q[2], q[3]);
+      });
     } else {
       const uint8_t* p = t.texels8.data();
-      now = halved(w, h, nw, nh, coverage, stop, [&](int x, int y) { const uint8_t* q = p + (size_t(y) * w + x) * 4; return Vec4(colour[q[0]], colour[q[1]], colour[q[2]], linear[q[3]]); });
+      now = halved(w, h, nw, nh, coverage, stop, [&](int x, int y) {
+        const uint8_t* q = p + (size_t(y) * w + x) * 4;
+        return Vec4(colour[q[0]], colour[q[1]], colour[q[2]], linear[q[3]]);
+      });
     }
     w = nw;
     h = nh;
     if (k < drop) continue;
     const size_t first = size_t(textureTexels(out.width, out.height, k - drop, tile));
-    if (floats) store(texelsF, first, w, h, tile, stop, [&](int x, int y, float* to) {
-      const Vec4& c = now[size_t(y) * w + x];
-      for (int i = 0; i < 4; ++i) to[i] = std::isfinite(c[i]) ? c[i] : 3.0e38f;   // a sum of large finite texels may overflow
-    });
-    else store(texels8, first, w, h, tile, stop, [&](int x, int y, uint8_t* to) {
-      const Vec4& c = now[size_t(y) * w + x];
-      for (int i = 0; i < 3; ++i) to[i] = t.srgb ? encode.code[size_t(clamp01(c[i]) * 65535.0f + 0.5f)] : unorm(c[i]);
-      to[3] = unorm(c.w);
-    });
+    if (floats)
+      store(texelsF, first, w, h, tile, stop, [&](int x, int y, float* to) {
+        const Vec4& c = now[size_t(y) * w + x];
+        for (int i = 0; i < 4; ++i) to[i] = std::isfinite(c[i]) ? c[i] : 3.0e38f;  // a sum of large finite texels may overflow
+      });
+    else
+      store(texels8, first, w, h, tile, stop, [&](int x, int y, uint8_t* to) {
+        const Vec4& c = now[size_t(y) * w + x];
+        for (int i = 0; i < 3; ++i) to[i] = t.srgb ? encode.code[size_t(clamp01(c[i]) * 65535.0f + 0.5f)] : unorm(c[i]);
+        to[3] = unorm(c.w);
+      });
   }
   out.texels8 = std::move(texels8);
   out.texelsF = std::move(texelsF);
@@ -147,11 +158,12 @@ void finishTextures(Scene& scene, uint64_t maxBytes, const StopToken& stop) {
   // What comes out the same for all textures in it: a group has one set of levels.
   using Source = std::tuple<const void*, size_t, int, int, bool, char>;
   std::map<Source, size_t> groups;
-  std::vector<size_t> group(n), first;      // of texture i; of group g
+  std::vector<size_t> group(n), first;  // of texture i; of group g
   for (size_t i = 0; i < n; ++i) {
     const Texture& t = *scene.textures[i];
     const bool floats = !t.texelsF.empty();
-    const Source source(floats ? static_cast<const void*>(t.texelsF.data()) : t.texels8.data(), floats ? t.texelsF.size() : t.texels8.size(), t.width, t.height, t.srgb, coverage[i]);
+    const Source source(floats ? static_cast<const void*>(t.texelsF.data()) : t.texels8.data(), floats ? t.texelsF.size() : t.texels8.size(), t.width, t.height,
+                        t.srgb, coverage[i]);
     const auto [at, fresh] = groups.try_emplace(source, first.size());
     if (fresh) first.push_back(i);
     group[i] = at->second;

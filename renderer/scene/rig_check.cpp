@@ -23,8 +23,10 @@ void addField(Hasher& h, const Field& f) {
   if constexpr (std::is_same_v<Field, MeshPtr>) h.add(f->topologyHash).add(f->positionsHash).add(f->shadingHash);
   else if constexpr (std::is_same_v<Field, std::string>) h.add(f);
   else if constexpr (IsArray<Field>::value) h.addArray(f);
-  else if constexpr (IsVector<Field>::value) { h.add(uint64_t(f.size())); for (const auto& item : f) addField(h, item); }
-  else if constexpr (std::is_arithmetic_v<Field> || std::is_enum_v<Field>) h.add(f);
+  else if constexpr (IsVector<Field>::value) {
+    h.add(uint64_t(f.size()));
+    for (const auto& item : f) addField(h, item);
+  } else if constexpr (std::is_arithmetic_v<Field> || std::is_enum_v<Field>) h.add(f);
   else if constexpr (requires { f.length(); }) h.addPod(f);
   else visitFields(f, [&](const char*, const auto& field) { addField(h, field); });
 }
@@ -34,22 +36,30 @@ size_t fieldBytes(const Field& f) {
   size_t n = 0;
   if constexpr (IsArray<Field>::value) n = f.size() * sizeof(typename Field::value_type);
   else if constexpr (std::is_same_v<Field, MeshPtr>) n = f->positions.size() * sizeof(Vec3) * 2;
-  else if constexpr (IsVector<Field>::value) for (const auto& item : f) n += fieldBytes(item);
-  else if constexpr (requires { visitFields(f, [](const char*, const auto&) {}); }) visitFields(f, [&](const char*, const auto& field) { n += fieldBytes(field); });
+  else if constexpr (IsVector<Field>::value)
+    for (const auto& item : f) n += fieldBytes(item);
+  else if constexpr (requires { visitFields(f, [](const char*, const auto&) {}); })
+    visitFields(f, [&](const char*, const auto& field) { n += fieldBytes(field); });
   return n;
 }
 
 template <typename T>
-bool fits(const Array<T>& values, size_t n) { return values.empty() || values.size() == n; }
+bool fits(const Array<T>& values, size_t n) {
+  return values.empty() || values.size() == n;
+}
 
 bool inRange(int i, size_t n) { return i >= 0 && size_t(i) < n; }
 
 bool allFinite(std::span<const float> values) {
-  for (const float v : values) if (!std::isfinite(v)) return false;
+  for (const float v : values)
+    if (!std::isfinite(v)) return false;
   return true;
 }
 template <typename V>
-bool allFinite(const V& v) requires requires { v.length(); } { return allFinite(std::span<const float>(&v[0], size_t(v.length()))); }
+bool allFinite(const V& v) requires requires {
+  v.length();
+}
+{ return allFinite(std::span<const float>(&v[0], size_t(v.length()))); }
 bool allFinite(const Mat4& m) { return allFinite(std::span<const float>(&m[0][0], 16)); }
 
 class Checker {
@@ -60,22 +70,27 @@ class Checker {
     for (size_t i = 0; i < rig_.nodes.size(); ++i) {
       const RigNode& n = rig_.nodes[i];
       if (n.parent < -1 || n.parent >= int(i)) return fail("nodes", i, "parent is not before its child");
-      if (!allFinite(n.translation) || !allFinite(n.scale) || !allFinite(n.rotation) || !allFinite(n.matrix)) return fail("nodes", i, "transform is not finite");
+      if (!allFinite(n.translation) || !allFinite(n.scale) || !allFinite(n.rotation) || !allFinite(n.matrix))
+        return fail("nodes", i, "transform is not finite");
       if (!(glm::length(n.rotation) > 1e-6f)) return fail("nodes", i, "rotation has no length");
     }
     for (size_t i = 0; i < rig_.skins.size(); ++i) {
       const RigSkin& s = rig_.skins[i];
       if (s.joints.empty() || s.joints.size() != s.inverseBind.size()) return fail("skins", i, "joints and matrices differ in number");
-      for (const int32_t j : s.joints) if (!inRange(j, rig_.nodes.size())) return fail("skins", i, "joint is out of range");
-      for (const Mat4& m : s.inverseBind) if (!allFinite(m)) return fail("skins", i, "matrix is not finite");
+      for (const int32_t j : s.joints)
+        if (!inRange(j, rig_.nodes.size())) return fail("skins", i, "joint is out of range");
+      for (const Mat4& m : s.inverseBind)
+        if (!allFinite(m)) return fail("skins", i, "matrix is not finite");
     }
-    for (size_t i = 0; i < rig_.meshes.size(); ++i) if (!rig_.meshes[i]) return fail("meshes", i, "mesh is null");
+    for (size_t i = 0; i < rig_.meshes.size(); ++i)
+      if (!rig_.meshes[i]) return fail("meshes", i, "mesh is null");
     GOBO_TRY(sources());
     for (size_t i = 0; i < rig_.deformed.size(); ++i) GOBO_TRY(deformed(i));
     for (size_t i = 0; i < rig_.followers.size(); ++i) {
       const RigFollower& f = rig_.followers[i];
       const size_t n = f.kind == RigKind::Instance ? scene_.instances.size() : f.kind == RigKind::Camera ? scene_.cameras.size() : scene_.lights.size();
-      if (f.kind > RigKind::Light || !inRange(f.object, n) || !inRange(f.node, rig_.nodes.size())) return fail("followers", i, "object or node is out of range");
+      if (f.kind > RigKind::Light || !inRange(f.object, n) || !inRange(f.node, rig_.nodes.size()))
+        return fail("followers", i, "object or node is out of range");
       if (!allFinite(f.local) || !allFinite(f.half) || !std::isfinite(f.radius)) return fail("followers", i, "a number is not finite");
     }
     return animations();
@@ -93,8 +108,10 @@ class Checker {
         return fail("sources", i, "joints and weights do not fit the vertices");
       if (!allFinite(std::span<const float>(s.weights))) return fail("sources", i, "a weight is not finite");
       for (const RigTarget& t : s.targets) {
-        if (!fits(t.positions, n) || !fits(t.normals, n) || !fits(t.tangents, n) || !fits(t.colours, n)) return fail("sources", i, "a target does not fit the vertices");
-        for (const Array<Vec2>& set : t.uv) if (!fits(set, n)) return fail("sources", i, "a target does not fit the vertices");
+        if (!fits(t.positions, n) || !fits(t.normals, n) || !fits(t.tangents, n) || !fits(t.colours, n))
+          return fail("sources", i, "a target does not fit the vertices");
+        for (const Array<Vec2>& set : t.uv)
+          if (!fits(set, n)) return fail("sources", i, "a target does not fit the vertices");
       }
       uint16_t most = 0;
       for (const uint16_t j : s.joints) most = std::max(most, j);
@@ -109,7 +126,8 @@ class Checker {
       return fail("deformed", i, "mesh, source or node is out of range");
     const RigSource& s = rig_.sources[d.source];
     if (d.skin < -1 || d.skin >= int(rig_.skins.size())) return fail("deformed", i, "skin is out of range");
-    if (d.skin >= 0 && (s.influences == 0 || mostJoint_[d.source] >= rig_.skins[d.skin].joints.size())) return fail("deformed", i, "a joint of the mesh is not in the skin");
+    if (d.skin >= 0 && (s.influences == 0 || mostJoint_[d.source] >= rig_.skins[d.skin].joints.size()))
+      return fail("deformed", i, "a joint of the mesh is not in the skin");
     if (d.weights.size() != s.targets.size() || !allFinite(std::span<const float>(d.weights))) return fail("deformed", i, "weights do not fit the targets");
     return {};
   }
@@ -129,7 +147,8 @@ class Checker {
         if (!allFinite(std::span<const float>(s.values))) return fail("animations", i, "a value is not finite");
       }
       for (const RigChannel& c : a.channels) {
-        if (!inRange(c.node, rig_.nodes.size()) || !inRange(c.sampler, a.samplers.size()) || c.path > RigPath::Weights) return fail("animations", i, "channel is out of range");
+        if (!inRange(c.node, rig_.nodes.size()) || !inRange(c.sampler, a.samplers.size()) || c.path > RigPath::Weights)
+          return fail("animations", i, "channel is out of range");
         const RigSampler& s = a.samplers[c.sampler];
         const size_t width = c.path == RigPath::Weights ? targets[c.node] : c.path == RigPath::Rotation ? 4 : 3;
         const size_t per = s.interpolation == RigInterpolation::CubicSpline ? 3 : 1;

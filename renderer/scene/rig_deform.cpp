@@ -7,11 +7,12 @@
 namespace gobo {
 namespace {
 
-constexpr size_t kPoll = 4096;   // vertices between two looks at a stop token
+constexpr size_t kPoll = 4096;  // vertices between two looks at a stop token
 
 /// base + sum of weight * displacement, in float64.
 template <typename V>
-Array<V> morphed(const Array<V>& base, const RigSource& source, const std::vector<double>& weights, const StopToken& stop, const Array<V>& (*of)(const RigTarget&)) {
+Array<V> morphed(const Array<V>& base, const RigSource& source, const std::vector<double>& weights, const StopToken& stop,
+                 const Array<V>& (*of)(const RigTarget&)) {
   bool any = false;
   for (size_t t = 0; t < source.targets.size(); ++t) any = any || (weights[t] != 0.0 && !of(source.targets[t]).empty());
   if (!any || base.empty()) return base;
@@ -33,7 +34,8 @@ Array<V> morphed(const Array<V>& base, const RigSource& source, const std::vecto
 Array<Vec4> morphedTangents(const Array<Vec4>& base, const RigSource& source, const std::vector<double>& weights, const StopToken& stop) {
   std::vector<Vec3> xyz(base.size());
   for (size_t i = 0; i < xyz.size(); ++i) xyz[i] = Vec3(base[i]);
-  const Array<Vec3> moved = morphed<Vec3>(Array<Vec3>(std::move(xyz)), source, weights, stop, [](const RigTarget& t) -> const Array<Vec3>& { return t.tangents; });
+  const Array<Vec3> moved =
+      morphed<Vec3>(Array<Vec3>(std::move(xyz)), source, weights, stop, [](const RigTarget& t) -> const Array<Vec3>& { return t.tangents; });
   std::vector<Vec4> out(base.size());
   for (size_t i = 0; i < out.size(); ++i) out[i] = Vec4(moved[i], base[i].w);
   return Array<Vec4>(std::move(out));
@@ -79,7 +81,7 @@ MeshPtr deformMesh(const Rig& rig, size_t index, const RigPose& pose, const Mesh
   const RigDeformed& d = rig.deformed[index];
   const RigSource& source = rig.sources[d.source];
   const std::vector<double>& w = pose.weights[index];
-  auto mesh = std::make_shared<Mesh>(*rig.meshes[source.mesh]);   // arrays are shared until they change
+  auto mesh = std::make_shared<Mesh>(*rig.meshes[source.mesh]);  // arrays are shared until they change
   mesh->name = like.name;
   mesh->material = like.material;
   mesh->positions = morphed<Vec3>(mesh->positions, source, w, stop, [](const RigTarget& t) -> const Array<Vec3>& { return t.positions; });
@@ -95,14 +97,18 @@ MeshPtr deformMesh(const Rig& rig, size_t index, const RigPose& pose, const Mesh
   mesh->uv[2] = morphed<Vec2>(mesh->uv[2], source, w, stop, [](const RigTarget& t) -> const Array<Vec2>& { return t.uv[2]; });
   mesh->uv[3] = morphed<Vec2>(mesh->uv[3], source, w, stop, [](const RigTarget& t) -> const Array<Vec2>& { return t.uv[3]; });
   mesh->colours = morphed<Vec4>(mesh->colours, source, w, stop, [](const RigTarget& t) -> const Array<Vec4>& { return t.colours; });
-  if (colours) for (Vec4& c : mesh->colours) c = glm::clamp(c, Vec4(0.0f), Vec4(1.0f));  // the format's rule for sums of colours
+  if (colours)
+    for (Vec4& c : mesh->colours) c = glm::clamp(c, Vec4(0.0f), Vec4(1.0f));  // the format's rule for sums of colours
   if (d.skin >= 0) skin(source, rig.skins[d.skin], pose, *mesh, stop);
   if (stop.stopRequested()) return nullptr;
   const Array<Vec3>& rest = rig.meshes[source.mesh]->normals;
   if (d.skin < 0 && mesh->normals.size() == rest.size() && std::as_const(*mesh).normals.data() != rest.data())
     for (size_t i = 0; i < rest.size(); ++i) mesh->normals[i] = unitOr(glm::dvec3(mesh->normals[i]), rest[i]);
   if (d.skin < 0 && tangents)
-    for (Vec4& t : mesh->tangents) { const Vec3 unit = unitOr(glm::dvec3(Vec3(t)), Vec3(1, 0, 0)); t = Vec4(unit, t.w); }
+    for (Vec4& t : mesh->tangents) {
+      const Vec3 unit = unitOr(glm::dvec3(Vec3(t)), Vec3(1, 0, 0));
+      t = Vec4(unit, t.w);
+    }
   sealMesh(*mesh);
   return mesh;
 }

@@ -19,12 +19,21 @@ Mat4 solid(Mat4 m) {
   for (int c = 0; c < 3; ++c) {
     const float length = glm::length(Vec3(m[c]));
     longest = std::fmax(longest, length);
-    if (!(length > 0.0f)) { flat = c; ++flats; }
+    if (!(length > 0.0f)) {
+      flat = c;
+      ++flats;
+    }
   }
   const Vec3 n = flats == 1 ? glm::cross(Vec3(m[(flat + 1) % 3]), Vec3(m[(flat + 2) % 3])) : Vec3(0.0f);
   const float area = glm::length(n);
-  if (area > 0.0f) { m[flat] = Vec4(n * (1e-6f * longest / area), 0.0f); if (std::fabs(glm::determinant(Mat3(m))) > 0.0f) return m; }
-  for (int c = 0; c < 3; ++c) { m[c] = Vec4(0.0f); m[c][c] = 1e-9f; }
+  if (area > 0.0f) {
+    m[flat] = Vec4(n * (1e-6f * longest / area), 0.0f);
+    if (std::fabs(glm::determinant(Mat3(m))) > 0.0f) return m;
+  }
+  for (int c = 0; c < 3; ++c) {
+    m[c] = Vec4(0.0f);
+    m[c][c] = 1e-9f;
+  }
   return m;
 }
 
@@ -32,7 +41,10 @@ void placeLight(const RigFollower& f, const Mat4& world, const Mat4& frame, Ligh
   s.position = Vec3(frame[3]);
   s.axis = -Vec3(frame[2]);
   const float x = glm::length(Vec3(world[0])), y = glm::length(Vec3(world[1]));
-  if (s.kind == LightKind::Rect) { s.u = Vec3(frame[0]) * (f.half.x * x); s.v = Vec3(frame[1]) * (f.half.y * y); }
+  if (s.kind == LightKind::Rect) {
+    s.u = Vec3(frame[0]) * (f.half.x * x);
+    s.v = Vec3(frame[1]) * (f.half.y * y);
+  }
   if (s.kind == LightKind::Disk || s.kind == LightKind::Sphere) s.radius = f.radius * x;
 }
 
@@ -41,20 +53,22 @@ bool movable(LightKind k) { return k != LightKind::Mesh && k != LightKind::Envir
 /// What differs between the poses goes into the scene; without `rest` everything does.
 Status applyPose(const Rig& rig, const RigPose* rest, const RigPose& pose, Scene& scene, const StopToken& stop) {
   std::vector<char> moved(rig.nodes.size(), 1);
-  if (rest) for (size_t i = 0; i < moved.size(); ++i) moved[i] = Mat4(rest->world[i]) != Mat4(pose.world[i]);
+  if (rest)
+    for (size_t i = 0; i < moved.size(); ++i) moved[i] = Mat4(rest->world[i]) != Mat4(pose.world[i]);
   for (const RigFollower& f : rig.followers) {
     if (!moved[f.node]) continue;
     const Mat4 world(pose.world[f.node] * glm::dmat4(f.local));
     Mat4 frame;
     if (f.kind == RigKind::Instance) scene.instances[f.object].toWorld = solid(world);
-    else if (!rigidFrame(world, frame)) continue;   // scaled to nothing: it stays where it was
+    else if (!rigidFrame(world, frame)) continue;  // scaled to nothing: it stays where it was
     else if (f.kind == RigKind::Camera) scene.cameras[f.object].toWorld = frame;
     else if (movable(scene.lights[f.object].shape.kind)) placeLight(f, world, frame, scene.lights[f.object].shape);
   }
   for (size_t i = 0; i < rig.deformed.size(); ++i) {
     const RigDeformed& d = rig.deformed[i];
     bool changed = !rest || rest->weights[i] != pose.weights[i];
-    if (d.skin >= 0) for (const int32_t j : rig.skins[d.skin].joints) changed = changed || moved[j];
+    if (d.skin >= 0)
+      for (const int32_t j : rig.skins[d.skin].joints) changed = changed || moved[j];
     if (!changed) continue;
     MeshPtr deformed = deformMesh(rig, i, pose, *scene.meshes[d.mesh], stop);
     if (!deformed) return Status(Code::Cancelled, "stopped");
@@ -94,8 +108,8 @@ Result<ScenePtr> posedScene(const ScenePtr& base, std::string_view animation, do
       if (animation == "*" || a.name == animation || (animation.empty() && chosen.empty())) chosen.push_back(&a);
   if (chosen.empty()) {
     if (animation.empty() || animation == "*") return base;
-    return notFound("no animation '" + std::string(animation) + "' (has: " +
-                    (rig ? listed(rig->animations, [](const RigAnimation& a) { return a.name; }) : "none") + ")");
+    return notFound("no animation '" + std::string(animation) +
+                    "' (has: " + (rig ? listed(rig->animations, [](const RigAnimation& a) { return a.name; }) : "none") + ")");
   }
   if (!std::isfinite(time)) return invalidArgument("time is not finite");
   const RigPose rest = evaluatePose(*rig, {}, 0.0), pose = evaluatePose(*rig, chosen, time);

@@ -8,14 +8,21 @@ namespace {
 
 void normalise4(double* q) {
   const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  if (!(length > 1e-12)) { q[0] = q[1] = q[2] = 0.0; q[3] = 1.0; return; }
+  if (!(length > 1e-12)) {
+    q[0] = q[1] = q[2] = 0.0;
+    q[3] = 1.0;
+    return;
+  }
   for (int c = 0; c < 4; ++c) q[c] /= length;
 }
 
 /// The shorter way round; nearly equal ends by the chord, where the sine has lost its digits.
 void slerp(const float* a, const float* b, double t, double* out) {
   double p[4], q[4], d = 0;
-  for (int c = 0; c < 4; ++c) { p[c] = a[c]; q[c] = b[c]; }
+  for (int c = 0; c < 4; ++c) {
+    p[c] = a[c];
+    q[c] = b[c];
+  }
   normalise4(p);
   normalise4(q);
   for (int c = 0; c < 4; ++c) d += p[c] * q[c];
@@ -61,7 +68,10 @@ void sampleAt(const RigSampler& s, double time, size_t width, bool rotation, dou
 }
 
 RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& chosen, double time) {
-  struct Trs { glm::dvec3 t, s; double q[4]; };
+  struct Trs {
+    glm::dvec3 t, s;
+    double q[4];
+  };
   std::vector<Trs> local(rig.nodes.size());
   for (size_t i = 0; i < local.size(); ++i) {
     const RigNode& n = rig.nodes[i];
@@ -71,8 +81,9 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
   RigPose pose;
   pose.weights.resize(rig.deformed.size());
   for (size_t i = 0; i < rig.deformed.size(); ++i) pose.weights[i].assign(rig.deformed[i].weights.begin(), rig.deformed[i].weights.end());
-  std::vector<std::vector<size_t>> morphed(chosen.empty() ? 0 : rig.nodes.size());   // entries of `deformed` by node
-  for (size_t i = 0; i < rig.deformed.size() && !morphed.empty(); ++i) if (!pose.weights[i].empty()) morphed[rig.deformed[i].node].push_back(i);
+  std::vector<std::vector<size_t>> morphed(chosen.empty() ? 0 : rig.nodes.size());  // entries of `deformed` by node
+  for (size_t i = 0; i < rig.deformed.size() && !morphed.empty(); ++i)
+    if (!pose.weights[i].empty()) morphed[rig.deformed[i].node].push_back(i);
   for (const RigAnimation* a : chosen)
     for (const RigChannel& c : a->channels) {
       const RigSampler& s = a->samplers[c.sampler];

@@ -15,8 +15,8 @@ namespace gobo {
 void sampleAt(const RigSampler& sampler, double time, size_t width, bool rotation, double* out);
 
 struct RigPose {
-  std::vector<glm::dmat4> world;               ///< a node
-  std::vector<std::vector<double>> weights;    ///< an entry of Rig::deformed
+  std::vector<glm::dmat4> world;             ///< a node
+  std::vector<std::vector<double>> weights;  ///< an entry of Rig::deformed
 };
 /// Nodes with the animations of `chosen` applied in order; none: the rest pose.
 RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& chosen, double time);

@@ -57,7 +57,10 @@ void Scene::addCamera() {
   if (!cameras.empty()) return;
   Vec3 lo, hi;
   bounds(lo, hi);
-  if (lo.x > hi.x) { lo = Vec3(-1.0f); hi = Vec3(1.0f); }
+  if (lo.x > hi.x) {
+    lo = Vec3(-1.0f);
+    hi = Vec3(1.0f);
+  }
   Camera camera;
   // Halves first: corners near the largest float must not overflow.
   const Vec3 centre = lo * 0.5f + hi * 0.5f;
@@ -94,8 +97,7 @@ size_t Scene::triangleCount() const {
 size_t Scene::bytes() const {
   size_t total = instances.size() * sizeof(Instance) + materials.size() * sizeof(Material) + lights.size() * sizeof(Light);
   for (const MeshPtr& m : meshes)
-    total += m->indices.size() * 4 + (m->positions.size() + m->normals.size()) * sizeof(Vec3) +
-             (m->tangents.size() + m->colours.size()) * sizeof(Vec4);
+    total += m->indices.size() * 4 + (m->positions.size() + m->normals.size()) * sizeof(Vec3) + (m->tangents.size() + m->colours.size()) * sizeof(Vec4);
   for (const MeshPtr& m : meshes)
     for (const Array<Vec2>& set : m->uv) total += set.size() * sizeof(Vec2);
   if (rig) total += rigBytes(*rig);

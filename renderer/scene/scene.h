@@ -22,12 +22,12 @@
 
 namespace gobo {
 
-class MappedFile;   // base/mapped_file.h
+class MappedFile;  // base/mapped_file.h
 
 struct Instance {
-  std::string name;                 ///< unique; glTF node name (+ "#k" for further primitives or duplicates)
+  std::string name;  ///< unique; glTF node name (+ "#k" for further primitives or duplicates)
   int mesh = 0;
-  Mat4 toWorld{1.0f};               ///< affine
+  Mat4 toWorld{1.0f};  ///< affine
 };
 
 struct Scene {
@@ -36,13 +36,13 @@ struct Scene {
   std::vector<Instance> instances;
   std::vector<Material> materials;
   std::vector<std::shared_ptr<const Texture>> textures;
-  std::vector<Light> lights;            ///< includes one Mesh light per emissive instance, and one Environment light if any
-  EnvironmentPtr environment;           ///< null: black
-  std::vector<Camera> cameras;          ///< at least one after seal()
-  RigPtr rig;                           ///< null: nothing in it can be animated; sealed (sealRig)
-  Variants variants;                    ///< KHR_materials_variants
-  std::vector<std::string> warnings;    ///< what the loader repaired or ignored
-  std::shared_ptr<const MappedFile> file;   ///< that arrays of it, and of scenes made from it, look into; null: none
+  std::vector<Light> lights;               ///< includes one Mesh light per emissive instance, and one Environment light if any
+  EnvironmentPtr environment;              ///< null: black
+  std::vector<Camera> cameras;             ///< at least one after seal()
+  RigPtr rig;                              ///< null: nothing in it can be animated; sealed (sealRig)
+  Variants variants;                       ///< KHR_materials_variants
+  std::vector<std::string> warnings;       ///< what the loader repaired or ignored
+  std::shared_ptr<const MappedFile> file;  ///< that arrays of it, and of scenes made from it, look into; null: none
 
   /// Digest of the facets in `set`; light facets cover only `lightSubset` (indices into lights). Mesh lights pull in the
   /// topology, pose and emission of their instance. O(number of materials + lights): facet digests are cached by seal().
@@ -56,16 +56,19 @@ struct Scene {
   /// an index out of range, array sizes that disagree, non-finite positions, transforms, lights or cameras, duplicate names.
   Status seal();
 
-  int findLight(std::string_view name) const;     ///< -1 if absent
+  int findLight(std::string_view name) const;  ///< -1 if absent
   int findCamera(std::string_view name) const;
   int findInstance(std::string_view name) const;
   int findMaterial(std::string_view name) const;
-  size_t triangleCount() const;                   ///< over instances
-  size_t bytes() const;                           ///< host memory of meshes, textures and environment
-  void bounds(Vec3& lo, Vec3& hi) const;          ///< world box around all instances' (turned) mesh boxes; lo > hi when empty; after seal()
+  size_t triangleCount() const;           ///< over instances
+  size_t bytes() const;                   ///< host memory of meshes, textures and environment
+  void bounds(Vec3& lo, Vec3& hi) const;  ///< world box around all instances' (turned) mesh boxes; lo > hi when empty; after seal()
 
  private:
-  struct MeshCheck { MeshPtr mesh; Vec3 lo, hi; };
+  struct MeshCheck {
+    MeshPtr mesh;
+    Vec3 lo, hi;
+  };
   Status checkMeshes();
   Status checkMaterials() const;
   Status checkLights() const;
@@ -75,7 +78,7 @@ struct Scene {
   void addCamera();
   void computeDigests();
   Hash128 refHash(const TextureRef& ref) const;
-  std::vector<MeshCheck> checked_;      // meshes that an earlier seal() of this scene or its base has walked, with their bounds
+  std::vector<MeshCheck> checked_;  // meshes that an earlier seal() of this scene or its base has walked, with their bounds
   Hash128 facet_[11];
   std::vector<Hash128> lightShape_, lightPower_;
   Hash128 root_;
@@ -89,7 +92,8 @@ class SceneView {
   Facet allowed() const { return allowed_; }
   const std::vector<int>& lightSubset() const { return *lights_; }
   /// A mesh's arrays of facets F. An array of another facet is not there: reading it does not compile.
-  template <Facet F> MeshView<F> mesh(int m) const {
+  template <Facet F>
+  MeshView<F> mesh(int m) const {
     require(F);
     const Mesh& mesh = *scene_->meshes[size_t(m)];
     return MeshView<F>(mesh, scene_->materials[size_t(mesh.material)].coverage.mode != AlphaMode::Opaque);
@@ -97,25 +101,58 @@ class SceneView {
   size_t meshCount() const { return scene_->meshes.size(); }
   /// For who keeps pointers into the arrays of a MeshView longer than the scene may live.
   std::vector<std::shared_ptr<const void>> keepMeshes() const { return {scene_->meshes.begin(), scene_->meshes.end()}; }
-  const std::vector<Instance>& instances() const { require(Facet::Topology | Facet::Pose); return scene_->instances; }
+  const std::vector<Instance>& instances() const {
+    require(Facet::Topology | Facet::Pose);
+    return scene_->instances;
+  }
   const std::vector<std::shared_ptr<const Texture>>& textures() const { return scene_->textures; }  // reached through a TextureRef of a checked facet
   size_t materialCount() const { return scene_->materials.size(); }
-  const Coverage& coverage(int m) const { require(Facet::Coverage); return scene_->materials[m].coverage; }
-  const Albedo& albedo(int m) const { require(Facet::Albedo); return scene_->materials[m].albedo; }
-  const Bsdf& bsdf(int m) const { require(Facet::Bsdf); return scene_->materials[m].bsdf; }
-  const Emission& emission(int m) const { require(Facet::Emission); return scene_->materials[m].emission; }
-  const LightShape& lightShape(int i) const { require(Facet::LightShape); requireLight(i); return scene_->lights[i].shape; }
-  bool lightCameraVisible(int i) const { require(Facet::LightShape); requireLight(i); return scene_->lights[i].cameraVisible; }
-  const Vec3& lightPower(int i) const { require(Facet::LightPower); requireLight(i); return scene_->lights[i].power; }
-  const EnvironmentPtr& environment() const { require(Facet::Environment); return scene_->environment; }
+  const Coverage& coverage(int m) const {
+    require(Facet::Coverage);
+    return scene_->materials[m].coverage;
+  }
+  const Albedo& albedo(int m) const {
+    require(Facet::Albedo);
+    return scene_->materials[m].albedo;
+  }
+  const Bsdf& bsdf(int m) const {
+    require(Facet::Bsdf);
+    return scene_->materials[m].bsdf;
+  }
+  const Emission& emission(int m) const {
+    require(Facet::Emission);
+    return scene_->materials[m].emission;
+  }
+  const LightShape& lightShape(int i) const {
+    require(Facet::LightShape);
+    requireLight(i);
+    return scene_->lights[i].shape;
+  }
+  bool lightCameraVisible(int i) const {
+    require(Facet::LightShape);
+    requireLight(i);
+    return scene_->lights[i].cameraVisible;
+  }
+  const Vec3& lightPower(int i) const {
+    require(Facet::LightPower);
+    requireLight(i);
+    return scene_->lights[i].power;
+  }
+  const EnvironmentPtr& environment() const {
+    require(Facet::Environment);
+    return scene_->environment;
+  }
   /// Digest of facets other than the lights', for what caches by it (AccelCache).
-  Hash128 digest(Facet facets) const { require(facets); return scene_->facetHash(facets, {}); }
+  Hash128 digest(Facet facets) const {
+    require(facets);
+    return scene_->facetHash(facets, {});
+  }
   /// The mapping under the arrays: what keeps pointers into them is of no use to the same scene in another one (0: in none).
   uint64_t mapping() const;
 
  private:
-  void require(Facet f) const;        ///< CHECK
-  void requireLight(int i) const;     ///< CHECK
+  void require(Facet f) const;     ///< CHECK
+  void requireLight(int i) const;  ///< CHECK
   const Scene* scene_;
   Facet allowed_;
   const std::vector<int>* lights_;

@@ -15,10 +15,9 @@ namespace gobo {
 namespace {
 
 bool finite(const Vec2& v) { return std::isfinite(v.x) && std::isfinite(v.y); }
-constexpr const char* kBeyond = " is not finite or beyond 1e9";   // kLargestCoordinate
+constexpr const char* kBeyond = " is not finite or beyond 1e9";  // kLargestCoordinate
 
-Status fail(const Scene& scene, const std::string& list, size_t index, const std::string& name, const std::string& field,
-            const std::string& message) {
+Status fail(const Scene& scene, const std::string& list, size_t index, const std::string& name, const std::string& field, const std::string& message) {
   return invalidArgument((name.empty() ? std::string() : "\"" + name + "\": ") + message,
                          scene.name + "#/" + list + "/" + std::to_string(index) + (field.empty() ? "" : "/" + field));
 }
@@ -30,7 +29,9 @@ std::string text(const Vec3& v) {
 }
 
 template <typename T>
-bool sizeFits(const Array<T>& values, size_t vertices) { return values.empty() || values.size() == vertices; }
+bool sizeFits(const Array<T>& values, size_t vertices) {
+  return values.empty() || values.size() == vertices;
+}
 
 }  // namespace
 
@@ -95,10 +96,12 @@ Status Scene::checkMaterials() const {
       using Field = std::remove_cvref_t<decltype(value)>;
       if constexpr (std::is_same_v<Field, TextureRef>) {
         if (value.texture >= int(textures.size()))
-          status = fail(*this, "materials", i, m.name, field, "texture " + std::to_string(value.texture) + " of " + std::to_string(textures.size()) + " is out of range");
+          status = fail(*this, "materials", i, m.name, field,
+                        "texture " + std::to_string(value.texture) + " of " + std::to_string(textures.size()) + " is out of range");
         if (value.valid() && (value.texcoord < 0 || value.texcoord >= kUvSets))
           status = fail(*this, "materials", i, m.name, field, "texcoord " + std::to_string(value.texcoord) + " is not 0.." + std::to_string(kUvSets - 1));
-        if (!finite(value.offset) || !finite(value.scale) || !std::isfinite(value.rotation)) status = fail(*this, "materials", i, m.name, field, "texture transform is not finite");
+        if (!finite(value.offset) || !finite(value.scale) || !std::isfinite(value.rotation))
+          status = fail(*this, "materials", i, m.name, field, "texture transform is not finite");
       } else if constexpr (std::is_same_v<Field, Vec3>) {
         if (!isFinite(value)) status = fail(*this, "materials", i, m.name, field, "a factor is not finite");
       } else if constexpr (std::is_same_v<Field, float>) {
@@ -106,7 +109,9 @@ Status Scene::checkMaterials() const {
       }
     };
     visitFields(m, [&](const std::string& facet, const auto& group) {
-      visitFields(group, [&](const char* name, const auto& value) { if (status.ok()) check(facet + "/" + name, value); });
+      visitFields(group, [&](const char* name, const auto& value) {
+        if (status.ok()) check(facet + "/" + name, value);
+      });
     });
     if (!status.ok()) return status;
     if (!(m.bsdf.ior > 0.0f)) return fail(*this, "materials", i, m.name, "bsdf/ior", "ior " + std::to_string(m.bsdf.ior) + " is not positive");
@@ -122,13 +127,12 @@ Status Scene::checkLights() const {
     if (!isFinite(light.power) || light.power.x < 0 || light.power.y < 0 || light.power.z < 0)
       return fail(*this, "lights", i, light.name, "power", "power is not finite and >= 0");
     if (!isCoordinate(s.position)) return fail(*this, "lights", i, light.name, "shape/position", "position " + text(s.position) + kBeyond);
-    if (!isCoordinate(s.u) || !isCoordinate(s.v) || !isCoordinate(s.radius)) return fail(*this, "lights", i, light.name, "shape", std::string("size") + kBeyond);
-    if (!isFinite(s.axis) ||
-        !std::isfinite(s.cosInner) || !std::isfinite(s.cosOuter) || !std::isfinite(s.range))
+    if (!isCoordinate(s.u) || !isCoordinate(s.v) || !isCoordinate(s.radius))
+      return fail(*this, "lights", i, light.name, "shape", std::string("size") + kBeyond);
+    if (!isFinite(s.axis) || !std::isfinite(s.cosInner) || !std::isfinite(s.cosOuter) || !std::isfinite(s.range))
       return fail(*this, "lights", i, light.name, "shape", "a number is not finite");
     const bool aimed = s.kind == LightKind::Spot || s.kind == LightKind::Directional || s.kind == LightKind::Rect || s.kind == LightKind::Disk;
-    if (aimed && std::fabs(glm::length(s.axis) - 1.0f) > 1e-3f)
-      return fail(*this, "lights", i, light.name, "shape/axis", "axis is not of unit length");
+    if (aimed && std::fabs(glm::length(s.axis) - 1.0f) > 1e-3f) return fail(*this, "lights", i, light.name, "shape/axis", "axis is not of unit length");
     if ((s.kind == LightKind::Disk || s.kind == LightKind::Sphere) && !(s.radius > 0.0f))
       return fail(*this, "lights", i, light.name, "shape/radius", "radius " + std::to_string(s.radius) + " is not positive");
     if (s.kind == LightKind::Rect) {
@@ -137,8 +141,7 @@ Status Scene::checkLights() const {
       if (!(area > 0.0f)) return fail(*this, "lights", i, light.name, "shape/u", "rectangle has no area");
       if (std::fabs(glm::dot(s.u, s.v)) > 1e-3f * glm::length(s.u) * glm::length(s.v))
         return fail(*this, "lights", i, light.name, "shape/v", "u and v are not perpendicular");
-      if (std::fabs(glm::dot(n, s.axis)) < 0.999f * area)
-        return fail(*this, "lights", i, light.name, "shape/axis", "axis is not along cross(u, v)");
+      if (std::fabs(glm::dot(n, s.axis)) < 0.999f * area) return fail(*this, "lights", i, light.name, "shape/axis", "axis is not along cross(u, v)");
     }
     if (s.kind == LightKind::Spot && !(s.cosInner >= s.cosOuter && s.cosOuter >= -1.0f && s.cosInner <= 1.0f))
       return fail(*this, "lights", i, light.name, "shape/cosInner", "cone angles are not inner <= outer");
@@ -156,7 +159,8 @@ Status Scene::checkLights() const {
     if (c.perspective ? !(c.yfov > 0.0f && c.yfov < kPi) : !(c.yheight > 0.0f && isCoordinate(c.yheight)))
       return fail(*this, "cameras", i, c.name, c.perspective ? "yfov" : "yheight", std::string("window is empty or") + kBeyond);
     // The other kind of window may be asked for by a request.
-    if (!std::isfinite(c.yfov) || !isCoordinate(c.yheight)) return fail(*this, "cameras", i, c.name, c.perspective ? "yheight" : "yfov", "a number is not finite");
+    if (!std::isfinite(c.yfov) || !isCoordinate(c.yheight))
+      return fail(*this, "cameras", i, c.name, c.perspective ? "yheight" : "yfov", "a number is not finite");
   }
   if (environment && (environment->width <= 0 || environment->height <= 0 || environment->content.isZero() ||
                       environment->texels.size() != size_t(environment->width) * environment->height || !std::isfinite(environment->rotation)))

@@ -9,14 +9,19 @@ namespace gobo {
 namespace {
 
 template <typename V>
-void addVector(Hasher& h, const V& v) { for (int i = 0; i < V::length(); ++i) h.add(v[i]); }
-void addMatrix(Hasher& h, const Mat4& m) { for (int i = 0; i < 4; ++i) addVector(h, m[i]); }
+void addVector(Hasher& h, const V& v) {
+  for (int i = 0; i < V::length(); ++i) h.add(v[i]);
+}
+void addMatrix(Hasher& h, const Mat4& m) {
+  for (int i = 0; i < 4; ++i) addVector(h, m[i]);
+}
 
 Hash128 shapeHash(const Light& light) {
   const LightShape& s = light.shape;
   Hasher h("light-shape");
   visitFields(s, [&](const char*, const auto& field) {
-    if constexpr (requires { field.length(); }) addVector(h, field); else h.add(field);
+    if constexpr (requires { field.length(); }) addVector(h, field);
+    else h.add(field);
   });
   h.add(light.cameraVisible);
   return h.digest();
@@ -40,7 +45,8 @@ Hash128 Scene::refHash(const TextureRef& ref) const {
   Hasher h("texture-ref");
   if (!ref.valid()) return h.digest();
   h.add(textures[ref.texture]->content).add(ref.texcoord);
-  addVector(h, ref.offset); addVector(h, ref.scale);
+  addVector(h, ref.offset);
+  addVector(h, ref.scale);
   return h.add(ref.rotation).digest();
 }
 
@@ -110,9 +116,17 @@ void Scene::computeDigests() {
   for (const Material& m : materials) names.add(m.name);
 
   auto set = [&](Facet f, const Hasher& h) { facet_[facetIndex(f)] = h.digest(); };
-  set(Facet::Topology, topology); set(Facet::Pose, pose); set(Facet::Shading, shading); set(Facet::Coverage, coverage);
-  set(Facet::Albedo, albedo); set(Facet::Bsdf, bsdf); set(Facet::Emission, emission); set(Facet::LightShape, shapes);
-  set(Facet::LightPower, powers); set(Facet::Environment, sky); set(Facet::Cameras, views);
+  set(Facet::Topology, topology);
+  set(Facet::Pose, pose);
+  set(Facet::Shading, shading);
+  set(Facet::Coverage, coverage);
+  set(Facet::Albedo, albedo);
+  set(Facet::Bsdf, bsdf);
+  set(Facet::Emission, emission);
+  set(Facet::LightShape, shapes);
+  set(Facet::LightPower, powers);
+  set(Facet::Environment, sky);
+  set(Facet::Cameras, views);
   Hasher root("scene");
   for (const Hash128& f : facet_) root.add(f);
   root.add(names.digest()).add(rig ? rig->content : Hash128{});

@@ -15,8 +15,8 @@
 namespace gobo {
 namespace {
 
-constexpr double kScale = 0.1;            // radiance per kcd/m^2
-constexpr double kSunIlluminance = 133.1; // klx outside the atmosphere: 128 klx luminous solar constant to 133; same unit as kcd/m^2 x sr
+constexpr double kScale = 0.1;             // radiance per kcd/m^2
+constexpr double kSunIlluminance = 133.1;  // klx outside the atmosphere: 128 klx luminous solar constant to 133; same unit as kcd/m^2 x sr
 
 struct Perez {
   double a, b, c, d, e;
@@ -35,8 +35,9 @@ double zenithChromaticity(const double (&m)[3][4], double t, double s) {
 
 DVec3 xyYToRgb(double x, double y, double Y) {
   const double X = x / y * Y, Z = (1 - x - y) / y * Y;
-  return glm::max(DVec3(3.2404542 * X - 1.5371385 * Y - 0.4985314 * Z, -0.9692660 * X + 1.8760108 * Y + 0.0415560 * Z,
-                        0.0556434 * X - 0.2040259 * Y + 1.0572252 * Z), DVec3(0.0));
+  return glm::max(
+      DVec3(3.2404542 * X - 1.5371385 * Y - 0.4985314 * Z, -0.9692660 * X + 1.8760108 * Y + 0.0415560 * Z, 0.0556434 * X - 0.2040259 * Y + 1.0572252 * Z),
+      DVec3(0.0));
 }
 
 /// Irradiance of the sun on a plane facing it, per channel (at 680, 550, 440 nm), sunScale not applied.
@@ -85,8 +86,8 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width, const 
       const DVec3 d(sinTheta * std::cos(azimuth), cosTheta, sinTheta * std::sin(azimuth));
       // Angle to the sun that is used for its height, so that a sun below the horizon still gives a dusk sky.
       const double cosGamma = std::clamp(glm::dot(d, sun), -1.0, 1.0), gamma = std::acos(cosGamma);
-      const DVec3 rgb = xyYToRgb(xz * x(cosTheta, gamma, cosGamma) / normX, yz * y(cosTheta, gamma, cosGamma) / normYc,
-                                 kScale * Yz * Y(cosTheta, gamma, cosGamma) / normY);
+      const DVec3 rgb =
+          xyYToRgb(xz * x(cosTheta, gamma, cosGamma) / normX, yz * y(cosTheta, gamma, cosGamma) / normYc, kScale * Yz * Y(cosTheta, gamma, cosGamma) / normY);
       texels[size_t(j) * width + i] = rgb;
       horizontal += rgb * (solidAngle(j) * cosTheta);
     }
@@ -96,8 +97,8 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width, const 
     const DVec3 energy = sunIrradiance(thetaS, T) * double(parameters.sunScale);
     horizontal += energy * sun.y;
     const DVec3 u = glm::normalize(glm::cross(std::abs(sun.y) < 0.99 ? DVec3(0, 1, 0) : DVec3(1, 0, 0), sun)), v = glm::cross(sun, u);
-    const EnvironmentTents tents(width, height);   // what a texel sends once it is looked up bilinearly
-    constexpr int rings = 64, sectors = 128;  // pieces of equal solid angle on the cap
+    const EnvironmentTents tents(width, height);  // what a texel sends once it is looked up bilinearly
+    constexpr int rings = 64, sectors = 128;      // pieces of equal solid angle on the cap
     for (int r = 0; r < rings && !stop.stopRequested(); ++r)
       for (int s = 0; s < sectors; ++s) {
         const double cosA = 1 - (r + 0.5) / rings * (1 - std::cos(radius)), sinA = std::sqrt(std::max(1 - cosA * cosA, 0.0));

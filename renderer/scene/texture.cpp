@@ -38,7 +38,10 @@ inline int wrapIndex(int i, int n, Wrap mode) {
 }
 
 /// One level: where it starts, its size, and its tiles a row.
-struct Level { size_t first; int width, height, tilesAcross; };
+struct Level {
+  size_t first;
+  int width, height, tilesAcross;
+};
 
 Level levelOf(const Texture& t, int level) {
   const int w = std::max(1, t.width >> level), h = std::max(1, t.height >> level);
@@ -64,11 +67,13 @@ inline Vec4 texel(const Texture& t, const Level& l, int x, int y) {
 template <typename T>
 void lowestTexel(const Texture& t, const Array<T>& texels, T (&least)[4]) {
   std::copy_n(texels.data(), 4, least);
-  const auto take = [&](const T* p) { for (int c = 0; c < 4; ++c) least[c] = std::min(least[c], p[c]); };
+  const auto take = [&](const T* p) {
+    for (int c = 0; c < 4; ++c) least[c] = std::min(least[c], p[c]);
+  };
   for (int k = 0; k < t.levels; ++k) {
     const Level l = levelOf(t, k);
     const int mask = (1 << t.tile) - 1;
-    if (((l.width | l.height) & mask) == 0) {                         // nothing padded: as they lie
+    if (((l.width | l.height) & mask) == 0) {  // nothing padded: as they lie
       const size_t count = size_t(l.width) * size_t(l.height);
       for (size_t i = 0; i < count; ++i) take(texels.data() + (l.first + i) * 4);
     } else {

@@ -14,7 +14,7 @@ namespace gobo {
 /// Bytes of texels, those that textures share counted once.
 class TexelBytes {
  public:
-  uint64_t add(const Texture& t) {   ///< what `t` adds
+  uint64_t add(const Texture& t) {  ///< what `t` adds
     const uint64_t bytes = t.texels8.size() + t.texelsF.size() * sizeof(float);
     return seen_.insert({t.texelsF.empty() ? static_cast<const void*>(t.texels8.data()) : t.texelsF.data(), bytes}).second ? bytes : 0;
   }
@@ -30,7 +30,8 @@ class TextureSealer {
   /// True when the texels were read, false when they are those of an earlier call.
   bool seal(Texture& t) {
     const void* texels = t.texelsF.empty() ? static_cast<const void*>(std::as_const(t.texels8).data()) : std::as_const(t.texelsF).data();
-    const auto [known, fresh] = sealed_.try_emplace(Key{texels, t.texels8.size(), t.texelsF.size(), t.width, t.height, t.levels, t.tile, t.srgb, t.wrapU, t.wrapV, t.nearest});
+    const auto [known, fresh] =
+        sealed_.try_emplace(Key{texels, t.texels8.size(), t.texelsF.size(), t.width, t.height, t.levels, t.tile, t.srgb, t.wrapU, t.wrapV, t.nearest});
     if (fresh) {
       sealTexture(t);
       known->second = t;

@@ -16,7 +16,7 @@ class AreaLightListNode final : public Node {
  public:
   explicit AreaLightListNode(int lights) : lights_(lights) {}
   std::string type() const override { return "area_light_list"; }
-  int version() const override { return 2; }                          // 2: of the bilinear look-up
+  int version() const override { return 2; }  // 2: of the bilinear look-up
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = Facet::Environment;

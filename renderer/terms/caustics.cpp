@@ -14,7 +14,7 @@ class CausticsNode final : public Node {
  public:
   explicit CausticsNode(const CausticSettings& settings) : settings_(settings) {}
   std::string type() const override { return "caustics"; }
-  int version() const override { return 3; }                          // 2: without light that goes straight on; 3: tilted normals lose no specular light
+  int version() const override { return 3; }  // 2: without light that goes straight on; 3: tilted normals lose no specular light
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;
@@ -48,10 +48,13 @@ class CausticsNode final : public Node {
       const auto [least, most] = std::minmax_element(oldSamples.begin(), oldSamples.end());
       if (!oldSamples.empty() && *most <= ctx.targetBlocks * blockSize) {
         pass = *least / blockSize;
-        const bool copied = ctx.arena->parallelFor(samples.size(), 1 << 12, [&](size_t begin, size_t end) {
-          std::copy(oldSamples.begin() + begin, oldSamples.begin() + end, samples.begin() + begin);
-          std::copy(oldSum.begin() + begin * perPixel, oldSum.begin() + end * perPixel, sum.begin() + begin * perPixel);
-        }, ctx.stop);
+        const bool copied = ctx.arena->parallelFor(
+            samples.size(), 1 << 12,
+            [&](size_t begin, size_t end) {
+              std::copy(oldSamples.begin() + begin, oldSamples.begin() + end, samples.begin() + begin);
+              std::copy(oldSum.begin() + begin * perPixel, oldSum.begin() + end * perPixel, sum.begin() + begin * perPixel);
+            },
+            ctx.stop);
         if (!copied) return stopped(ctx, ctx.previous);
         passOnDropped(*ctx.previous, *state);
       }
@@ -61,19 +64,22 @@ class CausticsNode final : public Node {
       const auto map = tracer->emitPass(pass, *ctx.arena, emitted, ctx.stop);
       ctx.counters->rays += emitted;
       if (!map) return stopped(ctx, state);
-      const bool complete = ctx.arena->parallelFor(size_t(height), 1, [&](size_t row, size_t) {
-        uint64_t rays = 0;
-        for (int x = 0; x < width; ++x) {
-          const size_t p = row * size_t(width) + size_t(x);
-          if (samples[p] / blockSize != pass) continue;              // an interrupted pass: this pixel has it already
-          if (ctx.stop.stopRequested()) break;
-          uint64_t lost = 0;
-          tracer->traceBlock(x, int(row), pass, *map, sum.data() + p * perPixel, rays, lost);
-          dropped.add(p, lost);
-          samples[p] += blockSize;
-        }
-        ctx.counters->rays += rays;
-      }, ctx.stop);
+      const bool complete = ctx.arena->parallelFor(
+          size_t(height), 1,
+          [&](size_t row, size_t) {
+            uint64_t rays = 0;
+            for (int x = 0; x < width; ++x) {
+              const size_t p = row * size_t(width) + size_t(x);
+              if (samples[p] / blockSize != pass) continue;  // an interrupted pass: this pixel has it already
+              if (ctx.stop.stopRequested()) break;
+              uint64_t lost = 0;
+              tracer->traceBlock(x, int(row), pass, *map, sum.data() + p * perPixel, rays, lost);
+              dropped.add(p, lost);
+              samples[p] += blockSize;
+            }
+            ctx.counters->rays += rays;
+          },
+          ctx.stop);
       if (!complete || ctx.stop.stopRequested()) return stopped(ctx, state);
       if (ctx.progress) ctx.progress(double(pass + 1) / double(ctx.targetBlocks));
     }

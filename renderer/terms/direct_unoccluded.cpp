@@ -41,7 +41,9 @@ class DirectUnoccludedNode final : public Node {
  public:
   explicit DirectUnoccludedNode(const DirectUnoccludedSettings& s) : s_(s) {}
   std::string type() const override { return "direct_unoccluded"; }
-  int version() const override { return 6; }                          // 2: every lobe; 3: bilinear environments; 4: specular light below the surface is mirrored back; 5: highlights of squares; 6: facing triangles
+  int version() const override {
+    return 6;
+  }  // 2: every lobe; 3: bilinear environments; 4: specular light below the surface is mirrored back; 5: highlights of squares; 6: facing triangles
   NodeTraits traits() const override {
     NodeTraits t;
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).
@@ -75,42 +77,48 @@ class DirectUnoccludedNode final : public Node {
     const auto L = out->addUnsetPlane<float>("L", 3);
     DroppedSamples dropped(*out);
     const Vec3 eye(s_.view.camera.toWorld[3]), back(s_.view.camera.toWorld[2]);
-    const bool complete = ctx.arena->parallelFor(instance.size(), 1 << 11, [&](size_t begin, size_t end) {
-      for (size_t i = begin; i < end; ++i) {
-        for (int c = 0; c < 3; ++c) L[3 * i + c] = 0.0f;
-        if (instance[i] == ~0u || (flags[i] & kSurfaceUnlit)) continue;
-        Receiver r;
-        r.p = Vec3(P[3 * i], P[3 * i + 1], P[3 * i + 2]);
-        r.n = Vec3(N[3 * i], N[3 * i + 1], N[3 * i + 2]);
-        r.ng = Vec3(Ng[3 * i], Ng[3 * i + 1], Ng[3 * i + 2]);
-        r.wo = s_.view.camera.perspective ? glm::normalize(eye - r.p) : back;
-        if (flags[i] & kSurfaceExtended) {
-          GOBO_CHECK(reader != nullptr);
-          Surface full;
-          reader->read(i, full);
-          r.extended = true;
-          r.bsdf = full.bsdf;
-          r.hasTangent = full.hasTangent;
-          r.tangent = full.tangent;
-          r.dispersion = full.material->dispersion;
-        } else {
-          r.bsdf.albedo = Vec3(albedo[3 * i], albedo[3 * i + 1], albedo[3 * i + 2]);
-          r.bsdf.metallic = material[5 * i];
-          r.bsdf.roughness = material[5 * i + 1];
-          r.bsdf.specular = material[5 * i + 2];
-          r.bsdf.ior = material[5 * i + 3];
-          r.bsdf.transmission = material[5 * i + 4];
-          r.bsdf.entering = (flags[i] & kSurfaceEntering) != 0;
-          if (!r.lambert() && r.n != r.ng) r.bsdf.facing = r.frame().toLocal(r.ng);
-        }
-        if (bsdfIsDelta(r.bsdf)) continue;
-        Vec3 value(0.0f);
-        if (!closedForm(shape, r, value)) value = sampled(*sampler, shape, r, i);
-        value *= s_.nominal;
-        if (!isFinite(value)) { dropped.add(i, 1); continue; }
-        for (int c = 0; c < 3; ++c) L[3 * i + c] = value[c];
-      }
-    }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        instance.size(), 1 << 11,
+        [&](size_t begin, size_t end) {
+          for (size_t i = begin; i < end; ++i) {
+            for (int c = 0; c < 3; ++c) L[3 * i + c] = 0.0f;
+            if (instance[i] == ~0u || (flags[i] & kSurfaceUnlit)) continue;
+            Receiver r;
+            r.p = Vec3(P[3 * i], P[3 * i + 1], P[3 * i + 2]);
+            r.n = Vec3(N[3 * i], N[3 * i + 1], N[3 * i + 2]);
+            r.ng = Vec3(Ng[3 * i], Ng[3 * i + 1], Ng[3 * i + 2]);
+            r.wo = s_.view.camera.perspective ? glm::normalize(eye - r.p) : back;
+            if (flags[i] & kSurfaceExtended) {
+              GOBO_CHECK(reader != nullptr);
+              Surface full;
+              reader->read(i, full);
+              r.extended = true;
+              r.bsdf = full.bsdf;
+              r.hasTangent = full.hasTangent;
+              r.tangent = full.tangent;
+              r.dispersion = full.material->dispersion;
+            } else {
+              r.bsdf.albedo = Vec3(albedo[3 * i], albedo[3 * i + 1], albedo[3 * i + 2]);
+              r.bsdf.metallic = material[5 * i];
+              r.bsdf.roughness = material[5 * i + 1];
+              r.bsdf.specular = material[5 * i + 2];
+              r.bsdf.ior = material[5 * i + 3];
+              r.bsdf.transmission = material[5 * i + 4];
+              r.bsdf.entering = (flags[i] & kSurfaceEntering) != 0;
+              if (!r.lambert() && r.n != r.ng) r.bsdf.facing = r.frame().toLocal(r.ng);
+            }
+            if (bsdfIsDelta(r.bsdf)) continue;
+            Vec3 value(0.0f);
+            if (!closedForm(shape, r, value)) value = sampled(*sampler, shape, r, i);
+            value *= s_.nominal;
+            if (!isFinite(value)) {
+              dropped.add(i, 1);
+              continue;
+            }
+            for (int c = 0; c < 3; ++c) L[3 * i + c] = value[c];
+          }
+        },
+        ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");
     return TermPtr(out);
   }
@@ -121,12 +129,18 @@ class DirectUnoccludedNode final : public Node {
   /// Exact for Lambert receivers of rectangles and spheres whose visible part is the same by both normals.
   bool closedForm(const LightShape& s, const Receiver& r, Vec3& value) const {
     if (!r.lambert()) return false;
-    if (s_.lobe == LobePart::Specular) { value = Vec3(0.0f); return true; }
+    if (s_.lobe == LobePart::Specular) {
+      value = Vec3(0.0f);
+      return true;
+    }
     const DVec3 p(r.p), n(r.n);
     if (s.kind == LightKind::Rect) {
       const DVec3 u(s.u), v(s.v), corner = DVec3(s.position) - u - v;
-      if (!s.twoSided && glm::dot(p - DVec3(s.position), DVec3(s.axis)) <= 0) { value = Vec3(0.0f); return true; }
-      if (r.n != r.ng)   // the tracer also wants light above the geometric horizon; where the light crosses it, sample
+      if (!s.twoSided && glm::dot(p - DVec3(s.position), DVec3(s.axis)) <= 0) {
+        value = Vec3(0.0f);
+        return true;
+      }
+      if (r.n != r.ng)  // the tracer also wants light above the geometric horizon; where the light crosses it, sample
         for (int k = 0; k < 4; ++k)
           if (glm::dot(corner + u * double(2 * (k & 1)) + v * double(k & 2) - p, DVec3(r.ng)) <= 0) return false;
       value = r.bsdf.albedo * float(rectFormFactor(p, n, corner, 2.0 * u, 2.0 * v));
@@ -207,7 +221,7 @@ class DirectUnoccludedNode final : public Node {
     const Frame light = mapFrame(shape);
     const double hx = 0.5 * s_.angularSize.x, hy = 0.5 * s_.angularSize.y;
     const double solidAngle = 4.0 * std::asin(hx * hy / std::sqrt((1.0 + hx * hx) * (1.0 + hy * hy)));
-    const auto density = [&](const Vec3& wi) {   // uniform on the tangent plane, per solid angle; 0 beside the rectangle
+    const auto density = [&](const Vec3& wi) {  // uniform on the tangent plane, per solid angle; 0 beside the rectangle
       const double c = -glm::dot(shape.axis, wi);
       return c > 0 && std::fabs(glm::dot(wi, light.x)) <= hx * c && std::fabs(glm::dot(wi, light.y)) <= hy * c ? 1.0 / (4.0 * hx * hy * c * c * c) : 0.0;
     };

@@ -18,13 +18,13 @@ enum class LobePart : uint8_t { Both, Diffuse, Specular };
 
 struct DirectUnoccludedSettings {
   GBufferSettings view;
-  int light = 0;            ///< index into the scene's lights; the node's subset must be {light}
-  Vec3 nominal{1.0f};       ///< power it is evaluated for
+  int light = 0;       ///< index into the scene's lights; the node's subset must be {light}
+  Vec3 nominal{1.0f};  ///< power it is evaluated for
   int samples = 32;
   uint64_t seed = 0;
-  bool extended = false;    ///< the scene has materials with more lobes than the surface term's planes hold: those are read again
+  bool extended = false;  ///< the scene has materials with more lobes than the surface term's planes hold: those are read again
   LobePart lobe = LobePart::Both;
-  Vec2 angularSize{0.0f};   ///< Directional: of a rectangle at infinity (terms/light_points.h); 0: a direction
+  Vec2 angularSize{0.0f};  ///< Directional: of a rectangle at infinity (terms/light_points.h); 0: a direction
 };
 NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings);
 

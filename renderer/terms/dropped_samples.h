@@ -23,6 +23,7 @@ class DroppedSamples {
     else if (counts_.empty()) counts_ = term_.writable<uint32_t>(kDroppedPlane);
     counts_[element] += uint32_t(count);
   }
+
  private:
   Term& term_;
   std::mutex mutex_;
@@ -42,10 +43,15 @@ inline void passOnDropped(const Term& from, Term& to) {
   for (size_t i = 0; i < counts.size(); ++i) sum.add(i % to.extent().elements(), counts[i]);
 }
 
-struct DroppedTotal { uint64_t samples = 0, elements = 0; };
+struct DroppedTotal {
+  uint64_t samples = 0, elements = 0;
+};
 inline DroppedTotal droppedTotal(const Term& term) {
   DroppedTotal total;
-  for (const uint32_t count : droppedPlane(term)) { total.samples += count; total.elements += count > 0; }
+  for (const uint32_t count : droppedPlane(term)) {
+    total.samples += count;
+    total.elements += count > 0;
+  }
   return total;
 }
 

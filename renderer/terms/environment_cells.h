@@ -13,33 +13,33 @@
 namespace gobo {
 
 struct EnvironmentCell {
-  double solidAngle = 0;   ///< of what was gathered, sr
-  DVec3 flux{0.0};         ///< integral of radiance over them, W/m^2
-  double weight = 0;       ///< luminance of `flux`
-  DVec3 moment{0.0};       ///< integral of luminance x direction
-  double extent = 0;       ///< integral of luminance x the piece's own mean squared radius about its centre
+  double solidAngle = 0;  ///< of what was gathered, sr
+  DVec3 flux{0.0};        ///< integral of radiance over them, W/m^2
+  double weight = 0;      ///< luminance of `flux`
+  DVec3 moment{0.0};      ///< integral of luminance x direction
+  double extent = 0;      ///< integral of luminance x the piece's own mean squared radius about its centre
   /// Weighted mean direction: shorter than 1 by half the mean squared chord about it.
   DVec3 centre() const { return moment / weight; }
 };
 
 struct EnvironmentCells {
   static constexpr int kSide = 64;
-  std::vector<EnvironmentCell> cells;   ///< face-major (0 +x, 1 -x, 2 +y, 3 -y, 4 +z, 5 -z), then row, then column
-  DVec3 flux{0.0};                      ///< of the whole map
+  std::vector<EnvironmentCell> cells;  ///< face-major (0 +x, 1 -x, 2 +y, 3 -y, 4 +z, 5 -z), then row, then column
+  DVec3 flux{0.0};                     ///< of the whole map
   double weight = 0;
 
   /// `stop` is polled every row; cells whose making it ended are not to be used.
   explicit EnvironmentCells(const Environment& map, const StopToken& stop = {});
   /// Unit direction to tangent coordinates on `face`: x, y in [-1,1] on the face itself, growing beyond; false behind it.
   static bool project(int face, const DVec3& d, double& x, double& y);
-  static DVec3 direction(int face, double x, double y);   ///< unit
+  static DVec3 direction(int face, double x, double y);  ///< unit
   static DVec3 cellDirection(size_t cell);
   static int faceOf(const DVec3& d);
 
  private:
   void add(const DVec3& direction, double solidAngle, const DVec3& radiance, double own);
-  void addTexels(const Environment& map, const StopToken& stop);   // texels narrower than half a cell: each in one place
-  void addPieces(const Environment& map, const StopToken& stop);   // coarser maps: cut up
+  void addTexels(const Environment& map, const StopToken& stop);  // texels narrower than half a cell: each in one place
+  void addPieces(const Environment& map, const StopToken& stop);  // coarser maps: cut up
 };
 
 }  // namespace gobo

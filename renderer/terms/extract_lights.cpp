@@ -9,7 +9,10 @@ namespace gobo {
 
 namespace {
 
-struct Cell { int x0, y0, x1, y1; double power; };
+struct Cell {
+  int x0, y0, x1, y1;
+  double power;
+};
 
 /// Integral of luminance x solid angle over map cells by a summed-area table in double.
 class PowerTable {
@@ -41,7 +44,7 @@ class ExtractLightsNode final : public Node {
  public:
   explicit ExtractLightsNode(int lights) : lights_(lights) {}
   std::string type() const override { return "extract_lights"; }
-  int version() const override { return 2; }                          // 2: of the bilinear look-up
+  int version() const override { return 2; }  // 2: of the bilinear look-up
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = Facet::Environment;
@@ -62,7 +65,7 @@ class ExtractLightsNode final : public Node {
         const Cell& c = cells[i];
         if ((c.x1 - c.x0) * (c.y1 - c.y0) > 1 && c.power > 0 && (best < 0 || c.power > cells[best].power)) best = int(i);
       }
-      if (best < 0) break;   // fewer lit texels than lights asked for
+      if (best < 0) break;  // fewer lit texels than lights asked for
       const auto [a, b] = split(e, table, cells[best]);
       cells[best] = a;
       cells.push_back(b);
@@ -85,7 +88,13 @@ class ExtractLightsNode final : public Node {
     int cut = lo;
     while (cut < hi - 1 && (alongX ? table.power(c.x0, c.y0, cut, c.y1) : table.power(c.x0, c.y0, c.x1, cut)) < 0.5 * c.power) ++cut;
     Cell a = c, b = c;
-    if (alongX) { a.x1 = cut; b.x0 = cut; } else { a.y1 = cut; b.y0 = cut; }
+    if (alongX) {
+      a.x1 = cut;
+      b.x0 = cut;
+    } else {
+      a.y1 = cut;
+      b.y0 = cut;
+    }
     a.power = table.power(a.x0, a.y0, a.x1, a.y1);
     b.power = table.power(b.x0, b.y0, b.x1, b.y1);
     return {a, b};
@@ -107,7 +116,10 @@ class ExtractLightsNode final : public Node {
     const double length = glm::length(centre);
     if (!(length > 0) || !(rgb.x + rgb.y + rgb.z > 0)) return;
     centre /= length;
-    for (int k = 0; k < 3; ++k) { directions.push_back(float(centre[k])); irradiances.push_back(float(rgb[k])); }
+    for (int k = 0; k < 3; ++k) {
+      directions.push_back(float(centre[k]));
+      irradiances.push_back(float(rgb[k]));
+    }
   }
 
   int lights_;

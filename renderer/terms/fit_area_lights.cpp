@@ -12,11 +12,11 @@ namespace gobo {
 namespace {
 
 constexpr int kSide = EnvironmentCells::kSide;
-constexpr double kBlur = 0.006;          // W0, sr: a square of 4.4 degrees
-constexpr double kSpread = 1.6;          // largest square, in shares 4 pi / N
-constexpr double kLeast = 1e-5;          // a light of less than this share of the flux is not worth a shadow map
+constexpr double kBlur = 0.006;  // W0, sr: a square of 4.4 degrees
+constexpr double kSpread = 1.6;  // largest square, in shares 4 pi / N
+constexpr double kLeast = 1e-5;  // a light of less than this share of the flux is not worth a shadow map
 constexpr int kRounds = 12;
-constexpr double kWidest = 2.0;          // largest tangent of half a light's side
+constexpr double kWidest = 2.0;  // largest tangent of half a light's side
 
 /// Solid angle of a square at distance 1 that is seen face on, half side t.
 double squareSolidAngle(double t) { return 4.0 * std::asin(t * t / (1.0 + t * t)); }
@@ -56,7 +56,7 @@ struct Moments {
 /// Six charts, each a face of the cube and what lies around it up to 60 degrees from its axis, with sums over rectangles.
 class Charts {
  public:
-  static constexpr int kRim = 24, kWidth = kSide + 2 * kRim, kStride = kWidth + 1;   // tangents to 1.75
+  static constexpr int kRim = 24, kWidth = kSide + 2 * kRim, kStride = kWidth + 1;  // tangents to 1.75
 
   explicit Charts(const EnvironmentCells& cells) : cells_(cells), left_(cells.cells.size(), 1), places_(6) {
     for (int face = 0; face < 6; ++face)
@@ -72,7 +72,10 @@ class Charts {
     }
   }
 
-  struct Square { double gain = 0; int face = 0, x = 0, y = 0, side = 0; };
+  struct Square {
+    double gain = 0;
+    int face = 0, x = 0, y = 0, side = 0;
+  };
   Square best(double largest, const StopToken& stop) const {
     static constexpr int kSides[] = {1, 2, 3, 4, 6, 8, 11, 16, 22, 32, 44, 64};
     Square best;
@@ -102,9 +105,12 @@ class Charts {
   }
 
  private:
-  struct Place { uint32_t cell, at; };
+  struct Place {
+    uint32_t cell, at;
+  };
   using Table = std::vector<double>;
-  template <typename F> Table table(int face, const F& value) const {
+  template <typename F>
+  Table table(int face, const F& value) const {
     Table t(size_t(kStride) * kStride, 0.0);
     for (const Place& p : places_[face]) t[(p.at / kWidth + 1) * kStride + p.at % kWidth + 1] += value(p.cell);
     for (int y = 1; y < kStride; ++y) {
@@ -116,7 +122,9 @@ class Charts {
     }
     return t;
   }
-  void update(int face) { flux_[face] = table(face, [&](size_t c) { return left_[c] ? cells_.cells[c].weight : 0.0; }); }
+  void update(int face) {
+    flux_[face] = table(face, [&](size_t c) { return left_[c] ? cells_.cells[c].weight : 0.0; });
+  }
   static double sum(const Table& t, int x, int y, int side) {
     const double* a = &t[y * kStride + x];
     const double* b = a + side * kStride;
@@ -136,7 +144,7 @@ std::vector<Moments> pursue(const EnvironmentCells& cells, int lights, const Sto
     const Charts::Square s = charts.best(kSpread * 4.0 * std::numbers::pi / lights, stop);
     if (stop.stopRequested()) return {};
     const Moments m = charts.take(s);
-    if (!(m.weight > 0)) break;   // nothing is left, or no more than rounding of the table's sums
+    if (!(m.weight > 0)) break;  // nothing is left, or no more than rounding of the table's sums
     found.push_back(m);
   }
   return found;
@@ -144,7 +152,10 @@ std::vector<Moments> pursue(const EnvironmentCells& cells, int lights, const Sto
 
 /// Cells to the light or background that they are likeliest of, lights to their cells, in turn.
 std::vector<Moments> refine(const EnvironmentCells& cells, std::vector<Moments> lights, const StopToken& stop) {
-  struct Gaussian { DVec3 centre; double scale, logVariance; };
+  struct Gaussian {
+    DVec3 centre;
+    double scale, logVariance;
+  };
   const double widest = squareSpread(kWidest);
   for (int round = 0; round < kRounds && !lights.empty(); ++round) {
     std::vector<Gaussian> g;
@@ -159,12 +170,15 @@ std::vector<Moments> refine(const EnvironmentCells& cells, std::vector<Moments> 
       if (!(c.weight > 0)) continue;
       const DVec3 centre = c.centre();
       const double own = std::max(1.0 - glm::dot(centre, centre), 0.0) + c.extent / c.weight;
-      double least = std::log(2.0);   // uniform density 1 / (4 pi), by the 1 / (2 pi) that the Gaussians leave out
+      double least = std::log(2.0);  // uniform density 1 / (4 pi), by the 1 / (2 pi) that the Gaussians leave out
       int best = -1;
       for (size_t k = 0; k < g.size(); ++k) {
         const DVec3 d = centre - g[k].centre;
         const double cost = (glm::dot(d, d) + own) * g[k].scale + g[k].logVariance;
-        if (cost < least) { least = cost; best = int(k); }
+        if (cost < least) {
+          least = cost;
+          best = int(k);
+        }
       }
       if (best >= 0) next[size_t(best)].add(c);
     }
@@ -178,8 +192,15 @@ std::vector<Moments> refine(const EnvironmentCells& cells, std::vector<Moments> 
 
 using Harmonics = std::array<double, 9>;
 Harmonics harmonics(const DVec3& d) {
-  return {0.282094791773878, 0.488602511902920 * d.y, 0.488602511902920 * d.z, 0.488602511902920 * d.x, 1.092548430592079 * d.x * d.y,
-          1.092548430592079 * d.y * d.z, 0.315391565252520 * (3 * d.z * d.z - 1), 1.092548430592079 * d.x * d.z, 0.546274215296040 * (d.x * d.x - d.y * d.y)};
+  return {0.282094791773878,
+          0.488602511902920 * d.y,
+          0.488602511902920 * d.z,
+          0.488602511902920 * d.x,
+          1.092548430592079 * d.x * d.y,
+          1.092548430592079 * d.y * d.z,
+          0.315391565252520 * (3 * d.z * d.z - 1),
+          1.092548430592079 * d.x * d.z,
+          0.546274215296040 * (d.x * d.x - d.y * d.y)};
 }
 
 double irradiance0(const std::array<DVec3, 9>& c, int k) { return formulas::harmonicIrradiance0(float(c[0][k])); }
@@ -199,15 +220,15 @@ void findRemainder(const EnvironmentCells& cells, AreaLightFit& fit) {
     const Harmonics y = harmonics(l.direction);
     for (size_t i = 0; i < 9; ++i) fit.remainder[i] -= l.irradiance * y[i];
   }
-  constexpr int kDirections = 4096;   // 3.2 degrees apart: between them a band-2 function is at most 0.5 % of its range lower
+  constexpr int kDirections = 4096;  // 3.2 degrees apart: between them a band-2 function is at most 0.5 % of its range lower
   for (int k = 0; k < 3; ++k) {
     const double mean = irradiance0(fit.remainder, k);
-    if (!(mean > 1e-12 * fit.flux[k])) {   // nothing, but for rounding
+    if (!(mean > 1e-12 * fit.flux[k])) {  // nothing, but for rounding
       for (DVec3& c : fit.remainder) c[k] = 0;
       continue;
     }
     double lowest = 0;
-    for (int i = 0; i < kDirections; ++i) {   // Fibonacci lattice
+    for (int i = 0; i < kDirections; ++i) {  // Fibonacci lattice
       const double z = 1.0 - (2.0 * i + 1.0) / kDirections, phi = i * 2.399963229728653, r = std::sqrt(1.0 - z * z);
       lowest = std::min(lowest, irradiance12(fit.remainder, DVec3(r * std::cos(phi), r * std::sin(phi), z), k));
     }
@@ -242,7 +263,8 @@ AreaLightFit fitAreaLights(const Environment& map, int lights, const StopToken& 
     l.irradiance = m.flux;
     fit.lights.push_back(l);
   }
-  std::stable_sort(fit.lights.begin(), fit.lights.end(), [](const AreaLight& a, const AreaLight& b) { return luminance(Vec3(a.irradiance)) > luminance(Vec3(b.irradiance)); });
+  std::stable_sort(fit.lights.begin(), fit.lights.end(),
+                   [](const AreaLight& a, const AreaLight& b) { return luminance(Vec3(a.irradiance)) > luminance(Vec3(b.irradiance)); });
   findRemainder(cells, fit);
   return fit;
 }

@@ -27,18 +27,18 @@
 namespace gobo {
 
 struct AreaLight {
-  DVec3 direction{0, 1, 0};   ///< unit, towards its centre, map axes (rotation 0)
-  DVec3 right{1, 0, 0};       ///< unit tangent: one side of the square; horizontal
-  double angularSize = 0;     ///< 2 tan(half angle) of its side
-  DVec3 irradiance{0.0};      ///< on a plane facing it, as a direction: its flux, W/m^2
+  DVec3 direction{0, 1, 0};  ///< unit, towards its centre, map axes (rotation 0)
+  DVec3 right{1, 0, 0};      ///< unit tangent: one side of the square; horizontal
+  double angularSize = 0;    ///< 2 tan(half angle) of its side
+  DVec3 irradiance{0.0};     ///< on a plane facing it, as a direction: its flux, W/m^2
   double solidAngle() const;
 };
 
 struct AreaLightFit {
-  std::vector<AreaLight> lights;            ///< brightest first; at most as many as asked for
-  std::array<DVec3, 9> remainder{};         ///< radiance, order of formulas/harmonics.glsl.h
-  DVec3 flux{0.0};                          ///< of the map, W/m^2
-  DVec3 remainderFlux() const;              ///< 4 pi times its mean radiance
+  std::vector<AreaLight> lights;     ///< brightest first; at most as many as asked for
+  std::array<DVec3, 9> remainder{};  ///< radiance, order of formulas/harmonics.glsl.h
+  DVec3 flux{0.0};                   ///< of the map, W/m^2
+  DVec3 remainderFlux() const;       ///< 4 pi times its mean radiance
   DVec3 remainderIrradiance(const DVec3& n) const;
 };
 

@@ -22,7 +22,7 @@ double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const
   double sum = 0;
   for (int i = 0; i < count; ++i) {
     const double la = glm::length(poly[i]), lb = glm::length(poly[(i + 1) % count]);
-    if (!(la > 0) || !(lb > 0)) continue;   // the receiver touches a corner
+    if (!(la > 0) || !(lb > 0)) continue;  // the receiver touches a corner
     const DVec3 a = poly[i] / la, b = poly[(i + 1) % count] / lb;
     const DVec3 c = glm::cross(a, b);
     const double s = glm::length(c);
@@ -37,8 +37,8 @@ double sphereFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, dou
   const double distance = glm::length(d);
   if (!(distance > radius)) return -1;
   const double sine = radius / distance, cosine = glm::dot(d, n) / distance;
-  if (cosine <= -sine) return 0;                                  // wholly below
-  if (cosine < sine) return -1;                                   // crosses the horizon
+  if (cosine <= -sine) return 0;  // wholly below
+  if (cosine < sine) return -1;   // crosses the horizon
   return cosine * sine * sine;
 }
 

@@ -21,7 +21,7 @@ class GBufferNode final : public Node {
  public:
   explicit GBufferNode(const GBufferSettings& s) : s_(s) {}
   std::string type() const override { return "gbuffer"; }
-  int version() const override { return 2; }                          // 2: in packets
+  int version() const override { return 2; }  // 2: in packets
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::Shading;
@@ -50,41 +50,44 @@ class GBufferNode final : public Node {
     const FilmRays film(s_.camera, w, h);
     // Packets of 4x4 pixels of one layer: rays that run side by side.
     const size_t bands = size_t(h + kTile - 1) / kTile;
-    const bool complete = ctx.arena->parallelFor(bands * size_t(S), 1, [&](size_t begin, size_t end) {
-      uint64_t rays = 0;
-      for (size_t band = begin; band < end; ++band) {
-        const int s = int(band / bands), y0 = int(band % bands) * kTile, tall = std::min(kTile, h - y0);
-        const Vec2 offset = viewSamplePosition(s, S);
-        for (int x0 = 0; x0 < w; x0 += kTile) {
-          const int wide = std::min(kTile, w - x0), count = wide * tall;
-          Ray ray[kTile * kTile];
-          Hit hit[kTile * kTile];
-          for (int i = 0; i < count; ++i) ray[i] = film.at(float(x0 + i % wide) + offset.x, float(y0 + i / wide) + offset.y);
-          accel->intersect16(ray, count, hit, &passed);
-          for (int i = 0; i < count; ++i) {
-            const size_t at = (size_t(s) * size_t(h) + size_t(y0 + i / wide)) * size_t(w) + size_t(x0 + i % wide);
-            if (!hit[i].valid()) {
-              for (int c = 0; c < 3; ++c) P[3 * at + c] = N[3 * at + c] = Ng[3 * at + c] = 0.0f;
-              for (int c = 0; c < 2; ++c) uv[2 * at + c] = bary[2 * at + c] = 0.0f;
-              footprint[at] = 0.0f;
-              depth[at] = std::numeric_limits<float>::infinity();
-              instance[at] = primitive[at] = kNoHit;
-              continue;
+    const bool complete = ctx.arena->parallelFor(
+        bands * size_t(S), 1,
+        [&](size_t begin, size_t end) {
+          uint64_t rays = 0;
+          for (size_t band = begin; band < end; ++band) {
+            const int s = int(band / bands), y0 = int(band % bands) * kTile, tall = std::min(kTile, h - y0);
+            const Vec2 offset = viewSamplePosition(s, S);
+            for (int x0 = 0; x0 < w; x0 += kTile) {
+              const int wide = std::min(kTile, w - x0), count = wide * tall;
+              Ray ray[kTile * kTile];
+              Hit hit[kTile * kTile];
+              for (int i = 0; i < count; ++i) ray[i] = film.at(float(x0 + i % wide) + offset.x, float(y0 + i / wide) + offset.y);
+              accel->intersect16(ray, count, hit, &passed);
+              for (int i = 0; i < count; ++i) {
+                const size_t at = (size_t(s) * size_t(h) + size_t(y0 + i / wide)) * size_t(w) + size_t(x0 + i % wide);
+                if (!hit[i].valid()) {
+                  for (int c = 0; c < 3; ++c) P[3 * at + c] = N[3 * at + c] = Ng[3 * at + c] = 0.0f;
+                  for (int c = 0; c < 2; ++c) uv[2 * at + c] = bary[2 * at + c] = 0.0f;
+                  footprint[at] = 0.0f;
+                  depth[at] = std::numeric_limits<float>::infinity();
+                  instance[at] = primitive[at] = kNoHit;
+                  continue;
+                }
+                write(*accel, meshes[instances[hit[i].instance].mesh], ray[i], hit[i], at, P, N, Ng, uv);
+                const Vec3 p(P[3 * at], P[3 * at + 1], P[3 * at + 2]);
+                depth[at] = glm::length(p - ray[i].origin);
+                footprint[at] = film.footprint(depth[at]);
+                instance[at] = hit[i].instance;
+                primitive[at] = hit[i].primitive;
+                bary[2 * at] = hit[i].u;
+                bary[2 * at + 1] = hit[i].v;
+              }
             }
-            write(*accel, meshes[instances[hit[i].instance].mesh], ray[i], hit[i], at, P, N, Ng, uv);
-            const Vec3 p(P[3 * at], P[3 * at + 1], P[3 * at + 2]);
-            depth[at] = glm::length(p - ray[i].origin);
-            footprint[at] = film.footprint(depth[at]);
-            instance[at] = hit[i].instance;
-            primitive[at] = hit[i].primitive;
-            bary[2 * at] = hit[i].u;
-            bary[2 * at + 1] = hit[i].v;
+            rays += uint64_t(tall) * uint64_t(w);
           }
-        }
-        rays += uint64_t(tall) * uint64_t(w);
-      }
-      if (ctx.counters) ctx.counters->rays += rays;
-    }, ctx.stop);
+          if (ctx.counters) ctx.counters->rays += rays;
+        },
+        ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");
     return TermPtr(out);
   }
@@ -112,8 +115,12 @@ class GBufferNode final : public Node {
     const float length = glm::length(n);
     n = length > 1e-12f && std::isfinite(length) ? n / length : ng;
     if (glm::dot(n, ng) < 0) n = -n;
-    if (glm::dot(n, ray.direction) >= 0) n = ng;      // a shading normal that faces away from the viewer shades nothing
-    for (int c = 0; c < 3; ++c) { P[3 * at + c] = p[c]; N[3 * at + c] = n[c]; Ng[3 * at + c] = ng[c]; }
+    if (glm::dot(n, ray.direction) >= 0) n = ng;  // a shading normal that faces away from the viewer shades nothing
+    for (int c = 0; c < 3; ++c) {
+      P[3 * at + c] = p[c];
+      N[3 * at + c] = n[c];
+      Ng[3 * at + c] = ng[c];
+    }
     uv[2 * at] = std::isfinite(t.x) ? t.x : 0.0f;
     uv[2 * at + 1] = std::isfinite(t.y) ? t.y : 0.0f;
   }

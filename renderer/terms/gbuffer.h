@@ -13,7 +13,10 @@
 
 namespace gobo {
 
-struct GBufferSettings { Camera camera; int width = 0, height = 0, viewSamples = 1; };
+struct GBufferSettings {
+  Camera camera;
+  int width = 0, height = 0, viewSamples = 1;
+};
 void hashCamera(Hasher& hasher, const Camera& camera);
 
 NodePtr makeGBufferNode(const GBufferSettings& settings);

@@ -15,22 +15,27 @@ using NodeId = int;
 struct GraphNode {
   NodePtr node;
   std::vector<NodeId> inputs;
-  std::vector<int> lights;      ///< subset of the scene's lights that the node reads (light facets of its key)
-  std::string label;            ///< for reports: "visibility:sun"
-  uint32_t blocks = 0;          ///< extendable nodes: blocks asked for
-  ScenePtr scene;               ///< the effective scene that the node sees (null for filters)
-  bool transient = false;       ///< result is not kept in the store (inputs of folds)
-  std::string approximate;      ///< for reports: in what its result is more than noise away from the truth; empty: in nothing
+  std::vector<int> lights;  ///< subset of the scene's lights that the node reads (light facets of its key)
+  std::string label;        ///< for reports: "visibility:sun"
+  uint32_t blocks = 0;      ///< extendable nodes: blocks asked for
+  ScenePtr scene;           ///< the effective scene that the node sees (null for filters)
+  bool transient = false;   ///< result is not kept in the store (inputs of folds)
+  std::string approximate;  ///< for reports: in what its result is more than noise away from the truth; empty: in nothing
 };
 
-struct PrunedNode { std::string label, reason; bool approximate = false; };
+struct PrunedNode {
+  std::string label, reason;
+  bool approximate = false;
+};
 
 class Graph {
  public:
   /// Adds, or finds the structurally equal node. `scene` may be null for filters.
   NodeId add(GraphNode node);
   /// Marks node `id`, and nodes from `first` on that were added for it, as not kept in the store (inputs of folds).
-  void markTransient(NodeId first, NodeId id) { for (NodeId i = first; i <= id; ++i) nodes_[i].transient = true; }
+  void markTransient(NodeId first, NodeId id) {
+    for (NodeId i = first; i <= id; ++i) nodes_[i].transient = true;
+  }
   const GraphNode& at(NodeId id) const { return nodes_[id]; }
   int size() const { return int(nodes_.size()); }
   void prune(std::string label, std::string reason, bool approximate = false) { pruned_.push_back({std::move(label), std::move(reason), approximate}); }

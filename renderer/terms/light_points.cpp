@@ -34,7 +34,7 @@ LightPoints::LightPoints(const SceneView& view, int light, const Vec2& angularSi
   const Instance& instance = view.instances()[shape_.instance];
   const auto mesh = view.mesh<Facet::Topology | Facet::Pose>(instance.mesh);
   meshTwoSided_ = view.coverage(mesh.material).doubleSided;
-  const float handed = glm::determinant(Mat3(instance.toWorld)) < 0.0f ? -1.0f : 1.0f;   // a mirroring instance keeps outside outside
+  const float handed = glm::determinant(Mat3(instance.toWorld)) < 0.0f ? -1.0f : 1.0f;  // a mirroring instance keeps outside outside
   auto world = [&](uint32_t i) { return Vec3(instance.toWorld * Vec4(mesh.positions[i], 1.0f)); };
   double total = 0;
   for (size_t t = 0; t < mesh.triangles(); ++t) {
@@ -50,7 +50,7 @@ LightPoints::LightPoints(const SceneView& view, int light, const Vec2& angularSi
 }
 
 bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, LightPoint& out) const {
-  Vec3 to, emitter(0.0f);   // towards the point; its normal (area lights)
+  Vec3 to, emitter(0.0f);  // towards the point; its normal (area lights)
   bool twoSided = shape_.twoSided;
   switch (shape_.kind) {
     case LightKind::Directional:
@@ -58,9 +58,7 @@ bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, L
       out.distance = 3.0e38f;
       break;
     case LightKind::Point:
-    case LightKind::Spot:
-      to = shape_.position - p;
-      break;
+    case LightKind::Spot: to = shape_.position - p; break;
     case LightKind::Rect:
       to = shape_.position + (2.0f * u.x - 1.0f) * shape_.u + (2.0f * u.y - 1.0f) * shape_.v - p;
       emitter = shape_.axis;
@@ -75,10 +73,10 @@ bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, L
       const Vec3 c = shape_.position - p;
       const float centre2 = glm::dot(c, c), sin2 = sqr(shape_.radius) / centre2;
       if (!(sin2 < 1.0f)) return false;
-      const float cone = sin2 / (1.0f + std::sqrt(1.0f - sin2));   // 1 - cos(cone) without cancellation
+      const float cone = sin2 / (1.0f + std::sqrt(1.0f - sin2));  // 1 - cos(cone) without cancellation
       const Vec2 d = concentricDisk(u);
       const float r2 = glm::dot(d, d), drop = r2 * cone, cosine = 1.0f - drop;
-      const float side = std::sqrt(std::max(cone * (2.0f - drop), 0.0f));   // sin(theta) = sqrt(r2) * side
+      const float side = std::sqrt(std::max(cone * (2.0f - drop), 0.0f));  // sin(theta) = sqrt(r2) * side
       const Frame f(c / std::sqrt(centre2));
       out.direction = f.x * (d.x * side) + f.y * (d.y * side) + f.z * cosine;
       out.distance = std::sqrt(centre2) * cosine - std::sqrt(std::max(sqr(shape_.radius) - centre2 * r2 * sqr(side), 0.0f));
@@ -115,7 +113,7 @@ bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, L
       out.weight = 1.0f;
       break;
     case LightKind::Directional: {
-      const float along = -glm::dot(shape_.axis, out.direction);   // solid angle of an element of the tangent plane: cos^3
+      const float along = -glm::dot(shape_.axis, out.direction);  // solid angle of an element of the tangent plane: cos^3
       out.weight = wide_ ? cosine * along * along * along : 1.0f;
       break;
     }

@@ -14,10 +14,10 @@
 namespace gobo {
 
 struct LightPoint {
-  Vec3 direction{0.0f};     ///< unit, from the receiver
-  float distance = 0;       ///< metres; 3e38 for Directional
-  float weight = 0;         ///< share in the visibility ratio: cosine at the receiver times the light's foreshortening; 1 for point-like lights
-  bool belowSurface = false;   ///< above the shading normal's horizon but below the surface itself: blocked without a ray
+  Vec3 direction{0.0f};       ///< unit, from the receiver
+  float distance = 0;         ///< metres; 3e38 for Directional
+  float weight = 0;           ///< share in the visibility ratio: cosine at the receiver times the light's foreshortening; 1 for point-like lights
+  bool belowSurface = false;  ///< above the shading normal's horizon but below the surface itself: blocked without a ray
 };
 
 class LightPoints {
@@ -32,10 +32,12 @@ class LightPoints {
   bool sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, LightPoint& out) const;
 
  private:
-  struct Triangle { Vec3 a, ab, ac, normal; };
+  struct Triangle {
+    Vec3 a, ab, ac, normal;
+  };
   LightShape shape_;
-  Vec3 tangent_{0.0f}, bitangent_{0.0f};   // Disk, wide Directional
-  std::vector<Triangle> triangles_;        // Mesh, and the cumulated shares of their areas
+  Vec3 tangent_{0.0f}, bitangent_{0.0f};  // Disk, wide Directional
+  std::vector<Triangle> triangles_;       // Mesh, and the cumulated shares of their areas
   std::vector<double> cumulated_;
   bool meshTwoSided_ = false, wide_ = false;
 };

@@ -60,26 +60,29 @@ class MotionNode final : public Node {
     const Vec2 offset = viewSamplePosition(0, s_.view.viewSamples);
     auto out = std::make_shared<Term>("pixels", Domain::Pixel, Extent{w, h, 1});
     const auto motion = out->addPlane<float>("motion", 2);
-    const bool complete = ctx.arena->parallelFor(size_t(h), 8, [&](size_t begin, size_t end) {
-      for (size_t y = begin; y < end; ++y)
-        for (int x = 0; x < w; ++x) {
-          const size_t p = y * w + x;
-          glm::dvec4 here, there;
-          if (instance[p] == kNoHit) {
-            here = there = glm::dvec4(DVec3(cameraRay(s_.view.camera, w, h, float(x) + offset.x, float(y) + offset.y).direction), 0.0);
-          } else {
-            const int i = int(instance[p]);
-            here = there = glm::dvec4(now.at(i, primitive[p], bary[2 * p], bary[2 * p + 1]), 1.0);
-            if (earlier[i] >= 0) there = glm::dvec4(before.at(earlier[i], primitive[p], bary[2 * p], bary[2 * p + 1]), 1.0);
-          }
-          glm::dvec2 to, from;
-          if (!filmPosition(s_.view.camera, w, h, here, to) || !filmPosition(s_.earlierCamera, w, h, there, from)) continue;
-          const float dx = float(to.x - from.x), dy = float(to.y - from.y);
-          if (!std::isfinite(dx) || !std::isfinite(dy)) continue;
-          motion[2 * p] = dx;
-          motion[2 * p + 1] = dy;
-        }
-    }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        size_t(h), 8,
+        [&](size_t begin, size_t end) {
+          for (size_t y = begin; y < end; ++y)
+            for (int x = 0; x < w; ++x) {
+              const size_t p = y * w + x;
+              glm::dvec4 here, there;
+              if (instance[p] == kNoHit) {
+                here = there = glm::dvec4(DVec3(cameraRay(s_.view.camera, w, h, float(x) + offset.x, float(y) + offset.y).direction), 0.0);
+              } else {
+                const int i = int(instance[p]);
+                here = there = glm::dvec4(now.at(i, primitive[p], bary[2 * p], bary[2 * p + 1]), 1.0);
+                if (earlier[i] >= 0) there = glm::dvec4(before.at(earlier[i], primitive[p], bary[2 * p], bary[2 * p + 1]), 1.0);
+              }
+              glm::dvec2 to, from;
+              if (!filmPosition(s_.view.camera, w, h, here, to) || !filmPosition(s_.earlierCamera, w, h, there, from)) continue;
+              const float dx = float(to.x - from.x), dy = float(to.y - from.y);
+              if (!std::isfinite(dx) || !std::isfinite(dy)) continue;
+              motion[2 * p] = dx;
+              motion[2 * p + 1] = dy;
+            }
+        },
+        ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");
     return TermPtr(out);
   }

@@ -11,8 +11,8 @@
 namespace gobo {
 
 struct MotionSettings {
-  GBufferSettings view;       ///< now
-  ScenePtr earlierScene;      ///< sealed; its topology and pose are part of the key
+  GBufferSettings view;   ///< now
+  ScenePtr earlierScene;  ///< sealed; its topology and pose are part of the key
   Camera earlierCamera;
 };
 NodePtr makeMotionNode(const MotionSettings& settings);

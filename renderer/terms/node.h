@@ -17,54 +17,54 @@
 #include "base/stop.h"
 #include "base/task_arena.h"
 #include "scene/scene.h"
-#include "trace/path_class.h"
 #include "terms/term.h"
+#include "trace/path_class.h"
 
 namespace gobo {
 
-class Accel;        // trace/accel.h
-class AccelCache;   // acceleration structures shared by the nodes of an engine
+class Accel;       // trace/accel.h
+class AccelCache;  // acceleration structures shared by the nodes of an engine
 
 /// What the node claims about itself. Each claim has a generic conformance test (tests/unit/filters/conformance_test.cpp).
 struct NodeTraits {
-  Facet facets = Facet::None;          ///< None: a filter
+  Facet facets = Facet::None;  ///< None: a filter
   PathClass pathClass = PathClass::None;
-  bool smallOutput = false;            ///< passed on by content digest (at most 64 KiB): equal results re-run nothing behind it
-  bool extendable = false;             ///< result depends on a block count that is not in the recipe key
-  bool linearPerGroup = false;         ///< f(a x + b y) = a f(x) + b f(y) in its first input: gains may be hoisted through
-  bool rangePreserving = false;        ///< output within [min, max] of the first input
-  bool tileable = false;               ///< an output pixel depends only on inputs within `halo` pixels
+  bool smallOutput = false;      ///< passed on by content digest (at most 64 KiB): equal results re-run nothing behind it
+  bool extendable = false;       ///< result depends on a block count that is not in the recipe key
+  bool linearPerGroup = false;   ///< f(a x + b y) = a f(x) + b f(y) in its first input: gains may be hoisted through
+  bool rangePreserving = false;  ///< output within [min, max] of the first input
+  bool tileable = false;         ///< an output pixel depends only on inputs within `halo` pixels
   int halo = 0;
-  bool persist = false;                ///< dear enough to write to the disk tier
+  bool persist = false;  ///< dear enough to write to the disk tier
 };
 
 struct RunCounters {
-  std::atomic<uint64_t> rays{0};       ///< every ray handed to Embree: primary, bounce, shadow
+  std::atomic<uint64_t> rays{0};  ///< every ray handed to Embree: primary, bounce, shadow
 };
 
 struct RunContext {
-  const SceneView* scene = nullptr;    ///< null for filters
+  const SceneView* scene = nullptr;  ///< null for filters
   std::vector<TermPtr> inputs;
   const TaskArena* arena = nullptr;
-  AccelCache* accels = nullptr;        ///< null for filters
+  AccelCache* accels = nullptr;  ///< null for filters
   StopToken stop;
   RunCounters* counters = nullptr;
-  std::function<void(double fraction)> progress;   ///< may be empty; called from any thread
+  std::function<void(double fraction)> progress;  ///< may be empty; called from any thread
 
   /// The acceleration structure of `scene`, whose node declares kAccelFacets (CHECKed). Errors: Cancelled when `stop` fired first.
   Result<std::shared_ptr<const Accel>> accel() const;
 
   // Extendable nodes only. Result(n) = fixed-order sum of blocks 0..n-1, whatever it started from.
   uint32_t targetBlocks = 0;
-  TermPtr previous;                    ///< a state of the same recipe with fewer blocks, or a parked one; may be null
-  TermPtr* park = nullptr;             ///< when preempted, the node may leave a partial state here
+  TermPtr previous;         ///< a state of the same recipe with fewer blocks, or a parked one; may be null
+  TermPtr* park = nullptr;  ///< when preempted, the node may leave a partial state here
 };
 
 class Node {
  public:
   virtual ~Node() = default;
-  virtual std::string type() const = 0;            ///< stable name, e.g. "axis_aligned_filter"
-  virtual int version() const { return 1; }        ///< bump when the result changes for the same parameters
+  virtual std::string type() const = 0;      ///< stable name, e.g. "axis_aligned_filter"
+  virtual int version() const { return 1; }  ///< bump when the result changes for the same parameters
   virtual std::string numericClass() const { return "cpu-f32-avx2"; }
   virtual std::string device() const { return "cpu"; }
   virtual NodeTraits traits() const = 0;
@@ -82,7 +82,10 @@ class FoldNode : public Node {
  public:
   virtual int fixedInputs() const = 0;
   virtual int stride() const = 0;
-  class State { public: virtual ~State() = default; };
+  class State {
+   public:
+    virtual ~State() = default;
+  };
   virtual std::unique_ptr<State> begin(const RunContext& ctx, const std::vector<TermPtr>& fixed) const = 0;
   virtual Status step(const RunContext& ctx, State& state, int index, const std::vector<TermPtr>& inputs) const = 0;
   virtual Result<TermPtr> finish(const RunContext& ctx, std::unique_ptr<State> state) const = 0;

@@ -10,7 +10,7 @@ namespace gobo {
 
 namespace {
 
-constexpr int kTile = 16;   // pixels a side: a tile of 16 samples a pixel takes about 2 ms, so stops are noticed in time
+constexpr int kTile = 16;  // pixels a side: a tile of 16 samples a pixel takes about 2 ms, so stops are noticed in time
 
 class PathTraceNode final : public Node {
  public:
@@ -65,44 +65,50 @@ class PathTraceNode final : public Node {
     const int tilesX = (width + kTile - 1) / kTile, tilesY = (height + kTile - 1) / kTile;
     const size_t tiles = size_t(tilesX) * tilesY;
     std::atomic<size_t> done{0};
-    const bool complete = ctx.arena->parallelFor(tiles, 1, [&](size_t tile, size_t) {
-      const int x0 = int(tile % tilesX) * kTile, y0 = int(tile / tilesX) * kTile;
-      uint64_t rays = 0;
-      std::vector<double> one(perStream);
-      for (int y = y0; y < std::min(height, y0 + kTile); ++y) {
-        for (int x = x0; x < std::min(width, x0 + kTile); ++x) {
-          const size_t p = size_t(y) * width + x;
-          if (!oldSamples.empty()) {
-            std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
-            if (perPixel) std::copy_n(oldParts.begin() + p * perPixel, perPixel, parts.begin() + p * perPixel);
-            samples[p] = oldSamples[p];
-            if (!oldDropped.empty()) dropped.add(p, oldDropped[p]);
-          }
-          for (uint32_t block = samples[p] / settings_.blockSize; block < ctx.targetBlocks; ++block) {
-            if (ctx.stop.stopRequested()) { ctx.counters->rays += rays; return; }
-            uint64_t lost = 0;
-            if (!perPixel) {
-              tracer->traceBlock(x, y, block, sum.data() + p * slots * 3, rays, lost);
-            } else {
-              const uint32_t stream = block % uint32_t(streams_);
-              std::fill(one.begin(), one.end(), 0.0);
-              tracer->traceBlock(x, y, stream * kBlocksPerStream + block / uint32_t(streams_), one.data(), rays, lost);
-              double* all = sum.data() + p * perStream;
-              float* part = parts.data() + p * perPixel + stream * perStream;
-              for (size_t i = 0; i < perStream; ++i) {
-                all[i] += one[i];
-                part[i] = float(double(part[i]) + one[i]);
+    const bool complete = ctx.arena->parallelFor(
+        tiles, 1,
+        [&](size_t tile, size_t) {
+          const int x0 = int(tile % tilesX) * kTile, y0 = int(tile / tilesX) * kTile;
+          uint64_t rays = 0;
+          std::vector<double> one(perStream);
+          for (int y = y0; y < std::min(height, y0 + kTile); ++y) {
+            for (int x = x0; x < std::min(width, x0 + kTile); ++x) {
+              const size_t p = size_t(y) * width + x;
+              if (!oldSamples.empty()) {
+                std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
+                if (perPixel) std::copy_n(oldParts.begin() + p * perPixel, perPixel, parts.begin() + p * perPixel);
+                samples[p] = oldSamples[p];
+                if (!oldDropped.empty()) dropped.add(p, oldDropped[p]);
+              }
+              for (uint32_t block = samples[p] / settings_.blockSize; block < ctx.targetBlocks; ++block) {
+                if (ctx.stop.stopRequested()) {
+                  ctx.counters->rays += rays;
+                  return;
+                }
+                uint64_t lost = 0;
+                if (!perPixel) {
+                  tracer->traceBlock(x, y, block, sum.data() + p * slots * 3, rays, lost);
+                } else {
+                  const uint32_t stream = block % uint32_t(streams_);
+                  std::fill(one.begin(), one.end(), 0.0);
+                  tracer->traceBlock(x, y, stream * kBlocksPerStream + block / uint32_t(streams_), one.data(), rays, lost);
+                  double* all = sum.data() + p * perStream;
+                  float* part = parts.data() + p * perPixel + stream * perStream;
+                  for (size_t i = 0; i < perStream; ++i) {
+                    all[i] += one[i];
+                    part[i] = float(double(part[i]) + one[i]);
+                  }
+                }
+                dropped.add(p, lost);
+                samples[p] += settings_.blockSize;
               }
             }
-            dropped.add(p, lost);
-            samples[p] += settings_.blockSize;
           }
-        }
-      }
-      ctx.counters->rays += rays;
-      const size_t now = ++done;
-      if (ctx.progress && now % 16 == 0) ctx.progress(double(now) / double(tiles));
-    }, ctx.stop);
+          ctx.counters->rays += rays;
+          const size_t now = ++done;
+          if (ctx.progress && now % 16 == 0) ctx.progress(double(now) / double(tiles));
+        },
+        ctx.stop);
     if (!complete || ctx.stop.stopRequested()) {
       // Only a preempted render is asked for again; a cancelled one shall return at once.
       if (ctx.park && ctx.stop.reason() == StopReason::Preempted) *ctx.park = oldSamples.empty() ? TermPtr(state) : merged(state, ctx.previous, slots);
@@ -132,7 +138,7 @@ class PathTraceNode final : public Node {
       std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
       if (split) std::copy_n(oldParts.begin() + p * perPixel, perPixel, parts.begin() + p * perPixel);
       samples[p] = oldSamples[p];
-      if (!oldDropped.empty()) dropped.add(p, oldDropped[p]);   // nothing was traced here: its own count is 0
+      if (!oldDropped.empty()) dropped.add(p, oldDropped[p]);  // nothing was traced here: its own count is 0
     }
     return state;
   }

@@ -9,9 +9,9 @@ namespace gobo {
 
 struct ShadowLightFrame {
   Vec3 centre{0.0f};
-  Vec3 axis{0, -1, 0};       ///< unit normal of the light plane
-  bool facing = false;       ///< sphere: the plane through the centre that faces the receiver; `axis` is not used
-  float sigma = 1.0f;        ///< standard deviation of the profile, metres
+  Vec3 axis{0, -1, 0};  ///< unit normal of the light plane
+  bool facing = false;  ///< sphere: the plane through the centre that faces the receiver; `axis` is not used
+  float sigma = 1.0f;   ///< standard deviation of the profile, metres
 
   /// Normal of the light plane for a receiver at p given relative to the centre.
   Vec3 normalFor(const Vec3& relative) const {
@@ -35,8 +35,6 @@ inline ShadowLightFrame shadowLightFrame(const LightShape& shape) {
   return f;
 }
 
-inline void hashShadowLightFrame(Hasher& h, const ShadowLightFrame& f) {
-  h.addPod(f.centre).addPod(f.axis).add(f.facing).add(f.sigma);
-}
+inline void hashShadowLightFrame(Hasher& h, const ShadowLightFrame& f) { h.addPod(f.centre).addPod(f.axis).add(f.facing).add(f.sigma); }
 
 }  // namespace gobo

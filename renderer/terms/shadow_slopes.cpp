@@ -18,7 +18,7 @@ namespace {
 
 Facet facets(bool clear) {
   const Facet plain = kAccelFacets | Facet::LightShape;
-  return clear ? plain | kSurfaceFacets : plain;   // tints
+  return clear ? plain | kSurfaceFacets : plain;  // tints
 }
 
 class ShadowSlopesNode final : public Node {
@@ -49,43 +49,52 @@ class ShadowSlopesNode final : public Node {
     SurfaceTable surfaces;
     if (s_.clear) surfaces.build(*ctx.scene, *accel);
     const auto occluded = term->addPlane<uint8_t>("occluded");
-    const bool complete = ctx.arena->parallelFor(surface.size(), 128, [&](size_t from, size_t to) {
-      uint64_t rays = 0;
-      for (size_t e = from; e < to; ++e) {
-        if (!surface.hit(e)) continue;
-        const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
-        const uint64_t seed = viewSampleSeed(s_.seed, e);
-        DVec3 v(0.0);
-        double w = 0;
-        float largest = 0, smallest = AA_SLOPE_MAX;
-        for (uint32_t i = 0; i < s_.pilot; ++i) {
-          LightPoint point;
-          if (!light.sample(p, N, Ng, SobolSampler(seed, i).next2D(), point)) continue;
-          w += point.weight;
-          if (point.belowSurface) continue;
-          const Ray ray = shadowRay(*accel, p, Ng, point);
-          Hit first, last;
-          ++rays;
-          if (!accel->intersect(ray, first)) { v += DVec3(point.weight); continue; }
-          if (s_.clear) v += DVec3(transmittance(*accel, surfaces, ray, nullptr, rays)) * double(point.weight);
-          // Back from the light: the occluder nearest to it. Where rounding lets that ray through, the first one serves.
-          Ray back;
-          back.origin = ray.origin + ray.direction * ray.tmax;
-          back.direction = -ray.direction;
-          back.tmax = ray.tmax;
-          ++rays;
-          const float tLast = accel->intersect(back, last) ? std::max(ray.tmax - last.t, first.t) : first.t;
-          const float moved = point.distance - ray.tmax / kShadowRayEnd;   // the ray starts this much off the receiver
-          smallest = std::min(smallest, formulas::aaSlope(first.t + moved, point.distance));
-          largest = std::max(largest, formulas::aaSlope(tLast + moved, point.distance));
-          occluded[e] = 1;
-        }
-        for (size_t c = 0; c < C; ++c) sumV[C * e + c] = float(v[int(c)]);
-        sumW[e] = float(w);
-        if (occluded[e]) { sMax[e] = largest; sMin[e] = smallest; }
-      }
-      if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
-    }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        surface.size(), 128,
+        [&](size_t from, size_t to) {
+          uint64_t rays = 0;
+          for (size_t e = from; e < to; ++e) {
+            if (!surface.hit(e)) continue;
+            const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
+            const uint64_t seed = viewSampleSeed(s_.seed, e);
+            DVec3 v(0.0);
+            double w = 0;
+            float largest = 0, smallest = AA_SLOPE_MAX;
+            for (uint32_t i = 0; i < s_.pilot; ++i) {
+              LightPoint point;
+              if (!light.sample(p, N, Ng, SobolSampler(seed, i).next2D(), point)) continue;
+              w += point.weight;
+              if (point.belowSurface) continue;
+              const Ray ray = shadowRay(*accel, p, Ng, point);
+              Hit first, last;
+              ++rays;
+              if (!accel->intersect(ray, first)) {
+                v += DVec3(point.weight);
+                continue;
+              }
+              if (s_.clear) v += DVec3(transmittance(*accel, surfaces, ray, nullptr, rays)) * double(point.weight);
+              // Back from the light: the occluder nearest to it. Where rounding lets that ray through, the first one serves.
+              Ray back;
+              back.origin = ray.origin + ray.direction * ray.tmax;
+              back.direction = -ray.direction;
+              back.tmax = ray.tmax;
+              ++rays;
+              const float tLast = accel->intersect(back, last) ? std::max(ray.tmax - last.t, first.t) : first.t;
+              const float moved = point.distance - ray.tmax / kShadowRayEnd;  // the ray starts this much off the receiver
+              smallest = std::min(smallest, formulas::aaSlope(first.t + moved, point.distance));
+              largest = std::max(largest, formulas::aaSlope(tLast + moved, point.distance));
+              occluded[e] = 1;
+            }
+            for (size_t c = 0; c < C; ++c) sumV[C * e + c] = float(v[int(c)]);
+            sumW[e] = float(w);
+            if (occluded[e]) {
+              sMax[e] = largest;
+              sMin[e] = smallest;
+            }
+          }
+          if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
+        },
+        ctx.stop);
     if (!complete) return Status(Code::Cancelled, "shadow_slopes: stopped");
     return TermPtr(term);
   }
@@ -121,34 +130,37 @@ class ShadowAdaptiveNode final : public Node {
     const auto V = term->addPlane<float>("V", int(C));
     SurfaceTable surfaces;
     if (s_.clear) surfaces.build(*ctx.scene, *accel);
-    const bool complete = ctx.arena->parallelFor(surface.size(), 32, [&](size_t from, size_t to) {
-      uint64_t rays = 0;
-      for (size_t e = from; e < to; ++e) {
-        for (size_t c = 0; c < C; ++c) V[C * e + c] = 1.0f;
-        if (!surface.hit(e)) continue;
-        const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
-        const uint64_t seed = viewSampleSeed(s_.seed, e);
-        DVec3 v(0.0);
-        for (size_t c = 0; c < C; ++c) v[int(c)] = sumV[C * e + c];
-        double w = sumW[e];
-        for (uint32_t i = s_.pilot; i < n[e]; ++i) {
-          LightPoint point;
-          if (!light.sample(p, N, Ng, SobolSampler(seed, i).next2D(), point)) continue;
-          w += point.weight;
-          if (point.belowSurface) continue;
-          const Ray ray = shadowRay(*accel, p, Ng, point);
-          if (s_.clear) {
-            v += DVec3(transmittance(*accel, surfaces, ray, nullptr, rays)) * double(point.weight);
-            continue;
+    const bool complete = ctx.arena->parallelFor(
+        surface.size(), 32,
+        [&](size_t from, size_t to) {
+          uint64_t rays = 0;
+          for (size_t e = from; e < to; ++e) {
+            for (size_t c = 0; c < C; ++c) V[C * e + c] = 1.0f;
+            if (!surface.hit(e)) continue;
+            const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
+            const uint64_t seed = viewSampleSeed(s_.seed, e);
+            DVec3 v(0.0);
+            for (size_t c = 0; c < C; ++c) v[int(c)] = sumV[C * e + c];
+            double w = sumW[e];
+            for (uint32_t i = s_.pilot; i < n[e]; ++i) {
+              LightPoint point;
+              if (!light.sample(p, N, Ng, SobolSampler(seed, i).next2D(), point)) continue;
+              w += point.weight;
+              if (point.belowSurface) continue;
+              const Ray ray = shadowRay(*accel, p, Ng, point);
+              if (s_.clear) {
+                v += DVec3(transmittance(*accel, surfaces, ray, nullptr, rays)) * double(point.weight);
+                continue;
+              }
+              ++rays;
+              if (!accel->occluded(ray)) v += DVec3(point.weight);
+            }
+            if (w > 0)
+              for (size_t c = 0; c < C; ++c) V[C * e + c] = clamp01(float(v[int(c)] / w));
           }
-          ++rays;
-          if (!accel->occluded(ray)) v += DVec3(point.weight);
-        }
-        if (w > 0)
-          for (size_t c = 0; c < C; ++c) V[C * e + c] = clamp01(float(v[int(c)] / w));
-      }
-      if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
-    }, ctx.stop);
+          if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
+        },
+        ctx.stop);
     if (!complete) return Status(Code::Cancelled, "shadow_adaptive: stopped");
     return TermPtr(term);
   }

@@ -10,10 +10,10 @@
 namespace gobo {
 
 struct ShadowSlopesSettings {
-  uint32_t pilot = 9;      ///< rays per view sample
+  uint32_t pilot = 9;  ///< rays per view sample
   uint64_t seed = 0;
   Extent extent;
-  bool clear = false;      ///< light passes some surfaces straight on (trace/straight.h): sumV has three channels
+  bool clear = false;  ///< light passes some surfaces straight on (trace/straight.h): sumV has three channels
 };
 /// Source "shadow_slopes". Input 0: "gbuffer". Per ray one closest hit from the receiver and, if it is blocked, one back from the light.
 /// Planes: sMax f32 largest and sMin f32 smallest slope t/(T-t) of the occluders seen (formulas/axis_aligned.glsl.h), 0 where none;
@@ -21,10 +21,10 @@ struct ShadowSlopesSettings {
 NodePtr makeShadowSlopesNode(const ShadowSlopesSettings& settings);
 
 struct ShadowAdaptiveSettings {
-  uint32_t pilot = 9;      ///< as the pilot's
-  uint64_t seed = 0;       ///< as the pilot's
+  uint32_t pilot = 9;  ///< as the pilot's
+  uint64_t seed = 0;   ///< as the pilot's
   Extent extent;
-  bool clear = false;      ///< as the pilot's: V has three channels
+  bool clear = false;  ///< as the pilot's: V has three channels
 };
 /// Source "shadow_adaptive". Inputs 0: "gbuffer", 1: "shadow_slopes", 2: a term with plane n u32, rays per view sample in all.
 /// Term "visibility", plane V f32: the unfiltered estimate over n points (terms/visibility.h has the meaning and the cases that give 1).

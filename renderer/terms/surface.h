@@ -10,9 +10,9 @@
 namespace gobo {
 
 /// Bits of the plane "flags".
-inline constexpr uint8_t kSurfaceEntering = 1;   ///< the viewer is outside
-inline constexpr uint8_t kSurfaceUnlit = 2;      ///< reflects nothing
-inline constexpr uint8_t kSurfaceExtended = 4;   ///< the planes do not hold the whole material
+inline constexpr uint8_t kSurfaceEntering = 1;  ///< the viewer is outside
+inline constexpr uint8_t kSurfaceUnlit = 2;     ///< reflects nothing
+inline constexpr uint8_t kSurfaceExtended = 4;  ///< the planes do not hold the whole material
 
 NodePtr makeSurfaceNode(const GBufferSettings& settings);
 

@@ -14,8 +14,15 @@ Vec3 outsideNormal(const InstanceGeometry& g, uint32_t primitive) {
 }  // namespace
 
 SurfaceReader::SurfaceReader(const SceneView& view, AccelPtr accel, const Term& g, const Camera& camera)
-    : accel_(std::move(accel)), camera_(camera), eye_(camera.toWorld[3]), forward_(-Vec3(camera.toWorld[2])), instance_(g.plane<uint32_t>("instance")),
-      primitive_(g.plane<uint32_t>("primitive")), bary_(g.floats("bary")), P_(g.floats("P")), Ng_(g.floats("Ng")) {
+    : accel_(std::move(accel)),
+      camera_(camera),
+      eye_(camera.toWorld[3]),
+      forward_(-Vec3(camera.toWorld[2])),
+      instance_(g.plane<uint32_t>("instance")),
+      primitive_(g.plane<uint32_t>("primitive")),
+      bary_(g.floats("bary")),
+      P_(g.floats("P")),
+      Ng_(g.floats("Ng")) {
   table_.build(view, *accel_);
 }
 

@@ -2,8 +2,8 @@
 // Reading a G-buffer sample by sample.
 #pragma once
 
-#include "terms/term.h"
 #include "base/vec.h"
+#include "terms/term.h"
 
 namespace gobo {
 

@@ -47,14 +47,17 @@ class BlockPool {
   }
 
  private:
-  struct Block { uint8_t* p; size_t length; };
+  struct Block {
+    uint8_t* p;
+    size_t length;
+  };
   std::mutex mutex_;
   std::deque<Block> blocks_;
   size_t bytes_ = 0;
 };
 
 BlockPool& pool() {
-  static BlockPool* const instance = new BlockPool;   // never destroyed: terms may outlive main
+  static BlockPool* const instance = new BlockPool;  // never destroyed: terms may outlive main
   return *instance;
 }
 
@@ -125,7 +128,7 @@ Plane& Term::addRaw(std::string name, Format format, int channels, bool zeroed) 
   GOBO_CHECK(find(name) == nullptr);
   Plane p{std::move(name), format, channels, {}};
   p.bytes = ZeroedBytes(extent_.elements() * channels * formatSize(format), zeroed);
-  planes_.reserve(16);   // spans handed out earlier stay valid: planes move, their storage does not
+  planes_.reserve(16);  // spans handed out earlier stay valid: planes move, their storage does not
   planes_.push_back(std::move(p));
   return planes_.back();
 }

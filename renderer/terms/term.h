@@ -21,11 +21,24 @@ namespace gobo {
 enum class Domain : uint8_t { Pixel, ViewSample, LightTexel, SparsePixel, List, Table };
 enum class Format : uint8_t { F32, F64, U32, U8 };
 size_t formatSize(Format format);
-template <typename T> constexpr Format formatOf();
-template <> constexpr Format formatOf<float>() { return Format::F32; }
-template <> constexpr Format formatOf<double>() { return Format::F64; }
-template <> constexpr Format formatOf<uint32_t>() { return Format::U32; }
-template <> constexpr Format formatOf<uint8_t>() { return Format::U8; }
+template <typename T>
+constexpr Format formatOf();
+template <>
+constexpr Format formatOf<float>() {
+  return Format::F32;
+}
+template <>
+constexpr Format formatOf<double>() {
+  return Format::F64;
+}
+template <>
+constexpr Format formatOf<uint32_t>() {
+  return Format::U32;
+}
+template <>
+constexpr Format formatOf<uint8_t>() {
+  return Format::U8;
+}
 
 struct Extent {
   int width = 0, height = 1, layers = 1;
@@ -40,10 +53,14 @@ struct Extent {
 class ZeroedBytes {
  public:
   ZeroedBytes() = default;
-  explicit ZeroedBytes(size_t size, bool zeroed = true);   ///< throws std::bad_alloc, which the executor turns into ResourceExhausted
+  explicit ZeroedBytes(size_t size, bool zeroed = true);  ///< throws std::bad_alloc, which the executor turns into ResourceExhausted
   ZeroedBytes(const ZeroedBytes& other);
   ZeroedBytes(ZeroedBytes&&) = default;
-  ZeroedBytes& operator=(ZeroedBytes other) { std::swap(data_, other.data_); std::swap(size_, other.size_); return *this; }
+  ZeroedBytes& operator=(ZeroedBytes other) {
+    std::swap(data_, other.data_);
+    std::swap(size_, other.size_);
+    return *this;
+  }
   bool operator==(const ZeroedBytes& other) const { return size_ == other.size_ && std::equal(begin(), end(), other.begin()); }
   uint8_t* data() { return data_.get(); }
   const uint8_t* data() const { return data_.get(); }
@@ -56,7 +73,7 @@ class ZeroedBytes {
 
  private:
   struct Free {
-    size_t mapped;       ///< bytes to unmap; 0: from calloc
+    size_t mapped;  ///< bytes to unmap; 0: from calloc
     Free() : mapped(0) {}
     explicit Free(size_t bytes) : mapped(bytes) {}
     void operator()(uint8_t* p) const;
@@ -66,7 +83,7 @@ class ZeroedBytes {
 };
 
 struct Plane {
-  std::string name;        ///< "P", "N", "V", "sum", ...
+  std::string name;  ///< "P", "N", "V", "sum", ...
   Format format = Format::F32;
   int channels = 1;
   ZeroedBytes bytes;
@@ -85,7 +102,8 @@ class Term {
   int channels(std::string_view name) const { return need(name).channels; }
 
   /// Read a plane; CHECKs name and scalar type.
-  template <typename T> std::span<const T> plane(std::string_view name) const {
+  template <typename T>
+  std::span<const T> plane(std::string_view name) const {
     const Plane& p = need(name);
     GOBO_CHECK(p.format == formatOf<T>());
     return {reinterpret_cast<const T*>(p.bytes.data()), p.bytes.size() / sizeof(T)};
@@ -93,16 +111,19 @@ class Term {
   std::span<const float> floats(std::string_view name) const { return plane<float>(name); }
 
   /// Building side (before the term is shared): adds a zeroed plane and returns it for writing.
-  template <typename T> std::span<T> addPlane(std::string name, int channels = 1) {
+  template <typename T>
+  std::span<T> addPlane(std::string name, int channels = 1) {
     Plane& p = addRaw(std::move(name), formatOf<T>(), channels);
     return {reinterpret_cast<T*>(p.bytes.data()), p.bytes.size() / sizeof(T)};
   }
   /// The same with whatever was in memory before: for nodes that write every element, some 10 ms a 100 MB faster.
-  template <typename T> std::span<T> addUnsetPlane(std::string name, int channels = 1) {
+  template <typename T>
+  std::span<T> addUnsetPlane(std::string name, int channels = 1) {
     Plane& p = addRaw(std::move(name), formatOf<T>(), channels, /*zeroed=*/false);
     return {reinterpret_cast<T*>(p.bytes.data()), p.bytes.size() / sizeof(T)};
   }
-  template <typename T> std::span<T> writable(std::string_view name) {
+  template <typename T>
+  std::span<T> writable(std::string_view name) {
     Plane& p = const_cast<Plane&>(need(name));
     GOBO_CHECK(p.format == formatOf<T>());
     return {reinterpret_cast<T*>(p.bytes.data()), p.bytes.size() / sizeof(T)};

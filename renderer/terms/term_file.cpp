@@ -11,13 +11,13 @@ namespace gobo {
 namespace {
 
 constexpr char kMagic[8] = {'G', 'O', 'B', 'O', 'T', 'R', 'M', '2'};
-constexpr size_t kHead = sizeof kMagic + 16;   // magic and key
+constexpr size_t kHead = sizeof kMagic + 16;  // magic and key
 constexpr uint32_t kMaxText = 4096;
 constexpr uint32_t kMaxPlanes = 1024;
 constexpr int kMaxChannels = 1 << 16;
-constexpr uint64_t kMaxElements = 1ull << 40;   // times channels and scalar size: still below 2^60
+constexpr uint64_t kMaxElements = 1ull << 40;  // times channels and scalar size: still below 2^60
 
-constexpr size_t kPiece = size_t(4) << 20;   // bytes between two looks at a stop token
+constexpr size_t kPiece = size_t(4) << 20;  // bytes between two looks at a stop token
 
 struct Writer {
   std::vector<uint8_t>& out;
@@ -26,7 +26,10 @@ struct Writer {
     const auto* p = static_cast<const uint8_t*>(from);
     for (size_t at = 0; at < n && !(n > kPiece && stop.stopRequested()); at += kPiece) out.insert(out.end(), p + at, p + std::min(n, at + kPiece));
   }
-  template <typename T> void put(T v) { bytes(&v, sizeof v); }
+  template <typename T>
+  void put(T v) {
+    bytes(&v, sizeof v);
+  }
   void text(const std::string& s) {
     put(uint32_t(s.size()));
     bytes(s.data(), s.size());
@@ -37,18 +40,27 @@ struct Reader {
   const uint8_t* p;
   size_t left;
   bool good = true;
-  template <typename T> T take() {
+  template <typename T>
+  T take() {
     T v{};
-    if (left < sizeof v) { good = false; return v; }
+    if (left < sizeof v) {
+      good = false;
+      return v;
+    }
     std::memcpy(&v, p, sizeof v);
-    p += sizeof v; left -= sizeof v;
+    p += sizeof v;
+    left -= sizeof v;
     return v;
   }
   std::string text() {
     const uint32_t n = take<uint32_t>();
-    if (!good || n > kMaxText || n > left) { good = false; return {}; }
+    if (!good || n > kMaxText || n > left) {
+      good = false;
+      return {};
+    }
     std::string s(reinterpret_cast<const char*>(p), n);
-    p += n; left -= n;
+    p += n;
+    left -= n;
     return s;
   }
 };
@@ -67,7 +79,7 @@ std::vector<uint8_t> serializeTerm(const Term& term, const Hash128& key, const S
   size_t size = kHead + 4 + term.type().size() + 20 + 16;
   for (const Plane& p : term.planes()) size += 4 + p.name.size() + 16 + p.bytes.size();
   std::vector<uint8_t> out;
-  out.reserve(size);   // not cleared: its pages come one by one, between polls
+  out.reserve(size);  // not cleared: its pages come one by one, between polls
   Writer w{out, stop};
   w.bytes(kMagic, sizeof kMagic);
   w.put(key.lo);
@@ -113,7 +125,7 @@ std::shared_ptr<Term> parseTerm(const uint8_t* bytes, size_t size, const Hash128
   // where they cannot overflow, and whatever addRaw() would CHECK is refused first.
   if (!r.good || domainNumber > uint32_t(Domain::Table) || planes > kMaxPlanes) return nullptr;
   if (extent.width < 0 || extent.height < 0 || extent.layers < 0) return nullptr;
-  const uint64_t area = uint64_t(extent.width) * uint64_t(extent.height);   // at most 2^62
+  const uint64_t area = uint64_t(extent.width) * uint64_t(extent.height);  // at most 2^62
   if (area > kMaxElements || (extent.layers > 0 && area > kMaxElements / uint64_t(extent.layers))) return nullptr;
   auto term = std::make_shared<Term>(type, domain, extent);
   for (uint32_t i = 0; i < planes; ++i) {
@@ -130,7 +142,8 @@ std::shared_ptr<Term> parseTerm(const uint8_t* bytes, size_t size, const Hash128
       if (stop.stopRequested()) return nullptr;
       std::memcpy(p.bytes.data() + at, r.p + at, std::min<uint64_t>(kPiece, length - at));
     }
-    r.p += length; r.left -= length;
+    r.p += length;
+    r.left -= length;
   }
   return r.left == 0 ? term : nullptr;
 }

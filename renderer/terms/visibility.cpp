@@ -19,11 +19,11 @@ class VisibilityNode final : public Node {
  public:
   explicit VisibilityNode(const VisibilitySettings& s) : s_(s) { GOBO_CHECK_GT(s.samples, 0u); }
   std::string type() const override { return "visibility"; }
-  int version() const override { return 2; }   // 2: in packets
+  int version() const override { return 2; }  // 2: in packets
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::LightShape;
-    if (s_.glass != Glass::Solid) t.facets = t.facets | kSurfaceFacets;   // tints
+    if (s_.glass != Glass::Solid) t.facets = t.facets | kSurfaceFacets;  // tints
     return t;
   }
   void hashParameters(Hasher& h) const override {
@@ -44,28 +44,31 @@ class VisibilityNode final : public Node {
     SurfaceTable surfaces;
     if (s_.glass != Glass::Solid) surfaces.build(*ctx.scene, *accel);
     const uint32_t samples = light.pointLike() ? 1 : s_.samples;
-    const size_t grain = std::clamp<size_t>(8192 / samples, 1, 1024);   // a few milliseconds between looks at `stop`
-    const bool complete = ctx.arena->parallelFor(surface.size(), grain, [&](size_t from, size_t to) {
-      std::vector<double> seen((to - from) * C, 0.0), sum(to - from, 0.0);
-      Packet packet(*accel, surfaces, s_.glass, seen);
-      for (size_t e = from; e < to; ++e) {
-        if (!surface.hit(e)) continue;
-        const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
-        const uint64_t seed = viewSampleSeed(s_.seed, e);
-        for (uint32_t i = 0; i < samples; ++i) {
-          LightPoint point;
-          const Vec2 u = light.pointLike() ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
-          if (!light.sample(p, N, Ng, u, point)) continue;
-          if (point.belowSurface && s_.glass == Glass::Alone) continue;
-          sum[e - from] += point.weight;
-          if (!point.belowSurface) packet.add(shadowRay(*accel, p, Ng, point), e - from, point.weight);
-        }
-      }
-      packet.flush();
-      for (size_t e = from; e < to; ++e)
-        for (size_t c = 0; c < C; ++c) V[C * e + c] = sum[e - from] > 0 ? float(seen[C * (e - from) + c] / sum[e - from]) : 1.0f;
-      if (ctx.counters) ctx.counters->rays.fetch_add(packet.rays, std::memory_order_relaxed);
-    }, ctx.stop);
+    const size_t grain = std::clamp<size_t>(8192 / samples, 1, 1024);  // a few milliseconds between looks at `stop`
+    const bool complete = ctx.arena->parallelFor(
+        surface.size(), grain,
+        [&](size_t from, size_t to) {
+          std::vector<double> seen((to - from) * C, 0.0), sum(to - from, 0.0);
+          Packet packet(*accel, surfaces, s_.glass, seen);
+          for (size_t e = from; e < to; ++e) {
+            if (!surface.hit(e)) continue;
+            const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
+            const uint64_t seed = viewSampleSeed(s_.seed, e);
+            for (uint32_t i = 0; i < samples; ++i) {
+              LightPoint point;
+              const Vec2 u = light.pointLike() ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
+              if (!light.sample(p, N, Ng, u, point)) continue;
+              if (point.belowSurface && s_.glass == Glass::Alone) continue;
+              sum[e - from] += point.weight;
+              if (!point.belowSurface) packet.add(shadowRay(*accel, p, Ng, point), e - from, point.weight);
+            }
+          }
+          packet.flush();
+          for (size_t e = from; e < to; ++e)
+            for (size_t c = 0; c < C; ++c) V[C * e + c] = sum[e - from] > 0 ? float(seen[C * (e - from) + c] / sum[e - from]) : 1.0f;
+          if (ctx.counters) ctx.counters->rays.fetch_add(packet.rays, std::memory_order_relaxed);
+        },
+        ctx.stop);
     if (!complete) return Status(Code::Cancelled, "visibility: stopped");
     return TermPtr(term);
   }

@@ -18,16 +18,16 @@ namespace gobo {
 
 /// What becomes of light at surfaces that it passes straight on.
 enum class Glass : uint8_t {
-  Solid,   ///< the scene has none: V has one channel
-  Seen,    ///< it is tinted: V has three channels
-  Alone,   ///< only that: V (three channels) is the mean tint of what solid surfaces may or may not let through
+  Solid,  ///< the scene has none: V has one channel
+  Seen,   ///< it is tinted: V has three channels
+  Alone,  ///< only that: V (three channels) is the mean tint of what solid surfaces may or may not let through
 };
 
 struct VisibilitySettings {
   uint32_t samples = 16;
   uint64_t seed = 0;
-  Extent extent;        ///< of the G-buffer, for the size estimate
-  Vec2 angularSize{0.0f};   ///< Directional (terms/light_points.h); 0: a point at infinity
+  Extent extent;           ///< of the G-buffer, for the size estimate
+  Vec2 angularSize{0.0f};  ///< Directional (terms/light_points.h); 0: a point at infinity
   Glass glass = Glass::Solid;
 };
 /// Input 0: "gbuffer". The light is the one in the graph node's `lights`; any kind but Environment.

@@ -20,11 +20,14 @@ RTCDevice device() {
   static const RTCDevice d = [] {
     RTCDevice made = rtcNewDevice("start_threads=0,set_affinity=0");
     GOBO_CHECK(made != nullptr);
-    rtcSetDeviceErrorFunction(made, [](void*, RTCError code, const char* text) {
-      if (code == RTC_ERROR_CANCELLED) return;                      // a build that its stop token ended
-      std::cerr << "Embree error " << int(code) << ": " << text << std::endl;
-      std::abort();                                                 // out of memory or a misuse: nothing sensible can follow
-    }, nullptr);
+    rtcSetDeviceErrorFunction(
+        made,
+        [](void*, RTCError code, const char* text) {
+          if (code == RTC_ERROR_CANCELLED) return;  // a build that its stop token ended
+          std::cerr << "Embree error " << int(code) << ": " << text << std::endl;
+          std::abort();  // out of memory or a misuse: nothing sensible can follow
+        },
+        nullptr);
     return made;
   }();
   return d;
@@ -56,7 +59,8 @@ RTCScene newScene() {
 
 /// Builds; false when `stop` fired, which Embree asks between its pieces of work.
 bool commit(RTCScene scene, const StopToken& stop) {
-  rtcSetSceneProgressMonitorFunction(scene, [](void* token, double) { return !static_cast<const StopToken*>(token)->stopRequested(); }, const_cast<StopToken*>(&stop));
+  rtcSetSceneProgressMonitorFunction(
+      scene, [](void* token, double) { return !static_cast<const StopToken*>(token)->stopRequested(); }, const_cast<StopToken*>(&stop));
   rtcCommitScene(scene);
   rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
   return !stop.stopRequested();
@@ -76,7 +80,8 @@ float Accel::unit() const { return impl_->unit; }
 
 Accel::Impl::~Impl() {
   if (scene) rtcReleaseScene(scene);
-  for (RTCScene s : meshScenes) if (s) rtcReleaseScene(s);
+  for (RTCScene s : meshScenes)
+    if (s) rtcReleaseScene(s);
 }
 
 std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena& arena, const StopToken& stop) {
@@ -95,8 +100,13 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
     const Coverage& c = view.coverage(meshes[m].material);
     if (c.mode == AlphaMode::Opaque) continue;
     auto a = std::make_unique<AlphaGeometry>();
-    a->indices = meshes[m].indices.data(); a->uv = &(*meshes[m].alphaUv)[size_t(c.texture.texcoord)]; a->colours = meshes[m].alphaColours;
-    a->ref = c.texture; a->mode = c.mode; a->cutoff = c.cutoff; a->factor = c.factor;
+    a->indices = meshes[m].indices.data();
+    a->uv = &(*meshes[m].alphaUv)[size_t(c.texture.texcoord)];
+    a->colours = meshes[m].alphaColours;
+    a->ref = c.texture;
+    a->mode = c.mode;
+    a->cutoff = c.cutoff;
+    a->factor = c.factor;
     if (c.texture.valid()) a->texture = view.textures()[c.texture.texture];
     alphaOf[m] = a.get();
     impl.alphas.push_back(std::move(a));
@@ -109,29 +119,35 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
   std::vector<std::vector<Vec3>> objectPositions(meshes.size());
   const auto instanced = [&](size_t mesh) { return uses[mesh] > 1 && meshes[mesh].triangles() * (uses[mesh] - 1) > kMaxCopiedTriangles; };
   std::vector<float> largest(instances.size(), 0.0f);
-  const bool copied = arena.parallelFor(instances.size(), 1, [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) {
-      const AccelMesh& mesh = meshes[size_t(instances[i].mesh)];
-      InstanceGeometry& g = impl.instances[i];
-      g.toWorld = instances[i].toWorld;
-      const Mat3 linear(g.toWorld);
-      const float det = glm::determinant(linear);
-      g.mirrored = det < 0.0f;
-      g.normalToWorld = Mat3(glm::cross(linear[1], linear[2]), glm::cross(linear[2], linear[0]), glm::cross(linear[0], linear[1])) *
-                        (g.mirrored ? -1.0f : 1.0f);
-      g.indices = mesh.indices.data();
-      g.world = !instanced(instances[i].mesh);
-      std::vector<Vec3>& out = impl.worldPositions[i];
-      if (g.world) { out.reserve(mesh.positions.size() + 1); }
-      const bool identity = g.toWorld == Mat4(1.0f);
-      for (const Vec3& p : mesh.positions) {
-        const Vec3 q = identity ? p : Vec3(g.toWorld * Vec4(p, 1.0f));
-        largest[i] = std::fmax(largest[i], std::fmax(std::fabs(q.x), std::fmax(std::fabs(q.y), std::fabs(q.z))));
-        if (g.world) out.push_back(q);
-      }
-      if (g.world) { out.push_back(Vec3(0.0f)); g.positions = out.data(); }
-    }
-  }, stop);
+  const bool copied = arena.parallelFor(
+      instances.size(), 1,
+      [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) {
+          const AccelMesh& mesh = meshes[size_t(instances[i].mesh)];
+          InstanceGeometry& g = impl.instances[i];
+          g.toWorld = instances[i].toWorld;
+          const Mat3 linear(g.toWorld);
+          const float det = glm::determinant(linear);
+          g.mirrored = det < 0.0f;
+          g.normalToWorld =
+              Mat3(glm::cross(linear[1], linear[2]), glm::cross(linear[2], linear[0]), glm::cross(linear[0], linear[1])) * (g.mirrored ? -1.0f : 1.0f);
+          g.indices = mesh.indices.data();
+          g.world = !instanced(instances[i].mesh);
+          std::vector<Vec3>& out = impl.worldPositions[i];
+          if (g.world) { out.reserve(mesh.positions.size() + 1); }
+          const bool identity = g.toWorld == Mat4(1.0f);
+          for (const Vec3& p : mesh.positions) {
+            const Vec3 q = identity ? p : Vec3(g.toWorld * Vec4(p, 1.0f));
+            largest[i] = std::fmax(largest[i], std::fmax(std::fabs(q.x), std::fmax(std::fabs(q.y), std::fabs(q.z))));
+            if (g.world) out.push_back(q);
+          }
+          if (g.world) {
+            out.push_back(Vec3(0.0f));
+            g.positions = out.data();
+          }
+        }
+      },
+      stop);
   if (!copied) return nullptr;
   float most = 0.0f;
   for (float l : largest) most = std::fmax(most, l);
@@ -149,7 +165,10 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
       RTCGeometry g = triangleGeometry(meshes[m], padded, alphaOf[m]);
       rtcAttachGeometryByID(impl.meshScenes[m], g, 0);
       rtcReleaseGeometry(g);
-      if (!commit(impl.meshScenes[m], stop)) { complete = false; return; }
+      if (!commit(impl.meshScenes[m], stop)) {
+        complete = false;
+        return;
+      }
       impl.bytes += meshes[m].triangles() * 64 + padded.size() * sizeof(Vec3);
     }
     impl.scene = newScene();
@@ -167,12 +186,12 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
         g = triangleGeometry(meshes[m], impl.worldPositions[i], alphaOf[m]);
         impl.bytes += meshes[m].triangles() * 64 + impl.worldPositions[i].size() * sizeof(Vec3);
       }
-      rtcAttachGeometryByID(impl.scene, g, unsigned(i));            // geometry id == index into Scene::instances
+      rtcAttachGeometryByID(impl.scene, g, unsigned(i));  // geometry id == index into Scene::instances
       rtcReleaseGeometry(g);
     }
     complete = commit(impl.scene, stop);
   });
-  impl.objectPositions = std::move(objectPositions);   // a structure that was not finished is released with what it points to
+  impl.objectPositions = std::move(objectPositions);  // a structure that was not finished is released with what it points to
   if (!complete) return nullptr;
   return accel;
 }
@@ -180,18 +199,32 @@ std::shared_ptr<const Accel> Accel::build(const SceneView& view, const TaskArena
 bool Accel::intersect(const Ray& ray, Hit& hit, const BackFaces* passed) const {
   if (passed && !passed->any()) passed = nullptr;
   RTCRayHit r;
-  r.ray.org_x = ray.origin.x; r.ray.org_y = ray.origin.y; r.ray.org_z = ray.origin.z;
-  r.ray.dir_x = ray.direction.x; r.ray.dir_y = ray.direction.y; r.ray.dir_z = ray.direction.z;
-  r.ray.tnear = ray.tmin; r.ray.tfar = ray.tmax; r.ray.time = 0; r.ray.mask = ~0u; r.ray.id = passed ? BackFaces::kPasses : 0; r.ray.flags = 0;
+  r.ray.org_x = ray.origin.x;
+  r.ray.org_y = ray.origin.y;
+  r.ray.org_z = ray.origin.z;
+  r.ray.dir_x = ray.direction.x;
+  r.ray.dir_y = ray.direction.y;
+  r.ray.dir_z = ray.direction.z;
+  r.ray.tnear = ray.tmin;
+  r.ray.tfar = ray.tmax;
+  r.ray.time = 0;
+  r.ray.mask = ~0u;
+  r.ray.id = passed ? BackFaces::kPasses : 0;
+  r.ray.flags = 0;
   r.hit.geomID = r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   BackFaces::Context context;
-  if (passed) passed->init(context); else embree::initContext(context.context);
+  if (passed) passed->init(context);
+  else embree::initContext(context.context);
   embree::intersect1(impl_->scene, context.context, r, false, passed ? BackFaces::filter : nullptr);
-  if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) { hit.instance = kNoHit; return false; }
+  if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) {
+    hit.instance = kNoHit;
+    return false;
+  }
   hit.t = r.ray.tfar;
   hit.instance = r.hit.instID[0] == RTC_INVALID_GEOMETRY_ID ? r.hit.geomID : r.hit.instID[0];
   hit.primitive = r.hit.primID;
-  hit.u = r.hit.u; hit.v = r.hit.v;
+  hit.u = r.hit.u;
+  hit.v = r.hit.v;
   hit.Ng = impl_->worldNormal(hit.instance, Vec3(r.hit.Ng_x, r.hit.Ng_y, r.hit.Ng_z));
   return true;
 }
@@ -203,31 +236,53 @@ void Accel::intersect16(const Ray* rays, int count, Hit* hits, const BackFaces* 
   for (int i = 0; i < 16; ++i) {
     const Ray& ray = rays[i < count ? i : 0];
     valid[i] = i < count ? -1 : 0;
-    r.ray.org_x[i] = ray.origin.x; r.ray.org_y[i] = ray.origin.y; r.ray.org_z[i] = ray.origin.z;
-    r.ray.dir_x[i] = ray.direction.x; r.ray.dir_y[i] = ray.direction.y; r.ray.dir_z[i] = ray.direction.z;
-    r.ray.tnear[i] = ray.tmin; r.ray.tfar[i] = ray.tmax; r.ray.time[i] = 0; r.ray.mask[i] = ~0u; r.ray.flags[i] = 0;
+    r.ray.org_x[i] = ray.origin.x;
+    r.ray.org_y[i] = ray.origin.y;
+    r.ray.org_z[i] = ray.origin.z;
+    r.ray.dir_x[i] = ray.direction.x;
+    r.ray.dir_y[i] = ray.direction.y;
+    r.ray.dir_z[i] = ray.direction.z;
+    r.ray.tnear[i] = ray.tmin;
+    r.ray.tfar[i] = ray.tmax;
+    r.ray.time[i] = 0;
+    r.ray.mask[i] = ~0u;
+    r.ray.flags[i] = 0;
     r.ray.id[i] = passed ? BackFaces::kPasses : 0;
     r.hit.geomID[i] = r.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
   BackFaces::Context context;
-  if (passed) passed->init(context); else embree::initContext(context.context);
+  if (passed) passed->init(context);
+  else embree::initContext(context.context);
   embree::intersect16(valid, impl_->scene, context.context, r, true, passed ? BackFaces::filter : nullptr);
   for (int i = 0; i < count; ++i) {
     Hit& hit = hits[i];
-    if (r.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) { hit = Hit(); continue; }
+    if (r.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) {
+      hit = Hit();
+      continue;
+    }
     hit.t = r.ray.tfar[i];
     hit.instance = r.hit.instID[0][i] == RTC_INVALID_GEOMETRY_ID ? r.hit.geomID[i] : r.hit.instID[0][i];
     hit.primitive = r.hit.primID[i];
-    hit.u = r.hit.u[i]; hit.v = r.hit.v[i];
+    hit.u = r.hit.u[i];
+    hit.v = r.hit.v[i];
     hit.Ng = impl_->worldNormal(hit.instance, Vec3(r.hit.Ng_x[i], r.hit.Ng_y[i], r.hit.Ng_z[i]));
   }
 }
 
 bool Accel::occluded(const Ray& ray) const {
   RTCRay r;
-  r.org_x = ray.origin.x; r.org_y = ray.origin.y; r.org_z = ray.origin.z;
-  r.dir_x = ray.direction.x; r.dir_y = ray.direction.y; r.dir_z = ray.direction.z;
-  r.tnear = ray.tmin; r.tfar = ray.tmax; r.time = 0; r.mask = ~0u; r.id = 0; r.flags = 0;
+  r.org_x = ray.origin.x;
+  r.org_y = ray.origin.y;
+  r.org_z = ray.origin.z;
+  r.dir_x = ray.direction.x;
+  r.dir_y = ray.direction.y;
+  r.dir_z = ray.direction.z;
+  r.tnear = ray.tmin;
+  r.tfar = ray.tmax;
+  r.time = 0;
+  r.mask = ~0u;
+  r.id = 0;
+  r.flags = 0;
   embree::Context context;
   embree::initContext(context);
   embree::occluded1(impl_->scene, context, r);
@@ -240,9 +295,18 @@ uint32_t Accel::occluded16(const Ray* rays, int count) const {
   for (int i = 0; i < 16; ++i) {
     const Ray& ray = rays[i < count ? i : 0];
     valid[i] = i < count ? -1 : 0;
-    r.org_x[i] = ray.origin.x; r.org_y[i] = ray.origin.y; r.org_z[i] = ray.origin.z;
-    r.dir_x[i] = ray.direction.x; r.dir_y[i] = ray.direction.y; r.dir_z[i] = ray.direction.z;
-    r.tnear[i] = ray.tmin; r.tfar[i] = ray.tmax; r.time[i] = 0; r.mask[i] = ~0u; r.id[i] = unsigned(i); r.flags[i] = 0;
+    r.org_x[i] = ray.origin.x;
+    r.org_y[i] = ray.origin.y;
+    r.org_z[i] = ray.origin.z;
+    r.dir_x[i] = ray.direction.x;
+    r.dir_y[i] = ray.direction.y;
+    r.dir_z[i] = ray.direction.z;
+    r.tnear[i] = ray.tmin;
+    r.tfar[i] = ray.tmax;
+    r.time[i] = 0;
+    r.mask[i] = ~0u;
+    r.id[i] = unsigned(i);
+    r.flags[i] = 0;
   }
   embree::Context context;
   embree::initContext(context);

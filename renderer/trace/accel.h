@@ -26,15 +26,15 @@ inline constexpr Facet kAccelFacets = Facet::Topology | Facet::Pose | Facet::Cov
 
 struct Hit {
   float t = 3.0e38f;
-  uint32_t instance = kNoHit;   ///< index into Scene::instances
-  uint32_t primitive = 0;       ///< triangle of its mesh
-  float u = 0, v = 0;           ///< barycentrics of vertices 1 and 2
-  Vec3 Ng{0.0f};                ///< unit geometric normal in world space by the triangle's winding (not turned to the ray);
-                                ///< a mirroring instance turns the winding over, as glTF says, so that outside stays outside
+  uint32_t instance = kNoHit;  ///< index into Scene::instances
+  uint32_t primitive = 0;      ///< triangle of its mesh
+  float u = 0, v = 0;          ///< barycentrics of vertices 1 and 2
+  Vec3 Ng{0.0f};               ///< unit geometric normal in world space by the triangle's winding (not turned to the ray);
+                               ///< a mirroring instance turns the winding over, as glTF says, so that outside stays outside
   bool valid() const { return instance != kNoHit; }
 };
 
-class BackFaces;   // trace/back_faces.h
+class BackFaces;  // trace/back_faces.h
 
 class Accel {
  public:
@@ -63,8 +63,8 @@ class Accel {
 };
 using AccelPtr = std::shared_ptr<const Accel>;
 
-/// Keeps the last few structures by the digest of kAccelFacets and the mapping (SceneView::mapping). Thread-safe; concurrent asks for one digest build once. A build
-/// that throws or is stopped leaves nothing behind: the next ask builds again.
+/// Keeps the last few structures by the digest of kAccelFacets and the mapping (SceneView::mapping). Thread-safe; concurrent asks for one digest build once. A
+/// build that throws or is stopped leaves nothing behind: the next ask builds again.
 class AccelCache {
  public:
   using Build = std::function<AccelPtr(const SceneView&, const TaskArena&, const StopToken&)>;
@@ -73,17 +73,22 @@ class AccelCache {
   /// Null when `stop` fired first, also while another thread builds. Throws what the build throws (std::bad_alloc).
   AccelPtr get(const SceneView& view, const TaskArena& arena, const StopToken& stop = {});
   size_t bytes() const;
-  void shrink(size_t most);     ///< the least recently used go; who renders with one keeps it
+  void shrink(size_t most);  ///< the least recently used go; who renders with one keeps it
   uint64_t builds() const;
   /// Milliseconds that the structure kept for this view took to build; 0 when none is kept.
   double buildMs(const SceneView& view) const;
 
  private:
-  struct Entry { Hash128 key; uint64_t build = 0; std::shared_future<AccelPtr> accel; double ms = 0; };
+  struct Entry {
+    Hash128 key;
+    uint64_t build = 0;
+    std::shared_future<AccelPtr> accel;
+    double ms = 0;
+  };
   void drop(uint64_t build);
-  void trim(size_t most, bool keepFirst);   // under mutex_
+  void trim(size_t most, bool keepFirst);  // under mutex_
   mutable std::mutex mutex_;
-  std::list<Entry> entries_;    // most recent first
+  std::list<Entry> entries_;  // most recent first
   size_t maxBytes_;
   Build build_;
   uint64_t builds_ = 0;

@@ -35,12 +35,12 @@ AccelPtr AccelCache::get(const SceneView& view, const TaskArena& arena, const St
         entries_.push_front({key, build, promise.get_future().share()});
       }
     }
-    if (known.valid()) {                                            // another thread built it or is about to
+    if (known.valid()) {  // another thread built it or is about to
       while (known.wait_for(kPoll) != std::future_status::ready)
         if (stop.stopRequested()) return nullptr;
       if (AccelPtr made = known.get()) return made;
       if (stop.stopRequested()) return nullptr;
-      continue;                                                     // its builder was stopped: this thread builds
+      continue;  // its builder was stopped: this thread builds
     }
     const auto start = std::chrono::steady_clock::now();
     AccelPtr made;
@@ -48,7 +48,7 @@ AccelPtr AccelCache::get(const SceneView& view, const TaskArena& arena, const St
       made = build_(view, arena, stop);
     } catch (...) {
       drop(build);
-      promise.set_exception(std::current_exception());              // for those who wait for this build; the next ask builds again
+      promise.set_exception(std::current_exception());  // for those who wait for this build; the next ask builds again
       throw;
     }
     const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
@@ -56,7 +56,8 @@ AccelPtr AccelCache::get(const SceneView& view, const TaskArena& arena, const St
     promise.set_value(made);
     if (!made) return nullptr;
     std::lock_guard lock(mutex_);
-    for (Entry& e : entries_) if (e.build == build) e.ms = ms;
+    for (Entry& e : entries_)
+      if (e.build == build) e.ms = ms;
     trim(maxBytes_, true);
     return made;
   }
@@ -72,7 +73,10 @@ void AccelCache::trim(size_t most, bool keepFirst) {
   for (auto it = entries_.begin(); it != entries_.end();) {
     if (ready(it->accel)) {
       const size_t b = it->accel.get()->bytes();
-      if (!(keepFirst && it == entries_.begin()) && total + b > most) { it = entries_.erase(it); continue; }
+      if (!(keepFirst && it == entries_.begin()) && total + b > most) {
+        it = entries_.erase(it);
+        continue;
+      }
       total += b;
     }
     ++it;
@@ -87,17 +91,22 @@ void AccelCache::shrink(size_t most) {
 size_t AccelCache::bytes() const {
   std::lock_guard lock(mutex_);
   size_t total = 0;
-  for (const Entry& e : entries_) if (ready(e.accel)) total += e.accel.get()->bytes();
+  for (const Entry& e : entries_)
+    if (ready(e.accel)) total += e.accel.get()->bytes();
   return total;
 }
 
 double AccelCache::buildMs(const SceneView& view) const {
   const Hash128 key = keyOf(view);
   std::lock_guard lock(mutex_);
-  for (const Entry& e : entries_) if (e.key == key) return e.ms;
+  for (const Entry& e : entries_)
+    if (e.key == key) return e.ms;
   return 0.0;
 }
 
-uint64_t AccelCache::builds() const { std::lock_guard lock(mutex_); return builds_; }
+uint64_t AccelCache::builds() const {
+  std::lock_guard lock(mutex_);
+  return builds_;
+}
 
 }  // namespace gobo

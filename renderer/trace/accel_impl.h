@@ -26,22 +26,22 @@ struct AlphaGeometry {
 
 /// Object-to-world data of one instance, ready for interpolation at a hit.
 struct InstanceGeometry {
-  const uint32_t* indices = nullptr;   ///< 3 per triangle
-  const Vec3* positions = nullptr;     ///< world space when `world`, else object space
-  bool world = true;                   ///< flattened
-  bool mirrored = false;               ///< determinant of toWorld < 0
+  const uint32_t* indices = nullptr;  ///< 3 per triangle
+  const Vec3* positions = nullptr;    ///< world space when `world`, else object space
+  bool world = true;                  ///< flattened
+  bool mirrored = false;              ///< determinant of toWorld < 0
   Mat4 toWorld{1.0f};
-  Mat3 normalToWorld{1.0f};            ///< cofactors of toWorld's linear part times the sign of its determinant: takes object-space
-                                       ///< normals, cross(e1, e2) among them, to the outside; finite for flattening scales too
+  Mat3 normalToWorld{1.0f};  ///< cofactors of toWorld's linear part times the sign of its determinant: takes object-space
+                             ///< normals, cross(e1, e2) among them, to the outside; finite for flattening scales too
 };
 
 struct Accel::Impl {
   RTCScene scene = nullptr;
-  std::vector<RTCScene> meshScenes;                     ///< by mesh; null unless instanced
-  std::vector<InstanceGeometry> instances;              ///< by Scene::instances index == Embree geometry id
-  std::vector<std::vector<Vec3>> worldPositions;        ///< by instance; empty when instanced by Embree
-  std::vector<std::vector<Vec3>> objectPositions;       // by mesh; padded copies of the instanced ones
-  std::vector<std::shared_ptr<const void>> meshes;      ///< kept alive: Embree and alpha tests read their buffers
+  std::vector<RTCScene> meshScenes;                 ///< by mesh; null unless instanced
+  std::vector<InstanceGeometry> instances;          ///< by Scene::instances index == Embree geometry id
+  std::vector<std::vector<Vec3>> worldPositions;    ///< by instance; empty when instanced by Embree
+  std::vector<std::vector<Vec3>> objectPositions;   // by mesh; padded copies of the instanced ones
+  std::vector<std::shared_ptr<const void>> meshes;  ///< kept alive: Embree and alpha tests read their buffers
   std::vector<std::unique_ptr<AlphaGeometry>> alphas;
   bool hasAlpha = false;
   float unit = 1.0f;
@@ -57,7 +57,7 @@ struct Accel::Impl {
     const float m = std::fmax(std::fabs(n.x), std::fmax(std::fabs(n.y), std::fabs(n.z)));
     if (m > 1e-15f && m < 1e15f) return n * (1.0f / std::sqrt(glm::dot(n, n)));
     if (!(m > 0.0f) || !std::isfinite(m)) return Vec3(0, 1, 0);
-    n *= 1.0f / m;                                     // squares of tiny or huge components would leave float's range
+    n *= 1.0f / m;  // squares of tiny or huge components would leave float's range
     return n * (1.0f / std::sqrt(glm::dot(n, n)));
   }
 };

@@ -37,8 +37,10 @@ class AliasTable {
     }
     // Only rounding leaves a low item without a partner; an item of weight zero must still never come out.
     uint32_t heaviest = 0;
-    for (size_t i = 1; i < n; ++i) if (weights[i] > weights[heaviest]) heaviest = uint32_t(i);
-    for (uint32_t l : low) if (weights[l] == 0.0) cells_[l] = {0.0f, heaviest};
+    for (size_t i = 1; i < n; ++i)
+      if (weights[i] > weights[heaviest]) heaviest = uint32_t(i);
+    for (uint32_t l : low)
+      if (weights[l] == 0.0) cells_[l] = {0.0f, heaviest};
   }
 
   bool empty() const { return cells_.empty(); }
@@ -56,7 +58,10 @@ class AliasTable {
   }
 
  private:
-  struct Cell { float threshold; uint32_t alias; };
+  struct Cell {
+    float threshold;
+    uint32_t alias;
+  };
   std::vector<Cell> cells_;
 };
 

@@ -42,8 +42,8 @@ void alphaFilter(const RTCFilterFunctionNArguments* args) {
     if (args->valid[i] == 0) continue;
     const unsigned primitive = RTCHitN_primID(args->hit, N, i);
     const float a = g.alpha(primitive, RTCHitN_u(args->hit, N, i), RTCHitN_v(args->hit, N, i));
-    const float threshold = g.mode == AlphaMode::Mask
-        ? g.cutoff : blendThreshold(args, i, primitive, RTCHitN_geomID(args->hit, N, i), RTCHitN_instID(args->hit, N, i, 0));
+    const float threshold =
+        g.mode == AlphaMode::Mask ? g.cutoff : blendThreshold(args, i, primitive, RTCHitN_geomID(args->hit, N, i), RTCHitN_instID(args->hit, N, i, 0));
     // Mask keeps alpha >= cutoff (glTF); Blend keeps with probability alpha (threshold < alpha, so alpha 0 never).
     const bool keep = g.mode == AlphaMode::Mask ? a >= threshold : threshold < a;
     if (!keep) args->valid[i] = 0;

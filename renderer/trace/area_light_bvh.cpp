@@ -59,11 +59,14 @@ uint32_t AreaLightBvh::build(uint32_t begin, uint32_t end) {
       hi = glm::max(hi, h);
     }
     const uint32_t child = e - b == 1 ? b : build(b, e);
-    Node& node = nodes_[at];                                          // after build(), which moves the nodes
+    Node& node = nodes_[at];  // after build(), which moves the nodes
     node.child[c] = child;
     node.used |= 1u << c;
     if (e - b == 1) node.leaves |= 1u << c;
-    for (int a = 0; a < 3; ++a) { node.lo[a][c] = lo[a]; node.hi[a][c] = hi[a]; }
+    for (int a = 0; a < 3; ++a) {
+      node.lo[a][c] = lo[a];
+      node.hi[a][c] = hi[a];
+    }
   }
   for (size_t c = parts.size(); c < size_t(kWidth); ++c) {
     nodes_[at].child[c] = 0;
@@ -78,13 +81,13 @@ void AreaLightBvh::traverse(const Ray& ray, const float& tmax, Leaf&& leaf) cons
   __m256 origin[3], inverse[3];
   bool negative[3];
   for (int a = 0; a < 3; ++a) {
-    const float d = std::fabs(ray.direction[a]) > 1e-30f ? ray.direction[a] : 1e-30f;   // finite inverse: no product is NaN
+    const float d = std::fabs(ray.direction[a]) > 1e-30f ? ray.direction[a] : 1e-30f;  // finite inverse: no product is NaN
     origin[a] = _mm256_set1_ps(ray.origin[a]);
     inverse[a] = _mm256_set1_ps(1.0f / d);
     negative[a] = d < 0.0f;
   }
   const __m256 tmin = _mm256_set1_ps(ray.tmin), slack = _mm256_set1_ps(1.00001f);
-  uint32_t stack[128];                                                // depth is log2(lights) / 3, each level leaves at most 7 behind
+  uint32_t stack[128];  // depth is log2(lights) / 3, each level leaves at most 7 behind
   int top = 0;
   stack[top++] = 0;
   while (top) {

@@ -14,8 +14,16 @@ namespace gobo {
 
 class AreaLightBvh {
  public:
-  struct Entry { int light; LightShape shape; bool cameraVisible; };
-  struct Hit { int light; float t; Vec3 Ng; };
+  struct Entry {
+    int light;
+    LightShape shape;
+    bool cameraVisible;
+  };
+  struct Hit {
+    int light;
+    float t;
+    Vec3 Ng;
+  };
   AreaLightBvh() = default;
   explicit AreaLightBvh(std::vector<Entry> entries);
   /// Nearest emitting hit within (tmin, tmax); ties go to the lower light index. Light index or -1.
@@ -29,12 +37,13 @@ class AreaLightBvh {
   static constexpr int kWidth = 8;
   struct alignas(32) Node {
     float lo[3][kWidth], hi[3][kWidth];
-    uint32_t child[kWidth];   // node, or entry where the bit of `leaves` is set
+    uint32_t child[kWidth];  // node, or entry where the bit of `leaves` is set
     uint32_t used = 0, leaves = 0;
   };
   uint32_t build(uint32_t begin, uint32_t end);
   /// leaf(entry) for every entry whose box the ray meets before tmax, which leaf() may lower.
-  template <typename Leaf> void traverse(const Ray& ray, const float& tmax, Leaf&& leaf) const;
+  template <typename Leaf>
+  void traverse(const Ray& ray, const float& tmax, Leaf&& leaf) const;
   std::vector<Entry> entries_;
   std::vector<Node> nodes_;
 };

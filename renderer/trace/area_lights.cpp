@@ -27,8 +27,10 @@ struct SphericalRect {
       z0 = -z0;
     }
     const double cx = glm::dot(d, x), cy = glm::dot(d, y);
-    x0 = cx - lu; x1 = cx + lu;
-    y0 = cy - lv; y1 = cy + lv;
+    x0 = cx - lu;
+    x1 = cx + lu;
+    y0 = cy - lv;
+    y1 = cy + lv;
     if (!(z0 < 0)) return;
     // z components of the four edge planes' normals; the normals have no other component in common.
     const double n0 = -y0 / std::sqrt(z0 * z0 + y0 * y0), n1 = x1 / std::sqrt(z0 * z0 + x1 * x1);

@@ -9,7 +9,10 @@
 namespace gobo {
 
 /// A direction towards the light with its solid-angle density. `direction` unit, `distance` > 0, metres.
-struct AreaSample { Vec3 direction{0.0f}; float distance = 0, pdf = 0; };
+struct AreaSample {
+  Vec3 direction{0.0f};
+  float distance = 0, pdf = 0;
+};
 
 /// Rectangle by solid angle (Urena, Fajardo & King 2013); by area where the solid angle is below 1e-5 sr, there the map's
 /// differences of angles lose digits. False: the receiver is behind or in the plane.

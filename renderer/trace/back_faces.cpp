@@ -9,7 +9,7 @@
 namespace gobo {
 
 namespace {
-constexpr uint8_t kSingleSided = 1, kTurned = 2;       // kTurned: Embree's normal of the instance points inside
+constexpr uint8_t kSingleSided = 1, kTurned = 2;  // kTurned: Embree's normal of the instance points inside
 }
 
 bool showsFrontOnly(const Coverage& coverage, const Bsdf& bsdf) {

@@ -19,19 +19,22 @@ inline constexpr Facet kBackFaceFacets = Facet::Topology | Facet::Coverage | Fac
 
 class BackFaces {
  public:
-  BackFaces() = default;                               ///< passes nothing
+  BackFaces() = default;  ///< passes nothing
   BackFaces(const SceneView& view, const Accel& accel);
   /// Some instance has back faces that are passed.
   bool any() const { return !sides_.empty(); }
 
   /// An Embree context for rays that pass them: the rays whose id is kPasses.
-  struct Context { embree::Context context; const BackFaces* faces; };
+  struct Context {
+    embree::Context context;
+    const BackFaces* faces;
+  };
   static constexpr unsigned kPasses = 1;
   void init(Context& c) const;
   static void filter(const RTCFilterFunctionNArguments* args);
 
  private:
-  std::vector<uint8_t> sides_;                         // by instance; empty: none is passed
+  std::vector<uint8_t> sides_;  // by instance; empty: none is passed
 };
 
 /// A camera sees such a material's front only.

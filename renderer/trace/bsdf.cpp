@@ -21,7 +21,7 @@ struct Look {
     if (!tilted) return upright(layers, i, value, pdf, false);
     pdf = 0.0f;
     const float side = glm::dot(i, p.facing);
-    if (!(side * i.z > 0.0f)) return;                                // its light is at mirrored(i)
+    if (!(side * i.z > 0.0f)) return;  // its light is at mirrored(i)
     upright(layers, i, value, pdf, false);
     const Vec3 m = mirrored(i);
     if (!(side * m.z > 0.0f)) return;
@@ -53,8 +53,8 @@ struct Look {
 
 /// Nothing but Lambert: half of a usual scene's surfaces.
 inline bool isLambert(const BsdfParams& p) {
-  return !(p.metallic > 0.0f) && !(p.specular > 0.0f) && !(p.transmission > 0.0f) && !(p.diffuseTransmission > 0.0f) &&
-         !(p.iridescence > 0.0f) && !Layers::any(p);
+  return !(p.metallic > 0.0f) && !(p.specular > 0.0f) && !(p.transmission > 0.0f) && !(p.diffuseTransmission > 0.0f) && !(p.iridescence > 0.0f) &&
+         !Layers::any(p);
 }
 inline Vec3 lambertAlbedo(const BsdfParams& p) { return Vec3(clamp01(p.albedo.x), clamp01(p.albedo.y), clamp01(p.albedo.z)); }
 

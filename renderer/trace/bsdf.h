@@ -28,33 +28,36 @@ inline constexpr float kStraightIor = 1e-3f;
 
 struct BsdfParams {
   Vec3 albedo{0.5f};
-  float metallic = 0, roughness = 1;   ///< alpha = roughness^2
-  float specular = 1;                  ///< scales F0 and F90 of the dielectric, transmitting or not; 0 with metallic 0 is exact Lambert
+  float metallic = 0, roughness = 1;  ///< alpha = roughness^2
+  float specular = 1;                 ///< scales F0 and F90 of the dielectric, transmitting or not; 0 with metallic 0 is exact Lambert
   float ior = 1.5f;
-  float transmission = 0;              ///< 1: dielectric interface, no diffuse lobe
-  bool entering = true;                ///< viewer outside (geometric side); decides the relative ior and where the layers are
-  bool thin = false;                   ///< thin-walled: both interfaces at once, light goes straight on (KHR_materials_transmission)
-  Vec3 specularColor{1.0f};            ///< scales the dielectric's F0
-  float anisotropy = 0;                ///< strength along local x, 0..1
+  float transmission = 0;    ///< 1: dielectric interface, no diffuse lobe
+  bool entering = true;      ///< viewer outside (geometric side); decides the relative ior and where the layers are
+  bool thin = false;         ///< thin-walled: both interfaces at once, light goes straight on (KHR_materials_transmission)
+  Vec3 specularColor{1.0f};  ///< scales the dielectric's F0
+  float anisotropy = 0;      ///< strength along local x, 0..1
   float clearcoat = 0, clearcoatRoughness = 0;
-  Vec3 clearcoatNormal{0, 0, 1};       ///< local frame
+  Vec3 clearcoatNormal{0, 0, 1};  ///< local frame
   Vec3 sheenColor{0.0f};
   float sheenRoughness = 0;
-  float iridescence = 0, iridescenceIor = 1.3f, iridescenceThickness = 0;   ///< thickness in nanometres
+  float iridescence = 0, iridescenceIor = 1.3f, iridescenceThickness = 0;  ///< thickness in nanometres
   float diffuseTransmission = 0;
-  Vec3 diffuseTransmissionColor{1.0f};   ///< of the transmitted part; albedo colours the reflected one
-  Vec3 facing{0, 0, 1};                ///< geometric normal on the viewer's side, local frame, unit; z > 0
+  Vec3 diffuseTransmissionColor{1.0f};  ///< of the transmitted part; albedo colours the reflected one
+  Vec3 facing{0, 0, 1};                 ///< geometric normal on the viewer's side, local frame, unit; z > 0
 };
 
-struct BsdfValue { Vec3 diffuse{0.0f}, specular{0.0f}; Vec3 sum() const { return diffuse + specular; } };
+struct BsdfValue {
+  Vec3 diffuse{0.0f}, specular{0.0f};
+  Vec3 sum() const { return diffuse + specular; }
+};
 
 struct BsdfSample {
   Vec3 wi{0.0f};
-  Vec3 weight{0.0f};                   ///< f |cos| / pdf over the whole sampling strategy (finite, >= 0)
-  float pdf = 0;                       ///< solid-angle density of wi; 0 for delta lobes
+  Vec3 weight{0.0f};  ///< f |cos| / pdf over the whole sampling strategy (finite, >= 0)
+  float pdf = 0;      ///< solid-angle density of wi; 0 for delta lobes
   bool delta = false, transmitted = false, specularLobe = false;
-  bool straight = false;               ///< wi = -wo: thin smooth glass, or index 1
-  bool folded = false;                 ///< mirrored at the geometric plane
+  bool straight = false;  ///< wi = -wo: thin smooth glass, or index 1
+  bool folded = false;    ///< mirrored at the geometric plane
 };
 
 /// f(wo, wi) * |cos(wi)|, diffuse and specular lobes apart; delta lobes give 0.

@@ -74,9 +74,7 @@ float GlassAlbedo::deficit(float mu, bool inside) const {
   float f;
   const int column = cosineCell(mu, s_, f);
   const uint16_t* t = (inside ? data::kGlassInside : data::kGlassOutside) + base_ + column;
-  const auto plane = [&](const uint16_t* p) {
-    return mix(mix(float(p[0]), float(p[1]), f), mix(float(p[kMu]), float(p[kMu + 1]), f), fRow_);
-  };
+  const auto plane = [&](const uint16_t* p) { return mix(mix(float(p[0]), float(p[1]), f), mix(float(p[kMu]), float(p[kMu + 1]), f), fRow_); };
   return mix(plane(t), plane(t + kGlassRows * kMu), fIor_) * 1e-4f;
 }
 

@@ -19,8 +19,10 @@ namespace gobo {
 class ReflectionAlbedo {
  public:
   ReflectionAlbedo() = default;
-  ReflectionAlbedo(float alpha, float roughness);   ///< roughness = sqrt(alpha), which the caller has
-  struct Value { float deficit = 0, schlick = 0; };
+  ReflectionAlbedo(float alpha, float roughness);  ///< roughness = sqrt(alpha), which the caller has
+  struct Value {
+    float deficit = 0, schlick = 0;
+  };
   Value at(float mu) const;
   float deficitMean = 0, schlickMean = 1.0f / 21.0f;
 
@@ -34,8 +36,8 @@ class GlassAlbedo {
  public:
   GlassAlbedo() = default;
   GlassAlbedo(float alpha, float ior);
-  float deficit(float mu, bool inside) const;      ///< inside: in the denser medium
-  float mean[2] = {0, 0};                          ///< outside, inside
+  float deficit(float mu, bool inside) const;  ///< inside: in the denser medium
+  float mean[2] = {0, 0};                      ///< outside, inside
 
  private:
   int base_ = 0;

@@ -13,15 +13,16 @@ namespace {
 namespace grid = anisotropic;
 using Cell = grid::Cell<float>;
 
-constexpr float kStep = 1.0f / 250.0f;                 // of glass
-
+constexpr float kStep = 1.0f / 250.0f;  // of glass
 
 }  // namespace
 
 AnisotropicAlbedo::AnisotropicAlbedo(float roughness, float anisotropy) : ax_(grid::alphaX(roughness, anisotropy)), ay_(grid::alphaY(roughness)) {
   const Cell r = grid::cell(roughness, grid::kR), s = grid::cell(anisotropy, grid::kS);
-  r_ = r.k; fR_ = r.f;
-  s_ = s.k; fS_ = s.f;
+  r_ = r.k;
+  fR_ = r.f;
+  s_ = s.k;
+  fS_ = s.f;
   constexpr int n = grid::fine(grid::kS);
   const Cell a = grid::cell(roughness, grid::fine(grid::kR)), b = grid::cell(anisotropy, n);
   const auto of = [&](const uint16_t* t) {
@@ -50,12 +51,16 @@ ReflectionAlbedo::Value AnisotropicAlbedo::at(const Vec3& d) const {
   return {deficit, minOf(clamp01(extra * 1e-4f + w2 * w2 * w * (1.0f - deficit)), 1.0f - deficit)};
 }
 
-AnisotropicGlassAlbedo::AnisotropicGlassAlbedo(float roughness, float anisotropy, float ior) : ior_(minOf(maxOf(ior, 1.0002f), 3.0f)), ax_(grid::alphaX(roughness, anisotropy)) {
+AnisotropicGlassAlbedo::AnisotropicGlassAlbedo(float roughness, float anisotropy, float ior)
+    : ior_(minOf(maxOf(ior, 1.0002f), 3.0f)), ax_(grid::alphaX(roughness, anisotropy)) {
   const float x = grid::iorAxis(ior_);
   const Cell r = grid::cell(roughness, grid::kGlassR), s = grid::cell(anisotropy, grid::kGlassS), i = grid::cell(x, grid::kGlassIor);
-  r_ = r.k; fR_ = r.f;
-  s_ = s.k; fS_ = s.f;
-  i_ = i.k; fIor_ = i.f;
+  r_ = r.k;
+  fR_ = r.f;
+  s_ = s.k;
+  fS_ = s.f;
+  i_ = i.k;
+  fIor_ = i.f;
   constexpr int nS = grid::fine(grid::kGlassS), nI = grid::fine(grid::kGlassIor);
   const Cell a = grid::cell(roughness, grid::fine(grid::kGlassR)), b = grid::cell(anisotropy, nS), c = grid::cell(x, nI);
   const uint16_t* roots[2] = {data::kAnisotropicOutsideRoot, data::kAnisotropicInsideRoot};

@@ -26,8 +26,8 @@ class AnisotropicGlassAlbedo {
  public:
   AnisotropicGlassAlbedo() = default;
   AnisotropicGlassAlbedo(float roughness, float anisotropy, float ior);
-  float deficit(const Vec3& direction, bool inside) const;      ///< inside: in the denser medium
-  float mean[2] = {0, 0};                                       ///< outside, inside
+  float deficit(const Vec3& direction, bool inside) const;  ///< inside: in the denser medium
+  float mean[2] = {0, 0};                                   ///< outside, inside
 
  private:
   float ior_ = 1.5f, ax_ = 1, fR_ = 0, fS_ = 0, fIor_ = 0;

@@ -20,32 +20,32 @@ struct BaseLobes {
   Ggx g;
   ReflectionAlbedo table;
   GlassAlbedo glassTable;
-  AnisotropicAlbedo brushed;         // instead of these where there are two alphas
+  AnisotropicAlbedo brushed;  // instead of these where there are two alphas
   AnisotropicGlassAlbedo brushedGlass;
-  float deficitMean = 0, schlickMean = 1.0f / 21.0f, glassMean[2] = {0, 0};   // of the one in use; outside, inside
-  float ior = 1, eta = 1;            // eta: far over near index
+  float deficitMean = 0, schlickMean = 1.0f / 21.0f, glassMean[2] = {0, 0};  // of the one in use; outside, inside
+  float ior = 1, eta = 1;                                                    // eta: far over near index
   bool smooth, thin, anisotropic = false;
-  bool filmed = false, plainGlass = true;   // plainGlass: exact Fresnel, neither specular nor film change it
+  bool filmed = false, plainGlass = true;  // plainGlass: exact Fresnel, neither specular nor film change it
   Vec3 albedo, throughColor{0.0f};
   float opaque, metal, glass, pass;  // shares of the four materials
   float through;                     // share of the opaque part's diffuse light that is transmitted
   Vec3 f0{0.0f};                     // dielectric, with specularColor and specular
   float f90 = 0;
-  float f0Bound = 0, f90Bound = 0, msBound = 0;   // Schlick's curve above every channel of the dielectric; and of its multiple scattering
+  float f0Bound = 0, f90Bound = 0, msBound = 0;  // Schlick's curve above every channel of the dielectric; and of its multiple scattering
   float film = 0, filmIor, filmThickness;
 
-  Vec3 msUp{0.0f}, msDown{0.0f};     // colour of K by ReflectionAlbedo
-  Vec3 glassUp{0.0f}, glassDown{0.0f};   // glass's own K, same side and other side, without the means
-  float kernel = 0;                  // 1 / (pi mean deficit)
-  float diffuseNorm = 0;             // 1 / (1 - mean albedo of the dielectric)
-  ReflectionAlbedo::Value ao;        // at the viewer's direction
+  Vec3 msUp{0.0f}, msDown{0.0f};        // colour of K by ReflectionAlbedo
+  Vec3 glassUp{0.0f}, glassDown{0.0f};  // glass's own K, same side and other side, without the means
+  float kernel = 0;                     // 1 / (pi mean deficit)
+  float diffuseNorm = 0;                // 1 / (1 - mean albedo of the dielectric)
+  ReflectionAlbedo::Value ao;           // at the viewer's direction
   float glassO = 0;
-  float diffuseO = 1;                // 1 - albedo of the dielectric interface
+  float diffuseO = 1;  // 1 - albedo of the dielectric interface
 
-  float bounceB2 = 1, bounceLog = 1; // b^2, log(1 + 1/b^2)
+  float bounceB2 = 1, bounceLog = 1;  // b^2, log(1 + 1/b^2)
 
   float upP = 0, downP = 0, bounceUpP = 0, bounceDownP = 0, interfaceP = 0, passP = 0;
-  float energy = 0;                  // estimate of the albedo (luminance), 0: nothing is reflected or transmitted
+  float energy = 0;  // estimate of the albedo (luminance), 0: nothing is reflected or transmitted
 
   explicit BaseLobes(const BsdfParams& p);
   void view(const Vec3& o);
@@ -75,7 +75,9 @@ struct BaseLobes {
     return f0Bound * (1.0f - a.deficit) + (f90Bound - f0Bound) * a.schlick + msBound * a.deficit;
   }
   ReflectionAlbedo::Value lookUp(const Vec3& direction) const;
-  float glassDeficit(const Vec3& direction, bool inside) const { return anisotropic ? brushedGlass.deficit(direction, inside) : glassTable.deficit(std::fabs(direction.z), inside); }
+  float glassDeficit(const Vec3& direction, bool inside) const {
+    return anisotropic ? brushedGlass.deficit(direction, inside) : glassTable.deficit(std::fabs(direction.z), inside);
+  }
   bool usesTable_ = false, usesGlass_ = false;
 };
 

@@ -50,7 +50,7 @@ inline BaseLobes::BaseLobes(const BsdfParams& p) {
   opaque = 1.0f - metallic;
   glass = pass = through = 0.0f;
   float f0Grey = 0.0f;
-  if (metallic < 1.0f) {                               // pure metals skip the dielectric's arithmetic
+  if (metallic < 1.0f) {  // pure metals skip the dielectric's arithmetic
     const bool infinite = !(p.ior > 0.0f) || p.ior >= kInfiniteIor;
     f0Grey = infinite ? 1.0f : sqr((p.ior - 1.0f) / (p.ior + 1.0f));
     if (clear > 0.0f && !infinite) {
@@ -329,8 +329,10 @@ inline bool BaseLobes::sample(const Vec3& o, float uLobe, const Vec2& u, BsdfSam
     out.delta = true;
     const float chance = interfaceP * (reflect ? reflectP : 1.0f - reflectP);
     if (reflect) out.wi = Vec3(-o.x, -o.y, o.z);
-    else if (thin) { out.wi = -o; out.straight = true; }
-    else if (!refract(o, h, eta, out.wi)) return false;
+    else if (thin) {
+      out.wi = -o;
+      out.straight = true;
+    } else if (!refract(o, h, eta, out.wi)) return false;
     out.weight = reflect ? r / chance : t / (thin ? chance : chance * eta * eta);
     return maxComponent(out.weight) > 0.0f;
   }

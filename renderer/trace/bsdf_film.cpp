@@ -9,10 +9,12 @@ constexpr int kOrders = 4;
 /// Fourier transform of the colour matching functions at an optical path difference: out[m-1] = linear Rec.709 response to
 /// cos(2 pi m path / wavelength), 1 for path 0. The Gaussians' m-th harmonics follow from the first by powers and Chebyshev.
 void harmonics(float path, Vec3 (&out)[kOrders]) {
-  struct Gaussian { float weight, position, variance; };
-  static constexpr Gaussian g[4] = {{5.4856e-13f, 1.6810e6f, 4.3278e9f}, {4.4201e-13f, 1.7953e6f, 9.3046e9f},
-                                    {5.2481e-13f, 2.2084e6f, 6.6121e9f}, {9.7470e-14f, 2.2399e6f, 4.5282e9f}};
-  static constexpr float area[4] = {164901.1f, 241790.3f, 203826.0f, 168675.8f};   // sqrt(2 pi variance)
+  struct Gaussian {
+    float weight, position, variance;
+  };
+  static constexpr Gaussian g[4] = {
+      {5.4856e-13f, 1.6810e6f, 4.3278e9f}, {4.4201e-13f, 1.7953e6f, 9.3046e9f}, {5.2481e-13f, 2.2084e6f, 6.6121e9f}, {9.7470e-14f, 2.2399e6f, 4.5282e9f}};
+  static constexpr float area[4] = {164901.1f, 241790.3f, 203826.0f, 168675.8f};  // sqrt(2 pi variance)
   const float phase = 2.0f * kPi * path * 1e-9f;
   float value[kOrders][4];
   for (int k = 0; k < 4; ++k) {

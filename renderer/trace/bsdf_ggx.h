@@ -8,7 +8,10 @@
 
 namespace gobo {
 
-inline float pow5(float x) { const float x2 = x * x; return x2 * x2 * x; }
+inline float pow5(float x) {
+  const float x2 = x * x;
+  return x2 * x2 * x;
+}
 /// (1 - c)^5 of Schlick's Fresnel.
 inline float schlickWeight(float c) { return pow5(clamp01(1.0f - c)); }
 
@@ -24,8 +27,8 @@ inline float fresnelDielectric(float c, float eta) {
 }
 
 struct Ggx {
-  float x = 1, y = 1;           // alphas
-  float xy = 1, yx = 1;         // x/y and y/x
+  float x = 1, y = 1;    // alphas
+  float xy = 1, yx = 1;  // x/y and y/x
   Ggx() = default;
   explicit Ggx(float alpha) : x(alpha), y(alpha) {}
   Ggx(float alphaX, float alphaY) : x(alphaX), y(alphaY), xy(alphaX / alphaY), yx(alphaY / alphaX) {}

@@ -4,8 +4,8 @@
 namespace gobo {
 namespace {
 
-constexpr float kCoatF0 = 0.04f;             // index 1.5
-constexpr float kSheenFloor = 0.07f;         // smaller roughnesses are narrower than the table (and than a texel's worth of cloth)
+constexpr float kCoatF0 = 0.04f;      // index 1.5
+constexpr float kSheenFloor = 0.07f;  // smaller roughnesses are narrower than the table (and than a texel's worth of cloth)
 
 bool seenFromInside(const BsdfParams& p) { return !p.entering && !p.thin && p.transmission > 0.0f && p.metallic < 1.0f; }
 float coatAlpha(const BsdfParams& p) { return sqr(clamp01(p.clearcoatRoughness)); }
@@ -24,8 +24,7 @@ Vec3 facing(Vec3 n, const Vec3& o) {
 /// Charlie's lambda (Estevez & Kulla 2017).
 float sheenLambda(float c, float alpha) {
   const float t = sqr(1.0f - alpha);
-  const float a = 21.5473f + t * 3.7772f, b = 3.82987f - t * 0.50552f, p = 0.19823f - t * 0.03022f, d = -1.97760f + t * 0.70367f,
-              e = -4.32054f - t * 0.53913f;
+  const float a = 21.5473f + t * 3.7772f, b = 3.82987f - t * 0.50552f, p = 0.19823f - t * 0.03022f, d = -1.97760f + t * 0.70367f, e = -4.32054f - t * 0.53913f;
   const auto l = [&](float x) { return a / (1.0f + b * std::pow(x, p)) + d * x + e; };
   return c < 0.5f ? std::exp(l(c)) : std::exp(2.0f * l(0.5f) - l(1.0f - c));
 }
@@ -83,7 +82,7 @@ void Layers::choose(float baseEnergy) {
 
 float Layers::passed(const Vec3& i) const {
   float coatI = 1.0f, sheenI = 1.0f;
-  if (inside == (i.z < 0.0f)) {      // i is outside
+  if (inside == (i.z < 0.0f)) {  // i is outside
     if (hasCoat) coatI = 1.0f - coatAlbedo(inside ? std::fabs(glm::dot(i, coatFrame.z)) : glm::dot(i, coatFrame.z));
     if (hasSheen) sheenI = 1.0f - sheenMost * minOf(sheenAlbedo(std::fabs(i.z), sheenRoughness), 1.0f);
   }
@@ -99,7 +98,7 @@ void Layers::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf
     if (len2 > 0.0f) {
       const float sin2 = clamp01((m.x * m.x + m.y * m.y) / len2), inv = 1.0f / sheenAlpha;
       const float d = (2.0f + inv) * std::pow(sin2, 0.5f * inv) * (0.5f * kInvPi);
-      const float v = 0.25f / ((1.0f + sheenLambda(o.z, sheenAlpha) + sheenLambda(i.z, sheenAlpha)) * o.z);   // times i.z
+      const float v = 0.25f / ((1.0f + sheenLambda(o.z, sheenAlpha) + sheenLambda(i.z, sheenAlpha)) * o.z);  // times i.z
       const float scale = minOf(sheenScaleO, 1.0f / maxOf(sheenAlbedo(i.z, sheenRoughness), 1.0f));
       value.specular += sheenColor * (d * v * scale * minOf(coatO, hasCoat ? 1.0f - coatAlbedo(ic.z) : 1.0f));
     }

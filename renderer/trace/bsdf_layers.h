@@ -18,9 +18,9 @@ struct Layers {
   Vec3 sheenColor;
   Ggx g;
   ReflectionAlbedo table;
-  Frame coatFrame;                   // z: the coat's normal, turned towards the viewer if it faces away
-  Vec3 oc;                           // viewer in it
-  float coatO = 1, sheenO = 1;       // passed towards the viewer
+  Frame coatFrame;              // z: the coat's normal, turned towards the viewer if it faces away
+  Vec3 oc;                      // viewer in it
+  float coatO = 1, sheenO = 1;  // passed towards the viewer
   float sheenScaleO = 1;
   float coatP = 0, sheenP = 0, baseP = 1;
 

@@ -8,7 +8,10 @@
 namespace gobo {
 
 std::vector<int> volumesAround(const SceneView& view, const Vec3& p, const StopToken& stop) {
-  struct Found { double size; int material; };
+  struct Found {
+    double size;
+    int material;
+  };
   std::vector<Found> found;
   for (const Instance& instance : view.instances()) {
     const auto mesh = view.mesh<Facet::Topology | Facet::Pose>(instance.mesh);
@@ -35,7 +38,7 @@ std::vector<int> volumesAround(const SceneView& view, const Vec3& p, const StopT
       angle += 2.0 * std::atan2(glm::dot(r[0], glm::cross(r[1], r[2])),
                                 l[0] * l[1] * l[2] + glm::dot(r[0], r[1]) * l[2] + glm::dot(r[1], r[2]) * l[0] + glm::dot(r[2], r[0]) * l[1]);
     }
-    if (glm::determinant(glm::dmat3(toWorld)) < 0) angle = -angle;      // outside stays outside under a mirroring transform (glTF 3.7.4)
+    if (glm::determinant(glm::dmat3(toWorld)) < 0) angle = -angle;  // outside stays outside under a mirroring transform (glTF 3.7.4)
     if (angle > 0.5 * 4.0 * M_PI) found.push_back({glm::length(hi - lo), mesh.material});
   }
   std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) { return a.size > b.size; });

@@ -34,8 +34,10 @@ inline void intersect1Unchecked(RTCScene s, Context& c, RTCRayHit& r, bool coher
   rtcIntersect1(s, &r, &a);
 }
 inline void occluded1Unchecked(RTCScene s, Context& c, RTCRay& r) {
-  RTCOccludedArguments a; rtcInitOccludedArguments(&a);
-  a.context = &c; rtcOccluded1(s, &r, &a);
+  RTCOccludedArguments a;
+  rtcInitOccludedArguments(&a);
+  a.context = &c;
+  rtcOccluded1(s, &r, &a);
 }
 inline void intersect16Unchecked(const int* valid, RTCScene s, Context& c, RTCRayHit16& r, bool coherent, RTCFilterFunctionN filter = nullptr) {
   RTCIntersectArguments a;
@@ -43,26 +45,36 @@ inline void intersect16Unchecked(const int* valid, RTCScene s, Context& c, RTCRa
   rtcIntersect16(valid, s, &r, &a);
 }
 inline void occluded16Unchecked(const int* valid, RTCScene s, Context& c, RTCRay16& r, bool coherent) {
-  RTCOccludedArguments a; rtcInitOccludedArguments(&a);
-  a.context = &c; a.flags = coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
+  RTCOccludedArguments a;
+  rtcInitOccludedArguments(&a);
+  a.context = &c;
+  a.flags = coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
   rtcOccluded16(valid, s, &r, &a);
 }
 #else
 using Context = RTCIntersectContext;
 inline void initContext(Context& c) { rtcInitIntersectContext(&c); }
-inline void setCoherent(Context& c, bool coherent) {
-  c.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
-}
+inline void setCoherent(Context& c, bool coherent) { c.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT; }
 inline constexpr RTCSceneFlags kSceneFlagCallFilter = RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
 inline void intersect1Unchecked(RTCScene s, Context& c, RTCRayHit& r, bool coherent, RTCFilterFunctionN filter = nullptr) {
-  setCoherent(c, coherent); c.filter = filter; rtcIntersect1(s, &c, &r);
+  setCoherent(c, coherent);
+  c.filter = filter;
+  rtcIntersect1(s, &c, &r);
 }
-inline void occluded1Unchecked(RTCScene s, Context& c, RTCRay& r) { setCoherent(c, false); c.filter = nullptr; rtcOccluded1(s, &c, &r); }
+inline void occluded1Unchecked(RTCScene s, Context& c, RTCRay& r) {
+  setCoherent(c, false);
+  c.filter = nullptr;
+  rtcOccluded1(s, &c, &r);
+}
 inline void intersect16Unchecked(const int* valid, RTCScene s, Context& c, RTCRayHit16& r, bool coherent, RTCFilterFunctionN filter = nullptr) {
-  setCoherent(c, coherent); c.filter = filter; rtcIntersect16(valid, s, &c, &r);
+  setCoherent(c, coherent);
+  c.filter = filter;
+  rtcIntersect16(valid, s, &c, &r);
 }
 inline void occluded16Unchecked(const int* valid, RTCScene s, Context& c, RTCRay16& r, bool coherent) {
-  setCoherent(c, coherent); c.filter = nullptr; rtcOccluded16(valid, s, &c, &r);
+  setCoherent(c, coherent);
+  c.filter = nullptr;
+  rtcOccluded16(valid, s, &c, &r);
 }
 #endif
 
@@ -81,7 +93,8 @@ inline void intersect1(RTCScene s, Context& c, RTCRayHit& r, bool coherent, RTCF
   if (isTraceable(r.ray)) intersect1Unchecked(s, c, r, coherent, filter);
 }
 inline void occluded1(RTCScene s, Context& c, RTCRay& r) {
-  if (isTraceable(r)) occluded1Unchecked(s, c, r); else r.tfar = -1.0f;
+  if (isTraceable(r)) occluded1Unchecked(s, c, r);
+  else r.tfar = -1.0f;
 }
 inline void intersect16(const int* valid, RTCScene s, Context& c, RTCRayHit16& r, bool coherent, RTCFilterFunctionN filter = nullptr) {
   alignas(64) int lanes[16];

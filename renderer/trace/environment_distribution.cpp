@@ -8,7 +8,6 @@
 namespace gobo {
 namespace {
 
-
 double texelLuminance(const Vec3& c) { return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z; }
 
 /// Index of the cell that holds x of inclusive prefix sums, and the place of x inside it in [0,1). Cells of weight zero are
@@ -56,8 +55,6 @@ bool EnvironmentDistribution::sample(const Vec2& u, Vec3& direction, Vec3& radia
   return pdf > 0.0f;
 }
 
-float EnvironmentDistribution::pdf(const Vec3& direction) const {
-  return total_ > 0 ? float(texelLuminance(map_->eval(direction)) / total_) : 0.0f;
-}
+float EnvironmentDistribution::pdf(const Vec3& direction) const { return total_ > 0 ? float(texelLuminance(map_->eval(direction)) / total_) : 0.0f; }
 
 }  // namespace gobo

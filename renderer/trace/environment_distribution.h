@@ -29,8 +29,8 @@ class EnvironmentDistribution {
  private:
   EnvironmentPtr map_;
   std::optional<EnvironmentTents> tents_;
-  std::vector<double> rows_;      // inclusive prefix sums over rows
-  std::unique_ptr<double[]> columns_;   // inclusive prefix sums of luminance inside each row; not cleared first, which takes as long as the sums
+  std::vector<double> rows_;           // inclusive prefix sums over rows
+  std::unique_ptr<double[]> columns_;  // inclusive prefix sums of luminance inside each row; not cleared first, which takes as long as the sums
   double total_ = 0;
 };
 

@@ -38,7 +38,7 @@ class FacingTriangles {
     uint32_t chosen = 0;
     for (uint32_t k = 0; k < planes_.size(); ++k) {
       if (!faces(k, p) || !(planes_[k].weight > 0)) continue;
-      if (weight > 0) left -= weight;                                  // of the one before
+      if (weight > 0) left -= weight;  // of the one before
       chosen = k;
       weight = planes_[k].weight;
       if (left < weight) break;
@@ -48,7 +48,10 @@ class FacingTriangles {
   }
 
  private:
-  struct Plane { DVec3 n; double offset, weight; };
+  struct Plane {
+    DVec3 n;
+    double offset, weight;
+  };
   std::vector<Plane> planes_;
 };
 

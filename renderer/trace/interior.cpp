@@ -20,7 +20,7 @@ Interior makeInterior(const Bsdf& b) {
 
 float singleScatteringAlbedo(float multiple, float g) {
   if (multiple >= 1.0f) return 1.0f;
-  if (!(multiple > 0.0f)) return 0.0f;   // the formula's rounded constants leave 6e-6, which would make every absorbing volume scatter
+  if (!(multiple > 0.0f)) return 0.0f;  // the formula's rounded constants leave 6e-6, which would make every absorbing volume scatter
   const double m = std::fmax(double(multiple), 0.0);
   const double s = 4.09712 + 4.20863 * m - std::sqrt(9.59217 + 41.6808 * m + 17.7126 * m * m);
   return clamp01(float((1.0 - s * s) / (1.0 - double(g) * s * s)));

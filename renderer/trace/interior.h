@@ -19,11 +19,11 @@
 namespace gobo {
 
 struct Interior {
-  Vec3 sigma{0.0f};          ///< extinction, 1/m
-  Vec3 albedo{0.0f};         ///< of one scattering event
-  float g = 0;               ///< mean cosine, -0.99 .. 0.99
+  Vec3 sigma{0.0f};   ///< extinction, 1/m
+  Vec3 albedo{0.0f};  ///< of one scattering event
+  float g = 0;        ///< mean cosine, -0.99 .. 0.99
   float ior = 1.5f;
-  bool absorbs = false;      ///< some sigma > 0
+  bool absorbs = false;  ///< some sigma > 0
   bool scatters = false;
 
   Vec3 transmittance(float t) const { return Vec3(std::exp(-sigma.x * t), std::exp(-sigma.y * t), std::exp(-sigma.z * t)); }
@@ -51,7 +51,11 @@ struct MediumStack {
 
   void clear() { depth = 0; }
   int top() const { return depth > 0 ? id[depth - 1] : -1; }
-  bool holds(int volume) const { for (int k = 0; k < depth; ++k) if (id[k] == volume) return true; return false; }
+  bool holds(int volume) const {
+    for (int k = 0; k < depth; ++k)
+      if (id[k] == volume) return true;
+    return false;
+  }
   /// Its boundary changes nothing: the path is in that medium already, or in one that it entered later.
   bool passes(int volume, bool entering) const {
     if (entering) return top() == volume;
@@ -67,7 +71,9 @@ struct MediumStack {
     outside.leave(volume);
     return outside.top() < 0 ? ior : ior / interiors[size_t(outside.top())].ior;
   }
-  void enter(int volume) { if (depth < kMost) id[depth++] = int16_t(volume); }
+  void enter(int volume) {
+    if (depth < kMost) id[depth++] = int16_t(volume);
+  }
   /// Takes away the latest entry of `volume`, if any.
   void leave(int volume) {
     for (int k = depth - 1; k >= 0; --k) {

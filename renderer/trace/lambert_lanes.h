@@ -13,24 +13,34 @@ namespace gobo {
 struct alignas(64) Lane3 {
   float x[kLanes], y[kLanes], z[kLanes];
   Vec3 get(int i) const { return Vec3(x[i], y[i], z[i]); }
-  void set(int i, const Vec3& v) { x[i] = v.x; y[i] = v.y; z[i] = v.z; }
+  void set(int i, const Vec3& v) {
+    x[i] = v.x;
+    y[i] = v.y;
+    z[i] = v.z;
+  }
 };
 
 /// A vertex per lane, as Surface has it.
 struct alignas(64) LaneSurface {
-  Lane3 a, b, c;                     // triangle in world space (flat lanes), then
+  Lane3 a, b, c;  // triangle in world space (flat lanes), then
   Lane3 p, reach, facing, n, albedo;
-  Lane3 origin;                      // p moved to the viewer's side
+  Lane3 origin;  // p moved to the viewer's side
 };
 
 namespace lanes {
 
 using F = __m256;
-struct F3 { F x, y, z; };
+struct F3 {
+  F x, y, z;
+};
 inline F load(const float* p) { return _mm256_load_ps(p); }
 inline F3 load(const Lane3& v, int at) { return {load(v.x + at), load(v.y + at), load(v.z + at)}; }
 inline void store(float* p, const F& v) { _mm256_store_ps(p, v); }
-inline void store(Lane3& o, int at, const F3& v) { store(o.x + at, v.x); store(o.y + at, v.y); store(o.z + at, v.z); }
+inline void store(Lane3& o, int at, const F3& v) {
+  store(o.x + at, v.x);
+  store(o.y + at, v.y);
+  store(o.z + at, v.z);
+}
 inline F set(float v) { return _mm256_set1_ps(v); }
 inline F select(const F& mask, const F& yes, const F& no) { return _mm256_blendv_ps(no, yes, mask); }
 inline F dot(const F3& a, const F3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
@@ -58,8 +68,8 @@ inline F3 leave(const F3& p, const F3& side, const F3& reach) {
 
 /// Positions, bounds and facing normals of flat lanes from triangles, barycentrics and Embree's normals. Returns the lanes
 /// whose normal has an ordinary length; the others are left to scalar code.
-inline uint32_t flatSurface(LaneSurface& s, int at, uint32_t bits, const float* u, const float* v, const float* ngx, const float* ngy,
-                            const float* ngz, const float* dx, const float* dy, const float* dz) {
+inline uint32_t flatSurface(LaneSurface& s, int at, uint32_t bits, const float* u, const float* v, const float* ngx, const float* ngy, const float* ngz,
+                            const float* dx, const float* dy, const float* dz) {
   const F lu = _mm256_loadu_ps(u + at), lv = _mm256_loadu_ps(v + at), w = set(1.0f) - lu - lv;
   const F3 pa = load(s.a, at) * w, pb = load(s.b, at) * lu, pc = load(s.c, at) * lv;
   const F3 ng = {_mm256_loadu_ps(ngx + at), _mm256_loadu_ps(ngy + at), _mm256_loadu_ps(ngz + at)};
@@ -78,12 +88,15 @@ inline uint32_t flatSurface(LaneSurface& s, int at, uint32_t bits, const float* 
 
 inline void moveOrigins(LaneSurface& s, int at) { store(s.origin, at, leave(load(s.p, at), load(s.facing, at), load(s.reach, at))); }
 
-struct LightLanes { Lane3 p, e1, e2, n; float area[kLanes]; };    // the triangle that each lane picked, and the area that it picked from
+struct LightLanes {
+  Lane3 p, e1, e2, n;
+  float area[kLanes];
+};  // the triangle that each lane picked, and the area that it picked from
 
 /// Next-event estimation towards a plain mesh light: shadow rays from s.origin, values to add where they are free. Returns
 /// the lanes that have one.
-inline uint32_t sampleLight(const LaneSurface& s, const Lane3& throughput, const LightLanes& light, bool doubleSided, const Vec3& nominal,
-                           int at, uint32_t bits, const float* ux, const float* uy, float* dirX, float* dirY, float* dirZ, float* tfar, Lane3& value) {
+inline uint32_t sampleLight(const LaneSurface& s, const Lane3& throughput, const LightLanes& light, bool doubleSided, const Vec3& nominal, int at,
+                            uint32_t bits, const float* ux, const float* uy, float* dirX, float* dirY, float* dirZ, float* tfar, Lane3& value) {
   // Square to triangle (Heitz 2019), as MeshLight does.
   const F x = load(ux + at), y = load(uy + at), half = set(0.5f);
   const F upper = less(x, y);
@@ -103,10 +116,12 @@ inline uint32_t sampleLight(const LaneSurface& s, const Lane3& throughput, const
   const F3 v = {c.x * set(nominal.x), c.y * set(nominal.y), c.z * set(nominal.z)};
   store(value, at, v);
   const F3 aim = (p - load(s.origin, at)) + d;
-  _mm256_storeu_ps(dirX + at, aim.x); _mm256_storeu_ps(dirY + at, aim.y); _mm256_storeu_ps(dirZ + at, aim.z);
+  _mm256_storeu_ps(dirX + at, aim.x);
+  _mm256_storeu_ps(dirY + at, aim.y);
+  _mm256_storeu_ps(dirZ + at, aim.z);
   const F slack = set(3e-6f) * max3(abs(p)) * inverse;
   _mm256_storeu_ps(tfar + at, _mm256_max_ps(zero, set(1.0f - 2e-5f) - slack));
-  return bitsOf(both(ok, _mm256_cmp_ps(max3(v), zero, _CMP_NLE_UQ)));      // NaN goes on, to be found and counted
+  return bitsOf(both(ok, _mm256_cmp_ps(max3(v), zero, _CMP_NLE_UQ)));  // NaN goes on, to be found and counted
 }
 
 /// Next directions (cosine-distributed, local in vx, vy, vz), throughput, roulette. Returns the lanes that go on; their rays
@@ -125,14 +140,16 @@ inline uint32_t bounce(const LaneSurface& s, int at, uint32_t bits, const float*
   const F most = max3(t);
   ok = both(ok, less(zero, most));
   if (roulette) {
-    const F survive = _mm256_min_ps(set(0.95f), _mm256_sqrt_ps(most));   // see path_tracer.h
+    const F survive = _mm256_min_ps(set(0.95f), _mm256_sqrt_ps(most));  // see path_tracer.h
     ok = both(ok, less(load(roulette + at), survive));
     t = t * (one / survive);
   }
   const F mask = maskOf(bits);
   store(throughput, at, {select(mask, t.x, load(throughput.x + at)), select(mask, t.y, load(throughput.y + at)), select(mask, t.z, load(throughput.z + at))});
   const auto put = [&](float* o, const F& v) { _mm256_storeu_ps(o + at, select(mask, v, _mm256_loadu_ps(o + at))); };
-  put(dirX, w.x); put(dirY, w.y); put(dirZ, w.z);
+  put(dirX, w.x);
+  put(dirY, w.y);
+  put(dirZ, w.z);
   put(pdf, local.z * set(kInvPi));
   return bitsOf(ok);
 }

@@ -52,9 +52,9 @@ bool samplePoint(const LightShape& s, const Vec3& p, LightSample& out) {
 }  // namespace
 
 struct LightSampler::Impl {
-  std::vector<int> slots;              // light index -> record, -1 outside the subset
-  std::vector<LightShape> shapes;      // one per record
-  std::vector<int> mesh;               // record -> meshes, -1 for other kinds
+  std::vector<int> slots;          // light index -> record, -1 outside the subset
+  std::vector<LightShape> shapes;  // one per record
+  std::vector<int> mesh;           // record -> meshes, -1 for other kinds
   std::vector<MeshLight> meshes;
   EnvironmentPtr environment;
   std::optional<EnvironmentDistribution> distribution;
@@ -111,12 +111,8 @@ bool LightSampler::sample(int i, const Vec3& p, const Vec2& u, LightSample& out)
   switch (s.kind) {
     case LightKind::Point:
     case LightKind::Spot: return samplePoint(s, p, out);
-    case LightKind::Directional:
-      out = {-s.axis, kInfinity, Vec3(1.0f), 1.0f, true};
-      return true;
-    case LightKind::Environment:
-      out.distance = kInfinity;
-      return impl_->distribution->sample(u, out.direction, out.radiance, out.pdf);
+    case LightKind::Directional: out = {-s.axis, kInfinity, Vec3(1.0f), 1.0f, true}; return true;
+    case LightKind::Environment: out.distance = kInfinity; return impl_->distribution->sample(u, out.direction, out.radiance, out.pdf);
     case LightKind::Rect: ok = sampleRect(s, p, u, a); break;
     case LightKind::Disk: ok = sampleDisk(s, p, u, a); break;
     case LightKind::Sphere: ok = sampleSphere(s, p, u, a); break;

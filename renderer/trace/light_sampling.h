@@ -11,11 +11,11 @@
 namespace gobo {
 
 struct LightSample {
-  Vec3 direction{0.0f};   ///< unit, from the receiver towards the light
-  float distance = 0;     ///< metres; 3e38 for Directional and Environment
-  Vec3 radiance{0.0f};    ///< for power 1 (white): incident radiance along -direction; for delta lights intensity/d^2 or irradiance (already the
-                          ///< whole contribution before BSDF and cosine)
-  float pdf = 0;          ///< solid angle density at the receiver; 1 for delta lights
+  Vec3 direction{0.0f};  ///< unit, from the receiver towards the light
+  float distance = 0;    ///< metres; 3e38 for Directional and Environment
+  Vec3 radiance{0.0f};   ///< for power 1 (white): incident radiance along -direction; for delta lights intensity/d^2 or irradiance (already the
+                         ///< whole contribution before BSDF and cosine)
+  float pdf = 0;         ///< solid angle density at the receiver; 1 for delta lights
   bool delta = false;
 };
 

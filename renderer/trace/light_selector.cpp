@@ -17,7 +17,7 @@ float meanLuminance(const Texture* texture) {
   const int nx = std::min(64, texture->width), ny = std::min(64, texture->height);
   for (int y = 0; y < ny; ++y)
     for (int x = 0; x < nx; ++x) sum += luminance(Vec3(texture->sample(Vec2((x + 0.5f) / nx, (y + 0.5f) / ny))));
-  return float(std::max(sum / (double(nx) * ny), 1e-4));             // never 0: a bright spot may hide between the texels looked at
+  return float(std::max(sum / (double(nx) * ny), 1e-4));  // never 0: a bright spot may hide between the texels looked at
 }
 
 LightBounds meshBounds(const SceneView& view, const LightShape& shape, float radiance, const StopToken& stop) {
@@ -34,7 +34,8 @@ LightBounds meshBounds(const SceneView& view, const LightShape& shape, float rad
     Vec3 v[3];
     for (int c = 0; c < 3; ++c) {
       v[c] = Vec3(instance.toWorld * Vec4(mesh.positions[mesh.indices[3 * t + c]], 1.0f));
-      b.lo = glm::min(b.lo, v[c]); b.hi = glm::max(b.hi, v[c]);
+      b.lo = glm::min(b.lo, v[c]);
+      b.hi = glm::max(b.hi, v[c]);
     }
     const DVec3 n = glm::cross(DVec3(v[1] - v[0]), DVec3(v[2] - v[0])) * (mirrored ? -0.5 : 0.5);
     const double length = glm::length(n);
@@ -65,32 +66,45 @@ LightBounds finiteBounds(const SceneView& view, int light, float scale, const St
   b.lo = b.hi = s.position;
   b.axis = s.axis;
   switch (s.kind) {
-    case LightKind::Point: b.cosNormals = -1.0f; b.cosEmission = 0.0f; b.power = 4 * kPi * scale; break;
+    case LightKind::Point:
+      b.cosNormals = -1.0f;
+      b.cosEmission = 0.0f;
+      b.power = 4 * kPi * scale;
+      break;
     case LightKind::Spot:
-      b.cosNormals = 1.0f; b.cosEmission = s.cosOuter; b.power = 2 * kPi * (1 - 0.5f * (s.cosInner + s.cosOuter)) * scale;
+      b.cosNormals = 1.0f;
+      b.cosEmission = s.cosOuter;
+      b.power = 2 * kPi * (1 - 0.5f * (s.cosInner + s.cosOuter)) * scale;
       b.power = std::fmax(b.power, 1e-6f * scale);
       break;
     case LightKind::Rect: {
       const Vec3 e = glm::abs(s.u) + glm::abs(s.v);
-      b.lo -= e; b.hi += e;
-      b.cosEmission = 0.0f; b.twoSided = s.twoSided;
+      b.lo -= e;
+      b.hi += e;
+      b.cosEmission = 0.0f;
+      b.twoSided = s.twoSided;
       b.power = 4 * glm::length(glm::cross(s.u, s.v)) * kPi * scale * (s.twoSided ? 2.0f : 1.0f);
       break;
     }
     case LightKind::Disk: {
       const Vec3 e = s.radius * glm::sqrt(glm::max(Vec3(0.0f), Vec3(1.0f) - s.axis * s.axis));
-      b.lo -= e; b.hi += e;
-      b.cosEmission = 0.0f; b.twoSided = s.twoSided;
+      b.lo -= e;
+      b.hi += e;
+      b.cosEmission = 0.0f;
+      b.twoSided = s.twoSided;
       b.power = kPi * sqr(s.radius) * kPi * scale * (s.twoSided ? 2.0f : 1.0f);
       break;
     }
     case LightKind::Sphere:
-      b.lo -= Vec3(s.radius); b.hi += Vec3(s.radius);
-      b.cosNormals = -1.0f; b.cosEmission = 0.0f;
+      b.lo -= Vec3(s.radius);
+      b.hi += Vec3(s.radius);
+      b.cosNormals = -1.0f;
+      b.cosEmission = 0.0f;
       b.power = 4 * kPi * sqr(s.radius) * kPi * scale;
       break;
     case LightKind::Mesh: return meshBounds(view, s, scale, stop);
-    case LightKind::Directional: case LightKind::Environment: break;
+    case LightKind::Directional:
+    case LightKind::Environment: break;
   }
   return b;
 }
@@ -103,7 +117,8 @@ float sceneRadius(const SceneView& view, const StopToken& stop) {
     for (const Vec3& p : view.mesh<Facet::Pose>(i.mesh).positions) {
       if (polled++ % 16384 == 0 && stop.stopRequested()) return 1.0f;
       const Vec3 q(i.toWorld * Vec4(p, 1.0f));
-      lo = glm::min(lo, q); hi = glm::max(hi, q);
+      lo = glm::min(lo, q);
+      hi = glm::max(hi, q);
     }
   }
   return lo.x <= hi.x ? std::fmax(0.5f * glm::length(hi - lo), 1e-20f) : 1.0f;
@@ -116,7 +131,7 @@ void LightSelector::build(const SceneView& view, const std::vector<Vec3>& nomina
   const int n = int(subset.size());
   treeIndex_.assign(n, -1);
   tableProbability_.assign(n, 0.0f);
-  std::vector<double> weight(n, 0.0);                                 // of the table
+  std::vector<double> weight(n, 0.0);  // of the table
   std::vector<LightBounds> bounds;
   double finitePower = 0, infinitePower = 0;
   float radius = -1.0f;
@@ -128,7 +143,8 @@ void LightSelector::build(const SceneView& view, const std::vector<Vec3>& nomina
     const LightKind kind = view.lightShape(subset[k]).kind;
     if (kind == LightKind::Directional || kind == LightKind::Environment) {
       if (radius < 0.0f) radius = sceneRadius(view, stop);
-      const double irradiance = kind == LightKind::Directional ? scale : scale * environmentFlux(view.environment().get(), stop) / 4.0;   // of an environment: mean radiance times pi
+      const double irradiance =
+          kind == LightKind::Directional ? scale : scale * environmentFlux(view.environment().get(), stop) / 4.0;  // of an environment: mean radiance times pi
       weight[k] = std::max(irradiance * M_PI * radius * radius, 1e-30);
       infinitePower += weight[k];
     } else {
@@ -159,7 +175,8 @@ void LightSelector::build(const SceneView& view, const std::vector<Vec3>& nomina
   for (double w : weight) total += w;
   if (!(total > 0)) return;
   std::vector<int> members;
-  for (int k = 0; k < n; ++k) if (weight[k] > 0) members.push_back(k);
+  for (int k = 0; k < n; ++k)
+    if (weight[k] > 0) members.push_back(k);
   const size_t m = members.size();
   table_.resize(m);
   std::vector<double> scaled(m);
@@ -173,9 +190,13 @@ void LightSelector::build(const SceneView& view, const std::vector<Vec3>& nomina
   while (!small.empty() && !large.empty()) {
     const size_t s = small.back(), l = large.back();
     small.pop_back();
-    table_[s].keep = float(scaled[s]); table_[s].alias = members[l];
+    table_[s].keep = float(scaled[s]);
+    table_[s].alias = members[l];
     scaled[l] -= 1.0 - scaled[s];
-    if (scaled[l] < 1.0) { large.pop_back(); small.push_back(l); }
+    if (scaled[l] < 1.0) {
+      large.pop_back();
+      small.push_back(l);
+    }
   }
 }
 

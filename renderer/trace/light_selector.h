@@ -20,7 +20,10 @@ class LightSelector {
   void build(const SceneView& view, const std::vector<Vec3>& nominal, LightSelection selection, const StopToken& stop = {});
   /// Draws k (an index into the view's subset), or -1 if no light can contribute. n: see LightBounds::importance.
   int sample(const Vec3& p, const Vec3* n, float u, float& probability) const {
-    if (only_ >= 0) { probability = 1.0f; return only_; }
+    if (only_ >= 0) {
+      probability = 1.0f;
+      return only_;
+    }
     return sampleMany(p, n, u, probability);
   }
   float probability(const Vec3& p, const Vec3* n, int k) const {
@@ -35,12 +38,16 @@ class LightSelector {
   float probabilityMany(const Vec3& p, const Vec3* n, int k) const;
   int only_ = -1, count_ = 0;
   LightTree tree_;
-  float treeShare_ = 0.0f;              // probability of asking the tree; the rest goes to the table
-  std::vector<int> finite_;             // tree index -> k
-  std::vector<int> treeIndex_;          // k -> tree index, -1 for lights of the table
-  struct Entry { float keep = 1.0f; int alias = 0; int k = 0; };
-  std::vector<Entry> table_;            // alias table (Vose 1991) over infinite lights, or over all lights without a tree
-  std::vector<float> tableProbability_; // by k
+  float treeShare_ = 0.0f;      // probability of asking the tree; the rest goes to the table
+  std::vector<int> finite_;     // tree index -> k
+  std::vector<int> treeIndex_;  // k -> tree index, -1 for lights of the table
+  struct Entry {
+    float keep = 1.0f;
+    int alias = 0;
+    int k = 0;
+  };
+  std::vector<Entry> table_;             // alias table (Vose 1991) over infinite lights, or over all lights without a tree
+  std::vector<float> tableProbability_;  // by k
 };
 
 }  // namespace gobo

@@ -9,7 +9,10 @@ namespace gobo {
 
 namespace {
 
-struct Cone { Vec3 axis; float cosAngle; };
+struct Cone {
+  Vec3 axis;
+  float cosAngle;
+};
 
 // Smallest cone around two cones (pbrt-v4 DirectionCone Union); -1 means every direction.
 Cone joinCones(const Cone& a, const Cone& b) {
@@ -24,7 +27,7 @@ Cone joinCones(const Cone& a, const Cone& b) {
   const float length = std::sqrt(glm::dot(w, w));
   if (!(length > 1e-6f)) return {a.axis, -1.0f};
   const double turn = t - ta;
-  const Vec3 k = w / length;                                         // turn a.axis about k towards b.axis
+  const Vec3 k = w / length;  // turn a.axis about k towards b.axis
   const Vec3 axis = a.axis * float(std::cos(turn)) + glm::cross(k, a.axis) * float(std::sin(turn));
   return {axis / std::sqrt(glm::dot(axis, axis)), float(std::cos(t)) - 1e-6f};
 }
@@ -44,7 +47,7 @@ double splitCost(const LightBounds& b, const Vec3& parentSize, int dim) {
   const double area = 2.0 * (double(d.x) * d.y + double(d.y) * d.z + double(d.z) * d.x);
   const double diagonal2 = double(glm::dot(d, d));
   const double k = std::max(parentSize.x, std::max(parentSize.y, parentSize.z)) / std::max(1e-30f, parentSize[dim]);
-  return b.power * omega * k * (area + 1e-3 * diagonal2);            // the diagonal keeps collinear lights apart
+  return b.power * omega * k * (area + 1e-3 * diagonal2);  // the diagonal keeps collinear lights apart
 }
 
 }  // namespace
@@ -56,7 +59,8 @@ LightBounds LightBounds::join(const LightBounds& a, const LightBounds& b) {
   o.lo = glm::min(a.lo, b.lo);
   o.hi = glm::max(a.hi, b.hi);
   const Cone c = joinCones({a.axis, a.cosNormals}, {b.axis, b.cosNormals});
-  o.axis = c.axis; o.cosNormals = c.cosAngle;
+  o.axis = c.axis;
+  o.cosNormals = c.cosAngle;
   o.cosEmission = std::fmin(a.cosEmission, b.cosEmission);
   o.power = a.power + b.power;
   o.twoSided = a.twoSided || b.twoSided;
@@ -64,8 +68,14 @@ LightBounds LightBounds::join(const LightBounds& a, const LightBounds& b) {
 }
 
 LightTree::Cluster::Cluster(const LightBounds& b)
-    : centre((b.lo + b.hi) * 0.5f), axis(b.axis), cosNormals(b.cosNormals), sinNormals(sinOf(b.cosNormals)), cosEmission(b.cosEmission),
-      power(b.power), twoSided(b.twoSided), everywhere(b.cosNormals <= -1.0f && b.cosEmission <= 0.0f) {
+    : centre((b.lo + b.hi) * 0.5f),
+      axis(b.axis),
+      cosNormals(b.cosNormals),
+      sinNormals(sinOf(b.cosNormals)),
+      cosEmission(b.cosEmission),
+      power(b.power),
+      twoSided(b.twoSided),
+      everywhere(b.cosNormals <= -1.0f && b.cosEmission <= 0.0f) {
   const Vec3 half = (b.hi - b.lo) * 0.5f;
   radius2 = glm::dot(half, half);
 }
@@ -76,10 +86,10 @@ inline float LightTree::Cluster::importance(const Vec3& p, const Vec3* n) const 
   if (!(power > 0.0f)) return 0.0f;
   const Vec3 toP = p - centre;
   const float true2 = glm::dot(toP, toP);
-  const float d2 = maxOf(true2, maxOf(radius2, 1e-30f));             // inside the bounds distance says nothing
+  const float d2 = maxOf(true2, maxOf(radius2, 1e-30f));  // inside the bounds distance says nothing
   float result = power / d2;
-  if (true2 <= radius2 * 1.0001f) return result;                     // any direction is possible: stay conservative
-  const Vec3 wi = toP * (1.0f / std::sqrt(true2));                   // from the lights to the receiver
+  if (true2 <= radius2 * 1.0001f) return result;    // any direction is possible: stay conservative
+  const Vec3 wi = toP * (1.0f / std::sqrt(true2));  // from the lights to the receiver
   const float sinB2 = radius2 / true2, cosB = std::sqrt(maxOf(1.0f - sinB2, 0.0f)), sinB = std::sqrt(sinB2);
   if (!everywhere) {
     float cosW = glm::dot(axis, wi);
@@ -88,7 +98,7 @@ inline float LightTree::Cluster::importance(const Vec3& p, const Vec3* n) const 
     const float cosX = cosSub(sinW, cosW, sinNormals, cosNormals), sinX = sinSub(sinW, cosW, sinNormals, cosNormals);
     const float cosP = cosSub(sinX, cosX, sinB, cosB);
     if (cosP <= cosEmission - 1e-4f) return 0.0f;
-    result = power * maxOf(cosP, 1e-3f) / d2;                        // the floor keeps rounding from excluding a grazing light
+    result = power * maxOf(cosP, 1e-3f) / d2;  // the floor keeps rounding from excluding a grazing light
   }
   if (n) {
     const float cosI = -glm::dot(wi, *n), sinI = sinOf(cosI);
@@ -105,9 +115,14 @@ void LightTree::build(const std::vector<LightBounds>& bounds, const StopToken& s
   root_ = LightBounds();
   leafOf_.assign(bounds.size(), -1);
   std::vector<int> order;
-  for (size_t i = 0; i < bounds.size(); ++i) if (bounds[i].power > 0.0f) order.push_back(int(i));
+  for (size_t i = 0; i < bounds.size(); ++i)
+    if (bounds[i].power > 0.0f) order.push_back(int(i));
   if (order.empty()) return;
-  if (order.size() == 1) { only_ = order[0]; root_ = bounds[only_]; return; }
+  if (order.size() == 1) {
+    only_ = order[0];
+    root_ = bounds[only_];
+    return;
+  }
   nodes_.reserve(order.size() - 1);
   root_ = buildNode(bounds, order, 0, int(order.size()), -1, stop);
 }
@@ -121,8 +136,10 @@ LightBounds LightTree::buildNode(const std::vector<LightBounds>& bounds, std::ve
   Vec3 lo(3e38f), hi(-3e38f), blo(3e38f), bhi(-3e38f);
   for (int i = begin; i < end; ++i) {
     const Vec3 c = centreOf(order[i]);
-    lo = glm::min(lo, c); hi = glm::max(hi, c);
-    blo = glm::min(blo, bounds[order[i]].lo); bhi = glm::max(bhi, bounds[order[i]].hi);
+    lo = glm::min(lo, c);
+    hi = glm::max(hi, c);
+    blo = glm::min(blo, bounds[order[i]].lo);
+    bhi = glm::max(bhi, bounds[order[i]].hi);
   }
   constexpr int kBins = 12;
   double bestCost = 1e300;
@@ -131,17 +148,24 @@ LightBounds LightTree::buildNode(const std::vector<LightBounds>& bounds, std::ve
   for (int dim = 0; dim < 3; ++dim) {
     if (!(hi[dim] > lo[dim])) continue;
     LightBounds bins[kBins];
-    for (int i = begin; i < end; ++i) { LightBounds& b = bins[binOf(order[i], dim)]; b = LightBounds::join(b, bounds[order[i]]); }
+    for (int i = begin; i < end; ++i) {
+      LightBounds& b = bins[binOf(order[i], dim)];
+      b = LightBounds::join(b, bounds[order[i]]);
+    }
     for (int cut = 1; cut < kBins; ++cut) {
       LightBounds below, above;
       for (int b = 0; b < cut; ++b) below = LightBounds::join(below, bins[b]);
       for (int b = cut; b < kBins; ++b) above = LightBounds::join(above, bins[b]);
       if (!(below.power > 0.0f) || !(above.power > 0.0f)) continue;
       const double cost = splitCost(below, bhi - blo, dim) + splitCost(above, bhi - blo, dim);
-      if (cost < bestCost) { bestCost = cost; bestDim = dim; bestBin = cut; }
+      if (cost < bestCost) {
+        bestCost = cost;
+        bestDim = dim;
+        bestBin = cut;
+      }
     }
   }
-  int middle = (begin + end) / 2;                                    // all in one place: halve by index
+  int middle = (begin + end) / 2;  // all in one place: halve by index
   if (bestDim >= 0) {
     const auto it = std::stable_partition(order.begin() + begin, order.begin() + end, [&](int i) { return binOf(i, bestDim) < bestBin; });
     middle = int(it - order.begin());
@@ -172,8 +196,15 @@ int LightTree::sample(const Vec3& p, const Vec3* n, float u, float& probability)
     const float l = node.child[0].importance(p, n), r = node.child[1].importance(p, n), sum = l + r;
     if (!(sum > 0.0f)) return -1;
     const float pl = l / sum;
-    if (u < pl) { at = node.next[0]; probability *= pl; u = u / pl; }
-    else { at = node.next[1]; probability *= 1.0f - pl; u = (u - pl) / (1.0f - pl); }
+    if (u < pl) {
+      at = node.next[0];
+      probability *= pl;
+      u = u / pl;
+    } else {
+      at = node.next[1];
+      probability *= 1.0f - pl;
+      u = (u - pl) / (1.0f - pl);
+    }
     u = minOf(u, 0x1.fffffep-1f);
   }
   return probability > 0.0f ? ~at : -1;

@@ -46,7 +46,7 @@ class LightTree {
     float radius2 = 0;
     Vec3 axis{0, 0, 1};
     float cosNormals = 1, sinNormals = 0, cosEmission = -1, power = 0;
-    bool twoSided = false, everywhere = false;   // everywhere: some normal points at every receiver
+    bool twoSided = false, everywhere = false;  // everywhere: some normal points at every receiver
     Cluster() = default;
     explicit Cluster(const LightBounds& b);
     float importance(const Vec3& p, const Vec3* n) const;
@@ -54,13 +54,13 @@ class LightTree {
   friend struct LightBounds;
   struct Node {
     Cluster child[2];
-    int next[2] = {-1, -1};               // node, or ~light
-    int parent = -1;                      // 2 * node + which child
+    int next[2] = {-1, -1};  // node, or ~light
+    int parent = -1;         // 2 * node + which child
   };
   LightBounds root_;
-  std::vector<Node> nodes_;               // inner nodes; none when there is one light
-  int only_ = -1;                         // the light when there is one
-  std::vector<int> leafOf_;               // by light: 2 * node + which child; -1: power 0
+  std::vector<Node> nodes_;  // inner nodes; none when there is one light
+  int only_ = -1;            // the light when there is one
+  std::vector<int> leafOf_;  // by light: 2 * node + which child; -1: power 0
   LightBounds buildNode(const std::vector<LightBounds>& bounds, std::vector<int>& order, int begin, int end, int parent, const StopToken& stop);
 };
 

@@ -122,7 +122,7 @@ bool MeshLight::sample(const Vec3& p, const Vec2& u, AreaSample& out, Vec3& radi
   const Triangle& tri = triangles_[primitive];
   Vec2 b = squareToTriangle(clamp01(x), u.y);
   DVec3 d = DVec3(tri.p) - DVec3(p) + DVec3(tri.e1) * double(b.x) + DVec3(tri.e2) * double(b.y);
-  double density = 0;                              // over solid angle, of a near triangle
+  double density = 0;  // over solid angle, of a near triangle
   if (nearTriangle(p, tri.p, tri.e1, tri.e2)) {
     const SphericalTriangle near(p, tri.p, tri.e1, tri.e2);
     if (near.valid()) {

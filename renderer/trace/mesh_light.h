@@ -28,22 +28,22 @@ class MeshLight {
 
  private:
   struct Triangle {
-    Vec3 p, e1, e2;      // world space
-    Vec3 n;              // unit, by winding and the sign of the transform's determinant (glTF 3.7.4)
-    float areaDensity;   // chance of the triangle over its area, 1/m^2
+    Vec3 p, e1, e2;     // world space
+    Vec3 n;             // unit, by winding and the sign of the transform's determinant (glTF 3.7.4)
+    float areaDensity;  // chance of the triangle over its area, 1/m^2
   };
   Vec3 texel(uint32_t primitive, float u, float v) const;
   float coverage(uint32_t primitive, float u, float v) const;
   Vec2 uv(const TextureRef& ref, uint32_t primitive, float u, float v) const;
 
   MeshView<Facet::Topology | Facet::Pose | Facet::Shading> mesh_;
-  std::vector<std::shared_ptr<const void>> keep_;   // its arrays
+  std::vector<std::shared_ptr<const void>> keep_;  // its arrays
   TextureRef emissionRef_;
   std::shared_ptr<const Texture> emission_, alpha_;
   Coverage coverage_;
   std::vector<Triangle> triangles_;
   AliasTable table_;
-  FacingTriangles facing_;              // empty: by the table alone
+  FacingTriangles facing_;  // empty: by the table alone
   double area_ = 0;
 };
 

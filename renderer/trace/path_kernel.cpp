@@ -21,11 +21,11 @@ enum Draw : uint32_t { kDrawLight = 0, kDrawDirection = 1, kDrawChoice = 2, kDra
 // Path state by lane. Lanes never move: Embree masks the dead ones, and vector code computes them along.
 struct Paths {
   Lane3 throughput;
-  Lane3 specularPart;          // share of the first event's specular lobe in the throughput (ByLobe)
-  Lane3 from, fromNormal;      // the last vertex, as the light selector saw it
-  alignas(64) float pdf[kLanes];   // density of the ray's direction; 0 after the camera or a delta event: nothing else finds its light
-  float passed[kLanes] = {};       // way from the last vertex to the ray's origin: surfaces passed straight on are no vertices
-  int free[kLanes] = {};           // passes of the loop that were no scattering event of their own (path_media.h, straight.h)
+  Lane3 specularPart;             // share of the first event's specular lobe in the throughput (ByLobe)
+  Lane3 from, fromNormal;         // the last vertex, as the light selector saw it
+  alignas(64) float pdf[kLanes];  // density of the ray's direction; 0 after the camera or a delta event: nothing else finds its light
+  float passed[kLanes] = {};      // way from the last vertex to the ray's origin: surfaces passed straight on are no vertices
+  int free[kLanes] = {};          // passes of the loop that were no scattering event of their own (path_media.h, straight.h)
   // Bit per lane. firstDelta: reaches light by an indirect path, whatever the number of events. specularOnly: delta events, if any.
   // fromCamera: the camera still looks straight on, so that lights hidden from it (trace/reach.h) and back faces that it culls are passed;
   // no question of the density.
@@ -35,14 +35,21 @@ struct Paths {
 inline Vec3 direction(const RTCRay16& r, int i) { return Vec3(r.dir_x[i], r.dir_y[i], r.dir_z[i]); }
 
 inline void putShadow(RTCRay16& r, int i, const Vec3& origin, const Vec3& aim, float reach) {
-  r.org_x[i] = origin.x; r.org_y[i] = origin.y; r.org_z[i] = origin.z;
-  r.dir_x[i] = aim.x; r.dir_y[i] = aim.y; r.dir_z[i] = aim.z;
+  r.org_x[i] = origin.x;
+  r.org_y[i] = origin.y;
+  r.org_z[i] = origin.z;
+  r.dir_x[i] = aim.x;
+  r.dir_y[i] = aim.y;
+  r.dir_z[i] = aim.z;
   r.tfar[i] = reach;
 }
 // From the moved origin to the same point of the light; t counts in units of that way. It ends short of the light by what
 // rounding may have put between the sampled point and the light's own surface.
 inline void aimShadow(RTCRay16& r, int i, const Vec3& p, const Vec3& origin, const LightSample& light) {
-  if (light.distance >= 3.0e38f) { putShadow(r, i, origin, light.direction, 3.0e38f); return; }
+  if (light.distance >= 3.0e38f) {
+    putShadow(r, i, origin, light.direction, 3.0e38f);
+    return;
+  }
   const float slack = 3e-6f * std::max(std::fabs(p.x), std::max(std::fabs(p.y), std::fabs(p.z)));
   putShadow(r, i, origin, (p - origin) + light.direction * light.distance, std::max(0.0f, 1.0f - 2e-5f - slack / light.distance));
 }
@@ -56,15 +63,14 @@ void record(uint32_t lanes, const RTCRay16& r, std::vector<Ray>& to) {
 
 }  // namespace
 
-void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t film, int count, double* out, uint64_t& rays,
-                                  uint64_t& dropped) const {
+void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t film, int count, double* out, uint64_t& rays, uint64_t& dropped) const {
   Accumulator sums(slotCount == 1, recordBuffer());
   Paths paths;
-  RTCRayHit16 rh;                                   // the rays live here
-  RTCRay16 sr;                                      // at most one shadow ray a lane and event
+  RTCRayHit16 rh;  // the rays live here
+  RTCRay16 sr;     // at most one shadow ray a lane and event
   LaneSurface ls;
   lanes::LightLanes lamp;
-  Lane3 lit, litSpecular;                           // what a free shadow ray adds
+  Lane3 lit, litSpecular;  // what a free shadow ray adds
   int litSlot[kLanes];
   Lane3 litPlain;
   alignas(64) float shadowX[kLanes], shadowY[kLanes], shadowZ[kLanes], shadowReach[kLanes];
@@ -92,7 +98,10 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       case SplitMode::DirectIndirect: sums.add(lane, slot + (c == PathClass::Emission ? 0 : c == PathClass::Direct ? 1 : 2), value); return;
       case SplitMode::ByBounce: sums.add(lane, slot + events, value); return;
       case SplitMode::ByLobe:
-        if (c == PathClass::Emission) { sums.add(lane, slot, value); return; }
+        if (c == PathClass::Emission) {
+          sums.add(lane, slot, value);
+          return;
+        }
         const int base = slot + (c == PathClass::Direct ? 1 : 3);
         sums.add(lane, base, value - specular);
         sums.add(lane, base + 1, specular);
@@ -125,7 +134,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     for (size_t a = 0; a < areaLights.size(); ++a) {
       const Vec3 oc = Vec3(areaX[a], areaY[a], areaZ[a]) - origin;
       const Vec3 across = oc - direction * glm::dot(oc, direction);
-      if (glm::dot(across, across) > areaRadius2[a] + 1e-10f * glm::dot(oc, oc)) continue;   // bounding sphere, with room for float
+      if (glm::dot(across, across) > areaRadius2[a] + 1e-10f * glm::dot(oc, oc)) continue;  // bounding sphere, with room for float
       const int k = areaLights[a];
       if (visibleOnly && !lights[k].seenByCamera) continue;
       float t;
@@ -154,10 +163,22 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     const Vec3 o = cameraOrigin + cameraOriginX * fx + cameraOriginY * fy;
     Vec3 d = cameraDirection + cameraDirectionX * fx + cameraDirectionY * fy;
     d *= 1.0f / std::sqrt(glm::dot(d, d));
-    rh.ray.org_x[i] = o.x; rh.ray.org_y[i] = o.y; rh.ray.org_z[i] = o.z;
-    rh.ray.dir_x[i] = d.x; rh.ray.dir_y[i] = d.y; rh.ray.dir_z[i] = d.z;
-    rh.ray.tnear[i] = 0.0f; rh.ray.time[i] = 0.0f; rh.ray.mask[i] = ~0u; rh.ray.id[i] = 0; rh.ray.flags[i] = 0;
-    sr.tnear[i] = 0.0f; sr.time[i] = 0.0f; sr.mask[i] = ~0u; sr.id[i] = 0; sr.flags[i] = 0;
+    rh.ray.org_x[i] = o.x;
+    rh.ray.org_y[i] = o.y;
+    rh.ray.org_z[i] = o.z;
+    rh.ray.dir_x[i] = d.x;
+    rh.ray.dir_y[i] = d.y;
+    rh.ray.dir_z[i] = d.z;
+    rh.ray.tnear[i] = 0.0f;
+    rh.ray.time[i] = 0.0f;
+    rh.ray.mask[i] = ~0u;
+    rh.ray.id[i] = 0;
+    rh.ray.flags[i] = 0;
+    sr.tnear[i] = 0.0f;
+    sr.time[i] = 0.0f;
+    sr.mask[i] = ~0u;
+    sr.id[i] = 0;
+    sr.flags[i] = 0;
     paths.throughput.set(i, Vec3(1.0f));
     paths.specularPart.set(i, Vec3(0.0f));
     paths.pdf[i] = 0.0f;
@@ -189,8 +210,8 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
     rays += uint64_t(__builtin_popcount(alive));
     if (recorder) record(alive, rh.ray, events == 0 ? recorder->primary : recorder->bounce);
 
-    const auto done = [&](int i) { return events - paths.free[i]; };   // scattering events that lane i has behind it
-    const auto asks = [&](int i) { return done(i) == 0 ? wantDirect : wantIndirect; };   // for light at its next event
+    const auto done = [&](int i) { return events - paths.free[i]; };                    // scattering events that lane i has behind it
+    const auto asks = [&](int i) { return done(i) == 0 ? wantDirect : wantIndirect; };  // for light at its next event
     const bool nee = (events == 0 ? wantDirect : wantIndirect || (freePasses && wantDirect)) && selector.count() > 0;
     const bool rouletteOn = events + 1 >= settings.rouletteStart;
     if (events < maxEvents || freePasses) {
@@ -202,7 +223,7 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       if (rouletteOn) set.draw1D(base + kDrawRoulette, roulette);
     }
 
-    if (hasMedia) {                                                   // lanes inside something that scatters walk to the end of their last segment
+    if (hasMedia) {  // lanes inside something that scatters walk to the end of their last segment
       media.walking = 0;
       for (uint32_t left = alive; left; left &= left - 1) {
         const int i = __builtin_ctz(left);
@@ -226,7 +247,8 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
           paths.passed[i] = 0.0f;
         };
         const uint64_t key = hash64(hash64(set.seed(), film + uint64_t(i)), 0x77616c6bull << 32 | uint32_t(events));
-        if (!media.walk(i, rh, scene, paths.throughput, key, rays, scattered, collect, scatter) || (scattered && (!wantIndirect || done(i) > maxEvents))) alive &= ~bit;
+        if (!media.walk(i, rh, scene, paths.throughput, key, rays, scattered, collect, scatter) || (scattered && (!wantIndirect || done(i) > maxEvents)))
+          alive &= ~bit;
         media.strayed &= ~bit;
       }
     }
@@ -265,19 +287,26 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         continue;
       }
       if (done(i) >= maxEvents && !(straight && (s.material->straight || s.material->interior >= 0))) continue;
-      if (!s.flatLambert) { general |= bit; continue; }
+      if (!s.flatLambert) {
+        general |= bit;
+        continue;
+      }
       const uint32_t* tri = s.indices + 3 * size_t(primitive);
-      ls.a.set(i, s.positions[tri[0]]); ls.b.set(i, s.positions[tri[1]]); ls.c.set(i, s.positions[tri[2]]);
+      ls.a.set(i, s.positions[tri[0]]);
+      ls.b.set(i, s.positions[tri[1]]);
+      ls.c.set(i, s.positions[tri[2]]);
       ls.albedo.set(i, s.material->constant.albedo);
       flat |= bit;
     }
     for (int h = 0; h < kLanes; h += 8)
       if (flat >> h & 255u)
-        lambert |= lanes::flatSurface(ls, h, flat >> h & 255u, rh.hit.u, rh.hit.v, rh.hit.Ng_x, rh.hit.Ng_y, rh.hit.Ng_z, rh.ray.dir_x, rh.ray.dir_y, rh.ray.dir_z) << h;
+        lambert |=
+            lanes::flatSurface(ls, h, flat >> h & 255u, rh.hit.u, rh.hit.v, rh.hit.Ng_x, rh.hit.Ng_y, rh.hit.Ng_z, rh.ray.dir_x, rh.ray.dir_y, rh.ray.dir_z)
+            << h;
     general |= flat & ~lambert;
 
     // Everything else: the full surface. Smooth or textured Lambert joins the vector code, other materials are finished here.
-    const bool goesOn = events + 1 < maxEvents || hittable || freePasses;   // after the last event a ray can only find light
+    const bool goesOn = events + 1 < maxEvents || hittable || freePasses;  // after the last event a ray can only find light
     for (uint32_t left = general; left; left &= left - 1) {
       const int i = __builtin_ctz(left);
       const uint32_t bit = 1u << i;
@@ -291,15 +320,17 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       if (volume >= 0) {
         if (media.passes(i, volume, s.front)) {
           const Vec3 o = s.origin(-facing);
-          rh.ray.org_x[i] = o.x; rh.ray.org_y[i] = o.y; rh.ray.org_z[i] = o.z;
+          rh.ray.org_x[i] = o.x;
+          rh.ray.org_y[i] = o.y;
+          rh.ray.org_z[i] = o.z;
           media.cross(i, volume, s.front);
           if (straight) paths.passed[i] += rh.ray.tfar[i];
-          else paths.pdf[i] = 0.0f;                                   // shadow rays stop here: nothing else finds the light beyond
+          else paths.pdf[i] = 0.0f;  // shadow rays stop here: nothing else finds the light beyond
           ++paths.free[i];
           if (paths.free[i] < kMostFree) next |= bit;
           continue;
         }
-        if (s.material->dispersion > 0.0f) {                          // one channel goes on, for all three; stratified over the samples of a pixel
+        if (s.material->dispersion > 0.0f) {  // one channel goes on, for all three; stratified over the samples of a pixel
           if (media.hero[i] < 0) {
             media.hero[i] = int8_t((film + uint64_t(i) + hash64(set.seed(), 0x64697370u) % 3) % 3);
             Vec3 one(0.0f);
@@ -315,7 +346,9 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       const bool mayPass = straight && event > 1 && (s.material->straight || volume >= 0) && bendsAlike(*s.material);
       const auto passOn = [&](const Vec3& carried) {
         const Vec3 o = s.origin(-facing);
-        rh.ray.org_x[i] = o.x; rh.ray.org_y[i] = o.y; rh.ray.org_z[i] = o.z;
+        rh.ray.org_x[i] = o.x;
+        rh.ray.org_y[i] = o.y;
+        rh.ray.org_z[i] = o.z;
         if (volume >= 0) {
           media.cross(i, volume, s.front);
           if (const Interior* inside = media.around(i); inside && inside->scatters) media.strayed |= bit;
@@ -324,13 +357,17 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         paths.passed[i] += rh.ray.tfar[i];
         if (++paths.free[i] < kMostFree) next |= bit;
       };
-      if (event > maxEvents) {                                        // no event is left, but light beyond what bends nothing
+      if (event > maxEvents) {  // no event is left, but light beyond what bends nothing
         const Vec3 left = mayPass && hittable ? bsdfStraight(s.bsdf, s.frame().toLocal(-d)) : Vec3(0.0f);
         if (maxComponent(left) > 0.0f) passOn(paths.throughput.get(i) * left);
         continue;
       }
       if (s.lambert) {
-        ls.p.set(i, s.p); ls.reach.set(i, s.reach); ls.facing.set(i, facing); ls.n.set(i, s.n); ls.albedo.set(i, s.bsdf.albedo);
+        ls.p.set(i, s.p);
+        ls.reach.set(i, s.reach);
+        ls.facing.set(i, facing);
+        ls.n.set(i, s.n);
+        ls.albedo.set(i, s.bsdf.albedo);
         lambert |= bit;
         continue;
       }
@@ -387,24 +424,31 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       if (bs.transmitted ? !(side < 0.0f) : !(side > 0.0f) || (settings.behindOnly && event == 1)) continue;
       Vec3 carried = throughput * bs.weight;
       const float most = maxComponent(carried);
-      if (!isFinite(carried)) { sums.bad |= bit; continue; }
+      if (!isFinite(carried)) {
+        sums.bad |= bit;
+        continue;
+      }
       if (!(most > 0.0f)) continue;
       if (mayPass && bs.straight) {
         passOn(carried);
         continue;
       }
       if (rouletteOn) {
-        const float survive = std::min(0.95f, std::sqrt(most));         // see path_tracer.h
+        const float survive = std::min(0.95f, std::sqrt(most));  // see path_tracer.h
         if (roulette[i] >= survive) continue;
         carried *= 1.0f / survive;
       }
       const Vec3 o = s.origin(side > 0.0f ? facing : -facing);
-      rh.ray.org_x[i] = o.x; rh.ray.org_y[i] = o.y; rh.ray.org_z[i] = o.z;
-      rh.ray.dir_x[i] = wi.x; rh.ray.dir_y[i] = wi.y; rh.ray.dir_z[i] = wi.z;
+      rh.ray.org_x[i] = o.x;
+      rh.ray.org_y[i] = o.y;
+      rh.ray.org_z[i] = o.z;
+      rh.ray.dir_x[i] = wi.x;
+      rh.ray.dir_y[i] = wi.y;
+      rh.ray.dir_z[i] = wi.z;
       if (volume >= 0) {
         const Interior* inside = media.around(i);
         if (bs.transmitted) media.cross(i, volume, s.front);
-        else if (!s.front && inside && inside->scatters && media.stack[i].top() == volume && paths.free[i] < kMostFree) ++paths.free[i];   // still the same walk
+        else if (!s.front && inside && inside->scatters && media.stack[i].top() == volume && paths.free[i] < kMostFree) ++paths.free[i];  // still the same walk
       }
       if (!bs.delta) paths.specularOnly &= ~bit;
       if (!bs.straight) paths.fromCamera &= ~bit;
@@ -425,10 +469,15 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         const uint32_t bit = 1u << i;
         if (!asks(i)) asking &= ~bit;
         if (done(i) + 1 >= maxEvents && !hittable && !hasMedia) bouncing &= ~bit;
-        if (settings.behindOnly && done(i) == 0) { lambert &= ~bit; asking &= ~bit; bouncing &= ~bit; }
+        if (settings.behindOnly && done(i) == 0) {
+          lambert &= ~bit;
+          asking &= ~bit;
+          bouncing &= ~bit;
+        }
       }
     else if (settings.behindOnly && events == 0) lambert = asking = bouncing = 0;
-    for (int h = 0; h < kLanes; h += 8) if (lambert >> h & 255u) lanes::moveOrigins(ls, h);
+    for (int h = 0; h < kLanes; h += 8)
+      if (lambert >> h & 255u) lanes::moveOrigins(ls, h);
     if (nee && asking != 0) {
       // Lane i asks for light k by the sample that it drew, which was chosen with probability `select`.
       const auto ask = [&](int i, int k, const LightSample& light, float select) {
@@ -459,14 +508,18 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
               continue;
             }
           }
-          lamp.p.set(i, t.p); lamp.e1.set(i, t.e1); lamp.e2.set(i, t.e2); lamp.n.set(i, t.n);
+          lamp.p.set(i, t.p);
+          lamp.e1.set(i, t.e1);
+          lamp.e2.set(i, t.e2);
+          lamp.n.set(i, t.n);
         }
         const LightInfo& l = lights[plainLightIndex];
         uint32_t free = 0;
         for (int h = 0; h < kLanes; h += 8)
           if (asking >> h & 255u)
-            free |= lanes::sampleLight(ls, paths.throughput, lamp, plainLight.doubleSided, l.nominal, h, asking >> h & 255u, ux, uy,
-                                      shadowX, shadowY, shadowZ, shadowReach, litPlain) << h;
+            free |= lanes::sampleLight(ls, paths.throughput, lamp, plainLight.doubleSided, l.nominal, h, asking >> h & 255u, ux, uy, shadowX, shadowY, shadowZ,
+                                       shadowReach, litPlain)
+                    << h;
         for (uint32_t left = free; left; left &= left - 1) {
           const int i = __builtin_ctz(left);
           putShadow(sr, i, ls.origin.get(i), Vec3(shadowX[i], shadowY[i], shadowZ[i]), shadowReach[i]);
@@ -493,13 +546,16 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       for (int h = 0; h < kLanes; h += 8)
         if (bouncing >> h & 255u)
           on |= lanes::bounce(ls, h, bouncing >> h & 255u, vx, vy, vz, rouletteOn ? roulette : nullptr, paths.throughput, rh.ray.dir_x, rh.ray.dir_y,
-                              rh.ray.dir_z, paths.pdf) << h;
+                              rh.ray.dir_z, paths.pdf)
+                << h;
       for (int i = 0; i < kLanes; ++i) {
         const bool mine = bouncing >> i & 1u;
         rh.ray.org_x[i] = mine ? ls.origin.x[i] : rh.ray.org_x[i];
         rh.ray.org_y[i] = mine ? ls.origin.y[i] : rh.ray.org_y[i];
         rh.ray.org_z[i] = mine ? ls.origin.z[i] : rh.ray.org_z[i];
-        paths.from.x[i] = mine ? ls.p.x[i] : paths.from.x[i]; paths.from.y[i] = mine ? ls.p.y[i] : paths.from.y[i]; paths.from.z[i] = mine ? ls.p.z[i] : paths.from.z[i];
+        paths.from.x[i] = mine ? ls.p.x[i] : paths.from.x[i];
+        paths.from.y[i] = mine ? ls.p.y[i] : paths.from.y[i];
+        paths.from.z[i] = mine ? ls.p.z[i] : paths.from.z[i];
         paths.fromNormal.x[i] = mine ? ls.n.x[i] : paths.fromNormal.x[i];
         paths.fromNormal.y[i] = mine ? ls.n.y[i] : paths.fromNormal.y[i];
         paths.fromNormal.z[i] = mine ? ls.n.z[i] : paths.fromNormal.z[i];
@@ -515,12 +571,12 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
       for (int i = 0; i < kLanes; ++i) valid[i] = shadowed >> i & 1u ? -1 : 0;
       if (!straight) rays += uint64_t(__builtin_popcount(shadowed));
       if (recorder) record(shadowed, sr, recorder->shadow);
-      Vec3 beyond[kLanes];                                            // what surfaces that bend nothing leave of the light
+      Vec3 beyond[kLanes];  // what surfaces that bend nothing leave of the light
       if (straight) throughPanes(shadowed, sr, hasMedia ? media.shadow : nullptr, beyond, rays);
       else embree::occluded16(valid, scene, context, sr, false);
       for (uint32_t left = shadowed; left; left &= left - 1) {
         const int i = __builtin_ctz(left);
-        if (!(sr.tfar[i] >= 0.0f)) continue;                          // Embree writes -inf where something is in the way
+        if (!(sr.tfar[i] >= 0.0f)) continue;  // Embree writes -inf where something is in the way
         Vec3 value = lit.get(i), gloss = byLobe ? litSpecular.get(i) : Vec3(0.0f);
         if (straight) {
           value *= beyond[i];

@@ -17,14 +17,16 @@
 namespace gobo {
 
 /// Rays as they were traced, for the bench. Not thread-safe: record on one thread.
-struct RayRecorder { std::vector<Ray> primary, bounce, shadow; };
+struct RayRecorder {
+  std::vector<Ray> primary, bounce, shadow;
+};
 
 struct PathMedia;
 
 /// Weight of a sample of density a where another strategy has density b (Veach 1997, beta = 2).
 inline float powerHeuristic(float a, float b) {
   if (!(b > 0.0f)) return 1.0f;
-  const float r = b / a;                                             // a^2 / (a^2 + b^2) without squares that leave float's range
+  const float r = b / a;  // a^2 / (a^2 + b^2) without squares that leave float's range
   return 1.0f / (1.0f + r * r);
 }
 
@@ -36,34 +38,40 @@ struct PathTracer::Impl {
   LightSelector selector;
   std::shared_ptr<const LightSampler> sampler;
 
-  struct LightInfo { int light = 0; int slot = 0; LightKind kind = LightKind::Point; Vec3 nominal{0.0f}; bool seenByCamera = true; };
-  std::vector<LightInfo> lights;           // by k
-  std::vector<int> meshLight;              // by instance: k, -1 for none
-  std::vector<int> environments;           // k
-  std::vector<int> areaLights;             // k of Rect, Disk, Sphere
+  struct LightInfo {
+    int light = 0;
+    int slot = 0;
+    LightKind kind = LightKind::Point;
+    Vec3 nominal{0.0f};
+    bool seenByCamera = true;
+  };
+  std::vector<LightInfo> lights;  // by k
+  std::vector<int> meshLight;     // by instance: k, -1 for none
+  std::vector<int> environments;  // k
+  std::vector<int> areaLights;    // k of Rect, Disk, Sphere
   std::vector<LightShape> areaShapes;
-  std::vector<float> areaX, areaY, areaZ, areaRadius2;   // bounding spheres of areaLights
-  AreaLightBvh areaBvh;                    // the same lights, by k
-  mutable size_t areaBvhFrom = 9;          // asked from so many lights on; fewer are faster one by one. The picture does not depend on it
-  PlainMeshLight plainLight;               // the only light, if it is an untextured opaque mesh
+  std::vector<float> areaX, areaY, areaZ, areaRadius2;  // bounding spheres of areaLights
+  AreaLightBvh areaBvh;                                 // the same lights, by k
+  mutable size_t areaBvhFrom = 9;                       // asked from so many lights on; fewer are faster one by one. The picture does not depend on it
+  PlainMeshLight plainLight;                            // the only light, if it is an untextured opaque mesh
   bool hasPlainLight = false;
   int plainLightIndex = -1;
-  bool drawsChoice = true;                 // false: no event needs the number that picks lights or lobes
-  bool hittable = false;                   // some light can be reached by a ray
+  bool drawsChoice = true;  // false: no event needs the number that picks lights or lobes
+  bool hittable = false;    // some light can be reached by a ray
   bool wantEmission = true, wantDirect = true, wantIndirect = true;
   int slotCount = 1, perGroup = 1;
-  int maxEvents = 9;                       // scattering events a path may have
-  bool onlyUnlit = false;                  // no light, but unlit surfaces to show
-  MediumStack cameraMedia{};               // volumes around the camera
-  BackFaces passed;                        // by rays of the camera that went straight on
-  mutable std::vector<char> mediaLights;   // by interior: scattering events ask for lights. The mean does not depend on it where a ray can hit them
+  int maxEvents = 9;                      // scattering events a path may have
+  bool onlyUnlit = false;                 // no light, but unlit surfaces to show
+  MediumStack cameraMedia{};              // volumes around the camera
+  BackFaces passed;                       // by rays of the camera that went straight on
+  mutable std::vector<char> mediaLights;  // by interior: scattering events ask for lights. The mean does not depend on it where a ray can hit them
   // Camera rays as affine functions of the film position.
   Vec3 cameraOrigin{0.0f}, cameraOriginX{0.0f}, cameraOriginY{0.0f}, cameraDirection{0.0f}, cameraDirectionX{0.0f}, cameraDirectionY{0.0f};
   std::vector<Vec2> viewSamples;
   mutable RayRecorder* recorder = nullptr;
 
   void prepareCamera();
-  bool prepareLights(const SceneView& view, const StopToken& stop);   // false: stopped
+  bool prepareLights(const SceneView& view, const StopToken& stop);  // false: stopped
   void prepareMedia(const SceneView& view, const StopToken& stop);
   /// Light of one light that lane i's scattering event at p turns into its path; d: direction of arrival. Weighted against the phase
   /// function's own sampling where a ray can hit that light.

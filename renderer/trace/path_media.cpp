@@ -36,13 +36,16 @@ void PathTracer::Impl::prepareMedia(const SceneView& view, const StopToken& stop
     any = true;
     const LightShape& shape = view.lightShape(l.light);
     if (shape.kind == LightKind::Directional || shape.kind == LightKind::Environment) continue;
-    for (int material : volumesAround(view, shape.kind == LightKind::Mesh ? meshPoint(view, shape) : shape.position, stop)) mediaLights[size_t(surfaces.interiorOf(material))] = 1;
+    for (int material : volumesAround(view, shape.kind == LightKind::Mesh ? meshPoint(view, shape) : shape.position, stop))
+      mediaLights[size_t(surfaces.interiorOf(material))] = 1;
   }
   // Several volumes may overlap, and boundaries between them change nothing.
-  for (size_t k = 0; k < interiors.size(); ++k) if (any && (interiors.size() > 1 || std::fabs(interiors[k].ior - 1.0f) < kStraightIor)) mediaLights[k] = 1;
+  for (size_t k = 0; k < interiors.size(); ++k)
+    if (any && (interiors.size() > 1 || std::fabs(interiors[k].ior - 1.0f) < kStraightIor)) mediaLights[k] = 1;
 }
 
-Vec3 PathTracer::Impl::scatteredLight(const PathMedia& media, int i, const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw, int& slot, uint64_t& rays) const {
+Vec3 PathTracer::Impl::scatteredLight(const PathMedia& media, int i, const Vec3& p, const Vec3& d, const Vec3& beta, uint64_t draw, int& slot,
+                                      uint64_t& rays) const {
   float select;
   const int k = selector.sample(p, nullptr, toUnit(uint32_t(draw)), select);
   if (k < 0 || !shadowRayReaches(lights[size_t(k)].kind, Receiver::Volume, Passage::Open)) return Vec3(0.0f);

@@ -19,21 +19,27 @@
 namespace gobo {
 
 struct PathMedia {
-  static constexpr int kLongWalk = 1024, kMostSteps = 1 << 16;   // 0.98^64512: the last is never reached
+  static constexpr int kLongWalk = 1024, kMostSteps = 1 << 16;  // 0.98^64512: the last is never reached
   MediumStack stack[kLanes];
-  Vec3 chance[kLanes];           ///< of the channels, on the segment that a walking lane is on
-  MediumStack shadow[kLanes];    ///< volumes at the start of the lane's shadow ray
-  int8_t hero[kLanes];           ///< the only channel left after a dispersive event; -1: all
-  uint32_t walking = 0;          ///< lanes whose segment is in a scattering interior
-  uint32_t strayed = 0;          ///< lanes that came into it straight on, by no event: the first of their walk is one
+  Vec3 chance[kLanes];         ///< of the channels, on the segment that a walking lane is on
+  MediumStack shadow[kLanes];  ///< volumes at the start of the lane's shadow ray
+  int8_t hero[kLanes];         ///< the only channel left after a dispersive event; -1: all
+  uint32_t walking = 0;        ///< lanes whose segment is in a scattering interior
+  uint32_t strayed = 0;        ///< lanes that came into it straight on, by no event: the first of their walk is one
   const std::vector<Interior>* interiors = nullptr;
 
   void start(const std::vector<Interior>& all, const MediumStack& around) {
     interiors = &all;
     walking = strayed = 0;
-    for (int i = 0; i < kLanes; ++i) { stack[i] = around; hero[i] = -1; }
+    for (int i = 0; i < kLanes; ++i) {
+      stack[i] = around;
+      hero[i] = -1;
+    }
   }
-  const Interior* around(int i) const { const int k = stack[i].top(); return k < 0 ? nullptr : &(*interiors)[size_t(k)]; }
+  const Interior* around(int i) const {
+    const int k = stack[i].top();
+    return k < 0 ? nullptr : &(*interiors)[size_t(k)];
+  }
   /// What is left of the throughput after way t of the present segment; over the chance of getting there for walking lanes.
   Vec3 through(int i, float t) const {
     const Interior* m = around(i);
@@ -45,12 +51,16 @@ struct PathMedia {
   }
   float relativeIor(int i, int volume, float ior, bool entering) const { return stack[i].relativeIor(*interiors, volume, ior, entering); }
   bool passes(int i, int volume, bool entering) const { return stack[i].passes(volume, entering); }
-  void cross(int i, int volume, bool entering) { if (entering) stack[i].enter(volume); else stack[i].leave(volume); }
+  void cross(int i, int volume, bool entering) {
+    if (entering) stack[i].enter(volume);
+    else stack[i].leave(volume);
+  }
   /// The volumes at the start of lane i's shadow ray, on the far side of a boundary that it meets or on the near one.
   void startShadow(int i) { shadow[i] = stack[i]; }
   void startShadowBehind(int i, int volume, bool entering) {
     shadow[i] = stack[i];
-    if (entering) shadow[i].enter(volume); else shadow[i].leave(volume);
+    if (entering) shadow[i].enter(volume);
+    else shadow[i].leave(volume);
   }
 
   /// Carries lane i through the scattering interior that it is in: from the ray in `rh` with its hit to the last segment,
@@ -108,12 +118,21 @@ struct PathMedia {
 
  private:
   static void put(RTCRayHit16& rh, int i, const RTCRayHit& r) {
-    rh.ray.org_x[i] = r.ray.org_x; rh.ray.org_y[i] = r.ray.org_y; rh.ray.org_z[i] = r.ray.org_z;
-    rh.ray.dir_x[i] = r.ray.dir_x; rh.ray.dir_y[i] = r.ray.dir_y; rh.ray.dir_z[i] = r.ray.dir_z;
+    rh.ray.org_x[i] = r.ray.org_x;
+    rh.ray.org_y[i] = r.ray.org_y;
+    rh.ray.org_z[i] = r.ray.org_z;
+    rh.ray.dir_x[i] = r.ray.dir_x;
+    rh.ray.dir_y[i] = r.ray.dir_y;
+    rh.ray.dir_z[i] = r.ray.dir_z;
     rh.ray.tfar[i] = r.hit.geomID == RTC_INVALID_GEOMETRY_ID ? 3.0e38f : r.ray.tfar;
-    rh.hit.geomID[i] = r.hit.geomID; rh.hit.primID[i] = r.hit.primID; rh.hit.instID[0][i] = r.hit.instID[0];
-    rh.hit.u[i] = r.hit.u; rh.hit.v[i] = r.hit.v;
-    rh.hit.Ng_x[i] = r.hit.Ng_x; rh.hit.Ng_y[i] = r.hit.Ng_y; rh.hit.Ng_z[i] = r.hit.Ng_z;
+    rh.hit.geomID[i] = r.hit.geomID;
+    rh.hit.primID[i] = r.hit.primID;
+    rh.hit.instID[0][i] = r.hit.instID[0];
+    rh.hit.u[i] = r.hit.u;
+    rh.hit.v[i] = r.hit.v;
+    rh.hit.Ng_x[i] = r.hit.Ng_x;
+    rh.hit.Ng_y[i] = r.hit.Ng_y;
+    rh.hit.Ng_z[i] = r.hit.Ng_z;
   }
 };
 

@@ -38,7 +38,10 @@ std::shared_ptr<const PathTracer> PathTracer::create(const SceneView& view, Acce
   GOBO_CHECK_LT(0, settings.width);
   GOBO_CHECK_LT(0, settings.height);
   GOBO_CHECK_LE(0, settings.maxBounces);
-  for (int g : settings.groupOf) { GOBO_CHECK_LE(0, g); GOBO_CHECK_LT(g, settings.groups); }
+  for (int g : settings.groupOf) {
+    GOBO_CHECK_LE(0, g);
+    GOBO_CHECK_LT(g, settings.groups);
+  }
   auto tracer = std::shared_ptr<PathTracer>(new PathTracer());
   Impl& m = *tracer->impl_;
   m.settings = settings;
@@ -65,15 +68,17 @@ void PathTracer::Impl::prepareCamera() {
   const float W = float(settings.width), H = float(settings.height);
   const Vec3 right(c.toWorld[0]), up(c.toWorld[1]), back(c.toWorld[2]), position(c.toWorld[3]);
   const float scale = c.perspective ? 2.0f * std::tan(0.5f * c.yfov) : c.yheight;
-  const Vec3 perX = right * (scale / H), perY = up * (-scale / H);   // a pixel to the right is 1/H of the window's height
+  const Vec3 perX = right * (scale / H), perY = up * (-scale / H);  // a pixel to the right is 1/H of the window's height
   const Vec3 corner = right * ((-0.5f * W / H + c.centre.x) * scale) + up * ((0.5f + c.centre.y) * scale);
   if (c.perspective) {
     cameraOrigin = position;
     cameraDirection = corner - back;
-    cameraDirectionX = perX; cameraDirectionY = perY;
+    cameraDirectionX = perX;
+    cameraDirectionY = perY;
   } else {
     cameraOrigin = position + corner;
-    cameraOriginX = perX; cameraOriginY = perY;
+    cameraOriginX = perX;
+    cameraOriginY = perY;
     cameraDirection = -back;
   }
 }
@@ -95,15 +100,25 @@ bool PathTracer::Impl::prepareLights(const SceneView& view, const StopToken& sto
     info.nominal = settings.nominal[k];
     info.seenByCamera = rayReaches(shape.kind, view.lightCameraVisible(subset[k]), Receiver::Camera, Passage::Open);
     lights.push_back(info);
-    if (!(luminance(info.nominal) > 0.0f)) continue;                  // traced as black: nothing to find
+    if (!(luminance(info.nominal) > 0.0f)) continue;  // traced as black: nothing to find
     switch (shape.kind) {
-      case LightKind::Mesh: meshLight[shape.instance] = int(k); hittable = true; break;
-      case LightKind::Environment: environments.push_back(int(k)); hittable = true; break;
-      case LightKind::Rect: case LightKind::Disk: case LightKind::Sphere: {
+      case LightKind::Mesh:
+        meshLight[shape.instance] = int(k);
+        hittable = true;
+        break;
+      case LightKind::Environment:
+        environments.push_back(int(k));
+        hittable = true;
+        break;
+      case LightKind::Rect:
+      case LightKind::Disk:
+      case LightKind::Sphere: {
         areaLights.push_back(int(k));
         areaShapes.push_back(shape);
         const float r = shape.kind == LightKind::Rect ? glm::length(shape.u) + glm::length(shape.v) : shape.radius;
-        areaX.push_back(shape.position.x); areaY.push_back(shape.position.y); areaZ.push_back(shape.position.z);
+        areaX.push_back(shape.position.x);
+        areaY.push_back(shape.position.y);
+        areaZ.push_back(shape.position.z);
         areaRadius2.push_back(r * r * 1.001f);
         hittable = true;
         break;
@@ -115,7 +130,8 @@ bool PathTracer::Impl::prepareLights(const SceneView& view, const StopToken& sto
   for (size_t a = 0; a < areaLights.size(); ++a) entries.push_back({areaLights[a], areaShapes[a], lights[areaLights[a]].seenByCamera});
   areaBvh = AreaLightBvh(std::move(entries));
   int only = -1;
-  for (size_t k = 0; k < lights.size(); ++k) if (luminance(lights[k].nominal) > 0.0f) only = int(k);
+  for (size_t k = 0; k < lights.size(); ++k)
+    if (luminance(lights[k].nominal) > 0.0f) only = int(k);
   if (selector.count() == 1 && lights[only].kind == LightKind::Mesh) {
     plainLightIndex = only;
     hasPlainLight = plainLight.build(view, view.lightShape(subset[only]));

@@ -21,10 +21,10 @@
 #include <vector>
 
 #include "scene/camera.h"
-#include "trace/path_class.h"
 #include "trace/accel.h"
 #include "trace/light_sampling.h"
 #include "trace/light_selector.h"
+#include "trace/path_class.h"
 
 namespace gobo {
 
@@ -41,13 +41,13 @@ inline constexpr uint32_t kBlocksPerStream = 1u << 16;
 struct PathTracerSettings {
   Camera camera;
   int width = 0, height = 0;
-  int viewSamples = 0;              ///< 0: box pixel filter; S >= 1: sample i of the pixel (over all blocks) uses view sample i mod S (trace/view_samples.h)
-  int maxBounces = 8;               ///< scattering events after the first
+  int viewSamples = 0;  ///< 0: box pixel filter; S >= 1: sample i of the pixel (over all blocks) uses view sample i mod S (trace/view_samples.h)
+  int maxBounces = 8;   ///< scattering events after the first
   int rouletteStart = 3;
-  int blockSize = 16;               ///< samples a block, 1 .. 4096; results are best for powers of two
+  int blockSize = 16;  ///< samples a block, 1 .. 4096; results are best for powers of two
   uint64_t seed = 0;
-  bool behindOnly = false;          ///< of direct light only what passes through the first surface: what techniques that see its front leave out
-  bool unlit = false;               ///< unlit surfaces are shown, in group 0; else they are black
+  bool behindOnly = false;  ///< of direct light only what passes through the first surface: what techniques that see its front leave out
+  bool unlit = false;       ///< unlit surfaces are shown, in group 0; else they are black
   PathClass cover = PathClass::All;
   SplitMode split = SplitMode::Combined;
   LightSelection selection = LightSelection::Tree;
@@ -60,8 +60,8 @@ struct PathTracerSettings {
 };
 
 /// Facets that the tracer reads, for the node that owns it.
-inline constexpr Facet kPathTracerFacets = Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Albedo |
-                                           Facet::Bsdf | Facet::Emission | Facet::LightShape | Facet::Environment;
+inline constexpr Facet kPathTracerFacets =
+    Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Albedo | Facet::Bsdf | Facet::Emission | Facet::LightShape | Facet::Environment;
 
 int slotsPerGroup(SplitMode split, int maxBounces);
 

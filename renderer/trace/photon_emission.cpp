@@ -23,7 +23,7 @@ Sphere instanceSphere(const SceneView& view, const Instance& instance) {
     hi = glm::max(hi, w);
   }
   const DVec3 centre = 0.5 * (lo + hi);
-  double most = 0;                                      // about the box's centre: tighter than the box's own sphere
+  double most = 0;  // about the box's centre: tighter than the box's own sphere
   for (const Vec3& v : mesh.positions) {
     const DVec3 d = DVec3(toWorld * glm::dvec4(DVec3(v), 1.0)) - centre;
     most = std::max(most, glm::dot(d, d));
@@ -123,7 +123,7 @@ double PhotonEmitter::density(const Vec3& direction, const Vec3& point) const {
       sum += t.sine2 > 1.0f || (c > 0.0f && glm::dot(across, across) <= t.sine2);
     }
   }
-  return std::max(sum, 1.0) / total_;                   // the target that was drawn from counts, however its edge was rounded
+  return std::max(sum, 1.0) / total_;  // the target that was drawn from counts, however its edge was rounded
 }
 
 bool PhotonEmitter::emit(float uTarget, const Vec2& u, PhotonStart& out) const {

@@ -12,7 +12,10 @@
 
 namespace gobo {
 
-struct Sphere { Vec3 centre{0.0f}; float radius = 0; };
+struct Sphere {
+  Vec3 centre{0.0f};
+  float radius = 0;
+};
 
 /// True if the material may scatter by a delta lobe, or passes light straight on at a boundary, for some value of its textures.
 bool mayBeSpecular(const SurfaceMaterial& material);
@@ -23,7 +26,7 @@ Sphere sceneSphere(const SceneView& view);
 
 struct PhotonStart {
   Vec3 origin, direction;
-  float power = 0;        ///< W of a single photon for a light of power 1: emitted power over density; divide by their number
+  float power = 0;  ///< W of a single photon for a light of power 1: emitted power over density; divide by their number
 };
 
 class PhotonEmitter {
@@ -38,9 +41,9 @@ class PhotonEmitter {
  private:
   struct Target {
     Vec3 axis{0.0f}, centre{0.0f};
-    float radius = 0, sine2 = 2;          // of the cone's half angle; 2: every direction
-    double gap = 2;                       // 1 - cosine of it, without cancellation
-    double weight = 0, until = 0;         // sr or m^2; running sum
+    float radius = 0, sine2 = 2;   // of the cone's half angle; 2: every direction
+    double gap = 2;                // 1 - cosine of it, without cancellation
+    double weight = 0, until = 0;  // sr or m^2; running sum
   };
   double density(const Vec3& direction, const Vec3& point) const;
   LightShape light_;

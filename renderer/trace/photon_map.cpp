@@ -51,7 +51,8 @@ PhotonMap::PhotonMap(std::vector<Photon> photons, float radius) : radius_(radius
 }
 
 const PhotonMap::Cell* PhotonMap::find(const int64_t at[3]) const {
-  for (int c = 0; c < 3; ++c) if (at[c] < 0 || at[c] > kMost) return nullptr;
+  for (int c = 0; c < 3; ++c)
+    if (at[c] < 0 || at[c] > kMost) return nullptr;
   const uint64_t key = pack(at);
   for (size_t i = mix64(key) & (table_.size() - 1); table_[i].key != ~0ull; i = (i + 1) & (table_.size() - 1))
     if (table_[i].key == key) return &table_[i];

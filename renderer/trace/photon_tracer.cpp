@@ -16,15 +16,15 @@ namespace {
 
 constexpr double kAlpha = 2.0 / 3.0;
 constexpr size_t kPhotonsPerTask = 4096;
-constexpr float kSameSurface = 0.8f;            // cosine between normals of one surface within a radius
+constexpr float kSameSurface = 0.8f;  // cosine between normals of one surface within a radius
 
 /// One path from either end: a ray, the volumes around it (lane 0 of PathMedia), and what it carries.
 struct Walker {
   Vec3 origin, direction;
   Vec3 throughput{1.0f};
-  Vec3 specularPart{0.0f};                      // share of the first event's specular lobe in it
+  Vec3 specularPart{0.0f};  // share of the first event's specular lobe in it
   int events = 0, free = 0;
-  bool fromCamera = false;                      // nothing but straight on since the camera
+  bool fromCamera = false;  // nothing but straight on since the camera
   PathMedia media;
   Hit hit;
 
@@ -87,13 +87,19 @@ float causticRadius(float first, uint32_t pass) {
 
 struct CausticTracer::Impl {
   CausticSettings settings;
-  std::shared_ptr<const PathTracer> tracer;     // camera, surfaces, volumes
-  struct Source { PhotonEmitter emitter; MediumStack around; Vec3 nominal; int group; uint64_t key; };
+  std::shared_ptr<const PathTracer> tracer;  // camera, surfaces, volumes
+  struct Source {
+    PhotonEmitter emitter;
+    MediumStack around;
+    Vec3 nominal;
+    int group;
+    uint64_t key;
+  };
   std::vector<Source> sources;
   int maxEvents = 1;
 
   const PathTracer::Impl& path() const { return tracer->impl(); }
-  bool next(Walker& w, uint64_t& rays) const;   ///< Walker::fromCamera: through what the camera passes
+  bool next(Walker& w, uint64_t& rays) const;  ///< Walker::fromCamera: through what the camera passes
   void photon(const Source& source, uint32_t index, uint32_t pass, std::vector<Photon>& out, uint64_t& rays) const;
   void sample(int x, int y, uint64_t seed, uint32_t index, const PhotonMap& map, double* out, uint64_t& rays) const;
   bool scatter(Walker& w, uint64_t key, uint64_t& rays) const;
@@ -149,12 +155,12 @@ void CausticTracer::Impl::photon(const Source& source, uint32_t index, uint32_t 
   w.start(path().surfaces.interiors(), source.around, start.origin, start.direction);
   w.throughput = source.nominal * float(double(start.power) / double(settings.photons));
   float length = 0;
-  bool turned = false;                                               // light that came straight on is the path tracer's: its shadow rays see it
+  bool turned = false;  // light that came straight on is the path tracer's: its shadow rays see it
   const bool straightSeen = path().surfaces.anyStraight();
   while (w.events + w.free <= maxEvents + kMostFree) {
     if (!next(w, rays)) return;
     length += w.hit.t;
-    w.throughput *= w.media.through(0, w.hit.t);                     // of what does not scatter
+    w.throughput *= w.media.through(0, w.hit.t);  // of what does not scatter
     Surface s;
     path().surfaces.interact(w.hit.instance, w.hit.primitive, w.hit.u, w.hit.v, w.hit.Ng, w.direction, s);
     if (s.material->unlit || !(maxComponent(w.throughput) > 0.0f)) return;
@@ -168,13 +174,13 @@ void CausticTracer::Impl::photon(const Source& source, uint32_t index, uint32_t 
       if (left > 0.0f) out.push_back({s.p, -w.direction, s.Ng, w.throughput * left, source.group, w.events});
     }
     const bool mayPass = straightSeen && bendsAlike(*s.material);
-    const bool last = w.events + 2 > maxEvents;                      // nothing but straight on, then
+    const bool last = w.events + 2 > maxEvents;  // nothing but straight on, then
     if (last && !(mayPass && s.material->transmissive)) return;
     const Frame frame = s.frame();
     const Vec3 wo = frame.toLocal(-w.direction);
     BsdfSample bs;
     const float lobe = draw.next1D();
-    if (!bsdfSample(s.bsdf, wo, lobe, draw.next2D(), bs) || !bs.delta) return;   // any other lobe ends the chain: the photon has landed
+    if (!bsdfSample(s.bsdf, wo, lobe, draw.next2D(), bs) || !bs.delta) return;  // any other lobe ends the chain: the photon has landed
     const Vec3 arrived = -w.direction;
     if (!w.leave(s, frame, bs)) return;
     // Of a folded direction the cosine before the fold counts. Folded photons follow the normal of their own direction, not the camera's: where
@@ -200,19 +206,22 @@ std::shared_ptr<const PhotonMap> CausticTracer::emitPass(uint32_t pass, const Ta
   const size_t each = (size_t(m.settings.photons) + kPhotonsPerTask - 1) / kPhotonsPerTask, tasks = each * m.sources.size();
   std::vector<std::vector<Photon>> parts(tasks);
   std::vector<uint64_t> counts(tasks, 0);
-  const bool complete = arena.parallelFor(tasks, 1, [&](size_t begin, size_t end) {
-    for (size_t t = begin; t < end; ++t) {
-      const uint32_t first = uint32_t(t % each * kPhotonsPerTask), last = uint32_t(std::min<size_t>(m.settings.photons, first + kPhotonsPerTask));
-      for (uint32_t i = first; i < last; ++i) m.photon(m.sources[t / each], i, pass, parts[t], counts[t]);
-    }
-  }, stop);
+  const bool complete = arena.parallelFor(
+      tasks, 1,
+      [&](size_t begin, size_t end) {
+        for (size_t t = begin; t < end; ++t) {
+          const uint32_t first = uint32_t(t % each * kPhotonsPerTask), last = uint32_t(std::min<size_t>(m.settings.photons, first + kPhotonsPerTask));
+          for (uint32_t i = first; i < last; ++i) m.photon(m.sources[t / each], i, pass, parts[t], counts[t]);
+        }
+      },
+      stop);
   for (uint64_t c : counts) rays += c;
   if (!complete || stop.stopRequested()) return nullptr;
   size_t total = 0;
   for (const auto& p : parts) total += p.size();
   std::vector<Photon> all;
   all.reserve(total);
-  for (auto& p : parts) {                                            // by light, then number: the same order for any threads
+  for (auto& p : parts) {  // by light, then number: the same order for any threads
     all.insert(all.end(), p.begin(), p.end());
     std::vector<Photon>().swap(p);
   }
@@ -227,7 +236,7 @@ void CausticTracer::Impl::gather(const Walker& w, const Surface& s, const Frame&
   map.around(s.p, [&](const Photon& ph) {
     if (w.events + 1 + ph.events > maxEvents || glm::dot(ph.n, s.Ng) < kSameSurface) return;
     const float side = glm::dot(ph.toLight, facing), cosine = glm::dot(ph.toLight, s.n);
-    if (!(cosine * side > 0.0f) || (cosine < 0.0f && !through)) return;   // as the path tracer treats light samples
+    if (!(cosine * side > 0.0f) || (cosine < 0.0f && !through)) return;  // as the path tracer treats light samples
     BsdfValue f;
     if (s.lambert) f.diffuse = s.bsdf.albedo * (kInvPi * cosine);
     else f = bsdfEval(s.bsdf, wo, frame.toLocal(ph.toLight));
@@ -248,18 +257,23 @@ void CausticTracer::Impl::gather(const Walker& w, const Surface& s, const Frame&
 /// Through the scattering volume that the path is in, from its ray with its hit to the last segment's. False: it ended.
 bool CausticTracer::Impl::scatter(Walker& w, uint64_t key, uint64_t& rays) const {
   RTCRayHit16 rh = {};
-  rh.ray.org_x[0] = w.origin.x; rh.ray.org_y[0] = w.origin.y; rh.ray.org_z[0] = w.origin.z;
-  rh.ray.dir_x[0] = w.direction.x; rh.ray.dir_y[0] = w.direction.y; rh.ray.dir_z[0] = w.direction.z;
+  rh.ray.org_x[0] = w.origin.x;
+  rh.ray.org_y[0] = w.origin.y;
+  rh.ray.org_z[0] = w.origin.z;
+  rh.ray.dir_x[0] = w.direction.x;
+  rh.ray.dir_y[0] = w.direction.y;
+  rh.ray.dir_z[0] = w.direction.z;
   rh.ray.tfar[0] = w.hit.t;
-  rh.hit.geomID[0] = RTC_INVALID_GEOMETRY_ID;                        // stays so if no event moves the ray
+  rh.hit.geomID[0] = RTC_INVALID_GEOMETRY_ID;  // stays so if no event moves the ray
   Lane3 throughput;
   throughput.set(0, w.throughput);
   bool scattered = false;
   w.media.walking = 1;
-  const bool on = w.media.walk(0, rh, path().scene, throughput, key, rays, scattered, [](const Vec3&, const Vec3&, float) {},
-                               [](const Vec3&, const Vec3&, const Vec3&, const Vec3&, uint64_t) {});
+  const bool on = w.media.walk(
+      0, rh, path().scene, throughput, key, rays, scattered, [](const Vec3&, const Vec3&, float) {},
+      [](const Vec3&, const Vec3&, const Vec3&, const Vec3&, uint64_t) {});
   w.throughput = throughput.get(0);
-  if (scattered && w.events == 0) w.events = 1;                      // a walk that nothing came before is the first event
+  if (scattered && w.events == 0) w.events = 1;  // a walk that nothing came before is the first event
   if (!on) return false;
   if (!scattered) return true;
   w.fromCamera = false;
@@ -308,7 +322,8 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
       if (!bs.delta) {
         const BsdfValue f = bsdfEval(s.bsdf, wo, bs.wi);
         const Vec3 all = f.sum();
-        for (int c = 0; c < 3; ++c) if (all[c] > 0.0f) w.specularPart[c] = f.specular[c] / all[c];
+        for (int c = 0; c < 3; ++c)
+          if (all[c] > 0.0f) w.specularPart[c] = f.specular[c] / all[c];
       }
     }
     w.throughput *= bs.weight;
@@ -321,13 +336,14 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
     }
     if (!w.leave(s, frame, bs)) return;
     const int volume = s.material->interior;
-    bool uncounted = w.events > 0 && bs.straight && m.surfaces.anyStraight() && bendsAlike(*s.material);   // as the path tracer: no event
+    bool uncounted = w.events > 0 && bs.straight && m.surfaces.anyStraight() && bendsAlike(*s.material);  // as the path tracer: no event
     if (volume >= 0) {
       uncounted = uncounted || (!bs.transmitted && !s.front && inside && inside->scatters && w.media.stack[0].top() == volume);
       if (bs.transmitted) w.media.cross(0, volume, s.front);
     }
     if (!bs.straight) w.fromCamera = false;
-    if (uncounted) ++w.free; else ++w.events;
+    if (uncounted) ++w.free;
+    else ++w.events;
   }
 }
 
@@ -336,7 +352,7 @@ void CausticTracer::traceBlock(int x, int y, uint32_t pass, const PhotonMap& map
   if (map.size() == 0) return;
   const PathTracerSettings& s = m.settings.path;
   const uint64_t pixel = uint64_t(uint32_t(y)) << 32 | uint32_t(x);
-  const uint64_t seed = hash64(hash64(hash64(s.seed, 0x63617573u), pixel), pass / kBlocksPerStream);   // "caus": never the path tracer's own
+  const uint64_t seed = hash64(hash64(hash64(s.seed, 0x63617573u), pixel), pass / kBlocksPerStream);  // "caus": never the path tracer's own
   const uint32_t begin = pass % kBlocksPerStream * uint32_t(s.blockSize);
   const size_t n = 3 * size_t(m.settings.slots());
   std::vector<double> one(n);
@@ -345,7 +361,10 @@ void CausticTracer::traceBlock(int x, int y, uint32_t pass, const PhotonMap& map
     m.sample(x, y, seed, begin + uint32_t(i), map, one.data(), rays);
     bool finite = true;
     for (double v : one) finite = finite && std::isfinite(v);
-    if (!finite) { ++dropped; continue; }
+    if (!finite) {
+      ++dropped;
+      continue;
+    }
     for (size_t k = 0; k < n; ++k) out[k] += one[k];
   }
 }

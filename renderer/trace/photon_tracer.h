@@ -26,10 +26,10 @@
 namespace gobo {
 
 struct CausticSettings {
-  PathTracerSettings path;           ///< camera, size, bounces, block size, seed, groups; lights that are not delta lights are ignored
-  uint32_t photons = 0;              ///< emitted per light and pass
-  float radius = 0;                  ///< of the first pass, metres
-  bool byLobe = false;               ///< two slots a group: diffuse and specular lobe of the camera path's first event
+  PathTracerSettings path;  ///< camera, size, bounces, block size, seed, groups; lights that are not delta lights are ignored
+  uint32_t photons = 0;     ///< emitted per light and pass
+  float radius = 0;         ///< of the first pass, metres
+  bool byLobe = false;      ///< two slots a group: diffuse and specular lobe of the camera path's first event
   int slots() const { return path.groups * (byLobe ? 2 : 1); }
   void hash(Hasher& hasher) const;
 };

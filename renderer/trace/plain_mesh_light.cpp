@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-
 namespace gobo {
 
 bool PlainMeshLight::build(const SceneView& view, const LightShape& shape) {
@@ -11,7 +10,7 @@ bool PlainMeshLight::build(const SceneView& view, const LightShape& shape) {
   const auto mesh = view.mesh<Facet::Topology | Facet::Pose>(instance.mesh);
   const Coverage& coverage = view.coverage(mesh.material);
   if (coverage.mode != AlphaMode::Opaque || view.emission(mesh.material).texture.valid()) return false;
-  if (mesh.triangles() > (1u << 16)) return false;                    // a draw has 24 bits: they must do for the triangle and its share
+  if (mesh.triangles() > (1u << 16)) return false;  // a draw has 24 bits: they must do for the triangle and its share
   doubleSided = coverage.doubleSided;
   const glm::dmat4 m(instance.toWorld);
   const double flip = glm::determinant(glm::dmat3(m)) < 0 ? -1.0 : 1.0;
@@ -35,13 +34,19 @@ bool PlainMeshLight::build(const SceneView& view, const LightShape& shape) {
   const size_t n = areas.size();
   table.resize(n);
   std::vector<size_t> small, large;
-  for (size_t i = 0; i < n; ++i) { areas[i] *= double(n) / total; (areas[i] < 1.0 ? small : large).push_back(i); }
-  while (!small.empty() && !large.empty()) {                          // Vose 1991
+  for (size_t i = 0; i < n; ++i) {
+    areas[i] *= double(n) / total;
+    (areas[i] < 1.0 ? small : large).push_back(i);
+  }
+  while (!small.empty() && !large.empty()) {  // Vose 1991
     const size_t s = small.back(), l = large.back();
     small.pop_back();
     table[s] = {float(areas[s]), uint32_t(l)};
     areas[l] -= 1.0 - areas[s];
-    if (areas[l] < 1.0) { large.pop_back(); small.push_back(l); }
+    if (areas[l] < 1.0) {
+      large.pop_back();
+      small.push_back(l);
+    }
   }
   return true;
 }

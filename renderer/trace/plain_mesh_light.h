@@ -14,11 +14,16 @@
 namespace gobo {
 
 struct PlainMeshLight {
-  struct Triangle { Vec3 p, e1, e2, n; };
-  std::vector<Triangle> triangles;         ///< world space; n: unit outside normal
-  struct Entry { float keep = 1.0f; uint32_t alias = 0; };
-  std::vector<Entry> table;                ///< alias table over areas
-  FacingTriangles facing;                  ///< weights: areas; empty: the table alone decides
+  struct Triangle {
+    Vec3 p, e1, e2, n;
+  };
+  std::vector<Triangle> triangles;  ///< world space; n: unit outside normal
+  struct Entry {
+    float keep = 1.0f;
+    uint32_t alias = 0;
+  };
+  std::vector<Entry> table;  ///< alias table over areas
+  FacingTriangles facing;    ///< weights: areas; empty: the table alone decides
   float area = 0.0f;
   bool doubleSided = false;
 

@@ -18,10 +18,10 @@ namespace gobo {
 
 enum class Receiver : uint8_t { Camera, Surface, Volume };
 enum class Passage : uint8_t {
-  Open,       ///< nothing but absorption on the way
-  Boundary,   ///< boundaries of volumes that bend nothing (index 1) and have no other lobe
-  Pane,       ///< delta events that bend nothing, at other surfaces: smooth thin walls
-  Specular,   ///< at least one mirror or smooth refraction
+  Open,      ///< nothing but absorption on the way
+  Boundary,  ///< boundaries of volumes that bend nothing (index 1) and have no other lobe
+  Pane,      ///< delta events that bend nothing, at other surfaces: smooth thin walls
+  Specular,  ///< at least one mirror or smooth refraction
 };
 inline constexpr Receiver kReceivers[] = {Receiver::Camera, Receiver::Surface, Receiver::Volume};
 inline constexpr Passage kPassages[] = {Passage::Open, Passage::Boundary, Passage::Pane, Passage::Specular};

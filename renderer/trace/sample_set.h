@@ -18,8 +18,7 @@ class SampleSet {
   void draw1D(uint32_t dimension, float* __restrict out) const {
     const uint64_t h = hash64(seed_, dimension);
     const uint32_t a = uint32_t(h >> 32), b = uint32_t(h);
-    for (int i = 0; i < kLanes; ++i)
-      out[i] = unit(reverseBits(laineKarras(reverseBits(laineKarras(reversed_[i], a)), b)));
+    for (int i = 0; i < kLanes; ++i) out[i] = unit(reverseBits(laineKarras(reverseBits(laineKarras(reversed_[i], a)), b)));
   }
   void draw2D(uint32_t dimension, float* __restrict x, float* __restrict y) const {
     const uint64_t h = hash64(seed_, dimension), g = mix64(h ^ 0x9e3779b97f4a7c15ull);
@@ -34,7 +33,7 @@ class SampleSet {
   uint64_t seed() const { return seed_; }
 
  private:
-  static float unit(uint32_t bits) { return float(int32_t(bits >> 8)) * 0x1p-24f; }   // toUnit, through the signed conversion that vectorises
+  static float unit(uint32_t bits) { return float(int32_t(bits >> 8)) * 0x1p-24f; }  // toUnit, through the signed conversion that vectorises
   uint64_t seed_;
   alignas(64) uint32_t reversed_[kLanes];
 };
@@ -43,7 +42,7 @@ class SampleSet {
 /// polynomials of the half angle (error below 1e-6), so that the loop vectorises.
 inline void cosineDirections(const float* __restrict u, const float* __restrict v, float* __restrict x, float* __restrict y, float* __restrict z) {
   for (int i = 0; i < kLanes; ++i) {
-    const float a = kPi * (u[i] - 0.5f), a2 = a * a;          // half angle in [-pi/2, pi/2)
+    const float a = kPi * (u[i] - 0.5f), a2 = a * a;  // half angle in [-pi/2, pi/2)
     const float s = a * (1.0f + a2 * (-1.0f / 6 + a2 * (1.0f / 120 + a2 * (-1.0f / 5040 + a2 * (1.0f / 362880 - a2 * (1.0f / 39916800))))));
     const float c = 1.0f + a2 * (-0.5f + a2 * (1.0f / 24 + a2 * (-1.0f / 720 + a2 * (1.0f / 40320 + a2 * (-1.0f / 3628800 + a2 * (1.0f / 479001600))))));
     const float r = std::sqrt(v[i]);

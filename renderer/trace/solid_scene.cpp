@@ -14,8 +14,11 @@ SolidScene::SolidScene(const SceneView& view, AccelPtr accel, bool clear) : acce
 void SolidScene::beyond(Ray ray, Hit& hit) const {
   for (int passes = 0; hit.valid() && !solid(hit.instance); ++passes) {
     if (passes == kMostPasses) return;
-    ray.tmin = hit.t + std::max(hit.t, accel_->unit()) * 2.4e-7f;     // two units in the last place
-    if (!(ray.tmin < ray.tmax)) { hit = Hit(); return; }
+    ray.tmin = hit.t + std::max(hit.t, accel_->unit()) * 2.4e-7f;  // two units in the last place
+    if (!(ray.tmin < ray.tmax)) {
+      hit = Hit();
+      return;
+    }
     accel_->intersect(ray, hit);
   }
 }

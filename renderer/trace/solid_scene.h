@@ -22,7 +22,7 @@ class SolidScene {
  private:
   void beyond(Ray ray, Hit& hit) const;
   AccelPtr accel_;
-  std::vector<char> passable_;     // by instance; empty: none
+  std::vector<char> passable_;  // by instance; empty: none
 };
 
 }  // namespace gobo

@@ -61,7 +61,11 @@ DVec3 SphericalTriangle::sample(double u, double v, Vec2& barycentrics) const {
   const double along = glm::dot(w, normal_), n2 = glm::dot(normal_, normal_);
   const DVec3 place = along != 0 ? w * (glm::dot(corner_, normal_) / along) - corner_ : DVec3(0.0);
   double x = std::clamp(glm::dot(glm::cross(place, e2_), normal_) / n2, 0.0, 1.0), y = std::clamp(glm::dot(glm::cross(e1_, place), normal_) / n2, 0.0, 1.0);
-  if (x + y > 1.0) { const double s = 1.0 / (x + y); x *= s; y *= s; }
+  if (x + y > 1.0) {
+    const double s = 1.0 / (x + y);
+    x *= s;
+    y *= s;
+  }
   barycentrics = Vec2(float(x), float(y));
   return corner_ + e1_ * x + e2_ * y;
 }

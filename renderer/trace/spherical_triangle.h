@@ -22,14 +22,14 @@ class SphericalTriangle {
   SphericalTriangle(const Vec3& p, const Vec3& v, const Vec3& e1, const Vec3& e2);
   /// False where there is no angle to speak of: p on an edge, in the plane within rounding, or below 1e-6 sr. Then by area.
   bool valid() const { return solidAngle_ > 1e-6; }
-  double solidAngle() const { return solidAngle_; }      ///< sr
-  double area() const { return area_; }                  ///< of the flat one, m^2
+  double solidAngle() const { return solidAngle_; }  ///< sr
+  double area() const { return area_; }              ///< of the flat one, m^2
   /// Way from p to a point of the triangle, uniform over directions, and the point's barycentrics along e1 and e2. O(1), 150 ns.
   DVec3 sample(double u, double v, Vec2& barycentrics) const;
 
  private:
-  DVec3 corner_, e1_, e2_, normal_;                      // flat triangle, from p; normal_ = e1 x e2
-  DVec3 a_, b_, c_;                                      // directions of its corners
+  DVec3 corner_, e1_, e2_, normal_;  // flat triangle, from p; normal_ = e1 x e2
+  DVec3 a_, b_, c_;                  // directions of its corners
   double solidAngle_ = 0, area_ = 0, angles_ = 0, cosAlpha_ = 0, sinAlpha_ = 0;
 };
 

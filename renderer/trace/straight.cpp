@@ -15,7 +15,8 @@ struct Straight {
 
   Straight(const Ray& r, const MediumStack* volumes, bool passSolids) : ray(r), end(r.origin), finite(r.tmax < 3.0e38f), solidsPass(passSolids) {
     if (finite) end += r.direction * r.tmax;
-    if (volumes) around = *volumes; else around.clear();
+    if (volumes) around = *volumes;
+    else around.clear();
   }
   void absorb(const std::vector<Interior>& interiors, float t) {
     const int top = around.top();
@@ -88,7 +89,10 @@ Vec3 straightThrough(const SurfaceTable& surfaces, const Surface& s, const Vec3&
   const SurfaceMaterial& m = *s.material;
   if (m.unlit) return Vec3(0.0f);
   const int volume = m.interior;
-  const auto cross = [&] { if (s.front) around.enter(volume); else around.leave(volume); };
+  const auto cross = [&] {
+    if (s.front) around.enter(volume);
+    else around.leave(volume);
+  };
   if (volume >= 0 && around.passes(volume, s.front)) {
     cross();
     return Vec3(1.0f);

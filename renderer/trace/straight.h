@@ -40,6 +40,6 @@ void transmittance16(const Accel& accel, const SurfaceTable& surfaces, const Ray
 /// techniques that find the solid shadow in another way (shadow maps).
 Vec3 tint(const Accel& accel, const SurfaceTable& surfaces, const Ray& ray, uint64_t& rays);
 
-inline constexpr int kMostPasses = 1 << 12;   ///< meshes may be broken
+inline constexpr int kMostPasses = 1 << 12;  ///< meshes may be broken
 
 }  // namespace gobo

@@ -39,7 +39,8 @@ SurfaceMaterial makeSurfaceMaterial(const Albedo& albedo, const Bsdf& b, const s
   m.straight = maySendStraight(b);
   m.albedo = texture(albedo.texture);
   m.metallicRoughness = texture(b.metallicRoughness);
-  m.normal = texture(b.normal); m.normalScale = b.normalScale;
+  m.normal = texture(b.normal);
+  m.normalScale = b.normalScale;
   m.specular = texture(b.specularTexture);
   m.specularColor = texture(b.specularColorTexture);
   m.transmission = texture(b.transmissionTexture);
@@ -47,24 +48,27 @@ SurfaceMaterial makeSurfaceMaterial(const Albedo& albedo, const Bsdf& b, const s
   m.diffuseTransmissionColor = texture(b.diffuseTransmissionColorTexture);
   m.clearcoat = texture(b.clearcoatTexture);
   m.clearcoatRoughness = texture(b.clearcoatRoughnessTexture);
-  m.clearcoatNormal = texture(b.clearcoatNormal); m.coatNormalScale = b.clearcoatNormalScale;
+  m.clearcoatNormal = texture(b.clearcoatNormal);
+  m.coatNormalScale = b.clearcoatNormalScale;
   m.sheenColor = texture(b.sheenColorTexture);
   m.sheenRoughness = texture(b.sheenRoughnessTexture);
-  m.anisotropy = texture(b.anisotropyTexture); m.anisotropyRotation = b.anisotropyRotation;
+  m.anisotropy = texture(b.anisotropyTexture);
+  m.anisotropyRotation = b.anisotropyRotation;
   m.iridescence = texture(b.iridescenceTexture);
-  m.iridescenceThickness = texture(b.iridescenceThicknessTexture); m.iridescenceThicknessMin = b.iridescenceThicknessMin;
+  m.iridescenceThickness = texture(b.iridescenceThicknessTexture);
+  m.iridescenceThicknessMin = b.iridescenceThicknessMin;
 
   const bool coat = p.clearcoat > 0.0f, sheen = maxComponent(p.sheenColor) > 0.0f, film = p.iridescence > 0.0f, behind = p.diffuseTransmission > 0.0f;
   m.transmissive = p.transmission > 0.0f || behind;
   // A texture times 0 is 0, so the factors decide.
   m.lambert = p.metallic <= 0.0f && p.specular <= 0.0f && !m.transmissive && !coat && !sheen && !film && !m.unlit;
   if (m.transmissive && !p.thin) m.dispersion = std::fmax(b.dispersion, 0.0f);
-  m.lobeTextured = !m.lambert && (m.specular || m.specularColor || m.transmission || m.diffuseTransmission || m.diffuseTransmissionColor ||
-                                  m.clearcoat || m.clearcoatRoughness || m.clearcoatNormal || (coat && m.normal) || m.sheenColor || m.sheenRoughness ||
-                                  m.iridescence || m.iridescenceThickness || p.anisotropy > 0.0f);
+  m.lobeTextured = !m.lambert && (m.specular || m.specularColor || m.transmission || m.diffuseTransmission || m.diffuseTransmissionColor || m.clearcoat ||
+                                  m.clearcoatRoughness || m.clearcoatNormal || (coat && m.normal) || m.sheenColor || m.sheenRoughness || m.iridescence ||
+                                  m.iridescenceThickness || p.anisotropy > 0.0f);
   m.textured = m.albedo || m.normal || (m.metallicRoughness && !m.lambert) || m.lobeTextured;
-  m.extended = coat || sheen || film || behind || p.anisotropy > 0.0f || p.specularColor != Vec3(1.0f) || m.specularColor || (p.transmission > 0.0f && p.thin) ||
-               m.dispersion > 0.0f;
+  m.extended = coat || sheen || film || behind || p.anisotropy > 0.0f || p.specularColor != Vec3(1.0f) || m.specularColor ||
+               (p.transmission > 0.0f && p.thin) || m.dispersion > 0.0f;
   return m;
 }
 
@@ -105,7 +109,8 @@ void SurfaceTable::build(const SceneView& view, const Accel& accel) {
     if (!s.material->lambert) allLambert_ = false;
     // Scaled to order 1, so that normals of scenes of any scale stay inside float's comfortable range when squared.
     float most = 0.0f;
-    for (int c = 0; c < 3; ++c) for (int r = 0; r < 3; ++r) most = std::fmax(most, std::fabs(s.normalToWorld[c][r]));
+    for (int c = 0; c < 3; ++c)
+      for (int r = 0; r < 3; ++r) most = std::fmax(most, std::fabs(s.normalToWorld[c][r]));
     if (most > 0.0f && std::isfinite(most)) s.normalToWorld /= most;
   }
 }
@@ -115,8 +120,8 @@ void SurfaceTable::toWorld(const SurfaceInstance& s, Surface& out) {
   const Vec3 local = out.p, reach = out.reach, translation(m[3]);
   out.p = Vec3(m * Vec4(local, 1.0f));
   // Embree takes the ray into object space and back: the translation counts twice.
-  out.reach = 2.0f * (glm::abs(Vec3(m[0])) * reach.x + glm::abs(Vec3(m[1])) * reach.y + glm::abs(Vec3(m[2])) * reach.z + glm::abs(translation)) +
-              glm::abs(out.p);
+  out.reach =
+      2.0f * (glm::abs(Vec3(m[0])) * reach.x + glm::abs(Vec3(m[1])) * reach.y + glm::abs(Vec3(m[2])) * reach.z + glm::abs(translation)) + glm::abs(out.p);
 }
 
 }  // namespace gobo

@@ -14,18 +14,22 @@
 namespace gobo {
 
 /// A texture with how it is looked up; null texture: none.
-struct SurfaceTexture { const Texture* texture = nullptr; TextureRef ref; explicit operator bool() const { return texture != nullptr; } };
+struct SurfaceTexture {
+  const Texture* texture = nullptr;
+  TextureRef ref;
+  explicit operator bool() const { return texture != nullptr; }
+};
 
 struct SurfaceMaterial {
-  BsdfParams constant;                    ///< with every factor filled in
-  bool lambert = false;                   ///< constant parameters are an exact Lambert surface (albedo may be textured)
-  bool textured = false;                  ///< a texture, vertex colours or a tangent are needed
-  bool transmissive = false;              ///< light may come from behind
+  BsdfParams constant;        ///< with every factor filled in
+  bool lambert = false;       ///< constant parameters are an exact Lambert surface (albedo may be textured)
+  bool textured = false;      ///< a texture, vertex colours or a tangent are needed
+  bool transmissive = false;  ///< light may come from behind
   bool unlit = false;
-  bool extended = false;                  ///< more than metallic, roughness, specular, ior and solid transmission
-  bool straight = false;                  ///< light may go straight on through it (trace/straight.h)
-  bool lobeTextured = false;              ///< any texture but those of albedo, metallic-roughness and normal; or anisotropy
-  int interior = -1;                      ///< index into SurfaceTable::interiors(), -1: bounds no volume
+  bool extended = false;      ///< more than metallic, roughness, specular, ior and solid transmission
+  bool straight = false;      ///< light may go straight on through it (trace/straight.h)
+  bool lobeTextured = false;  ///< any texture but those of albedo, metallic-roughness and normal; or anisotropy
+  int interior = -1;          ///< index into SurfaceTable::interiors(), -1: bounds no volume
   float dispersion = 0;
   float normalScale = 1.0f, coatNormalScale = 1.0f, anisotropyRotation = 0, iridescenceThicknessMin = 0;
   SurfaceTexture albedo, metallicRoughness, normal;
@@ -38,30 +42,30 @@ SurfaceMaterial makeSurfaceMaterial(const Albedo& albedo, const Bsdf& bsdf, cons
 
 struct SurfaceInstance {
   const uint32_t* indices = nullptr;
-  const Vec3* positions = nullptr;        ///< world space when `world`
-  const Vec3* normals = nullptr;          ///< object space; null: flat
+  const Vec3* positions = nullptr;  ///< world space when `world`
+  const Vec3* normals = nullptr;    ///< object space; null: flat
   const Vec4* tangents = nullptr;
   const Vec2* uv[kUvSets] = {};
   const Vec4* colours = nullptr;
   const SurfaceMaterial* material = nullptr;
   bool world = true, identity = true, mirrored = false;
   bool unlit = false;
-  bool flatLambert = false;               ///< world space, no normals, untextured Lambert: the vector code does it all
+  bool flatLambert = false;  ///< world space, no normals, untextured Lambert: the vector code does it all
   Mat4 toWorld{1.0f};
   Mat3 normalToWorld{1.0f};
 };
 
 struct Surface {
-  Vec3 p;                                 ///< world position from the triangle's vertices (closer than origin + t direction)
-  Vec3 reach;                             ///< sum of the absolute values that went into p: rounding errors scale with it
-  Vec3 Ng;                                ///< outside normal
-  Vec3 n;                                 ///< shading normal on the viewer's side, never facing away from the viewer
-  bool front = true;                      ///< the viewer is outside
+  Vec3 p;             ///< world position from the triangle's vertices (closer than origin + t direction)
+  Vec3 reach;         ///< sum of the absolute values that went into p: rounding errors scale with it
+  Vec3 Ng;            ///< outside normal
+  Vec3 n;             ///< shading normal on the viewer's side, never facing away from the viewer
+  bool front = true;  ///< the viewer is outside
   bool lambert = false;
   const SurfaceMaterial* material = nullptr;
   BsdfParams bsdf;
-  Vec3 tangent{0.0f};                     ///< direction of the frame's x where `hasTangent`
-  bool hasTangent = false;                ///< only materials that care (anisotropy) have one
+  Vec3 tangent{0.0f};       ///< direction of the frame's x where `hasTangent`
+  bool hasTangent = false;  ///< only materials that care (anisotropy) have one
 
   /// The frame that `bsdf` is given in.
   Frame frame() const { return hasTangent ? Frame(n, tangent) : Frame(n); }
@@ -105,7 +109,7 @@ class SurfaceTable {
     out.bsdf = s.material->constant;
     out.bsdf.entering = out.front;
     if (s.material->textured || s.colours) detail(s, a, b, c, w, u, v, d, out);
-    if (!out.lambert && out.n != facing) out.bsdf.facing = out.frame().toLocal(facing);   // nothing else may decide what a tilted normal loses
+    if (!out.lambert && out.n != facing) out.bsdf.facing = out.frame().toLocal(facing);  // nothing else may decide what a tilted normal loses
   }
   const SurfaceInstance& instance(uint32_t i) const { return instances_[i]; }
   const std::vector<Interior>& interiors() const { return interiors_; }
@@ -116,8 +120,13 @@ class SurfaceTable {
   bool anyUnlit() const { return anyUnlit_; }
 
  private:
-  struct Place { uint32_t a, b, c; float w, u, v; };                  // vertices and their weights
-  struct TangentSpace { Vec3 normal, tangent, bitangent; };          // world space, orthonormal; the normal as the vertices have it
+  struct Place {
+    uint32_t a, b, c;
+    float w, u, v;
+  };  // vertices and their weights
+  struct TangentSpace {
+    Vec3 normal, tangent, bitangent;
+  };  // world space, orthonormal; the normal as the vertices have it
   static void toWorld(const SurfaceInstance& s, Surface& out);
   static bool tangentSpace(const SurfaceInstance& s, const Place& at, int uvSet, const Surface& out, TangentSpace& space);
   static Vec2 uvAt(const SurfaceInstance& s, const Place& at, const TextureRef& ref);

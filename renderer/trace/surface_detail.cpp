@@ -32,7 +32,11 @@ bool SurfaceTable::tangentSpace(const SurfaceInstance& s, const Place& at, int u
     handed = det < 0.0f ? 1.0f : -1.0f;
     if (s.mirrored) handed = -handed;
   }
-  if (s.normals) { if (!s.identity) normal = s.normalToWorld * normal; } else { normal = out.Ng; }
+  if (s.normals) {
+    if (!s.identity) normal = s.normalToWorld * normal;
+  } else {
+    normal = out.Ng;
+  }
   const float nl = glm::dot(normal, normal);
   if (!(nl > 0.0f)) return false;
   normal *= 1.0f / std::sqrt(nl);
@@ -65,7 +69,8 @@ void SurfaceTable::lobes(const SurfaceInstance& s, const Place& at, Surface& out
   if (m.specularColor) p.specularColor *= Vec3(texel(m.specularColor));
   if (m.transmission) p.transmission *= texel(m.transmission).x;
   if (m.diffuseTransmission) p.diffuseTransmission *= texel(m.diffuseTransmission).w;
-  if (m.diffuseTransmissionColor) p.diffuseTransmissionColor = glm::clamp(p.diffuseTransmissionColor * Vec3(texel(m.diffuseTransmissionColor)), Vec3(0.0f), Vec3(1.0f));
+  if (m.diffuseTransmissionColor)
+    p.diffuseTransmissionColor = glm::clamp(p.diffuseTransmissionColor * Vec3(texel(m.diffuseTransmissionColor)), Vec3(0.0f), Vec3(1.0f));
   if (m.clearcoat) p.clearcoat *= texel(m.clearcoat).x;
   if (m.clearcoatRoughness) p.clearcoatRoughness *= texel(m.clearcoatRoughness).y;
   if (m.sheenColor) p.sheenColor *= Vec3(texel(m.sheenColor));
@@ -93,7 +98,7 @@ void SurfaceTable::anisotropy(const SurfaceInstance& s, const Place& at, Surface
   const float c = std::cos(m.anisotropyRotation), r = std::sin(m.anisotropyRotation);
   const Vec3 t = space.tangent * (c * direction.x - r * direction.y) + space.bitangent * (r * direction.x + c * direction.y);
   const Vec3 across = t - out.n * glm::dot(out.n, t);
-  if (!(glm::dot(across, across) > 1e-8f)) return;                    // a texel of direction 0, or a normal map that turned the normal onto it
+  if (!(glm::dot(across, across) > 1e-8f)) return;  // a texel of direction 0, or a normal map that turned the normal onto it
   out.tangent = t;
   out.hasTangent = true;
 }
@@ -103,7 +108,7 @@ void SurfaceTable::detail(const SurfaceInstance& s, uint32_t a, uint32_t b, uint
   const Place at{a, b, c, w, u, v};
   if (s.colours) out.bsdf.albedo *= Vec3(w * s.colours[a] + u * s.colours[b] + v * s.colours[c]);
   if (m.albedo) out.bsdf.albedo *= Vec3(m.albedo.texture->sample(uvAt(s, at, m.albedo.ref)));
-  out.bsdf.albedo = glm::clamp(out.bsdf.albedo, Vec3(0.0f), Vec3(1.0f));     // an albedo above 1 would make energy
+  out.bsdf.albedo = glm::clamp(out.bsdf.albedo, Vec3(0.0f), Vec3(1.0f));  // an albedo above 1 would make energy
   if (m.metallicRoughness && !m.lambert) {
     const Vec4 t = m.metallicRoughness.texture->sample(uvAt(s, at, m.metallicRoughness.ref));
     out.bsdf.roughness *= t.y;

@@ -20,11 +20,11 @@ namespace gobo {
 namespace fs = std::filesystem;
 
 namespace {
-constexpr uint64_t kMagic = 0x314b52414d4f4247ull;   // "GBOMARK1"
-constexpr int kSlots = 128;                          // workers: at most 64
+constexpr uint64_t kMagic = 0x314b52414d4f4247ull;  // "GBOMARK1"
+constexpr int kSlots = 128;                         // workers: at most 64
 constexpr int kSignals[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
 
-std::atomic<std::atomic<int32_t>*> signalWord{nullptr};   // in the page of this process
+std::atomic<std::atomic<int32_t>*> signalWord{nullptr};  // in the page of this process
 std::atomic<std::atomic<uint32_t>*> othersWord{nullptr};
 }  // namespace
 
@@ -32,7 +32,9 @@ struct CrashMarks::Page {
   uint64_t magic;
   std::atomic<int32_t> signal;
   std::atomic<uint32_t> others;
-  struct Slot { std::atomic<int64_t> job, index; } slots[kSlots];   // job 0: free
+  struct Slot {
+    std::atomic<int64_t> job, index;
+  } slots[kSlots];  // job 0: free
 };
 static_assert(std::atomic<int64_t>::is_always_lock_free && std::atomic<int32_t>::is_always_lock_free);
 
@@ -48,8 +50,9 @@ void crashed(int number) {
 void install() {
   static const bool once = [] {
     for (const int number : kSignals) {
-      if (number == SIGBUS && runOnOtherBusError(crashed)) continue;   // under a mapped file it is no crash
-      struct sigaction now{}, wanted{};
+      if (number == SIGBUS && runOnOtherBusError(crashed)) continue;  // under a mapped file it is no crash
+      struct sigaction now {
+      }, wanted{};
       // A sanitizer's own handler, and its report, go before.
       if (::sigaction(number, nullptr, &now) != 0 || now.sa_handler != SIG_DFL) continue;
       wanted.sa_handler = crashed;
@@ -66,7 +69,8 @@ void install() {
 Result<std::unique_ptr<CrashMarks>> CrashMarks::open(const std::string& folder) {
   std::unique_ptr<CrashMarks> self(new CrashMarks);
   const auto failed = [&](const char* what) {
-    return Status(errno == ENOSPC || errno == EDQUOT ? Code::ResourceExhausted : Code::Internal, std::string("cannot ") + what + ": " + std::strerror(errno), self->path_);
+    return Status(errno == ENOSPC || errno == EDQUOT ? Code::ResourceExhausted : Code::Internal, std::string("cannot ") + what + ": " + std::strerror(errno),
+                  self->path_);
   };
   std::random_device random;
   const std::string marks = folder + "/marks";
@@ -108,7 +112,7 @@ std::vector<CrashReport> CrashMarks::read(const std::string& folder) {
     const std::string path = it->path().string();
     const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
     if (fd < 0) continue;
-    if (::flock(fd, LOCK_EX | LOCK_NB) == 0) {   // its process is gone
+    if (::flock(fd, LOCK_EX | LOCK_NB) == 0) {  // its process is gone
       alignas(Page) char bytes[sizeof(Page)];
       if (::pread(fd, bytes, sizeof bytes, 0) == ssize_t(sizeof bytes)) {
         const Page& page = *reinterpret_cast<const Page*>(bytes);

@@ -24,7 +24,7 @@ namespace gobo {
 struct CrashReport {
   int signal = 0;
   std::vector<TaskId> tasks;
-  bool alone = false;              ///< one frame, and no other render beside it: the frame did it
+  bool alone = false;  ///< one frame, and no other render beside it: the frame did it
 };
 
 class CrashMarks {

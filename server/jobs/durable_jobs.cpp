@@ -12,8 +12,8 @@
 namespace gobo {
 
 namespace {
-constexpr int kResultsEvery = 60, kSweepEvery = 3600;   // seconds
-constexpr double kSweepAge = 86400;                     // of files beside living daemons
+constexpr int kResultsEvery = 60, kSweepEvery = 3600;  // seconds
+constexpr double kSweepAge = 86400;                    // of files beside living daemons
 }  // namespace
 
 Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunner& runner, const ServerConfig& config) {
@@ -35,8 +35,10 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
     const char* name = ::sigabbrev_np(crash.signal);
     const std::string signal = std::string("SIG") + (name ? name : std::to_string(crash.signal).c_str());
     for (const TaskId& task : crash.tasks) {
-      GOBO_TRY(self->store_->blame(task, {Code::Internal, "the daemon crashed (" + signal + ") while it rendered this frame" +
-                                          (crash.alone ? "" : ", for the third time, each beside other work") + "; it is set aside"}, crash.alone));
+      GOBO_TRY(self->store_->blame(task,
+                                   {Code::Internal, "the daemon crashed (" + signal + ") while it rendered this frame" +
+                                                        (crash.alone ? "" : ", for the third time, each beside other work") + "; it is set aside"},
+                                   crash.alone));
       logWarn("jobs: the last daemon crashed (%s) in %s, frame index %lld%s", signal.c_str(), jobIdText(task.job).c_str(), (long long)task.index,
               crash.alone ? ": set aside" : ", beside other work");
     }

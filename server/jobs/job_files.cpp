@@ -53,7 +53,9 @@ Status makeFolder(const std::string& path) {
 
 }  // namespace
 
-JobFiles::~JobFiles() { if (lock_ >= 0) ::close(lock_); }
+JobFiles::~JobFiles() {
+  if (lock_ >= 0) ::close(lock_);
+}
 
 Status JobFiles::open(const std::string& folder, bool& alone) {
   std::error_code error;
@@ -67,8 +69,8 @@ Status JobFiles::open(const std::string& folder, bool& alone) {
   lock_ = ::open(name.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   if (lock_ < 0) return failed("open", name, errno);
   alone = ::flock(lock_, LOCK_EX | LOCK_NB) == 0;
-  if (!alone && ::flock(lock_, LOCK_SH) != 0) return failed("lock", name, errno);   // waits for the one that sweeps
-  std::random_device random;   // process ids repeat: names of temp files must not
+  if (!alone && ::flock(lock_, LOCK_SH) != 0) return failed("lock", name, errno);  // waits for the one that sweeps
+  std::random_device random;                                                       // process ids repeat: names of temp files must not
   temps_ = folder_ + "/tmp/" + std::to_string(::getpid()) + "-" + std::to_string(random()) + "-";
   return {};
 }
@@ -76,11 +78,11 @@ Status JobFiles::open(const std::string& folder, bool& alone) {
 void JobFiles::opened() { ::flock(lock_, LOCK_SH); }
 
 Status JobFiles::write(const std::string& path, const void* bytes, size_t size) {
-  struct stat info{};
+  struct stat info {};
   const std::string parent = fs::path(path).parent_path().string();
   if (::stat(path.c_str(), &info) == 0 && size_t(info.st_size) == size) {
-    ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);   // changed, for a sweep that has taken it for litter
-    return syncFolder(parent);                         // its writer may have been killed before that
+    ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);  // changed, for a sweep that has taken it for litter
+    return syncFolder(parent);                        // its writer may have been killed before that
   }
   const auto at = [&](const char* what) { return step ? step(what, path) : Status(); };
   const std::string temp = temps_ + std::to_string(counter_++) + ".tmp";
@@ -113,9 +115,9 @@ Status JobFiles::write(const std::string& path, const void* bytes, size_t size) 
 }
 
 Status JobFiles::adopt(const std::string& from, const std::string& path) {
-  struct stat info{};
+  struct stat info {};
   if (::stat(path.c_str(), &info) == 0) {
-    ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);   // young again: no sweep
+    ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);  // young again: no sweep
     return {};
   }
   if (::link(from.c_str(), path.c_str()) == 0) {
@@ -129,7 +131,7 @@ Status JobFiles::adopt(const std::string& from, const std::string& path) {
 
 Result<std::vector<uint8_t>> JobFiles::read(const std::string& path) const {
   const Descriptor d{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)};
-  struct stat info{};
+  struct stat info {};
   if (!d || ::fstat(d.get(), &info) != 0) return failed("read", path, errno);
   std::vector<uint8_t> bytes(size_t(info.st_size));
   for (size_t done = 0; done < bytes.size();) {
@@ -194,12 +196,16 @@ Status JobFiles::sweep(JobStore& store, double age) {
     for (const fs::path& p : found) visit(p);
   };
   uint64_t removed = 0;
-  const auto drop = [&](const fs::path& p) { if (litter.lain(p.string(), age)) removed += fs::remove_all(p, error) > 0; };
+  const auto drop = [&](const fs::path& p) {
+    if (litter.lain(p.string(), age)) removed += fs::remove_all(p, error) > 0;
+  };
   each(folder_ + "/tmp", drop);
-  GOBO_ASSIGN(const OwnedJobs owned, store.owned());   // before what they need: a job submitted meanwhile is not one that needs nothing
+  GOBO_ASSIGN(const OwnedJobs owned, store.owned());  // before what they need: a job submitted meanwhile is not one that needs nothing
   GOBO_ASSIGN(const auto digests, store.neededCheckpoints());
   const std::set<std::string> checkpoints(digests.begin(), digests.end());
-  each(folder_ + "/checkpoints", [&](const fs::path& p) { if (owned.has(jobOfFile(p)) && !checkpoints.count(p.stem().string())) drop(p); });
+  each(folder_ + "/checkpoints", [&](const fs::path& p) {
+    if (owned.has(jobOfFile(p)) && !checkpoints.count(p.stem().string())) drop(p);
+  });
   GOBO_ASSIGN(const auto ids, store.jobIds());
   const std::set<int64_t> jobs(ids.begin(), ids.end());
   Status status;
@@ -211,11 +217,16 @@ Status JobFiles::sweep(JobStore& store, double age) {
     const auto job = store.get(id, false);
     if (!job.ok() || !jobIsOver(job->job.state())) return;
     const auto names = store.neededResults(id);
-    if (!names.ok()) { status = names.status(); return; }
+    if (!names.ok()) {
+      status = names.status();
+      return;
+    }
     const std::set<std::string> needed(names->begin(), names->end());
-    each(p.string(), [&](const fs::path& file) { if (!needed.count(file.filename().string())) drop(file); });
+    each(p.string(), [&](const fs::path& file) {
+      if (!needed.count(file.filename().string())) drop(file);
+    });
   });
-  litter.forget(2 * 3600);   // swept hourly
+  litter.forget(2 * 3600);  // swept hourly
   if (removed) logInfo("jobs: removed %llu files that nothing needs", (unsigned long long)removed);
   return status;
 }

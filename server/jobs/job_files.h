@@ -24,10 +24,10 @@ namespace gobo {
 class JobFiles {
  public:
   ~JobFiles();
-  /// Makes the folders (mode 0700). Errors: FailedPrecondition when the folder is not this user's own (base/own_folder.h). `alone`: no other daemon has the folder open, so leases and litter of dead ones may go; the
-  /// others wait until opened() is called.
+  /// Makes the folders (mode 0700). Errors: FailedPrecondition when the folder is not this user's own (base/own_folder.h). `alone`: no other daemon has the
+  /// folder open, so leases and litter of dead ones may go; the others wait until opened() is called.
   Status open(const std::string& folder, bool& alone);
-  void opened();                                      ///< the exclusive lock becomes a shared one
+  void opened();  ///< the exclusive lock becomes a shared one
   /// Removes temp files, and checkpoints and results of jobs that the store has made and no row needs (results only of jobs that are over),
   /// once they have lain unchanged for `age` seconds of this process (0 only when alone: a file is written before its row).
   Status sweep(JobStore& store, double age);
@@ -41,7 +41,7 @@ class JobFiles {
   Status writeIdentity(const std::string& id);
   /// Somebody was promised what lies here: results, checkpoints, or a log of the store without the store.
   bool holdsPromises() const;
-  int64_t lastJob() const;                            ///< the highest id among results and checkpoints; 0 without
+  int64_t lastJob() const;  ///< the highest id among results and checkpoints; 0 without
   std::string checkpointPath(TaskId task, const std::string& digest) const {
     return folder_ + "/checkpoints/" + std::to_string(task.job) + "-" + std::to_string(task.index) + "-" + digest + ".term";
   }
@@ -54,14 +54,14 @@ class JobFiles {
   Status write(const std::string& path, const void* bytes, size_t size);
   /// Takes over a file of the same or another file system.
   Status adopt(const std::string& from, const std::string& path);
-  Result<std::vector<uint8_t>> read(const std::string& path) const;   ///< NotFound, Internal
+  Result<std::vector<uint8_t>> read(const std::string& path) const;  ///< NotFound, Internal
   void remove(const std::string& path);
   void removeResults(int64_t job);
-  void removeCheckpoints(int64_t job);                ///< of all its frames
+  void removeCheckpoints(int64_t job);  ///< of all its frames
   void removeCheckpoints(TaskId task);
 
   Litter litter;
-  std::function<Status(const char* step, const std::string& path)> step;   ///< a test's seam: before "write", "sync", "rename", "sync-folder"
+  std::function<Status(const char* step, const std::string& path)> step;  ///< a test's seam: before "write", "sync", "rename", "sync-folder"
 
  private:
   void removePrefix(const std::string& prefix);

@@ -14,10 +14,17 @@ namespace gobo {
 
 class JobHub {
  public:
-  struct Live { int64_t frame = 0; double progress = 0, stored = 0; uint32_t spp = 0; };   ///< stored: what the store's row says
+  struct Live {
+    int64_t frame = 0;
+    double progress = 0, stored = 0;
+    uint32_t spp = 0;
+  };  ///< stored: what the store's row says
 
   void changed();
-  void steered() { control_.fetch_add(1); changed(); }
+  void steered() {
+    control_.fetch_add(1);
+    changed();
+  }
   uint64_t control() const { return control_.load(); }
   uint64_t version() const;
   /// Waits until version() is not `seen`, at most `seconds`; updates `seen`.

@@ -46,7 +46,7 @@ Status JobScenes::describe(NewJob& job, const SceneAccess& access, const StopTok
     job.sceneFile = keptUpload(files_.scenePath(""), job.sceneSource);
     if (job.sceneFile.empty())
       return {Code::FailedPrecondition, "the uploaded file of scene '" + request.scene() + "' is not kept any more: upload it again", "job.request.scene"};
-    GOBO_TRY(files_.adopt("", files_.scenePath(job.sceneFile)));   // young again: not swept before the job is in the store
+    GOBO_TRY(files_.adopt("", files_.scenePath(job.sceneFile)));  // young again: not swept before the job is in the store
   }
   GOBO_ASSIGN(job.environmentDigest, environmentDigest(request, stop));
   return {};
@@ -57,8 +57,10 @@ Result<ScenePtr> JobScenes::get(const JobRecord& record) {
   const std::string& wanted = record.job.scene_hash();
   GOBO_ASSIGN(const std::string environment, environmentDigest(request, {}));
   if (environment != record.environmentDigest)
-    return Status(Code::FailedPrecondition, "environment '" + request.environment().path() + "' changed since the job was submitted: its file had sha256 " +
-                  record.environmentDigest + ", now " + environment, "request.environment.path");
+    return Status(Code::FailedPrecondition,
+                  "environment '" + request.environment().path() + "' changed since the job was submitted: its file had sha256 " + record.environmentDigest +
+                      ", now " + environment,
+                  "request.environment.path");
   std::string loadedHash;
   if (auto scene = engine_.scene(request.scene()); scene.ok()) {
     loadedHash = (*scene)->hash().hex();
@@ -69,11 +71,15 @@ Result<ScenePtr> JobScenes::get(const JobRecord& record) {
   const bool kept = !record.sceneFile.empty();
   auto scene = engine_.loadScene(kept ? files_.scenePath(record.sceneFile) : record.sceneSource, kept);
   if (!scene.ok())
-    return Status(scene.status().code(), "scene '" + request.scene() + "' of the job cannot be loaded again from " + record.sceneSource + ": " + scene.status().message(), "request.scene");
+    return Status(scene.status().code(),
+                  "scene '" + request.scene() + "' of the job cannot be loaded again from " + record.sceneSource + ": " + scene.status().message(),
+                  "request.scene");
   const std::string hash = (*scene)->hash().hex();
   if (hash != wanted)
-    return Status(Code::FailedPrecondition, "scene '" + request.scene() + "' changed since the job was submitted: it had hash " + wanted + ", " + record.sceneSource +
-                  " has " + hash + (loadedHash.empty() ? "" : ", the loaded scene " + loadedHash), "request.scene");
+    return Status(Code::FailedPrecondition,
+                  "scene '" + request.scene() + "' changed since the job was submitted: it had hash " + wanted + ", " + record.sceneSource + " has " + hash +
+                      (loadedHash.empty() ? "" : ", the loaded scene " + loadedHash),
+                  "request.scene");
   cachedHash_ = wanted;
   cached_ = *scene;
   return scene;

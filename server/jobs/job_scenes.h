@@ -25,9 +25,9 @@ class JobScenes {
   Engine& engine_;
   JobFiles& files_;
   const uint64_t inputBytes_;
-  std::mutex mutex_;                              // one load at a time
+  std::mutex mutex_;  // one load at a time
   std::string cachedHash_;
-  std::shared_ptr<const Scene> cached_;           // the last one that had to be loaded
+  std::shared_ptr<const Scene> cached_;  // the last one that had to be loaded
 };
 
 }  // namespace gobo

@@ -36,8 +36,7 @@ void JobShares::started(const std::string& client, TaskId task, double now) {
 void JobShares::ended(TaskId task, double now) {
   const auto at = running_.find(task);
   if (at == running_.end()) return;
-  if (const auto c = clients_.find(at->second.client); c != clients_.end())
-    c->second.virtualTime += std::max(0.0, now - at->second.since) - kGuess;
+  if (const auto c = clients_.find(at->second.client); c != clients_.end()) c->second.virtualTime += std::max(0.0, now - at->second.since) - kGuess;
   running_.erase(at);
 }
 

@@ -24,9 +24,15 @@ class JobShares {
   void ended(TaskId task, double now);
 
  private:
-  static constexpr double kGuess = 1;   // seconds that a frame counts with while it runs
-  struct Client { double virtualTime = 0; uint64_t served = 0; };
-  struct Running { std::string client; double since = 0; };
+  static constexpr double kGuess = 1;  // seconds that a frame counts with while it runs
+  struct Client {
+    double virtualTime = 0;
+    uint64_t served = 0;
+  };
+  struct Running {
+    std::string client;
+    double since = 0;
+  };
   std::map<std::string, Client> clients_;
   std::map<TaskId, Running> running_;
   uint64_t served_ = 0;

@@ -26,7 +26,8 @@ const char* extension(v1::Encoding::Format format) {
   switch (format) {
     case v1::Encoding::PNG: return "png";
     case v1::Encoding::JPEG: return "jpg";
-    case v1::Encoding::RAW_FLOAT: case v1::Encoding::RAW_HALF: return "raw";
+    case v1::Encoding::RAW_FLOAT:
+    case v1::Encoding::RAW_HALF: return "raw";
     default: return "exr";
   }
 }
@@ -51,15 +52,13 @@ std::string specDigest(const v1::JobSpec& sent) {
   return sha256Hex(bytes.data(), bytes.size());
 }
 
-Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engine& engine, double nowUnix, const SceneAccess& access,
-                       const StopToken& stop) {
+Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engine& engine, double nowUnix, const SceneAccess& access, const StopToken& stop) {
   NewJob job;
   job.digest = specDigest(sent);
   job.client = client;
   v1::JobSpec& spec = job.spec = sent;
   spec.DiscardUnknownFields();
-  if (spec.ByteSizeLong() > kSpecBytes)
-    return Status(Code::ResourceExhausted, strf("job has %zu bytes: at most %zu", spec.ByteSizeLong(), kSpecBytes), "job");
+  if (spec.ByteSizeLong() > kSpecBytes) return Status(Code::ResourceExhausted, strf("job has %zu bytes: at most %zu", spec.ByteSizeLong(), kSpecBytes), "job");
   GOBO_TRY(textBound(spec.name(), "job.name"));
   GOBO_TRY(textBound(spec.key(), "job.key"));
   if (!spec.has_request()) return invalidArgument("job.request: must be given", "job.request");
@@ -83,7 +82,7 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
   const int64_t count = (range.last() - range.first()) / range.step() + 1;
   if (count > kMostFrames) return invalidArgument(strf("job.frames: %lld frames, at most %lld", (long long)count, (long long)kMostFrames), "job.frames");
   for (int64_t i = 0; i < count; ++i) job.frames.push_back(range.first() + i * range.step());
-  GOBO_TRY(engine.pinnedBytes(frameRequest(spec, range.first()), nullptr, stop, access).status());   // the plan can be made: outputs, lights, environment
+  GOBO_TRY(engine.pinnedBytes(frameRequest(spec, range.first()), nullptr, stop, access).status());  // the plan can be made: outputs, lights, environment
   job.sceneHash = spec.request().scene_hash();
   return job;
 }

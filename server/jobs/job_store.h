@@ -26,23 +26,23 @@ namespace gobo {
 
 /// What is submitted: checked and resolved by the caller (server/jobs/job_spec.h).
 struct NewJob {
-  v1::JobSpec spec;                  ///< resolved
+  v1::JobSpec spec;  ///< resolved
   std::string client;
-  std::string digest;                ///< of the spec as it was sent: the same key must come with the same one
-  std::string sceneHash, sceneSource, sceneFile;   ///< sceneFile: name under FOLDER/scenes of an upload, or empty
-  std::string environmentDigest;     ///< sha256 of the environment's file, or empty
+  std::string digest;                             ///< of the spec as it was sent: the same key must come with the same one
+  std::string sceneHash, sceneSource, sceneFile;  ///< sceneFile: name under FOLDER/scenes of an upload, or empty
+  std::string environmentDigest;                  ///< sha256 of the environment's file, or empty
   std::vector<int64_t> frames;
 };
 
 struct JobRecord {
   int64_t id = 0;
-  v1::Job job;                       ///< progress counts finished frames and checkpoints
+  v1::Job job;  ///< progress counts finished frames and checkpoints
   std::string sceneSource, sceneFile, environmentDigest;
-  uint64_t revision = 0;             ///< of the store when read; grows with every change
+  uint64_t revision = 0;  ///< of the store when read; grows with every change
 };
 
 struct TaskId {
-  int64_t job = 0, index = 0;        ///< index of the frame in the job, from 0
+  int64_t job = 0, index = 0;  ///< index of the frame in the job, from 0
   auto operator<=>(const TaskId&) const = default;
 };
 
@@ -50,37 +50,41 @@ struct Lease {
   TaskId task;
   uint64_t token = 0;
   std::string holder;
-  double expires = 0;                ///< on the store's own clock
+  double expires = 0;  ///< on the store's own clock
   int64_t frame = 0;
-  double progress = 0;               ///< of the last checkpoint
+  double progress = 0;  ///< of the last checkpoint
 };
 
-struct CheckpointRow { std::string recipe, digest; uint32_t blocks = 0; uint64_t bytes = 0; };
+struct CheckpointRow {
+  std::string recipe, digest;
+  uint32_t blocks = 0;
+  uint64_t bytes = 0;
+};
 
 struct JobFilter {
   std::vector<v1::Job::State> states;
   std::string client;
-  int64_t before = 0;                ///< ids below this one; 0: any
+  int64_t before = 0;  ///< ids below this one; 0: any
   uint32_t limit = 50;
-  uint64_t bytes = UINT64_MAX;       ///< ends with the job that passes this sum
+  uint64_t bytes = UINT64_MAX;  ///< ends with the job that passes this sum
 };
 
 struct FailedReport {
   Status reason;
-  bool retry = true;                 ///< false: no attempt of this frame can do better
-  bool wholeJob = false;             ///< nor of any other frame
+  bool retry = true;      ///< false: no attempt of this frame can do better
+  bool wholeJob = false;  ///< nor of any other frame
 };
 
 /// The job ids that a store has given: what else lies in the folder is not its to remove.
 struct OwnedJobs {
   int64_t last = 0;
-  std::vector<std::pair<int64_t, int64_t>> except;   ///< first and last of ranges that it found taken (JobStore::disown)
+  std::vector<std::pair<int64_t, int64_t>> except;  ///< first and last of ranges that it found taken (JobStore::disown)
   bool has(int64_t id) const;
 };
 
 struct JobTotals {
-  uint64_t queued = 0, running = 0, paused = 0, done = 0, failed = 0, cancelled = 0;   ///< jobs
-  uint64_t activeTasks = 0;          ///< frames of jobs that are not over
+  uint64_t queued = 0, running = 0, paused = 0, done = 0, failed = 0, cancelled = 0;  ///< jobs
+  uint64_t activeTasks = 0;                                                           ///< frames of jobs that are not over
   uint64_t resultBytes = 0;
 };
 
@@ -93,14 +97,14 @@ class JobStore {
   virtual Result<int64_t> submit(const NewJob& job, bool& existed) = 0;
   /// The job with this key, 0 if there is none. Errors: AlreadyExists as above.
   virtual Result<int64_t> findKey(const std::string& client, const std::string& key, const std::string& digest) = 0;
-  virtual Result<JobRecord> get(int64_t id, bool withFrames) = 0;                     ///< NotFound
-  virtual Result<std::vector<v1::Job>> list(const JobFilter& filter) = 0;             ///< newest first, without frames
+  virtual Result<JobRecord> get(int64_t id, bool withFrames) = 0;          ///< NotFound
+  virtual Result<std::vector<v1::Job>> list(const JobFilter& filter) = 0;  ///< newest first, without frames
   /// Frames that changed after `revision`, with the job (no frames, no spec in it) and the new revision.
   virtual Result<JobRecord> changes(int64_t id, uint64_t revision) = 0;
-  virtual Status cancel(int64_t id) = 0;                                              ///< no change when it is over
-  virtual Status pause(int64_t id) = 0;                                               ///< no change when it is over
+  virtual Status cancel(int64_t id) = 0;  ///< no change when it is over
+  virtual Status pause(int64_t id) = 0;   ///< no change when it is over
   virtual Status resume(int64_t id) = 0;
-  virtual Status remove(int64_t id) = 0;                                              ///< FailedPrecondition unless it is over
+  virtual Status remove(int64_t id) = 0;  ///< FailedPrecondition unless it is over
 
   /// The next task: of the client that has had least time of this process's workers (server/jobs/job_shares.h), by job priority, then job
   /// deadline, then job id, then frame. None: nothing is ready now.
@@ -129,11 +133,11 @@ class JobStore {
   /// in which the machine was up), and the earliest ended
   /// ones while results have more than `keepBytes`. Their ids.
   virtual Result<std::vector<int64_t>> expireResults(uint64_t keepBytes, double keepSeconds) = 0;
-  virtual Result<std::vector<std::string>> neededCheckpoints() = 0;                   ///< "JOB-INDEX-DIGEST"
-  virtual Result<std::vector<std::string>> neededResults(int64_t id) = 0;             ///< sha256 of a job's files
+  virtual Result<std::vector<std::string>> neededCheckpoints() = 0;        ///< "JOB-INDEX-DIGEST"
+  virtual Result<std::vector<std::string>> neededResults(int64_t id) = 0;  ///< sha256 of a job's files
   virtual Result<std::vector<int64_t>> jobIds() = 0;
   virtual Result<OwnedJobs> owned() = 0;
-  virtual Result<std::vector<std::string>> neededScenes() = 0;                        ///< sceneFile of jobs that are not over
+  virtual Result<std::vector<std::string>> neededScenes() = 0;  ///< sceneFile of jobs that are not over
   virtual Result<JobTotals> totals() = 0;
 };
 

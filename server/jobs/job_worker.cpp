@@ -14,7 +14,8 @@ JobWorker::JobWorker(Engine& engine, JobRunner& runner, JobStore& store, JobFile
 void JobWorker::stop() {
   stopping_.store(true);
   hub_.steered();
-  for (auto& t : threads_) if (t.joinable()) t.join();
+  for (auto& t : threads_)
+    if (t.joinable()) t.join();
   threads_.clear();
 }
 
@@ -25,7 +26,7 @@ void JobWorker::loop(int number) {
     auto lease = store_.claim(holder, options_.leaseSeconds);
     if (!lease.ok()) logWarn("jobs: cannot claim: %s", lease.status().toString().c_str());
     if (!lease.ok() || !*lease) {
-      hub_.wait(seen, lease.ok() ? 0.5 : 2);   // other processes submit too, and retries become ready
+      hub_.wait(seen, lease.ok() ? 0.5 : 2);  // other processes submit too, and retries become ready
       continue;
     }
     hub_.changed();

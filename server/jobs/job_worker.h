@@ -19,9 +19,9 @@ namespace gobo {
 struct JobWorkerOptions {
   int workers = 1;
   double leaseSeconds = 30;
-  double checkpointSeconds = 30;     ///< between checkpoints of a frame; more when writing one takes over a twentieth of it
-  std::string holder;                ///< names this process in the store
-  CrashMarks* marks = nullptr;       ///< may be null
+  double checkpointSeconds = 30;  ///< between checkpoints of a frame; more when writing one takes over a twentieth of it
+  std::string holder;             ///< names this process in the store
+  CrashMarks* marks = nullptr;    ///< may be null
 };
 
 struct JobWorkerStats {

@@ -11,9 +11,10 @@ namespace gobo {
 
 namespace {
 
-const Status kOff(Code::FailedPrecondition, "jobs are switched off: set folder in the [jobs] section of gobod's configuration (docs/operations.md)", "jobs.folder");
+const Status kOff(Code::FailedPrecondition, "jobs are switched off: set folder in the [jobs] section of gobod's configuration (docs/operations.md)",
+                  "jobs.folder");
 
-constexpr uint64_t kPageBytes = 8 << 20;   // of one reply of List
+constexpr uint64_t kPageBytes = 8 << 20;  // of one reply of List
 
 /// The caller is bound to the jobs of its own token.
 bool bound(const Rpc& rpc) { return rpc.who().token && !rpc.who().admin; }
@@ -54,7 +55,7 @@ grpc::Status JobsService::submit(Rpc& rpc, const v1::JobSpec& spec, v1::Job* rep
     auto place = core_.planning.enter(rpc.who().name, [&] { return rpc.context().IsCancelled() || call.stop.token().stopRequested(); });
     if (!place) return toGrpc(Status(Code::Cancelled, "cancelled while it waited to be planned"));
     auto job = makeJob(spec, *client, core_.engine, now, rpc.access(), call.stop.token());
-    place.reset();   // planned
+    place.reset();  // planned
     if (!job.ok()) return toGrpc(job.status());
     const grpc::Status allowed = checkRender(rpc, *job->spec.mutable_request(), job->spec.request());
     if (!allowed.ok()) return allowed;
@@ -143,9 +144,15 @@ grpc::Status JobsService::steer(grpc::ServerContext& context, const char* method
   });
 }
 
-grpc::Status JobsService::Cancel(grpc::ServerContext* c, const v1::CancelJobRequest* r, v1::Job* reply) { return steer(*c, "cancel", r->id(), &JobStore::cancel, reply); }
-grpc::Status JobsService::Pause(grpc::ServerContext* c, const v1::PauseJobRequest* r, v1::Job* reply) { return steer(*c, "pause", r->id(), &JobStore::pause, reply); }
-grpc::Status JobsService::Resume(grpc::ServerContext* c, const v1::ResumeJobRequest* r, v1::Job* reply) { return steer(*c, "resume", r->id(), &JobStore::resume, reply); }
+grpc::Status JobsService::Cancel(grpc::ServerContext* c, const v1::CancelJobRequest* r, v1::Job* reply) {
+  return steer(*c, "cancel", r->id(), &JobStore::cancel, reply);
+}
+grpc::Status JobsService::Pause(grpc::ServerContext* c, const v1::PauseJobRequest* r, v1::Job* reply) {
+  return steer(*c, "pause", r->id(), &JobStore::pause, reply);
+}
+grpc::Status JobsService::Resume(grpc::ServerContext* c, const v1::ResumeJobRequest* r, v1::Job* reply) {
+  return steer(*c, "resume", r->id(), &JobStore::resume, reply);
+}
 
 grpc::Status JobsService::Delete(grpc::ServerContext* context, const v1::DeleteJobRequest* request, v1::DeleteJobReply*) {
   return serve(core_, *context, "delete", [&](Rpc& rpc) -> grpc::Status {
@@ -156,7 +163,7 @@ grpc::Status JobsService::Delete(grpc::ServerContext* context, const v1::DeleteJ
     if (!record.ok()) return toGrpc(record.status());
     const Status status = core_.durable->store().remove(record->id);
     if (!status.ok()) return toGrpc(status);
-    core_.durable->files().removeResults(record->id);   // a kill in between leaves litter, which the next start sweeps
+    core_.durable->files().removeResults(record->id);  // a kill in between leaves litter, which the next start sweeps
     core_.durable->hub().steered();
     return grpc::Status::OK;
   });

@@ -18,16 +18,17 @@ namespace gobo {
 
 namespace {
 
-constexpr double kStreamPoll = 0.25;   // seconds: how soon a client that has gone, a drain, or another daemon's work is noticed
+constexpr double kStreamPoll = 0.25;  // seconds: how soon a client that has gone, a drain, or another daemon's work is noticed
 
 /// A place among the streams that live as long as their client likes.
 std::unique_ptr<SharedLimit::Hold> place(const Rpc& rpc) { return rpc.core().watches.take(rpc.who().name, 1); }
 
 grpc::Status noPlace(Rpc& rpc) {
   const SharedLimit& w = rpc.core().watches;
-  return rpc.refuseBusy("watches", strf("%llu Watch and Fetch calls run, %llu of them of \"%s\": at most %llu, half of it of one client (limits.watches)",
-                                        (unsigned long long)w.used(), (unsigned long long)w.usedBy(rpc.who().name), rpc.who().name.c_str(),
-                                        (unsigned long long)w.limit()), 1000);
+  return rpc.refuseBusy("watches",
+                        strf("%llu Watch and Fetch calls run, %llu of them of \"%s\": at most %llu, half of it of one client (limits.watches)",
+                             (unsigned long long)w.used(), (unsigned long long)w.usedBy(rpc.who().name), rpc.who().name.c_str(), (unsigned long long)w.limit()),
+                        1000);
 }
 
 template <typename Message>
@@ -72,7 +73,7 @@ grpc::Status JobsService::watch(Rpc& rpc, const v1::WatchJobRequest& sent, grpc:
   *first.mutable_job() = record->job;
   if (!send(rpc, *writer, first)) return {grpc::StatusCode::CANCELLED, "the client has gone"};
   std::string shown = eventOf(record->job, nullptr).SerializeAsString();
-  std::map<TaskId, double> progress;   // of live frames, as sent
+  std::map<TaskId, double> progress;  // of live frames, as sent
   v1::Job::State state = record->job.state();
   while (!jobIsOver(state)) {
     hub.wait(seen, kStreamPoll);
@@ -112,7 +113,8 @@ grpc::Status JobsService::watch(Rpc& rpc, const v1::WatchJobRequest& sent, grpc:
 Status JobsService::sendFile(Rpc& rpc, grpc::ServerWriter<v1::FetchReply>& writer, int64_t job, const v1::Frame& frame, const v1::FrameFile& file,
                              uint64_t offset) {
   if (offset > file.bytes())
-    return {Code::OutOfRange, strf("offset = %llu: %s has %llu bytes", (unsigned long long)offset, file.name().c_str(), (unsigned long long)file.bytes()), "offset"};
+    return {Code::OutOfRange, strf("offset = %llu: %s has %llu bytes", (unsigned long long)offset, file.name().c_str(), (unsigned long long)file.bytes()),
+            "offset"};
   const std::string path = core_.durable->files().resultPath(job, file.sha256());
   const Descriptor d{::open(path.c_str(), O_RDONLY | O_CLOEXEC)};
   if (!d) return {Code::DataLoss, "cannot read " + path + ": " + std::strerror(errno)};

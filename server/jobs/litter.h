@@ -37,7 +37,10 @@ class Litter {
   std::function<double()> now = [] { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); };
 
  private:
-  struct Seen { FileStamp stamp; double first, last; };
+  struct Seen {
+    FileStamp stamp;
+    double first, last;
+  };
   std::mutex mutex_;
   std::map<std::string, Seen> seen_;
 };

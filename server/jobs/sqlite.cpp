@@ -9,9 +9,11 @@ namespace gobo {
 Status Sqlite::error(int code) const {
   Code kind = Code::Internal;
   switch (code & 0xff) {
-    case SQLITE_BUSY: case SQLITE_LOCKED: kind = Code::Unavailable; break;
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED: kind = Code::Unavailable; break;
     case SQLITE_FULL: kind = Code::ResourceExhausted; break;
-    case SQLITE_CORRUPT: case SQLITE_NOTADB: kind = Code::DataLoss; break;
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB: kind = Code::DataLoss; break;
     default: break;
   }
   std::string text = sqlite3_errstr(code);
@@ -29,14 +31,17 @@ Status Sqlite::open(const std::string& path, double busySeconds) {
   }
   sqlite3_busy_timeout(db_, int(busySeconds * 1e3));
   for (const char* sql : {"PRAGMA journal_mode=WAL", "PRAGMA synchronous=FULL", "PRAGMA foreign_keys=ON"})
-    if (const Status status = exec(sql); !status.ok()) { close(); return status; }
-  struct stat info{};
+    if (const Status status = exec(sql); !status.ok()) {
+      close();
+      return status;
+    }
+  struct stat info {};
   if (::stat(path.c_str(), &info) == 0) device_ = uint64_t(info.st_dev), inode_ = uint64_t(info.st_ino);
   return {};
 }
 
 bool Sqlite::current() const {
-  struct stat info{};
+  struct stat info {};
   return ::stat(path_.c_str(), &info) == 0 && uint64_t(info.st_dev) == device_ && uint64_t(info.st_ino) == inode_;
 }
 
@@ -78,9 +83,7 @@ sqlite3_stmt* Sqlite::prepare(const char* sql, Status& status) {
   return s;
 }
 
-Sqlite::Query::Query(Sqlite& db, const char* sql) : db_(db), sql_(sql) {
-  s_ = db.prepare(sql, status_);
-}
+Sqlite::Query::Query(Sqlite& db, const char* sql) : db_(db), sql_(sql) { s_ = db.prepare(sql, status_); }
 
 Sqlite::Query::~Query() {
   if (!s_) return;
@@ -88,10 +91,22 @@ Sqlite::Query::~Query() {
   sqlite3_clear_bindings(s_);
 }
 
-Sqlite::Query& Sqlite::Query::bind(int64_t v) { if (s_) sqlite3_bind_int64(s_, ++bound_, v); return *this; }
-Sqlite::Query& Sqlite::Query::bind(double v) { if (s_) sqlite3_bind_double(s_, ++bound_, v); return *this; }
-Sqlite::Query& Sqlite::Query::bind(const std::string& t) { if (s_) sqlite3_bind_text(s_, ++bound_, t.data(), int(t.size()), SQLITE_TRANSIENT); return *this; }
-Sqlite::Query& Sqlite::Query::blob(const std::string& b) { if (s_) sqlite3_bind_blob(s_, ++bound_, b.data(), int(b.size()), SQLITE_TRANSIENT); return *this; }
+Sqlite::Query& Sqlite::Query::bind(int64_t v) {
+  if (s_) sqlite3_bind_int64(s_, ++bound_, v);
+  return *this;
+}
+Sqlite::Query& Sqlite::Query::bind(double v) {
+  if (s_) sqlite3_bind_double(s_, ++bound_, v);
+  return *this;
+}
+Sqlite::Query& Sqlite::Query::bind(const std::string& t) {
+  if (s_) sqlite3_bind_text(s_, ++bound_, t.data(), int(t.size()), SQLITE_TRANSIENT);
+  return *this;
+}
+Sqlite::Query& Sqlite::Query::blob(const std::string& b) {
+  if (s_) sqlite3_bind_blob(s_, ++bound_, b.data(), int(b.size()), SQLITE_TRANSIENT);
+  return *this;
+}
 
 bool Sqlite::Query::next() {
   if (!s_ || !status_.ok()) return false;

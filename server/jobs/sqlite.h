@@ -61,7 +61,7 @@ class Sqlite {
     const Status& status() const { return status_; }
     int64_t integer(int column) const;
     double real(int column) const;
-    std::string text(int column) const;   ///< or bytes
+    std::string text(int column) const;  ///< or bytes
 
    private:
     Sqlite& db_;

@@ -131,14 +131,13 @@ Result<std::unique_ptr<SqliteJobStore>> SqliteJobStore::open(const std::string& 
   std::unique_ptr<SqliteJobStore> store(new SqliteJobStore);
   store->path_ = path;
   store->options_ = options;
-  if (!store->options_.now) store->options_.now = [] {
-    return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
-  };
-  if (!store->options_.uptime) store->options_.uptime = options.now ? options.now : [] {
-    timespec t{};
-    ::clock_gettime(CLOCK_BOOTTIME, &t);
-    return double(t.tv_sec) + double(t.tv_nsec) * 1e-9;
-  };
+  if (!store->options_.now) store->options_.now = [] { return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count(); };
+  if (!store->options_.uptime)
+    store->options_.uptime = options.now ? options.now : [] {
+      timespec t{};
+      ::clock_gettime(CLOCK_BOOTTIME, &t);
+      return double(t.tv_sec) + double(t.tv_nsec) * 1e-9;
+    };
   if (store->options_.boot.empty()) store->options_.boot = bootId();
   if (!options.create && ::access(path.c_str(), F_OK) != 0) return Status(Code::DataLoss, "job store is missing", path);
   GOBO_TRY(store->db_.open(path, options.busySeconds));
@@ -157,8 +156,7 @@ Status SqliteJobStore::migrate() {
     const int version = std::atoi(text.c_str());
     GOBO_ASSIGN(const std::string tables, db_.value("SELECT count(*) FROM sqlite_schema"));
     GOBO_ASSIGN(const std::string ours, db_.value("SELECT count(*) FROM sqlite_schema WHERE name IN ('job', 'task', 'counter')"));
-    if (version > kVersion)
-      return {Code::FailedPrecondition, strf("job store has schema version %d, this build knows %d", version, kVersion), path_};
+    if (version > kVersion) return {Code::FailedPrecondition, strf("job store has schema version %d, this build knows %d", version, kVersion), path_};
     if (tables != "0" && (ours != "3" || version < 1)) return {Code::FailedPrecondition, "is a database, but no job store", path_};
     if (version == kVersion && tables != "0") return {};
     if (version == 1 && tables != "0") return db_.exec(kVersion2);
@@ -177,8 +175,8 @@ Status SqliteJobStore::startClock() {
       while (q.next()) boot = q.text(0), clockBase_ = q.real(1), clockKept_ = q.real(2);
       GOBO_TRY(q.status());
     }
-    if (boot == options_.boot && uptime() >= clockKept_) return {};   // as the processes that are open
-    clockBase_ = clockKept_ - options_.uptime();                      // a new store's begins at 0
+    if (boot == options_.boot && uptime() >= clockKept_) return {};  // as the processes that are open
+    clockBase_ = clockKept_ - options_.uptime();                     // a new store's begins at 0
     Query q(db_, "UPDATE clock SET boot = ?1, base = ?2");
     return q.bind(options_.boot).bind(clockBase_).run();
   });
@@ -231,14 +229,15 @@ Result<OwnedJobs> SqliteJobStore::owned() {
 
 Status SqliteJobStore::transact(const std::function<Status()>& change) {
   // SQLite goes on writing into a file that has no name any more: nothing is promised there.
-  if (!db_.current()) return {Code::Unavailable, "job store was removed or replaced under the daemon: put it back, or stop the daemon and see docs/job_store.md", path_};
+  if (!db_.current())
+    return {Code::Unavailable, "job store was removed or replaced under the daemon: put it back, or stop the daemon and see docs/job_store.md", path_};
   GOBO_TRY(db_.exec("BEGIN IMMEDIATE"));
   Status status = change();
   if (status.ok()) {
     status = db_.exec("COMMIT");
     if (status.ok()) return status;
   }
-  const auto step = std::move(db_.step);   // a failing test seam must not keep the transaction open
+  const auto step = std::move(db_.step);  // a failing test seam must not keep the transaction open
   db_.step = nullptr;
   (void)db_.exec("ROLLBACK");
   db_.step = step;
@@ -291,16 +290,30 @@ Result<int64_t> SqliteJobStore::submit(const NewJob& n, bool& existed) {
         while (active.next()) tasks = uint64_t(active.integer(0));
         GOBO_TRY(active.status());
         if (tasks + n.frames.size() > options_.maxActiveTasks)
-          return {Code::ResourceExhausted, strf("%llu frames wait already; at most %llu are kept", (unsigned long long)tasks,
-                  (unsigned long long)options_.maxActiveTasks), "job.frames"};
+          return {Code::ResourceExhausted,
+                  strf("%llu frames wait already; at most %llu are kept", (unsigned long long)tasks, (unsigned long long)options_.maxActiveTasks),
+                  "job.frames"};
       }
       GOBO_ASSIGN(const uint64_t revision, bump("revision"));
       {
-        Query q(db_, "INSERT INTO job(client, key, digest, spec, priority, deadline, max_attempts, state, frames, scene_hash, scene_source,"
-                     " scene_file, environment_digest, submitted, revision) VALUES(?1, ?2, ?3, ?4, ?5, CASE WHEN ?6 > 0 THEN ?6 END, ?7, 1, ?8, ?9, ?10, ?11, ?12, ?13, ?14)");
-        q.bind(n.client).bind(n.spec.key()).bind(n.digest).blob(n.spec.SerializeAsString()).bind(int(n.spec.priority()))
-            .bind(n.spec.deadline_unix_s()).bind(int64_t(n.spec.max_attempts())).bind(int64_t(n.frames.size())).bind(n.sceneHash)
-            .bind(n.sceneSource).bind(n.sceneFile).bind(n.environmentDigest).bind(now()).bind(revision);
+        Query q(db_,
+                "INSERT INTO job(client, key, digest, spec, priority, deadline, max_attempts, state, frames, scene_hash, scene_source,"
+                " scene_file, environment_digest, submitted, revision) VALUES(?1, ?2, ?3, ?4, ?5, CASE WHEN ?6 > 0 THEN ?6 END, ?7, 1, ?8, ?9, ?10, ?11, ?12, "
+                "?13, ?14)");
+        q.bind(n.client)
+            .bind(n.spec.key())
+            .bind(n.digest)
+            .blob(n.spec.SerializeAsString())
+            .bind(int(n.spec.priority()))
+            .bind(n.spec.deadline_unix_s())
+            .bind(int64_t(n.spec.max_attempts()))
+            .bind(int64_t(n.frames.size()))
+            .bind(n.sceneHash)
+            .bind(n.sceneSource)
+            .bind(n.sceneFile)
+            .bind(n.environmentDigest)
+            .bind(now())
+            .bind(revision);
         GOBO_TRY(q.run());
       }
       id = db_.lastId();
@@ -336,9 +349,10 @@ Result<JobRecord> SqliteJobStore::readJob(int64_t id) {
 Status SqliteJobStore::readFrames(int64_t id, uint64_t after, v1::Job& job) {
   std::vector<int64_t> indices;
   {
-    Query q(db_, "SELECT idx, frame, state, failures, progress, spp, error_code, error, seconds,"
-                 " (SELECT digest FROM checkpoint c WHERE c.job = task.job AND c.idx = task.idx ORDER BY bytes DESC LIMIT 1)"
-                 " FROM task WHERE job = ?1 AND revision > ?2 ORDER BY idx");
+    Query q(db_,
+            "SELECT idx, frame, state, failures, progress, spp, error_code, error, seconds,"
+            " (SELECT digest FROM checkpoint c WHERE c.job = task.job AND c.idx = task.idx ORDER BY bytes DESC LIMIT 1)"
+            " FROM task WHERE job = ?1 AND revision > ?2 ORDER BY idx");
     q.bind(id).bind(after);
     while (q.next()) {
       indices.push_back(q.integer(0));
@@ -357,8 +371,9 @@ Status SqliteJobStore::readFrames(int64_t id, uint64_t after, v1::Job& job) {
     }
     GOBO_TRY(q.status());
   }
-  Query q(db_, "SELECT f.idx, f.message FROM task t JOIN file f ON f.job = t.job AND f.idx = t.idx"
-               " WHERE t.job = ?1 AND t.revision > ?2 ORDER BY f.idx, f.output");
+  Query q(db_,
+          "SELECT f.idx, f.message FROM task t JOIN file f ON f.job = t.job AND f.idx = t.idx"
+          " WHERE t.job = ?1 AND t.revision > ?2 ORDER BY f.idx, f.output");
   q.bind(id).bind(after);
   size_t at = 0;
   while (q.next()) {
@@ -437,7 +452,9 @@ Status SqliteJobStore::resume(int64_t id) {
   return transact([&]() -> Status {
     GOBO_TRY(readJob(id).status());
     GOBO_ASSIGN(const uint64_t revision, bump("revision"));
-    Query q(db_, "UPDATE job SET state = CASE WHEN EXISTS(SELECT 1 FROM task WHERE job = ?1 AND state = 2) THEN 2 ELSE 1 END, revision = ?2 WHERE id = ?1 AND state = 3");
+    Query q(db_,
+            "UPDATE job SET state = CASE WHEN EXISTS(SELECT 1 FROM task WHERE job = ?1 AND state = 2) THEN 2 ELSE 1 END, revision = ?2 WHERE id = ?1 AND state "
+            "= 3");
     return q.bind(id).bind(revision).run();
   });
 }

@@ -15,15 +15,15 @@
 namespace gobo {
 
 struct JobStoreOptions {
-  std::function<double()> now;       ///< seconds since 1970; the system clock if empty
-  std::function<double()> uptime;    ///< seconds since the machine started, the same in all processes; if empty: `now` where that is given, else the system's
-  std::string boot;                  ///< names the start of the machine that `uptime` counts from; the system's if empty
-  bool create = true;                ///< a file that is missing or empty becomes a new store
+  std::function<double()> now;     ///< seconds since 1970; the system clock if empty
+  std::function<double()> uptime;  ///< seconds since the machine started, the same in all processes; if empty: `now` where that is given, else the system's
+  std::string boot;                ///< names the start of the machine that `uptime` counts from; the system's if empty
+  bool create = true;              ///< a file that is missing or empty becomes a new store
   double busySeconds = 5;
-  double retrySeconds = 1;           ///< wait before the second attempt; doubles, at most a minute
-  uint32_t maxLosses = 25;           ///< leases lost in a row without a checkpoint: a frame that kills its worker each time
-  uint64_t maxActiveTasks = 1000000; ///< of jobs that are not over; more: ResourceExhausted
-  std::function<Status(const char* sql)> step;   ///< see Sqlite::step
+  double retrySeconds = 1;                      ///< wait before the second attempt; doubles, at most a minute
+  uint32_t maxLosses = 25;                      ///< leases lost in a row without a checkpoint: a frame that kills its worker each time
+  uint64_t maxActiveTasks = 1000000;            ///< of jobs that are not over; more: ResourceExhausted
+  std::function<Status(const char* sql)> step;  ///< see Sqlite::step
 };
 
 /// 32 random hex digits.
@@ -74,30 +74,37 @@ class SqliteJobStore final : public JobStore {
   Result<std::string> integrity();
 
  private:
-  struct TaskRow { v1::Frame::State state; uint64_t token; uint32_t failures; v1::Job::State job; uint32_t maxAttempts; int64_t frame; };
+  struct TaskRow {
+    v1::Frame::State state;
+    uint64_t token;
+    uint32_t failures;
+    v1::Job::State job;
+    uint32_t maxAttempts;
+    int64_t frame;
+  };
   SqliteJobStore() = default;
   Status migrate();
   Status startClock();
   /// Runs `change` in a transaction; rolled back unless it returns Ok.
   Status transact(const std::function<Status()>& change);
-  Result<uint64_t> bump(const char* counter);                 ///< in a transaction: the next revision or token
+  Result<uint64_t> bump(const char* counter);  ///< in a transaction: the next revision or token
   Result<TaskRow> task(TaskId id);
-  Result<TaskRow> held(const Lease& lease);                   ///< FailedPrecondition when the lease is over
-  Status endLease(TaskId id, bool lost, uint64_t revision);   ///< back to the queue, or failed after too many losses
+  Result<TaskRow> held(const Lease& lease);                  ///< FailedPrecondition when the lease is over
+  Status endLease(TaskId id, bool lost, uint64_t revision);  ///< back to the queue, or failed after too many losses
   Status setFailure(TaskId id, const Status& reason, uint64_t revision);
-  Status settle(int64_t job, uint64_t revision);              ///< job done or failed when no frame is left
-  Status idle(int64_t job, uint64_t revision);                ///< a running job none of whose frames runs is a queued one again
+  Status settle(int64_t job, uint64_t revision);  ///< job done or failed when no frame is left
+  Status idle(int64_t job, uint64_t revision);    ///< a running job none of whose frames runs is a queued one again
   Status endJob(int64_t job, v1::Job::State state, const Status& reason, uint64_t revision);
   Result<JobRecord> readJob(int64_t id);
   Status readFrames(int64_t id, uint64_t after, v1::Job& job);
   Result<uint64_t> endLeases(double before);
   Result<std::vector<std::string>> texts(const char* sql, int64_t id = 0);
   double now() const { return options_.now(); }
-  double uptime() const { return clockBase_ + options_.uptime(); }   ///< the store's own clock
-  Status keepClock();                                         ///< in a transaction: after a restart of the machine the clock goes on from here
+  double uptime() const { return clockBase_ + options_.uptime(); }  ///< the store's own clock
+  Status keepClock();                                               ///< in a transaction: after a restart of the machine the clock goes on from here
 
   std::mutex mutex_;
-  JobShares shares_;                                          ///< of this process
+  JobShares shares_;  ///< of this process
   Sqlite db_;
   std::string path_;
   JobStoreOptions options_;

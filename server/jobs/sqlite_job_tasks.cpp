@@ -11,7 +11,7 @@ namespace gobo {
 using Query = Sqlite::Query;
 
 namespace {
-constexpr double kClockEvery = 60;   // seconds that a restart of the machine may take from the age of results
+constexpr double kClockEvery = 60;  // seconds that a restart of the machine may take from the age of results
 }  // namespace
 
 Result<SqliteJobStore::TaskRow> SqliteJobStore::task(TaskId id) {
@@ -53,9 +53,10 @@ Result<std::optional<Lease>> SqliteJobStore::claim(const std::string& holder, do
     shares_.retain(clients);
     shares_.order(clients);
     for (const std::string& c : clients) {
-      Query q(db_, "SELECT j.id, t.idx, t.frame, t.progress FROM job j JOIN task t ON t.job = j.id AND t.idx ="
-                   " (SELECT idx FROM task r WHERE r.job = j.id AND r.state = 1 AND r.ready <= ?1 ORDER BY idx LIMIT 1)"
-                   " WHERE j.state IN (1, 2) AND j.client = ?2 ORDER BY j.priority DESC, ifnull(j.deadline, 1e300), j.id LIMIT 1");
+      Query q(db_,
+              "SELECT j.id, t.idx, t.frame, t.progress FROM job j JOIN task t ON t.job = j.id AND t.idx ="
+              " (SELECT idx FROM task r WHERE r.job = j.id AND r.state = 1 AND r.ready <= ?1 ORDER BY idx LIMIT 1)"
+              " WHERE j.state IN (1, 2) AND j.client = ?2 ORDER BY j.priority DESC, ifnull(j.deadline, 1e300), j.id LIMIT 1");
       q.bind(time).bind(c);
       while (q.next()) {
         lease.emplace();
@@ -70,10 +71,10 @@ Result<std::optional<Lease>> SqliteJobStore::claim(const std::string& holder, do
     }
     return {};
   };
-  GOBO_TRY(ready());              // an idle worker asks often: without a write transaction
+  GOBO_TRY(ready());  // an idle worker asks often: without a write transaction
   if (!lease) return lease;
   GOBO_TRY(transact([&]() -> Status {
-    GOBO_TRY(ready());            // another process may have been first
+    GOBO_TRY(ready());  // another process may have been first
     if (!lease) return {};
     GOBO_ASSIGN(const uint64_t revision, bump("revision"));
     GOBO_ASSIGN(lease->token, bump("token"));
@@ -147,7 +148,7 @@ Status SqliteJobStore::complete(const Lease& lease, const std::vector<v1::FrameF
   shares_.ended(lease.task, uptime());
   return transact([&]() -> Status {
     GOBO_ASSIGN(const TaskRow row, task(lease.task));
-    if (row.token == lease.token && row.state == v1::Frame::DONE) {   // the acknowledgement was lost: the report comes again
+    if (row.token == lease.token && row.state == v1::Frame::DONE) {  // the acknowledgement was lost: the report comes again
       Query q(db_, "SELECT sha256 FROM file WHERE job = ?1 AND idx = ?2 ORDER BY output");
       q.bind(lease.task.job).bind(lease.task.index);
       size_t n = 0;
@@ -159,7 +160,7 @@ Status SqliteJobStore::complete(const Lease& lease, const std::vector<v1::FrameF
       GOBO_TRY(q.status());
       if (equal && n == files.size()) return {};
       return {Code::FailedPrecondition, strf("%s frame %lld was completed with token %llu and other files", jobIdText(lease.task.job).c_str(),
-              (long long)row.frame, (unsigned long long)lease.token)};
+                                             (long long)row.frame, (unsigned long long)lease.token)};
     }
     GOBO_TRY(held(lease).status());
     GOBO_ASSIGN(const uint64_t revision, bump("revision"));
@@ -167,7 +168,13 @@ Status SqliteJobStore::complete(const Lease& lease, const std::vector<v1::FrameF
     for (size_t i = 0; i < files.size(); ++i) {
       bytes += files[i].bytes();
       Query q(db_, "INSERT INTO file(job, idx, output, sha256, bytes, message) VALUES(?1, ?2, ?3, ?4, ?5, ?6)");
-      GOBO_TRY(q.bind(lease.task.job).bind(lease.task.index).bind(int64_t(i)).bind(files[i].sha256()).bind(files[i].bytes()).blob(files[i].SerializeAsString()).run());
+      GOBO_TRY(q.bind(lease.task.job)
+                   .bind(lease.task.index)
+                   .bind(int64_t(i))
+                   .bind(files[i].sha256())
+                   .bind(files[i].bytes())
+                   .blob(files[i].SerializeAsString())
+                   .run());
     }
     {
       Query q(db_, "DELETE FROM checkpoint WHERE job = ?1 AND idx = ?2");
@@ -196,9 +203,17 @@ Status SqliteJobStore::fail(const Lease& lease, const FailedReport& report) {
     GOBO_ASSIGN(const uint64_t revision, bump("revision"));
     const bool last = !report.retry || row.failures + 1 >= row.maxAttempts;
     {
-      Query q(db_, "UPDATE task SET state = 1, holder = '', failures = failures + 1, ready = ?3, error_code = ?4, error = ?5, revision = ?6 WHERE job = ?1 AND idx = ?2");
+      Query q(db_,
+              "UPDATE task SET state = 1, holder = '', failures = failures + 1, ready = ?3, error_code = ?4, error = ?5, revision = ?6 WHERE job = ?1 AND idx "
+              "= ?2");
       const double wait = std::min(60.0, options_.retrySeconds * std::exp2(std::min(row.failures, 10u)));
-      GOBO_TRY(q.bind(lease.task.job).bind(lease.task.index).bind(uptime() + wait).bind(int(report.reason.code())).bind(report.reason.message()).bind(revision).run());
+      GOBO_TRY(q.bind(lease.task.job)
+                   .bind(lease.task.index)
+                   .bind(uptime() + wait)
+                   .bind(int(report.reason.code()))
+                   .bind(report.reason.message())
+                   .bind(revision)
+                   .run());
     }
     if (report.wholeJob) return endJob(lease.task.job, v1::Job::FAILED, report.reason, revision);
     if (!last) return idle(lease.task.job, revision);
@@ -218,14 +233,17 @@ Status SqliteJobStore::setFailure(TaskId id, const Status& reason, uint64_t revi
     GOBO_TRY(q.bind(id.job).bind(id.index).run());
   }
   GOBO_ASSIGN(const TaskRow row, task(id));
-  Query q(db_, "UPDATE job SET failed = failed + 1, revision = ?2, error = CASE WHEN error_code = 0 THEN ?4 ELSE error END,"
-               " error_code = CASE WHEN error_code = 0 THEN ?3 ELSE error_code END WHERE id = ?1");
+  Query q(db_,
+          "UPDATE job SET failed = failed + 1, revision = ?2, error = CASE WHEN error_code = 0 THEN ?4 ELSE error END,"
+          " error_code = CASE WHEN error_code = 0 THEN ?3 ELSE error_code END WHERE id = ?1");
   return q.bind(id.job).bind(revision).bind(int(reason.code())).bind(strf("frame %lld: ", (long long)row.frame) + reason.message()).run();
 }
 
 Status SqliteJobStore::settle(int64_t job, uint64_t revision) {
   GOBO_TRY(keepClock());
-  Query q(db_, "UPDATE job SET state = CASE WHEN failed > 0 THEN 5 ELSE 4 END, ended = ?2, revision = ?3, ended_uptime = ?4 WHERE id = ?1 AND state IN (1, 2, 3) AND done + failed >= frames");
+  Query q(db_,
+          "UPDATE job SET state = CASE WHEN failed > 0 THEN 5 ELSE 4 END, ended = ?2, revision = ?3, ended_uptime = ?4 WHERE id = ?1 AND state IN (1, 2, 3) "
+          "AND done + failed >= frames");
   return q.bind(job).bind(now()).bind(revision).bind(clockKept_).run();
 }
 
@@ -233,7 +251,8 @@ Status SqliteJobStore::endJob(int64_t job, v1::Job::State state, const Status& r
   // New tokens for what ran: its holders find their lease over.
   GOBO_ASSIGN(const uint64_t token, bump("token"));
   {
-    Query q(db_, "UPDATE task SET token = CASE WHEN state = 2 THEN ?2 ELSE token END, state = 5, holder = '', revision = ?3 WHERE job = ?1 AND state IN (1, 2)");
+    Query q(db_,
+            "UPDATE task SET token = CASE WHEN state = 2 THEN ?2 ELSE token END, state = 5, holder = '', revision = ?3 WHERE job = ?1 AND state IN (1, 2)");
     GOBO_TRY(q.bind(job).bind(token).bind(revision).run());
   }
   {
@@ -265,7 +284,8 @@ Status SqliteJobStore::endLease(TaskId id, bool lost, uint64_t revision) {
     GOBO_TRY(q.status());
   }
   if (lost && losses >= options_.maxLosses) {
-    GOBO_TRY(setFailure(id, {Code::Aborted, strf("its worker was lost %llu times in a row before the first checkpoint", (unsigned long long)losses)}, revision));
+    GOBO_TRY(
+        setFailure(id, {Code::Aborted, strf("its worker was lost %llu times in a row before the first checkpoint", (unsigned long long)losses)}, revision));
     GOBO_TRY(settle(id.job, revision));
   }
   return idle(id.job, revision);
@@ -293,7 +313,8 @@ Result<uint64_t> SqliteJobStore::expireLeases() {
   const double time = now(), up = uptime();
   if (up - clockKept_ >= kClockEvery) GOBO_TRY(transact([&] { return keepClock(); }));
   {
-    Query q(db_, "SELECT EXISTS(SELECT 1 FROM task WHERE state = 2 AND expires <= ?1) OR EXISTS(SELECT 1 FROM job WHERE state IN (1, 2, 3) AND deadline <= ?2)");
+    Query q(db_,
+            "SELECT EXISTS(SELECT 1 FROM task WHERE state = 2 AND expires <= ?1) OR EXISTS(SELECT 1 FROM job WHERE state IN (1, 2, 3) AND deadline <= ?2)");
     q.bind(up).bind(time);
     bool some = false;
     while (q.next()) some = q.integer(0) != 0;
@@ -333,7 +354,7 @@ Status SqliteJobStore::blame(TaskId id, const Status& reason, bool certain) {
   const std::lock_guard lock(mutex_);
   return transact([&]() -> Status {
     const Result<TaskRow> row = task(id);
-    if (!row.ok()) return row.status().code() == Code::FailedPrecondition ? Status() : row.status();   // the job was deleted
+    if (!row.ok()) return row.status().code() == Code::FailedPrecondition ? Status() : row.status();  // the job was deleted
     if ((row->state != v1::Frame::QUEUED && row->state != v1::Frame::RUNNING) || jobIsOver(row->job)) return {};
     GOBO_ASSIGN(const uint64_t revision, bump("revision"));
     uint64_t losses = 0;
@@ -356,11 +377,12 @@ Result<std::vector<int64_t>> SqliteJobStore::expireResults(uint64_t keepBytes, d
   std::vector<int64_t> gone;
   const auto choose = [&]() -> Status {
     gone.clear();
-    Query q(db_, "SELECT id, result_bytes, ended_uptime FROM job WHERE state IN (4, 5, 6) AND result_bytes > 0 AND expired = 0"
-                 " ORDER BY ended_uptime DESC, ended DESC, id DESC");
+    Query q(db_,
+            "SELECT id, result_bytes, ended_uptime FROM job WHERE state IN (4, 5, 6) AND result_bytes > 0 AND expired = 0"
+            " ORDER BY ended_uptime DESC, ended DESC, id DESC");
     uint64_t sum = 0;
     const double time = uptime();
-    while (q.next()) {   // newest first: what is beyond the bound goes
+    while (q.next()) {  // newest first: what is beyond the bound goes
       sum += uint64_t(q.integer(1));
       if (sum > keepBytes || q.real(2) + keepSeconds < time) gone.push_back(q.integer(0));
     }

@@ -99,7 +99,7 @@ Status TaskCheckpoints::flush(double progress, uint32_t spp) {
 
 void TaskCheckpoints::drop() {
   const std::lock_guard lock(mutex_);
-  files_.removeCheckpoints(lease_.task);   // by name: a cancel may have taken the rows before they were read
+  files_.removeCheckpoints(lease_.task);  // by name: a cancel may have taken the rows before they were read
   rows_.clear();
   states_.clear();
 }

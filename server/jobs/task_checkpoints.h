@@ -34,11 +34,15 @@ class TaskCheckpoints final : public RenderCheckpoints {
   Status flush(double progress, uint32_t spp);
   /// The frame is over, one way or another: its files go.
   void drop();
-  uint64_t resumed() const { return resumed_; }      ///< states taken from files
+  uint64_t resumed() const { return resumed_; }  ///< states taken from files
   uint64_t written() const { return written_; }
 
  private:
-  struct State { uint32_t blocks = 0; TermPtr term; bool written = false; };
+  struct State {
+    uint32_t blocks = 0;
+    TermPtr term;
+    bool written = false;
+  };
   JobStore& store_;
   JobFiles& files_;
   const Lease lease_;

@@ -11,8 +11,8 @@ namespace gobo {
 
 namespace {
 
-constexpr double kTick = 0.02;             // seconds between ticks
-constexpr double kWriteShare = 20;         // a checkpoint may take a twentieth of the time between two
+constexpr double kTick = 0.02;      // seconds between ticks
+constexpr double kWriteShare = 20;  // a checkpoint may take a twentieth of the time between two
 
 double since(std::chrono::steady_clock::time_point t) { return std::chrono::duration<double>(std::chrono::steady_clock::now() - t).count(); }
 
@@ -48,7 +48,8 @@ void TaskRun::renewIfDue() {
   if (Clock::now() < nextRenew_) return;
   const auto state = w_.store_.renew(lease_, w_.options_.leaseSeconds);
   if (!state.ok() && state.status().code() != Code::FailedPrecondition)
-    logWarn("jobs: cannot renew the lease of %s frame %lld: %s", jobIdText(lease_.task.job).c_str(), (long long)lease_.frame, state.status().toString().c_str());
+    logWarn("jobs: cannot renew the lease of %s frame %lld: %s", jobIdText(lease_.task.job).c_str(), (long long)lease_.frame,
+            state.status().toString().c_str());
   nextRenew_ = in(w_.options_.leaseSeconds * (state.ok() ? 1.0 / 3 : 1.0 / 15));
   steer(state);
 }
@@ -100,12 +101,15 @@ bool TaskRun::tick() {
 Status TaskRun::work(StopToken slot, const v1::RenderRequest& request) {
   inSlot_.store(true);
   const CrashMarks::Working working(w_.options_.marks, lease_.task);
-  struct Leave { std::atomic<bool>& flag; ~Leave() { flag.store(false); } } leave{inSlot_};
+  struct Leave {
+    std::atomic<bool>& flag;
+    ~Leave() { flag.store(false); }
+  } leave{inSlot_};
   RenderControl control;
   control.scene = scene_;
   control.checkpoints = checkpoints_.get();
   control.progress = [this](const v1::Progress& p) {
-    if (!checkpoints_->activeSince()) return;   // the parts before take little
+    if (!checkpoints_->activeSince()) return;  // the parts before take little
     double now = progress_.load();
     while (p.fraction() > now && !progress_.compare_exchange_weak(now, p.fraction())) {}
   };
@@ -160,7 +164,8 @@ Status TaskRun::render(std::vector<EncodedImage>& images) {
   control.pollSeconds = kTick;
   RunReport report;
   for (;;) {
-    report = w_.runner_.run(spec, [&](StopToken slot) { return work(slot, request); }, control);
+    report = w_.runner_.run(
+        spec, [&](StopToken slot) { return work(slot, request); }, control);
     ranSeconds_ = report.ranSeconds;
     if (report.status.code() != Code::ResourceExhausted || report.retryMs <= 0) break;
     // The batch queue is full: not this frame's fault. Wait as others do.
@@ -182,7 +187,7 @@ Status TaskRun::report(const char* what, const std::function<Status()>& attempt)
     if (status.ok() || status.code() == Code::FailedPrecondition || status.code() == Code::DataLoss) return status;
     ++w_.stats_.repeatedReports;
     logWarn("jobs: %s of %s frame %lld, attempt %d: %s", what, jobIdText(lease_.task.job).c_str(), (long long)lease_.frame, n, status.toString().c_str());
-    if (w_.stopping_.load() && n >= 5) return status;   // the next daemon goes on from the last checkpoint
+    if (w_.stopping_.load() && n >= 5) return status;  // the next daemon goes on from the last checkpoint
     for (const auto until = in(wait); Clock::now() < until && !(w_.stopping_.load() && n >= 5);) {
       renewIfDue();
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -234,12 +239,12 @@ void TaskRun::finish(const Status& status) {
             (unsigned long long)checkpoints_->resumed());
     return;
   }
-  const bool transient = status.code() == Code::Cancelled || status.code() == Code::Unavailable;   // asked for, or the daemon's own state
+  const bool transient = status.code() == Code::Cancelled || status.code() == Code::Unavailable;  // asked for, or the daemon's own state
   if (end() == End::Lost || (!transient && !w_.store_.check(lease_).ok() && w_.store_.check(lease_).status().code() == Code::FailedPrecondition)) {
     ++w_.stats_.lost;
     if (checkpoints_) {
       const auto job = w_.store_.get(lease_.task.job, false);
-      if (!job.ok() || jobIsOver(job->job.state())) checkpoints_->drop();   // cancelled: nobody goes on from them
+      if (!job.ok() || jobIsOver(job->job.state())) checkpoints_->drop();  // cancelled: nobody goes on from them
     }
     logInfo("job %s given up: its lease is over", name.c_str());
     return;

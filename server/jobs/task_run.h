@@ -16,9 +16,9 @@ class TaskRun {
  private:
   using Clock = std::chrono::steady_clock;
   enum class End { None, Release, Lost };
-  Status render(std::vector<EncodedImage>& images);            // Ok, or why not; end() tells what was asked meanwhile
+  Status render(std::vector<EncodedImage>& images);  // Ok, or why not; end() tells what was asked meanwhile
   Status work(StopToken slot, const v1::RenderRequest& request);
-  bool tick();                                                 // true: take the frame out of the scheduler
+  bool tick();  // true: take the frame out of the scheduler
   void renewIfDue();
   void steer(const Result<v1::Job::State>& state);
   void ask(End end);
@@ -36,16 +36,16 @@ class TaskRun {
   std::optional<RenderResult> result_;
   std::atomic<End> end_{End::None};
   std::atomic<bool> inSlot_{false};
-  std::mutex mutex_;                       // inner_
-  std::optional<StopSource> inner_;        // of the render that goes on
+  std::mutex mutex_;                 // inner_
+  std::optional<StopSource> inner_;  // of the render that goes on
   std::atomic<double> progress_{0};
   std::atomic<uint32_t> spp_{0};
   uint64_t control_ = 0;
   double storedProgress_ = 0, shown_ = -1;
   Clock::time_point nextRenew_, lastCheckpoint_ = Clock::now(), begun_ = Clock::now();
   bool sceneFault_ = false;
-  double gap_ = 0;                         // seconds between checkpoints
-  Clock::time_point flushAfter_{};         // a failed write is tried again then
+  double gap_ = 0;                  // seconds between checkpoints
+  Clock::time_point flushAfter_{};  // a failed write is tried again then
   double ranSeconds_ = 0;
 };
 

@@ -17,19 +17,19 @@ inline std::string writeAnimatedScene(const std::string& name) {
   namespace fs = std::filesystem;
   const fs::path folder = fs::temp_directory_path() / ("gobo-animated-" + name + "-" + std::to_string(::getpid()));
   fs::create_directories(folder);
-  const float data[] = {-1, 0, -1, -1, 0, 1, 1, 0, 1, 1, 0, -1,   // a square on the floor
-                        0, 1,                                     // key times
-                        0, 0.5f, 0, 0.6f, 0.5f, 0,                // slide
-                        0, 2, 0, 0.5f, 2, 0.3f,                   // lamp
-                        0, 1, 4, 0.5f, 1, 4};                     // dolly
+  const float data[] = {-1, 0,    -1, -1,   0,    1,    1, 0, 1, 1, 0, -1,  // a square on the floor
+                        0,  1,                                              // key times
+                        0,  0.5f, 0,  0.6f, 0.5f, 0,                        // slide
+                        0,  2,    0,  0.5f, 2,    0.3f,                     // lamp
+                        0,  1,    4,  0.5f, 1,    4};                       // dolly
   const uint16_t corners[] = {0, 1, 2, 0, 2, 3};
   std::vector<char> bin(sizeof data + sizeof corners);
   std::memcpy(bin.data(), data, sizeof data);
   std::memcpy(bin.data() + sizeof data, corners, sizeof corners);
   std::ofstream(folder / "data.bin", std::ios::binary).write(bin.data(), std::streamsize(bin.size()));
   auto channel = [](const char* title, int node, int output) {
-    return std::string("{\"name\":\"") + title + "\",\"samplers\":[{\"input\":2,\"output\":" + std::to_string(output) + "}],\"channels\":[{\"sampler\":0,\"target\":{\"node\":" +
-           std::to_string(node) + ",\"path\":\"translation\"}}]}";
+    return std::string("{\"name\":\"") + title + "\",\"samplers\":[{\"input\":2,\"output\":" + std::to_string(output) +
+           "}],\"channels\":[{\"sampler\":0,\"target\":{\"node\":" + std::to_string(node) + ",\"path\":\"translation\"}}]}";
   };
   const std::string text = R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[0,1,2,3,4]}],"extensionsUsed":["KHR_lights_punctual","KHR_materials_variants"],
     "extensions":{"KHR_lights_punctual":{"lights":[{"type":"point","intensity":8}]},"KHR_materials_variants":{"variants":[{"name":"grey"},{"name":"red"}]}},
@@ -50,7 +50,8 @@ inline std::string writeAnimatedScene(const std::string& name) {
       {"bufferView":0,"byteOffset":104,"componentType":5126,"count":2,"type":"VEC3"}],
     "bufferViews":[{"buffer":0,"byteLength":128},{"buffer":0,"byteOffset":128,"byteLength":12}],
     "buffers":[{"uri":"data.bin","byteLength":140}],
-    "animations":[)" + channel("slide", 1, 3) + "," + channel("lamp", 2, 4) + "," + channel("dolly", 4, 5) + "]}";
+    "animations":[)" + channel("slide", 1, 3) +
+                           "," + channel("lamp", 2, 4) + "," + channel("dolly", 4, 5) + "]}";
   const fs::path file = folder / "moving.gltf";
   std::ofstream(file) << text;
   return file.string();

@@ -17,10 +17,14 @@ namespace gobo::testing {
 inline Hash128 arithmeticOfThisMachine() {
   Hasher h("arithmetic");
   for (int i = 1; i <= 2000; ++i) {
-    const double x = i * 0.37919, y = i * 0.0004177;   // wide, and within [0, 1)
-    for (const double v : {std::exp(-x), std::log(x), std::sin(x), std::cos(x), std::tan(x), std::pow(x, y), std::acos(y), std::asin(y), std::atan2(y, x), std::cbrt(x), std::exp2(y), std::log2(x)}) h.add(v);
+    const double x = i * 0.37919, y = i * 0.0004177;  // wide, and within [0, 1)
+    for (const double v : {std::exp(-x), std::log(x), std::sin(x), std::cos(x), std::tan(x), std::pow(x, y), std::acos(y), std::asin(y), std::atan2(y, x),
+                           std::cbrt(x), std::exp2(y), std::log2(x)})
+      h.add(v);
     const float f = float(x), g = float(y);
-    for (const float v : {std::exp(-f), std::log(f), std::sin(f), std::cos(f), std::tan(f), std::pow(f, g), std::acos(g), std::asin(g), std::atan2(g, f), std::cbrt(f), std::exp2(g), std::log2(f)}) h.add(v);
+    for (const float v : {std::exp(-f), std::log(f), std::sin(f), std::cos(f), std::tan(f), std::pow(f, g), std::acos(g), std::asin(g), std::atan2(g, f),
+                          std::cbrt(f), std::exp2(g), std::log2(f)})
+      h.add(v);
   }
   const ScenePtr scene = *makeBuiltinScene("tentacles");
   const TaskArena arena(1);

@@ -21,7 +21,12 @@ struct BlobBytes {
     if (!bytes.empty()) std::memcpy(p.get(), bytes.data(), bytes.size());
     return {p, {static_cast<const uint8_t*>(p.get()), bytes.size()}};
   }
-  template <typename T> T at(size_t i) const { T v; std::memcpy(&v, bytes.data() + i, sizeof v); return v; }
+  template <typename T>
+  T at(size_t i) const {
+    T v;
+    std::memcpy(&v, bytes.data() + i, sizeof v);
+    return v;
+  }
   /// docs/scene_blob.md: records at 144, their length at 80, arrays at what is at 88; digests: of the records at 96, of the arrays' slices at
   /// 112, of the header at 128.
   void mend() {
@@ -41,13 +46,20 @@ struct BlobBytes {
     const Hash128 h = hashBytes(bytes.data(), 128);
     std::memcpy(bytes.data() + 128, &h, 16);
   }
-  Result<ScenePtr> scene(BlobTrust trust) const { auto [owner, view] = aligned(); return readSceneBlob(owner, view, trust); }
+  Result<ScenePtr> scene(BlobTrust trust) const {
+    auto [owner, view] = aligned();
+    return readSceneBlob(owner, view, trust);
+  }
 };
 
 template <typename T>
 BlobBytes blobOf(const T& item) {
   BlobBytes b;
-  const Status s = writeBlob(item, [&](const void* p, size_t n) { const auto* c = static_cast<const uint8_t*>(p); b.bytes.insert(b.bytes.end(), c, c + n); return Status(); });
+  const Status s = writeBlob(item, [&](const void* p, size_t n) {
+    const auto* c = static_cast<const uint8_t*>(p);
+    b.bytes.insert(b.bytes.end(), c, c + n);
+    return Status();
+  });
   if (!s.ok()) b.bytes.clear();
   return b;
 }

@@ -36,7 +36,10 @@ class Stream {
 enum class Tail { Gauss, LogNormal, Firefly };
 
 /// Noise of half the parts together: standard deviation (relative to `sigma` per pixel) `level`.
-struct HalfNoise { double level; Tail tail; };
+struct HalfNoise {
+  double level;
+  Tail tail;
+};
 
 /// Hidden: an error on so few pixels that only the trimmed figures are promised.
 enum class Kind { Noisy, Biased, Mixed, Hidden, Exact };
@@ -61,13 +64,13 @@ struct CertificateCase {
     const Vec3 t = truth[pixel];
     const double s = noise.level * sigma[pixel] * std::sqrt(0.5 * kParts);
     if (s == 0) return t;
-    double grey = 0;                              // channels of a path share their noise for the most part
+    double grey = 0;  // channels of a path share their noise for the most part
     if (noise.tail == Tail::Gauss) grey = s * random.normal();
     if (noise.tail == Tail::LogNormal) {
       const double shape = 1.2, deviation = std::sqrt(std::exp(shape * shape) - 1);
       grey = s * (random.logNormal(shape) - 1) / deviation;
     }
-    if (noise.tail == Tail::Firefly) {            // two thirds of the variance from one sample in 200
+    if (noise.tail == Tail::Firefly) {  // two thirds of the variance from one sample in 200
       const double rate = 0.005, size = std::sqrt(2.0 / 3 / rate / 2);
       grey = s * (std::sqrt(1.0 / 3) * random.normal() + (random.uniform() < rate ? size * random.exponential() : 0.0) - rate * size);
     }
@@ -114,7 +117,7 @@ inline CertificateCase makeCase(const std::string& name, Kind kind, HalfNoise no
   Stream random(hash64(seed, std::hash<std::string>{}(name)));
   for (size_t i = 0; i < n; ++i) {
     const double x = (double(i % size) + 0.5) / size, y = (double(i / size) + 0.5) / size;
-    const bool dark = (int(x * 6) + int(y * 6)) % 2;             // textures, a gradient, a bright window
+    const bool dark = (int(x * 6) + int(y * 6)) % 2;  // textures, a gradient, a bright window
     const double base = (dark ? 0.08 : 0.6) * (0.4 + y) + (x > 0.8 && y < 0.2 ? 3.0 : 0.0);
     const double sigma = 0.02 + 0.25 * base * (0.2 + std::pow(std::sin(7 * x + 3 * y), 2.0)) + (std::hypot(x - 0.3, y - 0.6) < 0.12 ? 0.1 + 0.4 * base : 0);
     const double d = error(x, y, base, sigma, random);
@@ -158,26 +161,22 @@ inline std::vector<CertificateCase> certificateCases(int size) {
   const auto pareto = [](double, double, double, double s, Stream& r) { return s * r.pareto(4.5); };
   const auto offset = [](double, double, double, double, Stream&) { return 0.05; };
   const auto blur = [](double x, double y, double t, double, Stream&) { return 0.2 * t * std::sin(9 * x) * std::cos(5 * y); };
-  const auto band = [](double width, double depth) {             // a shadow's edge: signed error inside a ring of this width
+  const auto band = [](double width, double depth) {  // a shadow's edge: signed error inside a ring of this width
     return [=](double x, double y, double, double, Stream&) {
       const double d = (std::hypot(x - 0.55, y - 0.45) - 0.3) / width;
       return std::fabs(d) < 1 ? depth * (1 - std::fabs(d)) * (d < 0 ? -1 : 1) : 0.0;
     };
   };
-  const auto blob = [](double area, double depth) {              // a missing caustic
-    return [=](double x, double y, double, double, Stream&) {
-      return std::hypot(x - 0.611, y - 0.377) < std::sqrt(area / 3.14159265) ? depth : 0.0;
-    };
+  const auto blob = [](double area, double depth) {  // a missing caustic
+    return [=](double x, double y, double, double, Stream&) { return std::hypot(x - 0.611, y - 0.377) < std::sqrt(area / 3.14159265) ? depth : 0.0; };
   };
-  const auto line = [](double area, double depth) {              // a missing contact shadow, 0.4 long, slanted
+  const auto line = [](double area, double depth) {  // a missing contact shadow, 0.4 long, slanted
     return [=](double x, double y, double, double, Stream&) {
       const double across = (y - 0.7 - 0.21 * (x - 0.3));
       return x > 0.3 && x < 0.7 && std::fabs(across) < area / 0.8 ? depth : 0.0;
     };
   };
-  const auto scattered = [](double area, double depth) {
-    return [=](double, double, double, double, Stream& r) { return r.uniform() < area ? depth : 0.0; };
-  };
+  const auto scattered = [](double area, double depth) { return [=](double, double, double, double, Stream& r) { return r.uniform() < area ? depth : 0.0; }; };
   const auto both = [](ErrorOf a, ErrorOf b, double scaleB = 1) {
     return [=](double x, double y, double t, double s, Stream& r) { return a(x, y, t, s, r) + scaleB * b(x, y, t, s, r); };
   };
@@ -217,10 +216,10 @@ inline std::vector<CertificateCase> certificateCases(int size) {
 }
 
 struct Coverage {
-  double whole = 0;        ///< share of seeds whose interval holds the RMSE of the whole picture
-  double trimmed = 0;      ///< ... for which rmseLow and rmseHighTrimmed hold
-  double belowLow = 0;     ///< share with rmseLow above the RMSE of the whole picture
-  double halfWidth = 0;    ///< median of (high - low) / 2 over the true RMSE (over 1 for an exact picture)
+  double whole = 0;      ///< share of seeds whose interval holds the RMSE of the whole picture
+  double trimmed = 0;    ///< ... for which rmseLow and rmseHighTrimmed hold
+  double belowLow = 0;   ///< share with rmseLow above the RMSE of the whole picture
+  double halfWidth = 0;  ///< median of (high - low) / 2 over the true RMSE (over 1 for an exact picture)
   double relWhole = 0, relTrimmed = 0, relHalfWidth = 0;
   double meanMse = 0, meanRelMse = 0;  ///< of the point estimates, over the truth
 };
@@ -231,7 +230,7 @@ inline Coverage measureCoverage(const CertificateCase& picture, double fraction,
   const std::vector<float> chances = picture.chances(fraction);
   for (int s = 0; s < seeds; ++s) {
     const CertificateFigures f = picture.run(chances, firstSeed + uint64_t(s));
-    const double slack = 1 + 1e-6;                                // float rounding of a noiseless constant error
+    const double slack = 1 + 1e-6;  // float rounding of a noiseless constant error
     const bool low = f.rmseLow <= picture.rmse * slack, relLow = f.relMseLow <= picture.relMse * slack;
     out.belowLow += !low;
     out.whole += low && picture.rmse <= f.rmseHigh * slack;
@@ -242,7 +241,10 @@ inline Coverage measureCoverage(const CertificateCase& picture, double fraction,
     relWidths.push_back((f.relMseHigh - f.relMseLow) / 2 / (picture.relMse > 0 ? picture.relMse : 1));
     out.meanMse += f.rmse * f.rmse, out.meanRelMse += f.relMse;
   }
-  const auto median = [](std::vector<double>& v) { std::nth_element(v.begin(), v.begin() + v.size() / 2, v.end()); return v[v.size() / 2]; };
+  const auto median = [](std::vector<double>& v) {
+    std::nth_element(v.begin(), v.begin() + v.size() / 2, v.end());
+    return v[v.size() / 2];
+  };
   for (double* share : {&out.whole, &out.trimmed, &out.belowLow, &out.relWhole, &out.relTrimmed, &out.meanMse, &out.meanRelMse}) *share /= seeds;
   if (picture.rmse > 0) out.meanMse /= picture.rmse * picture.rmse, out.meanRelMse /= picture.relMse;
   out.halfWidth = median(widths);

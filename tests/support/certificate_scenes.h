@@ -16,7 +16,8 @@ namespace gobo::testing {
 /// A solid glass ball and a frosted one under a rectangle: caustics that paths find by chance.
 inline Result<ScenePtr> glassScene() {
   builtin::SceneBuilder b("glass");
-  const int floor = b.material("floor", Vec3(0.6f, 0.55f, 0.5f)), clear = b.material("clear", Vec3(1.0f), 0.0f, 0.0f, 1.0f), frosted = b.material("frosted", Vec3(1.0f), 0.35f, 0.0f, 1.0f);
+  const int floor = b.material("floor", Vec3(0.6f, 0.55f, 0.5f)), clear = b.material("clear", Vec3(1.0f), 0.0f, 0.0f, 1.0f),
+            frosted = b.material("frosted", Vec3(1.0f), 0.35f, 0.0f, 1.0f);
   for (int m : {clear, frosted}) b.at(m).bsdf.transmission = 1.0f, b.at(m).bsdf.thickness = 1.0f;
   builtin::MeshBuilder ground, ball, other;
   ground.quad(Vec3(-3, 0, 2), Vec3(6, 0, 0), Vec3(0, 0, -5));
@@ -35,7 +36,8 @@ inline Result<ScenePtr> glassScene() {
 /// A scattering ball beside a grey one, lit by a ball lamp and a dim sky.
 inline Result<ScenePtr> mediaScene() {
   builtin::SceneBuilder b("media");
-  const int floor = b.material("floor", Vec3(0.5f)), wax = b.material("wax", Vec3(1.0f), 0.2f, 0.0f, 1.0f), grey = b.material("grey", Vec3(0.3f, 0.4f, 0.5f), 0.3f, 0.0f, 1.0f);
+  const int floor = b.material("floor", Vec3(0.5f)), wax = b.material("wax", Vec3(1.0f), 0.2f, 0.0f, 1.0f),
+            grey = b.material("grey", Vec3(0.3f, 0.4f, 0.5f), 0.3f, 0.0f, 1.0f);
   Bsdf& inside = b.at(wax).bsdf;
   inside.transmission = 1.0f, inside.thickness = 1.0f, inside.attenuationDistance = 0.3f;
   inside.attenuationColor = Vec3(0.8f, 0.6f, 0.4f), inside.scatterAlbedo = Vec3(0.9f, 0.8f, 0.6f);
@@ -55,7 +57,8 @@ inline Result<ScenePtr> mediaScene() {
 /// A small bright lamp behind a screen in a closed room with a glossy floor and a mirror: most of its light comes by rare paths.
 inline Result<ScenePtr> fireflyScene() {
   builtin::SceneBuilder b("fireflies");
-  const int wall = b.material("wall", Vec3(0.7f)), gloss = b.material("gloss", Vec3(0.6f, 0.5f, 0.4f), 0.15f, 1.0f, 1.0f), mirror = b.material("mirror", Vec3(0.9f), 0.0f, 1.0f, 1.0f);
+  const int wall = b.material("wall", Vec3(0.7f)), gloss = b.material("gloss", Vec3(0.6f, 0.5f, 0.4f), 0.15f, 1.0f, 1.0f),
+            mirror = b.material("mirror", Vec3(0.9f), 0.0f, 1.0f, 1.0f);
   builtin::MeshBuilder room, floor, ball, screen;
   room.quad(Vec3(-2, 0, -2), Vec3(4, 0, 0), Vec3(0, 3, 0));
   room.quad(Vec3(-2, 0, 2), Vec3(0, 0, -4), Vec3(0, 3, 0));
@@ -102,11 +105,15 @@ inline Result<ScenePtr> corridorScene() {
   return b.finish();
 }
 
-struct TriedScene { std::string name; bool tuned; };
+struct TriedScene {
+  std::string name;
+  bool tuned;
+};
 /// Alphabetical.
 inline std::vector<TriedScene> triedScenes() {
-  return {{"atrium", false}, {"cornell", true}, {"cornell_dragon", false}, {"corridor", false}, {"fence", true}, {"fireflies", true}, {"glass", true}, {"grids", false},
-          {"lamps", true}, {"lights8", false}, {"media", true}, {"spheres", false}, {"teapot_table", false}, {"tentacles", true}, {"trees", false}};
+  return {{"atrium", false},   {"cornell", true},  {"cornell_dragon", false}, {"corridor", false}, {"fence", true},
+          {"fireflies", true}, {"glass", true},    {"grids", false},          {"lamps", true},     {"lights8", false},
+          {"media", true},     {"spheres", false}, {"teapot_table", false},   {"tentacles", true}, {"trees", false}};
 }
 
 /// Errors: NotFound where the scene's file is not at hand.
@@ -116,11 +123,15 @@ inline Result<ScenePtr> openTried(const Engine& engine, const std::string& name,
   if (name == "fireflies") return fireflyScene();
   if (name == "corridor") return corridorScene();
   const std::string file = data + "/derived/" + name + ".glb";
-  if (name == "cornell_dragon" || name == "teapot_table") return std::filesystem::exists(file) ? engine.loadScene(file, true) : Result<ScenePtr>(notFound(file, "scene"));
+  if (name == "cornell_dragon" || name == "teapot_table")
+    return std::filesystem::exists(file) ? engine.loadScene(file, true) : Result<ScenePtr>(notFound(file, "scene"));
   return engine.loadScene(name, true);
 }
 
-struct TriedPicture { std::string name; v1::RenderRequest request; };
+struct TriedPicture {
+  std::string name;
+  v1::RenderRequest request;
+};
 
 /// One request with assignments as on the command line; a wrong one aborts.
 inline TriedPicture triedPicture(const std::string& name, int size, int spp, const std::vector<std::string>& assignments) {
@@ -145,7 +156,7 @@ inline std::vector<TriedPicture> triedPictures(const Scene& scene, int size) {
   }
   std::vector<TriedPicture> out;
   std::vector<std::string> always;
-  if (scene.lights.empty()) always.push_back("environment.sky.turbidity=3"), sky = true;   // files that come without light
+  if (scene.lights.empty()) always.push_back("environment.sky.turbidity=3"), sky = true;  // files that come without light
   const auto triedPicture = [&always](const std::string& name, int side, int spp, std::vector<std::string> assignments) {
     assignments.insert(assignments.end(), always.begin(), always.end());
     return testing::triedPicture(name, side, spp, assignments);
@@ -162,7 +173,8 @@ inline std::vector<TriedPicture> triedPictures(const Scene& scene, int size) {
                       : triedPicture("percentage-closer soft 16", size, 16, {"shadows.percentage_closer_soft="}));
   out.push_back(delta ? triedPicture("moment 32", size, 32, {"shadows.moment="}) : triedPicture("variance soft 32", size, 32, {"shadows.variance_soft="}));
   out.push_back(area ? triedPicture("axis-aligned 16", size, 16, {"shadows.axis_aligned="}) : triedPicture("ray-traced 16", size, 16, {"shadows.ray_traced="}));
-  out.push_back(sky ? triedPicture("area lights 16", size, 16, {"environment.area_lights=8"}) : triedPicture("one bounce 32", size, 32, {"integrator.max_bounces=1"}));
+  out.push_back(sky ? triedPicture("area lights 16", size, 16, {"environment.area_lights=8"})
+                    : triedPicture("one bounce 32", size, 32, {"integrator.max_bounces=1"}));
   return out;
 }
 

@@ -13,7 +13,7 @@
 namespace gobo::testing {
 
 struct TriedReference {
-  std::vector<std::vector<Vec3>> parts;   ///< [4 k + j]: part j of certificate k, for every pixel
+  std::vector<std::vector<Vec3>> parts;  ///< [4 k + j]: part j of certificate k, for every pixel
   std::vector<Vec3> truth[2];
 };
 
@@ -33,14 +33,14 @@ inline TriedReference traceReference(const ScenePtr& scene, v1::RenderRequest re
     const ReferenceTracer tracer(*effective, width, height, recipe, accels, arena);
     for (int k = 0; k < certificates * kParts; ++k) out.parts.push_back(*tracer.trace(all, uint32_t(k), 1, rays));
   }
-  recipe.seed = 0x7472757468;   // "truth"
+  recipe.seed = 0x7472757468;  // "truth"
   const ReferenceTracer tracer(*effective, width, height, recipe, accels, arena);
   for (int h = 0; h < 2; ++h) out.truth[h] = *tracer.trace(all, uint32_t(h), uint32_t(spp / ReferenceTracer::kBlockSize), rays);
   return out;
 }
 
 struct MeasuredError {
-  double mse = 0, standardError = 0;   ///< the latter of the truth's noise: <m, D>^2 a pixel, m = (A + B) / 2 - p, D = A - B, exact for Gaussian noise
+  double mse = 0, standardError = 0;  ///< the latter of the truth's noise: <m, D>^2 a pixel, m = (A + B) / 2 - p, D = A - B, exact for Gaussian noise
   double rmse() const { return std::sqrt(std::max(mse, 0.0)); }
 };
 inline MeasuredError measureError(const Image& picture, const TriedReference& reference) {
@@ -75,8 +75,8 @@ inline CertificateFigures tryCertificate(const Image& picture, const TriedRefere
 
 /// How many of a picture's certificates hold.
 struct Tally {
-  int tried = 0, held = 0, above = 0, below = 0;   ///< above: rmseLow above the error; below: rmseHigh below it
-  std::vector<double> halfWidths;                  ///< over the error
+  int tried = 0, held = 0, above = 0, below = 0;  ///< above: rmseLow above the error; below: rmseHigh below it
+  std::vector<double> halfWidths;                 ///< over the error
   void add(const CertificateFigures& f, double rmse) {
     ++tried;
     above += f.rmseLow > rmse;
@@ -99,10 +99,10 @@ struct Tally {
 
 /// Renders that stop on an error as Engine::render does, from pictures of 16, 32, 64, ... samples and one certificate's parts.
 struct Halts {
-  int stopped = 0, kept = 0;   ///< stopped by the certificate; and the measured error is at most what was asked
+  int stopped = 0, kept = 0;  ///< stopped by the certificate; and the measured error is at most what was asked
 };
-inline Halts tryHalts(const std::vector<Image>& doublings, const std::vector<MeasuredError>& errors, const TriedReference& reference, int certificates, double asked,
-                      uint32_t minPixels) {
+inline Halts tryHalts(const std::vector<Image>& doublings, const std::vector<MeasuredError>& errors, const TriedReference& reference, int certificates,
+                      double asked, uint32_t minPixels) {
   Halts out;
   for (int k = 0; k < certificates; ++k)
     for (size_t i = 0; i < doublings.size(); ++i) {

@@ -22,7 +22,10 @@ class Rng {
  public:
   explicit Rng(uint64_t seed) : seed_(seed) {}
   float next() { return toUnit(hash32(seed_, counter_++)); }
-  Vec2 next2() { const float x = next(); return Vec2(x, next()); }
+  Vec2 next2() {
+    const float x = next();
+    return Vec2(x, next());
+  }
 
  private:
   uint64_t seed_, counter_ = 0;
@@ -65,8 +68,8 @@ inline Vec3 domainDirection(const SphereDomain& d, double s, double phi) {
 
 /// Integral over [x0,x1] x [y0,y1], 3 x 3 Gauss points, halved in both directions until two levels agree, but at least twice
 /// `atLeast` + 1 times (a light's edge may slip between the points of the first levels: the more so the flatter the density beside it).
-inline double integrate2D(const std::function<double(double, double)>& f, double x0, double x1, double y0, double y1, double tolerance,
-                          int depth, int atLeast = 1) {
+inline double integrate2D(const std::function<double(double, double)>& f, double x0, double x1, double y0, double y1, double tolerance, int depth,
+                          int atLeast = 1) {
   static const double at[3] = {0.5 - 0.5 * 0.774596669241483377, 0.5, 0.5 + 0.5 * 0.774596669241483377};
   static const double weight[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
   const auto rule = [&](double a, double b, double c, double d) {
@@ -75,21 +78,21 @@ inline double integrate2D(const std::function<double(double, double)>& f, double
       for (int j = 0; j < 3; ++j) sum += weight[i] * weight[j] * f(a + at[i] * (b - a), c + at[j] * (d - c));
     return sum * (b - a) * (d - c);
   };
-  const std::function<double(double, double, double, double, double, double, int)> go =
-      [&](double a, double b, double c, double d, double whole, double tol, int left) {
-        const double xm = 0.5 * (a + b), ym = 0.5 * (c + d);
-        const double q[4] = {rule(a, xm, c, ym), rule(xm, b, c, ym), rule(a, xm, ym, d), rule(xm, b, ym, d)};
-        const double sum = q[0] + q[1] + q[2] + q[3];
-        if (left <= 0 || (left <= depth - atLeast && std::fabs(sum - whole) <= tol)) return sum;
-        return go(a, xm, c, ym, q[0], 0.4 * tol, left - 1) + go(xm, b, c, ym, q[1], 0.4 * tol, left - 1) +
-               go(a, xm, ym, d, q[2], 0.4 * tol, left - 1) + go(xm, b, ym, d, q[3], 0.4 * tol, left - 1);
-      };
+  const std::function<double(double, double, double, double, double, double, int)> go = [&](double a, double b, double c, double d, double whole, double tol,
+                                                                                            int left) {
+    const double xm = 0.5 * (a + b), ym = 0.5 * (c + d);
+    const double q[4] = {rule(a, xm, c, ym), rule(xm, b, c, ym), rule(a, xm, ym, d), rule(xm, b, ym, d)};
+    const double sum = q[0] + q[1] + q[2] + q[3];
+    if (left <= 0 || (left <= depth - atLeast && std::fabs(sum - whole) <= tol)) return sum;
+    return go(a, xm, c, ym, q[0], 0.4 * tol, left - 1) + go(xm, b, c, ym, q[1], 0.4 * tol, left - 1) + go(a, xm, ym, d, q[2], 0.4 * tol, left - 1) +
+           go(xm, b, ym, d, q[3], 0.4 * tol, left - 1);
+  };
   return go(x0, x1, y0, y1, rule(x0, x1, y0, y1), tolerance, depth);
 }
 
 /// Integral of f(direction) over the cells of a domain, row-major.
-inline std::vector<double> integrateCells(const SphereDomain& d, const std::function<double(const Vec3&)>& f, double tolerance = 2e-6,
-                                          int depth = 5, int atLeast = 1) {
+inline std::vector<double> integrateCells(const SphereDomain& d, const std::function<double(const Vec3&)>& f, double tolerance = 2e-6, int depth = 5,
+                                          int atLeast = 1) {
   std::vector<double> cells(size_t(d.rows) * d.columns);
   const double dp = 2.0 * 3.14159265358979323846 / d.columns, ds = 1.0 / d.rows;
   const auto g = [&](double s, double phi) { return f(domainDirection(d, s, phi)) * d.span; };
@@ -105,7 +108,7 @@ inline double integrateSphere(const SphereDomain& d, const std::function<double(
 }
 
 struct Chi2Result {
-  double p = 0, statistic = 0, integral = 0;   ///< integral of the density over the domain
+  double p = 0, statistic = 0, integral = 0;  ///< integral of the density over the domain
   int degrees = 0, samples = 0, refused = 0;
 };
 
@@ -169,7 +172,12 @@ inline double sidak(int n, double alpha = 0.01) { return 1.0 - std::pow(1.0 - al
 /// Mean and its standard error of independent values.
 class Moments {
  public:
-  void add(double x) { ++n_; const double d = x - mean_; mean_ += d / n_; m2_ += d * (x - mean_); }
+  void add(double x) {
+    ++n_;
+    const double d = x - mean_;
+    mean_ += d / n_;
+    m2_ += d * (x - mean_);
+  }
   double mean() const { return mean_; }
   double deviation() const { return std::sqrt(m2_ / std::max(n_ - 1.0, 1.0)); }
   double error() const { return deviation() / std::sqrt(std::max(n_, 1.0)); }

@@ -13,7 +13,9 @@ inline Vec3 localDirection(double cosine, double phi = 0.0) {
   return Vec3(float(s * std::cos(phi)), float(s * std::sin(phi)), float(cosine));
 }
 
-struct Furnace { double mean = 0, error = 0; };
+struct Furnace {
+  double mean = 0, error = 0;
+};
 
 /// Largest channel's mean weight; transmitted radiance is turned back into flux by eta^2.
 inline Furnace furnace(const BsdfParams& p, const Vec3& wo, uint32_t seed, int sets = 8, int samples = 1024) {
@@ -31,7 +33,8 @@ inline Furnace furnace(const BsdfParams& p, const Vec3& wo, uint32_t seed, int s
     for (int c = 0; c < 3; ++c) channels[c].add(sum[c] / samples);
   }
   int most = 0;
-  for (int c = 1; c < 3; ++c) if (channels[c].mean() > channels[most].mean()) most = c;
+  for (int c = 1; c < 3; ++c)
+    if (channels[c].mean() > channels[most].mean()) most = c;
   return {channels[most].mean(), channels[most].error()};
 }
 

@@ -21,7 +21,9 @@ class MemoryFile final : public FileSource {
  public:
   explicit MemoryFile(std::string text) : text_(std::move(text)) {}
   Result<std::vector<uint8_t>> main(uint64_t) override { return std::vector<uint8_t>(text_.begin(), text_.end()); }
-  Result<std::vector<uint8_t>> beside(const std::string& name, uint64_t) override { return Status(Code::NotFound, "file \"" + name + "\" does not exist beside the glTF"); }
+  Result<std::vector<uint8_t>> beside(const std::string& name, uint64_t) override {
+    return Status(Code::NotFound, "file \"" + name + "\" does not exist beside the glTF");
+  }
 
  private:
   std::string text_;
@@ -30,7 +32,7 @@ class MemoryFile final : public FileSource {
 /// Document and buffer bytes while they are made and changed.
 struct GltfBase {
   Json doc;
-  std::vector<uint8_t> bytes;   ///< of buffer 0
+  std::vector<uint8_t> bytes;  ///< of buffer 0
 
   int view(const void* data, size_t size, int target = 0) {
     while (bytes.size() % 4) bytes.push_back(0);
@@ -46,7 +48,10 @@ struct GltfBase {
     Json a = {{"bufferView", v}, {"byteOffset", 0}, {"componentType", component}, {"type", type}, {"count", data.size() / components}};
     for (size_t c = 0; bounds && c < components; ++c) {
       T lo = data[c], hi = data[c];
-      for (size_t i = c; i < data.size(); i += components) { lo = std::min(lo, data[i]); hi = std::max(hi, data[i]); }
+      for (size_t i = c; i < data.size(); i += components) {
+        lo = std::min(lo, data[i]);
+        hi = std::max(hi, data[i]);
+      }
       a["min"].push_back(lo);
       a["max"].push_back(hi);
     }
@@ -59,17 +64,40 @@ struct GltfBase {
     return doc["bufferViews"][a["bufferView"].get<size_t>()]["byteOffset"].get<size_t>() + a.value("byteOffset", size_t(0));
   }
   template <typename T>
-  void put(int accessor, size_t number, T value) { std::memcpy(bytes.data() + start(accessor) + number * sizeof(T), &value, sizeof value); }
+  void put(int accessor, size_t number, T value) {
+    std::memcpy(bytes.data() + start(accessor) + number * sizeof(T), &value, sizeof value);
+  }
   std::string text() const {
     Json copy = doc;
-    if (copy.contains("buffers") && copy["buffers"].is_array() && !copy["buffers"].empty() && copy["buffers"][0].is_object() && !copy["buffers"][0].contains("uri"))
+    if (copy.contains("buffers") && copy["buffers"].is_array() && !copy["buffers"].empty() && copy["buffers"][0].is_object() &&
+        !copy["buffers"][0].contains("uri"))
       copy["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64(bytes.data(), bytes.size());
     return copy.dump();
   }
 };
 
 /// Accessors of the base by what they hold.
-enum BaseAccessor : int { kPositions, kNormals, kTangents, kUv, kColours, kJoints, kWeights, kIndices, kMorph, kBinds, kTimes, kMoves, kTurns, kMorphWeights, kSparse, kInstances, kPackedPositions, kPackedIndices, kMeshopt };
+enum BaseAccessor : int {
+  kPositions,
+  kNormals,
+  kTangents,
+  kUv,
+  kColours,
+  kJoints,
+  kWeights,
+  kIndices,
+  kMorph,
+  kBinds,
+  kTimes,
+  kMoves,
+  kTurns,
+  kMorphWeights,
+  kSparse,
+  kInstances,
+  kPackedPositions,
+  kPackedIndices,
+  kMeshopt
+};
 
 inline std::vector<char> dracoSquare() {
   draco::TriangleSoupMeshBuilder builder;
@@ -116,10 +144,28 @@ inline GltfBase gltfBase() {
     "extensions":{"KHR_lights_punctual":{"lights":[{"name":"l","type":"spot","color":[1,1,1],"intensity":3,"range":9,"spot":{"innerConeAngle":0.2,"outerConeAngle":0.4}}]},
       "KHR_materials_variants":{"variants":[{"name":"one"},{"name":"two"}]}},
     "extensionsRequired":["KHR_draco_mesh_compression","EXT_meshopt_compression"]})");
-  for (const char* name : {"KHR_lights_punctual", "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_diffuse_transmission", "KHR_materials_dispersion", "KHR_materials_emissive_strength",
-                           "KHR_materials_ior", "KHR_materials_iridescence", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_sheen", "KHR_materials_specular", "KHR_materials_transmission",
-                           "KHR_materials_unlit", "KHR_materials_variants", "KHR_materials_volume", "KHR_materials_volume_scatter", "KHR_texture_transform", "KHR_texture_basisu", "EXT_texture_webp",
-                           "KHR_draco_mesh_compression", "EXT_meshopt_compression", "EXT_mesh_gpu_instancing"})
+  for (const char* name : {"KHR_lights_punctual",
+                           "KHR_materials_anisotropy",
+                           "KHR_materials_clearcoat",
+                           "KHR_materials_diffuse_transmission",
+                           "KHR_materials_dispersion",
+                           "KHR_materials_emissive_strength",
+                           "KHR_materials_ior",
+                           "KHR_materials_iridescence",
+                           "KHR_materials_pbrSpecularGlossiness",
+                           "KHR_materials_sheen",
+                           "KHR_materials_specular",
+                           "KHR_materials_transmission",
+                           "KHR_materials_unlit",
+                           "KHR_materials_variants",
+                           "KHR_materials_volume",
+                           "KHR_materials_volume_scatter",
+                           "KHR_texture_transform",
+                           "KHR_texture_basisu",
+                           "EXT_texture_webp",
+                           "KHR_draco_mesh_compression",
+                           "EXT_meshopt_compression",
+                           "EXT_mesh_gpu_instancing"})
     b.doc["extensionsUsed"].push_back(name);
   constexpr int vertices = 34962, corners = 34963;
   const std::vector<float> square{0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0};
@@ -134,7 +180,7 @@ inline GltfBase gltfBase() {
   b.accessor(std::vector<float>{0.5, 0.5, 0, 0, 0.5, 0.5, 0, 0, 0.5, 0.5, 0, 0, 0.5, 0.5, 0, 0}, 5126, "VEC4", 4, vertices);
   b.accessor(faces, 5123, "SCALAR", 1, corners);
   b.accessor(std::vector<float>{0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1}, 5126, "VEC3", 3, vertices, true);
-  std::vector<float> binds(48, 0.0f);   // one more than joints
+  std::vector<float> binds(48, 0.0f);  // one more than joints
   for (size_t i = 0; i < binds.size(); i += i % 16 == 15 ? 1 : 5) binds[i] = 1.0f;
   b.accessor(binds, 5126, "MAT4", 16);
   b.accessor(std::vector<float>{0, 1}, 5126, "SCALAR", 1, 0, true);
@@ -143,12 +189,15 @@ inline GltfBase gltfBase() {
   b.accessor(std::vector<float>{0, 1}, 5126, "SCALAR", 1);
   b.accessor(square, 5126, "VEC3", 3, vertices, true);
   const uint8_t moved[] = {1, 2};
-  const float to[] = {1, 0, 0, 1, 1, 0};   // where they were: the stated bounds stay true
+  const float to[] = {1, 0, 0, 1, 1, 0};  // where they were: the stated bounds stay true
   const int indices = b.view(moved, sizeof moved), values = b.view(to, sizeof to);
-  b.doc["accessors"].back()["sparse"] = {{"count", 2}, {"indices", {{"bufferView", indices}, {"byteOffset", 0}, {"componentType", 5121}}}, {"values", {{"bufferView", values}, {"byteOffset", 0}}}};
+  b.doc["accessors"].back()["sparse"] = {{"count", 2},
+                                         {"indices", {{"bufferView", indices}, {"byteOffset", 0}, {"componentType", 5121}}},
+                                         {"values", {{"bufferView", values}, {"byteOffset", 0}}}};
   b.accessor(std::vector<float>{0, 0, 0, 2, 0, 0}, 5126, "VEC3", 3);
-  for (int k = 0; k < 2; ++k) {   // Draco's: no views of their own
-    b.doc["accessors"].push_back(k ? Json{{"componentType", 5123}, {"type", "SCALAR"}, {"count", 6}} : Json{{"componentType", 5126}, {"type", "VEC3"}, {"count", 4}, {"min", {0, 0, 0}}, {"max", {1, 1, 0}}});
+  for (int k = 0; k < 2; ++k) {  // Draco's: no views of their own
+    b.doc["accessors"].push_back(k ? Json{{"componentType", 5123}, {"type", "SCALAR"}, {"count", 6}}
+                                   : Json{{"componentType", 5126}, {"type", "VEC3"}, {"count", 4}, {"min", {0, 0, 0}}, {"max", {1, 1, 0}}});
   }
   const std::vector<char> packed = dracoSquare();
   const int draco = b.view(packed.data(), packed.size());
@@ -158,9 +207,23 @@ inline GltfBase gltfBase() {
   coded.resize(meshopt_encodeVertexBuffer(coded.data(), coded.size(), square.data(), 4, 12));
   const int meshopt = b.view(coded.data(), coded.size());
   const Json offset = b.doc["bufferViews"][size_t(meshopt)]["byteOffset"];
-  b.doc["bufferViews"][size_t(meshopt)] = {{"name", "packed"}, {"buffer", 1}, {"byteOffset", 0}, {"byteLength", 48}, {"byteStride", 12}, {"target", vertices},
-      {"extensions", {{"EXT_meshopt_compression", {{"buffer", 0}, {"byteOffset", offset}, {"byteLength", coded.size()}, {"byteStride", 12}, {"count", 4}, {"mode", "ATTRIBUTES"}, {"filter", "NONE"}}}}}};
-  b.doc["accessors"].push_back({{"bufferView", meshopt}, {"componentType", 5126}, {"type", "VEC3"}, {"count", 4}, {"min", {0, 0, 0}}, {"max", {1, 1, 0}}, {"name", "packed"}});
+  b.doc["bufferViews"][size_t(meshopt)] = {{"name", "packed"},
+                                           {"buffer", 1},
+                                           {"byteOffset", 0},
+                                           {"byteLength", 48},
+                                           {"byteStride", 12},
+                                           {"target", vertices},
+                                           {"extensions",
+                                            {{"EXT_meshopt_compression",
+                                              {{"buffer", 0},
+                                               {"byteOffset", offset},
+                                               {"byteLength", coded.size()},
+                                               {"byteStride", 12},
+                                               {"count", 4},
+                                               {"mode", "ATTRIBUTES"},
+                                               {"filter", "NONE"}}}}}};
+  b.doc["accessors"].push_back(
+      {{"bufferView", meshopt}, {"componentType", 5126}, {"type", "VEC3"}, {"count", 4}, {"min", {0, 0, 0}}, {"max", {1, 1, 0}}, {"name", "packed"}});
   const std::string png = smallPng(200, 40, 90);
   const int picture = b.view(png.data(), png.size());
   b.doc["images"][0]["bufferView"] = picture;

@@ -10,7 +10,11 @@ inline const char* heldName(Held h) {
   constexpr const char* names[] = {"structural table", "refused", "warning", "refused where it is used, else a warning", "refused", "left out"};
   return names[int(h)];
 }
-struct CodeRule { const char* code; Held held; const char* note; };
+struct CodeRule {
+  const char* code;
+  Held held;
+  const char* note;
+};
 
 inline constexpr CodeRule kRules[] = {
     {"IO_ERROR", Held::Both, "a missing buffer is refused, a missing picture left out"},

@@ -22,15 +22,17 @@ inline const char* verdictName(Verdict v) {
   return names[int(v)];
 }
 
-struct ModelFault { std::string code, pointer; };
+struct ModelFault {
+  std::string code, pointer;
+};
 struct ModelResult {
-  std::string file;                       // below the folder
-  bool report = false;                    // a verdict came with it
-  std::vector<ModelFault> faults;         // what the report calls errors
+  std::string file;                // below the folder
+  bool report = false;             // a verdict came with it
+  std::vector<ModelFault> faults;  // what the report calls errors
   Verdict verdict = Verdict::Loads;
-  std::string said;                       // the loader's error
+  std::string said;  // the loader's error
   std::vector<std::string> warnings;
-  std::vector<ModelFault> unnamed;        // faults that neither the error nor a warning names
+  std::vector<ModelFault> unnamed;  // faults that neither the error nor a warning names
   size_t triangles = 0, animations = 0, variants = 0;
   double ms = 0;
 };

@@ -38,7 +38,10 @@ class LightTracer {
         for (int i = 0; i < particles; ++i) sums[r] += particle(hash64(seed, r), uint32_t(i)) / particles;
     });
     double mean = 0, square = 0;
-    for (double s : sums) { mean += s / kSequences; square += s * s / kSequences; }
+    for (double s : sums) {
+      mean += s / kSequences;
+      square += s * s / kSequences;
+    }
     Estimate e;
     e.mean = DVec3(mean);
     e.error = DVec3(std::sqrt(std::max(0.0, square - mean * mean) / (kSequences - 1)));
@@ -46,7 +49,11 @@ class LightTracer {
   }
 
  private:
-  struct Particle { Vec3 origin, direction; double flux = 0; int inside = -1; };
+  struct Particle {
+    Vec3 origin, direction;
+    double flux = 0;
+    int inside = -1;
+  };
   static constexpr int kMostEvents = 64, kMostSteps = 4096;
 
   static Vec3 onSphere(const Vec2& u) {
@@ -71,7 +78,8 @@ class LightTracer {
       case LightKind::Spot: {
         const float c = 1.0f - u.x * (1.0f - s.cosOuter), r = std::sqrt(1.0f - c * c), phi = float(2 * M_PI) * u.y;
         const double ramp = std::clamp((double(c) - s.cosOuter) / std::max(1e-3, double(s.cosInner) - s.cosOuter), 0.0, 1.0);
-        return {s.position, Frame(s.axis).toWorld(Vec3(r * std::cos(phi), r * std::sin(phi), c)), power * 2 * M_PI * (1 - double(s.cosOuter)) * ramp * ramp, around_};
+        return {s.position, Frame(s.axis).toWorld(Vec3(r * std::cos(phi), r * std::sin(phi), c)), power * 2 * M_PI * (1 - double(s.cosOuter)) * ramp * ramp,
+                around_};
       }
       case LightKind::Directional: return {onDisk(centre_ - 2.0f * radius_ * s.axis, s.axis, radius_, u), s.axis, power * M_PI * double(radius_) * radius_, -1};
       case LightKind::Rect: {
@@ -83,17 +91,19 @@ class LightTracer {
         const Vec3 n = onSphere(u);
         return {s.position + n * s.radius, cosine(n, v), power * 4 * M_PI * M_PI * double(s.radius) * s.radius, around_};
       }
-      case LightKind::Mesh: {                                       // two triangles of one size
+      case LightKind::Mesh: {  // two triangles of one size
         const Mesh& m = *traced_.scene->meshes[size_t(traced_.scene->instances[s.instance].mesh)];
         const uint32_t* t = m.indices.data() + 3 * size_t(w < 0.5f ? 0 : 1);
         const Vec3 e1 = m.positions[t[1]] - m.positions[t[0]], e2 = m.positions[t[2]] - m.positions[t[0]];
         const float q = std::sqrt(u.x);
         const Vec3 n = glm::normalize(glm::cross(e1, e2));
-        return {m.positions[t[0]] + e1 * (q * (1 - u.y)) + e2 * (q * u.y) + n * 1e-5f, cosine(n, v), power * double(glm::length(glm::cross(e1, e2))) * M_PI, around_};
+        return {m.positions[t[0]] + e1 * (q * (1 - u.y)) + e2 * (q * u.y) + n * 1e-5f, cosine(n, v), power * double(glm::length(glm::cross(e1, e2))) * M_PI,
+                around_};
       }
       case LightKind::Environment: {
         const Vec3 d = onSphere(u);
-        return {onDisk(centre_ - 2.0f * radius_ * d, d, radius_, v), d, power * double(traced_.scene->environment->eval(-d).x) * 4 * M_PI * M_PI * double(radius_) * radius_, -1};
+        return {onDisk(centre_ - 2.0f * radius_ * d, d, radius_, v), d,
+                power * double(traced_.scene->environment->eval(-d).x) * 4 * M_PI * M_PI * double(radius_) * radius_, -1};
       }
     }
     return {};
@@ -102,7 +112,7 @@ class LightTracer {
   double landed(const Hit& hit, const Surface& s, const Vec3& d, double flux) const {
     if (hit.instance != receiver_.instance || !s.front) return 0;
     if (s.p.x < receiver_.lo.x || s.p.x > receiver_.hi.x || s.p.z < receiver_.lo.y || s.p.z > receiver_.hi.y) return 0;
-    Surface seen;                                                    // the shading normal may depend on the viewer
+    Surface seen;  // the shading normal may depend on the viewer
     surfaces_.interact(hit.instance, hit.primitive, hit.u, hit.v, hit.Ng, -receiver_.towardsCamera, seen);
     const Frame frame = seen.frame();
     const Vec3 wi = frame.toLocal(-d);
@@ -148,7 +158,7 @@ class LightTracer {
           const float way = -std::log(1.0f - toUnit(uint32_t(bits))) / m.sigma.x;
           if (way < (found ? hit.t : 3e38f)) {
             at.flux *= double(m.albedo.x);
-            if (toUnit(uint32_t(bits >> 32)) * first > at.flux) return sum;   // roulette
+            if (toUnit(uint32_t(bits >> 32)) * first > at.flux) return sum;  // roulette
             at.flux = std::max(at.flux, first);
             at.origin += at.direction * way;
             at.direction = turned(at.direction, m.g, hash64(bits, 1));
@@ -168,7 +178,7 @@ class LightTracer {
       const Vec3 wi = glm::normalize(frame.toWorld(b.wi));
       const float side = glm::dot(wi, facing);
       if (b.transmitted ? !(side < 0.0f) : !(side > 0.0f)) return sum;
-      const double bent = std::fabs(double(wo.z) * side / (double(glm::dot(at.direction, facing)) * b.wi.z));   // of shading normals; else 1
+      const double bent = std::fabs(double(wo.z) * side / (double(glm::dot(at.direction, facing)) * b.wi.z));  // of shading normals; else 1
       at.flux *= adjoint(s.bsdf, wo, b) * bent;
       const double survive = std::min(1.0, at.flux / first);
       if (draw.next1D() >= survive) return sum;

@@ -12,8 +12,8 @@
 
 namespace gobo::test {
 
-inline constexpr Facet kLightFacets = Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Emission |
-                                      Facet::LightShape | Facet::Environment;
+inline constexpr Facet kLightFacets =
+    Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Emission | Facet::LightShape | Facet::Environment;
 
 /// Keeps what a LightSampler's view refers to alive.
 struct LitScene {
@@ -64,7 +64,11 @@ inline LightShape sphereLight(Vec3 position, float radius) {
   s.radius = radius;
   return s;
 }
-inline LightShape environmentLight() { LightShape s; s.kind = LightKind::Environment; return s; }
+inline LightShape environmentLight() {
+  LightShape s;
+  s.kind = LightKind::Environment;
+  return s;
+}
 
 /// A mesh of loose triangles with uv0 = (x, z), one emissive material; gets instance 0 and a Mesh light at seal().
 inline void addEmissiveMesh(Scene& scene, const std::vector<Vec3>& corners, const Mat4& toWorld, bool doubleSided,
@@ -92,7 +96,9 @@ inline void addEmissiveMesh(Scene& scene, const std::vector<Vec3>& corners, cons
 }
 
 /// Mean and relative deviation of the irradiance estimator radiance cos / pdf over scrambled Sobol points.
-struct Irradiance { double mean = 0, deviation = 0; };
+struct Irradiance {
+  double mean = 0, deviation = 0;
+};
 inline Irradiance irradiance(const LightSampler& sampler, int light, const Vec3& p, const Vec3& n, int samples = 4096) {
   double sum = 0, sum2 = 0;
   for (int i = 0; i < samples; ++i) {

@@ -13,7 +13,9 @@
 
 namespace gobo::test {
 
-struct Issued { std::string cert, key; };
+struct Issued {
+  std::string cert, key;
+};
 
 class Authority {
  public:

@@ -16,7 +16,11 @@ namespace gobo {
 
 /// Readers and their guards, and zombies that are this process's to wait for.
 inline int readersNow() {
-  struct Process { std::string name; int parent = 0; bool dead = false; };
+  struct Process {
+    std::string name;
+    int parent = 0;
+    bool dead = false;
+  };
   std::map<int, Process> all;
   std::error_code error;
   for (auto it = std::filesystem::directory_iterator("/proc", error); !error && it != std::filesystem::directory_iterator(); it.increment(error)) {
@@ -26,8 +30,14 @@ inline int readersNow() {
     Process p;
     for (std::string word; in >> word;) {
       if (word == "Name:") in >> p.name;
-      if (word == "State:") { in >> word; p.dead = word == "Z"; }
-      if (word == "PPid:") { in >> p.parent; break; }
+      if (word == "State:") {
+        in >> word;
+        p.dead = word == "Z";
+      }
+      if (word == "PPid:") {
+        in >> p.parent;
+        break;
+      }
     }
     all[std::stoi(folder)] = p;
   }
@@ -35,7 +45,10 @@ inline int readersNow() {
   for (const auto& [pid, p] : all) {
     if (p.name != "gobo-ingest") continue;
     int above = 0, up = p.parent;
-    while (up != ::getpid() && all.count(up) && above < 8) { ++above; up = all[up].parent; }
+    while (up != ::getpid() && all.count(up) && above < 8) {
+      ++above;
+      up = all[up].parent;
+    }
     found += up == ::getpid() && (above >= 2 || (above == 0 && p.dead));
   }
   return found;

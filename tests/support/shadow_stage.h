@@ -18,10 +18,10 @@
 namespace gobo::test {
 
 struct ShadowRun {
-  Status status;                 ///< of planning; runs are CHECKed
+  Status status;  ///< of planning; runs are CHECKed
   Graph graph;
   NodeId gbuffer = -1, visibility = -1;
-  std::vector<TermPtr> terms;    ///< by node
+  std::vector<TermPtr> terms;  ///< by node
   std::vector<uint64_t> rays;
   bool ok() const { return status.ok(); }
   std::span<const float> V() const { return terms.at(size_t(visibility))->floats("V"); }
@@ -46,7 +46,9 @@ struct ShadowRun {
   }
 };
 
-struct ShadowPicture { int width = 64, height = 48, threads = 2; };
+struct ShadowPicture {
+  int width = 64, height = 48, threads = 2;
+};
 
 /// `light` of `scene` by `technique`, seen by the scene's first camera.
 inline ShadowRun runShadow(const ScenePtr& scene, const v1::ShadowTechnique& technique, const ShadowPicture& picture = {}, int light = 0) {
@@ -94,7 +96,10 @@ inline ShadowRun runShadow(const ScenePtr& scene, const v1::ShadowTechnique& tec
 }
 
 /// Every technique that reads a depth map, at its defaults.
-struct NamedTechnique { std::string name; v1::ShadowTechnique technique; };
+struct NamedTechnique {
+  std::string name;
+  v1::ShadowTechnique technique;
+};
 inline std::vector<NamedTechnique> mapTechniques() {
   std::vector<NamedTechnique> all;
   for (const ShadowTechniqueEntry& e : shadowTechniques()) {

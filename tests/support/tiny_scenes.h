@@ -21,7 +21,7 @@ struct SceneMaker {
     Material m;
     m.name = "m" + std::to_string(scene.materials.size());
     m.albedo.factor = albedo;
-    m.bsdf.specular = 0.0f;                       // exact Lambert unless `change` says otherwise
+    m.bsdf.specular = 0.0f;  // exact Lambert unless `change` says otherwise
     if (change) change(m);
     scene.materials.push_back(m);
     return int(scene.materials.size()) - 1;
@@ -85,7 +85,8 @@ inline Mesh box(const Vec3& lo, const Vec3& hi, bool inward = false) {
   Mesh m;
   for (int i = 0; i < 8; ++i) m.positions.push_back(Vec3(i & 1 ? hi.x : lo.x, i & 2 ? hi.y : lo.y, i & 4 ? hi.z : lo.z));
   m.indices = {0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5, 0, 1, 5, 0, 5, 4, 2, 6, 7, 2, 7, 3, 0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6};
-  if (inward) for (size_t t = 0; t < m.indices.size(); t += 3) std::swap(m.indices[t + 1], m.indices[t + 2]);
+  if (inward)
+    for (size_t t = 0; t < m.indices.size(); t += 3) std::swap(m.indices[t + 1], m.indices[t + 2]);
   return m;
 }
 /// Sphere of 2 * n * n * 2 triangles or so, outside outwards; smooth: with vertex normals.
@@ -101,13 +102,25 @@ inline Mesh sphere(const Vec3& centre, float radius, int n, bool smooth) {
   const auto at = [n](int x, int y) { return uint32_t(y * 2 * n + x % (2 * n)); };
   for (int y = 0; y < n; ++y)
     for (int x = 0; x < 2 * n; ++x) {
-      if (y > 0) for (uint32_t i : {at(x, y), at(x, y + 1), at(x + 1, y)}) m.indices.push_back(i);
-      if (y + 1 < n) for (uint32_t i : {at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)}) m.indices.push_back(i);
+      if (y > 0)
+        for (uint32_t i : {at(x, y), at(x, y + 1), at(x + 1, y)}) m.indices.push_back(i);
+      if (y + 1 < n)
+        for (uint32_t i : {at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)}) m.indices.push_back(i);
     }
   return m;
 }
-inline Mat4 translate(const Vec3& t) { Mat4 m(1.0f); m[3] = Vec4(t, 1.0f); return m; }
-inline Mat4 scaling(const Vec3& s) { Mat4 m(1.0f); m[0][0] = s.x; m[1][1] = s.y; m[2][2] = s.z; return m; }
+inline Mat4 translate(const Vec3& t) {
+  Mat4 m(1.0f);
+  m[3] = Vec4(t, 1.0f);
+  return m;
+}
+inline Mat4 scaling(const Vec3& s) {
+  Mat4 m(1.0f);
+  m[0][0] = s.x;
+  m[1][1] = s.y;
+  m[2][2] = s.z;
+  return m;
+}
 
 /// A scene ready to trace with every light in its subset.
 struct Traced {
@@ -120,16 +133,22 @@ struct Traced {
   explicit Traced(ScenePtr s, int width = 8, int height = 8) : scene(std::move(s)), subset(scene->lights.size()) {
     std::iota(subset.begin(), subset.end(), 0);
     settings.camera = scene->cameras[0];
-    settings.width = width; settings.height = height;
+    settings.width = width;
+    settings.height = height;
     settings.seed = 7;
-    for (const Light& l : scene->lights) { settings.groupOf.push_back(0); settings.nominal.push_back(l.power); }
+    for (const Light& l : scene->lights) {
+      settings.groupOf.push_back(0);
+      settings.nominal.push_back(l.power);
+    }
     accel = Accel::build(view(), arena);
   }
   SceneView view() const { return SceneView(*scene, kPathTracerFacets, subset); }
   std::shared_ptr<const PathTracer> tracer() const { return PathTracer::create(view(), accel, settings); }
 };
 
-struct Estimate { DVec3 mean{0.0}, error{0.0}; };   ///< error: standard error of the mean
+struct Estimate {
+  DVec3 mean{0.0}, error{0.0};
+};  ///< error: standard error of the mean
 struct Measured {
   std::vector<Estimate> slots;
   uint64_t rays = 0, dropped = 0;
@@ -150,7 +169,11 @@ inline Measured measure(const Traced& t, int blocks) {
         for (int b = 0; b < blocks; ++b) {
           std::vector<double> out(n, 0.0);
           tracer->traceBlock(x, int(y), uint32_t(b) * kBlocksPerStream, out.data(), rays[y], dropped[y]);
-          for (size_t i = 0; i < n; ++i) { out[i] /= t.settings.blockSize; s[i] += out[i]; q[i] += out[i] * out[i]; }
+          for (size_t i = 0; i < n; ++i) {
+            out[i] /= t.settings.blockSize;
+            s[i] += out[i];
+            q[i] += out[i] * out[i];
+          }
         }
         for (size_t i = 0; i < n; ++i) {
           sum[y][i] += s[i] / blocks;
@@ -163,11 +186,17 @@ inline Measured measure(const Traced& t, int blocks) {
   m.slots.resize(slots);
   for (size_t i = 0; i < n; ++i) {
     double s = 0, v = 0;
-    for (size_t y = 0; y < rows; ++y) { s += sum[y][i]; v += variance[y][i]; }
+    for (size_t y = 0; y < rows; ++y) {
+      s += sum[y][i];
+      v += variance[y][i];
+    }
     m.slots[i / 3].mean[int(i % 3)] = s / pixels;
     m.slots[i / 3].error[int(i % 3)] = std::sqrt(v) / pixels;
   }
-  for (size_t y = 0; y < rows; ++y) { m.rays += rays[y]; m.dropped += dropped[y]; }
+  for (size_t y = 0; y < rows; ++y) {
+    m.rays += rays[y];
+    m.dropped += dropped[y];
+  }
   return m;
 }
 

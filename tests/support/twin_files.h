@@ -9,12 +9,21 @@
 
 namespace gobo::testing {
 
-struct TwinFile { std::string change, text; };
+struct TwinFile {
+  std::string change, text;
+};
 
 /// A floor (base colour, metallic-roughness, normal map, vertex colours), a masked single-sided card by its second texture
 /// coordinates, and a lamp with a texture. The first file is the one that the others differ from.
 inline std::vector<TwinFile> twinFiles() {
-  struct Numbers { const char* name; const char* type; size_t components; std::vector<float> values; size_t at; float by; };
+  struct Numbers {
+    const char* name;
+    const char* type;
+    size_t components;
+    std::vector<float> values;
+    size_t at;
+    float by;
+  };
   static const std::vector<Numbers> kNumbers{
       {"floor positions", "VEC3", 3, {-1.5f, 0, 1.5f, 1.5f, 0, 1.5f, 1.5f, 0, -1.5f, -1.5f, 0.2f, -1.5f}, 4, 0.1f},
       {"floor normals", "VEC3", 3, {0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0}, 3, 0.4f},
@@ -50,8 +59,15 @@ inline std::vector<TwinFile> twinFiles() {
     for (int p = 0; p < 5; ++p) {
       Image image(4, 4, 4);
       for (int i = 0; i < 16; ++i)
-        for (int c = 0; c < 4; ++c) image.data[size_t(4 * i + c)] = c == 3 ? (p != 3 || (i + i / 4) % 2 ? 1.0f : 0.0f) : p == 2 ? (c == 2 ? 0.9f : 0.2f + 0.02f * float((i * 7 + c) % 5)) : 0.1f + 0.05f * float((i * 5 + c * 3 + p) % 16);
-      if (p == picture) for (int c = 0; c < 4; ++c) { float& v = image.data[size_t(4 * 6 + c)]; v = c == 3 && p != 3 ? 1.0f : v > 0.5f ? 0.0f : 1.0f; }
+        for (int c = 0; c < 4; ++c)
+          image.data[size_t(4 * i + c)] = c == 3   ? (p != 3 || (i + i / 4) % 2 ? 1.0f : 0.0f)
+                                          : p == 2 ? (c == 2 ? 0.9f : 0.2f + 0.02f * float((i * 7 + c) % 5))
+                                                   : 0.1f + 0.05f * float((i * 5 + c * 3 + p) % 16);
+      if (p == picture)
+        for (int c = 0; c < 4; ++c) {
+          float& v = image.data[size_t(4 * 6 + c)];
+          v = c == 3 && p != 3 ? 1.0f : v > 0.5f ? 0.0f : 1.0f;
+        }
       const auto png = encodePng(image);
       EXPECT_TRUE(png.ok()) << png.status().toString();
       b.doc["images"].push_back({{"uri", "data:image/png;base64," + base64(png->data(), png->size())}});

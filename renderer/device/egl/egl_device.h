@@ -32,7 +32,7 @@ class EglBuffer final : public ComputeBuffer {
 class EglDevice final : public ComputeDevice, public std::enable_shared_from_this<EglDevice> {
  public:
   struct Options {
-    std::string device;                ///< as GOBO_EGL_DEVICE
+    std::string device;  ///< as GOBO_EGL_DEVICE
     static Options fromEnvironment();
   };
   static Result<std::shared_ptr<EglDevice>> create(const Options& options);

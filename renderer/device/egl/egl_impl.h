@@ -15,6 +15,7 @@
 namespace gobo {
 
 // The functions of OpenGL 4.5 in use; eglGetProcAddress gives them.
+// clang-format off
 #define GOBO_GL_FUNCTIONS(X)                                                                                                        \
   X(GetError, GETERROR) X(GetString, GETSTRING) X(GetIntegerv, GETINTEGERV) X(GetInteger64v, GETINTEGER64V)                         \
   X(GetIntegeri_v, GETINTEGERI_V) X(Finish, FINISH)                                                                                 \
@@ -26,6 +27,7 @@ namespace gobo {
   X(BindBufferBase, BINDBUFFERBASE) X(DispatchCompute, DISPATCHCOMPUTE) X(MemoryBarrier, MEMORYBARRIER)                             \
   X(CreateQueries, CREATEQUERIES) X(DeleteQueries, DELETEQUERIES) X(QueryCounter, QUERYCOUNTER) X(GetQueryiv, GETQUERYIV)           \
   X(GetQueryObjectui64v, GETQUERYOBJECTUI64V)
+// clang-format on
 
 struct GlFunctions {
 #define X(name, NAME) PFNGL##NAME##PROC name = nullptr;
@@ -48,7 +50,7 @@ struct EglDevice::Impl {
 
   std::mutex mutex;
   GLuint pushBuffer = 0;
-  std::map<const char*, GLuint> programs;   // by ComputeKernel::glsl
+  std::map<const char*, GLuint> programs;  // by ComputeKernel::glsl
 
   ~Impl();
   Status openDisplay(const std::string& device);
@@ -73,8 +75,8 @@ struct EglDevice::Impl {
 }  // namespace gobo
 
 /// GOBO_GL(gl, DispatchCompute, x, y, z): calls it, and leaves the enclosing function with its error.
-#define GOBO_GL(gl, function, ...)                   \
-  do {                                               \
-    (gl).function(__VA_ARGS__);                      \
-    GOBO_TRY((gl).check("gl" #function));            \
+#define GOBO_GL(gl, function, ...)        \
+  do {                                    \
+    (gl).function(__VA_ARGS__);           \
+    GOBO_TRY((gl).check("gl" #function)); \
   } while (0)

@@ -19,10 +19,23 @@ std::string hexadecimal(const char* what, unsigned value) {
 
 std::string eglErrorName(int error) {
   switch (error) {
-#define NAME(e) case e: return #e;
-    NAME(EGL_SUCCESS) NAME(EGL_NOT_INITIALIZED) NAME(EGL_BAD_ACCESS) NAME(EGL_BAD_ALLOC) NAME(EGL_BAD_ATTRIBUTE) NAME(EGL_BAD_CONFIG)
-    NAME(EGL_BAD_CONTEXT) NAME(EGL_BAD_CURRENT_SURFACE) NAME(EGL_BAD_DISPLAY) NAME(EGL_BAD_MATCH) NAME(EGL_BAD_NATIVE_PIXMAP)
-    NAME(EGL_BAD_NATIVE_WINDOW) NAME(EGL_BAD_PARAMETER) NAME(EGL_BAD_SURFACE) NAME(EGL_CONTEXT_LOST)
+#define NAME(e) \
+  case e: return #e
+    NAME(EGL_SUCCESS);
+    NAME(EGL_NOT_INITIALIZED);
+    NAME(EGL_BAD_ACCESS);
+    NAME(EGL_BAD_ALLOC);
+    NAME(EGL_BAD_ATTRIBUTE);
+    NAME(EGL_BAD_CONFIG);
+    NAME(EGL_BAD_CONTEXT);
+    NAME(EGL_BAD_CURRENT_SURFACE);
+    NAME(EGL_BAD_DISPLAY);
+    NAME(EGL_BAD_MATCH);
+    NAME(EGL_BAD_NATIVE_PIXMAP);
+    NAME(EGL_BAD_NATIVE_WINDOW);
+    NAME(EGL_BAD_PARAMETER);
+    NAME(EGL_BAD_SURFACE);
+    NAME(EGL_CONTEXT_LOST);
     default: return hexadecimal("EGL error", unsigned(error));
   }
 }
@@ -32,7 +45,8 @@ Status eglStatus(int error, const char* call) {
   switch (error) {
     case EGL_SUCCESS: return {};
     case EGL_BAD_ALLOC: code = Code::ResourceExhausted; break;
-    case EGL_NOT_INITIALIZED: case EGL_CONTEXT_LOST: code = Code::Unavailable; break;
+    case EGL_NOT_INITIALIZED:
+    case EGL_CONTEXT_LOST: code = Code::Unavailable; break;
     default: break;
   }
   return {code, std::string(call) + ": " + eglErrorName(error)};
@@ -40,8 +54,15 @@ Status eglStatus(int error, const char* call) {
 
 std::string glErrorName(unsigned error) {
   switch (error) {
-    NAME(GL_NO_ERROR) NAME(GL_INVALID_ENUM) NAME(GL_INVALID_VALUE) NAME(GL_INVALID_OPERATION) NAME(GL_INVALID_FRAMEBUFFER_OPERATION)
-    NAME(GL_OUT_OF_MEMORY) NAME(GL_STACK_OVERFLOW) NAME(GL_STACK_UNDERFLOW) NAME(GL_CONTEXT_LOST)
+    NAME(GL_NO_ERROR);
+    NAME(GL_INVALID_ENUM);
+    NAME(GL_INVALID_VALUE);
+    NAME(GL_INVALID_OPERATION);
+    NAME(GL_INVALID_FRAMEBUFFER_OPERATION);
+    NAME(GL_OUT_OF_MEMORY);
+    NAME(GL_STACK_OVERFLOW);
+    NAME(GL_STACK_UNDERFLOW);
+    NAME(GL_CONTEXT_LOST);
 #undef NAME
     default: return hexadecimal("GL error", error);
   }

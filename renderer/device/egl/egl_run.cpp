@@ -11,13 +11,13 @@ EglBuffer::EglBuffer(std::shared_ptr<const EglDevice> device, unsigned buffer, s
     : ComputeBuffer(device.get(), bytes), device_(std::move(device)), buffer_(buffer) {}
 EglBuffer::~EglBuffer() {
   const EglDevice::Impl::Current current(*device_->impl_);
-  if (current.status().ok()) device_->impl_->gl.DeleteBuffers(1, &buffer_);   // otherwise it goes with the context
+  if (current.status().ok()) device_->impl_->gl.DeleteBuffers(1, &buffer_);  // otherwise it goes with the context
 }
 
 Result<ComputeBufferPtr> EglDevice::buffer(size_t bytes) {
   if (bytes > maxBufferBytes())
-    return Status(Code::ResourceExhausted, "an OpenGL buffer of " + std::to_string(bytes) + " bytes is over the limit of " + name() + ", " +
-                                               std::to_string(maxBufferBytes()));
+    return Status(Code::ResourceExhausted,
+                  "an OpenGL buffer of " + std::to_string(bytes) + " bytes is over the limit of " + name() + ", " + std::to_string(maxBufferBytes()));
   bytes = std::max<size_t>(bytes, 1);
   GLuint made = 0;
   {
@@ -72,7 +72,7 @@ Result<GLuint> EglDevice::Impl::program(const ComputeKernel& kernel) {
   const GLuint made = gl.CreateProgram();
   gl.AttachShader(made, shader);
   gl.LinkProgram(made);
-  gl.DeleteShader(shader);   // goes with the program
+  gl.DeleteShader(shader);  // goes with the program
   gl.GetProgramiv(made, GL_LINK_STATUS, &good);
   Status status = gl.check("glLinkProgram");
   if (status.ok() && !good) {

@@ -19,9 +19,7 @@ Status failed(const char* call) {
   return noEglDevice(std::string(call) + ": " + eglErrorName(error));
 }
 
-bool hasWord(const char* list, const char* word) {
-  return list && (" " + std::string(list) + " ").find(" " + std::string(word) + " ") != std::string::npos;
-}
+bool hasWord(const char* list, const char* word) { return list && (" " + std::string(list) + " ").find(" " + std::string(word) + " ") != std::string::npos; }
 
 Result<EGLDeviceEXT> deviceAt(const std::string& index) {
   const auto query = reinterpret_cast<PFNEGLQUERYDEVICESEXTPROC>(eglGetProcAddress("eglQueryDevicesEXT"));
@@ -37,8 +35,8 @@ Result<EGLDeviceEXT> deviceAt(const std::string& index) {
 }  // namespace
 
 Status GlFunctions::load() {
-#define X(name, NAME)                                                               \
-  name = reinterpret_cast<PFNGL##NAME##PROC>(eglGetProcAddress("gl" #name));        \
+#define X(name, NAME)                                                        \
+  name = reinterpret_cast<PFNGL##NAME##PROC>(eglGetProcAddress("gl" #name)); \
   if (!name) return noEglDevice("eglGetProcAddress: the driver has no gl" #name);
   GOBO_GL_FUNCTIONS(X)
 #undef X
@@ -48,7 +46,7 @@ Status GlFunctions::load() {
 Status GlFunctions::check(const char* call) const {
   const GLenum error = GetError();
   if (error == GL_NO_ERROR) return {};
-  for (int i = 0; i < 16 && GetError() != GL_NO_ERROR; ++i) {}   // a lost context may repeat itself for ever
+  for (int i = 0; i < 16 && GetError() != GL_NO_ERROR; ++i) {}  // a lost context may repeat itself for ever
   return glStatus(error, call);
 }
 
@@ -81,8 +79,8 @@ Status EglDevice::Impl::openDisplay(const std::string& device) {
 
 Status EglDevice::Impl::createContext() {
   if (!eglBindAPI(EGL_OPENGL_API)) return failed("eglBindAPI");
-  const EGLint attributes[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5,
-                               EGL_CONTEXT_OPENGL_PROFILE_MASK, EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
+  const EGLint attributes[] = {EGL_CONTEXT_MAJOR_VERSION,           4,       EGL_CONTEXT_MINOR_VERSION, 5, EGL_CONTEXT_OPENGL_PROFILE_MASK,
+                               EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
   context = eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, attributes);
   if (context == EGL_NO_CONTEXT) return failed("eglCreateContext (OpenGL 4.5 core)");
   return gl.load();
@@ -110,7 +108,7 @@ Status EglDevice::Impl::describe() {
 }
 
 EglDevice::Impl::~Impl() {
-  if (context != EGL_NO_CONTEXT) eglDestroyContext(display, context);   // with its programs and buffers
+  if (context != EGL_NO_CONTEXT) eglDestroyContext(display, context);  // with its programs and buffers
 }
 
 EglDevice::Impl::Current::Current(Impl& impl) : lock_(impl.mutex), display_(impl.display) {

@@ -34,9 +34,9 @@ class VulkanBuffer final : public ComputeBuffer {
 class VulkanDevice final : public ComputeDevice, public std::enable_shared_from_this<VulkanDevice> {
  public:
   struct Options {
-    std::string device;                ///< as GOBO_VULKAN_DEVICE
+    std::string device;  ///< as GOBO_VULKAN_DEVICE
     bool validation = false;
-    bool staging = false;              ///< never map device memory, as on GPUs: lets software devices test that path
+    bool staging = false;  ///< never map device memory, as on GPUs: lets software devices test that path
     static Options fromEnvironment();
   };
   static Result<std::shared_ptr<VulkanDevice>> create(const Options& options);

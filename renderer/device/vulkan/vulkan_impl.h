@@ -14,11 +14,15 @@ namespace gobo {
 struct VulkanBuffer::Memory {
   VkBuffer buffer = VK_NULL_HANDLE;
   VkDeviceMemory memory = VK_NULL_HANDLE;
-  void* mapped = nullptr;              // null: reached through a staging buffer
+  void* mapped = nullptr;  // null: reached through a staging buffer
 };
 
 struct VulkanDevice::Impl {
-  struct Pipeline { VkDescriptorSetLayout setLayout{}; VkPipelineLayout layout{}; VkPipeline pipeline{}; };
+  struct Pipeline {
+    VkDescriptorSetLayout setLayout{};
+    VkPipelineLayout layout{};
+    VkPipeline pipeline{};
+  };
 
   VkInstance instance = VK_NULL_HANDLE;
   VkDebugUtilsMessengerEXT messenger = VK_NULL_HANDLE;
@@ -27,12 +31,12 @@ struct VulkanDevice::Impl {
   VkQueue queue = VK_NULL_HANDLE;
   uint32_t queueFamily = 0;
   bool timestamps = false;
-  bool staging = false;                // device memory is never mapped
+  bool staging = false;  // device memory is never mapped
   VkPhysicalDeviceProperties properties{};
   VkPhysicalDeviceMemoryProperties memory{};
   std::string name, numericClass;
-  std::mutex messageMutex;             // validation messages come from inside any call
-  std::string validationMessage;       // the first since the last report
+  std::mutex messageMutex;        // validation messages come from inside any call
+  std::string validationMessage;  // the first since the last report
 
   std::mutex mutex;
   VkCommandPool commandPool = VK_NULL_HANDLE;

@@ -40,14 +40,13 @@ Status VulkanDevice::Impl::makeBuffer(size_t bytes, VkBufferUsageFlags usage, bo
   allocate.memoryTypeIndex = uint32_t(type);
   GOBO_VK(vkAllocateMemory, device, &allocate, nullptr, &made.memory);
   GOBO_VK(vkBindBufferMemory, device, made.buffer, made.memory, 0);
-  if ((memory.memoryTypes[type].propertyFlags & kHost) == kHost && mappable)
-    GOBO_VK(vkMapMemory, device, made.memory, 0, VK_WHOLE_SIZE, 0, &made.mapped);
+  if ((memory.memoryTypes[type].propertyFlags & kHost) == kHost && mappable) GOBO_VK(vkMapMemory, device, made.memory, 0, VK_WHOLE_SIZE, 0, &made.mapped);
   return {};
 }
 
 void VulkanDevice::Impl::freeBuffer(VulkanBuffer::Memory& m) const {
   vkDestroyBuffer(device, m.buffer, nullptr);
-  vkFreeMemory(device, m.memory, nullptr);   // unmaps
+  vkFreeMemory(device, m.memory, nullptr);  // unmaps
   m = {};
 }
 
@@ -60,13 +59,13 @@ VulkanBuffer::~VulkanBuffer() {
 
 Result<ComputeBufferPtr> VulkanDevice::buffer(size_t bytes) {
   if (bytes > maxBufferBytes())
-    return Status(Code::ResourceExhausted, "a Vulkan buffer of " + std::to_string(bytes) + " bytes is over the limit of " + name() + ", " +
-                                               std::to_string(maxBufferBytes()));
+    return Status(Code::ResourceExhausted,
+                  "a Vulkan buffer of " + std::to_string(bytes) + " bytes is over the limit of " + name() + ", " + std::to_string(maxBufferBytes()));
   bytes = std::max<size_t>(bytes, 1);
   std::lock_guard lock(impl_->mutex);
   auto made = std::make_unique<VulkanBuffer::Memory>();
-  Status status = impl_->makeBuffer(bytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT,
-                                    false, *made);
+  Status status =
+      impl_->makeBuffer(bytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT, false, *made);
   if (status.ok()) status = impl_->validation();
   if (!status.ok()) {
     impl_->freeBuffer(*made);
@@ -84,8 +83,8 @@ Status VulkanDevice::Impl::copy(VkBuffer from, VkBuffer to, size_t bytes) {
   VkMemoryBarrier barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER};
   barrier.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
   barrier.dstAccessMask = VK_ACCESS_HOST_READ_BIT | VK_ACCESS_SHADER_READ_BIT | VK_ACCESS_SHADER_WRITE_BIT;
-  vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, 0, 1, &barrier,
-                       0, nullptr, 0, nullptr);
+  vkCmdPipelineBarrier(commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_HOST_BIT | VK_PIPELINE_STAGE_COMPUTE_SHADER_BIT, 0, 1, &barrier, 0, nullptr,
+                       0, nullptr);
   return submitAndWait();
 }
 

@@ -10,11 +10,10 @@ namespace gobo {
 Result<VulkanDevice::Impl::Pipeline> VulkanDevice::Impl::pipeline(const ComputeKernel& kernel) {
   if (const auto found = pipelines.find(kernel.code.data()); found != pipelines.end()) return found->second;
   GOBO_CHECK(!kernel.code.empty() && kernel.buffers >= 1 && kernel.buffers <= kMaxKernelBuffers && kernel.pushBytes <= kMaxPushBytes);
-  Pipeline& made = pipelines[kernel.code.data()];   // whatever is made of it is freed with the device
+  Pipeline& made = pipelines[kernel.code.data()];  // whatever is made of it is freed with the device
   const auto build = [&]() -> Status {
     std::vector<VkDescriptorSetLayoutBinding> bindings;
-    for (int i = 0; i < kernel.buffers; ++i)
-      bindings.push_back({uint32_t(i), VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
+    for (int i = 0; i < kernel.buffers; ++i) bindings.push_back({uint32_t(i), VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
     VkDescriptorSetLayoutCreateInfo set{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
     set.bindingCount = uint32_t(bindings.size());
     set.pBindings = bindings.data();

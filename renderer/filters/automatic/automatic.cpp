@@ -15,25 +15,27 @@ namespace {
 
 // Nanoseconds on the machine of docs/benchmarks.md (2 cores), by `bench/shadow_bench costs`.
 struct Costs {
-  double sample = 2;                             // a view sample that only background or the wrong side shows
-  double shadowRay = 13, softRay = 40;           // one occlusion query with its set-up, in packets, among 1000 triangles
-  double tree = 0.38, alpha = 0.8;               // rays: share more per doubling of triangles; per share of triangles with alpha
-  double depthTexel = 0.9, depthEdge = 11, depthTriangle = 15;   // scan conversion: t texels and r triangles cost a t + b sqrt(r t) + c r
-  double hardLookup = 7.5;                       // percentage-closer
-  double softTexel = 0.4, softLookup = 85;       // depth bounds; a lookup
+  double sample = 2;                                            // a view sample that only background or the wrong side shows
+  double shadowRay = 13, softRay = 40;                          // one occlusion query with its set-up, in packets, among 1000 triangles
+  double tree = 0.38, alpha = 0.8;                              // rays: share more per doubling of triangles; per share of triangles with alpha
+  double depthTexel = 0.9, depthEdge = 11, depthTriangle = 15;  // scan conversion: t texels and r triangles cost a t + b sqrt(r t) + c r
+  double hardLookup = 7.5;                                      // percentage-closer
+  double softTexel = 0.4, softLookup = 85;                      // depth bounds; a lookup
   double depth(double texels, double triangles) const { return depthTexel * texels + depthEdge * std::sqrt(texels * triangles) + depthTriangle * triangles; }
 };
 
-constexpr uint32_t kEnvironmentRays = 4;   // bench/environment_bench
-constexpr int kHardPixels = 400, kSoftPixels = 250;   // penumbras are wide, edges are not
-constexpr double kNearMiss = 1.25;                     // what a probe cannot tell apart
+constexpr uint32_t kEnvironmentRays = 4;             // bench/environment_bench
+constexpr int kHardPixels = 400, kSoftPixels = 250;  // penumbras are wide, edges are not
+constexpr double kNearMiss = 1.25;                   // what a probe cannot tell apart
 
 bool areaLight(const ShadowInput& input) {
   const LightKind k = input.scene->lights[size_t(input.light)].shape.kind;
   return k == LightKind::Rect || k == LightKind::Disk || k == LightKind::Sphere || input.angularSize != Vec2(0.0f);
 }
 
-struct Shapes { double triangles = 0, alpha = 0; };
+struct Shapes {
+  double triangles = 0, alpha = 0;
+};
 Shapes shapesOf(const Scene& scene) {
   Shapes s;
   for (const Instance& i : scene.instances) {
@@ -63,7 +65,7 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   const Shapes shapes = shapesOf(*input.scene);
   const double deep = (1.0 + cost.tree * std::log2(1.0 + shapes.triangles / 1000.0)) * (1.0 + cost.alpha * shapes.alpha / std::max(shapes.triangles, 1.0));
 
-  if (input.angularSize != Vec2(0.0f)) {   // one of many lights that stand for an environment: their noise averages out, a map's errors add up
+  if (input.angularSize != Vec2(0.0f)) {  // one of many lights that stand for an environment: their noise averages out, a map's errors add up
     AutomaticCandidate c;
     c.technique.mutable_ray_traced()->set_samples(kEnvironmentRays);
     c.text = "ray_traced, " + std::to_string(kEnvironmentRays) + " rays";
@@ -76,7 +78,7 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
       AutomaticCandidate c;
       c.technique.mutable_ray_traced()->set_samples(n);
       c.text = "ray_traced, " + std::to_string(n) + (n > 1 ? " rays" : " ray");
-      c.ms = n * (delta ? cost.shadowRay : cost.softRay) * deep;   // a receiver, for now
+      c.ms = n * (delta ? cost.shadowRay : cost.softRay) * deep;  // a receiver, for now
       choice.candidates.push_back(std::move(c));
     }
   }
@@ -94,10 +96,12 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
       c.technique.mutable_map()->set_resolution(uint32_t(resolution));
       if (soft) {
         c.technique.mutable_percentage_closer_soft();
-        c.ms = (m.frames.count * (cost.depth(double(resolution) * resolution, shapes.triangles) + cost.softTexel * resolution * resolution) + samples * cost.sample) * 1e-6;
+        c.ms = (m.frames.count * (cost.depth(double(resolution) * resolution, shapes.triangles) + cost.softTexel * resolution * resolution) +
+                samples * cost.sample) *
+               1e-6;
       } else {
         c.technique.mutable_percentage_closer();
-        c.ms = (m.frames.count * cost.depth(double(resolution) * resolution, shapes.triangles) + samples * cost.hardLookup) * 1e-6;   // the whole picture
+        c.ms = (m.frames.count * cost.depth(double(resolution) * resolution, shapes.triangles) + samples * cost.hardLookup) * 1e-6;  // the whole picture
       }
       c.text = std::string(soft ? "percentage_closer_soft" : "percentage_closer") + ", " + std::to_string(resolution) + " texels";
       choice.candidates.push_back(std::move(c));
@@ -147,7 +151,12 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
     const AutomaticCandidate& best = choice.candidates[choice.chosen];
     const bool first = k == 0;
     if (!first && (a.has_time_ms() ? c.ms > a.time_ms() && best.ms <= a.time_ms() : best.rmse <= error && c.ms >= best.ms)) continue;
-    MapProbeSettings m{std::move(maps[k - probe.rays.size()]), base.bias, base.slopeBias, soft ? softLight(light.shape, input.angularSize).size : Vec2(0.0f), input.viewSamples, input.clear};
+    MapProbeSettings m{std::move(maps[k - probe.rays.size()]),
+                       base.bias,
+                       base.slopeBias,
+                       soft ? softLight(light.shape, input.angularSize).size : Vec2(0.0f),
+                       input.viewSamples,
+                       input.clear};
     const std::string label = "map_probe:" + light.name + " " + std::to_string(m.map.resolution);
     const NodeId id = graph.add({makeMapProbeNode(m), {node}, {}, label, 0, input.scene, false});
     GOBO_ASSIGN(const TermPtr term, expand(graph, id));
@@ -159,7 +168,8 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   const double least = choice.candidates[choice.chosen].rmse;
   if (!a.has_time_ms() && least > error)
     for (size_t k = 0; k < choice.candidates.size(); ++k)
-      if (choice.candidates[k].judged && choice.candidates[k].rmse <= kNearMiss * least && choice.candidates[k].ms < choice.candidates[choice.chosen].ms) choice.chosen = k;
+      if (choice.candidates[k].judged && choice.candidates[k].rmse <= kNearMiss * least && choice.candidates[k].ms < choice.candidates[choice.chosen].ms)
+        choice.chosen = k;
   return choice;
 }
 

@@ -10,17 +10,17 @@
 #include "terms/gbuffer.h"
 #include "terms/light_points.h"
 #include "terms/visibility.h"
-#include "trace/solid_scene.h"
 #include "trace/back_faces.h"
+#include "trace/solid_scene.h"
 #include "trace/view_samples.h"
 
 namespace gobo {
 namespace {
 
-constexpr int kGrain = 8;                 // pixels a task
-constexpr int kTruthSamples = 12;         // over a pixel, each half
+constexpr int kGrain = 8;          // pixels a task
+constexpr int kTruthSamples = 12;  // over a pixel, each half
 constexpr uint32_t kMostRays = 64;
-constexpr int kSearch = 6, kFilter = 8;   // taps a side of the soft kernels
+constexpr int kSearch = 6, kFilter = 8;  // taps a side of the soft kernels
 
 /// Depths of a map that is not there, by a ray per texel asked for.
 class VirtualMap {
@@ -91,7 +91,10 @@ struct Surfaces {
   Vec3 position(size_t e) const { return Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]); }
   Vec3 normal(size_t e) const { return Vec3(Ng[3 * e], Ng[3 * e + 1], Ng[3 * e + 2]); }
 };
-struct Eye { FilmRays film; BackFaces passed; };
+struct Eye {
+  FilmRays film;
+  BackFaces passed;
+};
 
 /// Elements first .. first + count - 1: what the rays see. Shading normals are left out: a probe can do without them.
 void look(const SolidScene& scene, const Eye& eye, const Ray* ray, int count, const Surfaces& at, size_t first) {
@@ -102,7 +105,10 @@ void look(const SolidScene& scene, const Eye& eye, const Ray* ray, int count, co
     at.instance[e] = hit[i].instance;
     const Vec3 p = hit[i].valid() ? ray[i].origin + ray[i].direction * hit[i].t : Vec3(0.0f);
     const Vec3 n = !hit[i].valid() ? Vec3(0.0f) : glm::dot(hit[i].Ng, ray[i].direction) < 0 ? hit[i].Ng : -hit[i].Ng;
-    for (int c = 0; c < 3; ++c) { at.P[3 * e + c] = p[c]; at.Ng[3 * e + c] = n[c]; }
+    for (int c = 0; c < 3; ++c) {
+      at.P[3 * e + c] = p[c];
+      at.Ng[3 * e + c] = n[c];
+    }
   }
 }
 
@@ -139,19 +145,23 @@ class ShadowProbeNode final : public Node {
     const auto a = term->addPlane<float>("a"), b = term->addPlane<float>("b"), lit = term->addPlane<float>("lit");
     const auto rmse = term->addPlane<double>("rays"), share = term->addPlane<double>("share");
     Errors errors(tasks, s_.rays.size());
-    const bool done = ctx.arena->parallelFor(tasks, 1, [&](size_t from, size_t to) {
-      uint64_t rays = 0;
-      for (size_t task = from; task < to; ++task)
-        for (size_t c = task * kGrain; c < std::min((task + 1) * kGrain, cells); ++c) {
-          const auto pick = [&](size_t cell, int count, int size, uint64_t salt) {   // a pixel of the cell
-            const int lo = int(int64_t(cell) * size / count), hi = std::max(lo + 1, int(int64_t(cell + 1) * size / count));
-            return float(lo + int(hash64(hash64(0x9e0be, c), salt) % uint64_t(hi - lo)));
-          };
-          if (judge(scene, light, eye, pick(c % size_t(across), across, s_.width, 1), pick(c / size_t(across), down, s_.height, 2), at, c, a, b, lit, errors, task, rays))
-            errors.count(task);
-        }
-      if (ctx.counters) ctx.counters->rays += rays;
-    }, ctx.stop);
+    const bool done = ctx.arena->parallelFor(
+        tasks, 1,
+        [&](size_t from, size_t to) {
+          uint64_t rays = 0;
+          for (size_t task = from; task < to; ++task)
+            for (size_t c = task * kGrain; c < std::min((task + 1) * kGrain, cells); ++c) {
+              const auto pick = [&](size_t cell, int count, int size, uint64_t salt) {  // a pixel of the cell
+                const int lo = int(int64_t(cell) * size / count), hi = std::max(lo + 1, int(int64_t(cell + 1) * size / count));
+                return float(lo + int(hash64(hash64(0x9e0be, c), salt) % uint64_t(hi - lo)));
+              };
+              if (judge(scene, light, eye, pick(c % size_t(across), across, s_.width, 1), pick(c / size_t(across), down, s_.height, 2), at, c, a, b, lit,
+                        errors, task, rays))
+                errors.count(task);
+            }
+          if (ctx.counters) ctx.counters->rays += rays;
+        },
+        ctx.stop);
     if (!done) return Status(Code::Cancelled, "shadow_probe stopped");
     for (size_t k = 0; k < s_.rays.size(); ++k) rmse[k] = errors.rmse(k);
     share[0] = errors.judged() / double(cells);
@@ -215,7 +225,8 @@ class ShadowProbeNode final : public Node {
   }
 
   /// prefix[i]: visibility by the first i + 1 points of a sequence. False where the light cannot shine.
-  static bool trace(const SolidScene& scene, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint32_t count, float* prefix, uint64_t& rays) {
+  static bool trace(const SolidScene& scene, const LightPoints& light, const Vec3& p, const Vec3& n, uint64_t seed, uint32_t count, float* prefix,
+                    uint64_t& rays) {
     Ray packet[16];
     uint32_t at[16];
     int waiting = 0;
@@ -277,24 +288,27 @@ class MapProbeNode final : public Node {
     const Receivers receivers(probe, s_.map.frames, s_.map.resolution, ShadowView{}, {.slopes = true, .facing = false});
     const size_t S = size_t(s_.viewSamples), cells = lit.size() / S, tasks = (cells + kGrain - 1) / kGrain;
     Errors errors(tasks, 1);
-    const bool done = ctx.arena->parallelFor(tasks, 1, [&](size_t from, size_t to) {
-      uint64_t rays = 0;
-      for (size_t task = from; task < to; ++task)
-        for (size_t c = task * kGrain; c < std::min((task + 1) * kGrain, cells); ++c) {
-          double v = 0, count = 0;
-          for (size_t e = c * S; e < (c + 1) * S; ++e) {
-            if (lit[e] == 0.0f) continue;
-            ReceiverBlock r;
-            receivers.fill(e, 1, r);
-            v += !r.covered[0] ? 1.0f : s_.size == Vec2(0.0f) ? hard(scene, s_.map, r, rays) : soft(scene, s_.map, receivers, r, rays);
-            ++count;
-          }
-          if (!(count > 0)) continue;
-          errors.count(task);
-          errors.add(task, 0, v / count, a[c * S], b[c * S]);
-        }
-      if (ctx.counters) ctx.counters->rays += rays;
-    }, ctx.stop);
+    const bool done = ctx.arena->parallelFor(
+        tasks, 1,
+        [&](size_t from, size_t to) {
+          uint64_t rays = 0;
+          for (size_t task = from; task < to; ++task)
+            for (size_t c = task * kGrain; c < std::min((task + 1) * kGrain, cells); ++c) {
+              double v = 0, count = 0;
+              for (size_t e = c * S; e < (c + 1) * S; ++e) {
+                if (lit[e] == 0.0f) continue;
+                ReceiverBlock r;
+                receivers.fill(e, 1, r);
+                v += !r.covered[0] ? 1.0f : s_.size == Vec2(0.0f) ? hard(scene, s_.map, r, rays) : soft(scene, s_.map, receivers, r, rays);
+                ++count;
+              }
+              if (!(count > 0)) continue;
+              errors.count(task);
+              errors.add(task, 0, v / count, a[c * S], b[c * S]);
+            }
+          if (ctx.counters) ctx.counters->rays += rays;
+        },
+        ctx.stop);
     if (!done) return Status(Code::Cancelled, "map_probe stopped");
     auto term = std::make_shared<Term>("map_probe", Domain::Table, Extent{1, 1, 1});
     term->addPlane<double>("rmse")[0] = errors.rmse(0);
@@ -333,7 +347,8 @@ class MapProbeNode final : public Node {
     const VirtualMap depths(scene, map);
     const LightFrame& f = map.frames.face[size_t(b.face[0])];
     const ReceiverPlane r = receiverPlane(b, 0, s_.bias, s_.slopeBias);
-    const float d = receivers.metric(b.face[0], b.d[0]), texelsX = float(map.resolution) / (f.hi.x - f.lo.x), texelsY = float(map.resolution) / (f.hi.y - f.lo.y);
+    const float d = receivers.metric(b.face[0], b.d[0]), texelsX = float(map.resolution) / (f.hi.x - f.lo.x),
+                texelsY = float(map.resolution) / (f.hi.y - f.lo.y);
     const auto width = [&](float z, float size, float texels) {
       // limit: a window without width has infinitely many texels a metre, and no width times that is no number.
       return formulas::limit(formulas::softWidth(d, z, size, f.perspective) * texels, 1.0f, float(map.resolution));
@@ -342,7 +357,7 @@ class MapProbeNode final : public Node {
     float z[64];
     float plane = std::max(f.near, 1e-3f * d);
     double blocked = 0, share = 0;
-    for (int pass = 0; pass < 2; ++pass) {   // the search kernel is measured on the near plane, then on the nearest blocker found
+    for (int pass = 0; pass < 2; ++pass) {  // the search kernel is measured on the near plane, then on the nearest blocker found
       const int n = grid(r, width(plane, s_.size.x, texelsX), width(plane, s_.size.y, texelsY), kSearch, x, y);
       depths.depths(b.face[0], x, y, n, z, rays);
       blocked = share = 0;

@@ -11,8 +11,8 @@ namespace gobo {
 namespace {
 
 constexpr int kLanes = 8;
-constexpr int kPad = kAxisAlignedMaxRadius + kLanes;   // columns of rejected pixels either side: no bounds checks in a row
-constexpr float kReject = -1.0e30f;                    // a beta that differs from every other by more than any threshold
+constexpr int kPad = kAxisAlignedMaxRadius + kLanes;  // columns of rejected pixels either side: no bounds checks in a row
+constexpr float kReject = -1.0e30f;                   // a beta that differs from every other by more than any threshold
 
 /// One layer's data, structure of arrays, rows padded by kPad. Positions are relative to the light, so that a scene far from the
 /// origin keeps its digits.
@@ -28,7 +28,9 @@ struct Layer {
   Vec3 position(size_t i) const { return Vec3(px[i], py[i], pz[i]); }
 };
 
-struct Limits { float betaThreshold, cosAngle; };
+struct Limits {
+  float betaThreshold, cosAngle;
+};
 
 /// Eight neighbouring pixels of a row and their running sums. A lane whose own radius is smaller than the offset takes weight 0, so
 /// a pixel's sum does not depend on its neighbours in the block (tiles agree bit for bit).
@@ -39,15 +41,22 @@ struct Block {
   void load(const Layer& L, size_t first) {
     for (int l = 0; l < kLanes; ++l) {
       const size_t p = first + l;
-      v[l] = L.value[p]; x[l] = L.px[p]; y[l] = L.py[p]; z[l] = L.pz[p];
-      nx[l] = L.nx[p]; ny[l] = L.ny[p]; nz[l] = L.nz[p];
-      ax[l] = L.ax[p]; ay[l] = L.ay[p]; az[l] = L.az[p];
+      v[l] = L.value[p];
+      x[l] = L.px[p];
+      y[l] = L.py[p];
+      z[l] = L.pz[p];
+      nx[l] = L.nx[p];
+      ny[l] = L.ny[p];
+      nz[l] = L.nz[p];
+      ax[l] = L.ax[p];
+      ay[l] = L.ay[p];
+      az[l] = L.az[p];
       beta[l] = L.beta[p];
       const float b = std::max(beta[l], 1.0e-18f);
       inverse[l] = 0.5f / (b * b);
       reach2[l] = 36.0f * b * b;
       sum[l] = 0.0f;
-      weight[l] = 1.0f;   // the centre tap
+      weight[l] = 1.0f;  // the centre tap
     }
   }
 
@@ -56,7 +65,7 @@ struct Block {
   void tap(const Layer& L, size_t q, int offset, const int* radius, const Limits& limits) {
     const float *lx = &L.px[q], *ly = &L.py[q], *lz = &L.pz[q], *lnx = &L.nx[q], *lny = &L.ny[q], *lnz = &L.nz[q];
     const float *lb = &L.beta[q], *lv = &L.value[q];
-    float kept[kLanes], difference[kLanes];   // locals alias nothing: the loop vectorises without run-time checks
+    float kept[kLanes], difference[kLanes];  // locals alias nothing: the loop vectorises without run-time checks
     for (int l = 0; l < kLanes; ++l) {
       const float dx = lx[l] - x[l], dy = ly[l] - y[l], dz = lz[l] - z[l];
       const float along = dx * ax[l] + dy * ay[l] + dz * az[l];
@@ -87,7 +96,7 @@ class AxisAlignedFilter final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.linearPerGroup = t.rangePreserving = t.tileable = true;
-    t.halo = s_.radiusPx + 1;   // + 1: the pixel step is measured to both neighbours
+    t.halo = s_.radiusPx + 1;  // + 1: the pixel step is measured to both neighbours
     return t;
   }
   void hashParameters(Hasher& h) const override {
@@ -111,28 +120,40 @@ bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer, size_t 
   const auto value = ctx.inputs[0]->floats("V"), P = ctx.inputs[1]->floats("P"), N = ctx.inputs[1]->floats("N"), omega = ctx.inputs[2]->floats("Omega");
   const auto instance = ctx.inputs[1]->plane<uint32_t>("instance");
   const size_t base = size_t(layer) * L.width * L.height;
-  return ctx.arena->parallelFor(L.height, 16, [&](size_t y0, size_t y1) {
-    for (size_t y = y0; y < y1; ++y)
-      for (int x = 0; x < L.width; ++x) {
-        const size_t e = base + y * L.width + x, i = L.at(x, int(y));
-        L.value[i] = value[channels * e + channel];
-        if (instance[e] == ~0u || !(omega[e] > 0.0f)) continue;
-        const Vec3 r = Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]) - s_.light.centre, a = s_.light.normalFor(r);
-        L.px[i] = r.x; L.py[i] = r.y; L.pz[i] = r.z;
-        L.nx[i] = N[3 * e]; L.ny[i] = N[3 * e + 1]; L.nz[i] = N[3 * e + 2];
-        L.ax[i] = a.x; L.ay[i] = a.y; L.az[i] = a.z;
-        L.beta[i] = formulas::aaBeta(omega[e], s_.k);
-      }
-  }, ctx.stop);
+  return ctx.arena->parallelFor(
+      L.height, 16,
+      [&](size_t y0, size_t y1) {
+        for (size_t y = y0; y < y1; ++y)
+          for (int x = 0; x < L.width; ++x) {
+            const size_t e = base + y * L.width + x, i = L.at(x, int(y));
+            L.value[i] = value[channels * e + channel];
+            if (instance[e] == ~0u || !(omega[e] > 0.0f)) continue;
+            const Vec3 r = Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]) - s_.light.centre, a = s_.light.normalFor(r);
+            L.px[i] = r.x;
+            L.py[i] = r.y;
+            L.pz[i] = r.z;
+            L.nx[i] = N[3 * e];
+            L.ny[i] = N[3 * e + 1];
+            L.nz[i] = N[3 * e + 2];
+            L.ax[i] = a.x;
+            L.ay[i] = a.y;
+            L.az[i] = a.z;
+            L.beta[i] = formulas::aaBeta(omega[e], s_.k);
+          }
+      },
+      ctx.stop);
 }
 
 /// Filter radius in pixels along rows or columns: 3 beta over the pixel step in the light plane, measured to the neighbours on the same
 /// instance (both, or the one there is; the pixel's footprint where there is none or the step vanishes). 0 where nothing is filtered.
-void AxisAlignedFilter::radii(const Layer& L, std::span<const uint32_t> instance, std::span<const float> footprint, size_t base, int y,
-                              bool columns, std::vector<int>& out) const {
+void AxisAlignedFilter::radii(const Layer& L, std::span<const uint32_t> instance, std::span<const float> footprint, size_t base, int y, bool columns,
+                              std::vector<int>& out) const {
   for (int x = 0; x < L.width; ++x) {
     const size_t i = L.at(x, y), e = base + size_t(y) * L.width + x;
-    if (L.beta[i] == kReject) { out[i] = 0; continue; }
+    if (L.beta[i] == kReject) {
+      out[i] = 0;
+      continue;
+    }
     const Vec3 axis(L.ax[i], L.ay[i], L.az[i]);
     Vec3 ends[2] = {L.position(i), L.position(i)};
     int steps = 0;
@@ -154,31 +175,34 @@ void AxisAlignedFilter::radii(const Layer& L, std::span<const uint32_t> instance
 
 /// value -> result: one gather over the box rx x ry around each pixel (a row or a column when the other is all zero).
 bool AxisAlignedFilter::pass(Layer& L, const std::vector<int>& rx, const std::vector<int>& ry, const RunContext& ctx) const {
-  const Limits limits{s_.betaThreshold, std::cos(s_.angle) - 1.0e-6f};   // the slack keeps parallel normals parallel at angle 0
-  return ctx.arena->parallelFor(L.height, 2, [&](size_t y0, size_t y1) {
-    Block block;
-    for (int y = int(y0); y < int(y1); ++y)
-      for (int x = 0; x < L.width; x += kLanes) {
-        const size_t p = L.at(x, y);
-        int maxX = 0, maxY = 0;
-        bool any = false;
-        for (int l = 0; l < kLanes; ++l) {
-          maxX = std::max(maxX, rx[p + l]);
-          maxY = std::max(maxY, ry[p + l]);
-          any |= L.beta[p + l] != kReject;
-          L.result[p + l] = L.value[p + l];
-        }
-        if (!any || maxX + maxY == 0) continue;
-        block.load(L, p);
-        for (int j = std::max(-maxY, -y); j <= std::min(maxY, L.height - 1 - y); ++j) {
-          int reach[kLanes];
-          for (int l = 0; l < kLanes; ++l) reach[l] = std::abs(j) <= ry[p + l] ? rx[p + l] : -1;
-          for (int i = -maxX; i <= maxX; ++i)
-            if (i != 0 || j != 0) block.tap(L, size_t(int64_t(p) + int64_t(j) * L.stride + i), std::abs(i), reach, limits);
-        }
-        for (int l = 0; l < kLanes; ++l) L.result[p + l] = block.v[l] + block.sum[l] / block.weight[l];
-      }
-  }, ctx.stop);
+  const Limits limits{s_.betaThreshold, std::cos(s_.angle) - 1.0e-6f};  // the slack keeps parallel normals parallel at angle 0
+  return ctx.arena->parallelFor(
+      L.height, 2,
+      [&](size_t y0, size_t y1) {
+        Block block;
+        for (int y = int(y0); y < int(y1); ++y)
+          for (int x = 0; x < L.width; x += kLanes) {
+            const size_t p = L.at(x, y);
+            int maxX = 0, maxY = 0;
+            bool any = false;
+            for (int l = 0; l < kLanes; ++l) {
+              maxX = std::max(maxX, rx[p + l]);
+              maxY = std::max(maxY, ry[p + l]);
+              any |= L.beta[p + l] != kReject;
+              L.result[p + l] = L.value[p + l];
+            }
+            if (!any || maxX + maxY == 0) continue;
+            block.load(L, p);
+            for (int j = std::max(-maxY, -y); j <= std::min(maxY, L.height - 1 - y); ++j) {
+              int reach[kLanes];
+              for (int l = 0; l < kLanes; ++l) reach[l] = std::abs(j) <= ry[p + l] ? rx[p + l] : -1;
+              for (int i = -maxX; i <= maxX; ++i)
+                if (i != 0 || j != 0) block.tap(L, size_t(int64_t(p) + int64_t(j) * L.stride + i), std::abs(i), reach, limits);
+            }
+            for (int l = 0; l < kLanes; ++l) L.result[p + l] = block.v[l] + block.sum[l] / block.weight[l];
+          }
+      },
+      ctx.stop);
 }
 
 Result<TermPtr> AxisAlignedFilter::run(const RunContext& ctx) const {
@@ -190,7 +214,7 @@ Result<TermPtr> AxisAlignedFilter::run(const RunContext& ctx) const {
   for (float v : value)
     if (!std::isfinite(v)) return internalError("axis_aligned_filter: visibility is not finite");
   auto term = std::make_shared<Term>("visibility", Domain::ViewSample, extent);
-  const size_t C = size_t(ctx.inputs[0]->channels("V"));             // RGB where light passes tinted panes: the same kernel for each
+  const size_t C = size_t(ctx.inputs[0]->channels("V"));  // RGB where light passes tinted panes: the same kernel for each
   const auto out = term->addPlane<float>("V", int(C));
   const Status stopped(Code::Cancelled, "axis_aligned_filter: stopped");
   for (int layer = 0; layer < extent.layers; ++layer) {
@@ -204,12 +228,15 @@ Result<TermPtr> AxisAlignedFilter::run(const RunContext& ctx) const {
     std::vector<int> rx(L.value.size()), ry(L.value.size()), none(L.value.size());
     for (size_t c = 0; c < C; ++c) {
       if (!fill(L, ctx, layer, c, C)) return stopped;
-      const bool measured = c > 0 || ctx.arena->parallelFor(L.height, 16, [&](size_t y0, size_t y1) {
-        for (size_t y = y0; y < y1; ++y) {
-          radii(L, instance, footprint, base, int(y), false, rx);
-          radii(L, instance, footprint, base, int(y), true, ry);
-        }
-      }, ctx.stop);
+      const bool measured = c > 0 || ctx.arena->parallelFor(
+                                         L.height, 16,
+                                         [&](size_t y0, size_t y1) {
+                                           for (size_t y = y0; y < y1; ++y) {
+                                             radii(L, instance, footprint, base, int(y), false, rx);
+                                             radii(L, instance, footprint, base, int(y), true, ry);
+                                           }
+                                         },
+                                         ctx.stop);
       if (!measured) return stopped;
       if (s_.exact2d) {
         if (!pass(L, rx, ry, ctx)) return stopped;

@@ -30,8 +30,8 @@ struct AxisAlignedFilterSettings {
   float k = 3.0f;
   int radiusPx = 32;
   float betaThreshold = 0.75f;
-  float angle = 0.34906585f;   ///< radians (20 degrees)
-  bool exact2d = false;        ///< reference mode: the full 2-D gather in one pass, O(r^2) per pixel (tests and ablation)
+  float angle = 0.34906585f;  ///< radians (20 degrees)
+  bool exact2d = false;       ///< reference mode: the full 2-D gather in one pass, O(r^2) per pixel (tests and ablation)
 };
 inline constexpr int kAxisAlignedMaxRadius = 64;
 

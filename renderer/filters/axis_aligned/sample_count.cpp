@@ -47,29 +47,35 @@ class ShadowSlopeDilation final : public Node {
       largest = std::max(largest, a);
       smallest = smallest > 0.0f ? std::min(smallest, b) : b;
     };
-    bool complete = ctx.arena->parallelFor(rows, 16, [&](size_t y0, size_t y1) {
-      for (size_t y = y0; y < y1; ++y)
-        for (int x = 0; x < e.width; ++x) {
-          const size_t p = y * e.width + x;
-          for (int q = std::max(0, x - radius_); q <= std::min(e.width - 1, x + radius_); ++q)
-            if (instance[y * e.width + q] == instance[p]) take(rowMax[p], rowMin[p], inMax[y * e.width + q], inMin[y * e.width + q]);
-        }
-    }, ctx.stop);
-    complete = complete && ctx.arena->parallelFor(rows, 16, [&](size_t y0, size_t y1) {
-      for (size_t row = y0; row < y1; ++row) {
-        const int y = int(row % e.height);
-        for (int x = 0; x < e.width; ++x) {
-          const size_t p = row * e.width + x;
-          sMax[p] = inMax[p];
-          sMin[p] = inMin[p];
-          if (occluded[p] || instance[p] == ~0u) continue;
-          for (int j = std::max(-radius_, -y); j <= std::min(radius_, e.height - 1 - y); ++j) {
-            const size_t q = size_t(int64_t(p) + int64_t(j) * e.width);
-            if (instance[q] == instance[p]) take(sMax[p], sMin[p], rowMax[q], rowMin[q]);
-          }
-        }
-      }
-    }, ctx.stop);
+    bool complete = ctx.arena->parallelFor(
+        rows, 16,
+        [&](size_t y0, size_t y1) {
+          for (size_t y = y0; y < y1; ++y)
+            for (int x = 0; x < e.width; ++x) {
+              const size_t p = y * e.width + x;
+              for (int q = std::max(0, x - radius_); q <= std::min(e.width - 1, x + radius_); ++q)
+                if (instance[y * e.width + q] == instance[p]) take(rowMax[p], rowMin[p], inMax[y * e.width + q], inMin[y * e.width + q]);
+            }
+        },
+        ctx.stop);
+    complete = complete && ctx.arena->parallelFor(
+                               rows, 16,
+                               [&](size_t y0, size_t y1) {
+                                 for (size_t row = y0; row < y1; ++row) {
+                                   const int y = int(row % e.height);
+                                   for (int x = 0; x < e.width; ++x) {
+                                     const size_t p = row * e.width + x;
+                                     sMax[p] = inMax[p];
+                                     sMin[p] = inMin[p];
+                                     if (occluded[p] || instance[p] == ~0u) continue;
+                                     for (int j = std::max(-radius_, -y); j <= std::min(radius_, e.height - 1 - y); ++j) {
+                                       const size_t q = size_t(int64_t(p) + int64_t(j) * e.width);
+                                       if (instance[q] == instance[p]) take(sMax[p], sMin[p], rowMax[q], rowMin[q]);
+                                     }
+                                   }
+                                 }
+                               },
+                               ctx.stop);
     if (!complete) return Status(Code::Cancelled, "shadow_slope_dilation: stopped");
     return TermPtr(term);
   }
@@ -154,14 +160,17 @@ class ShadowSampleCount final : public Node {
     auto term = std::make_shared<Term>("shadow_sample_count", Domain::ViewSample, ctx.inputs[0]->extent());
     const auto n = term->addPlane<uint32_t>("n");
     const auto omega = term->addPlane<float>("Omega");
-    const bool complete = ctx.arena->parallelFor(sMin.size(), 1 << 13, [&](size_t begin, size_t end) {
-      for (size_t e = begin; e < end; ++e) {
-        if (instance[e] == ~0u) continue;
-        n[e] = sampleCount(rate_, sMin[e], sMax[e], footprint[e], mu);
-        const float w = sMin[e] > 0.0f ? formulas::aaBandLimit(sMin[e], rate_.sigma, footprint[e], filterMu) : 0.0f;
-        omega[e] = std::isfinite(w) ? w : 0.0f;
-      }
-    }, ctx.stop);
+    const bool complete = ctx.arena->parallelFor(
+        sMin.size(), 1 << 13,
+        [&](size_t begin, size_t end) {
+          for (size_t e = begin; e < end; ++e) {
+            if (instance[e] == ~0u) continue;
+            n[e] = sampleCount(rate_, sMin[e], sMax[e], footprint[e], mu);
+            const float w = sMin[e] > 0.0f ? formulas::aaBandLimit(sMin[e], rate_.sigma, footprint[e], filterMu) : 0.0f;
+            omega[e] = std::isfinite(w) ? w : 0.0f;
+          }
+        },
+        ctx.stop);
     if (!complete) return Status(Code::Cancelled, "shadow_sample_count: stopped");
     return TermPtr(term);
   }

@@ -17,7 +17,8 @@ bool supports(LightKind kind) { return hasShadowLightFrame(kind); }
 
 Result<NodeId> plan(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
   const Light& light = input.scene->lights[input.light];
-  if (!supports(light.shape.kind)) return invalidArgument("light '" + light.name + "' is no rectangle, disk or sphere: axis-aligned filtering needs a light plane");
+  if (!supports(light.shape.kind))
+    return invalidArgument("light '" + light.name + "' is no rectangle, disk or sphere: axis-aligned filtering needs a light plane");
   const v1::AxisAlignedShadow& m = technique.axis_aligned();
   auto number = [&](const char* name) { return numberParameter(m, name); };
   const Extent extent{input.width, input.height, input.viewSamples};
@@ -43,7 +44,8 @@ Result<NodeId> plan(Graph& graph, const ShadowInput& input, const v1::ShadowTech
   const NodeId slopes = source(makeShadowSlopesNode({rate.pilot, seed, extent, input.clear}), {g}, "shadow_slopes");
   const NodeId dilated = filter(makeShadowSlopeDilation(int(number("dilate_px")), extent), {slopes, g}, "shadow_slope_dilation");
   const bool solve = adaptive && mean > 0.0f;
-  const NodeId mu = filter(makeShadowMu(float(number("mu")), solve ? mean : 0.0f, rate), solve ? std::vector<NodeId>{dilated, g} : std::vector<NodeId>{}, "shadow_mu");
+  const NodeId mu =
+      filter(makeShadowMu(float(number("mu")), solve ? mean : 0.0f, rate), solve ? std::vector<NodeId>{dilated, g} : std::vector<NodeId>{}, "shadow_mu");
   const NodeId count = filter(makeShadowSampleCount(rate, extent), {dilated, g, mu}, "shadow_sample_count");
   const NodeId noisy = source(makeShadowAdaptiveNode({rate.pilot, seed, extent, input.clear}), {g, slopes, count}, "shadow_adaptive");
 

@@ -9,7 +9,8 @@ namespace {
 
 class BasisMosaicNode : public Node {
  public:
-  BasisMosaicNode(int resolution, int channels, int faces) : resolution_(resolution), images_(channels * faces), columns_(int(std::ceil(std::sqrt(double(images_))))) {}
+  BasisMosaicNode(int resolution, int channels, int faces)
+      : resolution_(resolution), images_(channels * faces), columns_(int(std::ceil(std::sqrt(double(images_))))) {}
   std::string type() const override { return "shadow_basis_mosaic"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override { h.add(resolution_).add(images_); }
@@ -28,18 +29,21 @@ class BasisMosaicNode : public Node {
     const auto out = term->addPlane<float>("image");
     const float* floats = plane->format == Format::F32 ? reinterpret_cast<const float*>(plane->bytes.data()) : nullptr;
     const size_t square = size_t(side) * size_t(side), stride = size_t(columns_) * size_t(side);
-    const bool done = ctx.arena->parallelFor(size_t(images_) * size_t(side), 64, [&](size_t begin, size_t end) {
-      for (size_t r = begin; r < end; ++r) {
-        const size_t image = r / size_t(side), y = r % size_t(side), face = image / size_t(C), c = image % size_t(C);
-        float* to = &out[((image / size_t(columns_)) * size_t(side) + y) * stride + (image % size_t(columns_)) * size_t(side)];
-        const size_t at = (face * square + y * size_t(side)) * size_t(C) + c;
-        for (size_t x = 0; x < size_t(side); ++x) {
-          // Byte images show as they are stored, floats of bases in [-1, 1] as their middle grey and around.
-          const float v = floats ? floats[at + x * size_t(C)] : (float(plane->bytes[at + x * size_t(C)]) - 127.0f) / 127.0f;
-          to[x] = depth ? v : 0.5f + 0.5f * v;
-        }
-      }
-    }, ctx.stop);
+    const bool done = ctx.arena->parallelFor(
+        size_t(images_) * size_t(side), 64,
+        [&](size_t begin, size_t end) {
+          for (size_t r = begin; r < end; ++r) {
+            const size_t image = r / size_t(side), y = r % size_t(side), face = image / size_t(C), c = image % size_t(C);
+            float* to = &out[((image / size_t(columns_)) * size_t(side) + y) * stride + (image % size_t(columns_)) * size_t(side)];
+            const size_t at = (face * square + y * size_t(side)) * size_t(C) + c;
+            for (size_t x = 0; x < size_t(side); ++x) {
+              // Byte images show as they are stored, floats of bases in [-1, 1] as their middle grey and around.
+              const float v = floats ? floats[at + x * size_t(C)] : (float(plane->bytes[at + x * size_t(C)]) - 127.0f) / 127.0f;
+              to[x] = depth ? v : 0.5f + 0.5f * v;
+            }
+          }
+        },
+        ctx.stop);
     if (!done) return Status(Code::Cancelled, "shadow_basis_mosaic stopped");
     return TermPtr(term);
   }

@@ -8,7 +8,10 @@
 namespace gobo {
 namespace {
 
-struct Plane { DVec3 n; double c; };                  // n . p + c >= 0 inside; n is unit
+struct Plane {
+  DVec3 n;
+  double c;
+};  // n . p + c >= 0 inside; n is unit
 using Planes = std::vector<Plane>;
 
 void add(Planes& planes, const DVec3& n, const DVec3& through, double slack) {
@@ -26,7 +29,11 @@ void addBox(Planes& planes, const Vec3& lo, const Vec3& hi, double slack) {
 }
 
 // What a window [lo, hi] of tangents (perspective, in front of the origin) or metres shows.
-struct View { DVec3 origin, right, up, forward; bool perspective; glm::dvec2 lo, hi; };
+struct View {
+  DVec3 origin, right, up, forward;
+  bool perspective;
+  glm::dvec2 lo, hi;
+};
 void addView(Planes& planes, const View& v, double slack) {
   if (v.perspective) {
     add(planes, v.right - v.forward * v.lo.x, v.origin, slack);
@@ -62,7 +69,9 @@ std::vector<DVec3> cornersOf(const Planes& planes, double tolerance) {
   return corners;
 }
 
-View lightView(const LightFrame& f) { return {DVec3(f.origin), DVec3(f.right), DVec3(f.up), DVec3(f.forward), f.perspective, glm::dvec2(f.lo), glm::dvec2(f.hi)}; }
+View lightView(const LightFrame& f) {
+  return {DVec3(f.origin), DVec3(f.right), DVec3(f.up), DVec3(f.forward), f.perspective, glm::dvec2(f.lo), glm::dvec2(f.hi)};
+}
 
 View cameraView(const CameraFit& fit) {
   const Camera& c = fit.camera;
@@ -72,14 +81,17 @@ View cameraView(const CameraFit& fit) {
   return {DVec3(c.toWorld[3]), DVec3(c.toWorld[0]), DVec3(c.toWorld[1]), -DVec3(c.toWorld[2]), c.perspective, centre - half, centre + half};
 }
 
-struct Box { glm::dvec2 lo{1e300}, hi{-1e300}; double near = 1e300, far = -1e300; };
+struct Box {
+  glm::dvec2 lo{1e300}, hi{-1e300};
+  double near = 1e300, far = -1e300;
+};
 Box seenFrom(const View& v, const std::vector<DVec3>& points, double least) {
   Box b;
   for (const DVec3& p : points) {
     const DVec3 d = p - v.origin;
     const double z = glm::dot(d, v.forward);
     glm::dvec2 at(glm::dot(d, v.right), glm::dot(d, v.up));
-    if (v.perspective) at = glm::clamp(at / std::max(z, least), v.lo, v.hi);   // inside the window but for the slack; at the light anywhere in it
+    if (v.perspective) at = glm::clamp(at / std::max(z, least), v.lo, v.hi);  // inside the window but for the slack; at the light anywhere in it
     b.lo = glm::min(b.lo, at);
     b.hi = glm::max(b.hi, at);
     b.near = std::min(b.near, z);
@@ -103,8 +115,11 @@ void fitFace(LightFrame& f, const CameraFit& fit, const Vec3& lo, const Vec3& hi
   }
   Box box = seenFrom(light, corners, 1e-6 * sceneFar);
   // A body that reaches the light covers every direction.
-  if (f.perspective && box.near <= 2.0 * slack) { box.lo = light.lo; box.hi = light.hi; }
-  if (!fit.pancake) {   // casters beside the window: what a receiver sees of the whole light, down to the nearest caster
+  if (f.perspective && box.near <= 2.0 * slack) {
+    box.lo = light.lo;
+    box.hi = light.hi;
+  }
+  if (!fit.pancake) {  // casters beside the window: what a receiver sees of the whole light, down to the nearest caster
     const double reach = f.perspective ? (sceneNear > 0.0 ? 1.0 / sceneNear - 1.0 / std::max(box.far, sceneNear) : 1e30) : std::max(box.far - sceneNear, 0.0);
     box.lo -= glm::dvec2(fit.lightHalf) * reach;
     box.hi += glm::dvec2(fit.lightHalf) * reach;
@@ -122,7 +137,7 @@ void fitFace(LightFrame& f, const CameraFit& fit, const Vec3& lo, const Vec3& hi
     f.hi = Vec2(centre + half);
   }
   double near = box.near, far = box.far;
-  if (!fit.pancake) {   // of all that lies in the new window
+  if (!fit.pancake) {  // of all that lies in the new window
     Planes casters;
     addBox(casters, lo, hi, slack);
     addView(casters, lightView(f), slack);
@@ -132,7 +147,10 @@ void fitFace(LightFrame& f, const CameraFit& fit, const Vec3& lo, const Vec3& hi
   const Interval z = snappedInterval(centre - 0.5 * range, centre + 0.5 * range);
   f.near = float(std::max(z.lo, sceneNear));
   f.far = float(std::min(z.hi, sceneFar));
-  if (!(f.far - f.near >= float(1e-4 * sceneRange))) { f.near = float(sceneNear); f.far = float(sceneFar); }
+  if (!(f.far - f.near >= float(1e-4 * sceneRange))) {
+    f.near = float(sceneNear);
+    f.far = float(sceneFar);
+  }
 }
 
 }  // namespace

@@ -10,7 +10,7 @@ namespace gobo {
 
 struct CameraFit {
   Camera camera;
-  float aspect = 1.0f;          ///< width over height of the picture
+  float aspect = 1.0f;  ///< width over height of the picture
   /// Hard shadows: the range is that of receivers alone, casters in front of it lie on its near plane ("pancaking"), which is all that
   /// a comparison needs. Soft shadows measure distances to casters: their range begins at the nearest caster.
   bool pancake = true;
@@ -23,7 +23,9 @@ struct CameraFit {
 double snappedSize(double v);
 /// An interval that holds [a, b] and begins at a multiple of an eighth of its size, which depends on b - a alone: it stays while [a, b]
 /// moves by less than that, and never is longer than 81/56 (b - a).
-struct Interval { double lo, hi; };
+struct Interval {
+  double lo, hi;
+};
 Interval snappedInterval(double a, double b);
 
 /// Narrows `frames`, as fitLightFrames made them for the bounds [lo, hi], `resolution` and `rimTexels`. A window or range that would not become

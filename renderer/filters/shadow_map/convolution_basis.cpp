@@ -20,7 +20,7 @@ double series(double t, int order, double attenuation) {
   return s;
 }
 
-double bisect(double lo, double hi, const std::function<double(double)>& f) {   // f(lo) < 0 <= f(hi)
+double bisect(double lo, double hi, const std::function<double(double)>& f) {  // f(lo) < 0 <= f(hi)
   for (int i = 0; i < 200; ++i) {
     const double middle = 0.5 * (lo + hi);
     (f(middle) < 0 ? lo : hi) = middle;
@@ -31,12 +31,24 @@ double bisect(double lo, double hi, const std::function<double(double)>& f) {   
 }  // namespace
 
 /// Where f is smallest in [lo, hi], which holds one minimum: golden section.
-template <typename F> double minimum(double lo, double hi, const F& f) {
+template <typename F>
+double minimum(double lo, double hi, const F& f) {
   const double golden = 0.5 * (std::sqrt(5.0) - 1.0);
   double a = hi - golden * (hi - lo), b = lo + golden * (hi - lo), fa = f(a), fb = f(b);
   for (int i = 0; i < 100; ++i) {
-    if (fa < fb) { hi = b; b = a; fb = fa; a = hi - golden * (hi - lo); fa = f(a); }
-    else { lo = a; a = b; fa = fb; b = lo + golden * (hi - lo); fb = f(b); }
+    if (fa < fb) {
+      hi = b;
+      b = a;
+      fb = fa;
+      a = hi - golden * (hi - lo);
+      fa = f(a);
+    } else {
+      lo = a;
+      a = b;
+      fa = fb;
+      b = lo + golden * (hi - lo);
+      fb = f(b);
+    }
   }
   return 0.5 * (lo + hi);
 }
@@ -49,17 +61,21 @@ ConvolutionCorrection convolutionCorrection(v1::ConvolutionShadow::Correction co
   double peak = 0;
   for (int i = 0; i <= steps / 2; ++i) {
     const double f = series(double(i) / steps, order, attenuation);
-    if (f > peak + 1e-12) { peak = f; best = i; }
-    else if (f < peak - 1e-6) break;                                   // behind the first peak
+    if (f > peak + 1e-12) {
+      peak = f;
+      best = i;
+    } else if (f < peak - 1e-6) break;  // behind the first peak
   }
   // An extremum on the grid lies within one step of the true one; the series is symmetric about 1/2.
-  const auto refined = [&](int at, double sign) { return minimum(double(at - 1) / steps, double(at + 1) / steps, [&](double t) { return sign * series(t, order, attenuation); }); };
+  const auto refined = [&](int at, double sign) {
+    return minimum(double(at - 1) / steps, double(at + 1) / steps, [&](double t) { return sign * series(t, order, attenuation); });
+  };
   const double top = refined(best, -1.0);
   peak = series(top, order, attenuation);
   const auto crossing = [&](double level) { return bisect(0, top, [&](double t) { return series(t, order, attenuation) - level; }); };
   switch (correction) {
     case v1::ConvolutionShadow::SCALING:
-      result.scale = 2;   // s = 2 f limited to [0,1]
+      result.scale = 2;  // s = 2 f limited to [0,1]
       break;
     case v1::ConvolutionShadow::SHIFTED_SCALING: {
       // Lowest ripple behind the first peak: scaled up to 1, so that all of them lie above.
@@ -74,7 +90,10 @@ ConvolutionCorrection convolutionCorrection(v1::ConvolutionShadow::Correction co
     case v1::ConvolutionShadow::NONE: break;
     default:
       if (peak >= 1) result.offset = crossing(1);
-      else { result.scale = 0.5 / (peak - 0.5); result.offset = top; }   // attenuated below 1: to the peak
+      else {
+        result.scale = 0.5 / (peak - 0.5);
+        result.offset = top;
+      }  // attenuated below 1: to the peak
       break;
   }
   return result;

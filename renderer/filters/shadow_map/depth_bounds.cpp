@@ -60,19 +60,27 @@ class DepthBoundsNode : public Node {
     for (int face = 0; face < e.layers; ++face) {
       float* base = &bounds[size_t(face) * packed];
       const float* depths = &z[size_t(face) * square];
-      if (!ctx.arena->parallelFor(square, 1 << 16, [&](size_t from, size_t to) {
-            for (size_t i = from; i < to; ++i) base[i] = formulas::shadowDepth(depths[i]);
-          }, ctx.stop)) return Status(Code::Cancelled, "depth_bounds stopped");
+      if (!ctx.arena->parallelFor(
+              square, 1 << 16,
+              [&](size_t from, size_t to) {
+                for (size_t i = from; i < to; ++i) base[i] = formulas::shadowDepth(depths[i]);
+              },
+              ctx.stop))
+        return Status(Code::Cancelled, "depth_bounds stopped");
       for (int l = 1; l < mipLevels(resolution_); ++l) {
         const MipLevel from = mipLevel(resolution_, l - 1), to = mipLevel(resolution_, l);
-        const bool done = ctx.arena->parallelFor(size_t(to.side), 64, [&](size_t begin, size_t end) {
-          const float *low = base + from.offset, *high = base + from.offset + (l > 1 ? chain : 0);
-          for (size_t y = begin; y < end; ++y) {
-            const size_t y0 = 2 * y * size_t(from.side), y1 = std::min(2 * y + 1, size_t(from.side - 1)) * size_t(from.side), out = to.offset + y * size_t(to.side);
-            row(low + y0, low + y1, base + out, from.side, to.side, [](float a, float b) { return a < b ? a : b; });
-            row(high + y0, high + y1, base + out + chain, from.side, to.side, [](float a, float b) { return a > b ? a : b; });
-          }
-        }, ctx.stop);
+        const bool done = ctx.arena->parallelFor(
+            size_t(to.side), 64,
+            [&](size_t begin, size_t end) {
+              const float *low = base + from.offset, *high = base + from.offset + (l > 1 ? chain : 0);
+              for (size_t y = begin; y < end; ++y) {
+                const size_t y0 = 2 * y * size_t(from.side), y1 = std::min(2 * y + 1, size_t(from.side - 1)) * size_t(from.side),
+                             out = to.offset + y * size_t(to.side);
+                row(low + y0, low + y1, base + out, from.side, to.side, [](float a, float b) { return a < b ? a : b; });
+                row(high + y0, high + y1, base + out + chain, from.side, to.side, [](float a, float b) { return a > b ? a : b; });
+              }
+            },
+            ctx.stop);
         if (!done) return Status(Code::Cancelled, "depth_bounds stopped");
       }
     }

@@ -23,7 +23,10 @@ class DepthBounds {
   int resolution() const { return resolution_; }
   /// Level 0: the depth map of a face.
   const float* depth(int face) const { return texels_ + size_t(face) * faceTexels_; }
-  struct Level { const float *lo, *hi; int side; };
+  struct Level {
+    const float *lo, *hi;
+    int side;
+  };
   /// One level of the first face; the others follow at multiples of faceTexels().
   Level level(int l) const { return {texels_ + lo_[l], texels_ + hi_[l], side_[l]}; }
   int levels() const { return mipLevels(resolution_); }
@@ -31,11 +34,12 @@ class DepthBounds {
   /// Bounds over texels [x0, x1] x [y0, y1] (inside the map), from the finest level at which they span at most two texels a side: never
   /// narrower than the truth.
   void range(int face, int x0, int y0, int x1, int y1, float& lo, float& hi) const {
-    int level = std::max(int(std::bit_width(unsigned(std::max(x1 - x0, y1 - y0)))) - 1, 0);   // one finer spans three at least
+    int level = std::max(int(std::bit_width(unsigned(std::max(x1 - x0, y1 - y0)))) - 1, 0);  // one finer spans three at least
     while ((x1 >> level) - (x0 >> level) > 1 || (y1 >> level) - (y0 >> level) > 1) ++level;
     const float* base = texels_ + size_t(face) * faceTexels_;
     const float *low = base + lo_[level], *high = base + hi_[level];
-    const size_t side = size_t(side_[level]), ax = size_t(x0 >> level), bx = size_t(x1 >> level), ay = size_t(y0 >> level) * side, by = size_t(y1 >> level) * side;
+    const size_t side = size_t(side_[level]), ax = size_t(x0 >> level), bx = size_t(x1 >> level), ay = size_t(y0 >> level) * side,
+                 by = size_t(y1 >> level) * side;
     lo = least(least(low[ay + ax], low[ay + bx]), least(low[by + ax], low[by + bx]));
     hi = most(most(high[ay + ax], high[ay + bx]), most(high[by + ax], high[by + bx]));
   }
@@ -46,7 +50,7 @@ class DepthBounds {
   const float* texels_;
   size_t faceTexels_;
   int resolution_;
-  size_t lo_[kMaxLevels], hi_[kMaxLevels];   // where a level begins
+  size_t lo_[kMaxLevels], hi_[kMaxLevels];  // where a level begins
   int side_[kMaxLevels];
 };
 

@@ -21,7 +21,7 @@ struct AxisKernel {
 /// A box of `width` texels around position x: whole texels count 1 / width, those at its ends their covered part. Of at most kMax texels.
 inline void boxKernel(float x, float width, AxisKernel& k) {
   width = std::clamp(width, 1e-3f, float(AxisKernel::kMax - 2));
-  const float lo = x - 0.5f * width + 0.5f, hi = lo + width;   // in texel edges: texel i is [i, i + 1]
+  const float lo = x - 0.5f * width + 0.5f, hi = lo + width;  // in texel edges: texel i is [i, i + 1]
   k.first = int(std::floor(lo));
   k.count = std::max(1, int(std::ceil(hi)) - k.first);
   const float inverse = 1.0f / width;
@@ -54,7 +54,8 @@ enum class KernelVerdict { Mixed, Lit, Dark };
 inline KernelVerdict kernelVerdict(const DepthBounds& bounds, int face, const ReceiverPlane& r, int x0, int y0, int x1, int y1) {
   const int last = bounds.resolution() - 1;
   // The plane goes on beyond the rim, where taps repeat the map's: its reach is that of the whole kernel.
-  const float reach = std::fabs(r.slopeX) * (std::max(r.x - float(x0), float(x1) - r.x) + 1.0f) + std::fabs(r.slopeY) * (std::max(r.y - float(y0), float(y1) - r.y) + 1.0f) + 1e-6f;
+  const float reach = std::fabs(r.slopeX) * (std::max(r.x - float(x0), float(x1) - r.x) + 1.0f) +
+                      std::fabs(r.slopeY) * (std::max(r.y - float(y0), float(y1) - r.y) + 1.0f) + 1e-6f;
   x0 = std::clamp(x0, 0, last);
   x1 = std::clamp(x1, 0, last);
   y0 = std::clamp(y0, 0, last);
@@ -77,7 +78,7 @@ inline float compareRows(const float* z, int side, const ReceiverPlane& r, const
     const float* row = z + size_t(std::clamp(y, 0, side - 1)) * size_t(side) + size_t(kx.first);
     const float across = r.slopeY * (float(y) - r.y), weight = ky.weight[j];
     for (int i = 0; i < N; ++i) {
-      const bool pass = !(row[i] < r.d + (along[i] + across));   // a depth that is no number is lit
+      const bool pass = !(row[i] < r.d + (along[i] + across));  // a depth that is no number is lit
       sum[i] += pass ? weight : 0.0f;
       lit[i] += pass ? 1 : 0;
     }

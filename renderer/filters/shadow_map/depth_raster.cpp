@@ -10,30 +10,38 @@
 namespace gobo {
 namespace {
 
-constexpr size_t kChunk = 4096;        // triangles sorted by one task
+constexpr size_t kChunk = 4096;  // triangles sorted by one task
 // Coverage is decided in double, where texel positions err by 1e-12: corners that lie on a centre count as covering it.
 constexpr double kRim = 1e-6;
 
-struct Line { double a, b, c; };       // a x + b y + c
+struct Line {
+  double a, b, c;
+};  // a x + b y + c
 template <typename Corner>
-Line through(const Corner& p, const Corner& q) { return {p.y * q.w - p.w * q.y, p.w * q.x - p.x * q.w, p.x * q.y - p.y * q.x}; }
+Line through(const Corner& p, const Corner& q) {
+  return {p.y * q.w - p.w * q.y, p.w * q.x - p.x * q.w, p.x * q.y - p.y * q.x};
+}
 
 }  // namespace
 
 struct DepthRaster::Buffer {
-  int first = 0, side = 0;             // row of the map, texels a row
+  int first = 0, side = 0;  // row of the map, texels a row
   std::vector<float> q;
-  std::vector<uint8_t> open;           // empty until an alpha surface comes
+  std::vector<uint8_t> open;  // empty until an alpha surface comes
 };
 
-DepthRaster::DepthRaster(const LightFrame& frame, int resolution, std::span<const RasterMesh> meshes) : frame_(frame), resolution_(resolution), meshes_(meshes) {
+DepthRaster::DepthRaster(const LightFrame& frame, int resolution, std::span<const RasterMesh> meshes)
+    : frame_(frame), resolution_(resolution), meshes_(meshes) {
   GOBO_CHECK(resolution >= 1);
   using D = glm::dvec3;
   const double sx = resolution / (double(frame.hi.x) - frame.lo.x), sy = resolution / (double(frame.hi.y) - frame.lo.y);
   const D right(frame.right), up(frame.up), forward(frame.forward);
   // Texel positions as rows of an affine map on p - origin, x = (right . p - lo w) s - w / 2 with w = forward . p or 1.
   const double ox = frame.lo.x * sx + 0.5, oy = frame.lo.y * sy + 0.5;
-  struct Row { D a; double b; };
+  struct Row {
+    D a;
+    double b;
+  };
   const Row w = frame.perspective ? Row{forward, 0.0} : Row{D(0.0), 1.0};
   const Row rows[4] = {{right * sx - w.a * ox, -w.b * ox}, {up * sy - w.a * oy, -w.b * oy}, w, {forward, 0.0}};
   rows_.reserve(meshes.size());
@@ -95,7 +103,10 @@ bool DepthRaster::rowsOf(const Corner (&v)[3], int& first, int& last) const {
 }
 
 void DepthRaster::sortChunk(Chunk& c) const {
-  struct Entry { uint32_t triangle; int first, last; };
+  struct Entry {
+    uint32_t triangle;
+    int first, last;
+  };
   std::vector<Entry> entries;
   c.start.assign(size_t(bands()) + 1, 0);
   for (uint32_t t = c.first; t < c.first + c.count; ++t) {
@@ -114,15 +125,18 @@ void DepthRaster::sortChunk(Chunk& c) const {
 }
 
 bool DepthRaster::sort(const TaskArena& arena, const StopToken& stop) {
-  return arena.parallelFor(chunks_.size(), 1, [&](size_t begin, size_t end) {
-    for (size_t i = begin; i < end; ++i) sortChunk(chunks_[i]);
-  }, stop);
+  return arena.parallelFor(
+      chunks_.size(), 1,
+      [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) sortChunk(chunks_[i]);
+      },
+      stop);
 }
 
 void DepthRaster::triangle(const Corner (&v)[3], int y0, int y1, bool alpha, Buffer& buffer) const {
   Line e[3] = {through(v[1], v[2]), through(v[2], v[0]), through(v[0], v[1])};
   const double D = v[0].x * e[0].a + v[0].y * e[0].b + v[0].w * e[0].c;
-  if (!(std::fabs(D) > 0.0) || !std::isfinite(D)) return;   // seen edge on
+  if (!(std::fabs(D) > 0.0) || !std::isfinite(D)) return;  // seen edge on
   const double inverse = 1.0 / D;
   // sum_i e_i is det / w for a perspective map, which has 1 / depth = sum_i e_i / D; else depth = sum_i depth_i e_i / D.
   double f[3];
@@ -134,13 +148,13 @@ void DepthRaster::triangle(const Corner (&v)[3], int y0, int y1, bool alpha, Buf
     span.lo = float(-most);
     span.hi = float(-least);
   } else {
-    span.lo = float(1.0 / most);       // most > 0, or rowsOf() had said no
+    span.lo = float(1.0 / most);  // most > 0, or rowsOf() had said no
     if (least > 1e-30) span.hi = std::min(float(1.0 / least), 3.0e38f);
   }
   if (!std::isfinite(span.step)) return;
   double inverseA[3];
   for (int k = 0; k < 3; ++k) {
-    if (D < 0.0) e[k] = {-e[k].a, -e[k].b, -e[k].c};        // now e >= 0 inside, in front of the light
+    if (D < 0.0) e[k] = {-e[k].a, -e[k].b, -e[k].c};  // now e >= 0 inside, in front of the light
     inverseA[k] = e[k].a != 0.0 ? 1.0 / e[k].a : 0.0;
   }
   for (int y = y0; y <= y1; ++y) {
@@ -170,7 +184,7 @@ void DepthRaster::band(int b, float* z, std::vector<uint32_t>& open) const {
   buffer.first = y0;
   buffer.side = resolution_;
   buffer.q.assign(texels, nothing);
-  for (int pass = 0; pass < 2; ++pass) {   // opaque ones first: what lies behind them needs no ray
+  for (int pass = 0; pass < 2; ++pass) {  // opaque ones first: what lies behind them needs no ray
     for (const Chunk& c : chunks_) {
       if (meshes_[c.mesh].alpha != (pass == 1) || c.start[size_t(b)] == c.start[size_t(b) + 1]) continue;
       if (pass == 1 && buffer.open.empty()) buffer.open.assign(texels, 0);

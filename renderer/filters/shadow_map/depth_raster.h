@@ -20,16 +20,16 @@ namespace gobo {
 
 /// One instance's triangles. All pointers must outlive the raster.
 struct RasterMesh {
-  const uint32_t* indices = nullptr;   ///< 3 a triangle
+  const uint32_t* indices = nullptr;  ///< 3 a triangle
   const Vec3* positions = nullptr;
   size_t triangles = 0;
   Mat4 toWorld{1.0f};
-  bool alpha = false;                  ///< may let light through: texels where it is nearest are left to rays
+  bool alpha = false;  ///< may let light through: texels where it is nearest are left to rays
 };
 
 class DepthRaster {
  public:
-  static constexpr int kBand = 32;     ///< rows that one task holds in its second-level cache
+  static constexpr int kBand = 32;  ///< rows that one task holds in its second-level cache
 
   DepthRaster(const LightFrame& frame, int resolution, std::span<const RasterMesh> meshes);
   int bands() const { return (resolution_ + kBand - 1) / kBand; }
@@ -42,11 +42,15 @@ class DepthRaster {
  private:
   struct Chunk {
     uint32_t mesh = 0, first = 0, count = 0;
-    std::vector<uint32_t> start, triangles;   ///< those of band b: triangles[start[b]] .. triangles[start[b + 1] - 1]
+    std::vector<uint32_t> start, triangles;  ///< those of band b: triangles[start[b]] .. triangles[start[b + 1] - 1]
   };
   /// x / w, y / w are texels with centres at whole numbers; z metric planar depth; w = z (perspective) or 1.
-  struct Corner { double x, y, w, z; };
-  struct Rows { double x[4], y[4], w[4], z[4]; };
+  struct Corner {
+    double x, y, w, z;
+  };
+  struct Rows {
+    double x[4], y[4], w[4], z[4];
+  };
   struct Buffer;
   void corners(uint32_t mesh, uint32_t triangle, Corner (&v)[3]) const;
   bool rowsOf(const Corner (&v)[3], int& first, int& last) const;
@@ -56,7 +60,7 @@ class DepthRaster {
   LightFrame frame_;
   int resolution_;
   std::span<const RasterMesh> meshes_;
-  std::vector<Rows> rows_;             // by mesh
+  std::vector<Rows> rows_;  // by mesh
   std::vector<Chunk> chunks_;
 };
 

@@ -9,7 +9,9 @@
 namespace gobo {
 
 /// A triangle's q along a row: at texel i it is start + i step, limited to what its corners span.
-struct DepthSpan { float start, step, lo, hi; };
+struct DepthSpan {
+  float start, step, lo, hi;
+};
 /// q[i] = max(q[i], span at i).
 void nearestSpan(float* q, size_t n, const DepthSpan& span);
 /// open[i] = 1 where the span at i lies at q[i] or in front of it.

@@ -60,23 +60,26 @@ class EncodeNode : public ShadowMapNode {
     }
     const size_t step = size_t(basis_->channels()), row = size_t(width) * step;
     const size_t strips = (size_t(height) + kStrip - 1) / kStrip;
-    const bool done = ctx.arena->parallelFor(strips * size_t(packed.layers), 1, [&](size_t from, size_t to) {
-      Strip strip(size_t(width), step, blur_);
-      for (size_t s = from; s < to; ++s) {
-        const size_t face = s / strips;
-        const int y0 = int(s % strips) * kStrip, y1 = std::min(y0 + kStrip, height);
-        strip.make(*basis_, z.data() + face * size_t(width) * size_t(height), height, y0, y1, weights);
-        for (int y = y0; y < y1; ++y) {
-          const size_t at = (face * size_t(height) + size_t(y)) * row;
-          if (bytes_) {
-            strip.finish(y, weights, basis_->logarithmic(), strip.line());
-            toBytes(strip.line(), &bytes[at], row);
-          } else {
-            strip.finish(y, weights, basis_->logarithmic(), &floats[at]);
+    const bool done = ctx.arena->parallelFor(
+        strips * size_t(packed.layers), 1,
+        [&](size_t from, size_t to) {
+          Strip strip(size_t(width), step, blur_);
+          for (size_t s = from; s < to; ++s) {
+            const size_t face = s / strips;
+            const int y0 = int(s % strips) * kStrip, y1 = std::min(y0 + kStrip, height);
+            strip.make(*basis_, z.data() + face * size_t(width) * size_t(height), height, y0, y1, weights);
+            for (int y = y0; y < y1; ++y) {
+              const size_t at = (face * size_t(height) + size_t(y)) * row;
+              if (bytes_) {
+                strip.finish(y, weights, basis_->logarithmic(), strip.line());
+                toBytes(strip.line(), &bytes[at], row);
+              } else {
+                strip.finish(y, weights, basis_->logarithmic(), &floats[at]);
+              }
+            }
           }
-        }
-      }
-    }, ctx.stop);
+        },
+        ctx.stop);
     if (!done) return Status(Code::Cancelled, "shadow_encode stopped");
     return TermPtr(term);
   }
@@ -88,8 +91,13 @@ class EncodeNode : public ShadowMapNode {
   class Strip {
    public:
     Strip(size_t width, size_t step, int blur)
-        : width_(width), step_(step), blur_(blur), rows_(size_t(kStrip + 2 * blur) * width * step), padded_((width + 2 * size_t(blur)) * step),
-          line_(width * step), around_(size_t(2 * blur + 1)) {}
+        : width_(width),
+          step_(step),
+          blur_(blur),
+          rows_(size_t(kStrip + 2 * blur) * width * step),
+          padded_((width + 2 * size_t(blur)) * step),
+          line_(width * step),
+          around_(size_t(2 * blur + 1)) {}
     float* line() { return line_.data(); }
     void make(const ShadowBasis& basis, const float* z, int height, int y0, int y1, const std::vector<float>& weights) {
       first_ = y0 - blur_;
@@ -97,7 +105,10 @@ class EncodeNode : public ShadowMapNode {
       const size_t row = width_ * step_, pad = size_t(blur_) * step_;
       for (int y = std::max(first_, 0); y < std::min(y1 + blur_, height); ++y) {
         float* to = &rows_[size_t(y - first_) * row];
-        if (blur_ == 0) { basis.encode(z + size_t(y) * width_, to, width_); continue; }
+        if (blur_ == 0) {
+          basis.encode(z + size_t(y) * width_, to, width_);
+          continue;
+        }
         float* middle = padded_.data() + pad;
         basis.encode(z + size_t(y) * width_, middle, width_);
         for (int k = 0; k < blur_; ++k) {

@@ -8,7 +8,7 @@ namespace {
 class ExponentialBasis final : public ShadowBasis {
  public:
   ExponentialBasis(float c, bool logarithmic) : c_(c), logarithmic_(logarithmic) {
-    GOBO_CHECK(c >= 1.0f && (logarithmic || c <= 80.0f));   // above 80 the far end leaves float (exponential_shadow_map.glsl.h)
+    GOBO_CHECK(c >= 1.0f && (logarithmic || c <= 80.0f));  // above 80 the far end leaves float (exponential_shadow_map.glsl.h)
   }
   const char* name() const override { return logarithmic_ ? "exponential_logarithmic" : "exponential"; }
   int channels() const override { return 1; }

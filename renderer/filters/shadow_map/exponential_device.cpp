@@ -25,8 +25,13 @@ constexpr char kLookupText[] =
 #include "shaders/exponential_lookup.glsl.inc"
     ;
 
-struct EncodePush { uint32_t count; float c; };
-struct FilterPush { int32_t width, height, radius, columns; };
+struct EncodePush {
+  uint32_t count;
+  float c;
+};
+struct FilterPush {
+  int32_t width, height, radius, columns;
+};
 struct LookupPush {
   float u[4], v[4], w[4], d[4];
   float origin[3];
@@ -40,7 +45,10 @@ const ComputeKernel kEncode{"exponential_encode", kEncodeCode, 2, sizeof(EncodeP
 const ComputeKernel kFilter{"exponential_filter", kFilterCode, 3, sizeof(FilterPush), kFilterText};
 const ComputeKernel kLookup{"exponential_lookup", kLookupCode, 4, sizeof(LookupPush), kLookupText};
 
-template <typename T> std::span<const uint8_t> pushBytes(const T& push) { return {reinterpret_cast<const uint8_t*>(&push), sizeof push}; }
+template <typename T>
+std::span<const uint8_t> pushBytes(const T& push) {
+  return {reinterpret_cast<const uint8_t*>(&push), sizeof push};
+}
 
 }  // namespace
 

@@ -16,7 +16,11 @@ Status deviceEncode(ComputeDevice& device, std::span<const float> z, int width, 
 
 /// V of the receivers (positions 3 floats each, instance ~0u means no surface) from a filtered map, in pieces of 2^20 receivers, between which
 /// `stop` is polled (Cancelled).
-struct DeviceLookup { LightFrame frame; float c, bias; int width, height; };
+struct DeviceLookup {
+  LightFrame frame;
+  float c, bias;
+  int width, height;
+};
 Status deviceLookup(ComputeDevice& device, const DeviceLookup& lookup, std::span<const float> map, std::span<const float> positions,
                     std::span<const uint32_t> instances, std::span<float> visibility, const StopToken& stop);
 

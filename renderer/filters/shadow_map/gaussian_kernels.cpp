@@ -11,7 +11,7 @@ using namespace formulas;
 
 namespace {
 
-constexpr size_t kBlock = 256;   // values kept in the first-level cache between the loops of a pass
+constexpr size_t kBlock = 256;  // values kept in the first-level cache between the loops of a pass
 
 template <typename Tap>
 void weightedSum(const Tap& tap, const float* __restrict weights, int taps, float* __restrict out, size_t n) {
@@ -65,7 +65,7 @@ void filterColumnsLogarithmic(const float* const* rows, const float* weights, in
   weightedLogarithm([=](int k) { return rows[k]; }, weights, taps, c, out, n);
 }
 void toBytes(const float* __restrict values, uint8_t* __restrict out, size_t n) {
-  for (size_t i = 0; i < n; ++i) out[i] = uint8_t(int(csmToByte(values[i])));   // through int: that conversion has a vector form
+  for (size_t i = 0; i < n; ++i) out[i] = uint8_t(int(csmToByte(values[i])));  // through int: that conversion has a vector form
 }
 
 }  // namespace gobo

@@ -29,7 +29,9 @@ void traceTexels(const SolidScene& scene, const LightFrame& f, int resolution, c
 class LightDepthMapNode : public ShadowMapNode {
  public:
   LightDepthMapNode(const LightFrames& frames, int resolution, DepthMethod method, bool clear)
-      : frames_(frames), resolution_(resolution), method_(method), clear_(clear) { GOBO_CHECK(resolution >= 1); }
+      : frames_(frames), resolution_(resolution), method_(method), clear_(clear) {
+    GOBO_CHECK(resolution >= 1);
+  }
   std::string type() const override { return "light_depth_map"; }
   int version() const override { return 3; }
   NodeTraits traits() const override { return {.facets = clear_ ? kAccelFacets | Facet::Bsdf : kAccelFacets}; }
@@ -84,19 +86,22 @@ class LightDepthMapNode : public ShadowMapNode {
 
   bool traceFace(const RunContext& ctx, const SolidScene& solid, const LightFrame& f, float* z) const {
     const int rows = (resolution_ + kTile - 1) / kTile;
-    return ctx.arena->parallelFor(size_t(rows), 1, [&](size_t begin, size_t end) {
-      for (size_t r = begin; r < end; ++r) {
-        const int y0 = int(r) * kTile, y1 = std::min(y0 + kTile, resolution_);
-        for (int x0 = 0; x0 < resolution_; x0 += kTile) {
-          uint32_t texels[kLanes];
-          int count = 0;
-          for (int y = y0; y < y1; ++y)
-            for (int x = x0; x < std::min(x0 + kTile, resolution_); ++x) texels[count++] = uint32_t(y) * uint32_t(resolution_) + uint32_t(x);
-          traceTexels(solid, f, resolution_, texels, count, z);
-        }
-        if (ctx.counters) ctx.counters->rays += uint64_t(y1 - y0) * uint64_t(resolution_);
-      }
-    }, ctx.stop);
+    return ctx.arena->parallelFor(
+        size_t(rows), 1,
+        [&](size_t begin, size_t end) {
+          for (size_t r = begin; r < end; ++r) {
+            const int y0 = int(r) * kTile, y1 = std::min(y0 + kTile, resolution_);
+            for (int x0 = 0; x0 < resolution_; x0 += kTile) {
+              uint32_t texels[kLanes];
+              int count = 0;
+              for (int y = y0; y < y1; ++y)
+                for (int x = x0; x < std::min(x0 + kTile, resolution_); ++x) texels[count++] = uint32_t(y) * uint32_t(resolution_) + uint32_t(x);
+              traceTexels(solid, f, resolution_, texels, count, z);
+            }
+            if (ctx.counters) ctx.counters->rays += uint64_t(y1 - y0) * uint64_t(resolution_);
+          }
+        },
+        ctx.stop);
   }
 
   bool scanFace(const RunContext& ctx, const SolidScene& solid, const LightFrame& f, float* z) const {
@@ -106,18 +111,22 @@ class LightDepthMapNode : public ShadowMapNode {
       const auto mesh = ctx.scene->mesh<Facet::Topology>(instances[i].mesh);
       if (mesh.triangles() == 0 || !solid.solid(uint32_t(i))) continue;
       const InstanceGeometry& g = solid.accel().impl().instances[i];
-      parts.push_back({g.indices, g.positions, mesh.triangles(), g.world ? Mat4(1.0f) : g.toWorld, ctx.scene->coverage(mesh.material).mode != AlphaMode::Opaque});
+      parts.push_back(
+          {g.indices, g.positions, mesh.triangles(), g.world ? Mat4(1.0f) : g.toWorld, ctx.scene->coverage(mesh.material).mode != AlphaMode::Opaque});
     }
     DepthRaster raster(f, resolution_, parts);
     if (!raster.sort(*ctx.arena, ctx.stop)) return false;
-    return ctx.arena->parallelFor(size_t(raster.bands()), 1, [&](size_t begin, size_t end) {
-      std::vector<uint32_t> open;
-      for (size_t b = begin; b < end; ++b) {
-        raster.band(int(b), z, open);
-        for (size_t i = 0; i < open.size(); i += kLanes) traceTexels(solid, f, resolution_, &open[i], int(std::min<size_t>(kLanes, open.size() - i)), z);
-        if (ctx.counters) ctx.counters->rays += open.size();
-      }
-    }, ctx.stop);
+    return ctx.arena->parallelFor(
+        size_t(raster.bands()), 1,
+        [&](size_t begin, size_t end) {
+          std::vector<uint32_t> open;
+          for (size_t b = begin; b < end; ++b) {
+            raster.band(int(b), z, open);
+            for (size_t i = 0; i < open.size(); i += kLanes) traceTexels(solid, f, resolution_, &open[i], int(std::min<size_t>(kLanes, open.size() - i)), z);
+            if (ctx.counters) ctx.counters->rays += open.size();
+          }
+        },
+        ctx.stop);
   }
 
   LightFrames frames_;

@@ -11,7 +11,7 @@ LightFrame::Rows LightFrame::rows() const {
   const Vec2 scale = 1.0f / (hi - lo);
   const float depth = 1.0f / (far - near);
   Rows r;
-  if (perspective) {   // u = (X/Z - lo) scale = (X scale - Z lo scale) / Z
+  if (perspective) {  // u = (X/Z - lo) scale = (X scale - Z lo scale) / Z
     r.u = Vec4((right - forward * lo.x) * scale.x, 0.0f);
     r.v = Vec4((up - forward * lo.y) * scale.y, 0.0f);
     r.w = Vec4(forward, 0.0f);
@@ -60,11 +60,9 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
         tangent = std::sqrt(1.0f - c * c) / c;
       }
       break;
-    case LightKind::Rect: case LightKind::Disk:
-      f.perspective = true;
-      break;
-    default:
-      return Status(Code::Unimplemented, "one shadow map does not serve this kind of light");
+    case LightKind::Rect:
+    case LightKind::Disk: f.perspective = true; break;
+    default: return Status(Code::Unimplemented, "one shadow map does not serve this kind of light");
   }
   const bool empty = !(lo.x <= hi.x && lo.y <= hi.y && lo.z <= hi.z);
   const float axisLength = glm::length(light.axis);
@@ -78,7 +76,7 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
   f.up = basis.y;
   f.origin = f.perspective ? light.position : empty ? Vec3(0.0f) : 0.5f * lo + 0.5f * hi;
 
-  Vec3 low(3.0e38f), high(-3.0e38f);           // of the corners in the light's axes
+  Vec3 low(3.0e38f), high(-3.0e38f);  // of the corners in the light's axes
   Vec2 lowTan(3.0e38f), highTan(-3.0e38f);
   for (int corner = 0; corner < 8 && !empty; ++corner) {
     const Vec3 p = Vec3(corner & 1 ? hi.x : lo.x, corner & 2 ? hi.y : lo.y, corner & 4 ? hi.z : lo.z) - f.origin;
@@ -99,7 +97,10 @@ Result<LightFrame> fitLightFrame(const LightShape& light, const Vec3& lo, const 
       f.near = std::max(low.z, 0.0f);
       // Corners beside or behind the light have tangents beyond any window, so what is left covers all that lies in front.
       const Vec2 a = glm::max(f.lo, lowTan), b = glm::min(f.hi, highTan);
-      if (a.x <= b.x && a.y <= b.y) { f.lo = a; f.hi = b; }
+      if (a.x <= b.x && a.y <= b.y) {
+        f.lo = a;
+        f.hi = b;
+      }
     }
   } else if (!empty) {
     f.lo = Vec2(low);

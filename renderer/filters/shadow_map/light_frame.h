@@ -8,8 +8,8 @@
 
 #include "base/hash.h"
 #include "base/status.h"
-#include "scene/light.h"
 #include "scene/camera.h"
+#include "scene/light.h"
 
 namespace gobo {
 
@@ -18,15 +18,17 @@ inline constexpr float kMaxHalfAngle = 75.0f * kPi / 180.0f;
 
 struct LightFrame {
   bool perspective = false;
-  Vec3 origin{0.0f};                  ///< perspective: the light; orthographic: centre of the scene bounds
+  Vec3 origin{0.0f};  ///< perspective: the light; orthographic: centre of the scene bounds
   Vec3 right{1, 0, 0}, up{0, 1, 0}, forward{0, 0, 1};
-  Vec2 lo{-1.0f}, hi{1.0f};           ///< window: tangents (perspective) or metres (orthographic)
-  float near = 0.0f, far = 1.0f;      ///< metres along `forward` from the origin; may be negative when orthographic
-  float start = 0.0f;                 ///< orthographic: where rays begin, in front of every caster; what lies between start and near has depth 0
-  bool sees = true;                   ///< false: nothing of the scene lies in it, or nothing that the camera sees: needs no ray
+  Vec2 lo{-1.0f}, hi{1.0f};       ///< window: tangents (perspective) or metres (orthographic)
+  float near = 0.0f, far = 1.0f;  ///< metres along `forward` from the origin; may be negative when orthographic
+  float start = 0.0f;             ///< orthographic: where rays begin, in front of every caster; what lies between start and near has depth 0
+  bool sees = true;               ///< false: nothing of the scene lies in it, or nothing that the camera sees: needs no ray
 
   /// Rows of the affine map on p = P - origin: u = rows[0]/rows[2], v = rows[1]/rows[2], d = rows[3]; row: x, y, z, constant.
-  struct Rows { Vec4 u, v, w, d; };
+  struct Rows {
+    Vec4 u, v, w, d;
+  };
   Rows rows() const;
   /// Ray through (u, v); its planar depth at distance t is startDepth + t * cosine.
   Ray ray(float u, float v, float& startDepth, float& cosine) const;

@@ -39,13 +39,13 @@ class LookupNode : public Node {
     auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
     const std::span<float> V = term->addUnsetPlane<float>("V");
     const std::span<float> flags = classified() ? term->addPlane<float>("flags") : std::span<float>();
-    if (l_.map.resolution == 0) {   // an empty map reaches nowhere
+    if (l_.map.resolution == 0) {  // an empty map reaches nowhere
       std::fill(V.begin(), V.end(), 1.0f);
       return TermPtr(term);
     }
     if (device_) {
-      GOBO_TRY(deviceLookup(*device_, {l_.frames.face[0], basis_->exponent(), l_.map.bias, map.extent().width, map.extent().height}, map.floats("B"), gbuffer.floats("P"),
-                            gbuffer.plane<uint32_t>("instance"), V, ctx.stop));
+      GOBO_TRY(deviceLookup(*device_, {l_.frames.face[0], basis_->exponent(), l_.map.bias, map.extent().width, map.extent().height}, map.floats("B"),
+                            gbuffer.floats("P"), gbuffer.plane<uint32_t>("instance"), V, ctx.stop));
       return TermPtr(term);
     }
     const bool slopes = basis_->comparesDepth() || classified();
@@ -56,26 +56,29 @@ class LookupNode : public Node {
     if (l_.map.lookup == Settings::SUMMED_AREA) sums.emplace(map, l_.map.resolution);
     else texture.emplace(map, l_.map.resolution, basis_->logarithmic());
     if (classified()) bounds.emplace(*ctx.inputs.at(2), l_.map.resolution);
-    const bool done = ctx.arena->parallelFor(V.size(), 4096, [&](size_t begin, size_t end) {
-      ReceiverBlock b;
-      std::vector<float> values(size_t(basis_->channels()) * kN);
-      for (size_t first = begin; first < end; first += kN) {
-        const int n = int(std::min<size_t>(kN, end - first));
-        receivers.fill(first, n, b);
-        fetch(texture, sums, b, n, values.data());
-        float d[kN], s[kN];
-        for (int i = 0; i < n; ++i) d[i] = b.d[i] - l_.map.bias;
-        if (basis_->comparesDepth()) {
-          for (int i = 0; i < n; ++i) {   // the surface's own depth changes over the kernel
-            const Vec2 reach = this->reach(b, i, 0.5f);
-            d[i] -= l_.map.slopeBias * (reach.x * std::fabs(b.slopeX[i]) + reach.y * std::fabs(b.slopeY[i]));
+    const bool done = ctx.arena->parallelFor(
+        V.size(), 4096,
+        [&](size_t begin, size_t end) {
+          ReceiverBlock b;
+          std::vector<float> values(size_t(basis_->channels()) * kN);
+          for (size_t first = begin; first < end; first += kN) {
+            const int n = int(std::min<size_t>(kN, end - first));
+            receivers.fill(first, n, b);
+            fetch(texture, sums, b, n, values.data());
+            float d[kN], s[kN];
+            for (int i = 0; i < n; ++i) d[i] = b.d[i] - l_.map.bias;
+            if (basis_->comparesDepth()) {
+              for (int i = 0; i < n; ++i) {  // the surface's own depth changes over the kernel
+                const Vec2 reach = this->reach(b, i, 0.5f);
+                d[i] -= l_.map.slopeBias * (reach.x * std::fabs(b.slopeX[i]) + reach.y * std::fabs(b.slopeY[i]));
+              }
+            }
+            basis_->reconstruct(values.data(), kN, d, s, size_t(n));
+            if (classified()) repair(*bounds, b, n, s, &flags[first]);
+            for (int i = 0; i < n; ++i) V[first + size_t(i)] = b.covered[i] ? std::clamp(s[i], 0.0f, 1.0f) : 1.0f;
           }
-        }
-        basis_->reconstruct(values.data(), kN, d, s, size_t(n));
-        if (classified()) repair(*bounds, b, n, s, &flags[first]);
-        for (int i = 0; i < n; ++i) V[first + size_t(i)] = b.covered[i] ? std::clamp(s[i], 0.0f, 1.0f) : 1.0f;
-      }
-    }, ctx.stop);
+        },
+        ctx.stop);
     if (!done) return Status(Code::Cancelled, "shadow_lookup stopped");
     return TermPtr(term);
   }
@@ -92,7 +95,8 @@ class LookupNode : public Node {
     if (!footprints()) return Vec2(blur + least);
     const Vec2 major(b.majorX[i], b.majorY[i]), minor(b.minorX[i], b.minorY[i]);
     if (l_.map.lookup == Settings::TRILINEAR) return Vec2(blur + std::max(least, 0.5f * std::max(glm::length(major), glm::length(minor))));
-    return Vec2(blur + std::max(least, 0.5f * (std::fabs(major.x) + std::fabs(minor.x))), blur + std::max(least, 0.5f * (std::fabs(major.y) + std::fabs(minor.y))));
+    return Vec2(blur + std::max(least, 0.5f * (std::fabs(major.x) + std::fabs(minor.x))),
+                blur + std::max(least, 0.5f * (std::fabs(major.y) + std::fabs(minor.y))));
   }
 
   // Texels of the map that the lookup can touch around receiver i, beyond those that hold its position: what Z_MAX asks about. A trilinear
@@ -120,7 +124,7 @@ class LookupNode : public Node {
           texture->trilinear(b.face[i], b.x[i], b.y[i], std::log2(std::max({glm::length(major), glm::length(minor), 1.0f})), one);
           break;
         case Settings::ANISOTROPIC: texture->anisotropic(b.face[i], b.x[i], b.y[i], major, minor, l_.map.anisotropy, one); break;
-        default: {   // the box around the footprint, at least what bilinear lookups span
+        default: {  // the box around the footprint, at least what bilinear lookups span
           const float width = std::max(std::fabs(major.x) + std::fabs(minor.x), 1.0f), height = std::max(std::fabs(major.y) + std::fabs(minor.y), 1.0f);
           sums->box(b.face[i], b.x[i], b.y[i], width, height, one);
         }
@@ -141,7 +145,7 @@ class LookupNode : public Node {
   // Is any depth that the lookup reads further behind the receiver than its own surface spans? The pyramid's bounds first, wider than the
   // kernel by up to its size; then, for kernels that are not large, its texels.
   bool reachesBehind(const DepthBounds& bounds, const ReceiverBlock& b, int i) const {
-    constexpr int kExact = 1024;   // texels
+    constexpr int kExact = 1024;  // texels
     const int side = l_.map.resolution;
     const Vec2 t = touched(b, i);
     const auto low = [](float at, float by) { return std::max(int(at - std::min(by, at)), 0); };

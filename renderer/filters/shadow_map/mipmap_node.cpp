@@ -30,7 +30,10 @@ class MipmapNode : public Node {
   }
 
  private:
-  struct Cover { int first = 0, count = 0; float weight[4]; };
+  struct Cover {
+    int first = 0, count = 0;
+    float weight[4];
+  };
   static std::vector<Cover> covers(int from, int to) {
     std::vector<Cover> list(static_cast<size_t>(to));
     const double ratio = double(from) / to;
@@ -52,17 +55,23 @@ class MipmapNode : public Node {
     for (int face = 0; face < faces; ++face) {
       const T* from = &in[size_t(face) * square * C];
       T* base = &out[size_t(face) * packed * C];
-      if (!ctx.arena->parallelFor(square * C, 1 << 18, [&](size_t a, size_t b) { std::copy(from + a, from + b, base + a); }, ctx.stop)) return false;
+      if (!ctx.arena->parallelFor(
+              square * C, 1 << 18, [&](size_t a, size_t b) { std::copy(from + a, from + b, base + a); }, ctx.stop))
+        return false;
       for (int l = 1; l < mipLevels(resolution_); ++l) {
         const MipLevel above = mipLevel(resolution_, l - 1), here = mipLevel(resolution_, l);
         const std::vector<Cover> cover = covers(above.side, here.side);
         const T* a = base + above.offset * C;
         T* h = base + here.offset * C;
-        const bool done = ctx.arena->parallelFor(size_t(here.side), 16, [&](size_t begin, size_t end) {
-          std::vector<float> sum(C), top(C);
-          for (size_t y = begin; y < end; ++y)
-            for (size_t x = 0; x < size_t(here.side); ++x) mean(a, size_t(above.side), cover[x], cover[y], C, sum.data(), h + (y * size_t(here.side) + x) * C);
-        }, ctx.stop);
+        const bool done = ctx.arena->parallelFor(
+            size_t(here.side), 16,
+            [&](size_t begin, size_t end) {
+              std::vector<float> sum(C), top(C);
+              for (size_t y = begin; y < end; ++y)
+                for (size_t x = 0; x < size_t(here.side); ++x)
+                  mean(a, size_t(above.side), cover[x], cover[y], C, sum.data(), h + (y * size_t(here.side) + x) * C);
+            },
+            ctx.stop);
         if (!done) return false;
       }
     }
@@ -72,7 +81,7 @@ class MipmapNode : public Node {
   void mean(const T* a, size_t side, const Cover& cx, const Cover& cy, size_t C, float* sum, T* out) const {
     const float c = basis_->logarithmic();
     const auto at = [&](int i, int j) { return a + (size_t(cy.first + j) * side + size_t(cx.first + i)) * C; };
-    if (c > 0.0f) {   // one channel; ln of the mean of e^{c z}, about the largest
+    if (c > 0.0f) {  // one channel; ln of the mean of e^{c z}, about the largest
       float top = -1.0f, total = 0.0f;
       for (int j = 0; j < cy.count; ++j)
         for (int i = 0; i < cx.count; ++i) top = std::max(top, value(*at(i, j)));

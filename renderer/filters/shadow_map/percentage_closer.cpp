@@ -17,8 +17,14 @@ class PercentageCloserNode : public Node {
   explicit PercentageCloserNode(const PercentageCloserLookup& l) : l_(l), gaussian_(shadowGaussian(l.map.blur)) {
     // Texels that the kernel can meet before and after the one under a receiver.
     switch (l.pattern) {
-      case v1::PercentageCloserShadow::GAUSSIAN: before_ = l.map.blur; after_ = l.map.blur + 1; break;
-      case v1::PercentageCloserShadow::POISSON: before_ = l.taps / 2 + 1; after_ = l.taps / 2 + 2; break;
+      case v1::PercentageCloserShadow::GAUSSIAN:
+        before_ = l.map.blur;
+        after_ = l.map.blur + 1;
+        break;
+      case v1::PercentageCloserShadow::POISSON:
+        before_ = l.taps / 2 + 1;
+        after_ = l.taps / 2 + 2;
+        break;
       case v1::PercentageCloserShadow::FOOTPRINT: before_ = after_ = kWidest / 2 + 1; break;
       default: before_ = after_ = (l.taps - 1) / 2 + 1; break;
     }
@@ -34,7 +40,7 @@ class PercentageCloserNode : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& gbuffer = *ctx.inputs.at(0);
-    const Term& map = *ctx.inputs.at(1);   // depth_bounds or, for kernels that do not ask it, light_depth_map
+    const Term& map = *ctx.inputs.at(1);  // depth_bounds or, for kernels that do not ask it, light_depth_map
     std::optional<DepthBounds> bounds;
     if (map.type() == "depth_bounds") bounds.emplace(map, l_.map.resolution);
     Depths depths{bounds ? bounds->depth(0) : map.floats("z").data(), bounds ? bounds->faceTexels() : size_t(l_.map.resolution) * size_t(l_.map.resolution)};
@@ -43,31 +49,37 @@ class PercentageCloserNode : public Node {
     const std::span<float> V = term->addUnsetPlane<float>("V");
     const bool skips = bounds && readsDepthBounds(l_);
     const bool bilinear = !l_.hard && l_.pattern == v1::PercentageCloserShadow::REGULAR && l_.taps == 2;
-    const bool done = ctx.arena->parallelFor(V.size(), 4096, [&](size_t begin, size_t end) {
-      ReceiverBlock b;
-      int32_t verdict[ReceiverBlock::kSize];
-      for (size_t first = begin; first < end; first += ReceiverBlock::kSize) {
-        const int n = int(std::min<size_t>(ReceiverBlock::kSize, end - first));
-        receivers.fill(first, n, b);
-        if (bilinear) {
-          bilinearComparisons(depths.z, l_.map.resolution, depths.faceTexels, b, n, l_.map.bias, l_.map.slopeBias, &V[first]);
-          continue;
-        }
-        if (skips) {
-          kernelVerdicts(*bounds, b, n, before_, after_, l_.map.bias, l_.map.slopeBias, verdict);
-          for (int i = 0; i < n; ++i) V[first + size_t(i)] = float(verdict[i]);
-        }
-        for (int i = 0; i < n; ++i)
-          if (!skips || verdict[i] == 2) V[first + size_t(i)] = b.covered[i] ? visibility(depths, b, i, first + size_t(i)) : 1.0f;
-      }
-    }, ctx.stop);
+    const bool done = ctx.arena->parallelFor(
+        V.size(), 4096,
+        [&](size_t begin, size_t end) {
+          ReceiverBlock b;
+          int32_t verdict[ReceiverBlock::kSize];
+          for (size_t first = begin; first < end; first += ReceiverBlock::kSize) {
+            const int n = int(std::min<size_t>(ReceiverBlock::kSize, end - first));
+            receivers.fill(first, n, b);
+            if (bilinear) {
+              bilinearComparisons(depths.z, l_.map.resolution, depths.faceTexels, b, n, l_.map.bias, l_.map.slopeBias, &V[first]);
+              continue;
+            }
+            if (skips) {
+              kernelVerdicts(*bounds, b, n, before_, after_, l_.map.bias, l_.map.slopeBias, verdict);
+              for (int i = 0; i < n; ++i) V[first + size_t(i)] = float(verdict[i]);
+            }
+            for (int i = 0; i < n; ++i)
+              if (!skips || verdict[i] == 2) V[first + size_t(i)] = b.covered[i] ? visibility(depths, b, i, first + size_t(i)) : 1.0f;
+          }
+        },
+        ctx.stop);
     if (!done) return Status(Code::Cancelled, type() + " stopped");
     return TermPtr(term);
   }
 
  private:
-  static constexpr int kWidest = 16;   // texels a side of a FOOTPRINT kernel
-  struct Depths { const float* z; size_t faceTexels; };
+  static constexpr int kWidest = 16;  // texels a side of a FOOTPRINT kernel
+  struct Depths {
+    const float* z;
+    size_t faceTexels;
+  };
   bool footprints() const { return !l_.hard && l_.pattern == v1::PercentageCloserShadow::FOOTPRINT; }
 
   float visibility(const Depths& depths, const ReceiverBlock& b, int i, size_t element) const {
@@ -76,7 +88,7 @@ class PercentageCloserNode : public Node {
     const ReceiverPlane r = receiverPlane(b, i, l_.map.bias, l_.map.slopeBias);
     if (l_.hard) {
       const int x = int(r.x + 0.5f), y = int(r.y + 0.5f);
-      return z[size_t(y) * size_t(side) + size_t(x)] < r.at(x, y) ? 0.0f : 1.0f;   // a depth that is no number is lit
+      return z[size_t(y) * size_t(side) + size_t(x)] < r.at(x, y) ? 0.0f : 1.0f;  // a depth that is no number is lit
     }
     if (l_.pattern == v1::PercentageCloserShadow::POISSON) return poisson(z, side, r, element);
     AxisKernel kx, ky;
@@ -89,7 +101,7 @@ class PercentageCloserNode : public Node {
       boxKernel(r.x, std::clamp(std::sqrt(b.majorX[i] * b.majorX[i] + b.minorX[i] * b.minorX[i]), least, float(kWidest)), kx);
       boxKernel(r.y, std::clamp(std::sqrt(b.majorY[i] * b.majorY[i] + b.minorY[i] * b.minorY[i]), least, float(kWidest)), ky);
     } else {
-      const float width = std::max(float(l_.taps - 1), 1e-3f);   // n x n comparisons: n - 1 texels, bilinear at the ends
+      const float width = std::max(float(l_.taps - 1), 1e-3f);  // n x n comparisons: n - 1 texels, bilinear at the ends
       boxKernel(r.x, width, kx);
       boxKernel(r.y, width, ky);
     }
@@ -119,7 +131,7 @@ class PercentageCloserNode : public Node {
 
 bool readsDepthBounds(const PercentageCloserLookup& l) {
   if (l.hard || !l.skip) return false;
-  switch (l.pattern) {   // up to 4 texels a row, comparing is as fast as asking
+  switch (l.pattern) {  // up to 4 texels a row, comparing is as fast as asking
     case v1::PercentageCloserShadow::GAUSSIAN: return 2 * l.map.blur + 2 > 4;
     case v1::PercentageCloserShadow::POISSON: return true;
     case v1::PercentageCloserShadow::FOOTPRINT: return false;

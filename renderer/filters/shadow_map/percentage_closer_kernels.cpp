@@ -9,9 +9,10 @@ namespace gobo {
 
 using formulas::absOf;
 
-void kernelVerdicts(const DepthBounds& bounds, const ReceiverBlock& b, int count, int before, int after, float bias, float slopeBias, int32_t* __restrict verdict) {
+void kernelVerdicts(const DepthBounds& bounds, const ReceiverBlock& b, int count, int before, int after, float bias, float slopeBias,
+                    int32_t* __restrict verdict) {
   int level = 0;
-  while ((1 << level) < before + after + 1) ++level;   // texels as wide as the kernel: it meets at most two a side
+  while ((1 << level) < before + after + 1) ++level;  // texels as wide as the kernel: it meets at most two a side
   level = std::min(level, bounds.levels() - 1);
   const DepthBounds::Level l = bounds.level(level);
   const int last = bounds.resolution() - 1, side = l.side, shift = level;
@@ -44,9 +45,11 @@ void kernelVerdicts(const DepthBounds& bounds, const ReceiverBlock& b, int count
   }
 }
 
-void bilinearComparisons(const float* __restrict z, int side, size_t faceTexels, const ReceiverBlock& b, int count, float bias, float slopeBias, float* __restrict V) {
+void bilinearComparisons(const float* __restrict z, int side, size_t faceTexels, const ReceiverBlock& b, int count, float bias, float slopeBias,
+                         float* __restrict V) {
   int32_t at[ReceiverBlock::kSize], right[ReceiverBlock::kSize], below[ReceiverBlock::kSize];
-  float fx[ReceiverBlock::kSize], fy[ReceiverBlock::kSize], z00[ReceiverBlock::kSize], z10[ReceiverBlock::kSize], z01[ReceiverBlock::kSize], z11[ReceiverBlock::kSize];
+  float fx[ReceiverBlock::kSize], fy[ReceiverBlock::kSize], z00[ReceiverBlock::kSize], z10[ReceiverBlock::kSize], z01[ReceiverBlock::kSize],
+      z11[ReceiverBlock::kSize];
   for (int i = 0; i < count; ++i) {
     const int x = int(b.x[i]), y = int(b.y[i]);
     fx[i] = b.x[i] - float(x);

@@ -12,19 +12,19 @@ namespace gobo {
 
 struct ReceiverBlock {
   static constexpr int kSize = 128;
-  float x[kSize], y[kSize];             ///< texel position: centres at whole numbers, inside [0, resolution - 1]
-  float d[kSize];                       ///< linear depth, no bias; need not be in [0,1]
-  float slopeX[kSize], slopeY[kSize];   ///< change of the surface's depth per texel; 0 unless asked for
-  float majorX[kSize], majorY[kSize];   ///< axes of the pixel's footprint, texels; 0 unless asked for
+  float x[kSize], y[kSize];            ///< texel position: centres at whole numbers, inside [0, resolution - 1]
+  float d[kSize];                      ///< linear depth, no bias; need not be in [0,1]
+  float slopeX[kSize], slopeY[kSize];  ///< change of the surface's depth per texel; 0 unless asked for
+  float majorX[kSize], majorY[kSize];  ///< axes of the pixel's footprint, texels; 0 unless asked for
   float minorX[kSize], minorY[kSize];
   int32_t face[kSize];
-  int32_t covered[kSize];               ///< 1: the map has something to say; 0: lit
+  int32_t covered[kSize];  ///< 1: the map has something to say; 0: lit
 };
 
 /// Which parts of a block are wanted.
 struct ReceiverNeeds {
   bool slopes = false, footprints = false;
-  bool facing = true;    ///< receivers whose shading normal turns away from the light's centre count as not covered (as ray-traced visibility has it)
+  bool facing = true;  ///< receivers whose shading normal turns away from the light's centre count as not covered (as ray-traced visibility has it)
 };
 
 /// Reads planes P, instance and, as needed, Ng and footprint of a "gbuffer". Immutable; any thread may fill blocks.
@@ -43,7 +43,7 @@ class Receivers {
     float u[4], v[4], w[4], d[4];
     float near, range;
     Vec3 right, up, forward;
-    float scaleX, scaleY;    ///< window units a texel over the depth range
+    float scaleX, scaleY;  ///< window units a texel over the depth range
   };
   void slopes(size_t begin, int count, ReceiverBlock& block) const;
   void facing(size_t begin, int count, ReceiverBlock& block) const;

@@ -8,8 +8,14 @@ namespace gobo {
 using namespace formulas;
 
 Receivers::Receivers(const Term& gbuffer, const LightFrames& frames, int resolution, const ShadowView& view, ReceiverNeeds needs)
-    : P_(gbuffer.floats("P")), instance_(gbuffer.plane<uint32_t>("instance")), count_(frames.count), origin_(frames.face[0].origin),
-      perspective_(frames.face[0].perspective), resolution_(float(resolution)), view_(view), needs_(needs) {
+    : P_(gbuffer.floats("P")),
+      instance_(gbuffer.plane<uint32_t>("instance")),
+      count_(frames.count),
+      origin_(frames.face[0].origin),
+      perspective_(frames.face[0].perspective),
+      resolution_(float(resolution)),
+      view_(view),
+      needs_(needs) {
   GOBO_CHECK_EQ(P_.size(), 3 * instance_.size());
   needs_.facing = needs.facing && gbuffer.hasPlane("N");
   if (needs_.facing) N_ = gbuffer.floats("N");
@@ -50,7 +56,7 @@ void Receivers::fill(size_t begin, int count, ReceiverBlock& b) const {
     b.covered[i] = CHOOSE(shadowCovered(u, v, inverseW) && instance[i] != ~0u, 1, 0);
   };
   if (count_ == 1) {
-    const Face f = faces_[0];   // a local copy: no store below can change it
+    const Face f = faces_[0];  // a local copy: no store below can change it
     for (int i = 0; i < count; ++i) place(f, i);
     for (int i = 0; i < count; ++i) b.face[i] = 0;
   } else {
@@ -61,9 +67,11 @@ void Receivers::fill(size_t begin, int count, ReceiverBlock& b) const {
   }
   if (needs_.facing) facing(begin, count, b);
   if (needs_.slopes) slopes(begin, count, b);
-  else for (int i = 0; i < count; ++i) b.slopeX[i] = b.slopeY[i] = 0.0f;
+  else
+    for (int i = 0; i < count; ++i) b.slopeX[i] = b.slopeY[i] = 0.0f;
   if (needs_.footprints) footprints(begin, count, b);
-  else for (int i = 0; i < count; ++i) b.majorX[i] = b.majorY[i] = b.minorX[i] = b.minorY[i] = 0.0f;
+  else
+    for (int i = 0; i < count; ++i) b.majorX[i] = b.majorY[i] = b.minorX[i] = b.minorY[i] = 0.0f;
 }
 
 void Receivers::facing(size_t begin, int count, ReceiverBlock& b) const {
@@ -102,7 +110,7 @@ void Receivers::slopes(size_t begin, int count, ReceiverBlock& b) const {
 }
 
 void Receivers::footprints(size_t begin, int count, ReceiverBlock& b) const {
-  constexpr float kGrazing = 0.05f;   // footprints grow to at most 20 times their width: the pixel is a sliver there
+  constexpr float kGrazing = 0.05f;  // footprints grow to at most 20 times their width: the pixel is a sliver there
   for (int i = 0; i < count; ++i) {
     const size_t e = begin + size_t(i);
     const Vec3 p(P_[3 * e], P_[3 * e + 1], P_[3 * e + 2]), n(Ng_[3 * e], Ng_[3 * e + 1], Ng_[3 * e + 2]);
@@ -119,7 +127,7 @@ void Receivers::footprints(size_t begin, int count, ReceiverBlock& b) const {
     const Face& f = faces_[b.face[i]];
     const Vec3 q = p - origin_;
     const float inverseW = shadowInverse(shadowRow(f.w[0], f.w[1], f.w[2], f.w[3], q.x, q.y, q.z));
-    const auto texels = [&](const Vec3& t, const float* row, float at) {   // derivative of row / w along t
+    const auto texels = [&](const Vec3& t, const float* row, float at) {  // derivative of row / w along t
       const float num = row[0] * t.x + row[1] * t.y + row[2] * t.z;
       const float den = f.w[0] * t.x + f.w[1] * t.y + f.w[2] * t.z;
       return limit(finiteOr((num - at * den) * inverseW * resolution_, 0.0f), -resolution_, resolution_);

@@ -43,7 +43,9 @@ ShadowBasisPtr makeExponentialVarianceBasis(float cPositive, float cNegative, fl
 ShadowBasisPtr makeMomentBasis(const v1::MomentShadow& m);
 
 /// Scale and offset (in depth ranges of P = 1 + 1/M) with which a series of order M is used: s = 1/2 + scale (f(d - offset, z) - 1/2).
-struct ConvolutionCorrection { double scale = 1, offset = 0; };
+struct ConvolutionCorrection {
+  double scale = 1, offset = 0;
+};
 /// OFFSET: the smallest offset with f(d = z) = 1. SCALING: 2 f. SHIFTED_SCALING: the least scale and offset for which ripples lie above 1 or
 /// below 0 only (thesis 8.2.3; digest 7.3). Solved in double; errors below 1e-12.
 ConvolutionCorrection convolutionCorrection(v1::ConvolutionShadow::Correction correction, int order, double attenuation);

@@ -72,7 +72,7 @@ void reconstructMoments(const float* __restrict v, size_t stride, const float* _
 }
 
 namespace {
-constexpr size_t kRun = 64;   // values kept in the first-level cache while k runs
+constexpr size_t kRun = 64;  // values kept in the first-level cache while k runs
 }
 
 void encodeConvolution(const float* __restrict z, float* __restrict out, size_t n, int order) {
@@ -84,7 +84,7 @@ void encodeConvolution(const float* __restrict z, float* __restrict out, size_t 
       const float a = csmAngle(shadowDepth(z[first + i]), float(order));
       s1[i] = fastSin(a);
       c1[i] = fastCos(a);
-      s0[i] = -s1[i];   // angles -a and a are the two before 3 a
+      s0[i] = -s1[i];  // angles -a and a are the two before 3 a
       c0[i] = c1[i];
       twoCos2[i] = 2.0f * (c1[i] * c1[i] - s1[i] * s1[i]);
     }
@@ -103,7 +103,8 @@ void encodeConvolution(const float* __restrict z, float* __restrict out, size_t 
   }
 }
 
-void convolutionSeries(const float* __restrict values, size_t stride, const float* __restrict d, float* __restrict sum, size_t n, const ConvolutionParameters& p) {
+void convolutionSeries(const float* __restrict values, size_t stride, const float* __restrict d, float* __restrict sum, size_t n,
+                       const ConvolutionParameters& p) {
   float weight[kMaxConvolutionOrder];
   for (int k = 0; k < p.order; ++k) weight[k] = csmWeight(float(k + 1), float(p.order), p.attenuation);
   for (size_t first = 0; first < n; first += kRun) {

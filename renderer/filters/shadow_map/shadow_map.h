@@ -31,7 +31,10 @@ struct ShadowMapSettings {
 ShadowMapSettings shadowMapSettings(const v1::ShadowMapSettings& settings);
 
 /// Where level l of a packed chain over a square of `resolution` texels begins, and its side: ceil(resolution / 2^l).
-struct MipLevel { size_t offset = 0; int side = 0; };
+struct MipLevel {
+  size_t offset = 0;
+  int side = 0;
+};
 MipLevel mipLevel(int resolution, int level);
 /// Levels down to one texel.
 int mipLevels(int resolution);
@@ -61,9 +64,9 @@ std::vector<float> shadowGaussian(int radius);
 
 /// What lookups know of the view: the camera's place, for the footprint of a pixel on a surface.
 struct ShadowView {
-  Vec3 eye{0.0f};             ///< perspective: the camera's position; orthographic: the direction towards it
+  Vec3 eye{0.0f};  ///< perspective: the camera's position; orthographic: the direction towards it
   bool perspective = true;
-  size_t viewSamples = 0;     ///< elements expected, for admission
+  size_t viewSamples = 0;  ///< elements expected, for admission
 };
 
 struct ShadowLookup {
@@ -86,7 +89,7 @@ struct PercentageCloserLookup {
   ShadowMapSettings map;
   ShadowView view;
   v1::PercentageCloserShadow::Pattern pattern = v1::PercentageCloserShadow::REGULAR;
-  int taps = 2;                ///< 1 without bilinear weights: the hard shadow map
+  int taps = 2;  ///< 1 without bilinear weights: the hard shadow map
   bool hard = false;
   bool skip = true;
 };
@@ -96,7 +99,9 @@ bool readsDepthBounds(const PercentageCloserLookup& lookup);
 NodePtr makePercentageCloserNode(const PercentageCloserLookup& lookup);
 
 /// What a map node makes: planned mosaics ask. CHECKs that `node` is a light_depth_map or shadow_encode.
-struct ShadowMapShape { int resolution = 0, channels = 1, faces = 1; };
+struct ShadowMapShape {
+  int resolution = 0, channels = 1, faces = 1;
+};
 class ShadowMapNode : public Node {
  public:
   virtual ShadowMapShape shape() const = 0;

@@ -27,7 +27,11 @@ ShadowTexture::ShadowTexture(const Term& term, int resolution, float logarithmic
 
 namespace {
 
-struct Corners { size_t at; size_t right, below; float fx, fy; };
+struct Corners {
+  size_t at;
+  size_t right, below;
+  float fx, fy;
+};
 
 inline Corners corners(float x, float y, int side) {
   const int ix = std::min(int(x), side - 1), iy = std::min(int(y), side - 1);
@@ -113,13 +117,14 @@ void ShadowTexture::trilinear(int face, float x, float y, float level, float* __
   float coarse[2 * 32 * 2 + 1];
   bilinear(face, x, y, low + 1, coarse);
   if (logarithmic_ > 0.0f) out[0] = logarithmicMean(out[0], coarse[0], out[0], coarse[0], f, 0.0f, logarithmic_);
-  else for (int k = 0; k < channels_; ++k) out[k] = out[k] * (1.0f - f) + coarse[k] * f;
+  else
+    for (int k = 0; k < channels_; ++k) out[k] = out[k] * (1.0f - f) + coarse[k] * f;
 }
 
 void ShadowTexture::anisotropic(int face, float x, float y, const Vec2& major, const Vec2& minor, int taps, float* __restrict out) const {
   const float a = std::max(glm::length(major), glm::length(minor)), s = std::min(glm::length(major), glm::length(minor));
   const Vec2 axis = glm::length(major) >= glm::length(minor) ? major : minor;
-  const int n = std::clamp(int(std::ceil(a / std::max(s, 1.0f))), 1, taps);   // footprints below a texel are one texel wide
+  const int n = std::clamp(int(std::ceil(a / std::max(s, 1.0f))), 1, taps);  // footprints below a texel are one texel wide
   const float level = std::log2(std::max(std::max(s, a / float(n)), 1.0f));
   if (n == 1) return trilinear(face, x, y, level, out);
   float tap[2 * 32 * 2 + 1];
@@ -129,7 +134,7 @@ void ShadowTexture::anisotropic(int face, float x, float y, const Vec2& major, c
   for (int i = 0; i < n; ++i) {
     const float t = (float(i) + 0.5f) / float(n) - 0.5f;
     trilinear(face, limit(x + t * axis.x, 0.0f, last), limit(y + t * axis.y, 0.0f, last), level, tap);
-    if (logarithmic_ > 0.0f) {   // running ln of a sum
+    if (logarithmic_ > 0.0f) {  // running ln of a sum
       const float high = i ? formulas::maxOf(top, tap[0]) : tap[0];
       sum[0] = (i ? sum[0] * fastExp(logarithmic_ * (top - high)) : 0.0f) + fastExp(logarithmic_ * (tap[0] - high));
       top = high;
@@ -138,7 +143,8 @@ void ShadowTexture::anisotropic(int face, float x, float y, const Vec2& major, c
     }
   }
   if (logarithmic_ > 0.0f) out[0] = top + fastLog(sum[0] / float(n)) / logarithmic_;
-  else for (int k = 0; k < count; ++k) out[k] = sum[k] / float(n);
+  else
+    for (int k = 0; k < count; ++k) out[k] = sum[k] / float(n);
 }
 
 }  // namespace gobo

@@ -23,9 +23,9 @@ class SummedArea {
   void box(int face, float x, float y, float width, float height, int begin, int end, float* out) const;
 
  private:
-  const uint32_t* sums_ = nullptr;   ///< of texels [0, x] x [0, y], modulo 2^32
-  const uint32_t* lift_ = nullptr;   ///< of texels [0, 8 i) x [0, 8 j) (the last one: the side), i and j from 1: nearest multiple of 2^16, as int32
-  size_t face_ = 0;                  ///< values from one face to the next
+  const uint32_t* sums_ = nullptr;  ///< of texels [0, x] x [0, y], modulo 2^32
+  const uint32_t* lift_ = nullptr;  ///< of texels [0, 8 i) x [0, 8 j) (the last one: the side), i and j from 1: nearest multiple of 2^16, as int32
+  size_t face_ = 0;                 ///< values from one face to the next
   int channels_ = 0, resolution_ = 0;
 };
 

@@ -9,8 +9,8 @@
 namespace gobo {
 
 namespace {
-constexpr int kLift = 8;          // texels between lifted sums
-constexpr int kLargest = 8192;    // side up to which 4 (side + side) unit < 2^31
+constexpr int kLift = 8;        // texels between lifted sums
+constexpr int kLargest = 8192;  // side up to which 4 (side + side) unit < 2^31
 constexpr double kUnit = 32767;
 constexpr int kLiftShift = 16;
 
@@ -53,49 +53,58 @@ class SummedAreaNode : public Node {
   // Sums along rows, modulo 2^32; and sums along rows of blocks of 8 x 8 texels, whole.
   static bool rows(const RunContext& ctx, const float* B, uint32_t* sums, int64_t* blocks, size_t side, size_t C) {
     const size_t lifted = size_t(liftSide(int(side)));
-    return ctx.arena->parallelFor(lifted, 1, [&](size_t begin, size_t end) {
-      for (size_t band = begin; band < end; ++band) {
-        int64_t* row = blocks + band * lifted * C;
-        std::fill_n(row, lifted * C, int64_t(0));
-        for (size_t y = band * kLift; y < std::min((band + 1) * kLift, side); ++y) {
-          const float* b = B + y * side * C;
-          uint32_t* to = sums + y * side * C;
-          for (size_t x = 0; x < side; ++x) {
-            int64_t* block = row + x / kLift * C;
-            for (size_t k = 0; k < C; ++k) {
-              const int32_t q = quantise(b[x * C + k]);
-              block[k] += q;
-              to[x * C + k] = uint32_t(q) + (x ? to[(x - 1) * C + k] : 0u);
+    return ctx.arena->parallelFor(
+        lifted, 1,
+        [&](size_t begin, size_t end) {
+          for (size_t band = begin; band < end; ++band) {
+            int64_t* row = blocks + band * lifted * C;
+            std::fill_n(row, lifted * C, int64_t(0));
+            for (size_t y = band * kLift; y < std::min((band + 1) * kLift, side); ++y) {
+              const float* b = B + y * side * C;
+              uint32_t* to = sums + y * side * C;
+              for (size_t x = 0; x < side; ++x) {
+                int64_t* block = row + x / kLift * C;
+                for (size_t k = 0; k < C; ++k) {
+                  const int32_t q = quantise(b[x * C + k]);
+                  block[k] += q;
+                  to[x * C + k] = uint32_t(q) + (x ? to[(x - 1) * C + k] : 0u);
+                }
+              }
             }
+            for (size_t i = C; i < lifted * C; ++i) row[i] += row[i - C];
           }
-        }
-        for (size_t i = C; i < lifted * C; ++i) row[i] += row[i - C];
-      }
-    }, ctx.stop);
+        },
+        ctx.stop);
   }
   static bool columns(const RunContext& ctx, uint32_t* sums, size_t side, size_t C) {
-    constexpr size_t kColumns = 512;   // a strip of values that stays in the cache from row to row
+    constexpr size_t kColumns = 512;  // a strip of values that stays in the cache from row to row
     const size_t row = side * C, strips = (row + kColumns - 1) / kColumns;
-    return ctx.arena->parallelFor(strips, 1, [&](size_t begin, size_t end) {
-      for (size_t s = begin; s < end; ++s)
-        for (size_t y = 1; y < side; ++y) {
-          uint32_t* here = sums + y * row + s * kColumns;
-          const uint32_t* above = here - row;
-          const size_t n = std::min(kColumns, row - s * kColumns);
-          for (size_t i = 0; i < n; ++i) here[i] += above[i];
-        }
-    }, ctx.stop);
+    return ctx.arena->parallelFor(
+        strips, 1,
+        [&](size_t begin, size_t end) {
+          for (size_t s = begin; s < end; ++s)
+            for (size_t y = 1; y < side; ++y) {
+              uint32_t* here = sums + y * row + s * kColumns;
+              const uint32_t* above = here - row;
+              const size_t n = std::min(kColumns, row - s * kColumns);
+              for (size_t i = 0; i < n; ++i) here[i] += above[i];
+            }
+        },
+        ctx.stop);
   }
   static bool lift(const RunContext& ctx, const int64_t* blocks, uint32_t* out, size_t lifted, size_t C) {
-    return ctx.arena->parallelFor(lifted, 64, [&](size_t begin, size_t end) {
-      std::vector<int64_t> sum((end - begin) * C);
-      for (size_t y = 0; y < lifted; ++y)
-        for (size_t i = begin * C; i < end * C; ++i) {
-          int64_t& s = sum[i - begin * C];
-          s += blocks[y * lifted * C + i];
-          out[y * lifted * C + i] = uint32_t(int32_t((s + (int64_t(1) << (kLiftShift - 1))) >> kLiftShift));
-        }
-    }, ctx.stop);
+    return ctx.arena->parallelFor(
+        lifted, 64,
+        [&](size_t begin, size_t end) {
+          std::vector<int64_t> sum((end - begin) * C);
+          for (size_t y = 0; y < lifted; ++y)
+            for (size_t i = begin * C; i < end * C; ++i) {
+              int64_t& s = sum[i - begin * C];
+              s += blocks[y * lifted * C + i];
+              out[y * lifted * C + i] = uint32_t(int32_t((s + (int64_t(1) << (kLiftShift - 1))) >> kLiftShift));
+            }
+        },
+        ctx.stop);
   }
   ShadowBasisPtr basis_;
   int resolution_, faces_;
@@ -115,7 +124,10 @@ SummedArea::SummedArea(const Term& term, int resolution) : channels_(term.channe
 namespace {
 // An edge at a fractional position is the mix of the two whole ones around it: exact for texels of constant value. Four whole edges a
 // side of the box, with their weights in F(hi) - F(lo).
-struct Edges { int at[4]; double weight[4]; };
+struct Edges {
+  int at[4];
+  double weight[4];
+};
 Edges edges(float lo, float hi, int side) {
   Edges e;
   const int a = std::min(int(lo), side - 1), b = std::min(int(hi), side - 1);
@@ -127,7 +139,7 @@ Edges edges(float lo, float hi, int side) {
 
 void SummedArea::box(int face, float x, float y, float width, float height, int begin, int end, float* out) const {
   const float last = float(resolution_);
-  const auto span = [last](float centre, float size, float& lo, float& hi) {   // texel i is [i, i + 1]
+  const auto span = [last](float centre, float size, float& lo, float& hi) {  // texel i is [i, i + 1]
     const float c = formulas::limit(centre + 0.5f, 0.5f, last - 0.5f), half = 0.5f * std::max(size, 1.0f);
     lo = std::max(c - half, 0.0f);
     hi = std::min(c + half, last);
@@ -139,7 +151,7 @@ void SummedArea::box(int face, float x, float y, float width, float height, int 
   const size_t C = size_t(channels_), side = size_t(resolution_), lifted = size_t(liftSide(resolution_));
   const uint32_t* sums = sums_ + size_t(face) * face_;
   const uint32_t* lift = lift_ + size_t(face) * face_;
-  constexpr int kMost = 4 * 32 + 1;   // channels of the widest basis (convolution soft shadows of order 32)
+  constexpr int kMost = 4 * 32 + 1;  // channels of the widest basis (convolution soft shadows of order 32)
   GOBO_CHECK(end - begin <= kMost);
   double total[kMost];
   for (int c = begin; c < end; ++c) total[c - begin] = 0.0;
@@ -162,6 +174,8 @@ void SummedArea::box(int face, float x, float y, float width, float height, int 
   for (int c = begin; c < end; ++c) out[c - begin] = float(total[c - begin] * inverse);
 }
 
-NodePtr makeShadowSummedAreaNode(ShadowBasisPtr basis, int resolution, int faces) { return std::make_shared<SummedAreaNode>(std::move(basis), resolution, faces); }
+NodePtr makeShadowSummedAreaNode(ShadowBasisPtr basis, int resolution, int faces) {
+  return std::make_shared<SummedAreaNode>(std::move(basis), resolution, faces);
+}
 
 }  // namespace gobo

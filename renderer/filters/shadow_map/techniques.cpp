@@ -35,7 +35,10 @@ namespace {
 bool isSoft(const v1::ShadowTechnique& t) {
   using T = v1::ShadowTechnique;
   switch (t.technique_case()) {
-    case T::kPercentageCloserSoft: case T::kConvolutionSoft: case T::kVarianceSoft: case T::kExponentialVarianceSoft: return true;
+    case T::kPercentageCloserSoft:
+    case T::kConvolutionSoft:
+    case T::kVarianceSoft:
+    case T::kExponentialVarianceSoft: return true;
     default: return false;
   }
 }
@@ -47,7 +50,8 @@ CameraFit cameraFit(const ShadowInput& input, const v1::ShadowTechnique& techniq
   fit.pancake = !isSoft(technique);
   switch (light.kind) {
     case LightKind::Directional: fit.lightHalf = 0.5f * input.angularSize; break;
-    case LightKind::Disk: case LightKind::Sphere: fit.lightHalf = Vec2(light.radius); break;
+    case LightKind::Disk:
+    case LightKind::Sphere: fit.lightHalf = Vec2(light.radius); break;
     case LightKind::Rect:
       fit.lightHalf = Vec2(std::fabs(glm::dot(light.u, frame.right)) + std::fabs(glm::dot(light.v, frame.right)),
                            std::fabs(glm::dot(light.u, frame.up)) + std::fabs(glm::dot(light.v, frame.up)));
@@ -129,33 +133,44 @@ Result<NodeId> planPercentageCloser(Graph& graph, const ShadowInput& input, cons
   GOBO_TRY(checkShadowRange("percentage_closer.taps", taps, 1, 16));
   const auto pattern = m.pattern() == v1::PercentageCloserShadow::PATTERN_UNSPECIFIED ? v1::PercentageCloserShadow::REGULAR : m.pattern();
   const int blur = int(numberParameter(technique.map(), "blur"));
-  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, pattern == v1::PercentageCloserShadow::GAUSSIAN ? blur + 1 : pattern == v1::PercentageCloserShadow::FOOTPRINT ? 9 : pattern == v1::PercentageCloserShadow::POISSON ? taps / 2 + 1 : (taps + 1) / 2));
+  GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique,
+                                                      pattern == v1::PercentageCloserShadow::GAUSSIAN    ? blur + 1
+                                                      : pattern == v1::PercentageCloserShadow::FOOTPRINT ? 9
+                                                      : pattern == v1::PercentageCloserShadow::POISSON   ? taps / 2 + 1
+                                                                                                         : (taps + 1) / 2));
   PercentageCloserLookup l{p.frames, p.map, p.view};
   l.pattern = pattern;
   l.taps = taps;
   l.skip = boolParameter(m, "skip");
-  return addShadowFilter(graph, makePercentageCloserNode(l), {input.gbuffer, readsDepthBounds(l) ? planDepthBounds(graph, input, p) : p.depth}, "visibility", input);
+  return addShadowFilter(graph, makePercentageCloserNode(l), {input.gbuffer, readsDepthBounds(l) ? planDepthBounds(graph, input, p) : p.depth}, "visibility",
+                         input);
 }
 
 namespace {
 
 /// Basis -> pre-filter -> chain or table -> lookup.
-Result<NodeId> planFiltered(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, ShadowBasisPtr basis, bool bytes, ComputeDevicePtr device = nullptr,
-                            const v1::ExponentialShadow* exponential = nullptr) {
+Result<NodeId> planFiltered(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, ShadowBasisPtr basis, bool bytes,
+                            ComputeDevicePtr device = nullptr, const v1::ExponentialShadow* exponential = nullptr) {
   const int blur = int(numberParameter(technique.map(), "blur"));
   GOBO_ASSIGN(const PlannedShadowMap p, planShadowMap(graph, input, technique, blur + 1));
   const int resolution = p.map.resolution, faces = p.frames.count;
   if (p.map.lookup == Settings::SUMMED_AREA && !basis->bounded())
-    return invalidArgument(std::string("shadows.map.lookup = SUMMED_AREA: sums of the ") + basis->name() + " map span too many orders of magnitude for a table; use BILINEAR, TRILINEAR or ANISOTROPIC",
+    return invalidArgument(std::string("shadows.map.lookup = SUMMED_AREA: sums of the ") + basis->name() +
+                               " map span too many orders of magnitude for a table; use BILINEAR, TRILINEAR or ANISOTROPIC",
                            "shadows.map.lookup");
   if (p.map.lookup == Settings::SUMMED_AREA && bytes)
-    return invalidArgument("shadows.map.lookup = SUMMED_AREA needs shadows.convolution.bytes = false: tables are made from float images", "shadows.convolution.bytes");
+    return invalidArgument("shadows.map.lookup = SUMMED_AREA needs shadows.convolution.bytes = false: tables are made from float images",
+                           "shadows.convolution.bytes");
   if (device && (faces > 1 || p.map.lookup != Settings::BILINEAR || (exponential && exponential->classification() > v1::ExponentialShadow::OFF)))
-    return Status(Code::Unimplemented, "shadows.exponential.device: devices do one map face, BILINEAR lookups and no classification so far", "shadows.exponential.device");
+    return Status(Code::Unimplemented, "shadows.exponential.device: devices do one map face, BILINEAR lookups and no classification so far",
+                  "shadows.exponential.device");
   if (device && uint64_t(resolution) * uint64_t(resolution) * 4 > device->maxBufferBytes())
-    return Status(Code::ResourceExhausted, std::to_string(resolution) + " texels squared are more than the " + std::to_string(device->maxBufferBytes()) +
-                                               " bytes that a buffer of " + device->name() + " may have", "shadows.map.resolution");
-  NodeId map = addShadowFilter(graph, makeShadowEncodeNode(basis, p.map.blur, resolution, faces, bytes, device), {p.depth}, std::string(basis->name()) + "_map", input);
+    return Status(Code::ResourceExhausted,
+                  std::to_string(resolution) + " texels squared are more than the " + std::to_string(device->maxBufferBytes()) + " bytes that a buffer of " +
+                      device->name() + " may have",
+                  "shadows.map.resolution");
+  NodeId map =
+      addShadowFilter(graph, makeShadowEncodeNode(basis, p.map.blur, resolution, faces, bytes, device), {p.depth}, std::string(basis->name()) + "_map", input);
   if (p.map.lookup == Settings::TRILINEAR || p.map.lookup == Settings::ANISOTROPIC)
     map = addShadowFilter(graph, makeShadowMipmapNode(basis, resolution, faces, bytes), {map}, "shadow_mipmap", input);
   else if (p.map.lookup == Settings::SUMMED_AREA)
@@ -184,7 +199,8 @@ Result<NodeId> planExponentialVarianceShadow(Graph& graph, const ShadowInput& in
   const auto number = [&](const char* name) { return float(numberParameter(t.exponential_variance(), name)); };
   GOBO_TRY(checkShadowRange("exponential_variance.c_positive", number("c_positive"), 0.1, 42));
   GOBO_TRY(checkShadowRange("exponential_variance.c_negative", number("c_negative"), 0.1, 42));
-  return planFiltered(graph, input, t, makeExponentialVarianceBasis(number("c_positive"), number("c_negative"), number("min_variance"), number("bleeding_reduction")), false);
+  return planFiltered(graph, input, t,
+                      makeExponentialVarianceBasis(number("c_positive"), number("c_negative"), number("min_variance"), number("bleeding_reduction")), false);
 }
 Result<NodeId> planMomentShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& t) {
   return planFiltered(graph, input, t, makeMomentBasis(t.moment()), false);
@@ -195,7 +211,8 @@ Result<NodeId> planExponentialShadow(Graph& graph, const ShadowInput& input, con
   const double c = numberParameter(e, "c");
   GOBO_TRY(checkShadowRange("exponential.c", c, 1, 2000));
   if (e.filtering() == v1::ExponentialShadow::LINEAR && c > 80)
-    return invalidArgument("shadows.exponential.c = " + std::to_string(c) + ": LINEAR filtering leaves float above 80; use LOGARITHMIC or AUTO", "shadows.exponential.c");
+    return invalidArgument("shadows.exponential.c = " + std::to_string(c) + ": LINEAR filtering leaves float above 80; use LOGARITHMIC or AUTO",
+                           "shadows.exponential.c");
   const bool logarithmic = e.filtering() == v1::ExponentialShadow::LOGARITHMIC || c > 80;
   ComputeDevicePtr device;
   if (e.device() == v1::ExponentialShadow::VULKAN) {

@@ -16,7 +16,9 @@ class VarianceBasis final : public ShadowBasis {
   void hashReconstruct(Hasher& h) const override { h.add(minVariance_).add(cut_); }
   bool bounded() const override { return true; }
   void encode(const float* z, float* out, size_t n) const override { encodeVariance(z, out, n); }
-  void reconstruct(const float* v, size_t stride, const float* d, float* s, size_t n) const override { reconstructVariance(v, stride, d, s, n, minVariance_, cut_); }
+  void reconstruct(const float* v, size_t stride, const float* d, float* s, size_t n) const override {
+    reconstructVariance(v, stride, d, s, n, minVariance_, cut_);
+  }
 
  private:
   float minVariance_, cut_;

@@ -18,9 +18,9 @@ class BlockerSearch {
     SoftTaps taps;
     SoftSearch search[SoftBlock::kSize];
     std::vector<float> scratch;
-    float blocked[SoftBlock::kSize], depth[SoftBlock::kSize];   ///< share of a box, mean over it of the blockers' depths
-    int open[SoftBlock::kSize];                                  ///< receivers that remain
-    float wx[SoftBlock::kSize], wy[SoftBlock::kSize];            ///< their penumbra's widths
+    float blocked[SoftBlock::kSize], depth[SoftBlock::kSize];  ///< share of a box, mean over it of the blockers' depths
+    int open[SoftBlock::kSize];                                ///< receivers that remain
+    float wx[SoftBlock::kSize], wy[SoftBlock::kSize];          ///< their penumbra's widths
     int count = 0;
   };
   /// Fills the block; sets V where it is known; for the rest (w.open) the widths of the penumbra's kernel. `first`: element of the block's first receiver.

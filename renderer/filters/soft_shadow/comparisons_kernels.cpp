@@ -15,8 +15,8 @@ namespace {
 
 // One row of a box: columns' sums of weight wy over what blocks, and of its depths.
 template <SoftAsk ask>
-void row(const float* __restrict z, int n, float dx0, float limit, float margin, float a, float ax, float b, float bx, float wy,
-         float* __restrict blocked, float* __restrict depth) {
+void row(const float* __restrict z, int n, float dx0, float limit, float margin, float a, float ax, float b, float bx, float wy, float* __restrict blocked,
+         float* __restrict depth) {
   for (int i = 0; i < n; ++i) {
     const float dx = dx0 + float(i), height = softHeight(a, ax, 0.0f, b, bx, 0.0f, dx, 0.0f, z[i]);
     const float w = wy * softBlocks(z[i], limit, height, margin);
@@ -102,7 +102,7 @@ void taps(const float* __restrict z, int side, const SoftPattern& pattern, SoftT
       u -= CHOOSE(u >= 1.0f, 1.0f, 0.0f);
       v -= CHOOSE(v >= 1.0f, 1.0f, 0.0f);
       float x = k->x0[i] + k->sx[i] * u, y = k->y0[i] + k->sy[i] * v;
-      if (pass == Pass::Probe) {   // the box drawn together towards the receiver
+      if (pass == Pass::Probe) {  // the box drawn together towards the receiver
         x = k->px[i] + 0.5f + (x - (k->px[i] + 0.5f)) * shrink;
         y = k->py[i] + 0.5f + (y - (k->py[i] + 0.5f)) * shrink;
       }
@@ -112,9 +112,10 @@ void taps(const float* __restrict z, int side, const SoftPattern& pattern, SoftT
       const float dx = x - k->px[i], dy = y - k->py[i];
       const float height = softHeight(k->a[i], k->ax[i], k->ay[i], k->b[i], k->bx[i], k->by[i], dx, dy, depth);
       float w = softBlocks(depth, k->limit[i], height, k->margin[i]);
-      if (pass == Pass::Probe) {   // in the cone to the light at their own depth
+      if (pass == Pass::Probe) {  // in the cone to the light at their own depth
         const float metric = k->near[i] + depth * k->range[i];
-        w *= CHOOSE(softInside(dx, k->metric[i], metric, k->scaleX[i], perspective) & softInside(dy, k->metric[i], metric, k->scaleY[i], perspective), 1.0f, 0.0f);
+        w *= CHOOSE(softInside(dx, k->metric[i], metric, k->scaleX[i], perspective) & softInside(dy, k->metric[i], metric, k->scaleY[i], perspective), 1.0f,
+                    0.0f);
         k->nearest[i] = formulas::minOf(k->nearest[i], CHOOSE(w > 0.0f, depth, 2.0f));
       } else {
         k->blocked[i] += w;
@@ -136,7 +137,7 @@ SoftPattern::SoftPattern(int n) : taps(n), u(size_t(n)), v(size_t(n)), shrink(si
     u[size_t(t)] = (float(t) + 0.5f) / float(n);
     const double g = 0.6180339887498949 * t, h = 0.7548776662466927 * t;
     v[size_t(t)] = float(g - std::floor(g));
-    shrink[size_t(t)] = float(std::exp2(-5.0 * (h - std::floor(h))));   // 1 .. 1/32, evenly in its logarithm
+    shrink[size_t(t)] = float(std::exp2(-5.0 * (h - std::floor(h))));  // 1 .. 1/32, evenly in its logarithm
   }
 }
 

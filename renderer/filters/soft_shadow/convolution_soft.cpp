@@ -66,12 +66,15 @@ class ConvolutionSoftNode : public Node {
     else sums.emplace(*ctx.inputs.at(2), l_.map.resolution);
     auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
     const std::span<float> V = term->addPlane<float>("V");
-    const bool done = ctx.arena->parallelFor(V.size(), 4096, [&](size_t begin, size_t end) {
-      auto w = std::make_unique<Work>(images() * 2 + 1);
-      w->sums = sums ? &*sums : nullptr;
-      w->chain = chain ? &*chain : nullptr;
-      for (size_t first = begin; first < end; first += kN) block(receivers, bounds, first, int(std::min<size_t>(kN, end - first)), &V[first], *w);
-    }, ctx.stop);
+    const bool done = ctx.arena->parallelFor(
+        V.size(), 4096,
+        [&](size_t begin, size_t end) {
+          auto w = std::make_unique<Work>(images() * 2 + 1);
+          w->sums = sums ? &*sums : nullptr;
+          w->chain = chain ? &*chain : nullptr;
+          for (size_t first = begin; first < end; first += kN) block(receivers, bounds, first, int(std::min<size_t>(kN, end - first)), &V[first], *w);
+        },
+        ctx.stop);
     if (!done) return Status(Code::Cancelled, type() + " stopped");
     return TermPtr(term);
   }
@@ -117,13 +120,11 @@ class ConvolutionSoftNode : public Node {
   void blockers(Work& w) const {
     fetch(w, 2 * images() + 1);
     convolutionBlockers(w.values.data(), kN, w.d, w.self, w.selfDepth, w.blocked, w.depth, size_t(w.n), series_);
-    for (int k = 0; k < w.n; ++k) {
-      w.z[k] = softBlocker(w.depth[k], w.blocked[k], w.lo[k], std::max(w.b.limit[w.open[k]], w.lo[k]), w.lo[k]);
-    }
+    for (int k = 0; k < w.n; ++k) { w.z[k] = softBlocker(w.depth[k], w.blocked[k], w.lo[k], std::max(w.b.limit[w.open[k]], w.lo[k]), w.lo[k]); }
     convolutionFull(w.z, w.d, w.full, size_t(w.n), series_);
   }
 
-  void cut(const SoftReceivers& receivers, Work& w) const {   // kernels at the plane of z
+  void cut(const SoftReceivers& receivers, Work& w) const {  // kernels at the plane of z
     for (int k = 0; k < w.n; ++k) receivers.width(w.b, w.open[k], receivers.metric(w.b.at.face[w.open[k]], w.z[k]), w.wx[k], w.wy[k]);
   }
 
@@ -135,7 +136,10 @@ class ConvolutionSoftNode : public Node {
     for (int a = 0; a < b.activeCount; ++a) {
       const int i = b.active[a];
       const SoftSearch& s = w.search[i];
-      if (s.verdict != SoftSearch::Mixed) { V[i] = s.verdict == SoftSearch::Lit ? 1.0f : 0.0f; continue; }
+      if (s.verdict != SoftSearch::Mixed) {
+        V[i] = s.verdict == SoftSearch::Lit ? 1.0f : 0.0f;
+        continue;
+      }
       const int k = w.n++;
       w.open[k] = i;
       w.lo[k] = s.lo;
@@ -145,7 +149,7 @@ class ConvolutionSoftNode : public Node {
     }
     if (w.n == 0) return;
     blockers(w);
-    for (int step = 0; l_.search == Soft::ITERATED && step < 2; ++step) {   // the plane of the mean blocker (digest 7.4)
+    for (int step = 0; l_.search == Soft::ITERATED && step < 2; ++step) {  // the plane of the mean blocker (digest 7.4)
       cut(receivers, w);
       blockers(w);
     }

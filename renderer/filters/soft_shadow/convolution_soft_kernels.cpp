@@ -60,8 +60,8 @@ void convolutionFull(const float* __restrict z, const float* __restrict d, float
   }
 }
 
-void convolutionBlockers(const float* __restrict values, size_t stride, const float* __restrict d, const float* __restrict self, const float* __restrict selfDepth,
-                         float* __restrict blocked, float* __restrict depth, size_t n, const ConvolutionParameters& p) {
+void convolutionBlockers(const float* __restrict values, size_t stride, const float* __restrict d, const float* __restrict self,
+                         const float* __restrict selfDepth, float* __restrict blocked, float* __restrict depth, size_t n, const ConvolutionParameters& p) {
   const size_t images = 2 * size_t(p.order);
   convolutionSeries(values, stride, d, blocked, n, p);
   convolutionSeries(values + images * stride, stride, d, depth, n, p);

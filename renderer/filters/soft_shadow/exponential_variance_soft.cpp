@@ -2,8 +2,8 @@
 // Filter: blocker search by comparison at taps, visible share from a mip chain of exponential variance maps at the penumbra's width (filament#10188).
 #include <algorithm>
 
-#include "filters/soft_shadow/mip_chain.h"
 #include "filters/soft_shadow/blocker_search.h"
+#include "filters/soft_shadow/mip_chain.h"
 #include "formulas/soft_shadow.glsl.h"
 
 namespace gobo {
@@ -33,10 +33,13 @@ class ExponentialVarianceSoftNode : public Node {
     const SoftReceivers receivers(gbuffer, l_, false);
     auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
     const std::span<float> V = term->addPlane<float>("V");
-    const bool done = ctx.arena->parallelFor(V.size(), 4096, [&](size_t begin, size_t end) {
-      auto w = std::make_unique<Work>(l_.map.resolution);
-      for (size_t first = begin; first < end; first += kN) block(receivers, bounds, chain, first, int(std::min<size_t>(kN, end - first)), &V[first], *w);
-    }, ctx.stop);
+    const bool done = ctx.arena->parallelFor(
+        V.size(), 4096,
+        [&](size_t begin, size_t end) {
+          auto w = std::make_unique<Work>(l_.map.resolution);
+          for (size_t first = begin; first < end; first += kN) block(receivers, bounds, chain, first, int(std::min<size_t>(kN, end - first)), &V[first], *w);
+        },
+        ctx.stop);
     if (!done) return Status(Code::Cancelled, type() + " stopped");
     return TermPtr(term);
   }

@@ -12,7 +12,7 @@ namespace gobo {
 
 class MipChain {
  public:
-  MipChain(const Term& term, int resolution);   ///< a view; the term must outlive it
+  MipChain(const Term& term, int resolution);  ///< a view; the term must outlive it
   int channels() const { return channels_; }
   /// out[k * stride], k < count: about the mean over width x height texels around (x, y), texel centres at whole numbers. count <= 129.
   void box(int face, float x, float y, float width, float height, int count, float* out, size_t stride) const;

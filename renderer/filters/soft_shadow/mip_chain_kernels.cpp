@@ -7,7 +7,8 @@
 
 namespace gobo {
 
-MipChain::MipChain(const Term& term, int resolution) : texels_(term.floats("B").data()), channels_(term.channels("B")), resolution_(resolution), levels_(mipLevels(resolution)) {
+MipChain::MipChain(const Term& term, int resolution)
+    : texels_(term.floats("B").data()), channels_(term.channels("B")), resolution_(resolution), levels_(mipLevels(resolution)) {
   faceTexels_ = size_t(term.extent().width) * size_t(term.extent().height);
   GOBO_CHECK_EQ(faceTexels_, mipTexels(resolution));
   GOBO_CHECK(levels_ <= 15 && channels_ <= 129);
@@ -37,7 +38,7 @@ void MipChain::add(int face, float x, float y, float level, float weight, int co
 }
 
 void MipChain::box(int face, float x, float y, float width, float height, int count, float* __restrict out, size_t stride) const {
-  constexpr int kMost = 8;    // lookups side by side: rectangles up to 1 : 8 keep their shape
+  constexpr int kMost = 8;  // lookups side by side: rectangles up to 1 : 8 keep their shape
   float sum[129] = {};
   const float last = float(resolution_);
   // The part inside the map, as a box of its own.

@@ -15,7 +15,7 @@ NodePtr makeMomentSumsNode(int resolution, int faces);
 
 class MomentSums {
  public:
-  MomentSums(const Term& term, int resolution);   ///< a view
+  MomentSums(const Term& term, int resolution);  ///< a view
   /// Means of vsmFirst and vsmSecond over a box of piecewise constant texels.
   void box(int face, const SoftBox& box, float& first, float& second) const;
 

@@ -8,7 +8,7 @@
 namespace gobo {
 namespace {
 
-constexpr double kUnit = 1073741824.0;   // 2^30
+constexpr double kUnit = 1073741824.0;  // 2^30
 
 class MomentSumsNode : public Node {
  public:
@@ -27,31 +27,39 @@ class MomentSumsNode : public Node {
     auto term = std::make_shared<Term>("shadow_moment_sums", Domain::LightTexel, Extent{resolution_ + 1, resolution_ + 1, faces});
     const std::span<double> sums = term->addPlane<double>("sums", 2);
     const auto stopped = [] { return Status(Code::Cancelled, "shadow_moment_sums stopped"); };
-    if (!ctx.arena->parallelFor(side * size_t(faces), 16, [&](size_t begin, size_t end) {
-          for (size_t r = begin; r < end; ++r) {
-            double* to = &sums[(r / side) * face + (r % side + 1) * row];
-            const float* from = &z[r * side];
-            double m1 = 0, m2 = 0;
-            for (size_t x = 0; x < side; ++x) {
-              const double m = std::rint(double(formulas::vsmFirst(from[x])) * kUnit) / kUnit;
-              m1 += m;
-              m2 += std::rint(m * m * kUnit) / kUnit;
-              to[2 * (x + 1)] = m1;
-              to[2 * (x + 1) + 1] = m2;
-            }
-          }
-        }, ctx.stop)) return stopped();
+    if (!ctx.arena->parallelFor(
+            side * size_t(faces), 16,
+            [&](size_t begin, size_t end) {
+              for (size_t r = begin; r < end; ++r) {
+                double* to = &sums[(r / side) * face + (r % side + 1) * row];
+                const float* from = &z[r * side];
+                double m1 = 0, m2 = 0;
+                for (size_t x = 0; x < side; ++x) {
+                  const double m = std::rint(double(formulas::vsmFirst(from[x])) * kUnit) / kUnit;
+                  m1 += m;
+                  m2 += std::rint(m * m * kUnit) / kUnit;
+                  to[2 * (x + 1)] = m1;
+                  to[2 * (x + 1) + 1] = m2;
+                }
+              }
+            },
+            ctx.stop))
+      return stopped();
     constexpr size_t kColumns = 256;
     const size_t strips = (row + kColumns - 1) / kColumns;
-    if (!ctx.arena->parallelFor(strips * size_t(faces), 1, [&](size_t begin, size_t end) {
-          for (size_t s = begin; s < end; ++s)
-            for (size_t y = 2; y <= side; ++y) {
-              double* here = &sums[(s / strips) * face + y * row + (s % strips) * kColumns];
-              const double* above = here - row;
-              const size_t n = std::min(kColumns, row - (s % strips) * kColumns);
-              for (size_t i = 0; i < n; ++i) here[i] += above[i];
-            }
-        }, ctx.stop)) return stopped();
+    if (!ctx.arena->parallelFor(
+            strips * size_t(faces), 1,
+            [&](size_t begin, size_t end) {
+              for (size_t s = begin; s < end; ++s)
+                for (size_t y = 2; y <= side; ++y) {
+                  double* here = &sums[(s / strips) * face + y * row + (s % strips) * kColumns];
+                  const double* above = here - row;
+                  const size_t n = std::min(kColumns, row - (s % strips) * kColumns);
+                  for (size_t i = 0; i < n; ++i) here[i] += above[i];
+                }
+            },
+            ctx.stop))
+      return stopped();
     return TermPtr(term);
   }
 
@@ -61,7 +69,8 @@ class MomentSumsNode : public Node {
 
 }  // namespace
 
-MomentSums::MomentSums(const Term& term, int resolution) : sums_(term.plane<double>("sums").data()), row_(2 * (size_t(resolution) + 1)), face_(row_ * (size_t(resolution) + 1)) {
+MomentSums::MomentSums(const Term& term, int resolution)
+    : sums_(term.plane<double>("sums").data()), row_(2 * (size_t(resolution) + 1)), face_(row_ * (size_t(resolution) + 1)) {
   GOBO_CHECK_EQ(term.extent().width, resolution + 1);
 }
 
@@ -71,7 +80,7 @@ void MomentSums::box(int face, const SoftBox& b, float& first, float& second) co
   const size_t xa = std::min(size_t(b.x0), last), xb = std::min(size_t(b.x1), last), ya = std::min(size_t(b.y0), last), yb = std::min(size_t(b.y1), last);
   const double fxa = double(b.x0) - double(xa), fxb = double(b.x1) - double(xb), fya = double(b.y0) - double(ya), fyb = double(b.y1) - double(yb);
   const double* base = sums_ + size_t(face) * face_;
-  const auto line = [&](size_t y, double out[2]) {   // over one line of the table: between both ends
+  const auto line = [&](size_t y, double out[2]) {  // over one line of the table: between both ends
     const double* r = base + y * row_;
     const double *a = r + 2 * xa, *c = r + 2 * xb;
     for (int k = 0; k < 2; ++k) out[k] = (c[k] + fxb * (c[k + 2] - c[k])) - (a[k] + fxa * (a[k + 2] - a[k]));

@@ -30,11 +30,14 @@ class PercentageCloserSoftNode : public Node {
     const SoftReceivers receivers(gbuffer, l_, false);
     auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
     const std::span<float> V = term->addPlane<float>("V");
-    const bool done = ctx.arena->parallelFor(V.size(), 4096, [&](size_t begin, size_t end) {
-      auto w = std::make_unique<Work>(l_.map.resolution);
-      for (size_t first = begin; first < end; first += SoftBlock::kSize)
-        block(receivers, bounds, first, int(std::min<size_t>(SoftBlock::kSize, end - first)), &V[first], *w);
-    }, ctx.stop);
+    const bool done = ctx.arena->parallelFor(
+        V.size(), 4096,
+        [&](size_t begin, size_t end) {
+          auto w = std::make_unique<Work>(l_.map.resolution);
+          for (size_t first = begin; first < end; first += SoftBlock::kSize)
+            block(receivers, bounds, first, int(std::min<size_t>(SoftBlock::kSize, end - first)), &V[first], *w);
+        },
+        ctx.stop);
     if (!done) return Status(Code::Cancelled, type() + " stopped");
     return TermPtr(term);
   }

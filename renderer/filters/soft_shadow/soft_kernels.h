@@ -10,7 +10,9 @@
 namespace gobo {
 
 /// Weighted by a box: its area, the part of it that blocks, and the sum of the blockers' depths.
-struct SoftSums { float weight = 0, blocked = 0, depth = 0; };
+struct SoftSums {
+  float weight = 0, blocked = 0, depth = 0;
+};
 
 /// What is asked of a kernel: the blocked share and the blockers' depths, or the share alone.
 enum class SoftAsk { Blockers, Share };
@@ -25,13 +27,13 @@ inline int softTexels(const SoftBox& box) { return (int(std::ceil(box.x1)) - int
 struct SoftTaps {
   static constexpr int kSize = SoftBlock::kSize;
   int count = 0;
-  int32_t receiver[kSize], base[kSize];                    ///< index in the block; first texel of the face
-  float x0[kSize], y0[kSize], sx[kSize], sy[kSize];        ///< the box
+  int32_t receiver[kSize], base[kSize];              ///< index in the block; first texel of the face
+  float x0[kSize], y0[kSize], sx[kSize], sy[kSize];  ///< the box
   float px[kSize], py[kSize], limit[kSize], margin[kSize];
   float a[kSize], ax[kSize], ay[kSize], b[kSize], bx[kSize], by[kSize];
   float near[kSize], range[kSize], metric[kSize], scaleX[kSize], scaleY[kSize];
   float shiftU[kSize], shiftV[kSize];
-  float blocked[kSize], depth[kSize], nearest[kSize];      ///< results: share of the taps, sum of depths over the taps, smallest depth among them (or 2)
+  float blocked[kSize], depth[kSize], nearest[kSize];  ///< results: share of the taps, sum of depths over the taps, smallest depth among them (or 2)
   void add(const SoftBlock& block, int i, const SoftBox& box, size_t faceTexels, uint64_t element);
 };
 
@@ -40,7 +42,7 @@ struct SoftPattern {
   explicit SoftPattern(int taps);
   int taps;
   std::vector<float> u, v;
-  std::vector<float> shrink;   ///< softProbe: width of the box that a tap is drawn from
+  std::vector<float> shrink;  ///< softProbe: width of the box that a tap is drawn from
 };
 void softTaps(SoftAsk ask, const float* z, int side, const SoftPattern& pattern, SoftTaps& taps);
 /// Looks for blockers that lie in the cone to the light at their own depth, in boxes of every width from 1/32 to the whole: thin ones near the receiver are

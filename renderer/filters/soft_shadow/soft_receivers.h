@@ -17,17 +17,17 @@ struct SoftBox {
 
 struct SoftBlock {
   static constexpr int kSize = ReceiverBlock::kSize;
-  ReceiverBlock at;                               ///< x, y, d, face, slopes
-  float limit[kSize];                             ///< d less the bias: what lies at or behind it blocks nothing
-  float metric[kSize];                            ///< planar depth, metres
-  float scaleX[kSize], scaleY[kSize];             ///< texels per unit of softWidth(metric, z, 1)
-  float a[kSize], ax[kSize], ay[kSize];           ///< softHeight
+  ReceiverBlock at;                      ///< x, y, d, face, slopes
+  float limit[kSize];                    ///< d less the bias: what lies at or behind it blocks nothing
+  float metric[kSize];                   ///< planar depth, metres
+  float scaleX[kSize], scaleY[kSize];    ///< texels per unit of softWidth(metric, z, 1)
+  float a[kSize], ax[kSize], ay[kSize];  ///< softHeight
   float b[kSize], bx[kSize], by[kSize];
-  float margin[kSize];                            ///< height from which texels count as above the plane
-  float near[kSize], range[kSize];                ///< metric depth of linear depth z: near + z range
+  float margin[kSize];              ///< height from which texels count as above the plane
+  float near[kSize], range[kSize];  ///< metric depth of linear depth z: near + z range
   bool perspective;
-  float above[kSize];                             ///< share of the light above the receiver's plane
-  int active[kSize];                              ///< receivers whose V is not known from their position alone
+  float above[kSize];  ///< share of the light above the receiver's plane
+  int active[kSize];   ///< receivers whose V is not known from their position alone
   int activeCount;
 };
 
@@ -44,7 +44,7 @@ class SoftReceivers {
   /// Widths in texels, at least one, of the kernel of receiver i cut at metric depth z.
   void width(const SoftBlock& b, int i, float z, float& wx, float& wy) const {
     const float w = formulas::softWidth(b.metric[i], z, 1.0f, perspective_);
-    wx = formulas::limit(w * b.scaleX[i], 1.0f, 2.0f * resolution_);   // twice the map covers it from wherever the receiver is
+    wx = formulas::limit(w * b.scaleX[i], 1.0f, 2.0f * resolution_);  // twice the map covers it from wherever the receiver is
     wy = formulas::limit(w * b.scaleY[i], 1.0f, 2.0f * resolution_);
   }
   SoftBox box(const SoftBlock& b, int i, float wx, float wy) const {
@@ -65,10 +65,10 @@ class SoftReceivers {
 /// Where anything could come between receiver i and the light.
 struct SoftSearch {
   enum Verdict { Mixed, Lit, Dark } verdict = Mixed;
-  float wx = 1, wy = 1;   ///< widths, texels
+  float wx = 1, wy = 1;  ///< widths, texels
   SoftBox box;
-  float lo = 0, hi = 1;   ///< bounds of the depths in it, or wider
-  float plane = 0;        ///< metric depth at which the cone was cut
+  float lo = 0, hi = 1;  ///< bounds of the depths in it, or wider
+  float plane = 0;       ///< metric depth at which the cone was cut
 };
 /// Cuts the cone at the smallest depth found in it, again and again (digest 7.4: start at z-min), and asks the bounds, for all active receivers of a
 /// block side by side. out[i] for i in b.active.

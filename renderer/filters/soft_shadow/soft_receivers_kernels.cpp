@@ -17,8 +17,14 @@ void SoftLookup::hash(Hasher& h) const {
 }
 
 SoftReceivers::SoftReceivers(const Term& gbuffer, const SoftLookup& l, bool slopes)
-    : receivers_(gbuffer, l.frames, l.map.resolution, l.view, {.slopes = slopes, .facing = false}), P_(gbuffer.floats("P")), N_(gbuffer.floats("N")),
-      Ng_(gbuffer.floats("Ng")), frames_(l.frames), light_(l.light), resolution_(float(l.map.resolution)), bias_(l.map.bias),
+    : receivers_(gbuffer, l.frames, l.map.resolution, l.view, {.slopes = slopes, .facing = false}),
+      P_(gbuffer.floats("P")),
+      N_(gbuffer.floats("N")),
+      Ng_(gbuffer.floats("Ng")),
+      frames_(l.frames),
+      light_(l.light),
+      resolution_(float(l.map.resolution)),
+      bias_(l.map.bias),
       perspective_(l.frames.face[0].perspective) {}
 
 void SoftReceivers::fill(size_t begin, int count, SoftBlock& b, float* V) const {
@@ -48,8 +54,11 @@ void SoftReceivers::planes(size_t begin, int count, SoftBlock& b, float* V) cons
     };
     float half, shadingHalf;
     const float height = horizon(n, half), shadingHeight = horizon(shading, shadingHalf);
-    if (!(shadingHeight + shadingHalf > 0.0f)) continue;                        // the light cannot shine
-    if (!(height + half > 0.0f)) { V[i] = 0.0f; continue; }                     // the surface itself is in the way
+    if (!(shadingHeight + shadingHalf > 0.0f)) continue;  // the light cannot shine
+    if (!(height + half > 0.0f)) {
+      V[i] = 0.0f;
+      continue;
+    }  // the surface itself is in the way
     const float range = f.far - f.near, texelX = (f.hi.x - f.lo.x) / resolution_, texelY = (f.hi.y - f.lo.y) / resolution_;
     const float d = f.near + b.at.d[i] * range;
     b.metric[i] = d;
@@ -60,7 +69,7 @@ void SoftReceivers::planes(size_t begin, int count, SoftBlock& b, float* V) cons
     b.above[i] = softAbove(height, half);
     const float right = glm::dot(n, f.right), up = glm::dot(n, f.up), forward = glm::dot(n, f.forward);
     float tx = 0, ty = 0;
-    if (perspective_) {   // a texel at (x, y) is O + Z (forward + tx right + ty up): its height over the plane is height + Z n.(...)
+    if (perspective_) {  // a texel at (x, y) is O + Z (forward + tx right + ty up): its height over the plane is height + Z n.(...)
       tx = f.lo.x + (b.at.x[i] + 0.5f) * texelX;
       ty = f.lo.y + (b.at.y[i] + 0.5f) * texelY;
       const float along = forward + tx * right + ty * up, alongX = right * texelX, alongY = up * texelY;
@@ -137,7 +146,8 @@ void measureLanes(const SearchLevels& levels, float resolution, SearchLanes* __r
   int32_t level[SearchLanes::kSize], ix0[SearchLanes::kSize], ix1[SearchLanes::kSize], iy0[SearchLanes::kSize], iy1[SearchLanes::kSize];
   for (int i = 0; i < n; ++i) {
     const float cx = k->x[i] + 0.5f, cy = k->y[i] + 0.5f, hx = 0.5f * k->wx[i], hy = 0.5f * k->wy[i];
-    const float x0 = formulas::maxOf(cx - hx, 0.0f), x1 = formulas::minOf(cx + hx, resolution), y0 = formulas::maxOf(cy - hy, 0.0f), y1 = formulas::minOf(cy + hy, resolution);
+    const float x0 = formulas::maxOf(cx - hx, 0.0f), x1 = formulas::minOf(cx + hx, resolution), y0 = formulas::maxOf(cy - hy, 0.0f),
+                y1 = formulas::minOf(cy + hy, resolution);
     k->x0[i] = x0;
     k->x1[i] = x1;
     k->y0[i] = y0;
@@ -164,8 +174,10 @@ void measureLanes(const SearchLevels& levels, float resolution, SearchLanes* __r
   }
   const float* __restrict texels = levels.texels;
   for (int i = 0; i < n; ++i) {
-    const float a = formulas::minOf(texels[low[i] + at[0][i]], texels[low[i] + at[1][i]]), b = formulas::minOf(texels[low[i] + at[2][i]], texels[low[i] + at[3][i]]);
-    const float c = formulas::maxOf(texels[high[i] + at[0][i]], texels[high[i] + at[1][i]]), d = formulas::maxOf(texels[high[i] + at[2][i]], texels[high[i] + at[3][i]]);
+    const float a = formulas::minOf(texels[low[i] + at[0][i]], texels[low[i] + at[1][i]]),
+                b = formulas::minOf(texels[low[i] + at[2][i]], texels[low[i] + at[3][i]]);
+    const float c = formulas::maxOf(texels[high[i] + at[0][i]], texels[high[i] + at[1][i]]),
+                d = formulas::maxOf(texels[high[i] + at[2][i]], texels[high[i] + at[3][i]]);
     k->lo[i] = formulas::minOf(a, b);
     k->hi[i] = formulas::maxOf(c, d);
   }
@@ -206,7 +218,7 @@ void softSearches(const SoftReceivers& receivers, const DepthBounds& bounds, con
   };
   widths(k.plane, k.wx, k.wy);
   measureLanes(levels, resolution, &k);
-  for (int step = 0; step < 6; ++step) {   // each cut can only move away from the light: whatever is nearer lies outside the cone
+  for (int step = 0; step < 6; ++step) {  // each cut can only move away from the light: whatever is nearer lies outside the cone
     float plane[SearchLanes::kSize], wx[SearchLanes::kSize], wy[SearchLanes::kSize];
     for (int i = 0; i < k.count; ++i) plane[i] = k.near[i] + k.lo[i] * k.range[i];
     widths(plane, wx, wy);
@@ -215,7 +227,7 @@ void softSearches(const SoftReceivers& receivers, const DepthBounds& bounds, con
       const int go = CHOOSE((k.go[i] != 0) & (plane[i] > k.plane[i]) & (k.wx[i] + k.wy[i] > 2.0f), 1, 0);
       const int settled = CHOOSE(wx[i] + wy[i] > 0.9f * (k.wx[i] + k.wy[i]), 1, 0);
       k.plane[i] = CHOOSE(go != 0, plane[i], k.plane[i]);
-      k.wx[i] = CHOOSE(go != 0, wx[i], k.wx[i]);   // lanes that have ended keep their box, and measure it again
+      k.wx[i] = CHOOSE(go != 0, wx[i], k.wx[i]);  // lanes that have ended keep their box, and measure it again
       k.wy[i] = CHOOSE(go != 0, wy[i], k.wy[i]);
       k.go[i] = go & (1 - settled);
       any |= go;

@@ -29,8 +29,8 @@ namespace gobo {
 
 /// What soft lookups know of the light.
 struct SoftLight {
-  Vec2 size{0.0f};        ///< metres along the map's right and up; orthographic: 2 tan of half the angle
-  Vec2 half{0.0f};        ///< half extents of the light itself, for its horizon: metres (perspective) or tangents; the radius of what is round
+  Vec2 size{0.0f};  ///< metres along the map's right and up; orthographic: 2 tan of half the angle
+  Vec2 half{0.0f};  ///< half extents of the light itself, for its horizon: metres (perspective) or tangents; the radius of what is round
   enum Shape { Rectangle, Disk, Sphere } shape = Rectangle;
   void hash(Hasher& h) const { h.addPod(size).addPod(half).add(int(shape)); }
 };

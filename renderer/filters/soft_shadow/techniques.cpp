@@ -9,20 +9,19 @@ namespace gobo {
 
 SoftLight softLight(const LightShape& l, const Vec2& angularSize) {
   SoftLight s;
-  const float square = std::sqrt(kPi) * l.radius;   // side of the square of a disk's area
+  const float square = std::sqrt(kPi) * l.radius;  // side of the square of a disk's area
   switch (l.kind) {
     case LightKind::Rect:
       s.half = Vec2(glm::length(l.u), glm::length(l.v));
       s.size = 2.0f * s.half;
       break;
-    case LightKind::Disk: case LightKind::Sphere:
+    case LightKind::Disk:
+    case LightKind::Sphere:
       s.half = Vec2(l.radius);
       s.size = Vec2(square);
       s.shape = l.kind == LightKind::Disk ? SoftLight::Disk : SoftLight::Sphere;
       break;
-    default:
-      s.size = angularSize;
-      s.half = 0.5f * angularSize;
+    default: s.size = angularSize; s.half = 0.5f * angularSize;
   }
   return s;
 }
@@ -31,15 +30,18 @@ namespace {
 
 using Settings = v1::ShadowMapSettings;
 
-struct Planned { PlannedShadowMap map; NodeId bounds = -1; };
+struct Planned {
+  PlannedShadowMap map;
+  NodeId bounds = -1;
+};
 
 /// The depth map, its bounds and what all lookups share.
 Result<Planned> planMap(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique, SoftLookup& l) {
   const Light& light = input.scene->lights.at(size_t(input.light));
   if (!softShadowSupports(light.shape.kind))
     return invalidArgument("light '" + light.name + "' has no width: soft shadow maps are made for rectangles, disks, spheres and distant lights", "shadows");
-  if (!isFinite(light.shape.u) || !isFinite(light.shape.v) || !std::isfinite(light.shape.radius) || !(input.angularSize.x >= 0.0f) || !(input.angularSize.y >= 0.0f) ||
-      !std::isfinite(input.angularSize.x) || !std::isfinite(input.angularSize.y))
+  if (!isFinite(light.shape.u) || !isFinite(light.shape.v) || !std::isfinite(light.shape.radius) || !(input.angularSize.x >= 0.0f) ||
+      !(input.angularSize.y >= 0.0f) || !std::isfinite(input.angularSize.x) || !std::isfinite(input.angularSize.y))
     return invalidArgument("light '" + light.name + "': its size is not finite", "shadows");
   Planned p;
   GOBO_ASSIGN(p.map, planShadowMap(graph, input, technique, 1));
@@ -54,8 +56,10 @@ Result<Planned> planMap(Graph& graph, const ShadowInput& input, const v1::Shadow
 Status checkBytes(const PlannedShadowMap& p, double bytesPerTexel) {
   const double bytes = double(p.map.resolution) * p.map.resolution * p.frames.count * bytesPerTexel;
   if (bytes <= 4.0 * (1ull << 30)) return {};
-  return Status(Code::ResourceExhausted, "shadows.map.resolution = " + std::to_string(p.map.resolution) + ": this technique's images of " + std::to_string(p.frames.count) +
-                                             " map faces take " + std::to_string(int64_t(bytes / (1 << 20))) + " MiB; at most 4096 MiB", "shadows.map.resolution");
+  return Status(Code::ResourceExhausted,
+                "shadows.map.resolution = " + std::to_string(p.map.resolution) + ": this technique's images of " + std::to_string(p.frames.count) +
+                    " map faces take " + std::to_string(int64_t(bytes / (1 << 20))) + " MiB; at most 4096 MiB",
+                "shadows.map.resolution");
 }
 
 }  // namespace
@@ -90,7 +94,8 @@ Result<NodeId> planConvolutionSoft(Graph& graph, const ShadowInput& input, const
   GOBO_TRY(checkShadowRange("convolution_soft.sharpening_extent", l.sharpeningExtent, 0, 10000));
   GOBO_ASSIGN(const Planned p, planMap(graph, input, technique, l));
   if (l.map.lookup == Settings::ANISOTROPIC)
-    return invalidArgument("shadows.map.lookup = ANISOTROPIC: soft shadows read SUMMED_AREA boxes or a TRILINEAR chain at the penumbra's width", "shadows.map.lookup");
+    return invalidArgument("shadows.map.lookup = ANISOTROPIC: soft shadows read SUMMED_AREA boxes or a TRILINEAR chain at the penumbra's width",
+                           "shadows.map.lookup");
   const bool mips = l.map.lookup == Settings::TRILINEAR;
   GOBO_TRY(checkBytes(p.map, 4.0 * (4 * l.order + 1) * (mips ? 7.0 / 3.0 : 2.004)));
   const ShadowBasisPtr basis = makeConvolutionSoftBasis(l.order);
@@ -127,7 +132,8 @@ Result<NodeId> planExponentialVarianceSoft(Graph& graph, const ShadowInput& inpu
   GOBO_ASSIGN(const Planned p, planMap(graph, input, technique, l));
   GOBO_TRY(checkBytes(p.map, 16 * 7.0 / 3.0));
   const ShadowBasisPtr basis = makeExponentialVarianceBasis(l.cPositive, l.cNegative, 1e-7f, l.bleedingReduction);
-  const NodeId map = addShadowFilter(graph, makeShadowEncodeNode(basis, 0, l.map.resolution, l.frames.count, false), {p.map.depth}, "exponential_variance_soft_map", input);
+  const NodeId map =
+      addShadowFilter(graph, makeShadowEncodeNode(basis, 0, l.map.resolution, l.frames.count, false), {p.map.depth}, "exponential_variance_soft_map", input);
   const NodeId chain = addShadowFilter(graph, makeShadowMipmapNode(basis, l.map.resolution, l.frames.count, false), {map}, "shadow_mipmap", input);
   return addShadowFilter(graph, makeExponentialVarianceSoftNode(l), {input.gbuffer, p.bounds, chain}, "visibility", input);
 }

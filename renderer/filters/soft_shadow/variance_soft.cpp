@@ -17,7 +17,9 @@ using namespace formulas;
 namespace {
 
 /// Shares of a box: blocked, and the sum of the blockers' depths.
-struct Blocked { float share = 0, depth = 0; };
+struct Blocked {
+  float share = 0, depth = 0;
+};
 
 class VarianceSoftNode : public Node {
  public:
@@ -37,15 +39,19 @@ class VarianceSoftNode : public Node {
     const SoftReceivers receivers(gbuffer, l_, false);
     auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
     const std::span<float> V = term->addPlane<float>("V");
-    const bool done = ctx.arena->parallelFor(V.size(), 4096, [&](size_t begin, size_t end) {
-      auto b = std::make_unique<SoftBlock>();
-      std::vector<SoftSearch> searches(SoftBlock::kSize);
-      for (size_t first = begin; first < end; first += SoftBlock::kSize) {
-        receivers.fill(first, int(std::min<size_t>(SoftBlock::kSize, end - first)), *b, &V[first]);
-        softSearches(receivers, bounds, *b, searches.data());
-        for (int k = 0; k < b->activeCount; ++k) V[first + size_t(b->active[k])] = visibility({receivers, bounds, sums, *b, b->active[k]}, searches[size_t(b->active[k])]);
-      }
-    }, ctx.stop);
+    const bool done = ctx.arena->parallelFor(
+        V.size(), 4096,
+        [&](size_t begin, size_t end) {
+          auto b = std::make_unique<SoftBlock>();
+          std::vector<SoftSearch> searches(SoftBlock::kSize);
+          for (size_t first = begin; first < end; first += SoftBlock::kSize) {
+            receivers.fill(first, int(std::min<size_t>(SoftBlock::kSize, end - first)), *b, &V[first]);
+            softSearches(receivers, bounds, *b, searches.data());
+            for (int k = 0; k < b->activeCount; ++k)
+              V[first + size_t(b->active[k])] = visibility({receivers, bounds, sums, *b, b->active[k]}, searches[size_t(b->active[k])]);
+          }
+        },
+        ctx.stop);
     if (!done) return Status(Code::Cancelled, type() + " stopped");
     return TermPtr(term);
   }

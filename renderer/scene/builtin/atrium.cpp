@@ -34,7 +34,10 @@ int columnMesh(SceneBuilder& b, MeshBuilder& m, const std::string& name, int mat
 int archMesh(SceneBuilder& b, MeshBuilder& m, int material, float span, float rise, float top) {
   constexpr int n = 24;
   const float depth = 0.22f, r = 0.5f * span;
-  auto at = [&](int i) { const float a = kPi * i / n; return Vec2(-r * std::cos(a), rise * std::sin(a)); };
+  auto at = [&](int i) {
+    const float a = kPi * i / n;
+    return Vec2(-r * std::cos(a), rise * std::sin(a));
+  };
   for (int i = 0; i < n; ++i) {
     const Vec2 p = at(i), q = at(i + 1);
     for (float side : {1.0f, -1.0f}) {
@@ -42,8 +45,13 @@ int archMesh(SceneBuilder& b, MeshBuilder& m, int material, float span, float ri
       const Vec3 nrm(0, 0, side);
       auto v = [&](const Vec2& s) { return m.vertex(Vec3(s.x, s.y, z), nrm, s * 0.5f); };
       const uint32_t a = v(p), c = v(q), d = v(Vec2(q.x, top)), e = v(Vec2(p.x, top));
-      if (side > 0) { m.triangle(a, c, d); m.triangle(a, d, e); }
-      else { m.triangle(a, d, c); m.triangle(a, e, d); }
+      if (side > 0) {
+        m.triangle(a, c, d);
+        m.triangle(a, d, e);
+      } else {
+        m.triangle(a, d, c);
+        m.triangle(a, e, d);
+      }
     }
     const Vec3 np = -glm::normalize(Vec3(p.x / (r * r), p.y / (rise * rise), 0)), nq = -glm::normalize(Vec3(q.x / (r * r), q.y / (rise * rise), 0));
     const float s = float(i) / n, t = float(i + 1) / n;
@@ -55,7 +63,9 @@ int archMesh(SceneBuilder& b, MeshBuilder& m, int material, float span, float ri
   return b.mesh(m, "arch" + std::to_string(b.scene().meshes.size()), material);
 }
 
-struct Stones { int floor, plaster, marble, brick, wood; };
+struct Stones {
+  int floor, plaster, marble, brick, wood;
+};
 
 Stones makeMaterials(SceneBuilder& b) {
   Stones s{b.material("floor", Vec3(1.0f), 1.0f, 0.0f, 1.0f), b.material("plaster", Vec3(1.0f), 1.0f, 0.0f, 0.4f),
@@ -80,16 +90,14 @@ Stones makeMaterials(SceneBuilder& b) {
     return Vec4(glm::mix(Vec3(0.7f, 0.6f, 0.46f), Vec3(0.55f, 0.42f, 0.3f), clamp01(3.0f * stain - 1.3f)), 1.0f);
   });
   b.at(s.plaster).bsdf.normal = b.normalMap("plaster-normal", 256, 2.0f, [](float u, float v) { return 0.02f * fractalNoise(u, v, 10, 5, 42); });
-  b.at(s.plaster).bsdf.metallicRoughness = b.texture("plaster-roughness", 64, 64, false, [](float u, float v) {
-    return Vec4(0.0f, 0.75f + 0.25f * fractalNoise(u, v, 8, 2, 43), 0.0f, 1.0f);
-  });
+  b.at(s.plaster).bsdf.metallicRoughness =
+      b.texture("plaster-roughness", 64, 64, false, [](float u, float v) { return Vec4(0.0f, 0.75f + 0.25f * fractalNoise(u, v, 8, 2, 43), 0.0f, 1.0f); });
   b.at(s.marble).albedo.texture = b.texture("marble-colour", 256, 256, true, [](float u, float v) {
     const float warp = fractalNoise(u, v, 4, 5, 51), vein = std::fabs(std::sin(2.0f * kPi * (2.0f * u + v + 2.2f * warp)));
     return Vec4(glm::mix(Vec3(0.4f, 0.37f, 0.36f), Vec3(0.76f, 0.73f, 0.68f), std::pow(vein, 0.35f)), 1.0f);
   });
-  b.at(s.marble).bsdf.metallicRoughness = b.texture("marble-roughness", 64, 64, false, [](float u, float v) {
-    return Vec4(0.0f, 0.3f + 0.3f * fractalNoise(u, v, 6, 3, 52), 0.0f, 1.0f);
-  });
+  b.at(s.marble).bsdf.metallicRoughness =
+      b.texture("marble-roughness", 64, 64, false, [](float u, float v) { return Vec4(0.0f, 0.3f + 0.3f * fractalNoise(u, v, 6, 3, 52), 0.0f, 1.0f); });
   auto brick = [&](float u, float v) {  // 4 x 8 bricks in running bond: distance to the joint in brick heights
     const float y = 8 * v, x = 4 * u + ((int(y) & 1) ? 0.5f : 0.0f), fx = x - std::floor(x), fy = y - std::floor(y);
     return std::fmin(2.0f * std::fmin(fx, 1 - fx), std::fmin(fy, 1 - fy));
@@ -99,19 +107,21 @@ Stones makeMaterials(SceneBuilder& b) {
     const Vec3 r = random3(61, row * 4 + column), clay = glm::mix(Vec3(0.5f, 0.24f, 0.16f), Vec3(0.62f, 0.38f, 0.25f), r.x);
     return Vec4((brick(u, v) < 0.09f ? Vec3(0.5f, 0.47f, 0.42f) : clay) * (0.75f + 0.5f * fractalNoise(u, v, 16, 3, 62)), 1.0f);
   });
-  b.at(s.brick).bsdf.normal = b.normalMap("brick-normal", 256, 1.0f, [&](float u, float v) {
-    return 0.012f * clamp01(brick(u, v) / 0.15f) + 0.006f * fractalNoise(u, v, 24, 3, 63);
-  });
+  b.at(s.brick).bsdf.normal =
+      b.normalMap("brick-normal", 256, 1.0f, [&](float u, float v) { return 0.012f * clamp01(brick(u, v) / 0.15f) + 0.006f * fractalNoise(u, v, 24, 3, 63); });
   return s;
 }
 
 void addShell(SceneBuilder& b, MeshBuilder& m, const Stones& s) {
-  m.quad(Vec3(-kX, 0, kZ), Vec3(2 * kX, 0, 0), Vec3(0, 0, -2 * kZ), 14, 24, Vec2(kX, kZ)); b.add("floor", m, s.floor);
+  m.quad(Vec3(-kX, 0, kZ), Vec3(2 * kX, 0, 0), Vec3(0, 0, -2 * kZ), 14, 24, Vec2(kX, kZ));
+  b.add("floor", m, s.floor);
   const float h = 2 * kStorey;
   m.quad(Vec3(-kX, 0, -kZ), Vec3(2 * kX, 0, 0), Vec3(0, h, 0), 1, 1, Vec2(2 * kX, h) * 0.5f);
-  m.quad(Vec3(kX, 0, kZ), Vec3(-2 * kX, 0, 0), Vec3(0, h, 0), 1, 1, Vec2(2 * kX, h) * 0.5f); b.add("end-walls", m, s.plaster);
+  m.quad(Vec3(kX, 0, kZ), Vec3(-2 * kX, 0, 0), Vec3(0, h, 0), 1, 1, Vec2(2 * kX, h) * 0.5f);
+  b.add("end-walls", m, s.plaster);
   m.quad(Vec3(-kX, 0, kZ), Vec3(0, 0, -2 * kZ), Vec3(0, h, 0), 1, 1, Vec2(2 * kZ, h));
-  m.quad(Vec3(kX, 0, -kZ), Vec3(0, 0, 2 * kZ), Vec3(0, h, 0), 1, 1, Vec2(2 * kZ, h)); b.add("side-walls", m, s.brick);
+  m.quad(Vec3(kX, 0, -kZ), Vec3(0, 0, 2 * kZ), Vec3(0, h, 0), 1, 1, Vec2(2 * kZ, h));
+  b.add("side-walls", m, s.brick);
   // Gallery slabs and roof of the walk: frames around the court.
   for (int storey = 1; storey <= 2; ++storey) {
     const float y = storey * kStorey, inX = kInnerX - 0.35f, inZ = kInnerZ - 0.35f, midX = 0.5f * (kX + inX), midZ = 0.5f * (kZ + inZ), t = 0.12f;
@@ -136,7 +146,8 @@ Result<ScenePtr> atrium(const StopToken& stop) {
   constexpr int alongZ = 8, alongX = 4;
   const float stepZ = 2 * kInnerZ / (alongZ - 1), stepX = 2 * kInnerX / (alongX - 1);
   const int archZ = archMesh(b, m, s.plaster, stepZ - 0.3f, 1.0f, kStorey - spring), archX = archMesh(b, m, s.plaster, stepX - 0.3f, 1.0f, kStorey - spring);
-  const int archZ2 = archMesh(b, m, s.plaster, stepZ - 0.3f, 0.95f, kStorey - 0.24f - upperSpring), archX2 = archMesh(b, m, s.plaster, stepX - 0.3f, 0.95f, kStorey - 0.24f - upperSpring);
+  const int archZ2 = archMesh(b, m, s.plaster, stepZ - 0.3f, 0.95f, kStorey - 0.24f - upperSpring),
+            archX2 = archMesh(b, m, s.plaster, stepX - 0.3f, 0.95f, kStorey - 0.24f - upperSpring);
   std::vector<Vec2> turned;
   for (int i = 0; i <= 22; ++i) {
     const float t = i / 22.0f;
@@ -161,7 +172,8 @@ Result<ScenePtr> atrium(const StopToken& stop) {
     b.instance("arch-upper" + k, high, translate(middle + Vec3(0, deck + upperSpring, 0)) * rotateY(turn));
     const int n = int(step / 0.28f);
     for (int i = 1; i < n; ++i)
-      b.instance("baluster" + std::to_string(posts++), baluster, translate(middle + Vec3(0, deck, 0)) * rotateY(turn) * translate(Vec3(step * (float(i) / n - 0.5f), 0, 0)));
+      b.instance("baluster" + std::to_string(posts++), baluster,
+                 translate(middle + Vec3(0, deck, 0)) * rotateY(turn) * translate(Vec3(step * (float(i) / n - 0.5f), 0, 0)));
   };
   for (float side : {-1.0f, 1.0f}) {
     for (int i = 0; i < alongZ; ++i) column(side * kInnerX, -kInnerZ + stepZ * i);

@@ -15,9 +15,9 @@ namespace gobo::builtin {
 
 Mat4 translate(const Vec3& t);
 Mat4 scale(const Vec3& s);
-Mat4 rotateY(float radians);          ///< counter-clockwise seen from above
+Mat4 rotateY(float radians);  ///< counter-clockwise seen from above
 Mat4 rotate(const Vec3& axis, float radians);
-Vec3 random3(uint64_t seed, uint64_t index);   ///< [0,1)^3
+Vec3 random3(uint64_t seed, uint64_t index);  ///< [0,1)^3
 
 /// Periodic value noise over [0,1)^2 with `cells` cells a side, in [0,1]; and a sum of `octaves` of it.
 float noise(float u, float v, int cells, uint32_t seed);
@@ -65,7 +65,7 @@ class SceneBuilder {
   Light& point(std::string name, const Vec3& position, const Vec3& intensity);
   Light& spot(std::string name, const Vec3& position, const Vec3& target, float outerDegrees, const Vec3& intensity);
   Light& sun(std::string name, const Vec3& towardsSun, const Vec3& irradiance);
-  void environment(EnvironmentPtr map, const Vec3& factor);   ///< map and its light "environment"
+  void environment(EnvironmentPtr map, const Vec3& factor);  ///< map and its light "environment"
   Result<ScenePtr> finish();
 
  private:

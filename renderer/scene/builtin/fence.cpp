@@ -10,7 +10,8 @@ Result<ScenePtr> fence(const StopToken& stop) {
   const int floor = b.material("floor", Vec3(0.5f, 0.48f, 0.42f)), paint = b.material("paint", Vec3(0.75f, 0.74f, 0.7f));
   const int post = b.material("post", Vec3(0.45f, 0.3f, 0.18f));
   MeshBuilder m;
-  m.quad(Vec3(-8, 0, 8), Vec3(16, 0, 0), Vec3(0, 0, -16), 8, 8, Vec2(8)); b.add("floor", m, floor);
+  m.quad(Vec3(-8, 0, 8), Vec3(16, 0, 0), Vec3(0, 0, -16), 8, 8, Vec2(8));
+  b.add("floor", m, floor);
   for (int i = 0; i < 25; ++i) {
     const float x = -3.0f + 0.25f * i, w = 0.07f, d = 0.015f, h = 1.0f, tip = 1.14f;
     m.box(Vec3(x, 0.5f * h + 0.04f, 0), Vec3(w, 0.5f * h - 0.04f, d));

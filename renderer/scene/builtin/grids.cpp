@@ -34,9 +34,12 @@ Result<ScenePtr> grids(const StopToken& stop) {
   SceneBuilder b("grids", stop);
   const int floor = b.material("floor", Vec3(0.7f)), metal = b.material("bars", Vec3(0.35f, 0.2f, 0.12f));
   MeshBuilder m;
-  m.quad(Vec3(-8, 0, 8), Vec3(16, 0, 0), Vec3(0, 0, -16)); b.add("floor", m, floor);
-  addGrid(m, 4.0f, 1.2f, 0.4f, 2.4f); b.add("grid6", m, metal);
-  addGrid(m, 2.0f, 0.9f, 0.3f, 2.7f); b.add("grid8", m, metal);
+  m.quad(Vec3(-8, 0, 8), Vec3(16, 0, 0), Vec3(0, 0, -16));
+  b.add("floor", m, floor);
+  addGrid(m, 4.0f, 1.2f, 0.4f, 2.4f);
+  b.add("grid6", m, metal);
+  addGrid(m, 2.0f, 0.9f, 0.3f, 2.7f);
+  b.add("grid8", m, metal);
   b.rect("key", Vec3(0, 10, 0), Vec3(0), 1.0f, 1.0f, Vec3(90.0f));
   b.camera("receiver", Vec3(0, 1.5f, 0), Vec3(0), 40.0f);
   Camera& receiver = b.scene().cameras.back();

@@ -11,22 +11,30 @@ Result<ScenePtr> lights8(const StopToken& stop) {
   const int clay = b.material("clay", Vec3(0.6f, 0.28f, 0.18f)), plastic = b.material("plastic", Vec3(0.12f, 0.28f, 0.5f), 0.25f, 0.0f, 1.0f);
   const int brass = b.material("brass", Vec3(0.85f, 0.65f, 0.3f), 0.3f, 1.0f, 1.0f), white = b.material("white", Vec3(0.78f));
   MeshBuilder m;
-  m.quad(Vec3(-3, 0, 2.5f), Vec3(6, 0, 0), Vec3(0, 0, -5)); b.add("floor", m, floor);
-  m.quad(Vec3(-3, 3, -2.5f), Vec3(6, 0, 0), Vec3(0, 0, 5)); b.add("ceiling", m, wall);
+  m.quad(Vec3(-3, 0, 2.5f), Vec3(6, 0, 0), Vec3(0, 0, -5));
+  b.add("floor", m, floor);
+  m.quad(Vec3(-3, 3, -2.5f), Vec3(6, 0, 0), Vec3(0, 0, 5));
+  b.add("ceiling", m, wall);
   m.quad(Vec3(-3, 0, -2.5f), Vec3(6, 0, 0), Vec3(0, 3, 0));
   m.quad(Vec3(-3, 0, 2.5f), Vec3(0, 0, -5), Vec3(0, 3, 0));
-  m.quad(Vec3(3, 0, -2.5f), Vec3(0, 0, 5), Vec3(0, 3, 0)); b.add("walls", m, wall);
-  m.box(Vec3(0, 0.35f, -0.3f), Vec3(0.45f, 0.35f, 0.45f)); b.add("plinth", m, white);
-  m.sphere(Vec3(0, 1.1f, -0.3f), 0.4f, 64, 32); b.add("ball", m, plastic);
-  m.box(Vec3(-1.5f, 0.3f, -0.9f), Vec3(0.3f), rotateY(0.5f)); b.add("block", m, clay);
-  m.box(Vec3(-1.45f, 0.75f, -0.95f), Vec3(0.15f), rotateY(0.1f)); b.add("small-block", m, brass);
+  m.quad(Vec3(3, 0, -2.5f), Vec3(0, 0, 5), Vec3(0, 3, 0));
+  b.add("walls", m, wall);
+  m.box(Vec3(0, 0.35f, -0.3f), Vec3(0.45f, 0.35f, 0.45f));
+  b.add("plinth", m, white);
+  m.sphere(Vec3(0, 1.1f, -0.3f), 0.4f, 64, 32);
+  b.add("ball", m, plastic);
+  m.box(Vec3(-1.5f, 0.3f, -0.9f), Vec3(0.3f), rotateY(0.5f));
+  b.add("block", m, clay);
+  m.box(Vec3(-1.45f, 0.75f, -0.95f), Vec3(0.15f), rotateY(0.1f));
+  b.add("small-block", m, brass);
   std::vector<Vec2> vase;
   for (int i = 0; i <= 40; ++i) {
     const float t = i / 40.0f;
     vase.push_back(Vec2(0.14f + 0.2f * std::sin(kPi * std::pow(t, 0.7f)) * (1.0f - 0.3f * t) - 0.02f * std::sin(2.0f * kPi * t), 0.9f * t));
   }
   vase.front().y = 0.001f;
-  m.lathe(Vec3(1.5f, 0, -0.7f), vase, 48); b.add("vase", m, clay);
+  m.lathe(Vec3(1.5f, 0, -0.7f), vase, 48);
+  b.add("vase", m, clay);
   b.rect("key", Vec3(-1.8f, 2.7f, 1.2f), Vec3(0, 0.8f, -0.3f), 0.35f, 0.35f, Vec3(24.0f, 21.5f, 18.0f));
   b.rect("fill", Vec3(2.4f, 2.2f, 1.6f), Vec3(0, 0.9f, -0.3f), 0.5f, 0.4f, Vec3(4.0f, 4.6f, 5.6f));
   b.disk("rim", Vec3(0.9f, 2.6f, -2.1f), Vec3(0, 1.1f, -0.3f), 0.2f, Vec3(13.0f, 12.0f, 11.0f));

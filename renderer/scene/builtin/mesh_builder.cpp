@@ -10,9 +10,7 @@ Mat4 translate(const Vec3& t) { return glm::translate(Mat4(1.0f), t); }
 Mat4 scale(const Vec3& s) { return glm::scale(Mat4(1.0f), s); }
 Mat4 rotate(const Vec3& axis, float radians) { return glm::rotate(Mat4(1.0f), radians, axis); }
 Mat4 rotateY(float radians) { return rotate(Vec3(0, 1, 0), radians); }
-Vec3 random3(uint64_t seed, uint64_t i) {
-  return Vec3(toUnit(hash32(seed, 3 * i)), toUnit(hash32(seed, 3 * i + 1)), toUnit(hash32(seed, 3 * i + 2)));
-}
+Vec3 random3(uint64_t seed, uint64_t i) { return Vec3(toUnit(hash32(seed, 3 * i)), toUnit(hash32(seed, 3 * i + 1)), toUnit(hash32(seed, 3 * i + 2))); }
 
 float noise(float u, float v, int cells, uint32_t seed) {
   const float x = (u - std::floor(u)) * cells, y = (v - std::floor(v)) * cells;

@@ -8,12 +8,11 @@ namespace gobo::builtin {
 Result<ScenePtr> spheres(const StopToken& stop) {
   SceneBuilder b("spheres", stop);
   const int floor = b.material("floor", Vec3(1.0f));
-  b.at(floor).albedo.texture = b.texture("checker", 64, 64, true, [](float u, float v) {
-    return Vec4(Vec3((u < 0.5f) == (v < 0.5f) ? 0.55f : 0.22f), 1.0f);
-  });
+  b.at(floor).albedo.texture = b.texture("checker", 64, 64, true, [](float u, float v) { return Vec4(Vec3((u < 0.5f) == (v < 0.5f) ? 0.55f : 0.22f), 1.0f); });
   b.at(floor).albedo.texture.scale = Vec2(8.0f);
   MeshBuilder m;
-  m.quad(Vec3(-8, 0, 8), Vec3(16, 0, 0), Vec3(0, 0, -16)); b.add("floor", m, floor);
+  m.quad(Vec3(-8, 0, 8), Vec3(16, 0, 0), Vec3(0, 0, -16));
+  b.add("floor", m, floor);
   m.sphere(Vec3(0), 0.45f, 48, 26);
   const Vec3 tints[] = {Vec3(0.75f, 0.3f, 0.22f), Vec3(0.75f, 0.62f, 0.25f), Vec3(0.3f, 0.55f, 0.3f), Vec3(0.25f, 0.4f, 0.7f), Vec3(0.7f)};
   int first = -1;
@@ -30,7 +29,7 @@ Result<ScenePtr> spheres(const StopToken& stop) {
         default:
           k = b.material(name, Vec3(0.97f), 0.0f, 0.0f, 1.0f);
           b.at(k).bsdf.transmission = 1.0f;
-          b.at(k).bsdf.thickness = 0.9f;                              // solid
+          b.at(k).bsdf.thickness = 0.9f;  // solid
       }
       // A mesh carries its material, so each sphere is its own mesh; the arrays are copies of the first.
       int mesh;

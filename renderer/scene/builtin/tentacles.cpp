@@ -12,7 +12,8 @@ Result<ScenePtr> tentacles(const StopToken& stop) {
   const int skin[] = {b.material("violet", Vec3(0.42f, 0.22f, 0.4f)), b.material("teal", Vec3(0.16f, 0.42f, 0.4f)),
                       b.material("ochre", Vec3(0.6f, 0.4f, 0.15f))};
   MeshBuilder m;
-  m.quad(Vec3(-9, 0, 9), Vec3(18, 0, 0), Vec3(0, 0, -18)); b.add("floor", m, floor);
+  m.quad(Vec3(-9, 0, 9), Vec3(18, 0, 0), Vec3(0, 0, -18));
+  b.add("floor", m, floor);
   constexpr int count = 24, rows = 161, slices = 16;
   for (int i = 0; i < count; ++i) {
     const Vec3 r = random3(101, i), q = random3(102, i);

@@ -50,16 +50,16 @@ Result<ScenePtr> trees(const StopToken& stop) {
     return Vec4(glm::mix(Vec3(0.2f, 0.26f, 0.09f), Vec3(0.34f, 0.3f, 0.17f), clamp01(2.2f * a - 0.7f)) * (0.6f + 0.8f * c), 1.0f);
   });
   b.at(ground).albedo.texture.scale = Vec2(12.0f);
-  b.at(bark).albedo.texture = b.texture("bark", 128, 128, true, [](float u, float v) {
-    return Vec4(Vec3(0.24f, 0.17f, 0.11f) * (0.45f + 1.1f * fractalNoise(u, 0.25f * v, 12, 4, 5)), 1.0f);
-  });
+  b.at(bark).albedo.texture = b.texture(
+      "bark", 128, 128, true, [](float u, float v) { return Vec4(Vec3(0.24f, 0.17f, 0.11f) * (0.45f + 1.1f * fractalNoise(u, 0.25f * v, 12, 4, 5)), 1.0f); });
   const TextureRef card = b.texture("leaf", 128, 128, true, leafTexel);
   b.at(leaf).albedo.texture = card;
   b.at(leaf).coverage.texture = card;
   b.at(leaf).coverage.mode = AlphaMode::Mask;
 
   MeshBuilder m;
-  m.quad(Vec3(-40, 0, 40), Vec3(80, 0, 0), Vec3(0, 0, -80), 4, 4); b.add("ground", m, ground);
+  m.quad(Vec3(-40, 0, 40), Vec3(80, 0, 0), Vec3(0, 0, -80), 4, 4);
+  b.add("ground", m, ground);
   auto limb = [&](const Vec3& from, const Vec3& to, float r0, float r1, float bend, uint32_t seed) {
     std::vector<Vec3> path;
     std::vector<float> radii;

@@ -7,15 +7,18 @@
 namespace gobo::gltf {
 namespace {
 
-struct Span { const uint8_t* data = nullptr; size_t stride = 0; };
+struct Span {
+  const uint8_t* data = nullptr;
+  size_t stride = 0;
+};
 
 struct Accessor {
   Cursor at;
   size_t count = 0;
   int component = 0, components = 0;
-  size_t rows = 0, column = 0;      // matrices with padded columns: numbers a column, bytes a column; else 0
+  size_t rows = 0, column = 0;  // matrices with padded columns: numbers a column, bytes a column; else 0
   bool normalised = false;
-  Span dense;                       // data null: zeros
+  Span dense;  // data null: zeros
   size_t sparseCount = 0;
   int sparseComponent = 0;
   Span sparseIndices, sparseValues;
@@ -23,9 +26,12 @@ struct Accessor {
 
 size_t componentSize(int64_t type) {
   switch (type) {
-    case 5120: case 5121: return 1;
-    case 5122: case 5123: return 2;
-    case 5125: case 5126: return 4;
+    case 5120:
+    case 5121: return 1;
+    case 5122:
+    case 5123: return 2;
+    case 5125:
+    case 5126: return 4;
     default: return 0;
   }
 }
@@ -45,12 +51,18 @@ constexpr int64_t kMaxOffset = int64_t(1) << 48;
 /// `count` elements of `size` bytes from `offset` of the view that `view` names.
 Span range(Document& d, const Cursor& view, int64_t offset, uint64_t count, size_t size, bool strided) {
   const int index = view.index("bufferViews");
-  if (index < 0) { if (!view.exists()) view.fail("bufferView is missing"); return {}; }
+  if (index < 0) {
+    if (!view.exists()) view.fail("bufferView is missing");
+    return {};
+  }
   ViewBytes bytes;
   if (!viewBytes(d, index, bytes)) return {};
   const Cursor v = d.item("bufferViews", index);
   const uint64_t stride = strided && bytes.stride ? bytes.stride : size;
-  if (stride < size) { v["byteStride"].fail("stride " + std::to_string(stride) + " is less than an element of " + std::to_string(size) + " bytes"); return {}; }
+  if (stride < size) {
+    v["byteStride"].fail("stride " + std::to_string(stride) + " is less than an element of " + std::to_string(size) + " bytes");
+    return {};
+  }
   // offset < 2^48, count <= 2^32, stride <= 2^20: the sum stays below 2^53.
   const uint64_t need = count == 0 ? 0 : uint64_t(offset) + (count - 1) * stride + size;
   if (need > bytes.size) {
@@ -70,7 +82,8 @@ size_t columnStride(const std::string& type, size_t unit) {
 bool open(Document& d, int index, Accessor& a) {
   a.at = d.item("accessors", index);
   const Cursor type = a.at["type"], component = a.at["componentType"], count = a.at["count"];
-  for (const Cursor* c : {&type, &component, &count}) if (!c->exists()) c->fail("is missing");
+  for (const Cursor* c : {&type, &component, &count})
+    if (!c->exists()) c->fail("is missing");
   a.component = int(component.integer(0, 0, 1 << 20));
   a.components = componentsOf(type.text());
   a.count = size_t(count.integer(1, 1, int64_t(1) << 32));
@@ -101,18 +114,32 @@ bool open(Document& d, int index, Accessor& a) {
 }
 
 template <typename T>
-T load(const uint8_t* p) { T v; std::memcpy(&v, p, sizeof v); return v; }
-
-uint32_t loadIndex(const uint8_t* p, int component) {
-  return component == 5121 ? *p : component == 5123 ? load<uint16_t>(p) : load<uint32_t>(p);
+T load(const uint8_t* p) {
+  T v;
+  std::memcpy(&v, p, sizeof v);
+  return v;
 }
+
+uint32_t loadIndex(const uint8_t* p, int component) { return component == 5121 ? *p : component == 5123 ? load<uint16_t>(p) : load<uint32_t>(p); }
 
 float loadFloat(const uint8_t* p, int component, bool normalised) {
   switch (component) {
-    case 5120: { const float v = load<int8_t>(p); return normalised ? std::fmax(v / 127.0f, -1.0f) : v; }
-    case 5121: { const float v = *p; return normalised ? v / 255.0f : v; }
-    case 5122: { const float v = load<int16_t>(p); return normalised ? std::fmax(v / 32767.0f, -1.0f) : v; }
-    case 5123: { const float v = load<uint16_t>(p); return normalised ? v / 65535.0f : v; }
+    case 5120: {
+      const float v = load<int8_t>(p);
+      return normalised ? std::fmax(v / 127.0f, -1.0f) : v;
+    }
+    case 5121: {
+      const float v = *p;
+      return normalised ? v / 255.0f : v;
+    }
+    case 5122: {
+      const float v = load<int16_t>(p);
+      return normalised ? std::fmax(v / 32767.0f, -1.0f) : v;
+    }
+    case 5123: {
+      const float v = load<uint16_t>(p);
+      return normalised ? v / 65535.0f : v;
+    }
     case 5125: return float(load<uint32_t>(p));
     default: return load<float>(p);
   }
@@ -126,7 +153,9 @@ bool forEach(Document& d, const Accessor& a, Put put) {
   uint32_t before = 0;
   for (size_t k = 0; k < a.sparseCount; ++k) {
     const uint32_t i = loadIndex(a.sparseIndices.data + k * a.sparseIndices.stride, a.sparseComponent);
-    if (k && i <= before) d.warnOnce(a.at["sparse"]["indices"].pointer, "sparse index " + std::to_string(i) + " at " + std::to_string(k) + " does not follow " + std::to_string(before) + "; the last value counts");
+    if (k && i <= before)
+      d.warnOnce(a.at["sparse"]["indices"].pointer,
+                 "sparse index " + std::to_string(i) + " at " + std::to_string(k) + " does not follow " + std::to_string(before) + "; the last value counts");
     before = i;
     if (i >= a.count) {
       a.at["sparse"]["indices"].fail("sparse index " + std::to_string(i) + " of " + std::to_string(a.count) + " elements is out of range");
@@ -140,15 +169,29 @@ bool forEach(Document& d, const Accessor& a, Put put) {
 /// Compares the accessor's stated bounds with its data, as the format demands; loaders trust the data.
 struct BoundsCheck {
   BoundsCheck(Document& d, int index, const Accessor& a) : at(a.at), components(size_t(a.components)) {
-    if (!d.boundsSeen.insert(index).second || components > 4 || (!a.dense.data && a.sparseCount == 0)) { components = 0; return; }
-    for (size_t c = 0; c < components; ++c) { lo[c] = std::numeric_limits<float>::infinity(); hi[c] = -lo[c]; }
+    if (!d.boundsSeen.insert(index).second || components > 4 || (!a.dense.data && a.sparseCount == 0)) {
+      components = 0;
+      return;
+    }
+    for (size_t c = 0; c < components; ++c) {
+      lo[c] = std::numeric_limits<float>::infinity();
+      hi[c] = -lo[c];
+    }
   }
-  void see(const float* v) { for (size_t c = 0; c < components; ++c) { lo[c] = std::fmin(lo[c], v[c]); hi[c] = std::fmax(hi[c], v[c]); } }   // NaN is said elsewhere
+  void see(const float* v) {
+    for (size_t c = 0; c < components; ++c) {
+      lo[c] = std::fmin(lo[c], v[c]);
+      hi[c] = std::fmax(hi[c], v[c]);
+    }
+  }  // NaN is said elsewhere
   void finish(Document& d, float scale) const {
     for (const auto& [name, seen] : {std::pair{"min", lo}, std::pair{"max", hi}}) {
       const Cursor stated = at[name];
       if (components == 0 || !stated.exists()) continue;
-      if (!stated.json->is_array() || stated.json->size() != components) { d.warn(stated.pointer, "is not an array of " + std::to_string(components) + " numbers"); continue; }
+      if (!stated.json->is_array() || stated.json->size() != components) {
+        d.warn(stated.pointer, "is not an array of " + std::to_string(components) + " numbers");
+        continue;
+      }
       for (size_t c = 0; c < components; ++c) {
         const Json& value = (*stated.json)[c];
         const float said = value.is_number() ? float(value.get<double>()) : seen[c];
@@ -166,17 +209,27 @@ struct BoundsCheck {
 void warnLayout(Document& d, const Accessor& a, size_t unit) {
   const Cursor view = a.at["bufferView"];
   if (!view.exists()) return;
-  const int64_t offset = a.at["byteOffset"].integer(0, 0, kMaxOffset), start = d.item("bufferViews", view.index("bufferViews"))["byteOffset"].integer(0, 0, kMaxOffset);
-  if (offset % int64_t(unit)) d.warn(a.at["byteOffset"].pointer, "offset " + std::to_string(offset) + " is no multiple of a component's " + std::to_string(unit) + " bytes");
-  else if ((start + offset) % int64_t(unit)) d.warn(a.at.pointer, "data begin at byte " + std::to_string(start + offset) + ", no multiple of a component's " + std::to_string(unit) + " bytes");
+  const int64_t offset = a.at["byteOffset"].integer(0, 0, kMaxOffset),
+                start = d.item("bufferViews", view.index("bufferViews"))["byteOffset"].integer(0, 0, kMaxOffset);
+  if (offset % int64_t(unit))
+    d.warn(a.at["byteOffset"].pointer, "offset " + std::to_string(offset) + " is no multiple of a component's " + std::to_string(unit) + " bytes");
+  else if ((start + offset) % int64_t(unit))
+    d.warn(a.at.pointer, "data begin at byte " + std::to_string(start + offset) + ", no multiple of a component's " + std::to_string(unit) + " bytes");
 }
 
 template <typename Out>
 bool readUnsigned(Document& d, int index, int components, std::vector<Out>& out) {
   Accessor a;
   if (!open(d, index, a)) return false;
-  if (a.components != components) { a.at["type"].fail(components == 1 ? "indices are not SCALAR" : "accessor has " + std::to_string(a.components) + " components, not " + std::to_string(components)); return false; }
-  if (a.component != 5121 && a.component != 5123 && a.component != 5125) { a.at["componentType"].fail("indices are not of an unsigned integer type"); return false; }
+  if (a.components != components) {
+    a.at["type"].fail(components == 1 ? "indices are not SCALAR"
+                                      : "accessor has " + std::to_string(a.components) + " components, not " + std::to_string(components));
+    return false;
+  }
+  if (a.component != 5121 && a.component != 5123 && a.component != 5125) {
+    a.at["componentType"].fail("indices are not of an unsigned integer type");
+    return false;
+  }
   if (!d.account(uint64_t(a.count) * size_t(components) * 4, a.at)) return false;
   out.assign(a.count * size_t(components), 0);
   const size_t unit = componentSize(a.component);
@@ -225,7 +278,10 @@ bool viewBytes(Document& d, int index, ViewBytes& out) {
 bool readFloats(Document& d, int index, int components, std::vector<float>& out) {
   Accessor a;
   if (!open(d, index, a)) return false;
-  if (a.components != components) { a.at["type"].fail("accessor has " + std::to_string(a.components) + " components, not " + std::to_string(components)); return false; }
+  if (a.components != components) {
+    a.at["type"].fail("accessor has " + std::to_string(a.components) + " components, not " + std::to_string(components));
+    return false;
+  }
   if (!d.account(uint64_t(a.count) * components * sizeof(float), a.at)) return false;
   out.assign(a.count * size_t(components), 0.0f);
   const size_t unit = componentSize(a.component);
@@ -238,11 +294,19 @@ bool readFloats(Document& d, int index, int components, std::vector<float>& out)
   });
   if (done && a.component == 5126 && !d.boundsSeen.count(index))
     for (size_t k = 0; k < out.size(); ++k)
-      if (!std::isfinite(out[k])) { d.warn(a.at.pointer, "number " + std::to_string(k) + " of the accessor is " + (std::isnan(out[k]) ? "NaN" : "infinite")); break; }
+      if (!std::isfinite(out[k])) {
+        d.warn(a.at.pointer, "number " + std::to_string(k) + " of the accessor is " + (std::isnan(out[k]) ? "NaN" : "infinite"));
+        break;
+      }
   BoundsCheck bounds(d, index, a);
   if (!done || bounds.components == 0 || !(a.at["min"].exists() || a.at["max"].exists())) return done;
   // Bounds are those of the stored numbers, before normalisation.
-  const float scale = !a.normalised ? 1.0f : a.component == 5120 ? 127.0f : a.component == 5121 ? 255.0f : a.component == 5122 ? 32767.0f : a.component == 5123 ? 65535.0f : 1.0f;
+  const float scale = !a.normalised         ? 1.0f
+                      : a.component == 5120 ? 127.0f
+                      : a.component == 5121 ? 255.0f
+                      : a.component == 5122 ? 32767.0f
+                      : a.component == 5123 ? 65535.0f
+                                            : 1.0f;
   float raw[4];
   for (size_t i = 0; i < a.count; ++i) {
     for (int c = 0; c < components; ++c) raw[c] = scale == 1.0f ? out[i * size_t(components) + c] : std::round(out[i * size_t(components) + c] * scale);
@@ -261,14 +325,14 @@ int accessorComponents(Document& d, int index) { return componentsOf(d.item("acc
 void auditBounds(Document& d) {
   const Cursor list = d.list("accessors");
   uint64_t seen = 0;
-  for (size_t i = 0; i < list.size() && d.ok() && seen < (64u << 20); ++i) {   // accessors may overlap: the work is bounded, not only the memory
+  for (size_t i = 0; i < list.size() && d.ok() && seen < (64u << 20); ++i) {  // accessors may overlap: the work is bounded, not only the memory
     if (d.boundsSeen.count(int(i))) continue;
     std::vector<float> values;
     const int components = accessorComponents(d, int(i));
     const uint64_t before = d.bytesUsed;
     if (components && readFloats(d, int(i), components, values)) seen += values.size() * 4;
-    d.bytesUsed = before;   // nothing is kept
-    if (d.ok()) continue;   // nothing reads it: no reason to refuse the file
+    d.bytesUsed = before;  // nothing is kept
+    if (d.ok()) continue;  // nothing reads it: no reason to refuse the file
     d.warn(list.at(i).pointer, d.status.message() + " (nothing uses it)");
     d.status = Status();
   }

@@ -31,24 +31,29 @@ class Auditor {
   }
 
  private:
-  void fail(const std::string& at, const std::string& why) { if (d_.ok()) d_.status = invalidArgument(why, d_.path + "#" + at); }
+  void fail(const std::string& at, const std::string& why) {
+    if (d_.ok()) d_.status = invalidArgument(why, d_.path + "#" + at);
+  }
 
   void extensions() {
     const Json &used = get(j_, "extensionsUsed"), &required = get(j_, "extensionsRequired");
     const auto lists = [](const Json& list, const Json& name) { return list.is_array() && std::find(list.begin(), list.end(), name) != list.end(); };
     for (size_t i = 0; i < length(required); ++i)
-      if (!lists(used, required[i])) d_.warn(place("/extensionsRequired", i), "extension " + shown(required[i]) + " is required but not listed in extensionsUsed");
+      if (!lists(used, required[i]))
+        d_.warn(place("/extensionsRequired", i), "extension " + shown(required[i]) + " is required but not listed in extensionsUsed");
     for (size_t i = 0; i < length(used); ++i)
       if (used[i] == "KHR_mesh_quantization" && !lists(required, used[i])) d_.warn(place("/extensionsUsed", i), "KHR_mesh_quantization must be required too");
   }
 
   void camera(const Json& c, const std::string& at) {
     const Json& kind = get(c, "type");
-    if ((kind == "perspective" || kind == "orthographic") && get(c, kind.get_ref<const std::string&>().c_str()).is_null()) fail(at, kind.get<std::string>() + " is missing");
+    if ((kind == "perspective" || kind == "orthographic") && get(c, kind.get_ref<const std::string&>().c_str()).is_null())
+      fail(at, kind.get<std::string>() + " is missing");
     for (const char* name : {"perspective", "orthographic"}) {
       const Json& lens = get(c, name);
       const std::string here = at + "/" + name;
-      if (const Json& far = get(lens, "zfar"); far.is_number() && number(far, 0) <= number(get(lens, "znear"), 0)) d_.warn(here, "zfar is not beyond znear (neither clips here)");
+      if (const Json& far = get(lens, "zfar"); far.is_number() && number(far, 0) <= number(get(lens, "znear"), 0))
+        d_.warn(here, "zfar is not beyond znear (neither clips here)");
       for (const char* key : {"xmag", "ymag"})
         if (get(lens, key).is_number() && get(lens, key) == 0) fail(here + "/" + key, std::string(key) + " is 0");
     }
@@ -60,7 +65,10 @@ class Auditor {
       const std::string at = place("/extensions/KHR_lights_punctual/lights", i);
       if (get(list[i], "type") != "spot") continue;
       const Json& spot = get(list[i], "spot");
-      if (spot.is_null()) { d_.warn(at + "/spot", "spot is missing; its defaults count"); continue; }
+      if (spot.is_null()) {
+        d_.warn(at + "/spot", "spot is missing; its defaults count");
+        continue;
+      }
       const double inner = number(get(spot, "innerConeAngle"), 0), outer = number(get(spot, "outerConeAngle"), 0.25 * kPi);
       if (inner > outer) fail(at + "/spot/innerConeAngle", "inner cone of " + std::to_string(inner) + " is wider than the outer of " + std::to_string(outer));
       else if (inner == outer) d_.warn(at + "/spot", "inner and outer cone are the same");
@@ -71,11 +79,16 @@ class Auditor {
     const Json& image = get(j_, "images")[i];
     const std::string at = place("/images", i);
     const bool view = !get(image, "bufferView").is_null();
-    if (view && !get(item(get(j_, "bufferViews"), get(image, "bufferView")), "byteStride").is_null()) d_.warn(at + "/bufferView", "pictures may not be strided");
+    if (view && !get(item(get(j_, "bufferViews"), get(image, "bufferView")), "byteStride").is_null())
+      d_.warn(at + "/bufferView", "pictures may not be strided");
     const std::vector<uint8_t>& bytes = d_.images[i].bytes;
     if (bytes.empty()) return;
-    const std::string kind = pictureKind(bytes), here = at + (view ? "/bufferView" : "/uri"), stated = get(image, "mimeType").is_string() ? get(image, "mimeType").get<std::string>() : "";
-    if (kind.empty()) { d_.warnOnce(at, "is no picture of a known kind"); return; }
+    const std::string kind = pictureKind(bytes), here = at + (view ? "/bufferView" : "/uri"),
+                      stated = get(image, "mimeType").is_string() ? get(image, "mimeType").get<std::string>() : "";
+    if (kind.empty()) {
+      d_.warnOnce(at, "is no picture of a known kind");
+      return;
+    }
     if (!stated.empty() && stated != kind) d_.warn(here, "is of kind " + kind + " but mimeType says " + stated);
     const Json& uri = get(image, "uri");
     if (uri.is_string() && isDataUri(uri.get_ref<const std::string&>())) {
@@ -93,23 +106,29 @@ class Auditor {
     if (image.is_null()) return;
     const Json& stated = get(image, "mimeType");
     const std::string kind = stated.is_string() ? stated.get<std::string>() : pictureKind(d_.images[size_t(number(source, 0))].bytes);
-    if (!kind.empty() && kind != "image/png" && kind != "image/jpeg") d_.warn(at + "/source", "is of kind " + kind.substr(0, 60) + ", which needs an extension of the texture");
+    if (!kind.empty() && kind != "image/png" && kind != "image/jpeg")
+      d_.warn(at + "/source", "is of kind " + kind.substr(0, 60) + ", which needs an extension of the texture");
   }
 
   void node(const Json& n, const std::string& at) {
     const Json &mesh = item(get(j_, "meshes"), get(n, "mesh")), &first = get(mesh, "primitives");
     const bool joints = first.is_array() && !first.empty() && !get(get(first[0], "attributes"), "JOINTS_0").is_null();
     if (get(n, "skin").is_null() && joints) d_.warn(at, "mesh has joints but the node has no skin; it is shown as it is");
-    if (const size_t weights = length(get(n, "weights")), targets = first.is_array() && !first.empty() ? length(get(first[0], "targets")) : 0; weights > 0 && weights != targets)
+    if (const size_t weights = length(get(n, "weights")), targets = first.is_array() && !first.empty() ? length(get(first[0], "targets")) : 0;
+        weights > 0 && weights != targets)
       d_.warnOnce(at + "/weights", std::to_string(weights) + " weights for " + std::to_string(targets) + " morph targets");
     const Json& m = get(n, "matrix");
     if (length(m) != 16) return;
     // Columns at right angles: else no translation, rotation and scale make this matrix.
     double c[3][3];
-    for (size_t i = 0; i < 3; ++i) for (size_t k = 0; k < 3; ++k) c[i][k] = m[i * 4 + k].get<double>();
+    for (size_t i = 0; i < 3; ++i)
+      for (size_t k = 0; k < 3; ++k) c[i][k] = m[i * 4 + k].get<double>();
     const auto dot = [&](int a, int b) { return c[a][0] * c[b][0] + c[a][1] * c[b][1] + c[a][2] * c[b][2]; };
     for (const auto& [a, b] : {std::pair{0, 1}, {0, 2}, {1, 2}})
-      if (std::fabs(dot(a, b)) > 1e-3 * std::sqrt(dot(a, a) * dot(b, b))) { d_.warn(at + "/matrix", "shears, which no translation, rotation and scale make; it is used as it is"); return; }
+      if (std::fabs(dot(a, b)) > 1e-3 * std::sqrt(dot(a, a) * dot(b, b))) {
+        d_.warn(at + "/matrix", "shears, which no translation, rotation and scale make; it is used as it is");
+        return;
+      }
   }
 
   const std::vector<int64_t>& parents() {
@@ -117,7 +136,8 @@ class Auditor {
     if (!parent_.empty() || nodes.empty()) return parent_;
     parent_.assign(nodes.size(), -1);
     for (size_t i = 0; i < nodes.size(); ++i)
-      for (const Json& c : get(nodes[i], "children")) if (!item(nodes, c).is_null()) parent_[size_t(number(c, 0))] = int64_t(i);
+      for (const Json& c : get(nodes[i], "children"))
+        if (!item(nodes, c).is_null()) parent_[size_t(number(c, 0))] = int64_t(i);
     return parent_;
   }
   /// The joints of a skin must hang on one root, below its skeleton node.
@@ -129,10 +149,17 @@ class Auditor {
     bool common = true, below = true;
     size_t steps = 0;
     for (const Json& j : joints) {
-      if (item(nodes, j).is_null()) { d_.warn(at + "/joints", "index " + j.dump() + " is out of range"); return; }
+      if (item(nodes, j).is_null()) {
+        d_.warn(at + "/joints", "index " + j.dump() + " is out of range");
+        return;
+      }
       int64_t k = j.get<int64_t>();
       bool passed = skeleton.is_null() || item(nodes, skeleton).is_null();
-      for (; k >= 0 && steps < 10'000'000; ++steps) { passed = passed || k == skeleton.get<int64_t>(); if (parent_[size_t(k)] < 0) break; k = parent_[size_t(k)]; }
+      for (; k >= 0 && steps < 10'000'000; ++steps) {
+        passed = passed || k == skeleton.get<int64_t>();
+        if (parent_[size_t(k)] < 0) break;
+        k = parent_[size_t(k)];
+      }
       common = common && (root < 0 || root == k);
       root = k;
       below = below && passed;
@@ -141,13 +168,15 @@ class Auditor {
     if (!below) d_.warn(at + "/skeleton", "is not an ancestor of all joints (and is not used)");
   }
 
-
   /// The roots of each node's tree against the scenes: a skinned node needs its joints in the scene that shows it.
   void scenes() {
     const Json &nodes = get(j_, "nodes"), &list = get(j_, "scenes");
     if (length(get(j_, "skins")) == 0 || parents().empty()) return;
-    size_t work = 0;   // chains of nodes may be as long as the file
-    const auto rootOf = [&](size_t k) { for (; parent_[k] >= 0 && work < 10'000'000; ++work) k = size_t(parent_[k]); return k; };
+    size_t work = 0;  // chains of nodes may be as long as the file
+    const auto rootOf = [&](size_t k) {
+      for (; parent_[k] >= 0 && work < 10'000'000; ++work) k = size_t(parent_[k]);
+      return k;
+    };
     for (size_t s = 0; s < length(list); ++s) {
       std::set<size_t> roots;
       for (const Json& r : get(list[s], "nodes")) roots.insert(size_t(number(r, 0)));
@@ -155,7 +184,8 @@ class Auditor {
         const Json& joints = get(item(get(j_, "skins"), get(nodes[i], "skin")), "joints");
         if (length(joints) == 0 || !roots.count(rootOf(i))) continue;
         const size_t joint = rootOf(size_t(number(joints[0], 0)));
-        if (joint < parent_.size() && !roots.count(joint)) d_.warn(place("/nodes", i) + "/skin", "scene " + std::to_string(s) + " shows the node but not the joints of its skin");
+        if (joint < parent_.size() && !roots.count(joint))
+          d_.warn(place("/nodes", i) + "/skin", "scene " + std::to_string(s) + " shows the node but not the joints of its skin");
       }
     }
   }
@@ -171,7 +201,8 @@ class Auditor {
       const std::string here = place(at + "/samplers", i);
       const Json& input = item(get(j_, "accessors"), get(samplers[i], "input"));
       if (get(input, "min").is_null() || get(input, "max").is_null()) d_.warn(here + "/input", "min or max of the key times is missing");
-      if (get(samplers[i], "interpolation") == "CUBICSPLINE" && number(get(input, "count"), 2) < 2) d_.warn(here + "/input", "a cubic spline needs two keys; one value is shown");
+      if (get(samplers[i], "interpolation") == "CUBICSPLINE" && number(get(input, "count"), 2) < 2)
+        d_.warn(here + "/input", "a cubic spline needs two keys; one value is shown");
       strided(get(samplers[i], "input"), here + "/input", "key times");
       strided(get(samplers[i], "output"), here + "/output", "animation values");
     }

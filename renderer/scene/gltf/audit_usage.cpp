@@ -16,13 +16,16 @@ const char* nameOf(Use u) {
 
 class Usage {
  public:
-  explicit Usage(Document& d) : d_(d), j_(d.json), views_(length(get(j_, "bufferViews")), Use::None), accessors_(length(get(j_, "accessors"))), strided_(views_.size(), -1) {
+  explicit Usage(Document& d)
+      : d_(d), j_(d.json), views_(length(get(j_, "bufferViews")), Use::None), accessors_(length(get(j_, "accessors"))), strided_(views_.size(), -1) {
     for (size_t i = 0; i < views_.size(); ++i)
       if (const double t = number(get(get(j_, "bufferViews")[i], "target"), 0); t != 0) views_[i] = t == 34962 ? Use::Vertices : Use::Indices;
   }
 
   void run() {
-    each(j_, "images", [&](const Json& i, const std::string& at) { if (!get(i, "bufferView").is_null()) viewUse(get(i, "bufferView"), Use::Image, at + "/bufferView"); });
+    each(j_, "images", [&](const Json& i, const std::string& at) {
+      if (!get(i, "bufferView").is_null()) viewUse(get(i, "bufferView"), Use::Image, at + "/bufferView");
+    });
     each(j_, "meshes", [&](const Json& m, const std::string& at) {
       const Json& list = get(m, "primitives");
       for (size_t k = 0; k < length(list); ++k) primitive(list[k], place(at + "/primitives", k));
@@ -48,7 +51,8 @@ class Usage {
     if (item(get(j_, "bufferViews"), view).is_null()) return;
     Use& known = views_[size_t(number(view, 0))];
     if (known == Use::None) known = use;
-    else if (known != use) d_.warn(at, "buffer view " + shown(view) + " is for " + nameOf(known) + " by its target or first use, and for " + nameOf(use) + " here");
+    else if (known != use)
+      d_.warn(at, "buffer view " + shown(view) + " is for " + nameOf(known) + " by its target or first use, and for " + nameOf(use) + " here");
   }
 
   void use(const Json& accessor, const char* what, Use kind, const std::string& at) {
@@ -69,10 +73,12 @@ class Usage {
       const Json &a = item(get(j_, "accessors"), accessor), &view = viewOf(accessor);
       if (view.is_null()) continue;
       const double offset = number(get(a, "byteOffset"), 0), start = number(get(view, "byteOffset"), 0), stride = number(get(view, "byteStride"), 0);
-      if (std::fmod(offset, 4) != 0 || std::fmod(start, 4) != 0 || (stride == 0 && std::fmod(elementSize(a), 4) != 0)) d_.warn(here, "vertex data must be aligned to 4 bytes");
+      if (std::fmod(offset, 4) != 0 || std::fmod(start, 4) != 0 || (stride == 0 && std::fmod(elementSize(a), 4) != 0))
+        d_.warn(here, "vertex data must be aligned to 4 bytes");
       int64_t& first = strided_[size_t(number(get(a, "bufferView"), 0))];
       if (first < 0) first = int64_t(number(accessor, 0));
-      else if (first != int64_t(number(accessor, 0)) && stride == 0) d_.warn(here, "shares a buffer view that has no byteStride with accessor " + std::to_string(first));
+      else if (first != int64_t(number(accessor, 0)) && stride == 0)
+        d_.warn(here, "shares a buffer view that has no byteStride with accessor " + std::to_string(first));
     }
   }
   static double elementSize(const Json& a) {
@@ -105,14 +111,18 @@ class Usage {
     }
     const double count = number(get(vertices, "count"), 0);
     for (size_t k = 0; k < values.size(); ++k)
-      if (values[k] >= count) { d_.warn(at + "/indices", "index " + std::to_string(values[k]) + " at " + std::to_string(k) + " is out of range: the primitive has " + shown(get(vertices, "count")) + " vertices"); return; }
+      if (values[k] >= count) {
+        d_.warn(at + "/indices", "index " + std::to_string(values[k]) + " at " + std::to_string(k) + " is out of range: the primitive has " +
+                                     shown(get(vertices, "count")) + " vertices");
+        return;
+      }
   }
 
   Document& d_;
   const Json& j_;
   std::vector<Use> views_;
   std::vector<const char*> accessors_;
-  std::vector<int64_t> strided_;   // first vertex accessor of each view
+  std::vector<int64_t> strided_;  // first vertex accessor of each view
   uint64_t work_ = 0;
 };
 

@@ -8,12 +8,28 @@
 namespace gobo::gltf {
 namespace {
 
-const std::set<std::string> kSupported = {
-    "KHR_lights_punctual", "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_diffuse_transmission", "KHR_materials_dispersion",
-    "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_iridescence", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_sheen",
-    "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_variants", "KHR_materials_volume",
-    "KHR_materials_volume_scatter", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_draco_mesh_compression", "EXT_meshopt_compression",
-    "EXT_mesh_gpu_instancing", "EXT_texture_webp"};
+const std::set<std::string> kSupported = {"KHR_lights_punctual",
+                                          "KHR_materials_anisotropy",
+                                          "KHR_materials_clearcoat",
+                                          "KHR_materials_diffuse_transmission",
+                                          "KHR_materials_dispersion",
+                                          "KHR_materials_emissive_strength",
+                                          "KHR_materials_ior",
+                                          "KHR_materials_iridescence",
+                                          "KHR_materials_pbrSpecularGlossiness",
+                                          "KHR_materials_sheen",
+                                          "KHR_materials_specular",
+                                          "KHR_materials_transmission",
+                                          "KHR_materials_unlit",
+                                          "KHR_materials_variants",
+                                          "KHR_materials_volume",
+                                          "KHR_materials_volume_scatter",
+                                          "KHR_mesh_quantization",
+                                          "KHR_texture_transform",
+                                          "KHR_draco_mesh_compression",
+                                          "EXT_meshopt_compression",
+                                          "EXT_mesh_gpu_instancing",
+                                          "EXT_texture_webp"};
 
 /// Before the structure, which another version may change. What is no text is left to the structure's check.
 Status checkVersion(const Document& d) {
@@ -22,8 +38,10 @@ Status checkVersion(const Document& d) {
     return asset && asset->is_object() && asset->contains(key) && (*asset)[key].is_string() ? (*asset)[key].get<std::string>() : std::string(otherwise);
   };
   const std::string version = text("version", "2.0"), least = text("minVersion", "2.0");
-  if (version.compare(0, 2, "2.") != 0 || version.size() < 3 || version.find_first_not_of("0123456789", 2) != std::string::npos) return invalidArgument("glTF version \"" + version + "\" is not 2.x", d.path + "#/asset/version");
-  if (least.compare(0, 2, "2.") != 0 || least.find_first_not_of('0', 2) != std::string::npos) return invalidArgument("the file needs glTF " + least + "; 2.0 is read", d.path + "#/asset/minVersion");
+  if (version.compare(0, 2, "2.") != 0 || version.size() < 3 || version.find_first_not_of("0123456789", 2) != std::string::npos)
+    return invalidArgument("glTF version \"" + version + "\" is not 2.x", d.path + "#/asset/version");
+  if (least.compare(0, 2, "2.") != 0 || least.find_first_not_of('0', 2) != std::string::npos)
+    return invalidArgument("the file needs glTF " + least + "; 2.0 is read", d.path + "#/asset/minVersion");
   return {};
 }
 
@@ -57,7 +75,8 @@ Status readBuffer(Document& d, const Container& container, size_t i) {
   if (uri.exists() && isDataUri(text)) {
     auto data = decodeDataUri(text);
     if (!data.ok()) return data.status().at(d.path + "#" + uri.pointer);
-    if (data->kind != "application/octet-stream" && data->kind != "application/gltf-buffer") d.warn(uri.pointer, "\"" + data->kind.substr(0, 60) + "\" is not a media type of buffers");
+    if (data->kind != "application/octet-stream" && data->kind != "application/gltf-buffer")
+      d.warn(uri.pointer, "\"" + data->kind.substr(0, 60) + "\" is not a media type of buffers");
     bytes = std::move(data->bytes);
     from = "the data URI";
   } else if (uri.exists()) {
@@ -73,7 +92,7 @@ Status readBuffer(Document& d, const Container& container, size_t i) {
     return {};
   }
   if (bytes.size() < stated) length.fail("byteLength " + std::to_string(stated) + " but " + from + " has " + std::to_string(bytes.size()) + " bytes");
-  bytes.resize(std::min<uint64_t>(bytes.size(), stated));   // views are proved inside what the file states
+  bytes.resize(std::min<uint64_t>(bytes.size(), stated));  // views are proved inside what the file states
   if (d.ok()) d.account(bytes.size(), uri.exists() ? uri : buffer);
   return d.status;
 }
@@ -110,7 +129,10 @@ Status readImage(Document& d, size_t i) {
   const int64_t offset = v["byteOffset"].integer(0, 0, int64_t(1) << 48), length = v["byteLength"].integer(0, 1, int64_t(1) << 48);
   if (!d.ok()) return d.status;
   if (buffer >= 0 && d.buffers[buffer].empty()) return leaveOut("its buffer has no bytes");
-  if (buffer < 0 || uint64_t(offset) + uint64_t(length) > d.buffers[buffer].size()) { v.fail("buffer view is outside its buffer"); return d.status; }
+  if (buffer < 0 || uint64_t(offset) + uint64_t(length) > d.buffers[buffer].size()) {
+    v.fail("buffer view is outside its buffer");
+    return d.status;
+  }
   out.bytes.assign(d.buffers[buffer].begin() + offset, d.buffers[buffer].begin() + offset + length);
   return d.status;
 }
@@ -129,7 +151,10 @@ Status openDocument(const std::string& path, const LoadOptions& options, Documen
   Container container;
   GOBO_TRY(splitContainer(d, file, container));
   std::string_view text = container.text;
-  if (text.substr(0, 3) == "\xef\xbb\xbf") { d.warn("(file)", "the JSON begins with a byte order mark"); text.remove_prefix(3); }
+  if (text.substr(0, 3) == "\xef\xbb\xbf") {
+    d.warn("(file)", "the JSON begins with a byte order mark");
+    text.remove_prefix(3);
+  }
   try {
     GOBO_TRY(parseJson(path, text, d.json));
     GOBO_TRY(checkVersion(d));
@@ -140,9 +165,7 @@ Status openDocument(const std::string& path, const LoadOptions& options, Documen
     d.images.resize(d.list("images").size());
     for (size_t i = 0; i < d.images.size(); ++i) GOBO_TRY(readImage(d, i));
     return d.status;
-  } catch (const std::exception& e) {
-    return invalidArgument(std::string("document cannot be read: ") + e.what(), path + "#");
-  }
+  } catch (const std::exception& e) { return invalidArgument(std::string("document cannot be read: ") + e.what(), path + "#"); }
 }
 
 }  // namespace gobo::gltf

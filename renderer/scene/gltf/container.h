@@ -26,7 +26,10 @@ Status parseJson(const std::string& path, std::string_view text, Json& out);
 std::string percentDecode(std::string_view text);
 bool isDataUri(const std::string& uri);
 /// RFC 2397: "data:" [media type] [";base64"] "," data. Base64 is strict (alphabet, padding); without it bytes are percent-encoded.
-struct DataUri { std::string kind; std::vector<uint8_t> bytes; };
+struct DataUri {
+  std::string kind;
+  std::vector<uint8_t> bytes;
+};
 Result<DataUri> decodeDataUri(const std::string& uri);
 
 /// Media type of a picture by its first bytes; empty when it is none that is known. What the format allows is png and jpeg,

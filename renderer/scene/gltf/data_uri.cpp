@@ -19,7 +19,10 @@ std::string percentDecode(std::string_view text) {
   out.reserve(text.size());
   for (size_t i = 0; i < text.size(); ++i) {
     const int high = text[i] == '%' && i + 2 < text.size() ? hexDigit(text[i + 1]) : -1, low = high >= 0 ? hexDigit(text[i + 2]) : -1;
-    if (low < 0) { out += text[i]; continue; }
+    if (low < 0) {
+      out += text[i];
+      continue;
+    }
     out += char(high * 16 + low);
     i += 2;
   }
@@ -46,7 +49,8 @@ Result<DataUri> decodeDataUri(const std::string& uri) {
   while (digits > 0 && body.size() - digits < 2 && body[digits - 1] == '=') --digits;
   for (size_t i = 0; i < digits; ++i)
     if (!isBase64(body[i])) return invalidArgument("data URI is not base64: byte " + std::to_string(uint8_t(body[i])) + " at " + std::to_string(i));
-  if (digits % 4 == 1 || (digits != body.size() && body.size() % 4 != 0)) return invalidArgument("data URI is not base64: " + std::to_string(body.size()) + " digits are no whole bytes");
+  if (digits % 4 == 1 || (digits != body.size() && body.size() % 4 != 0))
+    return invalidArgument("data URI is not base64: " + std::to_string(body.size()) + " digits are no whole bytes");
   if (digits == 0) return out;
   // The library knows few media types: it gets one of them, whatever stood there.
   std::string canonical = "data:application/octet-stream;base64,";
@@ -57,7 +61,9 @@ Result<DataUri> decodeDataUri(const std::string& uri) {
 }
 
 std::string pictureKind(const std::vector<uint8_t>& b) {
-  const auto starts = [&](std::string_view magic, size_t at = 0) { return b.size() >= at + magic.size() && std::memcmp(b.data() + at, magic.data(), magic.size()) == 0; };
+  const auto starts = [&](std::string_view magic, size_t at = 0) {
+    return b.size() >= at + magic.size() && std::memcmp(b.data() + at, magic.data(), magic.size()) == 0;
+  };
   if (starts("\x89PNG\r\n\x1a\n")) return "image/png";
   if (starts("\xff\xd8\xff")) return "image/jpeg";
   if (starts("RIFF") && starts("WEBP", 8)) return "image/webp";

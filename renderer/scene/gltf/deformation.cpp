@@ -14,17 +14,21 @@ template <typename V>
 void readDelta(Document& d, const Cursor& target, const char* name, bool base, size_t vertices, Array<V>& out) {
   const Cursor at = target[name];
   if (!at.exists() || !d.ok()) return;
-  if (!base) { d.warn(at.pointer, std::string(name) + " moves but the primitive has none; ignored"); return; }
+  if (!base) {
+    d.warn(at.pointer, std::string(name) + " moves but the primitive has none; ignored");
+    return;
+  }
   std::vector<float> values;
   int components = V::length();
-  if constexpr (V::length() == 4) components = accessorComponents(d, std::max(0, at.index("accessors"))) == 3 ? 3 : 4;   // colours
+  if constexpr (V::length() == 4) components = accessorComponents(d, std::max(0, at.index("accessors"))) == 3 ? 3 : 4;  // colours
   if (!readAttribute(d, target, nullptr, name, components, vertices, values)) return;
   size_t bad = 0;
   std::vector<V> deltas(vertices, V(0.0f));
   for (size_t i = 0; i < vertices; ++i)
     for (int c = 0; c < components; ++c) {
       const float v = values[i * size_t(components) + size_t(c)];
-      if (std::isfinite(v)) deltas[i][c] = v; else ++bad;
+      if (std::isfinite(v)) deltas[i][c] = v;
+      else ++bad;
     }
   if (bad) d.warn(at.pointer, std::to_string(bad) + " displacements were not finite and are 0 now");
   out = std::move(deltas);
@@ -47,12 +51,18 @@ bool readJoints(Document& d, const Cursor& attributes, const DracoData* draco, c
   if (index < 0 || !d.ok()) return false;
   if (draco && draco->attributes.count(name)) {
     const std::vector<float>& values = draco->attributes.at(name);
-    if (values.size() != vertices * 4) { attributes[name.c_str()].fail("joints are not VEC4"); return false; }
+    if (values.size() != vertices * 4) {
+      attributes[name.c_str()].fail("joints are not VEC4");
+      return false;
+    }
     out.clear();
     for (const float v : values) out.push_back(v >= 0.0f && v < 65536.0f ? uint32_t(v) : 65535u);
     return true;
   }
-  if (accessorCount(d, index) != vertices) { attributes[name.c_str()].fail("has " + std::to_string(accessorCount(d, index)) + " elements but POSITION has " + std::to_string(vertices)); return false; }
+  if (accessorCount(d, index) != vertices) {
+    attributes[name.c_str()].fail("has " + std::to_string(accessorCount(d, index)) + " elements but POSITION has " + std::to_string(vertices));
+    return false;
+  }
   return readIntegers(d, index, 4, out);
 }
 
@@ -63,10 +73,17 @@ void normaliseWeights(Document& d, const Cursor& attributes, size_t influences, 
     double sum = 0;
     for (size_t k = 0; k < influences; ++k) {
       float& w = weights[at + k];
-      if (!(w >= 0.0f && std::isfinite(w))) { w = 0.0f; ++odd; }
+      if (!(w >= 0.0f && std::isfinite(w))) {
+        w = 0.0f;
+        ++odd;
+      }
       sum += w;
     }
-    if (!(sum > 0.0)) { weights[at] = 1.0f; ++none; continue; }
+    if (!(sum > 0.0)) {
+      weights[at] = 1.0f;
+      ++none;
+      continue;
+    }
     odd += std::fabs(sum - 1.0) > 2e-3 * double(influences);
     for (size_t k = 0; k < influences; ++k) weights[at + k] = float(weights[at + k] / sum);
   }
@@ -86,7 +103,10 @@ void readDeformation(Document& d, const Cursor& primitive, const DracoData* drac
   for (int set = 0; set < kMaxSets && d.ok(); ++set) {
     const std::string j = "JOINTS_" + std::to_string(set), w = "WEIGHTS_" + std::to_string(set);
     if (!attributes[j.c_str()].exists() && !attributes[w.c_str()].exists()) break;
-    if (!attributes[j.c_str()].exists() || !attributes[w.c_str()].exists()) { d.warn(attributes.pointer, "JOINTS_" + std::to_string(set) + " and WEIGHTS_" + std::to_string(set) + " must come together; ignored"); break; }
+    if (!attributes[j.c_str()].exists() || !attributes[w.c_str()].exists()) {
+      d.warn(attributes.pointer, "JOINTS_" + std::to_string(set) + " and WEIGHTS_" + std::to_string(set) + " must come together; ignored");
+      break;
+    }
     joints.emplace_back();
     weights.emplace_back();
     if (!readJoints(d, attributes, draco, j, vertices, joints.back()) || !readAttribute(d, attributes, draco, w, 4, vertices, weights.back())) return;
@@ -98,7 +118,7 @@ void readDeformation(Document& d, const Cursor& primitive, const DracoData* drac
     source.influences = int(influences);
     std::vector<uint16_t> all(vertices * influences, 0);
     std::vector<float> shares(vertices * influences, 0.0f);
-    size_t most = 0, beyond = 0, twice = 0;   // joints of the largest skin
+    size_t most = 0, beyond = 0, twice = 0;  // joints of the largest skin
     for (size_t k = 0; k < d.list("skins").size(); ++k) most = std::max(most, d.list("skins").at(k)["joints"].size());
     for (size_t i = 0; i < vertices; ++i)
       for (size_t s = 0; s < sets; ++s)
@@ -106,10 +126,14 @@ void readDeformation(Document& d, const Cursor& primitive, const DracoData* drac
           const uint32_t joint = joints[s][i * 4 + c];
           const float share = weights[s][i * 4 + c];
           beyond += share == 0.0f && most > 0 && joint >= most;
-          for (size_t e = 0; e < s * 4 + c && sets <= 4 && share != 0.0f; ++e) twice += joints[e / 4][i * 4 + e % 4] == joint && weights[e / 4][i * 4 + e % 4] != 0.0f;
-          if (joint > 65535) { attributes["JOINTS_0"].fail("joint " + std::to_string(joint) + " is out of range"); return; }
+          for (size_t e = 0; e < s * 4 + c && sets <= 4 && share != 0.0f; ++e)
+            twice += joints[e / 4][i * 4 + e % 4] == joint && weights[e / 4][i * 4 + e % 4] != 0.0f;
+          if (joint > 65535) {
+            attributes["JOINTS_0"].fail("joint " + std::to_string(joint) + " is out of range");
+            return;
+          }
           shares[i * influences + s * 4 + c] = share;
-          all[i * influences + s * 4 + c] = share != 0.0f ? uint16_t(joint) : 0;   // joints without weight may be anything
+          all[i * influences + s * 4 + c] = share != 0.0f ? uint16_t(joint) : 0;  // joints without weight may be anything
         }
     if (beyond) d.warn(attributes["JOINTS_0"].pointer, std::to_string(beyond) + " joints without weight are out of range of every skin");
     if (twice) d.warn(attributes["JOINTS_0"].pointer, std::to_string(twice) + " joints move their vertex twice; the weights add up");

@@ -26,9 +26,9 @@ struct Cursor {
 
   bool exists() const { return json != nullptr; }
   void fail(const std::string& message) const;
-  Cursor operator[](const char* key) const;   ///< member; error if this is not an object
-  Cursor at(size_t i) const;                  ///< element i of an array of that size
-  size_t size() const;                        ///< of an array (error if not one); 0 when absent
+  Cursor operator[](const char* key) const;  ///< member; error if this is not an object
+  Cursor at(size_t i) const;                 ///< element i of an array of that size
+  size_t size() const;                       ///< of an array (error if not one); 0 when absent
   double number(double otherwise, double lo = -3.0e38, double hi = 3.0e38) const;
   int64_t integer(int64_t otherwise, int64_t lo, int64_t hi) const;
   bool boolean(bool otherwise) const;
@@ -40,7 +40,10 @@ struct Cursor {
   template <typename Vector>
   Vector vector(Vector otherwise) const {
     if (!exists()) return otherwise;
-    if (size() != size_t(Vector::length())) { fail("is not an array of " + std::to_string(Vector::length()) + " numbers"); return otherwise; }
+    if (size() != size_t(Vector::length())) {
+      fail("is not an array of " + std::to_string(Vector::length()) + " numbers");
+      return otherwise;
+    }
     for (int i = 0; i < Vector::length(); ++i) otherwise[i] = float(at(size_t(i)).number(0.0));
     return otherwise;
   }
@@ -50,26 +53,36 @@ struct Cursor {
 struct Document {
   std::string path;
   LoadOptions options;
-  FileSource* files = nullptr;         ///< while the document is being opened
+  FileSource* files = nullptr;  ///< while the document is being opened
   Json json;
   std::vector<std::vector<uint8_t>> buffers;
-  struct EncodedImage { std::vector<uint8_t> bytes; std::string name, problem; };  ///< problem: why there are no bytes
+  struct EncodedImage {
+    std::vector<uint8_t> bytes;
+    std::string name, problem;
+  };  ///< problem: why there are no bytes
   std::vector<EncodedImage> images;
   std::vector<std::string> warnings;
-  std::set<std::string> warned;        ///< places that have a warning
+  std::set<std::string> warned;  ///< places that have a warning
   Status status;
   uint64_t bytesUsed = 0;
-  std::map<int, std::vector<uint8_t>> unpacked;   ///< buffer views of EXT_meshopt_compression, decoded on first use
+  std::map<int, std::vector<uint8_t>> unpacked;  ///< buffer views of EXT_meshopt_compression, decoded on first use
   bool thicknessSaid = false;
-  std::set<int> boundsSeen;                       ///< accessors whose min and max were compared with their data
+  std::set<int> boundsSeen;  ///< accessors whose min and max were compared with their data
 
   Cursor root() { return {this, &json, ""}; }
   Cursor list(const char* name) { return root()[name]; }
   Cursor item(const char* name, int i) { return root()[name].at(size_t(i)); }
   bool ok() const { return status.ok(); }
-  void warn(const std::string& pointer, const std::string& message) { if (warnings.size() < 1000) { warnings.push_back(pointer + ": " + message); warned.insert(pointer); } }
+  void warn(const std::string& pointer, const std::string& message) {
+    if (warnings.size() < 1000) {
+      warnings.push_back(pointer + ": " + message);
+      warned.insert(pointer);
+    }
+  }
   /// Unless something was said about the place already.
-  void warnOnce(const std::string& pointer, const std::string& message) { if (!warned.count(pointer)) warn(pointer, message); }
+  void warnOnce(const std::string& pointer, const std::string& message) {
+    if (!warned.count(pointer)) warn(pointer, message);
+  }
   /// Counts memory against options.maxBytes; false and an error when it would be exceeded.
   bool account(uint64_t bytes, const Cursor& where);
 };
@@ -82,7 +95,10 @@ std::string shown(const Json& value);
 Status openDocument(const std::string& path, const LoadOptions& options, Document& document);
 
 /// Bytes of a view: of its buffer, or decoded where EXT_meshopt_compression says so. `stride` 0: not given.
-struct ViewBytes { const uint8_t* data = nullptr; uint64_t size = 0, stride = 0; };
+struct ViewBytes {
+  const uint8_t* data = nullptr;
+  uint64_t size = 0, stride = 0;
+};
 bool viewBytes(Document& d, int view, ViewBytes& out);
 /// Decodes the EXT_meshopt_compression data of a view (meshopt.cpp).
 bool unpackView(Document& d, const Cursor& extension, uint64_t viewLength, std::vector<uint8_t>& out);
@@ -96,7 +112,10 @@ size_t accessorCount(Document& d, int accessor);
 int accessorComponents(Document& d, int accessor);
 
 /// What a primitive with KHR_draco_mesh_compression holds: attribute values by name, and corners.
-struct DracoData { std::map<std::string, std::vector<float>> attributes; std::vector<uint32_t> corners; };
+struct DracoData {
+  std::map<std::string, std::vector<float>> attributes;
+  std::vector<uint32_t> corners;
+};
 /// Decodes it; sizes are those of the accessors, which the stream must agree with (draco.cpp).
 bool decodeDraco(Document& d, const Cursor& primitive, DracoData& out);
 
@@ -107,12 +126,12 @@ Status readMaterials(Document& d, Scene& scene);
 /// node that deforms them gets a scene mesh of its own.
 struct Part {
   MeshPtr mesh;
-  int sceneMesh = -1;                             ///< made when a node first shows it undeformed
-  int source = -1;                                ///< in Rig::sources
-  std::vector<VariantUse> variants;               ///< without `mesh`
-  std::vector<float> weights;                     ///< of the glTF mesh
+  int sceneMesh = -1;                ///< made when a node first shows it undeformed
+  int source = -1;                   ///< in Rig::sources
+  std::vector<VariantUse> variants;  ///< without `mesh`
+  std::vector<float> weights;        ///< of the glTF mesh
 };
-using Parts = std::vector<std::vector<Part>>;     ///< a list for each glTF mesh
+using Parts = std::vector<std::vector<Part>>;  ///< a list for each glTF mesh
 
 Status readMeshes(Document& d, Scene& scene, Rig& rig, Parts& parts);
 /// Morph targets, joints and weights of a primitive into the rig; part.source stays -1 when it has none.
@@ -132,7 +151,7 @@ Status readNodes(Document& d, Scene& scene, Rig& rig, Parts& parts, const std::v
 
 /// Warns of faults against the format that the readers need not care about (audit.cpp). O(document).
 void audit(Document& d);
-void auditBounds(Document& d);                    ///< min and max of accessors that nothing read
+void auditBounds(Document& d);  ///< min and max of accessors that nothing read
 /// True when the extension is one that this loader knows.
 bool supported(const std::string& extension);
 

@@ -9,7 +9,11 @@ namespace {
 
 constexpr uint32_t kJson = 0x4e4f534au, kBin = 0x004e4942u;
 
-uint32_t word(const std::vector<uint8_t>& b, uint64_t at) { uint32_t v; std::memcpy(&v, b.data() + at, 4); return v; }
+uint32_t word(const std::vector<uint8_t>& b, uint64_t at) {
+  uint32_t v;
+  std::memcpy(&v, b.data() + at, 4);
+  return v;
+}
 
 std::string kindOf(uint32_t type) {
   if (type == kJson) return "JSON";
@@ -47,8 +51,10 @@ Status splitContainer(Document& d, const std::vector<uint8_t>& file, Container& 
     if (type == kBin && n != 1) return refuse("BIN chunk is not the second chunk");
     if (length % 4) d.warn("(file)", "GLB chunk length " + std::to_string(length) + " is no multiple of 4");
     if (type == kJson) out.text = bytes;
-    else if (type == kBin) { out.chunk = bytes; out.hasChunk = true; }
-    else d.warn("(file)", "GLB chunk of the unknown type " + kindOf(type) + " is ignored");
+    else if (type == kBin) {
+      out.chunk = bytes;
+      out.hasChunk = true;
+    } else d.warn("(file)", "GLB chunk of the unknown type " + kindOf(type) + " is ignored");
     at += 8 + length;
   }
   return {};

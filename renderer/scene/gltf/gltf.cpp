@@ -42,18 +42,21 @@ Result<ScenePtr> load(const std::string& path, const LoadOptions& options) {
     GOBO_TRY(goOn());
     gltf::audit(d);
     if (!d.ok()) return d.status;
-    if (Status sealed = sealRig(*rig, *scene); !sealed.ok()) return Status(sealed.code(), sealed.message(), path + "#" + sealed.location().substr(scene->name.size() + 1));
+    if (Status sealed = sealRig(*rig, *scene); !sealed.ok())
+      return Status(sealed.code(), sealed.message(), path + "#" + sealed.location().substr(scene->name.size() + 1));
     GOBO_TRY(applyRestPose(*rig, *scene, options.stop));
     if (!rig->animations.empty()) scene->rig = std::move(rig);
     for (std::string& w : d.warnings) scene->warnings.push_back(cleanUtf8(std::move(w)));
-    timed([&] { finishTextures(*scene, options.textureBytes, options.stop); return 0; });
+    timed([&] {
+      finishTextures(*scene, options.textureBytes, options.stop);
+      return 0;
+    });
     GOBO_TRY(goOn());
-    if (Status sealed = scene->seal(); !sealed.ok()) return Status(sealed.code(), sealed.message(), path + "#" + sealed.location().substr(std::min(sealed.location().size(), scene->name.size() + 1)));
+    if (Status sealed = scene->seal(); !sealed.ok())
+      return Status(sealed.code(), sealed.message(), path + "#" + sealed.location().substr(std::min(sealed.location().size(), scene->name.size() + 1)));
     if (options.times) *options.times = {std::chrono::duration<double, std::milli>(Clock::now() - start).count() - textureMs, textureMs};
     return ScenePtr(std::move(scene));
-  } catch (const std::bad_alloc&) {
-    return Status(Code::ResourceExhausted, "out of memory", path);
-  } catch (const std::exception& e) {
+  } catch (const std::bad_alloc&) { return Status(Code::ResourceExhausted, "out of memory", path); } catch (const std::exception& e) {
     return internalError(std::string("reading failed: ") + e.what(), path);
   }
 }

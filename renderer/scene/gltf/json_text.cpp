@@ -9,17 +9,20 @@ namespace gobo::gltf {
 namespace {
 
 constexpr int kMaxNesting = 64;
-constexpr size_t kFew = 16;   // keys that are compared one by one
+constexpr size_t kFew = 16;  // keys that are compared one by one
 
 bool nestingFits(std::string_view text) {
   int depth = 0;
   bool quoted = false;
   for (size_t i = 0; i < text.size(); ++i) {
     const char c = text[i];
-    if (quoted) { if (c == '\\') ++i; else if (c == '"') quoted = false; }
-    else if (c == '"') quoted = true;
-    else if (c == '{' || c == '[') { if (++depth > kMaxNesting) return false; }
-    else if (c == '}' || c == ']') --depth;
+    if (quoted) {
+      if (c == '\\') ++i;
+      else if (c == '"') quoted = false;
+    } else if (c == '"') quoted = true;
+    else if (c == '{' || c == '[') {
+      if (++depth > kMaxNesting) return false;
+    } else if (c == '}' || c == ']') --depth;
   }
   return true;
 }
@@ -32,7 +35,8 @@ class Keys {
     Frame& f = frames_.back();
     f.step = key;
     if (f.few.size() < kFew) {
-      for (const std::string& k : f.few) if (k == key) return false;
+      for (const std::string& k : f.few)
+        if (k == key) return false;
       f.few.push_back(key);
       return true;
     }
@@ -40,8 +44,13 @@ class Keys {
     return f.many.insert(key).second;
   }
   void open(bool list) { frames_.push_back({list, 0, {}, {}, {}}); }
-  void close() { frames_.pop_back(); value(); }
-  void value() { if (!frames_.empty() && frames_.back().list) ++frames_.back().index; }
+  void close() {
+    frames_.pop_back();
+    value();
+  }
+  void value() {
+    if (!frames_.empty() && frames_.back().list) ++frames_.back().index;
+  }
   std::string pointer() const {
     std::string out;
     for (const Frame& f : frames_) out += "/" + (f.list ? std::to_string(f.index) : escaped(f.step));
@@ -74,16 +83,17 @@ Status parseJson(const std::string& path, std::string_view text, Json& out) {
       case E::array_end: keys.close(); break;
       case E::value: keys.value(); break;
       case E::key:
-        if (!keys.add(parsed.get_ref<const std::string&>()) && twice.empty()) { twice = parsed.get<std::string>(); place = keys.pointer(); }
+        if (!keys.add(parsed.get_ref<const std::string&>()) && twice.empty()) {
+          twice = parsed.get<std::string>();
+          place = keys.pointer();
+        }
         break;
     }
     return true;
   };
   try {
     out = Json::parse(text.begin(), text.end(), follow);
-  } catch (const Json::exception& e) {
-    return invalidArgument(std::string("JSON cannot be parsed: ") + e.what(), path + "#");
-  }
+  } catch (const Json::exception& e) { return invalidArgument(std::string("JSON cannot be parsed: ") + e.what(), path + "#"); }
   if (!twice.empty()) return invalidArgument("\"" + twice + "\" stands twice in one object", path + "#" + place);
   if (!out.is_object()) return invalidArgument("the document is not a JSON object", path + "#");
   return {};

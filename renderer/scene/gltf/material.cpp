@@ -14,7 +14,8 @@ float bounded(const Cursor& at, double otherwise, double lo, double hi) {
 
 /// The structure's check names the element.
 bool saidOf(const Cursor& at) {
-  for (size_t i = 0; i < at.size(); ++i) if (at.document->warned.count(at.at(i).pointer)) return true;
+  for (size_t i = 0; i < at.size(); ++i)
+    if (at.document->warned.count(at.at(i).pointer)) return true;
   return false;
 }
 
@@ -53,8 +54,9 @@ void readInterior(Document& d, const Cursor& at, Textures& textures, Bsdf& b) {
     d.warn(volume["thicknessTexture"].pointer, "thickness textures are not used: rays cross the true shape");
   }
   b.attenuationColor = boundedVector(volume["attenuationColor"], Vec3(1.0f), 1.0f);
-  b.attenuationDistance = bounded(volume["attenuationDistance"], 0.0, 0.0, 3e38);   // absent: infinite, which 0 stands for
-  if (volume["attenuationDistance"].exists() && b.attenuationDistance == 0.0f) d.warnOnce(volume["attenuationDistance"].pointer, "distance 0 is not allowed; nothing is absorbed");
+  b.attenuationDistance = bounded(volume["attenuationDistance"], 0.0, 0.0, 3e38);  // absent: infinite, which 0 stands for
+  if (volume["attenuationDistance"].exists() && b.attenuationDistance == 0.0f)
+    d.warnOnce(volume["attenuationDistance"].pointer, "distance 0 is not allowed; nothing is absorbed");
   const Cursor scatter = at.extension("KHR_materials_volume_scatter"), diffuse = at.extension("KHR_materials_diffuse_transmission");
   b.scatterAlbedo = boundedVector(scatter["multiscatterColor"], Vec3(0.0f), 1.0f);
   b.scatterAnisotropy = bounded(scatter["scatterAnisotropy"], 0.0, -0.999, 0.999);

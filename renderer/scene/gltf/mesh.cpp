@@ -15,7 +15,8 @@ void copyInto(Array<V>& out, const std::vector<float>& in) {
 
 template <typename V>
 bool finite(const V& v) {
-  for (int i = 0; i < V::length(); ++i) if (!std::isfinite(v[i])) return false;
+  for (int i = 0; i < V::length(); ++i)
+    if (!std::isfinite(v[i])) return false;
   return true;
 }
 
@@ -23,7 +24,11 @@ bool finite(const V& v) {
 template <typename V>
 size_t repair(Array<V>& values, const V& by) {
   size_t n = 0;
-  for (V& v : values) if (!finite(v)) { v = by; ++n; }
+  for (V& v : values)
+    if (!finite(v)) {
+      v = by;
+      ++n;
+    }
   return n;
 }
 
@@ -32,13 +37,17 @@ bool triangulate(Document& d, const Cursor& primitive, const DracoData* draco, i
   std::vector<uint32_t> order;
   const int index = primitive["indices"].index("accessors");
   if (index >= 0 || draco) {
-    if (draco) { order = draco->corners; mode = mode == 5 ? 4 : mode; }
-    else if (!readIndices(d, index, order)) return false;
+    if (draco) {
+      order = draco->corners;
+      mode = mode == 5 ? 4 : mode;
+    } else if (!readIndices(d, index, order)) return false;
     const int64_t type = index < 0 || draco ? 0 : d.item("accessors", index)["componentType"].integer(0, 0, 1 << 20);
-    const uint32_t restart = type == 5121 ? 0xffu : type == 5123 ? 0xffffu : 0xffffffffu;   // cuts strips on a GPU: a triangle here, none there
+    const uint32_t restart = type == 5121 ? 0xffu : type == 5123 ? 0xffffu : 0xffffffffu;  // cuts strips on a GPU: a triangle here, none there
     for (size_t k = 0; k < order.size(); ++k)
-      if (type && order[k] == restart) { primitive["indices"].fail("index " + std::to_string(order[k]) + " at " + std::to_string(k) + " is the primitive restart value of its type"); return false; }
-      else if (order[k] >= vertices) {
+      if (type && order[k] == restart) {
+        primitive["indices"].fail("index " + std::to_string(order[k]) + " at " + std::to_string(k) + " is the primitive restart value of its type");
+        return false;
+      } else if (order[k] >= vertices) {
         primitive["indices"].fail("index " + std::to_string(order[k]) + " at " + std::to_string(k) + " is out of range: the primitive has " +
                                   std::to_string(vertices) + " vertices");
         return false;
@@ -49,7 +58,10 @@ bool triangulate(Document& d, const Cursor& primitive, const DracoData* draco, i
     for (size_t k = 0; k < vertices; ++k) order[k] = uint32_t(k);
   }
   if (!d.ok()) return false;
-  if (mode < 4) { out = std::move(order); return true; }               // thicken() makes triangles of them
+  if (mode < 4) {
+    out = std::move(order);
+    return true;
+  }  // thicken() makes triangles of them
   if (mode == 4) {
     if (order.size() % 3) d.warn(primitive.pointer, std::to_string(order.size()) + " corners are not whole triangles; the rest is dropped");
     order.resize(order.size() / 3 * 3);
@@ -72,7 +84,11 @@ void repairNormals(Document& d, const Cursor& primitive, Mesh& mesh) {
   size_t count = 0, odd = 0;
   for (size_t i = 0; i < mesh.normals.size(); ++i) {
     const float length = finite(mesh.normals[i]) ? glm::length(mesh.normals[i]) : 0.0f;
-    if (length > 1e-12f && std::isfinite(length)) { odd += std::fabs(length - 1.0f) > 0.01f; mesh.normals[i] /= length; continue; }
+    if (length > 1e-12f && std::isfinite(length)) {
+      odd += std::fabs(length - 1.0f) > 0.01f;
+      mesh.normals[i] /= length;
+      continue;
+    }
     mesh.normals[i] = Vec3(0.0f);
     bad[i] = 1;
     ++count;
@@ -85,7 +101,8 @@ void repairNormals(Document& d, const Cursor& primitive, Mesh& mesh) {
     const DVec3 p0(mesh.positions[v[0]]), n = glm::cross(DVec3(mesh.positions[v[1]]) - p0, DVec3(mesh.positions[v[2]]) - p0);
     const double length = glm::length(n);
     if (!(length > 0.0)) continue;
-    for (int k = 0; k < 3; ++k) if (bad[v[k]]) mesh.normals[v[k]] += Vec3(n / length);
+    for (int k = 0; k < 3; ++k)
+      if (bad[v[k]]) mesh.normals[v[k]] += Vec3(n / length);
   }
   for (size_t i = 0; i < mesh.normals.size(); ++i)
     if (bad[i]) {
@@ -102,7 +119,10 @@ void repairTangents(Document& d, const Cursor& primitive, Mesh& mesh) {
     const float length = finite(t) ? glm::length(Vec3(t)) : 0.0f;
     odd += length > 1e-12f && std::fabs(length - 1.0f) > 0.01f;
     signs += std::fabs(std::fabs(t.w) - 1.0f) > 0.01f;
-    if (length > 1e-12f && std::isfinite(length)) { t = Vec4(Vec3(t) / length, t.w < 0.0f ? -1.0f : 1.0f); continue; }
+    if (length > 1e-12f && std::isfinite(length)) {
+      t = Vec4(Vec3(t) / length, t.w < 0.0f ? -1.0f : 1.0f);
+      continue;
+    }
     t = Vec4(Frame(mesh.normals.empty() ? Vec3(0, 1, 0) : mesh.normals[i]).x, 1.0f);
     ++count;
   }
@@ -121,7 +141,9 @@ void warnFormat(Document& d, const Cursor& attributes, const char* name, bool qu
   const bool colour = std::string_view(name) == "COLOR_0", small = type >= 5120 && type <= 5123, isUnsigned = type == 5121 || type == 5123;
   const bool core = type == 5126 || ((uv || colour) && isUnsigned && normalised);
   const bool extended = quantized && (vertex || uv ? small : !colour && (type == 5120 || type == 5122) && normalised);
-  if (!core && !extended) d.warn(attributes[name].pointer, "component type " + std::to_string(type) + (normalised ? ", normalised," : "") + " is not allowed for " + name + (quantized ? "" : " without KHR_mesh_quantization"));
+  if (!core && !extended)
+    d.warn(attributes[name].pointer, "component type " + std::to_string(type) + (normalised ? ", normalised," : "") + " is not allowed for " + name +
+                                         (quantized ? "" : " without KHR_mesh_quantization"));
 }
 
 std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const std::string& name, bool quantized, DracoData& draco, bool& packed) {
@@ -129,14 +151,21 @@ std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const 
   mesh->name = name;
   const int64_t mode = primitive["mode"].integer(4, 0, 6);
   if (!d.ok()) return nullptr;
-  const bool thin = mode < 4;                                          // points and lines
+  const bool thin = mode < 4;  // points and lines
   const Cursor attributes = primitive["attributes"];
-  if (!attributes["POSITION"].exists()) { d.warn(primitive.pointer, "primitive without POSITION is not drawn"); return nullptr; }
+  if (!attributes["POSITION"].exists()) {
+    d.warn(primitive.pointer, "primitive without POSITION is not drawn");
+    return nullptr;
+  }
   packed = primitive.extension("KHR_draco_mesh_compression").exists();
-  if (packed && thin) { d.warn(primitive.pointer + "/mode", "compressed points and lines are not drawn"); return nullptr; }
+  if (packed && thin) {
+    d.warn(primitive.pointer + "/mode", "compressed points and lines are not drawn");
+    return nullptr;
+  }
   if (packed && !decodeDraco(d, primitive, draco)) return nullptr;
   const DracoData* data = packed ? &draco : nullptr;
-  for (const char* n : {"POSITION", "NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_2", "TEXCOORD_3", "COLOR_0"}) warnFormat(d, attributes, n, quantized);
+  for (const char* n : {"POSITION", "NORMAL", "TANGENT", "TEXCOORD_0", "TEXCOORD_1", "TEXCOORD_2", "TEXCOORD_3", "COLOR_0"})
+    warnFormat(d, attributes, n, quantized);
   std::vector<float> values;
   if (!readAttribute(d, attributes, data, "POSITION", 3, 0, values)) return nullptr;
   copyInto(mesh->positions, values);
@@ -149,11 +178,20 @@ std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const 
   std::vector<uint32_t> corners;
   if (!triangulate(d, primitive, data, mode, vertices, corners)) return nullptr;
   mesh->indices = std::move(corners);
-  if (!thin && readAttribute(d, attributes, data, "NORMAL", 3, vertices, values)) { copyInto(mesh->normals, values); repairNormals(d, primitive, *mesh); }
-  if (!thin && readAttribute(d, attributes, data, "TANGENT", 4, vertices, values)) { copyInto(mesh->tangents, values); repairTangents(d, primitive, *mesh); }
+  if (!thin && readAttribute(d, attributes, data, "NORMAL", 3, vertices, values)) {
+    copyInto(mesh->normals, values);
+    repairNormals(d, primitive, *mesh);
+  }
+  if (!thin && readAttribute(d, attributes, data, "TANGENT", 4, vertices, values)) {
+    copyInto(mesh->tangents, values);
+    repairTangents(d, primitive, *mesh);
+  }
   size_t repaired = 0, outside = 0;
   for (int k = 0; k < kUvSets; ++k)
-    if (readAttribute(d, attributes, data, "TEXCOORD_" + std::to_string(k), 2, vertices, values)) { copyInto(mesh->uv[k], values); repaired += repair(mesh->uv[k], Vec2(0.0f)); }
+    if (readAttribute(d, attributes, data, "TEXCOORD_" + std::to_string(k), 2, vertices, values)) {
+      copyInto(mesh->uv[k], values);
+      repaired += repair(mesh->uv[k], Vec2(0.0f));
+    }
   const int colour = attributes["COLOR_0"].index("accessors");
   if (colour >= 0 && d.ok()) {
     const int components = accessorComponents(d, colour);
@@ -163,7 +201,10 @@ std::shared_ptr<Mesh> readPrimitive(Document& d, const Cursor& primitive, const 
       for (size_t i = 0; i < vertices; ++i)
         for (int c = 0; c < components; ++c) colours[i][c] = values[i * size_t(components) + c];
       for (Vec4& c : colours) {
-        if (!finite(c)) { c = Vec4(1.0f); ++repaired; }
+        if (!finite(c)) {
+          c = Vec4(1.0f);
+          ++repaired;
+        }
         const Vec4 clamped = glm::clamp(c, Vec4(0.0f), Vec4(1.0f));
         outside += clamped != c;
         c = clamped;
@@ -195,14 +236,18 @@ std::vector<VariantUse> readVariants(Document& d, const Cursor& primitive, const
 
 }  // namespace
 
-bool readAttribute(Document& d, const Cursor& attributes, const DracoData* draco, const std::string& name, int components, size_t vertices, std::vector<float>& out) {
+bool readAttribute(Document& d, const Cursor& attributes, const DracoData* draco, const std::string& name, int components, size_t vertices,
+                   std::vector<float>& out) {
   const Cursor at = attributes[name.c_str()];
   const int index = at.index("accessors");
   if (index < 0 || !d.ok()) return false;
   if (draco) {
     const auto packed = draco->attributes.find(name);
     if (packed != draco->attributes.end()) {
-      if (accessorComponents(d, index) != components) { at.fail("accessor has not " + std::to_string(components) + " components"); return false; }
+      if (accessorComponents(d, index) != components) {
+        at.fail("accessor has not " + std::to_string(components) + " components");
+        return false;
+      }
       out = packed->second;
       return true;
     }
@@ -250,11 +295,15 @@ Status readMeshes(Document& d, Scene& scene, Rig& rig, Parts& parts) {
       part.weights = rest;
       const Cursor attributes = primitive["attributes"];
       if (primitive["mode"].integer(4, 0, 6) >= 4) readDeformation(d, primitive, packed ? &draco : nullptr, rig, part);
-      else if (primitive["targets"].size() > 0 || attributes["JOINTS_0"].exists()) d.warn(primitive.pointer, "points and lines are drawn as they rest: without morph targets and skin");
+      else if (primitive["targets"].size() > 0 || attributes["JOINTS_0"].exists())
+        d.warn(primitive.pointer, "points and lines are drawn as they rest: without morph targets and skin");
       if (part.source < 0) {
         part.sceneMesh = int(scene.meshes.size());
         scene.meshes.push_back(part.mesh);
-        for (VariantUse use : part.variants) { use.mesh = part.sceneMesh; scene.variants.uses.push_back(use); }
+        for (VariantUse use : part.variants) {
+          use.mesh = part.sceneMesh;
+          scene.variants.uses.push_back(use);
+        }
       }
       parts[i].push_back(std::move(part));
     }

@@ -17,12 +17,14 @@ constexpr size_t kMaxInstances = 16u << 20;
 class Tree {
  public:
   Tree(Document& d, Scene& scene, Rig& rig, Parts& parts, const std::vector<int>& place)
-      : d_(d), scene_(scene), rig_(rig), parts_(parts), nodes_(d.list("nodes")), place_(place) { names_.insert("environment"); }
+      : d_(d), scene_(scene), rig_(rig), parts_(parts), nodes_(d.list("nodes")), place_(place) {
+    names_.insert("environment");
+  }
 
   Status read() {
     pose_ = evaluatePose(rig_, {}, 0.0);
     moves_ = d_.list("animations").size() > 0;
-    std::vector<int> stack = findRoots();   // not recursion: a chain of nodes may be as long as the file
+    std::vector<int> stack = findRoots();  // not recursion: a chain of nodes may be as long as the file
     std::reverse(stack.begin(), stack.end());
     while (!stack.empty() && d_.ok()) {
       const int index = stack.back();
@@ -30,7 +32,11 @@ class Tree {
       const Cursor node = nodes_.at(size_t(index));
       const Mat4 world(pose_.world[place_[index]]);
       for (int c = 0; c < 4; ++c)
-        for (int r = 0; r < 4; ++r) if (!std::isfinite(world[c][r])) { node.fail("transform overflows"); return d_.status; }
+        for (int r = 0; r < 4; ++r)
+          if (!std::isfinite(world[c][r])) {
+            node.fail("transform overflows");
+            return d_.status;
+          }
       place(node, index, world);
       const Cursor children = node["children"];
       for (size_t k = children.size(); k-- > 0 && d_.ok();) stack.push_back(children.at(k).index("nodes"));
@@ -50,24 +56,33 @@ class Tree {
         const int node = list.at(i).index("nodes");
         if (node < 0) continue;
         if (rig_.nodes[place_[node]].parent >= 0) d_.warn(list.at(i).pointer, "node is not a root; it is shown with its ancestors' transforms");
-        if (!seen.insert(node).second) { list.at(i).fail("node " + std::to_string(node) + " is reached twice"); return {}; }
+        if (!seen.insert(node).second) {
+          list.at(i).fail("node " + std::to_string(node) + " is reached twice");
+          return {};
+        }
         roots.push_back(node);
       }
       // A listed node below another listed one would be drawn twice.
       std::vector<char> listed(rig_.nodes.size(), 0), below(rig_.nodes.size(), 0);
       for (const int r : roots) listed[place_[r]] = 1;
-      for (size_t i = 0; i < rig_.nodes.size(); ++i) if (const int p = rig_.nodes[i].parent; p >= 0) below[i] = listed[p] || below[p];
+      for (size_t i = 0; i < rig_.nodes.size(); ++i)
+        if (const int p = rig_.nodes[i].parent; p >= 0) below[i] = listed[p] || below[p];
       std::vector<int> kept;
-      for (const int r : roots) if (!below[place_[r]]) kept.push_back(r);
+      for (const int r : roots)
+        if (!below[place_[r]]) kept.push_back(r);
       return kept;
     }
-    for (size_t i = 0; i < nodes_.size(); ++i) if (rig_.nodes[place_[i]].parent < 0) roots.push_back(int(i));
+    for (size_t i = 0; i < nodes_.size(); ++i)
+      if (rig_.nodes[place_[i]].parent < 0) roots.push_back(int(i));
     return roots;
   }
 
   std::string unique(const std::string& wanted) {
     std::string name = wanted;
-    for (int& k = next_[wanted]; !names_.insert(name).second;) { k = std::max(k + 1, 2); name = wanted + "#" + std::to_string(k); }
+    for (int& k = next_[wanted]; !names_.insert(name).second;) {
+      k = std::max(k + 1, 2);
+      name = wanted + "#" + std::to_string(k);
+    }
     return name;
   }
 
@@ -86,22 +101,39 @@ class Tree {
     const int mesh = node["mesh"].index("meshes"), camera = node["camera"].index("cameras");
     if (mesh >= 0 && d_.ok()) placeMesh(node, index, base, mesh, world);
     Mat4 frame(1.0f);
-    const Cursor punctual = node.extension("KHR_lights_punctual")["light"], area = node["extras"].json && node["extras"].json->is_object() ? node["extras"]["gobo_light"] : Cursor{&d_, nullptr, ""};
+    const Cursor punctual = node.extension("KHR_lights_punctual")["light"],
+                 area = node["extras"].json && node["extras"].json->is_object() ? node["extras"]["gobo_light"] : Cursor{&d_, nullptr, ""};
     if (!d_.ok() || (camera < 0 && !punctual.exists() && !area.exists())) return;
-    if (!rigidFrame(world, frame)) { d_.warn(node.pointer, "camera or light without an orientation is left out"); return; }
-    if (camera >= 0 && d_.ok()) { addCamera(d_.item("cameras", camera), name, frame); follow(RigKind::Camera, scene_.cameras.size() - 1, index); }
+    if (!rigidFrame(world, frame)) {
+      d_.warn(node.pointer, "camera or light without an orientation is left out");
+      return;
+    }
+    if (camera >= 0 && d_.ok()) {
+      addCamera(d_.item("cameras", camera), name, frame);
+      follow(RigKind::Camera, scene_.cameras.size() - 1, index);
+    }
     const int light = punctual.indexInto(d_.root().extension("KHR_lights_punctual")["lights"]);
-    if (light >= 0 && d_.ok()) { addPunctual(d_.root().extension("KHR_lights_punctual")["lights"].at(size_t(light)), name, light, frame); follow(RigKind::Light, scene_.lights.size() - 1, index); }
-    if (area.exists() && d_.ok()) { follow(RigKind::Light, scene_.lights.size(), index); addArea(area, base, world, frame, rig_.followers.back()); }
+    if (light >= 0 && d_.ok()) {
+      addPunctual(d_.root().extension("KHR_lights_punctual")["lights"].at(size_t(light)), name, light, frame);
+      follow(RigKind::Light, scene_.lights.size() - 1, index);
+    }
+    if (area.exists() && d_.ok()) {
+      follow(RigKind::Light, scene_.lights.size(), index);
+      addArea(area, base, world, frame, rig_.followers.back());
+    }
   }
 
   /// The scene mesh that shows a part at a node: its own when the node deforms it, else shared.
   int sceneMesh(const Cursor& node, int index, Part& part, int skin) {
-    const bool morphs = part.source >= 0 && !rig_.sources[part.source].targets.empty(), skinned = skin >= 0 && part.source >= 0 && rig_.sources[part.source].influences > 0;
+    const bool morphs = part.source >= 0 && !rig_.sources[part.source].targets.empty(),
+               skinned = skin >= 0 && part.source >= 0 && rig_.sources[part.source].influences > 0;
     if (!morphs && !skinned && part.sceneMesh >= 0) return part.sceneMesh;
     const int made = int(scene_.meshes.size());
     scene_.meshes.push_back(part.mesh);
-    for (VariantUse use : part.variants) { use.mesh = made; scene_.variants.uses.push_back(use); }
+    for (VariantUse use : part.variants) {
+      use.mesh = made;
+      scene_.variants.uses.push_back(use);
+    }
     if (!morphs && !skinned) return part.sceneMesh = made;
     // What its pose costs, in memory and (targets, influences) in time: many nodes may deform one mesh.
     const RigSource& source = rig_.sources[part.source];
@@ -109,7 +141,8 @@ class Tree {
     if (skinned)
       for (const uint16_t j : std::as_const(rig_.sources[part.source].joints))
         if (j >= rig_.skins[skin].joints.size()) {
-          node["mesh"].fail("joint " + std::to_string(j) + " of its JOINTS is out of range: skin " + std::to_string(skin) + " has " + std::to_string(rig_.skins[skin].joints.size()));
+          node["mesh"].fail("joint " + std::to_string(j) + " of its JOINTS is out of range: skin " + std::to_string(skin) + " has " +
+                            std::to_string(rig_.skins[skin].joints.size()));
           return made;
         }
     RigDeformed r;
@@ -140,15 +173,24 @@ class Tree {
     for (Part& part : parts_[mesh]) {
       const bool skinned = skin >= 0 && part.source >= 0 && rig_.sources[part.source].influences > 0;
       unskinned = unskinned || (skin >= 0 && !skinned);
-      if (!skinned && !moves_ && !(std::fabs(glm::determinant(Mat3(world))) > 0.0f)) { d_.warn(node.pointer, "node with a flat or zero scale is not drawn"); return; }
+      if (!skinned && !moves_ && !(std::fabs(glm::determinant(Mat3(world))) > 0.0f)) {
+        d_.warn(node.pointer, "node with a flat or zero scale is not drawn");
+        return;
+      }
       const int shown = sceneMesh(node, index, part, skin);
-      if (skinned) { scene_.instances.push_back({unique(base), shown, Mat4(1.0f)}); continue; }   // joints alone place a skinned mesh
+      if (skinned) {
+        scene_.instances.push_back({unique(base), shown, Mat4(1.0f)});
+        continue;
+      }  // joints alone place a skinned mesh
       if (!d_.account(copies.size() * (sizeof(Instance) + sizeof(RigFollower) + 64), node)) return;
       for (const Mat4& local : copies) {
         scene_.instances.push_back({unique(base), shown, world});
         follow(RigKind::Instance, scene_.instances.size() - 1, index, local);
       }
-      if (scene_.instances.size() > kMaxInstances) { node.fail("more than " + std::to_string(kMaxInstances) + " instances"); return; }
+      if (scene_.instances.size() > kMaxInstances) {
+        node.fail("more than " + std::to_string(kMaxInstances) + " instances");
+        return;
+      }
     }
     if (unskinned) d_.warn(node.pointer + "/skin", "a primitive of the mesh has no joints and weights; it is not skinned");
   }
@@ -158,12 +200,21 @@ class Tree {
     const Cursor attributes = at["attributes"];
     const int t = attributes["TRANSLATION"].index("accessors"), r = attributes["ROTATION"].index("accessors"), s = attributes["SCALE"].index("accessors");
     if (!d_.ok()) return;
-    if (t < 0 && r < 0 && s < 0) { d_.warn(at.pointer, "instancing without TRANSLATION, ROTATION or SCALE: one instance is shown"); return; }
+    if (t < 0 && r < 0 && s < 0) {
+      d_.warn(at.pointer, "instancing without TRANSLATION, ROTATION or SCALE: one instance is shown");
+      return;
+    }
     std::vector<float> ts, rs, ss;
     if ((t >= 0 && !readFloats(d_, t, 3, ts)) || (r >= 0 && !readFloats(d_, r, 4, rs)) || (s >= 0 && !readFloats(d_, s, 3, ss))) return;
     const size_t n = t >= 0 ? ts.size() / 3 : r >= 0 ? rs.size() / 4 : ss.size() / 3;
-    if ((r >= 0 && rs.size() != n * 4) || (s >= 0 && ss.size() != n * 3)) { attributes.fail("instance attributes differ in number"); return; }
-    if (n > kMaxInstances || !d_.account(n * sizeof(Mat4), at)) { at.fail("more than " + std::to_string(kMaxInstances) + " instances"); return; }
+    if ((r >= 0 && rs.size() != n * 4) || (s >= 0 && ss.size() != n * 3)) {
+      attributes.fail("instance attributes differ in number");
+      return;
+    }
+    if (n > kMaxInstances || !d_.account(n * sizeof(Mat4), at)) {
+      at.fail("more than " + std::to_string(kMaxInstances) + " instances");
+      return;
+    }
     copies.assign(n, Mat4(1.0f));
     size_t bad = 0;
     for (size_t i = 0; i < n; ++i) {
@@ -171,11 +222,13 @@ class Tree {
       if (r >= 0) q = glm::dquat(rs[i * 4 + 3], rs[i * 4], rs[i * 4 + 1], rs[i * 4 + 2]);
       const double length = glm::length(q);
       Mat4 m(glm::mat4_cast(length > 1e-6 ? q / length : glm::dquat(1, 0, 0, 0)));
-      if (s >= 0) for (int c = 0; c < 3; ++c) m[c] *= ss[i * 3 + size_t(c)];
+      if (s >= 0)
+        for (int c = 0; c < 3; ++c) m[c] *= ss[i * 3 + size_t(c)];
       if (t >= 0) m[3] = Vec4(ts[i * 3], ts[i * 3 + 1], ts[i * 3 + 2], 1.0f);
       bool finite = true;
       for (int c = 0; c < 16; ++c) finite = finite && std::isfinite(m[c / 4][c % 4]);
-      if (finite) copies[i] = m; else ++bad;
+      if (finite) copies[i] = m;
+      else ++bad;
     }
     if (bad) d_.warn(attributes.pointer, std::to_string(bad) + " instance transforms are not finite and stand at the node");
   }
@@ -239,7 +292,10 @@ class Tree {
     std::string given;
     for (const char* key : {"radiance", "power_w", "power"}) {
       if (!at[key].exists()) continue;
-      if (!given.empty()) { at[key].fail("the light has \"" + given + "\" as well; give one"); return Vec3(1.0f); }
+      if (!given.empty()) {
+        at[key].fail("the light has \"" + given + "\" as well; give one");
+        return Vec3(1.0f);
+      }
       given = key;
     }
     if (given.empty()) return Vec3(1.0f);
@@ -250,7 +306,10 @@ class Tree {
     const double x = glm::length(Vec3(world[0])), y = glm::length(Vec3(world[1])), r = double(follower.radius) * x;
     const double area = type == "rect" ? 4.0 * double(follower.half.x) * x * double(follower.half.y) * y : (type == "disk" ? 1.0 : 4.0) * kPi * r * r;
     const DVec3 radiance = DVec3(value) / (kPi * area * (twoSided && type != "sphere" ? 2.0 : 1.0));
-    if (!(glm::all(glm::lessThan(radiance, DVec3(1e30))))) { at[given.c_str()].fail("the light is too small for its power"); return Vec3(1.0f); }
+    if (!(glm::all(glm::lessThan(radiance, DVec3(1e30))))) {
+      at[given.c_str()].fail("the light is too small for its power");
+      return Vec3(1.0f);
+    }
     return Vec3(radiance);
   }
 
@@ -261,7 +320,7 @@ class Tree {
   Cursor nodes_;
   const std::vector<int>& place_;
   RigPose pose_;
-  bool moves_ = false;   // animations may give a flat node its size
+  bool moves_ = false;                         // animations may give a flat node its size
   std::set<std::string> names_, cameraNames_;  // instances and lights share names: a Mesh light is named after its instance
   std::map<std::string, int> next_;
 };

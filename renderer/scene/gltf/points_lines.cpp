@@ -26,7 +26,7 @@ struct Ball {
     for (uint32_t i = 0; i < 12; ++i)
       for (uint32_t j = i + 1; j < 12; ++j)
         for (uint32_t k = j + 1; k < 12; ++k) {
-          const auto adjacent = [&](uint32_t a, uint32_t b) { return glm::dot(corner[a], corner[b]) > 0.4f; };   // 0.447 for neighbours, below 0 for others
+          const auto adjacent = [&](uint32_t a, uint32_t b) { return glm::dot(corner[a], corner[b]) > 0.4f; };  // 0.447 for neighbours, below 0 for others
           if (!adjacent(i, j) || !adjacent(j, k) || !adjacent(i, k)) continue;
           const bool outwards = glm::dot(glm::cross(corner[j] - corner[i], corner[k] - corner[i]), corner[i]) > 0.0f;
           face[faces][0] = i;
@@ -40,7 +40,7 @@ struct Ball {
 struct Builder {
   const Mesh& from;
   std::vector<Vec3> positions, normals;
-  std::vector<uint32_t> indices, source;             ///< source: the vertex that a new one stands for
+  std::vector<uint32_t> indices, source;  ///< source: the vertex that a new one stands for
 
   explicit Builder(const Mesh& mesh) : from(mesh) {}
   uint32_t vertex(uint32_t of, const Vec3& offset, const Vec3& normal) {
@@ -53,7 +53,8 @@ struct Builder {
     static const Ball unit;
     const uint32_t first = uint32_t(positions.size());
     for (const Vec3& c : unit.corner) vertex(at, c * radius, c);
-    for (const auto& f : unit.face) for (uint32_t i : f) indices.push_back(first + i);
+    for (const auto& f : unit.face)
+      for (uint32_t i : f) indices.push_back(first + i);
   }
   void tube(uint32_t a, uint32_t b, float radius) {
     const Vec3 along = from.positions[b] - from.positions[a];
@@ -88,9 +89,13 @@ struct Builder {
 bool thicken(Document& d, const Cursor& primitive, int64_t mode, Mesh& mesh) {
   const Array<uint32_t>& order = std::as_const(mesh).indices;
   const size_t n = order.size(), elements = mode == 0 ? n : mode == 1 ? n / 2 : n < 2 ? 0 : mode == 2 ? n : n - 1;
-  if (elements == 0) { d.warn(primitive.pointer, mode == 0 ? "primitive has no points" : "primitive has no lines"); return false; }
+  if (elements == 0) {
+    d.warn(primitive.pointer, mode == 0 ? "primitive has no points" : "primitive has no lines");
+    return false;
+  }
   if (elements > kMost) {
-    d.warn(primitive.pointer, std::to_string(elements) + (mode == 0 ? " points" : " lines") + " are more than the " + std::to_string(kMost) + " that are drawn; left out");
+    d.warn(primitive.pointer,
+           std::to_string(elements) + (mode == 0 ? " points" : " lines") + " are more than the " + std::to_string(kMost) + " that are drawn; left out");
     return false;
   }
   if (!d.account(elements * 14 * (sizeof(Vec3) * 2 + sizeof(Vec4) + sizeof(Vec2) * kUvSets + 4) + elements * 24 * 12, primitive)) return false;
@@ -102,11 +107,17 @@ bool thicken(Document& d, const Cursor& primitive, int64_t mode, Mesh& mesh) {
   }
   const float diagonal = glm::length(hi - lo), radius = diagonal > 0.0f && std::isfinite(diagonal) ? kRadius * diagonal : kPointRadius;
   Builder b(mesh);
-  if (mode == 0) for (size_t k = 0; k < n; ++k) b.ball(order[k], radius);
-  if (mode == 1) for (size_t k = 0; k + 1 < n; k += 2) b.tube(order[k], order[k + 1], radius);
-  if (mode == 2 || mode == 3) for (size_t k = 0; k + 1 < n; ++k) b.tube(order[k], order[k + 1], radius);
+  if (mode == 0)
+    for (size_t k = 0; k < n; ++k) b.ball(order[k], radius);
+  if (mode == 1)
+    for (size_t k = 0; k + 1 < n; k += 2) b.tube(order[k], order[k + 1], radius);
+  if (mode == 2 || mode == 3)
+    for (size_t k = 0; k + 1 < n; ++k) b.tube(order[k], order[k + 1], radius);
   if (mode == 2) b.tube(order[n - 1], order[0], radius);
-  if (b.indices.empty()) { d.warn(primitive.pointer, "the primitive's lines have no length"); return false; }
+  if (b.indices.empty()) {
+    d.warn(primitive.pointer, "the primitive's lines have no length");
+    return false;
+  }
   Mesh made;
   made.name = mesh.name;
   made.material = mesh.material;

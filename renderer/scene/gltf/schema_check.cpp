@@ -9,14 +9,14 @@
 namespace gobo::gltf {
 namespace {
 
-constexpr size_t kMostNamed = 20;   // places of one undeclared extension that are named
+constexpr size_t kMostNamed = 20;  // places of one undeclared extension that are named
 
 /// Where the walk is: pointers become text only when something is wrong there.
 struct Place {
   const Place* up = nullptr;
   Json* json = nullptr;
-  std::string_view key = {};   // of an object, else
-  size_t index = 0;            // of a list
+  std::string_view key = {};  // of an object, else
+  size_t index = 0;           // of a list
 
   std::string pointer() const {
     if (!up) return {};
@@ -63,14 +63,16 @@ class Checker {
       if (f.kind == Kind::Objects && list != d_.json.end() && d_.ok()) isListOfObjects({&root, &*list, f.name}, f);
     }
     if (d_.ok()) check(root, rootShape());
-    for (const auto& [name, n] : undeclared_) if (n > kMostNamed) d_.warn("/extensionsUsed", name + " is used at " + std::to_string(n - kMostNamed) + " more places");
+    for (const auto& [name, n] : undeclared_)
+      if (n > kMostNamed) d_.warn("/extensionsUsed", name + " is used at " + std::to_string(n - kMostNamed) + " more places");
   }
 
  private:
   void readUsed() {
     const auto used = d_.json.find("extensionsUsed");
     if (used == d_.json.end() || !used->is_array()) return;
-    for (const Json& name : *used) if (name.is_string()) used_.insert(name.get<std::string>());
+    for (const Json& name : *used)
+      if (name.is_string()) used_.insert(name.get<std::string>());
   }
 
   static std::string absent(Answer answer, const Field& f) { return answer == Answer::Warn && !f.isRequired ? "; it counts as absent" : ""; }
@@ -82,7 +84,7 @@ class Checker {
 
   void check(const Place& object, const Shape& shape) {
     std::vector<std::string> removed;
-    if (!object.up) extensions(object, shape);   // lights and variants before what points into them
+    if (!object.up) extensions(object, shape);  // lights and variants before what points into them
     for (const Field& f : shape.fields) {
       if (!d_.ok()) return;
       const auto found = object.json->find(std::string(f.name));
@@ -92,27 +94,40 @@ class Checker {
       }
       const Place member{&object, &*found, f.name};
       if (!value(member, f) && !f.isRequired) removed.emplace_back(f.name);
-      if (!f.needed.empty() && !object.json->contains(std::string(f.needed))) say(f.beside, at(object, f.name), "needs " + std::string(f.needed) + " beside it");
+      if (!f.needed.empty() && !object.json->contains(std::string(f.needed)))
+        say(f.beside, at(object, f.name), "needs " + std::string(f.needed) + " beside it");
       if (f.excluded.empty()) continue;
       for (const auto& [other, ignored] : object.json->items())
         if (listed(f.excluded, other)) say(f.beside, at(object, f.name), "may not stand beside " + other);
     }
-    if (&shape == &morphTargetShape()) { if (object.json->empty()) d_.warn(object.pointer(), "is empty"); indexMap(object, "accessors"); }
+    if (&shape == &morphTargetShape()) {
+      if (object.json->empty()) d_.warn(object.pointer(), "is empty");
+      indexMap(object, "accessors");
+    }
     if (object.up) extensions(object, shape);
-    for (const std::string& name : removed) object.json->erase(name);   // a warning has answered it: readers find the default
+    for (const std::string& name : removed) object.json->erase(name);  // a warning has answered it: readers find the default
   }
 
   bool isListOfObjects(const Place& m, const Field& f) {
-    if (!m.json->is_array()) { say(f.type, m.pointer(), shown(*m.json) + " is not an array of objects" + absent(f.type, f)); return false; }
+    if (!m.json->is_array()) {
+      say(f.type, m.pointer(), shown(*m.json) + " is not an array of objects" + absent(f.type, f));
+      return false;
+    }
     for (size_t i = 0; i < m.json->size(); ++i)
-      if (const Json& e = (*m.json)[i]; !e.is_object()) { say(Answer::Refuse, Place{&m, nullptr, {}, i}.pointer(), shown(e) + " is not an object"); return false; }
+      if (const Json& e = (*m.json)[i]; !e.is_object()) {
+        say(Answer::Refuse, Place{&m, nullptr, {}, i}.pointer(), shown(e) + " is not an object");
+        return false;
+      }
     return true;
   }
 
   /// False: answered by a warning after which the member counts as absent.
   bool value(const Place& m, const Field& f) {
     const Json& j = *m.json;
-    const auto wrong = [&](const std::string& what) { say(f.type, m.pointer(), shown(j) + " is not " + what + absent(f.type, f)); return false; };
+    const auto wrong = [&](const std::string& what) {
+      say(f.type, m.pointer(), shown(j) + " is not " + what + absent(f.type, f));
+      return false;
+    };
     switch (f.kind) {
       case Kind::Object:
         if (!j.is_object()) return wrong("an object");
@@ -120,7 +135,10 @@ class Checker {
         return true;
       case Kind::Objects:
         if (!isListOfObjects(m, f)) return false;
-        if (j.empty()) { d_.warn(m.pointer(), "is empty"); return false; }
+        if (j.empty()) {
+          d_.warn(m.pointer(), "is empty");
+          return false;
+        }
         for (size_t i = 0; i < j.size() && d_.ok(); ++i) check({&m, &(*m.json)[i], {}, i}, *f.shape);
         return true;
       case Kind::IndexMap:
@@ -156,33 +174,59 @@ class Checker {
       say(f.value, m.pointer(), shown(j) + " is not one of " + std::string(f.values) + absent(f.value, f));
       return false;
     }
-    if (!inRange(v, f)) { say(std::fabs(v) > kLargest ? Answer::Refuse : f.value, m.pointer(), outside(j, f)); return true; }   // its reader clamps it
-    if (f.step > 1 && std::fmod(v, f.step) != 0) { say(f.value, m.pointer(), shown(j) + " is no multiple of " + std::to_string(f.step)); return true; }
+    if (!inRange(v, f)) {
+      say(std::fabs(v) > kLargest ? Answer::Refuse : f.value, m.pointer(), outside(j, f));
+      return true;
+    }  // its reader clamps it
+    if (f.step > 1 && std::fmod(v, f.step) != 0) {
+      say(f.value, m.pointer(), shown(j) + " is no multiple of " + std::to_string(f.step));
+      return true;
+    }
     return true;
   }
   static bool inRange(double v, const Field& f) { return (f.openLow ? v > f.lo : v >= f.lo) && v <= f.hi && std::fabs(v) <= kLargest; }
-  static std::string outside(const Json& j, const Field& f) { return shown(j) + " is out of range: " + rangeOf(f) + (f.value == Answer::Warn ? "; it is clamped" : ""); }
+  static std::string outside(const Json& j, const Field& f) {
+    return shown(j) + " is out of range: " + rangeOf(f) + (f.value == Answer::Warn ? "; it is clamped" : "");
+  }
 
   bool list(const Place& m, const Field& f) {
     const Json& j = *m.json;
     const char* what = f.kind == Kind::Numbers ? " numbers" : f.kind == Kind::Indices ? " indices" : " strings";
-    if (!j.is_array()) { say(f.type, m.pointer(), "is not an array of" + std::string(f.least == f.most ? " " + std::to_string(f.least) : "") + what); return false; }
-    if (f.least == f.most && j.size() != f.least) { say(f.type, m.pointer(), "has " + std::to_string(j.size()) + " elements and is not an array of " + std::to_string(f.least) + what); return false; }
-    if (j.size() < f.least) { say(f.none, m.pointer(), "is empty"); return false; }
-    if (j.size() > f.most) { say(f.type, m.pointer(), "has more than " + std::to_string(f.most) + " elements"); return false; }
+    if (!j.is_array()) {
+      say(f.type, m.pointer(), "is not an array of" + std::string(f.least == f.most ? " " + std::to_string(f.least) : "") + what);
+      return false;
+    }
+    if (f.least == f.most && j.size() != f.least) {
+      say(f.type, m.pointer(), "has " + std::to_string(j.size()) + " elements and is not an array of " + std::to_string(f.least) + what);
+      return false;
+    }
+    if (j.size() < f.least) {
+      say(f.none, m.pointer(), "is empty");
+      return false;
+    }
+    if (j.size() > f.most) {
+      say(f.type, m.pointer(), "has more than " + std::to_string(f.most) + " elements");
+      return false;
+    }
     std::set<int64_t> indices;
     std::set<std::string> words;
     for (size_t i = 0; i < j.size() && d_.ok(); ++i) {
       const Place e{&m, &(*m.json)[i], {}, i};
       bool fresh = true;
       if (f.kind == Kind::Numbers) {
-        if (!e.json->is_number()) { say(f.type, e.pointer(), shown(*e.json) + " is not a number"); return false; }
+        if (!e.json->is_number()) {
+          say(f.type, e.pointer(), shown(*e.json) + " is not a number");
+          return false;
+        }
         if (const double v = e.json->get<double>(); !inRange(v, f)) say(std::fabs(v) > kLargest ? Answer::Refuse : f.value, e.pointer(), outside(*e.json, f));
       } else if (f.kind == Kind::Indices) {
         if (!indexInto(e, f.list, Answer::Refuse)) return true;
         fresh = indices.insert(e.json->get<int64_t>()).second;
       } else {
-        if (!e.json->is_string()) { say(f.type, e.pointer(), shown(*e.json) + " is not a string"); return false; }
+        if (!e.json->is_string()) {
+          say(f.type, e.pointer(), shown(*e.json) + " is not a string");
+          return false;
+        }
         fresh = words.insert(e.json->get<std::string>()).second;
       }
       if (!fresh && f.isDistinct) say(f.value, e.pointer(), shown(*e.json) + " is listed twice");
@@ -200,7 +244,10 @@ class Checker {
 
   bool indexInto(const Place& m, std::string_view list, Answer answer) {
     const Json& j = *m.json;
-    if (!j.is_number() || !isInteger(j)) { say(answer, m.pointer(), shown(j) + " is not an index"); return false; }
+    if (!j.is_number() || !isInteger(j)) {
+      say(answer, m.pointer(), shown(j) + " is not an index");
+      return false;
+    }
     const double v = j.get<double>();
     std::string pointer;
     const size_t n = list.empty() ? (1u << 30) : sizeOf(m, list, pointer);
@@ -233,12 +280,16 @@ class Checker {
     const auto found = object.json->find("extensions");
     if (found == object.json->end() || !d_.ok()) return;
     const Place all{&object, &*found, "extensions"};
-    if (!found->is_object()) { say(Answer::Refuse, all.pointer(), shown(*found) + " is not an object"); return; }
+    if (!found->is_object()) {
+      say(Answer::Refuse, all.pointer(), shown(*found) + " is not an object");
+      return;
+    }
     for (auto it = found->begin(); it != found->end() && d_.ok(); ++it) {
       const std::string name = it.key();
       const Place place{&all, &it.value(), name};
       const bool known = supported(name) || name == "KHR_texture_basisu";
-      if (!used_.count(name) && ++undeclared_[name] <= kMostNamed) d_.warn(place.pointer(), "extension " + name + " is not declared in extensionsUsed; it " + (known ? "counts all the same" : "is ignored"));
+      if (!used_.count(name) && ++undeclared_[name] <= kMostNamed)
+        d_.warn(place.pointer(), "extension " + name + " is not declared in extensionsUsed; it " + (known ? "counts all the same" : "is ignored"));
       const ExtensionRow* row = nullptr;
       bool elsewhere = false;
       for (const ExtensionRow& r : extensionRows()) {
@@ -246,8 +297,14 @@ class Checker {
         elsewhere = true;
         if (r.place == &shape || (isTextureInfo(*r.place) && isTextureInfo(shape))) row = &r;
       }
-      if (!row && elsewhere) { d_.warn(place.pointer(), "extension " + name + " has no meaning here and is ignored"); continue; }
-      if (!it.value().is_object()) { say(row ? Answer::Refuse : Answer::Warn, place.pointer(), shown(it.value()) + " is not an object"); continue; }
+      if (!row && elsewhere) {
+        d_.warn(place.pointer(), "extension " + name + " has no meaning here and is ignored");
+        continue;
+      }
+      if (!it.value().is_object()) {
+        say(row ? Answer::Refuse : Answer::Warn, place.pointer(), shown(it.value()) + " is not an object");
+        continue;
+      }
       if (row) check(place, *row->shape);
     }
   }

@@ -6,7 +6,7 @@
 
 namespace gobo::gltf::shapes {
 
-extern const Shape kAsset, kAccessor, kChannel, kAnimation, kBuffer, kBufferView, kCamera, kImage, kTextureInfo, kNormalInfo, kMaterial, kMorphTarget, kPrimitive, kMesh, kNode,
-    kTexture, kRoot;
+extern const Shape kAsset, kAccessor, kChannel, kAnimation, kBuffer, kBufferView, kCamera, kImage, kTextureInfo, kNormalInfo, kMaterial, kMorphTarget,
+    kPrimitive, kMesh, kNode, kTexture, kRoot;
 
 }  // namespace gobo::gltf::shapes

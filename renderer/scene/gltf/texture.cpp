@@ -24,26 +24,33 @@ const Textures::Texels* Textures::decode(int index) {
   decoded_[index].tried = true;
   auto& encoded = document_.images[index];
   const std::string place = "/images/" + std::to_string(index);
-  auto leaveOut = [&](const std::string& why) { document_.warn(place, "picture \"" + encoded.name + "\" is left out: " + why); return nullptr; };
-  if (!encoded.problem.empty()) return nullptr;   // said when the file was opened
+  auto leaveOut = [&](const std::string& why) {
+    document_.warn(place, "picture \"" + encoded.name + "\" is left out: " + why);
+    return nullptr;
+  };
+  if (!encoded.problem.empty()) return nullptr;  // said when the file was opened
   const std::string kind = pictureKind(encoded.bytes);
-  if (kind == "image/ktx2" || kind == "image/ktx" || kind == "image/basis") return leaveOut("it is " + kind.substr(6) + " (Basis Universal or GPU blocks), which is not decoded");
+  if (kind == "image/ktx2" || kind == "image/ktx" || kind == "image/basis")
+    return leaveOut("it is " + kind.substr(6) + " (Basis Universal or GPU blocks), which is not decoded");
   const Hash128 digest = hashBytes(encoded.bytes.data(), encoded.bytes.size());
   const auto same = sameBytes_.find(digest);
   if (same != sameBytes_.end()) decoded_[index].texels = decoded_[same->second].texels;
   else {
-    if (document_.options.files) document_.options.files->parsing(place);   // picture libraries are where files bite
+    if (document_.options.files) document_.options.files->parsing(place);  // picture libraries are where files bite
     ReadLimits limits;
     limits.stop = document_.options.stop;
     auto image = readImageFromMemory(encoded.bytes.data(), encoded.bytes.size(), encoded.name.empty() ? "image" + std::to_string(index) : encoded.name, limits);
-    if (image.status().code() == Code::Cancelled) { document_.status = image.status(); return nullptr; }
+    if (image.status().code() == Code::Cancelled) {
+      document_.status = image.status();
+      return nullptr;
+    }
     if (!image.ok()) return leaveOut(image.status().message());
     if (document_.options.files) document_.options.files->parsing("");
     const uint64_t decodedBytes = image->data.size() * sizeof(float);
     if (!document_.account(decodedBytes, document_.item("images", index))) return nullptr;
     decoded_[index].texels = texelsOf(index, *image, isFloatFormat(encoded.bytes));
     if (!decoded_[index].texels) return nullptr;
-    document_.bytesUsed -= decodedBytes;   // the floats go now
+    document_.bytesUsed -= decodedBytes;  // the floats go now
     sameBytes_[digest] = index;
   }
   if (const size_t n = decoded_[index].texels->repaired) document_.warn(place, std::to_string(n) + " texels were not finite and are 0 now");
@@ -59,13 +66,19 @@ std::shared_ptr<const Textures::Texels> Textures::texelsOf(int index, const Imag
   std::vector<float> texelsF(floats ? values : 0);
   std::vector<uint8_t> texels8(floats ? 0 : values);
   for (size_t i = 0; i < image.pixels(); ++i) {
-    if (i % (1 << 16) == 0 && document_.options.stop.stopRequested()) { document_.status = Status(Code::Cancelled, "the load was cancelled", document_.path); return nullptr; }
+    if (i % (1 << 16) == 0 && document_.options.stop.stopRequested()) {
+      document_.status = Status(Code::Cancelled, "the load was cancelled", document_.path);
+      return nullptr;
+    }
     const float* p = image.data.data() + i * size_t(image.channels);
     const int n = image.channels;
     float rgba[4] = {p[0], n >= 3 ? p[1] : p[0], n >= 3 ? p[2] : p[0], n == 2 ? p[1] : n >= 4 ? p[3] : 1.0f};
     bool bad = false;
     for (int c = 0; c < 4; ++c) {
-      if (!std::isfinite(rgba[c])) { rgba[c] = c == 3 ? 1.0f : 0.0f; bad = true; }
+      if (!std::isfinite(rgba[c])) {
+        rgba[c] = c == 3 ? 1.0f : 0.0f;
+        bad = true;
+      }
       if (floats) texelsF[i * 4 + c] = rgba[c];
       else texels8[i * 4 + c] = uint8_t(clamp01(rgba[c]) * 255.0f + 0.5f);
     }
@@ -111,7 +124,9 @@ const Textures::Texels* Textures::pictureOf(const Cursor& texture, int& source) 
       return texels;
     }
   }
-  if (webp < 0 && plain < 0) document_.warn(texture.pointer, basis ? "KTX2 pictures (KHR_texture_basisu) are not read and there is no fallback" : "texture has no picture in a supported format");
+  if (webp < 0 && plain < 0)
+    document_.warn(texture.pointer,
+                   basis ? "KTX2 pictures (KHR_texture_basisu) are not read and there is no fallback" : "texture has no picture in a supported format");
   return nullptr;
 }
 

@@ -20,8 +20,16 @@ class Textures {
 
  private:
   /// A picture as texels, RGBA: all its textures look at these, whatever their sampler and colour space.
-  struct Texels { int width = 0, height = 0; Array<uint8_t> texels8; Array<float> texelsF; size_t repaired = 0; };
-  struct Decoded { bool tried = false; std::shared_ptr<const Texels> texels; };
+  struct Texels {
+    int width = 0, height = 0;
+    Array<uint8_t> texels8;
+    Array<float> texelsF;
+    size_t repaired = 0;
+  };
+  struct Decoded {
+    bool tried = false;
+    std::shared_ptr<const Texels> texels;
+  };
   const Texels* decode(int image);
   std::shared_ptr<const Texels> texelsOf(int index, const Image& image, bool floats);
   const Texels* pictureOf(const Cursor& texture, int& source);
@@ -29,7 +37,7 @@ class Textures {
   Document& document_;
   Scene& scene_;
   std::vector<Decoded> decoded_;
-  std::map<Hash128, int> sameBytes_;                       ///< pictures that could be read, by their encoded bytes
+  std::map<Hash128, int> sameBytes_;  ///< pictures that could be read, by their encoded bytes
   std::map<std::pair<int, bool>, int> made_;
   std::map<std::pair<int, float>, int> glossy_;
   TextureSealer sealer_;

@@ -69,9 +69,11 @@ TEST(ColdWarm, EveryTwinFileAfterTheOther) {
   const std::string path = (std::filesystem::temp_directory_path() / ("gobo-twin-" + std::to_string(getpid()) + ".gltf")).string();
   const auto request = [](const std::string& scene) {
     v1::RenderRequest r = smallRequest(scene, 16, 12, 2);
-    for (const char* e : {"outputs=beauty,albedo,normal,depth,alpha,direct,visibility:lamp,visibility:sun", "lights.lamp.kind=RECT", "lights.lamp.position=0.3,2.5,0.2", "lights.lamp.direction=0,-1,0",
-                          "lights.lamp.intensity=3", "lights.lamp.shadow.ray_traced.samples=2", "lights.sun.kind=DIRECTIONAL", "lights.sun.direction=0.1,-1,-0.1",
-                          "lights.sun.shadow.percentage_closer.taps=2", "lights.sun.shadow.map.resolution=16"}) set(r, e);
+    for (const char* e :
+         {"outputs=beauty,albedo,normal,depth,alpha,direct,visibility:lamp,visibility:sun", "lights.lamp.kind=RECT", "lights.lamp.position=0.3,2.5,0.2",
+          "lights.lamp.direction=0,-1,0", "lights.lamp.intensity=3", "lights.lamp.shadow.ray_traced.samples=2", "lights.sun.kind=DIRECTIONAL",
+          "lights.sun.direction=0.1,-1,-0.1", "lights.sun.shadow.percentage_closer.taps=2", "lights.sun.shadow.map.resolution=16"})
+      set(r, e);
     return r;
   };
   int different = 0, reused = 0;
@@ -83,7 +85,10 @@ TEST(ColdWarm, EveryTwinFileAfterTheOther) {
     for (Engine* e : {warm.get(), cold.get()}) ASSERT_TRUE(e->openScene(path, name).ok()) << twins[k].change;
     const RenderResult here = mustRender(*warm, request(name)), fresh = mustRender(*cold, request(name));
     EXPECT_EQ(firstDifference(here, fresh), "") << twins[k].change;
-    if (k == 0) { first = fresh; continue; }
+    if (k == 0) {
+      first = fresh;
+      continue;
+    }
     reused += int(nodesBy(here, v1::NodeReport::REUSED).size());
     EXPECT_NE(firstDifference(fresh, first), "") << twins[k].change << ": the change is invisible, the row says nothing";
     different += !firstDifference(fresh, first).empty();

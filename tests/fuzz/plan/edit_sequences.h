@@ -11,7 +11,10 @@
 
 namespace gobo::testing {
 
-struct SequenceResult { int renders = 0, reusedNodes = 0, ranNodes = 0, switches = 0; std::string failure; };
+struct SequenceResult {
+  int renders = 0, reusedNodes = 0, ranNodes = 0, switches = 0;
+  std::string failure;
+};
 
 class EditSequence {
  public:
@@ -42,11 +45,15 @@ class EditSequence {
       Result<RenderResult> warm = warm_->render(request_);
       const auto cold = makeEngine(256ull << 20, {}, 1 + int(rng_() % 2));
       if (!files_.empty()) EXPECT_TRUE(cold->openScene(scene_, scene_).ok()) << scene_;
-      for (const auto& p : patches_) if (p.scene() == scene_) (void)cold->patchScene(p);
+      for (const auto& p : patches_)
+        if (p.scene() == scene_) (void)cold->patchScene(p);
       Result<RenderResult> fresh = warm.ok() ? cold->render(warm->reply.resolved()) : cold->render(request_);
-      if (warm.ok() != fresh.ok()) { out.failure = history_ + warm.status().toString() + " vs " + fresh.status().toString(); break; }
+      if (warm.ok() != fresh.ok()) {
+        out.failure = history_ + warm.status().toString() + " vs " + fresh.status().toString();
+        break;
+      }
       ++out.renders;
-      if (!warm.ok()) {          // refused alike (flags of a technique that has none): go on from what was good
+      if (!warm.ok()) {  // refused alike (flags of a technique that has none): go on from what was good
         request_ = before;
         scene_ = before.scene();
         continue;
@@ -71,7 +78,9 @@ class EditSequence {
         [&] { return "lights.lamp.color=" + triple(0, 2); },
         [&] { return "lights.lamp.intensity=" + number(0, 40); },
         [&] { return "lights.lamp.position=" + triple(-0.8, 1.8); },
-        [&] { return "lights.lamp.enabled=" + pick({"true", "false"}); },
+        [&] {
+          return "lights.lamp.enabled=" + pick({"true", "false"});
+        },
         [&] { return "lights.lamp.gain=" + triple(0, 3); },
         [&] { return "lights.lamp.radius=" + number(0.01, 0.5); },
         [&] { return technique("lights.lamp.shadow."); },
@@ -79,21 +88,43 @@ class EditSequence {
         [&] { return technique("shadows."); },
         [&] { return "lights.lamp.shadow.map." + mapEdit(); },
         [&] { return "shadows.map." + mapEdit(); },
-        [&] { return "halt.spp=" + pick({"2", "4", "16", "32", "48"}); },
-        [&] { return "seed=" + pick({"0", "1"}); },
-        [&] { return "view_samples=" + pick({"1", "2", "4"}); },
-        [&] { return "integrator.max_bounces=" + pick({"0", "1", "2"}); },
-        [&] { return "integrator.indirect=" + pick({"true", "false"}); },
-        [&] { return "integrator.max_groups=" + pick({"1", "2", "3", "16"}); },
-        [&] { return "integrator.light_selection=" + pick({"TREE", "POWER", "UNIFORM"}); },
+        [&] {
+          return "halt.spp=" + pick({"2", "4", "16", "32", "48"});
+        },
+        [&] {
+          return "seed=" + pick({"0", "1"});
+        },
+        [&] {
+          return "view_samples=" + pick({"1", "2", "4"});
+        },
+        [&] {
+          return "integrator.max_bounces=" + pick({"0", "1", "2"});
+        },
+        [&] {
+          return "integrator.indirect=" + pick({"true", "false"});
+        },
+        [&] {
+          return "integrator.max_groups=" + pick({"1", "2", "3", "16"});
+        },
+        [&] {
+          return "integrator.light_selection=" + pick({"TREE", "POWER", "UNIFORM"});
+        },
         [&] { return "environment.constant=" + triple(0, 1); },
         [&] { return "environment.gain=" + triple(0, 2); },
-        [&] { return "environment.rotation_deg=" + pick({"0", "30", "90"}); },
-        [&] { return "environment.extract_lights=" + pick({"0", "2", "4"}); },
+        [&] {
+          return "environment.rotation_deg=" + pick({"0", "30", "90"});
+        },
+        [&] {
+          return "environment.extract_lights=" + pick({"0", "2", "4"});
+        },
         [&] { return "tone_map.exposure=" + number(-2, 2); },
-        [&] { return "outputs=" + pick({"beauty", "beauty,depth", "beauty,direct,indirect", "beauty,visibility:lamp", "albedo,normal", "beauty,group:lamp",
-                                          "beauty,shadow_basis:lamp", "alpha,shadow_flags:lamp"}); },
-        [&] { return "camera.yfov_deg=" + pick({"40", "55"}); },
+        [&] {
+          return "outputs=" + pick({"beauty", "beauty,depth", "beauty,direct,indirect", "beauty,visibility:lamp", "albedo,normal", "beauty,group:lamp",
+                                    "beauty,shadow_basis:lamp", "alpha,shadow_flags:lamp"});
+        },
+        [&] {
+          return "camera.yfov_deg=" + pick({"40", "55"});
+        },
     };
     if (!files_.empty() && rng_() % 3 == 0) {
       scene_ = files_[rng_() % files_.size()];
@@ -107,7 +138,7 @@ class EditSequence {
     }
     if (rng_() % 8 == 0) return patchScene();
     const std::string edit = edits[rng_() % edits.size()]();
-    (void)setPath(request_, edit.substr(edit.find(' ') + 1));   // what stands before a blank is set already
+    (void)setPath(request_, edit.substr(edit.find(' ') + 1));  // what stands before a blank is set already
     return edit;
   }
 
@@ -116,16 +147,34 @@ class EditSequence {
     const std::string size = path + "map.resolution=" + pick({"1", "8", "20"});
     (void)setPath(request_, size);
     return size + " " + path +
-           pick({"path_traced=", "ray_traced.samples=4", "ray_traced.samples=9", "axis_aligned.k=2", "axis_aligned.mu=2", "axis_aligned.radius_px=3", "axis_aligned.max_samples=32",
-                 "axis_aligned.mean_samples=12", "shadow_map=", "percentage_closer.taps=3", "percentage_closer.pattern=POISSON", "percentage_closer.skip=false",
-                 "variance.bleeding_reduction=0.1", "convolution.order=2", "convolution.order=5", "convolution.bytes=true", "exponential.c=40", "exponential.c=300",
-                 "exponential.filtering=LOGARITHMIC", "exponential.classification=Z_MAX", "exponential.classification=THRESHOLD", "exponential_variance.c_positive=20",
-                 "moment.moment_bias=0.0001", "auto.error=0.05"});
+           pick({"path_traced=",
+                 "ray_traced.samples=4",
+                 "ray_traced.samples=9",
+                 "axis_aligned.k=2",
+                 "axis_aligned.mu=2",
+                 "axis_aligned.radius_px=3",
+                 "axis_aligned.max_samples=32",
+                 "axis_aligned.mean_samples=12",
+                 "shadow_map=",
+                 "percentage_closer.taps=3",
+                 "percentage_closer.pattern=POISSON",
+                 "percentage_closer.skip=false",
+                 "variance.bleeding_reduction=0.1",
+                 "convolution.order=2",
+                 "convolution.order=5",
+                 "convolution.bytes=true",
+                 "exponential.c=40",
+                 "exponential.c=300",
+                 "exponential.filtering=LOGARITHMIC",
+                 "exponential.classification=Z_MAX",
+                 "exponential.classification=THRESHOLD",
+                 "exponential_variance.c_positive=20",
+                 "moment.moment_bias=0.0001",
+                 "auto.error=0.05"});
   }
   std::string mapEdit() {
-    return pick({"resolution=8", "resolution=12", "blur=0", "blur=2", "bias=0.001", "slope_bias=2",
-                 "fit=CAMERA", "fit=SCENE", "lookup=BILINEAR", "lookup=TRILINEAR", "lookup=ANISOTROPIC",
-                 "lookup=SUMMED_AREA", "anisotropy=2"});
+    return pick({"resolution=8", "resolution=12", "blur=0", "blur=2", "bias=0.001", "slope_bias=2", "fit=CAMERA", "fit=SCENE", "lookup=BILINEAR",
+                 "lookup=TRILINEAR", "lookup=ANISOTROPIC", "lookup=SUMMED_AREA", "anisotropy=2"});
   }
 
   std::string patchScene() {

@@ -27,11 +27,13 @@ std::set<std::string> schemaNames() {
       const bool map = f.is_map();
       names.insert(std::string(f.name()));
       const google::protobuf::FieldDescriptor& value = map ? *f.message_type()->FindFieldByName("value") : f;
-      if (const auto* e = value.enum_type()) for (int k = 0; k < e->value_count(); ++k) names.insert(std::string(e->value(k)->name()));
+      if (const auto* e = value.enum_type())
+        for (int k = 0; k < e->value_count(); ++k) names.insert(std::string(e->value(k)->name()));
       if (const auto* m = value.message_type()) visit(*m);
     }
   };
-  for (const auto* d : {v1::RenderRequest::descriptor(), v1::RelightRequest::descriptor(), v1::PatchSceneRequest::descriptor(), v1::JobSpec::descriptor()}) visit(*d);
+  for (const auto* d : {v1::RenderRequest::descriptor(), v1::RelightRequest::descriptor(), v1::PatchSceneRequest::descriptor(), v1::JobSpec::descriptor()})
+    visit(*d);
   return names;
 }
 
@@ -45,7 +47,8 @@ TEST(FuzzDictionary, HasEveryNameOfTheSchemaAndNoOther) {
   EXPECT_GT(names.size(), 150u);
   for (const std::string& n : names) EXPECT_TRUE(words.count(n)) << "missing: \"" << n << '"';
   // Words of values and of JSON; whatever else looks like a name must be one.
-  static const std::set<std::string> values{"NaN", "Infinity", "beauty,depth", "key", "lamp", "environment", "none", "true", "null", "shadow_basis:lamp", "shadow_flags:lamp"};
+  static const std::set<std::string> values{"NaN",  "Infinity",          "beauty,depth",     "key", "lamp", "environment", "none", "true",
+                                            "null", "shadow_basis:lamp", "shadow_flags:lamp"};
   static const std::regex identifier("[A-Za-z_][A-Za-z0-9_]*");
   for (const std::string& w : words)
     if (std::regex_match(w, identifier) && !values.count(w)) { EXPECT_TRUE(names.count(w)) << "no field and no enumerator: \"" << w << '"'; }

@@ -27,7 +27,9 @@ std::vector<uint8_t> contents(const fs::path& file) {
 }
 Bytes bytesOf(const std::string& s) { return {reinterpret_cast<const uint8_t*>(s.data()), s.size()}; }
 
-struct Count { size_t files = 0, accepted = 0, refused = 0; };
+struct Count {
+  size_t files = 0, accepted = 0, refused = 0;
+};
 Count feed(Property property, const fs::path& root, size_t most, const std::function<bool(const fs::path&)>& wanted) {
   std::vector<fs::path> files;
   for (const auto& e : fs::recursive_directory_iterator(root))
@@ -45,7 +47,7 @@ Count feed(Property property, const fs::path& root, size_t most, const std::func
 void show(const char* what, const Count& n) { std::cout << what << ": " << n.files << " files, " << n.accepted << " accepted, " << n.refused << " refused\n"; }
 
 TEST(FuzzProperties, Regressions) {
-  std::map<std::string, Property> targets{{"corpus", nullptr}};   // below
+  std::map<std::string, Property> targets{{"corpus", nullptr}};  // below
   for (const Target& t : readerTargets()) targets[t.name] = t.property;
   for (const char* name : kServedNames) targets[name] = nullptr;  // tests/fuzz/served
   for (const auto& e : fs::directory_iterator("tests/data/fuzz")) {
@@ -108,7 +110,8 @@ TEST(FuzzProperties, GltfSeeds) {
 TEST(FuzzProperties, PictureSeeds) {
   if (!fs::exists("../shared/data/exr")) GTEST_SKIP() << "../shared/data is absent";
   for (const char* folder : {"exr", "hdr", "images"}) {
-    const Count n = feed(tryImage, std::string("../shared/data/") + folder, 32 << 10, [](const fs::path& p) { return p.extension() != ".tsv" && p.extension() != ".md" && p.extension() != ".rst"; });
+    const Count n = feed(tryImage, std::string("../shared/data/") + folder, 32 << 10,
+                         [](const fs::path& p) { return p.extension() != ".tsv" && p.extension() != ".md" && p.extension() != ".rst"; });
     show(folder, n);
     EXPECT_GT(n.files, 10u);
   }
@@ -117,7 +120,10 @@ TEST(FuzzProperties, PictureSeeds) {
 TEST(FuzzProperties, EditedBlobs) {
   // A fixed stream of edits of fields and bytes, as libFuzzer would make them.
   uint64_t state = 42;
-  const auto random = [&] { state = state * 6364136223846793005ull + 1442695040888963407ull; return uint8_t(state >> 56); };
+  const auto random = [&] {
+    state = state * 6364136223846793005ull + 1442695040888963407ull;
+    return uint8_t(state >> 56);
+  };
   size_t accepted = 0;
   for (int k = 0; k < 1500; ++k) {
     std::vector<uint8_t> input{uint8_t(1 + k % 2)};
@@ -127,15 +133,16 @@ TEST(FuzzProperties, EditedBlobs) {
     ASSERT_EQ(out.broken, "") << "edit " << k;
     accepted += out.accepted;
   }
-  EXPECT_GT(accepted, 100u);    // harmless edits of fields
+  EXPECT_GT(accepted, 100u);  // harmless edits of fields
   EXPECT_LT(accepted, 1400u);
   std::cout << accepted << " of 1500 edited blobs accepted\n";
-  EXPECT_TRUE(tryBlob(std::vector<uint8_t>{1}).accepted);   // no edit
+  EXPECT_TRUE(tryBlob(std::vector<uint8_t>{1}).accepted);  // no edit
   EXPECT_TRUE(tryBlob(std::vector<uint8_t>{2}).accepted);
 }
 
 TEST(FuzzProperties, Requests) {
-  for (const char* text : {R"({"scene":"rich","lights":{"lamp":{"intensity":3}}})", R"({"camera":{"position":{"x":1},"lookAt":{"y":1}},"encoding":{"half":true}})", "halt.spp=4\nlights.lamp.color=1,1,0"})
+  for (const char* text : {R"({"scene":"rich","lights":{"lamp":{"intensity":3}}})",
+                           R"({"camera":{"position":{"x":1},"lookAt":{"y":1}},"encoding":{"half":true}})", "halt.spp=4\nlights.lamp.color=1,1,0"})
     EXPECT_TRUE(tryRequestText(bytesOf(text)).accepted) << text;
   for (const char* text : {R"({"width":0})", R"({"nothing":1})", R"({"halt":{"error":"NaN"}})", "{", R"({"camera":{"yfovDeg":"Infinity"}})"}) {
     const Outcome out = tryRequestText(bytesOf(text));
@@ -176,7 +183,7 @@ TEST(FuzzProperties, TheyCanFail) {
   Scene t = *richScene();
   t.warnings.push_back("\xff");
   EXPECT_NE(brokenValues(t), "");
-  EXPECT_NE(brokenBlob(t), "");   // the reader of blobs refuses it too
+  EXPECT_NE(brokenBlob(t), "");  // the reader of blobs refuses it too
 }
 
 TEST(Utf8, WellFormedOrNot) {
@@ -184,7 +191,9 @@ TEST(Utf8, WellFormedOrNot) {
     EXPECT_TRUE(isUtf8(good)) << good;
     EXPECT_EQ(cleanUtf8(std::string(good)), good);
   }
-  for (const char* bad : {"\x80", "\xc3", "\xc0\xaf", "\xe0\x80\x80", "\xed\xa0\x80", "\xf0\x80\x80\x80", "\xf4\x90\x80\x80", "\xf5\x80\x80\x80", "\xe2\x82", "a\xffz"}) EXPECT_FALSE(isUtf8(bad));
+  for (const char* bad :
+       {"\x80", "\xc3", "\xc0\xaf", "\xe0\x80\x80", "\xed\xa0\x80", "\xf0\x80\x80\x80", "\xf4\x90\x80\x80", "\xf5\x80\x80\x80", "\xe2\x82", "a\xffz"})
+    EXPECT_FALSE(isUtf8(bad));
   EXPECT_EQ(cleanUtf8(std::string("a\xff\xc3\xa9\xe2\x82")), "a\\xff\xc3\xa9\\xe2\\x82");
 }
 

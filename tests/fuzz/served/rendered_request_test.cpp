@@ -35,8 +35,8 @@ TEST(RenderedRequest, FiniteTheSameAgainOrAFieldsName) {
     std::istringstream lines(out.said);
     for (std::string line; std::getline(lines, line);) (out.accepted ? nodes : refusals).insert(line);
   }
-  std::printf("%llu inputs in %.1f s: %llu with pictures of %zu kinds of node, %zu refusals\n", (unsigned long long)kInputs, std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count(),
-              (unsigned long long)pictures, nodes.size(), refusals.size());
+  std::printf("%llu inputs in %.1f s: %llu with pictures of %zu kinds of node, %zu refusals\n", (unsigned long long)kInputs,
+              std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count(), (unsigned long long)pictures, nodes.size(), refusals.size());
   EXPECT_GT(pictures, kInputs / 3);
   EXPECT_GT(refusals.size(), 10u);
   EXPECT_GT(nodes.size(), 30u);
@@ -56,7 +56,8 @@ void collectFields(const google::protobuf::Message& m, std::set<const google::pr
   for (const auto* f : fields) {
     out.insert(f);
     if (f->cpp_type() != google::protobuf::FieldDescriptor::CPPTYPE_MESSAGE) continue;
-    for (int k = 0; k < (f->is_repeated() ? r.FieldSize(m, f) : 1); ++k) collectFields(f->is_repeated() ? r.GetRepeatedMessage(m, f, k) : r.GetMessage(m, f), out);
+    for (int k = 0; k < (f->is_repeated() ? r.FieldSize(m, f) : 1); ++k)
+      collectFields(f->is_repeated() ? r.GetRepeatedMessage(m, f, k) : r.GetMessage(m, f), out);
   }
 }
 
@@ -76,13 +77,14 @@ TEST(RenderedRequest, EditsReachEveryFieldOfTheSchema) {
   EXPECT_GT(reached.size(), 150u);
 }
 
-// Whatever is asked for costs milliseconds: every count that has a range is bounded, where it is set, where its default is too large, and in a light's own shadow.
+// Whatever is asked for costs milliseconds: every count that has a range is bounded, where it is set, where its default is too large, and in a light's own
+// shadow.
 TEST(RenderedRequest, CountsAreBounded) {
   v1::RenderRequest r;
   r.mutable_shadows()->mutable_ray_traced()->set_samples(4096);
   (*r.mutable_lights())["a"].mutable_shadow()->mutable_convolution()->set_order(3);
   r.mutable_halt()->set_error(0.1);
-  r.set_height(0);   // the schema refuses it: stays
+  r.set_height(0);  // the schema refuses it: stays
   makeTiny(r);
   EXPECT_EQ(r.width(), 16u);
   EXPECT_EQ(r.height(), 0u);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Clients made out of bytes on a whole daemon (fuzz/served/sequence.h): a fixed stream of inputs, one in which every method of the schema is answered with OK, and that the codes are
-// those of docs/protocol.md.
+// Clients made out of bytes on a whole daemon (fuzz/served/sequence.h): a fixed stream of inputs, one in which every method of the schema is answered with OK,
+// and that the codes are those of docs/protocol.md.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,8 +18,8 @@ namespace gobo::fuzz::sequence_test {
 namespace {
 
 constexpr uint8_t kAlice = 0, kBob = 3, kRoot = 6, kBeside = 0x20;
-constexpr uint8_t kItsOwn = 0x20;      // `how`: texts of the caller's own scene, its last job, its last picture
-constexpr uint8_t kCompared = 0xa0;    // the same, and the picture against a fresh engine's
+constexpr uint8_t kItsOwn = 0x20;    // `how`: texts of the caller's own scene, its last job, its last picture
+constexpr uint8_t kCompared = 0xa0;  // the same, and the picture against a fresh engine's
 
 std::vector<uint8_t> input(uint64_t k) {
   uint64_t state = k;
@@ -59,7 +59,8 @@ TEST(Sequence, AnyOrderOfAnyCalls) {
     addAnswers(out, answers);
   }
   std::printf("%llu inputs in %.1f s\n", (unsigned long long)kInputs, std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
-  for (const auto* method : everyMethod()) EXPECT_FALSE(answers[method->service()->name() + "." + method->name()].empty()) << method->full_name() << " was never called";
+  for (const auto* method : everyMethod())
+    EXPECT_FALSE(answers[method->service()->name() + "." + method->name()].empty()) << method->full_name() << " was never called";
 }
 
 // A method that the schema gains is called by the streams above; here it must be put where it can succeed.
@@ -67,14 +68,16 @@ TEST(Sequence, EveryMethodCanSucceed) {
   std::vector<uint8_t> bytes;
   for (const char* method : {"Scenes.Open", "Scenes.Upload", "Scenes.Inspect", "Scenes.Patch", "Scenes.List"}) add(bytes, kAlice, method);
   for (const char* method : {"Render.Render", "Render.RenderProgressive", "Render.RenderInline", "Render.Relight"}) add(bytes, kAlice, method, kCompared);
-  for (const char* method : {"Jobs.Submit", "Jobs.Get", "Jobs.List", "Jobs.Pause", "Jobs.Resume", "Jobs.Cancel", "Jobs.Watch", "Jobs.Fetch", "Jobs.Delete"}) add(bytes, kAlice, method);
+  for (const char* method : {"Jobs.Submit", "Jobs.Get", "Jobs.List", "Jobs.Pause", "Jobs.Resume", "Jobs.Cancel", "Jobs.Watch", "Jobs.Fetch", "Jobs.Delete"})
+    add(bytes, kAlice, method);
   for (const char* method : {"Scenes.Unload"}) add(bytes, kAlice, method);
   for (const char* method : {"Admin.DropCaches", "Admin.GetStatus", "Admin.Shutdown"}) add(bytes, kRoot, method);
   const Outcome out = trySequence(bytes);
   EXPECT_EQ(out.broken, "");
   Answers answers;
   addAnswers(out, answers);
-  for (const auto* method : everyMethod()) EXPECT_EQ(answers[method->service()->name() + "." + method->name()], std::set<int>{0}) << method->full_name() << "\n" << out.said;
+  for (const auto* method : everyMethod())
+    EXPECT_EQ(answers[method->service()->name() + "." + method->name()], std::set<int>{0}) << method->full_name() << "\n" << out.said;
 }
 
 TEST(Sequence, WhatIsAnothersIsNotThere) {
@@ -83,13 +86,14 @@ TEST(Sequence, WhatIsAnothersIsNotThere) {
   add(bytes, kAlice, "Render.Render");
   add(bytes, kAlice, "Jobs.Submit");
   for (const char* method : {"Render.Relight", "Jobs.Get", "Jobs.Watch", "Jobs.Fetch"}) add(bytes, kBob, method);
-  add(bytes, kBob, "Scenes.Inspect", 0x50);   // a scene of alice's, by its name
+  add(bytes, kBob, "Scenes.Inspect", 0x50);  // a scene of alice's, by its name
   for (int i = 0; i < 4; ++i) add(bytes, uint8_t((i % 2 ? kBob : kAlice) | kBeside), "Render.RenderProgressive", 0x10);
   const Outcome out = trySequence(bytes);
   EXPECT_EQ(out.broken, "");
   Answers answers;
   addAnswers(out, answers);
-  for (const char* method : {"Render.Relight", "Jobs.Get", "Jobs.Watch", "Jobs.Fetch", "Scenes.Inspect"}) EXPECT_EQ(answers[method], std::set<int>{grpc::NOT_FOUND}) << method << "\n" << out.said;
+  for (const char* method : {"Render.Relight", "Jobs.Get", "Jobs.Watch", "Jobs.Fetch", "Scenes.Inspect"})
+    EXPECT_EQ(answers[method], std::set<int>{grpc::NOT_FOUND}) << method << "\n" << out.said;
   EXPECT_EQ(answers["Render.RenderProgressive"], std::set<int>{0});
 }
 
@@ -99,10 +103,17 @@ TEST(Sequence, CodesAreThoseOfTheProtocol) {
   const size_t from = text.find("## Errors"), to = text.find("\n## ", from + 1);
   ASSERT_NE(to, std::string::npos);
   const std::string errors = text.substr(from, to - from);
-  const std::map<grpc::StatusCode, const char*> names{
-      {grpc::INVALID_ARGUMENT, "INVALID_ARGUMENT"}, {grpc::OUT_OF_RANGE, "OUT_OF_RANGE"}, {grpc::UNAUTHENTICATED, "UNAUTHENTICATED"}, {grpc::PERMISSION_DENIED, "PERMISSION_DENIED"},
-      {grpc::FAILED_PRECONDITION, "FAILED_PRECONDITION"}, {grpc::NOT_FOUND, "NOT_FOUND"}, {grpc::ALREADY_EXISTS, "ALREADY_EXISTS"}, {grpc::UNAVAILABLE, "UNAVAILABLE"},
-      {grpc::CANCELLED, "CANCELLED"}, {grpc::DEADLINE_EXCEEDED, "DEADLINE_EXCEEDED"}, {grpc::RESOURCE_EXHAUSTED, "RESOURCE_EXHAUSTED"}};
+  const std::map<grpc::StatusCode, const char*> names{{grpc::INVALID_ARGUMENT, "INVALID_ARGUMENT"},
+                                                      {grpc::OUT_OF_RANGE, "OUT_OF_RANGE"},
+                                                      {grpc::UNAUTHENTICATED, "UNAUTHENTICATED"},
+                                                      {grpc::PERMISSION_DENIED, "PERMISSION_DENIED"},
+                                                      {grpc::FAILED_PRECONDITION, "FAILED_PRECONDITION"},
+                                                      {grpc::NOT_FOUND, "NOT_FOUND"},
+                                                      {grpc::ALREADY_EXISTS, "ALREADY_EXISTS"},
+                                                      {grpc::UNAVAILABLE, "UNAVAILABLE"},
+                                                      {grpc::CANCELLED, "CANCELLED"},
+                                                      {grpc::DEADLINE_EXCEEDED, "DEADLINE_EXCEEDED"},
+                                                      {grpc::RESOURCE_EXHAUSTED, "RESOURCE_EXHAUSTED"}};
   EXPECT_EQ(documentedCodes().size(), names.size() + 1);
   for (const grpc::StatusCode code : documentedCodes()) {
     if (code == grpc::OK) continue;

@@ -66,10 +66,11 @@ class BrokenFiles : public ::testing::Test {
   static std::vector<fs::path> filesOf(const fs::path& root, const std::vector<std::string>& extensions) {
     std::vector<fs::path> out;
     for (const auto& e : fs::recursive_directory_iterator(root))
-      if (e.is_regular_file() && (extensions.empty() || std::count(extensions.begin(), extensions.end(), e.path().extension().string()))) out.push_back(e.path());
+      if (e.is_regular_file() && (extensions.empty() || std::count(extensions.begin(), extensions.end(), e.path().extension().string())))
+        out.push_back(e.path());
     std::sort(out.begin(), out.end());
     if (std::getenv("GOBO_FUZZ_TABLE")) return out;
-    std::vector<fs::path> some;   // every second file in the ordinary run
+    std::vector<fs::path> some;  // every second file in the ordinary run
     for (size_t i = 0; i < out.size(); i += 2) some.push_back(out[i]);
     return some;
   }
@@ -78,7 +79,10 @@ class BrokenFiles : public ::testing::Test {
     const auto start = std::chrono::steady_clock::now();
     auto result = load();
     const double s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    if (s > slowest) { slowest = s; slowestFile = file; }
+    if (s > slowest) {
+      slowest = s;
+      slowestFile = file;
+    }
     ++answered;
     EXPECT_TRUE(noReaderIsLeft()) << file;
     if (answered % 50 == 0) expectAlive(file);
@@ -114,12 +118,15 @@ class BrokenFiles : public ::testing::Test {
   }
   void picture(const fs::path& file) {
     const auto map = timed(file, [&] { return loader->environment(file.string(), {}); });
-    if (map.ok()) { ++loaded; row(file, "environment"); } else checkError(map.status(), file.string());
+    if (map.ok()) {
+      ++loaded;
+      row(file, "environment");
+    } else checkError(map.status(), file.string());
     const std::string name = "picture" + file.extension().string();
     fs::copy_file(file, folder + "/" + name, fs::copy_options::overwrite_existing);
     ::chmod((folder + "/" + name).c_str(), 0600);
     const auto textured = timed(file, [&] { return loader->scene(put("textured.gltf", smallGltf(name)), {}); });
-    if (!textured.ok()) {   // only a limit may cost the scene; a bad picture costs itself
+    if (!textured.ok()) {  // only a limit may cost the scene; a bad picture costs itself
       EXPECT_EQ(textured.status().code(), Code::ResourceExhausted) << file << ": " << textured.status().toString();
       ++refused;
       ++limited;
@@ -140,7 +147,10 @@ class BrokenFiles : public ::testing::Test {
 TEST_F(BrokenFiles, Gltf) {
   if (!fs::exists(kData / "gltf")) GTEST_SKIP() << "../shared/data/gltf is absent";
   size_t scenes = 0;
-  for (const fs::path& file : filesOf(kData / "gltf/invalid", {".gltf", ".glb"})) { scene(file.string()); ++scenes; }
+  for (const fs::path& file : filesOf(kData / "gltf/invalid", {".gltf", ".glb"})) {
+    scene(file.string());
+    ++scenes;
+  }
   for (const fs::path& file : filesOf(kData / "gltf/validator-corpus", {".gltf", ".glb"})) {
     std::ifstream in(file.string() + ".report.json");
     const auto report = nlohmann::json::parse(in, nullptr, false);

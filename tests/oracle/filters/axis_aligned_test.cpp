@@ -45,15 +45,19 @@ AxisAlignedFilterSettings lightAbove(float k, int radius = 64) {
 
 // --- half plane ---------------------------------------------------------------------------------------------------------------
 
-struct HalfPlane { float sigma = 1, d1 = 10, d2 = 5, pixel = 1.0f / 8; };
+struct HalfPlane {
+  float sigma = 1, d1 = 10, d2 = 5, pixel = 1.0f / 8;
+};
 
 TEST(AxisAlignedOracle, HalfPlaneNoiseFree) {
   // V = Phi(x / (sigma s)); filtered with variance beta^2 = (sigma s / k)^2 it is Phi(x / (sigma s sqrt(1 + 1/k^2))), exactly.
   const HalfPlane h;
   const float s = h.d1 / h.d2 - 1;
   PlaneView view;
-  view.width = 256; view.height = 32;
-  view.du = Vec3(h.pixel, 0, 0); view.dv = Vec3(0, h.pixel, 0);
+  view.width = 256;
+  view.height = 32;
+  view.du = Vec3(h.pixel, 0, 0);
+  view.dv = Vec3(0, h.pixel, 0);
   const Extent e{view.width, view.height, 1};
   auto world = [&](int x) { return (float(x) - 127.5f) * h.pixel; };
   for (float k : {2.0f, 3.0f, 4.0f}) {
@@ -61,8 +65,9 @@ TEST(AxisAlignedOracle, HalfPlaneNoiseFree) {
     const auto omega = floatTerm(e, "Omega", [&](int, int, int) { return formulas::aaBandLimit(s, h.sigma, h.pixel, 1); });
     const auto out = runFilter(axisAligned(lightAbove(k)), {V, planeGBuffer(view), omega});
     double worst = 0;
-    for (int x = 16; x < 240; ++x) worst = std::max(worst, std::fabs(out->floats("V")[16 * 256 + x] - phi(world(x) / (h.sigma * s * std::sqrt(1 + 1 / (k * k))))));
-    EXPECT_LT(worst, 4e-4) << k;   // the Gaussian is cut at 3 beta
+    for (int x = 16; x < 240; ++x)
+      worst = std::max(worst, std::fabs(out->floats("V")[16 * 256 + x] - phi(world(x) / (h.sigma * s * std::sqrt(1 + 1 / (k * k))))));
+    EXPECT_LT(worst, 4e-4) << k;  // the Gaussian is cut at 3 beta
   }
 }
 
@@ -71,8 +76,10 @@ TEST(AxisAlignedOracle, HalfPlaneFromNoisySamples) {
   const HalfPlane h;
   const float s = h.d1 / h.d2 - 1, k = 3;
   PlaneView view;
-  view.width = 128; view.height = 48;
-  view.du = Vec3(h.pixel, 0, 0); view.dv = Vec3(0, h.pixel, 0);
+  view.width = 128;
+  view.height = 48;
+  view.du = Vec3(h.pixel, 0, 0);
+  view.dv = Vec3(0, h.pixel, 0);
   const Extent e{view.width, view.height, 1};
   const auto g = planeGBuffer(view);
   const auto omega = floatTerm(e, "Omega", [&](int, int, int) { return formulas::aaBandLimit(s, h.sigma, h.pixel, 1); });
@@ -100,15 +107,17 @@ TEST(AxisAlignedOracle, HalfPlaneFromNoisySamples) {
     unfiltered = std::max(unfiltered, std::fabs(v - phi(px / (h.sigma * s))));
   }
   EXPECT_LT(worst, 2e-3);
-  EXPECT_GT(unfiltered, 8e-3);   // the test can tell the widened penumbra (max bias 0.0127) from the true one
+  EXPECT_GT(unfiltered, 8e-3);  // the test can tell the widened penumbra (max bias 0.0127) from the true one
   RecordProperty("max_deviation", std::to_string(worst));
 }
 
 // --- the digest's reference simulation (table 5.4) ------------------------------------------------------------------------------
 
 /// Bars along both axes, starting at multiples of the period.
-struct Grid { float d2, period, bar, extent; };
-constexpr int kBorder = 32, kSize = 256 + 2 * kBorder;   // the study's picture with a border, so that no kernel is cut
+struct Grid {
+  float d2, period, bar, extent;
+};
+constexpr int kBorder = 32, kSize = 256 + 2 * kBorder;  // the study's picture with a border, so that no kernel is cut
 constexpr float kPixel = 1.0f / 32, kD1 = 10;
 float pixelCentre(int i) { return (float(i) - 0.5f * (kSize - 1)) * kPixel; }
 
@@ -122,9 +131,9 @@ float crossing(const Grid& g, float receiver, float light) { return receiver * g
 /// up to two layers need one-dimensional integrals only (midpoints of 8192 strata).
 std::vector<double> exactVisibility(const std::vector<Grid>& grids) {
   GOBO_CHECK(grids.size() <= 2);
-  const Grid nothing{5, 1, 0, -1};   // never inside
+  const Grid nothing{5, 1, 0, -1};  // never inside
   const Grid a = grids[0], b = grids.size() > 1 ? grids[1] : nothing;
-  std::vector<std::array<double, 9>> axis(kSize);   // integrals of {1, I, B}(a) x {1, I, B}(b)
+  std::vector<std::array<double, 9>> axis(kSize);  // integrals of {1, I, B}(a) x {1, I, B}(b)
   for (int i = 0; i < kSize; ++i) {
     axis[i].fill(0);
     const int strata = 8192;
@@ -142,7 +151,9 @@ std::vector<double> exactVisibility(const std::vector<Grid>& grids) {
   return V;
 }
 
-struct Simulated { TermPtr slopes, V; };
+struct Simulated {
+  TermPtr slopes, V;
+};
 /// side^2 jittered samples a pixel; slopes from 3x3 of their own.
 Simulated simulate(const std::vector<Grid>& grids, int side, uint64_t seed) {
   const Extent e{kSize, kSize, 1};
@@ -181,11 +192,12 @@ Simulated simulate(const std::vector<Grid>& grids, int side, uint64_t seed) {
 TermPtr filterSimulated(const Simulated& s, const TermPtr& V, float mu, float threshold = 1) {
   PlaneView view;
   view.width = view.height = kSize;
-  view.du = Vec3(kPixel, 0, 0); view.dv = Vec3(0, kPixel, 0);
+  view.du = Vec3(kPixel, 0, 0);
+  view.dv = Vec3(0, kPixel, 0);
   const Extent e{kSize, kSize, 1};
   const TermPtr g = planeGBuffer(view);
   const auto dilated = runFilter(makeShadowSlopeDilation(10, e), {s.slopes, g});
-  ShadowRateSettings rate;   // sigma 1
+  ShadowRateSettings rate;  // sigma 1
   const auto count = runFilter(makeShadowSampleCount(rate, e), {dilated, g, runFilter(makeShadowMu(mu, 0, rate), {})});
   AxisAlignedFilterSettings f = lightAbove(3, 32);
   f.betaThreshold = threshold;
@@ -204,7 +216,10 @@ double rms(const Term& t, const std::vector<double>& truth) {
 const std::vector<Grid> kGridsA{{6, 1.2f, 0.4f, 2.4f}, {8, 0.9f, 0.3f, 2.7f}};
 const std::vector<Grid> kGridsB{{5, 1.5f, 0.5f, 2.4f}};
 
-struct Row { int side; double mc, fixedMu, schedule; };
+struct Row {
+  int side;
+  double mc, fixedMu, schedule;
+};
 void checkTable(const std::vector<Grid>& grids, const std::vector<Row>& rows) {
   const auto truth = exactVisibility(grids);
   for (const Row& r : rows) {
@@ -228,7 +243,7 @@ TEST(AxisAlignedOracle, MuScheduleConvergesAndFixedKDoesNot) {
   const double fixed4 = rms(*filterSimulated(a, a.V, 1), truth), fixed8 = rms(*filterSimulated(b, b.V, 1), truth);
   const double mu4 = rms(*filterSimulated(a, a.V, std::pow(16 / 9.0f, 0.25f)), truth), mu8 = rms(*filterSimulated(b, b.V, std::pow(64 / 9.0f, 0.25f)), truth);
   EXPECT_LE(mu8 / mu4, 0.65);
-  EXPECT_GT(fixed8 / fixed4, 0.75);   // its bias stays
+  EXPECT_GT(fixed8 / fixed4, 0.75);  // its bias stays
 }
 
 TEST(AxisAlignedOracle, TightBetaThresholdCostsMoreThanItSaves) {

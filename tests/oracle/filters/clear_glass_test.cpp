@@ -11,16 +11,25 @@
 namespace gobo::test {
 namespace {
 
-using tests::SceneMaker;
 using tests::box;
 using tests::ground;
+using tests::SceneMaker;
 
 const Vec3 kTint(0.9f, 0.6f, 0.3f), kLamp(-0.9f, 2.8f, -0.6f);
 
-struct PaneKind { const char* name; int count; float ior; Vec3 colour; bool volume; };
-const std::vector<PaneKind> kPanes = {{"clear", 2, 1.0f, Vec3(1.0f), false}, {"tinted", 1, 1.0f, kTint, false}, {"glass", 1, 1.5f, kTint, false},
-                                      {"three", 3, 1.5f, kTint, false}, {"slab", 1, 1.0f, kTint, true}};
-constexpr double kSlab = 0.2;                       // thickness, in attenuation distances
+struct PaneKind {
+  const char* name;
+  int count;
+  float ior;
+  Vec3 colour;
+  bool volume;
+};
+const std::vector<PaneKind> kPanes = {{"clear", 2, 1.0f, Vec3(1.0f), false},
+                                      {"tinted", 1, 1.0f, kTint, false},
+                                      {"glass", 1, 1.5f, kTint, false},
+                                      {"three", 3, 1.5f, kTint, false},
+                                      {"slab", 1, 1.0f, kTint, true}};
+constexpr double kSlab = 0.2;  // thickness, in attenuation distances
 
 double fresnel(double cosine, double ior) {
   const double sinT = std::sqrt(1 - cosine * cosine) / ior, cosT = std::sqrt(1 - sinT * sinT);
@@ -30,7 +39,8 @@ double fresnel(double cosine, double ior) {
 DVec3 left(const PaneKind& pane, double cosine) {
   DVec3 t(1.0);
   for (int c = 0; c < 3; ++c)
-    t[c] = pane.volume ? std::pow(double(pane.colour[c]), kSlab / cosine) : std::pow((pane.ior == 1.0f ? 1.0 : 1.0 - fresnel(cosine, pane.ior)) * pane.colour[c], pane.count);
+    t[c] = pane.volume ? std::pow(double(pane.colour[c]), kSlab / cosine)
+                       : std::pow((pane.ior == 1.0f ? 1.0 : 1.0 - fresnel(cosine, pane.ior)) * pane.colour[c], pane.count);
   return t;
 }
 
@@ -39,26 +49,35 @@ ScenePtr stage(LightKind kind, const PaneKind* pane) {
   SceneMaker m;
   m.instance(m.mesh(ground(2.0f), m.material(Vec3(0.6f))));
   m.instance(m.mesh(box(Vec3(-0.5f, 0, -0.5f), Vec3(0.3f, 0.5f, 0.1f)), m.material(Vec3(0.6f))));
-  m.instance(m.mesh(box(Vec3(1.9f, 0, 1.9f), Vec3(2, 3, 2)), m.material(Vec3(0.6f))));   // holds the scene's bounds, and a map's frame, in place
+  m.instance(m.mesh(box(Vec3(1.9f, 0, 1.9f), Vec3(2, 3, 2)), m.material(Vec3(0.6f))));  // holds the scene's bounds, and a map's frame, in place
   if (pane) {
     const int glass = m.material(pane->volume ? Vec3(1.0f) : pane->colour, [&](Material& x) {
       x.bsdf = {};
-      x.bsdf.roughness = 0; x.bsdf.transmission = 1; x.bsdf.ior = pane->ior;
-      if (pane->volume) { x.bsdf.thickness = 1; x.bsdf.attenuationColor = pane->colour; x.bsdf.attenuationDistance = 1; }
+      x.bsdf.roughness = 0;
+      x.bsdf.transmission = 1;
+      x.bsdf.ior = pane->ior;
+      if (pane->volume) {
+        x.bsdf.thickness = 1;
+        x.bsdf.attenuationColor = pane->colour;
+        x.bsdf.attenuationDistance = 1;
+      }
     });
     for (int i = 0; i < pane->count; ++i)
       m.instance(m.mesh(pane->volume ? box(Vec3(-1.8f, 1.5f, -1.8f), Vec3(1.8f, 1.5f + float(kSlab), 1.8f)) : ground(1.8f, 1.5f + 0.3f * float(i)), glass));
   }
   if (kind == LightKind::Mesh) {
-    m.instance(m.mesh(tests::quad(kLamp - Vec3(0.02f, 0, 0.02f), Vec3(0.04f, 0, 0), Vec3(0, 0, 0.04f)), m.material(Vec3(0.0f), [](Material& x) { x.emission.radiance = Vec3(500.0f); })));
+    m.instance(m.mesh(tests::quad(kLamp - Vec3(0.02f, 0, 0.02f), Vec3(0.04f, 0, 0), Vec3(0, 0, 0.04f)),
+                      m.material(Vec3(0.0f), [](Material& x) { x.emission.radiance = Vec3(500.0f); })));
   } else {
     LightShape s;
     s.kind = kind;
     s.position = kLamp;
     s.axis = kind == LightKind::Directional ? glm::normalize(Vec3(0.6f, -1, 0.4f)) : Vec3(0, -1, 0);
     s.radius = 0.02f;
-    s.u = Vec3(0.02f, 0, 0); s.v = Vec3(0, 0, 0.02f);
-    s.cosInner = 0.6f; s.cosOuter = 0.5f;
+    s.u = Vec3(0.02f, 0, 0);
+    s.v = Vec3(0, 0, 0.02f);
+    s.cosInner = 0.6f;
+    s.cosOuter = 0.5f;
     m.light(s, Vec3(1.0f));
   }
   m.camera(Vec3(0.4f, 1.3f, 1.4f), Vec3(0, 0, 0), 0.9f);
@@ -86,9 +105,10 @@ void expectTinted(LightKind kind, const v1::ShadowTechnique& technique, double t
       // The light's own cone and the surfaces that it cannot reach have V = 1 by definition.
       if (!(glm::dot(d, bare.at("N", i)) > 0.02f) || (kind == LightKind::Spot && d.y < 0.55f)) continue;
       const Vec3 lowest = p + d * ((1.5f - p.y) / d.y), highest = p + d * ((2.1f - p.y) / d.y);
-      if (p.y > 0.6f || maxComponent(glm::max(glm::abs(lowest), glm::abs(highest)) * Vec3(1, 0, 1)) > 1.7f) continue;   // past an edge
+      if (p.y > 0.6f || maxComponent(glm::max(glm::abs(lowest), glm::abs(highest)) * Vec3(1, 0, 1)) > 1.7f) continue;  // past an edge
       const DVec3 truth = double(bare.V()[i]) * left(pane, d.y);
-      for (int c = 0; c < 3; ++c) EXPECT_NEAR(with.V()[3 * i + size_t(c)], truth[c], tolerance) << "element " << i << " channel " << c << " solid " << bare.V()[i];
+      for (int c = 0; c < 3; ++c)
+        EXPECT_NEAR(with.V()[3 * i + size_t(c)], truth[c], tolerance) << "element " << i << " channel " << c << " solid " << bare.V()[i];
       ++(bare.V()[i] > 0.9f ? lit : shadowed);
     }
     EXPECT_GT(lit, 60u);
@@ -101,7 +121,8 @@ std::vector<LightKind> kindsOf(const char* technique) {
   std::vector<LightKind> kinds;
   for (const ShadowTechniqueEntry& e : shadowTechniques())
     if (std::string(e.name) == technique)
-      for (const LightKind k : {LightKind::Point, LightKind::Spot, LightKind::Directional, LightKind::Sphere, LightKind::Rect, LightKind::Disk, LightKind::Mesh})
+      for (const LightKind k :
+           {LightKind::Point, LightKind::Spot, LightKind::Directional, LightKind::Sphere, LightKind::Rect, LightKind::Disk, LightKind::Mesh})
         if (e.supports(k)) kinds.push_back(k);
   return kinds;
 }
@@ -116,7 +137,7 @@ TEST(ClearGlass, RaysSeeThroughPanesUnderEveryLight) {
 
 TEST(ClearGlass, AxisAlignedSeesThroughPanes) {
   v1::ShadowTechnique t;
-  t.mutable_axis_aligned()->set_adaptive(false);   // panes are occluders for its sample counts
+  t.mutable_axis_aligned()->set_adaptive(false);  // panes are occluders for its sample counts
   t.mutable_axis_aligned()->set_radius_px(0);
   for (const LightKind k : kindsOf("axis_aligned")) {
     SCOPED_TRACE(int(k));
@@ -134,7 +155,7 @@ TEST(ClearGlass, AxisAlignedFiltersEachChannelByTheSameKernel) {
   for (size_t i = 0; i < a.size(); ++i) {
     if (!a.surface(i) || a.at("P", i).y > 0.6f || a.at("N", i).y < 0.9f) continue;
     const Vec3 p = a.at("P", i);
-    if (std::fabs(p.x) > 1.0f || std::fabs(p.z) > 1.0f) continue;     // under the panes, with its neighbours
+    if (std::fabs(p.x) > 1.0f || std::fabs(p.z) > 1.0f) continue;  // under the panes, with its neighbours
     for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(b.V()[3 * i + c], a.V()[3 * i + c] * kTint[int(c)], 2e-3);
     between += a.V()[3 * i] > 0.02f && a.V()[3 * i] < 0.98f;
   }
@@ -147,7 +168,7 @@ TEST(ClearGlass, ShadowMapsLeaveThePanesToRays) {
     technique.mutable_map()->set_resolution(64);
     for (const LightKind k : kindsOf(t.name.c_str())) {
       SCOPED_TRACE(t.name + " " + std::to_string(int(k)));
-      if (k == LightKind::Directional && t.name.find("soft") != std::string::npos) continue;   // soft by an angular size
+      if (k == LightKind::Directional && t.name.find("soft") != std::string::npos) continue;  // soft by an angular size
       expectTinted(k, technique, isDeltaLight(k) ? 2e-5 : 2e-3);
       if (HasFailure()) return;
     }

@@ -44,11 +44,13 @@ TEST(CameraFit, SizesAndIntervals) {
     const Interval in = snappedInterval(a, b);
     EXPECT_LE(in.lo, a);
     EXPECT_GE(in.hi, b - 1e-12 * (std::fabs(b) + v));
-    EXPECT_LE(in.hi - in.lo, 81.0 / 56.0 * v * (1 + 1e-9));   // 9/8 of 8/7... of the ladder's worst step
+    EXPECT_LE(in.hi - in.lo, 81.0 / 56.0 * v * (1 + 1e-9));  // 9/8 of 8/7... of the ladder's worst step
   }
 }
 
-struct Placed { double u, v, d, w; };
+struct Placed {
+  double u, v, d, w;
+};
 Placed place(const LightFrame& f, const Vec3& p) {
   const LightFrame::Rows r = f.rows();
   const Vec4 q(p - f.origin, 1.0f);
@@ -69,8 +71,9 @@ TEST(CameraFit, CoversAllThatIsSeen) {
     Vec3 lo, hi;
     scene->bounds(lo, hi);
     const Vec3 centre = 0.5f * (lo + hi), half = 0.5f * (hi - lo);
-    std::vector<Camera> cameras{scene->cameras[0], lookAt(centre + 0.3f * half, centre - 0.8f * half), lookAt(centre + 3.0f * half, centre + Vec3(0.3f, 0, 0) * half, 0.1f),
-                                lookAt(centre + Vec3(0, 0.9f, 0) * half, centre - Vec3(0, 1, 0.1f) * half, 0.3f), lookAt(centre, centre + Vec3(1, -0.4f, 0.3f) * half, 0.7f, false)};
+    std::vector<Camera> cameras{
+        scene->cameras[0], lookAt(centre + 0.3f * half, centre - 0.8f * half), lookAt(centre + 3.0f * half, centre + Vec3(0.3f, 0, 0) * half, 0.1f),
+        lookAt(centre + Vec3(0, 0.9f, 0) * half, centre - Vec3(0, 1, 0.1f) * half, 0.3f), lookAt(centre, centre + Vec3(1, -0.4f, 0.3f) * half, 0.7f, false)};
     cameras.back().centre = Vec2(0.2f, -0.1f);
     for (const Camera& camera : cameras)
       for (LightKind kind : kKinds)
@@ -100,7 +103,7 @@ TEST(CameraFit, CoversAllThatIsSeen) {
             const int face = all.count > 1 ? cubeFace(p - light.position) : 0;
             const Placed before = place(all.face[size_t(face)], p), after = place(fitted.face[size_t(face)], p);
             const double rim = double(kRim) / kSide;
-            if (!(before.w > 0) || before.u < rim || before.u > 1 - rim || before.v < rim || before.v > 1 - rim) continue;   // beyond the light's own map
+            if (!(before.w > 0) || before.u < rim || before.u > 1 - rim || before.v < rim || before.v > 1 - rim) continue;  // beyond the light's own map
             ++points;
             const auto where = [&] { return std::string(name) + " camera " + std::to_string(&camera - cameras.data()) + " kind " + std::to_string(int(kind)); };
             ASSERT_TRUE(fitted.face[size_t(face)].sees) << where();
@@ -129,9 +132,10 @@ TEST(CameraFit, ADragRekeysRarely) {
       for (int i = 0; i <= 100; ++i) {
         const float t = float(i) * 0.01f;
         CameraFit fit;
-        const Vec3 at = motion == 0 ? Vec3(2 * t, 0, 0) : Vec3(0.0f);                                  // sideways
-        const Vec3 eye = motion == 1 ? Vec3(4 * std::sin(0.5f * t), 3, 4 * std::cos(0.5f * t))         // around
-                       : motion == 2 ? Vec3(0, 3, 4) * (1.0f + 0.4f * t) : Vec3(0, 3, 4);               // away
+        const Vec3 at = motion == 0 ? Vec3(2 * t, 0, 0) : Vec3(0.0f);                             // sideways
+        const Vec3 eye = motion == 1   ? Vec3(4 * std::sin(0.5f * t), 3, 4 * std::cos(0.5f * t))  // around
+                         : motion == 2 ? Vec3(0, 3, 4) * (1.0f + 0.4f * t)
+                                       : Vec3(0, 3, 4);  // away
         fit.camera = lookAt(at + eye, at, 0.5f);
         LightFrames frames = *fitLightFrames(light, lo, hi, 512, 3);
         fitToCamera(frames, fit, lo, hi, 512, 3);
@@ -217,7 +221,7 @@ TEST(CameraFit, CastersInFrontOfTheRangeStillShade) {
       const double narrow = disagreement(fitted, truth);
       std::printf("%-22s kind %d: %.1f %% of pixels off with the scene's map, %.1f %% with the camera's\n", name, int(kind), 100 * whole, 100 * narrow);
       EXPECT_LT(narrow, 0.03) << name << " " << int(kind);
-      if (std::string(name) != "shadow_map") { EXPECT_LT(narrow, whole) << name << " " << int(kind); }   // unfiltered edges fall on either side by chance
+      if (std::string(name) != "shadow_map") { EXPECT_LT(narrow, whole) << name << " " << int(kind); }  // unfiltered edges fall on either side by chance
       const auto z = fitted.term("light_depth_map");
       int clamped = 0;
       for (float v : z->floats("z")) clamped += v == 0.0f;
@@ -288,7 +292,7 @@ TEST(CameraFit, LeaksScaleWithTheRange) {
       l.kind = LightKind::Directional;
       l.axis = Vec3(0, -1, 0);
       s.light(l);
-      s.camera(Vec3(0, 0.5f * float(h), 1.0f), Vec3(0, 0.0f, 0), 0.05f);   // from the side, below the card
+      s.camera(Vec3(0, 0.5f * float(h), 1.0f), Vec3(0, 0.0f, 0), 0.05f);  // from the side, below the card
       v1::ShadowTechnique t;
       t.mutable_exponential()->set_c(20);
       t.mutable_map()->set_resolution(64);

@@ -82,14 +82,18 @@ bool onSilhouette(const Accel& accel, const LightFrame& f, int side, int x, int 
   for (int k = 0; k < 4; ++k) {
     float start, cosine;
     Hit hit;
-    const Ray ray = f.ray((float(x) + 0.5f + (k % 2 ? 1e-3f : -1e-3f)) / float(side), (float(y) + 0.5f + (k / 2 ? 1e-3f : -1e-3f)) / float(side), start, cosine);
+    const Ray ray =
+        f.ray((float(x) + 0.5f + (k % 2 ? 1e-3f : -1e-3f)) / float(side), (float(y) + 0.5f + (k / 2 ? 1e-3f : -1e-3f)) / float(side), start, cosine);
     const float d = accel.intersect(ray, hit) ? std::clamp((start + hit.t * cosine - f.near) / (f.far - f.near), 0.0f, 1.0f) : 1.0f;
     if (std::fabs(d - depth) > 1e-3f) return true;
   }
   return false;
 }
 
-struct Difference { int texels = 0, silhouettes = 0, wrong = 0; double worst = 0; };
+struct Difference {
+  int texels = 0, silhouettes = 0, wrong = 0;
+  double worst = 0;
+};
 Difference compareMethods(const ScenePtr& scene, const LightFrames& frames, int side) {
   const TermPtr rays = depthMap(scene, frames, side, DepthMethod::Rays), raster = depthMap(scene, frames, side, DepthMethod::Raster);
   const std::vector<int> none;
@@ -99,7 +103,10 @@ Difference compareMethods(const ScenePtr& scene, const LightFrames& frames, int 
   for (size_t i = 0; i < a.size(); ++i) {
     ++d.texels;
     const double off = std::fabs(double(a[i]) - b[i]);
-    if (off <= 1e-5) { d.worst = std::max(d.worst, off); continue; }
+    if (off <= 1e-5) {
+      d.worst = std::max(d.worst, off);
+      continue;
+    }
     const size_t square = size_t(side) * size_t(side);
     if (onSilhouette(*accel, frames.face[i / square], side, int(i % square % size_t(side)), int(i % square / size_t(side)), a[i])) ++d.silhouettes;
     else ++d.wrong;
@@ -112,7 +119,7 @@ TEST(ShadowDepth, ScanConversionEqualsRays) {
   for (const char* name : {"cornell", "fence", "trees", "lamps"}) scenes.push_back(*makeBuiltinScene(name));
   scenes.push_back(crowd(5, false));
   scenes.push_back(crowd(5, true));
-  scenes.push_back(crowd(14, true));    // Embree instances
+  scenes.push_back(crowd(14, true));  // Embree instances
   for (const ScenePtr& scene : scenes)
     for (LightKind kind : {LightKind::Directional, LightKind::Spot, LightKind::Rect, LightKind::Point})
       for (int side : {61, 256}) {
@@ -132,10 +139,10 @@ TEST(ShadowDepth, AutomaticTakesOneOfTheTwo) {
   Vec3 lo, hi;
   scene->bounds(lo, hi);
   const LightFrames frames = *fitLightFrames(lightFor(*scene, LightKind::Spot), lo, hi, 128, 2);
-  uint64_t rays = 1;   // cornell has 36 triangles: the rasteriser's above 8 texels, rays' below 3 x 3
+  uint64_t rays = 1;  // cornell has 36 triangles: the rasteriser's above 8 texels, rays' below 3 x 3
   EXPECT_EQ(depthMap(scene, frames, 128, DepthMethod::Automatic, 2, &rays)->content(), depthMap(scene, frames, 128, DepthMethod::Raster)->content());
   EXPECT_EQ(rays, 0u);
-  const LightFrames coarse = *fitLightFrames(lightFor(*scene, LightKind::Spot), lo, hi, 1, 0);   // more triangles than texels
+  const LightFrames coarse = *fitLightFrames(lightFor(*scene, LightKind::Spot), lo, hi, 1, 0);  // more triangles than texels
   EXPECT_EQ(depthMap(scene, coarse, 1, DepthMethod::Automatic, 2, &rays)->content(), depthMap(scene, coarse, 1, DepthMethod::Rays)->content());
   EXPECT_EQ(rays, 1u);
 }
@@ -179,7 +186,7 @@ TEST(ShadowDepth, ASlantedPlaneHasItsClosedForm) {
             const double tx = f.lo.x + (double(f.hi.x) - f.lo.x) * (x + 0.5) / side, ty = f.lo.y + (double(f.hi.y) - f.lo.y) * (y + 0.5) / side;
             const DVec3 o = DVec3(f.origin) + (f.perspective ? DVec3(0.0) : DVec3(f.right) * tx + DVec3(f.up) * ty);
             const DVec3 d = DVec3(f.forward) + (f.perspective ? DVec3(f.right) * tx + DVec3(f.up) * ty : DVec3(0.0));
-            const double t = -glm::dot(o, n) / glm::dot(d, n);           // the plane holds the origin
+            const double t = -glm::dot(o, n) / glm::dot(d, n);  // the plane holds the origin
             const DVec3 p = o + d * t;
             const double edge = std::max(std::fabs(glm::dot(p, DVec3(along))), std::fabs(p.z));
             const float z = map->floats("z")[size_t(y) * side + size_t(x)];
@@ -200,9 +207,9 @@ TEST(ShadowDepth, ASlantedPlaneHasItsClosedForm) {
 TEST(ShadowDepth, GeometryAroundTheLight) {
   tests::SceneMaker s;
   const int grey = s.material(Vec3(0.5f));
-  s.instance(s.mesh(tests::box(Vec3(-3, -1, -3), Vec3(3, 4, 3), true), grey));                                  // a room around it
-  s.instance(s.mesh(tests::quad(Vec3(0.5f, -1, -3), Vec3(0, 5, 0), Vec3(0, 0, 6)), grey));                      // a wall beside it, in front and behind
-  s.instance(s.mesh(tests::quad(Vec3(-0.2f, 0.999f, -0.2f), Vec3(0.4f, 0, 0), Vec3(0, 0, 0.4f)), grey));        // a hair below it
+  s.instance(s.mesh(tests::box(Vec3(-3, -1, -3), Vec3(3, 4, 3), true), grey));                            // a room around it
+  s.instance(s.mesh(tests::quad(Vec3(0.5f, -1, -3), Vec3(0, 5, 0), Vec3(0, 0, 6)), grey));                // a wall beside it, in front and behind
+  s.instance(s.mesh(tests::quad(Vec3(-0.2f, 0.999f, -0.2f), Vec3(0.4f, 0, 0), Vec3(0, 0, 0.4f)), grey));  // a hair below it
   s.camera(Vec3(0, 1, 2.5f), Vec3(0.0f), 0.8f);
   const ScenePtr scene = s.finish();
   Vec3 lo, hi;
@@ -270,15 +277,17 @@ TEST(ShadowDepth, SharedCornersOnTexelCentresLeaveNoGap) {
   constexpr int kSide = 40;
   Mesh m;
   for (int y = 0; y <= 12; ++y)
-    for (int x = 0; x <= 12; ++x) {   // whole steps of 1, 2, 3, 4 texels, sheared: crossings are rounded
+    for (int x = 0; x <= 12; ++x) {  // whole steps of 1, 2, 3, 4 texels, sheared: crossings are rounded
       const float px = 1.5f + float(x * 3 + (y * 7 % 3) * (x > 0 && x < 12)), pz = -(1.5f + float(y * 3 + (x * 5 % 3) * (y > 0 && y < 12)));
       m.positions.push_back(Vec3(px, 2.0f + 0.37f * float((x * 11 + y * 5) % 7), pz));
     }
   for (uint32_t y = 0; y < 12; ++y)
     for (uint32_t x = 0; x < 12; ++x) {
       const uint32_t a = y * 13 + x, b = a + 1, c = a + 13, d = c + 1;
-      if ((x + y) % 2) for (uint32_t i : {a, b, c, b, d, c}) m.indices.push_back(i);
-      else for (uint32_t i : {a, b, d, a, d, c}) m.indices.push_back(i);
+      if ((x + y) % 2)
+        for (uint32_t i : {a, b, c, b, d, c}) m.indices.push_back(i);
+      else
+        for (uint32_t i : {a, b, d, a, d, c}) m.indices.push_back(i);
     }
   const ScenePtr scene = meshScene(std::move(m));
   const LightFrames frames = graphPaper(kSide);
@@ -298,14 +307,14 @@ TEST(ShadowDepth, WallsSeenEdgeOnKeepTheirDepths) {
     Mesh leaning = tests::quad(Vec3(0, 2, -1), Vec3(lean, 6, 0), Vec3(0, 0, -30));
     s.instance(s.mesh(leaning, grey), tests::translate(Vec3(x + 1.0f, 0, 0)));
   }
-  for (float x : {4.5f, 6.5f})   // half a millionth of a texel beside a centre, leaning away by as much: carried on to the centre, its depth would be -0.4
+  for (float x : {4.5f, 6.5f})  // half a millionth of a texel beside a centre, leaning away by as much: carried on to the centre, its depth would be -0.4
     s.instance(s.mesh(tests::quad(Vec3(x + std::ldexp(1.0f, -20), 2, -1), Vec3(-std::ldexp(1.0f, -21), 6, 0), Vec3(0, 0, -30)), grey));
   s.camera(Vec3(0, 20, 30), Vec3(0.0f), 0.8f);
   const ScenePtr scene = s.finish();
   for (bool perspective : {false, true}) {
     LightFrames frames = graphPaper(kSide);
     LightFrame& f = frames.face[0];
-    if (perspective) {   // above the middle: walls to either side lean in its view, those below it do not
+    if (perspective) {  // above the middle: walls to either side lean in its view, those below it do not
       f.perspective = true;
       f.origin = Vec3(13.5f, 10.0f, -16.0f);
       f.lo = Vec2(-2.0f);
@@ -351,7 +360,7 @@ TEST(ShadowDepth, FacesThatSeeNothingCostNoRay) {
   Vec3 lo, hi;
   scene->bounds(lo, hi);
   LightShape point;
-  point.position = Vec3(2.0f, 0.5f, 0.0f);         // at the scene's border: +x sees nothing, -y the floor, +y nothing
+  point.position = Vec3(2.0f, 0.5f, 0.0f);  // at the scene's border: +x sees nothing, -y the floor, +y nothing
   const LightFrames frames = *fitLightFrames(point, lo, hi, 40, 1);
   ASSERT_EQ(frames.count, 6);
   EXPECT_FALSE(frames.face[0].sees);
@@ -411,7 +420,10 @@ TEST(DepthBounds, HoldEveryTexelAndAreExactWhereLevelsFit) {
         bounds.range(face, x0, y0, x1, y1, low, high);
         ASSERT_TRUE(low <= lo && high >= hi) << side << ": " << x0 << ".." << x1 << " x " << y0 << ".." << y1;
         const bool aligned = (x1 - x0 <= 1 && y1 - y0 <= 1) || (x0 == 0 && y0 == 0 && x1 == side - 1 && y1 == side - 1);
-        if (aligned) { ASSERT_EQ(low, lo); ASSERT_EQ(high, hi); }
+        if (aligned) {
+          ASSERT_EQ(low, lo);
+          ASSERT_EQ(high, hi);
+        }
       }
     }
   }
@@ -421,7 +433,10 @@ TEST(DepthBounds, HoldEveryTexelAndAreExactWhereLevelsFit) {
 // brute-force z-buffer's bit for bit. Front-to-back order culls more than back-to-front, which culls nothing.
 TEST(DepthBounds, CullingByThePyramidEqualsTheZBuffer) {
   constexpr int kSide = 90, kBatches = 24, kPerBatch = 25;
-  struct Card { int x0, y0, x1, y1; float depth, slope; };
+  struct Card {
+    int x0, y0, x1, y1;
+    float depth, slope;
+  };
   std::vector<Card> cards;
   for (int i = 0; i < kBatches * kPerBatch; ++i) {
     const int w = 1 + pick(1, i, 50), h = 1 + pick(2, i, 50), x = pick(3, i, kSide), y = pick(4, i, kSide);
@@ -446,7 +461,10 @@ TEST(DepthBounds, CullingByThePyramidEqualsTheZBuffer) {
         draw(brute->writable<float>("z"), cards[size_t(k)]);
         float lo, hi;
         bounds.range(0, cards[size_t(k)].x0, cards[size_t(k)].y0, cards[size_t(k)].x1, cards[size_t(k)].y1, lo, hi);
-        if (cards[size_t(k)].depth >= hi) { ++skipped; continue; }
+        if (cards[size_t(k)].depth >= hi) {
+          ++skipped;
+          continue;
+        }
         draw(hierarchical->writable<float>("z"), cards[size_t(k)]);
       }
     }

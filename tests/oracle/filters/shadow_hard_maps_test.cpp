@@ -30,7 +30,10 @@ ScenePtr withLight(const ScenePtr& scene, const LightShape& shape) {
   return copy;
 }
 
-struct Agreement { int judged = 0, off = 0; double share() const { return double(judged - off) / std::max(judged, 1); } };
+struct Agreement {
+  int judged = 0, off = 0;
+  double share() const { return double(judged - off) / std::max(judged, 1); }
+};
 // Pixels that face the light, away from edges of the ray-traced shadow: their neighbours agree on it.
 Agreement agreement(const ShadowRun& map, const ShadowRun& truth, const LightShape& light, int width, int height) {
   Agreement a;
@@ -52,7 +55,10 @@ Agreement agreement(const ShadowRun& map, const ShadowRun& truth, const LightSha
 
 // 97 %: at 1024 texels a pixel's footprint is a texel or so, and thin pickets and contacts are narrower than the pre-filter.
 TEST(HardShadowMaps, AgreeWithShadowRaysOnBuiltInScenes) {
-  struct Case { const char* scene; LightShape light; };
+  struct Case {
+    const char* scene;
+    LightShape light;
+  };
   std::vector<Case> cases;
   LightShape sun, point, spot;
   sun.kind = LightKind::Directional;
@@ -92,7 +98,7 @@ TEST(HardShadowMaps, ThreadsChangeNoBit) {
   point.position = Vec3(0.3f, 1.5f, 0.4f);
   const ScenePtr scene = withLight(*makeBuiltinScene("cornell"), point);
   for (NamedTechnique& t : mapTechniques()) {
-    if (!findShadowTechnique(t.technique.technique_case())->supports(LightKind::Point)) continue;   // soft ones have tests of their own
+    if (!findShadowTechnique(t.technique.technique_case())->supports(LightKind::Point)) continue;  // soft ones have tests of their own
     t.technique.mutable_map()->set_resolution(200);
     const ShadowRun one = runShadow(scene, t.technique, {70, 50, 1}), seven = runShadow(scene, t.technique, {70, 50, 7});
     ASSERT_TRUE(one.ok()) << t.name << ": " << one.status.toString();
@@ -108,7 +114,7 @@ ScenePtr tiltedPlane(float degrees) {
   const float a = degrees * kPi / 180.0f;
   const Vec3 along(std::cos(a), std::sin(a), 0);
   s.instance(s.mesh(tests::quad(-3.0f * along + Vec3(0, 0, 3), 6.0f * along, Vec3(0, 0, -6)), s.material(Vec3(0.5f))));
-  s.instance(s.mesh(tests::quad(Vec3(-3, 3, 3), Vec3(0.01f, 0, 0), Vec3(0, 0, -0.01f)), 0));   // a range of 6 m at every tilt
+  s.instance(s.mesh(tests::quad(Vec3(-3, 3, 3), Vec3(0.01f, 0, 0), Vec3(0, 0, -0.01f)), 0));  // a range of 6 m at every tilt
   s.instance(s.mesh(tests::quad(Vec3(-3, -3, 3), Vec3(0.01f, 0, 0), Vec3(0, 0, -0.01f)), 0));
   LightShape sun;
   sun.kind = LightKind::Directional;
@@ -119,7 +125,10 @@ ScenePtr tiltedPlane(float degrees) {
 }
 
 TEST(ShadowBias, SlopeBiasRemovesAcneAtEveryTilt) {
-  struct Setting { const char* name; double bias, slope; };
+  struct Setting {
+    const char* name;
+    double bias, slope;
+  };
   const Setting settings[] = {{"none", 0, 0}, {"constant 0.0005", 0.0005, 0}, {"slope 1", 0, 1}, {"both (default)", 0.0005, 1}};
   for (const char* name : {"shadow_map", "percentage_closer"})
     for (const Setting& s : settings) {
@@ -171,7 +180,7 @@ TEST(ShadowBias, ContactShadowsBeginAtTheFoot) {
       const Vec3 p = r.at("P", i);
       if (p.y < 1e-3f && p.x > 1e-3f && p.x < 0.9f && r.V()[i] > 0.5f) detached = std::max(detached, double(p.x));
     }
-    const double slopeBias = 0.5 * texel * (1.0 + 1.0);              // the floor's depth changes one for one along the map's axes together
+    const double slopeBias = 0.5 * texel * (1.0 + 1.0);  // the floor's depth changes one for one along the map's axes together
     const double bound = (bias * range + slopeBias) / std::sqrt(2.0) + 2.0 * texel;
     std::printf("bias %.4f of %.2f m: shadow detached %.4f m, bound %.4f m (texel %.4f m)\n", bias, range, detached, bound, texel);
     EXPECT_LE(detached, bound) << bias;
@@ -227,8 +236,8 @@ TEST(CubeShadowMaps, AThinWallOnASeamCastsOneShadow) {
   const int grey = s.material(Vec3(0.5f));
   s.instance(s.mesh(tests::ground(4.0f), grey));
   const Vec3 across = glm::normalize(Vec3(-1, 0, 1));
-  s.instance(s.mesh(tests::quad(Vec3(1, 0, 1) - 0.7f * across, 1.4f * across, Vec3(0, 1.5f, 0)), grey));           // square to the diagonal, centred on the seam
-  s.instance(s.mesh(tests::quad(Vec3(-1, 0, -1), Vec3(-1, 0, -1), Vec3(0, 1.5f, 0)), grey));                         // along the seam of -x and -z: seen edge on
+  s.instance(s.mesh(tests::quad(Vec3(1, 0, 1) - 0.7f * across, 1.4f * across, Vec3(0, 1.5f, 0)), grey));  // square to the diagonal, centred on the seam
+  s.instance(s.mesh(tests::quad(Vec3(-1, 0, -1), Vec3(-1, 0, -1), Vec3(0, 1.5f, 0)), grey));              // along the seam of -x and -z: seen edge on
   LightShape point;
   point.position = Vec3(0, 1, 0);
   s.light(point);
@@ -242,7 +251,7 @@ TEST(CubeShadowMaps, AThinWallOnASeamCastsOneShadow) {
     const ShadowRun r = runShadow(scene, t.technique, picture);
     const Agreement a = agreement(r, truth, point, 120, 120);
     int seam = 0, off = 0;
-    for (size_t i = 0; i < r.size(); ++i) {   // floor behind the first wall, within two texels of the seam
+    for (size_t i = 0; i < r.size(); ++i) {  // floor behind the first wall, within two texels of the seam
       const Vec3 p = r.at("P", i);
       if (!r.surface(i) || p.y > 1e-3f || !(p.x > 1.2f && p.z > 1.2f) || std::fabs(p.x - p.z) > 0.08f * p.x) continue;
       ++seam;
@@ -264,7 +273,7 @@ TEST(CubeShadowMaps, FiltersNeverMeetASeam) {
       for (const LightFrame& f : frames.face) {
         const double texel = (double(f.hi.x) - f.lo.x) / side;
         if (side <= 4 * (rim + 1)) continue;
-        EXPECT_GE((double(f.hi.x) - 1.0) / texel, rim + 1 - 1e-3) << side << " " << rim;   // tangent 1 is the seam
+        EXPECT_GE((double(f.hi.x) - 1.0) / texel, rim + 1 - 1e-3) << side << " " << rim;  // tangent 1 is the seam
         EXPECT_GE((-1.0 - double(f.lo.x)) / texel, rim + 1 - 1e-3);
       }
     }
@@ -337,7 +346,7 @@ TEST(OcclusionPlot, TheRampsSlopeIsTheBlockersDistance) {
     rect.u = Vec3(0.5f * w, 0, 0);
     rect.v = Vec3(0, 0, -0.01f);
     s.light(rect);
-    s.camera(Vec3(0, 0.5f * h, 0), Vec3(0.0f), 2.0f * std::atan(1.5f * 0.0025f / (0.5f * h)));   // 2.5 mm a pixel
+    s.camera(Vec3(0, 0.5f * h, 0), Vec3(0.0f), 2.0f * std::atan(1.5f * 0.0025f / (0.5f * h)));  // 2.5 mm a pixel
     const ScenePtr scene = s.finish();
     const ShadowPicture picture{801, 3};
     const ShadowRun rays = runShadow(scene, rayTraced(256), picture);
@@ -355,7 +364,7 @@ TEST(OcclusionPlot, TheRampsSlopeIsTheBlockersDistance) {
     }
     const double ramp = (x10 - x90) / 0.8, expected = w * h / (H - h);
     std::printf("blocker at %.1f m: ramp %.4f m, %.4f by similar triangles; the map's step at %.4f m\n", h, ramp, expected, step);
-    EXPECT_NEAR(ramp, expected, 0.05 * expected + 0.003);   // and a pixel of either level
+    EXPECT_NEAR(ramp, expected, 0.05 * expected + 0.003);  // and a pixel of either level
     EXPECT_NEAR(step, 0.0, 0.02);
   }
 }
@@ -370,9 +379,15 @@ TEST(TemporalCoherence, FootprintLookupsFlickerLessThanComparisons) {
   auto far = std::make_shared<Scene>(*withLight(*makeBuiltinScene("fence"), sun));
   const Camera camera = far->cameras[0];
   const ShadowPicture picture{40, 28};
-  struct Setting { const char* name; v1::ShadowMapSettings::Lookup lookup; };
-  const Setting settings[] = {{"shadow_map", v1::ShadowMapSettings::BILINEAR}, {"percentage_closer", v1::ShadowMapSettings::BILINEAR}, {"variance", v1::ShadowMapSettings::TRILINEAR},
-                              {"variance", v1::ShadowMapSettings::ANISOTROPIC}, {"convolution", v1::ShadowMapSettings::ANISOTROPIC}};
+  struct Setting {
+    const char* name;
+    v1::ShadowMapSettings::Lookup lookup;
+  };
+  const Setting settings[] = {{"shadow_map", v1::ShadowMapSettings::BILINEAR},
+                              {"percentage_closer", v1::ShadowMapSettings::BILINEAR},
+                              {"variance", v1::ShadowMapSettings::TRILINEAR},
+                              {"variance", v1::ShadowMapSettings::ANISOTROPIC},
+                              {"convolution", v1::ShadowMapSettings::ANISOTROPIC}};
   std::vector<double> deviations;
   for (const Setting& s : settings) {
     v1::ShadowTechnique t = mapTechnique(s.name);
@@ -387,7 +402,7 @@ TEST(TemporalCoherence, FootprintLookupsFlickerLessThanComparisons) {
       moved->cameras[0].centre += Vec2(toUnit(hash32(1, k)) - 0.5f, toUnit(hash32(2, k)) - 0.5f) / float(picture.height);
       const ShadowRun r = runShadow(moved, t, picture);
       for (size_t i = 0; i < r.size(); ++i) {
-        if (!r.surface(i) || r.at("P", i).y > 0.01f) continue;   // the ground
+        if (!r.surface(i) || r.at("P", i).y > 0.01f) continue;  // the ground
         ++seen[i];
         sum[i] += r.V()[i];
         squares[i] += double(r.V()[i]) * r.V()[i];

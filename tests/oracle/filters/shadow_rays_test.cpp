@@ -20,7 +20,9 @@ namespace {
 using namespace test;
 
 /// Floor y = 0 (half side 50) and horizontal cards, everything times `scale`.
-struct Card { float x0, x1, z0, z1, y; };
+struct Card {
+  float x0, x1, z0, z1, y;
+};
 MeshPtr quads(const std::vector<Card>& cards, float scale) {
   auto m = std::make_shared<Mesh>();
   for (const Card& c : cards) {
@@ -40,7 +42,10 @@ ScenePtr stage(const std::vector<Card>& cards, LightShape shape, float scale = 1
     s->meshes.push_back(quads(cards, scale));
     s->instances.push_back({"cards", 1, Mat4(1)});
   }
-  shape.position *= scale; shape.u *= scale; shape.v *= scale; shape.radius *= scale;
+  shape.position *= scale;
+  shape.u *= scale;
+  shape.v *= scale;
+  shape.radius *= scale;
   Light light;
   light.name = "key";
   light.shape = shape;
@@ -60,15 +65,20 @@ LightShape rectAbove(float half = 0.5f, float height = 10) {
 /// Floor pixels around the origin seen straight down.
 PlaneView floorView(int width, int height, float pixel) {
   PlaneView v;
-  v.width = width; v.height = height;
-  v.du = Vec3(pixel, 0, 0); v.dv = Vec3(0, 0, pixel);
+  v.width = width;
+  v.height = height;
+  v.du = Vec3(pixel, 0, 0);
+  v.dv = Vec3(0, 0, pixel);
   v.origin = Vec3(-0.5f * pixel * float(width - 1), 0, -0.5f * pixel * float(height - 1));
   v.normal = Vec3(0, 1, 0);
   return v;
 }
 
 /// Runs every node of a graph in order; keeps all terms and counts rays.
-struct GraphRun { std::vector<TermPtr> terms; std::vector<uint64_t> rays; };
+struct GraphRun {
+  std::vector<TermPtr> terms;
+  std::vector<uint64_t> rays;
+};
 class GivenTerm final : public Node {
  public:
   explicit GivenTerm(TermPtr t) : term_(std::move(t)) {}
@@ -104,11 +114,17 @@ GraphRun runGraph(const Graph& graph, int threads = 2) {
   }
   return out;
 }
-struct Planned { Graph graph; NodeId result; ShadowInput input; };
+struct Planned {
+  Graph graph;
+  NodeId result;
+  ShadowInput input;
+};
 Planned planned(const ScenePtr& scene, const PlaneView& view, const v1::ShadowTechnique& technique) {
   Planned p;
   p.input.scene = scene;
-  p.input.width = view.width; p.input.height = view.height; p.input.viewSamples = view.layers;
+  p.input.width = view.width;
+  p.input.height = view.height;
+  p.input.viewSamples = view.layers;
   p.input.gbuffer = p.graph.add({std::make_shared<GivenTerm>(planeGBuffer(view)), {}, {}, "gbuffer", 0, nullptr, false});
   auto r = findShadowTechnique(technique.technique_case())->plan(p.graph, p.input, technique);
   GOBO_CHECK(r.ok());
@@ -130,13 +146,13 @@ TermPtr visibility(const ScenePtr& scene, const PlaneView& view, const v1::Shado
 TEST(ShadowRays, PointLightGivesTheHardShadowOfACard) {
   LightShape point;
   point.position = Vec3(0, 10, 0);
-  const auto scene = stage({{-1, 1, -2, 2, 5}}, point);   // its shadow on the floor is twice as large
+  const auto scene = stage({{-1, 1, -2, 2, 5}}, point);  // its shadow on the floor is twice as large
   const PlaneView view = floorView(61, 61, 0.2f);
   const auto V = visibility(scene, view, rayTraced(16));
   for (int z = 0; z < 61; ++z)
     for (int x = 0; x < 61; ++x) {
       const float px = 0.2f * float(x - 30), pz = 0.2f * float(z - 30);
-      if (std::fabs(std::fabs(px) - 2) < 0.01f || std::fabs(std::fabs(pz) - 4) < 0.01f) continue;   // on the edge itself
+      if (std::fabs(std::fabs(px) - 2) < 0.01f || std::fabs(std::fabs(pz) - 4) < 0.01f) continue;  // on the edge itself
       ASSERT_EQ(V->floats("V")[z * 61 + x], std::fabs(px) < 2 && std::fabs(pz) < 4 ? 0.0f : 1.0f) << px << " " << pz;
     }
 }
@@ -172,7 +188,7 @@ TEST(ShadowRays, SphereDiskAndMeshLightsGiveHalfUnderACentredEdge) {
   const Status sealed = s->seal();
   ASSERT_TRUE(sealed.ok()) << sealed.toString();
   ASSERT_EQ(s->lights.size(), 1u);
-  EXPECT_NEAR(visibility(s, view, rayTraced(1024))->floats("V")[0], 0.5f, 5e-3);   // and the lamp itself shadows nothing
+  EXPECT_NEAR(visibility(s, view, rayTraced(1024))->floats("V")[0], 0.5f, 5e-3);  // and the lamp itself shadows nothing
 }
 
 TEST(ShadowRays, WhereTheLightCannotShineVisibilityIsOneAndCostsNoRay) {
@@ -203,7 +219,7 @@ TEST(ShadowRays, WhereTheLightCannotShineVisibilityIsOneAndCostsNoRay) {
   sphere.kind = LightKind::Sphere;
   sphere.radius = 11;
   check(sphere, view, "inside a sphere");
-  LightShape lit = rectAbove();   // and the same card does shade when the light can shine
+  LightShape lit = rectAbove();  // and the same card does shade when the light can shine
   EXPECT_EQ(visibility(stage(card, lit), view, rayTraced(4))->floats("V")[12], 0.0f);
 }
 
@@ -236,7 +252,7 @@ TEST(AxisAlignedSources, PilotFindsBothLayersOfOccluders) {
     EXPECT_EQ(r.terms[s]->floats("sumV")[e], 0.0f);
     EXPECT_GT(r.terms[s]->floats("sumW")[e], 0.0f);
   }
-  EXPECT_EQ(r.rays[s], 25u * 18u);   // forward and back
+  EXPECT_EQ(r.rays[s], 25u * 18u);  // forward and back
 }
 
 TEST(AxisAlignedSources, ContactAndOccluderAtTheLightStayFinite) {
@@ -262,19 +278,23 @@ TEST(AxisAlignedSources, DilationReachesPixelsWithoutAnOccluderButNotOtherInstan
   auto slopes = std::make_shared<Term>("shadow_slopes", Domain::ViewSample, e);
   auto sMax = slopes->addPlane<float>("sMax"), sMin = slopes->addPlane<float>("sMin");
   auto occluded = slopes->addPlane<uint8_t>("occluded");
-  sMax[10] = 3; sMin[10] = 2; sMax[12] = 5; sMin[12] = 1;
+  sMax[10] = 3;
+  sMin[10] = 2;
+  sMax[12] = 5;
+  sMin[12] = 1;
   occluded[10] = occluded[12] = 1;
   PlaneView view;
-  view.width = 32; view.height = 1;
+  view.width = 32;
+  view.height = 1;
   auto g = planeGBuffer(view);
   g->writable<uint32_t>("instance")[14] = 1;
   const auto d = runFilter(makeShadowSlopeDilation(4, e), {slopes, g});
-  EXPECT_EQ(d->floats("sMin")[10], 2.0f);   // own slopes are kept
-  EXPECT_EQ(d->floats("sMin")[11], 1.0f);   // both neighbours
+  EXPECT_EQ(d->floats("sMin")[10], 2.0f);  // own slopes are kept
+  EXPECT_EQ(d->floats("sMin")[11], 1.0f);  // both neighbours
   EXPECT_EQ(d->floats("sMax")[11], 5.0f);
-  EXPECT_EQ(d->floats("sMin")[6], 2.0f);    // only the first is within 4
+  EXPECT_EQ(d->floats("sMin")[6], 2.0f);  // only the first is within 4
   EXPECT_EQ(d->floats("sMin")[5], 0.0f);
-  EXPECT_EQ(d->floats("sMin")[14], 0.0f);   // another instance
+  EXPECT_EQ(d->floats("sMin")[14], 0.0f);  // another instance
   EXPECT_EQ(d->floats("sMin")[16], 1.0f);
 }
 
@@ -289,7 +309,10 @@ TEST(AxisAlignedSources, MuIsSolvedForTheMeanSampleCount) {
     for (NodeId id = 0; id < p.graph.size(); ++id) {
       if (p.graph.at(id).node->type() != "shadow_sample_count") continue;
       double sum = 0;
-      for (uint32_t n : r.terms[id]->plane<uint32_t>("n")) { sum += n; EXPECT_TRUE(n >= 9 && n <= 256); }
+      for (uint32_t n : r.terms[id]->plane<uint32_t>("n")) {
+        sum += n;
+        EXPECT_TRUE(n >= 9 && n <= 256);
+      }
       EXPECT_NEAR(sum / (48.0 * 48.0) / mean, 1, 0.02);
     }
   }
@@ -299,7 +322,11 @@ TEST(AxisAlignedSources, EditsRerunOnlyWhatTheyTouch) {
   const auto scene = stage({{-1, 1, -1, 1, 4}}, rectAbove());
   const PlaneView view = floorView(8, 8, 0.1f);
   auto types = [&](const std::function<void(v1::AxisAlignedShadow&)>& edit) {
-    Planned p = planned(scene, view, [] { v1::ShadowTechnique t; t.mutable_axis_aligned(); return t; }());
+    Planned p = planned(scene, view, [] {
+      v1::ShadowTechnique t;
+      t.mutable_axis_aligned();
+      return t;
+    }());
     const int before = p.graph.size();
     v1::ShadowTechnique t;
     edit(*t.mutable_axis_aligned());
@@ -309,9 +336,14 @@ TEST(AxisAlignedSources, EditsRerunOnlyWhatTheyTouch) {
     return added;
   };
   EXPECT_EQ(types([](auto& m) { m.set_k(2); }), "axis_aligned_filter ");
-  EXPECT_EQ(types([](auto& m) { m.set_radius_px(8); m.set_angle_deg(5); m.set_beta_threshold(0.1); }), "axis_aligned_filter ");
+  EXPECT_EQ(types([](auto& m) {
+              m.set_radius_px(8);
+              m.set_angle_deg(5);
+              m.set_beta_threshold(0.1);
+            }),
+            "axis_aligned_filter ");
   EXPECT_EQ(types([](auto& m) { m.set_mu(2); }), "shadow_mu shadow_sample_count shadow_adaptive axis_aligned_filter ");
-  EXPECT_EQ(types([](auto& m) { m.set_k(3); }), "");   // the default said aloud is the same node
+  EXPECT_EQ(types([](auto& m) { m.set_k(3); }), "");  // the default said aloud is the same node
 }
 
 TEST(AxisAlignedSources, SceneScaleChangesNothing) {
@@ -319,7 +351,7 @@ TEST(AxisAlignedSources, SceneScaleChangesNothing) {
   v1::ShadowTechnique t;
   t.mutable_axis_aligned()->set_mu(1);
   std::vector<TermPtr> counts, results;
-  for (float scale : {1.0f, 1.0f / 1024, 1024.0f}) {   // powers of two: the same digits, so the same rays to the bit
+  for (float scale : {1.0f, 1.0f / 1024, 1024.0f}) {  // powers of two: the same digits, so the same rays to the bit
     PlaneView view = floorView(40, 40, 0.1f * scale);
     const Planned p = planned(stage(cards, rectAbove(), scale), view, t);
     const GraphRun r = runGraph(p.graph);

@@ -17,7 +17,7 @@ struct SoftCase {
   bool perspective = true;
   Vec2 size{1.0f};
   float bias = 0;
-  std::function<float(float x, float y)> depth = [](float, float) { return 1.0f; };   ///< linear depth at map offset (x, y)
+  std::function<float(float x, float y)> depth = [](float, float) { return 1.0f; };  ///< linear depth at map offset (x, y)
 
   LightFrames frames() const {
     LightFrames f;
@@ -34,10 +34,12 @@ struct SoftCase {
     const auto z = t->addPlane<float>("z");
     for (int y = 0; y < resolution; ++y)
       for (int x = 0; x < resolution; ++x)
-        z[size_t(y) * size_t(resolution) + size_t(x)] = depth(half * (2 * (float(x) + 0.5f) / float(resolution) - 1), half * (2 * (float(y) + 0.5f) / float(resolution) - 1));
+        z[size_t(y) * size_t(resolution) + size_t(x)] =
+            depth(half * (2 * (float(x) + 0.5f) / float(resolution) - 1), half * (2 * (float(y) + 0.5f) / float(resolution) - 1));
     return t;
   }
-  template <typename Lookup> Lookup lookup() const {
+  template <typename Lookup>
+  Lookup lookup() const {
     Lookup l;
     l.frames = frames();
     l.map.resolution = resolution;
@@ -61,12 +63,20 @@ inline std::shared_ptr<Term> facingRow(int count, float x0, float x1, float d, f
 /// The terms that lookups of one map share.
 struct SoftMaps {
   explicit SoftMaps(const SoftCase& c) : resolution(c.resolution), map(c.map()) { bounds = runFilter(makeDepthBoundsNode(resolution, 1), {map}); }
-  explicit SoftMaps(TermPtr depth, int side) : resolution(side), map(std::move(depth)) { bounds = runFilter(makeDepthBoundsNode(resolution, map->extent().layers), {map}); }
+  explicit SoftMaps(TermPtr depth, int side) : resolution(side), map(std::move(depth)) {
+    bounds = runFilter(makeDepthBoundsNode(resolution, map->extent().layers), {map});
+  }
   int resolution;
   TermPtr map, bounds;
-  TermPtr images(int order) const { return runFilter(makeShadowEncodeNode(makeConvolutionSoftBasis(order), 0, resolution, map->extent().layers, false), {map}); }
-  TermPtr sums(int order) const { return runFilter(makeShadowSummedAreaNode(makeConvolutionSoftBasis(order), resolution, map->extent().layers), {images(order)}); }
-  TermPtr chain(int order) const { return runFilter(makeShadowMipmapNode(makeConvolutionSoftBasis(order), resolution, map->extent().layers, false), {images(order)}); }
+  TermPtr images(int order) const {
+    return runFilter(makeShadowEncodeNode(makeConvolutionSoftBasis(order), 0, resolution, map->extent().layers, false), {map});
+  }
+  TermPtr sums(int order) const {
+    return runFilter(makeShadowSummedAreaNode(makeConvolutionSoftBasis(order), resolution, map->extent().layers), {images(order)});
+  }
+  TermPtr chain(int order) const {
+    return runFilter(makeShadowMipmapNode(makeConvolutionSoftBasis(order), resolution, map->extent().layers, false), {images(order)});
+  }
   TermPtr moments() const { return runFilter(makeMomentSumsNode(resolution, map->extent().layers), {map}); }
   TermPtr exponentials(const ExponentialVarianceSoftLookup& l) const {
     const ShadowBasisPtr basis = makeExponentialVarianceBasis(l.cPositive, l.cNegative, 1e-7f, l.bleedingReduction);

@@ -56,7 +56,10 @@ struct Stage {
   }
 };
 
-struct Named { const char* name; v1::ShadowTechnique technique; };
+struct Named {
+  const char* name;
+  v1::ShadowTechnique technique;
+};
 std::vector<Named> techniques(uint32_t resolution) {
   std::vector<Named> list;
   const auto add = [&](const char* name) -> v1::ShadowTechnique& {
@@ -92,7 +95,9 @@ std::vector<Named> techniques(uint32_t resolution) {
   return list;
 }
 
-struct Errors { double all = 0, penumbra = 0; };
+struct Errors {
+  double all = 0, penumbra = 0;
+};
 Errors errors(const TermPtr& V, const TermPtr& truth, const Term& g) {
   const auto v = V->floats("V"), t = truth->floats("V");
   const auto instance = g.plane<uint32_t>("instance");
@@ -102,7 +107,10 @@ Errors errors(const TermPtr& V, const TermPtr& truth, const Term& g) {
     const double e = sqr(double(v[i]) - double(t[i]));
     sum += e;
     ++n;
-    if (t[i] > 0.01f && t[i] < 0.99f) { soft += e; ++m; }
+    if (t[i] > 0.01f && t[i] < 0.99f) {
+      soft += e;
+      ++m;
+    }
   }
   return {std::sqrt(sum / std::max(n, 1.0)), std::sqrt(soft / std::max(m, 1.0))};
 }
@@ -176,7 +184,7 @@ TEST(SoftShadowScenes, SphereInTheMiddleOfSpheres) {
   sphere.radius = 0.6f;
   s.scene = withLight("spheres", sphere);
   s.camera = s.scene->cameras[0].name;
-  compare(s, "spheres", 0.15, 4.5, 256);   // six faces
+  compare(s, "spheres", 0.15, 4.5, 256);  // six faces
 }
 
 }  // namespace

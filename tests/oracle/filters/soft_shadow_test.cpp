@@ -29,7 +29,9 @@ struct Ramp {
     g = facingRow(301, -1.5f * width, 1.5f * width, 10);
   }
   double truth(size_t i) const { return std::clamp(0.5 + (double(i) / 300 - 0.5) * 3, 0.0, 1.0); }
-  double rms(const TermPtr& V) const { return rmsDifference(V, [&](size_t i) { return truth(i); }); }
+  double rms(const TermPtr& V) const {
+    return rmsDifference(V, [&](size_t i) { return truth(i); });
+  }
   SoftCase c;
   float metres, width;
   TermPtr g;
@@ -45,10 +47,14 @@ double convolutionRamp(const Ramp& r, const SoftMaps& m, const TermPtr& sums, in
 
 TEST(SoftShadowRamp, ConvolutionMapsFollowTheDigestsTable) {
   const float gaps[5] = {0.6f, 0.4f, 0.2f, 0.1f, 0.04f};
-  struct Row { int order; Hard::Correction correction; double golden[5]; };
-  const Row rows[] = {
-      {4, Hard::OFFSET, {.022, .003, .028, .211, .520}}, {4, Hard::SHIFTED_SCALING, {.011, .026, .046, .129, .475}}, {8, Hard::SHIFTED_SCALING, {.024, .011, .023, .044, .246}},
-      {16, Hard::OFFSET, {.001, .006, .009, .002, .008}}, {16, Hard::SHIFTED_SCALING, {.019, .015, .011, .022, .034}}, {16, Hard::NONE, {.33, .33, .33, .33, .33}}};
+  struct Row {
+    int order;
+    Hard::Correction correction;
+    double golden[5];
+  };
+  const Row rows[] = {{4, Hard::OFFSET, {.022, .003, .028, .211, .520}},           {4, Hard::SHIFTED_SCALING, {.011, .026, .046, .129, .475}},
+                      {8, Hard::SHIFTED_SCALING, {.024, .011, .023, .044, .246}},  {16, Hard::OFFSET, {.001, .006, .009, .002, .008}},
+                      {16, Hard::SHIFTED_SCALING, {.019, .015, .011, .022, .034}}, {16, Hard::NONE, {.33, .33, .33, .33, .33}}};
   for (int g = 0; g < 5; ++g) {
     const Ramp r(gaps[g]);
     const SoftMaps m(r.c);
@@ -57,7 +63,8 @@ TEST(SoftShadowRamp, ConvolutionMapsFollowTheDigestsTable) {
       if (!sums[row.order]) sums[row.order] = m.sums(row.order);
       for (Soft::Search search : {Soft::NEAR_PLANE, Soft::Z_MIN, Soft::ITERATED}) {
         const double e = convolutionRamp(r, m, sums[row.order], row.order, row.correction, search);
-        std::printf("M=%d correction %d search %d gap %.2f: rms %.4f, digest %.3f\n", row.order, int(row.correction), int(search), double(gaps[g]), e, row.golden[g]);
+        std::printf("M=%d correction %d search %d gap %.2f: rms %.4f, digest %.3f\n", row.order, int(row.correction), int(search), double(gaps[g]), e,
+                    row.golden[g]);
         // The digest's program reads the series as they are; taking out what one blocker and the plane read makes two depths exact.
         EXPECT_LT(e, std::min(row.golden[g] + 0.01, 0.012)) << row.order << " " << int(row.correction) << " gap " << gaps[g];
       }
@@ -79,9 +86,9 @@ TEST(SoftShadowRamp, ComparisonsGiveTheExactRamp) {
     const double exponential = r.rms(runFilter(makeExponentialVarianceSoftNode(x), {r.g, m.bounds, m.exponentials(x)}));
     std::printf("gap %.2f: dense %.4f taps %.4f variance %.4f exponential variance %.4f\n", double(gap), dense, taps, variance, exponential);
     EXPECT_LT(dense, 0.005) << gap;
-    EXPECT_LT(taps, 0.03) << gap;          // 64 taps of a shifted lattice across an edge
-    EXPECT_LT(variance, 0.01) << gap;      // two depths: Chebyshev's bound is tight
-    EXPECT_LT(exponential, 0.09) << gap;   // a tent on the chain's grid instead of a box (0.053 over all alignments, 0.08 on a grid line), bleeding reduction
+    EXPECT_LT(taps, 0.03) << gap;         // 64 taps of a shifted lattice across an edge
+    EXPECT_LT(variance, 0.01) << gap;     // two depths: Chebyshev's bound is tight
+    EXPECT_LT(exponential, 0.09) << gap;  // a tent on the chain's grid instead of a box (0.053 over all alignments, 0.08 on a grid line), bleeding reduction
   }
 }
 
@@ -92,7 +99,7 @@ TEST(SoftShadowRamp, DistantLightsOfAnAngularSize) {
   c.near = -3;
   c.far = 7;
   c.size = Vec2(0.5f, 0.25f);
-  c.depth = [](float x, float) { return x < 0 ? 0.2f : 0.8f; };   // 6 m apart: a ramp of 3 m
+  c.depth = [](float x, float) { return x < 0 ? 0.2f : 0.8f; };  // 6 m apart: a ramp of 3 m
   const SoftMaps m(c);
   const TermPtr g = facingRow(301, -4, 4, 5);
   const auto V = softDenseShadow(c, m, g);
@@ -101,7 +108,7 @@ TEST(SoftShadowRamp, DistantLightsOfAnAngularSize) {
   double worst = 0;
   for (size_t i = 20; i < 281; ++i) worst = std::max(worst, std::fabs(double(V->floats("V")[i]) - ramp(i)));
   EXPECT_LT(worst, 0.01);
-  c.size = Vec2(0.0f);   // no width: the hard map with a kernel of one texel
+  c.size = Vec2(0.0f);  // no width: the hard map with a kernel of one texel
   const auto hard = softDenseShadow(c, m, g);
   PercentageCloserLookup p{c.frames(), c.lookup<SoftLookup>().map, {}};
   p.map.slopeBias = 0;
@@ -133,10 +140,11 @@ TEST(SoftShadowRamp, WidthAndHeightOfRectanglesAreKeptApart) {
       const double boxes = rmsDifference(runFilter(makeConvolutionSoftNode(l), {g, m.bounds, m.sums(16)}), ramp);
       l.map.lookup = v1::ShadowMapSettings::TRILINEAR;
       const double chain = rmsDifference(runFilter(makeConvolutionSoftNode(l), {g, m.bounds, m.chain(16)}), ramp);
-      std::printf("aspect %g along %c: dense %.4f, boxes %.4f, chain %.4f\n", double(aspect), alongX ? 'x' : 'y', rmsDifference(softDenseShadow(c, m, g), ramp), boxes, chain);
+      std::printf("aspect %g along %c: dense %.4f, boxes %.4f, chain %.4f\n", double(aspect), alongX ? 'x' : 'y', rmsDifference(softDenseShadow(c, m, g), ramp),
+                  boxes, chain);
       EXPECT_LT(rmsDifference(softDenseShadow(c, m, g), ramp), 0.01);
-      EXPECT_LT(boxes, 0.015);   // table 7.11: 0.006 at this gap
-      EXPECT_LT(chain, 0.09);    // tents on a grid of 2^l texels whose line the edge lies on
+      EXPECT_LT(boxes, 0.015);  // table 7.11: 0.006 at this gap
+      EXPECT_LT(chain, 0.09);   // tents on a grid of 2^l texels whose line the edge lies on
     }
   }
 }
@@ -179,10 +187,13 @@ TEST(ConvolutionSoft, BlockersOfOrder256AreTheBruteForceMean) {
     den += f;
     lit += z * (1 - f);
     all += z;
-    if (z < d) { sum += z; ++n; }
+    if (z < d) {
+      sum += z;
+      ++n;
+    }
   }
   EXPECT_NEAR(num / den, sum / n, 2e-3);
-  EXPECT_NEAR(num + lit, all, 1e-9 * all);   // blocked and lit parts add up to the mean depth
+  EXPECT_NEAR(num + lit, all, 1e-9 * all);  // blocked and lit parts add up to the mean depth
 }
 
 TEST(ConvolutionSoft, ClosedFormOfATiltedPlanesOwnShadow) {
@@ -242,7 +253,7 @@ TEST(ConvolutionSoft, OrderThirtyTwoIsDensePercentageCloser) {
   l.map.lookup = v1::ShadowMapSettings::TRILINEAR;
   const double chain = rmsDifference(runFilter(makeConvolutionSoftNode(l), {g, m.bounds, m.chain(16)}), [&](size_t i) { return dense->floats("V")[i]; });
   std::printf("M=16, mip chain: rms %.4f\n", chain);
-  EXPECT_LT(chain, 0.09);   // thesis fig. 8.5: mip maps are visibly rougher than tables
+  EXPECT_LT(chain, 0.09);  // thesis fig. 8.5: mip maps are visibly rougher than tables
   // Taps against every texel.
   auto p = c.lookup<PercentageCloserSoftLookup>();
   for (int taps : {16, 64, 1024}) {
@@ -272,15 +283,15 @@ TEST(ConvolutionSoft, LightsWithoutWidthCastTheFilteredHardShadow) {
   h.map.slopeBias = 0;
   const auto images = runFilter(makeShadowEncodeNode(makeConvolutionBasis(basis), 0, 128, 1, false), {m.map});
   const auto hard = runFilter(makeShadowLookupNode(makeConvolutionBasis(basis), h), {g, images});
-  for (size_t i = 0; i < 200; ++i) ASSERT_NEAR(soft->floats("V")[i], hard->floats("V")[i], 0.012) << i;   // the gate's last 1 % and 2^-15 steps
+  for (size_t i = 0; i < 200; ++i) ASSERT_NEAR(soft->floats("V")[i], hard->floats("V")[i], 0.012) << i;  // the gate's last 1 % and 2^-15 steps
 }
 
 TEST(ConvolutionSoft, SharpeningDarkensContactsAloneAndNothingWithoutStrength) {
   using formulas::softSharpen;
   for (float s = 0; s <= 1; s += 0.125f) {
-    EXPECT_NEAR(softSharpen(s, 0.3f, 0, 20), s, 1e-6);              // A = 0: p = 1
-    EXPECT_NEAR(softSharpen(s, 0.5f, 30, 1000), s, 1e-6);           // far from contact
-    EXPECT_NEAR(softSharpen(s, 0, 1, 20), s * s, 2e-6);             // p = 2
+    EXPECT_NEAR(softSharpen(s, 0.3f, 0, 20), s, 1e-6);     // A = 0: p = 1
+    EXPECT_NEAR(softSharpen(s, 0.5f, 30, 1000), s, 1e-6);  // far from contact
+    EXPECT_NEAR(softSharpen(s, 0, 1, 20), s * s, 2e-6);    // p = 2
   }
   const Ramp r(0.04f, 1, 256), far(0.4f, 1, 256);
   for (const Ramp* at : {&r, &far}) {
@@ -292,14 +303,17 @@ TEST(ConvolutionSoft, SharpeningDarkensContactsAloneAndNothingWithoutStrength) {
     l.sharpeningExtent = 20;
     const auto sharp = runFilter(makeConvolutionSoftNode(l), {at->g, m.bounds, sums});
     const double change = rmsDifference(sharp, [&](size_t i) { return plain->floats("V")[i]; });
-    EXPECT_TRUE(at == &r ? change > 0.1 : change < 0.01) << change;   // e^(-20 0.04) = 0.45: p = 14; e^(-20 0.4) = 3e-4
+    EXPECT_TRUE(at == &r ? change > 0.1 : change < 0.01) << change;  // e^(-20 0.04) = 0.45: p = 14; e^(-20 0.4) = 3e-4
     for (size_t i = 0; i < 301; ++i) ASSERT_LE(sharp->floats("V")[i], plain->floats("V")[i] + 1e-6f);
   }
 }
 
 // --- all techniques ----------------------------------------------------------------------------------------------------------------
 
-struct Technique { const char* name; std::function<TermPtr(const SoftCase&, const SoftMaps&, const TermPtr&, int threads)> run; };
+struct Technique {
+  const char* name;
+  std::function<TermPtr(const SoftCase&, const SoftMaps&, const TermPtr&, int threads)> run;
+};
 std::vector<Technique> techniques() {
   const auto comparisons = [](bool dense, bool skip) {
     return [=](const SoftCase& c, const SoftMaps& m, const TermPtr& g, int threads) {
@@ -325,11 +339,18 @@ std::vector<Technique> techniques() {
       return runFilter(makeVarianceSoftNode(l), {g, m.bounds, m.moments()}, threads);
     };
   };
-  return {{"dense", comparisons(true, true)}, {"dense, no skip", comparisons(true, false)}, {"taps", comparisons(false, true)}, {"taps, no skip", comparisons(false, false)},
-          {"convolution 4", convolution(4, false, Soft::Z_MIN)}, {"convolution 16", convolution(16, false, Soft::Z_MIN)},
+  return {{"dense", comparisons(true, true)},
+          {"dense, no skip", comparisons(true, false)},
+          {"taps", comparisons(false, true)},
+          {"taps, no skip", comparisons(false, false)},
+          {"convolution 4", convolution(4, false, Soft::Z_MIN)},
+          {"convolution 16", convolution(16, false, Soft::Z_MIN)},
           {"convolution 4 near", convolution(4, false, Soft::NEAR_PLANE)},
-          {"convolution 4 iterated", convolution(4, false, Soft::ITERATED)}, {"convolution 4 chain", convolution(4, true, Soft::Z_MIN)}, {"variance", variance(true)},
-          {"variance, whole", variance(false)}, {"exponential variance", [](const SoftCase& c, const SoftMaps& m, const TermPtr& g, int threads) {
+          {"convolution 4 iterated", convolution(4, false, Soft::ITERATED)},
+          {"convolution 4 chain", convolution(4, true, Soft::Z_MIN)},
+          {"variance", variance(true)},
+          {"variance, whole", variance(false)},
+          {"exponential variance", [](const SoftCase& c, const SoftMaps& m, const TermPtr& g, int threads) {
              const auto l = c.lookup<ExponentialVarianceSoftLookup>();
              return runFilter(makeExponentialVarianceSoftNode(l), {g, m.bounds, m.exponentials(l)}, threads);
            }}};
@@ -350,7 +371,7 @@ TermPtr scattered(int n) {
 
 TEST(SoftShadows, StayInRangeWhateverTheMapHolds) {
   for (float half : {0.35f, 3.0f})
-    for (float size : {0.0f, 0.3f, 50.0f}) {   // 50 m: every kernel is wider than the map
+    for (float size : {0.0f, 0.3f, 50.0f}) {  // 50 m: every kernel is wider than the map
       SoftCase c;
       c.resolution = 33;
       c.half = half;
@@ -394,7 +415,10 @@ TEST(SoftShadows, SkippingChangesNothing) {
     const auto a = all[size_t(k)].run(c, m, g, 2), b = all[size_t(k) + 1].run(c, m, g, 2);
     EXPECT_EQ(a->content(), b->content()) << all[size_t(k)].name;
     int dark = 0, lit = 0;
-    for (float s : a->floats("V")) { dark += s == 0; lit += s == 1; }
+    for (float s : a->floats("V")) {
+      dark += s == 0;
+      lit += s == 1;
+    }
     EXPECT_GT(dark, 20);
     EXPECT_GT(lit, 20);
   }
@@ -407,7 +431,7 @@ TEST(SoftShadows, TiltedPlanesDoNotShadeThemselves) {
     SoftCase c;
     c.resolution = 256;
     c.bias = 0.0005f;
-    c.depth = [&](float x, float) { return 1 + tilt * x > 0.1f ? std::clamp((8 / (1 + tilt * x) - 2) / 10, 0.0f, 1.0f) : 1.0f; };   // Z + tilt X = 8
+    c.depth = [&](float x, float) { return 1 + tilt * x > 0.1f ? std::clamp((8 / (1 + tilt * x) - 2) / 10, 0.0f, 1.0f) : 1.0f; };  // Z + tilt X = 8
     const SoftMaps m(c);
     PlaneView v;
     v.width = 64;
@@ -431,13 +455,13 @@ TEST(SoftShadows, TiltedPlanesDoNotShadeThemselves) {
 
 TEST(SoftShadows, VisibilityIsOneBelowTheHorizonAndSplitsAtIt) {
   SoftCase c;
-  c.depth = [](float, float) { return 0.0f; };   // everything blocked at the near plane
+  c.depth = [](float, float) { return 0.0f; };  // everything blocked at the near plane
   const SoftMaps m(c);
   for (const Technique& t : techniques()) {
     auto g = facingRow(3, -0.1f, 0.1f, 10);
     auto N = g->writable<float>("N"), Ng = g->writable<float>("Ng");
-    N[2] = Ng[2] = 1;     // turned away: the light cannot shine
-    Ng[5] = 1;            // shading normal towards it on a surface that is not
+    N[2] = Ng[2] = 1;  // turned away: the light cannot shine
+    Ng[5] = 1;         // shading normal towards it on a surface that is not
     const TermPtr V = t.run(c, m, g, 1);
     EXPECT_EQ(V->floats("V")[0], 1.0f) << t.name;
     EXPECT_EQ(V->floats("V")[1], 0.0f) << t.name;

@@ -40,7 +40,7 @@ double pointFormFactor(float width, float height, double x) {
 
 TEST(AreaLight, FiveTimesItsExtentAwayItLightsLikeAPointButDoesNotShadowLikeOne) {
   for (const double x : {0.0, 1.0, 3.0}) EXPECT_NEAR(formFactor(1, 5, x) / pointFormFactor(1, 5, x), 1.0, 0.015) << x;
-  EXPECT_GT(std::fabs(formFactor(1, 1, 0) / pointFormFactor(1, 1, 0) - 1), 0.2);   // at its own width the rule does not hold
+  EXPECT_GT(std::fabs(formFactor(1, 1, 0) / pointFormFactor(1, 1, 0) - 1), 0.2);  // at its own width the rule does not hold
   // A half plane halfway up blocks x > 0. The point's shadow is a step at x = 0; the square's is a ramp over its whole width.
   const ScenePtr scene = squareAbove(1, 5);
   const std::vector<int> lights{0};
@@ -55,13 +55,15 @@ TEST(AreaLight, FiveTimesItsExtentAwayItLightsLikeAPointButDoesNotShadowLikeOne)
       const double atHalf = x + double(p.direction.x) * (2.5 / double(p.direction.y));
       if (atHalf < 0) seen += p.weight;
     }
-    EXPECT_NEAR(seen / sum, 0.5 - x, 0.01) << x;                                     // the point says 1 or 0
+    EXPECT_NEAR(seen / sum, 0.5 - x, 0.01) << x;  // the point says 1 or 0
   }
 }
 
 // Share of irradiance that arrives when x > edge of the light is blocked: exactly, by the weighted visibility that ray-traced terms have, and by the
 // unweighted share of the light that a shadow map's percentage-closer kernel counts.
-struct Factored { double exact, weighted, unweighted; };
+struct Factored {
+  double exact, weighted, unweighted;
+};
 Factored factored(float width, float height, float x, float edge) {
   const ScenePtr scene = squareAbove(width, height);
   const std::vector<int> lights{0};
@@ -74,7 +76,10 @@ Factored factored(float width, float height, float x, float edge) {
     const bool visible = x + p.direction.x * (height / p.direction.y) < edge;
     sum += p.weight;
     ++count;
-    if (visible) { seen += p.weight; ++open; }
+    if (visible) {
+      seen += p.weight;
+      ++open;
+    }
   }
   const double half = 0.5 * width, all = formFactor(width, height, x);
   const double part = rectFormFactor(DVec3(x, 0, 0), DVec3(0, 1, 0), DVec3(-half, height, -half), DVec3(edge + half, 0, 0), DVec3(0, 0, width));
@@ -85,8 +90,8 @@ TEST(AreaLight, FactoringVisibilityOutIsExactOnlyWhereTheLightIsEvenOverItself) 
   const Factored far = factored(1, 20, 3, 0.1f), close = factored(4, 1, 1.5f, 0.5f);
   EXPECT_NEAR(far.weighted, far.exact, 2e-3);
   EXPECT_NEAR(far.unweighted, far.exact, 0.01);
-  EXPECT_NEAR(close.weighted, close.exact, 5e-3);                    // weights follow the light: no gap
-  EXPECT_GT(std::fabs(close.unweighted - close.exact), 0.2);         // what no filter of an unweighted map can remove
+  EXPECT_NEAR(close.weighted, close.exact, 5e-3);             // weights follow the light: no gap
+  EXPECT_GT(std::fabs(close.unweighted - close.exact), 0.2);  // what no filter of an unweighted map can remove
 }
 
 }  // namespace

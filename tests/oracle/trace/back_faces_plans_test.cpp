@@ -14,7 +14,7 @@ namespace {
 
 using namespace tests;
 
-constexpr float kFar = 4.0f, kNear = 0.99f;            // distances of an orthographic camera: the same rays from outside and from inside
+constexpr float kFar = 4.0f, kNear = 0.99f;  // distances of an orthographic camera: the same rays from outside and from inside
 
 /// A closed single-sided room that shows its inside, with a box, a glass ball and a small mirror in it.
 ScenePtr room(float cameraAt) {
@@ -24,7 +24,9 @@ ScenePtr room(float cameraAt) {
   m.instance(m.mesh(box(Vec3(-0.6f, -1.0f, -0.5f), Vec3(-0.2f, -0.3f, 0.0f)), m.material(Vec3(0.3f, 0.6f, 0.7f), frontOnly)));
   m.instance(m.mesh(sphere(Vec3(0.3f, -0.4f, 0.1f), 0.3f, 12, true), m.material(Vec3(1.0f), [](Material& x) {
     x.bsdf = {};
-    x.bsdf.transmission = 1; x.bsdf.roughness = 0; x.bsdf.thickness = 1;
+    x.bsdf.transmission = 1;
+    x.bsdf.roughness = 0;
+    x.bsdf.thickness = 1;
     x.coverage.doubleSided = false;
   })));
   LightShape lamp;
@@ -74,7 +76,8 @@ std::vector<std::string> labels(const RenderResult& r) {
 
 TEST(BackFacesPlans, ByEveryTechniqueARoomFromOutsideIsTheRoomFromInside) {
   const auto engine = makeEngine();
-  for (const char* technique : {"shadows.path_traced=", "shadows.ray_traced.samples=4", "shadows.axis_aligned.max_samples=32", "shadows.percentage_closer_soft.filter_taps=32", "shadows.auto.error=0.05"}) {
+  for (const char* technique : {"shadows.path_traced=", "shadows.ray_traced.samples=4", "shadows.axis_aligned.max_samples=32",
+                                "shadows.percentage_closer_soft.filter_taps=32", "shadows.auto.error=0.05"}) {
     SCOPED_TRACE(technique);
     const auto edits = {technique, "integrator.caustic_photons=20000"};
     const RenderResult inside = render(*engine, request(false, edits), room(kNear)), outside = render(*engine, request(true, edits), room(kFar));
@@ -91,7 +94,8 @@ TEST(BackFacesPlans, ByEveryTechniqueARoomFromOutsideIsTheRoomFromInside) {
 TEST(BackFacesPlans, CausticsAreSeenThroughTheWall) {
   const auto engine = makeEngine();
   const auto caustics = [&](bool cull, float at) {
-    const auto edits = {"lights.l0.enabled=false", "lights.l1.position=0.3,-0.1,0.9", "lights.l1.intensity=4", "integrator.caustic_photons=20000", "outputs=indirect"};
+    const auto edits = {"lights.l0.enabled=false", "lights.l1.position=0.3,-0.1,0.9", "lights.l1.intensity=4", "integrator.caustic_photons=20000",
+                        "outputs=indirect"};
     v1::RenderRequest r = request(cull, edits);
     const double with = mean(render(*engine, r, room(at)).images.at(0).image());
     set(r, "integrator.caustic_photons=0");
@@ -123,7 +127,8 @@ TEST(BackFacesPlans, WhatTheGBufferShowsIsTheInside) {
 TEST(BackFacesPlans, CertificatesMeasureTheCulledPicture) {
   const auto engine = makeEngine();
   const auto edits = {"certificate.pixel_fraction=1", "certificate.spp=32", "integrator.max_bounces=8", "integrator.caustic_photons=20000"};
-  const RenderResult outside = render(*engine, request(true, edits, 16, 128), room(kFar)), inside = render(*engine, request(false, edits, 16, 128), room(kNear));
+  const RenderResult outside = render(*engine, request(true, edits, 16, 128), room(kFar)),
+                     inside = render(*engine, request(false, edits, 16, 128), room(kNear));
   const v1::Certificate a = outside.reply.certificate(), b = inside.reply.certificate();
   EXPECT_GT(a.pixels(), 0u);
   EXPECT_LT(a.rmse(), 0.2 * mean(outside.images[0].image()));
@@ -138,11 +143,18 @@ TEST(BackFacesPlans, ColdIsWarmWhateverCullingReads) {
   const auto warm = makeEngine();
   const ScenePtr base = room(kFar);
   std::vector<ScenePtr> scenes{base};
-  const std::vector<std::function<void(Material&)>> edits{
-      [](Material& x) { x.coverage.doubleSided = true; }, [](Material& x) { x.bsdf.transmission = 0.5f; }, [](Material& x) { x.bsdf.diffuseTransmission = 0.5f; },
-      [](Material& x) { x.bsdf.transmission = 1.0f; x.bsdf.thickness = 0.5f; }, [](Material& x) { x.bsdf.unlit = true; }};
+  const std::vector<std::function<void(Material&)>> edits{[](Material& x) { x.coverage.doubleSided = true; }, [](Material& x) { x.bsdf.transmission = 0.5f; },
+                                                          [](Material& x) { x.bsdf.diffuseTransmission = 0.5f; },
+                                                          [](Material& x) {
+                                                            x.bsdf.transmission = 1.0f;
+                                                            x.bsdf.thickness = 0.5f;
+                                                          },
+                                                          [](Material& x) { x.bsdf.unlit = true; }};
   for (const auto& edit : edits) {
-    const auto next = editScene(*base, [&](Scene& s) -> Status { edit(s.materials[0]); return {}; });
+    const auto next = editScene(*base, [&](Scene& s) -> Status {
+      edit(s.materials[0]);
+      return {};
+    });
     ASSERT_TRUE(next.ok()) << next.status().toString();
     scenes.push_back(*next);
   }

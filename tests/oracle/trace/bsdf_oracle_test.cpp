@@ -156,7 +156,7 @@ TEST(BsdfOracle, AlbedoTablesAgainstQuadratureOverDirections) {
 
 /// Alpha 1 seen along the normal: D = 1 / pi and G2 = 2 o i / (o + i) leave 1 - ln 2.
 TEST(BsdfOracle, AlbedoOfAlphaOneAlongTheNormal) {
-  EXPECT_NEAR(ReflectionAlbedo(1.0f, 1.0f).at(1.0f).deficit, std::log(2.0) - 0.001, 1e-4);   // the table's margin
+  EXPECT_NEAR(ReflectionAlbedo(1.0f, 1.0f).at(1.0f).deficit, std::log(2.0) - 0.001, 1e-4);  // the table's margin
 }
 
 TEST(BsdfOracle, KernelOfBouncedLightReturnsTheDeficit) {

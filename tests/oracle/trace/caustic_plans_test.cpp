@@ -14,7 +14,8 @@ namespace {
 v1::RenderRequest spheres(int spp = 16) {
   v1::RenderRequest r = smallRequest("spheres", 24, 16, spp);
   for (const char* a : {"lights.lamp.kind=POINT", "lights.lamp.position=0,6,2", "lights.lamp.intensity=200", "integrator.caustic_photons=4000",
-                        "integrator.caustic_radius=0.02", "integrator.max_bounces=5"}) set(r, a);
+                        "integrator.caustic_radius=0.02", "integrator.max_bounces=5"})
+    set(r, a);
   return r;
 }
 

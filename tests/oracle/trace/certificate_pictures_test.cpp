@@ -156,7 +156,7 @@ TEST(CertificateMutations, AReferenceWithoutCausticsIsNoticed) {
   EXPECT_LT(without.certify(blind).rmse_high(), 0.5 * without.error.rmse()) << "what neither has is no error";
 
   Certified with(ballScene(), "ball", 24, 32, {"integrator.caustic_radius=0.01", "integrator.caustic_photons=65536"}, 64, true);
-  const double most = std::sqrt(std::max(with.error.mse, 0.0) + 3 * with.error.standardError);   // nearly exact: the truth cannot tell how nearly
+  const double most = std::sqrt(std::max(with.error.mse, 0.0) + 3 * with.error.standardError);  // nearly exact: the truth cannot tell how nearly
   EXPECT_LT(most, 0.5 * without.error.rmse());
   EXPECT_LT(with.certify().rmse_low(), most);
   EXPECT_GT(with.certify(blind).rmse_low(), most) << "what the picture has is no error";

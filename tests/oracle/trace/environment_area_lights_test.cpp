@@ -60,7 +60,7 @@ TEST(EnvironmentAreaLights, UniformLightIsAmbientOcclusion) {
     set(r, "shadows.ray_traced.samples=16");
     const double error = rms(picture(*engine, r), traced) / mean(traced);
     std::printf("uniform light, %d area lights: RMSE %.4f of the mean\n", n, error);
-    EXPECT_LT(error, n == 10 ? 0.06 : 0.028);   // hard shadows from the centres: 0.092 and 0.040
+    EXPECT_LT(error, n == 10 ? 0.06 : 0.028);  // hard shadows from the centres: 0.092 and 0.040
     EXPECT_LT(error, before);
     before = error;
   }
@@ -136,7 +136,7 @@ TEST(EnvironmentAreaLights, SmoothSurfacesSeeSquares) {
   const EnvironmentPtr without = skyEnvironment(parameters);
   Image only(sky->width, sky->height, 3);
   int texels = 0;
-  for (int y = 0; y < sky->height / 2; ++y)                            // the ground below mirrors the sun's light
+  for (int y = 0; y < sky->height / 2; ++y)  // the ground below mirrors the sun's light
     for (int x = 0; x < sky->width; ++x) {
       const Vec3 difference = sky->texels[size_t(y) * size_t(sky->width) + size_t(x)] - without->texels[size_t(y) * size_t(sky->width) + size_t(x)];
       if (!(maxComponent(difference) > 1.0f)) continue;
@@ -151,7 +151,8 @@ TEST(EnvironmentAreaLights, SmoothSurfacesSeeSquares) {
   const Light square = farSquare(fit.lights[0]);
   const std::vector<float> far = lit(*engine, traced, constantEnvironment(Vec3(0.0f)), &square), near = lit(*engine, squares, sun);
   const double error = rms(shown, truth) / mean(truth), same = rms(near, far) / mean(truth);
-  std::printf("glossy spheres under a sky, 45 area lights: RMSE %.4f of the mean; its sun of %d texels, as the fit has it and as a rectangle: %.4f apart\n", error, texels, same);
+  std::printf("glossy spheres under a sky, 45 area lights: RMSE %.4f of the mean; its sun of %d texels, as the fit has it and as a rectangle: %.4f apart\n",
+              error, texels, same);
   EXPECT_LT(same, 0.04) << "the square is what a rectangle far away is";
   EXPECT_LT(error, 0.1);
 }
@@ -180,7 +181,7 @@ TEST(EnvironmentAreaLights, TurningTheMapChangesThePictureSteadily) {
     tracedBefore = traced;
   }
   std::printf("steps of 2 degrees: change by the truth's change, mean %.3f, worst %.3f\n", ratio, worst);
-  EXPECT_LT(worst, 1.2);   // hard shadows from the centres: 1.43
+  EXPECT_LT(worst, 1.2);  // hard shadows from the centres: 1.43
 }
 
 TEST(EnvironmentAreaLights, BlackMapsAndConflictsAreHandled) {

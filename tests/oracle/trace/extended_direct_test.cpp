@@ -17,7 +17,9 @@ using namespace tests;
 
 constexpr int kSize = 8, kBlocks = 24;
 
-struct Pixel { DVec3 mean{0.0}, error{0.0}; };
+struct Pixel {
+  DVec3 mean{0.0}, error{0.0};
+};
 
 std::vector<Pixel> traced(const Traced& t) {
   const auto tracer = t.tracer();
@@ -48,7 +50,11 @@ std::vector<DVec3> byTerms(const Traced& t) {
   const auto run = [&](const NodePtr& node, std::vector<TermPtr> inputs, const std::vector<int>& lights) {
     const SceneView scene(*t.scene, node->traits().facets, lights);
     RunContext c;
-    c.scene = &scene; c.inputs = std::move(inputs); c.arena = &t.arena; c.accels = &accels; c.counters = &counters;
+    c.scene = &scene;
+    c.inputs = std::move(inputs);
+    c.arena = &t.arena;
+    c.accels = &accels;
+    c.counters = &counters;
     Result<TermPtr> r = node->run(c);
     EXPECT_TRUE(r.ok()) << r.status().toString();
     return *r;
@@ -63,7 +69,8 @@ std::vector<DVec3> byTerms(const Traced& t) {
     s.samples = 1024;
     s.extended = true;
     const TermPtr L = run(makeDirectUnoccludedNode(s), {g, surface}, {int(l)});
-    for (size_t p = 0; p < sum.size(); ++p) for (int c = 0; c < 3; ++c) sum[p][c] += L->floats("L")[3 * p + size_t(c)];
+    for (size_t p = 0; p < sum.size(); ++p)
+      for (int c = 0; c < 3; ++c) sum[p][c] += L->floats("L")[3 * p + size_t(c)];
   }
   return sum;
 }
@@ -72,8 +79,11 @@ class ExtendedDirect : public ::testing::TestWithParam<std::pair<const char*, st
 
 TEST_P(ExtendedDirect, TermsEqualThePathTracerPixelByPixel) {
   SceneMaker m;
-  auto bumps = std::make_shared<Texture>();         // two tilted normals, for maps
-  bumps->name = "bumps"; bumps->width = 2; bumps->height = 1; bumps->nearest = true;
+  auto bumps = std::make_shared<Texture>();  // two tilted normals, for maps
+  bumps->name = "bumps";
+  bumps->width = 2;
+  bumps->height = 1;
+  bumps->nearest = true;
   bumps->texels8 = {150, 128, 250, 255, 128, 100, 250, 255};
   sealTexture(*bumps);
   m.scene.textures.push_back(bumps);
@@ -84,7 +94,11 @@ TEST_P(ExtendedDirect, TermsEqualThePathTracerPixelByPixel) {
   })));
   for (const float side : {1.0f, -1.0f}) {
     LightShape s;
-    s.kind = LightKind::Rect; s.position = Vec3(0.6f, 1.5f * side, -0.8f); s.axis = Vec3(0, -side, 0); s.u = Vec3(0.5f, 0, 0); s.v = Vec3(0, 0, 0.4f);
+    s.kind = LightKind::Rect;
+    s.position = Vec3(0.6f, 1.5f * side, -0.8f);
+    s.axis = Vec3(0, -side, 0);
+    s.u = Vec3(0.5f, 0, 0);
+    s.v = Vec3(0, 0, 0.4f);
     m.light(s, Vec3(4, 5, 6));
     LightShape p;
     p.position = Vec3(-0.8f, side, 0.3f);
@@ -103,9 +117,10 @@ TEST_P(ExtendedDirect, TermsEqualThePathTracerPixelByPixel) {
   for (size_t p = 0; p < truth.size(); ++p)
     for (int c = 0; c < 3; ++c) {
       const double mean = truth[p].mean[c], difference = front[p][c] + behind[p].mean[c] - mean;
-      const double sigma = std::hypot(std::hypot(truth[p].error[c], behind[p].error[c]), 5e-3 * mean + 1e-7);   // the terms' own points: half a percent
+      const double sigma = std::hypot(std::hypot(truth[p].error[c], behind[p].error[c]), 5e-3 * mean + 1e-7);  // the terms' own points: half a percent
       const double z = difference / sigma;
-      EXPECT_LT(std::fabs(z), 6.5) << GetParam().first << " pixel " << p << " channel " << c << ": " << front[p][c] << " + " << behind[p].mean[c] << " for " << mean;
+      EXPECT_LT(std::fabs(z), 6.5) << GetParam().first << " pixel " << p << " channel " << c << ": " << front[p][c] << " + " << behind[p].mean[c] << " for "
+                                   << mean;
       squares += z * z;
       total += mean;
       through += behind[p].mean[c];
@@ -117,23 +132,69 @@ TEST_P(ExtendedDirect, TermsEqualThePathTracerPixelByPixel) {
   else EXPECT_EQ(through, 0.0);
 }
 
-INSTANTIATE_TEST_SUITE_P(Extensions, ExtendedDirect, ::testing::Values(
-    std::pair{"specular_colour", std::function<void(Bsdf&)>([](Bsdf& b) { b.specularColor = Vec3(1.0f, 0.3f, 2.0f); })},
-    std::pair{"clearcoat", std::function<void(Bsdf&)>([](Bsdf& b) { b.clearcoat = 0.8f; b.clearcoatRoughness = 0.4f; b.normal.texture = 0; })},
-    std::pair{"clearcoat_normal", std::function<void(Bsdf&)>([](Bsdf& b) { b.clearcoat = 1; b.clearcoatRoughness = 0.3f; b.clearcoatNormal.texture = 0; })},
-    std::pair{"sheen", std::function<void(Bsdf&)>([](Bsdf& b) { b.sheenColor = Vec3(0.8f, 0.5f, 0.9f); b.sheenRoughness = 0.4f; })},
-    std::pair{"anisotropy", std::function<void(Bsdf&)>([](Bsdf& b) { b.metallic = 1; b.anisotropy = 0.8f; b.anisotropyRotation = 0.6f; })},
-    std::pair{"iridescence", std::function<void(Bsdf&)>([](Bsdf& b) { b.metallic = 0.5f; b.iridescence = 1; })},
-    std::pair{"thin_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.transmission = 0.8f; })},
-    std::pair{"rough_solid_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.transmission = 1; b.thickness = 1; })},
-    std::pair{"dispersive_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.transmission = 1; b.thickness = 1; b.dispersion = 6; })},
-    std::pair{"diffuse_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.diffuseTransmission = 0.6f; b.diffuseTransmissionColor = Vec3(0.9f, 0.2f, 0.5f); })},
-    std::pair{"diffuse_transmission_of_a_volume", std::function<void(Bsdf&)>([](Bsdf& b) { b.diffuseTransmission = 0.6f; b.thickness = 1; })},
-    std::pair{"coat_on_sheen_on_thin_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.transmission = 0.7f; b.clearcoat = 0.5f; b.clearcoatRoughness = 0.5f; b.sheenColor = Vec3(0.3f); b.sheenRoughness = 0.6f; })},
-    std::pair{"steeply_mapped_metal", std::function<void(Bsdf&)>([](Bsdf& b) { b.metallic = 1; b.normal.texture = 0; b.normalScale = 8; })},
-    std::pair{"steeply_mapped_brushed_metal", std::function<void(Bsdf&)>([](Bsdf& b) { b.metallic = 1; b.anisotropy = 0.6f; b.normal.texture = 0; b.normalScale = 8; })},
-    std::pair{"plain", std::function<void(Bsdf&)>([](Bsdf&) {})}),
-    [](const auto& info) { return info.param.first; });
+INSTANTIATE_TEST_SUITE_P(Extensions, ExtendedDirect,
+                         ::testing::Values(std::pair{"specular_colour", std::function<void(Bsdf&)>([](Bsdf& b) { b.specularColor = Vec3(1.0f, 0.3f, 2.0f); })},
+                                           std::pair{"clearcoat", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.clearcoat = 0.8f;
+                                                       b.clearcoatRoughness = 0.4f;
+                                                       b.normal.texture = 0;
+                                                     })},
+                                           std::pair{"clearcoat_normal", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.clearcoat = 1;
+                                                       b.clearcoatRoughness = 0.3f;
+                                                       b.clearcoatNormal.texture = 0;
+                                                     })},
+                                           std::pair{"sheen", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.sheenColor = Vec3(0.8f, 0.5f, 0.9f);
+                                                       b.sheenRoughness = 0.4f;
+                                                     })},
+                                           std::pair{"anisotropy", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.metallic = 1;
+                                                       b.anisotropy = 0.8f;
+                                                       b.anisotropyRotation = 0.6f;
+                                                     })},
+                                           std::pair{"iridescence", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.metallic = 0.5f;
+                                                       b.iridescence = 1;
+                                                     })},
+                                           std::pair{"thin_transmission", std::function<void(Bsdf&)>([](Bsdf& b) { b.transmission = 0.8f; })},
+                                           std::pair{"rough_solid_transmission", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.transmission = 1;
+                                                       b.thickness = 1;
+                                                     })},
+                                           std::pair{"dispersive_transmission", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.transmission = 1;
+                                                       b.thickness = 1;
+                                                       b.dispersion = 6;
+                                                     })},
+                                           std::pair{"diffuse_transmission", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.diffuseTransmission = 0.6f;
+                                                       b.diffuseTransmissionColor = Vec3(0.9f, 0.2f, 0.5f);
+                                                     })},
+                                           std::pair{"diffuse_transmission_of_a_volume", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.diffuseTransmission = 0.6f;
+                                                       b.thickness = 1;
+                                                     })},
+                                           std::pair{"coat_on_sheen_on_thin_transmission", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.transmission = 0.7f;
+                                                       b.clearcoat = 0.5f;
+                                                       b.clearcoatRoughness = 0.5f;
+                                                       b.sheenColor = Vec3(0.3f);
+                                                       b.sheenRoughness = 0.6f;
+                                                     })},
+                                           std::pair{"steeply_mapped_metal", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.metallic = 1;
+                                                       b.normal.texture = 0;
+                                                       b.normalScale = 8;
+                                                     })},
+                                           std::pair{"steeply_mapped_brushed_metal", std::function<void(Bsdf&)>([](Bsdf& b) {
+                                                       b.metallic = 1;
+                                                       b.anisotropy = 0.6f;
+                                                       b.normal.texture = 0;
+                                                       b.normalScale = 8;
+                                                     })},
+                                           std::pair{"plain", std::function<void(Bsdf&)>([](Bsdf&) {})}),
+                         [](const auto& info) { return info.param.first; });
 
 }  // namespace
 }  // namespace gobo

@@ -14,7 +14,10 @@ using namespace tests;
 std::function<void(Material&)> clear(float ior, float thickness, float sigma = 0.0f, float scatter = 0.0f) {
   return [=](Material& x) {
     x.bsdf = {};
-    x.bsdf.transmission = 1; x.bsdf.ior = ior; x.bsdf.roughness = 0; x.bsdf.thickness = thickness;
+    x.bsdf.transmission = 1;
+    x.bsdf.ior = ior;
+    x.bsdf.roughness = 0;
+    x.bsdf.thickness = thickness;
     x.bsdf.attenuationColor = Vec3(std::exp(-sigma));
     x.bsdf.attenuationDistance = sigma > 0.0f ? 1.0f : 0.0f;
     x.bsdf.scatterAlbedo = Vec3(scatter);
@@ -37,7 +40,9 @@ double seen(LightKind kind, bool visible, const std::function<void(SceneMaker&)>
   SceneMaker m;
   add(m);
   m.light(lamp(kind, Vec3(0, 0, -4), Vec3(0, 0, 1), 1.0f), Vec3(1.0f), visible);
-  if (many) for (int k = 0; k < 12; ++k) m.light(lamp(kind, Vec3(float(3 * k), 50, 0), Vec3(0, 0, -1), 0.5f), Vec3(1.0f), visible);   // as many as the boxes are asked for
+  if (many)
+    for (int k = 0; k < 12; ++k)
+      m.light(lamp(kind, Vec3(float(3 * k), 50, 0), Vec3(0, 0, -1), 0.5f), Vec3(1.0f), visible);  // as many as the boxes are asked for
   m.camera(Vec3(0.0f), Vec3(0, 0, -4), 0.2f);
   Traced t(m.finish());
   t.settings.maxBounces = bounces;
@@ -56,7 +61,7 @@ TEST(HiddenLight, StraightWaysHideItAndBentOnesShowIt) {
       SCOPED_TRACE(int(kind) * 10 + many);
       EXPECT_NEAR(seen(kind, true, nothing, many), 1.0, 1e-5);
       EXPECT_EQ(seen(kind, false, nothing, many), 0.0);
-      EXPECT_NEAR(seen(kind, true, pane, many), 0.8 * 0.92, 0.05);   // two faces of 4 % each, or what the thin model makes of them
+      EXPECT_NEAR(seen(kind, true, pane, many), 0.8 * 0.92, 0.05);  // two faces of 4 % each, or what the thin model makes of them
       EXPECT_EQ(seen(kind, false, pane, many), 0.0);
       EXPECT_NEAR(seen(kind, true, air, many), std::exp(-0.7), 0.01);
       EXPECT_EQ(seen(kind, false, air, many), 0.0);
@@ -70,7 +75,11 @@ TEST(HiddenLight, MirrorsShowIt) {
   for (const LightKind kind : kArea)
     for (const bool visible : {false, true}) {
       SceneMaker m;
-      m.instance(m.mesh(quad(Vec3(-3, -3, -2), Vec3(6, 0, 0), Vec3(0, 6, 0)), m.material(Vec3(0.5f), [](Material& x) { x.bsdf.metallic = 1; x.bsdf.roughness = 0; x.bsdf.specular = 1; })));
+      m.instance(m.mesh(quad(Vec3(-3, -3, -2), Vec3(6, 0, 0), Vec3(0, 6, 0)), m.material(Vec3(0.5f), [](Material& x) {
+        x.bsdf.metallic = 1;
+        x.bsdf.roughness = 0;
+        x.bsdf.specular = 1;
+      })));
       m.light(lamp(kind, Vec3(0, 0, 3), Vec3(0, 0, -1), 1.0f), Vec3(1.0f), visible);
       m.camera(Vec3(0.0f), Vec3(0, 0, -4), 0.1f);
       Traced t(m.finish());
@@ -81,7 +90,9 @@ TEST(HiddenLight, MirrorsShowIt) {
 // Through a scattering slab a visible lamp shows itself, weaker by the slab, and its scattered light; a hidden one the latter alone.
 TEST(HiddenLight, FogShowsItsScatteredLight) {
   const double sigma = 1.2;
-  const auto fog = [&](SceneMaker& m) { m.instance(m.mesh(box(Vec3(-2, -2, -2), Vec3(2, 2, -1)), m.material(Vec3(1.0f), clear(1.0f, 1, float(sigma), 0.8f)))); };
+  const auto fog = [&](SceneMaker& m) {
+    m.instance(m.mesh(box(Vec3(-2, -2, -2), Vec3(2, 2, -1)), m.material(Vec3(1.0f), clear(1.0f, 1, float(sigma), 0.8f))));
+  };
   for (const LightKind kind : kArea) {
     const double hidden = seen(kind, false, fog), visible = seen(kind, true, fog);
     EXPECT_GT(hidden, 0.02);
@@ -138,7 +149,7 @@ TEST(HiddenLight, CertificatesKnowWhatItLights) {
       } else {
         m.instance(m.mesh(sphere(Vec3(0.0f), 1.0f, 12, false), m.material(Vec3(1.0f), clear(1.3f, 1, 2.0f, 0.9f))));
         m.light(lamp(LightKind::Sphere, Vec3(0, 3, 3), Vec3(0, -1, 0), 1.0f), Vec3(3.0f), visible);
-        m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.4f);                  // the lamp is out of the picture
+        m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.4f);  // the lamp is out of the picture
       }
       scenes[visible] = m.finish();
     }

@@ -19,18 +19,21 @@ constexpr float kLampSize = 0.45f;
 /// What stands between lamp and floor: the geometry, and the passages that direct light must take.
 struct Barrier {
   const char* name;
-  Passage passage;                 ///< of light from the lamp to the floor; Open too where some has another way
-  bool scatters = false;           ///< there are receivers inside a volume
-  bool alsoSpecular = false;       ///< a second class beside `passage`: named, but little or none of the light
-  bool around = false;             ///< encloses lamps that have a place
-  int effort = 1;                  ///< samples, relative to an empty stage
-  std::function<int(SceneMaker&)> build = [](SceneMaker&) { return -1; };   ///< returns the material around such lamps
+  Passage passage;                                                         ///< of light from the lamp to the floor; Open too where some has another way
+  bool scatters = false;                                                   ///< there are receivers inside a volume
+  bool alsoSpecular = false;                                               ///< a second class beside `passage`: named, but little or none of the light
+  bool around = false;                                                     ///< encloses lamps that have a place
+  int effort = 1;                                                          ///< samples, relative to an empty stage
+  std::function<int(SceneMaker&)> build = [](SceneMaker&) { return -1; };  ///< returns the material around such lamps
 };
 
 std::function<void(Material&)> clear(float ior, float roughness, float thickness, const std::function<void(Bsdf&)>& change = {}) {
   return [=](Material& x) {
     x.bsdf = {};
-    x.bsdf.transmission = 1; x.bsdf.ior = ior; x.bsdf.roughness = roughness; x.bsdf.thickness = thickness;
+    x.bsdf.transmission = 1;
+    x.bsdf.ior = ior;
+    x.bsdf.roughness = roughness;
+    x.bsdf.thickness = thickness;
     if (change) change(x.bsdf);
   };
 }
@@ -54,22 +57,34 @@ int block(SceneMaker& m, const std::function<void(Material&)>& material) {
 
 const Barrier kBarriers[] = {
     {"nothing", Passage::Open},
-    {"thin_glass", Passage::Pane, false, true, false, 2, [](SceneMaker& m) {
+    {"thin_glass", Passage::Pane, false, true, false, 2,
+     [](SceneMaker& m) {
        m.instance(m.mesh(quad(Vec3(-1.1f, 0.9f, 2.0f), Vec3(2.2f, 0, 0), Vec3(0, 0, -3.1f)), m.material(Vec3(0.8f), clear(1.5f, 0.0f, 0.0f))));
-       return -1; }},
+       return -1;
+     }},
     {"solid_glass", Passage::Specular, false, false, false, 2, [](SceneMaker& m) { return slab(m, filled(1.5f, 0.0f, 0.8f, 0.2f, 0.0f)); }},
     {"index_one", Passage::Boundary, false, false, false, 2, [](SceneMaker& m) { return slab(m, filled(1.0f, 0.0f, 0.6f, 0.2f, 0.0f)); }},
-    {"thin_index_one", Passage::Pane, false, false, false, 2, [](SceneMaker& m) {
+    {"thin_index_one", Passage::Pane, false, false, false, 2,
+     [](SceneMaker& m) {
        m.instance(m.mesh(quad(Vec3(-1.1f, 0.9f, 2.0f), Vec3(2.2f, 0, 0), Vec3(0, 0, -3.1f)), m.material(Vec3(0.7f), clear(1.0f, 0.3f, 0.0f))));
-       return -1; }},
-    {"mirror", Passage::Specular, false, false, false, 3, [](SceneMaker& m) {
-       m.instance(m.mesh(quad(Vec3(-1.0f, 0, -1.0f), Vec3(2.0f, 0, 0), Vec3(0, 1.6f, 0)), m.material(Vec3(0.9f), [](Material& x) { x.bsdf.metallic = 1; x.bsdf.roughness = 0; x.bsdf.specular = 1; })));
-       m.instance(m.mesh(quad(Vec3(-1.1f, 0.9f, 2.0f), Vec3(2.2f, 0, 0), Vec3(0, 0, -2.6f)), m.material(Vec3(0.0f))));   // the direct way is closed
-       return -1; }},
+       return -1;
+     }},
+    {"mirror", Passage::Specular, false, false, false, 3,
+     [](SceneMaker& m) {
+       m.instance(m.mesh(quad(Vec3(-1.0f, 0, -1.0f), Vec3(2.0f, 0, 0), Vec3(0, 1.6f, 0)), m.material(Vec3(0.9f), [](Material& x) {
+         x.bsdf.metallic = 1;
+         x.bsdf.roughness = 0;
+         x.bsdf.specular = 1;
+       })));
+       m.instance(m.mesh(quad(Vec3(-1.1f, 0.9f, 2.0f), Vec3(2.2f, 0, 0), Vec3(0, 0, -2.6f)), m.material(Vec3(0.0f))));  // the direct way is closed
+       return -1;
+     }},
     {"rough_glass", Passage::Open, false, false, false, 3, [](SceneMaker& m) { return slab(m, filled(1.5f, 0.8f, 0.8f, 0.2f, 0.0f)); }},
-    {"rough_thin_glass", Passage::Open, false, false, false, 2, [](SceneMaker& m) {
+    {"rough_thin_glass", Passage::Open, false, false, false, 2,
+     [](SceneMaker& m) {
        m.instance(m.mesh(quad(Vec3(-1.1f, 0.9f, 2.0f), Vec3(2.2f, 0, 0), Vec3(0, 0, -3.1f)), m.material(Vec3(0.8f), clear(1.5f, 0.5f, 0.0f))));
-       return -1; }},
+       return -1;
+     }},
     {"fog", Passage::Boundary, true, false, false, 2, [](SceneMaker& m) { return slab(m, filled(1.0f, 1.0f, 0.25f, 0.2f, 0.8f)); }},
     {"milk", Passage::Specular, true, false, false, 3, [](SceneMaker& m) { return slab(m, filled(1.4f, 0.0f, 0.25f, 0.2f, 0.8f)); }},
     {"rough_milk", Passage::Open, true, false, false, 4, [](SceneMaker& m) { return slab(m, filled(1.4f, 0.8f, 0.25f, 0.2f, 0.8f)); }},
@@ -78,8 +93,12 @@ const Barrier kBarriers[] = {
     {"normal_map", Passage::Open},
 };
 
-constexpr LightKind kKinds[] = {LightKind::Point, LightKind::Spot, LightKind::Directional, LightKind::Rect, LightKind::Disk, LightKind::Sphere, LightKind::Mesh, LightKind::Environment};
-const char* nameOf(LightKind k) { static const char* const names[] = {"point", "spot", "directional", "rect", "disk", "sphere", "mesh", "environment"}; return names[size_t(k)]; }
+constexpr LightKind kKinds[] = {LightKind::Point, LightKind::Spot,   LightKind::Directional, LightKind::Rect,
+                                LightKind::Disk,  LightKind::Sphere, LightKind::Mesh,        LightKind::Environment};
+const char* nameOf(LightKind k) {
+  static const char* const names[] = {"point", "spot", "directional", "rect", "disk", "sphere", "mesh", "environment"};
+  return names[size_t(k)];
+}
 bool hasPlace(LightKind k) { return k != LightKind::Directional && k != LightKind::Environment; }
 bool canHide(LightKind k) { return k == LightKind::Rect || k == LightKind::Disk || k == LightKind::Sphere; }
 
@@ -97,11 +116,17 @@ void addLamp(SceneMaker& m, LightKind kind, bool visible = true) {
     s.cosOuter = 0.4f;
     s.cosInner = 0.6f;
   }
-  if (kind == LightKind::Environment) { m.environment(constantEnvironment(Vec3(1.0f))); return; }
+  if (kind == LightKind::Environment) {
+    m.environment(constantEnvironment(Vec3(1.0f)));
+    return;
+  }
   if (kind == LightKind::Mesh) {
-    m.instance(m.mesh(quad(kLampAt + Vec3(-kLampSize, 0, -kLampSize), Vec3(2 * kLampSize, 0, 0), Vec3(0, 0, 2 * kLampSize)),
-                      m.material(Vec3(0.0f), [](Material& x) { x.emission.radiance = Vec3(1.0f); x.coverage.doubleSided = false; })));
-    return;                                                          // seal() makes the light
+    m.instance(
+        m.mesh(quad(kLampAt + Vec3(-kLampSize, 0, -kLampSize), Vec3(2 * kLampSize, 0, 0), Vec3(0, 0, 2 * kLampSize)), m.material(Vec3(0.0f), [](Material& x) {
+          x.emission.radiance = Vec3(1.0f);
+          x.coverage.doubleSided = false;
+        })));
+    return;  // seal() makes the light
   }
   m.light(s, Vec3(1.0f), visible);
 }
@@ -111,7 +136,7 @@ struct Stage {
   static constexpr int kWidth = 12, kHeight = 4;
   std::unique_ptr<Traced> traced;
   LightReceiver floor;
-  int around = -1;                 ///< material around a lamp with a place
+  int around = -1;  ///< material around a lamp with a place
 
   Stage(const Barrier& barrier, LightKind kind, bool visible = true) {
     SceneMaker m;
@@ -157,7 +182,7 @@ TEST_P(Reach, PathTracingAgreesWithLightTracingOrTheClassIsNamed) {
   for (const LightKind kind : kKinds) {
     SCOPED_TRACE(nameOf(kind));
     const Stage stage(barrier, kind);
-    const int spread = kind == LightKind::Sphere || kind == LightKind::Environment ? 2 : 1;   // most of their particles go elsewhere
+    const int spread = kind == LightKind::Sphere || kind == LightKind::Environment ? 2 : 1;  // most of their particles go elsewhere
     const Estimate truth = stage.forwards(kind, 512 * spread * (barrier.effort > 2 ? 4 : 2)), picture = measure(*stage.traced, 8 * barrier.effort)[0];
     const double t = truth.mean.x, p = picture.mean.x, error = std::hypot(truth.error.x, picture.error.x);
     const std::vector<std::string> missing = classesNotCovered(*stage.traced->scene);
@@ -199,7 +224,7 @@ TEST_P(Reach, PhotonsBringWhatIsLeftToThem) {
     s.path = stage.traced->settings;
     s.path.blockSize = 2;
     s.photons = 100000;
-    s.radius = 0.05f;                                                // the floor goes on for three times as much around what is seen
+    s.radius = 0.05f;  // the floor goes on for three times as much around what is seen
     const auto caustics = CausticTracer::create(stage.traced->view(), stage.traced->accel, s);
     uint64_t count = 0, dropped = 0;
     const auto map = caustics->emitPass(0, stage.traced->arena, count, {});

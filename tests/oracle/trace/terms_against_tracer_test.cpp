@@ -10,7 +10,9 @@
 namespace gobo::testing {
 namespace {
 
-struct Mean { double value = 0, error = 0; };
+struct Mean {
+  double value = 0, error = 0;
+};
 
 double pictureMean(const Image& image) {
   double sum = 0;
@@ -52,10 +54,13 @@ void expectSameDirect(const std::string& scene, const std::vector<std::string>& 
 }
 
 const std::vector<std::string> kPoint{"lights.test.kind=POINT", "lights.test.position=0.3,1.5,0.4", "lights.test.intensity=2"};
-const std::vector<std::string> kSpot{"lights.test.kind=SPOT", "lights.test.position=0.3,1.7,0.4", "lights.test.direction=-0.2,-1,-0.1", "lights.test.outer_deg=45", "lights.test.intensity=3"};
+const std::vector<std::string> kSpot{"lights.test.kind=SPOT", "lights.test.position=0.3,1.7,0.4", "lights.test.direction=-0.2,-1,-0.1",
+                                     "lights.test.outer_deg=45", "lights.test.intensity=3"};
 const std::vector<std::string> kSun{"lights.test.kind=DIRECTIONAL", "lights.test.direction=-0.3,-0.4,-1", "lights.test.intensity=2"};
-const std::vector<std::string> kRect{"lights.test.kind=RECT", "lights.test.position=0.2,1.6,0.2", "lights.test.direction=0,-1,0", "lights.test.width=0.3", "lights.test.height=0.2", "lights.test.intensity=20"};
-const std::vector<std::string> kDisk{"lights.test.kind=DISK", "lights.test.position=0.2,1.6,0.2", "lights.test.direction=0,-1,0.1", "lights.test.radius=0.2", "lights.test.intensity=20"};
+const std::vector<std::string> kRect{"lights.test.kind=RECT", "lights.test.position=0.2,1.6,0.2", "lights.test.direction=0,-1,0",
+                                     "lights.test.width=0.3", "lights.test.height=0.2",           "lights.test.intensity=20"};
+const std::vector<std::string> kDisk{"lights.test.kind=DISK", "lights.test.position=0.2,1.6,0.2", "lights.test.direction=0,-1,0.1", "lights.test.radius=0.2",
+                                     "lights.test.intensity=20"};
 const std::vector<std::string> kSphere{"lights.test.kind=SPHERE", "lights.test.position=0.2,1.4,0.3", "lights.test.radius=0.12", "lights.test.intensity=15"};
 
 TEST(TermsAgainstTracer, PunctualLightsOnLambert) {

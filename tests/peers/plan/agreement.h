@@ -21,16 +21,16 @@
 namespace gobo::testing {
 
 struct Agreement {
-  std::array<double, 3> ratio{};       ///< mean of ours / mean of the peer's
-  std::array<double, 3> ratioError{};  ///< one standard error of it
-  size_t pixels = 0, tiles = 0;        ///< compared (not masked out)
-  size_t badPixels = 0, badTiles = 0;  ///< with a channel beyond the corrected limit
+  std::array<double, 3> ratio{};         ///< mean of ours / mean of the peer's
+  std::array<double, 3> ratioError{};    ///< one standard error of it
+  size_t pixels = 0, tiles = 0;          ///< compared (not masked out)
+  size_t badPixels = 0, badTiles = 0;    ///< with a channel beyond the corrected limit
   double worstPixel = 0, worstTile = 0;  ///< largest |z|
   double pixelLimit = 0, tileLimit = 0;
-  double zz = 0;                       ///< mean of z^2 over pixels and channels that have noise: 1 where all difference is noise
-  double tileZz = 0;                   ///< the same over tiles
-  double unexplained = 0;              ///< RMS of what noise does not explain / RMS of the peer's picture
-  std::vector<uint8_t> bad;            ///< per pixel: 1 beyond the limit
+  double zz = 0;             ///< mean of z^2 over pixels and channels that have noise: 1 where all difference is noise
+  double tileZz = 0;         ///< the same over tiles
+  double unexplained = 0;    ///< RMS of what noise does not explain / RMS of the peer's picture
+  std::vector<uint8_t> bad;  ///< per pixel: 1 beyond the limit
 };
 
 /// z with P(|N(0,1)| > z) = `probability`, by bisection of erfc; 0 < probability < 1.
@@ -56,7 +56,7 @@ inline Agreement compareWithPeer(const std::vector<Image>& ours, const Image& pe
   const int w = peer.width, h = peer.height, K = int(ours.size());
   const size_t n = size_t(w) * h;
   out.bad.assign(n, 0);
-  std::vector<double> mean(3 * n), variance(3 * n);                    // variance of the mean of the K
+  std::vector<double> mean(3 * n), variance(3 * n);  // variance of the mean of the K
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x)
       for (int c = 0; c < 3; ++c) {
@@ -76,7 +76,9 @@ inline Agreement compareWithPeer(const std::vector<Image>& ours, const Image& pe
         ++out.pixels;
         for (int c = 0; c < 3; ++c) {
           const size_t k = 3 * (size_t(y) * w + x) + c;
-          sumOurs[c] += mean[k]; sumPeer[c] += peer.at(x, y)[c]; sumVariance[c] += variance[k] * (1 + sampleRatio);
+          sumOurs[c] += mean[k];
+          sumPeer[c] += peer.at(x, y)[c];
+          sumVariance[c] += variance[k] * (1 + sampleRatio);
         }
       }
   double average = 0;
@@ -124,7 +126,9 @@ inline Agreement compareWithPeer(const std::vector<Image>& ours, const Image& pe
           for (int x = tx; x < std::min(w, tx + kTile); ++x)
             if (compared(x, y)) {
               const size_t k = 3 * (size_t(y) * w + x) + c;
-              d += mean[k] - peer.at(x, y)[c]; s += variance[k] * (1 + sampleRatio); p += peer.at(x, y)[c];
+              d += mean[k] - peer.at(x, y)[c];
+              s += variance[k] * (1 + sampleRatio);
+              p += peer.at(x, y)[c];
               ++count;
             }
         if (count == 0) continue;
@@ -145,8 +149,8 @@ inline std::string describe(const Agreement& a) {
   std::snprintf(text, sizeof text,
                 "mean ratio %.5f %.5f %.5f (se %.5f %.5f %.5f), pixels beyond %.2f sigma: %zu of %zu (worst %.1f), tiles beyond %.2f: %zu of "
                 "%zu (worst %.1f), mean z^2 of pixels %.3f, of tiles %.3f, unexplained RMS %.4f %%",
-                a.ratio[0], a.ratio[1], a.ratio[2], a.ratioError[0], a.ratioError[1], a.ratioError[2], a.pixelLimit, a.badPixels, a.pixels,
-                a.worstPixel, a.tileLimit, a.badTiles, a.tiles, a.worstTile, a.zz, a.tileZz, 100 * a.unexplained);
+                a.ratio[0], a.ratio[1], a.ratio[2], a.ratioError[0], a.ratioError[1], a.ratioError[2], a.pixelLimit, a.badPixels, a.pixels, a.worstPixel,
+                a.tileLimit, a.badTiles, a.tiles, a.worstTile, a.zz, a.tileZz, 100 * a.unexplained);
   return text;
 }
 

@@ -23,12 +23,14 @@ namespace gobo::testing {
 namespace {
 
 const std::string kData = "../shared/data/";
-constexpr int kSeeds = 8, kSamples = 16;             // per seed: one block
+constexpr int kSeeds = 8, kSamples = 16;  // per seed: one block
 
 struct Peer {
-  const char* scene; const char* camera; const char* reference;
-  int samples;                                       // of the reference
-  int bounces;                                       // Cycles' max_bounces = scattering events after the first = ours
+  const char* scene;
+  const char* camera;
+  const char* reference;
+  int samples;  // of the reference
+  int bounces;  // Cycles' max_bounces = scattering events after the first = ours
   std::vector<std::string> settings;
   bool singleSidedLamp = false;
 };
@@ -51,11 +53,17 @@ v1::RenderRequest requestFor(const Peer& p, int seed, int spp = kSamples) {
 // taken out, we must agree. The JSON chunk keeps its length: what is taken out becomes spaces.
 std::string withSingleSidedLamp(const std::string& glb) {
   const auto bytes = readFile(glb);
-  if (!bytes.ok()) { ADD_FAILURE() << bytes.status().toString(); return {}; }
+  if (!bytes.ok()) {
+    ADD_FAILURE() << bytes.status().toString();
+    return {};
+  }
   std::string text(bytes->begin(), bytes->end());
   const std::string key = "\"doubleSided\":true,";
   const size_t lamp = text.find("\"name\":\"lamp\",\"pbrMetallicRoughness\""), at = text.rfind(key, lamp);
-  if (lamp == std::string::npos || at == std::string::npos) { ADD_FAILURE() << "no double-sided lamp in " << glb; return {}; }
+  if (lamp == std::string::npos || at == std::string::npos) {
+    ADD_FAILURE() << "no double-sided lamp in " << glb;
+    return {};
+  }
   text.replace(at, key.size(), key.size(), ' ');
   const std::string out = ::testing::TempDir() + "gobo_peers_single_sided.glb";
   EXPECT_TRUE(writeFileAtomic(out, text.data(), text.size()).ok());
@@ -81,7 +89,9 @@ std::vector<Image> renderSeeds(Engine& engine, const Peer& p, int seeds = kSeeds
   return out;
 }
 
-bool present(const Peer& p) { return std::filesystem::exists(kData + "derived/reference/" + p.reference) && std::filesystem::exists(kData + "derived/" + p.scene + ".glb"); }
+bool present(const Peer& p) {
+  return std::filesystem::exists(kData + "derived/reference/" + p.reference) && std::filesystem::exists(kData + "derived/" + p.scene + ".glb");
+}
 
 #define NEEDS(peer) \
   if (!present(peer)) GTEST_SKIP() << "needs " << kData << "derived/" << (peer).scene << ".glb and reference/" << (peer).reference
@@ -106,10 +116,16 @@ Image plane(Engine& engine, const Peer& p, const std::string& output) {
   return result.images.empty() ? Image() : result.images[0].image();
 }
 
-struct Pictures { std::vector<Image> ours; Image theirs; };
+struct Pictures {
+  std::vector<Image> ours;
+  Image theirs;
+};
 
 Agreement agreementOf(const Peer& p, const Pictures& pictures, const std::vector<uint8_t>& skip = {}) {
-  if (pictures.ours.size() != kSeeds || pictures.theirs.width != 320 || pictures.theirs.height != 240) { ADD_FAILURE() << "no pictures"; return {}; }
+  if (pictures.ours.size() != kSeeds || pictures.theirs.width != 320 || pictures.theirs.height != 240) {
+    ADD_FAILURE() << "no pictures";
+    return {};
+  }
   const Agreement a = compareWithPeer(pictures.ours, pictures.theirs, double(kSeeds) * kSamples / p.samples, 2e-3, skip);
   std::printf("%s: %s\n", p.reference, describe(a).c_str());
   return a;
@@ -137,7 +153,7 @@ TEST(Cycles, CornellDragonDirect) {
   EXPECT_GT(a.pixels, 65000u);
   expectMeans(a, 0.001);
   EXPECT_LE(a.badPixels, 60u);
-  EXPECT_LE(a.badTiles, 12u);                                             // all on the dragon
+  EXPECT_LE(a.badTiles, 12u);  // all on the dragon
 }
 
 // Irradiance of the back wall (z = -1) from the lamp by quadrature over the lamp and over the pixel, against both renderers.
@@ -248,13 +264,16 @@ struct Synthetic {
   Image peer{64, 64, 3};
   Synthetic() {
     uint64_t state = 12345;
-    const auto uniform = [&] { state = state * 6364136223846793005ull + 1442695040888963407ull; return double(state >> 11) / 9007199254740992.0; };
+    const auto uniform = [&] {
+      state = state * 6364136223846793005ull + 1442695040888963407ull;
+      return double(state >> 11) / 9007199254740992.0;
+    };
     const auto normal = [&] { return std::sqrt(-2 * std::log(1 - uniform())) * std::cos(6.283185307179586 * uniform()); };
     for (int k = 0; k < 8; ++k) ours.emplace_back(64, 64, 3);
     for (size_t i = 0; i < peer.data.size(); ++i) {
       const double truth = 0.2 + 0.8 * double(i % 192) / 192;
       for (Image& o : ours) o.data[i] = float(truth * (1 + 0.2 * normal()));
-      peer.data[i] = float(truth * (1 + 0.2 / std::sqrt(8.0) * 0.25 * normal()));       // 16 times our samples
+      peer.data[i] = float(truth * (1 + 0.2 / std::sqrt(8.0) * 0.25 * normal()));  // 16 times our samples
     }
   }
   Agreement compare() const { return compareWithPeer(ours, peer, 1.0 / 16, 1e-4); }

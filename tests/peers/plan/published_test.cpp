@@ -27,29 +27,39 @@ namespace fs = std::filesystem;
 const std::string kScenes = "../shared/data/scenes/";
 
 struct Case {
-  const char* name; const char* converter; std::string scene, reference;
+  const char* name;
+  const char* converter;
+  std::string scene, reference;
   int seeds = 8, spp = 16;
-  int block = 1;                 // pixels of the reference per compared pixel, along each axis
-  double samples = 1e9;          // of the reference
-  bool exact = false;            // near surfaces are masked too
-  int width = 0, height = 0;     // of our picture; 0: as the scene says
-  bool pixelTest = true;         // false: the reference's own noise, which we do not know, is larger than ours; tiles tell
+  int block = 1;              // pixels of the reference per compared pixel, along each axis
+  double samples = 1e9;       // of the reference
+  bool exact = false;         // near surfaces are masked too
+  int width = 0, height = 0;  // of our picture; 0: as the scene says
+  bool pixelTest = true;      // false: the reference's own noise, which we do not know, is larger than ours; tiles tell
 };
 
 const Case kCases[] = {
-  {"cbox", "ignis", "ignis-evaluation/evaluation/cbox-d6.json", "ignis-evaluation/evaluation/references/ref-cbox-d6-4096.exr", 8, 16, 1, 4096},
-  {"plane", "ignis", "ignis-evaluation/evaluation/plane-d6.json", "ignis-evaluation/evaluation/references/ref-plane-d6-4096.exr", 8, 16, 1, 4096, false, 0, 0, false},
-  {"point", "ignis", "ignis-evaluation/evaluation/point.json", "ignis-evaluation/evaluation/references/ref-point-4096.exr", 8, 16, 1, 4096},
-  {"emissive plane", "ignis", "ignis-evaluation/evaluation/emissive-plane.json", "ignis-evaluation/evaluation/references/ref-emissive-plane-4096.exr", 8, 16, 1, 4096},
-  {"sphere light", "ignis", "ignis-evaluation/evaluation/sphere-light-pure.json", "ignis-evaluation/evaluation/references/ref-sphere-light-4096.exr", 8, 16, 1, 4096, false, 0, 0, false},
-  {"floating sphere", "mitsuba", "mitsuba-data/tests/scenes/floating_sphere/test_directional_direct.xml", "mitsuba-data/tests/scenes/floating_sphere/refs/test_directional_ref_rgb.exr", 8, 64, 1, 32000},
-  {"spheres, constant", "mitsuba", "mitsuba-data/tests/scenes/bsdf_spheres/test_constant_path.xml", "mitsuba-data/tests/scenes/bsdf_spheres/refs/test_constant_ref_rgb.exr", 8, 64, 1, 32000, true},
-  {"spheres, map", "mitsuba", "mitsuba-data/tests/scenes/bsdf_spheres/test_envmap_path.xml", "mitsuba-data/tests/scenes/bsdf_spheres/refs/test_envmap_ref_rgb.exr", 8, 64, 1, 32000, true},
-  {"spheres, point", "mitsuba", "mitsuba-data/tests/scenes/bsdf_spheres/test_pointlight_path.xml", "mitsuba-data/tests/scenes/bsdf_spheres/refs/test_pointlight_ref_rgb.exr", 8, 64, 1, 32000, true},
-  {"texture wrap and filter", "mitsuba", "mitsuba-data/tests/scenes/texture_interp/test_texture_interp_direct.xml", "mitsuba-data/tests/scenes/texture_interp/refs/test_texture_interp_ref_rgb.exr", 4, 64, 16, 32000},
-  {"cornell-box", "mitsuba", "bitterli/cornell-box/scene.xml", "bitterli/cornell-box/TungstenRender.exr", 8, 16, 8, 1e9, false, 128, 128},
-  {"veach-mis", "mitsuba", "bitterli/veach-mis/scene.xml", "bitterli/veach-mis/TungstenRender.exr", 4, 16, 8, 1e9, false, 160, 90},
-  {"staircase2", "mitsuba", "bitterli/staircase2/scene.xml", "bitterli/staircase2/TungstenRender.exr", 2, 32, 8, 1e9, false, 128, 128},
+    {"cbox", "ignis", "ignis-evaluation/evaluation/cbox-d6.json", "ignis-evaluation/evaluation/references/ref-cbox-d6-4096.exr", 8, 16, 1, 4096},
+    {"plane", "ignis", "ignis-evaluation/evaluation/plane-d6.json", "ignis-evaluation/evaluation/references/ref-plane-d6-4096.exr", 8, 16, 1, 4096, false, 0, 0,
+     false},
+    {"point", "ignis", "ignis-evaluation/evaluation/point.json", "ignis-evaluation/evaluation/references/ref-point-4096.exr", 8, 16, 1, 4096},
+    {"emissive plane", "ignis", "ignis-evaluation/evaluation/emissive-plane.json", "ignis-evaluation/evaluation/references/ref-emissive-plane-4096.exr", 8, 16,
+     1, 4096},
+    {"sphere light", "ignis", "ignis-evaluation/evaluation/sphere-light-pure.json", "ignis-evaluation/evaluation/references/ref-sphere-light-4096.exr", 8, 16,
+     1, 4096, false, 0, 0, false},
+    {"floating sphere", "mitsuba", "mitsuba-data/tests/scenes/floating_sphere/test_directional_direct.xml",
+     "mitsuba-data/tests/scenes/floating_sphere/refs/test_directional_ref_rgb.exr", 8, 64, 1, 32000},
+    {"spheres, constant", "mitsuba", "mitsuba-data/tests/scenes/bsdf_spheres/test_constant_path.xml",
+     "mitsuba-data/tests/scenes/bsdf_spheres/refs/test_constant_ref_rgb.exr", 8, 64, 1, 32000, true},
+    {"spheres, map", "mitsuba", "mitsuba-data/tests/scenes/bsdf_spheres/test_envmap_path.xml",
+     "mitsuba-data/tests/scenes/bsdf_spheres/refs/test_envmap_ref_rgb.exr", 8, 64, 1, 32000, true},
+    {"spheres, point", "mitsuba", "mitsuba-data/tests/scenes/bsdf_spheres/test_pointlight_path.xml",
+     "mitsuba-data/tests/scenes/bsdf_spheres/refs/test_pointlight_ref_rgb.exr", 8, 64, 1, 32000, true},
+    {"texture wrap and filter", "mitsuba", "mitsuba-data/tests/scenes/texture_interp/test_texture_interp_direct.xml",
+     "mitsuba-data/tests/scenes/texture_interp/refs/test_texture_interp_ref_rgb.exr", 4, 64, 16, 32000},
+    {"cornell-box", "mitsuba", "bitterli/cornell-box/scene.xml", "bitterli/cornell-box/TungstenRender.exr", 8, 16, 8, 1e9, false, 128, 128},
+    {"veach-mis", "mitsuba", "bitterli/veach-mis/scene.xml", "bitterli/veach-mis/TungstenRender.exr", 4, 16, 8, 1e9, false, 160, 90},
+    {"staircase2", "mitsuba", "bitterli/staircase2/scene.xml", "bitterli/staircase2/TungstenRender.exr", 2, 32, 8, 1e9, false, 128, 128},
 };
 
 bool present(const Case& c) { return fs::exists(kScenes + c.scene) && fs::exists(kScenes + c.reference); }
@@ -58,8 +68,8 @@ bool present(const Case& c) { return fs::exists(kScenes + c.scene) && fs::exists
 std::vector<std::string> convert(const Case& c, const std::string& glb) {
   const std::string fields = glb + ".txt", quoted = "'" + fs::absolute(kScenes + c.scene).string() + "'";
   const std::string command = "/usr/bin/python3 tests/peers/convert/" + std::string(c.converter) + ".py " + quoted + " '" + glb + "'" +
-                              (c.exact ? " --exact" : "") +
-                              (c.width ? " --size=" + std::to_string(c.width) + "x" + std::to_string(c.height) : "") + " >'" + fields + "' 2>/dev/null";
+                              (c.exact ? " --exact" : "") + (c.width ? " --size=" + std::to_string(c.width) + "x" + std::to_string(c.height) : "") + " >'" +
+                              fields + "' 2>/dev/null";
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
   std::vector<std::string> out;
   std::ifstream in(fields);
@@ -71,34 +81,49 @@ std::vector<std::string> convert(const Case& c, const std::string& glb) {
 Image blocks(const Image& image, int b) {
   if (b == 1) return image;
   Image out;
-  out.width = image.width / b; out.height = image.height / b; out.channels = 3;
+  out.width = image.width / b;
+  out.height = image.height / b;
+  out.channels = 3;
   out.data.assign(size_t(out.width) * out.height * 3, 0.0f);
   for (int y = 0; y < out.height; ++y)
     for (int x = 0; x < out.width; ++x)
       for (int k = 0; k < 3; ++k) {
         double sum = 0;
-        for (int v = 0; v < b; ++v) for (int u = 0; u < b; ++u) sum += image.at(x * b + u, y * b + v)[k];
+        for (int v = 0; v < b; ++v)
+          for (int u = 0; u < b; ++u) sum += image.at(x * b + u, y * b + v)[k];
         out.data[(size_t(y) * out.width + x) * 3 + k] = float(sum / (b * b));
       }
   return out;
 }
 
-struct Compared { Agreement agreement; std::vector<Image> ours; Image theirs; std::vector<uint8_t> skip; };
+struct Compared {
+  Agreement agreement;
+  std::vector<Image> ours;
+  Image theirs;
+  std::vector<uint8_t> skip;
+};
 
 Compared compare(const Case& c, bool skipBackground = false) {
   Compared out;
   std::string file(c.name);
-  for (char& k : file) if (!std::isalnum(uint8_t(k))) k = '_';
+  for (char& k : file)
+    if (!std::isalnum(uint8_t(k))) k = '_';
   const std::string glb = ::testing::TempDir() + "gobo_published_" + file + ".glb";
   const std::vector<std::string> fields = convert(c, glb);
   auto engine = makeEngine();
   const auto info = engine->openScene(glb, "peer");
-  if (!info.ok()) { ADD_FAILURE() << info.status().toString(); return out; }
+  if (!info.ok()) {
+    ADD_FAILURE() << info.status().toString();
+    return out;
+  }
   const auto request = [&](int seed, int spp) {
     v1::RenderRequest r;
     r.set_scene("peer");
     for (const std::string& f : fields) set(r, f);
-    if (c.width) { r.set_width(uint32_t(c.width)); r.set_height(uint32_t(c.height)); }
+    if (c.width) {
+      r.set_width(uint32_t(c.width));
+      r.set_height(uint32_t(c.height));
+    }
     r.set_seed(uint64_t(seed));
     r.mutable_halt()->set_spp(uint32_t(spp));
     return r;
@@ -110,10 +135,14 @@ Compared compare(const Case& c, bool skipBackground = false) {
     out.ours.push_back(blocks(r.images[0].image(), ourBlock));
   }
   auto theirs = readImage(kScenes + c.reference);
-  if (!theirs.ok()) { ADD_FAILURE() << theirs.status().toString(); return out; }
+  if (!theirs.ok()) {
+    ADD_FAILURE() << theirs.status().toString();
+    return out;
+  }
   out.theirs = blocks(*theirs, c.block);
   if (out.theirs.width != out.ours[0].width || out.theirs.height != out.ours[0].height) {
-    ADD_FAILURE() << c.name << ": ours is " << out.ours[0].width << "x" << out.ours[0].height << ", the reference " << out.theirs.width << "x" << out.theirs.height;
+    ADD_FAILURE() << c.name << ": ours is " << out.ours[0].width << "x" << out.ours[0].height << ", the reference " << out.theirs.width << "x"
+                  << out.theirs.height;
     out.ours.clear();
     return out;
   }
@@ -144,7 +173,8 @@ Compared compare(const Case& c, bool skipBackground = false) {
 }
 
 const Case& caseOf(const std::string& name) {
-  for (const Case& c : kCases) if (name == c.name) return c;
+  for (const Case& c : kCases)
+    if (name == c.name) return c;
   std::abort();
 }
 
@@ -166,8 +196,9 @@ TEST_P(Exact, EveryPixelAgrees) {
   if (c.pixelTest) { EXPECT_LE(r.agreement.badPixels, r.agreement.pixels / 500); }
   EXPECT_LE(r.agreement.badTiles, r.agreement.tiles / 100);
 }
-INSTANTIATE_TEST_SUITE_P(Published, Exact, ::testing::Values("cbox", "plane", "point", "emissive plane", "sphere light", "floating sphere",
-                                                             "spheres, constant", "spheres, map", "spheres, point"));
+INSTANTIATE_TEST_SUITE_P(Published, Exact,
+                         ::testing::Values("cbox", "plane", "point", "emissive plane", "sphere light", "floating sphere", "spheres, constant", "spheres, map",
+                                           "spheres, point"));
 
 // Mitsuba's own test of its renders: the difference against the reference's per-sample variance over our sample count.
 TEST(Published, MitsubaVarianceImages) {
@@ -192,7 +223,7 @@ TEST(Published, MitsubaVarianceImages) {
       }
     }
     std::printf("%s: %zu of %zu values beyond %.2f sigma of Mitsuba's variance\n", name, bad, 3 * r.agreement.pixels, limit);
-    EXPECT_LE(bad, r.agreement.pixels / 100) << name;   // outlines
+    EXPECT_LE(bad, r.agreement.pixels / 100) << name;  // outlines
   }
 }
 

@@ -37,7 +37,8 @@ struct JobsTest : ServerTest {
     message = status.error_message();
     return job;
   }
-  template <typename Request, typename Reply> grpc::Status call(grpc::Status (v1::Jobs::Stub::*method)(grpc::ClientContext*, const Request&, Reply*), const Request& request, Reply& reply) {
+  template <typename Request, typename Reply>
+  grpc::Status call(grpc::Status (v1::Jobs::Stub::*method)(grpc::ClientContext*, const Request&, Reply*), const Request& request, Reply& reply) {
     grpc::ClientContext context;
     bound(context);
     return (jobs.get()->*method)(&context, request, &reply);
@@ -61,7 +62,11 @@ struct JobsTest : ServerTest {
     status = reader->Finish();
     return events;
   }
-  struct Fetched { std::vector<v1::FetchedFile> files; std::vector<std::string> bytes; grpc::Status status; };
+  struct Fetched {
+    std::vector<v1::FetchedFile> files;
+    std::vector<std::string> bytes;
+    grpc::Status status;
+  };
   Fetched fetch(const v1::FetchRequest& r) {
     grpc::ClientContext context;
     bound(context);
@@ -102,7 +107,8 @@ TEST_F(JobsTest, SubmitWatchFetchDelete) {
   EXPECT_EQ(events.back().job().progress(), 1);
   std::map<int64_t, v1::Frame::State> last;
   for (const auto& f : events.front().job().frames()) last[f.frame()] = f.state();
-  for (const auto& e : events) if (e.has_frame()) last[e.frame().frame()] = e.frame().state();
+  for (const auto& e : events)
+    if (e.has_frame()) last[e.frame().frame()] = e.frame().state();
   for (int64_t f = 1; f <= 3; ++f) EXPECT_EQ(last[f], v1::Frame::DONE) << f;
 
   const Collected direct = renderOnce(s.request());
@@ -168,7 +174,7 @@ TEST_F(JobsTest, FaultsAreToldAtSubmission) {
 }
 
 TEST_F(JobsTest, PauseResumeCancelAndList) {
-  v1::JobSpec s = spec(1 << 20, 2);   // takes minutes unless it is stopped
+  v1::JobSpec s = spec(1 << 20, 2);  // takes minutes unless it is stopped
   s.set_client("me");
   const std::string id = submit(s).id();
   ASSERT_TRUE(eventually([&] { return get(id).state() == v1::Job::RUNNING; }));
@@ -200,7 +206,7 @@ TEST_F(JobsTest, PauseResumeCancelAndList) {
   EXPECT_TRUE(watched.ok());
   EXPECT_EQ(events.back().job().state(), v1::Job::CANCELLED);
   EXPECT_TRUE(eventually([&] { return status().running() == 0; }));
-  ASSERT_TRUE(call(&v1::Jobs::Stub::Cancel, c, job).ok());   // again: as it is
+  ASSERT_TRUE(call(&v1::Jobs::Stub::Cancel, c, job).ok());  // again: as it is
   EXPECT_EQ(job.state(), v1::Job::CANCELLED);
 
   v1::ListJobsRequest l;
@@ -229,7 +235,7 @@ TEST_F(JobsTest, InteractiveRendersGoBeforeJobs) {
   request.mutable_scheduling()->set_priority(v1::Scheduling::INTERACTIVE);
   EXPECT_TRUE(renderOnce(request).status.ok());
   EXPECT_EQ(get(id).state(), v1::Job::RUNNING);
-  EXPECT_TRUE(eventually([&] { return status().running() == 1; }));   // and goes on
+  EXPECT_TRUE(eventually([&] { return status().running() == 1; }));  // and goes on
 }
 
 TEST_F(JobsTest, AShutdownReleasesAndTheNextServerGoesOn) {
@@ -247,7 +253,7 @@ TEST_F(JobsTest, AShutdownReleasesAndTheNextServerGoesOn) {
   v1::FetchRequest r;
   r.set_id(id);
   r.set_follow(true);
-  const Fetched got = fetch(r);   // waits for the frames
+  const Fetched got = fetch(r);  // waits for the frames
   ASSERT_TRUE(got.status.ok()) << got.status.error_message();
   ASSERT_EQ(got.bytes.size(), 2u);
   EXPECT_EQ(got.bytes[0], renderOnce(s.request()).images[0]);

@@ -72,7 +72,11 @@ class Abuse : public ServerTest {
 };
 
 TEST_F(Abuse, SilentUploadsLoseTheirPlaces) {
-  struct Silent { grpc::ClientContext context; v1::SceneInfo info; std::unique_ptr<grpc::ClientWriter<v1::UploadSceneRequest>> writer; };
+  struct Silent {
+    grpc::ClientContext context;
+    v1::SceneInfo info;
+    std::unique_ptr<grpc::ClientWriter<v1::UploadSceneRequest>> writer;
+  };
   std::vector<std::unique_ptr<Silent>> silent;
   for (int i = 0; i < 2; ++i) {
     auto s = std::make_unique<Silent>();
@@ -88,7 +92,7 @@ TEST_F(Abuse, SilentUploadsLoseTheirPlaces) {
   ASSERT_TRUE(eventually([&] { return server->core().uploads.used() == 2; }));
   grpc::Status status;
   uploadOnce(status);
-  EXPECT_EQ(status.error_code(), grpc::RESOURCE_EXHAUSTED) << status.error_message();   // half of four is this client's part
+  EXPECT_EQ(status.error_code(), grpc::RESOURCE_EXHAUSTED) << status.error_message();  // half of four is this client's part
   EXPECT_NE(status.error_message().find("limits.uploads_at_once"), std::string::npos);
   ASSERT_TRUE(eventually([&] { return server->core().uploads.used() == 0; }, 10));
   EXPECT_NE(uploadOnce(status), "") << status.error_message();
@@ -104,7 +108,7 @@ TEST_F(Abuse, RepliesThatNobodyReadsEnd) {
   large.add_outputs("depth");
   grpc::ClientContext context;
   bound(context);
-  auto reader = render->Render(&context, large);   // 4 MB: more than flow control lets out unread
+  auto reader = render->Render(&context, large);  // 4 MB: more than flow control lets out unread
   ASSERT_TRUE(eventually([&] { return server->core().replies.used() > 0; }));
   EXPECT_TRUE(eventually([&] { return server->core().replies.used() == 0 && server->core().running() == 0; }, 30));
   EXPECT_EQ(server->core().idle.ended(), 1u);
@@ -121,7 +125,7 @@ TEST_F(Abuse, PicturesInFlightAreBounded) {
   large.set_width(640);
   large.set_height(640);
   large.clear_outputs();
-  large.add_outputs("depth");   // counts as 32 bytes a pixel and two chunks: 15 MB; half of 64 is this client's
+  large.add_outputs("depth");  // counts as 32 bytes a pixel and two chunks: 15 MB; half of 64 is this client's
   std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
   std::vector<std::unique_ptr<grpc::ClientReader<v1::RenderEvent>>> readers;
   for (int i = 0; i < 6; ++i) {
@@ -132,7 +136,8 @@ TEST_F(Abuse, PicturesInFlightAreBounded) {
   EXPECT_TRUE(eventually([&] { return server->core().metrics.value("gobo_refused_total", {{"reason", "reply_bytes"}}) >= 4; }));
   EXPECT_LE(server->core().replies.used(), 32u << 20);
   v1::RenderEvent event;
-  for (size_t i = 0; i < readers.size(); ++i) while (readers[i]->Read(&event)) {}
+  for (size_t i = 0; i < readers.size(); ++i)
+    while (readers[i]->Read(&event)) {}
   ASSERT_TRUE(eventually([&] { return server->core().replies.used() == 0; }));
   EXPECT_TRUE(renderOnce(large).status.ok());
 }
@@ -220,7 +225,7 @@ TEST_F(Abuse, UnknownFieldsAreNotKept) {
   };
   const Collected got = renderOnce(request);
   ASSERT_TRUE(got.status.ok()) << got.status.error_message();
-  EXPECT_LT(got.reply.ByteSizeLong(), 1u << 20);   // nor sent back
+  EXPECT_LT(got.reply.ByteSizeLong(), 1u << 20);  // nor sent back
   EXPECT_GT(held(), 0u);
   EXPECT_LT(held(), 1u << 20);
   const auto jobs = v1::Jobs::NewStub(channel);
@@ -237,7 +242,7 @@ TEST_F(Abuse, UnknownFieldsAreNotKept) {
 TEST_F(Abuse, MessagesAndSpecsAreBounded) {
   v1::RenderRequest request = small(1);
   request.GetReflection()->MutableUnknownFields(&request)->AddLengthDelimited(30000, std::string(20 << 20, 'x'));
-  EXPECT_EQ(renderOnce(request).status.error_code(), grpc::RESOURCE_EXHAUSTED);   // limits.request_bytes
+  EXPECT_EQ(renderOnce(request).status.error_code(), grpc::RESOURCE_EXHAUSTED);  // limits.request_bytes
   const auto jobs = v1::Jobs::NewStub(channel);
   v1::JobSpec spec;
   *spec.mutable_request() = small(1);
@@ -289,7 +294,10 @@ TEST(ListenerTest, GoesOnAfterTheDescriptorsRanOut) {
     const auto address = listener.add("127.0.0.1:0");
     if (!address.ok()) ::_exit(1);
     std::atomic<int> taken{0};
-    listener.start([&](int fd, size_t) { ++taken; ::close(fd); });
+    listener.start([&](int fd, size_t) {
+      ++taken;
+      ::close(fd);
+    });
     const Descriptor early = connectTo(*address), late(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
     if (!closes(early, 10) || taken != 1) ::_exit(2);
     std::vector<Descriptor> all;
@@ -315,7 +323,8 @@ TEST(ListenerTest, GoesOnAfterTheDescriptorsRanOut) {
 
 // What /ready stands on: a socket that nobody accepts from is not reachable, although the kernel completes its connections.
 TEST(ListenerTest, ReachableMeansAccepted) {
-  for (const std::string address : {std::string("127.0.0.1:0"), "unix:" + (std::filesystem::temp_directory_path() / ("gobo-l-" + std::to_string(::getpid()))).string()}) {
+  for (const std::string address :
+       {std::string("127.0.0.1:0"), "unix:" + (std::filesystem::temp_directory_path() / ("gobo-l-" + std::to_string(::getpid()))).string()}) {
     Listener listener({10, 10});
     ASSERT_TRUE(listener.add(address).ok());
     EXPECT_FALSE(listener.reachable(0, 0.2)) << address;
@@ -346,10 +355,10 @@ TEST(ListenerBounds, WhatANewConnectionCostsDoesNotGrowWithThoseThatAreOpen) {
   std::vector<Descriptor> clients;
   for (uint32_t i = 0; i < kMost; ++i) {
     clients.push_back(connectTo(*address));
-    if (i < kMost / 2) ASSERT_EQ(::send(clients.back().get(), "x", 1, MSG_NOSIGNAL), 1);   // the older half may not be driven out
+    if (i < kMost / 2) ASSERT_EQ(::send(clients.back().get(), "x", 1, MSG_NOSIGNAL), 1);  // the older half may not be driven out
   }
   ASSERT_EQ(accepted(kMost).accepted, kMost);
-  ::usleep(1200000);   // the others have been silent for long enough
+  ::usleep(1200000);  // the others have been silent for long enough
   const uint64_t before = listener.stats().looked;
   const auto begun = Clock::now();
   for (uint32_t i = 0; i < kMost / 2; ++i) clients.push_back(connectTo(*address));

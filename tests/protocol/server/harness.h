@@ -65,9 +65,7 @@ class ServerTest : public ::testing::Test {
   virtual void configure(ServerConfig&) {}
 
   // Every call of the tests is bounded.
-  static void bound(grpc::ClientContext& context, int seconds = 60) {
-    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(seconds));
-  }
+  static void bound(grpc::ClientContext& context, int seconds = 60) { context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(seconds)); }
 
   static v1::RenderRequest small(uint32_t spp = 4, const std::string& scene = "cornell") {
     v1::RenderRequest request;

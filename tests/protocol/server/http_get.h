@@ -16,7 +16,10 @@
 
 namespace gobo::test {
 
-struct HttpAnswer { int status = 0; std::string head, body; };
+struct HttpAnswer {
+  int status = 0;
+  std::string head, body;
+};
 
 /// `address` is 127.0.0.1:PORT. Status 0: no connection. Bounded to 10 s.
 inline HttpAnswer httpGet(const std::string& address, const std::string& path, const std::string& method = "GET") {

@@ -131,7 +131,7 @@ TEST_F(Http, TheHealthServiceFlipsWithTheDrain) {
   grpc::ClientContext context;
   bound(context);
   v1::ShutdownReply reply;
-  ASSERT_TRUE(admin->Shutdown(&context, {}, &reply).ok());   // before anybody calls Server::shutdown
+  ASSERT_TRUE(admin->Shutdown(&context, {}, &reply).ok());  // before anybody calls Server::shutdown
   for (const char* service : {"", "gobo.v1.Render", "gobo.v1.Scenes", "gobo.v1.Admin"}) EXPECT_EQ(check(service), 2) << service;
 }
 
@@ -171,10 +171,13 @@ TEST_F(Http, AClientThatLeavesTakesItsLoadAlong) {
   gate.setLimit(1);
   std::atomic<bool> release{false};
   std::thread holder([&] {
-    const Status held = gate.run("someone", [&](const StopToken&) -> Status {
-      while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-      return {};
-    }, [] { return false; });
+    const Status held = gate.run(
+        "someone",
+        [&](const StopToken&) -> Status {
+          while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+          return {};
+        },
+        [] { return false; });
     EXPECT_TRUE(held.ok());
   });
   ASSERT_TRUE(eventually([&] { return gate.running() == 1; }));

@@ -69,10 +69,17 @@ class IngestProtocol : public ServerTest {
 TEST_F(IngestProtocol, PathsThatLeadOutside) {
   std::ofstream(folder + "/secret.png") << smallPng(1, 2, 3);
   const std::string quoted = "attack.gltf#/images/0/uri";
-  for (const auto& [uri, why] : {std::pair<const char*, const char*>{"../secret.png", "leaves the folder"}, {"%2e%2e/secret.png", "leaves the folder"},
-                                 {"sub/../../secret.png", "leaves the folder"}, {"..\\\\secret.png", "leaves the folder"}, {"/etc/passwd", "is absolute"},
-                                 {"~/.ssh/id_rsa", "is absolute"}, {"file:///etc/passwd", "has a scheme"}, {"http://127.0.0.1/x.png", "has a scheme"},
-                                 {"gopher:x", "has a scheme"}, {"a%00.png", "zero byte"}, {"$(touch /tmp/owned)/../../x", "leaves the folder"}})
+  for (const auto& [uri, why] : {std::pair<const char*, const char*>{"../secret.png", "leaves the folder"},
+                                 {"%2e%2e/secret.png", "leaves the folder"},
+                                 {"sub/../../secret.png", "leaves the folder"},
+                                 {"..\\\\secret.png", "leaves the folder"},
+                                 {"/etc/passwd", "is absolute"},
+                                 {"~/.ssh/id_rsa", "is absolute"},
+                                 {"file:///etc/passwd", "has a scheme"},
+                                 {"http://127.0.0.1/x.png", "has a scheme"},
+                                 {"gopher:x", "has a scheme"},
+                                 {"a%00.png", "zero byte"},
+                                 {"$(touch /tmp/owned)/../../x", "leaves the folder"}})
     refused(uri, put("attack.gltf", smallGltf(uri)), grpc::INVALID_ARGUMENT, {quoted, why});
   // Symbolic links inside the folder that lead out of it.
   fs::create_symlink(folder + "/secret.png", folder + "/root/link.png");
@@ -100,18 +107,26 @@ TEST_F(IngestProtocol, SpecialFiles) {
 }
 
 TEST_F(IngestProtocol, CountsAndCycles) {
-  refused("2^31 vertices", put("attack.gltf", with("\"count\":4,\"type\":\"VEC3\"", "\"count\":2147483648,\"type\":\"VEC3\"")), grpc::INVALID_ARGUMENT, {"attack.gltf#/accessors/0"});
-  refused("2^63 vertices", put("attack.gltf", with("\"count\":4,\"type\":\"VEC3\"", "\"count\":9223372036854775807,\"type\":\"VEC3\"")), grpc::INVALID_ARGUMENT, {"attack.gltf#/accessors/0"});
-  refused("1e300 vertices", put("attack.gltf", with("\"count\":4,\"type\":\"VEC3\"", "\"count\":1e300,\"type\":\"VEC3\"")), grpc::INVALID_ARGUMENT, {"attack.gltf#/accessors/0/count"});
+  refused("2^31 vertices", put("attack.gltf", with("\"count\":4,\"type\":\"VEC3\"", "\"count\":2147483648,\"type\":\"VEC3\"")), grpc::INVALID_ARGUMENT,
+          {"attack.gltf#/accessors/0"});
+  refused("2^63 vertices", put("attack.gltf", with("\"count\":4,\"type\":\"VEC3\"", "\"count\":9223372036854775807,\"type\":\"VEC3\"")), grpc::INVALID_ARGUMENT,
+          {"attack.gltf#/accessors/0"});
+  refused("1e300 vertices", put("attack.gltf", with("\"count\":4,\"type\":\"VEC3\"", "\"count\":1e300,\"type\":\"VEC3\"")), grpc::INVALID_ARGUMENT,
+          {"attack.gltf#/accessors/0/count"});
   refused("offset that wraps", put("attack.gltf", with("\"byteOffset\":48", "\"byteOffset\":4294967248")), grpc::INVALID_ARGUMENT, {"attack.gltf#/"});
-  refused("index beyond the vertices", put("attack.gltf", with("\"bufferView\":2,\"componentType\":5123", "\"bufferView\":0,\"componentType\":5123")), grpc::INVALID_ARGUMENT, {"attack.gltf#/"});
-  refused("buffer of 2^40 bytes", put("attack.gltf", with("\"byteLength\":92,", "\"byteLength\":1099511627776,")), grpc::INVALID_ARGUMENT, {"attack.gltf#/buffers"});
-  refused("node that is its own child", put("attack.gltf", with("\"name\":\"quad\"", "\"name\":\"quad\",\"children\":[0]")), grpc::INVALID_ARGUMENT, {"cycle", "attack.gltf#/nodes/0"});
-  refused("two nodes that hold each other", put("attack.gltf", with("\"mesh\":0,\"name\":\"quad\"", "\"mesh\":0,\"children\":[1]},{\"children\":[0]")), grpc::INVALID_ARGUMENT, {"attack.gltf#/nodes"});
+  refused("index beyond the vertices", put("attack.gltf", with("\"bufferView\":2,\"componentType\":5123", "\"bufferView\":0,\"componentType\":5123")),
+          grpc::INVALID_ARGUMENT, {"attack.gltf#/"});
+  refused("buffer of 2^40 bytes", put("attack.gltf", with("\"byteLength\":92,", "\"byteLength\":1099511627776,")), grpc::INVALID_ARGUMENT,
+          {"attack.gltf#/buffers"});
+  refused("node that is its own child", put("attack.gltf", with("\"name\":\"quad\"", "\"name\":\"quad\",\"children\":[0]")), grpc::INVALID_ARGUMENT,
+          {"cycle", "attack.gltf#/nodes/0"});
+  refused("two nodes that hold each other", put("attack.gltf", with("\"mesh\":0,\"name\":\"quad\"", "\"mesh\":0,\"children\":[1]},{\"children\":[0]")),
+          grpc::INVALID_ARGUMENT, {"attack.gltf#/nodes"});
   refused("brackets a million deep", put("attack.gltf", std::string(1 << 20, '[')), grpc::INVALID_ARGUMENT, {"nested", "attack.gltf"});
   std::string glb("glTF\2\0\0\0\xff\xff\xff\xff\xff\xff\xff\xffJSON", 20);
   refused("GLB longer than its file", put("attack.glb", glb), grpc::INVALID_ARGUMENT, {"GLB", "attack.glb"});
-  refused("required extension from nowhere", put("attack.gltf", smallGltf("", R"("extensionsRequired":["EVIL_ext"])")), grpc::INVALID_ARGUMENT, {"EVIL_ext", "/extensionsRequired/0"});
+  refused("required extension from nowhere", put("attack.gltf", smallGltf("", R"("extensionsRequired":["EVIL_ext"])")), grpc::INVALID_ARGUMENT,
+          {"EVIL_ext", "/extensionsRequired/0"});
 }
 
 TEST_F(IngestProtocol, PicturesThatExplode) {
@@ -175,7 +190,7 @@ TEST_F(IngestLimits, AreNamed) {
   const auto png = encodePng(big);
   ASSERT_TRUE(png.ok());
   put("big.png", std::string(png->begin(), png->end()));
-#if !defined(__SANITIZE_ADDRESS__) && !defined(GOBO_THREAD_SANITIZER)   // whose shadow memory rules out the limit
+#if !defined(__SANITIZE_ADDRESS__) && !defined(GOBO_THREAD_SANITIZER)  // whose shadow memory rules out the limit
   refused("picture above the memory limit", put("attack.gltf", smallGltf("big.png")), grpc::RESOURCE_EXHAUSTED, {"ingest.memory_bytes", "attack.gltf"});
 #endif
   put("huge.bin", std::string(2 << 20, 'x'));

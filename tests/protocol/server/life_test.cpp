@@ -9,8 +9,8 @@
 #include <fstream>
 #include <thread>
 
-#include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/support/byte_buffer.h>
 
 #include "harness.h"
 
@@ -41,7 +41,9 @@ class Life : public ServerTest {
       reader = stub.Render(&context, request);
       thread = std::thread([this] { result = drain(context, *reader); });
     }
-    void join() { if (thread.joinable()) thread.join(); }
+    void join() {
+      if (thread.joinable()) thread.join();
+    }
     ~Running() {
       context.TryCancel();
       join();
@@ -193,12 +195,12 @@ TEST_F(Life, DrainThatTakesTooLongCancels) {
 }
 
 TEST_F(Life, SocketIsPrivateAndNotTakenFromALiveServer) {
-  struct stat info{};
+  struct stat info {};
   ASSERT_EQ(::stat((folder + "/s.sock").c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 0777, 0600u);
   auto second = Server::start(config, engineOptions(config), true);
   EXPECT_EQ(second.status().code(), Code::FailedPrecondition) << second.status().toString();
-  EXPECT_TRUE(renderOnce(small(1)).status.ok());   // the first one is unharmed
+  EXPECT_TRUE(renderOnce(small(1)).status.ok());  // the first one is unharmed
 }
 
 TEST(Socket, StaleOnesGoAndOtherFilesStay) {
@@ -214,7 +216,7 @@ TEST(Socket, StaleOnesGoAndOtherFilesStay) {
   ASSERT_EQ(::listen(fd, 1), 0);
   EXPECT_EQ(claimSocketPath(path).code(), Code::FailedPrecondition);
   EXPECT_TRUE(std::filesystem::exists(path));
-  ::close(fd);   // as after kill -9
+  ::close(fd);  // as after kill -9
   EXPECT_TRUE(claimSocketPath(path).ok());
   EXPECT_FALSE(std::filesystem::exists(path));
   std::ofstream(path) << "mine";

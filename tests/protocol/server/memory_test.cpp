@@ -48,7 +48,7 @@ TEST_F(Memory, StaysWithinWhatIsConfigured) {
     r.set_scene(i % 2 ? "cornell" : "fence");
     r.set_width(160);
     r.set_height(120);
-    r.set_seed(uint64_t(i));           // no term serves two
+    r.set_seed(uint64_t(i));  // no term serves two
     r.mutable_halt()->set_spp(4);
     r.mutable_encoding()->set_format(v1::Encoding::RAW_FLOAT);
     switch (i % 4) {

@@ -29,7 +29,8 @@ class Owners : public ServerTest {
     if (!name.empty()) context.AddMetadata("authorization", "Bearer secret-" + name);
   }
   template <typename Request, typename Reply>
-  grpc::Status call(const std::string& who, grpc::Status (v1::Scenes::Stub::*method)(grpc::ClientContext*, const Request&, Reply*), const Request& request, Reply& reply) {
+  grpc::Status call(const std::string& who, grpc::Status (v1::Scenes::Stub::*method)(grpc::ClientContext*, const Request&, Reply*), const Request& request,
+                    Reply& reply) {
     grpc::ClientContext context;
     sign(context, who);
     return (scenes.get()->*method)(&context, request, &reply);
@@ -93,7 +94,10 @@ class Owners : public ServerTest {
 
 // Every call that names a scene, for each relation of the caller to it.
 TEST_F(Owners, TableOfWhoMayWhat) {
-  struct Row { const char* who; grpc::StatusCode use, change; };
+  struct Row {
+    const char* who;
+    grpc::StatusCode use, change;
+  };
   const auto expect = [&](const std::string& scene, const std::vector<Row>& rows) {
     for (const Row& row : rows) {
       SCOPED_TRACE(std::string(row.who) + " and " + scene);
@@ -120,8 +124,8 @@ TEST_F(Owners, TableOfWhoMayWhat) {
 TEST_F(Owners, NamesAreNotTakenOver) {
   upload("alice", "shot", {"bob"});
   upload("bob", "shot", {}, grpc::PERMISSION_DENIED);
-  upload("bob", "cornell", {}, grpc::PERMISSION_DENIED);                   // a built-in's name, loaded or not
-  EXPECT_EQ(upload("alice", "shot").owner(), "alice");                      // her own may be replaced
+  upload("bob", "cornell", {}, grpc::PERMISSION_DENIED);  // a built-in's name, loaded or not
+  EXPECT_EQ(upload("alice", "shot").owner(), "alice");    // her own may be replaced
   // Names made from the source: another's is passed by.
   v1::OpenSceneRequest open;
   {

@@ -24,7 +24,8 @@ using Clock = std::chrono::steady_clock;
 
 class Daemon {
  public:
-  Daemon(const std::string& folder, const std::string& name, std::vector<std::string> arguments) : out_(folder + "/" + name + ".out"), err_(folder + "/" + name + ".err") {
+  Daemon(const std::string& folder, const std::string& name, std::vector<std::string> arguments)
+      : out_(folder + "/" + name + ".out"), err_(folder + "/" + name + ".err") {
     arguments.insert(arguments.begin(), GOBOD_PATH);
     std::vector<char*> argv;
     for (std::string& a : arguments) argv.push_back(a.data());
@@ -52,7 +53,9 @@ class Daemon {
     if (!over_ && ::waitpid(pid_, &status_, WNOHANG) == pid_) over_ = true;
     return over_;
   }
-  bool wait(double seconds) { return until([&] { return over(); }, seconds); }
+  bool wait(double seconds) {
+    return until([&] { return over(); }, seconds);
+  }
   int exitCode() const { return WIFEXITED(status_) ? WEXITSTATUS(status_) : -WTERMSIG(status_); }
   void signal(int which) { ::kill(pid_, which); }
   static bool until(const std::function<bool()>& condition, double seconds) {
@@ -124,7 +127,7 @@ TEST_F(Process, OfManyDaemonsOnAPathExactlyOneWinsAlsoAfterKill9) {
       if (d->over()) { EXPECT_EQ(d->exitCode(), 4) << d->err(); }
     EXPECT_TRUE(list("").ok()) << "round " << round;
     for (auto& d : all)
-      if (!d->over()) d->signal(SIGKILL);   // leaves socket and lock file behind
+      if (!d->over()) d->signal(SIGKILL);  // leaves socket and lock file behind
     for (auto& d : all) ASSERT_TRUE(d->wait(10));
     EXPECT_TRUE(fs::exists(folder + "/s.sock"));
   }
@@ -215,7 +218,7 @@ TEST_F(Process, TermEndsWhateverRuns) {
   grpc::ClientContext planning[4];
   std::unique_ptr<grpc::ClientReader<v1::RenderEvent>> plans[4];
   for (int i = 0; i < 4; ++i) {
-    fitted.mutable_environment()->mutable_sky()->set_turbidity(2 + i);   // none finds another's fit
+    fitted.mutable_environment()->mutable_sky()->set_turbidity(2 + i);  // none finds another's fit
     plans[i] = render->Render(&planning[i], fitted);
   }
   v1::SceneInfo info;

@@ -28,7 +28,7 @@ TEST_F(RenderProtocol, RawPictureIsFiniteAndLit) {
   EXPECT_FALSE(got.reply.request_hash().empty());
   EXPECT_GT(got.reply.plan_size(), 0);
   EXPECT_GT(got.reply.total_ms(), 0);
-  EXPECT_EQ(got.reply.resolved().integrator().russian_roulette_start(), 3u);   // a default of the schema, filled in
+  EXPECT_EQ(got.reply.resolved().integrator().russian_roulette_start(), 3u);  // a default of the schema, filled in
 }
 
 TEST_F(RenderProtocol, ResolvedRequestGivesTheSameBitsAfterTheCachesAreGone) {
@@ -92,9 +92,7 @@ TEST_F(RenderProtocol, PicturesLargerThanAChunkComeInSeveral) {
   int chunks = 0;
   const Collected got = drain(context, *reader, [&](const v1::RenderEvent& e) {
     chunks += e.has_chunk();
-    if (e.has_chunk()) {
-      EXPECT_LE(e.chunk().data().size(), 1u << 20);
-    }
+    if (e.has_chunk()) { EXPECT_LE(e.chunk().data().size(), 1u << 20); }
   });
   ASSERT_TRUE(got.status.ok()) << got.status.error_message();
   EXPECT_EQ(chunks, int((got.images[0].size() + (1 << 20) - 1) >> 20));
@@ -127,7 +125,7 @@ TEST_F(RenderProtocol, RelightDoublesWhatItsGainDoubles) {
   const Image a = raw(first), b = raw(second);
   double most = 0;
   for (size_t i = 0; i < a.data.size(); ++i) most = std::max(most, double(std::abs(b.data[i] - 2 * a.data[i])) / (1e-3 + std::abs(a.data[i])));
-  EXPECT_LT(most, 1e-4);   // cornell has one light, so all of the picture scales
+  EXPECT_LT(most, 1e-4);  // cornell has one light, so all of the picture scales
 }
 
 TEST_F(RenderProtocol, ProgressiveShowsPicturesOnTheWayToTheSameAnswer) {

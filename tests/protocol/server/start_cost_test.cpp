@@ -21,7 +21,8 @@ std::string loadedAtStart(const std::filesystem::path& program) {
 
 TEST(StartCost, NoProgramLoadsPictureFormatsThatItMayNotNeed) {
   const std::filesystem::path daemon = GOBOD_PATH, build = daemon.parent_path().parent_path();
-  for (const auto& program : {daemon, build / "clients/gobo", build / "ingest/gobo-ingest", std::filesystem::path(std::filesystem::read_symlink("/proc/self/exe"))}) {
+  for (const auto& program :
+       {daemon, build / "clients/gobo", build / "ingest/gobo-ingest", std::filesystem::path(std::filesystem::read_symlink("/proc/self/exe"))}) {
     const std::string libraries = loadedAtStart(program);
     EXPECT_NE(libraries.find("libc.so"), std::string::npos) << program;
     EXPECT_EQ(libraries.find("OpenImageIO"), std::string::npos) << program;

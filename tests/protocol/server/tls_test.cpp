@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // TLS and mutual TLS of TCP listeners, with certificates made here; reload of the files. Loopback only.
-#include "harness.h"
 #include "server/tls.h"
+#include "harness.h"
 #include "support/pki.h"
 
 namespace gobo {
@@ -24,9 +24,7 @@ class Tls : public ServerTest {
     test::writeFile(folder + "/key.pem", issued.key);
   }
   /// The status of one call over a connection of its own.
-  grpc::Status call(const std::string& rootPem, const Issued& own = {}) {
-    return ping(connect(grpc::SslCredentials({rootPem, own.key, own.cert})));
-  }
+  grpc::Status call(const std::string& rootPem, const Issued& own = {}) { return ping(connect(grpc::SslCredentials({rootPem, own.key, own.cert}))); }
   std::shared_ptr<grpc::Channel> connect(const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
     grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
@@ -64,7 +62,10 @@ TEST_F(Tls, ReloadChangesNewConnectionsAndLeavesRunningOnes) {
 }
 
 TEST_F(Tls, ABrokenReloadKeepsTheOldFiles) {
-  const struct { Issued files; const char* words; } cases[] = {
+  const struct {
+    Issued files;
+    const char* words;
+  } cases[] = {
       {ca.issue("gobod", -7200, -3600), "expired"},
       {ca.issue("gobod", 3600, 7200), "not valid before"},
       {{ca.issue("gobod").cert, ca.issue("gobod").key}, "is not the key"},

@@ -43,10 +43,13 @@ class Tokens : public ServerTest {
     ServerTest::SetUp();
     tcp = grpc::CreateChannel(server->addresses()[1], grpc::InsecureChannelCredentials());
   }
-  struct Answer { grpc::Status status; std::multimap<std::string, std::string> trailers; };
+  struct Answer {
+    grpc::Status status;
+    std::multimap<std::string, std::string> trailers;
+  };
   static void sign(grpc::ClientContext& context, const std::string& name) {
     bound(context);
-    context.set_wait_for_ready(true);   // a refused connection is tried again
+    context.set_wait_for_ready(true);  // a refused connection is tried again
     if (!name.empty()) context.AddMetadata("authorization", "Bearer secret-" + name);
   }
   Answer list(const std::string& header, const std::shared_ptr<grpc::Channel>& over, const std::string& id = "") {
@@ -209,8 +212,8 @@ TEST_F(Tokens, SamplesAreBoundWhereOnlyTimeIsGiven) {
 
 TEST_F(Tokens, RootsBoundOpenAsWell) {
   for (const auto& [path, code] : std::map<std::string, grpc::StatusCode>{{folder + "/root/a/x.glb", grpc::NOT_FOUND},
-                                                                         {folder + "/root/b/x.glb", grpc::PERMISSION_DENIED},
-                                                                         {folder + "/root/a/../b/x.glb", grpc::PERMISSION_DENIED}}) {
+                                                                          {folder + "/root/b/x.glb", grpc::PERMISSION_DENIED},
+                                                                          {folder + "/root/a/../b/x.glb", grpc::PERMISSION_DENIED}}) {
     grpc::ClientContext context;
     sign(context, "narrow");
     v1::OpenSceneRequest request;
@@ -233,11 +236,12 @@ TEST_F(Tokens, UploadBytes) {
   writer->WritesDone();
   const grpc::Status status = writer->Finish();
   EXPECT_EQ(status.error_code(), grpc::RESOURCE_EXHAUSTED);
-  EXPECT_NE(status.error_message().find("total_bytes = 1001: uploads are limited to 1000 bytes (tokens.upload_bytes)"), std::string::npos) << status.error_message();
+  EXPECT_NE(status.error_message().find("total_bytes = 1001: uploads are limited to 1000 bytes (tokens.upload_bytes)"), std::string::npos)
+      << status.error_message();
 }
 
 TEST_F(Tokens, RendersAtOnceAndTimePerRequest) {
-  v1::RenderRequest request = batch(16);   // holds its place while another one renders
+  v1::RenderRequest request = batch(16);  // holds its place while another one renders
   Collected slow;
   grpc::ClientContext blocker;
   sign(blocker, "plain");

@@ -13,7 +13,11 @@ namespace {
 using namespace gobo;
 using namespace gobo::testing;
 
-struct Pick { std::string text; double error = 0, ms = 0; int candidates = 0; };
+struct Pick {
+  std::string text;
+  double error = 0, ms = 0;
+  int candidates = 0;
+};
 Pick pickOf(const RenderResult& r) {
   Pick pick;
   for (const v1::NodeReport& n : r.reply.plan()) {
@@ -57,7 +61,10 @@ TEST(AutomaticShadow, ErrorBudgetsBuyBetterPicturesForMoreTime) {
   }
 }
 
-struct Row { double error = 0, ms = 0; bool judged = false, chosen = false; };
+struct Row {
+  double error = 0, ms = 0;
+  bool judged = false, chosen = false;
+};
 std::vector<Row> rowsOf(const RenderResult& r) {
   std::vector<Row> rows;
   for (const v1::NodeReport& n : r.reply.plan()) {
@@ -75,7 +82,7 @@ std::vector<Row> rowsOf(const RenderResult& r) {
 
 TEST(AutomaticShadow, TheCheapestThatKeepsTheErrorAndTheBestThatKeepsTheTime) {
   auto engine = makeEngine();
-  constexpr double kPrinted = 0.051, kDigits = 0.00006;   // figures of the plan are rounded
+  constexpr double kPrinted = 0.051, kDigits = 0.00006;  // figures of the plan are rounded
   int several = 0;
   for (const char* light : {"key", "sun"})
     for (const char* budget : {"0.3", "0.15", "0.08", "0.04"}) {
@@ -113,7 +120,7 @@ TEST(AutomaticShadow, TimeBudgetsAreKept) {
 TEST(AutomaticShadow, HardShadowsAreRaysWhereRaysWin) {
   auto engine = makeEngine();
   v1::RenderRequest automatic = request("sun", "auto.error=0.08"), rays = request("sun", "ray_traced.samples=1");
-  automatic.set_view_samples(8);   // a small picture, smooth edges: a map of the same error costs more than all its rays
+  automatic.set_view_samples(8);  // a small picture, smooth edges: a map of the same error costs more than all its rays
   rays.set_view_samples(8);
   const RenderResult r = mustRender(*engine, automatic);
   EXPECT_EQ(pickOf(r).text, "ray_traced, 1 ray");
@@ -141,7 +148,7 @@ TEST(AutomaticShadow, PicksAreTheSameFromAnyStateOfTheStoreAndForAnyNumberOfThre
 TEST(AutomaticShadow, ServesLightsThatNothingShinesOnAndEnvironments) {
   auto engine = makeEngine();
   v1::RenderRequest r = request("sun", "auto.error=0.05");
-  set(r, "lights.sun.direction=0,1,0");   // from below the floor
+  set(r, "lights.sun.direction=0,1,0");  // from below the floor
   const RenderResult dark = mustRender(*engine, r);
   for (const float v : dark.images[0].image().data) EXPECT_TRUE(v >= 0.0f && v <= 1.0f);
   v1::RenderRequest spheres = smallRequest("spheres", 32, 24);

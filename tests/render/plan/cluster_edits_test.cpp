@@ -83,11 +83,18 @@ Vec3 worst(const Image& a, const Image& b) {
 v1::RenderRequest request() {
   v1::RenderRequest r = smallRequest("room", 32, 24, 1);
   r.set_view_samples(1);
-  for (const char* a : {"shadows.ray_traced.samples=1", "integrator.indirect=false", "integrator.at_view_samples=true", "integrator.max_groups=16", "outputs=direct,emission"}) set(r, a);
+  for (const char* a :
+       {"shadows.ray_traced.samples=1", "integrator.indirect=false", "integrator.at_view_samples=true", "integrator.max_groups=16", "outputs=direct,emission"})
+    set(r, a);
   return r;
 }
 
-struct Edit { const char* what; std::vector<std::string> set; int light; Vec3 power; };
+struct Edit {
+  const char* what;
+  std::vector<std::string> set;
+  int light;
+  Vec3 power;
+};
 const std::vector<Edit>& edits() {
   static const std::vector<Edit> all{
       {"red made blue", {"lights.p16.color=0,0,1", "lights.p16.intensity=5"}, 16, Vec3(0, 0, 5)},
@@ -109,10 +116,13 @@ TEST(ClusterEdits, AreThePictureOfTheEditedFile) {
     v1::RenderRequest relight = request();
     for (const std::string& s : edit.set) set(relight, s);
     const RenderResult relit = renderOf(*warm, scene, relight);
-    const auto edited = editScene(*scene, [&](Scene& s) -> Status { s.lights[size_t(edit.light)].power = edit.power; return {}; });
+    const auto edited = editScene(*scene, [&](Scene& s) -> Status {
+      s.lights[size_t(edit.light)].power = edit.power;
+      return {};
+    });
     ASSERT_TRUE(edited.ok());
     const RenderResult truth = renderOf(*makeEngine(), *edited, request());
-    const bool area = edit.light == 19;   // its soft shadow is sampled: direct light is compared elsewhere, what the camera sees here
+    const bool area = edit.light == 19;  // its soft shadow is sampled: direct light is compared elsewhere, what the camera sees here
     for (size_t k = area ? 1 : 0; k < 2; ++k) {
       const Vec3 error = worst(relit.images[k].image(), truth.images[k].image()), change = worst(before.images[k].image(), truth.images[k].image());
       for (int c = 0; c < 3; ++c) EXPECT_LT(error[c], 2e-5f) << edit.what << ", " << relit.images[k].output << ", channel " << c;

@@ -8,8 +8,8 @@
 namespace gobo::testing::coordinates_test {
 namespace {
 
-const char* const kVectors[] = {"camera.position", "camera.look_at", "camera.up", "lights.other.position", "lights.other.direction",
-                                "environment.sky.sun_direction"};
+const char* const kVectors[] = {"camera.position",       "camera.look_at",         "camera.up",
+                                "lights.other.position", "lights.other.direction", "environment.sky.sun_direction"};
 const char* const kLengths[] = {"camera.orthographic_height", "lights.other.width", "lights.other.height", "lights.other.radius"};
 const char* const kKinds[] = {"POINT", "SPOT", "DIRECTIONAL", "RECT", "DISK", "SPHERE"};
 

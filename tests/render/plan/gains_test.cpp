@@ -40,9 +40,10 @@ TEST(Gains, OfEveryKindOfLightActOnEachChannel) {
     for (const char* shadow : {"path_traced=", "ray_traced.samples=1"}) {
       const auto engine = makeEngine();
       v1::RenderRequest r = smallRequest("cornell", 16, 12, 4);
-      for (const std::string& a : {std::string("lights.light.enabled=false"), std::string("lights.lamp.kind=") + kind, std::string("lights.lamp.position=0.2,1.5,0.4"),
-                                   std::string("lights.lamp.direction=0,-0.3,-1"), std::string("lights.lamp.intensity=3"), std::string("lights.lamp.outer_deg=60"),
-                                   std::string("lights.lamp.shadow.") + shadow})
+      for (const std::string& a :
+           {std::string("lights.light.enabled=false"), std::string("lights.lamp.kind=") + kind, std::string("lights.lamp.position=0.2,1.5,0.4"),
+            std::string("lights.lamp.direction=0,-0.3,-1"), std::string("lights.lamp.intensity=3"), std::string("lights.lamp.outer_deg=60"),
+            std::string("lights.lamp.shadow.") + shadow})
         set(r, a);
       const RenderResult one = mustRender(*engine, r);
       set(r, "lights.lamp.gain=1,2,5");
@@ -73,7 +74,7 @@ TEST(EnvironmentTurn, LightsAndRemainderTurnTogether) {
     const auto engine = makeEngine();
     const RenderResult unturned = mustRender(*engine, r);
     v1::RenderRequest turned = r, moved = r, wrong = r;
-    set(turned, "environment.rotation_deg=90");            // counter-clockwise seen from above: +x goes to -z
+    set(turned, "environment.rotation_deg=90");  // counter-clockwise seen from above: +x goes to -z
     set(moved, "environment.sky.sun_direction=0,0.6,-1");
     set(wrong, "environment.sky.sun_direction=0,0.6,1");
     const RenderResult a = mustRender(*engine, turned), b = mustRender(*engine, moved), c = mustRender(*engine, wrong);

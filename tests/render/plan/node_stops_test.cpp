@@ -93,8 +93,8 @@ v1::RenderRequest withLamp(int width, int height, LightKind kind) {
 }
 
 void addEveryOutput(v1::RenderRequest& r) {
-  for (const char* o : {"beauty", "direct", "diffuse", "albedo", "normal", "position", "depth", "alpha", "object_id", "material_id", "motion", "sample_count", "variance",
-                        "unoccluded:lamp", "visibility:lamp"})
+  for (const char* o : {"beauty", "direct", "diffuse", "albedo", "normal", "position", "depth", "alpha", "object_id", "material_id", "motion", "sample_count",
+                        "variance", "unoccluded:lamp", "visibility:lamp"})
     r.add_outputs(o);
 }
 
@@ -140,11 +140,12 @@ TEST(NodeStops, NoNodeFinishesOnceItsTokenHasFired) {
     }
   }
   EXPECT_GE(types.size(), 30u);
-  for (const char* type : {"resolve", "pixel_mean", "shade", "direct_fold", "alpha", "composite", "path_trace", "caustics", "gbuffer"}) EXPECT_TRUE(types.count(type)) << type;
+  for (const char* type : {"resolve", "pixel_mean", "shade", "direct_fold", "alpha", "composite", "path_trace", "caustics", "gbuffer"})
+    EXPECT_TRUE(types.count(type)) << type;
 }
 
 TEST(NodeStops, EveryNodeLooksAtItsTokenAllAlong) {
-  const std::set<std::string> drawn{"ray_traced", "axis_aligned", "environment.area_lights=6", "cluster"};   // the others' own nodes work texel by texel
+  const std::set<std::string> drawn{"ray_traced", "axis_aligned", "environment.area_lights=6", "cluster"};  // the others' own nodes work texel by texel
   for (const auto& [name, request] : requests(224, 160)) {
     if (!drawn.count(name)) continue;
     Planned p(request);
@@ -157,7 +158,8 @@ TEST(NodeStops, EveryNodeLooksAtItsTokenAllAlong) {
         ASSERT_TRUE(result.ok()) << n.label << ": " << result.status().toString();
         elements = (*result)->extent().elements();
       });
-      EXPECT_GE(size_t(polls), (elements + kElementsAPoll - 1) / kElementsAPoll) << name << ", node " << n.label << " (" << n.node->type() << "), " << elements << " elements";
+      EXPECT_GE(size_t(polls), (elements + kElementsAPoll - 1) / kElementsAPoll)
+          << name << ", node " << n.label << " (" << n.node->type() << "), " << elements << " elements";
     }
   }
 }

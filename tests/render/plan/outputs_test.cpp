@@ -23,8 +23,8 @@ std::map<std::string, Image> pictures(const RenderResult& r) {
 
 std::vector<float> values(const RenderResult& r, const std::string& output) { return pictures(r)[output].data; }
 
-const std::initializer_list<const char*> kParts = {"beauty", "emission", "direct", "indirect", "diffuse", "specular",
-                                                  "direct_diffuse", "direct_specular", "indirect_diffuse", "indirect_specular"};
+const std::initializer_list<const char*> kParts = {"beauty",   "emission",       "direct",          "indirect",         "diffuse",
+                                                   "specular", "direct_diffuse", "direct_specular", "indirect_diffuse", "indirect_specular"};
 
 void expectSums(const RenderResult& result, const std::string& what) {
   auto p = pictures(result);
@@ -58,9 +58,10 @@ TEST(Outputs, PartsAddUpWhenAllIsPathTraced) {
 TEST(Outputs, PartsAddUpWithVisibilityTechniquesGainsAndClusters) {
   const auto engine = makeEngine();
   v1::RenderRequest r = smallRequest("spheres", 24, 16, 16);
-  for (const char* e : {"lights.key.kind=RECT", "lights.key.position=0.5,3,1", "lights.key.direction=0,-1,-0.2", "lights.key.width=0.5", "lights.key.height=0.5",
-                        "lights.key.intensity=9", "lights.key.shadow.axis_aligned.k=3", "lights.p.kind=POINT", "lights.p.position=-1,2,2", "lights.p.intensity=5",
-                        "lights.p.shadow.ray_traced.samples=1", "lights.p.gain=1,0.5,0.2", "environment.sky.turbidity=3"})
+  for (const char* e :
+       {"lights.key.kind=RECT", "lights.key.position=0.5,3,1", "lights.key.direction=0,-1,-0.2", "lights.key.width=0.5", "lights.key.height=0.5",
+        "lights.key.intensity=9", "lights.key.shadow.axis_aligned.k=3", "lights.p.kind=POINT", "lights.p.position=-1,2,2", "lights.p.intensity=5",
+        "lights.p.shadow.ray_traced.samples=1", "lights.p.gain=1,0.5,0.2", "environment.sky.turbidity=3"})
     set(r, e);
   ask(r, kParts);
   expectSums(mustRender(*engine, r), "techniques");
@@ -93,18 +94,22 @@ TEST(Outputs, VarianceIsTheVarianceOverSeeds) {
       ASSERT_EQ(variance.size(), n);
       for (size_t i = 0; i < n; ++i) {
         ASSERT_GE(variance[i], 0.0f);
-        if (s < pilot) { scale[i] += variance[i] / pilot; continue; }
+        if (s < pilot) {
+          scale[i] += variance[i] / pilot;
+          continue;
+        }
         estimate[i] += variance[i] / seeds;
         sum[i] += beauty[i];
         squares[i] += double(beauty[i]) * beauty[i];
       }
     }
     std::vector<double> sorted;
-    for (const double v : scale) if (v > 1e-12) sorted.push_back(v);
+    for (const double v : scale)
+      if (v > 1e-12) sorted.push_back(v);
     ASSERT_GT(sorted.size(), n / 2);
     std::nth_element(sorted.begin(), sorted.begin() + ptrdiff_t(sorted.size() / 2), sorted.end());
     const double median = sorted[sorted.size() / 2];
-    std::vector<double> difference;                  // a pixel's own, in units of its variance
+    std::vector<double> difference;  // a pixel's own, in units of its variance
     double total = 0, ratio = 0;
     for (size_t p = 0; p < n; p += 3) {
       double d = 0;
@@ -264,7 +269,7 @@ TEST(ShadowPictures, ConvolutionBasisIsSinesAndCosinesOfOneDepth) {
       }
       std::sort(values.begin(), values.end());
       std::sort(wanted.begin(), wanted.end());
-      for (int i = 0; i < 6; ++i) ASSERT_NEAR(values[i], wanted[i], 2e-5) << x << "," << y;   // float sine of up to 5 pi, and 1/2 + v / 2 rounded
+      for (int i = 0; i < 6; ++i) ASSERT_NEAR(values[i], wanted[i], 2e-5) << x << "," << y;  // float sine of up to 5 pi, and 1/2 + v / 2 rounded
     }
   EXPECT_LT(nearest, farthest - 0.05) << "an even map says nothing";
 }
@@ -344,14 +349,15 @@ TEST(ShadowPictures, WhatCannotBeShownIsRefusedByName) {
     EXPECT_NE(s.toString().find("request.outputs"), std::string::npos) << s.toString();
     for (const char* word : words) EXPECT_NE(s.toString().find(word), std::string::npos) << word << " in: " << s.toString();
   };
-  refused({"outputs=shadow_basis:key"}, Code::InvalidArgument, {"shadow_basis:key", "no map"});               // path traced
+  refused({"outputs=shadow_basis:key"}, Code::InvalidArgument, {"shadow_basis:key", "no map"});  // path traced
   refused({"outputs=shadow_basis:key", "shadows.ray_traced.samples=1"}, Code::InvalidArgument, {"shadow_basis:key", "no map"});
   refused({"outputs=shadow_flags:key"}, Code::InvalidArgument, {"shadow_flags:key", "classification"});
   refused({"outputs=shadow_flags:key", "shadows.exponential.c=80"}, Code::InvalidArgument, {"shadow_flags:key", "classification"});
   refused({"outputs=shadow_flags:key", "shadows.variance.min_variance=0"}, Code::InvalidArgument, {"shadow_flags:key", "classification"});
   refused({"outputs=shadow_flags:nonesuch", "shadows.exponential.classification=Z_MAX"}, Code::NotFound, {"nonesuch"});
   refused({"outputs=shadow_basis"}, Code::InvalidArgument, {"shadow_basis:LIGHT"});
-  refused({"outputs=beauty,shadow_basis:key", "shadows.exponential.c=80", "encoding.layers=true"}, Code::InvalidArgument, {"shadow_basis:key", "beauty", "layers"});
+  refused({"outputs=beauty,shadow_basis:key", "shadows.exponential.c=80", "encoding.layers=true"}, Code::InvalidArgument,
+          {"shadow_basis:key", "beauty", "layers"});
   v1::RenderRequest alone = spotRequest({"outputs=shadow_basis:key", "shadows.exponential.c=80", "encoding.layers=true", "shadows.map.resolution=8"});
   EXPECT_TRUE(engine->render(alone).ok()) << "one picture has one size";
 }

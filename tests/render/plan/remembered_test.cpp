@@ -25,7 +25,7 @@ TEST(Remembered, AnIdThatIsRelitFromAgainAndAgainStays) {
   ASSERT_TRUE(idle.ok());
   v1::RelightRequest relight;
   relight.add_mask("tone_map.exposure");
-  for (int k = 0; k < 8; ++k) {   // each leaves an id of its own
+  for (int k = 0; k < 8; ++k) {  // each leaves an id of its own
     relight.set_render_id(base->reply.render_id());
     relight.mutable_patch()->mutable_tone_map()->set_exposure(0.25 * (k + 1));
     const auto next = (*engine)->relightRequest(relight);

@@ -90,7 +90,7 @@ TEST(RenderIds, SnapshotsHaveIdsOfTheirOwn) {
   const auto last = engine->render(r, control);
   ASSERT_TRUE(last.ok());
   samples[last->reply.render_id()] = 64;
-  ASSERT_EQ(samples.size(), 3u);   // 16, 32, 64
+  ASSERT_EQ(samples.size(), 3u);  // 16, 32, 64
   for (const auto& [id, spp] : samples) EXPECT_EQ(engine->relightRequest(recolour(id))->halt().spp(), spp);
 }
 

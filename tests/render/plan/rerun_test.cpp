@@ -19,10 +19,10 @@ using Labels = std::set<std::string>;
 /// One room, four kinds of light path: a filtered area light, a hard ray-traced one, a path-traced emissive mesh, an environment.
 v1::RenderRequest baseRequest() {
   v1::RenderRequest r = smallRequest("cornell", 20, 16, 8);
-  for (const char* a : {"lights.key.kind=RECT", "lights.key.position=0.3,1.7,0.2", "lights.key.direction=0,-1,0", "lights.key.width=0.3", "lights.key.height=0.3",
-                        "lights.key.intensity=4", "lights.key.shadow.axis_aligned.k=3", "lights.spot.kind=SPOT", "lights.spot.position=-0.5,1.6,0.5",
-                        "lights.spot.direction=0.2,-1,-0.2", "lights.spot.outer_deg=40", "lights.spot.intensity=3", "lights.spot.shadow.ray_traced.samples=4",
-                        "environment.constant=0.2,0.2,0.3"})
+  for (const char* a : {"lights.key.kind=RECT", "lights.key.position=0.3,1.7,0.2", "lights.key.direction=0,-1,0", "lights.key.width=0.3",
+                        "lights.key.height=0.3", "lights.key.intensity=4", "lights.key.shadow.axis_aligned.k=3", "lights.spot.kind=SPOT",
+                        "lights.spot.position=-0.5,1.6,0.5", "lights.spot.direction=0.2,-1,-0.2", "lights.spot.outer_deg=40", "lights.spot.intensity=3",
+                        "lights.spot.shadow.ray_traced.samples=4", "environment.constant=0.2,0.2,0.3"})
     set(r, a);
   return r;
 }
@@ -41,7 +41,10 @@ Labels all(const RenderResult& r) {
   return out;
 }
 
-Labels operator+(Labels a, const Labels& b) { a.insert(b.begin(), b.end()); return a; }
+Labels operator+(Labels a, const Labels& b) {
+  a.insert(b.begin(), b.end());
+  return a;
+}
 
 std::string text(const Labels& l) {
   std::string s;
@@ -51,7 +54,7 @@ std::string text(const Labels& l) {
 
 // Node groups of baseRequest().
 const Labels kBeauty{"beauty"};
-const Labels kTraced{"indirect", "indirect:mean", "direct", "direct:mean", "emission", "emission:mean"};   // what follows the light set
+const Labels kTraced{"indirect", "indirect:mean", "direct", "direct:mean", "emission", "emission:mean"};  // what follows the light set
 const Labels kIndirect{"indirect", "indirect:mean"};
 const Labels kKeyFilter{"axis_aligned_filter:key", "direct:key"};
 const Labels kKeyRays = kKeyFilter + Labels{"shadow_slopes:key", "shadow_slope_dilation:key", "shadow_sample_count:key", "shadow_adaptive:key"};
@@ -59,13 +62,16 @@ const Labels kKey = kKeyRays + Labels{"unoccluded:key"};
 const Labels kSpot{"visibility:spot", "unoccluded:spot", "direct:spot"};
 const Labels kView = Labels{"gbuffer", "surface"} + kKey + kSpot;
 
-struct Row { std::vector<std::string> edits; Labels expected; };
+struct Row {
+  std::vector<std::string> edits;
+  Labels expected;
+};
 
 // Field path (map keys as '*') -> the edit and what must run. Empty expectation: nothing, or the composite alone.
 const std::map<std::string, Row>& rows() {
   static const Labels everything = kView + kTraced + kBeauty;
   static const std::map<std::string, Row> table{
-      {"camera.name", {{"camera.name=front"}, {}}},   // the same camera by name
+      {"camera.name", {{"camera.name=front"}, {}}},  // the same camera by name
       {"camera.position", {{"camera.position=0,1,3.4"}, everything}},
       {"camera.look_at", {{"camera.look_at=0,0.9,0"}, everything}},
       {"camera.up", {{"camera.up=0.1,1,0"}, everything}},
@@ -75,7 +81,7 @@ const std::map<std::string, Row>& rows() {
       {"width", {{"width=22"}, everything}},
       {"height", {{"height=18"}, everything}},
       {"outputs", {{"outputs=beauty,alpha"}, {"alpha"}}},
-      {"motion_step_s", {{"motion_step_s=0.02"}, {}}},   // of motion alone; what it re-runs there: Outputs.MotionStep
+      {"motion_step_s", {{"motion_step_s=0.02"}, {}}},  // of motion alone; what it re-runs there: Outputs.MotionStep
       {"halt.spp", {{"halt.spp=32"}, kTraced + kBeauty}},
       {"seed", {{"seed=5"}, kKey + kTraced + kBeauty}},
       {"view_samples", {{"view_samples=3"}, kView + kBeauty}},
@@ -84,7 +90,7 @@ const std::map<std::string, Row>& rows() {
       {"integrator.light_selection", {{"integrator.light_selection=POWER"}, kTraced + kBeauty}},
       {"integrator.russian_roulette_start", {{"integrator.russian_roulette_start=1"}, kTraced + kBeauty}},
       {"integrator.at_view_samples", {{"integrator.at_view_samples=true"}, kTraced + kBeauty}},
-      {"integrator.caustic_photons", {{"integrator.caustic_photons=1000"}, {}}},   // no mirror and no glass here: Rerun.Caustics has some
+      {"integrator.caustic_photons", {{"integrator.caustic_photons=1000"}, {}}},  // no mirror and no glass here: Rerun.Caustics has some
       {"integrator.caustic_radius", {{"integrator.caustic_radius=0.01"}, {}}},
       {"lights.*.kind", {{"lights.spot.kind=POINT"}, kSpot + kIndirect + kBeauty}},
       {"lights.*.color", {{"lights.key.color=1,0.2,0.1"}, kBeauty}},
@@ -120,8 +126,13 @@ const std::map<std::string, std::string>& elsewhere() {
       {"environment.extract_lights", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.area_lights", "Rerun.EnvironmentAsAreaLights"},
       {"integrator.max_groups", "Rerun.ClustersAndDifferences"},
-      {"encoding", "not in the hash"}, {"certificate", "not in the hash"}, {"scheduling", "not in the hash"}, {"scene_hash", "not in the hash"},
-      {"time_s", "Rerun.AnimationsAndVariants"}, {"animation", "Rerun.AnimationsAndVariants"}, {"variant", "Rerun.AnimationsAndVariants"},
+      {"encoding", "not in the hash"},
+      {"certificate", "not in the hash"},
+      {"scheduling", "not in the hash"},
+      {"scene_hash", "not in the hash"},
+      {"time_s", "Rerun.AnimationsAndVariants"},
+      {"animation", "Rerun.AnimationsAndVariants"},
+      {"variant", "Rerun.AnimationsAndVariants"},
       {"shadows", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
       {"lights.*.shadow", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
   };
@@ -132,9 +143,13 @@ void leafPaths(const google::protobuf::Descriptor* d, const std::string& prefix,
   for (int i = 0; i < d->field_count(); ++i) {
     const auto* f = d->field(i);
     const std::string path = prefix.empty() ? f->name() : prefix + "." + f->name();
-    if (elsewhere().count(path)) { out.push_back(path); continue; }
+    if (elsewhere().count(path)) {
+      out.push_back(path);
+      continue;
+    }
     if (f->is_map()) leafPaths(f->message_type()->FindFieldByName("value")->message_type(), path + ".*", out);
-    else if (f->cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_MESSAGE && f->message_type()->name() != "Vector3") leafPaths(f->message_type(), path, out);
+    else if (f->cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_MESSAGE && f->message_type()->name() != "Vector3")
+      leafPaths(f->message_type(), path, out);
     else out.push_back(path);
   }
 }
@@ -183,12 +198,17 @@ TEST(Rerun, FilterParameters) {
     set(e, "lights.key.shadow.axis_aligned." + edit);
     EXPECT_EQ(text(ran(mustRender(*engine, e))), text(expected)) << edit;
   }
-  set(r, "lights.spot.shadow.ray_traced.samples=9");   // one ray is enough for a spot whatever is asked: the visibility is the same term
+  set(r, "lights.spot.shadow.ray_traced.samples=9");  // one ray is enough for a spot whatever is asked: the visibility is the same term
   EXPECT_EQ(text(ran(mustRender(*engine, r))), "");
 }
 
 // Shadow maps: what a slider re-runs, by field of the message. `before` is set first; the edit is then the only change.
-struct ShadowRow { std::vector<std::string> before; std::string edit; Labels expected; std::string light = "spot"; };
+struct ShadowRow {
+  std::vector<std::string> before;
+  std::string edit;
+  Labels expected;
+  std::string light = "spot";
+};
 const std::map<std::string, ShadowRow>& shadowRows() {
   static const Labels lookup{"visibility:spot", "direct:spot", "beauty"};
   static const Labels soft{"visibility:key", "direct:key", "beauty"}, softMap{"exponential_variance_soft_map:key", "shadow_mipmap:key"};
@@ -204,7 +224,7 @@ const std::map<std::string, ShadowRow>& shadowRows() {
       {"map.anisotropy", {{"exponential.c=60", "map.lookup=ANISOTROPIC"}, "map.anisotropy=4", lookup}},
       {"percentage_closer.taps", {{"percentage_closer.pattern=REGULAR"}, "percentage_closer.taps=8", lookup + bounds}},
       {"percentage_closer.pattern", {{"percentage_closer.taps=4"}, "percentage_closer.pattern=POISSON", lookup + bounds}},
-      {"percentage_closer.skip", {{"percentage_closer.taps=12"}, "percentage_closer.skip=false", lookup}},   // without the pyramid: the same bits
+      {"percentage_closer.skip", {{"percentage_closer.taps=12"}, "percentage_closer.skip=false", lookup}},  // without the pyramid: the same bits
       {"variance.bleeding_reduction", {{"variance.min_variance=1e-6"}, "variance.bleeding_reduction=0.4", lookup}},
       {"variance.min_variance", {{"variance.bleeding_reduction=0.1"}, "variance.min_variance=1e-5", lookup}},
       {"convolution.order", {{"convolution.attenuation=0"}, "convolution.order=8", basis("convolution")}},
@@ -224,18 +244,21 @@ const std::map<std::string, ShadowRow>& shadowRows() {
       {"percentage_closer_soft.search_taps", {{"percentage_closer_soft.filter_taps=32"}, "percentage_closer_soft.search_taps=9", soft, "key"}},
       {"percentage_closer_soft.filter_taps", {{"percentage_closer_soft.search_taps=9"}, "percentage_closer_soft.filter_taps=32", soft, "key"}},
       {"percentage_closer_soft.dense", {{"percentage_closer_soft.search_taps=9"}, "percentage_closer_soft.dense=true", soft, "key"}},
-      {"percentage_closer_soft.skip", {{"percentage_closer_soft.search_taps=9"}, "percentage_closer_soft.skip=false", {}, "key"}},   // the result is the same
-      {"convolution_soft.order", {{"convolution_soft.sharpening=0"}, "convolution_soft.order=2", soft + Labels{"convolution_soft_map:key", "shadow_summed_area:key"}, "key"}},
+      {"percentage_closer_soft.skip", {{"percentage_closer_soft.search_taps=9"}, "percentage_closer_soft.skip=false", {}, "key"}},  // the result is the same
+      {"convolution_soft.order",
+       {{"convolution_soft.sharpening=0"}, "convolution_soft.order=2", soft + Labels{"convolution_soft_map:key", "shadow_summed_area:key"}, "key"}},
       {"convolution_soft.correction", {{"convolution_soft.order=2"}, "convolution_soft.correction=OFFSET", soft, "key"}},
       {"convolution_soft.sharpening", {{"convolution_soft.order=2"}, "convolution_soft.sharpening=10", soft, "key"}},
-      {"convolution_soft.sharpening_extent", {{"convolution_soft.order=2", "convolution_soft.sharpening=10"}, "convolution_soft.sharpening_extent=5", soft, "key"}},
+      {"convolution_soft.sharpening_extent",
+       {{"convolution_soft.order=2", "convolution_soft.sharpening=10"}, "convolution_soft.sharpening_extent=5", soft, "key"}},
       {"convolution_soft.search", {{"convolution_soft.order=2"}, "convolution_soft.search=NEAR_PLANE", soft, "key"}},
       {"variance_soft.min_variance", {{"variance_soft.subdivide=true"}, "variance_soft.min_variance=1e-5", soft, "key"}},
       {"variance_soft.subdivide", {{"variance_soft.min_variance=1e-5"}, "variance_soft.subdivide=false", soft, "key"}},
       {"exponential_variance_soft.search_taps", {{"exponential_variance_soft.c_positive=10"}, "exponential_variance_soft.search_taps=9", soft, "key"}},
       {"exponential_variance_soft.c_positive", {{"exponential_variance_soft.search_taps=9"}, "exponential_variance_soft.c_positive=10", soft + softMap, "key"}},
       {"exponential_variance_soft.c_negative", {{"exponential_variance_soft.search_taps=9"}, "exponential_variance_soft.c_negative=10", soft + softMap, "key"}},
-      {"exponential_variance_soft.bleeding_reduction", {{"exponential_variance_soft.search_taps=9"}, "exponential_variance_soft.bleeding_reduction=0.3", soft, "key"}},
+      {"exponential_variance_soft.bleeding_reduction",
+       {{"exponential_variance_soft.search_taps=9"}, "exponential_variance_soft.bleeding_reduction=0.3", soft, "key"}},
       {"moment.bleeding_reduction", {{"moment.moment_bias=1e-5"}, "moment.bleeding_reduction=0.2", lookup}},
   };
   return table;
@@ -269,7 +292,7 @@ TEST(Rerun, EachShadowMapFieldReRunsOnlyWhatLiesBehindIt) {
     const std::string shadow = "lights." + row.light + ".shadow.";
     (*r.mutable_lights())[row.light].clear_shadow();
     set(r, shadow + "map.resolution=160");
-    set(r, "camera.yfov_deg=12");   // sees less than the room: the camera's fit is another window
+    set(r, "camera.yfov_deg=12");  // sees less than the room: the camera's fit is another window
     for (const std::string& e : row.before) set(r, shadow + e);
     const Labels first = ran(mustRender(*engine, r));
     EXPECT_TRUE(first.count("light_depth_map:" + row.light)) << field;
@@ -290,9 +313,12 @@ TEST(Rerun, EachSceneFacetReRunsExactlyWhatReadsIt) {
     return ran(mustRender(*engine, r));
   };
   const auto colour = edit([](auto& p, const auto& info) { (*p.mutable_materials())[info.material_names(0)].mutable_base_color()->set_x(0.3f); });
-  EXPECT_EQ(text(colour), text(Labels{"surface", "unoccluded:key", "unoccluded:spot", "direct:key", "direct:spot"} + kTraced + kBeauty)) << "albedo: no G-buffer, no visibility";
+  EXPECT_EQ(text(colour), text(Labels{"surface", "unoccluded:key", "unoccluded:spot", "direct:key", "direct:spot"} + kTraced + kBeauty))
+      << "albedo: no G-buffer, no visibility";
   const auto rough = edit([](auto& p, const auto& info) { (*p.mutable_materials())[info.material_names(0)].set_roughness(0.3); });
-  EXPECT_EQ(text(rough), text(kTraced + Labels{"surface"} + (rough.count("beauty") ? Labels{"unoccluded:key", "unoccluded:spot", "direct:key", "direct:spot", "beauty"} : Labels{}))) << "bsdf";
+  EXPECT_EQ(text(rough), text(kTraced + Labels{"surface"} +
+                              (rough.count("beauty") ? Labels{"unoccluded:key", "unoccluded:spot", "direct:key", "direct:spot", "beauty"} : Labels{})))
+      << "bsdf";
   const auto move = edit([](auto& p, const auto& info) {
     auto& m = (*p.mutable_instances())[info.instance_names(info.instance_names_size() - 1)];
     for (int k = 0; k < 16; ++k) m.add_matrix(k % 5 == 0 ? 1.0f : 0.0f);
@@ -321,14 +347,15 @@ TEST(Rerun, EnvironmentAsAreaLights) {
   const auto engine = makeEngine();
   v1::RenderRequest r = smallRequest("cornell", 16, 12, 4);
   set(r, "environment.sky.turbidity=3");
-  set(r, "environment.area_lights=3");   // of which the fit uses two: the rest is smooth
+  set(r, "environment.area_lights=3");  // of which the fit uses two: the rest is smooth
   set(r, "shadows.ray_traced.samples=4");
   set(r, "lights.light.shadow.path_traced=");
   const Labels first = ran(mustRender(*engine, r));
-  for (const char* node : {"area_lights", "visibility:environment/1", "unoccluded:environment/1", "ambient:environment", "direct:environment"}) EXPECT_TRUE(first.count(node)) << node;
+  for (const char* node : {"area_lights", "visibility:environment/1", "unoccluded:environment/1", "ambient:environment", "direct:environment"})
+    EXPECT_TRUE(first.count(node)) << node;
   set(r, "environment.gain=2,2,2");
   EXPECT_EQ(text(ran(mustRender(*engine, r))), "beauty ");
-  set(r, "shadows.ray_traced.samples=9");   // soft shadows: the lights have a size
+  set(r, "shadows.ray_traced.samples=9");  // soft shadows: the lights have a size
   EXPECT_EQ(text(ran(mustRender(*engine, r))), "beauty direct:environment visibility:environment/0 visibility:environment/1 ");
   set(r, "environment.rotation_deg=40");
   const Labels turned = ran(mustRender(*engine, r));
@@ -343,7 +370,9 @@ TEST(Rerun, ALightsPlaceInTheListIsNoPartOfItsKey) {
   const auto engine = makeEngine();
   v1::RenderRequest r = smallRequest("fence", 16, 12, 4);
   set(r, "environment.constant=0.1,0.1,0.1");
-  for (const char* e : {"lights.z.kind=RECT", "lights.z.position=0,3,1", "lights.z.direction=0,-1,0", "lights.z.intensity=5", "lights.z.shadow.axis_aligned.k=3"}) set(r, e);
+  for (const char* e :
+       {"lights.z.kind=RECT", "lights.z.position=0,3,1", "lights.z.direction=0,-1,0", "lights.z.intensity=5", "lights.z.shadow.axis_aligned.k=3"})
+    set(r, e);
   mustRender(*engine, r);
   v1::RenderRequest none = r;
   none.clear_environment();
@@ -362,7 +391,11 @@ TEST(Rerun, AnimationsAndVariants) {
     v1::RenderRequest r = smallRequest("moving", 16, 12, 8);
     set(r, "lights.lamp.shadow.ray_traced.samples=1");
     set(r, "lights.still.shadow.ray_traced.samples=1");
-    for (size_t from = 0; from < edits.size();) { const size_t to = std::min(edits.find(' ', from), edits.size()); set(r, edits.substr(from, to - from)); from = to + 1; }
+    for (size_t from = 0; from < edits.size();) {
+      const size_t to = std::min(edits.find(' ', from), edits.size());
+      set(r, edits.substr(from, to - from));
+      from = to + 1;
+    }
     return r;
   };
   // Every edit against an engine that has rendered the rest pose.

@@ -54,11 +54,19 @@ ScenePtr stage() {
   s->materials[3].emission = {Vec3(2.0f), {.texture = 1}};
   s->materials[5].coverage.doubleSided = false;
   Bsdf& b = s->materials[4].bsdf;
-  b.roughness = 0.4f; b.metallic = 0.3f; b.transmission = 0.3f; b.clearcoat = 0.5f; b.sheenColor = Vec3(0.3f); b.iridescence = 0.4f; b.anisotropy = 0.5f;
+  b.roughness = 0.4f;
+  b.metallic = 0.3f;
+  b.transmission = 0.3f;
+  b.clearcoat = 0.5f;
+  b.sheenColor = Vec3(0.3f);
+  b.iridescence = 0.4f;
+  b.anisotropy = 0.5f;
   b.diffuseTransmission = 0.2f;
   b.normal.texture = 0;
-  s->meshes = {square("floor", 0, Vec3(0), Vec3(2, 0, 0), Vec3(0, 0, -2)), square("card", 1, Vec3(-0.4f, 0.8f, 0), Vec3(0.6f, 0, 0), Vec3(0, 0.1f, -0.6f)),
-               square("sheet", 2, Vec3(0.6f, 0.6f, 0.2f), Vec3(0.5f, 0, 0), Vec3(0, 0, -0.5f)), square("lamp", 3, Vec3(-1.2f, 1.2f, -0.8f), Vec3(0.3f, 0, 0), Vec3(0, 0, 0.3f)),
+  s->meshes = {square("floor", 0, Vec3(0), Vec3(2, 0, 0), Vec3(0, 0, -2)),
+               square("card", 1, Vec3(-0.4f, 0.8f, 0), Vec3(0.6f, 0, 0), Vec3(0, 0.1f, -0.6f)),
+               square("sheet", 2, Vec3(0.6f, 0.6f, 0.2f), Vec3(0.5f, 0, 0), Vec3(0, 0, -0.5f)),
+               square("lamp", 3, Vec3(-1.2f, 1.2f, -0.8f), Vec3(0.3f, 0, 0), Vec3(0, 0, 0.3f)),
                square("panel", 4, Vec3(0.8f, 0.5f, -1), Vec3(0.6f, 0, 0), Vec3(0, 0.5f, 0.2f)),
                square("screen", 5, Vec3(-0.3f, 0.4f, 0.8f), Vec3(0, 0.3f, 0.1f), Vec3(0.4f, 0, 0))};
   for (int i = 0; i < 6; ++i) s->instances.push_back({s->meshes[size_t(i)]->name, i, Mat4(1.0f)});
@@ -83,7 +91,7 @@ ScenePtr stage() {
   c.name = "eye";
   c.toWorld = Mat4(Vec4(1, 0, 0, 0), Vec4(0, 0.8f, -0.6f, 0), Vec4(0, 0.6f, 0.8f, 0), Vec4(0, 2.4f, 3.4f, 1));
   c.yfov = 0.9f;
-  c.cullBackFaces = true;                                             // of the screen, whose back it sees
+  c.cullBackFaces = true;  // of the screen, whose back it sees
   s->cameras = {c};
   const Status sealed = s->seal();
   EXPECT_TRUE(sealed.ok()) << sealed.toString();
@@ -103,8 +111,11 @@ v1::RenderRequest requestFor(const Scene& scene) {
     if (technique.has_ray_traced()) technique.mutable_ray_traced()->set_samples(2);
   }
   for (const OutputInfo& o : outputTable()) {
-    if (!o.perLight) { r.add_outputs(o.name); continue; }
-    if (std::string(o.name) == "shadow_flags" || std::string(o.name) == "shadow_basis") continue;   // parts of what visibility is made from
+    if (!o.perLight) {
+      r.add_outputs(o.name);
+      continue;
+    }
+    if (std::string(o.name) == "shadow_flags" || std::string(o.name) == "shadow_basis") continue;  // parts of what visibility is made from
     for (const Light& l : scene.lights)
       if (l.shape.kind != LightKind::Environment) r.add_outputs(std::string(o.name) + ":" + l.name);
   }
@@ -125,11 +136,17 @@ TEST(SceneFields, AChangeOfOneFieldNeverGetsAnothersTerms) {
   ASSERT_TRUE(first.ok()) << first.status().toString();
   int reused = 0, different = 0, tried = 0;
   for (const FieldChange& change : everyFieldChange(*base)) {
-    const auto next = editScene(*base, [&](Scene& s) -> Status { change.apply(s); return {}; });
+    const auto next = editScene(*base, [&](Scene& s) -> Status {
+      change.apply(s);
+      return {};
+    });
     ASSERT_TRUE(next.ok()) << change.name << ": " << next.status().toString();
     const Result<RenderResult> here = renderScene(*warm, request, *next), fresh = renderScene(*makeEngine(), request, *next);
     ASSERT_EQ(here.ok(), fresh.ok()) << change.name << ": " << here.status().toString() << " / " << fresh.status().toString();
-    if (!here.ok()) { ADD_FAILURE() << change.name << ": " << here.status().toString(); continue; }
+    if (!here.ok()) {
+      ADD_FAILURE() << change.name << ": " << here.status().toString();
+      continue;
+    }
     EXPECT_EQ(firstDifference(*here, *fresh), "") << change.name;
     ++tried;
     reused += int(nodesBy(*here, v1::NodeReport::REUSED).size());

@@ -17,7 +17,7 @@ TEST(ScenePatches, OfPatchesAtTheSameTimeNoneIsLost) {
   ASSERT_TRUE(before.ok());
   constexpr int kThreads = 4, kEach = 40;
   ASSERT_GE(before->lights_size(), kThreads * kEach);
-  const auto power = [](int k) { return 1000.0 + k; };   // every patch has a light of its own: what is lost is seen
+  const auto power = [](int k) { return 1000.0 + k; };  // every patch has a light of its own: what is lost is seen
   std::vector<std::thread> threads;
   std::atomic<int> refused{0};
   for (int t = 0; t < kThreads; ++t)
@@ -71,7 +71,7 @@ TEST(ScenePatches, ABuiltInSceneThatIsOpenedByUseDoesNotUndoAPatch) {
     for (int t = 0; t < 3; ++t)
       users.emplace_back([&] {
         while (!go) std::this_thread::yield();
-        EXPECT_TRUE(engine->scene("cornell").ok());   // opens it
+        EXPECT_TRUE(engine->scene("cornell").ok());  // opens it
       });
     go = true;
     const auto info = engine->inspectScene("cornell");

@@ -15,7 +15,10 @@ namespace {
 
 constexpr int kMany = 1 << 30;
 
-struct Case { std::string name; v1::RenderRequest request; };
+struct Case {
+  std::string name;
+  v1::RenderRequest request;
+};
 
 std::vector<Case> cases() {
   std::vector<Case> out;
@@ -41,8 +44,10 @@ std::vector<Case> cases() {
   v1::RenderRequest certified = smallRequest("spheres", 24, 16, 1);
   for (const char* a : {"certificate.min_pixels=16", "certificate.spp=4"}) set(certified, a);
   out.push_back({"certificate", certified});
-  v1::RenderRequest cluster = smallRequest("cornell", 24, 16, 1);    // its lights are folded
-  for (const char* a : {"integrator.max_groups=1", "shadows.ray_traced.samples=1", "lights.a.kind=SPOT", "lights.a.position=0,1,0", "lights.b.kind=POINT", "lights.b.position=0.3,1,0"}) set(cluster, a);
+  v1::RenderRequest cluster = smallRequest("cornell", 24, 16, 1);  // its lights are folded
+  for (const char* a : {"integrator.max_groups=1", "shadows.ray_traced.samples=1", "lights.a.kind=SPOT", "lights.a.position=0,1,0", "lights.b.kind=POINT",
+                        "lights.b.position=0.3,1,0"})
+    set(cluster, a);
   out.push_back({"cluster", cluster});
   return out;
 }
@@ -59,13 +64,13 @@ TEST(Stops, AtAnyPollARenderEndsAndLeavesNothingWrong) {
     const int polls = kMany - count.pollsLeft();
     EXPECT_GT(polls, 20) << c.name;
     const auto stopped = makeEngine(256ull << 20, {}, 1);
-    for (int k = 0; k < 5; ++k) {   // the same engine again and again: it goes on from what the stopped ones left
+    for (int k = 0; k < 5; ++k) {  // the same engine again and again: it goes on from what the stopped ones left
       StopSource stop;
       stop.stopAtPoll(1 + polls * k / 6);
       RenderControl control;
       control.stop = stop.token();
       const auto result = stopped->render(c.request, control);
-      if (result.ok()) {   // the store had the rest
+      if (result.ok()) {  // the store had the rest
         EXPECT_EQ(firstDifference(*result, *whole), "") << c.name << " stopped at " << k << "/6";
       } else {
         EXPECT_EQ(result.status().code(), Code::Cancelled) << c.name << ": " << result.status().toString();
@@ -79,7 +84,7 @@ TEST(Stops, ABuiltInSceneThatARenderWaitsForIsNotKept) {
   const auto engine = makeEngine(256ull << 20, {}, 1);
   for (const bool planning : {false, true}) {
     StopSource stop;
-    stop.stopAtPoll(700);   // among the rows of its textures
+    stop.stopAtPoll(700);  // among the rows of its textures
     RenderControl control;
     control.stop = stop.token();
     const v1::RenderRequest request = smallRequest("atrium", 24, 16, 1);
@@ -100,7 +105,7 @@ TEST(Stops, PlanningPollsWhileItBakesASkyAndWeighsLights) {
   // Of 512 x 256 texels the rows above the horizon, the rings of the sun, all rows.
   EXPECT_GE(tests::pollsOf([&](const StopToken& s) { ASSERT_TRUE(engine->pinnedBytes(sky, nullptr, s).ok()); }), 128 + 64 + 256);
   for (const int k : {1, 100, 180, 300}) EXPECT_EQ(engine->pinnedBytes(sky, nullptr, tests::stopAt(k)).status().code(), Code::Cancelled) << k;
-  const ScenePtr spheres = *engine->loadScene("spheres", true);   // under a map of 128 x 64
+  const ScenePtr spheres = *engine->loadScene("spheres", true);  // under a map of 128 x 64
   EXPECT_GE(tests::pollsOf([&](const StopToken& s) { (void)makeGroups(*spheres, 1, s); }), 64);
 }
 
@@ -125,14 +130,17 @@ TEST(Stops, ACertificatePollsBeforeItTraces) {
     return ReferenceTracer(*effective, width, height, recipe, accels, arena, s).trace({1, 2, 3}, 0, 1, rays).status();
   };
   const int polls = tests::pollsOf([&](const StopToken& s) { EXPECT_TRUE(make(s).ok()); });
-  EXPECT_GE(polls, 10 + 2 * 64);                                     // the hierarchy; the map's distribution and flux
+  EXPECT_GE(polls, 10 + 2 * 64);  // the hierarchy; the map's distribution and flux
   for (const int k : {1, polls / 2, polls}) EXPECT_EQ(make(tests::stopAt(k)).code(), Code::Cancelled) << k << " of " << polls;
 }
 
 /// Preempts the render that asks for a checkpoint, and has none.
 struct Preempting final : RenderCheckpoints {
   explicit Preempting(StopSource& s) : source(s) {}
-  TermPtr load(const Hash128&, uint32_t) override { source.stop(StopReason::Preempted); return nullptr; }
+  TermPtr load(const Hash128&, uint32_t) override {
+    source.stop(StopReason::Preempted);
+    return nullptr;
+  }
   void save(const Hash128&, uint32_t, TermPtr state) override { saved = std::move(state); }
   StopSource& source;
   TermPtr saved;
@@ -144,7 +152,7 @@ TEST(Stops, AStateTakenUpAgainIsKeptWhenItsNodeIsPreemptedBeforeItBegins) {
   StopSource first;
   RenderControl control;
   control.stop = first.token();
-  control.progress = [&](const v1::Progress&) { first.stop(StopReason::Preempted); };   // path tracing reports, in its midst
+  control.progress = [&](const v1::Progress&) { first.stop(StopReason::Preempted); };  // path tracing reports, in its midst
   ASSERT_EQ(engine->render(request, control).status().code(), Code::Aborted);
   StopSource second;
   Preempting checkpoints(second);

@@ -30,9 +30,7 @@ bool change(Message& m, const FieldDescriptor* field, int n) {
     case FieldDescriptor::CPPTYPE_UINT32:
       if (n < 2) reflection->SetUInt32(&m, field, uint32_t(n ? std::max(low, 1.0) : high));
       return n < 2;
-    case FieldDescriptor::CPPTYPE_BOOL:
-      reflection->SetBool(&m, field, !field->options().GetExtension(v1::bool_default));
-      return n < 1;
+    case FieldDescriptor::CPPTYPE_BOOL: reflection->SetBool(&m, field, !field->options().GetExtension(v1::bool_default)); return n < 1;
     case FieldDescriptor::CPPTYPE_ENUM:
       if (n + 1 >= field->enum_type()->value_count()) return false;
       reflection->SetEnum(&m, field, field->enum_type()->value(n + 1));
@@ -57,7 +55,7 @@ TEST(TechniqueFields, AChangeOfOneNeverGetsAnothersTerms) {
     for (const FieldDescriptor* part : {own, v1::ShadowTechnique::descriptor()->FindFieldByName("map")}) {
       for (int i = 0; i < part->message_type()->field_count(); ++i) {
         const FieldDescriptor* field = part->message_type()->field(i);
-        if (field->name() == "device") continue;   // another numeric class: ExponentialShadowScene.OnlyWhatChangedIsANewNode
+        if (field->name() == "device") continue;  // another numeric class: ExponentialShadowScene.OnlyWhatChangedIsANewNode
         bool seen = false;
         for (int n = 0;; ++n) {
           v1::RenderRequest r = base;
@@ -67,7 +65,10 @@ TEST(TechniqueFields, AChangeOfOneNeverGetsAnothersTerms) {
           if (field->name() == "fit") set(r, "camera.yfov_deg=20");
           const auto warm = engine->render(r), cold = makeEngine()->render(r);
           ASSERT_EQ(warm.ok(), cold.ok()) << t.name << " " << field->full_name() << ": " << warm.status().toString() << " / " << cold.status().toString();
-          if (!warm.ok()) { ++refused; continue; }
+          if (!warm.ok()) {
+            ++refused;
+            continue;
+          }
           EXPECT_EQ(firstDifference(*warm, *cold), "") << t.name << ", " << field->full_name() << ", value " << n;
           seen = seen || !firstDifference(*warm, first).empty();
         }

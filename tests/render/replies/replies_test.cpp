@@ -29,7 +29,7 @@ namespace gobo::testing {
 namespace {
 
 namespace fs = std::filesystem;
-const char* const kRequests = "tests/data/replies/requests.txt";   // tests run in the project's folder
+const char* const kRequests = "tests/data/replies/requests.txt";  // tests run in the project's folder
 const char* const kRecorded = "tests/data/replies/recorded.txt";
 
 /// A line: its name, then assignments to a small request, then perhaps "relight" and those of a relight of it.
@@ -55,8 +55,14 @@ std::vector<Case> readCases() {
   return cases;
 }
 
-struct Picture { std::string digest; double mean = 0; };
-struct Recorded { std::string keys; std::map<std::string, Picture> pictures; };   ///< keys: of all the plan's nodes
+struct Picture {
+  std::string digest;
+  double mean = 0;
+};
+struct Recorded {
+  std::string keys;
+  std::map<std::string, Picture> pictures;
+};  ///< keys: of all the plan's nodes
 
 Picture picture(const Image& image) {
   Hasher h("picture");
@@ -64,7 +70,10 @@ Picture picture(const Image& image) {
   double sum = 0;
   size_t finite = 0;
   for (const float v : image.data)
-    if (std::isfinite(v)) { sum += double(v); ++finite; }
+    if (std::isfinite(v)) {
+      sum += double(v);
+      ++finite;
+    }
   return {h.digest().hex(), finite ? sum / double(finite) : 0.0};
 }
 
@@ -77,7 +86,7 @@ struct Replies : ::testing::Test {
     animated = writeAnimatedScene("replies");
     std::ofstream(folder + "/rich.gltf", std::ios::binary) << fuzz::richGltf();
     Image sky(32, 16, 3);
-    for (size_t i = 0; i < sky.data.size(); ++i) sky.data[i] = i / 3 == 75 ? 400.0f : 0.1f + float(i * 7919 % 251) / 250.0f;   // one bright spot
+    for (size_t i = 0; i < sky.data.size(); ++i) sky.data[i] = i / 3 == 75 ? 400.0f : 0.1f + float(i * 7919 % 251) / 250.0f;  // one bright spot
     const auto bytes = *encodeExr(sky);
     std::ofstream(folder + "/sky.exr", std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), std::streamsize(bytes.size()));
   }
@@ -117,7 +126,8 @@ Recorded record(Engine& engine, const Case& c, const v1::RenderRequest& request)
   }
   Recorded out;
   std::set<std::string> keys;
-  for (const v1::NodeReport& n : result.reply.plan()) if (!n.key().empty()) keys.insert(n.node() + " " + n.key());
+  for (const v1::NodeReport& n : result.reply.plan())
+    if (!n.key().empty()) keys.insert(n.node() + " " + n.key());
   Hasher h("keys");
   for (const std::string& k : keys) h.add(k);
   out.keys = h.digest().hex();
@@ -134,7 +144,10 @@ Recorded record(Engine& engine, const Case& c, const v1::RenderRequest& request)
   return out;
 }
 
-struct Record { std::string arithmetic; std::map<std::string, Recorded> cases; };
+struct Record {
+  std::string arithmetic;
+  std::map<std::string, Recorded> cases;
+};
 
 Record readRecord() {
   Record out;
@@ -144,7 +157,10 @@ Record readRecord() {
     std::string name, keys, output;
     Picture p;
     if (!(words >> name) || name[0] == '#') continue;
-    if (name == "arithmetic") { words >> out.arithmetic; continue; }
+    if (name == "arithmetic") {
+      words >> out.arithmetic;
+      continue;
+    }
     words >> keys;
     Recorded& r = out.cases[name];
     r.keys = keys;
@@ -185,13 +201,18 @@ TEST_F(Replies, AreWhatTheyWere) {
     rekeyed += !sameKeys;
     for (const auto& [output, p] : r.pictures) {
       const auto old = was->second.pictures.find(output);
-      if (old == was->second.pictures.end()) { EXPECT_TRUE(recording) << output << " was never recorded"; continue; }
+      if (old == was->second.pictures.end()) {
+        EXPECT_TRUE(recording) << output << " was never recorded";
+        continue;
+      }
       ++pictures;
       // Other arithmetic moves single samples; these pictures have some thousands.
-      EXPECT_TRUE(recording || std::abs(p.mean - old->second.mean) <= 0.02 * std::abs(old->second.mean) + 1e-5) << output << ": mean " << p.mean << ", recorded " << old->second.mean;
+      EXPECT_TRUE(recording || std::abs(p.mean - old->second.mean) <= 0.02 * std::abs(old->second.mean) + 1e-5)
+          << output << ": mean " << p.mean << ", recorded " << old->second.mean;
       if (!comparable || p.digest == old->second.digest) continue;
       ++moved;
-      EXPECT_FALSE(sameKeys) << output << " changed under the keys that it had: a store would go on serving the old one. Which node changed? Raise its version().";
+      EXPECT_FALSE(sameKeys) << output
+                             << " changed under the keys that it had: a store would go on serving the old one. Which node changed? Raise its version().";
       EXPECT_TRUE(recording || sameKeys) << output << " changed, with its keys: record it and say why in docs/changed_pictures.md";
     }
   }
@@ -211,7 +232,8 @@ void collect(const Message& m, std::set<std::string>& seen) {
     seen.insert(f->full_name());
     if (f->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
     if (!f->is_repeated()) collect(m.GetReflection()->GetMessage(m, f), seen);
-    else for (int i = 0; i < m.GetReflection()->FieldSize(m, f); ++i) collect(m.GetReflection()->GetRepeatedMessage(m, f, i), seen);
+    else
+      for (int i = 0; i < m.GetReflection()->FieldSize(m, f); ++i) collect(m.GetReflection()->GetRepeatedMessage(m, f, i), seen);
   }
 }
 
@@ -221,10 +243,12 @@ void expectSeen(const google::protobuf::Descriptor& type, const std::set<std::st
   for (int i = 0; i < type.field_count(); ++i) {
     const FieldDescriptor* f = type.field(i);
     // Nothing that a picture's bits depend on, or the clock.
-    static const std::set<std::string> left = {"gobo.v1.RenderRequest.encoding", "gobo.v1.RenderRequest.scheduling", "gobo.v1.RenderRequest.scene_hash", "gobo.v1.Halt.time_s"};
+    static const std::set<std::string> left = {"gobo.v1.RenderRequest.encoding", "gobo.v1.RenderRequest.scheduling", "gobo.v1.RenderRequest.scene_hash",
+                                               "gobo.v1.Halt.time_s"};
     if (left.count(f->full_name())) continue;
     EXPECT_TRUE(seen.count(f->full_name())) << f->full_name() << " is set by no recorded request (" << kRequests << ")";
-    if (f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && (f->message_type()->name() == "ShadowTechnique" || type.name() != "ShadowTechnique")) expectSeen(*f->message_type(), seen, done);
+    if (f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && (f->message_type()->name() == "ShadowTechnique" || type.name() != "ShadowTechnique"))
+      expectSeen(*f->message_type(), seen, done);
   }
 }
 

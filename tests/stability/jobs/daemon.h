@@ -41,10 +41,13 @@ class Daemon {
  public:
   Daemon(std::string folder, int workers) : folder_(std::move(folder)) {
     std::ofstream(folder_ + "/gobod.toml") << "listen = [\"unix:s.sock\"]\n[log]\nlevel = \"info\"\n[engine]\nthreads = 2\nstore_bytes = \"256MiB\"\n"
-        "[limits]\ntmp_folder = \"tmp\"\n[jobs]\nfolder = \"jobs\"\nworkers = " << workers << "\nlease_s = 5\ncheckpoint_s = 0.1\n";
+                                              "[limits]\ntmp_folder = \"tmp\"\n[jobs]\nfolder = \"jobs\"\nworkers = "
+                                           << workers << "\nlease_s = 5\ncheckpoint_s = 0.1\n";
     std::filesystem::create_directory(folder_ + "/tmp");
   }
-  ~Daemon() { if (pid_ > 0) kill(SIGKILL); }
+  ~Daemon() {
+    if (pid_ > 0) kill(SIGKILL);
+  }
 
   bool start() {
     pid_ = ::fork();
@@ -57,7 +60,7 @@ class Daemon {
       ::_exit(127);
     }
     grpc::ChannelArguments arguments;
-    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);   // no back-off inherited from the last life; the last one bounds a handshake
+    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);  // no back-off inherited from the last life; the last one bounds a handshake
     arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 20);
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 100);
     arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);

@@ -2,12 +2,12 @@
 // kill -9 of the real daemon, again and again, while jobs are submitted, rendered and checkpointed and a client relights. In the end
 // every job that was acknowledged is done, none is there twice, its bits are those of an uninterrupted render, and no file is
 // left that nothing needs. GOBO_KILLS says how often (bench/kill9: 50).
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
-#include <fcntl.h>
 
 #include <atomic>
 #include <chrono>
@@ -19,11 +19,11 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include "daemon.h"
 #include "gobo/v1/jobs.grpc.pb.h"
 #include "gobo/v1/service.grpc.pb.h"
 #include "server/encode.h"
 #include "server/jobs/sqlite_job_store.h"
-#include "daemon.h"
 
 namespace gobo {
 namespace {
@@ -70,7 +70,7 @@ TEST(Kill9, NothingLostNothingTwiceTheSameBits) {
   std::mt19937 random(20240501);
   const auto begun = Clock::now();
   int submitted = 0, repeated = 0, inFlight = 0;
-  std::map<std::string, std::string> ids;   // key -> id, as acknowledged
+  std::map<std::string, std::string> ids;  // key -> id, as acknowledged
   std::atomic<uint64_t> relights{0};
   for (int cycle = 0; cycle <= kills; ++cycle) {
     ASSERT_TRUE(daemon.start()) << "cycle " << cycle;
@@ -147,7 +147,7 @@ TEST(Kill9, NothingLostNothingTwiceTheSameBits) {
   options.threads = 2;
   auto engine = std::move(*Engine::create(options));
   size_t frames = 0, differing = 0, lost = 0, twice = jobs.size() > size_t(kills) ? jobs.size() - size_t(kills) : 0, stray = 0;
-  std::map<std::string, std::string> wanted;   // result file -> job
+  std::map<std::string, std::string> wanted;  // result file -> job
   for (int i = 0; i < kills; ++i) {
     grpc::ClientContext context;
     bound(context);
@@ -214,7 +214,8 @@ TEST(Kill9, NothingLostNothingTwiceTheSameBits) {
   std::map<std::string, int> done;
   size_t resumed = 0, checkpoints = 0, taken = 0;
   std::ifstream log(folder + "/log");
-  const std::regex doneLine("job (j-[0-9]+ frame -?[0-9]+) done seconds=[0-9.]+ checkpoints=([0-9]+) resumed=([0-9]+)"), takenLine("jobs: ([0-9]+) frames of a killed");
+  const std::regex doneLine("job (j-[0-9]+ frame -?[0-9]+) done seconds=[0-9.]+ checkpoints=([0-9]+) resumed=([0-9]+)"),
+      takenLine("jobs: ([0-9]+) frames of a killed");
   for (std::string line; std::getline(log, line);) {
     std::smatch m;
     if (std::regex_search(line, m, doneLine)) {
@@ -226,10 +227,13 @@ TEST(Kill9, NothingLostNothingTwiceTheSameBits) {
       taken += std::stoul(m[1]);
     }
   }
-  std::printf("kill -9: %d times in %.1f s, %d with a job running, %zu running frames taken up again, %zu frames finished from a checkpoint of a killed daemon\n"
-              "jobs: %zu submitted, %zu frames done, %d submissions repeated; frames lost %zu, twice %zu, with other bits %zu; files corrupt %zu, stray %zu; integrity %s\n"
-              "load: %llu interactive renders answered meanwhile; all in %.1f s\n",
-              kills, killSeconds, inFlight, taken, resumed, jobs.size(), frames, repeated, lost, twice, differing, corrupt, stray, integrity.c_str(), (unsigned long long)relights.load(), since(begun));
+  std::printf(
+      "kill -9: %d times in %.1f s, %d with a job running, %zu running frames taken up again, %zu frames finished from a checkpoint of a killed daemon\n"
+      "jobs: %zu submitted, %zu frames done, %d submissions repeated; frames lost %zu, twice %zu, with other bits %zu; files corrupt %zu, stray %zu; integrity "
+      "%s\n"
+      "load: %llu interactive renders answered meanwhile; all in %.1f s\n",
+      kills, killSeconds, inFlight, taken, resumed, jobs.size(), frames, repeated, lost, twice, differing, corrupt, stray, integrity.c_str(),
+      (unsigned long long)relights.load(), since(begun));
 }
 
 }  // namespace

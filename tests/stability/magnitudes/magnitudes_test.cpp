@@ -19,20 +19,29 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-constexpr std::array<double, 13> kMagnitudes{1, 1, 1, 1, 1e-12, 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9, 9.9e8, 1e12};   // 1 often: or little would get beyond its refusal
+constexpr std::array<double, 13> kMagnitudes{1,    1,   1,   1,   1e-12, 1e-9, 1e-6,
+                                             1e-3, 1e3, 1e6, 1e9, 9.9e8, 1e12};  // 1 often: or little would get beyond its refusal
 constexpr std::array<const char*, 6> kKinds{"POINT", "SPOT", "DIRECTIONAL", "RECT", "DISK", "SPHERE"};
-constexpr int kTries = 200;   // a technique
+constexpr int kTries = 200;  // a technique
 
 /// Choices of one try.
 struct Dice {
   uint64_t state;
   uint64_t next() { return state = hash64(state, 0x6d61676e); }
-  template <typename List> auto of(const List& list) { return list[next() % std::size(list)]; }
+  template <typename List>
+  auto of(const List& list) {
+    return list[next() % std::size(list)];
+  }
   bool coin() { return next() >> 63; }
   double magnitude() { return of(kMagnitudes); }
 };
 
-std::string text(double v) { std::ostringstream out; out.precision(17); out << v; return out.str(); }
+std::string text(double v) {
+  std::ostringstream out;
+  out.precision(17);
+  out << v;
+  return out.str();
+}
 std::string text(const Vec3& v) { return text(v.x) + "," + text(v.y) + "," + text(v.z); }
 
 /// A floor with a box on it, both of size s; or needles; or the floor alone, seen edge on.
@@ -42,9 +51,10 @@ Result<ScenePtr> scene(Dice& dice, float s) {
   m.instance(m.mesh(tests::ground(2 * s), grey));
   switch (dice.next() % 3) {
     case 0: m.instance(m.mesh(tests::box(Vec3(-0.3f * s, 0, -0.3f * s), Vec3(0.3f * s, 0.7f * s, 0.3f * s)), grey)); break;
-    case 1: {   // slivers: one as thin as floats go, one whose corners lie on a line
+    case 1: {  // slivers: one as thin as floats go, one whose corners lie on a line
       Mesh needles;
-      needles.positions = {Vec3(-s, 0.5f * s, 0), Vec3(s, 0.5f * s, 0), Vec3(s, 0.5f * s, 1e-7f * s), Vec3(-s, 0.2f * s, 0), Vec3(0, 0.2f * s, 0), Vec3(s, 0.2f * s, 0)};
+      needles.positions = {Vec3(-s, 0.5f * s, 0), Vec3(s, 0.5f * s, 0), Vec3(s, 0.5f * s, 1e-7f * s),
+                           Vec3(-s, 0.2f * s, 0), Vec3(0, 0.2f * s, 0), Vec3(s, 0.2f * s, 0)};
       needles.indices = {0, 1, 2, 3, 4, 5};
       m.instance(m.mesh(needles, grey));
       break;
@@ -62,12 +72,12 @@ void fill(Message& m, Dice& dice) {
   const auto& r = *m.GetReflection();
   for (int i = 0; i < m.GetDescriptor()->field_count(); ++i) {
     const FieldDescriptor* f = m.GetDescriptor()->field(i);
-    if (f->is_repeated() || f->name() == "device" || dice.next() % 3 == 0) continue;   // a device is not there everywhere
+    if (f->is_repeated() || f->name() == "device" || dice.next() % 3 == 0) continue;  // a device is not there everywhere
     const v1::Number range = f->options().GetExtension(v1::number);
     const double end = dice.coin() ? range.min() : range.max();
     switch (f->cpp_type()) {
       case FieldDescriptor::CPPTYPE_DOUBLE: r.SetDouble(&m, f, range.exclusive_min() && end == range.min() ? 1e-12 : end); break;
-      case FieldDescriptor::CPPTYPE_UINT32: r.SetUInt32(&m, f, uint32_t(std::min(end, 64.0))); break;   // more of a thing costs time and is no other number
+      case FieldDescriptor::CPPTYPE_UINT32: r.SetUInt32(&m, f, uint32_t(std::min(end, 64.0))); break;  // more of a thing costs time and is no other number
       case FieldDescriptor::CPPTYPE_BOOL: r.SetBool(&m, f, dice.coin()); break;
       case FieldDescriptor::CPPTYPE_ENUM: r.SetEnumValue(&m, f, int(dice.next() % uint64_t(f->enum_type()->value_count()))); break;
       default: ADD_FAILURE() << f->full_name() << ": of a kind that this test does not know";
@@ -113,7 +123,7 @@ TEST(Magnitudes, EveryTechniqueGivesFinitePixelsOrNamesAField) {
       v1::RenderRequest r = request(dice, s);
       v1::ShadowTechnique& shadow = *r.mutable_shadows();
       fill(*shadow.GetReflection()->MutableMessage(&shadow, technique), dice);
-      shadow.mutable_map()->set_resolution(64);   // where the dice leave it
+      shadow.mutable_map()->set_resolution(64);  // where the dice leave it
       fill(*shadow.mutable_map(), dice);
       RenderControl control;
       control.scene = *made;
@@ -131,7 +141,8 @@ TEST(Magnitudes, EveryTechniqueGivesFinitePixelsOrNamesAField) {
       for (const auto& image : result->images)
         for (const float v : image.image().data) ASSERT_TRUE(std::isfinite(v)) << image.output << ", " << what();
     }
-    std::printf("%-26s %d pictures, %d refusals, %.1f s\n", technique->name().c_str(), pictures, refusals, std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
+    std::printf("%-26s %d pictures, %d refusals, %.1f s\n", technique->name().c_str(), pictures, refusals,
+                std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count());
     EXPECT_GT(pictures, 0) << technique->name();
     EXPECT_GT(refusals, 0) << technique->name();
   }

@@ -24,9 +24,16 @@ double mean(const Image& image) {
 }
 
 /// The techniques that read shadow maps, and exponents and orders at the ends of their ranges.
-const std::vector<const char*> kMapTechniques{"shadow_map=", "percentage_closer.taps=4", "variance.min_variance=0", "convolution.order=1", "convolution.order=32",
+const std::vector<const char*> kMapTechniques{"shadow_map=",
+                                              "percentage_closer.taps=4",
+                                              "variance.min_variance=0",
+                                              "convolution.order=1",
+                                              "convolution.order=32",
                                               "exponential.c=80",
-                                              "exponential.c=2000", "exponential.classification=Z_MAX", "exponential_variance.c_positive=42", "moment.bleeding_reduction=0.1"};
+                                              "exponential.c=2000",
+                                              "exponential.classification=Z_MAX",
+                                              "exponential_variance.c_positive=42",
+                                              "moment.bleeding_reduction=0.1"};
 
 std::vector<const char*> withMaps(std::vector<const char*> techniques) {
   techniques.insert(techniques.end(), kMapTechniques.begin(), kMapTechniques.end());
@@ -80,7 +87,8 @@ TEST(Stability, SceneScaleGivesTheSamePicture) {
       for (size_t i = 0; i < one.data.size(); ++i) {
         const double d = double(one.data[i]) - other.data[i];
         // A path that grazes an edge may round to the other side: such pixels are counted, the rest must agree to 1e-4.
-        if (std::fabs(d) > 1e-4 * std::max(1.0, double(one.data[i]))) ++outliers; else squared += d * d;
+        if (std::fabs(d) > 1e-4 * std::max(1.0, double(one.data[i]))) ++outliers;
+        else squared += d * d;
       }
       EXPECT_LE(outliers, int(one.data.size()) / 50) << technique << " scale " << s;
       EXPECT_NEAR(mean(other), mean(one), 2e-3 * mean(one)) << technique << " scale " << s;
@@ -93,7 +101,7 @@ TEST(Stability, CameraFarOut) {
   v1::RenderRequest r = smallRequest("cornell", 16, 12, 16);
   set(r, "camera.position=0,1,100000");
   set(r, "camera.look_at=0,1,0");
-  set(r, "camera.yfov_deg=0.01");   // the smallest that requests may ask for: 17 m at this distance
+  set(r, "camera.yfov_deg=0.01");  // the smallest that requests may ask for: 17 m at this distance
   set(r, "outputs=beauty,depth,normal,position,albedo");
   const RenderResult far = mustRender(*engine, r);
   ASSERT_EQ(far.images.size(), 5u);
@@ -105,7 +113,8 @@ TEST(Stability, ExtremeLightsStayFinite) {
   const std::vector<std::vector<std::string>> cases{
       {"lights.x.kind=POINT", "lights.x.position=0,0.000001,0", "lights.x.intensity=1000000"},
       {"lights.x.kind=SPHERE", "lights.x.position=0,0.5,0.9", "lights.x.radius=0.000001", "lights.x.intensity=1000000000000"},
-      {"lights.x.kind=RECT", "lights.x.position=0,0.000001,0.5", "lights.x.width=0.5", "lights.x.height=0.5", "lights.x.direction=0,-1,0", "lights.x.intensity=1000000"},
+      {"lights.x.kind=RECT", "lights.x.position=0,0.000001,0.5", "lights.x.width=0.5", "lights.x.height=0.5", "lights.x.direction=0,-1,0",
+       "lights.x.intensity=1000000"},
       {"lights.x.kind=RECT", "lights.x.position=0,1,0.9", "lights.x.width=0.000001", "lights.x.height=1000", "lights.x.intensity=1000"},
       {"lights.x.kind=SPOT", "lights.x.position=0,1,0.9", "lights.x.outer_deg=0.001", "lights.x.inner_deg=0", "lights.x.intensity=1000000"},
       {"lights.x.kind=DISK", "lights.x.position=0,1,0.9", "lights.x.radius=1000000", "lights.x.intensity=1"},
@@ -127,12 +136,15 @@ TEST(Stability, ContactAndOccluderOnTheLight) {
   const auto engine = makeEngine();
   // The light lies in the ceiling's plane and touches the tall block's side: slopes of 0 and infinity in one picture.
   v1::RenderRequest r = smallRequest("cornell", 24, 18, 4);
-  for (const char* e : {"lights.x.kind=RECT", "lights.x.position=0,0.6,0", "lights.x.width=1.2", "lights.x.height=1.2", "lights.x.direction=0,-1,0", "lights.x.intensity=2",
-                        "lights.x.shadow.axis_aligned.k=3", "outputs=beauty,visibility:x"})
+  for (const char* e : {"lights.x.kind=RECT", "lights.x.position=0,0.6,0", "lights.x.width=1.2", "lights.x.height=1.2", "lights.x.direction=0,-1,0",
+                        "lights.x.intensity=2", "lights.x.shadow.axis_aligned.k=3", "outputs=beauty,visibility:x"})
     set(r, e);
   const RenderResult result = mustRender(*engine, r);
   expectFinite(result, "contact");
-  for (float v : result.images[1].image().data) { EXPECT_GE(v, 0.0f); EXPECT_LE(v, 1.0f); }
+  for (float v : result.images[1].image().data) {
+    EXPECT_GE(v, 0.0f);
+    EXPECT_LE(v, 1.0f);
+  }
 }
 
 TEST(Stability, OneTexelSunAndDamagedMap) {
@@ -140,7 +152,7 @@ TEST(Stability, OneTexelSunAndDamagedMap) {
   std::filesystem::create_directories(folder);
   Image sun(64, 32, 3);
   for (float& v : sun.data) v = 0.01f;
-  for (int c = 0; c < 3; ++c) sun.at(20, 6)[c] = 1e4f;               // 10^6 : 1
+  for (int c = 0; c < 3; ++c) sun.at(20, 6)[c] = 1e4f;  // 10^6 : 1
   Image damaged = sun;
   damaged.at(3, 3)[0] = NAN;
   damaged.at(4, 3)[1] = INFINITY;

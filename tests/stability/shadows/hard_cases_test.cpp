@@ -34,7 +34,11 @@ LightShape lightOf(LightKind kind, const Vec3& position = Vec3(0, 6, 0), const V
 }
 
 /// Techniques and the light kinds that they are tried on: soft ones on area lights, the others on all of them.
-struct Try { std::string name; v1::ShadowTechnique technique; LightKind kind; };
+struct Try {
+  std::string name;
+  v1::ShadowTechnique technique;
+  LightKind kind;
+};
 std::vector<Try> tries() {
   std::vector<Try> all;
   for (const NamedTechnique& t : mapTechniques())
@@ -55,7 +59,10 @@ void expectInRange(const ShadowRun& r, const std::string& what) {
 }
 
 /// Smallest and largest V over surfaces that `inside` accepts.
-struct Span { float lo = 2, hi = -1; int count = 0; };
+struct Span {
+  float lo = 2, hi = -1;
+  int count = 0;
+};
 Span over(const ShadowRun& r, const std::function<bool(const Vec3&)>& inside) {
   Span s;
   for (size_t i = 0; i < r.size(); ++i) {
@@ -84,7 +91,7 @@ TEST(ShadowHardCases, NothingBlocksAndALidBlocksAll) {
     expectInRange(lit, label(t));
     EXPECT_GE(over(lit, everywhere).lo, 0.95f) << label(t);
     SceneMaker closed = floorScene();
-    closed.instance(closed.mesh(tests::ground(9.0f, 4.0f), 0));   // above the camera too
+    closed.instance(closed.mesh(tests::ground(9.0f, 4.0f), 0));  // above the camera too
     closed.light(lightOf(t.kind));
     const ShadowRun dark = runShadow(closed.finish(), t.technique);
     expectInRange(dark, label(t));
@@ -120,7 +127,7 @@ TEST(ShadowHardCases, EmptySceneAndLightsThatSeeNothing) {
     const ShadowRun none = runShadow(empty.finish(), t.technique);
     expectInRange(none, label(t));
     EXPECT_EQ(none.raysOf("light_depth_map"), 0u) << label(t);
-    if (t.kind == LightKind::Directional || t.kind == LightKind::Point || t.kind == LightKind::Sphere) continue;   // they look everywhere
+    if (t.kind == LightKind::Directional || t.kind == LightKind::Point || t.kind == LightKind::Sphere) continue;  // they look everywhere
     SceneMaker away = floorScene();
     away.light(lightOf(t.kind, Vec3(0, 6, 0), Vec3(0.1f, 1, 0)));
     const ShadowRun r = runShadow(away.finish(), t.technique);
@@ -142,7 +149,8 @@ TEST(ShadowHardCases, ReceiversOutsideTheFrustum) {
     const ShadowRun r = runShadow(s.finish(), t.technique);
     expectInRange(r, label(t));
     const auto radius = [](const Vec3& p) { return std::hypot(p.x, p.z); };
-    const Span in = over(r, [&](const Vec3& p) { return p.y < 0.1f && radius(p) < 0.9f; }), out = over(r, [&](const Vec3& p) { return p.y < 0.1f && radius(p) > 2.0f; });
+    const Span in = over(r, [&](const Vec3&p) { return p.y < 0.1f && radius(p) < 0.9f; }),
+               out = over(r, [&](const Vec3&p) { return p.y < 0.1f && radius(p) > 2.0f; });
     ASSERT_GT(in.count, 5);
     ASSERT_GT(out.count, 5);
     EXPECT_LE(in.hi, 0.05f) << label(t);
@@ -164,7 +172,7 @@ TEST(ShadowHardCases, DepthRangesOfAMillion) {
     const ShadowRun r = runShadow(s.finish(), t.technique);
     expectInRange(r, label(t));
     const auto reach = [](const Vec3& p) { return std::max(std::fabs(p.x), std::fabs(p.z)); };
-    const Span in = over(r, [&](const Vec3& p) { return reach(p) < 3.5f; }), out = over(r, [&](const Vec3& p) { return reach(p) > 7.0f && reach(p) < 40.0f; });
+    const Span in = over(r, [&](const Vec3&p) { return reach(p) < 3.5f; }), out = over(r, [&](const Vec3&p) { return reach(p) > 7.0f && reach(p) < 40.0f; });
     ASSERT_GT(in.count, 5);
     ASSERT_GT(out.count, 50);
     EXPECT_LE(in.hi, 0.05f) << label(t);
@@ -187,8 +195,8 @@ TEST(ShadowHardCases, LightInsideGeometry) {
   }
 }
 
-// filament#7480: what a pre-filter reads beyond the map's edge must not darken what lies there. A card in the middle, wide kernels; and a wall at one end of the
-// floor, which no wrap-around may bring to the other.
+// filament#7480: what a pre-filter reads beyond the map's edge must not darken what lies there. A card in the middle, wide kernels; and a wall at one end of
+// the floor, which no wrap-around may bring to the other.
 TEST(ShadowHardCases, BlurAcrossTheMapsEdge) {
   for (Try t : tries()) {
     if (t.kind != LightKind::Directional) continue;
@@ -196,15 +204,15 @@ TEST(ShadowHardCases, BlurAcrossTheMapsEdge) {
       for (int blur : {2, 16, 64}) {
         SceneMaker s = floorScene();
         s.instance(s.mesh(tests::quad(Vec3(-2, 0, 2), Vec3(0.05f, 0, 0), Vec3(0, 1.0f, 0)), 0));
-        s.instance(s.mesh(tests::quad(Vec3(-2, 1, 2), Vec3(0.3f, 0, 0), Vec3(0, 0, -4)), 0));      // over the left end
+        s.instance(s.mesh(tests::quad(Vec3(-2, 1, 2), Vec3(0.3f, 0, 0), Vec3(0, 0, -4)), 0));  // over the left end
         s.light(lightOf(LightKind::Directional));
         t.technique.mutable_map()->set_resolution(uint32_t(resolution));
         t.technique.mutable_map()->set_blur(uint32_t(blur));
         const ShadowRun r = runShadow(s.finish(), t.technique);
         const std::string what = label(t) + " " + std::to_string(resolution) + " texels, blur " + std::to_string(blur);
         expectInRange(r, what);
-        const float kernel = 4.4f * float(blur + 2) / float(resolution);                        // metres either way
-        if (kernel > 2.0f) continue;                                                                // it reaches the left end from anywhere
+        const float kernel = 4.4f * float(blur + 2) / float(resolution);  // metres either way
+        if (kernel > 2.0f) continue;                                      // it reaches the left end from anywhere
         const Span right = over(r, [&](const Vec3& p) { return p.y < 1e-3f && p.x > std::max(1.7f, -1.6f + kernel); });
         ASSERT_GT(right.count, 5);
         EXPECT_GE(right.lo, 0.99f) << what;
@@ -234,8 +242,12 @@ TEST(ShadowHardCases, BadDepthsDoNotSpread) {
   constexpr int kSide = 24, kBlur = 3, kX = 11, kY = 9;
   const float inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
   const v1::ConvolutionShadow convolution;
-  const std::vector<ShadowBasisPtr> bases{makeExponentialBasis(80, false), makeExponentialBasis(500, true), makeVarianceBasis(v1::VarianceShadow()), makeConvolutionBasis(convolution),
-                                          makeExponentialVarianceBasis(40, 10, 1e-6f, 0.1f), makeMomentBasis(v1::MomentShadow())};
+  const std::vector<ShadowBasisPtr> bases{makeExponentialBasis(80, false),
+                                          makeExponentialBasis(500, true),
+                                          makeVarianceBasis(v1::VarianceShadow()),
+                                          makeConvolutionBasis(convolution),
+                                          makeExponentialVarianceBasis(40, 10, 1e-6f, 0.1f),
+                                          makeMomentBasis(v1::MomentShadow())};
   const auto encoded = [&](const ShadowBasisPtr& basis, float bad) {
     auto depth = std::make_shared<Term>("light_depth_map", Domain::LightTexel, Extent{kSide, kSide, 1});
     auto z = depth->addPlane<float>("z");
@@ -257,7 +269,9 @@ TEST(ShadowHardCases, BadDepthsDoNotSpread) {
       for (size_t i = 0; i < B.size(); ++i) {
         ASSERT_TRUE(std::isfinite(B[i])) << basis->name() << " " << bad;
         const int x = int(i / channels) % kSide, y = int(i / channels) / kSide;
-        if (std::max(std::abs(x - kX), std::abs(y - kY)) > kBlur) { ASSERT_EQ(B[i], clean[i]) << basis->name() << " " << bad << " spread to " << x << "," << y; }
+        if (std::max(std::abs(x - kX), std::abs(y - kY)) > kBlur) {
+          ASSERT_EQ(B[i], clean[i]) << basis->name() << " " << bad << " spread to " << x << "," << y;
+        }
         ASSERT_EQ(B[i], (bad < 0 && !std::isinf(bad) ? near : far)[i]) << basis->name() << " " << bad;
       }
     }
@@ -292,7 +306,7 @@ TEST(ShadowHardCases, AlphaTestedCasters) {
       for (int x = 1; x + 1 < 96; ++x) {
         const size_t i = size_t(y) * 96 + size_t(x);
         const Vec3 p = r.surface(i) ? r.at("P", i) : Vec3(9.0f);
-        if (p.y > 1e-3f || std::max(std::fabs(p.x), std::fabs(p.z)) > 0.9f) continue;    // floor below the card
+        if (p.y > 1e-3f || std::max(std::fabs(p.x), std::fabs(p.z)) > 0.9f) continue;  // floor below the card
         bool edge = false;
         for (int k = 0; k < 9; ++k) edge |= truth.V()[i + size_t((k / 3 - 1) * 96 + k % 3 - 1)] != truth.V()[i];
         if (edge) continue;
@@ -334,8 +348,9 @@ TEST(ShadowHardCases, PunctualLightsOnly) {
     if (soft(t.name)) continue;
     const auto engine = makeEngine();
     v1::RenderRequest r = smallRequest("fence", 24, 16, 4);
-    for (const char* e : {"lights.key.enabled=false", "lights.spot.kind=SPOT", "lights.spot.position=-2,3,3", "lights.spot.direction=0.5,-0.8,-0.6", "lights.spot.outer_deg=40",
-                          "lights.spot.intensity=40", "lights.bulb.kind=POINT", "lights.bulb.position=1,1.5,1.5", "lights.bulb.intensity=4", "outputs=beauty"})
+    for (const char* e :
+         {"lights.key.enabled=false", "lights.spot.kind=SPOT", "lights.spot.position=-2,3,3", "lights.spot.direction=0.5,-0.8,-0.6", "lights.spot.outer_deg=40",
+          "lights.spot.intensity=40", "lights.bulb.kind=POINT", "lights.bulb.position=1,1.5,1.5", "lights.bulb.intensity=4", "outputs=beauty"})
       set(r, e);
     *r.mutable_shadows() = t.technique;
     r.mutable_shadows()->mutable_map()->set_resolution(128);

@@ -19,8 +19,15 @@ namespace {
 
 struct Bytes {
   std::string s;
-  Bytes& word(uint32_t v) { s.append(reinterpret_cast<const char*>(&v), 4); return *this; }
-  Bytes& text(const std::string& t) { s += t; s.push_back('\0'); return *this; }
+  Bytes& word(uint32_t v) {
+    s.append(reinterpret_cast<const char*>(&v), 4);
+    return *this;
+  }
+  Bytes& text(const std::string& t) {
+    s += t;
+    s.push_back('\0');
+    return *this;
+  }
 };
 std::string box(int w, int h) { return Bytes().word(0).word(0).word(uint32_t(w - 1)).word(uint32_t(h - 1)).s; }
 std::string channels(int n) {
@@ -33,10 +40,13 @@ std::string tiles(uint32_t w, uint32_t h) { return Bytes().word(w).word(h).s + s
 
 struct File {
   uint8_t flags = 0;
-  std::vector<std::pair<std::string, std::string>> attributes;   // "name type", contents
+  std::vector<std::pair<std::string, std::string>> attributes;  // "name type", contents
   std::string tail = std::string(64, '\0');
 
-  File& put(const std::string& nameAndType, const std::string& value) { attributes.emplace_back(nameAndType, value); return *this; }
+  File& put(const std::string& nameAndType, const std::string& value) {
+    attributes.emplace_back(nameAndType, value);
+    return *this;
+  }
   /// `size` may lie.
   static void attribute(Bytes& b, const std::string& nameAndType, const std::string& value, uint32_t size) {
     const size_t space = nameAndType.find(' ');
@@ -63,7 +73,10 @@ std::string lie(const std::string& nameAndType, const std::string& value, uint32
   return b.s;
 }
 
-struct Answer { bool left = false; std::string message; };
+struct Answer {
+  bool left = false;
+  std::string message;
+};
 
 /// Read with 96 MiB of address space beyond what the process has.
 Answer readSmall(const std::string& file) {
@@ -82,7 +95,8 @@ Answer readSmall(const std::string& file) {
       const auto image = readImageFromMemory(p, file.size(), "tiny.exr");
       const auto layers = exrLayers(p, file.size(), "tiny.exr");
       const auto words = exrMetadata(p, file.size(), "tiny.exr");
-      said = (image.ok() ? "read" : image.status().toString()) + "\n" + (layers.ok() ? "read" : layers.status().toString()) + "\n" + (words.ok() ? "read" : words.status().toString());
+      said = (image.ok() ? "read" : image.status().toString()) + "\n" + (layers.ok() ? "read" : layers.status().toString()) + "\n" +
+             (words.ok() ? "read" : words.status().toString());
     }
     (void)!::write(out[1], said.data(), said.size());
     ::_exit(0);
@@ -112,11 +126,14 @@ TEST(ExrHeader, TinyFilesCannotAskForGigabytes) {
   File parts = plain(64, 64, 4, 3);
   parts.flags = 0x10;
   parts.put("name string", "a").put("type string", "scanlineimage").put("chunkCount int", Bytes().word(0x7ffffff0).s);
-  const std::map<std::string, std::pair<std::string, std::string>> cases{   // what it does: file, what the error says
+  const std::map<std::string, std::pair<std::string, std::string>> cases{
+      // what it does: file, what the error says
       {"attribute longer than the file", {plain(64, 64, 4, 3).bytes(huge), "does not fit the file"}},
-      {"int that hides it", {plain(64, 64, 4, 3).bytes(lie("a int", std::string(4, '\0') + huge + std::string(64, '\0'), uint32_t(68 + huge.size()))), "should have 4"}},
+      {"int that hides it",
+       {plain(64, 64, 4, 3).bytes(lie("a int", std::string(4, '\0') + huge + std::string(64, '\0'), uint32_t(68 + huge.size()))), "should have 4"}},
       {"int that is too short", {plain(64, 64, 4, 3).bytes(lie("a int", std::string(1, '\0'), 1)), "should have 4"}},
-      {"channels that hide it", {plain(64, 64, 4, 3).bytes(lie("a chlist", std::string(1, '\0') + huge + std::string(64, '\0'), uint32_t(65 + huge.size()))), "length of its contents"}},
+      {"channels that hide it",
+       {plain(64, 64, 4, 3).bytes(lie("a chlist", std::string(1, '\0') + huge + std::string(64, '\0'), uint32_t(65 + huge.size()))), "length of its contents"}},
       {"preview", {plain(64, 64, 4, 3).bytes(lie("p preview", Bytes().word(20000).word(20000).s, 8)), "length of its contents"}},
       {"list of texts", {plain(64, 64, 4, 3).bytes(lie("t stringvector", Bytes().word(0x70000000).s, 4)), "length of its contents"}},
       {"lines of a chunk", {wide.bytes(), "more than it can hold"}},

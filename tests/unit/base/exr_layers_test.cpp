@@ -31,8 +31,11 @@ struct Layers {
   std::vector<ExrLayer> all;
   Layers() {
     for (size_t i = 0; i < id.size(); ++i) id[i] = float(int(i * 2654435761u % 100003) - 1);
-    all = {{"", {"R", "G", "B"}, beauty, false, false}, {"albedo", {"R", "G", "B"}, albedo, false, false}, {"normal", {"X", "Y", "Z"}, normal, false, true},
-           {"depth", {"Z"}, depth, true, true}, {"object_id", {"id"}, id, true, true}};
+    all = {{"", {"R", "G", "B"}, beauty, false, false},
+           {"albedo", {"R", "G", "B"}, albedo, false, false},
+           {"normal", {"X", "Y", "Z"}, normal, false, true},
+           {"depth", {"Z"}, depth, true, true},
+           {"object_id", {"id"}, id, true, true}};
   }
 };
 
@@ -89,7 +92,7 @@ TEST(ExrLayers, DwaLosesColoursOnly) {
     EXPECT_NE(albedo.data, l.albedo) << "lossy after all?";
     double error = 0;
     for (size_t i = 0; i < l.beauty.size(); ++i) error += std::fabs(beauty.data[i] - l.beauty[i]);
-    EXPECT_LT(error / double(l.beauty.size()), 0.25);   // of noise in -2 .. 6, the worst that DCT can meet
+    EXPECT_LT(error / double(l.beauty.size()), 0.25);  // of noise in -2 .. 6, the worst that DCT can meet
     EXPECT_EQ(layerOf(bytes, "albedo").names, (std::vector<std::string>{"R", "G", "B"}));
     o.dwaLevel = 500;
     EXPECT_LT(encoded(l.all, o).size(), bytes.size());
@@ -111,7 +114,9 @@ TEST(ExrLayers, DwaAloneWouldLoseChannelsCalledY) {
 
 TEST(ExrLayers, LossyRangeIsClampedNotInfinite) {
   std::vector<float> wild(size_t(kW) * kH * 3, 1.0f);
-  wild[0] = 1e9f; wild[1] = -1e9f; wild[2] = 70000.0f;
+  wild[0] = 1e9f;
+  wild[1] = -1e9f;
+  wild[2] = 70000.0f;
   const ExrLayer layer{"", {"R", "G", "B"}, wild, false, false};
   ExrOptions o;
   o.compression = ExrCompression::Dwaa;
@@ -161,7 +166,7 @@ TEST(ExrLayers, MetadataAndMatrices) {
   ExrOptions o;
   o.metadata["gobo:request"] = "{\"scene\":\"x\"}";
   Mat4 m(1.0f);
-  m[3] = Vec4(5, 6, 7, 1);                       // translation, column vectors
+  m[3] = Vec4(5, 6, 7, 1);  // translation, column vectors
   o.matrices["worldToCamera"] = m;
   for (const auto c : {ExrCompression::Zip, ExrCompression::Dwaa}) {
     o.compression = c;

@@ -123,16 +123,16 @@ TEST(ImageIo, LimitsRefuseBeforeDecoding) {
 
 // A flat picture of many pixels in a small file: refused by what it would decode to, before that is allocated.
 TEST(ImageIo, DecodedBytesAreBounded) {
-  Image flat(8192, 2900, 3);   // 285 MB of floats
+  Image flat(8192, 2900, 3);  // 285 MB of floats
   const auto png = encodePng(flat);
   ASSERT_TRUE(png.ok());
   ASSERT_LT(png->size(), 1u << 20);
   const uint64_t before = mostDecodedBytes();
   setMostDecodedBytes(280 << 20);
   EXPECT_TRUE(readImageFromMemory(png->data(), png->size(), "a.png").ok());
-  setMostDecodedBytes(1 << 20);   // 256 MiB are read all the same
+  setMostDecodedBytes(1 << 20);  // 256 MiB are read all the same
   const Status refused = readImageFromMemory(png->data(), png->size(), "a.png").status();
-  const auto small = encodePng(Image(8192, 2700, 3));   // 265 MB
+  const auto small = encodePng(Image(8192, 2700, 3));  // 265 MB
   const bool read = readImageFromMemory(small->data(), small->size(), "b.png").ok();
   setMostDecodedBytes(before);
   EXPECT_TRUE(read);

@@ -27,7 +27,9 @@ constexpr size_t kPage = 4096;
 
 struct MappedFiles : ::testing::Test {
   std::vector<std::string> made;
-  void TearDown() override { for (const std::string& p : made) ::unlink(p.c_str()); }
+  void TearDown() override {
+    for (const std::string& p : made) ::unlink(p.c_str());
+  }
   /// A file of `bytes` sevens.
   std::string sevens(size_t bytes) {
     std::string path = ::testing::TempDir() + "/gobo-mapped-XXXXXX";
@@ -149,7 +151,10 @@ TEST_F(MappedFiles, ASigbusElsewhereStillEndsTheProcess) {
   ASSERT_EQ(::ftruncate(d.get(), 0), 0);
   EXPECT_TRUE(dies([&] { (void)raw[kPage]; }));
   EXPECT_TRUE(dies([&] { ::raise(SIGBUS); })) << "sent, not a fault";
-  EXPECT_FALSE(dies([&] { ASSERT_EQ(::truncate(watched.c_str(), 0), 0); (void)*static_cast<const volatile uint8_t*>(m->bytes().data()); })) << "the handler is inherited by a fork";
+  EXPECT_FALSE(dies([&] {
+    ASSERT_EQ(::truncate(watched.c_str(), 0), 0);
+    (void)*static_cast<const volatile uint8_t*>(m->bytes().data());
+  })) << "the handler is inherited by a fork";
   EXPECT_FALSE(m->intact()) << "the file is cut here as well";
   ::munmap(const_cast<uint8_t*>(raw), 2 * kPage);
 }
@@ -158,7 +163,7 @@ TEST_F(MappedFiles, WhoWantsToKnowOfOtherBusErrorsIsTold) {
   const auto m = mapped(sevens(kPage));
   EXPECT_TRUE(dies([] {
     ::signal(SIGBUS, SIG_DFL);
-    if (runOnOtherBusError([](int) {})) ::_exit(0);   // the handler is not in place: it would never be run
+    if (runOnOtherBusError([](int) {})) ::_exit(0);  // the handler is not in place: it would never be run
     ::raise(SIGBUS);
   }));
 }

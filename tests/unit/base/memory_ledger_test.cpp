@@ -17,7 +17,11 @@ struct Cache {
   int shrunk = 0;
   std::shared_ptr<const MemoryHolder> account;
   Cache(MemoryLedger& ledger, const std::string& name, uint64_t has, bool gives = true) : bytes(has) {
-    MemoryHolder h{name, [] { return UINT64_MAX; }, [this] { const std::lock_guard lock(mutex); return bytes; }};
+    MemoryHolder h{name, [] { return UINT64_MAX; },
+                   [this] {
+                     const std::lock_guard lock(mutex);
+                     return bytes;
+                   }};
     if (gives)
       h.shrink = [this](uint64_t most) {
         const std::lock_guard lock(mutex);
@@ -41,7 +45,7 @@ TEST(MemoryLedger, ThoseThatCameFirstGiveFirstAndNoMoreThanIsNeeded) {
   EXPECT_EQ(a.bytes, 0u);
   EXPECT_EQ(b.bytes, 20u);
   EXPECT_EQ(fixed.bytes, 20u);
-  b.bytes = 300;                    // grew by itself
+  b.bytes = 300;  // grew by itself
   ledger.settle();
   EXPECT_EQ(ledger.held(), 100u);
 }
@@ -52,9 +56,10 @@ TEST(MemoryLedger, WhatDoesNotFitIsRefusedAndSaysWhatHolds) {
   a.pinned = 20;
   const Status s = ledger.makeRoom(40, "a scene");
   EXPECT_EQ(s.code(), Code::ResourceExhausted);
-  for (const char* words : {"a scene of 40 bytes", "renders 50", "cache 20", "at most 100", "engine.memory_bytes"}) EXPECT_NE(s.message().find(words), std::string::npos) << s.message();
-  EXPECT_EQ(ledger.makeRoom(UINT64_MAX, "x").code(), Code::ResourceExhausted);   // the sum does not wrap
-  EXPECT_TRUE(MemoryLedger().makeRoom(UINT64_MAX, "x").ok());                    // no total: anything
+  for (const char* words : {"a scene of 40 bytes", "renders 50", "cache 20", "at most 100", "engine.memory_bytes"})
+    EXPECT_NE(s.message().find(words), std::string::npos) << s.message();
+  EXPECT_EQ(ledger.makeRoom(UINT64_MAX, "x").code(), Code::ResourceExhausted);  // the sum does not wrap
+  EXPECT_TRUE(MemoryLedger().makeRoom(UINT64_MAX, "x").ok());                   // no total: anything
 }
 
 TEST(MemoryLedger, WhoHasGoneIsNotAsked) {
@@ -82,7 +87,7 @@ TEST(MemoryLedger, StaysWithinTheTotalWhileManyGrow) {
       }
     });
   for (auto& t : threads) t.join();
-  EXPECT_LE(ledger.held(), 1000u + 4 * 50);   // each may have grown since it asked
+  EXPECT_LE(ledger.held(), 1000u + 4 * 50);  // each may have grown since it asked
   ledger.settle();
   EXPECT_LE(ledger.held(), 1000u);
 }

@@ -7,8 +7,8 @@
 #include <unistd.h>
 
 #include <filesystem>
-#include <functional>
 #include <fstream>
+#include <functional>
 
 namespace gobo::own_folder_test {
 namespace {
@@ -35,7 +35,12 @@ struct OwnFolder : ::testing::Test {
 
 TEST_F(OwnFolder, TableOfKinds) {
   if (::geteuid() != 0) GTEST_SKIP() << "only root can make folders of others";
-  struct Case { const char* name; std::function<std::string()> make; const char* problem; const char* remedy; };   // problem null: trusted
+  struct Case {
+    const char* name;
+    std::function<std::string()> make;
+    const char* problem;
+    const char* remedy;
+  };  // problem null: trusted
   const auto link = [&](const std::string& to, const std::string& name, uid_t user) {
     const std::string path = root + "/" + name;
     ::symlink(to.c_str(), path.c_str());
@@ -54,24 +59,83 @@ TEST_F(OwnFolder, TableOfKinds) {
       {"own link to own", [&] { return link(make("i", 0700), "i-link", 0); }, nullptr, ""},
       {"own link to another's", [&] { return link(make("j", 0755, kOther), "j-link", 0); }, "belongs to user 4711", "chown"},
       {"another's link to own", [&] { return link(make("k", 0700), "k-link", kOther); }, "is a link of user 4711", "name the folder itself"},
-      {"relative link", [&] { make("l", 0700); return link("l", "l-link", 0); }, nullptr, ""},
+      {"relative link",
+       [&] {
+         make("l", 0700);
+         return link("l", "l-link", 0);
+       },
+       nullptr, ""},
       {"link that ends nowhere", [&] { return link("nowhere", "m-link", 0); }, "cannot make the folder", ""},
-      {"links in a circle", [&] { link("n2", "n1", 0); return link("n1", "n2", 0); }, "cannot make the folder", ""},
-      {"under 0777", [&] { make("o", 0777); return make("o/x", 0700); }, "which holds it", "chmod o-w"},
-      {"under sticky 1777", [&] { make("p", 01777); return make("p/x", 0700); }, nullptr, ""},
-      {"under 0770 of a group", [&] { make("q", 0770, 0, kOther); return make("q/x", 0700); }, "which holds it", "chmod g-w"},
-      {"under 0770 of its own group", [&] { make("r", 0770); return make("r/x", 0700); }, nullptr, ""},
-      {"link to under 0777", [&] { make("s", 0777); return link(make("s/x", 0700), "s-link", 0); }, "which holds it", "chmod o-w"},
-      {"another's link in the middle", [&] { make("t", 0755); make("t/x", 0700); return link(root + "/t", "t-link", kOther) + "/x"; }, "is a link of user 4711", ""},
-      {"a file", [&] { std::ofstream(root + "/u") << "x"; return root + "/u"; }, "is not a folder", "name another"},
-      {"under a file", [&] { std::ofstream(root + "/v") << "x"; return root + "/v/x"; }, "cannot make the folder", ""},
+      {"links in a circle",
+       [&] {
+         link("n2", "n1", 0);
+         return link("n1", "n2", 0);
+       },
+       "cannot make the folder", ""},
+      {"under 0777",
+       [&] {
+         make("o", 0777);
+         return make("o/x", 0700);
+       },
+       "which holds it", "chmod o-w"},
+      {"under sticky 1777",
+       [&] {
+         make("p", 01777);
+         return make("p/x", 0700);
+       },
+       nullptr, ""},
+      {"under 0770 of a group",
+       [&] {
+         make("q", 0770, 0, kOther);
+         return make("q/x", 0700);
+       },
+       "which holds it", "chmod g-w"},
+      {"under 0770 of its own group",
+       [&] {
+         make("r", 0770);
+         return make("r/x", 0700);
+       },
+       nullptr, ""},
+      {"link to under 0777",
+       [&] {
+         make("s", 0777);
+         return link(make("s/x", 0700), "s-link", 0);
+       },
+       "which holds it", "chmod o-w"},
+      {"another's link in the middle",
+       [&] {
+         make("t", 0755);
+         make("t/x", 0700);
+         return link(root + "/t", "t-link", kOther) + "/x";
+       },
+       "is a link of user 4711", ""},
+      {"a file",
+       [&] {
+         std::ofstream(root + "/u") << "x";
+         return root + "/u";
+       },
+       "is not a folder", "name another"},
+      {"under a file",
+       [&] {
+         std::ofstream(root + "/v") << "x";
+         return root + "/v/x";
+       },
+       "cannot make the folder", ""},
       {"not there", [&] { return root + "/w/x/y"; }, nullptr, ""},
-      {"with dots", [&] { make("z", 0700); return root + "/./z/../z/"; }, nullptr, ""},
+      {"with dots",
+       [&] {
+         make("z", 0700);
+         return root + "/./z/../z/";
+       },
+       nullptr, ""},
   };
   for (const Case& c : cases) {
     const std::string path = c.make();
     const Status s = makeOwnFolder(path, "blob cache");
-    if (!c.problem) { EXPECT_TRUE(s.ok()) << c.name << ": " << s.toString(); continue; }
+    if (!c.problem) {
+      EXPECT_TRUE(s.ok()) << c.name << ": " << s.toString();
+      continue;
+    }
     EXPECT_NE(s.message().find(c.problem), std::string::npos) << c.name << ": " << s.toString();
     EXPECT_NE(s.message().find(c.remedy), std::string::npos) << c.name << ": " << s.toString();
     EXPECT_NE(s.message().find("blob cache"), std::string::npos) << s.toString();
@@ -86,7 +150,7 @@ TEST_F(OwnFolder, IsMadeForThisUserAlone) {
   const Status s = makeOwnFolder(root + "/a/b", "cache");
   ::umask(before);
   ASSERT_TRUE(s.ok()) << s.toString();
-  struct stat info{};
+  struct stat info {};
   ASSERT_EQ(::stat((root + "/a/b").c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 07777, 0700u);
   ASSERT_EQ(::stat((root + "/a").c_str(), &info), 0);

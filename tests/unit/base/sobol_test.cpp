@@ -12,8 +12,14 @@ namespace {
 
 TEST(Sobol, MatchesThePublishedFirstPoints) {
   // Joe & Kuo's points in Gray-code order.
-  const double expected[8][4] = {{0, 0, 0, 0}, {.5, .5, .5, .5}, {.75, .25, .25, .25}, {.25, .75, .75, .75},
-                                 {.375, .375, .625, .875}, {.875, .875, .125, .375}, {.625, .125, .875, .625}, {.125, .625, .375, .125}};
+  const double expected[8][4] = {{0, 0, 0, 0},
+                                 {.5, .5, .5, .5},
+                                 {.75, .25, .25, .25},
+                                 {.25, .75, .75, .75},
+                                 {.375, .375, .625, .875},
+                                 {.875, .875, .125, .375},
+                                 {.625, .125, .875, .625},
+                                 {.125, .625, .375, .125}};
   for (uint32_t n = 0; n < 8; ++n)
     for (int d = 0; d < 4; ++d) EXPECT_EQ(double(sobolBits(n ^ (n >> 1), d)) * 0x1p-32, expected[n][d]) << n << " dimension " << d;
 }
@@ -38,7 +44,7 @@ TEST(OwenScramble, PermutesEveryLevelOfTheBinaryTree) {
         EXPECT_EQ(a, owenScramble(high, seed) >> (32 - level));  // an interval maps to one interval of its size ...
         seen.insert(a);
       }
-      EXPECT_EQ(seen.size(), 1u << level);                       // ... and no two to the same
+      EXPECT_EQ(seen.size(), 1u << level);  // ... and no two to the same
     }
   }
 }
@@ -117,7 +123,11 @@ double correlation(const std::vector<float>& a, const std::vector<float>& b) {
   double sa = 0, sb = 0, saa = 0, sbb = 0, sab = 0;
   const double n = double(a.size());
   for (size_t i = 0; i < a.size(); ++i) {
-    sa += a[i]; sb += b[i]; saa += double(a[i]) * a[i]; sbb += double(b[i]) * b[i]; sab += double(a[i]) * b[i];
+    sa += a[i];
+    sb += b[i];
+    saa += double(a[i]) * a[i];
+    sbb += double(b[i]) * b[i];
+    sab += double(a[i]) * b[i];
   }
   return (sab / n - sa / n * sb / n) / std::sqrt((saa / n - sqr(float(sa / n))) * (sbb / n - sqr(float(sb / n))));
 }

@@ -22,7 +22,7 @@ void clampsEverything() {
   }
   EXPECT_EQ(toIndex(F(3.999), 12), 3);
   EXPECT_EQ(toInteger(nan, -5, 5), -5);
-  EXPECT_EQ(toInteger(F(-3.7), -5, 5), -3);   // towards zero, as the plain conversion
+  EXPECT_EQ(toInteger(F(-3.7), -5, 5), -3);  // towards zero, as the plain conversion
   EXPECT_EQ(toInteger(inf, bottom, top), top);
   EXPECT_EQ(toInteger(-inf, bottom, top), bottom);
   EXPECT_EQ(toInteger(F(2147483648.0), bottom, top), top);

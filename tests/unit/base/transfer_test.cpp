@@ -20,7 +20,7 @@ TEST(Transfer, RoundTripsEverywhereAndAtTheJoints) {
     for (int i = 0; i <= 65535; ++i) EXPECT_NEAR(encodeTransfer(t, decodeTransfer(t, i / 65535.0)), i / 65535.0, 2e-8) << int(t) << " " << i;
     for (int i = -1000; i <= 1000; ++i) {
       const double x = joint(t) * (1.0 + i * 1e-6);
-      EXPECT_NEAR(decodeTransfer(t, encodeTransfer(t, x)), x, 5e-9) << int(t) << " " << i;   // sRGB's published constants leave 1e-8
+      EXPECT_NEAR(decodeTransfer(t, encodeTransfer(t, x)), x, 5e-9) << int(t) << " " << i;  // sRGB's published constants leave 1e-8
     }
   }
 }
@@ -44,10 +44,10 @@ TEST(Transfer, SegmentsMeetAndNeverFall) {
 }
 
 TEST(Transfer, KnownValues) {
-  EXPECT_NEAR(encodeTransfer(Transfer::Srgb, 0.2140411), 0.5, 1e-6);       // IEC 61966-2-1: code 0.5
-  EXPECT_NEAR(encodeTransfer(Transfer::Rec709, 0.18), 0.409, 5e-4);        // grey card: 40.9 % of the signal range
-  EXPECT_NEAR(encodeTransfer(Transfer::Rec709, 0.01), 0.045, 1e-12);       // slope 4.5 at the foot
-  EXPECT_NEAR(encodeTransfer(Transfer::Rec709, 0.5), 1.099 * std::pow(0.5, 0.45) - 0.099, 1e-3);   // the printed constants agree to 3 digits
+  EXPECT_NEAR(encodeTransfer(Transfer::Srgb, 0.2140411), 0.5, 1e-6);                              // IEC 61966-2-1: code 0.5
+  EXPECT_NEAR(encodeTransfer(Transfer::Rec709, 0.18), 0.409, 5e-4);                               // grey card: 40.9 % of the signal range
+  EXPECT_NEAR(encodeTransfer(Transfer::Rec709, 0.01), 0.045, 1e-12);                              // slope 4.5 at the foot
+  EXPECT_NEAR(encodeTransfer(Transfer::Rec709, 0.5), 1.099 * std::pow(0.5, 0.45) - 0.099, 1e-3);  // the printed constants agree to 3 digits
 }
 
 // 16 bits carry every code value exactly; 8 bits the nearest; the transfer is the one asked for; alpha is not curved.

@@ -40,10 +40,16 @@ inline void expectCppFormulas(ComputeDevice& device, const ComputeKernel& probe)
   ASSERT_TRUE(status.ok()) << status.toString();
   std::vector<float> y(size_t(count) * 10);
   ASSERT_TRUE(device.download(**out, y.data(), y.size() * 4).ok());
-  float (*const functions[])(float) = {
-      fastExp, fastExp2, fastLog, fastSin, fastCos, toneMapFilmic, toneMapReinhard,
-      [](float v) { return esmEncode(v, 80.0f); }, [](float v) { return esmReceiver(v - 0.001f, 80.0f); },
-      [](float v) { return esmVisibility(esmEncode(0.5f, 80.0f), esmReceiver(v, 80.0f), true); }};
+  float (*const functions[])(float) = {fastExp,
+                                       fastExp2,
+                                       fastLog,
+                                       fastSin,
+                                       fastCos,
+                                       toneMapFilmic,
+                                       toneMapReinhard,
+                                       [](float v) { return esmEncode(v, 80.0f); },
+                                       [](float v) { return esmReceiver(v - 0.001f, 80.0f); },
+                                       [](float v) { return esmVisibility(esmEncode(0.5f, 80.0f), esmReceiver(v, 80.0f), true); }};
   for (int f = 0; f < 10; ++f) {
     double worst = 0;
     for (uint32_t i = 0; i < count; ++i) {

@@ -44,7 +44,7 @@ TEST(EglDevice, NamesItselfAndItsNumericClass) {
   EXPECT_STREQ(device()->kind(), "egl");
   EXPECT_EQ(device()->numericClass().rfind("glsl-f32/" + keyWord(device()->name()), 0), 0u);
   EXPECT_EQ(device()->numericClass().find(' '), std::string::npos);
-  EXPECT_GE(device()->maxBufferBytes(), uint64_t(1) << 24);   // what OpenGL 4.5 promises
+  EXPECT_GE(device()->maxBufferBytes(), uint64_t(1) << 24);  // what OpenGL 4.5 promises
 }
 
 TEST(EglDevice, BytesSurviveTheTrip) {
@@ -140,7 +140,7 @@ TEST(EglDevice, DevicesEndWithoutHarmToOthers) {
   ASSERT_TRUE(again.ok()) << again.status().toString();
   ASSERT_TRUE(device()->download(**again, back.data(), 400).ok());
   EXPECT_EQ(x, back);
-  EXPECT_EQ(eglGetCurrentContext(), EGL_NO_CONTEXT);   // no call leaves a context on its thread
+  EXPECT_EQ(eglGetCurrentContext(), EGL_NO_CONTEXT);  // no call leaves a context on its thread
 }
 
 TEST(EglDevice, FormulasGiveTheCppValues) {

@@ -23,14 +23,20 @@ double ulps(float value, double exact) {
   return std::fabs(double(value) - exact) / std::ldexp(1.0, std::max(exponent - 24, -149));
 }
 
-struct Worst { double ulp = 0, absolute = 0, at = 0; };
-template <typename F, typename G> Worst sweep(double lo, double hi, int n, F f, G exact) {
+struct Worst {
+  double ulp = 0, absolute = 0, at = 0;
+};
+template <typename F, typename G>
+Worst sweep(double lo, double hi, int n, F f, G exact) {
   Worst w;
   for (int i = 0; i <= n; ++i) {
     const float x = float(lo + (hi - lo) * i / n);
     const double e = exact(double(x));
     const float v = f(x);
-    if (ulps(v, e) > w.ulp) { w.ulp = ulps(v, e); w.at = x; }
+    if (ulps(v, e) > w.ulp) {
+      w.ulp = ulps(v, e);
+      w.at = x;
+    }
     w.absolute = std::max(w.absolute, std::fabs(v - e));
   }
   return w;
@@ -87,7 +93,7 @@ TEST(Formulas, EveryInputGivesAFiniteValue) {
     EXPECT_TRUE(std::isfinite(shadowInverse(x))) << x;
     EXPECT_TRUE(shadowTexel(x, 7.0f) >= 0.0f && shadowTexel(x, 7.0f) <= 6.0f) << x;
   }
-  EXPECT_EQ(fastExp(-kInf), fastExp(-87.33f));   // saturates: never 0, never infinite
+  EXPECT_EQ(fastExp(-kInf), fastExp(-87.33f));  // saturates: never 0, never infinite
   EXPECT_EQ(fastExp(kInf), fastExp(88.37f));
 }
 
@@ -101,7 +107,7 @@ TEST(Formulas, ExponentialShadowIsTheExponentialOfTheGap) {
         EXPECT_NEAR(esmVisibility(esmEncode(z, c), esmReceiver(d, c), true), exact, 1e-5) << c << " " << z << " " << d;
         EXPECT_GE(esmVisibility(esmEncode(d, c), esmReceiver(z, c), true), 1.0f - 1e-5f);
       }
-  EXPECT_EQ(esmEncode(kNan, 60.0f), 1.0f);       // a damaged texel counts as nothing hit
+  EXPECT_EQ(esmEncode(kNan, 60.0f), 1.0f);  // a damaged texel counts as nothing hit
   EXPECT_EQ(esmVisibility(0.0f, 1.0f, false), 1.0f);
   EXPECT_TRUE(shadowCovered(0.5f, 0.5f, 1.0f));
   for (float bad : {-1e-6f, 1.0001f, kNan, kInf}) {
@@ -109,7 +115,7 @@ TEST(Formulas, ExponentialShadowIsTheExponentialOfTheGap) {
     EXPECT_FALSE(shadowCovered(0.5f, bad, 1.0f));
   }
   for (float w : {0.0f, -1.0f, kNan, -kInf}) {
-    EXPECT_EQ(shadowInverse(w), 0.0f);             // behind the light
+    EXPECT_EQ(shadowInverse(w), 0.0f);  // behind the light
     EXPECT_FALSE(shadowCovered(0.0f, 0.0f, shadowInverse(w)));
   }
 }
@@ -142,12 +148,13 @@ TEST(Formulas, AcesClosedFormPoints) {
     const float v = float(x);
     EXPECT_NEAR(toneMapAcesRed(v, v, v), curve(x), 2e-6) << x;
     EXPECT_NEAR(toneMapAcesGreen(v, v, v), curve(x), 2e-6) << x;
-    EXPECT_NEAR(toneMapAcesBlue(v, v, v), curve(x), 2e-5) << x;   // the published row sums to 0.99999
+    EXPECT_NEAR(toneMapAcesBlue(v, v, v), curve(x), 2e-5) << x;  // the published row sums to 0.99999
   }
   EXPECT_LT(toneMapAcesRed(25.0f, 25.0f, 25.0f), 1.0f);
-  EXPECT_EQ(toneMapAcesRed(26.0f, 26.0f, 26.0f), 1.0f);   // 0.016271 x^2 = 0.4083724 x + 0.2381715 at 25.67
+  EXPECT_EQ(toneMapAcesRed(26.0f, 26.0f, 26.0f), 1.0f);  // 0.016271 x^2 = 0.4083724 x + 0.2381715 at 25.67
   const double r = 0.8, g = 0.2, b = 0.05;
-  const double x = curve(0.59719 * r + 0.35458 * g + 0.04823 * b), y = curve(0.076 * r + 0.90834 * g + 0.01566 * b), z = curve(0.0284 * r + 0.13383 * g + 0.83777 * b);
+  const double x = curve(0.59719 * r + 0.35458 * g + 0.04823 * b), y = curve(0.076 * r + 0.90834 * g + 0.01566 * b),
+               z = curve(0.0284 * r + 0.13383 * g + 0.83777 * b);
   EXPECT_NEAR(toneMapAcesRed(0.8f, 0.2f, 0.05f), 1.60475 * x - 0.53108 * y - 0.07367 * z, 2e-6);
   EXPECT_NEAR(toneMapAcesGreen(0.8f, 0.2f, 0.05f), -0.10208 * x + 1.10813 * y - 0.00605 * z, 2e-6);
   EXPECT_GT(toneMapAcesBlue(1000.0f, 0.0f, 0.0f), 0.1f) << "bright red goes to white";
@@ -157,10 +164,10 @@ TEST(Formulas, AcesClosedFormPoints) {
 TEST(Formulas, NeutralClosedFormPoints) {
   const auto grey = [](float x) { return toneMapNeutral(x, x, x, x); };
   EXPECT_NEAR(grey(0.04f), 6.25 * 0.04 * 0.04, 1e-7);
-  EXPECT_NEAR(grey(0.08f), 0.04, 1e-6);            // where foot and middle meet
+  EXPECT_NEAR(grey(0.08f), 0.04, 1e-6);  // where foot and middle meet
   EXPECT_NEAR(grey(0.5f), 0.46, 1e-6);
-  EXPECT_NEAR(grey(0.8f), 0.76, 1e-6);             // where the compression starts
-  EXPECT_NEAR(grey(0.8f + 1e-4f), 0.76 + 1e-4, 1e-6);   // with slope 1
+  EXPECT_NEAR(grey(0.8f), 0.76, 1e-6);                 // where the compression starts
+  EXPECT_NEAR(grey(0.8f + 1e-4f), 0.76 + 1e-4, 1e-6);  // with slope 1
   EXPECT_NEAR(grey(2.0f), 1.0 - 0.0576 / (1.96 - 0.52), 1e-6);
   // A base colour keeps its differences (hue and saturation); a highlight of the same hue is desaturated.
   EXPECT_NEAR(toneMapNeutral(0.6f, 0.6f, 0.3f, 0.1f) - toneMapNeutral(0.3f, 0.6f, 0.3f, 0.1f), 0.3, 1e-6);

@@ -140,7 +140,7 @@ TEST(VulkanDevice, ErrorsNameTheirCause) {
 }
 
 TEST(VulkanDevice, MachineWithoutDriversIsUnavailable) {
-  ASSERT_TRUE(device());   // the process's own device is made before the drivers are hidden
+  ASSERT_TRUE(device());  // the process's own device is made before the drivers are hidden
   setenv("VK_DRIVER_FILES", "/nonexistent/driver.json", 1);
   setenv("VK_ICD_FILENAMES", "/nonexistent/driver.json", 1);
   const auto none = VulkanDevice::create({});
@@ -154,7 +154,7 @@ TEST(VulkanDevice, MachineWithoutDriversIsUnavailable) {
 TEST(VulkanDevice, ValidationLayerReportsMisuse) {
   // A push constant range smaller than the shader's block is a fault that only the layer sees.
   ASSERT_TRUE(device());
-  static const std::vector<uint32_t> copy(std::begin(kAddCode), std::end(kAddCode));   // its own address: its own pipeline
+  static const std::vector<uint32_t> copy(std::begin(kAddCode), std::end(kAddCode));  // its own address: its own pipeline
   const ComputeKernel wrong{"add_index_without_push", copy, 1, 0};
   auto buffer = device()->buffer(256);
   ASSERT_TRUE(buffer.ok());

@@ -18,8 +18,15 @@ using namespace test;
 
 /// Y_lm in the order of formulas/harmonics.glsl.h, written out again.
 std::array<double, 9> basis(const DVec3& d) {
-  return {0.28209479177387814, 0.4886025119029199 * d.y, 0.4886025119029199 * d.z, 0.4886025119029199 * d.x, 1.0925484305920792 * d.x * d.y,
-          1.0925484305920792 * d.y * d.z, 0.31539156525252005 * (3 * d.z * d.z - 1), 1.0925484305920792 * d.x * d.z, 0.5462742152960396 * (d.x * d.x - d.y * d.y)};
+  return {0.28209479177387814,
+          0.4886025119029199 * d.y,
+          0.4886025119029199 * d.z,
+          0.4886025119029199 * d.x,
+          1.0925484305920792 * d.x * d.y,
+          1.0925484305920792 * d.y * d.z,
+          0.31539156525252005 * (3 * d.z * d.z - 1),
+          1.0925484305920792 * d.x * d.z,
+          0.5462742152960396 * (d.x * d.x - d.y * d.y)};
 }
 
 TEST(AmbientLight, IsTheSumOverTheTurnedMap) {
@@ -30,7 +37,7 @@ TEST(AmbientLight, IsTheSumOverTheTurnedMap) {
   s.viewSamples = 2;
   for (int k = 0; k < 9; ++k)
     for (int c = 0; c < 3; ++c) s.radiance[size_t(k)][c] = (toUnit(hash32(3, uint64_t(3 * k + c))) - 0.5f) * 0.4f;
-  for (int c = 0; c < 3; ++c) s.radiance[0][c] = 5.0f + float(c);      // positive everywhere
+  for (int c = 0; c < 3; ++c) s.radiance[0][c] = 5.0f + float(c);  // positive everywhere
   const int width = 512, height = 256;
   Image image(width, height, 3);
   Environment unturned;
@@ -49,7 +56,9 @@ TEST(AmbientLight, IsTheSumOverTheTurnedMap) {
   turned->rotation = s.rotation;
 
   PlaneView view;
-  view.width = s.width; view.height = s.height; view.layers = s.viewSamples;
+  view.width = s.width;
+  view.height = s.height;
+  view.layers = s.viewSamples;
   const auto g = planeGBuffer(view);
   const Extent e{s.width, s.height, s.viewSamples};
   auto surface = std::make_shared<Term>("surface", Domain::ViewSample, e);
@@ -58,7 +67,10 @@ TEST(AmbientLight, IsTheSumOverTheTurnedMap) {
   auto random = [n = 0u]() mutable { return toUnit(hash32(9, uint64_t(n++))); };
   for (size_t i = 0; i < e.elements(); ++i) {
     const Vec3 n = glm::normalize(Vec3(random() - 0.5f, random() - 0.5f, random() - 0.5f));
-    for (int c = 0; c < 3; ++c) { N[3 * i + c] = n[c]; albedo[3 * i + c] = 0.2f + 0.6f * random(); }
+    for (int c = 0; c < 3; ++c) {
+      N[3 * i + c] = n[c];
+      albedo[3 * i + c] = 0.2f + 0.6f * random();
+    }
     material[5 * i] = i % 3 == 0 ? 0.25f : 0.0f;
     material[5 * i + 4] = i % 4 == 0 ? 0.5f : 0.0f;
   }

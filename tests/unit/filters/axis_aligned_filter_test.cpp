@@ -14,7 +14,9 @@ namespace {
 using namespace test;
 
 float omegaForBeta(float betaPx, float pixel = 0.1f, float k = 3.0f) { return 1.0f / (k * betaPx * pixel); }
-TermPtr constantOmega(const Extent& e, float omega) { return floatTerm(e, "Omega", [=](int, int, int) { return omega; }); }
+TermPtr constantOmega(const Extent& e, float omega) {
+  return floatTerm(e, "Omega", [=](int, int, int) { return omega; });
+}
 Extent extentOf(const PlaneView& v) { return {v.width, v.height, v.layers}; }
 
 TEST(AxisAlignedFilter, ConstantStaysToTheBit) {
@@ -44,7 +46,7 @@ TEST(AxisAlignedFilter, ImpulseResponseIsTheSampledGaussian) {
   view.width = view.height = 65;
   const auto e = extentOf(view);
   const auto in = floatTerm(e, "V", [](int x, int y, int) { return x == 32 && y == 32 ? 1.0f : 0.0f; });
-  const float beta = 2.997f;   // pixels; radius 9 = ceil(3 beta)
+  const float beta = 2.997f;  // pixels; radius 9 = ceil(3 beta)
   const auto out = runFilter(axisAligned(axisAlignedSettings()), {in, planeGBuffer(view), constantOmega(e, omegaForBeta(beta))});
   double norm = 0;
   for (int i = -9; i <= 9; ++i) norm += std::exp(-i * i / (2.0 * beta * beta));
@@ -57,7 +59,7 @@ TEST(AxisAlignedFilter, ImpulseResponseIsTheSampledGaussian) {
       EXPECT_NEAR(out->floats("V")[y * 65 + x], expected, 1e-6) << dx << " " << dy;
       EXPECT_NEAR(out->floats("V")[y * 65 + x], out->floats("V")[x * 65 + y], 1e-7);
     }
-  EXPECT_NEAR(total, 1, 1e-5);   // constant beta away from borders: energy is kept
+  EXPECT_NEAR(total, 1, 1e-5);  // constant beta away from borders: energy is kept
 }
 
 TEST(AxisAlignedFilter, NoiseGain) {
@@ -79,7 +81,11 @@ TEST(AxisAlignedFilter, NoiseGain) {
     // The kernel's own gain, without scatter: from the impulse response.
     double w = 0, w2 = 0;
     const int r = std::min(64, int(std::ceil(3 * beta)));
-    for (int i = -r; i <= r; ++i) { const double g = std::exp(-i * i / (2.0 * beta * beta)); w += g; w2 += g * g; }
+    for (int i = -r; i <= r; ++i) {
+      const double g = std::exp(-i * i / (2.0 * beta * beta));
+      w += g;
+      w2 += g * g;
+    }
     EXPECT_NEAR(sqr(float(w2 / (w * w))) / predicted, 1, 0.05);
   }
 }
@@ -129,12 +135,15 @@ TEST(AxisAlignedFilter, RejectsAcrossNormalsBetaDistanceAndBackground) {
   const auto e = extentOf(view);
   const auto omega = constantOmega(e, omegaForBeta(4));
   auto s = axisAlignedSettings();
-  EXPECT_GT(leak(planeGBuffer(view), omega, s), 0.02);   // nothing to reject: the step is blurred
+  EXPECT_GT(leak(planeGBuffer(view), omega, s), 0.02);  // nothing to reject: the step is blurred
 
-  auto bent = planeGBuffer(view);   // normals 30 degrees apart left and right of the step
+  auto bent = planeGBuffer(view);  // normals 30 degrees apart left and right of the step
   auto N = bent->writable<float>("N");
   for (size_t i = 0; i < e.elements(); ++i)
-    if (i % 64 >= 32) { N[3 * i] = 0.5f; N[3 * i + 2] = 0.8660254f; }
+    if (i % 64 >= 32) {
+      N[3 * i] = 0.5f;
+      N[3 * i + 2] = 0.8660254f;
+    }
   EXPECT_EQ(leak(bent, omega, s), 0.0);
   s.angle = 0.7f;
   EXPECT_GT(leak(bent, omega, s), 0.02);
@@ -147,7 +156,7 @@ TEST(AxisAlignedFilter, RejectsAcrossNormalsBetaDistanceAndBackground) {
   EXPECT_GT(leak(planeGBuffer(view), twoBetas, s), 0.02);
   s = axisAlignedSettings();
 
-  auto step = planeGBuffer(view);   // parallel floors 3 m apart (6 beta = 2.4 m): the light-plane distance alone would not tell
+  auto step = planeGBuffer(view);  // parallel floors 3 m apart (6 beta = 2.4 m): the light-plane distance alone would not tell
   auto P = step->writable<float>("P");
   for (size_t i = 0; i < e.elements(); ++i)
     if (i % 64 >= 32) P[3 * i + 2] -= 3.0f;
@@ -175,7 +184,7 @@ TEST(AxisAlignedFilter, DistancesAreInTheLightPlane) {
   const auto b = runFilter(axisAligned(s), {noise, planeGBuffer(tilted), omega});
   double worst = 0;
   for (size_t i = 0; i < e.elements(); ++i) worst = std::max(worst, double(std::fabs(a->floats("V")[i] - b->floats("V")[i])));
-  EXPECT_LT(worst, 2e-5);   // radius 6 px is 0.93 m on the slope: all taps stay inside the cap of 6 beta = 1.2 m
+  EXPECT_LT(worst, 2e-5);  // radius 6 px is 0.93 m on the slope: all taps stay inside the cap of 6 beta = 1.2 m
 }
 
 TEST(AxisAlignedFilter, LightAxesAndScaleDoNotMatter) {
@@ -190,7 +199,8 @@ TEST(AxisAlignedFilter, LightAxesAndScaleDoNotMatter) {
   for (size_t i = 0; i < e.elements(); ++i) ASSERT_EQ(a->floats("V")[i], f->floats("V")[i]);
   for (float scale : {1e-3f, 1e3f}) {
     PlaneView v = view;
-    v.du *= scale; v.dv *= scale;
+    v.du *= scale;
+    v.dv *= scale;
     auto t = s;
     t.light.centre *= scale;
     const auto b = runFilter(axisAligned(t), {noise, planeGBuffer(v), constantOmega(e, omegaForBeta(2.2f) / scale)});

@@ -9,7 +9,9 @@
 namespace gobo::formulas {
 namespace {
 
-struct Golden { double d1, d2min, d2max, sigma, d, beta, printed, capped, printedMu2; };
+struct Golden {
+  double d1, d2min, d2max, sigma, d, beta, printed, capped, printedMu2;
+};
 const Golden kGolden[] = {
     {10, 5, 5, 1, .01, 1.0 / 3, 4.1616, 4.1616, 9.7344},
     {10, 2, 8, 1, .01, 1.0 / 12, 815.674, 815.674, 3373.29},
@@ -60,7 +62,7 @@ TEST(AxisAlignedFormulas, SlopeIdentity) {
 TEST(AxisAlignedFormulas, SlopeIsFiniteAtContactAndAtTheLight) {
   EXPECT_EQ(aaSlope(0, 10), AA_SLOPE_MIN);
   EXPECT_EQ(aaSlope(10, 10), AA_SLOPE_MAX);
-  EXPECT_EQ(aaSlope(10.001f, 10), AA_SLOPE_MAX);   // rounding may put the hit a little behind the light
+  EXPECT_EQ(aaSlope(10.001f, 10), AA_SLOPE_MAX);  // rounding may put the hit a little behind the light
   EXPECT_EQ(aaSlope(1e-7f, 10), AA_SLOPE_MIN);
   for (float s : {AA_SLOPE_MIN, AA_SLOPE_MAX}) {
     EXPECT_TRUE(std::isfinite(aaBeta(aaBandLimit(s, 1, .01f, 1), 3)));
@@ -82,7 +84,7 @@ TEST(AxisAlignedFormulas, MonotoneAndCapped) {
       lastN = n;
     }
     float lastMu = 0;
-    for (float mu = .25f; mu < 64; mu *= 1.5f) {   // the budget solver bisects on this
+    for (float mu = .25f; mu < 64; mu *= 1.5f) {  // the budget solver bisects on this
       const float n = aaSamplesCapped(s, s * 3, .7f, .02f, mu);
       EXPECT_GE(n, lastMu * 0.99999f);
       lastMu = n;
@@ -100,7 +102,7 @@ TEST(AxisAlignedFormulas, ScaleFree) {
 TEST(AxisAlignedFormulas, Weight) {
   EXPECT_EQ(aaWeight(0, 7), 1.0f);
   for (double x = 0; x < 18; x += 0.0137) EXPECT_NEAR(aaWeight(float(x), 1) / std::exp(-double(float(x))), 1, 1e-6) << x;
-  EXPECT_GT(aaWeight(1e30f, 1e6f), 0.0f);   // limited, not a wrapped exponent
+  EXPECT_GT(aaWeight(1e30f, 1e6f), 0.0f);  // limited, not a wrapped exponent
   EXPECT_LT(aaWeight(1e30f, 1e6f), 1e-30f);
 }
 

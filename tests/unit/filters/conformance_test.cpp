@@ -16,20 +16,22 @@ using namespace test;
 struct Subject {
   const char* name;
   NodePtr node;
-  std::vector<TermPtr> inputs;   ///< the first holds `in` in [0, 1]
+  std::vector<TermPtr> inputs;  ///< the first holds `in` in [0, 1]
   const char* in = "V";
   const char* out = "V";
-  NodePtr identity;              ///< the same family at its identity point; null if it has none
+  NodePtr identity;  ///< the same family at its identity point; null if it has none
 };
 
 Subject axisAlignedSubject() {
   PlaneView view;
-  view.width = 96; view.height = 80; view.layers = 2;
+  view.width = 96;
+  view.height = 80;
+  view.layers = 2;
   const Extent e{view.width, view.height, view.layers};
   auto g = planeGBuffer(view);
   auto N = g->writable<float>("N");
   auto id = g->writable<uint32_t>("instance");
-  for (size_t i = 0; i < e.elements(); ++i) {   // creases and holes, so that rejections take part
+  for (size_t i = 0; i < e.elements(); ++i) {  // creases and holes, so that rejections take part
     if ((i / 7) % 13 == 0) N[3 * i] = 0.6f, N[3 * i + 2] = 0.8f;
     if ((i / 11) % 17 == 0) id[i] = ~0u;
   }
@@ -63,8 +65,7 @@ TEST(FilterConformance, LinearInItsFirstInput) {
     const auto fx = runFilter(s.node, s.inputs), fy = runWith(s, s.node, y);
     const float a = 3.5f, b = -1.25f;
     const auto fxy = runWith(s, s.node, withFirst(s, [&](size_t i) { return a * x[i] + b * y->floats(s.in)[i]; }));
-    for (size_t i = 0; i < x.size(); ++i)
-      ASSERT_NEAR(fxy->floats(s.out)[i], a * fx->floats(s.out)[i] + b * fy->floats(s.out)[i], 5e-6) << s.name << " " << i;
+    for (size_t i = 0; i < x.size(); ++i) ASSERT_NEAR(fxy->floats(s.out)[i], a * fx->floats(s.out)[i] + b * fy->floats(s.out)[i], 5e-6) << s.name << " " << i;
   }
 }
 
@@ -94,7 +95,7 @@ TEST(FilterConformance, TilesWithTheirHaloEqualTheWhole) {
     if (!traits.tileable) continue;
     const Extent e = s.inputs[0]->extent();
     const auto whole = runFilter(s.node, s.inputs);
-    const int tile = 29;   // no multiple of any block
+    const int tile = 29;  // no multiple of any block
     for (int y0 = 0; y0 < e.height; y0 += tile)
       for (int x0 = 0; x0 < e.width; x0 += tile) {
         const int x1 = std::min(e.width, x0 + tile), y1 = std::min(e.height, y0 + tile);
@@ -106,7 +107,8 @@ TEST(FilterConformance, TilesWithTheirHaloEqualTheWhole) {
         for (int l = 0; l < e.layers; ++l)
           for (int y = y0; y < y1; ++y)
             for (int x = x0; x < x1; ++x)
-              ASSERT_EQ(part->floats(s.out)[(size_t(l) * (hy1 - hy0) + y - hy0) * (hx1 - hx0) + x - hx0], whole->floats(s.out)[(size_t(l) * e.height + y) * e.width + x])
+              ASSERT_EQ(part->floats(s.out)[(size_t(l) * (hy1 - hy0) + y - hy0) * (hx1 - hx0) + x - hx0],
+                        whole->floats(s.out)[(size_t(l) * e.height + y) * e.width + x])
                   << s.name << " tile " << x0 << "," << y0 << " pixel " << x << "," << y << "," << l;
       }
   }

@@ -28,7 +28,8 @@ double period(int order) { return 1.0 + 1.0 / order; }
 /// The series in t = (z - d) / P, in double: eq. 6.5 with c_k = pi (2 k - 1).
 double series(double t, int order, double attenuation = 0) {
   double s = 0.5;
-  for (int k = 1; k <= order; ++k) s += 2 * std::exp(-attenuation * (double(k) / order) * (double(k) / order)) * std::sin(M_PI * (2 * k - 1) * t) / (M_PI * (2 * k - 1));
+  for (int k = 1; k <= order; ++k)
+    s += 2 * std::exp(-attenuation * (double(k) / order) * (double(k) / order)) * std::sin(M_PI * (2 * k - 1) * t) / (M_PI * (2 * k - 1));
   return s;
 }
 
@@ -57,15 +58,19 @@ TEST(ConvolutionShadow, ShippedSeriesIsTheSeries) {
       const Shipped f(settings(order, Correction::NONE, attenuation));
       double worst = 0;
       for (int i = 0; i <= 100; ++i)
-        for (int j = 0; j <= 100; j += 7) worst = std::max(worst, std::fabs(f.at(i / 100.0, j / 100.0) - series((float(i / 100.0) - float(j / 100.0)) / period(order), order, attenuation)));
-      EXPECT_LT(worst, 1e-5) << order;   // float angles up to 63 pi: 2^-24 * 200 for each of d and z, weights sum below 2.7
+        for (int j = 0; j <= 100; j += 7)
+          worst = std::max(worst, std::fabs(f.at(i / 100.0, j / 100.0) - series((float(i / 100.0) - float(j / 100.0)) / period(order), order, attenuation)));
+      EXPECT_LT(worst, 1e-5) << order;  // float angles up to 63 pi: 2^-24 * 200 for each of d and z, weights sum below 2.7
     }
 }
 
 TEST(ConvolutionShadow, TruncationErrorIsParsevals) {
   // RMS over a period of the error is sqrt(sum_{k > M} 2 / c_k^2) ~ 1 / (pi sqrt(2 M)); mean |error| of the limited series as measured in the
   // digest, 5.7. Both to 4 digits.
-  struct Golden { int order; double rms, limited; };
+  struct Golden {
+    int order;
+    double rms, limited;
+  };
   for (const Golden& g : {Golden{4, 0.1123, 0.0456}, {8, 0.0795, 0.0256}, {16, 0.0563, 0.0142}, {32, 0.0398, 0.0078}}) {
     const Shipped f(settings(g.order));
     const int n = 40000;
@@ -82,12 +87,15 @@ TEST(ConvolutionShadow, TruncationErrorIsParsevals) {
 }
 
 TEST(ConvolutionShadow, SlopePeakAndRippleHaveTheirClosedForms) {
-  struct Golden { int order; double peak, minimum, dark; };
+  struct Golden {
+    int order;
+    double peak, minimum, dark;
+  };
   for (const Golden& g : {Golden{4, 1.0921, 0.9459, 0.065}, {8, 1.0901, 0.9501, 0.033}, {16, 1.0897, 0.9511, 0.016}}) {
     const Shipped f(settings(g.order));
     const double h = 1e-3 / g.order;
-    EXPECT_NEAR((f(h) - f(-h)) / (2 * h), 2 * g.order, 0.02 * g.order) << g.order;    // f'(0) = 2 M, 1/P of it per depth range
-    EXPECT_NEAR(f(0.5 / g.order), g.peak, 6e-5) << g.order;                              // the first peak, at 1 / (2 M)
+    EXPECT_NEAR((f(h) - f(-h)) / (2 * h), 2 * g.order, 0.02 * g.order) << g.order;  // f'(0) = 2 M, 1/P of it per depth range
+    EXPECT_NEAR(f(0.5 / g.order), g.peak, 6e-5) << g.order;                         // the first peak, at 1 / (2 M)
     double lowest = 2;
     for (double t = 0.5 / g.order; t < 1.5 / g.order; t += 1e-4 / g.order) lowest = std::min(lowest, f(t));
     EXPECT_NEAR(lowest, g.minimum, 6e-5) << g.order;
@@ -95,32 +103,44 @@ TEST(ConvolutionShadow, SlopePeakAndRippleHaveTheirClosedForms) {
     while (f(-gap) >= 0.05) gap += 1e-4;
     EXPECT_NEAR(gap, g.dark, 6e-4) << g.order;
   }
-  EXPECT_NEAR(Shipped(settings(32))(0.5 / 32), 0.5 + 1.8519370519824662 / M_PI, 3e-4);   // 1/2 + Si(pi) / pi = 1.08949
+  EXPECT_NEAR(Shipped(settings(32))(0.5 / 32), 0.5 + 1.8519370519824662 / M_PI, 3e-4);  // 1/2 + Si(pi) / pi = 1.08949
 }
 
 TEST(ConvolutionShadow, AttenuationTradesOvershootForSlope) {
-  struct Golden { int order; double alpha, peak, where, slope; };
-  for (const Golden& g : {Golden{4, 1, 0.984, 0.167, 5.31}, {8, 1, 1.004, 0.081, 11.3}, {16, 1, 1.013, 0.040, 23.3},
-                          {4, 2, 0.966, -1, 3.9}, {8, 2, 0.993, -1, 8.7}, {16, 2, 0.999, -1, 18.3}}) {
+  struct Golden {
+    int order;
+    double alpha, peak, where, slope;
+  };
+  for (const Golden& g : {Golden{4, 1, 0.984, 0.167, 5.31},
+                          {8, 1, 1.004, 0.081, 11.3},
+                          {16, 1, 1.013, 0.040, 23.3},
+                          {4, 2, 0.966, -1, 3.9},
+                          {8, 2, 0.993, -1, 8.7},
+                          {16, 2, 0.999, -1, 18.3}}) {
     const Shipped f(settings(g.order, Correction::NONE, g.alpha));
     double peak = 0, where = 0;
-    const double end = g.alpha == 1 ? 1.0 / g.order : 0.5;   // alpha = 1: the first peak; alpha = 2: the largest value of all
+    const double end = g.alpha == 1 ? 1.0 / g.order : 0.5;  // alpha = 1: the first peak; alpha = 2: the largest value of all
     for (double t = 0; t <= end; t += 1e-4) {
       const double v = f(t);
-      if (v > peak) { peak = v; where = t; }
+      if (v > peak) {
+        peak = v;
+        where = t;
+      }
     }
     EXPECT_NEAR(peak, g.peak, 6e-4) << g.order << " " << g.alpha;
-    if (g.where > 0) {
-      EXPECT_NEAR(where, g.where, 1.5e-3) << g.order;
-    }
+    if (g.where > 0) { EXPECT_NEAR(where, g.where, 1.5e-3) << g.order; }
     const double h = 1e-3 / g.order;
     EXPECT_NEAR((f(h) - f(-h)) / (2 * h), g.slope, 0.06) << g.order << " " << g.alpha;
   }
 }
 
 TEST(ConvolutionShadow, OffsetsAndScalesAreTheTables) {
-  struct Golden { int order; double offset, scale, shift, dark, peak; };
-  for (const Golden& g : {Golden{4, 0.0763, 1.1214, 0.0642, 0.120, 1.164}, {8, 0.0383, 1.1109, 0.0326, 0.061, 1.156}, {16, 0.0192, 1.1084, 0.0164, 0.031, 1.154}}) {
+  struct Golden {
+    int order;
+    double offset, scale, shift, dark, peak;
+  };
+  for (const Golden& g :
+       {Golden{4, 0.0763, 1.1214, 0.0642, 0.120, 1.164}, {8, 0.0383, 1.1109, 0.0326, 0.061, 1.156}, {16, 0.0192, 1.1084, 0.0164, 0.031, 1.154}}) {
     EXPECT_NEAR(convolutionCorrection(Correction::OFFSET, g.order, 0).offset, g.offset, 5.1e-5);
     EXPECT_EQ(convolutionCorrection(Correction::OFFSET, g.order, 0).scale, 1.0);
     EXPECT_EQ(convolutionCorrection(Correction::SCALING, g.order, 0).scale, 2.0);
@@ -165,7 +185,7 @@ TEST(ConvolutionShadow, ManyTermsComparePercentageCloser) {
   const int size = 32, blur = 2, order = 32;
   const TermPtr depth = depthMap(size, [](int x, int y) {
     const float r = random01(41, uint64_t(y * 99 + x));
-    return r < 0.5f ? 0.8f * r : 0.2f + 0.8f * r;   // below 0.4 or above 0.6
+    return r < 0.5f ? 0.8f * r : 0.2f + 0.8f * r;  // below 0.4 or above 0.6
   });
   std::vector<Vec3> points;
   for (int i = 0; i < 500; ++i) points.push_back({random01(42, uint64_t(i)), random01(43, uint64_t(i)), 0.5f});
@@ -176,7 +196,7 @@ TEST(ConvolutionShadow, ManyTermsComparePercentageCloser) {
     EXPECT_NEAR(V[i], W[i], 1.05 / (2 * M_PI * order * std::sin(M_PI * 0.1 / period(order))));
     square += (V[i] - W[i]) * double(V[i] - W[i]);
   }
-  EXPECT_LT(std::sqrt(square / double(V.size())), 0.006);   // signs mix over the kernel
+  EXPECT_LT(std::sqrt(square / double(V.size())), 0.006);  // signs mix over the kernel
 }
 
 /// Share of the filter kernel (Gaussian and bilinear) at texel position t that lies at or beyond `edge`.
@@ -209,7 +229,7 @@ TEST(ConvolutionShadow, HalfPlaneRampsWithOffsetAndWithScaling) {
         const double p = litShare(double(points[i].x) * size - 0.5, size / 2, w);
         ASSERT_NEAR(V[i], std::clamp(p * lit + (1 - p) * dark, 0.0, 1.0), 2e-5) << correction << " " << background << " " << points[i].x;
         const double ideal = correction == Correction::SCALING && background > 0.6 ? std::min(1.0, 2 * p) : p;
-        ASSERT_NEAR(V[i], ideal, 0.04) << correction << " " << background << " " << points[i].x;   // |f_M - step| at these two gaps
+        ASSERT_NEAR(V[i], ideal, 0.04) << correction << " " << background << " " << points[i].x;  // |f_M - step| at these two gaps
       }
     }
 }
@@ -234,7 +254,7 @@ TEST(ConvolutionShadow, SlantedReceiverHasItsClosedFormAndTheSlopeBiasLightsIt) 
       exact += 2 / c * std::sin(c * o) * std::sin(n * x / 2) / (n * std::sin(x / 2));
       sinc += 2 / c * std::sin(c * o) * std::sin(n * x / 2) / (n * x / 2);
     }
-    EXPECT_NEAR(s, exact, 1e-4) << m;      // the table's rounding: 2.7 sqrt(2) 2^-16
+    EXPECT_NEAR(s, exact, 1e-4) << m;  // the table's rounding: 2.7 sqrt(2) 2^-16
     EXPECT_NEAR(exact, sinc, 0.01) << m;
     // False self-shadow once m r exceeds the offset or so (o P = 0.02, r = 4.5 texels).
     if (m * n / 2 > 1.5 * o * P) {
@@ -272,11 +292,11 @@ TEST(ConvolutionShadow, NothingWrapsAroundThePeriod) {
   for (int order = 2; order <= 32; ++order)
     for (const auto correction : {Correction::OFFSET, Correction::SCALING, Correction::SHIFTED_SCALING}) {
       const Shipped f(settings(order, correction));
-      const double ripple = order < 4 ? 0.2 : 0.12;   // 2 (1.0895 - 1) / 2 and up, larger for few terms
+      const double ripple = order < 4 ? 0.2 : 0.12;  // 2 (1.0895 - 1) / 2 and up, larger for few terms
       for (double z : {0.0, 0.002, 0.01}) EXPECT_LT(f.at(z, 1.0 - z), ripple) << order << " " << correction;
       for (double d : {0.0, 0.002, 0.01}) EXPECT_GT(f.at(1.0 - d, d), 1 - ripple) << order << " " << correction;
     }
-  EXPECT_NEAR(series(-0.9999, 16), 0.5, 0.01);   // what the guard is for
+  EXPECT_NEAR(series(-0.9999, 16), 0.5, 0.01);  // what the guard is for
 }
 
 TEST(ConvolutionShadow, ResultsStayBetweenZeroAndOneForEveryOrder) {
@@ -321,8 +341,8 @@ TEST(ConvolutionShadow, ByteImagesCostAtMostTheirRounding) {
     const double rms = std::sqrt(square / double(points.size()));
     std::cout << "M = " << order << ": bytes cost rms " << rms << ", at most " << worst << " (bound " << bound << ")" << std::endl;
     EXPECT_LE(worst, bound);
-    EXPECT_GT(worst, 0.2 * bound);   // the comparison sees the rounding
-    EXPECT_NEAR(rms, 0.00155, 0.00025) << order;   // digest 5.6: 0.0015 - 0.0016
+    EXPECT_GT(worst, 0.2 * bound);                // the comparison sees the rounding
+    EXPECT_NEAR(rms, 0.00155, 0.00025) << order;  // digest 5.6: 0.0015 - 0.0016
   }
 }
 

@@ -29,7 +29,8 @@ enum class Kind { Vulkan, Egl };
 
 class ExponentialShadowDevices : public testing::TestWithParam<Kind> {
  protected:
-  template <typename T> static ComputeDevicePtr made(const Result<std::shared_ptr<T>>& device) {
+  template <typename T>
+  static ComputeDevicePtr made(const Result<std::shared_ptr<T>>& device) {
     EXPECT_TRUE(device.ok()) << device.status().toString();
     return device.ok() ? ComputeDevicePtr(*device) : nullptr;
   }
@@ -77,9 +78,9 @@ TEST_P(ExponentialShadowDevices, AgreesWithTheCpu) {
       worstV = std::max(worstV, worstDifference(V, W, "V", false));
       for (float v : V->floats("V")) penumbra += v > 0.05f && v < 0.95f;
     }
-  std::cout << "device: " << device->name() << "; cpu against " << device->kind() << ": E relative " << worstE << ", V " << worstV << "; partly lit receivers " << penumbra
-            << std::endl;
-  EXPECT_GT(penumbra, 10000u);   // the comparison covers more than 0 and 1
+  std::cout << "device: " << device->name() << "; cpu against " << device->kind() << ": E relative " << worstE << ", V " << worstV << "; partly lit receivers "
+            << penumbra << std::endl;
+  EXPECT_GT(penumbra, 10000u);  // the comparison covers more than 0 and 1
   EXPECT_LE(worstE, 1e-5);
   EXPECT_LE(worstV, 1e-4);
 }

@@ -25,16 +25,17 @@ std::vector<Vec3> scattered(int count, uint64_t seed, float z0, float z1) {
 TEST(ExponentialShadowLimits, LargeExponentsComparePercentageCloserWhereNothingLiesBehind) {
   // z <= d all over the kernel, z = d or 0.01 in front: s_ESM - s_PCF <= e^{-c 0.01}, 2e-9 at c = 2000 (digest 6.7, 1 and 2).
   const int size = 48;
-  const TermPtr depth = depthMap(size, [](int x, int y) { return random01(51, uint64_t(y * 99 + x)) < 0.5f ? 0.75f : 0.74f * random01(52, uint64_t(y * 99 + x)); });
+  const TermPtr depth =
+      depthMap(size, [](int x, int y) { return random01(51, uint64_t(y * 99 + x)) < 0.5f ? 0.75f : 0.74f * random01(52, uint64_t(y * 99 + x)); });
   const auto points = scattered(2000, 53, 0.75f, 0.75f);
   for (int blur : {0, 2, 5}) {
     const auto comparison = compare(depth, unitComparison(size, v1::PercentageCloserShadow::GAUSSIAN, blur), receivers(points));
     const auto V = visibility(depth, makeExponentialBasis(2000, true), blur, points);
-    for (size_t i = 0; i < V.size(); ++i) ASSERT_NEAR(V[i], comparison[i], 3e-4) << blur;   // depth of 2^-24 and a rounded logarithm, times 2000
+    for (size_t i = 0; i < V.size(); ++i) ASSERT_NEAR(V[i], comparison[i], 3e-4) << blur;  // depth of 2^-24 and a rounded logarithm, times 2000
     const auto soft = visibility(depth, makeExponentialBasis(80, false), blur, points);
     for (size_t i = 0; i < V.size(); ++i) {
       ASSERT_GE(soft[i], comparison[i] - 1e-5);
-      ASSERT_LE(soft[i], comparison[i] + std::exp(-0.8) + 1e-5);   // the nearest blocker is 0.01 away
+      ASSERT_LE(soft[i], comparison[i] + std::exp(-0.8) + 1e-5);  // the nearest blocker is 0.01 away
     }
   }
 }
@@ -89,7 +90,8 @@ TEST(ExponentialShadowLimits, SlantedPlanesOvershootByTheirClosedForms) {
   const ShadowBasisPtr basis = makeExponentialBasis(c, false);
   for (const auto& [x, golden] : {std::pair{0.5, 1.042}, {1.0, 1.175}, {2.0, 1.813}}) {
     const double m = x / (double(c) * n / 2);
-    const TermPtr map = runNode(makeShadowMipmapNode(basis, n, 1, false), {encodeBasis(depthMap(n, [&](int i, int) { return float(0.5 + m * (i - 7.5)); }), basis, 0)});
+    const TermPtr map =
+        runNode(makeShadowMipmapNode(basis, n, 1, false), {encodeBasis(depthMap(n, [&](int i, int) { return float(0.5 + m * (i - 7.5)); }), basis, 0)});
     float e, s;
     const float d = 0.5f;
     ShadowTexture(*map, n).trilinear(0, 0, 0, float(mipLevels(n) - 1), &e);
@@ -133,12 +135,11 @@ TEST(ExponentialShadowLimits, ExponentsAroundFloatsEndStayFiniteThroughEveryFilt
         for (float footprint : {0.001f, 0.1f, 2.0f}) {
           ShadowLookup l = unitLookup(size, blur);
           l.map.lookup = lookup;
-          const auto V = values(lookupBasis(receivers(points, glm::normalize(Vec3(3, 1, -1)), footprint), lookup == Settings::BILINEAR ? map : chain, basis, l), "V");
+          const auto V =
+              values(lookupBasis(receivers(points, glm::normalize(Vec3(3, 1, -1)), footprint), lookup == Settings::BILINEAR ? map : chain, basis, l), "V");
           for (size_t i = 0; i < V.size(); ++i) {
             ASSERT_TRUE(V[i] >= 0.0f && V[i] <= 1.0f) << c << " " << V[i];
-            if (points[i].z == 0.0f) {
-              ASSERT_GT(V[i], 1.0f - 1e-3f) << "nothing can lie in front of the near plane; c = " << c << " lookup " << lookup;
-            }
+            if (points[i].z == 0.0f) { ASSERT_GT(V[i], 1.0f - 1e-3f) << "nothing can lie in front of the near plane; c = " << c << " lookup " << lookup; }
           }
         }
     }
@@ -153,7 +154,7 @@ TEST(ExponentialShadowLimits, LargeExponentsScaleWithTheDepthRangeToo) {
     return visibility(depth, makeExponentialBasis(c, true), 2, points);
   };
   const auto a = run(400, 1), b = run(200, 2);
-  for (size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 1e-4);   // depths of 2^-25, times 400
+  for (size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 1e-4);  // depths of 2^-25, times 400
 }
 
 }  // namespace

@@ -64,12 +64,10 @@ TEST(ExponentialShadow, PlanarOccluderOverPlanarReceiver) {
       const int x = int(t);
       const double p = litShare(x) * (1 - (t - x)) + litShare(x + 1) * (t - x);
       EXPECT_NEAR(V[i], p + (1 - p) * std::exp(-double(c) * 0.4), 3e-5) << blur << " at " << points[i].x;
-      if (i) {
-        EXPECT_GE(V[i], V[i - 1] - 1e-6f) << "not monotone at " << points[i].x;
-      }
+      if (i) { EXPECT_GE(V[i], V[i - 1] - 1e-6f) << "not monotone at " << points[i].x; }
     }
     EXPECT_LT(V.front(), 1e-6f);
-    EXPECT_NEAR(V.back(), 1.0f, 1e-6f);   // the weights sum to 1 within rounding
+    EXPECT_NEAR(V.back(), 1.0f, 1e-6f);  // the weights sum to 1 within rounding
   }
 }
 
@@ -82,7 +80,9 @@ TEST(ExponentialShadow, PlanarReceiverWithBiasIsExactlyOneBeside) {
 
 TEST(ExponentialShadow, FilterMatchesBruteForceInDouble) {
   // Includes kernels wider than the map, where every tap beyond repeats the rim.
-  struct Case { int width, height, blur; };
+  struct Case {
+    int width, height, blur;
+  };
   for (const Case k : {Case{40, 23, 5}, Case{3, 5, 64}, Case{1, 1, 8}, Case{1, 30, 4}, Case{300, 2, 1}}) {
     const auto z = [](int x, int y) { return random01(7, uint64_t(y * 1000 + x)); };
     const float c = 20.0f;
@@ -122,7 +122,8 @@ TEST(ExponentialShadow, NothingOverflowsAtTheLargestExponent) {
   std::vector<Vec3> points;
   for (int i = 0; i < 2000; ++i) points.push_back({random01(4, i), random01(5, i), random01(6, i)});
   for (float bias : {0.0f, 1.0f})
-    for (float v : values(lookup(receivers(points), map, at(80.0f, bias)), "V")) ASSERT_TRUE(v >= bias && v <= 1.0f) << v;   // a bias of the whole range lights everything
+    for (float v : values(lookup(receivers(points), map, at(80.0f, bias)), "V"))
+      ASSERT_TRUE(v >= bias && v <= 1.0f) << v;  // a bias of the whole range lights everything
 }
 
 TEST(ExponentialShadow, DamagedTexelsCountAsNothingHitAndDoNotSpread) {
@@ -177,7 +178,7 @@ TEST(ExponentialShadow, DamagedReceiversAndEmptyPixelsAreLit) {
   const auto V = values(lookup(term, map, at(60.0f)), "V");
   EXPECT_EQ(V[0], 1.0f);
   EXPECT_EQ(V[1], 1.0f);
-  EXPECT_LT(V[2], 1e-6f);   // the sound receiver is dark
+  EXPECT_LT(V[2], 1e-6f);  // the sound receiver is dark
   EXPECT_EQ(V[3], 1.0f);
 }
 
@@ -188,15 +189,15 @@ TEST(ExponentialShadow, DegenerateMaps) {
   const auto one = values(lookup(g, encode(depthMap(1, 1, [](int, int) { return 0.2f; }), 60.0f, 2), at(60.0f)), "V");
   for (float v : one) EXPECT_NEAR(v, std::exp(-60.0 * 0.7), 1e-6);
   const auto nothing = values(lookup(g, encode(depthMap(16, 16, [](int, int) { return 1.0f; }), 60.0f, 2), at(60.0f, 0.001f)), "V");
-  EXPECT_EQ(nothing, (std::vector<float>{1.0f, 1.0f}));   // the light sees nothing
+  EXPECT_EQ(nothing, (std::vector<float>{1.0f, 1.0f}));  // the light sees nothing
   const TermPtr none = lookup(receivers({}), encode(depthMap(4, 4, [](int, int) { return 0.2f; }), 60.0f, 0), at(60.0f));
   EXPECT_EQ(none->floats("V").size(), 0u);
 }
 
 TEST(ExponentialShadow, OutsideTheMapIsLit) {
   const TermPtr map = encode(depthMap(8, 8, [](int, int) { return 0.0f; }), 60.0f, 0);
-  const auto V = values(lookup(receivers({{-0.01f, 0.5f, 0.9f}, {1.01f, 0.5f, 0.9f}, {0.5f, -0.01f, 0.9f}, {0.5f, 1.01f, 0.9f}, {0.99f, 0.99f, 0.9f}}), map,
-                               at(60.0f)), "V");
+  const auto V = values(
+      lookup(receivers({{-0.01f, 0.5f, 0.9f}, {1.01f, 0.5f, 0.9f}, {0.5f, -0.01f, 0.9f}, {0.5f, 1.01f, 0.9f}, {0.99f, 0.99f, 0.9f}}), map, at(60.0f)), "V");
   EXPECT_EQ((std::vector<float>{V.begin(), V.begin() + 4}), std::vector<float>(4, 1.0f));
   EXPECT_LT(V[4], 1e-6f);
   // Perspective: a point behind the light projects into the window, but lies on the wrong side.
@@ -263,8 +264,6 @@ TEST(ExponentialShadow, KeysFollowParameters) {
   EXPECT_NE(digest(makeLightDepthMapNode(oneFace(unitFrame()), 64)), digest(makeLightDepthMapNode(oneFace(moved), 64)));
 }
 
-TEST(ExponentialShadowDeathTest, ExponentsThatLeaveFloatAreProgrammerErrors) {
-  EXPECT_DEATH(makeExponentialBasis(88.0f, false), "CHECK failed");
-}
+TEST(ExponentialShadowDeathTest, ExponentsThatLeaveFloatAreProgrammerErrors) { EXPECT_DEATH(makeExponentialBasis(88.0f, false), "CHECK failed"); }
 
 }  // namespace

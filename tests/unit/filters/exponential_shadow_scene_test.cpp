@@ -51,7 +51,10 @@ ScenePtr cardScene(LightKind kind, bool card = true) {
   return scene;
 }
 
-struct Planned { Graph graph; NodeId gbuffer = -1, visibility = -1; };
+struct Planned {
+  Graph graph;
+  NodeId gbuffer = -1, visibility = -1;
+};
 
 Result<NodeId> plan(Planned& p, const ScenePtr& scene, const v1::ShadowTechnique& technique) {
   GraphNode g;
@@ -119,17 +122,28 @@ TEST(ExponentialShadowScene, AgreesWithShadowRaysAwayFromEdges) {
     const LightShape& light = scene->lights[0].shape;
     int dark = 0, lit = 0, wrong = 0;
     for (size_t i = 0; i < V.size(); ++i) {
-      if (instance[i] == ~0u) { EXPECT_EQ(V[i], 1.0f); continue; }
+      if (instance[i] == ~0u) {
+        EXPECT_EQ(V[i], 1.0f);
+        continue;
+      }
       const Vec3 x(P[3 * i], P[3 * i + 1], P[3 * i + 2]);
-      if (x.y > 0.5f) { wrong += V[i] < 0.99f; continue; }   // on the card: faces the light or is seen from below
+      if (x.y > 0.5f) {
+        wrong += V[i] < 0.99f;
+        continue;
+      }  // on the card: faces the light or is seen from below
       const Vec3 to = kind == LightKind::Directional ? -light.axis : light.position - x;
       const Vec3 at = x + to / to.y;
       const float margin = std::max(std::abs(at.x), std::abs(at.z)) - 0.5f;
       if (std::abs(margin) < 0.03f) continue;
       const float angle = std::acos(glm::dot(glm::normalize(-to), light.axis));
       const bool covered = kind != LightKind::Spot || angle < 0.58f;
-      if (margin < 0 && covered) { ++dark; wrong += V[i] > 0.01f; }
-      else { ++lit; wrong += V[i] < 0.99f; }
+      if (margin < 0 && covered) {
+        ++dark;
+        wrong += V[i] > 0.01f;
+      } else {
+        ++lit;
+        wrong += V[i] < 0.99f;
+      }
     }
     EXPECT_GT(dark, 40) << int(kind);
     EXPECT_GT(lit, 200) << int(kind);
@@ -187,7 +201,7 @@ TEST(ExponentialShadowScene, DevicesAgreeOnTheWholeTechnique) {
 TEST(ExponentialShadowScene, MapsBeyondTheDeviceAreRefusedBeforeTheyAreMade) {
   const auto device = EglDevice::shared();
   ASSERT_TRUE(device.ok()) << device.status().toString();
-  const bool fits = (*device)->maxBufferBytes() >= uint64_t(8192) * 8192 * 4;   // llvmpipe: 128 MiB, half of it
+  const bool fits = (*device)->maxBufferBytes() >= uint64_t(8192) * 8192 * 4;  // llvmpipe: 128 MiB, half of it
   Planned p;
   const auto planned = plan(p, cardScene(LightKind::Spot), technique(8192, 2, v1::ExponentialShadow::EGL));
   EXPECT_EQ(planned.ok(), fits);
@@ -202,16 +216,16 @@ TEST(ExponentialShadowScene, OnlyWhatChangedIsANewNode) {
   ASSERT_TRUE(plan(p, scene, technique(64, 2)).ok());
   EXPECT_EQ(p.graph.size(), 4);
   ASSERT_TRUE(plan(p, scene, technique(64, 2)).ok());
-  EXPECT_EQ(p.graph.size(), 4);                       // structurally equal
+  EXPECT_EQ(p.graph.size(), 4);  // structurally equal
   ASSERT_TRUE(plan(p, scene, technique(64, 2, v1::ExponentialShadow::VULKAN)).ok());
-  EXPECT_EQ(p.graph.size(), 6);                       // the depth map is shared between devices
+  EXPECT_EQ(p.graph.size(), 6);  // the depth map is shared between devices
   ASSERT_TRUE(plan(p, scene, technique(64, 2, v1::ExponentialShadow::EGL)).ok());
   EXPECT_EQ(p.graph.size(), 8);
   auto bright = std::make_shared<Scene>(*scene);
   bright->lights[0].power = Vec3(7.0f);
   ASSERT_TRUE(bright->seal().ok());
   ASSERT_TRUE(plan(p, bright, technique(64, 2)).ok());
-  EXPECT_EQ(p.graph.size(), 8);                       // power is no part of a shadow
+  EXPECT_EQ(p.graph.size(), 8);  // power is no part of a shadow
 }
 
 TEST(ExponentialShadowScene, RefusalsNameTheField) {
@@ -250,7 +264,8 @@ TEST(ExponentialShadowScene, RefusalsNameTheField) {
   refused(scene, t, Code::Unimplemented, "shadows.exponential.device", "classification");
   EXPECT_FALSE(shadowMapSupports(LightKind::Environment));
   EXPECT_FALSE(shadowMapSupports(LightKind::Mesh));
-  for (LightKind kind : {LightKind::Directional, LightKind::Spot, LightKind::Point, LightKind::Rect, LightKind::Disk, LightKind::Sphere}) EXPECT_TRUE(shadowMapSupports(kind));
+  for (LightKind kind : {LightKind::Directional, LightKind::Spot, LightKind::Point, LightKind::Rect, LightKind::Disk, LightKind::Sphere})
+    EXPECT_TRUE(shadowMapSupports(kind));
 }
 
 }  // namespace

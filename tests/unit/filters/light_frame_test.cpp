@@ -21,7 +21,9 @@ LightShape lightOf(LightKind kind, Vec3 position, Vec3 axis) {
   return l;
 }
 
-struct Mapped { double u, v, d, w; };
+struct Mapped {
+  double u, v, d, w;
+};
 Mapped map(const LightFrame& f, const Vec3& P) {
   const auto r = f.rows();
   const Vec4 p(P - f.origin, 1.0f);
@@ -58,7 +60,7 @@ TEST(LightFrame, DirectionalCoversTheBoundsTightly) {
   double least = 1, most = 0;
   for (int c = 0; c < 8; ++c) {
     const Mapped m = map(*f, Vec3(c & 1 ? hi.x : lo.x, c & 2 ? hi.y : lo.y, c & 4 ? hi.z : lo.z));
-    EXPECT_GE(std::min(m.u, m.v), 4.0 / 512 - 1e-4);   // the rim stays free
+    EXPECT_GE(std::min(m.u, m.v), 4.0 / 512 - 1e-4);  // the rim stays free
     EXPECT_LE(std::max(m.u, m.v), 1.0 - 4.0 / 512 + 1e-4);
     EXPECT_TRUE(m.d >= 0.0 && m.d <= 1.0);
     least = std::min(least, m.d);
@@ -83,7 +85,7 @@ TEST(LightFrame, SpotSeesNoMoreThanItsCone) {
   EXPECT_NEAR(f->hi.x, std::tan(0.7f), 1e-3);
   const auto small = fitLightFrame(lightOf(LightKind::Spot, {0, 5, 0}, {0, -1, 0}), Vec3(-0.1f, 0, -0.1f), Vec3(0.1f, 1, 0.1f), 512, 0);
   ASSERT_TRUE(small.ok());
-  EXPECT_LT(small->hi.x, 0.03f);   // tight around a small scene
+  EXPECT_LT(small->hi.x, 0.03f);  // tight around a small scene
 }
 
 TEST(LightFrame, CubeFacesCoverEveryDirection) {
@@ -112,7 +114,7 @@ TEST(LightFrame, CubeFacesCoverEveryDirection) {
     }
     for (int n : seen) EXPECT_GT(n, 300);
   }
-  EXPECT_EQ(cubeFace(Vec3(1, 1, 1)), 0);      // ties go to the earlier axis
+  EXPECT_EQ(cubeFace(Vec3(1, 1, 1)), 0);  // ties go to the earlier axis
   EXPECT_EQ(cubeFace(Vec3(0, -1, -1)), 3);
 }
 
@@ -120,7 +122,9 @@ TEST(LightFrame, DegenerateBounds) {
   const float inf = std::numeric_limits<float>::infinity();
   for (LightKind kind : {LightKind::Directional, LightKind::Spot, LightKind::Rect, LightKind::Disk}) {
     const LightShape light = lightOf(kind, {0, 1, 0}, {0, -1, 0});
-    struct Box { Vec3 lo, hi; };
+    struct Box {
+      Vec3 lo, hi;
+    };
     for (const Box& b : {Box{Vec3(1), Vec3(-1)}, Box{Vec3(0), Vec3(0)}, Box{Vec3(-1, 0, -1), Vec3(1, 0, 1)}, Box{Vec3(-1, 5, -1), Vec3(1, 6, 1)},
                          Box{Vec3(1e6f), Vec3(1e6f)}, Box{Vec3(-1e9f), Vec3(1e9f)}}) {
       const auto f = fitLightFrame(light, b.lo, b.hi, 4, 3);

@@ -37,10 +37,12 @@ TEST(LookupKeys, PatternOrderAndResolutionAreInThem) {
 
 TEST(PixelMean, OverValidSamplesOnlyOrOverAll) {
   PlaneView view;
-  view.width = 2; view.height = 1; view.layers = 2;
+  view.width = 2;
+  view.height = 1;
+  view.layers = 2;
   const auto g = planeGBuffer(view);
-  const auto values = floatTerm({2, 1, 2}, "V", [](int x, int, int layer) { return float(1 + 2 * layer + 4 * x); });   // 1, 3 and 5, 7
-  g->writable<uint32_t>("instance")[2] = ~0u;                          // pixel 0, second layer
+  const auto values = floatTerm({2, 1, 2}, "V", [](int x, int, int layer) { return float(1 + 2 * layer + 4 * x); });  // 1, 3 and 5, 7
+  g->writable<uint32_t>("instance")[2] = ~0u;                                                                         // pixel 0, second layer
   const auto valid = runFilter(makePixelMeanNode("V", 1, 2, 1, 2, true), {values, g});
   EXPECT_EQ(valid->floats("V")[0], 1.0f);
   EXPECT_EQ(valid->floats("V")[1], 6.0f);

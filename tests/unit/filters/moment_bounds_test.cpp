@@ -28,7 +28,9 @@ ShadowBasisPtr moments(double cut = 0, double bias = 3e-6) {
   return makeMomentBasis(m);
 }
 
-struct Point { double z, share; };
+struct Point {
+  double z, share;
+};
 using Distribution = std::vector<Point>;
 
 /// What the shipped code says of a kernel over the distribution: float encode, float weighted sum, float reconstruction.
@@ -98,7 +100,7 @@ TEST(VarianceShadow, ThreePlanesBleedByThePredictedAmount) {
   const Distribution two{{0.2, 0.5}, {0.7, 0.5}};
   EXPECT_NEAR(shipped(*variance(), two, 0.8), 0.33784, 2e-5);
   EXPECT_EQ(truth(two, 0.8), 0);
-  EXPECT_NEAR(shipped(*variance(0.2), two, 0.8), (0.33784 - 0.2) / 0.8, 3e-5);    // reduction: below the cut dark, the rest stretched
+  EXPECT_NEAR(shipped(*variance(0.2), two, 0.8), (0.33784 - 0.2) / 0.8, 3e-5);  // reduction: below the cut dark, the rest stretched
   EXPECT_EQ(shipped(*variance(0.34), two, 0.8), 0.0f);
   for (uint64_t seed = 0; seed < 400; ++seed) {
     const Distribution points = randomDistribution(100 + seed, 2 + int(seed % 5));
@@ -138,9 +140,10 @@ TEST(VarianceShadow, SmallestVarianceLightsWhatLiesWithinRounding) {
     const float z = 0.99f * random01(71, uint64_t(i));
     for (float behind : {1e-7f, 1e-6f, 1e-5f}) {
       EXPECT_GT(shipped(*variance(0, 1e-7), {{z, 0.3}, {z, 0.3}, {z, 0.4}}, double(z) + double(behind)), 0.99f) << z << " " << behind;
-      EXPECT_GT(shipped(*makeExponentialVarianceBasis(40, 10, 1e-6f, 0), {{z, 0.3}, {z, 0.3}, {z, 0.4}}, double(z) + double(behind)), 0.99f) << z << " " << behind;
+      EXPECT_GT(shipped(*makeExponentialVarianceBasis(40, 10, 1e-6f, 0), {{z, 0.3}, {z, 0.3}, {z, 0.4}}, double(z) + double(behind)), 0.99f)
+          << z << " " << behind;
     }
-    EXPECT_LT(shipped(*variance(0, 1e-7), {{z, 1.0}}, double(z) + 0.01), 0.01f);   // and what lies well behind is dark
+    EXPECT_LT(shipped(*variance(0, 1e-7), {{z, 1.0}}, double(z) + 0.01), 0.01f);  // and what lies well behind is dark
   }
 }
 
@@ -165,7 +168,7 @@ TEST(ExponentialVarianceShadow, BleedsLessThanVarianceOnThreePlanes) {
   const double mean = 0.5 * (a + b), var = std::max(0.25 * (b - a) * (b - a), 1e-6 * c * c * t * t), predicted = var / (var + (t - mean) * (t - mean));
   const ShadowBasisPtr basis = makeExponentialVarianceBasis(float(c), 10, 1e-6f, 0);
   EXPECT_NEAR(shipped(*basis, two, 0.8), predicted, 1e-6);
-  EXPECT_LT(predicted, 0.002);   // variance: 0.338
+  EXPECT_LT(predicted, 0.002);  // variance: 0.338
   // What it gives up: just behind the front blocker with the back one shortly behind the receiver. Both bounds hold, the smaller is taken.
   for (uint64_t seed = 0; seed < 300; ++seed) {
     const Distribution points = randomDistribution(300 + seed, 2 + int(seed % 4));
@@ -186,11 +189,11 @@ TEST(MomentShadow, ExactWhereTheKernelHoldsTwoDepths) {
       EXPECT_LT(shipped(*moments(), {{z, 1 - p}, {d, p}}, d + 0.1), 0.01) << "behind both";
       EXPECT_GT(shipped(*moments(), {{z, 1 - p}, {d, p}}, z - 0.05), 0.99) << "before both";
     }
-  EXPECT_NEAR(shipped(*moments(), {{0.2, 0.5}, {0.7, 0.2}, {0.9, 0.3}}, 0.9), 0.3, 0.01);   // three, the receiver's among them
+  EXPECT_NEAR(shipped(*moments(), {{0.2, 0.5}, {0.7, 0.2}, {0.9, 0.3}}, 0.9), 0.3, 0.01);  // three, the receiver's among them
 }
 
 TEST(MomentShadow, BleedsLessThanVariance) {
-  EXPECT_LT(shipped(*moments(), {{0.2, 0.5}, {0.7, 0.5}}, 0.8), 0.01);   // variance: 0.338
+  EXPECT_LT(shipped(*moments(), {{0.2, 0.5}, {0.7, 0.5}}, 0.8), 0.01);  // variance: 0.338
   // Everywhere: the bound from four moments is never above that from two (but for the bias), and above the truth.
   double here = 0, there = 0;
   for (uint64_t seed = 0; seed < 2000; ++seed) {
@@ -231,7 +234,9 @@ TEST(MomentShadow, RoundingLeavesTheMatrixUsable) {
 // the matrix to rounding and the lit surface gets black specks; above it costs sharpness between close planes only. The default is three
 // times the smallest clean one.
 TEST(MomentShadow, DefaultBiasIsTheSmallestThatRoundingLeavesClean) {
-  struct Cost { double speck = 0, mean = 0, planes[3] = {0, 0, 0}; };
+  struct Cost {
+    double speck = 0, mean = 0, planes[3] = {0, 0, 0};
+  };
   const double gaps[3] = {0.01, 0.03, 0.1};
   const auto cost = [&](double bias) {
     const auto basis = moments(0, bias);
@@ -241,7 +246,7 @@ TEST(MomentShadow, DefaultBiasIsTheSmallestThatRoundingLeavesClean) {
     for (int i = 0; i < n; ++i) {
       const auto r = [&](uint64_t k) { return double(random01(k, uint64_t(i))); };
       const double z = 0.02 + 0.95 * r(81), tilt = (i % 4 == 0 ? 0.0 : i % 4 == 1 ? 1e-6 : i % 4 == 2 ? 1e-4 : 2e-3) * r(82), noise = (i % 3) * 3e-7;
-      const double d = z - 0.0005;   // the default depth bias
+      const double d = z - 0.0005;  // the default depth bias
       float sum[4] = {};
       double lit = 0;
       for (int y = 0; y < 5; ++y) {
@@ -269,8 +274,8 @@ TEST(MomentShadow, DefaultBiasIsTheSmallestThatRoundingLeavesClean) {
   std::map<double, Cost> costs;
   for (double bias : {3e-8, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5}) {
     const Cost c = costs[bias] = cost(bias);
-    std::cout << "moment bias " << bias << ": lit surface too dark by " << c.mean << ", at most " << c.speck << "; receiver on the far of two planes 0.01, 0.03, 0.1 apart off by "
-              << c.planes[0] << ", " << c.planes[1] << ", " << c.planes[2] << std::endl;
+    std::cout << "moment bias " << bias << ": lit surface too dark by " << c.mean << ", at most " << c.speck
+              << "; receiver on the far of two planes 0.01, 0.03, 0.1 apart off by " << c.planes[0] << ", " << c.planes[1] << ", " << c.planes[2] << std::endl;
   }
   const double standard = numberParameter(v1::MomentShadow(), "moment_bias");
   EXPECT_LT(cost(standard).speck, 1e-3);

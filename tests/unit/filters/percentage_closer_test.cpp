@@ -27,7 +27,8 @@ std::vector<Vec3> scattered(int n, uint64_t seed) {
 double texel(float u) { return std::clamp(double(u) * kSize - 0.5, 0.0, kSize - 1.0); }
 
 /// sum_ij wx_i wy_j [d <= z_ij] in double; w(i - t) is the kernel's weight of texel i at position t, taps beyond the map repeat its rim.
-template <typename Weight> double bruteForce(const Vec3& p, int reach, const Weight& weight) {
+template <typename Weight>
+double bruteForce(const Vec3& p, int reach, const Weight& weight) {
   const double tx = texel(p.x), ty = texel(p.y);
   double sum = 0;
   for (int j = int(ty) - reach; j <= int(ty) + reach + 1; ++j)
@@ -39,7 +40,8 @@ template <typename Weight> double bruteForce(const Vec3& p, int reach, const Wei
 TEST(PercentageCloser, ConstantDepthIsOneComparison) {
   for (const auto pattern : {Percentage::REGULAR, Percentage::POISSON, Percentage::GAUSSIAN})
     for (int size : {1, 2, 4, 7, 16}) {
-      const auto V = compare(depthMap(kSize, [](int, int) { return 0.5f; }), unitComparison(kSize, pattern, size), receivers({{0.5f, 0.5f, 0.5f}, {0.01f, 0.99f, 0.4f}, {0.3f, 0.6f, 0.51f}}));
+      const auto V = compare(depthMap(kSize, [](int, int) { return 0.5f; }), unitComparison(kSize, pattern, size),
+                             receivers({{0.5f, 0.5f, 0.5f}, {0.01f, 0.99f, 0.4f}, {0.3f, 0.6f, 0.51f}}));
       EXPECT_EQ(V, (std::vector<float>{1, 1, 0})) << int(pattern) << " " << size;
     }
 }
@@ -48,13 +50,14 @@ TEST(PercentageCloser, GaussianIsTheWeightedSumOfComparisons) {
   const auto points = scattered(600, 200);
   for (int blur : {0, 1, 3, 9}) {
     const auto w = gaussian(blur);
-    const auto interpolated = [&](double x) {   // linear between texels, as a bilinear lookup of filtered comparisons is
+    const auto interpolated = [&](double x) {  // linear between texels, as a bilinear lookup of filtered comparisons is
       const int at = int(std::floor(x));
       const auto of = [&](int k) { return std::abs(k) <= blur ? w[size_t(k + blur)] : 0.0; };
       return of(at) * (1 - (x - at)) + of(at + 1) * (x - at);
     };
     const auto V = compare(depthMap(kSize, rough), unitComparison(kSize, Percentage::GAUSSIAN, blur), receivers(points));
-    for (size_t i = 0; i < points.size(); ++i) ASSERT_NEAR(V[i], bruteForce(points[i], blur + 1, interpolated), 2e-5) << blur;   // positions round by 2^-19 texels
+    for (size_t i = 0; i < points.size(); ++i)
+      ASSERT_NEAR(V[i], bruteForce(points[i], blur + 1, interpolated), 2e-5) << blur;  // positions round by 2^-19 texels
   }
 }
 
@@ -81,13 +84,14 @@ TEST(PercentageCloser, OneTapIsTheHardMap) {
   const auto points = scattered(3000, 220);
   PercentageCloserLookup hard = unitComparison(kSize, Percentage::REGULAR, 1);
   hard.hard = true;
-  const auto a = compare(depthMap(kSize, rough), hard, receivers(points)), b = compare(depthMap(kSize, rough), unitComparison(kSize, Percentage::REGULAR, 1), receivers(points));
+  const auto a = compare(depthMap(kSize, rough), hard, receivers(points)),
+             b = compare(depthMap(kSize, rough), unitComparison(kSize, Percentage::REGULAR, 1), receivers(points));
   int compared = 0;
   for (size_t i = 0; i < points.size(); ++i) {
     const auto fraction = [](double t) { return std::fabs(t - std::round(t)); };
     const int x = int(std::floor(texel(points[i].x) + 0.5)), y = int(std::floor(texel(points[i].y) + 0.5));
     EXPECT_EQ(a[i], points[i].z <= rough(x, y) ? 1.0f : 0.0f);
-    if (fraction(texel(points[i].x) - 0.5) < 0.001 || fraction(texel(points[i].y) - 0.5) < 0.001) continue;   // on an edge the tap's 0.001 texels see both
+    if (fraction(texel(points[i].x) - 0.5) < 0.001 || fraction(texel(points[i].y) - 0.5) < 0.001) continue;  // on an edge the tap's 0.001 texels see both
     EXPECT_EQ(a[i], b[i]);
     ++compared;
   }
@@ -139,7 +143,7 @@ TEST(PercentageCloser, SkippingKnowsPlanesBeyondTheRim) {
   const TermPtr g = receivers(points, glm::normalize(Vec3(0.05f, 0.02f, -1)));
   for (const auto pattern : {Percentage::REGULAR, Percentage::GAUSSIAN}) {
     PercentageCloserLookup l = unitComparison(side, pattern, 16);
-    l.map.slopeBias = 0.5f;   // 0 would leave the plane flat
+    l.map.slopeBias = 0.5f;  // 0 would leave the plane flat
     l.skip = false;
     const auto sloped = compare(depthMap(side, [](int, int) { return 0.5f; }), l, g);
     l.skip = true;
@@ -168,7 +172,7 @@ TEST(PercentageCloser, PoissonDisksAverageToTheDisk) {
         ++inside;
         disk += p.z <= rough(int(std::floor(tx + x + 0.5)), int(std::floor(ty + y + 0.5)));
       }
-    EXPECT_NEAR(mean, disk / inside, 0.02);   // rings of equal area, one radius each: their own error; noise of the mean is 0.001
+    EXPECT_NEAR(mean, disk / inside, 0.02);  // rings of equal area, one radius each: their own error; noise of the mean is 0.001
     EXPECT_GT(square, 1e-5) << "disks are turned from sample to sample";
     EXPECT_LT(square, 0.25 / 36) << "more even than 36 independent points";
   }

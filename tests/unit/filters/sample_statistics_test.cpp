@@ -48,7 +48,7 @@ TEST(SampleStatistics, UnequalAndMissingStreams) {
 
 // Streams of two states share their random numbers: what they err together must not count as independent.
 TEST(SampleStatistics, StatesAreAddedBeforeTheyAreCompared) {
-  const auto a = state({16, 32, 48, 96}, 4), b = state({96, 80, 64, 16}, 4);   // a + b is 7 in every stream
+  const auto a = state({16, 32, 48, 96}, 4), b = state({96, 80, 64, 16}, 4);  // a + b is 7 in every stream
   EXPECT_FLOAT_EQ(variance({{0, 0}, {1, 0}}, {a, b}), 0.0f);
   EXPECT_FLOAT_EQ(variance({{0, 0}, {1, 0}}, {a, a}), 4 * 14.0f / 12);
 }

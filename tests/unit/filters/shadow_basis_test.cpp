@@ -21,10 +21,17 @@ v1::ConvolutionShadow convolution(uint32_t order, v1::ConvolutionShadow::Correct
   return m;
 }
 
-struct Family { const char* name; ShadowBasisPtr basis; double scale; };   // scale: largest |basis value| that sums meet
+struct Family {
+  const char* name;
+  ShadowBasisPtr basis;
+  double scale;
+};  // scale: largest |basis value| that sums meet
 std::vector<Family> linearInTheBasis() {
-  return {{"exponential 20", makeExponentialBasis(20, false), 1}, {"exponential 80", makeExponentialBasis(80, false), 1}, {"convolution 4", makeConvolutionBasis(convolution(4)), 1},
-          {"convolution 16", makeConvolutionBasis(convolution(16)), 1}, {"convolution 32 scaled", makeConvolutionBasis(convolution(32, v1::ConvolutionShadow::SCALING)), 1}};
+  return {{"exponential 20", makeExponentialBasis(20, false), 1},
+          {"exponential 80", makeExponentialBasis(80, false), 1},
+          {"convolution 4", makeConvolutionBasis(convolution(4)), 1},
+          {"convolution 16", makeConvolutionBasis(convolution(16)), 1},
+          {"convolution 32 scaled", makeConvolutionBasis(convolution(32, v1::ConvolutionShadow::SCALING)), 1}};
 }
 std::vector<Family> everyBasis() {
   auto list = linearInTheBasis();
@@ -60,7 +67,7 @@ TEST(ShadowBasis, FilteringTheBasisIsFilteringTheTest) {
       double worst = 0;
       for (int y = 0; y < size; y += 5)
         for (int x = 0; x < size; x += 3) {
-          const float d = 0.5f + 0.3f * random01(22, uint64_t(y * 100 + x));   // behind every texel: the exponential stays within [0,1]
+          const float d = 0.5f + 0.3f * random01(22, uint64_t(y * 100 + x));  // behind every texel: the exponential stays within [0,1]
           double sum = 0;
           for (int j = -blur; j <= blur; ++j)
             for (int i = -blur; i <= blur; ++i)
@@ -119,10 +126,10 @@ TEST(ShadowBasis, BlurredDepthStaysBinary) {
   const auto z = [&](int x, int) { return x < size / 2 ? 0.3f : 0.7f; };
   const std::vector<double> w = gaussian(blur);
   const TermPtr depth = depthMap(size, z), blurred = depthMap(size, [&](int x, int y) {
-    double sum = 0;
-    for (int i = -blur; i <= blur; ++i) sum += w[size_t(i + blur)] * z(std::clamp(x + i, 0, size - 1), y);
-    return float(sum);
-  });
+                                             double sum = 0;
+                                             for (int i = -blur; i <= blur; ++i) sum += w[size_t(i + blur)] * z(std::clamp(x + i, 0, size - 1), y);
+                                             return float(sum);
+                                           });
   std::vector<Vec3> points;
   for (int i = 0; i < 400; ++i) points.push_back({0.3f + 0.4f * float(i) / 400, 0.5f, 0.65f});
   PercentageCloserLookup hard = unitComparison(size, v1::PercentageCloserShadow::REGULAR, 1);
@@ -147,14 +154,16 @@ TEST(ShadowBasis, DamagedDepthCountsAsNothingHitInEveryBasis) {
       const auto z = [](int x, int y) { return 0.2f + 0.5f * random01(27, uint64_t(y * 50 + x)); };
       const auto damaged = [&](int x, int y) { return x == 9 && y == 11 ? bad : z(x, y); };
       const auto repaired = [&](int x, int y) { return x == 9 && y == 11 ? 1.0f : z(x, y); };
-      EXPECT_EQ(values(encodeBasis(depthMap(20, damaged), f.basis, 3), "B"), values(encodeBasis(depthMap(20, repaired), f.basis, 3), "B")) << f.name << " " << bad;
+      EXPECT_EQ(values(encodeBasis(depthMap(20, damaged), f.basis, 3), "B"), values(encodeBasis(depthMap(20, repaired), f.basis, 3), "B"))
+          << f.name << " " << bad;
     }
 }
 
 TEST(ShadowBasis, EveryValueIsFiniteAndEveryVisibilityWithinZeroAndOne) {
   // Depth at the ends of its range and between, receivers in and far out of it; values that no encoder makes as well.
   std::vector<Vec3> points;
-  for (int i = 0; i < 3000; ++i) points.push_back({random01(31, uint64_t(i)), random01(32, uint64_t(i)), i % 7 ? random01(33, uint64_t(i)) : 3.0f * random01(33, uint64_t(i)) - 1.0f});
+  for (int i = 0; i < 3000; ++i)
+    points.push_back({random01(31, uint64_t(i)), random01(32, uint64_t(i)), i % 7 ? random01(33, uint64_t(i)) : 3.0f * random01(33, uint64_t(i)) - 1.0f});
   points[0].z = kNan;
   points[1].z = kInf;
   points[2].z = -kInf;
@@ -168,11 +177,15 @@ TEST(ShadowBasis, EveryValueIsFiniteAndEveryVisibilityWithinZeroAndOne) {
     for (int blur : {0, 2, 64}) {
       const TermPtr map = encodeBasis(depth, f.basis, blur);
       for (float b : map->floats("B")) ASSERT_TRUE(std::isfinite(b) && std::fabs(b) <= 1.0f + 1e-5f) << f.name << " " << b;
-      for (float v : values(lookupBasis(receivers(points), map, f.basis, unitLookup(size, blur)), "V")) ASSERT_TRUE(v >= 0.0f && v <= 1.0f) << f.name << " " << v;
+      for (float v : values(lookupBasis(receivers(points), map, f.basis, unitLookup(size, blur)), "V"))
+        ASSERT_TRUE(v >= 0.0f && v <= 1.0f) << f.name << " " << v;
     }
     for (float broken : {kNan, kInf, -kInf, 1e30f, -1e30f, 0.0f}) {
-      const TermPtr map = basisMap(size, f.basis->channels(), [&](int x, int y, int k) { return (x + 3 * y + k) % 5 == 0 ? broken : 2.0f * random01(35, uint64_t(x * 777 + y * 31 + k)) - 1.0f; });
-      for (float v : values(lookupBasis(receivers(points), map, f.basis, unitLookup(size)), "V")) ASSERT_TRUE(v >= 0.0f && v <= 1.0f) << f.name << " " << broken << " " << v;
+      const TermPtr map = basisMap(size, f.basis->channels(), [&](int x, int y, int k) {
+        return (x + 3 * y + k) % 5 == 0 ? broken : 2.0f * random01(35, uint64_t(x * 777 + y * 31 + k)) - 1.0f;
+      });
+      for (float v : values(lookupBasis(receivers(points), map, f.basis, unitLookup(size)), "V"))
+        ASSERT_TRUE(v >= 0.0f && v <= 1.0f) << f.name << " " << broken << " " << v;
     }
   }
 }

@@ -15,7 +15,9 @@ using namespace gobo::shadowtest;
 using Exponential = v1::ExponentialShadow;
 using Settings = v1::ShadowMapSettings;
 
-struct Marked { std::vector<float> V, flags; };
+struct Marked {
+  std::vector<float> V, flags;
+};
 
 Marked classify(const TermPtr& depth, const TermPtr& g, float c, int blur, Exponential::Classification how, float epsilon, bool kernel = true,
                 float slopeBias = 0.0f) {
@@ -30,7 +32,7 @@ Marked classify(const TermPtr& depth, const TermPtr& g, float c, int blur, Expon
 }
 
 // Blobs of depth over a far floor, receivers on and above it.
-constexpr int kSide = 61;   // not a power of two: the pyramid's last texels cover less
+constexpr int kSide = 61;  // not a power of two: the pyramid's last texels cover less
 float blobs(int x, int y) { return random01(61, uint64_t(y / 5 * 100 + x / 5)) < 0.35f ? 0.3f + 0.3f * random01(62, uint64_t(y / 5 * 100 + x / 5)) : 0.8f; }
 std::vector<Vec3> somewhere(int n) {
   std::vector<Vec3> points;
@@ -77,7 +79,7 @@ TEST(ShadowClassification, ASlantedPlaneIsNotBehindItself) {
     const TermPtr depth = depthMap(kSide, [&](int x, int y) { return plane((float(x) + 0.5f) / kSide, (float(y) + 0.5f) / kSide); });
     std::vector<Vec3> points = somewhere(4000);
     for (Vec3& p : points) {
-      p.x = 0.02f + 0.96f * p.x, p.y = 0.02f + 0.96f * p.y;   // not outside the outermost texels' centres, where the map does not go on
+      p.x = 0.02f + 0.96f * p.x, p.y = 0.02f + 0.96f * p.y;  // not outside the outermost texels' centres, where the map does not go on
       p.z = plane(p.x, p.y);
     }
     for (int blur : {0, 1, 2, 3, 9, 15}) {
@@ -112,7 +114,7 @@ TEST(ShadowClassification, ZMaxMissesNothingUnderMinification) {
             const auto flags = values(lookupBasis(g, chain, basis, z, depthBounds(depth, 1), 1), "flags");
             for (size_t i = 0; i < points.size(); ++i)
               if (plain[i] > 4.55e-5f * 1.001f) {
-                ASSERT_EQ(flags[i], 1.0f) << "texel " << tx << "," << ty << " point " << i << " width " << width << " lookup " << lookup;   // e^{-20 / 2}
+                ASSERT_EQ(flags[i], 1.0f) << "texel " << tx << "," << ty << " point " << i << " width " << width << " lookup " << lookup;  // e^{-20 / 2}
               }
           }
       }
@@ -188,9 +190,7 @@ TEST(ShadowClassification, LitSlantedPlanesAreNoFailures) {
       }
       EXPECT_EQ(far, 0) << how;
       EXPECT_EQ(flagged > 0, hole) << how;
-      if (hole) {
-        EXPECT_EQ(near, 0) << how;
-      }
+      if (hole) { EXPECT_EQ(near, 0) << how; }
     }
   }
 }
@@ -201,7 +201,7 @@ TEST(ShadowClassification, LeakBehindABlockersEdgeIsRepaired) {
   const int size = 64, blur = 3;
   const TermPtr depth = depthMap(size, [](int x, int) { return x < 32 ? 0.3f : 0.8f; });
   std::vector<Vec3> points;
-  for (int i = 0; i < 3; ++i) points.push_back({(31.5f - float(i)) / 64, 0.5f, 0.5f});   // below the card, 0 to 2 texels from its edge
+  for (int i = 0; i < 3; ++i) points.push_back({(31.5f - float(i)) / 64, 0.5f, 0.5f});  // below the card, 0 to 2 texels from its edge
   const auto plain = visibility(depth, makeExponentialBasis(80, false), blur, points);
   const auto truth = compare(depth, unitComparison(size, v1::PercentageCloserShadow::GAUSSIAN, blur), receivers(points));
   const Marked m = classify(depth, receivers(points), 80, blur, Exponential::THRESHOLD, 0.05f);

@@ -97,7 +97,7 @@ inline ShadowLookup unitLookup(int resolution, int blur = 0, float bias = 0.0f) 
   l.map.blur = blur;
   l.map.bias = bias;
   l.map.slopeBias = 0.0f;
-  l.view = {Vec3(0, 0, -1), false, 0};   // seen along the light: footprints are what the G-buffer says
+  l.view = {Vec3(0, 0, -1), false, 0};  // seen along the light: footprints are what the G-buffer says
   return l;
 }
 inline TermPtr lookupBasis(const TermPtr& gbuffer, const TermPtr& map, const ShadowBasisPtr& basis, const ShadowLookup& l, const TermPtr& bounds = nullptr,
@@ -127,7 +127,10 @@ inline std::vector<float> compare(const TermPtr& depth, const PercentageCloserLo
 }
 
 // ---- The exponential map -----------------------------------------------------------------------------------------------------------
-struct ExponentialCase { LightFrame frame; float c, bias; };
+struct ExponentialCase {
+  LightFrame frame;
+  float c, bias;
+};
 
 inline TermPtr encode(const TermPtr& depth, float c, int blur, int threads = 2, std::shared_ptr<ComputeDevice> device = nullptr) {
   return encodeBasis(depth, makeExponentialBasis(c, false), blur, false, threads, std::move(device));

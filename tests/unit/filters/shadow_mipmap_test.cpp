@@ -20,7 +20,9 @@ v1::ConvolutionShadow order(uint32_t m) {
   c.set_order(m);
   return c;
 }
-TermPtr chainOf(const TermPtr& map, const ShadowBasisPtr& basis, int side, bool bytes = false) { return runNode(makeShadowMipmapNode(basis, side, 1, bytes), {map}); }
+TermPtr chainOf(const TermPtr& map, const ShadowBasisPtr& basis, int side, bool bytes = false) {
+  return runNode(makeShadowMipmapNode(basis, side, 1, bytes), {map});
+}
 
 /// Level l in double: a texel is the area mean of level 0 over its share of the map, level by level.
 std::vector<double> below(const std::vector<double>& a, int from) {
@@ -55,7 +57,7 @@ TEST(ShadowMipmap, EveryLevelIsTheMeanOfWhatItCovers) {
           ASSERT_NEAR(all[(m.offset + t) * 4 + k], level[t], 1e-6) << side << " level " << l;
           here += all[(m.offset + t) * 4 + k] / double(level.size());
         }
-        EXPECT_NEAR(here, mean, 1e-6) << "the mean of level " << l << " of " << side << " texels";   // sides of any length lose nothing
+        EXPECT_NEAR(here, mean, 1e-6) << "the mean of level " << l << " of " << side << " texels";  // sides of any length lose nothing
         if (s > 1) level = below(level, s);
         s = (s + 1) / 2;
       }
@@ -66,8 +68,8 @@ TEST(ShadowMipmap, EveryLevelIsTheMeanOfWhatItCovers) {
 TEST(ShadowMipmap, ConstantMapsAreConstantEverywhere) {
   std::vector<Vec3> points;
   for (int i = 0; i < 200; ++i) points.push_back({random01(102, uint64_t(i)), random01(103, uint64_t(i)), 0.5f});
-  for (const ShadowBasisPtr& basis : {makeExponentialBasis(80, false), makeExponentialBasis(300, true), makeVarianceBasis({}), makeConvolutionBasis(order(8)), makeMomentBasis({}),
-                                      makeExponentialVarianceBasis(40, 10, 1e-6f, 0)})
+  for (const ShadowBasisPtr& basis : {makeExponentialBasis(80, false), makeExponentialBasis(300, true), makeVarianceBasis({}), makeConvolutionBasis(order(8)),
+                                      makeMomentBasis({}), makeExponentialVarianceBasis(40, 10, 1e-6f, 0)})
     for (int side : {1, 37, 64}) {
       const TermPtr depth = depthMap(side, [](int, int) { return 0.47f; });
       const float expected = visibility(depth, basis, 0, {{0.5f, 0.5f, 0.5f}})[0];
@@ -77,7 +79,8 @@ TEST(ShadowMipmap, ConstantMapsAreConstantEverywhere) {
           for (const Vec3& normal : {Vec3(0, 0, -1), glm::normalize(Vec3(4, 2, -1))}) {
             ShadowLookup l = unitLookup(side, 2);
             l.map.lookup = lookup;
-            for (float v : values(lookupBasis(receivers(points, normal, footprint), chain, basis, l), "V")) ASSERT_NEAR(v, expected, 2e-3) << basis->name() << " " << side;
+            for (float v : values(lookupBasis(receivers(points, normal, footprint), chain, basis, l), "V"))
+              ASSERT_NEAR(v, expected, 2e-3) << basis->name() << " " << side;
           }
     }
 }
@@ -103,11 +106,11 @@ TermPtr ramp(int side) {
 
 TEST(ShadowMipmap, TrilinearInterpolatesPlacesAndLevels) {
   const int side = 64;
-  const ShadowBasisPtr basis = makeExponentialBasis(10, false);   // any basis of one channel; only its filter is used
+  const ShadowBasisPtr basis = makeExponentialBasis(10, false);  // any basis of one channel; only its filter is used
   const TermPtr chain = chainOf(ramp(side), basis, side);
   const ShadowTexture texture(*chain, side);
   const auto all = chain->floats("B");
-  const auto level = [&](double x, double y, int l) {   // bilinear in double at texels of level 0
+  const auto level = [&](double x, double y, int l) {  // bilinear in double at texels of level 0
     const MipLevel m = mipLevel(side, l);
     const double u = std::clamp((x + 0.5) * m.side / side - 0.5, 0.0, m.side - 1.0), v = std::clamp((y + 0.5) * m.side / side - 0.5, 0.0, m.side - 1.0);
     const int i = int(u), j = int(v);
@@ -203,9 +206,7 @@ TEST(DepthBounds, RangesHoldTheKernelAndLittleMore) {
         for (int x = x0; x <= x1; ++x) low = std::min(low, z(x, y)), high = std::max(high, z(x, y));
       ASSERT_LE(lo, low);
       ASSERT_GE(hi, high);
-      if (x1 - x0 <= 1 && y1 - y0 <= 1) {
-        ASSERT_TRUE(lo == low && hi == high) << "two texels a side are exact";
-      }
+      if (x1 - x0 <= 1 && y1 - y0 <= 1) { ASSERT_TRUE(lo == low && hi == high) << "two texels a side are exact"; }
     }
   }
 }

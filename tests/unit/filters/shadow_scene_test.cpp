@@ -101,9 +101,7 @@ TEST(ShadowScene, FailuresAreAFewPercentAndGrowWithTheKernel) {
         surfaces += instance[i] != ~0u;
         flagged += flags[i] == 1.0f;
         ground += flags[i] == 1.0f && P[3 * i + 1] < 0.05f;
-        if (flags[i] == 1.0f) {
-          ASSERT_EQ(V[i], W[i]);
-        }
+        if (flags[i] == 1.0f) { ASSERT_EQ(V[i], W[i]); }
       }
       EXPECT_LT(double(ground), 0.005 * double(surfaces)) << "the ground is a slanted plane with nothing behind it";
       share[k] = 100.0 * double(flagged) / double(surfaces);
@@ -111,9 +109,7 @@ TEST(ShadowScene, FailuresAreAFewPercentAndGrowWithTheKernel) {
       last[k] = share[k];
     }
     std::cout << "kernel " << 2 * blur + 1 << ": Z-Max " << share[0] << " %, threshold " << share[1] << " % of surface pixels" << std::endl;
-    if (blur) {
-      EXPECT_LE(share[1], share[0]);
-    }
+    if (blur) { EXPECT_LE(share[1], share[0]); }
     EXPECT_GT(share[1], 2.0);
     EXPECT_LT(share[0], 40.0);
   }
@@ -134,7 +130,7 @@ TEST(ShadowScene, ExponentsAbove80FilterLogarithmically) {
   EXPECT_EQ(label(2000, Exponential::AUTO), "exponential_logarithmic_map");
   EXPECT_EQ(label(20, Exponential::LOGARITHMIC), "exponential_logarithmic_map");
   EXPECT_EQ(label(80, Exponential::LINEAR), "exponential_map");
-  EXPECT_EQ(label(80.5, Exponential::LINEAR), "shadows.exponential.c");   // refused by name
+  EXPECT_EQ(label(80.5, Exponential::LINEAR), "shadows.exponential.c");  // refused by name
   // Both give one picture where both go.
   v1::ShadowTechnique t = exponential(256, 1, Exponential::OFF);
   const TermPtr linear = stage.run(planExponentialShadow, t);
@@ -152,7 +148,7 @@ TEST(ShadowScene, SlidersBehindTheFilterKeepTheMap) {
   t.mutable_map()->set_resolution(64);
   t.mutable_convolution()->set_order(8);
   ASSERT_TRUE(stage.plan(planConvolutionShadow, t).ok());
-  const int first = stage.graph.size();   // G-buffer, depth map, basis, lookup
+  const int first = stage.graph.size();  // G-buffer, depth map, basis, lookup
   EXPECT_EQ(first, 4);
   t.mutable_convolution()->set_attenuation(1);
   ASSERT_TRUE(stage.plan(planConvolutionShadow, t).ok());
@@ -162,7 +158,7 @@ TEST(ShadowScene, SlidersBehindTheFilterKeepTheMap) {
   EXPECT_EQ(stage.graph.size(), first + 2);
   t.mutable_convolution()->set_order(9);
   ASSERT_TRUE(stage.plan(planConvolutionShadow, t).ok());
-  EXPECT_EQ(stage.graph.size(), first + 4);   // new images, same depth
+  EXPECT_EQ(stage.graph.size(), first + 4);  // new images, same depth
   v1::ShadowTechnique v;
   v.mutable_map()->set_resolution(64);
   v.mutable_variance();
@@ -202,8 +198,10 @@ TEST(ShadowScene, RefusalsNameFieldAndValue) {
   refused(planPercentageCloser, t, "shadows.percentage_closer.taps", "17");
   t.mutable_variance();
   for (const auto& [set, field, value] : std::vector<std::tuple<std::function<void(v1::ShadowMapSettings&)>, const char*, const char*>>{
-           {[](auto& m) { m.set_resolution(0); }, "shadows.map.resolution", "0"}, {[](auto& m) { m.set_resolution(8193); }, "shadows.map.resolution", "8193"},
-           {[](auto& m) { m.set_blur(65); }, "shadows.map.blur", "65"}, {[](auto& m) { m.set_bias(1.5); }, "shadows.map.bias", "1.5"},
+           {[](auto& m) { m.set_resolution(0); }, "shadows.map.resolution", "0"},
+           {[](auto& m) { m.set_resolution(8193); }, "shadows.map.resolution", "8193"},
+           {[](auto& m) { m.set_blur(65); }, "shadows.map.blur", "65"},
+           {[](auto& m) { m.set_bias(1.5); }, "shadows.map.bias", "1.5"},
            {[](auto& m) { m.set_slope_bias(-1); }, "shadows.map.slope_bias", "-1"}}) {
     v1::ShadowTechnique bad = t;
     set(*bad.mutable_map());
@@ -261,9 +259,11 @@ TEST(ShadowScene, EveryTechniqueAgreesWithPercentageCloserToItsOwnError) {
   t.mutable_moment();
   error["moment"] = rms(planMomentShadow, t);
   for (const auto& [name, e] : error) std::cout << name << ": rms against percentage-closer " << e << std::endl;
-  const std::map<std::string, double> bound{{"convolution 4", 0.46}, {"convolution 16", 0.32}, {"convolution 16, bytes", 0.32}, {"convolution 32, bytes", 0.27},
-                                            {"exponential", 0.28}, {"exponential, Z-Max", 0.1}, {"exponential 300, Z-Max", 0.1}, {"variance", 0.21},
-                                            {"exponential variance", 0.2}, {"moment", 0.15}};
+  const std::map<std::string, double> bound{{"convolution 4", 0.46},         {"convolution 16", 0.32},
+                                            {"convolution 16, bytes", 0.32}, {"convolution 32, bytes", 0.27},
+                                            {"exponential", 0.28},           {"exponential, Z-Max", 0.1},
+                                            {"exponential 300, Z-Max", 0.1}, {"variance", 0.21},
+                                            {"exponential variance", 0.2},   {"moment", 0.15}};
   for (const auto& [name, e] : error) EXPECT_LT(e, bound.at(name)) << name;
   EXPECT_LT(error["convolution 16"], error["convolution 4"]);
   EXPECT_NEAR(error["convolution 16, bytes"], error["convolution 16"], 0.006);

@@ -14,14 +14,16 @@ namespace {
 using namespace gobo;
 using namespace gobo::shadowtest;
 
-constexpr double kStep = 1.0 / 65536;   // half of 1/32767 and a little: what rounding a texel may cost
-const double kBound = kStep + 1e-6;     // and the float result's own rounding
+constexpr double kStep = 1.0 / 65536;  // half of 1/32767 and a little: what rounding a texel may cost
+const double kBound = kStep + 1e-6;    // and the float result's own rounding
 
 TermPtr tableOf(const TermPtr& map, const ShadowBasisPtr& basis, int threads = 2) {
   return runNode(makeShadowSummedAreaNode(basis, map->extent().width, map->extent().layers), {map}, threads);
 }
 
-struct Box { double x0, x1, y0, y1; };
+struct Box {
+  double x0, x1, y0, y1;
+};
 /// The box that SummedArea::box takes: at least a texel, cut at the map's rim; floats as there.
 Box boxOf(int side, float x, float y, float width, float height) {
   const auto span = [&](float at, float size, double& lo, double& hi) {
@@ -34,7 +36,8 @@ Box boxOf(int side, float x, float y, float width, float height) {
   span(y, height, b.y0, b.y1);
   return b;
 }
-template <typename Value> double mean(const Box& b, const Value& value) {
+template <typename Value>
+double mean(const Box& b, const Value& value) {
   double sum = 0;
   for (int y = int(b.y0); y < b.y1; ++y) {
     const double wy = std::min(b.y1, y + 1.0) - std::max(b.y0, double(y));
@@ -57,7 +60,8 @@ TEST(SummedArea, BoxesOfEverySizeAreExactButForTexelRounding) {
       const auto r = [&](uint64_t s) { return random01(122 + s, uint64_t(i)); };
       // Whole texels, fractions, slivers, and boxes that hang over the rim or hold the whole map.
       const float x = float(side) * (1.4f * r(0) - 0.2f), y = float(side) * (1.4f * r(1) - 0.2f);
-      const float width = i % 5 == 0 ? float(1 + int(r(2) * 20)) : 1.6f * float(side) * r(2) * r(4), height = i % 7 == 0 ? 1.0f : 1.6f * float(side) * r(3) * r(4);
+      const float width = i % 5 == 0 ? float(1 + int(r(2) * 20)) : 1.6f * float(side) * r(2) * r(4),
+                  height = i % 7 == 0 ? 1.0f : 1.6f * float(side) * r(3) * r(4);
       float out[2], second;
       sums.box(0, x, y, width, height, out);
       const Box b = boxOf(side, x, y, width, height);
@@ -66,7 +70,7 @@ TEST(SummedArea, BoxesOfEverySizeAreExactButForTexelRounding) {
         worst = std::max(worst, error);
         ASSERT_LE(error, kBound) << side << ": " << b.x0 << ".." << b.x1 << " x " << b.y0 << ".." << b.y1;
       }
-      sums.box(0, x, y, width, height, 1, 2, &second);   // one channel alone
+      sums.box(0, x, y, width, height, 1, 2, &second);  // one channel alone
       ASSERT_EQ(second, out[1]);
     }
     if (side == 700) std::cout << "700 texels a side: worst error " << worst << std::endl;
@@ -97,9 +101,11 @@ TEST(SummedArea, LargestMapsHoldTheirBound) {
   // at its extreme, +1 everywhere: the largest sums of all.
   const int side = 4096;
   const ShadowBasisPtr basis = makeVarianceBasis({});
-  const auto value = [](int x, int y, int k) { return k ? 1.0f : float(int((unsigned(x) * 2654435761u + unsigned(y) * 40503u) >> 16 & 0xffff)) / 32767.5f - 1.0f; };
+  const auto value = [](int x, int y, int k) {
+    return k ? 1.0f : float(int((unsigned(x) * 2654435761u + unsigned(y) * 40503u) >> 16 & 0xffff)) / 32767.5f - 1.0f;
+  };
   const TermPtr table = tableOf(basisMap(side, 2, value), basis);
-  EXPECT_LE(table->planes()[0].bytes.size(), size_t(side) * side * 2 * 4 * 65 / 64);   // the stated bound
+  EXPECT_LE(table->planes()[0].bytes.size(), size_t(side) * side * 2 * 4 * 65 / 64);  // the stated bound
   EXPECT_LE(table->planes()[0].bytes.size(), makeShadowSummedAreaNode(basis, side, 1)->outputBytes());
   const SummedArea sums(*table, side);
   double worst = 0;
@@ -127,7 +133,7 @@ TEST(SummedArea, DamagedTexelsCountAsZeroAndDoNotSpread) {
     sums.box(0, 12, 12, 5, 5, out);
     EXPECT_NEAR(out[0], 0.25, kBound) << bad;
     sums.box(0, 5, 5, 3, 3, out);
-    EXPECT_TRUE(out[0] >= 0.2f && out[0] <= 0.35f) << bad;   // out of range is cut to [-1, 1]
+    EXPECT_TRUE(out[0] >= 0.2f && out[0] <= 0.35f) << bad;  // out of range is cut to [-1, 1]
   }
 }
 

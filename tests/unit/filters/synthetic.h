@@ -25,7 +25,10 @@ inline std::shared_ptr<Term> planeGBuffer(const PlaneView& v) {
     for (int y = 0; y < v.height; ++y)
       for (int x = 0; x < v.width; ++x, ++e) {
         const Vec3 p = v.origin + float(x) * v.du + float(y) * v.dv;
-        for (int c = 0; c < 3; ++c) { P[3 * e + c] = p[c]; N[3 * e + c] = Ng[3 * e + c] = v.normal[c]; }
+        for (int c = 0; c < 3; ++c) {
+          P[3 * e + c] = p[c];
+          N[3 * e + c] = Ng[3 * e + c] = v.normal[c];
+        }
         depth[e] = 1.0f;
         footprint[e] = glm::length(v.du);
       }

@@ -23,7 +23,7 @@ class CrashMarksTest : public test::StoreFixture {
     if (pid == 0) {
       const rlimit none{0, 0};
       ::setrlimit(RLIMIT_CORE, &none);
-      for (const int s : {SIGSEGV, SIGABRT, SIGFPE, SIGILL, SIGBUS}) ::signal(s, SIG_DFL);   // as in the daemon: a sanitizer's own handler would stay
+      for (const int s : {SIGSEGV, SIGABRT, SIGFPE, SIGILL, SIGBUS}) ::signal(s, SIG_DFL);  // as in the daemon: a sanitizer's own handler would stay
       auto marks = CrashMarks::open(folder);
       if (!marks.ok()) ::_exit(9);
       work(**marks);
@@ -39,7 +39,7 @@ class CrashMarksTest : public test::StoreFixture {
 TEST_F(CrashMarksTest, ACrashNamesItsFrame) {
   for (const int signal : {SIGSEGV, SIGABRT, SIGFPE, SIGILL, SIGBUS}) {
     live([&](CrashMarks& marks) {
-      { const CrashMarks::Working before(&marks, {7, 1}); }   // over: not to blame
+      { const CrashMarks::Working before(&marks, {7, 1}); }  // over: not to blame
       const CrashMarks::Working working(&marks, {7, 2});
       ::raise(signal);
     });
@@ -48,7 +48,7 @@ TEST_F(CrashMarksTest, ACrashNamesItsFrame) {
     EXPECT_EQ(reports[0].signal, signal);
     EXPECT_EQ(reports[0].tasks, (std::vector<TaskId>{{7, 2}}));
     EXPECT_TRUE(reports[0].alone);
-    EXPECT_TRUE(CrashMarks::read(folder).empty());   // told once
+    EXPECT_TRUE(CrashMarks::read(folder).empty());  // told once
   }
 }
 
@@ -79,7 +79,7 @@ TEST_F(CrashMarksTest, AKillFromOutsideAndAGoodEndBlameNobody) {
   EXPECT_TRUE(CrashMarks::read(folder).empty());
   live([](CrashMarks& marks) { const CrashMarks::Working working(&marks, {7, 2}); });
   EXPECT_TRUE(CrashMarks::read(folder).empty());
-  live([](CrashMarks&) { ::raise(SIGSEGV); });   // not while a frame was worked on
+  live([](CrashMarks&) { ::raise(SIGSEGV); });  // not while a frame was worked on
   EXPECT_TRUE(CrashMarks::read(folder).empty());
 }
 
@@ -124,7 +124,7 @@ TEST_F(CrashMarksTest, BlameOfWhatIsOverChangesNothing) {
   const auto lease = claim();
   ASSERT_TRUE(lease);
   EXPECT_TRUE(store->blame({id, 0}, {Code::Internal, "beside others"}, false).ok());
-  ASSERT_TRUE(store->complete(*lease, files(), 1).ok());                     // its present holder is not disturbed
+  ASSERT_TRUE(store->complete(*lease, files(), 1).ok());  // its present holder is not disturbed
   EXPECT_TRUE(store->blame({id, 0}, {Code::Internal, "late"}, true).ok());
   EXPECT_EQ(get(id).state(), v1::Job::DONE);
   EXPECT_TRUE(store->blame({id + 5, 3}, {Code::Internal, "unknown"}, true).ok());

@@ -20,7 +20,10 @@ struct Clock : test::StoreFixture {
     options.boot = "first";
     StoreFixture::SetUp();
   }
-  void pass(double seconds) { time += seconds; up += seconds; }
+  void pass(double seconds) {
+    time += seconds;
+    up += seconds;
+  }
   int64_t finish() {
     const int64_t id = submit(makeJob());
     const auto lease = claim();
@@ -38,7 +41,7 @@ TEST_F(Clock, AJumpEndsNoLeaseOfALivingHolder) {
       auto lease = claim(30);
       ASSERT_TRUE(lease) << jump;
       time += jump;
-      if (reopened) open();   // another daemon, started after the jump
+      if (reopened) open();  // another daemon, started after the jump
       for (int k = 0; k < 10; ++k) {
         pass(10);
         EXPECT_EQ(*store->expireLeases(), 0u) << jump << " " << reopened << " " << k;
@@ -61,12 +64,12 @@ TEST_F(Clock, AJumpKeepsNoLeaseOfADeadHolderAlive) {
     EXPECT_EQ(*store->expireLeases(), 0u);
     pass(2);
     EXPECT_EQ(*store->expireLeases(), 1u);
-    const auto again = claim(30);                               // runs again, exactly once
+    const auto again = claim(30);  // runs again, exactly once
     ASSERT_TRUE(again);
     EXPECT_FALSE(claim(30));
     EXPECT_EQ(store->complete(*dead, files("late"), 1).code(), Code::FailedPrecondition);
     EXPECT_TRUE(store->complete(*again, files("aa"), 1).ok());
-    EXPECT_EQ(get(id).frames(0).files_size(), 1);               // recorded once
+    EXPECT_EQ(get(id).frames(0).files_size(), 1);  // recorded once
     EXPECT_EQ(get(id).frames(0).files(0).sha256(), "aa");
     EXPECT_EQ(get(id).frames_done(), 1u);
   }
@@ -95,11 +98,11 @@ TEST_F(Clock, ResultsAgeByTheTimeTheMachineIsUpAndNotByJumps) {
     EXPECT_EQ(expired(7), 0u) << jump;
     open();
     EXPECT_EQ(expired(7), 0u) << jump;
-    pass(3600);                                                  // an hour of the wrong time
+    pass(3600);  // an hour of the wrong time
     EXPECT_EQ(expired(7), 0u) << jump;
     finish();
   }
-  EXPECT_EQ(get(first).ended_unix_s(), 1.7e9);                   // what clients read is of the wall clock
+  EXPECT_EQ(get(first).ended_unix_s(), 1.7e9);  // what clients read is of the wall clock
   pass(6.5 * kDay);
   EXPECT_EQ(expired(7), 0u);
   pass(0.34 * kDay);
@@ -114,7 +117,7 @@ TEST_F(Clock, TheAgeOutlivesARestartOfTheMachine) {
   for (int boot = 0; boot < 4; ++boot) {
     for (int hour = 0; hour < 24; ++hour) pass(3600), (void)*store->expireLeases();
     options.boot = "boot " + std::to_string(boot);
-    up = 3;                                                      // off for ten years in between
+    up = 3;  // off for ten years in between
     time += kTenYears;
     open();
     EXPECT_EQ(expired(4.5), 0u) << boot;
@@ -122,7 +125,7 @@ TEST_F(Clock, TheAgeOutlivesARestartOfTheMachine) {
   auto lease = (submit(makeJob()), claim());
   ASSERT_TRUE(lease);
   pass(20);
-  auto second = std::move(*SqliteJobStore::open(path(), options));   // two processes have one clock
+  auto second = std::move(*SqliteJobStore::open(path(), options));  // two processes have one clock
   EXPECT_EQ(*second->expireLeases(), 0u);
   pass(11);
   EXPECT_EQ(*second->expireLeases(), 1u);
@@ -154,19 +157,22 @@ TEST_F(Clock, AFileWhoseRowIsAboutToComeIsNoLitterWhateverItsTimesSay) {
   const int64_t id = submit(makeJob());
   const auto lease = claim();
   ASSERT_TRUE(lease);
-  const std::string path = folderFiles.resultPath(1, "waits"), scene = folderFiles.scenePath("abc.glb");   // of a job that is over: litter, once old
+  const std::string path = folderFiles.resultPath(1, "waits"), scene = folderFiles.scenePath("abc.glb");  // of a job that is over: litter, once old
   ASSERT_TRUE(folderFiles.write(path, "x", 1).ok());
   ASSERT_TRUE(folderFiles.write(scene, "x", 1).ok());
   const auto years = std::filesystem::file_time_type::clock::now() - std::chrono::hours(24 * 3650);
-  std::filesystem::last_write_time(path, years);                 // as after a jump forward
+  std::filesystem::last_write_time(path, years);  // as after a jump forward
   std::filesystem::last_write_time(scene, years);
-  const auto sweep = [&] { EXPECT_TRUE(folderFiles.sweep(*store, kDay).ok()); folderFiles.sweepScenes({}, {}); };
+  const auto sweep = [&] {
+    EXPECT_TRUE(folderFiles.sweep(*store, kDay).ok());
+    folderFiles.sweepScenes({}, {});
+  };
   sweep();
   steady += 500;
   sweep();
   EXPECT_TRUE(std::filesystem::exists(path));
   EXPECT_TRUE(std::filesystem::exists(scene));
-  ASSERT_TRUE(folderFiles.write(path, "x", 1).ok());             // somebody needs it again: young
+  ASSERT_TRUE(folderFiles.write(path, "x", 1).ok());  // somebody needs it again: young
   steady += 200;
   sweep();
   EXPECT_FALSE(std::filesystem::exists(scene));

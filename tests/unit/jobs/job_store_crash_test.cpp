@@ -19,7 +19,8 @@ struct Crash : test::StoreFixture {
     ASSERT_NE(::mkdtemp(folder.data()), nullptr);
     options.now = [this] { return time; };
   }
-  template <typename F> static pid_t spawn(F work) {
+  template <typename F>
+  static pid_t spawn(F work) {
     const pid_t child = ::fork();
     if (child == 0) {
       work();
@@ -74,10 +75,13 @@ std::string dump(SqliteJobStore& store) {
 }
 
 TEST_F(Crash, AKillBeforeAnyStatementLeavesTheStateBeforeOrAfterTheOperation) {
-  std::vector<std::string> states;   // after 0, 1, 2 ... operations
+  std::vector<std::string> states;  // after 0, 1, 2 ... operations
   int statements = 0;
   {
-    options.step = [&](const char*) { ++statements; return Status(); };
+    options.step = [&](const char*) {
+      ++statements;
+      return Status();
+    };
     options.now = [this] { return time; };
     open();
     states.push_back(dump(*store));
@@ -121,14 +125,16 @@ TEST_F(Crash, AKillBeforeAnyStatementLeavesTheStateBeforeOrAfterTheOperation) {
     options.step = nullptr;
     open();
     EXPECT_EQ(*store->integrity(), "ok");
-    EXPECT_EQ(dump(*store), states[size_t(acknowledged)]) << "statement " << at;   // killed before the COMMIT: before
+    EXPECT_EQ(dump(*store), states[size_t(acknowledged)]) << "statement " << at;  // killed before the COMMIT: before
     store.reset();
   }
 }
 
 TEST_F(Crash, AStatementThatFailsRollsBackAndTheReportIsRepeated) {
   std::string refuse;
-  options.step = [&](const char* sql) { return !refuse.empty() && std::string(sql).find(refuse) == 0 ? Status(Code::ResourceExhausted, "disk full") : Status(); };
+  options.step = [&](const char* sql) {
+    return !refuse.empty() && std::string(sql).find(refuse) == 0 ? Status(Code::ResourceExhausted, "disk full") : Status();
+  };
   open();
   const int64_t id = submit(makeJob());
   const auto lease = claim();
@@ -146,7 +152,7 @@ TEST_F(Crash, AStatementThatFailsRollsBackAndTheReportIsRepeated) {
 // Three processes share the work; one kills itself while it holds a lease. Every frame is done once, tokens are never shared.
 TEST_F(Crash, SeveralProcessesOnOneStore) {
   constexpr int kFrames = 60;
-  options.now = nullptr;   // the real clock
+  options.now = nullptr;  // the real clock
   std::vector<pid_t> children;
   for (int n = 0; n < 3; ++n) {
     children.push_back(spawn([&] {

@@ -44,8 +44,11 @@ TEST_F(Store, ALateReportOfALostLeaseIsRefusedAndNamesBothTokens) {
   ASSERT_TRUE(second);
   EXPECT_EQ(second->task, first->task);
   Lease late = *first;
-  const std::vector<Status> refusals = {store->complete(late, files(), 1), store->fail(late, {{Code::Internal, "x"}}), store->release(late),
-                                        store->renew(late, 30).status(), store->check(late).status(),
+  const std::vector<Status> refusals = {store->complete(late, files(), 1),
+                                        store->fail(late, {{Code::Internal, "x"}}),
+                                        store->release(late),
+                                        store->renew(late, 30).status(),
+                                        store->check(late).status(),
                                         store->checkpoint(late, {"r", "d", 1, 1}, 0.5, 16).status()};
   for (const Status& status : refusals) {
     EXPECT_EQ(status.code(), Code::FailedPrecondition);
@@ -55,18 +58,18 @@ TEST_F(Store, ALateReportOfALostLeaseIsRefusedAndNamesBothTokens) {
   EXPECT_TRUE(store->checkpoints(second->task)->empty());
   EXPECT_EQ(get(id).frames(0).state(), v1::Frame::RUNNING);
   EXPECT_TRUE(store->complete(*second, files(), 1).ok());
-  EXPECT_EQ(store->complete(late, files("other"), 1).code(), Code::FailedPrecondition);   // nor after the end
+  EXPECT_EQ(store->complete(late, files("other"), 1).code(), Code::FailedPrecondition);  // nor after the end
   EXPECT_EQ(get(id).frames(0).files(0).sha256(), "aa");
 }
 
 TEST_F(Store, AnExpiredLeaseIsOverOnlyOnceTheStoreSaysSo) {
   submit(makeJob());
   const auto lease = claim(30);
-  time += 100;                                   // nobody looked: the holder was slow, not dead
+  time += 100;  // nobody looked: the holder was slow, not dead
   EXPECT_TRUE(store->check(*lease).ok());
   Lease renewed = *lease;
   EXPECT_TRUE(store->renew(renewed, 30).ok());
-  EXPECT_EQ(*store->expireLeases(), 0u);         // the renewal counts
+  EXPECT_EQ(*store->expireLeases(), 0u);  // the renewal counts
   time += 31;
   EXPECT_EQ(*store->expireLeases(), 1u);
   EXPECT_EQ(store->complete(*lease, files(), 1).code(), Code::FailedPrecondition);
@@ -81,7 +84,7 @@ TEST_F(Store, ACompletionReportMayBeRepeated) {
   EXPECT_TRUE(store->complete(*lease, files(), 1).ok());
   EXPECT_EQ(get(id).frames_done(), 1u);
   EXPECT_EQ(get(id).result_bytes(), 7u);
-  EXPECT_EQ(store->complete(*lease, files("other"), 1).code(), Code::FailedPrecondition);   // that is no repetition
+  EXPECT_EQ(store->complete(*lease, files("other"), 1).code(), Code::FailedPrecondition);  // that is no repetition
 }
 
 TEST_F(Store, AFailedFrameIsTriedAgainUntilMaxAttempts) {
@@ -91,18 +94,18 @@ TEST_F(Store, AFailedFrameIsTriedAgainUntilMaxAttempts) {
     ASSERT_TRUE(lease);
     EXPECT_EQ(lease->frame, 10);
     EXPECT_TRUE(store->fail(*lease, {{Code::Internal, "no luck"}}).ok());
-    EXPECT_TRUE(store->fail(*lease, {{Code::Internal, "no luck"}}).ok());   // repeated: counted once
+    EXPECT_TRUE(store->fail(*lease, {{Code::Internal, "no luck"}}).ok());  // repeated: counted once
     EXPECT_EQ(get(id).frames(0).attempts(), uint32_t(attempt));
     EXPECT_EQ(get(id).frames(0).state(), attempt < 3 ? v1::Frame::QUEUED : v1::Frame::FAILED);
     if (attempt < 3) {
-      const auto other = claim();                 // the frame waits before it is tried again: the next one is given
+      const auto other = claim();  // the frame waits before it is tried again: the next one is given
       ASSERT_TRUE(other);
       EXPECT_EQ(other->frame, 11);
       EXPECT_TRUE(store->release(*other).ok());
     }
     time += 60;
   }
-  EXPECT_EQ(get(id).state(), v1::Job::QUEUED);    // the other frame goes on
+  EXPECT_EQ(get(id).state(), v1::Job::QUEUED);  // the other frame goes on
   EXPECT_TRUE(store->complete(*claim(), files(), 1).ok());
   const v1::Job job = get(id);
   EXPECT_EQ(job.state(), v1::Job::FAILED);
@@ -110,7 +113,7 @@ TEST_F(Store, AFailedFrameIsTriedAgainUntilMaxAttempts) {
   EXPECT_EQ(job.error().message(), "frame 10: no luck");
   EXPECT_EQ(job.frames_failed(), 1u);
   EXPECT_EQ(job.frames_done(), 1u);
-  EXPECT_EQ(job.frames(1).attempts(), 1u);        // released ones are not attempts
+  EXPECT_EQ(job.frames(1).attempts(), 1u);  // released ones are not attempts
 }
 
 TEST_F(Store, WhatCannotBeMendedIsNotTriedAgain) {
@@ -148,7 +151,7 @@ TEST_F(Store, TheSameKeyIsTheSameJob) {
   EXPECT_NE(refused.status().message().find(jobIdText(id)), std::string::npos);
   other.client = "somebody else";
   EXPECT_NE(*store->submit(other, existed), id);
-  EXPECT_NE(submit(makeJob()), submit(makeJob()));   // no key, no identity
+  EXPECT_NE(submit(makeJob()), submit(makeJob()));  // no key, no identity
   EXPECT_EQ(*store->findKey("me", "k", "d"), id);
   EXPECT_EQ(*store->findKey("me", "unknown", "d"), 0);
 }
@@ -159,7 +162,7 @@ TEST_F(Store, PauseCancelAndResume) {
   EXPECT_TRUE(store->pause(id).ok());
   EXPECT_EQ(*store->check(*lease), v1::Job::PAUSED);
   EXPECT_FALSE(claim());
-  EXPECT_TRUE(store->checkpoint(*lease, {"r", "d", 4, 100}, 0.5, 64).ok());   // its last one
+  EXPECT_TRUE(store->checkpoint(*lease, {"r", "d", 4, 100}, 0.5, 64).ok());  // its last one
   EXPECT_TRUE(store->release(*lease).ok());
   EXPECT_EQ(get(id).frames(0).checkpoint(), "d");
   EXPECT_EQ(get(id).progress(), 0.25);
@@ -179,7 +182,7 @@ TEST_F(Store, PauseCancelAndResume) {
   EXPECT_EQ(get(id).state(), v1::Job::CANCELLED);
   EXPECT_TRUE(store->remove(id).ok());
   EXPECT_EQ(store->get(id, false).status().code(), Code::NotFound);
-  EXPECT_GT(submit(makeJob()), id);   // an id is never used again
+  EXPECT_GT(submit(makeJob()), id);  // an id is never used again
 }
 
 TEST_F(Store, DeadlinesFailTheJob) {
@@ -203,10 +206,10 @@ TEST_F(Store, AFrameThatKillsItsWorkerEachTimeIsGivenUp) {
     EXPECT_EQ(*store->endAllLeases(), 1u);
   }
   const auto lease = claim();
-  EXPECT_TRUE(store->checkpoint(*lease, {"r", "d", 4, 100}, 0.5, 64).ok());   // it gets on: the count starts anew
+  EXPECT_TRUE(store->checkpoint(*lease, {"r", "d", 4, 100}, 0.5, 64).ok());  // it gets on: the count starts anew
   EXPECT_EQ(*store->endAllLeases(), 1u);
   EXPECT_EQ(get(id).state(), v1::Job::QUEUED);
-  EXPECT_EQ(get(id).frames(0).attempts(), 0u);                                // losses are not failures
+  EXPECT_EQ(get(id).frames(0).attempts(), 0u);  // losses are not failures
   for (int i = 0; i < 3; ++i) {
     ASSERT_TRUE(claim());
     EXPECT_EQ(*store->endAllLeases(), 1u);
@@ -222,7 +225,7 @@ TEST_F(Store, CheckpointsReplaceEachOther) {
   const auto old = *store->checkpoint(*lease, {"r", "d2", 4, 100}, 0.5, 64);
   ASSERT_EQ(old.size(), 1u);
   EXPECT_EQ(old[0].digest, "d1");
-  EXPECT_TRUE(store->checkpoint(*lease, {"r", "d2", 4, 100}, 0.5, 64)->empty());   // repeated
+  EXPECT_TRUE(store->checkpoint(*lease, {"r", "d2", 4, 100}, 0.5, 64)->empty());  // repeated
   EXPECT_EQ(*store->neededCheckpoints(), (std::vector<std::string>{"1-0-d2", "1-0-e1"}));
   EXPECT_TRUE(store->complete(*lease, files(), 1).ok());
   EXPECT_TRUE(store->neededCheckpoints()->empty());
@@ -269,14 +272,14 @@ TEST_F(Store, ResultsGoByAgeAndByBytesButNotThoseOfJobsThatGoOn) {
     ASSERT_TRUE(store->complete(*claim(), files(), 1).ok());
   }
   EXPECT_EQ(*store->expireResults(100, 1000), (std::vector<int64_t>{}));
-  EXPECT_EQ(*store->expireResults(14, 1000), (std::vector<int64_t>{ids[0]}));      // 7 bytes each; the earliest ended goes
+  EXPECT_EQ(*store->expireResults(14, 1000), (std::vector<int64_t>{ids[0]}));  // 7 bytes each; the earliest ended goes
   EXPECT_TRUE(get(ids[0]).results_expired());
   EXPECT_EQ(get(ids[0]).frames(0).files_size(), 0);
   EXPECT_EQ(get(ids[0]).state(), v1::Job::DONE);
   time += 985;
   EXPECT_EQ(*store->expireResults(100, 1000), (std::vector<int64_t>{ids[1]}));
   EXPECT_EQ(*store->expireResults(0, 0), (std::vector<int64_t>{ids[2]}));
-  EXPECT_EQ(store->neededResults(ids[3])->size(), 1u);                              // not over yet
+  EXPECT_EQ(store->neededResults(ids[3])->size(), 1u);  // not over yet
 }
 
 TEST_F(Store, ManyFramesAreBounded) {

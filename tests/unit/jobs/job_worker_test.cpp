@@ -81,7 +81,9 @@ struct Worker : test::StoreFixture {
     }
     return condition();
   }
-  bool over(int64_t id) { return eventually([&] { return jobIsOver(get(id).state()); }); }
+  bool over(int64_t id) {
+    return eventually([&] { return jobIsOver(get(id).state()); });
+  }
   std::vector<uint8_t> expected(const v1::JobSpec& s) {
     EngineOptions o;
     o.threads = 2;
@@ -159,7 +161,7 @@ TEST_F(Worker, AReportThatCannotBeWrittenIsRepeatedUntilAcknowledged) {
   worker->stop();
   EXPECT_EQ(worker->stats().repeatedReports.load(), 3u);
   EXPECT_EQ(worker->stats().frames.load(), 1u);
-  EXPECT_EQ(get(id).frames(0).attempts(), 1u);   // rendered once
+  EXPECT_EQ(get(id).frames(0).attempts(), 1u);  // rendered once
   EXPECT_EQ(result(id), expected(s));
 }
 
@@ -204,7 +206,7 @@ TEST_F(Worker, APatchedSceneIsNotTheJobs) {
   ASSERT_TRUE(engine->patchScene(patch).ok());
   start();
   ASSERT_TRUE(over(id));
-  EXPECT_EQ(result(id), expected(s));   // the built-in is loaded again beside the patched one
+  EXPECT_EQ(result(id), expected(s));  // the built-in is loaded again beside the patched one
 }
 
 TEST_F(Worker, AnotherSceneFailsTheJobAndNamesBothHashes) {

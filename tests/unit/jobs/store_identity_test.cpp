@@ -56,7 +56,9 @@ struct Identity : ::testing::Test {
     return *id;
   }
   std::string result(int64_t id, const std::string& text) const { return jobs() + "/results/" + std::to_string(id) + "/" + text; }
-  void removeDatabase() { for (const char* tail : {"", "-wal", "-shm"}) fs::remove(database() + tail); }
+  void removeDatabase() {
+    for (const char* tail : {"", "-wal", "-shm"}) fs::remove(database() + tail);
+  }
   std::string identity() const {
     std::ifstream in(jobs() + "/identity");
     std::string text;
@@ -78,7 +80,10 @@ TEST_F(Identity, AMissingOrEmptyDatabaseBesideResultsIsRefusedAndNothingIsSwept)
       fs::remove(jobs() + "/identity");
       if (withIdentity) std::ofstream(jobs() + "/identity") << named << "\n";
       if (how == std::string("empty")) std::ofstream(database()).flush();
-      if (how == std::string("no tables")) { Sqlite db; ASSERT_TRUE(db.open(database(), 1).ok()); }
+      if (how == std::string("no tables")) {
+        Sqlite db;
+        ASSERT_TRUE(db.open(database(), 1).ok());
+      }
       for (int k = 0; k < 2; ++k) {
         const Status s = start();
         EXPECT_EQ(s.code(), Code::DataLoss) << s.toString();
@@ -143,8 +148,11 @@ TEST_F(Identity, AKillAnywhereInTheFirstStartIsFollowedByAStart) {
       bool alone = false;
       int step = 0;
       if (!files.open(jobs(), alone).ok()) ::_exit(1);
-      if (at == 0) ::_exit(9);                                       // folders, no store
-      files.step = [&](const char*, const std::string&) { if (++step == at) ::_exit(9); return Status(); };   // store, file half made
+      if (at == 0) ::_exit(9);  // folders, no store
+      files.step = [&](const char*, const std::string&) {
+        if (++step == at) ::_exit(9);
+        return Status();
+      };  // store, file half made
       (void)openStore(files);
       ::_exit(2);
     }
@@ -168,27 +176,28 @@ TEST_F(Identity, AKillAnywhereInTheFirstStartIsFollowedByAStart) {
 TEST_F(Identity, AFolderOfVersionOneIsTakenOver) {
   int64_t done = 0, waiting = 0;
   ASSERT_TRUE(start([&](JobFiles& f, SqliteJobStore& s) {
-    done = finish(f, s, "aa");
-    bool existed = false;
-    waiting = *s.submit(test::StoreFixture::makeJob(), existed);
-    ASSERT_TRUE(*s.claim("killed", 30));
-  }).ok());
+                done = finish(f, s, "aa");
+                bool existed = false;
+                waiting = *s.submit(test::StoreFixture::makeJob(), existed);
+                ASSERT_TRUE(*s.claim("killed", 30));
+              }).ok());
   {
     // As version 1 left it: times of the wall clock, no identity.
     Sqlite db;
     ASSERT_TRUE(db.open(database(), 1).ok());
     ASSERT_TRUE(db.exec("DROP TABLE identity; DROP TABLE clock; DROP TABLE unowned; ALTER TABLE job DROP COLUMN ended_uptime;"
-                        "UPDATE task SET expires = 1.9e9, ready = 1.9e9; PRAGMA user_version = 1").ok());
+                        "UPDATE task SET expires = 1.9e9, ready = 1.9e9; PRAGMA user_version = 1")
+                    .ok());
   }
   fs::remove(jobs() + "/identity");
   ASSERT_TRUE(start([&](JobFiles&, SqliteJobStore& s) {
-    EXPECT_EQ(s.get(done, true)->job.frames(0).files(0).sha256(), "aa");
-    EXPECT_EQ(s.expireResults(1 << 20, 3600)->size(), 0u);
-    const auto lease = s.claim("w", 30);
-    ASSERT_TRUE(lease.ok() && *lease) << "waits for a time of the wall clock";
-    EXPECT_EQ((*lease)->task.job, waiting);
-    EXPECT_EQ(*s.identity(), identity());
-  }).ok());
+                EXPECT_EQ(s.get(done, true)->job.frames(0).files(0).sha256(), "aa");
+                EXPECT_EQ(s.expireResults(1 << 20, 3600)->size(), 0u);
+                const auto lease = s.claim("w", 30);
+                ASSERT_TRUE(lease.ok() && *lease) << "waits for a time of the wall clock";
+                EXPECT_EQ((*lease)->task.job, waiting);
+                EXPECT_EQ(*s.identity(), identity());
+              }).ok());
   EXPECT_TRUE(fs::exists(result(done, "aa")));
   EXPECT_EQ(identity().size(), 32u);
 }
@@ -196,40 +205,40 @@ TEST_F(Identity, AFolderOfVersionOneIsTakenOver) {
 TEST_F(Identity, AnOlderCopyOfTheDatabaseLeavesNewerResultsAndTheirIdsAlone) {
   int64_t old = 0, open = 0;
   ASSERT_TRUE(start([&](JobFiles& f, SqliteJobStore& s) {
-    old = finish(f, s, "aa");
-    bool existed = false;
-    open = *s.submit(test::StoreFixture::makeJob(), existed);
-  }).ok());
+                old = finish(f, s, "aa");
+                bool existed = false;
+                open = *s.submit(test::StoreFixture::makeJob(), existed);
+              }).ok());
   fs::copy_file(database(), folder + "/backup");
   std::vector<int64_t> newer;
   ASSERT_TRUE(start([&](JobFiles& f, SqliteJobStore& s) {
-    const auto lease = s.claim("w", 30);                        // the job that the backup knows as waiting
-    ASSERT_EQ((*lease)->task.job, open);
-    ASSERT_TRUE(f.write(f.resultPath(open, "oo"), "oo", 2).ok());
-    ASSERT_TRUE(s.complete(**lease, test::StoreFixture::files("oo"), 1).ok());
-    for (const char* text : {"bb", "cc", "dd"}) newer.push_back(finish(f, s, text));
-    ASSERT_TRUE(f.write(f.checkpointPath({newer.back() + 1, 0}, std::string(32, 'e')), "e", 1).ok());
-  }).ok());
+                const auto lease = s.claim("w", 30);  // the job that the backup knows as waiting
+                ASSERT_EQ((*lease)->task.job, open);
+                ASSERT_TRUE(f.write(f.resultPath(open, "oo"), "oo", 2).ok());
+                ASSERT_TRUE(s.complete(**lease, test::StoreFixture::files("oo"), 1).ok());
+                for (const char* text : {"bb", "cc", "dd"}) newer.push_back(finish(f, s, text));
+                ASSERT_TRUE(f.write(f.checkpointPath({newer.back() + 1, 0}, std::string(32, 'e')), "e", 1).ok());
+              }).ok());
   removeDatabase();
   fs::copy_file(folder + "/backup", database());
   for (int k = 0; k < 3; ++k) {
     ASSERT_TRUE(start([&](JobFiles& f, SqliteJobStore& s) {
-      EXPECT_TRUE(fs::exists(result(old, "aa")));
-      EXPECT_TRUE(fs::exists(result(newer[0], "bb")));
-      EXPECT_TRUE(fs::exists(result(newer[1], "cc")));
-      EXPECT_TRUE(fs::exists(result(newer[2], "dd")));
-      EXPECT_TRUE(fs::exists(f.checkpointPath({newer.back() + 1, 0}, std::string(32, 'e'))));
-      if (k == 0) {
-        EXPECT_TRUE(fs::exists(result(open, "oo")));            // what its frame comes to again
-        const auto lease = s.claim("w", 30);
-        ASSERT_TRUE(lease.ok() && *lease);
-        EXPECT_EQ((*lease)->task.job, open);
-        ASSERT_TRUE(s.complete(**lease, test::StoreFixture::files("oo"), 1).ok());
-      }
-      const int64_t fresh = finish(f, s, "ff");
-      EXPECT_GT(fresh, newer.back() + 1) << "an id that is taken";
-      EXPECT_TRUE(s.remove(fresh).ok());                        // its own: swept at the next start
-    }).ok());
+                  EXPECT_TRUE(fs::exists(result(old, "aa")));
+                  EXPECT_TRUE(fs::exists(result(newer[0], "bb")));
+                  EXPECT_TRUE(fs::exists(result(newer[1], "cc")));
+                  EXPECT_TRUE(fs::exists(result(newer[2], "dd")));
+                  EXPECT_TRUE(fs::exists(f.checkpointPath({newer.back() + 1, 0}, std::string(32, 'e'))));
+                  if (k == 0) {
+                    EXPECT_TRUE(fs::exists(result(open, "oo")));  // what its frame comes to again
+                    const auto lease = s.claim("w", 30);
+                    ASSERT_TRUE(lease.ok() && *lease);
+                    EXPECT_EQ((*lease)->task.job, open);
+                    ASSERT_TRUE(s.complete(**lease, test::StoreFixture::files("oo"), 1).ok());
+                  }
+                  const int64_t fresh = finish(f, s, "ff");
+                  EXPECT_GT(fresh, newer.back() + 1) << "an id that is taken";
+                  EXPECT_TRUE(s.remove(fresh).ok());  // its own: swept at the next start
+                }).ok());
   }
   EXPECT_TRUE(start().ok());
   for (int64_t id = newer.back() + 2; id < newer.back() + 5; ++id) EXPECT_FALSE(fs::exists(result(id, "ff"))) << id;
@@ -237,22 +246,23 @@ TEST_F(Identity, AnOlderCopyOfTheDatabaseLeavesNewerResultsAndTheirIdsAlone) {
 
 TEST_F(Identity, AFolderRemovedUnderADaemonTakesNoPromises) {
   ASSERT_TRUE(start([&](JobFiles& f, SqliteJobStore& s) {
-    const int64_t id = finish(f, s, "aa");
-    bool existed = false;
-    ASSERT_TRUE(s.submit(test::StoreFixture::makeJob(), existed).ok());
-    const auto lease = s.claim("w", 30);
-    ASSERT_TRUE(lease.ok() && *lease);
-    fs::rename(jobs(), folder + "/away");
-    const std::vector<Status> refused = {s.submit(test::StoreFixture::makeJob(), existed).status(), s.complete(**lease, test::StoreFixture::files("bb"), 1),
-                                         s.claim("w", 30).status(), s.cancel(id + 1), f.write(f.resultPath(id, "bb"), "bb", 2)};
-    for (size_t i = 0; i < refused.size(); ++i)
-      if (i != 2) EXPECT_FALSE(refused[i].ok()) << i;            // nothing is ready for a claim: no promise either
-    EXPECT_EQ(refused[0].code(), Code::Unavailable) << refused[0].toString();
-    EXPECT_EQ(refused[0].location(), database());
-    EXPECT_EQ(refused[1].code(), Code::Unavailable);             // a worker repeats it
-    fs::rename(folder + "/away", jobs());                        // put back: it goes on
-    EXPECT_TRUE(s.complete(**lease, test::StoreFixture::files("bb"), 1).ok());
-  }).ok());
+                const int64_t id = finish(f, s, "aa");
+                bool existed = false;
+                ASSERT_TRUE(s.submit(test::StoreFixture::makeJob(), existed).ok());
+                const auto lease = s.claim("w", 30);
+                ASSERT_TRUE(lease.ok() && *lease);
+                fs::rename(jobs(), folder + "/away");
+                const std::vector<Status> refused = {s.submit(test::StoreFixture::makeJob(), existed).status(),
+                                                     s.complete(**lease, test::StoreFixture::files("bb"), 1), s.claim("w", 30).status(), s.cancel(id + 1),
+                                                     f.write(f.resultPath(id, "bb"), "bb", 2)};
+                for (size_t i = 0; i < refused.size(); ++i)
+                  if (i != 2) EXPECT_FALSE(refused[i].ok()) << i;  // nothing is ready for a claim: no promise either
+                EXPECT_EQ(refused[0].code(), Code::Unavailable) << refused[0].toString();
+                EXPECT_EQ(refused[0].location(), database());
+                EXPECT_EQ(refused[1].code(), Code::Unavailable);  // a worker repeats it
+                fs::rename(folder + "/away", jobs());             // put back: it goes on
+                EXPECT_TRUE(s.complete(**lease, test::StoreFixture::files("bb"), 1).ok());
+              }).ok());
 }
 
 }  // namespace

@@ -47,7 +47,7 @@ TEST_F(Checkpoints, StatesThatTradeNamesAndRowsAreNotUsed) {
       const TermPtr term = reading.load(recipe(i), 1);
       if (!term) continue;
       ++used;
-      EXPECT_EQ(term->content(), state(i)->content()) << i;   // never another's
+      EXPECT_EQ(term->content(), state(i)->content()) << i;  // never another's
     }
     return used;
   };
@@ -62,7 +62,8 @@ TEST_F(Checkpoints, StatesThatTradeNamesAndRowsAreNotUsed) {
   }
   // The files trade names.
   for (size_t i = 0; i < rows.size(); ++i) std::filesystem::rename(files_.checkpointPath(lease->task, rows[i].digest), folder + "/" + std::to_string(i));
-  for (size_t i = 0; i < rows.size(); ++i) std::filesystem::rename(folder + "/" + std::to_string(i), files_.checkpointPath(lease->task, rows[(i + 1) % rows.size()].digest));
+  for (size_t i = 0; i < rows.size(); ++i)
+    std::filesystem::rename(folder + "/" + std::to_string(i), files_.checkpointPath(lease->task, rows[(i + 1) % rows.size()].digest));
   EXPECT_EQ(wrong(rows), 0);
 }
 

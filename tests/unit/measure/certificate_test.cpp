@@ -71,7 +71,7 @@ TEST(CertificatePixels, ChancesKeepTheirSumAndBounds) {
   }
   const auto flat = drawingChances(std::vector<float>(1000, 0.0f), 100);
   EXPECT_EQ(flat, std::vector<float>(1000, 0.1f));
-  std::vector<float> few(1000, 0.0f);                           // fewer pixels with a forecast than are drawn
+  std::vector<float> few(1000, 0.0f);  // fewer pixels with a forecast than are drawn
   few[5] = 1e-20f, few[700] = 1e20f;
   const auto certain = drawingChances(few, 100);
   EXPECT_EQ(certain[5], 1.0f);
@@ -116,7 +116,10 @@ TEST(CertificatePixels, EveryPixelHasItsChance) {
   double chi = 0, open = 0;
   for (size_t i = 0; i < all; ++i) {
     const double c = double(chances[i]), expected = seeds * c;
-    if (c >= 1) { EXPECT_EQ(hits[i], seeds); continue; }
+    if (c >= 1) {
+      EXPECT_EQ(hits[i], seeds);
+      continue;
+    }
     const double z = (hits[i] - expected) / std::sqrt(expected * (1 - c));
     EXPECT_LT(std::fabs(z), 5) << i << ": " << hits[i] << " of " << expected;
     chi += z * z, ++open;
@@ -127,7 +130,7 @@ TEST(CertificatePixels, EveryPixelHasItsChance) {
 TEST(CertificatePixels, SpreadSoThatNoRegionIsMissed) {
   const std::vector<float> even(512 * 512, 0.01f);
   for (uint64_t seed = 0; seed < 50; ++seed) {
-    std::vector<int> cells(16 * 16, 0);                       // of 32 x 32 pixels: 10.24 expected each
+    std::vector<int> cells(16 * 16, 0);  // of 32 x 32 pixels: 10.24 expected each
     for (uint32_t p : drawPixels(512, 512, even, seed)) ++cells[(p / 512 / 32) * 16 + p % 512 / 32];
     for (int c : cells) EXPECT_TRUE(c >= 4 && c <= 18) << c;  // independent draws: below 4 for 1 % of the cells
   }
@@ -162,7 +165,8 @@ TEST(Certify, KnownAnswers) {
   EXPECT_NEAR(f.unseenArea, -std::log(0.05) / (3000 * -std::log(0.9)), 1e-9);
   EXPECT_LE(f.rmseLow, f.rmse);
   EXPECT_GE(f.rmseHighTrimmed, f.rmse);
-  EXPECT_NEAR(f.rmseHigh * f.rmseHigh, f.rmseHighTrimmed * f.rmseHighTrimmed + f.unseenArea * 0.01, 1e-8) << "too bright everywhere: the unseen area alone is added";
+  EXPECT_NEAR(f.rmseHigh * f.rmseHigh, f.rmseHighTrimmed * f.rmseHighTrimmed + f.unseenArea * 0.01, 1e-8)
+      << "too bright everywhere: the unseen area alone is added";
   EXPECT_EQ(f.certain, 0u);
   const CertificateFigures none = certify({}, 100);
   EXPECT_EQ(none.unseenArea, 1.0);
@@ -185,7 +189,8 @@ TEST(Certify, BrokenPixelsAreCountedAndDoNotSpread) {
   evidence[8].picture = Vec3(3e38f);
   const CertificateFigures f = certify(evidence, 100);
   EXPECT_EQ(f.nonFinite, 2u);
-  for (double v : {f.rmse, f.rmseLow, f.rmseHigh, f.rmseHighTrimmed, f.rmseStandardError, f.relMse, f.relMseLow, f.relMseHigh, f.relMseHighTrimmed}) EXPECT_TRUE(std::isfinite(v));
+  for (double v : {f.rmse, f.rmseLow, f.rmseHigh, f.rmseHighTrimmed, f.rmseStandardError, f.relMse, f.relMseLow, f.relMseHigh, f.relMseHighTrimmed})
+    EXPECT_TRUE(std::isfinite(v));
   EXPECT_NEAR(f.unseenArea, 0.02, 1e-12);
 }
 
@@ -210,7 +215,7 @@ TEST(Certify, UnbiasedUnderNoisyParts) {
     const double mean = z / n, variance = z2 / n - mean * mean, se = std::sqrt(variance / n);
     EXPECT_LT(std::fabs(mean - off * off), 4 * se) << off;
     EXPECT_GT(noise / n, 0.98 * variance) << off;
-    EXPECT_LT(noise / n, 3.2 * variance) << off;             // three times without an error, exact for a large one
+    EXPECT_LT(noise / n, 3.2 * variance) << off;  // three times without an error, exact for a large one
     EXPECT_NEAR(naive / n, off * off + 0.04, 0.005);
   }
 }
@@ -242,12 +247,8 @@ TEST(Certify, CoverageAndWidth) {
     EXPECT_GE(c.trimmed, 0.93) << picture.name;
     EXPECT_GE(c.relTrimmed, 0.9) << picture.name;
     if (picture.kind != Kind::Hidden) { EXPECT_GE(c.relWhole, 0.9) << picture.name; }
-    if (picture.kind != Kind::Hidden) {
-      EXPECT_GE(c.whole, 0.93) << picture.name;
-    }
-    if (picture.widthPromised) {
-      EXPECT_LE(c.halfWidth, 0.25) << picture.name;
-    }
+    if (picture.kind != Kind::Hidden) { EXPECT_GE(c.whole, 0.93) << picture.name; }
+    if (picture.widthPromised) { EXPECT_LE(c.halfWidth, 0.25) << picture.name; }
   }
 }
 
@@ -256,7 +257,7 @@ TEST(Certify, CoverageAndWidth) {
 TEST(Certify, PlainIntervalWouldMissRareErrors) {
   const int size = 256;
   const CertificateCase picture = makeCase("rare", Kind::Hidden, {0.1, Tail::Gauss}, size, [](double, double, double, double, Stream& r) {
-    return r.uniform() < 0.0015 ? 2.0 : 0.0;                  // 3.9 drawn pixels on average
+    return r.uniform() < 0.0015 ? 2.0 : 0.0;  // 3.9 drawn pixels on average
   });
   const std::vector<float> even(picture.picture.size(), 0.04f);
   int plain = 0, certified = 0;
@@ -278,7 +279,7 @@ TEST(Certify, PlainIntervalWouldMissRareErrors) {
 
 // Closed forms: Student's t of 3 degrees where one pixel makes all of the noise, of 3 n where n pixels make it alike.
 TEST(Confidence, NoiseOfFewPixelsHasFewDegreesOfFreedom) {
-  for (const bool own : {true, false})                 // the pixels' own noise, or what the pooled spread makes of their values
+  for (const bool own : {true, false})  // the pixels' own noise, or what the pooled spread makes of their values
     for (const size_t noisy : {size_t(1), size_t(2), size_t(10), size_t(1000)}) {
       std::vector<DrawnValue> drawn(1000);
       for (size_t i = 0; i < noisy; ++i) {
@@ -293,7 +294,7 @@ TEST(Confidence, NoiseOfFewPixelsHasFewDegreesOfFreedom) {
 }
 
 TEST(Confidence, StandardErrorIsTheTextbooks) {
-  const MeanInterval m = meanInterval({1, 2, 4, 9});             // mean 4, squared deviations 9 + 4 + 0 + 25
+  const MeanInterval m = meanInterval({1, 2, 4, 9});  // mean 4, squared deviations 9 + 4 + 0 + 25
   EXPECT_DOUBLE_EQ(m.mean, 4);
   EXPECT_DOUBLE_EQ(m.standardError, std::sqrt(38.0 / (4 * 3)));
   EXPECT_LT(m.low, m.mean - m.standardError);

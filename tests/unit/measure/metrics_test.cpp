@@ -169,7 +169,9 @@ TEST(Flip, StepMatchesDirect2dFilters) {
     for (int i = 0; i < 3; ++i) r[i] = (m[i][0] * c.x + m[i][1] * c.y + m[i][2] * c.z) / white[i];
     out[0] = 116 * r[1] - 16, out[1] = 500 * (r[0] - r[1]), out[2] = 200 * (r[1] - r[2]);
   };
-  struct Local { double lab[3], edge, point; };
+  struct Local {
+    double lab[3], edge, point;
+  };
   const auto local = [&](const Image& image) {
     Local out{};
     double sums[3] = {}, weights[3] = {}, o[3];
@@ -234,9 +236,9 @@ TEST(Halves, UnbiasedWhereTheNaiveEstimateIsNot) {
     rel += e->relMse / trials, relStated += e->relMseStandardError / trials;
   }
   const double bias = sum / trials, deviation = std::sqrt(sum2 / trials - bias * bias);
-  EXPECT_LT(std::fabs(bias), 3.5 * deviation / std::sqrt(trials));          // t-test, 0.05 %
-  EXPECT_NEAR(stated / trials, deviation, 0.35 * deviation);                // 60 trials: +- 9 % is one deviation
-  EXPECT_NEAR(naive, offset * offset + noise * noise / 2, 0.001);           // nine times the truth
+  EXPECT_LT(std::fabs(bias), 3.5 * deviation / std::sqrt(trials));  // t-test, 0.05 %
+  EXPECT_NEAR(stated / trials, deviation, 0.35 * deviation);        // 60 trials: +- 9 % is one deviation
+  EXPECT_NEAR(naive, offset * offset + noise * noise / 2, 0.001);   // nine times the truth
   EXPECT_GT((naive - offset * offset) / deviation, 10);
   // relMSE divides by the noisy truth and is biased where the noise is four times the error: the stated error says so.
   EXPECT_LT(std::fabs(rel - offset * offset / 1.01), relStated);

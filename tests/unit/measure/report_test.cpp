@@ -27,9 +27,7 @@ TEST(Report, Text) {
   EXPECT_EQ(sample().text().substr(0, 56), "speed, \"error\"\n  seeds: 3\nwhat         ms  note\nesm, k=8");
   EXPECT_NE(sample().text().find("pt            -\n"), std::string::npos);
 }
-TEST(Report, Csv) {
-  EXPECT_EQ(sample().csv(), "what,ms,note\r\n\"esm, k=80\",1.25,\"a \"\"quoted\"\"\nline\"\r\npt,,\r\n");
-}
+TEST(Report, Csv) { EXPECT_EQ(sample().csv(), "what,ms,note\r\n\"esm, k=80\",1.25,\"a \"\"quoted\"\"\nline\"\r\npt,,\r\n"); }
 TEST(Report, Json) {
   EXPECT_EQ(sample().json(),
             "{\"name\": \"speed, \\\"error\\\"\",\n \"notes\": {\"seeds\": 3},\n \"columns\": [\"what\", \"ms\", \"note\"],\n \"rows\": [\n"
@@ -83,7 +81,11 @@ TEST(Plot, PointsLandOnTheAxes) {
   middle.series.push_back({"", {{10, 10}}, false, true});
   corner.series.push_back({"", {{100, 1}}, false, true});
   bad.series.push_back({"", {{-1, 10}, {0, 10}, {10, std::numeric_limits<double>::quiet_NaN()}, {10, 1e300}, {1e308, 10}, {1e-308, 10}}, true, true});
-  const auto marksOnly = [&](const Plot& with) { Plot without = base; without.series.push_back({"", {}, false, true}); return differing(with, without); };
+  const auto marksOnly = [&](const Plot& with) {
+    Plot without = base;
+    without.series.push_back({"", {}, false, true});
+    return differing(with, without);
+  };
   const Vec3 m = marksOnly(middle), c = marksOnly(corner);
   EXPECT_GT(m.z, 30);
   EXPECT_GT(c.x, m.x + 80);

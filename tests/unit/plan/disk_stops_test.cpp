@@ -22,7 +22,7 @@ using test::termFiles;
 using tests::pollsOf;
 using tests::stopAt;
 
-constexpr int kElements = 5 << 20;                                   // 25 MB: seven pieces of 4 MB
+constexpr int kElements = 5 << 20;  // 25 MB: seven pieces of 4 MB
 constexpr uint64_t kMost = 1ull << 30;
 
 size_t temps(const std::string& folder) { return size_t(std::distance(fs::directory_iterator(folder + "/tmp"), fs::directory_iterator())); }
@@ -32,7 +32,7 @@ TEST(DiskStops, AWriteEndsAtAnyPollAndLeavesNothing) {
   const auto store = std::move(*DiskStore::open(folder.path, kMost));
   const auto term = makeTerm(1, kElements);
   const int polls = pollsOf([&](const StopToken& s) { ASSERT_TRUE(store->put(key(0), *term, s).ok()); });
-  EXPECT_GE(polls, 2 * 6);                                           // copied, then written
+  EXPECT_GE(polls, 2 * 6);  // copied, then written
   store->erase(key(0));
   for (int k = 1; k <= polls; ++k) {
     EXPECT_EQ(store->put(key(1), *term, stopAt(k)).code(), Code::Cancelled) << k << " of " << polls;
@@ -63,7 +63,7 @@ TEST(DiskStops, AReadEndsAtAnyPollAndTheFileStays) {
 TEST(DiskStops, WaitingForTheFolderEnds) {
   TempFolder folder;
   const auto store = std::move(*DiskStore::open(folder.path, kMost));
-  const int held = ::open((folder.path + "/lock").c_str(), O_RDWR | O_CLOEXEC);   // as another process would
+  const int held = ::open((folder.path + "/lock").c_str(), O_RDWR | O_CLOEXEC);  // as another process would
   ASSERT_EQ(::flock(held, LOCK_EX), 0);
   EXPECT_EQ(store->put(key(1), *makeTerm(1, 10), stopAt(3)).code(), Code::Cancelled);
   ::close(held);

@@ -29,9 +29,10 @@ uint64_t next(uint64_t& state) {
   state = state * 6364136223846793005ull + 1442695040888963407ull;
   return state >> 33;
 }
-int sizeOf(int i) { return 100 + i * 40; }   // elements: files of 0.6 to 9 kB
+int sizeOf(int i) { return 100 + i * 40; }  // elements: files of 0.6 to 9 kB
 
-template <typename F> pid_t spawn(F work) {
+template <typename F>
+pid_t spawn(F work) {
   const pid_t child = ::fork();
   if (child == 0) {
     work();
@@ -64,7 +65,7 @@ void churn(const std::string& folder, uint64_t maxBytes, uint64_t seed, int roun
 void expectSound(const std::string& folder, uint64_t maxBytes, const std::string& what) {
   DiskStoreOptions options;
   options.maxBytes = maxBytes;
-  options.staleTempSeconds = 0;   // no writer lives
+  options.staleTempSeconds = 0;  // no writer lives
   auto opened = DiskStore::open(folder, options);
   ASSERT_TRUE(opened.ok()) << what << ": " << opened.status().toString();
   auto& store = *opened;
@@ -77,7 +78,7 @@ void expectSound(const std::string& folder, uint64_t maxBytes, const std::string
   for (int i = 0; i < kKeys; ++i) {
     const bool there = fs::exists(fileOf(folder, i));
     const TermPtr term = store->get(key(i));
-    EXPECT_EQ(term != nullptr, there) << what;   // rename after the sync: what has its name is whole
+    EXPECT_EQ(term != nullptr, there) << what;  // rename after the sync: what has its name is whole
     readable += term != nullptr;
     EXPECT_TRUE(!term || term->content() == makeTerm(i, sizeOf(i))->content()) << what;
   }
@@ -115,13 +116,13 @@ TEST(DiskStoreCrash, KilledAfterEachStepOfAPutThatEvicts) {
 TEST(DiskStoreCrash, SurvivorGoesOnWhileAnotherIsKilledHoldingTheFolder) {
   TempFolder folder;
   const uint64_t bound = 60000;
-  auto survivor = DiskStore::open(folder.path, bound);   // opened here; the child opens its own
+  auto survivor = DiskStore::open(folder.path, bound);  // opened here; the child opens its own
   const pid_t child = spawn([&] {
     DiskStoreOptions options;
     options.maxBytes = bound;
     options.step = [](const char* step) {
       static int commits = 0;
-      if (std::strcmp(step, "commit") == 0 && ++commits == 4) ::kill(::getpid(), SIGKILL);   // after the rename
+      if (std::strcmp(step, "commit") == 0 && ++commits == 4) ::kill(::getpid(), SIGKILL);  // after the rename
       return 0;
     };
     auto store = DiskStore::open(folder.path, options);
@@ -131,10 +132,10 @@ TEST(DiskStoreCrash, SurvivorGoesOnWhileAnotherIsKilledHoldingTheFolder) {
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   ASSERT_TRUE(WIFSIGNALED(status));
   const auto files = termFiles(folder.path);
-  EXPECT_EQ(files.count, (*survivor)->count() + 1);       // the one renamed but not committed
+  EXPECT_EQ(files.count, (*survivor)->count() + 1);  // the one renamed but not committed
   for (int i = 0; i < 10; ++i) (void)(*survivor)->get(key(i));
   ASSERT_TRUE((*survivor)->put(key(20), *makeTerm(20, sizeOf(20))).ok());
-  EXPECT_EQ((*survivor)->bytes(), termFiles(folder.path).bytes);   // came across it, took it in
+  EXPECT_EQ((*survivor)->bytes(), termFiles(folder.path).bytes);  // came across it, took it in
   EXPECT_EQ((*survivor)->stats().adopted, 1u);
 }
 
@@ -162,10 +163,10 @@ TEST(DiskStoreCrash, KilledAtRandomMomentsThirtyTimes) {
     ::kill(child, SIGKILL);
     int status = 0;
     ASSERT_EQ(::waitpid(child, &status, 0), child);
-    ::close(begun[0]);   // not before: a child that still writes must not die of it
+    ::close(begun[0]);  // not before: a child that still writes must not die of it
     ASSERT_TRUE(WIFSIGNALED(status)) << "child left by itself with " << WEXITSTATUS(status);
     ++kills;
-    if (round % 3 == 2) expectSound(folder.path, bound, "kill " + std::to_string(round));   // else crash upon crash
+    if (round % 3 == 2) expectSound(folder.path, bound, "kill " + std::to_string(round));  // else crash upon crash
   }
   EXPECT_EQ(kills, 30);
   EXPECT_GT(termFiles(folder.path).count, 3u);
@@ -173,7 +174,7 @@ TEST(DiskStoreCrash, KilledAtRandomMomentsThirtyTimes) {
 
 TEST(DiskStoreCrash, TwoProcessesWriteReadAndEvictInOneFolder) {
   TempFolder folder;
-  const uint64_t bound = 50000;   // a quarter of all terms
+  const uint64_t bound = 50000;  // a quarter of all terms
   for (int c = 0; c < 2; ++c) spawn([&] { churn(folder.path, bound, 7 + uint64_t(c), 250); });
   uint64_t worst = 0;
   for (int left = 2; left > 0;) {

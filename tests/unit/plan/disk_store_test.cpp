@@ -44,14 +44,14 @@ TEST(DiskStore, RoundTripIsBitExactForEveryFormatAndOddFloats) {
   uint32_t state = 1;
   for (float& v : f) {
     state = state * 1664525u + 1013904223u;
-    std::memcpy(&v, &state, 4);                       // any bits: signalling NaN, denormal, infinity
+    std::memcpy(&v, &state, 4);  // any bits: signalling NaN, denormal, infinity
   }
   f[0] = -0.0f;
   f[1] = std::numeric_limits<float>::signaling_NaN();
   term.addPlane<double>("d")[7] = 0x1.fffffffffffffp-1022;
   term.addPlane<uint32_t>("u")[3] = 0xdeadbeefu;
   term.addPlane<uint8_t>("b", 3)[8] = 255;
-  term.addPlane<float>("", 1)[0] = 1;                 // an empty name is a name
+  term.addPlane<float>("", 1)[0] = 1;  // an empty name is a name
   auto store = openStore(folder.path);
   ASSERT_TRUE(store->put(key(1), term).ok());
   const TermPtr back = store->get(key(1));
@@ -90,7 +90,10 @@ TEST(DiskStore, EvictsLeastRecentlyUsedAndFilesStayWithinTheBound) {
   int64_t now = 1'000'000'000;
   options.nowMicros = [&] { return now += 1000; };
   uint64_t worst = 0;
-  options.step = [&](const char*) { worst = std::max(worst, termFiles(folder.path).bytes); return 0; };
+  options.step = [&](const char*) {
+    worst = std::max(worst, termFiles(folder.path).bytes);
+    return 0;
+  };
   auto store = std::move(*DiskStore::open(folder.path, options));
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(store->put(key(i), *makeTerm(i, 1000)).ok());
   EXPECT_EQ(store->bytes(), 3 * one);
@@ -98,15 +101,15 @@ TEST(DiskStore, EvictsLeastRecentlyUsedAndFilesStayWithinTheBound) {
   ASSERT_TRUE(store->put(key(3), *makeTerm(3, 1000)).ok());
   EXPECT_EQ(store->get(key(1)), nullptr);
   for (int i : {0, 2, 3}) EXPECT_NE(store->get(key(i)), nullptr) << i;
-  ASSERT_TRUE(store->put(key(4), *makeTerm(4, 2000)).ok());   // two must go: of 0, 2, 3 the last read stays
+  ASSERT_TRUE(store->put(key(4), *makeTerm(4, 2000)).ok());  // two must go: of 0, 2, 3 the last read stays
   EXPECT_EQ(store->get(key(0)), nullptr);
   EXPECT_EQ(store->get(key(2)), nullptr);
   EXPECT_NE(store->get(key(3)), nullptr);
   EXPECT_EQ(store->bytes(), termFiles(folder.path).bytes);
-  EXPECT_LE(worst, options.maxBytes);                         // at every step, not only at the end
+  EXPECT_LE(worst, options.maxBytes);  // at every step, not only at the end
   EXPECT_EQ(store->stats().evicted, 3u);
   const uint64_t before = store->bytes();
-  ASSERT_TRUE(store->put(key(5), *makeTerm(5, 4000)).ok());   // larger than the bound: not kept, nothing evicted for it
+  ASSERT_TRUE(store->put(key(5), *makeTerm(5, 4000)).ok());  // larger than the bound: not kept, nothing evicted for it
   EXPECT_EQ(store->get(key(5)), nullptr);
   EXPECT_EQ(store->bytes(), before);
 }
@@ -133,7 +136,7 @@ TEST(DiskStore, PutOfAnotherValueReplacesAndOfTheSameWritesNothing) {
   ASSERT_TRUE(store->put(key(1), *makeTerm(1, 1000)).ok());
   ASSERT_TRUE(store->put(key(1), *makeTerm(1, 1000)).ok());
   EXPECT_EQ(store->stats().writes, 1u);
-  ASSERT_TRUE(store->put(key(1), *makeTerm(2, 3000)).ok());   // more sample blocks under the same key
+  ASSERT_TRUE(store->put(key(1), *makeTerm(2, 3000)).ok());  // more sample blocks under the same key
   EXPECT_EQ(store->stats().writes, 2u);
   EXPECT_EQ(store->get(key(1))->content(), makeTerm(2, 3000)->content());
   EXPECT_EQ(store->bytes(), serializeTerm(*makeTerm(2, 3000), key(2)).size());
@@ -175,7 +178,7 @@ TEST(DiskStore, TruncatedOrFlippedFileIsNullNeverWrongAndIsDropped) {
       expectDropped(bytes, "flipped", at);
     }
   }
-  for (size_t at = good.size() - 16; at < good.size(); ++at) {   // the digest itself
+  for (size_t at = good.size() - 16; at < good.size(); ++at) {  // the digest itself
     auto bytes = good;
     bytes[at] ^= 4;
     expectDropped(bytes, "digest", at);
@@ -192,11 +195,11 @@ TEST(DiskStore, OddThingsInTheFolderAreNotFollowedAndForeignFilesStay) {
   ASSERT_TRUE(store->put(key(1), *makeTerm(1, 10)).ok());
   const std::string file = fileOf(folder.path, 1);
   fs::remove(file);
-  fs::create_directory(file);                                   // a folder where a file should be
+  fs::create_directory(file);  // a folder where a file should be
   EXPECT_EQ(store->get(key(1)), nullptr);
   fs::remove(file);
   spill(folder.path + "/outside", serializeTerm(*makeTerm(1, 10), key(1)));
-  fs::create_symlink(folder.path + "/outside", file);           // a link is not followed
+  fs::create_symlink(folder.path + "/outside", file);  // a link is not followed
   EXPECT_EQ(store->get(key(1)), nullptr);
   const std::string foreign = folder.path + "/" + key(1).hex().substr(0, 2) + "/readme.txt";
   spill(foreign, {1, 2, 3});
@@ -218,10 +221,18 @@ TEST(DiskStore, IndexIsRebuiltWhenMissingDamagedOrOfAnotherVersion) {
     const std::string index = folder.path + "/index.sqlite";
     auto bytes = slurp(index);
     const std::string kind = how;
-    if (kind == "missing") for (const char* tail : {"", "-wal", "-shm"}) fs::remove(index + tail);
-    if (kind == "garbage") { spill(index, std::vector<uint8_t>(9000, 0x5a)); fs::remove(index + "-wal"); }  // the log would heal it
+    if (kind == "missing")
+      for (const char* tail : {"", "-wal", "-shm"}) fs::remove(index + tail);
+    if (kind == "garbage") {
+      spill(index, std::vector<uint8_t>(9000, 0x5a));
+      fs::remove(index + "-wal");
+    }  // the log would heal it
     if (kind == "empty") spill(index, {});
-    if (kind == "foreign") { bytes[60 + 3] = 99; spill(index, bytes); fs::remove(index + "-wal"); }   // user_version
+    if (kind == "foreign") {
+      bytes[60 + 3] = 99;
+      spill(index, bytes);
+      fs::remove(index + "-wal");
+    }  // user_version
     if (kind == "flipped") {
       for (size_t at = 100; at < bytes.size(); at += 50) bytes[at] ^= 0xff;
       spill(index, bytes);
@@ -235,7 +246,7 @@ TEST(DiskStore, IndexIsRebuiltWhenMissingDamagedOrOfAnotherVersion) {
       ASSERT_NE(term, nullptr) << how;
       EXPECT_EQ(term->content(), makeTerm(i, 500)->content());
     }
-    EXPECT_EQ(store->stats().rebuilds, kind == "empty" ? 0u : 1u) << how;   // an empty file is a new index to SQLite
+    EXPECT_EQ(store->stats().rebuilds, kind == "empty" ? 0u : 1u) << how;  // an empty file is a new index to SQLite
   }
 }
 
@@ -244,12 +255,12 @@ TEST(DiskStore, IndexRemovedOrReplacedUnderARunningStore) {
   auto a = openStore(folder.path), b = openStore(folder.path);
   ASSERT_TRUE(a->put(key(1), *makeTerm(1, 500)).ok());
   for (const char* tail : {"", "-wal", "-shm"}) fs::remove(folder.path + "/index.sqlite" + tail);
-  ASSERT_TRUE(a->put(key(2), *makeTerm(2, 500)).ok());          // makes it anew
-  ASSERT_TRUE(b->put(key(3), *makeTerm(3, 500)).ok());          // moves over to the new one
+  ASSERT_TRUE(a->put(key(2), *makeTerm(2, 500)).ok());  // makes it anew
+  ASSERT_TRUE(b->put(key(3), *makeTerm(3, 500)).ok());  // moves over to the new one
   EXPECT_EQ(a->count(), 3u);
   EXPECT_EQ(b->count(), 3u);
   EXPECT_EQ(a->stats().rebuilds, 1u);
-  a = nullptr;                                                  // its close must not take the log of b's index away
+  a = nullptr;  // its close must not take the log of b's index away
   ASSERT_TRUE(b->put(key(4), *makeTerm(4, 500)).ok());
   b = nullptr;
   EXPECT_EQ(openStore(folder.path)->count(), 4u);
@@ -272,14 +283,14 @@ TEST(DiskStore, MissingFilesAndOrphansAreReconciled) {
   auto store = openStore(folder.path);
   for (int i = 0; i < 4; ++i) ASSERT_TRUE(store->put(key(i), *makeTerm(i, 500)).ok());
   fs::remove(fileOf(folder.path, 0));
-  EXPECT_EQ(store->get(key(0)), nullptr);                       // its row goes when it is asked for
+  EXPECT_EQ(store->get(key(0)), nullptr);  // its row goes when it is asked for
   EXPECT_EQ(store->count(), 3u);
   EXPECT_EQ(store->stats().missing, 1u);
   fs::remove(fileOf(folder.path, 1));
   const std::string orphan = fileOf(folder.path, 9);
   fs::create_directories(fs::path(orphan).parent_path());
   spill(orphan, serializeTerm(*makeTerm(9, 500), key(9)));
-  EXPECT_NE(store->get(key(9)), nullptr);                       // found without a row
+  EXPECT_NE(store->get(key(9)), nullptr);  // found without a row
   store = nullptr;
   store = openStore(folder.path);
   EXPECT_EQ(store->count(), 3u);
@@ -297,7 +308,7 @@ TEST(DiskStore, StaleTempsLeaveByAgeOnly) {
   const int64_t now = std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
   options.nowMicros = [=] { return now + 600 * 1000000ll; };
   EXPECT_EQ((*DiskStore::open(folder.path, options))->stats().staleTemps, 0u);
-  EXPECT_TRUE(fs::exists(folder.path + "/tmp/1-2-3-0.tmp"));    // may be a living writer's
+  EXPECT_TRUE(fs::exists(folder.path + "/tmp/1-2-3-0.tmp"));  // may be a living writer's
   options.nowMicros = [=] { return now + 1000 * 1000000ll; };
   EXPECT_EQ((*DiskStore::open(folder.path, options))->stats().staleTemps, 1u);
   EXPECT_TRUE(fs::is_empty(folder.path + "/tmp"));
@@ -319,7 +330,7 @@ TEST(DiskStore, FailureOfAnyStepIsReportedAndLeavesNoWrongState) {
     armed = false;
     EXPECT_TRUE(fs::is_empty(folder.path + "/tmp")) << failing;
     EXPECT_LE(termFiles(folder.path).bytes, options.maxBytes) << failing;
-    ASSERT_TRUE(store->put(key(3), *makeTerm(3, 500)).ok()) << failing;   // and it works again
+    ASSERT_TRUE(store->put(key(3), *makeTerm(3, 500)).ok()) << failing;  // and it works again
     EXPECT_EQ(store->bytes(), termFiles(folder.path).bytes) << failing;
     EXPECT_LE(store->bytes(), options.maxBytes) << failing;
     for (int i = 0; i < 4; ++i) {
@@ -336,20 +347,21 @@ TEST(DiskStore, ThreadsHammering) {
   auto store = openStore(folder.path, bound);
   std::atomic<int> wrong{0}, hits{0};
   std::vector<std::thread> threads;
-  for (int t = 0; t < 6; ++t) threads.emplace_back([&, t] {
-    uint64_t state = 31 * (t + 1);
-    for (int n = 0; n < 150; ++n) {
-      state = state * 6364136223846793005ull + 1442695040888963407ull;
-      const int i = int(state >> 33) % 24;
-      if ((state >> 60) < 6) {
-        if (!store->put(key(i), *makeTerm(i, 300)).ok()) ++wrong;
-      } else if (const TermPtr term = store->get(key(i))) {
-        ++hits;
-        if (term->content() != makeTerm(i, 300)->content()) ++wrong;
+  for (int t = 0; t < 6; ++t)
+    threads.emplace_back([&, t] {
+      uint64_t state = 31 * (t + 1);
+      for (int n = 0; n < 150; ++n) {
+        state = state * 6364136223846793005ull + 1442695040888963407ull;
+        const int i = int(state >> 33) % 24;
+        if ((state >> 60) < 6) {
+          if (!store->put(key(i), *makeTerm(i, 300)).ok()) ++wrong;
+        } else if (const TermPtr term = store->get(key(i))) {
+          ++hits;
+          if (term->content() != makeTerm(i, 300)->content()) ++wrong;
+        }
+        if (store->bytes() > bound) ++wrong;
       }
-      if (store->bytes() > bound) ++wrong;
-    }
-  });
+    });
   for (auto& t : threads) t.join();
   EXPECT_EQ(wrong, 0);
   EXPECT_GT(hits, 20);

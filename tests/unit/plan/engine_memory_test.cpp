@@ -12,7 +12,7 @@ v1::RenderRequest request(int seed) {
   r.set_scene(seed % 2 ? "cornell" : "fence");
   r.set_width(96);
   r.set_height(64);
-  r.set_seed(uint64_t(seed));   // no term serves two
+  r.set_seed(uint64_t(seed));  // no term serves two
   r.mutable_halt()->set_spp(1);
   return r;
 }

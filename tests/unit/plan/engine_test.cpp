@@ -147,9 +147,7 @@ TEST(Engine, ErrorHaltIsMeasuredByTheCertificate) {
   r.mutable_certificate()->set_pixel_fraction(0.3);
   const RenderResult a = mustRender(*engine, r);
   EXPECT_GT(a.reply.certificate().pixels(), 100u);
-  if (a.reply.warnings_size() == 0) {
-    EXPECT_LE(a.reply.certificate().rmse_high(), 0.2);
-  }
+  if (a.reply.warnings_size() == 0) { EXPECT_LE(a.reply.certificate().rmse_high(), 0.2); }
 }
 
 /// What a request leaves out of the picture does not go away with samples: the render ends and says so.
@@ -193,7 +191,7 @@ TEST(Engine, SnapshotsAreTheRendersOfTheirSampleCounts) {
   control.snapshot = [&](const RenderResult& s) { snapshots.push_back(s); };
   const Result<RenderResult> last = engine->render(r, control);
   ASSERT_TRUE(last.ok());
-  ASSERT_EQ(snapshots.size(), 3u);   // 16, 32, 64; then 128 is the reply
+  ASSERT_EQ(snapshots.size(), 3u);  // 16, 32, 64; then 128 is the reply
   for (const RenderResult& s : snapshots) EXPECT_EQ(firstDifference(s, mustRender(*cold, s.reply.resolved())), "") << s.reply.resolved().halt().spp();
   EXPECT_EQ(firstDifference(*last, mustRender(*cold, r)), "");
 }
@@ -208,7 +206,10 @@ TEST(Engine, PreemptedWorkGoesOnWhereItStopped) {
   Result<RenderResult> result = internalError("not run");
   for (int attempt = 0; attempt < 40; ++attempt) {
     source.reset();
-    std::thread preempt([&] { std::this_thread::sleep_for(std::chrono::milliseconds(15)); if (attempt < 6) source.stop(StopReason::Preempted); });
+    std::thread preempt([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(15));
+      if (attempt < 6) source.stop(StopReason::Preempted);
+    });
     result = engine->render(r, control);
     preempt.join();
     if (result.ok()) break;
@@ -250,7 +251,8 @@ TEST(Engine, CertificateNamesWhatItCannotCover) {
   EXPECT_EQ(mustRender(*engine, r).reply.certificate().not_covered_size(), 0) << "photons are traced for caustics";
   RenderControl control;
   auto smooth = std::make_shared<Scene>(**mediaScene());
-  for (Material& m : smooth->materials) if (m.bsdf.transmission > 0) m.bsdf.roughness = 0;
+  for (Material& m : smooth->materials)
+    if (m.bsdf.transmission > 0) m.bsdf.roughness = 0;
   ASSERT_TRUE(smooth->seal().ok());
   control.scene = smooth;
   const RenderResult a = *engine->render(r, control);

@@ -14,7 +14,7 @@ namespace {
 struct Recipe {
   std::string type = "thing", numericClass = "cpu-f32-avx2";
   int version = 1, parameter = 0;
-  uint32_t blocks = 0;                 // above 0: an extendable node
+  uint32_t blocks = 0;  // above 0: an extendable node
 };
 
 class Thing final : public Node {
@@ -23,7 +23,11 @@ class Thing final : public Node {
   std::string type() const override { return r_.type; }
   int version() const override { return r_.version; }
   std::string numericClass() const override { return r_.numericClass; }
-  NodeTraits traits() const override { NodeTraits t; t.extendable = r_.blocks > 0; return t; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.extendable = r_.blocks > 0;
+    return t;
+  }
   void hashParameters(Hasher& h) const override { h.add(r_.parameter); }
   size_t outputBytes() const override { return 64; }
   Result<TermPtr> run(const RunContext&) const override { return Status(Code::Internal, "not asked for"); }
@@ -51,26 +55,31 @@ TEST(ExecutorKeys, EachPartOfARecipeMakesAnotherKey) {
     EXPECT_TRUE(fresh) << what << " has the key of " << other->second;
   };
   Recipe r;
-  r.parameter = 7;                     // unlike its input
+  r.parameter = 7;  // unlike its input
   add("the base", key(r));
   EXPECT_EQ(seen.begin()->first, key(r));
   Recipe other = r;
   other.type = "another";
   add("type", key(other));
-  other = r; other.version = 2;
+  other = r;
+  other.version = 2;
   add("version", key(other));
-  other = r; other.numericClass = "vulkan-f32";
+  other = r;
+  other.numericClass = "vulkan-f32";
   add("numeric class", key(other));
-  other = r; other.parameter = 8;
+  other = r;
+  other.parameter = 8;
   add("parameter", key(other));
-  other = r; other.blocks = 4;
+  other = r;
+  other.blocks = 4;
   add("4 blocks", key(other));
   other.blocks = 5;
   add("5 blocks", key(other));
   Recipe input;
   input.version = 2;
   add("version of the input", key(r, input));
-  input = {}; input.blocks = 3;
+  input = {};
+  input.blocks = 3;
   add("3 blocks of the input", key(r, input));
 }
 

@@ -79,11 +79,11 @@ TEST_F(Bounds, EnvironmentsAreBoundedInBytes) {
   for (int i = 0; i < 10; ++i) {
     const std::string path = folder + "/" + std::to_string(i) + ".hdr";
     std::ofstream(path) << i;
-    std::filesystem::last_write_time(path, std::filesystem::file_time_type::clock::now() - std::chrono::hours(1));   // settled
+    std::filesystem::last_write_time(path, std::filesystem::file_time_type::clock::now() - std::chrono::hours(1));  // settled
     ASSERT_TRUE(l.environment(path).ok());
     EXPECT_LE(l.environmentBytes(), 3 * one);
   }
-  SceneLibrary none = library(1, one / 2);   // larger than the bound alone: used, not kept
+  SceneLibrary none = library(1, one / 2);  // larger than the bound alone: used, not kept
   ASSERT_TRUE(none.environment(folder + "/1.hdr").ok());
   EXPECT_EQ(none.environmentBytes(), 0u);
 }

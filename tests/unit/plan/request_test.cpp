@@ -17,7 +17,7 @@ TEST(Request, DefaultsComeFromTheSchema) {
   EXPECT_EQ(r.integrator().max_bounces(), 8u);
   EXPECT_TRUE(r.integrator().indirect());
   EXPECT_EQ(r.integrator().light_selection(), v1::Integrator::TREE);
-  EXPECT_FALSE(r.has_environment());   // absent sub-messages stay absent
+  EXPECT_FALSE(r.has_environment());  // absent sub-messages stay absent
 }
 
 TEST(Request, RangeErrorsNameFieldAndValue) {
@@ -65,8 +65,8 @@ TEST(Request, PathsSetEveryKindOfField) {
 
 TEST(Request, BadPathsSayWhatThereIs) {
   v1::RenderRequest r;
-  for (const char* bad : {"nothing=1", "width=abc", "width=-3", "width=99999999999", "lights.key=3", "lights.key.colour=1", "lights.key.color=1,2", "integrator.light_selection=best",
-                          "integrator.indirect=maybe", "noequals", "=4", "width.x=3"}) {
+  for (const char* bad : {"nothing=1", "width=abc", "width=-3", "width=99999999999", "lights.key=3", "lights.key.colour=1", "lights.key.color=1,2",
+                          "integrator.light_selection=best", "integrator.indirect=maybe", "noequals", "=4", "width.x=3"}) {
     const Status s = setPath(r, bad);
     EXPECT_EQ(s.code(), Code::InvalidArgument) << bad;
     EXPECT_FALSE(s.message().empty());
@@ -80,9 +80,9 @@ TEST(Request, MaskReplacesNamedFieldsOnly) {
   for (const char* a : {"lights.key.color=1,0,0", "seed=9", "width=77", "environment.constant=1"}) ASSERT_TRUE(setPath(patch, a).ok());
   ASSERT_TRUE(applyMask(base, patch, {"lights.key.color", "tone_map.exposure", "environment"}).ok());
   EXPECT_EQ(base.lights().at("key").color().y(), 0.0f);
-  EXPECT_EQ(base.lights().at("key").intensity(), 5);    // not named
-  EXPECT_EQ(base.seed(), 3u);                            // not named
-  EXPECT_FALSE(base.tone_map().has_exposure());          // named, absent in the patch: cleared
+  EXPECT_EQ(base.lights().at("key").intensity(), 5);  // not named
+  EXPECT_EQ(base.seed(), 3u);                         // not named
+  EXPECT_FALSE(base.tone_map().has_exposure());       // named, absent in the patch: cleared
   EXPECT_EQ(base.environment().constant().x(), 1.0f);
   EXPECT_EQ(applyMask(base, patch, {"lights.key.size"}).code(), Code::InvalidArgument);
 }

@@ -28,7 +28,10 @@ class SceneLibraryCalls : public ::testing::Test {
   ~SceneLibraryCalls() override { std::filesystem::remove_all(folder); }
 
   using Call = std::function<Status(SceneLibrary&, const std::string& id, uint32_t draw)>;
-  struct Named { const char* name; Call call; };
+  struct Named {
+    const char* name;
+    Call call;
+  };
   /// What is told of a scene is told of one scene, whole.
   static Status whole(const Result<v1::SceneInfo>& info, const std::string& id) {
     if (!info.ok()) return info.status();
@@ -40,17 +43,20 @@ class SceneLibraryCalls : public ::testing::Test {
   std::vector<Named> calls() const {
     return {
         {"open", [](SceneLibrary& l, const std::string& id, uint32_t) { return whole(l.open(id, id), id); }},
-        {"find", [](SceneLibrary& l, const std::string& id, uint32_t) {
+        {"find",
+         [](SceneLibrary& l, const std::string& id, uint32_t) {
            const Result<ScenePtr> s = l.find(id);
            if (s.ok()) { EXPECT_GT((*s)->triangleCount(), 0u); }
            return s.status();
          }},
         {"inspect", [](SceneLibrary& l, const std::string& id, uint32_t) { return whole(l.inspect(id), id); }},
-        {"list", [](SceneLibrary& l, const std::string&, uint32_t) {
+        {"list",
+         [](SceneLibrary& l, const std::string&, uint32_t) {
            for (const v1::SceneInfo& info : l.list()) EXPECT_TRUE(whole(info, info.id()).ok());
            return Status();
          }},
-        {"patch", [](SceneLibrary& l, const std::string& id, uint32_t draw) {
+        {"patch",
+         [](SceneLibrary& l, const std::string& id, uint32_t draw) {
            v1::PatchSceneRequest p;
            p.set_scene(id);
            const Result<ScenePtr> s = l.find(id);
@@ -61,16 +67,15 @@ class SceneLibraryCalls : public ::testing::Test {
         {"unload", [](SceneLibrary& l, const std::string& id, uint32_t) { return l.unload(id); }},
         {"load", [](SceneLibrary& l, const std::string& id, uint32_t) { return l.load(id, false).status(); }},
         {"environment", [this](SceneLibrary& l, const std::string&, uint32_t) { return l.environment(folder + "/sky.hdr").status(); }},
-        {"roots", [this](SceneLibrary& l, const std::string&, uint32_t) {
+        {"roots",
+         [this](SceneLibrary& l, const std::string&, uint32_t) {
            l.setRoots({folder});
            EXPECT_LE(l.count(), std::size(kIds));
            return l.allowedPath(folder + "/sky.hdr", "path").status();
          }},
     };
   }
-  static void expectAllowed(const Status& s, const char* name) {
-    EXPECT_TRUE(s.ok() || s.code() == Code::NotFound) << name << ": " << s.toString();
-  }
+  static void expectAllowed(const Status& s, const char* name) { EXPECT_TRUE(s.ok() || s.code() == Code::NotFound) << name << ": " << s.toString(); }
   std::string folder;
 };
 

@@ -23,7 +23,7 @@ TEST(TermStore, LeastRecentlyUsedLeavesFirstAndBytesStayWithinTheBound) {
   TermStore store(3 * one);
   for (int i = 0; i < 3; ++i) store.put(key(i), makeTerm(i, 1000), false);
   EXPECT_EQ(store.bytes(), 3 * one);
-  EXPECT_NE(store.get(key(0)), nullptr);            // 1 is now the oldest
+  EXPECT_NE(store.get(key(0)), nullptr);  // 1 is now the oldest
   store.put(key(3), makeTerm(3, 1000), false);
   EXPECT_EQ(store.get(key(1)), nullptr);
   EXPECT_NE(store.get(key(0)), nullptr);
@@ -46,7 +46,7 @@ TEST(TermStore, TermLargerThanTheBoundIsNotKeptAndEvictsNothing) {
   store.put(key(2), makeTerm(2, 50000), false);
   EXPECT_EQ(store.get(key(2)), nullptr);
   EXPECT_NE(store.get(key(1)), nullptr);
-  store.put(key(1), makeTerm(3, 50000), false);     // its older value must not be served in its place
+  store.put(key(1), makeTerm(3, 50000), false);  // its older value must not be served in its place
   EXPECT_EQ(store.get(key(1)), nullptr);
   EXPECT_EQ(store.bytes(), 0u);
 }
@@ -80,7 +80,7 @@ TEST(TermStore, DiskHitMovesIntoMemory) {
   EXPECT_EQ(first->content(), makeTerm(1, 1000)->content());
   EXPECT_EQ(store.get(key(1), &tier), first);
   EXPECT_EQ(tier, TermStore::Tier::Memory);
-  EXPECT_EQ(store.get(key(2), &tier), nullptr);     // was not to persist
+  EXPECT_EQ(store.get(key(2), &tier), nullptr);  // was not to persist
   EXPECT_EQ(tier, TermStore::Tier::None);
 }
 
@@ -97,7 +97,7 @@ TEST(TermStore, ClearWithAndWithoutDisk) {
   EXPECT_EQ(store.diskBytes(), 0u);
   store.put(key(1), makeTerm(1, 1000), true);
   store.erase(key(1));
-  EXPECT_EQ(store.get(key(1)), nullptr);            // from both tiers
+  EXPECT_EQ(store.get(key(1)), nullptr);  // from both tiers
 }
 
 TEST(TermStore, LargeTermStillGoesToDisk) {
@@ -129,25 +129,26 @@ TEST(TermStore, ThreadsHammeringNeverSeeAWrongTermNorPassTheBound) {
   std::vector<Hash128> expected;
   for (int i = 0; i < 64; ++i) expected.push_back(makeTerm(i, 200)->content());
   std::vector<std::thread> threads;
-  for (int t = 0; t < 8; ++t) threads.emplace_back([&, t] {
-    uint64_t state = 977 * (t + 1);
-    for (int n = 0; n < 400; ++n) {
-      state = state * 6364136223846793005ull + 1442695040888963407ull;
-      const int i = int(state >> 33) % 64;
-      const int what = int(state >> 40) % 100;
-      if (what < 50) {
-        if (const TermPtr term = store.get(key(i))) {
-          ++hits;
-          if (term->content() != expected[i]) ++wrong;
+  for (int t = 0; t < 8; ++t)
+    threads.emplace_back([&, t] {
+      uint64_t state = 977 * (t + 1);
+      for (int n = 0; n < 400; ++n) {
+        state = state * 6364136223846793005ull + 1442695040888963407ull;
+        const int i = int(state >> 33) % 64;
+        const int what = int(state >> 40) % 100;
+        if (what < 50) {
+          if (const TermPtr term = store.get(key(i))) {
+            ++hits;
+            if (term->content() != expected[i]) ++wrong;
+          }
+        } else if (what < 97) {
+          store.put(key(i), makeTerm(i, 200), what < 53);
+        } else {
+          store.erase(key(i));
         }
-      } else if (what < 97) {
-        store.put(key(i), makeTerm(i, 200), what < 53);
-      } else {
-        store.erase(key(i));
+        if (store.bytes() > bound) ++wrong;
       }
-      if (store.bytes() > bound) ++wrong;
-    }
-  });
+    });
   for (auto& t : threads) t.join();
   EXPECT_EQ(wrong, 0);
   EXPECT_GT(hits, 50);

@@ -27,7 +27,8 @@ using test::termFiles;
 
 std::vector<fs::path> names(const std::string& folder) {
   std::vector<fs::path> out;
-  for (const auto& e : fs::recursive_directory_iterator(folder)) if (e.path().extension() == ".term") out.push_back(e.path());
+  for (const auto& e : fs::recursive_directory_iterator(folder))
+    if (e.path().extension() == ".term") out.push_back(e.path());
   std::sort(out.begin(), out.end());
   return out;
 }
@@ -132,7 +133,7 @@ TEST(StoreTrust, RendersGoOnWithoutTheirFolder) {
   fs::remove_all(cache);
   check("deleted", 2);
   EXPECT_GT(termFiles(cache).count, 0u) << "made again";
-  struct stat info{};
+  struct stat info {};
   ASSERT_EQ(::stat(cache.c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 07777, 0700u);
   fs::remove_all(cache);
@@ -141,7 +142,7 @@ TEST(StoreTrust, RendersGoOnWithoutTheirFolder) {
   fs::remove(cache);
   ::mkdir((folder.path + "/theirs").c_str(), 0700);
   ::chmod((folder.path + "/theirs").c_str(), 0777);
-  fs::create_symlink(folder.path + "/theirs", cache);   // not made again: it is there, and must not be believed either
+  fs::create_symlink(folder.path + "/theirs", cache);  // not made again: it is there, and must not be believed either
   check("another's in its place", 4);
 }
 
@@ -150,14 +151,19 @@ TEST(StoreTrust, RendersGoOnOnAFullOrReadOnlyDisk) {
   const std::string mount = folder.path + "/small";
   ::mkdir(mount.c_str(), 0700);
   if (::mount("none", mount.c_str(), "tmpfs", 0, "size=256k,mode=0700") != 0) GTEST_SKIP() << "mount is not permitted here";
-  struct Unmount { std::string path; ~Unmount() { while (::umount2(path.c_str(), MNT_DETACH) == 0) {} } } unmount{mount};
+  struct Unmount {
+    std::string path;
+    ~Unmount() {
+      while (::umount2(path.c_str(), MNT_DETACH) == 0) {}
+    }
+  } unmount{mount};
   const auto engine = makeEngine(1 << 20, mount + "/cache");
   const auto check = [&](const char* what, uint64_t seed) {
     EXPECT_EQ(firstDifference(mustRender(*engine, dearRequest(seed)), mustRender(*makeEngine(), dearRequest(seed))), "") << what << seed;
   };
   check("room", 1);
   EXPECT_GT(termFiles(mount).count, 0u);
-  std::ofstream(mount + "/filler", std::ios::binary) << std::string(400 << 10, 'x');   // what fits
+  std::ofstream(mount + "/filler", std::ios::binary) << std::string(400 << 10, 'x');  // what fits
   check("full", 2);
   check("full", 1);
   // Read-only for whoever comes by its name: the store holds open files, which rule out a plain remount.
@@ -165,7 +171,7 @@ TEST(StoreTrust, RendersGoOnOnAFullOrReadOnlyDisk) {
   ASSERT_EQ(::mount(nullptr, mount.c_str(), nullptr, MS_REMOUNT | MS_BIND | MS_RDONLY, nullptr), 0);
   check("read-only", 3);
   check("read-only", 1);
-  const Status open = DiskStore::open(mount + "/cache", 1 << 20).status();   // at a start: not usable, but not distrusted
+  const Status open = DiskStore::open(mount + "/cache", 1 << 20).status();  // at a start: not usable, but not distrusted
   EXPECT_FALSE(open.ok());
   EXPECT_NE(open.code(), Code::FailedPrecondition) << open.toString();
 }
@@ -179,8 +185,12 @@ TEST(StoreTrust, AClockThatJumpsByTenYearsChangesNoTermAndKeepsTheOrderOfUse) {
   options.maxBytes = 4 * one + 100;
   options.nowMicros = [&] { return now += 1000; };
   auto store = std::move(*DiskStore::open(folder.path, options));
-  std::vector<int> used;   // latest last
-  const auto use = [&](int i) { std::erase(used, i); used.push_back(i); if (used.size() > 4) used.erase(used.begin()); };
+  std::vector<int> used;  // latest last
+  const auto use = [&](int i) {
+    std::erase(used, i);
+    used.push_back(i);
+    if (used.size() > 4) used.erase(used.begin());
+  };
   int next = 0;
   for (const int64_t jump : {int64_t(0), kTenYears, -kTenYears, -kTenYears, 2 * kTenYears}) {
     for (const bool restart : {false, true}) {

@@ -12,9 +12,7 @@
 
 namespace gobo::test {
 
-inline Hash128 key(int i) {
-  return Hasher("store test").add(i).digest();
-}
+inline Hash128 key(int i) { return Hasher("store test").add(i).digest(); }
 
 /// A term of `elements` floats and a few integers; every value depends on i.
 inline std::shared_ptr<Term> makeTerm(int i, int elements) {
@@ -43,7 +41,9 @@ inline std::string fileOf(const std::string& folder, int i) {
   return folder + "/" + name.substr(0, 2) + "/" + name + ".term";
 }
 
-struct Files { uint64_t count = 0, bytes = 0; };
+struct Files {
+  uint64_t count = 0, bytes = 0;
+};
 /// Counted without the store's own code. Files may come and go meanwhile.
 inline Files termFiles(const std::string& folder) {
   Files files;

@@ -24,7 +24,10 @@ Scene smallScene() {
   s.name = "small";
   auto t = std::make_shared<Texture>();
   t->name = "picture";
-  t->width = 3; t->height = 2; t->srgb = true; t->wrapV = Wrap::Mirror;
+  t->width = 3;
+  t->height = 2;
+  t->srgb = true;
+  t->wrapV = Wrap::Mirror;
   std::vector<uint8_t> texels;
   for (int i = 0; i < 24; ++i) texels.push_back(uint8_t(i * 10));
   t->texels8 = texels;
@@ -35,7 +38,12 @@ Scene smallScene() {
     m->name = "mesh" + std::to_string(k);
     m->indices = {0, 1, 2};
     m->positions = {Vec3(0, 0, k), Vec3(1, 0, k), Vec3(0, 1, k)};
-    if (k == 0) { m->normals.assign(3, Vec3(0, 0, 1)); m->uv[1] = {Vec2(0), Vec2(1, 0), Vec2(0, 1)}; m->colours.assign(3, Vec4(0.5f)); m->tangents.assign(3, Vec4(1, 0, 0, 1)); }
+    if (k == 0) {
+      m->normals.assign(3, Vec3(0, 0, 1));
+      m->uv[1] = {Vec2(0), Vec2(1, 0), Vec2(0, 1)};
+      m->colours.assign(3, Vec4(0.5f));
+      m->tangents.assign(3, Vec4(1, 0, 0, 1));
+    }
     m->material = k;
     sealMesh(*m);
     s.meshes.push_back(m);
@@ -91,7 +99,10 @@ void expectSame(const Scene& a, const Scene& b) {
     for (int k = 0; k < 64; ++k) EXPECT_EQ(a.textures[i]->sample(Vec2(0.37f * k, 0.61f * k)), b.textures[i]->sample(Vec2(0.37f * k, 0.61f * k)));
   }
   ASSERT_EQ(a.environment != nullptr, b.environment != nullptr);
-  if (a.environment) { EXPECT_EQ(a.environment->texels, b.environment->texels); EXPECT_EQ(a.environment->name, b.environment->name); }
+  if (a.environment) {
+    EXPECT_EQ(a.environment->texels, b.environment->texels);
+    EXPECT_EQ(a.environment->name, b.environment->name);
+  }
   ASSERT_EQ(a.rig != nullptr, b.rig != nullptr);
   if (a.rig) { EXPECT_EQ(a.rig->content, b.rig->content); }
 }
@@ -106,7 +117,7 @@ TEST(Blob, RoundTripIsTheScene) {
     expectSame(s, **back);
     EXPECT_EQ((*back)->variants.names, s.variants.names);
     EXPECT_EQ((*back)->rig->animations[0].name, "turn");
-    EXPECT_EQ(blobOf(**back).bytes, blobOf(s).bytes);   // every field is there: written again, it is the same file
+    EXPECT_EQ(blobOf(**back).bytes, blobOf(s).bytes);  // every field is there: written again, it is the same file
   }
 }
 
@@ -153,7 +164,7 @@ TEST(Blob, TruncationIsRefusedEverywhere) {
     BlobBytes cut{{whole.bytes.begin(), whole.bytes.begin() + std::ptrdiff_t(n)}};
     ASSERT_FALSE(cut.scene(BlobTrust::Own).ok()) << n;
     if (n < kBlobHeaderBytes) continue;
-    const uint64_t total = n;                 // and with a header that agrees with the new length
+    const uint64_t total = n;  // and with a header that agrees with the new length
     std::memcpy(cut.bytes.data() + 24, &total, 8);
     cut.mend();
     ASSERT_FALSE(cut.scene(BlobTrust::Foreign).ok()) << n;
@@ -163,8 +174,10 @@ TEST(Blob, TruncationIsRefusedEverywhere) {
 /// Reads everything that a renderer could: a wrong pointer or size shows under the sanitizers, and by a crash mostly.
 float touch(const Scene& s) {
   float sum = 0;
-  for (const MeshPtr& m : s.meshes) for (const uint32_t i : m->indices) sum += m->positions[i].x + (m->uv[1].empty() ? 0.0f : m->uv[1][i].x);
-  for (const auto& t : s.textures) for (int k = 0; k < t->levels; ++k) sum += t->sampleLevel(Vec2(0.9f, 0.8f), k).x + t->sampleLevel(Vec2(7.1f, -3.0f), k).y;
+  for (const MeshPtr& m : s.meshes)
+    for (const uint32_t i : m->indices) sum += m->positions[i].x + (m->uv[1].empty() ? 0.0f : m->uv[1][i].x);
+  for (const auto& t : s.textures)
+    for (int k = 0; k < t->levels; ++k) sum += t->sampleLevel(Vec2(0.9f, 0.8f), k).x + t->sampleLevel(Vec2(7.1f, -3.0f), k).y;
   if (s.environment) sum += s.environment->eval(Vec3(0, 1, 0)).x;
   for (const Instance& i : s.instances) sum += float(s.meshes[i.mesh]->triangles());
   return sum;
@@ -177,14 +190,20 @@ TEST(Blob, EveryDamagedByteIsRefusedOrHarmless) {
   for (size_t i = 0; i < whole.bytes.size(); ++i) {
     BlobBytes b = whole;
     b.bytes[i] ^= 0x40;
-    if (i < kBlobHeaderBytes + b.at<uint64_t>(80)) { ASSERT_FALSE(b.scene(BlobTrust::Own).ok()) << "byte " << i; }   // digests of header and records
+    if (i < kBlobHeaderBytes + b.at<uint64_t>(80)) { ASSERT_FALSE(b.scene(BlobTrust::Own).ok()) << "byte " << i; }  // digests of header and records
     for (const uint8_t flip : {0x01, 0x80, 0xff}) {
       b = whole;
       b.bytes[i] ^= flip;
-      b.mend();   // as a hostile writer would
+      b.mend();  // as a hostile writer would
       for (const BlobTrust trust : {BlobTrust::Foreign, BlobTrust::Own}) {
         const auto scene = b.scene(trust);
-        if (scene.ok()) { ++harmless; sum += touch(**scene); } else { ++refused; EXPECT_FALSE(scene.status().message().empty()); }
+        if (scene.ok()) {
+          ++harmless;
+          sum += touch(**scene);
+        } else {
+          ++refused;
+          EXPECT_FALSE(scene.status().message().empty());
+        }
       }
     }
     // Counts and offsets of eight bytes at their extremes.
@@ -194,7 +213,10 @@ TEST(Blob, EveryDamagedByteIsRefusedOrHarmless) {
       std::memcpy(b.bytes.data() + i, &wild, 8);
       b.mend();
       const auto scene = b.scene(BlobTrust::Foreign);
-      if (scene.ok()) { ++harmless; sum += touch(**scene); } else ++refused;
+      if (scene.ok()) {
+        ++harmless;
+        sum += touch(**scene);
+      } else ++refused;
     }
   }
   std::cout << whole.bytes.size() << " bytes: " << refused << " refused, " << harmless << " harmless (" << (sum == sum) << ")\n";
@@ -219,7 +241,7 @@ TEST(Blob, ForeignArraysAreNotBelieved) {
   sealMesh(*mesh);
   s.meshes[0] = mesh;
   ASSERT_TRUE(s.seal().ok());
-  const auto refused = blobOf(s).scene(BlobTrust::Foreign);   // seal() does not look at normals: the blob check must
+  const auto refused = blobOf(s).scene(BlobTrust::Foreign);  // seal() does not look at normals: the blob check must
   ASSERT_FALSE(refused.ok());
   EXPECT_NE(refused.status().message().find("not finite"), std::string::npos) << refused.status().toString();
   // What a texture says of its own texels: a mirror that calls itself rough would be named nowhere.
@@ -235,7 +257,10 @@ TEST(Blob, ForeignArraysAreNotBelieved) {
 
 TEST(Blob, EveryDamagedByteOfTheArraysIsFound) {
   const BlobBytes whole = blobOf(smallScene());
-  const auto check = [](const BlobBytes& b, const StopToken& stop = {}) { const auto [owner, view] = b.aligned(); return checkBlobArrays(view, stop); };
+  const auto check = [](const BlobBytes& b, const StopToken& stop = {}) {
+    const auto [owner, view] = b.aligned();
+    return checkBlobArrays(view, stop);
+  };
   EXPECT_TRUE(check(whole).ok()) << check(whole).toString();
   for (size_t i = size_t(whole.at<uint64_t>(88)); i < whole.bytes.size(); ++i) {
     BlobBytes b = whole;

@@ -10,22 +10,25 @@
 namespace gobo {
 namespace {
 
-struct Expected { size_t triangles, lights; std::set<std::string> cameras, someLights; };
+struct Expected {
+  size_t triangles, lights;
+  std::set<std::string> cameras, someLights;
+};
 
 class Builtin : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(Builtin, SealsWithFiniteDataAndExpectedCounts) {
   static const std::map<std::string, Expected> expected = {
-    {"cornell", {36, 1, {"front"}, {"light"}}},
-    {"furnace", {540, 2, {"inside"}, {"box", "ball"}}},
-    {"grids", {140, 1, {"front", "receiver"}, {"key"}}},
-    {"fence", {626, 2, {"front", "low"}, {"key", "sun"}}},
-    {"tentacles", {122498, 1, {"front"}, {"key"}}},
-    {"spheres", {72002, 2, {"front"}, {"key", "environment"}}},
-    {"trees", {254572, 2, {"front", "under"}, {"sun", "environment"}}},
-    {"lamps", {38768, 1000, {"nave"}, {"lamp0000", "lamp0999"}}},
-    {"atrium", {425944, 12, {"court", "gallery"}, {"sun", "environment", "spot0", "spot3", "lantern0", "lantern5"}}},
-    {"lights8", {7854, 8, {"front"}, {"key", "fill", "rim", "a", "b", "c", "d", "e"}}},
+      {"cornell", {36, 1, {"front"}, {"light"}}},
+      {"furnace", {540, 2, {"inside"}, {"box", "ball"}}},
+      {"grids", {140, 1, {"front", "receiver"}, {"key"}}},
+      {"fence", {626, 2, {"front", "low"}, {"key", "sun"}}},
+      {"tentacles", {122498, 1, {"front"}, {"key"}}},
+      {"spheres", {72002, 2, {"front"}, {"key", "environment"}}},
+      {"trees", {254572, 2, {"front", "under"}, {"sun", "environment"}}},
+      {"lamps", {38768, 1000, {"nave"}, {"lamp0000", "lamp0999"}}},
+      {"atrium", {425944, 12, {"court", "gallery"}, {"sun", "environment", "spot0", "spot3", "lantern0", "lantern5"}}},
+      {"lights8", {7854, 8, {"front"}, {"key", "fill", "rim", "a", "b", "c", "d", "e"}}},
   };
   const auto scene = makeBuiltinScene(GetParam());
   ASSERT_TRUE(scene.ok()) << scene.status().toString();

@@ -38,7 +38,10 @@ std::vector<Place> places() {
     all.push_back({"#/cameras/0", [k](Scene& s, float x) { s.cameras[0].toWorld[3][k] = x; }});
     all.push_back({"#/instances/0/toWorld", [k](Scene& s, float x) { s.instances[0].toWorld[3][k] = x; }});
   }
-  all.push_back({"#/lights/0/shape", [](Scene& s, float x) { s.lights[0].shape.kind = LightKind::Sphere; s.lights[0].shape.radius = x; }});
+  all.push_back({"#/lights/0/shape", [](Scene& s, float x) {
+                   s.lights[0].shape.kind = LightKind::Sphere;
+                   s.lights[0].shape.radius = x;
+                 }});
   all.push_back({"#/cameras/0/yheight", [](Scene& s, float x) { s.cameras[0].yheight = x; }});
   return all;
 }
@@ -47,8 +50,8 @@ TEST(Coordinates, AtTheBoundAndBeyondIt) {
   const float beyond = std::nextafter(kLargestCoordinate, 2e9f);
   for (const Place& p : places())
     for (const float sign : {1.0f, -1.0f}) {
-      if (sign < 0 && (p.location.ends_with("shape") || p.location.ends_with("yheight"))) continue;   // sizes are positive
-      if (!p.location.ends_with("toWorld")) {   // what an instance moves has a size of its own
+      if (sign < 0 && (p.location.ends_with("shape") || p.location.ends_with("yheight"))) continue;  // sizes are positive
+      if (!p.location.ends_with("toWorld")) {                                                        // what an instance moves has a size of its own
         auto s = good();
         p.put(*s, sign * kLargestCoordinate);
         EXPECT_TRUE(s->seal().ok()) << p.location << ": " << s->seal().toString();
@@ -66,7 +69,7 @@ TEST(Coordinates, AtTheBoundAndBeyondIt) {
 TEST(Coordinates, WhatInstancesMakeOfThem) {
   auto s = good();
   Mat4& m = s->instances[0].toWorld;
-  m[0][0] = 1e9f, m[3][0] = 1e8f;   // each within the bound, their sum is not
+  m[0][0] = 1e9f, m[3][0] = 1e8f;  // each within the bound, their sum is not
   const Status status = s->seal();
   EXPECT_EQ(status.code(), Code::InvalidArgument);
   EXPECT_NE(status.message().find("beyond 1e9"), std::string::npos) << status.toString();
@@ -75,7 +78,7 @@ TEST(Coordinates, WhatInstancesMakeOfThem) {
 // A scene as large as allowed gets a camera that is allowed too.
 TEST(Coordinates, TheOwnCameraStaysInside) {
   auto s = good();
-  for (int k = 0; k < 3; ++k) s->instances[0].toWorld[k][k] = 0.33f * kLargestCoordinate;   // the triangle is 4 wide, from -1 to 3
+  for (int k = 0; k < 3; ++k) s->instances[0].toWorld[k][k] = 0.33f * kLargestCoordinate;  // the triangle is 4 wide, from -1 to 3
   s->cameras.clear();
   ASSERT_TRUE(s->seal().ok()) << s->seal().toString();
   EXPECT_TRUE(isCoordinate(s->cameras[0].toWorld));

@@ -25,24 +25,34 @@ namespace {
 namespace fs = std::filesystem;
 const std::string kExr = "../shared/data/exr/openexr-images/MultiResolution/";
 
-std::vector<uint8_t> bytesOf(const std::string& path) { auto b = readFile(path); return b.ok() ? *b : std::vector<uint8_t>(); }
+std::vector<uint8_t> bytesOf(const std::string& path) {
+  auto b = readFile(path);
+  return b.ok() ? *b : std::vector<uint8_t>();
+}
 
 /// Smooth, different in every direction, positive.
 Vec3 glow(const DVec3& d) { return Vec3(float(2 + d.x), float(2 + d.y + 0.5 * d.x * d.z), float(2 + d.z)); }
 
 /// Where the cells of a layout are, and how their pictures look at the world (panorama axes: x right, y up, z front): the
 /// direction of face coordinates s, t in -1..1 (t down).
-struct Painted { int column, row; DVec3 centre, s, t; };
+struct Painted {
+  int column, row;
+  DVec3 centre, s, t;
+};
 std::vector<Painted> facesOf(CubeLayout layout) {
   const DVec3 X(1, 0, 0), Y(0, 1, 0), Z(0, 0, 1);
   const Painted right{0, 0, X, -Z, -Y}, left{1, 0, -X, Z, -Y}, top{2, 0, Y, X, Z}, bottom{3, 0, -Y, X, -Z}, front{4, 0, Z, X, -Y}, back{5, 0, -Z, -X, -Y};
-  const auto at = [](Painted p, int column, int row) { p.column = column; p.row = row; return p; };
+  const auto at = [](Painted p, int column, int row) {
+    p.column = column;
+    p.row = row;
+    return p;
+  };
   switch (layout) {
     case CubeLayout::HorizontalStrip: return {right, left, top, bottom, front, back};
     case CubeLayout::VerticalStrip: return {at(right, 0, 0), at(left, 0, 1), at(top, 0, 2), at(bottom, 0, 3), at(front, 0, 4), at(back, 0, 5)};
     case CubeLayout::HorizontalCross: return {at(top, 1, 0), at(left, 0, 1), at(front, 1, 1), at(right, 2, 1), at(back, 3, 1), at(bottom, 1, 2)};
     default: {
-      Painted turned = at(back, 1, 3);   // folded down below the bottom face
+      Painted turned = at(back, 1, 3);  // folded down below the bottom face
       turned.s = -turned.s;
       turned.t = -turned.t;
       return {at(top, 1, 0), at(left, 0, 1), at(front, 1, 1), at(right, 2, 1), at(bottom, 1, 2), turned};
@@ -52,7 +62,9 @@ std::vector<Painted> facesOf(CubeLayout layout) {
 
 TEST(EnvironmentCube, EveryLayoutShowsTheSameEnvironment) {
   const int n = 48;
-  for (const auto& [layout, columns, rows] : {std::tuple{CubeLayout::HorizontalCross, 4, 3}, {CubeLayout::VerticalCross, 3, 4}, {CubeLayout::HorizontalStrip, 6, 1},
+  for (const auto& [layout, columns, rows] : {std::tuple{CubeLayout::HorizontalCross, 4, 3},
+                                              {CubeLayout::VerticalCross, 3, 4},
+                                              {CubeLayout::HorizontalStrip, 6, 1},
                                               {CubeLayout::VerticalStrip, 1, 6}}) {
     Image cube(columns * n, rows * n, 3);
     for (const Painted& f : facesOf(layout))
@@ -81,7 +93,7 @@ TEST(EnvironmentCube, ConstantStaysConstantAndOrdinaryMapsAreLeftAlone) {
   for (const float v : latLongFromCube(cube, CubeLayout::HorizontalCross).data) ASSERT_FLOAT_EQ(v, 3.25f);
   EXPECT_EQ(cubeLayout(Image(64, 32, 3), ExrEnvironmentKind::None), CubeLayout::None);
   EXPECT_EQ(cubeLayout(Image(65, 48, 3), ExrEnvironmentKind::None), CubeLayout::None);
-  EXPECT_EQ(cubeLayout(Image(64, 48, 3), ExrEnvironmentKind::LatLong), CubeLayout::None);   // the file says so
+  EXPECT_EQ(cubeLayout(Image(64, 48, 3), ExrEnvironmentKind::LatLong), CubeLayout::None);  // the file says so
   EXPECT_EQ(cubeLayout(Image(8, 48, 3), ExrEnvironmentKind::Cube), CubeLayout::ExrCube);
 }
 
@@ -92,7 +104,7 @@ TEST(EnvironmentCube, FollowsOpenExr) {
     const Vec3 d = glm::normalize(Vec3(toUnit(hash32(1, i)), toUnit(hash32(2, i)), toUnit(hash32(3, i))) * 2.0f - 1.0f);
     Imf::CubeMapFace face;
     Imath::V2f in;
-    Imf::CubeMap::faceAndPixelPosition(Imath::V3f(-d.x, d.y, d.z), window, face, in);   // OpenEXR looks along +Z with -X to the right
+    Imf::CubeMap::faceAndPixelPosition(Imath::V3f(-d.x, d.y, d.z), window, face, in);  // OpenEXR looks along +Z with -X to the right
     const Imath::V2f want = Imf::CubeMap::pixelPosition(face, window, in);
     Vec2 lo;
     const Vec2 got = cubePosition(CubeLayout::ExrCube, n, d, lo);
@@ -107,7 +119,7 @@ TEST(EnvironmentCube, CubeAndLatLongFilesAgree) {
   const auto cubeBytes = bytesOf(kExr + "WavyLinesCube.exr"), flatBytes = bytesOf(kExr + "WavyLinesLatLong.exr");
   EXPECT_EQ(exrEnvironmentKind(cubeBytes.data(), cubeBytes.size()), ExrEnvironmentKind::Cube);
   EXPECT_EQ(exrEnvironmentKind(flatBytes.data(), flatBytes.size()), ExrEnvironmentKind::LatLong);
-  for (size_t cut = 0; cut < 400; ++cut) exrEnvironmentKind(cubeBytes.data(), cut);   // stays within bounds
+  for (size_t cut = 0; cut < 400; ++cut) exrEnvironmentKind(cubeBytes.data(), cut);  // stays within bounds
   const auto cube = readEnvironment(cubeBytes.data(), cubeBytes.size(), "cube.exr"), flat = readEnvironment(flatBytes.data(), flatBytes.size(), "flat.exr");
   ASSERT_TRUE(cube.ok()) << cube.status().toString();
   ASSERT_TRUE(flat.ok()) << flat.status().toString();
@@ -126,13 +138,16 @@ TEST(EnvironmentCube, CubeAndLatLongFilesAgree) {
   };
   const auto difference = [&](const std::vector<double>& a, const std::vector<double>& b) {
     double d = 0, mean = 0;
-    for (size_t k = 0; k < a.size(); ++k) { d += (a[k] - b[k]) * (a[k] - b[k]); mean += a[k]; }
+    for (size_t k = 0; k < a.size(); ++k) {
+      d += (a[k] - b[k]) * (a[k] - b[k]);
+      mean += a[k];
+    }
     return std::sqrt(d / double(a.size())) / (mean / double(a.size()));
   };
   const auto want = cells(**flat, false);
   const double same = difference(cells(**cube, false), want), mirrored = difference(cells(**cube, true), want);
   std::cout << "WavyLines cube against lat-long, relative RMS over 32 x 16 cells: " << same << " (mirrored: " << mirrored << ")\n";
-  EXPECT_LT(same, 0.06);   // 0.054; turned by 1 % of a circle it is 0.17
+  EXPECT_LT(same, 0.06);  // 0.054; turned by 1 % of a circle it is 0.17
   EXPECT_GT(mirrored, 0.1);
 }
 
@@ -144,9 +159,16 @@ TEST(EnvironmentFiles, EveryExrCompression) {
     for (int x = 0; x < w; ++x)
       for (int c = 0; c < 3; ++c) pixels[(size_t(y) * w + x) * 3 + c] = half(0.25f + float(x) / w + 2.0f * float(y) / h + 0.1f * c);
   const std::string path = (fs::temp_directory_path() / ("gobo-exr-" + std::to_string(::getpid()) + ".exr")).string();
-  for (const auto& [compression, tolerance] : {std::pair{Imf::NO_COMPRESSION, 0.0f}, {Imf::RLE_COMPRESSION, 0.0f}, {Imf::ZIPS_COMPRESSION, 0.0f}, {Imf::ZIP_COMPRESSION, 0.0f},
-                                               {Imf::PIZ_COMPRESSION, 0.0f}, {Imf::PXR24_COMPRESSION, 0.0f}, {Imf::B44_COMPRESSION, 0.08f}, {Imf::B44A_COMPRESSION, 0.08f},
-                                               {Imf::DWAA_COMPRESSION, 0.05f}, {Imf::DWAB_COMPRESSION, 0.05f}}) {
+  for (const auto& [compression, tolerance] : {std::pair{Imf::NO_COMPRESSION, 0.0f},
+                                               {Imf::RLE_COMPRESSION, 0.0f},
+                                               {Imf::ZIPS_COMPRESSION, 0.0f},
+                                               {Imf::ZIP_COMPRESSION, 0.0f},
+                                               {Imf::PIZ_COMPRESSION, 0.0f},
+                                               {Imf::PXR24_COMPRESSION, 0.0f},
+                                               {Imf::B44_COMPRESSION, 0.08f},
+                                               {Imf::B44A_COMPRESSION, 0.08f},
+                                               {Imf::DWAA_COMPRESSION, 0.05f},
+                                               {Imf::DWAB_COMPRESSION, 0.05f}}) {
     Imf::Header header(w, h);
     header.compression() = compression;
     Imf::FrameBuffer buffer;
@@ -182,7 +204,7 @@ TEST(EnvironmentFiles, PairsOfFormatsAgree) {
     worst = std::max(worst, double(maxComponent(glm::abs(a - b))));
   }
   std::cout << "reference_gradient, EXR against RGBE: largest difference " << worst << "\n";
-  EXPECT_LT(worst, 1.0 / 128);   // the RGBE file holds values of 8 bits, 0..1
+  EXPECT_LT(worst, 1.0 / 128);  // the RGBE file holds values of 8 bits, 0..1
   for (const char* file : {"example_halfs", "example_nonRGB", "example_pxr24", "example_rle", "example_tiles", "example_wideColorSpace", "example_zip"}) {
     const auto map = loadEnvironment(folder + file + ".exr");
     EXPECT_TRUE(map.ok()) << file << " " << map.status().toString();

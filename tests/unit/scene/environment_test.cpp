@@ -56,12 +56,12 @@ TEST(Environment, EvalIsBilinearBetweenTexelCentres) {
     for (int y = 0; y < 4; ++y)
       for (int x = 0; x < 8; ++x) {
         EXPECT_TRUE(near(at(x + 0.5f, y + 0.5f), image.rgb(x, y)));
-        const Vec3 right = image.rgb((x + 1) % 8, y);                       // the seam is no edge
+        const Vec3 right = image.rgb((x + 1) % 8, y);  // the seam is no edge
         const float across = x + 1.0f < 8 ? x + 1.0f : 0.0f;
         EXPECT_TRUE(near(at(across, y + 0.5f), 0.5f * (image.rgb(x, y) + right))) << x << " " << y;
         if (y < 3) { EXPECT_TRUE(near(at(x + 0.5f, y + 0.75f), 0.75f * image.rgb(x, y) + 0.25f * image.rgb(x, y + 1))); }
       }
-    for (int x = 0; x < 8; ++x)                                             // constant from the outermost centres to the poles
+    for (int x = 0; x < 8; ++x)  // constant from the outermost centres to the poles
       for (float a : {0.01f, 0.3f}) {
         EXPECT_TRUE(near(at(x + 0.5f, a), image.rgb(x, 0)));
         EXPECT_TRUE(near(at(x + 0.5f, 4 - a), image.rgb(x, 3)));
@@ -77,7 +77,7 @@ TEST(Environment, EvalIsContinuous) {
   for (int i = 0; i < 20000; ++i) {
     const float v = 0.1f + 0.8f * toUnit(hash32(1, i)), u = i % 4 ? toUnit(hash32(2, i)) : float(hash32(2, i) % 16) / 16;
     const Vec3 a = e->eval(e->toDirection(Vec2(u, v))), b = e->eval(e->toDirection(Vec2(u < 2e-5f ? u + 0.99998f : u - 2e-5f, v + (i % 3 - 1) * 2e-5f)));
-    EXPECT_LT(glm::length(a - b), 2e-3f) << u << " " << v;                  // 16 texels x 2e-5 x sqrt(3), and along v
+    EXPECT_LT(glm::length(a - b), 2e-3f) << u << " " << v;  // 16 texels x 2e-5 x sqrt(3), and along v
   }
 }
 

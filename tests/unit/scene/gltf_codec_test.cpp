@@ -4,13 +4,12 @@
 #include <meshoptimizer.h>
 #include <unistd.h>
 
-
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <map>
-#include <set>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "base/image_io.h"
 #include "scene/load.h"
@@ -50,14 +49,23 @@ class Codec : public ::testing::Test {
     std::ofstream(folder_ / "a.gltf") << doc_.dump();
     return loadGltf((folder_ / "a.gltf").string());
   }
-  ScenePtr mustLoad() { auto s = load(); EXPECT_TRUE(s.ok()) << s.status().toString(); return s.ok() ? *s : nullptr; }
+  ScenePtr mustLoad() {
+    auto s = load();
+    EXPECT_TRUE(s.ok()) << s.status().toString();
+    return s.ok() ? *s : nullptr;
+  }
   /// A buffer view whose bytes are `packed`, decoded to `stride` x `count`, with a fallback buffer that has no bytes.
   int packedView(const std::vector<uint8_t>& packed, size_t stride, size_t count, const char* mode, const char* filter) {
     const int at = view(packed.data(), packed.size());
     if (doc_["buffers"].size() == 1) doc_["buffers"].push_back({{"byteLength", 1 << 20}, {"extensions", {{"EXT_meshopt_compression", {{"fallback", true}}}}}});
     Json v = {{"buffer", 1}, {"byteOffset", 0}, {"byteLength", stride * count}};
-    v["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0}, {"byteOffset", doc_["bufferViews"][at]["byteOffset"]}, {"byteLength", packed.size()}, {"byteStride", stride},
-                                                  {"count", count}, {"mode", mode}, {"filter", filter}};
+    v["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},
+                                                  {"byteOffset", doc_["bufferViews"][at]["byteOffset"]},
+                                                  {"byteLength", packed.size()},
+                                                  {"byteStride", stride},
+                                                  {"count", count},
+                                                  {"mode", mode},
+                                                  {"filter", filter}};
     if (std::string(mode) == "ATTRIBUTES") v["byteStride"] = stride;
     doc_["bufferViews"][at] = v;
     return at;
@@ -99,10 +107,10 @@ TEST_F(Codec, MeshoptViewsAndFiltersDecode) {
   const Mesh& m = *s->meshes[0];
   ASSERT_EQ(m.indices.size(), corners.size());
   for (size_t i = 0; i < n; ++i) {
-    EXPECT_LT(glm::length(m.positions[i] - positions[i]), 1e-4f) << i;   // 20 bits
-    EXPECT_LT(glm::length(m.normals[i] - normals[i]), 3e-4f) << i;       // 16 bits octahedral
+    EXPECT_LT(glm::length(m.positions[i] - positions[i]), 1e-4f) << i;  // 20 bits
+    EXPECT_LT(glm::length(m.normals[i] - normals[i]), 3e-4f) << i;      // 16 bits octahedral
   }
-  for (size_t k = 0; k < corners.size(); k += 3) {                       // the coder may turn a triangle's corners
+  for (size_t k = 0; k < corners.size(); k += 3) {  // the coder may turn a triangle's corners
     std::set<uint32_t> a(&corners[k], &corners[k] + 3), b(m.indices.begin() + k, m.indices.begin() + k + 3);
     EXPECT_EQ(a, b);
   }
@@ -128,9 +136,10 @@ TEST_F(Codec, MeshoptViewsAndFiltersDecode) {
 
 TEST_F(Codec, GpuInstancesShareTheMesh) {
   const float quad[] = {0, 0, 0, 1, 0, 0, 0, 1, 0}, places[] = {1, 0, 0, 0, 2, 0}, sizes[] = {1, 1, 1, 3, 3, 3};
-  const int8_t turns[] = {0, 0, 0, 127, 0, 0, 90, 90};   // normalised: identity, and 90 degrees about z
+  const int8_t turns[] = {0, 0, 0, 127, 0, 0, 90, 90};  // normalised: identity, and 90 degrees about z
   primitive()["attributes"]["POSITION"] = accessor(view(quad, sizeof quad), 5126, "VEC3", 3);
-  const int t = accessor(view(places, sizeof places), 5126, "VEC3", 2), r = accessor(view(turns, sizeof turns), 5120, "VEC4", 2, true), s = accessor(view(sizes, sizeof sizes), 5126, "VEC3", 2);
+  const int t = accessor(view(places, sizeof places), 5126, "VEC3", 2), r = accessor(view(turns, sizeof turns), 5120, "VEC4", 2, true),
+            s = accessor(view(sizes, sizeof sizes), 5126, "VEC3", 2);
   doc_["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {{"TRANSLATION", t}, {"ROTATION", r}, {"SCALE", s}};
   doc_["nodes"][0]["translation"] = {0, 0, 10};
   doc_["extensionsUsed"] = doc_["extensionsRequired"] = {"EXT_mesh_gpu_instancing"};
@@ -151,9 +160,10 @@ TEST_F(Codec, WebpPicturesAndBasisFallback) {
   primitive()["attributes"]["POSITION"] = accessor(view(quad, sizeof quad), 5126, "VEC3", 3);
   primitive()["material"] = 0;
   // 8 x 8, green (0, 255, 0), lossy.
-  const unsigned char green[] = {0x52, 0x49, 0x46, 0x46, 0x44, 0x00, 0x00, 0x00, 0x57, 0x45, 0x42, 0x50, 0x56, 0x50, 0x38, 0x20, 0x38, 0x00, 0x00, 0x00, 0x50, 0x02, 0x00, 0x9d, 0x01, 0x2a,
-                                 0x08, 0x00, 0x08, 0x00, 0x00, 0x00, 0x00, 0x25, 0xa0, 0x02, 0x74, 0xba, 0x01, 0xf8, 0x01, 0xfa, 0x01, 0xfc, 0x00, 0x07, 0x90, 0x00, 0xfe, 0xfb, 0x0f, 0x8b,
-                                 0xff, 0xee, 0x94, 0x25, 0xc9, 0x9a, 0x6e, 0x7f, 0xfb, 0xa5, 0x0f, 0xff, 0xe9, 0xea, 0x93, 0x67, 0xc9, 0x31, 0x97, 0xff, 0xa7, 0x71, 0x00, 0x00};
+  const unsigned char green[] = {0x52, 0x49, 0x46, 0x46, 0x44, 0x00, 0x00, 0x00, 0x57, 0x45, 0x42, 0x50, 0x56, 0x50, 0x38, 0x20, 0x38, 0x00, 0x00,
+                                 0x00, 0x50, 0x02, 0x00, 0x9d, 0x01, 0x2a, 0x08, 0x00, 0x08, 0x00, 0x00, 0x00, 0x00, 0x25, 0xa0, 0x02, 0x74, 0xba,
+                                 0x01, 0xf8, 0x01, 0xfa, 0x01, 0xfc, 0x00, 0x07, 0x90, 0x00, 0xfe, 0xfb, 0x0f, 0x8b, 0xff, 0xee, 0x94, 0x25, 0xc9,
+                                 0x9a, 0x6e, 0x7f, 0xfb, 0xa5, 0x0f, 0xff, 0xe9, 0xea, 0x93, 0x67, 0xc9, 0x31, 0x97, 0xff, 0xa7, 0x71, 0x00, 0x00};
   Image red(8, 8, 3);
   for (size_t i = 0; i < red.data.size(); i += 3) red.data[i] = 1;
   const auto png = encodePng(red);
@@ -161,7 +171,8 @@ TEST_F(Codec, WebpPicturesAndBasisFallback) {
   ASSERT_TRUE(writeFileAtomic(folder_ / "green.webp", green, sizeof green).ok());
   ASSERT_TRUE(writeFileAtomic(folder_ / "red.png", png->data(), png->size()).ok());
   doc_["images"] = Json::parse(R"([{"uri":"green.webp"},{"uri":"red.png"},{"uri":"absent.ktx2"}])");
-  doc_["textures"] = Json::parse(R"([{"source":1,"extensions":{"EXT_texture_webp":{"source":0}}},{"source":1,"extensions":{"KHR_texture_basisu":{"source":2}}}])");
+  doc_["textures"] =
+      Json::parse(R"([{"source":1,"extensions":{"EXT_texture_webp":{"source":0}}},{"source":1,"extensions":{"KHR_texture_basisu":{"source":2}}}])");
   doc_["materials"] = Json::parse(R"([{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}])");
   doc_["extensionsUsed"] = {"EXT_texture_webp"};
   ScenePtr s = mustLoad();
@@ -174,14 +185,16 @@ TEST_F(Codec, WebpPicturesAndBasisFallback) {
   s = mustLoad();
   ASSERT_TRUE(s && s->materials[0].albedo.texture.valid());
   EXPECT_GT(s->textures[s->materials[0].albedo.texture.texture]->sample(Vec2(0.5f)).x, 0.9f);
-  EXPECT_TRUE(std::any_of(s->warnings.begin(), s->warnings.end(), [](const std::string& w) { return w.find("/textures/1/extensions/KHR_texture_basisu") != std::string::npos; }));
+  EXPECT_TRUE(std::any_of(s->warnings.begin(), s->warnings.end(),
+                          [](const std::string& w) { return w.find("/textures/1/extensions/KHR_texture_basisu") != std::string::npos; }));
 }
 
 TEST_F(Codec, MaterialExtensionsArriveInTheirFields) {
   const float quad[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
   primitive()["attributes"]["POSITION"] = accessor(view(quad, sizeof quad), 5126, "VEC3", 3);
   primitive()["material"] = 0;
-  doc_["materials"] = Json::parse(R"([{"extensions":{"KHR_materials_ior":{"ior":0},"KHR_materials_specular":{"specularFactor":0.4,"specularColorFactor":[1,2,0.5]},
+  doc_["materials"] =
+      Json::parse(R"([{"extensions":{"KHR_materials_ior":{"ior":0},"KHR_materials_specular":{"specularFactor":0.4,"specularColorFactor":[1,2,0.5]},
     "KHR_materials_transmission":{"transmissionFactor":0.9},"KHR_materials_volume":{"thicknessFactor":2,"attenuationDistance":3,"attenuationColor":[0.1,0.2,0.3]},
     "KHR_materials_volume_scatter":{"multiscatterColor":[0.5,0.6,0.7],"scatterAnisotropy":-0.25},"KHR_materials_dispersion":{"dispersion":0.3},
     "KHR_materials_diffuse_transmission":{"diffuseTransmissionFactor":0.35,"diffuseTransmissionColorFactor":[0.2,0.3,0.4]},

@@ -25,20 +25,28 @@ Result<ScenePtr> load(const std::string& bytes) {
   return loadGltf("a.glb", options);
 }
 std::string word(uint32_t v) { return std::string(reinterpret_cast<const char*>(&v), 4); }
-std::string chunk(uint32_t type, const std::string& bytes, int64_t stated = -1) { return word(stated < 0 ? uint32_t(bytes.size()) : uint32_t(stated)) + word(type) + bytes; }
+std::string chunk(uint32_t type, const std::string& bytes, int64_t stated = -1) {
+  return word(stated < 0 ? uint32_t(bytes.size()) : uint32_t(stated)) + word(type) + bytes;
+}
 std::string glb(const std::string& chunks, int64_t length = -1, uint32_t version = 2, const char* magic = "glTF") {
   return magic + word(version) + word(length < 0 ? uint32_t(chunks.size()) + 12 : uint32_t(length)) + chunks;
 }
-std::string padded(std::string s, char by) { while (s.size() % 4) s += by; return s; }
+std::string padded(std::string s, char by) {
+  while (s.size() % 4) s += by;
+  return s;
+}
 
-struct Parts { std::string json, bin; };
+struct Parts {
+  std::string json, bin;
+};
 Parts parts() {
   GltfBase b = testing::gltfBase();
   return {padded(b.doc.dump(), ' '), padded(std::string(b.bytes.begin(), b.bytes.end()), '\0')};
 }
 
 bool warns(const Result<ScenePtr>& scene, const std::string& what) {
-  return scene.ok() && std::any_of((*scene)->warnings.begin(), (*scene)->warnings.end(), [&](const std::string& w) { return w.find(what) != std::string::npos; });
+  return scene.ok() &&
+         std::any_of((*scene)->warnings.begin(), (*scene)->warnings.end(), [&](const std::string& w) { return w.find(what) != std::string::npos; });
 }
 
 TEST(GltfContainer, ChunksOfAGlb) {
@@ -80,20 +88,30 @@ TEST(GltfContainer, DataUrisOfBothKindsAreTheSameScene) {
   const auto plain = load(base.text());
   ASSERT_TRUE(plain.ok()) << plain.status().toString();
   std::string escaped;
-  for (const uint8_t v : base.bytes) { char hex[8]; std::snprintf(hex, sizeof hex, "%%%02x", v); escaped += hex; }
+  for (const uint8_t v : base.bytes) {
+    char hex[8];
+    std::snprintf(hex, sizeof hex, "%%%02x", v);
+    escaped += hex;
+  }
   const std::string whole = base64(base.bytes.data(), base.bytes.size());
-  const auto with = [&](const std::string& uri) { GltfBase b = base; b.doc["buffers"][0]["uri"] = uri; return load(b.text()); };
+  const auto with = [&](const std::string& uri) {
+    GltfBase b = base;
+    b.doc["buffers"][0]["uri"] = uri;
+    return load(b.text());
+  };
   for (const char* head : {"data:application/octet-stream,", "data:application/gltf-buffer,", "data:,"}) {
     const auto scene = with(std::string(head) + escaped);
     ASSERT_TRUE(scene.ok()) << head << ": " << scene.status().toString();
     EXPECT_EQ((*scene)->hash(), (*plain)->hash());
   }
   std::string bare = whole, percent = whole;
-  while (bare.back() == '=') bare.pop_back();   // padding may be left away, and '=' escaped
+  while (bare.back() == '=') bare.pop_back();  // padding may be left away, and '=' escaped
   for (size_t at; (at = percent.find('=')) != std::string::npos;) percent.replace(at, 1, "%3D");
   for (const std::string& digits : {bare, percent}) EXPECT_TRUE(with("data:application/octet-stream;base64," + digits).ok());
-  for (const auto& [uri, why] : {std::pair{"data:application/octet-stream;base64,@@@@", "byte 64 at 0"}, {"data:application/octet-stream;base64,AAAAA", "no whole bytes"},
-                                 {"data:application/octet-stream;base64", "no comma"}, {"data:application/octet-stream;base64,", "has 0 bytes"}}) {
+  for (const auto& [uri, why] : {std::pair{"data:application/octet-stream;base64,@@@@", "byte 64 at 0"},
+                                 {"data:application/octet-stream;base64,AAAAA", "no whole bytes"},
+                                 {"data:application/octet-stream;base64", "no comma"},
+                                 {"data:application/octet-stream;base64,", "has 0 bytes"}}) {
     const auto scene = with(uri);
     ASSERT_FALSE(scene.ok()) << uri;
     EXPECT_NE(scene.status().message().find(why), std::string::npos) << scene.status().toString();
@@ -109,17 +127,23 @@ TEST(GltfContainer, JsonText) {
     EXPECT_EQ(scene.status().location(), "a.glb#" + location) << scene.status().toString();
     EXPECT_NE(scene.status().message().find(why), std::string::npos) << scene.status().toString();
   };
-  const auto with = [&](const std::string& what, const std::string& by) { std::string t = good; t.replace(t.find(what), what.size(), by); return t; };
+  const auto with = [&](const std::string& what, const std::string& by) {
+    std::string t = good;
+    t.replace(t.find(what), what.size(), by);
+    return t;
+  };
   refused(with("\"asset\":{", "\"scene\":0,\"asset\":{"), "/scene", "\"scene\" stands twice");
   refused(with("\"asset\":{", "\"asset\":{\"version\":\"2.0\","), "/asset/version", "stands twice");
   refused(with("\"name\":\"joint 1\"", "\"name\":\"joint 1\",\"name\":\"x\""), "/nodes/1/name", "stands twice");
-  std::string many = R"({"asset":{"version":"2.0","extras":{)";   // more keys than are compared one by one
+  std::string many = R"({"asset":{"version":"2.0","extras":{)";  // more keys than are compared one by one
   for (int k = 0; k < 40; ++k) many += "\"k" + std::to_string(k) + "\":[{\"k\":1},{\"k\":2}],";
   EXPECT_TRUE(load(many + "\"last\":0}}}").ok());
   refused(many + "\"k39\":0}}}", "/asset/extras/k39", "stands twice");
   refused(many + "\"k3\":0}}}", "/asset/extras/k3", "stands twice");
-  for (const char* bad : {"\xff\xfe", "\xc0\xaf", "\xed\xa0\x80", "\\ud800", "\x01"}) refused(with("\"asset\":{", "\"asset\":{\"generator\":\"" + std::string(bad) + "\","), "", "cannot be parsed");
-  for (const char* bad : {"NaN", "Infinity", "1e999", "01", "'x'", ""}) refused(with("\"asset\":{", "\"asset\":{\"extras\":" + std::string(bad) + ","), "", "cannot be parsed");
+  for (const char* bad : {"\xff\xfe", "\xc0\xaf", "\xed\xa0\x80", "\\ud800", "\x01"})
+    refused(with("\"asset\":{", "\"asset\":{\"generator\":\"" + std::string(bad) + "\","), "", "cannot be parsed");
+  for (const char* bad : {"NaN", "Infinity", "1e999", "01", "'x'", ""})
+    refused(with("\"asset\":{", "\"asset\":{\"extras\":" + std::string(bad) + ","), "", "cannot be parsed");
   refused(good + "{}", "", "cannot be parsed");
   refused("[]", "", "not a JSON object");
   refused("", "", "cannot be parsed");

@@ -18,7 +18,11 @@ namespace {
 namespace fs = std::filesystem;
 const fs::path kData = "../shared/data";
 
-struct Derived { const char* file; size_t triangles; std::vector<std::string> lights, cameras; };
+struct Derived {
+  const char* file;
+  size_t triangles;
+  std::vector<std::string> lights, cameras;
+};
 
 TEST(GltfCorpus, DerivedScenesHaveTheirCounts) {
   if (!fs::exists(kData / "derived")) GTEST_SKIP() << "../shared/data/derived is absent";

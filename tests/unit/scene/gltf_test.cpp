@@ -20,8 +20,7 @@ namespace fs = std::filesystem;
 class Gltf : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("gobo-gltf-" + std::to_string(::getpid()) + "-" +
-                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    folder_ = fs::temp_directory_path() / ("gobo-gltf-" + std::to_string(::getpid()) + "-" + ::testing::UnitTest::GetInstance()->current_test_info()->name());
     fs::create_directories(folder_);
     // 4 vertices (48 bytes), 6 u16 indices (12 bytes), 4 normals (48 bytes).
     const float positions[] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0}, normals[] = {0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1};
@@ -47,10 +46,19 @@ class Gltf : public ::testing::Test {
     std::vector<uint8_t> bin = bin_;
     while (bin.size() % 4) bin.push_back(0);
     std::vector<uint8_t> out;
-    auto word = [&](uint32_t v) { const auto* p = reinterpret_cast<const uint8_t*>(&v); out.insert(out.end(), p, p + 4); };
-    word(0x46546c67); word(2); word(uint32_t(28 + text.size() + bin.size()));
-    word(uint32_t(text.size())); word(0x4e4f534a); out.insert(out.end(), text.begin(), text.end());
-    word(uint32_t(bin.size())); word(0x004e4942); out.insert(out.end(), bin.begin(), bin.end());
+    auto word = [&](uint32_t v) {
+      const auto* p = reinterpret_cast<const uint8_t*>(&v);
+      out.insert(out.end(), p, p + 4);
+    };
+    word(0x46546c67);
+    word(2);
+    word(uint32_t(28 + text.size() + bin.size()));
+    word(uint32_t(text.size()));
+    word(0x4e4f534a);
+    out.insert(out.end(), text.begin(), text.end());
+    word(uint32_t(bin.size()));
+    word(0x004e4942);
+    out.insert(out.end(), bin.begin(), bin.end());
     return write("scene.glb", out.data(), out.size());
   }
   std::string write(const std::string& name, const void* data, size_t size) {
@@ -58,7 +66,10 @@ class Gltf : public ::testing::Test {
     std::ofstream(path, std::ios::binary).write(static_cast<const char*>(data), std::streamsize(size));
     return path;
   }
-  std::string writeText(const std::string& name) { const std::string t = doc_.dump(); return write(name, t.data(), t.size()); }
+  std::string writeText(const std::string& name) {
+    const std::string t = doc_.dump();
+    return write(name, t.data(), t.size());
+  }
 
   void expectRefused(const std::string& path, const std::string& pointer, const std::string& word) {
     const auto scene = loadGltf(path);
@@ -147,9 +158,12 @@ TEST_F(Gltf, MaterialsLightsAndCameras) {
     "KHR_materials_specular":{"specularFactor":0},"KHR_materials_ior":{"ior":1.33},"KHR_materials_transmission":{"transmissionFactor":1}}}])");
   doc_["meshes"][0]["primitives"][0]["material"] = 0;
   doc_["extensionsUsed"] = {"KHR_lights_punctual"};
-  doc_["extensions"] = Json::parse(R"({"KHR_lights_punctual":{"lights":[{"type":"spot","color":[1,0.5,0],"intensity":10,"spot":{"innerConeAngle":0.2,"outerConeAngle":0.4}}]}})");
-  doc_["cameras"] = Json::parse(R"([{"type":"perspective","perspective":{"yfov":0.7,"znear":0.1}},{"type":"orthographic","orthographic":{"xmag":2,"ymag":3,"znear":0,"zfar":9}}])");
-  doc_["nodes"].push_back(Json::parse(R"({"name":"spot","translation":[0,5,0],"rotation":[-0.70710678,0,0,0.70710678],"scale":[2,2,2],"extensions":{"KHR_lights_punctual":{"light":0}}})"));
+  doc_["extensions"] = Json::parse(
+      R"({"KHR_lights_punctual":{"lights":[{"type":"spot","color":[1,0.5,0],"intensity":10,"spot":{"innerConeAngle":0.2,"outerConeAngle":0.4}}]}})");
+  doc_["cameras"] = Json::parse(
+      R"([{"type":"perspective","perspective":{"yfov":0.7,"znear":0.1}},{"type":"orthographic","orthographic":{"xmag":2,"ymag":3,"znear":0,"zfar":9}}])");
+  doc_["nodes"].push_back(Json::parse(
+      R"({"name":"spot","translation":[0,5,0],"rotation":[-0.70710678,0,0,0.70710678],"scale":[2,2,2],"extensions":{"KHR_lights_punctual":{"light":0}}})"));
   doc_["nodes"].push_back(Json::parse(R"({"name":"eye","camera":0,"translation":[0,0,4]})"));
   doc_["nodes"].push_back(Json::parse(R"({"name":"plan","camera":1})"));
   doc_["nodes"].push_back(Json::parse(R"({"name":"panel","scale":[2,1,1],"extras":{"gobo_light":{"type":"rect","width":3,"height":4,"radiance":[1,2,3]}}})"));
@@ -190,8 +204,13 @@ TEST_F(Gltf, PointsAndLinesAreDrawn) {
   doc_["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 3;
   const Json coloured = doc_;
   const double radius = std::sqrt(2.0) / 500;
-  struct Case { int mode; size_t elements, triangles; bool indices; };
-  for (const Case& c : {Case{0, 6, 20, true}, Case{0, 4, 20, false}, Case{1, 3, 24, true}, Case{1, 2, 24, false}, Case{2, 4, 24, false}, Case{3, 3, 24, false}}) {
+  struct Case {
+    int mode;
+    size_t elements, triangles;
+    bool indices;
+  };
+  for (const Case& c :
+       {Case{0, 6, 20, true}, Case{0, 4, 20, false}, Case{1, 3, 24, true}, Case{1, 2, 24, false}, Case{2, 4, 24, false}, Case{3, 3, 24, false}}) {
     doc_ = coloured;
     Json& primitive = doc_["meshes"][0]["primitives"][0];
     primitive["mode"] = c.mode;
@@ -204,13 +223,16 @@ TEST_F(Gltf, PointsAndLinesAreDrawn) {
     EXPECT_EQ(m.triangles(), c.elements * c.triangles) << c.mode;
     ASSERT_EQ(m.normals.size(), m.positions.size());
     ASSERT_EQ(m.colours.size(), m.positions.size());
-    std::map<std::pair<uint32_t, uint32_t>, int> edges;                 // a closed surface has each edge once in both directions
+    std::map<std::pair<uint32_t, uint32_t>, int> edges;  // a closed surface has each edge once in both directions
     for (size_t t = 0; t < m.indices.size(); t += 3) {
       const Vec3 a = m.positions[m.indices[t]], b = m.positions[m.indices[t + 1]], d = m.positions[m.indices[t + 2]], n = glm::cross(b - a, d - a);
       EXPECT_GT(glm::dot(n, m.normals[m.indices[t]] + m.normals[m.indices[t + 1]] + m.normals[m.indices[t + 2]]), 0.0f) << c.mode;
       for (size_t k = 0; k < 3; ++k) ++edges[{m.indices[t + k], m.indices[t + (k + 1) % 3]}];
     }
-    for (const auto& [edge, count] : edges) { EXPECT_EQ(count, 1); EXPECT_EQ(edges.count({edge.second, edge.first}), 1u); }
+    for (const auto& [edge, count] : edges) {
+      EXPECT_EQ(count, 1);
+      EXPECT_EQ(edges.count({edge.second, edge.first}), 1u);
+    }
     // Every vertex is a radius away from the corner of the square whose colour it has.
     for (size_t i = 0; i < m.positions.size(); ++i) {
       double nearest = 1e9;
@@ -231,8 +253,9 @@ TEST_F(Gltf, PointsAndLinesAreDrawn) {
   ASSERT_TRUE(one);
   EXPECT_EQ(one->instances.size(), 0u);
   ASSERT_FALSE(one->warnings.empty());
-  EXPECT_TRUE(std::any_of(one->warnings.begin(), one->warnings.end(), [](const std::string& w) { return w.find("/meshes/0/primitives/0") != std::string::npos; }))
-      << one->warnings[0];
+  EXPECT_TRUE(std::any_of(one->warnings.begin(), one->warnings.end(), [](const std::string& w) {
+    return w.find("/meshes/0/primitives/0") != std::string::npos;
+  })) << one->warnings[0];
 }
 
 /// Watts are what leaves the shape at the node's size: pi L area a side.
@@ -243,9 +266,14 @@ TEST_F(Gltf, AreaLightsByRadianceAndByPower) {
     doc_["nodes"].push_back(Json::parse(std::string(R"({"name":"lamp","scale":[2,3,1],"extras":{"gobo_light":)") + light + "}}"));
     doc_["scenes"][0]["nodes"].push_back(doc_["nodes"].size() - 1);
   };
-  struct Case { const char* light; double area; };
-  for (const Case& c : {Case{R"({"type":"rect","width":3,"height":4,"power_w":[10,20,0]})", 6.0 * 12.0}, Case{R"({"type":"rect","width":3,"height":4,"twoSided":true,"power_w":[10,20,0]})", 2 * 6.0 * 12.0},
-                        Case{R"({"type":"disk","radius":0.5,"power_w":[10,20,0]})", M_PI}, Case{R"({"type":"sphere","radius":0.5,"twoSided":true,"power_w":[10,20,0]})", 4 * M_PI}}) {
+  struct Case {
+    const char* light;
+    double area;
+  };
+  for (const Case& c : {Case{R"({"type":"rect","width":3,"height":4,"power_w":[10,20,0]})", 6.0 * 12.0},
+                        Case{R"({"type":"rect","width":3,"height":4,"twoSided":true,"power_w":[10,20,0]})", 2 * 6.0 * 12.0},
+                        Case{R"({"type":"disk","radius":0.5,"power_w":[10,20,0]})", M_PI},
+                        Case{R"({"type":"sphere","radius":0.5,"twoSided":true,"power_w":[10,20,0]})", 4 * M_PI}}) {
     lamp(c.light);
     const ScenePtr s = load();
     ASSERT_TRUE(s) << c.light;
@@ -278,7 +306,7 @@ TEST_F(Gltf, RepairsNormalsAndRefusesBadPositions) {
   const ScenePtr s = load();
   ASSERT_TRUE(s);
   EXPECT_EQ(s->meshes[0]->normals[0], Vec3(0, 0, 1));  // from its triangles
-  ASSERT_EQ(s->warnings.size(), 2u);   // what is wrong, and what was done about it
+  ASSERT_EQ(s->warnings.size(), 2u);                   // what is wrong, and what was done about it
   EXPECT_EQ(s->warnings[0], "/accessors/2: number 0 of the accessor is NaN");
   EXPECT_NE(s->warnings[1].find("/meshes/0/primitives/0/attributes/NORMAL"), std::string::npos);
   std::memcpy(bin_.data() + 12, &nan, 4);
@@ -288,36 +316,54 @@ TEST_F(Gltf, RepairsNormalsAndRefusesBadPositions) {
 TEST_F(Gltf, FaultsNameFileAndPointer) {
   const Json good = doc_;
   const std::vector<uint8_t> bytes = bin_;
-  auto fresh = [&] { doc_ = good; bin_ = bytes; };
+  auto fresh = [&] {
+    doc_ = good;
+    bin_ = bytes;
+  };
   bin_[48] = 9;
   expectRefused("/meshes/0/primitives/0/indices", "index 9 at 0 is out of range");
-  fresh(); doc_["accessors"][0]["count"] = 5;
+  fresh();
+  doc_["accessors"][0]["count"] = 5;
   expectRefused("/accessors/0/bufferView", "needs 60 bytes");
-  fresh(); doc_["accessors"][0]["byteOffset"] = 4;
+  fresh();
+  doc_["accessors"][0]["byteOffset"] = 4;
   expectRefused("/accessors/0/bufferView", "needs 52 bytes");
-  fresh(); doc_["accessors"][0]["count"] = 4294967296ull; doc_["bufferViews"][0]["byteStride"] = 252;  // wraps in sums of 32 bits
+  fresh();
+  doc_["accessors"][0]["count"] = 4294967296ull;
+  doc_["bufferViews"][0]["byteStride"] = 252;  // wraps in sums of 32 bits
   expectRefused("/accessors/0/bufferView", "needs");
-  fresh(); doc_["accessors"][0]["count"] = 1ull << 62;
+  fresh();
+  doc_["accessors"][0]["count"] = 1ull << 62;
   expectRefused("/accessors/0/count", "out of range");
-  fresh(); doc_["bufferViews"][0]["byteStride"] = 4;
+  fresh();
+  doc_["bufferViews"][0]["byteStride"] = 4;
   expectRefused("/bufferViews/0/byteStride", "less than an element");
-  fresh(); doc_["bufferViews"][2]["byteLength"] = 1000;
+  fresh();
+  doc_["bufferViews"][2]["byteLength"] = 1000;
   expectRefused("/bufferViews/2", "outside buffer 0 of 108 bytes");
-  fresh(); doc_["bufferViews"][0]["buffer"] = 3;
+  fresh();
+  doc_["bufferViews"][0]["buffer"] = 3;
   expectRefused("/bufferViews/0/buffer", "index 3 is out of range");
-  fresh(); doc_["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 7;
+  fresh();
+  doc_["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 7;
   expectRefused("/meshes/0/primitives/0/attributes/POSITION", "index 7 is out of range");
-  fresh(); doc_["meshes"][0]["primitives"][0]["material"] = 0;
+  fresh();
+  doc_["meshes"][0]["primitives"][0]["material"] = 0;
   expectRefused("/meshes/0/primitives/0/material", "index 0 is out of range");
-  fresh(); doc_["nodes"][0]["children"] = {0};
+  fresh();
+  doc_["nodes"][0]["children"] = {0};
   expectRefused("/nodes/0", "cycle");
-  fresh(); doc_["nodes"][0]["mesh"] = "zero";
+  fresh();
+  doc_["nodes"][0]["mesh"] = "zero";
   expectRefused("/nodes/0/mesh", "not an index");
-  fresh(); doc_["nodes"][0]["translation"] = {1, 2};
+  fresh();
+  doc_["nodes"][0]["translation"] = {1, 2};
   expectRefused("/nodes/0/translation", "3 numbers");
-  fresh(); doc_["extensionsRequired"] = {"KHR_texture_basisu"};
+  fresh();
+  doc_["extensionsRequired"] = {"KHR_texture_basisu"};
   expectRefused("/extensionsRequired/0", "KHR_texture_basisu");
-  fresh(); doc_["asset"]["version"] = "1.0";
+  fresh();
+  doc_["asset"]["version"] = "1.0";
   expectRefused("/asset/version", "1.0");
 }
 
@@ -333,8 +379,9 @@ TEST_F(Gltf, UrisStayInTheFolder) {
   const fs::path secret = folder_.parent_path() / (folder_.filename().string() + "-secret.bin");
   std::ofstream(secret, std::ios::binary).write(reinterpret_cast<const char*>(bin_.data()), 108);
   fs::create_symlink(secret, folder_ / "link.bin");
-  for (const std::string& uri : {"../" + secret.filename().string(), secret.string(), "file://" + secret.string(), std::string("%2e%2e/") + secret.filename().string(),
-                                 std::string("http://example.com/a.bin"), std::string("link.bin"), std::string("$(touch x).bin/../") + secret.filename().string()}) {
+  for (const std::string& uri :
+       {"../" + secret.filename().string(), secret.string(), "file://" + secret.string(), std::string("%2e%2e/") + secret.filename().string(),
+        std::string("http://example.com/a.bin"), std::string("link.bin"), std::string("$(touch x).bin/../") + secret.filename().string()}) {
     doc_["buffers"][0]["uri"] = uri;
     const std::string path = writeText("scene.gltf");
     const auto scene = loadGltf(path);

@@ -12,7 +12,9 @@ namespace {
 Texture noise(int w, int h, bool floats, bool srgb, uint32_t seed = 1) {
   Texture t;
   t.name = "noise" + std::to_string(seed);
-  t.width = w; t.height = h; t.srgb = srgb;
+  t.width = w;
+  t.height = h;
+  t.srgb = srgb;
   std::vector<uint8_t> a;
   std::vector<float> f;
   for (int i = 0; i < w * h * 4; ++i) floats ? f.push_back(4.0f * toUnit(hash32(seed, i))) : a.push_back(uint8_t(hash32(seed, i)));
@@ -52,7 +54,8 @@ TEST(Mipmap, LowestIsTheLeastOfWhatIsLookedUp) {
         t.nearest = true;
         for (int level = 0; level < t.levels; ++level) {
           const int a = std::max(1, w >> level), b = std::max(1, h >> level);
-          for (int i = 0; i < a * b; ++i) point = glm::min(point, t.sampleLevel(Vec2((float(i % a) + 0.5f) / float(a), (float(i / a) + 0.5f) / float(b)), level));
+          for (int i = 0; i < a * b; ++i)
+            point = glm::min(point, t.sampleLevel(Vec2((float(i % a) + 0.5f) / float(a), (float(i / a) + 0.5f) / float(b)), level));
         }
         EXPECT_EQ(t.lowest, point) << w << "x" << h << " tile " << tile << " floats " << floats;
         for (int c = 0; c < 4; ++c) EXPECT_GE(least[c], t.lowest[c] * (1.0f - 1e-6f)) << w << "x" << h << " tile " << tile;
@@ -84,7 +87,8 @@ Vec4 meanOf(const Texture& t, int level) {
   p.nearest = true;
   const int w = std::max(1, t.width >> level), h = std::max(1, t.height >> level);
   glm::dvec4 sum(0.0);
-  for (int y = 0; y < h; ++y) for (int x = 0; x < w; ++x) sum += glm::dvec4(p.sampleLevel(Vec2((x + 0.5f) / w, (y + 0.5f) / h), level));
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) sum += glm::dvec4(p.sampleLevel(Vec2((x + 0.5f) / w, (y + 0.5f) / h), level));
   return Vec4(sum / (double(w) * h));
 }
 
@@ -98,7 +102,7 @@ TEST(Mipmap, EveryLevelHasTheMeanOfTheFirst) {
     for (int k = 1; k < levels; ++k)
       for (int c = 0; c < 4; ++c) {
         EXPECT_NEAR(meanOf(f, k)[c], f0[c], 2e-6f * 4) << w << "x" << h << " level " << k;
-        EXPECT_NEAR(meanOf(b, k)[c], b0[c], 0.006f) << w << "x" << h << " level " << k;   // half a code near white is 0.0045
+        EXPECT_NEAR(meanOf(b, k)[c], b0[c], 0.006f) << w << "x" << h << " level " << k;  // half a code near white is 0.0045
       }
   }
 }
@@ -110,7 +114,7 @@ TEST(Mipmap, FiltersInLinearLight) {
   t.texels8 = {0, 0, 0, 255, 255, 255, 255, 255, 255, 255, 255, 255, 0, 0, 0, 255};
   sealTexture(t);
   const Texture m = mipmapped(t, false, 0, 0);
-  EXPECT_EQ(int(m.texels8[16]), 188);   // sRGB of 0.5; a mean of codes would be 128
+  EXPECT_EQ(int(m.texels8[16]), 188);  // sRGB of 0.5; a mean of codes would be 128
   t.srgb = false;
   sealTexture(t);
   EXPECT_EQ(int(mipmapped(t, false, 0, 0).texels8[16]), 128);
@@ -118,7 +122,8 @@ TEST(Mipmap, FiltersInLinearLight) {
 
 TEST(Mipmap, CutAwayColourDoesNotBleed) {
   Texture t;
-  t.width = 2; t.height = 1;
+  t.width = 2;
+  t.height = 1;
   t.texels8 = {200, 0, 0, 255, 0, 255, 0, 0};
   sealTexture(t);
   const Texture weighted = mipmapped(t, true, 0, 0), plain = mipmapped(t, false, 0, 0);
@@ -150,7 +155,11 @@ TEST(Mipmap, MemoryIsBoundedLargestFirst) {
                   std::make_shared<Texture>(noise(16, 16, true, false, 3))};
     return s;
   };
-  const auto bytes = [](const Scene& s) { size_t n = 0; for (const auto& t : s.textures) n += t->texels8.size() + t->texelsF.size() * 4; return n; };
+  const auto bytes = [](const Scene& s) {
+    size_t n = 0;
+    for (const auto& t : s.textures) n += t->texels8.size() + t->texelsF.size() * 4;
+    return n;
+  };
   Scene whole = scene();
   finishTextures(whole, 1 << 30);
   EXPECT_TRUE(whole.warnings.empty());
@@ -160,7 +169,7 @@ TEST(Mipmap, MemoryIsBoundedLargestFirst) {
   ASSERT_EQ(less.warnings.size(), 1u);
   EXPECT_NE(less.warnings[0].find("\"noise2\" is kept at 64 x 64 of 128 x 128"), std::string::npos) << less.warnings[0];
   EXPECT_EQ(less.textures[0]->width, 64);
-  EXPECT_NE(less.textures[1]->content, whole.textures[1]->content);   // a smaller texture is another one
+  EXPECT_NE(less.textures[1]->content, whole.textures[1]->content);  // a smaller texture is another one
   Scene tiny = scene();
   finishTextures(tiny, 0);
   EXPECT_EQ(tiny.warnings.size(), 3u);

@@ -17,13 +17,16 @@ namespace {
 namespace fs = std::filesystem;
 const fs::path kModels = "../shared/data/gltf/khronos";
 
-RigSampler sampler(RigInterpolation mode, std::vector<float> times, std::vector<float> values) { return {mode, Array<float>(std::move(times)), Array<float>(std::move(values))}; }
+RigSampler sampler(RigInterpolation mode, std::vector<float> times, std::vector<float> values) {
+  return {mode, Array<float>(std::move(times)), Array<float>(std::move(values))};
+}
 
 TEST(Rig, StepAndLinearHoldTheirEnds) {
   for (const auto mode : {RigInterpolation::Step, RigInterpolation::Linear}) {
     const RigSampler s = sampler(mode, {1, 2, 4}, {10, 20, 60});
     double v = 0;
-    for (const auto& [time, step, linear] : {std::tuple{0.0, 10.0, 10.0}, {1.0, 10.0, 10.0}, {1.5, 10.0, 15.0}, {2.0, 20.0, 20.0}, {3.5, 20.0, 50.0}, {4.0, 60.0, 60.0}, {9.0, 60.0, 60.0}}) {
+    for (const auto& [time, step, linear] :
+         {std::tuple{0.0, 10.0, 10.0}, {1.0, 10.0, 10.0}, {1.5, 10.0, 15.0}, {2.0, 20.0, 20.0}, {3.5, 20.0, 50.0}, {4.0, 60.0, 60.0}, {9.0, 60.0, 60.0}}) {
       sampleAt(s, time, 1, false, &v);
       EXPECT_DOUBLE_EQ(v, mode == RigInterpolation::Step ? step : linear) << time;
     }
@@ -35,7 +38,8 @@ TEST(Rig, CubicSplineIsTheHermiteCurveThroughItsKeys) {
   // sides of the end keys must not count.
   const auto x = [](double t) { return t * t * t - 2 * t * t + 3; };
   const auto slope = [](double t) { return float(3 * t * t - 4 * t); };
-  const RigSampler s = sampler(RigInterpolation::CubicSpline, {0, 2, 3}, {999, float(x(0)), slope(0), slope(2), float(x(2)), slope(2), slope(3), float(x(3)), 999});
+  const RigSampler s =
+      sampler(RigInterpolation::CubicSpline, {0, 2, 3}, {999, float(x(0)), slope(0), slope(2), float(x(2)), slope(2), slope(3), float(x(3)), 999});
   for (double t = 0; t <= 3.0; t += 0.125) {
     double v = 0;
     sampleAt(s, t, 1, false, &v);
@@ -48,21 +52,21 @@ TEST(Rig, CubicSplineIsTheHermiteCurveThroughItsKeys) {
 
 TEST(Rig, RotationsTakeTheShorterWayAtEvenSpeed) {
   const double half = std::sqrt(0.5);
-  for (const float sign : {1.0f, -1.0f}) {   // q and -q are one rotation
+  for (const float sign : {1.0f, -1.0f}) {  // q and -q are one rotation
     const RigSampler s = sampler(RigInterpolation::Linear, {0, 1}, {0, 0, 0, 1, 0, 0, sign * float(half), sign * float(half)});
     for (const double t : {0.0, 0.25, 0.5, 0.9, 1.0}) {
       double q[4];
       sampleAt(s, t, 4, true, q);
-      const double angle = t * 0.25 * std::acos(-1.0);   // half of 90 degrees x t
+      const double angle = t * 0.25 * std::acos(-1.0);  // half of 90 degrees x t
       EXPECT_NEAR(std::fabs(q[3]), std::cos(angle), 1e-7);
       EXPECT_NEAR(std::fabs(q[2]), std::sin(angle), 1e-7);
     }
   }
-  const RigSampler near = sampler(RigInterpolation::Linear, {0, 1}, {0, 0, 0, 1, 0, 0, 0, 1});   // equal ends: no division by sin 0
+  const RigSampler near = sampler(RigInterpolation::Linear, {0, 1}, {0, 0, 0, 1, 0, 0, 0, 1});  // equal ends: no division by sin 0
   double q[4];
   sampleAt(near, 0.5, 4, true, q);
   EXPECT_DOUBLE_EQ(q[3], 1.0);
-  const RigSampler none = sampler(RigInterpolation::Step, {0}, {0, 0, 0, 0});   // no length: the identity, not NaN
+  const RigSampler none = sampler(RigInterpolation::Step, {0}, {0, 0, 0, 0});  // no length: the identity, not NaN
   sampleAt(none, 0, 4, true, q);
   EXPECT_DOUBLE_EQ(q[3], 1.0);
 }
@@ -87,7 +91,10 @@ Rig halves(const Mat4& second) {
   r.skins = {{Array<int32_t>{0, 1}, Array<Mat4>(2, Mat4(1.0f))}};
   RigSource s;
   s.influences = 4;
-  for (int i = 0; i < 4; ++i) { for (const int j : {0, 1, 0, 0}) s.joints.push_back(uint16_t(j)); for (const float w : {0.5f, 0.5f, 0.0f, 0.0f}) s.weights.push_back(w); }
+  for (int i = 0; i < 4; ++i) {
+    for (const int j : {0, 1, 0, 0}) s.joints.push_back(uint16_t(j));
+    for (const float w : {0.5f, 0.5f, 0.0f, 0.0f}) s.weights.push_back(w);
+  }
   r.sources = {s};
   RigDeformed d;
   d.skin = 0;
@@ -97,7 +104,7 @@ Rig halves(const Mat4& second) {
 
 TEST(Rig, BlendedNormalsAreThoseOfTheBlendedSurface) {
   Mat4 stretch(1.0f);
-  stretch[0][0] = 5.0f;   // the blend stretches x by 3: the normal (1,0,1) becomes (1/3,0,1)
+  stretch[0][0] = 5.0f;  // the blend stretches x by 3: the normal (1,0,1) becomes (1/3,0,1)
   stretch[3] = Vec4(0, 0, 8, 1);
   const Rig rig = halves(stretch);
   const MeshPtr m = deformMesh(rig, 0, evaluatePose(rig, {}, 0), *rig.meshes[0]);
@@ -105,7 +112,7 @@ TEST(Rig, BlendedNormalsAreThoseOfTheBlendedSurface) {
   EXPECT_LT(glm::length(m->normals[0] - glm::normalize(Vec3(1.0f / 3.0f, 0, 1))), 1e-6f);
   EXPECT_EQ(m->tangents[0], Vec4(1, 0, 0, -1));
   Mat4 mirror(1.0f);
-  mirror[2][2] = -3.0f;   // the blend mirrors z: outside stays outside
+  mirror[2][2] = -3.0f;  // the blend mirrors z: outside stays outside
   const Rig mirrored = halves(mirror);
   const MeshPtr n = deformMesh(mirrored, 0, evaluatePose(mirrored, {}, 0), *mirrored.meshes[0]);
   EXPECT_LT(glm::length(n->normals[0] - glm::normalize(Vec3(1, 0, -1))), 1e-6f);
@@ -162,7 +169,7 @@ TEST(Rig, SimpleSkinBendsByItsAngle) {
       const glm::dvec3 p(rest->meshes[0]->positions[i]);
       const double w = p.y / 2, c = std::cos(angle * degrees), n = std::sin(angle * degrees);
       const glm::dvec3 turned(c * p.x - n * (p.y - 1), n * p.x + c * (p.y - 1) + 1, 0), expected = p * (1 - w) + turned * w;
-      EXPECT_LT(glm::length(glm::dvec3(s->meshes[0]->positions[i]) - expected), 1e-3) << time << " vertex " << i;   // the file's keys have three digits
+      EXPECT_LT(glm::length(glm::dvec3(s->meshes[0]->positions[i]) - expected), 1e-3) << time << " vertex " << i;  // the file's keys have three digits
     }
   }
   EXPECT_EQ(at(rest, "", 1e9)->hash(), at(rest, "", 5.5)->hash()) << "time is clamped";
@@ -197,11 +204,22 @@ TEST(Rig, APoseSharesWhatItDoesNotMove) {
   EXPECT_EQ(Vec3(all->cameras[0].toWorld[3]), Vec3(0.5f, 1, 4));
   EXPECT_EQ(all->lights[all->findLight("lamp")].shape.position, Vec3(0.5f, 2, 0.3f));
   // An edited instance that the animation does not move keeps its edit.
-  const auto edited = editScene(*rest, [](Scene& s) -> Status { s.instances[0].toWorld[3] = Vec4(0, -1, 0, 1); return {}; });
+  const auto edited = editScene(*rest, [](Scene& s) -> Status {
+    s.instances[0].toWorld[3] = Vec4(0, -1, 0, 1);
+    return {};
+  });
   EXPECT_EQ(at(*edited, "slide", 1)->instances[0].toWorld[3], Vec4(0, -1, 0, 1));
   EXPECT_EQ(posedScene(rest, "jump", 0).status().code(), Code::NotFound);
   EXPECT_EQ(posedScene(rest, "", std::nan("")).status().code(), Code::InvalidArgument);
-  EXPECT_NE(editScene(*rest, [](Scene& s) -> Status { s.rig = nullptr; return {}; }).value()->hash(), rest->hash()) << "the rig is part of the scene's identity";
+  EXPECT_NE(editScene(*rest,
+                      [](Scene& s) -> Status {
+                        s.rig = nullptr;
+                        return {};
+                      })
+                .value()
+                ->hash(),
+            rest->hash())
+      << "the rig is part of the scene's identity";
 }
 
 TEST(Rig, VariantsChangeMaterialsAlone) {
@@ -236,9 +254,17 @@ TEST(Rig, SealRefusesWhatPosingCouldNotUse) {
   refused("sources/0", [](Rig& r) { r.sources[0].joints.pop_back(); });
   refused("deformed/0", [](Rig& r) { r.sources[0].joints[1] = 2; });
   refused("deformed/0", [](Rig& r) { r.deformed[0].mesh = 1; });
-  refused("sources/0", [](Rig& r) { r.sources[0].targets.resize(1); r.sources[0].targets[0].positions = Array<Vec3>(3); });
+  refused("sources/0", [](Rig& r) {
+    r.sources[0].targets.resize(1);
+    r.sources[0].targets[0].positions = Array<Vec3>(3);
+  });
   refused("followers/0", [](Rig& r) { r.followers.push_back({RigKind::Camera, 0, 0}); });
-  const auto animate = [](Rig& r, RigSampler s) { RigAnimation a; a.samplers = {std::move(s)}; a.channels = {{0, RigPath::Translation, 0}}; r.animations = {a}; };
+  const auto animate = [](Rig& r, RigSampler s) {
+    RigAnimation a;
+    a.samplers = {std::move(s)};
+    a.channels = {{0, RigPath::Translation, 0}};
+    r.animations = {a};
+  };
   refused("animations/0", [&](Rig& r) { animate(r, sampler(RigInterpolation::Linear, {0, 0}, {0, 0, 0, 1, 1, 1})); });
   refused("animations/0", [&](Rig& r) { animate(r, sampler(RigInterpolation::CubicSpline, {0, 1}, {0, 0, 0, 1, 1, 1})); });
   Rig moved = good;

@@ -61,33 +61,74 @@ TEST(Seal, CameraRaysFollowTheConvention) {
 
 TEST(Seal, EachFaultIsRefusedWithItsPlace) {
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
-  struct Fault { std::function<void(Scene&)> make; const char* location; const char* word; };
+  struct Fault {
+    std::function<void(Scene&)> make;
+    const char* location;
+    const char* word;
+  };
   const Fault faults[] = {
-    {[](Scene& s) { replaceMesh(s, [](Mesh& m) { m.indices[1] = 3; }); }, "s#/meshes/0/indices/1", "index 3 of 3"},
-    {[](Scene& s) { replaceMesh(s, [](Mesh& m) { m.indices.pop_back(); }); }, "s#/meshes/0/indices", "not whole"},
-    {[=](Scene& s) { replaceMesh(s, [=](Mesh& m) { m.positions[2].y = nan; }); }, "s#/meshes/0/positions/2", "finite"},
-    {[](Scene& s) { replaceMesh(s, [](Mesh& m) { m.normals.resize(2); }); }, "s#/meshes/0", "different lengths"},
-    {[](Scene& s) { replaceMesh(s, [](Mesh& m) { m.material = 1; }); }, "s#/meshes/0/material", "material 1 of 1"},
-    {[](Scene& s) { s.instances[0].mesh = -1; }, "s#/instances/0/mesh", "out of range"},
-    {[=](Scene& s) { s.instances[0].toWorld[0][0] = inf; }, "s#/instances/0/toWorld", "finite"},
-    {[](Scene& s) { s.instances.push_back(s.instances[0]); }, "s#/instances/1/name", "duplicate"},
-    {[](Scene& s) { s.lights.push_back(s.lights[0]); }, "s#/lights/1/name", "duplicate"},
-    {[](Scene& s) { s.materials[0].albedo.texture.texture = 0; }, "s#/materials/0/albedo/texture", "texture 0 of 0"},
-    {[=](Scene& s) { s.materials[0].bsdf.roughness = nan; }, "s#/materials/0/bsdf/roughness", "finite"},
-    {[](Scene& s) { s.materials[0].bsdf.ior = 0; }, "s#/materials/0/bsdf/ior", "positive"},
-    {[](Scene& s) { s.lights[0].power.y = -1; }, "s#/lights/0/power", ">= 0"},
-    {[=](Scene& s) { s.lights[0].shape.position.x = nan; }, "s#/lights/0/shape/position", "finite"},
-    {[](Scene& s) { s.lights[0].shape.kind = LightKind::Sphere; s.lights[0].shape.radius = 0; }, "s#/lights/0/shape/radius", "positive"},
-    {[](Scene& s) { s.lights[0].shape.kind = LightKind::Directional; s.lights[0].shape.axis = Vec3(0, 2, 0); }, "s#/lights/0/shape/axis", "unit"},
-    {[](Scene& s) { s.lights[0].shape.kind = LightKind::Rect; s.lights[0].shape.v = Vec3(1, 0, 1); }, "s#/lights/0/shape/v", "perpendicular"},
-    {[](Scene& s) { s.lights[0].shape.kind = LightKind::Rect; s.lights[0].shape.axis = Vec3(1, 0, 0); }, "s#/lights/0/shape/axis", "cross"},
-    {[](Scene& s) { s.lights[0].shape.kind = LightKind::Rect; s.lights[0].shape.v = Vec3(0); }, "s#/lights/0/shape/u", "no area"},
-    {[](Scene& s) { s.lights[0].shape.kind = LightKind::Mesh; s.lights[0].shape.instance = 1; }, "s#/lights/0/shape/instance", "instance 1 of 1"},
-    {[](Scene& s) { s.lights[0].shape.kind = LightKind::Environment; }, "s#/lights/0", "without a map"},
-    {[](Scene& s) { s.cameras.resize(1); s.cameras[0].yfov = 0; }, "s#/cameras/0/yfov", "window"},
-    {[](Scene& s) { s.cameras.resize(1); s.cameras[0].yheight = NAN; }, "s#/cameras/0/yheight", "not finite"},
-    {[](Scene& s) { s.cameras.resize(1); s.cameras[0].perspective = false; s.cameras[0].yfov = INFINITY; }, "s#/cameras/0/yfov", "not finite"},
-    {[](Scene& s) { s.cameras.resize(2); }, "s#/cameras/1/name", "duplicate"},
+      {[](Scene& s) { replaceMesh(s, [](Mesh& m) { m.indices[1] = 3; }); }, "s#/meshes/0/indices/1", "index 3 of 3"},
+      {[](Scene& s) { replaceMesh(s, [](Mesh& m) { m.indices.pop_back(); }); }, "s#/meshes/0/indices", "not whole"},
+      {[=](Scene& s) { replaceMesh(s, [=](Mesh& m) { m.positions[2].y = nan; }); }, "s#/meshes/0/positions/2", "finite"},
+      {[](Scene& s) { replaceMesh(s, [](Mesh& m) { m.normals.resize(2); }); }, "s#/meshes/0", "different lengths"},
+      {[](Scene& s) { replaceMesh(s, [](Mesh& m) { m.material = 1; }); }, "s#/meshes/0/material", "material 1 of 1"},
+      {[](Scene& s) { s.instances[0].mesh = -1; }, "s#/instances/0/mesh", "out of range"},
+      {[=](Scene& s) { s.instances[0].toWorld[0][0] = inf; }, "s#/instances/0/toWorld", "finite"},
+      {[](Scene& s) { s.instances.push_back(s.instances[0]); }, "s#/instances/1/name", "duplicate"},
+      {[](Scene& s) { s.lights.push_back(s.lights[0]); }, "s#/lights/1/name", "duplicate"},
+      {[](Scene& s) { s.materials[0].albedo.texture.texture = 0; }, "s#/materials/0/albedo/texture", "texture 0 of 0"},
+      {[=](Scene& s) { s.materials[0].bsdf.roughness = nan; }, "s#/materials/0/bsdf/roughness", "finite"},
+      {[](Scene& s) { s.materials[0].bsdf.ior = 0; }, "s#/materials/0/bsdf/ior", "positive"},
+      {[](Scene& s) { s.lights[0].power.y = -1; }, "s#/lights/0/power", ">= 0"},
+      {[=](Scene& s) { s.lights[0].shape.position.x = nan; }, "s#/lights/0/shape/position", "finite"},
+      {[](Scene& s) {
+         s.lights[0].shape.kind = LightKind::Sphere;
+         s.lights[0].shape.radius = 0;
+       },
+       "s#/lights/0/shape/radius", "positive"},
+      {[](Scene& s) {
+         s.lights[0].shape.kind = LightKind::Directional;
+         s.lights[0].shape.axis = Vec3(0, 2, 0);
+       },
+       "s#/lights/0/shape/axis", "unit"},
+      {[](Scene& s) {
+         s.lights[0].shape.kind = LightKind::Rect;
+         s.lights[0].shape.v = Vec3(1, 0, 1);
+       },
+       "s#/lights/0/shape/v", "perpendicular"},
+      {[](Scene& s) {
+         s.lights[0].shape.kind = LightKind::Rect;
+         s.lights[0].shape.axis = Vec3(1, 0, 0);
+       },
+       "s#/lights/0/shape/axis", "cross"},
+      {[](Scene& s) {
+         s.lights[0].shape.kind = LightKind::Rect;
+         s.lights[0].shape.v = Vec3(0);
+       },
+       "s#/lights/0/shape/u", "no area"},
+      {[](Scene& s) {
+         s.lights[0].shape.kind = LightKind::Mesh;
+         s.lights[0].shape.instance = 1;
+       },
+       "s#/lights/0/shape/instance", "instance 1 of 1"},
+      {[](Scene& s) { s.lights[0].shape.kind = LightKind::Environment; }, "s#/lights/0", "without a map"},
+      {[](Scene& s) {
+         s.cameras.resize(1);
+         s.cameras[0].yfov = 0;
+       },
+       "s#/cameras/0/yfov", "window"},
+      {[](Scene& s) {
+         s.cameras.resize(1);
+         s.cameras[0].yheight = NAN;
+       },
+       "s#/cameras/0/yheight", "not finite"},
+      {[](Scene& s) {
+         s.cameras.resize(1);
+         s.cameras[0].perspective = false;
+         s.cameras[0].yfov = INFINITY;
+       },
+       "s#/cameras/0/yfov", "not finite"},
+      {[](Scene& s) { s.cameras.resize(2); }, "s#/cameras/1/name", "duplicate"},
   };
   ASSERT_TRUE(good()->seal().ok());
   for (const Fault& f : faults) {
@@ -104,9 +145,15 @@ TEST(Seal, EachFaultIsRefusedWithItsPlace) {
 TEST(Seal, EditedMeshesAreWalkedAgain) {
   auto s = good();
   ASSERT_TRUE(s->seal().ok());
-  const auto bad = editScene(*s, [](Scene& e) -> Status { replaceMesh(e, [](Mesh& m) { m.indices[0] = 99; }); return {}; });
+  const auto bad = editScene(*s, [](Scene& e) -> Status {
+    replaceMesh(e, [](Mesh& m) { m.indices[0] = 99; });
+    return {};
+  });
   EXPECT_FALSE(bad.ok());
-  const auto moved = editScene(*s, [](Scene& e) -> Status { replaceMesh(e, [](Mesh& m) { m.positions[1].x = 9; }); return {}; });
+  const auto moved = editScene(*s, [](Scene& e) -> Status {
+    replaceMesh(e, [](Mesh& m) { m.positions[1].x = 9; });
+    return {};
+  });
   Vec3 lo, hi;
   (*moved)->bounds(lo, hi);
   EXPECT_EQ(hi.x, 9.0f);

@@ -119,7 +119,7 @@ TEST(SharedTextures, EachIsWhatItWouldBeAlone) {
     EXPECT_EQ(t.texels8, made.texels8) << i;
     contents.insert(t.content.hex());
   }
-  EXPECT_EQ(contents.size(), 36u);   // 18 samplers as colour (an opaque picture is the same cut out) and as data
+  EXPECT_EQ(contents.size(), 36u);  // 18 samplers as colour (an opaque picture is the same cut out) and as data
 }
 
 // The bound on textures counts what is kept, so sharing does not cost resolution.
@@ -128,7 +128,7 @@ TEST(SharedTextures, TheBoundCountsThemOnce) {
   const auto whole = loadText(text, 8ull << 30, 3 * 64 * 64 * 4 * 4 / 3 + 3000), half = loadText(text, 8ull << 30, 3 * 64 * 64 * 4 - 1);
   ASSERT_TRUE(whole.ok() && half.ok());
   EXPECT_TRUE((*whole)->warnings.empty()) << (*whole)->warnings[0];
-  EXPECT_GE((*half)->warnings.size(), 24u);   // at least one set of levels, all its textures
+  EXPECT_GE((*half)->warnings.size(), 24u);  // at least one set of levels, all its textures
   EXPECT_EQ(arraysOf(**half), 3u);
 }
 
@@ -139,11 +139,12 @@ TEST(SharedTextures, GlossMapsAreMadeOnceForEachFactor) {
   doc["textures"] = {{{"source", 0}}};
   doc["materials"] = Json::array();
   for (int i = 0; i < 40; ++i)
-    doc["materials"].push_back({{"extensions", {{"KHR_materials_pbrSpecularGlossiness", {{"specularGlossinessTexture", {{"index", 0}}}, {"glossinessFactor", i % 2 ? 0.5 : 1.0}}}}}});
+    doc["materials"].push_back(
+        {{"extensions", {{"KHR_materials_pbrSpecularGlossiness", {{"specularGlossinessTexture", {{"index", 0}}}, {"glossinessFactor", i % 2 ? 0.5 : 1.0}}}}}});
   doc["extensionsUsed"].push_back("KHR_materials_pbrSpecularGlossiness");
   const auto scene = loadText(doc.dump());
   ASSERT_TRUE(scene.ok()) << scene.status().toString();
-  EXPECT_EQ((*scene)->textures.size(), 4u);   // colour, data, and two of roughness
+  EXPECT_EQ((*scene)->textures.size(), 4u);  // colour, data, and two of roughness
 }
 
 }  // namespace

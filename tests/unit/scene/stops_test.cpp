@@ -21,7 +21,10 @@ namespace {
 /// make(token) gives a Status; Ok without a stop, Cancelled at any poll.
 template <typename Make>
 void expectCancelledAnywhere(const char* what, int least, const Make& make) {
-  const int polls = pollsOf([&](const StopToken& s) { const Status made = make(s); ASSERT_TRUE(made.ok()) << what << ": " << made.toString(); });
+  const int polls = pollsOf([&](const StopToken& s) {
+    const Status made = make(s);
+    ASSERT_TRUE(made.ok()) << what << ": " << made.toString();
+  });
   EXPECT_GE(polls, least) << what;
   for (int k = 1; k <= polls; k += 1 + polls / 7) EXPECT_EQ(make(stopAt(k)).code(), Code::Cancelled) << what << ", poll " << k << " of " << polls;
   EXPECT_EQ(make(stopAt(polls)).code(), Code::Cancelled) << what << ", the last of " << polls;
@@ -30,13 +33,14 @@ void expectCancelledAnywhere(const char* what, int least, const Make& make) {
 Status orCancelled(bool made) { return made ? Status() : Status(Code::Cancelled, "stopped"); }
 
 TEST(Stops, BuiltInScenesWithTextures) {
-  for (const char* name : {"atrium", "trees"})   // rows of textures: 512 and more
+  for (const char* name : {"atrium", "trees"})  // rows of textures: 512 and more
     expectCancelledAnywhere(name, 500, [&](const StopToken& s) { return makeBuiltinScene(name, s).status(); });
   for (const std::string& name : builtinSceneNames()) EXPECT_EQ(makeBuiltinScene(name, stoppedAlready()).status().code(), Code::Cancelled) << name;
 }
 
 TEST(Stops, Skies) {
-  expectCancelledAnywhere("sky", 32 + 64 + 64, [](const StopToken& s) { return orCancelled(skyEnvironment({}, 128, s) != nullptr); });   // rows, rings of the sun, rows
+  expectCancelledAnywhere("sky", 32 + 64 + 64,
+                          [](const StopToken& s) { return orCancelled(skyEnvironment({}, 128, s) != nullptr); });  // rows, rings of the sun, rows
 }
 
 Image ramp(int width, int height) {
@@ -49,7 +53,7 @@ TEST(Stops, EnvironmentsFromFiles) {
   const auto exr = *encodeExr(ramp(512, 256)), png = *encodePng(ramp(512, 256));
   expectCancelledAnywhere("EXR", 256 / 64 + 256, [&](const StopToken& s) { return readEnvironment(exr.data(), exr.size(), "a.exr", s).status(); });
   expectCancelledAnywhere("PNG", 256 / 64 + 1 + 256, [&](const StopToken& s) { return readEnvironment(png.data(), png.size(), "a.png", s).status(); });
-  const auto cross = *encodeExr(ramp(256, 192));   // a cube of faces 64 wide becomes 256 x 128
+  const auto cross = *encodeExr(ramp(256, 192));  // a cube of faces 64 wide becomes 256 x 128
   expectCancelledAnywhere("cube", 192 / 64 + 128 + 128, [&](const StopToken& s) { return readEnvironment(cross.data(), cross.size(), "a.exr", s).status(); });
   // In pieces or at once: the same picture.
   const Image whole = ramp(300, 131);
@@ -62,7 +66,8 @@ TEST(Stops, TexturesAndTheirMipLevels) {
   t.width = t.height = 64;
   t.texels8 = std::vector<uint8_t>(64 * 64 * 4, 90);
   sealTexture(t);
-  EXPECT_GE(pollsOf([&](const StopToken& s) { (void)mipmapped(t, true, 0, kTextureTile, s); }), 64 + 2 * 32);   // rows of level 0, and of level 1 made and stored
+  EXPECT_GE(pollsOf([&](const StopToken& s) { (void)mipmapped(t, true, 0, kTextureTile, s); }),
+            64 + 2 * 32);  // rows of level 0, and of level 1 made and stored
 
   namespace fs = std::filesystem;
   const fs::path folder = fs::temp_directory_path() / ("gobo-stops-" + std::to_string(::getpid()));
@@ -92,7 +97,8 @@ ScenePtr walker(int n) {
     p.push_back(Vec3(float(i / 2) * 0.01f, float(i % 2), 0));
     normals.push_back(Vec3(0, 0, 1));
     delta.push_back(Vec3(0, 0, float(i % 5) * 0.1f));
-    if (i >= 2) for (int k : {i - 2, i - 1, i}) corners.push_back(uint32_t(k));
+    if (i >= 2)
+      for (int k : {i - 2, i - 1, i}) corners.push_back(uint32_t(k));
   }
   mesh->positions = p;
   mesh->normals = normals;
@@ -106,7 +112,11 @@ ScenePtr walker(int n) {
   rig->skins = {{Array<int32_t>{0}, Array<Mat4>(1, Mat4(1.0f))}};
   RigSource source;
   source.influences = 4;
-  for (int i = 0; i < n; ++i) for (int k = 0; k < 4; ++k) { source.joints.push_back(0); source.weights.push_back(k == 0 ? 1.0f : 0.0f); }
+  for (int i = 0; i < n; ++i)
+    for (int k = 0; k < 4; ++k) {
+      source.joints.push_back(0);
+      source.weights.push_back(k == 0 ? 1.0f : 0.0f);
+    }
   source.targets.resize(1);
   source.targets[0].positions = delta;
   rig->sources = {source};
@@ -137,7 +147,7 @@ TEST(Stops, Poses) {
   constexpr int vertices = 40'000;
   const ScenePtr rest = walker(vertices);
   Hash128 hash;
-  expectCancelledAnywhere("pose", 2 * vertices / 4096, [&](const StopToken& s) {   // morphed, then skinned
+  expectCancelledAnywhere("pose", 2 * vertices / 4096, [&](const StopToken& s) {  // morphed, then skinned
     const auto posed = posedScene(rest, "walk", 0.5, s);
     if (posed.ok()) hash = (*posed)->hash();
     return posed.status();

@@ -59,7 +59,8 @@ struct BlobTrustTest : ::testing::Test {
     return loaded->report.cached;
   }
   static std::string blobIn(const std::string& cache) {
-    for (const auto& e : fs::directory_iterator(cache)) if (e.path().extension() == ".blob") return e.path().string();
+    for (const auto& e : fs::directory_iterator(cache))
+      if (e.path().extension() == ".blob") return e.path().string();
     return {};
   }
   static void flip(const std::string& path, size_t at, uint8_t bits) {
@@ -95,20 +96,23 @@ TEST_F(BlobTrustTest, WhatWasCheckedIsNotCheckedAgainUntilTheFileChanges) {
   auto temporary = std::move(*cache->begin());
   ASSERT_EQ(::write(temporary->fd(), blob.bytes.data(), blob.bytes.size()), ssize_t(blob.bytes.size()));
   ASSERT_TRUE(cache->commit(*temporary, key).ok());
-  const auto found = [&] { const auto r = cache->find(key); return r.ok() && *r; };
+  const auto found = [&] {
+    const auto r = cache->find(key);
+    return r.ok() && *r;
+  };
   EXPECT_TRUE(found());
   EXPECT_TRUE(found());
-  EXPECT_EQ(cache->checks(), 2u);   // written a moment ago: its stamp says nothing yet
+  EXPECT_EQ(cache->checks(), 2u);  // written a moment ago: its stamp says nothing yet
   std::this_thread::sleep_for(std::chrono::milliseconds(2050));
   EXPECT_TRUE(found());
   EXPECT_EQ(cache->checks(), 3u);
   for (int k = 0; k < 3; ++k) EXPECT_TRUE(found());
   EXPECT_EQ(cache->checks(), 3u);
   const std::string path = blobIn(folder + "/cache");
-  struct stat before{};
+  struct stat before {};
   ASSERT_EQ(::stat(path.c_str(), &before), 0);
   flip(path, blob.bytes.size() - 70, 1);
-  const timespec times[2] = {before.st_atim, before.st_mtim};   // mtime set back: ctime tells
+  const timespec times[2] = {before.st_atim, before.st_mtim};  // mtime set back: ctime tells
   ASSERT_EQ(::utimensat(AT_FDCWD, path.c_str(), times, 0), 0);
   EXPECT_EQ(cache->find(key).status().code(), Code::DataLoss);
   StopSource stop;
@@ -127,7 +131,7 @@ TEST_F(BlobTrustTest, TheLeastRecentlyUsedGoesThoughUseDoesNotTouchTheBlob) {
     auto temporary = std::move(*cache->begin());
     ASSERT_EQ(::write(temporary->fd(), blob.bytes.data(), blob.bytes.size()), ssize_t(blob.bytes.size()));
     ASSERT_TRUE(cache->commit(*temporary, keyOf(i)).ok());
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));   // ticks of the file system's clock
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // ticks of the file system's clock
   };
   const auto has = [&](int i) { return *cache->find(keyOf(i)) != nullptr; };
   put(1);
@@ -147,7 +151,7 @@ TEST_F(BlobTrustTest, LoadsGoOnWithoutTheFolder) {
   EXPECT_TRUE(loads(*loading, "second"));
   fs::remove_all(cache);
   EXPECT_FALSE(loads(*loading, "deleted"));
-  struct stat info{};
+  struct stat info {};
   ASSERT_EQ(::stat(cache.c_str(), &info), 0) << "made again";
   EXPECT_EQ(info.st_mode & 07777, 0700u);
   EXPECT_TRUE(loads(*loading, "kept again"));
@@ -163,10 +167,13 @@ TEST_F(BlobTrustTest, LoadsGoOnOnAFullOrReadOnlyDisk) {
   const std::string mount = folder + "/small";
   ::mkdir(mount.c_str(), 0700);
   if (::mount("none", mount.c_str(), "tmpfs", 0, "size=64k,mode=0700") != 0) GTEST_SKIP() << "mount is not permitted here";
-  struct Unmount { std::string path; ~Unmount() { ::umount2(path.c_str(), MNT_DETACH); } } unmount{mount};
+  struct Unmount {
+    std::string path;
+    ~Unmount() { ::umount2(path.c_str(), MNT_DETACH); }
+  } unmount{mount};
   const std::string cache = mount + "/cache";
   const auto loading = loader(cache);
-  std::ofstream(mount + "/filler", std::ios::binary) << std::string(200 << 10, 'x');   // what fits
+  std::ofstream(mount + "/filler", std::ios::binary) << std::string(200 << 10, 'x');  // what fits
   ASSERT_LT(fs::file_size(mount + "/filler"), uintmax_t(200 << 10));
   for (int k = 0; k < 2; ++k) EXPECT_FALSE(loads(*loading, "full"));
   EXPECT_EQ(blobIn(cache), "");

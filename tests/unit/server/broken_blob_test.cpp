@@ -41,7 +41,7 @@ struct BrokenBlob : ::testing::Test {
     file = folder + "/scene.gltf";
     map = folder + "/sky.exr";
     std::ofstream(file, std::ios::binary) << smallGltf("paint.png");
-    Image paint(128, 128, 3), sky(64, 32, 3);   // of many pages
+    Image paint(128, 128, 3), sky(64, 32, 3);  // of many pages
     for (size_t i = 0; i < paint.data.size(); ++i) paint.data[i] = float(i * 7919 % 251) / 250.0f;
     for (size_t i = 0; i < sky.data.size(); ++i) sky.data[i] = 0.1f + float(i * 7919 % 251) / 250.0f;
     put(folder + "/paint.png", *encodePng(paint));
@@ -102,12 +102,12 @@ struct BrokenBlob : ::testing::Test {
 
 TEST_F(BrokenBlob, CutWhileNothingRuns) {
   uint64_t seed = 0;
-  for (const bool cached : {false, true})          // mapped when it was made, or found
+  for (const bool cached : {false, true})  // mapped when it was made, or found
     for (const double part : {0.0, 0.3, 0.999}) {
       SCOPED_TRACE(std::to_string(part));
       if (cached) engine = start();
       open(*engine);
-      expectRight(*engine, request(++seed), "before");   // its acceleration structure looks into the mapping
+      expectRight(*engine, request(++seed), "before");  // its acceleration structure looks into the mapping
       ASSERT_EQ(blobs().size(), 1u);
       const std::string blob = blobs()[0];
       cut(blob, part);
@@ -148,7 +148,7 @@ TEST_F(BrokenBlob, WhoLoadedTheSameFileElsewhereIsNotTouched) {
   open(*engine);
   expectRight(*engine, request(1), "builds the structure");
   const std::string blob = blobs().at(0), aside = folder + "/aside";
-  fs::rename(blob, aside);                          // the mapping stays; the next load makes another
+  fs::rename(blob, aside);  // the mapping stays; the next load makes another
   open(*engine, "other");
   cut(aside, 0);
   v1::RenderRequest r = request(2);
@@ -179,14 +179,18 @@ TEST_F(BrokenBlob, RendersSideBySide) {
     std::vector<std::thread> threads;
     for (size_t t = 0; t < results.size(); ++t)
       threads.emplace_back([&, t] {
-        results[t] = engine->render(request(100 + t / 2 + 10 * uint64_t(round), kLong));   // two ask for the same
+        results[t] = engine->render(request(100 + t / 2 + 10 * uint64_t(round), kLong));  // two ask for the same
       });
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     cut(blob, 0.1 * round);
     for (std::thread& t : threads) t.join();
     int lost = 0;
     for (size_t t = 0; t < results.size(); ++t) {
-      if (!results[t].ok()) { ++lost; EXPECT_TRUE(results[t].status().code() == Code::DataLoss || results[t].status().code() == Code::NotFound) << results[t].status().toString(); continue; }
+      if (!results[t].ok()) {
+        ++lost;
+        EXPECT_TRUE(results[t].status().code() == Code::DataLoss || results[t].status().code() == Code::NotFound) << results[t].status().toString();
+        continue;
+      }
       const auto peace = start(false);
       open(*peace);
       EXPECT_EQ(firstDifference(*results[t], mustRender(*peace, request(100 + t / 2 + 10 * uint64_t(round), kLong))), "");
@@ -201,10 +205,11 @@ TEST_F(BrokenBlob, EnvironmentMaps) {
   open(*engine);
   const std::string own = blobs().at(0);
   ::utimensat(AT_FDCWD, map.c_str(), std::array<timespec, 2>{timespec{1000, 0}, timespec{1000, 0}}.data(), 0);
-  std::this_thread::sleep_for(std::chrono::milliseconds(2050));   // its stamp may be trusted: the map is kept
+  std::this_thread::sleep_for(std::chrono::milliseconds(2050));  // its stamp may be trusted: the map is kept
   expectRight(*engine, lit(1), "before");
   std::string blob;
-  for (const std::string& b : blobs()) if (b != own) blob = b;
+  for (const std::string& b : blobs())
+    if (b != own) blob = b;
   ASSERT_FALSE(blob.empty());
   cut(blob, 0.5);
   expectLost(engine->render(lit(2)).status(), blob, "environment '" + map + "'");

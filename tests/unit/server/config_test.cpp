@@ -33,8 +33,9 @@ class ConfigFile : public ::testing::Test {
 };
 
 TEST_F(ConfigFile, ReadsEveryKindOfValue) {
-  const Status status = read("listen = [\"unix:a.sock\", \"127.0.0.1:0\"]\nreflection = true\n[engine]\nthreads = 3\nstore_bytes = \"2GiB\"\n"
-                             "roots = [\"scenes\", \"/abs\"]\n[limits]\nupload_bytes = 1000\n[scheduler]\ndrain_s = 2\n");
+  const Status status = read(
+      "listen = [\"unix:a.sock\", \"127.0.0.1:0\"]\nreflection = true\n[engine]\nthreads = 3\nstore_bytes = \"2GiB\"\n"
+      "roots = [\"scenes\", \"/abs\"]\n[limits]\nupload_bytes = 1000\n[scheduler]\ndrain_s = 2\n");
   ASSERT_TRUE(status.ok()) << status.toString();
   EXPECT_EQ(config.listen, (std::vector<std::string>{"unix:" + (folder / "a.sock").string(), "127.0.0.1:0"}));
   EXPECT_TRUE(config.reflection);
@@ -46,7 +47,11 @@ TEST_F(ConfigFile, ReadsEveryKindOfValue) {
 }
 
 TEST_F(ConfigFile, ErrorsNameFileLineKeyAndValue) {
-  const struct { const char* text; const char* line; const char* words; } cases[] = {
+  const struct {
+    const char* text;
+    const char* line;
+    const char* words;
+  } cases[] = {
       {"reflection = false\nthreds = 4\n", ":2: ", "unknown key \"threds\""},
       {"[engine]\n\nthredas = 4\n", ":3: ", "unknown key \"engine.thredas\""},
       {"[engin]\nthreads = 4\n", ":1: ", "unknown key \"engin\""},
@@ -119,7 +124,7 @@ TEST(Config, OnlyLoopbackUnlessRemoteIsAllowed) {
 TEST(Config, AddressesThatAreNoneAreRefused) {
   for (const char* address : {"", "unix:", "localhost", ":80", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:8x", "127.0.0.1:-1"})
     EXPECT_FALSE(parseAddress(address).ok()) << address;
-  EXPECT_FALSE(parseAddress("unix:/" + std::string(200, 'a')).ok());   // sun_path would be cut
+  EXPECT_FALSE(parseAddress("unix:/" + std::string(200, 'a')).ok());  // sun_path would be cut
 }
 
 TEST(Config, Sizes) {
@@ -137,7 +142,7 @@ TEST(Config, LimitsThatContradictEachOther) {
   EXPECT_EQ(status.code(), Code::InvalidArgument);
   EXPECT_NE(status.message().find("limits.chunk_bytes"), std::string::npos);
   config = {};
-  config.queuedBatch = config.rpcThreads;   // waiting renders could take every call
+  config.queuedBatch = config.rpcThreads;  // waiting renders could take every call
   EXPECT_NE(checkConfig(config).message().find("limits.rpc_threads"), std::string::npos);
   config = {};
   config.roots = {"/no/such/folder"};
@@ -146,13 +151,15 @@ TEST(Config, LimitsThatContradictEachOther) {
 
 // What cannot give way must have its place in the total.
 TEST_F(ConfigFile, TheTotalOfMemoryHoldsWhatDoesNotGiveWay) {
-  const std::string small = "listen = [\"unix:a.sock\"]\n[limits]\nreply_bytes = \"64MiB\"\n[scheduler]\npinned_bytes = \"128MiB\"\n[engine]\nkeep_renders_bytes = \"8MiB\"\n";
+  const std::string small =
+      "listen = [\"unix:a.sock\"]\n[limits]\nreply_bytes = \"64MiB\"\n[scheduler]\npinned_bytes = \"128MiB\"\n[engine]\nkeep_renders_bytes = \"8MiB\"\n";
   ASSERT_TRUE(read(small + "memory_bytes = \"200MiB\"\n").ok());
   EXPECT_TRUE(checkConfig(config).ok());
   ASSERT_TRUE(read(small + "memory_bytes = \"199MiB\"\n").ok());
   const Status refused = checkConfig(config);
   EXPECT_EQ(refused.code(), Code::InvalidArgument);
-  for (const char* words : {"engine.memory_bytes = 208666624", "scheduler.pinned_bytes", "209715200"}) EXPECT_NE(refused.message().find(words), std::string::npos) << refused.message();
+  for (const char* words : {"engine.memory_bytes = 208666624", "scheduler.pinned_bytes", "209715200"})
+    EXPECT_NE(refused.message().find(words), std::string::npos) << refused.message();
   config = {};
   ASSERT_TRUE(read(small).ok());
   ASSERT_TRUE(checkConfig(config).ok());
@@ -171,7 +178,7 @@ TEST_F(ConfigFile, AContainersLimitIsTheMachinesMemory) {
   EXPECT_EQ(machineMemory(folder.string()), 1048576u);
   std::ofstream(folder / "sys/fs/cgroup/a/b/memory.max") << "524288\n";
   EXPECT_EQ(machineMemory(folder.string()), 524288u);
-  std::ofstream(folder / "proc/self/cgroup") << "0::/\n";   // as a container sees itself
+  std::ofstream(folder / "proc/self/cgroup") << "0::/\n";  // as a container sees itself
   EXPECT_EQ(machineMemory(folder.string()), machine);
   std::ofstream(folder / "sys/fs/cgroup/memory.max") << "4096\n";
   EXPECT_EQ(machineMemory(folder.string()), 4096u);

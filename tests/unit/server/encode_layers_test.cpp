@@ -21,7 +21,9 @@ v1::RenderRequest layersRequest(const char* outputs) {
   v1::RenderRequest r = smallRequest("spheres", 24, 16, 16);
   set(r, std::string("outputs=") + outputs);
   set(r, "encoding.layers=true");
-  for (const char* e : {"lights.b.kind=POINT", "lights.b.position=1,3,1", "lights.b.intensity=3", "lights.a.kind=POINT", "lights.a.position=-1,3,1", "lights.a.intensity=2"}) set(r, e);
+  for (const char* e :
+       {"lights.b.kind=POINT", "lights.b.position=1,3,1", "lights.b.intensity=3", "lights.a.kind=POINT", "lights.a.position=-1,3,1", "lights.a.intensity=2"})
+    set(r, e);
   return r;
 }
 
@@ -52,7 +54,8 @@ TEST(EncodeLayers, EveryOutputIsALayer) {
     EXPECT_EQ(back.names, findOutput(i.output)->channelNames()) << i.output;
   }
   std::vector<std::string> channels(result.reply.images(0).channels().begin(), result.reply.images(0).channels().end());
-  for (const char* c : {"R", "albedo.R", "normal.X", "depth.Z", "object_id.X", "group_a.B"}) EXPECT_NE(std::find(channels.begin(), channels.end(), c), channels.end()) << c;
+  for (const char* c : {"R", "albedo.R", "normal.X", "depth.Z", "object_id.X", "group_a.B"})
+    EXPECT_NE(std::find(channels.begin(), channels.end(), c), channels.end()) << c;
 }
 
 TEST(EncodeLayers, HeaderTellsWhatMadeIt) {
@@ -62,9 +65,10 @@ TEST(EncodeLayers, HeaderTellsWhatMadeIt) {
   RenderResult result = mustRender(*engine, r);
   const auto bytes = fileOf(result);
   auto meta = *exrMetadata(bytes.data(), bytes.size(), "x.exr");
-  for (const char* key : {"gobo:request", "gobo:request_hash", "gobo:scene_hash", "gobo:seed", "gobo:build", "gobo:plan", "gobo:certificate", "gobo:layers", "gobo:object_id", "gobo:material_id"})
+  for (const char* key : {"gobo:request", "gobo:request_hash", "gobo:scene_hash", "gobo:seed", "gobo:build", "gobo:plan", "gobo:certificate", "gobo:layers",
+                          "gobo:object_id", "gobo:material_id"})
     EXPECT_FALSE(meta[key].empty()) << key;
-  v1::RenderRequest back;                          // sent again, it is the same picture
+  v1::RenderRequest back;  // sent again, it is the same picture
   ASSERT_TRUE(messageFromJson(meta["gobo:request"], back, "header").ok());
   const RenderResult again = mustRender(*engine, back);
   EXPECT_EQ(again.reply.request_hash(), meta["gobo:request_hash"]);
@@ -111,7 +115,8 @@ TEST(EncodeLayers, HalfAndDwaSpareDataLayers) {
     const Image back = layer(bytes, i.output == "beauty" ? "" : i.output);
     if (info.float32) { EXPECT_EQ(back.data, i.image().data) << i.output; }
     if (!info.float32 && info.lossless()) {
-      for (size_t k = 0; k < back.data.size(); ++k) ASSERT_NEAR(back.data[k], i.image().data[k], 0x1p-11f * std::fabs(i.image().data[k]) + 0x1p-24f) << i.output;
+      for (size_t k = 0; k < back.data.size(); ++k)
+        ASSERT_NEAR(back.data[k], i.image().data[k], 0x1p-11f * std::fabs(i.image().data[k]) + 0x1p-24f) << i.output;
     }
   }
 }
@@ -120,8 +125,8 @@ TEST(EncodeLayers, HalfAndDwaSpareDataLayers) {
 TEST(EncodeLayers, PicturesOfShadowMaps) {
   const auto engine = makeEngine();
   v1::RenderRequest r = layersRequest("beauty,shadow_basis:a,shadow_flags:a");
-  for (const char* e : {"encoding.layers=false", "encoding.half=true", "shadows.exponential.c=80", "shadows.exponential.classification=Z_MAX",
-                        "shadows.map.resolution=8"})
+  for (const char* e :
+       {"encoding.layers=false", "encoding.half=true", "shadows.exponential.c=80", "shadows.exponential.classification=Z_MAX", "shadows.map.resolution=8"})
     set(r, e);
   for (const v1::Encoding::Format format : {v1::Encoding::EXR, v1::Encoding::PNG, v1::Encoding::JPEG, v1::Encoding::RAW_FLOAT}) {
     r.mutable_encoding()->set_format(format);
@@ -169,7 +174,8 @@ TEST(EncodeLayers, EveryOutputCanBeShown) {
     const int channels = int(o.channelNames().size());
     Image image(5, 2, channels);
     const float values[] = {-1.0f, 0.0f, 1.0f, 2.0f, 1e9f, -3.0f, NAN, INFINITY, 0.5f, 7.0f};
-    for (size_t i = 0; i < image.pixels(); ++i) for (int c = 0; c < channels; ++c) image.data[i * channels + c] = values[i];
+    for (size_t i = 0; i < image.pixels(); ++i)
+      for (int c = 0; c < channels; ++c) image.data[i * channels + c] = values[i];
     v1::ToneMap tone;
     for (const int curve : {1, 2, 3, 4, 5}) {
       tone.set_curve(v1::ToneMap::Curve(curve));
@@ -182,7 +188,8 @@ TEST(EncodeLayers, EveryOutputCanBeShown) {
   ids.data = {-1, 0, 1, 2};
   const Image shown = displayImage("object_id", ids, {}).image;
   EXPECT_EQ(shown.rgb(0, 0), Vec3(0.0f));
-  for (int i = 1; i < 4; ++i) for (int j = 0; j < i; ++j) EXPECT_GT(glm::length(shown.rgb(i, 0) - shown.rgb(j, 0)), 0.1f);
+  for (int i = 1; i < 4; ++i)
+    for (int j = 0; j < i; ++j) EXPECT_GT(glm::length(shown.rgb(i, 0) - shown.rgb(j, 0)), 0.1f);
 }
 
 TEST(EncodeLayers, TransferAndBitsReachTheFile) {

@@ -6,8 +6,8 @@
 #include "base/hash.h"
 
 #include <cmath>
-#include <functional>
 #include <cstring>
+#include <functional>
 #include <limits>
 
 #include "base/image_io.h"
@@ -37,9 +37,12 @@ RenderResult resultOf(const std::string& output, Image image, v1::Encoding::Form
 
 TEST(Encode, SaysHowManyValuesHalvesDoNotHold) {
   Image image(4, 2, 3);
-  for (size_t i = 0; i < image.data.size(); ++i) image.data[i] = 65504.0f;                    // the largest half is no loss
+  for (size_t i = 0; i < image.data.size(); ++i) image.data[i] = 65504.0f;  // the largest half is no loss
   const float inf = std::numeric_limits<float>::infinity();
-  image.data[3] = 65505.0f; image.data[7] = -1e30f; image.data[9] = 3e38f; image.data[11] = inf;   // infinitely far is no number to lose
+  image.data[3] = 65505.0f;
+  image.data[7] = -1e30f;
+  image.data[9] = 3e38f;
+  image.data[11] = inf;  // infinitely far is no number to lose
   const auto warnings = [&](const std::string& output, const std::function<void(v1::Encoding&)>& edit) {
     RenderResult result = resultOf(output, image, v1::Encoding::RAW_HALF);
     edit(*result.reply.mutable_resolved()->mutable_encoding());
@@ -51,13 +54,38 @@ TEST(Encode, SaysHowManyValuesHalvesDoNotHold) {
   EXPECT_NE(raw[0].find("beauty: 3 of 24 values"), std::string::npos) << raw[0];
   EXPECT_TRUE(warnings("beauty", [](v1::Encoding& e) { e.set_format(v1::Encoding::RAW_FLOAT); }).empty());
   EXPECT_TRUE(warnings("beauty", [](v1::Encoding& e) { e.set_format(v1::Encoding::EXR); }).empty());
-  EXPECT_EQ(warnings("beauty", [](v1::Encoding& e) { e.set_format(v1::Encoding::EXR); e.set_half(true); }).size(), 1u);
-  EXPECT_EQ(warnings("beauty", [](v1::Encoding& e) { e.set_format(v1::Encoding::EXR); e.set_half(true); e.set_layers(true); }).size(), 1u);
-  EXPECT_EQ(warnings("beauty", [](v1::Encoding& e) { e.set_format(v1::Encoding::EXR); e.set_compression(v1::Encoding::DWAA); }).size(), 1u);
-  EXPECT_TRUE(warnings("position", [](v1::Encoding& e) { e.set_format(v1::Encoding::EXR); e.set_half(true); }).empty()) << "written as 32 bits";
+  EXPECT_EQ(warnings("beauty",
+                     [](v1::Encoding& e) {
+                       e.set_format(v1::Encoding::EXR);
+                       e.set_half(true);
+                     })
+                .size(),
+            1u);
+  EXPECT_EQ(warnings("beauty",
+                     [](v1::Encoding& e) {
+                       e.set_format(v1::Encoding::EXR);
+                       e.set_half(true);
+                       e.set_layers(true);
+                     })
+                .size(),
+            1u);
+  EXPECT_EQ(warnings("beauty",
+                     [](v1::Encoding& e) {
+                       e.set_format(v1::Encoding::EXR);
+                       e.set_compression(v1::Encoding::DWAA);
+                     })
+                .size(),
+            1u);
+  EXPECT_TRUE(warnings("position",
+                       [](v1::Encoding& e) {
+                         e.set_format(v1::Encoding::EXR);
+                         e.set_half(true);
+                       })
+                  .empty())
+      << "written as 32 bits";
 }
 
-TEST(Sha256, KnownDigests) {   // FIPS 180-4 examples
+TEST(Sha256, KnownDigests) {  // FIPS 180-4 examples
   EXPECT_EQ(sha256Hex("abc", 3), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
   EXPECT_EQ(sha256Hex("", 0), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
   Sha256 pieces;
@@ -84,7 +112,7 @@ TEST(Encode, RawFloatIsTheMemoryAsItIs) {
 
 TEST(Encode, HalvesAreRoundedToNearestAndNeverInfinite) {
   Image image(4, 1, 1);
-  image.data = {1.0f, 65520.0f, -1e9f, 0.333333f};   // 65520 would round to infinity
+  image.data = {1.0f, 65520.0f, -1e9f, 0.333333f};  // 65520 would round to infinity
   const std::vector<uint8_t> bytes = rawBytes(image.data, true);
   uint16_t h[4];
   ASSERT_EQ(bytes.size(), sizeof h);
@@ -168,7 +196,7 @@ TEST(Encode, JpegDecodesToItsSize) {
   auto back = readImageFromMemory((*images)[0].bytes.data(), (*images)[0].bytes.size(), "x.jpg");
   ASSERT_TRUE(back.ok());
   EXPECT_EQ(back->width, 16);
-  EXPECT_NEAR(back->at(3, 3)[0], 0.4613f, 0.02f);   // sRGB of 0.18
+  EXPECT_NEAR(back->at(3, 3)[0], 0.4613f, 0.02f);  // sRGB of 0.18
 }
 
 TEST(Encode, UnknownFormatNamesTheField) {

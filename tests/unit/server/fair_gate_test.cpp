@@ -16,13 +16,17 @@ const auto kNever = [] { return false; };
 
 /// A caller that holds its place until it is told to leave.
 struct Caller {
-  Caller(FairGate& gate, const std::string& client) : thread([this, &gate, client] {
-    const auto place = gate.enter(client, [this] { return gone.load(); });
-    inside = place.has_value();
-    while (place && !leave) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    over = true;
-  }) {}
-  ~Caller() { leave = gone = true; thread.join(); }
+  Caller(FairGate& gate, const std::string& client)
+      : thread([this, &gate, client] {
+          const auto place = gate.enter(client, [this] { return gone.load(); });
+          inside = place.has_value();
+          while (place && !leave) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+          over = true;
+        }) {}
+  ~Caller() {
+    leave = gone = true;
+    thread.join();
+  }
   std::atomic<bool> inside{false}, leave{false}, gone{false}, over{false};
   std::thread thread;
 };
@@ -49,7 +53,7 @@ TEST(FairGate, ACrowdOfOneClientLeavesPlacesForTheFirstOfOthers) {
   Caller more(gate, "other 0"), last(gate, "other 4");
   ASSERT_TRUE(eventually([&] { return gate.waiting() == 10; }));
   EXPECT_EQ(gate.running(), 6u);
-  others[1]->leave = true;   // a place for one that has none, not for the crowd that came first
+  others[1]->leave = true;  // a place for one that has none, not for the crowd that came first
   EXPECT_TRUE(eventually([&] { return last.inside.load(); }));
   EXPECT_EQ(gate.running(), 6u);
   EXPECT_FALSE(more.inside);
@@ -65,7 +69,10 @@ TEST(FairGate, WhoHasGoneWaitsNoLongerAndAFullQueueRefuses) {
   FairGate::Queue seen;
   Caller waiting(gate, "b");
   ASSERT_TRUE(eventually([&] { return gate.waiting() == 1; }));
-  EXPECT_FALSE(gate.enter("b", kNever, [&](const FairGate::Queue& queue) { seen = queue; return queue.ofClient >= 1; }));
+  EXPECT_FALSE(gate.enter("b", kNever, [&](const FairGate::Queue& queue) {
+    seen = queue;
+    return queue.ofClient >= 1;
+  }));
   EXPECT_EQ(seen.waiting, 1u);
   EXPECT_EQ(seen.ofClient, 1u);
   EXPECT_EQ(seen.running, 1u);

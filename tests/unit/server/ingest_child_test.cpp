@@ -64,7 +64,7 @@ TEST_F(FakeReader, ACrashIsTheFilesFaultOnlyWhileItIsParsed) {
 TEST_F(FakeReader, OneThatCannotBeStartedIsTheServersFault) {
   const int out = ::memfd_create("fake", MFD_CLOEXEC);
   const ingest::Job job{ingest::Task::Scene, put("scene.gltf", smallGltf("")), 1 << 20, 1 << 30, 1 << 30, 256ull << 20, 8 << 20, 1};
-  const auto result = runIngest(*spawnedReaders(folder + "/scene.gltf"), job, out, 20, {});   // exists, is no program
+  const auto result = runIngest(*spawnedReaders(folder + "/scene.gltf"), job, out, 20, {});  // exists, is no program
   ::close(out);
   EXPECT_EQ(result.status().code(), Code::Internal) << result.status().toString();
   EXPECT_NE(result.status().message().find("ingest.program"), std::string::npos);

@@ -61,10 +61,19 @@ bool sends() {
 bool mounts() { return ::mkdir("/gobo-layers-test", 0700) == 0 || ::access("/etc", F_OK) == 0 || ::access("/proc", F_OK) == 0; }
 
 TEST(IngestLayers, EachAloneKeepsOutWhatItIsThereFor) {
-  const auto namespaces = [](Layers& l) { ingest::enterUserNamespace(l); ingest::enterNamespaces(l); };
+  const auto namespaces = [](Layers& l) {
+    ingest::enterUserNamespace(l);
+    ingest::enterNamespaces(l);
+  };
   ASSERT_TRUE(opens());
-  const struct { const char* layer; std::function<void(Layers&)> enter; bool (*attempt)(); } rows[] = {
-      {"landlock", ingest::denyFiles, opens}, {"mount_namespace", namespaces, opens}, {"mount_namespace", namespaces, mounts}, {"network_namespace", namespaces, sends}};
+  const struct {
+    const char* layer;
+    std::function<void(Layers&)> enter;
+    bool (*attempt)();
+  } rows[] = {{"landlock", ingest::denyFiles, opens},
+              {"mount_namespace", namespaces, opens},
+              {"mount_namespace", namespaces, mounts},
+              {"network_namespace", namespaces, sends}};
   int tried = 0;
   for (const auto& row : rows) {
     const Answer a = behind(row.enter, row.layer, row.attempt);
@@ -112,7 +121,8 @@ TEST(IngestLayers, ScenesAndEnvironmentMapsAreReadBehindTheSame) {
 
 std::string parentOf(const std::string& process) {
   std::ifstream in("/proc/" + process + "/status");
-  for (std::string word; in >> word;) if (word == "PPid:" && in >> word) return word;
+  for (std::string word; in >> word;)
+    if (word == "PPid:" && in >> word) return word;
   return {};
 }
 
@@ -131,13 +141,16 @@ TEST(IngestLayers, TheReaderHasOneThread) {
   const int out = ::memfd_create("layers", MFD_CLOEXEC);
   StopSource stop;
   std::string found;
-  std::thread reader([&] { (void)runIngest(*forkedReaders(findIngestProgram()), {ingest::Task::Probe, "sleep", 0, 0, 0, 1ull << 30, 1 << 20, 20}, out, 60, stop.token()); });
+  std::thread reader([&] {
+    (void)runIngest(*forkedReaders(findIngestProgram()), {ingest::Task::Probe, "sleep", 0, 0, 0, 1ull << 30, 1 << 20, 20}, out, 60, stop.token());
+  });
   for (int tries = 0; tries < 2000 && found.empty(); ++tries) {
     ::usleep(10000);
     for (const auto& process : fs::directory_iterator("/proc")) {
       std::ifstream in(process.path() / "status");
       std::string status((std::istreambuf_iterator<char>(in)), {});
-      if (status.starts_with("Name:\tgobo-ingest\n") && status.find("Seccomp:\t2\n") != std::string::npos && readsForMe(process.path().filename())) found = status;
+      if (status.starts_with("Name:\tgobo-ingest\n") && status.find("Seccomp:\t2\n") != std::string::npos && readsForMe(process.path().filename()))
+        found = status;
     }
   }
   stop.stop(StopReason::Cancelled);

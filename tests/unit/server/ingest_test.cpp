@@ -94,14 +94,14 @@ TEST_F(Ingest, EveryEndOfAChildHasItsName) {
     const Status s = probe(what, wall);
     EXPECT_EQ(s.code(), code) << what << ": " << s.toString();
     EXPECT_NE(s.message().find(text), std::string::npos) << what << ": " << s.toString();
-    EXPECT_EQ(s.location(), what);   // the file that was being read
+    EXPECT_EQ(s.location(), what);  // the file that was being read
     std::cout << "  " << what << ": " << s.toString() << "\n";
   };
   expect("segv", Code::InvalidArgument, "crashes its reader (Segmentation fault, SIGSEGV)");
   expect("abort", Code::InvalidArgument, "crashes its reader (Aborted, SIGABRT)");
   expect("spin", Code::ResourceExhausted, ("more than " + std::to_string(kCpuSeconds) + " s of CPU time (ingest.cpu_s)").c_str());
   expect("sleep", Code::ResourceExhausted, "longer than 0.3 s (ingest.wall_s)", 0.3);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(GOBO_THREAD_SANITIZER)   // whose shadow memory rules out the limit
+#if !defined(__SANITIZE_ADDRESS__) && !defined(GOBO_THREAD_SANITIZER)  // whose shadow memory rules out the limit
   expect("allocate", Code::ResourceExhausted, "more memory than 268435456 bytes (ingest.memory_bytes)");
 #endif
   expect("write", Code::ResourceExhausted, "larger than 8388608 bytes (ingest.blob_bytes)");
@@ -112,7 +112,10 @@ TEST_F(Ingest, EveryEndOfAChildHasItsName) {
 
 TEST_F(Ingest, StopKillsTheChild) {
   StopSource stop;
-  std::thread later([&] { std::this_thread::sleep_for(std::chrono::milliseconds(200)); stop.stop(StopReason::Cancelled); });
+  std::thread later([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    stop.stop(StopReason::Cancelled);
+  });
   const auto start = std::chrono::steady_clock::now();
   EXPECT_EQ(probe("sleep", 60, stop.token()).code(), Code::Cancelled);
   later.join();
@@ -156,7 +159,7 @@ TEST_F(Ingest, PicturesAreTheSameBits) {
   request.set_height(32);
   request.mutable_halt()->set_spp(4);
   std::vector<std::vector<float>> pictures;
-  for (int k = 0; k < 3; ++k) {   // in this process, by a child, from the cache
+  for (int k = 0; k < 3; ++k) {  // in this process, by a child, from the cache
     EngineOptions o;
     o.threads = 2;
     o.anyPath = true;
@@ -192,21 +195,21 @@ TEST_F(Ingest, NothingStaleIsGivenBack) {
   };
   const Hash128 red = load(false);
   settle();
-  EXPECT_EQ(load(true), red);      // hashes the files; their stamps are trusted from now on
+  EXPECT_EQ(load(true), red);  // hashes the files; their stamps are trusted from now on
   EXPECT_EQ(load(true), red);
   // A change of the side file alone, of the same size, with its modification time set back.
-  struct stat before{};
+  struct stat before {};
   ASSERT_EQ(::stat((folder + "/paint.png").c_str(), &before), 0);
   put("paint.png", smallPng(20, 240, 90));
   const timespec times[2] = {before.st_atim, before.st_mtim};
   ASSERT_EQ(::utimensat(AT_FDCWD, (folder + "/paint.png").c_str(), times, 0), 0);
-  struct stat after{};
+  struct stat after {};
   ::stat((folder + "/paint.png").c_str(), &after);
   ASSERT_EQ(after.st_size, before.st_size);
   ASSERT_EQ(after.st_mtim.tv_nsec, before.st_mtim.tv_nsec);
   const Hash128 green = load(false);
   EXPECT_NE(green, red);
-  put("paint.png", smallPng(200, 40, 90));   // what was there first is known
+  put("paint.png", smallPng(200, 40, 90));  // what was there first is known
   EXPECT_EQ(load(true), red);
   // Two changes within one tick of the clock: an unsettled stamp is not trusted.
   for (int k = 0; k < 3; ++k) {
@@ -234,7 +237,7 @@ TEST_F(Ingest, AnotherDaemonAndAnotherFolderFindTheBlob) {
   fs::copy(path, folder + "/elsewhere/scene.gltf");
   EXPECT_TRUE(loader(options())->scene(folder + "/elsewhere/scene.gltf", {})->report.cached);
   IngestOptions other = options();
-  other.textureBytes = 1 << 20;   // an option that the result depends on
+  other.textureBytes = 1 << 20;  // an option that the result depends on
   EXPECT_FALSE(loader(other)->scene(path, {})->report.cached);
 }
 
@@ -244,9 +247,14 @@ TEST_F(Ingest, DamagedBlobIsMadeAgain) {
   const Hash128 hash = loading->scene(path, {})->scene->hash();
   for (const auto& damage : {std::function<void(const std::string&)>([](const std::string& f) { fs::resize_file(f, 100); }),
                              std::function<void(const std::string&)>([](const std::string& f) { fs::resize_file(f, fs::file_size(f) - 64); }),
-                             std::function<void(const std::string&)>([](const std::string& f) { std::fstream s(f, std::ios::in | std::ios::out | std::ios::binary); s.seekp(140); s.put('\x7f'); }),
+                             std::function<void(const std::string&)>([](const std::string& f) {
+                               std::fstream s(f, std::ios::in | std::ios::out | std::ios::binary);
+                               s.seekp(140);
+                               s.put('\x7f');
+                             }),
                              std::function<void(const std::string&)>([](const std::string& f) { std::ofstream(f, std::ios::trunc); })}) {
-    for (const auto& e : fs::directory_iterator(folder + "/cache")) if (e.path().extension() == ".blob") damage(e.path());
+    for (const auto& e : fs::directory_iterator(folder + "/cache"))
+      if (e.path().extension() == ".blob") damage(e.path());
     const auto again = loading->scene(path, {});
     ASSERT_TRUE(again.ok()) << again.status().toString();
     EXPECT_FALSE(again->report.cached);
@@ -261,11 +269,11 @@ TEST_F(Ingest, CacheIsBoundedAndScenesOutliveTheirBlobs) {
   const auto loading = loader(o);
   const auto a = loading->scene(put("a.gltf", smallGltf("")), {});
   ASSERT_TRUE(a.ok());
-  EXPECT_EQ(blobs(), 1u);   // the newest is kept
+  EXPECT_EQ(blobs(), 1u);  // the newest is kept
   const auto b = loading->scene(put("b.gltf", smallGltf("")), {});
   ASSERT_TRUE(b.ok());
   EXPECT_EQ(blobs(), 1u);
-  EXPECT_EQ(blobOfScene(*a->scene), blobOfScene(*loadGltf(folder + "/a.gltf").value()));   // mapped, though its name is gone
+  EXPECT_EQ(blobOfScene(*a->scene), blobOfScene(*loadGltf(folder + "/a.gltf").value()));  // mapped, though its name is gone
 }
 
 TEST_F(Ingest, FolderOfOthersIsNotTrusted) {

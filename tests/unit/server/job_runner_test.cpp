@@ -29,6 +29,7 @@ class Gate {
     while (!open_ && !stop.stopRequested()) changed_.wait_for(hold, std::chrono::milliseconds(1));
     return open_;
   }
+
  private:
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -54,7 +55,10 @@ struct Call {
       RunControl control;
       control.gone = gone;
       control.pollSeconds = 0.001;
-      control.admitted = [this](JobId i) { id = i; admitted.open(); };
+      control.admitted = [this](JobId i) {
+        id = i;
+        admitted.open();
+      };
       report = runner.run(s, work, control);
       admitted.open();
     });
@@ -85,7 +89,7 @@ TEST(JobRunner, RunsAndReturnsWhatTheWorkReturned) {
 TEST(JobRunner, PreemptedWorkIsCalledAgainAfterTheOther) {
   JobRunner runner(slots(1));
   Gate batchRuns;
-  std::vector<std::string> order;   // only the one slot writes
+  std::vector<std::string> order;  // only the one slot writes
   int calls = 0;
   Call batch(runner, spec(B), [&](StopToken stop) {
     if (++calls == 1) {
@@ -96,12 +100,18 @@ TEST(JobRunner, PreemptedWorkIsCalledAgainAfterTheOther) {
       order.push_back("gave way");
       return Status(Code::Aborted, "parked");
     }
-    EXPECT_FALSE(stop.stopRequested());   // a fresh token
+    EXPECT_FALSE(stop.stopRequested());  // a fresh token
     order.push_back("went on");
     return Status();
   });
   batchRuns.wait();
-  EXPECT_TRUE(runner.run(spec(I), [&](StopToken) { order.push_back("interactive"); return Status(); }).status.ok());
+  EXPECT_TRUE(runner
+                  .run(spec(I),
+                       [&](StopToken) {
+                         order.push_back("interactive");
+                         return Status();
+                       })
+                  .status.ok());
   EXPECT_TRUE(batch.join().status.ok());
   EXPECT_EQ(batch.report.runs, 2);
   EXPECT_EQ(order, (std::vector<std::string>{"gave way", "interactive", "went on"}));
@@ -137,7 +147,7 @@ TEST(JobRunner, CancelReachesRunningWorkBeforeItReturns) {
   call.admitted.wait();
   EXPECT_FALSE(seen.stopRequested());
   EXPECT_TRUE(runner.cancel(call.id));
-  EXPECT_EQ(seen.reason(), StopReason::Cancelled);   // no thread had to wake for it
+  EXPECT_EQ(seen.reason(), StopReason::Cancelled);  // no thread had to wake for it
   leave.open();
   EXPECT_EQ(call.join().status.code(), Code::Cancelled);
   EXPECT_FALSE(runner.cancel(call.id));
@@ -146,13 +156,20 @@ TEST(JobRunner, CancelReachesRunningWorkBeforeItReturns) {
 TEST(JobRunner, CancelOfAQueuedJobNeverRunsIt) {
   JobRunner runner(slots(1));
   Gate runs, leave;
-  Call first(runner, spec(N), [&](StopToken) { runs.open(); leave.wait(); return Status(); });
+  Call first(runner, spec(N), [&](StopToken) {
+    runs.open();
+    leave.wait();
+    return Status();
+  });
   runs.wait();
   bool ran = false;
-  Call second(runner, spec(N), [&](StopToken) { ran = true; return Status(); });
+  Call second(runner, spec(N), [&](StopToken) {
+    ran = true;
+    return Status();
+  });
   second.admitted.wait();
   EXPECT_TRUE(runner.cancel(second.id));
-  EXPECT_EQ(second.join().status.code(), Code::Cancelled);   // while the first still holds the slot
+  EXPECT_EQ(second.join().status.code(), Code::Cancelled);  // while the first still holds the slot
   EXPECT_EQ(second.report.runs, 0);
   leave.open();
   EXPECT_TRUE(first.join().status.ok());
@@ -163,12 +180,15 @@ TEST(JobRunner, CallerThatLeavesCancelsItsJob) {
   JobRunner runner(slots(1));
   std::atomic<bool> left{false};
   Gate runs;
-  Call call(runner, spec(N), [&](StopToken stop) {
-    runs.open();
-    Gate never;
-    (void)never.waitOrStop(stop);
-    return Status(stop.reason() == StopReason::Cancelled ? Code::Cancelled : Code::Internal, "left");
-  }, [&] { return left.load(); });
+  Call call(
+      runner, spec(N),
+      [&](StopToken stop) {
+        runs.open();
+        Gate never;
+        (void)never.waitOrStop(stop);
+        return Status(stop.reason() == StopReason::Cancelled ? Code::Cancelled : Code::Internal, "left");
+      },
+      [&] { return left.load(); });
   runs.wait();
   left = true;
   EXPECT_EQ(call.join().status.code(), Code::Cancelled);
@@ -186,8 +206,12 @@ TEST(JobRunner, CancelBetweenPreemptionAndRestartIsFinal) {
     return Status(Code::Aborted, "parked");
   });
   batchRuns.wait();
-  Call hot(runner, spec(I), [&](StopToken) { hotRuns.open(); hotLeaves.wait(); return Status(); });
-  hotRuns.wait();                                    // so batch has been parked
+  Call hot(runner, spec(I), [&](StopToken) {
+    hotRuns.open();
+    hotLeaves.wait();
+    return Status();
+  });
+  hotRuns.wait();  // so batch has been parked
   batch.admitted.wait();
   EXPECT_TRUE(runner.cancel(batch.id));
   EXPECT_EQ(batch.join().status.code(), Code::Cancelled);
@@ -198,17 +222,20 @@ TEST(JobRunner, CancelBetweenPreemptionAndRestartIsFinal) {
 
 TEST(JobRunner, DeadlinesOfQueuedAndRunningJobsComeByThemselves) {
   JobRunner runner(slots(1));
-  JobSpec running = spec(I), queued = spec(N);   // the class and not the earlier deadline says who is first
+  JobSpec running = spec(I), queued = spec(N);  // the class and not the earlier deadline says who is first
   running.deadline = JobRunner::now() + 1;
   Call first(runner, running, [&](StopToken stop) {
     Gate never;
-    (void)never.waitOrStop(stop);                    // only the timer can end this
+    (void)never.waitOrStop(stop);  // only the timer can end this
     return Status(Code::Aborted, "stopped");
   });
   first.admitted.wait();
   queued.deadline = JobRunner::now() + 0.02;
   bool ran = false;
-  Call second(runner, queued, [&](StopToken) { ran = true; return Status(); });
+  Call second(runner, queued, [&](StopToken) {
+    ran = true;
+    return Status();
+  });
   EXPECT_EQ(second.join().status.code(), Code::DeadlineExceeded);
   EXPECT_EQ(first.join().status.code(), Code::DeadlineExceeded);
   EXPECT_FALSE(ran);
@@ -220,7 +247,11 @@ TEST(JobRunner, RefusalsCarryTheSchedulersReason) {
   o.pinnedLimit = 10;
   JobRunner runner(o);
   Gate runs, leave;
-  Call first(runner, spec(N), [&](StopToken) { runs.open(); leave.wait(); return Status(); });
+  Call first(runner, spec(N), [&](StopToken) {
+    runs.open();
+    leave.wait();
+    return Status();
+  });
   runs.wait();
   Call second(runner, spec(N), [&](StopToken) { return Status(); });
   second.admitted.wait();
@@ -255,7 +286,11 @@ TEST(JobRunner, DrainRefusesNewWaitsAndThenCancels) {
 TEST(JobRunner, DrainLetsRunningWorkEnd) {
   JobRunner runner(slots(2));
   Gate runs, leave;
-  Call call(runner, spec(N), [&](StopToken) { runs.open(); leave.wait(); return Status(); });
+  Call call(runner, spec(N), [&](StopToken) {
+    runs.open();
+    leave.wait();
+    return Status();
+  });
   runs.wait();
   std::thread drainer([&] { runner.drain(60); });
   while (runner.run(spec(N), [](StopToken) { return Status(); }).status.code() != Code::Unavailable) std::this_thread::yield();
@@ -272,42 +307,52 @@ TEST(JobRunner, ManyCallersNeverExceedSlotsAndEachJobEndsOnce) {
   JobRunner runner(o);
   std::atomic<int> inside{0}, worst{0}, ended{0}, wrong{0};
   std::atomic<int> bytesInside{0}, worstBytes{0};
-  const auto most = [](std::atomic<int>& m, int v) { int old = m; while (old < v && !m.compare_exchange_weak(old, v)) {} };
+  const auto most = [](std::atomic<int>& m, int v) {
+    int old = m;
+    while (old < v && !m.compare_exchange_weak(old, v)) {}
+  };
   std::vector<std::thread> callers;
-  for (int t = 0; t < 12; ++t) callers.emplace_back([&, t] {
-    uint64_t state = uint64_t(t) * 7919 + 1;
-    for (int n = 0; n < 40; ++n) {
-      state = state * 6364136223846793005ull + 1442695040888963407ull;
-      JobSpec s;
-      s.client = std::string(1, char('a' + t % 3));
-      s.jobClass = JobClass((state >> 33) % 3);
-      s.pinnedBytes = (state >> 40) % 60;
-      int left = 50 + int((state >> 50) % 200);      // "blocks": kept across preemptions
-      std::atomic<bool> here{false};
-      const bool leave = (state >> 20) % 7 == 0;
-      RunControl control;
-      if (leave) control.admitted = [&](JobId id) { runner.cancel(id); };
-      const RunReport r = runner.run(s, [&](StopToken stop) {
-        if (here.exchange(true)) ++wrong;            // the same job twice at once
-        most(worst, ++inside);
-        most(worstBytes, bytesInside += int(s.pinnedBytes));
-        Status status;
-        for (; left > 0; --left) {
-          if (stop.stopRequested()) { status = Status(Code::Aborted, "stopped"); break; }
-          std::this_thread::yield();
-        }
-        bytesInside -= int(s.pinnedBytes);
-        --inside;
-        here = false;
-        return status;
-      }, control);
-      ++ended;
-      const bool complete = left == 0;
-      if (r.status.ok() != complete) ++wrong;
-      if (!r.status.ok() && r.status.code() != Code::Cancelled) ++wrong;
-      if (!r.status.ok() && !leave) ++wrong;
-    }
-  });
+  for (int t = 0; t < 12; ++t)
+    callers.emplace_back([&, t] {
+      uint64_t state = uint64_t(t) * 7919 + 1;
+      for (int n = 0; n < 40; ++n) {
+        state = state * 6364136223846793005ull + 1442695040888963407ull;
+        JobSpec s;
+        s.client = std::string(1, char('a' + t % 3));
+        s.jobClass = JobClass((state >> 33) % 3);
+        s.pinnedBytes = (state >> 40) % 60;
+        int left = 50 + int((state >> 50) % 200);  // "blocks": kept across preemptions
+        std::atomic<bool> here{false};
+        const bool leave = (state >> 20) % 7 == 0;
+        RunControl control;
+        if (leave) control.admitted = [&](JobId id) { runner.cancel(id); };
+        const RunReport r = runner.run(
+            s,
+            [&](StopToken stop) {
+              if (here.exchange(true)) ++wrong;  // the same job twice at once
+              most(worst, ++inside);
+              most(worstBytes, bytesInside += int(s.pinnedBytes));
+              Status status;
+              for (; left > 0; --left) {
+                if (stop.stopRequested()) {
+                  status = Status(Code::Aborted, "stopped");
+                  break;
+                }
+                std::this_thread::yield();
+              }
+              bytesInside -= int(s.pinnedBytes);
+              --inside;
+              here = false;
+              return status;
+            },
+            control);
+        ++ended;
+        const bool complete = left == 0;
+        if (r.status.ok() != complete) ++wrong;
+        if (!r.status.ok() && r.status.code() != Code::Cancelled) ++wrong;
+        if (!r.status.ok() && !leave) ++wrong;
+      }
+    });
   for (auto& c : callers) c.join();
   EXPECT_EQ(wrong, 0);
   EXPECT_EQ(ended, 12 * 40);

@@ -47,7 +47,7 @@ TEST_F(LogLines, JsonIsJsonWhateverTheClientSent) {
   logEvent(LogLevel::Warn, "render", {{"scene", odd}});
   logWarn("free %d", 3);
   ASSERT_EQ(lines.size(), 2u);
-  const auto j = nlohmann::json::parse(lines[0]);   // throws on bytes that are no UTF-8
+  const auto j = nlohmann::json::parse(lines[0]);  // throws on bytes that are no UTF-8
   EXPECT_EQ(j["level"], "WARN");
   EXPECT_EQ(j["event"], "render");
   const std::string scene = j["scene"];
@@ -82,9 +82,10 @@ TEST(MetricsText, CountersHistogramsAndEscapes) {
     out.sample("g", {}, 1.5);
     out.sample("g", {{"x", "y"}}, std::numeric_limits<double>::infinity());
   });
-  EXPECT_EQ(m.text(), "# HELP c_total Things.\n# TYPE c_total counter\nc_total{k=\"a\\\"b\\\\c\\nd\"} 3\n"
-                      "# HELP h_seconds Times.\n# TYPE h_seconds histogram\nh_seconds_bucket{le=\"0.1\"} 2\nh_seconds_bucket{le=\"1\"} 3\n"
-                      "h_seconds_bucket{le=\"+Inf\"} 4\nh_seconds_sum 7.65\nh_seconds_count 4\n# HELP g Now.\n# TYPE g gauge\ng 1.5\ng{x=\"y\"} +Inf\n");
+  EXPECT_EQ(m.text(),
+            "# HELP c_total Things.\n# TYPE c_total counter\nc_total{k=\"a\\\"b\\\\c\\nd\"} 3\n"
+            "# HELP h_seconds Times.\n# TYPE h_seconds histogram\nh_seconds_bucket{le=\"0.1\"} 2\nh_seconds_bucket{le=\"1\"} 3\n"
+            "h_seconds_bucket{le=\"+Inf\"} 4\nh_seconds_sum 7.65\nh_seconds_count 4\n# HELP g Now.\n# TYPE g gauge\ng 1.5\ng{x=\"y\"} +Inf\n");
   EXPECT_EQ(m.value("h_seconds"), 4);
 }
 
@@ -95,26 +96,33 @@ TEST(Gate, BoundsWhatRunsAndPassesStops) {
   std::vector<std::thread> threads;
   for (int i = 0; i < 6; ++i)
     threads.emplace_back([&, i] {
-      const Status s = gate.run("client " + std::to_string(i), [&](const StopToken&) -> Status {
-        const int now = ++running;
-        int seen = most.load();
-        while (now > seen && !most.compare_exchange_weak(seen, now)) {}
-        std::this_thread::sleep_for(std::chrono::milliseconds(20));
-        --running;
-        return {};
-      }, [] { return false; });
+      const Status s = gate.run(
+          "client " + std::to_string(i),
+          [&](const StopToken&) -> Status {
+            const int now = ++running;
+            int seen = most.load();
+            while (now > seen && !most.compare_exchange_weak(seen, now)) {}
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));
+            --running;
+            return {};
+          },
+          [] { return false; });
       done += s.ok();
     });
   for (auto& t : threads) t.join();
   EXPECT_EQ(done, 6);
   EXPECT_LE(most, 2);
   // The caller leaves while the work runs: the token says so, and the work's own answer counts.
-  const Status stopped = gate.run("someone", [](const StopToken& stop) -> Status {
-    for (int i = 0; i < 5000 && !stop.stopRequested(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    return {stop.stopRequested() ? Code::Cancelled : Code::Internal, "ended"};
-  }, [] { return true; });
+  const Status stopped = gate.run(
+      "someone",
+      [](const StopToken& stop) -> Status {
+        for (int i = 0; i < 5000 && !stop.stopRequested(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        return {stop.stopRequested() ? Code::Cancelled : Code::Internal, "ended"};
+      },
+      [] { return true; });
   EXPECT_EQ(stopped.code(), Code::Cancelled);
-  const Status thrown = gate.run("someone", [](const StopToken&) -> Status { throw std::runtime_error("boom"); }, [] { return false; });
+  const Status thrown = gate.run(
+      "someone", [](const StopToken&) -> Status { throw std::runtime_error("boom"); }, [] { return false; });
   EXPECT_EQ(thrown.code(), Code::Internal);
   EXPECT_NE(thrown.message().find("boom"), std::string::npos);
   EXPECT_EQ(gate.running(), 0u);
@@ -124,14 +132,20 @@ struct Loads {
   LoadGate gate;
   std::atomic<bool> release{false};
   std::mutex mutex;
-  std::vector<std::string> order;   // in which clients got their place
+  std::vector<std::string> order;  // in which clients got their place
   std::vector<std::thread> threads;
   Status run(const std::string& client) {
-    return gate.run(client, [&, client](const StopToken&) -> Status {
-      { const std::lock_guard lock(mutex); order.push_back(client); }
-      while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-      return {};
-    }, [] { return false; });
+    return gate.run(
+        client,
+        [&, client](const StopToken&) -> Status {
+          {
+            const std::lock_guard lock(mutex);
+            order.push_back(client);
+          }
+          while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+          return {};
+        },
+        [] { return false; });
   }
   void start(const std::string& client, uint32_t running, uint32_t waiting) {
     threads.emplace_back([this, client] { EXPECT_TRUE(run(client).ok()); });
@@ -161,7 +175,7 @@ TEST(Gate, RefusesWhenTooManyWait) {
   const Status mine = loads.run("a");
   EXPECT_EQ(mine.code(), Code::ResourceExhausted);
   EXPECT_NE(mine.message().find("16 of one client"), std::string::npos) << mine.message();
-  for (uint32_t i = LoadGate::kWaitingOfOne; i < LoadGate::kWaiting; ++i) loads.start("b", 1, i + 1);   // others still may
+  for (uint32_t i = LoadGate::kWaitingOfOne; i < LoadGate::kWaiting; ++i) loads.start("b", 1, i + 1);  // others still may
   EXPECT_EQ(loads.run("c").code(), Code::ResourceExhausted);
 }
 
@@ -184,12 +198,16 @@ TEST(Gate, PlacesGoToWhoWasServedLongestAgo) {
   std::vector<std::thread> threads;
   const auto start = [&](const std::string& client, uint32_t waiting) {
     threads.emplace_back([&, client] {
-      EXPECT_TRUE(gate.run(client, [&](const StopToken&) -> Status {
-        while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-        const std::lock_guard lock(mutex);
-        order.push_back(client);
-        return {};
-      }, [] { return false; }).ok());
+      EXPECT_TRUE(gate.run(
+                          client,
+                          [&](const StopToken&) -> Status {
+                            while (!release) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+                            const std::lock_guard lock(mutex);
+                            order.push_back(client);
+                            return {};
+                          },
+                          [] { return false; })
+                      .ok());
     });
     while (gate.running() != 1 || gate.waiting() != waiting) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   };
@@ -211,7 +229,7 @@ TEST(TokenRate, BurstAndLongRun) {
   who.token = config;
   who.use = std::make_shared<TokenUse>();
   int taken = 0;
-  for (int i = 0; i <= 1000; ++i) taken += who.takeRequest(100 + i * 0.01) == 0;   // 10 s
+  for (int i = 0; i <= 1000; ++i) taken += who.takeRequest(100 + i * 0.01) == 0;  // 10 s
   EXPECT_NEAR(taken, 43, 1);
   EXPECT_NEAR(who.takeRequest(110), 0.25, 0.251);
   EXPECT_EQ(who.takeRequest(1000), 0);

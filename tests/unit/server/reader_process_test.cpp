@@ -49,7 +49,7 @@ class Forked : public ::testing::Test {
 #if defined(__SANITIZE_ADDRESS__) || defined(GOBO_THREAD_SANITIZER)
     GTEST_SKIP() << "readers are spawned under a sanitizer";
 #endif
-    ASSERT_FALSE(findIngestProgram().empty()); 
+    ASSERT_FALSE(findIngestProgram().empty());
     readers = forkedReaders(findIngestProgram(), 5);
   }
   void TearDown() override { EXPECT_TRUE(noReaderIsLeft()); }
@@ -72,7 +72,7 @@ TEST_F(Forked, OneThatIsCancelledIsGoneAndTheOthersReadOn) {
   Status cancelled, sleeping;
   std::thread long1([&] { cancelled = probe(*readers, "sleep", stop.token()); });
   std::thread long2([&] { sleeping = probe(*readers, "sleep", other.token()); });
-  EXPECT_TRUE(readersBecome(4));   // two, each with its guard
+  EXPECT_TRUE(readersBecome(4));  // two, each with its guard
   stop.stop(StopReason::Cancelled);
   long1.join();
   EXPECT_EQ(cancelled.code(), Code::Cancelled);
@@ -100,7 +100,7 @@ TEST_F(Forked, AfterACrashTheNextComesOfANewProcessAndTheOthersReadOn) {
   EXPECT_EQ(reading.code(), Code::Cancelled) << reading.toString();
   const auto after = nurseries();
   EXPECT_EQ(after.size(), 1u);
-  EXPECT_FALSE(probe(*readers, "spin", {}, 1).ok());   // a limit is no crash
+  EXPECT_FALSE(probe(*readers, "spin", {}, 1).ok());  // a limit is no crash
   EXPECT_EQ(nurseries(), after);
 }
 
@@ -113,7 +113,7 @@ TEST_F(Forked, OneWhoseProcessIsKilledIsAnErrorAndTheNextOneReads) {
   reader.join();
   EXPECT_EQ(killed.code(), Code::ResourceExhausted) << killed.toString();
   EXPECT_NE(killed.message().find("killed"), std::string::npos);
-  EXPECT_TRUE(probe(*readers, "empty").ok() || probe(*readers, "empty").ok());   // the first may meet it dying
+  EXPECT_TRUE(probe(*readers, "empty").ok() || probe(*readers, "empty").ok());  // the first may meet it dying
 }
 
 /// A nursery that takes nothing in.

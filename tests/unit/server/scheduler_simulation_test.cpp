@@ -26,9 +26,9 @@ struct Random {
 
 struct Truth {
   JobSpec spec;
-  double need = 0;                 // seconds of run left
+  double need = 0;  // seconds of run left
   bool running = false, over = false, stopping = false;
-  double since = 0, gives = kNever;   // gives: when it leaves the slot after Preempt or Stop
+  double since = 0, gives = kNever;  // gives: when it leaves the slot after Preempt or Stop
   double submitted = 0;
   bool preempting = false;
 };
@@ -68,7 +68,7 @@ class Server {
           break;
         case Action::Kind::Preempt: {
           ASSERT_TRUE(t.running && !t.stopping);
-          bool reason = false;   // somebody of a higher class waits
+          bool reason = false;  // somebody of a higher class waits
           for (const auto& [id, other] : truths) reason |= !other.over && !other.running && other.spec.jobClass < t.spec.jobClass;
           ASSERT_TRUE(reason);
           t.preempting = true, t.gives = now + 0.001 + 0.009 * random.unit();
@@ -97,7 +97,7 @@ class Server {
     ASSERT_LE(running, options.slots);
     ASSERT_LE(bytes, options.pinnedLimit);
     ASSERT_EQ(scheduler.running(), size_t(running));
-    ASSERT_EQ(scheduler.queued(), queued);      // none lost
+    ASSERT_EQ(scheduler.queued(), queued);  // none lost
     ASSERT_EQ(scheduler.stats().pinnedBytes, bytes);
   }
 
@@ -138,7 +138,8 @@ class Server {
 
   void cancelSomebody() {
     std::vector<JobId> candidates;
-    for (const auto& [id, t] : truths) if (!t.over && !t.stopping) candidates.push_back(id);
+    for (const auto& [id, t] : truths)
+      if (!t.over && !t.stopping) candidates.push_back(id);
     if (candidates.empty()) return;
     const JobId id = candidates[size_t(random.below(int(candidates.size())))];
     const CancelResult r = scheduler.cancel(id, now);
@@ -202,7 +203,7 @@ std::vector<Action> randomRun(uint64_t seed) {
   uint64_t sum = 0;
   const SchedulerStats stats = server.scheduler.stats();
   for (const auto& c : stats.classes) sum += c.done + c.failed + c.expired + c.cancelled;
-  EXPECT_EQ(sum, server.truths.size());      // each job ended exactly once
+  EXPECT_EQ(sum, server.truths.size());  // each job ended exactly once
   EXPECT_GT(server.done, 50);
   return server.log;
 }
@@ -228,7 +229,7 @@ TEST(SchedulerSimulation, EqualClientsGetEqualSharesWhateverTheSizeOfTheirJobs) 
     const double sizes[] = {0.05, 0.3, 1, 4};
     const double end = 2000;
     while (server.now < end && !::testing::Test::HasFatalFailure()) {
-      for (int c = 0; c < 4; ++c) {            // everybody always has a few jobs waiting
+      for (int c = 0; c < 4; ++c) {  // everybody always has a few jobs waiting
         int mine = 0;
         const std::string name(1, char('a' + c));
         for (const auto& [id, t] : server.truths) mine += !t.over && t.spec.client == name;
@@ -271,7 +272,7 @@ TEST(SchedulerSimulation, BatchAndNormalMakeTheProgressThatIsPromised) {
   o.ageing = {kNever, 5, 15};
   o.reserveAfter = 2;
   Server server(o, 3);
-  const double longest = 2;                     // seconds of one job: R, the time until room comes free, is at most this
+  const double longest = 2;  // seconds of one job: R, the time until room comes free, is at most this
   std::array<double, kJobClasses> last{}, gap{};
   std::array<double, kJobClasses> ranAt{};
   const double end = 1500;
@@ -302,7 +303,7 @@ TEST(SchedulerSimulation, BatchAndNormalMakeTheProgressThatIsPromised) {
     EXPECT_LE(gap[c], o.ageing[c] + 2 * longest + 3 * o.protectedSeconds + 0.1) << "class " << c;
     EXPECT_GT(gap[c], 0.5 * o.ageing[c]) << "the load is too light to test anything, class " << c;
   }
-  EXPECT_GT(server.classRun[0], 0.25 * end * o.slots);   // and interactive keeps the bulk
+  EXPECT_GT(server.classRun[0], 0.25 * end * o.slots);  // and interactive keeps the bulk
 }
 
 }  // namespace

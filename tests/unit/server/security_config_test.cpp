@@ -49,9 +49,11 @@ class SecurityConfig : public ::testing::Test {
 
 TEST_F(SecurityConfig, ReadsATokenWithAllItsKeys) {
   fs::create_directory(folder + "/shows");
-  const Status status = read("[[tokens]]\nname = \"a\"\nsha256 = \"" + kDigest + "\"\nclasses = [\"batch\", \"normal\"]\nrequests_per_s = 2.5\nburst = 7\n"
+  const Status status = read("[[tokens]]\nname = \"a\"\nsha256 = \"" + kDigest +
+                             "\"\nclasses = [\"batch\", \"normal\"]\nrequests_per_s = 2.5\nburst = 7\n"
                              "renders_at_once = 3\nmax_pixels = 1000\nmax_spp = 64\nmax_s = 10\nupload_bytes = \"2MiB\"\nroots = [\"shows\"]\nadmin = true\n"
-                             "[[tokens]]\nname = \"b\"\nsha256 = \"" + std::string(64, 'b') + "\"\n");
+                             "[[tokens]]\nname = \"b\"\nsha256 = \"" +
+                             std::string(64, 'b') + "\"\n");
   ASSERT_TRUE(status.ok()) << status.toString();
   ASSERT_EQ(config.tokens.size(), 2u);
   TokenConfig want;
@@ -73,7 +75,9 @@ TEST_F(SecurityConfig, ReadsATokenWithAllItsKeys) {
 
 TEST_F(SecurityConfig, ErrorsNameFileLineKeyAndValue) {
   const std::string good = "name = \"a\"\nsha256 = \"" + kDigest + "\"\n";
-  const struct { std::string text, words; } cases[] = {
+  const struct {
+    std::string text, words;
+  } cases[] = {
       {"[[tokens]]\n" + good + "max_ssp = 3\n", ":4: unknown key \"tokens.max_ssp\""},
       {"[[tokens]]\n" + good + "max_spp = \"3\"\n", ":4: tokens.max_spp = '3': must be an integer"},
       {"[[tokens]]\n" + good + "requests_per_s = -1\n", ":4: tokens.requests_per_s = -1: must be in 0..1e+06"},
@@ -126,7 +130,8 @@ TEST_F(SecurityConfig, TheShippedExamplesLoad) {
   int files = 0, tokens = 0;
   for (const fs::directory_entry& entry : fs::directory_iterator("configs")) {
     std::string text = slurp(entry.path());
-    for (const auto& [from, to] : std::map<std::string, std::string>{{"/etc/gobo", "etc"}, {"/srv/scenes", "srv"}, {"/var/cache/gobo", "cache"}, {"/var/lib/gobo", "lib"}, {"/run/gobo", "run"}})
+    for (const auto& [from, to] : std::map<std::string, std::string>{
+             {"/etc/gobo", "etc"}, {"/srv/scenes", "srv"}, {"/var/cache/gobo", "cache"}, {"/var/lib/gobo", "lib"}, {"/run/gobo", "run"}})
       text = replaced(text, from, folder + "/" + to);
     const Status status = read(text);
     EXPECT_TRUE(status.ok()) << entry.path() << ": " << status.toString();
@@ -148,10 +153,11 @@ TEST_F(SecurityConfig, EveryKeyIsInTheShippedFilesAndInTheManual) {
   EXPECT_GT(configKeys().size(), 45u);
   for (const std::string& key : configKeys()) {
     EXPECT_NE(manual.find("`" + key + "`"), std::string::npos) << key << " is not in docs/operations.md";
-    if (key == "listen") continue;   // its default depends on the user: shown in a comment
+    if (key == "listen") continue;  // its default depends on the user: shown in a comment
     if (key.rfind("tokens.", 0) == 0) {
       const std::string line = key.substr(7) + " = ";
-      EXPECT_TRUE(studioText.find("\n" + line) != std::string::npos || studioText.find("\n# " + line) != std::string::npos) << key << " is not in configs/studio.toml";
+      EXPECT_TRUE(studioText.find("\n" + line) != std::string::npos || studioText.find("\n# " + line) != std::string::npos)
+          << key << " is not in configs/studio.toml";
     } else {
       EXPECT_TRUE(bool(all.at_path(key))) << key << " is not in configs/gobod.toml";
     }

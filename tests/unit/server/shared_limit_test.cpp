@@ -42,7 +42,11 @@ TEST(SharedLimit, RandomTakesStayWithinBothBounds) {
   for (int round = 0; round < 200; ++round) {
     const uint64_t bound = 1 + random() % 1000;
     SharedLimit limit(bound);
-    struct Held { std::string client; uint64_t amount; std::unique_ptr<SharedLimit::Hold> hold; };
+    struct Held {
+      std::string client;
+      uint64_t amount;
+      std::unique_ptr<SharedLimit::Hold> hold;
+    };
     std::vector<Held> held;
     for (int i = 0; i < 300; ++i) {
       if (random() % 3 == 0 && !held.empty()) {

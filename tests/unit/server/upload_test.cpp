@@ -47,7 +47,7 @@ TEST_F(Upload, WholeFileThenNothingIsLeft) {
     in >> text;
     EXPECT_EQ(text, "abcdef");
     EXPECT_EQ(fs::path(file.path()).extension(), ".glb");
-    struct stat info{};
+    struct stat info {};
     ASSERT_EQ(::stat(fs::path(file.path()).parent_path().c_str(), &info), 0);
     EXPECT_EQ(info.st_mode & 0777, 0700u);
   }
@@ -95,7 +95,7 @@ TEST_F(Upload, FirstMessageIsChecked) {
 TEST_F(Upload, LeftoversOfDeadProcessesGoAway) {
   const pid_t child = ::fork();
   if (child == 0) ::_exit(0);
-  ASSERT_EQ(::waitpid(child, nullptr, 0), child);   // now nobody has this id
+  ASSERT_EQ(::waitpid(child, nullptr, 0), child);  // now nobody has this id
   fs::create_directory(tmp + "/gobo-upload-" + std::to_string(child) + "-aaaaaa");
   fs::create_directory(tmp + "/gobo-upload-" + std::to_string(::getpid()) + "-bbbbbb");
   fs::create_directory(tmp + "/other");

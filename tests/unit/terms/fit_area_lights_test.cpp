@@ -14,7 +14,6 @@
 namespace gobo {
 namespace {
 
-
 Environment mapOf(int width, int height, const std::function<Vec3(const DVec3& direction)>& radiance) {
   Environment e;
   e.width = width;
@@ -117,14 +116,18 @@ TEST(FitAreaLights, FluxIsTheMaps) {
         for (int k = 0; k < 3; ++k) EXPECT_GE(l.irradiance[k], 0.0);
       }
       const DVec3 truth = fluxOf(e);
-      for (int k = 0; k < 3; ++k) EXPECT_NEAR(sum[k], truth[k], 1e-5 * truth[k]) << n;   // asked for: 0.1 %; by construction but for rounding
+      for (int k = 0; k < 3; ++k) EXPECT_NEAR(sum[k], truth[k], 1e-5 * truth[k]) << n;  // asked for: 0.1 %; by construction but for rounding
     }
 }
 
 TEST(FitAreaLights, IrradianceComesNearerWithEveryLight) {
-  const struct { const char* name; Environment map; double bound[4]; } cases[] = {
-      // About twice what this fit measures.
-      {"sky", sky(), {0.045, 0.012, 0.008, 0.006}}, {"room", room(), {0.045, 0.016, 0.016, 0.01}}};
+  const struct {
+    const char* name;
+    Environment map;
+    double bound[4];
+  } cases[] = {// About twice what this fit measures.
+               {"sky", sky(), {0.045, 0.012, 0.008, 0.006}},
+               {"room", room(), {0.045, 0.016, 0.016, 0.01}}};
   for (const auto& c : cases) {
     double errors[4];
     const int counts[4] = {10, 30, 45, 60};
@@ -177,7 +180,7 @@ TEST(FitAreaLights, ASunKeepsItsSizeInASky) {
   const double half = std::tan(1.5 * std::numbers::pi / 180);
   const Environment e = squarePatch(axis, half, Vec3(1500.0f), Vec3(1.0f));
   const std::vector<double> weight = texelWeights(e);
-  DVec3 centre(0.0);   // of the texels that the patch became: they are 0.7 degrees wide
+  DVec3 centre(0.0);  // of the texels that the patch became: they are 0.7 degrees wide
   for (int y = 0; y < e.height; ++y)
     for (int x = 0; x < e.width; ++x)
       if (e.texels[size_t(y) * e.width + x].x > 1) centre += weight[size_t(y)] * DVec3(e.toDirection(Vec2((x + 0.5f) / e.width, (y + 0.5f) / e.height)));
@@ -191,7 +194,8 @@ TEST(FitAreaLights, ASunKeepsItsSizeInASky) {
 
 TEST(FitAreaLights, ASquareIsFoundAsItIs) {
   for (const double half : {0.1, 0.2, 0.5})
-    for (const DVec3& axis : {glm::normalize(DVec3(1, 0.2, 0.1)), glm::normalize(DVec3(1, 1, 1)), glm::normalize(DVec3(-0.3, -0.7, 0.6))}) {   // across edges of the cube
+    for (const DVec3& axis :
+         {glm::normalize(DVec3(1, 0.2, 0.1)), glm::normalize(DVec3(1, 1, 1)), glm::normalize(DVec3(-0.3, -0.7, 0.6))}) {  // across edges of the cube
       const AreaLightFit fit = fitAreaLights(squarePatch(axis, half, Vec3(2.0f), Vec3(0.0f)), 1);
       ASSERT_EQ(fit.lights.size(), 1u);
       EXPECT_LT(degrees(fit.lights[0].direction, axis), 0.3);
@@ -210,7 +214,7 @@ TEST(FitAreaLights, NoMoreLightsThanAreOfUse) {
   three.texels = Array<Vec3>(std::move(texels));
   const AreaLightFit fit = fitAreaLights(three, 64);
   EXPECT_EQ(fit.lights.size(), 3u);
-  EXPECT_NEAR(fit.remainderFlux().x, 4 * std::numbers::pi, 0.02 * 4 * std::numbers::pi);   // less the sky in the lights' own places
+  EXPECT_NEAR(fit.remainderFlux().x, 4 * std::numbers::pi, 0.02 * 4 * std::numbers::pi);  // less the sky in the lights' own places
 }
 
 TEST(FitAreaLights, TexelsThatAreNoNumbersCountAsBlack) {
@@ -289,7 +293,7 @@ TEST(FitAreaLights, PollsItsStopTokenAllAlong) {
   ASSERT_EQ(fitAreaLights(e, 16, count.token()).lights.size(), 16u);
   const int polls = kMany - count.pollsLeft();
   EXPECT_GT(polls, 16 * 6 * 12) << "for each light, chart and size";
-  for (const int n : {1, 10, 40, 200, polls / 2, polls - 1}) {   // in the cells, the pursuit, the refinement
+  for (const int n : {1, 10, 40, 200, polls / 2, polls - 1}) {  // in the cells, the pursuit, the refinement
     StopSource stop;
     stop.stopAtPoll(n);
     EXPECT_TRUE(fitAreaLights(e, 16, stop.token()).lights.empty()) << n;

@@ -32,7 +32,10 @@ TermPtr runNode(const NodePtr& node, const ScenePtr& scene, std::vector<TermPtr>
   return *term;
 }
 
-struct Shot { ScenePtr scene; Camera camera; };
+struct Shot {
+  ScenePtr scene;
+  Camera camera;
+};
 GBufferSettings viewOf(const Camera& camera, int samples) { return {camera, kW, kH, samples}; }
 
 TermPtr motionBetween(const Shot& earlier, const Shot& now, int samples = 1) {
@@ -109,7 +112,7 @@ TEST(Motion, OfAnOrthographicCamera) {
   before.camera = now.camera = c;
   const TermPtr m = motionBetween(before, now);
   for (size_t p = 0; p < size_t(kW) * kH; ++p) {
-    ASSERT_NEAR(m->floats("motion")[2 * p], 0.3 * kH / 2.0, 1e-4);      // depth does not count
+    ASSERT_NEAR(m->floats("motion")[2 * p], 0.3 * kH / 2.0, 1e-4);  // depth does not count
     ASSERT_NEAR(m->floats("motion")[2 * p + 1], 0.0, 1e-4);
   }
 }
@@ -162,10 +165,10 @@ TEST(Motion, WhatWasBehindTheCameraOrNotThereIsAtRest) {
   const ScenePtr scene = wall(Vec3(0.0f));
   Camera away = scene->cameras[0];
   away.toWorld[0] *= -1.0f;
-  away.toWorld[2] *= -1.0f;                       // looks the other way
+  away.toWorld[2] *= -1.0f;  // looks the other way
   const TermPtr rest = motionBetween({scene, away}, {scene, scene->cameras[0]});
   for (const float v : rest->floats("motion")) ASSERT_EQ(v, 0.0f);
-  SceneMaker m;                                   // another name, another triangle count: no past
+  SceneMaker m;  // another name, another triangle count: no past
   m.instances = 7;
   m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), m.material(Vec3(0.5f))));
   m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.8f);

@@ -10,7 +10,6 @@
 namespace gobo {
 namespace {
 
-
 TEST(LightPoints, WideDirectionalLightsFillTheirSquare) {
   test::LitScene lit;
   LightShape sun;
@@ -22,7 +21,7 @@ TEST(LightPoints, WideDirectionalLightsFillTheirSquare) {
   const std::vector<int> subset{0};
   const SceneView view(*lit.scene, Facet::LightShape, subset);
   EXPECT_TRUE(LightPoints(view, 0).pointLike());
-  const double a = 0.4, b = 0.1;   // tangents of half the angles
+  const double a = 0.4, b = 0.1;  // tangents of half the angles
   const LightPoints light(view, 0, Vec2(float(2 * a), float(2 * b)));
   EXPECT_FALSE(light.pointLike());
   const Vec3 up = glm::cross(sun.axis, sun.u);
@@ -37,7 +36,7 @@ TEST(LightPoints, WideDirectionalLightsFillTheirSquare) {
       y = std::max(y, std::fabs(glm::dot(p.direction, up)) / along);
       sum += p.weight / double(n * n);
     }
-  EXPECT_NEAR(x, a, a / n);   // u is the wide side: the map and the light agree on what lies along which axis
+  EXPECT_NEAR(x, a, a / n);  // u is the wide side: the map and the light agree on what lies along which axis
   EXPECT_NEAR(y, b, b / n);
   // Weights are the solid angle of the square by the cosine: a rectangle's irradiance on a plane that faces it (Lambert 1760).
   const double s = std::sqrt(1 + a * a), t = std::sqrt(1 + b * b);
@@ -50,7 +49,7 @@ TEST(LightPoints, MapAxesFollowTheLight) {
   s.axis = Vec3(0, 0, -1);
   s.u = glm::normalize(Vec3(1, 2, 0));
   EXPECT_NEAR(glm::dot(mapFrame(s).x, s.u), 1.0, 1e-6);
-  s.u = glm::normalize(Vec3(1, 0, 1));   // not perpendicular: says nothing
+  s.u = glm::normalize(Vec3(1, 0, 1));  // not perpendicular: says nothing
   const Frame f = mapFrame(s);
   EXPECT_EQ(f.x, Frame(s.axis).x);
   EXPECT_NEAR(glm::dot(f.x, f.z), 0.0, 1e-6);

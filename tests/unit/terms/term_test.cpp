@@ -59,12 +59,11 @@ TEST(Term, ContentDigestTellsEveryPartApart) {
     t.addPlane<float>(name, channels)[0] = value;
     return t.content();
   };
-  const std::vector<Hash128> all = {
-      make("a", Domain::Pixel, {4, 2, 1}, "x", 1, 1),      make("b", Domain::Pixel, {4, 2, 1}, "x", 1, 1),
-      make("a", Domain::ViewSample, {4, 2, 1}, "x", 1, 1), make("a", Domain::Pixel, {2, 4, 1}, "x", 1, 1),
-      make("a", Domain::Pixel, {4, 1, 2}, "x", 1, 1),      make("a", Domain::Pixel, {4, 2, 1}, "y", 1, 1),
-      make("a", Domain::Pixel, {2, 2, 1}, "x", 2, 1),      make("a", Domain::Pixel, {4, 2, 1}, "x", 1, 2),
-      make("a", Domain::Pixel, {4, 2, 1}, "x", 1, -0.0f),  make("a", Domain::Pixel, {4, 2, 1}, "x", 1, 0.0f)};
+  const std::vector<Hash128> all = {make("a", Domain::Pixel, {4, 2, 1}, "x", 1, 1),      make("b", Domain::Pixel, {4, 2, 1}, "x", 1, 1),
+                                    make("a", Domain::ViewSample, {4, 2, 1}, "x", 1, 1), make("a", Domain::Pixel, {2, 4, 1}, "x", 1, 1),
+                                    make("a", Domain::Pixel, {4, 1, 2}, "x", 1, 1),      make("a", Domain::Pixel, {4, 2, 1}, "y", 1, 1),
+                                    make("a", Domain::Pixel, {2, 2, 1}, "x", 2, 1),      make("a", Domain::Pixel, {4, 2, 1}, "x", 1, 2),
+                                    make("a", Domain::Pixel, {4, 2, 1}, "x", 1, -0.0f),  make("a", Domain::Pixel, {4, 2, 1}, "x", 1, 0.0f)};
   EXPECT_EQ(std::set<Hash128>(all.begin(), all.end()).size(), all.size());
   EXPECT_EQ(make("a", Domain::Pixel, {4, 2, 1}, "x", 1, 1), all[0]);
   // The same bytes as another scalar type, or split into planes elsewhere, are another value.
@@ -101,10 +100,9 @@ TEST(TermFile, LayoutIsWhatTheDocumentSays) {
   auto v = term.addPlane<uint8_t>("xyz", 1);
   v[0] = 1, v[1] = 2, v[2] = 3;
   auto bytes = serializeTerm(term, kKey);
-  const std::vector<uint8_t> expected = {'G', 'O', 'B', 'O', 'T', 'R', 'M', '2', 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16,
-                                         2, 0, 0, 0, 'a', 'b', 4, 0, 0, 0, 3, 0, 0, 0, 1, 0, 0, 0,
-                                         1, 0, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 'x', 'y', 'z', 3, 0, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0,
-                                         1, 2, 3};
+  const std::vector<uint8_t> expected = {'G', 'O', 'B', 'O', 'T', 'R', 'M', '2', 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 2, 0,
+                                         0,   0,   'a', 'b', 4,   0,   0,   0,   3, 0, 0, 0, 1, 0, 0, 0, 1, 0,  0,  0,  1,  0,  0,  0,  3, 0,
+                                         0,   0,   'x', 'y', 'z', 3,   0,   0,   0, 1, 0, 0, 0, 3, 0, 0, 0, 0,  0,  0,  0,  1,  2,  3};
   ASSERT_EQ(bytes.size(), expected.size() + 16);
   EXPECT_TRUE(std::equal(expected.begin(), expected.end(), bytes.begin()));
   auto signedAgain = bytes;
@@ -135,16 +133,19 @@ TEST(TermFile, EveryTruncationAndEveryFlippedBitIsRefused) {
 
 TEST(TermFile, IsOfOneKeyOnly) {
   uint64_t random = 99;
-  const auto draw = [&] { const uint64_t lo = next(random); return Hash128{lo, next(random)}; };
+  const auto draw = [&] {
+    const uint64_t lo = next(random);
+    return Hash128{lo, next(random)};
+  };
   for (int n = 0; n < 2000; ++n) {
     Hash128 key = draw(), other = n % 2 ? draw() : key;
-    if (n % 2 == 0) (n % 4 ? other.lo : other.hi) ^= 1ull << (next(random) % 64);   // one bit beside it
+    if (n % 2 == 0) (n % 4 ? other.lo : other.hi) ^= 1ull << (next(random) % 64);  // one bit beside it
     const auto bytes = serializeTerm(sample(), key);
     const auto back = parseTerm(bytes.data(), bytes.size(), key);
     ASSERT_NE(back, nullptr);
     ASSERT_EQ(back->content(), sample().content());
     ASSERT_EQ(parseTerm(bytes.data(), bytes.size(), other), nullptr) << key.hex() << " " << other.hex();
-    auto renamed = bytes;   // the key is inside the digest
+    auto renamed = bytes;  // the key is inside the digest
     std::memcpy(renamed.data() + 8, &other, 16);
     ASSERT_EQ(parseTerm(renamed.data(), renamed.size(), other), nullptr);
   }
@@ -161,7 +162,7 @@ TEST(TermFile, OtherVersionsAreToldFromDamage) {
   }
   EXPECT_FALSE(isOtherTermVersion(bytes.data(), 7));
   bytes[30] ^= 1;
-  EXPECT_FALSE(isOtherTermVersion(bytes.data(), bytes.size()));   // damaged as well
+  EXPECT_FALSE(isOtherTermVersion(bytes.data(), bytes.size()));  // damaged as well
   bytes[30] ^= 1;
   bytes[0] = 'X';
   EXPECT_FALSE(isOtherTermVersion(bytes.data(), bytes.size()));
@@ -171,7 +172,7 @@ TEST(TermFile, RandomBytesAreRefusedOrSound) {
   uint64_t random = 12345;
   for (int n = 0; n < 20000; ++n) {
     std::vector<uint8_t> bytes(40 + next(random) % 120);
-    for (auto& b : bytes) b = uint8_t(next(random) & (n % 2 ? 0xff : 0x03));   // small numbers reach further into the parser
+    for (auto& b : bytes) b = uint8_t(next(random) & (n % 2 ? 0xff : 0x03));  // small numbers reach further into the parser
     std::memcpy(bytes.data(), "GOBOTRM2", 8);
     std::memcpy(bytes.data() + 8, &kKey, 16);
     sign(bytes);
@@ -197,15 +198,18 @@ TEST(TermFile, SignedMutationsAreRefusedOrSound) {
       }
     }
     sign(bytes);
-    if (const auto term = parseTerm(bytes.data(), bytes.size(), kKey)) { ++parsed; expectSound(*term); }
+    if (const auto term = parseTerm(bytes.data(), bytes.size(), kKey)) {
+      ++parsed;
+      expectSound(*term);
+    }
   }
-  EXPECT_GT(parsed, 1000);      // changed values are fine
+  EXPECT_GT(parsed, 1000);  // changed values are fine
   EXPECT_LT(parsed, 59000);
 }
 
 TEST(TermFile, ForgedHeadersThatWouldTripLaterCodeAreRefused) {
-  const auto header = [](uint32_t domain, int32_t w, int32_t h, int32_t l, uint32_t planes, std::initializer_list<const char*> names,
-                         uint32_t format = 3, int32_t channels = 1, uint64_t length = 0) {
+  const auto header = [](uint32_t domain, int32_t w, int32_t h, int32_t l, uint32_t planes, std::initializer_list<const char*> names, uint32_t format = 3,
+                         int32_t channels = 1, uint64_t length = 0) {
     std::vector<uint8_t> b;
     const auto put = [&](const void* p, size_t n) { b.insert(b.end(), static_cast<const uint8_t*>(p), static_cast<const uint8_t*>(p) + n); };
     const uint32_t one = 1;
@@ -215,15 +219,15 @@ TEST(TermFile, ForgedHeadersThatWouldTripLaterCodeAreRefused) {
     sign(b);
     return parseTerm(b.data(), b.size(), kKey);
   };
-  EXPECT_NE(header(0, 0, 1, 1, 1, {"a"}), nullptr);                 // the builder itself is right
-  EXPECT_EQ(header(0, 0, 1, 1, 2, {"a", "a"}), nullptr);            // a name twice would trip addRaw's CHECK
-  EXPECT_EQ(header(6, 0, 1, 1, 1, {"a"}), nullptr);                 // no such domain
-  EXPECT_EQ(header(256, 0, 1, 1, 1, {"a"}), nullptr);               // nor one that fits after truncation to a byte
-  EXPECT_EQ(header(0, 0, 1, 1, 1, {"a"}, 259), nullptr);            // the same for the format
+  EXPECT_NE(header(0, 0, 1, 1, 1, {"a"}), nullptr);       // the builder itself is right
+  EXPECT_EQ(header(0, 0, 1, 1, 2, {"a", "a"}), nullptr);  // a name twice would trip addRaw's CHECK
+  EXPECT_EQ(header(6, 0, 1, 1, 1, {"a"}), nullptr);       // no such domain
+  EXPECT_EQ(header(256, 0, 1, 1, 1, {"a"}), nullptr);     // nor one that fits after truncation to a byte
+  EXPECT_EQ(header(0, 0, 1, 1, 1, {"a"}, 259), nullptr);  // the same for the format
   EXPECT_EQ(header(0, 0, 1, 1, 1, {"a"}, 3, 0), nullptr);
   EXPECT_EQ(header(0, 0, 1, 1, 1, {"a"}, 3, -1), nullptr);
-  EXPECT_EQ(header(0, 1 << 30, 1 << 30, 16, 1, {"a"}), nullptr);    // 2^64 elements: wraps to 0, which the length would match
-  EXPECT_EQ(header(0, 1 << 30, 1 << 30, 16, 0, {}), nullptr);       // also where no plane shows it
+  EXPECT_EQ(header(0, 1 << 30, 1 << 30, 16, 1, {"a"}), nullptr);  // 2^64 elements: wraps to 0, which the length would match
+  EXPECT_EQ(header(0, 1 << 30, 1 << 30, 16, 0, {}), nullptr);     // also where no plane shows it
   EXPECT_EQ(header(0, 1 << 20, 1 << 20, 1, 1, {"a"}, 1, 1 << 21), nullptr);
   EXPECT_EQ(header(0, -1, 1, 1, 0, {}), nullptr);
   EXPECT_EQ(header(0, 0, 1, 1, 0xffffffffu, {}), nullptr);

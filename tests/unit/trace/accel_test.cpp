@@ -27,7 +27,10 @@ Vec3 randomDirection(std::mt19937& g) {
   std::normal_distribution<float> n;
   return glm::normalize(Vec3(n(g), n(g), n(g)));
 }
-ScenePtr withCamera(SceneMaker& m) { m.camera(Vec3(0, 0, 5), Vec3(0.0f)); return m.finish(); }
+ScenePtr withCamera(SceneMaker& m) {
+  m.camera(Vec3(0, 0, 5), Vec3(0.0f));
+  return m.finish();
+}
 
 // Moeller-Trumbore in double over every triangle: what Embree must agree with.
 double nearest(const Scene& s, const Ray& ray, uint32_t& instance, uint32_t& primitive, DVec3& normal) {
@@ -45,7 +48,10 @@ double nearest(const Scene& s, const Ray& ray, uint32_t& instance, uint32_t& pri
       const DVec3 o = DVec3(ray.origin) - v[0], q = glm::cross(o, e1);
       const double u = glm::dot(o, p) / det, k = glm::dot(d, q) / det, at = glm::dot(e2, q) / det;
       if (u < 0 || k < 0 || u + k > 1 || at <= ray.tmin || at >= best) continue;
-      best = at; instance = uint32_t(i); primitive = uint32_t(t); normal = glm::normalize(glm::cross(e1, e2)) * flip;
+      best = at;
+      instance = uint32_t(i);
+      primitive = uint32_t(t);
+      normal = glm::normalize(glm::cross(e1, e2)) * flip;
     }
   }
   return best;
@@ -64,15 +70,21 @@ void compareWithBruteForce(const Scene& scene, float radius, int rays, unsigned 
     Hit hit;
     const bool found = accel->intersect(ray, hit);
     EXPECT_EQ(accel->occluded(ray), found);
-    if (found != (t < 1e299)) { ++edges; continue; }
+    if (found != (t < 1e299)) {
+      ++edges;
+      continue;
+    }
     if (!found) continue;
     ++hits;
     EXPECT_NEAR(hit.t, t, 1e-4 * t + 1e-4);
-    if (hit.instance != instance || hit.primitive != primitive) { ++edges; continue; }
+    if (hit.instance != instance || hit.primitive != primitive) {
+      ++edges;
+      continue;
+    }
     EXPECT_GT(glm::dot(DVec3(hit.Ng), normal), 0.9999) << "instance " << instance;
   }
   EXPECT_GT(hits, rays / 20);
-  EXPECT_LE(edges, rays / 500);                    // rays along an edge may differ between float and double
+  EXPECT_LE(edges, rays / 500);  // rays along an edge may differ between float and double
 }
 
 TEST(Accel, AgreesWithBruteForceOverMovedScaledAndMirroredInstances) {
@@ -90,7 +102,7 @@ TEST(Accel, SharedBigMeshesAreInstancedAndReportSceneIndices) {
   SceneMaker m;
   const int grey = m.material(Vec3(0.5f));
   const int cube = m.mesh(box(Vec3(-0.4f), Vec3(0.4f)), grey);
-  const int ball = m.mesh(sphere(Vec3(0.0f), 1.0f, 240, false), grey);            // 229 k triangles
+  const int ball = m.mesh(sphere(Vec3(0.0f), 1.0f, 240, false), grey);  // 229 k triangles
   m.instance(cube);
   m.instance(ball, translate(Vec3(3, 0, 0)));
   m.instance(ball, translate(Vec3(-3, 0, 0)) * scaling(Vec3(-1.0f, 1.0f, 0.5f)));
@@ -107,9 +119,9 @@ TEST(Accel, SharedBigMeshesAreInstancedAndReportSceneIndices) {
     ASSERT_TRUE(accel->intersect({centre, d}, hit));
     EXPECT_EQ(hit.instance, uint32_t(which));
     EXPECT_NEAR(glm::length(hit.Ng), 1.0f, 1e-5f);
-    EXPECT_GT(glm::dot(hit.Ng, d), 0.0f);                                          // outside, also of the mirrored one
+    EXPECT_GT(glm::dot(hit.Ng, d), 0.0f);  // outside, also of the mirrored one
     if (which == 1) { EXPECT_NEAR(hit.t, 1.0f, 2e-4f); }
-    if (which == 2) {                                                              // half as deep in z: an ellipsoid
+    if (which == 2) {  // half as deep in z: an ellipsoid
       const Vec3 p = d * hit.t / Vec3(1, 1, 0.5f);
       EXPECT_NEAR(glm::length(p), 1.0f, 2e-4f);
       EXPECT_GT(glm::dot(hit.Ng, glm::normalize(p / Vec3(1, 1, 0.5f))), 0.999f);
@@ -119,7 +131,7 @@ TEST(Accel, SharedBigMeshesAreInstancedAndReportSceneIndices) {
 
 TEST(Accel, ClosedMeshIsWatertight) {
   SceneMaker m;
-  m.instance(m.mesh(sphere(Vec3(0.3f, -0.1f, 0.2f), 1.0f, 160, false), m.material(Vec3(0.5f))));   // 102 k triangles
+  m.instance(m.mesh(sphere(Vec3(0.3f, -0.1f, 0.2f), 1.0f, 160, false), m.material(Vec3(0.5f))));  // 102 k triangles
   const ScenePtr scene = withCamera(m);
   const AccelPtr accel = buildAccel(*scene);
   std::mt19937 g(11);
@@ -129,10 +141,10 @@ TEST(Accel, ClosedMeshIsWatertight) {
   for (int i = 0; i < 1'000'000; ++i) {
     Vec3 d = randomDirection(g);
     const Vec3 o = Vec3(0.3f, -0.1f, 0.2f) + 0.3f * randomDirection(g);
-    if (i % 2) {                                   // every other ray aims at a point on an edge, the hard case
+    if (i % 2) {  // every other ray aims at a point on an edge, the hard case
       const uint32_t* tri = &mesh.indices[3 * (g() % mesh.triangles())];
-      const float along = 0.05f + 0.9f * u(g);     // not at the vertices: there Embree's edge tests, each right to rounding, may all
-      const Vec3 a = mesh.positions[tri[0]], b = mesh.positions[tri[1]];   // say "outside" (1 of 100 rays aimed at one to the last bit)
+      const float along = 0.05f + 0.9f * u(g);                            // not at the vertices: there Embree's edge tests, each right to rounding, may all
+      const Vec3 a = mesh.positions[tri[0]], b = mesh.positions[tri[1]];  // say "outside" (1 of 100 rays aimed at one to the last bit)
       d = glm::normalize(a + along * (b - a) - o);
     }
     Hit hit;
@@ -141,9 +153,12 @@ TEST(Accel, ClosedMeshIsWatertight) {
   EXPECT_EQ(escaped, 0);
 }
 
-std::shared_ptr<Texture> checker() {               // left half clear, right half solid
+std::shared_ptr<Texture> checker() {  // left half clear, right half solid
   auto t = std::make_shared<Texture>();
-  t->name = "alpha"; t->width = 2; t->height = 1; t->nearest = true;
+  t->name = "alpha";
+  t->width = 2;
+  t->height = 1;
+  t->nearest = true;
   t->texels8 = {255, 255, 255, 0, 255, 255, 255, 255};
   sealTexture(*t);
   return t;
@@ -158,7 +173,7 @@ TEST(Accel, RaysThatAreNotFiniteMeetNothing) {
   const float bad[] = {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity()};
   for (int number = 0; number < 8; ++number)
     for (const float value : bad) {
-      if (number >= 6 && !std::isnan(value)) continue;    // an end may be infinite
+      if (number >= 6 && !std::isnan(value)) continue;  // an end may be infinite
       std::array<Ray, 16> rays;
       for (size_t i = 0; i < 16; ++i) {
         rays[i] = Ray{Vec3(0.05f * float(i), 0, 1), Vec3(0, 0, -1)};
@@ -183,7 +198,10 @@ TEST(Accel, RaysThatAreNotFiniteMeetNothing) {
 TEST(Accel, MaskedTexelsLetRaysThrough) {
   SceneMaker m;
   m.scene.textures.push_back(checker());
-  const int leaf = m.material(Vec3(0.5f), [](Material& x) { x.coverage.mode = AlphaMode::Mask; x.coverage.texture.texture = 0; });
+  const int leaf = m.material(Vec3(0.5f), [](Material& x) {
+    x.coverage.mode = AlphaMode::Mask;
+    x.coverage.texture.texture = 0;
+  });
   m.instance(m.mesh(quad(Vec3(-1, -1, 0), Vec3(2, 0, 0), Vec3(0, 2, 0)), leaf));
   m.instance(m.mesh(quad(Vec3(-1, -1, -1), Vec3(2, 0, 0), Vec3(0, 2, 0)), m.material(Vec3(0.5f))));
   const ScenePtr scene = withCamera(m);
@@ -201,7 +219,10 @@ TEST(Accel, MaskedTexelsLetRaysThrough) {
 
 TEST(Accel, BlendPassesWithProbabilityOneMinusAlphaAndAnswersTheSameTwice) {
   SceneMaker m;
-  const int glass = m.material(Vec3(0.5f), [](Material& x) { x.coverage.mode = AlphaMode::Blend; x.coverage.factor = 0.3f; });
+  const int glass = m.material(Vec3(0.5f), [](Material& x) {
+    x.coverage.mode = AlphaMode::Blend;
+    x.coverage.factor = 0.3f;
+  });
   m.instance(m.mesh(quad(Vec3(-1, -1, 0), Vec3(2, 0, 0), Vec3(0, 2, 0)), glass));
   const ScenePtr scene = withCamera(m);
   const AccelPtr accel = buildAccel(*scene);
@@ -222,7 +243,7 @@ TEST(Accel, BlendPassesWithProbabilityOneMinusAlphaAndAnswersTheSameTwice) {
 TEST(Accel, CoincidentSurfacesGiveTheSameHitWhateverTheThreads) {
   SceneMaker m;
   const int a = m.material(Vec3(0.2f)), b = m.material(Vec3(0.8f));
-  Mesh plane;                                      // big enough for Embree's parallel builder
+  Mesh plane;  // big enough for Embree's parallel builder
   for (int i = 0; i < 60; ++i)
     for (int j = 0; j < 60; ++j) {
       const Mesh q = quad(Vec3(i * 0.1f - 3, j * 0.1f - 3, 0), Vec3(0.1f, 0, 0), Vec3(0, 0.1f, 0));
@@ -275,9 +296,9 @@ TEST(AccelCache, ConcurrentAsksBuildOnceAndSizeIsBounded) {
   cache.get(SceneView(*scenes[2], kGeometry, kNoLights), arena);
   EXPECT_LE(cache.bytes(), 2 * one + one / 2);
   cache.get(SceneView(*scenes[2], kGeometry, kNoLights), arena);
-  EXPECT_EQ(cache.builds(), 3u);                   // the latest is kept
+  EXPECT_EQ(cache.builds(), 3u);  // the latest is kept
   cache.get(SceneView(*scenes[0], kGeometry, kNoLights), arena);
-  EXPECT_EQ(cache.builds(), 4u);                   // the oldest went
+  EXPECT_EQ(cache.builds(), 4u);  // the oldest went
 }
 
 ScenePtr oneBall() {

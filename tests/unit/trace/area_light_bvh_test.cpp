@@ -29,19 +29,22 @@ std::vector<AreaLightBvh::Entry> lights(const Vec3& shift = Vec3(0.0f), float sc
     s.v = frame.y * (scale * (0.1f + random(4, n)));
     s.radius = scale * (0.05f + random(5, n));
     s.twoSided = n % 2 == 0;
-    all.push_back({2 * i + 1, s, i % 4 != 0});                        // names are not positions in the list
+    all.push_back({2 * i + 1, s, i % 4 != 0});  // names are not positions in the list
   }
   return all;
 }
 
 Ray ray(uint64_t i, const Vec3& shift, float scale) {
   Vec3 d = randomPoint(12, i);
-  if (i % 5 == 0) d = Vec3(i % 3 == 0, i % 3 == 1, i % 3 == 2) * (i % 2 ? 1.0f : -1.0f);   // along an axis: slabs without an end
+  if (i % 5 == 0) d = Vec3(i % 3 == 0, i % 3 == 1, i % 3 == 2) * (i % 2 ? 1.0f : -1.0f);  // along an axis: slabs without an end
   return {shift + scale * 14.0f * randomPoint(11, i), glm::normalize(d), i % 4 == 0 ? scale * 2.0f : 0.0f, i % 2 ? scale * 12.0f : 3.0e38f};
 }
 
 TEST(AreaLightBvh, CollectsWhatEveryLightAskedInTurnGivesBitForBit) {
-  struct { Vec3 shift; float scale; } places[] = {{Vec3(0.0f), 1.0f}, {Vec3(1e4f, -3e3f, 2e4f), 1.0f}, {Vec3(0.0f), 1e-3f}};
+  struct {
+    Vec3 shift;
+    float scale;
+  } places[] = {{Vec3(0.0f), 1.0f}, {Vec3(1e4f, -3e3f, 2e4f), 1.0f}, {Vec3(0.0f), 1e-3f}};
   for (const auto& place : places) {
     const auto all = lights(place.shift, place.scale);
     const AreaLightBvh bvh(all);
@@ -67,7 +70,7 @@ TEST(AreaLightBvh, CollectsWhatEveryLightAskedInTurnGivesBitForBit) {
       most = std::max(most, at);
     }
     EXPECT_GT(found, 3000u);
-    EXPECT_GE(most, 20u);                                             // some ray went through the pile
+    EXPECT_GE(most, 20u);  // some ray went through the pile
   }
 }
 
@@ -115,7 +118,10 @@ TEST(AreaLightBvh, NearestIsTheFirstOfAllWithTiesToTheLowerIndex) {
       Vec3 n;
       if (!intersectAreaLight(e.shape, r, t, n)) continue;
       if (best >= 0 && t == nearest) ++ties;
-      if (best < 0 || t < nearest) { best = e.light; nearest = t; }
+      if (best < 0 || t < nearest) {
+        best = e.light;
+        nearest = t;
+      }
     }
     float t = 0;
     Vec3 n;
@@ -131,7 +137,7 @@ TEST(AreaLightBvh, HoldsAnyNumberOfLights) {
     const AreaLightBvh bvh(std::vector<AreaLightBvh::Entry>(all.begin(), all.begin() + std::ptrdiff_t(n)));
     EXPECT_EQ(bvh.empty(), n == 0);
     std::vector<AreaLightBvh::Hit> hits(3);
-    for (size_t k = 0; k < n; ++k) {                                  // a ray at every light's face finds it
+    for (size_t k = 0; k < n; ++k) {  // a ray at every light's face finds it
       const LightShape& s = all[k].shape;
       bvh.collect({s.position + 3.0f * s.axis, -s.axis}, false, hits);
       EXPECT_TRUE(std::any_of(hits.begin(), hits.end(), [&](const auto& h) { return h.light == all[k].light; })) << n << " lights, " << k;
@@ -143,11 +149,15 @@ TEST(AreaLightBvh, HoldsAnyNumberOfLights) {
 
 TEST(AreaLightBvh, PathTracerGivesTheSamePictureAsAskingEveryLight) {
   SceneMaker m;
-  const int white = m.material(Vec3(0.7f)), shiny = m.material(Vec3(0.6f), [](Material& x) { x.bsdf.metallic = 1.0f; x.bsdf.roughness = 0.0f; });
+  const int white = m.material(Vec3(0.7f)), shiny = m.material(Vec3(0.6f), [](Material&x) {
+    x.bsdf.metallic = 1.0f;
+    x.bsdf.roughness = 0.0f;
+  });
   m.instance(m.mesh(ground(12.0f, -11.0f), white));
   m.instance(m.mesh(sphere(Vec3(0.0f), 4.0f, 12, true), shiny));
   int k = 0;
-  for (const auto& e : lights()) if (k++ % 4 == 1) m.light(e.shape, Vec3(0.2f + 0.8f * random(6, uint64_t(k)), 0.5f, 1.0f), k % 8 != 2);
+  for (const auto& e : lights())
+    if (k++ % 4 == 1) m.light(e.shape, Vec3(0.2f + 0.8f * random(6, uint64_t(k)), 0.5f, 1.0f), k % 8 != 2);
   for (const auto& e : {lights()[500], lights()[501]}) m.light(e.shape, Vec3(0.5f));
   m.camera(Vec3(0, 3, 18), Vec3(0, -1, 0), 1.0f);
   Traced t(m.finish(), 16, 12);

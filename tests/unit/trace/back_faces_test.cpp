@@ -20,7 +20,8 @@ struct Cast {
   SceneView view;
   AccelPtr accel;
   BackFaces passed;
-  explicit Cast(SceneMaker& m) : scene((m.camera(Vec3(0, 0, 9), Vec3(0.0f)), m.finish())), view(*scene, kFacets, kNoLights), accel(Accel::build(view, arena)), passed(view, *accel) {}
+  explicit Cast(SceneMaker& m)
+      : scene((m.camera(Vec3(0, 0, 9), Vec3(0.0f)), m.finish())), view(*scene, kFacets, kNoLights), accel(Accel::build(view, arena)), passed(view, *accel) {}
 };
 int singleSided(SceneMaker& m, const std::function<void(Material&)>& change = {}) {
   return m.material(Vec3(0.5f), [&](Material& x) {
@@ -58,10 +59,16 @@ double nearest(const Scene& s, const Ray& ray, const std::vector<bool>& frontOnl
 
 TEST(BackFaces, RaysPassThemOverMovedScaledAndMirroredInstances) {
   SceneMaker m;
-  const int one = singleSided(m), both = m.material(Vec3(0.5f)), masked = singleSided(m, [](Material& x) { x.coverage.mode = AlphaMode::Mask; x.coverage.factor = 0.9f; });
+  const int one = singleSided(m), both = m.material(Vec3(0.5f)), masked = singleSided(m, [](Material&x) {
+                                                                   x.coverage.mode = AlphaMode::Mask;
+                                                                   x.coverage.factor = 0.9f;
+                                                                 });
   std::vector<bool> frontOnly;
-  const auto add = [&](Mesh mesh, int material, const Mat4& where, bool front) { m.instance(m.mesh(std::move(mesh), material), where); frontOnly.push_back(front); };
-  add(box(Vec3(-1.0f), Vec3(1.0f), true), one, translate(Vec3(0, 0, 0)), true);                                    // a room seen from outside
+  const auto add = [&](Mesh mesh, int material, const Mat4& where, bool front) {
+    m.instance(m.mesh(std::move(mesh), material), where);
+    frontOnly.push_back(front);
+  };
+  add(box(Vec3(-1.0f), Vec3(1.0f), true), one, translate(Vec3(0, 0, 0)), true);  // a room seen from outside
   add(sphere(Vec3(0.0f), 1.0f, 6, false), one, translate(Vec3(2, 0, 0)) * scaling(Vec3(0.5f, 1.5f, 1.0f)), true);
   add(sphere(Vec3(0.0f), 1.0f, 6, false), one, translate(Vec3(-2, 0.5f, 0)) * scaling(Vec3(-1.0f, 0.7f, 0.4f)), true);
   add(box(Vec3(-1.0f), Vec3(1.0f), true), masked, translate(Vec3(0, -2, 1)) * scaling(Vec3(0.3f, -0.3f, 0.6f)), true);
@@ -102,7 +109,7 @@ TEST(BackFaces, RaysPassThemOverMovedScaledAndMirroredInstances) {
 
 TEST(BackFaces, OfSharedBigMeshesTooWhichAreInstanced) {
   SceneMaker m;
-  const int ball = m.mesh(sphere(Vec3(0.0f), 1.0f, 240, false), singleSided(m));                                   // 229 k triangles
+  const int ball = m.mesh(sphere(Vec3(0.0f), 1.0f, 240, false), singleSided(m));  // 229 k triangles
   m.instance(ball, translate(Vec3(3, 0, 0)));
   m.instance(ball, translate(Vec3(-3, 0, 0)) * scaling(Vec3(-1.0f, 1.0f, 0.5f)));
   Cast c(m);
@@ -113,7 +120,7 @@ TEST(BackFaces, OfSharedBigMeshesTooWhichAreInstanced) {
     ASSERT_TRUE(c.accel->intersect({centre, d}, inside));
     ASSERT_FALSE(c.accel->intersect({centre, d, 0.0f, 1.5f}, inside, &c.passed));
     ASSERT_TRUE(c.accel->intersect({centre + 1.5f * d, -d, 0.0f, 2.0f}, out, &c.passed));
-    EXPECT_LT(out.t, 1.5f);                                                                                        // the near side
+    EXPECT_LT(out.t, 1.5f);  // the near side
     EXPECT_LT(glm::dot(out.Ng, -d), 0.0f);
   }
 }
@@ -122,12 +129,18 @@ TEST(BackFaces, WhatLightGoesThroughIsNeverPassed) {
   const std::pair<const char*, std::function<void(Material&)>> kinds[] = {
       {"transmission", [](Material& x) { x.bsdf.transmission = 0.1f; }},
       {"diffuse transmission", [](Material& x) { x.bsdf.diffuseTransmission = 0.1f; }},
-      {"volume", [](Material& x) { x.bsdf.transmission = 1; x.bsdf.thickness = 1; x.bsdf.attenuationDistance = 1; x.bsdf.attenuationColor = Vec3(0.5f); }},
+      {"volume",
+       [](Material& x) {
+         x.bsdf.transmission = 1;
+         x.bsdf.thickness = 1;
+         x.bsdf.attenuationDistance = 1;
+         x.bsdf.attenuationColor = Vec3(0.5f);
+       }},
       {"double-sided", [](Material& x) { x.coverage.doubleSided = true; }},
   };
   for (const auto& [name, change] : kinds) {
     SceneMaker m;
-    m.instance(m.mesh(quad(Vec3(-1, -1, 0), Vec3(0, 2, 0), Vec3(2, 0, 0)), singleSided(m, change)));               // its back to +z
+    m.instance(m.mesh(quad(Vec3(-1, -1, 0), Vec3(0, 2, 0), Vec3(2, 0, 0)), singleSided(m, change)));  // its back to +z
     Cast c(m);
     Hit hit;
     EXPECT_FALSE(c.passed.any()) << name;
@@ -138,8 +151,8 @@ TEST(BackFaces, WhatLightGoesThroughIsNeverPassed) {
 TEST(BackFaces, OfTwoSheetsBackToBackTheOneThatFacesTheCameraIsSeen) {
   SceneMaker m;
   const int material = singleSided(m);
-  m.instance(m.mesh(quad(Vec3(-1, -1, 0), Vec3(2, 0, 0), Vec3(0, 2, 0)), material));                               // to +z
-  m.instance(m.mesh(quad(Vec3(-1, -1, 0), Vec3(0, 2, 0), Vec3(2, 0, 0)), material));                               // to -z, in the same place
+  m.instance(m.mesh(quad(Vec3(-1, -1, 0), Vec3(2, 0, 0), Vec3(0, 2, 0)), material));  // to +z
+  m.instance(m.mesh(quad(Vec3(-1, -1, 0), Vec3(0, 2, 0), Vec3(2, 0, 0)), material));  // to -z, in the same place
   Cast c(m);
   std::mt19937 g(5);
   std::uniform_real_distribution<float> u(-0.9f, 0.9f);
@@ -163,7 +176,13 @@ Estimate seen(bool cull, const std::function<void(SceneMaker&)>& between, const 
   return measure(Traced(m.finish()), 4)[0];
 }
 void pane(SceneMaker& m, float ior, float thickness) {
-  const int glass = m.material(Vec3(1.0f), [=](Material& x) { x.bsdf = {}; x.bsdf.transmission = 1; x.bsdf.roughness = 0; x.bsdf.ior = ior; x.bsdf.thickness = thickness; });
+  const int glass = m.material(Vec3(1.0f), [=](Material& x) {
+    x.bsdf = {};
+    x.bsdf.transmission = 1;
+    x.bsdf.roughness = 0;
+    x.bsdf.ior = ior;
+    x.bsdf.thickness = thickness;
+  });
   if (thickness > 0) m.instance(m.mesh(box(Vec3(-2, -2, 2), Vec3(2, 2, 2.5f)), glass));
   else m.instance(m.mesh(quad(Vec3(-2, -2, 2), Vec3(4, 0, 0), Vec3(0, 4, 0)), glass));
 }
@@ -172,12 +191,16 @@ TEST(BackFaces, TheCameraLooksThroughThemWhileItLooksStraightOn) {
   const auto nothing = [](SceneMaker&) {};
   expectNear(seen(false, nothing), DVec3(0.0));
   expectNear(seen(true, nothing), DVec3(1.0));
-  expectNear(seen(true, [](SceneMaker& m) { pane(m, 1.5f, 0); }), DVec3(0.96), 1e-3);                              // (1 - F) at normal incidence
-  expectNear(seen(true, [](SceneMaker& m) { pane(m, 1.0f, 0.5f); }), DVec3(1.0));                                  // two boundaries of index 1
-  expectNear(seen(true, [](SceneMaker& m) { pane(m, 1.5f, 0.5f); }), DVec3(0.0));                                  // refraction ends the look
+  expectNear(seen(true, [](SceneMaker& m) { pane(m, 1.5f, 0); }), DVec3(0.96), 1e-3);  // (1 - F) at normal incidence
+  expectNear(seen(true, [](SceneMaker& m) { pane(m, 1.0f, 0.5f); }), DVec3(1.0));      // two boundaries of index 1
+  expectNear(seen(true, [](SceneMaker& m) { pane(m, 1.5f, 0.5f); }), DVec3(0.0));      // refraction ends the look
   // A mirror shows the sheet's back: the camera's own ray meets the mirror.
   const auto mirror = [](SceneMaker& m) {
-    m.instance(m.mesh(quad(Vec3(-3, -3, 3), Vec3(0, 6, 0), Vec3(6, 0, 0)), m.material(Vec3(1.0f), [](Material& x) { x.bsdf.metallic = 1; x.bsdf.roughness = 0; x.bsdf.specular = 1; })));
+    m.instance(m.mesh(quad(Vec3(-3, -3, 3), Vec3(0, 6, 0), Vec3(6, 0, 0)), m.material(Vec3(1.0f), [](Material& x) {
+      x.bsdf.metallic = 1;
+      x.bsdf.roughness = 0;
+      x.bsdf.specular = 1;
+    })));
   };
   const auto behind = [&](bool cull) { return seen(cull, mirror, Vec3(0, 0, 2), Vec3(0, 0, 3)); };
   expectNear(behind(true), DVec3(0.0));
@@ -189,7 +212,8 @@ TEST(BackFaces, LightMeetsThemAllTheSame) {
   const auto floorSeen = [](bool cull, bool sheet) {
     SceneMaker m;
     m.instance(m.mesh(ground(20.0f), m.material(Vec3(0.5f))));
-    if (sheet) m.instance(m.mesh(quad(Vec3(-1, 1, -1), Vec3(2, 0, 0), Vec3(0, 0, 2)), m.material(Vec3(0.5f), [](Material& x) { x.coverage.doubleSided = false; })));
+    if (sheet)
+      m.instance(m.mesh(quad(Vec3(-1, 1, -1), Vec3(2, 0, 0), Vec3(0, 0, 2)), m.material(Vec3(0.5f), [](Material& x) { x.coverage.doubleSided = false; })));
     LightShape sun;
     sun.kind = LightKind::Directional;
     sun.axis = Vec3(0, -1, 0);
@@ -202,7 +226,7 @@ TEST(BackFaces, LightMeetsThemAllTheSame) {
   };
   expectNear(floorSeen(true, false), DVec3(2.0 * 0.5 / M_PI), 1e-5);
   expectNear(floorSeen(true, true), DVec3(0.0));
-  expectNear(floorSeen(false, true), DVec3(2.0 * 0.5 / M_PI), 1e-5);                                               // the lit sheet itself
+  expectNear(floorSeen(false, true), DVec3(2.0 * 0.5 / M_PI), 1e-5);  // the lit sheet itself
 }
 
 TEST(BackFaces, ARoomFromOutsideIsTheRoomFromInside) {
@@ -210,7 +234,10 @@ TEST(BackFaces, ARoomFromOutsideIsTheRoomFromInside) {
   const auto room = [](float z, bool cull) {
     SceneMaker m;
     m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f), true), m.material(Vec3(0.6f), [](Material& x) { x.coverage.doubleSided = false; })));
-    m.instance(m.mesh(quad(Vec3(-0.4f, 0.9f, -0.4f), Vec3(0.8f, 0, 0), Vec3(0, 0, 0.8f)), m.material(Vec3(0.2f), [](Material& x) { x.emission.radiance = Vec3(3.0f); x.coverage.doubleSided = false; })));
+    m.instance(m.mesh(quad(Vec3(-0.4f, 0.9f, -0.4f), Vec3(0.8f, 0, 0), Vec3(0, 0, 0.8f)), m.material(Vec3(0.2f), [](Material& x) {
+      x.emission.radiance = Vec3(3.0f);
+      x.coverage.doubleSided = false;
+    })));
     m.camera(Vec3(0, 0, z), Vec3(0.0f));
     m.scene.cameras[0].perspective = false;
     m.scene.cameras[0].yheight = 1.6f;

@@ -11,7 +11,12 @@ namespace {
 using test::Furnace;
 using test::localDirection;
 
-struct Model { const char* name; bool glass, entering, thin; float ior; double least; };
+struct Model {
+  const char* name;
+  bool glass, entering, thin;
+  float ior;
+  double least;
+};
 
 BsdfParams brushed(const Model& m, float roughness, float strength) {
   BsdfParams p;

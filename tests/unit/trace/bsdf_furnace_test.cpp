@@ -31,7 +31,7 @@ const Model kModels[] = {
        p.transmission = 1;
        p.thin = true;
      },
-     false},   // the split between both sides changes with the index, the sum does not
+     false},  // the split between both sides changes with the index, the sum does not
 };
 
 TEST(BsdfFurnace, WhiteMetalDielectricAndGlassLoseLessThanAPercent) {
@@ -50,11 +50,10 @@ TEST(BsdfFurnace, WhiteMetalDielectricAndGlassLoseLessThanAPercent) {
           m.set(p);
           const Vec3 wo = localDirection(c, 0.3);
           Furnace f;
-          EXPECT_FALSE(test::gains(p, wo, ++seed, f))
-              << m.name << " roughness " << roughness << " ior " << ior << " cos " << c << ": " << f.mean << " +- " << f.error;
+          EXPECT_FALSE(test::gains(p, wo, ++seed, f)) << m.name << " roughness " << roughness << " ior " << ior << " cos " << c << ": " << f.mean << " +- "
+                                                      << f.error;
           if (f.mean < 0.99 + 3.0 * f.error && f.mean > 0.97) f = test::furnace(p, wo, ++seed, 16, 8192);
-          EXPECT_GT(f.mean + 3.0 * f.error, 0.99)
-              << m.name << " roughness " << roughness << " ior " << ior << " cos " << c << " +- " << f.error;
+          EXPECT_GT(f.mean + 3.0 * f.error, 0.99) << m.name << " roughness " << roughness << " ior " << ior << " cos " << c << " +- " << f.error;
           if (f.mean < lowest) {
             lowest = f.mean;
             lossR = roughness;
@@ -65,8 +64,7 @@ TEST(BsdfFurnace, WhiteMetalDielectricAndGlassLoseLessThanAPercent) {
           ++cases;
         }
     }
-    std::printf("  %-20s %3d cases: lowest %.4f (ior %.1f, roughness %.2f, cos %.2f), highest %.4f\n", m.name, cases, lowest, lossIor,
-                lossR, lossC, highest);
+    std::printf("  %-20s %3d cases: lowest %.4f (ior %.1f, roughness %.2f, cos %.2f), highest %.4f\n", m.name, cases, lowest, lossIor, lossR, lossC, highest);
   }
 }
 
@@ -109,11 +107,11 @@ TEST(BsdfFurnace, NoStackOfLayersGains) {
     const double u = rng.next(), c = k % 3 ? 0.01 + 0.99 * u : 0.01 + 0.3 * u * u, phi = 6.28 * rng.next();
     Furnace f;
     EXPECT_FALSE(test::gains(p, localDirection(c, phi), uint32_t(k) + 5000, f))
-        << k << ": " << f.mean << " +- " << f.error << " cos " << c << " metallic " << p.metallic << " roughness " << p.roughness
-        << " specular " << p.specular << " colour " << p.specularColor.x << " " << p.specularColor.y << " " << p.specularColor.z << " ior "
-        << p.ior << " transmission " << p.transmission << " entering " << p.entering << " thin " << p.thin << " coat " << p.clearcoat << " "
-        << p.clearcoatRoughness << " sheen " << p.sheenColor.x << " " << p.sheenRoughness << " film " << p.iridescence << " "
-        << p.iridescenceIor << " " << p.iridescenceThickness << " through " << p.diffuseTransmission << " anisotropy " << p.anisotropy;
+        << k << ": " << f.mean << " +- " << f.error << " cos " << c << " metallic " << p.metallic << " roughness " << p.roughness << " specular " << p.specular
+        << " colour " << p.specularColor.x << " " << p.specularColor.y << " " << p.specularColor.z << " ior " << p.ior << " transmission " << p.transmission
+        << " entering " << p.entering << " thin " << p.thin << " coat " << p.clearcoat << " " << p.clearcoatRoughness << " sheen " << p.sheenColor.x << " "
+        << p.sheenRoughness << " film " << p.iridescence << " " << p.iridescenceIor << " " << p.iridescenceThickness << " through " << p.diffuseTransmission
+        << " anisotropy " << p.anisotropy;
     if (f.error < 0.003) highest = std::max(highest, f.mean);
   }
   std::printf("  %d random stacks: highest reflectance (of those known to 0.003) %.4f\n", n, highest);

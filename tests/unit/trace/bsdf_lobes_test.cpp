@@ -129,10 +129,9 @@ TEST(BsdfLobes, ChiSquaredOfSamplesAgainstDensity) {
     for (const Case& k : all) {
       const Vec3 wo = localDirection(c, 0.7);
       const auto r = test::chi2Test(
-          {}, 30000, uint64_t(++n), [&](Rng& rng, Vec3& w) { return draw(k.p, wo, rng, w); },
-          [&](const Vec3& w) { return double(bsdfPdf(k.p, wo, w)); }, 3);
-      EXPECT_GT(r.p, test::sidak(2 * int(all.size()))) << k.name << " cos " << c << " chi2 " << r.statistic << "/" << r.degrees
-                                                       << " integral " << r.integral << " refused " << r.refused;
+          {}, 30000, uint64_t(++n), [&](Rng& rng, Vec3& w) { return draw(k.p, wo, rng, w); }, [&](const Vec3& w) { return double(bsdfPdf(k.p, wo, w)); }, 3);
+      EXPECT_GT(r.p, test::sidak(2 * int(all.size())))
+          << k.name << " cos " << c << " chi2 " << r.statistic << "/" << r.degrees << " integral " << r.integral << " refused " << r.refused;
       EXPECT_LE(r.integral, 1.0 + 2e-3) << k.name;
       lowest = std::min(lowest, r.p);
     }
@@ -166,8 +165,7 @@ TEST(BsdfLobes, ReflectionAndThinTransmissionAreReciprocal) {
     if (!k.p.entering || k.p.clearcoatNormal != Vec3(0, 0, 1)) continue;
     const bool through = k.p.thin || !(k.p.transmission > 0.0f);
     for (int i = 0; i < 200; ++i) {
-      const Vec3 a = localDirection(0.1 + 0.89 * rng.next(), 6.28 * rng.next()),
-                 b = localDirection(0.1 + 0.89 * rng.next(), 6.28 * rng.next());
+      const Vec3 a = localDirection(0.1 + 0.89 * rng.next(), 6.28 * rng.next()), b = localDirection(0.1 + 0.89 * rng.next(), 6.28 * rng.next());
       for (float side : {1.0f, -1.0f}) {
         if (side < 0 && !through) continue;
         const Vec3 fab = bsdfEval(k.p, a, Vec3(b.x, b.y, side * b.z)).sum() / b.z;
@@ -185,8 +183,7 @@ TEST(BsdfLobes, CoatedGlassIsReciprocalThroughTheInterface) {
   const BsdfParams out = coated(cloth(glass(0.5f), Vec3(0.5f), 0.5f), 1, 0.3f), in = inside(out);
   int lit = 0;
   for (int i = 0; i < 400; ++i) {
-    const Vec3 a = localDirection(0.05 + 0.94 * rng.next(), 6.28 * rng.next()),
-               b = localDirection(0.05 + 0.94 * rng.next(), 6.28 * rng.next());
+    const Vec3 a = localDirection(0.05 + 0.94 * rng.next(), 6.28 * rng.next()), b = localDirection(0.05 + 0.94 * rng.next(), 6.28 * rng.next());
     const float fab = bsdfEval(out, a, Vec3(b.x, b.y, -b.z)).sum().y / b.z, fba = bsdfEval(in, b, Vec3(a.x, a.y, -a.z)).sum().y / a.z;
     lit += fab > 0;
     EXPECT_NEAR(fab * 2.25f, fba, 3e-3f * (fba + 1e-2f));
@@ -243,8 +240,7 @@ TEST(BsdfLobes, ThinSmoothGlassPassesLightStraightOnTinted) {
       back += s.weight.x;
     }
   }
-  const double st = std::sqrt(0.75) / 1.5, ct = std::sqrt(1 - st * st), rs = (0.5 - 1.5 * ct) / (0.5 + 1.5 * ct),
-               rp = (0.75 - ct) / (0.75 + ct);
+  const double st = std::sqrt(0.75) / 1.5, ct = std::sqrt(1 - st * st), rs = (0.5 - 1.5 * ct) / (0.5 + 1.5 * ct), rp = (0.75 - ct) / (0.75 + ct);
   const double f = 0.5 * (rs * rs + rp * rp);
   EXPECT_NEAR(back / n, f, 2e-3);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(through[c] / n, (1 - f) * p.albedo[c], 2e-3);
@@ -326,8 +322,7 @@ TEST(BsdfLobes, ExtremeInputsStayFinite) {
         ASSERT_GE(std::min({sample.weight.x, sample.weight.y, sample.weight.z}), 0.0f) << k << " cos " << c;
         ASSERT_NEAR(glm::length(sample.wi), 1.0f, 1e-4f);
       }
-      for (const Vec3& w :
-           {localDirection(2.0 * rng.next() - 1.0, 6.28 * rng.next()), -wo, Vec3(-wo.x, -wo.y, wo.z), wo, Vec3(1, 0, 0), Vec3(0, 0, -1)}) {
+      for (const Vec3& w : {localDirection(2.0 * rng.next() - 1.0, 6.28 * rng.next()), -wo, Vec3(-wo.x, -wo.y, wo.z), wo, Vec3(1, 0, 0), Vec3(0, 0, -1)}) {
         const Vec3 f = bsdfEval(p, wo, w).sum();
         const float pdf = bsdfPdf(p, wo, w);
         ASSERT_TRUE(isFinite(f) && std::isfinite(pdf)) << k << " cos " << c;

@@ -20,9 +20,25 @@ Vec3 direction(double cosine, double phi) {
   return Vec3(float(s * std::cos(phi)), float(s * std::sin(phi)), float(cosine));
 }
 
-BsdfParams lambert(Vec3 albedo = Vec3(0.5f)) { BsdfParams p; p.albedo = albedo; p.specular = 0; return p; }
-BsdfParams metal(float roughness) { BsdfParams p; p.albedo = Vec3(0.9f, 0.6f, 0.3f); p.metallic = 1; p.roughness = roughness; return p; }
-BsdfParams plastic(float roughness) { BsdfParams p; p.albedo = Vec3(0.2f, 0.5f, 0.7f); p.roughness = roughness; return p; }
+BsdfParams lambert(Vec3 albedo = Vec3(0.5f)) {
+  BsdfParams p;
+  p.albedo = albedo;
+  p.specular = 0;
+  return p;
+}
+BsdfParams metal(float roughness) {
+  BsdfParams p;
+  p.albedo = Vec3(0.9f, 0.6f, 0.3f);
+  p.metallic = 1;
+  p.roughness = roughness;
+  return p;
+}
+BsdfParams plastic(float roughness) {
+  BsdfParams p;
+  p.albedo = Vec3(0.2f, 0.5f, 0.7f);
+  p.roughness = roughness;
+  return p;
+}
 BsdfParams glass(float roughness, bool entering, float ior = 1.5f) {
   BsdfParams p;
   p.albedo = Vec3(1.0f);
@@ -32,9 +48,20 @@ BsdfParams glass(float roughness, bool entering, float ior = 1.5f) {
   p.entering = entering;
   return p;
 }
-BsdfParams mixed() { BsdfParams p; p.albedo = Vec3(0.8f, 0.4f, 0.2f); p.metallic = 0.3f; p.roughness = 0.5f; p.transmission = 0.4f; return p; }
+BsdfParams mixed() {
+  BsdfParams p;
+  p.albedo = Vec3(0.8f, 0.4f, 0.2f);
+  p.metallic = 0.3f;
+  p.roughness = 0.5f;
+  p.transmission = 0.4f;
+  return p;
+}
 
-struct Case { const char* name; BsdfParams p; double cosine; };
+struct Case {
+  const char* name;
+  BsdfParams p;
+  double cosine;
+};
 std::vector<Case> roughCases() {
   std::vector<Case> cases;
   for (double c : {0.95, 0.5, 0.08}) {
@@ -66,10 +93,11 @@ TEST(Bsdf, ChiSquaredOfSamplesAgainstDensity) {
   double lowest = 1, highest = 0;
   for (const Case& c : cases) {
     const Vec3 wo = direction(c.cosine, 0.7);
-    const auto r = test::chi2Test({}, 60000, uint64_t(&c - cases.data()) + 100, [&](Rng& rng, Vec3& w) { return drawDirection(c.p, wo, rng, w); },
-                                  [&](const Vec3& w) { return double(bsdfPdf(c.p, wo, w)); });
-    EXPECT_GT(r.p, test::sidak(int(cases.size()))) << c.name << " cos " << c.cosine << " chi2 " << r.statistic << "/" << r.degrees
-                                                   << " integral " << r.integral << " refused " << r.refused;
+    const auto r = test::chi2Test(
+        {}, 60000, uint64_t(&c - cases.data()) + 100, [&](Rng& rng, Vec3& w) { return drawDirection(c.p, wo, rng, w); },
+        [&](const Vec3& w) { return double(bsdfPdf(c.p, wo, w)); });
+    EXPECT_GT(r.p, test::sidak(int(cases.size()))) << c.name << " cos " << c.cosine << " chi2 " << r.statistic << "/" << r.degrees << " integral " << r.integral
+                                                   << " refused " << r.refused;
     EXPECT_LE(r.integral, 1.0 + 1e-3) << c.name;
     lowest = std::min(lowest, r.p);
     highest = std::max(highest, r.p);
@@ -86,8 +114,9 @@ TEST(Bsdf, ChiSquaredOfNarrowLobes) {
     const Vec3 mirror(-wo.x, -wo.y, wo.z);
     const SphereDomain d{mirror, std::min(60.0 * std::pow(roughness, 4.0), 0.3), 16, 16};
     const BsdfParams p = metal(roughness);
-    const auto r = test::chi2Test(d, 200000, uint64_t(1000 * roughness), [&](Rng& rng, Vec3& w) { return drawDirection(p, wo, rng, w); },
-                                  [&](const Vec3& w) { return double(bsdfPdf(p, wo, w)); });
+    const auto r = test::chi2Test(
+        d, 200000, uint64_t(1000 * roughness), [&](Rng& rng, Vec3& w) { return drawDirection(p, wo, rng, w); },
+        [&](const Vec3& w) { return double(bsdfPdf(p, wo, w)); });
     EXPECT_GT(r.p, test::sidak(int(roughnesses.size()))) << roughness << " integral " << r.integral << " chi2 " << r.statistic << "/" << r.degrees;
     EXPECT_GT(r.integral, 0.9);
     lowest = std::min(lowest, r.p);
@@ -161,7 +190,7 @@ TEST(Bsdf, RefractionIsReciprocalUpToEtaSquared) {
     for (int i = 0; i < 400; ++i) {
       const Vec3 a = direction(0.05 + 0.94 * rng.next(), 6.28 * rng.next());
       Vec3 b = direction(0.05 + 0.94 * rng.next(), 6.28 * rng.next());
-      const float fab = bsdfEval(in, a, Vec3(b.x, b.y, -b.z)).sum().x / b.z;     // viewer outside
+      const float fab = bsdfEval(in, a, Vec3(b.x, b.y, -b.z)).sum().x / b.z;  // viewer outside
       const float fba = bsdfEval(out, Vec3(b.x, b.y, b.z), Vec3(a.x, a.y, -a.z)).sum().x / a.z;
       if (fab > 0) ++compared;
       EXPECT_NEAR(fab * ior * ior, fba, 2e-3f * (fba + 1e-3f)) << ior;
@@ -331,7 +360,8 @@ TEST(Bsdf, EvalPdfIsEvalAndPdfToTheBit) {
     p.transmission = i % 4 ? 0.0f : unit(7, i);
     p.ior = 1.0f + unit(8, i);
     p.entering = i % 2;
-    const Vec3 wo = glm::normalize(Vec3(unit(9, i) - 0.5f, unit(10, i) - 0.5f, unit(11, i))), wi = glm::normalize(Vec3(unit(12, i), unit(13, i), unit(14, i)) - 0.5f);
+    const Vec3 wo = glm::normalize(Vec3(unit(9, i) - 0.5f, unit(10, i) - 0.5f, unit(11, i))),
+               wi = glm::normalize(Vec3(unit(12, i), unit(13, i), unit(14, i)) - 0.5f);
     float pdf = -1.0f;
     const BsdfValue both = bsdfEvalPdf(p, wo, wi, pdf), alone = bsdfEval(p, wo, wi);
     ASSERT_EQ(both.diffuse, alone.diffuse);

@@ -13,10 +13,30 @@
 namespace gobo::tests {
 namespace {
 
-LightShape pointLight(const Vec3& p) { LightShape s; s.kind = LightKind::Point; s.position = p; return s; }
-LightShape sunLight(const Vec3& axis) { LightShape s; s.kind = LightKind::Directional; s.axis = glm::normalize(axis); return s; }
-void mirror(Material& m) { m.bsdf.metallic = 1.0f; m.bsdf.roughness = 0.0f; m.bsdf.specular = 1.0f; }
-void glass(Material& m) { m.bsdf.transmission = 1.0f; m.bsdf.roughness = 0.0f; m.bsdf.specular = 1.0f; m.bsdf.ior = 1.5f; m.bsdf.thickness = 1.0f; }
+LightShape pointLight(const Vec3& p) {
+  LightShape s;
+  s.kind = LightKind::Point;
+  s.position = p;
+  return s;
+}
+LightShape sunLight(const Vec3& axis) {
+  LightShape s;
+  s.kind = LightKind::Directional;
+  s.axis = glm::normalize(axis);
+  return s;
+}
+void mirror(Material& m) {
+  m.bsdf.metallic = 1.0f;
+  m.bsdf.roughness = 0.0f;
+  m.bsdf.specular = 1.0f;
+}
+void glass(Material& m) {
+  m.bsdf.transmission = 1.0f;
+  m.bsdf.roughness = 0.0f;
+  m.bsdf.specular = 1.0f;
+  m.bsdf.ior = 1.5f;
+  m.bsdf.thickness = 1.0f;
+}
 
 struct Caustics : Traced {
   CausticSettings caustics;
@@ -65,7 +85,7 @@ void expectWithin(const DVec3& value, const DVec3& truth, double relative) {
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(value[c], truth[c], relative * truth[c]) << "channel " << c;
 }
 
-double fresnel(double cosine, double n) {                             // unpolarised, from index 1 into n
+double fresnel(double cosine, double n) {  // unpolarised, from index 1 into n
   const double sine = std::sqrt(1 - cosine * cosine) / n, inner = std::sqrt(1 - sine * sine);
   const double s = (cosine - n * inner) / (cosine + n * inner), p = (n * cosine - inner) / (n * cosine + inner);
   return 0.5 * (s * s + p * p);
@@ -116,14 +136,17 @@ TEST(Caustics, AbsorbingSlab) {
   const double t = 1 - fresnel(std::cos(l.theta), n);
   DVec3 truth(0.5 / M_PI * 4.0 * l.spread * t * t);
   for (int c = 0; c < 3; ++c) truth[c] *= std::pow(double(left[c]), 1 / std::cos(l.inner));
-  expectWithin(Caustics(m.finish(), 50000, 0.1f, 2).mean(12), truth, 0.02);   // 2 refractions and the floor: no inner reflections
+  expectWithin(Caustics(m.finish(), 50000, 0.1f, 2).mean(12), truth, 0.02);  // 2 refractions and the floor: no inner reflections
 }
 
 // The receiver lies inside the refracting volume: flux and radiance weights differ by n^2 here, and the picture sees both.
 TEST(Caustics, PoolFloorSeenFromAbove) {
   SceneMaker m;
   const double n = 1.33, depth = 1.0, rho = 0.4;
-  m.instance(m.mesh(box(Vec3(-0.6f, -1.5f, -0.6f), Vec3(0.6f, 0, 0.6f)), m.material(Vec3(1.0f), [&](Material& g) { glass(g); g.bsdf.ior = float(n); })));
+  m.instance(m.mesh(box(Vec3(-0.6f, -1.5f, -0.6f), Vec3(0.6f, 0, 0.6f)), m.material(Vec3(1.0f), [&](Material& g) {
+    glass(g);
+    g.bsdf.ior = float(n);
+  })));
   m.instance(m.mesh(ground(0.55f, -1.0f), m.material(Vec3(0.5f))));
   m.light(pointLight(Vec3(0, 1, 0)), Vec3(4.0f));
   m.camera(Vec3(0.4f, 2.0f, 0), Vec3(0.4f, 0, 0), 0.01f);
@@ -137,8 +160,12 @@ TEST(Caustics, PrismFollowsSnell) {
     SceneMaker m;
     m.instance(m.mesh(ground(8.0f), m.material(Vec3(0.5f))));
     Mesh prism = box(Vec3(-0.3f, 1.0f, -0.3f), Vec3(0.3f, 1.3f, 0.3f));
-    for (Vec3& p : prism.positions) if (p.y > 1.1f) p.y += 0.25f * p.x;   // upper face tilted by atan(1/4)
-    m.instance(m.mesh(std::move(prism), m.material(Vec3(1.0f), [&](Material& g) { glass(g); g.bsdf.dispersion = dispersion; })));
+    for (Vec3& p : prism.positions)
+      if (p.y > 1.1f) p.y += 0.25f * p.x;  // upper face tilted by atan(1/4)
+    m.instance(m.mesh(std::move(prism), m.material(Vec3(1.0f), [&](Material& g) {
+      glass(g);
+      g.bsdf.dispersion = dispersion;
+    })));
     m.light(sunLight(Vec3(0, -1, 0)), Vec3(2.0f));
     m.camera(Vec3(0, 5, 0.1f), Vec3(0));
     const auto map = Caustics(m.finish(), 8192, 0.02f, 2).photons();
@@ -153,7 +180,7 @@ TEST(Caustics, PrismFollowsSnell) {
       EXPECT_NEAR(ph.toLight.x, -std::sin(out), 2e-5);
       EXPECT_NEAR(ph.toLight.y, std::cos(out), 2e-5);
       EXPECT_NEAR(ph.toLight.z, 0.0, 2e-5);
-      const double below = ph.p.x - std::tan(out);                     // left the lower face here, 1 m above
+      const double below = ph.p.x - std::tan(out);  // left the lower face here, 1 m above
       EXPECT_GT(below, -0.3 + 0.225 * std::tan(in) - 1e-4);
       EXPECT_LT(below, 0.3 + 1e-4);
       total += DVec3(ph.flux);
@@ -161,7 +188,7 @@ TEST(Caustics, PrismFollowsSnell) {
     }
     const double tilt = std::atan(0.25), in = tilt - std::asin(std::sin(tilt) / 1.5);
     const double through = (1 - fresnel(std::cos(tilt), 1.5)) * (1 - fresnel(std::cos(std::asin(1.5 * std::sin(in))), 1.5));
-    const double last = (0.3 - 0.3 * std::tan(in)) / (1 + 0.25 * std::tan(in));   // beyond, light meets the side and is reflected there
+    const double last = (0.3 - 0.3 * std::tan(in)) / (1 + 0.25 * std::tan(in));  // beyond, light meets the side and is reflected there
     expectWithin(total, DVec3(2.0 * 0.6 * (0.3 + last) * through), dispersion > 0 ? 0.06 : 0.01);
   }
 }
@@ -169,7 +196,7 @@ TEST(Caustics, PrismFollowsSnell) {
 // All light that meets the glass leaves it again and lands on the box around.
 TEST(Caustics, FluxThroughGlassArrives) {
   for (const bool smooth : {false, true}) {
-    for (const float flat : {1.0f, 0.35f}) {                          // ball and lens
+    for (const float flat : {1.0f, 0.35f}) {  // ball and lens
       SceneMaker m;
       m.instance(m.mesh(box(Vec3(-2), Vec3(2), true), m.material(Vec3(0.5f))));
       const int ball = m.instance(m.mesh(sphere(Vec3(0), 0.5f, 24, smooth), m.material(Vec3(1.0f), glass)), scaling(Vec3(1, flat, 1)));
@@ -179,7 +206,7 @@ TEST(Caustics, FluxThroughGlassArrives) {
       DVec3 landed(0.0);
       const auto map = c.photons();
       for (const Photon& ph : map->photons()) landed += DVec3(ph.flux);
-      double met = 0;                                                  // solid angle of the glass, by directions of its own
+      double met = 0;  // solid angle of the glass, by directions of its own
       const int rays = 200000;
       for (int i = 0; i < rays; ++i) {
         SobolSampler u(3, uint32_t(i));
@@ -201,16 +228,19 @@ TEST(Caustics, FluxThroughGlassArrives) {
 TEST(Caustics, PathTracerAgreesWithASmallLight) {
   const auto scene = [](bool point) {
     SceneMaker m;
-    m.instance(m.mesh(ground(2.0f), m.material(Vec3(0.05f))));         // dark: light that left the floor before is no caustic
+    m.instance(m.mesh(ground(2.0f), m.material(Vec3(0.05f))));  // dark: light that left the floor before is no caustic
     m.instance(m.mesh(sphere(Vec3(0, 0.42f, 0), 0.3f, 16, true), m.material(Vec3(1.0f), glass)));
-    const float r = 0.15f;                                             // its size adds 5 % (r / distance to the glass)^2 / 0.06 of energy
+    const float r = 0.15f;  // its size adds 5 % (r / distance to the glass)^2 / 0.06 of energy
     LightShape s = pointLight(Vec3(0, 2.0f, 0));
-    if (!point) { s.kind = LightKind::Sphere; s.radius = r; }
+    if (!point) {
+      s.kind = LightKind::Sphere;
+      s.radius = r;
+    }
     m.light(s, point ? Vec3(kPi * r * r) : Vec3(1.0f));
     Camera c;
     c.perspective = false;
     c.yheight = 0.5f;
-    c.toWorld = Mat4(Vec4(1, 0, 0, 0), Vec4(0, 0, -1, 0), Vec4(0, 1, 0, 0), Vec4(0, 0.06f, 0, 1));   // between glass and floor, downwards
+    c.toWorld = Mat4(Vec4(1, 0, 0, 0), Vec4(0, 0, -1, 0), Vec4(0, 1, 0, 0), Vec4(0, 0.06f, 0, 1));  // between glass and floor, downwards
     m.scene.cameras.assign(1, c);
     return m.finish();
   };
@@ -236,7 +266,10 @@ TEST(Caustics, LeaningNormalsAreAdjoint) {
     m.instance(m.mesh(std::move(plate), m.material(Vec3(1.0f), mirror)));
     const float r = 0.1f;
     LightShape s = pointLight(Vec3(0.5f, 0.78f, 0));
-    if (!point) { s.kind = LightKind::Sphere; s.radius = r; }
+    if (!point) {
+      s.kind = LightKind::Sphere;
+      s.radius = r;
+    }
     m.light(s, point ? Vec3(kPi * r * r) : Vec3(1.0f));
     Camera c;
     c.perspective = false;
@@ -276,7 +309,7 @@ TEST(Caustics, GatheringAtLaterVertices) {
     }
   Caustics c(m.finish(), 20000, 0.02f, 3, 16, 16);
   expectWithin(c.mean(8), DVec3(truth * 0.5 / M_PI), 0.03);
-  c.settings.maxBounces = 1;                                            // mirror, floor, wall: three events
+  c.settings.maxBounces = 1;  // mirror, floor, wall: three events
   expectWithin(c.mean(2) + 1.0, DVec3(1.0), 1e-12);
 }
 
@@ -285,7 +318,11 @@ TEST(Caustics, LightThatComesStraightOnIsNoCaustic) {
   const auto landed = [](float ior) {
     SceneMaker m;
     m.instance(m.mesh(ground(50.0f), m.material(Vec3(0.5f))));
-    const int pane = m.material(Vec3(1.0f), [ior](Material& g) { glass(g); g.bsdf.ior = ior; g.bsdf.thickness = 0; });
+    const int pane = m.material(Vec3(1.0f), [ior](Material& g) {
+      glass(g);
+      g.bsdf.ior = ior;
+      g.bsdf.thickness = 0;
+    });
     for (float y : {1.0f, 2.0f}) m.instance(m.mesh(quad(Vec3(-0.5f, y, -0.5f), Vec3(1, 0, 0), Vec3(0, 0, 1)), pane));
     LightShape sun;
     sun.kind = LightKind::Directional;
@@ -299,13 +336,16 @@ TEST(Caustics, LightThatComesStraightOnIsNoCaustic) {
     return flux / (M_PI * map->radius() * map->radius());
   };
   EXPECT_EQ(landed(1.0f), 0.0);
-  EXPECT_NEAR(landed(3.0f), 0.75 * 0.75 * 0.25 * 0.25, 0.003);   // index 3: F = 1/4
+  EXPECT_NEAR(landed(3.0f), 0.75 * 0.75 * 0.25 * 0.25, 0.003);  // index 3: F = 1/4
 }
 
 TEST(Caustics, NothingWithoutASpecularChain) {
   SceneMaker m;
   m.instance(m.mesh(ground(2.0f), m.material(Vec3(0.5f))));
-  m.instance(m.mesh(box(Vec3(-0.3f, 0.2f, -0.3f), Vec3(0.3f, 0.5f, 0.3f)), m.material(Vec3(0.8f), [](Material& g) { mirror(g); g.bsdf.roughness = 0.2f; })));
+  m.instance(m.mesh(box(Vec3(-0.3f, 0.2f, -0.3f), Vec3(0.3f, 0.5f, 0.3f)), m.material(Vec3(0.8f), [](Material& g) {
+    mirror(g);
+    g.bsdf.roughness = 0.2f;
+  })));
   m.light(pointLight(Vec3(0, 1, 0)));
   m.camera(Vec3(0, 1, 3), Vec3(0), 0.8f);
   Caustics none(m.finish(), 5000, 0.05f);
@@ -340,7 +380,7 @@ TEST(Caustics, SameBitsForAnyThreads) {
 TEST(Caustics, RadiusFollowsKnausAndZwicker) {
   EXPECT_FLOAT_EQ(causticRadius(0.5f, 0), 0.5f);
   EXPECT_NEAR(causticRadius(0.5f, 1), 0.5 * std::sqrt((1 + 2.0 / 3) / 2), 1e-7);
-  EXPECT_NEAR(causticRadius(1.0f, 999) / causticRadius(1.0f, 124), std::pow(8.0, -1.0 / 6), 1e-3);   // r^2 ~ pass^(alpha - 1)
+  EXPECT_NEAR(causticRadius(1.0f, 999) / causticRadius(1.0f, 124), std::pow(8.0, -1.0 / 6), 1e-3);  // r^2 ~ pass^(alpha - 1)
 }
 
 TEST(PhotonMap, FindsWhatASearchFinds) {
@@ -362,7 +402,8 @@ TEST(PhotonMap, FindsWhatASearchFinds) {
     const Vec3 p(a.x * 2.4f - 1.2f, a.y * 3.4f - 0.2f, u.next1D() * 0.7f - 4.1f);
     std::vector<int> found, truth;
     map.around(p, [&](const Photon& ph) { found.push_back(ph.slot); });
-    for (const Photon& ph : all) if (isFinite(ph.flux) && glm::dot(ph.p - p, ph.p - p) <= 0.11f * 0.11f) truth.push_back(ph.slot);
+    for (const Photon& ph : all)
+      if (isFinite(ph.flux) && glm::dot(ph.p - p, ph.p - p) <= 0.11f * 0.11f) truth.push_back(ph.slot);
     std::sort(found.begin(), found.end());
     EXPECT_EQ(found, truth);
   }
@@ -389,7 +430,7 @@ TEST(PhotonEmission, OverlappingTargets) {
       sum += double(s.power) / n;
     }
     double truth = 0;
-    const int cells = 2000;                                            // quadrature of the union
+    const int cells = 2000;  // quadrature of the union
     for (int i = 0; i < cells; ++i)
       for (int j = 0; j < cells; ++j) {
         const double x = -2 + 6.0 * (i + 0.5) / cells, z = -1.5 + 3.0 * (j + 0.5) / cells;

@@ -32,14 +32,15 @@ LitScene lit(std::shared_ptr<Environment> map) {
 }
 
 Chi2Result chi2Of(const LitScene& s, uint64_t seed, SphereDomain d) {
-  return chi2Test(d, 60000, seed,
-                  [&](Rng& rng, Vec3& w) {
-                    LightSample out;
-                    if (!s.sampler->sample(0, Vec3(0), rng.next2(), out)) return false;
-                    w = out.direction;
-                    return true;
-                  },
-                  [&](const Vec3& w) { return double(s.sampler->pdf(0, Vec3(0), w, 3e38f, 0)); }, 7);
+  return chi2Test(
+      d, 60000, seed,
+      [&](Rng& rng, Vec3& w) {
+        LightSample out;
+        if (!s.sampler->sample(0, Vec3(0), rng.next2(), out)) return false;
+        w = out.direction;
+        return true;
+      },
+      [&](const Vec3& w) { return double(s.sampler->pdf(0, Vec3(0), w, 3e38f, 0)); }, 7);
 }
 
 TEST(EnvironmentSampling, ChiSquaredOfSamplesAgainstDensity) {
@@ -47,9 +48,12 @@ TEST(EnvironmentSampling, ChiSquaredOfSamplesAgainstDensity) {
   const auto ramp = [](int x, int y) { return Vec3(float(x * x + 1), float(y), 0); };
   const auto colours = [](int x, int y) { return x == 3 ? Vec3(0) : x % 2 ? Vec3(0, 0, 5) : Vec3(1, 0, 0); };
   const SphereDomain sphere{Vec3(0, 1, 0), 2.0, 16, 24};
-  const LitScene maps[] = {lit(makeMap(1, 1, 0, [](int, int) { return Vec3(2); })), lit(makeMap(8, 4, 0, checker)),
-                           lit(makeMap(12, 6, 1.234f, ramp)),                       lit(makeMap(5, 3, -7.0f, colours)),
-                           lit(makeMap(1, 9, 0, ramp)),                             lit(makeMap(9, 1, 2.0f, ramp))};
+  const LitScene maps[] = {lit(makeMap(1, 1, 0, [](int, int) { return Vec3(2); })),
+                           lit(makeMap(8, 4, 0, checker)),
+                           lit(makeMap(12, 6, 1.234f, ramp)),
+                           lit(makeMap(5, 3, -7.0f, colours)),
+                           lit(makeMap(1, 9, 0, ramp)),
+                           lit(makeMap(9, 1, 2.0f, ramp))};
   double lowest = 1, highest = 0;
   uint64_t seed = 40;
   for (const LitScene& m : maps) {
@@ -75,7 +79,8 @@ TEST(EnvironmentSampling, SamplesMatchLookUpAndDensity) {
       EXPECT_NEAR(glm::length(out.direction), 1.0f, 1e-6f);
       const Vec3 seen = s.sampler->emitted(0, out.direction, 0, 0, 0, Vec3(0));
       EXPECT_EQ(seen, s.scene->environment->eval(out.direction));
-      for (int c = 0; c < 3; ++c) EXPECT_NEAR(out.radiance[c], seen[c], 1e-3f * (1 + seen[c]));   // rounding of the direction moves it by 1e-5 texels; steps are up to 30
+      for (int c = 0; c < 3; ++c)
+        EXPECT_NEAR(out.radiance[c], seen[c], 1e-3f * (1 + seen[c]));  // rounding of the direction moves it by 1e-5 texels; steps are up to 30
       EXPECT_NEAR(s.sampler->pdf(0, Vec3(3), out.direction, 3e38f, 0) / out.pdf, 1.0f, 1e-3f);
     }
   }
@@ -127,11 +132,12 @@ TEST(EnvironmentSampling, OneHotTexelIntegratesExactly) {
   for (int row : {0, 4, 11}) {
     for (float rotation : {0.0f, 1.0f}) {
       const LitScene s = lit(makeMap(w, h, rotation, [&](int x, int y) { return x == 17 && y == row ? Vec3(1e6f) : Vec3(1); }));
-      double hot = 0;   // the azimuthal tent integrates to one texel's width
+      double hot = 0;  // the azimuthal tent integrates to one texel's width
       for (int k = 0; k < n; ++k) {
         const double at = -1 + (k + 0.5) * 2 / n, theta = std::numbers::pi * (row + 0.5 + at) / h;
         if (theta < 0) continue;
-        hot += (row == 0 && at < 0 ? 1 : 1 - std::fabs(at)) * std::sin(theta) * std::cos(theta) * (2.0 / n) * (std::numbers::pi / h) * (2 * std::numbers::pi / w);
+        hot +=
+            (row == 0 && at < 0 ? 1 : 1 - std::fabs(at)) * std::sin(theta) * std::cos(theta) * (2.0 / n) * (std::numbers::pi / h) * (2 * std::numbers::pi / w);
       }
       const double truth = std::numbers::pi + (1e6 - 1) * hot;
       const Irradiance e = irradiance(*s.sampler, 0, Vec3(0), Vec3(0, 1, 0));
@@ -193,7 +199,7 @@ TEST(EnvironmentSampling, TexelWeightsAreExactAtThePoles) {
   for (int y = 0; y < h; ++y) {
     // Tents of a regular grid against the sine: by parts, sin(centre) (2 sin(step / 2) / step)^2; at a pole half of that and the cap.
     const long double centre = (y + 0.5L) * step, c = 2 * sinl(step / 2) / step, half = 2 * sinl(step / 4) * sinl(step / 4);
-    const long double inner = sinl(step / 2) * c * c / 2 * step + cosl(step / 2) * (step - sinl(step)) / step;   // centre step / 2, the side away from the pole
+    const long double inner = sinl(step / 2) * c * c / 2 * step + cosl(step / 2) * (step - sinl(step)) / step;  // centre step / 2, the side away from the pole
     const long double exact = (y == 0 || y == h - 1 ? half + inner : sinl(centre) * c * c * step) * 2 * pi / w;
     EXPECT_NEAR(d.texelWeight(y) / double(exact), 1.0, 1e-9) << y;
     sum += d.texelWeight(y) * w;
@@ -239,7 +245,7 @@ TEST(EnvironmentSampling, DimTexelsKeepTheirShare) {
     Vec3 dir, l;
     float pdf;
     ASSERT_TRUE(d.sample(rng.next2(), dir, l, pdf));
-    const Vec2 uv = map->toUv(dir);   // what the bright texel's tent does not reach; inside it, its share of the look-up is 1e-7
+    const Vec2 uv = map->toUv(dir);  // what the bright texel's tent does not reach; inside it, its share of the look-up is 1e-7
     dim += !((uv.x * w < 1.5f || uv.x * w > w - 0.5f) && std::fabs(uv.y * h - 512.5f) < 1.0f);
   }
   EXPECT_NEAR(dim / double(n), share, 4.5 * std::sqrt(share * (1 - share) / n));

@@ -21,26 +21,33 @@ Chi2Result chi2OfAreaLight(const LightShape& shape, const Vec3& p, uint64_t seed
   LitScene lit;
   lit.add(shape);
   const LightSampler& s = lit.build();
-  return chi2Test(d, 60000, seed,
-                  [&](Rng& rng, Vec3& w) {
-                    LightSample out;
-                    if (!s.sample(0, p, rng.next2(), out)) return false;
-                    w = out.direction;
-                    return true;
-                  },
-                  [&](const Vec3& w) {
-                    Ray ray{p, w};
-                    float t;
-                    Vec3 n;
-                    return s.intersectAreaLights(ray, t, n) == 0 ? double(s.pdf(0, p, w, t, 0)) : 0.0;
-                  },
-                  8);
+  return chi2Test(
+      d, 60000, seed,
+      [&](Rng& rng, Vec3& w) {
+        LightSample out;
+        if (!s.sample(0, p, rng.next2(), out)) return false;
+        w = out.direction;
+        return true;
+      },
+      [&](const Vec3& w) {
+        Ray ray{p, w};
+        float t;
+        Vec3 n;
+        return s.intersectAreaLights(ray, t, n) == 0 ? double(s.pdf(0, p, w, t, 0)) : 0.0;
+      },
+      8);
 }
 
-struct AreaCase { const char* name; LightShape shape; Vec3 p; SphereDomain domain; double least; };
+struct AreaCase {
+  const char* name;
+  LightShape shape;
+  Vec3 p;
+  SphereDomain domain;
+  double least;
+};
 
 std::vector<AreaCase> areaCases() {
-  const LightShape square = rectLight(Vec3(0, 2, 0), Vec3(1, 0, 0), Vec3(0, 0, 1));   // cross(x, z) = -y: shines down
+  const LightShape square = rectLight(Vec3(0, 2, 0), Vec3(1, 0, 0), Vec3(0, 0, 1));  // cross(x, z) = -y: shines down
   const LightShape tilted = rectLight(Vec3(0.3f, 1, -0.2f), Vec3(0.8f, 0.6f, 0), Vec3(0, 0, 2));
   const auto cone = [](const Vec3& from, const LightShape& s, double radius) {
     const Vec3 d = s.position - from;
@@ -54,8 +61,7 @@ std::vector<AreaCase> areaCases() {
       {"rect aside", square, Vec3(3, 1, 1), cone(Vec3(3, 1, 1), square, 1.5), 0.999},
       {"rect near", square, Vec3(0.2f, 1.99f, -0.3f), {}, 0.99},
       {"rect tilted", tilted, Vec3(0.5f, -1, 1), cone(Vec3(0.5f, -1, 1), tilted, 2.3), 0.999},
-      {"rect two-sided behind", rectLight(Vec3(0, 2, 0), Vec3(1, 0, 0), Vec3(0, 0, 1), true), Vec3(0.4f, 4, 0),
-       cone(Vec3(0.4f, 4, 0), square, 1.5), 0.999},
+      {"rect two-sided behind", rectLight(Vec3(0, 2, 0), Vec3(1, 0, 0), Vec3(0, 0, 1), true), Vec3(0.4f, 4, 0), cone(Vec3(0.4f, 4, 0), square, 1.5), 0.999},
       {"rect far (by area)", square, far, cone(far, square, 1.5), 0.99},
       {"disk far", disk, Vec3(0, -2, 0), cone(Vec3(0, -2, 0), disk, 0.95), 0.999},
       {"disk very far", disk, far, cone(far, disk, 0.95), 0.99},
@@ -74,8 +80,7 @@ TEST(AreaLights, ChiSquaredOfSamplesAgainstDensity) {
   for (const AreaCase& c : cases) {
     if (std::string(c.name) == "sphere tiny") continue;  // float directions are coarser than its bins; see TinyAndFarLights
     const Chi2Result r = chi2OfAreaLight(c.shape, c.p, uint64_t(&c - cases.data()) + 1, c.domain);
-    EXPECT_GT(r.p, sidak(int(cases.size()))) << c.name << " chi2 " << r.statistic << "/" << r.degrees << " integral " << r.integral
-                                             << " refused " << r.refused;
+    EXPECT_GT(r.p, sidak(int(cases.size()))) << c.name << " chi2 " << r.statistic << "/" << r.degrees << " integral " << r.integral << " refused " << r.refused;
     EXPECT_GT(r.integral, c.least) << c.name;
     EXPECT_LT(r.integral, 1.005) << c.name;
     lowest = std::min(lowest, r.p);
@@ -202,7 +207,10 @@ TEST(AreaLights, SolidAngleOfACubeFace) {
 TEST(AreaLights, AThousandLightsAreFoundAsByExhaustiveSearch) {
   LitScene lit;
   Rng rng(9);
-  const auto point = [&](float scale) { const float x = rng.next(), y = rng.next(); return (Vec3(x, y, rng.next()) - 0.5f) * scale; };
+  const auto point = [&](float scale) {
+    const float x = rng.next(), y = rng.next();
+    return (Vec3(x, y, rng.next()) - 0.5f) * scale;
+  };
   for (int i = 0; i < 1000; ++i) {
     const Vec3 at = point(20.0f), axis = glm::normalize(point(1.0f));
     const Frame f(axis);
@@ -222,7 +230,11 @@ TEST(AreaLights, AThousandLightsAreFoundAsByExhaustiveSearch) {
       Vec3 n, n2, bestN;
       for (int i = 0; i < 1000; ++i) {
         if (visible && !lit.scene->lights[i].cameraVisible) continue;
-        if (intersectAreaLight(lit.scene->lights[i].shape, ray, t, n) && t < nearest) { nearest = t; best = i; bestN = n; }
+        if (intersectAreaLight(lit.scene->lights[i].shape, ray, t, n) && t < nearest) {
+          nearest = t;
+          best = i;
+          bestN = n;
+        }
       }
       const int hit = s.intersectAreaLights(ray, t2, n2, visible);
       ASSERT_EQ(hit, best);

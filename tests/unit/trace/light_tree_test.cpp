@@ -20,7 +20,8 @@ std::vector<LightBounds> randomLights(std::mt19937& g, int n) {
   std::vector<LightBounds> lights(n);
   for (LightBounds& b : lights) {
     const Vec3 p(10 * u(g), 10 * u(g), 10 * u(g));
-    b.lo = p; b.hi = p + Vec3(u(g), u(g), u(g)) * 0.3f;
+    b.lo = p;
+    b.hi = p + Vec3(u(g), u(g), u(g)) * 0.3f;
     b.axis = randomDirection(g);
     b.cosNormals = 1.0f - 0.5f * u(g);
     b.cosEmission = 0.3f * u(g);
@@ -48,13 +49,15 @@ TEST(LightTree, ProbabilitiesSumToOneAndMatchTheDraws) {
     for (int k = 0; k < draws; ++k) {
       float chance = -1;
       const int i = tree.sample(p, normal, (float(k) + u(g)) / draws, chance);
-      if (i < 0) { ++none; continue; }
+      if (i < 0) {
+        ++none;
+        continue;
+      }
       ++count[i];
-      ASSERT_NEAR(chance, tree.probability(p, normal, i), 1e-5 * chance);   // so that MIS weights add up to one
+      ASSERT_NEAR(chance, tree.probability(p, normal, i), 1e-5 * chance);  // so that MIS weights add up to one
     }
-    EXPECT_NEAR(sum, 1.0 - double(none) / draws, 2e-4);              // a branch may turn out empty below; then nothing is drawn
-    for (size_t i = 0; i < lights.size(); ++i)
-      EXPECT_NEAR(double(count[i]) / draws, probability[i], 4.5 * std::sqrt(probability[i] / draws) + 1e-3);
+    EXPECT_NEAR(sum, 1.0 - double(none) / draws, 2e-4);  // a branch may turn out empty below; then nothing is drawn
+    for (size_t i = 0; i < lights.size(); ++i) EXPECT_NEAR(double(count[i]) / draws, probability[i], 4.5 * std::sqrt(probability[i] / draws) + 1e-3);
   }
 }
 
@@ -62,7 +65,12 @@ TEST(LightTree, WithoutNormalsProbabilitiesSumToOneForOmniLights) {
   std::mt19937 g(2);
   std::uniform_real_distribution<float> u;
   std::vector<LightBounds> lights(100);
-  for (LightBounds& b : lights) { b.lo = b.hi = Vec3(u(g), u(g), u(g)); b.cosNormals = -1.0f; b.cosEmission = 0.0f; b.power = 1.0f + u(g); }
+  for (LightBounds& b : lights) {
+    b.lo = b.hi = Vec3(u(g), u(g), u(g));
+    b.cosNormals = -1.0f;
+    b.cosEmission = 0.0f;
+    b.power = 1.0f + u(g);
+  }
   LightTree tree;
   tree.build(lights);
   for (int trial = 0; trial < 50; ++trial) {
@@ -99,19 +107,28 @@ TEST(LightTree, NeverExcludesALightThatCanReachTheReceiver) {
 
 TEST(LightTree, PrefersTheNearLampByFar) {
   std::vector<LightBounds> lights(2);
-  for (LightBounds& b : lights) { b.cosNormals = -1.0f; b.cosEmission = 0.0f; b.power = 1.0f; }
+  for (LightBounds& b : lights) {
+    b.cosNormals = -1.0f;
+    b.cosEmission = 0.0f;
+    b.power = 1.0f;
+  }
   lights[0].lo = lights[0].hi = Vec3(0, 1, 0);
   lights[1].lo = lights[1].hi = Vec3(10, 1, 0);
   LightTree tree;
   tree.build(lights);
   const Vec3 n(0, 1, 0);
   EXPECT_GT(tree.probability(Vec3(0.0f), &n, 0), 0.98f);
-  EXPECT_EQ(tree.probability(Vec3(0, 2, 0), &n, 0), 0.0f);           // below the receiver's horizon
+  EXPECT_EQ(tree.probability(Vec3(0, 2, 0), &n, 0), 0.0f);  // below the receiver's horizon
 }
 
 TEST(LightTree, ManyLightsInOnePlaceAndZeroPower) {
   std::vector<LightBounds> lights(9);
-  for (size_t i = 0; i < lights.size(); ++i) { lights[i].lo = lights[i].hi = Vec3(1.0f); lights[i].cosNormals = -1; lights[i].cosEmission = 0; lights[i].power = i == 4 ? 0.0f : 1.0f; }
+  for (size_t i = 0; i < lights.size(); ++i) {
+    lights[i].lo = lights[i].hi = Vec3(1.0f);
+    lights[i].cosNormals = -1;
+    lights[i].cosEmission = 0;
+    lights[i].power = i == 4 ? 0.0f : 1.0f;
+  }
   LightTree tree;
   tree.build(lights);
   double sum = 0;
@@ -126,8 +143,11 @@ TEST(LightSelector, EveryStrategySumsToOneWithFiniteAndInfiniteLights) {
   LightShape point, sun, rect;
   point.position = Vec3(1, 2, 0);
   sun.kind = LightKind::Directional;
-  rect.kind = LightKind::Rect; rect.position = Vec3(-1, 3, 0);
-  m.light(point, Vec3(3.0f)); m.light(sun, Vec3(2.0f)); m.light(rect, Vec3(5.0f));
+  rect.kind = LightKind::Rect;
+  rect.position = Vec3(-1, 3, 0);
+  m.light(point, Vec3(3.0f));
+  m.light(sun, Vec3(2.0f));
+  m.light(rect, Vec3(5.0f));
   m.environment(constantEnvironment(Vec3(0.5f)));
   m.camera(Vec3(0, 3, 3), Vec3(0.0f));
   const Traced t(m.finish());
@@ -155,7 +175,7 @@ TEST(LightSelector, EveryStrategySumsToOneWithFiniteAndInfiniteLights) {
       EXPECT_NEAR(count[k], chance, 2e-3);
     }
     EXPECT_NEAR(sum, 1.0, 1e-5);
-    nominal[0] = nominal[1] = nominal[3] = Vec3(0.0f);                // one light left: chosen without looking
+    nominal[0] = nominal[1] = nominal[3] = Vec3(0.0f);  // one light left: chosen without looking
     LightSelector one;
     one.build(t.view(), nominal, mode);
     EXPECT_EQ(one.count(), 1);

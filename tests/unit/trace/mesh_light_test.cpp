@@ -14,7 +14,10 @@ namespace {
 
 using namespace test;
 
-struct MeshHit { uint32_t primitive; float t, u, v; };
+struct MeshHit {
+  uint32_t primitive;
+  float t, u, v;
+};
 
 /// Every triangle of instance 0 that the ray crosses (Moeller & Trumbore 1997), in double.
 std::vector<MeshHit> crossings(const Scene& scene, const Vec3& origin, const Vec3& direction) {
@@ -33,8 +36,8 @@ std::vector<MeshHit> crossings(const Scene& scene, const Vec3& origin, const Vec
 }
 
 const std::vector<Vec3> kSquare = {{-1, 0, -1}, {1, 0, -1}, {1, 0, 1}, {-1, 0, -1}, {1, 0, 1}, {-1, 0, 1}};  // winding: normal -y
-const std::vector<Vec3> kTent = {{-1, 0, -1}, {1, 0, -1}, {0, 1, 0}, {1, 0, -1}, {1, 0, 1}, {0, 1, 0}, {1, 0, 1}, {-1, 0, 1}, {0, 1, 0},
-                                 {0, 0.2f, 0}, {0.3f, 0.2f, 0}, {0, 0.2f, 0.1f}};
+const std::vector<Vec3> kTent = {{-1, 0, -1}, {1, 0, -1}, {0, 1, 0}, {1, 0, -1},   {1, 0, 1},       {0, 1, 0},
+                                 {1, 0, 1},   {-1, 0, 1}, {0, 1, 0}, {0, 0.2f, 0}, {0.3f, 0.2f, 0}, {0, 0.2f, 0.1f}};
 
 std::shared_ptr<const Texture> stripes(bool onlyOneTexel) {
   auto t = std::make_shared<Texture>();
@@ -62,8 +65,15 @@ double meshPdf(const LitScene& s, const Vec3& p, const Vec3& w) {
 TEST(MeshLight, ChiSquaredOfSamplesAgainstDensity) {
   const Mat4 place = glm::rotate(glm::translate(Mat4(1.0f), Vec3(0.2f, 2, 0)), 0.4f, glm::normalize(Vec3(1, 2, 3)));
   const Mat4 mirrored = glm::scale(place, Vec3(-1.5f, 0.7f, 1));
-  struct Case { const char* name; const std::vector<Vec3>& corners; Mat4 m; bool doubleSided; int texture; Vec3 p; };
-  const Case cases[] = {{"square", kSquare, place, false, 0, Vec3(0)},      {"tent", kTent, place, true, 0, Vec3(0, 0, 0.5f)},
+  struct Case {
+    const char* name;
+    const std::vector<Vec3>& corners;
+    Mat4 m;
+    bool doubleSided;
+    int texture;
+    Vec3 p;
+  };
+  const Case cases[] = {{"square", kSquare, place, false, 0, Vec3(0)},       {"tent", kTent, place, true, 0, Vec3(0, 0, 0.5f)},
                         {"tent one-sided", kTent, place, false, 0, Vec3(0)}, {"mirrored tent", kTent, mirrored, true, 0, Vec3(0)},
                         {"stripes", kSquare, place, true, 1, Vec3(0, 5, 0)}, {"one texel", kSquare, place, true, 2, Vec3(0)}};
   double lowest = 1, highest = 0;
@@ -73,14 +83,15 @@ TEST(MeshLight, ChiSquaredOfSamplesAgainstDensity) {
     addEmissiveMesh(*s.scene, c.corners, c.m, c.doubleSided, c.texture ? stripes(c.texture == 2) : nullptr);
     s.build();
     const Vec3 axis = glm::normalize(Vec3(0.2f, 2.2f, 0) - c.p);
-    const auto r = chi2Test({axis, 0.5, 10, 16}, 60000, seed++,
-                            [&](Rng& rng, Vec3& w) {
-                              LightSample out;
-                              if (!s.sampler->sample(0, c.p, rng.next2(), out)) return false;
-                              w = out.direction;
-                              return true;
-                            },
-                            [&](const Vec3& w) { return meshPdf(s, c.p, w); }, 6, 3);   // densities jump at edges of near triangles
+    const auto r = chi2Test(
+        {axis, 0.5, 10, 16}, 60000, seed++,
+        [&](Rng& rng, Vec3& w) {
+          LightSample out;
+          if (!s.sampler->sample(0, c.p, rng.next2(), out)) return false;
+          w = out.direction;
+          return true;
+        },
+        [&](const Vec3& w) { return meshPdf(s, c.p, w); }, 6, 3);  // densities jump at edges of near triangles
     EXPECT_GT(r.p, sidak(6)) << c.name << " chi2 " << r.statistic << "/" << r.degrees << " integral " << r.integral << " refused " << r.refused;
     EXPECT_LT(r.refused, 60000);
     lowest = std::min(lowest, r.p);
@@ -126,7 +137,10 @@ TEST(MeshLight, NothingIsSpentOnTrianglesThatFaceAway) {
   addEmissiveMesh(*s.scene, corners, glm::translate(Mat4(1.0f), Vec3(0, 2, 0)), false);
   s.build();
   uint64_t seed = 80;
-  struct Seen { Vec3 p; float span; };                                 // with the cone that the lamp fills
+  struct Seen {
+    Vec3 p;
+    float span;
+  };  // with the cone that the lamp fills
   for (const auto& [p, span] : {Seen{Vec3(0, 2.4f, 0), 1.0f}, Seen{Vec3(3, 1, 0), 0.05f}, Seen{Vec3(-2, 0.5f, 1), 0.06f}}) {
     Rng rng(seed++);
     int refused = 0;
@@ -134,15 +148,16 @@ TEST(MeshLight, NothingIsSpentOnTrianglesThatFaceAway) {
       LightSample out;
       refused += !s.sampler->sample(0, p, rng.next2(), out);
     }
-    EXPECT_LE(refused, 4) << p.x << " " << p.y;                        // edge-on within rounding
-    const auto r = chi2Test({glm::normalize(Vec3(0, 2, 0) - p + Vec3(1e-3f, 0, 0)), span, 10, 16}, 40000, seed++,
-                            [&](Rng& g, Vec3& w) {
-                              LightSample out;
-                              if (!s.sampler->sample(0, p, g.next2(), out)) return false;
-                              w = out.direction;
-                              return true;
-                            },
-                            [&](const Vec3& w) { return meshPdf(s, p, w); }, 6, 3);
+    EXPECT_LE(refused, 4) << p.x << " " << p.y;  // edge-on within rounding
+    const auto r = chi2Test(
+        {glm::normalize(Vec3(0, 2, 0) - p + Vec3(1e-3f, 0, 0)), span, 10, 16}, 40000, seed++,
+        [&](Rng& g, Vec3& w) {
+          LightSample out;
+          if (!s.sampler->sample(0, p, g.next2(), out)) return false;
+          w = out.direction;
+          return true;
+        },
+        [&](const Vec3& w) { return meshPdf(s, p, w); }, 6, 3);
     EXPECT_GT(r.p, sidak(3)) << p.x << " " << p.y << " chi2 " << r.statistic << "/" << r.degrees << " integral " << r.integral;
   }
   // Within the box no front is seen.
@@ -164,7 +179,7 @@ TEST(MeshLight, NearTrianglesAreSampledBySolidAngle) {
       ASSERT_TRUE(s.sampler->sample(0, p, rng.next2(), out));
       low = std::min(low, double(out.pdf));
       high = std::max(high, double(out.pdf));
-      const Vec3 q = p + out.direction * out.distance;                 // on the lamp
+      const Vec3 q = p + out.direction * out.distance;  // on the lamp
       ASSERT_NEAR(q.y, 0.02f, 1e-5f);
       ASSERT_TRUE(q.x >= -1 - 1e-4f && q.x <= 1 + 1e-4f && q.z >= -1 - 1e-4f && q.z <= q.x + 1e-4f) << q.x << " " << q.z;
     }
@@ -214,7 +229,7 @@ TEST(MeshLight, PositionsStayUniformWithManyTriangles) {
   const int n = 1 << 17;
   for (int i = 0; i < n; ++i) corners.insert(corners.end(), {Vec3(0, 0, 0), Vec3(1, 0, 0), Vec3(0, 0, 1)});
   LitScene s;
-  addEmissiveMesh(*s.scene, corners, glm::translate(Mat4(1.0f), Vec3(0, 4, 0)), true);   // far: sampled by area
+  addEmissiveMesh(*s.scene, corners, glm::translate(Mat4(1.0f), Vec3(0, 4, 0)), true);  // far: sampled by area
   s.build();
   Rng rng(3);
   const int samples = 40000, bins = 100;

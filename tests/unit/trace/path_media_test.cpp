@@ -17,12 +17,18 @@ using namespace tests;
 std::function<void(Material&)> glass(float ior, const Vec3& colour = Vec3(1.0f), float distance = 0.0f, const std::function<void(Bsdf&)>& change = {}) {
   return [=](Material& x) {
     x.bsdf = {};
-    x.bsdf.roughness = 0; x.bsdf.transmission = 1; x.bsdf.thickness = 1; x.bsdf.ior = ior;
-    x.bsdf.attenuationColor = colour; x.bsdf.attenuationDistance = distance;
+    x.bsdf.roughness = 0;
+    x.bsdf.transmission = 1;
+    x.bsdf.thickness = 1;
+    x.bsdf.ior = ior;
+    x.bsdf.attenuationColor = colour;
+    x.bsdf.attenuationDistance = distance;
     if (change) change(x.bsdf);
   };
 }
-int lamp(SceneMaker& m, const Vec3& radiance = Vec3(1.0f)) { return m.material(Vec3(0.0f), [=](Material& x) { x.emission.radiance = radiance; }); }
+int lamp(SceneMaker& m, const Vec3& radiance = Vec3(1.0f)) {
+  return m.material(Vec3(0.0f), [=](Material& x) { x.emission.radiance = radiance; });
+}
 DVec3 power(const Vec3& colour, double t) { return DVec3(std::pow(double(colour.x), t), std::pow(double(colour.y), t), std::pow(double(colour.z), t)); }
 double fresnel(double cosI, double n1, double n2) {
   const double sinT = n1 / n2 * std::sqrt(1 - cosI * cosI), cosT = std::sqrt(1 - sinT * sinT);
@@ -32,7 +38,7 @@ double fresnel(double cosI, double n1, double n2) {
 
 TEST(PathMedia, AbsorbingGlassSlabIsTheSeriesOfItsReflections) {
   const Vec3 colour(0.8f, 0.5f, 0.1f);
-  const double d = 0.7;                             // in attenuation distances
+  const double d = 0.7;  // in attenuation distances
   SceneMaker m;
   m.instance(m.mesh(box(Vec3(-50, 0, -50), Vec3(50, float(d), 50)), m.material(Vec3(1.0f), glass(1.5f, colour, 1.0f))));
   m.instance(m.mesh(quad(Vec3(-50, -1, 50), Vec3(100, 0, 0), Vec3(0, 0, -100)), lamp(m)));
@@ -57,14 +63,14 @@ TEST(PathMedia, ClosedClearGlassOfAnyKindVanishesInAWhiteRoom) {
       m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.3f);
       Traced t(m.finish());
       t.settings.maxBounces = 64;
-      expectNear(measure(t, 16)[0], DVec3(1.0), 3e-3);   // smooth normals of a mesh cut a little at grazing angles
+      expectNear(measure(t, 16)[0], DVec3(1.0), 3e-3);  // smooth normals of a mesh cut a little at grazing angles
     }
 }
 
 TEST(PathMedia, VolumesThatOverlapOrAreNested) {
   const Vec3 a(0.5f, 0.9f, 0.7f), b(0.9f, 0.4f, 0.6f);
   const auto through = [&](float aLow, float aHigh, float bLow, float bHigh) {
-    SceneMaker m;                                   // index 1: boundaries are passed straight on, so nothing is random
+    SceneMaker m;  // index 1: boundaries are passed straight on, so nothing is random
     m.instance(m.mesh(box(Vec3(-5, aLow, -5), Vec3(5, aHigh, 5)), m.material(Vec3(1.0f), glass(1.0f, a, 1.0f))));
     m.instance(m.mesh(box(Vec3(-6, bLow, -6), Vec3(6, bHigh, 6)), m.material(Vec3(1.0f), glass(1.0f, b, 1.0f))));
     m.instance(m.mesh(quad(Vec3(-5, -9, 5), Vec3(10, 0, 0), Vec3(0, 0, -10)), lamp(m)));
@@ -74,14 +80,14 @@ TEST(PathMedia, VolumesThatOverlapOrAreNested) {
     t.settings.rouletteStart = 100;
     return measure(t, 2)[0];
   };
-  expectNear(through(1, 4, -4, -1), power(a, 3) * power(b, 3), 1e-5);                    // apart
-  expectNear(through(-3, 3, -1, 1), power(a, 4) * power(b, 2), 1e-5);                    // B inside A
-  expectNear(through(0, 3, -2, 1), power(a, 2) * power(b, 3), 1e-5);                     // from above: A, then B inside it, which counts to its end
-  expectNear(through(-3, 1, 0, 4), power(b, 3) * power(a, 4), 1e-5);                     // A entered inside B: A counts to its end
+  expectNear(through(1, 4, -4, -1), power(a, 3) * power(b, 3), 1e-5);  // apart
+  expectNear(through(-3, 3, -1, 1), power(a, 4) * power(b, 2), 1e-5);  // B inside A
+  expectNear(through(0, 3, -2, 1), power(a, 2) * power(b, 3), 1e-5);   // from above: A, then B inside it, which counts to its end
+  expectNear(through(-3, 1, 0, 4), power(b, 3) * power(a, 4), 1e-5);   // A entered inside B: A counts to its end
 }
 
 TEST(PathMedia, LiquidInGlassHasNoBoundaryOfItsOwnWhereTheIndexIsTheSame) {
-  SceneMaker m;                                     // 1.5 inside 1.5: one slab
+  SceneMaker m;  // 1.5 inside 1.5: one slab
   m.instance(m.mesh(box(Vec3(-50, -1, -50), Vec3(50, 1, 50)), m.material(Vec3(1.0f), glass(1.5f))));
   m.instance(m.mesh(box(Vec3(-40, -0.5f, -40), Vec3(40, 0.5f, 40)), m.material(Vec3(1.0f), glass(1.5f))));
   m.instance(m.mesh(quad(Vec3(-50, -3, 50), Vec3(100, 0, 0), Vec3(0, 0, -100)), lamp(m)));
@@ -107,7 +113,7 @@ TEST(PathMedia, CameraAndLampInsideAMedium) {
   EXPECT_TRUE(volumesAround(SceneView(*scene, kPathTracerFacets, {}), Vec3(0, 10, 0)).empty());
   Traced t(scene);
   t.settings.cover = PathClass::Direct;
-  expectNear(measure(t, 4)[0], 0.5 / M_PI * 10.0 / 16.0 * power(colour, 7.0 / 2.0), 1e-4);   // 4 m from the lamp, 3 m to the camera
+  expectNear(measure(t, 4)[0], 0.5 / M_PI * 10.0 / 16.0 * power(colour, 7.0 / 2.0), 1e-4);  // 4 m from the lamp, 3 m to the camera
 }
 
 TEST(PathMedia, PrismSendsEachChannelItsOwnWay) {
@@ -119,21 +125,27 @@ TEST(PathMedia, PrismSendsEachChannelItsOwnWay) {
     const float z = 5, far = 5;
     const auto corner = [&](float x, float y, float zz) { prism.positions.push_back(Vec3(x, y, zz)); };
     const float tilt = float(std::tan(apex));
-    corner(-4, -far, -z); corner(-4, far, -z); corner(-far * tilt, far, -z); corner(far * tilt, -far, -z);
-    corner(-4, -far, z); corner(-4, far, z); corner(-far * tilt, far, z); corner(far * tilt, -far, z);
+    corner(-4, -far, -z);
+    corner(-4, far, -z);
+    corner(-far * tilt, far, -z);
+    corner(far * tilt, -far, -z);
+    corner(-4, -far, z);
+    corner(-4, far, z);
+    corner(-far * tilt, far, z);
+    corner(far * tilt, -far, z);
     prism.indices = {0, 1, 2, 0, 2, 3, 4, 6, 5, 4, 7, 6, 0, 4, 5, 0, 5, 1, 3, 2, 6, 3, 6, 7, 1, 5, 6, 1, 6, 2, 0, 3, 7, 0, 7, 4};
     m.instance(m.mesh(prism, m.material(Vec3(1.0f), glass(float(ior), Vec3(1.0f), 0.0f, [&](Bsdf& b) { b.dispersion = float(dispersion); }))));
     // The exit normal is (cos a, sin a); a ray along x meets it at a and leaves at asin(n sin a) from it, on the other side.
     double index[3], angle[3];
     for (int c = 0; c < 3; ++c) {
-      index[c] = ior + (c - 1) * 0.5 * (ior - 1) * dispersion / 20.0;     // n_F - n_C = (n_d - 1) / Abbe number
+      index[c] = ior + (c - 1) * 0.5 * (ior - 1) * dispersion / 20.0;  // n_F - n_C = (n_d - 1) / Abbe number
       angle[c] = apex - std::asin(index[c] * std::sin(apex));
     }
     const Vec3 along(float(std::cos(angle[lit])), float(std::sin(angle[lit])), 0), across(-along.y, along.x, 0), at = along * 200.0f;
     m.instance(m.mesh(quad(at - across * 0.4f - Vec3(0, 0, 50), Vec3(0, 0, 100), across * 0.8f), lamp(m)));
     m.camera(Vec3(-20, 0, 0), Vec3(0.0f), 1e-5f);
     Traced t(m.finish());
-    t.settings.maxBounces = 2;                      // no reflection inside
+    t.settings.maxBounces = 2;  // no reflection inside
     t.settings.rouletteStart = 100;
     DVec3 truth(0.0);
     truth[lit] = (1 - fresnel(1.0, 1.0, index[lit])) * (1 - fresnel(std::cos(apex), index[lit], 1.0));
@@ -146,11 +158,13 @@ TEST(Interior, AlbedoOfOneEventGivesTheAlbedoOfTheSlab) {
   for (const float g : {0.0f, 0.7f, -0.4f})
     for (float multiple = 0.05f; multiple < 1.0f; multiple += 0.05f) {
       const double a = singleScatteringAlbedo(multiple, g), s = std::sqrt((1 - a) / (1 - a * double(g)));
-      EXPECT_NEAR((1 - s) * (1 - 0.139 * s) / (1 + 1.17 * s), multiple, 4e-3) << g;      // van de Hulst's formula itself
+      EXPECT_NEAR((1 - s) * (1 - 0.139 * s) / (1 + 1.17 * s), multiple, 4e-3) << g;  // van de Hulst's formula itself
     }
   EXPECT_EQ(singleScatteringAlbedo(0.0f, 0.3f), 0.0f);
   Bsdf absorbing;
-  absorbing.thickness = 1; absorbing.attenuationColor = Vec3(0.5f); absorbing.attenuationDistance = 1;
+  absorbing.thickness = 1;
+  absorbing.attenuationColor = Vec3(0.5f);
+  absorbing.attenuationDistance = 1;
   EXPECT_FALSE(makeInterior(absorbing).scatters);
   EXPECT_EQ(singleScatteringAlbedo(1.0f, 0.3f), 1.0f);
   EXPECT_EQ(singleScatteringAlbedo(0.0f, 0.3f), 0.0f);
@@ -212,7 +226,8 @@ double chandrasekharH(double a) {
 TEST(PathMedia, ScatteringHalfSpaceHasTheAlbedoOfTheHFunction) {
   SceneMaker m;
   const Vec3 multiple(0.8f, 0.5f, 0.3f);
-  m.instance(m.mesh(box(Vec3(-60, -60, -60), Vec3(60, 0, 60)), m.material(Vec3(1.0f), glass(1.0f, Vec3(0.4f, 0.1f, 0.01f), 1.0f, [&](Bsdf& b) { b.scatterAlbedo = multiple; }))));
+  m.instance(m.mesh(box(Vec3(-60, -60, -60), Vec3(60, 0, 60)),
+                    m.material(Vec3(1.0f), glass(1.0f, Vec3(0.4f, 0.1f, 0.01f), 1.0f, [&](Bsdf& b) { b.scatterAlbedo = multiple; }))));
   m.environment(constantEnvironment(Vec3(1.0f)));
   m.camera(Vec3(0, 5, 0), Vec3(0.0f), 1e-4f);
   Traced t(m.finish());
@@ -229,10 +244,15 @@ TEST(PathMedia, ScatteringHalfSpaceHasTheAlbedoOfTheHFunction) {
 }
 
 TEST(PathMedia, WhiteScatteringLosesNothing) {
-  struct Kind { float ior, g, distance; };
+  struct Kind {
+    float ior, g, distance;
+  };
   for (const Kind k : {Kind{1.0f, 0.0f, 0.3f}, Kind{1.0f, 0.8f, 0.1f}, Kind{1.4f, 0.0f, 0.3f}, Kind{1.4f, -0.5f, 1.0f}}) {
     SceneMaker m;
-    m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), m.material(Vec3(1.0f), glass(k.ior, Vec3(0.5f, 0.3f, 0.1f), k.distance, [&](Bsdf& b) { b.scatterAlbedo = Vec3(1.0f); b.scatterAnisotropy = k.g; }))));
+    m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), m.material(Vec3(1.0f), glass(k.ior, Vec3(0.5f, 0.3f, 0.1f), k.distance, [&](Bsdf& b) {
+                                                                 b.scatterAlbedo = Vec3(1.0f);
+                                                                 b.scatterAnisotropy = k.g;
+                                                               }))));
     m.environment(constantEnvironment(Vec3(1.0f)));
     m.camera(Vec3(1, 1.5f, 4), Vec3(0.0f), 0.3f);
     Traced t(m.finish(), 4, 4);
@@ -249,22 +269,27 @@ TEST(PathMedia, HazeScattersPunctualLightTowardsTheCamera) {
   for (const bool inside : {false, true})
     for (const float g : {0.0f, 0.6f}) {
       SceneMaker m;
-      m.instance(m.mesh(box(Vec3(-40, 0, -40), Vec3(40, float(height), 40)), m.material(Vec3(1.0f), glass(1.0f, Vec3(float(std::exp(-sigma))), 1.0f, [&](Bsdf& b) { b.scatterAlbedo = Vec3(0.2f); b.scatterAnisotropy = g; }))));
+      m.instance(
+          m.mesh(box(Vec3(-40, 0, -40), Vec3(40, float(height), 40)), m.material(Vec3(1.0f), glass(1.0f, Vec3(float(std::exp(-sigma))), 1.0f, [&](Bsdf& b) {
+                                                                                   b.scatterAlbedo = Vec3(0.2f);
+                                                                                   b.scatterAnisotropy = g;
+                                                                                 }))));
       LightShape sun;
-      sun.kind = LightKind::Directional; sun.axis = glm::normalize(Vec3(0.5f, -1, 0));
+      sun.kind = LightKind::Directional;
+      sun.axis = glm::normalize(Vec3(0.5f, -1, 0));
       m.light(sun, Vec3(3.0f));
       m.camera(Vec3(0, inside ? 0.999f : 5.0f, 0), Vec3(0, -1, 0), 1e-4f);
       Traced t(m.finish());
       t.settings.split = SplitMode::DirectIndirect;
       t.settings.maxBounces = 6;
       const Measured e = measure(t, 96);
-      const double cosine = -double(sun.axis.y), a = singleScatteringAlbedo(0.2f, g), c = -cosine;   // sun travels down at `axis`, towards the camera is up
+      const double cosine = -double(sun.axis.y), a = singleScatteringAlbedo(0.2f, g), c = -cosine;  // sun travels down at `axis`, towards the camera is up
       const double phase = (1 - double(g) * g) / (4 * M_PI * std::pow(1 + double(g) * g - 2 * double(g) * c, 1.5));
       const double k = sigma * (1 + 1 / cosine);
       const double single = 3.0 * a * sigma * phase * (1 - std::exp(-k * height)) / k;
       expectNear(e[0], DVec3(0.0));
       expectNear(e[1], DVec3(0.0));
-      for (int ch = 0; ch < 3; ++ch) {              // twice scattered light adds to it: less than 8 a sigma
+      for (int ch = 0; ch < 3; ++ch) {  // twice scattered light adds to it: less than 8 a sigma
         EXPECT_GT(e[2].mean[ch], single - 4.5 * e[2].error[ch]);
         EXPECT_LT(e[2].mean[ch], single * (1 + 8 * a * sigma) + 4.5 * e[2].error[ch]);
         EXPECT_LT(e[2].error[ch], 0.04 * single);
@@ -274,10 +299,11 @@ TEST(PathMedia, HazeScattersPunctualLightTowardsTheCamera) {
 
 /// Haze in a box of side 4 around the origin.
 int haze(SceneMaker& m, float ior, float sigma, float g, const Vec3& albedo = Vec3(0.9f, 0.6f, 0.3f)) {
-  return m.instance(m.mesh(box(Vec3(-2.0f), Vec3(2.0f)), m.material(Vec3(1.0f), glass(ior, glm::exp(Vec3(-sigma, -0.8f * sigma, -0.6f * sigma)), 1.0f, [=](Bsdf& b) {
-    b.scatterAlbedo = albedo;
-    b.scatterAnisotropy = g;
-  }))));
+  return m.instance(
+      m.mesh(box(Vec3(-2.0f), Vec3(2.0f)), m.material(Vec3(1.0f), glass(ior, glm::exp(Vec3(-sigma, -0.8f * sigma, -0.6f * sigma)), 1.0f, [=](Bsdf& b) {
+                                                        b.scatterAlbedo = albedo;
+                                                        b.scatterAnisotropy = g;
+                                                      }))));
 }
 /// The same picture (one slot) with every light at scattering events found by rays alone.
 Estimate hitOnly(const Traced& t, int blocks) {
@@ -309,9 +335,25 @@ void addLight(SceneMaker& m, const std::string& kind, bool inside) {
   LightShape s;
   s.position = Vec3(0.4f, inside ? 0.9f : 3.0f, 0.2f);
   const float size = inside ? 0.4f : 1.0f;
-  if (kind == "sphere") { s.kind = LightKind::Sphere; s.radius = size; m.light(s, Vec3(3, 4, 5)); }
-  if (kind == "disk") { s.kind = LightKind::Disk; s.axis = glm::normalize(Vec3(0.2f, -1, 0)); s.radius = size; m.light(s, Vec3(3, 4, 5)); }
-  if (kind == "rect") { s.kind = LightKind::Rect; s.u = Vec3(size, 0, 0); s.v = Vec3(0, 0, size); s.axis = glm::normalize(glm::cross(s.u, s.v)); s.twoSided = true; m.light(s, Vec3(3, 4, 5)); }
+  if (kind == "sphere") {
+    s.kind = LightKind::Sphere;
+    s.radius = size;
+    m.light(s, Vec3(3, 4, 5));
+  }
+  if (kind == "disk") {
+    s.kind = LightKind::Disk;
+    s.axis = glm::normalize(Vec3(0.2f, -1, 0));
+    s.radius = size;
+    m.light(s, Vec3(3, 4, 5));
+  }
+  if (kind == "rect") {
+    s.kind = LightKind::Rect;
+    s.u = Vec3(size, 0, 0);
+    s.v = Vec3(0, 0, size);
+    s.axis = glm::normalize(glm::cross(s.u, s.v));
+    s.twoSided = true;
+    m.light(s, Vec3(3, 4, 5));
+  }
   if (kind == "mesh") m.instance(m.mesh(quad(s.position, Vec3(size, 0, 0), Vec3(0, 0, size)), lamp(m, Vec3(3, 4, 5))));
   if (kind == "environment") {
     Image sky(8, 4, 3);
@@ -322,14 +364,18 @@ void addLight(SceneMaker& m, const std::string& kind, bool inside) {
 
 // What lights of every kind send into volumes does not depend on which strategy finds them, and less of it is noise when both do.
 TEST(PathMedia, SampledLightsInVolumesAgreeWithWhatRaysHit) {
-  const struct { const char* kind; bool inside; float ior, g; } cases[] = {
-      {"sphere", true, 1.0f, 0.0f}, {"sphere", true, 1.4f, 0.6f}, {"disk", true, 1.0f, -0.5f}, {"rect", true, 1.4f, 0.0f}, {"mesh", true, 1.0f, 0.8f},
-      {"mesh", true, 1.4f, 0.0f},   {"sphere", false, 1.0f, 0.6f}, {"rect", false, 1.0f, 0.0f}, {"mesh", false, 1.0f, 0.3f}, {"disk", false, 1.0f, 0.0f},
-      {"environment", false, 1.0f, 0.0f}, {"environment", false, 1.0f, 0.7f}, {"sphere", false, 1.4f, 0.0f}};
+  const struct {
+    const char* kind;
+    bool inside;
+    float ior, g;
+  } cases[] = {{"sphere", true, 1.0f, 0.0f}, {"sphere", true, 1.4f, 0.6f}, {"disk", true, 1.0f, -0.5f},        {"rect", true, 1.4f, 0.0f},
+               {"mesh", true, 1.0f, 0.8f},   {"mesh", true, 1.4f, 0.0f},   {"sphere", false, 1.0f, 0.6f},      {"rect", false, 1.0f, 0.0f},
+               {"mesh", false, 1.0f, 0.3f},  {"disk", false, 1.0f, 0.0f},  {"environment", false, 1.0f, 0.0f}, {"environment", false, 1.0f, 0.7f},
+               {"sphere", false, 1.4f, 0.0f}};
   for (const auto& c : cases) {
     SceneMaker m;
     haze(m, c.ior, 0.7f, c.g);
-    m.instance(m.mesh(ground(1.0f, -1.0f), m.material(Vec3(0.5f))));     // inside, so that surfaces and events share the light
+    m.instance(m.mesh(ground(1.0f, -1.0f), m.material(Vec3(0.5f))));  // inside, so that surfaces and events share the light
     addLight(m, c.kind, c.inside);
     m.camera(Vec3(0, 0.5f, 6), Vec3(0.0f), 0.5f);
     Traced t(m.finish(), 8, 8);
@@ -365,7 +411,8 @@ TEST(PathMedia, ASmallLampInHazeIsAsQuietAsAPoint) {
       error[point] = e[0].error;
       if (point) continue;
       const Estimate hit = hitOnly(t, 24);
-      std::printf("  lamp of radius %.2f in haze: noise by the point's %.2f, where only rays find it %.1f\n", radius, error[0].y / error[1].y, hit.error.y / error[1].y);
+      std::printf("  lamp of radius %.2f in haze: noise by the point's %.2f, where only rays find it %.1f\n", radius, error[0].y / error[1].y,
+                  hit.error.y / error[1].y);
       EXPECT_LT(error[0].y, 1.5 * error[1].y) << radius;
     }
     EXPECT_NEAR(mean[0].y / mean[1].y, 1.0, 0.03 + 4.5 * (error[0].y + error[1].y) / mean[1].y);
@@ -391,8 +438,12 @@ TEST(PathMedia, WhiteWaxLosesNothing) {
   SceneMaker m;
   m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), m.material(Vec3(1.0f), [](Material& x) {
     x.bsdf = {};
-    x.bsdf.specular = 0; x.bsdf.diffuseTransmission = 1; x.bsdf.thickness = 1;
-    x.bsdf.attenuationColor = Vec3(0.5f, 0.3f, 0.1f); x.bsdf.attenuationDistance = 0.3f; x.bsdf.scatterAlbedo = Vec3(1.0f);
+    x.bsdf.specular = 0;
+    x.bsdf.diffuseTransmission = 1;
+    x.bsdf.thickness = 1;
+    x.bsdf.attenuationColor = Vec3(0.5f, 0.3f, 0.1f);
+    x.bsdf.attenuationDistance = 0.3f;
+    x.bsdf.scatterAlbedo = Vec3(1.0f);
   })));
   m.environment(constantEnvironment(Vec3(1.0f)));
   m.camera(Vec3(1, 1.5f, 4), Vec3(0.0f), 0.3f);
@@ -408,10 +459,13 @@ TEST(PathMedia, ThinLeafPassesLightFromBehind) {
     SceneMaker m;
     m.instance(m.mesh(ground(5.0f), m.material(Vec3(0.3f, 0.6f, 0.2f), [](Material& x) {
       x.bsdf = {};
-      x.bsdf.specular = 0; x.bsdf.diffuseTransmission = 0.4f; x.bsdf.diffuseTransmissionColor = Vec3(0.8f, 0.9f, 0.1f);
+      x.bsdf.specular = 0;
+      x.bsdf.diffuseTransmission = 0.4f;
+      x.bsdf.diffuseTransmissionColor = Vec3(0.8f, 0.9f, 0.1f);
     })));
     LightShape sun;
-    sun.kind = LightKind::Directional; sun.axis = glm::normalize(Vec3(0.3f, 1, 0));        // from below
+    sun.kind = LightKind::Directional;
+    sun.axis = glm::normalize(Vec3(0.3f, 1, 0));  // from below
     m.light(sun, Vec3(2.0f));
     m.camera(Vec3(0, 3, 0), Vec3(0.0f), 1e-4f);
     Traced t(m.finish());
@@ -423,13 +477,19 @@ TEST(PathMedia, ThinLeafPassesLightFromBehind) {
 
 TEST(PathMedia, SplitsAddUpInVolumes) {
   SceneMaker m;
-  m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), m.material(Vec3(0.9f), glass(1.3f, Vec3(0.5f, 0.3f, 0.1f), 0.5f, [&](Bsdf& b) { b.scatterAlbedo = Vec3(0.9f); b.roughness = 0.4f; b.dispersion = 1; }))));
+  m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f)), m.material(Vec3(0.9f), glass(1.3f, Vec3(0.5f, 0.3f, 0.1f), 0.5f, [&](Bsdf& b) {
+                                                               b.scatterAlbedo = Vec3(0.9f);
+                                                               b.roughness = 0.4f;
+                                                               b.dispersion = 1;
+                                                             }))));
   m.instance(m.mesh(ground(4.0f, -1.5f), m.material(Vec3(0.5f))));
   m.environment(constantEnvironment(Vec3(0.5f)));
   LightShape ball;
-  ball.kind = LightKind::Sphere; ball.position = Vec3(0, 3, 1); ball.radius = 0.3f;
+  ball.kind = LightKind::Sphere;
+  ball.position = Vec3(0, 3, 1);
+  ball.radius = 0.3f;
   m.light(ball, Vec3(5.0f));
-  for (const Vec3& eye : {Vec3(0, 2, 4), Vec3(0.2f, 0.1f, 0.3f)}) {                       // from outside, and from inside the scattering box
+  for (const Vec3& eye : {Vec3(0, 2, 4), Vec3(0.2f, 0.1f, 0.3f)}) {  // from outside, and from inside the scattering box
     m.camera(eye, Vec3(0, 0, -0.2f), 0.6f);
     Traced t(m.finish());
     t.settings.groups = 2;
@@ -454,8 +514,15 @@ TEST(PathMedia, SplitsAddUpInVolumes) {
 TEST(PathMedia, UnlitShowsToTheCameraAndInMirrorsButLightsNothing) {
   SceneMaker m;
   const Vec3 paint(0.9f, 0.3f, 0.1f);
-  const int unlit = m.material(paint, [](Material& x) { x.bsdf.unlit = true; x.bsdf.specular = 1; });
-  m.instance(m.mesh(ground(5.0f), m.material(Vec3(1.0f), [](Material& x) { x.bsdf = {}; x.bsdf.metallic = 1; x.bsdf.roughness = 0; })));
+  const int unlit = m.material(paint, [](Material& x) {
+    x.bsdf.unlit = true;
+    x.bsdf.specular = 1;
+  });
+  m.instance(m.mesh(ground(5.0f), m.material(Vec3(1.0f), [](Material& x) {
+    x.bsdf = {};
+    x.bsdf.metallic = 1;
+    x.bsdf.roughness = 0;
+  })));
   m.instance(m.mesh(quad(Vec3(-50, -50, -8), Vec3(100, 0, 0), Vec3(0, 100, 0)), unlit));
   m.instance(m.mesh(ground(1.0f, 0.5f), m.material(Vec3(0.8f))));
   const auto look = [&](const Vec3& to, bool show) {
@@ -466,10 +533,17 @@ TEST(PathMedia, UnlitShowsToTheCameraAndInMirrorsButLightsNothing) {
     return measure(t, 4);
   };
   const DVec3 p(paint);
-  const Measured straight = look(Vec3(0, 3, -8), true), mirrored = look(Vec3(0, 0, 2), true), lambert = look(Vec3(0, 0.5f, 0), true), hidden = look(Vec3(0, 3, -8), false);
-  expectNear(straight[0], p); expectNear(straight[1], DVec3(0.0)); expectNear(straight[2], DVec3(0.0));
-  expectNear(mirrored[0], DVec3(0.0)); expectNear(mirrored[2], p);
-  for (int k = 0; k < 3; ++k) { expectNear(lambert[k], DVec3(0.0)); expectNear(hidden[k], DVec3(0.0)); }
+  const Measured straight = look(Vec3(0, 3, -8), true), mirrored = look(Vec3(0, 0, 2), true), lambert = look(Vec3(0, 0.5f, 0), true),
+                 hidden = look(Vec3(0, 3, -8), false);
+  expectNear(straight[0], p);
+  expectNear(straight[1], DVec3(0.0));
+  expectNear(straight[2], DVec3(0.0));
+  expectNear(mirrored[0], DVec3(0.0));
+  expectNear(mirrored[2], p);
+  for (int k = 0; k < 3; ++k) {
+    expectNear(lambert[k], DVec3(0.0));
+    expectNear(hidden[k], DVec3(0.0));
+  }
 }
 
 }  // namespace

@@ -41,7 +41,9 @@ TEST(SampleSet, CosineDirectionsAreUnitAndCosineDistributed) {
       const double phi = 2 * M_PI * (double(u[i]) - 0.5);
       EXPECT_NEAR(x[i], std::sqrt(double(v[i])) * std::cos(phi), 2e-6);
       EXPECT_NEAR(y[i], std::sqrt(double(v[i])) * std::sin(phi), 2e-6);
-      mean += z[i] / double(n); squares += double(z[i]) * z[i] / n; across += double(x[i]) * y[i] / n;
+      mean += z[i] / double(n);
+      squares += double(z[i]) * z[i] / n;
+      across += double(x[i]) * y[i] / n;
     }
   }
   EXPECT_NEAR(mean, 2.0 / 3, 2e-3);
@@ -51,7 +53,10 @@ TEST(SampleSet, CosineDirectionsAreUnitAndCosineDistributed) {
 
 std::shared_ptr<Texture> halfClear() {
   auto t = std::make_shared<Texture>();
-  t->name = "alpha"; t->width = 2; t->height = 1; t->nearest = true;
+  t->name = "alpha";
+  t->width = 2;
+  t->height = 1;
+  t->nearest = true;
   t->texels8 = {255, 255, 255, 0, 255, 255, 255, 255};
   sealTexture(*t);
   return t;
@@ -61,9 +66,12 @@ TEST(PathTracerCases, MaskedTexelsLetCameraAndShadowRaysThrough) {
   for (const bool clear : {true, false}) {
     SceneMaker m;
     m.scene.textures.push_back(halfClear());
-    const int leaf = m.material(Vec3(0.0f), [](Material& x) { x.coverage.mode = AlphaMode::Mask; x.coverage.texture.texture = 0; });
+    const int leaf = m.material(Vec3(0.0f), [](Material& x) {
+      x.coverage.mode = AlphaMode::Mask;
+      x.coverage.texture.texture = 0;
+    });
     m.instance(m.mesh(ground(20.0f), m.material(Vec3(0.5f))));
-    m.instance(m.mesh(quad(Vec3(-1, 1, 1), Vec3(2, 0, 0), Vec3(0, 0, -2)), leaf));      // clear for x < 0
+    m.instance(m.mesh(quad(Vec3(-1, 1, 1), Vec3(2, 0, 0), Vec3(0, 0, -2)), leaf));  // clear for x < 0
     LightShape sun;
     sun.kind = LightKind::Directional;
     m.light(sun, Vec3(2.0f));
@@ -76,29 +84,40 @@ TEST(PathTracerCases, MaskedTexelsLetCameraAndShadowRaysThrough) {
 TEST(PathTracerCases, BlendedSheetsPassTheirShareOfLight) {
   SceneMaker m;
   m.instance(m.mesh(ground(20.0f), m.material(Vec3(0.5f))));
-  m.instance(m.mesh(quad(Vec3(-9, 1, 9), Vec3(18, 0, 0), Vec3(0, 0, -18)), m.material(Vec3(0.0f), [](Material& x) { x.coverage.mode = AlphaMode::Blend; x.coverage.factor = 0.25f; })));
+  m.instance(m.mesh(quad(Vec3(-9, 1, 9), Vec3(18, 0, 0), Vec3(0, 0, -18)), m.material(Vec3(0.0f), [](Material& x) {
+    x.coverage.mode = AlphaMode::Blend;
+    x.coverage.factor = 0.25f;
+  })));
   LightShape sun;
-  sun.kind = LightKind::Directional; sun.axis = glm::normalize(Vec3(0.2f, -1, 0));
+  sun.kind = LightKind::Directional;
+  sun.axis = glm::normalize(Vec3(0.2f, -1, 0));
   m.light(sun, Vec3(2.0f));
   m.camera(Vec3(0, 3, 0), Vec3(0.0f), 0.5f);
   Traced t(m.finish());
   const double cosine = -double(glm::normalize(Vec3(0.2f, -1, 0)).y);
-  expectNear(measure(t, 128)[0], DVec3(0.75 * 0.75 * 2.0 * 0.5 / M_PI * cosine), 1e-3);      // once for the camera ray, once for the shadow ray
+  expectNear(measure(t, 128)[0], DVec3(0.75 * 0.75 * 2.0 * 0.5 / M_PI * cosine), 1e-3);  // once for the camera ray, once for the shadow ray
 }
 
 TEST(PathTracerCases, WhiteGlassAndMirrorSpheresVanishInAWhiteRoom) {
-  struct Kind { float roughness, metallic, transmission, ior; };
+  struct Kind {
+    float roughness, metallic, transmission, ior;
+  };
   for (const Kind k : {Kind{0, 0, 1, 1.5f}, Kind{0, 1, 0, 1.5f}, Kind{0, 0, 1, 1.0f}, Kind{1, 0, 1, 1.0f}}) {
     SceneMaker m;
     m.instance(m.mesh(sphere(Vec3(0.0f), 1.0f, 40, true), m.material(Vec3(1.0f), [&](Material& x) {
-      x.bsdf = {}; x.bsdf.roughness = k.roughness; x.bsdf.metallic = k.metallic; x.bsdf.transmission = k.transmission; x.bsdf.ior = k.ior; x.bsdf.specular = 1;
+      x.bsdf = {};
+      x.bsdf.roughness = k.roughness;
+      x.bsdf.metallic = k.metallic;
+      x.bsdf.transmission = k.transmission;
+      x.bsdf.ior = k.ior;
+      x.bsdf.specular = 1;
     })));
     m.environment(constantEnvironment(Vec3(1.0f)));
     m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.3f);
     Traced t(m.finish());
     t.settings.maxBounces = 64;
     const Measured e = measure(t, 16);
-    expectNear(e[0], DVec3(1.0), 2e-3);             // smooth normals of a mesh cut a little at grazing angles
+    expectNear(e[0], DVec3(1.0), 2e-3);  // smooth normals of a mesh cut a little at grazing angles
     EXPECT_EQ(e.dropped, 0u);
   }
 }
@@ -106,7 +125,11 @@ TEST(PathTracerCases, WhiteGlassAndMirrorSpheresVanishInAWhiteRoom) {
 TEST(PathTracerCases, RoughMetalNeverMakesEnergy) {
   for (const float roughness : {0.0f, 0.02f, 0.3f, 1.0f}) {
     SceneMaker m;
-    m.instance(m.mesh(sphere(Vec3(0.0f), 1.0f, 40, true), m.material(Vec3(1.0f), [&](Material& x) { x.bsdf = {}; x.bsdf.roughness = roughness; x.bsdf.metallic = 1; })));
+    m.instance(m.mesh(sphere(Vec3(0.0f), 1.0f, 40, true), m.material(Vec3(1.0f), [&](Material& x) {
+      x.bsdf = {};
+      x.bsdf.roughness = roughness;
+      x.bsdf.metallic = 1;
+    })));
     m.environment(constantEnvironment(Vec3(1.0f)));
     m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.3f);
     Traced t(m.finish());
@@ -114,8 +137,12 @@ TEST(PathTracerCases, RoughMetalNeverMakesEnergy) {
     EXPECT_LT(e[0].mean.x, 1.0 + 4.5 * e[0].error.x + 1e-4) << roughness;
     EXPECT_GT(e[0].mean.x, 0.985) << roughness;
   }
-  SceneMaker m;                                     // alpha 1, seen along the normal: one bounce leaves 1 - ln 2, the later ones bring the rest back
-  m.instance(m.mesh(ground(1.0f), m.material(Vec3(1.0f), [&](Material& x) { x.bsdf = {}; x.bsdf.roughness = 1; x.bsdf.metallic = 1; })));
+  SceneMaker m;  // alpha 1, seen along the normal: one bounce leaves 1 - ln 2, the later ones bring the rest back
+  m.instance(m.mesh(ground(1.0f), m.material(Vec3(1.0f), [&](Material& x) {
+    x.bsdf = {};
+    x.bsdf.roughness = 1;
+    x.bsdf.metallic = 1;
+  })));
   m.environment(constantEnvironment(Vec3(1.0f)));
   m.camera(Vec3(0, 4, 0), Vec3(0.0f), 1e-3f);
   Traced t(m.finish());
@@ -123,17 +150,24 @@ TEST(PathTracerCases, RoughMetalNeverMakesEnergy) {
 }
 
 TEST(PathTracerCases, ADeltaFirstEventIsIndirect) {
-  SceneMaker m;                                     // mirror floor shows the sky: emission straight, indirect by the mirror, direct nowhere
-  m.instance(m.mesh(ground(50.0f), m.material(Vec3(1.0f), [](Material& x) { x.bsdf = {}; x.bsdf.metallic = 1; x.bsdf.roughness = 0; })));
+  SceneMaker m;  // mirror floor shows the sky: emission straight, indirect by the mirror, direct nowhere
+  m.instance(m.mesh(ground(50.0f), m.material(Vec3(1.0f), [](Material& x) {
+    x.bsdf = {};
+    x.bsdf.metallic = 1;
+    x.bsdf.roughness = 0;
+  })));
   m.environment(constantEnvironment(Vec3(1.0f)));
   m.camera(Vec3(0, 3, 3), Vec3(0.0f), 0.1f);
   Traced t(m.finish());
   t.settings.split = SplitMode::DirectIndirect;
   Measured e = measure(t, 4);
-  expectNear(e[0], DVec3(0.0)); expectNear(e[1], DVec3(0.0)); expectNear(e[2], DVec3(1.0));
+  expectNear(e[0], DVec3(0.0));
+  expectNear(e[1], DVec3(0.0));
+  expectNear(e[2], DVec3(1.0));
   t.settings.split = SplitMode::ByLobe;
   e = measure(t, 4);
-  expectNear(e[3], DVec3(0.0)); expectNear(e[4], DVec3(1.0));
+  expectNear(e[3], DVec3(0.0));
+  expectNear(e[4], DVec3(1.0));
   t.settings.split = SplitMode::Combined;
   t.settings.cover = PathClass::Direct;
   expectNear(measure(t, 4)[0], DVec3(0.0));
@@ -142,9 +176,15 @@ TEST(PathTracerCases, ADeltaFirstEventIsIndirect) {
 TEST(PathTracerCases, LobesOfTheFirstEventSeparateDiffuseFromSpecular) {
   const auto scene = [](float specular, float albedo) {
     SceneMaker m;
-    m.instance(m.mesh(ground(50.0f), m.material(Vec3(albedo), [&](Material& x) { x.bsdf = {}; x.bsdf.roughness = 0.5f; x.bsdf.specular = specular; })));
+    m.instance(m.mesh(ground(50.0f), m.material(Vec3(albedo), [&](Material& x) {
+      x.bsdf = {};
+      x.bsdf.roughness = 0.5f;
+      x.bsdf.specular = specular;
+    })));
     LightShape s;
-    s.kind = LightKind::Sphere; s.position = Vec3(0, 2, -2); s.radius = 0.5f;
+    s.kind = LightKind::Sphere;
+    s.position = Vec3(0, 2, -2);
+    s.radius = 0.5f;
     m.light(s, Vec3(3.0f));
     m.camera(Vec3(0, 2, 2), Vec3(0.0f), 0.1f);
     return m.finish();
@@ -152,7 +192,7 @@ TEST(PathTracerCases, LobesOfTheFirstEventSeparateDiffuseFromSpecular) {
   Traced both(scene(1.0f, 0.5f)), gloss(scene(1.0f, 0.0f));
   both.settings.split = gloss.settings.split = SplitMode::ByLobe;
   const Measured a = measure(both, 64), b = measure(gloss, 64);
-  expectSame(a[2], b[2], 1e-4);                     // the specular lobe of a dielectric does not know the albedo
+  expectSame(a[2], b[2], 1e-4);  // the specular lobe of a dielectric does not know the albedo
   EXPECT_GT(a[1].mean.x, 0.01);
   expectNear(b[1], DVec3(0.0));
 }
@@ -161,7 +201,10 @@ TEST(PathTracerCases, SingleSidedEmittersShineFromTheirFrontOnlyAlsoWhenMirrored
   for (const bool mirrored : {false, true})
     for (const bool above : {false, true}) {
       SceneMaker m;
-      const int lamp = m.material(Vec3(0.3f), [](Material& x) { x.emission.radiance = Vec3(2.0f); x.coverage.doubleSided = false; });
+      const int lamp = m.material(Vec3(0.3f), [](Material& x) {
+        x.emission.radiance = Vec3(2.0f);
+        x.coverage.doubleSided = false;
+      });
       m.instance(m.mesh(ground(5.0f), lamp), mirrored ? scaling(Vec3(-1, 1, 1)) : Mat4(1.0f));
       m.camera(Vec3(0, above ? 3.0f : -3.0f, 0.5f), Vec3(0.0f), 0.2f);
       Traced t(m.finish());
@@ -174,7 +217,9 @@ TEST(PathTracerCases, LightsThatTheCameraMayNotSeeStillLight) {
     SceneMaker m;
     m.instance(m.mesh(ground(50.0f), m.material(Vec3(0.5f))));
     LightShape ball;
-    ball.kind = LightKind::Sphere; ball.position = Vec3(0, 2, 0); ball.radius = 0.5f;
+    ball.kind = LightKind::Sphere;
+    ball.position = Vec3(0, 2, 0);
+    ball.radius = 0.5f;
     m.light(ball, Vec3(3.0f), visible);
     m.camera(Vec3(0, 5, 0), Vec3(0.0f), 1e-4f);
     Traced t(m.finish());
@@ -187,7 +232,7 @@ TEST(PathTracerCases, LightsThatTheCameraMayNotSeeStillLight) {
 
 TEST(PathTracerCases, NoLightLeaksIntoAClosedBoxAtAnyScale) {
   for (const float s : {1e-4f, 1.0f, 1e4f}) {
-    SceneMaker m;                                   // thin double wall, blazing sky outside
+    SceneMaker m;  // thin double wall, blazing sky outside
     const int wall = m.material(Vec3(0.9f));
     m.instance(m.mesh(sphere(Vec3(0.3f, 0.2f, 0.1f) * s, s, 12, true), wall));
     m.environment(constantEnvironment(Vec3(1e6f)));
@@ -198,7 +243,7 @@ TEST(PathTracerCases, NoLightLeaksIntoAClosedBoxAtAnyScale) {
 }
 
 TEST(PathTracerCases, NeedlesOfAspectAMillion) {
-  SceneMaker m;                                     // a floor of strips 20 m x 20 um, under the same lamp as a plain floor
+  SceneMaker m;  // a floor of strips 20 m x 20 um, under the same lamp as a plain floor
   Mesh floor;
   const int n = 4000;
   for (int i = 0; i < n; ++i) {
@@ -209,7 +254,8 @@ TEST(PathTracerCases, NeedlesOfAspectAMillion) {
   }
   m.instance(m.mesh(floor, m.material(Vec3(0.6f))));
   LightShape sun;
-  sun.kind = LightKind::Directional; sun.axis = glm::normalize(Vec3(0.3f, -1, 0.3f));
+  sun.kind = LightKind::Directional;
+  sun.axis = glm::normalize(Vec3(0.3f, -1, 0.3f));
   m.light(sun, Vec3(2.0f));
   m.camera(Vec3(0, 3, 0), Vec3(0.0f), 0.005f);
   Traced t(m.finish());
@@ -249,7 +295,7 @@ TEST(PathTracerCases, NonFiniteSamplesAreDroppedAndCounted) {
     for (double v : out) EXPECT_TRUE(std::isfinite(v));
     if (std::isinf(bad)) {
       EXPECT_EQ(dropped, 16u);
-      EXPECT_EQ(out[1], 0.0);                       // the whole sample goes, not only its bad channel
+      EXPECT_EQ(out[1], 0.0);  // the whole sample goes, not only its bad channel
     }
   }
 }
@@ -273,14 +319,21 @@ TEST(PathTracerCases, VectorAndScalarCodeAgree) {
   const auto room = [](bool general, bool textured, bool doubleSided) {
     SceneMaker m;
     auto white = std::make_shared<Texture>();
-    white->name = "white"; white->width = white->height = 1; white->texels8 = {255, 255, 255, 255};
+    white->name = "white";
+    white->width = white->height = 1;
+    white->texels8 = {255, 255, 255, 255};
     sealTexture(*white);
     m.scene.textures.push_back(white);
-    const auto dress = [&](Mesh mesh) { if (general) mesh.colours.assign(mesh.positions.size(), Vec4(1.0f)); return mesh; };
+    const auto dress = [&](Mesh mesh) {
+      if (general) mesh.colours.assign(mesh.positions.size(), Vec4(1.0f));
+      return mesh;
+    };
     m.instance(m.mesh(dress(box(Vec3(-1.0f), Vec3(1.0f), true)), m.material(Vec3(0.7f, 0.5f, 0.3f))));
     m.instance(m.mesh(dress(box(Vec3(-0.4f, -1, -0.5f), Vec3(0.2f, 0.1f, 0.3f))), m.material(Vec3(0.6f))));
     m.instance(m.mesh(quad(Vec3(-0.4f, 0.9f, -0.3f), Vec3(0.8f, 0, 0), Vec3(0, 0.05f, 0.6f)), m.material(Vec3(0.2f), [&](Material& x) {
-      x.emission.radiance = Vec3(8, 6, 4); x.coverage.doubleSided = doubleSided; if (textured) x.emission.texture.texture = 0;
+      x.emission.radiance = Vec3(8, 6, 4);
+      x.coverage.doubleSided = doubleSided;
+      if (textured) x.emission.texture.texture = 0;
     })));
     m.camera(Vec3(0, 0, 0.95f), Vec3(0, -0.2f, -1), 1.2f);
     return m.finish();
@@ -290,7 +343,7 @@ TEST(PathTracerCases, VectorAndScalarCodeAgree) {
     for (Traced* t : {&plain, &general, &sampled}) t->settings.split = SplitMode::ByBounce;
     const Measured a = measure(plain, 48), b = measure(general, 48), c = measure(sampled, 48);
     for (size_t k = 0; k < a.slots.size(); ++k) {
-      for (int ch = 0; ch < 3; ++ch) EXPECT_NEAR(a[k].mean[ch], b[k].mean[ch], 2e-3 * a[k].mean[ch] + 1e-9) << k;   // same draws; a ray or two round an edge
+      for (int ch = 0; ch < 3; ++ch) EXPECT_NEAR(a[k].mean[ch], b[k].mean[ch], 2e-3 * a[k].mean[ch] + 1e-9) << k;  // same draws; a ray or two round an edge
       expectSame(a[k], c[k], 1e-4);
     }
     EXPECT_GT(a[1].mean.x, 0.01);
@@ -302,7 +355,10 @@ TEST(PathTracerCases, RouletteAddsLittleNoise) {
   SceneMaker m;
   m.instance(m.mesh(box(Vec3(-1.0f), Vec3(1.0f), true), m.material(Vec3(0.6f))));
   LightShape lamp;
-  lamp.kind = LightKind::Disk; lamp.position = Vec3(0, 0.9f, 0); lamp.axis = Vec3(0, -1, 0); lamp.radius = 0.3f;
+  lamp.kind = LightKind::Disk;
+  lamp.position = Vec3(0, 0.9f, 0);
+  lamp.axis = Vec3(0, -1, 0);
+  lamp.radius = 0.3f;
   m.light(lamp, Vec3(5.0f));
   m.camera(Vec3(0.2f, 0, 0.95f), Vec3(0, -0.3f, -1), 0.8f);
   Traced t(m.finish(), 12, 12);
@@ -312,22 +368,43 @@ TEST(PathTracerCases, RouletteAddsLittleNoise) {
   expectSame(with[0], without[0]);
   const double noise = with[0].error.y / without[0].error.y, work = double(with.rays) / double(without.rays);
   std::printf("  roulette: noise by that of whole paths %.3f, rays %.3f\n", noise, work);
-  EXPECT_LT(noise, 2.0);                                              // 1.80; by the throughput itself 2.25
-  EXPECT_LT(noise * noise * work, 1.6);                               // variance by rays: 1.38; 1.91
+  EXPECT_LT(noise, 2.0);                 // 1.80; by the throughput itself 2.25
+  EXPECT_LT(noise * noise * work, 1.6);  // variance by rays: 1.38; 1.91
 }
 
 TEST(PathTracerCases, SettingsHashSeesEveryField) {
   PathTracerSettings s;
   s.width = s.height = 4;
-  s.groupOf = {0}; s.nominal = {Vec3(1.0f)};
-  const auto digest = [&](auto&& change) { PathTracerSettings c = s; change(c); Hasher h; c.hash(h); return h.digest(); };
-  std::vector<Hash128> all = {
-      digest([](auto&) {}), digest([](auto& c) { c.width = 5; }), digest([](auto& c) { c.height = 5; }), digest([](auto& c) { c.viewSamples = 2; }),
-      digest([](auto& c) { c.maxBounces = 2; }), digest([](auto& c) { c.rouletteStart = 9; }), digest([](auto& c) { c.blockSize = 8; }),
-      digest([](auto& c) { c.seed = 3; }), digest([](auto& c) { c.unlit = true; }), digest([](auto& c) { c.behindOnly = true; }), digest([](auto& c) { c.cover = PathClass::Direct; }), digest([](auto& c) { c.split = SplitMode::ByLobe; }),
-      digest([](auto& c) { c.selection = LightSelection::Power; }), digest([](auto& c) { c.groups = 2; }), digest([](auto& c) { c.groupOf = {1}; }),
-      digest([](auto& c) { c.nominal = {Vec3(2.0f)}; }), digest([](auto& c) { c.camera.yfov = 0.5f; }), digest([](auto& c) { c.camera.toWorld[3][0] = 1; }),
-      digest([](auto& c) { c.camera.perspective = false; }), digest([](auto& c) { c.camera.centre.x = 1; }), digest([](auto& c) { c.camera.yheight = 1; })};
+  s.groupOf = {0};
+  s.nominal = {Vec3(1.0f)};
+  const auto digest = [&](auto&& change) {
+    PathTracerSettings c = s;
+    change(c);
+    Hasher h;
+    c.hash(h);
+    return h.digest();
+  };
+  std::vector<Hash128> all = {digest([](auto&) {}),
+                              digest([](auto& c) { c.width = 5; }),
+                              digest([](auto& c) { c.height = 5; }),
+                              digest([](auto& c) { c.viewSamples = 2; }),
+                              digest([](auto& c) { c.maxBounces = 2; }),
+                              digest([](auto& c) { c.rouletteStart = 9; }),
+                              digest([](auto& c) { c.blockSize = 8; }),
+                              digest([](auto& c) { c.seed = 3; }),
+                              digest([](auto& c) { c.unlit = true; }),
+                              digest([](auto& c) { c.behindOnly = true; }),
+                              digest([](auto& c) { c.cover = PathClass::Direct; }),
+                              digest([](auto& c) { c.split = SplitMode::ByLobe; }),
+                              digest([](auto& c) { c.selection = LightSelection::Power; }),
+                              digest([](auto& c) { c.groups = 2; }),
+                              digest([](auto& c) { c.groupOf = {1}; }),
+                              digest([](auto& c) { c.nominal = {Vec3(2.0f)}; }),
+                              digest([](auto& c) { c.camera.yfov = 0.5f; }),
+                              digest([](auto& c) { c.camera.toWorld[3][0] = 1; }),
+                              digest([](auto& c) { c.camera.perspective = false; }),
+                              digest([](auto& c) { c.camera.centre.x = 1; }),
+                              digest([](auto& c) { c.camera.yheight = 1; })};
   std::sort(all.begin(), all.end());
   EXPECT_EQ(std::adjacent_find(all.begin(), all.end()), all.end());
 }

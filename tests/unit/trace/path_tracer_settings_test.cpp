@@ -31,7 +31,8 @@ PathTracerSettings base() {
 }
 
 struct Change {
-  template <typename T> void operator()(const char*, T& field) const {
+  template <typename T>
+  void operator()(const char*, T& field) const {
     if constexpr (std::is_same_v<T, bool>) field = !field;
     else if constexpr (std::is_same_v<T, Vec2>) field.y += 0.25f;
     else if constexpr (std::is_same_v<T, Mat4>) field[3].x += 1.0f;
@@ -50,7 +51,9 @@ TEST(PathTracerSettings, EveryFieldIsInTheKey) {
   for (int k = 0; k < cameraFields; ++k)
     change("camera field " + std::to_string(k), [k](PathTracerSettings& s) {
       int i = 0;
-      visitFields(s.camera, [&](const char* name, auto& field) { if (i++ == k) Change()(name, field); });
+      visitFields(s.camera, [&](const char* name, auto& field) {
+        if (i++ == k) Change()(name, field);
+      });
     });
   change("camera.centre.x", [](PathTracerSettings& s) { s.camera.centre.x += 0.25f; });
   change("width", [](PathTracerSettings& s) { ++s.width; });
@@ -68,7 +71,10 @@ TEST(PathTracerSettings, EveryFieldIsInTheKey) {
   change("groups", [](PathTracerSettings& s) { ++s.groups; });
   change("groupOf", [](PathTracerSettings& s) { s.groupOf = {1, 0}; });
   for (int c = 0; c < 3; ++c) change("nominal " + std::to_string(c), [c](PathTracerSettings& s) { s.nominal[1][c] += 1.0f; });
-  change("nominal of none", [](PathTracerSettings& s) { s.nominal.pop_back(); s.groupOf.pop_back(); });
+  change("nominal of none", [](PathTracerSettings& s) {
+    s.nominal.pop_back();
+    s.groupOf.pop_back();
+  });
   std::map<std::string, std::string> seen{{digest(base()), "the base"}};
   for (const auto& [what, settings] : changed) {
     const auto [other, fresh] = seen.emplace(digest(settings), what);

@@ -16,7 +16,7 @@ ScenePtr furnace(float albedo, float emission, float scale = 1.0f, const Vec3& s
   SceneMaker m;
   const int wall = m.material(Vec3(albedo), [&](Material& x) { x.emission.radiance = Vec3(emission); });
   const Mesh cube = box(Vec3(-1.0f) * scale, Vec3(1.0f) * scale);
-  Mesh walls;                                       // corners apart, so that each wall may have normals of its own
+  Mesh walls;  // corners apart, so that each wall may have normals of its own
   for (size_t i = 0; i < cube.indices.size(); ++i) {
     const size_t t = i / 3 * 3;
     const Vec3 a = cube.positions[cube.indices[t]], b = cube.positions[cube.indices[t + 1]], c = cube.positions[cube.indices[t + 2]];
@@ -28,7 +28,14 @@ ScenePtr furnace(float albedo, float emission, float scale = 1.0f, const Vec3& s
   m.camera(shift + Vec3(0.1f, 0.05f, 0.2f) * scale, shift + Vec3(1.0f, 0.3f, -0.2f) * scale, 1.2f);
   return m.finish();
 }
-double geometric(double a, int terms) { double s = 0, p = 1; for (int i = 0; i < terms; ++i) { s += p; p *= a; } return s; }
+double geometric(double a, int terms) {
+  double s = 0, p = 1;
+  for (int i = 0; i < terms; ++i) {
+    s += p;
+    p *= a;
+  }
+  return s;
+}
 
 TEST(PathTracer, FurnaceTotalIsTheGeometricSeries) {
   for (const float albedo : {0.0f, 0.5f, 0.9f}) {
@@ -55,7 +62,7 @@ TEST(PathTracer, FurnaceHoldsAtEveryScaleFarAwayAndWithInvertedNormals) {
                                 furnace(0.8f, 1.0f, 1.0f, Vec3(0.0f), true)}) {
     Traced t(scene);
     const Measured m = measure(t, 8);
-    expectNear(m[0], DVec3(truth), 1e-3);          // far away the walls are 1/8000 of a coordinate thick: tenths of a percent of light is cut
+    expectNear(m[0], DVec3(truth), 1e-3);  // far away the walls are 1/8000 of a coordinate thick: tenths of a percent of light is cut
     EXPECT_EQ(m.dropped, 0u);
   }
 }
@@ -63,7 +70,7 @@ TEST(PathTracer, FurnaceHoldsAtEveryScaleFarAwayAndWithInvertedNormals) {
 TEST(PathTracer, ScaledScenesGiveTheSamePictureAndMovedOnesNearlySo) {
   const auto scene = [](float s, const Vec3& shift) {
     SceneMaker m;
-    const int white = m.material(Vec3(0.7f)), lamp = m.material(Vec3(0.0f), [](Material& x) { x.emission.radiance = Vec3(5.0f); });
+    const int white = m.material(Vec3(0.7f)), lamp = m.material(Vec3(0.0f), [](Material&x) { x.emission.radiance = Vec3(5.0f); });
     const Mat4 move = translate(shift) * scaling(Vec3(s));
     m.instance(m.mesh(ground(2.0f), white), move);
     m.instance(m.mesh(box(Vec3(-0.3f, 0.0f, -0.3f), Vec3(0.2f, 0.5f, 0.4f)), white), move);
@@ -76,19 +83,23 @@ TEST(PathTracer, ScaledScenesGiveTheSamePictureAndMovedOnesNearlySo) {
     const auto tracer = t.tracer();
     std::vector<double> all(12 * 12 * 3, 0.0);
     uint64_t rays = 0, dropped = 0;
-    for (int i = 0; i < 144; ++i) for (uint32_t b = 0; b < 8; ++b) tracer->traceBlock(i % 12, i / 12, b, &all[size_t(i) * 3], rays, dropped);
+    for (int i = 0; i < 144; ++i)
+      for (uint32_t b = 0; b < 8; ++b) tracer->traceBlock(i % 12, i / 12, b, &all[size_t(i) * 3], rays, dropped);
     return all;
   };
   const auto difference = [](const std::vector<double>& a, const std::vector<double>& b) {
     double d = 0, s = 0;
-    for (size_t i = 0; i < a.size(); ++i) { d += std::fabs(a[i] - b[i]); s += std::fabs(a[i]); }
+    for (size_t i = 0; i < a.size(); ++i) {
+      d += std::fabs(a[i] - b[i]);
+      s += std::fabs(a[i]);
+    }
     return d / s;
   };
   const auto one = picture(scene(1.0f, Vec3(0.0f)));
-  EXPECT_LT(difference(one, picture(scene(0x1p-13f, Vec3(0.0f)))), 1e-6);   // powers of two: nearly the same floats
+  EXPECT_LT(difference(one, picture(scene(0x1p-13f, Vec3(0.0f)))), 1e-6);  // powers of two: nearly the same floats
   EXPECT_LT(difference(one, picture(scene(1e-4f, Vec3(0.0f)))), 1e-4);
   EXPECT_LT(difference(one, picture(scene(1e4f, Vec3(0.0f)))), 1e-4);
-  const auto far = picture(scene(1000.0f, Vec3(1e5f, 0, -1e5f)));            // 1e5 units from the origin: coordinates 1/128 apart
+  const auto far = picture(scene(1000.0f, Vec3(1e5f, 0, -1e5f)));  // 1e5 units from the origin: coordinates 1/128 apart
   EXPECT_LT(difference(one, far), 5e-3);
 }
 
@@ -117,20 +128,28 @@ TEST(PathTracer, FloorUnderDeltaLights) {
 TEST(PathTracer, FloorUnderAreaLights) {
   const double albedo = 0.6f;
   LightShape ball;
-  ball.kind = LightKind::Sphere; ball.position = Vec3(0, 2, 0); ball.radius = 0.7f;      // above the horizon: E = pi L sin^2
+  ball.kind = LightKind::Sphere;
+  ball.position = Vec3(0, 2, 0);
+  ball.radius = 0.7f;  // above the horizon: E = pi L sin^2
   expectNear(floorUnder([&](SceneMaker& m) { m.light(ball, Vec3(3.0f), false); })[0], DVec3(3.0 * albedo * 0.35 * 0.35), 1e-4);
   LightShape disk;
-  disk.kind = LightKind::Disk; disk.position = Vec3(0, 1, 0); disk.radius = 0.8f;        // E = pi L r^2 / (r^2 + h^2)
+  disk.kind = LightKind::Disk;
+  disk.position = Vec3(0, 1, 0);
+  disk.radius = 0.8f;  // E = pi L r^2 / (r^2 + h^2)
   expectNear(floorUnder([&](SceneMaker& m) { m.light(disk, Vec3(3.0f)); })[0], DVec3(3.0 * albedo * 0.64 / 1.64), 1e-4);
-  LightShape rect;                                                                       // four corner rectangles a x b at height c
-  rect.kind = LightKind::Rect; rect.position = Vec3(0, 1, 0); rect.u = Vec3(0.5f, 0, 0); rect.v = Vec3(0, 0, 0.9f);
+  LightShape rect;  // four corner rectangles a x b at height c
+  rect.kind = LightKind::Rect;
+  rect.position = Vec3(0, 1, 0);
+  rect.u = Vec3(0.5f, 0, 0);
+  rect.v = Vec3(0, 0, 0.9f);
   const double a = 0.5, b = 0.9, c = 1.0, ra = std::hypot(a, c), rb = std::hypot(b, c);
   const double form = 4 * (a / ra * std::atan(b / ra) + b / rb * std::atan(a / rb)) / (2 * M_PI);
   const Measured lit = floorUnder([&](SceneMaker& m) { m.light(rect, Vec3(3.0f)); });
   expectNear(lit[0], DVec3(3.0 * albedo * form), 1e-4);
-  const Measured mesh = floorUnder([&](SceneMaker& m) {                                  // the same, as an emissive mesh
-    m.instance(m.mesh(quad(Vec3(-0.5f, 1, -0.9f), Vec3(1, 0, 0), Vec3(0, 0, 1.8f)), m.material(Vec3(0.0f), [](Material& x) { x.emission.radiance = Vec3(3.0f); })),
-               translate(Vec3(0.0f)));
+  const Measured mesh = floorUnder([&](SceneMaker& m) {  // the same, as an emissive mesh
+    m.instance(
+        m.mesh(quad(Vec3(-0.5f, 1, -0.9f), Vec3(1, 0, 0), Vec3(0, 0, 1.8f)), m.material(Vec3(0.0f), [](Material& x) { x.emission.radiance = Vec3(3.0f); })),
+        translate(Vec3(0.0f)));
     m.scene.cameras.clear();
   });
   // The camera looks from above the lamp; the lamp hides the floor, so its own radiance is seen instead.
@@ -140,7 +159,8 @@ TEST(PathTracer, FloorUnderAreaLights) {
 TEST(PathTracer, EmissiveMeshLightsTheFloorLikeTheRectangle) {
   SceneMaker m;
   m.instance(m.mesh(ground(50.0f), m.material(Vec3(0.6f))));
-  m.instance(m.mesh(quad(Vec3(-0.5f, 1, -0.9f), Vec3(1, 0, 0), Vec3(0, 0, 1.8f)), m.material(Vec3(0.0f), [](Material& x) { x.emission.radiance = Vec3(3.0f); })));
+  m.instance(
+      m.mesh(quad(Vec3(-0.5f, 1, -0.9f), Vec3(1, 0, 0), Vec3(0, 0, 1.8f)), m.material(Vec3(0.0f), [](Material& x) { x.emission.radiance = Vec3(3.0f); })));
   m.camera(Vec3(3, 0.5f, 0.1f), Vec3(0.0f), 1e-5f);
   const double a = 0.5, b = 0.9, c = 1.0, ra = std::hypot(a, c), rb = std::hypot(b, c);
   const double form = 4 * (a / ra * std::atan(b / ra) + b / rb * std::atan(a / rb)) / (2 * M_PI);
@@ -205,7 +225,7 @@ TEST(PathTracer, WhiteSurfacesUnderAWhiteSkyAreWhite) {
     m.camera(Vec3(0, 2, 3), Vec3(0.0f), 1.0f);
     Traced t(m.finish());
     const Measured e = measure(t, 16);
-    expectNear(e[0], DVec3(2.0), 1e-5);            // convex: every escaping path ends in the sky, weight 1
+    expectNear(e[0], DVec3(2.0), 1e-5);  // convex: every escaping path ends in the sky, weight 1
   }
 }
 
@@ -215,9 +235,16 @@ TEST(PathTracer, MisAgreesWithLightSamplingAlone) {
   // a glossy floor, where BSDF sampling matters, with a fine brute force: tiny lamps by BSDF rays and by NEE agree.
   const auto scene = [](float roughness, bool visibleSky) {
     SceneMaker m;
-    m.instance(m.mesh(ground(5.0f), m.material(Vec3(0.8f), [&](Material& x) { x.bsdf.specular = 1.0f; x.bsdf.roughness = roughness; x.bsdf.metallic = 0.5f; })));
+    m.instance(m.mesh(ground(5.0f), m.material(Vec3(0.8f), [&](Material& x) {
+      x.bsdf.specular = 1.0f;
+      x.bsdf.roughness = roughness;
+      x.bsdf.metallic = 0.5f;
+    })));
     LightShape rect;
-    rect.kind = LightKind::Rect; rect.position = Vec3(0, 1.5f, -1); rect.u = Vec3(0.6f, 0, 0); rect.v = Vec3(0, 0, 0.4f);
+    rect.kind = LightKind::Rect;
+    rect.position = Vec3(0, 1.5f, -1);
+    rect.u = Vec3(0.6f, 0, 0);
+    rect.v = Vec3(0, 0, 0.4f);
     m.light(rect, Vec3(4.0f));
     if (visibleSky) m.environment(constantEnvironment(Vec3(0.3f)));
     m.camera(Vec3(0, 1, 2), Vec3(0, 0, -0.3f), 0.3f);
@@ -232,7 +259,9 @@ TEST(PathTracer, MisAgreesWithLightSamplingAlone) {
     std::vector<double> values;
     uint64_t seed = 99;
     BsdfParams params;
-    params.albedo = Vec3(0.8f); params.metallic = 0.5f; params.roughness = roughness;
+    params.albedo = Vec3(0.8f);
+    params.metallic = 0.5f;
+    params.roughness = roughness;
     double sum = 0, squares = 0;
     const int n = 400'000;
     for (int i = 0; i < n; ++i) {
@@ -250,7 +279,8 @@ TEST(PathTracer, MisAgreesWithLightSamplingAlone) {
         if (sampler->intersectAreaLights({p + Vec3(0, 1e-5f, 0), wi}, hit, ng) >= 0) value += 4.0 * bs.weight.x;
         value += 0.3 * bs.weight.x;
       }
-      sum += value; squares += value * value;
+      sum += value;
+      squares += value * value;
     }
     Estimate brute;
     brute.mean = DVec3(sum / n);
@@ -264,18 +294,26 @@ ScenePtr manyLamps() {
   SceneMaker m;
   const int grey = m.material(Vec3(0.6f));
   m.instance(m.mesh(ground(4.0f), grey));
-  m.instance(m.mesh(box(Vec3(-0.5f, 0, -0.5f), Vec3(0.5f, 1, 0.5f)), m.material(Vec3(0.5f), [](Material& x) { x.bsdf.specular = 1.0f; x.bsdf.roughness = 0.4f; })));
+  m.instance(m.mesh(box(Vec3(-0.5f, 0, -0.5f), Vec3(0.5f, 1, 0.5f)), m.material(Vec3(0.5f), [](Material& x) {
+    x.bsdf.specular = 1.0f;
+    x.bsdf.roughness = 0.4f;
+  })));
   for (int i = 0; i < 6; ++i) {
     LightShape s;
     s.position = Vec3(-2.5f + float(i), 1.2f + 0.2f * float(i % 3), 1.0f - 0.5f * float(i));
     s.kind = i % 3 == 0 ? LightKind::Point : i % 3 == 1 ? LightKind::Sphere : LightKind::Rect;
-    s.radius = 0.15f; s.u = Vec3(0.2f, 0, 0); s.v = Vec3(0, 0, 0.3f); s.twoSided = i == 5;
+    s.radius = 0.15f;
+    s.u = Vec3(0.2f, 0, 0);
+    s.v = Vec3(0, 0, 0.3f);
+    s.twoSided = i == 5;
     m.light(s, Vec3(1.0f + float(i)));
   }
   LightShape sun;
-  sun.kind = LightKind::Directional; sun.axis = glm::normalize(Vec3(0.3f, -1, 0.2f));
+  sun.kind = LightKind::Directional;
+  sun.axis = glm::normalize(Vec3(0.3f, -1, 0.2f));
   m.light(sun, Vec3(0.5f));
-  m.instance(m.mesh(quad(Vec3(1, 1.5f, 1), Vec3(0.4f, 0, 0), Vec3(0, 0.3f, 0.3f)), m.material(Vec3(0.3f), [](Material& x) { x.emission.radiance = Vec3(2.0f); })));
+  m.instance(
+      m.mesh(quad(Vec3(1, 1.5f, 1), Vec3(0.4f, 0, 0), Vec3(0, 0.3f, 0.3f)), m.material(Vec3(0.3f), [](Material& x) { x.emission.radiance = Vec3(2.0f); })));
   m.environment(constantEnvironment(Vec3(0.2f)));
   m.camera(Vec3(0, 2, 5), Vec3(0, 0.3f, 0), 0.7f);
   return m.finish();
@@ -310,10 +348,15 @@ TEST(PathTracer, SplitsSumToTheCombinedValueBySample) {
     for (int i = 0; i < 64; ++i) {
       std::vector<double> out(size_t(tracer->slots()) * 3, 0.0);
       for (uint32_t b = 0; b < 4; ++b) tracer->traceBlock(i % 8, i / 8, b, out.data(), rays, dropped);
-      for (int g = 0; g < 3; ++g) for (int s = 0; s < per; ++s) for (int c = 0; c < 3; ++c) sums[size_t(i * 9 + g * 3 + c)] += out[size_t((g * per + s) * 3 + c)];
+      for (int g = 0; g < 3; ++g)
+        for (int s = 0; s < per; ++s)
+          for (int c = 0; c < 3; ++c) sums[size_t(i * 9 + g * 3 + c)] += out[size_t((g * per + s) * 3 + c)];
     }
-    if (combined.empty()) { combined = sums; continue; }
-    for (size_t i = 0; i < sums.size(); ++i) EXPECT_NEAR(sums[i], combined[i], 1e-6 * std::fabs(combined[i]) + 1e-12) << i;   // f32 lobes: a - b + b
+    if (combined.empty()) {
+      combined = sums;
+      continue;
+    }
+    for (size_t i = 0; i < sums.size(); ++i) EXPECT_NEAR(sums[i], combined[i], 1e-6 * std::fabs(combined[i]) + 1e-12) << i;  // f32 lobes: a - b + b
   }
 }
 
@@ -324,13 +367,14 @@ TEST(PathTracer, CoverClassesAddUp) {
     const auto tracer = t.tracer();
     std::vector<double> out(64 * 3, 0.0);
     uint64_t rays = 0, dropped = 0;
-    for (int i = 0; i < 64; ++i) for (uint32_t b = 0; b < 4; ++b) tracer->traceBlock(i % 8, i / 8, b, &out[size_t(i) * 3], rays, dropped);
+    for (int i = 0; i < 64; ++i)
+      for (uint32_t b = 0; b < 4; ++b) tracer->traceBlock(i % 8, i / 8, b, &out[size_t(i) * 3], rays, dropped);
     return std::pair(out, rays);
   };
   const auto all = run(PathClass::All), emission = run(PathClass::Emission), direct = run(PathClass::Direct), indirect = run(PathClass::Indirect);
   for (size_t i = 0; i < all.first.size(); ++i)
-    EXPECT_NEAR(emission.first[i] + direct.first[i] + indirect.first[i], all.first[i], 1e-9 + 1e-9 * all.first[i]);   // same draws, same paths
-  EXPECT_LT(direct.second, all.second);      // work that cannot contribute is skipped
+    EXPECT_NEAR(emission.first[i] + direct.first[i] + indirect.first[i], all.first[i], 1e-9 + 1e-9 * all.first[i]);  // same draws, same paths
+  EXPECT_LT(direct.second, all.second);                                                                              // work that cannot contribute is skipped
   EXPECT_EQ(emission.second, 64u * 4 * 16);
   EXPECT_LT(indirect.second, all.second);
 }
@@ -363,11 +407,20 @@ TEST(PathTracer, BlocksContinueOneSequenceAndStreamsAreIndependent) {
         mean[s] += out[0] / kBlocks;
       }
     double f = 0, e = 0;
-    for (int s = 0; s < kStreams; ++s) { f += first[s] / kStreams; e += mean[s] / kStreams; }
-    for (int s = 0; s < kStreams; ++s) { one += (first[s] - f) * (first[s] - f); eight += (mean[s] - e) * (mean[s] - e); }
-    for (int s = 0; s < kStreams; s += 2) { across += (first[s] - f) * (first[s + 1] - f); ++crossed; }
+    for (int s = 0; s < kStreams; ++s) {
+      f += first[s] / kStreams;
+      e += mean[s] / kStreams;
+    }
+    for (int s = 0; s < kStreams; ++s) {
+      one += (first[s] - f) * (first[s] - f);
+      eight += (mean[s] - e) * (mean[s] - e);
+    }
+    for (int s = 0; s < kStreams; s += 2) {
+      across += (first[s] - f) * (first[s + 1] - f);
+      ++crossed;
+    }
   }
-  EXPECT_LT(eight, 0.7 * one / kBlocks);                     // 0.53; independent blocks: 1 +- 0.06
+  EXPECT_LT(eight, 0.7 * one / kBlocks);  // 0.53; independent blocks: 1 +- 0.06
   EXPECT_LT(std::fabs(across / crossed), 5 / std::sqrt(crossed) * one / (64 * kStreams) + one / (64 * kStreams) / kStreams);
 }
 
@@ -380,7 +433,10 @@ TEST(PathTracer, BlocksDoNotDependOnOrder) {
   uint64_t rays = 0, dropped = 0;
   for (int i = 0; i < 256; ++i) a->traceBlock(i % 8, i / 8 % 8, uint32_t(i / 64), first[i].data(), rays, dropped);
   std::vector<uint64_t> r(256), d(256);
-  t.arena.parallelFor(256, 1, [&](size_t begin, size_t) { const int i = 255 - int(begin); b->traceBlock(i % 8, i / 8 % 8, uint32_t(i / 64), second[i].data(), r[i], d[i]); });
+  t.arena.parallelFor(256, 1, [&](size_t begin, size_t) {
+    const int i = 255 - int(begin);
+    b->traceBlock(i % 8, i / 8 % 8, uint32_t(i / 64), second[i].data(), r[i], d[i]);
+  });
   EXPECT_EQ(first, second);
 }
 
@@ -394,9 +450,11 @@ TEST(PathTracer, LinearInTheNominalPowersOfAGroup) {
 }
 
 TEST(PathTracer, ViewSamplesSitWhereTheTermsExpectThem) {
-  SceneMaker m;                                     // environment with a gradient: radiance tells the direction of the ray
+  SceneMaker m;  // environment with a gradient: radiance tells the direction of the ray
   Image image(64, 32, 3);
-  for (int y = 0; y < 32; ++y) for (int x = 0; x < 64; ++x) for (int c = 0; c < 3; ++c) image.at(x, y)[c] = float(c == 0 ? x : c == 1 ? y : 1);
+  for (int y = 0; y < 32; ++y)
+    for (int x = 0; x < 64; ++x)
+      for (int c = 0; c < 3; ++c) image.at(x, y)[c] = float(c == 0 ? x : c == 1 ? y : 1);
   m.environment(makeEnvironment("gradient", image));
   m.camera(Vec3(0.0f), Vec3(0.3f, 0.2f, -1), 2.0f);
   Traced t(m.finish(), 4, 4);
@@ -412,7 +470,7 @@ TEST(PathTracer, ViewSamplesSitWhereTheTermsExpectThem) {
         const Vec3 e = t.scene->environment->eval(cameraRay(t.settings.camera, 4, 4, float(pixel % 4) + o.x, float(pixel / 4) + o.y).direction);
         for (int c = 0; c < 3; ++c) expected[c] += e[c];
       }
-      for (int c = 0; c < 3; ++c) EXPECT_NEAR(out[c], expected[c], 1.5);   // one step of the gradient, should a ray land on a texel's border
+      for (int c = 0; c < 3; ++c) EXPECT_NEAR(out[c], expected[c], 1.5);  // one step of the gradient, should a ray land on a texel's border
     }
   }
   EXPECT_EQ(viewSamplePosition(0, 1), Vec2(0.5f));

@@ -13,8 +13,13 @@ namespace {
 using namespace tests;
 using test::localDirection;
 
-struct Model { const char* name; float metallic, transmission; bool entering, thin; };
-const Model kModels[] = {{"metal", 1, 0, true, false}, {"glass from outside", 0, 1, true, false}, {"glass from inside", 0, 1, false, false}, {"thin glass", 0, 1, true, true}};
+struct Model {
+  const char* name;
+  float metallic, transmission;
+  bool entering, thin;
+};
+const Model kModels[] = {
+    {"metal", 1, 0, true, false}, {"glass from outside", 0, 1, true, false}, {"glass from inside", 0, 1, false, false}, {"thin glass", 0, 1, true, true}};
 
 BsdfParams white(const Model& m, float roughness) {
   BsdfParams p;
@@ -61,7 +66,7 @@ TEST(ShadingNormal, TiltedSpecularLobesLoseNothingAndGainNothing) {
             BsdfParams p = white(m, roughness);
             p.facing = tiltedFacing(tilt, phi);
             const Vec3 wo = localDirection(c, 0.3);
-            if (!(glm::dot(wo, p.facing) > 0.01f)) continue;         // the viewer does not see this side of the triangle
+            if (!(glm::dot(wo, p.facing) > 0.01f)) continue;  // the viewer does not see this side of the triangle
             const test::Furnace f = arriving(p, wo, ++seed);
             EXPECT_GT(f.mean + 4.0 * f.error, 0.99) << m.name << " roughness " << roughness << " tilt " << tilt << " phi " << phi << " cos " << c;
             EXPECT_LT(f.mean - 4.0 * f.error, 1.001) << m.name << " roughness " << roughness << " tilt " << tilt << " phi " << phi << " cos " << c;
@@ -76,13 +81,20 @@ TEST(ShadingNormal, TiltedSpecularLobesLoseNothingAndGainNothing) {
 
 /// Folded light is drawn with the density that bsdfPdf states; f over it is the weight; diffuse lobes beside it are not folded.
 TEST(ShadingNormal, TiltedDensitiesAreDensities) {
-  struct Case { BsdfParams p; double tilt, cosine; };
+  struct Case {
+    BsdfParams p;
+    double tilt, cosine;
+  };
   std::vector<Case> cases;
   for (double tilt : {20.0, 60.0})
     for (const Model& m : kModels) cases.push_back({white(m, 0.6f), tilt, 0.4});
   BsdfParams plastic, layered;
   plastic.roughness = 0.5f;
-  layered.roughness = 0.4f; layered.clearcoat = 1; layered.clearcoatRoughness = 0.6f; layered.sheenColor = Vec3(0.5f); layered.sheenRoughness = 0.5f;
+  layered.roughness = 0.4f;
+  layered.clearcoat = 1;
+  layered.clearcoatRoughness = 0.6f;
+  layered.sheenColor = Vec3(0.5f);
+  layered.sheenRoughness = 0.5f;
   cases.push_back({plastic, 40.0, 0.5});
   cases.push_back({layered, 40.0, 0.5});
   for (size_t k = 0; k < cases.size(); ++k) {
@@ -101,7 +113,8 @@ TEST(ShadingNormal, TiltedDensitiesAreDensities) {
       return true;
     };
     const auto r = test::chi2Test({}, 30000, 40 + k, draw, [&](const Vec3& w) { return double(bsdfPdf(p, wo, w)); });
-    EXPECT_GT(r.p, test::sidak(int(cases.size()))) << k << " chi2 " << r.statistic << "/" << r.degrees << " integral " << r.integral << " refused " << r.refused;
+    EXPECT_GT(r.p, test::sidak(int(cases.size()))) << k << " chi2 " << r.statistic << "/" << r.degrees << " integral " << r.integral << " refused "
+                                                   << r.refused;
   }
 }
 
@@ -136,7 +149,9 @@ int bumps(SceneMaker& m) {
   return int(m.scene.textures.size()) - 1;
 }
 
-struct Pixels { double mean = 0, error = 0, low = 0, high = 0; };   ///< low: 1st percentile
+struct Pixels {
+  double mean = 0, error = 0, low = 0, high = 0;
+};  ///< low: 1st percentile
 
 /// A sphere of 12 x 6 faces under a white sky.
 Pixels sphereInFurnace(bool smooth, bool mapped, const std::function<void(Material&)>& change) {
@@ -175,14 +190,20 @@ Pixels sphereInFurnace(bool smooth, bool mapped, const std::function<void(Materi
 }
 
 TEST(ShadingNormal, MetalSpheresStayWhiteInAWhiteFurnace) {
-  struct Case { const char* name; bool smooth, mapped; };
+  struct Case {
+    const char* name;
+    bool smooth, mapped;
+  };
   for (const Case& c : {Case{"interpolated", true, false}, Case{"mapped", false, true}, Case{"both", true, true}})
     for (float roughness : {0.0f, 0.3f, 0.8f}) {
-      const Pixels p = sphereInFurnace(c.smooth, c.mapped, [&](Material& x) { x.bsdf.metallic = 1; x.bsdf.roughness = roughness; });
+      const Pixels p = sphereInFurnace(c.smooth, c.mapped, [&](Material& x) {
+        x.bsdf.metallic = 1;
+        x.bsdf.roughness = roughness;
+      });
       std::printf("  %-12s metal, roughness %.1f: mean %.4f +- %.4f, 1st percentile %.4f, highest %.4f\n", c.name, roughness, p.mean, p.error, p.low, p.high);
       EXPECT_GT(p.mean + 4 * p.error, roughness > 0 ? 0.99 : 0.9999) << c.name << roughness;
       EXPECT_LT(p.mean - 4 * p.error, 1.0001) << c.name << roughness;
-      EXPECT_GT(p.low, roughness > 0 ? 0.9 : 0.9999) << c.name << roughness;   // of 192 samples each: their noise is up to 0.025
+      EXPECT_GT(p.low, roughness > 0 ? 0.9 : 0.9999) << c.name << roughness;  // of 192 samples each: their noise is up to 0.025
       if (roughness == 0) { EXPECT_LT(p.high, 1.0001) << c.name; }
     }
 }
@@ -204,7 +225,10 @@ TEST(ShadingNormal, LambertLosesTheLuneBelowTheTriangle) {
 
 TEST(ShadingNormal, FlatSurfacesAreNotTouched) {
   SceneMaker m;
-  m.instance(m.mesh(tests::sphere(Vec3(0.0f), 1.0f, 4, false), m.material(Vec3(0.8f), [](Material& x) { x.bsdf.metallic = 1; x.bsdf.roughness = 0.4f; })));
+  m.instance(m.mesh(tests::sphere(Vec3(0.0f), 1.0f, 4, false), m.material(Vec3(0.8f), [](Material& x) {
+    x.bsdf.metallic = 1;
+    x.bsdf.roughness = 0.4f;
+  })));
   m.camera(Vec3(0, 0, 3), Vec3(0.0f));
   const ScenePtr scene = m.finish();
   const TaskArena arena(1);

@@ -11,10 +11,12 @@ namespace {
 
 using test::Rng;
 
-struct Case { Vec3 p, v, e1, e2; };
+struct Case {
+  Vec3 p, v, e1, e2;
+};
 
 std::vector<Case> cases() {
-  std::vector<Case> out = {{Vec3(0.3f, 0.02f, 0.3f), Vec3(0), Vec3(1, 0, 0), Vec3(0, 0, 1)},          // close above the middle: nearly 2 pi
+  std::vector<Case> out = {{Vec3(0.3f, 0.02f, 0.3f), Vec3(0), Vec3(1, 0, 0), Vec3(0, 0, 1)},         // close above the middle: nearly 2 pi
                            {Vec3(0.001f, 0.0001f, 0.001f), Vec3(0), Vec3(1, 0, 0), Vec3(0, 0, 1)},   // close to a corner
                            {Vec3(1.2f, 0.01f, 0.3f), Vec3(0), Vec3(1, 0, 0), Vec3(0, 0, 1)},         // beside it, near its plane
                            {Vec3(0, 3, 0), Vec3(-5, 0, 0), Vec3(10, 0, 0.01f), Vec3(5, 0, 0.02f)}};  // a sliver
@@ -25,7 +27,8 @@ std::vector<Case> cases() {
 }
 
 double oosterom(const Case& c) {
-  const DVec3 a = glm::normalize(DVec3(c.v) - DVec3(c.p)), b = glm::normalize(DVec3(c.v) + DVec3(c.e1) - DVec3(c.p)), d = glm::normalize(DVec3(c.v) + DVec3(c.e2) - DVec3(c.p));
+  const DVec3 a = glm::normalize(DVec3(c.v) - DVec3(c.p)), b = glm::normalize(DVec3(c.v) + DVec3(c.e1) - DVec3(c.p)),
+              d = glm::normalize(DVec3(c.v) + DVec3(c.e2) - DVec3(c.p));
   return 2 * std::fabs(std::atan2(glm::dot(a, glm::cross(b, d)), 1 + glm::dot(a, b) + glm::dot(b, d) + glm::dot(d, a)));
 }
 

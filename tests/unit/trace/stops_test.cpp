@@ -14,7 +14,7 @@
 namespace gobo::tests {
 namespace {
 
-constexpr int kRows = 96, kSphere = 96;                              // about 4 * kSphere^2 triangles
+constexpr int kRows = 96, kSphere = 96;  // about 4 * kSphere^2 triangles
 constexpr int kTriangles = 4 * kSphere * kSphere - 4 * kSphere;
 
 EnvironmentPtr gradient() {
@@ -32,9 +32,17 @@ ScenePtr everything() {
   sealTexture(*texture);
   m.scene.textures.push_back(texture);
   m.instance(m.mesh(ground(5.0f), m.material(Vec3(0.5f))));
-  m.instance(m.mesh(sphere(Vec3(0, 1, 0), 0.3f, kSphere, false), m.material(Vec3(0.2f), [](Material& x) { x.emission.radiance = Vec3(2.0f); x.emission.texture.texture = 0; })));
+  m.instance(m.mesh(sphere(Vec3(0, 1, 0), 0.3f, kSphere, false), m.material(Vec3(0.2f), [](Material& x) {
+    x.emission.radiance = Vec3(2.0f);
+    x.emission.texture.texture = 0;
+  })));
   Mesh lens = sphere(Vec3(0, 1, 4), 0.5f, kSphere, false);
-  m.instance(m.mesh(lens, m.material(Vec3(1.0f), [](Material& x) { x.bsdf.transmission = 1.0f; x.bsdf.roughness = 0.0f; x.bsdf.thickness = 1.0f; x.bsdf.ior = 1.5f; })));
+  m.instance(m.mesh(lens, m.material(Vec3(1.0f), [](Material& x) {
+    x.bsdf.transmission = 1.0f;
+    x.bsdf.roughness = 0.0f;
+    x.bsdf.thickness = 1.0f;
+    x.bsdf.ior = 1.5f;
+  })));
   for (int i = 0; i < 300; ++i) {
     LightShape s;
     s.kind = i % 3 == 0 ? LightKind::Point : i % 3 == 1 ? LightKind::Rect : LightKind::Spot;
@@ -52,14 +60,25 @@ TEST(Stops, ATracersTablesPollTheirTokenAllAlong) {
   EXPECT_GE(pollsOf([&](const StopToken& s) { environmentFlux(map.get(), s); }), kRows);
   const Traced t(everything());
   int lamp = -1;
-  for (const Light& l : t.scene->lights) if (l.shape.kind == LightKind::Mesh) lamp = int(l.shape.instance);
+  for (const Light& l : t.scene->lights)
+    if (l.shape.kind == LightKind::Mesh) lamp = int(l.shape.instance);
   EXPECT_GE(pollsOf([&](const StopToken& s) { MeshLight light(t.view(), uint32_t(lamp), s); }), kTriangles / 512);
   EXPECT_GE(pollsOf([&](const StopToken& s) { (void)LightSampler::build(t.view(), s); }), kRows + kTriangles / 512);
   std::vector<LightBounds> bounds(300);
-  for (size_t i = 0; i < bounds.size(); ++i) { bounds[i].lo = bounds[i].hi = Vec3(float(i)); bounds[i].power = 1.0f; }
-  EXPECT_GE(pollsOf([&](const StopToken& s) { LightTree tree; tree.build(bounds, s); }), 3);
+  for (size_t i = 0; i < bounds.size(); ++i) {
+    bounds[i].lo = bounds[i].hi = Vec3(float(i));
+    bounds[i].power = 1.0f;
+  }
+  EXPECT_GE(pollsOf([&](const StopToken& s) {
+              LightTree tree;
+              tree.build(bounds, s);
+            }),
+            3);
   // The mesh light's bounds, the map's flux, the size of the scene, the lights one by one, the tree.
-  EXPECT_GE(pollsOf([&](const StopToken& s) { LightSelector x; x.build(t.view(), t.settings.nominal, LightSelection::Tree, s); }),
+  EXPECT_GE(pollsOf([&](const StopToken& s) {
+              LightSelector x;
+              x.build(t.view(), t.settings.nominal, LightSelection::Tree, s);
+            }),
             kTriangles / 4096 + kRows + kTriangles / 16384 + 300 + 3);
   const Vec3 inside(0, 1, 4);
   EXPECT_EQ(volumesAround(t.view(), inside).size(), 1u);
@@ -91,7 +110,7 @@ TEST(Stops, APhotonTracerIsNotMadeWhateverThePoll) {
   settings.radius = 0.1f;
   const auto make = [&](const StopToken& stop) { return CausticTracer::create(t.view(), t.accel, settings, stop); };
   const int polls = pollsOf([&](const StopToken& s) { ASSERT_NE(make(s), nullptr); });
-  EXPECT_GE(polls, 2 * kRows + 300 + 200);                           // and the volumes around each of 200 punctual lights
+  EXPECT_GE(polls, 2 * kRows + 300 + 200);  // and the volumes around each of 200 punctual lights
   for (int k = 1; k <= polls; k += 1 + polls / 11) EXPECT_EQ(make(stopAt(k)), nullptr) << k << " of " << polls;
 }
 

@@ -21,14 +21,20 @@ const std::vector<Kind> kKinds = {Kind::Point, Kind::Spot, Kind::Directional, Ki
 std::function<void(Material&)> pane(float ior, const std::function<void(Bsdf&)>& change = {}) {
   return [=](Material& x) {
     x.bsdf = {};
-    x.bsdf.roughness = 0; x.bsdf.transmission = 1; x.bsdf.ior = ior;
+    x.bsdf.roughness = 0;
+    x.bsdf.transmission = 1;
+    x.bsdf.ior = ior;
     if (change) change(x.bsdf);
   };
 }
 std::function<void(Material&)> volume(float ior, const Vec3& colour, float distance) {
-  return pane(ior, [=](Bsdf& b) { b.thickness = 1; b.attenuationColor = colour; b.attenuationDistance = distance; });
+  return pane(ior, [=](Bsdf& b) {
+    b.thickness = 1;
+    b.attenuationColor = colour;
+    b.attenuationDistance = distance;
+  });
 }
-double fresnelOutside(double cosine, double ior) {     // exact Fresnel reflectance from outside
+double fresnelOutside(double cosine, double ior) {  // exact Fresnel reflectance from outside
   const double sinT = std::sqrt(1 - cosine * cosine) / ior, cosT = std::sqrt(1 - sinT * sinT);
   const double s = (cosine - ior * cosT) / (cosine + ior * cosT), p = (cosT - ior * cosine) / (cosT + ior * cosine);
   return 0.5 * (s * s + p * p);
@@ -40,16 +46,40 @@ void light(SceneMaker& m, Kind kind) {
   s.position = Vec3(0, kHigh, 0);
   s.axis = Vec3(0, -1, 0);
   switch (kind) {
-    case Kind::Point: s.kind = LightKind::Point; m.light(s, Vec3(400.0f)); return;
-    case Kind::Spot: s.kind = LightKind::Spot; s.cosInner = 0.95f; s.cosOuter = 0.8f; m.light(s, Vec3(400.0f)); return;
-    case Kind::Directional: s.kind = LightKind::Directional; m.light(s, Vec3(1.0f)); return;
-    case Kind::Sphere: s.kind = LightKind::Sphere; s.radius = 0.3f; m.light(s, Vec3(1000.0f)); return;
-    case Kind::Rect: s.kind = LightKind::Rect; s.u = Vec3(0.3f, 0, 0); s.v = Vec3(0, 0, 0.3f); m.light(s, Vec3(1000.0f)); return;
-    case Kind::Disk: s.kind = LightKind::Disk; s.radius = 0.3f; m.light(s, Vec3(1000.0f)); return;
+    case Kind::Point:
+      s.kind = LightKind::Point;
+      m.light(s, Vec3(400.0f));
+      return;
+    case Kind::Spot:
+      s.kind = LightKind::Spot;
+      s.cosInner = 0.95f;
+      s.cosOuter = 0.8f;
+      m.light(s, Vec3(400.0f));
+      return;
+    case Kind::Directional:
+      s.kind = LightKind::Directional;
+      m.light(s, Vec3(1.0f));
+      return;
+    case Kind::Sphere:
+      s.kind = LightKind::Sphere;
+      s.radius = 0.3f;
+      m.light(s, Vec3(1000.0f));
+      return;
+    case Kind::Rect:
+      s.kind = LightKind::Rect;
+      s.u = Vec3(0.3f, 0, 0);
+      s.v = Vec3(0, 0, 0.3f);
+      m.light(s, Vec3(1000.0f));
+      return;
+    case Kind::Disk:
+      s.kind = LightKind::Disk;
+      s.radius = 0.3f;
+      m.light(s, Vec3(1000.0f));
+      return;
     case Kind::Mesh: {
       const int lamp = m.material(Vec3(0.0f), [](Material& x) { x.emission.radiance = Vec3(1000.0f); });
       const int i = m.instance(m.mesh(quad(Vec3(-0.3f, kHigh, -0.3f), Vec3(0.6f, 0, 0), Vec3(0, 0, 0.6f)), lamp));
-      (void)i;                                      // seal() makes its light
+      (void)i;  // seal() makes its light
       return;
     }
     case Kind::Environment: m.environment(constantEnvironment(Vec3(1.0f))); return;
@@ -66,7 +96,9 @@ ScenePtr floorScene(Kind kind, const std::function<void(SceneMaker&)>& between) 
   return m.finish();
 }
 struct FloorUnder : Traced {
-  explicit FloorUnder(Kind kind, const std::function<void(SceneMaker&)>& between) : Traced(floorScene(kind, between), 2, 2) { settings.cover = PathClass::Direct; }
+  explicit FloorUnder(Kind kind, const std::function<void(SceneMaker&)>& between) : Traced(floorScene(kind, between), 2, 2) {
+    settings.cover = PathClass::Direct;
+  }
 };
 void panes(SceneMaker& m, int count, const Vec3& tint, const std::function<void(Material&)>& change) {
   const int glass = m.material(tint, change);
@@ -84,7 +116,10 @@ TEST(Straight, PanesOfIndexOneCastTheirTintUnderEveryLight) {
       for (const Vec3& colour : {Vec3(1.0f), tint}) {
         const Measured e = measure(FloorUnder(kind, [&](SceneMaker& m) { panes(m, count, colour, pane(1.0f)); }), blocks);
         Estimate want = bare[0];
-        for (int c = 0; c < 3; ++c) { want.mean[c] *= std::pow(double(colour[c]), count); want.error[c] *= std::pow(double(colour[c]), count); }
+        for (int c = 0; c < 3; ++c) {
+          want.mean[c] *= std::pow(double(colour[c]), count);
+          want.error[c] *= std::pow(double(colour[c]), count);
+        }
         expectSame(e[0], want, 1e-4);
       }
   }
@@ -98,14 +133,17 @@ TEST(Straight, PanesOfGlassLeaveWhatFresnelLeaves) {
     for (const int count : {1, 2, 3}) {
       const Measured e = measure(FloorUnder(kind, [&](SceneMaker& m) { panes(m, count, tint, pane(1.5f)); }), 64);
       Estimate want = bare[0];
-      for (int c = 0; c < 3; ++c) { want.mean[c] *= std::pow(0.96 * tint[c], count); want.error[c] *= std::pow(0.96 * tint[c], count); }
+      for (int c = 0; c < 3; ++c) {
+        want.mean[c] *= std::pow(0.96 * tint[c], count);
+        want.error[c] *= std::pow(0.96 * tint[c], count);
+      }
       expectSame(e[0], want, 2e-4);
     }
   }
 }
 
 TEST(Straight, ASlantedSunPassesByItsAngle) {
-  const double slant = 1.1;                         // radians from the normal
+  const double slant = 1.1;  // radians from the normal
   SceneMaker m;
   m.instance(m.mesh(ground(100.0f), m.material(Vec3(0.6f))));
   panes(m, 3, Vec3(0.8f, 1.0f, 0.5f), pane(1.7f));
@@ -124,15 +162,18 @@ TEST(Straight, ASlantedSunPassesByItsAngle) {
 TEST(Straight, VolumesOfIndexOneDimByTheirDepthUnderEveryLight) {
   const Vec3 colour(0.8f, 0.5f, 0.2f);
   for (const Kind kind : kKinds) {
-    if (kind == Kind::Environment) continue;        // at all angles: the room below has it
+    if (kind == Kind::Environment) continue;  // at all angles: the room below has it
     SCOPED_TRACE(int(kind));
     const Measured bare = measure(FloorUnder(kind, {}), 64);
     // Two slabs apart, and one of another kind inside the upper: it counts where it is.
-    const Measured e = measure(FloorUnder(kind, [&](SceneMaker& m) {
-      m.instance(m.mesh(box(Vec3(-60, 2, -60), Vec3(60, 2.5f, 60)), m.material(Vec3(1.0f), volume(1.0f, colour, 1.0f))));
-      m.instance(m.mesh(box(Vec3(-60, 4, -60), Vec3(60, 5.5f, 60)), m.material(Vec3(1.0f), volume(1.0f, colour, 2.0f))));
-      m.instance(m.mesh(box(Vec3(-50, 4.5f, -50), Vec3(50, 5, 50)), m.material(Vec3(1.0f), volume(1.0f, Vec3(0.5f, 1.0f, 1.0f), 1.0f))));
-    }), 64);
+    const Measured e =
+        measure(FloorUnder(kind,
+                           [&](SceneMaker& m) {
+                             m.instance(m.mesh(box(Vec3(-60, 2, -60), Vec3(60, 2.5f, 60)), m.material(Vec3(1.0f), volume(1.0f, colour, 1.0f))));
+                             m.instance(m.mesh(box(Vec3(-60, 4, -60), Vec3(60, 5.5f, 60)), m.material(Vec3(1.0f), volume(1.0f, colour, 2.0f))));
+                             m.instance(m.mesh(box(Vec3(-50, 4.5f, -50), Vec3(50, 5, 50)), m.material(Vec3(1.0f), volume(1.0f, Vec3(0.5f, 1.0f, 1.0f), 1.0f))));
+                           }),
+                64);
     Estimate want = bare[0];
     for (int c = 0; c < 3; ++c) {
       const double left = std::pow(double(colour[c]), 0.5 + 0.5) * (c == 0 ? std::pow(0.5, 0.5) : 1.0);
@@ -144,13 +185,13 @@ TEST(Straight, VolumesOfIndexOneDimByTheirDepthUnderEveryLight) {
 }
 
 TEST(Straight, WhatBendsOrScattersLightStaysOpaqueToShadowRays) {
-  const std::vector<std::function<void(Material&)>> opaque = {
-      pane(1.5f, [](Bsdf& b) { b.roughness = 0.3f; }), volume(1.5f, Vec3(1.0f), 0.0f), pane(1.5f, [](Bsdf& b) { b.metallic = 1; }),
-      pane(1.5f, [](Bsdf& b) { b.transmission = 0; }), pane(1.0f, [](Bsdf& b) { b.unlit = true; })};
+  const std::vector<std::function<void(Material&)>> opaque = {pane(1.5f, [](Bsdf& b) { b.roughness = 0.3f; }), volume(1.5f, Vec3(1.0f), 0.0f),
+                                                              pane(1.5f, [](Bsdf& b) { b.metallic = 1; }), pane(1.5f, [](Bsdf& b) { b.transmission = 0; }),
+                                                              pane(1.0f, [](Bsdf& b) { b.unlit = true; })};
   for (size_t k = 0; k < opaque.size(); ++k) {
     FloorUnder t(Kind::Directional, [&](SceneMaker& m) {
       m.instance(m.mesh(box(Vec3(-60, 2, -60), Vec3(60, 3, 60)), m.material(Vec3(1.0f), opaque[k])));
-      m.instance(m.mesh(quad(Vec3(500, 0, 0), Vec3(1, 0, 0), Vec3(0, 0, -1)), m.material(Vec3(1.0f), pane(1.0f))));   // so that somebody asks
+      m.instance(m.mesh(quad(Vec3(500, 0, 0), Vec3(1, 0, 0), Vec3(0, 0, -1)), m.material(Vec3(1.0f), pane(1.0f))));  // so that somebody asks
     });
     EXPECT_EQ(measure(t, 2)[0].mean, DVec3(0.0)) << k;
   }
@@ -158,7 +199,12 @@ TEST(Straight, WhatBendsOrScattersLightStaysOpaqueToShadowRays) {
 
 TEST(Straight, PartOfAPaneTransmits) {
   // Transmission 0.25 over a black diffuse base; a coat above it takes its share both ways.
-  FloorUnder t(Kind::Directional, [&](SceneMaker& m) { panes(m, 1, Vec3(1.0f), pane(1.5f, [](Bsdf& b) { b.transmission = 0.25f; b.clearcoat = 1; })); });
+  FloorUnder t(Kind::Directional, [&](SceneMaker& m) {
+    panes(m, 1, Vec3(1.0f), pane(1.5f, [](Bsdf& b) {
+            b.transmission = 0.25f;
+            b.clearcoat = 1;
+          }));
+  });
   expectNear(measure(t, 2)[0], DVec3(0.6 / M_PI * 0.25 * 0.96 * 0.96), 1e-4);
 }
 
@@ -170,8 +216,16 @@ TEST(Straight, ShadowRaysSeeWhatSamplesOfTheBsdfDo) {
         for (const float cosine : {0.1f, 0.5f, 0.95f}) {
           BsdfParams p;
           p.albedo = Vec3(0.9f, 0.5f, 0.2f);
-          p.roughness = 0; p.transmission = 0.8f; p.thin = true; p.ior = ior; p.metallic = metallic;
-          p.clearcoat = coat; p.sheenColor = Vec3(0.2f); p.sheenRoughness = 0.5f; p.iridescence = 0.5f; p.iridescenceThickness = 300;
+          p.roughness = 0;
+          p.transmission = 0.8f;
+          p.thin = true;
+          p.ior = ior;
+          p.metallic = metallic;
+          p.clearcoat = coat;
+          p.sheenColor = Vec3(0.2f);
+          p.sheenRoughness = 0.5f;
+          p.iridescence = 0.5f;
+          p.iridescenceThickness = 300;
           const Vec3 wo(std::sqrt(1 - cosine * cosine), 0, cosine);
           const int n = 4096;
           DVec3 sum(0.0), square(0.0);
@@ -186,7 +240,8 @@ TEST(Straight, ShadowRaysSeeWhatSamplesOfTheBsdfDo) {
           }
           const Vec3 want = bsdfStraight(p, wo);
           EXPECT_GT(want.x, 0.01f);
-          for (int c = 0; c < 3; ++c) EXPECT_NEAR(sum[c] / n, want[c], 3 * std::sqrt(square[c]) / n + 1e-3) << ior << " " << metallic << " " << coat << " " << cosine;
+          for (int c = 0; c < 3; ++c)
+            EXPECT_NEAR(sum[c] / n, want[c], 3 * std::sqrt(square[c]) / n + 1e-3) << ior << " " << metallic << " " << coat << " " << cosine;
         }
 }
 
@@ -201,7 +256,10 @@ Estimate withoutShadowRays(const Traced& t, int samples) {
     for (size_t b = begin; b < end; ++b)
       for (int i = 0; i < samples; ++i) {
         uint64_t state = hash64(b * 1000003 + 17, uint64_t(i));
-        const auto draw = [&] { state = hash64(state, 1); return toUnit(uint32_t(state >> 32)); };
+        const auto draw = [&] {
+          state = hash64(state, 1);
+          return toUnit(uint32_t(state >> 32));
+        };
         Ray ray{Vec3(c[3]), -Vec3(c[2])};
         Vec3 beta(1.0f);
         MediumStack around;
@@ -225,17 +283,26 @@ Estimate withoutShadowRays(const Traced& t, int samples) {
           const Frame frame = s.frame();
           const float lobe = draw(), x = draw(), y = draw();
           if (!bsdfSample(s.bsdf, frame.toLocal(-ray.direction), lobe, Vec2(x, y), bs)) break;
-          if (bs.transmitted && inside >= 0) { if (s.front) around.enter(inside); else around.leave(inside); }
+          if (bs.transmitted && inside >= 0) {
+            if (s.front) around.enter(inside);
+            else around.leave(inside);
+          }
           beta *= bs.weight;
           const float survive = std::min(1.0f, maxComponent(beta));
-          if (step > 8) { if (!(draw() < survive)) break; beta /= survive; }
+          if (step > 8) {
+            if (!(draw() < survive)) break;
+            beta /= survive;
+          }
           ray.direction = glm::normalize(frame.toWorld(bs.wi));
           ray.origin = s.origin(bs.transmitted ? -s.facing() : s.facing());
         }
       }
   });
   Estimate e;
-  for (DVec3& b : batch) { b /= double(samples); e.mean += b / double(batch.size()); }
+  for (DVec3& b : batch) {
+    b /= double(samples);
+    e.mean += b / double(batch.size());
+  }
   for (const DVec3& b : batch) e.error += (b - e.mean) * (b - e.mean);
   e.error = glm::sqrt(e.error / double(batch.size() * (batch.size() - 1)));
   return e;
@@ -248,7 +315,7 @@ ScenePtr glazedScene(int size, const std::function<void(Material&)>& window, con
   m.instance(m.mesh(quad(Vec3(-4, -2, -4), Vec3(8, 0, 0), Vec3(0, 4, 0)), m.material(Vec3(0.3f, 0.6f, 0.7f))));
   m.instance(m.mesh(quad(Vec3(-4, -2, 4), Vec3(0, 0, -8), Vec3(0, 4, 0)), m.material(Vec3(0.6f))));
   m.instance(m.mesh(quad(Vec3(4, -2, 4), Vec3(-8, 0, 0), Vec3(0, 4, 0)), m.material(Vec3(0.6f))));
-  m.instance(m.mesh(quad(Vec3(4, -2, -4), Vec3(0, 0, 8), Vec3(0, 4, 0)), m.material(tint, window)));   // a wall of glass
+  m.instance(m.mesh(quad(Vec3(4, -2, -4), Vec3(0, 0, 8), Vec3(0, 4, 0)), m.material(tint, window)));  // a wall of glass
   auto sky = std::make_shared<Environment>(*constantEnvironment(Vec3(0.5f)));
   m.environment(sky);
   m.camera(Vec3(-3, 0, 3), Vec3(0, -2, -1), size > 2 ? 1.0f : 1e-3f);
@@ -281,7 +348,7 @@ TEST(Straight, LampsInBulbsAndBehindSlabsHoldTheirEnergy) {
     m.instance(m.mesh(sphere(Vec3(0, 1, 0), 0.4f, 6, false), lamp));
     if (kind == 0) m.instance(m.mesh(sphere(Vec3(0, 1, 0), 0.9f, 12, true), m.material(Vec3(0.9f, 0.7f, 0.5f), pane(1.5f))));
     if (kind == 1) m.instance(m.mesh(box(Vec3(-2.9f, -1, -2.9f), Vec3(2.9f, -0.2f, 2.9f)), m.material(Vec3(1.0f), volume(1.0f, Vec3(0.7f, 0.4f, 0.2f), 1.0f))));
-    if (kind == 2) {                                // glass in fog of index 1: a boundary that bends, behind one that does not
+    if (kind == 2) {  // glass in fog of index 1: a boundary that bends, behind one that does not
       m.instance(m.mesh(box(Vec3(-2.9f, -1.5f, -2.9f), Vec3(2.9f, 0.2f, 2.9f)), m.material(Vec3(1.0f), volume(1.0f, Vec3(0.9f, 0.7f, 0.6f), 1.0f))));
       m.instance(m.mesh(sphere(Vec3(0, -0.7f, 0), 0.6f, 8, true), m.material(Vec3(1.0f), volume(1.5f, Vec3(0.5f), 1.0f))));
     }
@@ -311,7 +378,7 @@ TEST(Straight, GlazedRoomsHaveNoFireflies) {
         most = std::max(most, out[1]);
       }
   EXPECT_EQ(dropped, 0u);
-  EXPECT_LT(most, 12 * sum / (12 * 12 * 8));        // of blocks of four samples
+  EXPECT_LT(most, 12 * sum / (12 * 12 * 8));  // of blocks of four samples
 }
 
 TEST(Straight, WhiteFurnaceWithPanesGivesWhatItGets) {
@@ -337,7 +404,10 @@ TEST(Straight, ClassesOfPathsAgreeBehindPanes) {
     t.settings.split = split;
     const Measured parts = measure(t, 64);
     Estimate sum;
-    for (const Estimate& e : parts.slots) { sum.mean += e.mean; sum.error += e.error; }
+    for (const Estimate& e : parts.slots) {
+      sum.mean += e.mean;
+      sum.error += e.error;
+    }
     expectSame(whole[0], sum);
     t.settings.split = SplitMode::Combined;
     t.settings.cover = PathClass::Direct;
@@ -352,7 +422,7 @@ TEST(Straight, SceneAndTableAgreeOnWhoAsks) {
     SceneMaker m;
     m.instance(m.mesh(ground(1.0f), m.material(Vec3(0.5f))));
     m.instance(m.mesh(ground(1.0f, 1.0f), m.material(Vec3(0.5f), change)));
-    m.material(Vec3(1.0f), pane(1.0f));             // used by nobody
+    m.material(Vec3(1.0f), pane(1.0f));  // used by nobody
     m.camera(Vec3(0, 2, 0), Vec3(0.0f));
     Traced t(m.finish());
     SurfaceTable surfaces;

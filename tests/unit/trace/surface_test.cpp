@@ -47,18 +47,30 @@ TEST(Surface, EveryTextureScalesItsFactorByItsChannel) {
   const float t[4] = {51 / 255.0f, 102 / 255.0f, 153 / 255.0f, 204 / 255.0f};
   const auto map = [&] { return l.texel(51, 102, 153, 204); };
   Bsdf b;
-  b.metallic = b.roughness = 0.5f; b.metallicRoughness = map();
-  b.specular = 0.5f; b.specularTexture = map();
-  b.specularColor = Vec3(2.0f, 1.0f, 0.5f); b.specularColorTexture = map();
-  b.transmission = 0.5f; b.transmissionTexture = map();
-  b.diffuseTransmission = 0.25f; b.diffuseTransmissionTexture = map();
-  b.diffuseTransmissionColor = Vec3(0.5f); b.diffuseTransmissionColorTexture = map();
-  b.clearcoat = 0.5f; b.clearcoatTexture = map();
-  b.clearcoatRoughness = 0.5f; b.clearcoatRoughnessTexture = map();
-  b.sheenColor = Vec3(0.5f); b.sheenColorTexture = map();
-  b.sheenRoughness = 0.5f; b.sheenRoughnessTexture = map();
-  b.anisotropy = 0.5f; b.anisotropyTexture = map();
-  b.iridescence = 0.5f; b.iridescenceTexture = map();
+  b.metallic = b.roughness = 0.5f;
+  b.metallicRoughness = map();
+  b.specular = 0.5f;
+  b.specularTexture = map();
+  b.specularColor = Vec3(2.0f, 1.0f, 0.5f);
+  b.specularColorTexture = map();
+  b.transmission = 0.5f;
+  b.transmissionTexture = map();
+  b.diffuseTransmission = 0.25f;
+  b.diffuseTransmissionTexture = map();
+  b.diffuseTransmissionColor = Vec3(0.5f);
+  b.diffuseTransmissionColorTexture = map();
+  b.clearcoat = 0.5f;
+  b.clearcoatTexture = map();
+  b.clearcoatRoughness = 0.5f;
+  b.clearcoatRoughnessTexture = map();
+  b.sheenColor = Vec3(0.5f);
+  b.sheenColorTexture = map();
+  b.sheenRoughness = 0.5f;
+  b.sheenRoughnessTexture = map();
+  b.anisotropy = 0.5f;
+  b.anisotropyTexture = map();
+  b.iridescence = 0.5f;
+  b.iridescenceTexture = map();
   b.iridescenceThicknessTexture = map();
   const BsdfParams p = l.at(b).bsdf;
   EXPECT_NEAR(p.metallic, 0.5f * t[2], 1e-6);
@@ -83,24 +95,34 @@ TEST(Surface, EveryTextureScalesItsFactorByItsChannel) {
 TEST(Surface, ThicknessMakesAVolume) {
   Look l;
   Bsdf b;
-  b.transmission = 1; b.thickness = 0.1f; b.attenuationDistance = 2; b.attenuationColor = Vec3(0.5f);
+  b.transmission = 1;
+  b.thickness = 0.1f;
+  b.attenuationDistance = 2;
+  b.attenuationColor = Vec3(0.5f);
   const Surface s = l.at(b);
   EXPECT_FALSE(s.bsdf.thin);
   ASSERT_EQ(s.material->interior, 0);
   EXPECT_NEAR(l.table.interiors()[0].sigma.x, std::log(2.0f) / 2.0f, 1e-6);
   Look other;
-  b.transmission = 0;                               // nothing gets in
+  b.transmission = 0;  // nothing gets in
   EXPECT_EQ(other.at(b).material->interior, -1);
 }
 
 TEST(Surface, AnisotropyTurnsTheFrame) {
-  struct Case { float rotation; int r, g; bool texture, mirrored; Vec3 x; };
-  for (const Case& c : {Case{0, 0, 0, false, false, Vec3(1, 0, 0)}, Case{kPi / 2, 0, 0, false, false, Vec3(0, 0, 1)}, Case{0, 128, 255, true, false, Vec3(0, 0, 1)},
-                        Case{kPi / 4, 255, 255, true, false, Vec3(0, 0, 1)}, Case{kPi / 4, 0, 0, false, false, glm::normalize(Vec3(1, 0, 1))},
-                        Case{kPi / 4, 0, 0, false, true, glm::normalize(Vec3(-1, 0, 1))}}) {
+  struct Case {
+    float rotation;
+    int r, g;
+    bool texture, mirrored;
+    Vec3 x;
+  };
+  for (const Case& c : {Case{0, 0, 0, false, false, Vec3(1, 0, 0)}, Case{kPi / 2, 0, 0, false, false, Vec3(0, 0, 1)},
+                        Case{0, 128, 255, true, false, Vec3(0, 0, 1)}, Case{kPi / 4, 255, 255, true, false, Vec3(0, 0, 1)},
+                        Case{kPi / 4, 0, 0, false, false, glm::normalize(Vec3(1, 0, 1))}, Case{kPi / 4, 0, 0, false, true, glm::normalize(Vec3(-1, 0, 1))}}) {
     Look l;
     Bsdf b;
-    b.metallic = 1; b.anisotropy = 1; b.anisotropyRotation = c.rotation;
+    b.metallic = 1;
+    b.anisotropy = 1;
+    b.anisotropyRotation = c.rotation;
     if (c.texture) b.anisotropyTexture = l.texel(c.r, c.g, 255, 255);
     const Surface s = l.at(b, Vec3(0, -1, 0), c.mirrored);
     ASSERT_TRUE(s.hasTangent);
