@@ -77,6 +77,7 @@ struct Engine::Impl {
   PosedScenes posed;
   std::unique_ptr<TermStore> store;
   ExtensionIndex extensions;
+  WorkInFlight inFlight;
   AccelCache accels;
   MemoryLedger memory;
   Clock::time_point started = Clock::now();
@@ -85,7 +86,7 @@ struct Engine::Impl {
   RememberedRenders remembered{options.keepRenders, options.keepRendersBytes};
   std::vector<std::shared_ptr<const MemoryHolder>> accounts;
 
-  ExecutorServices executorServices(const MappedGuard& guard) { return {store.get(), &extensions, &accels, &arena, nullptr, &guard}; }
+  ExecutorServices executorServices(const MappedGuard& guard) { return {store.get(), &extensions, &accels, &arena, nullptr, &inFlight, &guard}; }
   PlannerServices plannerServices(const StopToken& stop, MappedGuard& guard, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
     s.loadEnvironment = [this, stop, &guard](const std::string& path) -> Result<EnvironmentPtr> {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/executor.h"
 
+#include <algorithm>
 #include <chrono>
 #include <new>
 
@@ -103,23 +104,48 @@ Result<TermPtr> Executor::evaluate(NodeId id) {
   const GraphNode& n = graph_.at(id);
   GOBO_ASSIGN(const Hash128 recipe, recipeKey(id));
   const Hash128 key = n.node->traits().extendable ? Hasher("blocks").add(recipe).add(n.blocks).digest() : recipe;
-  ExecutedNode& report = reports_[id];
-  report.key = key;
-  TermStore::Tier tier = TermStore::Tier::None;
-  TermPtr term = services_.store->get(key, &tier, stop_);
-  if (term) {
-    report.state = ExecutedNode::State::Reused;
-    report.reason = tier == TermStore::Tier::Disk ? "disk" : "memory";
-    report.bytes = term->bytes();
-    report.dropped = droppedTotal(*term).samples;
-    report.count = 1;
-  } else {
+  reports_[id].key = key;
+  const uint64_t before = services_.inFlight ? services_.inFlight->ended() : 0;
+  TermPtr term = kept(id, key);
+  if (!term && (n.transient || !services_.inFlight)) {
     GOBO_ASSIGN(term, run(id, recipe, key));
+  } else if (!term) {
+    GOBO_ASSIGN(WorkInFlight::Turn turn, services_.inFlight->take(recipe, n.node->traits().extendable ? n.blocks : 0, stop_));
+    if (turn.result()) term = reused(id, turn.result(), "another request that ran at the same time");
+    if (!term && services_.inFlight->ended() != before) term = kept(id, key);
+    if (!term) {
+      held_.push_back(&turn);
+      Result<TermPtr> made = run(id, recipe, key);
+      held_.pop_back();
+      GOBO_ASSIGN(term, std::move(made));
+      turn.finish(term);
+    }
   }
   if (!n.transient) results_[id] = term;
   heldBytes_ += n.transient ? 0 : term->bytes();
   peakBytes_ = std::max(peakBytes_, heldBytes_);
   return term;
+}
+
+// Who waits for what this is for waits for this.
+bool Executor::wanted() const {
+  return std::any_of(held_.begin(), held_.end(), [](const WorkInFlight::Turn* t) { return t->wanted(); });
+}
+
+TermPtr Executor::reused(NodeId id, TermPtr term, const char* from) {
+  ExecutedNode& report = reports_[id];
+  report.state = ExecutedNode::State::Reused;
+  report.reason = from;
+  report.bytes = term->bytes();
+  report.dropped = droppedTotal(*term).samples;
+  report.count = 1;
+  return term;
+}
+
+TermPtr Executor::kept(NodeId id, const Hash128& key) {
+  TermStore::Tier tier = TermStore::Tier::None;
+  TermPtr term = services_.store->get(key, &tier, stop_);
+  return term ? reused(id, std::move(term), tier == TermStore::Tier::Disk ? "disk" : "memory") : nullptr;
 }
 
 RunContext Executor::context(NodeId id) {
@@ -152,6 +178,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   if (traits.extendable) {
     ctx.targetBlocks = n.blocks;
     ctx.park = &parked;
+    ctx.wanted = [this] { return wanted(); };
     if (services_.checkpoints) ctx.previous = services_.checkpoints->load(recipe, n.blocks);
     if (!ctx.previous) taken = ctx.previous = services_.extensions->takeParked(recipe);
     if (ctx.previous) reason = "resumed";
@@ -174,17 +201,17 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   if (result.ok()) {
     const Result<std::string> bad = firstNonFinite(**result, *services_.arena, stop_);
     if (!bad.ok()) {
-      if (traits.extendable && stop_.reason() == StopReason::Preempted) parked = *result;  // made, but not read to its end: whoever goes on reads it
+      if (traits.extendable && ctx.leavesState()) parked = *result;  // made, but not read to its end: whoever goes on reads it
       result = bad.status();
     } else if (!bad->empty()) {
       result = internalError("a non-finite value would leave the node: " + *bad, "node " + n.label);
     }
   }
   if (services_.guard) GOBO_TRY(services_.guard->check());
-  if (!result.ok() && !parked && stop_.reason() == StopReason::Preempted) parked = taken;  // preempted before the node came to it
+  if (!result.ok() && !parked && ctx.leavesState()) parked = taken;  // preempted before the node came to it
   if (parked && !result.ok()) {
     if (services_.checkpoints) services_.checkpoints->save(recipe, n.blocks, parked);
-    else services_.extensions->park(recipe, parked);
+    if (!services_.checkpoints || (wanted())) services_.extensions->park(recipe, parked);
   }
   if (!result.ok()) return result.status().at("node " + n.label);
   const TermPtr term = *result;

@@ -16,6 +16,7 @@
 #include "base/stop.h"
 #include "plan/checkpoints.h"
 #include "plan/store.h"
+#include "plan/work_in_flight.h"
 #include "terms/graph.h"
 
 namespace gobo {
@@ -54,6 +55,7 @@ struct ExecutorServices {
   AccelCache* accels = nullptr;
   const TaskArena* arena = nullptr;
   RenderCheckpoints* checkpoints = nullptr;  ///< may be null; takes the place of parking for this request
+  WorkInFlight* inFlight = nullptr;          ///< null: nobody else makes terms at the same time
   const MappedGuard* guard = nullptr;        ///< asked before anything is kept; null: nothing is mapped
 };
 
@@ -70,6 +72,9 @@ class Executor {
   Result<Hash128> recipeKey(NodeId id);
   Result<TermPtr> run(NodeId id, const Hash128& recipe, const Hash128& key);
   Result<TermPtr> runFold(NodeId id, const class FoldNode& fold, RunContext& ctx);
+  bool wanted() const;
+  TermPtr kept(NodeId id, const Hash128& key);
+  TermPtr reused(NodeId id, TermPtr term, const char* from);
   RunContext context(NodeId id);
   void grow();
 
@@ -80,6 +85,7 @@ class Executor {
   std::vector<TermPtr> results_;
   std::vector<Hash128> recipes_;
   std::vector<ExecutedNode> reports_;
+  std::vector<const WorkInFlight::Turn*> held_;  // what this executor makes now: a node, what needs it, and so on
   uint64_t heldBytes_ = 0, peakBytes_ = 0;
 };
 

@@ -88,7 +88,7 @@ class CausticsNode final : public Node {
 
  private:
   static Status stopped(const RunContext& ctx, TermPtr state) {
-    if (ctx.park && ctx.stop.reason() == StopReason::Preempted) *ctx.park = std::move(state);
+    if (ctx.leavesState()) *ctx.park = std::move(state);
     return Status(Code::Cancelled, "stopped");
   }
   CausticSettings settings_;

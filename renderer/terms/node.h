@@ -56,8 +56,11 @@ struct RunContext {
 
   // Extendable nodes only. Result(n) = fixed-order sum of blocks 0..n-1, whatever it started from.
   uint32_t targetBlocks = 0;
-  TermPtr previous;         ///< a state of the same recipe with fewer blocks, or a parked one; may be null
-  TermPtr* park = nullptr;  ///< when preempted, the node may leave a partial state here
+  TermPtr previous;              ///< a state of the same recipe with fewer blocks, or a parked one; may be null
+  TermPtr* park = nullptr;       ///< a stopped node may leave a partial state here
+  std::function<bool()> wanted;  ///< may be empty: does another request wait for the same result?
+  /// Whether a stopped node should leave its state: this request, or one that waits for the same, will go on with it.
+  bool leavesState() const { return park && (stop.reason() == StopReason::Preempted || (wanted && wanted())); }
 };
 
 class Node {

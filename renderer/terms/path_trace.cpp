@@ -111,7 +111,7 @@ class PathTraceNode final : public Node {
         ctx.stop);
     if (!complete || ctx.stop.stopRequested()) {
       // Only a preempted render is asked for again; a cancelled one shall return at once.
-      if (ctx.park && ctx.stop.reason() == StopReason::Preempted) *ctx.park = oldSamples.empty() ? TermPtr(state) : merged(state, ctx.previous, slots);
+      if (ctx.leavesState()) *ctx.park = oldSamples.empty() ? TermPtr(state) : merged(state, ctx.previous, slots);
       return Status(Code::Cancelled, "stopped");
     }
     return TermPtr(state);

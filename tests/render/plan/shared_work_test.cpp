@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// Requests at the same time on one engine: what they have in common is traced once, whoever comes first, and everybody's picture is that of an engine
+// of his own. A request that is given up does not cost those who wait for the same what it had traced.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+
+#include "support/engines.h"
+
+namespace gobo::testing {
+namespace {
+
+v1::RenderRequest busy(int spp = 96) {
+  v1::RenderRequest r = smallRequest("cornell", 64, 48, spp);
+  r.mutable_integrator()->set_max_bounces(4);
+  return r;
+}
+
+uint64_t raysAlone(const v1::RenderRequest& r) { return mustRender(*makeEngine(), r).reply.rays(); }
+
+TEST(SharedWork, EqualRequestsAtOnceTraceOnce) {
+  for (const char* technique : {"", "shadows.ray_traced.samples=4", "shadows.axis_aligned.mu=2", "environment.extract_lights=2"}) {
+    SCOPED_TRACE(technique);
+    v1::RenderRequest r = busy();
+    if (*technique) {
+      r.set_scene("fence");
+      if (std::string(technique).starts_with("environment")) set(r, "environment.sky.sun_direction=0.3,0.8,0.2");
+      set(r, technique);
+    }
+    const RenderResult alone = mustRender(*makeEngine(), r);
+    const auto engine = makeEngine();
+    std::atomic<uint64_t> rays{0};
+    std::vector<std::thread> callers;
+    for (int i = 0; i < 4; ++i)
+      callers.emplace_back([&] {
+        const RenderResult mine = mustRender(*engine, r);
+        rays += mine.reply.rays();
+        EXPECT_EQ(firstDifference(mine, alone), "");
+      });
+    for (auto& t : callers) t.join();
+    EXPECT_EQ(rays, alone.reply.rays());
+  }
+}
+
+TEST(SharedWork, RelightsAndOutputsOfOneSceneTraceOnce) {
+  std::vector<v1::RenderRequest> requests(3, busy());
+  set(requests[1], "lights.light.gain=0.2,1,0.4");
+  set(requests[2], "tone_map.exposure=1");
+  const auto engine = makeEngine();
+  std::atomic<uint64_t> rays{0};
+  std::vector<std::thread> callers;
+  for (const auto& r : requests)
+    callers.emplace_back([&] {
+      const RenderResult mine = mustRender(*engine, r);
+      rays += mine.reply.rays();
+      EXPECT_EQ(firstDifference(mine, mustRender(*makeEngine(), r)), "");
+    });
+  for (auto& t : callers) t.join();
+  EXPECT_EQ(rays, raysAlone(requests[0]));
+}
+
+v1::RenderRequest many(int spp) { return smallRequest("cornell", 160, 96, spp); }  // progress is told every 16 tiles
+
+// The one who traces gives up in the middle: who waits goes on from there.
+TEST(SharedWork, WhoWaitsGoesOnWhereAnotherGaveUp) {
+  const v1::RenderRequest r = many(256);
+  const RenderResult alone = mustRender(*makeEngine(), r);
+  const auto engine = makeEngine();
+  StopSource giveUp;
+  std::atomic<bool> begun{false}, waits{false};
+  std::atomic<double> reached{0};
+  RenderControl first;
+  first.stop = giveUp.token();
+  first.progress = [&](const v1::Progress& p) {
+    begun = true;
+    if (!waits || p.fraction() < 0.2 || p.fraction() > 0.99) return;
+    reached = p.fraction();
+    giveUp.stop(StopReason::Cancelled);
+  };
+  Code ended = Code::Ok;
+  std::thread gaveUp([&] { ended = engine->render(r, first).status().code(); });
+  while (!begun) std::this_thread::yield();
+  std::thread soon([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));  // by then the other waits
+    waits = true;
+  });
+  const RenderResult mine = mustRender(*engine, r);
+  soon.join();
+  gaveUp.join();
+  EXPECT_EQ(firstDifference(mine, alone), "");
+  if (ended != Code::Cancelled) GTEST_SKIP() << "it was done before it could be given up";
+  EXPECT_LT(double(mine.reply.rays()), (1.1 - reached) * double(alone.reply.rays())) << "what had been traced was thrown away";
+}
+
+// Few samples are not late because somebody traces many of the same.
+TEST(SharedWork, FewSamplesDoNotWaitForMany) {
+  const auto engine = makeEngine();
+  std::atomic<bool> begun{false}, over{false};
+  RenderControl control;
+  control.progress = [&](const v1::Progress&) { begun = true; };
+  std::thread long_([&] {
+    EXPECT_TRUE(engine->render(many(512), control).ok());
+    over = true;
+  });
+  while (!begun) std::this_thread::yield();
+  mustRender(*engine, many(1));
+  EXPECT_FALSE(over);
+  long_.join();
+}
+
+}  // namespace
+}  // namespace gobo::testing
