@@ -66,42 +66,57 @@ Result<std::vector<uint8_t>> plainPng(const uint8_t* b, size_t n, const ReadLimi
   return invalidArgument("PNG without an end chunk");
 }
 
+/// The end of the entropy-coded data from i on: the next marker that is neither a stuffed byte nor a restart, or n.
+size_t endOfScan(const uint8_t* b, size_t n, size_t i) {
+  for (; i + 1 < n; ++i)
+    if (b[i] == 0xff && b[i + 1] != 0x00 && b[i + 1] != 0xff && (b[i + 1] < 0xd0 || b[i + 1] > 0xd7)) return i;
+  return n;
+}
+
 /// The JPEG without what a picture does not need: APPn segments but for JFIF and Adobe (which say how colours are coded), and
-/// comments. OpenImageIO 2.4 reads out of bounds in damaged ICC profiles and Exif blocks, and we use neither. Refuses sizes
-/// above the limits here, because opening a progressive JPEG already decodes all its scans.
+/// comments, between scans too. OpenImageIO 2.4 reads out of bounds in damaged ICC profiles, Exif and IPTC blocks, and we use none. Refuses sizes
+/// above the limits here, because opening a progressive JPEG already decodes all its scans. Damage after the first scan ends the picture there.
 Result<std::vector<uint8_t>> plainJpeg(const uint8_t* b, size_t n, const ReadLimits& limits) {
   std::vector<uint8_t> out = {0xff, 0xd8};
   out.reserve(n);
-  bool framed = false;
+  bool framed = false, scanned = false;
   for (size_t i = 2; i + 4 <= n;) {
-    if (b[i] != 0xff) return invalidArgument("JPEG segment marker expected at byte " + std::to_string(i));
+    if (b[i] != 0xff) {
+      if (scanned) break;
+      return invalidArgument("JPEG segment marker expected at byte " + std::to_string(i));
+    }
     const int marker = b[i + 1];
     if (marker == 0xff) {
       ++i;
       continue;
     }
+    if (marker == 0xd9 && scanned) break;
     if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8)) {
       i += 2;
       continue;
     }
     const size_t length = size_t(b[i + 2]) << 8 | b[i + 3];
-    if (length < 2 || length > n - i - 2) return invalidArgument("JPEG segment at byte " + std::to_string(i) + " is cut short");
+    if (length < 2 || length > n - i - 2) {
+      if (scanned) break;
+      return invalidArgument("JPEG segment at byte " + std::to_string(i) + " is cut short");
+    }
     const bool frame = marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
     if (frame) {
       if (length < 8) return invalidArgument("JPEG frame header is cut short");
       GOBO_TRY(checkImageSize(b[i + 7] << 8 | b[i + 8], b[i + 5] << 8 | b[i + 6], b[i + 9], n, limits));
       framed = true;
     }
-    if (marker == 0xda) {  // scan data: the rest as it is
-      if (!framed) break;
-      out.insert(out.end(), b + i, b + n);
-      return out;
-    }
+    const bool scan = marker == 0xda;
+    if (scan && !framed) break;
     const bool dropped = marker == 0xfe || (marker >= 0xe1 && marker <= 0xef && marker != 0xee);
-    if (!dropped) out.insert(out.end(), b + i, b + i + 2 + length);
-    i += 2 + length;
+    const size_t end = scan ? endOfScan(b, n, i + 2 + length) : i + 2 + length;
+    if (!dropped) out.insert(out.end(), b + i, b + end);
+    scanned = scanned || scan;
+    i = end;
   }
-  return invalidArgument("JPEG without a frame or a scan");
+  if (!scanned) return invalidArgument("JPEG without a frame or a scan");
+  out.insert(out.end(), {0xff, 0xd9});
+  return out;
 }
 
 Result<Image> readByCodec(const uint8_t* bytes, size_t size, const std::string& format, const std::string& name, const ReadLimits& limits) {

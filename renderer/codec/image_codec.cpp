@@ -16,7 +16,8 @@ namespace {
 Result<Image> decode(const uint8_t* bytes, size_t size, const std::string& format, const std::string& name, const ReadLimits& limits,
                      ImageCodec::SizeCheck check) {
   OIIO::Filesystem::IOMemReader memory(const_cast<uint8_t*>(bytes), size);
-  auto input = OIIO::ImageInput::create("memory." + format, false, nullptr, &memory);
+  // By the format's name: given a file's name or the bytes, it tries every reader that it has where this one refuses them.
+  auto input = OIIO::ImageInput::create(format, false, nullptr, static_cast<OIIO::Filesystem::IOProxy*>(nullptr));
   if (!input) {
     OIIO::geterror();
     return invalidArgument("unknown image format", name);
