@@ -3,11 +3,16 @@
 // leases are let go, and a job never renders another scene than the one it was submitted with.
 #include <atomic>
 #include <chrono>
+#include <filesystem>
+#include <fstream>
 
+#include "base/image_io.h"
 #include "server/encode.h"
+#include "server/ingest_loader.h"
 #include "server/jobs/job_spec.h"
 #include "server/jobs/job_worker.h"
 #include "server/log.h"
+#include "support/small_gltf.h"
 #include "unit/jobs/store_fixture.h"
 
 namespace gobo {
@@ -21,6 +26,7 @@ struct Worker : test::StoreFixture {
   std::unique_ptr<JobScenes> scenes;
   std::unique_ptr<JobWorker> worker;
   JobWorkerOptions workerOptions;
+  std::function<void(EngineOptions&)> change = [](EngineOptions&) {};
 
   void SetUp() override {
     setLogLevel(LogLevel::Off);
@@ -47,6 +53,7 @@ struct Worker : test::StoreFixture {
     EngineOptions o;
     o.threads = 2;
     o.storeBytes = 256 << 20;
+    change(o);
     engine = std::move(*Engine::create(o));
     SchedulerOptions s;
     runner = std::make_unique<JobRunner>(s);
@@ -195,6 +202,51 @@ TEST_F(Worker, PauseKeepsTheCheckpointAndCancelRemovesIt) {
   hub.steered();
   EXPECT_TRUE(eventually([&] { return filesIn("checkpoints") == 0 && runner->stats().running == 0; }));
   EXPECT_EQ(get(id).state(), v1::Job::CANCELLED);
+}
+
+// What was checkpointed before the break is right, what was traced after it is not kept: the next attempt loads the file again and goes on.
+TEST_F(Worker, AFrameWhoseBlobBreaksIsDoneAgainRight) {
+  const std::string file = folder + "/scene.gltf", blobs = folder + "/blobs";
+  std::ofstream(file, std::ios::binary) << smallGltf("paint.png");
+  Image paint(128, 128, 3);
+  for (size_t i = 0; i < paint.data.size(); ++i) paint.data[i] = float(i * 7919 % 251) / 250.0f;
+  const auto png = *encodePng(paint);
+  std::ofstream(folder + "/paint.png", std::ios::binary).write(reinterpret_cast<const char*>(png.data()), std::streamsize(png.size()));
+  change = [&](EngineOptions& o) {
+    IngestOptions ingest;
+    ingest.cacheFolder = blobs;
+    o.anyPath = true;
+    o.loader = *childLoader(ingest);
+  };
+  newEngine();
+  const auto opened = engine->openScene(file, "scene");
+  ASSERT_TRUE(opened.ok()) << opened.status().toString();
+  v1::JobSpec s = spec(8192);
+  s.mutable_request()->set_scene("scene");
+  s.mutable_request()->mutable_camera()->mutable_position()->set_z(2.5f);
+  s.mutable_request()->mutable_camera()->mutable_look_at();
+  const int64_t id = put(s);
+  start();
+  ASSERT_TRUE(eventually([&] { return !get(id).frames(0).checkpoint().empty(); }));
+  size_t cut = 0;
+  for (const auto& e : std::filesystem::directory_iterator(blobs))
+    if (e.path().extension() == ".blob") {
+      std::filesystem::resize_file(e.path(), e.file_size() / 3);
+      ++cut;
+    }
+  EXPECT_EQ(cut, 1u);
+  EXPECT_NE(get(id).state(), v1::Job::DONE) << "too fast to be broken";
+  ASSERT_TRUE(over(id));
+  worker->stop();
+  EXPECT_GE(get(id).frames(0).attempts(), 2u);
+  EngineOptions o;
+  o.threads = 2;
+  o.anyPath = true;
+  auto fresh = std::move(*Engine::create(o));
+  ASSERT_TRUE(fresh->openScene(file, "scene").ok());
+  const auto right = fresh->render(s.request());
+  ASSERT_TRUE(right.ok()) << right.status().toString();
+  EXPECT_EQ(result(id), rawBytes(right->images[0].pixels(), false));
 }
 
 TEST_F(Worker, APatchedSceneIsNotTheJobs) {
