@@ -33,6 +33,7 @@ int exitCodeOf(const Status& status) {
     case Code::PermissionDenied:
     case Code::Unauthenticated:
     case Code::AlreadyExists:
+    case Code::Unimplemented:
     case Code::FailedPrecondition: return kUsage;
     case Code::NotFound: return kNotFound;
     case Code::Unavailable: return kUnreachable;

@@ -289,9 +289,10 @@ class Play {
 namespace gobo::fuzz {
 
 std::span<const grpc::StatusCode> documentedCodes() {
-  static constexpr grpc::StatusCode codes[] = {
-      grpc::OK,        grpc::INVALID_ARGUMENT, grpc::OUT_OF_RANGE, grpc::UNAUTHENTICATED, grpc::PERMISSION_DENIED, grpc::FAILED_PRECONDITION,
-      grpc::NOT_FOUND, grpc::ALREADY_EXISTS,   grpc::UNAVAILABLE,  grpc::CANCELLED,       grpc::DEADLINE_EXCEEDED, grpc::RESOURCE_EXHAUSTED};
+  using namespace grpc;
+  static constexpr StatusCode codes[] = {
+      OK,          INVALID_ARGUMENT, OUT_OF_RANGE,      UNAUTHENTICATED,   PERMISSION_DENIED, FAILED_PRECONDITION, NOT_FOUND, ALREADY_EXISTS, UNIMPLEMENTED,
+      UNAVAILABLE, CANCELLED,        DEADLINE_EXCEEDED, RESOURCE_EXHAUSTED};
   return codes;
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <set>
 #include <utility>
 
 #include "base/file_stamp.h"
@@ -306,10 +307,11 @@ Result<ScenePtr> SceneLibrary::load(const std::string& source, bool trusted) con
 }
 
 Status SceneLibrary::unknown(const std::string& id, const SceneAccess& access) const {
-  std::string names;
+  std::set<std::string> known(builtinSceneNames().begin(), builtinSceneNames().end());
   for (const auto& [name, entry] : scenes_)
-    if (access.uses(entry.owner, entry.share)) names += (names.empty() ? "" : ", ") + name;
-  for (const std::string& name : builtinSceneNames()) names += (names.empty() ? "" : ", ") + name;
+    if (access.uses(entry.owner, entry.share)) known.insert(name);
+  std::string names;
+  for (const std::string& name : known) names += (names.empty() ? "" : ", ") + name;
   const auto went = std::find_if(gone_.rbegin(), gone_.rend(), [&](const Gone& g) { return g.id == id; });
   return notFound("no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : "") + " (has: " + names + ")",
                   "request.scene");
