@@ -6,7 +6,7 @@ ENV ?=
 SHELL := /bin/bash
 CONFIGURE = cmake --preset release -B $(BUILD)
 
-.PHONY: all deps build demo test sanitize bench references lint format clean
+.PHONY: all deps build check demo install test sanitize bench references lint format clean
 
 all: build
 
@@ -25,6 +25,13 @@ test: deps
 	@ninja -C $(BUILD) -j $(JOBS)
 	@cd $(BUILD) && ctest --output-on-failure -j $(JOBS) --repeat until-pass:2   # a test that kills processes may meet a busy machine; ctest says which ran twice
 
+# What to run between two edits: the unit tests of the renderer, without the daemon.
+CHECKED = unit_base unit_scene unit_trace unit_terms unit_filters unit_measure unit_plan render_replies
+check: deps
+	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE)
+	@ninja -C $(BUILD) -j $(JOBS) $(CHECKED:%=test_%)
+	@printf '%s\n' $(CHECKED) | xargs -P $(JOBS) -I{} $(SHELL) -c '$(BUILD)/tests/test_{} --gtest_brief=1 > $(BUILD)/check_{}.log 2>&1 && echo "{}: $$(tail -1 $(BUILD)/check_{}.log)" || { cat $(BUILD)/check_{}.log; exit 255; }'
+
 # Tests under sanitizers or unoptimised, each preset in a build folder of its own (CMakePresets.json; deploy/sanitize).
 # TIER=all for every test, PRESETS=asan for one.
 PRESETS ?= asan tsan debug
@@ -42,9 +49,11 @@ references: build
 	@BUILD=$(BUILD) bench/references
 
 format:
-	@git ls-files '*.cpp' '*.h' | xargs clang-format -i
+	@deploy/install-deps --lint
+	@git ls-files '*.cpp' '*.h' ':!*_data.h' | xargs clang-format -i
 
 lint: deps
+	@deploy/install-deps --lint
 	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE) > /dev/null
 	@deploy/lint $(BUILD)
 
