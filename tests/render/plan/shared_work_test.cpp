@@ -104,7 +104,7 @@ TEST(SharedWork, FewSamplesDoNotWaitForMany) {
     over = true;
   });
   while (!begun) std::this_thread::yield();
-  mustRender(*engine, many(1));
+  mustRender(*engine, many(16));
   EXPECT_FALSE(over);
   long_.join();
 }
