@@ -110,6 +110,7 @@ TEST(Sequence, CodesAreThoseOfTheProtocol) {
                                                       {grpc::FAILED_PRECONDITION, "FAILED_PRECONDITION"},
                                                       {grpc::NOT_FOUND, "NOT_FOUND"},
                                                       {grpc::ALREADY_EXISTS, "ALREADY_EXISTS"},
+                                                      {grpc::UNIMPLEMENTED, "UNIMPLEMENTED"},
                                                       {grpc::UNAVAILABLE, "UNAVAILABLE"},
                                                       {grpc::CANCELLED, "CANCELLED"},
                                                       {grpc::DEADLINE_EXCEEDED, "DEADLINE_EXCEEDED"},

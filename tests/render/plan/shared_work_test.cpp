@@ -62,51 +62,39 @@ TEST(SharedWork, RelightsAndOutputsOfOneSceneTraceOnce) {
 
 v1::RenderRequest many(int spp) { return smallRequest("cornell", 160, 96, spp); }  // progress is told every 16 tiles
 
-// The one who traces gives up in the middle: who waits goes on from there.
+// The one who traces gives up in the middle: who waits goes on from there. Nothing outside says when the second has begun to wait, so one of some tries
+// must show it; the picture is right in each. (That few samples do not wait for many: WorkInFlight.FewerBlocksAreWaitedForAndMoreAreNot.)
 TEST(SharedWork, WhoWaitsGoesOnWhereAnotherGaveUp) {
   const v1::RenderRequest r = many(256);
   const RenderResult alone = mustRender(*makeEngine(), r);
-  const auto engine = makeEngine();
-  StopSource giveUp;
-  std::atomic<bool> begun{false}, waits{false};
-  std::atomic<double> reached{0};
-  RenderControl first;
-  first.stop = giveUp.token();
-  first.progress = [&](const v1::Progress& p) {
-    begun = true;
-    if (!waits || p.fraction() < 0.2 || p.fraction() > 0.99) return;
-    reached = p.fraction();
-    giveUp.stop(StopReason::Cancelled);
-  };
-  Code ended = Code::Ok;
-  std::thread gaveUp([&] { ended = engine->render(r, first).status().code(); });
-  while (!begun) std::this_thread::yield();
-  std::thread soon([&] {
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));  // by then the other waits
-    waits = true;
-  });
-  const RenderResult mine = mustRender(*engine, r);
-  soon.join();
-  gaveUp.join();
-  EXPECT_EQ(firstDifference(mine, alone), "");
-  if (ended != Code::Cancelled) GTEST_SKIP() << "it was done before it could be given up";
-  EXPECT_LT(double(mine.reply.rays()), (1.1 - reached) * double(alone.reply.rays())) << "what had been traced was thrown away";
-}
-
-// Few samples are not late because somebody traces many of the same.
-TEST(SharedWork, FewSamplesDoNotWaitForMany) {
-  const auto engine = makeEngine();
-  std::atomic<bool> begun{false}, over{false};
-  RenderControl control;
-  control.progress = [&](const v1::Progress&) { begun = true; };
-  std::thread long_([&] {
-    EXPECT_TRUE(engine->render(many(512), control).ok());
-    over = true;
-  });
-  while (!begun) std::this_thread::yield();
-  mustRender(*engine, many(16));
-  EXPECT_FALSE(over);
-  long_.join();
+  bool wentOn = false;
+  for (int attempt = 0; attempt < 6 && !wentOn; ++attempt) {
+    const auto engine = makeEngine();
+    StopSource giveUp;
+    std::atomic<bool> begun{false}, waits{false};
+    std::atomic<double> reached{0};
+    RenderControl first;
+    first.stop = giveUp.token();
+    first.progress = [&](const v1::Progress& p) {
+      begun = true;
+      if (!waits || p.fraction() < 0.2 || p.fraction() > 0.99) return;
+      reached = p.fraction();
+      giveUp.stop(StopReason::Cancelled);
+    };
+    Code ended = Code::Ok;
+    std::thread gaveUp([&] { ended = engine->render(r, first).status().code(); });
+    while (!begun) std::this_thread::yield();
+    std::thread soon([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20 << attempt));
+      waits = true;
+    });
+    const RenderResult mine = mustRender(*engine, r);
+    soon.join();
+    gaveUp.join();
+    EXPECT_EQ(firstDifference(mine, alone), "");
+    wentOn = ended == Code::Cancelled && double(mine.reply.rays()) < (1.1 - reached) * double(alone.reply.rays());
+  }
+  EXPECT_TRUE(wentOn) << "what had been traced was thrown away";
 }
 
 }  // namespace
