@@ -21,7 +21,7 @@
 #include "filters/shadow_technique.h"
 #include "measure/report.h"
 #include "plan/engine.h"
-#include "plan/request.h"
+#include "request/request.h"
 
 namespace {
 
@@ -141,7 +141,7 @@ int longestGaps(const std::vector<Case>& cases, const std::string& only, const s
       request.mutable_certificate()->set_spp(4);
       request.mutable_certificate()->set_pixel_fraction(0.01);
     }
-    row(c.name + ", admission", [&](StopToken stop) { return engine->pinnedBytes(request, nullptr, stop).status(); });  // makes the scene
+    row(c.name + ", admission", [&](StopToken stop) { return engine->prepare(request, nullptr, stop).status(); });  // makes the scene
     row(c.name, [&](StopToken stop) {
       RenderControl control;
       control.stop = stop;
@@ -192,7 +192,7 @@ int main(int argc, char** argv) {
     for (int k = 0; k < repeat; ++k) {
       auto engine = Engine::create(options);
       (void)(*engine)->inspectScene("atrium");
-      planning.run(k, [&](StopToken stop) { return (*engine)->pinnedBytes(requestOf(c, size, k), nullptr, stop).status(); });
+      planning.run(k, [&](StopToken stop) { return (*engine)->prepare(requestOf(c, size, k), nullptr, stop).status(); });
     }
     if (!planning.ms.empty()) planning.row(t, c.name + ", admission");
   }

@@ -10,7 +10,7 @@
 #include "base/image_io.h"
 #include "measure/report.h"
 #include "plan/engine.h"
-#include "plan/request.h"
+#include "request/request.h"
 
 namespace {
 

@@ -11,7 +11,7 @@
 
 #include "measure/report.h"
 #include "plan/engine.h"
-#include "plan/request.h"
+#include "request/request.h"
 
 namespace {
 

@@ -12,7 +12,7 @@
 #include "base/task_arena.h"
 #include "measure/report.h"
 #include "plan/engine.h"
-#include "plan/request.h"
+#include "request/request.h"
 
 namespace {
 

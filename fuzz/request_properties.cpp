@@ -7,10 +7,10 @@
 #include "fuzz/properties.h"
 #include "gobo/v1/jobs.pb.h"
 #include "gobo/v1/service.pb.h"
-#include "plan/effective_scene.h"
-#include "plan/posed_scene.h"
-#include "plan/request.h"
 #include "plan/scene_library.h"
+#include "request/effective_scene.h"
+#include "request/posed_scene.h"
+#include "request/request.h"
 
 namespace gobo::fuzz {
 namespace {

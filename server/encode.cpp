@@ -15,7 +15,7 @@
 #include "base/image_io.h"
 #include "base/sobol.h"
 #include "plan/outputs.h"
-#include "plan/request.h"
+#include "request/request.h"
 
 namespace gobo {
 namespace {

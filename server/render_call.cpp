@@ -35,7 +35,7 @@ void RenderCall::work() {
   spec.group = options_.payer;
   spec.jobClass = jobClassOf(request_.scheduling().priority());
   if (options_.deadline) spec.deadline = std::chrono::duration<double>(options_.deadline->time_since_epoch()).count();  // JobRunner::now()
-  Result<uint64_t> pinned = [&]() -> Result<uint64_t> {
+  Result<PreparedRender> prepared = [&]() -> Result<PreparedRender> {
     if (Submit refusal = core_.jobs.refusal(spec); !refusal.status.ok()) {
       retryAfterMs_ = refusal.retryMs;
       return refusal.status;
@@ -53,15 +53,15 @@ void RenderCall::work() {
                         "\" wait to be planned: at most three quarters of what the queues take (scheduler.queued_interactive, _normal, _batch)");
     if (!place) return Status(Code::Cancelled, "cancelled while it waited to be planned");
     const CrashMarks::Other other;
-    return core_.engine.pinnedBytes(request_, nullptr, stop_.token(), options_.access);
+    return core_.engine.prepare(request_, nullptr, stop_.token(), options_.access);
   }();
-  if (!pinned.ok() && pinned.status().code() == Code::Cancelled && stop_.token().reason() == StopReason::Deadline)
-    pinned = Status(Code::DeadlineExceeded, "the deadline passed while planning");
+  if (!prepared.ok() && prepared.status().code() == Code::Cancelled && stop_.token().reason() == StopReason::Deadline)
+    prepared = Status(Code::DeadlineExceeded, "the deadline passed while planning");
   {
     const std::lock_guard lock(mutex_);
-    planned_ = pinned.ok();
+    planned_ = prepared.ok();
     if (!planned_) {
-      status_ = pinned.status();
+      status_ = prepared.status();
       done_ = true;
       changed_.notify_one();
       return;
@@ -84,7 +84,7 @@ void RenderCall::work() {
       changed_.notify_one();
     };
   }
-  spec.pinnedBytes = *pinned;
+  spec.pinnedBytes = prepared->pinnedBytes;
   RunControl runControl;
   runControl.gone = [stop = stop_.token()] { return stop.stopRequested(); };
   runControl.pollSeconds = 0.005;
@@ -98,7 +98,7 @@ void RenderCall::work() {
           return Status(Code::ResourceExhausted, "no room for its pictures");
         }
         const CrashMarks::Other other;
-        auto rendered = core_.engine.render(request_, control);
+        auto rendered = core_.engine.run(*prepared, control);
         if (!rendered.ok()) return rendered.status();
         result = std::move(rendered).value();
         return {};

@@ -8,7 +8,7 @@
 
 #include "command_line.h"
 #include "gobo/v1/options.pb.h"
-#include "plan/request.h"
+#include "request/request.h"
 #include "scene/load.h"
 
 namespace gobo::cli {

@@ -7,8 +7,8 @@
 
 #include "commands.h"
 #include "pictures.h"
-#include "plan/request.h"
 #include "report.h"
+#include "request/request.h"
 
 namespace gobo::cli {
 

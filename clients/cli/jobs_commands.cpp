@@ -13,8 +13,8 @@
 
 #include "base/image_io.h"
 #include "commands.h"
-#include "plan/request.h"
 #include "report.h"
+#include "request/request.h"
 #include "server/encode.h"
 
 namespace gobo::cli {

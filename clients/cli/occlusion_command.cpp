@@ -12,8 +12,8 @@
 #include "measure/plot.h"
 #include "measure/report.h"
 #include "pictures.h"
-#include "plan/request.h"
 #include "report.h"
+#include "request/request.h"
 
 namespace gobo::cli {
 namespace {

@@ -6,8 +6,8 @@
 #include "base/image_io.h"
 #include "commands.h"
 #include "pictures.h"
-#include "plan/request.h"
 #include "report.h"
+#include "request/request.h"
 
 namespace gobo::cli {
 

@@ -2,8 +2,8 @@
 #include <cstdio>
 
 #include "commands.h"
-#include "plan/request.h"
 #include "report.h"
+#include "request/request.h"
 
 namespace gobo::cli {
 namespace {

@@ -8,7 +8,7 @@
 #include "fuzz/served/tiny_request.h"
 #include "fuzz/targets.h"
 #include "plan/engine.h"
-#include "plan/request.h"
+#include "request/request.h"
 #include "scene/load.h"
 #include "server/encode.h"
 

@@ -12,7 +12,7 @@
 #include "fuzz/served/small_daemon.h"
 #include "gobo/v1/jobs.pb.h"
 #include "gobo/v1/service.pb.h"
-#include "plan/request.h"
+#include "request/request.h"
 #include "server/encode.h"
 
 namespace gobo::fuzz::sequence {

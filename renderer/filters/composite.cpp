@@ -17,7 +17,7 @@ class PixelNode : public Node {
  public:
   PixelNode(int width, int height) : width_(width), height_(height) {}
   size_t pixels() const { return size_t(width_) * height_; }
-  size_t outputBytes() const override { return pixels() * 12; }
+  size_t outputBytes() const override { return pixels() * 16; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.linearPerGroup = true;
@@ -102,7 +102,7 @@ class DirectFoldNode final : public FoldNode {
     return t;
   }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_).add(lights_); }
-  size_t outputBytes() const override { return size_t(width_) * height_ * 12; }
+  size_t outputBytes() const override { return size_t(width_) * height_ * 16; }
   int fixedInputs() const override { return 0; }
   int stride() const override { return 2; }
 
@@ -160,7 +160,7 @@ class ResolveNode final : public PixelNode {
   ResolveNode(int w, int h, int slots) : PixelNode(w, h), slots_(slots) {}
   std::string type() const override { return "resolve"; }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(slots_); }
-  size_t outputBytes() const override { return pixels() * 12 * slots_; }
+  size_t outputBytes() const override { return pixels() * (12 * slots_ + 4) + slots_ * kPlaneBytes; }
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto sum = ctx.inputs[0]->plane<double>("sum");
     const auto samples = ctx.inputs[0]->plane<uint32_t>("samples");

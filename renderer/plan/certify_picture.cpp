@@ -8,6 +8,7 @@
 #include "measure/certificate.h"
 #include "measure/certificate_pixels.h"
 #include "plan/planner.h"
+#include "request/material_kinds.h"
 
 namespace gobo {
 

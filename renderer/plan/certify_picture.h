@@ -4,8 +4,8 @@
 
 #include "base/image.h"
 #include "gobo/v1/render.pb.h"
-#include "plan/effective_scene.h"
 #include "plan/reference.h"
+#include "request/effective_scene.h"
 #include "trace/accel.h"
 
 namespace gobo {

@@ -2,6 +2,7 @@
 #include "plan/engine.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <map>
 #include <mutex>
@@ -14,9 +15,9 @@
 #include "plan/outputs.h"
 #include "plan/planner.h"
 #include "plan/remembered_renders.h"
-#include "plan/request.h"
 #include "plan/scene_library.h"
 #include "plan/store.h"
+#include "request/request.h"
 #include "trace/accel.h"
 
 namespace gobo {
@@ -98,6 +99,7 @@ struct Engine::Impl {
     s.poseScene = [this](const ScenePtr& base, const v1::RenderRequest& request, const StopToken& until) { return posed.get(base, request, until); };
     s.expand = [this, stop, expanded, &guard](const Graph& graph, NodeId node) -> Result<TermPtr> {
       Executor executor(graph, executorServices(guard), stop);
+      executor.asks(std::array{node});
       GOBO_ASSIGN(TermPtr term, executor.evaluate(node));
       if (expanded) (*expanded)[node] = executor.report(node);
       return term;
@@ -214,14 +216,19 @@ Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request, cons
   return impl_->resolve(request, scene);
 }
 
-Result<uint64_t> Engine::pinnedBytes(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop, const SceneAccess& access) {
+Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop, const SceneAccess& access) {
   if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene(), stop, access)); }
-  GOBO_ASSIGN(const v1::RenderRequest resolved, impl_->resolve(request, scene));
-  const uint32_t size = blockSizeFor(resolved.halt().has_spp() ? resolved.halt().spp() : 16);
+  PreparedRender prepared;
+  prepared.request = request;
+  GOBO_ASSIGN(prepared.resolved, impl_->resolve(request, scene));
+  const uint32_t size = blockSizeFor(prepared.resolved.halt().has_spp() ? prepared.resolved.halt().spp() : 16);
   MappedGuard guard(*scene, request.scene());
-  const auto plan = makePlan(scene, resolved, 1, size, impl_->plannerServices(stop, guard));
+  PlannerServices services = impl_->plannerServices(stop, guard);
+  services.expand = nullptr;
+  const auto plan = makePlan(scene, prepared.resolved, 1, size, services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
-  return (*plan)->pinnedBytes;
+  prepared.pinnedBytes = (*plan)->pinnedBytes;
+  return prepared;
 }
 
 void Engine::Impl::describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result) {
@@ -320,6 +327,9 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   ExecutorServices services = executorServices(guard);
   services.checkpoints = control.checkpoints;
   Executor executor(plan->graph, services, control.stop, progress);
+  std::vector<NodeId> asked;
+  for (const PlannedOutput& o : plan->outputs) asked.push_back(o.node);
+  executor.asks(asked);
   for (const PlannedOutput& o : plan->outputs) {
     GOBO_ASSIGN(const TermPtr term, executor.evaluate(o.node));
     result.images.emplace_back(o.name, term, o.plane, o.channels);
@@ -363,7 +373,14 @@ Status Engine::Impl::checked(const MappedGuard& guard, const Status& result) {
 }
 
 Result<RenderResult> Engine::render(const v1::RenderRequest& request, const RenderControl& control) {
+  PreparedRender unprepared;
+  unprepared.request = request;
+  return run(unprepared, control);
+}
+
+Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderControl& control) {
   Impl& m = *impl_;
+  const v1::RenderRequest& request = prepared.request;
   const auto start = Clock::now();
   ScenePtr scene = control.scene;
   if (!scene) { GOBO_ASSIGN(scene, m.scenes.find(request.scene(), control.stop, control.access)); }
@@ -373,7 +390,8 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
     explicit Settle(MemoryLedger& ledger) : memory(ledger) { memory.settle(); }
     ~Settle() { memory.settle(); }
   } settle(m.memory);
-  GOBO_ASSIGN(const v1::RenderRequest resolved, m.resolve(request, scene));
+  v1::RenderRequest resolved = prepared.resolved;
+  if (resolved.scene_hash() != scene->hash().hex()) { GOBO_ASSIGN(resolved, m.resolve(request, scene)); }  // not resolved yet, or for what it was then
   const v1::Halt& halt = resolved.halt();
   const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;
   const bool open = halt.has_time_s() || halt.has_error();  // the sample count is not known beforehand

@@ -80,6 +80,13 @@ struct RenderControl {
   SceneAccess access;                                 ///< of whoever asks, to request.scene
 };
 
+/// A request that may be run (Engine::prepare). Holds no scene and no memory but its own: it may wait in a queue.
+struct PreparedRender {
+  v1::RenderRequest request;   ///< as it came
+  v1::RenderRequest resolved;  ///< every default filled in, for the scene of resolved.scene_hash
+  uint64_t pinnedBytes = 0;    ///< upper bound of bytes of results held at once while it runs
+};
+
 class Engine {
  public:
   static Result<std::unique_ptr<Engine>> create(const EngineOptions& options);
@@ -107,10 +114,12 @@ class Engine {
   /// Validates and fills in every default without rendering. Errors name the field ("request.integrator.max_bounces").
   /// Fields that this build does not know are dropped.
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const SceneAccess& access = {}) const;
-  /// Upper bound of bytes pinned while it runs, for admission.
-  /// Plans it, which may load an environment and evaluate expanders: `stop` ends that (Cancelled).
-  Result<uint64_t> pinnedBytes(const v1::RenderRequest& request, std::shared_ptr<const Scene> scene = nullptr, const StopToken& stop = {},
-                               const SceneAccess& access = {});
+  /// Everything that can be found out about a request before it is admitted: whether it is one, and what it will hold. Runs no node, so traces
+  /// no ray; it may load an environment and pose the scene, which `stop` ends (Cancelled). `scene`: prepared instead of what request.scene names.
+  Result<PreparedRender> prepare(const v1::RenderRequest& request, std::shared_ptr<const Scene> scene = nullptr, const StopToken& stop = {},
+                                 const SceneAccess& access = {});
+  /// As render() of the request that it was prepared from.
+  Result<RenderResult> run(const PreparedRender& prepared, const RenderControl& control = {});
   /// Runs to the halt condition. With control.snapshot set, emits snapshots at 1, 2, 4, ... blocks.
   /// Stopped: Cancelled, DeadlineExceeded, or Aborted when preempted (call again to go on where it stopped).
   Result<RenderResult> render(const v1::RenderRequest& request, const RenderControl& control = {});

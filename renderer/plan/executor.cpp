@@ -62,6 +62,14 @@ void Executor::grow() {
   reports_.resize(graph_.size());
 }
 
+void Executor::asks(std::span<const NodeId> nodes) { lifetimes_.emplace(graph_).ask(nodes); }
+
+void Executor::drop(NodeId id) {
+  if (!results_[id]) return;
+  heldBytes_ -= results_[id]->bytes();
+  results_[id].reset();
+}
+
 const ExecutedNode& Executor::report(NodeId id) {
   grow();
   return reports_[id];
@@ -107,23 +115,34 @@ Result<TermPtr> Executor::evaluate(NodeId id) {
   reports_[id].key = key;
   const uint64_t before = services_.inFlight ? services_.inFlight->ended() : 0;
   TermPtr term = kept(id, key);
+  bool made = false;
   if (!term && (n.transient || !services_.inFlight)) {
     GOBO_ASSIGN(term, run(id, recipe, key));
+    made = true;
   } else if (!term) {
     GOBO_ASSIGN(WorkInFlight::Turn turn, services_.inFlight->take(recipe, n.node->traits().extendable ? n.blocks : 0, stop_));
     if (turn.result()) term = reused(id, turn.result(), "another request that ran at the same time");
     if (!term && services_.inFlight->ended() != before) term = kept(id, key);
     if (!term) {
       held_.push_back(&turn);
-      Result<TermPtr> made = run(id, recipe, key);
+      Result<TermPtr> result = run(id, recipe, key);
       held_.pop_back();
-      GOBO_ASSIGN(term, std::move(made));
+      GOBO_ASSIGN(term, std::move(result));
       turn.finish(term);
+      made = true;
     }
   }
-  if (!n.transient) results_[id] = term;
-  heldBytes_ += n.transient ? 0 : term->bytes();
-  peakBytes_ = std::max(peakBytes_, heldBytes_);
+  if (!n.transient || n.node->traits().smallOutput) {
+    results_[id] = term;
+    heldBytes_ += term->bytes();
+    peakBytes_ = std::max(peakBytes_, heldBytes_);
+  }
+  if (lifetimes_) {
+    lifetimes_->resolve(id);
+    const auto gone = [this](NodeId other) { drop(other); };
+    if (!made) lifetimes_->reused(id, gone);
+    else if (!dynamic_cast<const FoldNode*>(n.node.get())) lifetimes_->made(id, gone);
+  }
   return term;
 }
 
@@ -234,6 +253,9 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
 
 Result<TermPtr> Executor::runFold(NodeId id, const FoldNode& fold, RunContext& ctx) {
   const GraphNode& n = graph_.at(id);
+  const auto read = [&](int input) {
+    if (lifetimes_) lifetimes_->read(id, n.inputs[size_t(input)], [this](NodeId other) { drop(other); });
+  };
   std::vector<TermPtr> fixed;
   for (int i = 0; i < fold.fixedInputs(); ++i) {
     GOBO_ASSIGN(TermPtr term, evaluate(n.inputs[i]));
@@ -247,14 +269,17 @@ Result<TermPtr> Executor::runFold(NodeId id, const FoldNode& fold, RunContext& c
     uint64_t stepBytes = 0;
     for (int k = 0; k < fold.stride(); ++k) {
       GOBO_ASSIGN(TermPtr term, evaluate(n.inputs[fold.fixedInputs() + s * fold.stride() + k]));
-      stepBytes += term->bytes();
+      if (!results_[n.inputs[fold.fixedInputs() + s * fold.stride() + k]]) stepBytes += term->bytes();  // held by nobody else
       inputs.push_back(std::move(term));
     }
     peakBytes_ = std::max(peakBytes_, heldBytes_ + stepBytes);
     GOBO_TRY(fold.step(ctx, *state, s, inputs));
+    for (int k = 0; k < fold.stride(); ++k) read(fold.fixedInputs() + s * fold.stride() + k);
     if (ctx.progress) ctx.progress(double(s + 1) / steps);
   }
-  return fold.finish(ctx, std::move(state));
+  Result<TermPtr> result = fold.finish(ctx, std::move(state));
+  for (int i = 0; i < fold.fixedInputs(); ++i) read(i);
+  return result;
 }
 
 }  // namespace gobo

@@ -9,12 +9,14 @@
 #include <functional>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <vector>
 
 #include "base/status.h"
 #include "base/stop.h"
 #include "plan/checkpoints.h"
+#include "plan/lifetimes.h"
 #include "plan/store.h"
 #include "plan/work_in_flight.h"
 #include "terms/graph.h"
@@ -62,6 +64,8 @@ struct ExecutorServices {
 class Executor {
  public:
   Executor(const Graph& graph, const ExecutorServices& services, StopToken stop, std::function<void(const std::string&, double)> progress = {});
+  /// All that will be asked of it: from now on results go when their last reader is made. Not called: they stay while it does.
+  void asks(std::span<const NodeId> nodes);
   Result<TermPtr> evaluate(NodeId id);
   /// The key under which the node's result is stored. May evaluate small-output nodes above it.
   Result<Hash128> identity(NodeId id);
@@ -77,12 +81,14 @@ class Executor {
   TermPtr reused(NodeId id, TermPtr term, const char* from);
   RunContext context(NodeId id);
   void grow();
+  void drop(NodeId id);
 
   const Graph& graph_;
   ExecutorServices services_;
   StopToken stop_;
   std::function<void(const std::string&, double)> progress_;
   std::vector<TermPtr> results_;
+  std::optional<Lifetimes> lifetimes_;
   std::vector<Hash128> recipes_;
   std::vector<ExecutedNode> reports_;
   std::vector<const WorkInFlight::Turn*> held_;  // what this executor makes now: a node, what needs it, and so on

@@ -4,39 +4,41 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "plan/output_plans.h"
+
 namespace gobo {
 
 namespace {
 
-const OutputInfo kTable[] = {
-    {"beauty", OutputKind::Radiance},
-    {"emission", OutputKind::Radiance},
-    {"direct", OutputKind::Radiance},
-    {"indirect", OutputKind::Radiance},
-    {"diffuse", OutputKind::Radiance},
-    {"specular", OutputKind::Radiance},
-    {"direct_diffuse", OutputKind::Radiance},
-    {"direct_specular", OutputKind::Radiance},
-    {"indirect_diffuse", OutputKind::Radiance},
-    {"indirect_specular", OutputKind::Radiance},
-    {"albedo", OutputKind::Colour},
-    {"normal", OutputKind::Vector, false, false, "XYZ"},
-    {"position", OutputKind::Range, false, true, "XYZ"},
-    {"depth", OutputKind::Range, false, true, "Z"},
-    {"alpha", OutputKind::Plain, false, false, "A"},
-    {"object_id", OutputKind::Id, false, true, "X"},
-    {"material_id", OutputKind::Id, false, true, "X"},
-    {"motion", OutputKind::Vector, false, true, "XY"},
-    {"sample_count", OutputKind::Range, false, true, "X"},
-    {"variance", OutputKind::Range, false, true, "RGB"},
-    {"group", OutputKind::Radiance, true},
-    {"unoccluded", OutputKind::Radiance, true},
-    {"visibility", OutputKind::Plain, true, false, "Y"},
-    {"shadow_flags", OutputKind::Plain, true, false, "Y"},
-    {"shadow_basis", OutputKind::Plain, true, true, "Y"},  // depths have more bits than half
-};
+constexpr PathSet kScattered = PathSet::Direct | PathSet::Indirect | PathSet::Caustic, kIndirect = PathSet::Indirect | PathSet::Caustic;
 
-bool contains(std::initializer_list<std::string_view> list, std::string_view name) { return std::find(list.begin(), list.end(), name) != list.end(); }
+const OutputInfo kTable[] = {
+    {"beauty", OutputKind::Radiance, planComposite, PathSet::All},
+    {"emission", OutputKind::Radiance, planComposite, PathSet::Emission},
+    {"direct", OutputKind::Radiance, planComposite, PathSet::Direct},
+    {"indirect", OutputKind::Radiance, planComposite, kIndirect},
+    {"diffuse", OutputKind::Radiance, planComposite, kScattered& PathSet::Diffuse},
+    {"specular", OutputKind::Radiance, planComposite, kScattered& PathSet::Specular},
+    {"direct_diffuse", OutputKind::Radiance, planComposite, PathSet::Direct& PathSet::Diffuse},
+    {"direct_specular", OutputKind::Radiance, planComposite, PathSet::Direct& PathSet::Specular},
+    {"indirect_diffuse", OutputKind::Radiance, planComposite, kIndirect& PathSet::Diffuse},
+    {"indirect_specular", OutputKind::Radiance, planComposite, kIndirect& PathSet::Specular},
+    {"albedo", OutputKind::Colour, planAlbedo},
+    {"normal", OutputKind::Vector, planNormal, PathSet::None, "XYZ"},
+    {"position", OutputKind::Range, planPosition, PathSet::None, "XYZ", false, true},
+    {"depth", OutputKind::Range, planDepth, PathSet::None, "Z", false, true},
+    {"alpha", OutputKind::Plain, planAlpha, PathSet::None, "A"},
+    {"object_id", OutputKind::Id, planObjectId, PathSet::None, "X", false, true},
+    {"material_id", OutputKind::Id, planMaterialId, PathSet::None, "X", false, true},
+    {"motion", OutputKind::Vector, planMotion, PathSet::None, "XY", false, true},
+    {"sample_count", OutputKind::Range, planSampleCount, PathSet::All, "X", false, true},
+    {"variance", OutputKind::Range, planVariance, PathSet::All, "RGB", false, true},
+    {"group", OutputKind::Radiance, planComposite, PathSet::All, "RGB", true},
+    {"unoccluded", OutputKind::Radiance, planUnoccludedOutput, PathSet::None, "RGB", true},
+    {"visibility", OutputKind::Plain, planVisibilityOutput, PathSet::None, "Y", true},
+    {"shadow_flags", OutputKind::Plain, planShadowFlags, PathSet::None, "Y", true},
+    {"shadow_basis", OutputKind::Plain, planShadowBasis, PathSet::None, "Y", true, true},  // depths have more bits than half
+};
 
 }  // namespace
 
@@ -61,13 +63,9 @@ std::string_view outputLight(std::string_view output) {
   return colon == std::string_view::npos ? std::string_view{} : output.substr(colon + 1);
 }
 
-bool needsLobes(std::string_view o) {
-  return contains({"diffuse", "specular", "direct_diffuse", "direct_specular", "indirect_diffuse", "indirect_specular"}, o);
-}
-
-bool needsRadiance(std::string_view o) {
-  return needsLobes(o) || contains({"beauty", "emission", "direct", "indirect", "sample_count", "variance"}, o) || o.substr(0, 6) == "group:";
-}
+bool needsRadiance(const OutputInfo& o) { return o.shows != PathSet::None; }
+bool needsLobes(const OutputInfo& o) { return overlaps(o.shows, PathSet::Diffuse) != overlaps(o.shows, PathSet::Specular); }
+bool needsClasses(const OutputInfo& o) { return needsRadiance(o) && o.shows != PathSet::All && !needsLobes(o); }
 
 Status checkOutputs(const Scene& scene, const v1::RenderRequest& request) {
   for (const std::string& o : request.outputs()) {

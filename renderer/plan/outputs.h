@@ -11,6 +11,8 @@
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
 #include "scene/scene.h"
+#include "technique/path_set.h"
+#include "terms/graph.h"
 
 namespace gobo {
 
@@ -23,12 +25,22 @@ enum class OutputKind : uint8_t {
   Id,        ///< shown in a colour of its own
 };
 
+class OutputContext;  // plan/output_plans.h
+struct OutputPlane {
+  NodeId node = -1;
+  std::string plane;
+};
+/// `light`: its name, for outputs of one.
+using PlanOutput = Result<OutputPlane> (*)(OutputContext& context, const std::string& output, const std::string& light);
+
 struct OutputInfo {
   const char* name;  ///< "group" for "group:LIGHT"
   OutputKind kind;
+  PlanOutput plan;
+  PathSet shows = PathSet::None;  ///< of the beauty; needed whole where it is told apart neither by class nor by lobe
+  const char* channels = "RGB";   ///< EXR channel names, one letter each
   bool perLight = false;
-  bool float32 = false;          ///< never stored as half
-  const char* channels = "RGB";  ///< EXR channel names, one letter each
+  bool float32 = false;  ///< never stored as half
   std::vector<std::string> channelNames() const;
   bool lossless() const { return kind != OutputKind::Radiance && kind != OutputKind::Colour; }
 };
@@ -38,9 +50,10 @@ std::span<const OutputInfo> outputTable();
 const OutputInfo* findOutput(std::string_view output);
 /// "key" of "group:key"; empty for outputs without a light.
 std::string_view outputLight(std::string_view output);
-/// Outputs that need the beauty's nodes, and of these the ones by the lobe of the first scattering event.
-bool needsRadiance(std::string_view output);
-bool needsLobes(std::string_view output);
+/// Outputs that need the beauty's nodes; of these the ones that show some classes alone, and the ones that show some lobes alone.
+bool needsRadiance(const OutputInfo& output);
+bool needsClasses(const OutputInfo& output);
+bool needsLobes(const OutputInfo& output);
 
 /// Names an output that does not exist, or a light that the scene lacks.
 Status checkOutputs(const Scene& scene, const v1::RenderRequest& request);

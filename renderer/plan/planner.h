@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Planner: a resolved request becomes a graph of nodes and the pictures to read from it. Pure but for `expand`, by which an
-// expander node is evaluated while planning (its result decides which nodes follow).
+// Planner: a resolved request becomes a graph of nodes and the pictures to read from it. It asks the registered techniques (technique/technique.h) for
+// the beauty and each output's row (plan/outputs.h) for its plane, and knows none of them by name. Pure but for `expand`, by which a node is
+// evaluated while planning (its result decides which nodes follow).
 #pragma once
 
 #include <functional>
@@ -8,10 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "filters/expression.h"
-#include "plan/effective_scene.h"
+#include "request/effective_scene.h"
 #include "terms/graph.h"
-#include "trace/path_class.h"
 
 namespace gobo {
 
@@ -30,12 +29,13 @@ struct Plan {
   bool extendable = false;           ///< some node takes more samples
   std::vector<std::string> missing;  ///< "indirect (environment)": classes that no term of the beauty holds; and paths that none finds (classesNotCovered)
   std::vector<std::string> warnings;
-  uint64_t pinnedBytes = 0;  ///< upper bound of bytes held while it runs
+  uint64_t pinnedBytes = 0;  ///< upper bound of bytes held at once while it runs (plan/live_bytes.h)
 };
 
 struct PlannerServices {
   EnvironmentLoader loadEnvironment;
   ScenePoser poseScene = requestedScene;
+  /// Empty: the plan is a bound of what the real one holds, for which no node runs.
   std::function<Result<TermPtr>(const Graph&, NodeId)> expand;
   StopToken stop;  ///< ends planning (Cancelled); loadEnvironment and expand have their own
 };
@@ -43,12 +43,8 @@ struct PlannerServices {
 /// Samples a block: 16, or for tiny budgets the power of two that holds them, so that a 1-sample preview costs one sample.
 uint32_t blockSizeFor(uint32_t spp);
 
-/// `request` must be resolved (plan/request.h). `blocks` is the number of sample blocks for path-traced nodes.
+/// `request` must be resolved (request/request.h). `blocks` is the number of sample blocks for path-traced nodes.
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize,
                                        const PlannerServices& services);
-
-/// Path classes that a unidirectional tracer cannot join in this scene, for certificates.
-/// `caustics`: photons are traced for them too (trace/photon_tracer.h).
-std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics = false);
 
 }  // namespace gobo

@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "base/sobol.h"
-#include "plan/caustic_plan.h"
+#include "techniques/caustics/caustic_plan.h"
 #include "trace/photon_tracer.h"
 
 namespace gobo {

@@ -10,7 +10,7 @@
 
 #include "gobo/v1/render.pb.h"
 #include "measure/parts.h"
-#include "plan/effective_scene.h"
+#include "request/effective_scene.h"
 #include "trace/accel.h"
 #include "trace/path_tracer.h"
 

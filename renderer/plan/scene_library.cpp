@@ -9,7 +9,7 @@
 
 #include "base/file_stamp.h"
 #include "base/mapped_file.h"
-#include "plan/effective_scene.h"
+#include "request/effective_scene.h"
 #include "scene/edit.h"
 #include "scene/load.h"
 

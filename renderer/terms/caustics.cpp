@@ -27,7 +27,7 @@ class CausticsNode final : public Node {
   /// The state, and the photons of a pass with their sorted copy if each lands once.
   size_t outputBytes() const override {
     const PathTracerSettings& s = settings_.path;
-    return size_t(s.width) * s.height * (24u * settings_.slots() + 4) + size_t(settings_.photons) * s.groupOf.size() * (2 * sizeof(Photon) + 24);
+    return size_t(s.width) * s.height * (24u * settings_.slots() + 8) + size_t(settings_.photons) * s.groupOf.size() * (2 * sizeof(Photon) + 24);
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {

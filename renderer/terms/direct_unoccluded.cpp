@@ -58,7 +58,7 @@ class DirectUnoccludedNode final : public Node {
     if (s_.lobe != LobePart::Both) h.add(s_.lobe);
     if (s_.angularSize != Vec2(0.0f)) h.add("rectangle at infinity").add(s_.angularSize.x).add(s_.angularSize.y);
   }
-  size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * s_.view.viewSamples * 12; }
+  size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * s_.view.viewSamples * 16; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term &g = *ctx.inputs[0], &surface = *ctx.inputs[1];

@@ -14,15 +14,23 @@ NodeId Graph::add(GraphNode n) {
     h.add(n.scene->facetHash(traits.facets, n.lights)).addArray(n.lights);
   }
   const Hash128 structure = h.digest();
-  for (size_t i = 0; i < structure_.size(); ++i) {
-    if (structure_[i] != structure) continue;
-    nodes_[i].transient = nodes_[i].transient && n.transient;
-    return NodeId(i);
+  if (const auto known = byStructure_.find(structure); known != byStructure_.end()) {
+    GraphNode& same = nodes_[size_t(known->second)];
+    same.transient = same.transient && n.transient;
+    return known->second;
   }
   for (NodeId input : n.inputs) GOBO_CHECK_LT(input, size());
   nodes_.push_back(std::move(n));
   structure_.push_back(structure);
+  byStructure_.emplace(structure, size() - 1);
   return size() - 1;
+}
+
+void Graph::rollBack(const Mark& mark) {
+  for (size_t i = size_t(mark.nodes); i < structure_.size(); ++i) byStructure_.erase(structure_[i]);
+  nodes_.resize(size_t(mark.nodes));
+  structure_.resize(size_t(mark.nodes));
+  pruned_.resize(mark.pruned);
 }
 
 }  // namespace gobo

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "terms/node.h"
@@ -36,6 +37,13 @@ class Graph {
   void markTransient(NodeId first, NodeId id) {
     for (NodeId i = first; i <= id; ++i) nodes_[i].transient = true;
   }
+  /// As it is now; rollBack() takes away what was added since.
+  struct Mark {
+    NodeId nodes = 0;
+    size_t pruned = 0;
+  };
+  Mark mark() const { return {size(), pruned_.size()}; }
+  void rollBack(const Mark& mark);
   const GraphNode& at(NodeId id) const { return nodes_[id]; }
   int size() const { return int(nodes_.size()); }
   void prune(std::string label, std::string reason, bool approximate = false) { pruned_.push_back({std::move(label), std::move(reason), approximate}); }
@@ -43,7 +51,8 @@ class Graph {
 
  private:
   std::vector<GraphNode> nodes_;
-  std::vector<Hash128> structure_;
+  std::vector<Hash128> structure_;  // by node
+  std::unordered_map<Hash128, NodeId> byStructure_;
   std::vector<PrunedNode> pruned_;
 };
 

@@ -72,7 +72,8 @@ class Node {
   virtual std::string device() const { return "cpu"; }
   virtual NodeTraits traits() const = 0;
   virtual void hashParameters(Hasher& hasher) const = 0;
-  /// Rough bytes of the result, for admission; an upper bound.
+  /// Bytes of the result, for admission: an upper bound, "dropped" (terms/dropped_samples.h) included, but for kTermBytes, which every term may
+  /// have beside.
   virtual size_t outputBytes() const = 0;
   /// Errors: Cancelled when ctx.stop fired; Internal when a non-finite value would leave the node.
   virtual Result<TermPtr> run(const RunContext& ctx) const = 0;

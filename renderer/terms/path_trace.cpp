@@ -34,7 +34,7 @@ class PathTraceNode final : public Node {
   }
   size_t outputBytes() const override {
     const size_t slots = size_t(settings_.groups) * slotsPerGroup(settings_.split, settings_.maxBounces);
-    return size_t(settings_.width) * settings_.height * (slots * (24 + (streams_ > 1 ? 12 * streams_ : 0)) + 4);
+    return size_t(settings_.width) * settings_.height * (slots * (24 + (streams_ > 1 ? 12 * streams_ : 0)) + 8);
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {

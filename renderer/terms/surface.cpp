@@ -21,7 +21,7 @@ class SurfaceNode final : public Node {
     hashCamera(h, s_.camera);
     h.add(s_.width).add(s_.height).add(s_.viewSamples);
   }
-  size_t outputBytes() const override { return size_t(s_.width) * s_.height * s_.viewSamples * 44; }
+  size_t outputBytes() const override { return size_t(s_.width) * s_.height * s_.viewSamples * 45; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& g = *ctx.inputs[0];

@@ -104,8 +104,8 @@ size_t formatSize(Format format) {
 }
 
 size_t Term::bytes() const {
-  size_t total = 256;
-  for (const Plane& p : planes_) total += p.bytes.size() + 64;
+  size_t total = kTermBytes - 16 * kPlaneBytes;
+  for (const Plane& p : planes_) total += p.bytes.size() + kPlaneBytes;
   return total;
 }
 

@@ -82,6 +82,9 @@ class ZeroedBytes {
   size_t size_ = 0;
 };
 
+/// What Term::bytes() counts beside the planes' values: of a plane, and of a term of up to 16 planes.
+inline constexpr size_t kPlaneBytes = 64, kTermBytes = 256 + 16 * kPlaneBytes;
+
 struct Plane {
   std::string name;  ///< "P", "N", "V", "sum", ...
   Format format = Format::F32;

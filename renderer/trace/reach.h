@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which light the estimators reach through which class of path. The one owner of the question: the kernels branch on it, and
-// classesNotCovered() (plan/material_kinds.h) names what it leaves out. tests/oracle/trace/reach_test.cpp holds every row against light tracing.
+// classesNotCovered() (request/material_kinds.h) names what it leaves out. tests/oracle/trace/reach_test.cpp holds every row against light tracing.
 // A path is sorted by its end at the light: the last event that is not a delta event (or the camera), and what is between it and the light.
 //   shadow ray   next-event estimation: the light is sampled, the connection asked for occluders
 //   ray          a sampled direction meets the light

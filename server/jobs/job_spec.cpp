@@ -7,7 +7,7 @@
 #include <cctype>
 #include <cmath>
 
-#include "plan/request.h"
+#include "request/request.h"
 #include "server/encode.h"
 #include "server/log.h"
 
@@ -82,7 +82,7 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
   const int64_t count = (range.last() - range.first()) / range.step() + 1;
   if (count > kMostFrames) return invalidArgument(strf("job.frames: %lld frames, at most %lld", (long long)count, (long long)kMostFrames), "job.frames");
   for (int64_t i = 0; i < count; ++i) job.frames.push_back(range.first() + i * range.step());
-  GOBO_TRY(engine.pinnedBytes(frameRequest(spec, range.first()), nullptr, stop, access).status());  // the plan can be made: outputs, lights, environment
+  GOBO_TRY(engine.prepare(frameRequest(spec, range.first()), nullptr, stop, access).status());  // the plan can be made: outputs, lights, environment
   job.sceneHash = spec.request().scene_hash();
   return job;
 }

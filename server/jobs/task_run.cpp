@@ -98,7 +98,7 @@ bool TaskRun::tick() {
   return end() == End::Lost || (end() == End::Release && !inSlot_.load());
 }
 
-Status TaskRun::work(StopToken slot, const v1::RenderRequest& request) {
+Status TaskRun::work(StopToken slot, const PreparedRender& prepared) {
   inSlot_.store(true);
   const CrashMarks::Working working(w_.options_.marks, lease_.task);
   struct Leave {
@@ -121,7 +121,7 @@ Status TaskRun::work(StopToken slot, const v1::RenderRequest& request) {
       control.stop = inner_->token();
     }
     checkpoints_->begin();
-    auto rendered = w_.engine_.render(request, control);
+    auto rendered = w_.engine_.run(prepared, control);
     {
       const std::lock_guard lock(mutex_);
       inner_.reset();
@@ -150,22 +150,22 @@ Status TaskRun::render(std::vector<EncodedImage>& images) {
   }
   scene_ = *scene;
   const v1::RenderRequest request = frameRequest(record_.job.spec(), lease_.frame);
-  Result<uint64_t> pinned = [&] {
+  const Result<PreparedRender> prepared = [&] {
     const CrashMarks::Working working(w_.options_.marks, lease_.task);
-    return w_.engine_.pinnedBytes(request, scene_);
+    return w_.engine_.prepare(request, scene_);
   }();
-  if (!pinned.ok()) return pinned.status();
+  if (!prepared.ok()) return prepared.status();
   JobSpec spec;
   spec.client = record_.job.spec().client();
   spec.jobClass = JobClass::Batch;
-  spec.pinnedBytes = *pinned;
+  spec.pinnedBytes = prepared->pinnedBytes;
   RunControl control;
   control.gone = [this] { return tick(); };
   control.pollSeconds = kTick;
   RunReport report;
   for (;;) {
     report = w_.runner_.run(
-        spec, [&](StopToken slot) { return work(slot, request); }, control);
+        spec, [&](StopToken slot) { return work(slot, *prepared); }, control);
     ranSeconds_ = report.ranSeconds;
     if (report.status.code() != Code::ResourceExhausted || report.retryMs <= 0) break;
     // The batch queue is full: not this frame's fault. Wait as others do.

@@ -17,7 +17,7 @@ class TaskRun {
   using Clock = std::chrono::steady_clock;
   enum class End { None, Release, Lost };
   Status render(std::vector<EncodedImage>& images);  // Ok, or why not; end() tells what was asked meanwhile
-  Status work(StopToken slot, const v1::RenderRequest& request);
+  Status work(StopToken slot, const PreparedRender& prepared);
   bool tick();  // true: take the frame out of the scheduler
   void renewIfDue();
   void steer(const Result<v1::Job::State>& state);

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "plan/engine.h"
-#include "plan/request.h"
+#include "request/request.h"
 #include "scene/builtin/build.h"
 
 namespace gobo::testing {

@@ -8,7 +8,7 @@
 #include <map>
 
 #include "plan/engine.h"
-#include "plan/request.h"
+#include "request/request.h"
 
 namespace gobo::testing {
 

@@ -117,6 +117,7 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   probe.clear = input.clear;
   const NodeId node = graph.add({makeShadowProbeNode(probe), {}, {input.light}, "shadow_probe:" + light.name, 0, input.scene, false});
   GOBO_ASSIGN(const TermPtr judged, expand(graph, node));
+  if (!judged) return choice;
   choice.receivers = judged->plane<double>("share")[0];
   // Rays are shot where the light can shine; soft lookups are cheap elsewhere.
   for (size_t k = 0; k < choice.candidates.size(); ++k) {

@@ -27,7 +27,7 @@ struct AutomaticChoice {
   double receivers = 0;  ///< share of the picture that the light can shine on; 0: the choice needed no probe
 };
 
-/// `expand` evaluates a node of the graph while planning. Errors: those of the probe.
+/// `expand` evaluates a node of the graph while planning. Where it gives no term, all candidates come back unjudged. Errors: those of the probe.
 Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique,
                                      const std::function<Result<TermPtr>(const Graph&, NodeId)>& expand);
 

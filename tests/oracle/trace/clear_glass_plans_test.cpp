@@ -8,8 +8,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "plan/material_kinds.h"
 #include "plan/planner.h"
+#include "request/material_kinds.h"
 #include "support/engines.h"
 #include "support/tiny_scenes.h"
 

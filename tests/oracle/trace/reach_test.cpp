@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "plan/planner.h"
+#include "request/material_kinds.h"
 #include "support/light_tracer.h"
 #include "trace/photon_tracer.h"
 #include "trace/reach.h"

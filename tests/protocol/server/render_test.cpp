@@ -4,7 +4,7 @@
 
 #include "base/image_io.h"
 #include "harness.h"
-#include "plan/request.h"
+#include "request/request.h"
 
 namespace gobo {
 namespace {

@@ -9,7 +9,7 @@
 #include "plan/disk_store.h"
 #include "plan/executor.h"
 #include "plan/planner.h"
-#include "plan/request.h"
+#include "request/request.h"
 #include "scene/load.h"
 #include "support/engines.h"
 #include "support/stopping.h"

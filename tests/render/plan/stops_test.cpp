@@ -88,7 +88,7 @@ TEST(Stops, ABuiltInSceneThatARenderWaitsForIsNotKept) {
     RenderControl control;
     control.stop = stop.token();
     const v1::RenderRequest request = smallRequest("atrium", 24, 16, 1);
-    const Status status = planning ? engine->pinnedBytes(request, nullptr, stop.token()).status() : engine->render(request, control).status();
+    const Status status = planning ? engine->prepare(request, nullptr, stop.token()).status() : engine->render(request, control).status();
     EXPECT_EQ(status.code(), Code::Cancelled) << status.toString();
     EXPECT_TRUE(engine->listScenes().empty());
   }
@@ -101,10 +101,10 @@ TEST(Stops, PlanningPollsWhileItBakesASkyAndWeighsLights) {
   v1::RenderRequest sky = smallRequest("cornell", 24, 16, 1);
   set(sky, "environment.sky.turbidity=3");
   const auto engine = makeEngine(256ull << 20, {}, 1);
-  ASSERT_TRUE(engine->pinnedBytes(smallRequest("cornell", 24, 16, 1)).ok());
+  ASSERT_TRUE(engine->prepare(smallRequest("cornell", 24, 16, 1)).ok());
   // Of 512 x 256 texels the rows above the horizon, the rings of the sun, all rows.
-  EXPECT_GE(tests::pollsOf([&](const StopToken& s) { ASSERT_TRUE(engine->pinnedBytes(sky, nullptr, s).ok()); }), 128 + 64 + 256);
-  for (const int k : {1, 100, 180, 300}) EXPECT_EQ(engine->pinnedBytes(sky, nullptr, tests::stopAt(k)).status().code(), Code::Cancelled) << k;
+  EXPECT_GE(tests::pollsOf([&](const StopToken& s) { ASSERT_TRUE(engine->prepare(sky, nullptr, s).ok()); }), 128 + 64 + 256);
+  for (const int k : {1, 100, 180, 300}) EXPECT_EQ(engine->prepare(sky, nullptr, tests::stopAt(k)).status().code(), Code::Cancelled) << k;
   const ScenePtr spheres = *engine->loadScene("spheres", true);  // under a map of 128 x 64
   EXPECT_GE(tests::pollsOf([&](const StopToken& s) { (void)makeGroups(*spheres, 1, s); }), 64);
 }
@@ -166,21 +166,20 @@ TEST(Stops, AStateTakenUpAgainIsKeptWhenItsNodeIsPreemptedBeforeItBegins) {
   EXPECT_GT(samples, 0u);
 }
 
-TEST(Stops, AdmissionsPlanStopsInItsExpanders) {
+TEST(Stops, APlanStopsInItsExpanders) {
   for (const Case& c : cases()) {
     if (c.name.find("environment.") == std::string::npos && c.name != "auto") continue;
-    StopSource count;
-    count.stopAtPoll(kMany);
-    ASSERT_TRUE(makeEngine(256ull << 20, {}, 1)->pinnedBytes(c.request, nullptr, count.token()).ok()) << c.name;
-    const int polls = kMany - count.pollsLeft();
-    EXPECT_GT(polls, 30) << c.name;
-    for (const int n : {1, polls / 2, polls - 1}) {
-      StopSource stop;
-      stop.stopAtPoll(n);
-      const auto bytes = makeEngine(256ull << 20, {}, 1)->pinnedBytes(c.request, nullptr, stop.token());
-      ASSERT_FALSE(bytes.ok()) << c.name << " at " << n;
-      EXPECT_EQ(bytes.status().code(), Code::Cancelled) << c.name;
-    }
+    v1::StatusReply before;
+    const auto prepares = makeEngine(256ull << 20, {}, 1);
+    ASSERT_TRUE(prepares->prepare(c.request).ok()) << c.name;
+    prepares->fillStatus(before);
+    EXPECT_EQ(before.store_terms(), 0u) << c.name << ": a node ran before admission";
+    const auto planned = [&](StopToken stop) {
+      RenderControl control;
+      control.stop = stop;
+      return makeEngine(256ull << 20, {}, 1)->render(c.request, control).status();
+    };
+    for (const int n : {2, 20, 30}) EXPECT_EQ(planned(tests::stopAt(n)).code(), Code::Cancelled) << c.name << " at " << n;
   }
 }
 

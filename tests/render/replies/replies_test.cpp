@@ -222,6 +222,41 @@ TEST_F(Replies, AreWhatTheyWere) {
   if (recording && !HasFailure()) write(now);
 }
 
+uint64_t heldBy(Engine& engine, const std::string& name) {
+  v1::StatusReply status;
+  engine.fillStatus(status);
+  for (const v1::MemoryHolder& h : status.memory())
+    if (h.name() == name) return h.bytes();
+  ADD_FAILURE() << "no holder '" << name << "'";
+  return 0;
+}
+
+TEST_F(Replies, ArePreparedWithoutWorkAndHoldNoMoreThanThatSaid) {
+  const auto e = engine();
+  double most = 0, sum = 0;
+  for (const Case& c : readCases()) {
+    SCOPED_TRACE(c.name);
+    e->dropCaches(true);
+    const v1::RenderRequest r = request(c);
+    const uint64_t rays = heldBy(*e, "ray tracing");
+    const auto prepared = e->prepare(r);
+    ASSERT_TRUE(prepared.ok()) << prepared.status().toString();
+    EXPECT_EQ(heldBy(*e, "terms"), 0u) << "a node ran before anybody was admitted";
+    EXPECT_EQ(heldBy(*e, "ray tracing"), rays) << "something was made to trace rays in before anybody was admitted";
+    const auto result = e->run(*prepared);
+    ASSERT_TRUE(result.ok()) << result.status().toString();
+    EXPECT_LE(result->reply.peak_bytes(), prepared->pinnedBytes);
+    const double used = double(result->reply.peak_bytes()) / double(std::max<uint64_t>(1, prepared->pinnedBytes));
+    most = std::max(most, used);
+    sum += used;
+    const auto again = e->run(*prepared);  // warm
+    ASSERT_TRUE(again.ok()) << again.status().toString();
+    EXPECT_LE(again->reply.peak_bytes(), prepared->pinnedBytes);
+    EXPECT_EQ(firstDifference(*result, *again), "");
+  }
+  std::cout << "held at most, as a share of what was admitted: mean " << sum / double(readCases().size()) << ", largest " << most << "\n";
+}
+
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 

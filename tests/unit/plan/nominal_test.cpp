@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "plan/effective_scene.h"
+#include "request/effective_scene.h"
 
 namespace gobo {
 namespace {

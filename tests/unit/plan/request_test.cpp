@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "plan/request.h"
+#include "request/request.h"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,7 @@
 
 #include <cstdlib>
 
-#include "plan/request.h"
+#include "request/request.h"
 
 namespace gobo {
 

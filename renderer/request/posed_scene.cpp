@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "plan/posed_scene.h"
+#include "request/posed_scene.h"
 
 #include <algorithm>
 

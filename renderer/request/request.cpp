@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Defaults, ranges and digests of requests: see request.h. Paths and masks are in request_paths.cpp.
-#include "plan/request.h"
+#include "request/request.h"
 
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/io/coded_stream.h>

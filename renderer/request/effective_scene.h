@@ -10,7 +10,7 @@
 
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
-#include "plan/posed_scene.h"
+#include "request/posed_scene.h"
 #include "scene/scene.h"
 
 namespace gobo {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "gobo/v1/render.pb.h"
-#include "plan/effective_scene.h"
-#include "plan/material_kinds.h"
+#include "request/effective_scene.h"
+#include "request/material_kinds.h"
 #include "trace/photon_tracer.h"
 
 namespace gobo {

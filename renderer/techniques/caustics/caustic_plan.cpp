@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "plan/caustic_plan.h"
+#include "techniques/caustics/caustic_plan.h"
 
 #include <algorithm>
 #include <cstdio>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "plan/effective_scene.h"
+#include "request/effective_scene.h"
 
 #include <algorithm>
 #include <cstring>

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "plan/material_kinds.h"
+#include "request/material_kinds.h"
 
 #include <algorithm>
 
-#include "plan/planner.h"
 #include "trace/interior.h"
 #include "trace/straight.h"
 #include "trace/surface.h"

@@ -3,6 +3,9 @@
 // textures. Pure function.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "scene/scene.h"
 #include "trace/reach.h"
 
@@ -22,5 +25,9 @@ struct MaterialKinds {
 };
 /// Materials that some instance uses.
 MaterialKinds materialKinds(const Scene& scene);
+
+/// Path classes that a unidirectional tracer cannot join in this scene, for certificates.
+/// `caustics`: photons are traced for them too (trace/photon_tracer.h).
+std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics = false);
 
 }  // namespace gobo

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/output_plans.h"
+
+#include <algorithm>
+
+#include "filters/composite.h"
+#include "filters/expression.h"
+#include "filters/sample_statistics.h"
+#include "filters/shadow_map/techniques.h"
+#include "filters/shadow_technique.h"
+#include "techniques/direct_visibility/visibility.h"
+#include "terms/ids.h"
+#include "terms/motion.h"
+#include "terms/path_trace.h"
+
+namespace gobo {
+
+namespace {
+
+OutputPlane pixelMean(PlanContext& c, NodeId node, const std::string& plane, int channels, bool overValid, const std::string& label) {
+  std::vector<NodeId> inputs{node, c.gbuffer()};
+  const NodePtr mean = makePixelMeanNode(plane, channels, c.view().width, c.view().height, c.view().viewSamples, overValid);
+  return {c.filter(mean, std::move(inputs), label), plane};
+}
+
+/// The light's technique; for one that is path traced, rays.
+Result<NodeId> visibilityOf(PlanContext& c, const std::string& light, v1::ShadowTechnique* used = nullptr) {
+  const int l = c.scene()->findLight(light);
+  v1::ShadowTechnique t = shadowTechniqueOf(c, l, c.scene(), light);
+  if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(16);
+  if (used) *used = t;
+  return planVisibility(c, l, c.scene(), t);
+}
+
+}  // namespace
+
+Result<OutputPlane> planComposite(OutputContext& o, const std::string& output, const std::string& light) {
+  PlanContext& c = o.plan;
+  const PathSet shows = findOutput(output)->shows;
+  const int group = light.empty() ? -1 : c.groups().groupOf[size_t(c.scene()->findLight(light))];
+  Expression e;
+  std::vector<NodeId> inputs;
+  int sum = -1;
+  for (const Contribution& k : c.contributions()) {
+    if (cuts(shows, k.paths))
+      return internalError("output " + output + " shows " + names(shows & k.paths) + " of a plane that also holds " + names(k.paths - shows) + " (" +
+                           c.graph().at(k.node).label + ")");
+    if (!overlaps(shows, k.paths) || (!light.empty() && k.group != group)) continue;
+    auto at = std::find(inputs.begin(), inputs.end(), k.node);
+    if (at == inputs.end()) at = inputs.insert(inputs.end(), k.node);
+    const int plane = e.plane(int(at - inputs.begin()), k.plane);
+    if (sum < 0) sum = e.constant(Vec3(0.0f));
+    sum = e.multiplyAdd(sum, k.weight, plane);
+  }
+  if (sum < 0) e.constant(Vec3(0.0f));
+  return OutputPlane{c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), output), "rgb"};
+}
+
+Result<OutputPlane> planAlbedo(OutputContext& o, const std::string& output, const std::string&) {
+  return pixelMean(o.plan, o.plan.surface(), "albedo", 3, false, output);
+}
+Result<OutputPlane> planNormal(OutputContext& o, const std::string& output, const std::string&) {
+  return pixelMean(o.plan, o.plan.surface(), "N", 3, true, output);
+}
+Result<OutputPlane> planPosition(OutputContext& o, const std::string& output, const std::string&) {
+  return pixelMean(o.plan, o.plan.gbuffer(), "P", 3, true, output);
+}
+Result<OutputPlane> planDepth(OutputContext& o, const std::string& output, const std::string&) {
+  return pixelMean(o.plan, o.plan.gbuffer(), "depth", 1, true, output);
+}
+Result<OutputPlane> planAlpha(OutputContext& o, const std::string& output, const std::string&) {
+  const GBufferSettings& v = o.plan.view();
+  return OutputPlane{o.plan.filter(makeAlphaNode(v.width, v.height, v.viewSamples), {o.plan.gbuffer()}, output), "alpha"};
+}
+Result<OutputPlane> planObjectId(OutputContext& o, const std::string& output, const std::string&) {
+  return OutputPlane{o.plan.filter(makeIdNode(IdKind::Object, o.plan.view().width, o.plan.view().height), {o.plan.gbuffer()}, output), "id"};
+}
+Result<OutputPlane> planMaterialId(OutputContext& o, const std::string& output, const std::string&) {
+  const NodePtr node = makeIdNode(IdKind::Material, o.plan.view().width, o.plan.view().height);
+  return OutputPlane{o.plan.source(node, {o.plan.gbuffer()}, {}, output, o.plan.scene()), "id"};
+}
+
+/// Screen motion since motion_step_s before the request's moment.
+Result<OutputPlane> planMotion(OutputContext& o, const std::string&, const std::string&) {
+  PlanContext& c = o.plan;
+  MotionSettings s{c.view(), c.scene(), c.view().camera};
+  if (c.request().has_time_s()) {  // only animation moves: without a time the scene rests
+    v1::RenderRequest earlier = c.request();
+    earlier.set_time_s(c.request().time_s() - c.request().motion_step_s());
+    GOBO_ASSIGN(const EffectiveScene before, makeEffectiveScene(o.base, earlier, o.services.loadEnvironment, o.services.poseScene, o.services.stop));
+    s.earlierScene = before.scene;
+    s.earlierCamera = before.camera;
+  }
+  return OutputPlane{c.source(makeMotionNode(s), {c.gbuffer()}, {}, "motion", c.scene()), "motion"};
+}
+
+Result<OutputPlane> planSampleCount(OutputContext& o, const std::string& output, const std::string&) {
+  return OutputPlane{o.plan.filter(makeSampleCountNode(o.plan.view().width, o.plan.view().height), o.plan.states(), output), "count"};
+}
+
+Result<OutputPlane> planVariance(OutputContext& o, const std::string&, const std::string&) {
+  PlanContext& c = o.plan;
+  const std::vector<NodeId>& states = c.states();
+  std::vector<VarianceWeight> weights;
+  std::string without;
+  for (const Contribution& k : c.contributions()) {
+    if (k.state >= 0) weights.push_back({int(std::find(states.begin(), states.end(), k.state) - states.begin()), k.slot, k.weight});
+    else without += (without.empty() ? "" : ", ") + c.graph().at(k.node).label;
+  }
+  if (!without.empty()) c.warn("variance: of the path-traced part alone, without " + without);
+  if (c.blocks() < uint32_t(kVarianceStreams) && !weights.empty())
+    c.warn("variance: from " + std::to_string(c.blocks()) + " independent blocks of " + std::to_string(c.blockSize()) + " samples" +
+           (c.blocks() < 2 ? ": unknown (-1)" : "") + "; " + std::to_string(kVarianceStreams) + " want halt.spp of at least " +
+           std::to_string(kVarianceStreams * 16));
+  const NodePtr node = makeVarianceNode(std::move(weights), int(states.size()), c.view().width, c.view().height, kVarianceStreams, int(c.blockSize()));
+  return OutputPlane{c.filter(node, states, "variance"), "variance"};
+}
+
+Result<OutputPlane> planUnoccludedOutput(OutputContext& o, const std::string& output, const std::string& light) {
+  PlanContext& c = o.plan;
+  const int l = c.scene()->findLight(light);
+  return pixelMean(c, planUnoccluded(c, l, c.scene(), Vec3(nominalScalar(c.scene()->lights[size_t(l)]))), "L", 3, false, output);
+}
+
+Result<OutputPlane> planVisibilityOutput(OutputContext& o, const std::string& output, const std::string& light) {
+  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light));
+  return pixelMean(o.plan, v, "V", 1, true, output);
+}
+
+Result<OutputPlane> planShadowFlags(OutputContext& o, const std::string& output, const std::string& light) {
+  v1::ShadowTechnique used;
+  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light, &used));
+  if (marksFailures(used)) return pixelMean(o.plan, v, "flags", 1, true, output);
+  return invalidArgument("request.outputs: '" + output + "' needs shadows.exponential.classification = THRESHOLD or Z_MAX", "request.outputs");
+}
+
+Result<OutputPlane> planShadowBasis(OutputContext& o, const std::string& output, const std::string& light) {
+  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light));
+  const Result<NodeId> mosaic = planBasisMosaic(o.plan.graph(), v);
+  if (!mosaic.ok()) return invalidArgument("request.outputs: '" + output + "': " + mosaic.status().message(), "request.outputs");
+  return OutputPlane{*mosaic, "image"};
+}
+
+}  // namespace gobo

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// How each output is planned: the functions behind the rows of outputs.cpp.
+#pragma once
+
+#include <string>
+
+#include "plan/outputs.h"
+#include "plan/planner.h"
+#include "technique/plan_context.h"
+
+namespace gobo {
+
+class OutputContext {
+ public:
+  OutputContext(PlanContext& plan, const ScenePtr& base, const PlannerServices& services) : plan(plan), base(base), services(services) {}
+  PlanContext& plan;
+  const ScenePtr& base;  ///< before the request's edits
+  const PlannerServices& services;
+};
+
+Result<OutputPlane> planComposite(OutputContext&, const std::string& output, const std::string& light);  ///< what the row shows of the beauty
+Result<OutputPlane> planAlbedo(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planNormal(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planPosition(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planDepth(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planAlpha(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planObjectId(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planMaterialId(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planMotion(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planSampleCount(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planVariance(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planUnoccludedOutput(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planVisibilityOutput(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planShadowFlags(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planShadowBasis(OutputContext&, const std::string& output, const std::string& light);
+
+}  // namespace gobo

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// PlanContext: what a technique sees of a plan in the making, and by what it adds to it. One per plan; not thread-safe.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "gobo/v1/render.pb.h"
+#include "request/effective_scene.h"
+#include "request/material_kinds.h"
+#include "technique/cover.h"
+#include "terms/direct_unoccluded.h"
+#include "terms/gbuffer.h"
+#include "terms/graph.h"
+
+namespace gobo {
+
+/// A weighted plane of the beauty, and what it holds.
+struct Contribution {
+  NodeId node = -1;
+  std::string plane;
+  Vec3 weight{1.0f};
+  PathSet paths = PathSet::None;
+  int group = -1;     ///< relight group; -1: no light's
+  NodeId state = -1;  ///< path tracing state that it is the mean of, and the slot there; -1: something else
+  int slot = 0;
+};
+
+/// What the asked outputs need told apart.
+struct Distinctions {
+  bool classes = false, lobes = false, variance = false;
+};
+
+struct PlanInput {
+  const v1::RenderRequest& request;  ///< resolved
+  const EffectiveScene& effective;
+  const RelightGroups& groups;
+  uint32_t blocks = 1, blockSize = 16;  ///< of path tracing nodes
+  Distinctions apart;
+  StopToken stop;
+  /// Evaluates a node while planning, whose result decides what follows. Empty: this plan only bounds what the real one will hold, and no node
+  /// runs for it.
+  std::function<Result<TermPtr>(const Graph&, NodeId)> expand;
+};
+
+class PlanContext {
+ public:
+  PlanContext(const PlanInput& input, Graph& graph);
+
+  // The question
+  const v1::RenderRequest& request() const { return in_.request; }
+  const EffectiveScene& effective() const { return in_.effective; }
+  const ScenePtr& scene() const { return in_.effective.scene; }
+  const RelightGroups& groups() const { return in_.groups; }
+  const MaterialKinds& kinds() const { return kinds_; }
+  const GBufferSettings& view() const { return view_; }
+  uint32_t blocks() const { return in_.blocks; }
+  uint32_t blockSize() const { return in_.blockSize; }
+  const Distinctions& apart() const { return in_.apart; }
+  const StopToken& stop() const { return in_.stop; }
+  /// Indirect light is asked for.
+  bool indirect() const { return in_.request.integrator().indirect() && in_.request.integrator().max_bounces() > 0; }
+  /// Gain of a group of one light; 1 for clusters, whose edits are contributions of their own.
+  Vec3 groupGain(int group) const;
+  std::string groupName(int group) const;
+  /// The parts that direct light is planned in.
+  std::vector<LobePart> lobes() const;
+  /// Whether the camera is inside a volume, which no technique but path tracing looks out of. O(triangles) when first asked, where there are volumes.
+  bool cameraInVolume();
+
+  // Nodes
+  Graph& graph() { return graph_; }
+  NodeId gbuffer();
+  NodeId surface();
+  NodeId source(NodePtr node, std::vector<NodeId> inputs, std::vector<int> lights, std::string label, const ScenePtr& scene, bool transient = false);
+  NodeId filter(NodePtr node, std::vector<NodeId> inputs, std::string label);
+  /// The node's result, now: it decides what is planned next. Null while only bounding(): then plan for the largest that it may say.
+  Result<TermPtr> expand(NodeId node);
+  bool bounding() const { return !in_.expand; }
+  const std::vector<NodeId>& expanded() const { return expanded_; }
+  /// While bounding: bytes that may be held beside what the nodes say.
+  void reserve(uint64_t bytes) { reserved_ += bytes; }
+  uint64_t reserved() const { return reserved_; }
+
+  // What it brings
+  Cover& cover() { return cover_; }
+  const Cover& cover() const { return cover_; }
+  /// Of weight 0: left out.
+  void add(Contribution c);
+  const std::vector<Contribution>& contributions() const { return contributions_; }
+  /// Path tracing states of the beauty.
+  const std::vector<NodeId>& states() const { return states_; }
+  void prune(std::string label, std::string reason, bool approximate = false) { graph_.prune(std::move(label), std::move(reason), approximate); }
+  void warn(const std::string& text);
+  const std::vector<std::string>& warnings() const { return warnings_; }
+  /// Paths that nothing finds, in words.
+  void miss(std::string what) { missing_.push_back(std::move(what)); }
+  const std::vector<std::string>& missing() const { return missing_; }
+
+ private:
+  PlanInput in_;
+  Graph& graph_;
+  MaterialKinds kinds_;
+  GBufferSettings view_;
+  Cover cover_;
+  int cameraInVolume_ = -1;  // not asked yet
+  std::vector<Contribution> contributions_;
+  std::vector<NodeId> states_, expanded_;
+  std::vector<std::string> warnings_, missing_;
+  uint64_t reserved_ = 0;
+};
+
+/// "label:diffuse" for a part.
+std::string withLobe(std::string label, LobePart lobe);
+/// The part of direct light at the seen side that a lobe holds.
+PathSet front(LobePart lobe);
+
+}  // namespace gobo

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "techniques/direct_visibility/technique.h"
+
+#include <map>
+
+#include "filters/composite.h"
+#include "filters/shadow_technique.h"
+#include "techniques/direct_visibility/visibility.h"
+#include "techniques/path_traced/trace_paths.h"
+
+namespace gobo {
+
+namespace {
+
+class DirectVisibility final : public Technique {
+ public:
+  const char* name() const override { return "direct_visibility"; }
+
+  Status claim(PlanContext& c) const override {
+    for (int l = 0; l < int(c.scene()->lights.size()); ++l)
+      if (findShadowTechnique(techniqueOf(c, l).technique_case())) GOBO_TRY(c.cover().claim(l, PathSet::Direct, name()));
+    return {};
+  }
+
+  Status plan(PlanContext& c) const override {
+    std::vector<int> viewed;
+    for (int l = 0; l < int(c.scene()->lights.size()); ++l)
+      if (c.cover().claimedBy(l, name()) != PathSet::None) viewed.push_back(l);
+    if (viewed.empty()) return {};
+    std::map<std::pair<int, LobePart>, std::vector<NodeId>> folds;  // cluster group -> pairs (L, V)
+    c.surface();                                                    // made (and kept) before any node that is marked transient below
+    for (int l : viewed) GOBO_TRY(planLight(c, l, folds));
+    for (auto& [key, pairs] : folds) {
+      const auto [group, lobe] = key;
+      const NodePtr fold = makeDirectFoldNode(c.view().width, c.view().height, c.view().viewSamples, int(pairs.size() / 2));
+      c.add({c.filter(fold, std::move(pairs), withLobe("direct:" + c.groupName(group), lobe)), "rgb", c.groupGain(group), front(lobe), group});
+    }
+    if (c.kinds().translucent) return tracePaths(c, name(), viewed, PathSet::Behind, "through");
+    for (int l : viewed) GOBO_TRY(c.cover().bring(l, PathSet::Behind, name()));  // no surface lets any through
+    return {};
+  }
+
+ private:
+  static v1::ShadowTechnique techniqueOf(PlanContext& c, int light) { return shadowTechniqueOf(c, light, c.scene(), c.scene()->lights[size_t(light)].name); }
+
+  Status planLight(PlanContext& c, int l, std::map<std::pair<int, LobePart>, std::vector<NodeId>>& folds) const {
+    if (c.stop().stopRequested()) return Status(Code::Cancelled, "stopped");
+    const int group = c.groups().groupOf[size_t(l)];
+    const bool single = c.groups().single(group);
+    const std::string& light = c.scene()->lights[size_t(l)].name;
+    GOBO_TRY(c.cover().bring(l, PathSet::Front, name()));
+    if (single && c.groupGain(group) == Vec3(0.0f)) {
+      c.prune("direct:" + light, "its gain is zero");
+      return {};
+    }
+    const int before = c.graph().size();
+    std::vector<NodeId> parts;
+    for (const LobePart lobe : c.lobes()) parts.push_back(planUnoccluded(c, l, c.scene(), c.groups().nominal[size_t(l)], !single, lobe));
+    GOBO_ASSIGN(const NodeId v, planVisibility(c, l, c.scene(), techniqueOf(c, l)));
+    if (!single) c.graph().markTransient(before, v);
+    for (size_t k = 0; k < parts.size(); ++k) {
+      const LobePart lobe = c.lobes()[k];
+      if (single) {
+        const NodePtr shade = makeShadeNode(c.view().width, c.view().height, c.view().viewSamples);
+        c.add({c.filter(shade, {parts[k], v}, withLobe("direct:" + light, lobe)), "rgb", c.groupGain(group), front(lobe), group});
+      } else {
+        folds[{group, lobe}].push_back(parts[k]);
+        folds[{group, lobe}].push_back(v);
+      }
+    }
+    return {};
+  }
+};
+
+}  // namespace
+
+const Technique& directVisibility() {
+  static const DirectVisibility technique;
+  return technique;
+}
+
+}  // namespace gobo

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "techniques/direct_visibility/visibility.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "filters/automatic/automatic.h"
+#include "filters/shadow_technique.h"
+#include "filters/tinted_visibility.h"
+
+namespace gobo {
+
+namespace {
+
+constexpr int kUnoccludedSamples = 32, kSquareSamples = 8;  // the latter for each of many lights at infinity
+
+Result<NodeId> planned(PlanContext& c, const ShadowTechniqueEntry& entry, const ShadowInput& in, const v1::ShadowTechnique& t) {
+  GOBO_ASSIGN(const NodeId v, entry.plan(c.graph(), in, t));
+  return entry.usesMap ? planTint(c.graph(), in, v) : v;
+}
+
+/// What may be chosen that holds most: the plan is only a bound.
+Result<NodeId> largest(PlanContext& c, const ShadowInput& in, const AutomaticChoice& choice) {
+  uint64_t most = 0;
+  const v1::ShadowTechnique* at = nullptr;
+  for (const AutomaticCandidate& candidate : choice.candidates) {
+    const Graph::Mark mark = c.graph().mark();
+    GOBO_TRY(planned(c, *findShadowTechnique(candidate.technique.technique_case()), in, candidate.technique).status());
+    uint64_t bytes = 0;
+    for (NodeId id = mark.nodes; id < c.graph().size(); ++id) bytes += c.graph().at(id).node->outputBytes();
+    c.graph().rollBack(mark);
+    if (!at || bytes > most) most = bytes, at = &candidate.technique;
+  }
+  GOBO_CHECK(at != nullptr);
+  return planned(c, *findShadowTechnique(at->technique_case()), in, *at);
+}
+
+/// The choice goes into the plan, each rejected candidate as a pruned row with what it would have cost.
+Result<NodeId> automatic(PlanContext& c, const ShadowInput& in, const v1::ShadowTechnique& t) {
+  const auto expand = [&](const Graph&, NodeId node) { return c.expand(node); };
+  GOBO_ASSIGN(const AutomaticChoice choice, chooseShadow(c.graph(), in, t, expand));
+  if (c.bounding()) return largest(c, in, choice);
+  const std::string& name = in.scene->lights[size_t(in.light)].name;
+  const AutomaticCandidate& chosen = choice.candidates[choice.chosen];
+  for (size_t k = 0; k < choice.candidates.size(); ++k) {
+    const AutomaticCandidate& candidate = choice.candidates[k];
+    char text[160];
+    if (candidate.judged)
+      std::snprintf(text, sizeof text, "%s: expected error %.4f in %.1f ms", k == choice.chosen ? "auto chose it" : "auto passed it over", candidate.rmse,
+                    candidate.ms);
+    else std::snprintf(text, sizeof text, "auto passed it over: %.1f ms", candidate.ms);
+    if (choice.receivers > 0 || k == choice.chosen) c.prune("auto:" + name + ": " + candidate.text, text);
+  }
+  const ShadowTechniqueEntry* entry = findShadowTechnique(chosen.technique.technique_case());
+  GOBO_CHECK(entry != nullptr);
+  return planned(c, *entry, in, chosen.technique);
+}
+
+}  // namespace
+
+v1::ShadowTechnique shadowTechniqueOf(PlanContext& c, int light, const ScenePtr& scene, const std::string& name) {
+  v1::ShadowTechnique t = c.request().shadows();
+  const auto edit = c.request().lights().find(name);
+  if (edit != c.request().lights().end() && edit->second.has_shadow()) t = edit->second.shadow();
+  const LightKind kind = scene->lights[size_t(light)].shape.kind;
+  const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
+  if (entry && kind == LightKind::Environment) {
+    t.mutable_path_traced();
+    return t;
+  }
+  if (entry && c.cameraInVolume()) {
+    c.warn("the camera is inside a volume: direct light is path traced");
+    t.mutable_path_traced();
+    return t;
+  }
+  if (entry && !entry->supports(kind)) {
+    c.warn(std::string(entry->name) + " does not do the kind of light '" + name + "': ray_traced used");
+    if (!t.mutable_ray_traced()->has_samples()) t.mutable_ray_traced()->set_samples(16);
+  }
+  return t;
+}
+
+Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, const v1::ShadowTechnique& t, const Vec2& angularSize) {
+  ShadowInput in;
+  in.scene = scene;
+  in.light = light;
+  in.gbuffer = c.gbuffer();
+  in.camera = c.view().camera;
+  in.width = c.view().width;
+  in.height = c.view().height;
+  in.viewSamples = c.view().viewSamples;
+  in.seed = c.request().seed();
+  in.angularSize = angularSize;
+  in.clear = c.kinds().clear;
+  if (t.has_auto_()) return automatic(c, in, t);
+  const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
+  GOBO_CHECK(entry != nullptr);
+  return planned(c, *entry, in, t);
+}
+
+NodeId planUnoccluded(PlanContext& c, int light, const ScenePtr& scene, const Vec3& nominal, bool transient, LobePart lobe, const Vec2& angularSize) {
+  DirectUnoccludedSettings s;
+  s.angularSize = angularSize;
+  s.lobe = lobe;
+  s.view = c.view();
+  s.light = light;
+  s.nominal = nominal;
+  const bool delta = isDeltaLight(scene->lights[size_t(light)].shape.kind);  // evaluated, not sampled: seed and count are no part of its key
+  const bool square = angularSize != Vec2(0.0f);
+  s.samples = square ? kSquareSamples : delta ? 1 : kUnoccludedSamples;
+  s.seed = delta && !square ? 0 : c.request().seed();
+  s.extended = c.kinds().extended;
+  return c.source(makeDirectUnoccludedNode(s), {c.gbuffer(), c.surface()}, {light}, withLobe("unoccluded:" + scene->lights[size_t(light)].name, lobe), scene,
+                  transient);
+}
+
+}  // namespace gobo

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "techniques/path_traced/trace_paths.h"
+
+#include <algorithm>
+
+#include "filters/composite.h"
+#include "filters/sample_statistics.h"
+#include "terms/path_trace.h"
+
+namespace gobo {
+
+namespace {
+
+struct PathTraceJob {
+  std::string label;
+  PathSet paths = PathSet::None;
+  std::vector<int> lights;
+  std::vector<Vec3> nominal;   // by light
+  std::vector<int> slotGroup;  // by light: index into groups
+  std::vector<int> groups;     // relight groups, ascending
+  std::vector<Vec3> weights;   // by group
+  bool unlit = false;
+};
+
+PathClass classesOf(PathSet paths) {
+  return (overlaps(paths, PathSet::Emission) ? PathClass::Emission : PathClass::None) |
+         (overlaps(paths, PathSet::Direct) ? PathClass::Direct : PathClass::None) |
+         (overlaps(paths, PathSet::Indirect) ? PathClass::Indirect : PathClass::None);
+}
+
+LightSelection selectionOf(const v1::Integrator& integrator) {
+  switch (integrator.light_selection()) {
+    case v1::Integrator::UNIFORM: return LightSelection::Uniform;
+    case v1::Integrator::POWER: return LightSelection::Power;
+    default: return LightSelection::Tree;
+  }
+}
+
+/// Slots of the split: emission, direct, indirect, the latter two by lobe if asked for.
+PathSet pathsOfSlot(SplitMode split, int slot, PathSet all) {
+  if (split == SplitMode::Combined) return all;
+  if (slot == 0) return PathSet::Emission;
+  if (split == SplitMode::DirectIndirect) return slot == 1 ? PathSet::Direct : PathSet::Indirect;
+  return (slot <= 2 ? PathSet::Direct : PathSet::Indirect) & (slot % 2 ? PathSet::Diffuse : PathSet::Specular);
+}
+
+Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
+  const PathClass cover = classesOf(job.paths);
+  PathTracerSettings s = pathTracerSettings(c, cover);
+  s.behindOnly = overlaps(job.paths, PathSet::Direct) && !overlaps(job.paths, PathSet::Front);
+  s.unlit = job.unlit;
+  if (c.kinds().translucent && overlaps(job.paths, PathSet::Front) && (job.paths & PathSet::Behind) != PathSet::Behind)
+    return internalError("path tracing cannot leave out direct light from behind (" + job.label + ")");
+  const int classes = has(cover, PathClass::Emission) + has(cover, PathClass::Direct) + has(cover, PathClass::Indirect);
+  const bool scatters = has(cover, PathClass::Direct) || has(cover, PathClass::Indirect);
+  const PathSet reached = s.behindOnly ? pathSet(cover) - PathSet::Front : pathSet(cover);
+  const PathSet none = c.kinds().translucent ? PathSet::None : PathSet::Behind;  // no surface lets any through
+  const bool lobes = (c.apart().lobes && scatters) || reached - job.paths - none != PathSet::None;
+  s.split = lobes ? SplitMode::ByLobe : (c.apart().classes || c.apart().lobes) && classes > 1 ? SplitMode::DirectIndirect : SplitMode::Combined;
+  s.selection = selectionOf(c.request().integrator());
+  s.groups = int(job.groups.size());
+  s.groupOf = job.slotGroup;
+  s.nominal = job.nominal;
+  GraphNode n{makePathTraceNode(s, c.apart().variance ? kVarianceStreams : 1), {}, job.lights, job.label, c.blocks(), c.scene()};
+  const NodeId state = c.graph().add(std::move(n));
+  const int per = slotsPerGroup(s.split, s.maxBounces);
+  const NodeId mean = c.filter(makeResolveNode(c.view().width, c.view().height, per * s.groups), {state}, job.label + ":mean");
+  for (size_t g = 0; g < job.groups.size(); ++g) {
+    for (int k = 0; k < per; ++k) {
+      const PathSet held = pathsOfSlot(s.split, k, reached) & reached & (job.paths | none);
+      if (!overlaps(held, job.paths)) continue;
+      const int slot = int(g) * per + k;
+      c.add({mean, "s" + std::to_string(slot), job.weights[g], held, job.groups[g], state, slot});
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+PathTracerSettings pathTracerSettings(const PlanContext& c, PathClass cover) {
+  PathTracerSettings s;
+  const v1::Integrator& i = c.request().integrator();
+  s.camera = c.view().camera;
+  s.width = c.view().width;
+  s.height = c.view().height;
+  s.blockSize = int(c.blockSize());
+  s.viewSamples = i.at_view_samples() ? c.view().viewSamples : 0;
+  s.maxBounces = has(cover, PathClass::Indirect) ? int(i.max_bounces()) : 0;
+  s.rouletteStart = int(i.russian_roulette_start());
+  s.seed = c.request().seed();
+  s.cover = cover;
+  return s;
+}
+
+Status tracePaths(PlanContext& c, const char* technique, const std::vector<int>& lights, PathSet paths, const std::string& label) {
+  PathTraceJob job;
+  job.label = label;
+  job.paths = paths;
+  job.lights = lights;
+  const RelightGroups& groups = c.groups();
+  for (int l : lights) job.groups.push_back(groups.groupOf[size_t(l)]);
+  std::sort(job.groups.begin(), job.groups.end());
+  job.groups.erase(std::unique(job.groups.begin(), job.groups.end()), job.groups.end());
+  for (int l : lights) {
+    job.slotGroup.push_back(int(std::lower_bound(job.groups.begin(), job.groups.end(), groups.groupOf[size_t(l)]) - job.groups.begin()));
+    job.nominal.push_back(groups.nominal[size_t(l)]);
+  }
+  for (int g : job.groups) job.weights.push_back(c.groupGain(g));
+  for (int l : lights) GOBO_TRY(c.cover().bring(l, paths, technique));
+  return addPathTrace(c, job);
+}
+
+Status traceDifference(PlanContext& c, int light, const Vec3& weight) {
+  const Light& l = c.scene()->lights[size_t(light)];
+  PathTraceJob job;
+  job.label = "difference:" + l.name;
+  job.paths = c.cover().wanted();  // all classes at once, whatever technique the cluster uses for its own direct light
+  job.lights = {light};
+  job.nominal = {Vec3(nominalScalar(l))};
+  job.slotGroup = {0};
+  job.groups = {c.groups().groupOf[size_t(light)]};
+  job.weights = {weight};
+  return addPathTrace(c, job);
+}
+
+Status traceUnlit(PlanContext& c) {
+  PathTraceJob job;
+  job.label = "unlit";
+  job.paths = PathSet::Emission | (c.indirect() ? PathSet::Indirect : PathSet::None);
+  job.groups = {-1};
+  job.weights = {Vec3(1.0f)};
+  job.unlit = true;
+  return addPathTrace(c, job);
+}
+
+}  // namespace gobo

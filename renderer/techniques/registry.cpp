@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// The techniques, in the order that their planes are summed in: one line each.
+#include <array>
+
+#include "technique/technique.h"
+#include "techniques/caustics/technique.h"
+#include "techniques/direct_visibility/technique.h"
+#include "techniques/environment_lights/technique.h"
+#include "techniques/path_traced/technique.h"
+
+namespace gobo {
+
+std::span<const Technique* const> techniques() {
+  static const std::array all{
+      &pathTraced(), &directVisibility(), &environmentLights(), &clusterDifferences(), &causticPhotons(),
+  };
+  return all;
+}
+
+}  // namespace gobo
