@@ -238,6 +238,11 @@ class AlphaNode final : public PixelNode {
  public:
   AlphaNode(int w, int h, int s) : PixelNode(w, h), samples_(s) {}
   std::string type() const override { return "alpha"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.tileable = true;
+    return t;
+  }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_); }
   size_t outputBytes() const override { return pixels() * 4; }
   Result<TermPtr> run(const RunContext& ctx) const override {

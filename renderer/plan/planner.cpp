@@ -5,7 +5,6 @@
 #include "plan/output_plans.h"
 #include "plan/outputs.h"
 #include "technique/plan_context.h"
-#include "technique/technique.h"
 #include "trace/reach.h"
 
 namespace gobo {
@@ -30,10 +29,10 @@ void reportMissing(const PlanContext& c, std::vector<std::string>& missing) {
   }
 }
 
-Status planBeauty(PlanContext& c) {
+Status planBeauty(PlanContext& c, std::span<const Technique* const> techniques) {
   if (c.scene()->lights.empty() && !c.kinds().unlit) c.prune("beauty", "the scene has no light");
-  for (const Technique* t : techniques()) GOBO_TRY(t->claim(c));
-  for (const Technique* t : techniques()) GOBO_TRY(t->plan(c));
+  for (const Technique* t : techniques) GOBO_TRY(t->claim(c));
+  for (const Technique* t : techniques) GOBO_TRY(t->plan(c));
   return c.cover().complete();
 }
 
@@ -63,7 +62,7 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
   }
   PlanContext context({request, plan->effective, plan->groups, blocks, blockSize, apart, services.stop, services.expand}, plan->graph);
   if (beauty) {
-    GOBO_TRY(planBeauty(context));
+    GOBO_TRY(planBeauty(context, services.techniques));
     if (!context.scene()->lights.empty()) reportMissing(context, plan->missing);
   }
   OutputContext outputs(context, base, services);

@@ -6,10 +6,12 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "request/effective_scene.h"
+#include "technique/technique.h"
 #include "terms/graph.h"
 
 namespace gobo {
@@ -33,6 +35,8 @@ struct Plan {
 };
 
 struct PlannerServices {
+  /// Who brings light, in the order of summation.
+  std::span<const Technique* const> techniques = gobo::techniques();
   EnvironmentLoader loadEnvironment;
   ScenePoser poseScene = requestedScene;
   /// Empty: the plan is a bound of what the real one holds, for which no node runs.

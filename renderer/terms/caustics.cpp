@@ -18,7 +18,6 @@ class CausticsNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;
-    t.pathClass = PathClass::Indirect;
     t.extendable = true;
     t.persist = true;
     return t;

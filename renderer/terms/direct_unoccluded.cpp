@@ -49,7 +49,6 @@ class DirectUnoccludedNode final : public Node {
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).
     t.facets = Facet::LightShape | Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Emission;
     if (s_.extended) t.facets = t.facets | kSurfaceFacets;
-    t.pathClass = PathClass::Direct;
     return t;
   }
   void hashParameters(Hasher& h) const override {

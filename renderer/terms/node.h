@@ -18,20 +18,18 @@
 #include "base/task_arena.h"
 #include "scene/scene.h"
 #include "terms/term.h"
-#include "trace/path_class.h"
 
 namespace gobo {
 
 class Accel;       // trace/accel.h
 class AccelCache;  // acceleration structures shared by the nodes of an engine
 
-/// What the node claims about itself. Each claim has a generic conformance test (tests/unit/filters/conformance_test.cpp).
+/// What the node claims about itself. Every node of every kind is held to them (tests/render/plan/node_claims_test.cpp).
 struct NodeTraits {
   Facet facets = Facet::None;  ///< None: a filter
-  PathClass pathClass = PathClass::None;
   bool smallOutput = false;      ///< passed on by content digest (at most 64 KiB): equal results re-run nothing behind it
   bool extendable = false;       ///< result depends on a block count that is not in the recipe key
-  bool linearPerGroup = false;   ///< f(a x + b y) = a f(x) + b f(y) in its first input: gains may be hoisted through
+  bool linearPerGroup = false;   ///< affine in its first input: f(x + y) + f(0) = f(x) + f(y)
   bool rangePreserving = false;  ///< output within [min, max] of the first input
   bool tileable = false;         ///< an output pixel depends only on inputs within `halo` pixels
   int halo = 0;

@@ -23,7 +23,6 @@ class PathTraceNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;
-    t.pathClass = settings_.cover;
     t.extendable = true;
     t.persist = true;
     return t;

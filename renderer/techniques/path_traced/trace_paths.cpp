@@ -49,8 +49,6 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
   PathTracerSettings s = pathTracerSettings(c, cover);
   s.behindOnly = overlaps(job.paths, PathSet::Direct) && !overlaps(job.paths, PathSet::Front);
   s.unlit = job.unlit;
-  if (c.kinds().translucent && overlaps(job.paths, PathSet::Front) && (job.paths & PathSet::Behind) != PathSet::Behind)
-    return internalError("path tracing cannot leave out direct light from behind (" + job.label + ")");
   const int classes = has(cover, PathClass::Emission) + has(cover, PathClass::Direct) + has(cover, PathClass::Indirect);
   const bool scatters = has(cover, PathClass::Direct) || has(cover, PathClass::Indirect);
   const PathSet reached = s.behindOnly ? pathSet(cover) - PathSet::Front : pathSet(cover);
@@ -67,8 +65,9 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
   const NodeId mean = c.filter(makeResolveNode(c.view().width, c.view().height, per * s.groups), {state}, job.label + ":mean");
   for (size_t g = 0; g < job.groups.size(); ++g) {
     for (int k = 0; k < per; ++k) {
-      const PathSet held = pathsOfSlot(s.split, k, reached) & reached & (job.paths | none);
+      const PathSet held = (pathsOfSlot(s.split, k, reached) & reached) - none;
       if (!overlaps(held, job.paths)) continue;
+      if (!contains(job.paths, held)) return internalError("path tracing cannot leave out " + names(held - job.paths) + " (" + job.label + ")");
       const int slot = int(g) * per + k;
       c.add({mean, "s" + std::to_string(slot), job.weights[g], held, job.groups[g], state, slot});
     }
@@ -108,6 +107,18 @@ Status tracePaths(PlanContext& c, const char* technique, const std::vector<int>&
   }
   for (int g : job.groups) job.weights.push_back(c.groupGain(g));
   for (int l : lights) GOBO_TRY(c.cover().bring(l, paths, technique));
+  // A lobe of which only what is behind is asked for, beside another's front: the front's slots hold both sides.
+  PathSet behind = PathSet::None;
+  for (const PathSet lobe : {PathSet::Diffuse, PathSet::Specular})
+    if (c.kinds().translucent && overlaps(paths, PathSet::Front) && !overlaps(paths, PathSet::Front & lobe)) behind = behind | (paths & PathSet::Behind & lobe);
+  if (behind != PathSet::None) {
+    PathTraceJob apart = job;
+    apart.paths = behind;
+    apart.label += " behind";
+    job.paths = paths - behind;
+    GOBO_TRY(addPathTrace(c, job));
+    return addPathTrace(c, apart);
+  }
   return addPathTrace(c, job);
 }
 

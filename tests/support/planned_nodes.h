@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+// Nodes of real plans, one by one: requests whose plans hold every type of node between them, and what it takes to run one by hand.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "filters/shadow_technique.h"
+#include "plan/disk_store.h"
+#include "plan/executor.h"
+#include "plan/planner.h"
+#include "request/request.h"
+#include "scene/builtin/build.h"
+#include "scene/load.h"
+#include "support/engines.h"
+#include "trace/accel.h"
+
+namespace gobo::testing {
+
+/// A clear pane over a floor, under nothing but what a request adds.
+inline ScenePtr paneScene() {
+  builtin::SceneBuilder b("pane");
+  const int floor = b.material("floor", Vec3(0.5f)), clear = b.material("clear", Vec3(0.9f, 0.5f, 0.4f), 0.0f, 0.0f, 1.0f);
+  b.at(clear).bsdf.transmission = 1.0f;
+  builtin::MeshBuilder ground, pane;
+  ground.quad(Vec3(-2, 0, 2), Vec3(4, 0, 0), Vec3(0, 0, -4));
+  pane.quad(Vec3(-0.7f, 0.6f, 0.7f), Vec3(1.4f, 0, 0), Vec3(0, 0, -1.4f));
+  b.add("ground", ground, floor, false);
+  b.add("pane", pane, clear);
+  b.camera("front", Vec3(0, 1.8f, 3.2f), Vec3(0, 0.3f, 0), 40.0f);
+  return *b.finish();
+}
+
+/// A plan with what it takes to run its nodes by hand.
+struct Planned {
+  TaskArena arena;
+  TermStore store{512ull << 20};
+  ExtensionIndex extensions;
+  AccelCache accels;
+  std::unique_ptr<Plan> plan;
+  std::unique_ptr<Executor> executor;
+
+  explicit Planned(const v1::RenderRequest& asked, int threads = 1) : arena(threads) {
+    const auto engine = makeEngine(64ull << 20, {}, 1);
+    v1::RenderRequest named = asked;
+    if (asked.scene() == "pane") named.set_scene("cornell");
+    const auto request = engine->resolve(named);
+    EXPECT_TRUE(request.ok()) << request.status().toString();
+    const ScenePtr scene = asked.scene() == "pane" ? paneScene() : *engine->scene(asked.scene());
+    const uint32_t size = blockSizeFor(request->halt().spp());
+    PlannerServices services;
+    services.expand = [&](const Graph& graph, NodeId node) { return Executor(graph, executorServices(), {}).evaluate(node); };
+    auto made = makePlan(scene, *request, (request->halt().spp() + size - 1) / size, size, services);
+    EXPECT_TRUE(made.ok()) << made.status().toString();
+    plan = std::move(*made);
+    executor = std::make_unique<Executor>(plan->graph, executorServices(), StopToken());
+  }
+  ExecutorServices executorServices() { return {&store, &extensions, &accels, &arena}; }
+  TermPtr input(NodeId id) {
+    Result<TermPtr> term = executor->evaluate(id);
+    EXPECT_TRUE(term.ok()) << plan->graph.at(id).label << ": " << term.status().toString();
+    return term.ok() ? *term : nullptr;
+  }
+
+  /// Runs node `id` as the executor does; folds step by step.
+  Result<TermPtr> run(NodeId id, const StopToken& stop = {}) {
+    std::vector<TermPtr> inputs;
+    for (const NodeId i : plan->graph.at(id).inputs) inputs.push_back(input(i));
+    return runOn(id, std::move(inputs), stop);
+  }
+  /// The same on other inputs; an extendable node makes `blocks` (0: as many as it was asked for), from `previous` if that is given.
+  Result<TermPtr> runOn(NodeId id, std::vector<TermPtr> inputs, const StopToken& stop = {}, uint32_t blocks = 0, TermPtr previous = nullptr) {
+    const GraphNode& n = plan->graph.at(id);
+    const Facet facets = n.node->traits().facets;
+    RunContext ctx;
+    RunCounters counters;
+    ctx.arena = &arena;
+    ctx.counters = &counters;
+    ctx.stop = stop;
+    ctx.targetBlocks = blocks ? blocks : n.blocks;
+    ctx.previous = std::move(previous);
+    std::optional<SceneView> view;
+    if (facets != Facet::None) {
+      ctx.accels = &accels;
+      ctx.scene = &view.emplace(*n.scene, facets, n.lights);
+    }
+    const auto* fold = dynamic_cast<const FoldNode*>(n.node.get());
+    if (!fold) {
+      ctx.inputs = std::move(inputs);
+      return n.node->run(ctx);
+    }
+    const int fixed = fold->fixedInputs(), steps = (int(inputs.size()) - fixed) / fold->stride();
+    auto state = fold->begin(ctx, {inputs.begin(), inputs.begin() + fixed});
+    for (int s = 0; s < steps; ++s) {
+      const auto from = inputs.begin() + fixed + s * fold->stride();
+      GOBO_TRY(fold->step(ctx, *state, s, {from, from + fold->stride()}));
+    }
+    return fold->finish(ctx, std::move(state));
+  }
+};
+
+inline v1::RenderRequest withLamp(int width, int height, LightKind kind) {
+  v1::RenderRequest r = smallRequest("cornell", width, height, 1);
+  set(r, std::string("lights.lamp.kind=") + (kind == LightKind::Rect ? "RECT" : "SPOT"));
+  for (const char* a : {"lights.lamp.position=0.2,1.6,0.4", "lights.lamp.direction=0,-1,-0.2", "lights.lamp.intensity=3"}) set(r, a);
+  return r;
+}
+
+inline void addEveryOutput(v1::RenderRequest& r) {
+  for (const char* o : {"beauty", "direct", "diffuse", "albedo", "normal", "position", "depth", "alpha", "object_id", "material_id", "motion", "sample_count",
+                        "variance", "unoccluded:lamp", "visibility:lamp"})
+    r.add_outputs(o);
+}
+
+/// Requests whose plans hold nodes of every type between them.
+inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNodes(int width, int height) {
+  std::vector<std::pair<std::string, v1::RenderRequest>> all;
+  for (const ShadowTechniqueEntry& t : shadowTechniques()) {
+    v1::RenderRequest r = withLamp(width, height, t.supports(LightKind::Rect) ? LightKind::Rect : LightKind::Spot);
+    v1::ShadowTechnique& technique = *(*r.mutable_lights())["lamp"].mutable_shadow();
+    technique.GetReflection()->MutableMessage(&technique, technique.GetDescriptor()->FindFieldByNumber(t.key));
+    if (t.usesMap || technique.has_auto_()) technique.mutable_map()->set_resolution(32);
+    if (technique.has_auto_()) technique.mutable_auto_()->set_error(0.05);
+    if (technique.has_ray_traced()) addEveryOutput(r);
+    if (technique.has_convolution()) r.add_outputs("beauty"), r.add_outputs("shadow_basis:lamp");
+    all.emplace_back(t.name, r);
+    if (technique.has_percentage_closer()) {
+      r.set_scene("pane");
+      all.emplace_back("pane", r);
+    }
+  }
+  for (const char* as : {"environment.area_lights=6", "environment.extract_lights=6"}) {
+    v1::RenderRequest r = smallRequest("cornell", width, height, 1);
+    set(r, "environment.sky.turbidity=3");
+    set(r, as);
+    all.emplace_back(as, r);
+  }
+  v1::RenderRequest caustics = smallRequest("spheres", width, height, 1);
+  for (const char* a : {"lights.lamp.kind=POINT", "lights.lamp.position=1,3,1", "lights.lamp.intensity=5", "integrator.caustic_photons=500"}) set(caustics, a);
+  all.emplace_back("caustics", caustics);
+  v1::RenderRequest many = withLamp(width, height, LightKind::Spot);
+  for (const char* a : {"integrator.max_groups=1", "shadows.ray_traced.samples=1", "lights.other.kind=POINT", "lights.other.position=0,1,0"}) set(many, a);
+  all.emplace_back("cluster", many);
+  return all;
+}
+
+}  // namespace gobo::testing
