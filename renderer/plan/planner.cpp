@@ -138,7 +138,7 @@ class PlanMaker {
   void warn(const std::string& text) {
     if (std::find(plan_.warnings.begin(), plan_.warnings.end(), text) == plan_.warnings.end()) plan_.warnings.push_back(text);
   }
-  Result<NodeId> visibility(int light, const ScenePtr& scene, const v1::ShadowTechnique& t, const Vec2& angularSize = Vec2(0.0f)) {
+  Result<NodeId> visibility(int light, const ScenePtr& scene, const v1::ShadowTechnique& t) {
     ShadowInput in;
     in.scene = scene;
     in.light = light;
@@ -148,7 +148,6 @@ class PlanMaker {
     in.height = height_;
     in.viewSamples = viewSamples_;
     in.seed = request_.seed();
-    in.angularSize = angularSize;
     in.clear = kinds_.clear;
     const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
     GOBO_CHECK(entry != nullptr);
@@ -176,23 +175,23 @@ class PlanMaker {
     GOBO_CHECK(entry != nullptr);
     return planned(*entry, in, chosen.technique);
   }
+  /// One of the lights that stand for an environment's map and have some size.
+  static bool isSquare(const LightShape& s) { return s.kind == LightKind::Directional && s.skyRectangle != Vec2(0.0f); }
   /// The parts that direct light is planned in.
   std::vector<LobePart> lobes() const { return splitLobes_ ? std::vector{LobePart::Diffuse, LobePart::Specular} : std::vector{LobePart::Both}; }
   static std::string withLobe(std::string label, LobePart lobe) {
     return lobe == LobePart::Both ? label : label + (lobe == LobePart::Diffuse ? ":diffuse" : ":specular");
   }
-  NodeId unoccluded(int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false, LobePart lobe = LobePart::Both,
-                    const Vec2& angularSize = Vec2(0.0f)) {
+  NodeId unoccluded(int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false, LobePart lobe = LobePart::Both) {
     DirectUnoccludedSettings s;
-    s.angularSize = angularSize;
     s.lobe = lobe;
     s.view = view_;
     s.light = light;
     s.nominal = nominal;
-    const bool delta = isDeltaLight(scene->lights[light].shape.kind);  // evaluated, not sampled: seed and count are no part of its key
-    const bool square = angularSize != Vec2(0.0f);
-    s.samples = square ? kSquareSamples : delta ? 1 : kUnoccludedSamples;
-    s.seed = delta && !square ? 0 : request_.seed();
+    const LightShape& shape = scene->lights[light].shape;
+    const bool delta = isDeltaLight(shape);  // evaluated, not sampled: seed and count are no part of its key
+    s.samples = isSquare(shape) ? kSquareSamples : delta ? 1 : kUnoccludedSamples;
+    s.seed = delta ? 0 : request_.seed();
     s.extended = kinds_.extended;
     return source(makeDirectUnoccludedNode(s), {gbuffer(), surface()}, {light}, withLobe("unoccluded:" + scene->lights[light].name, lobe), scene, transient);
   }
@@ -307,7 +306,7 @@ class PlanMaker {
         continue;
       }
       if (!environmentByLights) viewed.push_back(l);
-      if (rayReaches(lights[l].shape.kind, lights[l].cameraVisible, Receiver::Camera, Passage::Open)) visible.push_back(l);
+      if (rayReaches(lights[l].shape, lights[l].cameraVisible, Receiver::Camera, Passage::Open)) visible.push_back(l);
     }
     if (int(traced.size()) == n) {
       pathTraceGroups(all, indirect ? PathClass::All : PathClass::Emission | PathClass::Direct, "path_trace");
@@ -367,7 +366,6 @@ class PlanMaker {
   /// Lights at infinity that stand for the map: directional ones, or squares of some size with what they leave over.
   struct EnvironmentLights {
     std::vector<Light> lights;
-    std::vector<Vec2> angularSizes;
     std::array<Vec3, 9> ambient{};
     std::string kind;
   };
@@ -389,10 +387,12 @@ class PlanMaker {
       light.name = "environment/" + std::to_string(i);
       light.shape.kind = LightKind::Directional;
       light.shape.axis = -toWorld(directions, i);
-      if (squares) light.shape.u = toWorld(term->floats("right"), i);
+      if (squares) {
+        light.shape.u = toWorld(term->floats("right"), i);
+        light.shape.skyRectangle = Vec2(term->floats("angularSize")[2 * i], term->floats("angularSize")[2 * i + 1]);
+      }
       light.power = Vec3(irradiance[3 * i], irradiance[3 * i + 1], irradiance[3 * i + 2]);
       out.lights.push_back(light);
-      out.angularSizes.push_back(squares ? Vec2(term->floats("angularSize")[2 * i], term->floats("angularSize")[2 * i + 1]) : Vec2(0.0f));
     }
     if (squares)
       for (int i = 0; i < 9; ++i)
@@ -429,15 +429,15 @@ class PlanMaker {
   Status planEnvironmentFolds(const ScenePtr& extended, int first, const EnvironmentLights& found, const Vec3& nominal, int group) {
     const int count = int(found.lights.size());
     v1::ShadowTechnique t = techniqueOf(first, extended, "environment");
-    if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(found.angularSizes[0] == Vec2(0.0f) ? 1 : 4);
+    if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(isSquare(found.lights[0].shape) ? 4 : 1);
     surface();  // made (and kept) before any node that is marked transient below
     const bool keep = size_t(count) * width_ * height_ * viewSamples_ * 16 <= kKeptEnvironmentBytes;
     for (const LobePart lobe : lobes()) {
       std::vector<NodeId> pairs;
       for (int i = 0; i < count; ++i) {
         const int before = plan_.graph.size();
-        pairs.push_back(unoccluded(first + i, extended, found.lights[size_t(i)].power * nominal, !keep, lobe, found.angularSizes[size_t(i)]));
-        GOBO_ASSIGN(const NodeId v, visibility(first + i, extended, t, found.angularSizes[size_t(i)]));
+        pairs.push_back(unoccluded(first + i, extended, found.lights[size_t(i)].power * nominal, !keep, lobe));
+        GOBO_ASSIGN(const NodeId v, visibility(first + i, extended, t));
         if (!keep) plan_.graph.markTransient(before, v);
         pairs.push_back(v);
       }
@@ -481,7 +481,7 @@ class PlanMaker {
     for (int g = 0; g < plan_.groups.count; ++g) {
       bool anyVisible = false;
       for (int l : plan_.groups.members[g])
-        anyVisible = anyVisible || rayReaches(scene_->lights[l].shape.kind, scene_->lights[l].cameraVisible, Receiver::Camera, Passage::Open);
+        anyVisible = anyVisible || rayReaches(scene_->lights[l].shape, scene_->lights[l].cameraVisible, Receiver::Camera, Passage::Open);
       if (!has(cover_[g], PathClass::Direct)) plan_.missing.push_back("direct (" + groupName(g) + ")");
       if (anyVisible && !has(cover_[g], PathClass::Emission)) plan_.missing.push_back("emission (" + groupName(g) + ")");
       if (!has(cover_[g], PathClass::Indirect)) plan_.missing.push_back("indirect (" + groupName(g) + ")");
