@@ -118,8 +118,7 @@ Status writeTruth(const std::string& path, TruthImage& t) {
 
 Result<Truth> makeTruth(Runner& r, const std::string& name, int samples, const std::string& folder) {
   Truth truth;
-  const LightKind kind = r.scene()->lights[size_t(r.light())].shape.kind;
-  truth.soft = !isDeltaLight(kind);
+  truth.soft = !isDeltaLight(r.scene()->lights[size_t(r.light())].shape);
   if (!folder.empty()) std::filesystem::create_directories(folder);
   for (int area = 0; area < 2; ++area) {
     TruthImage& t = area ? truth.pixel : truth.centre;

@@ -21,8 +21,7 @@ struct ShadowInput {
   Camera camera;
   int width = 0, height = 0, viewSamples = 1;
   uint64_t seed = 0;
-  bool clear = false;      ///< hasClearSurfaces(scene) (trace/straight.h): visibility is RGB
-  Vec2 angularSize{0.0f};  ///< Directional: 2 tan of half the angles that it spans along its map's right and up; 0: a point at infinity
+  bool clear = false;  ///< hasClearSurfaces(scene) (trace/straight.h): visibility is RGB
 };
 
 struct ShadowTechniqueEntry {

@@ -59,10 +59,9 @@ NodeId planTint(Graph& graph, const ShadowInput& input, NodeId v) {
   if (!input.clear) return v;
   const Light& light = input.scene->lights[size_t(input.light)];
   VisibilitySettings s;
-  const bool hard = isDeltaLight(light.shape.kind) && input.angularSize == Vec2(0.0f);
+  const bool hard = isDeltaLight(light.shape);
   s.samples = hard ? 1 : kTintSamples;
   s.seed = hard ? 0 : shadowSeed(input);
-  if (light.shape.kind == LightKind::Directional) s.angularSize = input.angularSize;
   s.extent = {input.width, input.height, input.viewSamples};
   s.glass = Glass::Alone;
   const NodeId tint = graph.add({makeVisibilityNode(s), {input.gbuffer}, {input.light}, "tint:" + light.name, 0, input.scene, false});

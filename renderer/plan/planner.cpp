@@ -20,7 +20,7 @@ void reportMissing(const PlanContext& c, std::vector<std::string>& missing) {
     PathSet covered = PathSet::None;
     for (int l : c.groups().members[size_t(g)]) {
       const Light& light = c.scene()->lights[size_t(l)];
-      anyVisible = anyVisible || rayReaches(light.shape.kind, light.cameraVisible, Receiver::Camera, Passage::Open);
+      anyVisible = anyVisible || rayReaches(light.shape, light.cameraVisible, Receiver::Camera, Passage::Open);
       covered = covered | c.cover().claimed(l);
     }
     if (!contains(covered, PathSet::Direct)) missing.push_back("direct (" + c.groupName(g) + ")");

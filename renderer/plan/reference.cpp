@@ -31,7 +31,7 @@ ReferenceRecipe referenceRecipe(const EffectiveScene& effective, const v1::Rende
   everything.set_indirect(true);
   everything.set_max_bounces(uint32_t(recipe.maxBounces));
   if (everything.caustic_photons() == 0) {
-    const auto punctual = uint32_t(std::count_if(scene.lights.begin(), scene.lights.end(), [](const Light& l) { return isDeltaLight(l.shape.kind); }));
+    const auto punctual = uint32_t(std::count_if(scene.lights.begin(), scene.lights.end(), [](const Light& l) { return isDeltaLight(l.shape); }));
     everything.set_caustic_photons(std::max<uint32_t>(kPhotons / std::max<uint32_t>(punctual, 1), 256));
   }
   const CausticPlan caustics = causticPlan(scene, materialKinds(scene), everything);

@@ -41,6 +41,15 @@ Status checkLength(double v, const std::string& path) {
   return invalidArgument(text.str(), path);
 }
 
+/// Degrees. A disk at infinity that directions in single precision can tell from its centre, or none.
+Status checkAngularSize(double v, const std::string& path) {
+  constexpr double kLeast = 1e-4;
+  if (v == 0.0 || (v >= kLeast && v <= 90.0)) return {};
+  std::ostringstream text;
+  text << path << " = " << v << ": must be 0 (a direction) or within " << kLeast << " .. 90 degrees";
+  return invalidArgument(text.str(), path);
+}
+
 /// A rectangle's area, whose square single precision holds as well.
 Status checkArea(double width, double height, const std::string& path) {
   constexpr double kLeast = 1e-18;
@@ -133,7 +142,8 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
       s.v = f.y * h;
     }
   }
-  const bool shapeFields = e.has_position() || e.has_direction() || e.has_width() || e.has_height() || e.has_radius() || e.has_inner_deg() || e.has_outer_deg();
+  const bool shapeFields = e.has_position() || e.has_direction() || e.has_width() || e.has_height() || e.has_radius() || e.has_inner_deg() ||
+                           e.has_outer_deg() || e.has_angular_size_deg();
   if (shapeFields && !movable(s.kind))
     return invalidArgument(path + ": '" + light.name + "' is part of the scene's geometry or environment; only gain, color and intensity can be edited", path);
   if (e.has_position()) {
@@ -160,6 +170,10 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
     if (s.kind == LightKind::Rect) GOBO_TRY(checkArea(2.0 * double(w), 2.0 * double(h), path));
   }
   if (e.has_radius()) s.radius = float(e.radius());
+  if (e.has_angular_size_deg()) {
+    GOBO_TRY(checkAngularSize(e.angular_size_deg(), path + ".angular_size_deg"));
+    s.angularSize = radians(e.angular_size_deg());
+  }
   const float outer = e.has_outer_deg() ? radians(e.outer_deg()) : std::acos(glm::clamp(s.cosOuter, -1.0f, 1.0f));
   const float inner = e.has_inner_deg() ? radians(e.inner_deg()) : std::acos(glm::clamp(s.cosInner, -1.0f, 1.0f));
   if (e.has_outer_deg() || e.has_inner_deg()) {

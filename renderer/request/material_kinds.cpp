@@ -79,7 +79,7 @@ std::vector<std::string> classesNotCovered(const Scene& scene, bool caustics) {
     bool kind[std::size(kNames)] = {}, way[std::size(kPassages)] = {};
     for (const Light& l : scene.lights)
       for (const Passage p : kPassages) {
-        if (!kinds.occurs(p) || !outOfReach(l.shape.kind, l.cameraVisible, r, p, caustics)) continue;
+        if (!kinds.occurs(p) || !outOfReach(l.shape, l.cameraVisible, r, p, caustics)) continue;
         for (size_t k = 0; k < std::size(kNames); ++k) kind[k] = kind[k] || kNames[k].kind == l.shape.kind;
         way[size_t(p)] = true;
       }

@@ -113,6 +113,8 @@ void visitFields(S& s, V&& v) {
   v("range", s.range);
   v("twoSided", s.twoSided);
   v("instance", s.instance);
+  v("angularSize", s.angularSize);
+  v("skyRectangle", s.skyRectangle);
 }
 
 template <Same<Camera> S, typename V>

@@ -13,16 +13,13 @@ namespace gobo {
 enum class LightKind : uint8_t {
   Point,        ///< delta position; power = radiant intensity, W/sr
   Spot,         ///< point with cone; power = intensity on the axis, W/sr
-  Directional,  ///< delta direction; power = irradiance on a plane facing it, W/m^2
+  Directional,  ///< delta direction, or a sun of some `angularSize`; power = irradiance on a plane facing it, W/m^2, whatever its size
   Rect,         ///< rectangle position +- u +- v, normal `axis`; power = radiance, W m^-2 sr^-1
   Disk,         ///< disk of `radius` around position, normal `axis`; power = radiance
   Sphere,       ///< sphere of `radius` around position, emits outwards; power = radiance
   Mesh,         ///< all triangles of one instance, emission from its material; power = radiance (times emission texture)
   Environment,  ///< radiance from infinity: the scene's environment map; power = scale of the map
 };
-
-/// True for kinds that a ray cannot hit (so only next-event estimation reaches them).
-constexpr bool isDeltaLight(LightKind k) { return k == LightKind::Point || k == LightKind::Spot || k == LightKind::Directional; }
 
 struct LightShape {
   LightKind kind = LightKind::Point;
@@ -34,13 +31,31 @@ struct LightShape {
   float range = 0.0f;                             ///< Point, Spot: glTF range in metres, 0 = infinite
   bool twoSided = false;                          ///< Rect, Disk
   uint32_t instance = 0;                          ///< Mesh: index into Scene::instances
+  float angularSize = 0.0f;                       ///< Directional: full angle of a uniform disk at infinity, radians, kLeastAngularSize .. pi/2; 0: a direction
+  /// Directional, of those that stand for an environment (terms/area_light_list.h): a uniform rectangle at infinity instead of the
+  /// disk, 2 tan(half angle) along x and y of mapFrame() (scene/light_axes.h); 0: none.
+  Vec2 skyRectangle{0.0f};
 };
+
+/// Smaller suns than this (radians) are below what single precision tells apart of directions.
+inline constexpr float kLeastAngularSize = 1.7e-6f;
+
+/// A Directional light that is seen under some angle: rays meet it where they leave the scene.
+constexpr bool isWideDirectional(const LightShape& s) {
+  return s.kind == LightKind::Directional && (s.angularSize != 0.0f || s.skyRectangle.x != 0.0f || s.skyRectangle.y != 0.0f);
+}
+
+/// True for lights that a ray cannot hit (so only next-event estimation reaches them).
+constexpr bool isDeltaLight(const LightShape& s) {
+  return s.kind == LightKind::Point || s.kind == LightKind::Spot || (s.kind == LightKind::Directional && !isWideDirectional(s));
+}
 
 struct Light {
   std::string name;  ///< unique in the scene; the handle that requests use
   LightShape shape;
   Vec3 power{1.0f};           ///< linear RGB, unit by kind (above); Mesh: factor x strength of the material's emission
-  bool cameraVisible = true;  ///< Rect, Disk, Sphere: false hides it from camera rays, also straight through panes; mirrors and refraction show it
+  bool cameraVisible = true;  ///< Rect, Disk, Sphere: false hides it from camera rays, also straight through panes; mirrors and refraction show it.
+                              ///< Directional ones are hidden so whatever this says
 };
 
 /// The scalar used as the nominal power of a light that stands alone in its relight group: such a light is traced as

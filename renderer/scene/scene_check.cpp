@@ -143,6 +143,13 @@ Status Scene::checkLights() const {
         return fail(*this, "lights", i, light.name, "shape/v", "u and v are not perpendicular");
       if (std::fabs(glm::dot(n, s.axis)) < 0.999f * area) return fail(*this, "lights", i, light.name, "shape/axis", "axis is not along cross(u, v)");
     }
+    if (!isCoordinate(s.angularSize) || !isCoordinate(s.skyRectangle))
+      return fail(*this, "lights", i, light.name, "shape", std::string("angular size") + kBeyond);
+    if (s.kind == LightKind::Directional && s.angularSize != 0.0f && !(s.angularSize >= kLeastAngularSize && s.angularSize <= 0.5f * kPi))
+      return fail(*this, "lights", i, light.name, "shape/angularSize",
+                  "angular size " + std::to_string(s.angularSize) + " is neither 0 nor within 1.7e-6 .. pi/2 radians");
+    if (s.kind == LightKind::Directional && !(s.skyRectangle == Vec2(0.0f) || (s.angularSize == 0.0f && s.skyRectangle.x > 0.0f && s.skyRectangle.y > 0.0f)))
+      return fail(*this, "lights", i, light.name, "shape/skyRectangle", "a rectangle at infinity has two sides above 0 and is no disk");
     if (s.kind == LightKind::Spot && !(s.cosInner >= s.cosOuter && s.cosOuter >= -1.0f && s.cosInner <= 1.0f))
       return fail(*this, "lights", i, light.name, "shape/cosInner", "cone angles are not inner <= outer");
     if (s.kind == LightKind::Mesh && s.instance >= instances.size())

@@ -19,7 +19,12 @@ void addMatrix(Hasher& h, const Mat4& m) {
 Hash128 shapeHash(const Light& light) {
   const LightShape& s = light.shape;
   Hasher h("light-shape");
-  visitFields(s, [&](const char*, const auto& field) {
+  visitFields(s, [&](const char* name, const auto& field) {
+    if (const std::string_view n(name); n == "angularSize" || n == "skyRectangle") {
+      // Few lights have them; the others keep the digests that they had without.
+      if (field == std::remove_cvref_t<decltype(field)>(0)) return;
+      h.add(n);
+    }
     if constexpr (requires { field.length(); }) addVector(h, field);
     else h.add(field);
   });

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "terms/direct_unoccluded.h"
 
+#include <numbers>
+
 #include "base/check.h"
 #include "base/sobol.h"
-#include "scene/light_axes.h"
 #include "terms/dropped_samples.h"
 #include "terms/surface.h"
 #include "terms/surface_reader.h"
 #include "trace/bsdf.h"
+#include "trace/distant_light.h"
 #include "trace/light_sampling.h"
 
 namespace gobo {
@@ -55,7 +57,6 @@ class DirectUnoccludedNode final : public Node {
     hashCamera(h, s_.view.camera);
     h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples).addPod(s_.nominal).add(s_.samples).add(s_.seed).add(s_.extended);
     if (s_.lobe != LobePart::Both) h.add(s_.lobe);
-    if (s_.angularSize != Vec2(0.0f)) h.add("rectangle at infinity").add(s_.angularSize.x).add(s_.angularSize.y);
   }
   size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * s_.view.viewSamples * 16; }
 
@@ -123,9 +124,10 @@ class DirectUnoccludedNode final : public Node {
   }
 
  private:
-  Vec3 part(const BsdfValue& f) const { return s_.lobe == LobePart::Both ? f.sum() : s_.lobe == LobePart::Diffuse ? f.diffuse : f.specular; }
+  static Vec3 part(const BsdfValue& f, LobePart lobe) { return lobe == LobePart::Both ? f.sum() : lobe == LobePart::Diffuse ? f.diffuse : f.specular; }
+  Vec3 part(const BsdfValue& f) const { return part(f, s_.lobe); }
 
-  /// Exact for Lambert receivers of rectangles and spheres whose visible part is the same by both normals.
+  /// Exact for Lambert receivers of rectangles, spheres and suns whose visible part is the same by both normals.
   bool closedForm(const LightShape& s, const Receiver& r, Vec3& value) const {
     if (!r.lambert()) return false;
     if (s_.lobe == LobePart::Specular) {
@@ -151,6 +153,17 @@ class DirectUnoccludedNode final : public Node {
       value = r.bsdf.albedo * float(f);
       return true;
     }
+    if (s.kind == LightKind::Directional && s.angularSize != 0.0f) {
+      // A disk above the horizon is a ball's: what a plane gets of it falls with the cosine of its centre.
+      const double sine = std::sin(0.5 * double(s.angularSize)), up = -glm::dot(n, DVec3(s.axis)), above = -glm::dot(DVec3(r.ng), DVec3(s.axis));
+      if (up <= -sine || above <= -sine) {
+        value = Vec3(0.0f);
+        return true;
+      }
+      if (up < sine || above < sine) return false;
+      value = r.bsdf.albedo * float(up / std::numbers::pi);
+      return true;
+    }
     return false;
   }
 
@@ -165,13 +178,15 @@ class DirectUnoccludedNode final : public Node {
       return part(r.value(wo, frame.toLocal(wi)));
     };
     LightSample ls;
-    if (shape.kind == LightKind::Directional && s_.angularSize != Vec2(0.0f) && !r.lambert()) {
+    if (isWideDirectional(shape)) {
+      if (shape.angularSize != 0.0f) return distant(shape, r, frame, wo, element, s_.lobe);
+      if (r.lambert()) return reflected(-shape.axis);
       Vec3 value(0.0f);
       if (s_.lobe != LobePart::Specular && arrives(r, -shape.axis)) value += r.value(wo, frame.toLocal(-shape.axis)).diffuse;
-      if (s_.lobe != LobePart::Diffuse) value += gloss(shape, r, frame, wo, element);
+      if (s_.lobe != LobePart::Diffuse) value += distant(shape, r, frame, wo, element, LobePart::Specular);
       return value;
     }
-    if (isDeltaLight(shape.kind)) return sampler.sample(s_.light, r.p, Vec2(0.5f), ls) ? reflected(ls.direction) * ls.radiance : Vec3(0.0f);
+    if (isDeltaLight(shape)) return sampler.sample(s_.light, r.p, Vec2(0.5f), ls) ? reflected(ls.direction) * ls.radiance : Vec3(0.0f);
 
     // Light samples and BSDF samples by the balance heuristic; BSDF samples only for lights that a ray can be tested against here.
     const bool both = shape.kind != LightKind::Mesh && !r.lambert();
@@ -203,9 +218,9 @@ class DirectUnoccludedNode final : public Node {
     return Vec3(sum);
   }
 
-  /// Where the highlight of a glossy surface is, a few samples of either kind are too few: the rectangle takes a share of the lobe, and one BSDF
+  /// Where the highlight of a glossy surface is, a few samples of either kind are too few: a light at infinity takes a share of the lobe, and one BSDF
   /// sample more or less that falls inside it changes hundreds of times the picture's mean by a quarter. cosine: of the mirror direction to the
-  /// rectangle's centre; h: its larger half side. Rectangles are many and lie in few lobes; wide lobes have no such peaks.
+  /// light's centre; h: tangent of its larger half angle. Lights in the sky lie in few lobes; wide lobes have no such peaks.
   static constexpr int kHighlightScale = 16;
   static constexpr double kHighlightAlpha = 0.1;
   static bool inHighlight(const Receiver& r, double cosine, double h) {
@@ -215,26 +230,20 @@ class DirectUnoccludedNode final : public Node {
     return alpha < std::min(8.0 * h, kHighlightAlpha) && std::acos(std::clamp(cosine, -1.0, 1.0)) < 1.5 * h + 4.0 * alpha;
   }
 
-  /// Specular lobes under a rectangle at infinity of irradiance 1: radiance 1 / solid angle. Light and BSDF samples, balance heuristic.
-  Vec3 gloss(const LightShape& shape, const Receiver& r, const Frame& frame, const Vec3& wo, size_t element) const {
-    const Frame light = mapFrame(shape);
-    const double hx = 0.5 * s_.angularSize.x, hy = 0.5 * s_.angularSize.y;
-    const double solidAngle = 4.0 * std::asin(hx * hy / std::sqrt((1.0 + hx * hx) * (1.0 + hy * hy)));
-    const auto density = [&](const Vec3& wi) {  // uniform on the tangent plane, per solid angle; 0 beside the rectangle
-      const double c = -glm::dot(shape.axis, wi);
-      return c > 0 && std::fabs(glm::dot(wi, light.x)) <= hx * c && std::fabs(glm::dot(wi, light.y)) <= hy * c ? 1.0 / (4.0 * hx * hy * c * c * c) : 0.0;
-    };
-    const bool highlight = inHighlight(r, -glm::dot(shape.axis, frame.toWorld(Vec3(-wo.x, -wo.y, wo.z))), std::max(hx, hy));
-    const int samples = highlight ? kHighlightScale * s_.samples : s_.samples, nLight = (samples + 1) / 2, nBsdf = samples - nLight;
+  /// Lobes under a light at infinity of irradiance 1, uniform over its disk or rectangle. Light and BSDF samples, balance heuristic.
+  Vec3 distant(const LightShape& shape, const Receiver& r, const Frame& frame, const Vec3& wo, size_t element, LobePart lobes) const {
+    const DistantLight light(shape);
+    const double h = shape.angularSize != 0.0f ? std::tan(0.5 * double(shape.angularSize)) : 0.5 * std::max(shape.skyRectangle.x, shape.skyRectangle.y);
+    const bool highlight = !r.lambert() && inHighlight(r, -glm::dot(shape.axis, frame.toWorld(Vec3(-wo.x, -wo.y, wo.z))), h);
+    const int samples = highlight ? kHighlightScale * s_.samples : s_.samples, nLight = r.lambert() ? samples : (samples + 1) / 2, nBsdf = samples - nLight;
     const uint64_t seed = hash64(hash64(s_.seed, 0x676c6fu), element);
     DVec3 sum(0.0);
     for (int k = 0; k < samples; ++k) {
       SobolSampler u(seed, uint32_t(k));
       Vec3 wi, local;
+      double pl;
       if (k < nLight) {
-        const Vec2 v = u.next2D();
-        // Just inside, so that rounding leaves no sample outside its own density.
-        wi = glm::normalize(light.x * float(0.99999 * hx * (2.0 * v.x - 1.0)) + light.y * float(0.99999 * hy * (2.0 * v.y - 1.0)) - shape.axis);
+        wi = light.sample(u.next2D(), pl);
         local = frame.toLocal(wi);
       } else {
         BsdfSample b;
@@ -242,12 +251,12 @@ class DirectUnoccludedNode final : public Node {
         if (!bsdfSample(r.bsdf, wo, lobe, u.next2D(), b) || b.delta || b.pdf <= 0) continue;
         local = b.wi;
         wi = frame.toWorld(local);
+        pl = light.pdf(wi);
       }
-      const double pl = density(wi);
       if (!(pl > 0) || !arrives(r, wi)) continue;
-      sum += DVec3(r.value(wo, local).specular) / (nLight * pl + nBsdf * double(bsdfPdf(r.bsdf, wo, local)));
+      sum += DVec3(part(r.value(wo, local), lobes)) / (nLight * pl + (nBsdf > 0 ? nBsdf * double(bsdfPdf(r.bsdf, wo, local)) : 0.0));
     }
-    return Vec3(sum / solidAngle);
+    return Vec3(sum / light.irradiance());
   }
 
   DirectUnoccludedSettings s_;

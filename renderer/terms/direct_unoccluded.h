@@ -2,11 +2,12 @@
 // Direct light of one light with visibility 1. Term type "direct_unoccluded", domain ViewSample, plane "L" (3): reflected
 // radiance for nominal power (white * nominal scalar), one scattering event by a non-delta lobe, from the viewer's side of the
 // surface. Light that comes through it from behind (diffuse or rough transmission) is left to the path tracer (planner.cpp).
-// A directional light of some angular size reaches the diffuse lobe from its centre and the others from all of its rectangle: a gloss that is
-// narrower than the light would show one blinding point of it (specular lobes by light and BSDF samples).
+// A rectangle at infinity (those fitted to environments) reaches the diffuse lobe from its centre and the others from all of it: a gloss that
+// is narrower than the light would show one blinding point of it (by light and BSDF samples). A sun of some angular size reaches every lobe
+// from all of its disk.
 // Inputs: G-buffer, surface. The diffuse lobe has a closed form for point, spot, directional, rectangle (polygon form
-// factor, Lambert 1760) and unclipped sphere lights; everything else is the mean over `samples` Owen-scrambled points
-// (16 times as many where a rectangle at infinity lies in the highlight of a narrow lobe).
+// factor, Lambert 1760), unclipped sphere lights and suns; everything else is the mean over `samples` Owen-scrambled points
+// (16 times as many where a light of some angular size at infinity lies in the highlight of a narrow lobe).
 #pragma once
 
 #include "terms/gbuffer.h"
@@ -24,7 +25,6 @@ struct DirectUnoccludedSettings {
   uint64_t seed = 0;
   bool extended = false;  ///< the scene has materials with more lobes than the surface term's planes hold: those are read again
   LobePart lobe = LobePart::Both;
-  Vec2 angularSize{0.0f};  ///< Directional: of a rectangle at infinity (terms/light_points.h); 0: a direction
 };
 NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings);
 

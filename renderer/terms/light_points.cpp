@@ -17,18 +17,31 @@ Vec2 concentricDisk(Vec2 u) {
   return Vec2(r * std::cos(phi), r * std::sin(phi));
 }
 
-LightPoints::LightPoints(const SceneView& view, int light, const Vec2& angularSize) : shape_(view.lightShape(light)) {
+namespace {
+
+/// A direction of the cap around `axis` whose rim has 1 - cosine = `cone`; d in the unit disk, area-preserving.
+Vec3 inCap(const Vec3& axis, float cone, const Vec2& d) {
+  const float drop = glm::dot(d, d) * cone, side = std::sqrt(std::max(cone * (2.0f - drop), 0.0f));
+  const Frame f(axis);
+  return f.x * (d.x * side) + f.y * (d.y * side) + f.z * (1.0f - drop);
+}
+
+}  // namespace
+
+LightPoints::LightPoints(const SceneView& view, int light) : shape_(view.lightShape(light)) {
   GOBO_CHECK(shape_.kind != LightKind::Environment);
   if (shape_.kind == LightKind::Disk) {
     const Frame f(glm::normalize(shape_.axis));
     tangent_ = f.x * shape_.radius;
     bitangent_ = f.y * shape_.radius;
   }
-  if (shape_.kind == LightKind::Directional && angularSize != Vec2(0.0f)) {
+  if (shape_.kind == LightKind::Directional && shape_.angularSize != 0.0f) {
+    const double sine = std::sin(0.5 * double(shape_.angularSize));
+    sun_ = float(sine * sine / (1.0 + std::sqrt(1.0 - sine * sine)));
+  } else if (isWideDirectional(shape_)) {
     const Frame f = mapFrame(shape_);
-    wide_ = true;
-    tangent_ = 0.5f * angularSize.x * f.x;
-    bitangent_ = 0.5f * angularSize.y * f.y;
+    tangent_ = 0.5f * shape_.skyRectangle.x * f.x;
+    bitangent_ = 0.5f * shape_.skyRectangle.y * f.y;
   }
   if (shape_.kind != LightKind::Mesh) return;
   const Instance& instance = view.instances()[shape_.instance];
@@ -54,7 +67,9 @@ bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, L
   bool twoSided = shape_.twoSided;
   switch (shape_.kind) {
     case LightKind::Directional:
-      out.direction = wide_ ? glm::normalize((2.0f * u.x - 1.0f) * tangent_ + (2.0f * u.y - 1.0f) * bitangent_ - shape_.axis) : -shape_.axis;
+      if (pointLike()) out.direction = -shape_.axis;
+      else if (sun_ > 0.0f) out.direction = inCap(-glm::normalize(shape_.axis), sun_, concentricDisk(u));
+      else out.direction = glm::normalize((2.0f * u.x - 1.0f) * tangent_ + (2.0f * u.y - 1.0f) * bitangent_ - shape_.axis);
       out.distance = 3.0e38f;
       break;
     case LightKind::Point:
@@ -113,8 +128,12 @@ bool LightPoints::sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, L
       out.weight = 1.0f;
       break;
     case LightKind::Directional: {
-      const float along = -glm::dot(shape_.axis, out.direction);  // solid angle of an element of the tangent plane: cos^3
-      out.weight = wide_ ? cosine * along * along * along : 1.0f;
+      if (pointLike()) {
+        out.weight = 1.0f;
+      } else if (!(sun_ > 0.0f)) {
+        const float along = -glm::dot(shape_.axis, out.direction);  // solid angle of an element of the tangent plane: cos^3
+        out.weight = cosine * along * along * along;
+      }
       break;
     }
     case LightKind::Rect:

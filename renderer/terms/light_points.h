@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // LightPoints: where shadow rays go. Points spread evenly over one light as a receiver sees it: rectangles, disks and mesh lights by
-// area, spheres by the solid angle of their cone, point-like lights their one direction, directional lights of some angular size the
-// square (by the tangents) around theirs. (Radiance estimators sample by trace/light_sampling.h;
+// area, spheres and suns of some angular size by the solid angle of their cone, point-like lights their one direction, rectangles at
+// infinity by the tangents around theirs. (Radiance estimators sample by trace/light_sampling.h;
 // visibility is a ratio, so it wants points that keep the strata of u and weights that vary slowly.) Immutable; any thread may sample.
 #pragma once
 
@@ -23,10 +23,9 @@ struct LightPoint {
 class LightPoints {
  public:
   /// Reads facets LightShape and, for Mesh lights, Topology, Pose and Coverage of the light's instance. Environment lights are CHECKed against.
-  /// `angularSize`: Directional: 2 tan(half angle) along the x and y of mapFrame() (scene/light_axes.h); other kinds ignore it.
-  explicit LightPoints(const SceneView& view, int light, const Vec2& angularSize = Vec2(0.0f));
+  LightPoints(const SceneView& view, int light);
 
-  bool pointLike() const { return isDeltaLight(shape_.kind) && !wide_; }
+  bool pointLike() const { return isDeltaLight(shape_); }
   /// The point for u in [0,1)^2. False where the light cannot shine on the receiver along it: behind the surface or the light, outside
   /// a spot's cone or a light's range, inside a sphere.
   bool sample(const Vec3& p, const Vec3& N, const Vec3& Ng, Vec2 u, LightPoint& out) const;
@@ -36,10 +35,11 @@ class LightPoints {
     Vec3 a, ab, ac, normal;
   };
   LightShape shape_;
-  Vec3 tangent_{0.0f}, bitangent_{0.0f};  // Disk, wide Directional
+  Vec3 tangent_{0.0f}, bitangent_{0.0f};  // Disk, rectangle at infinity
+  float sun_ = 0.0f;                      // disk at infinity: 1 - cosine of its half angle
   std::vector<Triangle> triangles_;       // Mesh, and the cumulated shares of their areas
   std::vector<double> cumulated_;
-  bool meshTwoSided_ = false, wide_ = false;
+  bool meshTwoSided_ = false;
 };
 
 /// Area-preserving map of the square to the unit disk (Shirley & Chiu 1997): keeps strata compact.

@@ -28,7 +28,6 @@ class VisibilityNode final : public Node {
   }
   void hashParameters(Hasher& h) const override {
     h.add(s_.samples).add(s_.seed);
-    if (s_.angularSize != Vec2(0.0f)) h.add(s_.angularSize.x).add(s_.angularSize.y);
     if (s_.glass != Glass::Solid) h.add("glass").add(s_.glass);
   }
   size_t outputBytes() const override { return s_.extent.elements() * sizeof(float) * size_t(channels()); }
@@ -36,7 +35,7 @@ class VisibilityNode final : public Node {
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_CHECK_EQ(ctx.inputs.size(), size_t(1));
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
-    const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0), s_.angularSize);
+    const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     const SurfaceSamples surface(*ctx.inputs[0]);
     auto term = std::make_shared<Term>("visibility", Domain::ViewSample, ctx.inputs[0]->extent());
     const size_t C = size_t(channels());

@@ -5,11 +5,10 @@
 // V = 1 for background and wherever the light cannot shine anyway (surface turned away, behind the light, outside a spot's cone or
 // range, inside a sphere light): the unoccluded light is zero there, and filters see no false edge. A shading normal
 // that faces the light on a surface that does not gives V = 0.
-// One ray on Point, Spot and Directional lights without angular size (hard shadows); `samples` Owen-scrambled Sobol points per view sample on area lights, each
-// view sample with a scramble of its own. A mesh light counts by area; its emission texture is not read. Cost: one occlusion query per sample.
-// Light that comes through a surface from behind is no part of V.
-// Scenes with surfaces that light passes straight on (trace/straight.h: clear panes, index 1) have an RGB visibility: V f32x3, what
-// of each channel arrives.
+// One ray on Point, Spot and Directional lights without angular size (hard shadows; isDeltaLight()); `samples` Owen-scrambled Sobol points per view sample on
+// area lights, each view sample with a scramble of its own. A mesh light counts by area; its emission texture is not read. Cost: one occlusion query per
+// sample. Light that comes through a surface from behind is no part of V. Scenes with surfaces that light passes straight on (trace/straight.h: clear panes,
+// index 1) have an RGB visibility: V f32x3, what of each channel arrives.
 #pragma once
 
 #include "terms/node.h"
@@ -26,8 +25,7 @@ enum class Glass : uint8_t {
 struct VisibilitySettings {
   uint32_t samples = 16;
   uint64_t seed = 0;
-  Extent extent;           ///< of the G-buffer, for the size estimate
-  Vec2 angularSize{0.0f};  ///< Directional (terms/light_points.h); 0: a point at infinity
+  Extent extent;  ///< of the G-buffer, for the size estimate
   Glass glass = Glass::Solid;
 };
 /// Input 0: "gbuffer". The light is the one in the graph node's `lights`; any kind but Environment.

@@ -8,6 +8,7 @@
 #include "base/check.h"
 #include "trace/area_light_bvh.h"
 #include "trace/area_lights.h"
+#include "trace/distant_light.h"
 #include "trace/environment_distribution.h"
 #include "trace/mesh_light.h"
 
@@ -54,8 +55,9 @@ bool samplePoint(const LightShape& s, const Vec3& p, LightSample& out) {
 struct LightSampler::Impl {
   std::vector<int> slots;          // light index -> record, -1 outside the subset
   std::vector<LightShape> shapes;  // one per record
-  std::vector<int> mesh;           // record -> meshes, -1 for other kinds
+  std::vector<int> own;            // record -> meshes or distant, -1 for other kinds
   std::vector<MeshLight> meshes;
+  std::vector<DistantLight> distant;  // Directional lights of some angular size
   EnvironmentPtr environment;
   std::optional<EnvironmentDistribution> distribution;
   AreaLightBvh area;
@@ -80,14 +82,19 @@ std::shared_ptr<const LightSampler> LightSampler::build(const SceneView& view, c
     m.slots[i] = int(m.shapes.size());
     const LightShape& s = view.lightShape(i);
     m.shapes.push_back(s);
-    m.mesh.push_back(-1);
+    m.own.push_back(-1);
     switch (s.kind) {
       case LightKind::Rect:
       case LightKind::Disk:
       case LightKind::Sphere: area.push_back({i, s, view.lightCameraVisible(i)}); break;
       case LightKind::Mesh:
-        m.mesh.back() = int(m.meshes.size());
+        m.own.back() = int(m.meshes.size());
         m.meshes.emplace_back(view, s.instance, stop);
+        break;
+      case LightKind::Directional:
+        if (isDeltaLight(s)) break;
+        m.own.back() = int(m.distant.size());
+        m.distant.emplace_back(s);
         break;
       case LightKind::Environment:
         m.environment = view.environment();
@@ -111,12 +118,24 @@ bool LightSampler::sample(int i, const Vec3& p, const Vec2& u, LightSample& out)
   switch (s.kind) {
     case LightKind::Point:
     case LightKind::Spot: return samplePoint(s, p, out);
-    case LightKind::Directional: out = {-s.axis, kInfinity, Vec3(1.0f), 1.0f, true}; return true;
+    case LightKind::Directional: {
+      if (impl_->own[r] < 0) {
+        out = {-s.axis, kInfinity, Vec3(1.0f), 1.0f, true};
+        return true;
+      }
+      const DistantLight& sun = impl_->distant[impl_->own[r]];
+      double density;
+      out.direction = sun.sample(u, density);
+      out.distance = kInfinity;
+      out.radiance = Vec3(float(1.0 / sun.irradiance()));
+      out.pdf = float(density);
+      return out.pdf > 0.0f;
+    }
     case LightKind::Environment: out.distance = kInfinity; return impl_->distribution->sample(u, out.direction, out.radiance, out.pdf);
     case LightKind::Rect: ok = sampleRect(s, p, u, a); break;
     case LightKind::Disk: ok = sampleDisk(s, p, u, a); break;
     case LightKind::Sphere: ok = sampleSphere(s, p, u, a); break;
-    case LightKind::Mesh: ok = impl_->meshes[impl_->mesh[r]].sample(p, u, a, radiance); break;
+    case LightKind::Mesh: ok = impl_->meshes[impl_->own[r]].sample(p, u, a, radiance); break;
   }
   if (!ok) return false;
   out = {a.direction, a.distance, radiance, a.pdf, false};
@@ -130,7 +149,8 @@ float LightSampler::pdf(int i, const Vec3& p, const Vec3& direction, float t, ui
     case LightKind::Rect: return rectPdf(s, p, direction, t);
     case LightKind::Disk: return diskPdf(s, p, direction, t);
     case LightKind::Sphere: return spherePdf(s, p);
-    case LightKind::Mesh: return impl_->meshes[impl_->mesh[r]].pdf(p, direction, t, primitive);
+    case LightKind::Directional: return impl_->own[r] < 0 ? 0.0f : float(impl_->distant[impl_->own[r]].pdf(direction));
+    case LightKind::Mesh: return impl_->meshes[impl_->own[r]].pdf(p, direction, t, primitive);
     case LightKind::Environment: return impl_->distribution->pdf(direction);
     default: return 0.0f;
   }
@@ -143,7 +163,12 @@ Vec3 LightSampler::emitted(int i, const Vec3& direction, uint32_t primitive, flo
     case LightKind::Rect:
     case LightKind::Disk: return Vec3(s.twoSided || glm::dot(direction, Ng) < 0.0f ? 1.0f : 0.0f);
     case LightKind::Sphere: return Vec3(glm::dot(direction, Ng) < 0.0f ? 1.0f : 0.0f);
-    case LightKind::Mesh: return impl_->meshes[impl_->mesh[r]].emitted(direction, primitive, u, v);
+    case LightKind::Directional: {
+      if (impl_->own[r] < 0) return Vec3(0.0f);
+      const DistantLight& sun = impl_->distant[impl_->own[r]];
+      return Vec3(sun.pdf(direction) > 0.0 ? float(1.0 / sun.irradiance()) : 0.0f);
+    }
+    case LightKind::Mesh: return impl_->meshes[impl_->own[r]].emitted(direction, primitive, u, v);
     case LightKind::Environment: return impl_->environment ? impl_->environment->eval(direction) : Vec3(0.0f);
     default: return Vec3(0.0f);
   }

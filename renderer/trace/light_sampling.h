@@ -35,7 +35,7 @@ class LightSampler {
   /// (on `primitive` for mesh lights). 0 for delta lights.
   float pdf(int i, const Vec3& p, const Vec3& direction, float t, uint32_t primitive) const;
   /// Emitted radiance for power 1 (white x texture) of a non-delta light towards -direction from a ray hit
-  /// (mesh: uses primitive and barycentrics u, v, and the light's own normal; environment: direction alone).
+  /// (mesh: uses primitive and barycentrics u, v, and the light's own normal; environment and directional: direction alone).
   Vec3 emitted(int i, const Vec3& direction, uint32_t primitive, float u, float v, const Vec3& Ng) const;
   /// Nearest hit with the emitting sides of Rect, Disk, Sphere lights of the subset within (ray.tmin, ray.tmax); -1 if none.
   /// These lights block nothing (shadow rays do not see them): a ray that is to meet every light on its way asks again with

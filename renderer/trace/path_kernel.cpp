@@ -264,8 +264,11 @@ void PathTracer::Impl::traceChunk(int x, int y, const SampleSet& set, uint64_t f
         collectAreaLights(i, done(i), Vec3(rh.ray.org_x[i], rh.ray.org_y[i], rh.ray.org_z[i]), direction(rh.ray, i), hit ? rh.ray.tfar[i] : 3.0e38f);
       if (!hit) {
         if (collects)
-          for (int k : environments)
-            found(i, k, done(i), direction(rh.ray, i), sampler->emitted(lights[k].light, direction(rh.ray, i), 0, 0, 0, Vec3(0.0f)), 3.0e38f, 0);
+          for (int k : environments) {
+            if (paths.fromCamera >> i & 1u && !lights[k].seenByCamera) continue;
+            const Vec3 radiance = sampler->emitted(lights[k].light, direction(rh.ray, i), 0, 0, 0, Vec3(0.0f));
+            if (maxComponent(radiance) > 0.0f) found(i, k, done(i), direction(rh.ray, i), radiance, 3.0e38f, 0);
+          }
         continue;
       }
       const uint32_t instance = rh.hit.instID[0][i] == RTC_INVALID_GEOMETRY_ID ? rh.hit.geomID[i] : rh.hit.instID[0][i];

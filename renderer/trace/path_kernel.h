@@ -47,7 +47,7 @@ struct PathTracer::Impl {
   };
   std::vector<LightInfo> lights;  // by k
   std::vector<int> meshLight;     // by instance: k, -1 for none
-  std::vector<int> environments;  // k
+  std::vector<int> environments;  // k of what a ray finds that leaves the scene: maps, suns of some size
   std::vector<int> areaLights;    // k of Rect, Disk, Sphere
   std::vector<LightShape> areaShapes;
   std::vector<float> areaX, areaY, areaZ, areaRadius2;  // bounding spheres of areaLights

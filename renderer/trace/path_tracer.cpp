@@ -98,7 +98,7 @@ bool PathTracer::Impl::prepareLights(const SceneView& view, const StopToken& sto
     info.slot = settings.groupOf[k] * perGroup;
     info.kind = shape.kind;
     info.nominal = settings.nominal[k];
-    info.seenByCamera = rayReaches(shape.kind, view.lightCameraVisible(subset[k]), Receiver::Camera, Passage::Open);
+    info.seenByCamera = rayReaches(shape, view.lightCameraVisible(subset[k]), Receiver::Camera, Passage::Open);
     lights.push_back(info);
     if (!(luminance(info.nominal) > 0.0f)) continue;  // traced as black: nothing to find
     switch (shape.kind) {
@@ -106,6 +106,9 @@ bool PathTracer::Impl::prepareLights(const SceneView& view, const StopToken& sto
         meshLight[shape.instance] = int(k);
         hittable = true;
         break;
+      case LightKind::Directional:
+        if (isDeltaLight(shape)) break;
+        [[fallthrough]];
       case LightKind::Environment:
         environments.push_back(int(k));
         hittable = true;

@@ -2,7 +2,7 @@
 // The reference: a unidirectional path tracer with next-event estimation and MIS for every light kind (power heuristic,
 // Veach 1997), light selection by tree, and Russian roulette that keeps a path with chance sqrt(throughput) (by throughput itself it
 // costs 13 to 19 % noise a sample in rooms, half of that this way, for 1 to 11 % more rays). Which light it reaches through what:
-// trace/reach.h. Not joined: a delta light through a specular chain (caustics of Point, Spot, Directional through mirrors or smooth
+// trace/reach.h. Not joined: a delta light through a specular chain (caustics of Point, Spot and hard Directional lights through mirrors or smooth
 // refraction); such paths are no part of any class that it reports.
 // Rect, Disk and Sphere lights are transparent: rays pass through them and collect what they emit, shadow rays ignore them.
 // Light goes straight on through clear panes and boundaries of index 1 (trace/straight.h): shadow rays bring what is left of it, and

@@ -124,7 +124,7 @@ std::shared_ptr<const CausticTracer> CausticTracer::create(const SceneView& view
   for (size_t k = 0; k < subset.size(); ++k) {
     const LightShape& shape = view.lightShape(subset[k]);
     const Vec3& nominal = settings.path.nominal[k];
-    if (!photonReaches(shape.kind, Receiver::Surface, Passage::Specular) || !(maxComponent(nominal) > 0.0f) || targets.empty()) continue;
+    if (!photonReaches(shape, Receiver::Surface, Passage::Specular) || !(maxComponent(nominal) > 0.0f) || targets.empty()) continue;
     MediumStack around;
     around.clear();
     if (shape.kind != LightKind::Directional && !surfaces.interiors().empty())

@@ -8,6 +8,8 @@
 // Ray and shadow ray may both find a light: they are weighted against each other (Veach 1997). Photons have what neither finds.
 // Lights with cameraVisible = false are hidden from camera rays and from what sees them as a camera ray would, straight through
 // clear panes and boundaries of index 1. They light everything: mirrors and refraction show them, volumes scatter their light.
+// A directional light of some angular size is hidden from the camera in the same way, always: a sun belongs in the map that is seen
+// behind the scene.
 #pragma once
 
 #include <cstdint>
@@ -29,20 +31,20 @@ inline constexpr Passage kPassages[] = {Passage::Open, Passage::Boundary, Passag
 /// Shadow rays ask for every kind of light, at surfaces and in volumes, and go on through what bends nothing (trace/straight.h).
 constexpr bool shadowRayReaches(LightKind, Receiver from, Passage through) { return from != Receiver::Camera && through != Passage::Specular; }
 
-constexpr bool rayReaches(LightKind kind, bool cameraVisible, Receiver from, Passage through) {
-  if (isDeltaLight(kind)) return false;
-  return cameraVisible || from != Receiver::Camera || through == Passage::Specular;
+constexpr bool rayReaches(const LightShape& light, bool cameraVisible, Receiver from, Passage through) {
+  if (isDeltaLight(light)) return false;
+  return (cameraVisible && light.kind != LightKind::Directional) || from != Receiver::Camera || through == Passage::Specular;
 }
 
-constexpr bool photonReaches(LightKind kind, Receiver from, Passage through) {
-  return isDeltaLight(kind) && from == Receiver::Surface && !shadowRayReaches(kind, from, through);
+constexpr bool photonReaches(const LightShape& light, Receiver from, Passage through) {
+  return isDeltaLight(light) && from == Receiver::Surface && !shadowRayReaches(light.kind, from, through);
 }
 
 /// Light that the scene has and no estimator finds. What the camera itself does not see is no such light: a hidden lamp by
 /// intent, a point, spot or directional one (or its mirror image) because it has no area.
-constexpr bool outOfReach(LightKind kind, bool cameraVisible, Receiver from, Passage through, bool photons) {
-  return from != Receiver::Camera && !shadowRayReaches(kind, from, through) && !rayReaches(kind, cameraVisible, from, through) &&
-         !(photons && photonReaches(kind, from, through));
+constexpr bool outOfReach(const LightShape& light, bool cameraVisible, Receiver from, Passage through, bool photons) {
+  return from != Receiver::Camera && !shadowRayReaches(light.kind, from, through) && !rayReaches(light, cameraVisible, from, through) &&
+         !(photons && photonReaches(light, from, through));
 }
 
 }  // namespace gobo

@@ -150,7 +150,7 @@ inline TriedPicture triedPicture(const std::string& name, int size, int spp, con
 inline std::vector<TriedPicture> triedPictures(const Scene& scene, int size) {
   bool delta = false, area = false, sky = false;
   for (const Light& l : scene.lights) {
-    delta = delta || isDeltaLight(l.shape.kind);
+    delta = delta || isDeltaLight(l.shape);
     area = area || l.shape.kind == LightKind::Rect || l.shape.kind == LightKind::Disk || l.shape.kind == LightKind::Sphere;
     sky = sky || l.shape.kind == LightKind::Environment;
   }

@@ -81,7 +81,16 @@ class LightTracer {
         return {s.position, Frame(s.axis).toWorld(Vec3(r * std::cos(phi), r * std::sin(phi), c)), power * 2 * M_PI * (1 - double(s.cosOuter)) * ramp * ramp,
                 around_};
       }
-      case LightKind::Directional: return {onDisk(centre_ - 2.0f * radius_ * s.axis, s.axis, radius_, u), s.axis, power * M_PI * double(radius_) * radius_, -1};
+      case LightKind::Directional: {
+        if (s.angularSize != 0.0f) {  // uniform radiance over a disk at infinity
+          const float half = 0.5f * s.angularSize, c = 1.0f - v.x * (1.0f - std::cos(half)), r = std::sqrt(1.0f - c * c), phi = float(2 * M_PI) * v.y;
+          const Vec3 d = Frame(s.axis).toWorld(Vec3(r * std::cos(phi), r * std::sin(phi), c));
+          const double radiance = power / (M_PI * double(std::sin(half)) * std::sin(half));
+          return {onDisk(centre_ - 2.0f * radius_ * d, d, radius_, u), d, radiance * 2 * M_PI * (1 - std::cos(double(half))) * M_PI * double(radius_) * radius_,
+                  -1};
+        }
+        return {onDisk(centre_ - 2.0f * radius_ * s.axis, s.axis, radius_, u), s.axis, power * M_PI * double(radius_) * radius_, -1};
+      }
       case LightKind::Rect: {
         const double area = 4.0 * glm::length(s.u) * glm::length(s.v);
         return {s.position + s.u * (2 * u.x - 1) + s.v * (2 * u.y - 1), cosine(s.axis, v), power * area * M_PI, around_};

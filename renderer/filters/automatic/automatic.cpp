@@ -28,10 +28,7 @@ constexpr uint32_t kEnvironmentRays = 4;             // bench/environment_bench
 constexpr int kHardPixels = 400, kSoftPixels = 250;  // penumbras are wide, edges are not
 constexpr double kNearMiss = 1.25;                   // what a probe cannot tell apart
 
-bool areaLight(const ShadowInput& input) {
-  const LightKind k = input.scene->lights[size_t(input.light)].shape.kind;
-  return k == LightKind::Rect || k == LightKind::Disk || k == LightKind::Sphere || input.angularSize != Vec2(0.0f);
-}
+bool areaLight(const LightShape& s) { return s.kind == LightKind::Rect || s.kind == LightKind::Disk || s.kind == LightKind::Sphere || isWideDirectional(s); }
 
 struct Shapes {
   double triangles = 0, alpha = 0;
@@ -52,8 +49,8 @@ Shapes shapesOf(const Scene& scene) {
 Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique,
                                      const std::function<Result<TermPtr>(const Graph&, NodeId)>& expand) {
   const Light& light = input.scene->lights[size_t(input.light)];
-  const bool soft = areaLight(input), mapped = shadowMapSupports(light.shape.kind);
-  const bool delta = isDeltaLight(light.shape.kind) && !soft;
+  const bool soft = areaLight(light.shape), mapped = shadowMapSupports(light.shape.kind);
+  const bool delta = isDeltaLight(light.shape);
   const ShadowMapSettings base = shadowMapSettings(technique.map());
   AutomaticChoice choice;
   ShadowProbeSettings probe;
@@ -65,7 +62,8 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   const Shapes shapes = shapesOf(*input.scene);
   const double deep = (1.0 + cost.tree * std::log2(1.0 + shapes.triangles / 1000.0)) * (1.0 + cost.alpha * shapes.alpha / std::max(shapes.triangles, 1.0));
 
-  if (input.angularSize != Vec2(0.0f)) {  // one of many lights that stand for an environment: their noise averages out, a map's errors add up
+  if (light.shape.kind == LightKind::Directional &&
+      light.shape.skyRectangle != Vec2(0.0f)) {  // one of many lights that stand for an environment: their noise averages out, a map's errors add up
     AutomaticCandidate c;
     c.technique.mutable_ray_traced()->set_samples(kEnvironmentRays);
     c.text = "ray_traced, " + std::to_string(kEnvironmentRays) + " rays";
@@ -152,12 +150,8 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
     const AutomaticCandidate& best = choice.candidates[choice.chosen];
     const bool first = k == 0;
     if (!first && (a.has_time_ms() ? c.ms > a.time_ms() && best.ms <= a.time_ms() : best.rmse <= error && c.ms >= best.ms)) continue;
-    MapProbeSettings m{std::move(maps[k - probe.rays.size()]),
-                       base.bias,
-                       base.slopeBias,
-                       soft ? softLight(light.shape, input.angularSize).size : Vec2(0.0f),
-                       input.viewSamples,
-                       input.clear};
+    MapProbeSettings m{std::move(maps[k - probe.rays.size()]),          base.bias,         base.slopeBias,
+                       soft ? softLight(light.shape).size : Vec2(0.0f), input.viewSamples, input.clear};
     const std::string label = "map_probe:" + light.name + " " + std::to_string(m.map.resolution);
     const NodeId id = graph.add({makeMapProbeNode(m), {node}, {}, label, 0, input.scene, false});
     GOBO_ASSIGN(const TermPtr term, expand(graph, id));

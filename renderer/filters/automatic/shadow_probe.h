@@ -37,7 +37,7 @@ NodePtr makeShadowProbeNode(const ShadowProbeSettings& settings);
 struct MapProbeSettings {
   ProbeMap map;
   float bias = 0.0005f, slopeBias = 1.0f;
-  Vec2 size{0.0f};  ///< soft shadows: full width of the light along its map's axes, metres; 0: hard
+  Vec2 size{0.0f};  ///< soft shadows: SoftLight::size (filters/soft_shadow/soft_shadow.h); 0: hard
   int viewSamples = 1;
   bool clear = false;  ///< as the shadow probe's
 };

@@ -21,10 +21,9 @@ Result<NodeId> plan(Graph& graph, const ShadowInput& input, const v1::ShadowTech
   if (!supports(light.shape.kind)) return invalidArgument("light '" + light.name + "' is an environment: it has no visibility term");
   VisibilitySettings s;
   // Hard shadows do not depend on the samples asked for or on the seed: one key for all.
-  const bool hard = isDeltaLight(light.shape.kind) && input.angularSize == Vec2(0.0f);
+  const bool hard = isDeltaLight(light.shape);
   s.samples = hard ? 1 : uint32_t(numberParameter(technique.ray_traced(), "samples"));
   s.seed = hard ? 0 : shadowSeed(input);
-  if (light.shape.kind == LightKind::Directional) s.angularSize = input.angularSize;
   if (input.clear) s.glass = Glass::Seen;
   s.extent = {input.width, input.height, input.viewSamples};
   return graph.add({makeVisibilityNode(s), {input.gbuffer}, {input.light}, "visibility:" + light.name, 0, input.scene, false});

@@ -49,7 +49,7 @@ CameraFit cameraFit(const ShadowInput& input, const v1::ShadowTechnique& techniq
   fit.aspect = float(std::max(input.width, 1)) / float(std::max(input.height, 1));
   fit.pancake = !isSoft(technique);
   switch (light.kind) {
-    case LightKind::Directional: fit.lightHalf = 0.5f * input.angularSize; break;
+    case LightKind::Directional: fit.lightHalf = light.angularSize != 0.0f ? Vec2(std::tan(0.5f * light.angularSize)) : 0.5f * light.skyRectangle; break;
     case LightKind::Disk:
     case LightKind::Sphere: fit.lightHalf = Vec2(light.radius); break;
     case LightKind::Rect:

@@ -13,7 +13,7 @@
 // products with z, or moments, in boxes of constant cost.
 //
 // Lights: Rect (width and height apart: the map's axes are the rectangle's), Disk as the square of equal area, Sphere as the square of equal area
-// across the direction to it (six faces), Directional with an angular size (2 tan of half the angle; 0: one texel).
+// across the direction to it (six faces), Directional of some angular size as the square at infinity of equal solid angle (one without: one texel).
 // Kernels are at least one texel wide; what lies outside the map is left out of means. Kernels may be wider than the map.
 // Receivers: where the whole light is below the shading normal's horizon V = 1 (terms/visibility.h), below the geometric one's only V = 0;
 // where it is partly below, V is the visible part of what is above.
@@ -35,8 +35,8 @@ struct SoftLight {
   void hash(Hasher& h) const { h.addPod(size).addPod(half).add(int(shape)); }
 };
 
-/// A light as soft shadow maps see it: a disk or sphere by the square of equal area. `angularSize`: ShadowInput's, for distant lights.
-SoftLight softLight(const LightShape& light, const Vec2& angularSize);
+/// A light as soft shadow maps see it: a disk or sphere by the square of equal area, a sun by that of equal solid angle.
+SoftLight softLight(const LightShape& light);
 
 struct SoftLookup {
   LightFrames frames;

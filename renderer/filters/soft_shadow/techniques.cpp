@@ -1,13 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/soft_shadow/techniques.h"
 
+#include <cmath>
+
 #include "filters/parameter.h"
 #include "filters/shadow_map/techniques.h"
 #include "filters/soft_shadow/moment_sums.h"
 
 namespace gobo {
 
-SoftLight softLight(const LightShape& l, const Vec2& angularSize) {
+namespace {
+
+/// 2 tan(half angle) of the side of a square at infinity that has the solid angle of a disk of this full angle:
+/// 4 asin(h^2 / (1 + h^2)) = 2 pi (1 - cos(angle / 2)), h the tangent of half its side.
+float squareAtInfinity(double angle) {
+  const double sine = std::sin(0.5 * angle), gap = sine * sine / (1.0 + std::sqrt(1.0 - sine * sine)), share = std::sin(0.5 * M_PI * gap);
+  return float(2.0 * std::sqrt(share / (1.0 - share)));
+}
+
+}  // namespace
+
+SoftLight softLight(const LightShape& l) {
   SoftLight s;
   const float square = std::sqrt(kPi) * l.radius;  // side of the square of a disk's area
   switch (l.kind) {
@@ -21,7 +34,17 @@ SoftLight softLight(const LightShape& l, const Vec2& angularSize) {
       s.size = Vec2(square);
       s.shape = l.kind == LightKind::Disk ? SoftLight::Disk : SoftLight::Sphere;
       break;
-    default: s.size = angularSize; s.half = 0.5f * angularSize;
+    case LightKind::Directional:
+      if (l.angularSize != 0.0f) {
+        s.size = Vec2(squareAtInfinity(l.angularSize));
+        s.half = Vec2(std::tan(0.5f * l.angularSize));
+        s.shape = SoftLight::Disk;
+      } else {
+        s.size = l.skyRectangle;
+        s.half = 0.5f * l.skyRectangle;
+      }
+      break;
+    default: break;
   }
   return s;
 }
@@ -40,8 +63,7 @@ Result<Planned> planMap(Graph& graph, const ShadowInput& input, const v1::Shadow
   const Light& light = input.scene->lights.at(size_t(input.light));
   if (!softShadowSupports(light.shape.kind))
     return invalidArgument("light '" + light.name + "' has no width: soft shadow maps are made for rectangles, disks, spheres and distant lights", "shadows");
-  if (!isFinite(light.shape.u) || !isFinite(light.shape.v) || !std::isfinite(light.shape.radius) || !(input.angularSize.x >= 0.0f) ||
-      !(input.angularSize.y >= 0.0f) || !std::isfinite(input.angularSize.x) || !std::isfinite(input.angularSize.y))
+  if (!isFinite(light.shape.u) || !isFinite(light.shape.v) || !std::isfinite(light.shape.radius))
     return invalidArgument("light '" + light.name + "': its size is not finite", "shadows");
   Planned p;
   GOBO_ASSIGN(p.map, planShadowMap(graph, input, technique, 1));
@@ -49,7 +71,7 @@ Result<Planned> planMap(Graph& graph, const ShadowInput& input, const v1::Shadow
   l.frames = p.map.frames;
   l.map = p.map.map;
   l.view = p.map.view;
-  l.light = softLight(light.shape, input.angularSize);
+  l.light = softLight(light.shape);
   return p;
 }
 

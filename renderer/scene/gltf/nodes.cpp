@@ -256,8 +256,12 @@ class Tree {
     l.power = glm::max(at["color"].vector(Vec3(1.0f)), Vec3(0.0f)) * float(at["intensity"].number(1.0, 0.0, 1e30));
     l.shape.range = float(at["range"].number(0.0, 0.0, 3e38));
     if (type == "point") l.shape.kind = LightKind::Point;
-    else if (type == "directional") l.shape.kind = LightKind::Directional;
-    else if (type == "spot") {
+    else if (type == "directional") {
+      l.shape.kind = LightKind::Directional;
+      const Cursor size = at["extras"]["gobo_light"]["angularSize"];
+      l.shape.angularSize = float(size.number(0.0, 0.0, 0.5 * kPi));
+      if (l.shape.angularSize != 0.0f && l.shape.angularSize < kLeastAngularSize) size.fail("angularSize is below 1.7e-6 radians and not 0");
+    } else if (type == "spot") {
       l.shape.kind = LightKind::Spot;
       const double inner = at["spot"]["innerConeAngle"].number(0.0, 0.0, kPi), outer = at["spot"]["outerConeAngle"].number(0.25 * kPi, 0.0, kPi);
       if (inner > outer) at["spot"]["innerConeAngle"].fail("inner cone is wider than the outer");

@@ -7,18 +7,18 @@
 namespace gobo {
 
 // Photons have specular chains alone: the plan looks for nothing else.
-static_assert(!photonReaches(LightKind::Point, Receiver::Surface, Passage::Boundary) && !photonReaches(LightKind::Point, Receiver::Surface, Passage::Pane));
+static_assert(!photonReaches(LightShape{}, Receiver::Surface, Passage::Boundary) && !photonReaches(LightShape{}, Receiver::Surface, Passage::Pane));
 
 CausticPlan causticPlan(const Scene& scene, const MaterialKinds& kinds, const v1::Integrator& integrator) {
   CausticPlan plan;
   const bool lights =
-      std::any_of(scene.lights.begin(), scene.lights.end(), [](const Light& l) { return photonReaches(l.shape.kind, Receiver::Surface, Passage::Specular); });
+      std::any_of(scene.lights.begin(), scene.lights.end(), [](const Light& l) { return photonReaches(l.shape, Receiver::Surface, Passage::Specular); });
   const bool some = lights && kinds.specular, asked = integrator.caustic_photons() > 0;
   Vec3 lo, hi;
   scene.bounds(lo, hi);
   const float radius = float(integrator.caustic_radius()) * glm::length(hi - lo);
   if (!asked) plan.pruned = some ? "integrator.caustic_photons is 0" : "";
-  else if (!lights) plan.pruned = "the scene has no point, spot or directional light";
+  else if (!lights) plan.pruned = "the scene has no point, spot or hard directional light";
   else if (!kinds.specular) plan.pruned = "no surface is a mirror or smooth glass";
   else if (!integrator.indirect() || integrator.max_bounces() == 0) plan.pruned = "indirect light is off";
   else if (!(radius > 0.0f) || !std::isfinite(radius)) plan.pruned = "the scene has no size";
@@ -42,7 +42,7 @@ std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveSc
   all.settings.byLobe = byLobe;
   CausticTask one = all;
   for (size_t l = 0; l < lights.size(); ++l) {
-    if (!photonReaches(lights[l].shape.kind, Receiver::Surface, Passage::Specular)) continue;
+    if (!photonReaches(lights[l].shape, Receiver::Surface, Passage::Specular)) continue;
     all.lights.push_back(int(l));
     all.groups.push_back(relight.groupOf[l]);
     all.settings.path.nominal.push_back(relight.nominal[l]);

@@ -80,7 +80,7 @@ v1::ShadowTechnique shadowTechniqueOf(PlanContext& c, int light, const ScenePtr&
   return t;
 }
 
-Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, const v1::ShadowTechnique& t, const Vec2& angularSize) {
+Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, const v1::ShadowTechnique& t) {
   ShadowInput in;
   in.scene = scene;
   in.light = light;
@@ -90,7 +90,6 @@ Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, 
   in.height = c.view().height;
   in.viewSamples = c.view().viewSamples;
   in.seed = c.request().seed();
-  in.angularSize = angularSize;
   in.clear = c.kinds().clear;
   if (t.has_auto_()) return automatic(c, in, t);
   const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
@@ -98,17 +97,17 @@ Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, 
   return planned(c, *entry, in, t);
 }
 
-NodeId planUnoccluded(PlanContext& c, int light, const ScenePtr& scene, const Vec3& nominal, bool transient, LobePart lobe, const Vec2& angularSize) {
+NodeId planUnoccluded(PlanContext& c, int light, const ScenePtr& scene, const Vec3& nominal, bool transient, LobePart lobe) {
   DirectUnoccludedSettings s;
-  s.angularSize = angularSize;
   s.lobe = lobe;
   s.view = c.view();
   s.light = light;
   s.nominal = nominal;
-  const bool delta = isDeltaLight(scene->lights[size_t(light)].shape.kind);  // evaluated, not sampled: seed and count are no part of its key
-  const bool square = angularSize != Vec2(0.0f);
+  const LightShape& shape = scene->lights[size_t(light)].shape;
+  const bool delta = isDeltaLight(shape);  // evaluated, not sampled: seed and count are no part of its key
+  const bool square = shape.kind == LightKind::Directional && shape.skyRectangle != Vec2(0.0f);
   s.samples = square ? kSquareSamples : delta ? 1 : kUnoccludedSamples;
-  s.seed = delta && !square ? 0 : c.request().seed();
+  s.seed = delta ? 0 : c.request().seed();
   s.extended = c.kinds().extended;
   return c.source(makeDirectUnoccludedNode(s), {c.gbuffer(), c.surface()}, {light}, withLobe("unoccluded:" + scene->lights[size_t(light)].name, lobe), scene,
                   transient);

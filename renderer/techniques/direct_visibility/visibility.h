@@ -14,11 +14,9 @@ namespace gobo {
 v1::ShadowTechnique shadowTechniqueOf(PlanContext& context, int light, const ScenePtr& scene, const std::string& name);
 
 /// Term with plane "V". shadows.auto is chosen here, by a probe that runs while planning.
-Result<NodeId> planVisibility(PlanContext& context, int light, const ScenePtr& scene, const v1::ShadowTechnique& technique,
-                              const Vec2& angularSize = Vec2(0.0f));
+Result<NodeId> planVisibility(PlanContext& context, int light, const ScenePtr& scene, const v1::ShadowTechnique& technique);
 
 /// Term with plane "L": what the light sends to the camera by one scattering event if nothing is in the way, at power `nominal`.
-NodeId planUnoccluded(PlanContext& context, int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false, LobePart lobe = LobePart::Both,
-                      const Vec2& angularSize = Vec2(0.0f));
+NodeId planUnoccluded(PlanContext& context, int light, const ScenePtr& scene, const Vec3& nominal, bool transient = false, LobePart lobe = LobePart::Both);
 
 }  // namespace gobo

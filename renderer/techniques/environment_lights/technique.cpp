@@ -21,7 +21,6 @@ constexpr uint64_t kKeptBytes = uint64_t(256) << 20;  // terms of lights in the 
 
 struct FoundLights {
   std::vector<Light> lights;
-  std::vector<Vec2> angularSizes;
   std::array<Vec3, 9> ambient{};
 };
 
@@ -44,8 +43,8 @@ FoundLights placeholders(const PlanContext& c) {
     const float angle = 0.5f + float(i);  // apart from each other: equal nodes are one
     light.shape.axis = Vec3(0.6f * std::cos(angle), -0.8f, 0.6f * std::sin(angle));
     light.shape.u = Vec3(-std::sin(angle), 0.0f, std::cos(angle));
+    if (squares(c)) light.shape.skyRectangle = Vec2(0.1f);
     out.lights.push_back(light);
-    out.angularSizes.push_back(squares(c) ? Vec2(0.1f) : Vec2(0.0f));
   }
   if (squares(c)) out.ambient.fill(Vec3(1.0f));
   return out;
@@ -68,10 +67,12 @@ Result<FoundLights> findLights(PlanContext& c) {
     light.name = "environment/" + std::to_string(i);
     light.shape.kind = LightKind::Directional;
     light.shape.axis = -toWorld(directions, i);
-    if (squares(c)) light.shape.u = toWorld(term->floats("right"), i);
+    if (squares(c)) {
+      light.shape.u = toWorld(term->floats("right"), i);
+      light.shape.skyRectangle = Vec2(term->floats("angularSize")[2 * i], term->floats("angularSize")[2 * i + 1]);
+    }
     light.power = Vec3(irradiance[3 * i], irradiance[3 * i + 1], irradiance[3 * i + 2]);
     out.lights.push_back(light);
-    out.angularSizes.push_back(squares(c) ? Vec2(term->floats("angularSize")[2 * i], term->floats("angularSize")[2 * i + 1]) : Vec2(0.0f));
   }
   if (squares(c))
     for (int i = 0; i < 9; ++i)
@@ -122,7 +123,7 @@ class EnvironmentLights final : public Technique {
   static Status planFolds(PlanContext& c, const ScenePtr& extended, int first, const FoundLights& found, const Vec3& nominal, int group) {
     const int count = int(found.lights.size());
     v1::ShadowTechnique t = shadowTechniqueOf(c, first, extended, "environment");
-    if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(found.angularSizes[0] == Vec2(0.0f) ? 1 : 4);
+    if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(squares(c) ? 4 : 1);
     c.surface();  // made (and kept) before any node that is marked transient below
     const uint64_t kept = uint64_t(count) * c.view().width * c.view().height * c.view().viewSamples * 16;
     const bool keep = kept <= kKeptBytes;
@@ -133,8 +134,8 @@ class EnvironmentLights final : public Technique {
         if (c.stop().stopRequested()) return Status(Code::Cancelled, "stopped");
         const int before = c.graph().size();
         const size_t k = size_t(i);
-        pairs.push_back(planUnoccluded(c, first + i, extended, found.lights[k].power * nominal, !keep, lobe, found.angularSizes[k]));
-        GOBO_ASSIGN(const NodeId v, planVisibility(c, first + i, extended, t, found.angularSizes[k]));
+        pairs.push_back(planUnoccluded(c, first + i, extended, found.lights[k].power * nominal, !keep, lobe));
+        GOBO_ASSIGN(const NodeId v, planVisibility(c, first + i, extended, t));
         if (!keep) c.graph().markTransient(before, v);
         pairs.push_back(v);
       }

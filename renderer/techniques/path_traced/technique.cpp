@@ -10,7 +10,7 @@ namespace gobo {
 
 namespace {
 
-bool cameraReaches(const Light& light) { return rayReaches(light.shape.kind, light.cameraVisible, Receiver::Camera, Passage::Open); }
+bool cameraReaches(const Light& light) { return rayReaches(light.shape, light.cameraVisible, Receiver::Camera, Passage::Open); }
 
 std::string labelOf(PathSet paths) {
   if (paths == PathSet::Emission) return "emission";

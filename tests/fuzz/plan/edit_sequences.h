@@ -31,6 +31,7 @@ class EditSequence {
     (void)setPath(request_, "lights.lamp.position=0.2,1.6,0.4");
     (void)setPath(request_, "lights.lamp.direction=0,-1,-0.2");
     (void)setPath(request_, "lights.lamp.radius=0.2");
+    (void)setPath(request_, "lights.lamp.angular_size_deg=" + std::to_string(seed % 3 * 4));
     (void)setPath(request_, "lights.lamp.outer_deg=50");
     (void)setPath(request_, "lights.lamp.intensity=3");
   }

@@ -45,7 +45,7 @@ DVec3 left(const PaneKind& pane, double cosine) {
 }
 
 /// Light kinds that techniques know; the mesh light comes from a material.
-ScenePtr stage(LightKind kind, const PaneKind* pane) {
+ScenePtr stage(LightKind kind, const PaneKind* pane, float angularSize = 0.0f) {
   SceneMaker m;
   m.instance(m.mesh(ground(2.0f), m.material(Vec3(0.6f))));
   m.instance(m.mesh(box(Vec3(-0.5f, 0, -0.5f), Vec3(0.3f, 0.5f, 0.1f)), m.material(Vec3(0.6f))));
@@ -73,6 +73,7 @@ ScenePtr stage(LightKind kind, const PaneKind* pane) {
     s.kind = kind;
     s.position = kLamp;
     s.axis = kind == LightKind::Directional ? glm::normalize(Vec3(0.6f, -1, 0.4f)) : Vec3(0, -1, 0);
+    s.angularSize = angularSize;
     s.radius = 0.02f;
     s.u = Vec3(0.02f, 0, 0);
     s.v = Vec3(0, 0, 0.02f);
@@ -84,16 +85,16 @@ ScenePtr stage(LightKind kind, const PaneKind* pane) {
   return m.finish();
 }
 
-void expectTinted(LightKind kind, const v1::ShadowTechnique& technique, double tolerance) {
+void expectTinted(LightKind kind, const v1::ShadowTechnique& technique, double tolerance, float angularSize = 0.0f) {
   const ShadowPicture picture{20, 16, 1};
-  const ScenePtr bareScene = stage(kind, nullptr);
+  const ScenePtr bareScene = stage(kind, nullptr, angularSize);
   const ShadowRun bare = runShadow(bareScene, technique, picture);
   ASSERT_TRUE(bare.ok()) << bare.status.toString();
   ASSERT_EQ(bare.terms[size_t(bare.visibility)]->channels("V"), 1) << "one channel where no glass is";
   const LightShape& shape = bareScene->lights.at(0).shape;
   for (const PaneKind& pane : kPanes) {
     SCOPED_TRACE(pane.name);
-    const ShadowRun with = runShadow(stage(kind, &pane), technique, picture);
+    const ShadowRun with = runShadow(stage(kind, &pane, angularSize), technique, picture);
     ASSERT_TRUE(with.ok()) << with.status.toString();
     ASSERT_EQ(with.terms[size_t(with.visibility)]->channels("V"), 3);
     size_t lit = 0, shadowed = 0;
@@ -117,6 +118,11 @@ void expectTinted(LightKind kind, const v1::ShadowTechnique& technique, double t
   }
 }
 
+bool isPunctual(LightKind k) {
+  LightShape s;
+  s.kind = k;
+  return isDeltaLight(s);
+}
 std::vector<LightKind> kindsOf(const char* technique) {
   std::vector<LightKind> kinds;
   for (const ShadowTechniqueEntry& e : shadowTechniques())
@@ -131,8 +137,9 @@ TEST(ClearGlass, RaysSeeThroughPanesUnderEveryLight) {
   EXPECT_EQ(kindsOf("ray_traced").size(), 7u);
   for (const LightKind k : kindsOf("ray_traced")) {
     SCOPED_TRACE(int(k));
-    expectTinted(k, rayTraced(8), isDeltaLight(k) ? 2e-5 : 2e-3);
+    expectTinted(k, rayTraced(8), isPunctual(k) ? 2e-5 : 2e-3);
   }
+  expectTinted(LightKind::Directional, rayTraced(8), 2e-3, 0.02f);
 }
 
 TEST(ClearGlass, AxisAlignedSeesThroughPanes) {
@@ -168,8 +175,8 @@ TEST(ClearGlass, ShadowMapsLeaveThePanesToRays) {
     technique.mutable_map()->set_resolution(64);
     for (const LightKind k : kindsOf(t.name.c_str())) {
       SCOPED_TRACE(t.name + " " + std::to_string(int(k)));
-      if (k == LightKind::Directional && t.name.find("soft") != std::string::npos) continue;  // soft by an angular size
-      expectTinted(k, technique, isDeltaLight(k) ? 2e-5 : 2e-3);
+      const bool sun = k == LightKind::Directional && t.name.find("soft") != std::string::npos;
+      expectTinted(k, technique, isPunctual(k) && !sun ? 2e-5 : 2e-3, sun ? 0.02f : 0.0f);
       if (HasFailure()) return;
     }
   }

@@ -173,6 +173,17 @@ TEST(SoftShadowScenes, TreesUnderADisk) {
   compare(s, "trees", 0.3, 3);
 }
 
+TEST(SoftShadowScenes, TreesUnderASunOfSomeSize) {
+  Stage s;
+  LightShape sun;
+  sun.kind = LightKind::Directional;
+  sun.axis = -glm::normalize(Vec3(0.45f, 0.75f, 0.5f));
+  sun.angularSize = 0.1f;
+  s.scene = withLight("trees", sun);
+  s.camera = "front";
+  compare(s, "trees, sun", 0.3, 3);
+}
+
 TEST(SoftShadowScenes, SphereInTheMiddleOfSpheres) {
   Stage s;
   LightShape sphere;

@@ -45,7 +45,7 @@ TEST(CausticPlans, OnlyWhereThereIsSomethingToFind) {
   v1::RenderRequest area = spheres();
   set(area, "lights.lamp.kind=SPHERE");
   set(area, "lights.lamp.radius=0.2");
-  EXPECT_EQ(nodesBy(mustRender(*engine, area), v1::NodeReport::PRUNED).at("caustics").reason(), "the scene has no point, spot or directional light");
+  EXPECT_EQ(nodesBy(mustRender(*engine, area), v1::NodeReport::PRUNED).at("caustics").reason(), "the scene has no point, spot or hard directional light");
   v1::RenderRequest dull = spheres();
   dull.set_scene("cornell");
   EXPECT_EQ(nodesBy(mustRender(*engine, dull), v1::NodeReport::PRUNED).at("caustics").reason(), "no surface is a mirror or smooth glass");

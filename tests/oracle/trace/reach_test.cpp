@@ -94,18 +94,32 @@ const Barrier kBarriers[] = {
     {"normal_map", Passage::Open},
 };
 
-constexpr LightKind kKinds[] = {LightKind::Point, LightKind::Spot,   LightKind::Directional, LightKind::Rect,
-                                LightKind::Disk,  LightKind::Sphere, LightKind::Mesh,        LightKind::Environment};
-const char* nameOf(LightKind k) {
-  static const char* const names[] = {"point", "spot", "directional", "rect", "disk", "sphere", "mesh", "environment"};
-  return names[size_t(k)];
-}
+struct Lamp {
+  const char* name;
+  LightKind kind;
+  float angularSize = 0.0f;
+  operator LightKind() const { return kind; }
+  LightShape shape() const {
+    LightShape s;
+    s.kind = kind;
+    s.angularSize = angularSize;
+    return s;
+  }
+};
+constexpr Lamp kKinds[] = {{"point", LightKind::Point},
+                           {"spot", LightKind::Spot},
+                           {"directional", LightKind::Directional},
+                           {"rect", LightKind::Rect},
+                           {"disk", LightKind::Disk},
+                           {"sphere", LightKind::Sphere},
+                           {"mesh", LightKind::Mesh},
+                           {"environment", LightKind::Environment},
+                           {"sun", LightKind::Directional, 0.8f}};
 bool hasPlace(LightKind k) { return k != LightKind::Directional && k != LightKind::Environment; }
 bool canHide(LightKind k) { return k == LightKind::Rect || k == LightKind::Disk || k == LightKind::Sphere; }
 
-void addLamp(SceneMaker& m, LightKind kind, bool visible = true) {
-  LightShape s;
-  s.kind = kind;
+void addLamp(SceneMaker& m, const Lamp& kind, bool visible = true) {
+  LightShape s = kind.shape();
   s.position = kLampAt;
   s.axis = Vec3(0, -1, 0);
   s.u = Vec3(kLampSize, 0, 0);
@@ -139,7 +153,7 @@ struct Stage {
   LightReceiver floor;
   int around = -1;  ///< material around a lamp with a place
 
-  Stage(const Barrier& barrier, LightKind kind, bool visible = true) {
+  Stage(const Barrier& barrier, const Lamp& kind, bool visible = true) {
     SceneMaker m;
     const bool mapped = std::string(barrier.name) == "normal_map";
     const int material = m.material(Vec3(0.6f));
@@ -171,7 +185,7 @@ struct Stage {
     traced->settings.maxBounces = 16;
     traced->settings.blockSize = 64;
   }
-  Estimate forwards(LightKind kind, int particles) const {
+  Estimate forwards(const Lamp& kind, int particles) const {
     return LightTracer(*traced, 0, hasPlace(kind) ? around : -1, floor, Vec3(0, 0.8f, 0.4f), 2.0f).measure(particles, 11);
   }
 };
@@ -180,8 +194,8 @@ class Reach : public ::testing::TestWithParam<Barrier> {};
 
 TEST_P(Reach, PathTracingAgreesWithLightTracingOrTheClassIsNamed) {
   const Barrier& barrier = GetParam();
-  for (const LightKind kind : kKinds) {
-    SCOPED_TRACE(nameOf(kind));
+  for (const Lamp& kind : kKinds) {
+    SCOPED_TRACE(kind.name);
     const Stage stage(barrier, kind);
     const int spread = kind == LightKind::Sphere || kind == LightKind::Environment ? 2 : 1;  // most of their particles go elsewhere
     const Estimate truth = stage.forwards(kind, 512 * spread * (barrier.effort > 2 ? 4 : 2)), picture = measure(*stage.traced, 8 * barrier.effort)[0];
@@ -189,9 +203,9 @@ TEST_P(Reach, PathTracingAgreesWithLightTracingOrTheClassIsNamed) {
     const std::vector<std::string> missing = classesNotCovered(*stage.traced->scene);
     EXPECT_GT(t, 0.0);
     EXPECT_LT(error, 0.04 * t) << "too noisy to be a test";
-    const bool lost = outOfReach(kind, true, Receiver::Surface, barrier.passage, false);
-    const bool lostInside = barrier.scatters && outOfReach(kind, true, Receiver::Volume, barrier.passage, false);
-    const bool lostToo = barrier.alsoSpecular && outOfReach(kind, true, Receiver::Surface, Passage::Specular, false);
+    const bool lost = outOfReach(kind.shape(), true, Receiver::Surface, barrier.passage, false);
+    const bool lostInside = barrier.scatters && outOfReach(kind.shape(), true, Receiver::Volume, barrier.passage, false);
+    const bool lostToo = barrier.alsoSpecular && outOfReach(kind.shape(), true, Receiver::Surface, Passage::Specular, false);
     EXPECT_EQ(!missing.empty(), lost || lostInside || lostToo);
     if (!lost && !lostInside) EXPECT_NEAR(p, t, 5 * error);
     else EXPECT_LT(p, barrier.around && !hasPlace(kind) ? t + 5 * error : t - 5 * error) << "named, but found";
@@ -200,9 +214,9 @@ TEST_P(Reach, PathTracingAgreesWithLightTracingOrTheClassIsNamed) {
 
 // The floor cannot tell whether the camera may see the lamp: to the last bit, whatever is in between.
 TEST_P(Reach, HiddenLampsLightAsVisibleOnesDo) {
-  for (const LightKind kind : kKinds) {
+  for (const Lamp& kind : kKinds) {
     if (!canHide(kind)) continue;
-    SCOPED_TRACE(nameOf(kind));
+    SCOPED_TRACE(kind.name);
     const Stage hidden(GetParam(), kind, false), visible(GetParam(), kind, true);
     const Measured a = measure(*hidden.traced, 2), b = measure(*visible.traced, 2);
     EXPECT_GT(b[0].mean.x, 0.0);
@@ -215,9 +229,9 @@ TEST_P(Reach, HiddenLampsLightAsVisibleOnesDo) {
 // The third column of the table: photons have what neither rays nor shadow rays find, and nothing else.
 TEST_P(Reach, PhotonsBringWhatIsLeftToThem) {
   const Barrier& barrier = GetParam();
-  for (const LightKind kind : kKinds) {
-    if (barrier.scatters || !isDeltaLight(kind)) continue;
-    SCOPED_TRACE(nameOf(kind));
+  for (const Lamp& kind : kKinds) {
+    if (barrier.scatters || !isDeltaLight(kind.shape())) continue;
+    SCOPED_TRACE(kind.name);
     const Stage stage(barrier, kind);
     EXPECT_TRUE(classesNotCovered(*stage.traced->scene, true).empty());
     const Estimate truth = stage.forwards(kind, 1024), rays = measure(*stage.traced, 4 * barrier.effort)[0];
@@ -233,7 +247,7 @@ TEST_P(Reach, PhotonsBringWhatIsLeftToThem) {
     for (int y = 0; y < Stage::kHeight; ++y)
       for (int x = 0; x < Stage::kWidth; ++x) caustics->traceBlock(x, y, 0, *map, photons, count, dropped);
     photons[0] /= 2.0 * Stage::kWidth * Stage::kHeight;
-    const bool fromPhotons = photonReaches(kind, Receiver::Surface, barrier.passage) && (hasPlace(kind) || !barrier.around);
+    const bool fromPhotons = photonReaches(kind.shape(), Receiver::Surface, barrier.passage) && (hasPlace(kind) || !barrier.around);
     if (fromPhotons) {
       EXPECT_GT(photons[0], 0.5 * truth.mean.x);
     } else if (!barrier.around) {

@@ -57,6 +57,8 @@ const std::vector<std::string> kPoint{"lights.test.kind=POINT", "lights.test.pos
 const std::vector<std::string> kSpot{"lights.test.kind=SPOT", "lights.test.position=0.3,1.7,0.4", "lights.test.direction=-0.2,-1,-0.1",
                                      "lights.test.outer_deg=45", "lights.test.intensity=3"};
 const std::vector<std::string> kSun{"lights.test.kind=DIRECTIONAL", "lights.test.direction=-0.3,-0.4,-1", "lights.test.intensity=2"};
+const std::vector<std::string> kSoftSun{"lights.test.kind=DIRECTIONAL", "lights.test.direction=-0.3,-0.4,-1", "lights.test.intensity=2",
+                                        "lights.test.angular_size_deg=12"};
 const std::vector<std::string> kRect{"lights.test.kind=RECT", "lights.test.position=0.2,1.6,0.2", "lights.test.direction=0,-1,0",
                                      "lights.test.width=0.3", "lights.test.height=0.2",           "lights.test.intensity=20"};
 const std::vector<std::string> kDisk{"lights.test.kind=DISK", "lights.test.position=0.2,1.6,0.2", "lights.test.direction=0,-1,0.1", "lights.test.radius=0.2",
@@ -70,7 +72,7 @@ TEST(TermsAgainstTracer, PunctualLightsOnLambert) {
 // The split U x V is exact where unshadowed or fully shadowed; in penumbrae it assumes that BRDF and visibility do not vary
 // together over the light: a bound of 1 % of the mean for these lights.
 TEST(TermsAgainstTracer, AreaLightsOnLambert) {
-  for (const auto& light : {kRect, kDisk, kSphere}) expectSameDirect("cornell", light, "ray_traced.samples=64", 0.01);
+  for (const auto& light : {kRect, kDisk, kSphere, kSoftSun}) expectSameDirect("cornell", light, "ray_traced.samples=64", 0.01);
 }
 
 TEST(TermsAgainstTracer, AxisAlignedFilterKeepsTheMean) { expectSameDirect("cornell", kRect, "axis_aligned.k=3", 0.015); }
@@ -81,6 +83,7 @@ TEST(TermsAgainstTracer, GlossySurfaces) {
   rect[3] = "lights.test.width=1.5";
   rect[4] = "lights.test.height=1.5";
   expectSameDirect("spheres", rect, "ray_traced.samples=64", 0.02);
+  expectSameDirect("spheres", kSoftSun, "ray_traced.samples=64", 0.02);
 }
 
 TEST(TermsAgainstTracer, ClassesAddUpToTheBeauty) {

@@ -42,8 +42,8 @@ TEST(Gains, OfEveryKindOfLightActOnEachChannel) {
       v1::RenderRequest r = smallRequest("cornell", 16, 12, 4);
       for (const std::string& a :
            {std::string("lights.light.enabled=false"), std::string("lights.lamp.kind=") + kind, std::string("lights.lamp.position=0.2,1.5,0.4"),
-            std::string("lights.lamp.direction=0,-0.3,-1"), std::string("lights.lamp.intensity=3"), std::string("lights.lamp.outer_deg=60"),
-            std::string("lights.lamp.shadow.") + shadow})
+            std::string("lights.lamp.direction=0,-0.3,-1"), std::string("lights.lamp.angular_size_deg=3"), std::string("lights.lamp.intensity=3"),
+            std::string("lights.lamp.outer_deg=60"), std::string("lights.lamp.shadow.") + shadow})
         set(r, a);
       const RenderResult one = mustRender(*engine, r);
       set(r, "lights.lamp.gain=1,2,5");

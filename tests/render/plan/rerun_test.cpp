@@ -100,6 +100,7 @@ const std::map<std::string, Row>& rows() {
       {"lights.*.width", {{"lights.key.width=0.4"}, kKey + Labels{"emission", "emission:mean"} + kIndirect + kBeauty}},
       {"lights.*.height", {{"lights.key.height=0.4"}, kKey + Labels{"emission", "emission:mean"} + kIndirect + kBeauty}},
       {"lights.*.radius", {{"lights.spot.radius=0.7"}, kSpot + kIndirect + kBeauty}},
+      {"lights.*.angular_size_deg", {{"lights.spot.angular_size_deg=2"}, kSpot + kIndirect + kBeauty}},  // of what it is for: SoftSunRequests
       {"lights.*.inner_deg", {{"lights.spot.inner_deg=10"}, kSpot + kIndirect + kBeauty}},
       {"lights.*.outer_deg", {{"lights.spot.outer_deg=30"}, kSpot + kIndirect + kBeauty}},
       {"lights.*.enabled", {{"lights.key.enabled=false"}, kBeauty}},

@@ -100,6 +100,7 @@ v1::RenderRequest request(Dice& dice, double s) {
   set(r, "lights.x.intensity=" + text(dice.magnitude()));
   for (const char* length : {"width", "height", "radius"}) set(r, std::string("lights.x.") + length + "=" + text(dice.coin() ? 0.1 * s : dice.magnitude()));
   if (dice.next() % 4 == 0) set(r, "lights.x.outer_deg=" + text(dice.coin() ? 1e-12 : 90.0));
+  if (dice.next() % 3 == 0) set(r, "lights.x.angular_size_deg=" + text(dice.coin() ? 1e-4 : 90.0));
   return r;
 }
 

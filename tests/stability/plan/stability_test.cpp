@@ -119,6 +119,8 @@ TEST(Stability, ExtremeLightsStayFinite) {
       {"lights.x.kind=SPOT", "lights.x.position=0,1,0.9", "lights.x.outer_deg=0.001", "lights.x.inner_deg=0", "lights.x.intensity=1000000"},
       {"lights.x.kind=DISK", "lights.x.position=0,1,0.9", "lights.x.radius=1000000", "lights.x.intensity=1"},
       {"lights.x.kind=DIRECTIONAL", "lights.x.direction=0,-1,0", "lights.x.intensity=1000000000000"},
+      {"lights.x.kind=DIRECTIONAL", "lights.x.direction=0,-1,0", "lights.x.angular_size_deg=0.0001", "lights.x.intensity=1000000000000"},
+      {"lights.x.kind=DIRECTIONAL", "lights.x.direction=0,-0.1,-1", "lights.x.angular_size_deg=90", "lights.x.intensity=1"},
   };
   for (const char* technique : withMaps({"path_traced=", "ray_traced.samples=4", "axis_aligned.k=3"})) {
     for (const auto& edits : cases) {

@@ -32,6 +32,12 @@ LightShape lightOf(LightKind kind, const Vec3& position = Vec3(0, 6, 0), const V
   l.v = 0.05f * f.y;
   return l;
 }
+/// As a technique wants it: soft ones a sun of some size.
+LightShape lightFor(const std::string& technique, LightKind kind, const Vec3& position = Vec3(0, 6, 0), const Vec3& axis = Vec3(0, -1, 0)) {
+  LightShape l = lightOf(kind, position, axis);
+  if (soft(technique) && kind == LightKind::Directional) l.angularSize = 0.02f;
+  return l;
+}
 
 /// Techniques and the light kinds that they are tried on: soft ones on area lights, the others on all of them.
 struct Try {
@@ -43,7 +49,7 @@ std::vector<Try> tries() {
   std::vector<Try> all;
   for (const NamedTechnique& t : mapTechniques())
     for (LightKind kind : {LightKind::Directional, LightKind::Spot, LightKind::Point, LightKind::Rect, LightKind::Sphere}) {
-      if (soft(t.name) && isDeltaLight(kind)) continue;
+      if (soft(t.name) && isDeltaLight(lightFor(t.name, kind))) continue;
       if (!findShadowTechnique(t.technique.technique_case())->supports(kind)) continue;
       all.push_back({t.name, t.technique, kind});
     }
@@ -86,13 +92,13 @@ SceneMaker floorScene(float half = 2.0f) {
 TEST(ShadowHardCases, NothingBlocksAndALidBlocksAll) {
   for (const Try& t : tries()) {
     SceneMaker bare = floorScene();
-    bare.light(lightOf(t.kind));
+    bare.light(lightFor(t.name, t.kind));
     const ShadowRun lit = runShadow(bare.finish(), t.technique);
     expectInRange(lit, label(t));
     EXPECT_GE(over(lit, everywhere).lo, 0.95f) << label(t);
     SceneMaker closed = floorScene();
     closed.instance(closed.mesh(tests::ground(9.0f, 4.0f), 0));  // above the camera too
-    closed.light(lightOf(t.kind));
+    closed.light(lightFor(t.name, t.kind));
     const ShadowRun dark = runShadow(closed.finish(), t.technique);
     expectInRange(dark, label(t));
     EXPECT_LE(over(dark, everywhere).hi, 0.05f) << label(t);
@@ -106,12 +112,12 @@ TEST(ShadowHardCases, OneTexelMaps) {
       t.technique.mutable_map()->set_blur(uint32_t(blur));
       SceneMaker closed = floorScene(0.5f);
       closed.instance(closed.mesh(tests::ground(9.0f, 4.0f), 0));
-      closed.light(lightOf(t.kind));
+      closed.light(lightFor(t.name, t.kind));
       const ShadowRun dark = runShadow(closed.finish(), t.technique);
       expectInRange(dark, label(t));
       if (t.kind == LightKind::Directional || t.kind == LightKind::Spot) { EXPECT_LE(over(dark, everywhere).hi, 0.05f) << label(t) << " blur " << blur; }
       SceneMaker bare = floorScene(0.5f);
-      bare.light(lightOf(t.kind));
+      bare.light(lightFor(t.name, t.kind));
       const ShadowRun lit = runShadow(bare.finish(), t.technique);
       expectInRange(lit, label(t));
       EXPECT_GE(over(lit, everywhere).lo, 0.95f) << label(t) << " blur " << blur;
@@ -122,14 +128,14 @@ TEST(ShadowHardCases, OneTexelMaps) {
 TEST(ShadowHardCases, EmptySceneAndLightsThatSeeNothing) {
   for (const Try& t : tries()) {
     SceneMaker empty;
-    empty.light(lightOf(t.kind));
+    empty.light(lightFor(t.name, t.kind));
     empty.camera(Vec3(0, 2, 3), Vec3(0.0f), 0.8f);
     const ShadowRun none = runShadow(empty.finish(), t.technique);
     expectInRange(none, label(t));
     EXPECT_EQ(none.raysOf("light_depth_map"), 0u) << label(t);
     if (t.kind == LightKind::Directional || t.kind == LightKind::Point || t.kind == LightKind::Sphere) continue;  // they look everywhere
     SceneMaker away = floorScene();
-    away.light(lightOf(t.kind, Vec3(0, 6, 0), Vec3(0.1f, 1, 0)));
+    away.light(lightFor(t.name, t.kind, Vec3(0, 6, 0), Vec3(0.1f, 1, 0)));
     const ShadowRun r = runShadow(away.finish(), t.technique);
     expectInRange(r, label(t));
     EXPECT_EQ(over(r, everywhere).lo, 1.0f) << label(t);
@@ -166,7 +172,7 @@ TEST(ShadowHardCases, DepthRangesOfAMillion) {
     const int grey = s.material(Vec3(0.5f));
     s.instance(s.mesh(tests::ground(60.0f, -100.0f), grey));
     s.instance(s.mesh(tests::quad(Vec3(-5e-6f, -1e-4f, 5e-6f), Vec3(1e-5f, 0, 0), Vec3(0, 0, -1e-5f)), grey));
-    LightShape light = lightOf(t.kind, Vec3(0.0f));
+    LightShape light = lightFor(t.name, t.kind, Vec3(0.0f));
     s.light(light);
     s.camera(Vec3(0, -60, 30), Vec3(0, -100, 0), 0.9f);
     const ShadowRun r = runShadow(s.finish(), t.technique);
@@ -186,7 +192,7 @@ TEST(ShadowHardCases, LightInsideGeometry) {
     if (t.kind == LightKind::Directional) continue;
     SceneMaker s = floorScene();
     s.instance(s.mesh(tests::box(Vec3(-0.2f, 2.8f, -0.2f), Vec3(0.2f, 3.2f, 0.2f)), 0));
-    LightShape light = lightOf(t.kind, Vec3(0, 3, 0));
+    LightShape light = lightFor(t.name, t.kind, Vec3(0, 3, 0));
     s.light(light);
     const ShadowRun r = runShadow(s.finish(), t.technique);
     expectInRange(r, label(t));
@@ -205,7 +211,7 @@ TEST(ShadowHardCases, BlurAcrossTheMapsEdge) {
         SceneMaker s = floorScene();
         s.instance(s.mesh(tests::quad(Vec3(-2, 0, 2), Vec3(0.05f, 0, 0), Vec3(0, 1.0f, 0)), 0));
         s.instance(s.mesh(tests::quad(Vec3(-2, 1, 2), Vec3(0.3f, 0, 0), Vec3(0, 0, -4)), 0));  // over the left end
-        s.light(lightOf(LightKind::Directional));
+        s.light(lightFor(t.name, LightKind::Directional));
         t.technique.mutable_map()->set_resolution(uint32_t(resolution));
         t.technique.mutable_map()->set_blur(uint32_t(blur));
         const ShadowRun r = runShadow(s.finish(), t.technique);
@@ -226,7 +232,7 @@ TEST(ShadowHardCases, KernelsWiderThanTheMap) {
     if (t.kind != LightKind::Directional) continue;
     for (int resolution : {1, 2, 8, 33}) {
       SceneMaker s = floorScene();
-      s.light(lightOf(LightKind::Directional));
+      s.light(lightFor(t.name, LightKind::Directional));
       t.technique.mutable_map()->set_resolution(uint32_t(resolution));
       t.technique.mutable_map()->set_blur(64);
       const ShadowRun r = runShadow(s.finish(), t.technique);
@@ -296,7 +302,7 @@ TEST(ShadowHardCases, AlphaTestedCasters) {
       m.coverage.texture.texture = 0;
     });
     s.instance(s.mesh(tests::quad(Vec3(-1, 1, 1), Vec3(2, 0, 0), Vec3(0, 0, -2)), lace));
-    s.light(lightOf(t.kind, Vec3(0.1f, 6, 0.2f), Vec3(0.05f, -1, 0.03f)));
+    s.light(lightFor(t.name, t.kind, Vec3(0.1f, 6, 0.2f), Vec3(0.05f, -1, 0.03f)));
     s.camera(Vec3(0.2f, 0.7f, 2.6f), Vec3(0, 0, 0.2f), 0.8f);
     const ScenePtr scene = s.finish();
     const ShadowRun truth = runShadow(scene, rayTraced(), {96, 64}), r = runShadow(scene, t.technique, {96, 64});
@@ -330,7 +336,7 @@ TEST(ShadowHardCases, SlantedReceivers) {
       const float a = float(tilt) * kPi / 180.0f;
       const Vec3 along(std::cos(a), std::sin(a), 0);
       s.instance(s.mesh(tests::quad(-3.0f * along + Vec3(0, 0, 3), 6.0f * along, Vec3(0, 0, -6)), s.material(Vec3(0.5f))));
-      s.light(lightOf(LightKind::Directional, Vec3(0.0f), Vec3(0.01f, -1, 0.02f)));
+      s.light(lightFor(t.name, LightKind::Directional, Vec3(0.0f), Vec3(0.01f, -1, 0.02f)));
       s.camera(5.0f * Vec3(-std::sin(a), std::cos(a), 0.2f), Vec3(0.0f), 0.6f);
       const ShadowRun r = runShadow(s.finish(), t.technique);
       expectInRange(r, label(t));

@@ -258,6 +258,29 @@ TEST_F(Gltf, PointsAndLinesAreDrawn) {
   })) << one->warnings[0];
 }
 
+/// A directional light's own extras say under which angle it is seen.
+TEST_F(Gltf, DirectionalLightsOfSomeSize) {
+  const Json good = doc_;
+  const auto sun = [&](const char* size, const char* type) {
+    doc_ = good;
+    doc_["extensionsUsed"] = Json::array({"KHR_lights_punctual"});
+    doc_["extensions"]["KHR_lights_punctual"]["lights"] =
+        Json::array({Json::parse(std::string(R"({"name":"sun","type":")") + type + R"(","extras":{"gobo_light":{"angularSize":)" + size + "}}}")});
+    doc_["nodes"].push_back(Json::parse(R"({"name":"sun","extensions":{"KHR_lights_punctual":{"light":0}}})"));
+    doc_["scenes"][0]["nodes"].push_back(doc_["nodes"].size() - 1);
+  };
+  sun("0.00925", "directional");
+  const ScenePtr s = load();
+  ASSERT_TRUE(s);
+  EXPECT_EQ(s->lights[s->findLight("sun")].shape.angularSize, 0.00925f);
+  sun("0.00925", "point");
+  EXPECT_EQ(load()->lights[s->findLight("sun")].shape.angularSize, 0.0f);
+  for (const char* bad : {"-0.1", "1.6", "1e-9", "\"wide\""}) {
+    sun(bad, "directional");
+    expectRefused("/extensions/KHR_lights_punctual/lights/0/extras/gobo_light/angularSize", "");
+  }
+}
+
 /// Watts are what leaves the shape at the node's size: pi L area a side.
 TEST_F(Gltf, AreaLightsByRadianceAndByPower) {
   const Json good = doc_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Square lights at infinity: where their points lie and what they weigh.
+// Lights at infinity of some size: where their points lie and what they weigh.
 #include "terms/light_points.h"
 
 #include <gtest/gtest.h>
@@ -22,7 +22,12 @@ TEST(LightPoints, WideDirectionalLightsFillTheirSquare) {
   const SceneView view(*lit.scene, Facet::LightShape, subset);
   EXPECT_TRUE(LightPoints(view, 0).pointLike());
   const double a = 0.4, b = 0.1;  // tangents of half the angles
-  const LightPoints light(view, 0, Vec2(float(2 * a), float(2 * b)));
+  sun.skyRectangle = Vec2(float(2 * a), float(2 * b));
+  test::LitScene wide;
+  wide.add(sun);
+  wide.build();
+  const SceneView wideView(*wide.scene, Facet::LightShape, subset);
+  const LightPoints light(wideView, 0);
   EXPECT_FALSE(light.pointLike());
   const Vec3 up = glm::cross(sun.axis, sun.u);
   double sum = 0, x = 0, y = 0;
@@ -41,6 +46,38 @@ TEST(LightPoints, WideDirectionalLightsFillTheirSquare) {
   // Weights are the solid angle of the square by the cosine: a rectangle's irradiance on a plane that faces it (Lambert 1760).
   const double s = std::sqrt(1 + a * a), t = std::sqrt(1 + b * b);
   EXPECT_NEAR(sum * 4 * a * b, 2 * (a / s * std::atan(b / s) + b / t * std::atan(a / t)), 1e-5);
+}
+
+// Equal shares of the disk's solid angle, weighed by the cosine at the receiver: their mean is the irradiance over the solid angle.
+TEST(LightPoints, SunsFillTheirDisk) {
+  test::LitScene lit;
+  LightShape sun;
+  sun.kind = LightKind::Directional;
+  sun.axis = glm::normalize(Vec3(-1, -2, 0.5f));
+  sun.angularSize = 0.8f;
+  lit.add(sun);
+  lit.build();
+  const std::vector<int> subset{0};
+  const SceneView view(*lit.scene, Facet::LightShape, subset);
+  const LightPoints light(view, 0);
+  EXPECT_FALSE(light.pointLike());
+  const Vec3 n = glm::normalize(Vec3(0.2f, 1, 0));
+  double sum = 0, least = 1, inner = 0;
+  const int side = 64;
+  for (int j = 0; j < side; ++j)
+    for (int i = 0; i < side; ++i) {
+      LightPoint p;
+      ASSERT_TRUE(light.sample(Vec3(1, 2, 3), n, n, Vec2((i + 0.5f) / side, (j + 0.5f) / side), p));
+      EXPECT_GE(p.distance, 3e38f);
+      const double along = -glm::dot(p.direction, sun.axis);
+      least = std::min(least, along);
+      inner += 1 - along < 0.5625 * (1 - std::cos(0.4)) ? 1.0 / (side * side) : 0.0;
+      sum += p.weight / double(side * side);
+    }
+  EXPECT_NEAR(least, 1 - sqr(63.0 / 64) * (1 - std::cos(0.4)), 1e-6);  // the outermost ring of points
+  EXPECT_NEAR(inner, 0.5625, 1e-9);                                    // the inner 24 of 32 rings of points
+  const double solidAngle = 2 * M_PI * (1 - std::cos(0.4)), cosine = -glm::dot(n, sun.axis);
+  EXPECT_NEAR(sum * solidAngle, M_PI * sqr(std::sin(0.4)) * cosine, 1e-4);
 }
 
 TEST(LightPoints, MapAxesFollowTheLight) {
