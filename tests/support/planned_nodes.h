@@ -43,7 +43,7 @@ struct Planned {
   std::unique_ptr<Executor> executor;
 
   explicit Planned(const v1::RenderRequest& asked, int threads = 1) : arena(threads) {
-    const auto engine = makeEngine(64ull << 20, {}, 1);
+    const auto engine = makeEngine(64ull << 20, {}, threads);
     v1::RenderRequest named = asked;
     if (asked.scene() == "pane") named.set_scene("cornell");
     const auto request = engine->resolve(named);

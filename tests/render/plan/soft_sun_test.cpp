@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "plan/planner.h"
+#include "request/material_kinds.h"
 #include "scene/load.h"
 #include "support/engines.h"
 
