@@ -41,7 +41,7 @@ class ServerCore {
   Metrics metrics;                           ///< other parts register their own (server/server_metrics.h)
   TokenBook tokens;
   LoadGate loads;
-  FairGate planning;       ///< plans being made before admission: they trace rays and take every core they find
+  FairGate planning;       ///< plans being made before admission: they load environments and pose scenes
   RefusalPause impatient;  ///< answers to who does not wait for his hint
   IdleWatch idle;
   SharedLimit uploads, watches;  ///< calls in progress

@@ -168,6 +168,26 @@ grpc::Status RenderService::Relight(grpc::ServerContext* context, const v1::Reli
   });
 }
 
+grpc::Status RenderService::Plan(grpc::ServerContext* context, const v1::RenderRequest* asked, v1::PlanReply* reply) {
+  return serve(core_, *context, "plan", [&](Rpc& rpc) -> grpc::Status {
+    rpc.note("scene", asked->scene());
+    ServerCore::Call call(core_);
+    if (!call.ok) return rpc.refuseDraining();
+    auto resolved = core_.engine.resolve(*asked, rpc.access());
+    if (!resolved.ok()) return toGrpc(resolved.status());
+    v1::RenderRequest request = *asked;
+    if (const grpc::Status allowed = checkRender(rpc, request, *resolved); !allowed.ok()) return allowed;
+    const StopToken stop = call.stop.token();
+    const auto gone = [&] { return stop.stopRequested() || context->IsCancelled(); };
+    const auto place = core_.planning.enter(rpc.who().name, gone, {});
+    if (!place) return toGrpc(Status(Code::Cancelled, "cancelled while it waited to be planned"));
+    auto planned = core_.engine.plan(request, stop, rpc.access());
+    if (!planned.ok()) return toGrpc(planned.status());
+    *reply = std::move(*planned);
+    return grpc::Status::OK;
+  });
+}
+
 grpc::Status RenderService::RenderInline(grpc::ServerContext* context, const v1::RenderRequest* request, v1::InlineReply* reply) {
   return serve(core_, *context, "render_inline", [&](Rpc& rpc) { return inlined(rpc, *request, reply); });
 }

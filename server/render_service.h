@@ -18,6 +18,7 @@ class RenderService final : public v1::Render::Service {
   grpc::Status Render(grpc::ServerContext*, const v1::RenderRequest*, grpc::ServerWriter<v1::RenderEvent>*) override;
   grpc::Status RenderProgressive(grpc::ServerContext*, const v1::RenderRequest*, grpc::ServerWriter<v1::RenderEvent>*) override;
   grpc::Status RenderInline(grpc::ServerContext*, const v1::RenderRequest*, v1::InlineReply*) override;
+  grpc::Status Plan(grpc::ServerContext*, const v1::RenderRequest*, v1::PlanReply*) override;
   grpc::Status Relight(grpc::ServerContext*, const v1::RelightRequest*, grpc::ServerWriter<v1::RenderEvent>*) override;
 
  private:

@@ -107,6 +107,15 @@ void CommandLine::addRendering() {
   render->add_flag("-q,--quiet", render_.quiet, "print errors only");
   addRequestOptions(*render, render_.request);
 
+  CLI::App* plan = command(app, "plan", "what a render would do and take, without doing it", [this] {
+    render_.json = json;
+    return runPlan(session, render_);
+  });
+  value(*plan, "scene", render_.scene, "SCENE", "file, id or built-in name (may come from --request)");
+  value(*plan, "--outputs", render_.request.outputs, "OUTPUTS", kOutputsHelp);
+  plan->add_flag("--certificate", render_.request.certificate, "ask for an error estimate");
+  addRequestOptions(*plan, render_.request);
+
   CLI::App* relight = command(app, "relight", "render again with changes", [this] {
     relight_.json = json;
     return runRelight(session, relight_);

@@ -25,6 +25,9 @@ struct RenderCommand {
 };
 int runRender(const SessionOptions& session, const RenderCommand& command);
 
+/// What a render would do, without doing it.
+int runPlan(const SessionOptions& session, const RenderCommand& command);
+
 struct RelightCommand {
   std::string id, out;
   std::vector<std::string> sets;

@@ -138,6 +138,18 @@ Status render(Session& session, const RenderCommand& c) {
   return deliver(answer, c.out, c.json, c.quiet);
 }
 
+Status plan(Session& session, const RenderCommand& c) {
+  std::string id;
+  if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
+  GOBO_ASSIGN(const v1::RenderRequest request, makeRequest(c.request, id));
+  v1::PlanReply reply;
+  Session::Call call(session);
+  GOBO_TRY(session.statusOf(session.render().Plan(&call.context, request, &reply)));
+  if (c.json) std::printf("%s\n", messageToJson(reply, true).c_str());
+  else printPlan(reply);
+  return {};
+}
+
 Status relight(Session& session, const RelightCommand& c) {
   v1::RelightRequest request;
   request.set_render_id(c.id);
@@ -163,6 +175,10 @@ int with(const SessionOptions& options, const Body& body) {
 int runRender(const SessionOptions& options, const RenderCommand& command) {
   if (const Status status = checkOut(command.out); !status.ok()) return complain(status);
   return with(options, [&](Session& session) { return render(session, command); });
+}
+
+int runPlan(const SessionOptions& options, const RenderCommand& command) {
+  return with(options, [&](Session& session) { return plan(session, command); });
 }
 
 int runRelight(const SessionOptions& options, const RelightCommand& command) {

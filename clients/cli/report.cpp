@@ -39,10 +39,12 @@ void printTable(const std::vector<std::string>& head, const std::vector<std::vec
   for (const auto& row : rows) line(row);
 }
 
-void printReply(const v1::RenderReply& reply, const std::vector<std::string>& files) {
+namespace {
+
+void printNodes(const google::protobuf::RepeatedPtrField<v1::NodeReport>& plan) {
   static const char* const states[] = {"?", "run", "reused", "pruned", "not needed"};
   std::vector<std::vector<std::string>> rows;
-  for (const v1::NodeReport& n : reply.plan()) {
+  for (const v1::NodeReport& n : plan) {
     const int state = int(n.state());
     rows.push_back({escaped(n.node()) + (n.count() > 1 ? strf(" x%u", n.count()) : ""), states[state >= 0 && state < 5 ? state : 0], strf("%.1f", n.ms()),
                     std::to_string(n.rays()), bytesText(n.bytes()), n.samples() ? std::to_string(n.samples()) : "-", escaped(n.device()),
@@ -50,6 +52,21 @@ void printReply(const v1::RenderReply& reply, const std::vector<std::string>& fi
   }
   if (!rows.empty())
     printTable({"node", "state", "ms", "rays", "bytes", "samples", "device", "reason"}, rows, {false, false, true, true, true, true, false, false});
+}
+
+}  // namespace
+
+void printPlan(const v1::PlanReply& reply) {
+  printNodes(reply.plan());
+  std::printf("expected: %.1f ms, %llu rays; at most %s held at once\n", reply.ms(), static_cast<unsigned long long>(reply.rays()),
+              bytesText(reply.pinned_bytes()).c_str());
+  if (reply.decides_while_planning()) std::printf("some node decides what follows when it has run: this is the largest plan that it may choose\n");
+  for (const std::string& text : reply.warnings()) std::printf("warning: %s\n", escaped(text).c_str());
+  for (const std::string& name : reply.path_classes_missing()) std::printf("missing light paths: %s\n", escaped(name).c_str());
+}
+
+void printReply(const v1::RenderReply& reply, const std::vector<std::string>& files) {
+  printNodes(reply.plan());
   std::printf("total %.1f ms (queued %.1f ms), %llu rays, peak %s, render %s, request %s, build %s\n", reply.total_ms(), reply.queue_ms(),
               static_cast<unsigned long long>(reply.rays()), bytesText(reply.peak_bytes()).c_str(), escaped(reply.render_id()).c_str(),
               escaped(reply.request_hash()).c_str(), escaped(reply.build()).c_str());

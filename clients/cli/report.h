@@ -10,6 +10,7 @@
 namespace gobo::cli {
 
 void printReply(const v1::RenderReply& reply, const std::vector<std::string>& files);
+void printPlan(const v1::PlanReply& reply);
 void printScene(const v1::SceneInfo& info);
 void printStatus(const v1::StatusReply& status);
 /// Rows under headings; columns marked in `right` are flush right. The last column is not padded.

@@ -216,6 +216,8 @@ Result<std::unique_ptr<DiskStore>> DiskStore::open(const std::string& folder, co
   return store;
 }
 
+bool DiskStore::holds(const Hash128& key) const { return impl_->files.size(key.hex()) >= 0; }
+
 TermPtr DiskStore::get(const Hash128& key, const StopToken& stop) {
   Impl& d = *impl_;
   const std::string name = key.hex();

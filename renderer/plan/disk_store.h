@@ -48,6 +48,7 @@ class DiskStore {
   static Result<std::unique_ptr<DiskStore>> open(const std::string& folder, const DiskStoreOptions& options);
   ~DiskStore();
   TermPtr get(const Hash128& key, const StopToken& stop = {});  ///< null if absent or damaged (then removed), or stopped (then as it was)
+  bool holds(const Hash128& key) const;                         ///< there is a file
   /// Writes the file and evicts so that the files stay within maxBytes; durable on return. A term whose file is larger than
   /// maxBytes is not kept (Ok). An equal file already there is only marked used; a different one is replaced.
   /// Errors: ResourceExhausted (disk full), Unavailable (folder locked for too long), Internal, Cancelled (`stop`: nothing of it is left);

@@ -9,6 +9,7 @@
 
 #include "filters/shadow_technique.h"
 #include "plan/certify_picture.h"
+#include "plan/describe_unrun.h"
 #include "plan/disk_store.h"
 #include "plan/executor.h"
 #include "plan/mapped_guard.h"
@@ -229,6 +230,27 @@ Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePt
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
   prepared.pinnedBytes = (*plan)->pinnedBytes;
   return prepared;
+}
+
+Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopToken& stop, const SceneAccess& access) {
+  GOBO_ASSIGN(const ScenePtr scene, impl_->scenes.find(request.scene(), stop, access));
+  v1::PlanReply reply;
+  GOBO_ASSIGN(*reply.mutable_resolved(), impl_->resolve(request, scene));
+  const v1::Halt& halt = reply.resolved().halt();
+  const uint32_t spp = halt.has_spp() ? halt.spp() : 16, size = blockSizeFor(spp);
+  MappedGuard guard(*scene, request.scene());
+  PlannerServices services = impl_->plannerServices(stop, guard);
+  services.expand = nullptr;
+  const auto plan = makePlan(scene, reply.resolved(), (spp + size - 1) / size, size, services);
+  GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
+  Executor executor((*plan)->graph, impl_->executorServices(guard), stop);
+  describeUnrun(**plan, executor, *impl_->store, impl_->arena.threads(), reply);
+  for (auto& row : *reply.mutable_plan())
+    if (row.samples()) row.set_samples(row.samples() * size);
+  if (halt.has_time_s() || halt.has_error())
+    reply.add_warnings("the sample count is found while it renders (request.halt." + std::string(halt.has_error() ? "error" : "time_s") + "): planned for " +
+                       std::to_string(spp));
+  return reply;
 }
 
 void Engine::Impl::describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result) {

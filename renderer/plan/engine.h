@@ -118,6 +118,9 @@ class Engine {
   /// no ray; it may load an environment and pose the scene, which `stop` ends (Cancelled). `scene`: prepared instead of what request.scene names.
   Result<PreparedRender> prepare(const v1::RenderRequest& request, std::shared_ptr<const Scene> scene = nullptr, const StopToken& stop = {},
                                  const SceneAccess& access = {});
+  /// What a render of it would do, without doing it: rows of nodes with expected time and rays, which results are there already, bytes. Where a
+  /// node's result decides what follows (shadows.auto, lights for a map) the largest plan that it may choose.
+  Result<v1::PlanReply> plan(const v1::RenderRequest& request, const StopToken& stop = {}, const SceneAccess& access = {});
   /// As render() of the request that it was prepared from.
   Result<RenderResult> run(const PreparedRender& prepared, const RenderControl& control = {});
   /// Runs to the halt condition. With control.snapshot set, emits snapshots at 1, 2, 4, ... blocks.

@@ -75,6 +75,24 @@ const ExecutedNode& Executor::report(NodeId id) {
   return reports_[id];
 }
 
+std::optional<Hash128> Executor::knownKey(NodeId id) {
+  grow();
+  const GraphNode& n = graph_.at(id);
+  const auto inputs = recipes_[size_t(id)].isZero() ? std::span<const NodeId>(n.inputs) : std::span<const NodeId>();
+  for (const NodeId input : inputs) {
+    const std::optional<Hash128> key = knownKey(input);
+    if (!key) return std::nullopt;
+    if (graph_.at(input).node->traits().smallOutput && !results_[size_t(input)]) {
+      if (services_.store->holds(*key) != TermStore::Tier::Memory) return std::nullopt;
+      results_[size_t(input)] = services_.store->get(*key);
+      if (!results_[size_t(input)]) return std::nullopt;
+    }
+  }
+  const Result<Hash128> recipe = recipeKey(id);
+  if (!recipe.ok()) return std::nullopt;
+  return n.node->traits().extendable ? Hasher("blocks").add(*recipe).add(n.blocks).digest() : *recipe;
+}
+
 Result<Hash128> Executor::recipeKey(NodeId id) {
   grow();
   if (!recipes_[id].isZero()) return recipes_[id];
@@ -82,6 +100,7 @@ Result<Hash128> Executor::recipeKey(NodeId id) {
   const NodeTraits traits = n.node->traits();
   Hasher h("recipe");
   h.add(n.node->type()).add(n.node->version()).add(n.node->numericClass());
+  if (!services_.sources.empty()) h.add(services_.sources);
   n.node->hashParameters(h);
   if (traits.facets != Facet::None) h.add(n.scene->facetHash(traits.facets, n.lights));  // by content and order, not by index in the scene
   for (NodeId input : n.inputs) {

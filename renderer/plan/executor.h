@@ -17,6 +17,7 @@
 #include "base/stop.h"
 #include "plan/checkpoints.h"
 #include "plan/lifetimes.h"
+#include "plan/source_digest.h"
 #include "plan/store.h"
 #include "plan/work_in_flight.h"
 #include "terms/graph.h"
@@ -59,6 +60,7 @@ struct ExecutorServices {
   RenderCheckpoints* checkpoints = nullptr;  ///< may be null; takes the place of parking for this request
   WorkInFlight* inFlight = nullptr;          ///< null: nobody else makes terms at the same time
   const MappedGuard* guard = nullptr;        ///< asked before anything is kept; null: nothing is mapped
+  std::string_view sources = sourceDigest();
 };
 
 class Executor {
@@ -69,6 +71,8 @@ class Executor {
   Result<TermPtr> evaluate(NodeId id);
   /// The key under which the node's result is stored. May evaluate small-output nodes above it.
   Result<Hash128> identity(NodeId id);
+  /// The key under which the node's result is or will be stored, if it can be said without running a node: what it depends on by content is known.
+  std::optional<Hash128> knownKey(NodeId id);
   const ExecutedNode& report(NodeId id);
   uint64_t peakBytes() const { return peakBytes_; }
 

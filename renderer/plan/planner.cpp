@@ -77,7 +77,8 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
   plan->warnings = context.warnings();
   std::vector<NodeId> kept;
   for (const PlannedOutput& o : plan->outputs) kept.push_back(o.node);
-  plan->pinnedBytes = mostLiveBytes(plan->graph, kept, context.expanded()) + context.reserved();
+  plan->expanded = context.expanded();
+  plan->pinnedBytes = mostLiveBytes(plan->graph, kept, plan->expanded) + context.reserved();
   return plan;
 }
 

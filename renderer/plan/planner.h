@@ -28,6 +28,7 @@ struct Plan {
   EffectiveScene effective;
   RelightGroups groups;
   std::vector<PlannedOutput> outputs;
+  std::vector<NodeId> expanded;      ///< nodes whose results decided, or would decide, what follows
   bool extendable = false;           ///< some node takes more samples
   std::vector<std::string> missing;  ///< "indirect (environment)": classes that no term of the beauty holds; and paths that none finds (classesNotCovered)
   std::vector<std::string> warnings;

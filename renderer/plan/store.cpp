@@ -46,6 +46,14 @@ TermPtr TermStore::get(const Hash128& key, Tier* from, const StopToken& stop) {
   return term;
 }
 
+TermStore::Tier TermStore::holds(const Hash128& key) const {
+  {
+    std::lock_guard hold(mutex_);
+    if (index_.count(key)) return Tier::Memory;
+  }
+  return disk_ && disk_->holds(key) ? Tier::Disk : Tier::None;
+}
+
 void TermStore::put(const Hash128& key, TermPtr term, bool persist, const StopToken& stop) {
   GOBO_CHECK(term != nullptr);
   {

@@ -26,6 +26,8 @@ class TermStore {
   enum class Tier { None, Memory, Disk };
   /// The term, or null. `from` says which tier had it; a disk hit moves it into RAM. Null, too, when `stop` ended the reading of a file.
   TermPtr get(const Hash128& key, Tier* from = nullptr, const StopToken& stop = {});
+  /// Where get() would find it; reads nothing, and a damaged file is found out by get() alone.
+  Tier holds(const Hash128& key) const;
   /// Keeps the term; evicts least recently used ones beyond the bound. `persist`: also to the disk tier.
   /// A term larger than the bound is not kept in RAM (its holder still has it). Persisting writes and syncs the file in
   /// the calling thread, without holding up other callers; `stop` ends that, and leaves no file.

@@ -28,6 +28,11 @@ class CausticsNode final : public Node {
     const PathTracerSettings& s = settings_.path;
     return size_t(s.width) * s.height * (24u * settings_.slots() + 8) + size_t(settings_.photons) * s.groupOf.size() * (2 * sizeof(Photon) + 24);
   }
+  Cost cost(uint32_t blocks) const override {
+    const PathTracerSettings& s = settings_.path;
+    const double rays = double(blocks) * (double(settings_.photons) * double(s.groupOf.size()) + kReceiving * double(s.width) * s.height);
+    return {rays, 400.0 * rays};
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());

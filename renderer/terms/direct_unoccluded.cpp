@@ -59,6 +59,7 @@ class DirectUnoccludedNode final : public Node {
     if (s_.lobe != LobePart::Both) h.add(s_.lobe);
   }
   size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * s_.view.viewSamples * 16; }
+  Cost cost(uint32_t) const override { return {0.0, kReceiving * double(s_.view.width) * s_.view.height * s_.view.viewSamples * (20.0 + 15.0 * s_.samples)}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term &g = *ctx.inputs[0], &surface = *ctx.inputs[1];

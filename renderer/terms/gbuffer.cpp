@@ -33,6 +33,10 @@ class GBufferNode final : public Node {
     h.add(s_.width).add(s_.height).add(s_.viewSamples);
   }
   size_t outputBytes() const override { return size_t(s_.width) * s_.height * s_.viewSamples * 68; }
+  Cost cost(uint32_t) const override {
+    const double rays = double(s_.width) * s_.height * s_.viewSamples;
+    return {rays, 55.0 * rays};
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());

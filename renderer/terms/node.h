@@ -26,7 +26,7 @@ class AccelCache;  // acceleration structures shared by the nodes of an engine
 
 /// What the node claims about itself. Every node of every kind is held to them (tests/render/plan/node_claims_test.cpp).
 struct NodeTraits {
-  Facet facets = Facet::None;  ///< None: a filter
+  Facet facets = Facet::None;    ///< None: a filter
   bool smallOutput = false;      ///< passed on by content digest (at most 64 KiB): equal results re-run nothing behind it
   bool extendable = false;       ///< result depends on a block count that is not in the recipe key
   bool linearPerGroup = false;   ///< affine in its first input: f(x + y) + f(0) = f(x) + f(y)
@@ -61,6 +61,13 @@ struct RunContext {
   bool leavesState() const { return park && (stop.reason() == StopReason::Preempted || (wanted && wanted())); }
 };
 
+/// What a node is expected to take: rays handed to Embree, and time of one core of the machine of docs/benchmarks.md. Of scenes it knows nothing, so
+/// both are of a picture that something fills.
+struct Cost {
+  double rays = 0, ns = 0;
+};
+inline constexpr double kReceiving = 0.7;  ///< share of view samples that look at a surface that a light may shine on
+
 class Node {
  public:
   virtual ~Node() = default;
@@ -73,6 +80,11 @@ class Node {
   /// Bytes of the result, for admission: an upper bound, "dropped" (terms/dropped_samples.h) included, but for kTermBytes, which every term may
   /// have beside.
   virtual size_t outputBytes() const = 0;
+  /// `blocks`: of extendable nodes. Here: a pass over its result.
+  virtual Cost cost(uint32_t blocks) const {
+    (void)blocks;
+    return {0.0, 0.6 * double(outputBytes())};
+  }
   /// Errors: Cancelled when ctx.stop fired; Internal when a non-finite value would leave the node.
   virtual Result<TermPtr> run(const RunContext& ctx) const = 0;
 };

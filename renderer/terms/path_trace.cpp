@@ -35,6 +35,15 @@ class PathTraceNode final : public Node {
     const size_t slots = size_t(settings_.groups) * slotsPerGroup(settings_.split, settings_.maxBounces);
     return size_t(settings_.width) * settings_.height * (slots * (24 + (streams_ > 1 ? 12 * streams_ : 0)) + 8);
   }
+  Cost cost(uint32_t blocks) const override {
+    const PathTracerSettings& s = settings_;
+    // Events that paths have: roulette ends most of them soon after it begins.
+    const bool direct = has(s.cover, PathClass::Direct), indirect = has(s.cover, PathClass::Indirect);
+    const double events = indirect ? std::min(double(s.maxBounces) + 1, double(s.rouletteStart) + 2) : direct ? 1.0 : 0.0;
+    const double asks = events - (direct || events == 0 ? 0.0 : 1.0);
+    const double rays = double(s.width) * s.height * blocks * s.blockSize * (1.0 + kReceiving * (events + asks));
+    return {rays, 130.0 * rays};
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());

@@ -35,6 +35,11 @@ class ShadowSlopesNode final : public Node {
     if (s_.clear) h.add("clear");
   }
   size_t outputBytes() const override { return s_.extent.elements() * (4 * sizeof(float) + 1 + (s_.clear ? 8 : 0)); }
+  Cost cost(uint32_t) const override {
+    // Blocked ones look back.
+    const double rays = 1.3 * kReceiving * double(s_.extent.elements()) * s_.pilot;
+    return {rays, 60.0 * rays};
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const int index = ctx.scene->lightSubset().at(0);
@@ -117,6 +122,11 @@ class ShadowAdaptiveNode final : public Node {
     if (s_.clear) h.add("clear");
   }
   size_t outputBytes() const override { return s_.extent.elements() * sizeof(float) * (s_.clear ? 3 : 1); }
+  Cost cost(uint32_t) const override {
+    // As many as the pilot had, on the mean: where the filter is wide, none.
+    const double rays = kReceiving * double(s_.extent.elements()) * s_.pilot;
+    return {rays, 60.0 * rays};
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_CHECK_EQ(ctx.inputs.size(), size_t(3));

@@ -31,6 +31,10 @@ class VisibilityNode final : public Node {
     if (s_.glass != Glass::Solid) h.add("glass").add(s_.glass);
   }
   size_t outputBytes() const override { return s_.extent.elements() * sizeof(float) * size_t(channels()); }
+  Cost cost(uint32_t) const override {
+    const double rays = kReceiving * double(s_.extent.elements()) * s_.samples;
+    return {rays, 40.0 * rays};
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_CHECK_EQ(ctx.inputs.size(), size_t(1));

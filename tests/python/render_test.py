@@ -17,6 +17,15 @@ CLI_SMALL = ["--size", "32x24", "--spp", "16", "--set", "integrator.max_bounces=
 
 
 class Render(DaemonTest):
+    def test_plan_says_what_a_render_does(self):
+        fields = dict(size=(40, 24), spp=16, set={"integrator.max_bounces": 1})
+        before = self.client.plan("cornell", **fields)
+        self.assertTrue(before.rays > 0 and before.ms > 0 and before.pinned_bytes > 0)
+        self.assertEqual(before.resolved.halt.spp, 16)
+        done = self.client.render("cornell", **fields)
+        self.assertEqual([n.node for n in before.plan], [n.node for n in done.plan])
+        self.assertEqual(self.client.plan("cornell", **fields).rays, 0, "all of it is there now")
+
     def test_same_bits_as_the_files_of_the_cli(self):
         r = self.client.render("cornell", outputs=["beauty", "depth"], **SMALL)
         self.assertEqual((r.image.dtype, r.image.shape, r.image.flags.c_contiguous), (np.float32, (24, 32, 3), True))

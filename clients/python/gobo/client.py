@@ -107,6 +107,13 @@ class Client:
         request = self._request(scene, fields, timeout)
         return Progressive(self._results(self._wire.stream(self._render.RenderProgressive, request, timeout), on_progress))
 
+    def plan(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None,
+             **fields: "Unpack[RequestFields]") -> service_pb2.PlanReply:
+        """What `render` of the same would do, without doing it: `plan` (nodes with expected ms and rays, results that are there already), `ms`, `rays`,
+        `pinned_bytes`, and `resolved`, the request with every default filled in.
+        """
+        return self._wire.unary(self._render.Plan, self._request(scene, fields, timeout), timeout)
+
     def relight(self, render_id: Union[str, Result], *, timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> Result:
         """Renders an earlier request again with changes; the server recomputes what they change and nothing else.
 

@@ -130,6 +130,12 @@ class ShadowProbeNode final : public Node {
     if (s_.clear) h.add("clear");
   }
   size_t outputBytes() const override { return size_t(s_.pixels) * size_t(s_.viewSamples) * 56; }
+  Cost cost(uint32_t) const override {
+    double each = 1.0 + 2.0 * s_.truthRays;
+    for (const uint32_t n : s_.rays) each += n;
+    const double rays = double(s_.pixels) * s_.viewSamples * each;
+    return {rays, 200.0 * rays};
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_ASSIGN(AccelPtr accel, ctx.accel());

@@ -110,6 +110,23 @@ TEST_F(RenderProtocol, InlineIsTheSamePicture) {
   EXPECT_EQ(reply.images(0), streamed.images[0]);
 }
 
+TEST_F(RenderProtocol, APlanRunsNothing) {
+  grpc::ClientContext context;
+  bound(context);
+  v1::PlanReply reply;
+  const grpc::Status status = render->Plan(&context, small(), &reply);
+  ASSERT_TRUE(status.ok()) << status.error_message();
+  EXPECT_GT(reply.rays(), 0u);
+  EXPECT_GT(reply.pinned_bytes(), 0u);
+  const Collected done = renderOnce(small());
+  EXPECT_EQ(reply.plan_size(), done.reply.plan_size());
+  v1::RenderRequest wrong = small();
+  wrong.set_width(0);
+  grpc::ClientContext second;
+  bound(second);
+  EXPECT_EQ(render->Plan(&second, wrong, &reply).error_code(), renderOnce(wrong).status.error_code());
+}
+
 TEST_F(RenderProtocol, RelightDoublesWhatItsGainDoubles) {
   const Collected first = renderOnce(small(16));
   ASSERT_TRUE(first.status.ok()) << first.status.error_message();

@@ -37,11 +37,12 @@ class Thing final : public Node {
 };
 
 /// Key of a node of recipe `r` behind one of recipe `input`.
-std::string key(const Recipe& r, const Recipe& input = {}) {
+std::string key(const Recipe& r, const Recipe& input = {}, std::string_view sources = {}) {
   Graph graph;
   const NodeId first = graph.add({std::make_shared<Thing>(input), {}, {}, "input", input.blocks, nullptr, false});
   const NodeId second = graph.add({std::make_shared<Thing>(r), {first}, {}, "thing", r.blocks, nullptr, false});
   ExecutorServices services;
+  services.sources = sources;
   Executor executor(graph, services, {});
   const auto identity = executor.identity(second);
   EXPECT_TRUE(identity.ok()) << identity.status().toString();
@@ -81,6 +82,18 @@ TEST(ExecutorKeys, EachPartOfARecipeMakesAnotherKey) {
   input = {};
   input.blocks = 3;
   add("3 blocks of the input", key(r, input));
+}
+
+TEST(ExecutorKeys, BuildsForWorkOnTheCodeKeyByItsSources) {
+  const Recipe r;
+  EXPECT_EQ(key(r, {}, ""), key(r));
+  EXPECT_NE(key(r, {}, "one"), key(r));
+  EXPECT_NE(key(r, {}, "one"), key(r, {}, "other"));
+#ifdef GOBO_SOURCE_DIGEST
+  EXPECT_EQ(sourceDigest().size(), 64u);
+#else
+  EXPECT_TRUE(sourceDigest().empty()) << "a release keeps its stores from build to build";
+#endif
 }
 
 }  // namespace

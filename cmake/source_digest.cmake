@@ -1,0 +1,10 @@
+# Writes OUT, a source file that knows a digest of all sources that results depend on: run with -DROOT=... -DOUT=...
+file(GLOB_RECURSE files ${ROOT}/renderer/*.cpp ${ROOT}/renderer/*.h ${ROOT}/renderer/*.comp)
+list(SORT files)
+set(all "")
+foreach(file ${files})
+  file(SHA256 ${file} digest)
+  string(APPEND all ${digest})
+endforeach()
+string(SHA256 digest "${all}")
+file(WRITE ${OUT} "#include \"plan/source_digest.h\"\nnamespace gobo {\nstd::string_view sourceDigest() { return \"${digest}\"; }\n}\n")

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/describe_unrun.h"
+
+#include <map>
+
+namespace gobo {
+
+namespace {
+
+struct Rows {
+  const Plan& plan;
+  Executor& executor;
+  const TermStore& store;
+  std::vector<TermStore::Tier> found;
+  std::vector<int> makings;  // how often it would be made; -1: found
+
+  Rows(const Plan& p, Executor& e, const TermStore& s)
+      : plan(p), executor(e), store(s), found(size_t(p.graph.size()), TermStore::Tier::None), makings(size_t(p.graph.size()), 0) {}
+  void ask(NodeId id) {
+    const GraphNode& n = plan.graph.at(id);
+    int& made = makings[size_t(id)];
+    const bool again = n.transient && made > 0;  // made for each reader
+    if (made != 0 && !again) return;
+    if (made == 0) {
+      if (const auto key = executor.knownKey(id)) found[size_t(id)] = store.holds(*key);
+      if (found[size_t(id)] != TermStore::Tier::None) {
+        made = -1;
+        return;
+      }
+    }
+    ++made;
+    for (const NodeId input : n.inputs) ask(input);
+  }
+};
+
+}  // namespace
+
+void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store, int threads, v1::PlanReply& reply) {
+  Rows rows(plan, executor, store);
+  for (const NodeId id : plan.expanded) rows.ask(id);
+  for (const PlannedOutput& o : plan.outputs) rows.ask(o.node);
+  double ns = 0, rays = 0;
+  std::map<std::string, v1::NodeReport*> folded;  // transient nodes, one row a type and state, as replies have them
+  for (NodeId id = 0; id < plan.graph.size(); ++id) {
+    const GraphNode& n = plan.graph.at(id);
+    const int made = rows.makings[size_t(id)];
+    const auto state = made > 0 ? v1::NodeReport::RUN : made < 0 ? v1::NodeReport::REUSED : v1::NodeReport::NOT_NEEDED;
+    const Cost cost = n.node->cost(n.blocks);
+    if (made > 0) ns += made * cost.ns, rays += made * cost.rays;
+    v1::NodeReport* row = nullptr;
+    if (n.transient) {
+      v1::NodeReport*& slot = folded[n.node->type() + std::to_string(state)];
+      if (!slot) slot = reply.add_plan();
+      row = slot;
+      row->set_node(n.node->type() + " (folded)");
+      row->set_bytes(std::max<uint64_t>(row->bytes(), n.node->outputBytes()));
+    } else {
+      row = reply.add_plan();
+      row->set_node(n.label);
+      row->set_bytes(n.node->outputBytes());
+      if (n.node->traits().extendable) row->set_samples(n.blocks);
+    }
+    row->set_state(state);
+    row->set_device(n.node->device());
+    row->set_count(row->count() + 1);
+    if (made > 0) {
+      row->set_ms(row->ms() + made * cost.ns * 1e-6 / threads);
+      row->set_rays(row->rays() + uint64_t(made * cost.rays));
+    }
+    std::string reason = state == v1::NodeReport::NOT_NEEDED ? "what it feeds is there"
+                         : made < 0                          ? (rows.found[size_t(id)] == TermStore::Tier::Disk ? "disk" : "memory")
+                                                             : "";
+    if (!n.approximate.empty()) {
+      reason += (reason.empty() ? "" : "; ") + n.approximate;
+      row->set_approximate(true);
+    }
+    row->set_reason(reason);
+  }
+  for (const PrunedNode& p : plan.graph.pruned()) {
+    auto* row = reply.add_plan();
+    row->set_node(p.label);
+    row->set_state(v1::NodeReport::PRUNED);
+    row->set_reason(p.reason);
+    row->set_approximate(p.approximate);
+    row->set_count(1);
+  }
+  reply.set_rays(uint64_t(rays));
+  reply.set_ms(ns * 1e-6 / threads);
+  reply.set_pinned_bytes(plan.pinnedBytes);
+  reply.set_decides_while_planning(!plan.expanded.empty());
+  for (const std::string& w : plan.warnings) reply.add_warnings(w);
+  for (const std::string& m : plan.missing) reply.add_path_classes_missing(m);
+}
+
+}  // namespace gobo

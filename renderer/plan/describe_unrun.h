@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a plan would do if it were run now. Runs no node.
+#pragma once
+
+#include "gobo/v1/service.pb.h"
+#include "plan/executor.h"
+#include "plan/planner.h"
+
+namespace gobo {
+
+/// Fills everything but `resolved`. `executor` is of plan.graph and has run nothing.
+void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store, int threads, v1::PlanReply& reply);
+
+}  // namespace gobo
