@@ -2,7 +2,7 @@
 // The renderer in a program of one's own, without a server: a scene, its picture, the same relit. See CMakeLists.txt beside this file.
 #include <gobo/base/image_io.h>
 #include <gobo/plan/engine.h>
-#include <gobo/plan/request.h>
+#include <gobo/request/request.h>
 
 #include <fstream>
 #include <iostream>
