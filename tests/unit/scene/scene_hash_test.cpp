@@ -134,6 +134,8 @@ TEST(FacetHash, EachFieldChangesExactlyItsFacets) {
       {"u", [](Scene& s) { s.lights[2].shape.u *= 2.0f; }, shape, none},
       {"v", [](Scene& s) { s.lights[2].shape.v *= 2.0f; }, shape, none},
       {"radius", [](Scene& s) { s.lights[1].shape.radius = 2; }, shape, shape},
+      {"angular size", [](Scene& s) { s.lights[1].shape.angularSize = 0.1f; }, shape, shape},
+      {"sky rectangle", [](Scene& s) { s.lights[1].shape.skyRectangle = Vec2(0.1f); }, shape, shape},
       {"inner", [](Scene& s) { s.lights[1].shape.cosInner = 0.9f; }, shape, shape},
       {"outer", [](Scene& s) { s.lights[1].shape.cosOuter = 0.5f; }, shape, shape},
       {"range", [](Scene& s) { s.lights[1].shape.range = 5; }, shape, shape},
