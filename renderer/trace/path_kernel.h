@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The inside of PathTracer: flat tables made once, and the kernel that carries up to 16 samples of one pixel together, event
-// by event: Embree gets packets, Lambert shading runs in vector registers (lambert_lanes.h), other
+// The inside of PathTracer: flat tables made once. The kernel that reads them carries up to 16 samples of one pixel together, event
+// by event (path_chunk.h): Embree gets packets, Lambert shading runs in vector registers (lambert_lanes.h), other
 // materials lane by lane.
 #pragma once
 
@@ -79,8 +79,6 @@ struct PathTracer::Impl {
   /// Shadow rays in scenes where light goes straight on through surfaces (trace/straight.h): what is left of it by lane, tfar -1
   /// where that is nothing. around: volumes at their starts by lane, or null.
   void throughPanes(uint32_t lanes, RTCRay16& r, const MediumStack* around, Vec3* left, uint64_t& rays) const;
-  /// Samples first .. first + count - 1 of the pixel's block; `film` is the index of the first over all blocks.
-  void traceChunk(int x, int y, const SampleSet& set, uint64_t film, int count, double* out, uint64_t& rays, uint64_t& dropped) const;
 };
 
 }  // namespace gobo

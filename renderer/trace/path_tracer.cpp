@@ -3,6 +3,7 @@
 
 #include "base/check.h"
 #include "trace/path_kernel.h"
+#include "trace/path_sums.h"
 #include "trace/reach.h"
 #include "trace/view_samples.h"
 
@@ -144,15 +145,8 @@ bool PathTracer::Impl::prepareLights(const SceneView& view, const StopToken& sto
 }
 
 void PathTracer::traceBlock(int x, int y, uint32_t block, double* out, uint64_t& rays, uint64_t& dropped) const {
-  const Impl& m = *impl_;
-  const int size = m.settings.blockSize;
-  const uint64_t pixel = uint64_t(uint32_t(y)) << 32 | uint32_t(x);
-  const uint64_t seed = hash64(hash64(m.settings.seed, pixel), block / kBlocksPerStream);
-  const uint32_t begin = block % kBlocksPerStream * uint32_t(size);
-  for (int first = 0; first < size; first += kLanes) {
-    const SampleSet set(seed, begin + uint32_t(first));
-    m.traceChunk(x, y, set, uint64_t(begin) + uint64_t(first), std::min(kLanes, size - first), out, rays, dropped);
-  }
+  SumSink sums(impl_->settings.split, impl_->slotCount, out);
+  traceInto(x, y, block, sums, rays, dropped);
 }
 
 }  // namespace gobo

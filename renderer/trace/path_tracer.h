@@ -75,6 +75,10 @@ class PathTracer {
   /// Adds the SUM over the block's samples of pixel (x, y) to out[slot*3 + channel]. Adds the rays traced to `rays`.
   /// Never adds a non-finite value: such samples count as zero and are counted in `dropped`.
   void traceBlock(int x, int y, uint32_t block, double* out, uint64_t& rays, uint64_t& dropped) const;
+  /// The same block's paths into a sink (trace/path_sink.h), chunk by chunk; traceBlock is this with sums. Compiled where
+  /// trace/path_stages.h is included.
+  template <class Sink>
+  void traceInto(int x, int y, uint32_t block, Sink& sink, uint64_t& rays, uint64_t& dropped) const;
   struct Impl;
   const Impl& impl() const { return *impl_; }
 

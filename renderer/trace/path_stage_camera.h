@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stages at the head of a pass: camera rays, the lanes' rays through Embree, the numbers of the next event.
+#pragma once
+
+#include <cstring>
+
+#include "trace/path_chunk.h"
+
+namespace gobo {
+
+/// Draws of one scattering event: the light's point, the new direction, (which light, which lobe), roulette.
+enum PathDraw : uint32_t { kDrawLight = 0, kDrawDirection = 1, kDrawChoice = 2, kDrawRoulette = 3, kDrawsPerEvent = 4 };
+
+/// Writes alive, paths, media, the rays in rh; what Embree and vector code read of lanes that are not there.
+
+template <PathSink Sink>
+inline void PathChunk<Sink>::startAtCamera() {
+  if (hasMedia) media.start(m.surfaces.interiors(), m.cameraMedia);
+  alive = count >= 32 ? ~0u : (1u << count) - 1;
+  // Lanes beyond `count` have rays too, masked out: their numbers stay ordinary.
+  if (m.viewSamples.empty()) set.draw2D(0, px, py);
+  for (int i = 0; i < kLanes; ++i) {
+    Vec2 offset;
+    if (m.viewSamples.empty()) offset = Vec2(px[i], py[i]);
+    else offset = m.viewSamples[size_t((film + uint64_t(i)) % m.viewSamples.size())];
+    const float fx = float(x) + offset.x, fy = float(y) + offset.y;
+    if constexpr (Sink::kVertices)
+      if (i < count) sink.film(i, Vec2(fx, fy));
+    const Vec3 o = m.cameraOrigin + m.cameraOriginX * fx + m.cameraOriginY * fy;
+    Vec3 d = m.cameraDirection + m.cameraDirectionX * fx + m.cameraDirectionY * fy;
+    d *= 1.0f / std::sqrt(glm::dot(d, d));
+    setRayOrigin(rh.ray, i, o);
+    setRayDirection(rh.ray, i, d);
+    rh.ray.tnear[i] = 0.0f;
+    rh.ray.time[i] = 0.0f;
+    rh.ray.mask[i] = ~0u;
+    rh.ray.id[i] = 0;
+    rh.ray.flags[i] = 0;
+    sr.tnear[i] = 0.0f;
+    sr.time[i] = 0.0f;
+    sr.mask[i] = ~0u;
+    sr.id[i] = 0;
+    sr.flags[i] = 0;
+    paths.throughput.set(i, Vec3(1.0f));
+    paths.specularPart.set(i, Vec3(0.0f));
+    paths.pdf[i] = 0.0f;
+  }
+  std::memset(static_cast<void*>(&ls), 0, sizeof ls);
+  std::memset(static_cast<void*>(&lamp), 0, sizeof lamp);
+  std::memset(static_cast<void*>(&rh.hit), 0, sizeof rh.hit);
+  embree::initContext(context);
+  if (culls) m.passed.init(cameraContext);
+}
+
+/// Reads the rays of `alive`; writes their hits in rh.
+template <PathSink Sink>
+inline void PathChunk<Sink>::intersect() {
+  for (int i = 0; i < kLanes; ++i) {
+    valid[i] = alive >> i & 1u ? -1 : 0;
+    rh.ray.tfar[i] = 3.0e38f;
+    rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+    rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+  }
+  if (culls && (alive & paths.fromCamera) != 0) {
+    for (int i = 0; i < kLanes; ++i) rh.ray.id[i] = paths.fromCamera >> i & 1u ? BackFaces::kPasses : 0;
+    embree::intersect16(valid, m.scene, cameraContext.context, rh, events == 0, BackFaces::filter);
+  } else {
+    embree::intersect16(valid, m.scene, context, rh, events == 0);
+  }
+  rays += uint64_t(__builtin_popcount(alive));
+  if (m.recorder) recordRays(alive, rh.ray, events == 0 ? m.recorder->primary : m.recorder->bounce);
+}
+
+/// Writes what the coming event is decided by: its numbers, nee, rouletteOn, goesOn.
+template <PathSink Sink>
+inline void PathChunk<Sink>::drawNumbers() {
+  nee = (events == 0 ? m.wantDirect : m.wantIndirect || (freePasses && m.wantDirect)) && m.selector.count() > 0;
+  rouletteOn = events + 1 >= m.settings.rouletteStart;
+  goesOn = events + 1 < m.maxEvents || m.hittable || freePasses;
+  if (events < m.maxEvents || freePasses) {
+    const uint32_t base = 1 + uint32_t(events) * kDrawsPerEvent;
+    if (nee) set.draw2D(base + kDrawLight, ux, uy);
+    set.draw2D(base + kDrawDirection, px, py);
+    cosineDirections(px, py, vx, vy, vz);
+    if (m.drawsChoice) set.draw2D(base + kDrawChoice, choice, lobe);
+    if (rouletteOn) set.draw1D(base + kDrawRoulette, roulette);
+  }
+}
+
+}  // namespace gobo
