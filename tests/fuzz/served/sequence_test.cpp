@@ -67,7 +67,8 @@ TEST(Sequence, AnyOrderOfAnyCalls) {
 TEST(Sequence, EveryMethodCanSucceed) {
   std::vector<uint8_t> bytes;
   for (const char* method : {"Scenes.Open", "Scenes.Upload", "Scenes.Inspect", "Scenes.Patch", "Scenes.List"}) add(bytes, kAlice, method);
-  for (const char* method : {"Render.Render", "Render.RenderProgressive", "Render.RenderInline", "Render.Relight", "Render.Plan"}) add(bytes, kAlice, method, kCompared);
+  for (const char* method : {"Render.Render", "Render.RenderProgressive", "Render.RenderInline", "Render.Relight", "Render.Plan"})
+    add(bytes, kAlice, method, kCompared);
   for (const char* method : {"Jobs.Submit", "Jobs.Get", "Jobs.List", "Jobs.Pause", "Jobs.Resume", "Jobs.Cancel", "Jobs.Watch", "Jobs.Fetch", "Jobs.Delete"})
     add(bytes, kAlice, method);
   for (const char* method : {"Scenes.Unload"}) add(bytes, kAlice, method);
