@@ -220,5 +220,36 @@ TEST(Lifetimes, WhatOnlyAReusedNodeReadsIsNotHeldForIt) {
   EXPECT_EQ(ran.peak, 3 * one) << "cheap, dear and their sum; what they were made of is gone by then";
 }
 
+TEST(Lifetimes, AReusedNodeTakesItsReadsBackAndNoOthers) {
+  Counts counts;
+  Graph graph;
+  const auto add = [&](NodePtr node, std::vector<NodeId> inputs, bool transient = false) {
+    GraphNode n{std::move(node), std::move(inputs), {}, "node"};
+    n.transient = transient;
+    return graph.add(std::move(n));
+  };
+  const auto sum = [&](int name) { return std::make_shared<Sum>(name, 1000, false, &counts); };
+  const NodeId source = add(sum(0), {}), shared = add(sum(1), {source}), first = add(sum(2), {shared}), second = add(sum(3), {shared});
+  const NodeId passing = add(sum(4), {shared}, true), fold = add(std::make_shared<SumFold>(5, 1000, 0, &counts), {passing});
+  const std::vector<NodeId> outputs{first, second, fold};
+  Lifetimes lifetimes(graph);
+  lifetimes.ask(outputs);
+  EXPECT_EQ(lifetimes.readers(shared), 3);
+  std::vector<NodeId> gone;
+  const auto note = [&](NodeId id) { gone.push_back(id); };
+  lifetimes.resolve(fold);
+  lifetimes.reused(fold, note);
+  EXPECT_EQ(lifetimes.readers(shared), 2) << "what the fold would have been made of reads it no more";
+  lifetimes.resolve(first);
+  lifetimes.reused(first, note);
+  EXPECT_EQ(lifetimes.readers(shared), 1);
+  EXPECT_TRUE(gone.empty()) << "the second still reads it";
+  EXPECT_EQ(lifetimes.readers(source), 1) << "it is still to be made";
+  lifetimes.resolve(second);
+  lifetimes.reused(second, note);
+  EXPECT_EQ(lifetimes.readers(source), 0) << "nobody makes what it was for";
+  EXPECT_EQ(gone, (std::vector<NodeId>{shared, source}));
+}
+
 }  // namespace
 }  // namespace gobo
