@@ -35,6 +35,17 @@ struct Rows {
 
 }  // namespace
 
+void addPrunedRows(const Graph& graph, google::protobuf::RepeatedPtrField<v1::NodeReport>& rows) {
+  for (const PrunedNode& p : graph.pruned()) {
+    v1::NodeReport* row = rows.Add();
+    row->set_node(p.label);
+    row->set_state(v1::NodeReport::PRUNED);
+    row->set_reason(p.reason);
+    row->set_approximate(p.approximate);
+    row->set_count(1);
+  }
+}
+
 void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store, int threads, v1::PlanReply& reply) {
   Rows rows(plan, executor, store);
   for (const NodeId id : plan.expanded) rows.ask(id);
@@ -76,14 +87,7 @@ void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store,
     }
     row->set_reason(reason);
   }
-  for (const PrunedNode& p : plan.graph.pruned()) {
-    auto* row = reply.add_plan();
-    row->set_node(p.label);
-    row->set_state(v1::NodeReport::PRUNED);
-    row->set_reason(p.reason);
-    row->set_approximate(p.approximate);
-    row->set_count(1);
-  }
+  addPrunedRows(plan.graph, *reply.mutable_plan());
   reply.set_rays(uint64_t(rays));
   reply.set_ms(ns * 1e-6 / threads);
   reply.set_pinned_bytes(plan.pinnedBytes);

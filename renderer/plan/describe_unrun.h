@@ -11,4 +11,7 @@ namespace gobo {
 /// Fills everything but `resolved`. `executor` is of plan.graph and has run nothing.
 void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store, int threads, v1::PlanReply& reply);
 
+/// Rows of what was left out of the plan, and why; of replies too.
+void addPrunedRows(const Graph& graph, google::protobuf::RepeatedPtrField<v1::NodeReport>& rows);
+
 }  // namespace gobo

@@ -312,14 +312,7 @@ void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::
     row->set_count(1);
     if (n.node->traits().extendable) row->set_samples(n.blocks);
   }
-  for (const PrunedNode& p : plan.graph.pruned()) {
-    auto* row = reply.add_plan();
-    row->set_node(p.label);
-    row->set_state(v1::NodeReport::PRUNED);
-    row->set_reason(p.reason);
-    row->set_approximate(p.approximate);
-    row->set_count(1);
-  }
+  addPrunedRows(plan.graph, *reply.mutable_plan());
   uint64_t rays = 0;
   for (const auto& row : reply.plan()) rays += row.rays();
   reply.set_rays(rays);
