@@ -12,7 +12,7 @@
 #include <thread>
 
 #include "filters/shadow_technique.h"
-#include "scene/load.h"
+#include "import/load.h"
 #include "terms/gbuffer.h"
 #include "trace/accel.h"
 

@@ -19,6 +19,7 @@
 
 #include "base/sobol.h"
 #include "filters/shadow_technique.h"
+#include "import/load.h"
 #include "measure/report.h"
 #include "plan/engine.h"
 #include "request/request.h"
@@ -124,6 +125,7 @@ struct Gap {
 /// One whole run of every row, one sample a pixel, one thread.
 int longestGaps(const std::vector<Case>& cases, const std::string& only, const std::string& size, const std::string& load, const std::string& out) {
   EngineOptions options;
+  options.loader = inProcessLoader();
   options.anyPath = true;
   options.threads = 1;
   Table t("Longest time without a poll", {"work", "ms", "after poll", "polls"});
@@ -170,6 +172,7 @@ int main(int argc, char** argv) {
 
   if (argumentOr(argc, argv, "--polls", "") == "yes") return longestGaps(cases, only, size, load, argumentOr(argc, argv, "--out", ""));
   EngineOptions options;
+  options.loader = inProcessLoader();
   options.anyPath = true;
   Table t("Cancellation: stop() to return", {"work", "median ms", "p95 ms", "worst ms", "completed first"});
   for (const Case& c : cases) {

@@ -12,6 +12,7 @@
 #include <cstring>
 #include <sstream>
 
+#include "import/load.h"
 #include "measure/report.h"
 #include "support/certificate_cases.h"
 #include "support/certificate_tries.h"
@@ -79,6 +80,7 @@ Image mustRender(Engine& engine, const ScenePtr& scene, const v1::RenderRequest&
 
 RealTotals tryScene(Table& table, const TriedScene& tried, const ScenePtr& scene, int size, int certificates, int truthSpp) {
   EngineOptions options;
+  options.loader = inProcessLoader();
   options.anyPath = true;
   const auto engine = std::move(*Engine::create(options));
   TaskArena arena;
@@ -132,6 +134,7 @@ int real(int certificates, int size, int truthSpp, const std::string& which, con
   };
   const auto opener = std::move(*Engine::create([] {
     EngineOptions o;
+    o.loader = inProcessLoader();
     o.anyPath = true;
     return o;
   }()));

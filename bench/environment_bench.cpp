@@ -15,6 +15,7 @@
 #include <sstream>
 
 #include "base/image_io.h"
+#include "import/load.h"
 #include "measure/report.h"
 #include "plan/engine.h"
 #include "request/request.h"
@@ -53,6 +54,7 @@ class Bench {
 
   Run render(const std::vector<std::string>& edits, const std::string& name) const {
     EngineOptions options;
+    options.loader = inProcessLoader();
     options.threads = threads_;
     options.anyPath = true;
     auto engine = Engine::create(options);

@@ -8,7 +8,8 @@
 #include <iostream>
 #include <set>
 
-#include "scene/gltf/schema.h"
+#include "import/gltf/schema.h"
+#include "import/load.h"
 #include "support/gltf_base.h"
 #include "support/gltf_rules.h"
 #include "support/gltf_verdicts.h"
@@ -54,7 +55,7 @@ std::string typeOf(const gobo::gltf::Field& f) {
 int printRules() {
   using namespace gobo;
   std::cout << "# What a glTF is checked against\n\nPrinted by `gltf_conformance --rules`. Policy and results: [gltf.md](gltf.md).\n\n"
-               "## Structure\n\nOne table in `renderer/scene/gltf/schema_core.cpp` and `schema_extensions.cpp`; `GltfSchema.EveryRowIsHeld` makes documents "
+               "## Structure\n\nOne table in `renderer/import/gltf/schema_core.cpp` and `schema_extensions.cpp`; `GltfSchema.EveryRowIsHeld` makes documents "
                "from each row that break it.\n"
                "*Bold*: required. The last column says what becomes of a wrong type, of a value outside, of a missing or forbidden neighbour.\n\n"
                "| object | member | type and range | needs / excludes | answer |\n|---|---|---|---|---|\n";

@@ -17,6 +17,7 @@
 
 #include "base/sobol.h"
 #include "base/task_arena.h"
+#include "import/load.h"
 #include "scene/mipmap.h"
 #include "server/ingest_loader.h"
 #include "server/log.h"

@@ -14,9 +14,9 @@
 #include <numeric>
 
 #include "base/check.h"
+#include "import/load.h"
 #include "measure/report.h"
 #include "scene/edit.h"
-#include "scene/load.h"
 #include "trace/path_tracer.h"
 
 using namespace gobo;

@@ -11,7 +11,7 @@
 #include <numeric>
 
 #include "base/check.h"
-#include "scene/load.h"
+#include "import/load.h"
 #include "trace/path_kernel.h"
 
 using namespace gobo;

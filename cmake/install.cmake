@@ -14,12 +14,12 @@ configure_file(deploy/gobod.service ${CMAKE_BINARY_DIR}/gobod.service COPYONLY)
 install(FILES ${CMAKE_BINARY_DIR}/gobod.service DESTINATION lib/systemd/system)
 
 add_library(gobo_renderer INTERFACE)
-target_link_libraries(gobo_renderer INTERFACE gobo_plan)
+target_link_libraries(gobo_renderer INTERFACE gobo_plan gobo_import)
 # Programs elsewhere find what reads picture formats by their search path (renderer/base/image_codec.cpp).
 target_link_options(gobo_renderer INTERFACE $<INSTALL_INTERFACE:-Wl,-rpath,$<INSTALL_PREFIX>/lib/gobo>)
 target_compile_features(gobo_renderer INTERFACE cxx_std_20)
 set_target_properties(gobo_renderer PROPERTIES EXPORT_NAME renderer)
-set(layers gobo_base gobo_formulas gobo_scene gobo_trace gobo_device gobo_terms gobo_filters gobo_request gobo_technique gobo_techniques gobo_measure gobo_plan)
+set(layers gobo_base gobo_formulas gobo_scene gobo_import gobo_trace gobo_device gobo_terms gobo_filters gobo_request gobo_technique gobo_techniques gobo_measure gobo_plan)
 target_include_directories(gobo_base INTERFACE $<INSTALL_INTERFACE:include> $<INSTALL_INTERFACE:include/gobo>)   # layers name each other's headers from there
 target_include_directories(gobo_formulas INTERFACE $<INSTALL_INTERFACE:include/gobo>)
 target_include_directories(gobo_proto INTERFACE $<INSTALL_INTERFACE:include/gobo>)

@@ -4,7 +4,7 @@
 #include "base/image_io.h"
 #include "base/utf8.h"
 #include "fuzz/properties.h"
-#include "scene/load.h"
+#include "import/load.h"
 #include "tests/support/blob_bytes.h"
 
 namespace gobo::fuzz {

@@ -3,7 +3,7 @@
 
 #include "base/check.h"
 #include "fuzz/properties.h"
-#include "scene/load.h"
+#include "import/load.h"
 #include "tests/support/small_gltf.h"
 
 namespace gobo::fuzz {

@@ -17,13 +17,13 @@
 #include <new>
 
 #include "base/decode_limit.h"
+#include "import/load.h"
 #include "ingest/layers.h"
 #include "ingest/nursery.h"
 #include "ingest/probe.h"
 #include "ingest/sandbox.h"
 #include "ingest/wire.h"
 #include "scene/blob.h"
-#include "scene/load.h"
 
 #ifdef __SANITIZE_ADDRESS__
 // The leak sanitizer stops its process by ptrace, which the sandbox forbids; what reads one file and ends cannot leak for long.

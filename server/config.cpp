@@ -201,7 +201,6 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"limits.inline_bytes", bytes(c.inlineBytes)},
       {"limits.image_bytes", bytes(c.imageBytes)},
       {"limits.tmp_folder", text(c.tmpFolder, folder)},
-      {"ingest.sandbox", boolean(c.ingestSandbox)},
       {"ingest.program", text(c.ingestProgram, folder)},
       {"ingest.cache_folder", text(c.ingestCacheFolder, folder)},
       {"ingest.cache_bytes", bytes(c.ingestCacheBytes)},
@@ -372,11 +371,7 @@ Status checkConfig(ServerConfig& c) {
   GOBO_TRY(least("ingest.blob_bytes", c.ingestBlobBytes, 1ull << 20));
   if (c.ingestVerify != "changed" && c.ingestVerify != "always")
     return invalidArgument("ingest.verify = \"" + escaped(c.ingestVerify) + "\": must be \"changed\" or \"always\"");
-  for (const std::string& text : c.listen) {
-    GOBO_ASSIGN(const Address address, parseAddress(text));
-    if (!c.ingestSandbox && !address.isUnix && !isLoopback(address.host))
-      return {Code::PermissionDenied, "ingest.sandbox = false with listen \"" + escaped(text) + "\": files from other machines are parsed in the sandbox only"};
-  }
+  for (const std::string& text : c.listen) GOBO_TRY(parseAddress(text).status());
   if (c.ingestCacheFolder.empty() && !c.cacheFolder.empty()) c.ingestCacheFolder = c.cacheFolder + "/ingest";
   for (const std::string& root : c.roots) {
     std::error_code error;

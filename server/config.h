@@ -84,7 +84,6 @@ struct ServerConfig {
   std::string tmpFolder;             ///< uploads; $TMPDIR or /tmp if empty
 
   // [ingest]: docs/ingest.md
-  bool ingestSandbox = true;      ///< false: files are parsed in this process; loopback and Unix sockets only
   std::string ingestProgram;      ///< gobo-ingest; empty: beside gobod
   std::string ingestCacheFolder;  ///< blobs; empty: "ingest" under cacheFolder, none without one
   uint64_t ingestCacheBytes = 8ull << 30;

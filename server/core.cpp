@@ -38,7 +38,7 @@ ServerCore::ServerCore(Engine& e, const ServerConfig& c)
       uploads(c.uploadsAtOnce),
       watches(c.watches),
       replies(c.replyBytes),
-      sandbox(c.ingestSandbox, c.ingestProgram),
+      sandbox(c.ingestProgram),
       jobs(schedulerOptions(c)) {
   setLive(c);
   accounts.push_back(engine.memory().add({"running renders",

@@ -24,11 +24,10 @@ ingest::Layers probe(const std::string& program, const StopToken& stop) {
 
 }  // namespace
 
-SandboxProbe::SandboxProbe(bool sandbox, std::string program) {
+SandboxProbe::SandboxProbe(std::string program) {
   if (program.empty()) program = findIngestProgram();
-  if (!sandbox || program.empty()) {
-    layers_.missing = {sandbox ? "all: gobo-ingest is not beside this program (ingest.program)"
-                               : "all: files are read in this process (ingest.sandbox = false)"};
+  if (program.empty()) {
+    layers_.missing = {"all: gobo-ingest is not beside this program (ingest.program)"};
     known_ = true;
     return;
   }

@@ -15,8 +15,8 @@ namespace gobo {
 
 class SandboxProbe {
  public:
-  /// `sandbox`, `program`: ingest.sandbox and ingest.program of the configuration.
-  SandboxProbe(bool sandbox, std::string program);
+  /// `program`: ingest.program of the configuration.
+  explicit SandboxProbe(std::string program);
   ~SandboxProbe();  ///< ends the child
   /// Waits up to `waitSeconds`; says "being looked for" of what is not known yet.
   ingest::Layers layers(double waitSeconds);

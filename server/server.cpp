@@ -78,9 +78,6 @@ EngineOptions engineOptions(const ServerConfig& config) {
 }
 
 Result<std::shared_ptr<SceneLoader>> sceneLoader(const ServerConfig& c) {
-  LoadOptions trusted;
-  trusted.textureBytes = c.ingestTextureBytes;
-  if (!c.ingestSandbox) return inProcessLoader(trusted);
   IngestOptions o;
   o.program = c.ingestProgram;
   o.cacheFolder = c.ingestCacheFolder;

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <filesystem>
 
+#include "import/load.h"
 #include "scene/builtin/build.h"
 #include "scene/edit.h"
-#include "scene/load.h"
 
 namespace gobo::shadowbench {
 namespace {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "session.h"
+#include "import/load.h"
 
 #include <signal.h>
 #include <sys/stat.h>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The renderer in a program of one's own, without a server: a scene, its picture, the same relit. See CMakeLists.txt beside this file.
 #include <gobo/base/image_io.h>
+#include <gobo/import/load.h>
 #include <gobo/plan/engine.h>
 #include <gobo/request/request.h>
 
@@ -9,6 +10,7 @@
 
 int main(int argc, char** argv) {
   gobo::EngineOptions options;
+  options.loader = gobo::inProcessLoader();
   options.anyPath = true;  // files are our own
   auto engine = gobo::Engine::create(options);
   if (!engine.ok()) return std::cerr << engine.status().toString() << "\n", 1;

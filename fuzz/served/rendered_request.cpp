@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fuzz/served/rendered_request.h"
+#include "import/load.h"
 
 #include <cmath>
 #include <cstring>
@@ -20,6 +21,7 @@ constexpr size_t kMostEdits = 24;
 
 std::unique_ptr<Engine> engine(int threads) {
   EngineOptions o;
+  o.loader = inProcessLoader();
   o.threads = threads;
   o.storeBytes = 64 << 20;
   o.environmentBytes = 64 << 20;

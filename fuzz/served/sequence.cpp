@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fuzz/served/sequence.h"
+#include "import/load.h"
 
 #include <algorithm>
 #include <set>
@@ -188,6 +189,7 @@ class Play {
     const auto scene = daemon_.server().core().engine.scene(resolved.scene());
     if (!scene.ok() || (*scene)->hash().hex() != resolved.scene_hash()) return {};  // a job may have taken it meanwhile
     EngineOptions o;
+    o.loader = inProcessLoader();
     o.threads = 1;
     o.storeBytes = 64 << 20;
     const auto fresh = Engine::create(o);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fuzz/served/small_daemon.h"
+#include "import/load.h"
 
 #include <stdlib.h>
 
@@ -30,7 +31,6 @@ SmallDaemon::SmallDaemon() {
   c.jobsFolder = folder_ + "/jobs";
   c.logLevel = "off";
   c.threads = 2;
-  c.ingestSandbox = false;  // readers have targets of their own
   c.storeBytes = 8 << 20;
   c.sceneBytes = 16 << 20;
   c.environmentBytes = 16 << 20;
@@ -53,7 +53,9 @@ SmallDaemon::SmallDaemon() {
   }
   Status status = checkConfig(c);
   if (status.ok()) {
-    auto started = Server::start(c, engineOptions(c), false);
+    EngineOptions options = engineOptions(c);
+    options.loader = inProcessLoader();  // readers have targets of their own
+    auto started = Server::start(c, options, false);
     if (started.ok()) server_ = std::move(*started);
     else status = started.status();
   }

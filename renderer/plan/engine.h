@@ -39,7 +39,7 @@ struct EngineOptions {
   uint64_t environmentBytes = 2ull << 30;
   uint64_t accelBytes = 4ull << 30;
   uint64_t memoryBytes = UINT64_MAX;    ///< of all that and what the owner adds to memory(), together
-  std::shared_ptr<SceneLoader> loader;  ///< reads scene and environment files; null: in this process
+  std::shared_ptr<SceneLoader> loader;  ///< reads scene and environment files (import/load.h, server/ingest_loader.h); null: there are built-in scenes alone
 };
 
 /// One finished picture, linear and not tone mapped: a view of its term. image() copies it out once, on first use (a copy of

@@ -27,9 +27,9 @@ struct SceneLimits {
 
 class SceneLibrary {
  public:
-  /// Files are read by `loader`; null: in this process.
+  /// Files are read by `loader`; null: none are.
   SceneLibrary(std::vector<std::string> roots, bool anyPath, std::shared_ptr<SceneLoader> loader = nullptr, const SceneLimits& limits = {})
-      : roots_(std::move(roots)), anyPath_(anyPath), loader_(loader ? std::move(loader) : inProcessLoader()), limits_(limits) {}
+      : roots_(std::move(roots)), anyPath_(anyPath), loader_(loader ? std::move(loader) : noLoader()), limits_(limits) {}
 
   /// Built-in name or path. The id is made from the source if empty. Opening the same source again under the same id
   /// reloads it. Errors: NotFound, PermissionDenied (outside the roots, an id that is another's), ResourceExhausted (no room although all

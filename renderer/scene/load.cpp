@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scene/load.h"
 
-#include <cctype>
-
 #include "scene/builtin/build.h"
 
 namespace gobo {
@@ -16,13 +14,6 @@ constexpr Builtin kBuiltins[] = {
     {"cornell", builtin::cornell}, {"furnace", builtin::furnace}, {"grids", builtin::grids}, {"fence", builtin::fence},   {"tentacles", builtin::tentacles},
     {"spheres", builtin::spheres}, {"trees", builtin::trees},     {"lamps", builtin::lamps}, {"atrium", builtin::atrium}, {"lights8", builtin::lights8},
 };
-
-bool endsWith(const std::string& text, std::string_view tail) {
-  if (text.size() < tail.size()) return false;
-  for (size_t i = 0; i < tail.size(); ++i)
-    if (std::tolower(uint8_t(text[text.size() - tail.size() + i])) != tail[i]) return false;
-  return true;
-}
 
 }  // namespace
 
@@ -41,11 +32,6 @@ Result<ScenePtr> makeBuiltinScene(const std::string& name, const StopToken& stop
   std::string list;
   for (const Builtin& b : kBuiltins) list += std::string(list.empty() ? "" : ", ") + b.name;
   return notFound("no built-in scene \"" + name + "\"; there are: " + list);
-}
-
-Result<ScenePtr> loadScene(const std::string& nameOrPath, const LoadOptions& options) {
-  if (endsWith(nameOrPath, ".gltf") || endsWith(nameOrPath, ".glb")) return loadGltf(nameOrPath, options);
-  return makeBuiltinScene(nameOrPath, options.stop);
 }
 
 }  // namespace gobo

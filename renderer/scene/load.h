@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Getting scenes in: glTF/GLB files and built-in procedural scenes.
+// Built-in procedural scenes, and what readers of files (import/load.h) are told and tell.
 #pragma once
 
 #include <string>
@@ -25,15 +25,9 @@ struct LoadOptions {
   StopToken stop;                      ///< looked at between the phases: Cancelled
 };
 
-/// glTF 2.0 (.gltf with files beside it, or .glb). Errors name file, JSON pointer and value. The result is sealed.
-Result<ScenePtr> loadGltf(const std::string& path, const LoadOptions& options = {});
-
 /// "cornell", "grids", ... (builtinSceneNames).
 /// Errors: NotFound that lists the names, Cancelled soon after `stop`.
 Result<ScenePtr> makeBuiltinScene(const std::string& name, const StopToken& stop = {});
 const std::vector<std::string>& builtinSceneNames();
-
-/// A path ending in .gltf/.glb, or the name of a built-in scene.
-Result<ScenePtr> loadScene(const std::string& nameOrPath, const LoadOptions& options = {});
 
 }  // namespace gobo

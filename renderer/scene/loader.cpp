@@ -4,29 +4,17 @@
 namespace gobo {
 namespace {
 
-class InProcess final : public SceneLoader {
+class NoLoader final : public SceneLoader {
  public:
-  explicit InProcess(const LoadOptions& options) : options_(options) {}
-  Result<LoadedScene> scene(const std::string& path, const StopToken& stop) override {
-    LoadTimes times;
-    LoadOptions options = options_;
-    options.times = &times;
-    options.stop = stop;
-    GOBO_ASSIGN(ScenePtr made, loadGltf(path, options));
-    LoadedScene loaded;
-    loaded.scene = std::move(made);
-    loaded.report.parseMs = times.parseMs;
-    loaded.report.textureMs = times.textureMs;
-    return loaded;
-  }
-  Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop) override { return loadEnvironment(path, stop); }
+  Result<LoadedScene> scene(const std::string& path, const StopToken&) override { return refusal(path); }
+  Result<EnvironmentPtr> environment(const std::string& path, const StopToken&) override { return refusal(path); }
 
  private:
-  LoadOptions options_;
+  static Status refusal(const std::string& path) { return Status(Code::Unimplemented, "this program reads no files: its engine has no loader", path); }
 };
 
 }  // namespace
 
-std::shared_ptr<SceneLoader> inProcessLoader(const LoadOptions& options) { return std::make_shared<InProcess>(options); }
+std::shared_ptr<SceneLoader> noLoader() { return std::make_shared<NoLoader>(); }
 
 }  // namespace gobo

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SceneLoader: how an engine turns files into scenes and environment maps. In this process for input that the user trusts
-// (`gobo --local`); in a sandboxed child with a cache of blobs for daemons (server/ingest_loader.h). Thread-safe.
+// (`gobo --local`: import/load.h); in a sandboxed child with a cache of blobs for daemons (server/ingest_loader.h). Thread-safe.
 #pragma once
 
 #include <memory>
@@ -35,6 +35,7 @@ class SceneLoader {
   virtual void discard(const MappedFile& file) { (void)file; }
 };
 
-std::shared_ptr<SceneLoader> inProcessLoader(const LoadOptions& options = {});
+/// Refuses every file (Unimplemented): built-in scenes are all there is.
+std::shared_ptr<SceneLoader> noLoader();
 
 }  // namespace gobo

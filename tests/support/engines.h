@@ -7,6 +7,7 @@
 #include <cstring>
 #include <map>
 
+#include "import/load.h"
 #include "plan/engine.h"
 #include "request/request.h"
 
@@ -14,6 +15,7 @@ namespace gobo::testing {
 
 inline std::unique_ptr<Engine> makeEngine(uint64_t storeBytes = 256ull << 20, const std::string& cache = {}, int threads = 2) {
   EngineOptions o;
+  o.loader = inProcessLoader();
   o.threads = threads;
   o.storeBytes = storeBytes;
   o.cacheFolder = cache;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One valid glTF with an instance of every object of the structural table (renderer/scene/gltf/schema.h): what the mutants of the
+// One valid glTF with an instance of every object of the structural table (renderer/import/gltf/schema.h): what the mutants of the
 // input tests are made from. The Khronos validator finds no error in it. Buffers and pictures are data URIs.
 #pragma once
 

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "scene/load.h"
+#include "import/load.h"
 
 namespace gobo::testing {
 

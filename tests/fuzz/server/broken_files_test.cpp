@@ -16,7 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/utf8.h"
-#include "scene/load.h"
+#include "import/load.h"
 #include "server/ingest_child.h"
 #include "server/ingest_loader.h"
 #include "server/log.h"

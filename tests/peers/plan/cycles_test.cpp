@@ -14,9 +14,9 @@
 
 #include "agreement.h"
 #include "base/image_io.h"
+#include "import/load.h"
 #include "scene/camera.h"
 #include "scene/environment.h"
-#include "scene/load.h"
 #include "support/engines.h"
 
 namespace gobo::testing {

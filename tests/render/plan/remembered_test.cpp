@@ -2,6 +2,7 @@
 // Render ids: the least recently used one is forgotten first.
 #include <gtest/gtest.h>
 
+#include "import/load.h"
 #include "plan/engine.h"
 
 namespace gobo {
@@ -9,6 +10,7 @@ namespace {
 
 TEST(Remembered, AnIdThatIsRelitFromAgainAndAgainStays) {
   EngineOptions options;
+  options.loader = inProcessLoader();
   options.threads = 1;
   options.keepRenders = 3;
   auto engine = Engine::create(options);

@@ -22,6 +22,7 @@
 #include "daemon.h"
 #include "gobo/v1/jobs.grpc.pb.h"
 #include "gobo/v1/service.grpc.pb.h"
+#include "import/load.h"
 #include "server/encode.h"
 #include "server/jobs/sqlite_job_store.h"
 
@@ -144,6 +145,7 @@ TEST(Kill9, NothingLostNothingTwiceTheSameBits) {
   EXPECT_EQ(jobs.size(), size_t(kills)) << "a job is there twice, or not at all";
   // Every frame: done, once, with the bits of a render that nobody interrupted.
   EngineOptions options;
+  options.loader = inProcessLoader();
   options.threads = 2;
   auto engine = std::move(*Engine::create(options));
   size_t frames = 0, differing = 0, lost = 0, twice = jobs.size() > size_t(kills) ? jobs.size() - size_t(kills) : 0, stray = 0;

@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "base/image_io.h"
+#include "import/load.h"
 #include "server/encode.h"
 #include "server/ingest_loader.h"
 #include "server/jobs/job_spec.h"
@@ -51,6 +52,7 @@ struct Worker : test::StoreFixture {
     scenes.reset();
     runner.reset();
     EngineOptions o;
+    o.loader = inProcessLoader();
     o.threads = 2;
     o.storeBytes = 256 << 20;
     change(o);
@@ -93,6 +95,7 @@ struct Worker : test::StoreFixture {
   }
   std::vector<uint8_t> expected(const v1::JobSpec& s) {
     EngineOptions o;
+    o.loader = inProcessLoader();
     o.threads = 2;
     auto fresh = std::move(*Engine::create(o));
     auto result = fresh->render(s.request());
@@ -240,6 +243,7 @@ TEST_F(Worker, AFrameWhoseBlobBreaksIsDoneAgainRight) {
   worker->stop();
   EXPECT_GE(get(id).frames(0).attempts(), 2u);
   EngineOptions o;
+  o.loader = inProcessLoader();
   o.threads = 2;
   o.anyPath = true;
   auto fresh = std::move(*Engine::create(o));
@@ -280,6 +284,7 @@ TEST_F(Worker, AnotherSceneFailsTheJobAndNamesBothHashes) {
 
 TEST(JobSpecs, FramesKeysAndFaults) {
   EngineOptions o;
+  o.loader = inProcessLoader();
   o.threads = 1;
   auto engine = std::move(*Engine::create(o));
   v1::JobSpec s = Worker::spec(16);

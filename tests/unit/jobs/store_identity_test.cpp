@@ -2,6 +2,7 @@
 // What becomes of a jobs folder whose store is lost, empty, another's, older than its results, or of an earlier version; and of one whose
 // first start was killed. Results stay unless the store itself made and gave up their job.
 #include "server/jobs/store_identity.h"
+#include "import/load.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -110,6 +111,7 @@ TEST_F(Identity, ADaemonDoesNotStartOnALostDatabase) {
   ASSERT_TRUE(start([&](JobFiles& f, SqliteJobStore& s) { id = finish(f, s, "aa"); }).ok());
   removeDatabase();
   EngineOptions o;
+  o.loader = inProcessLoader();
   o.threads = 1;
   const auto engine = std::move(*Engine::create(o));
   JobRunner runner{SchedulerOptions()};

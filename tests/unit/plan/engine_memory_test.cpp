@@ -2,6 +2,7 @@
 // Each kind of data alone may have far more than all of them together: caches give way, to each other and to scenes, and pictures stay the same.
 #include <gtest/gtest.h>
 
+#include "import/load.h"
 #include "plan/engine.h"
 
 namespace gobo::engine_memory_test {
@@ -27,6 +28,7 @@ std::vector<float> picture(Engine& engine, int seed) {
 
 std::unique_ptr<Engine> engineOf(uint64_t memoryBytes) {
   EngineOptions o;
+  o.loader = inProcessLoader();
   o.threads = 2;
   o.memoryBytes = memoryBytes;
   auto engine = Engine::create(o);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/engine.h"
+#include "import/load.h"
 
 #include <gtest/gtest.h>
 
@@ -78,6 +79,7 @@ TEST(Engine, ShadowSettingsThatCannotBeAreRefused) {
 
 TEST(Engine, ARootIsTheOnlyDoorToFiles) {
   EngineOptions o;
+  o.loader = inProcessLoader();
   o.roots = {"/usr/share"};
   const auto engine = *Engine::create(o);
   EXPECT_EQ(engine->openScene("/etc/passwd", "x").status().code(), Code::PermissionDenied);

@@ -2,6 +2,7 @@
 // The scene library under every pair of its calls at once, and under all of them in random order: every answer is one that some order of
 // the calls gives. CI runs this under the thread sanitizer too.
 #include "plan/scene_library.h"
+#include "import/load.h"
 
 #include <gtest/gtest.h>
 
@@ -83,7 +84,7 @@ TEST_F(SceneLibraryCalls, EveryPairAtOnce) {
   const std::vector<Named> all = calls();
   for (const Named& a : all)
     for (const Named& b : all) {
-      SceneLibrary library({folder}, false);
+      SceneLibrary library({folder}, false, inProcessLoader());
       std::atomic<int> ready{0};
       const auto work = [&](const Named& named, uint32_t seed) {
         std::mt19937 g(seed);
@@ -100,7 +101,7 @@ TEST_F(SceneLibraryCalls, EveryPairAtOnce) {
 
 TEST_F(SceneLibraryCalls, AllInRandomOrder) {
   const std::vector<Named> all = calls();
-  SceneLibrary library({folder}, false);
+  SceneLibrary library({folder}, false, inProcessLoader());
   std::vector<std::thread> threads;
   for (uint32_t t = 0; t < 4; ++t)
     threads.emplace_back([&, t] {

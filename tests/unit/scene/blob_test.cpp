@@ -8,8 +8,8 @@
 #include <filesystem>
 #include <limits>
 
+#include "import/load.h"
 #include "scene/blob_codec.h"
-#include "scene/load.h"
 #include "scene/mipmap.h"
 #include "support/blob_bytes.h"
 

@@ -5,7 +5,7 @@
 #include <map>
 #include <set>
 
-#include "scene/load.h"
+#include "import/load.h"
 
 namespace gobo {
 namespace {

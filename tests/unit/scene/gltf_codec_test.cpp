@@ -12,7 +12,7 @@
 #include <set>
 
 #include "base/image_io.h"
-#include "scene/load.h"
+#include "import/load.h"
 
 namespace gobo {
 namespace {

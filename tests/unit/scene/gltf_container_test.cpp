@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cstring>
 
-#include "scene/gltf/container.h"
-#include "scene/load.h"
+#include "import/gltf/container.h"
+#include "import/load.h"
 #include "support/gltf_base.h"
 
 namespace gobo {

@@ -9,7 +9,7 @@
 #include <map>
 #include <set>
 
-#include "scene/load.h"
+#include "import/load.h"
 #include "support/gltf_verdicts.h"
 
 namespace gobo {

@@ -11,7 +11,7 @@
 #include <limits>
 #include <set>
 
-#include "scene/load.h"
+#include "import/load.h"
 #include "support/gltf_base.h"
 
 namespace gobo {

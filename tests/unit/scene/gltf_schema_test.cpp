@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // From each row of the structural table a document that breaks it: refused at that place with its value, or loaded with a warning
 // there, as the row says. The document that they are made from loads.
-#include "scene/gltf/schema.h"
+#include "import/gltf/schema.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <iostream>
 #include <map>
 
-#include "scene/load.h"
+#include "import/load.h"
 #include "support/gltf_base.h"
 
 namespace gobo {

@@ -9,7 +9,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "scene/load.h"
+#include "import/load.h"
 
 namespace gobo {
 namespace {

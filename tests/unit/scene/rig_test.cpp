@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <functional>
 
+#include "import/load.h"
 #include "scene/edit.h"
-#include "scene/load.h"
 #include "scene/rig_sample.h"
 #include "support/animated_scene.h"
 

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "scene/load.h"
+#include "import/load.h"
 #include "scene/mipmap.h"
 #include "support/small_gltf.h"
 

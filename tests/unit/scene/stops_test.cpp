@@ -8,9 +8,9 @@
 #include <fstream>
 
 #include "base/image_io.h"
+#include "import/load.h"
 #include "scene/edit.h"
 #include "scene/environment_cube.h"
-#include "scene/load.h"
 #include "scene/mipmap.h"
 #include "support/small_gltf.h"
 #include "support/stopping.h"

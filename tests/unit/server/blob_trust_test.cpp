@@ -14,8 +14,8 @@
 #include <random>
 #include <thread>
 
+#include "import/load.h"
 #include "plan/engine.h"
-#include "scene/load.h"
 #include "server/blob_cache.h"
 #include "server/ingest_loader.h"
 #include "server/log.h"

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "base/mapped_file.h"
+#include "import/load.h"
 #include "scene/scene.h"
 #include "server/ingest_loader.h"
 #include "server/log.h"
@@ -57,6 +58,7 @@ struct BrokenBlob : ::testing::Test {
     IngestOptions ingest;
     if (kept) ingest.cacheFolder = folder + "/blobs";
     EngineOptions o;
+    o.loader = inProcessLoader();
     o.threads = 2;
     o.storeBytes = 256ull << 20;
     if (kept) o.cacheFolder = folder + "/terms";

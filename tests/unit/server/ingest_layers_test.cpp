@@ -112,10 +112,9 @@ TEST(IngestLayers, ScenesAndEnvironmentMapsAreReadBehindTheSame) {
   }
   EXPECT_EQ(scene.active.size() + scene.missing.size(), 7u) << joined(scene);
 
-  SandboxProbe probe(true, ""), off(false, ""), wrong(true, "/no/such/program");
+  SandboxProbe probe(""), wrong("/no/such/program");
   EXPECT_EQ(probe.layers(60).active, scene.active);
   EXPECT_EQ(probe.layers(60).missing, scene.missing);
-  EXPECT_NE(joined(off.layers(0)).find("ingest.sandbox = false"), std::string::npos);
   EXPECT_NE(joined(wrong.layers(60)).find("ingest.program"), std::string::npos) << joined(wrong.layers(60));
 }
 

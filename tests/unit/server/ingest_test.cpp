@@ -12,8 +12,8 @@
 #include <fstream>
 #include <thread>
 
+#include "import/load.h"
 #include "plan/engine.h"
-#include "scene/load.h"
 #include "server/blob_cache.h"
 #include "server/ingest_child.h"
 #include "server/ingest_loader.h"

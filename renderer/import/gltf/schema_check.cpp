@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "scene/gltf/document.h"
-#include "scene/gltf/schema.h"
+#include "import/gltf/document.h"
+#include "import/gltf/schema.h"
 
 namespace gobo::gltf {
 namespace {

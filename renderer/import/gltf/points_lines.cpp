@@ -3,7 +3,7 @@
 // with a tip at each end, so that strips close at their joints; both smooth, of a radius of kRadius of the primitive's own bounding
 // diagonal (1 mm where that is 0), scaled by the node. Each takes colour and texture coordinates of its vertices. Normals of the file
 // are left aside: they are of the curve, not of the tube. At most kMost a primitive.
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 
 namespace gobo::gltf {
 namespace {

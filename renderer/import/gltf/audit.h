@@ -2,7 +2,7 @@
 // Internal to the audit: reading plain JSON whose structure has been checked (schema.h), where any member may be absent.
 #pragma once
 
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 
 namespace gobo::gltf::audits {
 

@@ -3,7 +3,7 @@
 // checked here before anything is allocated.
 #include <meshoptimizer.h>
 
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 
 namespace gobo::gltf {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The rows of the extensions that are read: github.com/KhronosGroup/glTF, extensions/2.0.
-#include "scene/gltf/schema_shapes.h"
+#include "import/gltf/schema_shapes.h"
 
 namespace gobo::gltf {
 namespace {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // From a path to a Document: container, JSON, structure, required extensions, then the bytes of buffers and pictures.
-#include "scene/gltf/container.h"
+#include "import/gltf/container.h"
 
 #include "base/image_io.h"
-#include "scene/gltf/schema.h"
+#include "import/gltf/schema.h"
 
 namespace gobo::gltf {
 namespace {

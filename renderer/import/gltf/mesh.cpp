@@ -2,7 +2,7 @@
 // Primitives into meshes: triangles, strips, fans; checked indices; repaired normals, tangents, texture coordinates, colours.
 #include <cstring>
 
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 
 namespace gobo::gltf {
 namespace {

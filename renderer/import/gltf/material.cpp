@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "scene/gltf/texture.h"
+#include "import/gltf/texture.h"
 
 namespace gobo::gltf {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 
 #include <cmath>
 

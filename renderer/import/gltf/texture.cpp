@@ -2,9 +2,9 @@
 // Pictures into textures: one decode and one texel array per picture (images with the same bytes are one), one Texture per (glTF
 // texture, colour or data) that looks at it. A picture that cannot be read leaves its texture out with a warning; NaN, Inf texels
 // of float pictures become 0 and are counted.
-#include "scene/gltf/texture.h"
+#include "import/gltf/texture.h"
 
-#include "scene/gltf/container.h"
+#include "import/gltf/container.h"
 
 #include <cmath>
 

@@ -5,7 +5,7 @@
 
 #include <cstring>
 
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 
 namespace gobo::gltf {
 namespace {

@@ -2,7 +2,7 @@
 // The GLB container: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html, chapter 4. Lengths are added in 64 bits.
 #include <cstring>
 
-#include "scene/gltf/container.h"
+#include "import/gltf/container.h"
 
 namespace gobo::gltf {
 namespace {

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <glm/gtc/quaternion.hpp>
 
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 #include "scene/rig_sample.h"
 
 namespace gobo::gltf {

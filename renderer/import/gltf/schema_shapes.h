@@ -2,7 +2,7 @@
 // Objects of the format that extensions attach to (schema_core.cpp).
 #pragma once
 
-#include "scene/gltf/schema.h"
+#include "import/gltf/schema.h"
 
 namespace gobo::gltf::shapes {
 

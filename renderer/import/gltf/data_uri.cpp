@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "scene/gltf/container.h"
+#include "import/gltf/container.h"
 
 namespace gobo::gltf {
 namespace {

@@ -3,7 +3,7 @@
 // bytes and have a stride where they share a view. And the indices of primitives that are not drawn. O(document).
 #include <cmath>
 
-#include "scene/gltf/audit.h"
+#include "import/gltf/audit.h"
 
 namespace gobo::gltf::audits {
 namespace {

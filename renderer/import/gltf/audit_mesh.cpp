@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "base/to_index.h"
-#include "scene/gltf/audit.h"
+#include "import/gltf/audit.h"
 
 namespace gobo::gltf::audits {
 namespace {

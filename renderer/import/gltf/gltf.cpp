@@ -3,7 +3,7 @@
 #include <chrono>
 
 #include "base/utf8.h"
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 #include "scene/mipmap.h"
 
 namespace gobo {

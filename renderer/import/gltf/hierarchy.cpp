@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The node tree, skins and animations into the rig. Structural faults are errors; an animation channel that cannot be
 // followed is left out with a warning, because the scene can be shown without it.
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 
 namespace gobo::gltf {
 namespace {

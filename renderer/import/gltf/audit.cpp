@@ -2,12 +2,12 @@
 // Rules of the format beyond its structure (schema.h), for what the readers pass over: extensions, cameras, pictures, nodes, skins,
 // animations. What is harmless becomes a warning with its place; the two that leave a camera without meaning are refused.
 // rules.cpp names the rule behind each code of the Khronos validator. O(document).
-#include "scene/gltf/audit.h"
+#include "import/gltf/audit.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "scene/gltf/container.h"
+#include "import/gltf/container.h"
 
 namespace gobo::gltf {
 namespace {

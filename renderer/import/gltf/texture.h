@@ -5,7 +5,7 @@
 #include <map>
 
 #include "base/image_io.h"
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 #include "scene/texture_seal.h"
 
 namespace gobo::gltf {

@@ -2,7 +2,7 @@
 // Accessors: every read is proved inside its view and the view inside its buffer, in 64-bit arithmetic, before it happens.
 #include <cstring>
 
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 
 namespace gobo::gltf {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The rows of the format itself: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html, chapter 5.
-#include "scene/gltf/schema.h"
-#include "scene/gltf/schema_shapes.h"
+#include "import/gltf/schema.h"
+#include "import/gltf/schema_shapes.h"
 
 namespace gobo::gltf::shapes {
 namespace {

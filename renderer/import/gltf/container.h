@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 
 namespace gobo::gltf {
 

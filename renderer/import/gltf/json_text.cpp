@@ -3,7 +3,7 @@
 // in one object, of which a parser would keep either, are found on the way.
 #include <unordered_set>
 
-#include "scene/gltf/container.h"
+#include "import/gltf/container.h"
 
 namespace gobo::gltf {
 namespace {

@@ -2,7 +2,7 @@
 // What a primitive needs to deform: morph targets, and all its JOINTS_n / WEIGHTS_n sets.
 #include <cstring>
 
-#include "scene/gltf/document.h"
+#include "import/gltf/document.h"
 
 namespace gobo::gltf {
 namespace {
