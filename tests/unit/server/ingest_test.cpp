@@ -163,7 +163,7 @@ TEST_F(Ingest, PicturesAreTheSameBits) {
     EngineOptions o;
     o.threads = 2;
     o.anyPath = true;
-    if (k > 0) o.loader = loader(options());
+    o.loader = k > 0 ? std::shared_ptr<SceneLoader>(loader(options())) : inProcessLoader();
     auto engine = Engine::create(o);
     ASSERT_TRUE(engine.ok());
     const auto info = (*engine)->openScene(path, "s");
