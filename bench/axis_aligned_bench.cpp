@@ -118,7 +118,7 @@ class Bench {
       ctx.accels = &accels_;
       ctx.counters = &counters;
       const auto begin = Clock::now();
-      auto out = n.node->run(ctx);
+      auto out = runNode(*n.node, ctx);
       const double ms = std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
       if (!out.ok()) {
         std::fprintf(stderr, "%s: %s\n", n.label.c_str(), out.status().toString().c_str());
@@ -156,7 +156,7 @@ class Bench {
     std::string type() const override { return "given"; }
     NodeTraits traits() const override { return {}; }
     void hashParameters(Hasher& h) const override { h.add(term_->content()); }
-    size_t outputBytes() const override { return term_->bytes(); }
+    gobo::Result<TermShape> infer(std::span<const TermShape>) const override { return shapeOf(*term_); }
     gobo::Result<TermPtr> run(const RunContext&) const override { return term_; }
 
    private:

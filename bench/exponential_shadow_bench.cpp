@@ -92,7 +92,7 @@ int main() {
     RunContext ctx;
     ctx.arena = &arena;
     ctx.inputs = std::move(inputs);
-    return *node->run(ctx);
+    return *runNode(*node, ctx);
   };
   const ShadowBasisPtr basis = makeExponentialBasis(60.0f, false);
   ShadowLookup lookup;

@@ -94,7 +94,7 @@ int main() {
         const auto time = [&](DepthMethod method) {
           const NodePtr node = makeLightDepthMapNode(frames, side, method);
           return median([&] {
-            if (!node->run(ctx).ok()) std::abort();
+            if (!runNode(*node, ctx).ok()) std::abort();
           });
         };
         const double packets = time(DepthMethod::Rays), raster = time(DepthMethod::Raster);

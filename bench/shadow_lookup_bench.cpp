@@ -29,7 +29,7 @@ TermPtr run(const NodePtr& node, std::vector<TermPtr> inputs) {
   RunContext ctx;
   ctx.arena = &arena;
   ctx.inputs = std::move(inputs);
-  return *node->run(ctx);
+  return *runNode(*node, ctx);
 }
 
 /// The node's term and the median of its seconds.
@@ -123,8 +123,7 @@ int main(int argc, char** argv) {
     l.frames.face[0].lo = Vec2(0.0f);
     l.map.resolution = side;
     l.map.blur = blur;
-    l.bytes = f.bytes;
-    l.view = {Vec3(0, 0.6f, -0.8f), false, samples};
+    l.view = {Vec3(0, 0.6f, -0.8f), false};
     for (const auto lookup : {Settings::BILINEAR, Settings::TRILINEAR, Settings::ANISOTROPIC, Settings::SUMMED_AREA}) {
       if (lookup == Settings::SUMMED_AREA && !table) {
         std::printf(" %12s", "-");

@@ -22,7 +22,7 @@ class Given final : public Node {
   std::string type() const override { return "given"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override { h.add(uint64_t(reinterpret_cast<uintptr_t>(term_.get()))); }
-  size_t outputBytes() const override { return term_->bytes(); }
+  Result<TermShape> infer(std::span<const TermShape>) const override { return shapeOf(*term_); }
   Result<TermPtr> run(const RunContext&) const override { return term_; }
 
  private:
@@ -133,7 +133,7 @@ Result<TermPtr> Runner::evaluate(const Graph& graph, NodeId wanted, int repeat, 
       for (int r = 0; r < (type == "given" ? 1 : repeat); ++r) {
         kept.term.reset();
         const double begin = now();
-        auto out = n.node->run(ctx);
+        auto out = runNode(*n.node, ctx);
         times.push_back(now() - begin);
         if (!out.ok()) return Status(out.status().code(), n.label + ": " + out.status().toString());
         kept.term = *out;

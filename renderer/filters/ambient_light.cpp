@@ -22,7 +22,13 @@ class AmbientLightNode final : public Node {
     for (const Vec3& c : s_.radiance) h.addPod(c);
     h.add(s_.rotation).add(s_.width).add(s_.height).add(s_.viewSamples);
   }
-  size_t outputBytes() const override { return pixels() * 12; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 2);
+    const Extent view{s_.width, s_.height, s_.viewSamples};
+    w.over(0, view).reads<uint32_t>(0, "instance");
+    w.over(1, view).reads<float>(1, "N", {3}).reads<float>(1, "albedo", {3}).reads<float>(1, "material", {5}).reads<uint8_t>(1, "flags");
+    return w.gives({"direct_light", Domain::Pixel, {s_.width, s_.height, 1}, {plane<float>("rgb", 3)}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto instance = ctx.inputs[0]->plane<uint32_t>("instance");
@@ -30,8 +36,8 @@ class AmbientLightNode final : public Node {
     const auto N = surface.floats("N"), albedo = surface.floats("albedo"), material = surface.floats("material");
     const auto flags = surface.plane<uint8_t>("flags");
     GOBO_CHECK_EQ(instance.size(), pixels() * size_t(s_.viewSamples));
-    auto out = std::make_shared<Term>("direct_light", Domain::Pixel, Extent{s_.width, s_.height, 1});
-    const auto rgb = out->addPlane<float>("rgb", 3);
+    const auto& out = ctx.result;
+    const auto rgb = out->writable<float>("rgb");
     const float cosR = std::cos(s_.rotation), sinR = std::sin(s_.rotation), scale = kInvPi / float(s_.viewSamples);
     const auto& c = s_.radiance;
     const bool complete = ctx.arena->parallelFor(

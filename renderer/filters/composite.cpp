@@ -11,13 +11,12 @@ namespace {
 
 Status stopped() { return Status(Code::Cancelled, "stopped"); }
 
-std::shared_ptr<Term> pixelTerm(const char* type, int width, int height) { return std::make_shared<Term>(type, Domain::Pixel, Extent{width, height, 1}); }
-
 class PixelNode : public Node {
  public:
   PixelNode(int width, int height) : width_(width), height_(height) {}
   size_t pixels() const { return size_t(width_) * height_; }
-  size_t outputBytes() const override { return pixels() * 16; }
+  Extent pixelExtent() const { return {width_, height_, 1}; }
+  Extent viewExtent(int samples) const { return {width_, height_, samples}; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.linearPerGroup = true;
@@ -42,10 +41,18 @@ class CompositeNode final : public PixelNode {
     h.add(width_).add(height_);
     expression_.hash(h);
   }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 0, SIZE_MAX);
+    w.require(expression_.check(in));
+    for (const Expression::Instruction& i : expression_.code())
+      if (i.op == Expression::Op::Plane && w.ok()) w.over(size_t(i.input), pixelExtent());
+    TermShape out{"picture", Domain::Pixel, pixelExtent(), {unsetPlane<float>("rgb", 3)}};
+    for (const TermShape& input : in) passOnDropped(input, out);
+    return w.gives(std::move(out));
+  }
   Result<TermPtr> run(const RunContext& ctx) const override {
-    GOBO_TRY(expression_.check(ctx.inputs));
-    auto out = pixelTerm("picture", width_, height_);
-    auto rgb = out->addPlane<float>("rgb", 3);
+    const auto& out = ctx.result;
+    auto rgb = out->writable<float>("rgb");
     const bool complete = ctx.arena->parallelFor(
         pixels(), 1 << 15, [&](size_t b, size_t e) { expression_.evaluate(ctx.inputs, b, e, rgb.data() + 3 * b); }, ctx.stop);
     if (!complete) return stopped();
@@ -62,14 +69,19 @@ class ShadeNode final : public PixelNode {
   ShadeNode(int w, int h, int s) : PixelNode(w, h), samples_(s) {}
   std::string type() const override { return "shade"; }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_); }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 2);
+    w.over(0, viewExtent(samples_)).reads<float>(0, "L", {3}).over(1, viewExtent(samples_)).reads<float>(1, "V", {1, 3});
+    TermShape out{"direct_light", Domain::Pixel, pixelExtent(), {unsetPlane<float>("rgb", 3)}};
+    passOnDropped(w.input(0), out);
+    return w.gives(std::move(out));
+  }
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto light = ctx.inputs[0]->floats("L");
     const auto v = ctx.inputs[1]->floats("V");
     const size_t C = size_t(ctx.inputs[1]->channels("V")), step = C == 3 ? 1 : 0;  // RGB visibility, or one for all channels
-    GOBO_CHECK_EQ(v.size(), pixels() * samples_ * C);
-    GOBO_CHECK_EQ(light.size(), pixels() * samples_ * 3);
-    auto out = pixelTerm("direct_light", width_, height_);
-    auto rgb = out->addUnsetPlane<float>("rgb", 3);
+    const auto& out = ctx.result;
+    auto rgb = out->writable<float>("rgb");
     const float scale = 1.0f / float(samples_);
     passOnDropped(*ctx.inputs[0], *out);
     const bool complete = ctx.arena->parallelFor(
@@ -102,7 +114,16 @@ class DirectFoldNode final : public FoldNode {
     return t;
   }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_).add(lights_); }
-  size_t outputBytes() const override { return size_t(width_) * height_ * 16; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, size_t(lights_) * 2);
+    const Extent view{width_, height_, samples_};
+    TermShape out{"direct_light", Domain::Pixel, {width_, height_, 1}, {unsetPlane<float>("rgb", 3)}};
+    for (size_t i = 0; i + 1 < in.size(); i += 2) {
+      w.over(i, view).reads<float>(i, "L", {3}).over(i + 1, view).reads<float>(i + 1, "V", {1, 3});
+      passOnDropped(in[i], out);
+    }
+    return w.gives(std::move(out));
+  }
   int fixedInputs() const override { return 0; }
   int stride() const override { return 2; }
 
@@ -138,8 +159,8 @@ class DirectFoldNode final : public FoldNode {
   }
   Result<TermPtr> finish(const RunContext& ctx, std::unique_ptr<State> state) const override {
     const auto& sum = static_cast<Sum&>(*state).rgb;
-    auto out = pixelTerm("direct_light", width_, height_);
-    auto rgb = out->addUnsetPlane<float>("rgb", 3);
+    const auto& out = ctx.result;
+    auto rgb = out->writable<float>("rgb");
     const bool complete = ctx.arena->parallelFor(
         sum.size(), 1 << 15,
         [&](size_t b, size_t e) {
@@ -160,14 +181,20 @@ class ResolveNode final : public PixelNode {
   ResolveNode(int w, int h, int slots) : PixelNode(w, h), slots_(slots) {}
   std::string type() const override { return "resolve"; }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(slots_); }
-  size_t outputBytes() const override { return pixels() * (12 * slots_ + 4) + slots_ * kPlaneBytes; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    w.over(0, pixelExtent()).reads<double>(0, "sum", {3 * slots_}).reads<uint32_t>(0, "samples");
+    TermShape out{"radiance", Domain::Pixel, pixelExtent(), {}};
+    for (int s = 0; s < slots_; ++s) out.planes.push_back(unsetPlane<float>("s" + std::to_string(s), 3));
+    passOnDropped(w.input(0), out);
+    return w.gives(std::move(out));
+  }
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto sum = ctx.inputs[0]->plane<double>("sum");
     const auto samples = ctx.inputs[0]->plane<uint32_t>("samples");
-    GOBO_CHECK_EQ(sum.size(), pixels() * slots_ * 3);
-    auto out = pixelTerm("radiance", width_, height_);
+    const auto& out = ctx.result;
     std::vector<std::span<float>> planes;
-    for (int s = 0; s < slots_; ++s) planes.push_back(out->addUnsetPlane<float>("s" + std::to_string(s), 3));
+    for (int s = 0; s < slots_; ++s) planes.push_back(out->writable<float>("s" + std::to_string(s)));
     // Slot by slot: the first touch of each plane's next huge page has the system clear it, which takes as long as thousands of pixels.
     const bool complete = ctx.arena->parallelFor(
         pixels(), 1 << 11,
@@ -197,15 +224,19 @@ class PixelMeanNode final : public PixelNode {
       : PixelNode(w, h), plane_(std::move(plane)), channels_(channels), samples_(s), overValidOnly_(overValidOnly) {}
   std::string type() const override { return "pixel_mean"; }
   void hashParameters(Hasher& h) const override { h.add(plane_).add(channels_).add(width_).add(height_).add(samples_).add(overValidOnly_); }
-  size_t outputBytes() const override { return pixels() * 4 * channels_; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1, 2);
+    w.over(0, viewExtent(samples_)).reads<float>(0, plane_, {channels_, channels_ == 1 ? 3 : channels_});
+    if (in.size() > 1) w.over(1, viewExtent(samples_)).reads<uint32_t>(1, "instance");
+    return w.gives({"pixels", Domain::Pixel, pixelExtent(), {unsetPlane<float>(plane_, channels_)}});
+  }
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto in = ctx.inputs[0]->floats(plane_);
     const bool grey = channels_ == 1 && ctx.inputs[0]->channels(plane_) == 3;  // RGB visibility shown as one channel: its luminance
-    GOBO_CHECK(grey || ctx.inputs[0]->channels(plane_) == channels_);
     const bool masked = ctx.inputs.size() > 1;
     const std::span<const uint32_t> valid = masked ? ctx.inputs[1]->plane<uint32_t>("instance") : std::span<const uint32_t>{};
-    auto out = pixelTerm("pixels", width_, height_);
-    auto mean = out->addUnsetPlane<float>(plane_, channels_);
+    const auto& out = ctx.result;
+    auto mean = out->writable<float>(plane_);
     const bool complete = ctx.arena->parallelFor(
         pixels(), 1 << 13,
         [&](size_t b, size_t e) {
@@ -244,11 +275,15 @@ class AlphaNode final : public PixelNode {
     return t;
   }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_); }
-  size_t outputBytes() const override { return pixels() * 4; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    w.over(0, viewExtent(samples_)).reads<uint32_t>(0, "instance");
+    return w.gives({"pixels", Domain::Pixel, pixelExtent(), {unsetPlane<float>("alpha")}});
+  }
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto instance = ctx.inputs[0]->plane<uint32_t>("instance");
-    auto out = pixelTerm("pixels", width_, height_);
-    auto alpha = out->addUnsetPlane<float>("alpha", 1);
+    const auto& out = ctx.result;
+    auto alpha = out->writable<float>("alpha");
     const bool complete = ctx.arena->parallelFor(
         pixels(), 1 << 15,
         [&](size_t b, size_t e) {

@@ -10,7 +10,7 @@
 #include "base/hash.h"
 #include "base/status.h"
 #include "base/vec.h"
-#include "terms/term.h"
+#include "terms/term_shape.h"
 
 namespace gobo {
 
@@ -48,7 +48,7 @@ class Expression {
   const std::vector<Instruction>& code() const { return code_; }
   void hash(Hasher& hasher) const;
   /// Checks operand indices, inputs, plane names, channel counts (1 or 3) and equal extents. Errors name the instruction.
-  Status check(const std::vector<TermPtr>& inputs) const;
+  Status check(std::span<const TermShape> inputs) const;
   /// Value of the last instruction for pixels [begin, end) into out (3 floats a pixel). check() must have passed.
   void evaluate(const std::vector<TermPtr>& inputs, size_t begin, size_t end, float* out) const;
 

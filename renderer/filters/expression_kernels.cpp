@@ -10,7 +10,7 @@ void Expression::hash(Hasher& h) const {
   for (const Instruction& i : code_) h.add(i.op).add(i.a).add(i.b).add(i.c).add(i.input).add(i.plane).add(i.value.x).add(i.value.y).add(i.value.z);
 }
 
-Status Expression::check(const std::vector<TermPtr>& inputs) const {
+Status Expression::check(std::span<const TermShape> inputs) const {
   if (code_.empty()) return internalError("empty expression");
   const Extent* extent = nullptr;
   for (size_t k = 0; k < code_.size(); ++k) {
@@ -20,11 +20,13 @@ Status Expression::check(const std::vector<TermPtr>& inputs) const {
       if (operand >= int(k)) return internalError("operand " + std::to_string(operand) + " is not evaluated yet", place);
     if (i.op != Op::Plane) continue;
     if (i.input < 0 || i.input >= int(inputs.size())) return internalError("input " + std::to_string(i.input) + " does not exist", place);
-    const Term& t = *inputs[i.input];
-    if (!t.hasPlane(i.plane)) return internalError("term '" + t.type() + "' has no plane '" + i.plane + "'", place);
-    if (t.channels(i.plane) != 1 && t.channels(i.plane) != 3) return internalError("plane '" + i.plane + "' has neither 1 nor 3 channels", place);
-    if (extent && !(*extent == t.extent())) return internalError("terms of different extents", place);
-    extent = &t.extent();
+    const TermShape& t = inputs[size_t(i.input)];
+    const PlaneShape* plane = t.find(i.plane);
+    if (!plane) return internalError("term '" + t.type + "' has no plane '" + i.plane + "'", place);
+    if (plane->format != Format::F32 || (plane->channels != 1 && plane->channels != 3))
+      return internalError("plane '" + i.plane + "' has neither 1 nor 3 channels of f32", place);
+    if (extent && !(*extent == t.extent)) return internalError("terms of different extents", place);
+    extent = &t.extent;
   }
   return {};
 }

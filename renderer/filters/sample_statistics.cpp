@@ -17,10 +17,14 @@ class SampleCountNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_); }
-  size_t outputBytes() const override { return size_t(width_) * height_ * 4; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 0, SIZE_MAX);
+    for (size_t i = 0; i < in.size(); ++i) w.over(i, {width_, height_, 1}).reads<uint32_t>(i, "samples");
+    return w.gives({"pixels", Domain::Pixel, {width_, height_, 1}, {plane<float>("count")}});
+  }
   Result<TermPtr> run(const RunContext& ctx) const override {
-    auto out = std::make_shared<Term>("pixels", Domain::Pixel, Extent{width_, height_, 1});
-    const auto count = out->addPlane<float>("count", 1);
+    const auto& out = ctx.result;
+    const auto count = out->writable<float>("count");
     for (size_t i = 0; i < ctx.inputs.size(); ++i) {
       const auto samples = ctx.inputs[i]->plane<uint32_t>("samples");
       const bool complete = ctx.arena->parallelFor(
@@ -52,12 +56,18 @@ class VarianceNode final : public Node {
     h.add(width_).add(height_).add(streams_).add(blockSize_).add(uint64_t(weights_.size()));
     for (const VarianceWeight& w : weights_) h.add(w.input).add(w.slot).add(w.weight.x).add(w.weight.y).add(w.weight.z);
   }
-  size_t outputBytes() const override { return size_t(width_) * height_ * 12; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, size_t(inputs_));
+    const auto one = [&](size_t i) { return 3 * streams_ * std::max(w.channels(i, "streams") / (3 * streams_), 1); };  // slots
+    for (size_t i = 0; i < in.size() && !weights_.empty(); ++i)
+      w.over(i, {width_, height_, 1}).reads<uint32_t>(i, "samples").reads<float>(i, "streams", {one(i)});
+    for (const VarianceWeight& v : weights_) w.require(3 * streams_ * (v.slot + 1) <= w.channels(size_t(v.input), "streams"), "the slots that it weighs");
+    return w.gives({"pixels", Domain::Pixel, {width_, height_, 1}, {plane<float>("variance", 3)}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    GOBO_CHECK_EQ(int(ctx.inputs.size()), inputs_);
-    auto out = std::make_shared<Term>("pixels", Domain::Pixel, Extent{width_, height_, 1});
-    const auto variance = out->addPlane<float>("variance", 3);
+    const auto& out = ctx.result;
+    const auto variance = out->writable<float>("variance");
     if (weights_.empty()) return TermPtr(out);  // nothing is path traced: nothing scatters
     std::vector<std::span<const float>> parts;
     std::vector<std::span<const uint32_t>> samples;

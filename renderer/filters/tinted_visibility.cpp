@@ -22,16 +22,19 @@ class TintedVisibilityNode final : public Node {
     return t;
   }
   void hashParameters(Hasher&) const override {}
-  size_t outputBytes() const override { return extent_.elements() * 12; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 2);
+    w.over(0, extent_).reads<float>(0, "V").over(1, extent_).reads<float>(1, "V", {3});
+    TermShape out{"visibility", Domain::ViewSample, extent_, {unsetPlane<float>("V", 3)}};
+    if (w.input(0).find("flags")) w.reads<float>(0, "flags"), out.planes.push_back(unsetPlane<float>("flags"));
+    return w.gives(std::move(out));
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term &solid = *ctx.inputs.at(0), &glass = *ctx.inputs.at(1);
-    GOBO_CHECK_EQ(solid.channels("V"), 1);
-    GOBO_CHECK_EQ(glass.channels("V"), 3);
     const auto v = solid.floats("V"), tint = glass.floats("V");
-    GOBO_CHECK_EQ(3 * v.size(), tint.size());
-    auto term = std::make_shared<Term>("visibility", Domain::ViewSample, solid.extent());
-    const auto V = term->addUnsetPlane<float>("V", 3);
+    const auto& term = ctx.result;
+    const auto V = term->writable<float>("V");
     const bool complete = ctx.arena->parallelFor(
         v.size(), 1 << 14,
         [&](size_t begin, size_t end) {
@@ -42,7 +45,7 @@ class TintedVisibilityNode final : public Node {
     if (!complete) return Status(Code::Cancelled, "tinted_visibility: stopped");
     if (solid.hasPlane("flags")) {
       const auto from = solid.floats("flags");
-      std::copy(from.begin(), from.end(), term->addUnsetPlane<float>("flags").begin());
+      std::copy(from.begin(), from.end(), term->writable<float>("flags").begin());
     }
     return TermPtr(term);
   }

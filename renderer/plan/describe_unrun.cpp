@@ -56,7 +56,7 @@ void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store,
     const GraphNode& n = plan.graph.at(id);
     const int made = rows.makings[size_t(id)];
     const auto state = made > 0 ? v1::NodeReport::RUN : made < 0 ? v1::NodeReport::REUSED : v1::NodeReport::NOT_NEEDED;
-    const Cost cost = n.node->cost(n.blocks);
+    const Cost cost = n.node->cost(n.shape, n.blocks);
     if (made > 0) ns += made * cost.ns, rays += made * cost.rays;
     v1::NodeReport* row = nullptr;
     if (n.transient) {
@@ -64,11 +64,11 @@ void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store,
       if (!slot) slot = reply.add_plan();
       row = slot;
       row->set_node(n.node->type() + " (folded)");
-      row->set_bytes(std::max<uint64_t>(row->bytes(), n.node->outputBytes()));
+      row->set_bytes(std::max<uint64_t>(row->bytes(), n.shape.bytes()));
     } else {
       row = reply.add_plan();
       row->set_node(n.label);
-      row->set_bytes(n.node->outputBytes());
+      row->set_bytes(n.shape.bytes());
       if (n.node->traits().extendable) row->set_samples(n.blocks);
     }
     row->set_state(state);

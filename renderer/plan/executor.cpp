@@ -183,6 +183,7 @@ TermPtr Executor::reused(NodeId id, TermPtr term, const char* from) {
 TermPtr Executor::kept(NodeId id, const Hash128& key) {
   TermStore::Tier tier = TermStore::Tier::None;
   TermPtr term = services_.store->get(key, &tier, stop_);
+  if (term && !graph_.at(id).shape.holds(*term).ok()) return nullptr;  // comes from a file
   return term ? reused(id, std::move(term), tier == TermStore::Tier::Disk ? "disk" : "memory") : nullptr;
 }
 
@@ -197,6 +198,7 @@ RunContext Executor::context(NodeId id) {
 }
 
 Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& key) {
+  GOBO_TRY(graph_.wiring());
   const GraphNode& n = graph_.at(id);
   const NodeTraits traits = n.node->traits();
   const auto* fold = dynamic_cast<const FoldNode*>(n.node.get());
@@ -218,6 +220,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
     ctx.park = &parked;
     ctx.wanted = [this] { return wanted(); };
     if (services_.checkpoints) ctx.previous = services_.checkpoints->load(recipe, n.blocks);
+    if (ctx.previous && !n.shape.holds(*ctx.previous).ok()) ctx.previous = nullptr;  // comes from a file
     if (!ctx.previous) taken = ctx.previous = services_.extensions->takeParked(recipe);
     if (ctx.previous) reason = "resumed";
     if (!ctx.previous) {
@@ -233,7 +236,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   const auto start = std::chrono::steady_clock::now();
   Result<TermPtr> result = internalError("not run");
   try {
-    result = fold ? runFold(id, *fold, ctx) : n.node->run(ctx);
+    result = fold ? runFold(id, *fold, ctx) : runNode(*n.node, n.shape, ctx);
   } catch (const std::bad_alloc&) { result = Status(Code::ResourceExhausted, "out of memory in node " + n.label, n.label); }
   const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   if (result.ok()) {
@@ -296,7 +299,9 @@ Result<TermPtr> Executor::runFold(NodeId id, const FoldNode& fold, RunContext& c
     for (int k = 0; k < fold.stride(); ++k) read(fold.fixedInputs() + s * fold.stride() + k);
     if (ctx.progress) ctx.progress(double(s + 1) / steps);
   }
+  ctx.result = makeTerm(n.shape);
   Result<TermPtr> result = fold.finish(ctx, std::move(state));
+  if (result.ok()) GOBO_TRY(n.shape.holds(**result));
   for (int i = 0; i < fold.fixedInputs(); ++i) read(i);
   return result;
 }

@@ -22,7 +22,7 @@ Bound boundOf(const Graph& graph, const Lifetimes& lifetimes) {
   for (size_t id = 0; id < n; ++id) {  // inputs come before their readers
     if (lifetimes.unneeded(NodeId(id))) continue;
     const GraphNode& node = graph.at(NodeId(id));
-    const uint64_t bytes = node.node->outputBytes() + kTermBytes;
+    const uint64_t bytes = outputBytes(node);
     const bool small = node.node->traits().smallOutput;
     const bool shared = lifetimes.held(NodeId(id)) && (lifetimes.readers(NodeId(id)) > 1 || small);
     (shared ? b.always : b.own[id]) += bytes;
@@ -49,7 +49,7 @@ uint64_t bytesBehind(const Graph& graph, NodeId node) {
     const NodeId id = left.back();
     left.pop_back();
     if (!seen.insert(id).second) continue;
-    bytes += graph.at(id).node->outputBytes() + kTermBytes;
+    bytes += outputBytes(graph.at(id));
     left.insert(left.end(), graph.at(id).inputs.begin(), graph.at(id).inputs.end());
   }
   return bytes;

@@ -68,6 +68,8 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
   OutputContext outputs(context, base, services);
   for (const std::string& o : request.outputs()) {
     GOBO_ASSIGN(const OutputPlane plane, infoOf(o).plan(outputs, o, std::string(outputLight(o))));
+    GOBO_TRY(plan->graph.wiring());
+    if (!plan->graph.at(plane.node).shape.find(plane.plane)) return internalError("a node without the plane " + plane.plane, "output " + o);
     plan->outputs.push_back({o, plane.node, plane.plane, infoOf(o).channelNames()});
   }
   if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");

@@ -57,6 +57,7 @@ NodeId PlanContext::filter(NodePtr node, std::vector<NodeId> inputs, std::string
 
 Result<TermPtr> PlanContext::expand(NodeId node) {
   expanded_.push_back(node);
+  GOBO_TRY(graph_.wiring());
   if (bounding()) return TermPtr();
   return in_.expand(graph_, node);
 }

@@ -24,15 +24,22 @@ class AreaLightListNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override { h.add(lights_); }
-  size_t outputBytes() const override { return size_t(lights_) * 44 + 112; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    return Wiring(type(), in, 0)
+        .gives({type(),
+                Domain::Table,
+                {1, 1, 1},
+                {plane<uint32_t>("count"), plane<float>("direction", 3 * lights_), plane<float>("right", 3 * lights_), plane<float>("angularSize", 2 * lights_),
+                 plane<float>("irradiance", 3 * lights_), plane<float>("remainder", 27)}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const AreaLightFit fit = fitAreaLights(*ctx.scene->environment(), lights_, ctx.stop);
     if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
-    auto out = std::make_shared<Term>("area_light_list", Domain::Table, Extent{1, 1, 1});
-    out->addPlane<uint32_t>("count")[0] = uint32_t(fit.lights.size());
-    const auto direction = out->addPlane<float>("direction", 3 * lights_), right = out->addPlane<float>("right", 3 * lights_);
-    const auto size = out->addPlane<float>("angularSize", 2 * lights_), irradiance = out->addPlane<float>("irradiance", 3 * lights_);
+    const auto& out = ctx.result;
+    out->writable<uint32_t>("count")[0] = uint32_t(fit.lights.size());
+    const auto direction = out->writable<float>("direction"), right = out->writable<float>("right");
+    const auto size = out->writable<float>("angularSize"), irradiance = out->writable<float>("irradiance");
     for (size_t i = 0; i < fit.lights.size(); ++i) {
       const AreaLight& l = fit.lights[i];
       for (int k = 0; k < 3; ++k) {
@@ -42,7 +49,7 @@ class AreaLightListNode final : public Node {
       }
       size[2 * i] = size[2 * i + 1] = float(l.angularSize);
     }
-    const auto remainder = out->addPlane<float>("remainder", 27);
+    const auto remainder = out->writable<float>("remainder");
     for (size_t i = 0; i < 9; ++i)
       for (int k = 0; k < 3; ++k) remainder[3 * i + k] = bounded(fit.remainder[i][k]);
     return TermPtr(out);

@@ -23,12 +23,16 @@ class CausticsNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override { settings_.hash(h); }
-  /// The state, and the photons of a pass with their sorted copy if each lands once.
-  size_t outputBytes() const override {
-    const PathTracerSettings& s = settings_.path;
-    return size_t(s.width) * s.height * (24u * settings_.slots() + 8) + size_t(settings_.photons) * s.groupOf.size() * (2 * sizeof(Photon) + 24);
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    return Wiring(type(), in, 0)
+        .gives({type(),
+                Domain::Pixel,
+                {settings_.path.width, settings_.path.height, 1},
+                {plane<double>("sum", settings_.slots() * 3), plane<uint32_t>("samples"), mayDrop()}});
   }
-  Cost cost(uint32_t blocks) const override {
+  /// The photons of a pass with their sorted copy, if each lands once.
+  size_t workingBytes() const override { return size_t(settings_.photons) * settings_.path.groupOf.size() * (2 * sizeof(Photon) + 24); }
+  Cost cost(const TermShape&, uint32_t blocks) const override {
     const PathTracerSettings& s = settings_.path;
     const double rays = double(blocks) * (double(settings_.photons) * double(s.groupOf.size()) + kReceiving * double(s.width) * s.height);
     return {rays, 400.0 * rays};
@@ -41,9 +45,9 @@ class CausticsNode final : public Node {
     const int width = settings_.path.width, height = settings_.path.height;
     const size_t perPixel = size_t(settings_.slots()) * 3;
     const uint32_t blockSize = uint32_t(settings_.path.blockSize);
-    auto state = std::make_shared<Term>("caustics", Domain::Pixel, Extent{width, height, 1});
-    auto sum = state->addPlane<double>("sum", int(perPixel));
-    auto samples = state->addPlane<uint32_t>("samples", 1);
+    const auto& state = ctx.result;
+    auto sum = state->writable<double>("sum");
+    auto samples = state->writable<uint32_t>("samples");
     DroppedSamples dropped(*state);
     uint32_t pass = 0;
     if (ctx.previous && ctx.previous->extent() == state->extent() && ctx.previous->channels("sum") == int(perPixel)) {

@@ -58,8 +58,17 @@ class DirectUnoccludedNode final : public Node {
     h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples).addPod(s_.nominal).add(s_.samples).add(s_.seed).add(s_.extended);
     if (s_.lobe != LobePart::Both) h.add(s_.lobe);
   }
-  size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * s_.view.viewSamples * 16; }
-  Cost cost(uint32_t) const override { return {0.0, kReceiving * double(s_.view.width) * s_.view.height * s_.view.viewSamples * (20.0 + 15.0 * s_.samples)}; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 2);
+    const Extent view = s_.view.extent();
+    w.over(0, view).reads<uint32_t>(0, "instance").reads<float>(0, "P", {3}).reads<float>(0, "Ng", {3});
+    if (s_.extended) SurfaceReader::reads(w, 0);
+    w.over(1, view).reads<float>(1, "N", {3}).reads<float>(1, "albedo", {3}).reads<float>(1, "material", {5}).reads<uint8_t>(1, "flags");
+    return w.gives({type(), Domain::ViewSample, view, {unsetPlane<float>("L", 3), mayDrop()}});
+  }
+  Cost cost(const TermShape&, uint32_t) const override {
+    return {0.0, kReceiving * double(s_.view.width) * s_.view.height * s_.view.viewSamples * (20.0 + 15.0 * s_.samples)};
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term &g = *ctx.inputs[0], &surface = *ctx.inputs[1];
@@ -74,8 +83,8 @@ class DirectUnoccludedNode final : public Node {
       GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
       reader = std::make_unique<const SurfaceReader>(*ctx.scene, accel, g, s_.view.camera);
     }
-    auto out = std::make_shared<Term>("direct_unoccluded", Domain::ViewSample, g.extent());
-    const auto L = out->addUnsetPlane<float>("L", 3);
+    const auto& out = ctx.result;
+    const auto L = out->writable<float>("L");
     DroppedSamples dropped(*out);
     const Vec3 eye(s_.view.camera.toWorld[3]), back(s_.view.camera.toWorld[2]);
     const bool complete = ctx.arena->parallelFor(

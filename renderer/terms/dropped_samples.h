@@ -6,11 +6,18 @@
 
 #include <mutex>
 
-#include "terms/term.h"
+#include "terms/term_shape.h"
 
 namespace gobo {
 
 inline constexpr const char* kDroppedPlane = "dropped";
+
+/// The plane of a shape whose node may leave samples out.
+inline PlaneShape mayDrop() { return {kDroppedPlane, Format::U32, 1, PlaneShape::Fill::Absent}; }
+/// The same, if `from` may have it.
+inline void passOnDropped(const TermShape& from, TermShape& to) {
+  if (from.find(kDroppedPlane) && !to.find(kDroppedPlane)) to.planes.push_back(mayDrop());
+}
 
 /// Writes the plane of a term under construction; any thread. The plane is made with the first sample.
 class DroppedSamples {

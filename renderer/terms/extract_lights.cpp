@@ -52,7 +52,11 @@ class ExtractLightsNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override { h.add(lights_); }
-  size_t outputBytes() const override { return size_t(lights_) * 24; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    TermShape out{"light_list", Domain::List, {lights_, 1, 1}, {plane<float>("direction", 3), plane<float>("irradiance", 3)}};
+    out.atMost = true;
+    return Wiring(type(), in, 0).gives(std::move(out));
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Environment& e = *ctx.scene->environment();

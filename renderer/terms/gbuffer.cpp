@@ -32,8 +32,15 @@ class GBufferNode final : public Node {
     hashCamera(h, s_.camera);
     h.add(s_.width).add(s_.height).add(s_.viewSamples);
   }
-  size_t outputBytes() const override { return size_t(s_.width) * s_.height * s_.viewSamples * 68; }
-  Cost cost(uint32_t) const override {
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    return Wiring(type(), in, 0)
+        .gives({type(),
+                Domain::ViewSample,
+                s_.extent(),
+                {unsetPlane<float>("P", 3), unsetPlane<float>("N", 3), unsetPlane<float>("Ng", 3), unsetPlane<float>("uv", 2), unsetPlane<float>("depth"),
+                 unsetPlane<float>("bary", 2), unsetPlane<float>("footprint"), unsetPlane<uint32_t>("instance"), unsetPlane<uint32_t>("primitive")}});
+  }
+  Cost cost(const TermShape&, uint32_t) const override {
     const double rays = double(s_.width) * s_.height * s_.viewSamples;
     return {rays, 55.0 * rays};
   }
@@ -45,11 +52,11 @@ class GBufferNode final : public Node {
     for (size_t m = 0; m < ctx.scene->meshCount(); ++m) meshes.push_back(ctx.scene->mesh<Facet::Shading>(int(m)));
     const auto& instances = ctx.scene->instances();
     const int w = s_.width, h = s_.height, S = s_.viewSamples;
-    auto out = std::make_shared<Term>("gbuffer", Domain::ViewSample, Extent{w, h, S});
-    const auto P = out->addUnsetPlane<float>("P", 3), N = out->addUnsetPlane<float>("N", 3), Ng = out->addUnsetPlane<float>("Ng", 3);
-    const auto uv = out->addUnsetPlane<float>("uv", 2), depth = out->addUnsetPlane<float>("depth", 1), bary = out->addUnsetPlane<float>("bary", 2);
-    const auto footprint = out->addUnsetPlane<float>("footprint", 1);
-    const auto instance = out->addUnsetPlane<uint32_t>("instance", 1), primitive = out->addUnsetPlane<uint32_t>("primitive", 1);
+    const auto& out = ctx.result;
+    const auto P = out->writable<float>("P"), N = out->writable<float>("N"), Ng = out->writable<float>("Ng");
+    const auto uv = out->writable<float>("uv"), depth = out->writable<float>("depth"), bary = out->writable<float>("bary");
+    const auto footprint = out->writable<float>("footprint");
+    const auto instance = out->writable<uint32_t>("instance"), primitive = out->writable<uint32_t>("primitive");
 
     const FilmRays film(s_.camera, w, h);
     // Packets of 4x4 pixels of one layer: rays that run side by side.

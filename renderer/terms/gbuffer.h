@@ -16,6 +16,7 @@ namespace gobo {
 struct GBufferSettings {
   Camera camera;
   int width = 0, height = 0, viewSamples = 1;
+  Extent extent() const { return {width, height, viewSamples}; }
 };
 void hashCamera(Hasher& hasher, const Camera& camera);
 

@@ -19,7 +19,14 @@ NodeId Graph::add(GraphNode n) {
     same.transient = same.transient && n.transient;
     return known->second;
   }
-  for (NodeId input : n.inputs) GOBO_CHECK_LT(input, size());
+  std::vector<TermShape> in;
+  for (NodeId input : n.inputs) {
+    GOBO_CHECK_LT(input, size());
+    in.push_back(at(input).shape);
+  }
+  Result<TermShape> shape = n.node->infer(in);
+  if (shape.ok()) n.shape = std::move(*shape);
+  else if (!wrong_) wrong_.emplace(size(), shape.status().at("node " + n.label));
   nodes_.push_back(std::move(n));
   structure_.push_back(structure);
   byStructure_.emplace(structure, size() - 1);
@@ -29,6 +36,7 @@ NodeId Graph::add(GraphNode n) {
 void Graph::rollBack(const Mark& mark) {
   for (size_t i = size_t(mark.nodes); i < structure_.size(); ++i) byStructure_.erase(structure_[i]);
   nodes_.resize(size_t(mark.nodes));
+  if (wrong_ && wrong_->first >= mark.nodes) wrong_.reset();
   structure_.resize(size_t(mark.nodes));
   pruned_.resize(mark.pruned);
 }

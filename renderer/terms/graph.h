@@ -3,6 +3,7 @@
 // Structurally equal nodes are one node. Not thread-safe; one per request.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -21,6 +22,7 @@ struct GraphNode {
   uint32_t blocks = 0;      ///< extendable nodes: blocks asked for
   ScenePtr scene;           ///< the effective scene that the node sees (null for filters)
   bool transient = false;   ///< result is not kept in the store (inputs of folds)
+  TermShape shape;          ///< of the result; made by Graph::add
   std::string approximate;  ///< for reports: in what its result is more than noise away from the truth; empty: in nothing
 };
 
@@ -29,10 +31,15 @@ struct PrunedNode {
   bool approximate = false;
 };
 
+/// Upper bound of the bytes that a node's result has and its run takes.
+inline uint64_t outputBytes(const GraphNode& n) { return n.shape.bytes() + n.node->workingBytes() + kTermBytes; }
+
 class Graph {
  public:
-  /// Adds, or finds the structurally equal node. `scene` may be null for filters.
+  /// Adds, or finds the structurally equal node. `scene` may be null for filters. A node that cannot read its inputs makes wiring() an error.
   NodeId add(GraphNode node);
+  /// The first thing that is wired wrongly: nothing of the graph may be run then.
+  Status wiring() const { return wrong_ ? wrong_->second : Status(); }
   /// Marks node `id`, and nodes from `first` on that were added for it, as not kept in the store (inputs of folds).
   void markTransient(NodeId first, NodeId id) {
     for (NodeId i = first; i <= id; ++i) nodes_[i].transient = true;
@@ -54,6 +61,7 @@ class Graph {
   std::vector<Hash128> structure_;  // by node
   std::unordered_map<Hash128, NodeId> byStructure_;
   std::vector<PrunedNode> pruned_;
+  std::optional<std::pair<NodeId, Status>> wrong_;
 };
 
 }  // namespace gobo

@@ -18,15 +18,19 @@ class IdNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_); }
-  size_t outputBytes() const override { return size_t(width_) * height_ * 4; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    w.over(0, {width_, height_, w.input(0).extent.layers}).reads<uint32_t>(0, "instance");
+    return w.gives({"pixels", Domain::Pixel, {width_, height_, 1}, {unsetPlane<float>("id")}});
+  }
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto instance = ctx.inputs[0]->plane<uint32_t>("instance").first(size_t(width_) * height_);  // layer 0 is view sample 0
     std::vector<float> number;
     if (kind_ == IdKind::Material) {
       for (const Instance& i : ctx.scene->instances()) number.push_back(float(ctx.scene->mesh<Facet::Topology>(i.mesh).material));
     }
-    auto out = std::make_shared<Term>("pixels", Domain::Pixel, Extent{width_, height_, 1});
-    const auto id = out->addUnsetPlane<float>("id", 1);
+    const auto& out = ctx.result;
+    const auto id = out->writable<float>("id");
     const bool complete = ctx.arena->parallelFor(
         id.size(), 1 << 15,
         [&](size_t begin, size_t end) {

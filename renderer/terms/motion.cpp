@@ -40,7 +40,11 @@ class MotionNode final : public Node {
     h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples);
     h.add(s_.earlierScene->facetHash(kFacets, {}));
   }
-  size_t outputBytes() const override { return size_t(s_.view.width) * s_.view.height * 8; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    w.over(0, s_.view.extent()).reads<uint32_t>(0, "instance").reads<uint32_t>(0, "primitive").reads<float>(0, "bary", {2});
+    return w.gives({"pixels", Domain::Pixel, {s_.view.width, s_.view.height, 1}, {plane<float>("motion", 2)}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& g = *ctx.inputs[0];
@@ -58,8 +62,8 @@ class MotionNode final : public Node {
       if (at >= 0 && before.triangles(at) == now.triangles(int(i))) earlier[i] = at;
     }
     const Vec2 offset = viewSamplePosition(0, s_.view.viewSamples);
-    auto out = std::make_shared<Term>("pixels", Domain::Pixel, Extent{w, h, 1});
-    const auto motion = out->addPlane<float>("motion", 2);
+    const auto& out = ctx.result;
+    const auto motion = out->writable<float>("motion");
     const bool complete = ctx.arena->parallelFor(
         size_t(h), 8,
         [&](size_t begin, size_t end) {

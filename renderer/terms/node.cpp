@@ -11,4 +11,19 @@ Result<AccelPtr> RunContext::accel() const {
   return made;
 }
 
+Result<TermPtr> runNode(const Node& node, const TermShape& shape, RunContext& ctx) {
+  ctx.result = makeTerm(shape);
+  GOBO_ASSIGN(TermPtr made, node.run(ctx));
+  ctx.result.reset();
+  GOBO_TRY(shape.holds(*made));
+  return made;
+}
+
+Result<TermPtr> runNode(const Node& node, RunContext& ctx) {
+  std::vector<TermShape> in;
+  for (const TermPtr& input : ctx.inputs) in.push_back(shapeOf(*input));
+  GOBO_ASSIGN(const TermShape shape, node.infer(in));
+  return runNode(node, shape, ctx);
+}
+
 }  // namespace gobo

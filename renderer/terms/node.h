@@ -18,6 +18,7 @@
 #include "base/task_arena.h"
 #include "scene/scene.h"
 #include "terms/term.h"
+#include "terms/term_shape.h"
 
 namespace gobo {
 
@@ -43,6 +44,8 @@ struct RunCounters {
 struct RunContext {
   const SceneView* scene = nullptr;  ///< null for filters
   std::vector<TermPtr> inputs;
+  /// Made for this run after what Node::infer said, to be written and returned; null where the size comes with the result. Folds: when they finish.
+  std::shared_ptr<Term> result;
   const TaskArena* arena = nullptr;
   AccelCache* accels = nullptr;  ///< null for filters
   StopToken stop;
@@ -77,18 +80,24 @@ class Node {
   virtual std::string device() const { return "cpu"; }
   virtual NodeTraits traits() const = 0;
   virtual void hashParameters(Hasher& hasher) const = 0;
-  /// Bytes of the result, for admission: an upper bound, "dropped" (terms/dropped_samples.h) included, but for kTermBytes, which every term may
-  /// have beside.
-  virtual size_t outputBytes() const = 0;
+  /// What the result looks like, from what the inputs do: wrong wiring is found here, while planning. Errors: Internal (Wiring).
+  virtual Result<TermShape> infer(std::span<const TermShape> in) const = 0;
+  /// Bytes that a run holds beside its result and inputs, where they are many; an upper bound, for admission.
+  virtual size_t workingBytes() const { return 0; }
   /// `blocks`: of extendable nodes. Here: a pass over its result.
-  virtual Cost cost(uint32_t blocks) const {
+  virtual Cost cost(const TermShape& result, uint32_t blocks) const {
     (void)blocks;
-    return {0.0, 0.6 * double(outputBytes())};
+    return {0.0, 0.6 * double(result.bytes())};
   }
-  /// Errors: Cancelled when ctx.stop fired; Internal when a non-finite value would leave the node.
+  /// ctx.result, written; by runNode(). Errors: Cancelled when ctx.stop fired; Internal when a non-finite value would leave the node.
   virtual Result<TermPtr> run(const RunContext& ctx) const = 0;
 };
 using NodePtr = std::shared_ptr<const Node>;
+
+/// Runs a node on ctx.inputs: makes ctx.result and holds what comes out to what infer() said. Not for folds.
+Result<TermPtr> runNode(const Node& node, RunContext& ctx);
+/// The same, of a shape that is known.
+Result<TermPtr> runNode(const Node& node, const TermShape& shape, RunContext& ctx);
 
 /// Folds: a node whose inputs are evaluated and dropped group by group, in order, in bounded memory (1000 lights never
 /// means 1000 buffers). Inputs of step i are inputs [i*stride, (i+1)*stride) after the first `fixedInputs()`, which stay.

@@ -31,11 +31,14 @@ class PathTraceNode final : public Node {
     settings_.hash(h);
     if (streams_ > 1) h.add(streams_);
   }
-  size_t outputBytes() const override {
-    const size_t slots = size_t(settings_.groups) * slotsPerGroup(settings_.split, settings_.maxBounces);
-    return size_t(settings_.width) * settings_.height * (slots * (24 + (streams_ > 1 ? 12 * streams_ : 0)) + 8);
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    const int slots = settings_.groups * slotsPerGroup(settings_.split, settings_.maxBounces);
+    TermShape out{type(), Domain::Pixel, {settings_.width, settings_.height, 1}, {plane<double>("sum", slots * 3), plane<uint32_t>("samples")}};
+    if (streams_ > 1) out.planes.push_back(plane<float>("streams", slots * 3 * streams_));
+    out.planes.push_back(mayDrop());
+    return Wiring(type(), in, 0).gives(std::move(out));
   }
-  Cost cost(uint32_t blocks) const override {
+  Cost cost(const TermShape&, uint32_t blocks) const override {
     const PathTracerSettings& s = settings_;
     // Events that paths have: roulette ends most of them soon after it begins.
     const bool direct = has(s.cover, PathClass::Direct), indirect = has(s.cover, PathClass::Indirect);
@@ -50,12 +53,12 @@ class PathTraceNode final : public Node {
     const auto tracer = PathTracer::create(*ctx.scene, accel, settings_, ctx.stop);
     if (!tracer) return Status(Code::Cancelled, "stopped");
     const int width = settings_.width, height = settings_.height, slots = tracer->slots();
-    auto state = std::make_shared<Term>("path_trace", Domain::Pixel, Extent{width, height, 1});
-    auto sum = state->addPlane<double>("sum", slots * 3);
-    auto samples = state->addPlane<uint32_t>("samples", 1);
+    const auto& state = ctx.result;
+    auto sum = state->writable<double>("sum");
+    auto samples = state->writable<uint32_t>("samples");
     const size_t perStream = streams_ > 1 ? size_t(slots) * 3 : 0, perPixel = perStream * streams_;
     std::span<float> parts;
-    if (perPixel) parts = state->addPlane<float>("streams", int(perPixel));
+    if (perPixel) parts = state->writable<float>("streams");
     // An earlier state is taken over pixel by pixel, below: copying it whole would hold the cores between two polls.
     std::span<const double> oldSum;
     std::span<const float> oldParts;

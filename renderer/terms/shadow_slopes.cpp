@@ -34,8 +34,15 @@ class ShadowSlopesNode final : public Node {
     h.add(s_.pilot).add(s_.seed);
     if (s_.clear) h.add("clear");
   }
-  size_t outputBytes() const override { return s_.extent.elements() * (4 * sizeof(float) + 1 + (s_.clear ? 8 : 0)); }
-  Cost cost(uint32_t) const override {
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    SurfaceSamples::reads(w.over(0, s_.extent), 0);
+    return w.gives({type(),
+                    Domain::ViewSample,
+                    s_.extent,
+                    {plane<float>("sMax"), plane<float>("sMin"), plane<float>("sumV", s_.clear ? 3 : 1), plane<float>("sumW"), plane<uint8_t>("occluded")}});
+  }
+  Cost cost(const TermShape&, uint32_t) const override {
     // Blocked ones look back.
     const double rays = 1.3 * kReceiving * double(s_.extent.elements()) * s_.pilot;
     return {rays, 60.0 * rays};
@@ -47,13 +54,13 @@ class ShadowSlopesNode final : public Node {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const LightPoints light(*ctx.scene, index);
     const SurfaceSamples surface(*ctx.inputs.at(0));
-    auto term = std::make_shared<Term>("shadow_slopes", Domain::ViewSample, ctx.inputs[0]->extent());
-    const auto sMax = term->addPlane<float>("sMax"), sMin = term->addPlane<float>("sMin");
+    const auto& term = ctx.result;
+    const auto sMax = term->writable<float>("sMax"), sMin = term->writable<float>("sMin");
     const size_t C = s_.clear ? 3 : 1;
-    const auto sumV = term->addPlane<float>("sumV", int(C)), sumW = term->addPlane<float>("sumW");
+    const auto sumV = term->writable<float>("sumV"), sumW = term->writable<float>("sumW");
     SurfaceTable surfaces;
     if (s_.clear) surfaces.build(*ctx.scene, *accel);
-    const auto occluded = term->addPlane<uint8_t>("occluded");
+    const auto occluded = term->writable<uint8_t>("occluded");
     const bool complete = ctx.arena->parallelFor(
         surface.size(), 128,
         [&](size_t from, size_t to) {
@@ -121,23 +128,28 @@ class ShadowAdaptiveNode final : public Node {
     h.add(s_.pilot).add(s_.seed);
     if (s_.clear) h.add("clear");
   }
-  size_t outputBytes() const override { return s_.extent.elements() * sizeof(float) * (s_.clear ? 3 : 1); }
-  Cost cost(uint32_t) const override {
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 3);
+    const int C = s_.clear ? 3 : 1;
+    SurfaceSamples::reads(w.over(0, s_.extent), 0);
+    w.over(1, s_.extent).reads<float>(1, "sumV", {C}).reads<float>(1, "sumW").over(2, s_.extent).reads<uint32_t>(2, "n");
+    return w.gives({"visibility", Domain::ViewSample, s_.extent, {plane<float>("V", C)}});
+  }
+  Cost cost(const TermShape&, uint32_t) const override {
     // As many as the pilot had, on the mean: where the filter is wide, none.
     const double rays = kReceiving * double(s_.extent.elements()) * s_.pilot;
     return {rays, 60.0 * rays};
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    GOBO_CHECK_EQ(ctx.inputs.size(), size_t(3));
     const size_t C = s_.clear ? 3 : 1;
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     const SurfaceSamples surface(*ctx.inputs[0]);
     const auto sumV = ctx.inputs[1]->floats("sumV"), sumW = ctx.inputs[1]->floats("sumW");
     const auto n = ctx.inputs[2]->plane<uint32_t>("n");
-    auto term = std::make_shared<Term>("visibility", Domain::ViewSample, ctx.inputs[0]->extent());
-    const auto V = term->addPlane<float>("V", int(C));
+    const auto& term = ctx.result;
+    const auto V = term->writable<float>("V");
     SurfaceTable surfaces;
     if (s_.clear) surfaces.build(*ctx.scene, *accel);
     const bool complete = ctx.arena->parallelFor(

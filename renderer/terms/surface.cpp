@@ -21,15 +21,23 @@ class SurfaceNode final : public Node {
     hashCamera(h, s_.camera);
     h.add(s_.width).add(s_.height).add(s_.viewSamples);
   }
-  size_t outputBytes() const override { return size_t(s_.width) * s_.height * s_.viewSamples * 45; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    w.over(0, s_.extent());
+    SurfaceReader::reads(w, 0);
+    return w.gives({type(),
+                    Domain::ViewSample,
+                    s_.extent(),
+                    {unsetPlane<float>("albedo", 3), unsetPlane<float>("material", 5), unsetPlane<float>("N", 3), unsetPlane<uint8_t>("flags")}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& g = *ctx.inputs[0];
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const SurfaceReader reader(*ctx.scene, accel, g, s_.camera);
-    auto out = std::make_shared<Term>("surface", Domain::ViewSample, g.extent());
-    const auto albedo = out->addUnsetPlane<float>("albedo", 3), material = out->addUnsetPlane<float>("material", 5), N = out->addUnsetPlane<float>("N", 3);
-    const auto flags = out->addUnsetPlane<uint8_t>("flags", 1);
+    const auto& out = ctx.result;
+    const auto albedo = out->writable<float>("albedo"), material = out->writable<float>("material"), N = out->writable<float>("N");
+    const auto flags = out->writable<uint8_t>("flags");
     const bool complete = ctx.arena->parallelFor(
         reader.size(), 1 << 13,
         [&](size_t begin, size_t end) {

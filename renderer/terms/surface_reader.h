@@ -15,6 +15,10 @@ inline constexpr Facet kSurfaceFacets = Facet::Topology | Facet::Pose | Facet::S
 class SurfaceReader {
  public:
   SurfaceReader(const SceneView& view, AccelPtr accel, const Term& gbuffer, const Camera& camera);
+  /// What it needs of a node's input.
+  static void reads(Wiring& w, size_t i) {
+    w.reads<uint32_t>(i, "instance").reads<uint32_t>(i, "primitive").reads<float>(i, "bary", {2}).reads<float>(i, "P", {3}).reads<float>(i, "Ng", {3});
+  }
   size_t size() const { return instance_.size(); }
   bool hit(size_t i) const { return instance_[i] != kNoHit; }
   void read(size_t i, Surface& out) const;

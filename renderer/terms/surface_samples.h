@@ -3,7 +3,7 @@
 #pragma once
 
 #include "base/vec.h"
-#include "terms/term.h"
+#include "terms/term_shape.h"
 
 namespace gobo {
 
@@ -11,6 +11,10 @@ namespace gobo {
 struct SurfaceSamples {
   explicit SurfaceSamples(const Term& g)
       : P(g.floats("P")), N(g.floats("N")), Ng(g.floats("Ng")), footprint(g.floats("footprint")), instance(g.plane<uint32_t>("instance")) {}
+  /// What it needs of a node's input.
+  static void reads(Wiring& w, size_t i) {
+    w.reads<float>(i, "P", {3}).reads<float>(i, "N", {3}).reads<float>(i, "Ng", {3}).reads<float>(i, "footprint").reads<uint32_t>(i, "instance");
+  }
   std::span<const float> P, N, Ng, footprint;
   std::span<const uint32_t> instance;
 

@@ -30,20 +30,23 @@ class VisibilityNode final : public Node {
     h.add(s_.samples).add(s_.seed);
     if (s_.glass != Glass::Solid) h.add("glass").add(s_.glass);
   }
-  size_t outputBytes() const override { return s_.extent.elements() * sizeof(float) * size_t(channels()); }
-  Cost cost(uint32_t) const override {
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    SurfaceSamples::reads(w.over(0, s_.extent), 0);
+    return w.gives({type(), Domain::ViewSample, s_.extent, {unsetPlane<float>("V", channels())}});
+  }
+  Cost cost(const TermShape&, uint32_t) const override {
     const double rays = kReceiving * double(s_.extent.elements()) * s_.samples;
     return {rays, 40.0 * rays};
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    GOBO_CHECK_EQ(ctx.inputs.size(), size_t(1));
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     const SurfaceSamples surface(*ctx.inputs[0]);
-    auto term = std::make_shared<Term>("visibility", Domain::ViewSample, ctx.inputs[0]->extent());
+    const auto& term = ctx.result;
     const size_t C = size_t(channels());
-    const auto V = term->addUnsetPlane<float>("V", channels());
+    const auto V = term->writable<float>("V");
     SurfaceTable surfaces;
     if (s_.glass != Glass::Solid) surfaces.build(*ctx.scene, *accel);
     const uint32_t samples = light.pointLike() ? 1 : s_.samples;

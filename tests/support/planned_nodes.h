@@ -89,7 +89,7 @@ struct Planned {
     const auto* fold = dynamic_cast<const FoldNode*>(n.node.get());
     if (!fold) {
       ctx.inputs = std::move(inputs);
-      return n.node->run(ctx);
+      return runNode(*n.node, ctx);
     }
     const int fixed = fold->fixedInputs(), steps = (int(inputs.size()) - fixed) / fold->stride();
     auto state = fold->begin(ctx, {inputs.begin(), inputs.begin() + fixed});
@@ -97,6 +97,7 @@ struct Planned {
       const auto from = inputs.begin() + fixed + s * fold->stride();
       GOBO_TRY(fold->step(ctx, *state, s, {from, from + fold->stride()}));
     }
+    ctx.result = makeTerm(n.shape);
     return fold->finish(ctx, std::move(state));
   }
 };

@@ -86,7 +86,7 @@ inline ShadowRun runShadow(const ScenePtr& scene, const v1::ShadowTechnique& tec
       ctx.scene = &*view;
       ctx.accels = &accels;
     }
-    auto term = node.node->run(ctx);
+    auto term = runNode(*node.node, ctx);
     if (!term.ok()) std::cerr << node.label << ": " << term.status().toString() << std::endl;
     GOBO_CHECK(term.ok());
     r.terms.push_back(*term);

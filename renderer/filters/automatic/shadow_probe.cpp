@@ -129,8 +129,15 @@ class ShadowProbeNode final : public Node {
     for (const uint32_t n : s_.rays) h.add(n);
     if (s_.clear) h.add("clear");
   }
-  size_t outputBytes() const override { return size_t(s_.pixels) * size_t(s_.viewSamples) * 56; }
-  Cost cost(uint32_t) const override {
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    return Wiring(type(), in, 0)
+        .gives({type(),
+                Domain::Table,
+                {int(std::max(cells() * size_t(s_.viewSamples), s_.rays.size())), 1, 1},
+                {plane<float>("P", 3), plane<float>("Ng", 3), plane<uint32_t>("instance"), plane<float>("a"), plane<float>("b"), plane<float>("lit"),
+                 plane<double>("rays"), plane<double>("share")}});
+  }
+  Cost cost(const TermShape&, uint32_t) const override {
     double each = 1.0 + 2.0 * s_.truthRays;
     for (const uint32_t n : s_.rays) each += n;
     const double rays = double(s_.pixels) * s_.viewSamples * each;
@@ -143,13 +150,12 @@ class ShadowProbeNode final : public Node {
     const SolidScene scene(*ctx.scene, std::move(accel), s_.clear);
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     // Cells about as wide as high; one pixel of each.
-    const double aspect = double(s_.width) / s_.height;
-    const int across = std::clamp(int(std::lround(std::sqrt(s_.pixels * aspect))), 1, s_.width), down = std::clamp(s_.pixels / across, 1, s_.height);
-    const size_t cells = size_t(across) * size_t(down), tasks = (cells + kGrain - 1) / kGrain, S = size_t(s_.viewSamples);
-    auto term = std::make_shared<Term>("shadow_probe", Domain::Table, Extent{int(std::max(cells * S, s_.rays.size())), 1, 1});
-    const Surfaces at{term->addPlane<float>("P", 3), term->addPlane<float>("Ng", 3), term->addPlane<uint32_t>("instance")};
-    const auto a = term->addPlane<float>("a"), b = term->addPlane<float>("b"), lit = term->addPlane<float>("lit");
-    const auto rmse = term->addPlane<double>("rays"), share = term->addPlane<double>("share");
+    const int across = this->across(), down = this->down();
+    const size_t cells = this->cells(), tasks = (cells + kGrain - 1) / kGrain;
+    const auto& term = ctx.result;
+    const Surfaces at{term->writable<float>("P"), term->writable<float>("Ng"), term->writable<uint32_t>("instance")};
+    const auto a = term->writable<float>("a"), b = term->writable<float>("b"), lit = term->writable<float>("lit");
+    const auto rmse = term->writable<double>("rays"), share = term->writable<double>("share");
     Errors errors(tasks, s_.rays.size());
     const bool done = ctx.arena->parallelFor(
         tasks, 1,
@@ -175,6 +181,9 @@ class ShadowProbeNode final : public Node {
   }
 
  private:
+  int across() const { return std::clamp(int(std::lround(std::sqrt(s_.pixels * (double(s_.width) / s_.height)))), 1, s_.width); }
+  int down() const { return std::clamp(s_.pixels / across(), 1, s_.height); }
+  size_t cells() const { return size_t(across()) * size_t(down()); }
   /// View samples, truth and ray counts of one pixel. False where the light cannot shine.
   bool judge(const SolidScene& scene, const LightPoints& light, const Eye& eye, float px, float py, const Surfaces& at, size_t cell, std::span<float> outA,
              std::span<float> outB, std::span<float> outLit, Errors& errors, size_t task, uint64_t& rays) const {
@@ -268,6 +277,8 @@ class ShadowProbeNode final : public Node {
   ShadowProbeSettings s_;
 };
 
+constexpr ReceiverNeeds kNeeds{.slopes = true, .facing = false};
+
 class MapProbeNode final : public Node {
  public:
   explicit MapProbeNode(const MapProbeSettings& s) : s_(s) {}
@@ -284,14 +295,19 @@ class MapProbeNode final : public Node {
     h.add(s_.map.resolution).add(s_.bias).add(s_.slopeBias).add(s_.size.x).add(s_.size.y).add(s_.viewSamples);
     if (s_.clear) h.add("clear");
   }
-  size_t outputBytes() const override { return 8; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    Receivers::reads(w, 0, kNeeds);
+    w.reads<float>(0, "a").reads<float>(0, "b").reads<float>(0, "lit");
+    return w.gives({type(), Domain::Table, {1, 1, 1}, {plane<double>("rmse")}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& probe = *ctx.inputs.at(0);
     GOBO_ASSIGN(AccelPtr accel, ctx.accel());
     const SolidScene scene(*ctx.scene, std::move(accel), s_.clear);
     const auto a = probe.floats("a"), b = probe.floats("b"), lit = probe.floats("lit");
-    const Receivers receivers(probe, s_.map.frames, s_.map.resolution, ShadowView{}, {.slopes = true, .facing = false});
+    const Receivers receivers(probe, s_.map.frames, s_.map.resolution, ShadowView{}, kNeeds);
     const size_t S = size_t(s_.viewSamples), cells = lit.size() / S, tasks = (cells + kGrain - 1) / kGrain;
     Errors errors(tasks, 1);
     const bool done = ctx.arena->parallelFor(
@@ -316,8 +332,8 @@ class MapProbeNode final : public Node {
         },
         ctx.stop);
     if (!done) return Status(Code::Cancelled, "map_probe stopped");
-    auto term = std::make_shared<Term>("map_probe", Domain::Table, Extent{1, 1, 1});
-    term->addPlane<double>("rmse")[0] = errors.rmse(0);
+    const auto& term = ctx.result;
+    term->writable<double>("rmse")[0] = errors.rmse(0);
     return TermPtr(term);
   }
 

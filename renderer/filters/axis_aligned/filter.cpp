@@ -88,7 +88,7 @@ struct Block {
 
 class AxisAlignedFilter final : public Node {
  public:
-  AxisAlignedFilter(const AxisAlignedFilterSettings& s, size_t bytes) : s_(s), bytes_(bytes) {
+  explicit AxisAlignedFilter(const AxisAlignedFilterSettings& s) : s_(s) {
     GOBO_CHECK(s.radiusPx >= 0 && s.radiusPx <= kAxisAlignedMaxRadius);
     GOBO_CHECK_GT(s.k, 0.0f);
   }
@@ -103,7 +103,18 @@ class AxisAlignedFilter final : public Node {
     hashShadowLightFrame(h, s_.light);
     h.add(s_.k).add(s_.radiusPx).add(s_.betaThreshold).add(s_.angle).add(s_.exact2d);
   }
-  size_t outputBytes() const override { return bytes_; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 3);
+    const Extent& view = w.input(0).extent;
+    w.reads<float>(0, "V", {1, 3})
+        .over(1, view)
+        .reads<float>(1, "P", {3})
+        .reads<float>(1, "N", {3})
+        .reads<float>(1, "footprint")
+        .reads<uint32_t>(1, "instance");
+    w.over(2, view).reads<float>(2, "Omega");
+    return w.gives({"visibility", Domain::ViewSample, view, {plane<float>("V", std::max(w.channels(0, "V"), 1))}});
+  }
   Result<TermPtr> run(const RunContext& ctx) const override;
 
  private:
@@ -112,7 +123,6 @@ class AxisAlignedFilter final : public Node {
              std::vector<int>& out) const;
   bool pass(Layer& L, const std::vector<int>& rx, const std::vector<int>& ry, const RunContext& ctx) const;
   AxisAlignedFilterSettings s_;
-  size_t bytes_;
 };
 
 /// Copies layer `layer` of the inputs, one channel of V. False if stopped.
@@ -206,16 +216,14 @@ bool AxisAlignedFilter::pass(Layer& L, const std::vector<int>& rx, const std::ve
 }
 
 Result<TermPtr> AxisAlignedFilter::run(const RunContext& ctx) const {
-  GOBO_CHECK_EQ(ctx.inputs.size(), size_t(3));
   const Extent extent = ctx.inputs[0]->extent();
-  GOBO_CHECK(ctx.inputs[1]->extent() == extent && ctx.inputs[2]->extent() == extent);
   const auto instance = ctx.inputs[1]->plane<uint32_t>("instance");
   const auto footprint = ctx.inputs[1]->floats("footprint"), value = ctx.inputs[0]->floats("V");
   for (float v : value)
     if (!std::isfinite(v)) return internalError("axis_aligned_filter: visibility is not finite");
-  auto term = std::make_shared<Term>("visibility", Domain::ViewSample, extent);
+  const auto& term = ctx.result;
   const size_t C = size_t(ctx.inputs[0]->channels("V"));  // RGB where light passes tinted panes: the same kernel for each
-  const auto out = term->addPlane<float>("V", int(C));
+  const auto out = term->writable<float>("V");
   const Status stopped(Code::Cancelled, "axis_aligned_filter: stopped");
   for (int layer = 0; layer < extent.layers; ++layer) {
     const size_t base = size_t(layer) * extent.width * extent.height;
@@ -254,8 +262,6 @@ Result<TermPtr> AxisAlignedFilter::run(const RunContext& ctx) const {
 
 }  // namespace
 
-NodePtr makeAxisAlignedFilter(const AxisAlignedFilterSettings& settings, size_t outputBytes) {
-  return std::make_shared<AxisAlignedFilter>(settings, outputBytes);
-}
+NodePtr makeAxisAlignedFilter(const AxisAlignedFilterSettings& settings) { return std::make_shared<AxisAlignedFilter>(settings); }
 
 }  // namespace gobo

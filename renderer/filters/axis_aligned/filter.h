@@ -35,6 +35,6 @@ struct AxisAlignedFilterSettings {
 };
 inline constexpr int kAxisAlignedMaxRadius = 64;
 
-NodePtr makeAxisAlignedFilter(const AxisAlignedFilterSettings& settings, size_t outputBytes);
+NodePtr makeAxisAlignedFilter(const AxisAlignedFilterSettings& settings);
 
 }  // namespace gobo

@@ -30,15 +30,19 @@ class ShadowSlopeDilation final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override { h.add(radius_); }
-  size_t outputBytes() const override { return extent_.elements() * 2 * sizeof(float); }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 2);
+    w.over(0, extent_).reads<float>(0, "sMax").reads<float>(0, "sMin").reads<uint8_t>(0, "occluded").over(1, extent_).reads<uint32_t>(1, "instance");
+    return w.gives({type(), Domain::ViewSample, extent_, {plane<float>("sMax"), plane<float>("sMin")}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto inMax = ctx.inputs.at(0)->floats("sMax"), inMin = ctx.inputs[0]->floats("sMin");
     const auto occluded = ctx.inputs[0]->plane<uint8_t>("occluded");
     const auto instance = ctx.inputs.at(1)->plane<uint32_t>("instance");
     const Extent e = ctx.inputs[0]->extent();
-    auto term = std::make_shared<Term>("shadow_slope_dilation", Domain::ViewSample, e);
-    const auto sMax = term->addPlane<float>("sMax"), sMin = term->addPlane<float>("sMin");
+    const auto& term = ctx.result;
+    const auto sMax = term->writable<float>("sMax"), sMin = term->writable<float>("sMin");
     std::vector<float> rowMax(inMax.begin(), inMax.end()), rowMin(inMin.begin(), inMin.end());
     const size_t rows = size_t(e.height) * e.layers;
     // A slope of 0 stands for "none": sMin is the smallest positive one.
@@ -99,14 +103,18 @@ class ShadowMu final : public Node {
     if (mean_ > 0.0f) hashRate(h, rate_);
     else h.add(mu_);
   }
-  size_t outputBytes() const override { return 2 * sizeof(float); }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, mean_ > 0.0f ? 2 : 0, 2);
+    if (mean_ > 0.0f) w.reads<float>(0, "sMin").reads<float>(0, "sMax").over(1, w.input(0).extent).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
+    return w.gives({type(), Domain::Table, {1, 1, 1}, {plane<float>("mu"), plane<float>("filterMu")}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    auto term = std::make_shared<Term>("shadow_mu", Domain::Table, Extent{1, 1, 1});
+    const auto& term = ctx.result;
     const float mu = mean_ > 0.0f ? solve(*ctx.inputs.at(0), *ctx.inputs.at(1), ctx.stop) : mu_;
     if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "shadow_mu: stopped");
-    term->addPlane<float>("mu")[0] = mu;
-    term->addPlane<float>("filterMu")[0] = mean_ > 0.0f ? std::max(mu, 1.0f) : mu;
+    term->writable<float>("mu")[0] = mu;
+    term->writable<float>("filterMu")[0] = mean_ > 0.0f ? std::max(mu, 1.0f) : mu;
     return TermPtr(term);
   }
 
@@ -150,16 +158,21 @@ class ShadowSampleCount final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override { hashRate(h, rate_); }
-  size_t outputBytes() const override { return extent_.elements() * 8; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 3);
+    w.over(0, extent_).reads<float>(0, "sMin").reads<float>(0, "sMax").over(1, extent_).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
+    w.over(2, {1, 1, 1}).reads<float>(2, "mu").reads<float>(2, "filterMu");
+    return w.gives({type(), Domain::ViewSample, extent_, {plane<uint32_t>("n"), plane<float>("Omega")}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto sMin = ctx.inputs.at(0)->floats("sMin"), sMax = ctx.inputs[0]->floats("sMax");
     const auto footprint = ctx.inputs.at(1)->floats("footprint");
     const auto instance = ctx.inputs[1]->plane<uint32_t>("instance");
     const float mu = ctx.inputs.at(2)->floats("mu")[0], filterMu = ctx.inputs[2]->floats("filterMu")[0];
-    auto term = std::make_shared<Term>("shadow_sample_count", Domain::ViewSample, ctx.inputs[0]->extent());
-    const auto n = term->addPlane<uint32_t>("n");
-    const auto omega = term->addPlane<float>("Omega");
+    const auto& term = ctx.result;
+    const auto n = term->writable<uint32_t>("n");
+    const auto omega = term->writable<float>("Omega");
     const bool complete = ctx.arena->parallelFor(
         sMin.size(), 1 << 13,
         [&](size_t begin, size_t end) {

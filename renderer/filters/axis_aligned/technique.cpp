@@ -55,7 +55,7 @@ Result<NodeId> plan(Graph& graph, const ShadowInput& input, const v1::ShadowTech
   f.radiusPx = int(number("radius_px"));
   f.betaThreshold = float(number("beta_threshold"));
   f.angle = float(number("angle_deg") * M_PI / 180);
-  return filter(makeAxisAlignedFilter(f, extent.elements() * sizeof(float) * (input.clear ? 3 : 1)), {noisy, g, count}, "axis_aligned_filter");
+  return filter(makeAxisAlignedFilter(f), {noisy, g, count}, "axis_aligned_filter");
 }
 
 }  // namespace

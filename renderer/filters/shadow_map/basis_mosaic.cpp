@@ -14,7 +14,15 @@ class BasisMosaicNode : public Node {
   std::string type() const override { return "shadow_basis_mosaic"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override { h.add(resolution_).add(images_); }
-  size_t outputBytes() const override { return size_t(columns_) * size_t(rows()) * size_t(resolution_) * size_t(resolution_) * 4; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    const bool depth = w.input(0).find("z");
+    if (depth) w.reads<float>(0, "z");
+    else readsBasis(w, 0, w.channels(0, "B"));
+    w.over(0, {resolution_, resolution_, w.input(0).extent.layers})
+        .require(w.channels(0, depth ? "z" : "B") * w.input(0).extent.layers == images_, "its images");
+    return w.gives({"pixels", Domain::Pixel, {columns_ * resolution_, rows() * resolution_, 1}, {plane<float>("image")}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& map = *ctx.inputs.at(0);
@@ -25,8 +33,8 @@ class BasisMosaicNode : public Node {
     GOBO_CHECK(plane != nullptr);
     const int side = map.extent().width, C = plane->channels;
     GOBO_CHECK(side == resolution_ && map.extent().height == side && C * map.extent().layers == images_);
-    auto term = std::make_shared<Term>("pixels", Domain::Pixel, Extent{columns_ * side, rows() * side, 1});
-    const auto out = term->addPlane<float>("image");
+    const auto& term = ctx.result;
+    const auto out = term->writable<float>("image");
     const float* floats = plane->format == Format::F32 ? reinterpret_cast<const float*>(plane->bytes.data()) : nullptr;
     const size_t square = size_t(side) * size_t(side), stride = size_t(columns_) * size_t(side);
     const bool done = ctx.arena->parallelFor(

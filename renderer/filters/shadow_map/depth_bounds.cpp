@@ -47,16 +47,19 @@ class DepthBoundsNode : public Node {
   std::string type() const override { return "depth_bounds"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher&) const override {}
-  size_t outputBytes() const override { return DepthBounds::faceSize(resolution_) * size_t(faces_) * 4; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    w.over(0, {resolution_, resolution_, faces_}).reads<float>(0, "z");
+    return w.gives({type(), Domain::LightTexel, DepthBounds::extent(resolution_, faces_), {unsetPlane<float>("bounds")}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& depth = *ctx.inputs.at(0);
     const Extent e = depth.extent();
-    GOBO_CHECK(e.width == resolution_ && e.height == resolution_);
     const std::span<const float> z = depth.floats("z");
     const size_t packed = DepthBounds::faceSize(resolution_), square = size_t(resolution_) * size_t(resolution_), chain = mipTexels(resolution_) - square;
-    auto term = std::make_shared<Term>("depth_bounds", Domain::LightTexel, Extent{int(packed), 1, e.layers});
-    const auto bounds = term->addUnsetPlane<float>("bounds");
+    const auto& term = ctx.result;
+    const auto bounds = term->writable<float>("bounds");
     for (int face = 0; face < e.layers; ++face) {
       float* base = &bounds[size_t(face) * packed];
       const float* depths = &z[size_t(face) * square];

@@ -18,6 +18,7 @@ class DepthBounds {
     const size_t square = size_t(resolution) * size_t(resolution);
     return square + 2 * (mipTexels(resolution) - square);
   }
+  static Extent extent(int resolution, int faces) { return {int(faceSize(resolution)), 1, faces}; }
   static constexpr int kMaxLevels = 15;
   DepthBounds(const Term& term, int resolution);
   int resolution() const { return resolution_; }

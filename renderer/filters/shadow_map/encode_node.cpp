@@ -21,7 +21,7 @@ std::vector<float> shadowGaussian(int radius) {
 
 namespace {
 
-class EncodeNode : public ShadowMapNode {
+class EncodeNode : public Node {
  public:
   EncodeNode(ShadowBasisPtr basis, int blur, int resolution, int faces, bool bytes, std::shared_ptr<ComputeDevice> device)
       : basis_(std::move(basis)), blur_(blur), resolution_(resolution), faces_(faces), bytes_(bytes), device_(std::move(device)) {
@@ -35,23 +35,25 @@ class EncodeNode : public ShadowMapNode {
     h.add(std::string_view(basis_->name())).add(blur_).add(bytes_);
     basis_->hashEncode(h);
   }
-  size_t outputBytes() const override { return size_t(resolution_) * size_t(resolution_) * size_t(faces_) * size_t(basis_->channels()) * (bytes_ ? 1 : 4); }
-
-  ShadowMapShape shape() const override { return {resolution_, basis_->channels(), faces_}; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    w.reads<float>(0, "z").require(!device_ || w.input(0).extent.layers <= 1, "one face, on a device");
+    const PlaneShape B{"B", bytes_ ? Format::U8 : Format::F32, basis_->channels()};
+    return w.gives({"shadow_basis", Domain::LightTexel, w.input(0).extent, {B}});  // maps need not be square: tests filter strips
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& depth = *ctx.inputs.at(0);
     const Extent packed = depth.extent();
     const std::span<const float> z = depth.floats("z");
     GOBO_CHECK_EQ(z.size(), packed.elements());
-    // Maps need not be square: tests filter strips.
-    auto term = std::make_shared<Term>("shadow_basis", Domain::LightTexel, packed);
+    const auto& term = ctx.result;
     const std::vector<float> weights = shadowGaussian(blur_);
     const int width = packed.width, height = packed.height;
     std::span<float> floats;
     std::span<uint8_t> bytes;
-    if (bytes_) bytes = term->addPlane<uint8_t>("B", basis_->channels());
-    else floats = term->addPlane<float>("B", basis_->channels());
+    if (bytes_) bytes = term->writable<uint8_t>("B");
+    else floats = term->writable<float>("B");
     if (device_ && !z.empty()) {
       GOBO_CHECK(packed.layers == 1);
       GOBO_TRY(deviceEncode(*device_, z, width, height, basis_->exponent(), weights, floats));

@@ -26,7 +26,7 @@ void traceTexels(const SolidScene& scene, const LightFrame& f, int resolution, c
   for (int i = 0; i < count; ++i) z[texels[i]] = hit[i].valid() ? formulas::shadowDepth((start[i] + hit[i].t * cosine[i] - f.near) * scale) : 1.0f;
 }
 
-class LightDepthMapNode : public ShadowMapNode {
+class LightDepthMapNode : public Node {
  public:
   LightDepthMapNode(const LightFrames& frames, int resolution, DepthMethod method, bool clear)
       : frames_(frames), resolution_(resolution), method_(method), clear_(clear) {
@@ -40,13 +40,13 @@ class LightDepthMapNode : public ShadowMapNode {
     h.add(resolution_).add(int(method_));
     if (clear_) h.add("clear");
   }
-  size_t outputBytes() const override { return size_t(resolution_) * size_t(resolution_) * size_t(frames_.count) * 4; }
-
-  ShadowMapShape shape() const override { return {resolution_, 1, frames_.count}; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    return Wiring(type(), in, 0).gives({type(), Domain::LightTexel, {resolution_, resolution_, frames_.count}, {unsetPlane<float>("z")}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    auto term = std::make_shared<Term>("light_depth_map", Domain::LightTexel, Extent{resolution_, resolution_, frames_.count});
-    const std::span<float> z = term->addUnsetPlane<float>("z");
+    const auto& term = ctx.result;
+    const std::span<float> z = term->writable<float>("z");
     const size_t square = size_t(resolution_) * size_t(resolution_);
     std::unique_ptr<const SolidScene> solid;
     for (int face = 0; face < frames_.count; ++face) {

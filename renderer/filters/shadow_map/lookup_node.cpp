@@ -31,14 +31,25 @@ class LookupNode : public Node {
     if (footprints()) h.add(l_.map.anisotropy).add(l_.map.blur).addPod(l_.view.eye).add(l_.view.perspective);
     if (classified()) h.add(int(l_.classification)).add(l_.epsilon).add(l_.fallbackKernel).add(l_.map.slopeBias).add(l_.map.blur);
   }
-  size_t outputBytes() const override { return l_.view.viewSamples * (classified() ? 8 : 4); }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, classified() ? 3 : 2);
+    Receivers::reads(w, 0, needs());
+    const int side = l_.map.resolution, faces = l_.frames.count;
+    const Extent& map = w.input(1).extent;
+    if (l_.map.lookup == Settings::SUMMED_AREA) w.over(1, SummedArea::extent(side, faces)).reads<uint32_t>(1, "sums", {basis_->channels()});
+    else readsBasis(w, 1, basis_->channels()).require(side == 0 || map == Extent{side, side, faces} || map == mipExtent(side, faces), "a map of its size");
+    if (classified()) w.over(2, DepthBounds::extent(side, faces)).reads<float>(2, "bounds");
+    TermShape out = visibilityOver(w.input(0), PlaneShape::Fill::Unset);
+    if (classified()) out.planes.push_back(plane<float>("flags"));
+    return w.gives(std::move(out));
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& gbuffer = *ctx.inputs.at(0);
     const Term& map = *ctx.inputs.at(1);
-    auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
-    const std::span<float> V = term->addUnsetPlane<float>("V");
-    const std::span<float> flags = classified() ? term->addPlane<float>("flags") : std::span<float>();
+    const auto& term = ctx.result;
+    const std::span<float> V = term->writable<float>("V");
+    const std::span<float> flags = classified() ? term->writable<float>("flags") : std::span<float>();
     if (l_.map.resolution == 0) {  // an empty map reaches nowhere
       std::fill(V.begin(), V.end(), 1.0f);
       return TermPtr(term);
@@ -48,8 +59,7 @@ class LookupNode : public Node {
                             gbuffer.floats("P"), gbuffer.plane<uint32_t>("instance"), V, ctx.stop));
       return TermPtr(term);
     }
-    const bool slopes = basis_->comparesDepth() || classified();
-    const Receivers receivers(gbuffer, l_.frames, l_.map.resolution, l_.view, {.slopes = slopes && l_.map.slopeBias > 0.0f, .footprints = footprints()});
+    const Receivers receivers(gbuffer, l_.frames, l_.map.resolution, l_.view, needs());
     std::optional<ShadowTexture> texture;
     std::optional<SummedArea> sums;
     std::optional<DepthBounds> bounds;
@@ -85,6 +95,7 @@ class LookupNode : public Node {
 
  private:
   static constexpr int kN = ReceiverBlock::kSize;
+  ReceiverNeeds needs() const { return {.slopes = (basis_->comparesDepth() || classified()) && l_.map.slopeBias > 0.0f, .footprints = footprints()}; }
   bool footprints() const { return l_.map.lookup != Settings::BILINEAR; }
   bool classified() const { return l_.classification == Exponential::THRESHOLD || l_.classification == Exponential::Z_MAX; }
 

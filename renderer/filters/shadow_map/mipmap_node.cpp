@@ -17,14 +17,19 @@ class MipmapNode : public Node {
   std::string type() const override { return "shadow_mipmap"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override { h.add(basis_->logarithmic()); }
-  size_t outputBytes() const override { return mipTexels(resolution_) * size_t(faces_) * size_t(basis_->channels()) * (bytes_ ? 1 : 4); }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    const Format format = bytes_ ? Format::U8 : Format::F32;
+    w.over(0, {resolution_, resolution_, faces_}).reads(0, "B", format, {basis_->channels()});
+    return w.gives({"shadow_basis", Domain::LightTexel, mipExtent(resolution_, faces_), {{"B", format, basis_->channels()}}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& map = *ctx.inputs.at(0);
     const int C = map.channels("B"), faces = map.extent().layers;
-    auto term = std::make_shared<Term>("shadow_basis", Domain::LightTexel, Extent{int(mipTexels(resolution_)), 1, faces});
-    const bool done = bytes_ ? chain<uint8_t>(ctx, map.plane<uint8_t>("B"), term->addPlane<uint8_t>("B", C), size_t(C), faces)
-                             : chain<float>(ctx, map.floats("B"), term->addPlane<float>("B", C), size_t(C), faces);
+    const auto& term = ctx.result;
+    const bool done = bytes_ ? chain<uint8_t>(ctx, map.plane<uint8_t>("B"), term->writable<uint8_t>("B"), size_t(C), faces)
+                             : chain<float>(ctx, map.floats("B"), term->writable<float>("B"), size_t(C), faces);
     if (!done) return Status(Code::Cancelled, "shadow_mipmap stopped");
     return TermPtr(term);
   }

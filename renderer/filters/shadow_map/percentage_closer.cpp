@@ -36,7 +36,13 @@ class PercentageCloserNode : public Node {
     h.add(int(l_.pattern)).add(l_.pattern == v1::PercentageCloserShadow::GAUSSIAN ? l_.map.blur : l_.taps).add(l_.hard).add(l_.map.bias).add(l_.map.slopeBias);
     if (footprints()) h.addPod(l_.view.eye).add(l_.view.perspective);
   }
-  size_t outputBytes() const override { return l_.view.viewSamples * 4; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 2);
+    Receivers::reads(w, 0, needs());
+    if (w.input(1).find("bounds")) w.over(1, DepthBounds::extent(l_.map.resolution, l_.frames.count)).reads<float>(1, "bounds");
+    else w.require(!readsDepthBounds(l_), "depth bounds").over(1, {l_.map.resolution, l_.map.resolution, l_.frames.count}).reads<float>(1, "z");
+    return w.gives(visibilityOver(w.input(0), PlaneShape::Fill::Unset));
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& gbuffer = *ctx.inputs.at(0);
@@ -44,9 +50,9 @@ class PercentageCloserNode : public Node {
     std::optional<DepthBounds> bounds;
     if (map.type() == "depth_bounds") bounds.emplace(map, l_.map.resolution);
     Depths depths{bounds ? bounds->depth(0) : map.floats("z").data(), bounds ? bounds->faceTexels() : size_t(l_.map.resolution) * size_t(l_.map.resolution)};
-    const Receivers receivers(gbuffer, l_.frames, l_.map.resolution, l_.view, {.slopes = l_.map.slopeBias > 0.0f, .footprints = footprints()});
-    auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
-    const std::span<float> V = term->addUnsetPlane<float>("V");
+    const Receivers receivers(gbuffer, l_.frames, l_.map.resolution, l_.view, needs());
+    const auto& term = ctx.result;
+    const std::span<float> V = term->writable<float>("V");
     const bool skips = bounds && readsDepthBounds(l_);
     const bool bilinear = !l_.hard && l_.pattern == v1::PercentageCloserShadow::REGULAR && l_.taps == 2;
     const bool done = ctx.arena->parallelFor(
@@ -80,6 +86,7 @@ class PercentageCloserNode : public Node {
     const float* z;
     size_t faceTexels;
   };
+  ReceiverNeeds needs() const { return {.slopes = l_.map.slopeBias > 0.0f, .footprints = footprints()}; }
   bool footprints() const { return !l_.hard && l_.pattern == v1::PercentageCloserShadow::FOOTPRINT; }
 
   float visibility(const Depths& depths, const ReceiverBlock& b, int i, size_t element) const {

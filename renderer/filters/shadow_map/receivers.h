@@ -32,6 +32,8 @@ class Receivers {
  public:
   /// `gbuffer` must outlive it.
   Receivers(const Term& gbuffer, const LightFrames& frames, int resolution, const ShadowView& view, ReceiverNeeds needs);
+  /// What it needs of a node's input.
+  static void reads(Wiring& wiring, size_t input, ReceiverNeeds needs);
   size_t size() const { return instance_.size(); }
   /// Fills block[0, count) with elements [begin, begin + count), count <= kSize.
   void fill(size_t begin, int count, ReceiverBlock& block) const;

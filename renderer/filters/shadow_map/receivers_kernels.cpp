@@ -7,6 +7,13 @@ namespace gobo {
 
 using namespace formulas;
 
+void Receivers::reads(Wiring& w, size_t i, ReceiverNeeds needs) {
+  w.reads<float>(i, "P", {3}).reads<uint32_t>(i, "instance");
+  if (needs.facing && w.input(i).find("N")) w.reads<float>(i, "N", {3});
+  if (needs.slopes || needs.footprints) w.reads<float>(i, "Ng", {3});
+  if (needs.footprints) w.reads<float>(i, "footprint");
+}
+
 Receivers::Receivers(const Term& gbuffer, const LightFrames& frames, int resolution, const ShadowView& view, ReceiverNeeds needs)
     : P_(gbuffer.floats("P")),
       instance_(gbuffer.plane<uint32_t>("instance")),
@@ -16,7 +23,6 @@ Receivers::Receivers(const Term& gbuffer, const LightFrames& frames, int resolut
       resolution_(float(resolution)),
       view_(view),
       needs_(needs) {
-  GOBO_CHECK_EQ(P_.size(), 3 * instance_.size());
   needs_.facing = needs.facing && gbuffer.hasPlane("N");
   if (needs_.facing) N_ = gbuffer.floats("N");
   if (needs.slopes || needs.footprints) Ng_ = gbuffer.floats("Ng");

@@ -39,6 +39,7 @@ MipLevel mipLevel(int resolution, int level);
 /// Levels down to one texel.
 int mipLevels(int resolution);
 inline size_t mipTexels(int resolution) { return mipLevel(resolution, mipLevels(resolution)).offset; }
+inline Extent mipExtent(int resolution, int faces) { return {int(mipTexels(resolution)), 1, faces}; }
 
 /// Source, term "light_depth_map": plane z f32 in [0,1], 1 where nothing is hit; closer than `near` reads 0. One ray through each
 /// texel's centre, or the same by scan conversion (depth_raster.h): Automatic takes what is faster for the scene's triangles and the map's texels;
@@ -66,14 +67,21 @@ std::vector<float> shadowGaussian(int radius);
 struct ShadowView {
   Vec3 eye{0.0f};  ///< perspective: the camera's position; orthographic: the direction towards it
   bool perspective = true;
-  size_t viewSamples = 0;  ///< elements expected, for admission
 };
+/// Input i is a "shadow_basis" of so many channels, as floats or bytes.
+inline Wiring& readsBasis(Wiring& w, size_t i, int channels) {
+  const PlaneShape* B = w.input(i).find("B");
+  return w.reads(i, "B", B && B->format == Format::U8 ? Format::U8 : Format::F32, {channels});
+}
+/// What look-ups make: of the G-buffer's domain and extent, plane V.
+inline TermShape visibilityOver(const TermShape& gbuffer, PlaneShape::Fill fill = PlaneShape::Fill::Zeroed) {
+  return {"visibility", gbuffer.domain, gbuffer.extent, {{"V", Format::F32, 1, fill}}};
+}
 
 struct ShadowLookup {
   LightFrames frames;
   ShadowMapSettings map;
   ShadowView view;
-  bool bytes = false;
   /// Exponential basis only: find kernels that reach behind the receiver and compare depths there.
   v1::ExponentialShadow::Classification classification = v1::ExponentialShadow::OFF;
   float epsilon = 0.05f;
@@ -98,19 +106,6 @@ bool readsDepthBounds(const PercentageCloserLookup& lookup);
 /// Filter, term "visibility", plane V as above. Inputs: "gbuffer"; "depth_bounds" or, unless it readsDepthBounds, "light_depth_map".
 NodePtr makePercentageCloserNode(const PercentageCloserLookup& lookup);
 
-/// What a map node makes: planned mosaics ask. CHECKs that `node` is a light_depth_map or shadow_encode.
-struct ShadowMapShape {
-  int resolution = 0, channels = 1, faces = 1;
-};
-class ShadowMapNode : public Node {
- public:
-  virtual ShadowMapShape shape() const = 0;
-};
-inline ShadowMapShape shadowMapShape(const Node& node) {
-  const auto* map = dynamic_cast<const ShadowMapNode*>(&node);
-  GOBO_CHECK(map != nullptr);
-  return map->shape();
-}
 /// Filter, term "pixels", plane image f32: every image of a "shadow_basis" (as 1/2 + B / 2) or face of a "light_depth_map" in a mosaic, for
 /// people to look at.
 NodePtr makeBasisMosaicNode(int resolution, int channels, int faces);

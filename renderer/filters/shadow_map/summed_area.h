@@ -15,6 +15,7 @@ class SummedArea {
  public:
   /// A view of a term "shadow_summed_area"; it must outlive this.
   SummedArea(const Term& term, int resolution);
+  static Extent extent(int resolution, int faces);
   int channels() const { return channels_; }
   /// out[k]: mean over the box of width x height texels around (x, y) (texel centres at whole numbers) of texels as piecewise constant
   /// areas; the part outside the map is left out, at least one texel is taken.

@@ -25,9 +25,10 @@ class SummedAreaNode : public Node {
   std::string type() const override { return "shadow_summed_area"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher&) const override {}
-  size_t outputBytes() const override {
-    const size_t texels = size_t(resolution_) * size_t(resolution_), lifted = size_t(liftSide(resolution_)) * size_t(liftSide(resolution_));
-    return (texels + lifted) * size_t(faces_) * size_t(basis_->channels()) * 4;
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    w.over(0, {resolution_, resolution_, faces_}).reads<float>(0, "B", {basis_->channels()});
+    return w.gives({type(), Domain::LightTexel, SummedArea::extent(resolution_, faces_), {plane<uint32_t>("sums", basis_->channels())}});
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
@@ -37,8 +38,8 @@ class SummedAreaNode : public Node {
     const size_t texelSums = side * side * C, faceSums = texelSums + lifted * lifted * C;
     const int faces = map.extent().layers;
     GOBO_CHECK_EQ(B.size(), texelSums * size_t(faces));
-    auto term = std::make_shared<Term>("shadow_summed_area", Domain::LightTexel, Extent{int(side * side + lifted * lifted), 1, faces});
-    const std::span<uint32_t> sums = term->addPlane<uint32_t>("sums", int(C));
+    const auto& term = ctx.result;
+    const std::span<uint32_t> sums = term->writable<uint32_t>("sums");
     std::vector<int64_t> blocks(lifted * lifted * C);
     for (int face = 0; face < faces; ++face) {
       uint32_t* to = &sums[size_t(face) * faceSums];
@@ -111,6 +112,8 @@ class SummedAreaNode : public Node {
 };
 
 }  // namespace
+
+Extent SummedArea::extent(int resolution, int faces) { return {resolution * resolution + liftSide(resolution) * liftSide(resolution), 1, faces}; }
 
 SummedArea::SummedArea(const Term& term, int resolution) : channels_(term.channels("sums")), resolution_(resolution) {
   const std::span<const uint32_t> sums = term.plane<uint32_t>("sums");

@@ -83,7 +83,6 @@ Result<PlannedShadowMap> planShadowMap(Graph& graph, const ShadowInput& input, c
   if (p.map.cameraFit) fitToCamera(p.frames, cameraFit(input, technique, light.shape, p.frames.face[0]), lo, hi, p.map.resolution, rim);
   p.view.perspective = input.camera.perspective;
   p.view.eye = input.camera.perspective ? Vec3(input.camera.toWorld[3]) : Vec3(input.camera.toWorld[2]);
-  p.view.viewSamples = size_t(input.width) * size_t(input.height) * size_t(input.viewSamples);
   GraphNode depth;
   depth.node = makeLightDepthMapNode(p.frames, p.map.resolution, DepthMethod::Automatic, input.clear);
   depth.scene = input.scene;
@@ -112,9 +111,11 @@ Result<NodeId> planBasisMosaic(Graph& graph, NodeId visibility) {
     open.insert(open.end(), n.inputs.begin(), n.inputs.end());
   }
   if (depth < 0) return notFound("the light's shadow technique has no map to show");
-  const ShadowMapShape shape = shadowMapShape(*graph.at(basis < 0 ? depth : basis).node);
+  const TermShape& map = graph.at(basis < 0 ? depth : basis).shape;
+  const PlaneShape* images = map.find(basis < 0 ? "z" : "B");
+  if (!images) return graph.wiring();
   GraphNode n;
-  n.node = makeBasisMosaicNode(shape.resolution, shape.channels, shape.faces);
+  n.node = makeBasisMosaicNode(map.extent.width, images->channels, map.extent.layers);
   n.inputs = {basis < 0 ? depth : basis};
   n.label = "shadow_basis";
   return graph.add(std::move(n));
@@ -175,7 +176,7 @@ Result<NodeId> planFiltered(Graph& graph, const ShadowInput& input, const v1::Sh
     map = addShadowFilter(graph, makeShadowMipmapNode(basis, resolution, faces, bytes), {map}, "shadow_mipmap", input);
   else if (p.map.lookup == Settings::SUMMED_AREA)
     map = addShadowFilter(graph, makeShadowSummedAreaNode(basis, resolution, faces), {map}, "shadow_summed_area", input);
-  ShadowLookup l{p.frames, p.map, p.view, bytes};
+  ShadowLookup l{p.frames, p.map, p.view};
   std::vector<NodeId> inputs{input.gbuffer, map};
   if (exponential && exponential->classification() > v1::ExponentialShadow::OFF) {
     l.classification = exponential->classification();

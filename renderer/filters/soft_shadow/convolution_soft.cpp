@@ -54,7 +54,14 @@ class ConvolutionSoftNode : public Node {
     h.add(l_.order).add(int(l_.correction)).add(int(l_.search)).add(l_.sharpening).add(mips()).add(l_.map.slopeBias);
     if (l_.sharpening > 0.0f) h.add(l_.sharpeningExtent);
   }
-  size_t outputBytes() const override { return l_.view.viewSamples * 4; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 3);
+    SoftReceivers::reads(w, 0);
+    w.over(1, DepthBounds::extent(l_.map.resolution, l_.frames.count)).reads<float>(1, "bounds");
+    if (mips()) w.over(2, mipExtent(l_.map.resolution, l_.frames.count)).reads<float>(2, "B", {4 * l_.order + 1});
+    else w.over(2, SummedArea::extent(l_.map.resolution, l_.frames.count)).reads<uint32_t>(2, "sums", {4 * l_.order + 1});
+    return w.gives(visibilityOver(w.input(0)));
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& gbuffer = *ctx.inputs.at(0);
@@ -64,8 +71,8 @@ class ConvolutionSoftNode : public Node {
     std::optional<MipChain> chain;
     if (mips()) chain.emplace(*ctx.inputs.at(2), l_.map.resolution);
     else sums.emplace(*ctx.inputs.at(2), l_.map.resolution);
-    auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
-    const std::span<float> V = term->addPlane<float>("V");
+    const auto& term = ctx.result;
+    const std::span<float> V = term->writable<float>("V");
     const bool done = ctx.arena->parallelFor(
         V.size(), 4096,
         [&](size_t begin, size_t end) {

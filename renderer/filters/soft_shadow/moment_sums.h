@@ -16,6 +16,7 @@ NodePtr makeMomentSumsNode(int resolution, int faces);
 class MomentSums {
  public:
   MomentSums(const Term& term, int resolution);  ///< a view
+  static Extent extent(int resolution, int faces) { return {resolution + 1, resolution + 1, faces}; }
   /// Means of vsmFirst and vsmSecond over a box of piecewise constant texels.
   void box(int face, const SoftBox& box, float& first, float& second) const;
 

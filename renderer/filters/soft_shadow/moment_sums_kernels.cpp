@@ -16,16 +16,19 @@ class MomentSumsNode : public Node {
   std::string type() const override { return "shadow_moment_sums"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher&) const override {}
-  size_t outputBytes() const override { return size_t(resolution_ + 1) * size_t(resolution_ + 1) * size_t(faces_) * 16; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 1);
+    w.over(0, {resolution_, resolution_, faces_}).reads<float>(0, "z");
+    return w.gives({type(), Domain::LightTexel, MomentSums::extent(resolution_, faces_), {plane<double>("sums", 2)}});
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& depth = *ctx.inputs.at(0);
     const std::span<const float> z = depth.floats("z");
     const size_t side = size_t(resolution_), row = 2 * (side + 1), face = row * (side + 1);
     const int faces = depth.extent().layers;
-    GOBO_CHECK_EQ(z.size(), side * side * size_t(faces));
-    auto term = std::make_shared<Term>("shadow_moment_sums", Domain::LightTexel, Extent{resolution_ + 1, resolution_ + 1, faces});
-    const std::span<double> sums = term->addPlane<double>("sums", 2);
+    const auto& term = ctx.result;
+    const std::span<double> sums = term->writable<double>("sums");
     const auto stopped = [] { return Status(Code::Cancelled, "shadow_moment_sums stopped"); };
     if (!ctx.arena->parallelFor(
             side * size_t(faces), 16,

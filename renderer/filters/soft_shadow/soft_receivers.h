@@ -34,6 +34,8 @@ struct SoftBlock {
 class SoftReceivers {
  public:
   SoftReceivers(const Term& gbuffer, const SoftLookup& lookup, bool slopes);
+  /// What it needs of a node's input.
+  static void reads(Wiring& wiring, size_t input);
   size_t size() const { return receivers_.size(); }
   /// Fills block and, for receivers that it already decides, V.
   void fill(size_t begin, int count, SoftBlock& block, float* V) const;

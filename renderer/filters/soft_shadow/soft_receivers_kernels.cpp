@@ -27,6 +27,11 @@ SoftReceivers::SoftReceivers(const Term& gbuffer, const SoftLookup& l, bool slop
       bias_(l.map.bias),
       perspective_(l.frames.face[0].perspective) {}
 
+void SoftReceivers::reads(Wiring& w, size_t i) {
+  Receivers::reads(w, i, {.slopes = true, .facing = false});
+  w.reads<float>(i, "N", {3});
+}
+
 void SoftReceivers::fill(size_t begin, int count, SoftBlock& b, float* V) const {
   receivers_.fill(begin, count, b.at);
   planes(begin, count, b, V);

@@ -30,15 +30,21 @@ class VarianceSoftNode : public Node {
     l_.hash(h);
     h.add(l_.minVariance).add(l_.subdivide);
   }
-  size_t outputBytes() const override { return l_.view.viewSamples * 4; }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    Wiring w(type(), in, 3);
+    SoftReceivers::reads(w, 0);
+    w.over(1, DepthBounds::extent(l_.map.resolution, l_.frames.count)).reads<float>(1, "bounds");
+    w.over(2, MomentSums::extent(l_.map.resolution, l_.frames.count)).reads<double>(2, "sums", {2});
+    return w.gives(visibilityOver(w.input(0)));
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& gbuffer = *ctx.inputs.at(0);
     const DepthBounds bounds(*ctx.inputs.at(1), l_.map.resolution);
     const MomentSums sums(*ctx.inputs.at(2), l_.map.resolution);
     const SoftReceivers receivers(gbuffer, l_, false);
-    auto term = std::make_shared<Term>("visibility", gbuffer.domain(), gbuffer.extent());
-    const std::span<float> V = term->addPlane<float>("V");
+    const auto& term = ctx.result;
+    const std::span<float> V = term->writable<float>("V");
     const bool done = ctx.arena->parallelFor(
         V.size(), 4096,
         [&](size_t begin, size_t end) {

@@ -27,7 +27,7 @@ Result<NodeId> largest(PlanContext& c, const ShadowInput& in, const AutomaticCho
     const Graph::Mark mark = c.graph().mark();
     GOBO_TRY(planned(c, *findShadowTechnique(candidate.technique.technique_case()), in, candidate.technique).status());
     uint64_t bytes = 0;
-    for (NodeId id = mark.nodes; id < c.graph().size(); ++id) bytes += c.graph().at(id).node->outputBytes();
+    for (NodeId id = mark.nodes; id < c.graph().size(); ++id) bytes += outputBytes(c.graph().at(id));
     c.graph().rollBack(mark);
     if (!at || bytes > most) most = bytes, at = &candidate.technique;
   }

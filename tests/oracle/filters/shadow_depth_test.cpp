@@ -28,7 +28,7 @@ TermPtr depthMap(const ScenePtr& scene, const LightFrames& frames, int side, Dep
   ctx.arena = &arena;
   ctx.accels = &accels;
   ctx.counters = &counters;
-  auto term = makeLightDepthMapNode(frames, side, method)->run(ctx);
+  auto term = runNode(*makeLightDepthMapNode(frames, side, method), ctx);
   GOBO_CHECK(term.ok());
   if (rays) *rays = counters.rays;
   return *term;
@@ -385,7 +385,7 @@ TermPtr boundsOf(const TermPtr& depth) {
   RunContext ctx;
   ctx.inputs = {depth};
   ctx.arena = &arena;
-  auto r = makeDepthBoundsNode(depth->extent().width, depth->extent().layers)->run(ctx);
+  auto r = runNode(*makeDepthBoundsNode(depth->extent().width, depth->extent().layers), ctx);
   GOBO_CHECK(r.ok());
   return *r;
 }

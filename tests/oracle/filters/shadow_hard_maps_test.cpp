@@ -316,9 +316,9 @@ TEST(BlurredDepth, StaysBinaryWherePercentageCloserDoesNot) {
     RunContext ctx;
     ctx.arena = &arena;
     ctx.inputs = {map};
-    const TermPtr bounds = *makeDepthBoundsNode(kSide, 1)->run(ctx);
+    const TermPtr bounds = *runNode(*makeDepthBoundsNode(kSide, 1), ctx);
     ctx.inputs = {g, bounds};
-    const TermPtr V = *makePercentageCloserNode(l)->run(ctx);
+    const TermPtr V = *runNode(*makePercentageCloserNode(l), ctx);
     return std::vector<float>(V->floats("V").begin(), V->floats("V").end());
   };
   const auto between = [](const std::vector<float>& V) { return std::count_if(V.begin(), V.end(), [](float v) { return v > 0.0f && v < 1.0f; }); };

@@ -85,7 +85,7 @@ class GivenTerm final : public Node {
   std::string type() const override { return "given"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override { h.add(term_->content()); }
-  size_t outputBytes() const override { return term_->bytes(); }
+  Result<TermShape> infer(std::span<const TermShape>) const override { return shapeOf(*term_); }
   Result<TermPtr> run(const RunContext&) const override { return term_; }
 
  private:
@@ -106,7 +106,7 @@ GraphRun runGraph(const Graph& graph, int threads = 2) {
     ctx.arena = &arena;
     ctx.accels = &accels;
     ctx.counters = &counters;
-    auto r = n.node->run(ctx);
+    auto r = runNode(*n.node, ctx);
     if (!r.ok()) std::cerr << r.status().toString() << std::endl;
     GOBO_CHECK(r.ok());
     out.terms.push_back(*r);

@@ -47,9 +47,9 @@ struct Stage {
       ctx.accels = &accels;
       RunCounters counters;
       ctx.counters = &counters;
-      auto r = node.node->run(ctx);
+      auto r = runNode(*node.node, ctx);
       GOBO_CHECK(r.ok());
-      EXPECT_LE((*r)->bytes(), node.node->outputBytes() + (*r)->extent().elements() * 64) << node.label;
+      EXPECT_LE((*r)->bytes(), node.shape.bytes() + (*r)->extent().elements() * 64) << node.label;
       terms.push_back(*r);
     }
     return terms[size_t(*id)];

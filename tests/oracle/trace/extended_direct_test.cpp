@@ -55,7 +55,7 @@ std::vector<DVec3> byTerms(const Traced& t) {
     c.arena = &t.arena;
     c.accels = &accels;
     c.counters = &counters;
-    Result<TermPtr> r = node->run(c);
+    Result<TermPtr> r = runNode(*node, c);
     EXPECT_TRUE(r.ok()) << r.status().toString();
     return *r;
   };

@@ -86,7 +86,7 @@ TEST(NodeClaims, BitsDoNotDependOnThreadsAndBytesAreAsSaid) {
         const auto known = contents.emplace(std::to_string(id) + n.label, (*made)->content());
         EXPECT_EQ(known.first->second, (*made)->content());
         EXPECT_EQ(known.second, threads == 5) << "another plan";
-        EXPECT_LE((*made)->bytes(), n.node->outputBytes() + kTermBytes);
+        EXPECT_LE((*made)->bytes(), n.shape.bytes() + kTermBytes);
         if (n.node->traits().smallOutput) EXPECT_LE((*made)->bytes(), 64u << 10);
       }
     }

@@ -263,7 +263,7 @@ TEST(ShadowHardCases, BadDepthsDoNotSpread) {
     RunContext ctx;
     ctx.arena = &arena;
     ctx.inputs = {depth};
-    const auto map = makeShadowEncodeNode(basis, kBlur, kSide, 1, false)->run(ctx);
+    const auto map = runNode(*makeShadowEncodeNode(basis, kBlur, kSide, 1, false), ctx);
     GOBO_CHECK(map.ok());
     return std::vector<float>((*map)->floats("B").begin(), (*map)->floats("B").end());
   };

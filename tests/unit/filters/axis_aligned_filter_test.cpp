@@ -239,7 +239,7 @@ TEST(AxisAlignedFilter, NonFiniteInputIsAnError) {
   RunContext ctx;
   ctx.inputs = {in, planeGBuffer(view), constantOmega(e, 1)};
   ctx.arena = &arena;
-  const auto r = axisAligned(axisAlignedSettings())->run(ctx);
+  const auto r = runNode(*axisAligned(axisAlignedSettings()), ctx);
   ASSERT_FALSE(r.ok());
   EXPECT_EQ(r.status().code(), Code::Internal);
 }
@@ -254,7 +254,7 @@ TEST(AxisAlignedFilter, StopsWhenAsked) {
   ctx.inputs = {noiseTerm(e, "V", 1), planeGBuffer(view), constantOmega(e, 1)};
   ctx.arena = &arena;
   ctx.stop = source.token();
-  const auto r = axisAligned(axisAlignedSettings())->run(ctx);
+  const auto r = runNode(*axisAligned(axisAlignedSettings()), ctx);
   ASSERT_FALSE(r.ok());
   EXPECT_EQ(r.status().code(), Code::Cancelled);
 }

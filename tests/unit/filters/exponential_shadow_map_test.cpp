@@ -241,7 +241,7 @@ TEST(ExponentialShadow, StopsWhenTold) {
   ctx.arena = &arena;
   ctx.stop = source.token();
   ctx.inputs = {depthMap(32, 32, [](int, int) { return 0.5f; })};
-  const auto result = encodeNode(60.0f, 2, 32)->run(ctx);
+  const auto result = runNode(*encodeNode(60.0f, 2, 32), ctx);
   ASSERT_FALSE(result.ok());
   EXPECT_EQ(result.status().code(), Code::Cancelled);
 }

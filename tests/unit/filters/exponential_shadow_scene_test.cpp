@@ -88,10 +88,10 @@ std::vector<TermPtr> runAll(const Graph& graph, RunCounters& counters) {
       ctx.scene = view.get();
       ctx.accels = &accels;
     }
-    auto term = n.node->run(ctx);
+    auto term = runNode(*n.node, ctx);
     EXPECT_TRUE(term.ok()) << n.label << ": " << term.status().toString();
     if (!term.ok()) return terms;
-    EXPECT_LE((*term)->planes()[0].bytes.size(), n.node->outputBytes() + 1) << n.label;
+    EXPECT_LE((*term)->planes()[0].bytes.size(), n.shape.bytes() + 1) << n.label;
     terms.push_back(*term);
   }
   return terms;

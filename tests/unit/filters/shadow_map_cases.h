@@ -67,7 +67,7 @@ inline TermPtr runNode(const NodePtr& node, std::vector<TermPtr> inputs, int thr
   RunContext ctx;
   ctx.inputs = std::move(inputs);
   ctx.arena = &arena;
-  auto result = node->run(ctx);
+  auto result = runNode(*node, ctx);
   if (!result.ok()) {
     std::cerr << result.status().toString() << std::endl;
     return nullptr;
@@ -97,7 +97,7 @@ inline ShadowLookup unitLookup(int resolution, int blur = 0, float bias = 0.0f) 
   l.map.blur = blur;
   l.map.bias = bias;
   l.map.slopeBias = 0.0f;
-  l.view = {Vec3(0, 0, -1), false, 0};  // seen along the light: footprints are what the G-buffer says
+  l.view = {Vec3(0, 0, -1), false};  // seen along the light: footprints are what the G-buffer says
   return l;
 }
 inline TermPtr lookupBasis(const TermPtr& gbuffer, const TermPtr& map, const ShadowBasisPtr& basis, const ShadowLookup& l, const TermPtr& bounds = nullptr,

@@ -55,7 +55,7 @@ class Stage {
         ctx.scene = view.get();
         ctx.accels = &accels;
       }
-      auto term = n.node->run(ctx);
+      auto term = runNode(*n.node, ctx);
       EXPECT_TRUE(term.ok()) << n.label << ": " << term.status().toString();
       if (!term.ok()) return nullptr;
       terms[i] = *term;

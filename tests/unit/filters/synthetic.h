@@ -53,7 +53,7 @@ inline TermPtr runFilter(const NodePtr& node, std::vector<TermPtr> inputs, int t
   RunContext ctx;
   ctx.inputs = std::move(inputs);
   ctx.arena = &arena;
-  Result<TermPtr> r = node->run(ctx);
+  Result<TermPtr> r = runNode(*node, ctx);
   if (!r.ok()) std::cerr << r.status().toString() << std::endl;
   GOBO_CHECK(r.ok());
   return *r;
@@ -82,6 +82,6 @@ inline AxisAlignedFilterSettings axisAlignedSettings(int radiusPx = 32) {
   s.radiusPx = radiusPx;
   return s;
 }
-inline NodePtr axisAligned(const AxisAlignedFilterSettings& s) { return makeAxisAlignedFilter(s, 0); }
+inline NodePtr axisAligned(const AxisAlignedFilterSettings& s) { return makeAxisAlignedFilter(s); }
 
 }  // namespace gobo::test

@@ -35,7 +35,9 @@ class Sum final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override { h.add(name_).add(elements_); }
-  size_t outputBytes() const override { return size_t(elements_) * sizeof(float); }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    return Wiring(type(), in, 0, SIZE_MAX).gives({"sum", Domain::List, {elements_, 1, 1}, {plane<float>("v")}});
+  }
   Result<TermPtr> run(const RunContext& ctx) const override {
     ++counts_->runs[name_];
     return termOf(name_, elements_, ctx.inputs);
@@ -53,7 +55,9 @@ class SumFold final : public FoldNode {
   std::string type() const override { return "sum_fold"; }
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override { h.add(name_).add(elements_).add(fixed_); }
-  size_t outputBytes() const override { return size_t(elements_) * sizeof(float); }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    return Wiring(type(), in, 0, SIZE_MAX).gives({"sum", Domain::List, {elements_, 1, 1}, {plane<float>("v")}});
+  }
   int fixedInputs() const override { return fixed_; }
   int stride() const override { return 1; }
   struct Total : State {

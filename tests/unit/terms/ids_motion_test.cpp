@@ -27,7 +27,7 @@ TermPtr runNode(const NodePtr& node, const ScenePtr& scene, std::vector<TermPtr>
   ctx.arena = &arena;
   ctx.accels = &accels;
   ctx.counters = &counters;
-  const auto term = node->run(ctx);
+  const auto term = runNode(*node, ctx);
   EXPECT_TRUE(term.ok()) << term.status().toString();
   return *term;
 }

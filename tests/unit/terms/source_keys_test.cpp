@@ -70,7 +70,7 @@ TEST(PathTraceNode, AStateOfMoreBlocksThanAskedForIsNotTakenOver) {
     ctx.counters = &counters;
     ctx.targetBlocks = blocks;
     ctx.previous = std::move(previous);
-    const auto made = node->run(ctx);
+    const auto made = runNode(*node, ctx);
     EXPECT_TRUE(made.ok()) << made.status().toString();
     return made.ok() ? *made : nullptr;
   };
