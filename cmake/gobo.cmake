@@ -121,7 +121,7 @@ endfunction()
 
 # One test program per folder under tests/<tier>/<name>, labelled by tier; every test is its own ctest entry.
 function(gobo_test_folder tier name)
-  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${tier}/${name}/*_test.cpp)
+  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${tier}/${name}/*_test.cpp ${CMAKE_CURRENT_SOURCE_DIR}/${tier}/${name}/*/*.cpp)
   if(NOT sources)
     return()
   endif()
