@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "fuzz/plan/edit_sequences.h"
+#include "fuzz/properties.h"
 #include "support/twin_files.h"
 
 namespace gobo::testing {
@@ -18,24 +19,46 @@ int sequences(int standard) {
   return asked ? std::max(1, std::atoi(asked)) : standard;
 }
 
-void runSequences(uint64_t firstSeed, int count, int steps, uint64_t storeBytes, bool disk) {
+/// How often a request was rendered after each field was edited.
+std::map<std::string, int> runSequences(uint64_t firstSeed, int count, int steps, uint64_t storeBytes, bool disk) {
   int reused = 0, ran = 0;
+  std::map<std::string, int> rendered;
+  const auto rich = std::filesystem::temp_directory_path() / ("gobo-rich-" + std::to_string(getpid()) + ".gltf");
+  std::ofstream(rich) << fuzz::richGltf();
   for (int s = 0; s < count; ++s) {
     const auto folder = std::filesystem::temp_directory_path() / ("gobo-fuzz-" + std::to_string(getpid()) + "-" + std::to_string(s));
-    EditSequence sequence(firstSeed + uint64_t(s), storeBytes, disk ? folder.string() : std::string());
+    EditSequence sequence(firstSeed + uint64_t(s), storeBytes, disk ? folder.string() : std::string(), {rich.string()});
     const SequenceResult r = sequence.run(steps);
     std::error_code ignored;
     std::filesystem::remove_all(folder, ignored);
-    ASSERT_EQ(r.failure, "") << "sequence seed " << firstSeed + s;
+    EXPECT_EQ(r.failure, "") << "sequence seed " << firstSeed + s;
+    if (!r.failure.empty()) break;
     reused += r.reusedNodes;
     ran += r.ranNodes;
+    for (const auto& [path, n] : r.rendered) rendered[path] += n;
   }
+  std::error_code ignored;
+  std::filesystem::remove(rich, ignored);
   // The test is empty if nothing is ever reused.
   EXPECT_GT(reused, count);
   std::cout << count << " sequences, " << ran << " nodes run, " << reused << " reused\n";
+  return rendered;
 }
 
-TEST(ColdWarm, RandomEditsLargeStore) { runSequences(1, sequences(150), 6, 256ull << 20, false); }
+TEST(ColdWarm, RandomEditsOfEveryFieldLargeStore) {
+  const int count = sequences(300);
+  const std::map<std::string, int> rendered = runSequences(1, count, 6, 256ull << 20, false);
+  if (HasFailure()) return;
+  size_t never = 0;
+  for (const fuzz::SchemaLeaf& leaf : requestLeaves()) {
+    const auto at = rendered.find(leaf.path);
+    if (at != rendered.end() && at->second > 0) continue;
+    ++never;
+    std::cout << "never rendered: " << leaf.path << (at == rendered.end() ? " (never edited)" : "") << "\n";
+  }
+  std::cout << requestLeaves().size() << " fields, " << never << " never rendered after an edit\n";
+  if (count >= 300) EXPECT_EQ(never, 0u);
+}
 TEST(ColdWarm, RandomEditsTinyStoreEvicts) { runSequences(100001, sequences(60), 6, 96ull << 10, false); }
 // Files that differ in one texture or one accessor alone, in one engine: what is shared must be equal, and nothing else is shared.
 void runFileSequences(uint64_t firstSeed, int count, int steps, uint64_t storeBytes) {

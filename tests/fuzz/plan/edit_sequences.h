@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random edits of scene and request, and the check that matters: a warm reply equals that of an empty store, bit for bit.
+// Random edits of scene and request, and the check that matters: a warm reply equals that of an empty store, bit for bit. Edits are drawn from the
+// schema (fuzz/served/schema_leaves.h): every field, technique and output is among them.
 #pragma once
 
-#include <functional>
+#include <map>
 #include <random>
 #include <string>
 #include <vector>
 
+#include "fuzz/served/schema_leaves.h"
+#include "fuzz/served/tiny_request.h"
 #include "support/engines.h"
 
 namespace gobo::testing {
@@ -14,17 +17,38 @@ namespace gobo::testing {
 struct SequenceResult {
   int renders = 0, reusedNodes = 0, ranNodes = 0, switches = 0;
   std::string failure;
+  std::map<std::string, int> rendered;  ///< by the path of the field that was edited: requests that were not refused
 };
+
+/// The scene that a request is about is gone over to by other means.
+inline const std::vector<fuzz::SchemaLeaf>& requestLeaves() {
+  static const std::vector<fuzz::SchemaLeaf> leaves = [] {
+    auto all = fuzz::schemaLeaves(*v1::RenderRequest::descriptor());
+    std::erase_if(all, [](const fuzz::SchemaLeaf& l) { return l.path == "scene"; });
+    std::shuffle(all.begin(), all.end(), std::mt19937_64(5));  // neighbours in the schema go together
+    return all;
+  }();
+  return leaves;
+}
+inline const std::vector<fuzz::SchemaLeaf>& patchLeaves() {
+  static const std::vector<fuzz::SchemaLeaf> leaves = [] {
+    auto all = fuzz::schemaLeaves(*v1::PatchSceneRequest::descriptor());
+    std::erase_if(all, [](const fuzz::SchemaLeaf& l) { return l.path == "scene"; });
+    return all;
+  }();
+  return leaves;
+}
 
 class EditSequence {
  public:
   /// `cache`: folder of a disk tier, or empty. A tiny store forces evictions. `files`: paths of scenes that are gone over to and back
-  /// among the edits; none: a built-in scene.
+  /// among the edits; none: a built-in scene. One alone is one more of those.
   EditSequence(uint64_t seed, uint64_t storeBytes, const std::string& cache, const std::vector<std::string>& files = {})
-      : rng_(seed), warm_(makeEngine(storeBytes, cache)), files_(files) {
+      : rng_(seed), warm_(makeEngine(storeBytes, cache)), files_(files), next_(size_t(seed % 100000) * kLeavesOfOne) {
     static const char* scenes[] = {"cornell", "lights8", "grids"};
-    scene_ = files_.empty() ? scenes[rng_() % 3] : files_[0];
     for (const std::string& f : files_) EXPECT_TRUE(warm_->openScene(f, f).ok()) << f;
+    const size_t at = rng_() % 4;
+    scene_ = files_.empty() || (files_.size() == 1 && at < 3) ? scenes[at % 3] : files_[0];
     request_ = smallRequest(scene_, 16, 12, 4);
     static const char* lamp[] = {"RECT", "DISK", "SPHERE", "SPOT", "DIRECTIONAL", "POINT"};
     (void)setPath(request_, std::string("lights.lamp.kind=") + lamp[rng_() % 6]);
@@ -40,12 +64,13 @@ class EditSequence {
     SequenceResult out;
     for (int i = 0; i < steps && out.failure.empty(); ++i) {
       const v1::RenderRequest before = request_;
+      edited_.clear();
       const std::string edit = i == 0 ? "start" : mutate();
       out.switches += request_.scene() != before.scene();
       history_ += edit + "; ";
       Result<RenderResult> warm = warm_->render(request_);
       const auto cold = makeEngine(256ull << 20, {}, 1 + int(rng_() % 2));
-      if (!files_.empty()) EXPECT_TRUE(cold->openScene(scene_, scene_).ok()) << scene_;
+      if (ofFile()) EXPECT_TRUE(cold->openScene(scene_, scene_).ok()) << scene_;
       for (const auto& p : patches_)
         if (p.scene() == scene_) (void)cold->patchScene(p);
       Result<RenderResult> fresh = warm.ok() ? cold->render(warm->reply.resolved()) : cold->render(request_);
@@ -54,6 +79,7 @@ class EditSequence {
         break;
       }
       ++out.renders;
+      out.rendered[edited_] += warm.ok();
       if (!warm.ok()) {  // refused alike (flags of a technique that has none): go on from what was good
         request_ = before;
         scene_ = before.scene();
@@ -62,142 +88,62 @@ class EditSequence {
       out.reusedNodes += int(nodesBy(*warm, v1::NodeReport::REUSED).size());
       out.ranNodes += int(nodesBy(*warm, v1::NodeReport::RUN).size());
       const std::string difference = firstDifference(*warm, *fresh);
-      if (!difference.empty()) out.failure = scene_ + ": " + history_ + difference;
+      if (!difference.empty())
+        out.failure = scene_ + ": " + history_ + difference + "\nbefore: " + messageToJson(before, false) + "\n now: " + messageToJson(request_, false);
       if (warm->reply.request_hash() != fresh->reply.request_hash()) out.failure = history_ + "request hashes differ";
     }
     return out;
   }
 
  private:
-  double uniform(double lo, double hi) { return lo + (hi - lo) * double(rng_() % 10007) / 10007.0; }
-  std::string number(double lo, double hi) { return std::to_string(uniform(lo, hi)); }
-  std::string triple(double lo, double hi) { return number(lo, hi) + "," + number(lo, hi) + "," + number(lo, hi); }
-  std::string pick(std::initializer_list<const char*> values) { return *(values.begin() + rng_() % values.size()); }
+  static constexpr size_t kLeavesOfOne = 3;  ///< of the walk over all fields
+
+  bool ofFile() const { return std::find(files_.begin(), files_.end(), scene_) != files_.end(); }
 
   std::string mutate() {
-    const std::vector<std::function<std::string()>> edits{
-        [&] { return "lights.lamp.color=" + triple(0, 2); },
-        [&] { return "lights.lamp.intensity=" + number(0, 40); },
-        [&] { return "lights.lamp.position=" + triple(-0.8, 1.8); },
-        [&] {
-          return "lights.lamp.enabled=" + pick({"true", "false"});
-        },
-        [&] { return "lights.lamp.gain=" + triple(0, 3); },
-        [&] { return "lights.lamp.radius=" + number(0.01, 0.5); },
-        [&] { return technique("lights.lamp.shadow."); },
-        [&] { return technique("lights.lamp.shadow."); },
-        [&] { return technique("shadows."); },
-        [&] { return "lights.lamp.shadow.map." + mapEdit(); },
-        [&] { return "shadows.map." + mapEdit(); },
-        [&] {
-          return "halt.spp=" + pick({"2", "4", "16", "32", "48"});
-        },
-        [&] {
-          return "seed=" + pick({"0", "1"});
-        },
-        [&] {
-          return "view_samples=" + pick({"1", "2", "4"});
-        },
-        [&] {
-          return "integrator.max_bounces=" + pick({"0", "1", "2"});
-        },
-        [&] {
-          return "integrator.indirect=" + pick({"true", "false"});
-        },
-        [&] {
-          return "integrator.max_groups=" + pick({"1", "2", "3", "16"});
-        },
-        [&] {
-          return "integrator.light_selection=" + pick({"TREE", "POWER", "UNIFORM"});
-        },
-        [&] { return "environment.constant=" + triple(0, 1); },
-        [&] { return "environment.gain=" + triple(0, 2); },
-        [&] {
-          return "environment.rotation_deg=" + pick({"0", "30", "90"});
-        },
-        [&] {
-          return "environment.extract_lights=" + pick({"0", "2", "4"});
-        },
-        [&] { return "tone_map.exposure=" + number(-2, 2); },
-        [&] {
-          return "outputs=" + pick({"beauty", "beauty,depth", "beauty,direct,indirect", "beauty,visibility:lamp", "albedo,normal", "beauty,group:lamp",
-                                    "beauty,shadow_basis:lamp", "alpha,shadow_flags:lamp"});
-        },
-        [&] {
-          return "camera.yfov_deg=" + pick({"40", "55"});
-        },
-    };
-    if (!files_.empty() && rng_() % 3 == 0) {
+    if (files_.size() > 1 && rng_() % 3 == 0) {
       scene_ = files_[rng_() % files_.size()];
       request_.set_scene(scene_);
       return scene_;
     }
-    if (!files_.empty() && rng_() % 8 == 0) {
-      const std::string edit = "camera.cull_back_faces=" + pick({"true", "false"});
-      (void)setPath(request_, edit);
-      return edit;
-    }
     if (rng_() % 8 == 0) return patchScene();
-    const std::string edit = edits[rng_() % edits.size()]();
-    (void)setPath(request_, edit.substr(edit.find(' ') + 1));  // what stands before a blank is set already
-    return edit;
+    // In turn all fields, and by chance those that are no parameters of shadows, which are most.
+    const auto& leaves = requestLeaves();
+    const fuzz::SchemaLeaf* leaf = &leaves[next_++ % leaves.size()];
+    if (rng_() % 3 == 0) do
+        leaf = &leaves[rng_() % leaves.size()];
+      while (leaf->path.find("shadow") != std::string::npos);
+    v1::RenderRequest drawn = request_;
+    EXPECT_TRUE(draw(drawn, *leaf)) << leaf->path << ": nothing makes values for fields of its kind";
+    fuzz::makeTiny(drawn);
+    request_ = drawn;
+    edited_ = leaf->path;
+    return leaf->path;
   }
 
-  /// A technique at `path`, with a map that is small enough for a test.
-  std::string technique(const std::string& path) {
-    const std::string size = path + "map.resolution=" + pick({"1", "8", "20"});
-    (void)setPath(request_, size);
-    return size + " " + path +
-           pick({"path_traced=",
-                 "ray_traced.samples=4",
-                 "ray_traced.samples=9",
-                 "axis_aligned.k=2",
-                 "axis_aligned.mu=2",
-                 "axis_aligned.radius_px=3",
-                 "axis_aligned.max_samples=32",
-                 "axis_aligned.mean_samples=12",
-                 "shadow_map=",
-                 "percentage_closer.taps=3",
-                 "percentage_closer.pattern=POISSON",
-                 "percentage_closer.skip=false",
-                 "variance.bleeding_reduction=0.1",
-                 "convolution.order=2",
-                 "convolution.order=5",
-                 "convolution.bytes=true",
-                 "exponential.c=40",
-                 "exponential.c=300",
-                 "exponential.filtering=LOGARITHMIC",
-                 "exponential.classification=Z_MAX",
-                 "exponential.classification=THRESHOLD",
-                 "exponential_variance.c_positive=20",
-                 "moment.moment_bias=0.0001",
-                 "auto.error=0.05"});
-  }
-  std::string mapEdit() {
-    return pick({"resolution=8", "resolution=12", "blur=0", "blur=2", "bias=0.001", "slope_bias=2", "fit=CAMERA", "fit=SCENE", "lookup=BILINEAR",
-                 "lookup=TRILINEAR", "lookup=ANISOTROPIC", "lookup=SUMMED_AREA", "anisotropy=2"});
+  bool draw(google::protobuf::Message& message, const fuzz::SchemaLeaf& leaf) {
+    const auto scene = warm_->scene(scene_);
+    const auto info = warm_->inspectScene(scene_);
+    return drawLeaf(
+        message, leaf, [&] { return uint32_t(rng_()); },
+        [&](const google::protobuf::FieldDescriptor& f, uint32_t value) -> std::string {
+          if (f.name() == "lights" && value % 4) return "lamp";
+          if (f.name() == "materials" && info.ok()) return info->material_names(int(value % uint32_t(info->material_names_size())));
+          if (f.name() == "instances" && info.ok()) return info->instance_names(int(value % uint32_t(info->instance_names_size())));
+          return fuzz::requestText(f.name(), value, scene.ok() ? scene->get() : nullptr);
+        });
   }
 
   std::string patchScene() {
-    const auto info = warm_->inspectScene(scene_);
-    if (!info.ok()) return "inspect failed";
     v1::PatchSceneRequest p;
     p.set_scene(scene_);
-    std::string what;
-    if (rng_() % 2) {
-      const std::string name = info->material_names(int(rng_() % info->material_names_size()));
-      auto& m = (*p.mutable_materials())[name];
-      m.mutable_base_color()->set_x(float(uniform(0, 1)));
-      m.mutable_base_color()->set_y(float(uniform(0, 1)));
-      m.mutable_base_color()->set_z(0.5f);
-      what = "recolour " + name;
-    } else {
-      const std::string name = info->instance_names(int(rng_() % info->instance_names_size()));
-      auto& m = (*p.mutable_instances())[name];
-      for (int k = 0; k < 16; ++k) m.add_matrix(k % 5 == 0 ? 1.0f : 0.0f);
-      m.set_matrix(12, float(uniform(-0.1, 0.1)));
-      what = "move " + name;
+    std::string what = "patch";
+    for (int k = 0; k < 2; ++k) {
+      const fuzz::SchemaLeaf& leaf = patchLeaves()[rng_() % patchLeaves().size()];
+      EXPECT_TRUE(draw(p, leaf)) << leaf.path << ": nothing makes values for fields of its kind";
+      what += " " + leaf.path;
     }
+    fuzz::makeTiny(p);
     if (warm_->patchScene(p).ok()) patches_.push_back(p);
     return what;
   }
@@ -205,7 +151,8 @@ class EditSequence {
   std::mt19937_64 rng_;
   std::unique_ptr<Engine> warm_;
   std::vector<std::string> files_;
-  std::string scene_, history_;
+  size_t next_;
+  std::string scene_, history_, edited_;
   v1::RenderRequest request_;
   std::vector<v1::PatchSceneRequest> patches_;
 };
