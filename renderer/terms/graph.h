@@ -22,8 +22,8 @@ struct GraphNode {
   uint32_t blocks = 0;      ///< extendable nodes: blocks asked for
   ScenePtr scene;           ///< the effective scene that the node sees (null for filters)
   bool transient = false;   ///< result is not kept in the store (inputs of folds)
-  TermShape shape;          ///< of the result; made by Graph::add
   std::string approximate;  ///< for reports: in what its result is more than noise away from the truth; empty: in nothing
+  TermShape shape;          ///< of the result; made by Graph::add
 };
 
 struct PrunedNode {

@@ -58,6 +58,14 @@ class EditSequence {
     (void)setPath(request_, "lights.lamp.angular_size_deg=" + std::to_string(seed % 3 * 4));
     (void)setPath(request_, "lights.lamp.outer_deg=50");
     (void)setPath(request_, "lights.lamp.intensity=3");
+    const fuzz::SchemaLeaf* shadow = nullptr;  // of any technique
+    do shadow = &requestLeaves()[rng_() % requestLeaves().size()];
+    while (shadow->path.rfind("lights.*.shadow.", 0) != 0);
+    EXPECT_TRUE(drawLeaf(
+        request_, *shadow, [&] { return uint32_t(rng_()); }, [](const auto&, uint32_t) { return "lamp"; }))
+        << shadow->path;
+    fuzz::makeTiny(request_);
+    leaves_.push_back(shadow);
   }
 
   SequenceResult run(int steps) {
@@ -65,7 +73,7 @@ class EditSequence {
     for (int i = 0; i < steps && out.failure.empty(); ++i) {
       const v1::RenderRequest before = request_;
       edited_.clear();
-      const std::string edit = i == 0 ? "start" : mutate();
+      const std::string edit = i == 0 ? "start" : mutate(i);
       out.switches += request_.scene() != before.scene();
       history_ += edit + "; ";
       Result<RenderResult> warm = warm_->render(request_);
@@ -96,23 +104,43 @@ class EditSequence {
   }
 
  private:
-  static constexpr size_t kLeavesOfOne = 3;  ///< of the walk over all fields
+  static constexpr size_t kLeavesOfOne = 2;  ///< of the walk over all fields
 
   bool ofFile() const { return std::find(files_.begin(), files_.end(), scene_) != files_.end(); }
 
-  std::string mutate() {
+  /// Whether the request has the message that the field belongs to.
+  static bool within(const google::protobuf::Message& message, const fuzz::SchemaLeaf& leaf) {
+    const google::protobuf::Message* m = &message;
+    for (size_t k = 0; k + 1 < leaf.way.size(); ++k) {
+      const google::protobuf::FieldDescriptor& f = *leaf.way[k];
+      const auto& r = *m->GetReflection();
+      if (f.is_repeated() ? r.FieldSize(*m, &f) == 0 : !r.HasField(*m, &f)) return false;
+      m = f.is_repeated() ? &r.GetRepeatedMessage(*m, &f, 0) : &r.GetMessage(*m, &f);
+      if (f.is_map()) m = &m->GetReflection()->GetMessage(*m, f.message_type()->map_value());
+    }
+    return true;
+  }
+
+  std::string mutate(int step) {
     if (files_.size() > 1 && rng_() % 3 == 0) {
       scene_ = files_[rng_() % files_.size()];
       request_.set_scene(scene_);
       return scene_;
     }
     if (rng_() % 8 == 0) return patchScene();
-    // In turn all fields, and by chance those that are no parameters of shadows, which are most.
+    // In turn all fields; then those that matter after it: the same ones again, and what the request has a message for.
     const auto& leaves = requestLeaves();
-    const fuzz::SchemaLeaf* leaf = &leaves[next_++ % leaves.size()];
-    if (rng_() % 3 == 0) do
-        leaf = &leaves[rng_() % leaves.size()];
-      while (leaf->path.find("shadow") != std::string::npos);
+    const fuzz::SchemaLeaf* leaf = nullptr;
+    if (step % 4 == 1) leaf = &leaves[next_++ % leaves.size()];
+    else if (rng_() % 2 && !leaves_.empty()) leaf = leaves_[rng_() % leaves_.size()];
+    else {  // a technique has fewer fields than all the rest, and more that hang together
+      std::vector<const fuzz::SchemaLeaf*> of[2];
+      for (const fuzz::SchemaLeaf& l : leaves)
+        if (within(request_, l)) of[l.path.find("shadow") != std::string::npos].push_back(&l);
+      const auto& some = of[rng_() % 2 && !of[1].empty()];
+      leaf = some[rng_() % some.size()];
+    }
+    leaves_.push_back(leaf);
     v1::RenderRequest drawn = request_;
     EXPECT_TRUE(draw(drawn, *leaf)) << leaf->path << ": nothing makes values for fields of its kind";
     fuzz::makeTiny(drawn);
@@ -152,6 +180,7 @@ class EditSequence {
   std::unique_ptr<Engine> warm_;
   std::vector<std::string> files_;
   size_t next_;
+  std::vector<const fuzz::SchemaLeaf*> leaves_;  ///< edited so far
   std::string scene_, history_, edited_;
   v1::RenderRequest request_;
   std::vector<v1::PatchSceneRequest> patches_;
