@@ -6,7 +6,7 @@ ENV ?=
 SHELL := /bin/bash
 CONFIGURE = cmake --preset release -B $(BUILD)
 
-.PHONY: all deps build check demo install test sanitize bench references lint format clean
+.PHONY: all deps build check demo docs install test sanitize bench references lint format clean
 
 all: build
 
@@ -44,6 +44,15 @@ bench: deps
 	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE)
 	@ninja -C $(BUILD) -j $(JOBS) gobo gobod benches
 	@BUILD=$(BUILD) bench/run
+
+# API pages: headers, documents, the protocol field by field -> $(BUILD)/docs/html/index.html
+docs: deps
+	@deploy/install-deps --docs
+	@[ -f $(BUILD)/build.ninja ] || $(CONFIGURE)
+	@ninja -C $(BUILD) -j $(JOBS) python_client
+	@mkdir -p $(BUILD)/docs && PYTHONPATH=$(BUILD)/clients/python /usr/bin/python3 docs/api/fields.py > $(BUILD)/docs/protocol_fields.md
+	@API_OUT=$(BUILD)/docs API_FIELDS=$(BUILD)/docs/protocol_fields.md doxygen docs/api/Doxyfile
+	@echo "$(BUILD)/docs/html/index.html"
 
 references: build
 	@BUILD=$(BUILD) bench/references

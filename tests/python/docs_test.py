@@ -16,6 +16,7 @@ import unittest
 
 import gobo
 from gobo import glb
+from gobo.v1 import options_pb2, render_pb2
 from support import CLI, SOURCE, gltf
 
 FENCE = re.compile(r"^(?P<mark>(?:[ \t]*<!--.*?-->[ \t]*\n)?)```(?P<language>\w+)[^\n]*\n(?P<code>.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
@@ -104,6 +105,17 @@ class Pages(unittest.TestCase):
     def test_readme(self):
         if self.run_page("README.md") == 0:
             self.skipTest("README.md has no block marked <!-- run -->")
+
+    def test_protocol_page_has_every_field_with_its_help(self):
+        done = subprocess.run(["/usr/bin/python3", f"{SOURCE}/docs/api/fields.py"], capture_output=True, text=True, timeout=60, check=True)
+        rows = set(done.stdout.splitlines())
+        request = render_pb2.RenderRequest.DESCRIPTOR
+        self.assertIn("## RenderRequest {#gobo-v1-renderrequest}", rows)
+        for field in request.fields:
+            row = next((r for r in rows if r.startswith(f"| `{field.name}` |") and field.GetOptions().Extensions[options_pb2.help] in r), None)
+            self.assertIsNotNone(row, f"{field.name} of RenderRequest")
+        self.assertIn("| `view_samples` | uint32 | 4 | from 1 to 16 | view samples per pixel of G-buffer based terms |", rows)
+        self.assertIn("| Relight | [RelightRequest](#gobo-v1-relightrequest) | [RenderEvent](#gobo-v1-renderevent) |", rows)
 
     def test_the_test_can_fail(self):
         self.shell("here", 1, "export SEEN=yes; test -f scene.glb; gobo render scene.glb --size 16x16 --spp 16 --env studio.hdr -q -o a.png")
