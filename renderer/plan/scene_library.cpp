@@ -104,7 +104,7 @@ Result<ScenePtr> patched(const Scene& base, const v1::PatchSceneRequest& p) {
       v1::LightEdit e = edit;
       const int i = s.findLight(name);
       if (i < 0) return notFound("no light '" + name + "'", path);
-      GOBO_TRY(applyLightShape(e, s.lights[i], path));
+      GOBO_TRY(applyLightShape(e, s, size_t(i), path));
       Vec3& power = s.lights[i].power;
       if (e.has_color() || e.has_intensity()) {
         const float old = luminance(power);

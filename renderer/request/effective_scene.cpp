@@ -9,6 +9,8 @@
 #include "scene/coordinates.h"
 #include "scene/edit.h"
 #include "scene/environment_tents.h"
+#include "scene/light_axes.h"
+#include "trace/emission_profile.h"
 
 namespace gobo {
 
@@ -119,6 +121,24 @@ LightKind toKind(v1::LightEdit::Kind k) {
   }
 }
 
+/// `profile` is not UNSPECIFIED.
+Status applyProfile(v1::LightEdit::Profile profile, Scene& scene, LightShape& s, const std::string& path) {
+  if (profile == v1::LightEdit::NONE) {
+    s.profile = -1;
+    s.profileRotation = 0.0f;
+    return {};
+  }
+  if (s.kind != LightKind::Spot)
+    return invalidArgument(path + ".profile = " + v1::LightEdit::Profile_Name(profile) + ": is a picture in front of a spot, which this light is not",
+                           path + ".profile");
+  const LightPattern pattern = profile == v1::LightEdit::BLINDS   ? LightPattern::Blinds
+                               : profile == v1::LightEdit::WINDOW ? LightPattern::Window
+                                                                  : LightPattern::Leaves;
+  s.profile = int(scene.profiles.size());
+  scene.profiles.push_back(patternProfile(pattern));
+  return {};
+}
+
 bool movable(LightKind k) { return k != LightKind::Mesh && k != LightKind::Environment; }
 
 }  // namespace
@@ -128,11 +148,13 @@ float nominalBucket(float intensity) {
   return std::ldexp(1.0f, 4 * int(std::lround(std::log2(double(intensity)) / 4.0)));
 }
 
-Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& path) {
+Status applyLightShape(const v1::LightEdit& e, Scene& scene, size_t index, const std::string& path) {
+  Light& light = scene.lights[index];
   LightShape& s = light.shape;
   if (e.kind() != v1::LightEdit::KIND_UNSPECIFIED) {
     if (!movable(s.kind)) return invalidArgument(path + ".kind: '" + light.name + "' is part of the scene's geometry or environment", path + ".kind");
     s.kind = toKind(e.kind());
+    if (s.kind == LightKind::Point && s.profile >= 0 && scene.profiles[size_t(s.profile)]->kind == ProfileKind::Picture) s.profile = -1;  // for want of a cone
     // A light of another kind was turned by its axis alone: its edges follow, as long as they were.
     const Vec3 n = glm::cross(s.u, s.v);
     if (s.kind == LightKind::Rect && std::fabs(glm::dot(n, s.axis)) < 0.999f * glm::length(n)) {
@@ -143,7 +165,7 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
     }
   }
   const bool shapeFields = e.has_position() || e.has_direction() || e.has_width() || e.has_height() || e.has_radius() || e.has_inner_deg() ||
-                           e.has_outer_deg() || e.has_angular_size_deg();
+                           e.has_outer_deg() || e.has_angular_size_deg() || e.profile() != v1::LightEdit::PROFILE_UNSPECIFIED || e.has_profile_rotation_deg();
   if (shapeFields && !movable(s.kind))
     return invalidArgument(path + ": '" + light.name + "' is part of the scene's geometry or environment; only gain, color and intensity can be edited", path);
   if (e.has_position()) {
@@ -153,6 +175,10 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
   if (e.has_radius()) GOBO_TRY(checkLength(e.radius(), path + ".radius"));
   if (e.has_width()) GOBO_TRY(checkLength(e.width(), path + ".width"));
   if (e.has_height()) GOBO_TRY(checkLength(e.height(), path + ".height"));
+  if (e.profile() != v1::LightEdit::PROFILE_UNSPECIFIED) GOBO_TRY(applyProfile(e.profile(), scene, s, path));
+  if (e.has_profile_rotation_deg()) s.profileRotation = radians(std::fmod(e.profile_rotation_deg(), 360.0));
+  LightShape before = s;  // unturned
+  before.profileRotation = 0.0f;
   if (e.has_direction() || e.has_width() || e.has_height()) {
     Vec3 axis = s.axis;
     if (e.has_direction()) { GOBO_ASSIGN(axis, unitVector(e.direction(), path + ".direction")); }
@@ -167,6 +193,7 @@ Status applyLightShape(const v1::LightEdit& e, Light& light, const std::string& 
       s.v = glm::normalize(s.v) * h;
     }
     s.axis = axis;
+    if (hasProfile(s)) s.u = carried(profileFrame(before).x, before.axis, axis);  // its right goes along: the picture turns no more than it must
     if (s.kind == LightKind::Rect) GOBO_TRY(checkArea(2.0 * double(w), 2.0 * double(h), path));
   }
   if (e.has_radius()) s.radius = float(e.radius());
@@ -249,7 +276,7 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
       changed = true;
     }
     const LightShape before = scene->lights[index].shape;
-    GOBO_TRY(applyLightShape(*edit, scene->lights[index], path));
+    GOBO_TRY(applyLightShape(*edit, *scene, size_t(index), path));
     changed = changed || std::memcmp(&before, &scene->lights[index].shape, sizeof before) != 0;
   }
   if (changed) {
@@ -305,8 +332,12 @@ double estimatedFlux(const Scene& scene, int index, const StopToken& stop) {
   scene.bounds(lo, hi);
   const double radius = lo.x <= hi.x ? 0.5 * glm::length(hi - lo) : 1.0, crossSection = kPi * radius * radius;
   switch (s.kind) {
-    case LightKind::Point: return 4 * kPi * l;
-    case LightKind::Spot: return 2 * kPi * (1.0 - s.cosOuter) * l;
+    case LightKind::Point:
+      if (hasProfile(s)) return profileFlux(s, *scene.profiles[size_t(s.profile)]) * l;
+      return 4 * kPi * l;
+    case LightKind::Spot:
+      if (hasProfile(s)) return profileFlux(s, *scene.profiles[size_t(s.profile)]) * l;
+      return 2 * kPi * (1.0 - s.cosOuter) * l;
     case LightKind::Directional: return crossSection * l;
     case LightKind::Rect: return kPi * l * 4.0 * glm::length(s.u) * glm::length(s.v) * (s.twoSided ? 2 : 1);
     case LightKind::Disk: return kPi * l * kPi * s.radius * s.radius * (s.twoSided ? 2 : 1);

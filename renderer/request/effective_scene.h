@@ -33,8 +33,8 @@ using ScenePoser = std::function<Result<ScenePtr>(const ScenePtr& base, const v1
 Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::RenderRequest& request, const EnvironmentLoader& load,
                                           const ScenePoser& pose = requestedScene, const StopToken& stop = {});
 
-/// Applies a light edit's shape fields (not power). `path` is used in errors.
-Status applyLightShape(const v1::LightEdit& edit, Light& light, const std::string& path);
+/// Applies a light edit's shape fields (not power) to a light of a scene that is not sealed yet. `path` is used in errors.
+Status applyLightShape(const v1::LightEdit& edit, Scene& scene, size_t light, const std::string& path);
 
 /// Power that an added light is traced with: its intensity rounded to a power of 16, white. Edits of colour and small edits
 /// of strength then stay gains, and sampling still knows the order of magnitude.

@@ -240,6 +240,12 @@ static Result<std::shared_ptr<Scene>> readScene(std::shared_ptr<const void> owne
     if (again.content != t.content) return bad("texture " + std::to_string(i) + ": digest is not that of its texels");
     if (again.lowest != t.lowest) return bad("texture " + std::to_string(i) + ": lowest values are not those of its texels");
   }
+  if (trust == BlobTrust::Foreign)
+    for (size_t i = 0; i < scene->profiles.size(); ++i) {
+      LightProfile again = *scene->profiles[i];
+      if (const Status sealed = sealProfile(again); !sealed.ok()) return bad("profile " + std::to_string(i) + ": " + sealed.message());
+      if (again.content != scene->profiles[i]->content) return bad("profile " + std::to_string(i) + ": digest is not that of its values");
+    }
   if (scene->environment) GOBO_TRY(checkMap(*scene->environment, trust));
   if (scene->rig && scene->rig->content.isZero()) return bad("rig has no digest");
   if (const Status sealed = scene->seal(); !sealed.ok()) return bad(sealed.toString());

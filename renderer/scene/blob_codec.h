@@ -33,6 +33,8 @@ inline constexpr AlphaMode lastOf<AlphaMode> = AlphaMode::Blend;
 template <>
 inline constexpr LightKind lastOf<LightKind> = LightKind::Environment;
 template <>
+inline constexpr ProfileKind lastOf<ProfileKind> = ProfileKind::Photometry;
+template <>
 inline constexpr RigKind lastOf<RigKind> = RigKind::Light;
 template <>
 inline constexpr RigPath lastOf<RigPath> = RigPath::Weights;

@@ -52,6 +52,17 @@ void visitFields(S& s, V&& v) {
   v("content", s.content);
   v("lowest", s.lowest);
 }
+template <Same<LightProfile> S, typename V>
+void visitFields(S& s, V&& v) {
+  v("name", s.name);
+  v("kind", s.kind);
+  v("width", s.width);
+  v("height", s.height);
+  v("values", s.values);
+  v("vertical", s.vertical);
+  v("horizontal", s.horizontal);
+  v("content", s.content);
+}
 template <Same<Environment> S, typename V>
 void visitFields(S& s, V&& v) {
   v("name", s.name);
@@ -85,6 +96,7 @@ void visitFields(S& s, V&& v) {
   v("materials", s.materials);
   v("textures", s.textures);
   v("lights", s.lights);
+  v("profiles", s.profiles);
   v("environment", s.environment);
   v("cameras", s.cameras);
   v("rig", s.rig);

@@ -56,6 +56,7 @@ std::string forgottenFields() {
   check("Instance", members<Instance>(), listed<Instance>());
   check("Mesh", members<Mesh>(), listed<Mesh>());
   check("Texture", members<Texture>(), listed<Texture>());
+  check("LightProfile", members<LightProfile>(), listed<LightProfile>());
   check("Environment", members<Environment>() - 1, listed<Environment>());  // `file` is where it lies
   check("RigNode", members<RigNode>(), listed<RigNode>());
   check("RigSkin", members<RigSkin>(), listed<RigSkin>());

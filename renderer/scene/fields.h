@@ -115,6 +115,8 @@ void visitFields(S& s, V&& v) {
   v("instance", s.instance);
   v("angularSize", s.angularSize);
   v("skyRectangle", s.skyRectangle);
+  v("profile", s.profile);
+  v("profileRotation", s.profileRotation);
 }
 
 template <Same<Camera> S, typename V>

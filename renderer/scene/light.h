@@ -35,6 +35,9 @@ struct LightShape {
   /// Directional, of those that stand for an environment (terms/area_light_list.h): a uniform rectangle at infinity instead of the
   /// disk, 2 tan(half angle) along x and y of mapFrame() (scene/light_axes.h); 0: none.
   Vec2 skyRectangle{0.0f};
+  /// Point, Spot: index into Scene::profiles, -1: none. What of the intensity goes where, in profileFrame() (scene/light_axes.h): `u` says where right is.
+  int profile = -1;
+  float profileRotation = 0.0f;  ///< of the profile about the axis, radians, counter-clockwise as the lamp sees it
 };
 
 /// Smaller suns than this (radians) are below what single precision tells apart of directions.
@@ -44,6 +47,9 @@ inline constexpr float kLeastAngularSize = 1.7e-6f;
 constexpr bool isWideDirectional(const LightShape& s) {
   return s.kind == LightKind::Directional && (s.angularSize != 0.0f || s.skyRectangle.x != 0.0f || s.skyRectangle.y != 0.0f);
 }
+
+/// True where an emission profile acts.
+constexpr bool hasProfile(const LightShape& s) { return s.profile >= 0 && (s.kind == LightKind::Point || s.kind == LightKind::Spot); }
 
 /// True for lights that a ray cannot hit (so only next-event estimation reaches them).
 constexpr bool isDeltaLight(const LightShape& s) {

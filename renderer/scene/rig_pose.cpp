@@ -45,6 +45,7 @@ void placeLight(const RigFollower& f, const Mat4& world, const Mat4& frame, Ligh
     s.u = Vec3(frame[0]) * (f.half.x * x);
     s.v = Vec3(frame[1]) * (f.half.y * y);
   }
+  if (hasProfile(s)) s.u = Vec3(frame[0]);
   if (s.kind == LightKind::Disk || s.kind == LightKind::Sphere) s.radius = f.radius * x;
 }
 

@@ -103,6 +103,7 @@ size_t Scene::bytes() const {
   if (rig) total += rigBytes(*rig);
   TexelBytes texels;
   for (const auto& t : textures) total += texels.add(*t);
+  for (const LightProfilePtr& p : profiles) total += profileBytes(*p);
   if (environment) total += environment->texels.size() * sizeof(Vec3);
   return total;
 }

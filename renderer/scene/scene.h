@@ -16,6 +16,7 @@
 #include "scene/camera.h"
 #include "scene/environment.h"
 #include "scene/light.h"
+#include "scene/light_profile.h"
 #include "scene/material.h"
 #include "scene/mesh_view.h"
 #include "scene/rig.h"
@@ -37,6 +38,7 @@ struct Scene {
   std::vector<Material> materials;
   std::vector<std::shared_ptr<const Texture>> textures;
   std::vector<Light> lights;               ///< includes one Mesh light per emissive instance, and one Environment light if any
+  std::vector<LightProfilePtr> profiles;   ///< what lights refer to; sealed (sealProfile)
   EnvironmentPtr environment;              ///< null: black
   std::vector<Camera> cameras;             ///< at least one after seal()
   RigPtr rig;                              ///< null: nothing in it can be animated; sealed (sealRig)
@@ -127,6 +129,11 @@ class SceneView {
     require(Facet::LightShape);
     requireLight(i);
     return scene_->lights[i].shape;
+  }
+  /// The emission profile of a Point or Spot light; null: none.
+  LightProfilePtr lightProfile(int i) const {
+    const LightShape& s = lightShape(i);
+    return hasProfile(s) ? scene_->profiles[size_t(s.profile)] : nullptr;
   }
   bool lightCameraVisible(int i) const {
     require(Facet::LightShape);

@@ -120,6 +120,10 @@ Status Scene::checkMaterials() const {
 }
 
 Status Scene::checkLights() const {
+  for (size_t i = 0; i < profiles.size(); ++i) {
+    if (!profiles[i]) return fail(*this, "profiles", i, "", "", "profile is null");
+    if (const Status shape = checkProfileShape(*profiles[i]); !shape.ok()) return fail(*this, "profiles", i, profiles[i]->name, "", shape.message());
+  }
   int environments = 0;
   for (size_t i = 0; i < lights.size(); ++i) {
     const Light& light = lights[i];
@@ -152,6 +156,12 @@ Status Scene::checkLights() const {
       return fail(*this, "lights", i, light.name, "shape/skyRectangle", "a rectangle at infinity has two sides above 0 and is no disk");
     if (s.kind == LightKind::Spot && !(s.cosInner >= s.cosOuter && s.cosOuter >= -1.0f && s.cosInner <= 1.0f))
       return fail(*this, "lights", i, light.name, "shape/cosInner", "cone angles are not inner <= outer");
+    if (s.profile >= int(profiles.size()) || s.profile < -1)
+      return fail(*this, "lights", i, light.name, "shape/profile",
+                  "profile " + std::to_string(s.profile) + " of " + std::to_string(profiles.size()) + " is out of range");
+    if (s.kind == LightKind::Point && s.profile >= 0 && profiles[size_t(s.profile)]->kind == ProfileKind::Picture)
+      return fail(*this, "lights", i, light.name, "shape/profile", "a picture needs the cone of a spot");
+    if (!isCoordinate(s.profileRotation)) return fail(*this, "lights", i, light.name, "shape/profileRotation", std::string("rotation") + kBeyond);
     if (s.kind == LightKind::Mesh && s.instance >= instances.size())
       return fail(*this, "lights", i, light.name, "shape/instance",
                   "instance " + std::to_string(s.instance) + " of " + std::to_string(instances.size()) + " is out of range");

@@ -16,11 +16,13 @@ void addMatrix(Hasher& h, const Mat4& m) {
   for (int i = 0; i < 4; ++i) addVector(h, m[i]);
 }
 
-Hash128 shapeHash(const Light& light) {
+Hash128 shapeHash(const Light& light, const std::vector<LightProfilePtr>& profiles) {
   const LightShape& s = light.shape;
   Hasher h("light-shape");
   visitFields(s, [&](const char* name, const auto& field) {
-    if (const std::string_view n(name); n == "angularSize" || n == "skyRectangle") {
+    if (const std::string_view n(name); n == "profile" || n == "profileRotation") {
+      return;  // below: by content
+    } else if (n == "angularSize" || n == "skyRectangle") {
       // Few lights have them; the others keep the digests that they had without.
       if (field == std::remove_cvref_t<decltype(field)>(0)) return;
       h.add(n);
@@ -29,6 +31,7 @@ Hash128 shapeHash(const Light& light) {
     else h.add(field);
   });
   h.add(light.cameraVisible);
+  if (hasProfile(s)) h.add("profile").add(profiles[size_t(s.profile)]->content).add(s.profileRotation);
   return h.digest();
 }
 
@@ -90,7 +93,7 @@ void Scene::computeDigests() {
   Hasher shapes("light-shapes"), powers("light-powers"), names("names");
   for (size_t k = 0; k < lights.size(); ++k) {
     const Light& light = lights[k];
-    lightShape_[k] = shapeHash(light);
+    lightShape_[k] = shapeHash(light, profiles);
     if (light.shape.kind == LightKind::Mesh) {
       const Instance& instance = instances[light.shape.instance];
       const Mesh& mesh = *meshes[instance.mesh];

@@ -9,8 +9,10 @@
 #include "trace/area_light_bvh.h"
 #include "trace/area_lights.h"
 #include "trace/distant_light.h"
+#include "trace/emission_profile.h"
 #include "trace/environment_distribution.h"
 #include "trace/mesh_light.h"
+#include "trace/spot_falloff.h"
 
 namespace gobo {
 namespace {
@@ -29,13 +31,7 @@ double distanceFalloff(double d2, float range) {
   return window / std::max(d2, kNearest * kNearest);
 }
 
-/// KHR_lights_punctual: squared linear ramp of the cosine between the two cones.
-float spotFalloff(const LightShape& s, float cosine) {
-  const float a = clamp01((cosine - s.cosOuter) / maxOf(s.cosInner - s.cosOuter, 1e-3f));
-  return a * a;
-}
-
-bool samplePoint(const LightShape& s, const Vec3& p, LightSample& out) {
+bool samplePoint(const LightShape& s, const EmissionProfile* profile, const Vec3& p, LightSample& out) {
   const DVec3 d = DVec3(s.position) - DVec3(p);
   const double d2 = glm::dot(d, d);
   if (!(d2 > 0)) return false;
@@ -47,6 +43,10 @@ bool samplePoint(const LightShape& s, const Vec3& p, LightSample& out) {
   out.radiance = Vec3(float(value));
   out.pdf = 1.0f;
   out.delta = true;
+  if (profile) {
+    out.radiance *= profile->at(-out.direction);
+    if (!(maxComponent(out.radiance) > 0.0f)) return false;
+  }
   return value > 0 && out.distance > 0.0f;
 }
 
@@ -55,9 +55,10 @@ bool samplePoint(const LightShape& s, const Vec3& p, LightSample& out) {
 struct LightSampler::Impl {
   std::vector<int> slots;          // light index -> record, -1 outside the subset
   std::vector<LightShape> shapes;  // one per record
-  std::vector<int> own;            // record -> meshes or distant, -1 for other kinds
+  std::vector<int> own;            // record -> meshes, distant or profiles, -1 for other kinds
   std::vector<MeshLight> meshes;
-  std::vector<DistantLight> distant;  // Directional lights of some angular size
+  std::vector<DistantLight> distant;      // Directional lights of some angular size
+  std::vector<EmissionProfile> profiles;  // of Point and Spot lights that have one
   EnvironmentPtr environment;
   std::optional<EnvironmentDistribution> distribution;
   AreaLightBvh area;
@@ -91,6 +92,12 @@ std::shared_ptr<const LightSampler> LightSampler::build(const SceneView& view, c
         m.own.back() = int(m.meshes.size());
         m.meshes.emplace_back(view, s.instance, stop);
         break;
+      case LightKind::Point:
+      case LightKind::Spot:
+        if (!hasProfile(s)) break;
+        m.own.back() = int(m.profiles.size());
+        m.profiles.emplace_back(s, view.lightProfile(i));
+        break;
       case LightKind::Directional:
         if (isDeltaLight(s)) break;
         m.own.back() = int(m.distant.size());
@@ -100,7 +107,6 @@ std::shared_ptr<const LightSampler> LightSampler::build(const SceneView& view, c
         m.environment = view.environment();
         if (!m.distribution) m.distribution.emplace(m.environment, stop);
         break;
-      default: break;
     }
     if (stop.stopRequested()) return nullptr;
   }
@@ -117,7 +123,7 @@ bool LightSampler::sample(int i, const Vec3& p, const Vec2& u, LightSample& out)
   Vec3 radiance(1.0f);
   switch (s.kind) {
     case LightKind::Point:
-    case LightKind::Spot: return samplePoint(s, p, out);
+    case LightKind::Spot: return samplePoint(s, impl_->own[r] < 0 ? nullptr : &impl_->profiles[impl_->own[r]], p, out);
     case LightKind::Directional: {
       if (impl_->own[r] < 0) {
         out = {-s.axis, kInfinity, Vec3(1.0f), 1.0f, true};

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "scene/environment_tents.h"
+#include "trace/emission_profile.h"
 
 namespace gobo {
 
@@ -106,6 +107,7 @@ LightBounds finiteBounds(const SceneView& view, int light, float scale, const St
     case LightKind::Directional:
     case LightKind::Environment: break;
   }
+  if (const LightProfilePtr profile = view.lightProfile(light)) b.power = std::fmax(float(profileFlux(s, *profile)), 1e-6f) * scale;
   return b;
 }
 

@@ -3,11 +3,14 @@
 
 #include <algorithm>
 
+#include "trace/spot_falloff.h"
+
 namespace gobo {
 
 namespace {
 
 constexpr size_t kMostTargets = 64;
+constexpr float kWidestPicture = 0.25f;  // cosine of a cone beyond which cells of a plane are too uneven by solid angle
 
 bool maySmooth(float roughness, bool textured) { return textured || roughness * roughness < kDeltaAlpha; }
 
@@ -48,12 +51,6 @@ Vec3 inCone(const Vec3& axis, double gap, const Vec2& u) {
   return glm::normalize(Frame(axis).toWorld(Vec3(float(r * std::cos(phi)), float(r * std::sin(phi)), float(z))));
 }
 
-/// KHR_lights_punctual, as light_sampling.cpp has it.
-float spotFalloff(const LightShape& s, float cosine) {
-  const float a = clamp01((cosine - s.cosOuter) / maxOf(s.cosInner - s.cosOuter, 1e-3f));
-  return a * a;
-}
-
 }  // namespace
 
 bool mayBeSpecular(const SurfaceMaterial& m) {
@@ -82,7 +79,7 @@ Sphere sceneSphere(const SceneView& view) {
   return around(all);
 }
 
-PhotonEmitter::PhotonEmitter(const LightShape& light, std::vector<Sphere> spheres, const Sphere& scene) : light_(light) {
+PhotonEmitter::PhotonEmitter(const LightShape& light, std::vector<Sphere> spheres, const Sphere& scene, LightProfilePtr profile) : light_(light) {
   for (const Sphere& s : spheres) {
     Target t;
     t.centre = s.centre;
@@ -108,6 +105,12 @@ PhotonEmitter::PhotonEmitter(const LightShape& light, std::vector<Sphere> sphere
     byCone_ = true;
     total_ = cone;
   }
+  if (profile && hasProfile(light)) {
+    profile_.emplace(light, profile);
+    distribution_.emplace(light, std::move(profile));
+    if (!(distribution_->flux() > 0.0)) total_ = 0.0;  // black all over
+    else byProfile_ = distribution_->solidAngle() < total_ && (light.kind == LightKind::Point || light.cosOuter > kWidestPicture);
+  }
   if (light.kind == LightKind::Directional) away_ = glm::length(scene.centre) * 1e-3f + 2.1f * scene.radius;
 }
 
@@ -128,11 +131,19 @@ double PhotonEmitter::density(const Vec3& direction, const Vec3& point) const {
 
 bool PhotonEmitter::emit(float uTarget, const Vec2& u, PhotonStart& out) const {
   if (!(total_ > 0.0) || targets_.empty()) return false;
+  if (byProfile_) {
+    double density = 0;
+    out.origin = light_.position;
+    if (!distribution_->sample(uTarget, u, out.direction, density)) return false;
+    out.power = float(1.0 / density);
+    if (light_.kind == LightKind::Spot) out.power *= spotFalloff(light_, glm::dot(out.direction, light_.axis));
+    return tinted(out);
+  }
   if (byCone_) {
     out.origin = light_.position;
     out.direction = inCone(light_.axis, 1.0 - double(light_.cosOuter), u);
     out.power = float(double(spotFalloff(light_, glm::dot(out.direction, light_.axis))) * total_);
-    return out.power > 0.0f;
+    return tinted(out);
   }
   const double at = double(uTarget) * total_;
   const auto it = std::find_if(targets_.begin(), targets_.end() - 1, [at](const Target& t) { return at < t.until; });
@@ -148,7 +159,12 @@ bool PhotonEmitter::emit(float uTarget, const Vec2& u, PhotonStart& out) const {
   out.direction = inCone(it->axis, it->gap, u);
   out.power = float(1.0 / density(out.direction, out.origin));
   if (light_.kind == LightKind::Spot) out.power *= spotFalloff(light_, glm::dot(out.direction, light_.axis));
-  return out.power > 0.0f;
+  return tinted(out);
+}
+
+bool PhotonEmitter::tinted(PhotonStart& out) const {
+  if (profile_) out.tint = profile_->at(out.direction);
+  return out.power > 0.0f && maxComponent(out.tint) > 0.0f;
 }
 
 float PhotonEmitter::window(float length) const {

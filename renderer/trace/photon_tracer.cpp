@@ -129,7 +129,8 @@ std::shared_ptr<const CausticTracer> CausticTracer::create(const SceneView& view
     around.clear();
     if (shape.kind != LightKind::Directional && !surfaces.interiors().empty())
       for (int material : volumesAround(view, shape.position, stop)) around.enter(surfaces.interiorOf(material));
-    m.sources.push_back({PhotonEmitter(shape, targets, scene), around, nominal, settings.path.groupOf[k], hash64(0x70686f746f6eu, k)});
+    m.sources.push_back(
+        {PhotonEmitter(shape, targets, scene, view.lightProfile(subset[k])), around, nominal, settings.path.groupOf[k], hash64(0x70686f746f6eu, k)});
     if (stop.stopRequested()) return nullptr;
   }
   return tracer;
@@ -153,7 +154,7 @@ void CausticTracer::Impl::photon(const Source& source, uint32_t index, uint32_t 
   if (!source.emitter.emit(target, draw.next2D(), start)) return;
   Walker w;
   w.start(path().surfaces.interiors(), source.around, start.origin, start.direction);
-  w.throughput = source.nominal * float(double(start.power) / double(settings.photons));
+  w.throughput = source.nominal * start.tint * float(double(start.power) / double(settings.photons));
   float length = 0;
   bool turned = false;  // light that came straight on is the path tracer's: its shadow rays see it
   const bool straightSeen = path().surfaces.anyStraight();

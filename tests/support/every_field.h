@@ -21,7 +21,7 @@ namespace every_field {
 
 inline void change(float& v) { v = 0.7f * v + 0.17f; }
 inline void change(bool& v) { v = !v; }
-inline void change(int& v) { v = (v + 1) % 2; }  // a texture or a set of texture coordinates: both scenes have two
+inline void change(int& v) { v = (v + 1) % 2; }  // a texture, a set of texture coordinates or a profile: scenes have two
 inline void change(uint32_t&) {}                 // a mesh light's instance: changed with the instance below
 inline void change(AlphaMode& v) { v = AlphaMode((int(v) + 1) % 3); }
 inline void change(LightKind& v) {
@@ -94,7 +94,7 @@ inline void retexture(Scene& s, size_t i, const std::function<void(Texture&)>& e
 
 }  // namespace every_field
 
-/// `s` has two textures, meshes with every array, and a material whose texture references of interest are set.
+/// `s` has two textures, two profiles or none, meshes with every array, and a material whose texture references of interest are set.
 inline std::vector<FieldChange> everyFieldChange(const Scene& s) {
   using namespace every_field;
   std::vector<FieldChange> out;
@@ -165,6 +165,13 @@ inline std::vector<FieldChange> everyFieldChange(const Scene& s) {
     out.push_back({p + "wrapU", [t](Scene& k) { retexture(k, t, [](Texture& x) { x.wrapU = Wrap::Mirror; }); }});
     out.push_back({p + "wrapV", [t](Scene& k) { retexture(k, t, [](Texture& x) { x.wrapV = Wrap::Clamp; }); }});
   }
+  for (size_t i = 0; i < s.profiles.size(); ++i)
+    out.push_back({"profiles." + std::to_string(i) + ".values", [i](Scene& k) {
+                     auto copy = std::make_shared<LightProfile>(*k.profiles[i]);
+                     copy->values[0] *= 0.7f;
+                     (void)sealProfile(*copy);
+                     k.profiles[i] = std::move(copy);
+                   }});
   for (size_t l = 0; l < s.lights.size(); ++l) {
     const std::string p = "lights." + s.lights[l].name + ".";
     const LightKind kind = s.lights[l].shape.kind;

@@ -117,10 +117,11 @@ inline GltfBase gltfBase() {
   GltfBase b;
   b.doc = Json::parse(R"({"asset":{"version":"2.0","minVersion":"2.0","generator":"test","copyright":"none"},"buffers":[{"name":"bytes"},
     {"byteLength":64,"extensions":{"EXT_meshopt_compression":{"fallback":true}}}],
-    "scene":0,"scenes":[{"name":"all","nodes":[0,2,4,5,6,7,8]}],
+    "scene":0,"scenes":[{"name":"all","nodes":[0,2,4,5,6,7,8,9]}],
     "nodes":[{"name":"skinned","mesh":0,"skin":0},{"name":"joint 1","translation":[0,1,0]},{"name":"joint 0","children":[1],"translation":[0,0,0],"rotation":[0,0,0,1],"scale":[1,1,1]},
       {"name":"free"},{"name":"morphed","mesh":1,"weights":[0.5]},{"name":"eye","camera":0,"translation":[0,0,5]},{"name":"plan","camera":1,"matrix":[1,0,0,0,0,1,0,0,0,0,1,0,0,0,4,1]},
-      {"name":"lamp","extensions":{"KHR_lights_punctual":{"light":0}}},{"name":"copies","mesh":2,"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":15}}}}],
+      {"name":"lamp","extensions":{"KHR_lights_punctual":{"light":0}}},{"name":"copies","mesh":2,"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":15}}}},
+      {"name":"measured","extensions":{"EXT_lights_ies":{"light":0,"multiplier":2,"color":[1,1,0.5]}}}],
     "cameras":[{"type":"perspective","name":"p","perspective":{"yfov":0.7,"znear":0.1,"zfar":100,"aspectRatio":1}},{"type":"orthographic","orthographic":{"xmag":2,"ymag":3,"znear":0,"zfar":9}}],
     "skins":[{"name":"s","joints":[2,1],"skeleton":2,"inverseBindMatrices":9}],
     "animations":[{"name":"a","samplers":[{"input":10,"output":11,"interpolation":"LINEAR"},{"input":10,"output":12},{"input":10,"output":13}],
@@ -142,9 +143,11 @@ inline GltfBase gltfBase() {
           "KHR_materials_volume":{"attenuationDistance":1},"KHR_materials_volume_scatter":{"scatterAnisotropy":0.1}}},
       {"name":"unlit","extensions":{"KHR_materials_unlit":{}}},{"name":"glossy","extensions":{"KHR_materials_pbrSpecularGlossiness":{"glossinessFactor":0.5}}}],
     "extensions":{"KHR_lights_punctual":{"lights":[{"name":"l","type":"spot","color":[1,1,1],"intensity":3,"range":9,"spot":{"innerConeAngle":0.2,"outerConeAngle":0.4}}]},
+      "EXT_lights_ies":{"lights":[{"name":"downlight","mimeType":"application/x-ies-lm-63","uri":"data:application/x-ies-lm-63,TILT=NONE%0A1%201000%201%202%201%201%202%200%200%200%0A1%201%2050%0A0%2090%0A0%0A100%200%0A"}]},
       "KHR_materials_variants":{"variants":[{"name":"one"},{"name":"two"}]}},
     "extensionsRequired":["KHR_draco_mesh_compression","EXT_meshopt_compression"]})");
   for (const char* name : {"KHR_lights_punctual",
+                           "EXT_lights_ies",
                            "KHR_materials_anisotropy",
                            "KHR_materials_clearcoat",
                            "KHR_materials_diffuse_transmission",
@@ -228,6 +231,9 @@ inline GltfBase gltfBase() {
   const int picture = b.view(png.data(), png.size());
   b.doc["images"][0]["bufferView"] = picture;
   b.doc["images"][1]["uri"] = "data:image/png;base64," + base64(png.data(), png.size());
+  const std::string ies = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0\n1 1 50\n0 90\n0\n100 0\n";
+  const int photometry = b.view(ies.data(), ies.size());
+  b.doc["extensions"]["EXT_lights_ies"]["lights"].push_back({{"bufferView", photometry}, {"mimeType", "application/x-ies-lm-63"}});
   b.doc["buffers"][0]["byteLength"] = b.bytes.size();
   return b;
 }

@@ -27,6 +27,7 @@ const std::set<std::string> kSupported = {"KHR_lights_punctual",
                                           "KHR_mesh_quantization",
                                           "KHR_texture_transform",
                                           "KHR_draco_mesh_compression",
+                                          "EXT_lights_ies",
                                           "EXT_meshopt_compression",
                                           "EXT_mesh_gpu_instancing",
                                           "EXT_texture_webp"};
@@ -139,6 +140,13 @@ Status readImage(Document& d, size_t i) {
 
 }  // namespace
 
+Status readNamed(Document& d, const Cursor& uri, std::vector<uint8_t>& out) {
+  auto read = readBeside(d, uri.text());
+  if (!read.ok()) return read.status().at(d.path + "#" + uri.pointer);
+  out = std::move(*read);
+  return {};
+}
+
 bool supported(const std::string& extension) { return kSupported.count(extension) > 0; }
 
 Status openDocument(const std::string& path, const LoadOptions& options, Document& d) {
@@ -164,6 +172,7 @@ Status openDocument(const std::string& path, const LoadOptions& options, Documen
     for (size_t i = 0; i < d.list("buffers").size(); ++i) GOBO_TRY(readBuffer(d, container, i));
     d.images.resize(d.list("images").size());
     for (size_t i = 0; i < d.images.size(); ++i) GOBO_TRY(readImage(d, i));
+    GOBO_TRY(readPhotometry(d));
     return d.status;
   } catch (const std::exception& e) { return invalidArgument(std::string("document cannot be read: ") + e.what(), path + "#"); }
 }

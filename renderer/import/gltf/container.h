@@ -32,6 +32,11 @@ struct DataUri {
 };
 Result<DataUri> decodeDataUri(const std::string& uri);
 
+/// Bytes of the file beside the document that `uri` names, while that is being opened. Errors name the place.
+Status readNamed(Document& d, const Cursor& uri, std::vector<uint8_t>& out);
+/// IES files of lights, into Document::photometry (photometry.cpp).
+Status readPhotometry(Document& d);
+
 /// Media type of a picture by its first bytes; empty when it is none that is known. What the format allows is png and jpeg,
 /// and by extension webp and ktx2.
 std::string pictureKind(const std::vector<uint8_t>& bytes);

@@ -124,4 +124,9 @@ bool Document::account(uint64_t bytes, const Cursor& where) {
   return false;
 }
 
+Cursor goboLight(const Cursor& at) {
+  const Cursor extras = at["extras"];
+  return extras.json && extras.json->is_object() ? extras["gobo_light"] : Cursor{at.document, nullptr, extras.pointer + "/gobo_light"};
+}
+
 }  // namespace gobo::gltf

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "import/ies.h"
 #include "import/load.h"
 
 namespace gobo::gltf {
@@ -61,6 +62,7 @@ struct Document {
     std::string name, problem;
   };  ///< problem: why there are no bytes
   std::vector<EncodedImage> images;
+  std::map<std::string, IesPhotometry> photometry;  ///< by the pointer of what names it (photometry.cpp)
   std::vector<std::string> warnings;
   std::set<std::string> warned;  ///< places that have a warning
   Status status;
@@ -149,6 +151,8 @@ Status readAnimations(Document& d, Rig& rig, const std::vector<int>& place);
 /// Nodes of the default scene: instances, cameras, lights, and what of them follows or deforms.
 Status readNodes(Document& d, Scene& scene, Rig& rig, Parts& parts, const std::vector<int>& place);
 
+/// The object "gobo_light" in the extras of a node or a light; absent where it has none.
+Cursor goboLight(const Cursor& at);
 /// Warns of faults against the format that the readers need not care about (audit.cpp). O(document).
 void audit(Document& d);
 void auditBounds(Document& d);  ///< min and max of accessors that nothing read

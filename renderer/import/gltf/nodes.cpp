@@ -2,11 +2,13 @@
 // The node tree of the default scene: transforms, instances, cameras, KHR_lights_punctual, and area lights in `extras`:
 //   "gobo_light": {"type": "rect"|"disk"|"sphere", "width", "height" (rect, full sizes), "radius", "radiance": [r,g,b] W/(m^2 sr) or
 //                  "power_w": [r,g,b] W, "twoSided", "cameraVisible"}, emitting along the node's -Z.
+//   of a KHR_lights_punctual light: {"angularSize"} (directional), {"gobo": {"index": texture}} (spot) or {"ies": {"uri" | "bufferView" | "text"}}
+//                  (point, spot), either turned by "rotation".
 // Units: candela and lux are read as W/sr and W/m^2.
 #include <algorithm>
 #include <glm/gtc/quaternion.hpp>
 
-#include "import/gltf/document.h"
+#include "import/gltf/texture.h"
 #include "scene/rig_sample.h"
 
 namespace gobo::gltf {
@@ -17,7 +19,7 @@ constexpr size_t kMaxInstances = 16u << 20;
 class Tree {
  public:
   Tree(Document& d, Scene& scene, Rig& rig, Parts& parts, const std::vector<int>& place)
-      : d_(d), scene_(scene), rig_(rig), parts_(parts), nodes_(d.list("nodes")), place_(place) {
+      : d_(d), scene_(scene), rig_(rig), parts_(parts), textures_(d, scene), nodes_(d.list("nodes")), place_(place) {
     names_.insert("environment");
   }
 
@@ -101,9 +103,8 @@ class Tree {
     const int mesh = node["mesh"].index("meshes"), camera = node["camera"].index("cameras");
     if (mesh >= 0 && d_.ok()) placeMesh(node, index, base, mesh, world);
     Mat4 frame(1.0f);
-    const Cursor punctual = node.extension("KHR_lights_punctual")["light"],
-                 area = node["extras"].json && node["extras"].json->is_object() ? node["extras"]["gobo_light"] : Cursor{&d_, nullptr, ""};
-    if (!d_.ok() || (camera < 0 && !punctual.exists() && !area.exists())) return;
+    const Cursor punctual = node.extension("KHR_lights_punctual")["light"], measured = node.extension("EXT_lights_ies"), area = goboLight(node);
+    if (!d_.ok() || (camera < 0 && !punctual.exists() && !measured.exists() && !area.exists())) return;
     if (!rigidFrame(world, frame)) {
       d_.warn(node.pointer, "camera or light without an orientation is left out");
       return;
@@ -116,6 +117,10 @@ class Tree {
     if (light >= 0 && d_.ok()) {
       addPunctual(d_.root().extension("KHR_lights_punctual")["lights"].at(size_t(light)), name, light, frame);
       follow(RigKind::Light, scene_.lights.size() - 1, index);
+    }
+    if (measured.exists() && d_.ok()) {
+      follow(RigKind::Light, scene_.lights.size(), index);
+      addMeasured(measured, base);
     }
     if (area.exists() && d_.ok()) {
       follow(RigKind::Light, scene_.lights.size(), index);
@@ -268,7 +273,58 @@ class Tree {
       l.shape.cosInner = float(std::cos(inner));
       l.shape.cosOuter = float(std::cos(outer));
     } else at["type"].fail("\"" + type + "\" is not point, spot or directional");
+    addProfile(at, l);
     l.name = unique(!nodeName.empty() ? nodeName : at["name"].text("light" + std::to_string(index)));
+    scene_.lights.push_back(std::move(l));
+  }
+
+  /// The profile that a light's extras give it. Lights that share a KHR light share it.
+  void addProfile(const Cursor& at, Light& l) {
+    const Cursor extras = goboLight(at), gobo = extras["gobo"], ies = extras["ies"];
+    if (!gobo.exists() && !ies.exists()) return;
+    if (gobo.exists() && ies.exists()) ies.fail("the light has a gobo as well; give one");
+    if (gobo.exists() && l.shape.kind != LightKind::Spot) gobo.fail("a gobo is projected through the cone of a spot, which the light is not");
+    if (ies.exists() && l.shape.kind == LightKind::Directional) ies.fail("photometric data are of point and spot lights");
+    const float rotation = float(extras["rotation"].number(0.0, -1e6, 1e6));
+    if (!d_.ok()) return;
+    const auto [known, fresh] = profiles_.try_emplace(extras.pointer, -1);
+    if (fresh && gobo.exists()) {
+      auto made = std::make_shared<LightProfile>();
+      if (!textures_.picture(gobo, *made)) {
+        if (d_.ok()) d_.warn(gobo.pointer, "the light shines without its gobo");
+        return;
+      }
+      if (const Status sealed = sealProfile(*made); !sealed.ok()) {
+        gobo.fail("picture \"" + made->name + "\": " + sealed.message());
+        return;
+      }
+      known->second = int(scene_.profiles.size());
+      scene_.profiles.push_back(std::move(made));
+    } else if (fresh) {
+      known->second = int(scene_.profiles.size());
+      scene_.profiles.push_back(d_.photometry.at(ies.pointer).profile);
+    }
+    l.shape.profile = known->second;
+    l.shape.profileRotation = known->second < 0 ? 0.0f : rotation;
+  }
+
+  /// EXT_lights_ies: a point whose intensity is the file's candela.
+  void addMeasured(const Cursor& at, const std::string& name) {
+    const Cursor lights = d_.root().extension("EXT_lights_ies")["lights"];
+    const int light = at["light"].indexInto(lights);
+    Light l;
+    l.power = glm::clamp(at["color"].vector(Vec3(1.0f)), Vec3(0.0f), Vec3(1.0f)) * float(at["multiplier"].number(1.0, 0.0, 1e18));
+    if (light < 0 || !d_.ok()) {
+      at["light"].fail("light is missing");
+      return;
+    }
+    const Cursor profile = lights.at(size_t(light));
+    const IesPhotometry& data = d_.photometry.at(profile.pointer);
+    l.power *= float(data.candela);
+    const auto [known, fresh] = profiles_.try_emplace(profile.pointer, int(scene_.profiles.size()));
+    if (fresh) scene_.profiles.push_back(data.profile);
+    l.shape.profile = known->second;
+    l.name = unique(name);
     scene_.lights.push_back(std::move(l));
   }
 
@@ -321,12 +377,13 @@ class Tree {
   Scene& scene_;
   Rig& rig_;
   Parts& parts_;
+  Textures textures_;  // of profiles
   Cursor nodes_;
   const std::vector<int>& place_;
   RigPose pose_;
-  bool moves_ = false;                         // animations may give a flat node its size
-  std::set<std::string> names_, cameraNames_;  // instances and lights share names: a Mesh light is named after its instance
-  std::map<std::string, int> next_;
+  bool moves_ = false;                          // animations may give a flat node its size
+  std::set<std::string> names_, cameraNames_;   // instances and lights share names: a Mesh light is named after its instance
+  std::map<std::string, int> next_, profiles_;  // profiles_: by the pointer of what gave it
 };
 
 }  // namespace

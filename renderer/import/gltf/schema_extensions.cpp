@@ -19,6 +19,14 @@ constexpr Shape kLights{"KHR_lights_punctual", kLightsRows};
 constexpr Field kLightUseRows[] = {index("light", "/extensions/KHR_lights_punctual/lights").required()};
 constexpr Shape kLightUse{"KHR_lights_punctual of a node", kLightUseRows};
 
+constexpr Field kIesProfileRows[] = {text("uri").excludes("bufferView"), index("bufferView", "bufferViews").needs("mimeType"),
+                                     text("mimeType").oneOf("application/x-ies-lm-63").onlyWarns(), remark("name")};
+constexpr Shape kIesProfile{"EXT_lights_ies light", kIesProfileRows};
+constexpr Field kIesProfilesRows[] = {objects("lights", kIesProfile).required()};
+constexpr Shape kIesProfiles{"EXT_lights_ies", kIesProfilesRows};
+constexpr Field kIesUseRows[] = {index("light", "/extensions/EXT_lights_ies/lights").required(), number("multiplier").from(0), factors("color", 3)};
+constexpr Shape kIesUse{"EXT_lights_ies of a node", kIesUseRows};
+
 constexpr Field kAnisotropyRows[] = {factor("anisotropyStrength"), number("anisotropyRotation"), object("anisotropyTexture", kTextureInfo)};
 constexpr Shape kAnisotropy{"KHR_materials_anisotropy", kAnisotropyRows};
 constexpr Field kClearcoatRows[] = {factor("clearcoatFactor"), object("clearcoatTexture", kTextureInfo), factor("clearcoatRoughnessFactor"),
@@ -91,6 +99,8 @@ constexpr Shape kInstancing{"EXT_mesh_gpu_instancing", kInstancingRows};
 constexpr ExtensionRow kRows[] = {
     {"KHR_lights_punctual", &kRoot, &kLights},
     {"KHR_lights_punctual", &kNode, &kLightUse},
+    {"EXT_lights_ies", &kRoot, &kIesProfiles},
+    {"EXT_lights_ies", &kNode, &kIesUse},
     {"KHR_materials_anisotropy", &kMaterial, &kAnisotropy},
     {"KHR_materials_clearcoat", &kMaterial, &kClearcoat},
     {"KHR_materials_diffuse_transmission", &kMaterial, &kDiffuseTransmission},

@@ -4,6 +4,7 @@
 // of float pictures become 0 and are counted.
 #include "import/gltf/texture.h"
 
+#include "base/transfer.h"
 #include "import/gltf/container.h"
 
 #include <cmath>
@@ -146,6 +147,32 @@ TextureRef Textures::roughnessFromGloss(const Cursor& info, float gloss) {
   scene_.textures.push_back(std::move(t));
   made.texture = glossy_[key] = int(scene_.textures.size() - 1);
   return made;
+}
+
+bool Textures::picture(const Cursor& info, LightProfile& out) {
+  if (!info["index"].exists()) info["index"].fail("index is missing");
+  const int index = info["index"].index("textures");
+  int source = -1;
+  const Texels* texels = index < 0 || !document_.ok() ? nullptr : pictureOf(document_.item("textures", index), source);
+  if (!texels || !document_.ok()) return false;
+  const size_t n = size_t(texels->width) * size_t(texels->height);
+  if (texels->width > kLargestProfileSide || texels->height > kLargestProfileSide) {
+    info["index"].fail("picture of " + std::to_string(texels->width) + " x " + std::to_string(texels->height) + " is larger than " +
+                       std::to_string(kLargestProfileSide) + " texels a side");
+    return false;
+  }
+  if (!document_.account(n * sizeof(Vec3), info)) return false;
+  float linear[256];
+  for (int i = 0; i < 256; ++i) linear[i] = float(decodeTransfer(Transfer::Srgb, i / 255.0));
+  std::vector<Vec3> values(n);
+  for (size_t i = 0; i < n; ++i)
+    for (int c = 0; c < 3; ++c) values[i][c] = texels->texelsF.empty() ? linear[texels->texels8[4 * i + size_t(c)]] : texels->texelsF[4 * i + size_t(c)];
+  out.name = document_.images[source].name;
+  out.kind = ProfileKind::Picture;
+  out.width = texels->width;
+  out.height = texels->height;
+  out.values = std::move(values);
+  return true;
 }
 
 int Textures::make(int index, bool srgb) {

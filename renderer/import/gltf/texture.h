@@ -18,6 +18,9 @@ class Textures {
   /// A texture whose green is 1 - gloss * alpha of the given one.
   TextureRef roughnessFromGloss(const Cursor& info, float gloss);
 
+  /// The finest level of a textureInfo's picture in linear RGB, sRGB decoded where it has 8 bits. False where there is none (a warning says why).
+  bool picture(const Cursor& info, LightProfile& out);
+
  private:
   /// A picture as texels, RGBA: all its textures look at these, whatever their sampler and colour space.
   struct Texels {

@@ -57,6 +57,7 @@ class EditSequence {
     (void)setPath(request_, "lights.lamp.radius=0.2");
     (void)setPath(request_, "lights.lamp.angular_size_deg=" + std::to_string(seed % 3 * 4));
     (void)setPath(request_, "lights.lamp.outer_deg=50");
+    if (request_.lights().at("lamp").kind() == v1::LightEdit::SPOT && seed % 2 == 0) (void)setPath(request_, "lights.lamp.profile=WINDOW");
     (void)setPath(request_, "lights.lamp.intensity=3");
     const fuzz::SchemaLeaf* shadow = nullptr;  // of any technique
     do shadow = &requestLeaves()[rng_() % requestLeaves().size()];

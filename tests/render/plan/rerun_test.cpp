@@ -101,6 +101,8 @@ const std::map<std::string, Row>& rows() {
       {"lights.*.height", {{"lights.key.height=0.4"}, kKey + Labels{"emission", "emission:mean"} + kIndirect + kBeauty}},
       {"lights.*.radius", {{"lights.spot.radius=0.7"}, kSpot + kIndirect + kBeauty}},
       {"lights.*.angular_size_deg", {{"lights.spot.angular_size_deg=2"}, kSpot + kIndirect + kBeauty}},  // of what it is for: SoftSunRequests
+      {"lights.*.profile", {{"lights.spot.profile=BLINDS"}, kSpot + kIndirect + kBeauty}},
+      {"lights.*.profile_rotation_deg", {{"lights.spot.profile_rotation_deg=20"}, {}}},  // of lamps that have a profile: LightProfileRequests
       {"lights.*.inner_deg", {{"lights.spot.inner_deg=10"}, kSpot + kIndirect + kBeauty}},
       {"lights.*.outer_deg", {{"lights.spot.outer_deg=30"}, kSpot + kIndirect + kBeauty}},
       {"lights.*.enabled", {{"lights.key.enabled=false"}, kBeauty}},

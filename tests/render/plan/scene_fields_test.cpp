@@ -71,6 +71,17 @@ ScenePtr stage() {
                square("screen", 5, Vec3(-0.3f, 0.4f, 0.8f), Vec3(0, 0.3f, 0.1f), Vec3(0.4f, 0, 0))};
   for (int i = 0; i < 6; ++i) s->instances.push_back({s->meshes[size_t(i)]->name, i, Mat4(1.0f)});
   s->environment = skyEnvironment({}, 16);
+  for (const float edge : {0.2f, 0.6f}) {  // tables: any kind of light may have one
+    auto p = std::make_shared<LightProfile>();
+    p->kind = ProfileKind::Photometry;
+    p->width = 3;
+    p->height = 2;
+    p->values = {Vec3(1.0f), Vec3(0.9f), Vec3(1.0f), Vec3(edge), Vec3(0.5f), Vec3(edge)};
+    p->vertical = {0.0f, 2.0f};
+    p->horizontal = {0.0f, 2.0f, 2.0f * kPi};
+    EXPECT_TRUE(sealProfile(*p).ok());
+    s->profiles.push_back(std::move(p));
+  }
   const auto place = [&](const std::string& name, LightKind kind, int n) {
     Light l;
     l.name = name;
@@ -81,6 +92,7 @@ ScenePtr stage() {
     l.shape.u = 0.25f * f.x;
     l.shape.v = 0.2f * f.y;
     l.shape.radius = 0.2f;
+    if (kind == LightKind::Spot) l.shape.profile = n % 2;
     l.power = Vec3(1.0f + 0.1f * float(n), 1.0f, 0.8f);
     s->lights.push_back(l);
   };

@@ -121,6 +121,8 @@ TEST(Stability, ExtremeLightsStayFinite) {
       {"lights.x.kind=DIRECTIONAL", "lights.x.direction=0,-1,0", "lights.x.intensity=1000000000000"},
       {"lights.x.kind=DIRECTIONAL", "lights.x.direction=0,-1,0", "lights.x.angular_size_deg=0.0001", "lights.x.intensity=1000000000000"},
       {"lights.x.kind=DIRECTIONAL", "lights.x.direction=0,-0.1,-1", "lights.x.angular_size_deg=90", "lights.x.intensity=1"},
+      {"lights.x.kind=SPOT", "lights.x.direction=0,1,0", "lights.x.outer_deg=90", "lights.x.profile=LEAVES", "lights.x.intensity=1000000000000"},
+      {"lights.x.kind=SPOT", "lights.x.direction=0,-1,0", "lights.x.outer_deg=0.001", "lights.x.profile=WINDOW", "lights.x.profile_rotation_deg=36000"},
   };
   for (const char* technique : withMaps({"path_traced=", "ray_traced.samples=4", "axis_aligned.k=3"})) {
     for (const auto& edits : cases) {

@@ -30,6 +30,18 @@ std::shared_ptr<Texture> texture(uint8_t value) {
   return t;
 }
 
+LightProfilePtr profile(float last) {
+  auto p = std::make_shared<LightProfile>();
+  p->kind = ProfileKind::Photometry;
+  p->width = 1;
+  p->height = 2;
+  p->values = {Vec3(1.0f), Vec3(last)};
+  p->vertical = {0.0f, 1.0f};
+  p->horizontal = {0.0f};
+  EXPECT_TRUE(sealProfile(*p).ok());
+  return p;
+}
+
 /// Lights: 0 lamp (Mesh light of instance 1, textured emission), 1 point, 2 rect, 3 environment.
 ScenePtr base() {
   auto s = std::make_shared<Scene>();
@@ -43,6 +55,7 @@ ScenePtr base() {
   s->meshes = {triangleMesh(0), triangleMesh(1)};
   s->instances = {{"wall", 0, Mat4(1.0f)}, {"lamp", 1, Mat4(1.0f)}};
   s->environment = constantEnvironment(Vec3(1.0f));
+  s->profiles = {profile(0.5f)};
   Light mesh, point, rect;
   mesh.name = "lamp";
   mesh.shape.kind = LightKind::Mesh;
@@ -136,6 +149,10 @@ TEST(FacetHash, EachFieldChangesExactlyItsFacets) {
       {"radius", [](Scene& s) { s.lights[1].shape.radius = 2; }, shape, shape},
       {"angular size", [](Scene& s) { s.lights[1].shape.angularSize = 0.1f; }, shape, shape},
       {"sky rectangle", [](Scene& s) { s.lights[1].shape.skyRectangle = Vec2(0.1f); }, shape, shape},
+      {"profile", [](Scene& s) { s.lights[1].shape.profile = 0; }, shape, shape},
+      {"profile of a rect", [](Scene& s) { s.lights[2].shape.profile = 0; }, none, none},
+      {"unused profile", [](Scene& s) { s.profiles.pop_back(); }, none, none},
+      {"rotation of no profile", [](Scene& s) { s.lights[1].shape.profileRotation = 1; }, none, none},
       {"inner", [](Scene& s) { s.lights[1].shape.cosInner = 0.9f; }, shape, shape},
       {"outer", [](Scene& s) { s.lights[1].shape.cosOuter = 0.5f; }, shape, shape},
       {"range", [](Scene& s) { s.lights[1].shape.range = 5; }, shape, shape},
@@ -171,7 +188,8 @@ TEST(FacetHash, EachFieldChangesExactlyItsFacets) {
     ASSERT_TRUE(b.ok()) << m.what << ": " << b.status().toString();
     EXPECT_EQ(changed(*a, **b, {0, 1, 2, 3}), m.all) << m.what;
     EXPECT_EQ(changed(*a, **b, {1}), m.pointOnly) << m.what;
-    const bool invisible = std::string(m.what) == "emission strength" || std::string(m.what) == "unused texture";
+    static const std::set<std::string> kInvisible{"emission strength", "unused texture", "profile of a rect", "unused profile", "rotation of no profile"};
+    const bool invisible = kInvisible.count(m.what) > 0;
     EXPECT_EQ(roots.insert((*b)->hash().hex()).second, !invisible) << m.what;
   }
 }
@@ -182,6 +200,23 @@ TEST(FacetHash, DependsOnContentNotOnWhoMadeIt) {
   EXPECT_EQ(a->facetHash(Facet::All, {0, 1, 2, 3}), b->facetHash(Facet::All, {0, 1, 2, 3}));
   EXPECT_NE(a->facetHash(Facet::LightShape, {0}), a->facetHash(Facet::LightShape, {1}));
   EXPECT_NE(a->facetHash(Facet::LightShape, {1}), a->facetHash(Facet::LightPower, {1}));
+}
+
+TEST(FacetHash, ProfilesCountByContentAndRotation) {
+  const auto with = [](const std::vector<LightProfilePtr>& profiles, int index, float rotation) {
+    return *editScene(*base(), [&](Scene& s) -> Status {
+      s.profiles = profiles;
+      s.lights[1].shape.profile = index;
+      s.lights[1].shape.profileRotation = rotation;
+      return {};
+    });
+  };
+  const ScenePtr a = with({profile(0.5f)}, 0, 0.0f);
+  EXPECT_EQ(a->hash(), with({profile(0.1f), profile(0.5f)}, 1, 0.0f)->hash()) << "the index is not content";
+  for (const ScenePtr& other : {with({profile(0.4f)}, 0, 0.0f), with({profile(0.5f)}, 0, 0.1f)}) {
+    EXPECT_EQ(changed(*a, *other, {1}), std::set<std::string>{"light-shape"});
+    EXPECT_NE(a->hash(), other->hash());
+  }
 }
 
 TEST(FacetHash, TextureIndexIsNotContent) {
