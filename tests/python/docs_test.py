@@ -117,6 +117,17 @@ class Pages(unittest.TestCase):
         self.assertIn("| `view_samples` | uint32 | 4 | from 1 to 16 | view samples per pixel of G-buffer based terms |", rows)
         self.assertIn("| Relight | [RelightRequest](#gobo-v1-relightrequest) | [RenderEvent](#gobo-v1-renderevent) |", rows)
 
+    def test_files_that_pages_name_exist(self):
+        top, named = pathlib.Path(SOURCE), 0
+        path = re.compile(r"(?<![\w/.-])(?:renderer|tests|server|clients|bench|docs|configs|deploy|fuzz|ingest|proto|examples)/[\w/-]+"
+                          r"\.(?:cpp|h|py|md|proto|toml|txt)\b")
+        for page in [*top.glob("*.md"), *top.glob("docs/*.md")]:
+            for name in path.findall(page.read_text(encoding="utf-8")):
+                named += 1
+                if "/my_" not in name:   # what the reader will write
+                    self.assertTrue((top / name).exists(), f"{page.name} names {name}")
+        self.assertGreater(named, 50)
+
     def test_the_test_can_fail(self):
         self.shell("here", 1, "export SEEN=yes; test -f scene.glb; gobo render scene.glb --size 16x16 --spp 16 --env studio.hdr -q -o a.png")
         self.shell("here", 2, "test $SEEN = yes; test -s a.png; build/clients/gobo status > /dev/null")
