@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <cstring>
@@ -51,6 +52,23 @@ void writeSmall(const std::string& path, const std::string& text) {
   if (!whole || ::rename(temporary.c_str(), path.c_str()) != 0) ::unlink(temporary.c_str());
 }
 
+/// Their keys are of another build, so nobody looks them up: they wait for trim(), which takes the least recently used first.
+void sayOtherFormats(const std::string& folder) {
+  std::string first;
+  size_t count = 0;
+  std::error_code error;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const std::string path = it->path().string();
+    if (!endsWith(path, ".blob")) continue;
+    const Descriptor fd{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW)};
+    std::array<uint8_t, kBlobHeaderBytes> header{};
+    if (!fd || ::pread(fd.get(), header.data(), header.size(), 0) != ssize_t(header.size())) continue;
+    const std::string why = otherBlobFormat(header);
+    if (!why.empty() && ++count == 1) first = path + ": " + why;
+  }
+  if (count) logWarn("blob cache: %s; %zu such, set aside: scenes are read again, and they go as the least recently used", first.c_str(), count);
+}
+
 }  // namespace
 
 std::string blobKeyHex(const BlobKey& key) {
@@ -84,6 +102,7 @@ Result<std::unique_ptr<BlobCache>> BlobCache::open(const std::string& folder, ui
     if (::flock(fd, LOCK_EX | LOCK_NB) == 0) ::unlink(path.c_str());  // its writer is gone
     ::close(fd);
   }
+  sayOtherFormats(folder);
   cache->trim("");
   return cache;
 }

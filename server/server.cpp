@@ -66,6 +66,7 @@ EngineOptions engineOptions(const ServerConfig& config) {
   options.threads = config.threads;
   options.storeBytes = config.storeBytes;
   options.cacheFolder = config.cacheFolder;
+  options.say = [](const std::string& line) { logWarn("%s", line.c_str()); };
   options.diskBytes = config.diskBytes;
   options.roots = config.roots;
   options.keepRenders = config.keepRenders;

@@ -8,7 +8,6 @@
 namespace gobo {
 
 namespace {
-constexpr int kVersion = 1;
 constexpr const char* kSchema = R"(
 CREATE TABLE IF NOT EXISTS term(key TEXT PRIMARY KEY, bytes INTEGER NOT NULL, used INTEGER NOT NULL) WITHOUT ROWID;
 CREATE INDEX IF NOT EXISTS term_used ON term(used, key);
@@ -43,6 +42,7 @@ bool sound(sqlite3* db) {
 
 bool DiskIndex::open(const std::string& path) {
   close();
+  otherVersion_ = -1;
   path_ = path;
   if (sqlite3_open_v2(path.c_str(), &db_, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, nullptr) != SQLITE_OK) {
     close();
@@ -53,10 +53,13 @@ bool DiskIndex::open(const std::string& path) {
   int keep = 1;
   sqlite3_file_control(db_, "main", SQLITE_FCNTL_PERSIST_WAL, &keep);
   // synchronous=NORMAL: a power cut may take back the last transactions but not the index; open() compares with the files.
-  const bool good = exec("PRAGMA journal_mode=WAL") && exec("PRAGMA synchronous=NORMAL") && sound(db_) &&
-                    (pragmaInt(db_, "PRAGMA user_version") == kVersion ||
-                     (pragmaInt(db_, "PRAGMA user_version") == 0 && pragmaInt(db_, "SELECT count(*) FROM sqlite_schema") == 0 && exec("BEGIN IMMEDIATE") &&
-                      exec(kSchema) && exec("COMMIT")));
+  bool good = exec("PRAGMA journal_mode=WAL") && exec("PRAGMA synchronous=NORMAL") && sound(db_);
+  if (good) {
+    const int version = pragmaInt(db_, "PRAGMA user_version");
+    const bool empty = version == 0 && pragmaInt(db_, "SELECT count(*) FROM sqlite_schema") == 0;
+    if (version != kVersion && !empty) otherVersion_ = version;
+    good = version == kVersion || (empty && exec("BEGIN IMMEDIATE") && exec(kSchema) && exec("COMMIT"));
+  }
   struct stat st;
   if (!good || ::stat(path.c_str(), &st) != 0) {
     close();

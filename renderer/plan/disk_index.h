@@ -18,6 +18,7 @@ namespace gobo {
 
 class DiskIndex {
  public:
+  static constexpr int kVersion = 1;
   struct Row {
     std::string key;
     int64_t bytes = 0, used = 0;
@@ -26,6 +27,8 @@ class DiskIndex {
   ~DiskIndex() { close(); }
   /// Opens or makes the index. False: it is there but damaged (or cannot be made); the caller removes it and tries again.
   bool open(const std::string& path);
+  /// The version of the sound index that the last open() refused; -1 when it refused none, or not for its version.
+  int otherVersion() const { return otherVersion_; }
   void close();
   /// True when the file at the path is still the one that is open (another process may have replaced a damaged one).
   bool current() const;
@@ -55,6 +58,7 @@ class DiskIndex {
   static constexpr int kStatements = 10;
   sqlite3* db_ = nullptr;
   sqlite3_stmt* statements_[kStatements] = {};
+  int otherVersion_ = -1;
   std::string path_;
   dev_t device_ = 0;
   ino_t inode_ = 0;

@@ -47,6 +47,7 @@ struct DiskStore::Impl {
         return int64_t(std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count());
       };
     if (!options.step) options.step = [](const char*) { return 0; };
+    if (!options.say) options.say = [](const std::string&) {};
     std::random_device random;  // process ids repeat (containers sharing a folder): names of temp files must not
     temps = files.tempFolder() + "/" + std::to_string(::getpid()) + "-" + std::to_string(random()) + "-" + std::to_string(random());
   }
@@ -95,6 +96,9 @@ struct DiskStore::Impl {
         dirty = false;
         return true;
       }
+      if (index.otherVersion() >= 0)
+        options.say("cache folder: " + indexPath + " has version " + std::to_string(index.otherVersion()) + ", this build reads version " +
+                    std::to_string(DiskIndex::kVersion) + ": it is made anew from the files");
       index.rollback();
     }
     return false;
@@ -234,7 +238,12 @@ TermPtr DiskStore::get(const Hash128& key, const StopToken& stop) {
   std::lock_guard hold(d.mutex);
   ++d.stats.misses;
   if (content.error == EMFILE || content.error == ENFILE || content.error == ENOMEM) return nullptr;  // ours, not the file's fault
-  if (content.bytes && isOtherTermVersion(content.bytes.get(), content.size)) return nullptr;         // the next put replaces it
+  if (content.bytes && isOtherTermVersion(content.bytes.get(), content.size)) {                       // the next put replaces it
+    if (++d.stats.foreign == 1)
+      d.options.say("cache folder: " + d.files.path(name) + ": " + otherTermVersion(content.bytes.get()) +
+                    ": its term is made again, as are others like it (said once)");
+    return nullptr;
+  }
   if (content.bytes || content.error) {
     ++d.stats.damaged;
     const auto drop = [&](Status&) {

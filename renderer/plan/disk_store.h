@@ -28,11 +28,14 @@ struct DiskStoreOptions {
   /// Called before each step of a change: "create", "write", "sync", "evict", "unlink", "rename", "commit", "sync-folder",
   /// "done". Returns 0, or the errno with which that step is to fail. May never return (a crash).
   std::function<int(const char* step)> step;
+  /// Told, a line each, what of another version was set aside: the index once an opening, term files once in the store's life.
+  std::function<void(const std::string& line)> say;
 };
 
 struct DiskStoreStats {
   uint64_t hits = 0, misses = 0, writes = 0;
   uint64_t damaged = 0;  ///< files dropped because their bytes were wrong
+  uint64_t foreign = 0;  ///< files passed over because another version wrote them
   uint64_t evicted = 0;
   uint64_t adopted = 0;     ///< files found without an index row
   uint64_t missing = 0;     ///< index rows found without a file

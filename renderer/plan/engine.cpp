@@ -143,7 +143,12 @@ Result<std::unique_ptr<Engine>> Engine::create(const EngineOptions& options) {
   std::unique_ptr<Engine> engine(new Engine);
   engine->impl_ = std::make_unique<Impl>(options);
   std::unique_ptr<DiskStore> disk;
-  if (!options.cacheFolder.empty()) { GOBO_ASSIGN(disk, DiskStore::open(options.cacheFolder, options.diskBytes)); }
+  if (!options.cacheFolder.empty()) {
+    DiskStoreOptions onDisk;
+    onDisk.maxBytes = options.diskBytes;
+    onDisk.say = options.say;
+    GOBO_ASSIGN(disk, DiskStore::open(options.cacheFolder, onDisk));
+  }
   engine->impl_->store = std::make_unique<TermStore>(options.storeBytes, std::move(disk));
   engine->impl_->keepAccounts();
   return engine;

@@ -38,7 +38,8 @@ struct EngineOptions {
   uint64_t sceneBytes = UINT64_MAX;         ///< loaded scenes
   uint64_t environmentBytes = 2ull << 30;
   uint64_t accelBytes = 4ull << 30;
-  uint64_t memoryBytes = UINT64_MAX;    ///< of all that and what the owner adds to memory(), together
+  uint64_t memoryBytes = UINT64_MAX;                 ///< of all that and what the owner adds to memory(), together
+  std::function<void(const std::string& line)> say;  ///< told what of the cache folder was set aside; may be empty
   std::shared_ptr<SceneLoader> loader;  ///< reads scene and environment files (import/load.h, server/ingest_loader.h); null: there are built-in scenes alone
 };
 

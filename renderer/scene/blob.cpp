@@ -26,6 +26,7 @@ struct Header {
 static_assert(sizeof(Header) == kBlobHeaderBytes && std::is_trivially_copyable_v<Header>);
 constexpr char kMagic[8] = {'G', 'O', 'B', 'O', 'B', 'L', 'O', 'B'};
 constexpr uint32_t kEndian = 0x01020304;
+constexpr const char* kOtherFields = "made by a build with other fields";
 constexpr size_t kSelfAt = kBlobHeaderBytes - sizeof(Hash128);
 
 constexpr size_t kSlice = size_t(4) << 20;  // of the arrays; each has a digest, and theirs is the one in the header
@@ -56,6 +57,8 @@ class SliceDigest {
   std::vector<uint8_t> slice_;
   std::vector<Hash128> digests_;
 };
+
+std::string otherVersion(uint32_t found) { return "version " + std::to_string(found) + ", this build reads version " + std::to_string(kBlobVersion); }
 
 Status bad(const std::string& what) { return Status(Code::DataLoss, "scene blob: " + what); }
 
@@ -98,10 +101,10 @@ Status checkHeader(std::span<const uint8_t> bytes, Header& h) {
   if (bytes.size() < sizeof h) return bad("file of " + std::to_string(bytes.size()) + " bytes is shorter than the header");
   std::memcpy(&h, bytes.data(), sizeof h);
   if (std::memcmp(h.magic, kMagic, sizeof kMagic) != 0) return bad("this is no scene blob");
-  if (h.version != kBlobVersion) return bad("version " + std::to_string(h.version) + " is not " + std::to_string(kBlobVersion));
+  if (h.version != kBlobVersion) return bad(otherVersion(h.version));
   if (h.endian != kEndian) return bad("another byte order");
   if (h.self != hashBytes(&h, kSelfAt)) return bad("header is damaged");
-  if (h.format != blobFormatHash()) return bad("made by a build with other fields");
+  if (h.format != blobFormatHash()) return bad(kOtherFields);
   if (h.headerBytes != kBlobHeaderBytes) return bad("header of " + std::to_string(h.headerBytes) + " bytes");
   if (h.total != bytes.size()) return bad("has " + std::to_string(bytes.size()) + " bytes of " + std::to_string(h.total));
   if (h.recordBytes > h.total - sizeof h || h.total % 64 != 0 || h.arrayStart % 64 != 0 || h.arrayStart < sizeof h + h.recordBytes || h.arrayStart > h.total)
@@ -198,6 +201,15 @@ std::array<uint8_t, kBlobHeaderBytes> withBlobKey(std::span<const uint8_t> heade
   std::array<uint8_t, kBlobHeaderBytes> out;
   std::memcpy(out.data(), &h, sizeof h);
   return out;
+}
+
+std::string otherBlobFormat(std::span<const uint8_t> header) {
+  Header h{};
+  if (header.size() < sizeof h) return {};
+  std::memcpy(&h, header.data(), sizeof h);
+  if (std::memcmp(h.magic, kMagic, sizeof kMagic) != 0) return {};
+  if (h.version != kBlobVersion) return otherVersion(h.version);
+  return h.format == blobFormatHash() ? "" : kOtherFields;
 }
 
 Status checkBlobArrays(std::span<const uint8_t> bytes, const StopToken& stop) {

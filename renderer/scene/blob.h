@@ -17,6 +17,7 @@
 #include <functional>
 #include <memory>
 #include <span>
+#include <string>
 
 #include "base/hash.h"
 #include "base/status.h"
@@ -43,6 +44,9 @@ Status writeBlob(const Environment& map, const BlobSink& sink, const BlobKey& ke
 
 /// The header bytes with another key: how the parent puts in the key that the child does not know. The span holds a header.
 std::array<uint8_t, kBlobHeaderBytes> withBlobKey(std::span<const uint8_t> header, const BlobKey& key);
+
+/// Why a file that begins so is a blob of another build and none of this one's: version found and supported. Empty if it is not.
+std::string otherBlobFormat(std::span<const uint8_t> header);
 
 /// That header and arrays have their digests: reads every byte of the arrays once (about 10 GB/s from memory), 4 MiB between two looks
 /// at `stop`. Errors: DataLoss that says what is damaged, Cancelled.

@@ -153,4 +153,9 @@ bool isOtherTermVersion(const uint8_t* bytes, size_t size) {
   return digestOf(bytes, size) == hashBytes(bytes, size - 16);
 }
 
+std::string otherTermVersion(const uint8_t* bytes) {
+  const auto digit = [](uint8_t c) { return c >= '0' && c <= '9' ? std::string(1, char(c)) : "byte " + std::to_string(c); };
+  return "term file version " + digit(bytes[7]) + ", this build reads version " + digit(uint8_t(kMagic[7]));
+}
+
 }  // namespace gobo

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "base/stop.h"
@@ -19,5 +20,7 @@ std::vector<uint8_t> serializeTerm(const Term& term, const Hash128& key, const S
 std::shared_ptr<Term> parseTerm(const uint8_t* bytes, size_t size, const Hash128& key, const StopToken& stop = {});
 /// The bytes are a whole term file of an earlier or later version (the digest is right): nothing to this build, and no damage.
 bool isOtherTermVersion(const uint8_t* bytes, size_t size);
+/// "term file version 1, this build reads version 2". Only for bytes of which the above is true.
+std::string otherTermVersion(const uint8_t* bytes);
 
 }  // namespace gobo

@@ -14,6 +14,7 @@
 #include <random>
 
 #include "base/mapped_faults.h"
+#include "server/log.h"
 
 namespace gobo {
 
@@ -21,6 +22,7 @@ namespace fs = std::filesystem;
 
 namespace {
 constexpr uint64_t kMagic = 0x314b52414d4f4247ull;  // "GBOMARK1"
+constexpr uint64_t kMagicText = ~0ull >> 8;         // all but the digit, which is the version
 constexpr int kSlots = 128;                         // workers: at most 64
 constexpr int kSignals[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
 
@@ -113,9 +115,13 @@ std::vector<CrashReport> CrashMarks::read(const std::string& folder) {
     const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
     if (fd < 0) continue;
     if (::flock(fd, LOCK_EX | LOCK_NB) == 0) {  // its process is gone
-      alignas(Page) char bytes[sizeof(Page)];
-      if (::pread(fd, bytes, sizeof bytes, 0) == ssize_t(sizeof bytes)) {
-        const Page& page = *reinterpret_cast<const Page*>(bytes);
+      alignas(Page) char bytes[sizeof(Page)] = {};
+      const ssize_t got = ::pread(fd, bytes, sizeof bytes, 0);
+      const Page& page = *reinterpret_cast<const Page*>(bytes);
+      if (page.magic != kMagic && (page.magic & kMagicText) == (kMagic & kMagicText))
+        logWarn("jobs: %s has version '%c', this build reads version '%c': what that crash left is not known", path.c_str(), char(page.magic >> 56),
+                char(kMagic >> 56));
+      if (got == ssize_t(sizeof bytes)) {
         CrashReport report;
         report.signal = page.signal.load();
         for (const auto& slot : page.slots)

@@ -156,7 +156,10 @@ Status SqliteJobStore::migrate() {
     const int version = std::atoi(text.c_str());
     GOBO_ASSIGN(const std::string tables, db_.value("SELECT count(*) FROM sqlite_schema"));
     GOBO_ASSIGN(const std::string ours, db_.value("SELECT count(*) FROM sqlite_schema WHERE name IN ('job', 'task', 'counter')"));
-    if (version > kVersion) return {Code::FailedPrecondition, strf("job store has schema version %d, this build knows %d", version, kVersion), path_};
+    if (version > kVersion)
+      return {Code::FailedPrecondition,
+              strf("job store has schema version %d, this build reads versions 1 to %d: start the newer release, or move the folder away", version, kVersion),
+              path_};
     if (tables != "0" && (ours != "3" || version < 1)) return {Code::FailedPrecondition, "is a database, but no job store", path_};
     if (version == kVersion && tables != "0") return {};
     if (version == 1 && tables != "0") return db_.exec(kVersion2);

@@ -24,7 +24,9 @@ TermPtr TaskCheckpoints::load(const Hash128& recipe, uint32_t blocks) {
   TermPtr term;
   if (bytes.ok() && hashBytes(bytes->data(), bytes->size()).hex() == row->second.digest) term = parseTerm(bytes->data(), bytes->size(), recipe);
   if (!term) {
-    logWarn("jobs: checkpoint %s cannot be used (%s): the frame starts anew", path.c_str(), bytes.ok() ? "damaged" : bytes.status().message().c_str());
+    const bool otherVersion = bytes.ok() && isOtherTermVersion(bytes->data(), bytes->size());
+    const std::string why = !bytes.ok() ? bytes.status().message() : otherVersion ? otherTermVersion(bytes->data()) : "damaged";
+    logWarn("jobs: checkpoint %s cannot be used (%s): the frame starts anew", path.c_str(), why.c_str());
     return nullptr;
   }
   states_[recipe] = {row->second.blocks, term, true};
