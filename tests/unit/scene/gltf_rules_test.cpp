@@ -109,7 +109,7 @@ std::vector<Case> cases() {
        [](GltfBase& b) {
          b.doc["scenes"].push_back({{"nodes", {0}}});
        }},
-      {"NON_REQUIRED_EXTENSION", kWarned, "/extensionsUsed/22", [](GltfBase& b) { b.doc["extensionsUsed"].push_back("KHR_mesh_quantization"); }},
+      {"NON_REQUIRED_EXTENSION", kWarned, "/extensionsUsed/23", [](GltfBase& b) { b.doc["extensionsUsed"].push_back("KHR_mesh_quantization"); }},
       {"ROTATION_NON_UNIT", kWarned, "/nodes/2/rotation",
        [](GltfBase& b) {
          b.doc["nodes"][2]["rotation"] = {0, 0, 0, 0.5};
@@ -206,7 +206,7 @@ std::vector<Case> cases() {
        [](GltfBase& b) {
          b.doc["nodes"][4]["weights"] = {1, 2};
        }},
-      {"SCENE_NON_ROOT_NODE", kWarned, "/scenes/0/nodes/7", [](GltfBase& b) { b.doc["scenes"][0]["nodes"].push_back(1); }},
+      {"SCENE_NON_ROOT_NODE", kWarned, "/scenes/0/nodes/8", [](GltfBase& b) { b.doc["scenes"][0]["nodes"].push_back(1); }},
       {"SKIN_IBM_ACCESSOR_WITH_BYTESTRIDE", kWarned, "/skins/0/inverseBindMatrices", [](GltfBase& b) { viewOf(b, kBinds)["byteStride"] = 64; }},
       {"SKIN_IBM_INVALID_FORMAT", kRefused, "/accessors/9/type", [](GltfBase& b) { accessorOf(b, kBinds)["type"] = "VEC4"; }},
       {"TEXTURE_INVALID_IMAGE_MIME_TYPE", kWarned, "/textures/0/source", [](GltfBase& b) { b.doc["images"][0]["mimeType"] = "image/webp"; }},
