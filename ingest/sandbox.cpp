@@ -127,7 +127,7 @@ void prepareLibraries() {
 }
 
 Status lockDown(const Job& job, Layers& layers) {
-  const uint64_t space = occupied() + job.memoryBytes;  // while a descriptor can still be had
+  [[maybe_unused]] const uint64_t space = occupied() + job.memoryBytes;  // while a descriptor can still be had
   // When the machine runs out of memory, this process goes before the daemon.
   if (const int fd = ::open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC); fd >= 0) {
     (void)!::write(fd, "1000", 4);

@@ -132,6 +132,15 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
       all.emplace_back("pane", r);
     }
   }
+  for (const char* as : {"shadows.axis_aligned.mean_samples=12", "shadows.exponential.classification=Z_MAX"}) {  // nodes that read more than by default
+    v1::RenderRequest r = withLamp(width, height, std::string(as).find("axis") != std::string::npos ? LightKind::Rect : LightKind::Spot);
+    set(r, "shadows.map.resolution=32");
+    set(r, as);
+    all.emplace_back(as, r);
+  }
+  v1::RenderRequest table = withLamp(width, height, LightKind::Spot);
+  for (const char* a : {"shadows.variance.bleeding_reduction=0.1", "shadows.map.resolution=32", "shadows.map.lookup=SUMMED_AREA"}) set(table, a);
+  all.emplace_back("summed area", table);
   for (const char* as : {"environment.area_lights=6", "environment.extract_lights=6"}) {
     v1::RenderRequest r = smallRequest("cornell", width, height, 1);
     set(r, "environment.sky.turbidity=3");

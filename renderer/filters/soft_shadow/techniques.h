@@ -11,7 +11,7 @@ namespace gobo {
 /// Rect, Disk, Sphere and Directional (soft by ShadowInput::angularSize). Point and Spot lights have no width.
 bool softShadowSupports(LightKind kind);
 
-/// Errors: InvalidArgument for lights without a map and parameters out of range (location "shadows.xxx"), ResourceExhausted for maps beyond 4 GiB.
+/// Errors: InvalidArgument for lights without a map and parameters out of range (location: the field below "shadows"), ResourceExhausted for maps beyond 4 GiB.
 Result<NodeId> planPercentageCloserSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
 Result<NodeId> planConvolutionSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
 Result<NodeId> planVarianceSoft(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);

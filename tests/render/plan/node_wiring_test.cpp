@@ -63,8 +63,13 @@ Seen holdWiring(const std::function<std::vector<TermPtr>(const Term&)>& changes)
             ++seen.refused;
             continue;
           }
+          // A node that takes another extent gives another, but for those that read a part or a list: beyond it a loop would read what is nobody's.
+          const Extent &was = inputs[i]->extent(), &is = other->extent();
+          const bool part = n.node->type() == "map_probe" ||
+                            ((n.node->type() == "object_id" || n.node->type() == "material_id") && is.width == was.width && is.height == was.height);
+          if (!(is == was) && !part) { EXPECT_FALSE(shape->extent == n.shape.extent) << "input " << i; }
           const auto made = p.runOn(id, changed);
-          if (!made.ok()) EXPECT_EQ(made.status().message().find("is not the"), std::string::npos) << made.status().toString();
+          EXPECT_EQ(made.status().message().find("is not the"), std::string::npos) << made.status().toString();
           ++seen.ran;
         }
     }
@@ -140,7 +145,7 @@ TEST(NodeWiring, TheWrongNumberOfInputsIsRefused) {
       const TermShape none;
       for (int k = 0; k < 3; ++k) in.push_back(none);
       EXPECT_FALSE(n.node->infer(in).ok()) << n.node->type();
-      if (!n.inputs.empty()) EXPECT_FALSE(n.node->infer({}).ok() && n.node->type() != "shadow_mu") << n.node->type();
+      EXPECT_FALSE(n.node->infer({}).ok() && !n.inputs.empty() && n.node->type() != "shadow_mu") << n.node->type();
     }
   }
 }
