@@ -16,7 +16,7 @@ class PercentageCloserSoftNode : public Node {
  public:
   explicit PercentageCloserSoftNode(const PercentageCloserSoftLookup& l) : l_(l), search_(l.dense ? 0 : l.searchTaps), filter_(l.dense ? 0 : l.filterTaps) {}
   std::string type() const override { return "percentage_closer_soft"; }
-  NodeTraits traits() const override { return {}; }
+  NodeTraits traits() const override { return {.tileable = true}; }
   void hashParameters(Hasher& h) const override {
     l_.hash(h);
     h.add(l_.dense);
