@@ -132,9 +132,7 @@ std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half) {
   return bytes;
 }
 
-namespace {
-
-ExrCompression compressionOf(v1::Encoding::Compression c) {
+ExrCompression exrCompressionOf(v1::Encoding::Compression c) {
   switch (c) {
     case v1::Encoding::NONE: return ExrCompression::None;
     case v1::Encoding::RLE: return ExrCompression::Rle;
@@ -145,6 +143,8 @@ ExrCompression compressionOf(v1::Encoding::Compression c) {
     default: return ExrCompression::Zip;
   }
 }
+
+namespace {
 
 /// {"node":..., "samples":..., "device":...} of each node, without what differs between a cold and a warm store.
 std::string planSummary(const v1::RenderReply& reply) {
@@ -174,7 +174,7 @@ ExrOptions exrOptions(const RenderResult& result) {
   request.clear_scheduling();
   ExrOptions exr;
   exr.half = encoding.half();
-  exr.compression = compressionOf(encoding.compression());
+  exr.compression = exrCompressionOf(encoding.compression());
   if (encoding.has_dwa_level()) exr.dwaLevel = float(encoding.dwa_level());
   exr.metadata = result.tables;
   exr.metadata["gobo:request"] = messageToJson(request, false);
@@ -189,6 +189,7 @@ ExrOptions exrOptions(const RenderResult& result) {
     exr.metadata["gobo:certificate"] = messageToJson(certificate, false);
   }
   exr.matrices = result.matrices;
+  if (request.has_window()) exr.place = {int(request.window().x()), int(request.window().y()), int(request.width()), int(request.height())};
   return exr;
 }
 

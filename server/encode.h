@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/image.h"
+#include "base/image_io.h"
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
 #include "plan/engine.h"
@@ -56,6 +57,8 @@ DisplayImage displayImage(const std::string& output, const Image& image, const v
 /// Row-major interleaved little-endian floats, or halves (clamped to +-65504, rounded to nearest even).
 std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half);
 
+/// ZIP unless it says otherwise.
+ExrCompression exrCompressionOf(v1::Encoding::Compression compression);
 /// Encodes every image of a result and fills result.reply.images; with encoding.layers (EXR) all of them as one image called "layers":
 /// the beauty in the nameless layer, the others under exrLayerName(output), an output asked for twice once. What the header holds:
 /// docs/protocol.md, "Outputs". Values beyond what the encoding's halves hold are clamped and counted in a warning. Equal pictures of equal requests give equal

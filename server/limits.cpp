@@ -15,13 +15,15 @@ using Steady = std::chrono::steady_clock;
 static unsigned long long ull(uint64_t v) { return v; }
 
 grpc::Status checkRender(Rpc& rpc, v1::RenderRequest& request, const v1::RenderRequest& resolved) {
-  const uint64_t pixels = uint64_t(resolved.width()) * resolved.height();
+  const bool part = resolved.has_window();
+  const uint32_t width = part ? resolved.window().width() : resolved.width(), height = part ? resolved.window().height() : resolved.height();
+  const uint64_t pixels = uint64_t(width) * height;
   const uint64_t outputs = uint64_t(std::max(1, resolved.outputs_size()));
   const uint64_t bytes = pixels * outputs * 16, most = rpc.core().live()->imageBytes;
   if (bytes > most)
     return rpc.refuse("image_bytes", invalidArgument(strf("width x height x outputs = %u x %u x %llu needs %llu bytes: at most %llu (limits.image_bytes)",
-                                                          resolved.width(), resolved.height(), ull(outputs), ull(bytes), ull(most)),
-                                                     "request.width"));
+                                                          width, height, ull(outputs), ull(bytes), ull(most)),
+                                                     part ? "request.window.width" : "request.width"));
   if (const TokenConfig* t = rpc.who().token.get()) {
     const std::string name = kClassNames[int(jobClassOf(resolved.scheduling().priority()))];
     if (!t->classes.empty() && std::find(t->classes.begin(), t->classes.end(), name) == t->classes.end()) {
@@ -32,9 +34,9 @@ grpc::Status checkRender(Rpc& rpc, v1::RenderRequest& request, const v1::RenderR
                          "request.scheduling.priority"});
     }
     if (t->maxPixels && pixels > t->maxPixels)
-      return rpc.refuse("pixels", invalidArgument(strf("width x height = %u x %u = %llu pixels: at most %llu (tokens.max_pixels of \"%s\")", resolved.width(),
-                                                       resolved.height(), ull(pixels), ull(t->maxPixels), t->name.c_str()),
-                                                  "request.width"));
+      return rpc.refuse("pixels", invalidArgument(strf("width x height = %u x %u = %llu pixels: at most %llu (tokens.max_pixels of \"%s\")", width, height,
+                                                       ull(pixels), ull(t->maxPixels), t->name.c_str()),
+                                                  part ? "request.window.width" : "request.width"));
     if (t->maxSpp && resolved.halt().has_spp() && resolved.halt().spp() > t->maxSpp)
       return rpc.refuse("spp", invalidArgument(strf("halt.spp = %u: at most %u (tokens.max_spp of \"%s\")", resolved.halt().spp(), t->maxSpp, t->name.c_str()),
                                                "request.halt.spp"));

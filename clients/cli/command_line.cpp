@@ -103,6 +103,8 @@ void CommandLine::addRendering() {
   render->add_flag("--certificate", render_.request.certificate, "ask for an error estimate");
   render->add_flag("--layers", render_.request.layers, "one EXR file with every output as a named layer");
   render->add_flag("--half", render_.request.half, "16-bit EXR or raw");
+  value(*render, "--tile", render_.tile, "PIXELS", "render part by part into one tiled EXR: pictures larger than memory; each pixel as without")
+      ->check(CLI::Range(16, 16384).description(""));
   render->add_flag("--progressive", render_.progressive, "write each snapshot; progress also when standard error is no terminal");
   render->add_flag("-q,--quiet", render_.quiet, "print errors only");
   addRequestOptions(*render, render_.request);

@@ -22,6 +22,7 @@ struct RenderCommand {
   std::string scene, out;
   RequestOptions request;
   bool json = false, progressive = false, quiet = false;
+  uint32_t tile = 0;  ///< pixels a side of parts that are rendered one after the other; 0: the picture as one
 };
 int runRender(const SessionOptions& session, const RenderCommand& command);
 

@@ -8,6 +8,7 @@
 #include "pictures.h"
 #include "report.h"
 #include "request/request.h"
+#include "tiles.h"
 
 namespace gobo::cli {
 
@@ -109,9 +110,17 @@ Status render(Session& session, const RenderCommand& c) {
   std::string id;
   if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
   GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
+  ProgressBar bar(!c.quiet, c.progressive);
+  if (c.tile) {
+    const auto show = [&](int done, int all) { bar.show(double(done) / all, "tile " + std::to_string(done) + " of " + std::to_string(all)); };
+    GOBO_ASSIGN(const Tiled made, renderTiles(session, request, c.tile, c.out, show));
+    bar.clear();
+    if (c.json) std::printf("%s\n", messageToJson(made.reply, true).c_str());
+    else if (!c.quiet) printReply(made.reply, {c.out});
+    return {};
+  }
   GOBO_TRY(setEncoding(request, c.out));
   StreamHooks hooks;
-  ProgressBar bar(!c.quiet, c.progressive);
   Advance advance(request.halt());
   if (c.progressive || (!c.quiet && onTerminal())) {
     hooks.progress = [&](const v1::Progress& p) { bar.show(advance.to(p.spp(), p.fraction()), progressText(p)); };
@@ -173,6 +182,8 @@ int with(const SessionOptions& options, const Body& body) {
 }  // namespace
 
 int runRender(const SessionOptions& options, const RenderCommand& command) {
+  if (command.tile && command.progressive) return complain(invalidArgument("--tile and --progressive: one of them"));
+  if (command.tile && command.out.empty()) return complain(invalidArgument("--tile writes an EXR of tiles: name it with -o"));
   if (const Status status = checkOut(command.out); !status.ok()) return complain(status);
   return with(options, [&](Session& session) { return render(session, command); });
 }

@@ -33,6 +33,13 @@ void begin(v1::RenderRequest& request) {
 }
 
 void finish(v1::RenderRequest& request) {
+  if (request.has_window() && request.width() && request.height()) {  // within the picture: drawn apart, its fields hardly ever are
+    v1::Window& w = *request.mutable_window();
+    w.set_x(w.x() % request.width());
+    w.set_y(w.y() % request.height());
+    w.set_width(std::clamp(w.width(), 1u, request.width() - w.x()));
+    w.set_height(std::clamp(w.height(), 1u, request.height() - w.y()));
+  }
   const uint64_t pixels = std::max<uint64_t>(1, uint64_t(request.width()) * request.height());
   const uint32_t most = std::max(4u, uint32_t(std::min<uint64_t>(kMost, kPixelSamples / pixels)));
   if (request.halt().spp() > most && request.halt().spp() <= kMost) request.mutable_halt()->set_spp(most);

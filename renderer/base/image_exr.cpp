@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/image_exr.h"
 #include "base/exr_header.h"
+#include "base/exr_streams.h"
 
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
-#include <ImfIO.h>
 #include <ImfInputPart.h>
 #include <ImfMultiPartInputFile.h>
 #include <ImfPartType.h>
@@ -21,30 +21,6 @@ namespace gobo {
 namespace {
 
 constexpr int kRowsBetweenPolls = 64;  // of a stop token
-
-class MemoryReader final : public Imf::IStream {
- public:
-  MemoryReader(const uint8_t* bytes, size_t size) : IStream("memory"), bytes_(bytes), size_(size) {}
-  bool isMemoryMapped() const override { return true; }
-  char* readMemoryMapped(int n) override { return const_cast<char*>(reinterpret_cast<const char*>(take(n))); }
-  bool read(char c[], int n) override {
-    std::memcpy(c, take(n), size_t(n));
-    return at_ < size_;
-  }
-  uint64_t tellg() override { return at_; }
-  void seekg(uint64_t pos) override { at_ = pos; }
-  void clear() override {}
-
- private:
-  const uint8_t* take(int n) {
-    if (n < 0 || at_ > size_ || uint64_t(n) > size_ - at_) throw std::runtime_error("unexpected end of file");
-    const uint8_t* p = bytes_ + at_;
-    at_ += uint64_t(n);
-    return p;
-  }
-  const uint8_t* bytes_;
-  uint64_t size_, at_ = 0;
-};
 
 /// Order within an image: the nameless layer first, then layers by name; in a layer R G B A, X Y Z, then the rest by name.
 auto channelOrder(const std::string& channel) {

@@ -3,7 +3,6 @@
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
-#include <ImfIO.h>
 #include <ImfMatrixAttribute.h>
 #include <ImfMultiPartOutputFile.h>
 #include <ImfOutputFile.h>
@@ -17,39 +16,11 @@
 #include <deque>
 #include <set>
 
+#include "base/exr_streams.h"
 #include "base/image_io.h"
 
 namespace gobo {
 namespace {
-
-class MemoryWriter final : public Imf::OStream {
- public:
-  explicit MemoryWriter(std::vector<uint8_t>& out) : OStream("memory"), out_(out) {}
-  void write(const char c[], int n) override {
-    if (at_ + uint64_t(n) > out_.size()) out_.resize(at_ + uint64_t(n));
-    std::memcpy(out_.data() + at_, c, size_t(n));
-    at_ += uint64_t(n);
-  }
-  uint64_t tellp() override { return at_; }
-  void seekp(uint64_t pos) override { at_ = pos; }
-
- private:
-  std::vector<uint8_t>& out_;
-  uint64_t at_ = 0;
-};
-
-Imf::Compression compressionOf(ExrCompression c) {
-  switch (c) {
-    case ExrCompression::None: return Imf::NO_COMPRESSION;
-    case ExrCompression::Rle: return Imf::RLE_COMPRESSION;
-    case ExrCompression::Zips: return Imf::ZIPS_COMPRESSION;
-    case ExrCompression::Zip: return Imf::ZIP_COMPRESSION;
-    case ExrCompression::Piz: return Imf::PIZ_COMPRESSION;
-    case ExrCompression::Dwaa: return Imf::DWAA_COMPRESSION;
-    case ExrCompression::Dwab: return Imf::DWAB_COMPRESSION;
-  }
-  return Imf::ZIP_COMPRESSION;
-}
 
 float inHalfRange(float v) { return std::isfinite(v) ? std::clamp(v, -65504.0f, 65504.0f) : v; }
 
@@ -59,8 +30,15 @@ struct Part {
   Imf::FrameBuffer buffer;
   std::deque<std::vector<half>> halves;
   std::deque<std::vector<float>> floats;
+  int left = 0, top = 0;
 
-  Part(int width, int height, Imf::Compression compression) : header(width, height) { header.compression() = compression; }
+  Part(int width, int height, const ExrPlace& place, Imf::Compression compression) : header(width, height) {
+    header.compression() = compression;
+    left = place.x;
+    top = place.y;
+    if (place.width) header.displayWindow() = {{0, 0}, {place.width - 1, place.height - 1}};
+    header.dataWindow() = {{left, top}, {left + width - 1, top + height - 1}};
+  }
 
   void add(const ExrLayer& layer, int width, bool useHalf, bool lossy) {
     const size_t channels = layer.channels.size();
@@ -80,13 +58,16 @@ struct Part {
     for (size_t c = 0; c < channels; ++c) {
       const std::string name = layer.name.empty() ? layer.channels[c] : layer.name + "." + layer.channels[c];
       header.channels().insert(name, Imf::Channel(type));
-      buffer.insert(name, Imf::Slice(type, const_cast<char*>(base) + unit * c, pixel, pixel * size_t(width)));
+      const char* const first = base + unit * c - ptrdiff_t(pixel) * (ptrdiff_t(left) + ptrdiff_t(top) * width);  // where the library looks for pixel 0, 0
+      buffer.insert(name, Imf::Slice(type, const_cast<char*>(first), pixel, pixel * size_t(width)));
     }
   }
 };
 
-Status check(int width, int height, std::span<const ExrLayer> layers) {
+Status check(int width, int height, std::span<const ExrLayer> layers, const ExrPlace& place) {
   if (width <= 0 || height <= 0 || layers.empty()) return invalidArgument("image is empty or its data has the wrong size");
+  if (place.x < 0 || place.y < 0 || (place.width && (place.x > place.width - width || place.y > place.height - height)))
+    return invalidArgument("pixels lie beyond the picture that they are a part of");
   std::set<std::string> names;
   for (const ExrLayer& layer : layers) {
     if (layer.channels.empty() || layer.pixels.size() != size_t(width) * height * layer.channels.size())
@@ -113,7 +94,7 @@ void addAttributes(Imf::Header& header, const ExrOptions& options) {
 }  // namespace
 
 Result<std::vector<uint8_t>> encodeExr(int width, int height, std::span<const ExrLayer> layers, const ExrOptions& options) {
-  GOBO_TRY(check(width, height, layers));
+  GOBO_TRY(check(width, height, layers, options.place));
   try {
     const bool dwa = options.compression == ExrCompression::Dwaa || options.compression == ExrCompression::Dwab;
     const auto lossy = [dwa](const ExrLayer& l) { return dwa && !l.lossless; };
@@ -121,7 +102,7 @@ Result<std::vector<uint8_t>> encodeExr(int width, int height, std::span<const Ex
     std::deque<Part> parts;
     for (const bool second : {false, true}) {
       if (dwa ? (second ? !data : !colour) : second) continue;
-      Part& part = parts.emplace_back(width, height, compressionOf(dwa && second ? ExrCompression::Zip : options.compression));
+      Part& part = parts.emplace_back(width, height, options.place, exrCompression(dwa && second ? ExrCompression::Zip : options.compression));
       if (dwa && !second) part.header.dwaCompressionLevel() = options.dwaLevel;
       for (const ExrLayer& l : layers)
         if (!dwa || lossy(l) != second) part.add(l, width, options.half && !l.float32, lossy(l));

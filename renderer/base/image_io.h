@@ -44,12 +44,17 @@ Result<Image> readPicture(const std::string& fileAndLayer, const ReadLimits& lim
 std::string exrLayerName(std::string_view output);
 
 enum class ExrCompression : uint8_t { None, Rle, Zips, Zip, Piz, Dwaa, Dwab };
+/// Where the pixels lie in a larger picture, as a data window within a display window.
+struct ExrPlace {
+  int x = 0, y = 0, width = 0, height = 0;  ///< of no width: they are the picture
+};
 struct ExrOptions {
   bool half = false;  ///< 16-bit channels but for layers of `float32`
   ExrCompression compression = ExrCompression::Zip;
   float dwaLevel = 45.0f;
   std::map<std::string, std::string> metadata;  ///< string attributes, e.g. {"gobo:request", json}
   std::map<std::string, Mat4> matrices;         ///< matrices for column vectors, written as OpenEXR's (for row vectors)
+  ExrPlace place;
 };
 struct ExrLayer {
   std::string name;                   ///< "" for the nameless layer: R, G, B

@@ -11,6 +11,7 @@
 #include "scene/camera.h"
 #include "scene/scene.h"
 #include "terms/graph.h"
+#include "terms/view_place.h"
 
 namespace gobo {
 
@@ -20,6 +21,9 @@ struct ShadowInput {
   NodeId gbuffer = -1;  ///< term "gbuffer" (terms/gbuffer.h)
   Camera camera;
   int width = 0, height = 0, viewSamples = 1;
+  ViewPlace place;
+  int filmWidth() const { return place.whole() ? width : place.filmWidth; }
+  int filmHeight() const { return place.whole() ? height : place.filmHeight; }
   uint64_t seed = 0;
   bool clear = false;  ///< hasClearSurfaces(scene) (trace/straight.h): visibility is RGB
 };

@@ -67,6 +67,7 @@ NodeId planTint(Graph& graph, const ShadowInput& input, NodeId v) {
   s.seed = hard ? 0 : shadowSeed(input);
   s.extent = {input.width, input.height, input.viewSamples};
   s.glass = Glass::Alone;
+  s.place = input.place;
   const NodeId tint = graph.add({makeVisibilityNode(s), {input.gbuffer}, {input.light}, "tint:" + light.name, 0, input.scene, false});
   GraphNode n{makeTintedVisibilityNode(s.extent), {v, tint}, {}, "tinted_visibility:" + light.name};
   if (!hard) n.approximate = "light through clear glass is the map's solid shadow times the mean of rays";

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/engine.h"
+#include "plan/window.h"
 
 #include <algorithm>
 #include <array>
@@ -203,11 +204,16 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
     if (light.has_shadow()) showMap(*light.mutable_shadow());
   GOBO_TRY(resolveDefaults(r));
   GOBO_TRY(checkEncoding(r.encoding()));
-  if (uint64_t(r.width()) * r.height() * r.view_samples() > kMaxViewSamples)
+  GOBO_ASSIGN(const PixelWindow window, windowOf(r));
+  const uint64_t pixels = window.width ? uint64_t(window.width) * uint64_t(window.height) : uint64_t(r.width()) * r.height();
+  if (pixels * r.view_samples() > kMaxViewSamples)
     return Status(Code::ResourceExhausted,
-                  "request.width x height x view_samples = " + std::to_string(uint64_t(r.width()) * r.height() * r.view_samples()) + ": must be at most " +
-                      std::to_string(kMaxViewSamples),
-                  "request.width");
+                  std::string(window.width ? "request.window.width" : "request.width") +
+                      " x height x view_samples = " + std::to_string(pixels * r.view_samples()) + ": must be at most " + std::to_string(kMaxViewSamples),
+                  window.width ? "request.window.width" : "request.width");
+  if (window.width && r.has_certificate())
+    return invalidArgument(std::string(r.halt().has_error() ? "request.halt.error" : "request.certificate") + ": is of a whole picture, not of request.window",
+                           r.halt().has_error() ? "request.halt.error" : "request.certificate");
   const bool beauty = std::find(r.outputs().begin(), r.outputs().end(), "beauty") != r.outputs().end();
   if (r.has_certificate() && !beauty) return invalidArgument("request.certificate: needs output 'beauty'", "request.certificate");
   const std::string hash = scene->hash().hex();
@@ -368,8 +374,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   // The realised sample count replaces whatever ended the render: sent again, it gives the same bits.
   reply.mutable_resolved()->clear_halt();
   reply.mutable_resolved()->mutable_halt()->set_spp(blocks * blockSize);
-  const Hash128 hash = Hasher("request").add(messageHash(reply.resolved())).add(request.scene_hash()).digest();
-  reply.set_request_hash(hash.hex());
+  reply.set_request_hash(requestHash(reply.resolved()));
   reply.set_seed(request.seed());
   reply.set_build(buildVersion());
   for (const std::string& w : plan->warnings) reply.add_warnings(w);

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/planner.h"
 
+#include "filters/crop.h"
 #include "plan/live_bytes.h"
 #include "plan/output_plans.h"
 #include "plan/outputs.h"
+#include "plan/window.h"
 #include "technique/plan_context.h"
 #include "trace/reach.h"
 
@@ -36,6 +38,38 @@ Status planBeauty(PlanContext& c, std::span<const Technique* const> techniques) 
   return c.cover().complete();
 }
 
+/// Nodes and outputs of a window of the picture; of no width: all of it. Bytes that may be held beside what the nodes say.
+Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PixelWindow& window,
+                           const PlannerServices& services) {
+  Distinctions apart;
+  bool beauty = false;
+  for (const std::string& o : request.outputs()) {
+    apart.classes = apart.classes || needsClasses(infoOf(o));
+    apart.lobes = apart.lobes || needsLobes(infoOf(o));
+    apart.variance = apart.variance || o == "variance";
+    beauty = beauty || needsRadiance(infoOf(o));
+  }
+  PlanContext context({request, plan.effective, plan.groups, blocks, blockSize, window, apart, services.stop, services.expand}, plan.graph);
+  if (beauty) {
+    GOBO_TRY(planBeauty(context, services.techniques));
+    if (!context.scene()->lights.empty()) reportMissing(context, plan.missing);
+  }
+  OutputContext outputs(context, base, services);
+  for (const std::string& o : request.outputs()) {
+    GOBO_ASSIGN(const OutputPlane plane, infoOf(o).plan(outputs, o, std::string(outputLight(o))));
+    GOBO_TRY(plan.graph.wiring());
+    if (!plan.graph.at(plane.node).shape.find(plane.plane)) return internalError("a node without the plane " + plane.plane, "output " + o);
+    plan.outputs.push_back({o, plane.node, plane.plane, infoOf(o).channelNames()});
+  }
+  if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
+
+  for (NodeId i = 0; i < plan.graph.size(); ++i) plan.extendable = plan.extendable || plan.graph.at(i).node->traits().extendable;
+  plan.missing.insert(plan.missing.begin(), context.missing().begin(), context.missing().end());
+  plan.warnings = context.warnings();
+  plan.expanded = context.expanded();
+  return context.reserved();
+}
+
 }  // namespace
 
 uint32_t blockSizeFor(uint32_t spp) {
@@ -52,35 +86,32 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
   plan->groups = makeGroups(*plan->effective.scene, int(request.integrator().max_groups()), services.stop);
   if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
 
-  Distinctions apart;
-  bool beauty = false;
-  for (const std::string& o : request.outputs()) {
-    apart.classes = apart.classes || needsClasses(infoOf(o));
-    apart.lobes = apart.lobes || needsLobes(infoOf(o));
-    apart.variance = apart.variance || o == "variance";
-    beauty = beauty || needsRadiance(infoOf(o));
-  }
-  PlanContext context({request, plan->effective, plan->groups, blocks, blockSize, apart, services.stop, services.expand}, plan->graph);
-  if (beauty) {
-    GOBO_TRY(planBeauty(context, services.techniques));
-    if (!context.scene()->lights.empty()) reportMissing(context, plan->missing);
-  }
-  OutputContext outputs(context, base, services);
-  for (const std::string& o : request.outputs()) {
-    GOBO_ASSIGN(const OutputPlane plane, infoOf(o).plan(outputs, o, std::string(outputLight(o))));
-    GOBO_TRY(plan->graph.wiring());
-    if (!plan->graph.at(plane.node).shape.find(plane.plane)) return internalError("a node without the plane " + plane.plane, "output " + o);
-    plan->outputs.push_back({o, plane.node, plane.plane, infoOf(o).channelNames()});
-  }
-  if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
-
-  for (NodeId i = 0; i < plan->graph.size(); ++i) plan->extendable = plan->extendable || plan->graph.at(i).node->traits().extendable;
-  plan->missing.insert(plan->missing.begin(), context.missing().begin(), context.missing().end());
-  plan->warnings = context.warnings();
+  GOBO_ASSIGN(const PixelWindow window, windowOf(request));
+  GOBO_ASSIGN(uint64_t reserved, planNodes(*plan, base, request, blocks, blockSize, window, services));
   std::vector<NodeId> kept;
   for (const PlannedOutput& o : plan->outputs) kept.push_back(o.node);
-  plan->expanded = context.expanded();
-  plan->pinnedBytes = mostLiveBytes(plan->graph, kept, plan->expanded) + context.reserved();
+  int halo = 0;
+  if (window.width) { GOBO_ASSIGN(halo, haloOf(plan->graph, kept, {window.width, window.height, 1})); }
+  if (halo > 0) {  // again, with what its filters look at around it
+    const PixelWindow around = grown(window, halo, int(request.width()), int(request.height()));
+    plan->graph = Graph();
+    plan->outputs.clear();
+    plan->missing.clear();
+    const bool all = around.width == int(request.width()) && around.height == int(request.height());  // shares its terms
+    GOBO_ASSIGN(reserved, planNodes(*plan, base, request, blocks, blockSize, all ? PixelWindow{} : around, services));
+    kept.clear();
+    for (PlannedOutput& o : plan->outputs) {
+      const Extent& e = plan->graph.at(o.node).shape.extent;
+      if (e.width == around.width && e.height == around.height)
+        o.node = plan->graph.add({makeCropNode({around.width, around.height, 1}, window.x - around.x, window.y - around.y, window.width, window.height),
+                                  {o.node},
+                                  {},
+                                  "crop:" + o.name});
+      kept.push_back(o.node);
+    }
+    GOBO_TRY(plan->graph.wiring());
+  }
+  plan->pinnedBytes = mostLiveBytes(plan->graph, kept, plan->expanded) + reserved;
   return plan;
 }
 

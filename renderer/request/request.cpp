@@ -225,4 +225,6 @@ std::string messageToJson(const Message& message, bool pretty) {
   return out;
 }
 
+std::string requestHash(const v1::RenderRequest& resolved) { return Hasher("request").add(messageHash(resolved)).add(resolved.scene_hash()).digest().hex(); }
+
 }  // namespace gobo

@@ -19,6 +19,8 @@ namespace gobo {
 Status resolveDefaults(google::protobuf::Message& message, const std::string& path = "request");
 /// Order-independent digest of the fields that can change the picture (maps by sorted key; not_in_hash fields left out).
 Hash128 messageHash(const google::protobuf::Message& message);
+/// RenderReply.request_hash of a resolved request: its fields and the scene that it was rendered from.
+std::string requestHash(const v1::RenderRequest& resolved);
 
 /// Parses JSON (protobuf mapping, snake_case or camelCase names). Unknown fields are errors that name them.
 Status messageFromJson(const std::string& json, google::protobuf::Message& message, const std::string& source);

@@ -21,6 +21,11 @@ PlanContext::PlanContext(const PlanInput& input, Graph& graph)
   view_.width = int(input.request.width());
   view_.height = int(input.request.height());
   view_.viewSamples = int(input.request.view_samples());
+  if (input.window.width) {
+    view_.place = {input.window.x, input.window.y, view_.width, view_.height};
+    view_.width = input.window.width;
+    view_.height = input.window.height;
+  }
 }
 
 Vec3 PlanContext::groupGain(int group) const {

@@ -27,6 +27,10 @@ struct Contribution {
   int slot = 0;
 };
 
+struct PixelWindow {
+  int x = 0, y = 0, width = 0, height = 0;
+};
+
 /// What the asked outputs need told apart.
 struct Distinctions {
   bool classes = false, lobes = false, variance = false;
@@ -37,6 +41,7 @@ struct PlanInput {
   const EffectiveScene& effective;
   const RelightGroups& groups;
   uint32_t blocks = 1, blockSize = 16;  ///< of path tracing nodes
+  PixelWindow window;                   ///< of the picture; of no width: all of it
   Distinctions apart;
   StopToken stop;
   /// Evaluates a node while planning, whose result decides what follows. Empty: this plan only bounds what the real one will hold, and no node

@@ -12,29 +12,35 @@ namespace {
 
 class CausticsNode final : public Node {
  public:
-  explicit CausticsNode(const CausticSettings& settings) : settings_(settings) {}
+  CausticsNode(const CausticSettings& settings, const GBufferSettings& view)
+      : settings_(settings),
+        place_(view.place),
+        width_(view.width ? view.width : settings.path.width),
+        height_(view.width ? view.height : settings.path.height) {}
   std::string type() const override { return "caustics"; }
   int version() const override { return 3; }  // 2: without light that goes straight on; 3: tilted normals lose no specular light
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;
     t.extendable = true;
+    t.tileable = true;
     t.persist = true;
     return t;
   }
-  void hashParameters(Hasher& h) const override { settings_.hash(h); }
+  void hashParameters(Hasher& h) const override {
+    settings_.hash(h);
+    if (!place_.whole()) h.add(width_).add(height_);
+    place_.hash(h);
+  }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     return Wiring(type(), in, 0)
-        .gives({type(),
-                Domain::Pixel,
-                {settings_.path.width, settings_.path.height, 1},
-                {plane<double>("sum", settings_.slots() * 3), plane<uint32_t>("samples"), mayDrop()}});
+        .gives({type(), Domain::Pixel, {width_, height_, 1}, {plane<double>("sum", settings_.slots() * 3), plane<uint32_t>("samples"), mayDrop()}});
   }
   /// The photons of a pass with their sorted copy, if each lands once.
   size_t workingBytes() const override { return size_t(settings_.photons) * settings_.path.groupOf.size() * (2 * sizeof(Photon) + 24); }
   Cost cost(const TermShape&, uint32_t blocks) const override {
     const PathTracerSettings& s = settings_.path;
-    const double rays = double(blocks) * (double(settings_.photons) * double(s.groupOf.size()) + kReceiving * double(s.width) * s.height);
+    const double rays = double(blocks) * (double(settings_.photons) * double(s.groupOf.size()) + kReceiving * double(width_) * height_);
     return {rays, 400.0 * rays};
   }
 
@@ -42,7 +48,7 @@ class CausticsNode final : public Node {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const auto tracer = CausticTracer::create(*ctx.scene, accel, settings_, ctx.stop);
     if (!tracer) return Status(Code::Cancelled, "stopped");
-    const int width = settings_.path.width, height = settings_.path.height;
+    const int width = width_, height = height_;
     const size_t perPixel = size_t(settings_.slots()) * 3;
     const uint32_t blockSize = uint32_t(settings_.path.blockSize);
     const auto& state = ctx.result;
@@ -81,7 +87,7 @@ class CausticsNode final : public Node {
               if (samples[p] / blockSize != pass) continue;  // an interrupted pass: this pixel has it already
               if (ctx.stop.stopRequested()) break;
               uint64_t lost = 0;
-              tracer->traceBlock(x, int(row), pass, *map, sum.data() + p * perPixel, rays, lost);
+              tracer->traceBlock(place_.x + x, place_.y + int(row), pass, *map, sum.data() + p * perPixel, rays, lost);
               dropped.add(p, lost);
               samples[p] += blockSize;
             }
@@ -100,10 +106,12 @@ class CausticsNode final : public Node {
     return Status(Code::Cancelled, "stopped");
   }
   CausticSettings settings_;
+  ViewPlace place_;
+  int width_, height_;
 };
 
 }  // namespace
 
-NodePtr makeCausticsNode(const CausticSettings& settings) { return std::make_shared<CausticsNode>(settings); }
+NodePtr makeCausticsNode(const CausticSettings& settings, const GBufferSettings& view) { return std::make_shared<CausticsNode>(settings, view); }
 
 }  // namespace gobo

@@ -5,11 +5,13 @@
 // relight group, by lobe two (diffuse, specular lobe of the camera path's first event).
 #pragma once
 
+#include "terms/gbuffer.h"
 #include "terms/node.h"
 #include "trace/photon_tracer.h"
 
 namespace gobo {
 
-NodePtr makeCausticsNode(const CausticSettings& settings);
+/// `view`: the part of the settings' picture that is made; of no width: all of it.
+NodePtr makeCausticsNode(const CausticSettings& settings, const GBufferSettings& view = {});
 
 }  // namespace gobo

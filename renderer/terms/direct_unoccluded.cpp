@@ -51,12 +51,14 @@ class DirectUnoccludedNode final : public Node {
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).
     t.facets = Facet::LightShape | Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Emission;
     if (s_.extended) t.facets = t.facets | kSurfaceFacets;
+    t.tileable = true;
     return t;
   }
   void hashParameters(Hasher& h) const override {
     hashCamera(h, s_.view.camera);
     h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples).addPod(s_.nominal).add(s_.samples).add(s_.seed).add(s_.extended);
     if (s_.lobe != LobePart::Both) h.add(s_.lobe);
+    s_.view.place.hash(h);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 2);
@@ -86,6 +88,7 @@ class DirectUnoccludedNode final : public Node {
     const auto& out = ctx.result;
     const auto L = out->writable<float>("L");
     DroppedSamples dropped(*out);
+    const FilmElements film(s_.view.extent(), s_.view.place);
     const Vec3 eye(s_.view.camera.toWorld[3]), back(s_.view.camera.toWorld[2]);
     const bool complete = ctx.arena->parallelFor(
         instance.size(), 1 << 11,
@@ -119,7 +122,7 @@ class DirectUnoccludedNode final : public Node {
             }
             if (bsdfIsDelta(r.bsdf)) continue;
             Vec3 value(0.0f);
-            if (!closedForm(shape, r, value)) value = sampled(*sampler, shape, r, i);
+            if (!closedForm(shape, r, value)) value = sampled(*sampler, shape, r, film(i));
             value *= s_.nominal;
             if (!isFinite(value)) {
               dropped.add(i, 1);

@@ -25,12 +25,14 @@ class GBufferNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::Shading;
+    t.tileable = true;
     if (s_.camera.cullBackFaces) t.facets = t.facets | kBackFaceFacets;
     return t;
   }
   void hashParameters(Hasher& h) const override {
     hashCamera(h, s_.camera);
     h.add(s_.width).add(s_.height).add(s_.viewSamples);
+    s_.place.hash(h);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     return Wiring(type(), in, 0)
@@ -58,7 +60,8 @@ class GBufferNode final : public Node {
     const auto footprint = out->writable<float>("footprint");
     const auto instance = out->writable<uint32_t>("instance"), primitive = out->writable<uint32_t>("primitive");
 
-    const FilmRays film(s_.camera, w, h);
+    const FilmRays film(s_.camera, s_.filmWidth(), s_.filmHeight());
+    const float left = float(s_.place.x), top = float(s_.place.y);
     // Packets of 4x4 pixels of one layer: rays that run side by side.
     const size_t bands = size_t(h + kTile - 1) / kTile;
     const bool complete = ctx.arena->parallelFor(
@@ -72,7 +75,7 @@ class GBufferNode final : public Node {
               const int wide = std::min(kTile, w - x0), count = wide * tall;
               Ray ray[kTile * kTile];
               Hit hit[kTile * kTile];
-              for (int i = 0; i < count; ++i) ray[i] = film.at(float(x0 + i % wide) + offset.x, float(y0 + i / wide) + offset.y);
+              for (int i = 0; i < count; ++i) ray[i] = film.at(left + float(x0 + i % wide) + offset.x, top + float(y0 + i / wide) + offset.y);
               accel->intersect16(ray, count, hit, &passed);
               for (int i = 0; i < count; ++i) {
                 const size_t at = (size_t(s) * size_t(h) + size_t(y0 + i / wide)) * size_t(w) + size_t(x0 + i % wide);

@@ -9,6 +9,7 @@
 
 #include "scene/camera.h"
 #include "terms/node.h"
+#include "terms/view_place.h"
 #include "trace/view_samples.h"
 
 namespace gobo {
@@ -16,7 +17,10 @@ namespace gobo {
 struct GBufferSettings {
   Camera camera;
   int width = 0, height = 0, viewSamples = 1;
+  ViewPlace place;
   Extent extent() const { return {width, height, viewSamples}; }
+  int filmWidth() const { return place.whole() ? width : place.filmWidth; }
+  int filmHeight() const { return place.whole() ? height : place.filmHeight; }
 };
 void hashCamera(Hasher& hasher, const Camera& camera);
 

@@ -32,12 +32,14 @@ class MotionNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kFacets;
+    t.tileable = true;
     return t;
   }
   void hashParameters(Hasher& h) const override {
     hashCamera(h, s_.view.camera);
     hashCamera(h, s_.earlierCamera);
     h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples);
+    s_.view.place.hash(h);
     h.add(s_.earlierScene->facetHash(kFacets, {}));
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
@@ -50,7 +52,7 @@ class MotionNode final : public Node {
     const Term& g = *ctx.inputs[0];
     const auto instance = g.plane<uint32_t>("instance"), primitive = g.plane<uint32_t>("primitive");
     const auto bary = g.floats("bary");
-    const int w = s_.view.width, h = s_.view.height;
+    const int w = s_.view.width, h = s_.view.height, W = s_.view.filmWidth(), H = s_.view.filmHeight();
     const std::vector<int> none;
     const Pose now(*ctx.scene), before(SceneView(*s_.earlierScene, kFacets, none));
     // Where each instance was: the same index as a rule, else by name; -1: it was not there.
@@ -72,14 +74,15 @@ class MotionNode final : public Node {
               const size_t p = y * w + x;
               glm::dvec4 here, there;
               if (instance[p] == kNoHit) {
-                here = there = glm::dvec4(DVec3(cameraRay(s_.view.camera, w, h, float(x) + offset.x, float(y) + offset.y).direction), 0.0);
+                here = there = glm::dvec4(
+                    DVec3(cameraRay(s_.view.camera, W, H, float(s_.view.place.x + x) + offset.x, float(s_.view.place.y + int(y)) + offset.y).direction), 0.0);
               } else {
                 const int i = int(instance[p]);
                 here = there = glm::dvec4(now.at(i, primitive[p], bary[2 * p], bary[2 * p + 1]), 1.0);
                 if (earlier[i] >= 0) there = glm::dvec4(before.at(earlier[i], primitive[p], bary[2 * p], bary[2 * p + 1]), 1.0);
               }
               glm::dvec2 to, from;
-              if (!filmPosition(s_.view.camera, w, h, here, to) || !filmPosition(s_.earlierCamera, w, h, there, from)) continue;
+              if (!filmPosition(s_.view.camera, W, H, here, to) || !filmPosition(s_.earlierCamera, W, H, there, from)) continue;
               const float dx = float(to.x - from.x), dy = float(to.y - from.y);
               if (!std::isfinite(dx) || !std::isfinite(dy)) continue;
               motion[2 * p] = dx;

@@ -14,7 +14,12 @@ constexpr int kTile = 16;  // pixels a side: a tile of 16 samples a pixel takes 
 
 class PathTraceNode final : public Node {
  public:
-  PathTraceNode(const PathTracerSettings& settings, int streams) : settings_(settings), streams_(streams) {}
+  PathTraceNode(const PathTracerSettings& settings, int streams, const GBufferSettings& view)
+      : settings_(settings),
+        streams_(streams),
+        place_(view.place),
+        width_(view.width ? view.width : settings.width),
+        height_(view.width ? view.height : settings.height) {}
   std::string type() const override { return "path_trace"; }
   // 2: blocks continue one sequence; 3: volumes, every lobe; 4: light straight on; 5: bilinear environments; 6: tilted normals lose no specular light;
   // 7: every light in volumes, gentler roulette; 8: large finite values count; 9: hidden lights shine through delta events;
@@ -24,16 +29,19 @@ class PathTraceNode final : public Node {
     NodeTraits t;
     t.facets = kPathTracerFacets;
     t.extendable = true;
+    t.tileable = true;
     t.persist = true;
     return t;
   }
   void hashParameters(Hasher& h) const override {
     settings_.hash(h);
     if (streams_ > 1) h.add(streams_);
+    if (!place_.whole()) h.add(width_).add(height_);
+    place_.hash(h);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     const int slots = settings_.groups * slotsPerGroup(settings_.split, settings_.maxBounces);
-    TermShape out{type(), Domain::Pixel, {settings_.width, settings_.height, 1}, {plane<double>("sum", slots * 3), plane<uint32_t>("samples")}};
+    TermShape out{type(), Domain::Pixel, {width_, height_, 1}, {plane<double>("sum", slots * 3), plane<uint32_t>("samples")}};
     if (streams_ > 1) out.planes.push_back(plane<float>("streams", slots * 3 * streams_));
     out.planes.push_back(mayDrop());
     return Wiring(type(), in, 0).gives(std::move(out));
@@ -44,7 +52,7 @@ class PathTraceNode final : public Node {
     const bool direct = has(s.cover, PathClass::Direct), indirect = has(s.cover, PathClass::Indirect);
     const double events = indirect ? std::min(double(s.maxBounces) + 1, double(s.rouletteStart) + 2) : direct ? 1.0 : 0.0;
     const double asks = events - (direct || events == 0 ? 0.0 : 1.0);
-    const double rays = double(s.width) * s.height * blocks * s.blockSize * (1.0 + kReceiving * (events + asks));
+    const double rays = double(width_) * height_ * blocks * s.blockSize * (1.0 + kReceiving * (events + asks));
     return {rays, 130.0 * rays};
   }
 
@@ -52,7 +60,7 @@ class PathTraceNode final : public Node {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const auto tracer = PathTracer::create(*ctx.scene, accel, settings_, ctx.stop);
     if (!tracer) return Status(Code::Cancelled, "stopped");
-    const int width = settings_.width, height = settings_.height, slots = tracer->slots();
+    const int width = width_, height = height_, slots = tracer->slots();
     const auto& state = ctx.result;
     auto sum = state->writable<double>("sum");
     auto samples = state->writable<uint32_t>("samples");
@@ -98,11 +106,11 @@ class PathTraceNode final : public Node {
                 }
                 uint64_t lost = 0;
                 if (!perPixel) {
-                  tracer->traceBlock(x, y, block, sum.data() + p * slots * 3, rays, lost);
+                  tracer->traceBlock(place_.x + x, place_.y + y, block, sum.data() + p * slots * 3, rays, lost);
                 } else {
                   const uint32_t stream = block % uint32_t(streams_);
                   std::fill(one.begin(), one.end(), 0.0);
-                  tracer->traceBlock(x, y, stream * kBlocksPerStream + block / uint32_t(streams_), one.data(), rays, lost);
+                  tracer->traceBlock(place_.x + x, place_.y + y, stream * kBlocksPerStream + block / uint32_t(streams_), one.data(), rays, lost);
                   double* all = sum.data() + p * perStream;
                   float* part = parts.data() + p * perPixel + stream * perStream;
                   for (size_t i = 0; i < perStream; ++i) {
@@ -156,10 +164,14 @@ class PathTraceNode final : public Node {
 
   PathTracerSettings settings_;
   int streams_;
+  ViewPlace place_;
+  int width_, height_;
 };
 
 }  // namespace
 
-NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams) { return std::make_shared<PathTraceNode>(settings, streams); }
+NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams, const GBufferSettings& view) {
+  return std::make_shared<PathTraceNode>(settings, streams, view);
+}
 
 }  // namespace gobo

@@ -28,6 +28,7 @@ class ShadowSlopesNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = facets(s_.clear);
+    t.tileable = true;
     return t;
   }
   void hashParameters(Hasher& h) const override {
@@ -54,6 +55,7 @@ class ShadowSlopesNode final : public Node {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const LightPoints light(*ctx.scene, index);
     const SurfaceSamples surface(*ctx.inputs.at(0));
+    const FilmElements film(s_.extent, s_.place);
     const auto& term = ctx.result;
     const auto sMax = term->writable<float>("sMax"), sMin = term->writable<float>("sMin");
     const size_t C = s_.clear ? 3 : 1;
@@ -68,7 +70,7 @@ class ShadowSlopesNode final : public Node {
           for (size_t e = from; e < to; ++e) {
             if (!surface.hit(e)) continue;
             const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
-            const uint64_t seed = viewSampleSeed(s_.seed, e);
+            const uint64_t seed = viewSampleSeed(s_.seed, film(e));
             DVec3 v(0.0);
             double w = 0;
             float largest = 0, smallest = AA_SLOPE_MAX;
@@ -122,6 +124,7 @@ class ShadowAdaptiveNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = facets(s_.clear);
+    t.tileable = true;
     return t;
   }
   void hashParameters(Hasher& h) const override {
@@ -146,6 +149,7 @@ class ShadowAdaptiveNode final : public Node {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     const SurfaceSamples surface(*ctx.inputs[0]);
+    const FilmElements film(s_.extent, s_.place);
     const auto sumV = ctx.inputs[1]->floats("sumV"), sumW = ctx.inputs[1]->floats("sumW");
     const auto n = ctx.inputs[2]->plane<uint32_t>("n");
     const auto& term = ctx.result;
@@ -160,7 +164,7 @@ class ShadowAdaptiveNode final : public Node {
             for (size_t c = 0; c < C; ++c) V[C * e + c] = 1.0f;
             if (!surface.hit(e)) continue;
             const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
-            const uint64_t seed = viewSampleSeed(s_.seed, e);
+            const uint64_t seed = viewSampleSeed(s_.seed, film(e));
             DVec3 v(0.0);
             for (size_t c = 0; c < C; ++c) v[int(c)] = sumV[C * e + c];
             double w = sumW[e];

@@ -6,6 +6,7 @@
 #pragma once
 
 #include "terms/node.h"
+#include "terms/view_place.h"
 
 namespace gobo {
 
@@ -13,6 +14,7 @@ struct ShadowSlopesSettings {
   uint32_t pilot = 9;  ///< rays per view sample
   uint64_t seed = 0;
   Extent extent;
+  ViewPlace place;
   bool clear = false;  ///< light passes some surfaces straight on (trace/straight.h): sumV has three channels
 };
 /// Source "shadow_slopes". Input 0: "gbuffer". Per ray one closest hit from the receiver and, if it is blocked, one back from the light.
@@ -24,6 +26,7 @@ struct ShadowAdaptiveSettings {
   uint32_t pilot = 9;  ///< as the pilot's
   uint64_t seed = 0;   ///< as the pilot's
   Extent extent;
+  ViewPlace place;
   bool clear = false;  ///< as the pilot's: V has three channels
 };
 /// Source "shadow_adaptive". Inputs 0: "gbuffer", 1: "shadow_slopes", 2: a term with plane n u32, rays per view sample in all.

@@ -15,6 +15,7 @@ class SurfaceNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kSurfaceFacets;
+    t.tileable = true;
     return t;
   }
   void hashParameters(Hasher& h) const override {

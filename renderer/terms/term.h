@@ -131,6 +131,8 @@ class Term {
     GOBO_CHECK(p.format == formatOf<T>());
     return {reinterpret_cast<T*>(p.bytes.data()), p.bytes.size() / sizeof(T)};
   }
+  /// Of a plane of any format; CHECKs the name.
+  uint8_t* bytesOf(std::string_view name) { return const_cast<Plane&>(need(name)).bytes.data(); }
   Plane& addRaw(std::string name, Format format, int channels, bool zeroed = true);
 
   /// Digest of type, extent and every plane; computed once, on first use.

@@ -23,6 +23,7 @@ class VisibilityNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kAccelFacets | Facet::LightShape;
+    t.tileable = true;
     if (s_.glass != Glass::Solid) t.facets = t.facets | kSurfaceFacets;  // tints
     return t;
   }
@@ -44,6 +45,7 @@ class VisibilityNode final : public Node {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     const SurfaceSamples surface(*ctx.inputs[0]);
+    const FilmElements film(s_.extent, s_.place);
     const auto& term = ctx.result;
     const size_t C = size_t(channels());
     const auto V = term->writable<float>("V");
@@ -59,7 +61,7 @@ class VisibilityNode final : public Node {
           for (size_t e = from; e < to; ++e) {
             if (!surface.hit(e)) continue;
             const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
-            const uint64_t seed = viewSampleSeed(s_.seed, e);
+            const uint64_t seed = viewSampleSeed(s_.seed, film(e));
             for (uint32_t i = 0; i < samples; ++i) {
               LightPoint point;
               const Vec2 u = light.pointLike() ? Vec2(0.5f) : SobolSampler(seed, i).next2D();

@@ -12,6 +12,7 @@
 #pragma once
 
 #include "terms/node.h"
+#include "terms/view_place.h"
 
 namespace gobo {
 
@@ -25,7 +26,8 @@ enum class Glass : uint8_t {
 struct VisibilitySettings {
   uint32_t samples = 16;
   uint64_t seed = 0;
-  Extent extent;  ///< of the G-buffer, for the size estimate
+  Extent extent;  ///< of the G-buffer
+  ViewPlace place;
   Glass glass = Glass::Solid;
 };
 /// Input 0: "gbuffer". The light is the one in the graph node's `lights`; any kind but Environment.

@@ -147,6 +147,11 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     set(r, as);
     all.emplace_back(as, r);
   }
+  v1::RenderRequest window = withLamp(width, height, LightKind::Rect);  // with what its filters look at around it, which is cut away
+  for (const char* a :
+       {"shadows.axis_aligned.radius_px=2", "shadows.axis_aligned.dilate_px=1", "window.x=7", "window.y=6", "window.width=10", "window.height=6"})
+    set(window, a);
+  all.emplace_back("window", window);
   v1::RenderRequest caustics = smallRequest("spheres", width, height, 1);
   for (const char* a : {"lights.lamp.kind=POINT", "lights.lamp.position=1,3,1", "lights.lamp.intensity=5", "integrator.caustic_photons=500"}) set(caustics, a);
   all.emplace_back("caustics", caustics);

@@ -57,7 +57,7 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   std::vector<ProbeMap> maps;
   probe.seed = shadowSeed(input);
   probe.pixels = soft ? kSoftPixels : kHardPixels;
-  const double samples = double(input.width) * input.height * input.viewSamples;
+  const double samples = double(input.filmWidth()) * input.filmHeight() * input.viewSamples;
   const Costs cost;
   const Shapes shapes = shapesOf(*input.scene);
   const double deep = (1.0 + cost.tree * std::log2(1.0 + shapes.triangles / 1000.0)) * (1.0 + cost.alpha * shapes.alpha / std::max(shapes.triangles, 1.0));
@@ -109,8 +109,8 @@ Result<AutomaticChoice> chooseShadow(Graph& graph, const ShadowInput& input, con
   if (choice.candidates.empty()) return invalidArgument("light '" + light.name + "': no shadow technique is left for shadows.auto");
 
   probe.camera = input.camera;
-  probe.width = input.width;
-  probe.height = input.height;
+  probe.width = input.filmWidth();
+  probe.height = input.filmHeight();
   probe.viewSamples = input.viewSamples;
   probe.clear = input.clear;
   const NodeId node = graph.add({makeShadowProbeNode(probe), {}, {input.light}, "shadow_probe:" + light.name, 0, input.scene, false});

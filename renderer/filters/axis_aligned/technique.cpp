@@ -41,13 +41,13 @@ Result<NodeId> plan(Graph& graph, const ShadowInput& input, const v1::ShadowTech
     return graph.add({std::move(node), std::move(inputs), {}, what + (":" + light.name), 0, nullptr, false});
   };
   const NodeId g = input.gbuffer;
-  const NodeId slopes = source(makeShadowSlopesNode({rate.pilot, seed, extent, input.clear}), {g}, "shadow_slopes");
+  const NodeId slopes = source(makeShadowSlopesNode({rate.pilot, seed, extent, input.place, input.clear}), {g}, "shadow_slopes");
   const NodeId dilated = filter(makeShadowSlopeDilation(int(number("dilate_px")), extent), {slopes, g}, "shadow_slope_dilation");
   const bool solve = adaptive && mean > 0.0f;
   const NodeId mu =
       filter(makeShadowMu(float(number("mu")), solve ? mean : 0.0f, rate), solve ? std::vector<NodeId>{dilated, g} : std::vector<NodeId>{}, "shadow_mu");
   const NodeId count = filter(makeShadowSampleCount(rate, extent), {dilated, g, mu}, "shadow_sample_count");
-  const NodeId noisy = source(makeShadowAdaptiveNode({rate.pilot, seed, extent, input.clear}), {g, slopes, count}, "shadow_adaptive");
+  const NodeId noisy = source(makeShadowAdaptiveNode({rate.pilot, seed, extent, input.place, input.clear}), {g, slopes, count}, "shadow_adaptive");
 
   AxisAlignedFilterSettings f;
   f.light = frame;

@@ -26,6 +26,7 @@ Result<NodeId> plan(Graph& graph, const ShadowInput& input, const v1::ShadowTech
   s.seed = hard ? 0 : shadowSeed(input);
   if (input.clear) s.glass = Glass::Seen;
   s.extent = {input.width, input.height, input.viewSamples};
+  s.place = input.place;
   return graph.add({makeVisibilityNode(s), {input.gbuffer}, {input.light}, "visibility:" + light.name, 0, input.scene, false});
 }
 

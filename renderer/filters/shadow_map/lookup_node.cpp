@@ -21,7 +21,7 @@ class LookupNode : public Node {
   std::string type() const override { return "shadow_lookup"; }
   std::string numericClass() const override { return device_ ? device_->numericClass() : Node::numericClass(); }
   std::string device() const override { return device_ ? std::string(device_->kind()) + ": " + device_->name() : "cpu"; }
-  NodeTraits traits() const override { return {}; }
+  NodeTraits traits() const override { return {.tileable = true}; }
   void hashParameters(Hasher& h) const override {
     l_.frames.hash(h);
     h.add(std::string_view(basis_->name())).add(l_.map.bias).add(int(l_.map.lookup));

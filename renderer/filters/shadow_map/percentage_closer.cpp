@@ -30,7 +30,7 @@ class PercentageCloserNode : public Node {
     }
   }
   std::string type() const override { return l_.hard ? "shadow_map_lookup" : "percentage_closer"; }
-  NodeTraits traits() const override { return {}; }
+  NodeTraits traits() const override { return {.tileable = true}; }
   void hashParameters(Hasher& h) const override {
     l_.frames.hash(h);
     h.add(int(l_.pattern)).add(l_.pattern == v1::PercentageCloserShadow::GAUSSIAN ? l_.map.blur : l_.taps).add(l_.hard).add(l_.map.bias).add(l_.map.slopeBias);

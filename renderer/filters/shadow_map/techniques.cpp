@@ -46,7 +46,7 @@ bool isSoft(const v1::ShadowTechnique& t) {
 CameraFit cameraFit(const ShadowInput& input, const v1::ShadowTechnique& technique, const LightShape& light, const LightFrame& frame) {
   CameraFit fit;
   fit.camera = input.camera;
-  fit.aspect = float(std::max(input.width, 1)) / float(std::max(input.height, 1));
+  fit.aspect = float(std::max(input.filmWidth(), 1)) / float(std::max(input.filmHeight(), 1));
   fit.pancake = !isSoft(technique);
   switch (light.kind) {
     case LightKind::Directional: fit.lightHalf = light.angularSize != 0.0f ? Vec2(std::tan(0.5f * light.angularSize)) : 0.5f * light.skyRectangle; break;

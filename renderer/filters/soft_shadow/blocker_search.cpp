@@ -22,7 +22,8 @@ void BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bound
       continue;
     }
     w.open[w.count++] = i;
-    if (pattern_.taps && softTexels(w.search[i].box) > kDensePerTap * pattern_.taps) w.taps.add(b, i, w.search[i].box, bounds.faceTexels(), first + size_t(i));
+    if (pattern_.taps && softTexels(w.search[i].box) > kDensePerTap * pattern_.taps)
+      w.taps.add(b, i, w.search[i].box, bounds.faceTexels(), receivers.filmElement(first + size_t(i)));
   }
   // Few taps in a wide box miss what little there is in it: a probe finds how near to the light blockers really are, and the box shrinks to that.
   if (w.taps.count) softProbe(bounds.depth(0), bounds.resolution(), pattern_, b.perspective, w.taps);
@@ -32,7 +33,7 @@ void BlockerSearch::run(const SoftReceivers& receivers, const DepthBounds& bound
     receivers.width(b, w.taps.receiver[k], receivers.metric(b.at.face[w.taps.receiver[k]], w.taps.nearest[k]), s.wx, s.wy);
     s.box = receivers.box(b, w.taps.receiver[k], s.wx, s.wy);
   }
-  softSums(SoftAsk::Blockers, bounds, pattern_, first, w, [&](int i) { return w.search[i].box; });
+  softSums(SoftAsk::Blockers, receivers, bounds, pattern_, first, w, [&](int i) { return w.search[i].box; });
   int blocked = 0;
   for (int k = 0; k < w.count; ++k) {
     const int i = w.open[k];

@@ -30,9 +30,10 @@ class BlockerSearch {
   SoftPattern pattern_;
 };
 
-/// Blocked share (and depths) of box(i) for the open receivers.
+/// Blocked share (and depths) of box(i) for the open receivers of the block that begins with element `first`.
 template <typename BoxOf>
-void softSums(SoftAsk ask, const DepthBounds& bounds, const SoftPattern& pattern, size_t first, BlockerSearch::Work& w, const BoxOf& boxOf) {
+void softSums(SoftAsk ask, const SoftReceivers& receivers, const DepthBounds& bounds, const SoftPattern& pattern, size_t first, BlockerSearch::Work& w,
+              const BoxOf& boxOf) {
   const int side = bounds.resolution();
   w.taps.count = 0;
   for (int k = 0; k < w.count; ++k) {
@@ -43,7 +44,7 @@ void softSums(SoftAsk ask, const DepthBounds& bounds, const SoftPattern& pattern
       w.blocked[i] = s.blocked / s.weight;
       w.depth[i] = s.depth / s.weight;
     } else {
-      w.taps.add(w.b, i, box, bounds.faceTexels(), first + size_t(i));
+      w.taps.add(w.b, i, box, bounds.faceTexels(), receivers.filmElement(first + size_t(i)));
     }
   }
   if (w.taps.count) softTaps(ask, bounds.depth(0), side, pattern, w.taps);

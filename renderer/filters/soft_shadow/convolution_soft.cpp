@@ -48,7 +48,7 @@ class ConvolutionSoftNode : public Node {
     series_ = {l.order, 0.0f, float(c.scale), float(c.offset * (1.0 + 1.0 / l.order)), l.correction == v1::ConvolutionShadow::SCALING};
   }
   std::string type() const override { return "convolution_soft"; }
-  NodeTraits traits() const override { return {}; }
+  NodeTraits traits() const override { return {.tileable = true}; }
   void hashParameters(Hasher& h) const override {
     l_.hash(h);
     h.add(l_.order).add(int(l_.correction)).add(int(l_.search)).add(l_.sharpening).add(mips()).add(l_.map.slopeBias);

@@ -17,7 +17,7 @@ class ExponentialVarianceSoftNode : public Node {
   explicit ExponentialVarianceSoftNode(const ExponentialVarianceSoftLookup& l)
       : l_(l), basis_(makeExponentialVarianceBasis(l.cPositive, l.cNegative, 1e-7f, l.bleedingReduction)), search_(l.searchTaps) {}
   std::string type() const override { return "exponential_variance_soft"; }
-  NodeTraits traits() const override { return {}; }
+  NodeTraits traits() const override { return {.tileable = true}; }
   void hashParameters(Hasher& h) const override {
     l_.hash(h);
     h.add(l_.searchTaps);

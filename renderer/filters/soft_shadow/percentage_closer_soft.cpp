@@ -16,7 +16,7 @@ class PercentageCloserSoftNode : public Node {
  public:
   explicit PercentageCloserSoftNode(const PercentageCloserSoftLookup& l) : l_(l), search_(l.dense ? 0 : l.searchTaps), filter_(l.dense ? 0 : l.filterTaps) {}
   std::string type() const override { return "percentage_closer_soft"; }
-  NodeTraits traits() const override { return {}; }
+  NodeTraits traits() const override { return {.tileable = true}; }
   void hashParameters(Hasher& h) const override {
     l_.hash(h);
     h.add(l_.dense);
@@ -51,7 +51,7 @@ class PercentageCloserSoftNode : public Node {
   using Work = BlockerSearch::Work;
   void block(const SoftReceivers& receivers, const DepthBounds& bounds, size_t first, int count, float* V, Work& w) const {
     search_.run(receivers, bounds, first, count, l_.skip, V, w);
-    softSums(SoftAsk::Share, bounds, filter_, first, w, [&](int i) { return receivers.box(w.b, i, w.wx[i], w.wy[i]); });
+    softSums(SoftAsk::Share, receivers, bounds, filter_, first, w, [&](int i) { return receivers.box(w.b, i, w.wx[i], w.wy[i]); });
     for (int k = 0; k < w.count; ++k) {
       const int i = w.open[k];
       // A sum of every weight is 1, however it rounds: an umbra is dark whether bounds or texels say so.

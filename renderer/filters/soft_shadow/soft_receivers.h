@@ -42,6 +42,8 @@ class SoftReceivers {
 
   bool perspective() const { return perspective_; }
   float resolution() const { return resolution_; }
+  /// What is drawn by chance for a receiver is drawn by this.
+  size_t filmElement(size_t element) const { return film_(element); }
   float metric(int face, float z) const { return receivers_.metric(face, z); }
   /// Widths in texels, at least one, of the kernel of receiver i cut at metric depth z.
   void width(const SoftBlock& b, int i, float z, float& wx, float& wy) const {
@@ -62,6 +64,7 @@ class SoftReceivers {
   SoftLight light_;
   float resolution_, bias_;
   bool perspective_;
+  FilmElements film_;
 };
 
 /// Where anything could come between receiver i and the light.

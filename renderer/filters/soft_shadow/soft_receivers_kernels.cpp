@@ -14,6 +14,7 @@ void SoftLookup::hash(Hasher& h) const {
   frames.hash(h);
   light.hash(h);
   h.add(map.bias);
+  place.hash(h);
 }
 
 SoftReceivers::SoftReceivers(const Term& gbuffer, const SoftLookup& l, bool slopes)
@@ -25,7 +26,8 @@ SoftReceivers::SoftReceivers(const Term& gbuffer, const SoftLookup& l, bool slop
       light_(l.light),
       resolution_(float(l.map.resolution)),
       bias_(l.map.bias),
-      perspective_(l.frames.face[0].perspective) {}
+      perspective_(l.frames.face[0].perspective),
+      film_(gbuffer.extent(), l.place) {}
 
 void SoftReceivers::reads(Wiring& w, size_t i) {
   Receivers::reads(w, i, {.slopes = true, .facing = false});

@@ -24,6 +24,7 @@
 #pragma once
 
 #include "filters/shadow_map/shadow_map.h"
+#include "terms/view_place.h"
 
 namespace gobo {
 
@@ -43,6 +44,7 @@ struct SoftLookup {
   ShadowMapSettings map;
   ShadowView view;
   SoftLight light;
+  ViewPlace place;
   void hash(Hasher& h) const;
 };
 

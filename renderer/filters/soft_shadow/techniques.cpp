@@ -72,6 +72,7 @@ Result<Planned> planMap(Graph& graph, const ShadowInput& input, const v1::Shadow
   l.map = p.map.map;
   l.view = p.map.view;
   l.light = softLight(light.shape);
+  l.place = input.place;
   return p;
 }
 

@@ -25,7 +25,7 @@ class VarianceSoftNode : public Node {
  public:
   explicit VarianceSoftNode(const VarianceSoftLookup& l) : l_(l) {}
   std::string type() const override { return "variance_soft"; }
-  NodeTraits traits() const override { return {}; }
+  NodeTraits traits() const override { return {.tileable = true}; }
   void hashParameters(Hasher& h) const override {
     l_.hash(h);
     h.add(l_.minVariance).add(l_.subdivide);

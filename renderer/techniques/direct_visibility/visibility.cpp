@@ -89,6 +89,7 @@ Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, 
   in.width = c.view().width;
   in.height = c.view().height;
   in.viewSamples = c.view().viewSamples;
+  in.place = c.view().place;
   in.seed = c.request().seed();
   in.clear = c.kinds().clear;
   if (t.has_auto_()) return automatic(c, in, t);

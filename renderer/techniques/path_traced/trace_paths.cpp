@@ -59,7 +59,7 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
   s.groups = int(job.groups.size());
   s.groupOf = job.slotGroup;
   s.nominal = job.nominal;
-  GraphNode n{makePathTraceNode(s, c.apart().variance ? kVarianceStreams : 1), {}, job.lights, job.label, c.blocks(), c.scene()};
+  GraphNode n{makePathTraceNode(s, c.apart().variance ? kVarianceStreams : 1, c.view()), {}, job.lights, job.label, c.blocks(), c.scene()};
   const NodeId state = c.graph().add(std::move(n));
   const int per = slotsPerGroup(s.split, s.maxBounces);
   const NodeId mean = c.filter(makeResolveNode(c.view().width, c.view().height, per * s.groups), {state}, job.label + ":mean");
@@ -81,8 +81,8 @@ PathTracerSettings pathTracerSettings(const PlanContext& c, PathClass cover) {
   PathTracerSettings s;
   const v1::Integrator& i = c.request().integrator();
   s.camera = c.view().camera;
-  s.width = c.view().width;
-  s.height = c.view().height;
+  s.width = c.view().filmWidth();
+  s.height = c.view().filmHeight();
   s.blockSize = int(c.blockSize());
   s.viewSamples = i.at_view_samples() ? c.view().viewSamples : 0;
   s.maxBounces = has(cover, PathClass::Indirect) ? int(i.max_bounces()) : 0;

@@ -179,7 +179,7 @@ TEST(NodeClaims, TilesDependOnNothingBeyondTheirHalo) {
         return std::isfinite(v) ? 0.5 * v + 0.125 : v;
       });
     }
-    if (halo == 0) EXPECT_TRUE(any) << "nothing was changed";
+    if (halo == 0 && !inputs.empty()) EXPECT_TRUE(any) << "nothing was changed";
     const auto part = p.runOn(id, inputs);
     ASSERT_TRUE(part.ok()) << part.status().toString();
     for (const Plane& plane : (*whole)->planes()) {

@@ -81,6 +81,11 @@ const std::map<std::string, Row>& rows() {
       {"width", {{"width=22"}, everything}},
       {"height", {{"height=18"}, everything}},
       {"outputs", {{"outputs=beauty,alpha"}, {"alpha"}}},
+      // Filters look so far around that the part comes from the whole: Window has smaller ones.
+      {"window.x", {{"window.x=3", "window.width=9", "window.height=7"}, {"crop:beauty"}}},
+      {"window.y", {{"window.y=3", "window.width=9", "window.height=7"}, {"crop:beauty"}}},
+      {"window.width", {{"window.width=9", "window.height=7"}, {"crop:beauty"}}},
+      {"window.height", {{"window.width=9", "window.height=8"}, {"crop:beauty"}}},
       {"motion_step_s", {{"motion_step_s=0.02"}, {}}},  // of motion alone; what it re-runs there: Outputs.MotionStep
       {"halt.spp", {{"halt.spp=32"}, kTraced + kBeauty}},
       {"seed", {{"seed=5"}, kKey + kTraced + kBeauty}},

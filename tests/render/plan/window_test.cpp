@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// request.window: the bits of a part are those of the whole, for every technique and output; what is of whole pictures is refused.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstring>
+
+#include "support/planned_nodes.h"
+
+namespace gobo::testing {
+namespace {
+
+constexpr int kWidth = 41, kHeight = 31;
+
+void setWindow(v1::RenderRequest& r, const std::array<int, 4>& w) {
+  r.mutable_window()->set_x(uint32_t(w[0]));
+  r.mutable_window()->set_y(uint32_t(w[1]));
+  r.mutable_window()->set_width(uint32_t(w[2]));
+  r.mutable_window()->set_height(uint32_t(w[3]));
+}
+
+/// Where the part is not what the whole has there; empty: nowhere.
+std::string difference(const RenderResult& whole, const RenderResult& part, const std::array<int, 4>& w) {
+  if (whole.images.size() != part.images.size()) return "another number of pictures";
+  for (size_t k = 0; k < whole.images.size(); ++k) {
+    const Image &a = whole.images[k].image(), &b = part.images[k].image();
+    const std::string& name = whole.images[k].output;
+    if (name.rfind("shadow_basis", 0) == 0) {  // a mosaic of maps, which are not of the view
+      if (a.data != b.data) return name;
+      continue;
+    }
+    if (b.width != w[2] || b.height != w[3] || a.channels != b.channels) return name + " has another size";
+    for (int y = 0; y < b.height; ++y)
+      for (int x = 0; x < b.width; ++x)
+        if (std::memcmp(a.at(x + w[0], y + w[1]), b.at(x, y), sizeof(float) * size_t(a.channels)) != 0)
+          return name + " at " + std::to_string(x) + "," + std::to_string(y) + ": " + std::to_string(a.at(x + w[0], y + w[1])[0]) + " became " +
+                 std::to_string(b.at(x, y)[0]);
+  }
+  return {};
+}
+
+TEST(Window, HasTheBitsOfTheWholeWithEveryTechniqueAndOutput) {
+  int windows = 0;
+  for (auto [name, request] : requestsWithAllNodes(kWidth, kHeight)) {
+    if (request.scene() == "pane") request.set_scene("cornell");
+    request.clear_window();
+    if (request.shadows().axis_aligned().mean_samples() > 0.0) continue;  // of a whole picture
+    SCOPED_TRACE(name);
+    const auto engine = makeEngine(), other = makeEngine(256ull << 20, {}, 1);
+    const RenderResult whole = mustRender(*engine, request);
+    for (const std::array<int, 4>& w :
+         std::vector<std::array<int, 4>>{{0, 0, kWidth, kHeight}, {13, 9, 17, 11}, {0, 20, 5, 11}, {40, 0, 1, 31}, {23, 30, 1, 1}}) {
+      v1::RenderRequest part = request;
+      setWindow(part, w);
+      EXPECT_EQ(difference(whole, mustRender(*other, part), w), "") << w[0] << "," << w[1] << " " << w[2] << " x " << w[3];
+      ++windows;
+    }
+  }
+  EXPECT_GT(windows, 50);
+}
+
+TEST(Window, IsMadeInTheBytesOfThePart) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = withLamp(2048, 2048, LightKind::Spot);
+  set(r, "shadows.ray_traced.samples=1");
+  const auto whole = engine->prepare(r, nullptr);
+  setWindow(r, {100, 100, 64, 64});
+  const auto part = engine->prepare(r, nullptr);
+  ASSERT_TRUE(whole.ok() && part.ok());
+  EXPECT_LT(part->pinnedBytes * 100, whole->pinnedBytes);
+  r.set_width(16384);
+  r.set_height(16384);
+  r.set_view_samples(16);  // more than a picture may have
+  EXPECT_TRUE(engine->render(r).ok());
+  r.clear_window();
+  EXPECT_FALSE(engine->render(r).ok());
+}
+
+TEST(Window, WhatIsOfWholePicturesIsRefusedByName) {
+  const auto engine = makeEngine();
+  const auto refused = [&](std::initializer_list<const char*> edits, const std::string& location, const std::string& text) {
+    v1::RenderRequest r = withLamp(32, 24, LightKind::Rect);
+    for (const char* e : edits) set(r, e);
+    const auto made = engine->render(r);
+    ASSERT_FALSE(made.ok()) << text;
+    EXPECT_EQ(made.status().code(), Code::InvalidArgument);
+    EXPECT_EQ(made.status().location(), location) << made.status().toString();
+    EXPECT_NE(made.status().message().find(text), std::string::npos) << made.status().toString();
+  };
+  refused({"window.x=1"}, "request.window.width", "0 pixels from 1");
+  refused({"window.width=8"}, "request.window.height", "0 pixels from 0");
+  refused({"window.x=30", "window.width=3", "window.height=2"}, "request.window.width", "3 pixels from 30");
+  refused({"window.y=24", "window.width=3", "window.height=1"}, "request.window.height", "1 pixels from 24");
+  refused({"window.width=3", "window.height=2", "certificate.pixel_fraction=1"}, "request.certificate", "whole picture");
+  refused({"window.width=3", "window.height=2", "halt.error=0.1"}, "request.halt.error", "whole picture");
+  refused({"window.width=3", "window.height=2", "shadows.axis_aligned.mean_samples=12"}, "request.window", "shadow_mu:lamp reads a whole picture");
+}
+
+}  // namespace
+}  // namespace gobo::testing
