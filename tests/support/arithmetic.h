@@ -17,7 +17,8 @@ namespace gobo::testing {
 inline Hash128 arithmeticOfThisMachine() {
   Hasher h("arithmetic");
   for (int i = 1; i <= 2000; ++i) {
-    const double x = i * 0.37919, y = i * 0.0004177;  // wide, and within [0, 1)
+    const volatile double wide = i * 0.37919, unit = i * 0.0004177;  // unknown to the compiler, which would round some of them by itself
+    const double x = wide, y = unit;
     for (const double v : {std::exp(-x), std::log(x), std::sin(x), std::cos(x), std::tan(x), std::pow(x, y), std::acos(y), std::asin(y), std::atan2(y, x),
                            std::cbrt(x), std::exp2(y), std::log2(x)})
       h.add(v);
