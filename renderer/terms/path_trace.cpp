@@ -2,6 +2,7 @@
 #include "terms/path_trace.h"
 
 #include "terms/dropped_samples.h"
+#include "trace/sample_set.h"
 
 #include <algorithm>
 #include <cstring>
@@ -81,44 +82,59 @@ class PathTraceNode final : public Node {
     }
     DroppedSamples dropped(*state);
 
-    const int tilesX = (width + kTile - 1) / kTile, tilesY = (height + kTile - 1) / kTile;
+    // Tiles and groups lie as they do in the whole picture, of which this may be a part.
+    const PixelGroup group = pixelGroup(settings_.blockSize);
+    const int left = place_.x / kTile * kTile, top = place_.y / kTile * kTile;
+    const int tilesX = (place_.x + width - left + kTile - 1) / kTile, tilesY = (place_.y + height - top + kTile - 1) / kTile;
     const size_t tiles = size_t(tilesX) * tilesY;
     std::atomic<size_t> done{0};
     const bool complete = ctx.arena->parallelFor(
         tiles, 1,
         [&](size_t tile, size_t) {
-          const int x0 = int(tile % tilesX) * kTile, y0 = int(tile / tilesX) * kTile;
+          const int x0 = left + int(tile % tilesX) * kTile, y0 = top + int(tile / tilesX) * kTile, pixels = group.pixels();
           uint64_t rays = 0;
-          std::vector<double> one(perStream);
-          for (int y = y0; y < std::min(height, y0 + kTile); ++y) {
-            for (int x = x0; x < std::min(width, x0 + kTile); ++x) {
-              const size_t p = size_t(y) * width + x;
+          std::vector<double> parted(perStream * size_t(pixels));
+          for (int k = 0; k < kTile * kTile / pixels; ++k) {
+            const int x = x0 + k % (kTile / group.width) * group.width, y = y0 + k / (kTile / group.width) * group.height;
+            ptrdiff_t at[kLanes];  // the group's pixels in the planes; -1: not of this part
+            uint32_t block = ctx.targetBlocks;
+            for (int i = 0; i < pixels; ++i) {
+              const int px = x + i % group.width - place_.x, py = y + i / group.width - place_.y;
+              at[i] = -1;
+              if (px < 0 || py < 0 || px >= width || py >= height) continue;
+              const size_t p = size_t(at[i] = ptrdiff_t(py) * width + px);
               if (!oldSamples.empty()) {
                 std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
                 if (perPixel) std::copy_n(oldParts.begin() + p * perPixel, perPixel, parts.begin() + p * perPixel);
                 samples[p] = oldSamples[p];
                 if (!oldDropped.empty()) dropped.add(p, oldDropped[p]);
               }
-              for (uint32_t block = samples[p] / settings_.blockSize; block < ctx.targetBlocks; ++block) {
-                if (ctx.stop.stopRequested()) {
-                  ctx.counters->rays += rays;
-                  return;
+              block = std::min(block, samples[p] / uint32_t(settings_.blockSize));
+            }
+            for (; block < ctx.targetBlocks; ++block) {
+              if (ctx.stop.stopRequested()) {
+                ctx.counters->rays += rays;
+                return;
+              }
+              const uint32_t stream = perPixel ? block % uint32_t(streams_) : 0;
+              double* out[kLanes];
+              uint64_t lost[kLanes] = {};
+              for (int i = 0; i < pixels; ++i) {
+                const bool wanted = at[i] >= 0 && samples[size_t(at[i])] / uint32_t(settings_.blockSize) == block;
+                out[i] = !wanted ? nullptr : perPixel ? parted.data() + size_t(i) * perStream : sum.data() + size_t(at[i]) * slots * 3;
+              }
+              std::fill(parted.begin(), parted.end(), 0.0);
+              tracer->traceGroup(x, y, perPixel ? stream * kBlocksPerStream + block / uint32_t(streams_) : block, {out, size_t(pixels)}, rays, lost);
+              for (int i = 0; i < pixels; ++i) {
+                if (!out[i]) continue;
+                const size_t p = size_t(at[i]);
+                double* const all = sum.data() + p * perStream;
+                float* const part = perPixel ? parts.data() + p * perPixel + stream * perStream : nullptr;
+                for (size_t c = 0; c < perStream; ++c) {
+                  all[c] += out[i][c];
+                  part[c] = float(double(part[c]) + out[i][c]);
                 }
-                uint64_t lost = 0;
-                if (!perPixel) {
-                  tracer->traceBlock(place_.x + x, place_.y + y, block, sum.data() + p * slots * 3, rays, lost);
-                } else {
-                  const uint32_t stream = block % uint32_t(streams_);
-                  std::fill(one.begin(), one.end(), 0.0);
-                  tracer->traceBlock(place_.x + x, place_.y + y, stream * kBlocksPerStream + block / uint32_t(streams_), one.data(), rays, lost);
-                  double* all = sum.data() + p * perStream;
-                  float* part = parts.data() + p * perPixel + stream * perStream;
-                  for (size_t i = 0; i < perStream; ++i) {
-                    all[i] += one[i];
-                    part[i] = float(double(part[i]) + one[i]);
-                  }
-                }
-                dropped.add(p, lost);
+                dropped.add(p, lost[i]);
                 samples[p] += settings_.blockSize;
               }
             }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A chunk: up to 16 samples of one pixel on their way together, a lane each, and the stages that carry them (path_stages.h runs
+// A chunk: up to 16 samples of one pixel, or of a few neighbours, on their way together, a lane each, and the stages that carry them (path_stages.h runs
 // them). Every stage is a member in a file of its own, path_stage_*.h, and inlined: a chunk takes 10 microseconds. They share this
 // state and nothing else.
 // A mask is a bit per lane.
@@ -12,15 +12,21 @@
 
 namespace gobo {
 
+/// Who the lanes are.
+struct ChunkLanes {
+  uint32_t present = 0;      ///< lanes that there are
+  int x[kLanes], y[kLanes];  ///< their pixels
+  uint64_t film[kLanes];     ///< index of the sample over all blocks of its stream
+};
+
 template <PathSink Sink>
 struct PathChunk {
   // What is traced, and where its light goes.
   const PathTracer::Impl& m;
   Sink& sink;
   const SampleSet& set;
+  const ChunkLanes& who;
   uint64_t& rays;
-  const int x, y, count;
-  const uint64_t film;                                                       // index of the first sample over all blocks
   const bool lobes = Sink::kLobes || m.settings.split == SplitMode::ByLobe;  // the first event's lobes are told apart
   const bool hasMedia = !m.surfaces.interiors().empty();
   // Light goes straight on through some surfaces. Shadow rays see through them, so the path's own rays keep the density that they
@@ -56,8 +62,8 @@ struct PathChunk {
   embree::Context context;
   BackFaces::Context cameraContext;
 
-  PathChunk(const PathTracer::Impl& m, Sink& sink, const SampleSet& set, uint64_t& rays, int x, int y, uint64_t film, int count)
-      : m(m), sink(sink), set(set), rays(rays), x(x), y(y), count(count), film(film) {}
+  PathChunk(const PathTracer::Impl& m, Sink& sink, const SampleSet& set, const ChunkLanes& who, uint64_t& rays)
+      : m(m), sink(sink), set(set), who(who), rays(rays) {}
 
   // The stages. Reads and writes are said where they are defined.
   [[gnu::always_inline]] void startAtCamera();

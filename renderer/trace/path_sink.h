@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A sink takes what the path kernel finds: it is a template parameter of the kernel, so that its calls are inlined and what it does
-// not ask for is not computed. The kernel carries a chunk of up to 16 samples of one pixel together, a lane each; their events
+// not ask for is not computed. The kernel carries a chunk of up to 16 samples of one pixel (for sums: of a few pixels) together, a lane each; their events
 // come interleaved, those of one lane in the order of its path:
 //   start(sample, count)      a chunk: lane i < count is sample `sample` + i of its pixel, counted over all blocks of a stream
 //   film(lane, position)      where the camera ray goes through the film, in pixels                                  (kVertices)

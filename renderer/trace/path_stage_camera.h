@@ -16,16 +16,16 @@ enum PathDraw : uint32_t { kDrawLight = 0, kDrawDirection = 1, kDrawChoice = 2, 
 template <PathSink Sink>
 inline void PathChunk<Sink>::startAtCamera() {
   if (hasMedia) media.start(m.surfaces.interiors(), m.cameraMedia);
-  alive = count >= 32 ? ~0u : (1u << count) - 1;
-  // Lanes beyond `count` have rays too, masked out: their numbers stay ordinary.
+  alive = who.present;
+  // Lanes that are not there have rays too, masked out: their numbers stay ordinary.
   if (m.viewSamples.empty()) set.draw2D(0, px, py);
   for (int i = 0; i < kLanes; ++i) {
     Vec2 offset;
     if (m.viewSamples.empty()) offset = Vec2(px[i], py[i]);
-    else offset = m.viewSamples[size_t((film + uint64_t(i)) % m.viewSamples.size())];
-    const float fx = float(x) + offset.x, fy = float(y) + offset.y;
+    else offset = m.viewSamples[size_t(who.film[i] % m.viewSamples.size())];
+    const float fx = float(who.x[i]) + offset.x, fy = float(who.y[i]) + offset.y;
     if constexpr (Sink::kVertices)
-      if (i < count) sink.film(i, Vec2(fx, fy));
+      if (alive >> i & 1u) sink.film(i, Vec2(fx, fy));
     const Vec3 o = m.cameraOrigin + m.cameraOriginX * fx + m.cameraOriginY * fy;
     Vec3 d = m.cameraDirection + m.cameraDirectionX * fx + m.cameraDirectionY * fy;
     d *= 1.0f / std::sqrt(glm::dot(d, d));

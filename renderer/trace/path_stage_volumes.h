@@ -41,7 +41,7 @@ inline void PathChunk<Sink>::walkVolumes() {
       paths.fromHasNormal &= ~bit;
       paths.passed[i] = 0.0f;
     };
-    const uint64_t key = hash64(hash64(set.seed(), film + uint64_t(i)), 0x77616c6bull << 32 | uint32_t(events));
+    const uint64_t key = hash64(hash64(set.seed(i), who.film[i]), 0x77616c6bull << 32 | uint32_t(events));
     if (!media.walk(i, rh, m.scene, paths.throughput, key, rays, scattered, collect, scattersAt) || (scattered && (!m.wantIndirect || done(i) > m.maxEvents)))
       alive &= ~bit;
     media.strayed &= ~bit;

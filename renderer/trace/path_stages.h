@@ -12,11 +12,11 @@
 
 namespace gobo {
 
-/// Samples first .. first + count - 1 of the pixel's block; `film` is the index of the first over all blocks.
+/// The samples of these lanes; gives back those that were dropped.
 template <PathSink Sink>
-void traceChunk(const PathTracer::Impl& m, int x, int y, const SampleSet& set, uint64_t film, int count, Sink& sink, uint64_t& rays, uint64_t& dropped) {
-  PathChunk<Sink> chunk(m, sink, set, rays, x, y, film, count);
-  sink.start(film, count);
+uint32_t traceChunk(const PathTracer::Impl& m, const ChunkLanes& who, const SampleSet& set, Sink& sink, uint64_t& rays) {
+  PathChunk<Sink> chunk(m, sink, set, who, rays);
+  sink.start(who.film[0], __builtin_popcount(who.present));
   chunk.startAtCamera();
   for (; chunk.alive != 0; ++chunk.events) {  // one event of every lane
     chunk.intersect();
@@ -29,7 +29,12 @@ void traceChunk(const PathTracer::Impl& m, int x, int y, const SampleSet& set, u
     chunk.alive = m.onlyUnlit ? chunk.next & chunk.paths.specularOnly : chunk.next;
   }
   sink.finish(chunk.bad);
-  dropped += uint64_t(__builtin_popcount(chunk.bad));
+  return chunk.bad;
+}
+
+/// Of a pixel's samples in a stream of blocks.
+inline uint64_t pixelSeed(const PathTracerSettings& s, int x, int y, uint32_t block) {
+  return hash64(hash64(s.seed, uint64_t(uint32_t(y)) << 32 | uint32_t(x)), block / kBlocksPerStream);
 }
 
 template <class Sink>
@@ -37,12 +42,16 @@ void PathTracer::traceInto(int x, int y, uint32_t block, Sink& sink, uint64_t& r
   static_assert(PathSink<Sink>);
   const Impl& m = *impl_;
   const int size = m.settings.blockSize;
-  const uint64_t pixel = uint64_t(uint32_t(y)) << 32 | uint32_t(x);
-  const uint64_t seed = hash64(hash64(m.settings.seed, pixel), block / kBlocksPerStream);
+  const uint64_t seed = pixelSeed(m.settings, x, y, block);
   const uint32_t begin = block % kBlocksPerStream * uint32_t(size);
+  ChunkLanes who;
+  std::fill_n(who.x, kLanes, x);
+  std::fill_n(who.y, kLanes, y);
   for (int first = 0; first < size; first += kLanes) {
-    const SampleSet set(seed, begin + uint32_t(first));
-    traceChunk(m, x, y, set, uint64_t(begin) + uint64_t(first), std::min(kLanes, size - first), sink, rays, dropped);
+    const int count = std::min(kLanes, size - first);
+    who.present = (1u << count) - 1;
+    for (int i = 0; i < kLanes; ++i) who.film[i] = uint64_t(begin) + uint64_t(first + i);
+    dropped += uint64_t(__builtin_popcount(traceChunk(m, who, SampleSet(seed, begin + uint32_t(first)), sink, rays)));
   }
 }
 

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// SampleSet: the draws of 16 consecutive samples at once; value for value what SobolSampler (base/sobol.h) gives each of them,
-// but with the dimension named and the integer work in vector registers (about 6 ns for a 2D draw of all 16).
+// SampleSet: the draws of 16 samples at once, consecutive ones of one sequence or of a few; value for value what SobolSampler (base/sobol.h) gives each
+// of them, but with the dimension named and the integer work in vector registers (about 6 ns for a 2D draw of all 16).
 #pragma once
+
+#include <algorithm>
+#include <span>
 
 #include "base/sobol.h"
 
@@ -12,16 +15,21 @@ inline constexpr int kLanes = 16;
 class SampleSet {
  public:
   /// Samples first .. first + 15 of the sequence `seed`.
-  SampleSet(uint64_t seed, uint32_t first) : seed_(seed) {
-    for (int i = 0; i < kLanes; ++i) reversed_[i] = reverseBits(first + uint32_t(i));
+  SampleSet(uint64_t seed, uint32_t first) : SampleSet(std::span(&seed, 1), first) {}
+  /// Samples first .. first + n - 1 of each of these sequences in turn, n = 16 / how many there are (a power of two).
+  SampleSet(std::span<const uint64_t> seeds, uint32_t first) : sequences_(int(seeds.size())), each_(kLanes / int(seeds.size())) {
+    std::copy(seeds.begin(), seeds.end(), seeds_);
+    for (int i = 0; i < kLanes; ++i) reversed_[i] = reverseBits(first + uint32_t(i) % uint32_t(each_));
   }
   void draw1D(uint32_t dimension, float* __restrict out) const {
-    const uint64_t h = hash64(seed_, dimension);
+    if (sequences_ > 1) return drawEach1D(dimension, out);
+    const uint64_t h = hash64(seeds_[0], dimension);
     const uint32_t a = uint32_t(h >> 32), b = uint32_t(h);
     for (int i = 0; i < kLanes; ++i) out[i] = unit(reverseBits(laineKarras(reverseBits(laineKarras(reversed_[i], a)), b)));
   }
   void draw2D(uint32_t dimension, float* __restrict x, float* __restrict y) const {
-    const uint64_t h = hash64(seed_, dimension), g = mix64(h ^ 0x9e3779b97f4a7c15ull);
+    if (sequences_ > 1) return drawEach2D(dimension, x, y);
+    const uint64_t h = hash64(seeds_[0], dimension), g = mix64(h ^ 0x9e3779b97f4a7c15ull);
     const uint32_t a = uint32_t(h >> 32), b = uint32_t(g), c = uint32_t(g >> 32);
     for (int i = 0; i < kLanes; ++i) {
       const uint32_t shuffled = reverseBits(laineKarras(reversed_[i], a));
@@ -30,11 +38,36 @@ class SampleSet {
     }
   }
 
-  uint64_t seed() const { return seed_; }
+  uint64_t seed(int lane) const { return seeds_[lane / each_]; }
 
  private:
+  // The same with a scramble a lane.
+  [[gnu::noinline]] void drawEach1D(uint32_t dimension, float* __restrict out) const {
+    alignas(64) uint32_t a[kLanes], b[kLanes];
+    for (int i = 0; i < kLanes; ++i) {
+      const uint64_t h = hash64(seed(i), dimension);
+      a[i] = uint32_t(h >> 32);
+      b[i] = uint32_t(h);
+    }
+    for (int i = 0; i < kLanes; ++i) out[i] = unit(reverseBits(laineKarras(reverseBits(laineKarras(reversed_[i], a[i])), b[i])));
+  }
+  [[gnu::noinline]] void drawEach2D(uint32_t dimension, float* __restrict x, float* __restrict y) const {
+    alignas(64) uint32_t a[kLanes], b[kLanes], c[kLanes];
+    for (int i = 0; i < kLanes; ++i) {
+      const uint64_t h = hash64(seed(i), dimension), g = mix64(h ^ 0x9e3779b97f4a7c15ull);
+      a[i] = uint32_t(h >> 32);
+      b[i] = uint32_t(g);
+      c[i] = uint32_t(g >> 32);
+    }
+    for (int i = 0; i < kLanes; ++i) {
+      const uint32_t shuffled = reverseBits(laineKarras(reversed_[i], a[i]));
+      x[i] = unit(reverseBits(laineKarras(shuffled, b[i])));
+      y[i] = unit(reverseBits(laineKarras(pascalDigits(shuffled), c[i])));
+    }
+  }
   static float unit(uint32_t bits) { return float(int32_t(bits >> 8)) * 0x1p-24f; }  // toUnit, through the signed conversion that vectorises
-  uint64_t seed_;
+  uint64_t seeds_[kLanes];
+  int sequences_, each_;
   alignas(64) uint32_t reversed_[kLanes];
 };
 
