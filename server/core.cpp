@@ -35,6 +35,7 @@ ServerCore::ServerCore(Engine& e, const ServerConfig& c)
       planning({kPlansAtOnce, uint32_t(std::max(1, e.threads()))}),
       impatient(heldRefusals(c)),
       idle(c.clientIdleSeconds),
+      freed(FreedMemory::keepOf(e.memory().total())),
       uploads(c.uploadsAtOnce),
       watches(c.watches),
       replies(c.replyBytes),
@@ -49,6 +50,7 @@ ServerCore::ServerCore(Engine& e, const ServerConfig& c)
   accounts.push_back(engine.memory().add(
       {"pictures made or sent", [this] { return replies.limit(); }, [this] { return replies.used(); }, {}, [this] { return replies.clients(); }}));
   declareServerMetrics(*this);
+  freed.start();
 }
 
 std::shared_ptr<const ServerConfig> ServerCore::live() const {

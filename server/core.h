@@ -17,6 +17,7 @@
 #include "server/auth.h"
 #include "server/config.h"
 #include "server/device_probe.h"
+#include "server/freed_memory.h"
 #include "server/idle_watch.h"
 #include "server/job_runner.h"
 #include "server/load_gate.h"
@@ -44,6 +45,7 @@ class ServerCore {
   FairGate planning;       ///< plans being made before admission: they load environments and pose scenes
   RefusalPause impatient;  ///< answers to who does not wait for his hint
   IdleWatch idle;
+  FreedMemory freed;
   SharedLimit uploads, watches;  ///< calls in progress
   SharedLimit replies;           ///< bytes of pictures that are being made or sent
   DeviceProbe devices;

@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Wall clocks that jump by years: no result goes for it, no living holder loses its lease, no frame waits for a year that never comes.
+#include <time.h>
+
+#include <chrono>
 #include <fstream>
 
+#include "server/job_runner.h"
 #include "server/jobs/job_files.h"
+#include "server/jobs/sqlite.h"
 #include "server/log.h"
 #include "unit/jobs/store_fixture.h"
 
@@ -57,9 +62,10 @@ TEST_F(Clock, AJumpEndsNoLeaseOfALivingHolder) {
 TEST_F(Clock, AJumpKeepsNoLeaseOfADeadHolderAlive) {
   for (const double jump : {kTenYears, -kTenYears}) {
     const int64_t id = submit(makeJob());
-    const auto dead = claim(30);
+    auto dead = claim(30);
     ASSERT_TRUE(dead);
     time += jump;
+    EXPECT_TRUE(store->renew(*dead, 30).ok());  // its last
     pass(29);
     EXPECT_EQ(*store->expireLeases(), 0u);
     pass(2);
@@ -182,6 +188,20 @@ TEST_F(Clock, AFileWhoseRowIsAboutToComeIsNoLitterWhateverItsTimesSay) {
   sweep();
   EXPECT_FALSE(std::filesystem::exists(path));
   EXPECT_EQ(get(id).state(), v1::Job::RUNNING);
+}
+
+// The tests above set the clocks; these are the ones that a daemon has. None of them is the wall clock, which is decades ahead of the others.
+TEST_F(Clock, ADaemonsOwnClocksCountTheTimeTheMachineIsUp) {
+  timespec t{};
+  ASSERT_EQ(::clock_gettime(CLOCK_BOOTTIME, &t), 0);  // with the time asleep
+  const double boot = double(t.tv_sec), steady = std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+  const auto own = SqliteJobStore::open(folder + "/own.sqlite", {});
+  ASSERT_TRUE(own.ok()) << own.status().toString();
+  Sqlite db;
+  ASSERT_TRUE(db.open(folder + "/own.sqlite", 1).ok());
+  EXPECT_NEAR(-std::stod(*db.value("SELECT base FROM clock")), boot, 600);  // a new store's clock begins at 0
+  EXPECT_NEAR(Litter().now(), steady, 600);
+  EXPECT_NEAR(JobRunner::now(), steady, 600);
 }
 
 }  // namespace

@@ -111,6 +111,7 @@ struct Worker : test::StoreFixture {
   size_t filesIn(const char* sub) {
     return size_t(std::distance(std::filesystem::directory_iterator(folder + "/" + sub), std::filesystem::directory_iterator()));
   }
+  void breakItsBlob(bool opened);
 };
 
 TEST_F(Worker, ACheckpointedFrameGoesOnAfterARestartWithTheSameBits) {
@@ -208,7 +209,8 @@ TEST_F(Worker, PauseKeepsTheCheckpointAndCancelRemovesIt) {
 }
 
 // What was checkpointed before the break is right, what was traced after it is not kept: the next attempt loads the file again and goes on.
-TEST_F(Worker, AFrameWhoseBlobBreaksIsDoneAgainRight) {
+// The scene is a client's, or one that only the job holds.
+void Worker::breakItsBlob(bool opened) {
   const std::string file = folder + "/scene.gltf", blobs = folder + "/blobs";
   std::ofstream(file, std::ios::binary) << smallGltf("paint.png");
   Image paint(128, 128, 3);
@@ -222,13 +224,14 @@ TEST_F(Worker, AFrameWhoseBlobBreaksIsDoneAgainRight) {
     o.loader = *childLoader(ingest);
   };
   newEngine();
-  const auto opened = engine->openScene(file, "scene");
-  ASSERT_TRUE(opened.ok()) << opened.status().toString();
+  const auto info = engine->openScene(file, "scene");
+  ASSERT_TRUE(info.ok()) << info.status().toString();
   v1::JobSpec s = spec(8192);
   s.mutable_request()->set_scene("scene");
   s.mutable_request()->mutable_camera()->mutable_position()->set_z(2.5f);
   s.mutable_request()->mutable_camera()->mutable_look_at();
   const int64_t id = put(s);
+  if (!opened) ASSERT_TRUE(engine->unloadScene("scene").ok());
   start();
   ASSERT_TRUE(eventually([&] { return !get(id).frames(0).checkpoint().empty(); }));
   size_t cut = 0;
@@ -252,6 +255,9 @@ TEST_F(Worker, AFrameWhoseBlobBreaksIsDoneAgainRight) {
   ASSERT_TRUE(right.ok()) << right.status().toString();
   EXPECT_EQ(result(id), rawBytes(right->images[0].pixels(), false));
 }
+
+TEST_F(Worker, AFrameWhoseBlobBreaksIsDoneAgainRight) { breakItsBlob(true); }
+TEST_F(Worker, AFrameWhoseOwnBlobBreaksIsDoneAgainRight) { breakItsBlob(false); }
 
 TEST_F(Worker, APatchedSceneIsNotTheJobs) {
   const v1::JobSpec s = spec(16);

@@ -267,5 +267,19 @@ TEST_F(Identity, AFolderRemovedUnderADaemonTakesNoPromises) {
               }).ok());
 }
 
+TEST_F(Identity, ADatabaseReplacedUnderADaemonTakesNoPromises) {
+  ASSERT_TRUE(start([&](JobFiles& f, SqliteJobStore& s) {
+                const int64_t id = finish(f, s, "aa");
+                const std::string saved = folder + "/saved";
+                fs::rename(database(), saved);
+                fs::copy_file(saved, database());  // the same bytes, another file
+                bool existed = false;
+                const Status refused = s.submit(test::StoreFixture::makeJob(), existed).status();
+                EXPECT_EQ(refused.code(), Code::Unavailable) << refused.toString();
+                fs::rename(saved, database());  // put back: it goes on
+                EXPECT_GT(finish(f, s, "bb"), id);
+              }).ok());
+}
+
 }  // namespace
 }  // namespace gobo::store_identity_test

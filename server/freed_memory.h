@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// FreedMemory: gives back to the system what malloc keeps of memory that was freed. Messages and scenes of many MiB go through the arenas of
+// many threads (eight a core), and each may keep all it ever had: hundreds of MiB that no holder of the ledger has. Pages that are given back
+// cost whoever uses them next a fault each, so renders that free and take alike keep theirs: only what is beyond `keep` goes.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <thread>
+
+namespace gobo {
+
+class FreedMemory {
+ public:
+  explicit FreedMemory(uint64_t keepBytes) : keep_(keepBytes) {}
+  ~FreedMemory();
+  /// Of `total` bytes that the process may hold: a sixteenth, at least 64 MiB and at most 1 GiB.
+  static uint64_t keepOf(uint64_t total);
+  /// Looks each second from now on, in a thread of its own.
+  void start();
+  /// One look: bytes that went.
+  uint64_t look();
+
+ private:
+  const uint64_t keep_;
+  uint64_t stuck_ = 0;  ///< what the last time left: it lies between what is in use, or at the end of an arena
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool closing_ = false;
+  std::thread thread_;
+};
+
+}  // namespace gobo
