@@ -314,6 +314,23 @@ TEST(DiskStore, StaleTempsLeaveByAgeOnly) {
   EXPECT_TRUE(fs::is_empty(folder.path + "/tmp"));
 }
 
+// A store that was opened while the clock was ten years ahead does not wait for that year.
+TEST(DiskStore, TemporariesGoThoughTheClockWasSetBack) {
+  TempFolder folder;
+  const int64_t right = std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+  int64_t now = right + 10ll * 365 * 86400 * 1000000;
+  DiskStoreOptions options;
+  options.staleTempSeconds = 900;
+  options.nowMicros = [&] { return now; };
+  const auto store = std::move(*DiskStore::open(folder.path, options));
+  now = right;
+  ASSERT_TRUE(store->put(key(1), *makeTerm(1, 10)).ok());
+  spill(folder.path + "/tmp/1-2-3-0.tmp", {1, 2, 3});
+  now = right + 2ll * 3600 * 1000000;
+  ASSERT_TRUE(store->put(key(2), *makeTerm(2, 10)).ok());
+  EXPECT_EQ(store->stats().staleTemps, 1u);
+}
+
 TEST(DiskStore, FailureOfAnyStepIsReportedAndLeavesNoWrongState) {
   for (const char* failing : {"create", "write", "sync", "evict", "unlink", "rename", "commit", "sync-folder"}) {
     TempFolder folder;
