@@ -45,7 +45,7 @@ struct Leftovers {
 };
 
 TEST(FreedMemory, WhatMallocKeepsBeyondItsPartGoes) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(__SANITIZE_ADDRESS__) || defined(GOBO_THREAD_SANITIZER)
   GTEST_SKIP() << "a sanitizer has its own malloc";
 #endif
   FreedMemory none(0);
@@ -61,7 +61,7 @@ TEST(FreedMemory, WhatMallocKeepsBeyondItsPartGoes) {
 }
 
 TEST(FreedMemory, EachSecondByItself) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if defined(__SANITIZE_ADDRESS__) || defined(GOBO_THREAD_SANITIZER)
   GTEST_SKIP() << "a sanitizer has its own malloc";
 #endif
   FreedMemory some(64 * kMiB);
