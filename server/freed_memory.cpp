@@ -25,20 +25,8 @@ uint64_t leftover() {
 
 uint64_t FreedMemory::keepOf(uint64_t total) { return std::clamp<uint64_t>(total / 16, 64ull << 20, 1ull << 30); }
 
-FreedMemory::~FreedMemory() {
-  {
-    const std::lock_guard lock(mutex_);
-    closing_ = true;
-  }
-  wake_.notify_all();
-  if (thread_.joinable()) thread_.join();
-}
-
 void FreedMemory::start() {
-  thread_ = std::thread([this] {
-    std::unique_lock lock(mutex_);
-    while (!wake_.wait_for(lock, kEvery, [this] { return closing_; })) look();
-  });
+  looking_.start(kEvery, [this] { look(); });
 }
 
 uint64_t FreedMemory::look() {

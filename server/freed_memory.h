@@ -4,17 +4,15 @@
 // cost whoever uses them next a fault each, so renders that free and take alike keep theirs: only what is beyond `keep` goes.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
-#include <mutex>
-#include <thread>
+
+#include "server/repeating.h"
 
 namespace gobo {
 
 class FreedMemory {
  public:
   explicit FreedMemory(uint64_t keepBytes) : keep_(keepBytes) {}
-  ~FreedMemory();
   /// Of `total` bytes that the process may hold: a sixteenth, at least 64 MiB and at most 1 GiB.
   static uint64_t keepOf(uint64_t total);
   /// Looks each second from now on, in a thread of its own.
@@ -25,10 +23,7 @@ class FreedMemory {
  private:
   const uint64_t keep_;
   uint64_t stuck_ = 0;  ///< what the last time left: it lies between what is in use, or at the end of an arena
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  bool closing_ = false;
-  std::thread thread_;
+  Repeating looking_;   ///< last: it ends before what it uses
 };
 
 }  // namespace gobo

@@ -10,7 +10,7 @@ IdleWatch::Wait::Wait(IdleWatch& watch, grpc::ServerContext& context) : watch_(w
   const auto until = Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(watch.seconds()));
   const std::lock_guard lock(watch_.mutex_);
   at_ = watch_.waits_.insert(watch_.waits_.end(), {until, &context});
-  if (!watch_.thread_.joinable()) watch_.thread_ = std::thread([w = &watch_] { w->loop(); });
+  if (!watch_.looking_.started()) watch_.looking_.start(kLook, [w = &watch_] { w->look(); });
 }
 
 IdleWatch::Wait::~Wait() {
@@ -18,25 +18,14 @@ IdleWatch::Wait::~Wait() {
   watch_.waits_.erase(at_);
 }
 
-IdleWatch::~IdleWatch() {
-  {
-    const std::lock_guard lock(mutex_);
-    closing_ = true;
-  }
-  wake_.notify_all();
-  if (thread_.joinable()) thread_.join();
-}
-
-void IdleWatch::loop() {
-  std::unique_lock lock(mutex_);
-  while (!wake_.wait_for(lock, kLook, [&] { return closing_; })) {
-    const auto now = Clock::now();
-    for (auto& [until, context] : waits_) {
-      if (now < until) continue;
-      context->TryCancel();  // does not wait; the context lives while its wait does
-      until = Clock::time_point::max();
-      ended_.fetch_add(1);
-    }
+void IdleWatch::look() {
+  const std::lock_guard lock(mutex_);
+  const auto now = Clock::now();
+  for (auto& [until, context] : waits_) {
+    if (now < until) continue;
+    context->TryCancel();  // does not wait; the context lives while its wait does
+    until = Clock::time_point::max();
+    ended_.fetch_add(1);
   }
 }
 

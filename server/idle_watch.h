@@ -6,19 +6,18 @@
 
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <list>
 #include <mutex>
-#include <thread>
 
 #include <grpcpp/grpcpp.h>
+
+#include "server/repeating.h"
 
 namespace gobo {
 
 class IdleWatch {
  public:
   explicit IdleWatch(double seconds) : seconds_(seconds) {}
-  ~IdleWatch();
   /// For waits that begin from now on.
   void setSeconds(double seconds) { seconds_.store(seconds); }
   double seconds() const { return seconds_.load(); }
@@ -39,14 +38,12 @@ class IdleWatch {
 
  private:
   using Waits = std::list<std::pair<std::chrono::steady_clock::time_point, grpc::ServerContext*>>;
-  void loop();
+  void look();
   std::atomic<double> seconds_;
   std::atomic<uint64_t> ended_{0};
   std::mutex mutex_;
-  std::condition_variable wake_;
   Waits waits_;
-  bool closing_ = false;
-  std::thread thread_;  // from the first wait
+  Repeating looking_;  // from the first wait; last: it ends before what it looks at
 };
 
 }  // namespace gobo

@@ -66,6 +66,23 @@ std::string difference(const RenderResult& a, const RenderResult& b, const char*
   return a.reply.request_hash() == b.reply.request_hash() ? "" : place + "another request hash";
 }
 
+/// A window's pictures are those of the whole there; maps of lights (shadow_basis) are no part of it.
+std::string differenceOfWindow(const RenderResult& part, const RenderResult& whole, const v1::Window& w) {
+  if (part.images.size() != whole.images.size()) return "the whole has another number of pictures";
+  for (size_t i = 0; i < part.images.size(); ++i) {
+    const std::string& name = part.images[i].output;
+    const Image &a = part.images[i].image(), &b = whole.images[i].image();
+    const bool map = name.rfind("shadow_basis", 0) == 0;
+    const int x0 = map ? 0 : int(w.x()), y0 = map ? 0 : int(w.y());
+    if (a.channels != b.channels || (map ? a.width != b.width || a.height != b.height : a.width != int(w.width()) || a.height != int(w.height())))
+      return name + " of the window has another shape";
+    for (int y = 0; y < a.height; ++y)
+      if (std::memcmp(a.at(0, y), b.at(x0, y + y0), sizeof(float) * size_t(a.channels) * size_t(a.width)) != 0)
+        return name + " of the window is not the whole's, row " + std::to_string(y);
+  }
+  return {};
+}
+
 /// The pictures as files: of equal requests they are equal bytes.
 std::string encoded(RenderResult& a, RenderResult& b) {
   const auto x = encodeImages(a), y = encodeImages(b);
@@ -105,6 +122,13 @@ Outcome render(uint8_t how, const v1::RenderRequest& request) {
     return second;
   };
   Result<RenderResult> second = again(*warm, "rendered again");
+  if (first->reply.resolved().has_window() && out.broken.empty()) {
+    v1::RenderRequest whole = first->reply.resolved();
+    whole.clear_window();
+    const Result<RenderResult> all = warm->render(whole, control);
+    if (all.ok()) out.broken = differenceOfWindow(*first, *all, first->reply.resolved().window());
+    else if (all.status().code() != Code::ResourceExhausted) out.broken = "the whole of a window is refused: " + all.status().toString();
+  }
   if (!out.broken.empty() || (how & kCold) != kCold) return out;
   alone->dropCaches(false);
   Result<RenderResult> third = again(*alone, "on one thread without a store");

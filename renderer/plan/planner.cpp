@@ -100,9 +100,9 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
     const bool all = around.width == int(request.width()) && around.height == int(request.height());  // shares its terms
     GOBO_ASSIGN(reserved, planNodes(*plan, base, request, blocks, blockSize, all ? PixelWindow{} : around, services));
     kept.clear();
+    const std::vector<bool> ofView = nodesOfView(plan->graph, {around.width, around.height, 1});
     for (PlannedOutput& o : plan->outputs) {
-      const Extent& e = plan->graph.at(o.node).shape.extent;
-      if (e.width == around.width && e.height == around.height)
+      if (ofView[size_t(o.node)])
         o.node = plan->graph.add({makeCropNode({around.width, around.height, 1}, window.x - around.x, window.y - around.y, window.width, window.height),
                                   {o.node},
                                   {},

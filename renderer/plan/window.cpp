@@ -5,10 +5,7 @@
 
 namespace gobo {
 
-namespace {
-
-/// Of the view's pixels: a source or constant over them, or a filter of what is.
-std::vector<bool> ofView(const Graph& graph, const Extent& view) {
+std::vector<bool> nodesOfView(const Graph& graph, const Extent& view) {
   std::vector<bool> out(size_t(graph.size()), false);
   for (NodeId id = 0; id < graph.size(); ++id) {
     const GraphNode& n = graph.at(id);
@@ -19,8 +16,6 @@ std::vector<bool> ofView(const Graph& graph, const Extent& view) {
   }
   return out;
 }
-
-}  // namespace
 
 Result<PixelWindow> windowOf(const v1::RenderRequest& request) {
   if (!request.has_window()) return PixelWindow{};
@@ -37,7 +32,7 @@ Result<PixelWindow> windowOf(const v1::RenderRequest& request) {
 }
 
 Result<int> haloOf(const Graph& graph, std::span<const NodeId> outputs, const Extent& view) {
-  const std::vector<bool> pixels = ofView(graph, view);
+  const std::vector<bool> pixels = nodesOfView(graph, view);
   std::vector<int> need(size_t(graph.size()), -1);
   for (const NodeId id : outputs) need[size_t(id)] = 0;
   int most = 0;

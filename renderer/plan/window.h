@@ -3,6 +3,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "base/status.h"
 #include "technique/plan_context.h"
@@ -12,6 +13,9 @@ namespace gobo {
 
 /// request.window; of no width where the request has none. Errors: InvalidArgument.
 Result<PixelWindow> windowOf(const v1::RenderRequest& request);
+
+/// By node: whether it is of the view's pixels, a source or constant over them or a filter of what is. A map of a light may have the same size.
+std::vector<bool> nodesOfView(const Graph& graph, const Extent& view);
 
 /// Pixels beyond the view that `outputs` depend on. `view`: extent of the plan's pixel terms. Errors: InvalidArgument that names a node which reads a
 /// whole picture. O(edges).

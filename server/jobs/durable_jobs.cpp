@@ -54,31 +54,24 @@ Result<std::unique_ptr<DurableJobs>> DurableJobs::start(Engine& engine, JobRunne
   options.marks = self->marks_.get();
   options.holder = std::to_string(::getpid()) + "-" + std::to_string(random());
   self->worker_ = std::make_unique<JobWorker>(engine, runner, *self->store_, self->files_, *self->scenes_, self->hub_, options);
-  self->minder_ = std::thread([s = self.get()] { s->mind(); });
+  self->mind();  // leases of a daemon that is gone, at once
+  self->minder_.start(std::chrono::seconds(1), [s = self.get()] { s->mind(); });
   return self;
 }
 
 void DurableJobs::stop() {
   if (!worker_) return;
   worker_->stop();
-  {
-    const std::lock_guard lock(mutex_);
-    stopping_ = true;
-  }
-  wake_.notify_all();
-  if (minder_.joinable()) minder_.join();
+  minder_.stop();
 }
 
 void DurableJobs::mind() {
-  for (int second = 0;; ++second) {
-    const auto expired = store_->expireLeases();
-    if (!expired.ok()) logWarn("jobs: %s", expired.status().toString().c_str());
-    if (expired.ok() && *expired) hub_.steered();
-    if (second % kResultsEvery == 0) mindResults();
-    if (second % kSweepEvery == kSweepEvery - 1) (void)files_.sweep(*store_, kSweepAge);
-    std::unique_lock lock(mutex_);
-    if (wake_.wait_for(lock, std::chrono::seconds(1), [&] { return stopping_; })) return;
-  }
+  const auto expired = store_->expireLeases();
+  if (!expired.ok()) logWarn("jobs: %s", expired.status().toString().c_str());
+  if (expired.ok() && *expired) hub_.steered();
+  if (second_ % kResultsEvery == 0) mindResults();
+  if (second_ % kSweepEvery == kSweepEvery - 1) (void)files_.sweep(*store_, kSweepAge);
+  ++second_;
 }
 
 void DurableJobs::mindResults() {

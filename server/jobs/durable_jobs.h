@@ -3,12 +3,12 @@
 // results. Made by Server when [jobs] folder is set. Thread-safe but for start() and stop().
 #pragma once
 
-#include <condition_variable>
 #include <memory>
 
 #include "server/config.h"
 #include "server/jobs/job_worker.h"
 #include "server/jobs/sqlite_job_store.h"
+#include "server/repeating.h"
 
 namespace gobo {
 
@@ -41,10 +41,8 @@ class DurableJobs {
   std::unique_ptr<JobScenes> scenes_;
   std::unique_ptr<CrashMarks> marks_;
   std::unique_ptr<JobWorker> worker_;
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  bool stopping_ = false;
-  std::thread minder_;
+  int second_ = 0;  // of the minder
+  Repeating minder_;
 };
 
 }  // namespace gobo

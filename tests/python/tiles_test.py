@@ -2,9 +2,13 @@
 """`gobo render --tile`: the picture of the whole, in one file that is there whole or not at all; what does not go in tiles is refused by name."""
 import json
 import os
+import signal
+import subprocess
+import time
 import unittest
 
-from support import DaemonTest
+from gobo.v1 import service_pb2, service_pb2_grpc
+from support import CLI, DaemonTest
 
 
 class Tiles(DaemonTest):
@@ -48,6 +52,35 @@ class Tiles(DaemonTest):
         self.assertEqual(box(b"dataWindow"), [10, 5, 29, 34])
         self.assertEqual(box(b"displayWindow"), [0, 0, 74, 40])
 
+    def tiled(self, name, *more):
+        """A render of many tiles that has begun to write its file."""
+        env = {**os.environ, "GOBO_SERVER": self.client.address}
+        run = subprocess.Popen([CLI, "render", "lamps", "--size", "640x480", "--spp", "16", "-q", "--tile", "32", *more, "-o", self.path(name)], env=env,
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=self.folder)
+        self.addCleanup(run.kill)
+        begun = time.monotonic()
+        while not any(f.startswith(name.split(".")[0]) for f in os.listdir(self.folder)):
+            self.assertIsNone(run.poll(), "it ended before it wrote")
+            self.assertLess(time.monotonic() - begun, 60)
+            time.sleep(0.01)
+        return run
+
+    def test_a_scene_that_changes_between_tiles_is_an_error(self):
+        run = self.tiled("changed.exr")
+        stub = service_pb2_grpc.ScenesStub(self.client.channel)
+        stub.Patch(service_pb2.PatchSceneRequest(scene="lamps", materials={"floor": service_pb2.MaterialPatch(roughness=0.77)}))
+        said = run.communicate(timeout=60)[1]
+        self.assertEqual(run.returncode, 2, said)
+        self.assertIn("scene_hash", said)
+        self.assertEqual([f for f in os.listdir(self.folder) if f.startswith("changed")], [])
+
+    def test_a_stopped_render_leaves_nothing(self):
+        run = self.tiled("stopped.exr")
+        run.send_signal(signal.SIGINT)
+        said = run.communicate(timeout=60)[1]
+        self.assertEqual(run.returncode, 5, said)
+        self.assertEqual([f for f in os.listdir(self.folder) if f.startswith("stopped")], [])
+
     def test_refusals(self):
         def refused(words, *args):
             self.assertIn(words, self.cli(*self.what, *args, code=2).stderr)
@@ -60,8 +93,8 @@ class Tiles(DaemonTest):
         refused("DWA", "--tile", 32, "-o", "a.exr", "--set", "encoding.compression=DWAA")
         refused("request.certificate", "--tile", 32, "-o", "a.exr", "--certificate")
         refused("reads a whole picture", "--tile", 32, "-o", "a.exr", "--set", "shadows.axis_aligned.mean_samples=12")
-        time = [a for a in self.what if a not in ("--spp", "2")]
-        self.assertIn("halt.time_s", self.cli(*time, "--time", 1, "--tile", 32, "-o", "a.exr", code=2).stderr)
+        unbounded = [a for a in self.what if a not in ("--spp", "2")]
+        self.assertIn("halt.time_s", self.cli(*unbounded, "--time", 1, "--tile", 32, "-o", "a.exr", code=2).stderr)
         self.assertEqual([f for f in os.listdir(self.folder) if f.startswith("a.")], [])
 
 

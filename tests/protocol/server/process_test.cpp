@@ -254,7 +254,7 @@ TEST_F(Process, TermEndsWhateverRuns) {
 // Six clients at once, each with requests that are 15 MiB of what this build does not know: it is dropped, and malloc may not keep it either. (Ends of arenas
 // stay; without that it is over 400 MiB.)
 TEST_F(Process, LargeMessagesLeaveNoMemoryBehind) {
-#ifdef __SANITIZE_ADDRESS__
+#if defined(__SANITIZE_ADDRESS__) || defined(GOBO_THREAD_SANITIZER)
   GTEST_SKIP() << "the sanitizer has its own malloc";
 #endif
   const std::string file = folder + "/gobod.toml";

@@ -59,6 +59,21 @@ TEST(Window, HasTheBitsOfTheWholeWithEveryTechniqueAndOutput) {
   EXPECT_GT(windows, 50);
 }
 
+TEST(Window, AMapOfItsSizeStaysWhole) {
+  v1::RenderRequest r = withLamp(48, 48, LightKind::Spot);
+  for (const char* a : {"shadows.axis_aligned.radius_px=2", "shadows.axis_aligned.dilate_px=1", "lights.lamp.shadow.exponential.c=40",
+                        "lights.lamp.shadow.map.resolution=24", "outputs=beauty,shadow_basis:lamp"})
+    set(r, a);
+  const auto engine = makeEngine();
+  const RenderResult whole = mustRender(*engine, r);
+  ASSERT_EQ(whole.images[1].image().width, 24);
+  for (int side = 14; side <= 24; ++side) {  // one of them has the map's size with its halo
+    const std::array<int, 4> w{12, 12, side, side};
+    setWindow(r, w);
+    EXPECT_EQ(difference(whole, mustRender(*engine, r), w), "") << side;
+  }
+}
+
 TEST(Window, IsMadeInTheBytesOfThePart) {
   const auto engine = makeEngine();
   v1::RenderRequest r = withLamp(2048, 2048, LightKind::Spot);
