@@ -100,6 +100,9 @@ void printScene(const v1::SceneInfo& info) {
               static_cast<unsigned long long>(info.triangles()), info.instances(), info.materials(), info.textures(), bytesText(info.bytes()).c_str(),
               info.load_ms());
   std::printf("  bounds %s .. %s m\n", vectorText(info.bounds_min()).c_str(), vectorText(info.bounds_max()).c_str());
+  if (info.has_origin())
+    std::printf("  origin %.15g %.15g %.15g m in the file's coordinates; all others here are relative to it\n", info.origin().x(), info.origin().y(),
+                info.origin().z());
   const auto names = [](const char* title, const auto& list) {
     if (list.empty()) return;
     std::printf("  %s:", title);

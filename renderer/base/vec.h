@@ -14,6 +14,7 @@ using Vec3 = glm::vec3;
 using Vec4 = glm::vec4;
 using DVec3 = glm::dvec3;
 using Mat3 = glm::mat3;
+using DMat4 = glm::dmat4;
 using Mat4 = glm::mat4;  ///< column-major, acts on column vectors: p' = M * vec4(p, 1)
 
 inline constexpr float kPi = 3.14159265358979323846f;

@@ -181,6 +181,11 @@ v1::SceneInfo SceneLibrary::info(const std::string& id, const Entry& e) const {
     put(out.mutable_bounds_min(), lo);
     put(out.mutable_bounds_max(), hi);
   }
+  if (s.origin != DVec3(0.0)) {
+    out.mutable_origin()->set_x(s.origin.x);
+    out.mutable_origin()->set_y(s.origin.y);
+    out.mutable_origin()->set_z(s.origin.z);
+  }
   for (const std::string& w : s.warnings) out.add_warnings(w);
   out.set_load_ms(e.loadMs);
   if (s.rig)

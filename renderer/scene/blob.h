@@ -29,8 +29,9 @@ namespace gobo {
 using BlobKey = std::array<uint8_t, 32>;  ///< SHA-256 of what the blob was made from; zero: not known
 enum class BlobTrust { Foreign, Own };
 // 2: points and lines are geometry: what the importer makes of a file is part of the format; 3: Texture::lowest, Camera::cullBackFaces; 4: digest of
-// the arrays; 5: LightShape::angularSize, skyRectangle; 6: Scene::profiles, LightShape::profile, profileRotation.
-inline constexpr uint32_t kBlobVersion = 6;
+// the arrays; 5: LightShape::angularSize, skyRectangle; 6: Scene::profiles, LightShape::profile, profileRotation; 7: Scene::origin, Rig::origin,
+// RigNode in double.
+inline constexpr uint32_t kBlobVersion = 7;
 inline constexpr size_t kBlobHeaderBytes = 144;
 
 /// Digest of all field lists with names and types: what decides whether a blob can be read by this build.

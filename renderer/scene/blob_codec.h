@@ -59,8 +59,8 @@ template <typename T>
 struct IsShared<std::shared_ptr<const T>> : std::true_type {};
 /// A GLM vector or matrix or a digest: stored as it lies in memory.
 template <typename T>
-inline constexpr bool isPlain =
-    std::is_same_v<T, Hash128> || std::is_same_v<T, Vec2> || std::is_same_v<T, Vec3> || std::is_same_v<T, Vec4> || std::is_same_v<T, Mat4>;
+inline constexpr bool isPlain = std::is_same_v<T, Hash128> || std::is_same_v<T, Vec2> || std::is_same_v<T, Vec3> || std::is_same_v<T, Vec4> ||
+                                std::is_same_v<T, Mat4> || std::is_same_v<T, DVec3> || std::is_same_v<T, DMat4>;
 
 template <typename T, typename V>
 void visitStruct(T& item, V&& v) {

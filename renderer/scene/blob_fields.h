@@ -101,6 +101,7 @@ void visitFields(S& s, V&& v) {
   v("cameras", s.cameras);
   v("rig", s.rig);
   v("variants", s.variants);
+  v("origin", s.origin);
   v("warnings", s.warnings);
 }
 

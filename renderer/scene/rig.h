@@ -30,11 +30,12 @@ using ScenePtr = std::shared_ptr<const Scene>;
 
 /// A node's transform to its parent: translation * rotation * scale, or a matrix, which no animation may move.
 struct RigNode {
-  int parent = -1;     ///< index below this node's own, or -1
-  bool fixed = false;  ///< `matrix` counts, the other three do not
-  Vec3 translation{0.0f}, scale{1.0f};
+  int parent = -1;         ///< index below this node's own, or -1
+  bool fixed = false;      ///< `matrix` counts, the other three do not
+  DVec3 translation{0.0};  ///< double, as the text of a file far from its origin has it
+  Vec3 scale{1.0f};
   Vec4 rotation{0, 0, 0, 1};  ///< unit quaternion x y z w
-  Mat4 matrix{1.0f};
+  DMat4 matrix{1.0};
 };
 
 struct RigSkin {
@@ -100,6 +101,7 @@ struct RigAnimation {
 
 struct Rig {
   std::vector<RigNode> nodes;  ///< parents before children
+  DVec3 origin{0.0};           ///< Scene::origin: taken from what has no parent
   std::vector<RigSkin> skins;
   std::vector<MeshPtr> meshes;  ///< geometry of the sources, undeformed; materials do not count
   std::vector<RigSource> sources;
@@ -207,6 +209,7 @@ void visitFields(S& s, V&& v) {
 template <Same<Rig> S, typename V>
 void visitFields(S& s, V&& v) {
   v("nodes", s.nodes);
+  v("origin", s.origin);
   v("skins", s.skins);
   v("meshes", s.meshes);
   v("sources", s.sources);

@@ -60,6 +60,13 @@ bool allFinite(const V& v) requires requires {
   v.length();
 }
 { return allFinite(std::span<const float>(&v[0], size_t(v.length()))); }
+bool allFinite(const DVec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+bool allFinite(const DMat4& m) {
+  for (int c = 0; c < 4; ++c)
+    for (int r = 0; r < 4; ++r)
+      if (!std::isfinite(m[c][r])) return false;
+  return true;
+}
 bool allFinite(const Mat4& m) { return allFinite(std::span<const float>(&m[0][0], 16)); }
 
 class Checker {
@@ -67,6 +74,7 @@ class Checker {
   Checker(const Rig& rig, const Scene& scene) : rig_(rig), scene_(scene) {}
 
   Status run() {
+    if (!allFinite(rig_.origin)) return fail("origin", 0, "is not finite");
     for (size_t i = 0; i < rig_.nodes.size(); ++i) {
       const RigNode& n = rig_.nodes[i];
       if (n.parent < -1 || n.parent >= int(i)) return fail("nodes", i, "parent is not before its child");

@@ -75,7 +75,7 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
   std::vector<Trs> local(rig.nodes.size());
   for (size_t i = 0; i < local.size(); ++i) {
     const RigNode& n = rig.nodes[i];
-    local[i] = {glm::dvec3(n.translation), glm::dvec3(n.scale), {n.rotation.x, n.rotation.y, n.rotation.z, n.rotation.w}};
+    local[i] = {n.translation, glm::dvec3(n.scale), {n.rotation.x, n.rotation.y, n.rotation.z, n.rotation.w}};
     normalise4(local[i].q);
   }
   RigPose pose;
@@ -97,12 +97,13 @@ RigPose evaluatePose(const Rig& rig, const std::vector<const RigAnimation*>& cho
   pose.world.resize(rig.nodes.size());
   for (size_t i = 0; i < local.size(); ++i) {
     const RigNode& n = rig.nodes[i];
-    glm::dmat4 m(n.matrix);
+    glm::dmat4 m = n.matrix;
     if (!n.fixed) {
       m = glm::mat4_cast(glm::dquat(local[i].q[3], local[i].q[0], local[i].q[1], local[i].q[2]));
       for (int c = 0; c < 3; ++c) m[c] *= local[i].s[c];
       m[3] = glm::dvec4(local[i].t, 1.0);
     }
+    if (n.parent < 0) m[3] -= glm::dvec4(rig.origin, 0.0);
     pose.world[i] = n.parent < 0 ? m : pose.world[n.parent] * m;
   }
   return pose;

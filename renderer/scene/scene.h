@@ -37,12 +37,15 @@ struct Scene {
   std::vector<Instance> instances;
   std::vector<Material> materials;
   std::vector<std::shared_ptr<const Texture>> textures;
-  std::vector<Light> lights;               ///< includes one Mesh light per emissive instance, and one Environment light if any
-  std::vector<LightProfilePtr> profiles;   ///< what lights refer to; sealed (sealProfile)
-  EnvironmentPtr environment;              ///< null: black
-  std::vector<Camera> cameras;             ///< at least one after seal()
-  RigPtr rig;                              ///< null: nothing in it can be animated; sealed (sealRig)
-  Variants variants;                       ///< KHR_materials_variants
+  std::vector<Light> lights;              ///< includes one Mesh light per emissive instance, and one Environment light if any
+  std::vector<LightProfilePtr> profiles;  ///< what lights refer to; sealed (sealProfile)
+  EnvironmentPtr environment;             ///< null: black
+  std::vector<Camera> cameras;            ///< at least one after seal()
+  RigPtr rig;                             ///< null: nothing in it can be animated; sealed (sealRig)
+  Variants variants;                      ///< KHR_materials_variants
+  /// Where these coordinates begin in the file's, m; not 0 where the file puts everything so far away that floats would be too coarse there
+  /// (import/gltf/origin.h). No digest has it: pictures do not depend on it.
+  DVec3 origin{0.0};
   std::vector<std::string> warnings;       ///< what the loader repaired or ignored
   std::shared_ptr<const MappedFile> file;  ///< that arrays of it, and of scenes made from it, look into; null: none
 

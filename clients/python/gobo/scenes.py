@@ -42,6 +42,7 @@ class Scene:
     bytes: int
     load_ms: float
     warnings: List[str]
+    origin: Tuple[float, float, float]
     info: service_pb2.SceneInfo = field(repr=False)
 
 
@@ -53,7 +54,7 @@ def _scene(i: service_pb2.SceneInfo) -> Scene:
     lights = {n.name: LightInfo(n.name, n.kind, _triple(n.power), _triple(n.position), _triple(n.direction)) for n in i.lights}
     bounds = np.array([_triple(i.bounds_min), _triple(i.bounds_max)], np.float64)
     return Scene(i.id, i.source, i.hash, i.triangles, list(i.instance_names), list(i.material_names), list(i.cameras), lights, bounds, i.bytes,
-                 i.load_ms, list(i.warnings), i)
+                 i.load_ms, list(i.warnings), _triple(i.origin), i)
 
 
 class Scenes:

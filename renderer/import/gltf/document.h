@@ -45,7 +45,7 @@ struct Cursor {
       fail("is not an array of " + std::to_string(Vector::length()) + " numbers");
       return otherwise;
     }
-    for (int i = 0; i < Vector::length(); ++i) otherwise[i] = float(at(size_t(i)).number(0.0));
+    for (int i = 0; i < Vector::length(); ++i) otherwise[i] = typename Vector::value_type(at(size_t(i)).number(0.0));
     return otherwise;
   }
   Cursor extension(const char* name) const { return (*this)["extensions"][name]; }
@@ -132,6 +132,7 @@ struct Part {
   int source = -1;                   ///< in Rig::sources
   std::vector<VariantUse> variants;  ///< without `mesh`
   std::vector<float> weights;        ///< of the glTF mesh
+  DVec3 centre{0.0};                 ///< taken from its positions, given back by its instances (origin.h)
 };
 using Parts = std::vector<std::vector<Part>>;  ///< a list for each glTF mesh
 

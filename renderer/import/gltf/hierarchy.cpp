@@ -16,12 +16,12 @@ RigNode readNode(Document& d, const Cursor& node) {
     }
     for (const char* key : {"translation", "rotation", "scale"})
       if (node[key].exists()) d.warn(matrix.pointer, std::string("node has a matrix and a ") + key + "; the matrix counts");
-    for (size_t i = 0; i < 16; ++i) n.matrix[int(i / 4)][int(i % 4)] = float(matrix.at(i).number(0.0));
-    if (n.matrix[0][3] != 0.0f || n.matrix[1][3] != 0.0f || n.matrix[2][3] != 0.0f || n.matrix[3][3] != 1.0f) matrix.fail("last row is not 0 0 0 1");
+    for (size_t i = 0; i < 16; ++i) n.matrix[int(i / 4)][int(i % 4)] = matrix.at(i).number(0.0);
+    if (n.matrix[0][3] != 0.0 || n.matrix[1][3] != 0.0 || n.matrix[2][3] != 0.0 || n.matrix[3][3] != 1.0) matrix.fail("last row is not 0 0 0 1");
     n.fixed = true;
     return n;
   }
-  n.translation = node["translation"].vector(Vec3(0.0f));
+  n.translation = node["translation"].vector(DVec3(0.0));
   n.scale = node["scale"].vector(Vec3(1.0f));
   const Vec4 q = node["rotation"].vector(Vec4(0, 0, 0, 1));
   const float length = glm::length(q);

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <glm/gtc/quaternion.hpp>
 
+#include "import/gltf/origin.h"
 #include "import/gltf/texture.h"
 #include "scene/rig_sample.h"
 
@@ -26,11 +27,10 @@ class Tree {
   Status read() {
     pose_ = evaluatePose(rig_, {}, 0.0);
     moves_ = d_.list("animations").size() > 0;
-    std::vector<int> stack = findRoots();  // not recursion: a chain of nodes may be as long as the file
-    std::reverse(stack.begin(), stack.end());
-    while (!stack.empty() && d_.ok()) {
-      const int index = stack.back();
-      stack.pop_back();
+    const std::vector<int> drawn = drawnNodes();
+    findOrigin(drawn);
+    for (const int index : drawn) {
+      if (!d_.ok()) break;
       const Cursor node = nodes_.at(size_t(index));
       const Mat4 world(pose_.world[place_[index]]);
       for (int c = 0; c < 4; ++c)
@@ -40,13 +40,71 @@ class Tree {
             return d_.status;
           }
       place(node, index, world);
-      const Cursor children = node["children"];
-      for (size_t k = children.size(); k-- > 0 && d_.ok();) stack.push_back(children.at(k).index("nodes"));
     }
     return d_.status;
   }
 
  private:
+  /// Parents before children, in the order of the file.
+  std::vector<int> drawnNodes() {
+    std::vector<int> stack = findRoots(), drawn;  // not recursion: a chain of nodes may be as long as the file
+    std::reverse(stack.begin(), stack.end());
+    while (!stack.empty() && d_.ok()) {
+      drawn.push_back(stack.back());
+      const Cursor children = nodes_.at(size_t(stack.back()))["children"];
+      stack.pop_back();
+      for (size_t k = children.size(); k-- > 0 && d_.ok();) stack.push_back(children.at(k).index("nodes"));
+    }
+    return drawn;
+  }
+
+  /// Where the scene's coordinates begin, and those of meshes that lie far from their own 0 (origin.h).
+  void findOrigin(const std::vector<int>& drawn) {
+    Box all;
+    std::map<const Mesh*, Box> boxes;
+    for (const int index : drawn) {
+      const Cursor node = nodes_.at(size_t(index));
+      const int mesh = node["mesh"].index("meshes"), skin = node["skin"].index("skins");
+      if (!d_.ok()) return;
+      if (mesh < 0) continue;
+      for (const Part& part : parts_[mesh]) {
+        if (skin >= 0 && part.source >= 0 && rig_.sources[part.source].influences > 0) {  // joints alone place it
+          for (const int32_t j : rig_.skins[skin].joints) all.add(DVec3(pose_.world[j][3]));
+          continue;
+        }
+        const auto [known, fresh] = boxes.try_emplace(part.mesh.get());
+        if (fresh) known->second = boxOf(*part.mesh);
+        const Box here = transformed(known->second, pose_.world[place_[index]]);
+        if (here.empty()) continue;
+        all.add(here.lo);
+        all.add(here.hi);
+      }
+    }
+    rig_.origin = scene_.origin = originFor(all);
+    if (scene_.origin == DVec3(0.0)) return;
+    char text[160];
+    std::snprintf(text, sizeof text, "the scene lies %.3g m from the file's origin: its coordinates are relative to %.15g %.15g %.15g",
+                  glm::length(scene_.origin), scene_.origin.x, scene_.origin.y, scene_.origin.z);
+    d_.warn("/scene", text);
+    pose_ = evaluatePose(rig_, {}, 0.0);
+    for (std::vector<Part>& mesh : parts_)
+      for (Part& part : mesh) centreMesh(part);
+  }
+
+  void centreMesh(Part& part) {
+    RigSource* const source = part.source < 0 ? nullptr : &rig_.sources[part.source];
+    if (source && source->influences > 0) return;  // its joints' matrices take positions as they are
+    const Vec3 centre(originFor(boxOf(*part.mesh)));
+    if (centre == Vec3(0.0f) || !d_.account(part.mesh->positions.size() * sizeof(Vec3), d_.list("meshes"))) return;
+    auto moved = std::make_shared<Mesh>(*part.mesh);
+    for (Vec3& p : moved->positions) p -= centre;  // exact: they are near each other, in proportion to what they are
+    sealMesh(*moved);
+    if (part.sceneMesh >= 0) scene_.meshes[part.sceneMesh] = moved;
+    if (source) rig_.meshes[source->mesh] = moved;
+    part.mesh = std::move(moved);
+    part.centre = DVec3(centre);
+  }
+
   std::vector<int> findRoots() {
     std::vector<int> roots;
     const Cursor scenes = d_.list("scenes");
@@ -190,7 +248,9 @@ class Tree {
       if (!d_.account(copies.size() * (sizeof(Instance) + sizeof(RigFollower) + 64), node)) return;
       for (const Mat4& local : copies) {
         scene_.instances.push_back({unique(base), shown, world});
-        follow(RigKind::Instance, scene_.instances.size() - 1, index, local);
+        DMat4 placed(local);
+        placed[3] = placed * glm::dvec4(part.centre, 1.0);
+        follow(RigKind::Instance, scene_.instances.size() - 1, index, Mat4(placed));
       }
       if (scene_.instances.size() > kMaxInstances) {
         node.fail("more than " + std::to_string(kMaxInstances) + " instances");
