@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/engine.h"
+
 #include "plan/window.h"
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 #include <mutex>
 
 #include "filters/shadow_technique.h"
+#include "plan/auto_exposure.h"
 #include "plan/certify_picture.h"
 #include "plan/describe_unrun.h"
 #include "plan/disk_store.h"
@@ -189,6 +191,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   r.mutable_tone_map();
   r.mutable_encoding();
   r.mutable_scheduling();
+  if (scene->lights.empty() && !scene->environment) r.mutable_environment();  // its `default` may light it
   if (!r.has_shadows() || r.shadows().technique_case() == v1::ShadowTechnique::TECHNIQUE_NOT_SET) r.mutable_shadows()->mutable_path_traced();
   if (!r.has_halt() || (!r.halt().has_spp() && !r.halt().has_time_s() && !r.halt().has_error())) r.mutable_halt()->set_spp(64);
   if (r.outputs_size() == 0) r.add_outputs("beauty");
@@ -390,6 +393,34 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   return result;
 }
 
+namespace {
+
+/// Whether the client left the exposure of a picture for looking at to the server. A window would get another one than its neighbours.
+bool leavesExposure(const v1::RenderRequest& asked, const v1::RenderRequest& resolved) {
+  const auto format = resolved.encoding().format();
+  return !asked.tone_map().has_exposure() && resolved.tone_map().auto_exposure() && !resolved.has_window() &&
+         (format == v1::Encoding::PNG || format == v1::Encoding::JPEG);
+}
+
+/// Into the reply's request, as if the client had given it.
+void setExposure(RenderResult& result) {
+  for (const RenderedImage& image : result.images) {
+    if (findOutput(image.output)->kind != OutputKind::Radiance) continue;
+    const std::optional<ChosenExposure> chosen = chooseExposure(image.image());
+    if (!chosen) return;
+    v1::RenderRequest& resolved = *result.reply.mutable_resolved();
+    resolved.mutable_tone_map()->set_exposure(chosen->stops);
+    result.reply.set_request_hash(requestHash(resolved));
+    char text[160];
+    std::snprintf(text, sizeof text, "tone_map.exposure = %g was chosen: the log-average luminance of %s is %.3g; give an exposure to keep it", chosen->stops,
+                  image.output.c_str(), chosen->luminance);
+    result.reply.add_warnings(text);
+    return;
+  }
+}
+
+}  // namespace
+
 Status Engine::Impl::checked(const MappedGuard& guard, const Status& result) {
   const Status lost = guard.check();
   if (lost.ok()) return result;
@@ -439,6 +470,7 @@ Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderCon
       }
       return result.status();
     }
+    if (leavesExposure(request, resolved)) setExposure(*result);
     const double elapsed = msSince(start);
     const bool timeUp = halt.has_time_s() && elapsed >= halt.time_s() * 1e3;
     const bool errorMet = halt.has_error() && result->reply.certificate().rmse_high() <= halt.error();

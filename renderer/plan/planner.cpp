@@ -32,7 +32,10 @@ void reportMissing(const PlanContext& c, std::vector<std::string>& missing) {
 }
 
 Status planBeauty(PlanContext& c, std::span<const Technique* const> techniques) {
-  if (c.scene()->lights.empty() && !c.kinds().unlit) c.prune("beauty", "the scene has no light");
+  if (c.scene()->lights.empty() && !c.kinds().unlit) {
+    c.prune("beauty", "the scene has no light");
+    c.warn("the picture is black: the scene has no light, and the request brings none");
+  }
   for (const Technique* t : techniques) GOBO_TRY(t->claim(c));
   for (const Technique* t : techniques) GOBO_TRY(t->plan(c));
   return c.cover().complete();
@@ -50,6 +53,7 @@ Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderReq
     beauty = beauty || needsRadiance(infoOf(o));
   }
   PlanContext context({request, plan.effective, plan.groups, blocks, blockSize, window, apart, services.stop, services.expand}, plan.graph);
+  for (const std::string& w : plan.effective.warnings) context.warn(w);
   if (beauty) {
     GOBO_TRY(planBeauty(context, services.techniques));
     if (!context.scene()->lights.empty()) reportMissing(context, plan.missing);

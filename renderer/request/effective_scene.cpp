@@ -10,6 +10,7 @@
 #include "scene/edit.h"
 #include "scene/environment_tents.h"
 #include "scene/light_axes.h"
+#include "scene/studio.h"
 #include "trace/emission_profile.h"
 
 namespace gobo {
@@ -139,6 +140,13 @@ Status applyProfile(v1::LightEdit::Profile profile, Scene& scene, LightShape& s,
   return {};
 }
 
+/// Nothing of it would be seen: no light of any kind and no colour that needs none.
+bool unlit(const Scene& scene) {
+  if (scene.environment || !scene.lights.empty()) return false;
+  return std::none_of(scene.instances.begin(), scene.instances.end(),
+                      [&](const Instance& i) { return scene.materials[size_t(scene.meshes[size_t(i.mesh)]->material)].bsdf.unlit; });
+}
+
 bool movable(LightKind k) { return k != LightKind::Mesh && k != LightKind::Environment; }
 
 }  // namespace
@@ -237,11 +245,6 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
       GOBO_TRY(checkFinite(e.constant(), "request.environment.constant", true));
       scene->environment = constantEnvironment(toVec3(e.constant()));
     }
-    if (e.has_rotation_deg() && scene->environment) {
-      auto turned = std::make_shared<Environment>(*scene->environment);
-      turned->rotation = radians(std::fmod(e.rotation_deg(), 360.0));
-      scene->environment = turned;
-    }
     if (kinds > 0)
       scene->lights.erase(std::remove_if(scene->lights.begin(), scene->lights.end(), [](const Light& l) { return l.shape.kind == LightKind::Environment; }),
                           scene->lights.end());
@@ -278,6 +281,18 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
     const LightShape before = scene->lights[index].shape;
     GOBO_TRY(applyLightShape(*edit, *scene, size_t(index), path));
     changed = changed || std::memcmp(&before, &scene->lights[index].shape, sizeof before) != 0;
+  }
+  const v1::EnvironmentSettings& environment = request.environment();
+  const bool chosen = environment.has_path() || environment.has_sky() || environment.has_constant();
+  if (!chosen && environment.default_() != v1::EnvironmentSettings::NONE && unlit(*scene)) {
+    scene->environment = studioEnvironment();
+    changed = true;
+    out.warnings.push_back("the scene has no light: environment.default = STUDIO lights it; NONE leaves it black");
+  }
+  if (environment.has_rotation_deg() && scene->environment) {
+    auto turned = std::make_shared<Environment>(*scene->environment);
+    turned->rotation = radians(std::fmod(environment.rotation_deg(), 360.0));
+    scene->environment = turned;
   }
   if (changed) {
     GOBO_TRY(scene->seal());

@@ -20,6 +20,7 @@ struct EffectiveScene {
   std::vector<Vec3> gains;        ///< per light of `scene`: RGB factor on nominal() of that light traced alone
   std::vector<Vec3> gainChanges;  ///< per light: gains less what the scene itself says, which is what a cluster holds of it; 0 = unedited
   Camera camera;
+  std::vector<std::string> warnings;
 };
 
 /// Loads an environment file on behalf of a request (the engine checks roots and caches).

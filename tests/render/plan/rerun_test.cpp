@@ -120,6 +120,8 @@ const std::map<std::string, Row>& rows() {
       {"environment.gain", {{"environment.gain=2,1,1"}, kBeauty}},
       {"tone_map.exposure", {{"tone_map.exposure=2"}, {}}},
       {"tone_map.curve", {{"tone_map.curve=LINEAR"}, {}}},
+      {"tone_map.auto_exposure", {{"tone_map.auto_exposure=false"}, {}}},
+      {"environment.default", {{"environment.default=NONE"}, {}}},  // there is light
   };
   return table;
 }

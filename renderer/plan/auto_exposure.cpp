@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "plan/auto_exposure.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/vec.h"
+
+namespace gobo {
+
+namespace {
+constexpr double kDark = -7.0, kBright = 1.0, kGrey = -2.473931188332412;  // log2: of 1/128, 2, 0.18
+constexpr double kMost = 32.0;                                             // tone_map.exposure's range
+}  // namespace
+
+std::optional<ChosenExposure> chooseExposure(const Image& linear) {
+  double sum = 0.0;
+  uint64_t n = 0;
+  for (size_t p = 0; p < linear.pixels(); ++p) {
+    const float* v = linear.data.data() + p * size_t(linear.channels);
+    const double y = linear.channels >= 3 ? double(luminance(Vec3(v[0], v[1], v[2]))) : double(v[0]);
+    if (!(y > 0.0) || !std::isfinite(y)) continue;
+    sum += std::log2(y);
+    ++n;
+  }
+  if (n == 0) return std::nullopt;
+  const double mean = sum / double(n);
+  if (mean >= kDark && mean <= kBright) return std::nullopt;
+  return ChosenExposure{std::clamp(std::round((kGrey - mean) * 4.0) / 4.0, -kMost, kMost), std::exp2(mean)};
+}
+
+}  // namespace gobo

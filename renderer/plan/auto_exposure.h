@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// The exposure of a picture for looking at that would otherwise be nearly black or nearly white: lamps in candela, scenes in other units.
+#pragma once
+
+#include <optional>
+
+#include "base/image.h"
+
+namespace gobo {
+
+struct ChosenExposure {
+  double stops = 0.0;
+  double luminance = 0.0;  ///< log-average of what is not black
+};
+/// Nothing for a picture whose log-average luminance, black pixels aside, lies within 2^-7 .. 2, and for a black one; else what brings it to 0.18, in
+/// quarters of a stop. `linear`: 1 channel or 3 and more.
+std::optional<ChosenExposure> chooseExposure(const Image& linear);
+
+}  // namespace gobo

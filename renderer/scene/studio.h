@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+// The light of a scene that has none: a grey room with three soft boxes, so that the first picture of a model shows the model.
+#pragma once
+
+#include "scene/environment.h"
+
+namespace gobo {
+
+/// A grey room, darker below, with a key light in front to the right, a fill to the left and a rim light behind, seen from +Z, glTF's front. A white
+/// Lambert surface that faces +Z has radiance 0.9. The same map each time.
+EnvironmentPtr studioEnvironment();
+
+}  // namespace gobo
