@@ -3,6 +3,8 @@
 
 #include <cstdio>
 
+#include "base/closest.h"
+
 #include <google/protobuf/descriptor.h>
 
 namespace gobo::cli {
@@ -20,8 +22,11 @@ CLI::Option* value(CLI::App& app, const std::string& names, T& target, const std
 }
 
 void addRequestOptions(CLI::App& app, RequestOptions& o, bool scheduling = true) {
-  value(app, "--request", o.file, "FILE", "RenderRequest as JSON");
+  value(app, "--request", o.file, "FILE", "RenderRequest as JSON; - reads standard input");
   value(app, "--set", o.sets, "PATH=VALUE", "a field of the request, such as lights.key.color=1,0.9,0.8; repeat for several")->allow_extra_args(false);
+  value(app, "--curve", o.curves, "PATH=T:V,T:V",
+        "a number or vector (V/V/V) of the request over its time_s, such as lights.key.intensity=0:1,2:10; with ;STEP or ;SMOOTH; repeat for several")
+      ->allow_extra_args(false);
   value(app, "--camera", o.camera, "CAMERA", "a camera of the scene");
   value(app, "--size", o.size, "WIDTHxHEIGHT", "pixels");
   value(app, "--env", o.environment, "FILE", "lat-long .hdr or .exr, or none");
@@ -64,6 +69,28 @@ CLI::App* CommandLine::command(CLI::App& parent, const std::string& name, const 
   return sub;
 }
 
+std::string CommandLine::mistyped(const CLI::ParseError& error) const {
+  if (error.get_name() != "ExtrasError") return {};
+  std::vector<const CLI::App*> chain{&app};  // the program, then the command, then its own
+  while (!chain.back()->get_subcommands().empty()) chain.push_back(chain.back()->get_subcommands().front());
+  const CLI::App& last = *chain.back();
+  for (const std::string& word : app.remaining(true)) {
+    const bool option = word.size() > 1 && word[0] == '-';
+    std::vector<std::string> known;
+    if (option) {
+      for (const CLI::App* a : chain)
+        for (const CLI::Option* o : a->get_options())
+          for (const std::string& name : o->get_lnames()) known.push_back("--" + name);
+      return "no option " + word.substr(0, word.find('=')) + didYouMean(word.substr(0, word.find('=')), known) + " (" +
+             (chain.size() > 1 ? "gobo " + last.get_name() : last.get_name()) + " --help lists them)";
+    }
+    if (last.get_subcommands([](const CLI::App*) { return true; }).empty()) continue;
+    for (const CLI::App* sub : last.get_subcommands([](const CLI::App*) { return true; })) known.push_back(sub->get_name());
+    if (!closest(word, known).empty() || chain.size() == 1) return "no command '" + word + "'" + didYouMean(word, known) + " (gobo --help lists them)";
+  }
+  return {};
+}
+
 int CommandLine::run() {
   if (version) {
     std::printf("gobo %s\n", buildVersion().c_str());
@@ -98,7 +125,9 @@ void CommandLine::addRendering() {
     return runRender(session, render_);
   });
   value(*render, "scene", render_.scene, "SCENE", "file, id or built-in name (may come from --request)");
-  value(*render, "-o,--out", render_.out, "FILE", ".exr .png .jpg .raw; several outputs go to out.NAME.exr, or with --layers into one .exr");
+  value(*render, "-o,--out", render_.out, "FILE",
+        ".exr .png .jpg .raw; several outputs go to out.NAME.exr, or with --layers into one .exr; - writes one picture to standard output, as request.encoding "
+        "says");
   value(*render, "--outputs", render_.request.outputs, "OUTPUTS", kOutputsHelp);
   render->add_flag("--certificate", render_.request.certificate, "ask for an error estimate");
   render->add_flag("--layers", render_.request.layers, "one EXR file with every output as a named layer");
@@ -124,7 +153,7 @@ void CommandLine::addRendering() {
   });
   value(*relight, "render_id", relight_.id, "RENDER_ID", "printed by an earlier render")->required();
   value(*relight, "--set", relight_.sets, "PATH=VALUE", "repeat for several")->required()->allow_extra_args(false);
-  value(*relight, "-o,--out", relight_.out, "FILE", ".exr .png .jpg .raw");
+  value(*relight, "-o,--out", relight_.out, "FILE", ".exr .png .jpg .raw; - writes one picture to standard output");
   relight->add_flag("-q,--quiet", relight_.quiet, "print errors only");
 }
 

@@ -22,6 +22,8 @@ class CommandLine {
   CommandLine& operator=(const CommandLine&) = delete;
   /// Runs the command that was parsed; exit code.
   int run();
+  /// What to say of a command or an option that nobody knows: the name that was probably meant. Empty for other errors.
+  std::string mistyped(const CLI::ParseError& error) const;
 
   CLI::App app;
   SessionOptions session;

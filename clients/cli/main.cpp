@@ -14,7 +14,13 @@ int main(int argc, char** argv) {
   CommandLine line;
   try {
     line.app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) { return line.app.exit(e) == 0 ? kOk : kUsage; }
+  } catch (const CLI::ParseError& e) {
+    if (const std::string text = line.mistyped(e); !text.empty()) {
+      std::fprintf(stderr, "gobo: %s\n", text.c_str());
+      return kUsage;
+    }
+    return line.app.exit(e) == 0 ? kOk : kUsage;
+  }
   watchInterrupts();
   return line.run();
 }

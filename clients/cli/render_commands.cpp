@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 
 #include "base/image_io.h"
@@ -14,11 +15,66 @@ namespace gobo::cli {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+/// "lights.key.position=0:0/1/2,1.5:3/1/2;SMOOTH".
+Status addCurve(v1::RenderRequest& request, const std::string& text) {
+  const auto refuse = [&](const std::string& what) { return invalidArgument("--curve " + text + ": " + what); };
+  const size_t equals = text.find('='), semicolon = text.find(';');
+  if (equals == std::string::npos || equals == 0) return refuse("must be PATH=TIME:VALUE,TIME:VALUE");
+  v1::Curve curve;
+  if (semicolon != std::string::npos) {
+    v1::Curve::Interpolation how = v1::Curve::INTERPOLATION_UNSPECIFIED;
+    if (!v1::Curve::Interpolation_Parse(text.substr(semicolon + 1), &how)) return refuse("after ';' comes LINEAR, STEP or SMOOTH");
+    curve.set_interpolation(how);
+  }
+  const std::string keys = text.substr(equals + 1, semicolon == std::string::npos ? semicolon : semicolon - equals - 1);
+  const char* at = keys.c_str();
+  const auto number = [&](double& out) {
+    char* end = nullptr;
+    out = std::strtod(at, &end);
+    const bool any = end != at;
+    at = end;
+    return any;
+  };
+  for (double v = 0;; ++at) {
+    if (!number(v) || *at != ':') return refuse("\"" + keys + "\" is not TIME:VALUE,TIME:VALUE");
+    curve.add_time_s(v);
+    do {
+      ++at;
+      if (!number(v)) return refuse("\"" + keys + "\" is not TIME:VALUE,TIME:VALUE");
+      curve.add_value(v);
+    } while (*at == '/');
+    if (*at == 0) break;
+    if (*at != ',') return refuse("\"" + keys + "\" is not TIME:VALUE,TIME:VALUE");
+  }
+  (*request.mutable_curves())[text.substr(0, equals)] = curve;
+  return {};
+}
+
+/// A file's text, or what standard input has for "-".
+Result<std::string> requestText(const std::string& file) {
+  constexpr size_t kMost = 16 << 20;
+  if (file != "-") {
+    GOBO_ASSIGN(const std::vector<uint8_t> bytes, readFile(file, kMost));
+    return std::string(bytes.begin(), bytes.end());
+  }
+  std::string text;
+  char piece[65536];
+  while (const size_t n = std::fread(piece, 1, sizeof piece, stdin)) {
+    text.append(piece, n);
+    if (text.size() > kMost) return invalidArgument("--request -: more than 16 MiB");
+  }
+  return text;
+}
+
+}  // namespace
+
 Result<v1::RenderRequest> makeRequest(const RequestOptions& o, const std::string& sceneId) {
   v1::RenderRequest request;
   if (!o.file.empty()) {
-    GOBO_ASSIGN(const std::vector<uint8_t> bytes, readFile(o.file, 16 << 20));
-    GOBO_TRY(messageFromJson(std::string(bytes.begin(), bytes.end()), request, o.file));
+    GOBO_ASSIGN(const std::string text, requestText(o.file));
+    GOBO_TRY(messageFromJson(text, request, o.file == "-" ? "standard input" : o.file));
   }
   if (!sceneId.empty()) request.set_scene(sceneId);
   if (!o.camera.empty()) request.mutable_camera()->set_name(o.camera);
@@ -44,6 +100,7 @@ Result<v1::RenderRequest> makeRequest(const RequestOptions& o, const std::string
   if (!o.priority.empty()) GOBO_TRY(setPath(request, "scheduling.priority=" + o.priority));
   if (o.deadlineMs > 0) request.mutable_scheduling()->set_deadline_ms(o.deadlineMs);
   for (const std::string& set : o.sets) GOBO_TRY(setPath(request, set));
+  for (const std::string& curve : o.curves) GOBO_TRY(addCurve(request, curve));
   if (request.scene().empty()) return invalidArgument("no scene: name one, or put it into --request");
   return request;
 }
@@ -52,7 +109,7 @@ namespace {
 
 // Where the pictures go is checked before anything is rendered.
 Status checkOut(const std::string& out) {
-  if (out.empty()) return {};
+  if (out.empty() || out == "-") return {};
   GOBO_TRY(formatOf(out).status());
   const fs::path parent = fs::path(out).parent_path();
   std::error_code error;
@@ -66,13 +123,26 @@ Status setEncoding(v1::RenderRequest& request, const std::string& out) {
     request.mutable_encoding()->clear_layers();
     return {};
   }
+  if (out == "-") return {};  // as the request says
   GOBO_ASSIGN(v1::Encoding::Format format, formatOf(out));
   if (format == v1::Encoding::RAW_FLOAT && request.encoding().half()) format = v1::Encoding::RAW_HALF;
   request.mutable_encoding()->set_format(format);
   return {};
 }
 
+/// One picture to standard output, and what there is to say to standard error.
+Status deliverToPipe(const Answer& answer, bool json, bool quiet) {
+  if (answer.images.size() != 1) return invalidArgument("-o -: writes one picture, not " + std::to_string(answer.images.size()));
+  const std::string& bytes = answer.images[0];
+  if (std::fwrite(bytes.data(), 1, bytes.size(), stdout) != bytes.size() || std::fflush(stdout) != 0) return Status(Code::Unavailable, "-o -: cannot write");
+  if (json) std::fprintf(stderr, "%s\n", messageToJson(answer.reply, true).c_str());
+  else if (!quiet)
+    for (const std::string& w : answer.reply.warnings()) std::fprintf(stderr, "warning: %s\n", w.c_str());
+  return {};
+}
+
 Status deliver(const Answer& answer, const std::string& out, bool json, bool quiet) {
+  if (out == "-") return deliverToPipe(answer, json, quiet);
   std::vector<std::string> files;
   if (!out.empty()) { GOBO_ASSIGN(files, writeImages(answer, out)); }
   if (json) std::printf("%s\n", messageToJson(answer.reply, true).c_str());
@@ -182,6 +252,8 @@ int with(const SessionOptions& options, const Body& body) {
 }  // namespace
 
 int runRender(const SessionOptions& options, const RenderCommand& command) {
+  if (command.out == "-" && (command.progressive || command.tile))
+    return complain(invalidArgument("-o -: writes one picture; not with --progressive or --tile"));
   if (command.tile && command.progressive) return complain(invalidArgument("--tile and --progressive: one of them"));
   if (command.tile && command.out.empty()) return complain(invalidArgument("--tile writes an EXR of tiles: name it with -o"));
   if (const Status status = checkOut(command.out); !status.ok()) return complain(status);

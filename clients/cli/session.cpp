@@ -253,7 +253,18 @@ Result<v1::SceneInfo> openScene(Session& session, const std::string& source, con
 
 Result<std::string> ensureScene(Session& session, const std::string& source) {
   std::error_code error;
-  if (!fs::is_regular_file(source, error)) return source;
+  if (!fs::is_regular_file(source, error)) {
+    const std::string extension = fs::path(source).extension().string();
+    if (source.find('/') == std::string::npos && extension != ".gltf" && extension != ".glb") return source;
+    // It looks like a file, but may be the id of a scene that the server has.
+    v1::InspectSceneRequest ref;
+    ref.set_scene(source);
+    v1::SceneInfo info;
+    Session::Call call(session);
+    const Status known = session.statusOf(session.scenes().Inspect(&call.context, ref, &info));
+    if (known.code() != Code::NotFound) return source;
+    return notFound(fs::is_directory(source, error) ? "\"" + source + "\" is a folder: name the .gltf or .glb file in it" : "no such file: \"" + source + "\"");
+  }
   GOBO_ASSIGN(const v1::SceneInfo info, openScene(session, source, ""));
   return info.id();
 }

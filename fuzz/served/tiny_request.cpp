@@ -26,6 +26,19 @@ void tame(v1::ShadowTechnique& shadow) {
   if (shadow.has_exponential()) shadow.mutable_exponential()->clear_device();
 }
 
+/// Keys that go together, mostly, and no count beyond what is tiny.
+void tame(v1::Curve& curve) {
+  auto& times = *curve.mutable_time_s();
+  std::sort(times.begin(), times.end());
+  times.erase(std::unique(times.begin(), times.end()), times.end());
+  if (times.empty()) return;
+  const int width = curve.value_size() >= 3 * times.size() ? 3 : 1;
+  while (curve.value_size() < width * times.size()) curve.add_value(curve.value_size());
+  curve.mutable_value()->Truncate(width * times.size());
+  for (double& v : *curve.mutable_value())
+    if (v > 16.0) v = 16.0;
+}
+
 void begin(v1::RenderRequest& request) {
   v1::Halt& halt = *request.mutable_halt();
   if (halt.has_error()) request.mutable_certificate();  // what it is measured by
@@ -71,6 +84,7 @@ void bound(Message& m) {
   auto* const request = dynamic_cast<v1::RenderRequest*>(&m);
   if (request) begin(*request);
   if (auto* const shadow = dynamic_cast<v1::ShadowTechnique*>(&m)) tame(*shadow);
+  if (auto* const curve = dynamic_cast<v1::Curve*>(&m)) tame(*curve);
   for (int i = 0; i < m.GetDescriptor()->field_count(); ++i) {
     const FieldDescriptor& f = *m.GetDescriptor()->field(i);
     if (f.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) boundEach(m, f);
@@ -107,6 +121,12 @@ std::string requestText(const std::string& field, uint32_t value, const Scene* s
     const auto table = outputTable();
     const OutputInfo& info = table[more % table.size()];
     return info.perLight ? std::string(info.name) + ":" + pick(lights, more / uint32_t(table.size())) : info.name;
+  }
+  if (field == "curves") {
+    const std::string light = "lights." + pick(lights, more / 16);
+    return pick({light + ".intensity", light + ".gain", light + ".position", light + ".shadow.ray_traced.samples", "camera.yfov_deg", "camera.position",
+                 "tone_map.exposure", "environment.gain", "integrator.max_bounces", "integrator.caustic_radius", "shadows.ray_traced.samples"},
+                more);
   }
   if (field == "lights") return value % 8 == 6 ? "added" : pick(lights, more);
   if (field == "animation") return animations.empty() || value % 8 == 6 ? "*" : pick(animations, more);

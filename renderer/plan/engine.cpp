@@ -21,6 +21,7 @@
 #include "plan/remembered_renders.h"
 #include "plan/scene_library.h"
 #include "plan/store.h"
+#include "request/curves.h"
 #include "request/request.h"
 #include "trace/accel.h"
 
@@ -187,6 +188,7 @@ int Engine::threads() const { return impl_->arena.threads(); }
 Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request, const ScenePtr& scene) const {
   v1::RenderRequest r = request;
   r.DiscardUnknownFields();  // remembered with the request they would be memory that nothing bounds
+  GOBO_TRY(applyCurves(r));
   r.mutable_integrator();
   r.mutable_tone_map();
   r.mutable_encoding();
@@ -398,7 +400,7 @@ namespace {
 /// Whether the client left the exposure of a picture for looking at to the server. A window would get another one than its neighbours.
 bool leavesExposure(const v1::RenderRequest& asked, const v1::RenderRequest& resolved) {
   const auto format = resolved.encoding().format();
-  return !asked.tone_map().has_exposure() && resolved.tone_map().auto_exposure() && !resolved.has_window() &&
+  return !asked.tone_map().has_exposure() && !asked.curves().count("tone_map.exposure") && resolved.tone_map().auto_exposure() && !resolved.has_window() &&
          (format == v1::Encoding::PNG || format == v1::Encoding::JPEG);
 }
 

@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "base/closest.h"
 #include "base/file_stamp.h"
 #include "base/mapped_file.h"
 #include "request/effective_scene.h"
@@ -317,8 +318,9 @@ Status SceneLibrary::unknown(const std::string& id, const SceneAccess& access) c
     if (access.uses(entry.owner, entry.share)) known.insert(name);
   std::string names;
   for (const std::string& name : known) names += (names.empty() ? "" : ", ") + name;
+  const std::string meant = didYouMean(id, {known.begin(), known.end()});
   const auto went = std::find_if(gone_.rbegin(), gone_.rend(), [&](const Gone& g) { return g.id == id; });
-  return notFound("no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : "") + " (has: " + names + ")",
+  return notFound("no scene '" + id + "'" + (went != gone_.rend() ? ", which was unloaded " + went->why + ": open it again" : meant) + " (has: " + names + ")",
                   "request.scene");
 }
 

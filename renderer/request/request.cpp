@@ -113,6 +113,26 @@ Status resolveScalar(Message& m, const FieldDescriptor* f, const std::string& pa
 
 }  // namespace
 
+Status checkNumberField(const NumberField& field, const double* values, const std::string& place) {
+  if (field.width == 1) return checkRange(field.field->options().GetExtension(v1::number), values[0], place);
+  constexpr double kMost = 3.4028234663852886e38;  // of the floats of a vector
+  for (int c = 0; c < field.width; ++c)
+    if (!(std::fabs(values[c]) <= kMost)) return invalidArgument(place + " = " + number(values[c]) + ": must be a finite number", place);
+  return {};
+}
+
+void setNumberField(const NumberField& field, const double* values) {
+  Message& m = *field.message;
+  const Reflection& r = *m.GetReflection();
+  if (field.width == 1) {
+    const auto kind = field.field->cpp_type();
+    const bool integer = kind != FieldDescriptor::CPPTYPE_FLOAT && kind != FieldDescriptor::CPPTYPE_DOUBLE;
+    return setNumber(m, r, field.field, integer ? std::round(values[0]) : values[0]);
+  }
+  Message& vector = *r.MutableMessage(&m, field.field);
+  for (int c = 0; c < field.width; ++c) setNumber(vector, *vector.GetReflection(), vector.GetDescriptor()->field(c), values[c]);
+}
+
 Status resolveDefaults(Message& m, const std::string& path) {
   const Reflection& r = *m.GetReflection();
   const Descriptor* d = m.GetDescriptor();

@@ -28,6 +28,19 @@ std::string messageToJson(const google::protobuf::Message& message, bool pretty)
 
 /// "halt.spp=128", "lights.key.color=1,0.9,0.8", "shadows.axis_aligned.mu=2", "outputs=beauty,depth". Vector3 takes x,y,z.
 Status setPath(google::protobuf::Message& message, const std::string& assignment);
+/// A number (width 1) or Vector3 (3) of a message.
+struct NumberField {
+  google::protobuf::Message* message;
+  const google::protobuf::FieldDescriptor* field;
+  int width;
+};
+/// The field that a path names, its ancestors made where they are absent. Errors: InvalidArgument: no such field, another kind of field, or one of a
+/// choice (a technique) that the message has not made.
+Result<NumberField> numberField(google::protobuf::Message& message, const std::string& path);
+/// Errors: InvalidArgument at `place`: not finite, or out of the field's range.
+Status checkNumberField(const NumberField& field, const double* values, const std::string& place);
+/// Integers are rounded. The values have been checked.
+void setNumberField(const NumberField& field, const double* values);
 /// Replaces in `base` the fields that `mask` names by those of `patch` (absent in patch: cleared).
 Status applyMask(google::protobuf::Message& base, const google::protobuf::Message& patch, const std::vector<std::string>& mask);
 /// The paths of all leaf fields set in a message: what `gobo relight --set` puts into the mask.

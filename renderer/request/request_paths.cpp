@@ -5,6 +5,7 @@
 
 #include <cstdlib>
 
+#include "base/closest.h"
 #include "request/request.h"
 
 namespace gobo {
@@ -30,6 +31,12 @@ std::string fieldNames(const Message& m) {
   std::string names;
   for (int i = 0; i < m.GetDescriptor()->field_count(); ++i) names += (i ? ", " : "") + m.GetDescriptor()->field(i)->name();
   return names;
+}
+
+Status unknownField(const std::string& name, const Message& m, const std::string& path) {
+  std::vector<std::string> known;
+  for (int i = 0; i < m.GetDescriptor()->field_count(); ++i) known.push_back(m.GetDescriptor()->field(i)->name());
+  return invalidArgument("no field '" + name + "' in " + m.GetDescriptor()->name() + didYouMean(name, known) + " (has: " + fieldNames(m) + ")", path);
 }
 
 Message* mapValue(Message& m, const FieldDescriptor* f, const std::string& key, bool create) {
@@ -66,12 +73,16 @@ struct Place {
   bool missing = false;  ///< with create = false: an ancestor is absent
 };
 
-Result<Place> walk(Message& root, const std::string& path, bool create) {
+/// What becomes of ancestors that are absent. Choices: those in a oneof that says something else, or nothing, are an error.
+enum class Absent { Report, Make, MakeButChoices };
+
+Result<Place> walk(Message& root, const std::string& path, Absent absent) {
+  const bool create = absent != Absent::Report;
   const std::vector<std::string> parts = split(path, '.');
   Message* m = &root;
   for (size_t i = 0; i < parts.size(); ++i) {
     const FieldDescriptor* f = m->GetDescriptor()->FindFieldByName(parts[i]);
-    if (!f) return invalidArgument("no field '" + parts[i] + "' in " + m->GetDescriptor()->name() + " (has: " + fieldNames(*m) + ")", path);
+    if (!f) return unknownField(parts[i], *m, path);
     if (f->is_map()) {
       if (i + 1 == parts.size()) return Place{m, f, {}, false};
       const Message* prototype =
@@ -80,9 +91,7 @@ Result<Place> walk(Message& root, const std::string& path, bool create) {
       std::string key = parts[i + 1];
       size_t next = i + 2;
       while (next < parts.size() && !prototype->GetDescriptor()->FindFieldByName(parts[next])) key += "." + parts[next++];
-      if (next > i + 2 && next == parts.size()) {
-        return invalidArgument("no field '" + parts[i + 2] + "' in " + prototype->GetDescriptor()->name() + " (has: " + fieldNames(*prototype) + ")", path);
-      }
+      if (next > i + 2 && next == parts.size()) return unknownField(parts[i + 2], *prototype, path);
       if (next == parts.size()) return Place{m, f, key, false};
       Message* value = mapValue(*m, f, key, create);
       if (!value) return Place{m, f, key, true};
@@ -92,7 +101,10 @@ Result<Place> walk(Message& root, const std::string& path, bool create) {
     }
     if (i + 1 == parts.size()) return Place{m, f, {}, false};
     if (f->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE || f->is_repeated()) return invalidArgument("'" + parts[i] + "' has no fields of its own", path);
-    if (!create && !m->GetReflection()->HasField(*m, f)) return Place{m, f, {}, true};
+    if (!m->GetReflection()->HasField(*m, f)) {
+      if (!create) return Place{m, f, {}, true};
+      if (absent == Absent::MakeButChoices && f->real_containing_oneof()) return invalidArgument("'" + parts[i] + "' is not what the request chooses", path);
+    }
     m = m->GetReflection()->MutableMessage(m, f);
   }
   return invalidArgument("empty path", path);
@@ -183,7 +195,7 @@ Status setPath(Message& message, const std::string& assignment) {
   const size_t equals = assignment.find('=');
   if (equals == std::string::npos || equals == 0) return invalidArgument("'" + assignment + "' is not path=value", "--set");
   const std::string path = assignment.substr(0, equals), text = assignment.substr(equals + 1);
-  GOBO_ASSIGN(Place place, walk(message, path, true));
+  GOBO_ASSIGN(Place place, walk(message, path, Absent::Make));
   const FieldDescriptor* f = place.field;
   if (!place.mapKey.empty() || f->is_map()) return invalidArgument("names an entry, not a field of it", path);
   if (f->is_repeated()) {
@@ -196,7 +208,14 @@ Status setPath(Message& message, const std::string& assignment) {
     Message* inner = place.message->GetReflection()->MutableMessage(place.message, f);
     const int fields = inner->GetDescriptor()->field_count();
     if (fields == 0 || text.empty()) return {};  // e.g. shadows.path_traced=
-    if (inner->GetDescriptor()->full_name() != "gobo.v1.Vector3") return invalidArgument("is a group of fields; set one of " + fieldNames(*inner), path);
+    if (inner->GetDescriptor()->full_name() != "gobo.v1.Vector3") {
+      // shadows=exponential: a choice by its name, with its defaults.
+      const FieldDescriptor* choice = inner->GetDescriptor()->FindFieldByName(text);
+      if (!choice || !choice->containing_oneof() || choice->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE)
+        return invalidArgument("is a group of fields; set one of " + fieldNames(*inner), path);
+      inner->GetReflection()->MutableMessage(inner, choice);
+      return {};
+    }
     std::vector<std::string> parts = split(text, ',');
     if (parts.size() == 1) parts = {parts[0], parts[0], parts[0]};
     if (parts.size() != 3) return invalidArgument("'" + text + "' is not x,y,z", path);
@@ -206,17 +225,35 @@ Status setPath(Message& message, const std::string& assignment) {
   return setScalar(*place.message, f, text, path);
 }
 
+Result<NumberField> numberField(Message& message, const std::string& path) {
+  GOBO_ASSIGN(const Place place, walk(message, path, Absent::MakeButChoices));
+  const FieldDescriptor* f = place.field;
+  const bool vector = !f->is_repeated() && f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && f->message_type()->full_name() == "gobo.v1.Vector3";
+  bool number = false;
+  switch (f->cpp_type()) {
+    case FieldDescriptor::CPPTYPE_INT32:
+    case FieldDescriptor::CPPTYPE_INT64:
+    case FieldDescriptor::CPPTYPE_UINT32:
+    case FieldDescriptor::CPPTYPE_UINT64:
+    case FieldDescriptor::CPPTYPE_FLOAT:
+    case FieldDescriptor::CPPTYPE_DOUBLE: number = !f->is_repeated(); break;
+    default: break;
+  }
+  if (!place.mapKey.empty() || (!vector && !number)) return invalidArgument("is neither a number nor a vector", path);
+  return NumberField{place.message, f, vector ? 3 : 1};
+}
+
 Status applyMask(Message& base, const Message& patch, const std::vector<std::string>& mask) {
   std::unique_ptr<Message> source(patch.New());
   source->CopyFrom(patch);
   for (const std::string& path : mask) {
-    GOBO_ASSIGN(const Place from, walk(*source, path, false));
+    GOBO_ASSIGN(const Place from, walk(*source, path, Absent::Report));
     if (from.missing) {  // absent in the patch: cleared in the base, if it is there
-      GOBO_ASSIGN(Place gone, walk(base, path, false));
+      GOBO_ASSIGN(Place gone, walk(base, path, Absent::Report));
       if (!gone.missing && gone.mapKey.empty()) gone.message->GetReflection()->ClearField(gone.message, gone.field);
       continue;
     }
-    GOBO_ASSIGN(Place to, walk(base, path, true));
+    GOBO_ASSIGN(Place to, walk(base, path, Absent::Make));
     const Reflection& rf = *from.message->GetReflection();
     const Reflection& rt = *to.message->GetReflection();
     if (!to.mapKey.empty()) {

@@ -65,7 +65,9 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
   if (spec.request().halt().has_time_s())
     return invalidArgument("job.request.halt.time_s: a job's result must be repeatable: halt by spp or error", "job.request.halt.time_s");
   spec.mutable_request()->clear_scheduling();
+  const auto curves = spec.request().curves();  // each frame's time has its own values
   GOBO_ASSIGN(*spec.mutable_request(), engine.resolve(spec.request(), access));
+  *spec.mutable_request()->mutable_curves() = curves;
   spec.mutable_request()->mutable_scheduling()->set_priority(v1::Scheduling::BATCH);
   spec.mutable_request()->mutable_scheduling()->set_client(client);
   spec.set_client(client);
@@ -89,10 +91,7 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
 
 v1::RenderRequest frameRequest(const v1::JobSpec& spec, int64_t frame) {
   v1::RenderRequest request = spec.request();
-  if (!spec.frames().has_fps()) return request;
-  // By name: the schema's animation field, in builds whose requests have one.
-  if (const auto* field = request.GetDescriptor()->FindFieldByName("time_s"))
-    request.GetReflection()->SetDouble(&request, field, double(frame) / spec.frames().fps());
+  if (spec.frames().has_fps()) request.set_time_s(double(frame) / spec.frames().fps());
   return request;
 }
 

@@ -261,5 +261,74 @@ class ExitCodes(DaemonTest):
         self.cli("--cert", "x.pem", "status", code=2)
 
 
+class Mistakes(DaemonTest):
+    """What was probably meant; nothing is written."""
+
+    def refused(self, words, *args, code=2):
+        said = self.cli(*args, code=code).stderr
+        for w in words:
+            self.assertIn(w, said)
+        self.assertEqual(os.listdir(self.folder), [])
+
+    def test_names(self):
+        self.refused(["no command 'rendr'", "did you mean 'render'?"], "rendr", "cornell")
+        self.refused(["no command 'frobnicate'", "gobo --help"], "frobnicate")
+        self.refused(["no command 'sumbit'", "did you mean 'submit'?"], "jobs", "sumbit", "cornell")
+        self.refused(["no option --siz", "did you mean '--size'?", "gobo render --help"], "render", "cornell", "--siz", "8x8", "-o", "a.exr")
+        self.refused(["no option --xyzzy", "gobo render --help"], "render", "cornell", "--xyzzy=3")
+        self.refused(["no field 'shadow'", "did you mean 'shadows'?"], "render", "cornell", "--set", "shadow.map.blur=1", "-o", "a.exr")
+        self.refused(["did you mean 'max_bounces'?"], "render", "cornell", "--set", "integrator.max_bounce=1", "-o", "a.exr")
+        self.refused(["did you mean 'intensity'?"], "render", "cornell", "--set", "lights.light.intensty=1", "-o", "a.exr")
+        self.refused(["no scene 'cornel'", "did you mean 'cornell'?"], "render", "cornel", "-o", "a.exr", code=3)
+
+    def test_files(self):
+        self.refused(['no such file: "nosuch.gltf"'], "render", "nosuch.gltf", "-o", "a.exr", code=3)
+        self.refused(['no such file: "some/where"'], "render", "some/where", "-o", "a.exr", code=3)
+        self.refused(["is a folder: name the .gltf or .glb file in it"], "render", self.folder + "/.", "-o", "a.exr", code=3)
+
+    def test_an_id_may_look_like_a_file(self):
+        self.client.scenes.open("cornell", "a/b.glb")
+        self.cli("render", "a/b.glb", "--size", "8x8", "--spp", "1", "-q", "-o", "ids.png")
+        os.remove(self.path("ids.png"))
+
+    def test_techniques_by_name(self):
+        plain = self.cli("--json", "plan", "cornell", "--set", "shadows=exponential").stdout
+        self.assertEqual(plain, self.cli("--json", "plan", "cornell", "--set", "shadows.exponential=").stdout)
+        self.refused(["is a group of fields"], "plan", "cornell", "--set", "shadows=map")
+        self.refused(["is a group of fields"], "plan", "cornell", "--set", "integrator=max_bounces")
+
+
+class Curves(DaemonTest):
+    def test_are_what_would_have_been_typed_in(self):
+        what = ["cornell", "--size", "8x6", "--spp", "1", "-q"]
+        for k, (curve, typed) in enumerate([
+                ("lights.light.gain=0:1/1/1,2:3/2/1", "lights.light.gain=1.5,1.25,1"), ("camera.yfov_deg=0:30,1:50;STEP", "camera.yfov_deg=30"),
+                ("tone_map.exposure=-1:0,1:2;SMOOTH", "tone_map.exposure=1.5"), ("tone_map.exposure=1e-3:5e-1", "tone_map.exposure=0.5")]):
+            self.cli("render", *what, "--curve", curve, "--set", "time_s=0.5", "-o", f"curve{k}.png")
+            self.cli("render", *what, "--set", typed, "--set", "time_s=0.5", "-o", f"typed{k}.png")
+            with open(self.path(f"curve{k}.png"), "rb") as a, open(self.path(f"typed{k}.png"), "rb") as b:
+                self.assertEqual(a.read(), b.read(), curve)
+        for bad in ("lights.light.gain", "=0:1", "a=", "a=0", "a=0:", "a=0:1,", "a=0:1;LOUD", "a=0:1x", "a=x:1"):
+            self.assertIn("--curve " + bad, self.cli("render", *what, "--curve", bad, "-o", "bad.png", code=2).stderr)
+        self.assertIn("request.curves.camera.yfov_deg.value[1]", self.cli("render", *what, "--curve", "camera.yfov_deg=0:30,1:300", "-o", "bad.png", code=2).stderr)
+        self.assertFalse(os.path.exists(self.path("bad.png")))
+
+
+class Pipes(DaemonTest):
+    def test_request_from_standard_input_and_picture_to_standard_output(self):
+        what = ["--size", "8x6", "--spp", "1", "--set", "encoding.format=PNG"]
+        self.cli("render", "cornell", *what, "-q", "-o", "a.png")
+        env = {**os.environ, "GOBO_SERVER": self.client.address}
+        request = b'{"scene": "cornell", "width": 8, "height": 6, "halt": {"spp": 1}, "encoding": {"format": "PNG"}}'
+        done = subprocess.run([CLI, "render", "--request", "-", "-o", "-"], input=request, capture_output=True, env=env, timeout=60, cwd=self.folder)
+        self.assertEqual((done.returncode, done.stderr), (0, b""))
+        with open(self.path("a.png"), "rb") as file:
+            self.assertEqual(done.stdout, file.read())
+        self.assertIn("standard input", self.cli("render", "--request", "-", code=2, input="{").stderr)
+        for more in (["--progressive"], ["--tile", "32"]):
+            self.assertIn("one picture", self.cli("render", "cornell", "-o", "-", *more, code=2).stderr)
+        self.assertIn("one picture, not 2", self.cli("render", "cornell", *what, "--outputs", "beauty,depth", "-o", "-", code=2).stderr)
+
+
 if __name__ == "__main__":
     unittest.main()

@@ -47,6 +47,19 @@ class Jobs(DaemonTest):
         with self.assertRaises(gobo.NotFound):
             job.state()
 
+    def test_curves_are_each_frames_values(self):
+        curves = {"lights.light.gain": {"time_s": [0, 1], "value": [1, 1, 1, 3, 2, 1]}, "camera.yfov_deg": {"time_s": [0, 0.5], "value": [30, 50], "interpolation": "SMOOTH"}}
+        job = self.client.jobs.submit("cornell", frames=range(0, 6, 2), fps=4, **SMALL, curves=curves)
+        self.assertEqual(job.wait(timeout=100).state, "done")
+        shown = dict(job.images())
+        self.assertEqual(sorted(shown), [0, 2, 4])
+        for frame, image in shown.items():
+            time_s = frame / 4
+            plain = self.client.render("cornell", **SMALL, time_s=time_s, lights={"light": {"gain": (1 + 2 * time_s, 1 + time_s, 1)}}, camera={"yfov_deg": 30 + 20 * min(time_s * 2, 1)})
+            np.testing.assert_array_equal(image, plain.image, str(frame))
+        with self.assertRaisesRegex(gobo.InvalidArgument, "request.curves.lights.light.intensity.value"):
+            self.client.jobs.submit("cornell", frames=range(3), fps=4, **SMALL, curves={"lights.light.intensity": {"time_s": [0, 1], "value": [1, -1]}})
+
     def test_one_key_one_job(self):
         a = self.client.jobs.submit("cornell", key="once", **SMALL)
         self.assertEqual(self.client.jobs.submit("cornell", key="once", **SMALL).id, a.id)

@@ -50,6 +50,7 @@ class RequestFields(TypedDict, total=False):
     encoding: Mapping[str, Any]
     scheduling: Mapping[str, Any]
     scene_hash: str
+    curves: Mapping[str, Mapping[str, Any]]  # by path: {"lights.key.intensity": {"time_s": [0, 1], "value": [1, 9], "interpolation": "SMOOTH"}}
     set: Mapping[str, Any]                  # by path: {"integrator.max_bounces": 2}
 
 

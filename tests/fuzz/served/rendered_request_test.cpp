@@ -14,7 +14,7 @@
 namespace gobo::fuzz::rendered_request_test {
 namespace {
 
-constexpr uint64_t kInputs = 150;
+constexpr uint64_t kInputs = 250;
 
 std::vector<uint8_t> input(uint64_t k) {
   uint64_t state = k;

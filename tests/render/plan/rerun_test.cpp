@@ -143,6 +143,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"time_s", "Rerun.AnimationsAndVariants"},
       {"animation", "Rerun.AnimationsAndVariants"},
       {"variant", "Rerun.AnimationsAndVariants"},
+      {"curves", "Rerun.CurvesAreTheirValues"},
       {"shadows", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
       {"lights.*.shadow", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
   };
@@ -393,6 +394,32 @@ TEST(Rerun, ALightsPlaceInTheListIsNoPartOfItsKey) {
   r.mutable_environment()->clear_constant();
   set(r, "environment.sky.turbidity=4");
   EXPECT_FALSE(ran(mustRender(*engine, r)).count("unoccluded:z"));
+}
+
+// Frames of a curve are the requests with its values typed in: a light's strength re-runs the composite alone.
+TEST(Rerun, CurvesAreTheirValues) {
+  const auto engine = makeEngine();
+  const auto frame = [](double time) {
+    v1::RenderRequest r = smallRequest("cornell", 16, 12, 8);
+    r.set_time_s(time);
+    v1::Curve& strength = (*r.mutable_curves())["lights.light.gain"];
+    for (const double t : {0.0, 2.0}) strength.add_time_s(t);
+    for (const double v : {1.0, 1.0, 1.0, 3.0, 2.0, 1.0}) strength.add_value(v);
+    return r;
+  };
+  mustRender(*engine, frame(0));
+  for (const double time : {0.5, 1.0, 7.0}) {
+    const RenderResult curved = mustRender(*engine, frame(time));
+    EXPECT_EQ(ran(curved), kBeauty) << time;
+    v1::RenderRequest typed = smallRequest("cornell", 16, 12, 8);
+    typed.set_time_s(time);
+    const double s = std::min(time / 2, 1.0);
+    set(typed, "lights.light.gain=" + std::to_string(1 + 2 * s) + "," + std::to_string(1 + s) + ",1");
+    const RenderResult plain = mustRender(*makeEngine(), typed);
+    EXPECT_EQ(firstDifference(curved, plain), "") << time;
+    EXPECT_EQ(curved.reply.request_hash(), plain.reply.request_hash());
+    EXPECT_TRUE(curved.reply.resolved().curves().empty());
+  }
 }
 
 TEST(Rerun, AnimationsAndVariants) {
