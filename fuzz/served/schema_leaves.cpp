@@ -65,6 +65,9 @@ bool drawList(Message& m, const FieldDescriptor& f, const Random& random, const 
     case FieldDescriptor::CPPTYPE_FLOAT:  // the only list of floats is a matrix: about the unit one
       for (int k = 0; k < 16; ++k) r.AddFloat(&m, &f, (k % 5 == 0 ? 1.0f : 0.0f) + (k >= 12 && k < 15 ? float(uniform(random, -0.1, 0.1)) : 0.0f));
       return true;
+    case FieldDescriptor::CPPTYPE_DOUBLE:  // keys of a curve
+      for (uint32_t k = 0, n = 1 + random() % 3; k < n; ++k) r.AddDouble(&m, &f, uniform(random, 0.0, 2.0) + k);
+      return true;
     default: return false;
   }
 }

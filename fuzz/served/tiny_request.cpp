@@ -29,6 +29,7 @@ void tame(v1::ShadowTechnique& shadow) {
 /// Keys that go together, mostly, and no count beyond what is tiny.
 void tame(v1::Curve& curve) {
   auto& times = *curve.mutable_time_s();
+  for (int k = 0; times.empty() && k < curve.value_size() && k < 2; ++k) curve.add_time_s(k);
   std::sort(times.begin(), times.end());
   times.erase(std::unique(times.begin(), times.end()), times.end());
   if (times.empty()) return;

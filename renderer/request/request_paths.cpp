@@ -199,9 +199,18 @@ Status setPath(Message& message, const std::string& assignment) {
   const FieldDescriptor* f = place.field;
   if (!place.mapKey.empty() || f->is_map()) return invalidArgument("names an entry, not a field of it", path);
   if (f->is_repeated()) {
-    place.message->GetReflection()->ClearField(place.message, f);
-    if (f->cpp_type() != FieldDescriptor::CPPTYPE_STRING) return invalidArgument("cannot be set from text", path);
-    for (const std::string& part : split(text, ',')) place.message->GetReflection()->AddString(place.message, f, part);
+    const Reflection& r = *place.message->GetReflection();
+    r.ClearField(place.message, f);
+    if (f->cpp_type() != FieldDescriptor::CPPTYPE_STRING && f->cpp_type() != FieldDescriptor::CPPTYPE_DOUBLE)
+      return invalidArgument("cannot be set from text", path);
+    for (const std::string& part : split(text, ',')) {
+      if (f->cpp_type() == FieldDescriptor::CPPTYPE_STRING) {
+        r.AddString(place.message, f, part);
+        continue;
+      }
+      GOBO_ASSIGN(const double v, toNumber(part, path));
+      r.AddDouble(place.message, f, v);
+    }
     return {};
   }
   if (f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {

@@ -15,6 +15,9 @@ inline constexpr float kLargestCoordinate = 1e9f;
 inline bool isCoordinate(float x) { return std::fabs(x) <= kLargestCoordinate; }  // false for NaN
 inline bool isCoordinate(const Vec2& v) { return isCoordinate(v.x) && isCoordinate(v.y); }
 inline bool isCoordinate(const Vec3& v) { return isCoordinate(v.x) && isCoordinate(v.y) && isCoordinate(v.z); }
+inline bool isCoordinate(const DVec3& v) {
+  return std::fabs(v.x) <= double(kLargestCoordinate) && std::fabs(v.y) <= double(kLargestCoordinate) && std::fabs(v.z) <= double(kLargestCoordinate);
+}
 inline bool isCoordinate(const Mat4& m) {
   for (int c = 0; c < 4; ++c)
     for (int r = 0; r < 4; ++r)

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Checks, digest and size of a rig: after sealRig every index is in range, so that posing needs no checks of its own.
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include "base/check.h"
+#include "scene/coordinates.h"
 #include "scene/scene.h"
 
 namespace gobo {
@@ -60,11 +62,15 @@ bool allFinite(const V& v) requires requires {
   v.length();
 }
 { return allFinite(std::span<const float>(&v[0], size_t(v.length()))); }
-bool allFinite(const DVec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+// Doubles that floats hold: poses are told in them.
+bool allFinite(const DVec3& v) {
+  for (int c = 0; c < 3; ++c)
+    if (!(std::fabs(v[c]) <= double(std::numeric_limits<float>::max()))) return false;
+  return true;
+}
 bool allFinite(const DMat4& m) {
   for (int c = 0; c < 4; ++c)
-    for (int r = 0; r < 4; ++r)
-      if (!std::isfinite(m[c][r])) return false;
+    if (!allFinite(DVec3(m[c])) || !(std::fabs(m[c][3]) <= 1.0)) return false;  // 0 0 0 1
   return true;
 }
 bool allFinite(const Mat4& m) { return allFinite(std::span<const float>(&m[0][0], 16)); }
@@ -74,7 +80,7 @@ class Checker {
   Checker(const Rig& rig, const Scene& scene) : rig_(rig), scene_(scene) {}
 
   Status run() {
-    if (!allFinite(rig_.origin)) return fail("origin", 0, "is not finite");
+    if (!isCoordinate(rig_.origin)) return fail("origin", 0, "is not finite or beyond 1e9");
     for (size_t i = 0; i < rig_.nodes.size(); ++i) {
       const RigNode& n = rig_.nodes[i];
       if (n.parent < -1 || n.parent >= int(i)) return fail("nodes", i, "parent is not before its child");

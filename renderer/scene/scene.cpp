@@ -16,6 +16,7 @@ Status Scene::seal() {
     if (instances[i].name.empty()) instances[i].name = "instance" + std::to_string(i);
   for (size_t i = 0; i < lights.size(); ++i)
     if (lights[i].name.empty()) lights[i].name = "light" + std::to_string(i);
+  if (!isCoordinate(origin)) return invalidArgument("origin is not finite or beyond 1e9", name + "#/origin");
   GOBO_TRY(checkMeshes());
   GOBO_TRY(checkMaterials());
   GOBO_TRY(checkVariants());

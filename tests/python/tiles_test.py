@@ -7,7 +7,6 @@ import subprocess
 import time
 import unittest
 
-from gobo.v1 import service_pb2, service_pb2_grpc
 from support import CLI, DaemonTest
 
 
@@ -67,8 +66,7 @@ class Tiles(DaemonTest):
 
     def test_a_scene_that_changes_between_tiles_is_an_error(self):
         run = self.tiled("changed.exr")
-        stub = service_pb2_grpc.ScenesStub(self.client.channel)
-        stub.Patch(service_pb2.PatchSceneRequest(scene="lamps", materials={"floor": service_pb2.MaterialPatch(roughness=0.77)}))
+        self.client.scenes.patch("lamps", materials={"floor": {"roughness": 0.77}})
         said = run.communicate(timeout=60)[1]
         self.assertEqual(run.returncode, 2, said)
         self.assertIn("scene_hash", said)
