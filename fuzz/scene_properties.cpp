@@ -18,7 +18,8 @@ struct Values {
   void wrong(const std::string& what) {
     if (broken.empty()) broken = place + " " + what;
   }
-  void number(const float* p, size_t n) {
+  template <typename F>
+  void number(const F* p, size_t n) {
     for (size_t i = 0; i < n; ++i)
       if (!std::isfinite(p[i])) return wrong("is not finite at " + std::to_string(i));
   }
@@ -26,7 +27,8 @@ struct Values {
   void get(const T& item) {
     if constexpr (std::is_same_v<T, float>) number(&item, 1);
     else if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T> || std::is_same_v<T, Hash128>) {
-    } else if constexpr (blob::isPlain<T>) number(reinterpret_cast<const float*>(&item), sizeof item / 4);
+    } else if constexpr (std::is_same_v<T, DVec3> || std::is_same_v<T, DMat4>) number(reinterpret_cast<const double*>(&item), sizeof item / 8);
+    else if constexpr (blob::isPlain<T>) number(reinterpret_cast<const float*>(&item), sizeof item / 4);
     else if constexpr (std::is_same_v<T, std::string>) {
       if (!isUtf8(item)) wrong("is not UTF-8");
     } else if constexpr (blob::IsArray<T>::value) {

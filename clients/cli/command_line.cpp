@@ -70,7 +70,7 @@ CLI::App* CommandLine::command(CLI::App& parent, const std::string& name, const 
 }
 
 std::string CommandLine::mistyped(const CLI::ParseError& error) const {
-  if (error.get_exit_code() != int(CLI::ExitCodes::ExtrasError)) return {};
+  if (error.get_exit_code() != int(CLI::ExitCodes::ExtrasError) && error.get_exit_code() != int(CLI::ExitCodes::RequiredError)) return {};
   std::vector<const CLI::App*> chain{&app};  // the program, then the command, then its own
   while (!chain.back()->get_subcommands().empty()) chain.push_back(chain.back()->get_subcommands().front());
   const CLI::App& last = *chain.back();

@@ -129,6 +129,7 @@ void expectAsAsked(const Message& asked, const Message& got, const std::string& 
   for (const FieldDescriptor* f : fields) {
     const std::string here = path + "." + f->name();
     if (here == "request.halt.spp") continue;  // the samples that are realised: whole blocks
+    if (here == "request.curves") continue;    // their values are in the fields that they name
     if (f->is_map() || f->is_repeated()) {
       EXPECT_EQ(asked.GetReflection()->FieldSize(asked, f), got.GetReflection()->FieldSize(got, f)) << here;
     } else if (f->message_type()) {
