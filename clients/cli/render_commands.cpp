@@ -123,7 +123,11 @@ Status setEncoding(v1::RenderRequest& request, const std::string& out) {
     request.mutable_encoding()->clear_layers();
     return {};
   }
-  if (out == "-") return {};  // as the request says
+  if (out == "-") {  // as the request says
+    if (request.outputs_size() > 1 && !request.encoding().layers())
+      return invalidArgument("-o -: writes one picture, not " + std::to_string(request.outputs_size()));
+    return {};
+  }
   GOBO_ASSIGN(v1::Encoding::Format format, formatOf(out));
   if (format == v1::Encoding::RAW_FLOAT && request.encoding().half()) format = v1::Encoding::RAW_HALF;
   request.mutable_encoding()->set_format(format);
@@ -134,7 +138,8 @@ Status setEncoding(v1::RenderRequest& request, const std::string& out) {
 Status deliverToPipe(const Answer& answer, bool json, bool quiet) {
   if (answer.images.size() != 1) return invalidArgument("-o -: writes one picture, not " + std::to_string(answer.images.size()));
   const std::string& bytes = answer.images[0];
-  if (std::fwrite(bytes.data(), 1, bytes.size(), stdout) != bytes.size() || std::fflush(stdout) != 0) return Status(Code::Unavailable, "-o -: cannot write");
+  if (std::fwrite(bytes.data(), 1, bytes.size(), stdout) != bytes.size() || std::fflush(stdout) != 0)
+    return internalError("cannot write the picture", "standard output");
   if (json) std::fprintf(stderr, "%s\n", messageToJson(answer.reply, true).c_str());
   else if (!quiet)
     for (const std::string& w : answer.reply.warnings()) std::fprintf(stderr, "warning: %s\n", w.c_str());

@@ -13,7 +13,7 @@ struct ChosenExposure {
   double luminance = 0.0;  ///< log-average of what is not black
 };
 /// Nothing for a picture whose log-average luminance, black pixels aside, lies within 2^-7 .. 2, and for a black one; else what brings it to 0.18, in
-/// quarters of a stop. `linear`: 1 channel or 3 and more.
+/// quarters of a stop. Of larger pictures about 65536 pixels are looked at, always the same ones. `linear`: 1 channel or 3 and more.
 std::optional<ChosenExposure> chooseExposure(const Image& linear);
 
 }  // namespace gobo

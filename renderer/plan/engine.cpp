@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/engine.h"
 
-#include "plan/window.h"
-
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -21,6 +19,7 @@
 #include "plan/remembered_renders.h"
 #include "plan/scene_library.h"
 #include "plan/store.h"
+#include "plan/window.h"
 #include "request/curves.h"
 #include "request/request.h"
 #include "trace/accel.h"

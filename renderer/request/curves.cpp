@@ -13,8 +13,8 @@ namespace {
 
 constexpr int kMostCurves = 256, kMostKeys = 4096;
 
-/// Slopes at the ends of a segment of slope `d` between one of slope `before` and one of slope `after`, whose lengths are h, hBefore, hAfter (0: none):
-/// the weighted harmonic mean of neighbours of one sign, 0 at an extremum; a line at the ends.
+/// Slope at a key between segments of slopes `left` and `right` and lengths hLeft and hRight (0: none, the key is an end): the weighted harmonic mean
+/// of neighbours of one sign, 0 at an extremum, the segment's own at an end.
 double slopeAt(double hLeft, double left, double hRight, double right) {
   if (!(hLeft > 0.0)) return right;
   if (!(hRight > 0.0)) return left;

@@ -140,9 +140,11 @@ Status applyProfile(v1::LightEdit::Profile profile, Scene& scene, LightShape& s,
   return {};
 }
 
-/// Nothing of it would be seen: no light of any kind and no colour that needs none.
-bool unlit(const Scene& scene) {
+/// Nothing of it would be seen: neither scene nor request has a light of any kind, nor the scene a colour that needs none.
+bool unlit(const Scene& scene, const v1::RenderRequest& request) {
   if (scene.environment || !scene.lights.empty()) return false;
+  for (const auto& [name, edit] : request.lights())
+    if (edit.kind() != v1::LightEdit::KIND_UNSPECIFIED) return false;  // adds one
   return std::none_of(scene.instances.begin(), scene.instances.end(),
                       [&](const Instance& i) { return scene.materials[size_t(scene.meshes[size_t(i.mesh)]->material)].bsdf.unlit; });
 }
@@ -225,7 +227,7 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
   GOBO_ASSIGN(const ScenePtr base, pose(loaded, request, stop));
   auto scene = std::make_shared<Scene>(*base);
 
-  // Environment: file, sky or constant; rotation; or removed.
+  // Environment: file, sky, constant, or the studio of a scene without light; rotation; or removed. Resolved requests of such scenes have the message.
   if (request.has_environment()) {
     const auto& e = request.environment();
     const int kinds = e.has_path() + e.has_sky() + e.has_constant();
@@ -244,6 +246,14 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
     } else if (e.has_constant()) {
       GOBO_TRY(checkFinite(e.constant(), "request.environment.constant", true));
       scene->environment = constantEnvironment(toVec3(e.constant()));
+    } else if (e.default_() != v1::EnvironmentSettings::NONE && unlit(*scene, request)) {
+      scene->environment = studioEnvironment();
+      out.warnings.push_back("the scene has no light: environment.default = STUDIO lights it; NONE leaves it black");
+    }
+    if (e.has_rotation_deg() && scene->environment) {
+      auto turned = std::make_shared<Environment>(*scene->environment);
+      turned->rotation = radians(std::fmod(e.rotation_deg(), 360.0));
+      scene->environment = turned;
     }
     if (kinds > 0)
       scene->lights.erase(std::remove_if(scene->lights.begin(), scene->lights.end(), [](const Light& l) { return l.shape.kind == LightKind::Environment; }),
@@ -281,18 +291,6 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
     const LightShape before = scene->lights[index].shape;
     GOBO_TRY(applyLightShape(*edit, *scene, size_t(index), path));
     changed = changed || std::memcmp(&before, &scene->lights[index].shape, sizeof before) != 0;
-  }
-  const v1::EnvironmentSettings& environment = request.environment();
-  const bool chosen = environment.has_path() || environment.has_sky() || environment.has_constant();
-  if (!chosen && environment.default_() != v1::EnvironmentSettings::NONE && unlit(*scene)) {
-    scene->environment = studioEnvironment();
-    changed = true;
-    out.warnings.push_back("the scene has no light: environment.default = STUDIO lights it; NONE leaves it black");
-  }
-  if (environment.has_rotation_deg() && scene->environment) {
-    auto turned = std::make_shared<Environment>(*scene->environment);
-    turned->rotation = radians(std::fmod(environment.rotation_deg(), 360.0));
-    scene->environment = turned;
   }
   if (changed) {
     GOBO_TRY(scene->seal());

@@ -56,18 +56,6 @@ void setNumber(Message& m, const Reflection& r, const FieldDescriptor* f, double
   }
 }
 
-bool isNumeric(const FieldDescriptor* f) {
-  switch (f->cpp_type()) {
-    case FieldDescriptor::CPPTYPE_INT32:
-    case FieldDescriptor::CPPTYPE_INT64:
-    case FieldDescriptor::CPPTYPE_UINT32:
-    case FieldDescriptor::CPPTYPE_UINT64:
-    case FieldDescriptor::CPPTYPE_FLOAT:
-    case FieldDescriptor::CPPTYPE_DOUBLE: return true;
-    default: return false;
-  }
-}
-
 Status checkRange(const v1::Number& range, double v, const std::string& path) {
   if (!std::isfinite(v)) return invalidArgument(path + " = " + number(v) + ": must be a finite number", path);
   if (range.has_min() && (range.exclusive_min() ? v <= range.min() : v < range.min()))
@@ -112,6 +100,18 @@ Status resolveScalar(Message& m, const FieldDescriptor* f, const std::string& pa
 }
 
 }  // namespace
+
+bool isNumeric(const FieldDescriptor* f) {
+  switch (f->cpp_type()) {
+    case FieldDescriptor::CPPTYPE_INT32:
+    case FieldDescriptor::CPPTYPE_INT64:
+    case FieldDescriptor::CPPTYPE_UINT32:
+    case FieldDescriptor::CPPTYPE_UINT64:
+    case FieldDescriptor::CPPTYPE_FLOAT:
+    case FieldDescriptor::CPPTYPE_DOUBLE: return true;
+    default: return false;
+  }
+}
 
 Status checkNumberField(const NumberField& field, const double* values, const std::string& place) {
   if (field.width == 1) return checkRange(field.field->options().GetExtension(v1::number), values[0], place);

@@ -28,6 +28,8 @@ std::string messageToJson(const google::protobuf::Message& message, bool pretty)
 
 /// "halt.spp=128", "lights.key.color=1,0.9,0.8", "shadows.axis_aligned.mu=2", "outputs=beauty,depth". Vector3 takes x,y,z.
 Status setPath(google::protobuf::Message& message, const std::string& assignment);
+/// An integer or a floating-point number, or a list of them.
+bool isNumeric(const google::protobuf::FieldDescriptor* field);
 /// A number (width 1) or Vector3 (3) of a message.
 struct NumberField {
   google::protobuf::Message* message;

@@ -238,17 +238,7 @@ Result<NumberField> numberField(Message& message, const std::string& path) {
   GOBO_ASSIGN(const Place place, walk(message, path, Absent::MakeButChoices));
   const FieldDescriptor* f = place.field;
   const bool vector = !f->is_repeated() && f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && f->message_type()->full_name() == "gobo.v1.Vector3";
-  bool number = false;
-  switch (f->cpp_type()) {
-    case FieldDescriptor::CPPTYPE_INT32:
-    case FieldDescriptor::CPPTYPE_INT64:
-    case FieldDescriptor::CPPTYPE_UINT32:
-    case FieldDescriptor::CPPTYPE_UINT64:
-    case FieldDescriptor::CPPTYPE_FLOAT:
-    case FieldDescriptor::CPPTYPE_DOUBLE: number = !f->is_repeated(); break;
-    default: break;
-  }
-  if (!place.mapKey.empty() || (!vector && !number)) return invalidArgument("is neither a number nor a vector", path);
+  if (!place.mapKey.empty() || (!vector && (f->is_repeated() || !isNumeric(f)))) return invalidArgument("is neither a number nor a vector", path);
   return NumberField{place.message, f, vector ? 3 : 1};
 }
 

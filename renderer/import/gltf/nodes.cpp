@@ -62,14 +62,16 @@ class Tree {
   void findOrigin(const std::vector<int>& drawn) {
     Box all;
     std::map<const Mesh*, Box> boxes;
+    std::set<int> skins;  // seen: many nodes may share one of many joints
     for (const int index : drawn) {
       const Cursor node = nodes_.at(size_t(index));
       const int mesh = node["mesh"].index("meshes"), skin = node["skin"].index("skins");
       if (!d_.ok()) return;
-      if (mesh < 0) continue;
+      if (mesh < 0 || node.extension("EXT_mesh_gpu_instancing").exists()) continue;  // its copies may be anywhere
       for (const Part& part : parts_[mesh]) {
         if (skin >= 0 && part.source >= 0 && rig_.sources[part.source].influences > 0) {  // joints alone place it
-          for (const int32_t j : rig_.skins[skin].joints) all.add(DVec3(pose_.world[j][3]));
+          if (skins.insert(skin).second)
+            for (const int32_t j : rig_.skins[skin].joints) all.add(DVec3(pose_.world[j][3]));
           continue;
         }
         const auto [known, fresh] = boxes.try_emplace(part.mesh.get());

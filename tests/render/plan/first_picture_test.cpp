@@ -2,7 +2,6 @@
 // Never black, never white: what lights a scene that has no light, and the exposure of a PNG that would show nothing.
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <fstream>
 #include <limits>
 
@@ -10,19 +9,13 @@
 #include "scene/studio.h"
 #include "support/engines.h"
 #include "support/small_gltf.h"
+#include "support/temp_folder.h"
 
 namespace gobo::testing::first_picture_test {
 namespace {
 
 class FirstPicture : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("gobo-first-" + std::to_string(::getpid()) + "-" + ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   /// The quad of smallGltf with other words in place of some.
   v1::RenderRequest request(std::initializer_list<std::pair<const char*, const char*>> words) {
     std::string text = smallGltf("");
@@ -31,7 +24,7 @@ class FirstPicture : public ::testing::Test {
       EXPECT_NE(at, std::string::npos) << from;
       text.replace(at, std::strlen(from), to);
     }
-    const std::string path = (folder_ / ("quad" + std::to_string(files_++) + ".gltf")).string();
+    const std::string path = folder_.path + "/" + "quad" + std::to_string(files_++) + ".gltf";
     std::ofstream(path) << text;
     EXPECT_TRUE(engine_->openScene(path, path).ok());
     EXPECT_TRUE(cold_->openScene(path, path).ok());
@@ -51,7 +44,7 @@ class FirstPicture : public ::testing::Test {
     return false;
   }
 
-  std::filesystem::path folder_;
+  test::TempFolder folder_;
   int files_ = 0;
   std::unique_ptr<Engine> engine_ = makeEngine(), cold_ = makeEngine(0);
 };
@@ -74,6 +67,9 @@ TEST_F(FirstPicture, ASceneWithoutLightIsLitAndTheReplySaysSo) {
   v1::RenderRequest gained = dark();
   set(gained, "environment.gain=2,2,2");
   EXPECT_NEAR(mean(mustRender(*engine_, gained)), 2.0 * mean(lit), 1e-4);
+  v1::RenderRequest edited = dark();  // it is a light by its name, like any environment
+  set(edited, "lights.environment.gain=0.5,0.5,0.5");
+  EXPECT_NEAR(mean(mustRender(*engine_, edited)), 0.5 * mean(lit), 1e-4);
 }
 
 TEST_F(FirstPicture, NoneLeavesItBlack) {
@@ -140,6 +136,11 @@ TEST_F(FirstPicture, ExposureIsChosenForWhatWouldShowNothing) {
   EXPECT_EQ(of({1e-4f})->stops, 10.75);                 // 10.81
   EXPECT_NEAR(of({1.0f, 1e6f})->luminance, 1e3, 1e-2);  // the log-average
   EXPECT_EQ(of({1e-30f})->stops, 32.0);                 // its range
+  Image large(1000, 500, 3);  // looked at in steps; bright columns do not fall between them
+  for (size_t p = 0; p < large.pixels(); ++p)
+    for (size_t c = 0; c < 3; ++c) large.data[p * 3 + c] = p % 2 ? 1e6f : 1.0f;
+  ASSERT_TRUE(chooseExposure(large));
+  EXPECT_NEAR(std::log2(chooseExposure(large)->luminance), std::log2(1e3), 0.01);
   const float inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
   EXPECT_EQ(of({1000.0f, inf, nan, -5.0f})->stops, -12.5);
 }

@@ -4,13 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "scene/blob.h"
 #include "support/engines.h"
 #include "support/small_gltf.h"
+#include "support/temp_folder.h"
 
 namespace gobo::testing {
 namespace {
@@ -22,13 +22,6 @@ const std::pair<By, const char*> kWays[] = {{By::Root, "root"}, {By::Matrix, "ma
 
 class FarOrigin : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("gobo-far-" + std::to_string(::getpid()) + "-" + ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   /// Floor, a board that slides, a skinned strip, lamps, camera; 4 m wide. `scale`: of all lengths.
   std::string write(const std::string& name, By by, const DVec3& at, double scale = 1.0) {
     std::vector<char> bin;
@@ -120,7 +113,7 @@ class FarOrigin : public ::testing::Test {
     doc["scenes"] = {{{"nodes", all}}};
     doc["scene"] = 0;
     doc["buffers"] = {{{"byteLength", bin.size()}, {"uri", "data:application/octet-stream;base64," + base64(bin.data(), bin.size())}}};
-    const std::string path = (folder_ / (name + ".gltf")).string();
+    const std::string path = folder_.path + "/" + name + ".gltf";
     std::ofstream(path) << doc.dump();
     return path;
   }
@@ -139,7 +132,7 @@ class FarOrigin : public ::testing::Test {
     return mustRender(*engine_, r);
   }
 
-  std::filesystem::path folder_;
+  test::TempFolder folder_;
   std::unique_ptr<Engine> engine_ = makeEngine();
 };
 

@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 
+#include "support/temp_folder.h"
 #include "terms/term.h"
 
 namespace gobo::test {
@@ -23,18 +24,6 @@ inline std::shared_ptr<Term> makeTerm(int i, int elements) {
   for (size_t k = 0; k < bytes.size(); ++k) bytes[k] = uint8_t(i * 31 + int(k));
   return term;
 }
-
-struct TempFolder {
-  std::string path;
-  TempFolder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "gobo-store-XXXXXX").string();
-    path = ::mkdtemp(pattern.data());
-  }
-  ~TempFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path, ignored);
-  }
-};
 
 inline std::string fileOf(const std::string& folder, int i) {
   const std::string name = key(i).hex();

@@ -85,7 +85,7 @@ TEST(MedianOfVisibility, DevicesGiveTheSameBits) {
     ASSERT_TRUE(made);
     EXPECT_EQ(made->content(), cpu->content()) << device->name();
   }
-  if (ran == 0) GTEST_SKIP() << "no device here";
+  EXPECT_GT(ran, 0) << "deploy/install-deps brings lavapipe and llvmpipe, which need no GPU";
 }
 
 TEST(MedianOfVisibility, SaysWhatItReads) {
