@@ -136,7 +136,7 @@ TEST_F(FirstPicture, ExposureIsChosenForWhatWouldShowNothing) {
   EXPECT_EQ(of({1e-4f})->stops, 10.75);                 // 10.81
   EXPECT_NEAR(of({1.0f, 1e6f})->luminance, 1e3, 1e-2);  // the log-average
   EXPECT_EQ(of({1e-30f})->stops, 32.0);                 // its range
-  Image large(1000, 500, 3);  // looked at in steps; bright columns do not fall between them
+  Image large(1000, 500, 3);                            // looked at in steps; bright columns do not fall between them
   for (size_t p = 0; p < large.pixels(); ++p)
     for (size_t c = 0; c < 3; ++c) large.data[p * 3 + c] = p % 2 ? 1e6f : 1.0f;
   ASSERT_TRUE(chooseExposure(large));
