@@ -53,7 +53,7 @@ void TokenBook::reload(const std::vector<TokenConfig>& tokens, bool always) {
 grpc::Status TokenBook::identify(const grpc::ServerContext& context, Principal& who) const {
   who = {};
   who.local = isLocalPeer(context);
-  const bool inProcess = context.peer().rfind("inproc", 0) == 0;
+  const bool inProcess = peerOf(context).rfind("inproc", 0) == 0;
   const auto [first, last] = context.client_metadata().equal_range("authorization");
   const auto refuse = [](const char* why) { return grpc::Status(grpc::StatusCode::UNAUTHENTICATED, why); };
   if (first == last) {

@@ -167,6 +167,8 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"tls.require_client_cert", boolean(c.tls.requireClientCert)},
       {"http.listen", text(c.httpListen)},
       {"http.allow_remote", boolean(c.httpAllowRemote)},
+      {"web.listen", text(c.webListen)},
+      {"web.hosts", texts(c.webHosts)},
       {"log.format", text(c.logFormat)},
       {"limits.loads_at_once", integer(c.loadsAtOnce, 1, 1024)},
       {"limits.request_s", number(c.requestSeconds, 0, 86400)},

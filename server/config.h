@@ -49,6 +49,8 @@ struct ServerConfig {
   std::vector<TokenConfig> tokens;
   std::string httpListen;  ///< HOST:PORT of /metrics, /health, /ready; empty: none
   bool httpAllowRemote = false;
+  std::string webListen;              ///< HOST:PORT of the viewer and the calls over HTTP (server/door); empty: none
+  std::vector<std::string> webHosts;  ///< names by which browsers may reach it beside its own, for a proxy in front of it
 
   std::string logLevel = "info";
   std::string logFormat = "text";

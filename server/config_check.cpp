@@ -58,6 +58,16 @@ Status checkSecurity(const ServerConfig& c) {
                                           "\": not a loopback address, and metrics are served to anybody who "
                                           "asks; set http.allow_remote = true if the network in front of it protects it"};
   }
+  if (!c.webListen.empty()) {
+    GOBO_ASSIGN(const Address address, parseAddress(c.webListen));
+    if (address.isUnix) return invalidArgument("web.listen = \"" + escaped(c.webListen) + "\": must be HOST:PORT");
+    if (!isLoopback(address.host) && !(c.tls.on() && !c.tokens.empty()))
+      return {Code::PermissionDenied, "web.listen = \"" + escaped(c.webListen) +
+                                          "\": not a loopback address. It needs [tls] cert and key and at least one [[tokens]] table; or let it listen "
+                                          "on loopback behind a proxy whose name is in web.hosts"};
+    if (c.tls.requireClientCert)
+      return invalidArgument("web.listen = \"" + escaped(c.webListen) + "\": tls.require_client_cert = true is not kept there: browsers show no certificate");
+  }
   return {};
 }
 
@@ -74,6 +84,8 @@ std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& a, const Server
          a.tls.on() != b.tls.on() || a.tls.requireClientCert != b.tls.requireClientCert || a.tls.clientCa.empty() != b.tls.clientCa.empty());
   differ("http.listen", a.httpListen != b.httpListen);
   differ("http.allow_remote", a.httpAllowRemote != b.httpAllowRemote);
+  differ("web.listen", a.webListen != b.webListen);
+  differ("web.hosts", a.webHosts != b.webHosts);
   differ("engine.threads", a.threads != b.threads);
   differ("engine.store_bytes", a.storeBytes != b.storeBytes);
   differ("engine.cache_folder", a.cacheFolder != b.cacheFolder);

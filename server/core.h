@@ -24,6 +24,7 @@
 #include "server/metrics.h"
 #include "server/refusal_pause.h"
 #include "server/sandbox_probe.h"
+#include "server/sessions.h"
 #include "server/shared_limit.h"
 
 namespace gobo {
@@ -48,6 +49,7 @@ class ServerCore {
   FreedMemory freed;
   SharedLimit uploads, watches;  ///< calls in progress
   SharedLimit replies;           ///< bytes of pictures that are being made or sent
+  Sessions sessions;             ///< of viewers
   DeviceProbe devices;
   SandboxProbe sandbox;
   JobRunner jobs;

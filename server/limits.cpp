@@ -14,6 +14,11 @@ using Steady = std::chrono::steady_clock;
 
 static unsigned long long ull(uint64_t v) { return v; }
 
+bool mayUse(const Rpc& rpc, v1::Scheduling::Class priority) {
+  const TokenConfig* t = rpc.who().token.get();
+  return !t || t->classes.empty() || std::find(t->classes.begin(), t->classes.end(), kClassNames[int(jobClassOf(priority))]) != t->classes.end();
+}
+
 grpc::Status checkRender(Rpc& rpc, v1::RenderRequest& request, const v1::RenderRequest& resolved) {
   const bool part = resolved.has_window();
   const uint32_t width = part ? resolved.window().width() : resolved.width(), height = part ? resolved.window().height() : resolved.height();
@@ -25,8 +30,8 @@ grpc::Status checkRender(Rpc& rpc, v1::RenderRequest& request, const v1::RenderR
                                                           width, height, ull(outputs), ull(bytes), ull(most)),
                                                      part ? "request.window.width" : "request.width"));
   if (const TokenConfig* t = rpc.who().token.get()) {
-    const std::string name = kClassNames[int(jobClassOf(resolved.scheduling().priority()))];
-    if (!t->classes.empty() && std::find(t->classes.begin(), t->classes.end(), name) == t->classes.end()) {
+    if (!mayUse(rpc, resolved.scheduling().priority())) {
+      const std::string name = kClassNames[int(jobClassOf(resolved.scheduling().priority()))];
       std::string allowed;
       for (const std::string& c : t->classes) allowed += (allowed.empty() ? "" : ", ") + c;
       return rpc.refuse("class",

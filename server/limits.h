@@ -12,6 +12,8 @@
 
 namespace gobo {
 
+/// The caller's token, if there is one, allows the class (tokens.classes).
+bool mayUse(const Rpc& rpc, v1::Scheduling::Class priority);
 /// Checks `resolved` (of Engine::resolve) against [limits] and the token: class, pixels, samples, pictures' bytes, environment path.
 /// Where the token bounds the samples and the request has none, sets request.halt.spp to the bound.
 /// Ok, or the status to answer with.

@@ -23,7 +23,7 @@ constexpr double kGraceSeconds = 1.5;  // after the drain: what does not stop by
 
 /// What the command line says over the file, at the start and at every reload.
 struct Flags {
-  std::string configFile, cache, logLevel, logFormat, tmp, store, http;
+  std::string configFile, cache, logLevel, logFormat, tmp, store, http, web;
   std::vector<std::string> listen, roots;
   int threads = -1;
 };
@@ -39,6 +39,7 @@ gobo::Result<gobo::ServerConfig> configure(const Flags& f) {
   if (!f.logFormat.empty()) config.logFormat = f.logFormat;
   if (!f.tmp.empty()) config.tmpFolder = f.tmp;
   if (!f.http.empty()) config.httpListen = f.http;
+  if (!f.web.empty()) config.webListen = f.web;
   if (!f.store.empty()) {
     const auto bytes = gobo::parseBytes(f.store);
     if (!bytes.ok()) return bytes.status().at("--store");
@@ -86,6 +87,7 @@ int main(int argc, char** argv) {
   app.add_option("--log", flags.logLevel, "debug, info, warn, error, off");
   app.add_option("--log-format", flags.logFormat, "text, json");
   app.add_option("--http", flags.http, "HOST:PORT of /metrics, /health and /ready");
+  app.add_option("--web", flags.web, "HOST:PORT of the viewer in a browser and of calls over HTTP");
   app.add_option("--tmp", flags.tmp, "folder for uploads");
   app.add_flag("--check", check, "check the configuration and leave");
   app.add_flag("--version", version, "print the version");
@@ -133,6 +135,7 @@ int main(int argc, char** argv) {
   std::string where;
   for (const std::string& address : server.addresses()) where += (where.empty() ? "" : ", ") + address;
   if (!server.httpAddress().empty()) where += ", http://" + server.httpAddress();
+  if (!server.webAddress().empty()) where += ", " + server.webAddress();
   const double ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begun).count();
   std::printf("gobod ready on %s in %.0f ms\n", where.c_str(), ms);
   std::fflush(stdout);

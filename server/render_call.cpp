@@ -2,6 +2,7 @@
 #include "server/render_call.h"
 
 #include <algorithm>
+#include <atomic>
 
 #include "server/jobs/crash_marks.h"
 
@@ -68,6 +69,7 @@ void RenderCall::work() {
     }
   }
   RenderControl control;
+  std::atomic<bool> shown{false};
   control.owner = options_.owner;
   control.access = options_.access;
   if (options_.events) {
@@ -76,7 +78,8 @@ void RenderCall::work() {
       progress_ = progress;
       changed_.notify_one();
     };
-    control.snapshot = [this](const RenderResult& result) {
+    control.snapshot = [this, &shown](const RenderResult& result) {
+      shown = true;
       const std::lock_guard lock(mutex_);
       const size_t keep = firstTaken_ ? 0 : 1;
       while (snapshots_.size() > keep) snapshots_.pop_back();
@@ -98,6 +101,7 @@ void RenderCall::work() {
           return Status(Code::ResourceExhausted, "no room for its pictures");
         }
         const CrashMarks::Other other;
+        control.ladder = !shown;  // after a preemption nobody wants to see less than before
         auto rendered = core_.engine.run(*prepared, control);
         if (!rendered.ok()) return rendered.status();
         result = std::move(rendered).value();

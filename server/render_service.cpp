@@ -49,6 +49,11 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   auto resolved = core_.engine.resolve(request, rpc.access());
   if (!resolved.ok()) return toGrpc(resolved.status());
   rpc.note("size", strf("%ux%u", resolved->width(), resolved->height()));
+  // Somebody drags a light.
+  if (!request.scheduling().session().empty() && !request.scheduling().has_priority() && mayUse(rpc, v1::Scheduling::INTERACTIVE)) {
+    request.mutable_scheduling()->set_priority(v1::Scheduling::INTERACTIVE);
+    resolved->mutable_scheduling()->set_priority(v1::Scheduling::INTERACTIVE);
+  }
   const JobClass jobClass = jobClassOf(resolved->scheduling().priority());
   rpc.note("class", kClassNames[int(jobClass)]);
   const auto client = rpc.client(request.scheduling().client());
@@ -60,6 +65,15 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   if (!slot.ok)
     return rpc.refuseBusy("renders",
                           strf("renders at once: at most %u (tokens.renders_at_once of \"%s\")", rpc.who().token->rendersAtOnce, rpc.who().name.c_str()), 1000);
+
+  const std::string& session = request.scheduling().session();
+  Sessions::Turn turn(core_.sessions, rpc.who().name, session);
+  const auto replaced = [] { return grpc::Status(grpc::StatusCode::CANCELLED, "replaced by a newer request of its session (scheduling.session)"); };
+  switch (turn.begin([&] { return context.IsCancelled() || call.stop.token().stopRequested(); })) {
+    case Sessions::Turn::Begin::Now: break;
+    case Sessions::Turn::Begin::Replaced: return replaced();
+    case Sessions::Turn::Begin::Gone: return core_.cancelledAll() ? rpc.refuseDraining() : grpc::Status(grpc::StatusCode::CANCELLED, "the client has gone");
+  }
 
   RenderCallOptions options;
   const Deadline deadline = deadlineFor(rpc, context, resolved->scheduling());
@@ -73,7 +87,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   options.replyBytes = 32ull * resolved->width() * resolved->height() * uint64_t(std::max(1, resolved->outputs_size())) + 2 * core_.live()->chunkBytes;
   const auto render = std::make_unique<RenderCall>(core_, call.stop, request, options);
   Clock::time_point lastProgress = begun - kProgressGap;
-  bool gone = false;
+  bool gone = false, newer = false;
   const auto encodeAndDeliver = [&](RenderResult& result, bool last) -> Status {
     GOBO_ASSIGN(std::vector<EncodedImage> images, encodeImages(result));
     v1::RenderReply reply = result.reply;
@@ -90,9 +104,14 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
       lastProgress = Clock::now();
       gone = !(*report)(*news.progress);
     }
-    if (news.snapshot && !gone) {
+    if (news.snapshot && !gone && !newer) {
       const Status status = encodeAndDeliver(*news.snapshot, false);
       if (!status.ok()) return toGrpc(status);
+      turn.shown();
+    }
+    if (turn.over() && !newer) {
+      newer = true;
+      render->cancel();
     }
     if (news.done) break;
   }
@@ -101,6 +120,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   account(rpc, *render, jobClass, std::chrono::duration<double, std::milli>(Clock::now() - begun).count(), status.ok());
   if (!status.ok()) {
     if (status.code() == Code::Cancelled && core_.cancelledAll()) return rpc.refuseDraining();
+    if (status.code() == Code::Cancelled && newer) return replaced();
     if (status.code() == Code::ResourceExhausted && render->retryAfterMs() > 0) return rpc.refuseBusy("queue", status.message(), render->retryAfterMs());
     if (render->replyRefused())
       return rpc.refuseBusy("reply_bytes",
@@ -164,7 +184,7 @@ grpc::Status RenderService::Relight(grpc::ServerContext* context, const v1::Reli
   return serve(core_, *context, "relight", [&](Rpc& rpc) -> grpc::Status {
     rpc.note("of", relight->render_id());
     auto request = core_.engine.relightRequest(*relight, rpc.who().admin ? std::string() : rpc.renderOwner());
-    return request.ok() ? stream(rpc, *request, *writer, false) : toGrpc(request.status());
+    return request.ok() ? stream(rpc, *request, *writer, relight->progressive()) : toGrpc(request.status());
   });
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/rpc.h"
 
+#include <arpa/inet.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -25,14 +27,37 @@ grpc::Status busy(grpc::ServerContext& context, const std::string& what, double 
 
 grpc::Status drainingStatus() { return {grpc::StatusCode::UNAVAILABLE, "the server is shutting down"}; }
 
-bool isLocalPeer(const grpc::ServerContext& context) {
+std::string peerOf(const grpc::ServerContext& context) {
   const std::string peer = context.peer();
+  if (peer.rfind("inproc", 0) != 0) return peer;
+  const auto at = context.client_metadata().find(kPeerKey);
+  return at == context.client_metadata().end() ? peer : std::string(at->second.data(), at->second.size());
+}
+
+std::string peerText(const sockaddr& address) {
+  char host[INET6_ADDRSTRLEN] = "?";
+  const bool six = address.sa_family == AF_INET6;
+  uint16_t port = 0;
+  if (six) {
+    const auto& a = reinterpret_cast<const sockaddr_in6&>(address);
+    ::inet_ntop(AF_INET6, &a.sin6_addr, host, sizeof host);
+    port = ntohs(a.sin6_port);
+  } else if (address.sa_family == AF_INET) {
+    const auto& a = reinterpret_cast<const sockaddr_in&>(address);
+    ::inet_ntop(AF_INET, &a.sin_addr, host, sizeof host);
+    port = ntohs(a.sin_port);
+  }
+  return std::string("http:") + (six ? "[" : "") + host + (six ? "]:" : ":") + std::to_string(port);
+}
+
+bool isLocalPeer(const grpc::ServerContext& context) {
+  const std::string peer = peerOf(context);
   return peer.rfind("unix:", 0) == 0 || peer.rfind("inproc", 0) == 0;
 }
 
 std::string clientName(const grpc::ServerContext& context, const std::string& named) {
   if (!named.empty()) return named.substr(0, 256);
-  const std::string peer = context.peer();
+  const std::string peer = peerOf(context);
   if (peer.rfind("unix:", 0) == 0) return "unix";
   const size_t colon = peer.rfind(':');
   return colon == std::string::npos ? peer : peer.substr(0, colon);

@@ -6,6 +6,8 @@
 #include <optional>
 #include <string>
 
+#include <sys/socket.h>
+
 #include <grpcpp/grpcpp.h>
 
 #include "base/status.h"
@@ -19,6 +21,10 @@ grpc::Status toGrpc(const Status& status);
 grpc::Status busy(grpc::ServerContext& context, const std::string& what, double retryAfterMs);
 /// UNAVAILABLE for requests that arrive while the daemon drains (Rpc::refuseDraining adds the retry hint).
 grpc::Status drainingStatus();
+/// The peer that gRPC names; of a call that the HTTP door makes for somebody "http:ADDRESS:PORT" (only calls inside the process may say so).
+std::string peerOf(const grpc::ServerContext& context);
+/// The form of peerOf for an address of a socket.
+std::string peerText(const sockaddr& address);
 /// A Unix socket or a channel inside the process.
 bool isLocalPeer(const grpc::ServerContext& context);
 /// scheduling.client, or the peer without its port.
@@ -28,6 +34,7 @@ std::optional<std::chrono::steady_clock::time_point> deadlineOf(const grpc::Serv
 
 constexpr const char* kRetryAfterKey = "retry-after-ms";
 constexpr const char* kRequestIdKey = "x-request-id";
+constexpr const char* kPeerKey = "x-gobo-http-peer";
 constexpr double kDrainRetryMs = 1000;  ///< hint to callers of a daemon that drains: its successor needs about that long
 
 }  // namespace gobo

@@ -207,6 +207,22 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
     });
   }
   if (sockets && !config.httpListen.empty()) { GOBO_ASSIGN(self->http_, HttpEndpoint::start(*self->core_, config.httpListen)); }
+  if (sockets && !config.webListen.empty()) {
+    DoorOptions door;
+    door.listen = config.webListen;
+    door.channel = self->inProcessChannel();
+    door.tellsPeer = true;
+    door.hosts = config.webHosts;
+    door.requestBytes = config.requestBytes;
+    if (config.tls.on()) {
+      GOBO_ASSIGN(TlsFiles files, readTls(config.tls));
+      door.cert = files.cert;
+      door.key = files.key;
+    }
+    auto opened = Door::start(std::move(door));
+    if (!opened.ok()) return Status(opened.status().code(), "web.listen: " + opened.status().message());
+    self->door_ = std::move(*opened);
+  }
   self->setServing(true);
   self->core_->onDrain = [raw = self.get()] { raw->setServing(false); };
   return self;
@@ -263,6 +279,7 @@ void Server::shutdown(double drainSeconds) {
     core_->cancelAll();
     core_->waitIdle(10);
   }
+  door_.reset();
   http_.reset();
   core_->reachable = nullptr;
   if (listener_) listener_->stop();

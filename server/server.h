@@ -10,6 +10,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include "server/core.h"
+#include "server/door/door.h"
 #include "server/http_endpoint.h"
 #include "server/listener.h"
 #include "server/tls.h"
@@ -30,6 +31,8 @@ class Server {
   std::shared_ptr<grpc::Channel> inProcessChannel();
   /// The addresses that are served, with the port that was chosen for port 0.
   const std::vector<std::string>& addresses() const { return addresses_; }
+  /// "http://HOST:PORT" of the viewer (server/door); empty: none.
+  std::string webAddress() const { return door_ ? (door_->secure() ? "https://" : "http://") + door_->address() : std::string(); }
   /// Of /metrics, /health and /ready; empty without.
   std::string httpAddress() const { return http_ ? http_->address() : std::string(); }
   ServerCore& core() { return *core_; }
@@ -55,6 +58,7 @@ class Server {
   std::shared_ptr<TlsSource> tls_;
   std::unique_ptr<grpc::Server> server_;
   std::unique_ptr<Listener> listener_;
+  std::unique_ptr<Door> door_;
   std::unique_ptr<HttpEndpoint> http_;  // goes before the core
   std::vector<std::string> addresses_;
   std::vector<std::string> socketFiles_;

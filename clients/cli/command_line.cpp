@@ -260,6 +260,10 @@ void CommandLine::addTools() {
   value(*occlusion, "--plot", occlusion_.plot, "FILE", "write a plot (PNG)");
   addRequestOptions(*occlusion, occlusion_.request);
 
+  CLI::App* view =
+      command(app, "view", "show a scene in the browser: prints the address of a page of this machine", [this] { return runView(session, view_); });
+  value(*view, "scene", view_.scene, "SCENE", "file, id or built-in name");
+  value(*view, "--listen", view_.listen, "HOST:PORT", "loopback address of the page; port 0, the default, picks one");
   CLI::App* demo =
       command(app, "demo", "render a scene, relight it step by step, print cost and error of each step", [this] { return runDemo(session, demo_); });
   value(*demo, "scene", demo_.scene, "SCENE", "file, id or built-in name")->required();

@@ -45,6 +45,7 @@ class CommandLine {
   MeasureCommand measure_;
   OcclusionCommand occlusion_;
   DemoCommand demo_;
+  ViewCommand view_;
   JobSubmitCommand submit_;
   JobFetchCommand fetch_;
   std::string source_, name_, scene_, shell_, job_;

@@ -76,6 +76,12 @@ struct DemoCommand {
 };
 int runDemo(const SessionOptions& session, const DemoCommand& command);
 
+struct ViewCommand {
+  std::string scene;  ///< empty: none yet
+  std::string listen = "127.0.0.1:0";
+};
+int runView(const SessionOptions& session, const ViewCommand& command);
+
 struct JobSubmitCommand {
   std::string scene, frames, name, key, priority;
   RequestOptions request;

@@ -13,6 +13,7 @@
 #include "plan/describe_unrun.h"
 #include "plan/disk_store.h"
 #include "plan/executor.h"
+#include "plan/ladder.h"
 #include "plan/mapped_guard.h"
 #include "plan/outputs.h"
 #include "plan/planner.h"
@@ -454,41 +455,59 @@ Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderCon
   const bool open = halt.has_time_s() || halt.has_error();  // the sample count is not known beforehand
   uint32_t spp = open || control.snapshot ? std::min<uint32_t>(most, 16) : most;
   ErrorFloor floor;
-
-  while (true) {
-    bool extendable = false;
+  bool extendable = false;
+  const auto once = [&](const v1::RenderRequest& asked, uint32_t samples, const RenderControl& how) -> Result<RenderResult> {
     MappedGuard guard(*scene, request.scene());
     GOBO_TRY(m.checked(guard, {}));  // of no use to begin with
-    Result<RenderResult> result = m.renderOnce(scene, resolved, spp, control, start, guard, extendable);
+    Result<RenderResult> result = m.renderOnce(scene, asked, samples, how, start, guard, extendable);
     if (const Status status = m.checked(guard, result.ok() ? Status() : result.status()); !status.ok()) result = status;
-    if (!result.ok()) {
-      if (result.status().code() == Code::Cancelled) {
-        switch (control.stop.reason()) {
-          case StopReason::Preempted: return Status(Code::Aborted, "preempted");
-          case StopReason::Deadline: return Status(Code::DeadlineExceeded, "deadline passed while rendering");
-          default: break;
-        }
+    if (!result.ok() && result.status().code() == Code::Cancelled) {
+      switch (control.stop.reason()) {
+        case StopReason::Preempted: return Status(Code::Aborted, "preempted");
+        case StopReason::Deadline: return Status(Code::DeadlineExceeded, "deadline passed while rendering");
+        default: break;
       }
-      return result.status();
     }
-    if (leavesExposure(request, resolved)) setExposure(*result);
+    if (result.ok() && leavesExposure(request, resolved)) setExposure(*result);
+    return result;
+  };
+  const auto show = [&](RenderResult& result) {
+    result.reply.set_render_id(m.remembered.add(result.reply.resolved(), control.owner));
+    control.snapshot(result);
+  };
+
+  if (control.snapshot && control.ladder && resolved.scheduling().ladder()) {
+    RenderControl how = control;
+    how.checkpoints = nullptr;  // of the picture that was asked for
+    if (const std::optional<Rung> small = smallRung(resolved)) {
+      const auto begun = Clock::now();
+      GOBO_ASSIGN(RenderResult picture, once(small->request, small->spp, how));
+      const double ms = msSince(begun);
+      show(picture);
+      const std::optional<Rung> whole = extendable ? wholeRung(resolved, ms, most) : std::nullopt;
+      if (whole) {
+        GOBO_ASSIGN(picture, once(whole->request, whole->spp, how));
+        show(picture);
+      }
+    }
+  }
+
+  while (true) {
+    GOBO_ASSIGN(RenderResult picture, once(resolved, spp, control));
     const double elapsed = msSince(start);
     const bool timeUp = halt.has_time_s() && elapsed >= halt.time_s() * 1e3;
-    const bool errorMet = halt.has_error() && result->reply.certificate().rmse_high() <= halt.error();
-    const bool hopeless = halt.has_error() && !halt.has_time_s() && !errorMet && floor.reached(result->reply.certificate(), halt.error());
+    const bool errorMet = halt.has_error() && picture.reply.certificate().rmse_high() <= halt.error();
+    const bool hopeless = halt.has_error() && !halt.has_time_s() && !errorMet && floor.reached(picture.reply.certificate(), halt.error());
     const bool last = !extendable || spp >= most || (open && (timeUp || errorMet || hopeless));
     if (last) {
       ++m.renders;
       if (halt.has_error() && !errorMet)
-        result->reply.add_warnings(std::string("stopped before the error bound was met") +
+        picture.reply.add_warnings(std::string("stopped before the error bound was met") +
                                    (hopeless ? ": more samples no longer lower the error; what the request leaves out does not go away with them" : ""));
-      result->reply.set_render_id(m.remembered.add(result->reply.resolved(), control.owner));
-      return result;
+      picture.reply.set_render_id(m.remembered.add(picture.reply.resolved(), control.owner));
+      return picture;
     }
-    if (control.snapshot) {
-      result->reply.set_render_id(m.remembered.add(result->reply.resolved(), control.owner));
-      control.snapshot(*result);
-    }
+    if (control.snapshot) show(picture);
     // Doubling, but not far beyond what the time bound leaves room for.
     uint64_t next = uint64_t(spp) * 2;
     if (halt.has_time_s()) {

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// gobo view: the viewer in a browser, in front of whatever renders: the daemon, or this process where there is none.
+#include <sys/random.h>
+
+#include <cstdio>
+#include <thread>
+
+#include "base/status.h"
+#include "commands.h"
+#include "server/door/door.h"
+
+namespace gobo::cli {
+
+namespace {
+
+/// Whoever may read this terminal may look; other users of this machine may not.
+Result<std::string> newSecret() {
+  unsigned char bytes[16] = {};
+  if (::getrandom(bytes, sizeof bytes, 0) != ssize_t(sizeof bytes)) return Status(Code::Unavailable, "no random bytes");
+  std::string text;
+  for (const unsigned char b : bytes) text += strf("%02x", b);
+  return text;
+}
+
+bool answers(Session& session) {
+  Session::Call call(session);
+  call.context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(2));
+  v1::StatusReply reply;
+  return session.admin().GetStatus(&call.context, {}, &reply).error_code() != grpc::StatusCode::UNAVAILABLE;
+}
+
+Result<std::unique_ptr<Session>> findServer(SessionOptions options) {
+  const char* env = std::getenv("GOBO_SERVER");
+  const bool named = !options.server.empty() || (env && *env);
+  if (!options.local && !named) {
+    auto session = Session::open(options);
+    if (session.ok() && answers(**session)) return session;
+    options.local = true;
+  }
+  return Session::open(options);
+}
+
+}  // namespace
+
+int runView(const SessionOptions& options, const ViewCommand& command) {
+  auto opened = findServer(options);
+  if (!opened.ok()) return complain(opened.status());
+  Session& session = **opened;
+  std::string id;
+  if (!command.scene.empty()) {
+    auto scene = ensureScene(session, command.scene);
+    if (!scene.ok()) return complain(scene.status());
+    id = *scene;
+  }
+  auto secret = newSecret();
+  if (!secret.ok()) return complain(secret.status());
+  DoorOptions door;
+  door.listen = command.listen;
+  door.channel = session.channel();
+  door.secret = *secret;
+  if (!session.token().empty()) door.authorization = "Bearer " + session.token();
+  if (const auto address = parseAddress(door.listen); address.ok() && !address->isUnix && !isLoopback(address->host))
+    return complain(invalidArgument("--listen " + command.listen + ": must be a loopback address; for others there is gobod --web with TLS and tokens"));
+  auto started = Door::start(std::move(door));
+  if (!started.ok()) return complain(started.status());
+  std::string fragment = "token=" + *secret;
+  if (!id.empty()) fragment += "&scene=" + id;
+  std::printf("http://%s/#%s\n", (*started)->address().c_str(), fragment.c_str());
+  std::fflush(stdout);
+  std::fprintf(stderr, "%s; Ctrl-C ends it\n", session.local() ? "rendering in this process (no daemon is running)" : "rendering in the daemon");
+  const Session::Call until(session);  // Ctrl-C ends the wait, not the process
+  while (!interrupted()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  return kOk;
+}
+
+}  // namespace gobo::cli

@@ -1,0 +1,325 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/door/door.h"
+
+#include <microhttpd.h>
+#include <openssl/crypto.h>
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+
+#include "request/request.h"
+#include "server/bound_socket.h"
+#include "server/door/schema.h"
+#include "server/door/upstream.h"
+#include "server/door/viewer_files.h"
+#include "server/rpc.h"
+
+namespace gobo {
+
+namespace {
+
+constexpr unsigned kSilentSeconds = 30;  // of a client that neither sends nor takes
+constexpr size_t kConnectionMemory = 32768;
+constexpr size_t kBlock = 256 << 10;  // of a stream, at once
+
+// What browsers are told of every answer: nothing but this door's own files may be loaded, and nobody may frame the page.
+constexpr const char* kHeaders[][2] = {
+    {"Content-Security-Policy", "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"},
+    {"X-Content-Type-Options", "nosniff"},
+    {"Referrer-Policy", "no-referrer"},
+    {"Cache-Control", "no-cache"},
+};
+
+const char* mediaTypeOf(v1::Encoding::Format format) {
+  switch (format) {
+    case v1::Encoding::PNG: return "image/png";
+    case v1::Encoding::JPEG: return "image/jpeg";
+    case v1::Encoding::EXR: return "image/x-exr";
+    default: return "application/octet-stream";
+  }
+}
+
+/// "localhost:80", "[::1]:80", "host" -> the host.
+std::string hostOf(const std::string& authority) {
+  if (!authority.empty() && authority[0] == '[') return authority.substr(1, authority.find(']') - 1);
+  return authority.substr(0, authority.rfind(':'));
+}
+
+const char* headerOf(MHD_Connection* connection, const char* name) { return MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name); }
+
+// One request of a connection, from its first line until it has been answered.
+struct Exchange {
+  std::string body;
+  bool tooLarge = false;
+};
+
+}  // namespace
+
+struct Door::Impl {
+  DoorOptions options;
+  std::string host;  // that it was told to listen on
+  std::unique_ptr<v1::Scenes::Stub> scenes;
+  std::unique_ptr<v1::Render::Stub> render;
+  std::unique_ptr<v1::Admin::Stub> admin;
+  std::string schema;
+  std::atomic<bool> stopping{false};
+  MHD_Daemon* daemon = nullptr;
+
+  // Answers.
+
+  static MHD_Result queue(MHD_Connection* connection, int code, MHD_Response* response, const char* type) {
+    if (!response) return MHD_NO;
+    MHD_add_response_header(response, MHD_HTTP_HEADER_CONTENT_TYPE, type);
+    for (const auto& [name, value] : kHeaders) MHD_add_response_header(response, name, value);
+    const MHD_Result result = MHD_queue_response(connection, unsigned(code), response);
+    MHD_destroy_response(response);
+    return result;
+  }
+  static MHD_Result reply(MHD_Connection* connection, int code, const std::string& body, const char* type) {
+    MHD_Response* response = MHD_create_response_from_buffer(body.size(), const_cast<char*>(body.data()), MHD_RESPMEM_MUST_COPY);
+    if (response && code == MHD_HTTP_UNAUTHORIZED) MHD_add_response_header(response, "WWW-Authenticate", "Bearer");
+    if (response && code == MHD_HTTP_METHOD_NOT_ALLOWED) MHD_add_response_header(response, MHD_HTTP_HEADER_ALLOW, "GET, HEAD, POST");
+    return queue(connection, code, response, type);
+  }
+  static MHD_Result fail(MHD_Connection* connection, const grpc::Status& status, const UpstreamCall* call = nullptr) {
+    const std::string body = "{\"error\":" + errorJson(status) + "}\n";
+    MHD_Response* response = MHD_create_response_from_buffer(body.size(), const_cast<char*>(body.data()), MHD_RESPMEM_MUST_COPY);
+    if (response && status.error_code() == grpc::StatusCode::UNAUTHENTICATED) MHD_add_response_header(response, "WWW-Authenticate", "Bearer");
+    if (response && call) {
+      const auto& trailers = call->context.GetServerTrailingMetadata();
+      if (const auto at = trailers.find(kRetryAfterKey); at != trailers.end()) {
+        const long seconds = std::max(1L, (std::atol(std::string(at->second.data(), at->second.size()).c_str()) + 999) / 1000);
+        MHD_add_response_header(response, "Retry-After", std::to_string(seconds).c_str());
+      }
+    }
+    return queue(connection, httpStatusOf(status.error_code()), response, "application/json");
+  }
+  static MHD_Result fail(MHD_Connection* connection, grpc::StatusCode code, const std::string& message) { return fail(connection, {code, escaped(message)}); }
+  static MHD_Result json(MHD_Connection* connection, const google::protobuf::Message& message) {
+    return reply(connection, MHD_HTTP_OK, messageToJson(message, false), "application/json");
+  }
+
+  // Who may ask.
+
+  /// Ok, or why this caller gets nothing.
+  grpc::Status admit(MHD_Connection* connection) const {
+    const char* given = headerOf(connection, MHD_HTTP_HEADER_HOST);
+    const std::string authority = given ? given : "", name = hostOf(authority);
+    // Another name for this address would be a page of somebody else's that had its name point here.
+    const bool ours = isLoopback(name) || name == host || std::find(options.hosts.begin(), options.hosts.end(), name) != options.hosts.end();
+    if (!ours && options.secret.empty() && options.cert.empty())
+      return {grpc::StatusCode::PERMISSION_DENIED, "Host: \"" + escaped(name.substr(0, 80)) + "\" is not a name of this address"};
+    if (const char* origin = headerOf(connection, MHD_HTTP_HEADER_ORIGIN); origin && origin != "http://" + authority && origin != "https://" + authority)
+      return {grpc::StatusCode::PERMISSION_DENIED, "Origin: \"" + escaped(std::string(origin).substr(0, 80)) + "\": pages of other origins get nothing here"};
+    return grpc::Status::OK;
+  }
+  grpc::Status checkSecret(MHD_Connection* connection) const {
+    if (options.secret.empty()) return grpc::Status::OK;
+    const char* sent = headerOf(connection, MHD_HTTP_HEADER_AUTHORIZATION);
+    const std::string wanted = "Bearer " + options.secret, given = sent ? sent : "";
+    if (given.size() == wanted.size() && CRYPTO_memcmp(given.data(), wanted.data(), wanted.size()) == 0) return grpc::Status::OK;
+    return {grpc::StatusCode::UNAUTHENTICATED, given.empty() ? "authorization: none was sent; this server wants \"Authorization: Bearer TOKEN\""
+                                                             : "authorization: the token is not known to this server"};
+  }
+
+  // Calls.
+
+  std::function<bool()> goneOf(MHD_Connection* connection) const {
+    const MHD_ConnectionInfo* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD);
+    return [this, fd = info ? int(info->connect_fd) : -1] {
+      pollfd p{fd, POLLRDHUP, 0};
+      return stopping.load() || (fd >= 0 && ::poll(&p, 1, 0) > 0 && (p.revents & (POLLRDHUP | POLLHUP | POLLERR)) != 0);
+    };
+  }
+  void dress(MHD_Connection* connection, grpc::ClientContext& context) const {
+    const char* sent = headerOf(connection, MHD_HTTP_HEADER_AUTHORIZATION);
+    if (options.secret.empty() && sent) context.AddMetadata("authorization", sent);
+    if (!options.secret.empty() && !options.authorization.empty()) context.AddMetadata("authorization", options.authorization);
+    if (const char* id = headerOf(connection, kRequestIdKey)) context.AddMetadata(kRequestIdKey, id);
+    if (!options.tellsPeer) return;
+    const MHD_ConnectionInfo* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+    context.AddMetadata(kPeerKey, info ? peerText(*info->client_addr) : "?");
+  }
+  template <typename Reply, typename Start>
+  MHD_Result unary(MHD_Connection* connection, Start&& start) {
+    UpstreamCall call(goneOf(connection));
+    dress(connection, call.context);
+    Reply answer;
+    const grpc::Status status = callOnce(call, start, answer);
+    return status.ok() ? json(connection, answer) : fail(connection, status, &call);
+  }
+
+  static ssize_t readStream(void* stream, uint64_t, char* to, size_t most) {
+    const ssize_t n = static_cast<RenderStream*>(stream)->read(to, most);
+    return n > 0 ? n : n == 0 ? ssize_t(MHD_CONTENT_READER_END_OF_STREAM) : ssize_t(MHD_CONTENT_READER_END_WITH_ERROR);
+  }
+  static void dropStream(void* stream) { delete static_cast<RenderStream*>(stream); }
+
+  MHD_Result stream(MHD_Connection* connection, bool frames, const RenderStream::Start& start) {
+    auto call = std::make_unique<RenderStream>(goneOf(connection), frames);
+    dress(connection, call->context());
+    if (const grpc::Status status = call->begin(start); !status.ok()) return fail(connection, status);
+    uint64_t size = MHD_SIZE_UNKNOWN;
+    const char* type = "application/octet-stream";
+    const v1::RenderReply head = call->head();
+    if (!frames) {
+      size = head.images(0).bytes();
+      type = mediaTypeOf(head.images(0).format());
+    }
+    MHD_Response* response = MHD_create_response_from_callback(size, kBlock, &Impl::readStream, call.get(), &Impl::dropStream);
+    if (!response) return MHD_NO;
+    call.release();
+    if (!frames) {
+      MHD_add_response_header(response, "Gobo-Render-Id", head.render_id().c_str());
+      MHD_add_response_header(response, "Gobo-Request-Hash", head.request_hash().c_str());
+    }
+    return queue(connection, MHD_HTTP_OK, response, type);
+  }
+
+  static grpc::Status onePicture(const v1::RenderRequest& request) {
+    if (request.outputs_size() <= 1 || request.encoding().layers()) return grpc::Status::OK;
+    return {grpc::StatusCode::INVALID_ARGUMENT,
+            "request.outputs: a reply holds one picture: ask for one output, for an EXR with encoding.layers, or call " + std::string("/v1/render/stream")};
+  }
+
+  // Routes.
+
+  MHD_Result get(MHD_Connection* connection, const std::string& path) {
+    if (path == "/v1/schema") return reply(connection, MHD_HTTP_OK, schema, "application/json");
+    if (path.rfind("/v1/", 0) != 0) {
+      const std::string name = path == "/" ? "index.html" : path.substr(1);
+      for (const ViewerFile& file : viewerFiles())
+        if (file.name == name)
+          return queue(connection, MHD_HTTP_OK,
+                       MHD_create_response_from_buffer(file.bytes.size(), const_cast<char*>(file.bytes.data()), MHD_RESPMEM_PERSISTENT),
+                       std::string(file.type).c_str());
+      return fail(connection, grpc::StatusCode::NOT_FOUND, "nothing at " + path.substr(0, 200));
+    }
+    if (const grpc::Status known = checkSecret(connection); !known.ok()) return fail(connection, known);
+    const std::string scenesPath = "/v1/scenes/";
+    if (path == "/v1/status")
+      return unary<v1::StatusReply>(connection, [&](auto* context, auto* queue) { return admin->AsyncGetStatus(context, v1::StatusRequest(), queue); });
+    if (path == "/v1/scenes")
+      return unary<v1::ListScenesReply>(connection, [&](auto* context, auto* queue) { return scenes->AsyncList(context, v1::ListScenesRequest(), queue); });
+    if (path.rfind(scenesPath, 0) == 0) {
+      v1::InspectSceneRequest request;
+      request.set_scene(path.substr(scenesPath.size()));
+      return unary<v1::SceneInfo>(connection, [&](auto* context, auto* queue) { return scenes->AsyncInspect(context, request, queue); });
+    }
+    return fail(connection, grpc::StatusCode::NOT_FOUND, "nothing to GET at " + path.substr(0, 200) + " (docs/live.md)");
+  }
+
+  template <typename Request>
+  static grpc::Status parse(const Exchange& exchange, Request& request) {
+    return toGrpc(messageFromJson(exchange.body, request, "the request's body"));
+  }
+
+  MHD_Result post(MHD_Connection* connection, const std::string& path, const Exchange& exchange) {
+    if (const grpc::Status known = checkSecret(connection); !known.ok()) return fail(connection, known);
+    // A form of somebody else's page cannot send this type without asking first.
+    const char* type = headerOf(connection, MHD_HTTP_HEADER_CONTENT_TYPE);
+    if (!type || std::string(type).rfind("application/json", 0) != 0)
+      return fail(connection, grpc::StatusCode::INVALID_ARGUMENT,
+                  "Content-Type: " + std::string(type ? type : "none was sent").substr(0, 80) + ": must be application/json");
+    if (exchange.tooLarge)
+      return fail(connection, grpc::StatusCode::RESOURCE_EXHAUSTED,
+                  "the body has more than " + std::to_string(options.requestBytes) + " bytes (limits.request_bytes)");
+    const bool frames = path.size() > 7 && path.compare(path.size() - 7, 7, "/stream") == 0;
+    const std::string what = frames ? path.substr(0, path.size() - 7) : path;
+    if (what == "/v1/render") {
+      v1::RenderRequest request;
+      if (const grpc::Status read = parse(exchange, request); !read.ok()) return fail(connection, read);
+      if (const grpc::Status one = onePicture(request); !frames && !one.ok()) return fail(connection, one);
+      return stream(connection, frames, [&](auto* context, auto* queue) {
+        return frames ? render->PrepareAsyncRenderProgressive(context, request, queue) : render->PrepareAsyncRender(context, request, queue);
+      });
+    }
+    if (what == "/v1/relight") {
+      v1::RelightRequest request;
+      if (const grpc::Status read = parse(exchange, request); !read.ok()) return fail(connection, read);
+      if (const grpc::Status one = onePicture(request.patch()); !frames && !one.ok()) return fail(connection, one);
+      request.set_progressive(frames);
+      return stream(connection, frames, [&](auto* context, auto* queue) { return render->PrepareAsyncRelight(context, request, queue); });
+    }
+    if (path == "/v1/plan") {
+      v1::RenderRequest request;
+      if (const grpc::Status read = parse(exchange, request); !read.ok()) return fail(connection, read);
+      return unary<v1::PlanReply>(connection, [&](auto* context, auto* queue) { return render->AsyncPlan(context, request, queue); });
+    }
+    if (path == "/v1/scenes") {
+      v1::OpenSceneRequest request;
+      if (const grpc::Status read = parse(exchange, request); !read.ok()) return fail(connection, read);
+      return unary<v1::SceneInfo>(connection, [&](auto* context, auto* queue) { return scenes->AsyncOpen(context, request, queue); });
+    }
+    return fail(connection, grpc::StatusCode::NOT_FOUND, "nothing to POST to at " + path.substr(0, 200) + " (docs/live.md)");
+  }
+
+  static MHD_Result answer(void* self, MHD_Connection* connection, const char* url, const char* method, const char*, const char* data, size_t* bytes,
+                           void** state) {
+    Impl& impl = *static_cast<Impl*>(self);
+    Exchange* exchange = static_cast<Exchange*>(*state);
+    if (!exchange) {  // the head alone has come: what is refused by it is refused before its body is read
+      *state = exchange = new Exchange();
+      const grpc::Status admitted = impl.admit(connection);
+      return admitted.ok() ? MHD_YES : fail(connection, admitted);
+    }
+    if (*bytes > 0) {
+      exchange->tooLarge = exchange->tooLarge || exchange->body.size() + *bytes > impl.options.requestBytes;
+      if (exchange->tooLarge) exchange->body.clear();
+      else exchange->body.append(data, *bytes);
+      *bytes = 0;
+      return MHD_YES;
+    }
+    try {
+      const std::string path = url;
+      if (std::strcmp(method, MHD_HTTP_METHOD_GET) == 0 || std::strcmp(method, MHD_HTTP_METHOD_HEAD) == 0) return impl.get(connection, path);
+      if (std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) return impl.post(connection, path, *exchange);
+      return reply(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "only GET, HEAD and POST\n", "text/plain");
+    } catch (const std::exception& e) { return fail(connection, grpc::StatusCode::INTERNAL, std::string("exception in the door: ") + e.what()); }
+  }
+  static void completed(void*, MHD_Connection*, void** state, MHD_RequestTerminationCode) { delete static_cast<Exchange*>(*state); }
+};
+
+Door::Door() = default;
+
+Door::~Door() {
+  if (!impl_ || !impl_->daemon) return;
+  impl_->stopping = true;
+  MHD_stop_daemon(impl_->daemon);
+}
+
+bool Door::secure() const { return !impl_->options.cert.empty(); }
+
+Result<std::unique_ptr<Door>> Door::start(DoorOptions options) {
+  GOBO_ASSIGN(const Address address, parseAddress(options.listen));
+  if (address.isUnix) return invalidArgument("\"" + escaped(options.listen) + "\": must be HOST:PORT");
+  GOBO_ASSIGN(BoundSockets bound, bindTcp(options.listen));
+  std::unique_ptr<Door> self(new Door());
+  self->impl_ = std::make_unique<Impl>();
+  Impl& impl = *self->impl_;
+  impl.options = std::move(options);
+  impl.host = address.host;
+  impl.scenes = v1::Scenes::NewStub(impl.options.channel);
+  impl.render = v1::Render::NewStub(impl.options.channel);
+  impl.admin = v1::Admin::NewStub(impl.options.channel);
+  impl.schema = schemaJson(*v1::RenderRequest::descriptor());
+  self->address_ = bound.served;
+  const bool tls = !impl.options.cert.empty();
+  const MHD_OptionItem security[] = {{MHD_OPTION_HTTPS_MEM_CERT, 0, const_cast<char*>(impl.options.cert.c_str())},
+                                     {MHD_OPTION_HTTPS_MEM_KEY, 0, const_cast<char*>(impl.options.key.c_str())},
+                                     {MHD_OPTION_END, 0, nullptr}};
+  const MHD_OptionItem none[] = {{MHD_OPTION_END, 0, nullptr}};
+  // A name with several addresses is served on the first.
+  impl.daemon = MHD_start_daemon(MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL | (tls ? MHD_USE_TLS : 0), 0, nullptr, nullptr,
+                                 &Impl::answer, &impl, MHD_OPTION_LISTEN_SOCKET, bound.sockets[0].get(), MHD_OPTION_CONNECTION_LIMIT, kConnections,
+                                 MHD_OPTION_CONNECTION_TIMEOUT, kSilentSeconds, MHD_OPTION_CONNECTION_MEMORY_LIMIT, kConnectionMemory,
+                                 MHD_OPTION_NOTIFY_COMPLETED, &Impl::completed, &impl, MHD_OPTION_ARRAY, tls ? security : none, MHD_OPTION_END);
+  if (!impl.daemon) return Status(Code::Unavailable, "cannot start the HTTP listener on " + impl.options.listen + (tls ? " (certificate and key?)" : ""));
+  bound.sockets[0].release();  // the daemon's now
+  return self;
+}
+
+}  // namespace gobo
