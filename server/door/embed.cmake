@@ -1,5 +1,5 @@
 # cmake -DOUT=FILE.cpp -DFILES=a.html;b.js -P embed.cmake: the files as a C++ table (server/door/viewer_files.h).
-set(types html "text/html; charset=utf-8" css "text/css; charset=utf-8" js "text/javascript; charset=utf-8" svg "image/svg+xml")
+set(types html text/html css text/css js text/javascript svg image/svg+xml)  # a semicolon would part the list
 set(arrays "")
 set(rows "")
 set(i 0)
@@ -13,7 +13,7 @@ foreach(file ${FILES})
   file(READ ${file} hex HEX)
   string(REGEX REPLACE "(..)" "'\\\\x\\1'," bytes "${hex}")
   string(APPEND arrays "constexpr char k${i}[] = {${bytes}'\\0'};\n")
-  string(APPEND rows "    {\"${name}\", \"${type}\", {k${i}, sizeof k${i} - 1}},\n")
+  string(APPEND rows "    {\"${name}\", \"${type}; charset=utf-8\", {k${i}, sizeof k${i} - 1}},\n")
   math(EXPR i "${i} + 1")
 endforeach()
 file(WRITE ${OUT} "// Made by server/door/embed.cmake.\n#include \"server/door/viewer_files.h\"\n\nnamespace gobo {\nnamespace {\n${arrays}constexpr ViewerFile kFiles[] = {\n${rows}};\n}  // namespace\n\nstd::span<const ViewerFile> viewerFiles() { return kFiles; }\n\n}  // namespace gobo\n")

@@ -198,6 +198,38 @@ TEST(Engine, SnapshotsAreTheRendersOfTheirSampleCounts) {
   EXPECT_EQ(firstDifference(*last, mustRender(*cold, r)), "");
 }
 
+TEST(Engine, TheLadderBeginsSmallAndChangesNoBit) {
+  const auto engine = makeEngine(), cold = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 320, 240, 16);
+  r.mutable_certificate()->set_pixel_fraction(0.01);
+  std::vector<RenderResult> snapshots;
+  RenderControl control;
+  control.ladder = true;
+  control.snapshot = [&](const RenderResult& s) { snapshots.push_back(s); };
+  const Result<RenderResult> last = engine->render(r, control);
+  ASSERT_TRUE(last.ok()) << last.status().toString();
+  ASSERT_GE(snapshots.size(), 1u);
+  EXPECT_EQ(snapshots[0].images[0].width(), 80);
+  EXPECT_EQ(snapshots[0].images[0].height(), 60);
+  for (const RenderResult& s : snapshots) {
+    EXPECT_EQ(s.reply.resolved().halt().spp(), 1u);
+    EXPECT_FALSE(s.reply.has_certificate()) << "of the reply alone";
+    EXPECT_EQ(firstDifference(s, mustRender(*cold, s.reply.resolved())), "") << s.reply.resolved().width();
+  }
+  EXPECT_TRUE(last->reply.has_certificate());
+  EXPECT_EQ(firstDifference(*last, mustRender(*cold, r)), "");
+  // Whom it is no help: small pictures, windows, and who does not want it.
+  for (const char* edit : {"width=64", "window.width=160", "scheduling.ladder=false"}) {
+    v1::RenderRequest other = r;
+    other.clear_certificate();
+    ASSERT_TRUE(setPath(other, edit).ok());
+    if (other.has_window()) other.mutable_window()->set_height(120);
+    snapshots.clear();
+    ASSERT_TRUE(engine->render(other, control).ok()) << edit;
+    EXPECT_EQ(snapshots.size(), 0u) << edit;
+  }
+}
+
 TEST(Engine, PreemptedWorkGoesOnWhereItStopped) {
   const auto engine = makeEngine(), cold = makeEngine();
   v1::RenderRequest r = smallRequest("lights8", 96, 64, 256);

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The door (docs/live.md): pages, calls and frames over HTTP, who gets nothing, and what a closed connection ends."""
+import hashlib
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import struct
+import subprocess
+import tempfile
+import threading
+import time
+import unittest
+
+import grpc
+from google.protobuf import json_format
+
+import gobo
+from gobo.v1 import render_pb2, service_pb2_grpc
+from support import SOURCE
+
+JSON = {"Content-Type": "application/json"}
+LONG = {"scene": "cornell", "width": 640, "height": 480, "halt": {"spp": 1 << 18}, "encoding": {"format": "JPEG"}}
+
+
+def frames(answer):
+    """(head, bytes) of each frame of a stream."""
+    while size := answer.read(4):
+        head = json.loads(answer.read(struct.unpack("<I", size)[0]))
+        yield head, answer.read(head["bytes"])
+
+
+class Door(unittest.TestCase):
+    config = ""
+
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="gobo-web-")
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+        config = os.path.join(self.folder, "gobod.toml")
+        with open(config, "w", encoding="utf-8") as file:
+            file.write('listen = ["unix:s.sock"]\n[web]\nlisten = "127.0.0.1:0"\nhosts = ["render.example"]\n[limits]\nrequest_bytes = "1MiB"\n'
+                       f'[engine]\nthreads = 2\nroots = ["{SOURCE}/tests/data"]\n' + self.config)
+        with open(os.path.join(self.folder, "log"), "wb") as log:
+            self.process = subprocess.Popen([os.environ["GOBO_GOBOD"], "--config", config], stdout=subprocess.PIPE, stderr=log)
+        self.addCleanup(self.process.stdout.close)
+        self.addCleanup(self.process.wait)
+        self.addCleanup(self.process.kill)
+        self.port = int(re.search(r"http://127\.0\.0\.1:(\d+)", self.process.stdout.readline().decode())[1])
+        self.client = gobo.connect(f"unix:{self.folder}/s.sock", timeout=60, retries=0)
+        self.addCleanup(self.client.close)
+
+    def open(self, path, body=None, headers=None, method=None):
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        self.addCleanup(connection.close)
+        data = body if isinstance(body, (bytes, type(None))) else json.dumps(body).encode()
+        connection.request(method or ("GET" if data is None else "POST"), path, data, (JSON if data is not None else {}) if headers is None else headers)
+        return connection, connection.getresponse()
+
+    def call(self, *args, **named):
+        answer = self.open(*args, **named)[1]
+        data = answer.read()
+        kind = answer.getheader("Content-Type", "")
+        return answer.status, json.loads(data) if kind == "application/json" else data, answer
+
+    def error(self, *args, **named):
+        status, body, _ = self.call(*args, **named)
+        return status, body["error"]["code"], body["error"]["message"]
+
+    def running(self):
+        return self.client.status().running
+
+    def eventually(self, what, seconds=10):
+        end = time.monotonic() + seconds
+        while not what():
+            self.assertLess(time.monotonic(), end)
+            time.sleep(0.005)
+
+
+class Calls(Door):
+    def test_the_page_and_what_it_may_load(self):
+        status, page, answer = self.call("/")
+        self.assertEqual((status, answer.getheader("Content-Type")), (200, "text/html; charset=utf-8"))
+        self.assertIn("default-src 'self'", answer.getheader("Content-Security-Policy"))
+        self.assertEqual(answer.getheader("X-Content-Type-Options"), "nosniff")
+        named = re.findall(r'(?:src|href)="([^"]+)"', page.decode())
+        self.assertGreater(len(named), 1)
+        for name in named:
+            status, text, answer = self.call("/" + name)
+            self.assertEqual(status, 200, name)
+            with open(f"{SOURCE}/clients/viewer/{name}", "rb") as file:
+                self.assertEqual(text, file.read(), name)
+        self.assertEqual(self.error("/../server/main.cpp")[0], 404)
+        self.assertEqual(self.error("/v1/nothing")[:2], (404, "NOT_FOUND"))
+        self.assertEqual(self.call("/", method="DELETE")[0], 405)
+
+    def test_the_schema_is_that_of_requests(self):
+        _, schema, _ = self.call("/v1/schema")
+        fields = {f["name"]: f for f in schema["messages"][schema["root"]]["fields"]}
+        self.assertEqual(set(fields), {f.name for f in render_pb2.RenderRequest.DESCRIPTOR.fields})
+        self.assertEqual((fields["width"]["kind"], fields["width"]["default"], fields["width"]["min"], fields["width"]["max"]), ("integer", 640, 1, 16384))
+        self.assertEqual((fields["lights"]["kind"], fields["lights"]["message"]), ("map", "LightEdit"))
+        bounces = next(f for f in schema["messages"]["Integrator"]["fields"] if f["name"] == "max_bounces")
+        self.assertEqual((bounces["default"], bounces["max"]), (8, 64))
+        self.assertIn("help", bounces)
+        for message in schema["messages"].values():
+            for field in message["fields"]:
+                self.assertIn(field.get("message", schema["root"]), schema["messages"])
+                self.assertTrue(field["kind"] != "enum" or field["values"])
+
+    def test_a_picture_is_that_of_grpc(self):
+        request = {"scene": "cornell", "width": 64, "height": 48, "halt": {"spp": 4}, "encoding": {"format": "PNG"}}
+        status, picture, answer = self.call("/v1/render", request)
+        self.assertEqual((status, answer.getheader("Content-Type")), (200, "image/png"))
+        with grpc.insecure_channel(f"unix:{self.folder}/s.sock") as channel:
+            other = service_pb2_grpc.RenderStub(channel).RenderInline(json_format.ParseDict(request, render_pb2.RenderRequest()))
+        self.assertEqual(picture, other.images[0])
+        self.assertEqual(answer.getheader("Gobo-Request-Hash"), other.reply.request_hash)
+        relit = self.call("/v1/relight", {"render_id": answer.getheader("Gobo-Render-Id"), "patch": {"tone_map": {"exposure": 1}}, "mask": ["tone_map.exposure"]})
+        self.assertEqual(relit[0], 200)
+        self.assertNotEqual(relit[1], picture)
+
+    def test_a_stream_ends_in_the_picture(self):
+        request = {"scene": "cornell", "width": 320, "height": 240, "halt": {"spp": 32}, "encoding": {"format": "PNG"}}
+        _, answer = self.open("/v1/render/stream", request)
+        heads = list(frames(answer))
+        pictures = [(h.get("snapshot") or h["reply"], data) for h, data in heads if "snapshot" in h or "reply" in h]
+        sizes = [reply["images"][0]["width"] for reply, _ in pictures]
+        self.assertEqual((sizes[0], sizes[-1]), (80, 320))
+        self.assertIn("reply", heads[-1][0])
+        for reply, data in pictures:
+            self.assertEqual(len(data), sum(int(image["bytes"]) for image in reply["images"]))
+        self.assertEqual(pictures[-1][1], self.call("/v1/render", request)[1])
+        relit = list(frames(self.open("/v1/relight/stream", {"render_id": pictures[-1][0]["render_id"], "patch": {"seed": 5}, "mask": ["seed"]})[1]))
+        self.assertTrue(any("snapshot" in h for h, _ in relit))
+        self.assertIn("reply", relit[-1][0])
+
+    def test_scenes_plans_and_status(self):
+        self.assertIn("cornell", self.call("/v1/scenes")[1]["builtin"])
+        status, info, _ = self.call("/v1/scenes", {"source": "cornell"})
+        self.assertEqual(status, 200)
+        self.assertEqual(self.call("/v1/scenes/" + info["id"])[1]["hash"], info["hash"])
+        self.assertTrue(self.call("/v1/plan", {"scene": "cornell"})[1]["plan"])
+        self.assertEqual(self.call("/v1/status")[1]["pid"], self.process.pid)
+
+    def test_wrong_input(self):
+        self.assertEqual(self.error("/v1/render", {"scene": "nowhere"})[:2], (404, "NOT_FOUND"))
+        status, code, message = self.error("/v1/render", {"scene": "cornell", "integrator": {"max_bounces": 900}})
+        self.assertEqual((status, code), (400, "INVALID_ARGUMENT"))
+        self.assertIn("integrator.max_bounces = 900: must be at most 64", message)
+        self.assertEqual(self.error("/v1/render/stream", {"scene": "cornell", "width": 0})[:2], (400, "INVALID_ARGUMENT"))
+        for body in (b"", b"{", b'{"scen": 1}', b"\xff\xfe"):
+            self.assertEqual(self.error("/v1/render", body, headers=JSON)[:2], (400, "INVALID_ARGUMENT"), body)
+        self.assertIn("one picture", self.error("/v1/render", {"scene": "cornell", "outputs": ["beauty", "depth"]})[2])
+        self.assertIn("Content-Type", self.error("/v1/render", b"{}", headers={"Content-Type": "text/plain"})[2])
+        status, code, message = self.error("/v1/render", b'{"scene": "' + b"a" * (1 << 20) + b'"}')
+        self.assertEqual((status, code), (429, "RESOURCE_EXHAUSTED"))
+        self.assertIn("limits.request_bytes", message)
+
+    def test_other_origins_and_names_get_nothing(self):
+        body = {"scene": "cornell", "width": 8, "height": 8, "halt": {"spp": 1}}
+        own = f"http://127.0.0.1:{self.port}"
+        for headers, status in (({"Origin": own}, 200), ({"Origin": "http://evil.example"}, 403), ({"Origin": "null"}, 403), ({"Host": "evil.example"}, 403),
+                                ({"Host": f"localhost:{self.port}"}, 200), ({"Host": "render.example", "Origin": "https://render.example"}, 200),
+                                ({"Host": f"localhost:{self.port}", "Origin": own}, 403)):
+            self.assertEqual(self.open("/v1/render", body, headers=JSON | headers)[1].status, status, headers)
+            self.assertEqual(self.open("/v1/scenes", headers=headers)[1].status, status, headers)
+
+
+class Ends(Door):
+    def test_a_closed_connection_frees_the_cores(self):
+        for path in ("/v1/render/stream", "/v1/render"):
+            connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+            connection.request("POST", path, json.dumps(LONG), JSON)
+            if path.endswith("stream"):
+                answer = connection.getresponse()
+                self.assertIn("snapshot", next(h for h, _ in frames(answer) if "snapshot" in h))
+            self.eventually(lambda: self.running() == 1)
+            if path.endswith("stream"):
+                answer.close()
+            connection.close()
+            self.eventually(lambda: self.running() == 0, 5)
+
+    def test_the_latest_edit_of_a_session_wins(self):
+        ends = {}
+
+        def drag(i):
+            request = LONG | {"seed": str(i), "halt": {"spp": 16 if i == 9 else 1 << 18}, "width": 320, "height": 240, "scheduling": {"session": "drag"}}
+            got = [next(k for k in h if k != "bytes") if "error" not in h else h["error"]["code"] for h, _ in frames(self.open("/v1/render/stream", request)[1])]
+            ends[i] = [k for k in got if k != "progress"]
+
+        threads = []
+        for i in range(10):
+            threads.append(threading.Thread(target=drag, args=(i,)))
+            threads[-1].start()
+            time.sleep(0.03)
+        for t in threads:
+            t.join(60)
+        self.assertEqual(ends[9][-1], "reply")
+        self.assertEqual({ends[i][-1] for i in range(9)}, {"CANCELLED"})
+        self.assertIn("snapshot", ends[0], "what runs shows a picture before it gives way")
+        self.eventually(lambda: self.running() == 0)
+
+    def test_sigterm_with_a_stream_open(self):
+        self.assertEqual(self.open("/v1/render/stream", LONG)[1].status, 200)
+        self.process.send_signal(signal.SIGTERM)
+        time.sleep(0.2)
+        self.process.send_signal(signal.SIGTERM)  # at once
+        self.process.wait(15)
+
+
+class Tokens(Door):
+    config = f'[[tokens]]\nname = "ann"\nsha256 = "{hashlib.sha256(b"ann-token").hexdigest()}"\n'
+
+    def test_calls_need_one_pages_do_not(self):
+        self.assertEqual(self.call("/")[0], 200)
+        self.assertEqual(self.call("/v1/schema")[0], 200)
+        for path, body in (("/v1/scenes", None), ("/v1/scenes/cornell", None), ("/v1/status", None), ("/v1/render", {"scene": "cornell"}),
+                           ("/v1/render/stream", {"scene": "cornell"}), ("/v1/plan", {"scene": "cornell"}), ("/v1/scenes", {"source": "cornell"}),
+                           ("/v1/relight", {"render_id": "r1"}), ("/v1/relight/stream", {"render_id": "r1"})):
+            base = {} if body is None else JSON
+            self.assertEqual(self.error(path, body, headers=base)[:2], (401, "UNAUTHENTICATED"), path)
+            self.assertEqual(self.error(path, body, headers=base | {"Authorization": "Bearer nobodys"})[:2], (401, "UNAUTHENTICATED"), path)
+        self.assertEqual(self.call("/v1/scenes", headers={"Authorization": "Bearer ann-token"})[0], 200)
+        # Nobody but the door itself may say who calls: a socket's metadata is not looked at.
+        self.assertEqual(self.error("/v1/scenes", headers={"x-gobo-http-peer": "unix:"})[0], 401)
+
+
+class View(unittest.TestCase):
+    def test_gobo_view_needs_its_own_token(self):
+        env = os.environ | {"GOBO_SERVER": ""}
+        process = subprocess.Popen([os.environ["GOBO_CLI"], "--local", "view", "cornell"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=env)
+        self.addCleanup(process.stdout.close)
+        self.addCleanup(process.stderr.close)
+        self.addCleanup(process.kill)
+        port, token, scene = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/#token=([0-9a-f]{32})&scene=(\w+)\n", process.stdout.readline().decode()).groups()
+        self.assertEqual(scene, "cornell")
+
+        def status(token):
+            connection = http.client.HTTPConnection("127.0.0.1", int(port), timeout=60)
+            self.addCleanup(connection.close)
+            connection.request("POST", "/v1/render", json.dumps({"scene": scene, "width": 8, "height": 8, "halt": {"spp": 1}}),
+                               JSON | ({"Authorization": "Bearer " + token} if token else {}))
+            return connection.getresponse().status
+
+        self.assertEqual([status(token), status(""), status(token[:-1] + "x")], [200, 401, 401])
+        process.send_signal(signal.SIGINT)
+        self.assertEqual(process.wait(20), 0)
+
+
+if __name__ == "__main__":
+    unittest.main()
