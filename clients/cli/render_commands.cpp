@@ -208,6 +208,8 @@ Status render(Session& session, const RenderCommand& c) {
       return {};
     };
   }
+  // A bar alone needs no early pictures.
+  if (!c.progressive && !request.scheduling().has_ladder()) request.mutable_scheduling()->set_ladder(false);
   if (c.progressive) {
     hooks.snapshot = [&](const Answer& answer) -> Status {
       if (c.out.empty()) return {};

@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import signal
+import ssl
 import struct
 import subprocess
 import tempfile
@@ -84,7 +85,7 @@ class Calls(Door):
         self.assertEqual((status, answer.getheader("Content-Type")), (200, "text/html; charset=utf-8"))
         self.assertIn("default-src 'self'", answer.getheader("Content-Security-Policy"))
         self.assertEqual(answer.getheader("X-Content-Type-Options"), "nosniff")
-        named = re.findall(r'(?:src|href)="([^"]+)"', page.decode())
+        named = re.findall(r'(?:src|href)="([^":]+)"', page.decode())
         self.assertGreater(len(named), 1)
         for name in named:
             status, text, answer = self.call("/" + name)
@@ -225,6 +226,36 @@ class Tokens(Door):
         self.assertEqual(self.call("/v1/scenes", headers={"Authorization": "Bearer ann-token"})[0], 200)
         # Nobody but the door itself may say who calls: a socket's metadata is not looked at.
         self.assertEqual(self.error("/v1/scenes", headers={"x-gobo-http-peer": "unix:"})[0], 401)
+
+
+class Configuration(unittest.TestCase):
+    def test_with_certificates_it_is_https(self):
+        with tempfile.TemporaryDirectory(prefix="gobo-web-") as folder:
+            key, cert, config = (os.path.join(folder, name) for name in ("key.pem", "cert.pem", "gobod.toml"))
+            subprocess.run(["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-keyout", key, "-out", cert,
+                            "-days", "2", "-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1"], check=True, capture_output=True)
+            with open(config, "w", encoding="utf-8") as file:
+                file.write('listen = ["unix:s.sock"]\n[tls]\ncert = "cert.pem"\nkey = "key.pem"\n[web]\nlisten = "127.0.0.1:0"\n')
+            with subprocess.Popen([os.environ["GOBO_GOBOD"], "--config", config], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+                try:
+                    port = int(re.search(r"https://127\.0\.0\.1:(\d+)", process.stdout.readline().decode())[1])
+                    connection = http.client.HTTPSConnection("127.0.0.1", port, timeout=20, context=ssl.create_default_context(cafile=cert))
+                    connection.request("GET", "/v1/scenes", headers={"Origin": f"https://127.0.0.1:{port}"})
+                    self.assertIn("cornell", json.loads(connection.getresponse().read())["builtin"])
+                    connection.close()
+                finally:
+                    process.kill()
+
+    def test_beyond_loopback_it_wants_tls_and_tokens(self):
+        with tempfile.TemporaryDirectory(prefix="gobo-web-") as folder:
+            for text, said in (('[web]\nlisten = "0.0.0.0:0"\n', "web.listen = \"0.0.0.0:0\": not a loopback address"), ('[web]\nlisten = "unix:x"\n', "must be HOST:PORT"),
+                               ('[web]\nlisten = "127.0.0.1"\n', "127.0.0.1"), ('[web]\nhosts = 3\n', "web.hosts")):
+                config = os.path.join(folder, "gobod.toml")
+                with open(config, "w", encoding="utf-8") as file:
+                    file.write(text)
+                done = subprocess.run([os.environ["GOBO_GOBOD"], "--config", config, "--check"], capture_output=True, timeout=20, check=False)
+                self.assertEqual(done.returncode, 2, text)
+                self.assertIn(said, done.stderr.decode())
 
 
 class View(unittest.TestCase):

@@ -95,6 +95,8 @@ class Client:
         """
         request = self._request(scene, fields, timeout)
         method = self._render.Render if on_progress is None else self._render.RenderProgressive
+        if not request.scheduling.HasField("ladder"):
+            request.scheduling.ladder = False  # nobody sees early pictures
         return self._last(self._wire.stream(method, request, timeout), on_progress)
 
     def render_progressive(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None,

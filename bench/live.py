@@ -1,0 +1,151 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
+"""How soon pictures come while one drags, over HTTP (docs/live.md): bench/live.py BUILD [--seconds S] [--sessions N,N] [SCENE...].
+
+For each scene and size, on a daemon of its own with an empty store but the scene loaded and its ray tracing structure built (by a depth picture):
+the time from sending a request until the whole bytes of the first snapshot, of the first whole-size one, and of the first of 16 samples are here. Then a
+drag: the camera moves sixty times a second for S seconds in each of N sessions at once; an edit that is shown has waited from when it was made
+until the bytes of its first picture were here. Last: how soon no render runs after the connection is closed. Reports; decides nothing."""
+import argparse
+import http.client
+import json
+import math
+import os
+import re
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+HEADERS = {"Content-Type": "application/json"}
+HALT = {"spp": 64}
+
+
+class Daemon:
+    def __init__(self, build, roots):
+        self.folder = tempfile.TemporaryDirectory(prefix="gobo-live-")
+        command = [f"{build}/server/gobod", "--listen", f"unix:{self.folder.name}/s", "--web", "127.0.0.1:0", "--log", "error"]
+        for root in roots:
+            command += ["--root", root]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE)
+        self.port = int(re.search(rb"http://127\.0\.0\.1:(\d+)", self.process.stdout.readline())[1])
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()
+        self.folder.cleanup()
+
+    def post(self, path, body):
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=120)
+        connection.request("POST", path, json.dumps(body), HEADERS)
+        answer = connection.getresponse()
+        if answer.status != 200:
+            sys.exit(f"{path}: {answer.read().decode()}")
+        return connection, answer
+
+    def json(self, path, body=None):
+        if body is not None:
+            return json.loads(self.post(path, body)[1].read())
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=120)
+        connection.request("GET", path)
+        return json.loads(connection.getresponse().read())
+
+    def resident_mib(self):
+        return int(self.json("/v1/status")["rss_bytes"]) / 2**20
+
+
+def pictures(answer):
+    """(reply, whether it is the last) of each picture once its bytes are here."""
+    while size := answer.read(4):
+        head = json.loads(answer.read(struct.unpack("<I", size)[0]))
+        answer.read(head["bytes"])
+        if "error" in head:
+            return
+        if "reply" in head or "snapshot" in head:
+            yield head.get("reply") or head["snapshot"], "reply" in head
+
+
+def request(scene, size, session, **more):
+    return {"scene": scene["id"], "width": size[0], "height": size[1], "halt": HALT, "encoding": {"format": "JPEG"}, "scheduling": {"session": session}} | more
+
+
+def camera(scene, turn):
+    lo, hi = ([scene[k].get(a, 0) for a in "xyz"] for k in ("bounds_min", "bounds_max"))
+    centre, reach = [(a + b) / 2 for a, b in zip(lo, hi)], 0.2 * math.dist(lo, hi)
+    eye = [centre[0] + reach * math.cos(turn), centre[1], centre[2] + reach * math.sin(turn)]
+    return {"position": dict(zip("xyz", eye)), "look_at": dict(zip("xyz", centre))}
+
+
+def first_pictures(daemon, scene, size):
+    begun = time.perf_counter()
+    connection, answer = daemon.post("/v1/render/stream", request(scene, size, "first"))
+    times = {}
+    for reply, _ in pictures(answer):
+        now = 1e3 * (time.perf_counter() - begun)
+        times.setdefault("first", now)
+        if reply["images"][0]["width"] == size[0]:
+            times.setdefault("whole", now)
+            if reply["resolved"]["halt"]["spp"] >= 16:
+                times["16 samples"] = now
+                break
+    closed = time.perf_counter()
+    connection.close()
+    answer.close()
+    while daemon.json("/v1/status").get("running"):
+        time.sleep(0.001)
+    times["cores free"] = 1e3 * (time.perf_counter() - closed)
+    return times
+
+
+def drag(daemon, scene, size, name, seconds, waits):
+    """One viewer: sixty edits a second; a new request once the last one's picture is here, always with the latest edit."""
+    begun = time.perf_counter()
+    while (now := time.perf_counter()) - begun < seconds:
+        edit = int((now - begun) * 60)
+        made = begun + edit / 60
+        connection, answer = daemon.post("/v1/render/stream", request(scene, size, name, camera=camera(scene, 0.01 * edit + hash(name) % 7)))
+        if next(pictures(answer), None):
+            waits.append(1e3 * (time.perf_counter() - made))
+        answer.close()
+        connection.close()
+        time.sleep(max(0, begun + (edit + 1) / 60 - time.perf_counter()))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("build")
+    parser.add_argument("scenes", nargs="*", default=["cornell", "atrium"])
+    parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--sessions", default="1,4,16")
+    options = parser.parse_args()
+    print(f"{'scene':16} {'size':>9} {'first':>8} {'whole':>8} {'16 spp':>8} {'free':>8}   drag: sessions, pictures/s each, p50, p95 (ms), MiB grown")
+    for source in options.scenes:
+        path = os.path.abspath(source) if os.path.exists(source) else source
+        for size in ((640, 480), (1280, 720)):
+            with Daemon(options.build, [os.path.dirname(path)] if path != source or os.path.isabs(source) else []) as daemon:
+                scene = daemon.json("/v1/scenes", {"source": path})
+                daemon.post("/v1/render", {"scene": scene["id"], "width": 16, "height": 16, "outputs": ["depth"]})[1].read()
+                t = first_pictures(daemon, scene, size)
+                # A picture may be done before its snapshots are sent.
+                line = f"{scene['id'][:16]:16} {size[0]:4}x{size[1]:<4} " + " ".join(f"{t.get(k, float('nan')):8.0f}" for k in ("first", "whole", "16 samples", "cores free"))
+                for sessions in map(int, options.sessions.split(",")):
+                    before, waits = daemon.resident_mib(), [[] for _ in range(sessions)]
+                    threads = [threading.Thread(target=drag, args=(daemon, scene, size, f"viewer {i}", options.seconds, waits[i])) for i in range(sessions)]
+                    for t in threads:
+                        t.start()
+                    for t in threads:
+                        t.join()
+                    every = sorted(w for one in waits for w in one)
+                    p = lambda q: every[min(len(every) - 1, int(q * len(every)))]
+                    line += f"   {sessions}: {min(map(len, waits)) / options.seconds:.1f} {p(0.5):.0f} {p(0.95):.0f} {daemon.resident_mib() - before:+.0f}"
+                print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
