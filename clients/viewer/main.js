@@ -69,6 +69,8 @@ function fail(error) {
 
 const changed = () => { if (scene) live.ask(requestNow()); };
 
+const find = () => { for (const id of ['lights', 'panel']) filterRows($(id), $('search').value); };
+
 function build() {
   const panel = new Panel(schema, edits, changed);
   const lights = (scene.lights ?? []).map((light) => {
@@ -81,7 +83,7 @@ function build() {
   const fields = panel.fields(schema.root, [], skip);
   const plain = fields.filter((f) => f.classList.contains('field'));
   $('panel').replaceChildren(...fields.filter((f) => !plain.includes(f)), panel.group('picture', plain));
-  filterRows(document.querySelector('aside'), $('search').value);
+  find();
 }
 
 async function choose(id) {
@@ -119,7 +121,7 @@ async function start() {
 
 $('scene').addEventListener('change', () => choose($('scene').value));
 $('size').addEventListener('change', changed);
-$('search').addEventListener('input', () => filterRows(document.querySelector('aside'), $('search').value));
+$('search').addEventListener('input', find);
 $('wipe').addEventListener('input', draw);
 $('keep').addEventListener('click', () => {
   kept = present;

@@ -94,8 +94,8 @@ export class Panel {
       inputs = [number];
       read = () => number.value === '' ? undefined : Number(number.value);
       show = (v) => { number.value = v ?? ''; };
-      if (field.min !== undefined && field.max !== undefined) {  // wide ranges by powers: x^p over the slider, the default in its middle third
-        const power = field.max - field.min > 1000 ? 6 : field.max - field.min > 20 ? 2 : 1;
+      if (field.min !== undefined && field.max !== undefined) {  // wide ranges by powers of the slider's place: most wanted values are near their least
+        const power = field.min < 0 ? 1 : field.max - field.min > 1000 ? 6 : field.max - field.min > 20 ? 2 : 1;
         const range = node('input', { type: 'range', min: 0, max: 1, step: 'any', ariaLabel: label });
         const place = (v) => { range.value = ((v - field.min) / (field.max - field.min)) ** (1 / power); };
         range.addEventListener('input', () => {
