@@ -188,8 +188,12 @@ class Ends(Door):
 
         def drag(i):
             request = LONG | {"seed": str(i), "halt": {"spp": 16 if i == 9 else 1 << 18}, "width": 320, "height": 240, "scheduling": {"session": "drag"}}
-            got = [next(k for k in h if k != "bytes") if "error" not in h else h["error"]["code"] for h, _ in frames(self.open("/v1/render/stream", request)[1])]
-            ends[i] = [k for k in got if k != "progress"]
+            answer = self.open("/v1/render/stream", request)[1]
+            if answer.status != 200:  # replaced before it had anything to say
+                ends[i] = [json.loads(answer.read())["error"]["code"]]
+                return
+            heads = [h for h, _ in frames(answer) if len(h) > 1 and "progress" not in h]
+            ends[i] = [h["error"]["code"] if "error" in h else next(k for k in h if k != "bytes") for h in heads]
 
         threads = []
         for i in range(10):
