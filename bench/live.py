@@ -5,7 +5,8 @@
 For each scene and size, on a daemon of its own with an empty store but the scene loaded and its ray tracing structure built (by a depth picture):
 the time from sending a request until the whole bytes of the first snapshot, of the first whole-size one, and of the first of 16 samples are here. Then a
 drag: the camera moves sixty times a second for S seconds in each of N sessions at once; an edit that is shown has waited from when it was made
-until the bytes of its first picture were here. Last: how soon no render runs after the connection is closed. Reports; decides nothing."""
+until the bytes of its first picture were here. "free": how soon no render
+runs after a connection was closed. What memory grows by is the store, which may fill (engine.store_bytes). Reports; decides nothing."""
 import argparse
 import http.client
 import json
@@ -83,6 +84,7 @@ def camera(scene, turn):
 
 
 def first_pictures(daemon, scene, size):
+    daemon.json("/v1/status")  # the first one looks for devices
     begun = time.perf_counter()
     connection, answer = daemon.post("/v1/render/stream", request(scene, size, "first"))
     times = {}
@@ -132,7 +134,6 @@ def main():
                 scene = daemon.json("/v1/scenes", {"source": path})
                 daemon.post("/v1/render", {"scene": scene["id"], "width": 16, "height": 16, "outputs": ["depth"]})[1].read()
                 t = first_pictures(daemon, scene, size)
-                # A picture may be done before its snapshots are sent.
                 line = f"{scene['id'][:16]:16} {size[0]:4}x{size[1]:<4} " + " ".join(f"{t.get(k, float('nan')):8.0f}" for k in ("first", "whole", "16 samples", "cores free"))
                 for sessions in map(int, options.sessions.split(",")):
                     before, waits = daemon.resident_mib(), [[] for _ in range(sessions)]
