@@ -199,7 +199,7 @@ class Ends(Door):
         for i in range(10):
             threads.append(threading.Thread(target=drag, args=(i,)))
             threads[-1].start()
-            time.sleep(0.03)
+            time.sleep(1 if i in (0, 8) else 0.03)  # the first and the last arrive in their order on a loaded machine too
         for t in threads:
             t.join(60)
         self.assertEqual(ends[9][-1], "reply")
