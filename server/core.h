@@ -47,9 +47,10 @@ class ServerCore {
   RefusalPause impatient;  ///< answers to who does not wait for his hint
   IdleWatch idle;
   FreedMemory freed;
-  SharedLimit uploads, watches;  ///< calls in progress
-  SharedLimit replies;           ///< bytes of pictures that are being made or sent
-  Sessions sessions;             ///< of viewers
+  SharedLimit uploads, watches;           ///< calls in progress
+  SharedLimit replies;                    ///< bytes of pictures that are being made or sent
+  Sessions sessions;                      ///< of viewers
+  SharedLimit edits{Sessions::kWaiting};  ///< requests that wait for their turn in a session, of which one client may have half
   DeviceProbe devices;
   SandboxProbe sandbox;
   JobRunner jobs;

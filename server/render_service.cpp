@@ -66,17 +66,33 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
     return rpc.refuseBusy("renders",
                           strf("renders at once: at most %u (tokens.renders_at_once of \"%s\")", rpc.who().token->rendersAtOnce, rpc.who().name.c_str()), 1000);
 
-  const std::string& session = request.scheduling().session();
-  Sessions::Turn turn(core_.sessions, rpc.who().name, session);
+  const Deadline deadline = deadlineFor(rpc, context, resolved->scheduling());
+  const auto tooLate = [&](const Status& status) {
+    return deadline.limit.empty() ? toGrpc(status)
+                                  : rpc.refuse("time", Status(status.code(), status.message() + ": requests may take " + deadline.limit + " s"));
+  };
   const auto replaced = [] { return grpc::Status(grpc::StatusCode::CANCELLED, "replaced by a newer request of its session (scheduling.session)"); };
-  switch (turn.begin([&] { return context.IsCancelled() || call.stop.token().stopRequested(); })) {
+  const std::string& session = request.scheduling().session();
+  std::unique_ptr<SharedLimit::Hold> place;
+  if (!session.empty() && !(place = core_.edits.take(rpc.who().name, 1)))
+    return rpc.refuseBusy("sessions",
+                          strf("%llu requests wait for their turn in a session, %llu of them of \"%s\": at most %llu, half of it for one client",
+                               (unsigned long long)core_.edits.used(), (unsigned long long)core_.edits.usedBy(rpc.who().name), rpc.who().name.c_str(),
+                               (unsigned long long)core_.edits.limit()),
+                          100);
+  Sessions::Turn turn(core_.sessions, rpc.who().name, session);
+  switch (turn.begin([&] { return context.IsCancelled() || call.stop.token().stopRequested() || (deadline.at && Clock::now() >= *deadline.at); })) {
     case Sessions::Turn::Begin::Now: break;
     case Sessions::Turn::Begin::Replaced: return replaced();
-    case Sessions::Turn::Begin::Gone: return core_.cancelledAll() ? rpc.refuseDraining() : grpc::Status(grpc::StatusCode::CANCELLED, "the client has gone");
+    case Sessions::Turn::Begin::Gone:
+      if (core_.cancelledAll()) return rpc.refuseDraining();
+      if (deadline.at && Clock::now() >= *deadline.at)
+        return tooLate(Status(Code::DeadlineExceeded, "the deadline passed while another request of its session ran"));
+      return {grpc::StatusCode::CANCELLED, "the client has gone"};
   }
+  place.reset();
 
   RenderCallOptions options;
-  const Deadline deadline = deadlineFor(rpc, context, resolved->scheduling());
   options.client = *client;
   options.payer = rpc.who().name;
   options.owner = rpc.renderOwner();
@@ -130,8 +146,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
                                  (unsigned long long)core_.replies.limit()),
                             1000);
     if (render->runs() == 0 && status.code() == Code::FailedPrecondition) return rpc.refuse("memory", status);
-    if (status.code() == Code::DeadlineExceeded && !deadline.limit.empty())
-      return rpc.refuse("time", Status(status.code(), status.message() + ": requests may take " + deadline.limit + " s"));
+    if (status.code() == Code::DeadlineExceeded) return tooLate(status);
     return toGrpc(status);
   }
   core_.renders.fetch_add(1);

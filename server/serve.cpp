@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/serve.h"
 
-#include <sys/random.h>
-
 #include <algorithm>
 #include <cmath>
 #include <thread>
@@ -13,20 +11,16 @@
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 #include <google/protobuf/wire_format_lite.h>
 
+#include "server/random_hex.h"
+
 namespace gobo {
 namespace {
 
 namespace pb = google::protobuf;
 
 std::string newId() {
-  unsigned char bytes[8] = {};
-  if (::getrandom(bytes, sizeof bytes, 0) != ssize_t(sizeof bytes)) {
-    const uint64_t now = uint64_t(std::chrono::steady_clock::now().time_since_epoch().count());
-    std::copy_n(reinterpret_cast<const unsigned char*>(&now), sizeof bytes, bytes);
-  }
-  std::string id;
-  for (const unsigned char b : bytes) id += strf("%02x", b);
-  return id;
+  if (const auto id = randomHex(8)) return *id;
+  return strf("%016llx", (unsigned long long)std::chrono::steady_clock::now().time_since_epoch().count());
 }
 
 std::string requestId(const grpc::ServerContext& context) {

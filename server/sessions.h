@@ -7,6 +7,7 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <mutex>
@@ -16,6 +17,7 @@ namespace gobo {
 
 class Sessions {
  public:
+  static constexpr uint64_t kWaiting = 64;  ///< requests that wait for their turn at once, of all callers; each holds a thread
   /// One request's part in its session, from its arrival to its end. Its methods are called by one thread.
   class Turn {
    public:

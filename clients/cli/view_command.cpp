@@ -1,26 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // gobo view: the viewer in a browser, in front of whatever renders: the daemon, or this process where there is none.
-#include <sys/random.h>
-
 #include <cstdio>
 #include <thread>
 
 #include "base/status.h"
 #include "commands.h"
 #include "server/door/door.h"
+#include "server/random_hex.h"
 
 namespace gobo::cli {
 
 namespace {
-
-/// Whoever may read this terminal may look; other users of this machine may not.
-Result<std::string> newSecret() {
-  unsigned char bytes[16] = {};
-  if (::getrandom(bytes, sizeof bytes, 0) != ssize_t(sizeof bytes)) return Status(Code::Unavailable, "no random bytes");
-  std::string text;
-  for (const unsigned char b : bytes) text += strf("%02x", b);
-  return text;
-}
 
 bool answers(Session& session) {
   Session::Call call(session);
@@ -52,8 +42,9 @@ int runView(const SessionOptions& options, const ViewCommand& command) {
     if (!scene.ok()) return complain(scene.status());
     id = *scene;
   }
-  auto secret = newSecret();
-  if (!secret.ok()) return complain(secret.status());
+  // Whoever may read this terminal may look; other users of this machine may not.
+  const auto secret = randomHex(16);
+  if (!secret) return complain(Status(Code::Unavailable, "the kernel gives no random bytes for the page's token"));
   DoorOptions door;
   door.listen = command.listen;
   door.channel = session.channel();

@@ -313,10 +313,11 @@ Result<std::unique_ptr<Door>> Door::start(DoorOptions options) {
                                      {MHD_OPTION_END, 0, nullptr}};
   const MHD_OptionItem none[] = {{MHD_OPTION_END, 0, nullptr}};
   // A name with several addresses is served on the first.
-  impl.daemon = MHD_start_daemon(MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL | (tls ? MHD_USE_TLS : 0), 0, nullptr, nullptr,
-                                 &Impl::answer, &impl, MHD_OPTION_LISTEN_SOCKET, bound.sockets[0].get(), MHD_OPTION_CONNECTION_LIMIT, kConnections,
-                                 MHD_OPTION_CONNECTION_TIMEOUT, kSilentSeconds, MHD_OPTION_CONNECTION_MEMORY_LIMIT, kConnectionMemory,
-                                 MHD_OPTION_NOTIFY_COMPLETED, &Impl::completed, &impl, MHD_OPTION_ARRAY, tls ? security : none, MHD_OPTION_END);
+  impl.daemon =
+      MHD_start_daemon(MHD_USE_INTERNAL_POLLING_THREAD | MHD_USE_THREAD_PER_CONNECTION | MHD_USE_POLL | (tls ? MHD_USE_TLS : 0), 0, nullptr, nullptr,
+                       &Impl::answer, &impl, MHD_OPTION_LISTEN_SOCKET, bound.sockets[0].get(), MHD_OPTION_CONNECTION_LIMIT, kConnections,
+                       MHD_OPTION_PER_IP_CONNECTION_LIMIT, kConnections / 2, MHD_OPTION_CONNECTION_TIMEOUT, kSilentSeconds, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+                       kConnectionMemory, MHD_OPTION_NOTIFY_COMPLETED, &Impl::completed, &impl, MHD_OPTION_ARRAY, tls ? security : none, MHD_OPTION_END);
   if (!impl.daemon) return Status(Code::Unavailable, "cannot start the HTTP listener on " + impl.options.listen + (tls ? " (certificate and key?)" : ""));
   bound.sockets[0].release();  // the daemon's now
   return self;
