@@ -13,7 +13,7 @@ namespace {
 TEST(Ladder, ClimbsToWhatWasAsked) {
   // Any counts, any times (seed 1): each rung is one that can be realised, higher than the last, and the top is reached, not passed.
   for (uint64_t seed = 0; seed < 2000; ++seed) {
-    const auto draw = [&, k = uint64_t(0)]() mutable { return double(hash64(1, seed * 64 + k++) >> 11) * 0x1p-53; };
+    auto draw = [seed, k = uint64_t(0)]() mutable { return double(hash64(1, seed * 64 + k++) >> 11) * 0x1p-53; };
     const uint32_t most = 1 + uint32_t(draw() * draw() * 3000);
     RungTimes t;
     t.watched = draw() < 0.7;
