@@ -12,6 +12,7 @@
 #include "terms/ids.h"
 #include "terms/motion.h"
 #include "terms/path_trace.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 
@@ -108,11 +109,12 @@ Result<OutputPlane> planVariance(OutputContext& o, const std::string&, const std
     else without += (without.empty() ? "" : ", ") + c.graph().at(k.node).label;
   }
   if (!without.empty()) c.warn("variance: of the path-traced part alone, without " + without);
-  if (c.blocks() < uint32_t(kVarianceStreams) && !weights.empty())
-    c.warn("variance: from " + std::to_string(c.blocks()) + " independent blocks of " + std::to_string(c.blockSize()) + " samples" +
-           (c.blocks() < 2 ? ": unknown (-1)" : "") + "; " + std::to_string(kVarianceStreams) + " want halt.spp of at least " +
+  const uint32_t samples = samplesOf(c.passes()), blocks = (samples + kBlockSamples - 1) / kBlockSamples;
+  if (blocks < uint32_t(kVarianceStreams) && !weights.empty())
+    c.warn("variance: from " + std::to_string(blocks) + " independent blocks of " + std::to_string(std::min(samples, kBlockSamples)) + " samples" +
+           (blocks < 2 ? ": unknown (-1)" : "") + "; " + std::to_string(kVarianceStreams) + " want halt.spp of at least " +
            std::to_string(kVarianceStreams * 16));
-  const NodePtr node = makeVarianceNode(std::move(weights), int(states.size()), c.view().width, c.view().height, kVarianceStreams, int(c.blockSize()));
+  const NodePtr node = makeVarianceNode(std::move(weights), int(states.size()), c.view().width, c.view().height, kVarianceStreams);
   return OutputPlane{c.filter(node, states, "variance"), "variance"};
 }
 

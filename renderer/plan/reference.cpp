@@ -76,11 +76,12 @@ Result<std::vector<Vec3>> ReferenceTracer::trace(const std::vector<uint32_t>& pi
       const auto map = caustics->emitPass(pass, arena_, emitted, stop);
       if (!map) return stopped;
       rays += emitted;
+      const SampleRun run{pass / kBlocksPerStream, pass % kBlocksPerStream * uint32_t(kBlockSize), uint32_t(kBlockSize)};
       arena_.parallelFor(
           pixels.size(), 8,
           [&](size_t begin, size_t end) {
             uint64_t count = 0, dropped = 0;
-            for (size_t i = begin; i < end; ++i) caustics->traceBlock(int(pixels[i] % width), int(pixels[i] / width), pass, *map, &sums[i].x, count, dropped);
+            for (size_t i = begin; i < end; ++i) caustics->traceSamples(int(pixels[i] % width), int(pixels[i] / width), run, *map, &sums[i].x, count, dropped);
             rays += count;
           },
           stop);

@@ -40,7 +40,7 @@ struct PlanInput {
   const v1::RenderRequest& request;  ///< resolved
   const EffectiveScene& effective;
   const RelightGroups& groups;
-  uint32_t blocks = 1, blockSize = 16;  ///< of path tracing nodes
+  uint32_t passes = 1;  ///< of path tracing nodes (trace/sample_passes.h)
   PixelWindow window;                   ///< of the picture; of no width: all of it
   Distinctions apart;
   StopToken stop;
@@ -60,8 +60,7 @@ class PlanContext {
   const RelightGroups& groups() const { return in_.groups; }
   const MaterialKinds& kinds() const { return kinds_; }
   const GBufferSettings& view() const { return view_; }
-  uint32_t blocks() const { return in_.blocks; }
-  uint32_t blockSize() const { return in_.blockSize; }
+  uint32_t passes() const { return in_.passes; }
   const Distinctions& apart() const { return in_.apart; }
   const StopToken& stop() const { return in_.stop; }
   /// Indirect light is asked for.

@@ -348,18 +348,17 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
   }
 }
 
-void CausticTracer::traceBlock(int x, int y, uint32_t pass, const PhotonMap& map, double* out, uint64_t& rays, uint64_t& dropped) const {
+void CausticTracer::traceSamples(int x, int y, const SampleRun& run, const PhotonMap& map, double* out, uint64_t& rays, uint64_t& dropped) const {
   const Impl& m = *impl_;
   if (map.size() == 0) return;
   const PathTracerSettings& s = m.settings.path;
   const uint64_t pixel = uint64_t(uint32_t(y)) << 32 | uint32_t(x);
-  const uint64_t seed = hash64(hash64(hash64(s.seed, 0x63617573u), pixel), pass / kBlocksPerStream);  // "caus": never the path tracer's own
-  const uint32_t begin = pass % kBlocksPerStream * uint32_t(s.blockSize);
+  const uint64_t seed = hash64(hash64(hash64(s.seed, 0x63617573u), pixel), run.stream);  // "caus": never the path tracer's own
   const size_t n = 3 * size_t(m.settings.slots());
   std::vector<double> one(n);
-  for (int i = 0; i < s.blockSize; ++i) {
+  for (uint32_t i = 0; i < run.count; ++i) {
     std::fill(one.begin(), one.end(), 0.0);
-    m.sample(x, y, seed, begin + uint32_t(i), map, one.data(), rays);
+    m.sample(x, y, seed, run.first + i, map, one.data(), rays);
     bool finite = true;
     for (double v : one) finite = finite && std::isfinite(v);
     if (!finite) {

@@ -16,6 +16,7 @@
 #include "scene/load.h"
 #include "support/engines.h"
 #include "trace/accel.h"
+#include "trace/sample_passes.h"
 
 namespace gobo::testing {
 
@@ -49,10 +50,9 @@ struct Planned {
     const auto request = engine->resolve(named);
     EXPECT_TRUE(request.ok()) << request.status().toString();
     const ScenePtr scene = asked.scene() == "pane" ? paneScene() : *engine->scene(asked.scene());
-    const uint32_t size = blockSizeFor(request->halt().spp());
     PlannerServices services;
     services.expand = [&](const Graph& graph, NodeId node) { return Executor(graph, executorServices(), {}).evaluate(node); };
-    auto made = makePlan(scene, *request, (request->halt().spp() + size - 1) / size, size, services);
+    auto made = makePlan(scene, *request, passesFor(request->halt().spp()), services);
     EXPECT_TRUE(made.ok()) << made.status().toString();
     plan = std::move(*made);
     executor = std::make_unique<Executor>(plan->graph, executorServices(), StopToken());

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "trace/sample_passes.h"
+
 namespace gobo {
 
 // Photons have specular chains alone: the plan looks for nothing else.
@@ -69,6 +71,7 @@ std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveSc
 }
 
 std::string causticNote(const CausticPlan& plan, uint32_t passes) {
+  passes = (samplesOf(passes) + kBlockSamples - 1) / kBlockSamples;  // of photons: one a block
   char note[200];
   std::snprintf(note, sizeof note, "consistent, not unbiased: photons averaged over a radius of %.3g m in the first pass, %.3g m in the last of %u",
                 double(plan.radius), double(causticRadius(plan.radius, std::max(passes, 1u) - 1)), passes);

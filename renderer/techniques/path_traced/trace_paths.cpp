@@ -6,6 +6,7 @@
 #include "filters/composite.h"
 #include "filters/sample_statistics.h"
 #include "terms/path_trace.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 
@@ -59,7 +60,7 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
   s.groups = int(job.groups.size());
   s.groupOf = job.slotGroup;
   s.nominal = job.nominal;
-  GraphNode n{makePathTraceNode(s, c.apart().variance ? kVarianceStreams : 1, c.view()), {}, job.lights, job.label, c.blocks(), c.scene()};
+  GraphNode n{makePathTraceNode(s, c.apart().variance ? kVarianceStreams : 1, c.view()), {}, job.lights, job.label, c.passes(), c.scene()};
   const NodeId state = c.graph().add(std::move(n));
   const int per = slotsPerGroup(s.split, s.maxBounces);
   const NodeId mean = c.filter(makeResolveNode(c.view().width, c.view().height, per * s.groups), {state}, job.label + ":mean");
@@ -83,7 +84,7 @@ PathTracerSettings pathTracerSettings(const PlanContext& c, PathClass cover) {
   s.camera = c.view().camera;
   s.width = c.view().filmWidth();
   s.height = c.view().filmHeight();
-  s.blockSize = int(c.blockSize());
+  s.blockSize = int(kBlockSamples);
   s.viewSamples = i.at_view_samples() ? c.view().viewSamples : 0;
   s.maxBounces = has(cover, PathClass::Indirect) ? int(i.max_bounces()) : 0;
   s.rouletteStart = int(i.russian_roulette_start());
