@@ -20,9 +20,9 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr size_t kPiece = 1 << 20;
-constexpr int kTries = 8;       // of connections that break one after the other
-constexpr int kBusyTries = 40;  // while another call puts the same file
+constexpr size_t kPiece = 512 << 10;  // with its frame below any limits.request_bytes
+constexpr int kTries = 8;             // of connections that break one after the other
+constexpr int kBusyTries = 40;        // while another call puts the same file
 
 Result<LocalBlob> blobOf(const std::string& path) {
   std::ifstream in(path, std::ios::binary);

@@ -90,7 +90,7 @@ class PutStream {
  private:
   void write();
   void end();
-  static constexpr size_t kMessage = 1 << 20;
+  static constexpr size_t kMessage = 256 << 10;
 
   UpstreamCall call_;
   std::unique_ptr<grpc::ClientAsyncWriter<v1::PutBlobRequest>> writer_;

@@ -19,7 +19,7 @@ from . import errors, exr
 from .v1 import render_pb2, service_pb2, service_pb2_grpc
 from .wire import Wire
 
-_PIECE = 1 << 20
+_PIECE = 1 << 19   # with its frame below any limits.request_bytes
 _TRIES = 8   # of connections that break one after the other
 
 
@@ -111,7 +111,8 @@ def environment(radiance: np.ndarray) -> Blob:
     values = np.asarray(radiance)
     if values.ndim != 3 or values.shape[2] != 3 or 0 in values.shape or values.dtype.kind not in "fiu":
         raise errors.InvalidArgument(f"env: an array must be (height, width, 3) numbers, not {values.shape} of {values.dtype}", field="env")
-    values = values.astype(np.float32)
+    with np.errstate(over="ignore"):
+        values = values.astype(np.float32)
     if not np.isfinite(values).all():
         raise errors.InvalidArgument("env: the array must be finite as 32-bit floats", field="env")
     return blob(exr.encode({name: values[:, :, i] for i, name in enumerate("RGB")}))
