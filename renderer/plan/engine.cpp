@@ -122,11 +122,14 @@ struct Engine::Impl {
   std::vector<std::shared_ptr<const MemoryHolder>> accounts;
 
   ExecutorServices executorServices(const MappedGuard& guard) { return {store.get(), &extensions, &accels, &arena, nullptr, &inFlight, &guard}; }
-  PlannerServices plannerServices(const StopToken& stop, MappedGuard& guard, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
+  PlannerServices plannerServices(const StopToken& stop, MappedGuard& guard, const std::string& environmentFile,
+                                  std::map<NodeId, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
-    s.loadEnvironment = [this, stop, &guard](const std::string& path) -> Result<EnvironmentPtr> {
-      GOBO_ASSIGN(EnvironmentPtr map, scenes.environment(path, stop));
-      guard.add(*map, path);
+    s.loadEnvironment = [this, stop, &guard, environmentFile](const v1::EnvironmentSettings& e) -> Result<EnvironmentPtr> {
+      if (e.has_digest() && environmentFile.empty())
+        return notFound("request.environment.digest = '" + e.digest() + "': nobody keeps files by their digest here", "request.environment.digest");
+      GOBO_ASSIGN(EnvironmentPtr map, e.has_digest() ? scenes.environmentOf(e.digest(), environmentFile, stop) : scenes.environment(e.path(), stop));
+      guard.add(*map, e.has_digest() ? e.digest() : e.path());
       return map;
     };
     s.stop = stop;
@@ -161,8 +164,8 @@ struct Engine::Impl {
     scenes.setLedger(&memory);
   }
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
-  Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control, Clock::time_point start,
-                                  MappedGuard& guard, bool& extendable);
+  Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, const std::string& environmentFile, uint32_t spp,
+                                  const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable);
   /// What `result` is worth when files under it may have broken meanwhile: they and what looks into them are dropped then.
   Status checked(const MappedGuard& guard, const Status& result);
   static void describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result);
@@ -192,8 +195,8 @@ Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::st
   return impl_->scenes.open(source, id, stop, access, share);
 }
 Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop,
-                                           const SceneAccess& access, const std::vector<std::string>& share) {
-  return impl_->scenes.openFile(path, source, id, stop, access, share);
+                                           const SceneAccess& access, const std::vector<std::string>& share, std::shared_ptr<const void> holds) {
+  return impl_->scenes.openFile(path, source, id, stop, access, share, std::move(holds));
 }
 std::vector<v1::SceneInfo> Engine::listScenes(const SceneAccess& access) const { return impl_->scenes.list(access); }
 Result<v1::SceneInfo> Engine::inspectScene(const std::string& id, const SceneAccess& access) const {
@@ -262,13 +265,15 @@ Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request, cons
   return impl_->resolve(request, scene);
 }
 
-Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop, const SceneAccess& access) {
+Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop, const SceneAccess& access,
+                                       const std::string& environmentFile) {
   if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene(), stop, access)); }
   PreparedRender prepared;
   prepared.request = request;
+  prepared.environmentFile = environmentFile;
   GOBO_ASSIGN(prepared.resolved, impl_->resolve(request, scene));
   MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(stop, guard);
+  PlannerServices services = impl_->plannerServices(stop, guard, environmentFile);
   services.expand = nullptr;
   const auto plan = makePlan(scene, prepared.resolved, 1, services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
@@ -276,14 +281,14 @@ Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePt
   return prepared;
 }
 
-Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopToken& stop, const SceneAccess& access) {
+Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopToken& stop, const SceneAccess& access, const std::string& environmentFile) {
   GOBO_ASSIGN(const ScenePtr scene, impl_->scenes.find(request.scene(), stop, access));
   v1::PlanReply reply;
   GOBO_ASSIGN(*reply.mutable_resolved(), impl_->resolve(request, scene));
   const v1::Halt& halt = reply.resolved().halt();
   const uint32_t spp = halt.has_spp() ? halt.spp() : kBlockSamples;
   MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(stop, guard);
+  PlannerServices services = impl_->plannerServices(stop, guard, environmentFile);
   services.expand = nullptr;
   const auto plan = makePlan(scene, reply.resolved(), passesFor(spp), services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
@@ -362,13 +367,13 @@ void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::
   reply.set_rays(rays);
 }
 
-Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control,
-                                              Clock::time_point start, MappedGuard& guard, bool& extendable) {
+Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, const std::string& environmentFile, uint32_t spp,
+                                              const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable) {
   RenderResult result;
   v1::RenderReply& reply = result.reply;
   const uint32_t passes = passesFor(spp), realised = samplesOf(passes);
   std::map<NodeId, ExecutedNode> expanded;
-  GOBO_ASSIGN(const std::unique_ptr<Plan> plan, makePlan(scene, request, passes, plannerServices(control.stop, guard, &expanded)));
+  GOBO_ASSIGN(const std::unique_ptr<Plan> plan, makePlan(scene, request, passes, plannerServices(control.stop, guard, environmentFile, &expanded)));
   extendable = plan->extendable;
 
   std::mutex progressMutex;
@@ -487,7 +492,7 @@ Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderCon
   const auto once = [&](const v1::RenderRequest& asked, uint32_t samples, const RenderControl& how) -> Result<RenderResult> {
     MappedGuard guard(*scene, request.scene());
     GOBO_TRY(m.checked(guard, {}));  // of no use to begin with
-    Result<RenderResult> result = m.renderOnce(scene, asked, samples, how, start, guard, extendable);
+    Result<RenderResult> result = m.renderOnce(scene, asked, prepared.environmentFile, samples, how, start, guard, extendable);
     if (const Status status = m.checked(guard, result.ok() ? Status() : result.status()); !status.ok()) result = status;
     if (!result.ok() && result.status().code() == Code::Cancelled) {
       switch (control.stop.reason()) {

@@ -230,12 +230,12 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
   // Environment: file, sky, constant, or the studio of a scene without light; rotation; or removed. Resolved requests of such scenes have the message.
   if (request.has_environment()) {
     const auto& e = request.environment();
-    const int kinds = e.has_path() + e.has_sky() + e.has_constant();
-    if (kinds > 1) return invalidArgument("request.environment: path, sky and constant exclude each other", "request.environment");
+    const int kinds = e.has_path() + e.has_digest() + e.has_sky() + e.has_constant();
+    if (kinds > 1) return invalidArgument("request.environment: path, digest, sky and constant exclude each other", "request.environment");
     if (e.has_path() && e.path() == "none") {
       scene->environment = nullptr;
-    } else if (e.has_path()) {
-      GOBO_ASSIGN(scene->environment, load(e.path()));
+    } else if (e.has_path() || e.has_digest()) {
+      GOBO_ASSIGN(scene->environment, load(e));
     } else if (e.has_sky()) {
       SkyParameters sky;
       if (e.sky().has_sun_direction()) { GOBO_ASSIGN(sky.sunDirection, unitVector(e.sky().sun_direction(), "request.environment.sky.sun_direction")); }

@@ -23,8 +23,8 @@ struct EffectiveScene {
   std::vector<std::string> warnings;
 };
 
-/// Loads an environment file on behalf of a request (the engine checks roots and caches).
-using EnvironmentLoader = std::function<Result<EnvironmentPtr>(const std::string& path)>;
+/// Loads the environment file that a request names, by path or digest (the engine checks roots and caches).
+using EnvironmentLoader = std::function<Result<EnvironmentPtr>(const v1::EnvironmentSettings& settings)>;
 
 /// Makes the request's variant and pose of a scene (posed_scene.h; the engine caches).
 using ScenePoser = std::function<Result<ScenePtr>(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop)>;

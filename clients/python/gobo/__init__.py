@@ -18,6 +18,7 @@ except ImportError as _error:
     raise
 
 from . import exr
+from .blobs import Blob, Blobs, blob
 from .client import Client, Progressive, connect, local
 from .daemon import Daemon
 from .errors import (Aborted, AlreadyExists, Cancelled, DataLoss, DeadlineExceeded, Error, FailedPrecondition, Internal, InvalidArgument, NotFound,
@@ -29,7 +30,7 @@ from .scenes import LightInfo, Scene, Scenes
 from .v1.render_pb2 import Progress, RenderRequest
 from .wire import Tls
 
-__all__ = ["Aborted", "AlreadyExists", "Cancelled", "Certificate", "Client", "Daemon", "DataLoss", "DeadlineExceeded", "Error", "FailedPrecondition",
+__all__ = ["Aborted", "AlreadyExists", "Blob", "Blobs", "Cancelled", "Certificate", "Client", "Daemon", "DataLoss", "DeadlineExceeded", "Error", "FailedPrecondition",
            "FrameState", "Internal", "InvalidArgument", "Job", "JobState", "Jobs", "LightInfo", "Node", "NotFound", "OutOfRange", "PermissionDenied",
            "Progress", "Progressive", "RenderRequest", "RequestFields", "ResourceExhausted", "Result", "Scene", "Scenes", "Tls", "Unauthenticated",
-           "Unavailable", "Unimplemented", "connect", "exr", "local"]
+           "Unavailable", "Unimplemented", "blob", "connect", "exr", "local"]

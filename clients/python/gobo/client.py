@@ -6,6 +6,7 @@ import os
 from typing import Any, Callable, Iterator, Optional, Sequence, Union, Unpack
 
 from . import errors
+from .blobs import Blobs, Environments
 from .daemon import Daemon
 from .fields import RequestFields, fill
 from .jobs import Jobs
@@ -50,6 +51,7 @@ class Client:
     Attributes:
         scenes: `Scenes`.
         jobs: `Jobs`.
+        blobs: `Blobs`, files for a server that cannot open them; scenes and environments use it by themselves.
         address: where the server is.
     """
 
@@ -58,8 +60,10 @@ class Client:
         self._daemon = daemon
         self._render = service_pb2_grpc.RenderStub(wire.channel)
         self._admin = service_pb2_grpc.AdminStub(wire.channel)
-        self.scenes = Scenes(wire, upload_limit)
-        self.jobs = Jobs(wire, self.scenes)
+        self.blobs = Blobs(wire)
+        self._environments = Environments(self.blobs)
+        self.scenes = Scenes(wire, upload_limit, self.blobs)
+        self.jobs = Jobs(wire, self.scenes, self._environments)
 
     @property
     def address(self) -> str:
@@ -81,7 +85,8 @@ class Client:
                on_progress: Optional[ProgressCallback] = None, **fields: "Unpack[RequestFields]") -> Result:
         """Renders a scene: a file, the id of a loaded scene, a built-in name, or a `Scene`.
 
-        A .glb or .gltf that the server cannot open is uploaded. Keywords are fields of the request (`RequestFields`); those of
+        A .glb or .gltf, or an environment's .hdr or .exr, that the server cannot open is sent to it. `env` may also be an array (height, width, 3) of linear
+        radiance, a lat-long map. Keywords are fields of the request (`RequestFields`); those of
         nested messages as dicts, by `set={"integrator.max_bounces": 2}`, or as `integrator__max_bounces=2`:
 
             r = client.render("scene.glb", env="studio.hdr", size=(640, 480), spp=256, lights={"key": {"color": (1, 0.5, 0.2)}})
@@ -97,7 +102,7 @@ class Client:
         method = self._render.Render if on_progress is None else self._render.RenderProgressive
         if not request.scheduling.HasField("ladder"):
             request.scheduling.ladder = False  # nobody sees early pictures
-        return self._last(self._wire.stream(method, request, timeout), on_progress)
+        return self._last(self._stream(method, request, timeout), on_progress)
 
     def render_progressive(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None,
                            on_progress: Optional[ProgressCallback] = None, **fields: "Unpack[RequestFields]") -> Progressive:
@@ -107,14 +112,20 @@ class Client:
                 print(snapshot.samples, snapshot.image.mean())
         """
         request = self._request(scene, fields, timeout)
-        return Progressive(self._results(self._wire.stream(self._render.RenderProgressive, request, timeout), on_progress))
+        return Progressive(self._results(self._stream(self._render.RenderProgressive, request, timeout), on_progress))
 
     def plan(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None,
              **fields: "Unpack[RequestFields]") -> service_pb2.PlanReply:
         """What `render` of the same would do, without doing it: `plan` (nodes with expected ms and rays, results that are there already), `ms`, `rays`,
         `pinned_bytes`, and `resolved`, the request with every default filled in.
         """
-        return self._wire.unary(self._render.Plan, self._request(scene, fields, timeout), timeout)
+        request = self._request(scene, fields, timeout)
+        try:
+            return self._wire.unary(self._render.Plan, request, timeout)
+        except (errors.PermissionDenied, errors.NotFound) as e:
+            if not self._environments.mend(request.environment, e, timeout):
+                raise
+        return self._wire.unary(self._render.Plan, request, timeout)
 
     def relight(self, render_id: Union[str, Result], *, timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> Result:
         """Renders an earlier request again with changes; the server recomputes what they change and nothing else.
@@ -126,10 +137,22 @@ class Client:
             render_id = render_id.render_id
         request = render_pb2.RelightRequest(render_id=render_id)
         fields.setdefault("format", "raw_float")
-        builder = fill(request.patch, fields)
+        builder = fill(request.patch, self._environments.put_arrays(fields, timeout))
         whole = [p for p in ("environment", "camera", "shadows") if p in fields or (p == "environment" and "env" in fields)]
         request.mask.extend(builder.mask(whole))
-        return self._last(self._wire.stream(self._render.Relight, request, timeout), None)
+        return self._last(self._stream(self._render.Relight, request, timeout), None)
+
+    def _stream(self, method: Callable[..., Any], request: Any, timeout: Optional[float]) -> Iterator[render_pb2.RenderEvent]:
+        relight = isinstance(request, render_pb2.RelightRequest)
+        try:
+            yield from self._wire.stream(method, request, timeout)
+            return
+        except (errors.PermissionDenied, errors.NotFound) as e:   # before the first event
+            if not self._environments.mend(request.patch.environment if relight else request.environment, e, timeout):
+                raise
+        if relight and "environment.path" in request.mask:
+            request.mask.append("environment.digest")
+        yield from self._wire.stream(method, request, timeout)
 
     def status(self, *, timeout: Optional[float] = None) -> service_pb2.StatusReply:
         """Version, uptime, memory, what runs and waits."""
@@ -145,7 +168,7 @@ class Client:
 
     def _request(self, scene: Any, fields: Any, timeout: Optional[float]) -> render_pb2.RenderRequest:
         request = render_pb2.RenderRequest()
-        fill(request, fields)
+        fill(request, self._environments.put_arrays(fields, timeout))
         if not request.encoding.format:
             request.encoding.format = render_pb2.Encoding.RAW_FLOAT
         if scene is None:

@@ -135,6 +135,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"environment.rotation_deg", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.extract_lights", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.area_lights", "Rerun.EnvironmentAsAreaLights"},
+      {"environment.digest", "Blobs.AnEnvironmentByDigestIsTheFileOnDisk: what the same file runs by its path"},
       {"integrator.max_groups", "Rerun.ClustersAndDifferences"},
       {"encoding", "not in the hash"},
       {"certificate", "not in the hash"},
