@@ -27,6 +27,18 @@ std::optional<Rung> smallRung(const v1::RenderRequest& resolved) {
   Rung rung = rungOf(resolved);
   rung.request.set_width(std::max(1u, resolved.width() / kShrink));
   rung.request.set_height(std::max(1u, resolved.height() / kShrink));
+  // Intrinsics are in pixels of the picture.
+  const double x = double(rung.request.width()) / resolved.width(), y = double(rung.request.height()) / resolved.height();
+  if (rung.request.has_camera()) {
+    v1::CameraSettings& k = *rung.request.mutable_camera();
+    if (k.has_focal_x() || k.has_focal_y()) {
+      const double fx = k.has_focal_x() ? k.focal_x() : k.focal_y(), fy = k.has_focal_y() ? k.focal_y() : k.focal_x();
+      k.set_focal_x(fx * x);
+      k.set_focal_y(fy * y);
+    }
+    if (k.has_center_x()) k.set_center_x(k.center_x() * x);
+    if (k.has_center_y()) k.set_center_y(k.center_y() * y);
+  }
   return rung;
 }
 
