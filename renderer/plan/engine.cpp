@@ -313,8 +313,8 @@ void Engine::Impl::describe(const Plan& plan, const v1::RenderRequest& request, 
     else continue;
     result.tables["gobo:" + o] = nameTable(names);
   }
-  result.matrices = {{"worldToCamera", worldToCamera(plan.effective.camera)},
-                     {"worldToNDC", worldToNdc(plan.effective.camera, int(request.width()), int(request.height()))}};
+  result.matrices = {{"worldToCamera", worldToCamera(plan.effective.camera)}};
+  if (!plan.effective.camera.optics.panorama) result.matrices["worldToNDC"] = worldToNdc(plan.effective.camera, int(request.width()), int(request.height()));
 }
 
 void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::map<NodeId, ExecutedNode>& expanded, v1::RenderReply& reply) const {
@@ -366,6 +366,29 @@ void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::
   for (const auto& row : reply.plan()) rays += row.rays();
   reply.set_rays(rays);
 }
+
+namespace {
+
+/// Files say candela and lux, and are read as W/sr and W/m^2: one that means what it says is 683 times too bright, more than nine stops.
+void warnOfPhotometricLights(const Plan& plan, RenderResult& result) {
+  constexpr double kFarTooBright = 8.0;  // log-average luminance: two stops beyond what an exposure is chosen for
+  if (!plan.effective.asInFile) return;
+  for (const RenderedImage& image : result.images) {
+    if (image.output != "beauty") continue;
+    const std::optional<ChosenExposure> chosen = chooseExposure(image.image());
+    if (!chosen || !(chosen->luminance > kFarTooBright)) return;
+    char text[240];
+    std::snprintf(
+        text, sizeof text,
+        "the log-average luminance of beauty is %.3g: if the scene file's point, spot and directional lights are in candela and lux, request.photometric = "
+        "true divides them by 683",
+        chosen->luminance);
+    result.reply.add_warnings(text);
+    return;
+  }
+}
+
+}  // namespace
 
 Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, const std::string& environmentFile, uint32_t spp,
                                               const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable) {
@@ -422,6 +445,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
       reply.add_warnings(image.output + ": " + std::to_string(dropped.samples) + " samples in " + std::to_string(dropped.elements) +
                          " pixels had a part beyond what a 32-bit float holds and count as black");
   }
+  warnOfPhotometricLights(*plan, result);
   for (const std::string& m : plan->missing) reply.add_path_classes_missing(m);
   reply.set_peak_bytes(executor.peakBytes());
   reply.set_total_ms(msSince(start));

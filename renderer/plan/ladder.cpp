@@ -24,6 +24,18 @@ std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved) {
   rung.mutable_halt()->set_spp(1);
   rung.set_width(std::max(1u, resolved.width() / kShrink));
   rung.set_height(std::max(1u, resolved.height() / kShrink));
+  // Intrinsics are in pixels of the picture.
+  const double x = double(rung.width()) / resolved.width(), y = double(rung.height()) / resolved.height();
+  if (rung.has_camera()) {
+    v1::CameraSettings& k = *rung.mutable_camera();
+    if (k.has_focal_x() || k.has_focal_y()) {
+      const double fx = k.has_focal_x() ? k.focal_x() : k.focal_y(), fy = k.has_focal_y() ? k.focal_y() : k.focal_x();
+      k.set_focal_x(fx * x);
+      k.set_focal_y(fy * y);
+    }
+    if (k.has_center_x()) k.set_center_x(k.center_x() * x);
+    if (k.has_center_y()) k.set_center_y(k.center_y() * y);
+  }
   return rung;
 }
 

@@ -8,6 +8,8 @@
 #include "filters/sample_statistics.h"
 #include "filters/shadow_map/techniques.h"
 #include "filters/shadow_technique.h"
+#include "filters/view_depth.h"
+#include "filters/with_alpha.h"
 #include "techniques/direct_visibility/visibility.h"
 #include "terms/ids.h"
 #include "terms/motion.h"
@@ -54,7 +56,11 @@ Result<OutputPlane> planComposite(OutputContext& o, const std::string& output, c
     sum = e.multiplyAdd(sum, k.weight, plane);
   }
   if (sum < 0) e.constant(Vec3(0.0f));
-  return OutputPlane{c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), output), "rgb"};
+  if (sum < 0 && shows == PathSet::All && !c.scene()->lights.empty())
+    c.warn(output + " is black: no light is left in it; every gain is zero (lights.NAME.enabled, gain, intensity, environment.gain)");
+  const NodeId picture = c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), output);
+  if (output != "beauty" || c.clear() < 0) return OutputPlane{picture, "rgb"};
+  return OutputPlane{c.filter(makeWithAlphaNode(c.view().width, c.view().height), {picture, c.clear()}, output + " with alpha"), "rgba"};
 }
 
 Result<OutputPlane> planAlbedo(OutputContext& o, const std::string& output, const std::string&) {
@@ -68,6 +74,10 @@ Result<OutputPlane> planPosition(OutputContext& o, const std::string& output, co
 }
 Result<OutputPlane> planDepth(OutputContext& o, const std::string& output, const std::string&) {
   return pixelMean(o.plan, o.plan.gbuffer(), "depth", 1, true, output);
+}
+Result<OutputPlane> planZDepth(OutputContext& o, const std::string& output, const std::string&) {
+  const GBufferSettings& v = o.plan.view();
+  return OutputPlane{o.plan.filter(makeViewDepthNode(v.camera, v.width, v.height, v.viewSamples), {o.plan.gbuffer()}, output), "z_depth"};
 }
 Result<OutputPlane> planAlpha(OutputContext& o, const std::string& output, const std::string&) {
   const GBufferSettings& v = o.plan.view();

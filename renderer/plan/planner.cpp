@@ -32,7 +32,7 @@ void reportMissing(const PlanContext& c, std::vector<std::string>& missing) {
 }
 
 Status planBeauty(PlanContext& c, std::span<const Technique* const> techniques) {
-  if (c.scene()->lights.empty() && !c.kinds().unlit) {
+  if (c.scene()->lights.empty() && !c.kinds().unlit && !c.effective().background.scene) {
     c.prune("beauty", "the scene has no light");
     c.warn("the picture is black: the scene has no light, and the request brings none");
   }
@@ -63,7 +63,9 @@ Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderReq
     GOBO_ASSIGN(const OutputPlane plane, infoOf(o).plan(outputs, o, std::string(outputLight(o))));
     GOBO_TRY(plan.graph.wiring());
     if (!plan.graph.at(plane.node).shape.find(plane.plane)) return internalError("a node without the plane " + plane.plane, "output " + o);
-    plan.outputs.push_back({o, plane.node, plane.plane, infoOf(o).channelNames()});
+    std::vector<std::string> channels = infoOf(o).channelNames();
+    if (plan.graph.at(plane.node).shape.find(plane.plane)->channels == 4 && channels.size() == 3) channels.push_back("A");
+    plan.outputs.push_back({o, plane.node, plane.plane, std::move(channels)});
   }
   if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
 
@@ -82,6 +84,7 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
   GOBO_TRY(checkOutputs(*plan->effective.scene, request));
   plan->groups = makeGroups(*plan->effective.scene, int(request.integrator().max_groups()), services.stop);
   if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
+  scaleClusters(plan->effective, plan->groups);
 
   GOBO_ASSIGN(const PixelWindow window, windowOf(request));
   GOBO_ASSIGN(uint64_t reserved, planNodes(*plan, base, request, passes, window, services));

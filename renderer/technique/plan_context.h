@@ -31,6 +31,9 @@ struct PixelWindow {
   int x = 0, y = 0, width = 0, height = 0;
 };
 
+/// The technique that takes over what the camera sees of the environment (techniques/background).
+inline constexpr const char* kBackgroundTechnique = "background";
+
 /// What the asked outputs need told apart.
 struct Distinctions {
   bool classes = false, lobes = false, variance = false;
@@ -87,6 +90,10 @@ class PlanContext {
   void reserve(uint64_t bytes) { reserved_ += bytes; }
   uint64_t reserved() const { return reserved_; }
 
+  /// Radiance term, plane "s0": share of each pixel's samples that see a transparent background. -1: there is none.
+  NodeId clear() const { return clear_; }
+  void setClear(NodeId node) { clear_ = node; }
+
   // What it brings
   Cover& cover() { return cover_; }
   const Cover& cover() const { return cover_; }
@@ -109,6 +116,7 @@ class PlanContext {
   GBufferSettings view_;
   Cover cover_;
   int cameraInVolume_ = -1;  // not asked yet
+  NodeId clear_ = -1;
   std::vector<Contribution> contributions_;
   std::vector<NodeId> states_, expanded_;
   std::vector<std::string> warnings_, missing_;

@@ -24,7 +24,8 @@ struct Walker {
   Vec3 throughput{1.0f};
   Vec3 specularPart{0.0f};  // share of the first event's specular lobe in it
   int events = 0, free = 0;
-  bool fromCamera = false;  // nothing but straight on since the camera
+  bool fromCamera = false;             // nothing but straight on since the camera
+  float reach = CameraOptics::kNoEnd;  // of such a ray: how far it sees from where it is
   PathMedia media;
   Hit hit;
 
@@ -141,9 +142,12 @@ bool CausticTracer::Impl::next(Walker& w, uint64_t& rays) const {
   Ray ray;
   ray.origin = w.origin;
   ray.direction = w.direction;
+  if (w.fromCamera) ray.tmax = w.reach;
   w.hit = {};
   ++rays;
-  return path().accel->intersect(ray, w.hit, w.fromCamera ? &path().passed : nullptr);
+  if (!path().accel->intersect(ray, w.hit, w.fromCamera ? &path().passed : nullptr)) return false;
+  if (path().clips) w.reach = std::max(w.reach - w.hit.t, 0.0f);
+  return true;
 }
 
 void CausticTracer::Impl::photon(const Source& source, uint32_t index, uint32_t pass, std::vector<Photon>& out, uint64_t& rays) const {
@@ -297,8 +301,9 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
   if (!m.viewSamples.empty()) film = m.viewSamples[index % m.viewSamples.size()];
   const float fx = float(x) + film.x, fy = float(y) + film.y;
   Walker w;
-  w.start(m.surfaces.interiors(), m.cameraMedia, m.cameraOrigin + m.cameraOriginX * fx + m.cameraOriginY * fy,
-          glm::normalize(m.cameraDirection + m.cameraDirectionX * fx + m.cameraDirectionY * fy));
+  Vec3 o, d;
+  m.startAtFilm(fx, fy, o, d, w.reach);
+  w.start(m.surfaces.interiors(), m.cameraMedia, o, d);
   w.fromCamera = true;
   while (w.events + 1 <= maxEvents && w.free <= kMostFree) {
     if (!next(w, rays)) return;

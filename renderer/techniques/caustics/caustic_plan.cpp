@@ -52,7 +52,7 @@ std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveSc
   std::sort(all.groups.begin(), all.groups.end());
   all.groups.erase(std::unique(all.groups.begin(), all.groups.end()), all.groups.end());
   for (int l : all.lights) all.settings.path.groupOf.push_back(int(std::find(all.groups.begin(), all.groups.end(), relight.groupOf[l]) - all.groups.begin()));
-  for (int g : all.groups) all.weights.push_back(relight.members[g].size() == 1 ? effective.gains[relight.members[g][0]] : Vec3(1.0f));
+  for (int g : all.groups) all.weights.push_back(relight.members[g].size() == 1 ? effective.gains[relight.members[g][0]] : Vec3(relight.scaleOf(g)));
   all.settings.path.groups = int(all.groups.size());
   std::vector<CausticTask> tasks;
   for (int l : all.lights) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "base/hash.h"
+#include "base/sobol.h"
 #include "trace/sample_passes.h"
 
 namespace gobo {
