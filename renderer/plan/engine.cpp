@@ -32,6 +32,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 double msSince(Clock::time_point t) { return std::chrono::duration<double, std::milli>(Clock::now() - t).count(); }
 
+/// A plan that takes at most so long on an idle machine is a small one. Beside another render it takes about twice as long.
+constexpr double kSmallMs = 100;
 /// The most samples a pixel gets when only time or error bounds the request.
 constexpr uint32_t kMaxSpp = 65536;
 /// More samples have stopped lowering the error: eight times as many took off less than a tenth, where noise would lose 65 %, so what is
@@ -75,10 +77,16 @@ const Image& RenderedImage::image() const {
 
 struct Engine::Impl {
   explicit Impl(const EngineOptions& o)
-      : options(o), arena(o.threads), scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}), accels(o.accelBytes), memory(o.memoryBytes) {}
+      : options(o),
+        arena(o.threads),
+        besideArena(o.threads, TaskArena::Threads::Own),
+        scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}),
+        accels(o.accelBytes),
+        memory(o.memoryBytes) {}
 
   EngineOptions options;
   TaskArena arena;
+  TaskArena besideArena;  ///< of small renders (PreparedRender)
   SceneLibrary scenes;
   PosedScenes posed;
   std::unique_ptr<TermStore> store;
@@ -92,8 +100,11 @@ struct Engine::Impl {
   RememberedRenders remembered{options.keepRenders, options.keepRendersBytes};
   std::vector<std::shared_ptr<const MemoryHolder>> accounts;
 
-  ExecutorServices executorServices(const MappedGuard& guard) { return {store.get(), &extensions, &accels, &arena, nullptr, &inFlight, &guard}; }
-  PlannerServices plannerServices(const StopToken& stop, MappedGuard& guard, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
+  const TaskArena& arenaOf(bool small) const { return small ? besideArena : arena; }
+  ExecutorServices executorServices(const MappedGuard& guard, bool small) {
+    return {store.get(), &extensions, &accels, &arenaOf(small), nullptr, &inFlight, &guard};
+  }
+  PlannerServices plannerServices(const StopToken& stop, MappedGuard& guard, bool small, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
     s.loadEnvironment = [this, stop, &guard](const std::string& path) -> Result<EnvironmentPtr> {
       GOBO_ASSIGN(EnvironmentPtr map, scenes.environment(path, stop));
@@ -102,8 +113,8 @@ struct Engine::Impl {
     };
     s.stop = stop;
     s.poseScene = [this](const ScenePtr& base, const v1::RenderRequest& request, const StopToken& until) { return posed.get(base, request, until); };
-    s.expand = [this, stop, expanded, &guard](const Graph& graph, NodeId node) -> Result<TermPtr> {
-      Executor executor(graph, executorServices(guard), stop);
+    s.expand = [this, stop, expanded, small, &guard](const Graph& graph, NodeId node) -> Result<TermPtr> {
+      Executor executor(graph, executorServices(guard, small), stop);
       executor.asks(std::array{node});
       GOBO_ASSIGN(TermPtr term, executor.evaluate(node));
       if (expanded) (*expanded)[node] = executor.report(node);
@@ -133,7 +144,7 @@ struct Engine::Impl {
   }
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
   Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control, Clock::time_point start,
-                                  MappedGuard& guard, bool& extendable);
+                                  MappedGuard& guard, bool small, bool& extendable);
   /// What `result` is worth when files under it may have broken meanwhile: they and what looks into them are dropped then.
   Status checked(const MappedGuard& guard, const Status& result);
   static void describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result);
@@ -240,11 +251,16 @@ Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePt
   GOBO_ASSIGN(prepared.resolved, impl_->resolve(request, scene));
   const uint32_t size = blockSizeFor(prepared.resolved.halt().has_spp() ? prepared.resolved.halt().spp() : 16);
   MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(stop, guard);
+  PlannerServices services = impl_->plannerServices(stop, guard, false);
   services.expand = nullptr;
   const auto plan = makePlan(scene, prepared.resolved, 1, size, services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
   prepared.pinnedBytes = (*plan)->pinnedBytes;
+  if (const v1::Halt& halt = prepared.resolved.halt(); halt.has_spp()) {
+    Executor executor((*plan)->graph, impl_->executorServices(guard, false), stop);
+    prepared.expectedMs = expectedMs(**plan, executor, *impl_->store, impl_->arena.threads(), (halt.spp() + size - 1) / size);
+    prepared.small = prepared.expectedMs <= kSmallMs && !prepared.resolved.has_certificate() && (*plan)->expanded.empty();
+  }
   return prepared;
 }
 
@@ -255,11 +271,11 @@ Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopT
   const v1::Halt& halt = reply.resolved().halt();
   const uint32_t spp = halt.has_spp() ? halt.spp() : 16, size = blockSizeFor(spp);
   MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(stop, guard);
+  PlannerServices services = impl_->plannerServices(stop, guard, false);
   services.expand = nullptr;
   const auto plan = makePlan(scene, reply.resolved(), (spp + size - 1) / size, size, services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
-  Executor executor((*plan)->graph, impl_->executorServices(guard), stop);
+  Executor executor((*plan)->graph, impl_->executorServices(guard, false), stop);
   describeUnrun(**plan, executor, *impl_->store, impl_->arena.threads(), reply);
   for (auto& row : *reply.mutable_plan())
     if (row.samples()) row.set_samples(row.samples() * size);
@@ -335,12 +351,12 @@ void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::
 }
 
 Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control,
-                                              Clock::time_point start, MappedGuard& guard, bool& extendable) {
+                                              Clock::time_point start, MappedGuard& guard, bool small, bool& extendable) {
   RenderResult result;
   v1::RenderReply& reply = result.reply;
   const uint32_t blockSize = blockSizeFor(spp), blocks = (spp + blockSize - 1) / blockSize;
   std::map<NodeId, ExecutedNode> expanded;
-  GOBO_ASSIGN(const std::unique_ptr<Plan> plan, makePlan(scene, request, blocks, blockSize, plannerServices(control.stop, guard, &expanded)));
+  GOBO_ASSIGN(const std::unique_ptr<Plan> plan, makePlan(scene, request, blocks, blockSize, plannerServices(control.stop, guard, small, &expanded)));
   extendable = plan->extendable;
 
   std::mutex progressMutex;
@@ -355,7 +371,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
       std::lock_guard lock(progressMutex);  // nodes report from any thread
       control.progress(p);
     };
-  ExecutorServices services = executorServices(guard);
+  ExecutorServices services = executorServices(guard, small);
   services.checkpoints = control.checkpoints;
   Executor executor(plan->graph, services, control.stop, progress);
   std::vector<NodeId> asked;
@@ -372,7 +388,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   if (request.has_certificate()) {
     for (const RenderedImage& image : result.images) {
       if (image.output != "beauty") continue;
-      GOBO_ASSIGN(*reply.mutable_certificate(), certifyPicture(image.image(), plan->effective, request, accels, arena, control.stop));
+      GOBO_ASSIGN(*reply.mutable_certificate(), certifyPicture(image.image(), plan->effective, request, accels, arenaOf(small), control.stop));
     }
   }
   *reply.mutable_resolved() = request;
@@ -459,7 +475,7 @@ Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderCon
   const auto once = [&](const v1::RenderRequest& asked, uint32_t samples, const RenderControl& how) -> Result<RenderResult> {
     MappedGuard guard(*scene, request.scene());
     GOBO_TRY(m.checked(guard, {}));  // of no use to begin with
-    Result<RenderResult> result = m.renderOnce(scene, asked, samples, how, start, guard, extendable);
+    Result<RenderResult> result = m.renderOnce(scene, asked, samples, how, start, guard, prepared.small, extendable);
     if (const Status status = m.checked(guard, result.ok() ? Status() : result.status()); !status.ok()) result = status;
     if (!result.ok() && result.status().code() == Code::Cancelled) {
       switch (control.stop.reason()) {
