@@ -107,7 +107,8 @@ int runJobFetch(const SessionOptions& session, const JobFetchCommand& command);
 
 /// The fields that `options` name, and no others.
 Result<v1::RenderRequest> describedBy(const RequestOptions& options);
-/// The request that `options` describe, for the scene with this id.
-Result<v1::RenderRequest> makeRequest(const RequestOptions& options, const std::string& sceneId);
+/// The request that `options` describe, for the scene that the user means by `source` (ensureScene; may be empty where the request names one). What is wrong
+/// with the options is said before a scene is loaded or sent.
+Result<v1::RenderRequest> makeRequest(Session& session, const RequestOptions& options, const std::string& source);
 
 }  // namespace gobo::cli

@@ -101,7 +101,8 @@ Status write(Session& session, v1::RenderRequest request, const std::string& fil
 
 Status demo(Session& session, const DemoCommand& c) {
   Watcher watcher(c.out);
-  GOBO_ASSIGN(const std::string id, ensureScene(session, c.scene));
+  GOBO_ASSIGN(v1::RenderRequest request, makeRequest(session, c.request, c.scene));
+  const std::string id = request.scene();
   v1::InspectSceneRequest inspect;
   inspect.set_scene(id);
   v1::SceneInfo info;
@@ -112,7 +113,6 @@ Status demo(Session& session, const DemoCommand& c) {
   std::printf("scene %s: %llu triangles, %d lights, loaded in %.0f ms\n\n", id.c_str(), static_cast<unsigned long long>(info.triangles()), info.lights_size(),
               info.load_ms());
 
-  GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
   if (c.request.size.empty()) {
     request.set_width(640);
     request.set_height(400);

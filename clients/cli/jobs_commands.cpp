@@ -291,10 +291,8 @@ int runJobSubmit(const SessionOptions& options, const JobSubmitCommand& c, bool 
     frames = std::move(*parsed);
   }
   return with(options, [&](Session& session) -> Result<int> {
-    std::string id;
-    if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
     v1::JobSpec spec;
-    GOBO_ASSIGN(*spec.mutable_request(), makeRequest(c.request, id));
+    GOBO_ASSIGN(*spec.mutable_request(), makeRequest(session, c.request, c.scene));
     if (!c.format.empty()) GOBO_TRY(setPath(*spec.mutable_request(), "encoding.format=" + c.format));
     if (!frames.empty()) {
       FrameSpan span;

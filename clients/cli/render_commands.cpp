@@ -104,9 +104,9 @@ Result<v1::RenderRequest> describedBy(const RequestOptions& o) {
   return request;
 }
 
-Result<v1::RenderRequest> makeRequest(const RequestOptions& o, const std::string& sceneId) {
+Result<v1::RenderRequest> makeRequest(Session& session, const RequestOptions& o, const std::string& source) {
   GOBO_ASSIGN(v1::RenderRequest request, describedBy(o));
-  if (!sceneId.empty()) request.set_scene(sceneId);
+  if (!source.empty()) { GOBO_ASSIGN(*request.mutable_scene(), ensureScene(session, source)); }
   if (request.scene().empty()) return invalidArgument("no scene: name one, or put it into --request");
   return request;
 }
@@ -117,10 +117,7 @@ namespace {
 Status checkOut(const std::string& out) {
   if (out.empty() || out == "-") return {};
   GOBO_TRY(formatOf(out).status());
-  const fs::path parent = fs::path(out).parent_path();
-  std::error_code error;
-  if (!parent.empty() && !fs::is_directory(parent, error)) return notFound("-o " + out + ": folder \"" + parent.string() + "\" does not exist");
-  return {};
+  return checkFolder("-o", out);
 }
 
 Status setEncoding(v1::RenderRequest& request, const std::string& out) {
@@ -232,9 +229,7 @@ class Show {
 };
 
 Status render(Session& session, const RenderCommand& c) {
-  std::string id;
-  if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
-  GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
+  GOBO_ASSIGN(v1::RenderRequest request, makeRequest(session, c.request, c.scene));
   Show show(request.halt(), c.out, c.progressive, c.quiet);
   if (c.tile) {
     const auto tile = [&](int done, int all) { show.bar().show(double(done) / all, "tile " + std::to_string(done) + " of " + std::to_string(all)); };
@@ -253,9 +248,7 @@ Status render(Session& session, const RenderCommand& c) {
 }
 
 Status plan(Session& session, const RenderCommand& c) {
-  std::string id;
-  if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
-  GOBO_ASSIGN(const v1::RenderRequest request, makeRequest(c.request, id));
+  GOBO_ASSIGN(const v1::RenderRequest request, makeRequest(session, c.request, c.scene));
   v1::PlanReply reply;
   Session::Call call(session);
   GOBO_TRY(session.statusOf(session.render().Plan(&call.context, request, &reply)));

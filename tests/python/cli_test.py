@@ -289,6 +289,19 @@ class Mistakes(DaemonTest):
         self.refused(['no such file: "some/where"'], "render", "some/where", "-o", "a.exr", code=3)
         self.refused(["is a folder: name the .gltf or .glb file in it"], "render", self.folder + "/.", "-o", "a.exr", code=3)
 
+    def test_paths_of_every_kind(self):
+        for local in ([], ["--local"]):
+            self.refused(['no such file: "nosuch.glb"'], *local, "load", "nosuch.glb", code=3)
+            self.refused(['no such file: "nosuch.hdr"'], *local, "render", "cornell", "--env", "nosuch.hdr", "-o", "a.exr", code=3)
+            self.refused(['no such file: "/no/such.exr"'], *local, "plan", "cornell", "--set", "environment.path=/no/such.exr", code=3)
+            self.refused(['no such file: "nosuch.json"'], *local, "render", "cornell", "--request", "nosuch.json", "-o", "a.exr", code=3)
+            self.refused(['no such folder: "no/where"'], *local, "render", "cornell", "-o", "no/where/a.exr", code=3)
+            self.refused(['--csv no/a.csv: no such folder: "no"'], *local, "measure", "cornell", "--sweep", "halt.spp=1", "--csv", "no/a.csv", code=3)
+            self.refused(['--plot no/a.png: no such folder: "no"'], *local, "occlusion", "cornell", "--plot", "no/a.png", code=3)
+        self.refused(['no such file: "nosuch.exr"'], "compare", "nosuch.exr", "other.exr", code=3)
+        self.refused(['--diff no/d.png: no such folder: "no"'], "compare", "nosuch.exr", "other.exr", "--diff", "no/d.png", code=3)
+        self.refused(['no such file: "nosuch.json"'], "render", "nosuch.glb", "--request", "nosuch.json", code=3)   # before a scene is loaded or sent
+
     def test_an_id_may_look_like_a_file(self):
         self.client.scenes.open("cornell", "a/b.glb")
         self.cli("render", "a/b.glb", "--size", "8x8", "--spp", "1", "-q", "-o", "ids.png")
