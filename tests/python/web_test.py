@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import ssl
 import struct
 import subprocess
@@ -206,6 +207,26 @@ class Ends(Door):
         self.assertEqual({ends[i][-1] for i in range(9)}, {"CANCELLED"})
         self.assertIn("snapshot", ends[0], "what runs shows a picture before it gives way")
         self.eventually(lambda: self.running() == 0)
+
+    def test_one_address_has_half_of_the_connections(self):
+        def connection():
+            made = socket.create_connection(("127.0.0.1", self.port), 10)
+            self.addCleanup(made.close)
+            return made
+
+        def answered(to):
+            """None: still open without an answer; else whether one came."""
+            try:
+                to.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+                return bool(to.recv(16))
+            except ConnectionError:
+                return False
+
+        held = [connection() for _ in range(48)]                     # half of Door::kConnections
+        self.assertTrue(all(answered(c) for c in held))              # all are served, and stay open
+        self.assertFalse(answered(connection()), "one more of this address is closed")
+        held.pop().close()
+        self.eventually(lambda: answered(connection()))
 
     def test_sigterm_with_a_stream_open(self):
         self.assertEqual(self.open("/v1/render/stream", LONG)[1].status, 200)
