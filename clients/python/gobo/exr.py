@@ -1,21 +1,56 @@
 # SPDX-License-Identifier: Apache-2.0
-"""OpenEXR in a page of numpy: single-part scan lines, no or ZIP compression. Enough to keep float pictures without loss and to
-read what Gobo writes by default; DWA, tiles and multi-part files are for a full library."""
+"""OpenEXR files. Where OpenImageIO's Python binding can be imported (Debian: python3-openimageio) it reads and writes them: every compression, tiles,
+files of several parts. Elsewhere a page of numpy does: single-part scan lines, no or ZIP compression, enough to keep float pictures without loss
+and to read what Gobo writes by default. $GOBO_EXR or `use` names one: "openimageio", "numpy"."""
 from __future__ import annotations
 
 import os
 import struct
 import tempfile
+import threading
 import zlib
-from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, TypeVar
 
 import numpy as np
 
 from .errors import InvalidArgument
 
+T = TypeVar("T")
 _MAGIC = 20000630
 _TYPES: "Dict[int, np.dtype[Any]]" = {1: np.dtype("<f2"), 2: np.dtype("<f4")}
 _LINES = {0: 1, 2: 1, 3: 16}   # compression -> lines of a block
+_BACKENDS = ("openimageio", "numpy")
+_chosen: "Optional[Tuple[str, Any]]" = None
+_choosing = threading.Lock()
+
+
+def use(name: Optional[str] = None) -> str:
+    """Chooses who reads and writes, "openimageio" or "numpy", and returns the name; None: $GOBO_EXR, else the first that can be imported.
+
+    Raises: gobo.InvalidArgument: no such name, or it cannot be imported.
+    """
+    global _chosen
+    wanted = name or os.environ.get("GOBO_EXR") or None
+    if wanted not in (None, *_BACKENDS):
+        raise InvalidArgument(f"exr = {wanted}: must be one of {', '.join(_BACKENDS)}", field="exr", value=wanted)
+    library: Any = None
+    if wanted != "numpy":
+        try:
+            import OpenImageIO as library  # type: ignore[import]
+        except ImportError as e:
+            if wanted is not None:
+                raise InvalidArgument(f"exr = {wanted}: {e}", field="exr", value=wanted) from None
+    with _choosing:
+        _chosen = ("numpy" if library is None else "openimageio", library)
+        return _chosen[0]
+
+
+def _library() -> Any:
+    """OpenImageIO's module, imported at the first need (it takes a second), or None."""
+    if _chosen is None:
+        use()
+    assert _chosen is not None
+    return _chosen[1]
 
 
 def write_atomic(path: str, data: bytes) -> None:
@@ -25,13 +60,18 @@ def write_atomic(path: str, data: bytes) -> None:
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
-        os.replace(temporary, path)
+        _place(temporary, path)
     except BaseException:
         os.unlink(temporary)
         raise
+
+
+def _place(temporary: str, path: str) -> None:
+    """Gives a file of mkstemp the rights of any other file, and its name."""
+    mask = os.umask(0)
+    os.umask(mask)
+    os.chmod(temporary, 0o666 & ~mask)
+    os.replace(temporary, path)
 
 
 def _squeeze(raw: bytes) -> bytes:
@@ -69,19 +109,48 @@ def write(path: str, channels: Mapping[str, np.ndarray], attributes: Optional[Ma
     shapes = {p.shape for p in planes.values()}
     if len(shapes) != 1 or len(next(iter(shapes))) != 2:
         raise InvalidArgument(f"EXR: channels must be planes of one size, not {sorted(shapes)}")
-    height, width = next(iter(shapes))
+    library = _library()
+    if library is None:
+        _write(path, planes, attributes or {})
+    else:
+        _write_library(library, path, planes, attributes or {})
+
+
+def _write_library(library: Any, path: str, planes: Mapping[str, np.ndarray], attributes: Mapping[str, str]) -> None:
+    names = sorted(planes, key=lambda n: n.encode())
+    height, width = planes[names[0]].shape
+    spec = library.ImageSpec(width, height, len(names), "float")
+    spec.channelnames = tuple(names)
+    spec.attribute("compression", "zip")
+    for name, text in attributes.items():
+        spec.attribute(name, text)
+    folder = os.path.dirname(os.path.abspath(path))
+    handle, temporary = tempfile.mkstemp(prefix=".gobo-", suffix=".exr", dir=folder)
+    os.close(handle)
+    try:
+        out = library.ImageOutput.create(temporary)
+        if out is None or not out.open(temporary, spec) or not out.write_image(np.stack([planes[n] for n in names], axis=2)) or not out.close():
+            raise InvalidArgument(f"{path}: {out.geterror() if out is not None else library.geterror()}")
+        _place(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def _write(path: str, planes: Mapping[str, np.ndarray], attributes: Mapping[str, str]) -> None:
+    height, width = next(iter(planes.values())).shape
     names = sorted(planes, key=lambda n: n.encode())
 
     def attribute(name: str, kind: str, value: bytes) -> bytes:
         return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
     listed = b"".join(n.encode() + b"\0" + struct.pack("<iBxxxii", 2, 0, 1, 1) for n in names) + b"\0"
     window = struct.pack("<iiii", 0, 0, width - 1, height - 1)
-    head = struct.pack("<iI", _MAGIC, 2 | (0x400 if any(len(n) > 31 for n in [*names, *(attributes or {})]) else 0))
+    head = struct.pack("<iI", _MAGIC, 2 | (0x400 if any(len(n) > 31 for n in [*names, *attributes]) else 0))
     head += attribute("channels", "chlist", listed) + attribute("compression", "compression", b"\3")
     head += attribute("dataWindow", "box2i", window) + attribute("displayWindow", "box2i", window)
     head += attribute("lineOrder", "lineOrder", b"\0") + attribute("pixelAspectRatio", "float", struct.pack("<f", 1))
     head += attribute("screenWindowCenter", "v2f", struct.pack("<ff", 0, 0)) + attribute("screenWindowWidth", "float", struct.pack("<f", 1))
-    for name, text in (attributes or {}).items():
+    for name, text in attributes.items():
         head += attribute(name, "string", text.encode())
     head += b"\0"
     stacked = np.stack([planes[n] for n in names], axis=1)   # line, channel, column: the order of a block
@@ -128,17 +197,71 @@ def _channels(data: bytes) -> "Iterator[Tuple[str, np.dtype[Any]]]":
 def read(path: "str | os.PathLike[str]") -> Tuple[Dict[str, np.ndarray], Dict[str, str]]:
     """Planes by channel name (float32) and the text attributes. Errors: InvalidArgument for files of other kinds."""
     with open(path, "rb") as file:
-        return decode(file.read(), os.fspath(path))
+        data = file.read()
+    return _guarded(lambda: _read(data) if _library() is None else _read_library(_library(), os.fspath(path), data), os.fspath(path))
 
 
 def decode(data: bytes, name: str = "picture") -> Tuple[Dict[str, np.ndarray], Dict[str, str]]:
     """`read` of bytes; `name` is what errors call them."""
+    def work() -> Tuple[Dict[str, np.ndarray], Dict[str, str]]:
+        if _library() is None:
+            return _read(data)
+        with tempfile.NamedTemporaryFile(prefix="gobo-", suffix=".exr") as file:
+            file.write(data)
+            file.flush()
+            return _read_library(_library(), file.name, data)
+    return _guarded(work, name)
+
+
+def attributes(data: bytes, name: str = "picture") -> Dict[str, Any]:
+    """What the header of an EXR file says that is text (str), a number (int, float), or a matrix or vector of floats (tuple, as the file has it)."""
+    def work() -> Dict[str, Any]:
+        magic, _ = struct.unpack_from("<iI", data, 0)
+        if magic != _MAGIC:
+            raise InvalidArgument("not an EXR file")
+        out: Dict[str, Any] = {}
+        for key, (kind, value) in _header(data)[0].items():
+            if kind == "string":
+                out[key] = value.decode(errors="replace")
+            elif kind in ("int", "float"):
+                out[key] = struct.unpack("<i" if kind == "int" else "<f", value)[0]
+            elif kind in ("v2f", "v3f", "m33f", "m44f"):
+                out[key] = struct.unpack(f"<{len(value) // 4}f", value)
+        return out
+    return _guarded(work, name)
+
+
+def _guarded(work: Callable[[], T], name: str) -> T:
     try:
-        return _read(data)
+        return work()
     except InvalidArgument as e:
         raise InvalidArgument(f"{name}: {e.message}") from None
     except (IndexError, ValueError, KeyError, struct.error, zlib.error, MemoryError) as e:
         raise InvalidArgument(f"{name}: not an EXR file that can be read here: {e}") from None
+
+
+def _read_library(library: Any, path: str, data: bytes) -> Tuple[Dict[str, np.ndarray], Dict[str, str]]:
+    magic = struct.unpack_from("<i", data, 0)[0]
+    if magic != _MAGIC:
+        raise InvalidArgument("EXR: not an EXR file")
+    source = library.ImageInput.open(path)
+    if source is None:
+        raise InvalidArgument(f"EXR: {library.geterror()}")
+    planes: Dict[str, np.ndarray] = {}
+    try:
+        part = 0
+        while source.seek_subimage(part, 0):
+            names = source.spec().channelnames
+            pixels = source.read_image(part, 0, 0, len(names), "float")
+            if pixels is None:
+                raise InvalidArgument(f"EXR: {source.geterror()}")
+            for c, name in enumerate(names):
+                planes.setdefault(name, np.ascontiguousarray(pixels[:, :, c]))
+            part += 1
+    finally:
+        source.close()
+    texts = {name: value.decode(errors="replace") for name, (kind, value) in _header(data)[0].items() if kind == "string"}
+    return planes, texts
 
 
 def _read(data: bytes) -> Tuple[Dict[str, np.ndarray], Dict[str, str]]:
