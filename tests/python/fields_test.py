@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests, masks, EXR files and GLB packing without a server."""
+"""Requests, masks and GLB packing without a server."""
 import json
 import os
 import struct
@@ -91,37 +91,6 @@ class Fields(unittest.TestCase):
         for bad in (range(3, 3), range(5, 0, -1), (1, 2, 3), 1.5):
             with self.assertRaises(gobo.InvalidArgument):
                 _range(bad)
-
-
-class Exr(unittest.TestCase):
-    def test_round_trip(self):
-        rng = np.random.default_rng(1)
-        with tempfile.TemporaryDirectory() as folder:
-            path = os.path.join(folder, "a.exr")
-            for shape in ((1, 1), (16, 5), (37, 19)):
-                for smooth in (False, True):
-                    planes = {n: (np.ones(shape) if smooth else rng.standard_normal(shape)).astype(np.float32) for n in ("R", "G", "albedo.R", "a" * 40)}
-                    planes["R"].flat[0] = np.inf
-                    gobo.exr.write(path, planes, {"note": "größe"})
-                    got, texts = gobo.exr.read(path)
-                    self.assertEqual((sorted(got), texts), (sorted(planes), {"note": "größe"}))
-                    for name, plane in planes.items():
-                        np.testing.assert_array_equal(got[name], plane)
-            size = os.path.getsize(path)
-            self.assertLess(size, 37 * 19 * 16)   # constant planes shrink
-            data = _bytes(path)
-            for cut in (0, 4, 60, size // 2, size - 1):
-                with self.assertRaises(gobo.InvalidArgument):
-                    gobo.exr.decode(data[:cut])
-            with self.assertRaises(gobo.InvalidArgument):
-                gobo.exr.write(path, {"R": np.ones((2, 2)), "G": np.ones((2, 3))})
-            with self.assertRaises(gobo.InvalidArgument):
-                gobo.exr.read_image(path, "nonesuch")
-
-
-def _bytes(path):
-    with open(path, "rb") as file:
-        return file.read()
 
 
 class Glb(unittest.TestCase):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""OpenEXR files. Where OpenImageIO's Python binding can be imported (Debian: python3-openimageio) it reads and writes them: every compression, tiles,
-files of several parts. Elsewhere a page of numpy does: single-part scan lines, no or ZIP compression, enough to keep float pictures without loss
-and to read what Gobo writes by default. $GOBO_EXR or `use` names one: "openimageio", "numpy"."""
+"""OpenEXR files. Where OpenImageIO's Python binding can be imported (Debian: python3-openimageio) it reads them: every compression, tiles, files of
+several parts. Elsewhere a page of numpy does: single-part scan lines, no or ZIP compression, which is what Gobo writes by default. $GOBO_EXR or `use`
+names one: "openimageio", "numpy". What is written is float, ZIP, by numpy, so that equal pictures are equal files: OpenImageIO adds the time of day."""
 from __future__ import annotations
 
 import os
@@ -25,7 +25,7 @@ _choosing = threading.Lock()
 
 
 def use(name: Optional[str] = None) -> str:
-    """Chooses who reads and writes, "openimageio" or "numpy", and returns the name; None: $GOBO_EXR, else the first that can be imported.
+    """Chooses who reads, "openimageio" or "numpy", and returns the name; None: $GOBO_EXR, else the first that can be imported.
 
     Raises: gobo.InvalidArgument: no such name, or it cannot be imported.
     """
@@ -60,18 +60,13 @@ def write_atomic(path: str, data: bytes) -> None:
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
-        _place(temporary, path)
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, 0o666 & ~mask)
+        os.replace(temporary, path)
     except BaseException:
         os.unlink(temporary)
         raise
-
-
-def _place(temporary: str, path: str) -> None:
-    """Gives a file of mkstemp the rights of any other file, and its name."""
-    mask = os.umask(0)
-    os.umask(mask)
-    os.chmod(temporary, 0o666 & ~mask)
-    os.replace(temporary, path)
 
 
 def _squeeze(raw: bytes) -> bytes:
@@ -109,48 +104,19 @@ def write(path: str, channels: Mapping[str, np.ndarray], attributes: Optional[Ma
     shapes = {p.shape for p in planes.values()}
     if len(shapes) != 1 or len(next(iter(shapes))) != 2:
         raise InvalidArgument(f"EXR: channels must be planes of one size, not {sorted(shapes)}")
-    library = _library()
-    if library is None:
-        _write(path, planes, attributes or {})
-    else:
-        _write_library(library, path, planes, attributes or {})
-
-
-def _write_library(library: Any, path: str, planes: Mapping[str, np.ndarray], attributes: Mapping[str, str]) -> None:
-    names = sorted(planes, key=lambda n: n.encode())
-    height, width = planes[names[0]].shape
-    spec = library.ImageSpec(width, height, len(names), "float")
-    spec.channelnames = tuple(names)
-    spec.attribute("compression", "zip")
-    for name, text in attributes.items():
-        spec.attribute(name, text)
-    folder = os.path.dirname(os.path.abspath(path))
-    handle, temporary = tempfile.mkstemp(prefix=".gobo-", suffix=".exr", dir=folder)
-    os.close(handle)
-    try:
-        out = library.ImageOutput.create(temporary)
-        if out is None or not out.open(temporary, spec) or not out.write_image(np.stack([planes[n] for n in names], axis=2)) or not out.close():
-            raise InvalidArgument(f"{path}: {out.geterror() if out is not None else library.geterror()}")
-        _place(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
-
-
-def _write(path: str, planes: Mapping[str, np.ndarray], attributes: Mapping[str, str]) -> None:
-    height, width = next(iter(planes.values())).shape
+    height, width = next(iter(shapes))
     names = sorted(planes, key=lambda n: n.encode())
 
     def attribute(name: str, kind: str, value: bytes) -> bytes:
         return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
     listed = b"".join(n.encode() + b"\0" + struct.pack("<iBxxxii", 2, 0, 1, 1) for n in names) + b"\0"
     window = struct.pack("<iiii", 0, 0, width - 1, height - 1)
-    head = struct.pack("<iI", _MAGIC, 2 | (0x400 if any(len(n) > 31 for n in [*names, *attributes]) else 0))
+    head = struct.pack("<iI", _MAGIC, 2 | (0x400 if any(len(n) > 31 for n in [*names, *(attributes or {})]) else 0))
     head += attribute("channels", "chlist", listed) + attribute("compression", "compression", b"\3")
     head += attribute("dataWindow", "box2i", window) + attribute("displayWindow", "box2i", window)
     head += attribute("lineOrder", "lineOrder", b"\0") + attribute("pixelAspectRatio", "float", struct.pack("<f", 1))
     head += attribute("screenWindowCenter", "v2f", struct.pack("<ff", 0, 0)) + attribute("screenWindowWidth", "float", struct.pack("<f", 1))
-    for name, text in attributes.items():
+    for name, text in (attributes or {}).items():
         head += attribute(name, "string", text.encode())
     head += b"\0"
     stacked = np.stack([planes[n] for n in names], axis=1)   # line, channel, column: the order of a block
