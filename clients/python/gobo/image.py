@@ -23,6 +23,9 @@ _NOT_LIGHT = ("albedo", "normal", "position", "depth", "alpha", "object_id", "ma
 class Image(np.ndarray):
     """float32 (height, width, channels), scene-linear, top row first: a numpy array that a notebook shows as a picture."""
 
+    def __array_wrap__(self, array: Any, *context: Any) -> Any:
+        return array[()] if array.ndim == 0 else np.ndarray.__array_wrap__(self, array, *context)   # a mean is a number
+
     def _repr_png_(self) -> Optional[bytes]:
         if self.ndim not in (2, 3) or 0 in self.shape or (self.ndim == 3 and self.shape[2] not in (1, 3, 4)) or self.dtype.kind not in "fiub":
             return None   # a part or a product that is no picture: shown as numbers
@@ -98,7 +101,7 @@ def _encoded(x: np.ndarray, transfer: str) -> np.ndarray:
     if transfer == "srgb":
         return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 1e-9) ** (1 / 2.4) - 0.055)
     if transfer == "rec709":
-        return np.where(x < 0.018, 4.5 * x, 1.099 * np.maximum(x, 1e-9) ** 0.45 - 0.099)
+        return np.where(x < 0.018053968510807, 4.5 * x, 1.09929682680944 * np.maximum(x, 1e-9) ** 0.45 - 0.09929682680944)
     return x
 
 

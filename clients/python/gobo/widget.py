@@ -16,11 +16,9 @@ import threading
 import time
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, Unpack
 
-from google.protobuf import json_format
-
 from . import camera, errors
 from .client import Client, connect
-from .fields import RequestFields
+from .fields import Builder, RequestFields
 from .result import Result
 from .scenes import Scene
 from .schema import schema
@@ -161,9 +159,10 @@ class Viewer(_Base):  # type: ignore[misc]
 
     def _joined(self) -> render_pb2.RenderRequest:
         request = _copy(self._mine)
-        json_format.ParseDict(self._page, request)
+        builder = Builder(request)
+        builder.merge(request, self._page, "")
         if self._camera is not None:
-            json_format.ParseDict({"camera": self._camera}, request)
+            builder.put("camera", self._camera)
         return request
 
     def _heard(self, _: Any, content: Any, buffers: Any = None) -> None:
@@ -183,7 +182,7 @@ class Viewer(_Base):  # type: ignore[misc]
                         if name != "lights":
                             self._page.pop(name, None)
                     self.session.replace(self._joined())
-                except (json_format.ParseError, TypeError, ValueError, errors.Error) as e:
+                except (TypeError, ValueError, errors.Error) as e:
                     self._page, self._camera = before
                     self.send({"type": "error", "to": content.get("view"), "message": str(e)})
         elif kind == "shown":
