@@ -10,7 +10,7 @@ import numpy as np
 
 import gobo
 from gobo import glb
-from gobo.fields import Builder, fill
+from gobo.fields import Builder, RequestFields, fill
 from gobo.jobs import _range
 from gobo.v1 import render_pb2, service_pb2
 from support import gltf
@@ -28,6 +28,9 @@ class Fields(unittest.TestCase):
             build(**fields)
         self.assertIn(text, caught.exception.message)
         return caught.exception.field
+
+    def test_type_hints_have_every_field(self):
+        self.assertEqual({f.name for f in render_pb2.RenderRequest.DESCRIPTOR.fields} - set(RequestFields.__annotations__), {"scene"})   # which is the first argument
 
     def test_names(self):
         self.assertEqual(self.refuses("did you mean 'width'?", widht=3), "widht")

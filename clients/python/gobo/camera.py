@@ -259,12 +259,12 @@ def file_matrices(client: "Client", r: render_pb2.RenderRequest, timeout: Option
     """
     request = render_pb2.RenderRequest(scene=r.scene, camera=r.camera, outputs=["depth"], view_samples=1)
     for name in ("width", "height", "scene_hash", "time_s", "animation"):
-        if r.HasField(name):  # type: ignore[arg-type]
+        if r.HasField(name):
             setattr(request, name, getattr(r, name))
     for path, curve in r.curves.items():
         if path.startswith("camera."):
             request.curves[path].CopyFrom(curve)
-    one = client.render(request=request, spp=1, format="exr", window={"x": 0, "y": 0, "width": 1, "height": 1}, timeout=timeout)  # type: ignore[call-arg]
+    one = client.render(request=request, spp=1, format="exr", window={"x": 0, "y": 0, "width": 1, "height": 1}, timeout=timeout)
     attributes = exr.attributes(one.encoded["depth"], "depth")
     if "worldToCamera" not in attributes or "worldToNDC" not in attributes:
         raise FailedPrecondition("the picture has no matrix from the world to its pixels", field="camera.panorama")

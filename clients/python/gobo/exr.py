@@ -4,6 +4,7 @@ several parts. Elsewhere a page of numpy does: single-part scan lines, no or ZIP
 names one: "openimageio", "numpy". What is written is float, ZIP, by numpy, so that equal pictures are equal files: OpenImageIO adds the time of day."""
 from __future__ import annotations
 
+import importlib
 import os
 import struct
 import tempfile
@@ -36,7 +37,7 @@ def use(name: Optional[str] = None) -> str:
     library: Any = None
     if wanted != "numpy":
         try:
-            import OpenImageIO as library  # type: ignore[import]
+            library = importlib.import_module("OpenImageIO")
         except ImportError as e:
             if wanted is not None:
                 raise InvalidArgument(f"exr = {wanted}: {e}", field="exr", value=wanted) from None

@@ -51,6 +51,12 @@ class RequestFields(TypedDict, total=False):
     encoding: Mapping[str, Any]
     scheduling: Mapping[str, Any]
     scene_hash: str
+    time_s: float                           # of the animation
+    animation: str
+    variant: str                            # of the materials
+    window: Mapping[str, int]               # x, y, width, height: this part of the picture alone
+    motion_step_s: float
+    photometric: bool
     curves: Mapping[str, Mapping[str, Any]]  # by path: {"lights.key.intensity": {"time_s": [0, 1], "value": [1, 9], "interpolation": "SMOOTH"}}
     set: Mapping[str, Any]                  # by path: {"integrator.max_bounces": 2}
 

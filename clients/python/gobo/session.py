@@ -258,6 +258,6 @@ def _copy(request: render_pb2.RenderRequest) -> render_pb2.RenderRequest:
 def _edited(request: render_pb2.RenderRequest, fields: Mapping[str, Any]) -> render_pb2.RenderRequest:
     edited = _copy(request)
     for name in whole_of(fields):
-        edited.ClearField(name)  # type: ignore[arg-type]
+        edited.ClearField(name)
     fill(edited, fields)
     return edited
