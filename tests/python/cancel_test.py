@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calls that another thread ends: renders, snapshots, relights, watches of jobs, waits between tries; and what ends on the server with them."""
+import random
 import tempfile
 import threading
 import time
@@ -114,6 +115,30 @@ class Server(DaemonTest):
         for thread in threads:
             self.assertIsInstance(thread.end(), gobo.Cancelled)
         self.idle()
+
+    def test_any_time_will_do(self):
+        """Ends at random moments, before the call, within it and after; each call gives its picture or Cancelled, and nothing stays behind."""
+        random_ = random.Random(77)
+        before = threading.active_count()
+        got = []
+        for round_ in range(40):
+            stop = gobo.Cancellation()
+            fields = dict(width=random_.choice((16, 64)), height=24, spp=random_.choice((16, 64)), seed=1000 + round_ // 2, cancel=stop)
+            if round_ % 2:
+                thread = Ended(lambda: list(self.client.render_progressive("cornell", **fields))[-1])
+            else:
+                thread = Ended(lambda: self.client.render("cornell", **fields))
+            time.sleep(random_.choice((0, 0.001, 0.01, 0.05)) * random_.random())
+            stop.cancel()
+            error = thread.end()
+            self.assertIsInstance(error, (gobo.Cancelled, type(None)))
+            if error is None:
+                self.assertTrue(thread.value.final)
+            got.append(error is None)
+            self.assertEqual(stop._callbacks, {})
+        self.assertIn(False, got)
+        self.idle()
+        self.until(lambda: threading.active_count() <= before)
 
     def test_watching_ends_and_the_job_does_not(self):
         job = self.client.jobs.submit("cornell", **FOREVER)
