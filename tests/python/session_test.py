@@ -53,6 +53,7 @@ class Order(unittest.TestCase):
             self.came()
             for seed in (1, 2, 3):
                 s.edit(seed=seed)   # none of them ends the first, which has shown nothing
+            self.assertFalse(self.gate.came.acquire(timeout=0.3), "nor does another begin")
             self.assertEqual(self.gate.ended, [])
             self.gate.let.release()   # its small picture
             self.came()               # and the next one begins

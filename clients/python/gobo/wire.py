@@ -176,8 +176,6 @@ class Wire:
                 for event in call:
                     started = True
                     yield event
-                    if cancel is not None:
-                        cancel.check()   # what had arrived before is not shown after
                 return
             except grpc.RpcError as e:
                 error = self._error(e, cancel)
