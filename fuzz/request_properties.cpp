@@ -72,7 +72,10 @@ void resolved(Message& m, Outcome& out) {
 void effective(v1::RenderRequest request, Outcome& out) {
   if (request.environment().has_sky()) request.mutable_environment()->mutable_sky()->clear_sun_direction();  // a bake costs 0.1 s: once a kind
   if (request.environment().has_sky()) request.mutable_environment()->clear_sky();
-  const auto none = [](const std::string& path) -> Result<EnvironmentPtr> { return notFound("no file '" + path + "'", "request.environment.path"); };
+  const auto none = [](const v1::EnvironmentSettings& e) -> Result<EnvironmentPtr> {
+    return e.has_digest() ? notFound("no file '" + e.digest() + "'", "request.environment.digest")
+                          : notFound("no file '" + e.path() + "'", "request.environment.path");
+  };
   const auto made = makeEffectiveScene(plainScene(), request, none, requestedScene);
   if (!made.ok()) {
     out.said = made.status().toString();

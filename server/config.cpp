@@ -203,6 +203,8 @@ std::map<std::string, Key> keysOf(ServerConfig& c, const Fix& folder, const Fix&
       {"limits.inline_bytes", bytes(c.inlineBytes)},
       {"limits.image_bytes", bytes(c.imageBytes)},
       {"limits.tmp_folder", text(c.tmpFolder, folder)},
+      {"blobs.folder", text(c.blobsFolder, folder)},
+      {"blobs.bytes", bytes(c.blobsBytes)},
       {"ingest.program", text(c.ingestProgram, folder)},
       {"ingest.cache_folder", text(c.ingestCacheFolder, folder)},
       {"ingest.cache_bytes", bytes(c.ingestCacheBytes)},
@@ -371,11 +373,13 @@ Status checkConfig(ServerConfig& c) {
   GOBO_TRY(least("engine.environment_bytes", c.environmentBytes, 1ull << 20));
   GOBO_TRY(least("engine.accel_bytes", c.accelBytes, 1ull << 20));
   GOBO_TRY(least("ingest.memory_bytes", c.ingestMemoryBytes, 64ull << 20));
+  GOBO_TRY(least("blobs.bytes", c.blobsBytes, 1ull << 20));
   GOBO_TRY(least("ingest.blob_bytes", c.ingestBlobBytes, 1ull << 20));
   if (c.ingestVerify != "changed" && c.ingestVerify != "always")
     return invalidArgument("ingest.verify = \"" + escaped(c.ingestVerify) + "\": must be \"changed\" or \"always\"");
   for (const std::string& text : c.listen) GOBO_TRY(parseAddress(text).status());
   if (c.ingestCacheFolder.empty() && !c.cacheFolder.empty()) c.ingestCacheFolder = c.cacheFolder + "/ingest";
+  if (c.blobsFolder.empty() && !c.cacheFolder.empty()) c.blobsFolder = c.cacheFolder + "/blobs";
   for (const std::string& root : c.roots) {
     std::error_code error;
     if (!fs::is_directory(root, error)) return notFound("engine.roots: \"" + root + "\" is not a folder");

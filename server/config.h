@@ -85,6 +85,9 @@ struct ServerConfig {
   uint64_t imageBytes = 8ull << 30;  ///< pictures of one reply as floats, bound from width, height and outputs
   std::string tmpFolder;             ///< uploads; $TMPDIR or /tmp if empty
 
+  std::string blobsFolder;           ///< files that clients put; "blobs" under cacheFolder if empty, without one in tmpFolder until the daemon ends
+  uint64_t blobsBytes = 8ull << 30;  ///< of which one client may have half
+
   // [ingest]: docs/ingest.md
   std::string ingestProgram;      ///< gobo-ingest; empty: beside gobod
   std::string ingestCacheFolder;  ///< blobs; empty: "ingest" under cacheFolder, none without one

@@ -96,6 +96,8 @@ std::vector<std::string> fixedKeysThatDiffer(const ServerConfig& a, const Server
   differ("engine.scene_bytes", a.sceneBytes != b.sceneBytes);
   differ("engine.environment_bytes", a.environmentBytes != b.environmentBytes);
   differ("engine.accel_bytes", a.accelBytes != b.accelBytes);
+  differ("blobs.folder", a.blobsFolder != b.blobsFolder);
+  differ("blobs.bytes", a.blobsBytes != b.blobsBytes);
   differ("limits.request_bytes", a.requestBytes != b.requestBytes);
   differ("limits.connections", a.connections != b.connections);
   differ("limits.connections_per_peer", a.connectionsPerPeer != b.connectionsPerPeer);

@@ -30,6 +30,7 @@
 namespace gobo {
 
 class DurableJobs;  // server/jobs/durable_jobs.h
+class FileStore;    // server/file_store.h
 
 class ServerCore {
  public:
@@ -55,6 +56,7 @@ class ServerCore {
   SandboxProbe sandbox;
   JobRunner jobs;
   std::vector<std::shared_ptr<const MemoryHolder>> accounts;  ///< what it adds to the engine's memory()
+  std::shared_ptr<FileStore> files;                           ///< what clients put; set before serving
   DurableJobs* durable = nullptr;                             ///< null: switched off
   std::atomic<uint64_t> renders{0};                           ///< finished with a picture
   const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();

@@ -39,6 +39,12 @@ void normaliseChannel(const Image& in, int channel, bool flip, bool positiveOnly
   }
 }
 
+/// A format without alpha shows what lies on black.
+void layOnBlack(Image& image) {
+  for (size_t i = 0; i < image.pixels(); ++i)
+    for (int c = 0; c < 3; ++c) image.data[4 * i + size_t(c)] *= image.data[4 * i + 3];
+}
+
 std::vector<std::string> channelNames(const std::vector<std::string>& given, int channels) {
   if (int(given.size()) == channels) return given;
   if (channels == 1) return {"Y"};
@@ -87,8 +93,9 @@ DisplayImage displayImage(const std::string& output, const Image& image, const v
   const bool wide = image.channels == 2 || image.channels == 3 || kind == OutputKind::Id;
   const int channels = wide ? 3 : image.channels > 3 ? 4 : 1;
   Image out(image.width, image.height, channels);
+  const bool isDepth = output == "depth" || output == "z_depth";
   if (kind == OutputKind::Range) {
-    for (int c = 0; c < channels; ++c) normaliseChannel(image, c, output == "depth", output == "depth" || output == "variance", out, c);
+    for (int c = 0; c < channels; ++c) normaliseChannel(image, c, isDepth, isDepth || output == "variance", out, c);
     return {std::move(out), true};
   }
   float scale = 1.0f;  // of vectors
@@ -290,7 +297,8 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
       }
       case v1::Encoding::PNG:
       case v1::Encoding::JPEG: {
-        const DisplayImage shown = displayImage(rendered.output, rendered.image(), request.tone_map());
+        DisplayImage shown = displayImage(rendered.output, rendered.image(), request.tone_map());
+        if (format == v1::Encoding::JPEG && shown.image.channels == 4 && isRadiance(rendered.output)) layOnBlack(shown.image);
         pixels.data = shown.data;
         bytes = format == v1::Encoding::PNG ? encodePng(shown.image, pixels) : encodeJpeg(shown.image, pixels);
         channels = channelNames(shown.image.names, shown.image.channels);

@@ -54,7 +54,7 @@ void RenderCall::work() {
                         "\" wait to be planned: at most three quarters of what the queues take (scheduler.queued_interactive, _normal, _batch)");
     if (!place) return Status(Code::Cancelled, "cancelled while it waited to be planned");
     const CrashMarks::Other other;
-    return core_.engine.prepare(request_, nullptr, stop_.token(), options_.access);
+    return core_.engine.prepare(request_, nullptr, stop_.token(), options_.access, options_.environmentFile);
   }();
   if (!prepared.ok() && prepared.status().code() == Code::Cancelled && stop_.token().reason() == StopReason::Deadline)
     prepared = Status(Code::DeadlineExceeded, "the deadline passed while planning");

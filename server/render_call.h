@@ -25,6 +25,7 @@ struct RenderCallOptions {
   bool events = false;  ///< progress and snapshots wanted
   std::string payer;    ///< whose part of ServerCore::replies it takes, from the first run to its end
   uint64_t replyBytes = 0;
+  std::string environmentFile;  ///< see PreparedRender
 };
 
 JobClass jobClassOf(v1::Scheduling::Class priority);

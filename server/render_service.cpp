@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "server/blobs_service.h"
 #include "server/limits.h"
 #include "server/render_call.h"
 
@@ -61,6 +62,8 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   if (*client != rpc.who().name) rpc.note("for", *client);
   const grpc::Status allowed = checkRender(rpc, request, *resolved);
   if (!allowed.ok()) return allowed;
+  const auto environment = environmentFile(rpc, request, "request.environment.digest", call.stop.token());
+  if (!environment.ok()) return toGrpc(environment.status());
   const RenderSlot slot(rpc.who());
   if (!slot.ok)
     return rpc.refuseBusy("renders",
@@ -100,6 +103,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   options.deadline = deadline.at;
   options.events = report != nullptr;
   // The picture as floats and as it is sent, chunks on their way included.
+  options.environmentFile = environment->path;
   options.replyBytes = 32ull * resolved->width() * resolved->height() * uint64_t(std::max(1, resolved->outputs_size())) + 2 * core_.live()->chunkBytes;
   const auto render = std::make_unique<RenderCall>(core_, call.stop, request, options);
   Clock::time_point lastProgress = begun - kProgressGap;
@@ -213,10 +217,12 @@ grpc::Status RenderService::Plan(grpc::ServerContext* context, const v1::RenderR
     v1::RenderRequest request = *asked;
     if (const grpc::Status allowed = checkRender(rpc, request, *resolved); !allowed.ok()) return allowed;
     const StopToken stop = call.stop.token();
+    const auto environment = environmentFile(rpc, request, "request.environment.digest", stop);
+    if (!environment.ok()) return toGrpc(environment.status());
     const auto gone = [&] { return stop.stopRequested() || context->IsCancelled(); };
     const auto place = core_.planning.enter(rpc.who().name, gone, {});
     if (!place) return toGrpc(Status(Code::Cancelled, "cancelled while it waited to be planned"));
-    auto planned = core_.engine.plan(request, stop, rpc.access());
+    auto planned = core_.engine.plan(request, stop, rpc.access(), environment->path);
     if (!planned.ok()) return toGrpc(planned.status());
     *reply = std::move(*planned);
     return grpc::Status::OK;

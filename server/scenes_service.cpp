@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "scene/load.h"
+#include "server/file_store.h"
 #include "server/jobs/durable_jobs.h"
 #include "server/limits.h"
 #include "server/upload.h"
@@ -37,6 +38,8 @@ grpc::Status gated(Rpc& rpc, ServerCore::Call& call, v1::SceneInfo* reply, const
   return answer(rpc, std::move(*result), reply);
 }
 
+constexpr size_t kMostFiles = 10001;  // of one scene: its own and those beside it (server/ingest_child.h)
+
 grpc::Status missing(const char* field) { return toGrpc(invalidArgument("\"\": must not be empty", field)); }
 
 }  // namespace
@@ -47,11 +50,31 @@ grpc::Status ScenesService::Open(grpc::ServerContext* context, const v1::OpenSce
     if (!call.ok) return rpc.refuseDraining();
     if (request->source().empty()) return missing("open.source");
     rpc.note("source", request->source());
+    if (request->files_size() > 0) return openFiles(rpc, call, *request, reply);
     const grpc::Status allowed = checkPath(rpc, request->source(), "open.source");
     if (!allowed.ok()) return allowed;
     return gated(rpc, call, reply, [&](const StopToken& stop) {
       return core_.engine.openScene(request->source(), request->name(), stop, rpc.access(), {request->share().begin(), request->share().end()});
     });
+  });
+}
+
+grpc::Status ScenesService::openFiles(Rpc& rpc, ServerCore::Call& call, const v1::OpenSceneRequest& request, v1::SceneInfo* reply) {
+  const std::map<std::string, std::string> files(request.files().begin(), request.files().end());
+  if (files.size() > kMostFiles) return toGrpc(invalidArgument(strf("open.files: %zu files, at most %zu", files.size(), kMostFiles), "open.files"));
+  if (const Status names = checkFileNames(files, request.source()); !names.ok()) return toGrpc(names);
+  auto tree = core_.files->tree(rpc.renderOwner(), files, "open.files", call.stop.token());
+  if (!tree.ok()) return toGrpc(tree.status());
+  const std::shared_ptr<const FileTree> held = *tree;
+  if (core_.durable) {  // jobs of this scene must find it after a restart
+    if (const Status kept = core_.durable->keepTree(held->folder(), held->key()); !kept.ok()) return toGrpc(kept);
+  }
+  const std::string source = "blobs:" + held->key().substr(0, 16) + "/" + request.source();
+  return gated(rpc, call, reply, [&](const StopToken& stop) -> Result<v1::SceneInfo> {
+    auto opened = core_.engine.openUploaded(held->path(request.source()), source, request.name(), stop, rpc.access(),
+                                            {request.share().begin(), request.share().end()}, held);
+    if (opened.ok()) return opened;
+    return Status(opened.status().code(), held->withoutPlace(opened.status().message()), held->withoutPlace(opened.status().location()));
   });
 }
 

@@ -18,6 +18,7 @@ class ScenesService final : public v1::Scenes::Service {
   grpc::Status Unload(grpc::ServerContext*, const v1::UnloadSceneRequest*, v1::UnloadSceneReply*) override;
 
  private:
+  grpc::Status openFiles(Rpc& rpc, ServerCore::Call& call, const v1::OpenSceneRequest& request, v1::SceneInfo* reply);
   grpc::Status upload(Rpc& rpc, grpc::ServerReader<v1::UploadSceneRequest>& reader, v1::SceneInfo* reply);
   ServerCore& core_;
 };

@@ -17,7 +17,9 @@
 #include <grpcpp/resource_quota.h>
 
 #include "server/admin_service.h"
+#include "server/blobs_service.h"
 #include "server/config_check.h"
+#include "server/file_store.h"
 #include "server/ingest_loader.h"
 #include "server/jobs/jobs_service.h"
 #include "server/render_service.h"
@@ -26,9 +28,10 @@
 namespace gobo {
 
 struct Server::Services {
-  explicit Services(ServerCore& core) : scenes(core), render(core), admin(core), jobs(core) {}
+  explicit Services(ServerCore& core) : scenes(core), render(core), blobs(core), admin(core), jobs(core) {}
   ScenesService scenes;
   RenderService render;
+  BlobsService blobs;
   AdminService admin;
   JobsService jobs;
 };
@@ -48,7 +51,7 @@ uint32_t connectionsFor(const ServerConfig& config) {
   return uint32_t(most);
 }
 
-const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Admin", "gobo.v1.Jobs"};
+const char* const kServiceNames[] = {"gobo.v1.Scenes", "gobo.v1.Render", "gobo.v1.Blobs", "gobo.v1.Admin", "gobo.v1.Jobs"};
 
 // Linking gRPC's reflection library installs it in every server; this takes it out again unless it is asked for.
 class NoReflection final : public grpc::ServerBuilderOption {
@@ -94,6 +97,15 @@ Result<std::shared_ptr<SceneLoader>> sceneLoader(const ServerConfig& c) {
   return childLoader(o);
 }
 
+static Result<std::shared_ptr<FileStore>> fileStore(const ServerConfig& c) {
+  FileStoreOptions options{c.blobsFolder, c.tmpFolder, c.blobsBytes};
+  auto store = FileStore::open(options);
+  if (store.ok() || store.status().code() == Code::FailedPrecondition) return store;  // not: whose files cannot be believed
+  logWarn("%s; what clients put is kept in %s until the end (blobs.folder)", store.status().toString().c_str(), c.tmpFolder.c_str());
+  options.folder.clear();
+  return FileStore::open(options);
+}
+
 Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const EngineOptions& wanted, bool sockets) {
   // gRPC stays up until the process ends: its own tear-down waits for a client's poller, for up to 10 s (1.51).
   // Its own messages (failed handshakes, mostly) become lines of our log.
@@ -115,6 +127,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   if (!engine.ok()) return engine.status();
   self->engine_ = std::move(*engine);
   self->core_ = std::make_unique<ServerCore>(*self->engine_, config);
+  GOBO_ASSIGN(self->core_->files, fileStore(config));
   if (!config.jobsFolder.empty()) {
     GOBO_ASSIGN(self->jobs_, DurableJobs::start(*self->engine_, self->core_->jobs, config));
     self->core_->durable = self->jobs_.get();
@@ -144,6 +157,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
   if (!config.reflection) builder.SetOption(std::make_unique<NoReflection>());
   builder.RegisterService(&self->services_->scenes);
   builder.RegisterService(&self->services_->render);
+  builder.RegisterService(&self->services_->blobs);
   builder.RegisterService(&self->services_->admin);
   builder.RegisterService(&self->services_->jobs);
 

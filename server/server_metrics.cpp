@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "server/core.h"
+#include "server/file_store.h"
 #include "server/log.h"
 
 namespace gobo {
@@ -64,6 +65,12 @@ void gauges(ServerCore& core, MetricsWriter& out) {
   one("gobo_reply_bytes", "gauge", "Bound of the pictures that are being made or sent.", double(core.replies.used()));
   one("gobo_idle_calls_ended_total", "counter", "Calls ended because their client neither sent nor took anything (limits.client_idle_s).",
       double(core.idle.ended()));
+  const FileStore::Stats blobs = core.files ? core.files->stats() : FileStore::Stats{};
+  one("gobo_blob_bytes", "gauge", "Bytes of files that clients put.", double(blobs.bytes));
+  one("gobo_blob_files", "gauge", "Whole files that clients put.", double(blobs.files));
+  one("gobo_blob_parts", "gauge", "Files that have not arrived whole.", double(blobs.parts));
+  one("gobo_blob_evicted_total", "counter", "Files that went to make room (blobs.bytes).", double(blobs.evicted));
+  one("gobo_blob_damaged_total", "counter", "Files that were damaged on disk and removed.", double(blobs.damaged));
   one("gobo_loads", "gauge", "Scenes being loaded or patched.", double(core.loads.running()));
   one("gobo_loads_waiting", "gauge", "Calls that wait for a load's place.", double(core.loads.waiting()));
   one("gobo_tokens", "gauge", "Tokens configured.", double(core.tokens.count()));
@@ -98,12 +105,13 @@ void declareServerMetrics(ServerCore& core) {
   m.counter("gobo_store_hits_total", "Nodes of finished renders that the store had, by tier.");
   m.counter("gobo_store_misses_total", "Nodes of finished renders that had to run.");
   m.counter("gobo_upload_bytes_total", "Bytes received by Scenes.Upload.");
+  m.counter("gobo_blob_put_bytes_total", "Bytes received by Blobs.Put.");
   m.counter("gobo_reloads_total", "Reloads of the configuration, by result.");
   m.histogram("gobo_request_seconds", "From a call's arrival to its answer, by method.", latency);
   m.histogram("gobo_render_queue_seconds", "Time that finished renders waited, by class.", latency);
   m.histogram("gobo_render_run_seconds", "Time that finished renders ran, by class.", latency);
   m.histogram("gobo_render_total_seconds", "From arrival to the picture, by class.", latency);
-  for (const char* name : {"gobo_rays_total", "gobo_store_misses_total", "gobo_upload_bytes_total"}) m.add(name, {}, 0);
+  for (const char* name : {"gobo_rays_total", "gobo_store_misses_total", "gobo_upload_bytes_total", "gobo_blob_put_bytes_total"}) m.add(name, {}, 0);
   for (const char* tier : {"memory", "disk"}) m.add("gobo_store_hits_total", {{"tier", tier}}, 0);
   m.collect([&core](MetricsWriter& out) { gauges(core, out); });
 }

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "blobs.h"
 #include "commands.h"
 #include "pictures.h"
 #include "report.h"
@@ -73,6 +74,7 @@ Status demo(Session& session, const DemoCommand& c) {
               info.load_ms());
 
   GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
+  if (request.environment().has_path()) GOBO_TRY(putEnvironment(session, *request.mutable_environment()).status());
   if (c.request.size.empty()) {
     request.set_width(640);
     request.set_height(400);
@@ -93,7 +95,8 @@ Status demo(Session& session, const DemoCommand& c) {
   // Another environment: the user's map if one is given (the first pictures then use the scene's own or the sky).
   std::vector<std::string> environment{"environment.sky.sun_direction=0.5,0.35,-0.6"};
   if (!c.request.environment.empty()) {
-    environment = {"environment.path=" + request.environment().path()};
+    environment = {request.environment().has_digest() ? "environment.digest=" + request.environment().digest()
+                                                      : "environment.path=" + request.environment().path()};
     request.clear_environment();
   }
 

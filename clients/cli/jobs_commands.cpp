@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "base/image_io.h"
+#include "blobs.h"
 #include "commands.h"
 #include "report.h"
 #include "request/request.h"
@@ -287,6 +288,7 @@ int runJobSubmit(const SessionOptions& options, const JobSubmitCommand& c, bool 
     if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
     v1::JobSpec spec;
     GOBO_ASSIGN(*spec.mutable_request(), makeRequest(c.request, id));
+    if (spec.request().environment().has_path()) GOBO_TRY(putEnvironment(session, *spec.mutable_request()->mutable_environment()).status());
     if (!c.format.empty()) GOBO_TRY(setPath(*spec.mutable_request(), "encoding.format=" + c.format));
     if (!c.frames.empty()) {
       GOBO_ASSIGN(const Frames f, parseFrames(c.frames, "--frames"));

@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "base/image_io.h"
+#include "blobs.h"
 #include "commands.h"
 #include "measure/metrics.h"
 #include "measure/plot.h"
@@ -85,6 +86,7 @@ Status measure(Session& session, const MeasureCommand& c) {
   }
   GOBO_ASSIGN(const std::string id, ensureScene(session, c.scene));
   GOBO_ASSIGN(v1::RenderRequest base, makeRequest(c.request, id));
+  if (base.environment().has_path()) GOBO_TRY(putEnvironment(session, *base.mutable_environment()).status());
   base.clear_outputs();
   base.add_outputs("beauty");
   base.mutable_encoding()->set_format(v1::Encoding::RAW_FLOAT);

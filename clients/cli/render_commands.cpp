@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "base/image_io.h"
+#include "blobs.h"
 #include "commands.h"
 #include "pictures.h"
 #include "report.h"
@@ -185,6 +186,7 @@ Status render(Session& session, const RenderCommand& c) {
   std::string id;
   if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
   GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
+  if (request.environment().has_path()) GOBO_TRY(putEnvironment(session, *request.mutable_environment()).status());
   ProgressBar bar(!c.quiet, c.progressive);
   if (c.tile) {
     const auto show = [&](int done, int all) { bar.show(double(done) / all, "tile " + std::to_string(done) + " of " + std::to_string(all)); };
@@ -227,7 +229,8 @@ Status render(Session& session, const RenderCommand& c) {
 Status plan(Session& session, const RenderCommand& c) {
   std::string id;
   if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
-  GOBO_ASSIGN(const v1::RenderRequest request, makeRequest(c.request, id));
+  GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
+  if (request.environment().has_path()) GOBO_TRY(putEnvironment(session, *request.mutable_environment()).status());
   v1::PlanReply reply;
   Session::Call call(session);
   GOBO_TRY(session.statusOf(session.render().Plan(&call.context, request, &reply)));
@@ -242,6 +245,10 @@ Status relight(Session& session, const RelightCommand& c) {
   for (const std::string& set : c.sets) GOBO_TRY(setPath(*request.mutable_patch(), set));
   GOBO_TRY(setEncoding(*request.mutable_patch(), c.out));
   for (const std::string& path : setPaths(request.patch())) request.add_mask(path);
+  if (request.patch().environment().has_path()) {
+    GOBO_ASSIGN(const bool put, putEnvironment(session, *request.mutable_patch()->mutable_environment()));
+    if (put) request.add_mask("environment.digest");
+  }
   Session::Call call(session);
   auto reader = session.render().Relight(&call.context, request);
   GOBO_ASSIGN(const Answer answer, receive(session, call, *reader, {}));

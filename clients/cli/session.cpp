@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "session.h"
+
+#include "blobs.h"
 #include "import/load.h"
 
 #include <signal.h>
@@ -173,6 +175,7 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
   }
   self->scenes_ = v1::Scenes::NewStub(self->channel_);
   self->render_ = v1::Render::NewStub(self->channel_);
+  self->blobs_ = v1::Blobs::NewStub(self->channel_);
   self->admin_ = v1::Admin::NewStub(self->channel_);
   self->jobs_ = v1::Jobs::NewStub(self->channel_);
   return self;
@@ -245,10 +248,13 @@ Result<v1::SceneInfo> openScene(Session& session, const std::string& source, con
   if (status.ok()) return info;
   const bool cannotSee = status.code() == Code::PermissionDenied || status.code() == Code::NotFound;
   if (!file || session.local() || !cannotSee) return status;
-  const double mib = double(fs::file_size(source, error)) / (1 << 20);
+  GOBO_ASSIGN(const auto files, filesOf(source));
+  double mib = 0;
+  for (const auto& [part, blob] : files) mib += double(blob.bytes) / (1 << 20);
   if (mib > session.options().uploadMiB)
     return Status(status.code(), status.message() + strf("; not uploaded: %.0f MiB is more than --upload-limit %.0f", mib, session.options().uploadMiB));
-  return upload(session, source, name);
+  auto opened = openByDigest(session, source, files, name);
+  return opened.status().code() == Code::Unimplemented ? upload(session, source, name) : opened;  // a server of before Blobs
 }
 
 Result<std::string> ensureScene(Session& session, const std::string& source) {

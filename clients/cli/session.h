@@ -30,7 +30,7 @@ struct SessionOptions {
   std::string cache;
   int threads = 0;
   double timeoutSeconds = 0;  ///< of each call; 0: none
-  double uploadMiB = 512;     ///< largest file that is uploaded without being asked for
+  double uploadMiB = 512;     ///< most that is sent for one scene without being asked for
   std::string tokenFile;      ///< first line: bearer token; empty: $GOBO_TOKEN
   bool tls = false;           ///< with the system's certificates unless `ca` names others
   std::string ca, cert, key;  ///< PEM files; any of them switches TLS on
@@ -43,6 +43,7 @@ class Session {
   const SessionOptions& options() const { return options_; }
   v1::Scenes::Stub& scenes() { return *scenes_; }
   v1::Render::Stub& render() { return *render_; }
+  v1::Blobs::Stub& blobs() { return *blobs_; }
   v1::Admin::Stub& admin() { return *admin_; }
   v1::Jobs::Stub& jobs() { return *jobs_; }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
@@ -67,6 +68,7 @@ class Session {
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::Scenes::Stub> scenes_;
   std::unique_ptr<v1::Render::Stub> render_;
+  std::unique_ptr<v1::Blobs::Stub> blobs_;
   std::unique_ptr<v1::Admin::Stub> admin_;
   std::unique_ptr<v1::Jobs::Stub> jobs_;
 };
@@ -75,8 +77,8 @@ class Session {
 void watchInterrupts();
 bool interrupted();
 
-/// The id of the scene that the user means by `source`: a file here is opened by the server, or uploaded when the server
-/// cannot open it and it is small enough (says so on stderr); anything else is taken as an id or built-in name.
+/// The id of the scene that the user means by `source`: a file here is opened by the server, or sent with the files that it names when the server
+/// cannot open it and they are small enough (says so on stderr); anything else is taken as an id or built-in name.
 Result<std::string> ensureScene(Session& session, const std::string& source);
 Result<v1::SceneInfo> openScene(Session& session, const std::string& source, const std::string& name);
 

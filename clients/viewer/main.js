@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page: a scene, its picture, and what may be changed about it.
 import { asked, getJson, postBytes, postJson, sceneCamera, setToken } from './api.js';
+import { acceptMaps } from './blobs.js';
 import { Live } from './live.js';
 import { Orbit, steer } from './orbit.js';
 import { Panel, filterRows } from './panel.js';
@@ -153,5 +154,12 @@ $('token').addEventListener('submit', (e) => {
   setToken(new FormData($('token')).get('token'));
   start();
 });
+// An .hdr or .exr that is dropped onto the page lights the scene.
+acceptMaps(body, (digest) => {
+  const { path, sky, constant, ...rest } = edits.environment ?? {};
+  edits.environment = { ...rest, digest };
+  build();
+  changed();
+}, fail);
 steer(canvas, () => orbit, changed);
 start();

@@ -8,6 +8,7 @@
 #include "fuzz/served/tiny_request.h"
 #include "gobo/v1/jobs.pb.h"
 #include "gobo/v1/service.pb.h"
+#include "server/encode.h"
 #include "tests/support/triangle_glb.h"
 
 namespace gobo::fuzz::sequence_script {
@@ -44,6 +45,10 @@ std::string text(const ScriptedCall& call, const FieldDescriptor& field, uint32_
                  "lights.light.color", "nothing"},
                 value);
   if (name == "client") return value % 4 ? call.client : pick({"", kClients[0], kClients[1]}, value / 4);
+  if (name == "digest" || field.containing_type() == v1::BlobDigest::descriptor()) {
+    const std::string glb = triangleGlb();
+    return pick({sha256Hex(glb.data(), glb.size()), std::string(64, '0'), "12"}, value);
+  }
   if (ofRequest) return requestText(name, value, nullptr);
   if (name == "source")
     return pick({root + "/tri.glb", "cornell", root + "/rich.gltf", root + "/tri.glb", root + "/tri.glb", "fence", root + "/none.glb", "/etc/hostname"}, value);
@@ -85,6 +90,12 @@ void settle(Message& m, const ScriptedCall& call, size_t at) {
     if (at > 0) upload->clear_data();
     if (at == 0 && !(call.how & 0x08)) upload->set_total_bytes(upload->data().size());
     if (upload->name().rfind(privatePrefix(call.client), 0) == 0) upload->clear_share();
+  } else if (auto* const put = dynamic_cast<v1::PutBlobRequest*>(&m)) {
+    if (at > 0) put->clear_data();
+    if (at == 0 && !(call.how & 0x08)) {
+      put->mutable_blob()->set_sha256(sha256Hex(put->data().data(), put->data().size()));
+      put->mutable_blob()->set_bytes(put->data().size());
+    }
   } else if (auto* const open = dynamic_cast<v1::OpenSceneRequest*>(&m)) {
     if (open->name().rfind(privatePrefix(call.client), 0) == 0) open->clear_share();
   } else if (auto* const spec = dynamic_cast<v1::JobSpec*>(&m)) {

@@ -126,7 +126,8 @@ std::string requestText(const std::string& field, uint32_t value, const Scene* s
   if (field == "curves") {
     const std::string light = "lights." + pick(lights, more / 16);
     return pick({light + ".intensity", light + ".gain", light + ".position", light + ".shadow.ray_traced.samples", "camera.yfov_deg", "camera.position",
-                 "tone_map.exposure", "environment.gain", "integrator.max_bounces", "integrator.caustic_radius", "shadows.ray_traced.samples"},
+                 "camera.focal_x", "camera.clip_far", "tone_map.exposure", "environment.gain", "integrator.max_bounces", "integrator.caustic_radius",
+                 "shadows.ray_traced.samples"},
                 more);
   }
   if (field == "lights") return value % 8 == 6 ? "added" : pick(lights, more);

@@ -3,21 +3,31 @@
 // The flag is a relaxed atomic: polling it costs a load. One StopSource per request; tokens are copies that share it.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <memory>
 
 namespace gobo {
 
-enum class StopReason : int { None = 0, Cancelled, Deadline, Preempted };
+enum class StopReason : int { None = 0, Cancelled, Deadline, Preempted, TimeUp };
 
 class StopToken {
  public:
+  using Clock = std::chrono::steady_clock;
   StopToken() = default;  ///< never stops
-  bool stopRequested() const { return set(flag_) || set(outer_); }
+  bool stopRequested() const { return set(flag_) || set(outer_) || (limited_ && Clock::now() >= limit_); }
   StopReason reason() const {
     for (const Flag& flag : {outer_, flag_})
       if (flag && flag->load(std::memory_order_relaxed) > 0) return StopReason(flag->load(std::memory_order_relaxed));
-    return StopReason::None;
+    return limited_ && Clock::now() >= limit_ ? StopReason::TimeUp : StopReason::None;
+  }
+  /// The same that also stops at `limit` (TimeUp), without a thread that watches the clock: a poll reads it, 25 ns.
+  StopToken until(Clock::time_point limit) const {
+    StopToken token = *this;
+    token.limit_ = limited_ ? std::min(limit, limit_) : limit;
+    token.limited_ = true;
+    return token;
   }
 
  private:
@@ -35,12 +45,14 @@ class StopToken {
     return v > 0;
   }
   Flag flag_, outer_;
+  Clock::time_point limit_{};
+  bool limited_ = false;
 };
 
 class StopSource {
  public:
   StopSource() : flag_(std::make_shared<std::atomic<int>>(0)) {}
-  /// Its tokens stop with `outer` as well, whose reason goes first. (`outer` must not have an outer one itself: it is lost.)
+  /// Its tokens stop with `outer` as well, whose reason goes first. (`outer` must not have an outer one itself, or a limit: they are lost.)
   explicit StopSource(const StopToken& outer) : StopSource() { outer_ = outer.flag_; }
   StopToken token() const { return StopToken(flag_, outer_); }
   /// The first reason wins, but for Cancelled, which overrides Preempted (a cancelled job must not be resumed).

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "trace/sample_passes.h"
+
 namespace gobo {
 
 namespace {
@@ -44,16 +46,17 @@ class SampleCountNode final : public Node {
 
 class VarianceNode final : public Node {
  public:
-  VarianceNode(std::vector<VarianceWeight> weights, int inputs, int width, int height, int streams, int blockSize)
-      : weights_(std::move(weights)), inputs_(inputs), width_(width), height_(height), streams_(streams), blockSize_(blockSize) {}
+  VarianceNode(std::vector<VarianceWeight> weights, int inputs, int width, int height, int streams)
+      : weights_(std::move(weights)), inputs_(inputs), width_(width), height_(height), streams_(streams) {}
   std::string type() const override { return "pixel_variance"; }
+  int version() const override { return 2; }  // 2: the first block may be a part of one
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;
     return t;
   }
   void hashParameters(Hasher& h) const override {
-    h.add(width_).add(height_).add(streams_).add(blockSize_).add(uint64_t(weights_.size()));
+    h.add(width_).add(height_).add(streams_).add(uint64_t(weights_.size()));
     for (const VarianceWeight& w : weights_) h.add(w.input).add(w.slot).add(w.weight.x).add(w.weight.y).add(w.weight.z);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
@@ -88,10 +91,10 @@ class VarianceNode final : public Node {
             DVec3 all(0.0);
             for (int k = 0; k < streams_; ++k) {
               mean[k] = DVec3(0.0);
-              n[k] = double(blocksOf(samples[0][p], k)) * blockSize_;
+              n[k] = double(samplesOfStream(samples[0][p], uint32_t(k), uint32_t(streams_)));
               if (n[k] == 0) continue;
               for (const VarianceWeight& w : weights_) {
-                const double count = double(blocksOf(samples[w.input][p], k)) * blockSize_;
+                const double count = double(samplesOfStream(samples[w.input][p], uint32_t(k), uint32_t(streams_)));
                 const float* s = parts[w.input].data() + ((p * streams_ + k) * slots[w.input] + w.slot) * 3;
                 if (count > 0) mean[k] += DVec3(w.weight) * DVec3(s[0], s[1], s[2]) / count;
               }
@@ -114,20 +117,15 @@ class VarianceNode final : public Node {
   }
 
  private:
-  /// Blocks of stream k among the first samples / blockSize, dealt out in turn.
-  uint32_t blocksOf(uint32_t samples, int k) const {
-    const uint32_t blocks = samples / uint32_t(blockSize_);
-    return blocks > uint32_t(k) ? (blocks - uint32_t(k) - 1) / uint32_t(streams_) + 1 : 0;
-  }
   std::vector<VarianceWeight> weights_;
-  int inputs_, width_, height_, streams_, blockSize_;
+  int inputs_, width_, height_, streams_;
 };
 
 }  // namespace
 
 NodePtr makeSampleCountNode(int width, int height) { return std::make_shared<SampleCountNode>(width, height); }
-NodePtr makeVarianceNode(std::vector<VarianceWeight> weights, int inputs, int width, int height, int streams, int blockSize) {
-  return std::make_shared<VarianceNode>(std::move(weights), inputs, width, height, streams, blockSize);
+NodePtr makeVarianceNode(std::vector<VarianceWeight> weights, int inputs, int width, int height, int streams) {
+  return std::make_shared<VarianceNode>(std::move(weights), inputs, width, height, streams);
 }
 
 }  // namespace gobo

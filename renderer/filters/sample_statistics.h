@@ -15,11 +15,11 @@ struct VarianceWeight {
   int input = 0, slot = 0;
   Vec3 weight{1.0f};
 };
-/// Variance of the pixel mean of sum(weight * slot), by channel. The states have `streams` independent streams of blocks of `blockSize`
-/// samples. With x_k the mean of stream k over its n_k samples and N = sum n_k: sum n_k (x_k - mean)^2 / ((K - 1) N), K the streams that
+/// Variance of the pixel mean of sum(weight * slot), by channel. The states have `streams` independent streams of blocks of samples
+/// (trace/sample_passes.h). With x_k the mean of stream k over its n_k samples and N = sum n_k: sum n_k (x_k - mean)^2 / ((K - 1) N), K the streams that
 /// have samples: unbiased when the n_k are equal (a multiple of K blocks); its own relative standard error is about sqrt(2 / (K - 1)) and
 /// more for skewed pixels. Streams of different states share their numbers, so they are added before they are compared.
 /// Output: "pixels", plane "variance" f32x3; -1 where fewer than two streams have samples (unknown). Cost: one pass over the streams.
-NodePtr makeVarianceNode(std::vector<VarianceWeight> weights, int inputs, int width, int height, int streams, int blockSize);
+NodePtr makeVarianceNode(std::vector<VarianceWeight> weights, int inputs, int width, int height, int streams);
 
 }  // namespace gobo

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <map>
 #include <mutex>
+#include <optional>
 
 #include "filters/shadow_technique.h"
 #include "plan/auto_exposure.h"
@@ -24,6 +26,7 @@
 #include "request/curves.h"
 #include "request/request.h"
 #include "trace/accel.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 
@@ -46,6 +49,32 @@ class ErrorFloor {
 
  private:
   std::vector<double> rmse_;
+};
+
+/// What two pictures of one render say about the noise of the later: with n samples a pixel and then k more, a mean square difference of
+/// k / (n (n + k)) of a sample's variance is expected. Owen-scrambled sequences are even more alike, so it is a little too much.
+class NoiseOfPicture {
+ public:
+  /// Root of the mean variance over pixels and channels of the beauty that has `samples` now; 0 where there is nothing to compare.
+  double after(const std::vector<RenderedImage>& images, uint32_t samples) {
+    const auto beauty = std::find_if(images.begin(), images.end(), [](const RenderedImage& i) { return i.output == "beauty"; });
+    if (beauty == images.end()) return 0;
+    double error = 0;
+    if (last_ && samples > samples_) {
+      const std::span<const float> now = beauty->pixels(), then = last_->pixels();
+      double sum = 0;
+      for (size_t i = 0; i < now.size(); ++i) sum += (double(now[i]) - double(then[i])) * (double(now[i]) - double(then[i]));
+      const double n = samples_, k = samples - samples_;
+      error = std::sqrt(sum / double(std::max<size_t>(now.size(), 1)) * n / k);
+    }
+    last_ = *beauty;
+    samples_ = samples;
+    return std::isfinite(error) ? error : 0;
+  }
+
+ private:
+  std::optional<RenderedImage> last_;
+  uint32_t samples_ = 0;
 };
 
 /// Requests beyond this many view samples are refused before any work (16384^2 at one view sample is below it).
@@ -93,11 +122,14 @@ struct Engine::Impl {
   std::vector<std::shared_ptr<const MemoryHolder>> accounts;
 
   ExecutorServices executorServices(const MappedGuard& guard) { return {store.get(), &extensions, &accels, &arena, nullptr, &inFlight, &guard}; }
-  PlannerServices plannerServices(const StopToken& stop, MappedGuard& guard, std::map<NodeId, ExecutedNode>* expanded = nullptr) {
+  PlannerServices plannerServices(const StopToken& stop, MappedGuard& guard, const std::string& environmentFile,
+                                  std::map<NodeId, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
-    s.loadEnvironment = [this, stop, &guard](const std::string& path) -> Result<EnvironmentPtr> {
-      GOBO_ASSIGN(EnvironmentPtr map, scenes.environment(path, stop));
-      guard.add(*map, path);
+    s.loadEnvironment = [this, stop, &guard, environmentFile](const v1::EnvironmentSettings& e) -> Result<EnvironmentPtr> {
+      if (e.has_digest() && environmentFile.empty())
+        return notFound("request.environment.digest = '" + e.digest() + "': nobody keeps files by their digest here", "request.environment.digest");
+      GOBO_ASSIGN(EnvironmentPtr map, e.has_digest() ? scenes.environmentOf(e.digest(), environmentFile, stop) : scenes.environment(e.path(), stop));
+      guard.add(*map, e.has_digest() ? e.digest() : e.path());
       return map;
     };
     s.stop = stop;
@@ -132,8 +164,8 @@ struct Engine::Impl {
     scenes.setLedger(&memory);
   }
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
-  Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control, Clock::time_point start,
-                                  MappedGuard& guard, bool& extendable);
+  Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, const std::string& environmentFile, uint32_t spp,
+                                  const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable);
   /// What `result` is worth when files under it may have broken meanwhile: they and what looks into them are dropped then.
   Status checked(const MappedGuard& guard, const Status& result);
   static void describe(const Plan& plan, const v1::RenderRequest& request, RenderResult& result);
@@ -163,8 +195,8 @@ Result<v1::SceneInfo> Engine::openScene(const std::string& source, const std::st
   return impl_->scenes.open(source, id, stop, access, share);
 }
 Result<v1::SceneInfo> Engine::openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop,
-                                           const SceneAccess& access, const std::vector<std::string>& share) {
-  return impl_->scenes.openFile(path, source, id, stop, access, share);
+                                           const SceneAccess& access, const std::vector<std::string>& share, std::shared_ptr<const void> holds) {
+  return impl_->scenes.openFile(path, source, id, stop, access, share, std::move(holds));
 }
 std::vector<v1::SceneInfo> Engine::listScenes(const SceneAccess& access) const { return impl_->scenes.list(access); }
 Result<v1::SceneInfo> Engine::inspectScene(const std::string& id, const SceneAccess& access) const {
@@ -233,36 +265,37 @@ Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request, cons
   return impl_->resolve(request, scene);
 }
 
-Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop, const SceneAccess& access) {
+Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop, const SceneAccess& access,
+                                       const std::string& environmentFile) {
   if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene(), stop, access)); }
   PreparedRender prepared;
   prepared.request = request;
+  prepared.environmentFile = environmentFile;
   GOBO_ASSIGN(prepared.resolved, impl_->resolve(request, scene));
-  const uint32_t size = blockSizeFor(prepared.resolved.halt().has_spp() ? prepared.resolved.halt().spp() : 16);
   MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(stop, guard);
+  PlannerServices services = impl_->plannerServices(stop, guard, environmentFile);
   services.expand = nullptr;
-  const auto plan = makePlan(scene, prepared.resolved, 1, size, services);
+  const auto plan = makePlan(scene, prepared.resolved, 1, services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
   prepared.pinnedBytes = (*plan)->pinnedBytes;
   return prepared;
 }
 
-Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopToken& stop, const SceneAccess& access) {
+Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopToken& stop, const SceneAccess& access, const std::string& environmentFile) {
   GOBO_ASSIGN(const ScenePtr scene, impl_->scenes.find(request.scene(), stop, access));
   v1::PlanReply reply;
   GOBO_ASSIGN(*reply.mutable_resolved(), impl_->resolve(request, scene));
   const v1::Halt& halt = reply.resolved().halt();
-  const uint32_t spp = halt.has_spp() ? halt.spp() : 16, size = blockSizeFor(spp);
+  const uint32_t spp = halt.has_spp() ? halt.spp() : kBlockSamples;
   MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(stop, guard);
+  PlannerServices services = impl_->plannerServices(stop, guard, environmentFile);
   services.expand = nullptr;
-  const auto plan = makePlan(scene, reply.resolved(), (spp + size - 1) / size, size, services);
+  const auto plan = makePlan(scene, reply.resolved(), passesFor(spp), services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
   Executor executor((*plan)->graph, impl_->executorServices(guard), stop);
   describeUnrun(**plan, executor, *impl_->store, impl_->arena.threads(), reply);
   for (auto& row : *reply.mutable_plan())
-    if (row.samples()) row.set_samples(row.samples() * size);
+    if (row.samples()) row.set_samples(samplesOf(row.samples()));
   if (halt.has_time_s() || halt.has_error())
     reply.add_warnings("the sample count is found while it renders (request.halt." + std::string(halt.has_error() ? "error" : "time_s") + "): planned for " +
                        std::to_string(spp));
@@ -280,8 +313,8 @@ void Engine::Impl::describe(const Plan& plan, const v1::RenderRequest& request, 
     else continue;
     result.tables["gobo:" + o] = nameTable(names);
   }
-  result.matrices = {{"worldToCamera", worldToCamera(plan.effective.camera)},
-                     {"worldToNDC", worldToNdc(plan.effective.camera, int(request.width()), int(request.height()))}};
+  result.matrices = {{"worldToCamera", worldToCamera(plan.effective.camera)}};
+  if (!plan.effective.camera.optics.panorama) result.matrices["worldToNDC"] = worldToNdc(plan.effective.camera, int(request.width()), int(request.height()));
 }
 
 void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::map<NodeId, ExecutedNode>& expanded, v1::RenderReply& reply) const {
@@ -334,13 +367,36 @@ void Engine::Impl::fillReports(const Plan& plan, Executor& executor, const std::
   reply.set_rays(rays);
 }
 
-Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, uint32_t spp, const RenderControl& control,
-                                              Clock::time_point start, MappedGuard& guard, bool& extendable) {
+namespace {
+
+/// Files say candela and lux, and are read as W/sr and W/m^2: one that means what it says is 683 times too bright, more than nine stops.
+void warnOfPhotometricLights(const Plan& plan, RenderResult& result) {
+  constexpr double kFarTooBright = 8.0;  // log-average luminance: two stops beyond what an exposure is chosen for
+  if (!plan.effective.asInFile) return;
+  for (const RenderedImage& image : result.images) {
+    if (image.output != "beauty") continue;
+    const std::optional<ChosenExposure> chosen = chooseExposure(image.image());
+    if (!chosen || !(chosen->luminance > kFarTooBright)) return;
+    char text[240];
+    std::snprintf(
+        text, sizeof text,
+        "the log-average luminance of beauty is %.3g: if the scene file's point, spot and directional lights are in candela and lux, request.photometric = "
+        "true divides them by 683",
+        chosen->luminance);
+    result.reply.add_warnings(text);
+    return;
+  }
+}
+
+}  // namespace
+
+Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, const std::string& environmentFile, uint32_t spp,
+                                              const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable) {
   RenderResult result;
   v1::RenderReply& reply = result.reply;
-  const uint32_t blockSize = blockSizeFor(spp), blocks = (spp + blockSize - 1) / blockSize;
+  const uint32_t passes = passesFor(spp), realised = samplesOf(passes);
   std::map<NodeId, ExecutedNode> expanded;
-  GOBO_ASSIGN(const std::unique_ptr<Plan> plan, makePlan(scene, request, blocks, blockSize, plannerServices(control.stop, guard, &expanded)));
+  GOBO_ASSIGN(const std::unique_ptr<Plan> plan, makePlan(scene, request, passes, plannerServices(control.stop, guard, environmentFile, &expanded)));
   extendable = plan->extendable;
 
   std::mutex progressMutex;
@@ -350,7 +406,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
       v1::Progress p;
       p.set_stage(stage);
       p.set_fraction(fraction);
-      p.set_spp(blocks * blockSize);
+      p.set_spp(realised);
       p.set_elapsed_ms(msSince(start));
       std::lock_guard lock(progressMutex);  // nodes report from any thread
       control.progress(p);
@@ -368,7 +424,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   describe(*plan, request, result);
   fillReports(*plan, executor, expanded, reply);
   for (auto& row : *reply.mutable_plan())
-    if (row.samples()) row.set_samples(row.samples() * blockSize);
+    if (row.samples()) row.set_samples(samplesOf(row.samples()));
   if (request.has_certificate()) {
     for (const RenderedImage& image : result.images) {
       if (image.output != "beauty") continue;
@@ -378,7 +434,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   *reply.mutable_resolved() = request;
   // The realised sample count replaces whatever ended the render: sent again, it gives the same bits.
   reply.mutable_resolved()->clear_halt();
-  reply.mutable_resolved()->mutable_halt()->set_spp(blocks * blockSize);
+  reply.mutable_resolved()->mutable_halt()->set_spp(realised);
   reply.set_request_hash(requestHash(reply.resolved()));
   reply.set_seed(request.seed());
   reply.set_build(buildVersion());
@@ -389,6 +445,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
       reply.add_warnings(image.output + ": " + std::to_string(dropped.samples) + " samples in " + std::to_string(dropped.elements) +
                          " pixels had a part beyond what a 32-bit float holds and count as black");
   }
+  warnOfPhotometricLights(*plan, result);
   for (const std::string& m : plan->missing) reply.add_path_classes_missing(m);
   reply.set_peak_bytes(executor.peakBytes());
   reply.set_total_ms(msSince(start));
@@ -453,13 +510,13 @@ Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderCon
   const v1::Halt& halt = resolved.halt();
   const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;
   const bool open = halt.has_time_s() || halt.has_error();  // the sample count is not known beforehand
-  uint32_t spp = open || control.snapshot ? std::min<uint32_t>(most, 16) : most;
+  const bool watched = bool(control.snapshot);
   ErrorFloor floor;
   bool extendable = false;
   const auto once = [&](const v1::RenderRequest& asked, uint32_t samples, const RenderControl& how) -> Result<RenderResult> {
     MappedGuard guard(*scene, request.scene());
     GOBO_TRY(m.checked(guard, {}));  // of no use to begin with
-    Result<RenderResult> result = m.renderOnce(scene, asked, samples, how, start, guard, extendable);
+    Result<RenderResult> result = m.renderOnce(scene, asked, prepared.environmentFile, samples, how, start, guard, extendable);
     if (const Status status = m.checked(guard, result.ok() ? Status() : result.status()); !status.ok()) result = status;
     if (!result.ok() && result.status().code() == Code::Cancelled) {
       switch (control.stop.reason()) {
@@ -475,46 +532,62 @@ Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderCon
     result.reply.set_render_id(m.remembered.add(result.reply.resolved(), control.owner));
     control.snapshot(result);
   };
+  const auto finished = [&](RenderResult& picture) -> Result<RenderResult> {
+    ++m.renders;
+    picture.reply.set_total_ms(msSince(start));
+    picture.reply.set_render_id(m.remembered.add(picture.reply.resolved(), control.owner));
+    return std::move(picture);
+  };
 
-  if (control.snapshot && control.ladder && resolved.scheduling().ladder()) {
+  const bool ladder = watched && control.ladder && resolved.scheduling().ladder();
+  if (ladder) {
     RenderControl how = control;
     how.checkpoints = nullptr;  // of the picture that was asked for
-    if (const std::optional<Rung> small = smallRung(resolved)) {
-      const auto begun = Clock::now();
-      GOBO_ASSIGN(RenderResult picture, once(small->request, small->spp, how));
-      const double ms = msSince(begun);
+    if (const std::optional<v1::RenderRequest> small = smallRung(resolved)) {
+      GOBO_ASSIGN(RenderResult picture, once(*small, 1, how));
       show(picture);
-      const std::optional<Rung> whole = extendable ? wholeRung(resolved, ms, most) : std::nullopt;
-      if (whole) {
-        GOBO_ASSIGN(picture, once(whole->request, whole->spp, how));
-        show(picture);
-      }
     }
   }
 
+  // Whoever looks on, or waits no longer than he says, gets the first samples first. Where each picture may be the last and wants a certificate, it is
+  // worth a block of them.
+  const bool certain = open && resolved.has_certificate();
+  uint32_t spp = (ladder || halt.has_time_s()) && !certain ? 1 : open || watched ? std::min(most, kBlockSamples) : most;
+  RenderControl how = control;
+  v1::RenderRequest uncertain = resolved;  // a certificate of what is only looked at would cost more than it
+  uncertain.clear_certificate();
+  NoiseOfPicture noise;
+  std::optional<RenderResult> before;
+  uint32_t had = 0;
   while (true) {
-    GOBO_ASSIGN(RenderResult picture, once(resolved, spp, control));
+    const auto begun = Clock::now();
+    Result<RenderResult> made = once(!open && spp < std::min(most, kBlockSamples) ? uncertain : resolved, spp, how);
+    if (!made.ok() && before && how.stop.reason() == StopReason::TimeUp) return finished(*before);  // what it was at is dropped
+    GOBO_TRY(made.status());
+    RenderResult& picture = *made;
+    picture.reply.set_standard_error(noise.after(picture.images, samplesOf(passesFor(spp))));
     const double elapsed = msSince(start);
-    const bool timeUp = halt.has_time_s() && elapsed >= halt.time_s() * 1e3;
+    const double timeLeft = halt.has_time_s() ? std::max(0.0, halt.time_s() * 1e3 - elapsed) : -1.0;
     const bool errorMet = halt.has_error() && picture.reply.certificate().rmse_high() <= halt.error();
     const bool hopeless = halt.has_error() && !halt.has_time_s() && !errorMet && floor.reached(picture.reply.certificate(), halt.error());
-    const bool last = !extendable || spp >= most || (open && (timeUp || errorMet || hopeless));
-    if (last) {
-      ++m.renders;
+    const RungTimes times{msSince(begun) / double(spp - had), had == 0, timeLeft, watched && !halt.has_error()};
+    const uint32_t next = nextRung(spp, most, times);
+    if (halt.has_time_s() && had == 0 && timeLeft == 0.0 && extendable)
+      picture.reply.add_warnings("request.halt.time_s = " + std::to_string(halt.time_s()) + ": " +
+                                 (spp == 1 ? "one sample" : std::to_string(spp) + " samples") + " a pixel took " + std::to_string(elapsed * 1e-3) + " s");
+    if (!extendable || spp >= most || next == spp || (open && (timeLeft == 0.0 || errorMet || hopeless))) {
       if (halt.has_error() && !errorMet)
         picture.reply.add_warnings(std::string("stopped before the error bound was met") +
                                    (hopeless ? ": more samples no longer lower the error; what the request leaves out does not go away with them" : ""));
-      picture.reply.set_render_id(m.remembered.add(picture.reply.resolved(), control.owner));
-      return picture;
+      return finished(picture);
     }
-    if (control.snapshot) show(picture);
-    // Doubling, but not far beyond what the time bound leaves room for.
-    uint64_t next = uint64_t(spp) * 2;
+    if (watched) show(picture);
+    had = spp;
+    spp = next;
     if (halt.has_time_s()) {
-      const double perSample = elapsed / spp, left = halt.time_s() * 1e3 - elapsed;
-      next = std::min<uint64_t>(next, spp + std::max<uint64_t>(16, uint64_t(left / std::max(perSample, 1e-6)) / 16 * 16));
+      before = std::move(picture);
+      how.stop = control.stop.until(start + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(halt.time_s())));
     }
-    spp = uint32_t(std::min<uint64_t>(next, most));
   }
 }
 

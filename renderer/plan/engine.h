@@ -84,9 +84,10 @@ struct RenderControl {
 
 /// A request that may be run (Engine::prepare). Holds no scene and no memory but its own: it may wait in a queue.
 struct PreparedRender {
-  v1::RenderRequest request;   ///< as it came
-  v1::RenderRequest resolved;  ///< every default filled in, for the scene of resolved.scene_hash
-  uint64_t pinnedBytes = 0;    ///< upper bound of bytes of results held at once while it runs
+  v1::RenderRequest request;         ///< as it came
+  v1::RenderRequest resolved;        ///< every default filled in, for the scene of resolved.scene_hash
+  uint64_t pinnedBytes = 0;          ///< upper bound of bytes of results held at once while it runs
+  std::string environmentFile = {};  ///< behind request.environment.digest: a file with that SHA-256, which must stay while this lives
 };
 
 class Engine {
@@ -97,9 +98,9 @@ class Engine {
   /// `stop` ends a load between its phases (Cancelled); nothing of it stays.
   Result<v1::SceneInfo> openScene(const std::string& source, const std::string& id, const StopToken& stop = {}, const SceneAccess& access = {},
                                   const std::vector<std::string>& share = {});
-  /// A file that the caller received (upload), opened whatever the roots say; `source` is what inspect shows.
+  /// A file that the caller received (upload), opened whatever the roots say; `source` is what inspect shows. `holds` stays while it is loaded.
   Result<v1::SceneInfo> openUploaded(const std::string& path, const std::string& source, const std::string& id, const StopToken& stop = {},
-                                     const SceneAccess& access = {}, const std::vector<std::string>& share = {});
+                                     const SceneAccess& access = {}, const std::vector<std::string>& share = {}, std::shared_ptr<const void> holds = nullptr);
   std::vector<v1::SceneInfo> listScenes(const SceneAccess& access = {}) const;
   Result<v1::SceneInfo> inspectScene(const std::string& id, const SceneAccess& access = {}) const;
   Result<v1::SceneInfo> patchScene(const v1::PatchSceneRequest& patch, const StopToken& stop = {}, const SceneAccess& access = {});
@@ -118,11 +119,13 @@ class Engine {
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const SceneAccess& access = {}) const;
   /// Everything that can be found out about a request before it is admitted: whether it is one, and what it will hold. Runs no node, so traces
   /// no ray; it may load an environment and pose the scene, which `stop` ends (Cancelled). `scene`: prepared instead of what request.scene names.
+  /// `environmentFile`: see PreparedRender.
   Result<PreparedRender> prepare(const v1::RenderRequest& request, std::shared_ptr<const Scene> scene = nullptr, const StopToken& stop = {},
-                                 const SceneAccess& access = {});
+                                 const SceneAccess& access = {}, const std::string& environmentFile = {});
   /// What a render of it would do, without doing it: rows of nodes with expected time and rays, which results are there already, bytes. Where a
   /// node's result decides what follows (shadows.auto, lights for a map) the largest plan that it may choose.
-  Result<v1::PlanReply> plan(const v1::RenderRequest& request, const StopToken& stop = {}, const SceneAccess& access = {});
+  Result<v1::PlanReply> plan(const v1::RenderRequest& request, const StopToken& stop = {}, const SceneAccess& access = {},
+                             const std::string& environmentFile = {});
   /// As render() of the request that it was prepared from.
   Result<RenderResult> run(const PreparedRender& prepared, const RenderControl& control = {});
   /// Runs to the halt condition. With control.snapshot set, emits snapshots at 1, 2, 4, ... blocks.

@@ -7,6 +7,7 @@
 
 #include "plan/mapped_guard.h"
 #include "terms/dropped_samples.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 
@@ -227,7 +228,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
       for (uint32_t blocks : services_.extensions->below(recipe, n.blocks)) {
         ctx.previous = services_.store->get(Hasher("blocks").add(recipe).add(blocks).digest(), nullptr, stop_);
         if (!ctx.previous) continue;
-        reason = "extended from " + std::to_string(blocks) + " blocks";
+        reason = "extended from " + std::to_string(samplesOf(blocks)) + " samples";
         break;
       }
     }

@@ -3,38 +3,60 @@
 
 #include <algorithm>
 
+#include "trace/sample_passes.h"
+
 namespace gobo {
 
 namespace {
 
 constexpr uint32_t kShrink = 4;
-constexpr uint64_t kSmall = 128 * 128;  // pixels that a pass of 16 samples shows at once
-constexpr double kSoonMs = 100;         // for the first pass
-constexpr uint32_t kFew = 4;            // samples that come as soon as one
-
-Rung rungOf(const v1::RenderRequest& resolved) {
-  Rung rung{resolved};
-  rung.request.clear_certificate();  // of the reply alone
-  rung.request.clear_halt();
-  rung.request.mutable_halt()->set_spp(rung.spp);
-  return rung;
-}
+constexpr uint64_t kSmall = 128 * 128;  // pixels that are there at once
+constexpr double kSoonMs = 60;          // pictures that would follow each other faster than this are left out
+constexpr double kWorthTrying = 1.5;    // how much longer than the time that is left a pass may be expected to take: it is dropped if it does
 
 }  // namespace
 
-std::optional<Rung> smallRung(const v1::RenderRequest& resolved) {
+std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved) {
   if (resolved.has_window() || uint64_t(resolved.width()) * resolved.height() <= kSmall) return std::nullopt;
-  Rung rung = rungOf(resolved);
-  rung.request.set_width(std::max(1u, resolved.width() / kShrink));
-  rung.request.set_height(std::max(1u, resolved.height() / kShrink));
+  v1::RenderRequest rung = resolved;
+  rung.clear_certificate();  // of the reply alone
+  rung.clear_halt();
+  rung.mutable_halt()->set_spp(1);
+  rung.set_width(std::max(1u, resolved.width() / kShrink));
+  rung.set_height(std::max(1u, resolved.height() / kShrink));
+  // Intrinsics are in pixels of the picture.
+  const double x = double(rung.width()) / resolved.width(), y = double(rung.height()) / resolved.height();
+  if (rung.has_camera()) {
+    v1::CameraSettings& k = *rung.mutable_camera();
+    if (k.has_focal_x() || k.has_focal_y()) {
+      const double fx = k.has_focal_x() ? k.focal_x() : k.focal_y(), fy = k.has_focal_y() ? k.focal_y() : k.focal_x();
+      k.set_focal_x(fx * x);
+      k.set_focal_y(fy * y);
+    }
+    if (k.has_center_x()) k.set_center_x(k.center_x() * x);
+    if (k.has_center_y()) k.set_center_y(k.center_y() * y);
+  }
   return rung;
 }
 
-std::optional<Rung> wholeRung(const v1::RenderRequest& resolved, double smallMs, uint32_t mostSpp) {
-  // A pass has 16 samples, and a sample of many costs about a quarter of a lonely one.
-  const double passMs = smallMs * kShrink * kShrink * 16 / 4;
-  if (resolved.has_window() || mostSpp <= kFew || passMs < kSoonMs) return std::nullopt;
-  return rungOf(resolved);
+uint32_t nextRung(uint32_t spp, uint32_t most, const RungTimes& times) {
+  most = samplesOf(passesFor(most));
+  if (spp >= most) return spp;
+  const uint32_t least = samplesOf(passesFor(spp) + 1);
+  double add = spp;
+  if (times.watched || times.left >= 0) {
+    if (times.perSample > 0) add = std::max(add, kSoonMs / times.perSample);
+  } else {
+    add = std::max<double>(add, kBlockSamples);
+  }
+  if (times.left >= 0 && times.perSample > 0) {
+    const double fits = times.left / times.perSample;
+    if (!times.rough && fits * kWorthTrying < least - spp) return spp;
+    add = std::min(add, fits);
+  }
+  const uint32_t aim = uint32_t(std::min<double>(spp + add, most));
+  const uint32_t passes = passesFor(aim);
+  return std::max(samplesOf(passes) > aim ? samplesOf(passes - 1) : samplesOf(passes), least);
 }
 
 }  // namespace gobo

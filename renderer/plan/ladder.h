@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a progressive reply shows before its first whole pass: a small picture of one sample a pixel, then a whole one. Each is a request of its
-// own, so that what it shows can be asked for again; the passes that follow have the same bits as without them.
+// What a progressive reply shows and when. First a small picture of one sample a pixel, a request of its own, so that what it shows can be asked for again;
+// then the whole one after 1, 2, 4, 8, 16, 32, ... samples, each of which is the beginning of the next (trace/sample_passes.h): nothing is traced twice, and
+// the last has the bits that it has without the others.
 #pragma once
 
 #include <optional>
@@ -9,14 +10,17 @@
 
 namespace gobo {
 
-struct Rung {
-  v1::RenderRequest request;
-  uint32_t spp = 1;
-};
-
 /// A quarter of the size each way; nothing for pictures that are small themselves, and for windows (their place in the whole is what they are).
-std::optional<Rung> smallRung(const v1::RenderRequest& resolved);
-/// The whole picture at one sample a pixel; nothing where the first pass will come soon: by the time that the small one took, or as few samples.
-std::optional<Rung> wholeRung(const v1::RenderRequest& resolved, double smallMs, uint32_t mostSpp);
+std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved);
+
+/// How many samples a pixel the next picture shall have, when `spp` of at most `most` are there. Times in ms.
+struct RungTimes {
+  double perSample = 0;  ///< that the last samples of all pixels took, each
+  bool rough = false;    ///< that has in it what is made once
+  double left = -1;      ///< until the time that the request gives is up; negative: it gives none
+  bool watched = false;  ///< somebody sees the pictures between
+};
+/// `spp` itself where nothing more fits into the time that is left. Counts are realised as they are: samplesOf() of some passes.
+uint32_t nextRung(uint32_t spp, uint32_t most, const RungTimes& times);
 
 }  // namespace gobo

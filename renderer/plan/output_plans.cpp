@@ -8,10 +8,13 @@
 #include "filters/sample_statistics.h"
 #include "filters/shadow_map/techniques.h"
 #include "filters/shadow_technique.h"
+#include "filters/view_depth.h"
+#include "filters/with_alpha.h"
 #include "techniques/direct_visibility/visibility.h"
 #include "terms/ids.h"
 #include "terms/motion.h"
 #include "terms/path_trace.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 
@@ -53,7 +56,11 @@ Result<OutputPlane> planComposite(OutputContext& o, const std::string& output, c
     sum = e.multiplyAdd(sum, k.weight, plane);
   }
   if (sum < 0) e.constant(Vec3(0.0f));
-  return OutputPlane{c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), output), "rgb"};
+  if (sum < 0 && shows == PathSet::All && !c.scene()->lights.empty())
+    c.warn(output + " is black: no light is left in it; every gain is zero (lights.NAME.enabled, gain, intensity, environment.gain)");
+  const NodeId picture = c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), output);
+  if (output != "beauty" || c.clear() < 0) return OutputPlane{picture, "rgb"};
+  return OutputPlane{c.filter(makeWithAlphaNode(c.view().width, c.view().height), {picture, c.clear()}, output + " with alpha"), "rgba"};
 }
 
 Result<OutputPlane> planAlbedo(OutputContext& o, const std::string& output, const std::string&) {
@@ -67,6 +74,10 @@ Result<OutputPlane> planPosition(OutputContext& o, const std::string& output, co
 }
 Result<OutputPlane> planDepth(OutputContext& o, const std::string& output, const std::string&) {
   return pixelMean(o.plan, o.plan.gbuffer(), "depth", 1, true, output);
+}
+Result<OutputPlane> planZDepth(OutputContext& o, const std::string& output, const std::string&) {
+  const GBufferSettings& v = o.plan.view();
+  return OutputPlane{o.plan.filter(makeViewDepthNode(v.camera, v.width, v.height, v.viewSamples), {o.plan.gbuffer()}, output), "z_depth"};
 }
 Result<OutputPlane> planAlpha(OutputContext& o, const std::string& output, const std::string&) {
   const GBufferSettings& v = o.plan.view();
@@ -108,11 +119,12 @@ Result<OutputPlane> planVariance(OutputContext& o, const std::string&, const std
     else without += (without.empty() ? "" : ", ") + c.graph().at(k.node).label;
   }
   if (!without.empty()) c.warn("variance: of the path-traced part alone, without " + without);
-  if (c.blocks() < uint32_t(kVarianceStreams) && !weights.empty())
-    c.warn("variance: from " + std::to_string(c.blocks()) + " independent blocks of " + std::to_string(c.blockSize()) + " samples" +
-           (c.blocks() < 2 ? ": unknown (-1)" : "") + "; " + std::to_string(kVarianceStreams) + " want halt.spp of at least " +
+  const uint32_t samples = samplesOf(c.passes()), blocks = (samples + kBlockSamples - 1) / kBlockSamples;
+  if (blocks < uint32_t(kVarianceStreams) && !weights.empty())
+    c.warn("variance: from " + std::to_string(blocks) + " independent blocks of " + std::to_string(std::min(samples, kBlockSamples)) + " samples" +
+           (blocks < 2 ? ": unknown (-1)" : "") + "; " + std::to_string(kVarianceStreams) + " want halt.spp of at least " +
            std::to_string(kVarianceStreams * 16));
-  const NodePtr node = makeVarianceNode(std::move(weights), int(states.size()), c.view().width, c.view().height, kVarianceStreams, int(c.blockSize()));
+  const NodePtr node = makeVarianceNode(std::move(weights), int(states.size()), c.view().width, c.view().height, kVarianceStreams);
   return OutputPlane{c.filter(node, states, "variance"), "variance"};
 }
 

@@ -23,6 +23,7 @@ Result<OutputPlane> planAlbedo(OutputContext&, const std::string& output, const 
 Result<OutputPlane> planNormal(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planPosition(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planDepth(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planZDepth(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planAlpha(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planObjectId(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planMaterialId(OutputContext&, const std::string& output, const std::string& light);

@@ -27,6 +27,7 @@ const OutputInfo kTable[] = {
     {"normal", OutputKind::Vector, planNormal, PathSet::None, "XYZ"},
     {"position", OutputKind::Range, planPosition, PathSet::None, "XYZ", false, true},
     {"depth", OutputKind::Range, planDepth, PathSet::None, "Z", false, true},
+    {"z_depth", OutputKind::Range, planZDepth, PathSet::None, "Z", false, true},
     {"alpha", OutputKind::Plain, planAlpha, PathSet::None, "A"},
     {"object_id", OutputKind::Id, planObjectId, PathSet::None, "X", false, true},
     {"material_id", OutputKind::Id, planMaterialId, PathSet::None, "X", false, true},

@@ -32,7 +32,7 @@ void reportMissing(const PlanContext& c, std::vector<std::string>& missing) {
 }
 
 Status planBeauty(PlanContext& c, std::span<const Technique* const> techniques) {
-  if (c.scene()->lights.empty() && !c.kinds().unlit) {
+  if (c.scene()->lights.empty() && !c.kinds().unlit && !c.effective().background.scene) {
     c.prune("beauty", "the scene has no light");
     c.warn("the picture is black: the scene has no light, and the request brings none");
   }
@@ -42,7 +42,7 @@ Status planBeauty(PlanContext& c, std::span<const Technique* const> techniques) 
 }
 
 /// Nodes and outputs of a window of the picture; of no width: all of it. Bytes that may be held beside what the nodes say.
-Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize, const PixelWindow& window,
+Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PixelWindow& window,
                            const PlannerServices& services) {
   Distinctions apart;
   bool beauty = false;
@@ -52,7 +52,7 @@ Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderReq
     apart.variance = apart.variance || o == "variance";
     beauty = beauty || needsRadiance(infoOf(o));
   }
-  PlanContext context({request, plan.effective, plan.groups, blocks, blockSize, window, apart, services.stop, services.expand}, plan.graph);
+  PlanContext context({request, plan.effective, plan.groups, passes, window, apart, services.stop, services.expand}, plan.graph);
   for (const std::string& w : plan.effective.warnings) context.warn(w);
   if (beauty) {
     GOBO_TRY(planBeauty(context, services.techniques));
@@ -63,7 +63,9 @@ Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderReq
     GOBO_ASSIGN(const OutputPlane plane, infoOf(o).plan(outputs, o, std::string(outputLight(o))));
     GOBO_TRY(plan.graph.wiring());
     if (!plan.graph.at(plane.node).shape.find(plane.plane)) return internalError("a node without the plane " + plane.plane, "output " + o);
-    plan.outputs.push_back({o, plane.node, plane.plane, infoOf(o).channelNames()});
+    std::vector<std::string> channels = infoOf(o).channelNames();
+    if (plan.graph.at(plane.node).shape.find(plane.plane)->channels == 4 && channels.size() == 3) channels.push_back("A");
+    plan.outputs.push_back({o, plane.node, plane.plane, std::move(channels)});
   }
   if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
 
@@ -76,22 +78,16 @@ Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderReq
 
 }  // namespace
 
-uint32_t blockSizeFor(uint32_t spp) {
-  uint32_t size = 1;  // the realised count, asked for again, has the same blocks: 5 samples are one block of 8, as 8 are
-  while (size < spp && size < 16) size *= 2;
-  return size;
-}
-
-Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize,
-                                       const PlannerServices& services) {
+Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PlannerServices& services) {
   auto plan = std::make_unique<Plan>();
   GOBO_ASSIGN(plan->effective, makeEffectiveScene(base, request, services.loadEnvironment, services.poseScene, services.stop));
   GOBO_TRY(checkOutputs(*plan->effective.scene, request));
   plan->groups = makeGroups(*plan->effective.scene, int(request.integrator().max_groups()), services.stop);
   if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
+  scaleClusters(plan->effective, plan->groups);
 
   GOBO_ASSIGN(const PixelWindow window, windowOf(request));
-  GOBO_ASSIGN(uint64_t reserved, planNodes(*plan, base, request, blocks, blockSize, window, services));
+  GOBO_ASSIGN(uint64_t reserved, planNodes(*plan, base, request, passes, window, services));
   std::vector<NodeId> kept;
   for (const PlannedOutput& o : plan->outputs) kept.push_back(o.node);
   int halo = 0;
@@ -102,7 +98,7 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
     plan->outputs.clear();
     plan->missing.clear();
     const bool all = around.width == int(request.width()) && around.height == int(request.height());  // shares its terms
-    GOBO_ASSIGN(reserved, planNodes(*plan, base, request, blocks, blockSize, all ? PixelWindow{} : around, services));
+    GOBO_ASSIGN(reserved, planNodes(*plan, base, request, passes, all ? PixelWindow{} : around, services));
     kept.clear();
     const std::vector<bool> ofView = nodesOfView(plan->graph, {around.width, around.height, 1});
     for (PlannedOutput& o : plan->outputs) {

@@ -45,11 +45,7 @@ struct PlannerServices {
   StopToken stop;  ///< ends planning (Cancelled); loadEnvironment and expand have their own
 };
 
-/// Samples a block: 16, or for tiny budgets the power of two that holds them, so that a 1-sample preview costs one sample.
-uint32_t blockSizeFor(uint32_t spp);
-
-/// `request` must be resolved (request/request.h). `blocks` is the number of sample blocks for path-traced nodes.
-Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t blocks, uint32_t blockSize,
-                                       const PlannerServices& services);
+/// `request` must be resolved (request/request.h). `passes` of path-traced nodes: trace/sample_passes.h.
+Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PlannerServices& services);
 
 }  // namespace gobo

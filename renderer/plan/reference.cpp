@@ -54,6 +54,36 @@ ReferenceTracer::ReferenceTracer(const EffectiveScene& effective, int width, int
   settings_.groupOf.assign(lights_.size(), 0);
   for (size_t i = 0; i < lights_.size(); ++i) settings_.nominal.push_back(effective.gains[i] * nominalScalar(effective.scene->lights[i]));
   if (AccelPtr accel = accels.get(view_, arena, stop)) tracer_ = PathTracer::create(view_, std::move(accel), settings_, stop);
+  const Background& b = effective.background;
+  const auto seenAlone = [&](const Scene& scene, int light, const Vec3& nominal, std::vector<int>& lights, std::optional<SceneView>& view) {
+    PathTracerSettings s = settings_;
+    s.cover = PathClass::Emission;
+    s.maxBounces = 0;
+    s.unlit = false;
+    s.groupOf = {0};
+    s.nominal = {nominal};
+    lights = {light};
+    view.emplace(scene, kPathTracerFacets, lights);
+    AccelPtr accel = accels.get(*view, arena, stop);
+    return accel ? PathTracer::create(*view, std::move(accel), s, stop) : nullptr;
+  };
+  if (b.hidden >= 0 && tracer_) {
+    hidden_ = seenAlone(*effective.scene, b.hidden, settings_.nominal[size_t(b.hidden)], hiddenLights_, hiddenView_);
+    if (!hidden_) tracer_ = nullptr;
+  }
+  if (b.scene && b.weight != Vec3(0.0f) && tracer_) {
+    shown_ = seenAlone(*b.scene, b.light, b.weight, shownLights_, shownView_);
+    if (!shown_) tracer_ = nullptr;
+  }
+}
+
+void ReferenceTracer::addBlock(int x, int y, uint32_t block, DVec3& sum, uint64_t& rays, uint64_t& dropped) const {
+  if (!hidden_ && !shown_) return tracer_->traceBlock(x, y, block, &sum.x, rays, dropped);
+  DVec3 all(0.0), hidden(0.0);
+  tracer_->traceBlock(x, y, block, &all.x, rays, dropped);
+  if (hidden_) hidden_->traceBlock(x, y, block, &hidden.x, rays, dropped);
+  sum += glm::max(all - hidden, DVec3(0.0));
+  if (shown_) shown_->traceBlock(x, y, block, &sum.x, rays, dropped);
 }
 
 Result<std::vector<Vec3>> ReferenceTracer::trace(const std::vector<uint32_t>& pixels, uint32_t stream, uint32_t blocks, std::atomic<uint64_t>& rays,
@@ -76,11 +106,12 @@ Result<std::vector<Vec3>> ReferenceTracer::trace(const std::vector<uint32_t>& pi
       const auto map = caustics->emitPass(pass, arena_, emitted, stop);
       if (!map) return stopped;
       rays += emitted;
+      const SampleRun run{pass / kBlocksPerStream, pass % kBlocksPerStream * uint32_t(kBlockSize), uint32_t(kBlockSize)};
       arena_.parallelFor(
           pixels.size(), 8,
           [&](size_t begin, size_t end) {
             uint64_t count = 0, dropped = 0;
-            for (size_t i = begin; i < end; ++i) caustics->traceBlock(int(pixels[i] % width), int(pixels[i] / width), pass, *map, &sums[i].x, count, dropped);
+            for (size_t i = begin; i < end; ++i) caustics->traceSamples(int(pixels[i] % width), int(pixels[i] / width), run, *map, &sums[i].x, count, dropped);
             rays += count;
           },
           stop);
@@ -94,7 +125,7 @@ Result<std::vector<Vec3>> ReferenceTracer::trace(const std::vector<uint32_t>& pi
         for (size_t i = begin; i < end; ++i) {
           if (stop.stopRequested()) return;
           for (uint32_t b = 0; b < blocks; ++b)
-            tracer_->traceBlock(int(pixels[i] % width), int(pixels[i] / width), stream * kBlocksPerStream + b, &sums[i].x, count, dropped);
+            addBlock(int(pixels[i] % width), int(pixels[i] / width), stream * kBlocksPerStream + b, sums[i], count, dropped);
           means[i] = Vec3(sums[i] / (double(blocks) * kBlockSize));
         }
         rays += count;

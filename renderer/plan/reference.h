@@ -7,6 +7,7 @@
 
 #include <array>
 #include <atomic>
+#include <optional>
 
 #include "gobo/v1/render.pb.h"
 #include "measure/parts.h"
@@ -43,6 +44,8 @@ class ReferenceTracer {
                                   const StopToken& stop = {}) const;
 
  private:
+  void addBlock(int x, int y, uint32_t block, DVec3& sum, uint64_t& rays, uint64_t& dropped) const;
+
   PathTracerSettings settings_;
   ReferenceRecipe recipe_;
   std::vector<int> lights_;
@@ -50,6 +53,10 @@ class ReferenceTracer {
   AccelCache& accels_;
   const TaskArena& arena_;
   std::shared_ptr<const PathTracer> tracer_;  // null: stopped
+  // Another background than the environment (request/background.h): by the same samples, what the camera sees of the environment, and what it sees instead.
+  std::vector<int> hiddenLights_, shownLights_;
+  std::optional<SceneView> hiddenView_, shownView_;
+  std::shared_ptr<const PathTracer> hidden_, shown_;
 };
 
 }  // namespace gobo

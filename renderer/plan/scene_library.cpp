@@ -231,6 +231,7 @@ bool SceneLibrary::evict(const std::string& keep, const char* why, Freed& freed)
   if (victim == scenes_.end()) return false;
   noteGone(victim->first, why);
   freed.push_back(std::move(victim->second.scene));
+  freed.push_back(std::move(victim->second.holds));
   scenes_.erase(victim);
   return true;
 }
@@ -254,7 +255,7 @@ void SceneLibrary::shrinkScenes(uint64_t most) {
 }
 
 Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop,
-                                           const SceneAccess& access, const std::vector<std::string>& share) {
+                                           const SceneAccess& access, const std::vector<std::string>& share, std::shared_ptr<const void> holds) {
   if (!scene.ok()) return scene.status();
   if (stop.stopRequested()) return Status(Code::Cancelled, "the load was cancelled", source);
   const uint64_t bytes = scene->scene->bytes();
@@ -277,7 +278,8 @@ Result<v1::SceneInfo> SceneLibrary::insert(std::string id, const std::string& so
   if (old != scenes_.end()) freed.push_back(old->second.scene);
   GOBO_TRY(makeRoom(bytes > replaced ? bytes - replaced : 0, id, freed));
   Entry& e = scenes_[id];
-  e = {scene->scene, source, ms, scene->report, access.caller, share, ++clock_, bytes};
+  std::swap(e.holds, holds);  // those of a scene that it replaces go after the lock
+  e = {scene->scene, source, ms, scene->report, access.caller, share, ++clock_, bytes, e.holds};
   return info(id, e);
 }
 
@@ -298,10 +300,10 @@ Result<v1::SceneInfo> SceneLibrary::open(const std::string& source, std::string 
 }
 
 Result<v1::SceneInfo> SceneLibrary::openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop,
-                                             const SceneAccess& access, const std::vector<std::string>& share) {
+                                             const SceneAccess& access, const std::vector<std::string>& share, std::shared_ptr<const void> holds) {
   const auto start = std::chrono::steady_clock::now();
   Result<LoadedScene> scene = loader_->scene(path, stop);
-  return insert(std::move(id), source, std::move(scene), msSince(start), stop, access, share);
+  return insert(std::move(id), source, std::move(scene), msSince(start), stop, access, share, std::move(holds));
 }
 
 Result<ScenePtr> SceneLibrary::load(const std::string& source, bool trusted) const {
@@ -395,11 +397,13 @@ Result<v1::SceneInfo> SceneLibrary::patch(const v1::PatchSceneRequest& p, const 
 }
 
 Status SceneLibrary::unload(const std::string& id, const SceneAccess& access) {
+  Freed freed;
   std::lock_guard lock(mutex_);
   const auto at = scenes_.find(id);
   if (at == scenes_.end() || !access.uses(at->second.owner, at->second.share)) return notFound("no loaded scene '" + id + "'", "scene");
   if (!access.changes(at->second.owner))
     return {Code::PermissionDenied, "scene '" + id + "' is " + (at->second.owner.empty() ? "everybody's" : "another's"), "scene"};
+  freed.push_back(std::move(at->second.holds));
   scenes_.erase(at);
   return {};
 }
@@ -429,25 +433,39 @@ Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path, const 
   GOBO_ASSIGN(const std::string real, allowedPath(path, "request.environment.path"));
   const FileStamp stamp = FileStamp::of(real);
   const std::string key = real + "@" + stamp.text();
-  {
-    std::lock_guard lock(mutex_);
-    const auto it = environments_.find(key);
-    if (it != environments_.end()) {
-      it->second.used = ++clock_;
-      return it->second.map;
-    }
-  }
+  if (EnvironmentPtr kept = keptEnvironment(key)) return kept;
   GOBO_ASSIGN(EnvironmentPtr loaded, loader_->environment(real, stop));
   // A file that changed just now may change again under the same stamp: it is not kept.
   if (!stamp.settled() || FileStamp::of(real) != stamp) return loaded;
+  GOBO_TRY(keepEnvironment(key, loaded).at(path));
+  return loaded;
+}
+
+Result<EnvironmentPtr> SceneLibrary::environmentOf(const std::string& sha256, const std::string& file, const StopToken& stop) {
+  const std::string key = "sha256:" + sha256;
+  if (EnvironmentPtr kept = keptEnvironment(key)) return kept;
+  GOBO_ASSIGN(EnvironmentPtr loaded, loader_->environment(file, stop));
+  GOBO_TRY(keepEnvironment(key, loaded).at("request.environment.digest"));
+  return loaded;
+}
+
+EnvironmentPtr SceneLibrary::keptEnvironment(const std::string& key) {
+  std::lock_guard lock(mutex_);
+  const auto it = environments_.find(key);
+  if (it == environments_.end()) return nullptr;
+  it->second.used = ++clock_;
+  return it->second.map;
+}
+
+Status SceneLibrary::keepEnvironment(const std::string& key, const EnvironmentPtr& loaded) {
   const uint64_t bytes = Map{loaded, 0}.bytes();
-  if (bytes > limits_.environmentBytes) return loaded;
-  if (ledger_) GOBO_TRY(ledger_->makeRoom(bytes, "an environment map").at(path));
+  if (bytes > limits_.environmentBytes) return {};
+  if (ledger_) GOBO_TRY(ledger_->makeRoom(bytes, "an environment map"));
   std::vector<EnvironmentPtr> gone;
   std::lock_guard lock(mutex_);
   environments_[key] = {loaded, ++clock_};
   trimEnvironments(limits_.environmentBytes, gone);
-  return loaded;
+  return {};
 }
 
 void SceneLibrary::trimEnvironments(uint64_t most, std::vector<EnvironmentPtr>& gone) {

@@ -39,7 +39,7 @@ class SceneLibrary {
   Result<v1::SceneInfo> open(const std::string& source, std::string id, const StopToken& stop = {}, const SceneAccess& access = {},
                              const std::vector<std::string>& share = {});
   Result<v1::SceneInfo> openFile(const std::string& path, const std::string& source, std::string id, const StopToken& stop = {}, const SceneAccess& access = {},
-                                 const std::vector<std::string>& share = {});
+                                 const std::vector<std::string>& share = {}, std::shared_ptr<const void> holds = nullptr);
   /// A built-in or a file, without an id; `trusted`: wherever the file is.
   Result<ScenePtr> load(const std::string& source, bool trusted) const;
   Result<std::string> allowedPath(const std::string& path, const std::string& field) const;
@@ -55,6 +55,8 @@ class SceneLibrary {
   /// Unloads scenes and environment maps whose mapped file is not intact, and has the loader discard those files and `broken`.
   void dropBroken(std::vector<std::shared_ptr<const MappedFile>> broken);
   Result<EnvironmentPtr> environment(const std::string& path, const StopToken& stop = {});
+  /// Of a file whose bytes have that SHA-256 (64 hex digits), wherever it is.
+  Result<EnvironmentPtr> environmentOf(const std::string& sha256, const std::string& file, const StopToken& stop = {});
   size_t count() const;
   uint64_t sceneBytes() const;  ///< of all loaded scenes; what several share counts for each
   BytesOfCallers sceneBytesOfOwners() const;
@@ -75,8 +77,9 @@ class SceneLibrary {
     LoadReport report = {};
     std::string owner = {};
     std::vector<std::string> share = {};
-    uint64_t used = 0;   ///< clock_ of the last use
-    uint64_t bytes = 0;  ///< of the scene
+    uint64_t used = 0;                       ///< clock_ of the last use
+    uint64_t bytes = 0;                      ///< of the scene
+    std::shared_ptr<const void> holds = {};  ///< what must stay as long as it is loaded
   };
   struct Map {
     EnvironmentPtr map;
@@ -85,10 +88,13 @@ class SceneLibrary {
   };
   using Entries = std::map<std::string, Entry>;
   Result<v1::SceneInfo> insert(std::string id, const std::string& source, Result<LoadedScene> scene, double ms, const StopToken& stop,
-                               const SceneAccess& access, const std::vector<std::string>& share);
+                               const SceneAccess& access, const std::vector<std::string>& share, std::shared_ptr<const void> holds = nullptr);
+  /// Of memory, or nothing; and what was loaded into it.
+  EnvironmentPtr keptEnvironment(const std::string& key);
+  Status keepEnvironment(const std::string& key, const EnvironmentPtr& loaded);
   Status room(uint64_t bytes, const char* what);
   // Under mutex_. What goes is in `freed`, until after the lock.
-  using Freed = std::vector<ScenePtr>;
+  using Freed = std::vector<std::shared_ptr<const void>>;
   uint64_t sceneBytesHeld() const;
   Status makeRoom(uint64_t bytes, const std::string& keep, Freed& freed);
   bool evict(const std::string& keep, const char* why, Freed& freed);
@@ -109,7 +115,7 @@ class SceneLibrary {
   void noteGone(const std::string& id, const char* why);  ///< under mutex_
   std::deque<Gone> gone_;                                 ///< ids that were unloaded without being asked to, the latest last
   uint64_t clock_ = 0;
-  std::map<std::string, Map> environments_;  ///< by canonical path + settled file stamp
+  std::map<std::string, Map> environments_;  ///< by canonical path + settled file stamp, or "sha256:" + digest
 };
 
 }  // namespace gobo

@@ -72,7 +72,34 @@ Result<Vec3> unitVector(const v1::Vector3& v, const std::string& path) {
 
 float radians(double degrees) { return float(degrees * 0.017453292519943295); }
 
-Result<Camera> effectiveCamera(const Scene& scene, const v1::CameraSettings& settings) {
+/// Focal lengths and principal point, in pixels of a width x height picture, as a window (K = [fx 0 cx; 0 fy cy; 0 0 1]).
+Status applyIntrinsics(const v1::CameraSettings& k, double width, double height, Camera& camera) {
+  const char* first = k.has_focal_x() ? "focal_x" : k.has_focal_y() ? "focal_y" : k.has_center_x() ? "center_x" : k.has_center_y() ? "center_y" : nullptr;
+  if (!first) return {};
+  const std::string path = std::string("request.camera.") + first;
+  if (!camera.perspective) return invalidArgument(path + ": is of a perspective camera; this one is orthographic", path);
+  if (k.panorama()) return invalidArgument(path + ": is of a perspective camera; request.camera.panorama shows all directions", path);
+  if (k.has_focal_x() || k.has_focal_y()) {
+    const double fy = k.has_focal_y() ? k.focal_y() : k.focal_x(), fx = k.has_focal_x() ? k.focal_x() : fy;
+    camera.optics.focal = fy / height;
+    camera.optics.pixelAspect = float(fy / fx);
+  }
+  camera.centre.x = k.has_center_x() ? float((0.5 * width - k.center_x()) / height * double(camera.optics.pixelAspect)) : 0.0f;
+  camera.centre.y = k.has_center_y() ? float(k.center_y() / height - 0.5) : 0.0f;
+  return {};
+}
+
+Status applyClipping(const v1::CameraSettings& settings, Camera& camera) {
+  if (settings.has_clip_near()) camera.optics.clipNear = float(settings.clip_near());
+  if (settings.has_clip_far()) camera.optics.clipFar = float(settings.clip_far());
+  if (camera.optics.clipNear < camera.optics.clipFar) return {};
+  std::ostringstream text;
+  text << "request.camera.clip_far = " << settings.clip_far() << ": must lie behind clip_near = " << settings.clip_near();
+  return invalidArgument(text.str(), "request.camera.clip_far");
+}
+
+Result<Camera> effectiveCamera(const Scene& scene, const v1::RenderRequest& request) {
+  const v1::CameraSettings& settings = request.camera();
   int index = 0;
   if (settings.has_name() && !settings.name().empty()) {
     index = scene.findCamera(settings.name());
@@ -91,6 +118,16 @@ Result<Camera> effectiveCamera(const Scene& scene, const v1::CameraSettings& set
   if (settings.has_orthographic_height()) {
     camera.perspective = false;
     camera.yheight = float(settings.orthographic_height());
+  }
+  GOBO_TRY(applyIntrinsics(settings, double(request.width()), double(request.height()), camera));
+  GOBO_TRY(applyClipping(settings, camera));
+  if (settings.panorama()) {
+    if (settings.has_orthographic_height())
+      return invalidArgument("request.camera.orthographic_height: has no meaning for request.camera.panorama", "request.camera.orthographic_height");
+    camera.optics.panorama = true;
+    camera.perspective = true;  // its rays leave one point
+    camera.centre = Vec2(0.0f);
+    camera.yfov = kPi;  // of its height; nothing reads it but keys
   }
   if (settings.has_position() || settings.has_look_at() || settings.has_up()) {
     if (settings.has_position()) GOBO_TRY(checkCoordinate(settings.position(), "request.camera.position"));
@@ -148,6 +185,11 @@ bool unlit(const Scene& scene, const v1::RenderRequest& request) {
   return std::none_of(scene.instances.begin(), scene.instances.end(),
                       [&](const Instance& i) { return scene.materials[size_t(scene.meshes[size_t(i.mesh)]->material)].bsdf.unlit; });
 }
+
+/// Lights whose unit glTF gives as candela or lux.
+bool isPhotometric(LightKind k) { return k == LightKind::Point || k == LightKind::Spot || k == LightKind::Directional; }
+constexpr float kLumensPerWatt = 683.0f;
+Vec3 scaled(const Vec3& v, float scale) { return scale == 1.0f ? v : v * scale; }
 
 bool movable(LightKind k) { return k != LightKind::Mesh && k != LightKind::Environment; }
 
@@ -230,12 +272,12 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
   // Environment: file, sky, constant, or the studio of a scene without light; rotation; or removed. Resolved requests of such scenes have the message.
   if (request.has_environment()) {
     const auto& e = request.environment();
-    const int kinds = e.has_path() + e.has_sky() + e.has_constant();
-    if (kinds > 1) return invalidArgument("request.environment: path, sky and constant exclude each other", "request.environment");
+    const int kinds = e.has_path() + e.has_digest() + e.has_sky() + e.has_constant();
+    if (kinds > 1) return invalidArgument("request.environment: path, digest, sky and constant exclude each other", "request.environment");
     if (e.has_path() && e.path() == "none") {
       scene->environment = nullptr;
-    } else if (e.has_path()) {
-      GOBO_ASSIGN(scene->environment, load(e.path()));
+    } else if (e.has_path() || e.has_digest()) {
+      GOBO_ASSIGN(scene->environment, load(e));
     } else if (e.has_sky()) {
       SkyParameters sky;
       if (e.sky().has_sun_direction()) { GOBO_ASSIGN(sky.sunDirection, unitVector(e.sky().sun_direction(), "request.environment.sky.sun_direction")); }
@@ -301,17 +343,22 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
 
   const size_t n = out.scene->lights.size();
   out.gains.resize(n);
-  for (size_t i = 0; i < n; ++i) out.gains[i] = out.scene->lights[i].power / nominalScalar(out.scene->lights[i]);
+  out.scales.assign(n, 1.0f);
+  if (request.photometric())
+    for (size_t i = 0; i < n; ++i)
+      if (const int file = base->findLight(out.scene->lights[i].name); file >= 0 && isPhotometric(base->lights[size_t(file)].shape.kind))
+        out.scales[i] = 1.0f / kLumensPerWatt;
+  for (size_t i = 0; i < n; ++i) out.gains[i] = scaled(out.scene->lights[i].power / nominalScalar(out.scene->lights[i]), out.scales[i]);
   for (const auto& [name, edit] : edits) {
     const std::string path = "request.lights." + name;
     const int i = out.scene->findLight(name);
     if (i < 0) continue;
     const Light& light = out.scene->lights[i];
-    Vec3 power = light.power;
+    Vec3 power = scaled(light.power, out.scales[size_t(i)]);
     if (edit->has_color() || edit->has_intensity()) {
       if (edit->has_color()) GOBO_TRY(checkFinite(edit->color(), path + ".color", true));
-      const float old = luminance(light.power);
-      const Vec3 color = edit->has_color() ? toVec3(edit->color()) : (old > 0 ? light.power / old : Vec3(1.0f));
+      const float old = luminance(power);
+      const Vec3 color = edit->has_color() ? toVec3(edit->color()) : (old > 0 ? power / old : Vec3(1.0f));
       const float intensity = edit->has_intensity() ? float(edit->intensity()) : (base->findLight(name) < 0 ? 1.0f : old);
       power = color * intensity;
     }
@@ -328,12 +375,20 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
     for (size_t i = 0; i < n; ++i)
       if (out.scene->lights[i].shape.kind == LightKind::Environment) out.gains[i] *= toVec3(request.environment().gain());
   }
+  for (size_t i = 0; i < n && !request.photometric(); ++i) {
+    const std::string& name = out.scene->lights[i].name;
+    const auto edit = request.lights().find(name);
+    const int file = base->findLight(name);
+    out.asInFile = out.asInFile || (file >= 0 && isPhotometric(base->lights[size_t(file)].shape.kind) && maxComponent(out.gains[i]) > 0.0f &&
+                                    (edit == request.lights().end() || !edit->second.has_intensity()));
+  }
   for (size_t i = 0; i < n; ++i)
     if (!isFinite(out.gains[i]))
       return invalidArgument("power of light '" + out.scene->lights[i].name + "' overflows", "request.lights." + out.scene->lights[i].name);
   out.gainChanges.resize(n);
   for (size_t i = 0; i < n; ++i) out.gainChanges[i] = out.gains[i] - out.scene->lights[i].power / nominalScalar(out.scene->lights[i]);
-  GOBO_ASSIGN(out.camera, effectiveCamera(*out.scene, request.camera()));
+  GOBO_ASSIGN(out.camera, effectiveCamera(*out.scene, request));
+  GOBO_ASSIGN(out.background, makeBackground(out.scene, out.gains, request.environment(), stop));
   return out;
 }
 
@@ -370,6 +425,21 @@ double estimatedFlux(const Scene& scene, int index, const StopToken& stop) {
     case LightKind::Environment: return crossSection * l * environmentFlux(scene.environment.get(), stop) / 4.0;
   }
   return 0;
+}
+
+void scaleClusters(EffectiveScene& effective, RelightGroups& groups) {
+  groups.scales.assign(size_t(groups.count), 1.0f);
+  for (int g = 0; g < groups.count; ++g) {
+    const std::vector<int>& members = groups.members[size_t(g)];
+    if (groups.single(g) || members.empty()) continue;
+    const float scale = effective.scales[size_t(members[0])];
+    if (scale == 1.0f || std::any_of(members.begin(), members.end(), [&](int l) { return effective.scales[size_t(l)] != scale; })) continue;
+    groups.scales[size_t(g)] = scale;
+    for (int l : members) {
+      const Light& light = effective.scene->lights[size_t(l)];
+      effective.gainChanges[size_t(l)] = effective.gains[size_t(l)] - scaled(light.power / nominalScalar(light), scale);
+    }
+  }
 }
 
 RelightGroups makeGroups(const Scene& scene, int maxGroups, const StopToken& stop) {

@@ -10,6 +10,7 @@
 
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
+#include "request/background.h"
 #include "request/posed_scene.h"
 #include "scene/scene.h"
 
@@ -19,12 +20,15 @@ struct EffectiveScene {
   ScenePtr scene;
   std::vector<Vec3> gains;        ///< per light of `scene`: RGB factor on nominal() of that light traced alone
   std::vector<Vec3> gainChanges;  ///< per light: gains less what the scene itself says, which is what a cluster holds of it; 0 = unedited
+  std::vector<float> scales;      ///< per light: what request.photometric makes of its file's intensity, 1 or 1/683; part of its gain
+  bool asInFile = false;          ///< some light shines whose strength is the file's in candela or lux, read as W/sr or W/m^2
   Camera camera;
+  Background background;
   std::vector<std::string> warnings;
 };
 
-/// Loads an environment file on behalf of a request (the engine checks roots and caches).
-using EnvironmentLoader = std::function<Result<EnvironmentPtr>(const std::string& path)>;
+/// Loads the environment file that a request names, by path or digest (the engine checks roots and caches).
+using EnvironmentLoader = std::function<Result<EnvironmentPtr>(const v1::EnvironmentSettings& settings)>;
 
 /// Makes the request's variant and pose of a scene (posed_scene.h; the engine caches).
 using ScenePoser = std::function<Result<ScenePtr>(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop)>;
@@ -49,9 +53,13 @@ struct RelightGroups {
   std::vector<int> groupOf;               ///< per light
   std::vector<std::vector<int>> members;  ///< per group, ascending
   std::vector<Vec3> nominal;              ///< per light: what it is traced with (path_tracer.h)
+  std::vector<float> scales;              ///< per group, for clusters: factor on what it is traced with; all 1 if empty
   bool single(int group) const { return members[group].size() == 1; }
+  float scaleOf(int group) const { return scales.empty() ? 1.0f : scales[size_t(group)]; }
 };
 /// The strongest lights get a group each, the rest share the last. Depends on the effective scene only, not on gains. Of no use after `stop`.
 RelightGroups makeGroups(const Scene& scene, int maxGroups, const StopToken& stop = {});
+/// A scale (EffectiveScene::scales) that all lights of a cluster have in common becomes the cluster's: nothing in it has changed by it then.
+void scaleClusters(EffectiveScene& effective, RelightGroups& groups);
 
 }  // namespace gobo

@@ -30,7 +30,7 @@ PlanContext::PlanContext(const PlanInput& input, Graph& graph)
 
 Vec3 PlanContext::groupGain(int group) const {
   const auto& members = in_.groups.members[size_t(group)];
-  return members.size() == 1 ? in_.effective.gains[size_t(members[0])] : Vec3(1.0f);
+  return members.size() == 1 ? in_.effective.gains[size_t(members[0])] : Vec3(in_.groups.scaleOf(group));
 }
 
 std::string PlanContext::groupName(int group) const {

@@ -31,6 +31,9 @@ struct PixelWindow {
   int x = 0, y = 0, width = 0, height = 0;
 };
 
+/// The technique that takes over what the camera sees of the environment (techniques/background).
+inline constexpr const char* kBackgroundTechnique = "background";
+
 /// What the asked outputs need told apart.
 struct Distinctions {
   bool classes = false, lobes = false, variance = false;
@@ -40,7 +43,7 @@ struct PlanInput {
   const v1::RenderRequest& request;  ///< resolved
   const EffectiveScene& effective;
   const RelightGroups& groups;
-  uint32_t blocks = 1, blockSize = 16;  ///< of path tracing nodes
+  uint32_t passes = 1;  ///< of path tracing nodes (trace/sample_passes.h)
   PixelWindow window;                   ///< of the picture; of no width: all of it
   Distinctions apart;
   StopToken stop;
@@ -60,8 +63,7 @@ class PlanContext {
   const RelightGroups& groups() const { return in_.groups; }
   const MaterialKinds& kinds() const { return kinds_; }
   const GBufferSettings& view() const { return view_; }
-  uint32_t blocks() const { return in_.blocks; }
-  uint32_t blockSize() const { return in_.blockSize; }
+  uint32_t passes() const { return in_.passes; }
   const Distinctions& apart() const { return in_.apart; }
   const StopToken& stop() const { return in_.stop; }
   /// Indirect light is asked for.
@@ -88,6 +90,10 @@ class PlanContext {
   void reserve(uint64_t bytes) { reserved_ += bytes; }
   uint64_t reserved() const { return reserved_; }
 
+  /// Radiance term, plane "s0": share of each pixel's samples that see a transparent background. -1: there is none.
+  NodeId clear() const { return clear_; }
+  void setClear(NodeId node) { clear_ = node; }
+
   // What it brings
   Cover& cover() { return cover_; }
   const Cover& cover() const { return cover_; }
@@ -110,6 +116,7 @@ class PlanContext {
   GBufferSettings view_;
   Cover cover_;
   int cameraInVolume_ = -1;  // not asked yet
+  NodeId clear_ = -1;
   std::vector<Contribution> contributions_;
   std::vector<NodeId> states_, expanded_;
   std::vector<std::string> warnings_, missing_;

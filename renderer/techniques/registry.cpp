@@ -3,6 +3,7 @@
 #include <array>
 
 #include "technique/technique.h"
+#include "techniques/background/technique.h"
 #include "techniques/caustics/technique.h"
 #include "techniques/direct_visibility/technique.h"
 #include "techniques/environment_lights/technique.h"
@@ -12,7 +13,7 @@ namespace gobo {
 
 std::span<const Technique* const> techniques() {
   static const std::array all{
-      &pathTraced(), &directVisibility(), &environmentLights(), &clusterDifferences(), &causticPhotons(),
+      &pathTraced(), &directVisibility(), &environmentLights(), &clusterDifferences(), &causticPhotons(), &background(),
   };
   return all;
 }

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "terms/dropped_samples.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 
@@ -18,7 +19,7 @@ class CausticsNode final : public Node {
         width_(view.width ? view.width : settings.path.width),
         height_(view.width ? view.height : settings.path.height) {}
   std::string type() const override { return "caustics"; }
-  int version() const override { return 3; }  // 2: without light that goes straight on; 3: tilted normals lose no specular light
+  int version() const override { return 4; }  // 2: without light that goes straight on; 3: tilted normals lose no specular light; 4: counted in passes
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;
@@ -40,7 +41,8 @@ class CausticsNode final : public Node {
   size_t workingBytes() const override { return size_t(settings_.photons) * settings_.path.groupOf.size() * (2 * sizeof(Photon) + 24); }
   Cost cost(const TermShape&, uint32_t blocks) const override {
     const PathTracerSettings& s = settings_.path;
-    const double rays = double(blocks) * (double(settings_.photons) * double(s.groupOf.size()) + kReceiving * double(width_) * height_);
+    const double maps = (samplesOf(blocks) + kBlockSamples - 1) / kBlockSamples, gathered = kReceiving * double(width_) * height_;
+    const double rays = maps * double(settings_.photons) * double(s.groupOf.size()) + samplesOf(blocks) * gathered;
     return {rays, 400.0 * rays};
   }
 
@@ -50,7 +52,6 @@ class CausticsNode final : public Node {
     if (!tracer) return Status(Code::Cancelled, "stopped");
     const int width = width_, height = height_;
     const size_t perPixel = size_t(settings_.slots()) * 3;
-    const uint32_t blockSize = uint32_t(settings_.path.blockSize);
     const auto& state = ctx.result;
     auto sum = state->writable<double>("sum");
     auto samples = state->writable<uint32_t>("samples");
@@ -60,8 +61,8 @@ class CausticsNode final : public Node {
       const auto oldSum = ctx.previous->plane<double>("sum");
       const auto oldSamples = ctx.previous->plane<uint32_t>("samples");
       const auto [least, most] = std::minmax_element(oldSamples.begin(), oldSamples.end());
-      if (!oldSamples.empty() && *most <= ctx.targetBlocks * blockSize) {
-        pass = *least / blockSize;
+      if (!oldSamples.empty() && *most <= samplesOf(ctx.targetBlocks)) {
+        pass = passesFor(*least);
         const bool copied = ctx.arena->parallelFor(
             samples.size(), 1 << 12,
             [&](size_t begin, size_t end) {
@@ -73,23 +74,29 @@ class CausticsNode final : public Node {
         passOnDropped(*ctx.previous, *state);
       }
     }
+    std::shared_ptr<const PhotonMap> map;  // of a block of samples
+    uint32_t mapped = 0;
     for (; pass < ctx.targetBlocks; ++pass) {
-      uint64_t emitted = 0;
-      const auto map = tracer->emitPass(pass, *ctx.arena, emitted, ctx.stop);
-      ctx.counters->rays += emitted;
-      if (!map) return stopped(ctx, state);
+      const SamplePass now = samplePass(pass);
+      if (!map || now.block != mapped) {
+        uint64_t emitted = 0;
+        map = tracer->emitPass(mapped = now.block, *ctx.arena, emitted, ctx.stop);
+        ctx.counters->rays += emitted;
+        if (!map) return stopped(ctx, state);
+      }
       const bool complete = ctx.arena->parallelFor(
           size_t(height), 1,
           [&](size_t row, size_t) {
             uint64_t rays = 0;
             for (int x = 0; x < width; ++x) {
               const size_t p = row * size_t(width) + size_t(x);
-              if (samples[p] / blockSize != pass) continue;  // an interrupted pass: this pixel has it already
+              if (samples[p] != samplesOf(pass)) continue;  // an interrupted pass: this pixel has it already
               if (ctx.stop.stopRequested()) break;
               uint64_t lost = 0;
-              tracer->traceBlock(place_.x + x, place_.y + int(row), pass, *map, sum.data() + p * perPixel, rays, lost);
+              tracer->traceSamples(place_.x + x, place_.y + int(row), {0, now.block * kBlockSamples + now.first, now.count}, *map, sum.data() + p * perPixel,
+                                   rays, lost);
               dropped.add(p, lost);
-              samples[p] += blockSize;
+              samples[p] += now.count;
             }
             ctx.counters->rays += rays;
           },

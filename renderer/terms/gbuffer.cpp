@@ -13,6 +13,7 @@ namespace gobo {
 void hashCamera(Hasher& h, const Camera& c) {
   h.addPod(c.toWorld).add(c.perspective).add(c.perspective ? c.yfov : c.yheight).add(c.centre.x).add(c.centre.y);
   if (c.cullBackFaces) h.add("cullBackFaces");
+  hashOptics(h, c);
 }
 
 namespace {

@@ -83,7 +83,9 @@ class MotionNode final : public Node {
               }
               glm::dvec2 to, from;
               if (!filmPosition(s_.view.camera, W, H, here, to) || !filmPosition(s_.earlierCamera, W, H, there, from)) continue;
-              const float dx = float(to.x - from.x), dy = float(to.y - from.y);
+              double across = to.x - from.x;
+              if (s_.view.camera.optics.panorama && std::fabs(across) > 0.5 * W) across -= std::copysign(double(W), across);  // over the seam: the shorter way
+              const float dx = float(across), dy = float(to.y - from.y);
               if (!std::isfinite(dx) || !std::isfinite(dy)) continue;
               motion[2 * p] = dx;
               motion[2 * p + 1] = dy;

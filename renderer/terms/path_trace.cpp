@@ -2,6 +2,7 @@
 #include "terms/path_trace.h"
 
 #include "terms/dropped_samples.h"
+#include "trace/sample_passes.h"
 #include "trace/sample_set.h"
 
 #include <algorithm>
@@ -24,8 +25,8 @@ class PathTraceNode final : public Node {
   std::string type() const override { return "path_trace"; }
   // 2: blocks continue one sequence; 3: volumes, every lobe; 4: light straight on; 5: bilinear environments; 6: tilted normals lose no specular light;
   // 7: every light in volumes, gentler roulette; 8: large finite values count; 9: hidden lights shine through delta events;
-  // 10: of a lamp of few triangles those that face the receiver
-  int version() const override { return 10; }
+  // 10: of a lamp of few triangles those that face the receiver; 11: the first block is summed by passes
+  int version() const override { return 11; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kPathTracerFacets;
@@ -53,7 +54,7 @@ class PathTraceNode final : public Node {
     const bool direct = has(s.cover, PathClass::Direct), indirect = has(s.cover, PathClass::Indirect);
     const double events = indirect ? std::min(double(s.maxBounces) + 1, double(s.rouletteStart) + 2) : direct ? 1.0 : 0.0;
     const double asks = events - (direct || events == 0 ? 0.0 : 1.0);
-    const double rays = double(width_) * height_ * blocks * s.blockSize * (1.0 + kReceiving * (events + asks));
+    const double rays = double(width_) * height_ * samplesOf(blocks) * (1.0 + kReceiving * (events + asks));
     return {rays, 130.0 * rays};
   }
 
@@ -77,13 +78,12 @@ class PathTraceNode final : public Node {
       oldSamples = ctx.previous->plane<uint32_t>("samples");
       if (perPixel) oldParts = ctx.previous->floats("streams");
       const uint32_t most = oldSamples.empty() ? 0 : *std::max_element(oldSamples.begin(), oldSamples.end());
-      if (most > ctx.targetBlocks * uint32_t(settings_.blockSize)) oldSamples = {};
+      if (most > samplesOf(ctx.targetBlocks)) oldSamples = {};
       if (!oldSamples.empty()) oldDropped = droppedPlane(*ctx.previous);
     }
     DroppedSamples dropped(*state);
 
     // Tiles and groups lie as they do in the whole picture, of which this may be a part.
-    const PixelGroup group = pixelGroup(settings_.blockSize);
     const int left = place_.x / kTile * kTile, top = place_.y / kTile * kTile;
     const int tilesX = (place_.x + width - left + kTile - 1) / kTile, tilesY = (place_.y + height - top + kTile - 1) / kTile;
     const size_t tiles = size_t(tilesX) * tilesY;
@@ -91,55 +91,70 @@ class PathTraceNode final : public Node {
     const bool complete = ctx.arena->parallelFor(
         tiles, 1,
         [&](size_t tile, size_t) {
-          const int x0 = left + int(tile % tilesX) * kTile, y0 = top + int(tile / tilesX) * kTile, pixels = group.pixels();
+          const int x0 = left + int(tile % tilesX) * kTile, y0 = top + int(tile / tilesX) * kTile;
           uint64_t rays = 0;
-          std::vector<double> parted(perStream * size_t(pixels));
-          for (int k = 0; k < kTile * kTile / pixels; ++k) {
-            const int x = x0 + k % (kTile / group.width) * group.width, y = y0 + k / (kTile / group.width) * group.height;
-            ptrdiff_t at[kLanes];  // the group's pixels in the planes; -1: not of this part
-            uint32_t block = ctx.targetBlocks;
-            for (int i = 0; i < pixels; ++i) {
-              const int px = x + i % group.width - place_.x, py = y + i / group.width - place_.y;
-              at[i] = -1;
-              if (px < 0 || py < 0 || px >= width || py >= height) continue;
-              const size_t p = size_t(at[i] = ptrdiff_t(py) * width + px);
-              if (!oldSamples.empty()) {
-                std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
-                if (perPixel) std::copy_n(oldParts.begin() + p * perPixel, perPixel, parts.begin() + p * perPixel);
-                samples[p] = oldSamples[p];
-                if (!oldDropped.empty()) dropped.add(p, oldDropped[p]);
-              }
-              block = std::min(block, samples[p] / uint32_t(settings_.blockSize));
+          std::vector<double> parted(perStream * kLanes);
+          const auto place = [&](int x, int y) {  // of a pixel in the planes; -1: not of this part
+            const int px = x - place_.x, py = y - place_.y;
+            return px < 0 || py < 0 || px >= width || py >= height ? ptrdiff_t(-1) : ptrdiff_t(py) * width + px;
+          };
+          for (int k = 0; k < kTile * kTile && !oldSamples.empty(); ++k) {
+            const ptrdiff_t at = place(x0 + k % kTile, y0 + k / kTile);
+            if (at < 0) continue;
+            const size_t p = size_t(at);
+            std::memcpy(sum.data() + p * slots * 3, oldSum.data() + p * slots * 3, sizeof(double) * slots * 3);
+            if (perPixel) std::copy_n(oldParts.begin() + p * perPixel, perPixel, parts.begin() + p * perPixel);
+            samples[p] = oldSamples[p];
+            if (!oldDropped.empty()) dropped.add(p, oldDropped[p]);
+          }
+          /// The pass's samples for the group at (x, y): of those pixels that have come so far.
+          const auto trace = [&](uint32_t index, const PixelGroup& group, int x, int y) {
+            const SamplePass pass = samplePass(index);
+            ptrdiff_t at[kLanes];
+            double* out[kLanes];
+            bool wanted = false;
+            for (int i = 0; i < group.pixels(); ++i) {
+              at[i] = place(x + i % group.width, y + i / group.width);
+              if (at[i] >= 0 && samples[size_t(at[i])] != samplesOf(index)) at[i] = -1;
+              out[i] = at[i] < 0 ? nullptr : perPixel ? parted.data() + size_t(i) * perStream : sum.data() + size_t(at[i]) * slots * 3;
+              wanted = wanted || out[i];
             }
-            for (; block < ctx.targetBlocks; ++block) {
+            if (!wanted) return;
+            std::fill_n(parted.begin(), perPixel ? size_t(group.pixels()) * perStream : 0, 0.0);
+            uint64_t lost[kLanes] = {};
+            const uint32_t stream = pass.block % uint32_t(streams_), block = pass.block / uint32_t(streams_);
+            tracer->traceGroup(x, y, {stream, block * kBlockSamples + pass.first, pass.count}, {out, size_t(group.pixels())}, rays, lost);
+            for (int i = 0; i < group.pixels(); ++i) {
+              if (!out[i]) continue;
+              const size_t p = size_t(at[i]);
+              double* const all = sum.data() + p * perStream;
+              float* const part = perPixel ? parts.data() + p * perPixel + stream * perStream : nullptr;
+              for (size_t c = 0; c < perStream; ++c) {
+                all[c] += out[i][c];
+                part[c] = float(double(part[c]) + out[i][c]);
+              }
+              dropped.add(p, lost[i]);
+              samples[p] += pass.count;
+            }
+          };
+          for (uint32_t index = 0; index < ctx.targetBlocks; ++index) {
+            const PixelGroup group = pixelGroup(samplePass(index).count);
+            for (int k = 0; k < kTile * kTile / group.pixels(); ++k) {
               if (ctx.stop.stopRequested()) {
                 ctx.counters->rays += rays;
                 return;
               }
-              const uint32_t stream = perPixel ? block % uint32_t(streams_) : 0;
-              double* out[kLanes];
-              uint64_t lost[kLanes] = {};
-              for (int i = 0; i < pixels; ++i) {
-                const bool wanted = at[i] >= 0 && samples[size_t(at[i])] / uint32_t(settings_.blockSize) == block;
-                out[i] = !wanted ? nullptr : perPixel ? parted.data() + size_t(i) * perStream : sum.data() + size_t(at[i]) * slots * 3;
-              }
-              std::fill(parted.begin(), parted.end(), 0.0);
-              tracer->traceGroup(x, y, perPixel ? stream * kBlocksPerStream + block / uint32_t(streams_) : block, {out, size_t(pixels)}, rays, lost);
-              for (int i = 0; i < pixels; ++i) {
-                if (!out[i]) continue;
-                const size_t p = size_t(at[i]);
-                double* const all = sum.data() + p * perStream;
-                float* const part = perPixel ? parts.data() + p * perPixel + stream * perStream : nullptr;
-                for (size_t c = 0; c < perStream; ++c) {
-                  all[c] += out[i][c];
-                  part[c] = float(double(part[c]) + out[i][c]);
-                }
-                dropped.add(p, lost[i]);
-                samples[p] += settings_.blockSize;
-              }
+              const int x = x0 + k % (kTile / group.width) * group.width, y = y0 + k / (kTile / group.width) * group.height;
+              const ptrdiff_t at = place(x, y);
+              if (index < kFirstPasses) trace(index, group, x, y);
+              else  // whole blocks: pixel by pixel
+                for (uint32_t i = at < 0 ? ctx.targetBlocks : passesFor(samples[size_t(at)]); i < ctx.targetBlocks && !ctx.stop.stopRequested(); ++i)
+                  trace(i, group, x, y);
             }
+            if (index >= kFirstPasses) break;
           }
           ctx.counters->rays += rays;
+          if (ctx.stop.stopRequested()) return;
           const size_t now = ++done;
           if (ctx.progress && now % 16 == 0) ctx.progress(double(now) / double(tiles));
         },

@@ -8,32 +8,28 @@ namespace gobo {
 
 template void PathTracer::traceInto<SumSink>(int, int, uint32_t, SumSink&, uint64_t&, uint64_t&) const;
 
-void PathTracer::traceGroup(int x, int y, uint32_t block, std::span<double* const> out, uint64_t& rays, std::span<uint64_t> dropped) const {
+void PathTracer::traceGroup(int x, int y, const SampleRun& run, std::span<double* const> out, uint64_t& rays, std::span<uint64_t> dropped) const {
   const Impl& m = *impl_;
   const PathTracerSettings& s = m.settings;
-  const PixelGroup group = pixelGroup(s.blockSize);
+  const PixelGroup group = pixelGroup(run.count);
+  const int each = int(run.count);
   GOBO_CHECK_EQ(int(out.size()), group.pixels());
-  if (group.pixels() == 1) {
-    SumSink sums(s.split, m.slotCount, out[0]);
-    return traceInto(x, y, block, sums, rays, dropped[0]);
-  }
-  const int each = s.blockSize;
-  const uint32_t begin = block % kBlocksPerStream * uint32_t(each);
+  GOBO_CHECK_EQ(each * group.pixels(), kLanes);
   ChunkLanes who;
   uint64_t seeds[kLanes];
   for (int p = 0; p < group.pixels(); ++p) {
     const int px = x + p % group.width, py = y + p / group.width;
-    seeds[p] = pixelSeed(s, px, py, block);
+    seeds[p] = pixelSeed(s, px, py, run.stream);
     // All that the film has of the group, wanted or not: which rays go together may decide between triangles at the same distance.
     if (px < s.width && py < s.height) who.present |= ((1u << each) - 1) << (p * each);
     for (int i = 0; i < each; ++i) {
       who.x[p * each + i] = px;
       who.y[p * each + i] = py;
-      who.film[p * each + i] = uint64_t(begin) + uint64_t(i);
+      who.film[p * each + i] = uint64_t(run.first) + uint64_t(i);
     }
   }
   SumSink sums(s.split, m.slotCount, out);
-  const uint32_t bad = traceChunk(m, who, SampleSet(std::span<const uint64_t>(seeds, size_t(group.pixels())), begin), sums, rays);
+  const uint32_t bad = traceChunk(m, who, SampleSet(std::span<const uint64_t>(seeds, size_t(group.pixels())), run.first), sums, rays);
   for (int p = 0; p < group.pixels(); ++p)
     if (out[size_t(p)]) dropped[size_t(p)] += uint64_t(__builtin_popcount(bad >> (p * each) & ((1u << each) - 1)));
 }

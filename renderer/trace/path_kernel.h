@@ -4,6 +4,7 @@
 // materials lane by lane.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "trace/accel_impl.h"
@@ -67,10 +68,32 @@ struct PathTracer::Impl {
   mutable std::vector<char> mediaLights;  // by interior: scattering events ask for lights. The mean does not depend on it where a ray can hit them
   // Camera rays as affine functions of the film position.
   Vec3 cameraOrigin{0.0f}, cameraOriginX{0.0f}, cameraOriginY{0.0f}, cameraDirection{0.0f}, cameraDirectionX{0.0f}, cameraDirectionY{0.0f};
+  std::optional<FilmRays> panorama;  // whose rays are no affine functions
+  bool clips = false;                // the camera has clipping planes
   std::vector<Vec2> viewSamples;
   mutable RayRecorder* recorder = nullptr;
 
   void prepareCamera();
+  /// The camera's ray through a film position; unit direction. With clipping planes it begins at the near one; `reach`: from there to the far one.
+  void startAtFilm(float fx, float fy, Vec3& origin, Vec3& direction, float& reach) const {
+    reach = CameraOptics::kNoEnd;
+    float slant = 1.0f;  // way along the ray per metre along the axis
+    if (panorama) {
+      const Ray ray = panorama->at(fx, fy);
+      origin = ray.origin;
+      direction = ray.direction;
+    } else {
+      origin = cameraOrigin + cameraOriginX * fx + cameraOriginY * fy;
+      direction = cameraDirection + cameraDirectionX * fx + cameraDirectionY * fy;
+      const float square = glm::dot(direction, direction);
+      if (clips) slant = std::sqrt(square);
+      direction *= 1.0f / std::sqrt(square);
+    }
+    if (!clips) return;
+    const CameraOptics& o = settings.camera.optics;
+    origin += direction * (o.clipNear * slant);
+    if (o.clipFar < CameraOptics::kNoEnd) reach = (o.clipFar - o.clipNear) * slant;
+  }
   bool prepareLights(const SceneView& view, const StopToken& stop);  // false: stopped
   void prepareMedia(const SceneView& view, const StopToken& stop);
   /// Light of one light that lane i's scattering event at p turns into its path; d: direction of arrival. Weighted against the phase

@@ -15,6 +15,7 @@ struct PathLanes {
   Lane3 from, fromNormal;         // the last vertex, as the light selector saw it
   alignas(64) float pdf[kLanes];  // density of the ray's direction; 0 after the camera or a delta event: nothing else finds its light
   float passed[kLanes] = {};      // way from the last vertex to the ray's origin: surfaces passed straight on are no vertices
+  float reach[kLanes] = {};       // while it is the camera's: how far from the ray's origin it sees
   int free[kLanes] = {};          // passes of the loop that were no scattering event of their own (path_media.h, straight.h)
   // Bit per lane. firstDelta: reaches light by an indirect path, whatever the number of events. specularOnly: delta events, if any.
   // fromCamera: the camera still looks straight on, so that lights hidden from it (trace/reach.h) and back faces that it culls are passed;

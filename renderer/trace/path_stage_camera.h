@@ -2,6 +2,7 @@
 // Stages at the head of a pass: camera rays, the lanes' rays through Embree, the numbers of the next event.
 #pragma once
 
+#include <algorithm>
 #include <cstring>
 
 #include "trace/path_chunk.h"
@@ -26,9 +27,8 @@ inline void PathChunk<Sink>::startAtCamera() {
     const float fx = float(who.x[i]) + offset.x, fy = float(who.y[i]) + offset.y;
     if constexpr (Sink::kVertices)
       if (alive >> i & 1u) sink.film(i, Vec2(fx, fy));
-    const Vec3 o = m.cameraOrigin + m.cameraOriginX * fx + m.cameraOriginY * fy;
-    Vec3 d = m.cameraDirection + m.cameraDirectionX * fx + m.cameraDirectionY * fy;
-    d *= 1.0f / std::sqrt(glm::dot(d, d));
+    Vec3 o, d;
+    m.startAtFilm(fx, fy, o, d, paths.reach[i]);
     setRayOrigin(rh.ray, i, o);
     setRayDirection(rh.ray, i, d);
     rh.ray.tnear[i] = 0.0f;
@@ -57,7 +57,8 @@ template <PathSink Sink>
 inline void PathChunk<Sink>::intersect() {
   for (int i = 0; i < kLanes; ++i) {
     valid[i] = alive >> i & 1u ? -1 : 0;
-    rh.ray.tfar[i] = 3.0e38f;
+    // What the camera does not see behind its far plane is not there; surfaces that it looks through are on the way.
+    rh.ray.tfar[i] = m.clips && paths.fromCamera >> i & 1u ? paths.reach[i] : 3.0e38f;
     rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
     rh.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
@@ -67,6 +68,8 @@ inline void PathChunk<Sink>::intersect() {
   } else {
     embree::intersect16(valid, m.scene, context, rh, events == 0);
   }
+  if (m.clips)
+    for (int i = 0; i < kLanes; ++i) paths.reach[i] = std::max(paths.reach[i] - rh.ray.tfar[i], 0.0f);
   rays += uint64_t(__builtin_popcount(alive));
   if (m.recorder) recordRays(alive, rh.ray, events == 0 ? m.recorder->primary : m.recorder->bounce);
 }

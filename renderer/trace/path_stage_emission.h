@@ -58,7 +58,7 @@ inline void PathChunk<Sink>::meetLights() {
     const bool hit = rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
     const bool collects = wanted(classAt(i));
     if (collects && !m.areaLights.empty() && !(hasMedia && media.walking >> i & 1u))
-      collectAreaLights(i, rayOrigin(rh.ray, i), rayDirection(rh.ray, i), hit ? rh.ray.tfar[i] : 3.0e38f);
+      collectAreaLights(i, rayOrigin(rh.ray, i), rayDirection(rh.ray, i), rh.ray.tfar[i]);  // without a hit: as far as the ray sees
     if (!hit) {
       if (collects)
         for (int k : m.environments) {

@@ -32,9 +32,9 @@ uint32_t traceChunk(const PathTracer::Impl& m, const ChunkLanes& who, const Samp
   return chunk.bad;
 }
 
-/// Of a pixel's samples in a stream of blocks.
-inline uint64_t pixelSeed(const PathTracerSettings& s, int x, int y, uint32_t block) {
-  return hash64(hash64(s.seed, uint64_t(uint32_t(y)) << 32 | uint32_t(x)), block / kBlocksPerStream);
+/// Of a pixel's samples in one of its independent sequences.
+inline uint64_t pixelSeed(const PathTracerSettings& s, int x, int y, uint32_t stream) {
+  return hash64(hash64(s.seed, uint64_t(uint32_t(y)) << 32 | uint32_t(x)), stream);
 }
 
 template <class Sink>
@@ -42,7 +42,7 @@ void PathTracer::traceInto(int x, int y, uint32_t block, Sink& sink, uint64_t& r
   static_assert(PathSink<Sink>);
   const Impl& m = *impl_;
   const int size = m.settings.blockSize;
-  const uint64_t seed = pixelSeed(m.settings, x, y, block);
+  const uint64_t seed = pixelSeed(m.settings, x, y, block / kBlocksPerStream);
   const uint32_t begin = block % kBlocksPerStream * uint32_t(size);
   ChunkLanes who;
   std::fill_n(who.x, kLanes, x);

@@ -12,6 +12,7 @@ namespace gobo {
 void PathTracerSettings::hash(Hasher& h) const {
   h.addPod(camera.toWorld).add(camera.perspective).add(camera.yfov).add(camera.yheight).add(camera.centre.x).add(camera.centre.y);
   if (camera.cullBackFaces) h.add("cullBackFaces");
+  hashOptics(h, camera);
   h.add(width).add(height).add(viewSamples).add(maxBounces).add(rouletteStart).add(blockSize).add(seed).add(behindOnly).add(unlit);
   h.add(cover).add(split).add(selection).add(groups).addArray(groupOf).add(uint64_t(nominal.size()));
   for (const Vec3& n : nominal) h.add(n.x).add(n.y).add(n.z);
@@ -68,9 +69,11 @@ void PathTracer::Impl::prepareCamera() {
   const Camera& c = settings.camera;
   const float W = float(settings.width), H = float(settings.height);
   const Vec3 right(c.toWorld[0]), up(c.toWorld[1]), back(c.toWorld[2]), position(c.toWorld[3]);
-  const float scale = c.perspective ? 2.0f * std::tan(0.5f * c.yfov) : c.yheight;
-  const Vec3 perX = right * (scale / H), perY = up * (-scale / H);  // a pixel to the right is 1/H of the window's height
-  const Vec3 corner = right * ((-0.5f * W / H + c.centre.x) * scale) + up * ((0.5f + c.centre.y) * scale);
+  const float scale = c.windowHeight(), squeeze = c.optics.pixelAspect;
+  const Vec3 perX = right * (scale * squeeze / H), perY = up * (-scale / H);  // a square pixel to the right is 1/H of the window's height
+  const Vec3 corner = right * ((-0.5f * W / H * squeeze + c.centre.x) * scale) + up * ((0.5f + c.centre.y) * scale);
+  if (c.optics.panorama) panorama.emplace(c, settings.width, settings.height);
+  clips = c.clips();
   if (c.perspective) {
     cameraOrigin = position;
     cameraDirection = corner - back;

@@ -66,13 +66,17 @@ inline constexpr Facet kPathTracerFacets =
 
 int slotsPerGroup(SplitMode split, int maxBounces);
 
-/// Neighbouring pixels whose small blocks are traced together, row by row, so that the kernel's 16 lanes are full.
+/// Neighbouring pixels of which a few samples each are traced together, row by row, so that the kernel's 16 lanes are full.
 struct PixelGroup {
   int width = 1, height = 1;
   int pixels() const { return width * height; }
 };
-inline PixelGroup pixelGroup(int blockSize) {
-  switch (blockSize) {
+/// Consecutive samples of one of a pixel's independent sequences.
+struct SampleRun {
+  uint32_t stream = 0, first = 0, count = 1;  ///< count: 1, 2, 4, 8 or 16
+};
+inline PixelGroup pixelGroup(uint32_t samples) {
+  switch (samples) {
     case 1: return {4, 4};
     case 2: return {4, 2};
     case 4: return {2, 2};
@@ -91,9 +95,9 @@ class PathTracer {
   /// Adds the SUM over the block's samples of pixel (x, y) to out[slot*3 + channel]. Adds the rays traced to `rays`.
   /// Never adds a non-finite value: such samples count as zero and are counted in `dropped`.
   void traceBlock(int x, int y, uint32_t block, double* out, uint64_t& rays, uint64_t& dropped) const;
-  /// The same for the pixels of a group, whose first one is (x, y), in both a multiple of its size; some may lie beyond the picture. Adds to out[i] where it
-  /// is not null; `dropped` by pixel.
-  void traceGroup(int x, int y, uint32_t block, std::span<double* const> out, uint64_t& rays, std::span<uint64_t> dropped) const;
+  /// The same of a run of samples for the pixels of a group (pixelGroup(run.count)), whose first one is (x, y), in both a multiple of its size; some may lie
+  /// beyond the picture. Adds to out[i] where it is not null; `dropped` by pixel.
+  void traceGroup(int x, int y, const SampleRun& run, std::span<double* const> out, uint64_t& rays, std::span<uint64_t> dropped) const;
   /// The same block's paths into a sink (trace/path_sink.h), chunk by chunk; traceBlock is this with sums. Compiled where
   /// trace/path_stages.h is included.
   template <class Sink>

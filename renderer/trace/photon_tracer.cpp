@@ -24,7 +24,8 @@ struct Walker {
   Vec3 throughput{1.0f};
   Vec3 specularPart{0.0f};  // share of the first event's specular lobe in it
   int events = 0, free = 0;
-  bool fromCamera = false;  // nothing but straight on since the camera
+  bool fromCamera = false;             // nothing but straight on since the camera
+  float reach = CameraOptics::kNoEnd;  // of such a ray: how far it sees from where it is
   PathMedia media;
   Hit hit;
 
@@ -141,9 +142,12 @@ bool CausticTracer::Impl::next(Walker& w, uint64_t& rays) const {
   Ray ray;
   ray.origin = w.origin;
   ray.direction = w.direction;
+  if (w.fromCamera) ray.tmax = w.reach;
   w.hit = {};
   ++rays;
-  return path().accel->intersect(ray, w.hit, w.fromCamera ? &path().passed : nullptr);
+  if (!path().accel->intersect(ray, w.hit, w.fromCamera ? &path().passed : nullptr)) return false;
+  if (path().clips) w.reach = std::max(w.reach - w.hit.t, 0.0f);
+  return true;
 }
 
 void CausticTracer::Impl::photon(const Source& source, uint32_t index, uint32_t pass, std::vector<Photon>& out, uint64_t& rays) const {
@@ -297,8 +301,9 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
   if (!m.viewSamples.empty()) film = m.viewSamples[index % m.viewSamples.size()];
   const float fx = float(x) + film.x, fy = float(y) + film.y;
   Walker w;
-  w.start(m.surfaces.interiors(), m.cameraMedia, m.cameraOrigin + m.cameraOriginX * fx + m.cameraOriginY * fy,
-          glm::normalize(m.cameraDirection + m.cameraDirectionX * fx + m.cameraDirectionY * fy));
+  Vec3 o, d;
+  m.startAtFilm(fx, fy, o, d, w.reach);
+  w.start(m.surfaces.interiors(), m.cameraMedia, o, d);
   w.fromCamera = true;
   while (w.events + 1 <= maxEvents && w.free <= kMostFree) {
     if (!next(w, rays)) return;
@@ -348,18 +353,17 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
   }
 }
 
-void CausticTracer::traceBlock(int x, int y, uint32_t pass, const PhotonMap& map, double* out, uint64_t& rays, uint64_t& dropped) const {
+void CausticTracer::traceSamples(int x, int y, const SampleRun& run, const PhotonMap& map, double* out, uint64_t& rays, uint64_t& dropped) const {
   const Impl& m = *impl_;
   if (map.size() == 0) return;
   const PathTracerSettings& s = m.settings.path;
   const uint64_t pixel = uint64_t(uint32_t(y)) << 32 | uint32_t(x);
-  const uint64_t seed = hash64(hash64(hash64(s.seed, 0x63617573u), pixel), pass / kBlocksPerStream);  // "caus": never the path tracer's own
-  const uint32_t begin = pass % kBlocksPerStream * uint32_t(s.blockSize);
+  const uint64_t seed = hash64(hash64(hash64(s.seed, 0x63617573u), pixel), run.stream);  // "caus": never the path tracer's own
   const size_t n = 3 * size_t(m.settings.slots());
   std::vector<double> one(n);
-  for (int i = 0; i < s.blockSize; ++i) {
+  for (uint32_t i = 0; i < run.count; ++i) {
     std::fill(one.begin(), one.end(), 0.0);
-    m.sample(x, y, seed, begin + uint32_t(i), map, one.data(), rays);
+    m.sample(x, y, seed, run.first + i, map, one.data(), rays);
     bool finite = true;
     for (double v : one) finite = finite && std::isfinite(v);
     if (!finite) {

@@ -14,7 +14,7 @@
 //              replaced there (trace/surface.h) and the pair is not adjoint.
 //   dispersion one channel of three, three times as strong, from the first dispersive event, as the path tracer does; a
 //              photon and a camera path may each have chosen.
-// A pass depends only on (settings, pass), a block only on (settings, pixel, pass). Thread-safe.
+// A pass depends only on (settings, pass), a sample only on (settings, pixel, its number, pass). Thread-safe.
 #pragma once
 
 #include <memory>
@@ -44,9 +44,9 @@ class CausticTracer {
   ~CausticTracer();
   /// Photons of one pass; null if `stop` fired. Adds the rays to `rays`.
   std::shared_ptr<const PhotonMap> emitPass(uint32_t pass, const TaskArena& arena, uint64_t& rays, const StopToken& stop = {}) const;
-  /// Adds the SUM over the block's camera samples of pixel (x, y) to out[slot*3 + channel]; `map` is emitPass(pass). Never adds
+  /// Adds the SUM over camera samples of pixel (x, y) to out[slot*3 + channel], of any number of them; `map` is that of their pass of photons. Never adds
   /// a non-finite value: such samples count as zero and in `dropped`.
-  void traceBlock(int x, int y, uint32_t pass, const PhotonMap& map, double* out, uint64_t& rays, uint64_t& dropped) const;
+  void traceSamples(int x, int y, const SampleRun& run, const PhotonMap& map, double* out, uint64_t& rays, uint64_t& dropped) const;
   struct Impl;
 
  private:

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstring>
+#include <optional>
 
 #include "request/request.h"
 #include "server/bound_socket.h"
@@ -54,7 +55,17 @@ const char* headerOf(MHD_Connection* connection, const char* name) { return MHD_
 struct Exchange {
   std::string body;
   bool tooLarge = false;
+  std::unique_ptr<PutStream> put;  // of a body that is no message: it goes on as it comes
 };
+
+/// A whole number of the request's query; nothing when it is not one.
+std::optional<uint64_t> queryNumber(MHD_Connection* connection, const char* name) {
+  const char* text = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, name);
+  if (!text || !*text || std::strlen(text) > 18 || std::strspn(text, "0123456789") != std::strlen(text)) return std::nullopt;
+  return std::strtoull(text, nullptr, 10);
+}
+
+const std::string kBlobsPath = "/v1/blobs/";
 
 }  // namespace
 
@@ -64,6 +75,7 @@ struct Door::Impl {
   std::unique_ptr<v1::Scenes::Stub> scenes;
   std::unique_ptr<v1::Render::Stub> render;
   std::unique_ptr<v1::Admin::Stub> admin;
+  std::unique_ptr<v1::Blobs::Stub> blobs;
   std::string schema;
   std::atomic<bool> stopping{false};
   MHD_Daemon* daemon = nullptr;
@@ -209,7 +221,51 @@ struct Door::Impl {
       request.set_scene(path.substr(scenesPath.size()));
       return unary<v1::SceneInfo>(connection, [&](auto* context, auto* queue) { return scenes->AsyncInspect(context, request, queue); });
     }
+    if (path.rfind(kBlobsPath, 0) == 0) return received(connection, path.substr(kBlobsPath.size()));
     return fail(connection, grpc::StatusCode::NOT_FOUND, "nothing to GET at " + path.substr(0, 200) + " (docs/live.md)");
+  }
+
+  /// Bytes that are there of the blob: all of them, or where to go on.
+  MHD_Result received(MHD_Connection* connection, const std::string& sha256) {
+    v1::MissingBlobsRequest request;
+    request.add_blobs()->set_sha256(sha256);
+    request.mutable_blobs(0)->set_bytes(queryNumber(connection, "bytes").value_or(0));
+    UpstreamCall call(goneOf(connection));
+    dress(connection, call.context);
+    v1::MissingBlobsReply missing;
+    const grpc::Status status = callOnce(
+        call, [&](auto* context, auto* queue) { return blobs->AsyncMissing(context, request, queue); }, missing);
+    if (!status.ok()) return fail(connection, status, &call);
+    v1::PutBlobReply answer;
+    answer.set_received(missing.missing_size() ? missing.missing(0).received() : request.blobs(0).bytes());
+    return json(connection, answer);
+  }
+
+  /// Begins to take a body of bytes. Ok, or what to answer at once.
+  grpc::Status beginPut(MHD_Connection* connection, const std::string& sha256, Exchange& exchange) {
+    if (const grpc::Status known = checkSecret(connection); !known.ok()) return known;
+    // A form of somebody else's page cannot send this type without asking first.
+    const char* type = headerOf(connection, MHD_HTTP_HEADER_CONTENT_TYPE);
+    if (!type || std::string(type) != "application/octet-stream")
+      return {grpc::StatusCode::INVALID_ARGUMENT,
+              "Content-Type: " + escaped(std::string(type ? type : "none was sent").substr(0, 80)) + ": must be application/octet-stream"};
+    const auto bytes = queryNumber(connection, "bytes");
+    if (!bytes) return {grpc::StatusCode::INVALID_ARGUMENT, "bytes: the query must say how many the whole file has"};
+    const bool given = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "offset") != nullptr;
+    const auto offset = queryNumber(connection, "offset");
+    if (given && !offset) return {grpc::StatusCode::INVALID_ARGUMENT, "offset: must be a whole number"};
+    v1::BlobDigest blob;
+    blob.set_sha256(sha256);
+    blob.set_bytes(*bytes);
+    exchange.put = std::make_unique<PutStream>(goneOf(connection));
+    dress(connection, exchange.put->context());
+    exchange.put->begin(*blobs, blob, offset.value_or(0));
+    return grpc::Status::OK;
+  }
+  MHD_Result endPut(MHD_Connection* connection, PutStream& put) {
+    v1::PutBlobReply answer;
+    const grpc::Status status = put.finish(answer);
+    return status.ok() ? json(connection, answer) : fail(connection, status, &put.call());
   }
 
   template <typename Request>
@@ -263,8 +319,19 @@ struct Door::Impl {
     Exchange* exchange = static_cast<Exchange*>(*state);
     if (!exchange) {  // the head alone has come: what is refused by it is refused before its body is read
       *state = exchange = new Exchange();
-      const grpc::Status admitted = impl.admit(connection);
+      grpc::Status admitted = impl.admit(connection);
+      const std::string path = url;
+      if (admitted.ok() && path.rfind(kBlobsPath, 0) == 0 && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
+        try {
+          admitted = impl.beginPut(connection, path.substr(kBlobsPath.size()), *exchange);
+        } catch (const std::exception& e) { admitted = {grpc::StatusCode::INTERNAL, std::string("exception in the door: ") + e.what()}; }
+      }
       return admitted.ok() ? MHD_YES : fail(connection, admitted);
+    }
+    if (*bytes > 0 && exchange->put) {
+      exchange->put->add(data, *bytes);
+      *bytes = 0;
+      return MHD_YES;
     }
     if (*bytes > 0) {
       exchange->tooLarge = exchange->tooLarge || exchange->body.size() + *bytes > impl.options.requestBytes;
@@ -274,6 +341,7 @@ struct Door::Impl {
       return MHD_YES;
     }
     try {
+      if (exchange->put) return impl.endPut(connection, *exchange->put);
       const std::string path = url;
       if (std::strcmp(method, MHD_HTTP_METHOD_GET) == 0 || std::strcmp(method, MHD_HTTP_METHOD_HEAD) == 0) return impl.get(connection, path);
       if (std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) return impl.post(connection, path, *exchange);
@@ -305,6 +373,7 @@ Result<std::unique_ptr<Door>> Door::start(DoorOptions options) {
   impl.scenes = v1::Scenes::NewStub(impl.options.channel);
   impl.render = v1::Render::NewStub(impl.options.channel);
   impl.admin = v1::Admin::NewStub(impl.options.channel);
+  impl.blobs = v1::Blobs::NewStub(impl.options.channel);
   impl.schema = schemaJson(*v1::RenderRequest::descriptor());
   self->address_ = bound.served;
   const bool tls = !impl.options.cert.empty();

@@ -144,4 +144,48 @@ ssize_t RenderStream::read(char* to, size_t most) {
   return ssize_t(n);
 }
 
+PutStream::~PutStream() {
+  if (!writer_ || over_) return;
+  call_.cancel();
+  end();
+}
+
+void PutStream::begin(v1::Blobs::Stub& stub, const v1::BlobDigest& blob, uint64_t offset) {
+  *message_.mutable_blob() = blob;
+  message_.set_offset(offset);
+  writer_ = stub.PrepareAsyncPut(&call_.context, &reply_, &call_.queue);
+  writer_->StartCall(nullptr);
+  call_.wait();  // however it ended: Finish has the status
+}
+
+void PutStream::add(const char* data, size_t bytes) {
+  if (over_) return;
+  message_.mutable_data()->append(data, bytes);
+  if (message_.data().size() >= kMessage) write();
+}
+
+void PutStream::write() {
+  writer_->Write(message_, nullptr);
+  sent_ = true;
+  message_.Clear();
+  if (call_.wait() != Upstream::Event) end();
+}
+
+void PutStream::end() {
+  writer_->Finish(&status_, nullptr);
+  call_.wait();
+  over_ = true;
+}
+
+grpc::Status PutStream::finish(v1::PutBlobReply& reply) {
+  if (!over_ && (!sent_ || !message_.data().empty())) write();
+  if (!over_) {
+    writer_->WritesDone(nullptr);
+    call_.wait();
+    end();
+  }
+  reply = reply_;
+  return status_;
+}
+
 }  // namespace gobo

@@ -75,6 +75,31 @@ class RenderStream {
   grpc::Status status_;
 };
 
+/// The body of an HTTP request on its way into Blobs.Put, piece by piece: no more of it than one message is held.
+class PutStream {
+ public:
+  explicit PutStream(std::function<bool()> gone) : call_(std::move(gone)) {}
+  ~PutStream();  ///< one that was not finished is cancelled: what arrived of it stays
+  grpc::ClientContext& context() { return call_.context; }
+  void begin(v1::Blobs::Stub& stub, const v1::BlobDigest& blob, uint64_t offset);
+  /// What comes after a refusal is dropped; finish() tells it.
+  void add(const char* data, size_t bytes);
+  grpc::Status finish(v1::PutBlobReply& reply);
+  const UpstreamCall& call() const { return call_; }
+
+ private:
+  void write();
+  void end();
+  static constexpr size_t kMessage = 256 << 10;
+
+  UpstreamCall call_;
+  std::unique_ptr<grpc::ClientAsyncWriter<v1::PutBlobRequest>> writer_;
+  v1::PutBlobRequest message_;
+  v1::PutBlobReply reply_;
+  bool sent_ = false, over_ = false;  // the first message; the call has ended
+  grpc::Status status_;
+};
+
 /// {"code":"NOT_FOUND","message":"..."}
 std::string errorJson(const grpc::Status& status);
 int httpStatusOf(grpc::StatusCode code);

@@ -85,7 +85,7 @@ void DurableJobs::mindResults() {
   if (!needed.ok()) return;
   std::vector<std::string> loaded;
   for (const v1::SceneInfo& info : engine_->listScenes())
-    if (info.source().rfind("upload:", 0) == 0) loaded.push_back(info.source().substr(7, 16));
+    if (const std::string digest = keptSceneDigest(info.source()); !digest.empty()) loaded.push_back(digest);
   files_.sweepScenes(*needed, loaded);
 }
 

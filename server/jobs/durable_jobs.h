@@ -27,6 +27,8 @@ class DurableJobs {
   const JobWorkerStats& stats() const { return worker_->stats(); }
   /// Keeps an upload for the jobs that may need it: `name` = sha256 + extension.
   Status keepUpload(const std::string& path, const std::string& name) { return files_.adopt(path, files_.scenePath(name)); }
+  /// The same for the files of a scene that was opened by their digests; `key` names them.
+  Status keepTree(const std::string& folder, const std::string& key) { return files_.adoptTree(folder, files_.scenePath(key)); }
 
  private:
   DurableJobs() = default;

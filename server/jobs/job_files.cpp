@@ -129,6 +129,25 @@ Status JobFiles::adopt(const std::string& from, const std::string& path) {
   return write(path, bytes.data(), bytes.size());
 }
 
+Status JobFiles::adoptTree(const std::string& from, const std::string& path) {
+  struct stat info {};
+  if (::stat(path.c_str(), &info) == 0) {
+    ::utimensat(AT_FDCWD, path.c_str(), nullptr, 0);  // young again: no sweep
+    return {};
+  }
+  const std::string temp = temps_ + std::to_string(counter_++) + ".tmp";
+  std::error_code error;
+  Status status = makeFolder(temp);
+  for (fs::recursive_directory_iterator it(from, error), end; status.ok() && !error && it != end; it.increment(error)) {
+    const std::string to = temp + it->path().string().substr(from.size());
+    status = it->is_directory(error) ? makeFolder(to) : adopt(it->path().string(), to);
+  }
+  if (status.ok() && error) status = failed("list", from, error.value());
+  if (status.ok() && ::rename(temp.c_str(), path.c_str()) != 0 && ::stat(path.c_str(), &info) != 0) status = failed("rename the new folder to", path, errno);
+  fs::remove_all(temp, error);  // also where another call was first
+  return status.ok() ? syncFolder(fs::path(path).parent_path().string()) : status;
+}
+
 Result<std::vector<uint8_t>> JobFiles::read(const std::string& path) const {
   const Descriptor d{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)};
   struct stat info {};
@@ -236,11 +255,12 @@ void JobFiles::sweepScenes(const std::vector<std::string>& needed, const std::ve
   std::vector<fs::path> gone;
   for (fs::directory_iterator it(folder_ + "/scenes", error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string();
-    if (std::find(needed.begin(), needed.end(), name) != needed.end()) continue;
+    const auto isOf = [&](const std::string& n) { return n == name || n.rfind(name + "/", 0) == 0 || name.rfind(n + ".", 0) == 0; };
+    if (std::any_of(needed.begin(), needed.end(), isOf)) continue;
     if (std::any_of(loaded.begin(), loaded.end(), [&](const std::string& digest) { return name.rfind(digest, 0) == 0; })) continue;
     if (litter.lain(it->path().string(), kSceneSeconds)) gone.push_back(it->path());
   }
-  for (const fs::path& p : gone) fs::remove(p, error);
+  for (const fs::path& p : gone) fs::remove_all(p, error);
 }
 
 }  // namespace gobo

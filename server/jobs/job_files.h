@@ -7,6 +7,8 @@
 //   FOLDER/checkpoints/JOB-INDEX-DIGEST.term   32 hex digits, xxh3-128 of the bytes (docs/term_file.md)
 //   FOLDER/results/JOB/SHA256        a finished picture, encoded
 //   FOLDER/scenes/SHA256.glb         an uploaded scene
+//   FOLDER/scenes/KEY/NAME...        one of several files (server/file_store.h)
+//   FOLDER/scenes/SHA256.hdr         an environment that was put (.exr)
 //   FOLDER/marks/                    which frames a crashed daemon worked on (crash_marks.h)
 // Thread-safe but for open().
 #pragma once
@@ -31,7 +33,7 @@ class JobFiles {
   /// Removes temp files, and checkpoints and results of jobs that the store has made and no row needs (results only of jobs that are over),
   /// once they have lain unchanged for `age` seconds of this process (0 only when alone: a file is written before its row).
   Status sweep(JobStore& store, double age);
-  /// Uploaded scenes that neither an unfinished job nor `loaded` (first 16 digits of the sha256) needs, after ten minutes of that.
+  /// Uploaded scenes and environments that neither an unfinished job nor `loaded` (first 16 digits of the sha256) needs, after ten minutes of that.
   void sweepScenes(const std::vector<std::string>& needed, const std::vector<std::string>& loaded);
 
   std::string storePath() const { return folder_ + "/jobs.sqlite"; }
@@ -54,6 +56,8 @@ class JobFiles {
   Status write(const std::string& path, const void* bytes, size_t size);
   /// Takes over a file of the same or another file system.
   Status adopt(const std::string& from, const std::string& path);
+  /// The same for a folder of files, whole or not at all.
+  Status adoptTree(const std::string& from, const std::string& path);
   Result<std::vector<uint8_t>> read(const std::string& path) const;  ///< NotFound, Internal
   void remove(const std::string& path);
   void removeResults(int64_t job);

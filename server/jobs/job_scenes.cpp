@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/jobs/job_scenes.h"
 
+#include <algorithm>
+#include <cctype>
 #include <filesystem>
 
 #include "base/descriptor.h"
@@ -15,12 +17,14 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// A file under FOLDER/scenes that begins with the digest of an "upload:DIGEST.ext" source.
+/// The file under FOLDER/scenes of an "upload:DIGEST.ext" or "blobs:DIGEST/NAME" source.
 std::string keptUpload(const std::string& folder, const std::string& source) {
-  const std::string digest = source.substr(7, 16);
+  const std::string digest = keptSceneDigest(source), file = source.rfind("blobs:", 0) == 0 ? source.substr(22) : "";
   std::error_code error;
-  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error))
-    if (const std::string name = it->path().filename().string(); digest.size() == 16 && name.rfind(digest, 0) == 0) return name;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    if (name.rfind(digest, 0) == 0 && it->is_directory(error) == !file.empty()) return name + file;
+  }
   return {};
 }
 
@@ -29,7 +33,29 @@ bool readable(const Scene& scene) { return !scene.file || scene.file->intact(); 
 
 }  // namespace
 
+std::string keptSceneDigest(const std::string& source) {
+  const std::string digest = source.rfind("upload:", 0) == 0 ? source.substr(7, 16) : source.rfind("blobs:", 0) == 0 ? source.substr(6, 16) : "";
+  return digest.size() == 16 ? digest : "";
+}
+
+std::string JobScenes::environmentFile(const v1::RenderRequest& request) const {
+  if (!request.environment().has_digest()) return {};
+  std::string digest = request.environment().digest();
+  std::transform(digest.begin(), digest.end(), digest.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+  std::error_code error;
+  const std::string exr = files_.scenePath(digest + ".exr");
+  return fs::exists(exr, error) ? exr : files_.scenePath(digest + ".hdr");
+}
+
 Result<std::string> JobScenes::environmentDigest(const v1::RenderRequest& request, const StopToken& stop) const {
+  if (const std::string kept = environmentFile(request); !kept.empty()) {
+    auto opened = openRegular(kept);
+    if (!opened.ok())
+      return Status(Code::FailedPrecondition, "the file of environment.digest = " + request.environment().digest() + " is not kept any more: put it again",
+                    "request.environment.digest");
+    const Descriptor fd(*opened);
+    return fileDigest(fd.get(), request.environment().digest(), {inputBytes_, "ingest.input_bytes"}, stop);
+  }
   const std::string& path = request.environment().path();
   if (path.empty() || path == "none") return std::string();
   GOBO_ASSIGN(const std::string real, engine_.allowedPath(path, "request.environment.path"));
@@ -38,15 +64,20 @@ Result<std::string> JobScenes::environmentDigest(const v1::RenderRequest& reques
   return fileDigest(fd.get(), real, {inputBytes_, "ingest.input_bytes"}, stop);
 }
 
-Status JobScenes::describe(NewJob& job, const SceneAccess& access, const StopToken& stop) {
+Status JobScenes::describe(NewJob& job, const SceneAccess& access, const StopToken& stop, const std::string& environmentFile) {
   const v1::RenderRequest& request = job.spec.request();
   GOBO_ASSIGN(const v1::SceneInfo info, engine_.inspectScene(request.scene(), access));
   job.sceneSource = info.source();
-  if (job.sceneSource.rfind("upload:", 0) == 0) {
+  if (!keptSceneDigest(job.sceneSource).empty()) {
     job.sceneFile = keptUpload(files_.scenePath(""), job.sceneSource);
     if (job.sceneFile.empty())
       return {Code::FailedPrecondition, "the uploaded file of scene '" + request.scene() + "' is not kept any more: upload it again", "job.request.scene"};
-    GOBO_TRY(files_.adopt("", files_.scenePath(job.sceneFile)));  // young again: not swept before the job is in the store
+    GOBO_TRY(files_.adopt("", files_.scenePath(job.sceneFile.substr(0, job.sceneFile.find('/')))));  // young again: not swept before the job is in the store
+  }
+  if (request.environment().has_digest()) {
+    std::string digest = request.environment().digest();
+    std::transform(digest.begin(), digest.end(), digest.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+    GOBO_TRY(files_.adopt(environmentFile, files_.scenePath(digest + fs::path(environmentFile).extension().string())));
   }
   GOBO_ASSIGN(job.environmentDigest, environmentDigest(request, stop));
   return {};
@@ -58,8 +89,8 @@ Result<ScenePtr> JobScenes::get(const JobRecord& record) {
   GOBO_ASSIGN(const std::string environment, environmentDigest(request, {}));
   if (environment != record.environmentDigest)
     return Status(Code::FailedPrecondition,
-                  "environment '" + request.environment().path() + "' changed since the job was submitted: its file had sha256 " + record.environmentDigest +
-                      ", now " + environment,
+                  "environment '" + request.environment().path() + request.environment().digest() +
+                      "' changed since the job was submitted: its file had sha256 " + record.environmentDigest + ", now " + environment,
                   "request.environment.path");
   std::string loadedHash;
   if (auto scene = engine_.scene(request.scene()); scene.ok()) {

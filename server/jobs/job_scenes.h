@@ -11,12 +11,17 @@
 
 namespace gobo {
 
+/// The first 16 digits of what names a scene's files under FOLDER/scenes: of sources "upload:DIGEST.glb" and "blobs:DIGEST/NAME"; empty for others.
+std::string keptSceneDigest(const std::string& source);
+
 class JobScenes {
  public:
   /// Environment files above `inputBytes` are refused.
   JobScenes(Engine& engine, JobFiles& files, uint64_t inputBytes = UINT64_MAX) : engine_(engine), files_(files), inputBytes_(inputBytes) {}
-  /// At submission: fills in sceneSource, sceneFile, environmentDigest.
-  Status describe(NewJob& job, const SceneAccess& access = {}, const StopToken& stop = {});
+  /// At submission: fills in sceneSource, sceneFile, environmentDigest. `environmentFile`, that of request.environment.digest, is kept for the job.
+  Status describe(NewJob& job, const SceneAccess& access = {}, const StopToken& stop = {}, const std::string& environmentFile = {});
+  /// What was kept for request.environment.digest; empty without one.
+  std::string environmentFile(const v1::RenderRequest& request) const;
   /// Errors: FailedPrecondition naming both hashes; what loading says.
   Result<std::shared_ptr<const Scene>> get(const JobRecord& record);
 

@@ -52,7 +52,8 @@ std::string specDigest(const v1::JobSpec& sent) {
   return sha256Hex(bytes.data(), bytes.size());
 }
 
-Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engine& engine, double nowUnix, const SceneAccess& access, const StopToken& stop) {
+Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engine& engine, double nowUnix, const SceneAccess& access, const StopToken& stop,
+                       const std::string& environmentFile) {
   NewJob job;
   job.digest = specDigest(sent);
   job.client = client;
@@ -84,7 +85,8 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
   const int64_t count = (range.last() - range.first()) / range.step() + 1;
   if (count > kMostFrames) return invalidArgument(strf("job.frames: %lld frames, at most %lld", (long long)count, (long long)kMostFrames), "job.frames");
   for (int64_t i = 0; i < count; ++i) job.frames.push_back(range.first() + i * range.step());
-  GOBO_TRY(engine.prepare(frameRequest(spec, range.first()), nullptr, stop, access).status());  // the plan can be made: outputs, lights, environment
+  GOBO_TRY(engine.prepare(frameRequest(spec, range.first()), nullptr, stop, access, environmentFile)
+               .status());  // the plan can be made: outputs, lights, environment
   job.sceneHash = spec.request().scene_hash();
   return job;
 }

@@ -11,10 +11,10 @@ namespace gobo {
 constexpr size_t kSpecBytes = 1 << 20;  ///< of a job's spec as it is kept: lists show many of them
 
 /// Checks the spec, resolves its request against the scene as it is now, and makes the frames. `client` is the one that is
-/// charged. Fields that this build does not know are dropped; what is left may have kSpecBytes. Leaves sceneFile and environmentDigest to the caller. Errors:
-/// InvalidArgument naming the field ("job.frames.last"); the engine's own for the request.
+/// charged. Fields that this build does not know are dropped; what is left may have kSpecBytes. Leaves sceneFile and environmentDigest to the caller;
+/// `environmentFile`: see PreparedRender. Errors: InvalidArgument naming the field ("job.frames.last"); the engine's own for the request.
 Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engine& engine, double nowUnix, const SceneAccess& access = {},
-                       const StopToken& stop = {});
+                       const StopToken& stop = {}, const std::string& environmentFile = {});
 /// Of the spec as sent, whatever order its maps have.
 std::string specDigest(const v1::JobSpec& sent);
 /// The request of a frame: time_s = frame / fps when fps is given.

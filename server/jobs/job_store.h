@@ -137,7 +137,7 @@ class JobStore {
   virtual Result<std::vector<std::string>> neededResults(int64_t id) = 0;  ///< sha256 of a job's files
   virtual Result<std::vector<int64_t>> jobIds() = 0;
   virtual Result<OwnedJobs> owned() = 0;
-  virtual Result<std::vector<std::string>> neededScenes() = 0;  ///< sceneFile of jobs that are not over
+  virtual Result<std::vector<std::string>> neededScenes() = 0;  ///< sceneFile and environmentDigest of jobs that are not over
   virtual Result<JobTotals> totals() = 0;
 };
 

@@ -4,6 +4,7 @@
 
 #include <chrono>
 
+#include "server/blobs_service.h"
 #include "server/jobs/job_spec.h"
 #include "server/limits.h"
 
@@ -52,14 +53,16 @@ grpc::Status JobsService::submit(Rpc& rpc, const v1::JobSpec& spec, v1::Job* rep
     // Before anything is opened: an answer must not tell which files exist where the caller may not look.
     const grpc::Status path = checkPath(rpc, spec.request().environment().path(), "job.request.environment.path");
     if (!path.ok()) return path;
+    const auto environment = environmentFile(rpc, spec.request(), "job.request.environment.digest", call.stop.token());
+    if (!environment.ok()) return toGrpc(environment.status());
     auto place = core_.planning.enter(rpc.who().name, [&] { return rpc.context().IsCancelled() || call.stop.token().stopRequested(); });
     if (!place) return toGrpc(Status(Code::Cancelled, "cancelled while it waited to be planned"));
-    auto job = makeJob(spec, *client, core_.engine, now, rpc.access(), call.stop.token());
+    auto job = makeJob(spec, *client, core_.engine, now, rpc.access(), call.stop.token(), environment->path);
     place.reset();  // planned
     if (!job.ok()) return toGrpc(job.status());
     const grpc::Status allowed = checkRender(rpc, *job->spec.mutable_request(), job->spec.request());
     if (!allowed.ok()) return allowed;
-    const Status described = jobs.scenes().describe(*job, rpc.access(), call.stop.token());
+    const Status described = jobs.scenes().describe(*job, rpc.access(), call.stop.token(), environment->path);
     if (!described.ok()) return toGrpc(described);
     bool existed = false;
     id = jobs.store().submit(*job, existed);

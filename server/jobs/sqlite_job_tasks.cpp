@@ -419,7 +419,9 @@ Result<std::vector<std::string>> SqliteJobStore::texts(const char* sql, int64_t 
 Result<std::vector<std::string>> SqliteJobStore::neededCheckpoints() { return texts("SELECT job || '-' || idx || '-' || digest FROM checkpoint"); }
 Result<std::vector<std::string>> SqliteJobStore::neededResults(int64_t id) { return texts("SELECT sha256 FROM file WHERE job = ?1", id); }
 Result<std::vector<std::string>> SqliteJobStore::neededScenes() {
-  return texts("SELECT DISTINCT scene_file FROM job WHERE state IN (1, 2, 3) AND scene_file <> ''");
+  return texts(
+      "SELECT scene_file FROM job WHERE state IN (1, 2, 3) AND scene_file <> '' "
+      "UNION SELECT environment_digest FROM job WHERE state IN (1, 2, 3) AND environment_digest <> ''");
 }
 
 Result<std::vector<int64_t>> SqliteJobStore::jobIds() {

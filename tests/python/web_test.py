@@ -285,5 +285,72 @@ class View(unittest.TestCase):
         self.assertEqual(process.wait(20), 0)
 
 
+class Blobs(Door):
+    """Files by their digest: GET says how much is there, POST goes on from there."""
+    BYTES = {"Content-Type": "application/octet-stream"}
+
+    def has(self, data, **more):
+        connection, answer = self.open(f"/v1/blobs/{hashlib.sha256(data).hexdigest()}?bytes={len(data)}", **more)
+        body = json.loads(answer.read())
+        connection.close()   # an address may have half of the door's connections
+        self.assertEqual(answer.status, 200)
+        return int(body.get("received", 0))
+
+    def put(self, data, offset=None, query=None, headers=None):
+        address = f"/v1/blobs/{hashlib.sha256(data).hexdigest()}" + (f"?bytes={len(data)}" if query is None else query)
+        return self.call(address + ("" if offset is None else f"&offset={offset}"), data[offset or 0:], self.BYTES if headers is None else headers)
+
+    def test_a_file_larger_than_a_message_is_put_and_lights_a_scene(self):
+        sky = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + bytes([200, 100, 50, 130] * 8)
+        large = os.urandom(3 << 20)   # request_bytes is 1 MiB
+        for data in (sky, large):
+            self.assertEqual(self.has(data), 0)
+            status, body, _ = self.put(data)
+            self.assertEqual((status, int(body["received"])), (200, len(data)))
+            self.assertEqual(self.has(data), len(data))
+            self.assertEqual(self.put(data, len(data))[0], 200, "what is there need not be sent")
+        picture = {"scene": "cornell", "width": 32, "height": 24, "halt": {"spp": 4}, "encoding": {"format": "RAW_FLOAT"}}
+        status, lit, _ = self.call("/v1/render", {**picture, "environment": {"digest": hashlib.sha256(sky).hexdigest()}})
+        self.assertEqual(status, 200)
+        self.assertNotEqual(lit, self.call("/v1/render", picture)[1])
+
+    def test_a_connection_that_breaks_is_gone_on_with(self):
+        data = os.urandom(4 << 20)
+        address = f"/v1/blobs/{hashlib.sha256(data).hexdigest()}?bytes={len(data)}"
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
+        connection.putrequest("POST", address)
+        connection.putheader("Content-Type", "application/octet-stream")
+        connection.putheader("Content-Length", str(len(data)))
+        connection.endheaders()
+        connection.send(data[:3 << 20])
+        self.eventually(lambda: self.has(data) >= 2 << 20)
+        connection.close()
+        before = 0
+
+        def settled():
+            nonlocal before
+            before, was = self.has(data), before
+            return before == was and self.put(data, before)[0] == 200
+        self.eventually(settled)
+        self.assertEqual(self.has(data), len(data))
+
+    def test_what_is_refused(self):
+        data = b"some bytes"
+        address = f"/v1/blobs/{hashlib.sha256(data).hexdigest()}?bytes=10"
+        self.assertEqual(self.error(address, data, JSON)[:2], (400, "INVALID_ARGUMENT"))
+        self.assertEqual(self.error(address, data, {**self.BYTES, "Origin": "http://evil.example"})[:2], (403, "PERMISSION_DENIED"))
+        for query, word in (("", "bytes"), ("?bytes=ten", "bytes"), ("?bytes=-1", "bytes"), ("?bytes=10&offset=x", "offset"), ("?bytes=10&offset=5", "put.offset = 5"),
+                            ("?bytes=9", "put.blob.bytes = 9"), ("?bytes=0", "put.blob.bytes = 0"), ("?bytes=11", "10 of put.blob.bytes = 11")):
+            status, body, _ = self.put(data, query=query)
+            self.assertEqual((status, body["error"]["code"] in ("INVALID_ARGUMENT", "OUT_OF_RANGE")), (400, True), query)
+            self.assertIn(word, body["error"]["message"], query)
+        self.assertEqual(self.error("/v1/blobs/12?bytes=10")[:2], (400, "INVALID_ARGUMENT"))
+        self.assertEqual(self.error(address.split("?")[0])[:2], (400, "INVALID_ARGUMENT"))
+        status, body, _ = self.call(address, b"Some bytes", self.BYTES)
+        self.assertEqual(status, 400)
+        self.assertIn("sha256", body["error"]["message"])
+        self.assertEqual(self.put(data)[0], 200)
+
+
 if __name__ == "__main__":
     unittest.main()

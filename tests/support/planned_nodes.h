@@ -16,6 +16,7 @@
 #include "scene/load.h"
 #include "support/engines.h"
 #include "trace/accel.h"
+#include "trace/sample_passes.h"
 
 namespace gobo::testing {
 
@@ -49,10 +50,9 @@ struct Planned {
     const auto request = engine->resolve(named);
     EXPECT_TRUE(request.ok()) << request.status().toString();
     const ScenePtr scene = asked.scene() == "pane" ? paneScene() : *engine->scene(asked.scene());
-    const uint32_t size = blockSizeFor(request->halt().spp());
     PlannerServices services;
     services.expand = [&](const Graph& graph, NodeId node) { return Executor(graph, executorServices(), {}).evaluate(node); };
-    auto made = makePlan(scene, *request, (request->halt().spp() + size - 1) / size, size, services);
+    auto made = makePlan(scene, *request, passesFor(request->halt().spp()), services);
     EXPECT_TRUE(made.ok()) << made.status().toString();
     plan = std::move(*made);
     executor = std::make_unique<Executor>(plan->graph, executorServices(), StopToken());
@@ -110,8 +110,8 @@ inline v1::RenderRequest withLamp(int width, int height, LightKind kind) {
 }
 
 inline void addEveryOutput(v1::RenderRequest& r) {
-  for (const char* o : {"beauty", "direct", "diffuse", "albedo", "normal", "position", "depth", "alpha", "object_id", "material_id", "motion", "sample_count",
-                        "variance", "unoccluded:lamp", "visibility:lamp"})
+  for (const char* o : {"beauty", "direct", "diffuse", "albedo", "normal", "position", "depth", "z_depth", "alpha", "object_id", "material_id", "motion",
+                        "sample_count", "variance", "unoccluded:lamp", "visibility:lamp"})
     r.add_outputs(o);
 }
 
@@ -158,6 +158,20 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
   v1::RenderRequest many = withLamp(width, height, LightKind::Spot);
   for (const char* a : {"integrator.max_groups=1", "shadows.ray_traced.samples=1", "lights.other.kind=POINT", "lights.other.position=0,1,0"}) set(many, a);
   all.emplace_back("cluster", many);
+  // Cameras and backgrounds of their own, with everything that reads a camera.
+  for (const std::vector<const char*>& edits : std::vector<std::vector<const char*>>{
+           {"camera.panorama=true", "camera.position=0.1,1,0.4", "camera.clip_near=0.3", "environment.background=TRANSPARENT"},
+           {"camera.focal_x=40", "camera.focal_y=33", "camera.center_x=17.5", "camera.clip_near=3.1", "camera.clip_far=4.2", "environment.background=COLOR",
+            "environment.background_color=0.1,0.2,0.7"},
+           {"camera.orthographic_height=3", "camera.clip_near=3.2", "camera.clip_far=4", "environment.background=BLURRED",
+            "environment.background_blur_deg=40"}}) {
+    v1::RenderRequest r = withLamp(width, height, LightKind::Rect);
+    set(r, "lights.lamp.shadow.axis_aligned.k=3");
+    set(r, "environment.sky.turbidity=3");
+    for (const char* e : edits) set(r, e);
+    addEveryOutput(r);
+    all.emplace_back(edits[0], r);
+  }
   return all;
 }
 

@@ -21,6 +21,7 @@ except ImportError as _error:
     raise
 
 from . import camera, exr, schema
+from .blobs import Blob, Blobs, blob
 from .camera import Camera
 from .cancellation import Cancellation, Stream
 from .client import Client, Progressive, connect, local
@@ -39,10 +40,10 @@ from .wire import Tls
 if TYPE_CHECKING:
     from . import aio, widget
 
-__all__ = ["Aborted", "AlreadyExists", "Camera", "Cancellation", "Cancelled", "Certificate", "Client", "Daemon", "DataLoss", "DeadlineExceeded", "Error",
+__all__ = ["Aborted", "AlreadyExists", "Blob", "Blobs", "Camera", "Cancellation", "Cancelled", "Certificate", "Client", "Daemon", "DataLoss", "DeadlineExceeded", "Error",
            "FailedPrecondition", "FrameState", "Image", "Internal", "InvalidArgument", "Job", "JobState", "Jobs", "LightInfo", "Node", "NotFound",
            "OutOfRange", "PermissionDenied", "Progress", "Progressive", "RenderRequest", "RequestFields", "ResourceExhausted", "Result", "Scene", "Scenes",
-           "Session", "Stream", "Tls", "Unauthenticated", "Unavailable", "Unimplemented", "aio", "camera", "connect", "exr", "local", "schema", "widget"]
+           "Session", "Stream", "Tls", "Unauthenticated", "Unavailable", "Unimplemented", "aio", "blob", "camera", "connect", "exr", "local", "schema", "widget"]
 
 
 def __getattr__(name: str) -> Any:

@@ -6,7 +6,8 @@ import os
 from typing import Any, Callable, Iterator, Optional, Sequence, Union, Unpack
 
 from . import errors
-from .cancellation import Cancellation, Stream
+from .blobs import Blobs, Environments
+from .cancellation import Cancellation, Stream, current, scope
 from .daemon import Daemon
 from .fields import RequestFields, fill, whole_of
 from .jobs import Jobs
@@ -40,6 +41,7 @@ class Client:
     Attributes:
         scenes: `Scenes`.
         jobs: `Jobs`.
+        blobs: `Blobs`, files for a server that cannot open them; scenes and environments use it by themselves.
         address: where the server is.
     """
 
@@ -48,8 +50,10 @@ class Client:
         self._daemon = daemon
         self._render = service_pb2_grpc.RenderStub(wire.channel)
         self._admin = service_pb2_grpc.AdminStub(wire.channel)
-        self.scenes = Scenes(wire, upload_limit)
-        self.jobs = Jobs(wire, self.scenes)
+        self.blobs = Blobs(wire)
+        self._environments = Environments(self.blobs)
+        self.scenes = Scenes(wire, upload_limit, self.blobs)
+        self.jobs = Jobs(wire, self.scenes, self._environments)
 
     @property
     def address(self) -> str:
@@ -72,7 +76,8 @@ class Client:
                **fields: "Unpack[RequestFields]") -> Result:
         """Renders a scene: a file, the id of a loaded scene, a built-in name, or a `Scene`.
 
-        A .glb or .gltf that the server cannot open is uploaded. Keywords are fields of the request (`RequestFields`); those of
+        A .glb or .gltf, or an environment's .hdr or .exr, that the server cannot open is sent to it. `env` may also be an array (height, width, 3) of linear
+        radiance, a lat-long map. Keywords are fields of the request (`RequestFields`); those of
         nested messages as dicts, by `set={"integrator.max_bounces": 2}`, or as `integrator__max_bounces=2`:
 
             r = client.render("scene.glb", env="studio.hdr", size=(640, 480), spp=256, lights={"key": {"color": (1, 0.5, 0.2)}})
@@ -89,7 +94,7 @@ class Client:
         method = self._render.Render if on_progress is None else self._render.RenderProgressive
         if not request.scheduling.HasField("ladder"):
             request.scheduling.ladder = False  # nobody sees early pictures
-        return self._last(self._wire.stream(method, request, timeout, cancel), on_progress)
+        return self._last(self._stream(method, request, timeout, cancel), on_progress)
 
     def render_progressive(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None,
                            on_progress: Optional[ProgressCallback] = None, cancel: Optional[Cancellation] = None,
@@ -106,7 +111,13 @@ class Client:
         """What `render` of the same would do, without doing it: `plan` (nodes with expected ms and rays, results that are there already), `ms`, `rays`,
         `pinned_bytes`, and `resolved`, the request with every default filled in.
         """
-        return self._wire.unary(self._render.Plan, self._request(scene, fields, timeout, cancel), timeout, cancel)
+        request = self._request(scene, fields, timeout, cancel)
+        try:
+            return self._wire.unary(self._render.Plan, request, timeout, cancel)
+        except (errors.PermissionDenied, errors.NotFound) as e:
+            if not self._mend(request.environment, e, timeout, cancel):
+                raise
+        return self._wire.unary(self._render.Plan, request, timeout, cancel)
 
     def relight(self, render_id: Union[str, Result], *, timeout: Optional[float] = None, on_progress: Optional[ProgressCallback] = None,
                 cancel: Optional[Cancellation] = None, **fields: "Unpack[RequestFields]") -> Result:
@@ -115,16 +126,16 @@ class Client:
         Keywords are those of `render`. `lights={"key": None}` undoes an edit of that light. `env=` replaces the environment as a
         whole; `set={"environment.rotation_deg": 90}` turns the one that is there.
         """
-        request = self._relight(render_id, fields)
+        request = self._relight(render_id, fields, timeout, cancel)
         request.progressive = on_progress is not None
-        return self._last(self._wire.stream(self._render.Relight, request, timeout, cancel), on_progress)
+        return self._last(self._stream(self._render.Relight, request, timeout, cancel), on_progress)
 
     def relight_progressive(self, render_id: Union[str, Result], *, timeout: Optional[float] = None, on_progress: Optional[ProgressCallback] = None,
                             cancel: Optional[Cancellation] = None, **fields: "Unpack[RequestFields]") -> Progressive:
         """Like `relight`, but yields valid pictures on the way, as `render_progressive` does."""
-        request = self._relight(render_id, fields)
+        request = self._relight(render_id, fields, timeout, cancel)
         request.progressive = True
-        return Progressive(lambda own: self._results(self._wire.stream(self._render.Relight, request, timeout, own), on_progress), cancel)
+        return Progressive(lambda own: self._results(self._stream(self._render.Relight, request, timeout, own), on_progress), cancel)
 
     def session(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, on_picture: Optional[PictureCallback] = None,
                 on_error: Optional[ErrorCallback] = None, timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> Session:
@@ -141,7 +152,7 @@ class Client:
             timeout: seconds that each render may take.
         """
         return Session(self._request(scene, fields, timeout), lambda request, stop: self._snapshots(request, timeout, None, stop),
-                       on_picture, on_error)
+                       on_picture, on_error, lambda edits: self._environments.put_arrays(edits, timeout))
 
     def status(self, *, timeout: Optional[float] = None) -> service_pb2.StatusReply:
         """Version, uptime, memory, what runs and waits."""
@@ -155,19 +166,38 @@ class Client:
         """Asks the server to drain and stop (Unix socket only)."""
         self._wire.unary(self._admin.Shutdown, service_pb2.ShutdownRequest(), timeout)
 
-    def _relight(self, render_id: Union[str, Result], fields: Any) -> render_pb2.RelightRequest:
+    def _relight(self, render_id: Union[str, Result], fields: Any, timeout: Optional[float], cancel: Optional[Cancellation]) -> render_pb2.RelightRequest:
         request = render_pb2.RelightRequest(render_id=render_id.render_id if isinstance(render_id, Result) else render_id)
         fields.setdefault("format", "raw_float")
+        with scope(current(cancel)):
+            fields = self._environments.put_arrays(fields, timeout)
         request.mask.extend(fill(request.patch, fields).mask(whole_of(fields)))
         return request
 
     def _snapshots(self, request: render_pb2.RenderRequest, timeout: Optional[float], on_progress: Optional[ProgressCallback],
                    cancel: Optional[Cancellation]) -> Progressive:
-        return Progressive(lambda own: self._results(self._wire.stream(self._render.RenderProgressive, request, timeout, own), on_progress), cancel)
+        return Progressive(lambda own: self._results(self._stream(self._render.RenderProgressive, request, timeout, own), on_progress), cancel)
+
+    def _stream(self, method: Callable[..., Any], request: Any, timeout: Optional[float], cancel: Optional[Cancellation]) -> Iterator[render_pb2.RenderEvent]:
+        relight = isinstance(request, render_pb2.RelightRequest)
+        try:
+            yield from self._wire.stream(method, request, timeout, cancel)
+            return
+        except (errors.PermissionDenied, errors.NotFound) as e:   # before the first event
+            if not self._mend(request.patch.environment if relight else request.environment, e, timeout, cancel):
+                raise
+        if relight and "environment.path" in request.mask:
+            request.mask.append("environment.digest")
+        yield from self._wire.stream(method, request, timeout, cancel)
+
+    def _mend(self, settings: render_pb2.EnvironmentSettings, error: errors.Error, timeout: Optional[float], cancel: Optional[Cancellation]) -> bool:
+        with scope(current(cancel)):
+            return self._environments.mend(settings, error, timeout)
 
     def _request(self, scene: Any, fields: Any, timeout: Optional[float], cancel: Optional[Cancellation] = None) -> render_pb2.RenderRequest:
         request = render_pb2.RenderRequest()
-        fill(request, fields)
+        with scope(current(cancel)):
+            fill(request, self._environments.put_arrays(fields, timeout))
         if not request.encoding.format:
             request.encoding.format = render_pb2.Encoding.RAW_FLOAT
         if scene is None:

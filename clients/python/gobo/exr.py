@@ -95,7 +95,12 @@ def _expand(packed: bytes, size: int) -> bytes:
 
 
 def write(path: str, channels: Mapping[str, np.ndarray], attributes: Optional[Mapping[str, str]] = None) -> None:
-    """Writes 2-D planes by channel name ("R", "albedo.R") as 32-bit float, ZIP, with text attributes.
+    """Writes `encode` of the same."""
+    write_atomic(path, encode(channels, attributes))
+
+
+def encode(channels: Mapping[str, np.ndarray], attributes: Optional[Mapping[str, str]] = None) -> bytes:
+    """An EXR file of 2-D planes by channel name ("R", "albedo.R") as 32-bit float, ZIP, with text attributes.
 
     Errors: InvalidArgument when there is no channel or sizes differ.
     """
@@ -130,7 +135,7 @@ def write(path: str, channels: Mapping[str, np.ndarray], attributes: Optional[Ma
     for block in blocks:
         offsets.append(at)
         at += len(block)
-    write_atomic(path, head + struct.pack(f"<{len(offsets)}Q", *offsets) + b"".join(blocks))
+    return head + struct.pack(f"<{len(offsets)}Q", *offsets) + b"".join(blocks)
 
 
 def _text(data: bytes, at: int) -> Tuple[str, int]:

@@ -20,8 +20,8 @@ from .v1 import render_pb2
 Vector = Union[float, Sequence[float], Mapping[str, float]]
 #: One light of `lights`: fields of LightEdit, a number or RGB triple (gain), True or False (on, off), or None (undo the edit; relight).
 Light = Union[Mapping[str, Any], float, Sequence[float], bool, None]
-#: A file, "none", a uniform radiance, or the fields of EnvironmentSettings.
-Environment = Union[str, "os.PathLike[str]", float, Sequence[float], Mapping[str, Any], None]
+#: A file, "none", a uniform radiance, a lat-long map as an array (height, width, 3), or the fields of EnvironmentSettings.
+Environment = Union[str, "os.PathLike[str]", float, Sequence[float], "np.ndarray", Mapping[str, Any], None]
 
 
 class RequestFields(TypedDict, total=False):

@@ -12,6 +12,7 @@ from typing import Any, Iterable, Iterator, List, Optional, Tuple, Union, Unpack
 import numpy as np
 
 from . import errors, exr
+from .blobs import Environments
 from .cancellation import Cancellation, Stream, current, pause
 from .fields import Builder, RequestFields, fill
 from .scenes import Scene, Scenes
@@ -151,8 +152,9 @@ _CODES = {1: "CANCELLED", 2: "UNKNOWN", 3: "INVALID_ARGUMENT", 4: "DEADLINE_EXCE
 class Jobs:
     """`client.jobs`."""
 
-    def __init__(self, wire: Wire, scenes: Scenes) -> None:
+    def __init__(self, wire: Wire, scenes: Scenes, environments: Environments) -> None:
         self._wire = wire
+        self._environments = environments
         self._scenes = scenes
         self._stub = jobs_pb2_grpc.JobsStub(wire.channel)
 
@@ -171,7 +173,7 @@ class Jobs:
             fields: the request, as for `render`; files are EXR unless `format=` says otherwise.
         """
         request = render_pb2.RenderRequest()
-        fill(request, fields)
+        fill(request, self._environments.put_arrays(fields, timeout))
         request.scene = self._scenes.resolve(scene if scene else request.scene, timeout)
         spec = jobs_pb2.JobSpec(request=request)
         builder = Builder(spec)
@@ -187,6 +189,10 @@ class Jobs:
             except errors.Unavailable as e:
                 last = e
                 pause(0.2 * 2 ** attempt, current(None))
+            except (errors.PermissionDenied, errors.NotFound) as e:
+                if not self._environments.mend(spec.request.environment, e, timeout):
+                    raise
+                last = e
         assert last is not None
         raise last
 

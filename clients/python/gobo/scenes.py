@@ -10,6 +10,7 @@ from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 
 from . import errors, glb
+from .blobs import Blob, Blobs, blob, files_of
 from .cancellation import Cancellation, current, scope
 from .fields import Builder, Light
 from .v1 import service_pb2, service_pb2_grpc
@@ -61,8 +62,9 @@ def _scene(i: service_pb2.SceneInfo) -> Scene:
 class Scenes:
     """`client.scenes`."""
 
-    def __init__(self, wire: Wire, upload_limit: int) -> None:
+    def __init__(self, wire: Wire, upload_limit: int, blobs: Optional[Blobs] = None) -> None:
         self._wire = wire
+        self._blobs = blobs or Blobs(wire)
         self._stub = service_pb2_grpc.ScenesStub(wire.channel)
         self._limit = upload_limit
 
@@ -81,10 +83,42 @@ class Scenes:
         return self.upload(text, name, timeout=timeout)
 
     def upload(self, source: "str | os.PathLike[str] | bytes", name: str = "", *, extension: str = "", timeout: Optional[float] = None) -> Scene:
-        """Sends a .glb, or a .gltf with its side files packed into one, or the bytes of a .glb.
+        """Sends a .glb or .gltf with the files that it names, or the bytes of a .glb, as far as the server has not got them (`Blobs.put`), and opens it.
 
-        Without a name the id is made from file name and content, so the same file is sent once.
+        Without a name the id is made from file name and content, so a scene that is loaded is found under it.
         """
+        try:
+            if isinstance(source, (bytes, bytearray, memoryview)):
+                own = "scene" + (extension or ".glb")
+                files: Dict[str, Blob] = {own: blob(source)}
+            else:
+                own = os.path.basename(os.fspath(source))
+                files = files_of(source, self._limit)
+            return self._open_files(own, files, name, timeout)
+        except errors.Unimplemented:   # a server of before Blobs
+            return self._upload_whole(source, name, extension, timeout)
+
+    def _open_files(self, own: str, files: Mapping[str, Blob], name: str, timeout: Optional[float]) -> Scene:
+        if not name:
+            listed = "".join(f"{n} {files[n].sha256}\n" for n in sorted(files))
+            digest = files[own].sha256 if len(files) == 1 else hashlib.sha256(listed.encode()).hexdigest()
+            name = f"{os.path.splitext(own)[0]}-{digest[:12]}"
+            try:
+                return self.inspect(name, timeout=timeout)
+            except errors.NotFound:
+                pass
+        request = service_pb2.OpenSceneRequest(source=own, name=name, files={n: b.sha256 for n, b in files.items()})
+        for again in (True, False):
+            self._blobs.put(files.values(), timeout=timeout)
+            try:
+                return _scene(self._wire.unary(self._stub.Open, request, timeout))
+            except errors.NotFound as e:   # others needed the room meanwhile, or the disk lost it
+                if not again or "open.files" not in e.message:
+                    raise
+        raise AssertionError
+
+    def _upload_whole(self, source: "str | os.PathLike[str] | bytes", name: str, extension: str, timeout: Optional[float]) -> Scene:
+        """By `Scenes.Upload`: the file whole, a .gltf packed into one with the files that it names."""
         if isinstance(source, (bytes, bytearray, memoryview)):
             data, stem, extension = bytes(source), "scene", extension or ".glb"
         else:

@@ -34,7 +34,8 @@ class Session:
     """
 
     def __init__(self, request: render_pb2.RenderRequest, render: "Callable[[render_pb2.RenderRequest, Cancellation], Stream[Result]]",
-                 on_picture: Optional[PictureCallback] = None, on_error: Optional[ErrorCallback] = None) -> None:
+                 on_picture: Optional[PictureCallback] = None, on_error: Optional[ErrorCallback] = None,
+                 prepare: Callable[[Mapping[str, Any]], Mapping[str, Any]] = lambda fields: fields) -> None:
         self.id = request.scheduling.session or uuid.uuid4().hex
         request.scheduling.session = self.id
         self._base = request
@@ -42,6 +43,7 @@ class Session:
         self._render = render
         self._on_picture = on_picture
         self._on_error = on_error
+        self._prepare = prepare
         self._condition = threading.Condition()
         self._edit = 0
         self._pending: Optional[Tuple[int, render_pb2.RenderRequest]] = (0, _copy(request))
@@ -67,7 +69,8 @@ class Session:
         return self._picture
 
     def edit(self, **fields: "Unpack[RequestFields]") -> int:
-        """Changes the request, on top of earlier edits, and has it rendered; returns the edit's number at once.
+        """Changes the request, on top of earlier edits, and has it rendered; returns the edit's number at once (an
+        array for `env=` is sent to the server before).
 
         Keywords are those of `render`. Fields of lights and of other messages add up; `None` undoes (`lights={"key": None}`); `env=`, `camera=`
         and `shadows=` replace what was there as a whole, `set={"camera.yfov_deg": 40}` changes one field.
@@ -75,11 +78,13 @@ class Session:
         Raises:
             gobo.InvalidArgument: a name or a kind of value is wrong; nothing has changed. Ranges are the server's to refuse: see `on_error`.
         """
-        return self._change(lambda now: _edited(now, fields))
+        prepared = self._prepare(fields)
+        return self._change(lambda now: _edited(now, prepared))
 
     def reset(self, **fields: "Unpack[RequestFields]") -> int:
         """The request as it was at first, with these edits alone."""
-        return self._change(lambda now: _edited(self._base, fields))
+        prepared = self._prepare(fields)
+        return self._change(lambda now: _edited(self._base, prepared))
 
     def replace(self, request: render_pb2.RenderRequest) -> int:
         """Another request in place of the first one and all edits; `reset` still goes back to the first."""

@@ -140,14 +140,16 @@ class Viewer(_Base):  # type: ignore[misc]
 
     def edit(self, **fields: "Unpack[RequestFields]") -> int:
         """Changes the request from code, as `Session.edit` does."""
+        prepared = self._gobo._environments.put_arrays(fields, None)
         with self._guard:
-            self._mine = _edited(self._mine, fields)
+            self._mine = _edited(self._mine, prepared)
             return self.session.replace(self._joined())
 
     def reset(self, **fields: "Unpack[RequestFields]") -> int:
         """Forgets the edits from code; those of the page stay."""
+        prepared = self._gobo._environments.put_arrays(fields, None)
         with self._guard:
-            self._mine = _edited(self._base, fields)
+            self._mine = _edited(self._base, prepared)
             return self.session.replace(self._joined())
 
     def close(self) -> None:

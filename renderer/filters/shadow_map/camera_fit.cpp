@@ -75,9 +75,9 @@ View lightView(const LightFrame& f) {
 
 View cameraView(const CameraFit& fit) {
   const Camera& c = fit.camera;
-  const double scale = c.perspective ? 2.0 * std::tan(0.5 * double(c.yfov)) : double(c.yheight);
+  const double scale = c.windowHeight64();
   // A ten-thousandth wider than the picture: rays are rounded to float.
-  const glm::dvec2 centre = glm::dvec2(c.centre) * scale, half = 0.5 * scale * 1.0001 * glm::dvec2(fit.aspect, 1.0);
+  const glm::dvec2 centre = glm::dvec2(c.centre) * scale, half = 0.5 * scale * 1.0001 * glm::dvec2(double(fit.aspect) * double(c.optics.pixelAspect), 1.0);
   return {DVec3(c.toWorld[3]), DVec3(c.toWorld[0]), DVec3(c.toWorld[1]), -DVec3(c.toWorld[2]), c.perspective, centre - half, centre + half};
 }
 
@@ -107,7 +107,7 @@ void fitFace(LightFrame& f, const CameraFit& fit, const Vec3& lo, const Vec3& hi
   addBox(body, lo, hi, slack);
   addView(body, light, slack);
   Planes receivers = body;
-  addView(receivers, cameraView(fit), slack);
+  if (!fit.camera.optics.panorama) addView(receivers, cameraView(fit), slack);  // which sees all of it
   const std::vector<DVec3> corners = cornersOf(receivers, tolerance);
   if (corners.empty()) {
     f.sees = false;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "trace/sample_passes.h"
+
 namespace gobo {
 
 // Photons have specular chains alone: the plan looks for nothing else.
@@ -50,7 +52,7 @@ std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveSc
   std::sort(all.groups.begin(), all.groups.end());
   all.groups.erase(std::unique(all.groups.begin(), all.groups.end()), all.groups.end());
   for (int l : all.lights) all.settings.path.groupOf.push_back(int(std::find(all.groups.begin(), all.groups.end(), relight.groupOf[l]) - all.groups.begin()));
-  for (int g : all.groups) all.weights.push_back(relight.members[g].size() == 1 ? effective.gains[relight.members[g][0]] : Vec3(1.0f));
+  for (int g : all.groups) all.weights.push_back(relight.members[g].size() == 1 ? effective.gains[relight.members[g][0]] : Vec3(relight.scaleOf(g)));
   all.settings.path.groups = int(all.groups.size());
   std::vector<CausticTask> tasks;
   for (int l : all.lights) {
@@ -69,6 +71,7 @@ std::vector<CausticTask> causticTasks(const CausticPlan& plan, const EffectiveSc
 }
 
 std::string causticNote(const CausticPlan& plan, uint32_t passes) {
+  passes = (samplesOf(passes) + kBlockSamples - 1) / kBlockSamples;  // of photons: one a block
   char note[200];
   std::snprintf(note, sizeof note, "consistent, not unbiased: photons averaged over a radius of %.3g m in the first pass, %.3g m in the last of %u",
                 double(plan.radius), double(causticRadius(plan.radius, std::max(passes, 1u) - 1)), passes);

@@ -32,14 +32,15 @@ class PathTraced final : public Technique {
     std::vector<int> all;
     bool alone = true;
     for (int l = 0; l < int(lights.size()); ++l) {
-      const PathSet rest = c.cover().rest(l);
+      // The background's part is traced along and taken off: the nodes are those of a picture that shows the map.
+      const PathSet background = c.cover().claimedBy(l, kBackgroundTechnique), rest = c.cover().rest(l) | background;
       all.push_back(l);
       alone = alone && rest == c.cover().wanted();
-      GOBO_TRY(c.cover().claim(l, rest, name()));
+      GOBO_TRY(c.cover().claim(l, rest - background, name()));
       if (overlaps(rest, PathSet::Indirect)) indirect[rest & PathSet::Indirect].push_back(l);
       PathSet other = rest - PathSet::Indirect;
       if (other == PathSet::Emission && !cameraReaches(lights[size_t(l)])) {
-        GOBO_TRY(c.cover().bring(l, other, name()));  // there is none
+        GOBO_TRY(c.cover().bring(l, other - background, name()));  // there is none
         other = PathSet::None;
       }
       if (other != PathSet::None) others[other].push_back(l);

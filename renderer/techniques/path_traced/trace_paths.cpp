@@ -5,7 +5,9 @@
 
 #include "filters/composite.h"
 #include "filters/sample_statistics.h"
+#include "filters/state_difference.h"
 #include "terms/path_trace.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 
@@ -44,6 +46,20 @@ PathSet pathsOfSlot(SplitMode split, int slot, PathSet all) {
   return (slot <= 2 ? PathSet::Direct : PathSet::Indirect) & (slot % 2 ? PathSet::Diffuse : PathSet::Specular);
 }
 
+int streamsOf(const PlanContext& c) { return c.apart().variance ? kVarianceStreams : 1; }
+
+/// The state without what the camera sees of the environment, where the background is another (request/background.h).
+Result<NodeId> withoutHidden(PlanContext& c, const PathTraceJob& job, int slotsPerGroup, NodeId state) {
+  const int hidden = c.effective().background.hidden;
+  const auto at = std::find(job.lights.begin(), job.lights.end(), hidden);
+  if (hidden < 0 || at == job.lights.end() || !overlaps(job.paths, PathSet::Emission)) return state;
+  const size_t k = size_t(at - job.lights.begin());
+  GOBO_ASSIGN(const NodeId seen, traceSeen(c, hidden, job.nominal[k], c.scene(), "environment seen"));
+  const int slots = slotsPerGroup * int(job.groups.size());
+  return c.filter(makeStateDifferenceNode(c.view().width, c.view().height, slots, job.slotGroup[k] * slotsPerGroup, streamsOf(c)), {state, seen},
+                  job.label + " without environment seen");
+}
+
 Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
   const PathClass cover = classesOf(job.paths);
   PathTracerSettings s = pathTracerSettings(c, cover);
@@ -59,9 +75,9 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
   s.groups = int(job.groups.size());
   s.groupOf = job.slotGroup;
   s.nominal = job.nominal;
-  GraphNode n{makePathTraceNode(s, c.apart().variance ? kVarianceStreams : 1, c.view()), {}, job.lights, job.label, c.blocks(), c.scene()};
-  const NodeId state = c.graph().add(std::move(n));
+  GraphNode n{makePathTraceNode(s, streamsOf(c), c.view()), {}, job.lights, job.label, c.passes(), c.scene()};
   const int per = slotsPerGroup(s.split, s.maxBounces);
+  GOBO_ASSIGN(const NodeId state, withoutHidden(c, job, per, c.graph().add(std::move(n))));
   const NodeId mean = c.filter(makeResolveNode(c.view().width, c.view().height, per * s.groups), {state}, job.label + ":mean");
   for (size_t g = 0; g < job.groups.size(); ++g) {
     for (int k = 0; k < per; ++k) {
@@ -83,7 +99,7 @@ PathTracerSettings pathTracerSettings(const PlanContext& c, PathClass cover) {
   s.camera = c.view().camera;
   s.width = c.view().filmWidth();
   s.height = c.view().filmHeight();
-  s.blockSize = int(c.blockSize());
+  s.blockSize = int(kBlockSamples);
   s.viewSamples = i.at_view_samples() ? c.view().viewSamples : 0;
   s.maxBounces = has(cover, PathClass::Indirect) ? int(i.max_bounces()) : 0;
   s.rouletteStart = int(i.russian_roulette_start());
@@ -106,7 +122,7 @@ Status tracePaths(PlanContext& c, const char* technique, const std::vector<int>&
     job.nominal.push_back(groups.nominal[size_t(l)]);
   }
   for (int g : job.groups) job.weights.push_back(c.groupGain(g));
-  for (int l : lights) GOBO_TRY(c.cover().bring(l, paths, technique));
+  for (int l : lights) GOBO_TRY(c.cover().bring(l, paths - c.cover().claimedBy(l, kBackgroundTechnique), technique));
   // A lobe of which only what is behind is asked for, beside another's front: the front's slots hold both sides.
   PathSet behind = PathSet::None;
   for (const PathSet lobe : {PathSet::Diffuse, PathSet::Specular})
@@ -126,13 +142,21 @@ Status traceDifference(PlanContext& c, int light, const Vec3& weight) {
   const Light& l = c.scene()->lights[size_t(light)];
   PathTraceJob job;
   job.label = "difference:" + l.name;
-  job.paths = c.cover().wanted();  // all classes at once, whatever technique the cluster uses for its own direct light
+  // All classes at once, whatever technique the cluster uses for its own direct light.
+  job.paths = c.cover().wanted() - c.cover().claimedBy(light, kBackgroundTechnique);
   job.lights = {light};
   job.nominal = {Vec3(nominalScalar(l))};
   job.slotGroup = {0};
   job.groups = {c.groups().groupOf[size_t(light)]};
   job.weights = {weight};
   return addPathTrace(c, job);
+}
+
+Result<NodeId> traceSeen(PlanContext& c, int light, const Vec3& nominal, const ScenePtr& scene, const std::string& label) {
+  PathTracerSettings s = pathTracerSettings(c, PathClass::Emission);
+  s.groupOf = {0};
+  s.nominal = {nominal};
+  return c.graph().add({makePathTraceNode(s, streamsOf(c), c.view()), {}, {light}, label, c.passes(), scene});
 }
 
 Status traceUnlit(PlanContext& c) {

@@ -19,6 +19,8 @@ PathTracerSettings pathTracerSettings(const PlanContext& context, PathClass cove
 Status tracePaths(PlanContext& context, const char* technique, const std::vector<int>& lights, PathSet paths, const std::string& label);
 /// All paths of one light of a cluster, white and at its nominal power, `weight` times on top of what its cluster has of it.
 Status traceDifference(PlanContext& context, int light, const Vec3& weight);
+/// The state of what the camera sees of one light without a scattering event, by the samples that tracePaths takes. Nothing is added to the picture.
+Result<NodeId> traceSeen(PlanContext& context, int light, const Vec3& nominal, const ScenePtr& scene, const std::string& label);
 /// What unlit surfaces show, which is no light's.
 Status traceUnlit(PlanContext& context);
 

@@ -66,7 +66,8 @@ TEST(Sequence, AnyOrderOfAnyCalls) {
 // A method that the schema gains is called by the streams above; here it must be put where it can succeed.
 TEST(Sequence, EveryMethodCanSucceed) {
   std::vector<uint8_t> bytes;
-  for (const char* method : {"Scenes.Open", "Scenes.Upload", "Scenes.Inspect", "Scenes.Patch", "Scenes.List"}) add(bytes, kAlice, method);
+  for (const char* method : {"Scenes.Open", "Scenes.Upload", "Scenes.Inspect", "Scenes.Patch", "Scenes.List", "Blobs.Put", "Blobs.Missing"})
+    add(bytes, kAlice, method);
   for (const char* method : {"Render.Render", "Render.RenderProgressive", "Render.RenderInline", "Render.Relight", "Render.Plan"})
     add(bytes, kAlice, method, kCompared);
   for (const char* method : {"Jobs.Submit", "Jobs.Get", "Jobs.List", "Jobs.Pause", "Jobs.Resume", "Jobs.Cancel", "Jobs.Watch", "Jobs.Fetch", "Jobs.Delete"})

@@ -59,7 +59,7 @@ TEST(CausticPlans, PassesExtendToTheSameBits) {
   const auto warm = makeEngine(), cold = makeEngine(256ull << 20, {}, 7);
   mustRender(*warm, spheres(16));
   const RenderResult extended = mustRender(*warm, spheres(48));
-  EXPECT_NE(nodesBy(extended, v1::NodeReport::RUN).at("caustics").reason().find("extended from 1 blocks"), std::string::npos);
+  EXPECT_NE(nodesBy(extended, v1::NodeReport::RUN).at("caustics").reason().find("extended from 16 samples"), std::string::npos);
   EXPECT_EQ(firstDifference(extended, mustRender(*cold, spheres(48))), "");
 }
 

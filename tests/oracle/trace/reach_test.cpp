@@ -245,7 +245,7 @@ TEST_P(Reach, PhotonsBringWhatIsLeftToThem) {
     const auto map = caustics->emitPass(0, stage.traced->arena, count, {});
     double photons[3] = {};
     for (int y = 0; y < Stage::kHeight; ++y)
-      for (int x = 0; x < Stage::kWidth; ++x) caustics->traceBlock(x, y, 0, *map, photons, count, dropped);
+      for (int x = 0; x < Stage::kWidth; ++x) caustics->traceSamples(x, y, {0, 0, 2}, *map, photons, count, dropped);
     photons[0] /= 2.0 * Stage::kWidth * Stage::kHeight;
     const bool fromPhotons = photonReaches(kind.shape(), Receiver::Surface, barrier.passage) && (hasPlace(kind) || !barrier.around);
     if (fromPhotons) {

@@ -72,6 +72,19 @@ TEST_F(FirstPicture, ASceneWithoutLightIsLitAndTheReplySaysSo) {
   EXPECT_NEAR(mean(mustRender(*engine_, edited)), 0.5 * mean(lit), 1e-4);
 }
 
+TEST_F(FirstPicture, APlanThatPrunesEverythingWarns) {
+  for (const char* way : {"integrator.max_groups=16", "shadows.ray_traced.samples=1"})
+    for (const char* off : {"lights.lamp.enabled=false", "lights.lamp.gain=0,0,0", "lights.lamp.intensity=0"}) {
+      v1::RenderRequest r = request({});
+      set(r, way);
+      EXPECT_FALSE(warns(mustRender(*engine_, r), "is black")) << way;
+      set(r, off);
+      const RenderResult black = mustRender(*engine_, r);
+      EXPECT_EQ(mean(black), 0.0) << off;
+      EXPECT_TRUE(warns(black, "beauty is black: no light is left in it")) << way << " " << off;
+    }
+}
+
 TEST_F(FirstPicture, NoneLeavesItBlack) {
   v1::RenderRequest r = dark();
   set(r, "environment.default=NONE");

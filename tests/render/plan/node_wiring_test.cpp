@@ -184,7 +184,7 @@ TEST(NodeWiring, AWrongTechniqueIsAnErrorOfThePlanAndRunsNothing) {
           ++ran;
           return internalError("ran");
         };
-      const auto plan = makePlan(*engine->scene("cornell"), *request, 1, 1, services);
+      const auto plan = makePlan(*engine->scene("cornell"), *request, 1, services);
       ASSERT_FALSE(plan.ok());
       EXPECT_EQ(plan.status().code(), Code::Internal);
       EXPECT_EQ(plan.status().location(), "node highlights:lamp");

@@ -25,7 +25,7 @@ TermPtr state(const std::vector<float>& sums, uint32_t blocks, int slots = 1) {
 }
 
 float variance(std::vector<VarianceWeight> weights, const std::vector<TermPtr>& states, int channel = 0) {
-  return runFilter(makeVarianceNode(std::move(weights), int(states.size()), 1, 1, kStreams, kBlock), states)->floats("variance")[channel];
+  return runFilter(makeVarianceNode(std::move(weights), int(states.size()), 1, 1, kStreams), states)->floats("variance")[channel];
 }
 
 TEST(SampleStatistics, VarianceOfTheMeanOfEqualStreams) {
@@ -44,6 +44,12 @@ TEST(SampleStatistics, UnequalAndMissingStreams) {
   EXPECT_EQ(variance({{0, 0}}, {state({16, 0, 0, 0}, 1)}), -1.0f) << "one stream says nothing";
   EXPECT_EQ(variance({{0, 0}}, {state({0, 0, 0, 0}, 0)}), -1.0f);
   EXPECT_EQ(variance({}, {}), 0.0f) << "nothing scatters";
+}
+
+TEST(SampleStatistics, APartOfTheFirstBlockIsOneStream) {
+  auto s = state({8, 0, 0, 0}, 0);
+  const_cast<Term&>(*s).writable<uint32_t>("samples")[0] = 8;
+  EXPECT_EQ(variance({{0, 0}}, {s}), -1.0f);
 }
 
 // Streams of two states share their random numbers: what they err together must not count as independent.

@@ -208,17 +208,22 @@ TEST(Engine, TheLadderBeginsSmallAndChangesNoBit) {
   control.snapshot = [&](const RenderResult& s) { snapshots.push_back(s); };
   const Result<RenderResult> last = engine->render(r, control);
   ASSERT_TRUE(last.ok()) << last.status().toString();
-  ASSERT_GE(snapshots.size(), 1u);
+  ASSERT_GE(snapshots.size(), 2u);
   EXPECT_EQ(snapshots[0].images[0].width(), 80);
   EXPECT_EQ(snapshots[0].images[0].height(), 60);
+  EXPECT_EQ(snapshots[1].images[0].width(), 320);
+  EXPECT_EQ(snapshots[1].reply.resolved().halt().spp(), 1u);
+  uint64_t rays = 0;
   for (const RenderResult& s : snapshots) {
-    EXPECT_EQ(s.reply.resolved().halt().spp(), 1u);
     EXPECT_FALSE(s.reply.has_certificate()) << "of the reply alone";
     EXPECT_EQ(firstDifference(s, mustRender(*cold, s.reply.resolved())), "") << s.reply.resolved().width();
+    if (s.images[0].width() == 320) rays += s.reply.rays();
   }
   EXPECT_TRUE(last->reply.has_certificate());
-  EXPECT_EQ(firstDifference(*last, mustRender(*cold, r)), "");
-  // Whom it is no help: small pictures, windows, and who does not want it.
+  const RenderResult alone = mustRender(*makeEngine(), r);
+  EXPECT_EQ(firstDifference(*last, alone), "");
+  EXPECT_EQ(rays + last->reply.rays(), alone.reply.rays()) << "traced twice";
+  // Whom the small one is no help: small pictures, windows; nobody is shown anything who does not want it.
   for (const char* edit : {"width=64", "window.width=160", "scheduling.ladder=false"}) {
     v1::RenderRequest other = r;
     other.clear_certificate();
@@ -226,8 +231,67 @@ TEST(Engine, TheLadderBeginsSmallAndChangesNoBit) {
     if (other.has_window()) other.mutable_window()->set_height(120);
     snapshots.clear();
     ASSERT_TRUE(engine->render(other, control).ok()) << edit;
-    EXPECT_EQ(snapshots.size(), 0u) << edit;
+    for (const RenderResult& s : snapshots) EXPECT_EQ(s.images[0].width(), other.has_window() ? 160 : int(other.width())) << edit;
+    EXPECT_EQ(snapshots.empty(), other.scheduling().has_ladder()) << edit;
   }
+}
+
+/// Whatever a render showed before its end, and wherever that was: the bits of the same count by itself.
+TEST(Engine, FewSamplesAreTheBeginningOfMany) {
+  for (const char* technique : {"path_traced", "ray_traced", "axis_aligned"}) {
+    const auto warm = makeEngine();
+    v1::RenderRequest r = smallRequest("atrium", 45, 37, 1);  // of no group's size
+    ASSERT_TRUE(setPath(r, std::string("shadows=") + technique).ok() || setPath(r, std::string("shadows.") + technique + "={}").ok()) << technique;
+    for (const uint32_t spp : {1u, 2u, 4u, 8u, 16u, 32u, 48u}) {
+      r.mutable_halt()->set_spp(spp);
+      EXPECT_EQ(firstDifference(mustRender(*warm, r), mustRender(*makeEngine(64ull << 20, {}, 1), r)), "") << technique << " " << spp;
+    }
+  }
+}
+
+TEST(Engine, SnapshotsSayTheirNoise) {
+  // Scenes and counts were chosen before the first run.
+  for (const char* scene : {"cornell", "lights8", "atrium"}) {
+    const auto engine = makeEngine();
+    v1::RenderRequest r = smallRequest(scene, 48, 36, 4096);
+    const RenderResult truth = mustRender(*engine, r);
+    r.mutable_halt()->set_spp(256);
+    r.set_seed(7);
+    RenderControl control;
+    control.ladder = true;
+    int compared = 0;
+    control.snapshot = [&](const RenderResult& s) {
+      if (s.reply.resolved().halt().spp() < 4) return;
+      double sum = 0;
+      const std::span<const float> a = s.images[0].pixels(), b = truth.images[0].pixels();
+      for (size_t i = 0; i < a.size(); ++i) sum += (double(a[i]) - b[i]) * (double(a[i]) - b[i]);
+      const double error = std::sqrt(sum / double(a.size()));
+      EXPECT_GT(s.reply.standard_error(), 0.6 * error) << scene << " " << s.reply.resolved().halt().spp();
+      EXPECT_LT(s.reply.standard_error(), 2.5 * error) << scene << " " << s.reply.resolved().halt().spp();
+      ++compared;
+    };
+    ASSERT_TRUE(engine->render(r, control).ok());
+    EXPECT_GT(compared, 0) << scene;
+  }
+  v1::RenderRequest depth = smallRequest("cornell", 32, 24, 16);
+  depth.add_outputs("depth");
+  EXPECT_EQ(mustRender(*makeEngine(), depth).reply.standard_error(), 0.0);
+}
+
+TEST(Engine, TimeThatIsUpDropsWhatIsNotDone) {
+  // A picture that takes seconds a sample on any machine, after one that takes none: what was there when the time was up is the answer.
+  const auto engine = makeEngine(), cold = makeEngine();
+  v1::RenderRequest r = smallRequest("atrium", 480, 360, 65536);
+  r.mutable_halt()->clear_spp();
+  r.mutable_halt()->set_time_s(1e-6);
+  const RenderResult first = mustRender(*engine, r);
+  EXPECT_EQ(first.reply.resolved().halt().spp(), 1u);
+  ASSERT_GE(first.reply.warnings_size(), 1);
+  EXPECT_NE(first.reply.warnings(first.reply.warnings_size() - 1).find("request.halt.time_s"), std::string::npos);
+  r.mutable_halt()->set_time_s(1.0);
+  const RenderResult some = mustRender(*engine, r);
+  EXPECT_FALSE(some.reply.resolved().halt().has_time_s());
+  EXPECT_EQ(firstDifference(some, mustRender(*cold, some.reply.resolved())), "");
 }
 
 TEST(Engine, PreemptedWorkGoesOnWhereItStopped) {

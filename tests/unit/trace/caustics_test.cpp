@@ -39,10 +39,10 @@ void glass(Material& m) {
 }
 
 struct Caustics : Traced {
+  static constexpr uint32_t kSamples = 4;  // a pixel and pass
   CausticSettings caustics;
   Caustics(ScenePtr s, uint32_t photons, float radius, int bounces = 8, int width = 4, int height = 4) : Traced(std::move(s), width, height) {
     settings.maxBounces = bounces;
-    settings.blockSize = 4;
     caustics.photons = photons;
     caustics.radius = radius;
   }
@@ -66,11 +66,12 @@ struct Caustics : Traced {
       mine.parallelFor(size_t(h), 1, [&](size_t begin, size_t end) {
         uint64_t count = 0, dropped = 0;
         for (size_t y = begin; y < end; ++y)
-          for (int x = 0; x < w; ++x) tracer->traceBlock(x, int(y), uint32_t(pass), *map, &sum[(y * w + size_t(x)) * 3], count, dropped);
+          for (int x = 0; x < w; ++x)
+            tracer->traceSamples(x, int(y), {0, uint32_t(pass) * kSamples, kSamples}, *map, &sum[(y * w + size_t(x)) * 3], count, dropped);
         EXPECT_EQ(dropped, 0u);
       });
     }
-    for (double& v : sum) v /= double(passes) * settings.blockSize;
+    for (double& v : sum) v /= double(passes) * kSamples;
     return sum;
   }
   DVec3 mean(int passes) {

@@ -16,6 +16,7 @@
 #include "techniques/direct_visibility/visibility.h"
 #include "techniques/path_traced/technique.h"
 #include "trace/accel.h"
+#include "trace/sample_passes.h"
 
 namespace gobo::testing {
 namespace {
@@ -64,7 +65,7 @@ struct Planner {
     PlannerServices services;
     services.techniques = techniques;
     services.expand = [&](const Graph& graph, NodeId node) { return Executor(graph, {&store, &extensions, &accels, &arena}, {}).evaluate(node); };
-    return makePlan(*engine->scene("spheres"), request(), 16, 16, services);
+    return makePlan(*engine->scene("spheres"), request(), passesFor(256), services);
   }
   std::vector<TermPtr> pictures(const Plan& plan) {
     Executor executor(plan.graph, {&store, &extensions, &accels, &arena}, {});

@@ -136,7 +136,7 @@ TEST(MedianOfVisibility, TakesNoiseFromAPenumbra) {
     PlannerServices services;
     services.techniques = both;
     services.expand = [&](const Graph& graph, NodeId node) { return Executor(graph, {&store, &extensions, &accels, &arena}, {}).evaluate(node); };
-    const auto plan = makePlan(*engine->scene("spheres"), *request, 1, 1, services);
+    const auto plan = makePlan(*engine->scene("spheres"), *request, 1, services);
     EXPECT_TRUE(plan.ok()) << plan.status().toString();
     const auto made = Executor((*plan)->graph, {&store, &extensions, &accels, &arena}, {}).evaluate((*plan)->outputs.at(0).node);
     EXPECT_TRUE(made.ok()) << made.status().toString();

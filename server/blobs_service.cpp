@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/blobs_service.h"
+
+#include <optional>
+
+#include "server/limits.h"
+
+namespace gobo {
+
+namespace {
+constexpr int kMostAsked = 10001;  // what one scene may have: its file and those beside it
+}
+
+grpc::Status BlobsService::Missing(grpc::ServerContext* context, const v1::MissingBlobsRequest* request, v1::MissingBlobsReply* reply) {
+  return serve(core_, *context, "missing_blobs", [&](Rpc& rpc) -> grpc::Status {
+    rpc.quiet();
+    if (request->blobs_size() > kMostAsked)
+      return toGrpc(invalidArgument(strf("missing.blobs: %d, at most %d", request->blobs_size(), kMostAsked), "missing.blobs"));
+    for (int i = 0; i < request->blobs_size(); ++i) {
+      const v1::BlobDigest& blob = request->blobs(i);
+      const std::string place = strf("missing.blobs[%d]", i);
+      if (const Status ok = checkSha256(blob.sha256(), place + ".sha256"); !ok.ok()) return toGrpc(ok);
+      if (blob.bytes() == 0) return toGrpc(invalidArgument(place + ".bytes = 0: must be the file's size", place + ".bytes"));
+    }
+    for (const v1::BlobDigest& blob : request->blobs()) {
+      const uint64_t received = core_.files->received(rpc.renderOwner(), blob.sha256(), blob.bytes());
+      if (received == blob.bytes()) continue;
+      v1::MissingBlob& missing = *reply->add_missing();
+      *missing.mutable_blob() = blob;
+      missing.set_received(received);
+    }
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status BlobsService::Put(grpc::ServerContext* context, grpc::ServerReader<v1::PutBlobRequest>* reader, v1::PutBlobReply* reply) {
+  return serve(core_, *context, "put_blob", [&](Rpc& rpc) { return put(rpc, *reader, reply); });
+}
+
+grpc::Status BlobsService::put(Rpc& rpc, grpc::ServerReader<v1::PutBlobRequest>& reader, v1::PutBlobReply* reply) {
+  ServerCore::Call call(core_);
+  if (!call.ok) return rpc.refuseDraining();
+  const auto slot = core_.uploads.take(rpc.who().name, 1);
+  if (!slot)
+    return rpc.refuseBusy("uploads",
+                          strf("%llu uploads are in progress, %llu of them of \"%s\": at most %llu, half of it of one client (limits.uploads_at_once)",
+                               (unsigned long long)core_.uploads.used(), (unsigned long long)core_.uploads.usedBy(rpc.who().name), rpc.who().name.c_str(),
+                               (unsigned long long)core_.uploads.limit()),
+                          1000);
+  std::unique_ptr<FilePut> file;
+  v1::PutBlobRequest message;
+  const auto next = [&] {
+    const IdleWatch::Wait wait(core_.idle, rpc.context());
+    return reader.Read(&message);
+  };
+  while (next()) {
+    if (call.stop.token().stopRequested()) return rpc.refuseDraining();
+    if (!file) {
+      const v1::BlobDigest& blob = message.blob();
+      const UploadLimit limit = uploadLimit(rpc);
+      if (blob.bytes() > limit.bytes)
+        return rpc.refuse("upload_bytes", {Code::ResourceExhausted,
+                                           strf("put.blob.bytes = %llu: uploads are limited to %llu bytes (%s)", (unsigned long long)blob.bytes(),
+                                                (unsigned long long)limit.bytes, limit.key),
+                                           "put.blob.bytes"});
+      auto begun = core_.files->begin(rpc.renderOwner(), blob.sha256(), blob.bytes(), message.offset(), call.stop.token());
+      if (begun.status().code() == Code::Aborted) return rpc.refuseBusy("blobs", begun.status().message(), 200);
+      if (begun.status().code() == Code::ResourceExhausted) return rpc.refuse("blobs", begun.status());
+      if (!begun.ok()) return toGrpc(begun.status());
+      file = std::move(*begun);
+      rpc.note("sha256", blob.sha256());
+      rpc.note("from", std::to_string(message.offset()));
+      if (file->there()) {
+        reply->set_received(file->received());
+        return grpc::Status::OK;
+      }
+    }
+    if (const Status status = file->add(message.data()); !status.ok()) return toGrpc(status);
+    core_.metrics.add("gobo_blob_put_bytes_total", {}, double(message.data().size()));
+  }
+  if (rpc.context().IsCancelled())
+    return {grpc::StatusCode::CANCELLED,
+            strf("put cancelled, by its client or because nothing came for %g s (limits.client_idle_s); what arrived is kept", core_.idle.seconds())};
+  if (!file) return toGrpc(invalidArgument("no message: the first one names the blob", "put.blob"));
+  if (const Status status = file->finish(); !status.ok()) return toGrpc(status);
+  reply->set_received(file->received());
+  return grpc::Status::OK;
+}
+
+Result<EnvironmentFile> environmentFile(const Rpc& rpc, const v1::RenderRequest& request, const std::string& field, const StopToken& stop) {
+  EnvironmentFile out;
+  if (!request.environment().has_digest()) return out;
+  GOBO_ASSIGN(out.held, rpc.core().files->environment(rpc.renderOwner(), request.environment().digest(), field, out.path, stop));
+  return out;
+}
+
+}  // namespace gobo

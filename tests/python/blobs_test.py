@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files for a gobod that may open nothing: scenes with side files and environments are sent once, by both clients."""
+import os
+import unittest
+
+import numpy as np
+
+import gobo
+from support import SMALL, DaemonTest, gltf
+
+
+def sky(seed=1):
+    """A lat-long map that is bright above."""
+    random = np.random.default_rng(seed)
+    return (random.random((8, 16, 3)) * np.linspace(3, 0.1, 8)[:, None, None]).astype(np.float32)
+
+
+class Blobs(DaemonTest):
+    options = {"roots": ()}
+
+    def test_an_array_is_the_file_and_a_path_that_the_server_cannot_open_too(self):
+        radiance = sky()
+        gobo.exr.write(self.path("sky.exr"), {c: radiance[:, :, i] for i, c in enumerate("RGB")})
+        by_array = self.client.render("cornell", env=radiance, **SMALL)
+        by_path = self.client.render("cornell", env=self.path("sky.exr"), **SMALL)
+        with gobo.local(threads=2) as free:
+            on_disk = free.render("cornell", env=self.path("sky.exr"), **SMALL)
+            self.assertTrue(on_disk.resolved.environment.path)
+        self.assertTrue(by_path.resolved.environment.digest)
+        np.testing.assert_array_equal(by_array.image, on_disk.image)
+        np.testing.assert_array_equal(by_path.image, on_disk.image)
+        self.assertGreater(np.abs(by_array.image - self.client.render("cornell", **SMALL).image).max(), 0)
+        self.assertTrue(self.client.plan("cornell", env=self.path("sky.exr"), **SMALL).resolved.environment.digest)
+        # Relights: as a whole, and the path alone.
+        first = self.client.render("cornell", **SMALL)
+        np.testing.assert_array_equal(first.relight(env=radiance).image, on_disk.image)
+        np.testing.assert_array_equal(first.relight(set={"environment.path": self.path("sky.exr")}).image, on_disk.image)
+        last = list(self.client.render_progressive("cornell", env=self.path("sky.exr"), **SMALL))[-1]
+        np.testing.assert_array_equal(last.image, on_disk.image)
+
+    def test_arrays_that_are_no_map_are_refused_here(self):
+        for bad in (np.zeros((4, 8)), np.zeros((4, 8, 4)), np.zeros((0, 8, 3)), np.full((4, 8, 3), np.nan), np.full((4, 8, 3), 1e39), np.zeros((4, 8, 3), complex)):
+            with self.assertRaises(gobo.InvalidArgument) as caught:
+                self.client.render("cornell", env=bad, **SMALL)
+            self.assertEqual(caught.exception.field, "env")
+
+    def test_a_second_load_sends_no_bytes(self):
+        path = gltf(self.folder)
+        files = gobo.blobs.files_of(path, 1 << 30)
+        self.assertEqual(set(files), {"tri.gltf", "tri data.bin"})
+        first = self.client.scenes.open(path, "one")
+        self.assertTrue(first.source.startswith("blobs:"))
+        self.assertEqual(self.client.blobs.put(files.values()), 0)
+        self.client.scenes.unload("one")
+        self.assertEqual(self.client.blobs.put(files.values()), 0, "also once the scene is unloaded")
+        self.assertEqual(self.client.scenes.open(path, "two").hash, first.hash)
+        with gobo.local(threads=2) as free:
+            self.assertEqual(free.scenes.open(path).hash, first.hash)
+
+    def test_the_command_line_does_the_same(self):
+        path = gltf(self.folder)
+        radiance = sky(2)
+        gobo.exr.write(self.path("cli.exr"), {c: radiance[:, :, i] for i, c in enumerate("RGB")})
+        flags = ["--size", "32x24", "--spp", "16", "--set", "integrator.max_bounces=2", "--env", "cli.exr"]
+        one = self.cli("render", "tri.gltf", "-o", "one.raw", *flags)
+        self.assertIn("sending", one.stderr)
+        two = self.cli("render", "tri.gltf", "-o", "two.raw", *flags)
+        self.assertNotIn("sending", two.stderr)
+        want = self.client.render(path, env=radiance, **SMALL).image.tobytes()
+        for name in ("one.raw", "two.raw"):
+            with open(self.path(name), "rb") as file:
+                self.assertEqual(file.read(), want)
+        self.cli("render", "tri.gltf", "--env", "nonesuch.exr", code=2)
+
+    def test_bytes_that_break_off_go_on(self):
+        data = os.urandom(3 << 20)
+        blob = gobo.blob(data)
+        with self.assertRaises(gobo.InvalidArgument):   # half of it
+            self.client.blobs._one(gobo.Blob(blob.sha256, blob.bytes, data[:2 << 20]), 0, None)
+        self.assertEqual(self.client.blobs.put([blob]), 1 << 20)
+        self.assertEqual(self.client.blobs.put([blob]), 0)
+
+    def test_a_damaged_first_half_is_sent_again(self):
+        data = os.urandom(1000)
+        blob = gobo.blob(data)
+        with self.assertRaises(gobo.InvalidArgument):
+            self.client.blobs._one(gobo.Blob(blob.sha256, 1000, b"?" * 500), 0, None)
+        self.assertEqual(self.client.blobs.put([blob]), 500 + 1000)
+        self.assertEqual(self.client.blobs.put([blob]), 0)
+
+
+if __name__ == "__main__":
+    unittest.main()

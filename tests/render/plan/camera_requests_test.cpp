@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+// Requests with intrinsics, clipping planes and panoramas: every picture and every output sees what the camera sees, and what cannot be is refused by name.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "plan/ladder.h"
+#include "support/engines.h"
+
+namespace gobo::testing::camera_requests_test {
+namespace {
+
+v1::RenderRequest request(std::initializer_list<std::string> edits, const char* scene = "cornell", int width = 40, int height = 30, int spp = 16) {
+  v1::RenderRequest r = smallRequest(scene, width, height, spp);
+  for (const std::string& e : edits) set(r, e);
+  return r;
+}
+
+double largestDifference(const Image& a, const Image& b) {
+  double most = 0;
+  for (size_t i = 0; i < a.data.size(); ++i) most = std::max(most, std::fabs(double(a.data[i]) - double(b.data[i])));
+  return most;
+}
+
+TEST(CameraRequests, IntrinsicsOfAnAngleAreItsPicture) {
+  const auto engine = makeEngine();
+  v1::RenderRequest angle = request({"camera.yfov_deg=40", "outputs=beauty,position,motion,z_depth"}), focal = angle;
+  focal.mutable_camera()->clear_yfov_deg();
+  const double f = 15.0 / std::tan(20.0 * M_PI / 180.0);
+  focal.mutable_camera()->set_focal_y(f);
+  const RenderResult a = mustRender(*engine, angle), b = mustRender(*engine, focal);
+  EXPECT_LT(largestDifference(a.images[1].image(), b.images[1].image()), 1e-4);
+  double sum = 0;
+  for (size_t i = 0; i < a.images[0].image().data.size(); ++i) sum += std::fabs(a.images[0].image().data[i] - b.images[0].image().data[i]);
+  EXPECT_LT(sum / double(a.images[0].image().data.size()), 1e-3);  // a ray that is rounded may pass the other side of an edge
+  // All four, square pixels and the middle: the same bits as by default.
+  v1::RenderRequest all = focal;
+  all.mutable_camera()->set_focal_x(f);
+  all.mutable_camera()->set_center_x(20.0);
+  all.mutable_camera()->set_center_y(15.0);
+  EXPECT_EQ(firstDifference(b, mustRender(*engine, all)), "");
+}
+
+TEST(CameraRequests, APrincipalPointMovesThePictureByWholePixels) {
+  const auto engine = makeEngine();
+  v1::RenderRequest middle = request({"camera.focal_x=45", "outputs=position"}), moved = middle;
+  moved.mutable_camera()->set_center_x(20.0 + 3.0);
+  moved.mutable_camera()->set_center_y(15.0 - 2.0);
+  const RenderResult at = mustRender(*engine, middle), by = mustRender(*engine, moved);
+  const Image &a = at.images[0].image(), &b = by.images[0].image();
+  int compared = 0;
+  for (int y = 5; y < 25; ++y)
+    for (int x = 5; x < 35; ++x) {
+      const Vec3 p = a.rgb(x, y), q = b.rgb(x + 3, y - 2);  // the point that was at x is 3 pixels further right, 2 further up
+      if (glm::length(p - q) < 1e-3f) ++compared;
+    }
+  EXPECT_GT(compared, 20 * 30 * 9 / 10);  // but at edges, where rounding decides
+}
+
+TEST(CameraRequests, PixelsThatAreNotSquareStretchIt) {
+  const auto engine = makeEngine();
+  const RenderResult square = mustRender(*engine, request({"camera.focal_x=45", "camera.focal_y=45", "outputs=position"}, "cornell", 40, 30));
+  const RenderResult tall = mustRender(*engine, request({"camera.focal_x=45", "camera.focal_y=90", "outputs=position"}, "cornell", 40, 60));
+  int same = 0;
+  for (int y = 0; y < 30; ++y)
+    for (int x = 0; x < 40; ++x) {
+      const Vec3 p = 0.5f * (tall.images[0].image().rgb(x, 2 * y) + tall.images[0].image().rgb(x, 2 * y + 1));
+      same += glm::length(p - square.images[0].image().rgb(x, y)) < 0.05f;
+    }
+  EXPECT_GT(same, 40 * 30 * 8 / 10);
+}
+
+TEST(CameraRequests, ThePlanesCutWhatTheCameraSeesAndNotTheLight) {
+  const auto engine = makeEngine();
+  const std::string at = "camera.position=0,1,3.4", to = "camera.look_at=0,1,0";
+  v1::RenderRequest open = request({at, to, "outputs=z_depth,alpha,beauty,direct", "environment.constant=0.5,0.25,1"});
+  const RenderResult all = mustRender(*engine, open);
+  float lo = 1e30f, hi = 0;
+  for (const float z : all.images[0].image().data) lo = z > 0 ? std::min(lo, z) : lo, hi = std::max(hi, z);
+  ASSERT_LT(lo, hi);
+  const float mid = 0.5f * (lo + hi);
+
+  // Beyond everything and before everything: the same bits.
+  v1::RenderRequest loose = open;
+  loose.mutable_camera()->set_clip_near(0.0);
+  loose.mutable_camera()->set_clip_far(100.0);
+  EXPECT_EQ(firstDifference(all, mustRender(*engine, loose)), "");
+
+  // The far half is gone: there the environment is seen; what is left has the bits that it had, its light comes from behind the plane as well.
+  v1::RenderRequest near = open;
+  near.mutable_camera()->set_clip_far(mid);
+  const RenderResult front = mustRender(*engine, near);
+  int gone = 0, kept = 0;
+  for (int y = 0; y < 30; ++y)
+    for (int x = 0; x < 40; ++x) {
+      const float z = front.images[0].image().at(x, y)[0];
+      EXPECT_LE(z, mid * 1.00001f);
+      if (front.images[1].image().at(x, y)[0] == 0.0f && all.images[0].image().at(x, y)[0] > mid + 0.3f) {
+        const Vec3 seen = front.images[2].image().rgb(x, y);
+        if (glm::length(seen - Vec3(0.5f, 0.25f, 1.0f)) < 1e-5f) ++gone;
+      } else if (front.images[1].image().at(x, y)[0] == 1.0f && z < mid - 0.3f) {
+        EXPECT_EQ(front.images[2].image().rgb(x, y), all.images[2].image().rgb(x, y)) << x << "," << y;
+        ++kept;
+      }
+    }
+  EXPECT_GT(gone, 50);
+  EXPECT_GT(kept, 50);
+
+  // The near half is gone: the camera sees through it, light does not.
+  v1::RenderRequest behind = open;
+  behind.mutable_camera()->set_clip_near(mid);
+  const RenderResult back = mustRender(*engine, behind);
+  int same = 0;
+  for (int y = 0; y < 30; ++y)
+    for (int x = 0; x < 40; ++x) {
+      const float z = back.images[0].image().at(x, y)[0], before = all.images[0].image().at(x, y)[0];
+      if (z > 0.0f) EXPECT_GE(z, mid * 0.99999f);
+      if (before > mid + 0.3f && all.images[1].image().at(x, y)[0] == 1.0f) {
+        EXPECT_NEAR(z, before, 1e-4f);
+        same += glm::length(back.images[2].image().rgb(x, y) - all.images[2].image().rgb(x, y)) < 0.02f;
+      }
+    }
+  EXPECT_GT(same, 50);
+}
+
+TEST(CameraRequests, DepthAlongTheAxisIsTheDistanceTimesTheCosine) {
+  const auto engine = makeEngine();
+  for (const char* kind : {"camera.yfov_deg=60", "camera.orthographic_height=2", "camera.panorama=true"}) {
+    v1::RenderRequest r = request({"camera.position=0.1,1,0.6", "camera.look_at=0,0.9,-0.5", kind, "outputs=depth,z_depth,position"});
+    r.set_view_samples(1);
+    const RenderResult made = mustRender(*engine, r);
+    const Vec3 eye(0.1f, 1.0f, 0.6f), axis = glm::normalize(Vec3(0, 0.9f, -0.5f) - eye);
+    const bool panorama = r.camera().panorama(), flat = r.camera().has_orthographic_height();
+    for (int y = 0; y < 30; ++y)
+      for (int x = 0; x < 40; ++x) {
+        const float depth = made.images[0].image().at(x, y)[0], z = made.images[1].image().at(x, y)[0];
+        if (depth == 0.0f) {
+          EXPECT_EQ(z, 0.0f);
+          continue;
+        }
+        const Vec3 p = made.images[2].image().rgb(x, y);
+        EXPECT_NEAR(z, panorama || flat ? depth : glm::dot(p - eye, axis), 1e-4f) << kind << " " << x << "," << y;
+      }
+  }
+}
+
+TEST(CameraRequests, APanoramaOfAConstantEnvironmentIsConstant) {
+  const auto engine = makeEngine();
+  const RenderResult r = mustRender(*engine, request({"camera.panorama=true", "camera.clip_far=0.001", "environment.constant=0.5,0.25,1"}));
+  for (size_t i = 0; i < r.images[0].image().pixels(); ++i) {
+    EXPECT_EQ(r.images[0].image().data[3 * i], 0.5f);
+    EXPECT_EQ(r.images[0].image().data[3 * i + 2], 1.0f);
+  }
+}
+
+TEST(CameraRequests, APanoramaSeesWhatPinholesSee) {
+  // A narrow pinhole along the ray of a panorama's pixel, path traced and by shadow technique: the same radiance up to noise and what a pixel covers.
+  const auto engine = makeEngine();
+  const int W = 64, H = 32;
+  for (const char* technique : {"shadows.ray_traced.samples=16", "integrator.light_selection=TREE"}) {
+    v1::RenderRequest around = request(
+        {"camera.position=0.1,1.1,0.2", "camera.look_at=0.1,1.1,-1", "camera.panorama=true", technique, "integrator.max_bounces=0", "outputs=direct,position"},
+        "cornell", W, H, 256);
+    const RenderResult all = mustRender(*engine, around);
+    int compared = 0, agree = 0;
+    for (int k = 0; k < 24; ++k) {
+      const int x = int(hash64(1, k) % uint64_t(W)), y = 4 + int(hash64(2, k) % uint64_t(H - 8));
+      const Vec3 p = all.images[1].image().rgb(x, y);
+      if (glm::length(p) < 1e-3f) continue;
+      v1::RenderRequest one = around;
+      one.mutable_camera()->clear_panorama();
+      one.mutable_camera()->set_yfov_deg(180.0 / H);
+      one.mutable_camera()->mutable_look_at()->set_x(p.x);
+      one.mutable_camera()->mutable_look_at()->set_y(p.y);
+      one.mutable_camera()->mutable_look_at()->set_z(p.z);
+      one.set_width(1);
+      one.set_height(1);
+      const RenderResult narrow = mustRender(*engine, one);
+      const float a = luminance(all.images[0].image().rgb(x, y)), b = luminance(narrow.images[0].image().rgb(0, 0));
+      ++compared;
+      agree += std::fabs(a - b) < 0.1f * std::max(a, b) + 0.01f;
+    }
+    EXPECT_GT(compared, 12);
+    EXPECT_GE(agree, compared * 3 / 4) << technique;  // others lie at edges
+  }
+}
+
+TEST(CameraRequests, WhatCannotBeIsRefusedByName) {
+  const auto engine = makeEngine();
+  const auto refused = [&](std::initializer_list<std::string> edits, const std::string& location, const std::string& text) {
+    const auto made = engine->render(request(edits));
+    ASSERT_FALSE(made.ok()) << text;
+    EXPECT_EQ(made.status().code(), Code::InvalidArgument);
+    EXPECT_EQ(made.status().location(), location) << made.status().toString();
+    EXPECT_NE(made.status().message().find(text), std::string::npos) << made.status().toString();
+  };
+  for (const char* field : {"focal_x", "focal_y", "center_x", "center_y"}) {
+    refused({"camera.orthographic_height=2", std::string("camera.") + field + "=10"}, std::string("request.camera.") + field, "orthographic");
+    refused({"camera.panorama=true", std::string("camera.") + field + "=10"}, std::string("request.camera.") + field, "panorama");
+  }
+  refused({"camera.panorama=true", "camera.orthographic_height=2"}, "request.camera.orthographic_height", "panorama");
+  refused({"camera.clip_near=2", "camera.clip_far=1"}, "request.camera.clip_far", "must lie behind clip_near = 2");
+  refused({"camera.clip_near=2", "camera.clip_far=2"}, "request.camera.clip_far", "must lie behind");
+}
+
+TEST(CameraRequests, TheSmallPictureOfTheLadderHasTheCameraOfTheLargeOne) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = request({"camera.focal_x=300", "camera.center_x=290", "camera.center_y=100", "outputs=position"}, "cornell", 400, 300);
+  const auto resolved = engine->resolve(r);
+  ASSERT_TRUE(resolved.ok());
+  const auto rung = smallRung(*resolved);
+  ASSERT_TRUE(rung);
+  const RenderResult large = mustRender(*engine, r), small = mustRender(*engine, rung->request);
+  int same = 0;
+  for (int y = 0; y < 75; ++y)
+    for (int x = 0; x < 100; ++x) {
+      const Vec3 p = small.images[0].image().rgb(x, y);
+      float least = 1e30f;
+      for (int k = 0; k < 16; ++k) least = std::min(least, glm::length(p - large.images[0].image().rgb(4 * x + k % 4, 4 * y + k / 4)));
+      same += least < 0.05f;
+    }
+  EXPECT_GT(same, 7500 * 9 / 10);
+}
+
+}  // namespace
+}  // namespace gobo::testing::camera_requests_test

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a progressive reply shows when: pure functions of counts and times.
+#include "plan/ladder.h"
+
+#include <gtest/gtest.h>
+
+#include "base/hash.h"
+#include "base/sobol.h"
+#include "trace/sample_passes.h"
+
+namespace gobo {
+namespace {
+
+TEST(Ladder, ClimbsToWhatWasAsked) {
+  // Any counts, any times (seed 1): each rung is one that can be realised, higher than the last, and the top is reached, not passed.
+  for (uint64_t seed = 0; seed < 2000; ++seed) {
+    auto draw = [seed, k = uint64_t(0)]() mutable { return double(hash64(1, seed * 64 + k++) >> 11) * 0x1p-53; };
+    const uint32_t most = 1 + uint32_t(draw() * draw() * 3000);
+    RungTimes t;
+    t.watched = draw() < 0.7;
+    t.perSample = draw() < 0.1 ? 0 : std::exp(draw() * 16 - 8);
+    uint32_t spp = t.watched ? 1 : std::min(most, kBlockSamples), rungs = 0;
+    while (spp < most) {
+      const uint32_t next = nextRung(spp, most, t);
+      ASSERT_GT(next, spp) << seed;
+      ASSERT_EQ(samplesOf(passesFor(next)), next) << seed;
+      ASSERT_LE(next, samplesOf(passesFor(most))) << seed;
+      if (next < samplesOf(passesFor(most))) EXPECT_GE(next, spp + std::min(spp, kBlockSamples)) << "at least twice as many, or a block more";
+      spp = next;
+      ASSERT_LT(++rungs, 400u);
+    }
+    EXPECT_EQ(nextRung(spp, most, t), spp);
+  }
+}
+
+TEST(Ladder, ShowsTheFirstSamplesOneByOneWhereTheyAreDear) {
+  RungTimes t{500, true, -1, true};
+  std::vector<uint32_t> seen{1};
+  while (seen.back() < 128) seen.push_back(nextRung(seen.back(), 128, t));
+  EXPECT_EQ(seen, (std::vector<uint32_t>{1, 2, 4, 8, 16, 32, 64, 128}));
+  t.perSample = 1;  // nobody sees pictures that follow each other so fast
+  EXPECT_EQ(nextRung(1, 128, t), 48u);
+  t.watched = false;  // a certificate after every doubling
+  EXPECT_EQ(nextRung(16, 4096, t), 32u);
+  EXPECT_EQ(nextRung(32, 4096, t), 64u);
+}
+
+TEST(Ladder, TakesNoMoreThanFits) {
+  RungTimes t{10, false, 1000, false};
+  EXPECT_EQ(nextRung(16, 4096, t), 32u);
+  t.left = 600;                             // 60 samples
+  EXPECT_EQ(nextRung(128, 4096, t), 176u);  // 48 more
+  t.left = 120;                             // 12 samples: a block more may just be done
+  EXPECT_EQ(nextRung(128, 4096, t), 144u);
+  t.left = 90;
+  EXPECT_EQ(nextRung(128, 4096, t), 128u);
+  t.left = 0;
+  EXPECT_EQ(nextRung(128, 4096, t), 128u);
+  t = {1000, true, 100, false};  // the first sample's time has in it what is made once
+  EXPECT_EQ(nextRung(1, 4096, t), 2u);
+}
+
+TEST(Ladder, SmallPicturesAndWindowsHaveNoSmallerOne) {
+  v1::RenderRequest r;
+  r.set_width(128);
+  r.set_height(128);
+  EXPECT_FALSE(smallRung(r));
+  r.set_width(130);
+  ASSERT_TRUE(smallRung(r));
+  EXPECT_EQ(smallRung(r)->width(), 32u);
+  r.set_width(16384);
+  r.set_height(2);
+  ASSERT_TRUE(smallRung(r));
+  EXPECT_EQ(smallRung(r)->height(), 1u);
+  r.mutable_window()->set_width(4);
+  EXPECT_FALSE(smallRung(r));
+}
+
+}  // namespace
+}  // namespace gobo

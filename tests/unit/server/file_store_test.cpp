@@ -1,0 +1,336 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files that clients put: whole or not at all, gone on with at every offset, each owner's his own, bounded, and nothing that is damaged is ever given out.
+#include "server/file_store.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+namespace gobo::file_store_test {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr uint64_t kLeast = 64 << 10;  // that any file is charged
+
+class Files : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (fs::temp_directory_path() / "gobo-files-XXXXXX").string();
+    ASSERT_NE(::mkdtemp(pattern.data()), nullptr);
+    top = pattern;
+    open();
+  }
+  void TearDown() override {
+    store.reset();
+    fs::remove_all(top);
+  }
+  void open() {
+    store.reset();
+    auto opened = FileStore::open(options());
+    ASSERT_TRUE(opened.ok()) << opened.status().toString();
+    store = *opened;
+  }
+  FileStoreOptions options() const { return {top + "/blobs", top, bytes, partSeconds}; }
+  static std::string hash(const std::string& data) { return sha256Hex(data.data(), data.size()); }
+  Status put(const std::string& data, const std::string& owner = "", uint64_t from = 0) {
+    auto writer = store->begin(owner, hash(data), data.size(), from);
+    if (!writer.ok()) return writer.status();
+    GOBO_TRY((*writer)->add(data.substr(from)));
+    return (*writer)->finish();
+  }
+  /// Sends the bytes up to `to` and breaks off.
+  void part(const std::string& data, uint64_t from, uint64_t to, const std::string& owner = "") {
+    auto writer = store->begin(owner, hash(data), data.size(), from);
+    ASSERT_TRUE(writer.ok()) << writer.status().toString();
+    ASSERT_TRUE((*writer)->add(data.substr(from, to - from)).ok());
+  }
+  bool has(const std::string& data, const std::string& owner = "") { return store->received(owner, hash(data), data.size()) == data.size(); }
+  std::string read(const std::string& data, const std::string& owner = "") {
+    auto tree = store->tree(owner, {{"a.bin", hash(data)}}, "field");
+    if (!tree.ok()) return tree.status().toString();
+    std::ifstream in((*tree)->path("a.bin"), std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  /// The one file on disk whose name begins with the data's digest.
+  fs::path onDisk(const std::string& data) const {
+    for (const auto& e : fs::recursive_directory_iterator(top))
+      if (e.path().filename().string().rfind(hash(data), 0) == 0) return e.path();
+    return {};
+  }
+  std::string top;
+  uint64_t bytes = 64 << 20;
+  double partSeconds = 86400;
+  std::shared_ptr<FileStore> store;
+};
+
+TEST_F(Files, WhatIsPutIsThereForItsOwnerAloneAndAfterARestart) {
+  EXPECT_FALSE(has("abcdef", "alice"));
+  ASSERT_TRUE(put("abcdef", "alice").ok());
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_TRUE(has("abcdef", "alice"));
+    EXPECT_EQ(read("abcdef", "alice"), "abcdef");
+    for (const char* other : {"", "bob", "Alice"}) {
+      EXPECT_FALSE(has("abcdef", other));
+      EXPECT_NE(read("abcdef", other).find("no such file of this caller's"), std::string::npos);
+    }
+    open();
+  }
+  EXPECT_EQ(store->received("alice", hash("abcdef"), 5), 0u) << "a file of another size is none";
+  struct stat info {};
+  ASSERT_EQ(::stat(onDisk("abcdef").c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 077, 0u);
+}
+
+TEST_F(Files, BreaksOffAndGoesOnAtEveryOffset) {
+  const std::string data = "0123456789abcdef";
+  for (uint64_t cut = 0; cut <= data.size(); ++cut)
+    for (const bool restart : {false, true}) {
+      const std::string mine = data + std::to_string(cut) + (restart ? "r" : "");
+      part(mine, 0, cut);
+      if (restart) open();
+      EXPECT_EQ(store->received("", hash(mine), mine.size()), cut);
+      EXPECT_EQ(read(mine).find(mine), std::string::npos) << "half a file is given out";
+      const auto beyond = store->begin("", hash(mine), mine.size(), cut + 1);
+      EXPECT_EQ(beyond.status().code(), Code::OutOfRange);
+      for (uint64_t from = cut; from-- > 0;) {  // some of it again
+        part(mine, from, cut);
+        EXPECT_EQ(store->received("", hash(mine), mine.size()), cut);
+      }
+      ASSERT_TRUE(put(mine, "", cut).ok());
+      EXPECT_EQ(read(mine), mine);
+    }
+  EXPECT_EQ(store->stats().parts, 0u);
+}
+
+TEST_F(Files, WrongBytesAreNeverKept) {
+  const std::string data = "abcdef";
+  {
+    auto writer = store->begin("", hash(data), 6, 0);
+    ASSERT_TRUE((*writer)->add("abcdeX").ok());
+    const Status status = (*writer)->finish();
+    EXPECT_EQ(status.code(), Code::InvalidArgument);
+    EXPECT_NE(status.message().find(hash("abcdeX")), std::string::npos) << status.message();
+  }
+  EXPECT_EQ(store->received("", hash(data), 6), 0u);
+  {  // the first half of another call
+    part(data, 0, 3);
+    std::ofstream(onDisk(data), std::ios::in | std::ios::out) << "X";
+    const Status status = put(data, "", 3);
+    EXPECT_EQ(status.code(), Code::InvalidArgument);
+    EXPECT_NE(status.message().find("put it from 0"), std::string::npos) << status.message();
+    EXPECT_EQ(store->received("", hash(data), 6), 0u);
+  }
+  {
+    auto writer = store->begin("", hash(data), 6, 0);
+    EXPECT_EQ((*writer)->add("abcdefg").code(), Code::InvalidArgument);
+  }
+  {
+    auto writer = store->begin("", hash(data), 6, 0);
+    ASSERT_TRUE((*writer)->add("abc").ok());
+    const Status status = (*writer)->finish();
+    EXPECT_EQ(status.code(), Code::InvalidArgument);
+    EXPECT_NE(status.message().find("3 of put.blob.bytes = 6"), std::string::npos) << status.message();
+  }
+  EXPECT_EQ(store->received("", hash(data), 6), 3u) << "what arrived stays";
+  EXPECT_EQ(store->begin("", hash(data), 0, 0).status().code(), Code::InvalidArgument);
+  EXPECT_EQ(store->begin("", "abc", 6, 0).status().code(), Code::InvalidArgument);
+  ASSERT_TRUE(put(data).ok());
+  EXPECT_EQ(store->begin("", hash(data), 7, 0).status().code(), Code::InvalidArgument);
+  auto again = store->begin("", hash(data), 6, 6);
+  ASSERT_TRUE(again.ok());
+  EXPECT_TRUE((*again)->there());
+}
+
+TEST_F(Files, DamageIsFoundWhenAFileIsFirstUsedAndItCanBePutAgain) {
+  for (const char* how : {"byte", "short", "gone"}) {
+    const std::string data = std::string("data of ") + how;
+    ASSERT_TRUE(put(data).ok());
+    const fs::path file = onDisk(data);
+    if (how == std::string("byte")) std::ofstream(file, std::ios::in | std::ios::out) << "D";
+    if (how == std::string("short")) fs::resize_file(file, 3);
+    if (how == std::string("gone")) fs::remove(file);
+    open();
+    EXPECT_NE(read(data).find("put it first"), std::string::npos) << how << ": " << read(data);
+    EXPECT_FALSE(has(data)) << how;
+    ASSERT_TRUE(put(data).ok()) << how;
+    EXPECT_EQ(read(data), data);
+  }
+  EXPECT_EQ(store->stats().damaged, 0u) << "of this start";
+}
+
+TEST_F(Files, OneAtATimeAndTheOtherIsTold) {
+  const std::string data = "abcdef";
+  auto first = store->begin("", hash(data), 6, 0);
+  ASSERT_TRUE(first.ok());
+  EXPECT_EQ(store->begin("", hash(data), 6, 0).status().code(), Code::Aborted);
+  EXPECT_TRUE(store->begin("bob", hash(data), 6, 0).ok()) << "another owner's is another file";
+  ASSERT_TRUE((*first)->add("abc").ok());
+  first->reset();
+  EXPECT_TRUE(put(data, "", 3).ok());
+  // Many at once: each file is whole at the end.
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 4; ++t)
+    threads.emplace_back([&, t] {
+      for (int i = 0; i < 20; ++i) {
+        const std::string mine = "file " + std::to_string((i + t) % 20);
+        while (put(mine).code() == Code::Aborted) std::this_thread::yield();
+      }
+    });
+  for (std::thread& t : threads) t.join();
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(read("file " + std::to_string(i)), "file " + std::to_string(i));
+}
+
+TEST_F(Files, BoundedAndTheLeastRecentlyUsedOfWhoHasMostGoes) {
+  bytes = 8 * kLeast;  // one owner: four files
+  open();
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(put("a" + std::to_string(i), "alice").ok());
+  EXPECT_TRUE(has("a0", "alice"));  // used: the next one to go is a1
+  ASSERT_TRUE(put("a4", "alice").ok());
+  EXPECT_FALSE(has("a1", "alice"));
+  for (int i = 0; i < 4; ++i) ASSERT_TRUE(put("b" + std::to_string(i), "bob").ok());
+  for (const char* a : {"a0", "a2", "a3", "a4"}) EXPECT_TRUE(has(a, "alice")) << a << ": bob's took their place";
+  ASSERT_TRUE(put("c", "carol").ok());  // full: one of those that have most
+  EXPECT_EQ(store->stats().files, 8u);
+  EXPECT_TRUE(has("c", "carol"));
+  const auto tooLarge = store->begin("alice", hash("x"), 4 * kLeast + 1, 0);
+  EXPECT_EQ(tooLarge.status().code(), Code::ResourceExhausted);
+  EXPECT_NE(tooLarge.status().message().find("blobs.bytes"), std::string::npos) << tooLarge.status().message();
+}
+
+TEST_F(Files, WhatIsHeldOrOnItsWayStays) {
+  bytes = 4 * kLeast;
+  open();
+  ASSERT_TRUE(put("held").ok());
+  auto tree = store->tree("", {{"a.bin", hash("held")}}, "field");
+  ASSERT_TRUE(tree.ok());
+  auto writer = store->begin("", hash("on its way"), 10, 0);
+  ASSERT_TRUE(writer.ok());
+  const Status none = put("more");
+  EXPECT_EQ(none.code(), Code::ResourceExhausted);
+  EXPECT_NE(none.message().find("in use or on their way"), std::string::npos) << none.message();
+  writer->reset();
+  EXPECT_TRUE(put("more").ok());
+  EXPECT_TRUE(has("held"));
+  tree->reset();
+  EXPECT_TRUE(put("most").ok());
+  EXPECT_FALSE(has("held"));
+}
+
+TEST_F(Files, OldPartsGo) {
+  partSeconds = 0;
+  open();
+  part("abcdef", 0, 3);
+  EXPECT_EQ(store->stats().parts, 1u);
+  ::usleep(1000);
+  store->sweep();
+  EXPECT_EQ(store->stats().parts, 0u);
+  EXPECT_TRUE(onDisk("abcdef").empty());
+}
+
+TEST_F(Files, TreesHaveTheNamesAndGoWithTheirLastUser) {
+  ASSERT_TRUE(put("one").ok());
+  ASSERT_TRUE(put("two").ok());
+  const std::map<std::string, std::string> files{{"scene.gltf", hash("one")}, {"textures/deep/b.png", hash("two")}, {"again.bin", hash("two")}};
+  auto tree = store->tree("", files, "open.files");
+  ASSERT_TRUE(tree.ok()) << tree.status().toString();
+  auto same = store->tree("", files, "open.files");
+  EXPECT_EQ((*same)->folder(), (*tree)->folder());
+  for (const auto& [name, digest] : files) EXPECT_TRUE(fs::exists((*tree)->path(name))) << name;
+  EXPECT_EQ((*tree)->withoutPlace("at " + (*tree)->path("scene.gltf") + "#/x"), "at scene.gltf#/x");
+  const std::string folder = (*tree)->folder();
+  tree->reset();
+  EXPECT_TRUE(fs::exists(folder));
+  same->reset();
+  EXPECT_FALSE(fs::exists(folder));
+  auto missing = files;
+  missing["c.bin"] = hash("three");
+  const Status none = store->tree("", missing, "open.files").status();
+  EXPECT_EQ(none.code(), Code::NotFound);
+  EXPECT_NE(none.message().find("open.files[\"c.bin\"] = " + hash("three")), std::string::npos) << none.message();
+}
+
+TEST_F(Files, NamesAreThoseOfATree) {
+  const std::string d = hash("x");
+  EXPECT_TRUE(checkFileNames({{"a.gltf", d}, {"b/c.bin", d}}, "a.gltf").ok());
+  EXPECT_TRUE(checkFileNames({{"A.GLB", d}}, "A.GLB").ok());
+  std::string deep;
+  for (int i = 0; i < 16; ++i) deep += "d/";
+  for (const std::string& bad : {std::string(""), std::string("/etc/passwd"), std::string("../up"), std::string("b/../../up"), std::string("./b"),
+                                 std::string("b//c"), std::string("b/"), std::string("."), std::string("a.gltf/b"), std::string("b\0c", 3),
+                                 std::string(1100, 'x'), std::string(256, 'x'), deep + "x", std::string("http://host/x")})
+    EXPECT_EQ(checkFileNames({{"a.gltf", d}, {bad, d}}, "a.gltf").code(), Code::InvalidArgument) << bad;
+  for (const auto& [files, source] : std::vector<std::pair<std::map<std::string, std::string>, std::string>>{
+           {{{"a.gltf", d}}, "b.gltf"}, {{{"a.txt", d}}, "a.txt"}, {{{"a.gltf", "12"}}, "a.gltf"}, {{{"a.gltf", std::string(64, 'g')}}, "a.gltf"}})
+    EXPECT_EQ(checkFileNames(files, source).code(), Code::InvalidArgument) << source;
+}
+
+TEST_F(Files, AnEnvironmentIsKnownByItsFirstBytes) {
+  const std::string hdr = "#?RADIANCE\nrest", exr = std::string("\x76\x2f\x31\x01", 4) + "rest", other = "\x89PNG rest";
+  std::string path;
+  for (const auto& [data, extension] : std::map<std::string, std::string>{{hdr, ".hdr"}, {exr, ".exr"}}) {
+    ASSERT_TRUE(put(data).ok());
+    const auto held = store->environment("", hash(data), "request.environment.digest", path);
+    ASSERT_TRUE(held.ok()) << held.status().toString();
+    EXPECT_EQ(fs::path(path).extension(), extension);
+  }
+  ASSERT_TRUE(put(other).ok());
+  for (const auto& [digest, code] :
+       std::map<std::string, Code>{{hash(other), Code::InvalidArgument}, {"12", Code::InvalidArgument}, {hash("no"), Code::NotFound}}) {
+    const Status status = store->environment("", digest, "request.environment.digest", path).status();
+    EXPECT_EQ(status.code(), code) << digest;
+    EXPECT_NE(status.message().find("request.environment.digest = "), std::string::npos) << status.message();
+  }
+}
+
+TEST_F(Files, AFolderIsOneDaemonsAndNobodyElses) {
+  EXPECT_EQ(FileStore::open(options()).status().code(), Code::Unavailable);
+  fs::create_directory(top + "/open");
+  fs::permissions(top + "/open", fs::perms::all);
+  EXPECT_EQ(FileStore::open({top + "/open", top, bytes, partSeconds}).status().code(), Code::FailedPrecondition);
+}
+
+TEST_F(Files, WithoutAFolderTheyGoWithTheStore) {
+  store = *FileStore::open({"", top, bytes, partSeconds});
+  EXPECT_FALSE(fs::exists(store->folder()));
+  ASSERT_TRUE(put("abcdef").ok());
+  EXPECT_EQ(read("abcdef"), "abcdef");
+  const std::string folder = store->folder();
+  EXPECT_EQ(fs::path(folder).parent_path(), top);
+  EXPECT_TRUE(fs::exists(folder));
+  store.reset();
+  EXPECT_FALSE(fs::exists(folder));
+}
+
+TEST_F(Files, AFullDiskLosesNothing) {
+  const std::string data(100000, 'x');
+  ASSERT_TRUE(put("small").ok());
+  part(data, 0, 1000);
+  {  // what a process may write to one file in place of what a disk holds
+    rlimit old{}, little{};
+    ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &old), 0);
+    little = old;
+    little.rlim_cur = 5000;
+    const auto before = ::signal(SIGXFSZ, SIG_IGN);
+    ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &little), 0);
+    const Status full = put(data, "", 1000);
+    ::setrlimit(RLIMIT_FSIZE, &old);
+    ::signal(SIGXFSZ, before);
+    EXPECT_EQ(full.code(), Code::ResourceExhausted) << full.toString();
+  }
+  const uint64_t there = store->received("", hash(data), data.size());
+  EXPECT_GE(there, 1000u);
+  EXPECT_LE(there, 5000u);
+  EXPECT_EQ(read("small"), "small");
+  EXPECT_TRUE(put(data, "", there).ok());
+  EXPECT_EQ(read(data), data);
+}
+
+}  // namespace
+}  // namespace gobo::file_store_test
