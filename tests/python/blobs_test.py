@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files for a gobod that may open nothing: scenes with side files and environments are sent once, by both clients."""
 import os
+import threading
 import unittest
 
 import numpy as np
@@ -37,6 +38,41 @@ class Blobs(DaemonTest):
         np.testing.assert_array_equal(first.relight(set={"environment.path": self.path("sky.exr")}).image, on_disk.image)
         last = list(self.client.render_progressive("cornell", env=self.path("sky.exr"), **SMALL))[-1]
         np.testing.assert_array_equal(last.image, on_disk.image)
+
+    def test_threads_that_need_the_same_file(self):
+        got = {n: [] for n in range(12)}
+
+        def work():
+            for n in got:
+                got[n].append(self.client.render("cornell", env=sky(100 + n), width=8, height=6, spp=16).image)
+        threads = [threading.Thread(target=work) for _ in range(3)]
+        for t in threads:
+            t.start()
+        for t in threads:
+            t.join()
+        for images in got.values():
+            self.assertEqual(len(images), 3, "none of the threads failed")
+            np.testing.assert_array_equal(images[0], images[1])
+            np.testing.assert_array_equal(images[0], images[2])
+
+    def test_environments_of_sessions(self):
+        first, second = sky(2), sky(3)
+        gobo.exr.write(self.path("second.exr"), {c: second[:, :, i] for i, c in enumerate("RGB")})
+        with self.client.session("cornell", env=first, **SMALL) as s:
+            np.testing.assert_array_equal(s.wait(60).image, self.client.render("cornell", env=first, **SMALL).image)
+            s.edit(env=self.path("second.exr"))
+            want = self.client.render("cornell", env=second, **SMALL).image
+            np.testing.assert_array_equal(s.wait(60).image, want)
+            s.edit(env=first)
+            s.edit(env=second, seed=0)
+            np.testing.assert_array_equal(s.wait(60).image, want)
+            with self.assertRaises(gobo.InvalidArgument):
+                s.edit(env=np.zeros((4, 8, 4)))
+        for mapped in (first, self.path("second.exr")):
+            stop = gobo.Cancellation()
+            stop.cancel()
+            with self.assertRaises(gobo.Cancelled):
+                self.client.render("cornell", env=mapped, **SMALL, cancel=stop)
 
     def test_arrays_that_are_no_map_are_refused_here(self):
         for bad in (np.zeros((4, 8)), np.zeros((4, 8, 4)), np.zeros((0, 8, 3)), np.full((4, 8, 3), np.nan), np.full((4, 8, 3), 1e39), np.zeros((4, 8, 3), complex)):

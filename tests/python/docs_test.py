@@ -98,9 +98,13 @@ class Pages(unittest.TestCase):
         return len(found)
 
     def test_python_page(self):
-        self.assertGreaterEqual(self.run_page("docs/python.md", always=("python",)), 9)
+        self.assertGreaterEqual(self.run_page("docs/python.md", always=("python",)), 15)
         self.assertTrue((self.folder / "picture.exr").exists())
         self.assertEqual(len(list((self.folder / "frames").iterdir())), 4)
+
+    def test_live_page(self):
+        self.assertEqual(self.run_page("docs/live.md"), 1)
+        self.assertTrue((self.folder / "live.png").read_bytes().startswith(b"\x89PNG"))
 
     def test_readme(self):
         if self.run_page("README.md") == 0:

@@ -99,6 +99,7 @@ class Calls(Door):
 
     def test_the_schema_is_that_of_requests(self):
         _, schema, _ = self.call("/v1/schema")
+        self.assertEqual(schema, gobo.schema.schema(), "the notebook's controls are the page's")
         fields = {f["name"]: f for f in schema["messages"][schema["root"]]["fields"]}
         self.assertEqual(set(fields), {f.name for f in render_pb2.RenderRequest.DESCRIPTOR.fields})
         self.assertEqual((fields["width"]["kind"], fields["width"]["default"], fields["width"]["min"], fields["width"]["max"]), ("integer", 640, 1, 16384))

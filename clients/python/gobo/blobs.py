@@ -8,7 +8,7 @@ import json
 import os
 import posixpath
 import struct
-import time
+import threading
 import urllib.parse
 from dataclasses import dataclass
 from typing import Any, BinaryIO, Dict, Iterable, Iterator, Mapping, Optional, Union
@@ -16,6 +16,7 @@ from typing import Any, BinaryIO, Dict, Iterable, Iterator, Mapping, Optional, U
 import numpy as np
 
 from . import errors, exr
+from .cancellation import current, pause
 from .v1 import render_pb2, service_pb2, service_pb2_grpc
 from .wire import Wire
 
@@ -124,10 +125,20 @@ class Blobs:
     def __init__(self, wire: Wire) -> None:
         self._wire = wire
         self._stub = service_pb2_grpc.BlobsStub(wire.channel)
+        self._one_at_a_time = threading.Lock()   # threads that need the same file: one sends it, the others find it sent
 
     def put(self, blobs: Iterable[Blob], *, timeout: Optional[float] = None) -> int:
         """Sends what the server has not got of this caller's yet; returns the bytes that were sent. A connection that breaks is gone on with."""
-        wanted = {b.sha256: b for b in blobs}
+        cancel = current(None)
+        while not self._one_at_a_time.acquire(timeout=0.1):
+            if cancel is not None:
+                cancel.check()
+        try:
+            return self._put({b.sha256: b for b in blobs}, timeout)
+        finally:
+            self._one_at_a_time.release()
+
+    def _put(self, wanted: Dict[str, Blob], timeout: Optional[float]) -> int:
         sent = broken = 0
         while True:
             request = service_pb2.MissingBlobsRequest(blobs=[service_pb2.BlobDigest(sha256=b.sha256, bytes=b.bytes) for b in wanted.values()])
@@ -144,7 +155,7 @@ class Blobs:
                 broken += 1
                 if broken >= _TRIES:
                     raise
-                time.sleep(min(0.1 * 2 ** broken, 3.0))
+                pause(min(0.1 * 2 ** broken, 3.0), current(None))
 
     def _one(self, blob: Blob, offset: int, timeout: Optional[float]) -> int:
         def pieces() -> Iterator[service_pb2.PutBlobRequest]:

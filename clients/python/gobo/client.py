@@ -7,42 +7,32 @@ from typing import Any, Callable, Iterator, Optional, Sequence, Union, Unpack
 
 from . import errors
 from .blobs import Blobs, Environments
+from .cancellation import Cancellation, Stream, current, scope
 from .daemon import Daemon
-from .fields import RequestFields, fill
+from .fields import RequestFields, fill, whole_of
 from .jobs import Jobs
 from .pictures import Assembly
 from .result import Result
 from .scenes import Scene, Scenes
+from .session import ErrorCallback, PictureCallback, Session
 from .v1 import render_pb2, service_pb2, service_pb2_grpc
 from .wire import Tls, Wire
 
 ProgressCallback = Callable[[render_pb2.Progress], Any]
 
 
-class Progressive(Iterator[Result]):
+class Progressive(Stream[Result]):
     """Snapshots of one render, each with more samples; the last item is the final result (`final` is True).
 
-    Iterate it in one thread. Leaving the loop early, `close()`, Ctrl-C or the end of a `with` block cancels the render.
+    Iterate it in one thread. Leaving the loop early, `close()`, Ctrl-C or the end of a `with` block ends the render; so do `close()` and
+    `cancel()` in any other thread (see `Stream`).
     """
-
-    def __init__(self, results: Iterator[Result]) -> None:
-        self._results = results
-
-    def __iter__(self) -> "Progressive":
-        return self
-
-    def __next__(self) -> Result:
-        return next(self._results)
-
-    def close(self) -> None:
-        """Cancels the render if it is not finished."""
-        self._results.close()  # type: ignore[attr-defined]
 
     def __enter__(self) -> "Progressive":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __iter__(self) -> "Progressive":
+        return self
 
 
 class Client:
@@ -82,7 +72,8 @@ class Client:
         self.close()
 
     def render(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None,
-               on_progress: Optional[ProgressCallback] = None, **fields: "Unpack[RequestFields]") -> Result:
+               on_progress: Optional[ProgressCallback] = None, cancel: Optional[Cancellation] = None,
+               **fields: "Unpack[RequestFields]") -> Result:
         """Renders a scene: a file, the id of a loaded scene, a built-in name, or a `Scene`.
 
         A .glb or .gltf, or an environment's .hdr or .exr, that the server cannot open is sent to it. `env` may also be an array (height, width, 3) of linear
@@ -94,65 +85,74 @@ class Client:
         Args:
             timeout: seconds for everything, waiting for the server included; None: the client's.
             on_progress: called with `Progress` messages (stage, fraction of the pass, spp, elapsed_ms) while it renders.
+            cancel: ends it from another thread (gobo.Cancelled).
 
         Raises:
             gobo.Error: see its subclasses. KeyboardInterrupt cancels the render and goes on.
         """
-        request = self._request(scene, fields, timeout)
+        request = self._request(scene, fields, timeout, cancel)
         method = self._render.Render if on_progress is None else self._render.RenderProgressive
         if not request.scheduling.HasField("ladder"):
             request.scheduling.ladder = False  # nobody sees early pictures
-        return self._last(self._stream(method, request, timeout), on_progress)
+        return self._last(self._stream(method, request, timeout, cancel), on_progress)
 
     def render_progressive(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None,
-                           on_progress: Optional[ProgressCallback] = None, **fields: "Unpack[RequestFields]") -> Progressive:
+                           on_progress: Optional[ProgressCallback] = None, cancel: Optional[Cancellation] = None,
+                           **fields: "Unpack[RequestFields]") -> Progressive:
         """Like `render`, but yields valid pictures on the way. A slow consumer misses snapshots, never the last one.
 
             for snapshot in client.render_progressive("cornell", spp=256):
                 print(snapshot.samples, snapshot.image.mean())
         """
-        request = self._request(scene, fields, timeout)
-        return Progressive(self._results(self._stream(self._render.RenderProgressive, request, timeout), on_progress))
+        return self._snapshots(self._request(scene, fields, timeout, cancel), timeout, on_progress, cancel)
 
-    def plan(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None,
+    def plan(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, timeout: Optional[float] = None, cancel: Optional[Cancellation] = None,
              **fields: "Unpack[RequestFields]") -> service_pb2.PlanReply:
         """What `render` of the same would do, without doing it: `plan` (nodes with expected ms and rays, results that are there already), `ms`, `rays`,
         `pinned_bytes`, and `resolved`, the request with every default filled in.
         """
-        request = self._request(scene, fields, timeout)
+        request = self._request(scene, fields, timeout, cancel)
         try:
-            return self._wire.unary(self._render.Plan, request, timeout)
+            return self._wire.unary(self._render.Plan, request, timeout, cancel)
         except (errors.PermissionDenied, errors.NotFound) as e:
-            if not self._environments.mend(request.environment, e, timeout):
+            if not self._mend(request.environment, e, timeout, cancel):
                 raise
-        return self._wire.unary(self._render.Plan, request, timeout)
+        return self._wire.unary(self._render.Plan, request, timeout, cancel)
 
-    def relight(self, render_id: Union[str, Result], *, timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> Result:
+    def relight(self, render_id: Union[str, Result], *, timeout: Optional[float] = None, on_progress: Optional[ProgressCallback] = None,
+                cancel: Optional[Cancellation] = None, **fields: "Unpack[RequestFields]") -> Result:
         """Renders an earlier request again with changes; the server recomputes what they change and nothing else.
 
         Keywords are those of `render`. `lights={"key": None}` undoes an edit of that light. `env=` replaces the environment as a
         whole; `set={"environment.rotation_deg": 90}` turns the one that is there.
         """
-        if isinstance(render_id, Result):
-            render_id = render_id.render_id
-        request = render_pb2.RelightRequest(render_id=render_id)
-        fields.setdefault("format", "raw_float")
-        builder = fill(request.patch, self._environments.put_arrays(fields, timeout))
-        whole = [p for p in ("environment", "camera", "shadows") if p in fields or (p == "environment" and "env" in fields)]
-        request.mask.extend(builder.mask(whole))
-        return self._last(self._stream(self._render.Relight, request, timeout), None)
+        request = self._relight(render_id, fields, timeout, cancel)
+        request.progressive = on_progress is not None
+        return self._last(self._stream(self._render.Relight, request, timeout, cancel), on_progress)
 
-    def _stream(self, method: Callable[..., Any], request: Any, timeout: Optional[float]) -> Iterator[render_pb2.RenderEvent]:
-        relight = isinstance(request, render_pb2.RelightRequest)
-        try:
-            yield from self._wire.stream(method, request, timeout)
-            return
-        except (errors.PermissionDenied, errors.NotFound) as e:   # before the first event
-            if not self._environments.mend(request.patch.environment if relight else request.environment, e, timeout):
-                raise
-        if relight and "environment.path" in request.mask:
-            request.mask.append("environment.digest")
-        yield from self._wire.stream(method, request, timeout)
+    def relight_progressive(self, render_id: Union[str, Result], *, timeout: Optional[float] = None, on_progress: Optional[ProgressCallback] = None,
+                            cancel: Optional[Cancellation] = None, **fields: "Unpack[RequestFields]") -> Progressive:
+        """Like `relight`, but yields valid pictures on the way, as `render_progressive` does."""
+        request = self._relight(render_id, fields, timeout, cancel)
+        request.progressive = True
+        return Progressive(lambda own: self._results(self._stream(self._render.Relight, request, timeout, own), on_progress), cancel)
+
+    def session(self, scene: "str | os.PathLike[str] | Scene | None" = None, *, on_picture: Optional[PictureCallback] = None,
+                on_error: Optional[ErrorCallback] = None, timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> Session:
+        """A picture that follows edits, for sliders and drags: see `Session`.
+
+            with client.session("scene.glb", size=(640, 480), spp=64) as s:
+                s.edit(lights={"key": {"intensity": 3}})
+                for picture in s.pictures():
+                    ...
+
+        Args:
+            on_picture: called with each picture, in the session's thread.
+            on_error: called with each gobo.Error of a render, in the session's thread.
+            timeout: seconds that each render may take.
+        """
+        return Session(self._request(scene, fields, timeout), lambda request, stop: self._snapshots(request, timeout, None, stop),
+                       on_picture, on_error, lambda edits: self._environments.put_arrays(edits, timeout))
 
     def status(self, *, timeout: Optional[float] = None) -> service_pb2.StatusReply:
         """Version, uptime, memory, what runs and waits."""
@@ -166,16 +166,45 @@ class Client:
         """Asks the server to drain and stop (Unix socket only)."""
         self._wire.unary(self._admin.Shutdown, service_pb2.ShutdownRequest(), timeout)
 
-    def _request(self, scene: Any, fields: Any, timeout: Optional[float]) -> render_pb2.RenderRequest:
+    def _relight(self, render_id: Union[str, Result], fields: Any, timeout: Optional[float], cancel: Optional[Cancellation]) -> render_pb2.RelightRequest:
+        request = render_pb2.RelightRequest(render_id=render_id.render_id if isinstance(render_id, Result) else render_id)
+        fields.setdefault("format", "raw_float")
+        with scope(current(cancel)):
+            fields = self._environments.put_arrays(fields, timeout)
+        request.mask.extend(fill(request.patch, fields).mask(whole_of(fields)))
+        return request
+
+    def _snapshots(self, request: render_pb2.RenderRequest, timeout: Optional[float], on_progress: Optional[ProgressCallback],
+                   cancel: Optional[Cancellation]) -> Progressive:
+        return Progressive(lambda own: self._results(self._stream(self._render.RenderProgressive, request, timeout, own), on_progress), cancel)
+
+    def _stream(self, method: Callable[..., Any], request: Any, timeout: Optional[float], cancel: Optional[Cancellation]) -> Iterator[render_pb2.RenderEvent]:
+        relight = isinstance(request, render_pb2.RelightRequest)
+        try:
+            yield from self._wire.stream(method, request, timeout, cancel)
+            return
+        except (errors.PermissionDenied, errors.NotFound) as e:   # before the first event
+            if not self._mend(request.patch.environment if relight else request.environment, e, timeout, cancel):
+                raise
+        if relight and "environment.path" in request.mask:
+            request.mask.append("environment.digest")
+        yield from self._wire.stream(method, request, timeout, cancel)
+
+    def _mend(self, settings: render_pb2.EnvironmentSettings, error: errors.Error, timeout: Optional[float], cancel: Optional[Cancellation]) -> bool:
+        with scope(current(cancel)):
+            return self._environments.mend(settings, error, timeout)
+
+    def _request(self, scene: Any, fields: Any, timeout: Optional[float], cancel: Optional[Cancellation] = None) -> render_pb2.RenderRequest:
         request = render_pb2.RenderRequest()
-        fill(request, self._environments.put_arrays(fields, timeout))
+        with scope(current(cancel)):
+            fill(request, self._environments.put_arrays(fields, timeout))
         if not request.encoding.format:
             request.encoding.format = render_pb2.Encoding.RAW_FLOAT
         if scene is None:
             scene = request.scene
         if not scene:
             raise errors.InvalidArgument("scene: name a file, a loaded scene or a built-in one", field="scene")
-        request.scene = self.scenes.resolve(scene, timeout)
+        request.scene = self.scenes.resolve(scene, timeout, cancel)
         return request
 
     def _results(self, events: Iterator[render_pb2.RenderEvent], on_progress: Optional[ProgressCallback],

@@ -1,21 +1,57 @@
 # SPDX-License-Identifier: Apache-2.0
-"""OpenEXR in a page of numpy: single-part scan lines, no or ZIP compression. Enough to keep float pictures without loss and to
-read what Gobo writes by default; DWA, tiles and multi-part files are for a full library."""
+"""OpenEXR files. Where OpenImageIO's Python binding can be imported (Debian: python3-openimageio) it reads them: every compression, tiles, files of
+several parts. Elsewhere a page of numpy does: single-part scan lines, no or ZIP compression, which is what Gobo writes by default. $GOBO_EXR or `use`
+names one: "openimageio", "numpy". What is written is float, ZIP, by numpy, so that equal pictures are equal files: OpenImageIO adds the time of day."""
 from __future__ import annotations
 
+import importlib
 import os
 import struct
 import tempfile
+import threading
 import zlib
-from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple, TypeVar
 
 import numpy as np
 
 from .errors import InvalidArgument
 
+T = TypeVar("T")
 _MAGIC = 20000630
 _TYPES: "Dict[int, np.dtype[Any]]" = {1: np.dtype("<f2"), 2: np.dtype("<f4")}
 _LINES = {0: 1, 2: 1, 3: 16}   # compression -> lines of a block
+_BACKENDS = ("openimageio", "numpy")
+_chosen: "Optional[Tuple[str, Any]]" = None
+_choosing = threading.Lock()
+
+
+def use(name: Optional[str] = None) -> str:
+    """Chooses who reads, "openimageio" or "numpy", and returns the name; None: $GOBO_EXR, else the first that can be imported.
+
+    Raises: gobo.InvalidArgument: no such name, or it cannot be imported.
+    """
+    global _chosen
+    wanted = name or os.environ.get("GOBO_EXR") or None
+    if wanted not in (None, *_BACKENDS):
+        raise InvalidArgument(f"exr = {wanted}: must be one of {', '.join(_BACKENDS)}", field="exr", value=wanted)
+    library: Any = None
+    if wanted != "numpy":
+        try:
+            library = importlib.import_module("OpenImageIO")
+        except ImportError as e:
+            if wanted is not None:
+                raise InvalidArgument(f"exr = {wanted}: {e}", field="exr", value=wanted) from None
+    with _choosing:
+        _chosen = ("numpy" if library is None else "openimageio", library)
+        return _chosen[0]
+
+
+def _library() -> Any:
+    """OpenImageIO's module, imported at the first need (it takes a second), or None."""
+    if _chosen is None:
+        use()
+    assert _chosen is not None
+    return _chosen[1]
 
 
 def write_atomic(path: str, data: bytes) -> None:
@@ -133,17 +169,71 @@ def _channels(data: bytes) -> "Iterator[Tuple[str, np.dtype[Any]]]":
 def read(path: "str | os.PathLike[str]") -> Tuple[Dict[str, np.ndarray], Dict[str, str]]:
     """Planes by channel name (float32) and the text attributes. Errors: InvalidArgument for files of other kinds."""
     with open(path, "rb") as file:
-        return decode(file.read(), os.fspath(path))
+        data = file.read()
+    return _guarded(lambda: _read(data) if _library() is None else _read_library(_library(), os.fspath(path), data), os.fspath(path))
 
 
 def decode(data: bytes, name: str = "picture") -> Tuple[Dict[str, np.ndarray], Dict[str, str]]:
     """`read` of bytes; `name` is what errors call them."""
+    def work() -> Tuple[Dict[str, np.ndarray], Dict[str, str]]:
+        if _library() is None:
+            return _read(data)
+        with tempfile.NamedTemporaryFile(prefix="gobo-", suffix=".exr") as file:
+            file.write(data)
+            file.flush()
+            return _read_library(_library(), file.name, data)
+    return _guarded(work, name)
+
+
+def attributes(data: bytes, name: str = "picture") -> Dict[str, Any]:
+    """What the header of an EXR file says that is text (str), a number (int, float), or a matrix or vector of floats (tuple, as the file has it)."""
+    def work() -> Dict[str, Any]:
+        magic, _ = struct.unpack_from("<iI", data, 0)
+        if magic != _MAGIC:
+            raise InvalidArgument("not an EXR file")
+        out: Dict[str, Any] = {}
+        for key, (kind, value) in _header(data)[0].items():
+            if kind == "string":
+                out[key] = value.decode(errors="replace")
+            elif kind in ("int", "float"):
+                out[key] = struct.unpack("<i" if kind == "int" else "<f", value)[0]
+            elif kind in ("v2f", "v3f", "m33f", "m44f"):
+                out[key] = struct.unpack(f"<{len(value) // 4}f", value)
+        return out
+    return _guarded(work, name)
+
+
+def _guarded(work: Callable[[], T], name: str) -> T:
     try:
-        return _read(data)
+        return work()
     except InvalidArgument as e:
         raise InvalidArgument(f"{name}: {e.message}") from None
     except (IndexError, ValueError, KeyError, struct.error, zlib.error, MemoryError) as e:
         raise InvalidArgument(f"{name}: not an EXR file that can be read here: {e}") from None
+
+
+def _read_library(library: Any, path: str, data: bytes) -> Tuple[Dict[str, np.ndarray], Dict[str, str]]:
+    magic = struct.unpack_from("<i", data, 0)[0]
+    if magic != _MAGIC:
+        raise InvalidArgument("EXR: not an EXR file")
+    source = library.ImageInput.open(path)
+    if source is None:
+        raise InvalidArgument(f"EXR: {library.geterror()}")
+    planes: Dict[str, np.ndarray] = {}
+    try:
+        part = 0
+        while source.seek_subimage(part, 0):
+            names = source.spec().channelnames
+            pixels = source.read_image(part, 0, 0, len(names), "float")
+            if pixels is None:
+                raise InvalidArgument(f"EXR: {source.geterror()}")
+            for c, name in enumerate(names):
+                planes.setdefault(name, np.ascontiguousarray(pixels[:, :, c]))
+            part += 1
+    finally:
+        source.close()
+    texts = {name: value.decode(errors="replace") for name, (kind, value) in _header(data)[0].items() if kind == "string"}
+    return planes, texts
 
 
 def _read(data: bytes) -> Tuple[Dict[str, np.ndarray], Dict[str, str]]:

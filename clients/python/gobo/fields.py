@@ -13,6 +13,7 @@ from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import Message
 
+from .camera import Camera
 from .errors import InvalidArgument
 from .v1 import render_pb2
 
@@ -34,7 +35,7 @@ class RequestFields(TypedDict, total=False):
     max_seconds: float                      # halt.time_s: stop after this time
     max_error: float                        # halt.error: stop when the certificate says so
     seed: int
-    camera: Union[str, Mapping[str, Any]]   # a name, or fields of CameraSettings
+    camera: Union[str, Mapping[str, Any], Camera]   # a name, fields of CameraSettings, or a gobo.Camera
     lights: Mapping[str, Light]
     env: Environment
     exposure: float                         # tone_map.exposure, stops
@@ -50,6 +51,12 @@ class RequestFields(TypedDict, total=False):
     encoding: Mapping[str, Any]
     scheduling: Mapping[str, Any]
     scene_hash: str
+    time_s: float                           # of the animation
+    animation: str
+    variant: str                            # of the materials
+    window: Mapping[str, int]               # x, y, width, height: this part of the picture alone
+    motion_step_s: float
+    photometric: bool
     curves: Mapping[str, Mapping[str, Any]]  # by path: {"lights.key.intensity": {"time_s": [0, 1], "value": [1, 9], "interpolation": "SMOOTH"}}
     set: Mapping[str, Any]                  # by path: {"integrator.max_bounces": 2}
 
@@ -215,6 +222,8 @@ def _short(target: Message, value: Any) -> Optional[Dict[str, Any]]:
     name = target.DESCRIPTOR.name
     if name == "CameraSettings" and isinstance(value, str):
         return {"name": value}
+    if name == "CameraSettings" and isinstance(value, Camera):
+        return value.fields()
     if name == "CertificateSettings" and (_is_number(value) or value is True):
         return {} if value is True else {"pixel_fraction": value}
     if name == "EnvironmentSettings":
@@ -320,3 +329,8 @@ def fill(request: render_pb2.RenderRequest, fields: Mapping[str, Any]) -> Builde
     for path, value in by_path.items():
         builder.put(path, value)
     return builder
+
+
+def whole_of(fields: Mapping[str, Any]) -> List[str]:
+    """Fields that keywords replace as a whole where they change a request that is there: environment, camera and shadows."""
+    return [p for p in ("environment", "camera", "shadows") if p in fields or (p == "environment" and "env" in fields)]

@@ -13,6 +13,7 @@ import numpy as np
 
 from . import errors, exr
 from .blobs import Environments
+from .cancellation import Cancellation, Stream, current, pause
 from .fields import Builder, RequestFields, fill
 from .scenes import Scene, Scenes
 from .v1 import jobs_pb2, jobs_pb2_grpc, render_pb2
@@ -97,18 +98,19 @@ class Job:
         """The job as it is now, with all frames."""
         return self._jobs.get(self.id)
 
-    def watch(self, *, timeout: Optional[float] = None) -> Iterator[JobState]:
+    def watch(self, *, timeout: Optional[float] = None, cancel: Optional[Cancellation] = None) -> Stream[JobState]:
         """See `Jobs.watch`."""
-        return self._jobs.watch(self.id, timeout=timeout)
+        return self._jobs.watch(self.id, timeout=timeout, cancel=cancel)
 
-    def wait(self, timeout: Optional[float] = None) -> JobState:
+    def wait(self, timeout: Optional[float] = None, *, cancel: Optional[Cancellation] = None) -> JobState:
         """Waits until the job is done and returns its last state.
 
         Raises:
             gobo.Error: the job failed (the class is that of its error) or was cancelled (`Cancelled`).
             gobo.DeadlineExceeded: `timeout` seconds passed; the job goes on.
+            gobo.Cancelled: `cancel` was; the job goes on.
         """
-        for _ in self._jobs.watch(self.id, timeout=timeout):
+        for _ in self._jobs.watch(self.id, timeout=timeout, cancel=cancel):
             pass
         last = self._jobs.get(self.id)
         if last.state == "failed":
@@ -186,7 +188,7 @@ class Jobs:
                 return Job(self, self._wire.unary(self._stub.Submit, spec, timeout).id)
             except errors.Unavailable as e:
                 last = e
-                time.sleep(0.2 * 2 ** attempt)
+                pause(0.2 * 2 ** attempt, current(None))
             except (errors.PermissionDenied, errors.NotFound) as e:
                 if not self._environments.mend(spec.request.environment, e, timeout):
                     raise
@@ -226,17 +228,20 @@ class Jobs:
         """Forgets an ended job and its files."""
         self._wire.unary(self._stub.Delete, jobs_pb2.DeleteJobRequest(id=id), timeout)
 
-    def watch(self, id: str, *, timeout: Optional[float] = None) -> Iterator[JobState]:
+    def watch(self, id: str, *, timeout: Optional[float] = None, cancel: Optional[Cancellation] = None) -> Stream[JobState]:
         """The job as it is, then every change until it has ended. A stream that breaks is opened again (a daemon may restart).
 
-        Closing the iterator stops watching; the job goes on.
+        `cancel()` and `close()` of what this returns, from any thread, stop watching (see `Stream`); the job goes on.
         """
+        return Stream(lambda own: self._watch(id, timeout, own), cancel)
+
+    def _watch(self, id: str, timeout: Optional[float], cancel: Cancellation) -> Iterator[JobState]:
         end = None if timeout is None else time.monotonic() + timeout
         broken = 0
         while True:
             left = None if end is None else max(end - time.monotonic(), 0.001)
             try:
-                for event in self._wire.stream(self._stub.Watch, jobs_pb2.WatchJobRequest(id=id), left):
+                for event in self._wire.stream(self._stub.Watch, jobs_pb2.WatchJobRequest(id=id), left, cancel):
                     broken = 0
                     yield _state(event.job, event.frame if event.HasField("frame") else None)
                 return
@@ -244,7 +249,7 @@ class Jobs:
                 broken += 1
                 if broken > 20:
                     raise
-                time.sleep(min(0.1 * 2 ** broken, 3.0))
+                pause(min(0.1 * 2 ** broken, 3.0), cancel)
 
     def fetch(self, id: str, folder: "str | os.PathLike[str]", *, frames: Optional[Iterable[int]] = None,
               outputs: Optional[Iterable[str]] = None, timeout: Optional[float] = None) -> List[str]:
@@ -303,7 +308,7 @@ class Jobs:
                 broken += 1
                 if broken > 10:
                     raise
-                time.sleep(min(0.1 * 2 ** broken, 3.0))
+                pause(min(0.1 * 2 ** broken, 3.0), current(None))
 
     def _file(self, id: str, frame: int, file: jobs_pb2.FrameFile, path: str, timeout: Optional[float]) -> None:
         if os.path.isfile(path) and os.path.getsize(path) == file.bytes and _sha256(path) == file.sha256:

@@ -7,6 +7,7 @@ from typing import Any, Dict, List, Optional
 import numpy as np
 
 from .errors import DataLoss
+from .image import Image
 from .v1 import render_pb2
 
 try:   # the digest is xxh3-128; without python3-xxhash sizes and offsets are still checked
@@ -60,10 +61,10 @@ class Assembly:
         return self._bytes
 
 
-def as_array(image: render_pb2.ImageDescriptor, data: np.ndarray) -> Optional[np.ndarray]:
+def as_array(image: render_pb2.ImageDescriptor, data: np.ndarray) -> Optional[Image]:
     """float32 (height, width, channels) of a raw picture; None for encoded ones."""
     kind = _RAW.get(image.format)
     if kind is None:
         return None
     pixels = data.view(kind).reshape(image.height, image.width, len(image.channels))
-    return np.ascontiguousarray(pixels, np.float32)
+    return np.ascontiguousarray(pixels, np.float32).view(Image)

@@ -10,12 +10,14 @@ import numpy as np
 from google.protobuf import json_format
 
 from . import exr
+from .cancellation import Cancellation
 from .errors import FailedPrecondition, InvalidArgument
+from .image import Image, png, shown
 from .pictures import Assembly, as_array
 from .v1 import render_pb2
 
 if TYPE_CHECKING:
-    from .client import Client
+    from .client import Client, Progressive, ProgressCallback
     from .fields import RequestFields
 
 
@@ -77,14 +79,16 @@ class Result:
         certificate: `Certificate`, or None when it was not asked for.
         resolved: the request with every default filled in; sent again it gives the same bits.
         render_id: handle for relights.
+        edit: which edit of a `Session` it shows.
         reply: the message itself, with everything else.
     """
 
     def __init__(self, client: "Client", assembly: Assembly, final: bool) -> None:
         self._client = client
         self.final = final
+        self.edit = 0
         reply = self.reply = assembly.reply
-        self.outputs: Dict[str, np.ndarray] = {}
+        self.outputs: Dict[str, Image] = {}
         self.encoded: Dict[str, bytes] = {}
         self.channels: Dict[str, List[str]] = {}
         for image, data in zip(reply.images, assembly.encoded()):
@@ -108,10 +112,45 @@ class Result:
         self.path_classes_missing: List[str] = list(reply.path_classes_missing)
 
     @property
-    def image(self) -> np.ndarray:
+    def image(self) -> Image:
         for array in self.outputs.values():
             return array
         raise FailedPrecondition("the pictures were asked for in a file format: their bytes are in .encoded", field="encoding.format")
+
+    def png(self, output: Optional[str] = None) -> bytes:
+        """A PNG file of one output (the first unless named) for looking at, made here: exposure, curve and transfer function as the request has
+        them, so that light looks as in `save("x.png")`; normals, depths and the like from their least to their largest value."""
+        name = output if output is not None else next(iter(self.channels))
+        if name in self.outputs:
+            return png(self.shown(name))
+        data = self.encoded.get(name)
+        if data is None or not data.startswith(b"\x89PNG"):
+            raise InvalidArgument(f"output = {name}: not an array or PNG of this result (has: {', '.join(self.channels)})", field="output")
+        return data
+
+    def shown(self, output: str) -> np.ndarray:
+        """uint8 (height, width, channels): what `png` shows of an output that has an array."""
+        tone, transfer = self.resolved.tone_map, render_pb2.Encoding.Transfer.Name(self.resolved.encoding.transfer).lower()
+        return shown(self.outputs[output], output, tone, transfer if transfer in ("srgb", "rec709", "linear") else "srgb")
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> Dict[str, Any]:
+        """What a notebook shows: the first output that it can."""
+        bundle: Dict[str, Any] = {"text/plain": repr(self)}
+        for name, data in self.encoded.items():
+            for kind, start in (("image/png", b"\x89PNG"), ("image/jpeg", b"\xff\xd8")):
+                if data.startswith(start) and len(bundle) == 1:
+                    bundle[kind] = data
+        if len(bundle) == 1 and self.outputs:
+            bundle["image/png"] = self.png(next(iter(self.outputs)))
+        return bundle
+
+    def _repr_png_(self) -> Optional[bytes]:
+        data: Optional[bytes] = self._repr_mimebundle_().get("image/png")
+        return data
+
+    def _repr_jpeg_(self) -> Optional[bytes]:
+        data: Optional[bytes] = self._repr_mimebundle_().get("image/jpeg")
+        return data
 
     @property
     def samples(self) -> int:
@@ -126,9 +165,15 @@ class Result:
         """The resolved request in protobuf's JSON mapping: what `gobo render --request` and `request=` take."""
         return json_format.MessageToDict(self.resolved, preserving_proto_field_name=True)
 
-    def relight(self, *, timeout: Optional[float] = None, **fields: "Unpack[RequestFields]") -> "Result":
+    def relight(self, *, timeout: Optional[float] = None, on_progress: "Optional[ProgressCallback]" = None, cancel: Optional[Cancellation] = None,
+                **fields: "Unpack[RequestFields]") -> "Result":
         """Renders again with changes: see `Client.relight`."""
-        return self._client.relight(self.render_id, timeout=timeout, **fields)
+        return self._client.relight(self.render_id, timeout=timeout, on_progress=on_progress, cancel=cancel, **fields)
+
+    def relight_progressive(self, *, timeout: Optional[float] = None, on_progress: "Optional[ProgressCallback]" = None,
+                            cancel: Optional[Cancellation] = None, **fields: "Unpack[RequestFields]") -> "Progressive":
+        """Renders again with changes and shows pictures on the way: see `Client.relight_progressive`."""
+        return self._client.relight_progressive(self.render_id, timeout=timeout, on_progress=on_progress, cancel=cancel, **fields)
 
     def save(self, path: "str | os.PathLike[str]", output: Optional[str] = None) -> str:
         """Writes one output (the first unless named) or, to .exr and .npz, all of them; returns the path.

@@ -11,6 +11,7 @@ import numpy as np
 
 from . import errors, glb
 from .blobs import Blob, Blobs, blob, files_of
+from .cancellation import Cancellation, current, scope
 from .fields import Builder, Light
 from .v1 import service_pb2, service_pb2_grpc
 from .wire import Wire
@@ -150,13 +151,14 @@ class Scenes:
                 yield service_pb2.UploadSceneRequest(data=bytes(view[at:at + _PIECE]))
         return _scene(self._wire.unary(self._stub.Upload, pieces, timeout))
 
-    def resolve(self, scene: "str | os.PathLike[str] | Scene", timeout: Optional[float] = None) -> str:
+    def resolve(self, scene: "str | os.PathLike[str] | Scene", timeout: Optional[float] = None, cancel: Optional[Cancellation] = None) -> str:
         """The id that a request names `scene` by: files are opened or uploaded, ids and built-in names taken as they are."""
         if isinstance(scene, Scene):
             return scene.id
         text = os.fspath(scene)
         if os.path.isfile(text) or text.lower().endswith((".glb", ".gltf")):
-            return self.open(text, timeout=timeout).id
+            with scope(current(cancel)):
+                return self.open(text, timeout=timeout).id
         return text
 
     def list(self, *, timeout: Optional[float] = None) -> List[Scene]:

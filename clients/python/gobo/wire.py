@@ -11,6 +11,7 @@ from typing import Any, Callable, Iterator, List, Optional, Tuple, Union
 import grpc
 
 from . import errors
+from .cancellation import Cancellation, current, pause
 
 
 @dataclass(frozen=True)
@@ -107,55 +108,86 @@ class Wire:
     def _left(self, end: Optional[float]) -> Optional[float]:
         return None if end is None else max(end - time.monotonic(), 0.001)
 
-    def _again(self, error: errors.Error, attempt: int, end: Optional[float]) -> bool:
+    def _again(self, error: errors.Error, attempt: int, end: Optional[float], cancel: Optional[Cancellation]) -> bool:
         """Sleeps and says True when the server asked for another try and there is time for one."""
         if not isinstance(error, errors.ResourceExhausted) or error.retry_after_ms is None or attempt >= self.retries:
             return False
         # Never earlier than asked for; spread, so that clients that were refused together do not come back together.
-        pause = error.retry_after_ms / 1000 * (1 + 0.25 * random.random())
-        if end is not None and time.monotonic() + pause >= end:
+        seconds = error.retry_after_ms / 1000 * (1 + 0.25 * random.random())
+        if end is not None and time.monotonic() + seconds >= end:
             return False
-        time.sleep(pause)
+        pause(seconds, cancel)
         return True
 
-    def unary(self, method: Callable[..., Any], request: Any, timeout: Optional[float] = None) -> Any:
+    def unary(self, method: Any, request: Any, timeout: Optional[float] = None, cancel: Optional[Cancellation] = None) -> Any:
         """One request, one reply. `request` may be a function that makes an iterator (client streaming)."""
         end = self._begin(timeout)
+        cancel = current(cancel)
         attempt = 0
         while True:
             try:
                 message = request() if callable(request) else request
-                return method(message, timeout=self._left(end), metadata=self.metadata)
+                if cancel is None:
+                    return method(message, timeout=self._left(end), metadata=self.metadata)
+                return self._cancellable(method, message, end, cancel)
             except grpc.RpcError as e:
-                error = errors.from_rpc(e, self.address)
+                error = self._error(e, cancel)
             except ValueError as e:   # grpc's answer on a closed channel
                 raise errors.Cancelled(f"this client is closed: {e}") from None
-            if not self._again(error, attempt, end):
+            if not self._again(error, attempt, end, cancel):
                 raise error from None
             attempt += 1
 
-    def stream(self, method: Callable[..., Any], request: Any, timeout: Optional[float] = None) -> Iterator[Any]:
-        """Events of a server stream. Closing the iterator, KeyboardInterrupt or any other exception cancels the call."""
+    def _cancellable(self, method: Any, message: Any, end: Optional[float], cancel: Cancellation) -> Any:
+        cancel.check()
+        call = method.future(message, timeout=self._left(end), metadata=self.metadata)
+        remove = cancel._add(call.cancel)
+        try:
+            return call.result()
+        except grpc.FutureCancelledError:
+            cancel.check()
+            raise errors.Cancelled("the call was cancelled") from None
+        finally:
+            remove()
+            call.cancel()   # no effect on a call that has ended; an interrupt ends it
+
+    def _error(self, error: grpc.RpcError, cancel: Optional[Cancellation]) -> errors.Error:
+        if cancel is not None and cancel.cancelled:
+            return errors.Cancelled("cancelled by this client")
+        return errors.from_rpc(error, self.address)
+
+    def stream(self, method: Callable[..., Any], request: Any, timeout: Optional[float] = None,
+               cancel: Optional[Cancellation] = None) -> Iterator[Any]:
+        """Events of a server stream. Closing the iterator, KeyboardInterrupt or any other exception cancels the call; so does `cancel`,
+        from any thread, and iteration ends with gobo.Cancelled then."""
         end = self._begin(timeout)
+        cancel = current(cancel)
         attempt = 0
         while True:
             call = None
+            remove: Optional[Callable[[], None]] = None
             started = False
             try:
+                if cancel is not None:
+                    cancel.check()
                 call = method(request, timeout=self._left(end), metadata=self.metadata)
+                if cancel is not None:
+                    remove = cancel._add(call.cancel)
                 for event in call:
                     started = True
                     yield event
                 return
             except grpc.RpcError as e:
-                error = errors.from_rpc(e, self.address)
+                error = self._error(e, cancel)
             except ValueError as e:
                 if started:
                     raise
                 raise errors.Cancelled(f"this client is closed: {e}") from None
             finally:
+                if remove is not None:
+                    remove()
                 if call is not None:
                     call.cancel()   # no effect on a call that has ended
-            if started or not self._again(error, attempt, end):
+            if started or not self._again(error, attempt, end, cancel):
                 raise error from None
             attempt += 1
