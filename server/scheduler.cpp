@@ -420,8 +420,10 @@ std::vector<Action> Scheduler::decide(double now) {
     }
   if (queued_ == 0) return actions;
   Room room{options_.slots - int64_t(running_ - beside_), 0, options_.pinnedLimit - pinned_, 0, options_.beside - int64_t(beside_)};
-  int lowest = -1;  // class of a job that could be preempted
+  int lowest = -1;            // class of a job that could be preempted
+  int highest = kJobClasses;  // of a job in a slot
   for (const auto& [id, job] : jobs_) {
+    if (job.state != State::Queued && !job.beside) highest = std::min(highest, int(job.spec.jobClass));
     if (job.state == State::Preempting || job.state == State::Stopping) {
       room.comingSlots += !job.beside;
       room.comingBytes += job.spec.pinnedBytes;
@@ -435,19 +437,24 @@ std::vector<Action> Scheduler::decide(double now) {
     const bool sliced = std::any_of(jobs_.begin(), jobs_.end(), [&](const auto& j) {
       return j.second.state == State::Running && !j.second.beside && int(j.second.spec.jobClass) == c && sliceEnd(j.second) <= now + kRounding;
     });
-    const auto nothingToBeHad = [&] { return room.freeSlots <= 0 && room.comingSlots <= 0 && lowest <= c && !sliced && (room.beside <= 0 || s.small == 0); };
+    const auto nothingToBeHad = [&] {
+      return room.freeSlots <= 0 && room.comingSlots <= 0 && lowest <= c && !sliced && (room.beside <= 0 || s.small == 0 || highest < c);
+    };
     if (nothingToBeHad()) continue;
     const bool isDue = due(c);
     bool first = isDue;
     Line line(*this, c, now);
     for (const JobId id : line.reserved()) {
-      tryStart(id, jobs_.at(id), now, true, room, actions);
+      if (tryStart(id, jobs_.at(id), now, true, room, actions)) highest = std::min(highest, c);
       first = false;
     }
     while (!nothingToBeHad()) {
       const auto id = line.next();
       if (!id) break;
-      if (tryStart(*id, jobs_.at(*id), now, first, room, actions)) line.took();
+      if (tryStart(*id, jobs_.at(*id), now, first, room, actions)) {
+        line.took();
+        highest = std::min(highest, c);
+      }
       first = false;
     }
   }

@@ -317,6 +317,8 @@ class Mistakes(DaemonTest):
 class Frames(DaemonTest):
     """--frames: numbers and ranges, in the order in which they are written."""
 
+    terminal, on_terminal = Terminal.terminal, Terminal.on_terminal
+
     @classmethod
     def setUpClass(cls):
         jobs = tempfile.mkdtemp(prefix="gobo-test-jobs-")
@@ -345,6 +347,12 @@ class Frames(DaemonTest):
         self.cli("jobs", "fetch", job, "-o", "some", "--frames", "2,9-20")
         self.assertEqual(sorted(os.listdir(self.path("some"))), ["n.0002.exr", "n.0009.exr", "n.0012.exr"])
         self.assertIn("has none of them", self.cli("jobs", "fetch", job, "-o", "none", "--frames", "3,6", code=3).stderr)
+
+    def test_a_watched_job_says_what_is_left(self):
+        job = self.cli("jobs", "submit", "cornell", "--size", "64x48", "--spp", "64", "--frames", "0-7").stdout.strip()
+        code, _, shown = self.on_terminal("jobs", "watch", job)
+        self.assertEqual(code, 0)
+        self.assertRegex(shown.decode(), r"running  \d+ of 8 frames  [\d.]+ s left")
 
     def test_what_is_wrong_is_said(self):
         for text, words in (("1,x", '"x" must be'), ("1,,2", '"" must be'), ("1,", '"" must be'), ("3-", '"3-" must be'), ("1-4:0", '"1-4:0" must be'),
