@@ -16,7 +16,7 @@ const body = document.body, vector = (v) => [v?.x ?? 0, v?.y ?? 0, v?.z ?? 0];
 const kRoots = ['lights', 'object', 'panel'].map($);
 // Outputs that are light: they come linear and are exposed here.
 const kRadiance = /^(beauty|emission|(in)?direct(_\w+)?|diffuse|specular|(group|unoccluded):.*)$/;
-let schema, scene, panel, edits = {}, orbit = null, lens = null, retry = 0, loaded = new Set();
+let schema, scene, panel, edits = {}, orbit = null, lens = null, cameraTurn = 0, retry = 0, loaded = new Set();
 
 const view = new View($('picture'), () => edits.curves && Object.keys(edits.curves).some((p) => p.startsWith('tone_map')) ? lastReply?.resolved.tone_map ?? {} : edits.tone_map ?? {});
 let lastReply = null;
@@ -109,9 +109,12 @@ const ask = () => live.ask(requestNow(), kRadiance.test(edits.outputs?.[0] ?? 'b
 
 // What the lights' handles are drawn by, and where the orbit begins: of the request's camera, asked for before the picture, behind which they would come late.
 async function findCamera() {
-  const own = scene;
-  lens = await cameraMatrices(plain(requestNow())).catch((error) => { if (error.code === 'OFFLINE') throw error; return null; });
-  if (scene !== own) return;
+  const own = scene, turn = ++cameraTurn;
+  body.dataset.camera = 'asked';
+  const found = await cameraMatrices(plain(requestNow())).catch((error) => { if (error.code === 'OFFLINE') throw error; return null; });
+  if (turn !== cameraTurn) return;  // a later question has been asked
+  lens = found;
+  body.dataset.camera = 'known';
   orbit = new Orbit(lens?.worldToCamera, { min: vector(own.bounds_min), max: vector(own.bounds_max) });
   lights.refresh(edits.camera?.panorama || !lens?.worldToNDC ? null : lens);
 }

@@ -90,7 +90,7 @@ class PageCase(unittest.TestCase):
         """A picture that is soon done."""
         for path, value in (("width", W), ("height", H), ("halt.spp", spp)):
             self.page.run(field(path, value))
-        self.page.until(f"document.body.dataset.state === 'done' && {text('status')}.startsWith('{W} x {H} \\u00b7 {16 * ((spp + 15) // 16) if spp > 16 else spp} samples')", 60)
+        self.page.until(f"document.body.dataset.camera === 'known' && document.body.dataset.state === 'done' && {text('status')}.startsWith('{W} x {H} \\u00b7 {16 * ((spp + 15) // 16) if spp > 16 else spp} samples')", 60)
 
     def frames(self):
         return self.page.run("Number(document.body.dataset.frames)")
@@ -361,7 +361,7 @@ class Hands(PageCase):
 
 class Fields(PageCase):
     def test_every_field_of_the_schema_has_a_control(self):
-        self.open(small=False)
+        self.open()
         schema = self.daemon.get("schema")
         missing = []
 
