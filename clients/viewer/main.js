@@ -174,11 +174,13 @@ function build() {
   find();
 }
 
-async function choose(id) {
+// `first`: edits to begin with.
+async function choose(id, first = {}) {
   try {
     scene = loaded.has(id) ? await getJson('/v1/scenes/' + encodeURIComponent(id)) : await postJson('/v1/scenes', { source: id });
     loaded.add(scene.id);
     for (const key of Object.keys(edits)) delete edits[key];
+    Object.assign(edits, first);
     [orbit, lens, view.kept, view.present] = [null, null, null, null];
     live.slowUntil = 0;
     for (const name of ['picked', 'certified', 'compared', 'object']) $(name).textContent = '';
@@ -189,6 +191,16 @@ async function choose(id) {
     await findCamera();
     if (scene === own) ask();
   } catch (error) { fail(error); }
+}
+
+// What the address asks for: #scene=NAME&request={...}&frames=half.
+function firstEdits() {
+  if (asked.has('frames')) $('frames').value = live.frames = asked.get('frames');
+  if (!asked.has('request')) return {};
+  try {
+    const { scene: ignored, ...request } = JSON.parse(asked.get('request'));
+    return request;
+  } catch (error) { throw new Error(`the address: request: ${error.message}`); }
 }
 
 async function start() {
@@ -203,7 +215,7 @@ async function start() {
     const wanted = asked.get('scene') ?? names[0];
     if (!names.includes(wanted)) $('scene').append(new Option(wanted));
     $('scene').value = wanted;
-    await choose(wanted);
+    await choose(wanted, firstEdits());
   } catch (error) { fail(error); }
 }
 

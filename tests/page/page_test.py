@@ -67,30 +67,28 @@ class Daemon:
 
 
 class PageCase(unittest.TestCase):
+    opened = 0
+
     @classmethod
     def setUpClass(cls):
-        cls.daemon = Daemon()
-        cls.addClassCleanup(lambda: cls.daemon.close())
-        cls.page = Page(1280, 900)
-        cls.addClassCleanup(cls.page.close)
+        if "page" in PageCase.__dict__:
+            return
+        PageCase.daemon = Daemon()
+        unittest.addModuleCleanup(PageCase.daemon.close)
+        PageCase.page = Page(1280, 900)
+        unittest.addModuleCleanup(PageCase.page.close)
 
     def tearDown(self):
         # A stream that an edit or Stop has left ends in the middle of a part; a lost one the page itself speaks of.
         self.assertEqual([c for c in self.page.complaints() if "ERR_INCOMPLETE_CHUNKED_ENCODING" not in c], [])
 
     def open(self, scene="cornell", search="", frames="half"):
-        self.page.go("about:blank")
-        self.page.go(f"{self.daemon.url}{search}#scene={scene}")
-        self.page.until("document.readyState === 'complete' && Number(document.body?.dataset.frames) > 0")
-        # How fast pictures come is the machine's; what they look like then is not to depend on it.
-        self.page.run(f"document.getElementById('frames').value = '{frames}'; document.getElementById('frames').dispatchEvent(new Event('change'))")
-        self.small()
-
-    def small(self, spp=4):
-        """A picture that is soon done."""
-        for path, value in (("width", W), ("height", H), ("halt.spp", spp)):
-            self.page.run(field(path, value))
-        self.page.until(f"document.body.dataset.camera === 'known' && document.body.dataset.state === 'done' && {text('status')}.startsWith('{W} x {H} \\u00b7 {16 * ((spp + 15) // 16) if spp > 16 else spp} samples')", 60)
+        """A picture that is soon done. How fast pictures come is the machine's; what they look like then is not to depend on it: half floats."""
+        request = urllib.parse.quote(json.dumps({"width": W, "height": H, "halt": {"spp": 4}}))
+        PageCase.opened += 1
+        self.page.go(f"{self.daemon.url}?{search}{PageCase.opened}#scene={scene}&frames={frames}&request={request}")
+        self.page.until(f"location.search === '?{search}{PageCase.opened}' && document.readyState === 'complete' && document.body?.dataset.camera === 'known' && "
+                        f"document.body.dataset.state === 'done' && {text('status')}.startsWith('{W} x {H} \u00b7 4 samples')", 60)
 
     def frames(self):
         return self.page.run("Number(document.body.dataset.frames)")
@@ -125,7 +123,7 @@ class PageCase(unittest.TestCase):
 class Display(PageCase):
     def test_the_canvas_is_the_commands_picture(self):
         # The command that the page copies, run as it stands, for both painters, every curve, exposures beside the default, a camera and a light of one's own.
-        for search in ("", "?cpu"):
+        for search in ("", "cpu&"):
             self.open(search=search)
             self.assertEqual(self.page.run("[document.body.dataset.painter, document.body.dataset.format]"), ["2d" if search else "webgl2", "RAW_HALF"])
             self.page.run("document.getElementById('picture').focus()")
@@ -189,7 +187,7 @@ class Display(PageCase):
         both, row, edge = self.page.run(PIXELS), H // 2 * W * 4, W // 2
         self.assertEqual(both[row:row + (edge - 2) * 4], first[row:row + (edge - 2) * 4])
         self.assertNotEqual(both[row + (edge + 2) * 4:row + W * 4], first[row + (edge + 2) * 4:row + W * 4])
-        for search in ("", "?cpu"):
+        for search in ("", "cpu&"):
             self.open(search=search)
             self.page.run("document.getElementById('keep').click(); document.getElementById('difference').click()")
             self.assertEqual(set(self.page.run(PIXELS)), {0, 255}, "black where nothing differs; alpha")
@@ -414,7 +412,7 @@ class Fields(PageCase):
         last = self.page.run(SUM)
         self.page.run("document.getElementById('reset').click()")
         self.assertEqual(self.request(), {"scene": "cornell"})
-        self.small()
+        self.open()
         self.after(field("lights.light.intensity", 30))
         self.assertEqual(self.page.run(SUM), last)
 
