@@ -25,7 +25,7 @@ export class Lights {
     this.group = root.querySelector('#light-fields');
     this.handles = new Handles(stage, {
       select: (name) => this.select(name, true),
-      move: (name, position) => this.edit(name, 'position', position),
+      move: (name, p) => this.edit(name, 'position', Object.fromEntries(Object.entries(p).map(([a, v]) => [a, Number(v.toPrecision(7))]))),
     });
     this.stage = stage;
     this.lamp = new Lamp(lamp, (name, gain) => this.edit(name, 'gain', gain));

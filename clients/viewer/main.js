@@ -60,7 +60,6 @@ const live = new Live({
   async picture(reply, bytes, final) {
     lastReply = reply;
     const picture = await pictureOf(reply, bytes);
-    if (picture.data && picture.channels < 3) return live.avoidHalf();  // nothing that is known here
     $('error').textContent = '';
     Panel.clearFaults(kRoots);
     view.size = sizeNow();
@@ -97,10 +96,11 @@ function fail(error) {
   if (offline) retry = setTimeout(scene ? returned : start, 1000);
 }
 
-// The server may have been started anew: the scene is opened again.
+// A server that was started anew does not have the scene: it is opened again.
 async function returned() {
   try {
-    await postJson('/v1/scenes', { source: scene.source || scene.id, name: scene.id }).catch((error) => { if (error.code === 'OFFLINE') throw error; });
+    const here = await getJson('/v1/scenes/' + encodeURIComponent(scene.id)).catch((error) => { if (error.code !== 'NOT_FOUND') throw error; });
+    if (!here) await postJson('/v1/scenes', { source: scene.source || scene.id, name: scene.id });
     ask();
   } catch (error) { fail(error); }
 }

@@ -43,7 +43,7 @@ export class Orbit {
   }
   // What it is in a request's camera.
   settings() {
-    const vector = ([x, y, z]) => ({ x, y, z });
+    const vector = (v) => { const [x, y, z] = v.map((c) => Number(c.toPrecision(7))); return { x, y, z }; };  // what a float holds
     return { position: vector(this.eye), look_at: vector(this.target), up: { x: 0, y: 1, z: 0 } };
   }
 }
