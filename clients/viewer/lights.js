@@ -81,8 +81,8 @@ export class Lights {
     this.matrices = matrices;
     this.handles.show(this.all().filter((l) => kPlaced.has(l.kind)), matrices, this.selected);
     this.lamp.show(this.selected, this.panel.get(['lights', this.selected, 'gain']));
-    // Next to the handle, if it is to be seen.
-    const handle = this.handles.buttons.get(this.selected), seen = Boolean(handle && !handle.hidden), lamp = this.lamp.root;
+    // Next to the handle, if that is to be seen and the picture is large enough not to vanish behind it.
+    const handle = this.handles.buttons.get(this.selected), seen = Boolean(handle && !handle.hidden) && matchMedia('(min-width: 761px)').matches, lamp = this.lamp.root;
     const home = seen ? this.stage : this.group.parentElement;
     if (lamp.parentElement !== home) seen ? home.append(lamp) : home.insertBefore(lamp, this.group);
     lamp.classList.toggle('floating', seen);

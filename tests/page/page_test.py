@@ -199,12 +199,18 @@ class Display(PageCase):
 
     def test_the_reference_and_the_certificate(self):
         self.open("lights8")
+        for path in ("shadows.technique", "lights.key.shadow.technique"):
+            self.after(f"(() => {{ const s = document.querySelector('.field[data-path=\"{path}\"] select'); s.value = 'ray_traced'; s.dispatchEvent(new Event('input', {{bubbles: true}})); return true }})()")
         self.page.run("(() => { const s = document.getElementById('reference-spp'); s.value = 16; document.getElementById('reference').click(); return true })()")
         self.page.until(f"{text('compared')}.includes('16 samples') && document.getElementById('reference').textContent === 'Reference as A'", 60)
         wrong = float(re.search(r"linear: ([\d.e-]+)", self.page.run(text("compared")))[1])
         self.assertGreater(wrong, 0)
-        # Held against itself, nothing is left.
+        # Without the approximations nothing is left.
+        self.assertEqual({"ray_traced": {}}, self.request()["shadows"])
         self.after(field("halt.spp", 16))
+        self.assertNotIn("linear: 0", self.page.run(text("compared")).replace("linear: 0.", ""))
+        for path in ("shadows.technique", "lights.key.shadow.technique"):
+            self.after(f"document.querySelector('.field[data-path=\"{path}\"] button').click()")
         self.assertIn("linear: 0", self.page.run(text("compared")))
         for path, value in (("certificate.spp", 8), ("certificate.min_pixels", 200)):
             self.page.run(field(path, value))
