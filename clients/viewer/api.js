@@ -41,7 +41,7 @@ export const getJson = async (path) => (await call(path)).json();
 export const postJson = async (path, body) => (await call(path, body)).json();
 export const postBytes = async (path, body) => (await call(path, body)).arrayBuffer();
 
-// Yields {progress}, {snapshot | reply, bytes: Uint8Array}; a frame is a 32-bit length, JSON, and the bytes that it announces.
+// Yields {progress}, {snapshot | reply, bytes: Uint8Array, ms: how long these took to come}; a frame is a 32-bit length, JSON, and the bytes that it announces.
 export async function* renderFrames(request, signal) {
   const reader = (await call('/v1/render/stream', request, signal)).body.getReader();
   let held = new Uint8Array(0), over = false;
@@ -71,26 +71,37 @@ export async function* renderFrames(request, signal) {
     take(4);
     const frame = JSON.parse(new TextDecoder().decode(take(size)));
     if (frame.error) throw new ApiError(frame.error.code, frame.error.message, 200);
+    const begun = performance.now();
     if (!await need(frame.bytes)) break;
-    yield { ...frame, bytes: take(frame.bytes) };
+    yield { ...frame, bytes: take(frame.bytes), ms: performance.now() - begun };
     if (frame.reply) return;
   }
   throw new ApiError('OFFLINE', 'the connection to the server was lost', 0);
 }
 
-// Eye and view direction of the scene's own camera: from the header of a tiny EXR, which holds worldToCamera.
-export async function sceneCamera(request) {
-  const tiny = { ...request, width: 8, height: 8, outputs: ['depth'], view_samples: 1, encoding: { format: 'EXR' }, scheduling: { priority: 'INTERACTIVE' } };
+// {worldToCamera, worldToNDC} of the request's camera, sixteen numbers each, for row vectors, as the header of an EXR of one pixel has them. Camera: x right,
+// y up, z forward; NDC: x and y 0 to 1 from the picture's top left corner.
+export async function cameraMatrices(request) {
+  const tiny = { ...request, outputs: ['depth'], view_samples: 1, window: { x: 0, y: 0, width: 1, height: 1 }, encoding: { format: 'EXR' }, scheduling: { priority: 'INTERACTIVE' } };
   const data = new Uint8Array(await postBytes('/v1/render', tiny));
-  const view = new DataView(data.buffer);
+  const view = new DataView(data.buffer), out = {};
   const text = (at) => { let end = at; while (data[end]) ++end; return new TextDecoder().decode(data.subarray(at, end)); };
   for (let at = 8; at < data.length && data[at];) {
     const name = text(at), type = text(at + name.length + 1);
     at += name.length + type.length + 2;
     const size = view.getInt32(at, true);
     at += 4;
-    if (name === 'worldToCamera' && size === 64) return Array.from({ length: 16 }, (_, i) => view.getFloat32(at + 4 * i, true));
+    if (name.startsWith('worldTo') && size === 64) out[name] = Array.from({ length: 16 }, (_, i) => view.getFloat32(at + 4 * i, true));
     at += size;
+  }
+  return out;
+}
+
+// The pictures of a whole stream: `shown(reply, bytes)` for each of them; the last reply.
+export async function renderAll(request, signal, shown) {
+  for await (const frame of renderFrames(request, signal)) {
+    if (frame.snapshot ?? frame.reply) await shown?.(frame.snapshot ?? frame.reply, frame.bytes);
+    if (frame.reply) return { reply: frame.reply, bytes: frame.bytes };
   }
   return null;
 }

@@ -3,6 +3,8 @@
 import { ApiError, renderFrames } from './api.js';
 
 const session = crypto.randomUUID?.() ?? String(Math.random());
+const kSlowMs = 80;         // a picture of half floats that takes longer to come makes way for JPEG,
+const kAgainMs = 15000;     // and is tried again after this
 
 export class Live {
   // `on`: {start(), picture(reply, bytes, final), progress(p), error(ApiError), idle()}
@@ -10,12 +12,24 @@ export class Live {
     this.on = on;
     this.running = null;
     this.next = null;
+    this.frames = 'auto';  // or 'half', 'jpeg'
+    this.slowUntil = 0;
   }
 
-  ask(request) {
-    this.next = { ...request, scheduling: { session, priority: 'INTERACTIVE' }, encoding: { format: 'JPEG', jpeg_quality: 90 } };
+  // `linear`: whether the picture can come as linear half floats.
+  ask(request, linear) {
+    const half = linear && (this.frames === 'half' || (this.frames === 'auto' && performance.now() >= this.slowUntil));
+    this.next = { ...request, scheduling: { ...request.scheduling, session, priority: 'INTERACTIVE' }, encoding: half ? { format: 'RAW_HALF' } : { format: 'JPEG', jpeg_quality: 90 } };
     if (!this.running) this.run();
     else if (this.running.shown) this.running.stop.abort();
+  }
+
+  // Pictures as JPEG from now on, as a slow connection gets them.
+  avoidHalf() { this.slowUntil = performance.now() + kAgainMs; }
+
+  stop() {
+    this.next = null;
+    this.running?.stop.abort();
   }
 
   async run() {
@@ -29,6 +43,7 @@ export class Live {
           if (frame.progress) this.on.progress(frame.progress);
           const reply = frame.snapshot ?? frame.reply;
           if (!reply) continue;
+          if (request.encoding.format === 'RAW_HALF' && frame.ms > kSlowMs) this.avoidHalf();
           await this.on.picture(reply, frame.bytes, Boolean(frame.reply));
           own.shown = true;
           if (this.next) break;  // ends the stream, and with it the render

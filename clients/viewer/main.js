@@ -1,40 +1,47 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page: a scene, its picture, and what may be changed about it.
-import { asked, getJson, postBytes, postJson, sceneCamera, setToken } from './api.js';
+import { asked, cameraMatrices, getJson, postBytes, postJson, setToken } from './api.js';
 import { acceptMaps } from './blobs.js';
+import { command } from './command.js';
+import { certificate, plain, reference } from './compare.js';
+import { Lights } from './lights.js';
 import { Live } from './live.js';
-import { Orbit, steer } from './orbit.js';
+import { Patches, showMaterial } from './object.js';
+import { Orbit, moved, steer } from './orbit.js';
 import { Panel, filterRows } from './panel.js';
+import { pick } from './pick.js';
+import { View, pictureOf } from './view.js';
 
 const $ = (id) => document.getElementById(id);
-const canvas = $('picture'), context = canvas.getContext('2d'), body = document.body;
-let schema, scene, orbit = null, edits = {}, present = null, kept = null, retry = 0, loaded = new Set();
+const body = document.body, vector = (v) => [v?.x ?? 0, v?.y ?? 0, v?.z ?? 0];
+const kRoots = ['lights', 'object', 'panel'].map($);
+// Outputs that are light: they come linear and are exposed here.
+const kRadiance = /^(beauty|emission|(in)?direct(_\w+)?|diffuse|specular|(group|unoccluded):.*)$/;
+let schema, scene, panel, edits = {}, orbit = null, lens = null, cameraTurn = 0, retry = 0, loaded = new Set();
 
+const view = new View($('picture'), () => edits.curves && Object.keys(edits.curves).some((p) => p.startsWith('tone_map')) ? lastReply?.resolved.tone_map ?? {} : edits.tone_map ?? {});
+let lastReply = null;
+
+// The request of the picture: without what only belongs to how it is asked for.
 function requestNow() {
-  const [width, height] = $('size').value.split('x').map(Number);
-  const request = structuredClone(edits);
-  const camera = orbit?.settings();
-  return { ...request, scene: scene.id, width, height, ...(camera ? { camera: { ...request.camera, ...camera } } : {}) };
+  const { certificate: c, encoding: e, scheduling: s, ...request } = structuredClone(edits);
+  return { ...request, scene: scene.id };
 }
+const sizeNow = () => [edits.window?.width ?? edits.width ?? 640, edits.window?.height ?? edits.height ?? 480];
 
 function draw() {
-  if (!present) return;
-  const [width, height] = $('size').value.split('x').map(Number);
-  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-  context.imageSmoothingQuality = 'high';
-  context.drawImage(present, 0, 0, width, height);
-  const wipe = Number($('wipe').value);
-  if (!kept || wipe <= 0) return;
-  const edge = Math.round(wipe * width);
-  context.drawImage(kept, 0, 0, kept.width * edge / width, kept.height, 0, 0, edge, height);
-  context.fillStyle = '#fff';
-  context.fillRect(edge - 1, 0, 2, height);
+  view.draw();
+  body.dataset.draws = Number(body.dataset.draws) + 1;
+  body.dataset.painter = view.display.kind;
+  const apart = view.kept && view.rmse();
+  $('compared').textContent = view.kept ? `A: ${view.kept.label}${apart === null ? '' : `; RMSE of A and B, linear: ${Number(apart.toPrecision(3))}`}` : '';
 }
 
 function showReply(reply, final) {
-  const image = reply.images[0];
+  const image = reply.images[0], chosen = view.present.chosen;
   const parts = [`${image.width} x ${image.height}`, `${reply.resolved.halt.spp} samples a pixel`, `${Math.round(reply.total_ms)} ms`,
     `${Number(reply.rays ?? 0).toLocaleString()} rays`, final ? reply.request_hash.slice(0, 8) : '...'];
+  if (chosen && edits.tone_map?.exposure === undefined) parts.push(`exposure ${chosen} was chosen`);
   $('status').textContent = [parts.join(' \u00b7 '), ...(reply.warnings ?? [])].join(' \u2014 ');
   if (!final) return;
   $('plan').tBodies[0].replaceChildren(...(reply.plan ?? []).map((n) => {
@@ -46,62 +53,155 @@ function showReply(reply, final) {
 }
 
 const live = new Live({
-  start() { body.dataset.state = 'rendering'; },
+  start() {
+    body.dataset.state = 'rendering';
+    $('stop').disabled = false;
+    $('progress').value = 0;
+  },
   async picture(reply, bytes, final) {
-    present = await createImageBitmap(new Blob([bytes], { type: 'image/jpeg' }));
+    lastReply = reply;
+    const picture = await pictureOf(reply, bytes);
     $('error').textContent = '';
+    Panel.clearFaults(kRoots);
+    view.size = sizeNow();
+    view.show(picture, !edits.window);
     draw();
     showReply(reply, final);
     body.dataset.frames = Number(body.dataset.frames) + 1;
+    body.dataset.format = reply.images[0].format;
+    if (final && picture.data && (reply.warnings ?? []).some((w) => w.includes('clamped to 65504')) && live.frames === 'auto') {
+      live.slowUntil = Infinity;  // brighter than halves can hold: the server exposes this scene
+      ask();
+    }
   },
-  progress() {},
-  idle() { body.dataset.state = 'done'; },
+  progress(p) {
+    $('progress').value = p.fraction ?? 0;
+    if (p.queued) $('status').textContent = `waiting; ${p.position ?? 0} before this one`;
+  },
+  idle() {
+    body.dataset.state = 'done';
+    $('stop').disabled = true;
+    $('progress').value = 0;
+  },
   error: fail,
 });
 
 function fail(error) {
   const offline = error.code === 'OFFLINE' || error.status === 503;
   body.dataset.state = offline ? 'offline' : 'error';
+  $('stop').disabled = true;
   $('error').textContent = offline ? `${error.message}; trying again` : error.message;
+  if (!offline) panel?.fault(error.message, kRoots);
   $('token').hidden = error.status !== 401;
   clearTimeout(retry);
-  if (offline) retry = setTimeout(scene ? changed : start, 1000);
+  if (offline) retry = setTimeout(scene ? returned : start, 1000);
 }
 
-const changed = () => { if (scene) live.ask(requestNow()); };
+// A server that was started anew does not have the scene: it is opened again.
+async function returned() {
+  try {
+    const here = await getJson('/v1/scenes/' + encodeURIComponent(scene.id)).catch((error) => { if (error.code !== 'NOT_FOUND') throw error; });
+    if (!here) await postJson('/v1/scenes', { source: scene.source || scene.id, name: scene.id });
+    ask();
+  } catch (error) { fail(error); }
+}
 
-const find = () => { for (const id of ['lights', 'panel']) filterRows($(id), $('search').value); };
+const ask = () => live.ask(requestNow(), kRadiance.test(edits.outputs?.[0] ?? 'beauty'));
+
+// What the lights' handles are drawn by, and where the orbit begins: of the request's camera, asked for before the picture, behind which they would come late.
+async function findCamera() {
+  const own = scene, turn = ++cameraTurn;
+  body.dataset.camera = 'asked';
+  const found = await cameraMatrices(plain(requestNow())).catch((error) => { if (error.code === 'OFFLINE') throw error; return null; });
+  if (turn !== cameraTurn) return;  // a later question has been asked
+  lens = found;
+  body.dataset.camera = 'known';
+  orbit = new Orbit(lens?.worldToCamera, { min: vector(own.bounds_min), max: vector(own.bounds_max) });
+  lights.refresh(edits.camera?.panorama || !lens?.worldToNDC ? null : lens);
+}
+
+const kCameraFields = new Set(['camera', 'width', 'height', 'time_s', 'animation', 'curves']);
+
+async function changed(path) {
+  if (!scene) return;
+  $('certified').textContent = '';
+  if (path[0] === 'width' || path[0] === 'height') showSize();
+  if (path[0] === 'lights') lights.refresh();
+  // Exposure and curve of a picture that is here in linear light.
+  if (path[0] === 'tone_map' && view.present?.picture.data && !edits.curves) return draw();
+  try {
+    if (kCameraFields.has(path[0])) await findCamera();
+    ask();
+  } catch (error) { fail(error); }
+}
+
+function orbited() {
+  for (const [name, value] of Object.entries(orbit.settings())) panel.put(['camera', name], value);
+  if (lens?.worldToNDC && !edits.camera?.panorama) lights.refresh(moved(lens, orbit.matrix()));
+  $('certified').textContent = '';
+  ask();
+}
+
+function turnSky(degrees) {
+  const now = edits.environment?.rotation_deg ?? 0, turned = ((now + degrees + 180) % 360 + 360) % 360 - 180;
+  panel.put(['environment', 'rotation_deg'], Number(turned.toFixed(2)));
+  changed(['environment', 'rotation_deg']);
+}
+
+const find = () => { for (const root of [$('light-fields'), $('panel')]) filterRows(root, $('search').value); };
+
+const lights = new Lights($('lights'), $('handles'), $('lamp'), {
+  changed,
+  filter: find,
+  place() {
+    const size = Math.hypot(...vector(scene.bounds_max).map((v, i) => v - vector(scene.bounds_min)[i])) || 1, [x, y, z] = orbit?.target ?? [0, 0, 0];
+    return { point: { x, y: y + 0.15 * size, z }, size };
+  },
+});
+
+function showSize() {
+  const text = `${edits.width ?? 640}x${edits.height ?? 480}`;
+  $('size').value = [...$('size').options].some((o) => o.value === text) ? text : '';
+}
 
 function build() {
-  const panel = new Panel(schema, edits, changed);
-  const lights = (scene.lights ?? []).map((light) => {
-    const group = panel.group(`Light: ${light.name}`, panel.fields('LightEdit', ['lights', light.name], new Set(['kind', 'shadow'])));
-    return group;
-  });
-  $('lights').replaceChildren(...lights);
-  // What the page itself decides is left out.
-  const skip = new Set(['scene', 'scene_hash', 'width', 'height', 'camera', 'encoding', 'scheduling', 'certificate', 'window', 'lights']);
-  const fields = panel.fields(schema.root, [], skip);
-  const plain = fields.filter((f) => f.classList.contains('field'));
-  $('panel').replaceChildren(...fields.filter((f) => !plain.includes(f)), panel.group('picture', plain));
+  panel = new Panel(schema, edits, changed);
+  const fields = panel.fields(schema.root, [], new Set(['scene', 'lights']));  // these have their places above
+  const plainOnes = fields.filter((f) => f.classList.contains('field')), groups = fields.filter((f) => !plainOnes.includes(f));
+  const first = groups.find((g) => g.querySelector('summary')?.textContent === 'tone map');
+  if (first) first.open = true;
+  $('panel').replaceChildren(...(first ? [first] : []), ...groups.filter((g) => g !== first), panel.group('picture', plainOnes));
+  lights.build(panel, scene);
   find();
 }
 
-async function choose(id) {
+// `first`: edits to begin with.
+async function choose(id, first = {}) {
   try {
     scene = loaded.has(id) ? await getJson('/v1/scenes/' + encodeURIComponent(id)) : await postJson('/v1/scenes', { source: id });
     loaded.add(scene.id);
     for (const key of Object.keys(edits)) delete edits[key];
-    orbit = null;
-    const vector = (v) => [v?.x ?? 0, v?.y ?? 0, v?.z ?? 0];
-    const own = scene;
+    Object.assign(edits, first);
+    [orbit, lens, view.kept, view.present] = [null, null, null, null];
+    live.slowUntil = 0;
+    for (const name of ['picked', 'certified', 'compared', 'object']) $(name).textContent = '';
+    keptChanged();
+    showSize();
     build();
-    // Before the first render: behind it the camera would come late, and so would the first drag.
-    const matrix = await sceneCamera({ scene: own.id }).catch(() => null);
-    if (scene !== own) return;
-    orbit = new Orbit(matrix, { min: vector(own.bounds_min), max: vector(own.bounds_max) });
-    changed();
+    const own = scene;
+    await findCamera();
+    if (scene === own) ask();
   } catch (error) { fail(error); }
+}
+
+// What the address asks for: #scene=NAME&request={...}&frames=half.
+function firstEdits() {
+  if (asked.has('frames')) $('frames').value = live.frames = asked.get('frames');
+  if (!asked.has('request')) return {};
+  try {
+    const { scene: ignored, ...request } = JSON.parse(asked.get('request'));
+    return request;
+  } catch (error) { throw new Error(`the address: request: ${error.message}`); }
 }
 
 async function start() {
@@ -116,39 +216,112 @@ async function start() {
     const wanted = asked.get('scene') ?? names[0];
     if (!names.includes(wanted)) $('scene').append(new Option(wanted));
     $('scene').value = wanted;
-    await choose(wanted);
+    await choose(wanted, firstEdits());
   } catch (error) { fail(error); }
 }
 
+const patches = new Patches(() => ask(), fail);
+
+// Which light, object or material is in a pixel, 0 to 1 from the top left corner of the picture.
+async function pickAt(x, y) {
+  if (!scene) return;
+  const [width, height] = sizeNow(), own = edits.window ?? {};
+  const inside = (t, n) => Math.min(n - 1, Math.max(0, Math.floor(t * n)));
+  try {
+    const found = await pick(requestNow(), scene, (own.x ?? 0) + inside(x, width), (own.y ?? 0) + inside(y, height));
+    $('picked').textContent = found ? `Object: ${found.object || '(no name)'}; material: ${found.material || '(no name)'}` : 'The background';
+    $('picked').dataset.object = found?.object ?? '';
+    showMaterial($('object'), Panel, scene.id, found?.material, patches);
+    // A lamp is the light of its name.
+    const light = found && lights.all().find((l) => l.name === found.object || l.name === found.material);
+    if (light) lights.select(light.name, true);
+    else if (found) $('object').scrollIntoView({ block: 'nearest', behavior: matchMedia('(prefers-reduced-motion: reduce)').matches ? 'auto' : 'smooth' });
+  } catch (error) { fail(error); }
+}
+
+function keptChanged() {
+  const has = Boolean(view.kept);
+  for (const id of ['wipe', 'difference']) $(id).disabled = !has;
+  $('gain').disabled = !has || !$('difference').checked;
+  if (has && Number($('wipe').value) === 0) $('wipe').value = 0.5;
+  [view.wipe, view.difference, view.gain] = [Number($('wipe').value), $('difference').checked, 2 ** Number($('gain').value)];
+  if (view.present) draw();
+}
+
 $('scene').addEventListener('change', () => choose($('scene').value));
-$('size').addEventListener('change', changed);
-$('search').addEventListener('input', find);
-$('wipe').addEventListener('input', draw);
-$('keep').addEventListener('click', () => {
-  kept = present;
-  $('wipe').disabled = !kept;
-  if (kept && Number($('wipe').value) === 0) $('wipe').value = 0.5;
-  draw();
+$('size').addEventListener('change', () => {
+  if (!$('size').value) return;
+  const [width, height] = $('size').value.split('x').map(Number);
+  panel.put(['width'], width);
+  panel.put(['height'], height);
+  changed(['width']);
 });
+$('frames').addEventListener('change', () => {
+  live.frames = $('frames').value;
+  live.slowUntil = 0;
+  if (scene) ask();
+});
+$('search').addEventListener('input', find);
+for (const id of ['wipe', 'difference', 'gain']) $(id).addEventListener('input', keptChanged);
+$('keep').addEventListener('click', () => {
+  view.keep();
+  keptChanged();
+});
+
+// A second press ends what the first began.
+function toggled(button, work) {
+  let stop = null;
+  const text = button.textContent;
+  button.addEventListener('click', async () => {
+    if (stop) return stop.abort();
+    stop = new AbortController();
+    button.textContent = 'Stop';
+    try { await work(stop.signal); } catch (error) { if (error.name !== 'AbortError') fail(error); }
+    stop = null;
+    button.textContent = text;
+  });
+}
+toggled($('reference'), (signal) => reference(requestNow(), Math.max(1, Math.round(Number($('reference-spp').value)) || 256), signal, async (reply, bytes) => {
+  if (reply.images[0].output !== 'beauty') return;
+  view.hold(await pictureOf(reply, bytes), `reference, path traced, ${reply.resolved.halt.spp} samples`);
+  keptChanged();
+}));
+toggled($('certify'), async (signal) => {
+  $('certified').textContent = 'Measuring how wrong the picture is';
+  const request = requestNow(), own = JSON.stringify(request);
+  try {
+    const text = await certificate(request, edits.certificate, signal);
+    if (JSON.stringify(requestNow()) === own) $('certified').textContent = text;
+  } catch (error) {
+    $('certified').textContent = '';
+    throw error;
+  }
+});
+
+$('stop').addEventListener('click', () => live.stop());
+addEventListener('keydown', (e) => { if (e.key === 'Escape') live.stop(); });
 $('reset').addEventListener('click', () => {
   for (const key of Object.keys(edits)) delete edits[key];
-  orbit?.reset();
   build();
-  changed();
+  changed(['width']);
 });
 $('save').addEventListener('click', async () => {
   try {
-    const bytes = await postBytes('/v1/render', { ...requestNow(), encoding: { format: 'PNG' } });
-    const link = Object.assign(document.createElement('a'), { href: URL.createObjectURL(new Blob([bytes], { type: 'image/png' })), download: `${scene.id}.png` });
+    const format = edits.encoding?.format ?? 'PNG', ending = { PNG: 'png', JPEG: 'jpg', EXR: 'exr' }[format] ?? 'raw';
+    const bytes = await postBytes('/v1/render', { ...requestNow(), encoding: { ...edits.encoding, format } });
+    const link = Object.assign(document.createElement('a'), { href: URL.createObjectURL(new Blob([bytes])), download: `${scene.id}.${ending}` });
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   } catch (error) { fail(error); }
 });
-$('copy').addEventListener('click', async () => {
-  const text = JSON.stringify(requestNow(), null, 1);
-  await navigator.clipboard?.writeText(text).then(() => { $('status').textContent = 'The request was copied: gobo render --request FILE renders it.'; })
-    .catch(() => { $('status').textContent = text; });
-});
+async function copy(text, said) {
+  Object.assign($('copied'), { value: text, hidden: false });
+  const done = await navigator.clipboard?.writeText(text).then(() => true, () => false);
+  $('status').textContent = done ? said : 'The browser keeps its clipboard to itself: copy from the field.';
+}
+const whole = () => ({ ...requestNow(), ...(edits.encoding ? { encoding: edits.encoding } : {}), ...(edits.certificate ? { certificate: edits.certificate } : {}) });
+$('copy').addEventListener('click', () => copy(JSON.stringify(whole(), null, 1), 'The request was copied: gobo render --request FILE renders it.'));
+$('copy-command').addEventListener('click', () => copy(command(schema, requestNow()), 'The command was copied.'));
 $('token').addEventListener('submit', (e) => {
   e.preventDefault();
   setToken(new FormData($('token')).get('token'));
@@ -156,10 +329,18 @@ $('token').addEventListener('submit', (e) => {
 });
 // An .hdr or .exr that is dropped onto the page lights the scene.
 acceptMaps(body, (digest) => {
-  const { path, sky, constant, ...rest } = edits.environment ?? {};
-  edits.environment = { ...rest, digest };
-  build();
-  changed();
+  for (const name of ['path', 'sky', 'constant']) panel.put(['environment', name], undefined);
+  panel.put(['environment', 'digest'], digest);
+  changed(['environment']);
 }, fail);
-steer(canvas, () => orbit, changed);
+steer($('picture'), {
+  orbit: () => orbit,
+  moved: orbited,
+  home() {
+    for (const name of ['position', 'look_at', 'up']) panel.put(['camera', name], undefined);
+    changed(['camera']);
+  },
+  turnSky,
+  pick: pickAt,
+});
 start();

@@ -23,18 +23,59 @@ function put(object, path, value) {
   if (!Object.keys(object[key]).length && value === undefined) delete object[key];
 }
 
-// `edits` is the request that the controls make; `changed()` after every edit.
+// Of what is dragged rather than typed: a slider of the whole range would jump over all that is wanted.
+const comfortable = { stops: [-8, 8], deg: [-180, 180] };
+
+// Rows of texts or numbers and maps are typed: the former with commas, the latter as JSON.
+const listed = (field) => ({
+  show: (v) => (v ?? []).join(', '),
+  read: (text) => text.split(',').map((t) => t.trim()).filter(Boolean).map((t) => field.kind === 'text' ? t : Number(t)),
+});
+const json = { show: (v) => v ? JSON.stringify(v) : '', read: (text) => text.trim() ? JSON.parse(text) : undefined };
+
+// `edits` is the request that the controls make; `changed(path)` after every edit.
 export class Panel {
   constructor(schema, edits, changed) {
     this.messages = schema.messages;
     this.edits = edits;
     this.changed = changed;
+    this.shown = new Map();  // path of a field -> shows what `edits` has now
+  }
+
+  get(path) { return get(this.edits, path); }
+
+  // From outside the panel: a handle, a key. The field shows it if it is there.
+  put(path, value) {
+    put(this.edits, path, value);
+    this.shown.get(path.join('.'))?.();
   }
 
   set(path, value, row) {
     put(this.edits, path, value);
     row?.classList.toggle('set', value !== undefined);
-    this.changed();
+    this.changed(path);
+  }
+
+  // Says what is wrong next to the field that a message of the server names; whether there is one.
+  fault(message, roots) {
+    const text = message.replace(/^.*?\brequest\./, '');
+    const rows = roots.flatMap((root) => [...root.querySelectorAll('.field')]).filter((row) => text.startsWith(row.dataset.path) && !/\w/.test(text[row.dataset.path.length] ?? ''));
+    const row = rows.sort((a, b) => b.dataset.path.length - a.dataset.path.length)[0];
+    if (!row) return false;
+    const note = row.querySelector('.fault') ?? row.appendChild(node('p', { className: 'fault', id: 'fault-' + row.dataset.path }));
+    note.textContent = message;
+    for (const input of row.querySelectorAll('input, select, textarea')) {
+      input.setAttribute('aria-invalid', 'true');
+      input.setAttribute('aria-describedby', note.id);
+    }
+    for (let group = row.closest('details'); group; group = group.parentElement.closest('details')) group.open = true;
+    return true;
+  }
+  static clearFaults(roots) {
+    for (const root of roots) {
+      for (const note of root.querySelectorAll('.fault')) note.remove();
+      for (const input of root.querySelectorAll('[aria-invalid]')) for (const name of ['aria-invalid', 'aria-describedby']) input.removeAttribute(name);
+    }
   }
 
   // The controls of a message's fields; `skip`: names of fields that have their place elsewhere.
@@ -42,7 +83,7 @@ export class Panel {
     const out = [];
     const choices = new Map();
     for (const field of this.messages[name].fields) {
-      if (skip.has(field.name) || field.kind === 'map' || field.repeated) continue;
+      if (skip.has(field.name)) continue;
       if (field.oneof) {
         if (!choices.has(field.oneof)) {
           choices.set(field.oneof, []);
@@ -70,9 +111,26 @@ export class Panel {
   control(field, parent) {
     const path = [...parent, field.name], now = get(this.edits, path);
     const label = path.join(' ');
-    if (field.kind === 'message') return this.group(field.name.replaceAll('_', ' '), this.fields(field.message, path));
+    if (field.kind === 'message' && !field.repeated) return this.group(field.name.replaceAll('_', ' '), this.fields(field.message, path));
     let inputs, show, read;
-    if (field.kind === 'bool') {
+    if (field.repeated || field.kind === 'map') {
+      const form = field.kind === 'map' || field.kind === 'message' ? json : listed(field);
+      const text = node(form === json ? 'textarea' : 'input', { ariaLabel: label, placeholder: form === json ? 'JSON' : 'a, b, ...', spellcheck: false });
+      if (form !== json) text.type = 'text';
+      inputs = [text];
+      show = (v) => { text.value = form.show(v); };
+      read = () => {
+        text.setCustomValidity('');
+        try {
+          const value = form.read(text.value);
+          return Array.isArray(value) && !value.length ? undefined : value;
+        } catch (error) {
+          text.setCustomValidity(String(error.message));
+          text.reportValidity();
+          throw error;
+        }
+      };
+    } else if (field.kind === 'bool') {
       const box = node('input', { type: 'checkbox', ariaLabel: label });
       [inputs, show, read] = [[box], (v) => { box.checked = v ?? field.default; }, () => box.checked];
     } else if (field.kind === 'enum') {
@@ -95,11 +153,12 @@ export class Panel {
       read = () => number.value === '' ? undefined : Number(number.value);
       show = (v) => { number.value = v ?? ''; };
       if (field.min !== undefined && field.max !== undefined) {  // wide ranges by powers of the slider's place: most wanted values are near their least
-        const power = field.min < 0 ? 1 : field.max - field.min > 1000 ? 6 : field.max - field.min > 20 ? 2 : 1;
-        const range = node('input', { type: 'range', min: 0, max: 1, step: 'any', ariaLabel: label });
-        const place = (v) => { range.value = ((v - field.min) / (field.max - field.min)) ** (1 / power); };
+        const [least, most] = field.min < 0 && comfortable[field.unit] ? comfortable[field.unit] : [field.min, field.max];
+        const power = least < 0 ? 1 : most - least > 1000 ? 6 : most - least > 20 ? 2 : 1;
+        const range = node('input', { type: 'range', min: 0, max: 1, step: 'any', ariaLabel: `${label}, slider` });
+        const place = (v) => { range.value = (Math.max(0, Math.min(1, (v - least) / (most - least)))) ** (1 / power); };
         range.addEventListener('input', () => {
-          const v = field.min + (field.max - field.min) * range.value ** power;
+          const v = least + (most - least) * range.value ** power;
           number.value = field.kind === 'integer' ? Math.round(v) : Number(v.toPrecision(4));
           number.dispatchEvent(new Event('input', { bubbles: true }));
         });
@@ -111,7 +170,17 @@ export class Panel {
     const [row, back] = this.row(field, path, ...inputs);
     show(now);
     row.classList.toggle('set', now !== undefined);
-    row.addEventListener('input', (e) => { if (e.target.type !== 'range') this.set(path, read(), row); });
+    this.shown.set(path.join('.'), () => {
+      const value = get(this.edits, path);
+      show(value);
+      row.classList.toggle('set', value !== undefined);
+    });
+    row.addEventListener('input', (e) => {
+      if (e.target.type === 'range') return;
+      let value;
+      try { value = read(); } catch { return; }  // half typed JSON
+      this.set(path, value, row);
+    });
     back.addEventListener('click', () => { show(undefined); this.set(path, undefined, row); });
     return row;
   }
@@ -133,7 +202,7 @@ export class Panel {
       if (field?.kind === 'message') put(this.edits, [...path, field.name], {});
       row.classList.toggle('set', Boolean(field));
       show();
-      this.changed();
+      this.changed(path);
     };
     row.classList.toggle('set', Boolean(list.value));
     list.addEventListener('input', (e) => { e.stopPropagation(); choose(); });

@@ -310,6 +310,18 @@ struct Door::Impl {
       if (const grpc::Status read = parse(exchange, request); !read.ok()) return fail(connection, read);
       return unary<v1::SceneInfo>(connection, [&](auto* context, auto* queue) { return scenes->AsyncOpen(context, request, queue); });
     }
+    const std::string scenesPath = "/v1/scenes/", patchPath = "/patch";
+    if (path.size() > scenesPath.size() + patchPath.size() && path.rfind(scenesPath, 0) == 0 &&
+        path.compare(path.size() - patchPath.size(), patchPath.size(), patchPath) == 0) {
+      v1::PatchSceneRequest request;
+      if (const grpc::Status read = parse(exchange, request); !read.ok()) return fail(connection, read);
+      const std::string id = path.substr(scenesPath.size(), path.size() - scenesPath.size() - patchPath.size());
+      if (!request.scene().empty() && request.scene() != id)
+        return fail(connection, grpc::StatusCode::INVALID_ARGUMENT,
+                    "patch.scene = \"" + escaped(request.scene().substr(0, 80)) + "\": the address says another one");
+      request.set_scene(id);
+      return unary<v1::SceneInfo>(connection, [&](auto* context, auto* queue) { return scenes->AsyncPatch(context, request, queue); });
+    }
     return fail(connection, grpc::StatusCode::NOT_FOUND, "nothing to POST to at " + path.substr(0, 200) + " (docs/live.md)");
   }
 

@@ -145,6 +145,13 @@ class Calls(Door):
         self.assertEqual(status, 200)
         self.assertEqual(self.call("/v1/scenes/" + info["id"])[1]["hash"], info["hash"])
         self.assertTrue(self.call("/v1/plan", {"scene": "cornell"})[1]["plan"])
+        self.assertEqual(self.call("/v1/scenes", {"source": "cornell", "name": "mine"})[0], 200)
+        status, patched, _ = self.call("/v1/scenes/mine/patch", {"materials": {"white": {"base_color": {"x": 0.1, "y": 0.2, "z": 0.7}}}})
+        self.assertEqual((status, patched["id"]), (200, "mine"))
+        self.assertNotEqual(patched["hash"], info["hash"])
+        self.assertIn("none", self.error("/v1/scenes/mine/patch", {"materials": {"none": {"metallic": 1}}})[2])
+        self.assertEqual(self.error("/v1/scenes/mine/patch", {"scene": "cornell"})[:2], (400, "INVALID_ARGUMENT"))
+        self.assertEqual(self.error("/v1/scenes/nowhere/patch", {})[0], 404)
         self.assertEqual(self.call("/v1/status")[1]["pid"], self.process.pid)
 
     def test_wrong_input(self):
@@ -244,7 +251,7 @@ class Tokens(Door):
         self.assertEqual(self.call("/")[0], 200)
         self.assertEqual(self.call("/v1/schema")[0], 200)
         for path, body in (("/v1/scenes", None), ("/v1/scenes/cornell", None), ("/v1/status", None), ("/v1/render", {"scene": "cornell"}),
-                           ("/v1/render/stream", {"scene": "cornell"}), ("/v1/plan", {"scene": "cornell"}), ("/v1/scenes", {"source": "cornell"}),
+                           ("/v1/render/stream", {"scene": "cornell"}), ("/v1/plan", {"scene": "cornell"}), ("/v1/scenes", {"source": "cornell"}), ("/v1/scenes/cornell/patch", {}),
                            ("/v1/relight", {"render_id": "r1"}), ("/v1/relight/stream", {"render_id": "r1"})):
             base = {} if body is None else JSON
             self.assertEqual(self.error(path, body, headers=base)[:2], (401, "UNAUTHENTICATED"), path)

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a picture is held against: the path-traced reference of the same view and lights, and the certificate's interval.
+import { renderAll } from './api.js';
+
+// The request with every approximation taken out, and without what only whole pictures can have.
+export function plain(request) {
+  const out = structuredClone(request);
+  for (const name of ['shadows', 'certificate', 'halt', 'window', 'encoding', 'scheduling', 'outputs']) delete out[name];
+  for (const light of Object.values(out.lights ?? {})) delete light.shadow;
+  for (const name of ['extract_lights', 'area_lights']) delete out.environment?.[name];
+  return out;
+}
+
+// Behind every edit, and of a session of its own: an edit does not end it.
+export const reference = (request, spp, signal, shown) => renderAll({
+  ...plain(request), ...(request.window ? { window: request.window } : {}), halt: { spp }, encoding: { format: 'RAW_HALF' }, scheduling: { priority: 'BATCH', ladder: false },
+}, signal, shown);
+
+// One line about how wrong the picture is.
+export async function certificate(request, settings, signal) {
+  const { reply } = await renderAll({ ...request, outputs: ['beauty'], certificate: settings ?? {}, encoding: { format: 'JPEG' }, scheduling: { priority: 'NORMAL', ladder: false } }, signal);
+  const c = reply.certificate ?? {}, digits = (x) => Number((x ?? 0).toPrecision(3)).toString();
+  return [`RMSE ${digits(c.rmse)}, 95 % interval ${digits(c.rmse_low)} to ${digits(c.rmse_high)}; ${c.pixels ?? 0} pixels path traced at ${c.spp ?? 0} samples`,
+    ...(c.not_covered ?? []).map((name) => `not covered: ${name}`)].join('; ');
+}
