@@ -16,6 +16,7 @@ SchedulerOptions schedulerOptions(const ServerConfig& c) {
   o.clientLimit = c.queuedPerClient;
   o.clientPart = 0.75;
   o.slice = {0.03, 0.5, 5};
+  o.beside = 1;
   o.ageing = {kNever, c.ageingNormal, c.ageingBatch};
   return o;
 }

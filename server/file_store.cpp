@@ -369,6 +369,8 @@ Status FilePut::add(const std::string& data) {
   }
   sha_.add(data.data(), data.size());
   received_ += data.size();
+  const std::lock_guard lock(store_->mutex_);
+  if (const auto at = store_->entries_.find({owner_, digest_}); at != store_->entries_.end()) at->second.received = received_;
   return {};
 }
 

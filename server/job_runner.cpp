@@ -15,7 +15,7 @@ double JobRunner::now() { return std::chrono::duration<double>(std::chrono::stea
 JobRunner::JobRunner(const SchedulerOptions& options) : scheduler_(options) {
   workers_.resize(size_t(options.slots));
   for (WorkerState& w : workers_) w.seconds = now();
-  for (size_t i = 0; i < workers_.size(); ++i) threads_.emplace_back([this, i] { slotLoop(i); });
+  for (size_t i = 0; i < workers_.size() + size_t(options.beside); ++i) threads_.emplace_back([this, i] { slotLoop(i); });
   threads_.emplace_back([this] { timerLoop(); });
 }
 
@@ -26,6 +26,7 @@ JobRunner::~JobRunner() {
     closing_ = true;
   }
   ready_.notify_all();
+  readyBeside_.notify_all();
   timer_.notify_all();
   for (auto& t : threads_) t.join();
 }
@@ -47,8 +48,8 @@ void JobRunner::pump() {
         job.report.queuedSeconds += time - job.since;
         job.since = time;
         job.stop = StopSource();
-        starting_.push_back(a.id);
-        ready_.notify_one();
+        (a.beside ? startingBeside_ : starting_).push_back(a.id);
+        (a.beside ? readyBeside_ : ready_).notify_one();
         break;
       case Action::Kind::Preempt:
       case Action::Kind::Stop: job.stop.stop(a.reason); break;
@@ -119,16 +120,18 @@ bool JobRunner::cancel(JobId id) {
 
 void JobRunner::slotLoop(size_t slot) {
   std::unique_lock hold(mutex_);
+  const bool beside = slot >= workers_.size();
+  std::vector<JobId>& starting = beside ? startingBeside_ : starting_;
   for (;;) {
-    ready_.wait(hold, [&] { return closing_ || !starting_.empty(); });
-    if (starting_.empty()) return;
-    const JobId id = starting_.front();
-    starting_.erase(starting_.begin());
+    (beside ? readyBeside_ : ready_).wait(hold, [&] { return closing_ || !starting.empty(); });
+    if (starting.empty()) return;
+    const JobId id = starting.front();
+    starting.erase(starting.begin());
     const std::shared_ptr<Job> job = jobs_.at(id);
     const StopToken token = job->stop.token();
     const bool stopped = token.stopRequested();  // between the decision and now
     job->report.runs += !stopped;
-    workers_[slot] = {true, id, job->spec.client, job->spec.jobClass, now()};
+    if (!beside) workers_[slot] = {true, id, job->spec.client, job->spec.jobClass, now()};
     hold.unlock();
     Status status(Code::Aborted, "stopped");
     try {
@@ -140,7 +143,7 @@ void JobRunner::slotLoop(size_t slot) {
     const double time = now();
     job->report.ranSeconds += time - job->since;
     job->since = time;
-    workers_[slot] = {false, 0, {}, JobClass::Normal, time};
+    if (!beside) workers_[slot] = {false, 0, {}, JobClass::Normal, time};
     if (status.code() == Code::Aborted && token.reason() == StopReason::Preempted) {
       if (scheduler_.preempted(id, time)) {
         pump();
@@ -194,6 +197,11 @@ std::vector<WorkerState> JobRunner::workers() const {
   std::vector<WorkerState> out = workers_;
   for (WorkerState& w : out) w.seconds = now() - w.seconds;
   return out;
+}
+
+std::optional<Place> JobRunner::place(JobId id) {
+  const std::lock_guard hold(mutex_);
+  return scheduler_.place(id, now());
 }
 
 SchedulerStats JobRunner::stats() const {

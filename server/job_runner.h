@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -59,7 +60,9 @@ class JobRunner {
   /// Refuses new jobs (Unavailable), waits up to `seconds` for the others, cancels what is left and waits for that.
   void drain(double seconds);
   SchedulerStats stats() const;
-  /// One per slot.
+  /// Where a job is; nothing once it is over.
+  std::optional<Place> place(JobId id);
+  /// One per slot; those beside (rule 10) are not among them.
   std::vector<WorkerState> workers() const;
   static double now();  ///< seconds, steady clock
 
@@ -73,16 +76,16 @@ class JobRunner {
     bool over = false;
     std::condition_variable done;
   };
-  void slotLoop(size_t slot);
+  void slotLoop(size_t slot);  // from options.slots on: beside
   void timerLoop();
   void pump();  // under mutex_: asks the scheduler and carries out
   void finish(Job& job, Status status);
 
   mutable std::mutex mutex_;
-  std::condition_variable ready_, timer_, empty_;
+  std::condition_variable ready_, readyBeside_, timer_, empty_;
   Scheduler scheduler_;
-  std::map<JobId, std::shared_ptr<Job>> jobs_;  // not over
-  std::vector<JobId> starting_;                 // told to start, not taken by a thread yet
+  std::map<JobId, std::shared_ptr<Job>> jobs_;    // not over
+  std::vector<JobId> starting_, startingBeside_;  // told to start, not taken by a thread yet
   bool draining_ = false, closing_ = false;
   std::vector<WorkerState> workers_;  // seconds: when the state began
   std::vector<std::thread> threads_;

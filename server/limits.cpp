@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "plan/outputs.h"
 #include "scene/load.h"
 #include "server/render_call.h"
 
@@ -17,6 +18,17 @@ static unsigned long long ull(uint64_t v) { return v; }
 bool mayUse(const Rpc& rpc, v1::Scheduling::Class priority) {
   const TokenConfig* t = rpc.who().token.get();
   return !t || t->classes.empty() || std::find(t->classes.begin(), t->classes.end(), kClassNames[int(jobClassOf(priority))]) != t->classes.end();
+}
+
+void chooseClass(const Rpc& rpc, bool progressive, v1::RenderRequest& request, v1::RenderRequest& resolved) {
+  if (request.scheduling().has_priority() || !mayUse(rpc, v1::Scheduling::INTERACTIVE)) return;
+  const bool firstHits = std::all_of(resolved.outputs().begin(), resolved.outputs().end(), [](const std::string& output) {
+    const OutputInfo* const info = findOutput(output);
+    return info && showsFirstHits(*info);
+  });
+  if (!progressive && !firstHits && request.scheduling().session().empty()) return;
+  request.mutable_scheduling()->set_priority(v1::Scheduling::INTERACTIVE);
+  resolved.mutable_scheduling()->set_priority(v1::Scheduling::INTERACTIVE);
 }
 
 grpc::Status checkRender(Rpc& rpc, v1::RenderRequest& request, const v1::RenderRequest& resolved) {

@@ -14,6 +14,9 @@ namespace gobo {
 
 /// The caller's token, if there is one, allows the class (tokens.classes).
 bool mayUse(const Rpc& rpc, v1::Scheduling::Class priority);
+/// Where the caller named no class and may use it, INTERACTIVE for what somebody looks at while it comes: progressive calls, requests of a session, and
+/// requests that show first hits alone (albedo, normal, position, depth, alpha, ids, motion), which cost next to nothing.
+void chooseClass(const Rpc& rpc, bool progressive, v1::RenderRequest& request, v1::RenderRequest& resolved);
 /// Checks `resolved` (of Engine::resolve) against [limits] and the token: class, pixels, samples, pictures' bytes, environment path.
 /// Where the token bounds the samples and the request has none, sets request.halt.spp to the bound.
 /// Ok, or the status to answer with.

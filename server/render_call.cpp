@@ -5,6 +5,7 @@
 #include <atomic>
 
 #include "server/jobs/crash_marks.h"
+#include "server/rest_estimate.h"
 
 namespace gobo {
 
@@ -53,6 +54,10 @@ void RenderCall::work() {
                     std::to_string(mostPlansWaiting(core_.config)) + " renders of \"" + options_.payer +
                         "\" wait to be planned: at most three quarters of what the queues take (scheduler.queued_interactive, _normal, _batch)");
     if (!place) return Status(Code::Cancelled, "cancelled while it waited to be planned");
+    {
+      const std::lock_guard lock(mutex_);
+      planning_ = true;
+    }
     const CrashMarks::Other other;
     return core_.engine.prepare(request_, nullptr, stop_.token(), options_.access, options_.environmentFile);
   }();
@@ -70,17 +75,20 @@ void RenderCall::work() {
   }
   RenderControl control;
   std::atomic<bool> shown{false};
+  RestEstimate rest(prepared->resolved.halt(), prepared->expectedMs);
   control.owner = options_.owner;
   control.access = options_.access;
   if (options_.events) {
-    control.progress = [this](const v1::Progress& progress) {
+    control.progress = [this, &rest](const v1::Progress& progress) {
       const std::lock_guard lock(mutex_);
       progress_ = progress;
+      progress_->set_eta_ms(rest.rest(progress.elapsed_ms()));
       changed_.notify_one();
     };
-    control.snapshot = [this, &shown](const RenderResult& result) {
+    control.snapshot = [this, &shown, &rest](const RenderResult& result) {
       shown = true;
       const std::lock_guard lock(mutex_);
+      rest.passDone(result.reply.resolved().halt().spp(), result.reply.total_ms());
       const size_t keep = firstTaken_ ? 0 : 1;
       while (snapshots_.size() > keep) snapshots_.pop_back();
       snapshots_.push_back(result);
@@ -88,9 +96,16 @@ void RenderCall::work() {
     };
   }
   spec.pinnedBytes = prepared->pinnedBytes;
+  spec.small = prepared->small;
+  const v1::Halt& halt = prepared->resolved.halt();
+  spec.expected = halt.has_time_s() ? halt.time_s() : halt.has_error() ? 0 : prepared->expectedMs * 1e-3;
   RunControl runControl;
   runControl.gone = [stop = stop_.token()] { return stop.stopRequested(); };
   runControl.pollSeconds = 0.005;
+  runControl.admitted = [this](JobId id) {
+    const std::lock_guard lock(mutex_);
+    job_ = id;
+  };
   std::optional<RenderResult> result;
   const RunReport report = core_.jobs.run(
       spec,
@@ -121,6 +136,15 @@ void RenderCall::work() {
   }
   done_ = true;
   changed_.notify_one();
+}
+
+std::optional<Place> RenderCall::place() {
+  std::unique_lock lock(mutex_);
+  if (done_) return std::nullopt;
+  if (!job_) return Place{!planning_, 0, 0};
+  const JobId id = *job_;
+  lock.unlock();
+  return core_.jobs.place(id);
 }
 
 RenderCall::News RenderCall::wait(std::chrono::milliseconds timeout) {

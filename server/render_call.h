@@ -46,6 +46,8 @@ class RenderCall {
   /// Returns at the first news or after `timeout`. Snapshots come before done.
   News wait(std::chrono::milliseconds timeout);
   void cancel() { stop_.stop(StopReason::Cancelled); }
+  /// In the queue (of plans or of renders), planned or running, or nothing once it is over.
+  std::optional<Place> place();
 
   /// After done. The result is there when the status is ok; queue_ms and total_ms are filled in.
   const Status& status() const { return status_; }
@@ -67,9 +69,10 @@ class RenderCall {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::optional<v1::Progress> progress_;
+  std::optional<JobId> job_;  // once it is in the scheduler
   std::deque<RenderResult> snapshots_;
   bool firstTaken_ = false;
-  bool planned_ = false, done_ = false;
+  bool planning_ = false, planned_ = false, done_ = false;
   Status status_;
   std::optional<RenderResult> result_;
   double queueMs_ = 0, ranMs_ = 0;

@@ -5,6 +5,7 @@
 
 #include "server/blobs_service.h"
 #include "server/limits.h"
+#include "server/queue_news.h"
 #include "server/render_call.h"
 
 namespace gobo {
@@ -50,11 +51,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   auto resolved = core_.engine.resolve(request, rpc.access());
   if (!resolved.ok()) return toGrpc(resolved.status());
   rpc.note("size", strf("%ux%u", resolved->width(), resolved->height()));
-  // Somebody drags a light.
-  if (!request.scheduling().session().empty() && !request.scheduling().has_priority() && mayUse(rpc, v1::Scheduling::INTERACTIVE)) {
-    request.mutable_scheduling()->set_priority(v1::Scheduling::INTERACTIVE);
-    resolved->mutable_scheduling()->set_priority(v1::Scheduling::INTERACTIVE);
-  }
+  chooseClass(rpc, report != nullptr, request, *resolved);
   const JobClass jobClass = jobClassOf(resolved->scheduling().priority());
   rpc.note("class", kClassNames[int(jobClass)]);
   const auto client = rpc.client(request.scheduling().client());
@@ -83,8 +80,20 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
                                (unsigned long long)core_.edits.used(), (unsigned long long)core_.edits.usedBy(rpc.who().name), rpc.who().name.c_str(),
                                (unsigned long long)core_.edits.limit()),
                           100);
+  QueueNews queueNews;
+  Clock::time_point lookedAt = begun;
+  bool gone = false;
+  const auto tellPlace = [&](const auto& where) {
+    if (!report || gone || Clock::now() - lookedAt < kProgressGap) return;
+    lookedAt = Clock::now();
+    if (const auto progress = queueNews.at(where(), std::chrono::duration<double, std::milli>(lookedAt - begun).count())) gone = !(*report)(*progress);
+  };
   Sessions::Turn turn(core_.sessions, rpc.who().name, session);
-  switch (turn.begin([&] { return context.IsCancelled() || call.stop.token().stopRequested() || (deadline.at && Clock::now() >= *deadline.at); })) {
+  const auto endsWait = [&] {
+    tellPlace([] { return std::optional<Place>(Place{true, 1, 0}); });  // behind the one that runs
+    return gone || context.IsCancelled() || call.stop.token().stopRequested() || (deadline.at && Clock::now() >= *deadline.at);
+  };
+  switch (turn.begin(endsWait)) {
     case Sessions::Turn::Begin::Now: break;
     case Sessions::Turn::Begin::Replaced: return replaced();
     case Sessions::Turn::Begin::Gone:
@@ -107,7 +116,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   options.replyBytes = 32ull * resolved->width() * resolved->height() * uint64_t(std::max(1, resolved->outputs_size())) + 2 * core_.live()->chunkBytes;
   const auto render = std::make_unique<RenderCall>(core_, call.stop, request, options);
   Clock::time_point lastProgress = begun - kProgressGap;
-  bool gone = false, newer = false;
+  bool newer = false;
   const auto encodeAndDeliver = [&](RenderResult& result, bool last) -> Status {
     GOBO_ASSIGN(std::vector<EncodedImage> images, encodeImages(result));
     v1::RenderReply reply = result.reply;
@@ -120,6 +129,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
       gone = true;
       render->cancel();
     }
+    tellPlace([&] { return render->place(); });
     if (news.progress && report && !gone && Clock::now() - lastProgress >= kProgressGap) {
       lastProgress = Clock::now();
       gone = !(*report)(*news.progress);
@@ -203,7 +213,12 @@ grpc::Status RenderService::Relight(grpc::ServerContext* context, const v1::Reli
   return serve(core_, *context, "relight", [&](Rpc& rpc) -> grpc::Status {
     rpc.note("of", relight->render_id());
     auto request = core_.engine.relightRequest(*relight, rpc.who().admin ? std::string() : rpc.renderOwner());
-    return request.ok() ? stream(rpc, *request, *writer, relight->progressive()) : toGrpc(request.status());
+    if (!request.ok()) return toGrpc(request.status());
+    // NORMAL is what a render has that named no class: the relight's own default is chosen.
+    const bool named = std::any_of(relight->mask().begin(), relight->mask().end(),
+                                   [](const std::string& path) { return path == "scheduling" || path == "scheduling.priority"; });
+    if (!named && request->scheduling().priority() == v1::Scheduling::NORMAL) request->mutable_scheduling()->clear_priority();
+    return stream(rpc, *request, *writer, relight->progressive());
   });
 }
 
@@ -215,6 +230,7 @@ grpc::Status RenderService::Plan(grpc::ServerContext* context, const v1::RenderR
     auto resolved = core_.engine.resolve(*asked, rpc.access());
     if (!resolved.ok()) return toGrpc(resolved.status());
     v1::RenderRequest request = *asked;
+    chooseClass(rpc, false, request, *resolved);
     if (const grpc::Status allowed = checkRender(rpc, request, *resolved); !allowed.ok()) return allowed;
     const StopToken stop = call.stop.token();
     const auto environment = environmentFile(rpc, request, "request.environment.digest", stop);

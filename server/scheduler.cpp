@@ -43,7 +43,7 @@ double Scheduler::meanRun(int c) const {
 
 bool Scheduler::due(int c) const {
   const ClassState& s = classes_[size_t(c)];
-  return s.queued > 0 && s.running == 0 && s.waited >= options_.ageing[size_t(c)] - kRounding;
+  return s.queued > 0 && s.running == s.beside && s.waited >= options_.ageing[size_t(c)] - kRounding;
 }
 
 // Brings all books to `now`: run seconds of clients, virtual time, waiting of classes.
@@ -68,7 +68,7 @@ double Scheduler::advance(double now) {
   }
   for (auto& s : classes_) {
     const double seconds = std::isfinite(now_) ? now - now_ : 0;
-    if (s.running > 0) {
+    if (s.running > s.beside) {
       s.served += seconds;
       if (s.served >= options_.protectedSeconds - kRounding) s.waited = s.served = 0;
     } else if (s.queued > 0) {
@@ -100,6 +100,8 @@ void Scheduler::count(Job& job, int queued, int running) {
   s.running += size_t(running);
   queued_ += size_t(queued);
   running_ += size_t(running);
+  if (job.spec.small) s.small += size_t(queued);
+  if (job.beside) s.beside += size_t(running), beside_ += size_t(running);
   if (queued == 0) return;
   size_t& mine = queuedOf_[job.group];
   mine += size_t(queued);
@@ -193,9 +195,10 @@ void Scheduler::leave(Jobs::iterator at) {
   settle(s);
 }
 
-void Scheduler::start(JobId id, Job& job, double now) {
+void Scheduler::start(JobId id, Job& job, double now, bool beside) {
   ClassState& s = classes_[size_t(job.spec.jobClass)];
-  if (due(int(job.spec.jobClass))) job.protectedUntil = now + options_.protectedSeconds;
+  if (!beside && due(int(job.spec.jobClass))) job.protectedUntil = now + options_.protectedSeconds;
+  job.beside = beside;
   count(job, -1, 1);
   pinned_ += job.spec.pinnedBytes;
   job.state = State::Running;
@@ -203,6 +206,7 @@ void Scheduler::start(JobId id, Job& job, double now) {
   job.ranBefore = job.ran;
   job.blockedSince = kNever;
   ++s.stats.started;
+  if (beside) return;
   if (s.lastStart >= s.waitingSince) intoMean(s.stats.startInterval, now - s.lastStart);  // jobs waited all the time between
   s.lastStart = now;
   s.refusedSinceStart = 0;
@@ -237,7 +241,7 @@ std::vector<int> Scheduler::classOrder() const {
 bool Scheduler::preemptFor(const Job& job, double now, Room& room, std::vector<Action>& actions) {
   std::vector<std::pair<JobId, Job*>> victims;
   for (auto& [id, other] : jobs_)
-    if (other.state == State::Running && other.spec.jobClass > job.spec.jobClass && other.protectedUntil <= now && !other.cancelled)
+    if (other.state == State::Running && !other.beside && other.spec.jobClass > job.spec.jobClass && other.protectedUntil <= now && !other.cancelled)
       victims.emplace_back(id, &other);
   std::sort(victims.begin(), victims.end(), [](const auto& a, const auto& b) {
     return std::tuple(a.second->spec.jobClass, a.second->started, a.first) > std::tuple(b.second->spec.jobClass, b.second->started, b.first);
@@ -283,7 +287,7 @@ bool Scheduler::sliceFor(const Job& job, double now, Room& room, std::vector<Act
   };
   std::pair<JobId, Job*> victim{0, nullptr};
   for (auto& [id, other] : jobs_) {
-    if (other.state != State::Running || other.cancelled || other.spec.jobClass != job.spec.jobClass || other.group == job.group) continue;
+    if (other.state != State::Running || other.beside || other.cancelled || other.spec.jobClass != job.spec.jobClass || other.group == job.group) continue;
     if (sliceEnd(other) > now + kRounding || had(other.group) <= had(job.group)) continue;
     if (room.freeBytes + room.comingBytes + other.spec.pinnedBytes < job.spec.pinnedBytes) continue;
     if (!victim.second || had(other.group) > had(victim.second->group)) victim = {id, &other};
@@ -296,15 +300,101 @@ bool Scheduler::sliceFor(const Job& job, double now, Room& room, std::vector<Act
   return true;
 }
 
+/// Rules 2, 3 and 7: the queued jobs of a class in the order in which they are asked.
+class Scheduler::Line {
+ public:
+  Line(const Scheduler& s, int c, double now) : mean_(s.meanRun(c)) {
+    for (const auto& [id, job] : s.jobs_) {
+      if (int(job.spec.jobClass) != c) continue;
+      GroupLine& group = groups_[job.group];
+      NameLine& line = group.lines[job.client];
+      if (job.state != State::Queued) {
+        const double spoken = job.beside ? 0 : std::max(0.0, mean_ - (now - job.started));  // not consumed yet, but spoken for
+        line.virtualTime += spoken;
+        group.virtualTime += spoken;
+      } else if (now >= job.blockedSince + s.options_.reserveAfter) {
+        reserved_.push_back(id);
+      } else {
+        line.jobs.push_back(id);
+      }
+    }
+    for (auto& [groupName, group] : groups_) {
+      const Group& books = s.classes_[size_t(c)].groups.at(groupName);
+      group.virtualTime += books.virtualTime;
+      for (auto& [name, line] : group.lines) {
+        line.virtualTime += books.clients.at(name).virtualTime;
+        std::stable_sort(line.jobs.begin(), line.jobs.end(), [&](JobId a, JobId b) { return s.jobs_.at(a).spec.deadline < s.jobs_.at(b).spec.deadline; });
+      }
+    }
+  }
+  /// They go first, oldest first.
+  const std::vector<JobId>& reserved() const { return reserved_; }
+  std::optional<JobId> next() {
+    lastGroup_ = nullptr;
+    NameLine* best = nullptr;
+    for (auto& [name, group] : groups_) {
+      NameLine* const line = group.next();
+      if (line && (!best || std::tuple(group.virtualTime, line->first()) < std::tuple(lastGroup_->virtualTime, best->first())))
+        lastGroup_ = &group, best = line;
+    }
+    lastName_ = best;
+    if (!best) return std::nullopt;
+    return best->jobs[best->at++];
+  }
+  /// The one that next() gave last starts.
+  void took() {
+    lastGroup_->virtualTime += mean_;
+    lastName_->virtualTime += mean_;
+  }
+
+ private:
+  struct NameLine {
+    std::vector<JobId> jobs;
+    size_t at = 0;
+    double virtualTime = 0;
+    bool over() const { return at == jobs.size(); }
+    JobId first() const { return jobs[at]; }
+  };
+  struct GroupLine {
+    std::map<std::string, NameLine> lines;
+    double virtualTime = 0;
+    NameLine* next() {
+      NameLine* best = nullptr;
+      for (auto& [name, line] : lines)
+        if (!line.over() && (!best || std::tuple(line.virtualTime, line.first()) < std::tuple(best->virtualTime, best->first()))) best = &line;
+      return best;
+    }
+  };
+  double mean_;
+  std::vector<JobId> reserved_;
+  std::map<std::string, GroupLine> groups_;
+  GroupLine* lastGroup_ = nullptr;
+  NameLine* lastName_ = nullptr;
+};
+
+bool Scheduler::mayGoBeside(const Job& job, const Room& room) const {
+  if (!job.spec.small || room.beside <= 0 || room.freeBytes < job.spec.pinnedBytes) return false;
+  return std::none_of(jobs_.begin(), jobs_.end(), [&](const auto& other) {
+    return other.second.state != State::Queued && !other.second.beside && other.second.spec.jobClass < job.spec.jobClass;
+  });
+}
+
 // Starts the job, or books what it waits for. `first`: nobody may pass it. True if it started.
 bool Scheduler::tryStart(JobId id, Job& job, double now, bool first, Room& room, std::vector<Action>& actions) {
   const uint64_t need = job.spec.pinnedBytes;
   if (room.freeSlots >= 1 && room.freeBytes >= need) {
-    start(id, job, now);
+    start(id, job, now, false);
     --room.freeSlots;
     room.freeBytes -= need;
     actions.push_back({Action::Kind::Start, id});
     return true;
+  }
+  if (mayGoBeside(job, room)) {
+    start(id, job, now, true);
+    --room.beside;
+    room.freeBytes -= need;
+    actions.push_back({Action::Kind::Start, id, StopReason::None, true});
+    return false;  // a small one's time is charged when it was had, not before
   }
   if (room.freeBytes < need) job.blockedSince = std::min(job.blockedSince, now);
   const bool comes = (room.freeSlots + room.comingSlots >= 1 && room.freeBytes + room.comingBytes >= need) || preemptFor(job, now, room, actions) ||
@@ -323,90 +413,47 @@ std::vector<Action> Scheduler::decide(double now) {
   now = advance(now);
   std::vector<Action> actions;
   expire(now, actions);
+  for (auto& [id, job] : jobs_)
+    if (job.beside && job.state == State::Running && now >= job.started + options_.besideSeconds - kRounding) {
+      job.state = State::Preempting;
+      actions.push_back({Action::Kind::Preempt, id, StopReason::Preempted});
+    }
   if (queued_ == 0) return actions;
-  Room room{options_.slots - int64_t(running_), 0, options_.pinnedLimit - pinned_, 0};
-  int lowest = -1;  // class of a job that could be preempted
+  Room room{options_.slots - int64_t(running_ - beside_), 0, options_.pinnedLimit - pinned_, 0, options_.beside - int64_t(beside_)};
+  int lowest = -1;            // class of a job that could be preempted
+  int highest = kJobClasses;  // of a job in a slot
   for (const auto& [id, job] : jobs_) {
+    if (job.state != State::Queued && !job.beside) highest = std::min(highest, int(job.spec.jobClass));
     if (job.state == State::Preempting || job.state == State::Stopping) {
-      ++room.comingSlots;
+      room.comingSlots += !job.beside;
       room.comingBytes += job.spec.pinnedBytes;
-    } else if (job.state == State::Running && job.protectedUntil <= now) {
+    } else if (job.state == State::Running && !job.beside && job.protectedUntil <= now) {
       lowest = std::max(lowest, int(job.spec.jobClass));
     }
   }
-  struct Candidate {
-    JobId id;
-    Job* job;
-  };
-  struct Line {
-    std::vector<Candidate> jobs;
-    size_t at = 0;
-    double virtualTime = 0;
-    bool over() const { return at == jobs.size(); }
-    JobId first() const { return jobs[at].id; }
-  };
-  struct GroupLine {
-    std::map<std::string, Line> lines;
-    double virtualTime = 0;
-    Line* next() {
-      Line* best = nullptr;
-      for (auto& [name, line] : lines)
-        if (!line.over() && (!best || std::tuple(line.virtualTime, line.first()) < std::tuple(best->virtualTime, best->first()))) best = &line;
-      return best;
-    }
-  };
   for (const int c : classOrder()) {
     ClassState& s = classes_[size_t(c)];
     if (s.queued == 0) continue;
     const bool sliced = std::any_of(jobs_.begin(), jobs_.end(), [&](const auto& j) {
-      return j.second.state == State::Running && int(j.second.spec.jobClass) == c && sliceEnd(j.second) <= now + kRounding;
+      return j.second.state == State::Running && !j.second.beside && int(j.second.spec.jobClass) == c && sliceEnd(j.second) <= now + kRounding;
     });
-    const auto nothingToBeHad = [&] { return room.freeSlots <= 0 && room.comingSlots <= 0 && lowest <= c && !sliced; };
+    const auto nothingToBeHad = [&] {
+      return room.freeSlots <= 0 && room.comingSlots <= 0 && lowest <= c && !sliced && (room.beside <= 0 || s.small == 0 || highest < c);
+    };
     if (nothingToBeHad()) continue;
     const bool isDue = due(c);
-    std::vector<Candidate> reserved;  // rule 7: they go first, oldest first
-    std::map<std::string, GroupLine> groups;
-    for (auto& [id, job] : jobs_) {
-      if (int(job.spec.jobClass) != c) continue;
-      GroupLine& group = groups[job.group];
-      Line& line = group.lines[job.client];
-      if (job.state != State::Queued) {
-        const double spoken = std::max(0.0, meanRun(c) - (now - job.started));  // not consumed yet, but spoken for
-        line.virtualTime += spoken;
-        group.virtualTime += spoken;
-      } else if (now >= job.blockedSince + options_.reserveAfter) {
-        reserved.push_back({id, &job});
-      } else {
-        line.jobs.push_back({id, &job});
-      }
-    }
-    for (auto& [groupName, group] : groups) {
-      Group& books = s.groups[groupName];
-      group.virtualTime += books.virtualTime;
-      for (auto& [name, line] : group.lines) {
-        line.virtualTime += books.clients[name].virtualTime;
-        std::stable_sort(line.jobs.begin(), line.jobs.end(),
-                         [](const Candidate& a, const Candidate& b) { return a.job->spec.deadline < b.job->spec.deadline; });
-      }
-    }
     bool first = isDue;
-    for (const Candidate& r : reserved) {
-      tryStart(r.id, *r.job, now, true, room, actions);
+    Line line(*this, c, now);
+    for (const JobId id : line.reserved()) {
+      if (tryStart(id, jobs_.at(id), now, true, room, actions)) highest = std::min(highest, c);
       first = false;
     }
-    for (;;) {
-      if (nothingToBeHad()) break;
-      GroupLine* best = nullptr;
-      Line* line = nullptr;
-      for (auto& [name, group] : groups) {
-        Line* next = group.next();
-        if (next && (!best || std::tuple(group.virtualTime, next->first()) < std::tuple(best->virtualTime, line->first()))) best = &group, line = next;
-      }
-      if (!best) break;
-      const Candidate job = line->jobs[line->at++];
-      if (tryStart(job.id, *job.job, now, first, room, actions)) {
-        best->virtualTime += meanRun(c);
-        line->virtualTime += meanRun(c);
+    while (!nothingToBeHad()) {
+      const auto id = line.next();
+      if (!id) break;
+      if (tryStart(*id, jobs_.at(*id), now, first, room, actions)) {
+        line.took();
+        highest = std::min(highest, c);
       }
       first = false;
     }
@@ -424,8 +471,10 @@ void Scheduler::finished(JobId id, double now, Outcome outcome) {
   else if (job.state == State::Stopping && outcome == Outcome::Failed) ++s.stats.expired;
   else if (outcome == Outcome::Done) ++s.stats.done;
   else ++s.stats.failed;
-  if (!job.cancelled) intoMean(s.stats.meanRunSeconds, job.ran);
-  s.waited = s.served = 0;
+  if (!job.beside) {
+    if (!job.cancelled) intoMean(s.stats.meanRunSeconds, job.ran);
+    s.waited = s.served = 0;
+  }
   leave(at);
 }
 
@@ -443,7 +492,9 @@ bool Scheduler::preempted(JobId id, double now) {
   ++s.stats.preempted;
   pinned_ -= job.spec.pinnedBytes;
   if (s.queued == 0) s.waitingSince = now;
-  count(job, 1, -1);
+  count(job, 0, -1);
+  if (job.beside) job.beside = job.spec.small = false;  // rule 10
+  count(job, 1, 0);
   job.state = State::Queued;
   job.protectedUntil = -kNever;
   return true;
@@ -465,6 +516,38 @@ CancelResult Scheduler::cancel(JobId id, double now) {
   return CancelResult::Stopping;
 }
 
+std::optional<Place> Scheduler::place(JobId id, double now) {
+  now = advance(now);
+  const auto at = jobs_.find(id);
+  if (at == jobs_.end()) return std::nullopt;
+  const Job& job = at->second;
+  Place place;
+  const auto rest = [](const Job& j) { return std::max(j.spec.expected - j.ran, 0.0); };
+  bool known = job.spec.expected > 0;
+  double before = 0;  // seconds of slots
+  const auto add = [&](const Job& other) {
+    known = known && other.spec.expected > 0;
+    before += rest(other);
+  };
+  if (job.state == State::Queued) {
+    place.queued = true;
+    const int c = int(job.spec.jobClass);
+    Line line(*this, c, now);
+    std::vector<JobId> first = line.reserved();
+    for (auto next = line.next(); next; next = line.next()) {
+      first.push_back(*next);
+      line.took();
+    }
+    for (; first[place.ahead] != id; ++place.ahead) add(jobs_.at(first[place.ahead]));
+    for (const auto& [otherId, other] : jobs_) {
+      const int otherClass = int(other.spec.jobClass);
+      if (other.state == State::Queued ? otherClass < c : !other.beside && otherClass <= c) add(other);
+    }
+  }
+  if (known) place.expected = before / options_.slots + rest(job);
+  return place;
+}
+
 double Scheduler::givesWayAt(const Job& job) const {
   const ClassState& s = classes_[size_t(job.spec.jobClass)];
   if (s.queued == 0 || !std::isfinite(sliceEnd(job))) return kNever;
@@ -482,16 +565,17 @@ std::optional<double> Scheduler::nextEvent(double now) const {
   for (const auto& [id, job] : jobs_) {
     if (job.stopPending) return now;
     if (job.state != State::Stopping) next = std::min(next, job.spec.deadline);
+    if (job.beside && job.state == State::Running) next = std::min(next, job.started + options_.besideSeconds);
     if (queued_ == 0) continue;
     if (job.state == State::Running && job.protectedUntil > now_) next = std::min(next, job.protectedUntil);
-    if (job.state == State::Running) next = std::min(next, givesWayAt(job));
+    if (job.state == State::Running && !job.beside) next = std::min(next, givesWayAt(job));
     if (job.state == State::Queued && std::isfinite(job.blockedSince) && job.blockedSince + options_.reserveAfter > now_)
       next = std::min(next, job.blockedSince + options_.reserveAfter);
   }
   for (int c = 0; c < kJobClasses; ++c) {
     const ClassState& s = classes_[size_t(c)];
     const double left = options_.ageing[size_t(c)] - s.waited;
-    if (s.queued > 0 && s.running == 0 && left > kRounding) next = std::min(next, now_ + left);
+    if (s.queued > 0 && s.running == s.beside && left > kRounding) next = std::min(next, now_ + left);
   }
   if (!std::isfinite(next)) return std::nullopt;
   return std::max(next, now);

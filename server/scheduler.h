@@ -27,6 +27,9 @@
 //  9. Slices: where the first waiting job of a class cannot start, a running one of the same class gives way to it if it is another
 //     group's that has had more, and it has run for its slice: slice[class] seconds, or an eighth of what it ran before if that is
 //     more, so that what has to begin its step anew comes to its end. So a short job waits for one slice of each longer one, not for its end.
+//  10. Beside: a small job (its caller's word, from its plan) that would have to wait for a slot starts in one of `beside` slots beside them,
+//     unless a higher class runs. It counts in no rule on slots, means, hints and ageing; its seconds are its client's all the same.
+//     One that takes longer than besideSeconds gives way and waits like any other: it was not small.
 // Cost: decide() is O(queued log queued) when something may start, O(running) else.
 #pragma once
 
@@ -55,6 +58,8 @@ struct JobSpec {
   double deadline = kNever;  ///< on the clock of `now`, seconds
   uint64_t pinnedBytes = 0;  ///< held while it runs
   std::string group = {};    ///< empty: the client is a group of its own
+  double expected = 0;       ///< seconds in a slot, for those who ask place(); 0: nobody knows
+  bool small = false;        ///< rule 10
 };
 
 struct SchedulerOptions {
@@ -66,6 +71,8 @@ struct SchedulerOptions {
   std::array<double, kJobClasses> ageing{kNever, 10, 30};         ///< seconds
   std::array<double, kJobClasses> slice{kNever, kNever, kNever};  ///< seconds
   double protectedSeconds = 1;
+  int beside = 0;  ///< slots of rule 10
+  double besideSeconds = 1;
   double reserveAfter = 5;
   double retryMinMs = 10, retryMaxMs = 60000;
 };
@@ -80,6 +87,14 @@ struct Action {
   enum class Kind { Start, Preempt, Stop, Expire } kind;
   JobId id;
   StopReason reason = StopReason::None;  ///< Preempt: Preempted. Stop: Cancelled or Deadline. Expire: Deadline.
+  bool beside = false;                   ///< Start: in a slot of rule 10
+};
+
+/// Where a job that was submitted is.
+struct Place {
+  bool queued = false;
+  size_t ahead = 0;     ///< queued jobs of its class that are asked to go first
+  double expected = 0;  ///< seconds until it is over, by what jobs said of themselves; 0: nothing is known
 };
 
 enum class Outcome { Done, Failed };
@@ -116,6 +131,8 @@ class Scheduler {
   /// A running job gave way. True: queued again. False: it is gone, as it was cancelled or is past its deadline meanwhile.
   bool preempted(JobId id, double now);
   CancelResult cancel(JobId id, double now);
+  /// Nothing for a job that is over, or never was.
+  std::optional<Place> place(JobId id, double now);
   /// The next time at which decide() may have something to say without any other event.
   std::optional<double> nextEvent(double now) const;
   SchedulerStats stats() const;
@@ -137,6 +154,7 @@ class Scheduler {
     double protectedUntil = -kNever;
     double blockedSince = kNever;  // first time that bytes kept it from starting
     double ranBefore = 0;          // rule 9: seconds of the runs before this one
+    bool beside = false;           // rule 10: runs there
   };
   struct Client {
     double virtualTime = 0, seconds = 0;
@@ -149,17 +167,19 @@ class Scheduler {
   struct ClassState {
     std::map<std::string, Group> groups;
     double virtualTime = 0;
-    double waited = 0, served = 0, charged = 0;  // rule 6: seconds; `charged`: until when they are counted
-    size_t queued = 0, running = 0;
-    double lastStart = -kNever, waitingSince = 0;  // rule 8
+    double waited = 0, served = 0, charged = 0;             // rule 6: seconds; `charged`: until when they are counted
+    size_t queued = 0, running = 0, beside = 0, small = 0;  // beside: of the running ones; small: of the queued ones
+    double lastStart = -kNever, waitingSince = 0;           // rule 8
     uint64_t refusedSinceStart = 0;
     SchedulerStats::Class stats;
   };
   struct Room {
     int64_t freeSlots, comingSlots;
     uint64_t freeBytes, comingBytes;
+    int64_t beside;
   };
   using Jobs = std::map<JobId, Job>;
+  class Line;  // the order in which the queued jobs of a class are asked
 
   double advance(double now);
   void expire(double now, std::vector<Action>& actions);
@@ -171,7 +191,8 @@ class Scheduler {
   double givesWayAt(const Job& job) const;  ///< when decide() has to look at rule 9 again
   bool sliceFor(const Job& job, double now, Room& room, std::vector<Action>& actions);
   bool preemptFor(const Job& job, double now, Room& room, std::vector<Action>& actions);
-  void start(JobId id, Job& job, double now);
+  void start(JobId id, Job& job, double now, bool beside);
+  bool mayGoBeside(const Job& job, const Room& room) const;
   void leave(Jobs::iterator at);                  // out of queue or slots, and out of the books
   void count(Job& job, int queued, int running);  // into the books of its client, group and class
   static void activate(ClassState& state, Group& group, Client& client);
@@ -182,7 +203,7 @@ class Scheduler {
   Jobs jobs_;
   std::array<ClassState, kJobClasses> classes_;
   std::map<std::string, size_t> queuedOf_;
-  size_t queued_ = 0, running_ = 0;
+  size_t queued_ = 0, running_ = 0, beside_ = 0;  // beside_: of the running ones
   uint64_t pinned_ = 0;
   JobId next_ = 1;
   double now_ = -kNever;

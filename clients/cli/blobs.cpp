@@ -24,6 +24,13 @@ constexpr size_t kPiece = 512 << 10;  // with its frame below any limits.request
 constexpr int kTries = 8;             // of connections that break one after the other
 constexpr int kBusyTries = 40;        // while another call puts the same file
 
+Result<LocalBlob> sized(const std::string& path) {
+  std::error_code error;
+  const uint64_t bytes = fs::file_size(path, error);
+  if (error) return notFound("cannot read \"" + path + "\"");
+  return LocalBlob{path, "", bytes};
+}
+
 Result<LocalBlob> blobOf(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   if (!in) return notFound("cannot read \"" + path + "\"");
@@ -128,7 +135,7 @@ Result<std::map<std::string, LocalBlob>> filesOf(const std::string& scene) {
   std::error_code error;
   const fs::path own = fs::absolute(scene, error), folder = fs::canonical(own.parent_path(), error);
   std::map<std::string, LocalBlob> out;
-  GOBO_ASSIGN(out[own.filename().string()], blobOf(scene));
+  GOBO_ASSIGN(out[own.filename().string()], sized(scene));
   for (const std::string& uri : urisOf(jsonOf(scene))) {
     const size_t colon = uri.find(':');
     if (colon != std::string::npos && colon < uri.find_first_of("/?#%")) continue;  // data: or another scheme
@@ -137,7 +144,7 @@ Result<std::map<std::string, LocalBlob>> filesOf(const std::string& scene) {
     const fs::path real = fs::canonical(folder / name, error);
     if (error || std::mismatch(folder.begin(), folder.end(), real.begin(), real.end()).first != folder.end()) continue;
     if (!fs::is_regular_file(real, error) || fs::file_size(real, error) == 0 || error) continue;
-    GOBO_ASSIGN(out[name.string()], blobOf(real.string()));
+    GOBO_ASSIGN(out[name.string()], sized(real.string()));
   }
   return out;
 }
@@ -173,7 +180,8 @@ Status putBlobs(Session& session, const std::map<std::string, LocalBlob>& blobs)
   }
 }
 
-Result<v1::SceneInfo> openByDigest(Session& session, const std::string& scene, const std::map<std::string, LocalBlob>& files, const std::string& name) {
+Result<v1::SceneInfo> openByDigest(Session& session, const std::string& scene, std::map<std::string, LocalBlob> files, const std::string& name) {
+  for (auto& [n, blob] : files) { GOBO_ASSIGN(blob, blobOf(blob.path)); }
   v1::OpenSceneRequest request;
   request.set_source(fs::path(scene).filename().string());
   request.set_name(name);

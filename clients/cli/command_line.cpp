@@ -15,6 +15,8 @@ constexpr const char* kOutputsHelp =
     "separated by commas: beauty, emission, direct, indirect, diffuse, specular, direct_diffuse, ..., albedo, normal, position, depth, z_depth, alpha, "
     "object_id, material_id, motion, sample_count, variance, group:LIGHT, unoccluded:LIGHT, visibility:LIGHT, shadow_flags:LIGHT, shadow_basis:LIGHT";
 
+constexpr const char* kPlanAllHelp = "show every row of the plan; by default rows of one kind are one";
+
 /// Only explicit type names: CLI11 would print "TEXT" and "UINT".
 template <typename T>
 CLI::Option* value(CLI::App& app, const std::string& names, T& target, const std::string& type, const std::string& help) {
@@ -135,6 +137,7 @@ void CommandLine::addRendering() {
   value(*render, "--tile", render_.tile, "PIXELS", "render part by part into one tiled EXR: pictures larger than memory; each pixel as without")
       ->check(CLI::Range(16, 16384).description(""));
   render->add_flag("--progressive", render_.progressive, "write each snapshot; progress also when standard error is no terminal");
+  render->add_flag("--plan-all", render_.planAll, kPlanAllHelp);
   render->add_flag("-q,--quiet", render_.quiet, "print errors only");
   addRequestOptions(*render, render_.request);
 
@@ -145,6 +148,7 @@ void CommandLine::addRendering() {
   value(*plan, "scene", render_.scene, "SCENE", "file, id or built-in name (may come from --request)");
   value(*plan, "--outputs", render_.request.outputs, "OUTPUTS", kOutputsHelp);
   plan->add_flag("--certificate", render_.request.certificate, "ask for an error estimate");
+  plan->add_flag("--plan-all", render_.planAll, kPlanAllHelp);
   addRequestOptions(*plan, render_.request);
 
   CLI::App* relight = command(app, "relight", "render again with changes", [this] {
@@ -152,9 +156,16 @@ void CommandLine::addRendering() {
     return runRelight(session, relight_);
   });
   value(*relight, "render_id", relight_.id, "RENDER_ID", "printed by an earlier render")->required();
-  value(*relight, "--set", relight_.sets, "PATH=VALUE", "repeat for several")->required()->allow_extra_args(false);
-  value(*relight, "-o,--out", relight_.out, "FILE", ".exr .png .jpg .raw; - writes one picture to standard output");
+  value(*relight, "-o,--out", relight_.out, "FILE",
+        ".exr .png .jpg .raw; several outputs go to out.NAME.exr, or with --layers into one .exr; - writes one picture to standard output");
+  value(*relight, "--outputs", relight_.request.outputs, "OUTPUTS", kOutputsHelp);
+  relight->add_flag("--certificate", relight_.request.certificate, "ask for an error estimate");
+  relight->add_flag("--layers", relight_.request.layers, "one EXR file with every output as a named layer");
+  relight->add_flag("--half", relight_.request.half, "16-bit EXR or raw");
+  relight->add_flag("--progressive", relight_.progressive, "write each snapshot; progress also when standard error is no terminal");
+  relight->add_flag("--plan-all", relight_.planAll, kPlanAllHelp);
   relight->add_flag("-q,--quiet", relight_.quiet, "print errors only");
+  addRequestOptions(*relight, relight_.request);
 }
 
 void CommandLine::addScenes() {
@@ -181,7 +192,7 @@ void CommandLine::addJobs() {
   CLI::App* submit =
       command(*jobs, "submit", "queue a render of one or more frames; prints the job's id", [this] { return runJobSubmit(session, submit_, json); });
   value(*submit, "scene", submit_.scene, "SCENE", "file, id or built-in name (may come from --request)");
-  value(*submit, "--frames", submit_.frames, "FIRST[-LAST[:STEP]]", "frame numbers, both ends included");
+  value(*submit, "--frames", submit_.frames, "FIRST[-LAST[:STEP]],...", "frame numbers, both ends included, in the order of rendering, such as 1,5,9-20:2");
   value(*submit, "--fps", submit_.fps, "N", "animation time of a frame is FRAME / N")->check(CLI::Validator(CLI::PositiveNumber).description(""));
   value(*submit, "--name", submit_.name, "TEXT", "for people; starts the names of the files");
   value(*submit, "--key", submit_.key, "TEXT", "the same key and job again: the job that is there");
@@ -215,7 +226,7 @@ void CommandLine::addJobs() {
   CLI::App* fetch = command(*jobs, "fetch", "copy the files of finished frames", [this] { return runJobFetch(session, fetch_); });
   value(*fetch, "job", fetch_.id, "JOB", "id")->required();
   value(*fetch, "-o,--out", fetch_.out, "FOLDER", "made if absent; default here");
-  value(*fetch, "--frames", fetch_.frames, "FIRST[-LAST[:STEP]]", "default all");
+  value(*fetch, "--frames", fetch_.frames, "FIRST[-LAST[:STEP]],...", "such as 1,5,9-20:2; default all");
   value(*fetch, "--outputs", fetch_.outputs, "OUTPUTS", "default all");
   fetch->add_flag("--follow", fetch_.follow, "wait for frames that are not finished yet");
 }

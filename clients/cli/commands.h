@@ -22,7 +22,8 @@ struct RenderCommand {
   std::string scene, out;
   RequestOptions request;
   bool json = false, progressive = false, quiet = false;
-  uint32_t tile = 0;  ///< pixels a side of parts that are rendered one after the other; 0: the picture as one
+  bool planAll = false;  ///< print every row of the plan: by default rows of one kind are one
+  uint32_t tile = 0;     ///< pixels a side of parts that are rendered one after the other; 0: the picture as one
 };
 int runRender(const SessionOptions& session, const RenderCommand& command);
 
@@ -31,8 +32,8 @@ int runPlan(const SessionOptions& session, const RenderCommand& command);
 
 struct RelightCommand {
   std::string id, out;
-  std::vector<std::string> sets;
-  bool json = false, quiet = false;
+  RequestOptions request;  ///< what differs from the render
+  bool json = false, progressive = false, quiet = false, planAll = false;
 };
 int runRelight(const SessionOptions& session, const RelightCommand& command);
 
@@ -104,7 +105,10 @@ enum class JobAct { Cancel, Pause, Resume, Delete };
 int runJobAct(const SessionOptions& session, JobAct act, const std::vector<std::string>& ids, bool json);
 int runJobFetch(const SessionOptions& session, const JobFetchCommand& command);
 
-/// The request that `options` describe, for the scene with this id.
-Result<v1::RenderRequest> makeRequest(const RequestOptions& options, const std::string& sceneId);
+/// The fields that `options` name, and no others.
+Result<v1::RenderRequest> describedBy(const RequestOptions& options);
+/// The request that `options` describe, for the scene that the user means by `source` (ensureScene; may be empty where the request names one). What is wrong
+/// with the options is said before a scene is loaded or sent.
+Result<v1::RenderRequest> makeRequest(Session& session, const RequestOptions& options, const std::string& source);
 
 }  // namespace gobo::cli

@@ -5,6 +5,7 @@
 #include "base/image_io.h"
 #include "commands.h"
 #include "measure/metrics.h"
+#include "pictures.h"
 
 namespace gobo::cli {
 namespace {
@@ -15,6 +16,7 @@ std::string jsonNumber(double v) { return std::isfinite(v) ? strf("%.9g", v) : "
 }  // namespace
 
 int runCompare(const CompareCommand& c) {
+  if (const Status folder = checkFolder("--diff", c.diff); !folder.ok()) return complain(folder);
   auto a = readPicture(c.a);
   if (!a.ok()) return complain(a.status());
   auto b = readPicture(c.b);

@@ -2,8 +2,11 @@
 // `gobo demo`: renders a scene, relights it in the ways that users relight, and prints what each edit cost and how far the
 // picture is from the path-traced truth.
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <memory>
+#include <utility>
 
 #include "blobs.h"
 #include "commands.h"
@@ -53,6 +56,42 @@ std::string ranList(const v1::RenderReply& reply) {
   return text.empty() ? "nothing" : text;
 }
 
+/// What one sees while a step renders: a bar, or lines where standard error is no terminal; the first picture of all as soon as it is there.
+class Watcher {
+ public:
+  explicit Watcher(std::string folder) : folder_(std::move(folder)) {}
+  StreamHooks hooks(const std::string& step) {
+    bar_ = std::make_unique<ProgressBar>(true, true);
+    StreamHooks hooks;
+    hooks.progress = [this, step](const v1::Progress& p) {
+      const std::string text = step + ": " + progressText(p);
+      if (p.queued() || p.eta_ms() <= 0) bar_->wait(p.queued() ? text : step);
+      else bar_->show(p.elapsed_ms() / (p.elapsed_ms() + p.eta_ms()), text);
+    };
+    hooks.snapshot = [this](const Answer& answer) -> Status { return first(answer); };
+    return hooks;
+  }
+  Status first(const Answer& answer) {
+    if (bar_) bar_->clear();
+    if (std::exchange(seen_, true)) return {};
+    std::string files;
+    if (!folder_.empty()) {
+      GOBO_ASSIGN(const std::vector<std::string> written, writeImages(answer, (fs::path(folder_) / "first.png").string()));
+      for (const std::string& file : written) files += ": " + file;
+    }
+    std::fprintf(stderr, "first picture (%u x %u) %.2f s after the demo began%s\n", answer.reply.images(0).width(), answer.reply.images(0).height(),
+                 std::chrono::duration<double>(std::chrono::steady_clock::now() - begun_).count(), files.c_str());
+    return {};
+  }
+  void clear() { bar_.reset(); }
+
+ private:
+  const std::string folder_;
+  const std::chrono::steady_clock::time_point begun_ = std::chrono::steady_clock::now();
+  bool seen_ = false;
+  std::unique_ptr<ProgressBar> bar_;
+};
+
 Status write(Session& session, v1::RenderRequest request, const std::string& file) {
   GOBO_ASSIGN(const v1::Encoding::Format format, formatOf(file));
   request.mutable_encoding()->set_format(format);
@@ -62,7 +101,9 @@ Status write(Session& session, v1::RenderRequest request, const std::string& fil
 }
 
 Status demo(Session& session, const DemoCommand& c) {
-  GOBO_ASSIGN(const std::string id, ensureScene(session, c.scene));
+  Watcher watcher(c.out);
+  GOBO_ASSIGN(v1::RenderRequest request, makeRequest(session, c.request, c.scene));
+  const std::string id = request.scene();
   v1::InspectSceneRequest inspect;
   inspect.set_scene(id);
   v1::SceneInfo info;
@@ -73,8 +114,6 @@ Status demo(Session& session, const DemoCommand& c) {
   std::printf("scene %s: %llu triangles, %d lights, loaded in %.0f ms\n\n", id.c_str(), static_cast<unsigned long long>(info.triangles()), info.lights_size(),
               info.load_ms());
 
-  GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
-  if (request.environment().has_path()) GOBO_TRY(putEnvironment(session, *request.mutable_environment()).status());
   if (c.request.size.empty()) {
     request.set_width(640);
     request.set_height(400);
@@ -121,17 +160,22 @@ Status demo(Session& session, const DemoCommand& c) {
       GOBO_TRY(setPath(*relight.mutable_patch(), s));
     }
     for (const std::string& p : setPaths(relight.patch())) relight.add_mask(p.rfind("environment.", 0) == 0 ? "environment" : p);
-    request.mutable_encoding()->set_format(v1::Encoding::RAW_FLOAT);
+    // The first one is looked at while it comes; the others need no early pictures.
+    request.mutable_encoding()->set_format(i == 0 ? v1::Encoding::PNG : v1::Encoding::RAW_FLOAT);
+    request.mutable_scheduling()->set_ladder(i == 0);
     v1::RenderReply reply;
     if (i < 2) {
-      GOBO_ASSIGN(const Answer answer, renderOnce(session, request));
+      GOBO_ASSIGN(const Answer answer, renderOnce(session, request, watcher.hooks(steps[i].name)));
+      GOBO_TRY(watcher.first(answer));
       reply = answer.reply;
     } else {
       Session::Call call(session);
+      relight.set_progressive(true);
       auto reader = session.render().Relight(&call.context, relight);
-      GOBO_ASSIGN(const Answer answer, receive(session, call, *reader, {}));
+      GOBO_ASSIGN(const Answer answer, receive(session, call, *reader, watcher.hooks(steps[i].name)));
       reply = answer.reply;
     }
+    watcher.clear();
     renderId = reply.render_id();
     int reused = 0;
     for (const auto& n : reply.plan()) reused += n.state() == v1::NodeReport::REUSED || n.state() == v1::NodeReport::NOT_NEEDED;

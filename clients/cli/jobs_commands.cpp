@@ -7,6 +7,7 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <random>
 #include <set>
 #include <thread>
@@ -14,6 +15,7 @@
 #include "base/image_io.h"
 #include "blobs.h"
 #include "commands.h"
+#include "frames.h"
 #include "report.h"
 #include "request/request.h"
 #include "server/encode.h"
@@ -41,31 +43,6 @@ std::string timeText(double unix) {
   char text[32];
   std::strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S", std::localtime(&seconds));
   return text;
-}
-
-struct Frames {
-  int64_t first = 0, last = 0, step = 1;
-};
-
-// "7", "0-9", "0-99:10", "-5--1".
-Result<Frames> parseFrames(const std::string& text, const char* flag) {
-  Frames f;
-  char* end = nullptr;
-  const auto bad = [&] { return invalidArgument(std::string(flag) + " " + text + ": must be FIRST, FIRST-LAST or FIRST-LAST:STEP"); };
-  f.first = f.last = std::strtoll(text.c_str(), &end, 10);
-  if (end == text.c_str()) return bad();
-  if (*end == '-') {
-    const char* from = end + 1;
-    f.last = std::strtoll(from, &end, 10);
-    if (end == from) return bad();
-  }
-  if (*end == ':') {
-    const char* from = end + 1;
-    f.step = std::strtoll(from, &end, 10);
-    if (end == from || f.step < 1) return bad();
-  }
-  if (*end || f.last < f.first) return bad();
-  return f;
 }
 
 std::string uniqueKey() {
@@ -114,8 +91,29 @@ int exitOfJob(const v1::Job& job) {
   return status.ok() ? complain(Status(Code::Unknown, status.message())) : complain(status);
 }
 
+/// When a job will be over, by what was seen of it since it was watched.
+class JobRate {
+ public:
+  /// 0: nothing is known yet.
+  double restMs(const v1::Job& job) {
+    const auto now = std::chrono::steady_clock::now();
+    if (job.state() != v1::Job::RUNNING || !begun_) {  // paused: counted anew
+      begun_ = job.state() == v1::Job::RUNNING ? std::optional(now) : std::nullopt;
+      from_ = job.progress();
+      return 0;
+    }
+    const double made = job.progress() - from_;
+    return made > 0 ? std::chrono::duration<double, std::milli>(now - *begun_).count() / made * (1 - job.progress()) : 0;
+  }
+
+ private:
+  std::optional<std::chrono::steady_clock::time_point> begun_;
+  double from_ = 0;
+};
+
 Result<v1::Job> watch(Session& session, const std::string& id, bool json) {
   ProgressBar bar(!json, false);
+  JobRate rate;
   v1::WatchJobRequest request;
   request.set_id(id);
   v1::Job last;
@@ -138,8 +136,8 @@ Result<v1::Job> watch(Session& session, const std::string& id, bool json) {
       if (json) std::printf("%s\n", messageToJson(event, false).c_str());
       for (const v1::Frame& f : last.frames()) frame(f);
       if (event.has_frame()) frame(event.frame());
-      bar.show(last.progress(), strf("%s  %llu of %llu frames", stateOf(last).c_str(), static_cast<unsigned long long>(last.frames_done()),
-                                     static_cast<unsigned long long>(last.frames_total())));
+      bar.show(last.progress(), strf("%s  %llu of %llu frames%s", stateOf(last).c_str(), static_cast<unsigned long long>(last.frames_done()),
+                                     static_cast<unsigned long long>(last.frames_total()), restText(rate.restMs(last)).c_str()));
     }
     const Status status = session.statusOf(reader->Finish());
     if (status.ok()) break;
@@ -238,13 +236,16 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
     wanted.add_outputs(c.outputs.substr(begin, end - begin));
     begin = end + 1;
   }
-  Frames range;
-  if (!c.frames.empty()) { GOBO_ASSIGN(range, parseFrames(c.frames, "--frames")); }
+  std::vector<int64_t> named;
+  if (!c.frames.empty()) { GOBO_ASSIGN(named, parseFrames(c.frames, "--frames")); }
+  const std::set<int64_t> selection(named.begin(), named.end());
   for (int broken = 0;; ++broken) {
     GOBO_ASSIGN(const v1::Job job, getJob(session, c.id));
     v1::FetchRequest request = wanted;
+    bool any = false;
     for (const v1::Frame& f : job.frames()) {
-      if (!c.frames.empty() && (f.frame() < range.first || f.frame() > range.last || (f.frame() - range.first) % range.step)) continue;
+      if (!selection.empty() && !selection.count(f.frame())) continue;
+      any = true;
       bool complete = f.state() == v1::Frame::DONE;
       for (const v1::FrameFile& file : f.files()) {
         const bool selected =
@@ -253,6 +254,7 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
       }
       if (!complete) request.add_frames(f.frame());
     }
+    if (!any) return notFound("--frames " + c.frames + ": job " + job.id() + " has none of them");
     if (request.frames().empty()) return kOk;  // everything is here
     request.set_follow(c.follow);
     Session::Call call(session);
@@ -283,18 +285,26 @@ Result<int> fetch(Session& session, const JobFetchCommand& c) {
 }  // namespace
 
 int runJobSubmit(const SessionOptions& options, const JobSubmitCommand& c, bool json) {
+  std::vector<int64_t> frames;
+  if (!c.frames.empty()) {
+    auto parsed = parseFrames(c.frames, "--frames");
+    if (!parsed.ok()) return complain(parsed.status());
+    frames = std::move(*parsed);
+  }
   return with(options, [&](Session& session) -> Result<int> {
-    std::string id;
-    if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
     v1::JobSpec spec;
-    GOBO_ASSIGN(*spec.mutable_request(), makeRequest(c.request, id));
-    if (spec.request().environment().has_path()) GOBO_TRY(putEnvironment(session, *spec.mutable_request()->mutable_environment()).status());
+    GOBO_ASSIGN(*spec.mutable_request(), makeRequest(session, c.request, c.scene));
     if (!c.format.empty()) GOBO_TRY(setPath(*spec.mutable_request(), "encoding.format=" + c.format));
-    if (!c.frames.empty()) {
-      GOBO_ASSIGN(const Frames f, parseFrames(c.frames, "--frames"));
-      spec.mutable_frames()->set_first(f.first);
-      spec.mutable_frames()->set_last(f.last);
-      spec.mutable_frames()->set_step(uint32_t(std::min<int64_t>(f.step, UINT32_MAX)));
+    if (!frames.empty()) {
+      FrameSpan span;
+      constexpr int64_t kMostStep = 1000000;  // of the schema
+      if (oneSpan(frames, span) && span.step <= kMostStep) {
+        spec.mutable_frames()->set_first(span.first);
+        spec.mutable_frames()->set_last(span.last);
+        spec.mutable_frames()->set_step(uint32_t(span.step));
+      } else {
+        spec.mutable_frames()->mutable_numbers()->Add(frames.begin(), frames.end());
+      }
     }
     if (c.fps > 0) spec.mutable_frames()->set_fps(c.fps);
     spec.set_name(c.name);

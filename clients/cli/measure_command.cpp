@@ -84,9 +84,9 @@ Status measure(Session& session, const MeasureCommand& c) {
     GOBO_ASSIGN(const v1::Encoding::Format format, formatOf(c.plot));
     if (format != v1::Encoding::PNG) return invalidArgument("--plot " + c.plot + ": must end in .png");
   }
-  GOBO_ASSIGN(const std::string id, ensureScene(session, c.scene));
-  GOBO_ASSIGN(v1::RenderRequest base, makeRequest(c.request, id));
-  if (base.environment().has_path()) GOBO_TRY(putEnvironment(session, *base.mutable_environment()).status());
+  GOBO_TRY(checkFolder("--csv", c.csv));
+  GOBO_TRY(checkFolder("--plot", c.plot));
+  GOBO_ASSIGN(v1::RenderRequest base, makeRequest(session, c.request, c.scene));
   base.clear_outputs();
   base.add_outputs("beauty");
   base.mutable_encoding()->set_format(v1::Encoding::RAW_FLOAT);

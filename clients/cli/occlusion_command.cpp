@@ -90,8 +90,9 @@ Status occlusion(Session& session, const OcclusionCommand& c) {
     GOBO_ASSIGN(const v1::Encoding::Format format, formatOf(c.plot));
     if (format != v1::Encoding::PNG) return invalidArgument("--plot " + c.plot + ": must end in .png");
   }
-  GOBO_ASSIGN(const std::string id, ensureScene(session, c.scene));
-  GOBO_ASSIGN(v1::RenderRequest base, makeRequest(c.request, id));
+  GOBO_TRY(checkFolder("--csv", c.csv));
+  GOBO_TRY(checkFolder("--plot", c.plot));
+  GOBO_ASSIGN(v1::RenderRequest base, makeRequest(session, c.request, c.scene));
   v1::SceneInfo scene;
   {
     Session::Call call(session);

@@ -118,6 +118,14 @@ Result<v1::Encoding::Format> formatOf(const std::string& file) {
   return invalidArgument("\"" + file + "\": the extension must be .exr, .png, .jpg or .raw");
 }
 
+Status checkFolder(const std::string& flag, const std::string& file) {
+  const fs::path parent = fs::path(file).parent_path();
+  std::error_code error;
+  if (parent.empty() || fs::is_directory(parent, error)) return {};
+  const bool there = fs::exists(parent, error);
+  return notFound(flag + " " + file + (there ? ": \"" + parent.string() + "\" is no folder" : ": no such folder: \"" + parent.string() + "\""));
+}
+
 std::string fileFor(const std::string& out, const std::string& output, bool several) {
   if (!several) return out;
   std::string name = output;

@@ -31,6 +31,8 @@ Result<Answer> renderOnce(Session& session, const v1::RenderRequest& request, co
 
 /// Format by extension: .exr .png .jpg .jpeg .raw. Errors: InvalidArgument.
 Result<v1::Encoding::Format> formatOf(const std::string& file);
+/// Errors: NotFound where the folder of `file` does not exist. So that nothing is rendered for it. Empty: no file.
+Status checkFolder(const std::string& flag, const std::string& file);
 /// out.exr for one image; out.NAME.exr for several (":" and "/" in NAME become "-").
 std::string fileFor(const std::string& out, const std::string& output, bool several);
 /// Writes every image atomically; returns the names.

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <set>
 
 #include "base/image_io.h"
 #include "blobs.h"
@@ -71,13 +72,12 @@ Result<std::string> requestText(const std::string& file) {
 
 }  // namespace
 
-Result<v1::RenderRequest> makeRequest(const RequestOptions& o, const std::string& sceneId) {
+Result<v1::RenderRequest> describedBy(const RequestOptions& o) {
   v1::RenderRequest request;
   if (!o.file.empty()) {
     GOBO_ASSIGN(const std::string text, requestText(o.file));
     GOBO_TRY(messageFromJson(text, request, o.file == "-" ? "standard input" : o.file));
   }
-  if (!sceneId.empty()) request.set_scene(sceneId);
   if (!o.camera.empty()) request.mutable_camera()->set_name(o.camera);
   if (!o.size.empty()) {
     unsigned w = 0, h = 0;
@@ -102,7 +102,14 @@ Result<v1::RenderRequest> makeRequest(const RequestOptions& o, const std::string
   if (o.deadlineMs > 0) request.mutable_scheduling()->set_deadline_ms(o.deadlineMs);
   for (const std::string& set : o.sets) GOBO_TRY(setPath(request, set));
   for (const std::string& curve : o.curves) GOBO_TRY(addCurve(request, curve));
+  return request;
+}
+
+Result<v1::RenderRequest> makeRequest(Session& session, const RequestOptions& o, const std::string& source) {
+  GOBO_ASSIGN(v1::RenderRequest request, describedBy(o));
+  if (!source.empty()) { GOBO_ASSIGN(*request.mutable_scene(), ensureScene(session, source)); }
   if (request.scene().empty()) return invalidArgument("no scene: name one, or put it into --request");
+  if (request.environment().has_path()) GOBO_TRY(putEnvironment(session, *request.mutable_environment()).status());
   return request;
 }
 
@@ -112,10 +119,7 @@ namespace {
 Status checkOut(const std::string& out) {
   if (out.empty() || out == "-") return {};
   GOBO_TRY(formatOf(out).status());
-  const fs::path parent = fs::path(out).parent_path();
-  std::error_code error;
-  if (!parent.empty() && !fs::is_directory(parent, error)) return notFound("-o " + out + ": folder \"" + parent.string() + "\" does not exist");
-  return {};
+  return checkFolder("-o", out);
 }
 
 Status setEncoding(v1::RenderRequest& request, const std::string& out) {
@@ -147,12 +151,12 @@ Status deliverToPipe(const Answer& answer, bool json, bool quiet) {
   return {};
 }
 
-Status deliver(const Answer& answer, const std::string& out, bool json, bool quiet) {
+Status deliver(const Answer& answer, const std::string& out, bool json, bool quiet, bool everyRow) {
   if (out == "-") return deliverToPipe(answer, json, quiet);
   std::vector<std::string> files;
   if (!out.empty()) { GOBO_ASSIGN(files, writeImages(answer, out)); }
   if (json) std::printf("%s\n", messageToJson(answer.reply, true).c_str());
-  else if (!quiet) printReply(answer.reply, files);
+  else if (!quiet) printReply(answer.reply, files, everyRow);
   return {};
 }
 
@@ -162,12 +166,14 @@ uint32_t samplesOf(const v1::RenderReply& reply) {
   return samples;
 }
 
-/// Share of the whole render that is done. The server reports the fraction of a pass of 16 samples; what ends the render is
-/// known here. Never goes back.
+/// Share of the whole render that is done: by what the server expects of the rest, else from the fraction of a pass of 16 samples and what
+/// ends the render. Never goes back.
 class Advance {
  public:
   explicit Advance(const v1::Halt& halt) : halt_(halt) {}
-  double to(uint32_t spp, double fraction) {
+  double to(const v1::Progress& p) {
+    if (p.eta_ms() > 0) return shown_ = std::max(shown_, p.elapsed_ms() / (p.elapsed_ms() + p.eta_ms()));
+    const double spp = p.spp(), fraction = p.fraction();
     constexpr double pass = 16, defaultSpp = 64;
     double done = fraction;
     if (halt_.has_time_s()) done = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun_).count() / halt_.time_s();
@@ -182,77 +188,115 @@ class Advance {
   double shown_ = 0;
 };
 
+/// What a terminal, or --progressive, is shown of a render on its way. Lives as long as the call.
+class Show {
+ public:
+  Show(const v1::Halt& halt, const std::string& out, bool progressive, bool quiet)
+      : bar_(!quiet, progressive), advance_(halt), out_(out), progressive_(progressive), quiet_(quiet) {}
+  bool any() const { return progressive_ || (!quiet_ && onTerminal()); }
+  StreamHooks hooks() {
+    StreamHooks hooks;
+    if (!any()) return hooks;
+    hooks.progress = [this](const v1::Progress& p) {
+      if (p.queued()) return bar_.wait(progressText(p));
+      if (p.stage().empty()) return;  // the wait is over
+      bar_.show(advance_.to(p), progressText(p));
+    };
+    hooks.snapshot = [this](const Answer& answer) -> Status {
+      if (progressive_) return keep(answer);
+      v1::Progress p;  // small pictures send no progress inside a pass
+      p.set_stage("snapshot");
+      p.set_spp(samplesOf(answer.reply));
+      p.set_fraction(1);
+      p.set_elapsed_ms(answer.reply.total_ms());
+      bar_.show(advance_.to(p), progressText(p));
+      return {};
+    };
+    return hooks;
+  }
+  ProgressBar& bar() { return bar_; }
+
+ private:
+  Status keep(const Answer& answer) {
+    if (out_.empty()) return {};
+    GOBO_ASSIGN(const std::vector<std::string> files, writeImages(answer, out_));
+    bar_.clear();
+    if (!quiet_) std::fprintf(stderr, "snapshot at %u samples: %s\n", samplesOf(answer.reply), files.empty() ? "" : files[0].c_str());
+    return {};
+  }
+  ProgressBar bar_;
+  Advance advance_;
+  const std::string out_;
+  const bool progressive_, quiet_;
+};
+
 Status render(Session& session, const RenderCommand& c) {
-  std::string id;
-  if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
-  GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
-  if (request.environment().has_path()) GOBO_TRY(putEnvironment(session, *request.mutable_environment()).status());
-  ProgressBar bar(!c.quiet, c.progressive);
+  GOBO_ASSIGN(v1::RenderRequest request, makeRequest(session, c.request, c.scene));
+  Show show(request.halt(), c.out, c.progressive, c.quiet);
   if (c.tile) {
-    const auto show = [&](int done, int all) { bar.show(double(done) / all, "tile " + std::to_string(done) + " of " + std::to_string(all)); };
-    GOBO_ASSIGN(const Tiled made, renderTiles(session, request, c.tile, c.out, show));
-    bar.clear();
+    const auto tile = [&](int done, int all) { show.bar().show(double(done) / all, "tile " + std::to_string(done) + " of " + std::to_string(all)); };
+    GOBO_ASSIGN(const Tiled made, renderTiles(session, request, c.tile, c.out, tile));
+    show.bar().clear();
     if (c.json) std::printf("%s\n", messageToJson(made.reply, true).c_str());
-    else if (!c.quiet) printReply(made.reply, {c.out});
+    else if (!c.quiet) printReply(made.reply, {c.out}, c.planAll);
     return {};
   }
   GOBO_TRY(setEncoding(request, c.out));
-  StreamHooks hooks;
-  Advance advance(request.halt());
-  if (c.progressive || (!c.quiet && onTerminal())) {
-    hooks.progress = [&](const v1::Progress& p) { bar.show(advance.to(p.spp(), p.fraction()), progressText(p)); };
-    hooks.snapshot = [&](const Answer& answer) -> Status {  // small pictures send no progress inside a pass
-      v1::Progress p;
-      p.set_stage("snapshot");
-      p.set_spp(samplesOf(answer.reply));
-      p.set_elapsed_ms(answer.reply.total_ms());
-      bar.show(advance.to(p.spp(), 1), progressText(p));
-      return {};
-    };
-  }
   // A bar alone needs no early pictures.
   if (!c.progressive && !request.scheduling().has_ladder()) request.mutable_scheduling()->set_ladder(false);
-  if (c.progressive) {
-    hooks.snapshot = [&](const Answer& answer) -> Status {
-      if (c.out.empty()) return {};
-      GOBO_ASSIGN(const std::vector<std::string> files, writeImages(answer, c.out));
-      bar.clear();
-      if (!c.quiet) std::fprintf(stderr, "snapshot at %u samples: %s\n", samplesOf(answer.reply), files.empty() ? "" : files[0].c_str());
-      return {};
-    };
-  }
-  GOBO_ASSIGN(const Answer answer, renderOnce(session, request, hooks));
-  bar.clear();
-  return deliver(answer, c.out, c.json, c.quiet);
+  GOBO_ASSIGN(const Answer answer, renderOnce(session, request, show.hooks()));
+  show.bar().clear();
+  return deliver(answer, c.out, c.json, c.quiet, c.planAll);
 }
 
 Status plan(Session& session, const RenderCommand& c) {
-  std::string id;
-  if (!c.scene.empty()) { GOBO_ASSIGN(id, ensureScene(session, c.scene)); }
-  GOBO_ASSIGN(v1::RenderRequest request, makeRequest(c.request, id));
-  if (request.environment().has_path()) GOBO_TRY(putEnvironment(session, *request.mutable_environment()).status());
+  GOBO_ASSIGN(const v1::RenderRequest request, makeRequest(session, c.request, c.scene));
   v1::PlanReply reply;
   Session::Call call(session);
   GOBO_TRY(session.statusOf(session.render().Plan(&call.context, request, &reply)));
   if (c.json) std::printf("%s\n", messageToJson(reply, true).c_str());
-  else printPlan(reply);
+  else printPlan(reply, c.planAll);
   return {};
+}
+
+/// What of the remembered request the patch replaces: each field that it has, but wholes where the parts of two requests would not fit together.
+std::vector<std::string> maskOf(const v1::RenderRequest& patch, const RequestOptions& o) {
+  std::set<std::string> mask;
+  for (const std::string& path : setPaths(patch)) {
+    if (path.rfind("halt.", 0) == 0) mask.insert("halt");  // one end or another
+    else if (path.rfind("curves.", 0) == 0) mask.insert("curves");
+    else if (path.rfind("camera.", 0) == 0 && !o.camera.empty()) mask.insert("camera");
+    else mask.insert(path);
+  }
+  // An environment is of one kind.
+  const v1::EnvironmentSettings& e = patch.environment();
+  if (e.has_path() || e.has_sky() || e.has_constant() || e.has_digest()) {
+    if (!e.has_path()) mask.insert("environment.path");
+    if (!e.has_sky()) mask.insert("environment.sky");
+    if (!e.has_constant()) mask.insert("environment.constant");
+    if (!e.has_digest()) mask.insert("environment.digest");
+  }
+  if (!patch.encoding().layers()) mask.insert("encoding.layers");
+  return {mask.begin(), mask.end()};
 }
 
 Status relight(Session& session, const RelightCommand& c) {
   v1::RelightRequest request;
   request.set_render_id(c.id);
-  for (const std::string& set : c.sets) GOBO_TRY(setPath(*request.mutable_patch(), set));
-  GOBO_TRY(setEncoding(*request.mutable_patch(), c.out));
-  for (const std::string& path : setPaths(request.patch())) request.add_mask(path);
-  if (request.patch().environment().has_path()) {
-    GOBO_ASSIGN(const bool put, putEnvironment(session, *request.mutable_patch()->mutable_environment()));
-    if (put) request.add_mask("environment.digest");
-  }
+  v1::RenderRequest& patch = *request.mutable_patch();
+  GOBO_ASSIGN(patch, describedBy(c.request));
+  if (!patch.scene().empty()) return invalidArgument("--request: a relight is of the scene that was rendered; leave out \"scene\"", "scene");
+  if (patch.environment().has_path()) GOBO_TRY(putEnvironment(session, *patch.mutable_environment()).status());
+  GOBO_TRY(setEncoding(patch, c.out));
+  Show show(patch.halt(), c.out, c.progressive, c.quiet);
+  request.set_progressive(show.any());
+  if (show.any() && !c.progressive && !patch.scheduling().has_ladder()) patch.mutable_scheduling()->set_ladder(false);
+  for (const std::string& path : maskOf(patch, c.request)) request.add_mask(path);
   Session::Call call(session);
   auto reader = session.render().Relight(&call.context, request);
-  GOBO_ASSIGN(const Answer answer, receive(session, call, *reader, {}));
-  return deliver(answer, c.out, c.json, c.quiet);
+  GOBO_ASSIGN(const Answer answer, receive(session, call, *reader, show.hooks()));
+  show.bar().clear();
+  return deliver(answer, c.out, c.json, c.quiet, c.planAll);
 }
 
 template <typename Body>
@@ -279,6 +323,7 @@ int runPlan(const SessionOptions& options, const RenderCommand& command) {
 }
 
 int runRelight(const SessionOptions& options, const RelightCommand& command) {
+  if (command.out == "-" && command.progressive) return complain(invalidArgument("-o -: writes one picture; not with --progressive"));
   if (options.local) return complain(invalidArgument("relight needs a running gobod: with --local no earlier render is remembered"));
   if (const Status status = checkOut(command.out); !status.ok()) return complain(status);
   return with(options, [&](Session& session) { return relight(session, command); });

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <map>
+#include <tuple>
 
 #include "server/log.h"
 
@@ -41,9 +43,50 @@ void printTable(const std::vector<std::string>& head, const std::vector<std::vec
 
 namespace {
 
-void printNodes(const google::protobuf::RepeatedPtrField<v1::NodeReport>& plan) {
+using Nodes = google::protobuf::RepeatedPtrField<v1::NodeReport>;
+
+/// "shadow_slopes:key:mean" is of the kind "shadow_slopes::mean": the name in the middle says which.
+std::string kindOf(const std::string& node) {
+  const size_t colon = node.find(':');
+  if (colon == std::string::npos) return node;
+  const size_t second = node.find(':', colon + 1);
+  return node.substr(0, colon + 1) + (second == std::string::npos ? "" : node.substr(second));
+}
+
+/// Rows of one kind that share state and device become one in the place of the first: sums of time, rays and bytes.
+Nodes folded(const Nodes& plan) {
+  std::map<std::tuple<std::string, int, std::string>, std::vector<const v1::NodeReport*>> kinds;
+  const auto key = [](const v1::NodeReport& n) { return std::tuple(kindOf(n.node()), int(n.state()), n.device()); };
+  for (const v1::NodeReport& n : plan) kinds[key(n)].push_back(&n);
+  Nodes out;
+  for (const v1::NodeReport& n : plan) {
+    const std::vector<const v1::NodeReport*>& all = kinds[key(n)];
+    if (all.front() != &n) continue;
+    v1::NodeReport& row = *out.Add();
+    row = n;
+    if (all.size() == 1) continue;
+    std::string kind = kindOf(n.node());
+    if (kind.back() == ':') kind.pop_back();
+    row.set_node(kind);
+    row.set_count(0);
+    row.set_ms(0), row.set_rays(0), row.set_bytes(0);
+    for (const v1::NodeReport* other : all) {
+      row.set_ms(row.ms() + other->ms());
+      row.set_rays(row.rays() + other->rays());
+      row.set_bytes(row.bytes() + other->bytes());
+      row.set_samples(std::max(row.samples(), other->samples()));
+      row.set_count(row.count() + std::max(1u, other->count()));
+      if (other->reason() != n.reason()) row.set_reason("various");
+      row.set_approximate(row.approximate() || other->approximate());
+    }
+  }
+  return out;
+}
+
+void printNodes(const Nodes& all, bool everyRow) {
   static const char* const states[] = {"?", "run", "reused", "pruned", "not needed"};
   std::vector<std::vector<std::string>> rows;
+  const Nodes plan = everyRow ? all : folded(all);
   for (const v1::NodeReport& n : plan) {
     const int state = int(n.state());
     rows.push_back({escaped(n.node()) + (n.count() > 1 ? strf(" x%u", n.count()) : ""), states[state >= 0 && state < 5 ? state : 0], strf("%.1f", n.ms()),
@@ -52,12 +95,13 @@ void printNodes(const google::protobuf::RepeatedPtrField<v1::NodeReport>& plan) 
   }
   if (!rows.empty())
     printTable({"node", "state", "ms", "rays", "bytes", "samples", "device", "reason"}, rows, {false, false, true, true, true, true, false, false});
+  if (plan.size() < all.size()) std::printf("%d rows are shown as %d; --plan-all shows each\n", all.size(), plan.size());
 }
 
 }  // namespace
 
-void printPlan(const v1::PlanReply& reply) {
-  printNodes(reply.plan());
+void printPlan(const v1::PlanReply& reply, bool everyRow) {
+  printNodes(reply.plan(), everyRow);
   std::printf("expected: %.1f ms, %llu rays; at most %s held at once\n", reply.ms(), static_cast<unsigned long long>(reply.rays()),
               bytesText(reply.pinned_bytes()).c_str());
   if (reply.decides_while_planning()) std::printf("some node decides what follows when it has run: this is the largest plan that it may choose\n");
@@ -65,8 +109,8 @@ void printPlan(const v1::PlanReply& reply) {
   for (const std::string& name : reply.path_classes_missing()) std::printf("missing light paths: %s\n", escaped(name).c_str());
 }
 
-void printReply(const v1::RenderReply& reply, const std::vector<std::string>& files) {
-  printNodes(reply.plan());
+void printReply(const v1::RenderReply& reply, const std::vector<std::string>& files, bool everyRow) {
+  printNodes(reply.plan(), everyRow);
   std::printf("total %.1f ms (queued %.1f ms), %llu rays, peak %s, render %s, request %s, build %s\n", reply.total_ms(), reply.queue_ms(),
               static_cast<unsigned long long>(reply.rays()), bytesText(reply.peak_bytes()).c_str(), escaped(reply.render_id()).c_str(),
               escaped(reply.request_hash()).c_str(), escaped(reply.build()).c_str());
@@ -147,11 +191,27 @@ bool onTerminal() { return ::isatty(STDERR_FILENO) == 1; }
 ProgressBar::ProgressBar(bool enabled, bool plain) : enabled_(enabled && (plain || onTerminal())), plain_(plain && !onTerminal()) {}
 ProgressBar::~ProgressBar() { clear(); }
 
-std::string progressText(const v1::Progress& p) { return strf("%s  %u spp  %.1f s", escaped(p.stage()).substr(0, 40).c_str(), p.spp(), p.elapsed_ms() / 1000); }
+std::string restText(double ms) {
+  if (!(ms > 0) || !std::isfinite(ms)) return {};
+  const double s = ms / 1000;
+  if (s < 9.95) return strf("  %.1f s left", s);
+  if (s < 100) return strf("  %.0f s left", s);
+  const auto minutes = static_cast<unsigned long long>(s / 60);
+  if (s < 6000) return strf("  %llu:%02d min left", minutes, int(s) % 60);
+  return strf("  %llu:%02llu h left", minutes / 60, minutes % 60);
+}
+
+std::string progressText(const v1::Progress& p) {
+  if (p.queued()) {
+    const std::string place = p.position() == 0 ? "next" : strf("%u before it", p.position());
+    return strf("queued, %s  %.1f s", place.c_str(), p.elapsed_ms() / 1000) + restText(p.eta_ms());
+  }
+  return strf("%s  %u spp  %.1f s", escaped(p.stage()).substr(0, 40).c_str(), p.spp(), p.elapsed_ms() / 1000) + restText(p.eta_ms());
+}
 
 void ProgressBar::show(double fraction, const std::string& text) {
   if (!enabled_) return;
-  fraction = std::isfinite(fraction) ? std::clamp(fraction, 0.0, 1.0) : 0.0;
+  fraction = fraction_ = std::isfinite(fraction) ? std::clamp(fraction, 0.0, 1.0) : 0.0;
   if (!plain_) {
     winsize window{};
     const size_t columns = ::ioctl(STDERR_FILENO, TIOCGWINSZ, &window) == 0 && window.ws_col > 0 ? window.ws_col : 80;
@@ -166,6 +226,13 @@ void ProgressBar::show(double fraction, const std::string& text) {
   if (tenth == lastTenth_) return;
   lastTenth_ = tenth;
   std::fprintf(stderr, "%3.0f %%  %s\n", fraction * 100, text.c_str());
+}
+
+void ProgressBar::wait(const std::string& text) {
+  if (!plain_) return show(fraction_, text);
+  if (!enabled_ || text == waited_) return;
+  waited_ = text;
+  std::fprintf(stderr, "%s\n", text.c_str());
 }
 
 void ProgressBar::clear() {

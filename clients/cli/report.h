@@ -9,8 +9,9 @@
 
 namespace gobo::cli {
 
-void printReply(const v1::RenderReply& reply, const std::vector<std::string>& files);
-void printPlan(const v1::PlanReply& reply);
+/// `everyRow`: of the plan; else rows of one kind ("visibility:LIGHT" of twelve lights) are one, with their sums.
+void printReply(const v1::RenderReply& reply, const std::vector<std::string>& files, bool everyRow);
+void printPlan(const v1::PlanReply& reply, bool everyRow);
 void printScene(const v1::SceneInfo& info);
 void printStatus(const v1::StatusReply& status);
 /// Rows under headings; columns marked in `right` are flush right. The last column is not padded.
@@ -18,7 +19,9 @@ void printTable(const std::vector<std::string>& head, const std::vector<std::vec
 /// "1.2 MiB".
 std::string bytesText(uint64_t bytes);
 
-/// Stage, samples, time.
+/// "  35 s left"; empty where nothing is known (0).
+std::string restText(double ms);
+/// Stage, samples, time, and what is expected of the rest; or the place in the queue.
 std::string progressText(const v1::Progress& progress);
 /// Standard error is a terminal.
 bool onTerminal();
@@ -29,11 +32,15 @@ class ProgressBar {
   ProgressBar(bool enabled, bool plain);
   ~ProgressBar();
   void show(double fraction, const std::string& text);
+  /// The same without an advance: who waits. Without a terminal a line whenever the text changes.
+  void wait(const std::string& text);
   void clear();
 
  private:
   bool enabled_, plain_, drawn_ = false;
   int lastTenth_ = -1;
+  double fraction_ = 0;
+  std::string waited_;
 };
 
 }  // namespace gobo::cli

@@ -50,7 +50,32 @@ int exitCodeOf(const Status& status) {
   }
 }
 
-int complain(const Status& status) {
+namespace {
+
+/// The system's words for a path that is not there, with the path.
+Status namingFile(const Status& status) {
+  const bool missing = status.code() == Code::NotFound && status.message().find("No such file or directory") != std::string::npos;
+  if (!missing || status.location().empty()) return status;
+  return notFound("no such file: \"" + status.location() + "\"");
+}
+
+/// The path that a server cannot open, out of what it says of it; empty: it speaks of something else.
+std::string cannotOpen(const std::string& message) {
+  const auto between = [&](const std::string& before, const std::string& after) -> std::string {
+    const size_t end = message.rfind(after);
+    if (message.rfind(before, 0) != 0 || end == std::string::npos || end < before.size()) return {};
+    return message.substr(before.size(), end - before.size());
+  };
+  for (const auto& [before, after] :
+       {std::pair("'", "' is not under an allowed root"), std::pair("no file '", "'"), std::pair("cannot open '", "': No such file")})
+    if (std::string path = between(before, after); !path.empty()) return path;
+  return {};
+}
+
+}  // namespace
+
+int complain(const Status& said) {
+  const Status status = namingFile(said);
   std::fprintf(stderr, "gobo: %s: %s%s%s%s\n", codeName(status.code()), escaped(status.message()).c_str(), status.location().empty() ? "" : " (at ",
                escaped(status.location()).c_str(), status.location().empty() ? "" : ")");
   return exitCodeOf(status);
@@ -188,6 +213,12 @@ Status Session::statusOf(const grpc::Status& status) const {
     return {code, "cannot reach gobod at " + address_ + ": " + status.error_message() +
                       "; start it with `gobod --root DIR`, name another with --server or GOBO_SERVER, or use --local"};
   if (code == Code::Cancelled && interrupted()) return {code, "interrupted"};
+  if (code == Code::NotFound || code == Code::PermissionDenied) {
+    std::error_code error;
+    const std::string path = cannotOpen(status.error_message());
+    if (!path.empty() && !fs::exists(path, error))
+      return notFound("no such file: \"" + path + "\"" + (local() ? "" : ", neither here nor in a folder that the server may read"));
+  }
   if (code == Code::Unimplemented && status.error_message().empty()) return {code, "the server does not know this call: it is another version"};
   return {code, status.error_message()};
 }

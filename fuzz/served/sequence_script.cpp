@@ -100,6 +100,7 @@ void settle(Message& m, const ScriptedCall& call, size_t at) {
     if (open->name().rfind(privatePrefix(call.client), 0) == 0) open->clear_share();
   } else if (auto* const spec = dynamic_cast<v1::JobSpec*>(&m)) {
     v1::FrameRange* const frames = spec->has_frames() ? spec->mutable_frames() : nullptr;
+    while (frames && frames->numbers_size() > 3) frames->mutable_numbers()->RemoveLast();
     const int64_t most = frames ? frames->first() + 2 * int64_t(std::max(1u, frames->step())) : 0;
     if (frames && frames->last() > most && frames->last() <= 1000000000 && frames->first() >= -1000000000) frames->set_last(most);
   }

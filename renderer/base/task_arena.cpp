@@ -2,11 +2,13 @@
 #include "base/task_arena.h"
 
 #include <tbb/blocked_range.h>
+#include <tbb/global_control.h>
 #include <tbb/info.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
 #include <atomic>
+#include <optional>
 
 #ifdef GOBO_THREAD_SANITIZER
 #include <sanitizer/tsan_interface.h>
@@ -28,11 +30,16 @@ void takenOver(void*) {}
 }  // namespace
 
 struct TaskArena::Impl {
-  explicit Impl(int threads) : arena(threads > 0 ? threads : tbb::info::default_concurrency()) {}
+  Impl(int threads, Threads whose) : arena(threads > 0 ? threads : tbb::info::default_concurrency()) {
+    // One arena of default size takes all workers that TBB would have.
+    if (whose == Threads::Own)
+      workers.emplace(tbb::global_control::max_allowed_parallelism, size_t(tbb::info::default_concurrency()) + size_t(arena.max_concurrency()));
+  }
+  std::optional<tbb::global_control> workers;
   mutable tbb::task_arena arena;
 };
 
-TaskArena::TaskArena(int threads) : impl_(std::make_unique<Impl>(threads)) {}
+TaskArena::TaskArena(int threads, Threads whose) : impl_(std::make_unique<Impl>(threads, whose)) {}
 TaskArena::~TaskArena() = default;
 
 int TaskArena::threads() const { return impl_->arena.max_concurrency(); }

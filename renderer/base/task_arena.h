@@ -14,8 +14,10 @@ namespace gobo {
 
 class TaskArena {
  public:
-  /// threads = 0: all the machine's.
-  explicit TaskArena(int threads = 0);
+  enum class Threads { Shared, Own };
+  /// threads = 0: all the machine's. Shared: arenas at work divide one set of threads, and who comes second waits for a thread to come free of its
+  /// piece of work. Own: for short work that runs beside another arena's; the system divides the cores.
+  explicit TaskArena(int threads = 0, Threads whose = Threads::Shared);
   ~TaskArena();
   TaskArena(const TaskArena&) = delete;
   TaskArena& operator=(const TaskArena&) = delete;

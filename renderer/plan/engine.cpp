@@ -35,6 +35,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 double msSince(Clock::time_point t) { return std::chrono::duration<double, std::milli>(Clock::now() - t).count(); }
 
+/// A plan that takes at most so long on an idle machine is a small one. Beside another render it takes about twice as long.
+constexpr double kSmallMs = 100;
 /// The most samples a pixel gets when only time or error bounds the request.
 constexpr uint32_t kMaxSpp = 65536;
 /// More samples have stopped lowering the error: eight times as many took off less than a tenth, where noise would lose 65 %, so what is
@@ -104,10 +106,16 @@ const Image& RenderedImage::image() const {
 
 struct Engine::Impl {
   explicit Impl(const EngineOptions& o)
-      : options(o), arena(o.threads), scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}), accels(o.accelBytes), memory(o.memoryBytes) {}
+      : options(o),
+        arena(o.threads),
+        besideArena(o.threads, TaskArena::Threads::Own),
+        scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}),
+        accels(o.accelBytes),
+        memory(o.memoryBytes) {}
 
   EngineOptions options;
   TaskArena arena;
+  TaskArena besideArena;  ///< of small renders (PreparedRender)
   SceneLibrary scenes;
   PosedScenes posed;
   std::unique_ptr<TermStore> store;
@@ -121,8 +129,11 @@ struct Engine::Impl {
   RememberedRenders remembered{options.keepRenders, options.keepRendersBytes};
   std::vector<std::shared_ptr<const MemoryHolder>> accounts;
 
-  ExecutorServices executorServices(const MappedGuard& guard) { return {store.get(), &extensions, &accels, &arena, nullptr, &inFlight, &guard}; }
-  PlannerServices plannerServices(const StopToken& stop, MappedGuard& guard, const std::string& environmentFile,
+  const TaskArena& arenaOf(bool small) const { return small ? besideArena : arena; }
+  ExecutorServices executorServices(const MappedGuard& guard, bool small) {
+    return {store.get(), &extensions, &accels, &arenaOf(small), nullptr, &inFlight, &guard};
+  }
+  PlannerServices plannerServices(const StopToken& stop, MappedGuard& guard, const std::string& environmentFile, bool small,
                                   std::map<NodeId, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
     s.loadEnvironment = [this, stop, &guard, environmentFile](const v1::EnvironmentSettings& e) -> Result<EnvironmentPtr> {
@@ -134,8 +145,8 @@ struct Engine::Impl {
     };
     s.stop = stop;
     s.poseScene = [this](const ScenePtr& base, const v1::RenderRequest& request, const StopToken& until) { return posed.get(base, request, until); };
-    s.expand = [this, stop, expanded, &guard](const Graph& graph, NodeId node) -> Result<TermPtr> {
-      Executor executor(graph, executorServices(guard), stop);
+    s.expand = [this, stop, expanded, small, &guard](const Graph& graph, NodeId node) -> Result<TermPtr> {
+      Executor executor(graph, executorServices(guard, small), stop);
       executor.asks(std::array{node});
       GOBO_ASSIGN(TermPtr term, executor.evaluate(node));
       if (expanded) (*expanded)[node] = executor.report(node);
@@ -164,7 +175,7 @@ struct Engine::Impl {
     scenes.setLedger(&memory);
   }
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
-  Result<RenderResult> renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, const std::string& environmentFile, uint32_t spp,
+  Result<RenderResult> renderOnce(const ScenePtr& scene, const PreparedRender& prepared, const v1::RenderRequest& request, uint32_t spp,
                                   const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable);
   /// What `result` is worth when files under it may have broken meanwhile: they and what looks into them are dropped then.
   Status checked(const MappedGuard& guard, const Status& result);
@@ -273,11 +284,16 @@ Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePt
   prepared.environmentFile = environmentFile;
   GOBO_ASSIGN(prepared.resolved, impl_->resolve(request, scene));
   MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(stop, guard, environmentFile);
+  PlannerServices services = impl_->plannerServices(stop, guard, environmentFile, false);
   services.expand = nullptr;
   const auto plan = makePlan(scene, prepared.resolved, 1, services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
   prepared.pinnedBytes = (*plan)->pinnedBytes;
+  if (const v1::Halt& halt = prepared.resolved.halt(); halt.has_spp()) {
+    Executor executor((*plan)->graph, impl_->executorServices(guard, false), stop);
+    prepared.expectedMs = expectedMs(**plan, executor, *impl_->store, impl_->arena.threads(), passesFor(halt.spp()));
+    prepared.small = prepared.expectedMs <= kSmallMs && !prepared.resolved.has_certificate() && (*plan)->expanded.empty();
+  }
   return prepared;
 }
 
@@ -288,11 +304,11 @@ Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopT
   const v1::Halt& halt = reply.resolved().halt();
   const uint32_t spp = halt.has_spp() ? halt.spp() : kBlockSamples;
   MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(stop, guard, environmentFile);
+  PlannerServices services = impl_->plannerServices(stop, guard, environmentFile, false);
   services.expand = nullptr;
   const auto plan = makePlan(scene, reply.resolved(), passesFor(spp), services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
-  Executor executor((*plan)->graph, impl_->executorServices(guard), stop);
+  Executor executor((*plan)->graph, impl_->executorServices(guard, false), stop);
   describeUnrun(**plan, executor, *impl_->store, impl_->arena.threads(), reply);
   for (auto& row : *reply.mutable_plan())
     if (row.samples()) row.set_samples(samplesOf(row.samples()));
@@ -390,13 +406,14 @@ void warnOfPhotometricLights(const Plan& plan, RenderResult& result) {
 
 }  // namespace
 
-Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::RenderRequest& request, const std::string& environmentFile, uint32_t spp,
+Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const PreparedRender& prepared, const v1::RenderRequest& request, uint32_t spp,
                                               const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable) {
   RenderResult result;
   v1::RenderReply& reply = result.reply;
   const uint32_t passes = passesFor(spp), realised = samplesOf(passes);
   std::map<NodeId, ExecutedNode> expanded;
-  GOBO_ASSIGN(const std::unique_ptr<Plan> plan, makePlan(scene, request, passes, plannerServices(control.stop, guard, environmentFile, &expanded)));
+  GOBO_ASSIGN(const std::unique_ptr<Plan> plan,
+              makePlan(scene, request, passes, plannerServices(control.stop, guard, prepared.environmentFile, prepared.small, &expanded)));
   extendable = plan->extendable;
 
   std::mutex progressMutex;
@@ -411,7 +428,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
       std::lock_guard lock(progressMutex);  // nodes report from any thread
       control.progress(p);
     };
-  ExecutorServices services = executorServices(guard);
+  ExecutorServices services = executorServices(guard, prepared.small);
   services.checkpoints = control.checkpoints;
   Executor executor(plan->graph, services, control.stop, progress);
   std::vector<NodeId> asked;
@@ -428,7 +445,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const v1::R
   if (request.has_certificate()) {
     for (const RenderedImage& image : result.images) {
       if (image.output != "beauty") continue;
-      GOBO_ASSIGN(*reply.mutable_certificate(), certifyPicture(image.image(), plan->effective, request, accels, arena, control.stop));
+      GOBO_ASSIGN(*reply.mutable_certificate(), certifyPicture(image.image(), plan->effective, request, accels, arenaOf(prepared.small), control.stop));
     }
   }
   *reply.mutable_resolved() = request;
@@ -516,7 +533,7 @@ Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderCon
   const auto once = [&](const v1::RenderRequest& asked, uint32_t samples, const RenderControl& how) -> Result<RenderResult> {
     MappedGuard guard(*scene, request.scene());
     GOBO_TRY(m.checked(guard, {}));  // of no use to begin with
-    Result<RenderResult> result = m.renderOnce(scene, asked, prepared.environmentFile, samples, how, start, guard, extendable);
+    Result<RenderResult> result = m.renderOnce(scene, prepared, asked, samples, how, start, guard, extendable);
     if (const Status status = m.checked(guard, result.ok() ? Status() : result.status()); !status.ok()) result = status;
     if (!result.ok() && result.status().code() == Code::Cancelled) {
       switch (control.stop.reason()) {

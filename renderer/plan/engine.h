@@ -87,6 +87,8 @@ struct PreparedRender {
   v1::RenderRequest request;         ///< as it came
   v1::RenderRequest resolved;        ///< every default filled in, for the scene of resolved.scene_hash
   uint64_t pinnedBytes = 0;          ///< upper bound of bytes of results held at once while it runs
+  double expectedMs = 0;             ///< on an idle machine, with what the store has now; without its certificate; 0 where only time or error ends it
+  bool small = false;                ///< so little that it may run beside another render: it then has threads of its own (docs/operations.md)
   std::string environmentFile = {};  ///< behind request.environment.digest: a file with that SHA-256, which must stay while this lives
 };
 

@@ -66,6 +66,7 @@ std::string_view outputLight(std::string_view output) {
 
 bool needsRadiance(const OutputInfo& o) { return o.shows != PathSet::None; }
 bool needsLobes(const OutputInfo& o) { return overlaps(o.shows, PathSet::Diffuse) != overlaps(o.shows, PathSet::Specular); }
+bool showsFirstHits(const OutputInfo& o) { return !needsRadiance(o) && !o.perLight; }
 bool needsClasses(const OutputInfo& o) { return needsRadiance(o) && o.shows != PathSet::All && !needsLobes(o); }
 
 Status checkOutputs(const Scene& scene, const v1::RenderRequest& request) {

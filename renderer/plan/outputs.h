@@ -54,6 +54,8 @@ std::string_view outputLight(std::string_view output);
 bool needsRadiance(const OutputInfo& output);
 bool needsClasses(const OutputInfo& output);
 bool needsLobes(const OutputInfo& output);
+/// What the camera's first hits are, without any light: from albedo to motion.
+bool showsFirstHits(const OutputInfo& output);
 
 /// Names an output that does not exist, or a light that the scene lacks.
 Status checkOutputs(const Scene& scene, const v1::RenderRequest& request);

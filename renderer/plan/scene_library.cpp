@@ -444,8 +444,15 @@ Result<EnvironmentPtr> SceneLibrary::environment(const std::string& path, const 
 Result<EnvironmentPtr> SceneLibrary::environmentOf(const std::string& sha256, const std::string& file, const StopToken& stop) {
   const std::string key = "sha256:" + sha256;
   if (EnvironmentPtr kept = keptEnvironment(key)) return kept;
-  GOBO_ASSIGN(EnvironmentPtr loaded, loader_->environment(file, stop));
-  GOBO_TRY(keepEnvironment(key, loaded).at("request.environment.digest"));
+  Result<EnvironmentPtr> loaded = loader_->environment(file, stop);
+  if (!loaded.ok()) {  // where it is kept is nobody's business
+    const auto placeless = [&](std::string text) {
+      for (size_t at; (at = text.find(file)) != std::string::npos;) text.replace(at, file.size(), "request.environment.digest");
+      return text;
+    };
+    return Status(loaded.status().code(), placeless(loaded.status().message()), placeless(loaded.status().location()));
+  }
+  GOBO_TRY(keepEnvironment(key, *loaded).at("request.environment.digest"));
   return loaded;
 }
 

@@ -6,6 +6,7 @@
 
 #include <cctype>
 #include <cmath>
+#include <set>
 
 #include "request/request.h"
 #include "server/encode.h"
@@ -20,6 +21,21 @@ constexpr int64_t kMostFrames = 100000;
 Status textBound(const std::string& text, const char* field) {
   if (text.size() <= 200) return {};
   return invalidArgument(strf("%s has %zu bytes: at most 200", field, text.size()), field);
+}
+
+/// Before defaults are filled in.
+Status checkNumbers(const v1::FrameRange& range) {
+  constexpr int64_t kMost = 1000000000;  // as first and last
+  if (range.numbers().empty()) return {};
+  if (range.has_first() || range.has_last() || range.has_step())
+    return invalidArgument("job.frames.numbers: stands in place of first, last and step", "job.frames.numbers");
+  std::set<int64_t> seen;
+  for (const int64_t n : range.numbers()) {
+    if (n < -kMost || n > kMost)
+      return invalidArgument(strf("job.frames.numbers = %lld: must be within %lld of 0", (long long)n, (long long)kMost), "job.frames.numbers");
+    if (!seen.insert(n).second) return invalidArgument(strf("job.frames.numbers: %lld is there twice", (long long)n), "job.frames.numbers");
+  }
+  return {};
 }
 
 const char* extension(v1::Encoding::Format format) {
@@ -72,20 +88,21 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
   spec.mutable_request()->mutable_scheduling()->set_priority(v1::Scheduling::BATCH);
   spec.mutable_request()->mutable_scheduling()->set_client(client);
   spec.set_client(client);
-  spec.mutable_frames();
+  v1::FrameRange& range = *spec.mutable_frames();
+  GOBO_TRY(checkNumbers(range));
   GOBO_TRY(resolveDefaults(spec, "job"));
   if (spec.priority() == v1::JobSpec::PRIORITY_UNSPECIFIED || !v1::JobSpec::Priority_IsValid(spec.priority()))
     return invalidArgument(strf("job.priority = %d: must be LOW, MEDIUM or HIGH", int(spec.priority())), "job.priority");
   if (spec.has_deadline_unix_s() && spec.deadline_unix_s() <= nowUnix)
     return Status(Code::DeadlineExceeded, strf("job.deadline_unix_s = %.3f has passed", spec.deadline_unix_s()), "job.deadline_unix_s");
-  v1::FrameRange& range = *spec.mutable_frames();
   if (!range.has_last()) range.set_last(range.first());
   if (range.last() < range.first())
     return invalidArgument(strf("job.frames.last = %lld: must be at least first = %lld", (long long)range.last(), (long long)range.first()), "job.frames.last");
-  const int64_t count = (range.last() - range.first()) / range.step() + 1;
+  const int64_t count = range.numbers().empty() ? (range.last() - range.first()) / range.step() + 1 : range.numbers_size();
   if (count > kMostFrames) return invalidArgument(strf("job.frames: %lld frames, at most %lld", (long long)count, (long long)kMostFrames), "job.frames");
-  for (int64_t i = 0; i < count; ++i) job.frames.push_back(range.first() + i * range.step());
-  GOBO_TRY(engine.prepare(frameRequest(spec, range.first()), nullptr, stop, access, environmentFile)
+  for (int64_t i = 0; i < count; ++i) job.frames.push_back(range.numbers().empty() ? range.first() + i * range.step() : range.numbers(int(i)));
+  if (!range.numbers().empty()) range.clear_first(), range.clear_last(), range.clear_step();
+  GOBO_TRY(engine.prepare(frameRequest(spec, job.frames.front()), nullptr, stop, access, environmentFile)
                .status());  // the plan can be made: outputs, lights, environment
   job.sceneHash = spec.request().scene_hash();
   return job;

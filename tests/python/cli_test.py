@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The CLI beyond rendering: completion in real shells, the manual page, the progress bar, exit codes."""
 import csv
+import json
 import os
 import pty
 import re
 import select
 import shutil
 import subprocess
+import tempfile
 import time
 import unittest
 
+import gobo
 from support import CLI, DaemonTest
 
 
@@ -286,6 +289,19 @@ class Mistakes(DaemonTest):
         self.refused(['no such file: "some/where"'], "render", "some/where", "-o", "a.exr", code=3)
         self.refused(["is a folder: name the .gltf or .glb file in it"], "render", self.folder + "/.", "-o", "a.exr", code=3)
 
+    def test_paths_of_every_kind(self):
+        for local in ([], ["--local"]):
+            self.refused(['no such file: "nosuch.glb"'], *local, "load", "nosuch.glb", code=3)
+            self.refused(['no such file: "nosuch.hdr"'], *local, "render", "cornell", "--env", "nosuch.hdr", "-o", "a.exr", code=3)
+            self.refused(['no such file: "/no/such.exr"'], *local, "plan", "cornell", "--set", "environment.path=/no/such.exr", code=3)
+            self.refused(['no such file: "nosuch.json"'], *local, "render", "cornell", "--request", "nosuch.json", "-o", "a.exr", code=3)
+            self.refused(['no such folder: "no/where"'], *local, "render", "cornell", "-o", "no/where/a.exr", code=3)
+            self.refused(['--csv no/a.csv: no such folder: "no"'], *local, "measure", "cornell", "--sweep", "halt.spp=1", "--csv", "no/a.csv", code=3)
+            self.refused(['--plot no/a.png: no such folder: "no"'], *local, "occlusion", "cornell", "--plot", "no/a.png", code=3)
+        self.refused(['no such file: "nosuch.exr"'], "compare", "nosuch.exr", "other.exr", code=3)
+        self.refused(['--diff no/d.png: no such folder: "no"'], "compare", "nosuch.exr", "other.exr", "--diff", "no/d.png", code=3)
+        self.refused(['no such file: "nosuch.json"'], "render", "nosuch.glb", "--request", "nosuch.json", code=3)   # before a scene is loaded or sent
+
     def test_an_id_may_look_like_a_file(self):
         self.client.scenes.open("cornell", "a/b.glb")
         self.cli("render", "a/b.glb", "--size", "8x8", "--spp", "1", "-q", "-o", "ids.png")
@@ -296,6 +312,192 @@ class Mistakes(DaemonTest):
         self.assertEqual(plain, self.cli("--json", "plan", "cornell", "--set", "shadows.exponential=").stdout)
         self.refused(["is a group of fields"], "plan", "cornell", "--set", "shadows=map")
         self.refused(["is a group of fields"], "plan", "cornell", "--set", "integrator=max_bounces")
+
+
+class Frames(DaemonTest):
+    """--frames: numbers and ranges, in the order in which they are written."""
+
+    terminal, on_terminal = Terminal.terminal, Terminal.on_terminal
+
+    @classmethod
+    def setUpClass(cls):
+        jobs = tempfile.mkdtemp(prefix="gobo-test-jobs-")
+        cls.addClassCleanup(shutil.rmtree, jobs, ignore_errors=True)
+        cls.options = {"jobs": jobs}
+        super().setUpClass()
+
+    def spec(self, frames, *more):
+        made = json.loads(self.cli("--json", "jobs", "submit", "cornell", "--size", "8x8", "--spp", "1", "--frames", frames, *more).stdout)
+        return made["spec"]["frames"], made["frames_total"]
+
+    def test_one_range_stays_one_and_others_are_numbers(self):
+        for text, first, last, step, count in (("7", 7, 7, 1, 1), ("3-5", 3, 5, 1, 3), ("0-9:4", 0, 8, 4, 3), ("-5--1:2", -5, -1, 2, 3), ("1,2,3", 1, 3, 1, 3)):
+            frames, total = self.spec(text)
+            self.assertEqual((int(frames["first"]), int(frames["last"]), frames["step"], int(total)), (first, last, step, count), text)
+            self.assertNotIn("numbers", frames)
+        for text, numbers in (("1,5,9-20:2", [1, 5, 9, 11, 13, 15, 17, 19]), ("4,2,9", [4, 2, 9]), ("-2,0-1", [-2, 0, 1])):
+            frames, total = self.spec(text)
+            self.assertEqual(([int(n) for n in frames["numbers"]], int(total)), (numbers, len(numbers)), text)
+            self.assertEqual(set(frames) - {"fps"}, {"numbers"})
+
+    def test_frames_are_rendered_and_fetched_by_their_numbers(self):
+        job = self.cli("jobs", "submit", "cornell", "--size", "8x8", "--spp", "1", "--name", "n", "--frames", "5,2,9-12:3", "--watch").stdout.split()[0]
+        shown = json.loads(self.cli("--json", "jobs", "show", job).stdout)
+        self.assertEqual([int(f["frame"]) for f in shown["frames"]], [5, 2, 9, 12])
+        self.cli("jobs", "fetch", job, "-o", "some", "--frames", "2,9-20")
+        self.assertEqual(sorted(os.listdir(self.path("some"))), ["n.0002.exr", "n.0009.exr", "n.0012.exr"])
+        self.assertIn("has none of them", self.cli("jobs", "fetch", job, "-o", "none", "--frames", "3,6", code=3).stderr)
+
+    def test_a_watched_job_says_what_is_left(self):
+        job = self.cli("jobs", "submit", "cornell", "--size", "64x48", "--spp", "64", "--frames", "0-7").stdout.strip()
+        code, _, shown = self.on_terminal("jobs", "watch", job)
+        self.assertEqual(code, 0)
+        self.assertRegex(shown.decode(), r"running  \d+ of 8 frames  [\d.]+ s left")
+
+    def test_what_is_wrong_is_said(self):
+        for text, words in (("1,x", '"x" must be'), ("1,,2", '"" must be'), ("1,", '"" must be'), ("3-", '"3-" must be'), ("1-4:0", '"1-4:0" must be'),
+                            ("1-4:-1", '"1-4:-1" must be'), (" 1", '" 1" must be'), ("+1", '"+1" must be'), ("9-2", '"9-2" descends'),
+                            ("1,3-5,4", '"4" names frame 4 again'), ("7,7", '"7" names frame 7 again'), ("0-200000", "more than 100000 frames"),
+                            ("99999999999999999999", "must be"), ("2000000000", "within 1000000000")):
+            for command in (["jobs", "submit", "cornell"], ["jobs", "fetch", "j-1"]):
+                said = self.cli(*command, "--frames=" + text, code=2).stderr
+                self.assertIn("--frames " + text, said)
+                self.assertIn(words, said)
+
+    def test_the_server_holds_numbers_to_the_same(self):
+        for frames, words in (({"numbers": [1, 2, 1]}, "1 is there twice"), ({"numbers": [1], "first": 0}, "in place of first, last and step"),
+                              ({"numbers": [2 * 10**9]}, "job.frames.numbers = 2000000000")):
+            with self.assertRaises(gobo.InvalidArgument) as caught:
+                self.client.jobs.submit("cornell", frames=frames, width=8, height=8, spp=1)
+            self.assertIn(words, str(caught.exception))
+
+
+class Relights(DaemonTest):
+    """`gobo relight` takes what `gobo render` takes; the picture is that of a render of the whole request."""
+
+    WHAT = ["cornell", "--size", "24x18", "--spp", "16"]
+
+    def render(self, *more):
+        return json.loads(self.cli("--json", "render", *self.WHAT, *more).stdout)["render_id"]
+
+    def same(self, relit, rendered):
+        with open(self.path(relit), "rb") as a, open(self.path(rendered), "rb") as b:
+            self.assertEqual(a.read(), b.read())
+
+    def test_what_render_takes(self):
+        known = self.render()
+        with open(self.path("patch.json"), "w", encoding="utf-8") as file:
+            json.dump({"integrator": {"max_bounces": 1}}, file)
+        for k, (said, rendered) in enumerate([
+                (["--spp", "32"], ["--spp", "32"]), (["--size", "16x12"], ["--size", "16x12"]),
+                (["--set", "lights.light.gain=2,1,1"],) * 2, (["--env", "none"],) * 2, (["--request", "patch.json"], ["--set", "integrator.max_bounces=1"]),
+                (["--outputs", "beauty,depth"],) * 2, (["--layers", "--outputs", "beauty,albedo"],) * 2,
+                (["--curve", "lights.light.gain=0:3/2/1"],) * 2, (["--half"],) * 2]):
+            what = [w for w in self.WHAT]
+            for option in ("--spp", "--size"):
+                if option in rendered:
+                    at = what.index(option)
+                    del what[at:at + 2]
+            self.cli("relight", known, *said, "-q", "-o", f"relit{k}.raw" if "--layers" not in said else f"relit{k}.exr")
+            self.cli("render", *what, *rendered, "-q", "-o", f"whole{k}.raw" if "--layers" not in said else f"whole{k}.exr")
+            if "--layers" in said:
+                self.assertIn("rmse", self.cli("--json", "compare", f"relit{k}.exr:albedo", f"whole{k}.exr:albedo", "--max-rmse", "0").stdout)
+                continue
+            names = ["relit%d.raw", "whole%d.raw"] if "depth" not in said[-1] else ["relit%d.depth.raw", "whole%d.depth.raw"]
+            self.same(names[0] % k, names[1] % k)
+
+    def test_layers_of_the_render_do_not_hinder_one_picture(self):
+        known = self.render("--layers", "--outputs", "beauty,albedo", "-o", "layers.exr")
+        self.cli("relight", known, "--outputs", "beauty", "-q", "-o", "one.png")
+        self.cli("relight", known, "--spp", "32", "-q")
+
+    def test_certificate_progress_and_snapshots(self):
+        known = self.render()
+        self.client.drop_caches()
+        done = self.cli("relight", known, "--spp", "64", "--size", "160x120", "--certificate", "--progressive", "-o", "p.exr")
+        self.assertIn("certificate: RMSE", done.stdout)
+        self.assertIn("snapshot at", done.stderr)
+
+    def test_one_end_replaces_another(self):
+        known = self.render()
+        reply = json.loads(self.cli("--json", "relight", known, "--time", "0.2", "-o", "t.exr").stdout)
+        self.assertGreaterEqual(reply["resolved"]["halt"]["spp"], 16)
+
+    def test_an_environment_is_of_one_kind(self):
+        known = self.render("--set", "environment.constant=1", "--set", "environment.gain=3,3,3")
+        self.cli("relight", known, "--set", "environment.sky.turbidity=4", "-q", "-o", "sky.raw")
+        self.cli("render", *self.WHAT, "--set", "environment.sky.turbidity=4", "--set", "environment.gain=3,3,3", "-q", "-o", "sky2.raw")
+        self.same("sky.raw", "sky2.raw")
+
+    def test_the_scene_is_the_renders(self):
+        known = self.render()
+        self.assertIn("leave out", self.cli("relight", known, "--request", "-", code=2, input='{"scene": "grids"}').stderr)
+        self.cli("relight", "nonesuch", "--spp", "4", code=3)
+        self.assertIn("one picture", self.cli("relight", known, "--progressive", "-o", "-", code=2).stderr)
+
+
+class Plans(DaemonTest):
+    """Rows of one kind are one; their sums, and every row, are there too."""
+
+    def rows(self, *args):
+        lines = self.cli(*args).stdout.splitlines()
+        end = next(i for i, line in enumerate(lines) if line.startswith(("expected", "total")) or "rows are shown as" in line)
+        return lines, [re.split(r"  +", line.strip()) for line in lines[1:end]]
+
+    def test_kinds_are_folded(self):
+        what = ["plan", "lights8", "--size", "32x24", "--set", "shadows=ray_traced"]
+        lines, folded = self.rows(*what)
+        each, every = self.rows(*what, "--plan-all")
+        self.assertGreater(len(every), len(folded))
+        self.assertRegex("\n".join(lines), rf"{len(every)} rows are shown as {len(folded)}; --plan-all shows each")
+        self.assertNotIn("--plan-all", "\n".join(each))
+        kinds = {}
+        for row in every:
+            kinds.setdefault((row[0].split(":")[0], row[1]), []).append(row)
+        several = [k for k, v in kinds.items() if len(v) > 1 and ":" in v[0][0] and v[0][0].count(":") == 1]
+        self.assertTrue(several)
+        for name, state in several:
+            rows = kinds[name, state]
+            found = [r for r in folded if r[0].startswith(name + " x") and r[1] == state]
+            self.assertEqual(len(found), 1, (name, state, folded))
+            self.assertEqual(int(found[0][0].split(" x")[1]), sum(int(r[0].split(" x")[1]) if " x" in r[0] else 1 for r in rows))
+            self.assertEqual(int(found[0][3]), sum(int(r[3]) for r in rows))
+        # What a program reads is as it was.
+        self.assertEqual(self.cli("--json", *what).stdout, self.cli("--json", *what, "--plan-all").stdout)
+        self.assertEqual(len(json.loads(self.cli("--json", *what).stdout)["plan"]), len(every))
+
+    def test_replies_too(self):
+        what = ["render", "lights8", "--size", "16x12", "--spp", "1", "--set", "shadows=ray_traced", "--outputs", "direct"]
+        self.assertIn("rows are shown as", self.cli(*what).stdout)
+        self.assertNotIn("rows are shown as", self.cli(*what, "--plan-all").stdout)
+
+
+class Waits(DaemonTest):
+    def test_place_and_rest_are_shown(self):
+        """One that waits behind two: its lines say so, then what is expected of the rest."""
+        env = {**os.environ, "GOBO_SERVER": self.client.address}
+        endless = [CLI, "render", "cornell", "--size", "160x120", "--spp", "1000000", "--priority", "INTERACTIVE", "-q"]
+        others = []
+        for n in range(2):
+            others.append(subprocess.Popen(endless, env=env, stderr=subprocess.DEVNULL))
+            self.addCleanup(others[-1].wait)
+            self.addCleanup(others[-1].kill)
+            while self.client.status().running + self.client.status().queued <= n:
+                time.sleep(0.01)
+        last = subprocess.Popen([CLI, "render", "cornell", "--size", "128x96", "--time", "1", "--progressive", "-o", "a.exr"], env=env, cwd=self.folder,
+                                stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+        self.addCleanup(last.stderr.close)
+        first = last.stderr.readline()
+        self.assertRegex(first, r"queued, 1 before it  [\d.]+ s")
+        others[0].kill()
+        line = last.stderr.readline()
+        while "1 before it" in line:
+            line = last.stderr.readline()
+        self.assertRegex(line, r"queued, next  [\d.]+ s")
+        others[1].kill()
+        rest = last.stderr.read()
+        self.assertEqual(last.wait(60), 0)
+        self.assertRegex(rest, r"\d+ %  .* spp  [\d.]+ s  [\d.]+ s left")
 
 
 class Curves(DaemonTest):

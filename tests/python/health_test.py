@@ -59,7 +59,7 @@ class Health(unittest.TestCase):
 
     def long_render(self):
         """A render that runs until it is cancelled; the function that does."""
-        snapshots = self.client.render_progressive("cornell", width=320, height=240, spp=1 << 18, seed=time.monotonic_ns() % 1000000)
+        snapshots = self.client.render_progressive("cornell", width=320, height=240, spp=1 << 18, seed=time.monotonic_ns() % 1000000, priority="normal")
         next(snapshots)
         return snapshots.close
 

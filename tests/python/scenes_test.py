@@ -12,13 +12,13 @@ from support import SMALL, DaemonTest, gltf
 class Scenes(DaemonTest):
     options = {"roots": ()}   # every file has to be uploaded
 
-    def test_a_gltf_with_a_side_file_is_packed_and_sent_once(self):
+    def test_a_gltf_with_a_side_file_is_sent_once(self):
         path = gltf(self.folder)
         r = self.client.render(path, **SMALL)
         self.assertGreater(r.image.max(), 0)
         scene = self.client.scenes.open(path)
         self.assertTrue(scene.id.startswith("tri-"))
-        self.assertTrue(scene.source.startswith("upload:"))
+        self.assertTrue(scene.source.startswith("blobs:"))
         self.assertEqual([s.id for s in self.client.scenes.list() if s.id.startswith("tri-")], [scene.id])
         with gobo.local(threads=2) as free:      # opens the .gltf itself
             own = free.render(path, **SMALL)

@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import ssl
 import struct
 import subprocess
@@ -208,6 +209,26 @@ class Ends(Door):
         self.assertIn("snapshot", ends[0], "what runs shows a picture before it gives way")
         self.eventually(lambda: self.running() == 0)
 
+    def test_one_address_has_half_of_the_connections(self):
+        def connection():
+            made = socket.create_connection(("127.0.0.1", self.port), 10)
+            self.addCleanup(made.close)
+            return made
+
+        def answered(to):
+            """None: still open without an answer; else whether one came."""
+            try:
+                to.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+                return bool(to.recv(16))
+            except ConnectionError:
+                return False
+
+        held = [connection() for _ in range(48)]                     # half of Door::kConnections
+        self.assertTrue(all(answered(c) for c in held))              # all are served, and stay open
+        self.assertFalse(answered(connection()), "one more of this address is closed")
+        held.pop().close()
+        self.eventually(lambda: answered(connection()))
+
     def test_sigterm_with_a_stream_open(self):
         self.assertEqual(self.open("/v1/render/stream", LONG)[1].status, 200)
         self.process.send_signal(signal.SIGTERM)
@@ -333,6 +354,43 @@ class Blobs(Door):
             return before == was and self.put(data, before)[0] == 200
         self.eventually(settled)
         self.assertEqual(self.has(data), len(data))
+
+    @unittest.skipUnless(shutil.which("node"), "node is not installed")
+    def test_the_pages_way_to_it_sends_what_is_missing_and_the_second_time_nothing(self):
+        for name in ("api.js", "blobs.js"):
+            shutil.copy(f"{SOURCE}/clients/viewer/{name}", self.folder)
+        with open(os.path.join(self.folder, "package.json"), "w", encoding="utf-8") as file:
+            file.write('{"type": "module"}')
+        data = os.urandom(300000)
+        self.assertEqual(self.put(data, query=f"?bytes={len(data)}", headers=self.BYTES)[0], 200)
+        fresh = b"#?RADIANCE" + data
+        for name, content in (("there.exr", data), ("fresh.HDR", fresh), ("notes.txt", b"x")):
+            with open(os.path.join(self.folder, name), "wb") as file:
+                file.write(content)
+        script = """
+import { readFileSync } from 'node:fs';
+import { webcrypto } from 'node:crypto';
+globalThis.crypto ??= webcrypto;
+globalThis.location = { hash: '', pathname: '/' };
+globalThis.sessionStorage = { getItem: () => null };
+const real = fetch;
+let sent = 0;
+globalThis.fetch = (path, options = {}) => { sent += options.body?.byteLength ?? 0; return real('http://127.0.0.1:PORT' + path, options); };
+const { acceptMaps } = await import('./blobs.js');
+const on = {};
+acceptMaps({ addEventListener: (name, f) => { on[name] = f; } }, (digest, name) => console.log(name, digest, sent), (error) => console.log(error.code));
+for (const name of ['there.exr', 'fresh.HDR', 'fresh.HDR', 'notes.txt']) {
+  const bytes = readFileSync('./' + name);
+  const file = { name, arrayBuffer: async () => bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength) };
+  sent = 0;
+  await on.drop({ dataTransfer: { files: [file] }, preventDefault() {} });
+}
+""".replace("PORT", str(self.port))
+        with open(os.path.join(self.folder, "drop.js"), "w", encoding="utf-8") as file:
+            file.write(script)
+        done = subprocess.run(["node", "drop.js"], cwd=self.folder, capture_output=True, text=True, timeout=60)
+        there, new = hashlib.sha256(data).hexdigest(), hashlib.sha256(fresh).hexdigest()
+        self.assertEqual(done.stdout.splitlines(), [f"there.exr {there} 0", f"fresh.HDR {new} {len(fresh)}", f"fresh.HDR {new} 0", "INVALID_ARGUMENT"], done.stderr)
 
     def test_what_is_refused(self):
         data = b"some bytes"

@@ -73,6 +73,8 @@ TEST_F(Http, RunningQueuedAndRefusedShow) {
   EXPECT_EQ(health["workers"][0]["class"], "normal");
   EXPECT_EQ(health["queues"]["normal"]["queued"], 1);
   v1::RenderRequest urgent = small();
+  urgent.mutable_halt()->clear_spp();
+  urgent.mutable_halt()->set_time_s(0.05);  // a small one would run beside
   urgent.mutable_scheduling()->set_priority(v1::Scheduling::INTERACTIVE);
   EXPECT_TRUE(renderOnce(urgent).status.ok());
   EXPECT_EQ(metrics()["gobo_preemptions_total{class=\"normal\"}"], 1);

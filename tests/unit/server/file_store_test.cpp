@@ -218,6 +218,7 @@ TEST_F(Files, WhatIsHeldOrOnItsWayStays) {
   writer->reset();
   EXPECT_TRUE(put("more").ok());
   EXPECT_TRUE(has("held"));
+  EXPECT_TRUE(has("more"));  // "held" was used before it
   tree->reset();
   EXPECT_TRUE(put("most").ok());
   EXPECT_FALSE(has("held"));
