@@ -151,7 +151,7 @@ class Blobs:
                 wanted = {m.blob.sha256: wanted[m.blob.sha256] for m in missing if m.received}   # what may have been dropped: it is asked for again
                 if not wanted:
                     return sent
-            except errors.Unavailable:
+            except (errors.Unavailable, errors.Aborted):   # Aborted: another client of the same name sends the same file
                 broken += 1
                 if broken >= _TRIES:
                     raise
