@@ -281,7 +281,7 @@ uint64_t FileStore::received(const std::string& owner, const std::string& sha256
     return 0;
   }
   at->second.used = nowNs();
-  return at->second.received;
+  return at->second.whole ? bytes : std::min(at->second.received, bytes - 1);  // all of it only once it is checked and can be opened
 }
 
 Result<std::unique_ptr<FilePut>> FileStore::begin(const std::string& owner, const std::string& sha256, uint64_t bytes, uint64_t offset, const StopToken& stop) {

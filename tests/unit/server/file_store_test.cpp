@@ -109,6 +109,20 @@ TEST_F(Files, BreaksOffAndGoesOnAtEveryOffset) {
   EXPECT_EQ(store->stats().parts, 0u);
 }
 
+TEST_F(Files, IsSaidToBeThereOnlyOnceItCanBeOpened) {
+  const std::string data(1000, 'x');
+  {
+    auto writer = store->begin("", hash(data), data.size(), 0);
+    ASSERT_TRUE(writer.ok());
+    ASSERT_TRUE((*writer)->add(data).ok());
+    EXPECT_EQ(store->received("", hash(data), data.size()), 999u) << "not checked yet";
+  }
+  EXPECT_EQ(store->received("", hash(data), data.size()), 999u) << "broken off before its end";
+  ASSERT_TRUE(put(data, "", 999).ok());
+  EXPECT_TRUE(has(data));
+  EXPECT_EQ(read(data), data);
+}
+
 TEST_F(Files, WrongBytesAreNeverKept) {
   const std::string data = "abcdef";
   {
