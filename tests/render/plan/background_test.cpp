@@ -158,6 +158,27 @@ TEST(Background, VarianceIsOfThePictureThatIsShown) {
     if (beauty(r).data[3 * p] == 0.0f && beauty(r).data[3 * p + 1] == 0.0f) EXPECT_EQ(r.images[1].image().data[3 * p], 0.0f);
 }
 
+TEST(Background, APngHasStraightAlphaAndShowsLampsInFrontOfNothing) {
+  Image in(4, 1, 4);
+  const float pixels[] = {0.25f, 0.125f, 0.0f, 0.5f,  // half covered: the surface's own colour is twice that
+                          0.0f,  0.0f,   0.0f, 0.0f,  // nothing
+                          0.75f, 0.5f,   0.0f, 0.0f,  // light without a surface: as much alpha as shows it on black
+                          2.0f,  1.0f,   0.5f, 1.0f};
+  std::copy(std::begin(pixels), std::end(pixels), in.data.begin());
+  v1::ToneMap linear;
+  linear.set_curve(v1::ToneMap::LINEAR);
+  const Image out = toneMapped(in, linear);
+  const float expected[] = {0.5f, 0.25f, 0.0f, 0.5f, 0.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.5f / 0.75f, 0.0f, 0.75f, out.data[12], 1.0f, 0.5f, 1.0f};
+  ASSERT_EQ(out.channels, 4);
+  for (size_t i = 0; i < 16; ++i) EXPECT_NEAR(out.data[i], expected[i], 1e-6f) << i;
+  for (const auto curve : {v1::ToneMap::REINHARD, v1::ToneMap::FILMIC, v1::ToneMap::ACES, v1::ToneMap::PBR_NEUTRAL}) {
+    v1::ToneMap t;
+    t.set_curve(curve);
+    const Image shown = toneMapped(in, t);
+    for (const size_t p : {0, 1, 3}) EXPECT_EQ(shown.data[4 * p + 3], in.data[4 * p + 3]) << "alpha is no colour";
+  }
+}
+
 TEST(Background, BadColoursAreRefusedByName) {
   const auto engine = makeEngine();
   v1::RenderRequest r = request("seed=0");

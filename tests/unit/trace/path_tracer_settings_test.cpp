@@ -56,6 +56,11 @@ TEST(PathTracerSettings, EveryFieldIsInTheKey) {
       });
     });
   change("camera.centre.x", [](PathTracerSettings& s) { s.camera.centre.x += 0.25f; });
+  change("camera.optics.focal", [](PathTracerSettings& s) { s.camera.optics.focal = 1.5; });
+  change("camera.optics.pixelAspect", [](PathTracerSettings& s) { s.camera.optics.pixelAspect = 1.5f; });
+  change("camera.optics.clipNear", [](PathTracerSettings& s) { s.camera.optics.clipNear = 0.5f; });
+  change("camera.optics.clipFar", [](PathTracerSettings& s) { s.camera.optics.clipFar = 50.0f; });
+  change("camera.optics.panorama", [](PathTracerSettings& s) { s.camera.optics.panorama = true; });
   change("width", [](PathTracerSettings& s) { ++s.width; });
   change("height", [](PathTracerSettings& s) { ++s.height; });
   change("viewSamples", [](PathTracerSettings& s) { ++s.viewSamples; });
