@@ -70,13 +70,9 @@ grpc::Status BlobsService::put(Rpc& rpc, grpc::ServerReader<v1::PutBlobRequest>&
       file = std::move(*begun);
       rpc.note("sha256", blob.sha256());
       rpc.note("from", std::to_string(message.offset()));
-      if (file->there()) {
-        reply->set_received(file->received());
-        return grpc::Status::OK;
-      }
     }
     if (const Status status = file->add(message.data()); !status.ok()) return toGrpc(status);
-    core_.metrics.add("gobo_blob_put_bytes_total", {}, double(message.data().size()));
+    if (!file->there()) core_.metrics.add("gobo_blob_put_bytes_total", {}, double(message.data().size()));
   }
   if (rpc.context().IsCancelled())
     return {grpc::StatusCode::CANCELLED,

@@ -360,7 +360,12 @@ FilePut::~FilePut() {
 }
 
 Status FilePut::add(const std::string& data) {
-  if (data.size() > bytes_ - received_) return invalidArgument(strf("put.data: goes beyond put.blob.bytes = %llu", (unsigned long long)bytes_), "put.data");
+  if (there()) {
+    dropped_ += data.size();
+    if (dropped_ <= bytes_) return {};
+  }
+  if (there() || data.size() > bytes_ - received_)
+    return invalidArgument(strf("put.data: goes beyond put.blob.bytes = %llu", (unsigned long long)bytes_), "put.data");
   for (size_t at = 0; at < data.size();) {
     const ssize_t n = ::pwrite(fd_.get(), data.data() + at, data.size() - at, off_t(received_ + at));
     if (n < 0 && errno == EINTR) continue;

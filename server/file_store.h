@@ -67,7 +67,7 @@ class FilePut {
   ~FilePut();
   FilePut(const FilePut&) = delete;
   FilePut& operator=(const FilePut&) = delete;
-  bool there() const { return part_.empty(); }  ///< the whole file was there before: nothing need be sent
+  bool there() const { return part_.empty(); }  ///< the whole file was there before: what is added is dropped
   uint64_t received() const { return received_; }
   /// Errors: InvalidArgument beyond the announced bytes, ResourceExhausted when the disk is full: what had arrived before stays.
   Status add(const std::string& data);
@@ -79,7 +79,7 @@ class FilePut {
   FilePut() = default;
   std::shared_ptr<FileStore> store_;
   std::string owner_, digest_, part_;
-  uint64_t bytes_ = 0, received_ = 0;
+  uint64_t bytes_ = 0, received_ = 0, dropped_ = 0;
   bool resumed_ = false, finished_ = false, damaged_ = false;
   gobo::Descriptor fd_;
   Sha256 sha_;

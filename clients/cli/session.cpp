@@ -164,6 +164,7 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options) {
     config.logLevel = "warn";
     setLogLevel(LogLevel::Warn);
     GOBO_TRY(checkConfig(config));
+    config.blobsFolder.clear();  // nobody puts what may be opened; and the folder may be a daemon's
     EngineOptions engine = engineOptions(config);
     engine.roots = options.roots;
     engine.anyPath = true;

@@ -24,7 +24,7 @@ struct ScriptedCall {
   bool compared() const { return (how & 0x80) != 0; }
 };
 
-constexpr size_t kMostCalls = 24;
+constexpr size_t kMostCalls = 32;
 std::vector<ScriptedCall> script(Bytes bytes);
 
 /// The name of a scene that nobody but this client may know: it starts with privatePrefix(client).

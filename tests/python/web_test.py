@@ -337,6 +337,7 @@ class Blobs(Door):
             self.assertEqual((status, int(body["received"])), (200, len(data)))
             self.assertEqual(self.has(data), len(data))
             self.assertEqual(self.put(data, len(data))[0], 200, "what is there need not be sent")
+            self.assertEqual(self.put(data)[0], 200, "but may be")
         picture = {"scene": "cornell", "width": 32, "height": 24, "halt": {"spp": 4}, "encoding": {"format": "RAW_FLOAT"}}
         status, lit, _ = self.call("/v1/render", {**picture, "environment": {"digest": hashlib.sha256(sky).hexdigest()}})
         self.assertEqual(status, 200)

@@ -165,7 +165,8 @@ TEST_F(Blobs, PutOnceAndGoneOnWithAfterABreakAndARestart) {
   ASSERT_TRUE(rest.ok()) << rest.error_message();
   EXPECT_EQ(has(data), data.size());
   const double before = server->core().metrics.value("gobo_blob_put_bytes_total", {});
-  EXPECT_TRUE(put(data).ok()) << "what is there need not be sent";
+  for (const size_t piece : {data.size(), size_t(1000)}) EXPECT_TRUE(put(first(data), data, "", piece).ok()) << "what is there may be sent again, and need not";
+  EXPECT_TRUE(put(first(data, data.size()), "").ok());
   EXPECT_EQ(server->core().metrics.value("gobo_blob_put_bytes_total", {}), before);
   restart();
   EXPECT_EQ(has(data), data.size());

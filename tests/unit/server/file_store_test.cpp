@@ -160,6 +160,10 @@ TEST_F(Files, WrongBytesAreNeverKept) {
   auto again = store->begin("", hash(data), 6, 6);
   ASSERT_TRUE(again.ok());
   EXPECT_TRUE((*again)->there());
+  EXPECT_TRUE((*again)->add("abc").ok()) << "who sends it all the same is let";
+  EXPECT_TRUE((*again)->add("def").ok());
+  EXPECT_EQ((*again)->add("g").code(), Code::InvalidArgument) << "but not for ever";
+  EXPECT_TRUE((*again)->finish().ok());
 }
 
 TEST_F(Files, DamageIsFoundWhenAFileIsFirstUsedAndItCanBePutAgain) {
