@@ -166,10 +166,12 @@ class Display(PageCase):
     def test_a_slow_connection_gets_jpeg(self):
         self.open(frames="auto")
         self.page.run(field("halt.spp", 4))
-        self.page.call("Network.emulateNetworkConditions", offline=False, latency=0, downloadThroughput=200000, uploadThroughput=-1)
+        self.page.call("Network.emulateNetworkConditions", offline=False, latency=0, downloadThroughput=40000, uploadThroughput=-1)
         try:
-            self.after(field("seed", 1))
-            self.after(field("seed", 2))
+            for seed in range(1, 6):  # on a loaded machine half floats may be tried again meanwhile
+                self.after(field("seed", seed))
+                if self.page.run("document.body.dataset.format") == "JPEG":
+                    break
             self.assertEqual(self.page.run("document.body.dataset.format"), "JPEG")
             picture = self.daemon.call("render", self.request() | {"encoding": {"format": "JPEG"}})
             self.assertEqual(self.apart(picture), 0)
