@@ -28,8 +28,8 @@ export function command(schema, request) {
   try {
     const out = [];
     settings(schema.messages, schema.root, rest, [], out);
-    return ['gobo render', quoted(scene), '-o picture.png', ...(width || height ? [`--size ${width ?? 640}x${height ?? 480}`] : []), ...(outputs?.length ? [`--outputs ${quoted(outputs.join(','))}`] : []),
-      ...out.map((s) => '--set ' + quoted(s))].join(' ');
+    return ['gobo render', quoted(scene), '-o picture.png', ...(width || height ? [`--size ${width ?? 640}x${height ?? 480}`] : []),
+      ...(outputs?.length ? [`--outputs ${quoted(outputs.join(','))}`] : []), ...out.map((s) => '--set ' + quoted(s))].join(' ');
   } catch (error) {
     if (!(error instanceof NoWords)) throw error;
     return `gobo render --request - -o picture.png <<'END'\n${JSON.stringify(request)}\nEND`;

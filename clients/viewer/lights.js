@@ -88,7 +88,9 @@ export class Lights {
     lamp.classList.toggle('floating', seen);
     if (!seen) return lamp.removeAttribute('style');
     const [x, y] = [parseFloat(handle.style.left), parseFloat(handle.style.top)];  // per cent
-    Object.assign(lamp.style, { left: x > 50 ? 'auto' : `calc(${x}% + 16px)`, right: x > 50 ? `calc(${100 - x}% + 16px)` : 'auto', top: y > 50 ? 'auto' : `${y}%`, bottom: y > 50 ? `${100 - y}%` : 'auto' });
+    const beside = (t) => `calc(${t}% + 16px)`;
+    Object.assign(lamp.style, x > 50 ? { left: 'auto', right: beside(100 - x) } : { left: beside(x), right: 'auto' });
+    Object.assign(lamp.style, y > 50 ? { top: 'auto', bottom: `${100 - y}%` } : { top: `${y}%`, bottom: 'auto' });
   }
 
   add(kind) {

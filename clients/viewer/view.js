@@ -44,5 +44,9 @@ export class View {
   }
 
   // Of A and B, linear; null: they cannot be compared.
-  rmse() { return rmse(this.kept?.picture, this.present?.picture); }
+  rmse() {
+    const of = [this.kept?.picture, this.present?.picture];
+    if (of.some((picture, i) => picture !== this.measured?.of[i])) this.measured = { of, rmse: rmse(...of) };
+    return this.measured?.rmse ?? null;
+  }
 }

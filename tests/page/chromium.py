@@ -26,8 +26,10 @@ class Page:
         self.back, write_end = os.pipe()
         # The program finds its ends at 3 and 4; a shell moves them there whatever numbers they have here.
         # WebGL2 is the browser's own SwiftShader, whatever GPU is there.
+        # WebGL2 is the browser's own SwiftShader, whatever GPU is there.
         command = ["bash", "-c", f'exec 3<&{read_end} 4>&{write_end}; exec "$0" "$@"', program(), "--headless", "--no-sandbox", "--use-angle=swiftshader",
-                   "--enable-unsafe-swiftshader", "--disable-dev-shm-usage", "--disable-extensions", "--disable-background-networking", "--remote-debugging-pipe", f"--user-data-dir={self.folder.name}", f"--window-size={width},{height}", "about:blank"]
+                   "--enable-unsafe-swiftshader", "--disable-dev-shm-usage", "--disable-extensions", "--disable-background-networking", "--remote-debugging-pipe",
+                   f"--user-data-dir={self.folder.name}", f"--window-size={width},{height}", "about:blank"]
         self.process = subprocess.Popen(command, pass_fds=(read_end, write_end), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         os.close(read_end)
         os.close(write_end)

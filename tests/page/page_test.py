@@ -166,10 +166,12 @@ class Display(PageCase):
     def test_a_slow_connection_gets_jpeg(self):
         self.open(frames="auto")
         self.page.run(field("halt.spp", 4))
-        self.page.call("Network.emulateNetworkConditions", offline=False, latency=0, downloadThroughput=200000, uploadThroughput=-1)
+        self.page.call("Network.emulateNetworkConditions", offline=False, latency=0, downloadThroughput=40000, uploadThroughput=-1)
         try:
-            self.after(field("seed", 1))
-            self.after(field("seed", 2))
+            for seed in range(1, 6):  # on a loaded machine half floats may be tried again meanwhile
+                self.after(field("seed", seed))
+                if self.page.run("document.body.dataset.format") == "JPEG":
+                    break
             self.assertEqual(self.page.run("document.body.dataset.format"), "JPEG")
             picture = self.daemon.call("render", self.request() | {"encoding": {"format": "JPEG"}})
             self.assertEqual(self.apart(picture), 0)
@@ -191,7 +193,7 @@ class Display(PageCase):
             self.open(search=search)
             self.page.run("document.getElementById('keep').click(); document.getElementById('difference').click()")
             self.assertEqual(set(self.page.run(PIXELS)), {0, 255}, "black where nothing differs; alpha")
-            self.assertIn("RMSE of A and B, linear: 0", self.page.run(text("compared")))
+            self.assertTrue(self.page.run(text("compared")).endswith("RMSE of A and B, linear: 0"))
             self.after(field("seed", 3))
             faint = sum(self.page.run(PIXELS))
             self.page.run("(() => { const g = document.getElementById('gain'); g.value = 7; g.dispatchEvent(new Event('input', {bubbles: true})); return true })()")
@@ -208,10 +210,10 @@ class Display(PageCase):
         # Without the approximations nothing is left.
         self.assertEqual({"ray_traced": {}}, self.request()["shadows"])
         self.after(field("halt.spp", 16))
-        self.assertNotIn("linear: 0", self.page.run(text("compared")).replace("linear: 0.", ""))
+        self.assertFalse(self.page.run(text("compared")).endswith("linear: 0"))
         for path in ("shadows.technique", "lights.key.shadow.technique"):
             self.after(f"document.querySelector('.field[data-path=\"{path}\"] button').click()")
-        self.assertIn("linear: 0", self.page.run(text("compared")))
+        self.assertTrue(self.page.run(text("compared")).endswith("linear: 0"))
         for path, value in (("certificate.spp", 8), ("certificate.min_pixels", 200)):
             self.page.run(field(path, value))
         self.page.until("document.body.dataset.state === 'done'", 60)
