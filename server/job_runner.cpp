@@ -187,7 +187,8 @@ void JobRunner::drain(double seconds) {
   std::vector<JobId> left;
   for (const auto& [id, job] : jobs_) left.push_back(id);
   hold.unlock();
-  for (const JobId id : left) cancel(id);
+  // The latest first: one that waits must not be started by the end of one before it.
+  for (auto id = left.rbegin(); id != left.rend(); ++id) cancel(*id);
   hold.lock();
   empty_.wait(hold, [&] { return jobs_.empty(); });
 }

@@ -51,7 +51,8 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   auto resolved = core_.engine.resolve(request, rpc.access());
   if (!resolved.ok()) return toGrpc(resolved.status());
   rpc.note("size", strf("%ux%u", resolved->width(), resolved->height()));
-  chooseClass(rpc, report != nullptr, request, *resolved);
+  // Who wants no early pictures has a bar drawn, and looks at none.
+  chooseClass(rpc, report != nullptr && resolved->scheduling().ladder(), request, *resolved);
   const JobClass jobClass = jobClassOf(resolved->scheduling().priority());
   rpc.note("class", kClassNames[int(jobClass)]);
   const auto client = rpc.client(request.scheduling().client());

@@ -134,6 +134,9 @@ TEST_F(QueueProtocol, TheClassOfWhoNamesNone) {
   EXPECT_EQ(classOf(renderOnce(small())), S::NORMAL);
   EXPECT_EQ(classOf(progressive(small())), S::INTERACTIVE);
   EXPECT_EQ(classOf(progressive(with(small(), S::BATCH))), S::BATCH);
+  v1::RenderRequest bar = small();
+  bar.mutable_scheduling()->set_ladder(false);
+  EXPECT_EQ(classOf(progressive(bar)), S::NORMAL);
   for (const char* output : {"albedo", "normal", "position", "depth", "alpha", "object_id", "material_id", "motion"}) {
     EXPECT_EQ(classOf(renderOnce(of(small(), output))), S::INTERACTIVE) << output;
     EXPECT_EQ(classOf(renderOnce(with(of(small(), output), S::NORMAL))), S::NORMAL) << output;

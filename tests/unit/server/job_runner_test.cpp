@@ -117,6 +117,50 @@ TEST(JobRunner, PreemptedWorkIsCalledAgainAfterTheOther) {
   EXPECT_EQ(order, (std::vector<std::string>{"gave way", "interactive", "went on"}));
 }
 
+TEST(JobRunner, SmallWorkRunsBesideAndGivesWayWhenItIsNotSmall) {
+  SchedulerOptions options = slots(1);
+  options.beside = 1;
+  options.besideSeconds = 0.05;
+  JobRunner runner(options);
+  Gate bigRuns, bigEnds;
+  Call big(runner, spec(N), [&](StopToken) {
+    bigRuns.open();
+    bigEnds.wait();
+    return Status();
+  });
+  bigRuns.wait();
+  JobSpec small = spec(N);
+  small.small = true;
+  EXPECT_TRUE(runner
+                  .run(small,
+                       [&](StopToken) {
+                         EXPECT_EQ(runner.workers().size(), 1u);
+                         EXPECT_TRUE(runner.workers()[0].busy) << "by the big one";
+                         EXPECT_EQ(runner.stats().running, 2u);
+                         return Status();
+                       })
+                  .status.ok());
+  int calls = 0;
+  Gate gaveWay;
+  Call liar(runner, small, [&](StopToken stop) {
+    if (++calls > 1) return Status();
+    Gate never;
+    EXPECT_FALSE(never.waitOrStop(stop));
+    EXPECT_EQ(stop.reason(), StopReason::Preempted);
+    gaveWay.open();
+    return Status(Code::Aborted, "parked");
+  });
+  gaveWay.wait();
+  liar.admitted.wait();
+  while (!runner.place(liar.id)->queued) std::this_thread::yield();
+  EXPECT_EQ(runner.place(liar.id)->ahead, 0u);
+  EXPECT_FALSE(runner.place(big.id)->queued);
+  bigEnds.open();
+  EXPECT_TRUE(liar.join().status.ok());
+  EXPECT_EQ(liar.join().runs, 2);
+  EXPECT_FALSE(runner.place(liar.id));
+}
+
 TEST(JobRunner, WorkThatFinishesAlthoughToldToGiveWayIsDone) {
   JobRunner runner(slots(1));
   Gate batchRuns;
