@@ -587,7 +587,7 @@ Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderCon
     const double timeLeft = halt.has_time_s() ? std::max(0.0, halt.time_s() * 1e3 - elapsed) : -1.0;
     const bool errorMet = halt.has_error() && picture.reply.certificate().rmse_high() <= halt.error();
     const bool hopeless = halt.has_error() && !halt.has_time_s() && !errorMet && floor.reached(picture.reply.certificate(), halt.error());
-    const RungTimes times{msSince(begun) / double(spp - had), had == 0, timeLeft, watched && !halt.has_error()};
+    const RungTimes times{msSince(begun) / double(spp - had), had == 0, timeLeft};
     const uint32_t next = nextRung(spp, most, times);
     if (halt.has_time_s() && had == 0 && timeLeft == 0.0 && extendable)
       picture.reply.add_warnings("request.halt.time_s = " + std::to_string(halt.time_s()) + ": " +

@@ -41,14 +41,10 @@ std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved) {
 
 uint32_t nextRung(uint32_t spp, uint32_t most, const RungTimes& times) {
   most = samplesOf(passesFor(most));
-  if (spp >= most) return spp;
+  if (samplesOf(passesFor(spp)) >= most) return spp;
   const uint32_t least = samplesOf(passesFor(spp) + 1);
-  double add = spp;
-  if (times.watched || times.left >= 0) {
-    if (times.perSample > 0) add = std::max(add, kSoonMs / times.perSample);
-  } else {
-    add = std::max<double>(add, kBlockSamples);
-  }
+  double add = spp;  // twice as many; of the first block more, where so few would be there before anybody has looked
+  if (spp < kBlockSamples && times.perSample > 0) add = std::clamp(kSoonMs / times.perSample, add, double(kBlockSamples - spp));
   if (times.left >= 0 && times.perSample > 0) {
     const double fits = times.left / times.perSample;
     if (!times.rough && fits * kWorthTrying < least - spp) return spp;

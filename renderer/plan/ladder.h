@@ -18,7 +18,6 @@ struct RungTimes {
   double perSample = 0;  ///< that the last samples of all pixels took, each
   bool rough = false;    ///< that has in it what is made once
   double left = -1;      ///< until the time that the request gives is up; negative: it gives none
-  bool watched = false;  ///< somebody sees the pictures between
 };
 /// `spp` itself where nothing more fits into the time that is left. Counts are realised as they are: samplesOf() of some passes.
 uint32_t nextRung(uint32_t spp, uint32_t most, const RungTimes& times);

@@ -253,9 +253,9 @@ TEST(Engine, SnapshotsSayTheirNoise) {
   // Scenes and counts were chosen before the first run.
   for (const char* scene : {"cornell", "lights8", "atrium"}) {
     const auto engine = makeEngine();
-    v1::RenderRequest r = smallRequest(scene, 48, 36, 4096);
+    v1::RenderRequest r = smallRequest(scene, 32, 24, 1024);
     const RenderResult truth = mustRender(*engine, r);
-    r.mutable_halt()->set_spp(256);
+    r.mutable_halt()->set_spp(64);
     r.set_seed(7);
     RenderControl control;
     control.ladder = true;

@@ -17,15 +17,14 @@ TEST(Ladder, ClimbsToWhatWasAsked) {
     auto draw = [seed, k = uint64_t(0)]() mutable { return double(hash64(1, seed * 64 + k++) >> 11) * 0x1p-53; };
     const uint32_t most = 1 + uint32_t(draw() * draw() * 3000);
     RungTimes t;
-    t.watched = draw() < 0.7;
     t.perSample = draw() < 0.1 ? 0 : std::exp(draw() * 16 - 8);
-    uint32_t spp = t.watched ? 1 : std::min(most, kBlockSamples), rungs = 0;
+    uint32_t spp = draw() < 0.7 ? 1 : std::min(most, kBlockSamples), rungs = 0;
     while (spp < most) {
       const uint32_t next = nextRung(spp, most, t);
       ASSERT_GT(next, spp) << seed;
       ASSERT_EQ(samplesOf(passesFor(next)), next) << seed;
       ASSERT_LE(next, samplesOf(passesFor(most))) << seed;
-      if (next < samplesOf(passesFor(most))) EXPECT_GE(next, spp + std::min(spp, kBlockSamples)) << "at least twice as many, or a block more";
+      if (next < samplesOf(passesFor(most))) { EXPECT_GE(next, spp < kBlockSamples ? 2 * spp : 2 * spp - kBlockSamples) << "about twice as many, at least"; }
       spp = next;
       ASSERT_LT(++rungs, 400u);
     }
@@ -34,19 +33,21 @@ TEST(Ladder, ClimbsToWhatWasAsked) {
 }
 
 TEST(Ladder, ShowsTheFirstSamplesOneByOneWhereTheyAreDear) {
-  RungTimes t{500, true, -1, true};
+  RungTimes t{500, true, -1};
   std::vector<uint32_t> seen{1};
   while (seen.back() < 128) seen.push_back(nextRung(seen.back(), 128, t));
   EXPECT_EQ(seen, (std::vector<uint32_t>{1, 2, 4, 8, 16, 32, 64, 128}));
   t.perSample = 1;  // nobody sees pictures that follow each other so fast
-  EXPECT_EQ(nextRung(1, 128, t), 48u);
-  t.watched = false;  // a certificate after every doubling
-  EXPECT_EQ(nextRung(16, 4096, t), 32u);
+  EXPECT_EQ(nextRung(1, 128, t), 16u);
+  EXPECT_EQ(nextRung(1, 8, t), 8u);
+  EXPECT_EQ(nextRung(16, 4096, t), 32u) << "from a block on every doubling is shown";
   EXPECT_EQ(nextRung(32, 4096, t), 64u);
+  t.perSample = 20;
+  EXPECT_EQ(nextRung(1, 128, t), 4u);
 }
 
 TEST(Ladder, TakesNoMoreThanFits) {
-  RungTimes t{10, false, 1000, false};
+  RungTimes t{10, false, 1000};
   EXPECT_EQ(nextRung(16, 4096, t), 32u);
   t.left = 600;                             // 60 samples
   EXPECT_EQ(nextRung(128, 4096, t), 176u);  // 48 more
@@ -56,7 +57,7 @@ TEST(Ladder, TakesNoMoreThanFits) {
   EXPECT_EQ(nextRung(128, 4096, t), 128u);
   t.left = 0;
   EXPECT_EQ(nextRung(128, 4096, t), 128u);
-  t = {1000, true, 100, false};  // the first sample's time has in it what is made once
+  t = {1000, true, 100};  // the first sample's time has in it what is made once
   EXPECT_EQ(nextRung(1, 4096, t), 2u);
 }
 
