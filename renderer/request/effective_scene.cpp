@@ -432,8 +432,10 @@ void scaleClusters(EffectiveScene& effective, RelightGroups& groups) {
   for (int g = 0; g < groups.count; ++g) {
     const std::vector<int>& members = groups.members[size_t(g)];
     if (groups.single(g) || members.empty()) continue;
-    const float scale = effective.scales[size_t(members[0])];
-    if (scale == 1.0f || std::any_of(members.begin(), members.end(), [&](int l) { return effective.scales[size_t(l)] != scale; })) continue;
+    float scale = 1.0f;
+    for (int l : members) scale = std::min(scale, effective.scales[size_t(l)]);
+    if (scale == 1.0f) continue;
+    // The whole cluster: what else is in it is added to its share, for taking off a file's 683 times too much would leave its noise.
     groups.scales[size_t(g)] = scale;
     for (int l : members) {
       const Light& light = effective.scene->lights[size_t(l)];

@@ -59,7 +59,8 @@ struct RelightGroups {
 };
 /// The strongest lights get a group each, the rest share the last. Depends on the effective scene only, not on gains. Of no use after `stop`.
 RelightGroups makeGroups(const Scene& scene, int maxGroups, const StopToken& stop = {});
-/// A scale (EffectiveScene::scales) that all lights of a cluster have in common becomes the cluster's: nothing in it has changed by it then.
+/// A scale (EffectiveScene::scales) that some lights of a cluster have becomes the cluster's: nothing has changed for them then, and the others are
+/// traced apart on top of what it leaves of them.
 void scaleClusters(EffectiveScene& effective, RelightGroups& groups);
 
 }  // namespace gobo

@@ -58,6 +58,42 @@ TEST_F(Photometric, IsAGainOfTheFilesLights) {
   }
 }
 
+TEST_F(Photometric, ScalesAClusterAsAWholeAndAMixedOneLightByLight) {
+  std::string text = smallGltf("");
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    ASSERT_NE(text.find(from), std::string::npos) << from;
+    text.replace(text.find(from), from.size(), to);
+  };
+  replace(R"("nodes":[0,1])", R"("nodes":[0,1,2])");
+  replace(R"({"KHR_lights_punctual":{"light":0}}}])",
+          R"({"KHR_lights_punctual":{"light":0}}},{"name":"other","translation":[0.5,0.2,1],"extensions":{"KHR_lights_punctual":{"light":0}}}])");
+  const std::string path = folder_.path + "/two.gltf";
+  std::ofstream(path) << text;
+  ASSERT_TRUE(engine_->openScene(path, path).ok());
+  v1::RenderRequest r = smallRequest(path, 16, 12, 16);
+  set(r, "integrator.max_groups=1");
+  const RenderResult plain = mustRender(*engine_, r);
+  set(r, "photometric=true");
+  const RenderResult gained = mustRender(*engine_, r);
+  expectScaled(plain, gained, 1.0 / 683.0);
+  for (const auto& [name, row] : nodesBy(gained, v1::NodeReport::RUN)) EXPECT_EQ(row.rays(), 0u) << name;
+
+  // With a light of the request's own in the cluster, or one that it gives an intensity: what each of them brings, in groups of their own.
+  for (const std::vector<const char*>& edits : std::vector<std::vector<const char*>>{
+           {"lights.mine.kind=POINT", "lights.mine.position=0,0.5,1", "lights.mine.intensity=0.01"}, {"lights.lamp.intensity=0.02"}}) {
+    v1::RenderRequest mixed = r;
+    for (const char* e : edits) set(mixed, e);
+    mixed.mutable_halt()->set_spp(256);
+    v1::RenderRequest apart = mixed;
+    set(apart, "integrator.max_groups=16");
+    const RenderResult a = mustRender(*engine_, mixed), b = mustRender(*engine_, apart);
+    double sumA = 0, sumB = 0;
+    for (const float v : a.images[0].image().data) sumA += v;
+    for (const float v : b.images[0].image().data) sumB += v;
+    EXPECT_NEAR(sumA, sumB, 0.03 * sumB) << edits[0];
+  }
+}
+
 TEST_F(Photometric, WhatTheRequestSaysIsRadiometric) {
   v1::RenderRequest r = request("10");
   set(r, "lights.lamp.intensity=3");
