@@ -44,7 +44,7 @@ struct PlanInput {
   const EffectiveScene& effective;
   const RelightGroups& groups;
   uint32_t passes = 1;  ///< of path tracing nodes (trace/sample_passes.h)
-  PixelWindow window;                   ///< of the picture; of no width: all of it
+  PixelWindow window;   ///< of the picture; of no width: all of it
   Distinctions apart;
   StopToken stop;
   /// Evaluates a node while planning, whose result decides what follows. Empty: this plan only bounds what the real one will hold, and no node
