@@ -220,7 +220,7 @@ TEST(CameraRequests, TheSmallPictureOfTheLadderHasTheCameraOfTheLargeOne) {
   ASSERT_TRUE(resolved.ok());
   const auto rung = smallRung(*resolved);
   ASSERT_TRUE(rung);
-  const RenderResult large = mustRender(*engine, r), small = mustRender(*engine, rung->request);
+  const RenderResult large = mustRender(*engine, r), small = mustRender(*engine, *rung);
   int same = 0;
   for (int y = 0; y < 75; ++y)
     for (int x = 0; x < 100; ++x) {
