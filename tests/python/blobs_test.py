@@ -95,7 +95,7 @@ class Blobs(DaemonTest):
 
     def test_the_command_line_does_the_same(self):
         path = gltf(self.folder)
-        radiance = sky(2)
+        radiance = sky(77)
         gobo.exr.write(self.path("cli.exr"), {c: radiance[:, :, i] for i, c in enumerate("RGB")})
         flags = ["--size", "32x24", "--spp", "16", "--set", "integrator.max_bounces=2", "--env", "cli.exr"]
         one = self.cli("render", "tri.gltf", "-o", "one.raw", *flags)
