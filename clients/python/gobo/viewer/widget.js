@@ -21,10 +21,15 @@ export function render({ model, el }) {
     <button id="reset" type="button">Reset</button></div><div id="lights"></div><div id="panel"></div></aside></div>`;
   const $ = (selector) => shadow.querySelector(selector);
   const canvas = $('canvas'), context = canvas.getContext('2d'), edits = {};
-  let orbit = null, start = null, latest = 0;
+  let orbit = null, start = null, latest = 0, steered = false;
 
-  const changed = () => model.send({ type: 'edit', view, edits, camera: orbit?.settings() ?? null });
+  const changed = () => model.send({ type: 'edit', view, edits, camera: steered ? orbit.settings() : null });
   const find = () => { for (const id of ['#lights', '#panel']) filterRows($(id), $('#search').value); };
+
+  function home() {  // where the scene's own camera stands
+    orbit = new Orbit(start.matrix, start.bounds);
+    steered = false;
+  }
 
   function build() {
     const panel = new Panel(start.schema, edits, changed);
@@ -41,7 +46,7 @@ export function render({ model, el }) {
     if (message.type === 'start') {
       start = message;
       Object.assign(edits, message.edits);
-      orbit = new Orbit(message.matrix, message.bounds);
+      home();
       build();
     } else if (message.type === 'picture') {
       const own = ++latest;
@@ -59,11 +64,29 @@ export function render({ model, el }) {
   $('#search').addEventListener('input', find);
   $('#reset').addEventListener('click', () => {
     for (const key of Object.keys(edits)) delete edits[key];
-    orbit?.reset();
-    if (start) build();
+    if (start) {
+      home();
+      build();
+    }
     changed();
   });
-  steer(canvas, () => orbit, changed);
+  steer(canvas, {
+    orbit: () => orbit,
+    moved() {
+      steered = true;
+      changed();
+    },
+    home() {
+      home();
+      changed();
+    },
+    turnSky(degrees) {
+      (edits.environment ??= {}).rotation_deg = (edits.environment?.rotation_deg ?? 0) + degrees;
+      build();
+      changed();
+    },
+    pick() {},
+  });
   model.on('msg:custom', heard);
   model.send({ type: 'hello', view });
   return () => model.off('msg:custom', heard);
