@@ -106,7 +106,7 @@ class Blobs(DaemonTest):
         for name in ("one.raw", "two.raw"):
             with open(self.path(name), "rb") as file:
                 self.assertEqual(file.read(), want)
-        self.cli("render", "tri.gltf", "--env", "nonesuch.exr", code=2)
+        self.cli("render", "tri.gltf", "--env", "nonesuch.exr", code=3)
 
     def test_bytes_that_break_off_go_on(self):
         data = os.urandom(3 << 20)
