@@ -41,23 +41,27 @@ class SampleSet {
   uint64_t seed(int lane) const { return seeds_[lane / each_]; }
 
  private:
-  // The same with a scramble a lane.
+  // The same with a scramble a sequence.
   [[gnu::noinline]] void drawEach1D(uint32_t dimension, float* __restrict out) const {
     alignas(64) uint32_t a[kLanes], b[kLanes];
-    for (int i = 0; i < kLanes; ++i) {
-      const uint64_t h = hash64(seed(i), dimension);
-      a[i] = uint32_t(h >> 32);
-      b[i] = uint32_t(h);
+    for (int s = 0; s < sequences_; ++s) {
+      const uint64_t h = hash64(seeds_[s], dimension);
+      for (int i = s * each_; i < (s + 1) * each_; ++i) {
+        a[i] = uint32_t(h >> 32);
+        b[i] = uint32_t(h);
+      }
     }
     for (int i = 0; i < kLanes; ++i) out[i] = unit(reverseBits(laineKarras(reverseBits(laineKarras(reversed_[i], a[i])), b[i])));
   }
   [[gnu::noinline]] void drawEach2D(uint32_t dimension, float* __restrict x, float* __restrict y) const {
     alignas(64) uint32_t a[kLanes], b[kLanes], c[kLanes];
-    for (int i = 0; i < kLanes; ++i) {
-      const uint64_t h = hash64(seed(i), dimension), g = mix64(h ^ 0x9e3779b97f4a7c15ull);
-      a[i] = uint32_t(h >> 32);
-      b[i] = uint32_t(g);
-      c[i] = uint32_t(g >> 32);
+    for (int s = 0; s < sequences_; ++s) {
+      const uint64_t h = hash64(seeds_[s], dimension), g = mix64(h ^ 0x9e3779b97f4a7c15ull);
+      for (int i = s * each_; i < (s + 1) * each_; ++i) {
+        a[i] = uint32_t(h >> 32);
+        b[i] = uint32_t(g);
+        c[i] = uint32_t(g >> 32);
+      }
     }
     for (int i = 0; i < kLanes; ++i) {
       const uint32_t shuffled = reverseBits(laineKarras(reversed_[i], a[i]));
