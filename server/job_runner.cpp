@@ -118,6 +118,16 @@ bool JobRunner::cancel(JobId id) {
   return true;
 }
 
+namespace {
+
+JobId takeFirst(std::vector<JobId>& ids) {
+  const JobId id = ids.front();
+  ids.erase(ids.begin());
+  return id;
+}
+
+}  // namespace
+
 void JobRunner::slotLoop(size_t slot) {
   std::unique_lock hold(mutex_);
   const bool beside = slot >= workers_.size();
@@ -125,8 +135,7 @@ void JobRunner::slotLoop(size_t slot) {
   for (;;) {
     (beside ? readyBeside_ : ready_).wait(hold, [&] { return closing_ || !starting.empty(); });
     if (starting.empty()) return;
-    const JobId id = starting.front();
-    starting.erase(starting.begin());
+    const JobId id = takeFirst(starting);
     const std::shared_ptr<Job> job = jobs_.at(id);
     const StopToken token = job->stop.token();
     const bool stopped = token.stopRequested();  // between the decision and now
