@@ -41,12 +41,7 @@ grpc::Status BlobsService::put(Rpc& rpc, grpc::ServerReader<v1::PutBlobRequest>&
   ServerCore::Call call(core_);
   if (!call.ok) return rpc.refuseDraining();
   const auto slot = core_.uploads.take(rpc.who().name, 1);
-  if (!slot)
-    return rpc.refuseBusy("uploads",
-                          strf("%llu uploads are in progress, %llu of them of \"%s\": at most %llu, half of it of one client (limits.uploads_at_once)",
-                               (unsigned long long)core_.uploads.used(), (unsigned long long)core_.uploads.usedBy(rpc.who().name), rpc.who().name.c_str(),
-                               (unsigned long long)core_.uploads.limit()),
-                          1000);
+  if (!slot) return rpc.refuseFull("uploads", "uploads are in progress", core_.uploads, "limits.uploads_at_once", 1000);
   std::unique_ptr<FilePut> file;
   v1::PutBlobRequest message;
   const auto next = [&] {

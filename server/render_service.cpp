@@ -76,11 +76,7 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   const std::string& session = request.scheduling().session();
   std::unique_ptr<SharedLimit::Hold> place;
   if (!session.empty() && !(place = core_.edits.take(rpc.who().name, 1)))
-    return rpc.refuseBusy("sessions",
-                          strf("%llu requests wait for their turn in a session, %llu of them of \"%s\": at most %llu, half of it for one client",
-                               (unsigned long long)core_.edits.used(), (unsigned long long)core_.edits.usedBy(rpc.who().name), rpc.who().name.c_str(),
-                               (unsigned long long)core_.edits.limit()),
-                          100);
+    return rpc.refuseFull("sessions", "requests wait for their turn in a session", core_.edits, "", 100);
   QueueNews queueNews;
   Clock::time_point lookedAt = begun;
   bool gone = false;

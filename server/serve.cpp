@@ -126,6 +126,14 @@ grpc::Status Rpc::refuse(const char* reason, const Status& status) {
   return toGrpc(status);
 }
 
+grpc::Status Rpc::refuseFull(const char* reason, const std::string& what, const SharedLimit& limit, const std::string& option, double retryMs) {
+  return refuseBusy(reason,
+                    strf("%llu %s, %llu of them of \"%s\": at most %llu, half of it for one client%s", (unsigned long long)limit.used(), what.c_str(),
+                         (unsigned long long)limit.usedBy(who_.name), who_.name.c_str(), (unsigned long long)limit.limit(),
+                         option.empty() ? "" : (" (" + option + ")").c_str()),
+                    retryMs);
+}
+
 grpc::Status Rpc::refuseBusy(const char* reason, const std::string& what, double retryMs) {
   core_.metrics.add("gobo_refused_total", {{"reason", reason}});
   retryMs_ = retryMs;

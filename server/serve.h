@@ -44,6 +44,8 @@ class Rpc {
   grpc::Status refuse(const char* reason, const Status& status);
   /// With a retry hint.
   grpc::Status refuseBusy(const char* reason, const std::string& what, double retryMs);
+  /// The same where the places of `limit`, of which one client may have half, are taken by what `what` says is at it; `option` sets it, if one does.
+  grpc::Status refuseFull(const char* reason, const std::string& what, const SharedLimit& limit, const std::string& option, double retryMs);
   grpc::Status refuseDraining();
   /// PERMISSION_DENIED unless the caller has the admin right.
   grpc::Status needAdmin(const char* what);

@@ -23,13 +23,7 @@ constexpr double kStreamPoll = 0.25;  // seconds: how soon a client that has gon
 /// A place among the streams that live as long as their client likes.
 std::unique_ptr<SharedLimit::Hold> place(const Rpc& rpc) { return rpc.core().watches.take(rpc.who().name, 1); }
 
-grpc::Status noPlace(Rpc& rpc) {
-  const SharedLimit& w = rpc.core().watches;
-  return rpc.refuseBusy("watches",
-                        strf("%llu Watch and Fetch calls run, %llu of them of \"%s\": at most %llu, half of it of one client (limits.watches)",
-                             (unsigned long long)w.used(), (unsigned long long)w.usedBy(rpc.who().name), rpc.who().name.c_str(), (unsigned long long)w.limit()),
-                        1000);
-}
+grpc::Status noPlace(Rpc& rpc) { return rpc.refuseFull("watches", "Watch and Fetch calls run", rpc.core().watches, "limits.watches", 1000); }
 
 template <typename Message>
 bool send(Rpc& rpc, grpc::ServerWriter<Message>& writer, const Message& message) {
