@@ -578,7 +578,7 @@ Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderCon
   uint32_t had = 0;
   while (true) {
     const auto begun = Clock::now();
-    Result<RenderResult> made = once(!open && spp < std::min(most, kBlockSamples) ? uncertain : resolved, spp, how);
+    Result<RenderResult> made = once(!open && spp < most ? uncertain : resolved, spp, how);
     if (!made.ok() && before && how.stop.reason() == StopReason::TimeUp) return finished(*before);  // what it was at is dropped
     GOBO_TRY(made.status());
     RenderResult& picture = *made;

@@ -188,13 +188,18 @@ TEST(Engine, CertificateLooksAtSomeThousandPixelsUnlessAskedForFewer) {
 TEST(Engine, SnapshotsAreTheRendersOfTheirSampleCounts) {
   const auto engine = makeEngine(), cold = makeEngine();
   v1::RenderRequest r = smallRequest("cornell", 24, 16, 128);
+  r.mutable_certificate();
   std::vector<RenderResult> snapshots;
   RenderControl control;
   control.snapshot = [&](const RenderResult& s) { snapshots.push_back(s); };
   const Result<RenderResult> last = engine->render(r, control);
   ASSERT_TRUE(last.ok());
   ASSERT_EQ(snapshots.size(), 3u);  // 16, 32, 64; then 128 is the reply
-  for (const RenderResult& s : snapshots) EXPECT_EQ(firstDifference(s, mustRender(*cold, s.reply.resolved())), "") << s.reply.resolved().halt().spp();
+  for (const RenderResult& s : snapshots) {
+    EXPECT_EQ(firstDifference(s, mustRender(*cold, s.reply.resolved())), "") << s.reply.resolved().halt().spp();
+    EXPECT_FALSE(s.reply.has_certificate()) << "costs more than what is only looked at";
+  }
+  EXPECT_TRUE(last->reply.has_certificate());
   EXPECT_EQ(firstDifference(*last, mustRender(*cold, r)), "");
 }
 
