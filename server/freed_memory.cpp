@@ -25,6 +25,11 @@ uint64_t leftover() {
 
 uint64_t FreedMemory::keepOf(uint64_t total) { return std::clamp<uint64_t>(total / 16, 64ull << 20, 1ull << 30); }
 
+void FreedMemory::boundMalloc() {
+  ::mallopt(M_MMAP_THRESHOLD, 8 << 20);
+  ::mallopt(M_TRIM_THRESHOLD, 16 << 20);  // the end of an arena; would be 128 KiB once the other is fixed
+}
+
 void FreedMemory::start() {
   looking_.start(kEvery, [this] { look(); });
 }

@@ -15,6 +15,9 @@ class FreedMemory {
   explicit FreedMemory(uint64_t keepBytes) : keep_(keepBytes) {}
   /// Of `total` bytes that the process may hold: a sixteenth, at least 64 MiB and at most 1 GiB.
   static uint64_t keepOf(uint64_t total);
+  /// For the whole process, once, before its threads: large blocks are the system's own and go back when they are freed. (malloc learns to keep blocks of up to
+  /// 32 MiB, at the ends of its arenas as well, where no look gets them back.)
+  static void boundMalloc();
   /// Looks each second from now on, in a thread of its own.
   void start();
   /// One look: bytes that went.

@@ -13,6 +13,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "server/freed_memory.h"
 #include "server/notify.h"
 #include "server/server.h"
 #include "server/upload.h"
@@ -75,6 +76,7 @@ int fail(const gobo::Status& status) {
 
 int main(int argc, char** argv) {
   const auto begun = std::chrono::steady_clock::now();
+  gobo::FreedMemory::boundMalloc();
   Flags flags;
   bool check = false, version = false;
   CLI::App app("gobod: the Gobo rendering daemon");

@@ -175,6 +175,7 @@ struct Engine::Impl {
     scenes.setLedger(&memory);
   }
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
+  Result<RenderResult> run(const PreparedRender& prepared, const RenderControl& control);
   Result<RenderResult> renderOnce(const ScenePtr& scene, const PreparedRender& prepared, const v1::RenderRequest& request, uint32_t spp,
                                   const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable);
   /// What `result` is worth when files under it may have broken meanwhile: they and what looks into them are dropped then.
@@ -511,19 +512,30 @@ Result<RenderResult> Engine::render(const v1::RenderRequest& request, const Rend
 }
 
 Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderControl& control) {
-  Impl& m = *impl_;
+  Result<RenderResult> result = impl_->run(prepared, control);
+  if (!result.ok() && result.status().code() == Code::Cancelled) {  // whatever it was at, loading the scene too
+    switch (control.stop.reason()) {
+      case StopReason::Preempted: return Status(Code::Aborted, "preempted");
+      case StopReason::Deadline: return Status(Code::DeadlineExceeded, "deadline passed while rendering");
+      default: break;
+    }
+  }
+  return result;
+}
+
+Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const RenderControl& control) {
   const v1::RenderRequest& request = prepared.request;
   const auto start = Clock::now();
   ScenePtr scene = control.scene;
-  if (!scene) { GOBO_ASSIGN(scene, m.scenes.find(request.scene(), control.stop, control.access)); }
+  if (!scene) { GOBO_ASSIGN(scene, scenes.find(request.scene(), control.stop, control.access)); }
   // Before: what it will pin is in the ledger already, where somebody counts it. After: what it left behind.
   struct Settle {
     MemoryLedger& memory;
     explicit Settle(MemoryLedger& ledger) : memory(ledger) { memory.settle(); }
     ~Settle() { memory.settle(); }
-  } settle(m.memory);
+  } settle(memory);
   v1::RenderRequest resolved = prepared.resolved;
-  if (resolved.scene_hash() != scene->hash().hex()) { GOBO_ASSIGN(resolved, m.resolve(request, scene)); }  // not resolved yet, or for what it was then
+  if (resolved.scene_hash() != scene->hash().hex()) { GOBO_ASSIGN(resolved, resolve(request, scene)); }  // not resolved yet, or for what it was then
   const v1::Halt& halt = resolved.halt();
   const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;
   const bool open = halt.has_time_s() || halt.has_error();  // the sample count is not known beforehand
@@ -532,27 +544,20 @@ Result<RenderResult> Engine::run(const PreparedRender& prepared, const RenderCon
   bool extendable = false;
   const auto once = [&](const v1::RenderRequest& asked, uint32_t samples, const RenderControl& how) -> Result<RenderResult> {
     MappedGuard guard(*scene, request.scene());
-    GOBO_TRY(m.checked(guard, {}));  // of no use to begin with
-    Result<RenderResult> result = m.renderOnce(scene, prepared, asked, samples, how, start, guard, extendable);
-    if (const Status status = m.checked(guard, result.ok() ? Status() : result.status()); !status.ok()) result = status;
-    if (!result.ok() && result.status().code() == Code::Cancelled) {
-      switch (control.stop.reason()) {
-        case StopReason::Preempted: return Status(Code::Aborted, "preempted");
-        case StopReason::Deadline: return Status(Code::DeadlineExceeded, "deadline passed while rendering");
-        default: break;
-      }
-    }
+    GOBO_TRY(checked(guard, {}));  // of no use to begin with
+    Result<RenderResult> result = renderOnce(scene, prepared, asked, samples, how, start, guard, extendable);
+    if (const Status status = checked(guard, result.ok() ? Status() : result.status()); !status.ok()) result = status;
     if (result.ok() && leavesExposure(request, resolved)) setExposure(*result);
     return result;
   };
   const auto show = [&](RenderResult& result) {
-    result.reply.set_render_id(m.remembered.add(result.reply.resolved(), control.owner));
+    result.reply.set_render_id(remembered.add(result.reply.resolved(), control.owner));
     control.snapshot(result);
   };
   const auto finished = [&](RenderResult& picture) -> Result<RenderResult> {
-    ++m.renders;
+    ++renders;
     picture.reply.set_total_ms(msSince(start));
-    picture.reply.set_render_id(m.remembered.add(picture.reply.resolved(), control.owner));
+    picture.reply.set_render_id(remembered.add(picture.reply.resolved(), control.owner));
     return std::move(picture);
   };
 

@@ -325,13 +325,19 @@ TEST(Engine, PreemptedWorkGoesOnWhereItStopped) {
   EXPECT_EQ(firstDifference(*result, mustRender(*cold, r)), "");
 }
 
-TEST(Engine, CancelledWorkSaysSo) {
-  const auto engine = makeEngine();
-  StopSource source;
-  source.stop(StopReason::Cancelled);
-  RenderControl control;
-  control.stop = source.token();
-  EXPECT_EQ(engine->render(smallRequest("cornell"), control).status().code(), Code::Cancelled);
+// Before the scene is there too: a render that gives way while it loads must not be taken for one that somebody cancelled.
+TEST(Engine, WorkThatIsStoppedSaysWhyWhereverItIs) {
+  for (const bool loaded : {false, true})
+    for (const auto& [reason, code] : {std::pair(StopReason::Cancelled, Code::Cancelled), std::pair(StopReason::Preempted, Code::Aborted),
+                                       std::pair(StopReason::Deadline, Code::DeadlineExceeded)}) {
+      const auto engine = makeEngine();
+      if (loaded) { ASSERT_TRUE(engine->openScene("cornell", "cornell").ok()); }
+      StopSource source;
+      source.stop(reason);
+      RenderControl control;
+      control.stop = source.token();
+      EXPECT_EQ(engine->render(smallRequest("cornell"), control).status().code(), code) << loaded << " " << int(reason);
+    }
 }
 
 TEST(Engine, PrunedNodesAreListedWithTheirReason) {
