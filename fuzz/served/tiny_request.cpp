@@ -18,7 +18,8 @@ constexpr uint32_t kMost = 64;            // of whatever is counted
 constexpr uint32_t kPixelSamples = 2048;  // samples of the whole picture
 /// Counts of which 64 would cost too much, or too little to be worth it.
 const std::map<std::string, uint32_t> kMostOf{{"width", 16},       {"height", 16},           {"view_samples", 4},   {"resolution", 32}, {"samples", 16},
-                                              {"max_samples", 32}, {"caustic_photons", 256}, {"extract_lights", 4}, {"area_lights", 4}};
+                                              {"max_samples", 32}, {"caustic_photons", 256}, {"extract_lights", 4}, {"area_lights", 4}, {"points", 300},
+                                              {"lights", 4}};
 
 void tame(v1::ShadowTechnique& shadow) {
   shadow.mutable_map();  // its default size is too large
@@ -92,7 +93,7 @@ void bound(Message& m) {
     if (f.cpp_type() != FieldDescriptor::CPPTYPE_UINT32 || f.is_repeated() || f.name() == "seed") continue;
     const v1::Number range = f.options().GetExtension(v1::number);
     const auto known = kMostOf.find(f.name());
-    const uint32_t most = known == kMostOf.end() ? kMost : known->second;
+    const uint32_t most = std::max(known == kMostOf.end() ? kMost : known->second, uint32_t(range.min()));
     const double value = r.HasField(m, &f) ? r.GetUInt32(m, &f) : range.default_();
     if (value > most && value <= range.max()) r.SetUInt32(&m, &f, most);
   }

@@ -8,12 +8,13 @@
 #include "techniques/direct_visibility/technique.h"
 #include "techniques/environment_lights/technique.h"
 #include "techniques/path_traced/technique.h"
+#include "techniques/transfer/technique.h"
 
 namespace gobo {
 
 std::span<const Technique* const> techniques() {
   static const std::array all{
-      &pathTraced(), &directVisibility(), &environmentLights(), &clusterDifferences(), &causticPhotons(), &background(),
+      &pathTraced(), &directVisibility(), &environmentLights(), &clusterDifferences(), &causticPhotons(), &background(), &environmentTransfer(),
   };
   return all;
 }

@@ -141,7 +141,7 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
   v1::RenderRequest table = withLamp(width, height, LightKind::Spot);
   for (const char* a : {"shadows.variance.bleeding_reduction=0.1", "shadows.map.resolution=32", "shadows.map.lookup=SUMMED_AREA"}) set(table, a);
   all.emplace_back("summed area", table);
-  for (const char* as : {"environment.area_lights=6", "environment.extract_lights=6"}) {
+  for (const char* as : {"environment.area_lights=6", "environment.extract_lights=6", "environment.transfer.points=300"}) {
     v1::RenderRequest r = smallRequest("cornell", width, height, 1);
     set(r, "environment.sky.turbidity=3");
     set(r, as);

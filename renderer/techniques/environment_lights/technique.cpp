@@ -6,9 +6,7 @@
 #include <cmath>
 
 #include "filters/ambient_light.h"
-#include "filters/composite.h"
-#include "filters/shadow_technique.h"
-#include "techniques/direct_visibility/visibility.h"
+#include "techniques/environment_lights/light_folds.h"
 #include "techniques/path_traced/trace_paths.h"
 #include "terms/area_light_list.h"
 #include "terms/extract_lights.h"
@@ -16,8 +14,6 @@
 namespace gobo {
 
 namespace {
-
-constexpr uint64_t kKeptBytes = uint64_t(256) << 20;  // terms of lights in the map's place, beyond which they are made again
 
 struct FoundLights {
   std::vector<Light> lights;
@@ -107,7 +103,7 @@ class EnvironmentLights final : public Technique {
     GOBO_TRY(extended->seal());
     const Vec3 nominal = c.groups().nominal[size_t(map)];  // scale of the map that gains refer to
     c.prune("direct:environment map", "replaced by " + std::to_string(found.lights.size()) + " " + kindOf(c), true);
-    if (!found.lights.empty()) GOBO_TRY(planFolds(c, extended, first, found, nominal, group));
+    if (!found.lights.empty()) GOBO_TRY(foldLights(c, extended, first, nominal, group, squares(c) ? 4 : 1, c.lobes()));
     if (found.ambient != std::array<Vec3, 9>{}) {
       AmbientLightSettings s{found.ambient, c.scene()->environment->rotation, c.view().width, c.view().height, c.view().viewSamples};
       for (Vec3& coefficient : s.radiance) coefficient *= nominal;
@@ -117,32 +113,6 @@ class EnvironmentLights final : public Technique {
     }
     if (c.kinds().translucent) return tracePaths(c, name(), {map}, PathSet::Behind, "through:environment");
     return c.cover().bring(map, PathSet::Behind, name());
-  }
-
- private:
-  static Status planFolds(PlanContext& c, const ScenePtr& extended, int first, const FoundLights& found, const Vec3& nominal, int group) {
-    const int count = int(found.lights.size());
-    v1::ShadowTechnique t = shadowTechniqueOf(c, first, extended, "environment");
-    if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(squares(c) ? 4 : 1);
-    c.surface();  // made (and kept) before any node that is marked transient below
-    const uint64_t kept = uint64_t(count) * c.view().width * c.view().height * c.view().viewSamples * 16;
-    const bool keep = kept <= kKeptBytes;
-    if (c.bounding()) c.reserve(std::min(kept, kKeptBytes));  // fewer lights than asked for may be kept where all of them would not
-    for (const LobePart lobe : c.lobes()) {
-      std::vector<NodeId> pairs;
-      for (int i = 0; i < count; ++i) {
-        if (c.stop().stopRequested()) return Status(Code::Cancelled, "stopped");
-        const int before = c.graph().size();
-        const size_t k = size_t(i);
-        pairs.push_back(planUnoccluded(c, first + i, extended, found.lights[k].power * nominal, !keep, lobe));
-        GOBO_ASSIGN(const NodeId v, planVisibility(c, first + i, extended, t));
-        if (!keep) c.graph().markTransient(before, v);
-        pairs.push_back(v);
-      }
-      const NodePtr fold = makeDirectFoldNode(c.view().width, c.view().height, c.view().viewSamples, count);
-      c.add({c.filter(fold, std::move(pairs), withLobe("direct:environment", lobe)), "rgb", c.groupGain(group), front(lobe), group});
-    }
-    return {};
   }
 };
 

@@ -10,9 +10,9 @@
 namespace gobo::testing::background_test {
 namespace {
 
-const std::vector<std::string> kWays{
-    "shadows.ray_traced.samples=4", "shadows.axis_aligned.k=2",        "environment.extract_lights=4", "environment.area_lights=4",
-    "integrator.max_groups=1",      "integrator.at_view_samples=true", "integrator.indirect=false",    "seed=0"};
+const std::vector<std::string> kWays{"shadows.ray_traced.samples=4",    "shadows.axis_aligned.k=2",        "environment.extract_lights=4",
+                                     "environment.area_lights=4",       "environment.transfer.points=300", "integrator.max_groups=1",
+                                     "integrator.at_view_samples=true", "integrator.indirect=false",       "seed=0"};
 
 v1::RenderRequest request(const std::string& way, std::initializer_list<std::string> edits = {}, const char* scene = "spheres") {
   v1::RenderRequest r = smallRequest(scene, 32, 24, 16);

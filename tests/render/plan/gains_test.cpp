@@ -23,7 +23,7 @@ void expectScaled(const RenderResult& one, const RenderResult& scaled, const Vec
 
 TEST(Gains, OfTheEnvironmentActOnEachChannel) {
   for (const char* kind : {"environment.constant=0.5,0.6,0.7", "environment.sky.turbidity=3"})
-    for (const char* as : {"seed=0", "environment.area_lights=3", "environment.extract_lights=3"}) {
+    for (const char* as : {"seed=0", "environment.area_lights=3", "environment.extract_lights=3", "environment.transfer.points=300"}) {
       const auto engine = makeEngine();
       v1::RenderRequest r = smallRequest("cornell", 16, 12, 16);
       for (const char* a : {kind, as, "lights.light.enabled=false"}) set(r, a);
@@ -65,7 +65,7 @@ double meanDifference(const RenderResult& a, const RenderResult& b) {
 
 // A sky whose sun stands elsewhere is the sky turned, but for its texels. One light: most of the sky is the ambient remainder.
 TEST(EnvironmentTurn, LightsAndRemainderTurnTogether) {
-  for (const char* as : {"environment.area_lights=1", "environment.area_lights=4", "environment.extract_lights=16"}) {
+  for (const char* as : {"environment.area_lights=1", "environment.area_lights=4", "environment.extract_lights=16", "environment.transfer.points=3000"}) {
     v1::RenderRequest r = smallRequest("fence", 32, 24, 1);
     r.add_outputs("direct");
     for (const char* a : {as, "shadows.ray_traced.samples=16", "integrator.indirect=false", "lights.sun.enabled=false", "lights.key.enabled=false",

@@ -150,6 +150,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"environment.rotation_deg", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.extract_lights", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.area_lights", "Rerun.EnvironmentAsAreaLights"},
+      {"environment.transfer", "Rerun.EnvironmentByTransfer"},
       {"environment.digest", "Blobs.AnEnvironmentByDigestIsTheFileOnDisk: what the same file runs by its path"},
       {"integrator.max_groups", "Rerun.ClustersAndDifferences"},
       {"encoding", "not in the hash"},
@@ -390,6 +391,38 @@ TEST(Rerun, EnvironmentAsAreaLights) {
   for (const char* node : {"gbuffer", "surface"}) EXPECT_FALSE(turned.count(node)) << node;
   set(r, "environment.area_lights=4");
   EXPECT_TRUE(ran(mustRender(*engine, r)).count("area_lights"));
+}
+
+TEST(Rerun, EnvironmentByTransfer) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 16, 12, 4);
+  set(r, "environment.sky.turbidity=3");
+  for (const char* e : {"environment.transfer.points=400", "environment.transfer.bands=3", "environment.transfer.samples=128", "environment.transfer.bounces=1",
+                        "environment.transfer.lights=4", "environment.transfer.light_share=0.05", "lights.light.shadow.path_traced="})
+    set(r, e);
+  const std::string light = "beauty environment:bounced environment:direct environment:split transfer:light ";
+  const Labels first = ran(mustRender(*engine, r));
+  for (const char* node : {"transfer points", "transfer:direct", "transfer:albedo", "transfer:bounce 1", "environment:split", "transfer:light",
+                           "transfer:places", "environment:direct", "environment:bounced"})
+    EXPECT_TRUE(first.count(node)) << node;
+  const auto edited = [&](const char* edit) {
+    set(r, edit);
+    std::string out;
+    for (const std::string& label : ran(mustRender(*engine, r)))
+      if (label.find(":environment") == std::string::npos && label.find("emission") != 0 && label.find("direct") != 0 && label.find("indirect") != 0)
+        out += label + " ";  // but for the sun's own and what is path traced
+    return out;
+  };
+  EXPECT_EQ(edited("environment.gain=2,2,2"), "beauty ");
+  EXPECT_EQ(edited("environment.rotation_deg=40"), light);
+  EXPECT_EQ(edited("environment.transfer.bounces=2"), "beauty environment:bounced environment:direct transfer:bounce 2 transfer:light ");
+  EXPECT_EQ(edited("environment.transfer.samples=192"),
+            "beauty environment:bounced environment:direct transfer:bounce 1 transfer:bounce 2 transfer:direct transfer:light ");
+  EXPECT_EQ(edited("environment.transfer.light_share=0.04"), "environment:split ");  // the same lights: all behind it stays
+  EXPECT_EQ(edited("environment.transfer.lights=0").find("transfer:direct"), std::string::npos);
+  EXPECT_NE(edited("environment.transfer.bands=4").find("transfer:direct"), std::string::npos);
+  EXPECT_NE(edited("environment.transfer.points=300").find("transfer points"), std::string::npos);
+  EXPECT_EQ(edited("seed=3").find("environment:split"), std::string::npos);
 }
 
 // A new environment takes another place in the light list; what other lights made stays.

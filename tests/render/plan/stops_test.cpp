@@ -32,7 +32,7 @@ std::vector<Case> cases() {
     if (technique.has_auto_()) technique.mutable_auto_()->set_error(0.05);
     out.push_back({t.name, r});
   }
-  for (const char* kind : {"environment.area_lights=6", "environment.extract_lights=6", "seed=1"}) {
+  for (const char* kind : {"environment.area_lights=6", "environment.extract_lights=6", "environment.transfer.points=300", "seed=1"}) {
     v1::RenderRequest r = smallRequest("cornell", 24, 16, 2);
     set(r, "environment.sky.turbidity=3");
     set(r, kind);

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "techniques/transfer/technique.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "technique/plan_context.h"
+#include "techniques/environment_lights/light_folds.h"
+#include "techniques/transfer/nodes.h"
+#include "techniques/transfer/receiver_mesh.h"
+#include "trace/surface.h"
+
+namespace gobo {
+
+namespace {
+
+int mapOf(const Scene& scene) {
+  for (size_t l = 0; l < scene.lights.size(); ++l)
+    if (scene.lights[l].shape.kind == LightKind::Environment) return int(l);
+  return -1;
+}
+
+/// No surface has a specular lobe.
+bool allDiffuse(const Scene& scene) {
+  return std::all_of(scene.instances.begin(), scene.instances.end(), [&](const Instance& in) {
+    const Material& m = scene.materials[size_t(scene.meshes[size_t(in.mesh)]->material)];
+    const SurfaceMaterial flat = makeSurfaceMaterial(m.albedo, m.bsdf, scene.textures);
+    return flat.unlit || flat.lambert;
+  });
+}
+
+class EnvironmentTransfer final : public Technique {
+ public:
+  const char* name() const override { return "environment_transfer"; }
+
+  Status claim(PlanContext& c) const override {
+    const v1::EnvironmentSettings& sky = c.request().environment();
+    if (!sky.has_transfer()) return {};
+    const int map = mapOf(*c.scene());
+    if (map < 0 || !c.scene()->environment) return {};
+    for (const auto& [field, value] : {std::pair("area_lights", sky.area_lights()), std::pair("extract_lights", sky.extract_lights())})
+      if (value > 0)
+        return invalidArgument(std::string("request.environment.transfer: ") + field + " " + std::to_string(value) + " stands for the map too: ask for one",
+                               "request.environment.transfer");
+    const PathSet diffuse = PathSet::FrontDiffuse | PathSet::IndirectDiffuse, specular = PathSet::FrontSpecular | PathSet::IndirectSpecular;
+    const PathSet none =
+        (allDiffuse(*c.scene()) ? specular : PathSet::None) | (c.kinds().translucent ? PathSet::None : PathSet::Behind);  // there is none of it
+    return c.cover().claim(map, c.cover().wanted() & (diffuse | none), name());
+  }
+
+  Status plan(PlanContext& c) const override {
+    const int map = mapOf(*c.scene());
+    if (map < 0) return {};
+    const PathSet claimed = c.cover().claimedBy(map, name());
+    if (claimed == PathSet::None) return {};
+    GOBO_TRY(c.cover().bring(map, claimed, name()));
+    const v1::EnvironmentSettings::Transfer& asked = c.request().environment().transfer();
+    const std::vector<int> noLights;
+    transfer::TransferSettings s;
+    s.points = asked.points();
+    s.bands = int(asked.bands());
+    s.seed = c.request().seed();
+    s.size = uint32_t(transfer::ReceiverMesh(SceneView(*c.scene(), transfer::ReceiverMesh::kFacets, noLights), s.points).size());
+    if (s.size == 0) return {};  // nothing receives
+    if (s.size > 4 * s.points && s.size > 100000)
+      c.warn("environment.transfer.points = " + std::to_string(s.points) + ": there are " + std::to_string(s.size) +
+             ", since every vertex of a smooth mesh is one; the first render takes long");
+
+    const auto source = [&](NodePtr node, std::vector<NodeId> inputs, const std::string& label) {
+      return c.source(std::move(node), std::move(inputs), {}, label, c.scene());
+    };
+    const NodeId points = source(transfer::makeTransferPointsNode(s), {}, "transfer points");
+    NodeId direct = -1;
+    const uint32_t blocks = (asked.samples() + transfer::kDirections - 1) / transfer::kDirections;
+    for (uint32_t b = 0; b < blocks; ++b)
+      direct = source(transfer::makeDirectTransferNode(s, b), b == 0 ? std::vector{points} : std::vector{points, direct}, "transfer:direct");
+    const bool bounces = overlaps(claimed, PathSet::Indirect) && asked.bounces() > 0;
+    NodeId bounced = -1;
+    if (bounces) {
+      const NodeId albedo = source(transfer::makePointAlbedoNode(s), {points}, "transfer:albedo");
+      const uint32_t count = std::min(asked.bounces(), c.request().integrator().max_bounces());
+      const uint32_t directions =
+          std::max(transfer::kDirections, (asked.samples() / 4 + transfer::kDirections - 1) / transfer::kDirections * transfer::kDirections);
+      for (uint32_t b = 0; b < count; ++b)
+        bounced = source(transfer::makeBouncedTransferNode(s, b, directions), {points, albedo, b == 0 ? direct : bounced},
+                         "transfer:bounce " + std::to_string(b + 1));
+    } else if (overlaps(claimed, PathSet::Indirect)) c.prune("transfer:bounces", "environment.transfer.bounces is 0", true);
+
+    const NodeId sky = source(transfer::makeEnvironmentSplitNode(s.bands, int(asked.lights()), asked.light_share()), {}, "environment:split");
+    const int group = c.groups().groupOf[size_t(map)];
+    std::vector<NodeId> inputs{sky, direct};
+    if (bounces) inputs.push_back(bounced);
+    const NodeId light =
+        c.filter(transfer::makeTransferredLightNode(s, c.scene()->environment->rotation, c.groups().nominal[size_t(map)], bounces), inputs, "transfer:light");
+    const NodeId places = source(transfer::makeTransferPlacesNode(s, c.view()), {c.gbuffer(), points}, "transfer:places");
+    const auto bring = [&](const char* part, PathSet paths) {
+      GraphNode n{transfer::makeTransferredSurfaceNode(s, c.view(), part), {c.gbuffer(), c.surface(), places, light}, {}, std::string("environment:") + part};
+      n.approximate =
+          "the map in " + std::to_string(s.bands) + " bands of spherical harmonics, its light interpolated between " + std::to_string(s.size) + " points";
+      c.add({c.graph().add(std::move(n)), "rgb", c.groupGain(group), paths, group});
+    };
+    bring("direct", PathSet::FrontDiffuse);
+    if (bounces) bring("bounced", PathSet::IndirectDiffuse);
+    return planLights(c, sky, map, int(asked.lights()));
+  }
+
+ private:
+  /// The peaks of the map, with their own shadows.
+  static Status planLights(PlanContext& c, NodeId sky, int map, int most) {
+    if (most == 0) return {};
+    GOBO_ASSIGN(const TermPtr split, c.expand(sky));
+    auto extended = std::make_shared<Scene>(*c.scene());
+    const int first = int(extended->lights.size()), count = split ? int(split->plane<uint32_t>("count")[0]) : most;
+    const float r = c.scene()->environment->rotation, cosR = std::cos(r), sinR = std::sin(r);
+    for (int i = 0; i < count; ++i) {
+      Light light;
+      light.name = "environment/" + std::to_string(i);
+      light.shape.kind = LightKind::Directional;
+      light.shape.axis = Vec3(0.6f * std::cos(float(i)), -0.8f, 0.6f * std::sin(float(i)));  // any, for a bound; apart: equal nodes are one
+      light.shape.angularSize = 0.1f;
+      if (split) {
+        const float* d = split->floats("direction").data() + 3 * i;
+        const float* e = split->floats("irradiance").data() + 3 * i;
+        light.shape.axis = -glm::normalize(Vec3(d[0] * cosR + d[2] * sinR, d[1], d[2] * cosR - d[0] * sinR));
+        light.shape.angularSize = 2.0f * split->floats("radius")[size_t(i)];
+        light.power = Vec3(e[0], e[1], e[2]);
+      }
+      extended->lights.push_back(light);
+    }
+    if (count == 0) return {};
+    GOBO_TRY(extended->seal());
+    const int group = c.groups().groupOf[size_t(map)];
+    return foldLights(c, extended, first, c.groups().nominal[size_t(map)], group, 4, {LobePart::Diffuse});
+  }
+};
+
+}  // namespace
+
+const Technique& environmentTransfer() {
+  static const EnvironmentTransfer technique;
+  return technique;
+}
+
+}  // namespace gobo

@@ -1,0 +1,320 @@
+// SPDX-License-Identifier: Apache-2.0
+// Precomputed transfer against closed forms, and whole pictures of it against path tracing.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "plan/engine.h"
+#include "support/engines.h"
+#include "support/tiny_scenes.h"
+#include "techniques/transfer/harmonics.h"
+#include "techniques/transfer/nodes.h"
+#include "techniques/transfer/receiver_mesh.h"
+#include "terms/surface_reader.h"
+
+namespace gobo::transfer::transfer_test {
+namespace {
+
+using tests::SceneMaker;
+
+/// Nodes of a scene, run by hand.
+struct Stage {
+  ScenePtr scene;
+  TransferSettings s;
+  TaskArena arena{2};
+  AccelCache accels;
+  std::vector<int> none;
+  TermPtr points, direct;
+
+  Stage(ScenePtr made, uint32_t wanted, int bands = 5) : scene(std::move(made)) {
+    s.points = wanted;
+    s.bands = bands;
+    s.size = uint32_t(ReceiverMesh(SceneView(*scene, ReceiverMesh::kFacets, none), wanted).size());
+    points = run(makeTransferPointsNode(s), {});
+  }
+  TermPtr run(const NodePtr& node, std::vector<TermPtr> inputs) {
+    RunCounters counters;
+    RunContext ctx;
+    ctx.arena = &arena;
+    ctx.accels = &accels;
+    ctx.counters = &counters;
+    ctx.inputs = std::move(inputs);
+    const SceneView view(*scene, node->traits().facets, none);
+    ctx.scene = &view;
+    std::vector<TermShape> shapes;
+    for (const TermPtr& t : ctx.inputs) shapes.push_back(shapeOf(*t));
+    const auto shape = node->infer(shapes);
+    EXPECT_TRUE(shape.ok()) << shape.status().toString();
+    auto result = runNode(*node, *shape, ctx);
+    EXPECT_TRUE(result.ok()) << result.status().toString();
+    return *result;
+  }
+  void trace(uint32_t blocks) {
+    for (uint32_t b = 0; b < blocks; ++b) direct = run(makeDirectTransferNode(s, b), b == 0 ? std::vector{points} : std::vector{points, direct});
+  }
+  double at(size_t point, int harmonic) const { return direct->floats("transfer")[point * size_t(s.harmonics()) + size_t(harmonic)]; }
+  DVec3 vector(const char* plane, size_t i) const {
+    const auto v = points->floats(plane);
+    return {v[3 * i], v[3 * i + 1], v[3 * i + 2]};
+  }
+};
+
+TEST(TransferPoints, PlacesAreWhereTheirPointsAre) {
+  SceneMaker m;
+  m.instance(m.mesh(tests::sphere(Vec3(0.2f, 0, 0), 1.0f, 12, true), m.material(Vec3(0.5f))), tests::scaling(Vec3(1, 2, -1)));
+  m.instance(m.mesh(tests::ground(3.0f), m.material(Vec3(0.5f), [](Material& x) { x.coverage.doubleSided = false; })));
+  const ScenePtr scene = m.finish();
+  for (const uint32_t wanted : {100u, 3000u}) {
+    const std::vector<int> none;
+    const SceneView view(*scene, ReceiverMesh::kFacets, none);
+    const ReceiverMesh mesh(view, wanted);
+    EXPECT_LT(mesh.size(), std::max(wanted, 1400u));
+    const ReceiverMesh::Points points = mesh.points();
+    for (uint32_t instance = 0; instance < 2; ++instance) {
+      const Mesh& of = *scene->meshes[size_t(scene->instances[instance].mesh)];
+      for (uint32_t t = 0; t < of.triangles(); ++t)
+        for (uint32_t k = 0; k < 40; ++k) {
+          const Vec2 q = SobolSampler(t, k).next2D();
+          const float r = std::sqrt(q.x), u = k == 0 ? 0.0f : k == 1 ? 1.0f : r * (1 - q.y), v = k == 0 ? 1.0f : k == 1 ? 0.0f : r * q.y;
+          for (const bool front : {true, false}) {
+            Between at;
+            ASSERT_EQ(mesh.locate(instance, t, u, v, front, at), front || instance == 0);
+            if (!front && instance == 1) continue;
+            Vec3 place(0.0f), mean(0.0f);
+            float sum = 0, cell = 0;
+            const Mat4& world = scene->instances[instance].toWorld;
+            const float w[3] = {1 - u - v, u, v};
+            for (size_t c = 0; c < 3; ++c) {
+              place += w[c] * Vec3(world * Vec4(of.positions[of.indices[3 * t + c]], 1));
+              ASSERT_LT(at.point[c], mesh.size());
+              EXPECT_GE(at.weight[c], -1e-6f);
+              mean += at.weight[c] * points.position[at.point[c]];
+              sum += at.weight[c];
+              cell = std::max(cell, points.cell[at.point[c]]);
+              EXPECT_EQ(points.instance[at.point[c]], instance);
+            }
+            EXPECT_NEAR(sum, 1.0f, 1e-5f);
+            EXPECT_LT(glm::length(mean - place), 0.1f * cell);
+            const Vec3 out = instance == 1 ? Vec3(0, 1, 0) : Vec3((place.x - 0.2f), place.y / 4, place.z);  // of the ellipsoid
+            EXPECT_EQ(glm::dot(points.normal[at.point[0]], out) > 0, front);
+          }
+        }
+    }
+  }
+}
+
+TEST(DirectTransfer, OfAnOpenPlaneIsTheCosinesOwn) {
+  SceneMaker m;
+  m.instance(m.mesh(tests::ground(2.0f), m.material(Vec3(0.5f))), tests::translate(Vec3(0, 1, 0)));
+  Stage stage(m.finish(), 200, 7);
+  stage.trace(64);
+  std::vector<double> Y(49);
+  double worst = 0;
+  for (size_t i = 0; i < stage.s.size; i += 7) {
+    harmonics(stage.vector("normal", i), 7, Y.data());
+    for (int l = 0; l < 7; ++l)
+      for (int k = l * l; k < (l + 1) * (l + 1); ++k) worst = std::max(worst, std::fabs(stage.at(i, k) - cosineCoefficient(l) * Y[size_t(k)]));
+  }
+  EXPECT_LT(worst, 4e-3);  // 4096 directions
+}
+
+TEST(DirectTransfer, AtTheFootOfAWallIsHalf) {
+  SceneMaker m;
+  const int white = m.material(Vec3(0.5f), [](Material& x) { x.coverage.doubleSided = false; });
+  m.instance(m.mesh(tests::ground(1.0f), white));
+  m.instance(m.mesh(tests::quad(Vec3(-10, -1, -1), Vec3(20, 0, 0), Vec3(0, 10, 0)), white));
+  Stage stage(m.finish(), 4000);
+  stage.trace(16);
+  int found = 0;
+  for (size_t i = 0; i < stage.s.size; ++i) {
+    const DVec3 p = stage.vector("position", i), n = stage.vector("normal", i);
+    if (n.y < 0.5 || p.z > -0.9 || std::fabs(p.x) > 0.5) continue;
+    EXPECT_NEAR(stage.at(i, 0) * std::sqrt(4 * std::numbers::pi), std::numbers::pi / 2, 0.08) << p.z;  // half of the open plane's pi
+    ++found;
+  }
+  EXPECT_GT(found, 0);
+}
+
+// A spherical cavity: the form factor between any two places of it is the same. With an opening of area fraction a under radiance 1 direct irradiance is
+// pi a everywhere, and each bounce multiplies by q = rho (1 - a).
+TEST(BouncedTransfer, InASphereIsAGeometricSeries) {
+  const int n = 48;
+  Mesh open = tests::sphere(Vec3(0.0f), 1.0f, n, true);
+  for (Vec3& normal : open.normals) normal = -normal;
+  std::vector<uint32_t> kept;
+  double area = 0, removed = 0;
+  for (size_t t = 0; t < open.triangles(); ++t) {
+    const Vec3 a = open.positions[open.indices[3 * t]], b = open.positions[open.indices[3 * t + 1]], c = open.positions[open.indices[3 * t + 2]];
+    const double own = 0.5 * double(glm::length(glm::cross(b - a, c - a)));
+    area += own;
+    if ((a.y + b.y + c.y) / 3 > 0.7f) {
+      removed += own;
+      continue;
+    }
+    for (const size_t k : {0u, 2u, 1u}) kept.push_back(open.indices[3 * t + k]);  // inwards
+  }
+  open.indices = Array<uint32_t>(kept);
+  const double a = removed / area, rho = 0.6, q = rho * (1 - a);
+  SceneMaker m;
+  m.instance(m.mesh(std::move(open), m.material(Vec3(float(rho), 0.3f, 0.0f), [](Material& x) { x.coverage.doubleSided = false; })));
+  Stage stage(m.finish(), 100);
+  stage.trace(4);
+  const TermPtr albedo = stage.run(makePointAlbedoNode(stage.s), {stage.points});
+  TermPtr before = stage.direct;
+  const double one = std::sqrt(4 * std::numbers::pi);
+  double expected = 0;
+  for (uint32_t b = 0; b < 4; ++b) {
+    before = stage.run(makeBouncedTransferNode(stage.s, b, 256), {stage.points, albedo, before});
+    expected += std::numbers::pi * a * std::pow(q, b + 1);
+    double mean[3] = {}, rest = 0;
+    const size_t harmonicCount = size_t(stage.s.harmonics());
+    for (size_t i = 0; i < stage.s.size; ++i)
+      for (size_t c = 0; c < 3; ++c) mean[c] += double(before->floats("sum")[(3 * i + c) * harmonicCount]) * one / stage.s.size;
+    rest = mean[2];
+    EXPECT_NEAR(mean[0] / expected, 1.0, 0.012) << b;
+    EXPECT_EQ(rest, 0.0);
+    EXPECT_NEAR(mean[1] / (std::numbers::pi * a *
+                           [&] {
+                             double sum = 0;
+                             for (uint32_t k = 0; k <= b; ++k) sum += std::pow(0.3 * (1 - a), k + 1);
+                             return sum;
+                           }()),
+                1.0, 0.015);
+  }
+}
+
+/// What a place sees of an open sky through no gap at all.
+TEST(DirectTransfer, AClosedRoomIsDark) {
+  SceneMaker m;
+  for (const bool both : {false, true}) {
+    SceneMaker one;
+    one.instance(one.mesh(tests::box(Vec3(-1), Vec3(1, 2, 3), true), one.material(Vec3(0.5f), [&](Material& x) { x.coverage.doubleSided = both; })));
+    Stage stage(one.finish(), 3000);
+    stage.trace(4);
+    double inside = 0;
+    for (size_t i = 0; i < stage.s.size; ++i) {
+      const DVec3 p = stage.vector("position", i), n = stage.vector("normal", i);
+      if (glm::dot(n, DVec3(0, 0.5, 1) - p) < 0) continue;  // the outer side
+      for (int k = 0; k < stage.s.harmonics(); ++k) inside = std::max(inside, std::fabs(stage.at(i, k)));
+    }
+    EXPECT_EQ(inside, 0.0);
+  }
+}
+
+TEST(DirectTransfer, BlocksGoOnToTheSameMean) {
+  SceneMaker m;
+  m.instance(m.mesh(tests::box(Vec3(-1), Vec3(1)), m.material(Vec3(0.5f))));
+  m.instance(m.mesh(tests::ground(3, -1), m.material(Vec3(0.5f))));
+  Stage stage(m.finish(), 400);
+  stage.trace(8);
+  // Halves agree, and the error of their difference falls as it should: 512 against 4096 directions
+  const TermPtr few = stage.direct;
+  stage.trace(64);
+  double difference = 0, size = 0;
+  for (size_t i = 0; i < few->floats("transfer").size(); ++i) {
+    difference += std::pow(double(few->floats("transfer")[i]) - double(stage.direct->floats("transfer")[i]), 2);
+    size += std::pow(double(stage.direct->floats("transfer")[i]), 2);
+  }
+  EXPECT_LT(std::sqrt(difference / size), 0.02);
+}
+
+// Pictures
+
+/// Boxes on a floor, under an environment of low order.
+ScenePtr yard(float albedo, EnvironmentPtr map, bool glossy = false) {
+  SceneMaker m;
+  const int grey = m.material(Vec3(albedo)), red = m.material(Vec3(albedo, 0.3f * albedo, 0.2f * albedo), [&](Material&x) {
+    if (glossy) x.bsdf.specular = 1.0f, x.bsdf.roughness = 0.5f;
+  });
+  m.instance(m.mesh(tests::ground(4.0f), grey));
+  m.instance(m.mesh(tests::box(Vec3(-1, 0, -1), Vec3(0, 1.5f, 0)), red));
+  m.instance(m.mesh(tests::sphere(Vec3(0.8f, 0.6f, 0.5f), 0.6f, 24, true), grey));
+  m.environment(std::move(map));
+  m.camera(Vec3(2.5f, 2.5f, 4.0f), Vec3(0, 0.5f, 0), 0.8f);
+  return m.finish();
+}
+
+EnvironmentPtr gradient() {
+  Image image(64, 32, 3);
+  for (int y = 0; y < 32; ++y)
+    for (int x = 0; x < 64; ++x) {
+      const double theta = (y + 0.5) * std::numbers::pi / 32, phi = (x + 0.5) * 2 * std::numbers::pi / 64 - std::numbers::pi;
+      const double side = std::sin(theta) * std::cos(phi), up = std::cos(theta);
+      for (int k = 0; k < 3; ++k) image.data[3 * size_t(y * 64 + x) + size_t(k)] = float(1.0 + 0.6 * side * (k == 0 ? 1 : 0.5) + 0.3 * up + 0.2 * side * up);
+    }
+  return makeEnvironment("gradient", std::move(image));
+}
+
+v1::RenderRequest requestOf(int spp) {
+  v1::RenderRequest r = testing::smallRequest("yard", 48, 32, spp);
+  r.set_view_samples(4);
+  r.mutable_integrator()->set_max_bounces(3);
+  return r;
+}
+RenderResult pictureOf(Engine& engine, const ScenePtr& scene, const v1::RenderRequest& request) {
+  RenderControl control;
+  control.scene = scene;
+  auto result = engine.render(request, control);
+  EXPECT_TRUE(result.ok()) << result.status().toString();
+  return result.ok() ? std::move(*result) : RenderResult{};
+}
+double meanOf(const Image& a) {
+  double sum = 0;
+  for (const float v : a.data) sum += double(v);
+  return sum / double(a.data.size());
+}
+double relativeRmse(const Image& a, const Image& truth) {
+  double sum = 0;
+  for (size_t i = 0; i < a.data.size(); ++i) sum += std::pow(double(a.data[i]) - double(truth.data[i]), 2);
+  return std::sqrt(sum / double(a.data.size())) / meanOf(truth);
+}
+
+TEST(TransferPictures, AreThoseOfThePathTracerUnderASmoothSky) {
+  for (const bool glossy : {false, true}) {
+    const ScenePtr scene = yard(0.7f, gradient(), glossy);
+    const auto engine = testing::makeEngine();
+    v1::RenderRequest r = requestOf(256);
+    const RenderResult truth = pictureOf(*engine, scene, r);
+    testing::set(r, "environment.transfer.samples=1024");
+    testing::set(r, "environment.transfer.points=8000");
+    const RenderResult fast = pictureOf(*engine, scene, r);
+    EXPECT_NEAR(meanOf(fast.images[0].image()) / meanOf(truth.images[0].image()), 1.0, 0.01) << glossy;
+    EXPECT_LT(relativeRmse(fast.images[0].image(), truth.images[0].image()), 0.05) << glossy;
+  }
+}
+
+TEST(TransferPictures, ANewTurnOrMapTracesNoRay) {
+  const ScenePtr scene = yard(0.7f, gradient());
+  const auto engine = testing::makeEngine();
+  v1::RenderRequest r = requestOf(4);
+  testing::set(r, "environment.transfer.bands=4");
+  testing::set(r, "environment.transfer.points=1000");
+  testing::set(r, "camera.look_at=0,0,0");  // nothing but surfaces: what the camera sees of a map is traced
+  testing::set(r, "camera.position=0,6,0.01");
+  testing::set(r, "camera.yfov_deg=30");
+  pictureOf(*engine, scene, r);
+  testing::set(r, "environment.rotation_deg=33");
+  const RenderResult turned = pictureOf(*engine, scene, r);
+  for (const auto& [label, node] : testing::nodesBy(turned, v1::NodeReport::RUN))
+    if (label.find("transfer") != std::string::npos || label.find("environment:") == 0) EXPECT_EQ(node.rays(), 0u) << label;
+  const auto reused = testing::nodesBy(turned, v1::NodeReport::REUSED);
+  EXPECT_TRUE(reused.count("transfer:direct"));
+  v1::RenderRequest cold = r;
+  EXPECT_EQ(testing::firstDifference(turned, pictureOf(*testing::makeEngine(), scene, cold)), "");
+}
+
+TEST(TransferPictures, GainsAreGains) {
+  const ScenePtr scene = yard(0.5f, gradient());
+  const auto engine = testing::makeEngine();
+  v1::RenderRequest r = requestOf(1);
+  testing::set(r, "environment.transfer.points=500");
+  const double one = meanOf(pictureOf(*engine, scene, r).images[0].image());
+  testing::set(r, "environment.gain=2,2,2");
+  const RenderResult two = pictureOf(*engine, scene, r);
+  EXPECT_NEAR(meanOf(two.images[0].image()) / one, 2.0, 1e-5);
+  EXPECT_FALSE(testing::nodesBy(two, v1::NodeReport::RUN).count("transfer:light"));
+}
+
+}  // namespace
+}  // namespace gobo::transfer::transfer_test
