@@ -386,7 +386,7 @@ class Fields(PageCase):
 
         walk(schema["root"], [])
         self.assertEqual(missing, [])
-        self.page.run("(() => { const s = document.getElementById('search'); s.value = 'bounces'; s.dispatchEvent(new Event('input')); return true })()")
+        self.page.run("(() => { const s = document.getElementById('search'); s.value = 'max_bounces'; s.dispatchEvent(new Event('input')); return true })()")
         self.assertEqual(self.page.run("[...document.querySelectorAll('.field')].filter((r) => r.offsetParent).map((r) => r.dataset.path)"), ["integrator.max_bounces"])
         self.assertTrue(self.page.run("document.getElementById('plan').closest('details').offsetParent !== null"))
 
