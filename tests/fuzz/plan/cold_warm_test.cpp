@@ -58,7 +58,7 @@ TEST(ColdWarm, RandomEditsOfEveryFieldLargeStore) {
     std::cout << "never rendered: " << leaf.path << (at == rendered.end() ? " (never edited)" : "") << "\n";
   }
   std::cout << requestLeaves().size() << " fields, " << never << " never rendered after an edit\n";
-  if (count >= 420) EXPECT_LE(never, 4u);  // what was refused with what else was drawn
+  if (count >= 420) EXPECT_LE(never, requestLeaves().size() / 32);  // what was refused with what else was drawn
 }
 TEST(ColdWarm, RandomEditsTinyStoreEvicts) { runSequences(100001, sequences(60), 6, 96ull << 10, false); }
 // Files that differ in one texture or one accessor alone, in one engine: what is shared must be equal, and nothing else is shared.
