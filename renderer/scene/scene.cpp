@@ -156,6 +156,12 @@ void SceneView::require(Facet f) const {
   std::abort();
 }
 
+void SceneView::requireSeen() const {
+  if (scene_->seesEnvironment(allowed_, *lights_)) return;
+  std::cerr << "CHECK failed: a node read the environment, which is not in its light-shape subset" << std::endl;
+  std::abort();
+}
+
 void SceneView::requireLight(int i) const {
   for (const int allowed : *lights_)
     if (allowed == i) return;

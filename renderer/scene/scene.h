@@ -52,6 +52,8 @@ struct Scene {
   /// Digest of the facets in `set`; light facets cover only `lightSubset` (indices into lights). Mesh lights pull in the
   /// topology, pose and emission of their instance. O(number of materials + lights): facet digests are cached by seal().
   Hash128 facetHash(Facet set, const std::vector<int>& lightSubset) const;
+  /// Whether the environment is part of that: light is seen from the lights of a subset alone, so a map that turns concerns nobody whose lights it is not among.
+  bool seesEnvironment(Facet set, const std::vector<int>& lightSubset) const;
   /// Merkle root over every facet and every light; the scene's identity.
   Hash128 hash() const { return root_; }
   /// Makes Mesh lights for emissive instances (unless present; named after the instance, power = the material's emission;
@@ -148,8 +150,10 @@ class SceneView {
     requireLight(i);
     return scene_->lights[i].power;
   }
+  /// Not there for who declares light shapes and has no environment light among them (Scene::seesEnvironment).
   const EnvironmentPtr& environment() const {
     require(Facet::Environment);
+    requireSeen();
     return scene_->environment;
   }
   /// Digest of facets other than the lights', for what caches by it (AccelCache).
@@ -163,6 +167,7 @@ class SceneView {
  private:
   void require(Facet f) const;     ///< CHECK
   void requireLight(int i) const;  ///< CHECK
+  void requireSeen() const;        ///< CHECK: the environment is seen
   const Scene* scene_;
   Facet allowed_;
   const std::vector<int>* lights_;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Digests of meshes and facets. A field is hashed into exactly the facets whose sources may read it; the test
 // scene_hash_test mutates every field and checks that list.
+#include <algorithm>
+
 #include "base/check.h"
 #include "scene/fields.h"
 #include "scene/scene.h"
@@ -144,12 +146,20 @@ void Scene::computeDigests() {
   root_ = root.add(choices.digest()).digest();
 }
 
+bool Scene::seesEnvironment(Facet set, const std::vector<int>& lightSubset) const {
+  if (!has(set, Facet::Environment)) return false;
+  if (!has(set, Facet::LightShape)) return true;
+  return std::any_of(lightSubset.begin(), lightSubset.end(),
+                     [&](int i) { return i >= 0 && size_t(i) < lights.size() && lights[size_t(i)].shape.kind == LightKind::Environment; });
+}
+
 Hash128 Scene::facetHash(Facet set, const std::vector<int>& lightSubset) const {
   GOBO_CHECK_EQ(lightShape_.size(), lights.size());  // sealed
   Hasher h("facets");
   h.add(set);
   for (uint32_t bit = 1; bit < uint32_t(Facet::All); bit <<= 1) {
     if (!has(set, Facet(bit)) || Facet(bit) == Facet::LightShape || Facet(bit) == Facet::LightPower) continue;
+    if (Facet(bit) == Facet::Environment && !seesEnvironment(set, lightSubset)) continue;
     h.add(facet_[facetIndex(Facet(bit))]);
   }
   // Light facets cover the subset only, in its order: sums over lights are folded in that order.

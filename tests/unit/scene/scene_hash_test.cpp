@@ -229,6 +229,20 @@ TEST(FacetHash, TextureIndexIsNotContent) {
   EXPECT_EQ(a->hash(), (*b)->hash());
 }
 
+TEST(FacetHash, TheEnvironmentIsSeenAmongTheLightsAlone) {
+  const ScenePtr a = base();
+  const auto turned = editScene(*a, [](Scene& s) -> Status {
+    auto e = std::make_shared<Environment>(*s.environment);
+    e->rotation = 1;
+    s.environment = e;
+    return {};
+  });
+  const Facet paths = Facet::Topology | Facet::LightShape | Facet::Environment;
+  EXPECT_EQ(a->facetHash(paths, {0, 1, 2}), (*turned)->facetHash(paths, {0, 1, 2}));
+  EXPECT_NE(a->facetHash(paths, {1, 3}), (*turned)->facetHash(paths, {1, 3}));
+  EXPECT_NE(a->facetHash(Facet::Environment, {}), (*turned)->facetHash(Facet::Environment, {}));
+}
+
 TEST(SceneViewDeathTest, ReadingUndeclaredFacetsNamesThem) {
   GTEST_FLAG_SET(death_test_style, "threadsafe");
   const ScenePtr s = base();
@@ -238,6 +252,7 @@ TEST(SceneViewDeathTest, ReadingUndeclaredFacetsNamesThem) {
   EXPECT_DEATH(view.instances(), "pose");
   EXPECT_DEATH(view.lightShape(2), "rect");
   EXPECT_DEATH(view.lightPower(1), "light-power");
+  EXPECT_DEATH(SceneView(*s, Facet::LightShape | Facet::Environment, lights).environment(), "light-shape subset");
   EXPECT_EQ(view.lightShape(1).kind, LightKind::Point);
 }
 
