@@ -151,6 +151,24 @@ Vec3 bsdfStraight(const BsdfParams& p, const Vec3& wo) {
   return Layers::any(p) ? through * Layers(p, wo).passed(-wo) : through;
 }
 
+LobeAlbedos bsdfLobeAlbedos(const BsdfParams& p, float mu) {
+  LobeAlbedos out;
+  if (!(mu > 0.0f)) return out;
+  if (isLambert(p)) {
+    out.diffuse = lambertAlbedo(p);
+    return out;
+  }
+  BaseLobes base(p);
+  base.view(Vec3(std::sqrt(clamp01(1.0f - mu * mu)), 0.0f, minOf(mu, 1.0f)));
+  const ReflectionAlbedo::Value a = base.smooth ? ReflectionAlbedo::Value{0.0f, schlickWeight(mu)} : base.ao;
+  // Schlick's Fresnel between f0 and f90 over the microfacets, and what leaves them after further bounces.
+  const auto reflected = [&](const Vec3& f0, float f90) { return f0 * (1.0f - a.deficit) + (Vec3(f90) - f0) * a.schlick; };
+  out.specular = base.metal * reflected(base.albedo, 1.0f) + base.opaque * reflected(base.f0, base.f90);
+  if (base.kernel > 0.0f) out.specular += base.msUp * a.deficit;
+  if (base.hasDiffuse()) out.diffuse = base.albedo * (base.opaque * base.diffuseO * (1.0f - base.through));
+  return out;
+}
+
 bool bsdfIsDelta(const BsdfParams& p) { return !BaseLobes(p).evaluable() && !Layers::evaluable(p); }
 
 }  // namespace gobo

@@ -76,4 +76,12 @@ Vec3 bsdfStraight(const BsdfParams& p, const Vec3& wo);
 /// True if no lobe can be evaluated (mirror or smooth glass): next-event estimation is useless.
 bool bsdfIsDelta(const BsdfParams& p);
 
+
+struct LobeAlbedos {
+  Vec3 diffuse{0.0f}, specular{0.0f};
+};
+/// What an opaque isotropic material without layers, film or transmission (which are left out) reflects of uniform light of radiance 1 to a viewer at cosine
+/// `mu` above it, 0 < mu <= 1. Of a diffuse lobe below a specular one it is exact under uniform light. Within the tables' error (bsdf_albedo.h).
+LobeAlbedos bsdfLobeAlbedos(const BsdfParams& p, float mu);
+
 }  // namespace gobo

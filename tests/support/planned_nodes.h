@@ -147,6 +147,9 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     set(r, as);
     all.emplace_back(as, r);
   }
+  v1::RenderRequest gloss = smallRequest("lights8", width, height, 1);  // has what shines
+  for (const char* a : {"environment.sky.turbidity=3", "environment.transfer.points=300", "environment.transfer.samples=64"}) set(gloss, a);
+  all.emplace_back("gloss", gloss);
   v1::RenderRequest window = withLamp(width, height, LightKind::Rect);  // with what its filters look at around it, which is cut away
   for (const char* a :
        {"shadows.axis_aligned.radius_px=2", "shadows.axis_aligned.dilate_px=1", "window.x=7", "window.y=6", "window.width=10", "window.height=6"})

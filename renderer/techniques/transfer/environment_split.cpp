@@ -20,6 +20,7 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kSmooth = 3 * kDegree, kSupport = 3 * kSmooth;  // standard deviation and end of the Gaussian
 constexpr double kRing = 14 * kDegree;                           // outer end of what is a peak's background
 constexpr int kLevel = 5;                                        // edges of 2.0 to 2.4 degrees
+constexpr int kCells = 6 * EnvironmentCells::kSide * EnvironmentCells::kSide;
 constexpr double kLeastRadius = 0.1 * kDegree;
 
 double luminanceOf(const DVec3& c) { return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z; }
@@ -108,15 +109,14 @@ struct Peak {
 
 class EnvironmentSplitNode final : public Node {
  public:
-  EnvironmentSplitNode(int bands, int lights, double share) : bands_(bands), lights_(lights), share_(share) {}
+  EnvironmentSplitNode(EnvironmentPtr map, int bands, int lights, double share) : map_(std::move(map)), bands_(bands), lights_(lights), share_(share) {}
   std::string type() const override { return "environment_split"; }
   NodeTraits traits() const override {
     NodeTraits t;
-    t.facets = Facet::Environment;
     t.smallOutput = true;
     return t;
   }
-  void hashParameters(Hasher& h) const override { h.add(bands_).add(lights_).add(share_); }
+  void hashParameters(Hasher& h) const override { h.add(map_->content).add(bands_).add(lights_).add(share_); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     const int n = 3 * bands_ * bands_, most = std::max(lights_, 1);
     return Wiring(type(), in, 0)
@@ -124,16 +124,18 @@ class EnvironmentSplitNode final : public Node {
                 Domain::Table,
                 {1, 1, 1},
                 {plane<float>("radiance", n), plane<float>("rest", n), plane<uint32_t>("count"), plane<float>("direction", 3 * most),
-                 plane<float>("irradiance", 3 * most), plane<float>("radius", most)}});
+                 plane<float>("irradiance", 3 * most), plane<float>("radius", most), plane<float>("left", kCells)}});
   }
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const EnvironmentSplit split = splitEnvironment(*ctx.scene->environment(), bands_, lights_, share_, *ctx.arena, ctx.stop);
+    const EnvironmentSplit split = splitEnvironment(*map_, bands_, lights_, share_, *ctx.arena, ctx.stop);
     if (split.full.empty()) return Status(Code::Cancelled, "stopped");
     std::copy(split.full.begin(), split.full.end(), ctx.result->writable<float>("radiance").begin());
     std::copy(split.rest.begin(), split.rest.end(), ctx.result->writable<float>("rest").begin());
     ctx.result->writable<uint32_t>("count")[0] = uint32_t(split.lights.size());
     const auto direction = ctx.result->writable<float>("direction"), irradiance = ctx.result->writable<float>("irradiance"),
                radius = ctx.result->writable<float>("radius");
+    const auto left = ctx.result->writable<float>("left");
+    for (size_t i = 0; i < left.size(); ++i) left[i] = split.left.empty() ? 1.0f : float(split.left[i]);
     for (size_t i = 0; i < split.lights.size(); ++i) {
       for (int c = 0; c < 3; ++c) {
         direction[3 * i + size_t(c)] = float(split.lights[i].direction[c]);
@@ -145,6 +147,7 @@ class EnvironmentSplitNode final : public Node {
   }
 
  private:
+  EnvironmentPtr map_;
   int bands_, lights_;
   double share_;
 };
@@ -216,9 +219,11 @@ EnvironmentSplit splitEnvironment(const Environment& map, int bands, int lights,
   std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return luminanceOf(a.first.flux) > luminanceOf(b.first.flux); });
   if (found.size() > size_t(lights)) found.resize(size_t(lights));
   std::vector<double> Y(size_t(bands * bands));
+  out.left.assign(cells.cells.size(), 1.0);  // of those that were kept
   for (const auto& [disk, taken] : found) {
     out.lights.push_back(disk);
     for (const auto& [i, part] : taken) {
+      out.left[i] = std::max(out.left[i] - part, 0.0);
       harmonics(glm::normalize(cells.cells[i].centre()), bands, Y.data());
       for (size_t h = 0; h < Y.size(); ++h)
         for (int c = 0; c < 3; ++c) out.rest[3 * h + size_t(c)] -= part * cells.cells[i].flux[c] * Y[h];
@@ -227,6 +232,8 @@ EnvironmentSplit splitEnvironment(const Environment& map, int bands, int lights,
   return out;
 }
 
-NodePtr makeEnvironmentSplitNode(int bands, int lights, double share) { return std::make_shared<EnvironmentSplitNode>(bands, lights, share); }
+NodePtr makeEnvironmentSplitNode(EnvironmentPtr map, int bands, int lights, double share) {
+  return std::make_shared<EnvironmentSplitNode>(std::move(map), bands, lights, share);
+}
 
 }  // namespace gobo::transfer

@@ -30,6 +30,7 @@ struct EnvironmentSplit {
   std::vector<double> full, rest;  ///< bands^2 x 3: the map, and without the lights
   std::vector<SkyDisk> lights;     ///< largest luminous flux first
   DVec3 flux{0.0};                 ///< of the map
+  std::vector<double> left;        ///< of each cell's flux (terms/environment_cells.h), what no light took; empty: all of it
 };
 
 /// `lights` 0: harmonics alone. Nothing in it (empty `full`) if `stop` fired first.

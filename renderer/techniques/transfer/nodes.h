@@ -10,6 +10,7 @@
 //        |                       |                                                                   |
 //        |                       +---------------> transferred_light (a point's irradiance) <--------+--- environment_split
 //        +--> transfer_places (a view's) --> transferred_surface (a plane of the picture) <--+
+//                                        +-> transferred_gloss   (a plane of the picture) <----- gloss_levels <--- environment_split
 #pragma once
 
 #include "terms/gbuffer.h"
@@ -38,15 +39,24 @@ NodePtr makeDirectTransferNode(const TransferSettings& settings, uint32_t block)
 /// Term "bounced_transfer": "last" and "sum" f32 x 3 harmonics: T^b and the sum up to it. Inputs: points, albedo; the direct transfer or the bounce before.
 NodePtr makeBouncedTransferNode(const TransferSettings& settings, uint32_t bounce, uint32_t directions);
 /// Term "environment_split", domain Table, in the map's axes (environment_split.h): "radiance" and "rest" f32 x 3 harmonics | "count" u32 of lights |
-/// "direction", "irradiance" f32 x 3 lights | "radius" f32 x lights, radians. Small.
-NodePtr makeEnvironmentSplitNode(int bands, int lights, double share);
+/// "direction", "irradiance" f32 x 3 lights | "radius" f32 x lights, radians | "left" f32 x cells: what no light took of each cell of the map. Small.
+/// The map is a parameter, not the scene's: one that turns is split once.
+NodePtr makeEnvironmentSplitNode(EnvironmentPtr map, int bands, int lights, double share);
 /// Term "transferred_light": "direct" and "bounced" f32x3, W/m^2 at points, not below 0. Of the direct part without the lights, of the
 /// bounced part with them. Inputs: environment, direct transfer; bounced transfer if there is.
 NodePtr makeTransferredLightNode(const TransferSettings& settings, float rotation, const Vec3& scale, bool bounced);
 /// Term "transfer_places", domain ViewSample: "point" u32x3 | "weight" f32x3 (zero where nothing is hit). Inputs: G-buffer, points.
 NodePtr makeTransferPlacesNode(const TransferSettings& settings, const GBufferSettings& view);
 /// Term "direct_light", domain Pixel, "rgb": mean over view samples of the diffuse lobe's albedo / pi times `part` ("direct" or "bounced") at the place.
-/// Inputs: G-buffer, surface, places, transferred light.
+/// Inputs: G-buffer, surface, places, transferred light. Not of materials whose lobes the surface term does not hold.
 NodePtr makeTransferredSurfaceNode(const TransferSettings& settings, const GBufferSettings& view, const char* part);
+/// Term "gloss_levels", domain Table, in the map's axes: planes of gloss_levels.h. Input: environment split.
+NodePtr makeGlossLevelsNode(EnvironmentPtr map);
+/// Term "direct_light", domain Pixel, "rgb": mean over view samples of the specular lobes' albedo times the light that they look at. `part`:
+///   "direct"   the map without its lights, prefiltered for the roughness, times the openness of the place in the lobe's direction: transfer convolved with a
+///              lobe there, by that of an open place
+///   "bounced"  mean radiance of what stands around (bounced irradiance by the share of the hemisphere that is closed), times the lobe's closed share
+/// Inputs: G-buffer, surface, places, points, direct transfer, transferred light, gloss levels.
+NodePtr makeTransferredGlossNode(const TransferSettings& settings, const GBufferSettings& view, const char* part, float rotation, const Vec3& scale);
 
 }  // namespace gobo::transfer

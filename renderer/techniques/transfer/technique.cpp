@@ -20,6 +20,14 @@ int mapOf(const Scene& scene) {
   return -1;
 }
 
+/// Specular lobes by the prefiltered map: asked for, and every material is one that it holds.
+bool prefiltered(const PlanContext& c) {
+  if (c.request().environment().transfer().gloss() == v1::EnvironmentSettings::Transfer::TRACED || c.kinds().extended) return false;
+  const Scene& scene = *c.scene();
+  return std::none_of(scene.instances.begin(), scene.instances.end(),
+                      [&](const Instance& in) { return scene.materials[size_t(scene.meshes[size_t(in.mesh)]->material)].bsdf.transmission > 0.0f; });
+}
+
 /// No surface has a specular lobe.
 bool allDiffuse(const Scene& scene) {
   return std::all_of(scene.instances.begin(), scene.instances.end(), [&](const Instance& in) {
@@ -43,8 +51,8 @@ class EnvironmentTransfer final : public Technique {
         return invalidArgument(std::string("request.environment.transfer: ") + field + " " + std::to_string(value) + " stands for the map too: ask for one",
                                "request.environment.transfer");
     const PathSet diffuse = PathSet::FrontDiffuse | PathSet::IndirectDiffuse, specular = PathSet::FrontSpecular | PathSet::IndirectSpecular;
-    const PathSet none =
-        (allDiffuse(*c.scene()) ? specular : PathSet::None) | (c.kinds().translucent ? PathSet::None : PathSet::Behind);  // there is none of it
+    const PathSet none = (allDiffuse(*c.scene()) || prefiltered(c) ? specular : PathSet::None) |
+                         (c.kinds().translucent ? PathSet::None : PathSet::Behind);  // there is none of it
     return c.cover().claim(map, c.cover().wanted() & (diffuse | none), name());
   }
 
@@ -86,7 +94,8 @@ class EnvironmentTransfer final : public Technique {
                          "transfer:bounce " + std::to_string(b + 1));
     } else if (overlaps(claimed, PathSet::Indirect)) c.prune("transfer:bounces", "environment.transfer.bounces is 0", true);
 
-    const NodeId sky = source(transfer::makeEnvironmentSplitNode(s.bands, int(asked.lights()), asked.light_share()), {}, "environment:split");
+    const NodeId sky =
+        source(transfer::makeEnvironmentSplitNode(c.scene()->environment, s.bands, int(asked.lights()), asked.light_share()), {}, "environment:split");
     const int group = c.groups().groupOf[size_t(map)];
     std::vector<NodeId> inputs{sky, direct};
     if (bounces) inputs.push_back(bounced);
@@ -101,12 +110,26 @@ class EnvironmentTransfer final : public Technique {
     };
     bring("direct", PathSet::FrontDiffuse);
     if (bounces) bring("bounced", PathSet::IndirectDiffuse);
-    return planLights(c, sky, map, int(asked.lights()));
+    const bool gloss = overlaps(claimed, PathSet::FrontSpecular) && !allDiffuse(*c.scene());
+    if (gloss) {
+      const NodeId levels = source(transfer::makeGlossLevelsNode(c.scene()->environment), {sky}, "environment:gloss");
+      const auto shine = [&](const char* part, PathSet paths) {
+        GraphNode n{transfer::makeTransferredGlossNode(s, c.view(), part, c.scene()->environment->rotation, c.groups().nominal[size_t(map)]),
+                    {c.gbuffer(), c.surface(), places, points, direct, light, levels},
+                    {},
+                    std::string("environment:") + part + " gloss"};
+        n.approximate = "highlights of the map are those of its prefiltered radiance, and what they show of the scene is its mean";
+        c.add({c.graph().add(std::move(n)), "rgb", c.groupGain(group), paths, group});
+      };
+      shine("direct", PathSet::FrontSpecular);
+      if (bounces) shine("bounced", PathSet::IndirectSpecular);
+    }
+    return planLights(c, sky, map, int(asked.lights()), gloss ? c.lobes() : std::vector{LobePart::Diffuse});
   }
 
  private:
   /// The peaks of the map, with their own shadows.
-  static Status planLights(PlanContext& c, NodeId sky, int map, int most) {
+  static Status planLights(PlanContext& c, NodeId sky, int map, int most, const std::vector<LobePart>& lobes) {
     if (most == 0) return {};
     GOBO_ASSIGN(const TermPtr split, c.expand(sky));
     auto extended = std::make_shared<Scene>(*c.scene());
@@ -130,7 +153,7 @@ class EnvironmentTransfer final : public Technique {
     if (count == 0) return {};
     GOBO_TRY(extended->seal());
     const int group = c.groups().groupOf[size_t(map)];
-    return foldLights(c, extended, first, c.groups().nominal[size_t(map)], group, 4, {LobePart::Diffuse});
+    return foldLights(c, extended, first, c.groups().nominal[size_t(map)], group, 4, lobes);
   }
 };
 

@@ -6,6 +6,7 @@
 #include "techniques/transfer/nodes.h"
 #include "techniques/transfer/receiver_mesh.h"
 #include "terms/surface.h"
+#include "trace/bsdf.h"
 
 namespace gobo::transfer {
 
@@ -132,18 +133,23 @@ class TransferPlacesNode final : public Node {
 
 class TransferredSurfaceNode final : public Node {
  public:
-  TransferredSurfaceNode(const TransferSettings& s, const GBufferSettings& view, std::string part) : s_(s), view_(view.extent()), part_(std::move(part)) {}
+  TransferredSurfaceNode(const TransferSettings& s, const GBufferSettings& view, std::string part)
+      : s_(s), view_(view.extent()), camera_(view.camera), part_(std::move(part)) {}
   std::string type() const override { return "transferred_surface"; }
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;  // points are a list, which is whole
     return t;
   }
-  void hashParameters(Hasher& h) const override { h.add(view_.width).add(view_.height).add(view_.layers).add(part_); }
+  int version() const override { return 2; }  // 2: dimmed by the specular lobe above
+  void hashParameters(Hasher& h) const override {
+    hashCamera(h, camera_);
+    h.add(view_.width).add(view_.height).add(view_.layers).add(part_);
+  }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 4);
-    w.over(0, view_).reads<uint32_t>(0, "instance");
-    w.over(1, view_).reads<float>(1, "albedo", {3}).reads<float>(1, "material", {5}).reads<uint8_t>(1, "flags");
+    w.over(0, view_).reads<uint32_t>(0, "instance").reads<float>(0, "P", {3});
+    w.over(1, view_).reads<float>(1, "N", {3}).reads<float>(1, "albedo", {3}).reads<float>(1, "material", {5}).reads<uint8_t>(1, "flags");
     w.over(2, view_).reads<uint32_t>(2, "point", {3}).reads<float>(2, "weight", {3});
     w.over(3, s_.extent()).reads<float>(3, part_, {3});
     return w.gives({"direct_light", Domain::Pixel, {view_.width, view_.height, 1}, {plane<float>("rgb", 3)}});
@@ -151,7 +157,9 @@ class TransferredSurfaceNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto instance = ctx.inputs[0]->plane<uint32_t>("instance");
-    const auto albedo = ctx.inputs[1]->floats("albedo"), material = ctx.inputs[1]->floats("material");
+    const auto P = ctx.inputs[0]->floats("P"), N = ctx.inputs[1]->floats("N"), albedo = ctx.inputs[1]->floats("albedo"),
+               material = ctx.inputs[1]->floats("material");
+    const Vec3 eye(camera_.toWorld[3]), back(camera_.toWorld[2]);
     const auto flags = ctx.inputs[1]->plane<uint8_t>("flags");
     const auto point = ctx.inputs[2]->plane<uint32_t>("point");
     const auto weight = ctx.inputs[2]->floats("weight"), light = ctx.inputs[3]->floats(part_);
@@ -165,7 +173,16 @@ class TransferredSurfaceNode final : public Node {
             for (size_t p = begin; p < end; ++p) {
               const size_t i = s * pixels + p;
               if (instance[i] == ~0u || (flags[i] & kSurfaceUnlit)) continue;
-              const float reflecting = (1.0f - material[5 * i]) * (1.0f - material[5 * i + 4]) * scale;
+              float reflecting = (1.0f - material[5 * i]) * (1.0f - material[5 * i + 4]) * scale;
+              if (material[5 * i + 2] > 0.0f && reflecting > 0.0f && !(flags[i] & kSurfaceExtended)) {
+                BsdfParams b;
+                b.albedo = Vec3(1.0f);
+                b.roughness = material[5 * i + 1];
+                b.specular = material[5 * i + 2];
+                b.ior = material[5 * i + 3];
+                const Vec3 out = camera_.perspective ? glm::normalize(eye - Vec3(P[3 * i], P[3 * i + 1], P[3 * i + 2])) : back;
+                reflecting *= bsdfLobeAlbedos(b, clamp01(N[3 * i] * out.x + N[3 * i + 1] * out.y + N[3 * i + 2] * out.z)).diffuse.x;
+              }
               for (size_t c = 0; c < 3; ++c) {
                 float e = 0;
                 for (size_t k = 0; k < 3; ++k) e += weight[3 * i + k] * light[3 * size_t(point[3 * i + k]) + c];
@@ -181,6 +198,7 @@ class TransferredSurfaceNode final : public Node {
  private:
   TransferSettings s_;
   Extent view_;
+  Camera camera_;
   std::string part_;
 };
 

@@ -400,7 +400,7 @@ TEST(Rerun, EnvironmentByTransfer) {
   for (const char* e : {"environment.transfer.points=400", "environment.transfer.bands=3", "environment.transfer.samples=128", "environment.transfer.bounces=1",
                         "environment.transfer.lights=4", "environment.transfer.light_share=0.05", "lights.light.shadow.path_traced="})
     set(r, e);
-  const std::string light = "beauty environment:bounced environment:direct environment:split transfer:light ";
+  const std::string light = "beauty environment:bounced environment:direct transfer:light ";
   const Labels first = ran(mustRender(*engine, r));
   for (const char* node : {"transfer points", "transfer:direct", "transfer:albedo", "transfer:bounce 1", "environment:split", "transfer:light",
                            "transfer:places", "environment:direct", "environment:bounced"})
@@ -414,7 +414,8 @@ TEST(Rerun, EnvironmentByTransfer) {
     return out;
   };
   EXPECT_EQ(edited("environment.gain=2,2,2"), "beauty ");
-  EXPECT_EQ(edited("environment.rotation_deg=40"), light);
+  EXPECT_EQ(edited("environment.rotation_deg=40"), light);  // the map is split in its own axes
+  EXPECT_EQ(edited("environment.transfer.gloss=TRACED"), "");  // nothing here shines
   EXPECT_EQ(edited("environment.transfer.bounces=2"), "beauty environment:bounced environment:direct transfer:bounce 2 transfer:light ");
   EXPECT_EQ(edited("environment.transfer.samples=192"),
             "beauty environment:bounced environment:direct transfer:bounce 1 transfer:bounce 2 transfer:direct transfer:light ");
@@ -423,6 +424,25 @@ TEST(Rerun, EnvironmentByTransfer) {
   EXPECT_NE(edited("environment.transfer.bands=4").find("transfer:direct"), std::string::npos);
   EXPECT_NE(edited("environment.transfer.points=300").find("transfer points"), std::string::npos);
   EXPECT_EQ(edited("seed=3").find("environment:split"), std::string::npos);
+}
+
+TEST(Rerun, AMapThatTurnsTracesNothing) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("lights8", 16, 12, 4);  // lamps of every kind, and a material that shines
+  set(r, "environment.constant=0.3,0.3,0.4");
+  for (const char* e : {"environment.transfer.points=400", "environment.transfer.bands=3", "environment.transfer.samples=128", "environment.transfer.bounces=1"})
+    set(r, e);
+  const Labels first = ran(mustRender(*engine, r));
+  for (const char* node : {"environment:gloss", "environment:direct gloss", "environment:bounced gloss"}) EXPECT_TRUE(first.count(node)) << text(first);
+  set(r, "environment.rotation_deg=70");
+  const RenderResult turned = mustRender(*engine, r);
+  for (const auto& [label, node] : nodesBy(turned, v1::NodeReport::RUN)) EXPECT_TRUE(node.rays() == 0 || label.find("environment seen") == 0) << label;
+  EXPECT_FALSE(ran(turned).count("environment:gloss"));
+  EXPECT_TRUE(ran(turned).count("environment:direct gloss"));
+  set(r, "environment.transfer.gloss=TRACED");
+  const Labels traced = ran(mustRender(*engine, r));
+  EXPECT_FALSE(traced.count("environment:direct gloss"));
+  EXPECT_TRUE(std::any_of(traced.begin(), traced.end(), [](const std::string& l) { return l.find("specular") != std::string::npos; })) << text(traced);
 }
 
 // A new environment takes another place in the light list; what other lights made stays.
