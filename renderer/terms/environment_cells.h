@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/stop.h"
+#include "base/task_arena.h"
 #include "scene/environment.h"
 
 namespace gobo {
@@ -28,8 +29,8 @@ struct EnvironmentCells {
   DVec3 flux{0.0};                     ///< of the whole map
   double weight = 0;
 
-  /// `stop` is polled every row; cells whose making it ended are not to be used.
-  explicit EnvironmentCells(const Environment& map, const StopToken& stop = {});
+  /// `stop` is polled every few rows; cells whose making it ended are not to be used. The same bits with an arena, whatever its threads, and without.
+  explicit EnvironmentCells(const Environment& map, const StopToken& stop = {}, const TaskArena* arena = nullptr);
   /// Unit direction to tangent coordinates on `face`: x, y in [-1,1] on the face itself, growing beyond; false behind it.
   static bool project(int face, const DVec3& d, double& x, double& y);
   static DVec3 direction(int face, double x, double y);  ///< unit
@@ -37,9 +38,8 @@ struct EnvironmentCells {
   static int faceOf(const DVec3& d);
 
  private:
-  void add(const DVec3& direction, double solidAngle, const DVec3& radiance, double own);
-  void addTexels(const Environment& map, const StopToken& stop);  // texels narrower than half a cell: each in one place
-  void addPieces(const Environment& map, const StopToken& stop);  // coarser maps: cut up
+  void addTexels(const Environment& map, const StopToken& stop, const TaskArena* arena);  // texels narrower than half a cell: each in one place
+  void addPieces(const Environment& map, const StopToken& stop, const TaskArena* arena);  // coarser maps: cut up
 };
 
 }  // namespace gobo

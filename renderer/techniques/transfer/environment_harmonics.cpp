@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "techniques/transfer/environment_harmonics_kernels.h"
 #include "techniques/transfer/harmonics.h"
 
 namespace gobo::transfer {
@@ -62,47 +63,28 @@ std::vector<double> environmentHarmonics(const Environment& map, int bands, cons
       if (m > 0) wave[size_t(2 * m) * size_t(width) + size_t(x)] = float(sinc * sinc * std::sin(a));
     }
   }
-  std::vector<double> rows(size_t(height) * orders * 3);
+  std::vector<double> rows(size_t(height) * orders * 3), parts(size_t(height) * size_t(bands * bands));
   const bool complete = arena.parallelFor(
       size_t(height), 4,
       [&](size_t begin, size_t end) {
-        constexpr int kPiece = 64;  // summed in single precision, the pieces in double
         for (size_t y = begin; y < end; ++y) {
-          double* out = rows.data() + y * orders * 3;
-          for (int from = 0; from < width; from += kPiece) {
-            const int many = std::min(kPiece, width - from);
-            float channel[3][kPiece];
-            const Vec3* texel = map.texels.data() + y * size_t(width) + size_t(from);
-            for (int x = 0; x < many; ++x)
-              for (int c = 0; c < 3; ++c) channel[c][x] = texel[x][c];
-            for (size_t o = 0; o < orders; ++o) {
-              const float* w = wave.data() + o * size_t(width) + size_t(from);
-              for (int c = 0; c < 3; ++c) {
-                float lane[8] = {};
-                int x = 0;
-                for (; x + 8 <= many; x += 8)
-                  for (int k = 0; k < 8; ++k) lane[k] += channel[c][x + k] * w[x + k];
-                double sum = 0;
-                for (; x < many; ++x) sum += double(channel[c][x]) * double(w[x]);
-                for (const float v : lane) sum += double(v);
-                out[o * 3 + size_t(c)] += sum;
-              }
-            }
-          }
+          addRow(&map.texels.data()[y * size_t(width)].x, size_t(width), wave.data(), orders, rows.data() + y * orders * 3);
+          const PolarParts part(int(y), height, bands);
+          for (int l = 0; l < bands; ++l)
+            for (int m = 0; m <= l; ++m) parts[y * size_t(bands * bands) + size_t(l * (l + 1) + m)] = part(l, m);
         }
       },
       stop);
   if (!complete) return {};
   std::vector<double> out(size_t(bands * bands) * 3);
   for (int y = 0; y < height; ++y) {
-    if (stop.stopRequested()) return {};
-    const PolarParts part(y, height, bands);
+    const double* part = parts.data() + size_t(y) * size_t(bands * bands);
     const double* row = rows.data() + size_t(y) * orders * 3;
     for (int l = 0; l < bands; ++l)
       for (int m = 0; m <= l; ++m)
         for (int c = 0; c < 3; ++c) {
-          out[size_t(l * (l + 1) + m) * 3 + size_t(c)] += step * part(l, m) * row[(m == 0 ? 0 : 2 * m - 1) * 3 + c];
-          if (m > 0) out[size_t(l * (l + 1) - m) * 3 + size_t(c)] += step * part(l, m) * row[(2 * m) * 3 + c];
+          out[size_t(l * (l + 1) + m) * 3 + size_t(c)] += step * part[l * (l + 1) + m] * row[(m == 0 ? 0 : 2 * m - 1) * 3 + c];
+          if (m > 0) out[size_t(l * (l + 1) - m) * 3 + size_t(c)] += step * part[l * (l + 1) + m] * row[(2 * m) * 3 + c];
         }
   }
   return out;
