@@ -28,7 +28,7 @@ class AccelCache;  // acceleration structures shared by the nodes of an engine
 /// What the node claims about itself. Every node of every kind is held to them (tests/render/plan/node_claims_test.cpp).
 struct NodeTraits {
   Facet facets = Facet::None;    ///< None: a filter
-  bool smallOutput = false;      ///< passed on by content digest (at most 64 KiB): equal results re-run nothing behind it
+  bool smallOutput = false;      ///< passed on by content digest (at most 128 KiB): equal results re-run nothing behind it
   bool extendable = false;       ///< result depends on a block count that is not in the recipe key
   bool linearPerGroup = false;   ///< affine in its first input: f(x + y) + f(0) = f(x) + f(y)
   bool rangePreserving = false;  ///< output within [min, max] of the first input

@@ -297,7 +297,9 @@ TEST(TransferPictures, ANewTurnOrMapTracesNoRay) {
   testing::set(r, "environment.rotation_deg=33");
   const RenderResult turned = pictureOf(*engine, scene, r);
   for (const auto& [label, node] : testing::nodesBy(turned, v1::NodeReport::RUN))
-    if (label.find("transfer") != std::string::npos || label.find("environment:") == 0) EXPECT_EQ(node.rays(), 0u) << label;
+    if (label.find("transfer") != std::string::npos || label.find("environment:") == 0) {
+      EXPECT_EQ(node.rays(), 0u) << label;
+    }
   const auto reused = testing::nodesBy(turned, v1::NodeReport::REUSED);
   EXPECT_TRUE(reused.count("transfer:direct"));
   v1::RenderRequest cold = r;
