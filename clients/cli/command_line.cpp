@@ -271,6 +271,19 @@ void CommandLine::addTools() {
   value(*occlusion, "--plot", occlusion_.plot, "FILE", "write a plot (PNG)");
   addRequestOptions(*occlusion, occlusion_.request);
 
+  CLI::App* environment = command(app, "environment", "what environment.transfer makes of a map: harmonics and lights (no server needed)", [this] {
+    environment_.json = json;
+    return runEnvironment(environment_);
+  });
+  value(*environment, "map", environment_.map, "FILE", "lat-long or cube map, .hdr or .exr")->required();
+  value(*environment, "--bands", environment_.bands, "N", "of spherical harmonics; default 5")->check(CLI::Range(2, 10).description(""));
+  value(*environment, "--lights", environment_.lights, "N", "at most; default 16")->check(CLI::Range(0, 64).description(""));
+  value(*environment, "--light-share", environment_.lightShare, "X", "of the luminous flux that makes a peak a light; default 0.02")
+      ->check(CLI::Range(0.001, 1.0).description(""));
+  value(*environment, "-o,--out", environment_.out, "FILE",
+        ".png: the map with its lights circled, what they leave, and the harmonics of both (blue: negative); .exr: the four as layers");
+  value(*environment, "--csv", environment_.csv, "FILE", "write the coefficients");
+
   CLI::App* view =
       command(app, "view", "show a scene in the browser: prints the address of a page of this machine", [this] { return runView(session, view_); });
   value(*view, "scene", view_.scene, "SCENE", "file, id or built-in name");

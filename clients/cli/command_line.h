@@ -44,6 +44,7 @@ class CommandLine {
   CompareCommand compare_;
   MeasureCommand measure_;
   OcclusionCommand occlusion_;
+  EnvironmentCommand environment_;
   DemoCommand demo_;
   ViewCommand view_;
   JobSubmitCommand submit_;

@@ -71,6 +71,15 @@ struct OcclusionCommand {
 };
 int runOcclusion(const SessionOptions& session, const OcclusionCommand& command);
 
+/// What environment.transfer makes of a map.
+struct EnvironmentCommand {
+  std::string map, out, csv;
+  uint32_t bands = 5, lights = 16;  ///< as the request's fields
+  double lightShare = 0.02;
+  bool json = false;
+};
+int runEnvironment(const EnvironmentCommand& command);
+
 struct DemoCommand {
   std::string scene, out;  ///< out: folder for EXR and PNG of every step
   RequestOptions request;

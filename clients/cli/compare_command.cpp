@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <cmath>
 #include <cstdio>
 
 #include "base/image_io.h"
 #include "commands.h"
 #include "measure/metrics.h"
 #include "pictures.h"
+#include "report.h"
 
 namespace gobo::cli {
-namespace {
-
-// JSON has no NaN or infinity.
-std::string jsonNumber(double v) { return std::isfinite(v) ? strf("%.9g", v) : "null"; }
-
-}  // namespace
 
 int runCompare(const CompareCommand& c) {
   if (const Status folder = checkFolder("--diff", c.diff); !folder.ok()) return complain(folder);

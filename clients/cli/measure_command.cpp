@@ -56,6 +56,7 @@ v1::RenderRequest referenceOf(v1::RenderRequest request, uint32_t spp, uint64_t 
   if (request.has_environment()) {
     request.mutable_environment()->clear_extract_lights();
     request.mutable_environment()->clear_area_lights();
+    request.mutable_environment()->clear_transfer();
   }
   request.clear_certificate();
   request.clear_halt();

@@ -14,6 +14,8 @@
 
 namespace gobo::cli {
 
+std::string jsonNumber(double v) { return std::isfinite(v) ? strf("%.9g", v) : "null"; }
+
 std::string bytesText(uint64_t bytes) {
   if (bytes < 1024) return std::to_string(bytes) + " B";
   double v = double(bytes);

@@ -16,6 +16,8 @@ void printScene(const v1::SceneInfo& info);
 void printStatus(const v1::StatusReply& status);
 /// Rows under headings; columns marked in `right` are flush right. The last column is not padded.
 void printTable(const std::vector<std::string>& head, const std::vector<std::vector<std::string>>& rows, const std::vector<bool>& right);
+/// JSON has no NaN or infinity: null.
+std::string jsonNumber(double v);
 /// "1.2 MiB".
 std::string bytesText(uint64_t bytes);
 

@@ -2,6 +2,7 @@
 """The CLI beyond rendering: completion in real shells, the manual page, the progress bar, exit codes."""
 import csv
 import json
+import math
 import os
 import pty
 import re
@@ -164,6 +165,67 @@ class Occlusion(DaemonTest):
         self.assertEqual(offers("x", "--techniques", "exponential.c=80,map.bl"), ["exponential.c=80,map.blur="])
         self.assertEqual(offers("x", "--techniques", "map.lookup=T"), ["map.lookup=TRILINEAR"])
         self.assertIn("variance", offers("x", "--techniques", "va"))
+
+
+class Environment(DaemonTest):
+    """`gobo environment`: a map of 64 x 32 texels of one grey with a lamp in it, whose light is known."""
+
+    def setUp(self):
+        super().setUp()
+        pixels = [(128, 128, 128, 129)] * (64 * 32)                                  # (128 / 256) 2^(129 - 128) = 1
+        pixels[8 * 64 + 40] = (192, 192, 192, 137)                                   # 0.75 * 2^9
+        with open(self.path("lamp.hdr"), "wb") as file:
+            file.write(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 32 +X 64\n" + b"".join(map(bytes, pixels)))
+
+    def test_numbers(self):
+        told = json.loads(self.cli("environment", "lamp.hdr", "--bands", "3", "--json", "--csv", "c.csv", "-o", "map.png").stdout)
+        self.assertEqual((told["width"], told["height"], len(told["whole"]["coefficients"])), (64, 32, 9))
+        theta, phi = 8.5 / 32 * math.pi, 40.5 / 64 * 2 * math.pi - math.pi
+        texel = math.sin(theta) * (math.pi / 32) ** 2                                # of its tent, nearly
+        self.assertEqual(len(told["lights"]), 1)
+        lamp = told["lights"][0]
+        self.assertAlmostEqual(lamp["irradiance"][0] / (383 * texel), 1, delta=0.02)
+        for found, true in zip(lamp["direction"], (math.sin(theta) * math.cos(phi), math.cos(theta), math.sin(theta) * math.sin(phi))):
+            self.assertAlmostEqual(found, true, delta=2e-3)
+        self.assertAlmostEqual(told["mean"][0] / (1 + 383 * texel / (4 * math.pi)), 1, delta=1e-3)
+        self.assertAlmostEqual(told["lightShare"] / (383 * texel / (4 * math.pi + 383 * texel)), 1, delta=0.02)
+        self.assertGreater(told["whole"]["error"], 0.9)
+        self.assertLess(told["rest"]["error"], 0.2)
+        self.assertLess(told["whole"]["least"], told["rest"]["least"])
+        with open(self.path("c.csv"), newline="", encoding="utf-8") as file:
+            rows = list(csv.reader(file))
+        self.assertEqual(rows[0], ["band", "order", "R", "G", "B", "rest R", "rest G", "rest B"])
+        self.assertEqual([tuple(map(float, r[:2])) for r in rows[1:]], [(l, m) for l in range(3) for m in range(-l, l + 1)])
+        self.assertAlmostEqual(float(rows[1][2]), told["whole"]["coefficients"][0][0], delta=1e-5)
+        with open(self.path("map.png"), "rb") as file:
+            self.assertEqual(file.read(24)[16:], (1024).to_bytes(4, "big") + (512).to_bytes(4, "big"))
+        said = self.cli("environment", "lamp.hdr", "-o", "map.exr").stdout
+        self.assertRegex(said, r"1 lights hold \d")
+        self.assertIn("size, deg", said)
+        self.assertEqual(self.cli("compare", "map.exr:harmonics", "map.exr:harmonics", "--max-rmse", "0").returncode, 0)
+        self.assertNotIn("size, deg", self.cli("environment", "lamp.hdr", "--lights", "0").stdout)
+
+    def test_refusals(self):
+        for code, words, args in ((3, "nosuch.hdr", ("nosuch.hdr",)), (2, "must end in .png or .exr", ("lamp.hdr", "-o", "a.jpg")), (2, "--bands", ("lamp.hdr", "--bands", "11")),
+                                  (3, "no such folder", ("lamp.hdr", "--csv", "no/a.csv"))):
+            with self.subTest(words=words):
+                self.assertIn(words, self.cli("environment", *args, code=code).stderr)
+        with open(self.path("broken.hdr"), "wb") as file:
+            file.write(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 32 +X 64\n")
+        self.assertIn("broken.hdr", self.cli("environment", "broken.hdr", "-o", "b.png", code=2).stderr)
+        self.assertFalse(os.path.exists(self.path("b.png")))
+
+
+class Measure(DaemonTest):
+    def test_reference_has_no_approximation(self):
+        """Light that transfer leaves out is an error of it, not of the reference too."""
+        rows = "measure cornell --size 24x18 --reference-spp 64 --csv m.csv --sweep environment.transfer.bounces=0,3 --set environment.constant=1,1,1 " \
+               "--set environment.transfer.bounces=0 --set environment.transfer.points=800 --set environment.transfer.samples=256 --set lights.light.enabled=false --spp 16"
+        self.cli(*rows.split())
+        with open(self.path("m.csv"), newline="", encoding="utf-8") as file:
+            found = list(csv.DictReader(file))
+        error = {float(r["value"]): float(r["rmse"]) for r in found}
+        self.assertGreater(error[0], 2 * error[3])
 
 
 class Manual(DaemonTest):
