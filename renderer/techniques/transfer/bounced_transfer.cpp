@@ -36,7 +36,8 @@ class BouncedTransferNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
-    const ReceiverMesh mesh(*ctx.scene, s_.points);
+    const auto shared = receiverMesh(*ctx.scene, s_.points);
+    const ReceiverMesh& mesh = *shared;
     GOBO_CHECK_EQ(mesh.size(), size_t(s_.size));
     const Term &points = *ctx.inputs[0], &before = *ctx.inputs[2];
     const auto position = points.floats("position"), normal = points.floats("normal"), cell = points.floats("cell"), albedo = ctx.inputs[1]->floats("rgb");
@@ -75,9 +76,12 @@ class BouncedTransferNode final : public Node {
                 if (!hit[k].valid() || !mesh.locate(hit[k].instance, hit[k].primitive, hit[k].u, hit[k].v, glm::dot(hit[k].Ng, ray[k].direction) < 0.0f, at))
                   continue;
                 leaveUnusable(usable, at);
-                const float *a = leaving.data() + at.point[0] * m, *b = leaving.data() + at.point[1] * m, *c = leaving.data() + at.point[2] * m;
-                const float wa = at.weight[0], wb = at.weight[1], wc = at.weight[2];
-                for (size_t h = 0; h < m; ++h) part[h] += wa * a[h] + wb * b[h] + wc * c[h];
+                for (size_t q = 0; q < kCorners; ++q) {
+                  const float w = at.weight[q];
+                  if (!(w > 0.0f)) continue;
+                  const float* from = leaving.data() + at.point[q] * m;
+                  for (size_t h = 0; h < m; ++h) part[h] += w * from[h];
+                }
               }
               for (size_t h = 0; h < m; ++h) total[h] += double(part[h]);
             }

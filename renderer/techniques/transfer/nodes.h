@@ -45,7 +45,7 @@ NodePtr makeEnvironmentSplitNode(EnvironmentPtr map, int bands, int lights, doub
 /// Term "transferred_light": "direct" and "bounced" f32x3, W/m^2 at points, not below 0. Of the direct part without the lights, of the
 /// bounced part with them. Inputs: environment, direct transfer; bounced transfer if there is.
 NodePtr makeTransferredLightNode(const TransferSettings& settings, float rotation, const Vec3& scale, bool bounced);
-/// Term "transfer_places", domain ViewSample: "point" u32x3 | "weight" f32x3 (zero where nothing is hit). Inputs: G-buffer, points.
+/// Term "transfer_places", domain ViewSample: "point" u32x6 | "weight" f32x6 (zero where nothing is hit). Inputs: G-buffer, points.
 NodePtr makeTransferPlacesNode(const TransferSettings& settings, const GBufferSettings& view);
 /// Term "direct_light", domain Pixel, "rgb": mean over view samples of the diffuse lobe's albedo / pi times `part` ("direct" or "bounced") at the place.
 /// Inputs: G-buffer, surface, places, transferred light. Not of materials whose lobes the surface term does not hold.

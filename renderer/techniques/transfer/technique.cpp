@@ -68,11 +68,11 @@ class EnvironmentTransfer final : public Technique {
     s.points = asked.points();
     s.bands = int(asked.bands());
     s.seed = c.request().seed();
-    s.size = uint32_t(transfer::ReceiverMesh(SceneView(*c.scene(), transfer::ReceiverMesh::kFacets, noLights), s.points).size());
+    s.size = uint32_t(transfer::receiverMesh(SceneView(*c.scene(), transfer::ReceiverMesh::kFacets, noLights), s.points)->size());
     if (s.size == 0) return {};  // nothing receives
     if (s.size > 4 * s.points && s.size > 100000)
       c.warn("environment.transfer.points = " + std::to_string(s.points) + ": there are " + std::to_string(s.size) +
-             ", since every vertex of a smooth mesh is one; the first render takes long");
+             ", since every body has some; the first render takes long");
 
     const auto source = [&](NodePtr node, std::vector<NodeId> inputs, const std::string& label) {
       return c.source(std::move(node), std::move(inputs), {}, label, c.scene());

@@ -7,6 +7,7 @@
 #include "techniques/transfer/gloss_levels.h"
 #include "techniques/transfer/harmonics.h"
 #include "techniques/transfer/nodes.h"
+#include "techniques/transfer/receiver_mesh.h"
 #include "terms/surface.h"
 #include "trace/bsdf.h"
 
@@ -41,7 +42,7 @@ class TransferredGlossNode final : public Node {
     Wiring w(type(), in, 7);
     w.over(0, view_.extent()).reads<uint32_t>(0, "instance").reads<float>(0, "P", {3}).reads<float>(0, "Ng", {3});
     w.over(1, view_.extent()).reads<float>(1, "N", {3}).reads<float>(1, "albedo", {3}).reads<float>(1, "material", {5}).reads<uint8_t>(1, "flags");
-    w.over(2, view_.extent()).reads<uint32_t>(2, "point", {3}).reads<float>(2, "weight", {3});
+    w.over(2, view_.extent()).reads<uint32_t>(2, "point", {kCorners}).reads<float>(2, "weight", {kCorners});
     w.over(3, s_.extent()).reads<float>(3, "normal", {3}).over(4, s_.extent()).reads<float>(4, "transfer", {s_.harmonics()});
     w.over(5, s_.extent()).reads<float>(5, "bounced", {3}).over(6, {1, 1, 1});
     for (const GlossLevel& level : kGlossLevels) w.reads<float>(6, level.plane, {3 * level.width * level.height});
@@ -129,10 +130,10 @@ class TransferredGlossNode final : public Node {
       const std::array<float, kMaxBands> lobe = lobeBands(std::sqrt(0.06f + 0.5f * sqr(sqr(looks.roughness[k]))));
       float seen = 0, open = 0, sky = 0;
       Vec3 bounced(0.0f);
-      for (size_t v = 0; v < 3; ++v) {
-        const float w = weight[3 * i + v];
+      for (size_t v = 0; v < kCorners; ++v) {
+        const float w = weight[kCorners * i + v];
         if (!(w > 0.0f)) continue;
-        const size_t at = point[3 * i + v];
+        const size_t at = point[kCorners * i + v];
         const float* t = transfer.data() + at * n;
         size_t h = 0;
         for (int l = 0; l < s_.bands; ++l) {

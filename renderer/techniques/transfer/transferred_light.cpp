@@ -88,12 +88,13 @@ class TransferPlacesNode final : public Node {
     Wiring w(type(), in, 2);
     w.over(0, view_).reads<uint32_t>(0, "instance").reads<uint32_t>(0, "primitive").reads<float>(0, "bary", {2}).reads<float>(0, "P", {3});
     w.reads<float>(0, "Ng", {3}).over(1, s_.extent()).reads<uint8_t>(1, "usable").reads<float>(1, "normal", {3});
-    return w.gives({type(), Domain::ViewSample, view_, {unsetPlane<uint32_t>("point", 3), unsetPlane<float>("weight", 3)}});
+    return w.gives({type(), Domain::ViewSample, view_, {unsetPlane<uint32_t>("point", kCorners), unsetPlane<float>("weight", kCorners)}});
   }
   size_t workingBytes() const override { return size_t(s_.size) * 16; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const ReceiverMesh mesh(*ctx.scene, s_.points);
+    const auto shared = receiverMesh(*ctx.scene, s_.points);
+    const ReceiverMesh& mesh = *shared;
     GOBO_CHECK_EQ(mesh.size(), size_t(s_.size));
     const Term& g = *ctx.inputs[0];
     const auto instance = g.plane<uint32_t>("instance"), primitive = g.plane<uint32_t>("primitive");
@@ -115,9 +116,9 @@ class TransferPlacesNode final : public Node {
               if (side < 0.0f) found = mesh.locate(instance[i], primitive[i], bary[2 * i], bary[2 * i + 1], false, at);
               if (found) leaveUnusable(usable, at);
             }
-            for (size_t k = 0; k < 3; ++k) {
-              point[3 * i + k] = found ? at.point[k] : 0u;
-              weight[3 * i + k] = found ? at.weight[k] : 0.0f;
+            for (size_t k = 0; k < kCorners; ++k) {
+              point[kCorners * i + k] = found ? at.point[k] : 0u;
+              weight[kCorners * i + k] = found ? at.weight[k] : 0.0f;
             }
           }
         },
@@ -150,7 +151,7 @@ class TransferredSurfaceNode final : public Node {
     Wiring w(type(), in, 4);
     w.over(0, view_).reads<uint32_t>(0, "instance").reads<float>(0, "P", {3});
     w.over(1, view_).reads<float>(1, "N", {3}).reads<float>(1, "albedo", {3}).reads<float>(1, "material", {5}).reads<uint8_t>(1, "flags");
-    w.over(2, view_).reads<uint32_t>(2, "point", {3}).reads<float>(2, "weight", {3});
+    w.over(2, view_).reads<uint32_t>(2, "point", {kCorners}).reads<float>(2, "weight", {kCorners});
     w.over(3, s_.extent()).reads<float>(3, part_, {3});
     return w.gives({"direct_light", Domain::Pixel, {view_.width, view_.height, 1}, {plane<float>("rgb", 3)}});
   }
@@ -185,7 +186,7 @@ class TransferredSurfaceNode final : public Node {
               }
               for (size_t c = 0; c < 3; ++c) {
                 float e = 0;
-                for (size_t k = 0; k < 3; ++k) e += weight[3 * i + k] * light[3 * size_t(point[3 * i + k]) + c];
+                for (size_t k = 0; k < kCorners; ++k) e += weight[kCorners * i + k] * light[3 * size_t(point[kCorners * i + k]) + c];
                 rgb[3 * p + c] += albedo[3 * i + c] * reflecting * e;
               }
             }
