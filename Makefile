@@ -32,9 +32,9 @@ check: deps
 	@ninja -C $(BUILD) -j $(JOBS) $(CHECKED:%=test_%)
 	@printf '%s\n' $(CHECKED) | xargs -P $(JOBS) -I{} $(SHELL) -c '$(BUILD)/tests/test_{} --gtest_brief=1 > $(BUILD)/check_{}.log 2>&1 && echo "{}: $$(tail -1 $(BUILD)/check_{}.log)" || { cat $(BUILD)/check_{}.log; exit 255; }'
 
-# Tests under sanitizers or unoptimised, each preset in a build folder of its own (CMakePresets.json; deploy/sanitize).
-# TIER=all for every test, PRESETS=asan for one.
-PRESETS ?= asan tsan debug
+# Tests under sanitizers, each preset in a build folder of its own (CMakePresets.json; deploy/sanitize).
+# TIER=all for every test, PRESETS=asan for one, PRESETS=debug for unoptimised code with the library's assertions (the sanitizers' builds have them too).
+PRESETS ?= asan tsan
 TIER ?= fast
 sanitize: deps
 	@for preset in $(PRESETS); do deploy/sanitize $$preset $(TIER) $(JOBS) || exit 1; done

@@ -19,6 +19,7 @@ class BouncedTransferNode final : public Node {
     t.persist = true;
     return t;
   }
+  int version() const override { return 2; }  // 2: gaps are dark
   void hashParameters(Hasher& h) const override { h.add(s_.points).add(s_.bands).add(bounce_).add(directions_).add(s_.seed); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 3);
@@ -73,6 +74,8 @@ class BouncedTransferNode final : public Node {
               std::fill(part.begin(), part.end(), 0.0f);
               for (int k = 0; k < kLanes; ++k) {
                 Between at;
+                // What stands close about a point in a gap is known by points outside of it, which have light that it has not.
+                if (!usable[i] && hit[k].t < cell[i]) continue;
                 if (!hit[k].valid() || !mesh.locate(hit[k].instance, hit[k].primitive, hit[k].u, hit[k].v, glm::dot(hit[k].Ng, ray[k].direction) < 0.0f, at))
                   continue;
                 leaveUnusable(usable, at);

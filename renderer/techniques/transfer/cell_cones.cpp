@@ -122,6 +122,54 @@ SmoothedMap smoothedCells(const EnvironmentCells& cells, const TaskArena& arena,
   return complete ? out : SmoothedMap();
 }
 
+namespace {
+
+constexpr int kBlock = 4;
+struct BlockWeight {
+  uint32_t block;
+  float weight;
+};
+/// By vertex.
+const std::vector<std::vector<BlockWeight>>& blockWeights() {
+  static const std::vector<std::vector<BlockWeight>> made = [] {
+    constexpr int n = EnvironmentCells::kSide / kBlock;
+    const Icosphere& sphere = icosphere(kBroadLevel);
+    std::vector<std::vector<BlockWeight>> out(sphere.vertices.size());
+    for (uint32_t b = 0; b < 6 * n * n; ++b) {
+      const DVec3 d = EnvironmentCells::direction(int(b) / (n * n), (2.0 * (b % n) + 1) / n - 1, (2.0 * (b / n % n) + 1) / n - 1);
+      for (size_t v = 0; v < out.size(); ++v)
+        if (const double cosine = glm::dot(d, sphere.vertices[v]); cosine >= std::cos(kBroadSupport))
+          out[v].push_back({b, float(std::exp((cosine - 1) / (kBroad * kBroad)))});
+    }
+    return out;
+  }();
+  return made;
+}
+
+}  // namespace
+
+SmoothedMap smoothedBlocks(const EnvironmentCells& cells, const std::vector<double>& left) {
+  constexpr size_t n = EnvironmentCells::kSide, blocks = n / kBlock;
+  std::vector<double> weight(6 * blocks * blocks), angle(weight.size());
+  for (size_t i = 0; i < cells.cells.size(); ++i) {
+    const size_t block = (i / (n * n) * blocks + i / n % n / kBlock) * blocks + i % n / kBlock;
+    weight[block] += left[i] * cells.cells[i].weight;
+    angle[block] += cells.cells[i].solidAngle;
+  }
+  SmoothedMap out;
+  for (const std::vector<BlockWeight>& about : blockWeights()) {
+    double light = 0, all = 0, flux = 0;
+    for (const BlockWeight& b : about) {
+      light += double(b.weight) * weight[b.block];
+      all += double(b.weight) * angle[b.block];
+      flux += weight[b.block];
+    }
+    out.value.push_back(all > 0 ? light / all : 0.0);
+    out.within.push_back(flux);
+  }
+  return out;
+}
+
 std::vector<int> climbed(const std::vector<double>& value, const Icosphere& sphere) {
   std::vector<int> root(value.size());
   for (size_t v = 0; v < value.size(); ++v) {

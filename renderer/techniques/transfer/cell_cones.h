@@ -32,6 +32,11 @@ struct SmoothedMap {
 /// Empty if `stop` fired first. Weights are kept in single precision (8 MB, made by the first call), sums are double.
 SmoothedMap smoothedCells(const EnvironmentCells& cells, const TaskArena& arena, const StopToken& stop = {});
 
+/// The same for broad lamps, of what is `left` of each cell's flux: a Gaussian of kBroad over blocks of 4 x 4 cells, at the vertices of icosphere(kBroadLevel).
+inline constexpr double kBroad = 9 * kDegree, kBroadSupport = 3 * kBroad;
+inline constexpr int kBroadLevel = 4;  // edges of 4 to 4.8 degrees
+SmoothedMap smoothedBlocks(const EnvironmentCells& cells, const std::vector<double>& left);
+
 /// Where climbing to the largest neighbour ends, for every vertex; of equals the lower index, so that plateaus end too.
 std::vector<int> climbed(const std::vector<double>& value, const Icosphere& sphere);
 

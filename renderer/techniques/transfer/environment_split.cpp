@@ -15,7 +15,9 @@ namespace gobo::transfer {
 
 namespace {
 
-constexpr double kRing = 14 * kDegree;  // outer end of what is a peak's background
+constexpr double kRing = 14 * kDegree, kBroadRing = 40 * kDegree;  // outer end of what is a peak's background
+constexpr double kBroadContrast = 3;                               // mean radiance of a broad lamp by the map's that makes it one; twice that: in full
+constexpr double kLeastFade = 0.01;                                // less of a light is not worth its shadow
 constexpr int kCells = 6 * EnvironmentCells::kSide * EnvironmentCells::kSide;
 constexpr double kLeastRadius = 0.1 * kDegree;
 
@@ -25,6 +27,70 @@ struct Peak {
   DVec3 top;
   double height;
 };
+
+/// Maxima above the map's mean with enough about them for a light, highest first.
+std::vector<Peak> peaksOf(const SmoothedMap& smooth, const Icosphere& sphere, double weight, double share) {
+  std::vector<Peak> peaks;
+  const std::vector<int> root = climbed(smooth.value, sphere);
+  for (size_t v = 0; v < root.size(); ++v)
+    if (root[v] == int(v) && smooth.value[v] > weight / (4 * std::numbers::pi) && smooth.within[v] > (share - 1e-9) * weight)
+      peaks.push_back({sphere.vertices[v], smooth.value[v]});
+  std::stable_sort(peaks.begin(), peaks.end(), [](const Peak& a, const Peak& b) { return a.height > b.height; });
+  return peaks;
+}
+
+struct Found {
+  SkyDisk disk;
+  std::vector<std::pair<size_t, double>> taken;  // parts of cells' fluxes
+};
+
+double smoothStep(double from, double to, double x) {
+  const double t = std::clamp((x - from) / (to - from), 0.0, 1.0);
+  return t * t * (3 - 2 * t);
+}
+
+/// What rises above the background about a peak, as a disk; it is taken out of `left`. False: too little.
+bool take(const EnvironmentCells& cells, const Peak& peak, bool broad, double share, std::vector<double>& left, Found& out) {
+  const double support = broad ? kBroadSupport : kSupport;
+  double ring = 0, ringAngle = 0;
+  cellsWithin(peak.top, broad ? kBroadRing : kRing, [&](size_t i, double cosine) {
+    if (cosine > std::cos(support)) return;
+    ring += left[i] * cells.cells[i].weight;
+    ringAngle += cells.cells[i].solidAngle;
+  });
+  const double background = ringAngle > 0 ? ring / ringAngle : 0.0;
+  double weight = 0, extent = 0;
+  DVec3 moment(0.0);
+  cellsWithin(peak.top, support, [&](size_t i, double) {
+    const EnvironmentCell& cell = cells.cells[i];
+    if (!(cell.weight > 0)) return;
+    const double part = left[i] - background * cell.solidAngle / cell.weight;  // of the cell's flux that rises above
+    if (!(part > 0)) return;
+    out.taken.emplace_back(i, part);
+    out.disk.flux += part * cell.flux;
+    weight += part * cell.weight;
+    moment += part * cell.moment;
+    extent += part * cell.extent;
+  });
+  if (!(weight > 0) || !(glm::length(moment) > 0)) return false;
+  const double length = glm::length(moment) / weight;
+  out.disk.direction = moment / (length * weight);
+  // Mean squared chord about the centre: 2 (1 - length) and what is inside of cells; of a disk it is half its radius squared.
+  out.disk.radius = std::max(std::sqrt(2 * (2 * (1 - length) + extent / weight)), kLeastRadius);
+  double fade = smoothStep(share, 2 * share, weight / cells.weight);
+  if (broad) {  // a smooth sky's brightest part is what harmonics are for: a lamp is many times as bright as the mean of all
+    const double disk = 2 * std::numbers::pi * (1 - std::cos(std::min(out.disk.radius, std::numbers::pi / 2)));
+    fade *= smoothStep(kBroadContrast, 2 * kBroadContrast, weight / disk / (cells.weight / (4 * std::numbers::pi)));
+  }
+  if (!(fade > kLeastFade)) return false;
+  for (auto& [i, part] : out.taken) {
+    part *= fade;
+    left[i] -= part;
+  }
+  out.disk.flux *= fade;
+  out.disk.irradiance = out.disk.flux * length;
+  return true;
+}
 
 class EnvironmentSplitNode final : public Node {
  public:
@@ -83,59 +149,18 @@ EnvironmentSplit splitEnvironment(const Environment& map, int bands, int lights,
   if (stop.stopRequested()) return {};
   out.flux = cells.flux;
   if (!(cells.weight > 0)) return out;
-  const Icosphere& sphere = icosphere(kSmoothLevel);
   const SmoothedMap smooth = smoothedCells(cells, arena, stop);
   if (smooth.value.empty()) return {};
-
-  std::vector<Peak> peaks;
-  const std::vector<int> root = climbed(smooth.value, sphere);
-  for (size_t v = 0; v < root.size(); ++v)  // above the mean, and with enough about it for a light
-    if (root[v] == int(v) && smooth.value[v] > cells.weight / (4 * std::numbers::pi) && smooth.within[v] > (share - 1e-9) * cells.weight)
-      peaks.push_back({sphere.vertices[v], smooth.value[v]});
-  std::stable_sort(peaks.begin(), peaks.end(), [](const Peak& a, const Peak& b) { return a.height > b.height; });
-
-  std::vector<double> left(cells.cells.size(), 1.0);                              // of each cell's flux
-  std::vector<std::pair<SkyDisk, std::vector<std::pair<size_t, double>>>> found;  // with what each takes of which cell
-  for (const Peak& peak : peaks) {
-    if (stop.stopRequested()) return {};
-    double ring = 0, ringAngle = 0;
-    cellsWithin(peak.top, kRing, [&](size_t i, double cosine) {
-      if (cosine > std::cos(kSupport)) return;
-      ring += left[i] * cells.cells[i].weight;
-      ringAngle += cells.cells[i].solidAngle;
-    });
-    const double background = ringAngle > 0 ? ring / ringAngle : 0.0;
-    SkyDisk disk;
-    double weight = 0, extent = 0;
-    DVec3 moment(0.0);
-    std::vector<std::pair<size_t, double>> taken;
-    cellsWithin(peak.top, kSupport, [&](size_t i, double) {
-      const EnvironmentCell& cell = cells.cells[i];
-      if (!(cell.weight > 0)) return;
-      const double part = left[i] - background * cell.solidAngle / cell.weight;  // of the cell's flux that rises above
-      if (!(part > 0)) return;
-      taken.emplace_back(i, part);
-      disk.flux += part * cell.flux;
-      weight += part * cell.weight;
-      moment += part * cell.moment;
-      extent += part * cell.extent;
-    });
-    if (!(weight > 0) || !(glm::length(moment) > 0)) continue;
-    const double size = weight / cells.weight, t = std::clamp(size / share - 1.0, 0.0, 1.0), fade = t * t * (3 - 2 * t);
-    if (!(fade > 0)) continue;
-    for (auto& [i, part] : taken) {
-      part *= fade;
-      left[i] -= part;
+  std::vector<double> left(cells.cells.size(), 1.0);  // of each cell's flux
+  std::vector<Found> found;
+  for (const bool broad : {false, true})
+    for (const Peak& peak : broad ? peaksOf(smoothedBlocks(cells, left), icosphere(kBroadLevel), cells.weight, share)
+                                  : peaksOf(smooth, icosphere(kSmoothLevel), cells.weight, share)) {
+      if (stop.stopRequested()) return {};
+      Found f;
+      if (take(cells, peak, broad, share, left, f)) found.push_back(std::move(f));
     }
-    const double length = glm::length(moment) / weight;
-    disk.direction = moment / (length * weight);
-    disk.flux *= fade;
-    disk.irradiance = disk.flux * length;
-    // Mean squared chord about the centre: 2 (1 - length) and what is inside of cells; of a disk it is half its radius squared.
-    disk.radius = std::max(std::sqrt(2 * (2 * (1 - length) + extent / weight)), kLeastRadius);
-    found.emplace_back(disk, std::move(taken));
-  }
-  std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return luminanceOf(a.first.flux) > luminanceOf(b.first.flux); });
+  std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) { return luminanceOf(a.disk.flux) > luminanceOf(b.disk.flux); });
   if (found.size() > size_t(lights)) found.resize(size_t(lights));
   std::vector<double> Y(size_t(bands * bands));
   out.left.assign(cells.cells.size(), 1.0);  // of those that were kept

@@ -18,7 +18,7 @@ uint64_t keyOf(const Vec3& p, const Vec3& n, double spacing) {
   uint64_t key = 0;
   for (int c = 0; c < 3; ++c) {
     const double at = std::floor(double(p[c]) / spacing + 0.37);
-    key = hash64(key, uint64_t(int64_t(std::clamp(at, -4e18, 4e18))));
+    key = hash64(key, std::fabs(at) < 4e18 ? uint64_t(int64_t(at)) : 0u);
   }
   const Vec3 a = glm::abs(n);
   const int axis = a.x >= a.y && a.x >= a.z ? 0 : a.y >= a.z ? 1 : 2;

@@ -275,12 +275,18 @@ ReceiverMesh::Points ReceiverMesh::points(const SceneView& view) const {
       const Pattern& q = patterns_[triangle.pattern];
       const Vec3 flat = unit(glm::cross(b - a, c - a) * turned.sign, Vec3(0, 1, 0));
       const float cell = std::max(source.sizes[t].longest / float(q.pieces), source.sizes[t].height / float(q.strips));
+      const Vec3 corner[3] = {a, b, c}, base = corner[(q.edge + 1) % 3] - corner[q.edge];  // where the third corner is above the longest edge
+      const float foot = clamp01(glm::dot(corner[(q.edge + 2) % 3] - corner[q.edge], base) / maxOf(glm::dot(base, base), 1e-30f));
       for (int j = 0; j <= q.strips; ++j)
         for (int i = 0; i <= q.in(j); ++i) {
-          float w[3], y = float(j) / float(q.strips), x = q.in(j) > 0 ? float(i) / float(q.in(j)) : 0.5f;
-          // Towards the middle, which of a thin triangle is far along it.
-          y += 0.05f * std::min(1.0f / float(q.strips), cell / source.sizes[t].longest) * (1.0f / 3.0f - y);
-          x += 0.05f / float(std::max(q.in(j), 1)) * (0.5f - x);
+          // Off the edges, towards the middle of the row and straight up from the longest edge (down to it from the corner): towards the middle of a thin
+          // triangle would be far along it. Its ends are so narrow that going far in means going along.
+          const float y0 = float(j) / float(q.strips), x0 = q.in(j) > 0 ? float(i) / float(q.in(j)) : foot, least = 0.025f / float(std::max(q.in(j), 1));
+          const bool end = i == 0 || i == q.in(j);
+          const float step = 0.05f * (end && q.in(j) > 0 ? std::min(1.0f / float(q.strips), 5.0f * cell / source.sizes[t].longest) : 1.0f / float(q.strips));
+          const float y = y0 + step * (1.0f / 3.0f - y0), along = x0 * (1.0f - y0) + foot * y0;
+          const float x = std::clamp((along - foot * y) / (1.0f - y), least, 1.0f - least);
+          float w[3];
           w[q.edge] = (1.0f - x) * (1.0f - y);
           w[(q.edge + 1) % 3] = x * (1.0f - y);
           w[(q.edge + 2) % 3] = y;

@@ -154,6 +154,30 @@ TEST(EnvironmentSplit, LightsComeAndGoGradually) {
   EXPECT_GT(last, 0.97);
 }
 
+// Lamps too broad for one peak: a softbox of 20 to 34 degrees is one light, of about its size, and what is left is what harmonics hold; with a lamp in front of it both are.
+TEST(EnvironmentSplit, ABroadLampIsOneLight) {
+  const TaskArena arena(2);
+  for (const auto& [radius, at] : {std::pair(10.0, towards(35, 20)), std::pair(14.0, towards(-5, 133)), std::pair(17.0, towards(80, 250))}) {
+    const EnvironmentPtr map = skyOf({{at, radius, 40.0}}, 512);
+    const EnvironmentSplit split = splitEnvironment(*map, 5, 16, 0.02, arena);
+    const double omega = 2 * std::numbers::pi * (1 - std::cos(radius * kDegree)), flux = 40 * omega;
+    ASSERT_FALSE(split.lights.empty());
+    DVec3 sum(0.0), left(split.rest[0], split.rest[1], split.rest[2]);
+    for (const SkyDisk& light : split.lights) sum += light.flux;
+    EXPECT_NEAR(sum.x / flux, 1.0, 0.06) << radius;
+    const SkyDisk& most = split.lights[0];
+    EXPECT_GT(most.flux.x / flux, 0.6) << radius;  // the rest of it was taken for a peak of its own
+    EXPECT_LT(angle(most.direction, at), 1.5) << radius;
+    EXPECT_NEAR(most.radius / kDegree, radius, 0.35 * radius) << radius;
+    const double whole = std::sqrt(4 * std::numbers::pi);  // flux is the first coefficient times it
+    EXPECT_NEAR((whole * left.x + sum.x) / fluxOf(*map).x, 1.0, 1e-4);
+  }
+  const DVec3 middle = towards(35, 20);
+  const EnvironmentSplit both = splitEnvironment(*skyOf({{middle, 15.0, 20.0}, {middle, 0.7, 20000.0}}, 1024), 5, 16, 0.02, arena);
+  ASSERT_GE(both.lights.size(), 2u);
+  EXPECT_NEAR(both.lights[0].radius / kDegree + both.lights[1].radius / kDegree, 15.7, 5.0);
+}
+
 TEST(EnvironmentSplit, ThreadsDoNotMatter) {
   const EnvironmentPtr map = skyOf({{towards(40, 70), 1.0, 300.0}, {towards(10, 200), 2.0, 90.0}}, 256);
   const EnvironmentSplit a = splitEnvironment(*map, 6, 16, 0.02, TaskArena(1)), b = splitEnvironment(*map, 6, 16, 0.02, TaskArena(3));

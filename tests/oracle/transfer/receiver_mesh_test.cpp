@@ -43,7 +43,7 @@ TEST(ReceiverMesh, AThinTriangleIsCutAlongItsLength) {
       const Mesh& of = *scene->meshes[0];
       const uint32_t* v = of.indices.data() + 3 * t;
       const Vec3 place = (1 - r) * of.positions[v[0]] + r * (1 - q.y) * of.positions[v[1]] + r * q.y * of.positions[v[2]];
-      EXPECT_LT(glm::length(meanOf(points, at) - place), 0.05f * mesh.spacing());
+      EXPECT_LT(glm::length(meanOf(points, at) - place), 0.1f * mesh.spacing());  // drawn in
     }
   }
 }

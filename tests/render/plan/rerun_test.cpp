@@ -427,6 +427,23 @@ TEST(Rerun, EnvironmentByTransfer) {
   EXPECT_EQ(edited("seed=3").find("environment:split"), std::string::npos);
 }
 
+// Direct transfer knows no albedo: paint makes the bounces again and traces nothing else of it.
+TEST(Rerun, RecolouringKeepsDirectTransfer) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 16, 12, 4);
+  set(r, "environment.constant=0.3,0.3,0.4");
+  for (const char* e : {"environment.transfer.points=400", "environment.transfer.bands=3", "environment.transfer.samples=128", "environment.transfer.bounces=1"})
+    set(r, e);
+  mustRender(*engine, r);
+  v1::PatchSceneRequest p;
+  p.set_scene("cornell");
+  (*p.mutable_materials())[engine->inspectScene("cornell")->material_names(0)].mutable_base_color()->set_x(0.3f);
+  ASSERT_TRUE(engine->patchScene(p).ok());
+  const Labels painted = ran(mustRender(*engine, r));
+  for (const char* node : {"transfer:albedo", "transfer:bounce 1", "transfer:light"}) EXPECT_TRUE(painted.count(node)) << text(painted);
+  for (const char* node : {"transfer points", "transfer:direct", "transfer:places", "environment:split"}) EXPECT_FALSE(painted.count(node)) << text(painted);
+}
+
 TEST(Rerun, AMapThatTurnsTracesNothing) {
   const auto engine = makeEngine();
   v1::RenderRequest r = smallRequest("lights8", 16, 12, 4);  // lamps of every kind, and a material that shines

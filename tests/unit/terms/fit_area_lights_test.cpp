@@ -288,6 +288,7 @@ TEST(FitAreaLights, SmallTurnsOfTheMapChangeLittle) {
 TEST(FitAreaLights, PollsItsStopTokenAllAlong) {
   const Environment e = mapOf(64, 32, [](const DVec3& d) { return Vec3(1.0f + float(d.y)); });
   constexpr int kMany = 1 << 30;
+  ASSERT_EQ(fitAreaLights(e, 16).lights.size(), 16u);  // which cells the map's texels are in is found once, and polls too
   StopSource count;
   count.stopAtPoll(kMany);
   ASSERT_EQ(fitAreaLights(e, 16, count.token()).lights.size(), 16u);
