@@ -78,8 +78,9 @@ void print(const EnvironmentCommand& c, const Environment& map, const Environmen
   if (c.json) {
     std::string lights, full, rest;
     for (const SkyDisk& disk : split.lights)
-      lights += std::string(lights.empty() ? "" : ", ") + "{\"direction\": " + jsonNumbers(disk.direction) + ", \"irradiance\": " + jsonNumbers(disk.irradiance) +
-                ", \"angularSizeDeg\": " + jsonNumber(2 * disk.radius * kDegrees) + ", \"share\": " + jsonNumber(shareOf(disk)) + "}";
+      lights += std::string(lights.empty() ? "" : ", ") + "{\"direction\": " + jsonNumbers(disk.direction) +
+                ", \"irradiance\": " + jsonNumbers(disk.irradiance) + ", \"angularSizeDeg\": " + jsonNumber(2 * disk.radius * kDegrees) +
+                ", \"share\": " + jsonNumber(shareOf(disk)) + "}";
     for (size_t h = 0; h < split.full.size() / 3; ++h) {
       full += (h ? ", " : "") + jsonNumbers(DVec3(split.full[3 * h], split.full[3 * h + 1], split.full[3 * h + 2]));
       rest += (h ? ", " : "") + jsonNumbers(DVec3(split.rest[3 * h], split.rest[3 * h + 1], split.rest[3 * h + 2]));
@@ -87,10 +88,11 @@ void print(const EnvironmentCommand& c, const Environment& map, const Environmen
     const auto part = [](const EnvironmentReport::Part& p, const std::string& coefficients) {
       return "{\"error\": " + jsonNumber(p.error) + ", \"least\": " + jsonNumber(p.least) + ", \"coefficients\": [" + coefficients + "]}";
     };
-    std::printf("{\"width\": %d, \"height\": %d, \"repairedTexels\": %d, \"mean\": %s, \"largest\": %s, \"lightShare\": %s, \"lights\": [%s], "
-                "\"whole\": %s, \"rest\": %s}\n",
-                map.width, map.height, map.repairedTexels, jsonNumbers(mean).c_str(), jsonNumber(double(largest)).c_str(), jsonNumber(report.lightShare).c_str(), lights.c_str(),
-                part(report.whole, full).c_str(), part(report.rest, rest).c_str());
+    std::printf(
+        "{\"width\": %d, \"height\": %d, \"repairedTexels\": %d, \"mean\": %s, \"largest\": %s, \"lightShare\": %s, \"lights\": [%s], "
+        "\"whole\": %s, \"rest\": %s}\n",
+        map.width, map.height, map.repairedTexels, jsonNumbers(mean).c_str(), jsonNumber(double(largest)).c_str(), jsonNumber(report.lightShare).c_str(),
+        lights.c_str(), part(report.whole, full).c_str(), part(report.rest, rest).c_str());
     return;
   }
   std::printf("%s: %d x %d, mean radiance %s W/m^2/sr, brightest texel %.4g times the mean's luminance", map.name.c_str(), map.width, map.height,
@@ -102,7 +104,8 @@ void print(const EnvironmentCommand& c, const Environment& map, const Environmen
   if (split.lights.empty()) return;
   std::vector<std::vector<std::string>> rows;
   for (const SkyDisk& disk : split.lights)
-    rows.push_back({strf("%.2f %%", 100 * shareOf(disk)), list(disk.irradiance, "%.4g"), strf("%.2f", 2 * disk.radius * kDegrees), list(disk.direction, "%.4f")});
+    rows.push_back(
+        {strf("%.2f %%", 100 * shareOf(disk)), list(disk.irradiance, "%.4g"), strf("%.2f", 2 * disk.radius * kDegrees), list(disk.direction, "%.4f")});
   printTable({"share", "irradiance, W/m^2", "size, deg", "direction"}, rows, {true, false, true, false});
 }
 

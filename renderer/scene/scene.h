@@ -52,7 +52,8 @@ struct Scene {
   /// Digest of the facets in `set`; light facets cover only `lightSubset` (indices into lights). Mesh lights pull in the
   /// topology, pose and emission of their instance. O(number of materials + lights): facet digests are cached by seal().
   Hash128 facetHash(Facet set, const std::vector<int>& lightSubset) const;
-  /// Whether the environment is part of that: light is seen from the lights of a subset alone, so a map that turns concerns nobody whose lights it is not among.
+  /// Whether the environment is part of that: light is seen from the lights of a subset alone, so a map that turns concerns nobody whose lights it is not
+  /// among.
   bool seesEnvironment(Facet set, const std::vector<int>& lightSubset) const;
   /// Merkle root over every facet and every light; the scene's identity.
   Hash128 hash() const { return root_; }

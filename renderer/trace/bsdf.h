@@ -76,7 +76,6 @@ Vec3 bsdfStraight(const BsdfParams& p, const Vec3& wo);
 /// True if no lobe can be evaluated (mirror or smooth glass): next-event estimation is useless.
 bool bsdfIsDelta(const BsdfParams& p);
 
-
 struct LobeAlbedos {
   Vec3 diffuse{0.0f}, specular{0.0f};
 };

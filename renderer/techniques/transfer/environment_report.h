@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an environment map is to environment.transfer, without a scene: its harmonics, the lights in it, and how much of it the harmonics miss. `gobo environment`.
+// What an environment map is to environment.transfer, without a scene: its harmonics, the lights in it, and how much of it the harmonics miss. `gobo
+// environment`.
 #pragma once
 
 #include "base/image.h"

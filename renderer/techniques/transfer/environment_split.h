@@ -4,8 +4,10 @@
 //   2. Local maxima there, climbed to from every vertex; the sources of a maximum are the cells nearest to it within 9 degrees.
 //   3. A light is what of its cells rises above the local background, the mean radiance between 9 and 14 degrees about it: flux by channel, centre by
 //      its first moment, radius by its second (a uniform disk of the same spread). What a light takes is taken out of the cells.
-//   4. Then broad lamps (softboxes, windows, a glow about the sun), the same way in what is left: a Gaussian of 9 degrees, sources within 27, background between 27 and
-//      40; only those whose mean radiance is at least three times the map's, in full from six times, since a smooth sky's bright side is what harmonics are for.
+//   4. Then broad lamps (softboxes, windows, a glow about the sun), the same way in what is left: a Gaussian of 9 degrees, sources within 27, background
+//   between 27 and
+//      40; only those whose mean radiance is at least three times the map's, in full from six times, since a smooth sky's bright side is what harmonics are
+//      for.
 //   5. Lights that have less than a `share` of the map's luminous flux stay in the harmonics, faded out between share and twice share, so that
 //      a sequence of maps does not pop. So at most 1 / share lights.
 // Flux is exact: harmonics of the full map minus those of what was taken, cell by cell. The decomposition of the thesis of 2007 (4.1 - 4.5) adds lights to the

@@ -61,7 +61,8 @@ class ReceiverMesh {
     float longest, height;  // edge, and height above it, world units
     uint8_t edge;           // from corner `edge` to the next
   };
-  /// How triangles of some proportions are cut: row 0 is the longest edge in `pieces`, and each of the `strips` rows behind it one of fewer, down to the corner.
+  /// How triangles of some proportions are cut: row 0 is the longest edge in `pieces`, and each of the `strips` rows behind it one of fewer, down to the
+  /// corner.
   struct Pattern {
     int strips = 1, pieces = 1, edge = 0;
     std::vector<uint32_t> row;  // number of its first point, and of all

@@ -154,7 +154,8 @@ TEST(EnvironmentSplit, LightsComeAndGoGradually) {
   EXPECT_GT(last, 0.97);
 }
 
-// Lamps too broad for one peak: a softbox of 20 to 34 degrees is one light, of about its size, and what is left is what harmonics hold; with a lamp in front of it both are.
+// Lamps too broad for one peak: a softbox of 20 to 34 degrees is one light, of about its size, and what is left is what harmonics hold; with a lamp in front of
+// it both are.
 TEST(EnvironmentSplit, ABroadLampIsOneLight) {
   const TaskArena arena(2);
   for (const auto& [radius, at] : {std::pair(10.0, towards(35, 20)), std::pair(14.0, towards(-5, 133)), std::pair(17.0, towards(80, 250))}) {

@@ -70,9 +70,7 @@ TEST(ReceiverMesh, ADenseMeshIsThinnedToWhatIsAskedFor) {
       const Vec3 place = 0.05f * of.positions[v[0]] + 0.9f * of.positions[v[1]] + 0.05f * of.positions[v[2]];
       const Vec3 normal = glm::normalize(place);
       for (size_t k = 0; k < kCorners; ++k)
-        if (a.weight[k] > 0) {
-          EXPECT_GT(glm::dot(points.normal[a.point[k]], normal), wanted > 100 ? 0.5f : 0.0f);
-        }
+        if (a.weight[k] > 0) { EXPECT_GT(glm::dot(points.normal[a.point[k]], normal), wanted > 100 ? 0.5f : 0.0f); }
       farthest = std::max(farthest, glm::length(meanOf(points, a) - place));
       jump = std::max(jump, glm::length(meanOf(points, a) - meanOf(points, b)));
     }

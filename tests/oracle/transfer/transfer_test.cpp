@@ -96,7 +96,7 @@ TEST(TransferPoints, PlacesAreWhereTheirPointsAre) {
             }
             EXPECT_NEAR(sum, 1.0f, 1e-5f);
             EXPECT_LT(glm::length(mean - place), instance == 1 ? 0.1f * cell : std::max(0.1f * cell, mesh.spacing()));  // thinned: within a spacing
-            const Vec3 out = instance == 1 ? Vec3(0, 1, 0) : Vec3((place.x - 0.2f), place.y / 4, place.z);  // of the ellipsoid
+            const Vec3 out = instance == 1 ? Vec3(0, 1, 0) : Vec3((place.x - 0.2f), place.y / 4, place.z);              // of the ellipsoid
             EXPECT_EQ(glm::dot(points.normal[at.point[0]], out) > 0, front);
           }
         }
@@ -327,9 +327,7 @@ TEST(TransferPictures, ANewTurnOrMapTracesNoRay) {
   testing::set(r, "environment.rotation_deg=33");
   const RenderResult turned = pictureOf(*engine, scene, r);
   for (const auto& [label, node] : testing::nodesBy(turned, v1::NodeReport::RUN))
-    if (label.find("transfer") != std::string::npos || label.find("environment:") == 0) {
-      EXPECT_EQ(node.rays(), 0u) << label;
-    }
+    if (label.find("transfer") != std::string::npos || label.find("environment:") == 0) { EXPECT_EQ(node.rays(), 0u) << label; }
   const auto reused = testing::nodesBy(turned, v1::NodeReport::REUSED);
   EXPECT_TRUE(reused.count("transfer:direct"));
   v1::RenderRequest cold = r;

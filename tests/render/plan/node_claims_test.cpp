@@ -87,9 +87,7 @@ TEST(NodeClaims, BitsDoNotDependOnThreadsAndBytesAreAsSaid) {
         EXPECT_EQ(known.first->second, (*made)->content());
         EXPECT_EQ(known.second, threads == 5) << "another plan";
         EXPECT_LE((*made)->bytes(), n.shape.bytes() + kTermBytes);
-        if (n.node->traits().smallOutput) {
-          EXPECT_LE((*made)->bytes(), 128u << 10);
-        }
+        if (n.node->traits().smallOutput) { EXPECT_LE((*made)->bytes(), 128u << 10); }
       }
     }
   }
@@ -181,9 +179,7 @@ TEST(NodeClaims, TilesDependOnNothingBeyondTheirHalo) {
         return std::isfinite(v) ? 0.5 * v + 0.125 : v;
       });
     }
-    if (halo == 0 && !inputs.empty()) {
-      EXPECT_TRUE(any) << "nothing was changed";
-    }
+    if (halo == 0 && !inputs.empty()) { EXPECT_TRUE(any) << "nothing was changed"; }
     const auto part = p.runOn(id, inputs);
     ASSERT_TRUE(part.ok()) << part.status().toString();
     for (const Plane& plane : (*whole)->planes()) {

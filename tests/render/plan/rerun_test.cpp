@@ -415,7 +415,7 @@ TEST(Rerun, EnvironmentByTransfer) {
     return out;
   };
   EXPECT_EQ(edited("environment.gain=2,2,2"), "beauty ");
-  EXPECT_EQ(edited("environment.rotation_deg=40"), light);  // the map is split in its own axes
+  EXPECT_EQ(edited("environment.rotation_deg=40"), light);     // the map is split in its own axes
   EXPECT_EQ(edited("environment.transfer.gloss=TRACED"), "");  // nothing here shines
   EXPECT_EQ(edited("environment.transfer.bounces=2"), "beauty environment:bounced environment:direct transfer:bounce 2 transfer:light ");
   EXPECT_EQ(edited("environment.transfer.samples=192"),
@@ -432,7 +432,8 @@ TEST(Rerun, RecolouringKeepsDirectTransfer) {
   const auto engine = makeEngine();
   v1::RenderRequest r = smallRequest("cornell", 16, 12, 4);
   set(r, "environment.constant=0.3,0.3,0.4");
-  for (const char* e : {"environment.transfer.points=400", "environment.transfer.bands=3", "environment.transfer.samples=128", "environment.transfer.bounces=1"})
+  for (const char* e :
+       {"environment.transfer.points=400", "environment.transfer.bands=3", "environment.transfer.samples=128", "environment.transfer.bounces=1"})
     set(r, e);
   mustRender(*engine, r);
   v1::PatchSceneRequest p;
@@ -448,7 +449,8 @@ TEST(Rerun, AMapThatTurnsTracesNothing) {
   const auto engine = makeEngine();
   v1::RenderRequest r = smallRequest("lights8", 16, 12, 4);  // lamps of every kind, and a material that shines
   set(r, "environment.constant=0.3,0.3,0.4");
-  for (const char* e : {"environment.transfer.points=400", "environment.transfer.bands=3", "environment.transfer.samples=128", "environment.transfer.bounces=1"})
+  for (const char* e :
+       {"environment.transfer.points=400", "environment.transfer.bands=3", "environment.transfer.samples=128", "environment.transfer.bounces=1"})
     set(r, e);
   const Labels first = ran(mustRender(*engine, r));
   for (const char* node : {"environment:gloss", "environment:direct gloss", "environment:bounced gloss"}) EXPECT_TRUE(first.count(node)) << text(first);
