@@ -16,11 +16,11 @@ namespace gobo::cli {
 namespace {
 
 using transfer::EnvironmentReport;
+using transfer::luminanceOf;
 using transfer::SkyDisk;
 
 constexpr double kDegrees = 57.29577951308232;
 
-double luminance(const DVec3& c) { return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z; }
 std::string list(const DVec3& v, const char* format) { return strf(format, v.x) + ", " + strf(format, v.y) + ", " + strf(format, v.z); }
 std::string jsonNumbers(const DVec3& v) { return "[" + jsonNumber(v.x) + ", " + jsonNumber(v.y) + ", " + jsonNumber(v.z) + "]"; }
 
@@ -30,7 +30,7 @@ Image panels(const EnvironmentReport& report) {
   const int w = report.whole.radiance.width, h = report.whole.radiance.height;
   Image out(2 * w, 2 * h, 3);
   out.names = {"R", "G", "B"};
-  const double mean = luminance(DVec3(report.split.full[0], report.split.full[1], report.split.full[2])) * 0.28209479177387814;
+  const double mean = luminanceOf(DVec3(report.split.full[0], report.split.full[1], report.split.full[2])) * 0.28209479177387814;
   const float exposure = mean > 0 ? float(0.3 / mean) : 1.0f;
   const auto put = [&](const Image& from, int left, int top) {
     for (int y = 0; y < h; ++y)
@@ -72,9 +72,9 @@ void print(const EnvironmentCommand& c, const Environment& map, const Environmen
   const auto& split = report.split;
   const DVec3 mean = DVec3(split.full[0], split.full[1], split.full[2]) * 0.28209479177387814;
   float largest = 0;
-  for (const Vec3& texel : map.texels) largest = std::max(largest, float(luminance(DVec3(texel))));
-  const double flux = 4 * double(kPi) * luminance(mean);
-  const auto shareOf = [&](const SkyDisk& disk) { return flux > 0 ? luminance(disk.flux) / flux : 0.0; };
+  for (const Vec3& texel : map.texels) largest = std::max(largest, float(luminanceOf(DVec3(texel))));
+  const double flux = 4 * double(kPi) * luminanceOf(mean);
+  const auto shareOf = [&](const SkyDisk& disk) { return flux > 0 ? luminanceOf(disk.flux) / flux : 0.0; };
   if (c.json) {
     std::string lights, full, rest;
     for (const SkyDisk& disk : split.lights)
@@ -96,7 +96,7 @@ void print(const EnvironmentCommand& c, const Environment& map, const Environmen
     return;
   }
   std::printf("%s: %d x %d, mean radiance %s W/m^2/sr, brightest texel %.4g times the mean's luminance", map.name.c_str(), map.width, map.height,
-              list(mean, "%.4g").c_str(), luminance(mean) > 0 ? double(largest) / luminance(mean) : 0.0);
+              list(mean, "%.4g").c_str(), luminanceOf(mean) > 0 ? double(largest) / luminanceOf(mean) : 0.0);
   if (map.repairedTexels > 0) std::printf(", %d broken texels taken for black", map.repairedTexels);
   std::printf("\n%u bands: the harmonics miss %.1f %% of the map (L2), and %.1f %% of what the lights leave; least %.3g and %.3g W/m^2/sr\n", c.bands,
               100 * report.whole.error, 100 * report.rest.error, report.whole.least, report.rest.least);

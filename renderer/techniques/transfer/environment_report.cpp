@@ -14,8 +14,6 @@ namespace gobo::transfer {
 
 namespace {
 
-double luminance(double r, double g, double b) { return 0.2126 * r + 0.7152 * g + 0.0722 * b; }
-
 bool fill(EnvironmentReport::Part& part, const Environment& map, std::span<const float> left, const std::vector<double>& coefficients, int bands,
           const TaskArena& arena, const StopToken& stop) {
   const int width = kGlossLevels[0].width, height = kGlossLevels[0].height;
@@ -39,7 +37,7 @@ bool fill(EnvironmentReport::Part& part, const Environment& map, std::span<const
             for (size_t h = 0; h < Y.size(); ++h) sum += Y[h] * DVec3(coefficients[3 * h], coefficients[3 * h + 1], coefficients[3 * h + 2]);
             const float* own = part.radiance.at(x, int(y));
             for (int c = 0; c < 3; ++c) part.harmonics.at(x, int(y))[c] = float(sum[c]);
-            const double found = luminance(sum.x, sum.y, sum.z), there = luminance(double(own[0]), double(own[1]), double(own[2]));
+            const double found = luminanceOf(sum), there = luminanceOf(DVec3(own[0], own[1], own[2]));
             rows[y].missed += s * (found - there) * (found - there);
             rows[y].all += s * there * there;
             rows[y].least = std::min(rows[y].least, found);
@@ -69,9 +67,9 @@ EnvironmentReport reportEnvironment(const Environment& map, int bands, int light
   const std::vector<float> left = out.split.left.empty() ? all : std::vector<float>(out.split.left.begin(), out.split.left.end());
   if (!fill(out.whole, map, all, out.split.full, bands, arena, stop) || !fill(out.rest, map, left, out.split.rest, bands, arena, stop)) return {};
   // Y_0 is constant: its coefficient is flux times it.
-  const double flux = std::sqrt(4 * std::numbers::pi) * luminance(out.split.full[0], out.split.full[1], out.split.full[2]);
+  const double flux = std::sqrt(4 * std::numbers::pi) * luminanceOf(DVec3(out.split.full[0], out.split.full[1], out.split.full[2]));
   double inLights = 0;
-  for (const SkyDisk& disk : out.split.lights) inLights += luminance(disk.flux.x, disk.flux.y, disk.flux.z);
+  for (const SkyDisk& disk : out.split.lights) inLights += luminanceOf(disk.flux);
   out.lightShare = flux > 0 ? inLights / flux : 0.0;
   return out;
 }

@@ -21,8 +21,6 @@ constexpr double kLeastFade = 0.01;                                // less of a 
 constexpr int kCells = 6 * EnvironmentCells::kSide * EnvironmentCells::kSide;
 constexpr double kLeastRadius = 0.1 * kDegree;
 
-double luminanceOf(const DVec3& c) { return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z; }
-
 struct Peak {
   DVec3 top;
   double height;

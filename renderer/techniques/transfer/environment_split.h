@@ -23,6 +23,9 @@
 
 namespace gobo::transfer {
 
+/// Rec.709, in double: sums over maps of any contrast are weighted by it.
+inline double luminanceOf(const DVec3& c) { return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z; }
+
 struct SkyDisk {
   DVec3 direction{0, 1, 0};  ///< unit, towards it, map axes
   DVec3 flux{0.0};           ///< integral of its radiance, W/m^2

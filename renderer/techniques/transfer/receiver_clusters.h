@@ -14,7 +14,7 @@ namespace gobo::transfer {
 
 /// Corners of a mesh by their slots; those of triangles that share a vertex and its normal share a slot.
 struct Corners {
-  std::vector<Vec3> position, normal;              ///< by slot, world; normals unit
+  std::span<const Vec3> position, normal;          ///< by slot, world; normals unit; the caller's
   std::vector<std::array<uint32_t, 3>> triangles;  ///< slots of the triangles that count; others have no say
 };
 
