@@ -26,8 +26,13 @@ struct Receiver {
   Frame frame() const { return hasTangent ? Frame(n, tangent) : Frame(n); }
   /// f cos, with the index of each channel where the material is dispersive.
   BsdfValue value(const Vec3& wo, const Vec3& wi) const {
-    if (!(dispersion > 0.0f)) return bsdfEval(bsdf, wo, wi);
-    BsdfValue all;
+    float pdf;
+    return value(wo, wi, pdf);
+  }
+  /// With the density of BSDF samples.
+  BsdfValue value(const Vec3& wo, const Vec3& wi, float& pdf) const {
+    BsdfValue all = bsdfEvalPdf(bsdf, wo, wi, pdf);
+    if (!(dispersion > 0.0f)) return all;
     BsdfParams p = bsdf;
     for (int c = 0; c < 3; ++c) {
       p.ior = dispersedIor(bsdf.ior, dispersion, c);
@@ -43,9 +48,9 @@ class DirectUnoccludedNode final : public Node {
  public:
   explicit DirectUnoccludedNode(const DirectUnoccludedSettings& s) : s_(s) {}
   std::string type() const override { return "direct_unoccluded"; }
-  int version() const override {
-    return 6;
-  }  // 2: every lobe; 3: bilinear environments; 4: specular light below the surface is mirrored back; 5: highlights of squares; 6: facing triangles
+  // 2: every lobe; 3: bilinear environments; 4: specular light below the surface is mirrored back; 5: highlights of squares; 6: facing triangles;
+  // 7: diffuse lobes of suns by quadrature, balls cut by the horizon exactly
+  int version() const override { return 7; }
   NodeTraits traits() const override {
     NodeTraits t;
     // Geometry and emission are read by mesh lights only, whose digest is part of LightShape (scene.h).
@@ -140,7 +145,10 @@ class DirectUnoccludedNode final : public Node {
   static Vec3 part(const BsdfValue& f, LobePart lobe) { return lobe == LobePart::Both ? f.sum() : lobe == LobePart::Diffuse ? f.diffuse : f.specular; }
   Vec3 part(const BsdfValue& f) const { return part(f, s_.lobe); }
 
-  /// Exact for Lambert receivers of rectangles, spheres and suns whose visible part is the same by both normals.
+  /// The part of the light above the surface is the same by both normals. above: cosine of the light's centre to the geometric one; sine: of its half angle.
+  static bool sameHorizon(const Receiver& r, double above, double sine) { return r.n == r.ng || above >= sine; }
+
+  /// Exact for Lambert receivers of rectangles and spheres whose visible part is the same by both normals.
   bool closedForm(const LightShape& s, const Receiver& r, Vec3& value) const {
     if (!r.lambert()) return false;
     if (s_.lobe == LobePart::Specular) {
@@ -161,24 +169,60 @@ class DirectUnoccludedNode final : public Node {
       return true;
     }
     if (s.kind == LightKind::Sphere) {
-      const double f = sphereFormFactor(p, n, DVec3(s.position), s.radius);
-      if (f < 0 || (r.n != r.ng && sphereFormFactor(p, DVec3(r.ng), DVec3(s.position), s.radius) <= 0)) return false;
-      value = r.bsdf.albedo * float(f);
-      return true;
-    }
-    if (s.kind == LightKind::Directional && s.angularSize != 0.0f) {
-      // A disk above the horizon is a ball's: what a plane gets of it falls with the cosine of its centre.
-      const double sine = std::sin(0.5 * double(s.angularSize)), up = -glm::dot(n, DVec3(s.axis)), above = -glm::dot(DVec3(r.ng), DVec3(s.axis));
-      if (up <= -sine || above <= -sine) {
-        value = Vec3(0.0f);
-        return true;
-      }
-      if (up < sine || above < sine) return false;
-      value = r.bsdf.albedo * float(up / std::numbers::pi);
+      const DVec3 d = DVec3(s.position) - p;
+      const double distance = glm::length(d);
+      if (!(distance > double(s.radius)) || !sameHorizon(r, glm::dot(d, DVec3(r.ng)) / distance, double(s.radius) / distance)) return false;
+      value = r.bsdf.albedo * float(sphereFormFactor(p, n, DVec3(s.position), double(s.radius)));
       return true;
     }
     return false;
   }
+
+  /// The diffuse lobe under a sun of some size, whose visible part is the same by both normals. What a plane gets of it is exact: it falls with the cosine
+  /// of its centre, as of a ball. A lobe below an interface is a smooth function of the light's cosine times it: of a disk that is whole above the horizon
+  /// four places (two of them at one cosine) on the circle whose mean is the disk's, exact for what is linear in the cosine and to the third order of the
+  /// disk's angle otherwise; of one that is cut by it, five parallels.
+  bool sunlit(const LightShape& s, const Receiver& r, Vec3& value) const {
+    value = Vec3(0.0f);
+    if (r.extended) return false;
+    const double sine = std::sin(0.5 * double(s.angularSize)), up = -glm::dot(DVec3(r.n), DVec3(s.axis)), above = -glm::dot(DVec3(r.ng), DVec3(s.axis));
+    if (up <= -sine || above <= -sine) return true;
+    if (!sameHorizon(r, above, sine)) return false;
+    if (r.lambert()) {
+      value = r.bsdf.albedo * float((up >= sine ? up : capFormFactor(up, sine) / (sine * sine)) / std::numbers::pi);
+      return true;
+    }
+    const double cosine = std::sqrt(1.0 - sine * sine), out = std::sqrt(std::max(1.0 - up * up, 0.0));
+    const Vec3 wo = r.frame().toLocal(r.wo);
+    if (up >= sine) {
+      // Mean cosine to the centre is (1 + cos a) / 2 for half angle a; the disk's solid angle over its irradiance is the reciprocal.
+      const double mean = 0.5 * (1.0 + cosine), across = std::sqrt(1.0 - mean * mean) * out;
+      const float cosines[3] = {float(mean * up), float(mean * up + across), float(std::max(mean * up - across, 1e-9))};
+      Vec3 f[3];
+      bsdfDiffuse(r.bsdf, wo, cosines, f);
+      value = (0.5f * f[0] + 0.25f * (f[1] + f[2])) * float(1.0 / mean);
+      return true;
+    }
+    // By Gauss's rule in t: cosines are middle + half sin t from the horizon to the highest, where the parallel's arc within the disk ends like a root.
+    const double middle = up * cosine, half = out * sine, from = std::asin(std::clamp(-middle / half, -1.0, 1.0)), to = 0.5 * std::numbers::pi;
+    float cosines[kParallels];
+    double weights[kParallels];
+    for (int k = 0; k < kParallels; ++k) {
+      const double t = 0.5 * (from + to) + 0.5 * (to - from) * kGaussNode[k], m = std::max(middle + half * std::sin(t), 1e-9);
+      const double arc = 2.0 * std::acos(std::clamp((cosine - m * up) / (std::sqrt(std::max(1.0 - m * m, 1e-30)) * out), -1.0, 1.0));
+      cosines[k] = float(m);
+      weights[k] = 0.5 * (to - from) * kGaussWeight[k] * half * std::cos(t) * arc;
+    }
+    Vec3 f[kParallels];
+    bsdfDiffuse(r.bsdf, wo, cosines, f);
+    DVec3 sum(0.0);
+    for (int k = 0; k < kParallels; ++k) sum += weights[k] * DVec3(f[k]);
+    value = Vec3(sum / (std::numbers::pi * sine * sine));
+    return true;
+  }
+  static constexpr int kParallels = 5;
+  static constexpr double kGaussNode[kParallels] = {-0.9061798459386640, -0.5384693101056831, 0.0, 0.5384693101056831, 0.9061798459386640};
+  static constexpr double kGaussWeight[kParallels] = {0.2369268850561891, 0.4786286704993665, 0.5688888888888889, 0.4786286704993665, 0.2369268850561891};
 
   /// As the tracer has it, from the front. What comes through the surface is no part of this term: its shadows are other ones.
   static bool arrives(const Receiver& r, const Vec3& wi) { return glm::dot(wi, r.ng) > 0 && glm::dot(wi, r.n) > 0; }
@@ -192,7 +236,11 @@ class DirectUnoccludedNode final : public Node {
     };
     LightSample ls;
     if (isWideDirectional(shape)) {
-      if (shape.angularSize != 0.0f) return distant(shape, r, frame, wo, element, s_.lobe);
+      if (shape.angularSize != 0.0f) {
+        Vec3 diffuse;
+        if (s_.lobe == LobePart::Specular || !sunlit(shape, r, diffuse)) return distant(shape, r, frame, wo, element, s_.lobe);
+        return r.lambert() || s_.lobe == LobePart::Diffuse ? diffuse : diffuse + distant(shape, r, frame, wo, element, LobePart::Specular);
+      }
       if (r.lambert()) return reflected(-shape.axis);
       Vec3 value(0.0f);
       if (s_.lobe != LobePart::Specular && arrives(r, -shape.axis)) value += r.value(wo, frame.toLocal(-shape.axis)).diffuse;
@@ -267,7 +315,9 @@ class DirectUnoccludedNode final : public Node {
         pl = light.pdf(wi);
       }
       if (!(pl > 0) || !arrives(r, wi)) continue;
-      sum += DVec3(part(r.value(wo, local), lobes)) / (nLight * pl + (nBsdf > 0 ? nBsdf * double(bsdfPdf(r.bsdf, wo, local)) : 0.0));
+      float density;
+      const Vec3 f = part(r.value(wo, local, density), lobes);
+      sum += DVec3(f) / (nLight * pl + nBsdf * double(density));
     }
     return Vec3(sum / light.irradiance());
   }

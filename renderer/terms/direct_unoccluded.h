@@ -5,8 +5,8 @@
 // A rectangle at infinity (those fitted to environments) reaches the diffuse lobe from its centre and the others from all of it: a gloss that
 // is narrower than the light would show one blinding point of it (by light and BSDF samples). A sun of some angular size reaches every lobe
 // from all of its disk.
-// Inputs: G-buffer, surface. The diffuse lobe has a closed form for point, spot, directional, rectangle (polygon form
-// factor, Lambert 1760), unclipped sphere lights and suns; everything else is the mean over `samples` Owen-scrambled points
+// Inputs: G-buffer, surface. Lambert surfaces have a closed form for point, spot, directional, rectangle (polygon form
+// factor, Lambert 1760) and sphere lights and suns, and diffuse lobes below an interface a quadrature for suns; everything else is the mean over `samples` Owen-scrambled points
 // (16 times as many where a light of some angular size at infinity lies in the highlight of a narrow lobe).
 #pragma once
 
@@ -14,7 +14,7 @@
 
 namespace gobo {
 
-/// Which lobe of the scattering event counts. Both parts come from the same samples: they add up to the whole.
+/// Which lobe of the scattering event counts. Both parts are found in the same way: they add up to the whole.
 enum class LobePart : uint8_t { Both, Diffuse, Specular };
 
 struct DirectUnoccludedSettings {
@@ -31,7 +31,9 @@ NodePtr makeDirectUnoccludedNode(const DirectUnoccludedSettings& settings);
 /// Irradiance factor of a rectangle at p with normal n: integral of max(cos,0) d(omega) over the part of the rectangle above
 /// the horizon, divided by pi (so that Lambert radiance = albedo * radiance * factor). In [0,1].
 double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const DVec3& edgeU, const DVec3& edgeV);
-/// The same for a sphere; -1 when the sphere crosses the horizon (no simple closed form) or p is inside.
+/// The same of what a ball covers of the sky, up to 90 degrees: sine of its half angle, > 0; cosine of its centre to the normal.
+double capFormFactor(double cosine, double sine);
+/// The same for a sphere; -1 when p is inside.
 double sphereFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, double radius);
 
 }  // namespace gobo

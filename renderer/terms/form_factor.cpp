@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Closed forms of irradiance: rectangle (Lambert's polygon formula with horizon clipping) and sphere. In double: the sum of
+// Closed forms of irradiance: rectangle (Lambert's polygon formula) and ball, both clipped by the horizon. In double: the sum of
 // edge terms cancels for far lights.
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <numbers>
 
 #include "terms/direct_unoccluded.h"
 
@@ -32,14 +35,20 @@ double rectFormFactor(const DVec3& p, const DVec3& n, const DVec3& corner, const
   return std::fabs(sum) / (2.0 * 3.14159265358979323846);
 }
 
+double capFormFactor(double cosine, double sine) {
+  if (cosine <= -sine) return 0.0;
+  if (cosine >= sine) return cosine * sine * sine;
+  // Partly below the horizon: the integral of the cosine between the rim and the horizon (as Snyder 1996, "Area light sources for real-time graphics").
+  const double up = std::sqrt(std::max(1.0 - cosine * cosine, 0.0)), x = std::sqrt(std::max(1.0 - sine * sine, 0.0)) / sine;
+  const double y = up > 0 ? std::clamp(-x * cosine / up, -1.0, 1.0) : 0.0, rim = up * std::sqrt(1.0 - y * y);
+  const double e = (cosine * std::acos(y) - x * rim) * sine * sine + (x > 0 ? std::atan(rim / x) : 0.5 * std::numbers::pi);
+  return std::clamp(e / std::numbers::pi, 0.0, sine * sine);
+}
+
 double sphereFormFactor(const DVec3& p, const DVec3& n, const DVec3& centre, double radius) {
   const DVec3 d = centre - p;
   const double distance = glm::length(d);
-  if (!(distance > radius)) return -1;
-  const double sine = radius / distance, cosine = glm::dot(d, n) / distance;
-  if (cosine <= -sine) return 0;  // wholly below
-  if (cosine < sine) return -1;   // crosses the horizon
-  return cosine * sine * sine;
+  return distance > radius ? capFormFactor(glm::dot(d, n) / distance, radius / distance) : -1.0;
 }
 
 }  // namespace gobo

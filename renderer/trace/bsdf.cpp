@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trace/bsdf.h"
 
+#include <algorithm>
+
 #include "trace/bsdf_base_impl.h"
 #include "trace/bsdf_layers.h"
 
@@ -85,6 +87,16 @@ BsdfValue bsdfEvalPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi, float
 BsdfValue bsdfEval(const BsdfParams& p, const Vec3& wo, const Vec3& wi) {
   float pdf;
   return bsdfEvalPdf(p, wo, wi, pdf);
+}
+
+void bsdfDiffuse(const BsdfParams& p, const Vec3& wo, std::span<const float> cosines, std::span<Vec3> out) {
+  std::fill(out.begin(), out.end(), Vec3(0.0f));
+  if (!(wo.z > 0.0f)) return;
+  BaseLobes base(p);
+  base.view(wo);
+  if (!(base.upP > 0.0f)) return;
+  for (size_t k = 0; k < cosines.size(); ++k)
+    if (cosines[k] > 0.0f) out[k] = base.diffuse(true, cosines[k], base.lookUp(Vec3(0, 0, cosines[k])));
 }
 
 float bsdfPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi) {

@@ -17,6 +17,8 @@
 // (1 - n.facing)/2 of it at most.
 #pragma once
 
+#include <span>
+
 #include "base/vec.h"
 
 namespace gobo {
@@ -62,6 +64,9 @@ struct BsdfSample {
 
 /// f(wo, wi) * |cos(wi)|, diffuse and specular lobes apart; delta lobes give 0.
 BsdfValue bsdfEval(const BsdfParams& p, const Vec3& wo, const Vec3& wi);
+/// bsdfEval's `diffuse` for directions above the surface at these cosines (0 < cosine <= 1), which is all that it depends on: an isotropic material
+/// without layers (left out, as is `facing`). One look at the material for all. `out`: as many.
+void bsdfDiffuse(const BsdfParams& p, const Vec3& wo, std::span<const float> cosines, std::span<Vec3> out);
 /// Density with which bsdfSample gives wi (its non-delta part).
 float bsdfPdf(const BsdfParams& p, const Vec3& wo, const Vec3& wi);
 /// Both at once for the price of one: the same bits as bsdfEval and bsdfPdf.

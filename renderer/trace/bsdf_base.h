@@ -63,6 +63,10 @@ struct BaseLobes {
   /// Everything about a pair of directions but delta lobes; pdf of this material's own strategy; without the diffuse lobes where
   /// `specularOnly`. o.z > 0.
   void evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf, bool specularOnly = false) const;
+  /// Of the interface, to or from this direction.
+  ReflectionAlbedo::Value lookUp(const Vec3& direction) const;
+  /// The diffuse lobe alone, for light at cosine iz that the interface reflects as `ai` says.
+  Vec3 diffuse(bool up, float iz, const ReflectionAlbedo::Value& ai) const;
   /// Draws out.wi; delta lobes come with their weight, others without. False: absorbed.
   bool sample(const Vec3& o, float uLobe, const Vec2& u, BsdfSample& out) const;
 
@@ -74,7 +78,6 @@ struct BaseLobes {
   float interfaceAlbedo(const ReflectionAlbedo::Value& a) const {
     return f0Bound * (1.0f - a.deficit) + (f90Bound - f0Bound) * a.schlick + msBound * a.deficit;
   }
-  ReflectionAlbedo::Value lookUp(const Vec3& direction) const;
   float glassDeficit(const Vec3& direction, bool inside) const {
     return anisotropic ? brushedGlass.deficit(direction, inside) : glassTable.deficit(std::fabs(direction.z), inside);
   }

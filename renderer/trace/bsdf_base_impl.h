@@ -239,6 +239,13 @@ inline void BaseLobes::view(const Vec3& o) {
   passP = t * scale;
 }
 
+inline Vec3 BaseLobes::diffuse(bool up, float iz, const ReflectionAlbedo::Value& ai) const {
+  const float cosine = kInvPi * iz;
+  float factor = opaque * diffuseO;
+  if (hasDielectric()) factor *= maxOf(1.0f - interfaceAlbedo(ai), 0.0f) * diffuseNorm;
+  return up ? albedo * cosine * (factor * (1.0f - through)) : throughColor * cosine * (factor * through);
+}
+
 inline void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, float& pdf, bool specularOnly) const {
   pdf = 0.0f;
   const bool up = i.z > 0.0f;
@@ -250,11 +257,7 @@ inline void BaseLobes::evaluate(const Vec3& o, const Vec3& i, BsdfValue& value, 
   if (lobeP + bounceP > 0.0f) {
     ReflectionAlbedo::Value ai;
     if (usesTable_ || diffuseNorm > 0.0f) ai = lookUp(i);
-    if (lobeP > 0.0f) {
-      float factor = opaque * diffuseO;
-      if (hasDielectric()) factor *= maxOf(1.0f - interfaceAlbedo(ai), 0.0f) * diffuseNorm;
-      value.diffuse = up ? albedo * cosine * (factor * (1.0f - through)) : throughColor * cosine * (factor * through);
-    }
+    if (lobeP > 0.0f) value.diffuse = diffuse(up, iz, ai);
     if (bounceP > 0.0f) {
       if (kernel > 0.0f) value.specular = (up ? msUp : msDown) * (kernel * ao.deficit * ai.deficit * iz);
       if (glassO > 0.0f) value.specular += (up ? glassUp : glassDown) * (glassO * glassDeficit(i, (eta < 1.0f) == up) * iz);

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <numbers>
 
 #include "base/sobol.h"
 
@@ -39,6 +40,32 @@ TEST(EnvironmentCells, AreTheSameBitsWithAnyThreads) {
       EXPECT_GT(glm::dot(c, EnvironmentCells::cellDirection(i)), std::cos(1.5 * kDegree)) << width << " cell " << i;
     }
   }
+}
+
+// Cones of any width: no cell of them is outside of its face's box.
+TEST(CellCones, TheirBoxesHoldThem) {
+  size_t boxed = 0, all = 0;
+  for (uint32_t i = 0; i < 60; ++i) {
+    const Vec2 q = SobolSampler(11, i).next2D();
+    const double y = 1 - 2 * double(q.x), r = std::sqrt(1 - y * y), phi = 2 * std::numbers::pi * double(q.y);
+    const DVec3 d(r * std::cos(phi), y, r * std::sin(phi));
+    for (const double angle : {2.0, 9.0, 14.0, 27.0, 40.0, 70.0}) {
+      CellBox box[6];
+      bool any[6];
+      for (int face = 0; face < 6; ++face) {
+        any[face] = boxOfCone(face, d, angle * kDegree, box[face]);
+        if (any[face]) boxed += size_t(box[face].x1 - box[face].x0 + 1) * size_t(box[face].y1 - box[face].y0 + 1);
+      }
+      constexpr size_t n = EnvironmentCells::kSide;
+      for (size_t c = 0; c < 6 * n * n; ++c) {
+        if (glm::dot(EnvironmentCells::cellDirection(c), d) < std::cos(angle * kDegree)) continue;
+        const int face = int(c / (n * n)), u = int(c % n), v = int(c / n % n);
+        ASSERT_TRUE(any[face] && u >= box[face].x0 && u <= box[face].x1 && v >= box[face].y0 && v <= box[face].y1) << angle << " cell " << c;
+        ++all;
+      }
+    }
+  }
+  EXPECT_LT(boxed, 4 * all);  // and not much more than that
 }
 
 TEST(SmoothedCells, AreTheGaussiansMeans) {

@@ -11,6 +11,7 @@
 #include "scene/environment_tents.h"
 #include "techniques/transfer/harmonics.h"
 #include "techniques/transfer/icosphere.h"
+#include "terms/environment_cells.h"
 
 namespace gobo::transfer::environment_split_test {
 namespace {
@@ -93,10 +94,16 @@ TEST(EnvironmentSplit, ASunIsFoundWhereItIsWhateverItsSizeAndPlace) {
       EXPECT_NEAR(sun.flux.z / sun.flux.x, 0.5, 1e-3);
       EXPECT_LT(angle(sun.direction, d), 0.05) << radius;
       EXPECT_NEAR(sun.radius / kDegree, radius, 0.05 * radius + 0.25) << radius;
+      EXPECT_NEAR(sun.irradiance.x / sun.flux.x, 0.5 * (1 + std::cos(radius * kDegree)), 2e-4) << radius;  // of a disk of that size
       // Flux is kept, and what is left is the sky.
       EXPECT_NEAR(kOne * split.rest[0] + sun.flux.x, flux.x, 1e-4 * flux.x);
       EXPECT_NEAR(kOne * split.full[0], flux.x, 1e-5 * flux.x);
       for (size_t h = 1; h < 25; ++h) EXPECT_NEAR(split.rest[3 * h], 0.0, 0.01 * own) << h;
+      // What cells keep, which highlights are made of, is the sky too.
+      const EnvironmentCells cells(*map);
+      DVec3 left(0.0);
+      for (size_t i = 0; i < cells.cells.size(); ++i) left += split.left[i] * cells.cells[i].flux;
+      EXPECT_NEAR(left.x + sun.flux.x, flux.x, 1e-4 * flux.x);
     }
 }
 

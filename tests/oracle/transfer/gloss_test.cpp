@@ -80,6 +80,34 @@ TEST(GlossLevels, AreTheirLobesMeans) {
   }
 }
 
+// Where a map is cut in two, a lobe beside the edge has of the bright half what of it reaches over, as far as it goes round.
+TEST(GlossLevels, ReachAsFarAsTheirLobes) {
+  Image image(1024, 512, 3);
+  for (int y = 0; y < 512; ++y)
+    for (int x = 0; x < 512; ++x)
+      for (size_t c = 0; c < 3; ++c) image.data[3 * size_t(y * 1024 + x) + c] = 1.0f;
+  const EnvironmentPtr map = makeEnvironment("halves", std::move(image));  // bright where z < 0
+  const auto levels = levelsOf(*map, std::vector<float>(kCells, 1.0f));
+  const GlossMap gloss([&](size_t k) { return std::span<const float>(levels[k]); }, 0.0f);
+  for (size_t k = 2; k < kGlossLevels.size(); ++k) {
+    const double a = double(kGlossLevels[k].roughness) * double(kGlossLevels[k].roughness), cone = std::min(2 * std::atan(5 * a), std::numbers::pi / 2);
+    for (const double part : {0.35, 0.55, 0.75}) {
+      const double off = part * cone;
+      const Vec3 axis(float(std::cos(off)), 0.0f, float(std::sin(off)));
+      const Frame frame(axis);
+      double sum = 0, weight = 0;
+      for (uint32_t i = 0; i < 60000; ++i) {
+        const Vec2 u = SobolSampler(5, i).next2D();
+        const double c = 1 - (1 - std::cos(cone)) * double(u.x), s = std::sqrt(std::max(1 - c * c, 0.0)), b = 2 * double(kPi) * double(u.y);
+        const double d = 0.5 * (1 + c) * (a * a - 1) + 1, w = c / (d * d);
+        sum += w * double(frame.toWorld(Vec3(float(s * std::cos(b)), float(s * std::sin(b)), float(c))).z < 0.0f);
+        weight += w;
+      }
+      EXPECT_NEAR(double(gloss.at(axis, kGlossLevels[k].roughness).x), sum / weight, 0.06 * sum / weight + 0.002) << "level " << k << " off " << off;
+    }
+  }
+}
+
 TEST(GlossLevels, LeaveOutWhatLightsTook) {
   const EnvironmentPtr map = constantEnvironment(Vec3(1.0f));
   std::vector<float> left(kCells, 1.0f);
@@ -174,6 +202,53 @@ TEST(GlossPictures, ABallUnderUniformLightShowsItsAlbedo) {
       EXPECT_NEAR(d.mean, 1.0, 0.012) << roughness << " " << metallic;
       EXPECT_LT(d.rmse, 0.05) << roughness << " " << metallic;
     }
+}
+
+// Coarse balls look below their own facets at the rim: that light is mirrored back (trace/bsdf.h), or the rim would be dark.
+TEST(GlossPictures, ACoarseBallIsAsBrightAsItsAlbedo) {
+  SceneMaker m;
+  m.instance(m.mesh(tests::sphere(Vec3(0.0f), 1.0f, 5, true), m.material(Vec3(0.8f), [&](Material& x) {
+    x.bsdf.specular = 1.0f;
+    x.bsdf.metallic = 1.0f;
+    x.bsdf.roughness = 0.1f;
+  })));
+  m.environment(constantEnvironment(Vec3(1.0f)));
+  m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.4f);
+  const ScenePtr scene = m.finish();
+  const auto engine = testing::makeEngine();
+  v1::RenderRequest r = requestOf(256);
+  const RenderResult truth = pictureOf(*engine, scene, r);
+  transferred(r);
+  const Difference d = differenceOf(pictureOf(*engine, scene, r).images[0].image(), truth.images[0].image());
+  std::printf("  coarse ball: mean %.4f, rmse %.4f of the mean\n", d.mean, d.rmse);
+  EXPECT_NEAR(d.mean, 1.0, 0.012);
+  EXPECT_LT(d.rmse, 0.045);
+}
+
+// A smooth floor beside a white wall, seen from the wall's side: it shows the dark sky that it looks at, though the wall lights it.
+TEST(GlossPictures, AFloorBesideAWallShowsWhatItLooksAt) {
+  Image image(64, 32, 3);
+  for (int y = 0; y < 32; ++y)
+    for (int x = 0; x < 32; ++x)
+      for (size_t c = 0; c < 3; ++c) image.data[3 * size_t(y * 64 + x) + c] = 1.0f;  // bright where z < 0, which the wall faces
+  for (float& v : image.data) v += 0.05f;
+  SceneMaker m;
+  m.instance(m.mesh(tests::ground(3.0f), m.material(Vec3(0.9f), [&](Material& x) {
+    x.bsdf.specular = 1.0f;
+    x.bsdf.metallic = 1.0f;
+    x.bsdf.roughness = 0.2f;
+  })));
+  m.instance(m.mesh(tests::quad(Vec3(-3, 0, 1.0f), Vec3(0, 3, 0), Vec3(6, 0, 0)), m.material(Vec3(0.9f))));
+  m.environment(makeEnvironment("halves", std::move(image)));
+  m.camera(Vec3(0, 0.8f, 0.9f), Vec3(0.0f), 0.5f);
+  const ScenePtr scene = m.finish();
+  const auto engine = testing::makeEngine();
+  v1::RenderRequest r = requestOf(256);
+  const RenderResult truth = pictureOf(*engine, scene, r);
+  transferred(r);
+  const Difference d = differenceOf(pictureOf(*engine, scene, r).images[0].image(), truth.images[0].image());
+  EXPECT_NEAR(d.mean, 1.0, 0.02);
+  EXPECT_LT(d.rmse, 0.03);
 }
 
 // What it is off by in a yard, where the scene shows in its own surfaces: bounds are what docs/environment.md states.

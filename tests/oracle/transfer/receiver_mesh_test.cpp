@@ -9,6 +9,7 @@
 
 #include "base/sobol.h"
 #include "support/tiny_scenes.h"
+#include "techniques/transfer/receiver_clusters.h"
 
 namespace gobo::transfer::receiver_mesh_test {
 namespace {
@@ -81,6 +82,50 @@ TEST(ReceiverMesh, ADenseMeshIsThinnedToWhatIsAskedFor) {
   }
   EXPECT_EQ(receiverMesh(view, 300).get(), receiverMesh(view, 300).get());  // made once
   EXPECT_NE(receiverMesh(view, 300)->size(), receiverMesh(view, 3000)->size());
+}
+
+// A plate folded by a right angle: what is interpolated on one side has nothing of the other, though triangles connect them.
+TEST(ReceiverClusters, DoNotReachRoundAnEdge) {
+  constexpr int kSide = 20;
+  constexpr float kStep = 0.1f;
+  std::vector<Vec3> position, normal;
+  Corners corners;
+  for (int x = -kSide; x <= kSide; ++x)
+    for (int z = 0; z <= kSide; ++z) {
+      position.push_back(x <= 0 ? Vec3(kStep * float(x), 0, kStep * float(z)) : Vec3(0, -kStep * float(x), kStep * float(z)));
+      normal.push_back(x <= 0 ? Vec3(0, 1, 0) : Vec3(1, 0, 0));
+      const uint32_t slot = uint32_t(position.size()) - 1, row = kSide + 1;
+      if (x == -kSide || z == 0) continue;
+      corners.triangles.push_back({slot, slot - 1, slot - row});
+      corners.triangles.push_back({slot - 1, slot - row - 1, slot - row});
+    }
+  corners.position = position;
+  corners.normal = normal;
+  const float spacing = 0.45f;
+  const Clusters clusters = clusterCorners(corners, spacing);
+  int between = 0;
+  const std::vector<Stencil> made = stencils(corners, clusters, spacing);
+  for (size_t slot = 0; slot < made.size(); ++slot)
+    for (size_t k = 0; k < 3; ++k) {
+      if (!(made[slot].weight[k] > 0.0f)) continue;
+      EXPECT_EQ(normal[clusters.member[made[slot].cluster[k]]], normal[slot]) << slot;
+      between += k > 0;
+    }
+  EXPECT_GT(between, 400);
+}
+
+// Vertex normals that point into a body (a mirrored or wrongly wound mesh) are turned to their faces' side: points receive where they are seen.
+TEST(ReceiverMesh, NormalsAreOnTheirFacesSide) {
+  Mesh ball = tests::sphere(Vec3(0.0f), 1.0f, 12, true);
+  for (Vec3& normal : ball.normals) normal = -normal;
+  SceneMaker m;
+  m.instance(m.mesh(std::move(ball), m.material(Vec3(0.5f), [](Material& x) { x.coverage.doubleSided = false; })));
+  const ScenePtr scene = m.finish();
+  const SceneView view = viewOf(*scene);
+  for (const uint32_t wanted : {50u, 2000u}) {  // thinned; every vertex
+    const auto points = ReceiverMesh(view, wanted).points(view);
+    for (size_t i = 0; i < points.position.size(); ++i) EXPECT_GT(glm::dot(points.normal[i], points.position[i]), 0.0f);
+  }
 }
 
 // Many small bodies cannot have less than a point each, whatever is asked for.

@@ -132,6 +132,22 @@ TEST(TransferPoints, InAGapHaveNoWeight) {
   room.instance(room.mesh(tests::box(Vec3(-1), Vec3(1), true), room.material(Vec3(0.5f), [](Material& x) { x.coverage.doubleSided = false; })));
   Stage r(room.finish(), 1000, 2);
   for (const uint8_t u : r.points->plane<uint8_t>("usable")) EXPECT_TRUE(u);
+
+  // What a floor has inside of a box sees the box's back faces, far away.
+  SceneMaker buried;
+  const int solid = buried.material(Vec3(0.5f), [](Material& x) { x.coverage.doubleSided = false; });
+  buried.instance(buried.mesh(tests::ground(4.0f), solid));
+  buried.instance(buried.mesh(tests::box(Vec3(-2, -1, -2), Vec3(2, 3, 2)), solid));
+  Stage b(buried.finish(), 2000, 2);
+  int inside = 0;
+  for (size_t i = 0; i < b.s.size; ++i) {
+    const DVec3 p = b.vector("position", i), n = b.vector("normal", i);
+    if (!(n.y > 0.9 && std::fabs(p.y) < 1e-3)) continue;
+    const double x = std::max(std::fabs(p.x), std::fabs(p.z));
+    if (x < 1.9 || x > 2.1) { EXPECT_EQ(b.points->plane<uint8_t>("usable")[i] != 0, x > 2) << p.x << " " << p.z; }
+    inside += x < 1.9;
+  }
+  EXPECT_GT(inside, 20);
 }
 
 TEST(DirectTransfer, OfAnOpenPlaneIsTheCosinesOwn) {
@@ -212,6 +228,27 @@ TEST(BouncedTransfer, InASphereIsAGeometricSeries) {
                            }()),
                 1.0, 0.015);
   }
+}
+
+// A lid that has both sides, over a floor: what bounces down from it is what its dark underside has, not what the sky gives to its top.
+TEST(BouncedTransfer, IsOfTheSideThatIsSeen) {
+  SceneMaker m;
+  const int white = m.material(Vec3(0.9f));
+  m.instance(m.mesh(tests::ground(3.0f), m.material(Vec3(0.0f), [](Material& x) { x.coverage.doubleSided = false; })));
+  m.instance(m.mesh(tests::ground(3.0f, 0.6f), white));
+  Stage stage(m.finish(), 3000, 2);
+  stage.trace(4);
+  const TermPtr bounced =
+      stage.run(makeBouncedTransferNode(stage.s, 0, 256), {stage.points, stage.run(makePointAlbedoNode(stage.s), {stage.points}), stage.direct});
+  const double open = 0.9 * std::numbers::pi / std::sqrt(4 * std::numbers::pi);  // of a floor that sees nothing but a lid in the open
+  int found = 0;
+  for (size_t i = 0; i < stage.s.size; ++i) {
+    const DVec3 p = stage.vector("position", i), n = stage.vector("normal", i);
+    if (p.y > 0.3 || n.y < 0.5 || std::hypot(p.x, p.z) > 1.0) continue;
+    EXPECT_LT(double(bounced->floats("sum")[3 * i * size_t(stage.s.harmonics())]), 0.15 * open);
+    ++found;
+  }
+  EXPECT_GT(found, 10);
 }
 
 /// What a place sees of an open sky through no gap at all.
@@ -311,6 +348,51 @@ TEST(TransferPictures, AreThoseOfThePathTracerUnderASmoothSky) {
     const RenderResult fast = pictureOf(*engine, scene, r);
     EXPECT_NEAR(meanOf(fast.images[0].image()) / meanOf(truth.images[0].image()), 1.0, 0.01) << glossy;
     EXPECT_LT(relativeRmse(fast.images[0].image(), truth.images[0].image()), 0.05) << glossy;
+  }
+}
+
+/// A sun of 3 degrees over a horizon that is bright on one side: nothing about it is the same after a turn.
+EnvironmentPtr sunny() {
+  Image image(256, 128, 3);
+  const DVec3 sun = glm::normalize(DVec3(0.5, 0.7, 0.5));
+  for (int y = 0; y < 128; ++y)
+    for (int x = 0; x < 256; ++x) {
+      const double theta = (y + 0.5) * std::numbers::pi / 128, phi = (x + 0.5) * std::numbers::pi / 128 - std::numbers::pi;
+      const DVec3 d(std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi));
+      const double value = 0.5 + 0.45 * d.z + (glm::dot(d, sun) > std::cos(0.026) ? 700.0 : 0.0);
+      for (size_t k = 0; k < 3; ++k) image.data[3 * size_t(y * 256 + x) + k] = float(value * (k == 2 ? 0.6 : 1.0));
+    }
+  return makeEnvironment("sunny", std::move(image));
+}
+
+// Everything of the technique at once: a sun of half of the light (counted once), a map that was turned, shining and dull surfaces, one that is unlit, one
+// whose back is seen and one whose front is.
+TEST(TransferPictures, AreThoseOfThePathTracerUnderATurnedSun) {
+  for (const bool glossy : {false, true}) {
+    SceneMaker m;
+    const int grey = m.material(Vec3(0.6f)), red = m.material(Vec3(0.8f, 0.3f, 0.2f), [&](Material&x) {
+      if (glossy) x.bsdf.specular = 1.0f, x.bsdf.roughness = 0.4f;
+    });
+    m.instance(m.mesh(tests::ground(4.0f), grey));
+    m.instance(m.mesh(tests::box(Vec3(-1.4f, 0, -1), Vec3(-0.5f, 1.2f, 0)), red));
+    m.instance(m.mesh(tests::sphere(Vec3(0.9f, 0.6f, -0.3f), 0.6f, 24, true), red));
+    m.instance(m.mesh(tests::quad(Vec3(-1.6f, 0, 1.4f), Vec3(0.8f, 0, 0), Vec3(0, 0.8f, 0)), grey));  // its front to the camera
+    m.instance(m.mesh(tests::quad(Vec3(1.6f, 0, 1.4f), Vec3(-0.8f, 0, 0), Vec3(0, 0.8f, 0)), grey));  // its back
+    m.instance(
+        m.mesh(tests::quad(Vec3(-0.4f, 0.02f, 1.0f), Vec3(0.8f, 0, 0), Vec3(0, 0, -0.6f)), m.material(Vec3(0.5f), [](Material& x) { x.bsdf.unlit = true; })));
+    m.environment(sunny());
+    m.camera(Vec3(0.3f, 2.8f, 4.5f), Vec3(0, 0.3f, 0), 0.8f);
+    const ScenePtr scene = m.finish();
+    const auto engine = testing::makeEngine();
+    v1::RenderRequest r = requestOf(512);
+    testing::set(r, "environment.rotation_deg=70");
+    const RenderResult truth = pictureOf(*engine, scene, r);
+    for (const char* e : {"environment.transfer.samples=512", "environment.transfer.points=8000", "shadows.ray_traced.samples=16"}) testing::set(r, e);
+    const RenderResult fast = pictureOf(*engine, scene, r);
+    const double mean = meanOf(fast.images[0].image()) / meanOf(truth.images[0].image()), rmse = relativeRmse(fast.images[0].image(), truth.images[0].image());
+    std::printf("  %s: mean %.3f, RMSE %.3f of the mean\n", glossy ? "shining" : "dull", mean, rmse);
+    EXPECT_NEAR(mean, 1.0, 0.015) << glossy;
+    EXPECT_LT(rmse, 0.06) << glossy;
   }
 }
 
