@@ -13,6 +13,7 @@
 #include "pictures.h"
 #include "report.h"
 #include "request/request.h"
+#include "turning_map.h"
 
 namespace gobo::cli {
 
@@ -198,7 +199,9 @@ Status demo(Session& session, const DemoCommand& c) {
   }
   printTable({"request", "ms", "rays", "RMSE +- standard error", "kept", "ran"}, rows, {false, true, true, true, true, false});
   std::printf("\nms and rays are without the certificate that measures RMSE against the path-traced reference (docs/certificate.md).\n");
-  if (!c.out.empty()) std::printf("EXR and PNG of every row are in %s\n", c.out.c_str());
+  GOBO_TRY(turnMap(session, info, request, c.out));
+  if (!c.out.empty())
+    std::printf("EXR and PNG of every row are in %s, with turning-map.png (an animation) and the plan of each of its pictures\n", c.out.c_str());
   return {};
 }
 

@@ -74,7 +74,7 @@ struct LightSampler::Impl {
 LightSampler::LightSampler() : impl_(std::make_unique<Impl>()) {}
 LightSampler::~LightSampler() = default;
 
-std::shared_ptr<const LightSampler> LightSampler::build(const SceneView& view, const StopToken& stop) {
+std::shared_ptr<const LightSampler> LightSampler::build(const SceneView& view, const StopToken& stop, bool draws) {
   std::shared_ptr<LightSampler> sampler(new LightSampler);
   Impl& m = *sampler->impl_;
   std::vector<AreaLightBvh::Entry> area;
@@ -105,7 +105,7 @@ std::shared_ptr<const LightSampler> LightSampler::build(const SceneView& view, c
         break;
       case LightKind::Environment:
         m.environment = view.environment();
-        if (!m.distribution) m.distribution.emplace(m.environment, stop);
+        if (draws && !m.distribution) m.distribution.emplace(m.environment, stop);
         break;
     }
     if (stop.stopRequested()) return nullptr;
@@ -137,7 +137,10 @@ bool LightSampler::sample(int i, const Vec3& p, const Vec2& u, LightSample& out)
       out.pdf = float(density);
       return out.pdf > 0.0f;
     }
-    case LightKind::Environment: out.distance = kInfinity; return impl_->distribution->sample(u, out.direction, out.radiance, out.pdf);
+    case LightKind::Environment:
+      GOBO_CHECK(impl_->distribution);
+      out.distance = kInfinity;
+      return impl_->distribution->sample(u, out.direction, out.radiance, out.pdf);
     case LightKind::Rect: ok = sampleRect(s, p, u, a); break;
     case LightKind::Disk: ok = sampleDisk(s, p, u, a); break;
     case LightKind::Sphere: ok = sampleSphere(s, p, u, a); break;
@@ -157,7 +160,7 @@ float LightSampler::pdf(int i, const Vec3& p, const Vec3& direction, float t, ui
     case LightKind::Sphere: return spherePdf(s, p);
     case LightKind::Directional: return impl_->own[r] < 0 ? 0.0f : float(impl_->distant[impl_->own[r]].pdf(direction));
     case LightKind::Mesh: return impl_->meshes[impl_->own[r]].pdf(p, direction, t, primitive);
-    case LightKind::Environment: return impl_->distribution->pdf(direction);
+    case LightKind::Environment: GOBO_CHECK(impl_->distribution); return impl_->distribution->pdf(direction);
     default: return 0.0f;
   }
 }

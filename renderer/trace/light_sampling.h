@@ -24,8 +24,9 @@ struct LightSample {
 /// Pose, Shading, Coverage, Emission. Immutable; any thread may sample. Cost a sample: 10 ns (delta lights) to 0.2 us (Rect), 0.3 us (Environment).
 class LightSampler {
  public:
-  /// Null if `stop` fired first.
-  static std::shared_ptr<const LightSampler> build(const SceneView& view, const StopToken& stop = {});
+  /// Null if `stop` fired first. `draws` false: emitted() and intersectAreaLights() alone will be asked, and no distribution of the environment is made,
+  /// which takes milliseconds (a map that turns shows in every picture; what is lit by precomputed transfer draws nothing from it).
+  static std::shared_ptr<const LightSampler> build(const SceneView& view, const StopToken& stop = {}, bool draws = true);
   ~LightSampler();
 
   /// Samples light `i` (index into Scene::lights, must be in the view's subset) as seen from `p`. u in [0,1)^2.

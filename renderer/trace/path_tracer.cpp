@@ -89,7 +89,7 @@ void PathTracer::Impl::prepareCamera() {
 
 bool PathTracer::Impl::prepareLights(const SceneView& view, const StopToken& stop) {
   const std::vector<int>& subset = view.lightSubset();
-  sampler = LightSampler::build(view, stop);
+  sampler = LightSampler::build(view, stop, settings.cover != PathClass::Emission);  // emission is looked up where rays from the camera end
   if (!sampler) return false;
   selector.build(view, settings.nominal, settings.selection, stop);
   if (stop.stopRequested()) return false;

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "technique/plan_context.h"
 #include "techniques/environment_lights/light_folds.h"
+#include "techniques/transfer/environment_split.h"
 #include "techniques/transfer/nodes.h"
 #include "techniques/transfer/receiver_mesh.h"
 #include "trace/surface.h"
@@ -102,10 +104,13 @@ class EnvironmentTransfer final : public Technique {
     const NodeId light =
         c.filter(transfer::makeTransferredLightNode(s, c.scene()->environment->rotation, c.groups().nominal[size_t(map)], bounces), inputs, "transfer:light");
     const NodeId places = source(transfer::makeTransferPlacesNode(s, c.view()), {c.gbuffer(), points}, "transfer:places");
+    TermPtr split;
+    if (asked.lights() > 0) { GOBO_ASSIGN(split, c.expand(sky)); }
+    const std::string apart = split ? apartText(*split) : "";
     const auto bring = [&](const char* part, PathSet paths) {
       GraphNode n{transfer::makeTransferredSurfaceNode(s, c.view(), part), {c.gbuffer(), c.surface(), places, light}, {}, std::string("environment:") + part};
-      n.approximate =
-          "the map in " + std::to_string(s.bands) + " bands of spherical harmonics, its light interpolated between " + std::to_string(s.size) + " points";
+      n.approximate = "the map in " + std::to_string(s.bands) + " bands of spherical harmonics, its light interpolated between " + std::to_string(s.size) +
+                      " points" + (paths == PathSet::FrontDiffuse ? apart : "");
       c.add({c.graph().add(std::move(n)), "rgb", c.groupGain(group), paths, group});
     };
     bring("direct", PathSet::FrontDiffuse);
@@ -124,14 +129,27 @@ class EnvironmentTransfer final : public Technique {
       shine("direct", PathSet::FrontSpecular);
       if (bounces) shine("bounced", PathSet::IndirectSpecular);
     }
-    return planLights(c, sky, map, int(asked.lights()), gloss ? c.lobes() : std::vector{LobePart::Diffuse});
+    return planLights(c, split, map, int(asked.lights()), gloss ? c.lobes() : std::vector{LobePart::Diffuse});
   }
 
  private:
-  /// The peaks of the map, with their own shadows.
-  static Status planLights(PlanContext& c, NodeId sky, int map, int most, const std::vector<LobePart>& lobes) {
+  /// What of the map is not in its harmonics.
+  static std::string apartText(const Term& split) {
+    const auto luminous = [&](const char* plane) {  // of Y_0, which is flux but for a constant
+      const auto v = split.floats(plane);
+      return transfer::luminanceOf(DVec3(v[0], v[1], v[2]));
+    };
+    const uint32_t count = split.plane<uint32_t>("count")[0];
+    const double all = luminous("radiance");
+    char text[96];
+    std::snprintf(text, sizeof text, "; lights of it with shadows of their own: %u, of %.1f %% of its luminous flux", count,
+                  all > 0 ? 100.0 * (1.0 - luminous("rest") / all) : 0.0);
+    return text;
+  }
+
+  /// The peaks of the map, with their own shadows. `split`: null while only bounded.
+  static Status planLights(PlanContext& c, const TermPtr& split, int map, int most, const std::vector<LobePart>& lobes) {
     if (most == 0) return {};
-    GOBO_ASSIGN(const TermPtr split, c.expand(sky));
     auto extended = std::make_shared<Scene>(*c.scene());
     const int first = int(extended->lights.size()), count = split ? int(split->plane<uint32_t>("count")[0]) : most;
     const float r = c.scene()->environment->rotation, cosR = std::cos(r), sinR = std::sin(r);

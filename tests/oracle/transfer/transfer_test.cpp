@@ -393,6 +393,18 @@ TEST(TransferPictures, AreThoseOfThePathTracerUnderATurnedSun) {
     std::printf("  %s: mean %.3f, RMSE %.3f of the mean\n", glossy ? "shining" : "dull", mean, rmse);
     EXPECT_NEAR(mean, 1.0, 0.015) << glossy;
     EXPECT_LT(rmse, 0.06) << glossy;
+    // The reply says how the map was split: one light, of the flux of the texels that are its.
+    double sun = 0, all = 0;
+    for (int y = 0; y < 128; ++y)
+      for (int x = 0; x < 256; ++x) {
+        const double flux = double(scene->environment->texels[size_t(y * 256 + x)].x) * std::sin((y + 0.5) * std::numbers::pi / 128);
+        all += flux;
+        if (flux > 100) sun += flux;
+      }
+    const std::string reason = testing::nodesBy(fast, v1::NodeReport::RUN).at("environment:direct").reason();
+    const size_t at = reason.find("shadows of their own: 1, of ");
+    ASSERT_NE(at, std::string::npos) << reason;
+    EXPECT_NEAR(std::atof(reason.c_str() + at + 28), 100 * sun / all, 0.5) << reason;
   }
 }
 
