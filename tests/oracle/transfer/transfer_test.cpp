@@ -408,6 +408,89 @@ TEST(TransferPictures, AreThoseOfThePathTracerUnderATurnedSun) {
   }
 }
 
+/// A dim sky with one texel that is a million times as bright.
+EnvironmentPtr oneTexel(int x, int y) {
+  Image image(512, 256, 3);
+  std::fill(image.data.begin(), image.data.end(), 1e-3f);
+  for (size_t k = 0; k < 3; ++k) image.data[3 * size_t(y * 512 + x) + k] = 1e3f;
+  return makeEnvironment("one texel", std::move(image));
+}
+
+// Maps and meshes that break things: every picture is finite and has the path tracer's mean.
+TEST(TransferPictures, OfHardCases) {
+  const auto once = [](const Vec3& from, const std::function<void(SceneMaker&)>& fill) {
+    return [=](EnvironmentPtr map) {
+      SceneMaker m;
+      fill(m);
+      m.environment(std::move(map));
+      m.scene.lights.back().cameraVisible = false;  // surfaces alone make the mean
+      m.camera(from, Vec3(0, 0.4f, 0), 0.7f);
+      return m.finish();
+    };
+  };
+  const auto folded = [](const std::vector<Vec3>& corners) {  // as they come, three to a triangle
+    Mesh mesh;
+    mesh.positions = Array<Vec3>(corners);
+    std::vector<uint32_t> indices(corners.size());
+    for (uint32_t i = 0; i < indices.size(); ++i) indices[i] = i;
+    mesh.indices = Array<uint32_t>(indices);
+    return mesh;
+  };
+  const Vec3 above(1.5f, 2.2f, 3.0f);
+  const std::vector<std::pair<const char*, std::function<ScenePtr(EnvironmentPtr)>>> scenes{
+      {"one triangle", once(above,
+                            [&](SceneMaker& m) {
+                              m.instance(m.mesh(folded({Vec3(-1, 0, 1), Vec3(1, 0, 1), Vec3(0, 0.8f, -1)}), m.material(Vec3(0.7f))));
+                            })},
+      {"three sheets on one edge",
+       once(above,
+            [&](SceneMaker& m) {
+              const Vec3 a(0, 0, 1), b(0, 0, -1);
+              m.instance(m.mesh(folded({a, b, Vec3(-1.2f, 0.5f, 0), a, b, Vec3(1.2f, 0.4f, 0), a, b, Vec3(0.1f, 1.3f, 0)}), m.material(Vec3(0.7f))));
+            })},
+      {"triangles without area", once(above,
+                                      [&](SceneMaker& m) {
+                                        m.instance(m.mesh(folded({Vec3(-2, 0, 2), Vec3(2, 0, 2), Vec3(0, 0, -3), Vec3(0.0f), Vec3(0.0f), Vec3(0.0f),
+                                                                  Vec3(0, 0.2f, 0), Vec3(1, 0.2f, 0), Vec3(0.5f, 0.2f, 0)}),
+                                                          m.material(Vec3(0.7f))));
+                                      })},
+      {"shards", once(above,
+                      [&](SceneMaker& m) {
+                        std::vector<Vec3> corners;
+                        for (uint32_t i = 0; i < 400; ++i) {
+                          const Vec2 p = SobolSampler(3, i).next2D(), q = SobolSampler(4, i).next2D();
+                          const Vec3 at(3 * p.x - 1.5f, q.x, 3 * p.y - 1.5f);
+                          for (const Vec3& d : {Vec3(0.1f, 0, 0), Vec3(0, 0.1f * q.y, 0.05f), Vec3(-0.05f, 0.05f, -0.1f)}) corners.push_back(at + d);
+                        }
+                        m.instance(m.mesh(folded(corners), m.material(Vec3(0.7f))));
+                        m.instance(m.mesh(tests::ground(2.0f), m.material(Vec3(0.5f))));
+                      })},
+      {"a white box from inside",
+       once(Vec3(0.9f, 0.5f, 0.9f), [&](SceneMaker& m) { m.instance(m.mesh(tests::box(Vec3(-1), Vec3(1, 2, 1), true), m.material(Vec3(1.0f)))); })},
+  };
+  Image four(2, 2, 3);
+  for (size_t i = 0; i < four.data.size(); ++i) four.data[i] = 0.3f + float(i % 5);
+  Image wrong(16, 8, 3);
+  for (size_t i = 0; i < wrong.data.size(); ++i) wrong.data[i] = i % 41 == 0 ? std::nanf("") : i % 37 == 0 ? -5.0f : i % 53 == 0 ? INFINITY : 1.0f;
+  const std::vector<std::pair<const char*, EnvironmentPtr>> maps{
+      {"four texels", makeEnvironment("four", std::move(four))},    {"black", constantEnvironment(Vec3(0.0f))},
+      {"repaired", makeEnvironment("wrong", std::move(wrong))},     {"a texel at the zenith", oneTexel(100, 0)},
+      {"a texel on the seam and a cube's edge", oneTexel(511, 64)}, {"a texel below", oneTexel(300, 200)}};
+  const auto engine = testing::makeEngine();
+  for (const auto& [what, make] : scenes)
+    for (const auto& [sky, map] : maps) {
+      const ScenePtr scene = make(map);
+      v1::RenderRequest r = testing::smallRequest("hard", 24, 18, 256);
+      r.mutable_integrator()->set_max_bounces(3);
+      r.set_view_samples(4);
+      const Image truth = pictureOf(*engine, scene, r).images[0].image();
+      testing::set(r, "environment.transfer.points=3000");
+      const Image fast = pictureOf(*engine, scene, r).images[0].image();
+      for (const float v : fast.data) ASSERT_TRUE(std::isfinite(v) && v >= 0.0f) << what << ", " << sky;
+      EXPECT_NEAR(meanOf(fast), meanOf(truth), 0.04 * meanOf(truth) + 2e-5) << what << ", " << sky;
+    }
+}
+
 // Nothing pops under a map that turns: the total variation of what it gives in steps of a degree is at most half as much again as that of the path tracer,
 // whose steps of three degrees and noise (of 4096 samples) are in its favour and against it by a few percent.
 TEST(TransferPictures, VaryNoMoreThanThePathTracersWhileAMapTurns) {
