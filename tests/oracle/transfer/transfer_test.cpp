@@ -546,6 +546,22 @@ TEST(TransferPictures, ANewTurnOrMapTracesNoRay) {
   EXPECT_EQ(testing::firstDifference(turned, pictureOf(*testing::makeEngine(), scene, cold)), "");
 }
 
+// What lies below every normal in view costs no ray, though it is a light of the map.
+TEST(TransferPictures, ALightBelowEveryHorizonTracesNothing) {
+  SceneMaker m;
+  m.instance(m.mesh(tests::ground(4.0f), m.material(Vec3(0.6f))));
+  m.environment(oneTexel(300, 200));
+  m.camera(Vec3(0, 6, 0.01f), Vec3(0.0f), 0.5f);  // nothing but the ground
+  const auto engine = testing::makeEngine();
+  v1::RenderRequest r = requestOf(1);
+  testing::set(r, "environment.transfer.points=500");
+  const RenderResult result = pictureOf(*engine, m.finish(), r);
+  const auto ran = testing::nodesBy(result, v1::NodeReport::RUN);
+  EXPECT_TRUE(ran.count("visibility:environment/0"));
+  for (const auto& [label, node] : ran)
+    if (label.rfind("visibility:", 0) == 0) { EXPECT_EQ(node.rays(), 0u) << label; }
+}
+
 TEST(TransferPictures, GainsAreGains) {
   const ScenePtr scene = yard(0.5f, gradient());
   const auto engine = testing::makeEngine();
