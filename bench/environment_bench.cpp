@@ -12,7 +12,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <sstream>
 
 #include "base/image_io.h"
 #include "import/load.h"
@@ -28,14 +27,6 @@ double cpu() {
   rusage u;
   getrusage(RUSAGE_SELF, &u);
   return double(u.ru_utime.tv_sec + u.ru_stime.tv_sec) + 1e-6 * double(u.ru_utime.tv_usec + u.ru_stime.tv_usec);
-}
-
-std::vector<std::string> split(const std::string& text, char by) {
-  std::vector<std::string> out;
-  std::istringstream in(text);
-  for (std::string s; std::getline(in, s, by);)
-    if (!s.empty()) out.push_back(s);
-  return out;
 }
 
 [[noreturn]] void fail(const Status& status) {
@@ -112,7 +103,7 @@ int main(int argc, char** argv) {
                                std::string("integrator.max_bounces=0"), std::string("integrator.at_view_samples=true"),
                                environment == "sky" ? std::string("environment.sky.turbidity=3") : "environment.path=" + environment})
     if (const Status s = setPath(request, e); !s.ok()) fail(s);
-  for (const std::string& e : split(argumentOr(argc, argv, "--set", ""), ' '))
+  for (const std::string& e : partsOf(argumentOr(argc, argv, "--set", ""), ' '))
     if (const Status s = setPath(request, e); !s.ok()) fail(s);
   const Bench bench(request, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), argumentOr(argc, argv, "--pictures", ""));
 
@@ -125,13 +116,13 @@ int main(int argc, char** argv) {
   table.note("pixels", double(width) * height);
   table.note("reference samples a pixel, each of two halves", reference);
   double secondsPerVariance = 0;  // path tracing: time = this / error^2
-  for (const std::string& spp : split(argumentOr(argc, argv, "--spp", "4,16,64,256"), ',')) {
+  for (const std::string& spp : partsOf(argumentOr(argc, argv, "--spp", "4,16,64,256"), ',')) {
     const Run r = bench.render({"shadows.path_traced=", "halt.spp=" + spp, "seed=7"}, "traced_" + spp);
     const double error = relativeError(r.image, a.image, b.image);
     secondsPerVariance = r.seconds * error * error;  // of the largest count, where what is done once weighs least
     table.add({std::string("path traced"), std::atof(spp.c_str()), error, r.seconds, 0.0, r.seconds, 1.0});
   }
-  for (const std::string& n : split(argumentOr(argc, argv, "--lights", "10,20,30,45,60,100"), ',')) {
+  for (const std::string& n : partsOf(argumentOr(argc, argv, "--lights", "10,20,30,45,60,100"), ',')) {
     const Run r = bench.render({"shadows." + technique, "environment.area_lights=" + n, "halt.spp=1"}, "lights_" + n);
     const double error = relativeError(r.image, a.image, b.image), traced = secondsPerVariance / (error * error);
     table.add({std::string("area lights"), std::atof(n.c_str()), error, r.seconds, r.fit, traced, traced / r.seconds});

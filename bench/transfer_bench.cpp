@@ -11,7 +11,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <map>
-#include <sstream>
 
 #include "import/load.h"
 #include "measure/report.h"
@@ -25,13 +24,6 @@ namespace {
 constexpr int kTurns = 7;
 const char* const kDefault = "transfer (default)";
 
-std::vector<std::string> split(const std::string& text, char by) {
-  std::vector<std::string> out;
-  std::istringstream in(text);
-  for (std::string s; std::getline(in, s, by);)
-    if (!s.empty()) out.push_back(s);
-  return out;
-}
 [[noreturn]] void fail(const Status& status) {
   std::fprintf(stderr, "transfer_bench: %s\n", status.toString().c_str());
   std::exit(1);
@@ -82,7 +74,7 @@ struct Bench {
 
 int main(int argc, char** argv) {
   const std::string scene = argumentOr(argc, argv, "--scene", "atrium");
-  const std::vector<std::string> maps = split(argumentOr(argc, argv, "--env", ""), ',');
+  const std::vector<std::string> maps = partsOf(argumentOr(argc, argv, "--env", ""), ',');
   if (maps.empty()) fail(invalidArgument("--env names the maps: FILE,FILE,..."));
   int width = 0, height = 0;
   std::sscanf(argumentOr(argc, argv, "--size", "320x240").c_str(), "%dx%d", &width, &height);
@@ -106,7 +98,7 @@ int main(int argc, char** argv) {
   if (!info.ok()) fail(info.status());
   for (const auto& light : info->lights())
     if (light.name() != "environment") edit(bench.request, "lights." + light.name() + ".enabled=false");
-  for (const std::string& e : split(argumentOr(argc, argv, "--set", ""), ' ')) edit(bench.request, e);
+  for (const std::string& e : partsOf(argumentOr(argc, argv, "--set", ""), ' ')) edit(bench.request, e);
 
   struct Method {
     std::string name;
@@ -114,7 +106,7 @@ int main(int argc, char** argv) {
     double traced;  // samples a pixel; 0: not path tracing
   };
   std::vector<Method> methods;
-  for (const std::string& n : split(argumentOr(argc, argv, "--spp", "1,4,16,64"), ','))
+  for (const std::string& n : partsOf(argumentOr(argc, argv, "--spp", "1,4,16,64"), ','))
     methods.push_back({"path traced, " + n + " spp", {"halt.spp=" + n}, std::atof(n.c_str())});
   const std::string p = "environment.transfer.points=" + points;
   // The default first: what the others share with it they would find done.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <sstream>
 
 #include "base/check.h"
 #include "base/image_io.h"
@@ -132,6 +133,14 @@ std::string argumentOr(int argc, char** argv, const std::string& flag, const std
   for (int i = 1; i + 1 < argc; ++i)
     if (argv[i] == flag) return argv[i + 1];
   return fallback;
+}
+
+std::vector<std::string> partsOf(const std::string& text, char by) {
+  std::vector<std::string> out;
+  std::istringstream in(text);
+  for (std::string s; std::getline(in, s, by);)
+    if (!s.empty()) out.push_back(s);
+  return out;
 }
 
 }  // namespace gobo

@@ -45,5 +45,7 @@ class Table {
 
 /// The value after `flag` on a command line ("--out PATH"), or `fallback`.
 std::string argumentOr(int argc, char** argv, const std::string& flag, const std::string& fallback);
+/// The parts of "a,b,c" between `by`; empty ones are left out.
+std::vector<std::string> partsOf(const std::string& text, char by);
 
 }  // namespace gobo

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "support/run_node.h"
 #include "support/tiny_scenes.h"
 #include "terms/direct_unoccluded.h"
 #include "terms/gbuffer.h"
@@ -45,20 +46,7 @@ std::vector<DVec3> byTerms(const Traced& t) {
   view.camera = t.settings.camera;
   view.width = view.height = kSize;
   view.viewSamples = 1;
-  AccelCache accels;
-  RunCounters counters;
-  const auto run = [&](const NodePtr& node, std::vector<TermPtr> inputs, const std::vector<int>& lights) {
-    const SceneView scene(*t.scene, node->traits().facets, lights);
-    RunContext c;
-    c.scene = &scene;
-    c.inputs = std::move(inputs);
-    c.arena = &t.arena;
-    c.accels = &accels;
-    c.counters = &counters;
-    Result<TermPtr> r = runNode(*node, c);
-    EXPECT_TRUE(r.ok()) << r.status().toString();
-    return *r;
-  };
+  NodeRunner run(*t.scene, t.arena);
   const TermPtr g = run(makeGBufferNode(view), {}, {}), surface = run(makeSurfaceNode(view), {g}, {});
   std::vector<DVec3> sum(kSize * kSize, DVec3(0.0));
   for (size_t l = 0; l < t.scene->lights.size(); ++l) {

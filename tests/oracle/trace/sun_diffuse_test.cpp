@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "support/run_node.h"
 #include "support/tiny_scenes.h"
 #include "terms/direct_unoccluded.h"
 #include "terms/gbuffer.h"
@@ -68,20 +69,7 @@ TEST_P(SunDiffuse, IsTheIntegralOverItsDisk) {
   s.lobe = LobePart::Diffuse;
   s.samples = 8;
   s.nominal = Vec3(1.0f);
-  AccelCache accels;
-  RunCounters counters;
-  const auto run = [&](const NodePtr& node, std::vector<TermPtr> inputs, const std::vector<int>& lights) {
-    const SceneView scene(*t.scene, node->traits().facets, lights);
-    RunContext c;
-    c.scene = &scene;
-    c.inputs = std::move(inputs);
-    c.arena = &t.arena;
-    c.accels = &accels;
-    c.counters = &counters;
-    Result<TermPtr> r = runNode(*node, c);
-    EXPECT_TRUE(r.ok()) << r.status().toString();
-    return *r;
-  };
+  NodeRunner run(*t.scene, t.arena);
   const TermPtr g = run(makeGBufferNode(s.view), {}, {}), surface = run(makeSurfaceNode(s.view), {g}, {});
   const TermPtr L = run(makeDirectUnoccludedNode(s), {g, surface}, {0});
   const auto instance = g->plane<uint32_t>("instance");

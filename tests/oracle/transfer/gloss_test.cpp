@@ -177,8 +177,13 @@ v1::RenderRequest requestOf(int spp) {
   r.mutable_integrator()->set_max_bounces(3);
   return r;
 }
-void transferred(v1::RenderRequest& r) {
+/// Of the picture by transfer from the path tracer's.
+Difference differenceFor(const ScenePtr& scene) {
+  const auto engine = testing::makeEngine();
+  v1::RenderRequest r = requestOf(256);
+  const RenderResult truth = pictureOf(*engine, scene, r);
   for (const char* e : {"environment.transfer.samples=1024", "environment.transfer.points=6000", "environment.transfer.gloss=PREFILTERED"}) testing::set(r, e);
+  return differenceOf(pictureOf(*engine, scene, r).images[0].image(), truth.images[0].image());
 }
 
 // Nothing stands in the light: a ball reflects its albedo.
@@ -193,12 +198,7 @@ TEST(GlossPictures, ABallUnderUniformLightShowsItsAlbedo) {
       })));
       m.environment(constantEnvironment(Vec3(1.0f)));
       m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.4f);
-      const ScenePtr scene = m.finish();
-      const auto engine = testing::makeEngine();
-      v1::RenderRequest r = requestOf(256);
-      const RenderResult truth = pictureOf(*engine, scene, r);
-      transferred(r);
-      const Difference d = differenceOf(pictureOf(*engine, scene, r).images[0].image(), truth.images[0].image());
+      const Difference d = differenceFor(m.finish());
       EXPECT_NEAR(d.mean, 1.0, 0.012) << roughness << " " << metallic;
       EXPECT_LT(d.rmse, 0.05) << roughness << " " << metallic;
     }
@@ -214,12 +214,7 @@ TEST(GlossPictures, ACoarseBallIsAsBrightAsItsAlbedo) {
   })));
   m.environment(constantEnvironment(Vec3(1.0f)));
   m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.4f);
-  const ScenePtr scene = m.finish();
-  const auto engine = testing::makeEngine();
-  v1::RenderRequest r = requestOf(256);
-  const RenderResult truth = pictureOf(*engine, scene, r);
-  transferred(r);
-  const Difference d = differenceOf(pictureOf(*engine, scene, r).images[0].image(), truth.images[0].image());
+  const Difference d = differenceFor(m.finish());
   std::printf("  coarse ball: mean %.4f, rmse %.4f of the mean\n", d.mean, d.rmse);
   EXPECT_NEAR(d.mean, 1.0, 0.012);
   EXPECT_LT(d.rmse, 0.045);
@@ -241,12 +236,7 @@ TEST(GlossPictures, AFloorBesideAWallShowsWhatItLooksAt) {
   m.instance(m.mesh(tests::quad(Vec3(-3, 0, 1.0f), Vec3(0, 3, 0), Vec3(6, 0, 0)), m.material(Vec3(0.9f))));
   m.environment(makeEnvironment("halves", std::move(image)));
   m.camera(Vec3(0, 0.8f, 0.9f), Vec3(0.0f), 0.5f);
-  const ScenePtr scene = m.finish();
-  const auto engine = testing::makeEngine();
-  v1::RenderRequest r = requestOf(256);
-  const RenderResult truth = pictureOf(*engine, scene, r);
-  transferred(r);
-  const Difference d = differenceOf(pictureOf(*engine, scene, r).images[0].image(), truth.images[0].image());
+  const Difference d = differenceFor(m.finish());
   EXPECT_NEAR(d.mean, 1.0, 0.02);
   EXPECT_LT(d.rmse, 0.03);
 }
@@ -266,12 +256,7 @@ TEST(GlossPictures, AYardIsNearThePathTracers) {
       m.instance(m.mesh(tests::sphere(Vec3(0.8f, 0.6f, 0.5f), 0.6f, 24, true), m.material(Vec3(0.7f), shine)));
       m.environment(smooth(256));
       m.camera(Vec3(2.5f, 2.5f, 4.0f), Vec3(0, 0.5f, 0), 0.8f);
-      const ScenePtr scene = m.finish();
-      const auto engine = testing::makeEngine();
-      v1::RenderRequest r = requestOf(256);
-      const RenderResult truth = pictureOf(*engine, scene, r);
-      transferred(r);
-      const Difference d = differenceOf(pictureOf(*engine, scene, r).images[0].image(), truth.images[0].image());
+      const Difference d = differenceFor(m.finish());
       std::printf("  roughness %.1f metallic %.0f: mean %.3f, rmse %.3f of the mean\n", double(roughness), double(metallic), d.mean, d.rmse);
       EXPECT_NEAR(d.mean, 1.0, metallic > 0 ? 0.06 : 0.03) << roughness << " " << metallic;
       EXPECT_LT(d.rmse, metallic > 0 ? 0.2 : 0.08) << roughness << " " << metallic;
