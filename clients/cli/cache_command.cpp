@@ -26,24 +26,24 @@ Status needChoice(const CacheCommand& c, const char* what) {
   return invalidArgument("cache " + std::string(what) + ": which terms? Name digests, --type or --scene ('*' is every type; `gobo cache list` shows them)");
 }
 
-/// All pages, but for rows beyond `most`; the first page's totals.
-Result<v1::ListTermsReply> listed(Session& session, const CacheCommand& c, uint32_t most) {
+/// All pages, with the first one's totals; without `rows` the totals alone.
+Result<v1::ListTermsReply> listed(Session& session, const CacheCommand& c, bool rows) {
   v1::ListTermsRequest request;
   if (chosen(c)) choose(*request.mutable_which(), c);
   request.set_pinned(c.pinned);
   v1::ListTermsReply all;
   for (bool first = true;; first = false) {
-    request.set_page_size(first && most == 0 ? 1 : 1000);
+    request.set_page_size(rows ? 1000 : 1);
     v1::ListTermsReply page;
     Session::Call call(session);
     GOBO_TRY(session.statusOf(session.admin().ListTerms(&call.context, request, &page)));
     if (first) all = page;
     else all.mutable_terms()->MergeFrom(page.terms());
-    if (page.next_page_token().empty() || uint32_t(all.terms_size()) >= most) break;
+    if (page.next_page_token().empty() || !rows) break;
     request.set_page_token(page.next_page_token());
   }
   all.clear_next_page_token();
-  if (most == 0) all.clear_terms();
+  if (!rows) all.clear_terms();
   return all;
 }
 
@@ -93,31 +93,31 @@ void printTotals(const v1::ListTermsReply& reply) {
 }
 
 Status list(Session& session, const CacheCommand& c) {
-  GOBO_ASSIGN(v1::ListTermsReply reply, listed(session, c, c.limit));
+  GOBO_ASSIGN(v1::ListTermsReply reply, listed(session, c, true));
   if (reply.totals_only()) {
     return Status(Code::PermissionDenied,
                   "cache list: rows name others' scenes and lights: the server shows them to the admin right; `gobo cache size` has totals");
   }
-  uint64_t held = 0;
-  for (const v1::TermTotal& t : reply.totals()) held += t.terms();
   auto& terms = *reply.mutable_terms();
   std::stable_sort(terms.begin(), terms.end(), [&](const v1::TermInfo& a, const v1::TermInfo& b) {
     if (c.sort == "bytes") return std::max(a.bytes(), a.disk_bytes()) > std::max(b.bytes(), b.disk_bytes());
     if (c.sort == "cost") return a.cost_ms() > b.cost_ms();
     return a.used_s() > b.used_s();
   });
+  const int held = terms.size();
+  if (uint32_t(held) > c.limit) terms.DeleteSubrange(int(c.limit), held - int(c.limit));
   if (c.json) {
     std::printf("%s\n", messageToJson(reply, true).c_str());
     return {};
   }
   printRows(reply);
-  if (uint64_t(terms.size()) < held) std::printf("%d of %llu terms are shown: --limit\n", terms.size(), Count(held));
+  if (terms.size() < held) std::printf("%d of %d terms are shown: --limit\n", terms.size(), held);
   if (terms.empty()) std::printf("no term %s\n", chosen(c) || c.pinned ? "is like that" : "is kept");
   return {};
 }
 
 Status size(Session& session, const CacheCommand& c) {
-  GOBO_ASSIGN(const v1::ListTermsReply reply, listed(session, c, 0));
+  GOBO_ASSIGN(const v1::ListTermsReply reply, listed(session, c, false));
   if (c.json) std::printf("%s\n", messageToJson(reply, true).c_str());
   else printTotals(reply);
   return {};
