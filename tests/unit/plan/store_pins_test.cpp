@@ -160,6 +160,19 @@ TEST(StorePins, PinsOnDiskOutliveTheProcess) {
   EXPECT_EQ(store.get(key(1)), nullptr);
 }
 
+TEST(StorePins, WhatIsPinnedOnDiskFillsHalfOfMemoryAtMost) {
+  TempFolder folder;
+  TermStore store(4 * kOne, disk(folder, 1 << 20));
+  for (int i = 0; i < 3; ++i) put(store, i, true);
+  ASSERT_EQ(store.pin(every)->size(), 3u);
+  EXPECT_EQ(store.pinnedBytes(), 2 * kOne);
+  for (int i = 0; i < 3; ++i) put(store, i, true);
+  EXPECT_EQ(store.pinnedBytes(), 2 * kOne);
+  for (int i = 10; i < 20; ++i) put(store, i);
+  for (int i = 0; i < 3; ++i) EXPECT_NE(store.get(key(i)), nullptr) << i << ", from its file at least";
+  EXPECT_EQ(store.pinnedBytes(), 2 * kOne);
+}
+
 TEST(StorePins, AFileThatPinsLeaveNoRoomForIsNotKept) {
   TempFolder folder;
   const uint64_t one = fileBytes();
