@@ -3,8 +3,10 @@
 
 #include <unistd.h>
 
+#include "plan/store.h"
 #include "server/serve.h"
 #include "server/server_metrics.h"
+#include "server/term_selection.h"
 
 namespace gobo {
 
@@ -54,21 +56,74 @@ grpc::Status AdminService::DropCaches(grpc::ServerContext* context, const v1::Dr
   return serve(core_, *context, "drop_caches", [&](Rpc& rpc) -> grpc::Status {
     const grpc::Status allowed = rpc.needAdmin("DropCaches");
     if (!allowed.ok()) return allowed;
-    reply->set_bytes(drop(request->disk()));
+    if (request->has_which()) {
+      const auto filter = filterOf(request->which(), "request.which");
+      if (!filter.ok()) return toGrpc(filter.status());
+      for (const StoredTerm& row : core_.engine.terms().evict(*filter, request->disk(), request->pinned())) {
+        reply->set_bytes(reply->bytes() + row.bytes + row.diskBytes);
+        reply->set_terms(reply->terms() + 1);
+      }
+    } else {
+      reply->set_bytes(drop(request->disk(), request->pinned()));
+    }
     rpc.note("disk", request->disk() ? "true" : "false");
     rpc.note("bytes", std::to_string(reply->bytes()));
     return grpc::Status::OK;
   });
 }
 
-uint64_t AdminService::drop(bool disk) {
+grpc::Status AdminService::ListTerms(grpc::ServerContext* context, const v1::ListTermsRequest* request, v1::ListTermsReply* reply) {
+  return serve(core_, *context, "list_terms", [&](Rpc& rpc) -> grpc::Status {
+    rpc.quiet();
+    TermFilter filter = [](const StoredTerm&) { return true; };
+    if (request->has_which()) {
+      auto asked = filterOf(request->which(), "request.which");
+      if (!asked.ok()) return toGrpc(asked.status());
+      filter = std::move(*asked);
+    }
+    TermStore& store = core_.engine.terms();
+    std::vector<StoredTerm> rows = store.list();
+    std::erase_if(rows, [&](const StoredTerm& row) { return (request->pinned() && !row.pinned) || !filter(row); });
+    // Labels have names of lights in them, and scenes are somebody's. Totals of a chosen scene or digest would tell whether there is such a one.
+    const bool whole = rpc.who().admin;
+    if (!whole && request->has_which()) return rpc.needAdmin("ListTerms with `which`");
+    if (const Status listed = listInto(rows, *request, whole, *reply); !listed.ok()) return toGrpc(listed);
+    reply->set_limit(store.maxBytes());
+    reply->set_disk_limit(store.maxDiskBytes());
+    reply->set_pinned_bytes(store.pinnedBytes());
+    reply->set_pinned_disk_bytes(store.pinnedDiskBytes());
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status AdminService::PinTerms(grpc::ServerContext* context, const v1::PinTermsRequest* request, v1::PinTermsReply* reply) {
+  return serve(core_, *context, "pin_terms", [&](Rpc& rpc) -> grpc::Status {
+    const grpc::Status allowed = rpc.needAdmin("PinTerms");
+    if (!allowed.ok()) return allowed;
+    const auto filter = filterOf(request->which(), "request.which");
+    if (!filter.ok()) return toGrpc(filter.status());
+    TermStore& store = core_.engine.terms();
+    const auto changed = request->unpin() ? store.unpin(*filter) : store.pin(*filter);
+    if (!changed.ok()) return toGrpc(changed.status());
+    for (const StoredTerm& row : *changed) {
+      reply->set_terms(reply->terms() + 1);
+      reply->set_bytes(reply->bytes() + std::max(row.bytes, row.diskBytes));
+      reply->set_memory_only(reply->memory_only() + (row.diskBytes == 0));
+    }
+    rpc.note("pinned", request->unpin() ? "no longer" : "now");
+    rpc.note("terms", std::to_string(reply->terms()));
+    return grpc::Status::OK;
+  });
+}
+
+uint64_t AdminService::drop(bool disk, bool pinned) {
   const auto held = [&] {
     v1::StatusReply status;
     core_.engine.fillStatus(status);
     return status.store_bytes() + (disk ? status.disk_bytes() : 0);
   };
   const uint64_t before = held();
-  core_.engine.dropCaches(disk);
+  core_.engine.dropCaches(disk, pinned);
   const uint64_t after = held();
   return before > after ? before - after : 0;
 }

@@ -26,7 +26,7 @@ struct TokenConfig {
   double maxSeconds = 0;                          ///< of one request, from its arrival
   uint64_t uploadBytes = 0;                       ///< of one upload, below limits.upload_bytes
   std::optional<std::vector<std::string>> roots;  ///< if given: the only folders whose files it may name
-  bool admin = false;                             ///< DropCaches, Shutdown
+  bool admin = false;                             ///< DropCaches, rows of ListTerms, PinTerms, Shutdown
   bool operator==(const TokenConfig&) const = default;
 };
 

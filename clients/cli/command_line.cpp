@@ -60,6 +60,7 @@ CommandLine::CommandLine() : app("client of the Gobo rendering server", "gobo") 
   addRendering();
   addScenes();
   addServer();
+  addCache();
   addJobs();
   addTools();
 }
@@ -151,6 +152,24 @@ void CommandLine::addRendering() {
   plan->add_flag("--plan-all", render_.planAll, kPlanAllHelp);
   addRequestOptions(*plan, render_.request);
 
+  CLI::App* precompute = command(app, "precompute", "compute the transfer of environment.transfer, and keep it for renders under any map", [this] {
+    precompute_.json = json;
+    return runPrecompute(session, precompute_);
+  });
+  value(*precompute, "scene", precompute_.scene, "SCENE", "file, id or built-in name")->required();
+  value(*precompute, "--bands", precompute_.bands, "N", "of spherical harmonics; default 5")->check(CLI::Range(2, 10).description(""));
+  value(*precompute, "--bounces", precompute_.bounces, "N", "of indirect light; default 3")->check(CLI::Range(0, 16).description(""));
+  value(*precompute, "--samples", precompute_.samples, "N", "directions a point; default 512")->check(CLI::Range(64, 16384).description(""));
+  value(*precompute, "--points", precompute_.points, "N", "on the surfaces, at most; default 30000")->check(CLI::Range(100, 2000000).description(""));
+  value(*precompute, "--set", precompute_.request.sets, "PATH=VALUE",
+        "a field of the renders to come that changes the scene: time_s, animation, variant, seed; repeat for several")
+      ->allow_extra_args(false);
+  value(*precompute, "--deadline", precompute_.request.deadlineMs, "MS", "give up after this many milliseconds; blocks that are done stay")
+      ->check(CLI::Validator(CLI::PositiveNumber).description(""));
+  value(*precompute, "--priority", precompute_.request.priority, choices(v1::Scheduling::Class_descriptor()), "class of the scheduler");
+  precompute->add_flag("--progressive", precompute_.progressive, "progress also when standard error is no terminal");
+  precompute->add_flag("-q,--quiet", precompute_.quiet, "print errors and warnings only");
+
   CLI::App* relight = command(app, "relight", "render again with changes", [this] {
     relight_.json = json;
     return runRelight(session, relight_);
@@ -184,6 +203,31 @@ void CommandLine::addServer() {
   CLI::App* drop = command(app, "drop-caches", "empty the server's term store", [this] { return runDropCaches(session, disk_); });
   drop->add_flag("--disk", disk_, "the disk cache too");
   command(app, "shutdown", "drain and stop the server (Unix socket only)", [this] { return runShutdown(session); });
+}
+
+void CommandLine::addCache() {
+  CLI::App* cache = command(app, "cache", "what the server's term store holds, in memory and on disk", nullptr);
+  cache->require_subcommand(1);
+  const auto act = [&](const char* name, const char* help, CacheAct what) {
+    CLI::App* sub = command(*cache, name, help, [this, what] {
+      cache_.json = json;
+      return runCache(session, what, cache_);
+    });
+    value(*sub, "digest", cache_.keys, "DIGEST", "of terms, or the first 6 digits of them or more");
+    value(*sub, "--type", cache_.type, "TYPE", "kind of node, such as direct_transfer; '*' stands for any letters: '*transfer*'");
+    value(*sub, "--scene", cache_.scene, "LOADED", "id of the scene for which they were made");
+    return sub;
+  };
+  CLI::App* list = act("list", "terms: type, scene, bytes, last use, what they cost, pins", CacheAct::List);
+  list->add_flag("--pinned", cache_.pinned, "pinned ones alone");
+  value(*list, "--sort", cache_.sort, "used|bytes|cost", "default used, latest first")->check(CLI::IsMember({"used", "bytes", "cost"}).description(""));
+  value(*list, "--limit", cache_.limit, "N", "rows; default 1000")->check(CLI::Range(1, 1000000).description(""));
+  act("size", "totals by type, bounds, and what is pinned", CacheAct::Size)->add_flag("--pinned", cache_.pinned, "of pinned ones alone");
+  CLI::App* evict = act("evict", "drop terms from memory and disk, but for pinned ones", CacheAct::Evict);
+  evict->add_flag("--memory", cache_.memory, "from memory alone");
+  evict->add_flag("--pinned", cache_.pinned, "pinned ones too");
+  act("pin", "keep terms from being evicted for room: at most half of memory and half of the disk cache", CacheAct::Pin);
+  act("unpin", "let them be evicted again", CacheAct::Unpin);
 }
 
 void CommandLine::addJobs() {

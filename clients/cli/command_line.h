@@ -35,11 +35,13 @@ class CommandLine {
   void addRendering();
   void addScenes();
   void addServer();
+  void addCache();
   void addJobs();
   void addTools();
 
   std::vector<std::pair<CLI::App*, std::function<int()>>> commands_;
   RenderCommand render_;
+  PrecomputeCommand precompute_;
   RelightCommand relight_;
   CompareCommand compare_;
   MeasureCommand measure_;
@@ -47,6 +49,7 @@ class CommandLine {
   EnvironmentCommand environment_;
   DemoCommand demo_;
   ViewCommand view_;
+  CacheCommand cache_;
   JobSubmitCommand submit_;
   JobFetchCommand fetch_;
   std::string source_, name_, scene_, shell_, job_;

@@ -30,6 +30,15 @@ int runRender(const SessionOptions& session, const RenderCommand& command);
 /// What a render would do, without doing it.
 int runPlan(const SessionOptions& session, const RenderCommand& command);
 
+/// environment.transfer of a scene, kept for any map. Negative: the field's default.
+struct PrecomputeCommand {
+  std::string scene;
+  RequestOptions request;  ///< what the scene is: its time, its variant
+  int bands = -1, bounces = -1, samples = -1, points = -1;
+  bool json = false, progressive = false, quiet = false;
+};
+int runPrecompute(const SessionOptions& session, const PrecomputeCommand& command);
+
 struct RelightCommand {
   std::string id, out;
   RequestOptions request;  ///< what differs from the render
@@ -43,6 +52,14 @@ int runInspect(const SessionOptions& session, const std::string& scene, bool jso
 int runUnload(const SessionOptions& session, const std::string& scene);
 int runStatus(const SessionOptions& session, bool json);
 int runDropCaches(const SessionOptions& session, bool disk);
+enum class CacheAct { List, Size, Evict, Pin, Unpin };
+struct CacheCommand {
+  std::string type, scene, sort = "used";  ///< type: '*' stands for any letters
+  std::vector<std::string> keys;           ///< digests or how they begin
+  uint32_t limit = 1000;                   ///< rows
+  bool pinned = false, memory = false, json = false;
+};
+int runCache(const SessionOptions& session, CacheAct act, const CacheCommand& command);
 int runShutdown(const SessionOptions& session);
 
 struct CompareCommand {

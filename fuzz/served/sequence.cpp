@@ -256,6 +256,7 @@ class Play {
     do {
       v1::DropCachesRequest drop;
       drop.set_disk(true);
+      drop.set_pinned(true);
       v1::DropCachesReply dropped;
       v1::StatusReply status;
       if (failed("dropping caches", asRoot(method("Admin.DropCaches"), drop, dropped)) ||

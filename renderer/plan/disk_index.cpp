@@ -22,6 +22,13 @@ CREATE TRIGGER IF NOT EXISTS term_size AFTER UPDATE OF bytes ON term BEGIN
 PRAGMA user_version = 1;
 )";
 
+// Made in an index of this version that has none.
+constexpr const char* kNotes = R"(
+CREATE TABLE IF NOT EXISTS note(key TEXT PRIMARY KEY, type TEXT NOT NULL DEFAULT '', label TEXT NOT NULL DEFAULT '', scene TEXT NOT NULL DEFAULT '',
+  ms REAL NOT NULL DEFAULT 0, pinned INTEGER NOT NULL DEFAULT 0) WITHOUT ROWID;
+CREATE TRIGGER IF NOT EXISTS note_out AFTER DELETE ON term BEGIN DELETE FROM note WHERE key = old.key; END;
+)";
+
 int pragmaInt(sqlite3* db, const char* sql) {
   sqlite3_stmt* s = nullptr;
   int value = -1;
@@ -59,6 +66,7 @@ bool DiskIndex::open(const std::string& path) {
     const bool empty = version == 0 && pragmaInt(db_, "SELECT count(*) FROM sqlite_schema") == 0;
     if (version != kVersion && !empty) otherVersion_ = version;
     good = version == kVersion || (empty && exec("BEGIN IMMEDIATE") && exec(kSchema) && exec("COMMIT"));
+    good = good && exec(kNotes);
   }
   struct stat st;
   if (!good || ::stat(path.c_str(), &st) != 0) {
@@ -157,11 +165,77 @@ bool takeRow(sqlite3_stmt* s, DiskIndex::Row& row, bool& found) {
 }  // namespace
 
 bool DiskIndex::oldest(Row& row, bool& found) {
-  auto* s = prepare(3, "SELECT key, bytes, used FROM term ORDER BY used, key LIMIT 1");
+  auto* s =
+      prepare(3, "SELECT key, bytes, used FROM term WHERE NOT EXISTS(SELECT 1 FROM note WHERE note.key = term.key AND pinned) ORDER BY used, key LIMIT 1");
   if (!s) return false;
   const bool good = takeRow(s, row, found);
   sqlite3_reset(s);
   return good;
+}
+
+bool DiskIndex::oldestPinned(Row& row, bool& found) {
+  auto* s = prepare(7, "SELECT term.key, bytes, used FROM note JOIN term USING(key) WHERE pinned ORDER BY used, term.key LIMIT 1");
+  if (!s) return false;
+  const bool good = takeRow(s, row, found);
+  sqlite3_reset(s);
+  return good;
+}
+
+bool DiskIndex::note(const Noted& row) {
+  auto* s = prepare(8, "INSERT OR REPLACE INTO note VALUES(?1, ?2, ?3, ?4, ?5, ?6)");
+  if (!s) return false;
+  int at = 0;
+  for (const std::string* text : {&row.key, &row.type, &row.label, &row.scene}) sqlite3_bind_text(s, ++at, text->data(), int(text->size()), SQLITE_STATIC);
+  sqlite3_bind_double(s, 5, row.ms);
+  sqlite3_bind_int(s, 6, row.pinned);
+  return done(s);
+}
+
+bool DiskIndex::pin(const std::string& key, bool pinned) {
+  auto* s = prepare(9, "INSERT INTO note(key, pinned) VALUES(?1, ?2) ON CONFLICT(key) DO UPDATE SET pinned = ?2");
+  if (!s) return false;
+  sqlite3_bind_text(s, 1, key.data(), int(key.size()), SQLITE_STATIC);
+  sqlite3_bind_int(s, 2, pinned);
+  return done(s);
+}
+
+bool DiskIndex::pinned(const std::string& key, bool& pinned) {
+  pinned = false;
+  auto* s = prepare(10, "SELECT pinned FROM note WHERE key = ?1");
+  if (!s) return false;
+  sqlite3_bind_text(s, 1, key.data(), int(key.size()), SQLITE_STATIC);
+  const int code = sqlite3_step(s);
+  if (code == SQLITE_ROW) pinned = sqlite3_column_int(s, 0) != 0;
+  sqlite3_reset(s);
+  return code == SQLITE_ROW || code == SQLITE_DONE;
+}
+
+bool DiskIndex::pinnedBytes(int64_t& bytes) {
+  auto* s = prepare(11, "SELECT coalesce(sum(bytes), 0) FROM note JOIN term USING(key) WHERE pinned");
+  if (!s) return false;
+  const bool good = sqlite3_step(s) == SQLITE_ROW;
+  if (good) bytes = sqlite3_column_int64(s, 0);
+  sqlite3_reset(s);
+  return good;
+}
+
+bool DiskIndex::noted(std::vector<Noted>& rows) {
+  rows.clear();
+  auto* s = prepare(12, "SELECT term.key, bytes, used, type, label, scene, ms, pinned FROM term LEFT JOIN note USING(key)");
+  if (!s) return false;
+  const auto text = [&](int column) {
+    const auto* t = sqlite3_column_text(s, column);
+    return std::string(t ? reinterpret_cast<const char*>(t) : "");
+  };
+  for (;;) {
+    const int code = sqlite3_step(s);
+    if (code != SQLITE_ROW) {
+      sqlite3_reset(s);
+      return code == SQLITE_DONE;
+    }
+    rows.emplace_back(text(0), sqlite3_column_int64(s, 1), sqlite3_column_int64(s, 2), text(3), text(4), text(5), sqlite3_column_double(s, 6),
+                      sqlite3_column_int(s, 7) != 0);
+  }
 }
 
 bool DiskIndex::find(const std::string& key, Row& row, bool& found) {

@@ -76,7 +76,20 @@ struct DiskStore::Impl {
       ++stats.missing;
     }
     Status status;
-    return index.recount() && evict(0, status) && index.commit();
+    return index.recount() && unpinBeyondHalf() && evict(0, status) && index.commit();
+  }
+
+  // The bound may be lower than it was when they were pinned. The least recently used ones go first.
+  bool unpinBeyondHalf() {
+    for (;;) {
+      int64_t bytes = 0;
+      if (!index.pinnedBytes(bytes)) return false;
+      if (uint64_t(bytes) <= options.maxBytes / 2) return true;
+      DiskIndex::Row row;
+      bool found = false;
+      if (!index.oldestPinned(row, found) || !found || !index.pin(row.key, false)) return false;
+      options.say("cache folder: " + row.key + " is pinned no longer: more than half of engine.disk_bytes would be");
+    }
   }
 
   // Under lock and mutex.
@@ -266,7 +279,7 @@ TermPtr DiskStore::get(const Hash128& key, const StopToken& stop) {
   return nullptr;
 }
 
-Status DiskStore::put(const Hash128& key, const Term& term, const StopToken& stop) {
+Status DiskStore::put(const Hash128& key, const Term& term, const StopToken& stop, const TermNote& note) {
   Impl& d = *impl_;
   const std::string name = key.hex();
   const std::vector<uint8_t> bytes = serializeTerm(term, key, stop);
@@ -280,14 +293,22 @@ Status DiskStore::put(const Hash128& key, const Term& term, const StopToken& sto
   GOBO_TRY(d.files.writeTemp(temp, bytes, d.options.step, stop));
   {
     std::lock_guard hold(d.mutex);
-    bool moved = false;
+    bool moved = false, tooLarge = false;
     const Status status = d.transact(
         d.options.lockSeconds,
         [&](Status& failed) {
-          // A file of this name that is about to be replaced does not count: its row goes first.
-          if (!d.index.erase(name) || !d.evict(int64_t(bytes.size()), failed)) return false;
+          // A file of this name that is about to be replaced does not count: its row goes first, but not its pin.
+          bool pinned = false;
+          int64_t others = 0;
+          if (!d.index.pinned(name, pinned) || !d.index.erase(name) || !d.index.pinnedBytes(others)) return false;
+          if (uint64_t(others) + bytes.size() > d.options.maxBytes) {  // what is pinned stays: this is not kept
+            tooLarge = true;
+            return d.files.unlink(name);
+          }
+          if (!d.evict(int64_t(bytes.size()), failed)) return false;
           if (!failed.ok()) return true;
           if (!d.index.upsert(name, int64_t(bytes.size()), d.use())) return false;
+          if (!d.index.note({name, 0, 0, term.type(), note.label, note.scene, note.ms, pinned})) return false;
           if (moved) return true;
           if (int e = d.options.step("rename")) failed = fileError("rename", temp, e);
           else failed = d.files.moveIntoPlace(temp, name);
@@ -299,6 +320,10 @@ Status DiskStore::put(const Hash128& key, const Term& term, const StopToken& sto
       ::unlink(temp.c_str());
       if (moved) d.files.unlink(name);  // not counted, so it must not stay: repeated failures would pass the bound
       return status;
+    }
+    if (tooLarge) {
+      ::unlink(temp.c_str());
+      return {};
     }
     ++d.stats.writes;
     const int64_t now = d.options.nowMicros();
@@ -313,12 +338,59 @@ Status DiskStore::put(const Hash128& key, const Term& term, const StopToken& sto
   return {};
 }
 
-void DiskStore::erase(const Hash128& key) {
-  const std::string name = key.hex();
+void DiskStore::erase(std::span<const Hash128> keys) {
   std::lock_guard hold(impl_->mutex);
-  impl_->touched.erase(name);
-  (void)impl_->transact(impl_->options.lockSeconds, [&](Status&) { return impl_->files.unlink(name) && impl_->index.erase(name); });
+  for (const Hash128& key : keys) impl_->touched.erase(key.hex());
+  (void)impl_->transact(impl_->options.lockSeconds, [&](Status&) {
+    return std::all_of(keys.begin(), keys.end(), [&](const Hash128& key) { return impl_->files.unlink(key.hex()) && impl_->index.erase(key.hex()); });
+  });
 }
+
+std::vector<StoredTerm> DiskStore::list() const {
+  std::vector<DiskIndex::Noted> rows;
+  std::lock_guard hold(impl_->mutex);
+  std::vector<StoredTerm> out;
+  if (!impl_->index.noted(rows)) return out;
+  for (const DiskIndex::Noted& r : rows) {
+    const auto late = impl_->touched.find(r.key);
+    StoredTerm row;
+    row.key = Hash128::fromHex(r.key);
+    row.type = r.type;
+    row.note = {r.label, r.scene, r.ms, 0};
+    row.diskBytes = uint64_t(r.bytes);
+    row.used = late == impl_->touched.end() ? r.used : std::max(r.used, late->second);
+    row.pinned = r.pinned;
+    if (!row.key.isZero()) out.push_back(std::move(row));
+  }
+  return out;
+}
+
+Status DiskStore::pin(std::span<const Hash128> keys, bool pinned) {
+  Impl& d = *impl_;
+  std::lock_guard hold(d.mutex);
+  return d.transact(d.options.lockSeconds, [&](Status& failed) {
+    for (const Hash128& key : keys) {
+      DiskIndex::Row row;
+      bool found = false;
+      if (!d.index.find(key.hex(), row, found)) return false;
+      if (found && !d.index.pin(key.hex(), pinned)) return false;
+    }
+    int64_t bytes = 0;
+    if (!d.index.pinnedBytes(bytes)) return false;
+    if (pinned && uint64_t(bytes) > d.options.maxBytes / 2)
+      failed = {Code::FailedPrecondition, "pins on disk: " + std::to_string(bytes) + " bytes would be pinned; at most half of it may be, " +
+                                              std::to_string(d.options.maxBytes / 2) + " bytes (engine.disk_bytes). Unpin others, or pin less"};
+    return true;
+  });
+}
+
+uint64_t DiskStore::pinnedBytes() const {
+  std::lock_guard hold(impl_->mutex);
+  int64_t bytes = 0;
+  return impl_->index.pinnedBytes(bytes) ? uint64_t(bytes) : 0;
+}
+
+uint64_t DiskStore::maxBytes() const { return impl_->options.maxBytes; }
 
 void DiskStore::clear() {
   std::lock_guard hold(impl_->mutex);

@@ -11,10 +11,13 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "base/status.h"
 #include "base/stop.h"
+#include "plan/term_note.h"
 #include "terms/term.h"
 
 namespace gobo {
@@ -56,11 +59,19 @@ class DiskStore {
   /// maxBytes is not kept (Ok). An equal file already there is only marked used; a different one is replaced.
   /// Errors: ResourceExhausted (disk full), Unavailable (folder locked for too long), Internal, Cancelled (`stop`: nothing of it is left);
   /// the message names the file.
-  Status put(const Hash128& key, const Term& term, const StopToken& stop = {});
-  void erase(const Hash128& key);
+  Status put(const Hash128& key, const Term& term, const StopToken& stop = {}, const TermNote& note = {});
+  void erase(std::span<const Hash128> keys);
+  void erase(const Hash128& key) { erase({&key, 1}); }
   void clear();            ///< every term of the folder, also those other processes wrote
   uint64_t bytes() const;  ///< sum of file sizes, by the index
   uint64_t count() const;
+  /// What the index knows of each file; what is noted of a term, and its pin, end with the index (which is made anew when it is damaged). Any order.
+  std::vector<StoredTerm> list() const;
+  /// Pinned files are not evicted for room, by no process that shares the folder. Keys without a file are passed over. All or none. Errors:
+  /// FailedPrecondition: more than half of maxBytes would be pinned; Unavailable, Internal as put.
+  Status pin(std::span<const Hash128> keys, bool pinned);
+  uint64_t pinnedBytes() const;
+  uint64_t maxBytes() const;
   DiskStoreStats stats() const;  ///< of this object
 
  private:

@@ -130,10 +130,12 @@ struct Engine::Impl {
   std::vector<std::shared_ptr<const MemoryHolder>> accounts;
 
   const TaskArena& arenaOf(bool small) const { return small ? besideArena : arena; }
-  ExecutorServices executorServices(const MappedGuard& guard, bool small) {
-    return {store.get(), &extensions, &accels, &arenaOf(small), nullptr, &inFlight, &guard};
+  ExecutorServices executorServices(const MappedGuard& guard, bool small, const std::string& scene) {
+    ExecutorServices s{store.get(), &extensions, &accels, &arenaOf(small), nullptr, &inFlight, &guard};
+    s.scene = scene;
+    return s;
   }
-  PlannerServices plannerServices(const StopToken& stop, MappedGuard& guard, const std::string& environmentFile, bool small,
+  PlannerServices plannerServices(const std::string& sceneId, const StopToken& stop, MappedGuard& guard, const std::string& environmentFile, bool small,
                                   std::map<NodeId, ExecutedNode>* expanded = nullptr) {
     PlannerServices s;
     s.loadEnvironment = [this, stop, &guard, environmentFile](const v1::EnvironmentSettings& e) -> Result<EnvironmentPtr> {
@@ -145,8 +147,8 @@ struct Engine::Impl {
     };
     s.stop = stop;
     s.poseScene = [this](const ScenePtr& base, const v1::RenderRequest& request, const StopToken& until) { return posed.get(base, request, until); };
-    s.expand = [this, stop, expanded, small, &guard](const Graph& graph, NodeId node) -> Result<TermPtr> {
-      Executor executor(graph, executorServices(guard, small), stop);
+    s.expand = [this, sceneId, stop, expanded, small, &guard](const Graph& graph, NodeId node) -> Result<TermPtr> {
+      Executor executor(graph, executorServices(guard, small, sceneId), stop);
       executor.asks(std::array{node});
       GOBO_ASSIGN(TermPtr term, executor.evaluate(node));
       if (expanded) (*expanded)[node] = executor.report(node);
@@ -285,13 +287,13 @@ Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePt
   prepared.environmentFile = environmentFile;
   GOBO_ASSIGN(prepared.resolved, impl_->resolve(request, scene));
   MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(stop, guard, environmentFile, false);
+  PlannerServices services = impl_->plannerServices(request.scene(), stop, guard, environmentFile, false);
   services.expand = nullptr;
   const auto plan = makePlan(scene, prepared.resolved, 1, services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
   prepared.pinnedBytes = (*plan)->pinnedBytes;
   if (const v1::Halt& halt = prepared.resolved.halt(); halt.has_spp()) {
-    Executor executor((*plan)->graph, impl_->executorServices(guard, false), stop);
+    Executor executor((*plan)->graph, impl_->executorServices(guard, false, request.scene()), stop);
     prepared.expectedMs = expectedMs(**plan, executor, *impl_->store, impl_->arena.threads(), passesFor(halt.spp()));
     prepared.small = prepared.expectedMs <= kSmallMs && !prepared.resolved.has_certificate() && (*plan)->expanded.empty();
   }
@@ -305,11 +307,11 @@ Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopT
   const v1::Halt& halt = reply.resolved().halt();
   const uint32_t spp = halt.has_spp() ? halt.spp() : kBlockSamples;
   MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(stop, guard, environmentFile, false);
+  PlannerServices services = impl_->plannerServices(request.scene(), stop, guard, environmentFile, false);
   services.expand = nullptr;
   const auto plan = makePlan(scene, reply.resolved(), passesFor(spp), services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
-  Executor executor((*plan)->graph, impl_->executorServices(guard, false), stop);
+  Executor executor((*plan)->graph, impl_->executorServices(guard, false, request.scene()), stop);
   describeUnrun(**plan, executor, *impl_->store, impl_->arena.threads(), reply);
   for (auto& row : *reply.mutable_plan())
     if (row.samples()) row.set_samples(samplesOf(row.samples()));
@@ -414,7 +416,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const Prepa
   const uint32_t passes = passesFor(spp), realised = samplesOf(passes);
   std::map<NodeId, ExecutedNode> expanded;
   GOBO_ASSIGN(const std::unique_ptr<Plan> plan,
-              makePlan(scene, request, passes, plannerServices(control.stop, guard, prepared.environmentFile, prepared.small, &expanded)));
+              makePlan(scene, request, passes, plannerServices(request.scene(), control.stop, guard, prepared.environmentFile, prepared.small, &expanded)));
   extendable = plan->extendable;
 
   std::mutex progressMutex;
@@ -429,7 +431,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const Prepa
       std::lock_guard lock(progressMutex);  // nodes report from any thread
       control.progress(p);
     };
-  ExecutorServices services = executorServices(guard, prepared.small);
+  ExecutorServices services = executorServices(guard, prepared.small, request.scene());
   services.checkpoints = control.checkpoints;
   Executor executor(plan->graph, services, control.stop, progress);
   std::vector<NodeId> asked;
@@ -624,10 +626,14 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
   return base;
 }
 
-void Engine::dropCaches(bool disk) {
-  impl_->store->clear(disk);
+void Engine::dropCaches(bool disk, bool pinned) {
+  TermStore& store = *impl_->store;
+  if (pinned || (store.pinnedBytes() == 0 && store.pinnedDiskBytes() == 0)) store.clear(disk);
+  else store.evict([](const StoredTerm&) { return true; }, disk, false);
   impl_->extensions.clear();
 }
+
+TermStore& Engine::terms() { return *impl_->store; }
 
 void Engine::fillStatus(v1::StatusReply& s) const {
   s.set_build(buildVersion());

@@ -25,6 +25,7 @@ namespace gobo {
 
 struct Scene;             // scene/scene.h
 class RenderCheckpoints;  // plan/checkpoints.h
+class TermStore;          // plan/store.h
 
 struct EngineOptions {
   int threads = 0;                   ///< 0: all
@@ -137,7 +138,8 @@ class Engine {
   /// `caller`: the owner that it was rendered for (RenderControl.owner); empty: whoever's. Errors: NotFound, also for another owner's.
   Result<v1::RenderRequest> relightRequest(const v1::RelightRequest& relight, const std::string& caller = {}) const;
 
-  void dropCaches(bool disk);
+  void dropCaches(bool disk, bool pinned = false);  ///< pinned terms stay unless `pinned`
+  TermStore& terms();                               ///< what is kept; for lists, eviction by name, pins
   /// What holds memory; others may add to it before the first call. Caches give way when a render begins or ends and when a scene comes.
   MemoryLedger& memory();
   void fillStatus(v1::StatusReply& status) const;

@@ -12,7 +12,8 @@
 namespace gobo {
 
 namespace {
-/// A term goes to disk when making it took four times as long as writing it (about 100 MB/s synced: bench/store_bench), ms per byte.
+/// A term goes to disk when making it, and those of its inputs that are not there, took four times as long as writing it (about 100 MB/s synced:
+/// bench/store_bench), ms per byte. The last of a chain of such terms, which others read, goes there when the whole chain did.
 constexpr double kWorthPersisting = 4.0 / 1e5;
 }  // namespace
 
@@ -61,6 +62,8 @@ void Executor::grow() {
   results_.resize(graph_.size());
   recipes_.resize(graph_.size());
   reports_.resize(graph_.size());
+  unsaved_.resize(graph_.size());
+  chain_.resize(graph_.size());
 }
 
 void Executor::asks(std::span<const NodeId> nodes) { lifetimes_.emplace(graph_).ask(nodes); }
@@ -166,6 +169,15 @@ Result<TermPtr> Executor::evaluate(NodeId id) {
   return term;
 }
 
+/// Somebody reads it who does not go to disk himself.
+bool Executor::endsChain(NodeId id) const {
+  for (NodeId other = 0; other < graph_.size(); ++other) {
+    const GraphNode& n = graph_.at(other);
+    if (std::find(n.inputs.begin(), n.inputs.end(), id) != n.inputs.end() && !n.node->traits().persist) return true;
+  }
+  return false;
+}
+
 // Who waits for what this is for waits for this.
 bool Executor::wanted() const {
   return std::any_of(held_.begin(), held_.end(), [](const WorkInFlight::Turn* t) { return t->wanted(); });
@@ -185,7 +197,9 @@ TermPtr Executor::kept(NodeId id, const Hash128& key) {
   TermStore::Tier tier = TermStore::Tier::None;
   TermPtr term = services_.store->get(key, &tier, stop_);
   if (term && !graph_.at(id).shape.holds(*term).ok()) return nullptr;  // comes from a file
-  return term ? reused(id, std::move(term), tier == TermStore::Tier::Disk ? "disk" : "memory") : nullptr;
+  if (!term) return nullptr;
+  unsaved_[size_t(id)] = tier == TermStore::Tier::Memory && graph_.at(id).node->traits().persist ? services_.store->note(key).unsaved : 0.0;
+  return reused(id, std::move(term), tier == TermStore::Tier::Disk ? "disk" : "memory");
 }
 
 RunContext Executor::context(NodeId id) {
@@ -267,7 +281,21 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
   report.reason = reason;
   report.count += 1;
   if (!n.transient) {
-    services_.store->put(key, term, traits.persist && !stop_.stopRequested() && ms > kWorthPersisting * double(term->bytes()), stop_);
+    double unsaved = 0, chain = 0;
+    if (traits.persist) {
+      unsaved = chain = ms;
+      bool made = false;
+      for (const NodeId input : n.inputs) {
+        unsaved += unsaved_[size_t(input)];
+        chain += chain_[size_t(input)];
+        made = made || chain_[size_t(input)] > 0;
+      }
+      chain_[size_t(id)] = chain;
+      if (!made || !endsChain(id)) chain = unsaved;
+    }
+    const bool worth = traits.persist && !stop_.stopRequested() && chain > kWorthPersisting * double(term->bytes());
+    const bool saved = services_.store->put(key, term, worth, stop_, {n.label, services_.scene, ms, unsaved});
+    unsaved_[size_t(id)] = saved ? 0.0 : unsaved;
     if (traits.extendable) services_.extensions->add(recipe, n.blocks);
     if (traits.extendable && services_.checkpoints) services_.checkpoints->save(recipe, n.blocks, term);
   }

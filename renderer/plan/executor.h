@@ -61,6 +61,7 @@ struct ExecutorServices {
   WorkInFlight* inFlight = nullptr;          ///< null: nobody else makes terms at the same time
   const MappedGuard* guard = nullptr;        ///< asked before anything is kept; null: nothing is mapped
   std::string_view sources = sourceDigest();
+  std::string scene;  ///< its id, for whoever lists what the store holds
 };
 
 class Executor {
@@ -81,6 +82,7 @@ class Executor {
   Result<TermPtr> run(NodeId id, const Hash128& recipe, const Hash128& key);
   Result<TermPtr> runFold(NodeId id, const class FoldNode& fold, RunContext& ctx);
   bool wanted() const;
+  bool endsChain(NodeId id) const;
   TermPtr kept(NodeId id, const Hash128& key);
   TermPtr reused(NodeId id, TermPtr term, const char* from);
   RunContext context(NodeId id);
@@ -95,6 +97,8 @@ class Executor {
   std::optional<Lifetimes> lifetimes_;
   std::vector<Hash128> recipes_;
   std::vector<ExecutedNode> reports_;
+  std::vector<double> chain_;                    // ms that this executor took for a term that may go to disk and for its inputs of the kind
+  std::vector<double> unsaved_;                  // TermNote::unsaved of results
   std::vector<const WorkInFlight::Turn*> held_;  // what this executor makes now: a node, what needs it, and so on
   uint64_t heldBytes_ = 0, peakBytes_ = 0;
 };

@@ -1,28 +1,48 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/store.h"
 
+#include <chrono>
+
 #include "plan/disk_store.h"
 
 namespace gobo {
 
-TermStore::TermStore(uint64_t maxBytes, std::unique_ptr<DiskStore> disk) : maxBytes_(maxBytes), disk_(std::move(disk)) {}
-TermStore::~TermStore() = default;
-
-void TermStore::remove(std::list<Entry>::iterator at, std::vector<TermPtr>& gone) {
-  bytes_ -= at->bytes;
-  index_.erase(at->key);
-  gone.push_back(std::move(at->term));
-  lru_.erase(at);
+static int64_t wallMicros() {
+  return int64_t(std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch()).count());
 }
 
-void TermStore::insert(const Hash128& key, TermPtr term, std::vector<TermPtr>& gone) {
+TermStore::TermStore(uint64_t maxBytes, std::unique_ptr<DiskStore> disk) : maxBytes_(maxBytes), disk_(std::move(disk)) {
+  if (disk_)
+    for (const StoredTerm& row : disk_->list())
+      if (row.pinned) pins_.insert(row.key);
+}
+TermStore::~TermStore() = default;
+
+void TermStore::remove(Entries::iterator at, std::vector<TermPtr>& gone) {
+  bytes_ -= at->bytes;
+  if (at->pinned) pinnedBytes_ -= at->bytes;
+  index_.erase(at->key);
+  gone.push_back(std::move(at->term));
+  (at->pinned ? pinned_ : lru_).erase(at);
+}
+
+void TermStore::setPinned(Entries::iterator at, bool pinned) {
+  if (at->pinned == pinned) return;
+  Entries &from = pinned ? lru_ : pinned_, &to = pinned ? pinned_ : lru_;
+  to.splice(to.begin(), from, at);
+  at->pinned = pinned;
+  pinnedBytes_ = pinned ? pinnedBytes_ + at->bytes : pinnedBytes_ - at->bytes;
+}
+
+void TermStore::insert(const Hash128& key, TermPtr term, const TermNote& note, std::vector<TermPtr>& gone) {
   if (const auto old = index_.find(key); old != index_.end()) remove(old->second, gone);
   const uint64_t bytes = term->bytes();
-  if (bytes > maxBytes_) return;
+  if (bytes > maxBytes_ - pinnedBytes_) return;
   while (bytes_ + bytes > maxBytes_) remove(std::prev(lru_.end()), gone);
-  lru_.push_front({key, std::move(term), bytes});
+  lru_.push_front({key, std::move(term), bytes, wallMicros(), note});
   index_[key] = lru_.begin();
   bytes_ += bytes;
+  if (pins_.count(key) && pinnedBytes_ + bytes <= maxBytes_ / 2) setPinned(lru_.begin(), true);
 }
 
 TermPtr TermStore::get(const Hash128& key, Tier* from, const StopToken& stop) {
@@ -30,7 +50,9 @@ TermPtr TermStore::get(const Hash128& key, Tier* from, const StopToken& stop) {
   {
     std::lock_guard hold(mutex_);
     if (const auto at = index_.find(key); at != index_.end()) {
-      lru_.splice(lru_.begin(), lru_, at->second);
+      Entries& entries = at->second->pinned ? pinned_ : lru_;
+      entries.splice(entries.begin(), entries, at->second);
+      at->second->used = wallMicros();
       if (from) *from = Tier::Memory;
       return at->second->term;
     }
@@ -42,7 +64,7 @@ TermPtr TermStore::get(const Hash128& key, Tier* from, const StopToken& stop) {
   std::lock_guard hold(mutex_);
   // While the file was read somebody may have put the key, perhaps with more sample blocks: theirs is the newer one.
   if (const auto at = index_.find(key); at != index_.end()) return at->second->term;
-  insert(key, term, gone);
+  insert(key, term, {}, gone);
   return term;
 }
 
@@ -54,19 +76,30 @@ TermStore::Tier TermStore::holds(const Hash128& key) const {
   return disk_ && disk_->holds(key) ? Tier::Disk : Tier::None;
 }
 
-void TermStore::put(const Hash128& key, TermPtr term, bool persist, const StopToken& stop) {
+bool TermStore::put(const Hash128& key, TermPtr term, bool persist, const StopToken& stop, const TermNote& note) {
   GOBO_CHECK(term != nullptr);
   {
     std::vector<TermPtr> gone;  // freed after the lock: declared before it
     std::lock_guard hold(mutex_);
-    insert(key, term, gone);
+    insert(key, term, note, gone);
   }
-  if (!persist || !disk_) return;
-  const Status status = disk_->put(key, *term, stop);
-  if (status.ok() || status.code() == Code::Cancelled) return;
+  if (!persist || !disk_) return false;
+  const Status status = disk_->put(key, *term, stop, note);
   std::lock_guard hold(mutex_);
+  if (status.ok()) {
+    if (const auto at = index_.find(key); at != index_.end()) at->second->note.unsaved = 0;
+    return true;
+  }
+  if (status.code() == Code::Cancelled) return false;
   ++diskErrors_;
   lastDiskError_ = status;
+  return false;
+}
+
+TermNote TermStore::note(const Hash128& key) const {
+  std::lock_guard hold(mutex_);
+  const auto at = index_.find(key);
+  return at == index_.end() ? TermNote{} : at->second->note;
 }
 
 void TermStore::erase(const Hash128& key) {
@@ -74,25 +107,29 @@ void TermStore::erase(const Hash128& key) {
   {
     std::lock_guard hold(mutex_);
     if (const auto at = index_.find(key); at != index_.end()) remove(at->second, gone);
+    pins_.erase(key);
   }
-  if (disk_) disk_->erase(key);
+  if (disk_) disk_->erase({&key, 1});
 }
 
 void TermStore::clear(bool disk) {
-  std::list<Entry> gone;
-  {
-    std::lock_guard hold(mutex_);
-    gone.swap(lru_);
-    index_.clear();
-    bytes_ = 0;
-  }
   if (disk && disk_) disk_->clear();
+  const std::vector<StoredTerm> left = disk_ ? disk_->list() : std::vector<StoredTerm>();
+  Entries gone, alsoGone;
+  std::lock_guard hold(mutex_);
+  gone.swap(lru_);
+  alsoGone.swap(pinned_);
+  index_.clear();
+  pins_.clear();
+  for (const StoredTerm& row : left)
+    if (row.pinned) pins_.insert(row.key);
+  bytes_ = pinnedBytes_ = 0;
 }
 
 void TermStore::shrink(uint64_t most) {
   std::vector<TermPtr> gone;
   std::lock_guard hold(mutex_);
-  while (bytes_ > most) remove(std::prev(lru_.end()), gone);
+  while (bytes_ > most && !lru_.empty()) remove(std::prev(lru_.end()), gone);
 }
 
 uint64_t TermStore::bytes() const {
@@ -102,7 +139,7 @@ uint64_t TermStore::bytes() const {
 
 uint64_t TermStore::count() const {
   std::lock_guard hold(mutex_);
-  return lru_.size();
+  return lru_.size() + pinned_.size();
 }
 
 uint64_t TermStore::diskErrors() const {

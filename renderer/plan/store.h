@@ -1,18 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// TermStore: terms by key. A byte-bounded RAM tier (LRU; pinned terms are held by their readers' shared_ptr and do not
-// count against eviction order) over an optional disk tier. Thread-safe.
+// TermStore: terms by key. A byte-bounded RAM tier (LRU; what is read is held by its readers' shared_ptr and does not
+// count against eviction order) over an optional disk tier. Terms may be pinned: then neither tier evicts them for room. Thread-safe.
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <list>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "base/status.h"
 #include "base/stop.h"
+#include "plan/term_note.h"
 #include "terms/term.h"
 
 namespace gobo {
@@ -31,10 +34,25 @@ class TermStore {
   /// Keeps the term; evicts least recently used ones beyond the bound. `persist`: also to the disk tier.
   /// A term larger than the bound is not kept in RAM (its holder still has it). Persisting writes and syncs the file in
   /// the calling thread, without holding up other callers; `stop` ends that, and leaves no file.
-  void put(const Hash128& key, TermPtr term, bool persist, const StopToken& stop = {});
-  void erase(const Hash128& key);  ///< from both tiers
-  void clear(bool disk);
-  void shrink(uint64_t most);  ///< the memory tier, least recently used first
+  /// Whether the disk tier has it now.
+  bool put(const Hash128& key, TermPtr term, bool persist, const StopToken& stop = {}, const TermNote& note = {});
+  /// What was noted of a term in memory; empty for others. Says nothing of its use.
+  TermNote note(const Hash128& key) const;
+  void erase(const Hash128& key);  ///< from both tiers, pinned or not
+  void clear(bool disk);           ///< pinned or not; forgets the pins of what goes
+  void shrink(uint64_t most);      ///< the memory tier, least recently used first, but for what is pinned
+
+  /// One row for every term, whichever tiers have it, by key. A term that moves between them meanwhile is in one row.
+  std::vector<StoredTerm> list() const;
+  /// Drops what fits: `disk` from both tiers, else from memory. Pinned terms stay unless `pinned`. What is dropped, as it was.
+  std::vector<StoredTerm> evict(const std::function<bool(const StoredTerm&)>& fits, bool disk, bool pinned);
+  /// Pins what fits: all of it or, beyond half of a tier's bytes, nothing. A term that is on disk is pinned there, and in memory too while there is room for
+  /// it; one that is in memory alone is pinned there until the store ends. Errors: FailedPrecondition (too many bytes), those of the disk tier.
+  Result<std::vector<StoredTerm>> pin(const std::function<bool(const StoredTerm&)>& fits);
+  Result<std::vector<StoredTerm>> unpin(const std::function<bool(const StoredTerm&)>& fits);
+  uint64_t pinnedBytes() const;      ///< in memory
+  uint64_t pinnedDiskBytes() const;  ///< on disk
+  uint64_t maxDiskBytes() const;     ///< 0: there is no disk tier
   uint64_t bytes() const;
   uint64_t maxBytes() const { return maxBytes_; }
   uint64_t diskBytes() const;
@@ -48,18 +66,26 @@ class TermStore {
     Hash128 key;
     TermPtr term;
     uint64_t bytes;
+    int64_t used;  // microseconds since 1970
+    TermNote note;
+    bool pinned = false;
   };
+  using Entries = std::list<Entry>;
   mutable std::mutex mutex_;
-  std::list<Entry> lru_;  // most recent first
-  std::unordered_map<Hash128, std::list<Entry>::iterator> index_;
-  uint64_t bytes_ = 0;
+  std::mutex pinning_;  // one change of pins at a time; taken before mutex_
+  Entries lru_;         // most recent first
+  Entries pinned_;      // apart, so that eviction never walks over them
+  std::unordered_map<Hash128, Entries::iterator> index_;
+  std::unordered_set<Hash128> pins_;  // of both tiers; of some of them nothing is in memory
+  uint64_t bytes_ = 0, pinnedBytes_ = 0;
   uint64_t maxBytes_;
   std::unique_ptr<DiskStore> disk_;
   uint64_t diskErrors_ = 0;
   Status lastDiskError_;
   /// Under mutex_. What leaves goes into `gone`, to be freed outside the lock (buffers are large).
-  void insert(const Hash128& key, TermPtr term, std::vector<TermPtr>& gone);
-  void remove(std::list<Entry>::iterator at, std::vector<TermPtr>& gone);
+  void insert(const Hash128& key, TermPtr term, const TermNote& note, std::vector<TermPtr>& gone);
+  void remove(Entries::iterator at, std::vector<TermPtr>& gone);
+  void setPinned(Entries::iterator at, bool pinned);
 };
 
 }  // namespace gobo

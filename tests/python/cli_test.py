@@ -534,6 +534,105 @@ class Plans(DaemonTest):
         self.assertNotIn("rows are shown as", self.cli(*what, "--plan-all").stdout)
 
 
+class Cache(DaemonTest):
+    """gobo cache against what renders left behind."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.cache = tempfile.mkdtemp(prefix="gobo-cache-")
+        cls.addClassCleanup(shutil.rmtree, cls.cache, ignore_errors=True)
+        cls.options = {"cache": cls.cache}
+        super().setUpClass()
+
+    def setUp(self):
+        self.client.drop_caches(True, pinned=True)
+        self.render("cornell")
+
+    def render(self, scene, client=None):
+        what = {"environment.constant": [1, 1, 1], "environment.transfer.points": 5000, "environment.transfer.bands": 2, "environment.transfer.samples": 128,
+                "environment.transfer.bounces": 1}
+        return (client or self.client).render(scene, size=(16, 12), spp=1, set=what)
+
+    def listed(self, *more, command="list"):
+        return json.loads(self.cli("--json", "cache", command, *more).stdout)
+
+    def test_list_and_size(self):
+        terms = self.listed()["terms"]
+        self.assertEqual({t["scene"] for t in terms}, {"cornell"})
+        by_type = {}
+        for t in terms:
+            self.assertRegex(t["key"], "^[0-9a-f]{32}$")
+            self.assertLess(abs(time.time() - t["used_s" if "used_s" in t else "usedS"]), 600)
+            by_type.setdefault(t["type"], []).append(t)
+        self.assertEqual(len(by_type["direct_transfer"]), 2)
+        self.assertEqual({t["label"] for t in by_type["direct_transfer"]}, {"transfer:direct"})
+        self.assertTrue(any(int(t.get("disk_bytes", t.get("diskBytes", 0))) > 0 for t in by_type["direct_transfer"]), "the end of the chain is on disk")
+        size = self.listed(command="size")
+        self.assertNotIn("terms", size)
+        totals = {t["type"]: t for t in size["totals"]}
+        self.assertEqual({k: len(v) for k, v in by_type.items()}, {k: int(t["terms"]) for k, t in totals.items()})
+        self.assertEqual(sum(int(t.get("bytes", 0)) for t in totals.values()), self.client.status().store_bytes)
+        text = self.cli("cache", "list", "--type", "*transfer*", "--sort", "bytes").stdout
+        self.assertRegex(text, r"digest +type +scene +memory +disk +used +ms +pinned +label\n")
+        self.assertRegex(text, r"(?m)^[0-9a-f]{12}  bounced_transfer +cornell +[\d.]+ .iB .*transfer:bounce 1$")
+        self.assertNotIn("gbuffer", text)
+        self.assertRegex(self.cli("cache", "list", "--limit", "3").stdout, r"3 of \d+ terms are shown")
+        self.assertRegex(self.cli("cache", "size").stdout, r"(?m)^all +\d+ +[\d.]+ .iB")
+        self.assertIn("no term is like that", self.cli("cache", "list", "--scene", "nonesuch").stdout)
+
+    def test_evict(self):
+        all_of_them = len(self.listed()["terms"])
+        self.assertIn("evicted 1 terms", self.cli("cache", "evict", "--type", "bounced_transfer").stdout)
+        self.assertEqual(len(self.listed()["terms"]), all_of_them - 1)
+        key = self.listed("--type", "transfer_points")["terms"][0]["key"]
+        self.assertIn("evicted 1 terms", self.cli("cache", "evict", key[:8]).stdout)
+        self.assertIn("evicted 0 terms", self.cli("cache", "evict", key).stdout)
+        rerun = {n.node: n.state for n in self.render("cornell").plan if n.node.startswith("transfer")}
+        self.assertIn(rerun["transfer:bounce 1"], ("run", "not_needed"))
+        for bad, says in ([[], "which terms"], [["xyz"], "6 to 32 hex digits"], [["--type", "x" * 1001], "at most 1000"]):
+            self.assertIn(says, self.cli("cache", "evict", *bad, code=2).stderr)
+        self.assertIn("evicted", self.cli("cache", "evict", "--scene", "cornell").stdout)
+        self.assertEqual(self.listed().get("terms", []), [])
+
+    def test_pin(self):
+        said = self.cli("cache", "pin", "--type", "*transfer*").stdout
+        self.assertRegex(said, r"pinned [4-9] terms, ")
+        pinned = self.listed("--pinned")["terms"]
+        self.assertTrue(all("transfer" in t["type"] and t["pinned"] for t in pinned))
+        self.client.drop_caches(True)
+        self.assertEqual([t["key"] for t in self.listed()["terms"]], [t["key"] for t in pinned])
+        self.assertIn("pinned ones stay", self.cli("cache", "evict", "--type", "direct_transfer").stdout)
+        self.assertIn("unpinned", self.cli("cache", "unpin", "--type", "direct_transfer").stdout)
+        self.assertIn("evicted", self.cli("cache", "evict", "--type", "direct_transfer").stdout)
+        self.assertEqual(self.listed("--type", "direct_transfer").get("terms", []), [])
+        self.assertIn("which terms", self.cli("cache", "pin", code=2).stderr)
+
+    def test_pins_are_bounded_and_outlive_the_daemon(self):
+        with tempfile.TemporaryDirectory(prefix="gobo-pins-") as folder:
+            config = os.path.join(folder, "gobod.toml")
+            with open(config, "w", encoding="utf-8") as file:
+                file.write('[engine]\nstore_bytes = "1MiB"\n')
+            options = {"cache": os.path.join(folder, "cache"), "config": config, "args": ["--root", "/"]}
+            with gobo.local(threads=2, **options) as client:
+                self.render("cornell", client)
+                keys = [t.key for t in client.list_terms().terms if t.disk_bytes > 0][:1]
+                self.assertEqual(len(keys), 1)
+                reply = client.pin_terms(keys=keys)
+                self.assertEqual((reply.terms, reply.memory_only), (1, 0))
+                in_memory = [t.key for t in client.list_terms().terms if t.disk_bytes == 0 and not t.pinned]
+                held = sum(t.bytes for t in client.list_terms(keys=in_memory).terms)
+                if held > 1 << 19:
+                    with self.assertRaisesRegex(gobo.FailedPrecondition, "engine.store_bytes"):
+                        client.pin_terms(keys=in_memory)
+            with gobo.local(threads=2, **options) as client:
+                self.assertEqual([t.key for t in client.list_terms(pinned=True).terms], keys)
+                client.drop_caches(True)
+                self.assertEqual([t.key for t in client.list_terms().terms], keys)
+                self.assertEqual(client.pin_terms(keys=keys, unpin=True).terms, 1)
+                client.drop_caches(True)
+                self.assertEqual(list(client.list_terms().terms), [])
+
+
 class Waits(DaemonTest):
     def test_place_and_rest_are_shown(self):
         """One that waits behind two: its lines say so, then what is expected of the rest."""

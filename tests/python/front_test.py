@@ -203,7 +203,7 @@ class Front(unittest.TestCase):
 
     def test_shutdown_is_for_the_host(self):
         with self.connect("ops") as client:
-            for call in (client.shutdown, client.drop_caches):
+            for call in (client.shutdown, client.drop_caches, client.list_terms, lambda: client.pin_terms(type="*")):
                 with self.assertRaisesRegex(gobo.PermissionDenied, "beyond the host"):
                     call()
         self.assertIsNone(self.gobod.poll())

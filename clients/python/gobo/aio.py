@@ -335,9 +335,20 @@ class AsyncClient:
         """See `Client.status`."""
         return await self._do(lambda c: c.status(timeout=timeout))
 
-    async def drop_caches(self, disk: bool = False, *, timeout: Optional[float] = None) -> int:
+    async def drop_caches(self, disk: bool = False, *, type: str = "", scene: str = "", keys: Sequence[str] = (), pinned: bool = False,
+                          timeout: Optional[float] = None) -> int:
         """See `Client.drop_caches`."""
-        return await self._do(lambda c: c.drop_caches(disk, timeout=timeout))
+        return await self._do(lambda c: c.drop_caches(disk, type=type, scene=scene, keys=keys, pinned=pinned, timeout=timeout))
+
+    async def list_terms(self, *, type: str = "", scene: str = "", keys: Sequence[str] = (), pinned: bool = False,
+                         timeout: Optional[float] = None) -> service_pb2.ListTermsReply:
+        """See `Client.list_terms`."""
+        return await self._do(lambda c: c.list_terms(type=type, scene=scene, keys=keys, pinned=pinned, timeout=timeout))
+
+    async def pin_terms(self, *, type: str = "", scene: str = "", keys: Sequence[str] = (), unpin: bool = False,
+                        timeout: Optional[float] = None) -> service_pb2.PinTermsReply:
+        """See `Client.pin_terms`."""
+        return await self._do(lambda c: c.pin_terms(type=type, scene=scene, keys=keys, unpin=unpin, timeout=timeout))
 
     async def shutdown(self, *, timeout: Optional[float] = None) -> None:
         """See `Client.shutdown`."""

@@ -158,9 +158,39 @@ class Client:
         """Version, uptime, memory, what runs and waits."""
         return self._wire.unary(self._admin.GetStatus, service_pb2.StatusRequest(), timeout)
 
-    def drop_caches(self, disk: bool = False, *, timeout: Optional[float] = None) -> int:
-        """Empties the server's term store, for every client; returns the bytes freed."""
-        return self._wire.unary(self._admin.DropCaches, service_pb2.DropCachesRequest(disk=disk), timeout).bytes
+    def drop_caches(self, disk: bool = False, *, type: str = "", scene: str = "", keys: Sequence[str] = (), pinned: bool = False,
+                    timeout: Optional[float] = None) -> int:
+        """Empties the server's term store, for every client; returns the bytes freed. `type`, `scene`, `keys`: of these terms alone, as in `list_terms`.
+        Pinned terms stay unless `pinned`."""
+        request = service_pb2.DropCachesRequest(disk=disk, pinned=pinned, which=_selector(type, scene, keys))
+        return self._wire.unary(self._admin.DropCaches, request, timeout).bytes
+
+    def list_terms(self, *, type: str = "", scene: str = "", keys: Sequence[str] = (), pinned: bool = False,
+                   timeout: Optional[float] = None) -> service_pb2.ListTermsReply:
+        """What the server's term store holds, in memory and on disk: `terms` (all pages), `totals` by type, bounds. Without the admin right `terms` is empty
+        (`totals_only`).
+
+        Args:
+            type: kind of node that makes them; `*` stands for any letters: "*transfer*".
+            scene: id of the scene for which they were made.
+            keys: digests, or their first 6 digits or more.
+            pinned: pinned ones alone.
+        """
+        request = service_pb2.ListTermsRequest(which=_selector(type, scene, keys), pinned=pinned, page_size=1000)
+        whole = self._wire.unary(self._admin.ListTerms, request, timeout)
+        page = whole
+        while page.next_page_token:
+            request.page_token = page.next_page_token
+            page = self._wire.unary(self._admin.ListTerms, request, timeout)
+            whole.terms.extend(page.terms)
+        whole.next_page_token = ""
+        return whole
+
+    def pin_terms(self, *, type: str = "", scene: str = "", keys: Sequence[str] = (), unpin: bool = False,
+                  timeout: Optional[float] = None) -> service_pb2.PinTermsReply:
+        """Keeps terms from being evicted for room, or no longer; chosen as in `list_terms`, and something must be given. Pins of terms that are on disk
+        outlive the server; `memory_only` counts the others. Errors: FailedPrecondition beyond half of the store."""
+        return self._wire.unary(self._admin.PinTerms, service_pb2.PinTermsRequest(which=_selector(type, scene, keys), unpin=unpin), timeout)
 
     def shutdown(self, *, timeout: Optional[float] = None) -> None:
         """Asks the server to drain and stop (Unix socket only)."""
@@ -238,6 +268,10 @@ class Client:
     def _last(self, events: Iterator[render_pb2.RenderEvent], on_progress: Optional[ProgressCallback]) -> Result:
         *_, last = self._results(events, on_progress, snapshots=False)
         return last
+
+
+def _selector(type: str, scene: str, keys: Sequence[str]) -> Optional[service_pb2.TermSelector]:
+    return service_pb2.TermSelector(type=type, scene=scene, key=keys) if type or scene or keys else None
 
 
 def connect(address: Optional[str] = None, token: Optional[str] = None, tls: Union[None, bool, str, Tls] = None, *, start: bool = False,

@@ -57,6 +57,7 @@ class BouncedTransferNode final : public Node {
         },
         ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");
+    const PointProgress progress(ctx, s_.size, bounce_, s_.bounces);
     complete = ctx.arena->parallelFor(
         s_.size, 16,
         [&](size_t begin, size_t end) {
@@ -95,6 +96,7 @@ class BouncedTransferNode final : public Node {
             }
           }
           ctx.counters->rays += (end - begin) * directions_;
+          progress.done(end - begin);
         },
         ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");

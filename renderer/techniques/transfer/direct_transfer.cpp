@@ -36,6 +36,7 @@ class DirectTransferNode final : public Node {
     const std::span<const float> before = block_ > 0 ? ctx.inputs[1]->floats("transfer") : std::span<const float>();
     const auto out = ctx.result->writable<float>("transfer");
     const size_t n = size_t(s_.harmonics());
+    const PointProgress progress(ctx, s_.size, block_, s_.blocks);
     const bool complete = ctx.arena->parallelFor(
         s_.size, 32,
         [&](size_t begin, size_t end) {
@@ -70,6 +71,7 @@ class DirectTransferNode final : public Node {
             }
           }
           ctx.counters->rays += (end - begin) * kDirections;
+          progress.done(end - begin);
         },
         ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");

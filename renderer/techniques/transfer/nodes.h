@@ -25,6 +25,7 @@ struct TransferSettings {
   uint32_t size = 0;    ///< that there are
   int bands = 0;
   uint64_t seed = 0;
+  uint32_t blocks = 0, bounces = 0;  ///< that are asked for, of direct light and in all; in no key: for the progress alone
   int harmonics() const { return bands * bands; }
   Extent extent() const { return {int(size), 1, 1}; }
 };

@@ -2,8 +2,12 @@
 // Rays from a transfer point, distributed as the cosine about its normal: irradiance of radiance L is pi times the mean of L over them.
 #pragma once
 
+#include <algorithm>
+#include <atomic>
+
 #include "base/sobol.h"
 #include "techniques/transfer/harmonics.h"
+#include "terms/node.h"
 #include "trace/accel.h"
 
 namespace gobo::transfer {
@@ -26,6 +30,26 @@ class PointRays {
   Frame frame_;
   Vec3 origin_;
   uint64_t seed_;
+};
+
+/// Tells who watches how far a node that is `part` of `parts` equal ones has come with its points: the share of all parts, so that it goes on from one node to
+/// the next. Some hundred times a node at most. Threads may call done().
+class PointProgress {
+ public:
+  PointProgress(const RunContext& ctx, uint32_t points, uint32_t part, uint32_t parts)
+      : report_(ctx.progress), points_(std::max(points, 1u)), step_(std::max(points / 128u, 1u)), part_(part), parts_(std::max(parts, part + 1)) {
+    if (report_) report_(double(part_) / parts_);
+  }
+  void done(size_t points) const {
+    if (!report_) return;
+    const uint64_t before = done_.fetch_add(points), now = before + points;
+    if (before / step_ != now / step_) report_((part_ + std::min(double(now) / points_, 1.0)) / parts_);
+  }
+
+ private:
+  const std::function<void(double)>& report_;
+  const uint32_t points_, step_, part_, parts_;
+  mutable std::atomic<uint64_t> done_{0};
 };
 
 }  // namespace gobo::transfer

@@ -79,19 +79,19 @@ class EnvironmentTransfer final : public Technique {
     const auto source = [&](NodePtr node, std::vector<NodeId> inputs, const std::string& label) {
       return c.source(std::move(node), std::move(inputs), {}, label, c.scene());
     };
+    s.blocks = (asked.samples() + transfer::kDirections - 1) / transfer::kDirections;
+    s.bounces = std::min(asked.bounces(), c.request().integrator().max_bounces());
     const NodeId points = source(transfer::makeTransferPointsNode(s), {}, "transfer points");
     NodeId direct = -1;
-    const uint32_t blocks = (asked.samples() + transfer::kDirections - 1) / transfer::kDirections;
-    for (uint32_t b = 0; b < blocks; ++b)
+    for (uint32_t b = 0; b < s.blocks; ++b)
       direct = source(transfer::makeDirectTransferNode(s, b), b == 0 ? std::vector{points} : std::vector{points, direct}, "transfer:direct");
     const bool bounces = overlaps(claimed, PathSet::Indirect) && asked.bounces() > 0;
     NodeId bounced = -1;
     if (bounces) {
       const NodeId albedo = source(transfer::makePointAlbedoNode(s), {points}, "transfer:albedo");
-      const uint32_t count = std::min(asked.bounces(), c.request().integrator().max_bounces());
       const uint32_t directions =
           std::max(transfer::kDirections, (asked.samples() / 4 + transfer::kDirections - 1) / transfer::kDirections * transfer::kDirections);
-      for (uint32_t b = 0; b < count; ++b)
+      for (uint32_t b = 0; b < s.bounces; ++b)
         bounced = source(transfer::makeBouncedTransferNode(s, b, directions), {points, albedo, b == 0 ? direct : bounced},
                          "transfer:bounce " + std::to_string(b + 1));
     } else if (overlaps(claimed, PathSet::Indirect)) c.prune("transfer:bounces", "environment.transfer.bounces is 0", true);

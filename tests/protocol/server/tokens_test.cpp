@@ -277,6 +277,41 @@ TEST_F(Tokens, AdminRight) {
   EXPECT_TRUE(v1::Admin::NewStub(tcp)->Shutdown(&context, {}, &reply).ok());
 }
 
+TEST_F(Tokens, TermsAreListedWholeAndPinnedWithTheAdminRight) {
+  ASSERT_TRUE(renderAs("admin", batch(4)).status.ok());
+  const auto list = [&](const std::string& name, const v1::ListTermsRequest& request, v1::ListTermsReply& reply) {
+    grpc::ClientContext context;
+    sign(context, name);
+    return v1::Admin::NewStub(tcp)->ListTerms(&context, request, &reply);
+  };
+  v1::ListTermsReply whole, totals;
+  ASSERT_TRUE(list("admin", {}, whole).ok());
+  ASSERT_GT(whole.terms_size(), 0);
+  EXPECT_FALSE(whole.totals_only());
+  ASSERT_TRUE(list("plain", {}, totals).ok());
+  EXPECT_EQ(totals.terms_size(), 0);
+  EXPECT_TRUE(totals.totals_only());
+  EXPECT_EQ(totals.totals_size(), whole.totals_size());
+  v1::ListTermsRequest chosen;
+  chosen.mutable_which()->set_scene("cornell");
+  EXPECT_EQ(list("plain", chosen, totals).error_code(), grpc::PERMISSION_DENIED) << "it would say whether somebody rendered that scene";
+  EXPECT_TRUE(list("admin", chosen, totals).ok());
+  v1::PinTermsRequest pin;
+  pin.mutable_which()->set_type("*");
+  const auto pinAs = [&](const std::string& name, v1::PinTermsReply& reply) {
+    grpc::ClientContext context;
+    sign(context, name);
+    return v1::Admin::NewStub(tcp)->PinTerms(&context, pin, &reply);
+  };
+  v1::PinTermsReply pinned;
+  EXPECT_EQ(pinAs("plain", pinned).error_code(), grpc::PERMISSION_DENIED);
+  ASSERT_TRUE(pinAs("admin", pinned).ok());
+  EXPECT_EQ(pinned.terms(), uint64_t(whole.terms_size()));
+  EXPECT_EQ(pinned.memory_only(), pinned.terms()) << "this server has no disk cache";
+  pin.clear_which();
+  EXPECT_EQ(pinAs("admin", pinned).error_code(), grpc::INVALID_ARGUMENT);
+}
+
 TEST_F(Tokens, TheFairSharesClientIsTheTokensName) {
   const auto names = [&] {
     std::string all;
