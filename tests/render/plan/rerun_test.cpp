@@ -376,9 +376,15 @@ TEST(Rerun, EnvironmentRotationAndExtraction) {
   for (const char* by : {"STRUCTURED", "WAVELET"}) {
     set(r, std::string("environment.extract_by=") + by);
     const Labels found = ran(mustRender(*engine, r));
-    for (const char* node : {"extract_lights", "visibility:environment/0", "direct:environment", "beauty"}) EXPECT_TRUE(found.count(node)) << by << " " << node;
+    for (const char* node : {"extract_lights", "direct:environment", "beauty"}) EXPECT_TRUE(found.count(node)) << by << " " << node;
     EXPECT_FALSE(found.count("gbuffer")) << by;
     EXPECT_FALSE(found.count("indirect")) << by;
+    set(r, "environment.extract_lights=5");
+    const Labels more = ran(mustRender(*engine, r));
+    for (const char* node : {"visibility:environment/0", "visibility:environment/1", "visibility:environment/2"})
+      EXPECT_FALSE(more.count(node)) << by << ": nested";
+    for (const char* node : {"visibility:environment/3", "visibility:environment/4", "direct:environment"}) EXPECT_TRUE(more.count(node)) << by << " " << node;
+    set(r, "environment.extract_lights=3");
   }
 }
 
