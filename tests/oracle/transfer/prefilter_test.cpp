@@ -11,6 +11,7 @@
 #include "techniques/prefilter/environment_sums.h"
 #include "techniques/prefilter/irradiance_matrix.h"
 #include "techniques/prefilter/phong_map.h"
+#include "techniques/prefilter/radiance_cache.h"
 #include "techniques/transfer/environment_harmonics.h"
 #include "techniques/transfer/harmonics.h"
 
@@ -238,6 +239,97 @@ TEST(EnvironmentSums, AreNeverNegative) {
       EXPECT_LE(flux[k], 1e-14 * whole);
     }
   }
+}
+
+/// Integral of a BRDF against all texels.
+DVec3 reflected(const Environment& map, const DVec3& normal, const DVec3& out, const IsotropicBrdf& brdf) {
+  const EnvironmentTents tents(map.width, map.height);
+  DVec3 sum(0.0);
+  for (int t = 0; t < map.width * map.height; ++t) {
+    const DVec3 w = centreOf(t % map.width, t / map.width, map.width, map.height);
+    const double cosine = glm::dot(normal, w);
+    if (cosine > 0) sum += brdf(w, normal, out) * cosine * tents.weight(t / map.width) * DVec3(map.texels[size_t(t)]);
+  }
+  return sum;
+}
+/// Phong's, of exponent 20.
+double shiny(const DVec3& in, const DVec3& normal, const DVec3& out) {
+  return 22 / (2 * kPi2) * std::pow(std::max(glm::dot(2 * glm::dot(normal, out) * normal - out, in), 0.0), 20);
+}
+double diffuse(const DVec3&, const DVec3&, const DVec3&) { return 1 / kPi2; }
+/// Root mean square over normals that face `out`, by the mean.
+double cacheError(const RadianceCache& cache, const Environment& map, const DVec3& out, const IsotropicBrdf& brdf) {
+  double square = 0, mean = 0;
+  for (int i = 0; i < 40; ++i) {
+    const DVec3 n = someDirection(i);
+    if (glm::dot(n, out) < 0.1) continue;
+    const DVec3 truth = reflected(map, n, out, brdf);
+    square += glm::dot(cache.at(n) - truth, cache.at(n) - truth);
+    mean += glm::dot(truth, truth);
+  }
+  return std::sqrt(square / mean);
+}
+
+TEST(RadianceCache, OfAConstantMapIsPiForEveryNormal) {
+  const TaskArena arena(2);
+  const EnvironmentPtr map = mapOf(64, 32, [](int, int) { return Vec3(1.0f, 2.0f, 0.0f); });
+  const RadianceCache cache(*map, DVec3(0.2, 0.3, -1), nullptr, 32, 0.0, arena);
+  for (int i = 0; i < 40; ++i) EXPECT_LT(apart(cache.at(someDirection(i)), kPi2 * DVec3(1, 2, 0)), 2e-3) << i;
+}
+
+TEST(RadianceCache, ItsTexelsAreIntegralsAndLieWhereTheyAreLookedUp) {
+  const TaskArena arena(2);
+  const EnvironmentPtr map = noise(32, 16, 12);
+  for (const DVec3& eye : {DVec3(0, 0, 1), DVec3(0.1, 1, 0), DVec3(0, -1, 0), glm::normalize(DVec3(-1, 0.4, 0.2))}) {
+    const RadianceCache cache(*map, eye, shiny, 8, 0.0, arena);
+    for (int y = 0; y < 8; ++y)
+      for (int x = 0; x < 8; ++x) {
+        const DVec3 n = cache.normal(x, y);
+        EXPECT_NEAR(glm::length(n), 1.0, 1e-12);
+        EXPECT_LT(apart(cache.at(n), reflected(*map, n, glm::normalize(eye), shiny)), 1e-9) << x << " " << y;
+      }
+  }
+}
+
+TEST(RadianceCache, FinerPicturesAreNearer) {
+  const TaskArena arena(2);
+  const EnvironmentPtr map = noise(32, 16, 13);
+  const DVec3 eye = glm::normalize(DVec3(0.3, 0.2, 1));
+  double before = 1;
+  for (const int side : {16, 32, 64, 128}) {
+    const double error = cacheError(RadianceCache(*map, eye, shiny, side, 0.0, arena), *map, eye, shiny);
+    std::printf("radiance cache of %d x %d normals: RMS error %.5f\n", side, side, error);
+    EXPECT_LT(error, before / 2);
+    before = error;
+  }
+  EXPECT_LT(before, 2e-3);
+}
+
+// The direction to the eye is one; a pixel at the side of a picture has another.
+TEST(RadianceCache, AWideViewIsWrongForWhatShines) {
+  const TaskArena arena(2);
+  const EnvironmentPtr map = noise(32, 16, 14);
+  const RadianceCache shines(*map, DVec3(0, 0, 1), shiny, 64, 0.0, arena), dull(*map, DVec3(0, 0, 1), diffuse, 64, 0.0, arena);
+  double before = 0;
+  for (const double degrees : {0.0, 5.0, 10.0, 20.0, 40.0}) {
+    const DVec3 out(std::sin(degrees * kPi2 / 180), 0, std::cos(degrees * kPi2 / 180));
+    const double error = cacheError(shines, *map, out, shiny);
+    std::printf("radiance cache, exponent 20, %2.0f degrees off its axis: RMS error %.4f\n", degrees, error);
+    EXPECT_GT(error, before);
+    before = error;
+    EXPECT_LT(cacheError(dull, *map, out, diffuse), 0.012) << degrees;  // of 64 x 64: normals that face away lie apart
+  }
+  EXPECT_GT(before, 0.1);
+}
+
+TEST(RadianceCache, IsTheSameForAnyThreadsAndStops) {
+  const TaskArena one(1), three(3);
+  const EnvironmentPtr map = noise(32, 16, 15);
+  const RadianceCache a(*map, DVec3(0, 0, 1), shiny, 32, 0.0, one), b(*map, DVec3(0, 0, 1), shiny, 32, 0.0, three);
+  for (int i = 0; i < 40; ++i) EXPECT_EQ(a.at(someDirection(i)), b.at(someDirection(i)));
+  StopSource stop;
+  stop.stop(StopReason::Cancelled);
+  EXPECT_TRUE(RadianceCache(*map, DVec3(0, 0, 1), nullptr, 32, 0.0, one, stop.token()).empty());
 }
 
 }  // namespace
