@@ -6,7 +6,8 @@
 // is from an engine that has the scene and its acceleration structure but no term: G-buffer, surface and fit are in the lights' time.
 // The CPU clock, because cores may be shared.
 // Arguments: --scene NAME --env FILE|sky --set assignments of the request, separated by spaces --technique ASSIGNMENT below `shadows.`
-//            --size WxH --lights N,N,... --spp N,N,... --reference N (each half) --threads N --out PATH --pictures PREFIX (writes .exr)
+//            --size WxH --lights N,N,... --extract-by WAY,WAY,... (also as many directional lights, environment.extract_by) --spp N,N,... --reference N (each
+//            half) --threads N --out PATH --pictures PREFIX (writes .exr)
 #include <sys/resource.h>
 
 #include <cmath>
@@ -65,7 +66,7 @@ class Bench {
     if (!result.ok()) fail(result.status());
     run.image = result->images[0].image();
     for (const auto& n : result->reply.plan())
-      if (n.node() == "area_lights") run.fit = n.ms() * 1e-3;
+      if (n.node() == "area_lights" || n.node() == "extract_lights") run.fit = n.ms() * 1e-3;
     if (!pictures_.empty()) {
       const auto bytes = encodeExr(run.image);
       if (!bytes.ok()) fail(bytes.status());
@@ -122,11 +123,18 @@ int main(int argc, char** argv) {
     secondsPerVariance = r.seconds * error * error;  // of the largest count, where what is done once weighs least
     table.add({std::string("path traced"), std::atof(spp.c_str()), error, r.seconds, 0.0, r.seconds, 1.0});
   }
-  for (const std::string& n : partsOf(argumentOr(argc, argv, "--lights", "10,20,30,45,60,100"), ',')) {
+  const std::string lights = argumentOr(argc, argv, "--lights", "10,20,30,45,60,100");
+  for (const std::string& n : partsOf(lights, ',')) {
     const Run r = bench.render({"shadows." + technique, "environment.area_lights=" + n, "halt.spp=1"}, "lights_" + n);
     const double error = relativeError(r.image, a.image, b.image), traced = secondsPerVariance / (error * error);
     table.add({std::string("area lights"), std::atof(n.c_str()), error, r.seconds, r.fit, traced, traced / r.seconds});
   }
+  for (const std::string& by : partsOf(argumentOr(argc, argv, "--extract-by", ""), ','))
+    for (const std::string& n : partsOf(lights, ',')) {
+      const Run r = bench.render({"shadows." + technique, "environment.extract_lights=" + n, "environment.extract_by=" + by, "halt.spp=1"}, by + "_" + n);
+      const double error = relativeError(r.image, a.image, b.image), traced = secondsPerVariance / (error * error);
+      table.add({by, std::atof(n.c_str()), error, r.seconds, r.fit, traced, traced / r.seconds});
+    }
   std::printf("%s", table.text().c_str());
   const std::string out = argumentOr(argc, argv, "--out", "");
   if (out.empty()) return 0;

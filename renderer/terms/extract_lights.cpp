@@ -2,8 +2,11 @@
 #include "terms/extract_lights.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "scene/environment_tents.h"
+#include "terms/structured_lights.h"
+#include "terms/wavelet_lights.h"
 
 namespace gobo {
 
@@ -40,9 +43,66 @@ class PowerTable {
   std::vector<double> sums_;
 };
 
+std::pair<Cell, Cell> splitCell(const Environment& e, const PowerTable& table, const Cell& c) {
+  // Longer side on the sphere: longitude shrinks by the sine of the cell's middle latitude.
+  const double mid = std::sin(double(kPi) * 0.5 * (c.y0 + c.y1) / e.height);
+  const bool alongX = c.x1 - c.x0 > 1 && (c.y1 - c.y0 <= 1 || 2.0 * mid * (c.x1 - c.x0) / e.width >= double(c.y1 - c.y0) / e.height);
+  const int lo = (alongX ? c.x0 : c.y0) + 1, hi = alongX ? c.x1 : c.y1;
+  int cut = lo;
+  while (cut < hi - 1 && (alongX ? table.power(c.x0, c.y0, cut, c.y1) : table.power(c.x0, c.y0, c.x1, cut)) < 0.5 * c.power) ++cut;
+  Cell a = c, b = c;
+  if (alongX) {
+    a.x1 = cut;
+    b.x0 = cut;
+  } else {
+    a.y1 = cut;
+    b.y0 = cut;
+  }
+  a.power = table.power(a.x0, a.y0, a.x1, a.y1);
+  b.power = table.power(b.x0, b.y0, b.x1, b.y1);
+  return {a, b};
+}
+
+void emitCell(const Environment& e, const PowerTable& table, const Cell& c, std::vector<MapLight>& lights, const StopToken& stop) {
+  DVec3 centre(0.0), rgb(0.0);
+  for (int y = c.y0; y < c.y1 && !stop.stopRequested(); ++y) {
+    const double omega = table.texelWeight(y);
+    const double theta = double(kPi) * (y + 0.5) / e.height;
+    for (int x = c.x0; x < c.x1; ++x) {
+      const Vec3 v = e.texels[size_t(y) * e.width + x];
+      const double w = omega * luminance(v), phi = (double(x) + 0.5) / e.width * 2.0 * double(kPi) - double(kPi);
+      centre += w * DVec3(std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi));
+      rgb += omega * DVec3(v);
+    }
+  }
+  const double length = glm::length(centre);
+  if (!(length > 0) || !(rgb.x + rgb.y + rgb.z > 0)) return;
+  centre /= length;
+  lights.push_back({centre, rgb});
+}
+
+std::vector<MapLight> medianCut(const Environment& e, int lights, const StopToken& stop) {
+  const PowerTable table(e, stop);
+  std::vector<Cell> cells{{0, 0, e.width, e.height, table.power(0, 0, e.width, e.height)}};
+  while (int(cells.size()) < lights && !stop.stopRequested()) {
+    int best = -1;
+    for (size_t i = 0; i < cells.size(); ++i) {
+      const Cell& c = cells[i];
+      if ((c.x1 - c.x0) * (c.y1 - c.y0) > 1 && c.power > 0 && (best < 0 || c.power > cells[best].power)) best = int(i);
+    }
+    if (best < 0) break;  // fewer lit texels than lights asked for
+    const auto [a, b] = splitCell(e, table, cells[best]);
+    cells[best] = a;
+    cells.push_back(b);
+  }
+  std::vector<MapLight> out;
+  for (const Cell& c : cells) emitCell(e, table, c, out, stop);
+  return out;
+}
+
 class ExtractLightsNode final : public Node {
  public:
-  explicit ExtractLightsNode(int lights) : lights_(lights) {}
+  ExtractLightsNode(int lights, ExtractBy by, size_t texels) : lights_(lights), by_(by), texels_(texels) {}
   std::string type() const override { return "extract_lights"; }
   int version() const override { return 2; }  // 2: of the bilinear look-up
   NodeTraits traits() const override {
@@ -51,86 +111,54 @@ class ExtractLightsNode final : public Node {
     t.smallOutput = true;
     return t;
   }
-  void hashParameters(Hasher& h) const override { h.add(lights_); }
+  void hashParameters(Hasher& h) const override {
+    h.add(lights_);
+    if (by_ != ExtractBy::MedianCut) h.add(int(by_));  // without: the key that it had when it was the only one
+  }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     TermShape out{"light_list", Domain::List, {lights_, 1, 1}, {plane<float>("direction", 3), plane<float>("irradiance", 3)}};
     out.atMost = true;
     return Wiring(type(), in, 0).gives(std::move(out));
   }
+  size_t workingBytes() const override {
+    switch (by_) {
+      case ExtractBy::MedianCut: break;
+      case ExtractBy::Structured: return structuredBytes(texels_);
+      case ExtractBy::Wavelet: return waveletBytes(texels_);
+    }
+    return texels_ * sizeof(double);
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const Environment& e = *ctx.scene->environment();
-    const PowerTable table(e, ctx.stop);
-    std::vector<Cell> cells{{0, 0, e.width, e.height, table.power(0, 0, e.width, e.height)}};
-    while (int(cells.size()) < lights_) {
-      if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
-      int best = -1;
-      for (size_t i = 0; i < cells.size(); ++i) {
-        const Cell& c = cells[i];
-        if ((c.x1 - c.x0) * (c.y1 - c.y0) > 1 && c.power > 0 && (best < 0 || c.power > cells[best].power)) best = int(i);
-      }
-      if (best < 0) break;  // fewer lit texels than lights asked for
-      const auto [a, b] = split(e, table, cells[best]);
-      cells[best] = a;
-      cells.push_back(b);
-    }
-    std::vector<float> directions, irradiances;
-    for (const Cell& c : cells) emit(e, table, c, directions, irradiances, ctx.stop);
+    const std::vector<MapLight> lights = extractLights(*ctx.scene->environment(), lights_, by_, ctx.arena, ctx.stop);
     if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
-    auto out = std::make_shared<Term>("light_list", Domain::List, Extent{int(directions.size() / 3), 1, 1});
-    std::copy(directions.begin(), directions.end(), out->addPlane<float>("direction", 3).begin());
-    std::copy(irradiances.begin(), irradiances.end(), out->addPlane<float>("irradiance", 3).begin());
+    auto out = std::make_shared<Term>("light_list", Domain::List, Extent{int(lights.size()), 1, 1});
+    const auto direction = out->addPlane<float>("direction", 3), irradiance = out->addPlane<float>("irradiance", 3);
+    for (size_t i = 0; i < lights.size(); ++i)
+      for (int k = 0; k < 3; ++k) {
+        direction[3 * i + size_t(k)] = float(lights[i].direction[k]);
+        irradiance[3 * i + size_t(k)] = float(std::min(lights[i].flux[k], double(std::numeric_limits<float>::max())));
+      }
     return TermPtr(out);
   }
 
  private:
-  static std::pair<Cell, Cell> split(const Environment& e, const PowerTable& table, const Cell& c) {
-    // Longer side on the sphere: longitude shrinks by the sine of the cell's middle latitude.
-    const double mid = std::sin(double(kPi) * 0.5 * (c.y0 + c.y1) / e.height);
-    const bool alongX = c.x1 - c.x0 > 1 && (c.y1 - c.y0 <= 1 || 2.0 * mid * (c.x1 - c.x0) / e.width >= double(c.y1 - c.y0) / e.height);
-    const int lo = (alongX ? c.x0 : c.y0) + 1, hi = alongX ? c.x1 : c.y1;
-    int cut = lo;
-    while (cut < hi - 1 && (alongX ? table.power(c.x0, c.y0, cut, c.y1) : table.power(c.x0, c.y0, c.x1, cut)) < 0.5 * c.power) ++cut;
-    Cell a = c, b = c;
-    if (alongX) {
-      a.x1 = cut;
-      b.x0 = cut;
-    } else {
-      a.y1 = cut;
-      b.y0 = cut;
-    }
-    a.power = table.power(a.x0, a.y0, a.x1, a.y1);
-    b.power = table.power(b.x0, b.y0, b.x1, b.y1);
-    return {a, b};
-  }
-
-  static void emit(const Environment& e, const PowerTable& table, const Cell& c, std::vector<float>& directions, std::vector<float>& irradiances,
-                   const StopToken& stop) {
-    DVec3 centre(0.0), rgb(0.0);
-    for (int y = c.y0; y < c.y1 && !stop.stopRequested(); ++y) {
-      const double omega = table.texelWeight(y);
-      const double theta = double(kPi) * (y + 0.5) / e.height;
-      for (int x = c.x0; x < c.x1; ++x) {
-        const Vec3 v = e.texels[size_t(y) * e.width + x];
-        const double w = omega * luminance(v), phi = (double(x) + 0.5) / e.width * 2.0 * double(kPi) - double(kPi);
-        centre += w * DVec3(std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi));
-        rgb += omega * DVec3(v);
-      }
-    }
-    const double length = glm::length(centre);
-    if (!(length > 0) || !(rgb.x + rgb.y + rgb.z > 0)) return;
-    centre /= length;
-    for (int k = 0; k < 3; ++k) {
-      directions.push_back(float(centre[k]));
-      irradiances.push_back(float(rgb[k]));
-    }
-  }
-
   int lights_;
+  ExtractBy by_;
+  size_t texels_;
 };
 
 }  // namespace
 
-NodePtr makeExtractLightsNode(int lights) { return std::make_shared<ExtractLightsNode>(lights); }
+std::vector<MapLight> extractLights(const Environment& map, int lights, ExtractBy by, const TaskArena* arena, const StopToken& stop) {
+  switch (by) {
+    case ExtractBy::MedianCut: break;
+    case ExtractBy::Structured: return structuredLights(map, lights, arena, stop);
+    case ExtractBy::Wavelet: return waveletLights(map, lights, arena, stop);
+  }
+  return medianCut(map, lights, stop);
+}
+
+NodePtr makeExtractLightsNode(int lights, ExtractBy by, size_t texels) { return std::make_shared<ExtractLightsNode>(lights, by, texels); }
 
 }  // namespace gobo

@@ -1,15 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // Expander: k directional lights that stand for an environment map. Term "light_list", domain List, planes "direction" f32x3
 // (towards the light, map axes: rotation 0) and "irradiance" f32x3 (W/m^2 for map scale 1). A small output: passed on by content.
-// Method: greedy. Repeatedly take the brightest remaining texel-solid-angle product's neighbourhood: the map is cut into k
-// cells by splitting the cell with the largest power at its power median along its longer side (median cut, Debevec 2005);
-// each cell becomes a light at its power centroid carrying the whole cell's irradiance, so total power is conserved.
+// Whatever finds them, all lights' irradiance together is the flux of the map, by channel.
+//   MedianCut (Debevec 2005): greedy. The map is cut into k cells by splitting the cell with the largest power at its power median along its
+//     longer side; each cell becomes a light at its power centroid.
+//   Structured (structured_lights.h), Wavelet (wavelet_lights.h): lights at texels. A list's first lights are those of a shorter list, with other fluxes.
 #pragma once
 
 #include "terms/node.h"
+#include "terms/texel_cells.h"
 
 namespace gobo {
 
-NodePtr makeExtractLightsNode(int lights);
+enum class ExtractBy { MedianCut, Structured, Wavelet };
+
+/// At most `lights`, fewer where fewer texels are lit. Deterministic for any arena; null: the caller's thread. Of no use after `stop` fired.
+std::vector<MapLight> extractLights(const Environment& map, int lights, ExtractBy by, const TaskArena* arena = nullptr, const StopToken& stop = {});
+
+/// `texels` of the map that it will be run on: for workingBytes() alone.
+NodePtr makeExtractLightsNode(int lights, ExtractBy by = ExtractBy::MedianCut, size_t texels = 0);
 
 }  // namespace gobo

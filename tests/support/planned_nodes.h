@@ -147,6 +147,12 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     set(r, as);
     all.emplace_back(as, r);
   }
+  for (const char* by : {"STRUCTURED", "WAVELET"}) {
+    v1::RenderRequest r = smallRequest("cornell", width, height, 1);
+    for (const std::string& a : {std::string("environment.sky.turbidity=3"), std::string("environment.extract_lights=6"), std::string("environment.extract_by=") + by})
+      set(r, a);
+    all.emplace_back(by, r);
+  }
   v1::RenderRequest gloss = smallRequest("lights8", width, height, 1);  // has what shines
   for (const char* a : {"environment.sky.turbidity=3", "environment.transfer.points=300", "environment.transfer.samples=64"}) set(gloss, a);
   all.emplace_back("gloss", gloss);

@@ -46,9 +46,18 @@ FoundLights placeholders(const PlanContext& c) {
   return out;
 }
 
+ExtractBy extractBy(const v1::EnvironmentSettings& sky) {
+  switch (sky.extract_by()) {
+    case v1::EnvironmentSettings::STRUCTURED: return ExtractBy::Structured;
+    case v1::EnvironmentSettings::WAVELET: return ExtractBy::Wavelet;
+    default: return ExtractBy::MedianCut;
+  }
+}
+
 Result<FoundLights> findLights(PlanContext& c) {
   const v1::EnvironmentSettings& sky = c.request().environment();
-  const NodePtr node = squares(c) ? makeAreaLightListNode(int(sky.area_lights())) : makeExtractLightsNode(int(sky.extract_lights()));
+  const NodePtr node = squares(c) ? makeAreaLightListNode(int(sky.area_lights()))
+                                  : makeExtractLightsNode(int(sky.extract_lights()), extractBy(sky), c.scene()->environment->texels.size());
   GOBO_ASSIGN(const TermPtr term, c.expand(c.source(node, {}, {}, squares(c) ? "area_lights" : "extract_lights", c.scene())));
   if (!term) return placeholders(c);
   const float r = c.scene()->environment->rotation, cosR = std::cos(r), sinR = std::sin(r);

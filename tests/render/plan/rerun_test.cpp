@@ -150,6 +150,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"halt.error", "Engine.ErrorHaltIsMeasuredByTheCertificate"},
       {"environment.rotation_deg", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.extract_lights", "Rerun.EnvironmentRotationAndExtraction"},
+      {"environment.extract_by", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.area_lights", "Rerun.EnvironmentAsAreaLights"},
       {"environment.transfer", "Rerun.EnvironmentByTransfer"},
       {"environment.digest", "Blobs.AnEnvironmentByDigestIsTheFileOnDisk: what the same file runs by its path"},
@@ -370,6 +371,21 @@ TEST(Rerun, EnvironmentRotationAndExtraction) {
   const Labels turned = ran(mustRender(*engine, r));
   EXPECT_TRUE(turned.count("visibility:environment/0"));
   EXPECT_FALSE(turned.count("gbuffer"));
+  set(r, "environment.extract_by=MEDIAN_CUT");
+  EXPECT_EQ(text(ran(mustRender(*engine, r))), "") << "the default";
+  for (const char* by : {"STRUCTURED", "WAVELET"}) {
+    set(r, std::string("environment.extract_by=") + by);
+    const Labels found = ran(mustRender(*engine, r));
+    for (const char* node : {"extract_lights", "direct:environment", "beauty"}) EXPECT_TRUE(found.count(node)) << by << " " << node;
+    EXPECT_FALSE(found.count("gbuffer")) << by;
+    EXPECT_FALSE(found.count("indirect")) << by;
+    set(r, "environment.extract_lights=5");
+    const Labels more = ran(mustRender(*engine, r));
+    for (const char* node : {"visibility:environment/0", "visibility:environment/1", "visibility:environment/2"})
+      EXPECT_FALSE(more.count(node)) << by << ": nested";
+    for (const char* node : {"visibility:environment/3", "visibility:environment/4", "direct:environment"}) EXPECT_TRUE(more.count(node)) << by << " " << node;
+    set(r, "environment.extract_lights=3");
+  }
 }
 
 TEST(Rerun, EnvironmentAsAreaLights) {

@@ -38,6 +38,12 @@ std::vector<Case> cases() {
     set(r, kind);
     out.push_back({kind, r});
   }
+  for (const char* by : {"STRUCTURED", "WAVELET"}) {
+    v1::RenderRequest r = smallRequest("cornell", 24, 16, 2);
+    for (const char* a : {"environment.sky.turbidity=3", "environment.extract_lights=6"}) set(r, a);
+    set(r, std::string("environment.extract_by=") + by);
+    out.push_back({by, r});
+  }
   v1::RenderRequest caustics = smallRequest("spheres", 24, 16, 2);
   for (const char* a : {"lights.lamp.kind=POINT", "lights.lamp.position=1,3,1", "lights.lamp.intensity=5", "integrator.caustic_photons=500"}) set(caustics, a);
   out.push_back({"caustics", caustics});
