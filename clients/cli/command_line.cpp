@@ -322,10 +322,27 @@ void CommandLine::addTools() {
   value(*environment, "map", environment_.map, "FILE", "lat-long or cube map, .hdr or .exr")->required();
   value(*environment, "--bands", environment_.bands, "N", "of spherical harmonics; default 5")->check(CLI::Range(2, 10).description(""));
   value(*environment, "--lights", environment_.lights, "N", "at most; default 16")->check(CLI::Range(0, 64).description(""));
-  value(*environment, "--light-share", environment_.lightShare, "X", "of the luminous flux that makes a peak a light; default 0.02")
+  value(*environment, "--light-share", environment_.lightShare, "X", "moments: of the luminous flux that makes a peak a light; default 0.02")
       ->check(CLI::Range(0.001, 1.0).description(""));
+  value(*environment, "--method", environment_.method, "moments|published",
+        "how it is split: moments is environment.transfer's; published is that of the thesis of 2007, to compare with, and takes the options that follow");
+  value(*environment, "--window", environment_.window, "none|hann|lanczos|least",
+        "published: damps bands of the harmonics; least: no more than leaves nothing below 0; default none");
+  value(*environment, "--radius", environment_.radius, "fixed|basin|best|curvature", "published: how large a light is; default fixed");
+  value(*environment, "--radius-deg", environment_.radiusDeg, "DEG", "published: half angle of fixed lights; default 4.22")
+      ->check(CLI::Range(0.5, 60.0).description(""));
+  value(*environment, "--refine", environment_.refine, "none|quadric|log", "published: places of lights between vertices; default log");
+  value(*environment, "--weber", environment_.weber, "X", "published: a light that adds no more than this fraction ends the list; default 0.03")
+      ->check(CLI::Range(0.001, 0.999).description(""));
+  value(*environment, "--power", environment_.power, "published|residual",
+        "published: lights beside the harmonics of all of the map (they count twice), or taken out of them; default published");
+  value(*environment, "--fit", environment_.fit, "greedy|l2|nnls|haar",
+        "published: powers by --power, by least squares, by non-negative ones; haar: wavelets instead of harmonics and lights; default greedy");
+  value(*environment, "--terms", environment_.terms, "N", "published: wavelets of --fit haar; default bands squared")
+      ->check(CLI::Range(1, 24576).description(""));
   value(*environment, "-o,--out", environment_.out, "FILE",
-        ".png: the map with its lights circled, what they leave, and the harmonics of both (blue: negative); .exr: the four as layers");
+        ".png: the map with its lights circled, what they leave (published: harmonics and lights together), and the harmonics of both (blue: negative); .exr: "
+        "the four as layers");
   value(*environment, "--csv", environment_.csv, "FILE", "write the coefficients");
 
   CLI::App* view =

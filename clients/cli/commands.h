@@ -92,10 +92,16 @@ int runOcclusion(const SessionOptions& session, const OcclusionCommand& command)
 struct EnvironmentCommand {
   std::string map, out, csv;
   uint32_t bands = 5, lights = 16;  ///< as the request's fields
-  double lightShare = 0.02;
+  double lightShare = -1;           ///< below 0: 0.02
   bool json = false;
+  std::string method;                              ///< empty: moments
+  std::string window, radius, refine, power, fit;  ///< of the published one; empty: its default, so that what does not go together is told
+  double radiusDeg = 0, weber = 0;                 ///< 0: default
+  uint32_t terms = 0;                              ///< of Haar wavelets; 0: as many as harmonics
 };
 int runEnvironment(const EnvironmentCommand& command);
+/// The same by the published method.
+Status analysePublished(const EnvironmentCommand& command);
 
 struct DemoCommand {
   std::string scene, out;  ///< out: folder for EXR and PNG of every step

@@ -150,7 +150,7 @@ Result<v1::Job> watch(Session& session, const std::string& id, bool json) {
 }
 
 template <typename Body>
-int with(const SessionOptions& options, const Body& body) {
+int withCode(const SessionOptions& options, const Body& body) {
   if (options.local) return complain(invalidArgument("jobs need a running gobod: with --local nothing outlives this process"));
   auto session = Session::open(options);
   if (!session.ok()) return complain(session.status());
@@ -291,7 +291,7 @@ int runJobSubmit(const SessionOptions& options, const JobSubmitCommand& c, bool 
     if (!parsed.ok()) return complain(parsed.status());
     frames = std::move(*parsed);
   }
-  return with(options, [&](Session& session) -> Result<int> {
+  return withCode(options, [&](Session& session) -> Result<int> {
     v1::JobSpec spec;
     GOBO_ASSIGN(*spec.mutable_request(), makeRequest(session, c.request, c.scene));
     if (!c.format.empty()) GOBO_TRY(setPath(*spec.mutable_request(), "encoding.format=" + c.format));
@@ -328,7 +328,7 @@ int runJobSubmit(const SessionOptions& options, const JobSubmitCommand& c, bool 
 }
 
 int runJobList(const SessionOptions& options, const std::vector<std::string>& states, bool json) {
-  return with(options, [&](Session& session) -> Result<int> {
+  return withCode(options, [&](Session& session) -> Result<int> {
     v1::ListJobsRequest request;
     for (std::string name : states) {
       for (char& ch : name) ch = char(std::toupper(static_cast<unsigned char>(ch)));
@@ -360,7 +360,7 @@ int runJobList(const SessionOptions& options, const std::vector<std::string>& st
 }
 
 int runJobShow(const SessionOptions& options, const std::string& id, bool json) {
-  return with(options, [&](Session& session) -> Result<int> {
+  return withCode(options, [&](Session& session) -> Result<int> {
     GOBO_ASSIGN(const v1::Job job, getJob(session, id));
     if (json) std::printf("%s\n", messageToJson(job, true).c_str());
     else printJob(job);
@@ -369,7 +369,7 @@ int runJobShow(const SessionOptions& options, const std::string& id, bool json) 
 }
 
 int runJobWatch(const SessionOptions& options, const std::string& id, bool json) {
-  return with(options, [&](Session& session) -> Result<int> {
+  return withCode(options, [&](Session& session) -> Result<int> {
     GOBO_ASSIGN(const v1::Job last, watch(session, id, json));
     if (!json) printJob(last);
     return exitOfJob(last);
@@ -377,7 +377,7 @@ int runJobWatch(const SessionOptions& options, const std::string& id, bool json)
 }
 
 int runJobAct(const SessionOptions& options, JobAct act, const std::vector<std::string>& ids, bool json) {
-  return with(options, [&](Session& session) -> Result<int> {
+  return withCode(options, [&](Session& session) -> Result<int> {
     int code = kOk;
     for (const std::string& id : ids) {
       Session::Call call(session);
@@ -410,7 +410,7 @@ int runJobAct(const SessionOptions& options, JobAct act, const std::vector<std::
 }
 
 int runJobFetch(const SessionOptions& options, const JobFetchCommand& command) {
-  return with(options, [&](Session& session) { return fetch(session, command); });
+  return withCode(options, [&](Session& session) { return fetch(session, command); });
 }
 
 }  // namespace gobo::cli

@@ -205,6 +205,53 @@ class Environment(DaemonTest):
         self.assertEqual(self.cli("compare", "map.exr:harmonics", "map.exr:harmonics", "--max-rmse", "0").returncode, 0)
         self.assertNotIn("size, deg", self.cli("environment", "lamp.hdr", "--lights", "0").stdout)
 
+    def test_published(self):
+        """The thesis's method: the lamp counts twice, but not by what is left of it, and all of JSON is there."""
+        tell = lambda *args: json.loads(self.cli("environment", "lamp.hdr", "--method", "published", "--json", *args).stdout)
+        theta = 8.5 / 32 * math.pi
+        lamp = 383 * math.sin(theta) * (math.pi / 32) ** 2
+        published, residual = tell(), tell("--power", "residual", "--window", "least", "--radius", "curvature", "--refine", "quadric", "--bands", "3")
+        flux = 4 * math.pi + lamp
+        self.assertAlmostEqual(published["flux"][0] / flux, 1, delta=1e-3)
+        self.assertEqual((len(published["lights"]), len(published["maximum"]), len(published["used"]["coefficients"])), (1, 2, 25))
+        self.assertGreater(published["given"][0] / flux - 1, 0.5 * lamp / flux)
+        self.assertAlmostEqual(residual["given"][0] / residual["flux"][0], 1, delta=1e-5)
+        self.assertEqual(len(residual["window"]["factors"]), 3)
+        self.assertGreaterEqual(residual["used"]["least"], -1e-3)
+        self.assertLess(published["used"]["least"], 0)
+        self.assertEqual(tell("--radius-deg", "3")["lights"][0]["angularSizeDeg"], 6)
+        self.assertEqual(tell("--lights", "0")["lights"], [])
+        least, positive = tell("--fit", "l2"), tell("--fit", "nnls")
+        self.assertLess(least["missed"], published["missed"])
+        self.assertAlmostEqual(positive["missed"], least["missed"], delta=1e-6)
+        haar = tell("--fit", "haar", "--terms", "40", "--csv", "haar.csv")
+        self.assertEqual(len(haar["terms"]), 40)
+        errors = [e["error"] for e in haar["errors"]]
+        self.assertEqual(errors, sorted(errors, reverse=True))
+        self.assertLess(errors[-1], 1e-9)
+        self.assertLess(next(e["error"] for e in haar["errors"] if e["terms"] == 40), haar["harmonicsError"])
+        with open(self.path("haar.csv"), newline="", encoding="utf-8") as file:
+            self.assertEqual(len(list(csv.reader(file))), 6 * 64 * 64 + 2)
+        said = self.cli("environment", "lamp.hdr", "--method", "published", "-o", "p.exr", "--csv", "p.csv").stdout
+        self.assertRegex(said, r"1 lights of 1 maxima give \+\d")
+        self.assertIn("difference", said)
+        self.assertEqual(self.cli("compare", "p.exr:rest", "p.exr:rest", "--max-rmse", "0").returncode, 0)
+        with open(self.path("p.csv"), newline="", encoding="utf-8") as file:
+            self.assertEqual(next(csv.reader(file))[-3:], ["used R", "used G", "used B"])
+        self.assertIn("40 Haar wavelets miss", self.cli("environment", "lamp.hdr", "--method", "published", "--fit", "haar", "--terms", "40").stdout)
+        for words, args in (("--window: of --method published alone", ("--window", "hann")), ("--weber: of --method published alone", ("--method", "moments", "--weber", "0.1")),
+                            ("--terms: of --method published alone", ("--terms", "3")), ("must be moments or published", ("--method", "median")),
+                            ("--light-share", ("--method", "published", "--light-share", "0.1")), ("--terms: of --fit haar alone", ("--method", "published", "--terms", "3")),
+                            ("--radius-deg: of --radius fixed alone", ("--method", "published", "--radius", "best", "--radius-deg", "3")),
+                            ("--power: of --fit greedy alone", ("--method", "published", "--fit", "l2", "--power", "residual")),
+                            ("--window: of --fit greedy alone", ("--method", "published", "--fit", "nnls", "--window", "hann")),
+                            ("--window blackman: must be one of none, hann", ("--method", "published", "--window", "blackman")),
+                            ("--fit lasso: must be one of greedy", ("--method", "published", "--fit", "lasso")),
+                            ("--refine: not of --fit haar", ("--method", "published", "--fit", "haar", "--refine", "log")),
+                            ("--out: --fit haar has no picture", ("--method", "published", "--fit", "haar", "-o", "h.png"))):
+            with self.subTest(words=words):
+                self.assertIn(words, self.cli("environment", "lamp.hdr", *args, code=2).stderr)
+
     def test_refusals(self):
         for code, words, args in ((3, "nosuch.hdr", ("nosuch.hdr",)), (2, "must end in .png or .exr", ("lamp.hdr", "-o", "a.jpg")), (2, "--bands", ("lamp.hdr", "--bands", "11")),
                                   (3, "no such folder", ("lamp.hdr", "--csv", "no/a.csv"))):
