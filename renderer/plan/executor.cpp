@@ -58,12 +58,19 @@ Executor::Executor(const Graph& graph, const ExecutorServices& services, StopTok
     : graph_(graph), services_(services), stop_(stop), progress_(std::move(progress)) {}
 
 void Executor::grow() {
-  if (results_.size() >= size_t(graph_.size())) return;
+  const NodeId before = NodeId(results_.size());
+  if (before >= graph_.size()) return;
   results_.resize(graph_.size());
   recipes_.resize(graph_.size());
   reports_.resize(graph_.size());
   unsaved_.resize(graph_.size());
   chain_.resize(graph_.size());
+  endsChain_.resize(graph_.size());
+  for (NodeId id = before; id < graph_.size(); ++id) {
+    const GraphNode& n = graph_.at(id);
+    if (n.node->traits().persist) continue;
+    for (const NodeId input : n.inputs) endsChain_[size_t(input)] = true;
+  }
 }
 
 void Executor::asks(std::span<const NodeId> nodes) { lifetimes_.emplace(graph_).ask(nodes); }
@@ -167,15 +174,6 @@ Result<TermPtr> Executor::evaluate(NodeId id) {
     else if (!dynamic_cast<const FoldNode*>(n.node.get())) lifetimes_->made(id, gone);
   }
   return term;
-}
-
-/// Somebody reads it who does not go to disk himself.
-bool Executor::endsChain(NodeId id) const {
-  for (NodeId other = 0; other < graph_.size(); ++other) {
-    const GraphNode& n = graph_.at(other);
-    if (std::find(n.inputs.begin(), n.inputs.end(), id) != n.inputs.end() && !n.node->traits().persist) return true;
-  }
-  return false;
 }
 
 // Who waits for what this is for waits for this.
@@ -291,7 +289,7 @@ Result<TermPtr> Executor::run(NodeId id, const Hash128& recipe, const Hash128& k
         made = made || chain_[size_t(input)] > 0;
       }
       chain_[size_t(id)] = chain;
-      if (!made || !endsChain(id)) chain = unsaved;
+      if (!made || !endsChain_[size_t(id)]) chain = unsaved;
     }
     const bool worth = traits.persist && !stop_.stopRequested() && chain > kWorthPersisting * double(term->bytes());
     const bool saved = services_.store->put(key, term, worth, stop_, {n.label, services_.scene, ms, unsaved});

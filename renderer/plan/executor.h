@@ -82,7 +82,6 @@ class Executor {
   Result<TermPtr> run(NodeId id, const Hash128& recipe, const Hash128& key);
   Result<TermPtr> runFold(NodeId id, const class FoldNode& fold, RunContext& ctx);
   bool wanted() const;
-  bool endsChain(NodeId id) const;
   TermPtr kept(NodeId id, const Hash128& key);
   TermPtr reused(NodeId id, TermPtr term, const char* from);
   RunContext context(NodeId id);
@@ -97,6 +96,7 @@ class Executor {
   std::optional<Lifetimes> lifetimes_;
   std::vector<Hash128> recipes_;
   std::vector<ExecutedNode> reports_;
+  std::vector<bool> endsChain_;                  // somebody reads it who does not go to disk himself
   std::vector<double> chain_;                    // ms that this executor took for a term that may go to disk and for its inputs of the kind
   std::vector<double> unsaved_;                  // TermNote::unsaved of results
   std::vector<const WorkInFlight::Turn*> held_;  // what this executor makes now: a node, what needs it, and so on
