@@ -149,7 +149,8 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
   }
   for (const char* by : {"STRUCTURED", "WAVELET"}) {
     v1::RenderRequest r = smallRequest("cornell", width, height, 1);
-    for (const std::string& a : {std::string("environment.sky.turbidity=3"), std::string("environment.extract_lights=6"), std::string("environment.extract_by=") + by})
+    for (const std::string& a :
+         {std::string("environment.sky.turbidity=3"), std::string("environment.extract_lights=6"), std::string("environment.extract_by=") + by})
       set(r, a);
     all.emplace_back(by, r);
   }

@@ -312,6 +312,7 @@ std::pair<int, int> sharesOf(float radianceA, int sideA, float radianceB, int si
 TEST(StructuredLights, AreSharedOutByFluxAndTheFourthRootOfSmallSolidAngles) {
   EXPECT_EQ(sharesOf(3, 6, 1, 6, 40), (std::pair{30, 10})) << "by flux";
   EXPECT_EQ(sharesOf(1, 6, 1, 6, 41), (std::pair{21, 20})) << "of equal ones the first";
+  EXPECT_EQ(sharesOf(2.5f, 6, 1, 6, 2), (std::pair{1, 1})) << "to the nearest share, not to the larger: 5/7 and 2/7 of two are one each";
   // One texel is 0.0024 sr, the saturated solid angle 0.01: (0.24)^(1/4) = 0.70. 121 texels are more.
   const double texel = EnvironmentTents(128, 64).weight(32), importance = std::pow(texel / 0.01, 0.25);
   ASSERT_LT(importance, 0.75);
@@ -348,13 +349,16 @@ TEST(StructuredLights, CoverAStratumAsWideAsTheyAreApart) {
   }
 }
 
+// Not where it is farthest from the lights of the dark around it.
 TEST(StructuredLights, ALampsFirstIsInItsMiddle) {
   const DVec3 towards = glm::normalize(DVec3(0.4, -0.3, 0.7));
   const EnvironmentPtr map =
-      mapOf(256, 128, [&](int x, int y) { return glm::dot(centreOf(x, y, 256, 128), towards) > std::cos(0.15) ? Vec3(40.0f) : Vec3(0.3f); });
-  const std::vector<MapLight> lights = structuredLights(*map, 2);  // the dark has more light than the lamp: it comes first
-  EXPECT_LT(glm::dot(lights[0].direction, towards), -0.9);
-  EXPECT_GT(glm::dot(lights[1].direction, towards), std::cos(0.025)) << "a texel is 0.025 wide";
+      mapOf(256, 128, [&](int x, int y) { return glm::dot(centreOf(x, y, 256, 128), towards) > std::cos(0.15) ? Vec3(3.0f) : Vec3(0.3f); });
+  const std::vector<MapLight> lights = structuredLights(*map, 20);
+  const auto in = std::find_if(lights.begin(), lights.end(), [&](const MapLight& l) { return glm::dot(l.direction, towards) > std::cos(0.15); });
+  ASSERT_NE(in, lights.end());
+  EXPECT_GT(in - lights.begin(), 4) << "the dark has more light";
+  EXPECT_GT(glm::dot(in->direction, towards), std::cos(0.025)) << "a texel is 0.025 wide";
 }
 
 // Points of a regular grid: as many meet a texel as it has of the map's flux, but for the rim of its rectangle of the unit square.
