@@ -86,8 +86,18 @@ namespace {
 std::mutex callsMutex;
 std::set<grpc::ClientContext*> calls;
 bool interruptSeen = false;
+int unfinished = 0;
 
 }  // namespace
+
+Unfinished::Unfinished() {
+  const std::lock_guard lock(callsMutex);
+  ++unfinished;
+}
+Unfinished::~Unfinished() {
+  const std::lock_guard lock(callsMutex);
+  --unfinished;
+}
 
 void watchInterrupts() {
   static sigset_t signals;
@@ -100,8 +110,8 @@ void watchInterrupts() {
       int which = 0;
       if (sigwait(&signals, &which) != 0) continue;
       const std::lock_guard lock(callsMutex);
-      // Nothing to cancel, or asked twice: leave. Output files are written by rename, so nothing half-written stays.
-      if (interruptSeen || calls.empty()) ::_exit(kStopped);
+      // Nothing to cancel, or asked twice: leave. Output files are written by rename, so nothing half-written stays under its name.
+      if (interruptSeen || (calls.empty() && unfinished == 0)) ::_exit(kStopped);
       interruptSeen = true;
       for (grpc::ClientContext* context : calls) context->TryCancel();
     }

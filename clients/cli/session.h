@@ -76,6 +76,13 @@ class Session {
 /// Starts the thread that turns SIGINT and SIGTERM into cancellation; call first in main. A second signal leaves at once.
 void watchInterrupts();
 bool interrupted();
+/// While one lives the first interrupt does not end the program between two calls: the next call is cancelled, and what is half done cleans up after itself.
+struct Unfinished {
+  Unfinished();
+  ~Unfinished();
+  Unfinished(const Unfinished&) = delete;
+  Unfinished& operator=(const Unfinished&) = delete;
+};
 
 /// The id of the scene that the user means by `source`: a file here is opened by the server, or sent with the files that it names when the server
 /// cannot open it and they are small enough (says so on stderr); anything else is taken as an id or built-in name.

@@ -49,6 +49,7 @@ Result<Tiled> renderTiles(Session& session, v1::RenderRequest request, uint32_t 
 
   Tiled made;
   const int all = int(((width + side - 1) / side) * ((height + side - 1) / side));
+  const Unfinished unfinished;  // its temporary file is removed when it ends
   std::unique_ptr<TiledExr> out;
   std::string bytes;            // of the tile that is being written while the next is rendered
   std::future<Status> writing;  // after what it reads: waits when the function ends

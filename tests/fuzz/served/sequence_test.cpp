@@ -73,7 +73,7 @@ TEST(Sequence, EveryMethodCanSucceed) {
   for (const char* method : {"Jobs.Submit", "Jobs.Get", "Jobs.List", "Jobs.Pause", "Jobs.Resume", "Jobs.Cancel", "Jobs.Watch", "Jobs.Fetch", "Jobs.Delete"})
     add(bytes, kAlice, method);
   for (const char* method : {"Scenes.Unload"}) add(bytes, kAlice, method);
-  for (const char* method : {"Admin.DropCaches", "Admin.GetStatus", "Admin.Shutdown"}) add(bytes, kRoot, method);
+  for (const char* method : {"Admin.ListTerms", "Admin.PinTerms", "Admin.DropCaches", "Admin.GetStatus", "Admin.Shutdown"}) add(bytes, kRoot, method);
   const Outcome out = trySequence(bytes);
   EXPECT_EQ(out.broken, "");
   Answers answers;

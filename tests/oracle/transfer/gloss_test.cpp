@@ -178,9 +178,10 @@ v1::RenderRequest requestOf(int spp) {
   return r;
 }
 /// Of the picture by transfer from the path tracer's.
-Difference differenceFor(const ScenePtr& scene) {
+Difference differenceFor(const ScenePtr& scene, double turn = 0) {
   const auto engine = testing::makeEngine();
   v1::RenderRequest r = requestOf(256);
+  testing::set(r, "environment.rotation_deg=" + std::to_string(turn));
   const RenderResult truth = pictureOf(*engine, scene, r);
   for (const char* e : {"environment.transfer.samples=1024", "environment.transfer.points=6000", "environment.transfer.gloss=PREFILTERED"}) testing::set(r, e);
   return differenceOf(pictureOf(*engine, scene, r).images[0].image(), truth.images[0].image());
@@ -220,6 +221,41 @@ TEST(GlossPictures, ACoarseBallIsAsBrightAsItsAlbedo) {
   EXPECT_LT(d.rmse, 0.045);
 }
 
+/// Metal of roughness 0.2.
+int metal(SceneMaker& m) {
+  return m.material(Vec3(0.9f), [](Material& x) {
+    x.bsdf.specular = 1.0f;
+    x.bsdf.metallic = 1.0f;
+    x.bsdf.roughness = 0.2f;
+  });
+}
+
+TEST(GlossPictures, ABallShowsTheMapAsItIsTurned) {
+  SceneMaker m;
+  m.instance(m.mesh(tests::sphere(Vec3(0.0f), 1.0f, 32, true), metal(m)));
+  m.environment(smooth(256));
+  m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.4f);
+  const Difference d = differenceFor(m.finish(), 70);
+  EXPECT_NEAR(d.mean, 1.0, 0.02);
+  EXPECT_LT(d.rmse, 0.075);
+}
+
+// Normals that lean away from who looks along a floor mirror him to below it: that light is mirrored back, and comes from the bright half of the map.
+TEST(GlossPictures, LightFromBelowTheFloorIsThatFromAbove) {
+  Image image(64, 32, 3);
+  std::fill(image.data.begin(), image.data.begin() + 3 * 64 * 16, 1.0f);
+  Mesh floor = tests::ground(2.0f);
+  floor.normals = Array<Vec3>(std::vector<Vec3>(4, glm::normalize(Vec3(0, 1, -0.6f))));
+  SceneMaker m;
+  m.instance(m.mesh(std::move(floor), metal(m)));
+  m.environment(makeEnvironment("above", std::move(image)));
+  m.camera(Vec3(0, 0.7f, 2.0f), Vec3(0, 0, 0.5f), 0.5f);
+  m.scene.lights.back().cameraVisible = false;
+  const Difference d = differenceFor(m.finish());
+  std::printf("  floor: mean %.3f, rmse %.3f of the mean\n", d.mean, d.rmse);
+  EXPECT_NEAR(d.mean, 1.0, 0.05);
+}
+
 // A smooth floor beside a white wall, seen from the wall's side: it shows the dark sky that it looks at, though the wall lights it.
 TEST(GlossPictures, AFloorBesideAWallShowsWhatItLooksAt) {
   Image image(64, 32, 3);
@@ -228,11 +264,7 @@ TEST(GlossPictures, AFloorBesideAWallShowsWhatItLooksAt) {
       for (size_t c = 0; c < 3; ++c) image.data[3 * size_t(y * 64 + x) + c] = 1.0f;  // bright where z < 0, which the wall faces
   for (float& v : image.data) v += 0.05f;
   SceneMaker m;
-  m.instance(m.mesh(tests::ground(3.0f), m.material(Vec3(0.9f), [&](Material& x) {
-    x.bsdf.specular = 1.0f;
-    x.bsdf.metallic = 1.0f;
-    x.bsdf.roughness = 0.2f;
-  })));
+  m.instance(m.mesh(tests::ground(3.0f), metal(m)));
   m.instance(m.mesh(tests::quad(Vec3(-3, 0, 1.0f), Vec3(0, 3, 0), Vec3(6, 0, 0)), m.material(Vec3(0.9f))));
   m.environment(makeEnvironment("halves", std::move(image)));
   m.camera(Vec3(0, 0.8f, 0.9f), Vec3(0.0f), 0.5f);

@@ -546,6 +546,27 @@ TEST(TransferPictures, ANewTurnOrMapTracesNoRay) {
   EXPECT_EQ(testing::firstDifference(turned, pictureOf(*testing::makeEngine(), scene, cold)), "");
 }
 
+// A sheet under a bright sky, from below: its underside is as dark as what it looks at.
+TEST(TransferPictures, ASheetFromBelowHasItsOwnSidesLight) {
+  Image image(64, 32, 3);
+  std::fill(image.data.begin(), image.data.begin() + 3 * 64 * 16, 1.0f);
+  SceneMaker m;
+  m.instance(m.mesh(tests::ground(1.0f), m.material(Vec3(0.6f))));
+  m.environment(makeEnvironment("above", std::move(image)));
+  m.scene.lights.back().cameraVisible = false;
+  const auto engine = testing::makeEngine();
+  double mean[2];
+  for (const float side : {1.0f, -1.0f}) {
+    m.camera(Vec3(0, 2 * side, 0.01f), Vec3(0.0f), 0.5f);
+    v1::RenderRequest r = requestOf(1);
+    testing::set(r, "environment.transfer.points=500");
+    testing::set(r, "environment.transfer.bands=10");
+    mean[side < 0] = meanOf(pictureOf(*engine, m.finish(), r).images[0].image());
+  }
+  EXPECT_NEAR(mean[0], 0.6, 0.02);
+  EXPECT_LT(mean[1], 0.02);
+}
+
 // What lies below every normal in view costs no ray, though it is a light of the map.
 TEST(TransferPictures, ALightBelowEveryHorizonTracesNothing) {
   SceneMaker m;
