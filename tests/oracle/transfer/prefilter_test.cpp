@@ -8,6 +8,7 @@
 
 #include "base/sobol.h"
 #include "scene/environment_tents.h"
+#include "support/map_of.h"
 #include "techniques/prefilter/environment_sums.h"
 #include "techniques/prefilter/irradiance_matrix.h"
 #include "techniques/prefilter/phong_map.h"
@@ -24,16 +25,7 @@ DVec3 centreOf(int x, int y, int width, int height) {
   const double theta = (y + 0.5) / height * kPi2, phi = ((x + 0.5) / width * 2 - 1) * kPi2;
   return {std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi)};
 }
-template <class Texel>
-EnvironmentPtr mapOf(int width, int height, const Texel& texel) {
-  Image image(width, height, 3);
-  for (int y = 0; y < height; ++y)
-    for (int x = 0; x < width; ++x) {
-      const Vec3 c = texel(x, y);
-      for (size_t k = 0; k < 3; ++k) image.data[3 * size_t(y * width + x) + k] = c[int(k)];
-    }
-  return makeEnvironment("map", std::move(image));
-}
+using tests::mapOf;
 Vec3 noiseAt(int x, int y, uint64_t seed) {
   const uint64_t h = hash64(seed, uint64_t(y) * 100000 + uint64_t(x));
   return std::exp(5.0f * toUnit(hash32(h, 1))) * Vec3(toUnit(hash32(h, 2)), toUnit(hash32(h, 3)), toUnit(hash32(h, 4)));

@@ -12,6 +12,7 @@
 
 #include "base/sobol.h"
 #include "scene/environment_tents.h"
+#include "support/map_of.h"
 #include "terms/structured_lights.h"
 #include "terms/wavelet_lights.h"
 
@@ -21,16 +22,7 @@ namespace {
 constexpr ExtractBy kAll[] = {ExtractBy::MedianCut, ExtractBy::Structured, ExtractBy::Wavelet};
 constexpr ExtractBy kNested[] = {ExtractBy::Structured, ExtractBy::Wavelet};
 
-template <class Texel>
-EnvironmentPtr mapOf(int width, int height, const Texel& texel) {
-  Image image(width, height, 3);
-  for (int y = 0; y < height; ++y)
-    for (int x = 0; x < width; ++x) {
-      const Vec3 c = texel(x, y);
-      for (size_t k = 0; k < 3; ++k) image.data[3 * size_t(y * width + x) + k] = c[int(k)];
-    }
-  return makeEnvironment("map", std::move(image));
-}
+using tests::mapOf;
 /// Of any contrast and colour: no two texels alike.
 Vec3 noiseAt(int x, int y, uint64_t seed) {
   const uint64_t h = hash64(seed, uint64_t(y) * 100000 + uint64_t(x));
