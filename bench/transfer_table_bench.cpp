@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+// Table 5.1 of the thesis of 2007 on hybrid environment light, in its format: mean and standard deviation of the absolute difference of luminance from a
+// path-traced reference, for harmonics alone, the hybrid as it was published (lights beside the harmonics of the whole map, hard shadows by rays) and ours
+// (environment.transfer, its lights by 16 rays). Direct diffuse light of a scene under each map alone; linear, and displayed by 1 - exp(-c x) with the c that
+// takes the reference's mean luminance to a half. Near the reference's shadow edges (where it changes by a third of itself within two pixels) and elsewhere
+// apart. Units: the reference's mean luminance (linear), the display's range (displayed). The reference's own noise is the first row of each map.
+// Maps: --env FILE,FILE,..., and five of known content: a sky of 1 with a lamp of 1 degree that is 500 to 200 000 times as bright, a softbox, 40 equal lamps,
+// and an overcast sky with a bright side. Arguments: --scene NAME --env FILES --size WxH --spp N (each half of the reference) --threads N --out PATH
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <numbers>
+
+#include "import/load.h"
+#include "measure/report.h"
+#include "plan/engine.h"
+#include "request/request.h"
+#include "scene/edit.h"
+#include "techniques/transfer/environment_split.h"
+#include "techniques/transfer/published/published_split.h"
+
+using namespace gobo;
+
+namespace {
+
+[[noreturn]] void fail(const Status& status) {
+  std::fprintf(stderr, "transfer_table_bench: %s\n", status.toString().c_str());
+  std::exit(1);
+}
+void edit(v1::RenderRequest& r, const std::string& text) {
+  if (const Status s = setPath(r, text); !s.ok()) fail(s);
+}
+
+/// Radiance by direction, 1024 x 512.
+template <typename Radiance>
+EnvironmentPtr mapOf(const std::string& name, const Radiance& radiance) {
+  constexpr int kWidth = 1024, kHeight = 512;
+  Image image(kWidth, kHeight, 3);
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth; ++x) {
+      const double theta = (y + 0.5) * std::numbers::pi / kHeight, phi = (x + 0.5) * 2 * std::numbers::pi / kWidth - std::numbers::pi;
+      const float v = float(radiance(DVec3(std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi))));
+      for (size_t c = 0; c < 3; ++c) image.data[3 * size_t(y * kWidth + x) + c] = v;
+    }
+  return makeEnvironment(name, std::move(image));
+}
+std::vector<EnvironmentPtr> knownMaps() {
+  const auto within = [](const DVec3& d, const DVec3& towards, double degrees) {
+    return glm::dot(d, glm::normalize(towards)) > std::cos(degrees * std::numbers::pi / 180);
+  };
+  const DVec3 high(0.5, 0.8, 0.35);
+  std::vector<EnvironmentPtr> out;
+  for (const double contrast : {500.0, 2e5}) {
+    char name[32];
+    std::snprintf(name, sizeof name, "lamp %.0f:1", contrast);
+    out.push_back(mapOf(name, [&](const DVec3& d) { return within(d, high, 0.7) ? contrast : 1.0; }));
+  }
+  out.push_back(mapOf("softbox", [&](const DVec3& d) { return within(d, high, 14) ? 40.0 : 0.3; }));
+  out.push_back(mapOf("40 equal lamps", [&](const DVec3& d) {
+    for (int i = 0; i < 40; ++i) {
+      const double y = 1 - 2 * (i + 0.5) / 40, r = std::sqrt(1 - y * y), phi = i * 2.399963;
+      if (within(d, DVec3(r * std::cos(phi), y, r * std::sin(phi)), 1.5)) return 200.0;
+    }
+    return 0.1;
+  }));
+  out.push_back(mapOf("overcast", [&](const DVec3& d) { return 0.5 + std::max(d.y, 0.0) + 1.5 * std::exp(4 * (glm::dot(d, glm::normalize(high)) - 1)); }));
+  return out;
+}
+
+std::vector<double> luminances(const Image& image) {
+  std::vector<double> out(image.data.size() / size_t(image.channels));
+  for (size_t i = 0; i < out.size(); ++i) {
+    const float* p = image.data.data() + i * size_t(image.channels);
+    out[i] = transfer::luminanceOf(DVec3(p[0], p[1], p[2]));
+  }
+  return out;
+}
+
+class Bench {
+ public:
+  Bench(const std::string& scene, int width, int height, int threads, int spp) : width_(width), height_(height), spp_(spp) {
+    EngineOptions options;
+    options.loader = inProcessLoader();
+    options.threads = threads;
+    options.anyPath = true;
+    auto engine = Engine::create(options);
+    if (!engine.ok()) fail(engine.status());
+    engine_ = std::move(*engine);
+    auto loaded = engine_->loadScene(scene, true);
+    if (!loaded.ok()) fail(loaded.status());
+    scene_ = *loaded;
+    for (const std::string& e : {"scene=" + scene, "width=" + std::to_string(width), "height=" + std::to_string(height), std::string("outputs=direct_diffuse"),
+                                 std::string("view_samples=1"), std::string("integrator.max_bounces=0"), std::string("integrator.at_view_samples=true")})
+      edit(request_, e);
+  }
+
+  void row(Table& table, const EnvironmentPtr& map) const {
+    const std::vector<double> a = traced(map, 1001), b = traced(map, 1002);
+    truth_.resize(a.size());
+    double sum = 0;
+    size_t lit = 0;
+    for (size_t i = 0; i < a.size(); ++i) {
+      truth_[i] = 0.5 * (a[i] + b[i]);
+      sum += truth_[i];
+      lit += truth_[i] > 0;
+    }
+    if (!(sum > 0)) return;
+    mean_ = sum / double(lit);
+    findEdges();
+    std::vector<double> noise(a.size());
+    for (size_t i = 0; i < a.size(); ++i) noise[i] = truth_[i] + 0.5 * (a[i] - b[i]);
+    add(table, map->name, "reference's noise", noise);
+    const std::vector<double> harmonics = transferred(map, 0);
+    add(table, map->name, "harmonics", harmonics);
+    std::vector<double> published = harmonics;
+    const std::vector<double> lights = litBy(map);
+    for (size_t i = 0; i < lights.size(); ++i) published[i] += lights[i];
+    add(table, map->name, "published hybrid", published);
+    add(table, map->name, "ours", transferred(map, 16));
+  }
+
+ private:
+  std::vector<double> render(const v1::RenderRequest& r, const ScenePtr& scene) const {
+    RenderControl control;
+    control.scene = scene;
+    const auto result = engine_->render(r, control);
+    if (!result.ok()) fail(result.status());
+    return luminances(result->images[0].image());
+  }
+  ScenePtr under(const EnvironmentPtr& map, const std::vector<Light>& lights = {}) const {
+    auto made = editScene(*scene_, [&](Scene& s) -> Status {
+      s.environment = map;
+      s.lights.clear();
+      if (map) {
+        Light sky;
+        sky.name = "environment";
+        sky.shape.kind = LightKind::Environment;
+        sky.power = Vec3(1.0f);
+        sky.cameraVisible = false;
+        s.lights.push_back(sky);
+      }
+      s.lights.insert(s.lights.end(), lights.begin(), lights.end());
+      return {};
+    });
+    if (!made.ok()) fail(made.status());
+    return *made;
+  }
+  std::vector<double> traced(const EnvironmentPtr& map, int seed) const {
+    v1::RenderRequest r = request_;
+    r.mutable_shadows()->mutable_path_traced();
+    edit(r, "halt.spp=" + std::to_string(spp_));
+    edit(r, "seed=" + std::to_string(seed));
+    return render(r, under(map));
+  }
+  std::vector<double> transferred(const EnvironmentPtr& map, int lights) const {
+    v1::RenderRequest r = request_;
+    for (const std::string& e : {"environment.transfer.lights=" + std::to_string(lights), std::string("environment.transfer.samples=1024"),
+                                 std::string("shadows.ray_traced.samples=16"), std::string("halt.spp=1")})
+      edit(r, e);
+    return render(r, under(map));
+  }
+  /// Of the published lights alone.
+  std::vector<double> litBy(const EnvironmentPtr& map) const {
+    transfer::published::PublishedSettings settings;
+    const auto split = transfer::published::publishedSplit(*map, settings, TaskArena(engine_->threads()));
+    std::vector<Light> lights;
+    for (const auto& found : split.lights) {
+      Light light;
+      light.name = "light" + std::to_string(lights.size());
+      light.shape.kind = LightKind::Directional;
+      light.shape.axis = -Vec3(glm::normalize(found.direction));
+      light.power = Vec3(found.irradiance);
+      lights.push_back(light);
+    }
+    if (lights.empty()) return std::vector<double>(truth_.size(), 0.0);
+    v1::RenderRequest r = request_;
+    edit(r, "shadows.ray_traced.samples=1");
+    edit(r, "halt.spp=1");
+    return render(r, under(nullptr, lights));
+  }
+
+  void findEdges() const {
+    edge_.assign(truth_.size(), 0);
+    for (int y = 0; y < height_; ++y)
+      for (int x = 0; x < width_; ++x) {
+        double least = 1e30, most = 0;
+        for (int v = std::max(y - 2, 0); v <= std::min(y + 2, height_ - 1); ++v)
+          for (int u = std::max(x - 2, 0); u <= std::min(x + 2, width_ - 1); ++u) {
+            const double here = truth_[size_t(v * width_ + u)];
+            least = std::min(least, here);
+            most = std::max(most, here);
+          }
+        edge_[size_t(y * width_ + x)] = most - least > most / 3;
+      }
+  }
+
+  struct Sums {
+    double n = 0, sum = 0, squares = 0;
+    void add(double d) {
+      n += 1;
+      sum += d;
+      squares += d * d;
+    }
+    double mean() const { return n > 0 ? sum / n : std::nan(""); }
+    double deviation() const { return n > 0 ? std::sqrt(std::max(squares / n - mean() * mean(), 0.0)) : std::nan(""); }
+  };
+  void add(Table& table, const std::string& map, const std::string& method, const std::vector<double>& picture) const {
+    const double c = std::numbers::ln2 / mean_;
+    Sums linear, shown, edges, open;
+    for (size_t i = 0; i < truth_.size(); ++i) {
+      if (!(truth_[i] > 0) && !(picture[i] > 0)) continue;  // no surface
+      const double d = std::fabs(picture[i] - truth_[i]) / mean_;
+      linear.add(d);
+      shown.add(std::fabs(std::exp(-c * truth_[i]) - std::exp(-c * picture[i])));
+      (edge_[i] ? edges : open).add(d);
+    }
+    table.add({map, method, linear.mean(), linear.deviation(), shown.mean(), shown.deviation(), edges.mean(), open.mean(), edges.n / std::max(linear.n, 1.0)});
+  }
+
+  std::shared_ptr<Engine> engine_;
+  ScenePtr scene_;
+  v1::RenderRequest request_;
+  int width_, height_, spp_;
+  mutable std::vector<double> truth_;
+  mutable std::vector<uint8_t> edge_;
+  mutable double mean_ = 0;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  int width = 0, height = 0;
+  std::sscanf(argumentOr(argc, argv, "--size", "240x180").c_str(), "%dx%d", &width, &height);
+  const int spp = std::atoi(argumentOr(argc, argv, "--spp", "1024").c_str());
+  if (width < 1 || height < 1 || spp < 1) fail(invalidArgument("--size and --spp must be positive"));
+  const std::string scene = argumentOr(argc, argv, "--scene", "fence");
+  const Bench bench(scene, width, height, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), spp);
+  Table table("Absolute difference of luminance from the reference (Table 5.1)",
+              {"map", "method", "mean", "deviation", "displayed mean", "deviation of it", "near edges", "elsewhere", "share of edges"});
+  table.note("scene", scene);
+  table.note("pixels", double(width) * height);
+  table.note("reference samples a pixel, each of two halves", double(spp));
+  std::vector<EnvironmentPtr> maps = knownMaps();
+  for (const std::string& file : partsOf(argumentOr(argc, argv, "--env", ""), ',')) {
+    auto map = loadEnvironment(file);
+    if (!map.ok()) fail(map.status());
+    maps.push_back(*map);
+  }
+  for (const EnvironmentPtr& map : maps) bench.row(table, map);
+  std::printf("%s", table.text().c_str());
+  const std::string out = argumentOr(argc, argv, "--out", "");
+  if (out.empty()) return 0;
+  if (const Status s = table.write(out); !s.ok()) fail(s);
+  return 0;
+}
