@@ -95,7 +95,7 @@ class Bench {
       edit(request_, e);
   }
 
-  void row(Table& table, const EnvironmentPtr& map) const {
+  void row(Table& table, const EnvironmentPtr& map) {
     const std::vector<double> a = traced(map, 1001), b = traced(map, 1002);
     truth_.resize(a.size());
     double sum = 0;
@@ -180,7 +180,7 @@ class Bench {
     return render(r, under(nullptr, lights));
   }
 
-  void findEdges() const {
+  void findEdges() {
     edge_.assign(truth_.size(), 0);
     for (int y = 0; y < height_; ++y)
       for (int x = 0; x < width_; ++x) {
@@ -222,9 +222,9 @@ class Bench {
   ScenePtr scene_;
   v1::RenderRequest request_;
   int width_, height_, spp_;
-  mutable std::vector<double> truth_;
-  mutable std::vector<uint8_t> edge_;
-  mutable double mean_ = 0;
+  std::vector<double> truth_;
+  std::vector<uint8_t> edge_;
+  double mean_ = 0;
 };
 
 }  // namespace
@@ -235,7 +235,7 @@ int main(int argc, char** argv) {
   const int spp = std::atoi(argumentOr(argc, argv, "--spp", "1024").c_str());
   if (width < 1 || height < 1 || spp < 1) fail(invalidArgument("--size and --spp must be positive"));
   const std::string scene = argumentOr(argc, argv, "--scene", "fence");
-  const Bench bench(scene, width, height, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), spp);
+  Bench bench(scene, width, height, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), spp);
   Table table("Absolute difference of luminance from the reference (Table 5.1)",
               {"map", "method", "mean", "deviation", "displayed mean", "deviation of it", "near edges", "elsewhere", "share of edges"});
   table.note("scene", scene);
