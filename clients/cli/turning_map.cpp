@@ -37,8 +37,9 @@ Status turnMap(Session& session, const v1::SceneInfo& info, v1::RenderRequest re
   request.clear_lights();
   request.set_height(320 * request.height() / std::max(request.width(), 1u));
   request.set_width(320);
+  // The map is seen where surfaces are not: at the view samples, or pixels of an outline would have both or neither.
   for (const char* field : {"environment.transfer.bounces=3", "environment.transfer.points=20000", "environment.transfer.samples=256", "view_samples=2",
-                            "halt.spp=1", "encoding.format=PNG", "scheduling.ladder=false"})
+                            "integrator.at_view_samples=true", "halt.spp=2", "encoding.format=PNG", "scheduling.ladder=false"})
     GOBO_TRY(setPath(request, field));
   for (const auto& light : info.lights())
     if (light.name() != "environment") GOBO_TRY(setPath(request, "lights." + light.name() + ".enabled=false"));
