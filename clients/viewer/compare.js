@@ -7,7 +7,8 @@ export function plain(request) {
   const out = structuredClone(request);
   for (const name of ['shadows', 'certificate', 'halt', 'window', 'encoding', 'scheduling', 'outputs']) delete out[name];
   for (const light of Object.values(out.lights ?? {})) delete light.shadow;
-  for (const name of ['extract_lights', 'area_lights']) delete out.environment?.[name];
+  for (const name of ['extract_lights', 'area_lights', 'transfer']) delete out.environment?.[name];
+  delete out.denoise;
   return out;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/describe_unrun.h"
 
+#include <algorithm>
 #include <map>
 
 namespace gobo {
@@ -31,6 +32,20 @@ struct Rows {
     ++made;
     for (const NodeId input : n.inputs) ask(input);
   }
+  /// Of making the node once, of so many blocks: an extendable one goes on from the longest beginning of it that the plan has, too.
+  Cost cost(NodeId id, uint32_t blocks) const {
+    const GraphNode& n = plan.graph.at(id);
+    Cost c = n.node->cost(n.shape, blocks);
+    if (!n.node->traits().extendable) return c;
+    uint32_t before = 0;
+    for (NodeId k = 0; k < plan.graph.size(); ++k) {
+      const GraphNode& other = plan.graph.at(k);
+      if (other.node == n.node && other.blocks < n.blocks && other.lights == n.lights) before = std::max(before, other.blocks);
+    }
+    if (before == 0) return c;
+    const Cost less = n.node->cost(n.shape, std::min(before, blocks));
+    return {std::max(c.rays - less.rays, 0.0), std::max(c.ns - less.ns, 0.0)};
+  }
 };
 
 }  // namespace
@@ -53,7 +68,7 @@ double expectedMs(const Plan& plan, Executor& executor, const TermStore& store, 
   double ns = 0;
   for (NodeId id = 0; id < plan.graph.size(); ++id) {
     const GraphNode& n = plan.graph.at(id);
-    if (const int made = rows.makings[size_t(id)]; made > 0) ns += made * n.node->cost(n.shape, n.node->traits().extendable ? blocks : n.blocks).ns;
+    if (const int made = rows.makings[size_t(id)]; made > 0) ns += made * rows.cost(id, n.node->traits().extendable ? blocks : n.blocks).ns;
   }
   return ns * 1e-6 / threads;
 }
@@ -68,7 +83,7 @@ void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store,
     const GraphNode& n = plan.graph.at(id);
     const int made = rows.makings[size_t(id)];
     const auto state = made > 0 ? v1::NodeReport::RUN : made < 0 ? v1::NodeReport::REUSED : v1::NodeReport::NOT_NEEDED;
-    const Cost cost = n.node->cost(n.shape, n.blocks);
+    const Cost cost = rows.cost(id, n.blocks);
     if (made > 0) ns += made * cost.ns, rays += made * cost.rays;
     v1::NodeReport* row = nullptr;
     if (n.transient) {

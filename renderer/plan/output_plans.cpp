@@ -4,12 +4,12 @@
 #include <algorithm>
 
 #include "filters/composite.h"
-#include "filters/expression.h"
 #include "filters/sample_statistics.h"
 #include "filters/shadow_map/techniques.h"
 #include "filters/shadow_technique.h"
 #include "filters/view_depth.h"
 #include "filters/with_alpha.h"
+#include "plan/denoised.h"
 #include "techniques/direct_visibility/visibility.h"
 #include "terms/ids.h"
 #include "terms/motion.h"
@@ -41,24 +41,16 @@ Result<OutputPlane> planComposite(OutputContext& o, const std::string& output, c
   PlanContext& c = o.plan;
   const PathSet shows = findOutput(output)->shows;
   const int group = light.empty() ? -1 : c.groups().groupOf[size_t(c.scene()->findLight(light))];
-  Expression e;
-  std::vector<NodeId> inputs;
-  int sum = -1;
+  std::vector<Contribution> shown;
   for (const Contribution& k : c.contributions()) {
     if (cuts(shows, k.paths))
       return internalError("output " + output + " shows " + names(shows & k.paths) + " of a plane that also holds " + names(k.paths - shows) + " (" +
                            c.graph().at(k.node).label + ")");
-    if (!overlaps(shows, k.paths) || (!light.empty() && k.group != group)) continue;
-    auto at = std::find(inputs.begin(), inputs.end(), k.node);
-    if (at == inputs.end()) at = inputs.insert(inputs.end(), k.node);
-    const int plane = e.plane(int(at - inputs.begin()), k.plane);
-    if (sum < 0) sum = e.constant(Vec3(0.0f));
-    sum = e.multiplyAdd(sum, k.weight, plane);
+    if (overlaps(shows, k.paths) && (light.empty() || k.group == group)) shown.push_back(k);
   }
-  if (sum < 0) e.constant(Vec3(0.0f));
-  if (sum < 0 && shows == PathSet::All && !c.scene()->lights.empty())
+  if (shown.empty() && shows == PathSet::All && !c.scene()->lights.empty())
     c.warn(output + " is black: no light is left in it; every gain is zero (lights.NAME.enabled, gain, intensity, environment.gain)");
-  const NodeId picture = c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), output);
+  GOBO_ASSIGN(const NodeId picture, c.request().has_denoise() ? planDenoised(c, shown, output) : planSum(c, shown, output));
   if (output != "beauty" || c.clear() < 0) return OutputPlane{picture, "rgb"};
   return OutputPlane{c.filter(makeWithAlphaNode(c.view().width, c.view().height), {picture, c.clear()}, output + " with alpha"), "rgba"};
 }

@@ -47,7 +47,7 @@ Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderReq
   Distinctions apart;
   bool beauty = false;
   for (const std::string& o : request.outputs()) {
-    apart.classes = apart.classes || needsClasses(infoOf(o));
+    apart.classes = apart.classes || needsClasses(infoOf(o)) || (request.has_denoise() && needsRadiance(infoOf(o)));
     apart.lobes = apart.lobes || needsLobes(infoOf(o));
     apart.variance = apart.variance || o == "variance";
     beauty = beauty || needsRadiance(infoOf(o));

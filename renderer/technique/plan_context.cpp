@@ -5,6 +5,7 @@
 
 #include "terms/surface.h"
 #include "trace/camera_media.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 
@@ -58,6 +59,23 @@ NodeId PlanContext::source(NodePtr node, std::vector<NodeId> inputs, std::vector
 }
 NodeId PlanContext::filter(NodePtr node, std::vector<NodeId> inputs, std::string label) {
   return graph_.add({std::move(node), std::move(inputs), {}, std::move(label)});
+}
+
+NodeId PlanContext::atPasses(NodeId node, uint32_t passes) {
+  GraphNode n = graph_.at(node);
+  bool changed = false;
+  for (NodeId& input : n.inputs) {
+    const NodeId other = atPasses(input, passes);
+    changed = changed || other != input;
+    input = other;
+  }
+  if (n.node->traits().extendable && n.blocks != passes) {
+    n.blocks = passes;
+    changed = true;
+  }
+  if (!changed) return node;
+  n.label += " of " + std::to_string(samplesOf(passes)) + (samplesOf(passes) == 1 ? " sample" : " samples");
+  return graph_.add(std::move(n));
 }
 
 Result<TermPtr> PlanContext::expand(NodeId node) {

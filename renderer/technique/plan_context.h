@@ -82,6 +82,8 @@ class PlanContext {
   NodeId surface();
   NodeId source(NodePtr node, std::vector<NodeId> inputs, std::vector<int> lights, std::string label, const ScenePtr& scene, bool transient = false);
   NodeId filter(NodePtr node, std::vector<NodeId> inputs, std::string label);
+  /// What `node` would be if the extendable nodes behind it had only so many passes; the same node if none is.
+  NodeId atPasses(NodeId node, uint32_t passes);
   /// The node's result, now: it decides what is planned next. Null while only bounding(): then plan for the largest that it may say.
   Result<TermPtr> expand(NodeId node);
   bool bounding() const { return !in_.expand; }

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/denoise/noisy_picture.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "filters/denoise/similar.h"
+#include "terms/dropped_samples.h"
+
+namespace gobo::denoise {
+
+namespace {
+
+constexpr float kMost = 1e18f;  // of a demodulated value: squares of it are finite
+
+class NoisyPictureNode final : public Node {
+ public:
+  NoisyPictureNode(int width, int height, uint32_t samples, uint32_t first) : width_(width), height_(height), samples_(samples), first_(first) {}
+  std::string type() const override { return "noisy_picture"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.tileable = true;
+    t.halo = kVarianceRadius;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_).add(first_); }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    const Extent all{width_, height_, 1};
+    Wiring w(type(), in, samples_ > 1 ? 3 : 2);
+    w.require(samples_ == 1 || (first_ > 0 && first_ < samples_), "two halves");
+    readFeatures(w, 0, all);
+    for (size_t i = 1; i < w.size(); ++i) w.over(i, all).reads<float>(i, "rgb", {3});
+    TermShape out{type(),
+                  Domain::Pixel,
+                  all,
+                  {unsetPlane<float>("mean", 3), unsetPlane<float>("a", 3), unsetPlane<float>("b", 3), unsetPlane<float>("variance", 3)}};
+    passOnDropped(w.input(w.size() - 1), out);
+    return w.gives(std::move(out));
+  }
+  Cost cost(const TermShape& result, uint32_t) const override { return {0.0, 150.0 * double(result.extent.elements())}; }
+
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const auto& out = ctx.result;
+    const Features f = featuresOf(*ctx.inputs[0]);
+    const auto whole = ctx.inputs.back()->floats("rgb"), part = ctx.inputs[1]->floats("rgb");
+    const auto mean = out->writable<float>("mean"), a = out->writable<float>("a"), b = out->writable<float>("b");
+    const auto variance = out->writable<float>("variance");
+    const double n = samples_, m = first_;
+    bool complete = ctx.arena->parallelFor(
+        size_t(width_) * size_t(height_), 1 << 12,
+        [&](size_t begin, size_t end) {
+          for (size_t p = begin; p < end; ++p)
+            for (size_t c = 0; c < 3; ++c) {
+              const size_t i = 3 * p + c;
+              const double scale = 1.0 / double(modulationOf(f.albedo[i], f.coverage[p])), all = whole[i], some = part[i];
+              const auto bounded = [](double v) { return float(std::clamp(v, -double(kMost), double(kMost))); };
+              mean[i] = bounded(all * scale);
+              a[i] = bounded(some * scale);
+              b[i] = samples_ > 1 ? bounded((n * all - m * some) / (n - m) * scale) : a[i];
+            }
+        },
+        ctx.stop);
+    const float share = samples_ > 1 ? float(m * (n - m) / (n * n)) : 0.0f;
+    complete = complete && ctx.arena->parallelFor(
+                               size_t(height_), 4,
+                               [&](size_t begin, size_t end) {
+                                 for (int y = int(begin); y < int(end); ++y)
+                                   for (int x = 0; x < width_; ++x) smoothVariance(f, mean, a, b, share, x, y, &variance[3 * (size_t(y) * width_ + x)]);
+                               },
+                               ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "stopped");
+    passOnDropped(*ctx.inputs.back(), *out);
+    return TermPtr(out);
+  }
+
+ private:
+  void smoothVariance(const Features& f, std::span<const float> mean, std::span<const float> a, std::span<const float> b, float share, int x, int y,
+                      float* variance) const {
+    const size_t p = size_t(y) * size_t(width_) + size_t(x);
+    double weights = 0, first[3] = {}, second[3] = {};
+    for (int v = std::max(y - kVarianceRadius, 0); v <= std::min(y + kVarianceRadius, height_ - 1); ++v)
+      for (int u = std::max(x - kVarianceRadius, 0); u <= std::min(x + kVarianceRadius, width_ - 1); ++u) {
+        const size_t q = size_t(v) * size_t(width_) + size_t(u);
+        const double w = q == p ? 1.0 : double(similarity(f, p, q, kLoosely));
+        if (w <= 0) continue;
+        weights += w;
+        for (size_t c = 0; c < 3; ++c) {
+          if (samples_ > 1) {
+            const double d = double(a[3 * q + c]) - double(b[3 * q + c]);
+            first[c] += w * d * d;
+          } else {
+            const double d = double(mean[3 * q + c]) - double(mean[3 * p + c]);
+            first[c] += w * d;
+            second[c] += w * d * d;
+          }
+        }
+      }
+    for (int c = 0; c < 3; ++c) {
+      const double value = samples_ > 1 ? share * first[c] / weights : second[c] / weights - first[c] / weights * (first[c] / weights);
+      variance[c] = float(std::clamp(value, 0.0, 3e38));
+    }
+  }
+
+  int width_, height_;
+  uint32_t samples_, first_;
+};
+
+class ModulateNode final : public Node {
+ public:
+  ModulateNode(int width, int height) : width_(width), height_(height) {}
+  std::string type() const override { return "modulate"; }
+  NodeTraits traits() const override {
+    NodeTraits t;
+    t.tileable = true;
+    return t;
+  }
+  void hashParameters(Hasher& h) const override { h.add(width_).add(height_); }
+  Result<TermShape> infer(std::span<const TermShape> in) const override {
+    const Extent all{width_, height_, 1};
+    Wiring w(type(), in, 2);
+    w.over(0, all).reads<float>(0, "albedo", {3}).reads<float>(0, "coverage").over(1, all).reads<float>(1, "rgb", {3});
+    TermShape out{"picture", Domain::Pixel, all, {unsetPlane<float>("rgb", 3)}};
+    passOnDropped(w.input(1), out);
+    return w.gives(std::move(out));
+  }
+  Result<TermPtr> run(const RunContext& ctx) const override {
+    const auto albedo = ctx.inputs[0]->floats("albedo"), coverage = ctx.inputs[0]->floats("coverage"), in = ctx.inputs[1]->floats("rgb");
+    const auto& out = ctx.result;
+    const auto rgb = out->writable<float>("rgb");
+    const bool complete = ctx.arena->parallelFor(
+        rgb.size() / 3, 1 << 14,
+        [&](size_t begin, size_t end) {
+          for (size_t p = begin; p < end; ++p)
+            for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] = in[3 * p + c] * modulationOf(albedo[3 * p + c], coverage[p]);
+        },
+        ctx.stop);
+    if (!complete) return Status(Code::Cancelled, "stopped");
+    passOnDropped(*ctx.inputs[1], *out);
+    return TermPtr(out);
+  }
+
+ private:
+  int width_, height_;
+};
+
+}  // namespace
+
+NodePtr makeNoisyPictureNode(int width, int height, uint32_t samples, uint32_t first) {
+  return std::make_shared<NoisyPictureNode>(width, height, samples, first);
+}
+NodePtr makeModulateNode(int width, int height) { return std::make_shared<ModulateNode>(width, height); }
+
+NoisyPicture noisyPicture(const Term& features, const Term& noisy, uint32_t samples, uint32_t first) {
+  NoisyPicture p;
+  p.width = noisy.extent().width;
+  p.height = noisy.extent().height;
+  p.mean = noisy.floats("mean");
+  p.a = noisy.floats("a");
+  p.b = noisy.floats("b");
+  p.variance = noisy.floats("variance");
+  p.halves = samples > 1;
+  p.shareOfA = samples > 1 ? float(double(first) / double(samples)) : 1.0f;
+  const Features f = featuresOf(features);
+  p.albedo = f.albedo;
+  p.normal = f.normal;
+  p.position = f.position;
+  p.depth = f.depth;
+  p.footprint = f.footprint;
+  p.coverage = f.coverage;
+  return p;
+}
+
+}  // namespace gobo::denoise

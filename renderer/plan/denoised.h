@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sums of what techniques brought, and the same without noise (request.denoise, docs/noise.md).
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "technique/plan_context.h"
+
+namespace gobo {
+
+/// Weighted sum of the contributions: a node with the plane "rgb".
+Result<NodeId> planSum(PlanContext& c, std::span<const Contribution> contributions, const std::string& label);
+
+/// The same, where what was path traced, but for light that the camera sees itself, goes through the filter that the request names. The halves that it
+/// looks at are the first half of the samples and the rest: no sample is traced for it, and none is other than without it.
+Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> contributions, const std::string& label);
+
+}  // namespace gobo
