@@ -8,7 +8,9 @@
 #include "filters/denoise/features.h"
 #include "filters/denoise/noisy_picture.h"
 #include "filters/denoise/registry.h"
+#include "filters/denoise/select/select.h"
 #include "filters/expression.h"
+#include "request/request.h"
 #include "trace/sample_passes.h"
 
 namespace gobo {
@@ -17,6 +19,24 @@ namespace {
 
 /// Noise that denoisers know: of path tracing states, whose first half is a picture too. Lights that the camera sees have none but at their edges.
 bool noisy(const Contribution& k) { return k.state >= 0 && !overlaps(k.paths, PathSet::Emission); }
+
+/// Filters that denoise.auto chooses from; without halves, by which they are judged, the first.
+Result<std::vector<denoise::DenoiserPtr>> denoisersOf(const v1::Denoise& settings, bool halves) {
+  std::vector<v1::Denoise> wanted(1, settings);
+  if (settings.has_auto_()) {
+    wanted.assign(halves ? settings.auto_().fast() ? 2 : 3 : 1, {});
+    wanted[0].mutable_wavelet();
+    if (wanted.size() > 1) wanted[1].mutable_non_local_means();
+    if (wanted.size() > 2) wanted[2].mutable_first_order();
+  }
+  std::vector<denoise::DenoiserPtr> denoisers;
+  for (v1::Denoise& d : wanted) {
+    GOBO_TRY(resolveDefaults(d));
+    GOBO_ASSIGN(denoise::DenoiserPtr made, denoise::makeDenoiser(d));
+    if (made) denoisers.push_back(std::move(made));
+  }
+  return denoisers;
+}
 
 }  // namespace
 
@@ -38,24 +58,32 @@ Result<NodeId> planSum(PlanContext& c, std::span<const Contribution> contributio
 Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> contributions, const std::string& label) {
   std::vector<Contribution> traced, others;
   for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
-  GOBO_ASSIGN(const denoise::DenoiserPtr denoiser, denoise::makeDenoiser(c.request().denoise()));
-  if (!denoiser || traced.empty()) return planSum(c, contributions, label);
-  const int width = c.view().width, height = c.view().height;
-  GOBO_ASSIGN(const NodeId all, planSum(c, traced, label + " traced"));
-  // The first half goes first, and the whole goes on from it. A plan that only bounds is of one pass, and has a second picture of whatever count.
+  // A plan that only bounds is of one pass, and has a second picture of whatever count.
   const uint32_t samples = c.bounding() ? std::max(samplesOf(c.passes()), 2u) : samplesOf(c.passes());
   const uint32_t half = passesFor(samples / 2), first = samples > 1 ? samplesOf(half) : 0;
+  GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> denoisers, denoisersOf(c.request().denoise(), samples > 1));
+  if (denoisers.empty() || traced.empty()) return planSum(c, contributions, label);
+  const int width = c.view().width, height = c.view().height;
+  GOBO_ASSIGN(const NodeId all, planSum(c, traced, label + " traced"));
   const NodeId features = c.filter(denoise::makeFeaturesNode(width, height, c.view().viewSamples), {c.gbuffer(), c.surface()}, "features");
   std::vector<NodeId> inputs{features, all};
+  // The first half goes first, and the whole goes on from it.
   if (samples > 1) inputs.insert(inputs.begin() + 1, c.atPasses(all, c.bounding() ? c.passes() + 1 : half));
   const NodeId picture = c.filter(denoise::makeNoisyPictureNode(width, height, samples, first), std::move(inputs), label + " in halves");
-  const NodeId smooth = c.filter(denoise::makeDenoiseNode(denoiser, width, height, samples, first), {features, picture},
-                                 label + " by " + denoiser->name());
-  GraphNode modulated{denoise::makeModulateNode(width, height), {features, smooth}, {}, others.empty() ? label : label + " denoised"};
-  modulated.approximate = "noise is taken out by " + std::string(denoiser->name()) + ", and with it what of the light looks like noise";
+  std::vector<NodeId> smooth;
+  for (const denoise::DenoiserPtr& d : denoisers)
+    smooth.push_back(c.filter(denoise::makeDenoiseNode(d, width, height, samples, first), {features, picture}, label + " by " + d->name()));
+  if (smooth.size() > 1) {
+    inputs.assign(1, picture);
+    inputs.insert(inputs.end(), smooth.begin(), smooth.end());
+    const float share = float(double(first) / double(samples));
+    smooth.assign(1, c.filter(denoise::makeSelectNode(width, height, int(denoisers.size()), share), std::move(inputs), label + " selected"));
+  }
+  GraphNode modulated{denoise::makeModulateNode(width, height), {features, smooth[0]}, {}, others.empty() ? label : label + " denoised"};
+  modulated.approximate = "without noise, and without what of the light looks like it";
   const NodeId light = c.graph().add(std::move(modulated));
   if (others.empty()) return light;
-  others.push_back({light, "rgb"});
+  others.insert(others.begin(), {light, "rgb"});  // first: what is of the same samples as `others` is made half by half
   return planSum(c, others, label);
 }
 
