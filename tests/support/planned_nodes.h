@@ -154,6 +154,11 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
       set(r, a);
     all.emplace_back(by, r);
   }
+  for (const char* as : {"denoise=joint_bilateral", "denoise=auto"}) {
+    v1::RenderRequest r = smallRequest("cornell", width, height, 4);
+    set(r, as);
+    all.emplace_back(as, r);
+  }
   v1::RenderRequest gloss = smallRequest("lights8", width, height, 1);  // has what shines
   for (const char* a : {"environment.sky.turbidity=3", "environment.transfer.points=300", "environment.transfer.samples=64"}) set(gloss, a);
   all.emplace_back("gloss", gloss);

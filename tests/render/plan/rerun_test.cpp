@@ -153,6 +153,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"environment.extract_by", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.area_lights", "Rerun.EnvironmentAsAreaLights"},
       {"environment.transfer", "Rerun.EnvironmentByTransfer"},
+      {"denoise", "Rerun.NoiseIsTakenOutOfWhatIsThere"},
       {"environment.digest", "Blobs.AnEnvironmentByDigestIsTheFileOnDisk: what the same file runs by its path"},
       {"integrator.max_groups", "Rerun.ClustersAndDifferences"},
       {"encoding", "not in the hash"},
@@ -408,6 +409,49 @@ TEST(Rerun, EnvironmentAsAreaLights) {
   for (const char* node : {"gbuffer", "surface"}) EXPECT_FALSE(turned.count(node)) << node;
   set(r, "environment.area_lights=4");
   EXPECT_TRUE(ran(mustRender(*engine, r)).count("area_lights"));
+}
+
+// Colours and filters trace nothing; every parameter of a filter runs that filter and what reads it.
+TEST(Rerun, NoiseIsTakenOutOfWhatIsThere) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 16, 12, 4);
+  for (const char* o : {"beauty", "indirect"}) r.add_outputs(o);
+  mustRender(*engine, r);
+  r.mutable_outputs()->RemoveLast();
+  set(r, "denoise.joint_bilateral.radius_px=2");
+  const auto traced = nodesBy(mustRender(*engine, r), v1::NodeReport::RUN);
+  EXPECT_FALSE(traced.count("path_trace"));  // of 4 samples: there; the first two were not asked for before
+  EXPECT_TRUE(traced.count("path_trace of 2 samples"));
+  const std::string behind = "beauty beauty by joint_bilateral beauty denoised ";
+  const std::vector<std::pair<std::string, std::string>> edits = {
+      {"denoise.joint_bilateral.radius_px=3", behind},
+      {"denoise.joint_bilateral.albedo=0.2", behind},
+      {"denoise.joint_bilateral.normal_deg=20", behind},
+      {"denoise.joint_bilateral.plane_px=3", behind},
+      {"lights.light.gain=2,1,1", "beauty beauty by joint_bilateral beauty denoised beauty in halves beauty traced beauty traced of 2 samples "},
+      {"denoise=wavelet", "beauty beauty by wavelet beauty denoised "}};
+  for (const auto& [edit, expected] : edits) {
+    if (edit == "denoise=wavelet") r.clear_denoise();
+    set(r, edit);
+    EXPECT_EQ(text(ran(mustRender(*engine, r))), expected) << edit;
+  }
+  for (const auto& [filter, fields] :
+       std::map<std::string, std::vector<std::string>>{{"wavelet", {"levels=2", "luminance=3", "normal_power=32", "plane_px=2"}},
+                                                       {"non_local_means", {"radius_px=3", "patch_px=2", "damping=0.7", "features=0.5"}},
+                                                       {"first_order", {"radius_px=3", "patch_px=2", "damping=0.7"}}}) {
+    r.clear_denoise();
+    set(r, "denoise=" + filter);
+    mustRender(*engine, r);
+    for (const std::string& field : fields) {
+      set(r, "denoise." + filter + "." + field);
+      EXPECT_EQ(text(ran(mustRender(*engine, r))), "beauty beauty by " + filter + " beauty denoised ") << filter << " " << field;
+    }
+  }
+  r.clear_denoise();
+  set(r, "denoise=auto");
+  mustRender(*engine, r);
+  set(r, "denoise.auto.fast=true");
+  EXPECT_EQ(text(ran(mustRender(*engine, r))), "beauty beauty denoised beauty selected ");
 }
 
 TEST(Rerun, EnvironmentByTransfer) {

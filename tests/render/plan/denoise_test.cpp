@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+// request.denoise, whatever the filter: what it traces, what it leaves alone, what it takes out. Filters are drawn from the schema's choice.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "support/engines.h"
+#include "trace/sample_passes.h"
+
+namespace gobo {
+namespace denoise_test {
+
+using testing::firstDifference;
+using testing::makeEngine;
+using testing::mustRender;
+using testing::nodesBy;
+using testing::set;
+using testing::smallRequest;
+
+std::vector<std::string> filters() {
+  std::vector<std::string> names;
+  const auto* d = v1::Denoise::descriptor();
+  for (int i = 0; i < d->field_count(); ++i)
+    if (d->field(i)->real_containing_oneof()) names.push_back(d->field(i)->name());
+  return names;
+}
+
+const Image& beauty(const RenderResult& r) { return r.images.at(0).image(); }
+
+double rmse(const Image& a, const Image& b) {
+  double sum = 0;
+  for (size_t i = 0; i < a.data.size(); ++i) sum += (double(a.data[i]) - b.data[i]) * (double(a.data[i]) - b.data[i]);
+  return std::sqrt(sum / double(a.data.size()));
+}
+
+uint64_t pathRays(const RenderResult& r) {
+  uint64_t rays = 0;
+  for (const auto& [label, row] : nodesBy(r, v1::NodeReport::RUN)) rays += label == "gbuffer" ? 0 : row.rays();
+  return rays;
+}
+
+// A filter of no width gives back the mean of both halves, whatever their counts: the picture itself.
+TEST(Denoise, HalvesMakeUpThePicture) {
+  for (const char* scene : {"cornell", "lights8", "spheres"})
+    for (const int spp : {1, 2, 8, 16, 48}) {
+      const auto engine = makeEngine();
+      v1::RenderRequest r = smallRequest(scene, 24, 16, spp);
+      const RenderResult plain = mustRender(*engine, r);
+      set(r, "denoise.joint_bilateral.radius_px=0");
+      const RenderResult same = mustRender(*engine, r);
+      ASSERT_EQ(beauty(plain).data.size(), beauty(same).data.size());
+      for (size_t i = 0; i < beauty(plain).data.size(); ++i)
+        ASSERT_NEAR(beauty(plain).data[i], beauty(same).data[i], 1e-4f * (std::abs(beauty(plain).data[i]) + 1e-3f)) << scene << " " << spp << " at " << i;
+    }
+}
+
+// The first half is traced first and the whole goes on from it, so that a picture without noise takes the rays of one with it.
+TEST(Denoise, TracesNoSampleMore) {
+  for (const int spp : {1, 2, 16, 48}) {
+    v1::RenderRequest r = smallRequest("lights8", 24, 16, spp);
+    for (const char* o : {"beauty", "direct", "indirect"}) r.add_outputs(o);  // the split that denoising needs
+    const uint64_t plain = pathRays(mustRender(*makeEngine(), r));
+    set(r, "denoise.joint_bilateral.radius_px=3");
+    EXPECT_EQ(pathRays(mustRender(*makeEngine(), r)), plain) << spp;
+  }
+}
+
+TEST(Denoise, EveryFilterTakesNoiseOut) {
+  for (const char* scene : {"cornell", "spheres"}) {
+    const auto engine = makeEngine();
+    v1::RenderRequest r = smallRequest(scene, 80, 60, 2048);
+    const RenderResult truth = mustRender(*engine, r);
+    r.mutable_halt()->set_spp(16);
+    const double plain = rmse(beauty(mustRender(*engine, r)), beauty(truth));
+    double best = plain;
+    std::map<std::string, double> errors;
+    for (const std::string& filter : filters()) {
+      r.mutable_denoise()->Clear();
+      set(r, "denoise=" + filter);
+      errors[filter] = rmse(beauty(mustRender(*engine, r)), beauty(truth));
+      EXPECT_LT(errors[filter], plain) << scene << " " << filter;
+      if (filter != "auto") best = std::min(best, errors[filter]);
+    }
+    EXPECT_LT(errors["auto"], 1.15 * best) << scene;  // what it picks from, and not by much worse
+    EXPECT_LT(errors["auto"], 0.7 * plain) << scene;
+  }
+}
+
+// Light that techniques bring, and lamps that the camera sees, pass as they are.
+TEST(Denoise, LeavesAloneWhatIsNotPathTraced) {
+  for (const std::string& filter : filters()) {
+    const auto engine = makeEngine();
+    v1::RenderRequest r = smallRequest("cornell", 24, 16, 4);
+    for (const char* e : {"integrator.indirect=false", "shadows.ray_traced.samples=2", "outputs=beauty"}) set(r, e);
+    r.add_outputs("emission");
+    const RenderResult plain = mustRender(*engine, r);
+    set(r, "denoise=" + filter);
+    EXPECT_EQ(firstDifference(plain, mustRender(*engine, r)), "") << filter;
+  }
+}
+
+TEST(Denoise, EveryOutputOfLightIsDenoised) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 24, 16, 4);
+  for (const char* o : {"beauty", "emission", "direct", "indirect", "diffuse", "group:light", "albedo"}) r.add_outputs(o);
+  const RenderResult plain = mustRender(*engine, r);
+  set(r, "denoise.joint_bilateral.radius_px=4");
+  const RenderResult smooth = mustRender(*engine, r);
+  for (size_t i = 0; i < plain.images.size(); ++i) {
+    const bool noisy = plain.images[i].output != "albedo" && plain.images[i].output != "emission";
+    EXPECT_EQ(plain.images[i].image().data != smooth.images[i].image().data, noisy) << plain.images[i].output;
+  }
+}
+
+// Rungs of a progressive render are denoised; the last one is the unary picture, bit for bit.
+TEST(Denoise, TheLadderEndsWithTheSameBits) {
+  v1::RenderRequest r = smallRequest("cornell", 24, 16, 32);
+  for (const std::string& filter : filters()) {
+    r.mutable_denoise()->Clear();
+    set(r, "denoise=" + filter);
+    const RenderResult whole = mustRender(*makeEngine(), r);
+    const auto engine = makeEngine();
+    for (const int spp : {1, 2, 8, 16}) {
+      v1::RenderRequest rung = r;
+      rung.mutable_halt()->set_spp(spp);
+      mustRender(*engine, rung);
+    }
+    EXPECT_EQ(firstDifference(whole, mustRender(*engine, r)), "") << filter;
+  }
+}
+
+TEST(Denoise, ThreadsChangeNoBit) {
+  for (const std::string& filter : filters()) {
+    v1::RenderRequest r = smallRequest("lights8", 40, 30, 4);
+    set(r, "denoise=" + filter);
+    EXPECT_EQ(firstDifference(mustRender(*makeEngine(256ull << 20, {}, 1), r), mustRender(*makeEngine(256ull << 20, {}, 3), r)), "") << filter;
+  }
+}
+
+// An empty choice is the automatic one, and the reply says so.
+TEST(Denoise, OfNothingIsAutomatic) {
+  v1::RenderRequest r = smallRequest("cornell", 16, 12, 4);
+  r.mutable_denoise();
+  const RenderResult reply = mustRender(*makeEngine(), r);
+  EXPECT_TRUE(reply.reply.resolved().denoise().has_auto_());
+  bool said = false;
+  for (const auto& row : reply.reply.plan()) said = said || (row.approximate() && row.reason().find("noise") != std::string::npos);
+  EXPECT_TRUE(said);
+}
+
+// The certificate is of the picture that is shown: of less error than that of the noisy one.
+TEST(Denoise, CertificatesAreOfTheDenoisedPicture) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 48, 36, 16);
+  for (const char* e : {"certificate.pixel_fraction=1", "certificate.spp=256", "integrator.max_bounces=8"}) set(r, e);
+  const double plain = mustRender(*engine, r).reply.certificate().rmse();
+  set(r, "denoise=joint_bilateral");
+  const double smooth = mustRender(*engine, r).reply.certificate().rmse();
+  EXPECT_LT(smooth, plain);
+  EXPECT_GT(smooth, 0.0);
+}
+
+TEST(Denoise, MistakesAreNamed) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell");
+  r.mutable_denoise()->mutable_non_local_means()->set_radius_px(99);
+  const auto far = engine->render(r);
+  ASSERT_FALSE(far.ok());
+  EXPECT_NE(far.status().toString().find("denoise.non_local_means.radius_px = 99"), std::string::npos) << far.status().toString();
+  r.clear_denoise();
+  EXPECT_FALSE(setPath(r, "denoise=medain").ok());
+}
+
+}  // namespace denoise_test
+}  // namespace gobo
