@@ -23,6 +23,14 @@ CLI::Option* value(CLI::App& app, const std::string& names, T& target, const std
   return app.add_option(names, target, help)->type_name(type);
 }
 
+/// The choices of request.denoise, as the schema has them.
+std::string filterNames() {
+  const auto* type = v1::Denoise::descriptor()->FindOneofByName("filter");
+  std::string text;
+  for (int i = 0; i < type->field_count(); ++i) text += (i ? "|" : "") + type->field(i)->name();
+  return text;
+}
+
 void addRequestOptions(CLI::App& app, RequestOptions& o, bool scheduling = true) {
   value(app, "--request", o.file, "FILE", "RenderRequest as JSON; - reads standard input");
   value(app, "--set", o.sets, "PATH=VALUE", "a field of the request, such as lights.key.color=1,0.9,0.8; repeat for several")->allow_extra_args(false);
@@ -32,6 +40,7 @@ void addRequestOptions(CLI::App& app, RequestOptions& o, bool scheduling = true)
   value(app, "--camera", o.camera, "CAMERA", "a camera of the scene");
   value(app, "--size", o.size, "WIDTHxHEIGHT", "pixels");
   value(app, "--env", o.environment, "FILE", "lat-long .hdr or .exr, or none");
+  value(app, "--denoise", o.denoise, filterNames(), "how noise is taken out of path-traced light (docs/noise.md)");
   auto* spp = value(app, "--spp", o.spp, "N", "samples per pixel")->check(CLI::Range(1, 1048576).description(""));
   auto* time = value(app, "--time", o.time, "SECONDS", "stop after this time")->check(CLI::Validator(CLI::PositiveNumber).description(""));
   auto* error = value(app, "--error", o.error, "RMSE", "stop when the certificate's upper bound is at most this")

@@ -11,7 +11,7 @@ namespace gobo::cli {
 
 /// What makes a RenderRequest: a JSON file, then the options, then --set in order; later ones win.
 struct RequestOptions {
-  std::string file, camera, size, environment, outputs, priority;
+  std::string file, camera, size, environment, outputs, priority, denoise;
   std::vector<std::string> sets, curves;
   uint32_t spp = 0;
   double time = 0, error = 0, deadlineMs = 0;

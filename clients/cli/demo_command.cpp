@@ -149,6 +149,7 @@ Status demo(Session& session, const DemoCommand& c) {
       {"exposure", {"tone_map.exposure=1"}},
       {"filter k=2", {"lights.key.shadow.axis_aligned.k=2"}},
       {"twice the samples", {"halt.spp=" + std::to_string(2 * std::max(16u, request.halt().spp()))}},
+      {"without noise", {"denoise=auto"}},
   };
   std::vector<std::vector<std::string>> rows;
   std::string renderId;

@@ -92,6 +92,7 @@ Result<v1::RenderRequest> describedBy(const RequestOptions& o) {
     request.mutable_environment()->set_path(file ? fs::absolute(o.environment).string() : o.environment);
   }
   if (!o.outputs.empty()) GOBO_TRY(setPath(request, "outputs=" + o.outputs));
+  if (!o.denoise.empty()) GOBO_TRY(setPath(request, "denoise=" + o.denoise).at("--denoise " + o.denoise));
   if (o.spp) request.mutable_halt()->set_spp(o.spp);
   if (o.time > 0) request.mutable_halt()->set_time_s(o.time);
   if (o.error > 0) request.mutable_halt()->set_error(o.error);
