@@ -8,11 +8,11 @@
 namespace gobo {
 namespace {
 
-struct Plane {
+struct ClipPlane {
   DVec3 n;
   double c;
 };  // n . p + c >= 0 inside; n is unit
-using Planes = std::vector<Plane>;
+using Planes = std::vector<ClipPlane>;
 
 void add(Planes& planes, const DVec3& n, const DVec3& through, double slack) {
   const double l = glm::length(n);
