@@ -144,13 +144,13 @@ TEST(ShadowBasis, BlurredDepthStaysBinary) {
   EXPECT_EQ(moved[1], 0.0f);
 }
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-constexpr float kInf = std::numeric_limits<float>::infinity();
+constexpr float kBasisNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kBasisInf = std::numeric_limits<float>::infinity();
 
 TEST(ShadowBasis, DamagedDepthCountsAsNothingHitInEveryBasis) {
   // A NaN that entered a warp would spread over the whole kernel and every coarser level (playcanvas/engine#7480).
   for (const Family& f : everyBasis())
-    for (float bad : {kNan, kInf, -kInf, 1e31f}) {
+    for (float bad : {kBasisNan, kBasisInf, -kBasisInf, 1e31f}) {
       const auto z = [](int x, int y) { return 0.2f + 0.5f * random01(27, uint64_t(y * 50 + x)); };
       const auto damaged = [&](int x, int y) { return x == 9 && y == 11 ? bad : z(x, y); };
       const auto repaired = [&](int x, int y) { return x == 9 && y == 11 ? 1.0f : z(x, y); };
@@ -164,9 +164,9 @@ TEST(ShadowBasis, EveryValueIsFiniteAndEveryVisibilityWithinZeroAndOne) {
   std::vector<Vec3> points;
   for (int i = 0; i < 3000; ++i)
     points.push_back({random01(31, uint64_t(i)), random01(32, uint64_t(i)), i % 7 ? random01(33, uint64_t(i)) : 3.0f * random01(33, uint64_t(i)) - 1.0f});
-  points[0].z = kNan;
-  points[1].z = kInf;
-  points[2].z = -kInf;
+  points[0].z = kBasisNan;
+  points[1].z = kBasisInf;
+  points[2].z = -kBasisInf;
   points[3].z = 1e30f;
   const int size = 40;
   const TermPtr depth = depthMap(size, [](int x, int y) {
@@ -180,7 +180,7 @@ TEST(ShadowBasis, EveryValueIsFiniteAndEveryVisibilityWithinZeroAndOne) {
       for (float v : values(lookupBasis(receivers(points), map, f.basis, unitLookup(size, blur)), "V"))
         ASSERT_TRUE(v >= 0.0f && v <= 1.0f) << f.name << " " << v;
     }
-    for (float broken : {kNan, kInf, -kInf, 1e30f, -1e30f, 0.0f}) {
+    for (float broken : {kBasisNan, kBasisInf, -kBasisInf, 1e30f, -1e30f, 0.0f}) {
       const TermPtr map = basisMap(size, f.basis->channels(), [&](int x, int y, int k) {
         return (x + 3 * y + k) % 5 == 0 ? broken : 2.0f * random01(35, uint64_t(x * 777 + y * 31 + k)) - 1.0f;
       });
