@@ -3,14 +3,15 @@
 #include "filters/denoise/registry.h"
 
 #include "filters/denoise/joint_bilateral/joint_bilateral.h"
+#include "filters/denoise/wavelet/wavelet.h"
 
 namespace gobo::denoise {
 
 Result<DenoiserPtr> makeDenoiser(const v1::Denoise& settings) {
   switch (settings.filter_case()) {
     case v1::Denoise::kJointBilateral: return makeJointBilateral(settings.joint_bilateral());
+    case v1::Denoise::kWavelet: return makeWavelet(settings.wavelet());
     case v1::Denoise::kAuto:
-    case v1::Denoise::kWavelet:
     case v1::Denoise::kNonLocalMeans:
     case v1::Denoise::kFirstOrder: return internalError("not registered", "request.denoise");
     case v1::Denoise::FILTER_NOT_SET: break;

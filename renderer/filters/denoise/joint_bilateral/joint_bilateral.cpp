@@ -2,10 +2,11 @@
 #include "filters/denoise/joint_bilateral/joint_bilateral.h"
 
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <vector>
 
-#include "filters/denoise/similar.h"
+#include "filters/denoise/joint_bilateral/joint_bilateral_kernels.h"
 
 namespace gobo::denoise {
 
@@ -26,38 +27,65 @@ class JointBilateral final : public Denoiser {
   int halo() const override { return radius_; }
   double nsPerPixel() const override { return 12.0 * (2 * radius_ + 1) * (2 * radius_ + 1); }
 
+  size_t workingBytes(int width, int height) const override { return kPlanes * sizeof(float) * size_t(width) * size_t(height); }
+
   bool run(const NoisyPicture& p, std::span<float> outA, std::span<float> outB, const TaskArena& arena, const StopToken& stop) const override {
-    const Features f{p.albedo, p.normal, p.position, p.depth, p.footprint, p.coverage};
-    return arena.parallelFor(
-        size_t(p.height), 1,
+    const auto planes = std::make_unique_for_overwrite<float[]>(kPlanes * p.pixels());
+    const auto plane = [&](int k) { return planes.get() + size_t(k) * p.pixels(); };
+    const int channels = p.halves ? 6 : 3;
+    BilateralPlanes k;
+    k.width = p.width;
+    k.height = p.height;
+    k.channels = channels;
+    for (int c = 0; c < 3; ++c) {
+      k.albedo[c] = plane(c);
+      k.unit[c] = plane(3 + c);
+      k.place[c] = plane(6 + c);
+    }
+    k.length = plane(9);
+    k.footprint = plane(10);
+    k.hit = plane(11);
+    for (int c = 0; c < channels; ++c) k.light[c] = plane(kLight + c);
+    float* out[6];
+    for (int c = 0; c < 6; ++c) out[c] = plane(kLight + 6 + c);
+    bool complete = arena.parallelFor(
+        p.pixels(), 1 << 13,
         [&](size_t begin, size_t end) {
-          for (int y = int(begin); y < int(end); ++y)
-            for (int x = 0; x < p.width; ++x) pixel(p, f, x, y, outA, outB);
+          for (size_t i = begin; i < end; ++i) {
+            const bool hit = p.coverage[i] > 0;
+            const float* n = &p.normal[3 * i];
+            const double length = std::sqrt(double(n[0]) * n[0] + double(n[1]) * n[1] + double(n[2]) * n[2]);
+            for (size_t c = 0; c < 3; ++c) {
+              plane(int(c))[i] = hit ? p.albedo[3 * i + c] : 0.0f;
+              plane(3 + int(c))[i] = hit && length > 0 ? float(n[c] / length) : 0.0f;
+              plane(6 + int(c))[i] = hit ? p.position[3 * i + c] : 0.0f;
+              plane(kLight + int(c))[i] = p.a[3 * i + c];
+              if (p.halves) plane(kLight + 3 + int(c))[i] = p.b[3 * i + c];
+            }
+            plane(9)[i] = hit ? float(length) : 0.0f;
+            plane(10)[i] = hit ? p.footprint[i] : 0.0f;
+            plane(11)[i] = hit ? 1.0f : 0.0f;
+          }
         },
         stop);
+    complete = complete && arena.parallelFor(
+                               size_t(p.height), 1,
+                               [&](size_t begin, size_t end) {
+                                 for (size_t y = begin; y < end; ++y) {
+                                   bilateralRow(k, alike_, spatial_.data(), radius_, int(y), out);
+                                   for (size_t i = y * size_t(p.width); i < (y + 1) * size_t(p.width); ++i)
+                                     for (size_t c = 0; c < 3; ++c) {
+                                       outA[3 * i + c] = out[c][i];
+                                       if (p.halves) outB[3 * i + c] = out[3 + c][i];
+                                     }
+                                 }
+                               },
+                               stop);
+    return complete;
   }
 
  private:
-  void pixel(const NoisyPicture& p, const Features& f, int x, int y, std::span<float> outA, std::span<float> outB) const {
-    const size_t at = size_t(y) * size_t(p.width) + size_t(x);
-    double weights = 0, a[3] = {}, b[3] = {};
-    for (int v = std::max(y - radius_, 0); v <= std::min(y + radius_, p.height - 1); ++v)
-      for (int u = std::max(x - radius_, 0); u <= std::min(x + radius_, p.width - 1); ++u) {
-        const size_t q = size_t(v) * size_t(p.width) + size_t(u);
-        const float near = spatial_[size_t(std::abs(u - x))] * spatial_[size_t(std::abs(v - y))];
-        const double w = q == at ? 1.0 : double(near * similarity(f, at, q, alike_));
-        weights += w;
-        for (size_t c = 0; c < 3; ++c) {
-          a[c] += w * p.a[3 * q + c];
-          b[c] += w * p.b[3 * q + c];
-        }
-      }
-    for (size_t c = 0; c < 3; ++c) {
-      outA[3 * at + c] = float(a[c] / weights);
-      outB[3 * at + c] = float(b[c] / weights);
-    }
-  }
-
+  static constexpr int kLight = 12, kPlanes = kLight + 12;  // features; a and b; what is made of them
   int radius_;
   Alike alike_;
   std::vector<float> spatial_;  // by distance in x or y
