@@ -23,24 +23,24 @@ struct NoisyPicture {
   bool halves = false;              ///< there are at least two samples a pixel: a and b have noise of their own
   float shareOfA = 0.5f;            ///< of the samples
   // Of the view samples of the pixel, without noise (denoise/features.h).
-  std::span<const float> albedo;    ///< RGB
-  std::span<const float> normal;    ///< XYZ, mean of unit vectors: shorter where they differ, 0 where nothing is hit
-  std::span<const float> position;  ///< XYZ in m, mean over samples that hit
-  std::span<const float> depth;     ///< distance in m, mean over samples that hit, 0 where none does
-  std::span<const float> footprint; ///< width of a pixel at the surface in m, 0 where nothing is hit
-  std::span<const float> coverage;  ///< share of the view samples that hit, 0 .. 1
+  std::span<const float> albedo;     ///< RGB
+  std::span<const float> normal;     ///< XYZ, mean of unit vectors: shorter where they differ, 0 where nothing is hit
+  std::span<const float> position;   ///< XYZ in m, mean over samples that hit
+  std::span<const float> depth;      ///< distance in m, mean over samples that hit, 0 where none does
+  std::span<const float> footprint;  ///< width of a pixel at the surface in m, 0 where nothing is hit
+  std::span<const float> coverage;   ///< share of the view samples that hit, 0 .. 1
   size_t pixels() const { return size_t(width) * size_t(height); }
 };
 
 class Denoiser {
  public:
   virtual ~Denoiser() = default;
-  virtual const char* name() const = 0;          ///< as in v1.Denoise
-  virtual int version() const { return 1; }      ///< bump when results change for equal parameters
+  virtual const char* name() const = 0;      ///< as in v1.Denoise
+  virtual int version() const { return 1; }  ///< bump when results change for equal parameters
   virtual void hashParameters(Hasher& hasher) const = 0;
   /// Pixels around one that its result depends on, at most: a part of a picture has the bits of the whole. No sum may run along a row for longer.
   virtual int halo() const = 0;
-  virtual double nsPerPixel() const = 0;         ///< of one core, both halves: for estimates of time
+  virtual double nsPerPixel() const = 0;  ///< of one core, both halves: for estimates of time
   virtual size_t workingBytes(int width, int height) const { return (void)width, (void)height, size_t(0); }
   /// Denoises a into outA and b into outB (RGB, every element is written, finite for finite input). What outA is of b is at most its weights, so that
   /// outA - b tells how wrong outA is. Where p.halves is false outA alone is read. false: stopped.

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "filters/denoise/similar.h"
+#include "filters/denoise/similar_rows.h"
 #include "terms/dropped_samples.h"
 
 namespace gobo::denoise {
@@ -30,13 +30,12 @@ class NoisyPictureNode final : public Node {
     w.require(samples_ == 1 || (first_ > 0 && first_ < samples_), "two halves");
     readFeatures(w, 0, all);
     for (size_t i = 1; i < w.size(); ++i) w.over(i, all).reads<float>(i, "rgb", {3});
-    TermShape out{type(),
-                  Domain::Pixel,
-                  all,
-                  {unsetPlane<float>("mean", 3), unsetPlane<float>("a", 3), unsetPlane<float>("b", 3), unsetPlane<float>("variance", 3)}};
+    TermShape out{
+        type(), Domain::Pixel, all, {unsetPlane<float>("mean", 3), unsetPlane<float>("a", 3), unsetPlane<float>("b", 3), unsetPlane<float>("variance", 3)}};
     passOnDropped(w.input(w.size() - 1), out);
     return w.gives(std::move(out));
   }
+  size_t workingBytes() const override { return AlikeFeatures::bytes(width_, height_) + 12 * sizeof(float) * size_t(width_) * size_t(height_); }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, 150.0 * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
@@ -60,45 +59,54 @@ class NoisyPictureNode final : public Node {
             }
         },
         ctx.stop);
-    const float share = samples_ > 1 ? float(m * (n - m) / (n * n)) : 0.0f;
-    complete = complete && ctx.arena->parallelFor(
-                               size_t(height_), 4,
-                               [&](size_t begin, size_t end) {
-                                 for (int y = int(begin); y < int(end); ++y)
-                                   for (int x = 0; x < width_; ++x) smoothVariance(f, mean, a, b, share, x, y, &variance[3 * (size_t(y) * width_ + x)]);
-                               },
-                               ctx.stop);
+    complete = complete && smoothVariance(f, mean, a, b, variance, ctx);
     if (!complete) return Status(Code::Cancelled, "stopped");
     passOnDropped(*ctx.inputs.back(), *out);
     return TermPtr(out);
   }
 
  private:
-  void smoothVariance(const Features& f, std::span<const float> mean, std::span<const float> a, std::span<const float> b, float share, int x, int y,
-                      float* variance) const {
-    const size_t p = size_t(y) * size_t(width_) + size_t(x);
-    double weights = 0, first[3] = {}, second[3] = {};
-    for (int v = std::max(y - kVarianceRadius, 0); v <= std::min(y + kVarianceRadius, height_ - 1); ++v)
-      for (int u = std::max(x - kVarianceRadius, 0); u <= std::min(x + kVarianceRadius, width_ - 1); ++u) {
-        const size_t q = size_t(v) * size_t(width_) + size_t(u);
-        const double w = q == p ? 1.0 : double(similarity(f, p, q, kLoosely));
-        if (w <= 0) continue;
-        weights += w;
-        for (size_t c = 0; c < 3; ++c) {
-          if (samples_ > 1) {
-            const double d = double(a[3 * q + c]) - double(b[3 * q + c]);
-            first[c] += w * d * d;
-          } else {
-            const double d = double(mean[3 * q + c]) - double(mean[3 * p + c]);
-            first[c] += w * d;
-            second[c] += w * d * d;
-          }
-        }
-      }
-    for (int c = 0; c < 3; ++c) {
-      const double value = samples_ > 1 ? share * first[c] / weights : second[c] / weights - first[c] / weights * (first[c] / weights);
-      variance[c] = float(std::clamp(value, 0.0, 3e38));
+  /// False: stopped.
+  bool smoothVariance(const Features& f, std::span<const float> mean, std::span<const float> a, std::span<const float> b, std::span<float> variance,
+                      const RunContext& ctx) const {
+    AlikeFeatures alike;
+    if (!alike.fill(f, width_, height_, *ctx.arena, ctx.stop)) return false;
+    const size_t pixels = size_t(width_) * size_t(height_);
+    const int channels = samples_ > 1 ? 3 : 6;  // squares of differences; or values and their squares
+    const auto planes = std::make_unique_for_overwrite<float[]>(2 * size_t(channels) * pixels);
+    float *in[6], *out[6];
+    for (int c = 0; c < channels; ++c) {
+      in[c] = planes.get() + size_t(c) * pixels;
+      out[c] = planes.get() + size_t(channels + c) * pixels;
     }
+    const double n = samples_, m = first_;
+    const float share = samples_ > 1 ? float(m * (n - m) / (n * n)) : 1.0f;
+    if (!ctx.arena->parallelFor(
+            pixels, 1 << 13,
+            [&](size_t begin, size_t end) {
+              for (size_t p = begin; p < end; ++p)
+                for (int c = 0; c < channels; ++c) {
+                  const size_t i = 3 * p + size_t(c % 3);
+                  const float d = a[i] - b[i];
+                  in[c][p] = samples_ > 1 ? d * d : c < 3 ? mean[i] : mean[i] * mean[i];
+                }
+            },
+            ctx.stop))
+      return false;
+    const float spatial[kVarianceRadius + 1] = {1, 1, 1, 1};
+    return ctx.arena->parallelFor(
+        size_t(height_), 2,
+        [&](size_t begin, size_t end) {
+          for (size_t y = begin; y < end; ++y) {
+            alikeMeansRow(alike.planes(), kLoosely, spatial, kVarianceRadius, in, channels, int(y), out);
+            for (size_t p = y * size_t(width_); p < (y + 1) * size_t(width_); ++p)
+              for (size_t c = 0; c < 3; ++c) {
+                const double value = samples_ > 1 ? double(share) * out[c][p] : double(out[3 + c][p]) - double(out[c][p]) * out[c][p];
+                variance[3 * p + c] = float(std::clamp(value, 0.0, 3e38));
+              }
+          }
+        },
+        ctx.stop);
   }
 
   int width_, height_;

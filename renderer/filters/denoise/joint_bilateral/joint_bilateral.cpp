@@ -6,7 +6,7 @@
 #include <numbers>
 #include <vector>
 
-#include "filters/denoise/joint_bilateral/joint_bilateral_kernels.h"
+#include "filters/denoise/similar_rows.h"
 
 namespace gobo::denoise {
 
@@ -27,57 +27,34 @@ class JointBilateral final : public Denoiser {
   int halo() const override { return radius_; }
   double nsPerPixel() const override { return 12.0 * (2 * radius_ + 1) * (2 * radius_ + 1); }
 
-  size_t workingBytes(int width, int height) const override { return kPlanes * sizeof(float) * size_t(width) * size_t(height); }
+  size_t workingBytes(int width, int height) const override {
+    return AlikeFeatures::bytes(width, height) + 12 * sizeof(float) * size_t(width) * size_t(height);
+  }
 
   bool run(const NoisyPicture& p, std::span<float> outA, std::span<float> outB, const TaskArena& arena, const StopToken& stop) const override {
-    const auto planes = std::make_unique_for_overwrite<float[]>(kPlanes * p.pixels());
-    const auto plane = [&](int k) { return planes.get() + size_t(k) * p.pixels(); };
+    AlikeFeatures alike;
+    if (!alike.fill({p.albedo, p.normal, p.position, p.depth, p.footprint, p.coverage}, p.width, p.height, arena, stop)) return false;
     const int channels = p.halves ? 6 : 3;
-    BilateralPlanes k;
-    k.width = p.width;
-    k.height = p.height;
-    k.channels = channels;
-    for (int c = 0; c < 3; ++c) {
-      k.albedo[c] = plane(c);
-      k.unit[c] = plane(3 + c);
-      k.place[c] = plane(6 + c);
+    const auto planes = std::make_unique_for_overwrite<float[]>(2 * size_t(channels) * p.pixels());
+    float *in[6], *out[6];
+    for (int c = 0; c < channels; ++c) {
+      in[c] = planes.get() + size_t(c) * p.pixels();
+      out[c] = planes.get() + size_t(channels + c) * p.pixels();
     }
-    k.length = plane(9);
-    k.footprint = plane(10);
-    k.hit = plane(11);
-    for (int c = 0; c < channels; ++c) k.light[c] = plane(kLight + c);
-    float* out[6];
-    for (int c = 0; c < 6; ++c) out[c] = plane(kLight + 6 + c);
     bool complete = arena.parallelFor(
         p.pixels(), 1 << 13,
         [&](size_t begin, size_t end) {
-          for (size_t i = begin; i < end; ++i) {
-            const bool hit = p.coverage[i] > 0;
-            const float* n = &p.normal[3 * i];
-            const double length = std::sqrt(double(n[0]) * n[0] + double(n[1]) * n[1] + double(n[2]) * n[2]);
-            for (size_t c = 0; c < 3; ++c) {
-              plane(int(c))[i] = hit ? p.albedo[3 * i + c] : 0.0f;
-              plane(3 + int(c))[i] = hit && length > 0 ? float(n[c] / length) : 0.0f;
-              plane(6 + int(c))[i] = hit ? p.position[3 * i + c] : 0.0f;
-              plane(kLight + int(c))[i] = p.a[3 * i + c];
-              if (p.halves) plane(kLight + 3 + int(c))[i] = p.b[3 * i + c];
-            }
-            plane(9)[i] = hit ? float(length) : 0.0f;
-            plane(10)[i] = hit ? p.footprint[i] : 0.0f;
-            plane(11)[i] = hit ? 1.0f : 0.0f;
-          }
+          for (size_t i = begin; i < end; ++i)
+            for (int c = 0; c < channels; ++c) in[c][i] = c < 3 ? p.a[3 * i + size_t(c)] : p.b[3 * i + size_t(c - 3)];
         },
         stop);
     complete = complete && arena.parallelFor(
                                size_t(p.height), 1,
                                [&](size_t begin, size_t end) {
                                  for (size_t y = begin; y < end; ++y) {
-                                   bilateralRow(k, alike_, spatial_.data(), radius_, int(y), out);
+                                   alikeMeansRow(alike.planes(), alike_, spatial_.data(), radius_, in, channels, int(y), out);
                                    for (size_t i = y * size_t(p.width); i < (y + 1) * size_t(p.width); ++i)
-                                     for (size_t c = 0; c < 3; ++c) {
-                                       outA[3 * i + c] = out[c][i];
-                                       if (p.halves) outB[3 * i + c] = out[3 + c][i];
-                                     }
+                                     for (int c = 0; c < channels; ++c) (c < 3 ? outA : outB)[3 * i + size_t(c % 3)] = out[c][i];
                                  }
                                },
                                stop);
@@ -85,7 +62,6 @@ class JointBilateral final : public Denoiser {
   }
 
  private:
-  static constexpr int kLight = 12, kPlanes = kLight + 12;  // features; a and b; what is made of them
   int radius_;
   Alike alike_;
   std::vector<float> spatial_;  // by distance in x or y

@@ -11,7 +11,6 @@ namespace gobo::denoise {
 
 namespace {
 
-
 /// Weights of a Gaussian at 0, 1, .., radius, of standard deviation radius / 2.
 std::vector<float> halfGaussian(int radius) {
   std::vector<float> w(size_t(radius) + 1);
@@ -96,26 +95,26 @@ class SelectNode final : public Node {
     const std::vector<float> window = halfGaussian(kSelectRadius), blend = halfGaussian(kBlendRadius);
     complete = complete && blurred(error, window, planes, rows);
     complete = complete && rows([&](int y) {
-      for (size_t p = size_t(y) * size_t(width_); p < size_t(y + 1) * size_t(width_); ++p) {
-        size_t best = 0;
-        for (size_t k = 1; k < planes; ++k)
-          if (error[k * pixels + p] < error[best * pixels + p]) best = k;
-        for (size_t k = 0; k < planes; ++k) chosen[k * pixels + p] = k == best ? 1.0f : 0.0f;
-      }
-    });
+                 for (size_t p = size_t(y) * size_t(width_); p < size_t(y + 1) * size_t(width_); ++p) {
+                   size_t best = 0;
+                   for (size_t k = 1; k < planes; ++k)
+                     if (error[k * pixels + p] < error[best * pixels + p]) best = k;
+                   for (size_t k = 0; k < planes; ++k) chosen[k * pixels + p] = k == best ? 1.0f : 0.0f;
+                 }
+               });
     complete = complete && blurred(chosen, blend, planes, rows);
     complete = complete && rows([&](int y) {
-      for (size_t p = size_t(y) * size_t(width_); p < size_t(y + 1) * size_t(width_); ++p) {
-        double total = 0, sum[3] = {};
-        for (size_t k = 0; k < planes; ++k) {
-          const double w = chosen[k * pixels + p];
-          total += w;
-          for (size_t c = 0; c < 3; ++c) sum[c] += w * all[k][3 * p + c];
-        }
-        for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] = float(sum[c] / total);
-        for (size_t k = 0; k < planes; ++k) choice[planes * p + k] = float(chosen[k * pixels + p] / total);
-      }
-    });
+                 for (size_t p = size_t(y) * size_t(width_); p < size_t(y + 1) * size_t(width_); ++p) {
+                   double total = 0, sum[3] = {};
+                   for (size_t k = 0; k < planes; ++k) {
+                     const double w = chosen[k * pixels + p];
+                     total += w;
+                     for (size_t c = 0; c < 3; ++c) sum[c] += w * all[k][3 * p + c];
+                   }
+                   for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] = float(sum[c] / total);
+                   for (size_t k = 0; k < planes; ++k) choice[planes * p + k] = float(chosen[k * pixels + p] / total);
+                 }
+               });
     if (!complete) return Status(Code::Cancelled, "stopped");
     passOnDropped(noisy, *out);
     return TermPtr(out);
@@ -151,8 +150,6 @@ class SelectNode final : public Node {
 
 }  // namespace
 
-NodePtr makeSelectNode(int width, int height, int candidates, float shareOfA) {
-  return std::make_shared<SelectNode>(width, height, candidates, shareOfA);
-}
+NodePtr makeSelectNode(int width, int height, int candidates, float shareOfA) { return std::make_shared<SelectNode>(width, height, candidates, shareOfA); }
 
 }  // namespace gobo::denoise

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "filters/denoise/joint_bilateral/joint_bilateral_kernels.h"
+#include "filters/denoise/similar_rows.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,10 +10,10 @@ namespace gobo::denoise {
 
 namespace {
 
-constexpr int kBilateralTile = 128;  // pixels of a row whose sums stay in the first cache
+constexpr int kAlikeTile = 128;  // pixels of a row whose sums stay in the first cache
 
 /// w[t]: of the pixels p + t + shift for p + t, as similarity() has it.
-void bilateralWeights(const BilateralPlanes& k, const Alike& by, size_t p, ptrdiff_t shift, int n, float near, float* __restrict w) {
+void alikeWeights(const AlikePlanes& k, const Alike& by, size_t p, ptrdiff_t shift, int n, float near, float* __restrict w) {
   const float* __restrict red = k.albedo[0] + p, * __restrict green = k.albedo[1] + p, * __restrict blue = k.albedo[2] + p;
   const float* __restrict nx = k.unit[0] + p, * __restrict ny = k.unit[1] + p, * __restrict nz = k.unit[2] + p, * __restrict length = k.length + p;
   const float* __restrict x = k.place[0] + p, * __restrict y = k.place[1] + p, * __restrict z = k.place[2] + p;
@@ -44,13 +44,47 @@ void addTapWeight(const float* __restrict w, int n, float* __restrict sum) {
 
 }  // namespace
 
-void bilateralRow(const BilateralPlanes& k, const Alike& by, const float* spatial, int radius, int y, float* const* out) {
-  constexpr int kSums = 7;  // the weights last
-  float w[kBilateralTile], row[kSums][kBilateralTile];
-  double sums[kSums][kBilateralTile];
-  const int all = k.channels + 1;
-  for (int x0 = 0; x0 < k.width; x0 += kBilateralTile) {
-    const int n = std::min(kBilateralTile, k.width - x0);
+bool AlikeFeatures::fill(const Features& f, int width, int height, const TaskArena& arena, const StopToken& stop) {
+  const size_t pixels = size_t(width) * size_t(height);
+  values_ = std::make_unique_for_overwrite<float[]>(kPlanes * pixels);
+  const auto plane = [&](size_t k) { return values_.get() + k * pixels; };
+  planes_.width = width;
+  planes_.height = height;
+  for (size_t c = 0; c < 3; ++c) {
+    planes_.albedo[c] = plane(c);
+    planes_.unit[c] = plane(3 + c);
+    planes_.place[c] = plane(6 + c);
+  }
+  planes_.length = plane(9);
+  planes_.footprint = plane(10);
+  planes_.hit = plane(11);
+  return arena.parallelFor(
+      pixels, 1 << 13,
+      [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) {
+          const bool hit = f.coverage[i] > 0;
+          const float* n = &f.normal[3 * i];
+          const double length = std::sqrt(double(n[0]) * n[0] + double(n[1]) * n[1] + double(n[2]) * n[2]);
+          for (size_t c = 0; c < 3; ++c) {
+            plane(c)[i] = hit ? f.albedo[3 * i + c] : 0.0f;
+            plane(3 + c)[i] = hit && length > 0 ? float(n[c] / length) : 0.0f;
+            plane(6 + c)[i] = hit ? f.position[3 * i + c] : 0.0f;
+          }
+          plane(9)[i] = hit ? float(length) : 0.0f;
+          plane(10)[i] = hit ? f.footprint[i] : 0.0f;
+          plane(11)[i] = hit ? 1.0f : 0.0f;
+        }
+      },
+      stop);
+}
+
+void alikeMeansRow(const AlikePlanes& k, const Alike& by, const float* spatial, int radius, const float* const* light, int channels, int y, float* const* out) {
+  constexpr int kSums = kMostChannels + 1;  // the weights last
+  float w[kAlikeTile], row[kSums][kAlikeTile];
+  double sums[kSums][kAlikeTile];
+  const int all = channels + 1;
+  for (int x0 = 0; x0 < k.width; x0 += kAlikeTile) {
+    const int n = std::min(kAlikeTile, k.width - x0);
     const size_t at = size_t(y) * size_t(k.width) + size_t(x0);
     for (int c = 0; c < all; ++c) std::fill_n(sums[c], n, 0.0);
     for (int v = std::max(y - radius, 0); v <= std::min(y + radius, k.height - 1); ++v) {
@@ -61,16 +95,16 @@ void bilateralRow(const BilateralPlanes& k, const Alike& by, const float* spatia
         if (count <= 0) continue;
         const size_t p = at + size_t(first);
         const ptrdiff_t shift = ptrdiff_t(v - y) * k.width + dx;
-        bilateralWeights(k, by, p, shift, count, spatial[std::abs(dx)] * nearY, w);
-        addTapWeight(w, count, row[k.channels] + first);
-        for (int c = 0; c < k.channels; ++c) addTap(w, k.light[c] + p + shift, count, row[c] + first);
+        alikeWeights(k, by, p, shift, count, spatial[std::abs(dx)] * nearY, w);
+        addTapWeight(w, count, row[channels] + first);
+        for (int c = 0; c < channels; ++c) addTap(w, light[c] + p + shift, count, row[c] + first);
       }
       // Single precision for a row of taps, double for the rows: up to 65 and 65 of them.
       for (int c = 0; c < all; ++c)
         for (int t = 0; t < n; ++t) sums[c][t] += double(row[c][t]);
     }
-    for (int c = 0; c < k.channels; ++c)
-      for (int t = 0; t < n; ++t) out[c][at + size_t(t)] = float(sums[c][t] / sums[k.channels][t]);
+    for (int c = 0; c < channels; ++c)
+      for (int t = 0; t < n; ++t) out[c][at + size_t(t)] = float(sums[c][t] / sums[channels][t]);
   }
 }
 
