@@ -2,8 +2,9 @@
 // Denoisers against plain samples, on the same samples: error against time and against samples, all filters in one run, scene by scene.
 // RMSE^2 = mean over pixels and channels of (x - a)(x - b), relMSE the same over (((a + b) / 2)^2 + 0.01), a and b two halves of a path-traced reference of
 // other seeds: free of its noise. ms: the whole picture, by the engine's clock, with the acceleration structure there and an empty store; filter ms: what
-// is not path tracing. "worth": the samples that plain path tracing takes to the same RMSE, its error falling as 1 / sqrt(samples) from its best one
-// here; "faster": the time that this takes, over the filter's. "regret": of auto, its RMSE over that of the best single filter.
+// is not path tracing. "worth": the samples that plain path tracing takes to the same relMSE, which falls as 1 / samples from its best one here; "faster": the time that
+// this takes, over the filter's. "regret": of auto, the root of its relMSE over that of the best single filter. (RMSE is mostly of the pixels along the
+// edges of lamps, whose light the camera sees itself: no filter touches it.)
 // Arguments: --scene NAME,NAME,... (built-in, or files) --size WxH --spp N,N,... --reference N (each half) --filters NAME,NAME,... --threads N
 //            --set assignments, separated by spaces --out PATH
 #include <algorithm>
@@ -103,17 +104,17 @@ int main(int argc, char** argv) {
     std::vector<Row> plain;
     for (const uint32_t spp : counts) plain.push_back(rowOf(engine, r, "none", spp, halves[0], halves[1]));
     const Row& most = plain.back();
-    const double variance = most.errors.rmse * most.errors.rmse * most.spp, msPerSample = most.ms / most.spp;
+    const double variance = most.errors.relMse * most.spp, msPerSample = most.ms / most.spp;
     for (const Row& p : plain) {
       std::vector<Row> rows{p};
       for (const std::string& f : filters) rows.push_back(rowOf(engine, r, f, p.spp, halves[0], halves[1]));
       double best = std::numeric_limits<double>::infinity();
       for (const Row& row : rows) {
-        if (row.filter != "auto") best = std::min(best, row.errors.rmse);
-        const double worth = variance / std::max(row.errors.rmse * row.errors.rmse, 1e-30);
+        if (row.filter != "auto") best = std::min(best, row.errors.relMse);
+        const double worth = variance / std::max(row.errors.relMse, 1e-30);
         std::printf("%-12.12s %4u %-18s %9.5f %9.5f %9.1f %9.1f %8.0f %8.1f", scene.substr(scene.find_last_of('/') + 1).c_str(), row.spp, row.filter.c_str(),
                     row.errors.rmse, row.errors.relMse, row.ms, row.filterMs, worth, worth * msPerSample / row.ms);
-        if (row.filter == "auto") std::printf("  regret %.2f", row.errors.rmse / best);
+        if (row.filter == "auto") std::printf("  regret %.2f", std::sqrt(row.errors.relMse / best));
         std::printf("\n");
         std::fflush(stdout);
       }
