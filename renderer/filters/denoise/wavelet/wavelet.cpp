@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "filters/denoise/wavelet/wavelet_kernels.h"
 
@@ -18,10 +19,38 @@ constexpr double kMostVariance = 1e36;  // of a value up to 1e18
 
 float luminanceOf(const float* rgb) { return kLuminance[0] * rgb[0] + kLuminance[1] * rgb[1] + kLuminance[2] * rgb[2]; }
 
+/// Share of its variance that a level's taps have in common if all weights are those of the spline: such that variance falls as that of the whole
+/// cascade does.
+std::vector<float> correlations(int levels) {
+  constexpr double kTaps[5] = {0.0625, 0.25, 0.375, 0.25, 0.0625};
+  std::vector<float> share;
+  std::vector<double> cascade{1.0};
+  double before = 1, apart = 0;
+  for (int level = 0; level < levels; ++level) {
+    const size_t spacing = size_t(1) << level;
+    std::vector<double> next(cascade.size() + 4 * spacing);
+    for (size_t i = 0; i < cascade.size(); ++i)
+      for (size_t k = 0; k < 5; ++k) next[i + k * spacing] += cascade[i] * kTaps[k];
+    cascade = std::move(next);
+    double squares = 0;
+    for (double v : cascade) squares += v * v;
+    const double falls = squares * squares / before;  // in both directions
+    if (level == 0) apart = falls;
+    share.push_back(float((falls - apart) / (1 - apart)));
+    before = squares * squares;
+  }
+  return share;
+}
+
 class Wavelet final : public Denoiser {
  public:
   Wavelet(const v1::WaveletDenoise& s, WaveletGuide guide)
-      : levels_(int(s.levels())), luminance_(float(s.luminance())), power_(float(s.normal_power())), plane_(s.plane_px()), guide_(guide) {}
+      : levels_(int(s.levels())),
+        luminance_(float(s.luminance())),
+        power_(float(s.normal_power())),
+        plane_(s.plane_px()),
+        guide_(guide),
+        correlated_(correlations(levels_)) {}
   const char* name() const override { return "wavelet"; }
   void hashParameters(Hasher& h) const override { h.add(levels_).add(luminance_).add(power_).add(plane_).add(int(guide_)); }
   int halo() const override { return 2 * ((1 << levels_) - 1); }  // 2 * 2^level each; the blur of the variance does not reach as far as the taps
@@ -107,6 +136,7 @@ class Wavelet final : public Denoiser {
         k.in[c] = work.set(level & 1, c);
         k.out[c] = work.set(~level & 1, c);
       }
+      k.correlated = correlated_[size_t(level)];
       k.variance = work.set(level & 1, varianceAt);
       k.varianceOut = work.set(~level & 1, varianceAt);
       complete = arena.parallelFor(
@@ -137,6 +167,7 @@ class Wavelet final : public Denoiser {
   float luminance_, power_;
   double plane_;
   WaveletGuide guide_;
+  std::vector<float> correlated_;  // by level
 };
 
 }  // namespace

@@ -34,17 +34,19 @@ void waveletWeights(const WaveletLevel& k, size_t p, ptrdiff_t shift, int n, flo
 void addWeighted(const float* __restrict w, const float* __restrict in, int n, float* __restrict sum) {
   for (int t = 0; t < n; ++t) sum[t] += w[t] * in[t];
 }
-void addWeights(const float* __restrict w, const float* __restrict variance, int n, float* __restrict sum, float* __restrict squares) {
+void addWeights(const float* __restrict w, const float* __restrict variance, int n, float* __restrict sum, float* __restrict mean, float* __restrict squares) {
   for (int t = 0; t < n; ++t) {
+    const float of = w[t] * variance[t];
     sum[t] += w[t];
-    squares[t] += w[t] * (w[t] * variance[t]);
+    mean[t] += of;
+    squares[t] += w[t] * of;
   }
 }
 
 }  // namespace
 
 void waveletRow(const WaveletLevel& k, int y) {
-  float w[kWaveletTile], weights[kWaveletTile], squares[kWaveletTile], sums[7][kWaveletTile];
+  float w[kWaveletTile], weights[kWaveletTile], mean[kWaveletTile], squares[kWaveletTile], sums[7][kWaveletTile];
   for (int x0 = 0; x0 < k.width; x0 += kWaveletTile) {
     const int n = std::min(kWaveletTile, k.width - x0);
     const size_t row = size_t(y) * size_t(k.width) + size_t(x0);
@@ -52,7 +54,8 @@ void waveletRow(const WaveletLevel& k, int y) {
     const float middle = kSpline[0] * kSpline[0];
     for (int t = 0; t < n; ++t) {
       weights[t] = middle;
-      squares[t] = middle * (middle * k.variance[row + size_t(t)]);
+      mean[t] = middle * k.variance[row + size_t(t)];
+      squares[t] = middle * mean[t];
     }
     for (int c = 0; c < k.channels; ++c)
       for (int t = 0; t < n; ++t) sums[c][t] = middle * k.in[c][row + size_t(t)];
@@ -68,13 +71,16 @@ void waveletRow(const WaveletLevel& k, int y) {
         const ptrdiff_t shift = ptrdiff_t(j) * k.spacing * k.width + dx;
         const float distance = float(k.spacing) * std::sqrt(float(i * i + j * j));
         waveletWeights(k, p, shift, count, kSpline[std::abs(i)] * kSpline[std::abs(j)], 1.0f / distance, w);
-        addWeights(w, k.variance + p + shift, count, weights + first, squares + first);
+        addWeights(w, k.variance + p + shift, count, weights + first, mean + first, squares + first);
         for (int c = 0; c < k.channels; ++c) addWeighted(w, k.in[c] + p + shift, count, sums[c] + first);
       }
     }
     for (int c = 0; c < k.channels; ++c)
       for (int t = 0; t < n; ++t) k.out[c][row + size_t(t)] = sums[c][t] / weights[t];
-    for (int t = 0; t < n; ++t) k.varianceOut[row + size_t(t)] = squares[t] / (weights[t] * weights[t]);
+    for (int t = 0; t < n; ++t) {
+      const float apart = squares[t] / (weights[t] * weights[t]), together = mean[t] / weights[t];
+      k.varianceOut[row + size_t(t)] = apart + k.correlated * (together - apart);
+    }
   }
 }
 

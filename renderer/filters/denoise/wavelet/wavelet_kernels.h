@@ -18,6 +18,7 @@ struct WaveletLevel {
   const float* in[7] = {};
   float* out[7] = {};
   const float* variance = nullptr;  ///< of the guide
+  float correlated = 0;             ///< share of the variance that taps have in common (wavelet.h)
   float* varianceOut = nullptr;
 };
 
