@@ -37,6 +37,9 @@ class AlikeFeatures {
 
 inline constexpr int kMostChannels = 6;
 
+/// w[t], t < n: near * similarity(p + t, p + t + shift).
+void alikeWeights(const AlikePlanes& k, const Alike& by, size_t p, ptrdiff_t shift, int n, float near, float* w);
+
 /// out[c][y * width + x] = sum_q spatial(|p - q|) similarity(p, q) light[c][q] / sum_q of the weights, for row y and each of `channels` planes (at most
 /// kMostChannels). spatial[d]: weight of a distance of d in x or y, up to `radius`.
 void alikeMeansRow(const AlikePlanes& k, const Alike& by, const float* spatial, int radius, const float* const* light, int channels, int y, float* const* out);

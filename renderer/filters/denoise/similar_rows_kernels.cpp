@@ -12,7 +12,15 @@ namespace {
 
 constexpr int kAlikeTile = 128;  // pixels of a row whose sums stay in the first cache
 
-/// w[t]: of the pixels p + t + shift for p + t, as similarity() has it.
+void addTap(const float* __restrict w, const float* __restrict in, int n, float* __restrict sum) {
+  for (int t = 0; t < n; ++t) sum[t] += w[t] * in[t];
+}
+void addTapWeight(const float* __restrict w, int n, float* __restrict sum) {
+  for (int t = 0; t < n; ++t) sum[t] += w[t];
+}
+
+}  // namespace
+
 void alikeWeights(const AlikePlanes& k, const Alike& by, size_t p, ptrdiff_t shift, int n, float near, float* __restrict w) {
   const float* __restrict red = k.albedo[0] + p, * __restrict green = k.albedo[1] + p, * __restrict blue = k.albedo[2] + p;
   const float* __restrict nx = k.unit[0] + p, * __restrict ny = k.unit[1] + p, * __restrict nz = k.unit[2] + p, * __restrict length = k.length + p;
@@ -34,15 +42,6 @@ void alikeWeights(const AlikePlanes& k, const Alike& by, size_t p, ptrdiff_t shi
     w[t] = hit[t] == hit[q] ? weight : 0.0f;
   }
 }
-
-void addTap(const float* __restrict w, const float* __restrict in, int n, float* __restrict sum) {
-  for (int t = 0; t < n; ++t) sum[t] += w[t] * in[t];
-}
-void addTapWeight(const float* __restrict w, int n, float* __restrict sum) {
-  for (int t = 0; t < n; ++t) sum[t] += w[t];
-}
-
-}  // namespace
 
 bool AlikeFeatures::fill(const Features& f, int width, int height, const TaskArena& arena, const StopToken& stop) {
   const size_t pixels = size_t(width) * size_t(height);

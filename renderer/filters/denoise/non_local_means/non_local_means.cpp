@@ -25,40 +25,16 @@ class NonLocalMeans final : public Denoiser {
   int halo() const override { return radius_ + patch_.patch; }
   double nsPerPixel() const override { return 12.0 * (2 * radius_ + 1) * (2 * radius_ + 1); }
   size_t workingBytes(int width, int height) const override {
-    return AlikeFeatures::bytes(width, height) + 15 * sizeof(float) * size_t(width + 2 * halo()) * size_t(height);
+    return AlikeFeatures::bytes(width, height) + 12 * sizeof(float) * size_t(width + 2 * halo()) * size_t(height);
   }
 
   bool run(const NoisyPicture& p, std::span<float> outA, std::span<float> outB, const TaskArena& arena, const StopToken& stop) const override {
     AlikeFeatures alike;
     if (!alike.fill({p.albedo, p.normal, p.position, p.depth, p.footprint, p.coverage}, p.width, p.height, arena, stop)) return false;
-    const int margin = halo(), stride = p.width + 2 * margin, halves = p.halves ? 2 : 1;
-    const size_t size = size_t(stride) * size_t(p.height);
-    const auto planes = std::make_unique_for_overwrite<float[]>(12 * size);  // values and variances of both halves
+    const auto values = std::make_unique_for_overwrite<float[]>(guideFloats(p, halo()));
+    const int halves = p.halves ? 2 : 1;
     GuidePlanes guides[2];
-    for (int h = 0; h < halves; ++h) {
-      guides[h] = {p.width, p.height, margin, {}, {}};
-      for (int c = 0; c < 3; ++c) {
-        guides[h].value[c] = planes.get() + size_t(6 * h + c) * size;
-        guides[h].variance[c] = planes.get() + size_t(6 * h + 3 + c) * size;
-      }
-    }
-    const float shares[2] = {p.halves ? p.shareOfA : 1.0f, 1.0f - p.shareOfA};
-    bool complete = arena.parallelFor(
-        size_t(p.height), 8,
-        [&](size_t begin, size_t end) {
-          for (size_t y = begin; y < end; ++y)
-            for (int h = 0; h < halves; ++h)
-              for (int c = 0; c < 3; ++c) {
-                const std::span<const float> from = h ? p.b : p.a;
-                float *value = planes.get() + size_t(6 * h + c) * size + y * size_t(stride), *variance = value + 3 * size;
-                for (int x = -margin; x < p.width + margin; ++x) {
-                  const size_t i = 3 * (y * size_t(p.width) + size_t(std::clamp(x, 0, p.width - 1))) + size_t(c);
-                  value[x + margin] = from[i];
-                  variance[x + margin] = std::min(p.variance[i] / shares[h], 1e37f);
-                }
-              }
-        },
-        stop);
+    bool complete = makeGuides(p, halo(), values.get(), guides, arena, stop);
     std::atomic<bool> stopped{false};
     complete = complete && arena.parallelFor(
                                size_t(p.height + kNonLocalRows - 1) / kNonLocalRows, 1,
@@ -88,7 +64,7 @@ class NonLocalMeans final : public Denoiser {
         if (count <= 0) continue;
         for (int h = 0; h < halves; ++h) {
           const GuidePlanes& guide = guides[halves - 1 - h];  // the other half
-          patchWeights(guide, patch_, dx, dy, first, last, weights.data(), scratch);
+          patchWeights(guide, patch_, dx, dy, {0, first, p.width, last}, weights.data(), scratch);
           for (int y = first; y < last; ++y) {
             const size_t at = size_t(y) * width + size_t(left), to = size_t(y - y0) * width + size_t(left);
             alikeWeights(alike, by, at, ptrdiff_t(dy) * p.width + dx, count, 1.0f, likeness.data());

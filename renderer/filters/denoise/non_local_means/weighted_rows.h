@@ -4,8 +4,8 @@
 
 namespace gobo::denoise {
 
-void multiplyRow(const float* by, int n, float* w);                        ///< w *= by
+void multiplyRow(const float* by, int n, float* w);                       ///< w *= by
 void addWeightedRow(const float* w, const float* in, int n, float* sum);  ///< sum += w in
-void addRow(const float* in, int n, float* sum);                           ///< sum += in
+void addRow(const float* in, int n, float* sum);                          ///< sum += in
 
 }  // namespace gobo::denoise
