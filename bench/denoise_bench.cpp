@@ -2,11 +2,11 @@
 // Denoisers against plain samples, on the same samples: error against time and against samples, all filters in one run, scene by scene.
 // RMSE^2 = mean over pixels and channels of (x - a)(x - b), relMSE the same over (((a + b) / 2)^2 + 0.01), a and b two halves of a path-traced reference of
 // other seeds: free of its noise. ms: the whole picture, by the engine's clock, with the acceleration structure there and an empty store; filter ms: what
-// is not path tracing. "worth": the samples that plain path tracing takes to the same relMSE, which falls as 1 / samples from its best one here; "faster": the time that
-// this takes, over the filter's. "regret": of auto, the root of its relMSE over that of the best single filter. (RMSE is mostly of the pixels along the
-// edges of lamps, whose light the camera sees itself: no filter touches it.)
-// Arguments: --scene NAME,NAME,... (built-in, or files) --size WxH --spp N,N,... --reference N (each half) --filters NAME,NAME,... --threads N
-//            --set assignments, separated by spaces --out PATH
+// is not path tracing. "worth": the samples that plain path tracing takes to the same relMSE, which falls as 1 / samples from its best one here; "faster": the
+// time that this takes, over the filter's. "regret": of auto, the root of its relMSE over that of the best single filter. (RMSE is mostly of the pixels along
+// the edges of lamps, whose light the camera sees itself: no filter touches it.) Arguments: --scene NAME,NAME,... (built-in, or files) --size WxH --spp N,N,...
+// --reference N (each half) --filters NAME,NAME,... --threads N
+//            --set assignments, separated by spaces
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -69,8 +69,7 @@ Row rowOf(Engine& engine, v1::RenderRequest r, const std::string& filter, uint32
 
 int main(int argc, char** argv) {
   const std::vector<std::string> scenes = partsOf(argumentOr(argc, argv, "--scene", "cornell,spheres,atrium,lights8"), ',');
-  const std::vector<std::string> filters =
-      partsOf(argumentOr(argc, argv, "--filters", "joint_bilateral,wavelet,non_local_means,first_order,auto"), ',');
+  const std::vector<std::string> filters = partsOf(argumentOr(argc, argv, "--filters", "joint_bilateral,wavelet,non_local_means,first_order,auto"), ',');
   int width = 0, height = 0;
   std::sscanf(argumentOr(argc, argv, "--size", "320x240").c_str(), "%dx%d", &width, &height);
   std::vector<uint32_t> counts;

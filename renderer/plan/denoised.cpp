@@ -58,8 +58,9 @@ Result<NodeId> planSum(PlanContext& c, std::span<const Contribution> contributio
 Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> contributions, const std::string& label) {
   std::vector<Contribution> traced, others;
   for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
-  // A plan that only bounds is of one pass, and has a second picture of whatever count.
-  const uint32_t samples = c.bounding() ? std::max(samplesOf(c.passes()), 2u) : samplesOf(c.passes());
+  // A plan that bounds what any count of samples holds is of one pass, and has a second picture of whatever count.
+  const bool any = c.bounding() && c.passes() == 1 && c.request().halt().spp() != 1;
+  const uint32_t samples = any ? 2 : samplesOf(c.passes());
   const uint32_t half = passesFor(samples / 2), first = samples > 1 ? samplesOf(half) : 0;
   GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> denoisers, denoisersOf(c.request().denoise(), samples > 1));
   if (denoisers.empty() || traced.empty()) return planSum(c, contributions, label);
@@ -68,7 +69,7 @@ Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> contri
   const NodeId features = c.filter(denoise::makeFeaturesNode(width, height, c.view().viewSamples), {c.gbuffer(), c.surface()}, "features");
   std::vector<NodeId> inputs{features, all};
   // The first half goes first, and the whole goes on from it.
-  if (samples > 1) inputs.insert(inputs.begin() + 1, c.atPasses(all, c.bounding() ? c.passes() + 1 : half));
+  if (samples > 1) inputs.insert(inputs.begin() + 1, c.atPasses(all, any ? c.passes() + 1 : half));
   const NodeId picture = c.filter(denoise::makeNoisyPictureNode(width, height, samples, first), std::move(inputs), label + " in halves");
   std::vector<NodeId> smooth;
   for (const denoise::DenoiserPtr& d : denoisers)

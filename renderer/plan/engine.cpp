@@ -241,7 +241,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   r.mutable_scheduling();
   if (scene->lights.empty() && !scene->environment) r.mutable_environment();  // its `default` may light it
   if (!r.has_shadows() || r.shadows().technique_case() == v1::ShadowTechnique::TECHNIQUE_NOT_SET) r.mutable_shadows()->mutable_path_traced();
-  if (r.has_denoise() && r.denoise().filter_case() == v1::Denoise::FILTER_NOT_SET && !r.denoise().has_path_density()) r.mutable_denoise()->mutable_auto_();
+  if (r.has_denoise() && r.denoise().filter_case() == v1::Denoise::FILTER_NOT_SET) r.mutable_denoise()->mutable_auto_();
   if (!r.has_halt() || (!r.halt().has_spp() && !r.halt().has_time_s() && !r.halt().has_error())) r.mutable_halt()->set_spp(64);
   if (r.outputs_size() == 0) r.add_outputs("beauty");
   if (r.has_certificate() && r.certificate().has_pixel_fraction() && r.certificate().pixel_fraction() == 0) r.clear_certificate();

@@ -15,7 +15,7 @@ class DenoiseNode final : public Node {
  public:
   DenoiseNode(DenoiserPtr denoiser, int width, int height, uint32_t samples, uint32_t first)
       : denoiser_(std::move(denoiser)), width_(width), height_(height), samples_(samples), first_(first) {}
-  std::string type() const override { return std::string("denoise_") + denoiser_->name(); }
+  std::string type() const override { return "denoise"; }
   int version() const override { return denoiser_->version(); }
   NodeTraits traits() const override {
     NodeTraits t;
@@ -24,7 +24,7 @@ class DenoiseNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override {
-    h.add(width_).add(height_).add(samples_).add(first_);
+    h.add(std::string(denoiser_->name())).add(width_).add(height_).add(samples_).add(first_);
     denoiser_->hashParameters(h);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {

@@ -90,8 +90,8 @@ TEST(DenoiseNonLocalMeans, AHalfIsNotWeighedByItself) {
   const Denoised after = denoised(*denoise::makeNonLocalMeans(settings(5, 1)), p);
   double gained = 0;
   for (size_t i = 0; i < 31 * 31; ++i) gained += double(after.a[3 * i]) - before.a[3 * i];
-  EXPECT_NEAR(gained, 100, 25);                        // its energy is all there,
-  EXPECT_LT(after.a[3 * p.at(15, 15)], 4.0f);          // and nowhere much of it
+  EXPECT_NEAR(gained, 100, 25);                // its energy is all there,
+  EXPECT_LT(after.a[3 * p.at(15, 15)], 4.0f);  // and nowhere much of it
   EXPECT_GT(after.b[3 * p.at(15, 15)], 0.9f);
 }
 

@@ -33,7 +33,8 @@ TEST(NoisyPicture, VarianceOfTheMeanFromHalvesOfAnyCounts) {
   const int width = 80, height = 50;
   for (const auto& [first, samples] : {std::pair<uint32_t, uint32_t>{1, 2}, {8, 16}, {32, 48}, {16, 64}}) {
     const double sigma = 0.3, n = samples, m = first;
-    const auto part = picture(width, height, [&](int x, int y, int c) { return float(1 + sigma / std::sqrt(m) * gaussian(uint64_t(y * width + x), 7 + uint64_t(c))); });
+    const auto part =
+        picture(width, height, [&](int x, int y, int c) { return float(1 + sigma / std::sqrt(m) * gaussian(uint64_t(y * width + x), 7 + uint64_t(c))); });
     const auto half = part->floats("rgb");
     const auto whole = picture(width, height, [&](int x, int y, int c) {
       const double rest = 1 + sigma / std::sqrt(n - m) * gaussian(uint64_t(y * width + x), 70 + uint64_t(c));
@@ -68,7 +69,8 @@ TEST(NoisyPicture, OneSampleHasTheVarianceOfLikePixels) {
       normal[size_t(3 * (y * width + x) + 2)] = 0;
       normal[size_t(3 * (y * width + x))] = 1;
     }
-  const auto lit = picture(width, height, [&](int x, int y, int c) { return float((x < width / 2 ? 1 : 5) + 0.1 * gaussian(uint64_t(y * width + x), uint64_t(c))); });
+  const auto lit =
+      picture(width, height, [&](int x, int y, int c) { return float((x < width / 2 ? 1 : 5) + 0.1 * gaussian(uint64_t(y * width + x), uint64_t(c))); });
   const TermPtr noisy = run(denoise::makeNoisyPictureNode(width, height, 1, 0), {features, lit});
   double mean = 0;
   for (const float v : noisy->floats("variance")) {
@@ -110,9 +112,9 @@ TEST(NoisyPicture, ModulatedAgainIsThePicture) {
 TEST(Similar, KnowsPlanesNormalsAndAlbedo) {
   const auto t = flatFeatures(4, 1);
   const auto position = t->writable<float>("position"), normal = t->writable<float>("normal"), albedo = t->writable<float>("albedo");
-  position[3 * 1 + 2] = 3;                          // off the plane by three pixels
+  position[3 * 1 + 2] = 3;                         // off the plane by three pixels
   normal[3 * 2] = 0.6f, normal[3 * 2 + 2] = 0.8f;  // turned by 36.9 degrees
-  position[3 * 2] = 0;                              // at the same place
+  position[3 * 2] = 0;                             // at the same place
   albedo[3 * 3 + 1] = 0.8f;
   const denoise::Features f = denoise::featuresOf(*t);
   EXPECT_EQ(denoise::similarity(f, 0, 0, {10, 10, 10}), 1.0f);
@@ -141,7 +143,8 @@ std::shared_ptr<Term> candidate(int width, int height, const std::function<doubl
 
 /// The noisy picture as a term, with the variance of its mean.
 std::shared_ptr<Term> noisyTerm(int width, int height, double sigma) {
-  const auto c = candidate(width, height, [](int) { return 0.0; }, sigma, 100);
+  const auto c = candidate(
+      width, height, [](int) { return 0.0; }, sigma, 100);
   auto t = std::make_shared<Term>("noisy_picture", Domain::Pixel, Extent{width, height, 1});
   for (const auto& [to, from] : {std::pair{"mean", "rgb"}, {"a", "a"}, {"b", "b"}})
     std::copy_n(c->floats(from).begin(), c->floats(from).size(), t->addPlane<float>(to, 3).begin());
@@ -167,8 +170,12 @@ double choiceOf(const Term& t, int which, int x0, int x1) {
 TEST(Select, TakesWhatErrsLeast) {
   const int width = 120, height = 60;
   const auto noisy = noisyTerm(width, height, 0.2);  // of a half; 0.14 of the mean
-  const auto smooth = candidate(width, height, [](int x) { return x < 60 ? 0.0 : x < 90 ? 0.15 : 0.3; }, 0.01, 1);
-  const auto weak = candidate(width, height, [](int x) { return x < 90 ? 0.0 : 0.4; }, 0.1, 3);
+  const auto smooth = candidate(
+      width, height, [](int x) { return x < 60   ? 0.0
+                                        : x < 90 ? 0.15
+                                                 : 0.3; }, 0.01, 1);
+  const auto weak = candidate(
+      width, height, [](int x) { return x < 90 ? 0.0 : 0.4; }, 0.1, 3);
   const TermPtr out = run(denoise::makeSelectNode(width, height, 2, 0.5f), {noisy, smooth, weak});
   EXPECT_GT(choiceOf(*out, 1, 0, 50), 0.95);
   EXPECT_GT(choiceOf(*out, 2, 68, 82), 0.9);
@@ -186,8 +193,10 @@ TEST(Select, TakesWhatErrsLeast) {
 TEST(Select, JudgesTheMeanOfBothHalves) {
   const int width = 100, height = 100;
   const auto noisy = noisyTerm(width, height, 0.5);
-  const auto biased = candidate(width, height, [](int) { return 0.085; }, 0.0, 1);   // error 0.085 of a half and of the mean
-  const auto spread = candidate(width, height, [](int) { return 0.0; }, 0.1, 3);     // 0.1 of a half, 0.071 of the mean
+  const auto biased = candidate(
+      width, height, [](int) { return 0.085; }, 0.0, 1);  // error 0.085 of a half and of the mean
+  const auto spread = candidate(
+      width, height, [](int) { return 0.0; }, 0.1, 3);  // 0.1 of a half, 0.071 of the mean
   const TermPtr out = run(denoise::makeSelectNode(width, height, 2, 0.5f), {noisy, biased, spread});
   EXPECT_GT(choiceOf(*out, 2, 0, width), 0.6);
 }
@@ -195,7 +204,8 @@ TEST(Select, JudgesTheMeanOfBothHalves) {
 TEST(Select, OfPartsThatAreNoLongerThanTheirWindows) {
   for (const auto& [width, height] : {std::pair{1, 1}, {2, 3}, {7, 2}}) {
     const auto noisy = noisyTerm(width, height, 0.2);
-    const auto other = candidate(width, height, [](int) { return 1e18; }, 0.0, 1);
+    const auto other = candidate(
+        width, height, [](int) { return 1e18; }, 0.0, 1);
     const TermPtr out = run(denoise::makeSelectNode(width, height, 1, 0.5f), {noisy, other});
     for (size_t i = 0; i < out->floats("rgb").size(); ++i) EXPECT_NEAR(out->floats("rgb")[i], noisy->floats("mean")[i], 1e-5f);
   }

@@ -124,12 +124,12 @@ TEST(DenoiseWavelet, IsTheSumOfItsDefinition) {
   }
 }
 
-TEST(DenoiseWavelet, GuidesOfTheOtherHalf) {
+TEST(DenoiseWavelet, EachHalfByItsOwnGuide) {
   WaveletSettings s;
-  s.guide = WaveletGuide::Cross;
+  s.guide = WaveletGuide::Own;
   const SpatialPicture p = facets(60, 23, 402);
   const Denoised out = denoised(*s.make(), p);
-  const auto a = waveletReference(p, p.a, p.b, 0.5, s), b = waveletReference(p, p.b, p.a, 0.5, s);
+  const auto a = waveletReference(p, p.a, p.a, 0.5, s), b = waveletReference(p, p.b, p.b, 0.5, s);
   for (size_t i = 0; i < p.a.size(); ++i) {
     ASSERT_NEAR(out.a[i] / a.light[i], 1, 3e-5);
     ASSERT_NEAR(out.b[i] / b.light[i], 1, 3e-5);
@@ -139,7 +139,7 @@ TEST(DenoiseWavelet, GuidesOfTheOtherHalf) {
 TEST(DenoiseWavelet, WithoutHalvesTheMeanIsFiltered) {
   SpatialPicture p = facets(60, 23, 403);
   p.halves = false;
-  for (const WaveletGuide guide : {WaveletGuide::Mean, WaveletGuide::Cross}) {
+  for (const WaveletGuide guide : {WaveletGuide::Mean, WaveletGuide::Own}) {
     WaveletSettings s;
     s.guide = guide;
     const Denoised out = denoised(*s.make(), p);
@@ -187,9 +187,7 @@ TEST(DenoiseWavelet, NoiseFallsAsTheWeightsSay) {
       }
       const double measured = squares / values;
       std::cout << "luminance " << luminance << ", " << levels << " levels: variance " << measured << ", carried along " << predicted << std::endl;
-      if (luminance == 100) {
-        EXPECT_NEAR(measured / predicted, 1, 0.1) << levels;
-      }
+      if (luminance == 100) { EXPECT_NEAR(measured / predicted, 1, 0.1) << levels; }
     }
 }
 
@@ -260,7 +258,7 @@ TEST(DenoiseWavelet, PartsAndThreadsHaveTheSameBits) {
 }
 
 TEST(DenoiseWavelet, HoldsForAnyFiniteInput) {
-  for (const WaveletGuide guide : {WaveletGuide::Mean, WaveletGuide::Cross})
+  for (const WaveletGuide guide : {WaveletGuide::Mean, WaveletGuide::Own})
     for (const auto [w, h] : {std::array{1, 1}, std::array{3, 1}, std::array{1, 5}, std::array{257, 9}}) {
       SpatialPicture p = facets(w, h, 407);
       for (size_t i = 0; i < p.a.size(); ++i) {

@@ -60,7 +60,7 @@ void solveFit(const float* sums, size_t stride, float* fit) {
       a[i][j] = i == j ? std::sqrt(std::max(s, 0.5 * ridge)) : s / a[j][j];
     }
   for (int c = 0; c < 3; ++c) {
-    double x[kRegressors];
+    double x[kRegressors] = {};
     for (int i = 0; i < kRegressors; ++i, product += stride) {
       double s = double(*product);
       for (int k = 0; k < i; ++k) s -= a[i][k] * x[k];

@@ -62,7 +62,7 @@ class Wavelet final : public Denoiser {
     if (!surface(p, work, arena, stop)) return false;
     if (!p.halves) return filter(p, work, {{p.a, outA}}, p.mean, 1.0, arena, stop);
     if (guide_ == WaveletGuide::Mean) return filter(p, work, {{p.a, outA}, {p.b, outB}}, p.mean, 1.0, arena, stop);
-    return filter(p, work, {{p.a, outA}}, p.b, 1.0 - p.shareOfA, arena, stop) && filter(p, work, {{p.b, outB}}, p.a, p.shareOfA, arena, stop);
+    return filter(p, work, {{p.a, outA}}, p.a, double(p.shareOfA), arena, stop) && filter(p, work, {{p.b, outB}}, p.b, 1.0 - double(p.shareOfA), arena, stop);
   }
 
  private:
