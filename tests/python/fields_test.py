@@ -56,11 +56,11 @@ class Fields(unittest.TestCase):
 
     def test_short_forms(self):
         request, _ = build(lights={"a": 2, "b": (1, 2, 3), "c": False, "d": {"enabled": True}}, env=(1, 2, 3), camera="front", certificate=True,
-                           shadows="axis_aligned", exposure=1, priority="batch", format="raw_half", max_seconds=2, outputs="beauty,depth")
+                           shadows="axis_aligned", denoise="auto", exposure=1, priority="batch", format="raw_half", max_seconds=2, outputs="beauty,depth")
         gains = {k: (v.gain.x, v.gain.y, v.gain.z) for k, v in request.lights.items()}
         self.assertEqual((gains["a"], gains["b"], request.lights["c"].enabled, request.lights["c"].HasField("gain")), ((2, 2, 2), (1, 2, 3), False, False))
         self.assertEqual((request.environment.constant.z, request.camera.name, request.HasField("certificate")), (3, "front", True))
-        self.assertEqual(request.shadows.WhichOneof("technique"), "axis_aligned")
+        self.assertEqual((request.shadows.WhichOneof("technique"), request.denoise.WhichOneof("filter")), ("axis_aligned", "auto"))
         self.assertEqual((request.tone_map.exposure, request.scheduling.priority, request.encoding.format, request.halt.time_s), (1, 3, 5, 2))
         self.assertEqual(list(request.outputs), ["beauty", "depth"])
         self.assertFalse(build(certificate=False)[0].HasField("certificate"))

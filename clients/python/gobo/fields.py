@@ -47,6 +47,7 @@ class RequestFields(TypedDict, total=False):
     integrator: Mapping[str, Any]
     environment: Mapping[str, Any]
     shadows: Union[str, Mapping[str, Any]]  # "axis_aligned", or {"axis_aligned": {"k": 2}}
+    denoise: Union[str, Mapping[str, Any]]  # "auto", or {"wavelet": {"levels": 4}}
     tone_map: Mapping[str, Any]
     encoding: Mapping[str, Any]
     scheduling: Mapping[str, Any]
@@ -332,5 +333,5 @@ def fill(request: render_pb2.RenderRequest, fields: Mapping[str, Any]) -> Builde
 
 
 def whole_of(fields: Mapping[str, Any]) -> List[str]:
-    """Fields that keywords replace as a whole where they change a request that is there: environment, camera and shadows."""
-    return [p for p in ("environment", "camera", "shadows") if p in fields or (p == "environment" and "env" in fields)]
+    """Fields that keywords replace as a whole where they change a request that is there: environment, camera, shadows and denoise."""
+    return [p for p in ("environment", "camera", "shadows", "denoise") if p in fields or (p == "environment" and "env" in fields)]
