@@ -40,10 +40,10 @@ Result<std::vector<denoise::DenoiserPtr>> denoisersOf(const v1::Denoise& setting
 
 }  // namespace
 
-Result<NodeId> planSum(PlanContext& c, std::span<const Contribution> contributions, const std::string& label) {
-  Expression e;
-  std::vector<NodeId> inputs;
-  int sum = -1;
+namespace {
+
+/// Adds the contributions to `sum` (-1: nothing yet).
+void addTo(Expression& e, std::vector<NodeId>& inputs, int& sum, std::span<const Contribution> contributions) {
   for (const Contribution& k : contributions) {
     auto at = std::find(inputs.begin(), inputs.end(), k.node);
     if (at == inputs.end()) at = inputs.insert(inputs.end(), k.node);
@@ -51,6 +51,15 @@ Result<NodeId> planSum(PlanContext& c, std::span<const Contribution> contributio
     if (sum < 0) sum = e.constant(Vec3(0.0f));
     sum = e.multiplyAdd(sum, k.weight, plane);
   }
+}
+
+}  // namespace
+
+NodeId planSum(PlanContext& c, std::span<const Contribution> contributions, const std::string& label) {
+  Expression e;
+  std::vector<NodeId> inputs;
+  int sum = -1;
+  addTo(e, inputs, sum, contributions);
   if (sum < 0) e.constant(Vec3(0.0f));
   return c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), label);
 }
@@ -65,27 +74,33 @@ Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> contri
   GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> denoisers, denoisersOf(c.request().denoise(), samples > 1));
   if (denoisers.empty() || traced.empty()) return planSum(c, contributions, label);
   const int width = c.view().width, height = c.view().height;
-  GOBO_ASSIGN(const NodeId all, planSum(c, traced, label + " traced"));
+  const NodeId all = planSum(c, traced, label + " traced");
   const NodeId features = c.filter(denoise::makeFeaturesNode(width, height, c.view().viewSamples), {c.gbuffer(), c.surface()}, "features");
   std::vector<NodeId> inputs{features, all};
   // The first half goes first, and the whole goes on from it.
   if (samples > 1) inputs.insert(inputs.begin() + 1, c.atPasses(all, any ? c.passes() + 1 : half));
-  const NodeId picture = c.filter(denoise::makeNoisyPictureNode(width, height, samples, first), std::move(inputs), label + " in halves");
+  const NodeId halves = c.filter(denoise::makeNoisyPictureNode(width, height, samples, first), std::move(inputs), label + " in halves");
   std::vector<NodeId> smooth;
   for (const denoise::DenoiserPtr& d : denoisers)
-    smooth.push_back(c.filter(denoise::makeDenoiseNode(d, width, height, samples, first), {features, picture}, label + " by " + d->name()));
+    smooth.push_back(c.filter(denoise::makeDenoiseNode(d, width, height, samples, first), {features, halves}, label + " by " + d->name()));
   if (smooth.size() > 1) {
-    inputs.assign(1, picture);
+    inputs.assign(1, halves);
     inputs.insert(inputs.end(), smooth.begin(), smooth.end());
     const float share = float(double(first) / double(samples));
     smooth.assign(1, c.filter(denoise::makeSelectNode(width, height, int(denoisers.size()), share), std::move(inputs), label + " selected"));
   }
-  GraphNode modulated{denoise::makeModulateNode(width, height), {features, smooth[0]}, {}, others.empty() ? label : label + " denoised"};
-  modulated.approximate = "without noise, and without what of the light looks like it";
-  const NodeId light = c.graph().add(std::move(modulated));
-  if (others.empty()) return light;
-  others.insert(others.begin(), {light, "rgb"});  // first: what is of the same samples as `others` is made half by half
-  return planSum(c, others, label);
+  // Modulated again, and the rest. The filtered light is the first input, so that its first half is made first, of samples that are the others' too; what was
+  // traced is the last, for the samples that it lost, of which filters know nothing.
+  Expression e;
+  inputs = {smooth[0], features};
+  int sum = e.plane(0, "rgb");
+  sum = e.multiply(sum, e.plane(1, "modulation"));
+  addTo(e, inputs, sum, others);
+  for (const Contribution& k : traced)
+    if (std::find(inputs.begin(), inputs.end(), k.node) == inputs.end()) inputs.push_back(k.node);
+  GraphNode picture{makeCompositeNode(std::move(e), width, height), std::move(inputs), {}, label};
+  picture.approximate = "without noise, and without what of the light looks like it";
+  return c.graph().add(std::move(picture));
 }
 
 }  // namespace gobo

@@ -10,7 +10,7 @@
 namespace gobo {
 
 /// Weighted sum of the contributions: a node with the plane "rgb".
-Result<NodeId> planSum(PlanContext& c, std::span<const Contribution> contributions, const std::string& label);
+NodeId planSum(PlanContext& c, std::span<const Contribution> contributions, const std::string& label);
 
 /// The same, where what was path traced, but for light that the camera sees itself, goes through the filter that the request names. The halves that it
 /// looks at are the first half of the samples and the rest: no sample is traced for it, and none is other than without it.

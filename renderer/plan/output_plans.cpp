@@ -50,7 +50,10 @@ Result<OutputPlane> planComposite(OutputContext& o, const std::string& output, c
   }
   if (shown.empty() && shows == PathSet::All && !c.scene()->lights.empty())
     c.warn(output + " is black: no light is left in it; every gain is zero (lights.NAME.enabled, gain, intensity, environment.gain)");
-  GOBO_ASSIGN(const NodeId picture, c.request().has_denoise() ? planDenoised(c, shown, output) : planSum(c, shown, output));
+  NodeId picture = -1;
+  if (c.request().has_denoise()) {
+    GOBO_ASSIGN(picture, planDenoised(c, shown, output));
+  } else picture = planSum(c, shown, output);
   if (output != "beauty" || c.clear() < 0) return OutputPlane{picture, "rgb"};
   return OutputPlane{c.filter(makeWithAlphaNode(c.view().width, c.view().height), {picture, c.clear()}, output + " with alpha"), "rgba"};
 }

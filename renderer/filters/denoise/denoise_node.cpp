@@ -5,7 +5,6 @@
 
 #include "filters/denoise/noisy_picture.h"
 #include "filters/denoise/similar.h"
-#include "terms/dropped_samples.h"
 
 namespace gobo::denoise {
 
@@ -34,7 +33,6 @@ class DenoiseNode final : public Node {
     w.over(1, all);
     for (const char* name : {"mean", "a", "b", "variance"}) w.reads<float>(1, name, {3});
     TermShape out{"denoised", Domain::Pixel, all, {unsetPlane<float>("rgb", 3), unsetPlane<float>("a", 3), unsetPlane<float>("b", 3)}};
-    passOnDropped(w.input(1), out);
     return w.gives(std::move(out));
   }
   size_t workingBytes() const override { return denoiser_->workingBytes(width_, height_); }
@@ -55,7 +53,6 @@ class DenoiseNode final : public Node {
         },
         ctx.stop);
     if (!complete) return Status(Code::Cancelled, "stopped");
-    passOnDropped(*ctx.inputs[1], *out);
     return TermPtr(out);
   }
 

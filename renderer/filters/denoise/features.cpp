@@ -27,7 +27,7 @@ class FeaturesNode final : public Node {
                     Domain::Pixel,
                     {width_, height_, 1},
                     {unsetPlane<float>("albedo", 3), unsetPlane<float>("normal", 3), unsetPlane<float>("position", 3), unsetPlane<float>("depth"),
-                     unsetPlane<float>("footprint"), unsetPlane<float>("coverage")}});
+                     unsetPlane<float>("footprint"), unsetPlane<float>("coverage"), unsetPlane<float>("modulation", 3)}});
   }
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term &seen = *ctx.inputs[0], &surface = *ctx.inputs[1];
@@ -36,6 +36,7 @@ class FeaturesNode final : public Node {
     const auto& out = ctx.result;
     const auto albedo = out->writable<float>("albedo"), normal = out->writable<float>("normal"), position = out->writable<float>("position");
     const auto depth = out->writable<float>("depth"), footprint = out->writable<float>("footprint"), coverage = out->writable<float>("coverage");
+    const auto modulation = out->writable<float>("modulation");
     const size_t pixels = size_t(width_) * size_t(height_);
     const bool complete = ctx.arena->parallelFor(
         pixels, 1 << 12,
@@ -65,6 +66,7 @@ class FeaturesNode final : public Node {
             depth[p] = float(d * hit);
             footprint[p] = float(f * hit);
             coverage[p] = float(hits * each);
+            for (size_t c = 0; c < 3; ++c) modulation[3 * p + c] = hits ? albedo[3 * p + c] + 0.04f * coverage[p] : 1.0f;
           }
         },
         ctx.stop);

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "filters/denoise/similar_rows.h"
-#include "terms/dropped_samples.h"
 
 namespace gobo::denoise {
 
@@ -30,10 +29,9 @@ class NoisyPictureNode final : public Node {
     w.require(samples_ == 1 || (first_ > 0 && first_ < samples_), "two halves");
     readFeatures(w, 0, all);
     for (size_t i = 1; i < w.size(); ++i) w.over(i, all).reads<float>(i, "rgb", {3});
-    TermShape out{
-        type(), Domain::Pixel, all, {unsetPlane<float>("mean", 3), unsetPlane<float>("a", 3), unsetPlane<float>("b", 3), unsetPlane<float>("variance", 3)}};
-    passOnDropped(w.input(w.size() - 1), out);
-    return w.gives(std::move(out));
+    w.reads<float>(0, "modulation", {3});
+    return w.gives(
+        {type(), Domain::Pixel, all, {unsetPlane<float>("mean", 3), unsetPlane<float>("a", 3), unsetPlane<float>("b", 3), unsetPlane<float>("variance", 3)}});
   }
   size_t workingBytes() const override { return AlikeFeatures::bytes(width_, height_) + 12 * sizeof(float) * size_t(width_) * size_t(height_); }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, 150.0 * double(result.extent.elements())}; }
@@ -41,6 +39,7 @@ class NoisyPictureNode final : public Node {
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto& out = ctx.result;
     const Features f = featuresOf(*ctx.inputs[0]);
+    const auto modulation = ctx.inputs[0]->floats("modulation");
     const auto whole = ctx.inputs.back()->floats("rgb"), part = ctx.inputs[1]->floats("rgb");
     const auto mean = out->writable<float>("mean"), a = out->writable<float>("a"), b = out->writable<float>("b");
     const auto variance = out->writable<float>("variance");
@@ -51,7 +50,7 @@ class NoisyPictureNode final : public Node {
           for (size_t p = begin; p < end; ++p)
             for (size_t c = 0; c < 3; ++c) {
               const size_t i = 3 * p + c;
-              const double scale = 1.0 / double(modulationOf(f.albedo[i], f.coverage[p])), all = whole[i], some = part[i];
+              const double scale = 1.0 / double(modulation[i]), all = whole[i], some = part[i];
               const auto bounded = [](double v) { return float(std::clamp(v, -double(kMost), double(kMost))); };
               mean[i] = bounded(all * scale);
               a[i] = bounded(some * scale);
@@ -61,7 +60,6 @@ class NoisyPictureNode final : public Node {
         ctx.stop);
     complete = complete && smoothVariance(f, mean, a, b, variance, ctx);
     if (!complete) return Status(Code::Cancelled, "stopped");
-    passOnDropped(*ctx.inputs.back(), *out);
     return TermPtr(out);
   }
 
@@ -113,50 +111,11 @@ class NoisyPictureNode final : public Node {
   uint32_t samples_, first_;
 };
 
-class ModulateNode final : public Node {
- public:
-  ModulateNode(int width, int height) : width_(width), height_(height) {}
-  std::string type() const override { return "modulate"; }
-  NodeTraits traits() const override {
-    NodeTraits t;
-    t.tileable = true;
-    return t;
-  }
-  void hashParameters(Hasher& h) const override { h.add(width_).add(height_); }
-  Result<TermShape> infer(std::span<const TermShape> in) const override {
-    const Extent all{width_, height_, 1};
-    Wiring w(type(), in, 2);
-    w.over(0, all).reads<float>(0, "albedo", {3}).reads<float>(0, "coverage").over(1, all).reads<float>(1, "rgb", {3});
-    TermShape out{"picture", Domain::Pixel, all, {unsetPlane<float>("rgb", 3)}};
-    passOnDropped(w.input(1), out);
-    return w.gives(std::move(out));
-  }
-  Result<TermPtr> run(const RunContext& ctx) const override {
-    const auto albedo = ctx.inputs[0]->floats("albedo"), coverage = ctx.inputs[0]->floats("coverage"), in = ctx.inputs[1]->floats("rgb");
-    const auto& out = ctx.result;
-    const auto rgb = out->writable<float>("rgb");
-    const bool complete = ctx.arena->parallelFor(
-        rgb.size() / 3, 1 << 14,
-        [&](size_t begin, size_t end) {
-          for (size_t p = begin; p < end; ++p)
-            for (size_t c = 0; c < 3; ++c) rgb[3 * p + c] = in[3 * p + c] * modulationOf(albedo[3 * p + c], coverage[p]);
-        },
-        ctx.stop);
-    if (!complete) return Status(Code::Cancelled, "stopped");
-    passOnDropped(*ctx.inputs[1], *out);
-    return TermPtr(out);
-  }
-
- private:
-  int width_, height_;
-};
-
 }  // namespace
 
 NodePtr makeNoisyPictureNode(int width, int height, uint32_t samples, uint32_t first) {
   return std::make_shared<NoisyPictureNode>(width, height, samples, first);
 }
-NodePtr makeModulateNode(int width, int height) { return std::make_shared<ModulateNode>(width, height); }
 
 NoisyPicture noisyPicture(const Term& features, const Term& noisy, uint32_t samples, uint32_t first) {
   NoisyPicture p;

@@ -7,21 +7,15 @@
 
 namespace gobo::denoise {
 
-/// Reflectance that a pixel's light is divided by: mean albedo and what a dielectric reflects (0.04), of the view samples that hit; 1 where none does.
-inline float modulationOf(float albedo, float coverage) { return coverage > 0 ? albedo + 0.04f * coverage : 1.0f; }
-
 /// Half width of the window over which variance is smoothed.
 inline constexpr int kVarianceRadius = 3;
 
 /// Inputs: features; if `samples` > 1 a picture (plane "rgb", 3) of the first `first` samples of each pixel, 0 < first < samples; the one of `samples`.
-/// Output: "noisy_picture", planes mean, a, b, variance f32x3 (denoiser.h).
+/// Output: "noisy_picture", planes mean, a, b, variance f32x3 (denoiser.h); demodulated light beyond 1e18 counts as that.
 /// Variance of the mean from the halves: (a - b)^2 m (n - m) / n^2, m of n samples being in a; exact in the mean if they are independent. Halves of one
 /// Owen-scrambled sequence fill each other's gaps, so that it is mostly too large. One number a pixel says little (its own relative error is 1.4): it is
 /// averaged over pixels within kVarianceRadius with like normals, on one plane. A picture of one sample a pixel has the variance of these pixels.
 NodePtr makeNoisyPictureNode(int width, int height, uint32_t samples, uint32_t first);
-
-/// Inputs: features; what a denoiser made (plane "rgb"). Output: "picture", plane "rgb": modulated again.
-NodePtr makeModulateNode(int width, int height);
 
 /// The planes of both terms; they have to live as long.
 NoisyPicture noisyPicture(const Term& features, const Term& noisy, uint32_t samples, uint32_t first);

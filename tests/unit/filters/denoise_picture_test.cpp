@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "filters/denoise/features.h"
 #include "filters/denoise/noisy_picture.h"
@@ -95,18 +96,28 @@ TEST(NoisyPicture, HugeAndEmptyStayFinite) {
   }
 }
 
-// What was divided by comes back.
-TEST(NoisyPicture, ModulatedAgainIsThePicture) {
-  const auto features = flatFeatures(9, 7);
-  const auto albedo = features->writable<float>("albedo");
-  for (size_t i = 0; i < albedo.size(); ++i) albedo[i] = float(i % 5) * 0.2f;
-  features->writable<float>("coverage")[4] = 0;
-  const auto lit = picture(9, 7, [](int x, int y, int c) { return float(x + 2 * y) * 0.25f + float(c); });
-  const TermPtr noisy = run(denoise::makeNoisyPictureNode(9, 7, 1, 0), {features, lit});
-  auto light = std::make_shared<Term>("denoised", Domain::Pixel, Extent{9, 7, 1});
-  std::copy_n(noisy->floats("mean").begin(), 9 * 7 * 3, light->addPlane<float>("rgb", 3).begin());
-  const TermPtr back = run(denoise::makeModulateNode(9, 7), {features, light});
-  for (size_t i = 0; i < lit->floats("rgb").size(); ++i) EXPECT_NEAR(back->floats("rgb")[i], lit->floats("rgb")[i], 1e-5f * lit->floats("rgb")[i]);
+// Means over view samples that hit; light is divided by albedo and 0.04 of what they cover.
+TEST(DenoiseFeatures, AreMeansOfWhatIsHit) {
+  auto seen = std::make_shared<Term>("gbuffer", Domain::ViewSample, Extent{2, 1, 2}),
+       surface = std::make_shared<Term>("surface", Domain::ViewSample, Extent{2, 1, 2});
+  const auto place = seen->addPlane<float>("P", 3), depth = seen->addPlane<float>("depth"), footprint = seen->addPlane<float>("footprint");
+  const auto albedo = surface->addPlane<float>("albedo", 3), normal = surface->addPlane<float>("N", 3);
+  const float inf = std::numeric_limits<float>::infinity();
+  // Pixel 0: one of two samples hits; pixel 1: none. Elements are layer by layer.
+  depth[0] = 4, depth[1] = inf, depth[2] = inf, depth[3] = inf;
+  place[2] = -4, footprint[0] = 0.5f, normal[2] = 1;
+  for (size_t c = 0; c < 3; ++c) albedo[c] = 0.6f;
+  const TermPtr f = run(denoise::makeFeaturesNode(2, 1, 2), {seen, surface});
+  EXPECT_FLOAT_EQ(f->floats("albedo")[0], 0.3f);
+  EXPECT_FLOAT_EQ(f->floats("normal")[2], 0.5f);
+  EXPECT_FLOAT_EQ(f->floats("position")[2], -4.0f);
+  EXPECT_FLOAT_EQ(f->floats("depth")[0], 4.0f);
+  EXPECT_FLOAT_EQ(f->floats("footprint")[0], 0.5f);
+  EXPECT_FLOAT_EQ(f->floats("coverage")[0], 0.5f);
+  EXPECT_FLOAT_EQ(f->floats("modulation")[0], 0.32f);
+  for (const char* plane : {"albedo", "normal", "position"}) EXPECT_EQ(f->floats(plane)[3], 0.0f) << plane;
+  for (const char* plane : {"depth", "footprint", "coverage"}) EXPECT_EQ(f->floats(plane)[1], 0.0f) << plane;
+  EXPECT_EQ(f->floats("modulation")[3], 1.0f);
 }
 
 TEST(Similar, KnowsPlanesNormalsAndAlbedo) {

@@ -14,9 +14,13 @@ namespace gobo::tests {
 inline std::shared_ptr<Term> flatFeatures(int width, int height, float albedo = 0.5f) {
   auto t = std::make_shared<Term>("denoise_features", Domain::Pixel, Extent{width, height, 1});
   const auto a = t->addPlane<float>("albedo", 3), n = t->addPlane<float>("normal", 3), x = t->addPlane<float>("position", 3);
+  const auto m = t->addPlane<float>("modulation", 3);
   const auto d = t->addPlane<float>("depth"), f = t->addPlane<float>("footprint"), c = t->addPlane<float>("coverage");
   for (int p = 0; p < width * height; ++p) {
-    for (int k = 0; k < 3; ++k) a[size_t(3 * p + k)] = albedo;
+    for (int k = 0; k < 3; ++k) {
+      a[size_t(3 * p + k)] = albedo;
+      m[size_t(3 * p + k)] = albedo + 0.04f;
+    }
     n[size_t(3 * p + 2)] = 1;
     x[size_t(3 * p)] = float(p % width);
     x[size_t(3 * p + 1)] = float(p / width);

@@ -50,7 +50,7 @@ class NonLocalMeans final : public Denoiser {
   bool rows(const NoisyPicture& p, const AlikePlanes& alike, const GuidePlanes* guides, int halves, int y0, int y1, std::span<float> outA,
             std::span<float> outB, const StopToken& stop) const {
     const size_t width = size_t(p.width), pixels = width * size_t(y1 - y0);
-    std::vector<float> sums(size_t(halves) * 4 * pixels, 0.0f), weights(pixels), likeness(width), scratch;
+    std::vector<float> sums(size_t(halves) * 4 * pixels, 0.0f), weights(size_t(halves) * pixels), likeness(width), scratch;
     const auto sum = [&](int h, int c) { return sums.data() + size_t(4 * h + c) * pixels; };
     // Twice as wide as the joint bilateral filter's for features = 1: colours decide most.
     const float f = features_ > 0 ? 1.0f / (features_ * features_) : 0.0f;
@@ -64,11 +64,13 @@ class NonLocalMeans final : public Denoiser {
         if (count <= 0) continue;
         for (int h = 0; h < halves; ++h) {
           const GuidePlanes& guide = guides[halves - 1 - h];  // the other half
-          patchWeights(guide, patch_, dx, dy, {0, first, p.width, last}, weights.data(), scratch);
-          for (int y = first; y < last; ++y) {
-            const size_t at = size_t(y) * width + size_t(left), to = size_t(y - y0) * width + size_t(left);
-            alikeWeights(alike, by, at, ptrdiff_t(dy) * p.width + dx, count, 1.0f, likeness.data());
-            float* w = weights.data() + size_t(y - first) * width + size_t(left);
+          patchWeights(guide, patch_, dx, dy, {0, first, p.width, last}, weights.data() + size_t(h) * pixels, scratch);
+        }
+        for (int y = first; y < last; ++y) {
+          const size_t at = size_t(y) * width + size_t(left), to = size_t(y - y0) * width + size_t(left);
+          alikeWeights(alike, by, at, ptrdiff_t(dy) * p.width + dx, count, 1.0f, likeness.data());
+          for (int h = 0; h < halves; ++h) {
+            float* w = weights.data() + size_t(h) * pixels + size_t(y - first) * width + size_t(left);
             multiplyRow(likeness.data(), count, w);
             const size_t q = size_t(y + dy) * size_t(guides[h].stride()) + size_t(guides[h].margin + left + dx);
             for (int c = 0; c < 3; ++c) addWeightedRow(w, guides[h].value[c] + q, count, sum(h, c) + to);

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <vector>
 
-#include "terms/dropped_samples.h"
-
 namespace gobo::denoise {
 
 namespace {
@@ -47,7 +45,6 @@ class SelectNode final : public Node {
     TermShape out{"denoised", Domain::Pixel, all, {unsetPlane<float>("rgb", 3), unsetPlane<float>("choice", candidates_ + 1)}};
     for (size_t k = 1; k < w.size(); ++k)
       for (const char* name : {"rgb", "a", "b"}) w.over(k, all).reads<float>(k, name, {3});
-    passOnDropped(w.input(0), out);
     return w.gives(std::move(out));
   }
   size_t workingBytes() const override { return size_t(width_) * size_t(height_) * sizeof(float) * size_t(candidates_ + 1) * 2; }
@@ -116,7 +113,6 @@ class SelectNode final : public Node {
                  }
                });
     if (!complete) return Status(Code::Cancelled, "stopped");
-    passOnDropped(noisy, *out);
     return TermPtr(out);
   }
 
