@@ -31,6 +31,7 @@ Result<std::unique_ptr<Runner>> makeRunner(const Options& o, bool soft);
 std::string baseName(const Options& o);  ///< "fence-sun-front"
 
 int pareto(Options o);
+int filtered(Options o);
 int ladder(Options o);
 int claims(Options o);
 int regret(Options o);

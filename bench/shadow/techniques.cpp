@@ -47,6 +47,20 @@ T rayTraced(int samples) {
   t.mutable_ray_traced()->set_samples(uint32_t(samples));
   return t;
 }
+T axisAligned(int samples) {
+  T t;
+  t.mutable_axis_aligned()->set_mean_samples(samples);
+  return t;
+}
+T publishedAxisAligned(int meanSamples) {
+  T t = axisAligned(meanSamples);
+  auto& m = *t.mutable_axis_aligned();
+  m.set_pilot(9);
+  m.set_rate(v1::AxisAlignedShadow::EQUATION);
+  m.set_width(v1::AxisAlignedShadow::BAND_LIMIT);
+  m.set_kernel(v1::AxisAlignedShadow::GAUSSIAN);
+  return t;
+}
 T convolutionSoft(int order, int resolution, Map::Lookup lookup) {
   T t = shadowMap(resolution, 0);
   t.mutable_convolution_soft()->set_order(uint32_t(order));
@@ -161,17 +175,14 @@ std::vector<Setting> softSettings(bool quick) {
       s.bilateral = radius;
       list.push_back(s);
     }
-  for (int n : {9, 16, 25, 64}) {
-    Setting s{"axis_aligned", "uniform n=" + std::to_string(n), {}};
-    s.technique.mutable_axis_aligned()->set_adaptive(false);
-    s.technique.mutable_axis_aligned()->set_mean_samples(n);
+  for (int n : {4, 8, 16, 32, 64}) {
+    Setting s{"axis_aligned", "n=" + std::to_string(n), {}};
+    s.technique = axisAligned(n);
     list.push_back(s);
   }
-  {
-    Setting s{"axis_aligned", "adaptive", {}};
-    s.technique.mutable_axis_aligned();
-    list.push_back(s);
-  }
+  Setting s{"axis_aligned", "published", {}};
+  s.technique = publishedAxisAligned(0);
+  list.push_back(s);
   return list;
 }
 

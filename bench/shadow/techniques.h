@@ -26,6 +26,8 @@ v1::ShadowTechnique variance(int resolution, int blur, double bleedingReduction 
 v1::ShadowTechnique percentageCloser(int resolution, int blur, bool skip = true);  ///< GAUSSIAN
 v1::ShadowTechnique percentageCloserTaps(int resolution, int taps);                ///< REGULAR
 v1::ShadowTechnique rayTraced(int samples);
+v1::ShadowTechnique axisAligned(int samples);               ///< rays of a view sample in a penumbra
+v1::ShadowTechnique publishedAxisAligned(int meanSamples);  ///< as its source has it; 0: mu = 1
 v1::ShadowTechnique convolutionSoft(int order, int resolution, v1::ShadowMapSettings::Lookup lookup);
 v1::ShadowTechnique percentageCloserSoft(int resolution, int search, int filter);  ///< search 0: dense
 

@@ -30,4 +30,14 @@ inline bool boolParameter(const google::protobuf::Message& m, const char* name) 
   return m.GetReflection()->HasField(m, f) ? m.GetReflection()->GetBool(m, f) : f->options().GetExtension(v1::bool_default);
 }
 
+/// The number of an enumerator; where it is unspecified, of the one that text_default names.
+inline int choiceParameter(const google::protobuf::Message& m, const char* name) {
+  const auto* f = m.GetDescriptor()->FindFieldByName(name);
+  GOBO_CHECK(f != nullptr && f->enum_type() != nullptr);
+  if (const int set = m.GetReflection()->GetEnumValue(m, f); set != 0) return set;
+  const auto* value = f->enum_type()->FindValueByName(f->options().GetExtension(v1::text_default));
+  GOBO_CHECK(value != nullptr);
+  return value->number();
+}
+
 }  // namespace gobo

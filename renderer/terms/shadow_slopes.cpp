@@ -4,13 +4,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/sobol.h"
 #include "formulas/axis_aligned.glsl.h"
 #include "terms/light_points.h"
+#include "terms/screen_sequence.h"
 #include "terms/shadow_light.h"
 #include "terms/surface_reader.h"
 #include "terms/surface_samples.h"
-#include "terms/visibility.h"
 #include "trace/straight.h"
 
 namespace gobo {
@@ -25,6 +24,7 @@ class ShadowSlopesNode final : public Node {
  public:
   explicit ShadowSlopesNode(const ShadowSlopesSettings& s) : s_(s) {}
   std::string type() const override { return "shadow_slopes"; }
+  int version() const override { return 2; }  // 2: points of a screen sequence, rays in packets
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = facets(s_.clear);
@@ -32,7 +32,7 @@ class ShadowSlopesNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override {
-    h.add(s_.pilot).add(s_.seed);
+    h.add(s_.pilot).add(s_.most).add(s_.bothEnds).add(s_.seed);
     if (s_.clear) h.add("clear");
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
@@ -45,7 +45,7 @@ class ShadowSlopesNode final : public Node {
   }
   Cost cost(const TermShape&, uint32_t) const override {
     // Blocked ones look back.
-    const double rays = 1.3 * kReceiving * double(s_.extent.elements()) * s_.pilot;
+    const double rays = (s_.bothEnds ? 1.3 : 1.0) * kReceiving * double(s_.extent.elements()) * s_.pilot;
     return {rays, 60.0 * rays};
   }
 
@@ -55,58 +55,34 @@ class ShadowSlopesNode final : public Node {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const LightPoints light(*ctx.scene, index);
     const SurfaceSamples surface(*ctx.inputs.at(0));
-    const FilmElements film(s_.extent, s_.place);
+    const ScreenSequence points(s_.seed, s_.extent, s_.place, s_.most);
     const auto& term = ctx.result;
-    const auto sMax = term->writable<float>("sMax"), sMin = term->writable<float>("sMin");
-    const size_t C = s_.clear ? 3 : 1;
-    const auto sumV = term->writable<float>("sumV"), sumW = term->writable<float>("sumW");
+    Planes out{term->writable<float>("sMax"), term->writable<float>("sMin"), term->writable<float>("sumV"), term->writable<float>("sumW"),
+               term->writable<uint8_t>("occluded")};
     SurfaceTable surfaces;
     if (s_.clear) surfaces.build(*ctx.scene, *accel);
-    const auto occluded = term->writable<uint8_t>("occluded");
     const bool complete = ctx.arena->parallelFor(
-        surface.size(), 128,
+        surface.size(), 256,
         [&](size_t from, size_t to) {
-          uint64_t rays = 0;
+          std::vector<DVec3> seen(to - from, DVec3(0.0));
+          Pilot pilot(*accel, surfaces, s_, out, from, seen);
           for (size_t e = from; e < to; ++e) {
             if (!surface.hit(e)) continue;
             const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
-            const uint64_t seed = viewSampleSeed(s_.seed, film(e));
-            DVec3 v(0.0);
             double w = 0;
-            float largest = 0, smallest = AA_SLOPE_MAX;
             for (uint32_t i = 0; i < s_.pilot; ++i) {
               LightPoint point;
-              if (!light.sample(p, N, Ng, SobolSampler(seed, i).next2D(), point)) continue;
+              if (!light.sample(p, N, Ng, points(e, i).next2D(), point)) continue;
               w += point.weight;
-              if (point.belowSurface) continue;
-              const Ray ray = shadowRay(*accel, p, Ng, point);
-              Hit first, last;
-              ++rays;
-              if (!accel->intersect(ray, first)) {
-                v += DVec3(point.weight);
-                continue;
-              }
-              if (s_.clear) v += DVec3(transmittance(*accel, surfaces, ray, nullptr, rays)) * double(point.weight);
-              // Back from the light: the occluder nearest to it. Where rounding lets that ray through, the first one serves.
-              Ray back;
-              back.origin = ray.origin + ray.direction * ray.tmax;
-              back.direction = -ray.direction;
-              back.tmax = ray.tmax;
-              ++rays;
-              const float tLast = accel->intersect(back, last) ? std::max(ray.tmax - last.t, first.t) : first.t;
-              const float moved = point.distance - ray.tmax / kShadowRayEnd;  // the ray starts this much off the receiver
-              smallest = std::min(smallest, formulas::aaSlope(first.t + moved, point.distance));
-              largest = std::max(largest, formulas::aaSlope(tLast + moved, point.distance));
-              occluded[e] = 1;
+              if (!point.belowSurface) pilot.add(e, shadowRay(*accel, p, Ng, point), point);
             }
-            for (size_t c = 0; c < C; ++c) sumV[C * e + c] = float(v[int(c)]);
-            sumW[e] = float(w);
-            if (occluded[e]) {
-              sMax[e] = largest;
-              sMin[e] = smallest;
-            }
+            out.sumW[e] = float(w);
           }
-          if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
+          pilot.flush();
+          const size_t C = s_.clear ? 3 : 1;
+          for (size_t e = from; e < to; ++e)
+            for (size_t c = 0; c < C; ++c) out.sumV[C * e + c] = float(seen[e - from][int(c)]);
+          if (ctx.counters) ctx.counters->rays.fetch_add(pilot.rays, std::memory_order_relaxed);
         },
         ctx.stop);
     if (!complete) return Status(Code::Cancelled, "shadow_slopes: stopped");
@@ -114,6 +90,72 @@ class ShadowSlopesNode final : public Node {
   }
 
  private:
+  struct Planes {
+    std::span<float> sMax, sMin, sumV, sumW;
+    std::span<uint8_t> occluded;
+  };
+  /// Rays of neighbours go together, 16 at a time; what they find is taken in the order they came in.
+  struct Pilot {
+    Pilot(const Accel& a, const SurfaceTable& t, const ShadowSlopesSettings& s, Planes& o, size_t f, std::vector<DVec3>& v)
+        : accel(a), surfaces(t), settings(s), out(o), from(f), seen(v) {}
+
+    void add(size_t e, const Ray& r, const LightPoint& point) {
+      ray[count] = r;
+      element[count] = e;
+      weight[count] = point.weight;
+      distance[count++] = point.distance;
+      if (count == 16) flush();
+    }
+    void flush() {
+      if (count == 0) return;
+      Hit first[16], last[16];
+      accel.intersect16(ray, count, first);
+      rays += uint64_t(count);
+      float tLast[16];
+      for (int i = 0; i < count; ++i) tLast[i] = first[i].t;
+      if (settings.bothEnds) {  // back from the light: the occluder nearest to it. Where rounding lets that ray through, the first one serves.
+        Ray back[16];
+        int of[16], blocked = 0;
+        for (int i = 0; i < count; ++i) {
+          if (!first[i].valid()) continue;
+          back[blocked].origin = ray[i].origin + ray[i].direction * ray[i].tmax;
+          back[blocked].direction = -ray[i].direction;
+          back[blocked].tmax = ray[i].tmax;
+          of[blocked++] = i;
+        }
+        if (blocked) accel.intersect16(back, blocked, last);
+        rays += uint64_t(blocked);
+        for (int k = 0; k < blocked; ++k)
+          if (last[k].valid()) tLast[of[k]] = std::max(back[k].tmax - last[k].t, first[of[k]].t);
+      }
+      for (int i = 0; i < count; ++i) {
+        const size_t e = element[i];
+        if (!first[i].valid()) {
+          seen[e - from] += DVec3(weight[i]);
+          continue;
+        }
+        if (settings.clear) seen[e - from] += DVec3(transmittance(accel, surfaces, ray[i], nullptr, rays)) * double(weight[i]);
+        const float moved = distance[i] - ray[i].tmax / kShadowRayEnd;  // the ray starts this much off the receiver
+        const float near = formulas::aaSlope(first[i].t + moved, distance[i]), far = formulas::aaSlope(tLast[i] + moved, distance[i]);
+        out.sMin[e] = out.occluded[e] ? std::min(out.sMin[e], near) : near;
+        out.sMax[e] = std::max(out.sMax[e], far);
+        out.occluded[e] = 1;
+      }
+      count = 0;
+    }
+
+    const Accel& accel;
+    const SurfaceTable& surfaces;
+    const ShadowSlopesSettings& settings;
+    Planes& out;
+    size_t from;
+    std::vector<DVec3>& seen;
+    Ray ray[16];
+    size_t element[16];
+    float weight[16], distance[16];
+    int count = 0;
+    uint64_t rays = 0;
+  };
   ShadowSlopesSettings s_;
 };
 
@@ -121,6 +163,7 @@ class ShadowAdaptiveNode final : public Node {
  public:
   explicit ShadowAdaptiveNode(const ShadowAdaptiveSettings& s) : s_(s) {}
   std::string type() const override { return "shadow_adaptive"; }
+  int version() const override { return 2; }  // 2: as shadow_slopes
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = facets(s_.clear);
@@ -128,7 +171,7 @@ class ShadowAdaptiveNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override {
-    h.add(s_.pilot).add(s_.seed);
+    h.add(s_.pilot).add(s_.most).add(s_.seed);
     if (s_.clear) h.add("clear");
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
@@ -149,7 +192,7 @@ class ShadowAdaptiveNode final : public Node {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
     const SurfaceSamples surface(*ctx.inputs[0]);
-    const FilmElements film(s_.extent, s_.place);
+    const ScreenSequence points(s_.seed, s_.extent, s_.place, s_.most);
     const auto sumV = ctx.inputs[1]->floats("sumV"), sumW = ctx.inputs[1]->floats("sumW");
     const auto n = ctx.inputs[2]->plane<uint32_t>("n");
     const auto& term = ctx.result;
@@ -157,33 +200,47 @@ class ShadowAdaptiveNode final : public Node {
     SurfaceTable surfaces;
     if (s_.clear) surfaces.build(*ctx.scene, *accel);
     const bool complete = ctx.arena->parallelFor(
-        surface.size(), 32,
+        surface.size(), 128,
         [&](size_t from, size_t to) {
           uint64_t rays = 0;
+          std::vector<DVec3> seen(to - from, DVec3(0.0));
+          std::vector<double> sum(to - from, 0.0);
+          Ray ray[16];
+          size_t element[16];
+          float weight[16];
+          int count = 0;
+          auto flush = [&] {
+            Vec3 left[16];
+            if (s_.clear && count) {
+              transmittance16(*accel, surfaces, ray, nullptr, count, left, rays);
+            } else if (count) {
+              const uint32_t blocked = accel->occluded16(ray, count);
+              rays += uint64_t(count);
+              for (int i = 0; i < count; ++i) left[i] = Vec3(blocked >> i & 1 ? 0.0f : 1.0f);
+            }
+            for (int i = 0; i < count; ++i) seen[element[i]] += DVec3(left[i]) * double(weight[i]);
+            count = 0;
+          };
           for (size_t e = from; e < to; ++e) {
-            for (size_t c = 0; c < C; ++c) V[C * e + c] = 1.0f;
             if (!surface.hit(e)) continue;
             const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
-            const uint64_t seed = viewSampleSeed(s_.seed, film(e));
-            DVec3 v(0.0);
-            for (size_t c = 0; c < C; ++c) v[int(c)] = sumV[C * e + c];
+            for (size_t c = 0; c < C; ++c) seen[e - from][int(c)] = sumV[C * e + c];
             double w = sumW[e];
             for (uint32_t i = s_.pilot; i < n[e]; ++i) {
               LightPoint point;
-              if (!light.sample(p, N, Ng, SobolSampler(seed, i).next2D(), point)) continue;
+              if (!light.sample(p, N, Ng, points(e, i).next2D(), point)) continue;
               w += point.weight;
               if (point.belowSurface) continue;
-              const Ray ray = shadowRay(*accel, p, Ng, point);
-              if (s_.clear) {
-                v += DVec3(transmittance(*accel, surfaces, ray, nullptr, rays)) * double(point.weight);
-                continue;
-              }
-              ++rays;
-              if (!accel->occluded(ray)) v += DVec3(point.weight);
+              ray[count] = shadowRay(*accel, p, Ng, point);
+              element[count] = e - from;
+              weight[count++] = point.weight;
+              if (count == 16) flush();
             }
-            if (w > 0)
-              for (size_t c = 0; c < C; ++c) V[C * e + c] = clamp01(float(v[int(c)] / w));
+            sum[e - from] = w;
           }
+          flush();
+          for (size_t e = from; e < to; ++e)
+            for (size_t c = 0; c < C; ++c) V[C * e + c] = sum[e - from] > 0 ? clamp01(float(seen[e - from][int(c)] / sum[e - from])) : 1.0f;
           if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
         },
         ctx.stop);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The two sources of axis-aligned shadow filtering: a sparse pilot that finds the occluders' slopes, and the adaptive pass that
 // spends the rays that the slopes ask for (Wang, UCB/EECS-2013-118, passes 1 and 2). Area lights with a plane only (terms/shadow_light.h).
-// A view sample's points are one Owen-scrambled Sobol sequence with a scramble of its own: the pilot takes the first `pilot` points,
-// the adaptive pass goes on from there, so no pilot ray is wasted and the union is as well spread as any prefix.
+// Points come from a ScreenSequence: the pilot takes the first `pilot` of a view sample's, the adaptive pass goes on from there, so no pilot
+// ray is wasted and the union is as well spread as any prefix; and those of neighbours are spread well together, for the filter that follows.
 #pragma once
 
 #include "terms/node.h"
@@ -11,19 +11,23 @@
 namespace gobo {
 
 struct ShadowSlopesSettings {
-  uint32_t pilot = 9;  ///< rays per view sample
+  uint32_t pilot = 9;    ///< rays per view sample
+  uint32_t most = 9;     ///< the most rays that a view sample may get in all
+  bool bothEnds = true;  ///< sMax is asked for
   uint64_t seed = 0;
   Extent extent;
   ViewPlace place;
   bool clear = false;  ///< light passes some surfaces straight on (trace/straight.h): sumV has three channels
 };
-/// Source "shadow_slopes". Input 0: "gbuffer". Per ray one closest hit from the receiver and, if it is blocked, one back from the light.
-/// Planes: sMax f32 largest and sMin f32 smallest slope t/(T-t) of the occluders seen (formulas/axis_aligned.glsl.h), 0 where none;
-/// (tinted panes among them: their edges have penumbras too); sumV, sumW f32 weighted sum of visibility and of weights over the pilot points; occluded u8.
+/// Source "shadow_slopes". Input 0: "gbuffer". Per ray one closest hit from the receiver and, if it is blocked and `bothEnds`, one back from the light.
+/// Planes: sMax f32 largest (without bothEnds: of the occluders nearest to the receiver) and sMin f32 smallest slope t/(T-t) of the occluders seen
+/// (formulas/axis_aligned.glsl.h), 0 where none; (tinted panes among them: their edges have penumbras too); sumV, sumW f32 weighted sum of visibility and of
+/// weights over the pilot points; occluded u8.
 NodePtr makeShadowSlopesNode(const ShadowSlopesSettings& settings);
 
 struct ShadowAdaptiveSettings {
   uint32_t pilot = 9;  ///< as the pilot's
+  uint32_t most = 9;   ///< as the pilot's
   uint64_t seed = 0;   ///< as the pilot's
   Extent extent;
   ViewPlace place;

@@ -132,11 +132,15 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
       all.emplace_back("pane", r);
     }
   }
-  for (const char* as : {"shadows.axis_aligned.mean_samples=12", "shadows.exponential.classification=Z_MAX"}) {  // nodes that read more than by default
-    v1::RenderRequest r = withLamp(width, height, std::string(as).find("axis") != std::string::npos ? LightKind::Rect : LightKind::Spot);
+  for (const std::vector<const char*>& as :
+       std::vector<std::vector<const char*>>{{"shadows.axis_aligned.mean_samples=12", "shadows.axis_aligned.rate=EQUATION"},
+                                             {"shadows.axis_aligned.width=BAND_LIMIT", "shadows.axis_aligned.kernel=GAUSSIAN"},
+                                             {"shadows.axis_aligned.adaptive=false"},
+                                             {"shadows.exponential.classification=Z_MAX"}}) {  // not by default
+    v1::RenderRequest r = withLamp(width, height, std::string(as[0]).find("axis") != std::string::npos ? LightKind::Rect : LightKind::Spot);
     set(r, "shadows.map.resolution=32");
-    set(r, as);
-    all.emplace_back(as, r);
+    for (const char* a : as) set(r, a);
+    all.emplace_back(as[0], r);
   }
   v1::RenderRequest table = withLamp(width, height, LightKind::Spot);
   for (const char* a : {"shadows.variance.bleeding_reduction=0.1", "shadows.map.resolution=32", "shadows.map.lookup=SUMMED_AREA"}) set(table, a);

@@ -5,86 +5,48 @@
 #include <cmath>
 #include <vector>
 
+#include "filters/axis_aligned/taps_kernels.h"
 #include "formulas/axis_aligned.glsl.h"
 
 namespace gobo {
 namespace {
 
-constexpr int kLanes = 8;
+using axis_aligned::kLanes;
+using axis_aligned::kReject;
+using axis_aligned::TapBlock;
+using axis_aligned::TapLayer;
+
 constexpr int kPad = kAxisAlignedMaxRadius + kLanes;  // columns of rejected pixels either side: no bounds checks in a row
-constexpr float kReject = -1.0e30f;                   // a beta that differs from every other by more than any threshold
 
 /// One layer's data, structure of arrays, rows padded by kPad. Positions are relative to the light, so that a scene far from the
-/// origin keeps its digits.
+/// origin keeps its digits; in the light's axes where all pixels share its plane.
 struct Layer {
   int width, height, stride;
+  bool planar;
   std::vector<float> px, py, pz, nx, ny, nz, ax, ay, az, beta, value, result;
 
-  Layer(int w, int h) : width(w), height(h), stride((w + kLanes - 1) / kLanes * kLanes + 2 * kPad) {
-    for (auto* v : {&px, &py, &pz, &nx, &ny, &nz, &ax, &ay, &az, &value, &result}) v->assign(size_t(stride) * h, 0.0f);
-    beta.assign(size_t(stride) * h, kReject);
+  Layer(int w, int h, bool onePlane) : width(w), height(h), stride((w + kLanes - 1) / kLanes * kLanes + 2 * kPad), planar(onePlane) {
+    const size_t n = size_t(stride) * h;
+    for (auto* v : {&px, &py, &pz, &nx, &ny, &nz, &value, &result}) v->assign(n, 0.0f);
+    for (auto* v : {&ax, &ay, &az}) v->assign(n, 0.0f);
+    beta.assign(n, kReject);
   }
   size_t at(int x, int y) const { return size_t(y) * stride + kPad + x; }
   Vec3 position(size_t i) const { return Vec3(px[i], py[i], pz[i]); }
-};
-
-struct Limits {
-  float betaThreshold, cosAngle;
-};
-
-/// Eight neighbouring pixels of a row and their running sums. A lane whose own radius is smaller than the offset takes weight 0, so
-/// a pixel's sum does not depend on its neighbours in the block (tiles agree bit for bit).
-struct Block {
-  float v[kLanes], x[kLanes], y[kLanes], z[kLanes], nx[kLanes], ny[kLanes], nz[kLanes], ax[kLanes], ay[kLanes], az[kLanes];
-  float beta[kLanes], inverse[kLanes], reach2[kLanes], sum[kLanes], weight[kLanes];
-
-  void load(const Layer& L, size_t first) {
-    for (int l = 0; l < kLanes; ++l) {
-      const size_t p = first + l;
-      v[l] = L.value[p];
-      x[l] = L.px[p];
-      y[l] = L.py[p];
-      z[l] = L.pz[p];
-      nx[l] = L.nx[p];
-      ny[l] = L.ny[p];
-      nz[l] = L.nz[p];
-      ax[l] = L.ax[p];
-      ay[l] = L.ay[p];
-      az[l] = L.az[p];
-      beta[l] = L.beta[p];
-      const float b = std::max(beta[l], 1.0e-18f);
-      inverse[l] = 0.5f / (b * b);
-      reach2[l] = 36.0f * b * b;
-      sum[l] = 0.0f;
-      weight[l] = 1.0f;  // the centre tap
-    }
-  }
-
-  /// Adds the pixels `q`..q+7, each to its lane, where |offset| <= radius[lane]. The sums are of differences to the centre, so a constant
-  /// stays itself to the bit and a result stays within the range of its taps.
-  void tap(const Layer& L, size_t q, int offset, const int* radius, const Limits& limits) {
-    const float *lx = &L.px[q], *ly = &L.py[q], *lz = &L.pz[q], *lnx = &L.nx[q], *lny = &L.ny[q], *lnz = &L.nz[q];
-    const float *lb = &L.beta[q], *lv = &L.value[q];
-    float kept[kLanes], difference[kLanes];  // locals alias nothing: the loop vectorises without run-time checks
-    for (int l = 0; l < kLanes; ++l) {
-      const float dx = lx[l] - x[l], dy = ly[l] - y[l], dz = lz[l] - z[l];
-      const float along = dx * ax[l] + dy * ay[l] + dz * az[l];
-      const float d2 = dx * dx + dy * dy + dz * dz;
-      const float w = formulas::aaWeight(formulas::maxOf(d2 - along * along, 0.0f), inverse[l]);
-      const float cosine = lnx[l] * nx[l] + lny[l] * ny[l] + lnz[l] * nz[l];
-      const float apart = std::fabs(lb[l] - beta[l]) - limits.betaThreshold * formulas::maxOf(lb[l], beta[l]);
-      float k = d2 <= reach2[l] ? w : 0.0f;
-      k = cosine >= limits.cosAngle ? k : 0.0f;
-      k = apart <= 0.0f ? k : 0.0f;
-      kept[l] = offset <= radius[l] ? k : 0.0f;
-      difference[l] = lv[l] - v[l];
-    }
-    for (int l = 0; l < kLanes; ++l) {
-      sum[l] += kept[l] * difference[l];
-      weight[l] += kept[l];
-    }
+  Vec3 axis(size_t i) const { return planar ? Vec3(0, 0, 1) : Vec3(ax[i], ay[i], az[i]); }
+  TapLayer taps(float betaThreshold, float cosAngle) const {
+    return {px.data(), py.data(), pz.data(),   nx.data(),    ny.data(),     nz.data(), ax.data(),
+            ay.data(), az.data(), beta.data(), value.data(), betaThreshold, cosAngle};
   }
 };
+
+/// Two unit vectors that span the plane with that normal; those of -n are the same but for signs.
+void planeAxes(const Vec3& n, Vec3& u, Vec3& v) {
+  const Vec3 a = glm::abs(n);
+  const Vec3 least = a.x <= a.y && a.x <= a.z ? Vec3(1, 0, 0) : a.y <= a.z ? Vec3(0, 1, 0) : Vec3(0, 0, 1);
+  u = glm::normalize(glm::cross(n, least));
+  v = glm::cross(n, u);
+}
 
 class AxisAlignedFilter final : public Node {
  public:
@@ -93,15 +55,17 @@ class AxisAlignedFilter final : public Node {
     GOBO_CHECK_GT(s.k, 0.0f);
   }
   std::string type() const override { return "axis_aligned_filter"; }
+  int version() const override { return 2; }  // 2: distances in the light's axes
   NodeTraits traits() const override {
     NodeTraits t;
-    t.linearPerGroup = t.rangePreserving = t.tileable = true;
-    t.halo = s_.radiusPx + 1;  // + 1: the pixel step is measured to both neighbours
+    t.tileable = true;
+    t.linearPerGroup = t.rangePreserving = !s_.fourthOrder;  // the fourth order overshoots and is limited to what visibility can be
+    t.halo = s_.radiusPx + 1;                                // + 1: the pixel step is measured to both neighbours
     return t;
   }
   void hashParameters(Hasher& h) const override {
     hashShadowLightFrame(h, s_.light);
-    h.add(s_.k).add(s_.radiusPx).add(s_.betaThreshold).add(s_.angle).add(s_.exact2d);
+    h.add(s_.k).add(s_.radiusPx).add(s_.betaThreshold).add(s_.angle).add(s_.fourthOrder).add(s_.exact2d);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 3);
@@ -130,6 +94,8 @@ bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer, size_t 
   const auto value = ctx.inputs[0]->floats("V"), P = ctx.inputs[1]->floats("P"), N = ctx.inputs[1]->floats("N"), omega = ctx.inputs[2]->floats("Omega");
   const auto instance = ctx.inputs[1]->plane<uint32_t>("instance");
   const size_t base = size_t(layer) * L.width * L.height;
+  Vec3 u(0.0f), v(0.0f);
+  if (L.planar) planeAxes(s_.light.axis, u, v);
   return ctx.arena->parallelFor(
       L.height, 16,
       [&](size_t y0, size_t y1) {
@@ -139,9 +105,9 @@ bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer, size_t 
             L.value[i] = value[channels * e + channel];
             if (instance[e] == ~0u || !(omega[e] > 0.0f)) continue;
             const Vec3 r = Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]) - s_.light.centre, a = s_.light.normalFor(r);
-            L.px[i] = r.x;
-            L.py[i] = r.y;
-            L.pz[i] = r.z;
+            L.px[i] = L.planar ? glm::dot(r, u) : r.x;
+            L.py[i] = L.planar ? glm::dot(r, v) : r.y;
+            L.pz[i] = L.planar ? glm::dot(r, a) : r.z;
             L.nx[i] = N[3 * e];
             L.ny[i] = N[3 * e + 1];
             L.nz[i] = N[3 * e + 2];
@@ -164,7 +130,7 @@ void AxisAlignedFilter::radii(const Layer& L, std::span<const uint32_t> instance
       out[i] = 0;
       continue;
     }
-    const Vec3 axis(L.ax[i], L.ay[i], L.az[i]);
+    const Vec3 axis = L.axis(i);
     Vec3 ends[2] = {L.position(i), L.position(i)};
     int steps = 0;
     for (int side = 0; side < 2; ++side) {
@@ -185,11 +151,11 @@ void AxisAlignedFilter::radii(const Layer& L, std::span<const uint32_t> instance
 
 /// value -> result: one gather over the box rx x ry around each pixel (a row or a column when the other is all zero).
 bool AxisAlignedFilter::pass(Layer& L, const std::vector<int>& rx, const std::vector<int>& ry, const RunContext& ctx) const {
-  const Limits limits{s_.betaThreshold, std::cos(s_.angle) - 1.0e-6f};  // the slack keeps parallel normals parallel at angle 0
+  const TapLayer taps = L.taps(s_.betaThreshold, std::cos(s_.angle) - 1.0e-6f);  // the slack keeps parallel normals parallel at angle 0
   return ctx.arena->parallelFor(
       L.height, 2,
       [&](size_t y0, size_t y1) {
-        Block block;
+        TapBlock block;
         for (int y = int(y0); y < int(y1); ++y)
           for (int x = 0; x < L.width; x += kLanes) {
             const size_t p = L.at(x, y);
@@ -202,14 +168,13 @@ bool AxisAlignedFilter::pass(Layer& L, const std::vector<int>& rx, const std::ve
               L.result[p + l] = L.value[p + l];
             }
             if (!any || maxX + maxY == 0) continue;
-            block.load(L, p);
+            block.load(taps, p);
             for (int j = std::max(-maxY, -y); j <= std::min(maxY, L.height - 1 - y); ++j) {
               int reach[kLanes];
               for (int l = 0; l < kLanes; ++l) reach[l] = std::abs(j) <= ry[p + l] ? rx[p + l] : -1;
-              for (int i = -maxX; i <= maxX; ++i)
-                if (i != 0 || j != 0) block.tap(L, size_t(int64_t(p) + int64_t(j) * L.stride + i), std::abs(i), reach, limits);
+              block.add(taps, p, long(j) * L.stride, -maxX, maxX, reach, L.planar, s_.fourthOrder);
             }
-            for (int l = 0; l < kLanes; ++l) L.result[p + l] = block.v[l] + block.sum[l] / block.weight[l];
+            for (int l = 0; l < kLanes; ++l) L.result[p + l] = block.result(l, s_.fourthOrder);
           }
       },
       ctx.stop);
@@ -232,7 +197,7 @@ Result<TermPtr> AxisAlignedFilter::run(const RunContext& ctx) const {
       std::copy_n(value.begin() + C * base, C * square, out.begin() + C * base);
       continue;
     }
-    Layer L(extent.width, extent.height);
+    Layer L(extent.width, extent.height, !s_.light.facing);
     std::vector<int> rx(L.value.size()), ry(L.value.size()), none(L.value.size());
     for (size_t c = 0; c < C; ++c) {
       if (!fill(L, ctx, layer, c, C)) return stopped;
@@ -254,7 +219,7 @@ Result<TermPtr> AxisAlignedFilter::run(const RunContext& ctx) const {
         if (!pass(L, none, ry, ctx)) return stopped;
       }
       for (int y = 0; y < L.height; ++y)
-        for (int x = 0; x < L.width; ++x) out[C * (base + size_t(y) * L.width + x) + c] = L.result[L.at(x, y)];
+        for (int x = 0; x < L.width; ++x) out[C * (base + size_t(y) * L.width + x) + c] = s_.fourthOrder ? clamp01(L.result[L.at(x, y)]) : L.result[L.at(x, y)];
     }
   }
   return TermPtr(term);

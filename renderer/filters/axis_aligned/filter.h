@@ -9,11 +9,14 @@
 // Inputs       0: any ViewSample term with plane "V" (f32, one channel or RGB: each by the same weights); 1: "gbuffer" (P, N, instance, footprint);
 //              2: term with plane "Omega" (f32, rad/m; 0 = leave this pixel alone), see terms/shadow_slopes.h.
 // Output       term "visibility", plane "V" with as many channels. Layers are filtered each on its own.
+//              Fourth order: each pass takes the intercept of the least-squares fit of c0 + c1 |D|^2 with those weights, whose kernel has no second
+//              moment (Fan & Gijbels 1996, local polynomials, even part), and the result is limited to 0..1.
 // Parameters   k (1..8), radiusPx (0..64; 0 = identity), betaThreshold (0..1), angle (radians, 0..pi), the light's frame.
 // Cost         about 2 (2 r + 1) taps of 30 flops per pixel, r = min(ceil(3 beta / pixel step), radiusPx); 44 bytes per pixel of
 //              scratch for one layer. Pixels without an occluder cost nothing.
 // Error        Widens a penumbra of standard deviation sigma s to sigma s sqrt(1 + 1/(k^2 mu^2)) (5.4 % at k = 3, mu = 1); noise
-//              variance falls by d^2 / (4 pi beta^2).
+//              variance falls by d^2 / (4 pi beta^2). The fourth order at the same beta: a tenth of the squared bias in penumbras of uniform
+//              lights, 2.85 times the variance (formulas/axis_aligned.glsl.h).
 // Fails where  beta jumps (streaks along rows and columns); the pilot rays missed a small occluder; beta / pixel > radius / 3 leaves
 //              noise; pixels near the picture's border see one side only; strongly foreshortened receivers weigh near pixels more;
 //              rectangles much longer than wide (one sigma stands for both axes).
@@ -31,6 +34,7 @@ struct AxisAlignedFilterSettings {
   int radiusPx = 32;
   float betaThreshold = 0.75f;
   float angle = 0.34906585f;  ///< radians (20 degrees)
+  bool fourthOrder = false;   ///< no second moment
   bool exact2d = false;       ///< reference mode: the full 2-D gather in one pass, O(r^2) per pixel (tests and ablation)
 };
 inline constexpr int kAxisAlignedMaxRadius = 64;

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Axis-aligned filtering as a shadow technique. Rectangles, disks and spheres; point-like, mesh and environment lights have no light plane.
 //
-//   gbuffer -> shadow_slopes (pilot rays) -> dilation -+-> shadow_mu -> sample_count -> shadow_adaptive (rays) -> filter -> V
+//   gbuffer -> shadow_slopes (pilot rays) -> shadow_penumbra -+-> shadow_penumbra_count -> shadow_adaptive (rays) -> filter -> V
+//                                                             +-> shadow_predicted_width -------------------------^
+//   rate = EQUATION, width = BAND_LIMIT:    -> dilation -+-> shadow_mu -> sample_count -> shadow_adaptive -> filter -> V
 //
-// An edit of k, radius or thresholds re-runs the filter alone; of mu, max_samples or mean_samples everything from shadow_mu on; of dilate_px
-// the same; of pilot or seed all. adaptive = false: mean_samples rays everywhere (the pilot's where that is 0 or less than them), mu as given.
+// An edit of radius or thresholds re-runs the filter alone; of k too; of mu the widths and the filter (with EQUATION the counts and rays too); of
+// dilate_px all but the pilot; of pilot, seed, mean_samples (with EQUATION: max_samples) beyond a power of two, which deals the points out anew, all.
 #pragma once
 
 #include "filters/shadow_technique.h"

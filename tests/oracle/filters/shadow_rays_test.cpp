@@ -136,6 +136,21 @@ v1::ShadowTechnique rayTraced(uint32_t samples) {
   t.mutable_ray_traced()->set_samples(samples);
   return t;
 }
+/// Axis-aligned filtering as its source has it.
+v1::ShadowTechnique published() {
+  v1::ShadowTechnique t;
+  auto& m = *t.mutable_axis_aligned();
+  m.set_pilot(9);
+  m.set_rate(v1::AxisAlignedShadow::EQUATION);
+  m.set_width(v1::AxisAlignedShadow::BAND_LIMIT);
+  m.set_kernel(v1::AxisAlignedShadow::GAUSSIAN);
+  return t;
+}
+v1::ShadowTechnique filtered() {
+  v1::ShadowTechnique t;
+  t.mutable_axis_aligned();
+  return t;
+}
 TermPtr visibility(const ScenePtr& scene, const PlaneView& view, const v1::ShadowTechnique& t) {
   const Planned p = planned(scene, view, t);
   return runGraph(p.graph).terms[p.result];
@@ -244,7 +259,7 @@ TEST(AxisAlignedSources, PilotFindsBothLayersOfOccluders) {
   const PlaneView view = floorView(5, 5, 0.1f);
   Graph graph;
   const NodeId gb = graph.add({std::make_shared<GivenTerm>(planeGBuffer(view)), {}, {}, "gbuffer", 0, nullptr, false});
-  const NodeId s = graph.add({makeShadowSlopesNode({9, 7, {5, 5, 1}}), {gb}, {0}, "s", 0, scene, false});
+  const NodeId s = graph.add({makeShadowSlopesNode({9, 16, true, 7, {5, 5, 1}}), {gb}, {0}, "s", 0, scene, false});
   const GraphRun r = runGraph(graph);
   for (int e = 0; e < 25; ++e) {
     EXPECT_NEAR(r.terms[s]->floats("sMin")[e], 1, 1e-4);
@@ -253,14 +268,21 @@ TEST(AxisAlignedSources, PilotFindsBothLayersOfOccluders) {
     EXPECT_GT(r.terms[s]->floats("sumW")[e], 0.0f);
   }
   EXPECT_EQ(r.rays[s], 25u * 18u);  // forward and back
+  const NodeId near = graph.add({makeShadowSlopesNode({9, 16, false, 7, {5, 5, 1}}), {gb}, {0}, "near", 0, scene, false});
+  const GraphRun one = runGraph(graph);
+  for (int e = 0; e < 25; ++e) {
+    EXPECT_EQ(one.terms[near]->floats("sMin")[e], r.terms[s]->floats("sMin")[e]);
+    EXPECT_NEAR(one.terms[near]->floats("sMax")[e], one.terms[near]->floats("sMin")[e], 1e-5);
+  }
+  EXPECT_EQ(one.rays[near], 25u * 9u);  // forward alone
 }
 
 TEST(AxisAlignedSources, ContactAndOccluderAtTheLightStayFinite) {
   // A card a hair above the floor, and another a hair below the light.
-  for (float y : {1e-3f, 9.9995f}) {
+  for (const auto& [y, way] : {std::pair(1e-3f, published()), std::pair(9.9995f, published()), std::pair(1e-3f, filtered()), std::pair(9.9995f, filtered())}) {
     const auto scene = stage({{0, 40, -40, 40, y}}, rectAbove());
     const PlaneView view = floorView(33, 9, 0.02f);
-    v1::ShadowTechnique t;
+    v1::ShadowTechnique t = way;
     t.mutable_axis_aligned()->set_max_samples(64);
     const Planned p = planned(scene, view, t);
     const GraphRun r = runGraph(p.graph);
@@ -302,7 +324,7 @@ TEST(AxisAlignedSources, MuIsSolvedForTheMeanSampleCount) {
   const auto scene = stage({{-1, 1, -1, 1, 4}, {-.3f, .3f, -3, 3, 7}}, rectAbove(1));
   const PlaneView view = floorView(48, 48, 0.1f);
   for (double mean : {12.0, 20.0, 40.0}) {
-    v1::ShadowTechnique t;
+    v1::ShadowTechnique t = published();
     t.mutable_axis_aligned()->set_mean_samples(mean);
     const Planned p = planned(scene, view, t);
     const GraphRun r = runGraph(p.graph);
@@ -321,14 +343,11 @@ TEST(AxisAlignedSources, MuIsSolvedForTheMeanSampleCount) {
 TEST(AxisAlignedSources, EditsRerunOnlyWhatTheyTouch) {
   const auto scene = stage({{-1, 1, -1, 1, 4}}, rectAbove());
   const PlaneView view = floorView(8, 8, 0.1f);
+  v1::ShadowTechnique base = filtered();
   auto types = [&](const std::function<void(v1::AxisAlignedShadow&)>& edit) {
-    Planned p = planned(scene, view, [] {
-      v1::ShadowTechnique t;
-      t.mutable_axis_aligned();
-      return t;
-    }());
+    Planned p = planned(scene, view, base);
     const int before = p.graph.size();
-    v1::ShadowTechnique t;
+    v1::ShadowTechnique t = base;
     edit(*t.mutable_axis_aligned());
     GOBO_CHECK(axisAlignedShadowTechnique().plan(p.graph, p.input, t).ok());
     std::string added;
@@ -342,33 +361,66 @@ TEST(AxisAlignedSources, EditsRerunOnlyWhatTheyTouch) {
               m.set_beta_threshold(0.1);
             }),
             "axis_aligned_filter ");
+  EXPECT_EQ(types([](auto& m) { m.set_mu(2); }), "shadow_mu shadow_predicted_width axis_aligned_filter ");
+  EXPECT_EQ(types([](auto& m) { m.set_width(v1::AxisAlignedShadow::BAND_LIMIT); }), "shadow_slope_dilation shadow_sample_count axis_aligned_filter ");
+  base = published();
+  EXPECT_EQ(types([](auto& m) { m.set_k(2); }), "axis_aligned_filter ");
   EXPECT_EQ(types([](auto& m) { m.set_mu(2); }), "shadow_mu shadow_sample_count shadow_adaptive axis_aligned_filter ");
+  base = filtered();
   EXPECT_EQ(types([](auto& m) { m.set_k(3); }), "");  // the default said aloud is the same node
 }
 
 TEST(AxisAlignedSources, SceneScaleChangesNothing) {
   const std::vector<Card> cards{{-1, 1, -1, 1, 4}, {0.5f, 2, -2, 0, 7}};
-  v1::ShadowTechnique t;
-  t.mutable_axis_aligned()->set_mu(1);
-  std::vector<TermPtr> counts, results;
-  for (float scale : {1.0f, 1.0f / 1024, 1024.0f}) {  // powers of two: the same digits, so the same rays to the bit
-    PlaneView view = floorView(40, 40, 0.1f * scale);
-    const Planned p = planned(stage(cards, rectAbove(), scale), view, t);
-    const GraphRun r = runGraph(p.graph);
-    for (NodeId id = 0; id < p.graph.size(); ++id)
-      if (p.graph.at(id).node->type() == "shadow_sample_count") counts.push_back(r.terms[id]);
-    results.push_back(r.terms[p.result]);
-  }
-  for (size_t k = 1; k < results.size(); ++k) {
-    int different = 0;
-    double worst = 0;
-    for (int e = 0; e < 1600; ++e) {
-      different += counts[0]->plane<uint32_t>("n")[e] != counts[k]->plane<uint32_t>("n")[e];
-      worst = std::max(worst, double(std::fabs(results[0]->floats("V")[e] - results[k]->floats("V")[e])));
+  for (const v1::ShadowTechnique& t : {filtered(), published()}) {
+    std::vector<TermPtr> counts, results;
+    for (float scale : {1.0f, 1.0f / 1024, 1024.0f}) {  // powers of two: the same digits, so the same rays to the bit
+      PlaneView view = floorView(40, 40, 0.1f * scale);
+      const Planned p = planned(stage(cards, rectAbove(), scale), view, t);
+      const GraphRun r = runGraph(p.graph);
+      for (NodeId id = 0; id < p.graph.size(); ++id)
+        if (p.graph.at(id).node->type() == (t.axis_aligned().pilot() ? "shadow_sample_count" : "shadow_penumbra_count")) counts.push_back(r.terms[id]);
+      results.push_back(r.terms[p.result]);
     }
-    EXPECT_EQ(different, 0);
-    EXPECT_LT(worst, 1e-5);
+    for (size_t k = 1; k < results.size(); ++k) {
+      int different = 0;
+      double worst = 0;
+      for (int e = 0; e < 1600; ++e) {
+        different += counts[0]->plane<uint32_t>("n")[e] != counts[k]->plane<uint32_t>("n")[e];
+        worst = std::max(worst, double(std::fabs(results[0]->floats("V")[e] - results[k]->floats("V")[e])));
+      }
+      EXPECT_EQ(different, 0);
+      EXPECT_LT(worst, 1e-5);
+    }
   }
+}
+
+TEST(AxisAlignedSources, RaysGoWhereTheShadowChanges) {
+  // A card far from the picture's ends: pilots alone where neighbours see the whole light or none of it, 32 rays along the edges between.
+  const auto scene = stage({{-3, 3, -40, 40, 2}}, rectAbove(0.5f, 10));
+  const PlaneView view = floorView(120, 12, 0.1f);
+  v1::ShadowTechnique t = filtered();
+  t.mutable_axis_aligned()->set_mean_samples(32);
+  t.mutable_axis_aligned()->set_dilate_px(3);
+  const Planned p = planned(scene, view, t);
+  const GraphRun r = runGraph(p.graph);
+  const auto truth = visibility(scene, view, rayTraced(256));
+  TermPtr counts;
+  for (NodeId id = 0; id < p.graph.size(); ++id)
+    if (p.graph.at(id).node->type() == "shadow_penumbra_count") counts = r.terms[id];
+  ASSERT_TRUE(counts);
+  int few = 0, inside = 0, missed = 0;
+  for (size_t e = 0; e < 120 * 12; ++e) {
+    const uint32_t n = counts->plane<uint32_t>("n")[e];
+    ASSERT_TRUE(n == 4 || n == 32);
+    few += n == 4;
+    const float v = truth->floats("V")[e];
+    inside += v > 0.05f && v < 0.95f;
+    missed += n == 4 && v > 0.05f && v < 0.95f;
+  }
+  EXPECT_GT(few, 900);  // the card's edges are 1.25 m and 0.25 m penumbras apart in 12 m of floor
+  EXPECT_GT(inside, 40);
+  EXPECT_EQ(missed, 0);
 }
 
 TEST(AxisAlignedSources, UnshadowedIsExactlyOneAndUmbraExactlyZero) {
@@ -391,9 +443,46 @@ TEST(AxisAlignedSources, FilteredPenumbraIsCloserToTheRampThanTheRaysAre) {
     for (int e = 0; e < 96 * 48; ++e) sum += sqr(V->floats("V")[e] - clamp01(0.5f - 0.02f * (float(e % 96) - 47.5f)));
     return std::sqrt(sum / (96 * 48));
   };
-  const double noisy = error(0), filtered = error(32);
-  EXPECT_LT(filtered, 0.02);
-  EXPECT_LT(filtered, 0.35 * noisy);
+  const double noisy = error(0), smooth = error(32);
+  EXPECT_LT(smooth, 0.01);
+  EXPECT_LT(smooth, 0.25 * noisy);
+}
+
+TEST(AxisAlignedConvergence, PredictedWidthsLeaveNoFloor) {
+  // A card's edge and a strip above it: errors fall on as rays are added, for every kind of light.
+  LightShape disk = rectAbove(), sphere = rectAbove();
+  disk.kind = LightKind::Disk;
+  sphere.kind = LightKind::Sphere;
+  disk.radius = sphere.radius = 0.6f;
+  const PlaneView view = floorView(96, 48, 0.04f);
+  for (const LightShape& light : {rectAbove(0.5f, 10), disk, sphere}) {
+    const auto scene = stage({{0, 40, -40, 40, 5}, {-0.4f, -0.2f, -40, 40, 3}}, light);
+    const auto truth = visibility(scene, view, rayTraced(4096));
+    std::vector<double> errors;
+    for (uint32_t n : {4u, 16u, 64u, 256u}) {
+      v1::ShadowTechnique t = filtered();
+      t.mutable_axis_aligned()->set_mean_samples(n);
+      const auto V = visibility(scene, view, t);
+      double sum = 0;
+      for (size_t e = 0; e < 96 * 48; ++e) sum += sqr(V->floats("V")[e] - truth->floats("V")[e]);
+      errors.push_back(std::sqrt(sum / (96 * 48)));
+    }
+    for (size_t i = 1; i < errors.size(); ++i) EXPECT_LT(errors[i], 0.75 * errors[i - 1]) << int(light.kind) << " " << i << ": " << errors[i];
+    EXPECT_LT(errors[3], 0.003) << int(light.kind);
+  }
+}
+
+TEST(AxisAlignedConvergence, MemoryDoesNotGrowWithRays) {
+  const auto scene = stage({{0, 40, -40, 40, 5}}, rectAbove(0.5f, 10));
+  auto bytes = [&](double n) {
+    v1::ShadowTechnique t = filtered();
+    t.mutable_axis_aligned()->set_mean_samples(n);
+    const GraphRun r = runGraph(planned(scene, floorView(32, 16, 0.04f), t).graph);
+    size_t sum = 0;
+    for (const TermPtr& term : r.terms) sum += term->bytes();
+    return sum;
+  };
+  EXPECT_EQ(bytes(512), bytes(8));
 }
 
 TEST(AxisAlignedSources, SameBitsForAnyNumberOfThreads) {

@@ -58,7 +58,8 @@ const Labels kTraced{"indirect", "indirect:mean", "direct", "direct:mean", "emis
 const Labels kIndirect{"indirect", "indirect:mean"};
 const Labels kOfMap = kIndirect + Labels{"direct", "direct:mean"};  // emission is of meshes: no map is among its lights
 const Labels kKeyFilter{"axis_aligned_filter:key", "direct:key"};
-const Labels kKeyRays = kKeyFilter + Labels{"shadow_slopes:key", "shadow_slope_dilation:key", "shadow_sample_count:key", "shadow_adaptive:key"};
+const Labels kKeyRays =
+    kKeyFilter + Labels{"shadow_slopes:key", "shadow_penumbra:key", "shadow_penumbra_count:key", "shadow_predicted_width:key", "shadow_adaptive:key"};
 const Labels kKey = kKeyRays + Labels{"unoccluded:key"};
 const Labels kSpot{"visibility:spot", "unoccluded:spot", "direct:spot"};
 // What takes the map off where the background is another: camera rays, no light traced again.
@@ -219,13 +220,32 @@ TEST(Rerun, FilterParameters) {
       {"radius_px=7", kKeyFilter + kBeauty},
       {"beta_threshold=0.3", kKeyFilter + kBeauty},
       {"angle_deg=40", kKeyFilter + kBeauty},
-      {"dilate_px=4", kKeyFilter + kBeauty + Labels{"shadow_slope_dilation:key", "shadow_sample_count:key", "shadow_adaptive:key"}},
-      {"max_samples=64", kKeyFilter + kBeauty + Labels{"shadow_sample_count:key", "shadow_adaptive:key"}},
-      {"mu=2", kKeyFilter + kBeauty + Labels{"shadow_mu:key", "shadow_sample_count:key", "shadow_adaptive:key"}},
+      {"dilate_px=4", kKeyFilter + kBeauty + Labels{"shadow_penumbra:key", "shadow_penumbra_count:key", "shadow_predicted_width:key", "shadow_adaptive:key"}},
+      {"mu=2", kKeyFilter + kBeauty + Labels{"shadow_mu:key", "shadow_predicted_width:key"}},
+      {"kernel=GAUSSIAN", kKeyFilter + kBeauty + Labels{"shadow_predicted_width:key"}},
+      {"width=BAND_LIMIT", kKeyFilter + kBeauty + Labels{"shadow_slope_dilation:key", "shadow_sample_count:key"}},
+      {"adaptive=false", kKeyFilter + kBeauty + Labels{"shadow_sample_count:key", "shadow_adaptive:key", "shadow_predicted_width:key"}},
+      {"mean_samples=8", kKeyRays + kBeauty},
+      {"mean_samples=12", kKeyFilter + kBeauty + Labels{"shadow_penumbra_count:key", "shadow_predicted_width:key", "shadow_adaptive:key"}},
       {"pilot=16", kKeyRays + kBeauty},
   };
   for (const auto& [edit, expected] : edits) {
     v1::RenderRequest e = r;
+    set(e, "lights.key.shadow.axis_aligned." + edit);
+    EXPECT_EQ(text(ran(mustRender(*engine, e))), text(expected)) << edit;
+  }
+  // The published rates and widths.
+  v1::RenderRequest published = r;
+  for (const char* a : {"rate=EQUATION", "width=BAND_LIMIT", "kernel=GAUSSIAN"}) set(published, std::string("lights.key.shadow.axis_aligned.") + a);
+  mustRender(*engine, published);
+  const std::map<std::string, Labels> ofPublished{
+      {"k=2.5", kKeyFilter + kBeauty},
+      {"dilate_px=4", kKeyFilter + kBeauty + Labels{"shadow_slope_dilation:key", "shadow_sample_count:key", "shadow_adaptive:key"}},
+      {"max_samples=250", kKeyFilter + kBeauty + Labels{"shadow_sample_count:key", "shadow_adaptive:key"}},
+      {"mu=3", kKeyFilter + kBeauty + Labels{"shadow_mu:key", "shadow_sample_count:key", "shadow_adaptive:key"}},
+  };
+  for (const auto& [edit, expected] : ofPublished) {
+    v1::RenderRequest e = published;
     set(e, "lights.key.shadow.axis_aligned." + edit);
     EXPECT_EQ(text(ran(mustRender(*engine, e))), text(expected)) << edit;
   }

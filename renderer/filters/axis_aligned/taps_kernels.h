@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// The inner loop of the axis-aligned filter: eight neighbouring pixels of a row, each with its own kernel, and taps that are added to all eight.
+#pragma once
+
+#include <cstddef>
+
+namespace gobo::axis_aligned {
+
+inline constexpr int kLanes = 8;
+inline constexpr float kReject = -1.0e30f;  ///< a beta that differs from every other by more than any threshold: no tap is taken from there
+
+/// One layer of a picture, structure of arrays; metres relative to the light. `a`: unit normal of the light's plane for the pixel.
+/// A light with one plane is given in its axes instead, z along the normal; `a` is not read then.
+struct TapLayer {
+  const float *x, *y, *z, *nx, *ny, *nz, *ax, *ay, *az, *beta, *value;
+  float betaThreshold, cosAngle;
+};
+
+/// Pixels `first`..first+7 and their running sums over the taps, of differences to the centre, so that a constant stays itself to the bit.
+/// With q = dist^2 / (2 beta^2), w = e^-q: weight = sum w, sum = sum w dV, and for the fourth order q1 = sum w q, q2 = sum w q^2, sumQ = sum w q dV.
+struct TapBlock {
+  float v[kLanes], x[kLanes], y[kLanes], z[kLanes], nx[kLanes], ny[kLanes], nz[kLanes], ax[kLanes], ay[kLanes], az[kLanes];
+  float beta[kLanes], inverse[kLanes], reach2[kLanes], sum[kLanes], weight[kLanes], q1[kLanes], q2[kLanes], sumQ[kLanes];
+
+  void load(const TapLayer& L, size_t first);
+  /// Adds, for i in from..to, pixels first+i..first+i+7 of the row that begins `shift` elements on, each to its lane, where |i| <= reach[lane] (a
+  /// lane of smaller reach takes weight 0, so that a pixel's sum does not depend on its neighbours in the block). The centre is left out.
+  void add(const TapLayer& L, size_t first, long shift, int from, int to, const int* reach, bool planar, bool fourthOrder);
+  /// The centre's value plus the mean difference; of the fourth order the intercept of the least-squares fit of c0 + c1 q, whose weights have
+  /// no second moment, wherever the taps determine one.
+  float result(int lane, bool fourthOrder) const;
+};
+
+}  // namespace gobo::axis_aligned
