@@ -90,7 +90,7 @@ class Tiles(DaemonTest):
         refused("one of them", "--tile", 32, "-o", "a.exr", "--set", "window.width=3")
         refused("DWA", "--tile", 32, "-o", "a.exr", "--set", "encoding.compression=DWAA")
         refused("request.certificate", "--tile", 32, "-o", "a.exr", "--certificate")
-        refused("reads a whole picture", "--tile", 32, "-o", "a.exr", "--set", "shadows.axis_aligned.mean_samples=12")
+        refused("reads a whole picture", "--tile", 32, "-o", "a.exr", "--set", "shadows.axis_aligned.mean_samples=12", "--set", "shadows.axis_aligned.rate=EQUATION")
         unbounded = [a for a in self.what if a not in ("--spp", "2")]
         self.assertIn("halt.time_s", self.cli(*unbounded, "--time", 1, "--tile", 32, "-o", "a.exr", code=2).stderr)
         self.assertEqual([f for f in os.listdir(self.folder) if f.startswith("a.")], [])
