@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "filters/path_density/distances.h"
+
+namespace gobo::pathdensity {
+
+namespace {
+
+void distanceRow(const float* __restrict x, const float* __restrict y, const float* __restrict l, const float* __restrict a, const float* __restrict b,
+                 const MetricPoint q, int n, float* __restrict out) {
+  for (int j = 0; j < n; ++j) {
+    const float dx = x[j] - q.x, dy = y[j] - q.y, dl = l[j] - q.l, da = a[j] - q.a, db = b[j] - q.b;
+    out[j] = std::sqrt(dx * dx + dy * dy) + std::sqrt(dl * dl + da * da + db * db);
+  }
+}
+
+}  // namespace
+
+void distancesTo(const MetricPoint& q, const MetricPoints& p, size_t begin, size_t n, float* out) {
+  distanceRow(p.x.data() + begin, p.y.data() + begin, p.l.data() + begin, p.a.data() + begin, p.b.data() + begin, q, int(n), out);
+}
+
+Nearer nearerThan(const float* d, size_t n, float limit) {
+  constexpr size_t kWide = 16;  // sums of their own: an order of additions that vectors can have
+  float sum[kWide] = {};
+  int count[kWide] = {};
+  size_t j = 0;
+  for (; j + kWide <= n; j += kWide)
+    for (size_t k = 0; k < kWide; ++k) {
+      const bool nearer = d[j + k] < limit;
+      sum[k] += nearer ? d[j + k] : 0.0f;
+      count[k] += nearer ? 1 : 0;
+    }
+  for (size_t k = 0; j < n; ++j, ++k) {
+    if (!(d[j] < limit)) continue;
+    sum[k] += d[j];
+    ++count[k];
+  }
+  Nearer all;
+  for (size_t k = 0; k < kWide; ++k) {
+    all.sum += double(sum[k]);
+    all.count += size_t(count[k]);
+  }
+  return all;
+}
+
+size_t keepNearer(const float* d, size_t n, float limit, float* out) {
+  size_t kept = 0;
+  for (size_t j = 0; j < n; ++j) {
+    out[kept] = d[j];
+    kept += d[j] < limit ? 1 : 0;
+  }
+  return kept;
+}
+
+}  // namespace gobo::pathdensity
