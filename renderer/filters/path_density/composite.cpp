@@ -20,8 +20,8 @@ Composite::Composite(const SampleView& samples, const SampleBins& bins, const Se
   density_.assign(settings.density ? pixels : 0, 0.0);
 }
 
-bool Composite::add(LightTerm term, const std::vector<float>& sigma, const ExactSigma& exact, const TaskArena& arena, const StopToken& stop) {
-  ++terms_;
+bool Composite::add(LightTerm term, const std::vector<float>& sigma, const ExactSigma& exact, bool judged, const TaskArena& arena, const StopToken& stop) {
+  if (judged) ++terms_;
   std::atomic<uint64_t> allRejected{0};
   const auto light = [&](size_t i, size_t c) {
     const double direct = term == LightTerm::Indirect ? 0.0 : double(samples_.direct[3 * i + c]);
@@ -60,6 +60,7 @@ bool Composite::add(LightTerm term, const std::vector<float>& sigma, const Exact
       kept_[3 * p + c] += kept[c];
       rejected_[3 * p + c] += missing[c] / n;
     }
+    if (!judged) return;
     weight_[p] += weights / n;
     if (settings_.density) density_[p] += density / n;
   };
@@ -109,6 +110,7 @@ Filtered Composite::finish() {
   out_.rgb = toFloats(kept_, 1.0);
   out_.rejected = toFloats(rejected_, 1.0);
   out_.weight = toFloats(weight_, 1.0 / std::max(terms_, 1));
+  if (terms_ == 0) std::fill(out_.weight.begin(), out_.weight.end(), 1.0f);
   out_.density = toFloats(density_, 1.0 / std::max(terms_, 1));
   fillEmpty();
   return std::move(out_);

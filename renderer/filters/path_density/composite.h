@@ -14,8 +14,9 @@ class Composite {
   /// Which must live as long.
   Composite(const SampleView& samples, const SampleBins& bins, const Settings& settings);
   using ExactSigma = std::function<float(size_t sorted, NeighbourSearch::Scratch&)>;
-  /// Adds a term. sigma: sorted, right as far as weights go; `exact` tells it to its end, for pixels all of whose samples are rejected. False: stopped.
-  bool add(LightTerm term, const std::vector<float>& sigma, const ExactSigma& exact, const TaskArena& arena, const StopToken& stop);
+  /// Adds a term. sigma: sorted, right as far as weights go; `exact` tells it to its end, for pixels all of whose samples are rejected.
+  /// judged: weights and densities of this term count for their maps. False: stopped.
+  bool add(LightTerm term, const std::vector<float>& sigma, const ExactSigma& exact, bool judged, const TaskArena& arena, const StopToken& stop);
   Filtered finish();
 
  private:
@@ -24,7 +25,7 @@ class Composite {
   const SampleBins& bins_;
   const Settings& settings_;
   std::vector<double> kept_, rejected_, weight_, density_;
-  int terms_ = 0;
+  int terms_ = 0;  // judged
   Filtered out_;
 };
 

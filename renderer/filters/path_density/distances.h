@@ -22,6 +22,7 @@ struct Nearer {
 };
 /// How many of d[0 .. n) are less than `limit`, and their sum.
 Nearer nearerThan(const float* d, size_t n, float limit);
+size_t countNearer(const float* d, size_t n, float limit);
 /// Copies those less than `limit` to `out` (room for n), in order; returns how many.
 size_t keepNearer(const float* d, size_t n, float limit, float* out);
 

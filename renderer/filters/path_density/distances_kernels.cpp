@@ -45,6 +45,12 @@ Nearer nearerThan(const float* d, size_t n, float limit) {
   return all;
 }
 
+size_t countNearer(const float* d, size_t n, float limit) {
+  int count = 0;
+  for (size_t j = 0; j < n; ++j) count += d[j] < limit ? 1 : 0;
+  return size_t(count);
+}
+
 size_t keepNearer(const float* d, size_t n, float limit, float* out) {
   size_t kept = 0;
   for (size_t j = 0; j < n; ++j) {

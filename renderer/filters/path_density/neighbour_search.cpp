@@ -15,7 +15,14 @@ int nextRing(int ring) { return ring + std::max(1, ring / 4); }
 }  // namespace
 
 NeighbourSearch::NeighbourSearch(const SampleBins& bins, const MetricPoints& points, float filmScale)
-    : bins_(bins), points_(points), perPixel_(1.0f / filmScale) {}
+    : bins_(bins), points_(points), perPixel_(1.0f / filmScale) {
+  // Rings that hold k samples where they are spread evenly: fewer are not worth a look.
+  const double ofCell = double(points.size()) / std::max(1.0, double(bins.cellsX) * double(bins.cellsY));
+  for (int ring = 0; firstRings_.size() < 257 && ring < 9; ++ring) {
+    const size_t holds = size_t(ofCell * (2 * ring + 1) * (2 * ring + 1));
+    while (firstRings_.size() <= std::min(holds, size_t(256))) firstRings_.push_back(uint8_t(ring));
+  }
+}
 
 /// Runs of samples at a Chebyshev distance of `ring` cells.
 template <class Visit>
@@ -52,17 +59,18 @@ float NeighbourSearch::meanDistance(size_t i, int k, const OutcomeBounds& bounds
   const int cx = std::clamp(int(q.x * perCell), 0, bins_.cellsX - 1), cy = std::clamp(int(q.y * perCell), 0, bins_.cellsY - 1);
   const size_t wanted = std::min(size_t(k), points_.size() - 1);
   if (wanted == 0) return 0.0f;
-  size_t known = 0;
-  for (int ring = 0, upTo = 0;; upTo = nextRing(upTo)) {
-    for (; ring <= upTo; ++ring)
+  size_t known = 0, accepted = 0;
+  for (int ring = 0, upTo = firstRings_[std::min(wanted, firstRings_.size() - 1)];; upTo = nextRing(upTo)) {
+    for (; ring <= upTo && accepted < wanted; ++ring)
       visitRing(cx, cy, ring, [&](size_t begin, size_t end) {
         if (s.distances.size() < known + (end - begin)) s.distances.resize(2 * (known + (end - begin)));
         distancesTo(q, points_, begin, end - begin, s.distances.data() + known);
         if (i >= begin && i < end) s.distances[known + (i - begin)] = kUnseenNever;  // itself
+        if (bounds.accept >= 0) accepted += countNearer(s.distances.data() + known, end - begin, bounds.accept);
         known += end - begin;
       });
+    if (accepted >= wanted) return bounds.accept;
     const float r = unseen(q, cx, cy, upTo);
-    if (known > wanted && bounds.accept >= 0 && nearerThan(s.distances.data(), known, bounds.accept).count >= wanted) return bounds.accept;
     const Nearer nearer = nearerThan(s.distances.data(), known, r);
     if (nearer.count >= wanted) {
       if (s.nearer.size() < known) s.nearer.resize(2 * known);

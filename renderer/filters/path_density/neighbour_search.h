@@ -44,7 +44,6 @@ class NeighbourSearch {
   void nearest(size_t i, int k, std::vector<Neighbour>& out, Scratch& scratch) const;
 
  private:
-  struct Walk;
   template <class Visit>
   void visitRing(int cx, int cy, int ring, Visit&& visit) const;
   float unseen(const MetricPoint& q, int cx, int cy, int ring) const;
@@ -52,6 +51,7 @@ class NeighbourSearch {
   const SampleBins& bins_;
   const MetricPoints& points_;
   float perPixel_;
+  std::vector<uint8_t> firstRings_;  ///< by k
 };
 
 }  // namespace gobo::pathdensity

@@ -164,14 +164,19 @@ Result<Filtered> rejectOutliers(const SampleView& samples, const Settings& setti
   if (settings.density) bounds = {-1.0f, std::max(settings.hard, kMostSigma)};
   MetricPoints points;
   std::vector<float> sigma;
-  for (const LightTerm term : settings.perTerm ? std::vector{LightTerm::Direct, LightTerm::Indirect} : std::vector{LightTerm::All}) {
-    bool complete = true;
-    if (all && !settings.density) sigma.assign(samples.size(), 0.0f);
-    else complete = makePoints(samples, bins, settings.metric, term, points, arena, stop) && sigmas.measure(points, bounds, sigma);
-    const NeighbourSearch search(bins, points, settings.metric.filmScale);
-    const auto exact = [&](size_t i, NeighbourSearch::Scratch& scratch) { return sigmas.exact(search, i, scratch); };
-    if (!complete || !composite.add(term, sigma, exact, arena, stop)) return Status(Code::Cancelled, "stopped");
-  }
+  const auto add = [&](LightTerm term, bool judged) {
+    if (!judged) sigma.assign(samples.size(), 0.0f);
+    else if (!makePoints(samples, bins, settings.metric, term, points, arena, stop) || !sigmas.measure(points, bounds, sigma)) return false;
+    const auto exact = [&](size_t i, NeighbourSearch::Scratch& scratch) {
+      return sigmas.exact(NeighbourSearch(bins, points, settings.metric.filmScale), i, scratch);
+    };
+    return composite.add(term, sigma, exact, judged, arena, stop);
+  };
+  const bool judges = !all || settings.density;
+  bool complete = true;
+  if (settings.judged == Judged::Together) complete = add(LightTerm::All, judges);
+  else complete = add(LightTerm::Direct, judges && settings.judged == Judged::Apart) && add(LightTerm::Indirect, judges);
+  if (!complete) return Status(Code::Cancelled, "stopped");
   return composite.finish();
 }
 

@@ -4,7 +4,7 @@
 //   sigma = mean distance (metric.h) to the k nearest other samples
 //   w     = 1 for sigma <= soft, 0 for sigma >= hard, a smoothstep between
 //   out(pixel) = sum w L / sum w over the samples of the pixel;   rejected = sum L / n - out
-// Per term: direct and indirect light are judged apart and added, so that noisy indirect light costs no direct light.
+// Direct and indirect light may be judged apart and added, so that noisy indirect light costs no direct light.
 // What it does where samples are spread evenly, n a pixel (h_x = 1):
 //   even light:   sigma = 2/3 sqrt(k / (pi n)). All of it stays while k <= 9 pi n, in corners of the picture a quarter of that: k <= 7 n is asked for
 //   a rare colour, of a share q of the samples, 3 h_c or more from the rest: kept for n q >= k / (9 pi), gone for n q <= 4 k / (81 pi)
@@ -22,6 +22,13 @@
 
 namespace gobo::pathdensity {
 
+/// Which light is judged.
+enum class Judged : uint8_t {
+  Apart,     ///< direct and indirect light, each by itself
+  Indirect,  ///< direct light stays as it is: it has little noise, and small lamps and their mirror images look like outliers
+  Together,  ///< their sum
+};
+
 /// What to do about the border of the picture, where a sample has fewer others around it.
 enum class Border : uint8_t {
   Refuse,   ///< ask for as few neighbours as a corner has: k <= 7 n
@@ -32,7 +39,7 @@ struct Settings {
   Metric metric;
   int neighbours = 50;             ///< k
   float soft = 2.0f, hard = 3.0f;  ///< soft infinite: nothing is rejected
-  bool perTerm = true;             ///< direct and indirect light apart
+  Judged judged = Judged::Apart;
   Border border = Border::Refuse;
   bool density = false;       ///< the density map is asked for: every sigma to its end, which takes longer
   float treeEpsilon = -1.0f;  ///< >= 0: by the k-d tree with that epsilon, a baseline

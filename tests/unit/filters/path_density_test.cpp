@@ -166,7 +166,7 @@ TEST(PathDensity, AboveTheTransitionTheEnergyIsThere) {
 }
 
 TEST(PathDensity, KeptAndRejectedAreTheMeanOfAllSamples) {
-  for (const bool perTerm : {true, false})
+  for (const Judged judged : {Judged::Apart, Judged::Indirect, Judged::Together})
     for (const bool density : {true, false}) {
       PathSamples samples(19, 13);
       for (uint64_t i = 0; i < 19 * 13 * 9; ++i) {
@@ -178,7 +178,7 @@ TEST(PathDensity, KeptAndRejectedAreTheMeanOfAllSamples) {
                         .ok());
       }
       Settings s;
-      s.perTerm = perTerm;
+      s.judged = judged;
       s.density = density;
       const Filtered f = filtered(samples.view(), s);
       const auto mean = meansOf(samples.view());
@@ -279,9 +279,9 @@ TEST(PathDensity, TermsApartKeepDirectLightFreeOfIndirectNoise) {
     const float indirect = unit(14, i, 2) < 0.02 ? 1000.0f : 0.0f;
     ASSERT_TRUE(samples.add(x, y, film, Vec3(0.2f + 0.01f * film.x), Vec3(indirect)).ok());
   }
-  const auto errors = [&](bool perTerm) {
+  const auto errors = [&](Judged judged) {
     Settings s;
-    s.perTerm = perTerm;
+    s.judged = judged;
     const Filtered f = filtered(samples.view(), s);
     // Against the mean of the direct light.
     double sum = 0;
@@ -293,8 +293,9 @@ TEST(PathDensity, TermsApartKeepDirectLightFreeOfIndirectNoise) {
       }
     return sum;
   };
-  EXPECT_LT(errors(true), 1e-4);
-  EXPECT_GT(errors(false), 1e-3);
+  EXPECT_LT(errors(Judged::Apart), 1e-4);
+  EXPECT_LT(errors(Judged::Indirect), 1e-4);
+  EXPECT_GT(errors(Judged::Together), 1e-3);
 }
 
 TEST(PathDensity, DarkLinesKeepTheirWidthInLabButNotInRgb) {
