@@ -174,7 +174,7 @@ int errors(int argc, char** argv, const TaskArena& arena) {
   const auto wanted = partsOf(argumentOr(argc, argv, "--estimators", ""), ',');
   const uint32_t half = uint32_t(std::stoul(argumentOr(argc, argv, "--reference", "2048")));
   const uint64_t seed = std::stoul(argumentOr(argc, argv, "--seed", "1"));
-  const int most = std::stoi(argumentOr(argc, argv, "--neighbours", "50"));
+  const int most = std::stoi(argumentOr(argc, argv, "--neighbours", std::to_string(Settings{}.neighbours)));
   std::printf("%-14s %4s %-22s %9s %6s %9s %6s %9s %7s %8s\n", "scene", "spp", "estimator", "RMSE", "ratio", "display", "ratio", "relMSE", "energy", "ms");
   for (const std::string& scene : scenes) {
     Place place = placeOf(scene, width, height, arena);
@@ -195,11 +195,10 @@ int errors(int argc, char** argv, const TaskArena& arena) {
       };
       const std::vector<std::pair<std::string, std::function<std::vector<float>()>>> estimators = {
           {"path_density", [&] { return density([](Settings&) {}); }},
-          {"path_density k=10", [&] { return density([](Settings& o) { o.neighbours = 10; }); }},
-          {"path_density k=7n/2", [&] { return density([&](Settings& o) { o.neighbours = int(3.5 * n); }); }},
+          {"path_density k=50", [&] { return density([](Settings& o) { o.neighbours = 50; }); }},
+          {"path_density k=7n/2", [&] { return density([&](Settings& o) { o.neighbours = std::max(1, int(3.5 * n)); }); }},
+          {"path_density apart", [&] { return density([](Settings& o) { o.judged = Judged::Apart; }); }},
           {"path_density together", [&] { return density([](Settings& o) { o.judged = Judged::Together; }); }},
-          {"path_density indirect", [&] { return density([](Settings& o) { o.judged = Judged::Indirect; }); }},
-          {"path_density ind. k=10", [&] { return density([](Settings& o) { o.judged = Judged::Indirect, o.neighbours = 10; }); }},
           {"path_density rgb", [&] { return density([](Settings& o) { o.metric.space = ColourSpace::Rgb; }); }},
           {"trimmed 1%", [&] { return outliers::trimmedMean(v, bins, 0.01); }},
           {"trimmed 10%", [&] { return outliers::trimmedMean(v, bins, 0.1); }},

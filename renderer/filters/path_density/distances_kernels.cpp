@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 
 #include "filters/path_density/distances.h"
 
@@ -22,25 +24,28 @@ void distancesTo(const MetricPoint& q, const MetricPoints& p, size_t begin, size
 }
 
 Nearer nearerThan(const float* d, size_t n, float limit) {
-  constexpr size_t kWide = 16;  // sums of their own: an order of additions that vectors can have
-  float sum[kWide] = {};
-  int count[kWide] = {};
+  // Eight sums of their own; spelled out, as the compiler finds no good vectors for both.
+  using Floats = float __attribute__((vector_size(32)));
+  using Ints = int32_t __attribute__((vector_size(32)));
+  Floats sum = {};
+  Ints count = {};
   size_t j = 0;
-  for (; j + kWide <= n; j += kWide)
-    for (size_t k = 0; k < kWide; ++k) {
-      const bool nearer = d[j + k] < limit;
-      sum[k] += nearer ? d[j + k] : 0.0f;
-      count[k] += nearer ? 1 : 0;
-    }
-  for (size_t k = 0; j < n; ++j, ++k) {
-    if (!(d[j] < limit)) continue;
-    sum[k] += d[j];
-    ++count[k];
+  for (; j + 8 <= n; j += 8) {
+    Floats v;
+    std::memcpy(&v, d + j, sizeof v);
+    const Ints nearer = v < limit;  // -1 where it is
+    count -= nearer;
+    sum += Floats(Ints(v) & nearer);
   }
   Nearer all;
-  for (size_t k = 0; k < kWide; ++k) {
+  for (int k = 0; k < 8; ++k) {
     all.sum += double(sum[k]);
     all.count += size_t(count[k]);
+  }
+  for (; j < n; ++j) {
+    if (!(d[j] < limit)) continue;
+    all.sum += double(d[j]);
+    ++all.count;
   }
   return all;
 }

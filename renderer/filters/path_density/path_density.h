@@ -37,9 +37,9 @@ enum class Border : uint8_t {
 
 struct Settings {
   Metric metric;
-  int neighbours = 50;             ///< k
+  int neighbours = 10;             ///< k
   float soft = 2.0f, hard = 3.0f;  ///< soft infinite: nothing is rejected
-  Judged judged = Judged::Apart;
+  Judged judged = Judged::Indirect;
   Border border = Border::Refuse;
   bool density = false;       ///< the density map is asked for: every sigma to its end, which takes longer
   float treeEpsilon = -1.0f;  ///< >= 0: by the k-d tree with that epsilon, a baseline

@@ -23,7 +23,14 @@ const TaskArena& arena() {
   static const TaskArena a(2);
   return a;
 }
-Filtered filtered(const SampleView& v, const Settings& s = {}) {
+/// The source's: both kinds of light, 50 neighbours.
+Settings source() {
+  Settings s;
+  s.neighbours = 50;
+  s.judged = Judged::Apart;
+  return s;
+}
+Filtered filtered(const SampleView& v, const Settings& s = source()) {
   auto r = rejectOutliers(v, s, arena());
   EXPECT_TRUE(r.ok()) << r.status().toString();
   return r.ok() ? *r : Filtered{};
@@ -50,7 +57,7 @@ TEST(PathDensity, MeanDistanceOfEvenLightFollowsTheLaw) {
   for (const int n : {8, 16, 40})
     for (const int k : {10, 50, 200}) {
       const auto samples = uniformSamples(60, 60, n, uint64_t(100 + n), [](uint64_t, const Vec2&) { return Vec3(0.4f); });
-      Settings s;
+      Settings s = source();
       s.neighbours = k;
       const auto sigma = sigmasOf(samples.view(), s, LightTerm::All, arena());
       ASSERT_TRUE(sigma.ok());
@@ -100,7 +107,7 @@ TEST(PathDensity, MeanDistanceInAllFiveDimensionsFollowsTheLaw) {
 
 TEST(PathDensity, RareColoursAppearAtTheTransitionOfTheLaw) {
   const int n = 16, k = 50;
-  Settings s;
+  Settings s = source();
   s.neighbours = k;
   const auto measured = [&](double nq, double& sigma, double& weight) {
     sigma = weight = 0;
@@ -177,7 +184,7 @@ TEST(PathDensity, KeptAndRejectedAreTheMeanOfAllSamples) {
                              Vec3(float(unit(8, i, 5)), 0.2f, 0.1f) * firefly(6))
                         .ok());
       }
-      Settings s;
+      Settings s = source();
       s.judged = judged;
       s.density = density;
       const Filtered f = filtered(samples.view(), s);
@@ -194,7 +201,7 @@ TEST(PathDensity, KeptAndRejectedAreTheMeanOfAllSamples) {
 
 TEST(PathDensity, WithoutThresholdsItIsTheMeanToTheBit) {
   const auto samples = evenSamples(15, 9, 5, 9, [](uint64_t i, const Vec2&) { return Vec3(float(std::pow(10.0, 6 * unit(9, i, 4) - 3)), 0.1f, -0.3f); });
-  Settings s;
+  Settings s = source();
   s.soft = s.hard = std::numeric_limits<float>::infinity();
   s.neighbours = 1000;
   const auto mean = meansOf(samples.view());
@@ -213,7 +220,7 @@ TEST(PathDensity, EvenLightStaysWholeUpToSevenNeighboursASampleAndMoreIsRefused)
   const int n = 16;
   const auto samples = evenSamples(40, 33, n, 10, [](uint64_t, const Vec2&) { return Vec3(0.7f, 0.2f, 0.05f); });
   for (const Border border : {Border::Refuse, Border::Correct}) {
-    Settings s;
+    Settings s = source();
     s.border = border;
     const int most = mostNeighbours(n, 40, 33, s);
     EXPECT_EQ(most, int((border == Border::Refuse ? 2.25 : 9.0) * M_PI * n)) << "a quarter of a disc of radius 3, or all of it";
@@ -231,7 +238,7 @@ TEST(PathDensity, EvenLightStaysWholeUpToSevenNeighboursASampleAndMoreIsRefused)
     EXPECT_NE(refused.status().message().find(std::to_string(most)), std::string::npos) << refused.status().message();
   }
   // Why: with as many neighbours as fit inside, corners would go without the correction.
-  Settings s;
+  Settings s = source();
   s.neighbours = int(0.8 * 9 * M_PI * n);
   s.density = true;
   const auto uncorrected = sigmasOf(samples.view(), s, LightTerm::All, arena());
@@ -280,7 +287,7 @@ TEST(PathDensity, TermsApartKeepDirectLightFreeOfIndirectNoise) {
     ASSERT_TRUE(samples.add(x, y, film, Vec3(0.2f + 0.01f * film.x), Vec3(indirect)).ok());
   }
   const auto errors = [&](Judged judged) {
-    Settings s;
+    Settings s = source();
     s.judged = judged;
     const Filtered f = filtered(samples.view(), s);
     // Against the mean of the direct light.
@@ -308,7 +315,7 @@ TEST(PathDensity, DarkLinesKeepTheirWidthInLabButNotInRgb) {
   });
   const auto mean = meansOf(samples.view());
   const auto keptOnLines = [&](ColourSpace space) {
-    Settings s;
+    Settings s = source();
     s.metric.space = space;
     const Filtered f = filtered(samples.view(), s);
     double kept = 0, all = 0;
@@ -329,7 +336,7 @@ TEST(PathDensity, SameBitsForAnyNumberOfThreadsAndBothSearches) {
     return Vec3(float(0.2 + 0.3 * unit(16, i, 3)) + 0.02f * film.x) * (unit(16, i, 4) < 0.05 ? 200.0f * float(unit(16, i, 5)) : 1.0f);
   });
   for (const bool density : {false, true}) {
-    Settings s;
+    Settings s = source();
     s.density = density;
     const TaskArena one(1), five(5);
     const auto a = rejectOutliers(samples.view(), s, one), b = rejectOutliers(samples.view(), s, five);
@@ -368,7 +375,7 @@ TEST(PathDensity, TheOrderOfSamplesAndThePlaceInThePictureDoNotMatter) {
     add(backwards, count - 1 - i, 3.0f);
     add(moved, i, 14.0f);
   }
-  Settings s;
+  Settings s = source();
   s.neighbours = 20;
   const auto a = sigmasOf(forwards.view(), s, LightTerm::All, arena()), b = sigmasOf(backwards.view(), s, LightTerm::All, arena()),
              c = sigmasOf(moved.view(), s, LightTerm::All, arena());
@@ -388,13 +395,13 @@ TEST(PathDensity, SamplesTakenSeveralTimesNeverCountLess) {
       const Vec2 film(v.film[2 * i], v.film[2 * i + 1]);
       ASSERT_TRUE(thrice.add(int(film.x), int(film.y), film, Vec3(v.direct[3 * i], v.direct[3 * i + 1], v.direct[3 * i + 2]), Vec3(0.0f)).ok());
     }
-  const auto a = sigmasOf(once.view(), {}, LightTerm::All, arena()), b = sigmasOf(thrice.view(), {}, LightTerm::All, arena());
+  const auto a = sigmasOf(once.view(), source(), LightTerm::All, arena()), b = sigmasOf(thrice.view(), source(), LightTerm::All, arena());
   ASSERT_TRUE(a.ok() && b.ok());
   for (size_t i = 0; i < a->size(); ++i) EXPECT_LE((*b)[i], (*a)[i] * (1 + 1e-6f));
 }
 
 TEST(PathDensity, HardCases) {
-  Settings s;
+  Settings s = source();
   // No sample at all; one; a picture of one pixel whose other samples are all of them.
   const PathSamples none(3, 2);
   Filtered f = filtered(none.view(), s);
@@ -422,7 +429,7 @@ TEST(PathDensity, HardCases) {
     const Vec2 film(float(x) + float(unit(20, i, 0)), float(y) + float(unit(20, i, 1)));
     ASSERT_TRUE(lonely.add(x, y, film, alone ? Vec3(100.0f * float(1 + i % 16)) : Vec3(0.1f), Vec3(0.0f)).ok());
   }
-  f = filtered(lonely.view(), {});
+  f = filtered(lonely.view());
   EXPECT_EQ(f.allRejected, 1u);
   const float stands = f.rgb[3 * (10 * 21 + 10)];
   EXPECT_GE(stands, 100.0f);
@@ -434,7 +441,7 @@ TEST(PathDensity, HardCases) {
 TEST(PathDensity, DensityMapsTellWhatCorroborates) {
   const auto samples =
       evenSamples(20, 20, 16, 21, [](uint64_t i, const Vec2& film) { return film.x < 10 ? Vec3(0.4f) : Vec3(float(unit(21, i, 3) * unit(21, i, 4) * 9)); });
-  Settings s;
+  Settings s = source();
   s.density = true;
   const Filtered f = filtered(samples.view(), s);
   const auto sigma = sigmasOf(samples.view(), s, LightTerm::Direct, arena());
@@ -464,7 +471,7 @@ TEST(PathDensity, DensityMapsTellWhatCorroborates) {
 TEST(PathDensity, WhatItRefuses) {
   auto samples = evenSamples(8, 8, 16, 22, [](uint64_t, const Vec2&) { return Vec3(1.0f); });
   const auto refuses = [&](const std::function<void(Settings&)>& change, const std::string& why) {
-    Settings s;
+    Settings s = source();
     change(s);
     const auto r = rejectOutliers(samples.view(), s, arena());
     ASSERT_FALSE(r.ok()) << why;
@@ -482,18 +489,18 @@ TEST(PathDensity, WhatItRefuses) {
   refuses([](Settings& s) { s.soft = -1; }, "thresholds");
   samples.markCorrelated();
   refuses([](Settings&) {}, "correlated");
-  EXPECT_FALSE(sigmasOf(samples.view(), {}, LightTerm::All, arena()).ok());
+  EXPECT_FALSE(sigmasOf(samples.view(), source(), LightTerm::All, arena()).ok());
 }
 
 TEST(PathDensity, StopsAreNoticed) {
   const auto samples = evenSamples(30, 30, 16, 23, [](uint64_t i, const Vec2&) { return Vec3(float(unit(23, i, 2))); });
   StopSource stop;
   stop.stop(StopReason::Cancelled);
-  EXPECT_EQ(rejectOutliers(samples.view(), {}, arena(), stop.token()).status().code(), Code::Cancelled);
+  EXPECT_EQ(rejectOutliers(samples.view(), source(), arena(), stop.token()).status().code(), Code::Cancelled);
   for (const int poll : {1, 3, 9, 20}) {
     StopSource later;
     later.stopAtPoll(poll);
-    EXPECT_EQ(rejectOutliers(samples.view(), {}, arena(), later.token()).status().code(), Code::Cancelled) << poll;
+    EXPECT_EQ(rejectOutliers(samples.view(), source(), arena(), later.token()).status().code(), Code::Cancelled) << poll;
   }
 }
 
