@@ -195,6 +195,10 @@ int errors(int argc, char** argv, const TaskArena& arena) {
       };
       const std::vector<std::pair<std::string, std::function<std::vector<float>()>>> estimators = {
           {"path_density", [&] { return density([](Settings&) {}); }},
+          {"path_density spread 4", [&] { return density([](Settings& o) { o.spread = 4; }); }},
+          {"path_density spread 8", [&] { return density([](Settings& o) { o.spread = 8; }); }},
+          {"path_density spread 16", [&] { return density([](Settings& o) { o.spread = 16; }); }},
+          {"path_density spread 8 k=50", [&] { return density([](Settings& o) { o.spread = 8, o.neighbours = 50; }); }},
           {"path_density k=50", [&] { return density([](Settings& o) { o.neighbours = 50; }); }},
           {"path_density k=7n/2", [&] { return density([&](Settings& o) { o.neighbours = std::max(1, int(3.5 * n)); }); }},
           {"path_density apart", [&] { return density([](Settings& o) { o.judged = Judged::Apart; }); }},

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <atomic>
 
+#include "filters/path_density/spread.h"
+
 namespace gobo::pathdensity {
 
 namespace {
@@ -14,14 +16,16 @@ constexpr double kMostOut = 3.4e38;  // a float holds it
 
 Composite::Composite(const SampleView& samples, const SampleBins& bins, const Settings& settings) : samples_(samples), bins_(bins), settings_(settings) {
   const size_t pixels = size_t(samples.width) * size_t(samples.height);
-  kept_.assign(3 * pixels, 0.0);
-  rejected_.assign(3 * pixels, 0.0);
+  sumKept_.assign(3 * pixels, 0.0);
+  sumRejected_.assign(3 * pixels, 0.0);
   weight_.assign(pixels, 0.0);
   density_.assign(settings.density ? pixels : 0, 0.0);
 }
 
 bool Composite::add(LightTerm term, const std::vector<float>& sigma, const ExactSigma& exact, bool judged, const TaskArena& arena, const StopToken& stop) {
   if (judged) ++terms_;
+  kept_.assign(sumKept_.size(), 0.0);
+  rejected_.assign(sumKept_.size(), 0.0);
   std::atomic<uint64_t> allRejected{0};
   const auto light = [&](size_t i, size_t c) {
     const double direct = term == LightTerm::Indirect ? 0.0 : double(samples_.direct[3 * i + c]);
@@ -57,8 +61,8 @@ bool Composite::add(LightTerm term, const std::vector<float>& sigma, const Exact
     }
     const double n = double(end - begin);
     for (size_t c = 0; c < 3; ++c) {
-      kept_[3 * p + c] += kept[c];
-      rejected_[3 * p + c] += missing[c] / n;
+      kept_[3 * p + c] = kept[c];
+      rejected_[3 * p + c] = missing[c] / n;
     }
     if (!judged) return;
     weight_[p] += weights / n;
@@ -75,7 +79,15 @@ bool Composite::add(LightTerm term, const std::vector<float>& sigma, const Exact
       },
       stop);
   out_.allRejected += allRejected;
-  return complete && !stop.stopRequested();
+  if (!complete || stop.stopRequested()) return false;
+  if (judged && settings_.spread > 0 &&
+      !spreadRejected(kept_, rejected_, samples_.width, samples_.height, double(settings_.spread), double(settings_.mostSpread), arena, stop))
+    return false;
+  for (size_t i = 0; i < sumKept_.size(); ++i) {
+    sumKept_[i] += kept_[i];
+    sumRejected_[i] += rejected_[i];
+  }
+  return true;
 }
 
 /// The mean of what is in the smallest square around an empty pixel that holds anything: 3 x 3, 5 x 5, 9 x 9 ...
@@ -95,7 +107,7 @@ void Composite::fillEmpty() {
           for (int u = std::max(x - r, 0); u <= std::min(x + r, width - 1); ++u) {
             if (!full(u, v)) continue;
             ++found;
-            for (size_t c = 0; c < 3; ++c) sum[c] += kept_[3 * (size_t(v) * size_t(width) + size_t(u)) + c];
+            for (size_t c = 0; c < 3; ++c) sum[c] += sumKept_[3 * (size_t(v) * size_t(width) + size_t(u)) + c];
           }
       for (size_t c = 0; c < 3 && found > 0; ++c) out_.rgb[3 * p + c] = float(std::clamp(sum[c] / double(found), -kMostOut, kMostOut));
     }
@@ -107,8 +119,8 @@ Filtered Composite::finish() {
     for (size_t i = 0; i < from.size(); ++i) to[i] = float(std::clamp(from[i] * scale, -kMostOut, kMostOut));
     return to;
   };
-  out_.rgb = toFloats(kept_, 1.0);
-  out_.rejected = toFloats(rejected_, 1.0);
+  out_.rgb = toFloats(sumKept_, 1.0);
+  out_.rejected = toFloats(sumRejected_, 1.0);
   out_.weight = toFloats(weight_, 1.0 / std::max(terms_, 1));
   if (terms_ == 0) std::fill(out_.weight.begin(), out_.weight.end(), 1.0f);
   out_.density = toFloats(density_, 1.0 / std::max(terms_, 1));

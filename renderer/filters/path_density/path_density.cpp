@@ -45,6 +45,8 @@ Status checkSettings(const SampleView& v, const Settings& s) {
   GOBO_TRY(checkRange("colour scale", double(s.metric.colourScale), 1e-3, 1e6));
   GOBO_TRY(checkRange("white", double(s.metric.white), 1e-12, 1e12));
   GOBO_TRY(checkRange("neighbours", s.neighbours, 1, 1 << 20));
+  GOBO_TRY(checkRange("spread", double(s.spread), 0, 1000));
+  GOBO_TRY(checkRange("most spread", double(s.mostSpread), 0, 1e6));
   if (!(s.soft >= 0) || !(s.hard >= s.soft))
     return invalidArgument("path density: thresholds " + numberText(double(s.soft)) + " and " + numberText(double(s.hard)) + " are not 0 <= soft <= hard");
   if (v.width < 1 || v.height < 1) return invalidArgument("path density: a picture of " + std::to_string(v.width) + " x " + std::to_string(v.height));

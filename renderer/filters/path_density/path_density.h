@@ -42,6 +42,8 @@ struct Settings {
   Judged judged = Judged::Indirect;
   Border border = Border::Refuse;
   bool density = false;       ///< the density map is asked for: every sigma to its end, which takes longer
+  float spread = 8.0f;        ///< > 0: rejected light comes back under a Gaussian of that many pixels (spread.h), per term; 0: it does not
+  float mostSpread = 1.0f;    ///< of what a pixel has kept
   float treeEpsilon = -1.0f;  ///< >= 0: by the k-d tree with that epsilon, a baseline
 };
 

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "filters/path_density/neighbour_search.h"
+#include "filters/path_density/spread.h"
 #include "path_density_clouds.h"
 
 namespace gobo {
@@ -23,11 +24,12 @@ const TaskArena& arena() {
   static const TaskArena a(2);
   return a;
 }
-/// The source's: both kinds of light, 50 neighbours.
+/// The source's: both kinds of light, 50 neighbours, nothing comes back.
 Settings source() {
   Settings s;
   s.neighbours = 50;
   s.judged = Judged::Apart;
+  s.spread = 0;
   return s;
 }
 Filtered filtered(const SampleView& v, const Settings& s = source()) {
@@ -187,6 +189,7 @@ TEST(PathDensity, KeptAndRejectedAreTheMeanOfAllSamples) {
       Settings s = source();
       s.judged = judged;
       s.density = density;
+      s.spread = density ? 0.0f : 3.0f;
       const Filtered f = filtered(samples.view(), s);
       const auto mean = meansOf(samples.view());
       double rejected = 0;
@@ -194,7 +197,7 @@ TEST(PathDensity, KeptAndRejectedAreTheMeanOfAllSamples) {
         EXPECT_NEAR(double(f.rgb[i]) + double(f.rejected[i]), mean[i], 3e-7 * (std::abs(mean[i]) + std::abs(double(f.rgb[i])))) << i;
         rejected += double(f.rejected[i]);
       }
-      EXPECT_GT(rejected, 10.0);
+      EXPECT_GT(std::abs(rejected), density ? 10.0 : 0.0);
       EXPECT_EQ(f.density.size(), density ? f.weight.size() : 0u);
     }
 }
@@ -468,6 +471,64 @@ TEST(PathDensity, DensityMapsTellWhatCorroborates) {
   EXPECT_NEAR(double(densityOf(3.0f)), 0.00443, 1e-5);
 }
 
+TEST(PathDensity, SpreadingKeepsTheEnergyAndEdgesAndIsBounded) {
+  const int width = 40, height = 24, sigma = 2;
+  std::vector<double> kept(size_t(3 * width * height)), rejected(kept.size(), 0.0);
+  for (size_t i = 0; i < kept.size(); ++i) kept[i] = int(i / 3) % width < 20 ? 0.01 : 1.0;
+  const size_t at = 3 * size_t(12 * width + 21);  // next to the edge
+  rejected[at] = 5;
+  const std::vector<double> before = kept;
+  auto run = [&](double most) {
+    auto k = before, r = rejected;
+    EXPECT_TRUE(spreadRejected(k, r, width, height, sigma, most, arena(), {}));
+    for (size_t i = 0; i < k.size(); ++i) EXPECT_NEAR(k[i] + r[i], before[i] + rejected[i], 1e-12);
+    return k;
+  };
+  const auto spread = run(1e6);
+  double more = 0, dark = 0, reach = 0;
+  for (size_t i = 0; i < spread.size(); ++i) {
+    more += spread[i] - before[i];
+    if (before[i] < 0.5) dark += spread[i] - before[i];
+    if (spread[i] > before[i]) reach = std::max(reach, std::abs(double(int(i / 3) % width) - 21));
+    if (i % 3 != 0) { EXPECT_EQ(spread[i], before[i]); }
+  }
+  EXPECT_NEAR(more, 5.0, 1e-9);
+  EXPECT_LT(dark, 0.05);
+  EXPECT_EQ(reach, 6);
+  // The Gaussian, in proportion to what is there.
+  const size_t away = at + 3 * 3;
+  EXPECT_NEAR((spread[away] - 1) / (spread[at] - 1), std::exp(-9.0 / 8), 1e-9);
+  rejected[at] = 1e30;
+  for (const double most : {0.0, 0.5}) {
+    const auto bounded = run(most);
+    for (size_t i = 0; i < bounded.size(); ++i) EXPECT_LE(bounded[i], before[i] * (1 + most) * (1 + 1e-12));
+    EXPECT_EQ(bounded[at], 1 + most);
+  }
+  rejected[at] = -1e30;
+  for (const double v : run(1.0)) EXPECT_GE(v, 0.0);
+}
+
+TEST(PathDensity, WhatIsSpreadIsTheTermsOwnAndNoOutlierGlares) {
+  const auto samples = evenSamples(24, 24, 16, 24, [&](uint64_t i, const Vec2&) {
+    return Vec3(i == 16 * (12 * 24 + 12) ? 1e20f : i % 400 == 3 ? 5.0f : 0.5f);
+  });
+  Settings s = source();
+  s.spread = 4;
+  s.judged = Judged::Together;
+  const Filtered f = filtered(samples.view(), s);
+  double sum = 0;
+  for (const float v : f.rgb) {
+    EXPECT_LE(v, 1.0f);
+    EXPECT_GE(v, 0.5f);
+    sum += double(v);
+  }
+  EXPECT_GT(sum / (24 * 24 * 3), 0.505);
+  s.judged = Judged::Indirect;  // of which there is none
+  const auto mean = meansOf(samples.view());
+  const Filtered none = filtered(samples.view(), s);
+  for (size_t i = 0; i < mean.size(); ++i) EXPECT_EQ(none.rgb[i], float(mean[i]));
+}
+
 TEST(PathDensity, WhatItRefuses) {
   auto samples = evenSamples(8, 8, 16, 22, [](uint64_t, const Vec2&) { return Vec3(1.0f); });
   const auto refuses = [&](const std::function<void(Settings&)>& change, const std::string& why) {
@@ -487,6 +548,8 @@ TEST(PathDensity, WhatItRefuses) {
   refuses([](Settings& s) { s.soft = 4; }, "thresholds");
   refuses([&](Settings& s) { s.hard = nan; }, "thresholds");
   refuses([](Settings& s) { s.soft = -1; }, "thresholds");
+  refuses([](Settings& s) { s.spread = -1; }, "spread");
+  refuses([&](Settings& s) { s.mostSpread = nan; }, "most spread");
   samples.markCorrelated();
   refuses([](Settings&) {}, "correlated");
   EXPECT_FALSE(sigmasOf(samples.view(), source(), LightTerm::All, arena()).ok());
