@@ -175,7 +175,7 @@ int errors(int argc, char** argv, const TaskArena& arena) {
   const uint32_t half = uint32_t(std::stoul(argumentOr(argc, argv, "--reference", "2048")));
   const uint64_t seed = std::stoul(argumentOr(argc, argv, "--seed", "1"));
   const int most = std::stoi(argumentOr(argc, argv, "--neighbours", std::to_string(Settings{}.neighbours)));
-  std::printf("%-14s %4s %-22s %9s %6s %9s %6s %9s %7s %8s\n", "scene", "spp", "estimator", "RMSE", "ratio", "display", "ratio", "relMSE", "energy", "ms");
+  std::printf("%-14s %4s %-24s %9s %6s %9s %6s %9s %7s %8s\n", "scene", "spp", "estimator", "RMSE", "ratio", "display", "ratio", "relMSE", "energy", "ms");
   for (const std::string& scene : scenes) {
     Place place = placeOf(scene, width, height, arena);
     const auto a = reference(place, 1001, half, arena), b = reference(place, 1002, half, arena);
@@ -195,14 +195,10 @@ int errors(int argc, char** argv, const TaskArena& arena) {
       };
       const std::vector<std::pair<std::string, std::function<std::vector<float>()>>> estimators = {
           {"path_density", [&] { return density([](Settings&) {}); }},
-          {"path_density spread 4", [&] { return density([](Settings& o) { o.spread = 4; }); }},
-          {"path_density spread 8", [&] { return density([](Settings& o) { o.spread = 8; }); }},
-          {"path_density spread 16", [&] { return density([](Settings& o) { o.spread = 16; }); }},
-          {"path_density spread 8 k=50", [&] { return density([](Settings& o) { o.spread = 8, o.neighbours = 50; }); }},
+          {"path_density, no spread", [&] { return density([](Settings& o) { o.spread = 0; }); }},
           {"path_density k=50", [&] { return density([](Settings& o) { o.neighbours = 50; }); }},
-          {"path_density k=7n/2", [&] { return density([&](Settings& o) { o.neighbours = std::max(1, int(3.5 * n)); }); }},
+          {"path_density of 2010", [&] { return density([](Settings& o) { o.neighbours = 50, o.judged = Judged::Together, o.spread = 0; }); }},
           {"path_density apart", [&] { return density([](Settings& o) { o.judged = Judged::Apart; }); }},
-          {"path_density together", [&] { return density([](Settings& o) { o.judged = Judged::Together; }); }},
           {"path_density rgb", [&] { return density([](Settings& o) { o.metric.space = ColourSpace::Rgb; }); }},
           {"trimmed 1%", [&] { return outliers::trimmedMean(v, bins, 0.01); }},
           {"trimmed 10%", [&] { return outliers::trimmedMean(v, bins, 0.1); }},
@@ -217,7 +213,7 @@ int errors(int argc, char** argv, const TaskArena& arena) {
           {"energy preserving", [&] { return outliers::spreadOutliers(mean, width, height); }},
       };
       const Errors linear = errorsOf(mean, a, b, double(s.metric.white));
-      std::printf("%-14.14s %4u %-22s %9.5f %6.3f %9.5f %6.3f %9.5f %7.3f %8s   white %.4g\n", scene.c_str(), n, "mean", linear.rmse, 1.0, linear.shown, 1.0,
+      std::printf("%-14.14s %4u %-24s %9.5f %6.3f %9.5f %6.3f %9.5f %7.3f %8s   white %.4g\n", scene.c_str(), n, "mean", linear.rmse, 1.0, linear.shown, 1.0,
                   linear.relMse, 1.0, "-", double(s.metric.white));
       for (const auto& [name, estimate] : estimators) {
         if (!wanted.empty() && std::none_of(wanted.begin(), wanted.end(), [&](const std::string& w) { return name.find(w) != std::string::npos; })) continue;
@@ -225,7 +221,7 @@ int errors(int argc, char** argv, const TaskArena& arena) {
         const auto picture = estimate();
         const double ms = msSince(start);
         const Errors e = errorsOf(picture, a, b, double(s.metric.white));
-        std::printf("%-14.14s %4u %-22s %9.5f %6.3f %9.5f %6.3f %9.5f %7.3f %8.1f\n", scene.c_str(), n, name.c_str(), e.rmse, e.rmse / linear.rmse, e.shown,
+        std::printf("%-14.14s %4u %-24s %9.5f %6.3f %9.5f %6.3f %9.5f %7.3f %8.1f\n", scene.c_str(), n, name.c_str(), e.rmse, e.rmse / linear.rmse, e.shown,
                     e.shown / linear.shown, e.relMse, e.energy / linear.energy, ms);
         std::fflush(stdout);
       }
