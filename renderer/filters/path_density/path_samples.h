@@ -37,6 +37,8 @@ class PathSamples {
   void markCorrelated() { correlated_ = true; }
 
   size_t size() const { return film_.size() / 2; }
+  /// What is allocated for them.
+  size_t bytes() const { return sizeof(float) * (film_.capacity() + direct_.capacity() + indirect_.capacity()); }
   uint64_t dropped() const { return dropped_; }  ///< not finite
   SampleView view() const { return {width_, height_, film_, direct_, indirect_, correlated_}; }
 

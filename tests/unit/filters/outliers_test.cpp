@@ -6,6 +6,7 @@
 
 #include "filters/outliers/picture_filters.h"
 #include "filters/outliers/sample_estimators.h"
+#include "filters/outliers/smoothing_filters.h"
 #include "path_density_clouds.h"
 
 namespace gobo {
@@ -145,6 +146,41 @@ TEST(Outliers, SpreadingKeepsTheEnergy) {
   EXPECT_LT(most, 2.0f);
   const std::vector<float> even(size_t(3 * w * h), 0.7f);
   EXPECT_EQ(spreadOutliers(even, w, h), even);
+}
+
+TEST(Outliers, SmoothingKeepsEdgesAndWithThemSpikes) {
+  const int w = 21, h = 15;
+  std::vector<float> rgb(size_t(3 * w * h));
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x)
+      for (int c = 0; c < 3; ++c) rgb[size_t(3 * (y * w + x) + c)] = (x < 10 ? 0.2f : 1.0f) + 0.01f * float(unit(3, uint64_t(y * w + x), uint64_t(c)));
+  const size_t spike = size_t(3 * (7 * w + 5));
+  rgb[spike] = 9.0f;
+  double before = 0, after = 0;
+  const auto bilateral = bilateralFilter(rgb, w, h, 2.0, 0.1), diffused = anisotropicDiffusion(rgb, w, h, 8, 0.1);
+  for (const auto* out : {&bilateral, &diffused}) {
+    EXPECT_NEAR((*out)[spike], 9.0f, 1e-3f);  // why they are not enough
+    EXPECT_NEAR((*out)[size_t(3 * (3 * w + 9))], 0.205f, 0.004f);
+    EXPECT_NEAR((*out)[size_t(3 * (3 * w + 10))], 1.005f, 0.004f);
+  }
+  for (size_t i = 0; i < rgb.size(); ++i) {
+    before += double(rgb[i]);
+    after += double(diffused[i]);
+  }
+  EXPECT_NEAR(after, before, 1e-4);
+  // Limits of the range: the picture; a Gaussian.
+  const auto same = bilateralFilter(rgb, w, h, 2.0, 1e-6);
+  for (size_t i = 0; i < rgb.size(); ++i) EXPECT_EQ(same[i], rgb[i]);
+  std::vector<float> impulse(size_t(3 * w * h), 0.0f);
+  impulse[size_t(3 * (7 * w + 10))] = 1;
+  const auto gaussian = bilateralFilter(impulse, w, h, 1.0, 1e9);
+  const auto at = [&](int dx, int dy) { return double(gaussian[size_t(3 * ((7 + dy) * w + 10 + dx))]); };
+  EXPECT_NEAR(at(1, 0) / at(0, 0), std::exp(-0.5), 1e-5);
+  EXPECT_NEAR(at(1, 2) / at(0, 0), std::exp(-2.5), 1e-5);
+  EXPECT_EQ(at(3, 0), 0.0);
+  // Diffusion below the edge's height levels out.
+  const auto level = anisotropicDiffusion(impulse, w, h, 4000, 1e6);
+  for (int p = 0; p < w * h; ++p) EXPECT_NEAR(level[size_t(3 * p)], 1.0f / float(w * h), 1e-4f);
 }
 
 }  // namespace outliers_test

@@ -582,6 +582,7 @@ TEST(PathSamples, AreBoundedAndFinite) {
   EXPECT_EQ(full.code(), Code::ResourceExhausted);
   EXPECT_NE(full.message().find(std::to_string(10 * PathSamples::kBytesOfSample + 3)), std::string::npos) << full.message();
   EXPECT_EQ(samples.size(), 10u);
+  EXPECT_LE(samples.bytes(), 10 * PathSamples::kBytesOfSample + 3);
   // A film position on the far edge counts for the pixel that it was drawn for.
   EXPECT_LT(samples.view().film[0], 2.0f);
   EXPECT_GE(samples.view().film[0], 1.999f);
