@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "filters/axis_aligned/maps.h"
 #include "filters/composite.h"
 #include "filters/sample_statistics.h"
 #include "filters/shadow_map/techniques.h"
@@ -139,6 +140,20 @@ Result<OutputPlane> planShadowFlags(OutputContext& o, const std::string& output,
   GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light, &used));
   if (marksFailures(used)) return pixelMean(o.plan, v, "flags", 1, true, output);
   return invalidArgument("request.outputs: '" + output + "' needs shadows.exponential.classification = THRESHOLD or Z_MAX", "request.outputs");
+}
+
+namespace {
+Result<OutputPlane> shadowFilterMap(OutputContext& o, const std::string& output, const std::string& light, const char* plane) {
+  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light));
+  const Result<NodeId> maps = planShadowFilterMaps(o.plan.graph(), v);
+  if (!maps.ok()) return invalidArgument("request.outputs: '" + output + "': " + maps.status().message(), "request.outputs");
+  return pixelMean(o.plan, *maps, plane, 1, true, output);
+}
+}  // namespace
+
+Result<OutputPlane> planShadowRays(OutputContext& o, const std::string& output, const std::string& light) { return shadowFilterMap(o, output, light, "rays"); }
+Result<OutputPlane> planShadowWidth(OutputContext& o, const std::string& output, const std::string& light) {
+  return shadowFilterMap(o, output, light, "width");
 }
 
 Result<OutputPlane> planShadowBasis(OutputContext& o, const std::string& output, const std::string& light) {

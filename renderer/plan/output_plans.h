@@ -33,6 +33,8 @@ Result<OutputPlane> planVariance(OutputContext&, const std::string& output, cons
 Result<OutputPlane> planUnoccludedOutput(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planVisibilityOutput(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planShadowFlags(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planShadowRays(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planShadowWidth(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planShadowBasis(OutputContext&, const std::string& output, const std::string& light);
 
 }  // namespace gobo

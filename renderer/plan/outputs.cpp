@@ -38,6 +38,8 @@ const OutputInfo kTable[] = {
     {"unoccluded", OutputKind::Radiance, planUnoccludedOutput, PathSet::None, "RGB", true},
     {"visibility", OutputKind::Plain, planVisibilityOutput, PathSet::None, "Y", true},
     {"shadow_flags", OutputKind::Plain, planShadowFlags, PathSet::None, "Y", true},
+    {"shadow_rays", OutputKind::Range, planShadowRays, PathSet::None, "X", true, true},
+    {"shadow_width", OutputKind::Range, planShadowWidth, PathSet::None, "X", true, true},
     {"shadow_basis", OutputKind::Plain, planShadowBasis, PathSet::None, "Y", true, true},  // depths have more bits than half
 };
 

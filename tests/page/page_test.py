@@ -214,6 +214,14 @@ class Display(PageCase):
         for path in ("shadows.technique", "lights.key.shadow.technique"):
             self.after(f"document.querySelector('.field[data-path=\"{path}\"] button').click()")
         self.assertTrue(self.page.run(text("compared")).endswith("linear: 0"))
+        # A reference keeps its noise.
+        self.after("(() => { const s = document.querySelector('.field[data-path=\"denoise.filter\"] select'); s.value = 'wavelet'; s.dispatchEvent(new Event('input', {bubbles: true})); return true })()")
+        self.assertEqual(self.request()["denoise"], {"wavelet": {}})
+        self.page.run("document.getElementById('reference').click()")
+        self.page.until("document.getElementById('reference').textContent === 'Reference as A'", 60)
+        self.assertFalse(self.page.run(text("compared")).endswith("linear: 0"))
+        self.after("document.querySelector('.field[data-path=\"denoise.filter\"] button').click()")
+        self.assertTrue(self.page.run(text("compared")).endswith("linear: 0"))
         for path, value in (("certificate.spp", 8), ("certificate.min_pixels", 200)):
             self.page.run(field(path, value))
         self.page.until("document.body.dataset.state === 'done'", 60)

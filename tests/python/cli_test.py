@@ -274,6 +274,16 @@ class Measure(DaemonTest):
         error = {float(r["value"]): float(r["rmse"]) for r in found}
         self.assertGreater(error[0], 2 * error[3])
 
+    def test_reference_has_its_noise(self):
+        """Denoising errs: of the reference too it would hide what it does."""
+        rows = "measure cornell --size 24x18 --csv m.csv --sweep denoise.joint_bilateral.radius_px=0,32 --set denoise.joint_bilateral.radius_px=32 " \
+               "--spp 256 --reference-spp 256"
+        self.cli(*rows.split())
+        with open(self.path("m.csv"), newline="", encoding="utf-8") as file:
+            found = list(csv.DictReader(file))
+        error = {float(r["value"]): float(r["rmse"]) for r in found}
+        self.assertLess(error[0], 0.7 * error[32])
+
 
 class Manual(DaemonTest):
     def test_page(self):

@@ -125,6 +125,7 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     if (t.usesMap || technique.has_auto_()) technique.mutable_map()->set_resolution(32);
     if (technique.has_auto_()) technique.mutable_auto_()->set_error(0.05);
     if (technique.has_ray_traced()) addEveryOutput(r);
+    if (technique.has_axis_aligned()) r.add_outputs("beauty"), r.add_outputs("shadow_rays:lamp");
     if (technique.has_convolution()) r.add_outputs("beauty"), r.add_outputs("shadow_basis:lamp");
     all.emplace_back(t.name, r);
     if (technique.has_percentage_closer()) {

@@ -80,6 +80,7 @@ class AxisAlignedFilter final : public Node {
     return w.gives({"visibility", Domain::ViewSample, view, {plane<float>("V", std::max(w.channels(0, "V"), 1))}});
   }
   Result<TermPtr> run(const RunContext& ctx) const override;
+  const AxisAlignedFilterSettings& settings() const { return s_; }
 
  private:
   bool fill(Layer& L, const RunContext& ctx, int layer, size_t channel, size_t channels) const;
@@ -227,6 +228,11 @@ Result<TermPtr> AxisAlignedFilter::run(const RunContext& ctx) const {
 
 }  // namespace
 
+const AxisAlignedFilterSettings& settingsOfAxisAlignedFilter(const Node& node) {
+  const auto* filter = dynamic_cast<const AxisAlignedFilter*>(&node);
+  GOBO_CHECK(filter != nullptr);
+  return filter->settings();
+}
 NodePtr makeAxisAlignedFilter(const AxisAlignedFilterSettings& settings) { return std::make_shared<AxisAlignedFilter>(settings); }
 
 }  // namespace gobo

@@ -40,5 +40,7 @@ struct AxisAlignedFilterSettings {
 inline constexpr int kAxisAlignedMaxRadius = 64;
 
 NodePtr makeAxisAlignedFilter(const AxisAlignedFilterSettings& settings);
+/// Of a node that makeAxisAlignedFilter made (CHECKed).
+const AxisAlignedFilterSettings& settingsOfAxisAlignedFilter(const Node& node);
 
 }  // namespace gobo

@@ -341,6 +341,36 @@ TEST(ShadowPictures, FlagsAreWhatTheClassificationFound) {
   }
 }
 
+TEST(ShadowPictures, RaysAndWidthsAreThoseOfTheFilter) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("grids", 48, 40, 1);
+  for (const char* a : {"shadows.axis_aligned.mean_samples=32", "view_samples=1", "outputs=shadow_rays:key,shadow_width:key,visibility:key,alpha"}) set(r, a);
+  auto of = [&](std::initializer_list<const char*> edits) {
+    v1::RenderRequest e = r;
+    for (const char* a : edits) set(e, a);
+    return pictures(mustRender(*engine, e));
+  };
+  auto usual = of({}), narrow = of({"shadows.axis_aligned.k=6"}), plain = of({"shadows.axis_aligned.radius_px=0"});
+  double sum = 0;
+  size_t many = 0;
+  for (size_t i = 0; i < usual["alpha"].data.size(); ++i) {
+    const float rays = usual["shadow_rays:key"].data[i], width = usual["shadow_width:key"].data[i];
+    if (usual["alpha"].data[i] == 0.0f) {
+      ASSERT_EQ(rays, 0.0f);
+      ASSERT_EQ(width, 0.0f);
+      continue;
+    }
+    ASSERT_TRUE(rays == 4.0f || rays == 32.0f) << rays;
+    many += rays == 32.0f;
+    ASSERT_NEAR(narrow["shadow_width:key"].data[i], 0.5f * width, 1e-5f * width);  // width is 3/k of what was predicted
+    ASSERT_EQ(narrow["shadow_rays:key"].data[i], rays);
+    ASSERT_EQ(plain["shadow_width:key"].data[i], 0.0f) << "nothing is filtered";
+    sum += rays;
+  }
+  EXPECT_GT(many, 100u);
+  EXPECT_GT(sum, 0.0);
+}
+
 TEST(ShadowPictures, WhatCannotBeShownIsRefusedByName) {
   const auto engine = makeEngine();
   const auto refused = [&](std::initializer_list<const char*> edits, Code code, std::initializer_list<const char*> words) {
@@ -354,6 +384,7 @@ TEST(ShadowPictures, WhatCannotBeShownIsRefusedByName) {
   refused({"outputs=shadow_flags:key"}, Code::InvalidArgument, {"shadow_flags:key", "classification"});
   refused({"outputs=shadow_flags:key", "shadows.exponential.c=80"}, Code::InvalidArgument, {"shadow_flags:key", "classification"});
   refused({"outputs=shadow_flags:key", "shadows.variance.min_variance=0"}, Code::InvalidArgument, {"shadow_flags:key", "classification"});
+  for (const char* output : {"outputs=shadow_rays:key", "outputs=shadow_width:key"}) refused({output}, Code::InvalidArgument, {output + 8, "axis_aligned"});
   refused({"outputs=shadow_flags:nonesuch", "shadows.exponential.classification=Z_MAX"}, Code::NotFound, {"nonesuch"});
   refused({"outputs=shadow_basis"}, Code::InvalidArgument, {"shadow_basis:LIGHT"});
   refused({"outputs=beauty,shadow_basis:key", "shadows.exponential.c=80", "encoding.layers=true"}, Code::InvalidArgument,

@@ -3,6 +3,8 @@
 // every output of the registries, the pictures are the same bit for bit. A node whose key lacks something that it reads fails here.
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "filters/shadow_technique.h"
 #include "plan/outputs.h"
 #include "scene/edit.h"
@@ -127,7 +129,7 @@ v1::RenderRequest requestFor(const Scene& scene) {
       r.add_outputs(o.name);
       continue;
     }
-    if (std::string(o.name) == "shadow_flags" || std::string(o.name) == "shadow_basis") continue;  // parts of what visibility is made from
+    if (std::set<std::string>{"shadow_flags", "shadow_basis", "shadow_rays", "shadow_width"}.count(o.name)) continue;  // parts of what visibility is made from
     for (const Light& l : scene.lights)
       if (l.shape.kind != LightKind::Environment) r.add_outputs(std::string(o.name) + ":" + l.name);
   }
