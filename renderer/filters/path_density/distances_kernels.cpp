@@ -10,7 +10,8 @@ namespace gobo::pathdensity {
 namespace {
 
 void distanceRow(const float* __restrict x, const float* __restrict y, const float* __restrict l, const float* __restrict a, const float* __restrict b,
-                 const MetricPoint q, int n, float* __restrict out) {
+                 const MetricPoint& from, int n, float* __restrict out) {
+  const MetricPoint q = from;  // not looked up again after every store
   for (int j = 0; j < n; ++j) {
     const float dx = x[j] - q.x, dy = y[j] - q.y, dl = l[j] - q.l, da = a[j] - q.a, db = b[j] - q.b;
     out[j] = std::sqrt(dx * dx + dy * dy) + std::sqrt(dl * dl + da * da + db * db);

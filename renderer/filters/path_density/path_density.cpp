@@ -141,7 +141,8 @@ float densityOf(float sigma) { return sigma >= kMostSigma ? 0.0f : 0.39894228f *
 
 Result<std::vector<float>> sigmasOf(const SampleView& samples, const Settings& settings, LightTerm term, const TaskArena& arena, const StopToken& stop) {
   GOBO_TRY(checkSettings(samples, settings));
-  const SampleBins bins = binSamples(samples);
+  const SampleBins bins = binSamples(samples, stop);
+  if (stop.stopRequested()) return Status(Code::Cancelled, "stopped");
   MetricPoints points;
   std::vector<float> sorted, sigma(samples.size());
   if (!makePoints(samples, bins, settings.metric, term, points, arena, stop) || !Sigmas{samples, bins, settings, arena, stop}.measure(points, {}, sorted))
@@ -159,7 +160,8 @@ Result<Filtered> rejectOutliers(const SampleView& samples, const Settings& setti
     return invalidArgument("path density: " + std::to_string(settings.neighbours) + " neighbours are too many for " + numberText(perPixel) +
                            " samples a pixel: even light would be rejected from " + std::to_string(most) + " on" +
                            (settings.border == Border::Refuse ? " (in the corners of the picture; four times as many pass with borders corrected)" : ""));
-  const SampleBins bins = binSamples(samples);
+  const SampleBins bins = binSamples(samples, stop);
+  if (stop.stopRequested()) return Status(Code::Cancelled, "stopped");
   Composite composite(samples, bins, settings);
   const Sigmas sigmas{samples, bins, settings, arena, stop};
   OutcomeBounds bounds{settings.soft, settings.hard};

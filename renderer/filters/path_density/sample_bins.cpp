@@ -14,7 +14,7 @@ constexpr double kSamplesOfCell = 8;
 
 }  // namespace
 
-SampleBins binSamples(const SampleView& s) {
+SampleBins binSamples(const SampleView& s, const StopToken& stop) {
   SampleBins b;
   b.width = s.width;
   b.height = s.height;
@@ -29,11 +29,13 @@ SampleBins binSamples(const SampleView& s) {
     const int x = std::clamp(int(s.film[2 * i]), 0, s.width - 1), y = std::clamp(int(s.film[2 * i + 1]), 0, s.height - 1);
     return b.slot(x, y);
   };
-  for (size_t i = 0; i < n; ++i) ++b.slotStart[slotOf(i) + 1];
+  const auto stopped = [&](size_t i) { return (i & 0xffff) == 0 && stop.stopRequested(); };
+  for (size_t i = 0; i < n && !stopped(i); ++i) ++b.slotStart[slotOf(i) + 1];
   for (size_t k = 1; k < b.slotStart.size(); ++k) b.slotStart[k] += b.slotStart[k - 1];
   b.order.resize(n);
   std::vector<uint32_t> next(b.slotStart.begin(), b.slotStart.end() - 1);
-  for (size_t i = 0; i < n; ++i) b.order[next[slotOf(i)]++] = uint32_t(i);
+  if (stop.stopRequested()) return b;  // starts and samples belong together
+  for (size_t i = 0; i < n && !stopped(i); ++i) b.order[next[slotOf(i)]++] = uint32_t(i);
   return b;
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/stop.h"
 #include "filters/path_density/path_samples.h"
 
 namespace gobo::pathdensity {
@@ -28,7 +29,7 @@ struct SampleBins {
   size_t cellsEnd(int x1, int y) const { return slotStart[(size_t(y) * size_t(cellsX) + size_t(x1) + 1) * size_t(cell * cell)]; }
 };
 
-/// A view of up to 2^32 - 2 samples.
-SampleBins binSamples(const SampleView& samples);
+/// A view of up to 2^32 - 2 samples. Of no use once `stop` has fired.
+SampleBins binSamples(const SampleView& samples, const StopToken& stop = {});
 
 }  // namespace gobo::pathdensity

@@ -124,6 +124,10 @@ TEST(Outliers, MediansOfPicturesTakeSpikesAndLeaveRamps) {
   const auto kept = medianOfOutliers(ramp, w, h);
   for (int y = 0; y < h; ++y)
     for (int x = 1; x < w - 1; ++x) EXPECT_EQ(kept[size_t(3 * (y * w + x))], ramp[size_t(3 * (y * w + x))]) << x;
+  std::vector<float> noise(size_t(3 * w * h));
+  for (size_t i = 0; i < noise.size(); ++i) noise[i] = float(unit(7, i, 0));
+  EXPECT_EQ(medianOfOutliers(noise, w, h, 1, 1e9), noise);
+  EXPECT_NE(medianOfOutliers(noise, w, h, 1, 1.0), noise);
   // Half of the window and more: the median fails.
   std::vector<float> corrupted(size_t(3 * 9), 1.0f);
   for (int i = 0; i < 5; ++i) corrupted[size_t(3 * i)] = 50.0f;

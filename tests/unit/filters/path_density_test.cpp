@@ -293,6 +293,10 @@ TEST(PathDensity, TermsApartKeepDirectLightFreeOfIndirectNoise) {
     Settings s = source();
     s.judged = judged;
     const Filtered f = filtered(samples.view(), s);
+    for (const float w : f.weight) {
+      EXPECT_GE(w, 0.0f);
+      EXPECT_LE(w, 1.0f);
+    }
     // Against the mean of the direct light.
     double sum = 0;
     for (int y = 0; y < 16; ++y)
