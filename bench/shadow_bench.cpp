@@ -119,8 +119,8 @@ int main(int argc, char** argv) {
   if (command == "claims") return claims(o);
   if (command == "regret") return regret(o);
   if (command == "scenes") return scenes(o);
-  std::fprintf(
-      stderr,
-      "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | filtered | claims | regret   (the head of bench/shadow_bench.cpp has the options)\n");
+  std::fprintf(stderr,
+               "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | filtered | claims | regret   (the head of bench/shadow_bench.cpp "
+               "has the options)\n");
   return 2;
 }

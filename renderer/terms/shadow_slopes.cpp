@@ -206,8 +206,8 @@ class ShadowAdaptiveNode final : public Node {
           std::vector<DVec3> seen(to - from, DVec3(0.0));
           std::vector<double> sum(to - from, 0.0);
           Ray ray[16];
-          size_t element[16];
-          float weight[16];
+          size_t element[16] = {};
+          float weight[16] = {};
           int count = 0;
           auto flush = [&] {
             Vec3 left[16];

@@ -33,7 +33,12 @@ struct Layer {
   }
   size_t at(int x, int y) const { return size_t(y) * stride + kPad + x; }
   Vec3 position(size_t i) const { return Vec3(px[i], py[i], pz[i]); }
-  Vec3 axis(size_t i) const { return planar ? Vec3(0, 0, 1) : Vec3(ax[i], ay[i], az[i]); }
+  /// Distance of two pixels in the light's plane, for the first of them.
+  float distance(size_t i, size_t j) const {
+    if (planar) return std::sqrt(((ax[j] - ax[i]) * (ax[j] - ax[i]) + (ay[j] - ay[i]) * (ay[j] - ay[i])) * az[i]);
+    const Vec3 axis(ax[i], ay[i], az[i]), d = position(j) - position(i);
+    return glm::length(d - glm::dot(d, axis) * axis);
+  }
   TapLayer taps(float betaThreshold, float cosAngle) const {
     return {px.data(), py.data(), pz.data(),   nx.data(),    ny.data(),     nz.data(), ax.data(),
             ay.data(), az.data(), beta.data(), value.data(), betaThreshold, cosAngle};
@@ -106,15 +111,22 @@ bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer, size_t 
             L.value[i] = value[channels * e + channel];
             if (instance[e] == ~0u || !(omega[e] > 0.0f)) continue;
             const Vec3 r = Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]) - s_.light.centre, a = s_.light.normalFor(r);
-            L.px[i] = L.planar ? glm::dot(r, u) : r.x;
-            L.py[i] = L.planar ? glm::dot(r, v) : r.y;
-            L.pz[i] = L.planar ? glm::dot(r, a) : r.z;
+            L.px[i] = r.x;
+            L.py[i] = r.y;
+            L.pz[i] = r.z;
             L.nx[i] = N[3 * e];
             L.ny[i] = N[3 * e + 1];
             L.nz[i] = N[3 * e + 2];
-            L.ax[i] = a.x;
-            L.ay[i] = a.y;
-            L.az[i] = a.z;
+            if (L.planar) {
+              const float h = glm::dot(r, a), far = std::max(std::fabs(h), 1.0e-6f * glm::length(r));  // the plane itself is seen edge on
+              L.ax[i] = glm::dot(r, u) / std::copysign(std::max(far, 1.0e-30f), h);
+              L.ay[i] = glm::dot(r, v) / std::copysign(std::max(far, 1.0e-30f), h);
+              L.az[i] = far * far;
+            } else {
+              L.ax[i] = a.x;
+              L.ay[i] = a.y;
+              L.az[i] = a.z;
+            }
             L.beta[i] = formulas::aaBeta(omega[e], s_.k);
           }
       },
@@ -131,19 +143,17 @@ void AxisAlignedFilter::radii(const Layer& L, std::span<const uint32_t> instance
       out[i] = 0;
       continue;
     }
-    const Vec3 axis = L.axis(i);
-    Vec3 ends[2] = {L.position(i), L.position(i)};
+    float length = 0.0f;
     int steps = 0;
     for (int side = 0; side < 2; ++side) {
       const int qx = columns ? x : x + (side ? 1 : -1), qy = columns ? y + (side ? 1 : -1) : y;
       if (qx < 0 || qy < 0 || qx >= L.width || qy >= L.height) continue;
       const size_t q = L.at(qx, qy);
       if (L.beta[q] == kReject || instance[base + size_t(qy) * L.width + qx] != instance[e]) continue;
-      ends[side] = L.position(q);
+      length += L.distance(i, q);
       ++steps;
     }
-    const Vec3 step = ends[1] - ends[0];
-    float length = steps > 0 ? glm::length(step - glm::dot(step, axis) * axis) / float(steps) : 0.0f;
+    length = steps > 0 ? length / float(steps) : 0.0f;
     if (!(length > 1.0e-6f * footprint[e])) length = footprint[e];
     const float r = std::ceil(3.0f * L.beta[i] / std::max(length, 1.0e-30f));
     out[i] = r < float(s_.radiusPx) ? int(r) : s_.radiusPx;

@@ -23,14 +23,14 @@ class ShadowPenumbra final : public Node {
   void hashParameters(Hasher& h) const override { h.add(radius_).add(sigma_); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 2);
-    w.over(0, extent_).reads<float>(0, "sMin").reads<float>(0, "sumV", {1, 3}).reads<uint8_t>(0, "occluded");
+    w.over(0, extent_).reads<float>(0, "sMin").reads<float>(0, "sumV", {1, 3}).reads<float>(0, "sumW").reads<uint8_t>(0, "occluded");
     w.over(1, extent_).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
     return w.gives({type(), Domain::ViewSample, extent_, {plane<float>("size"), plane<uint8_t>("seen")}});
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& slopes = *ctx.inputs.at(0);
-    const auto sMin = slopes.floats("sMin"), sumV = slopes.floats("sumV"), footprint = ctx.inputs.at(1)->floats("footprint");
+    const auto sMin = slopes.floats("sMin"), sumV = slopes.floats("sumV"), sumW = slopes.floats("sumW"), footprint = ctx.inputs.at(1)->floats("footprint");
     const auto occluded = slopes.plane<uint8_t>("occluded");
     const auto instance = ctx.inputs[1]->plane<uint32_t>("instance");
     const size_t C = size_t(slopes.channels("sumV"));
@@ -84,8 +84,10 @@ class ShadowPenumbra final : public Node {
                                                    &rowOne[r * size_t(e.width)], &rowMet[r * size_t(e.width)], sum.data(), count.data(), &seen[row]);
                        for (size_t x = 0; x < size_t(e.width); ++x) {
                          const size_t p = row + x;
-                         seen[p] = instance[p] != ~0u && seen[p] == 3;
-                         size[p] = instance[p] != ~0u && count[x] > 0.0f ? 1.0f / std::sqrt(std::sqrt(sum[x] / count[x])) : 0.0f;
+                         const bool surface = instance[p] != ~0u, lit = surface && sumW[p] > 0.0f;
+                         // A light that barely rises over a surface may show itself to more points than the pilot's; where it does not, they cost no ray.
+                         seen[p] = surface && (seen[p] == 3 || !lit);
+                         size[p] = lit && count[x] > 0.0f ? 1.0f / std::sqrt(std::sqrt(sum[x] / count[x])) : 0.0f;
                        }
                      }
                    },

@@ -12,8 +12,9 @@
 namespace gobo {
 
 /// "shadow_penumbra". Inputs 0: "shadow_slopes", 1: "gbuffer". Planes: size f32, (mean of S^-4)^-1/4 in pixels over the view samples of the same
-/// instance within +-radius pixels whose pilot met an occluder, S at least kNarrowestPenumbra; 0 where there are none or no surface. seen u8: 1 where
-/// the pilots within +-radius, of whatever instance, met both an occluder and the light.
+/// instance within +-radius pixels whose pilot met an occluder, S at least kNarrowestPenumbra; 0 where there are none, no surface, or one that none of the
+/// pilot's points could shine on (its visibility is 1 by definition, and no neighbour's business). seen u8: 1 where the pilots within +-radius, of whatever
+/// instance, met both an occluder and the light, or where none of the pilot's points could shine on the surface.
 NodePtr makeShadowPenumbra(int radiusPx, float sigma, const Extent& extent);
 inline constexpr float kNarrowestPenumbra = 0.25f;  ///< pixels: below it there is nothing that a filter may take together
 

@@ -24,11 +24,18 @@ void addTaps(TapBlock& b, const TapLayer& L, size_t first, long shift, int from,
     const size_t at = size_t(long(first) + shift + i);
     const int offset = i < 0 ? -i : i;
     const float *lx = L.x + at, *ly = L.y + at, *lz = L.z + at, *lnx = L.nx + at, *lny = L.ny + at, *lnz = L.nz + at, *lb = L.beta + at, *lv = L.value + at;
+    const float *lax = L.ax + at, *lay = L.ay + at;
     for (int l = 0; l < kLanes; ++l) {
       const float dx = lx[l] - b.x[l], dy = ly[l] - b.y[l], dz = lz[l] - b.z[l];
-      const float along = Planar ? dz : dx * b.ax[l] + dy * b.ay[l] + dz * b.az[l];
       const float d2 = dx * dx + dy * dy + dz * dz;
-      const float plane2 = Planar ? dx * dx + dy * dy : formulas::maxOf(d2 - along * along, 0.0f);
+      float plane2;
+      if constexpr (Planar) {
+        const float du = lax[l] - b.ax[l], dv = lay[l] - b.ay[l];
+        plane2 = (du * du + dv * dv) * b.az[l];
+      } else {
+        const float along = dx * b.ax[l] + dy * b.ay[l] + dz * b.az[l];
+        plane2 = formulas::maxOf(d2 - along * along, 0.0f);
+      }
       const float q = d2 <= b.reach2[l] ? plane2 * b.inverse[l] : 0.0f;
       const float cosine = lnx[l] * b.nx[l] + lny[l] * b.ny[l] + lnz[l] * b.nz[l];
       const float apart = std::fabs(lb[l] - b.beta[l]) - L.betaThreshold * formulas::maxOf(lb[l], b.beta[l]);

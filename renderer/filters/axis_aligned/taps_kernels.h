@@ -9,8 +9,9 @@ namespace gobo::axis_aligned {
 inline constexpr int kLanes = 8;
 inline constexpr float kReject = -1.0e30f;  ///< a beta that differs from every other by more than any threshold: no tap is taken from there
 
-/// One layer of a picture, structure of arrays; metres relative to the light. `a`: unit normal of the light's plane for the pixel.
-/// A light with one plane is given in its axes instead, z along the normal; `a` is not read then.
+/// One layer of a picture, structure of arrays; metres relative to the light. `a`: unit normal of the light's plane for the pixel. A light with one
+/// plane (planar): ax, ay are the pixel's place seen from the light's centre, metres per metre along the plane's normal, az its square distance
+/// from the plane.
 struct TapLayer {
   const float *x, *y, *z, *nx, *ny, *nz, *ax, *ay, *az, *beta, *value;
   float betaThreshold, cosAngle;

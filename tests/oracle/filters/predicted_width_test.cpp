@@ -177,7 +177,9 @@ Pilots pilots(int width, int height) {
   p.slopes->addPlane<float>("sMin");
   auto v = p.slopes->addPlane<float>("sumV");
   p.slopes->addPlane<uint8_t>("occluded");
+  auto w = p.slopes->addPlane<float>("sumW");
   std::fill(v.begin(), v.end(), 1.0f);  // everything sees the light
+  std::fill(w.begin(), w.end(), 1.0f);
   return p;
 }
 
@@ -215,6 +217,13 @@ TEST(ShadowPenumbra, OtherInstancesSayThatThereIsOneNotHowWide) {
   EXPECT_EQ(out->floats("size")[6], 0.0f);
   EXPECT_EQ(out->plane<uint8_t>("seen")[6], 1);
   EXPECT_EQ(out->plane<uint8_t>("seen")[7], 0);  // no surface
+  // Turned away from the light: visibility means nothing there.
+  p.slopes->writable<float>("sumW")[4] = 0;
+  const auto away = runFilter(makeShadowPenumbra(2, 1, e), {p.slopes, p.gbuffer});
+  EXPECT_EQ(away->floats("size")[4], 0.0f);
+  EXPECT_EQ(away->plane<uint8_t>("seen")[4], 1);  // more points may find a part of the light
+  EXPECT_GT(away->floats("size")[3], 0.0f);
+  p.slopes->writable<float>("sumW")[4] = 1;
   // All light blocked around: nothing to find out.
   for (float& v : p.slopes->writable<float>("sumV")) v = 0;
   EXPECT_EQ(runFilter(makeShadowPenumbra(2, 1, e), {p.slopes, p.gbuffer})->plane<uint8_t>("seen")[4], 0);
