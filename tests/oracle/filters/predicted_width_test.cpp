@@ -8,6 +8,7 @@
 
 #include "filters/axis_aligned/filter.h"
 #include "filters/axis_aligned/predicted_width.h"
+#include "filters/axis_aligned/sample_count.h"
 #include "formulas/axis_aligned.glsl.h"
 #include "terms/screen_sequence.h"
 #include "unit/filters/synthetic.h"
@@ -242,6 +243,47 @@ TEST(ShadowPenumbra, StaysFiniteWhateverTheSlopesAre) {
   for (float v : penumbra->floats("size")) ASSERT_TRUE(std::isfinite(v) && v >= 0);
 }
 
+TEST(ShadowPenumbra, FootprintsOfNothingSayNothing) {
+  Pilots p = pilots(8, 8);
+  for (int i = 0; i < 64; ++i) {
+    p.slopes->writable<float>("sMin")[size_t(i)] = 1;
+    p.slopes->writable<uint8_t>("occluded")[size_t(i)] = 1;
+    p.gbuffer->writable<float>("footprint")[size_t(i)] = 0;
+  }
+  const auto out = runFilter(makeShadowPenumbra(2, 1, {8, 8, 1}), {p.slopes, p.gbuffer});
+  for (float v : out->floats("size")) ASSERT_EQ(v, 0.0f);
+}
+
+TEST(PredictedWidth, BandLimitsFollowWidthRaysAndMu) {
+  PlaneView view;
+  view.width = 8;
+  view.height = 2;
+  const Extent e{8, 2, 1};
+  const auto g = planeGBuffer(view);  // pixels of 0.1 m
+  auto penumbra = std::make_shared<Term>("shadow_penumbra", Domain::ViewSample, e);
+  auto size = penumbra->addPlane<float>("size");
+  penumbra->addPlane<uint8_t>("seen");
+  auto counts = std::make_shared<Term>("shadow_penumbra_count", Domain::ViewSample, e);
+  auto n = counts->addPlane<uint32_t>("n");
+  for (int i = 0; i < 16; ++i) {
+    size[size_t(i)] = i == 3 ? 0.0f : 1.0f + float(i);
+    n[size_t(i)] = i == 5 ? 0 : 4u << (i % 3);
+  }
+  for (float mu : {1.0f, 2.0f})
+    for (bool fourth : {false, true}) {
+      const auto out = runFilter(makeShadowPredictedWidth(fourth, e), {penumbra, g, counts, runFilter(makeShadowMu(mu, 0, {}), {})});
+      for (int i = 0; i < 16; ++i) {
+        const float omega = out->floats("Omega")[size_t(i)];
+        if (i == 3 || i == 5) {
+          EXPECT_EQ(omega, 0.0f) << i;
+          continue;
+        }
+        const float width = formulas::aaPredictedWidth(size[size_t(i)], float(n[size_t(i)]), fourth) * 0.1f;
+        EXPECT_NEAR(formulas::aaBeta(omega, 3.0f) * mu / width, 1, 1e-5) << i << " mu " << mu;
+      }
+    }
+}
+
 // --- the fourth order on a picture ---------------------------------------------------------------------------------------------------
 
 TermPtr filtered(const TermPtr& V, float betaPx, bool fourth, bool exact2d = false) {
@@ -267,7 +309,8 @@ TEST(FourthOrder, KeepsWhatIsSmoothAndWhatIsConstant) {
       EXPECT_NEAR(gaussian->floats("V")[p] - bowl->floats("V")[p], 1e-4 * 16 + 5e-5 * 16, 2e-4);
     }
   const auto flat = floatTerm(e, "V", [](int, int, int) { return 0.3f; });
-  for (float v : filtered(flat, 5, true)->floats("V")) ASSERT_EQ(v, 0.3f);
+  const auto still = filtered(flat, 5, true);
+  for (float v : still->floats("V")) ASSERT_EQ(v, 0.3f);
 }
 
 TEST(FourthOrder, NoiseGainIsAsPredicted) {
@@ -300,7 +343,7 @@ TEST(FourthOrder, StaysWithinZeroAndOne) {
 TEST(FourthOrder, FewTapsFallBackToTheGaussian) {
   const Extent e{64, 64, 1};
   const auto noise = noiseTerm(e, "V", 3);
-  for (float beta : {1e-3f, 0.05f, 0.2f, 0.34f}) {
+  for (float beta : {1e-6f, 1e-3f, 0.05f, 0.2f, 0.34f}) {
     const auto out = filtered(noise, beta, true);
     for (float v : out->floats("V")) ASSERT_TRUE(v >= 0 && v <= 1) << beta;
     for (size_t i = 0; beta < 0.1f && i < e.elements(); ++i) ASSERT_NEAR(out->floats("V")[i], noise->floats("V")[i], 1e-6) << beta;

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <limits>
 
 #include "unit/filters/synthetic.h"
@@ -206,6 +207,48 @@ TEST(AxisAlignedFilter, PixelsMoveAlongTheirLineToTheLight) {
   double worst = 0;
   for (size_t i = 0; i < e.elements(); ++i) worst = std::max(worst, double(std::fabs(flat->floats("V")[i] - moved->floats("V")[i])));
   EXPECT_LT(worst, 2e-3);  // a step straight up would have been 0.04 m to the side here, a fifth of the filter's width
+}
+
+TEST(AxisAlignedFilter, SpheresFaceEveryPixel) {
+  // Far away, a sphere's plane is that of a lamp turned to the receiver; and near, what moves along a pixel's line to the centre stays where it is.
+  PlaneView view;
+  const auto e = extentOf(view);
+  const TermPtr noise = noiseTerm(e, "V", 15), omega = constantOmega(e, omegaForBeta(2));
+  auto s = axisAlignedSettings(12), sphere = s;
+  s.light.centre = sphere.light.centre = Vec3(6e3f, 0, 8e3f);
+  s.light.axis = Vec3(-0.6f, 0, -0.8f);
+  sphere.light.facing = true;
+  sphere.light.axis = Vec3(1, 0, 0);  // says nothing
+  const auto a = runFilter(axisAligned(s), {noise, planeGBuffer(view), omega}), b = runFilter(axisAligned(sphere), {noise, planeGBuffer(view), omega});
+  double worst = 0;
+  for (size_t i = 0; i < e.elements(); ++i) worst = std::max(worst, double(std::fabs(a->floats("V")[i] - b->floats("V")[i])));
+  EXPECT_LT(worst, 3e-3);
+  sphere.light.centre = Vec3(9, -4, 10);
+  auto bumpy = planeGBuffer(view);
+  auto P = bumpy->writable<float>("P");
+  for (size_t i = 0; i < e.elements(); ++i) {
+    const float t = 1 + 0.02f * (toUnit(hash32(78, i)) - 0.5f);
+    for (size_t c = 0; c < 3; ++c) P[3 * i + c] = sphere.light.centre[int(c)] + t * (P[3 * i + c] - sphere.light.centre[int(c)]);
+  }
+  const auto flat = runFilter(axisAligned(sphere), {noise, planeGBuffer(view), omega}), moved = runFilter(axisAligned(sphere), {noise, bumpy, omega});
+  worst = 0;
+  for (size_t i = 0; i < e.elements(); ++i) worst = std::max(worst, double(std::fabs(flat->floats("V")[i] - moved->floats("V")[i])));
+  EXPECT_LT(worst, 0.02);
+}
+
+TEST(AxisAlignedFilter, EverySettingIsInTheKey) {
+  const auto digest = [](const std::function<void(AxisAlignedFilterSettings&)>& edit) {
+    AxisAlignedFilterSettings s = axisAlignedSettings(12);
+    edit(s);
+    Hasher h;
+    axisAligned(s)->hashParameters(h);
+    return h.digest();
+  };
+  const auto base = digest([](auto&) {});
+  EXPECT_NE(digest([](auto& s) { s.fourthOrder = true; }), base);
+  EXPECT_NE(digest([](auto& s) { s.exact2d = true; }), base);
+  EXPECT_NE(digest([](auto& s) { s.light.facing = true; }), base);
+  EXPECT_NE(digest([](auto& s) { s.angle = 0.2f; }), base);
 }
 
 TEST(AxisAlignedFilter, AWallUprightOnTheLightsPlaneIsNoSinglePoint) {
