@@ -468,7 +468,7 @@ class Frames(DaemonTest):
         self.assertIn("has none of them", self.cli("jobs", "fetch", job, "-o", "none", "--frames", "3,6", code=3).stderr)
 
     def test_a_watched_job_says_what_is_left(self):
-        job = self.cli("jobs", "submit", "cornell", "--size", "64x48", "--spp", "64", "--frames", "0-7").stdout.strip()
+        job = self.cli("jobs", "submit", "cornell", "--size", "64x48", "--spp", "4096", "--frames", "0-7").stdout.strip()  # seconds: the watcher may start late
         code, _, shown = self.on_terminal("jobs", "watch", job)
         self.assertEqual(code, 0)
         self.assertRegex(shown.decode(), r"running  \d+ of 8 frames  [\d.]+ s left")

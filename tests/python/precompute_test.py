@@ -45,12 +45,13 @@ class Precompute(DaemonTest):
         self.assertEqual((more["terms"], more["termsMade"], more["rays"]), (7, 1, n * 64))
 
     def test_what_it_prints(self):
-        done = self.cli("precompute", "lights8", *SMALL, "--progressive")
-        self.assertRegex(done.stdout, r"lights8: transfer of \d+ points in 3 bands, 128 directions and 2 bounces: [\d.]+ [KM]iB in 6 terms\n"
-                                      r"6 of them were made, in [\d.]+ s: \d+ rays, [\d.]+ million a second")
+        long = [*SMALL[:4], "--samples", "16384", *SMALL[6:]]   # a second or so: progress is told now and then
+        done = self.cli("precompute", "lights8", *long, "--progressive")
+        self.assertRegex(done.stdout, r"lights8: transfer of \d+ points in 3 bands, 16384 directions and 2 bounces: [\d.]+ [KM]iB in 260 terms\n"
+                                      r"260 of them were made, in [\d.]+ s: \d+ rays, [\d.]+ million a second")
         self.assertRegex(done.stderr, r"(?m)^ *\d+ %  (direct light|bounce) \d of 2  [\d.]+ s")
-        self.assertIn("all of it was there", self.cli("precompute", "lights8", *SMALL).stdout)
-        self.assertEqual(self.cli("precompute", "lights8", *SMALL, "-q").stdout, "")
+        self.assertIn("all of it was there", self.cli("precompute", "lights8", *long).stdout)
+        self.assertEqual(self.cli("precompute", "lights8", *long, "-q").stdout, "")
 
     def test_wrong_values(self):
         for bad in (["--bands", "1"], ["--bands", "11"], ["--bounces", "17"], ["--samples", "63"], ["--points", "99"], ["--points", "many"], []):
