@@ -19,7 +19,7 @@ using axis_aligned::TapLayer;
 constexpr int kPad = kAxisAlignedMaxRadius + kLanes;  // columns of rejected pixels either side: no bounds checks in a row
 
 /// One layer's data, structure of arrays, rows padded by kPad. Positions are relative to the light, so that a scene far from the
-/// origin keeps its digits; in the light's axes where all pixels share its plane.
+/// origin keeps its digits.
 struct Layer {
   int width, height, stride;
   bool planar;
@@ -60,7 +60,7 @@ class AxisAlignedFilter final : public Node {
     GOBO_CHECK_GT(s.k, 0.0f);
   }
   std::string type() const override { return "axis_aligned_filter"; }
-  int version() const override { return 2; }  // 2: distances in the light's axes
+  int version() const override { return 2; }  // 2: pixels move along their line to the light
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;

@@ -10,6 +10,8 @@
 namespace gobo {
 namespace {
 
+constexpr float kWidestPenumbra = 1.0e9f;  // pixels; its fourth power is still a float
+
 class ShadowPenumbra final : public Node {
  public:
   ShadowPenumbra(int radius, float sigma, const Extent& extent) : radius_(radius), sigma_(sigma), extent_(extent) {}
@@ -50,8 +52,9 @@ class ShadowPenumbra final : public Node {
               if (sumV[C * p + c] > 0.0f) met[p] |= 2;
             if (!occluded[p]) continue;
             met[p] |= 1;
-            const float s = std::max(sigma_ * sMin[p] / footprint[p], kNarrowestPenumbra), s2 = s * s;
-            if (!std::isfinite(s)) continue;  // a vanishing footprint
+            const float wide = std::max(sigma_ * sMin[p] / footprint[p], kNarrowestPenumbra);
+            if (!std::isfinite(wide)) continue;  // a vanishing footprint
+            const float s = std::min(wide, kWidestPenumbra), s2 = s * s;
             narrow[p] = 1.0f / (s2 * s2);
             one[p] = 1.0f;
           }

@@ -254,6 +254,16 @@ TEST(ShadowPenumbra, FootprintsOfNothingSayNothing) {
   for (float v : out->floats("size")) ASSERT_EQ(v, 0.0f);
 }
 
+TEST(ShadowPenumbra, LightsOfAnySizeStayFinite) {
+  Pilots p = pilots(4, 4);
+  for (int i = 0; i < 16; ++i) {
+    p.slopes->writable<float>("sMin")[size_t(i)] = 1;
+    p.slopes->writable<uint8_t>("occluded")[size_t(i)] = 1;
+  }
+  const auto out = runFilter(makeShadowPenumbra(2, 1e20f, {4, 4, 1}), {p.slopes, p.gbuffer});
+  for (float v : out->floats("size")) ASSERT_TRUE(v > 1e8f && std::isfinite(v));
+}
+
 TEST(PredictedWidth, BandLimitsFollowWidthRaysAndMu) {
   PlaneView view;
   view.width = 8;
