@@ -9,6 +9,7 @@
 #include "filters/denoise/noisy_picture.h"
 #include "filters/denoise/registry.h"
 #include "filters/denoise/select/select.h"
+#include "filters/denoise/view_sample_edges.h"
 #include "filters/expression.h"
 #include "request/request.h"
 #include "trace/sample_passes.h"
@@ -64,41 +65,114 @@ NodeId planSum(PlanContext& c, std::span<const Contribution> contributions, cons
   return c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), label);
 }
 
+bool needsCurvature(const v1::Denoise& settings) { return settings.has_axis_aligned(); }
+
+namespace {
+
+/// Path-traced light that is filtered together, and what of it is.
+struct NoisyPart {
+  LobePart lobe = LobePart::Both;
+  std::vector<Contribution> light;
+};
+
+/// In the order of summation; `untouched` gets what the filter leaves as it is.
+std::vector<NoisyPart> partsOf(const v1::Denoise& settings, std::vector<Contribution> traced, std::vector<Contribution>& untouched) {
+  if (!settings.has_axis_aligned()) return {{LobePart::Both, std::move(traced)}};
+  std::vector<NoisyPart> parts{{LobePart::Diffuse, {}}, {LobePart::Specular, {}}};
+  for (Contribution& k : traced) {
+    const bool diffuse = contains(PathSet::IndirectDiffuse, k.paths), specular = contains(PathSet::IndirectSpecular, k.paths);
+    (diffuse ? parts[0].light : specular ? parts[1].light : untouched).push_back(std::move(k));
+  }
+  std::erase_if(parts, [](const NoisyPart& p) { return p.light.empty(); });
+  return parts;
+}
+
+/// What a part becomes: planes "rgb" of the demodulated light, and "modulation".
+struct SmoothPart {
+  NodeId light = -1, features = -1;
+};
+
+class DenoisePlan {
+ public:
+  DenoisePlan(PlanContext& c, std::string label) : c_(c), label_(std::move(label)), width_(c.view().width), height_(c.view().height) {
+    // A plan that bounds what any count of samples holds is of one pass, and has a second picture of whatever count.
+    any_ = c.bounding() && c.passes() == 1 && c.request().halt().spp() != 1;
+    samples_ = any_ ? 2 : samplesOf(c.passes());
+    half_ = passesFor(samples_ / 2);
+    first_ = samples_ > 1 ? samplesOf(half_) : 0;
+  }
+  uint32_t samples() const { return samples_; }
+
+  Result<SmoothPart> plan(const NoisyPart& part, const std::vector<denoise::DenoiserPtr>& denoisers) {
+    const std::string label = withLobe(label_, part.lobe);
+    const NodeId all = planSum(c_, part.light, label + " traced");
+    const NodeId features =
+        c_.filter(denoise::makeFeaturesNode(width_, height_, c_.view().viewSamples, part.lobe), {c_.gbuffer(), c_.surface()}, withLobe("features", part.lobe));
+    std::vector<NodeId> inputs{features, all};
+    // The first half goes first, and the whole goes on from it.
+    if (samples_ > 1) inputs.insert(inputs.begin() + 1, c_.atPasses(all, any_ ? c_.passes() + 1 : half_));
+    GOBO_ASSIGN(const denoise::Further further, addFurther(part, label, inputs));
+    const NodeId halves = c_.filter(denoise::makeNoisyPictureNode(width_, height_, samples_, first_, further), std::move(inputs), label + " in halves");
+    std::vector<NodeId> smooth;
+    for (const denoise::DenoiserPtr& d : denoisers)
+      smooth.push_back(c_.filter(denoise::makeDenoiseNode(d, width_, height_, samples_, first_), {features, halves}, label + " by " + d->name()));
+    if (smooth.size() > 1) {
+      std::vector<NodeId> choice{halves};
+      choice.insert(choice.end(), smooth.begin(), smooth.end());
+      const float share = float(double(first_) / double(samples_));
+      smooth.assign(1, c_.filter(denoise::makeSelectNode(width_, height_, int(denoisers.size()), share), std::move(choice), label + " selected"));
+    }
+    if (part.lobe != LobePart::Both)
+      smooth[0] = c_.filter(denoise::makeViewSampleEdgesNode(width_, height_, c_.view().viewSamples, part.lobe),
+                            {features, smooth[0], c_.gbuffer(), c_.surface()}, label + " along edges");
+    return SmoothPart{smooth[0], features};
+  }
+
+ private:
+  /// What the filter wants to know of the paths, as one more input of the halves.
+  Result<denoise::Further> addFurther(const NoisyPart& part, const std::string& label, std::vector<NodeId>& inputs) {
+    if (part.lobe == LobePart::Both) return denoise::Further::Nothing;
+    std::vector<Contribution> bends = part.light;
+    for (Contribution& k : bends) {
+      if (k.curvature.empty()) return internalError("nobody says how light bends", label);
+      k.plane = k.curvature;
+    }
+    inputs.push_back(planSum(c_, bends, label + " bending"));
+    return denoise::Further::Curvature;
+  }
+
+  PlanContext& c_;
+  std::string label_;
+  int width_, height_;
+  bool any_ = false;
+  uint32_t samples_ = 1, half_ = 1, first_ = 0;
+};
+
+}  // namespace
+
 Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> contributions, const std::string& label) {
   std::vector<Contribution> traced, others;
   for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
-  // A plan that bounds what any count of samples holds is of one pass, and has a second picture of whatever count.
-  const bool any = c.bounding() && c.passes() == 1 && c.request().halt().spp() != 1;
-  const uint32_t samples = any ? 2 : samplesOf(c.passes());
-  const uint32_t half = passesFor(samples / 2), first = samples > 1 ? samplesOf(half) : 0;
-  GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> denoisers, denoisersOf(c.request().denoise(), samples > 1));
-  if (denoisers.empty() || traced.empty()) return planSum(c, contributions, label);
-  const int width = c.view().width, height = c.view().height;
-  const NodeId all = planSum(c, traced, label + " traced");
-  const NodeId features = c.filter(denoise::makeFeaturesNode(width, height, c.view().viewSamples), {c.gbuffer(), c.surface()}, "features");
-  std::vector<NodeId> inputs{features, all};
-  // The first half goes first, and the whole goes on from it.
-  if (samples > 1) inputs.insert(inputs.begin() + 1, c.atPasses(all, any ? c.passes() + 1 : half));
-  const NodeId halves = c.filter(denoise::makeNoisyPictureNode(width, height, samples, first), std::move(inputs), label + " in halves");
-  std::vector<NodeId> smooth;
-  for (const denoise::DenoiserPtr& d : denoisers)
-    smooth.push_back(c.filter(denoise::makeDenoiseNode(d, width, height, samples, first), {features, halves}, label + " by " + d->name()));
-  if (smooth.size() > 1) {
-    inputs.assign(1, halves);
-    inputs.insert(inputs.end(), smooth.begin(), smooth.end());
-    const float share = float(double(first) / double(samples));
-    smooth.assign(1, c.filter(denoise::makeSelectNode(width, height, int(denoisers.size()), share), std::move(inputs), label + " selected"));
-  }
+  DenoisePlan plan(c, label);
+  GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> denoisers, denoisersOf(c.request().denoise(), plan.samples() > 1));
+  const std::vector<NoisyPart> parts = denoisers.empty() || traced.empty() ? std::vector<NoisyPart>() : partsOf(c.request().denoise(), traced, others);
+  if (parts.empty()) return planSum(c, contributions, label);
   // Modulated again, and the rest. The filtered light is the first input, so that its first half is made first, of samples that are the others' too; what was
   // traced is the last, for the samples that it lost, of which filters know nothing.
   Expression e;
-  inputs = {smooth[0], features};
-  int sum = e.plane(0, "rgb");
-  sum = e.multiply(sum, e.plane(1, "modulation"));
+  std::vector<NodeId> inputs;
+  int sum = -1;
+  for (const NoisyPart& part : parts) {
+    GOBO_ASSIGN(const SmoothPart smooth, plan.plan(part, denoisers));
+    const int at = int(inputs.size());
+    inputs.insert(inputs.end(), {smooth.light, smooth.features});
+    const int light = e.plane(at, "rgb"), product = e.multiply(light, e.plane(at + 1, "modulation"));
+    sum = sum < 0 ? product : e.add(sum, product);
+  }
   addTo(e, inputs, sum, others);
   for (const Contribution& k : traced)
     if (std::find(inputs.begin(), inputs.end(), k.node) == inputs.end()) inputs.push_back(k.node);
-  GraphNode picture{makeCompositeNode(std::move(e), width, height), std::move(inputs), {}, label};
+  GraphNode picture{makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), {}, label};
   picture.approximate = "without noise, and without what of the light looks like it";
   return c.graph().add(std::move(picture));
 }

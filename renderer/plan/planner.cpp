@@ -50,6 +50,7 @@ Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderReq
     apart.classes = apart.classes || needsClasses(infoOf(o)) || (request.has_denoise() && needsRadiance(infoOf(o)));
     apart.lobes = apart.lobes || needsLobes(infoOf(o));
     apart.variance = apart.variance || o == "variance";
+    apart.curvature = apart.curvature || (needsCurvature(request.denoise()) && needsRadiance(infoOf(o)));
     beauty = beauty || needsRadiance(infoOf(o));
   }
   PlanContext context({request, plan.effective, plan.groups, passes, window, apart, services.stop, services.expand}, plan.graph);

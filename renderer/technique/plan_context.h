@@ -25,6 +25,7 @@ struct Contribution {
   int group = -1;     ///< relight group; -1: no light's
   NodeId state = -1;  ///< path tracing state that it is the mean of, and the slot there; -1: something else
   int slot = 0;
+  std::string curvature;  ///< plane of the same node: how this light bends along surfaces (trace/curvature_sums.h); empty: unknown
 };
 
 struct PixelWindow {
@@ -34,9 +35,9 @@ struct PixelWindow {
 /// The technique that takes over what the camera sees of the environment (techniques/background).
 inline constexpr const char* kBackgroundTechnique = "background";
 
-/// What the asked outputs need told apart.
+/// What the asked outputs need told apart. curvature: indirect light by lobe, with how fast it may change along a surface.
 struct Distinctions {
-  bool classes = false, lobes = false, variance = false;
+  bool classes = false, lobes = false, variance = false, curvature = false;
 };
 
 struct PlanInput {

@@ -27,7 +27,7 @@ struct PathChunk {
   const SampleSet& set;
   const ChunkLanes& who;
   uint64_t& rays;
-  const bool lobes = Sink::kLobes || m.settings.split == SplitMode::ByLobe;  // the first event's lobes are told apart
+  const bool lobes = Sink::kLobes || splitsLobes(m.settings.split);  // the first event's lobes are told apart
   const bool hasMedia = !m.surfaces.interiors().empty();
   // Light goes straight on through some surfaces. Shadow rays see through them, so the path's own rays keep the density that they
   // had at their last vertex: beyond the surface both strategies find the same light.
@@ -90,7 +90,7 @@ struct PathChunk {
   /// Light that arrived after `events` scattering events; `specular` is the part by the first event's specular lobe. A non-finite part
   /// marks the lane, and nothing is handed over; each channel by itself, since the sum of three finite ones may overflow.
   void contribute(int lane, int slot, int events, PathClass c, const Vec3& value, Vec3 specular) {
-    const bool splits = m.settings.split == SplitMode::ByLobe && c != PathClass::Emission;
+    const bool splits = splitsLobes(m.settings.split) && c != PathClass::Emission;
     if (!isFinite(value) || (splits && !isFinite(specular))) {
       bad |= 1u << lane;
       return;

@@ -1,37 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // The kernel, compiled for the sink of pictures.
-#include "base/check.h"
-#include "trace/path_stages.h"
+#include "trace/path_group.h"
 #include "trace/path_sums.h"
 
 namespace gobo {
 
 template void PathTracer::traceInto<SumSink>(int, int, uint32_t, SumSink&, uint64_t&, uint64_t&) const;
 
+void traceCurvatureGroup(const PathTracer::Impl& m, int x, int y, const SampleRun& run, std::span<double* const> out, uint64_t& rays,
+                         std::span<uint64_t> dropped);  // path_sinks.cpp
+
 void PathTracer::traceGroup(int x, int y, const SampleRun& run, std::span<double* const> out, uint64_t& rays, std::span<uint64_t> dropped) const {
-  const Impl& m = *impl_;
-  const PathTracerSettings& s = m.settings;
-  const PixelGroup group = pixelGroup(run.count);
-  const int each = int(run.count);
-  GOBO_CHECK_EQ(int(out.size()), group.pixels());
-  GOBO_CHECK_EQ(each * group.pixels(), kLanes);
-  ChunkLanes who;
-  uint64_t seeds[kLanes];
-  for (int p = 0; p < group.pixels(); ++p) {
-    const int px = x + p % group.width, py = y + p / group.width;
-    seeds[p] = pixelSeed(s, px, py, run.stream);
-    // All that the film has of the group, wanted or not: which rays go together may decide between triangles at the same distance.
-    if (px < s.width && py < s.height) who.present |= ((1u << each) - 1) << (p * each);
-    for (int i = 0; i < each; ++i) {
-      who.x[p * each + i] = px;
-      who.y[p * each + i] = py;
-      who.film[p * each + i] = uint64_t(run.first) + uint64_t(i);
-    }
-  }
-  SumSink sums(s.split, m.slotCount, out);
-  const uint32_t bad = traceChunk(m, who, SampleSet(std::span<const uint64_t>(seeds, size_t(group.pixels())), run.first), sums, rays);
-  for (int p = 0; p < group.pixels(); ++p)
-    if (out[size_t(p)]) dropped[size_t(p)] += uint64_t(__builtin_popcount(bad >> (p * each) & ((1u << each) - 1)));
+  const PathTracerSettings& s = impl_->settings;
+  if (s.split == SplitMode::ByLobeAndCurvature) return traceCurvatureGroup(*impl_, x, y, run, out, rays, dropped);
+  traceGroupInto(*impl_, x, y, run, out, SumSink(s.split, impl_->slotCount, out), rays, dropped);
 }
 
 }  // namespace gobo

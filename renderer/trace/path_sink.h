@@ -47,7 +47,7 @@ struct PathContribution {
   int events = 0;  ///< scattering events of the path that the light came along
   PathClass pathClass = PathClass::None;
   Vec3 value{0.0f};     ///< radiance, weighted: the mean over samples of their sums is the picture
-  Vec3 specular{0.0f};  ///< part of `value` by the first event's specular lobe. Zero unless kLobes or SplitMode::ByLobe asks for it
+  Vec3 specular{0.0f};  ///< part of `value` by the first event's specular lobe. Zero unless kLobes or the split asks for it
 };
 
 template <class S>
@@ -72,6 +72,7 @@ inline void forEachSlot(SplitMode split, const PathContribution& c, To&& to) {
     case SplitMode::DirectIndirect: to(c.slot + (c.pathClass == PathClass::Emission ? 0 : c.pathClass == PathClass::Direct ? 1 : 2), c.value); return;
     case SplitMode::ByBounce: to(c.slot + c.events, c.value); return;
     case SplitMode::ByLobe:
+    case SplitMode::ByLobeAndCurvature:
       if (c.pathClass == PathClass::Emission) {
         to(c.slot, c.value);
         return;

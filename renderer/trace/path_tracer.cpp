@@ -22,7 +22,8 @@ int slotsPerGroup(SplitMode split, int maxBounces) {
   switch (split) {
     case SplitMode::Combined: return 1;
     case SplitMode::DirectIndirect: return 3;
-    case SplitMode::ByLobe: return 5;
+    case SplitMode::ByLobe: return kCurvatureSlot;
+    case SplitMode::ByLobeAndCurvature: return kCurvatureSlot + 2;
     case SplitMode::ByBounce: return maxBounces + 2;
   }
   return 1;

@@ -30,10 +30,12 @@
 namespace gobo {
 
 enum class SplitMode : uint8_t {
-  Combined,        ///< 1 slot a group
-  DirectIndirect,  ///< emission, direct, indirect
-  ByLobe,          ///< emission, direct diffuse, direct specular, indirect diffuse, indirect specular (lobe of the first event)
-  ByBounce,        ///< emission, then by number of scattering events 1 .. maxBounces + 1
+  Combined,            ///< 1 slot a group
+  DirectIndirect,      ///< emission, direct, indirect
+  ByLobe,              ///< emission, direct diffuse, direct specular, indirect diffuse, indirect specular (lobe of the first event)
+  ByLobeAndCurvature,  ///< as ByLobe, then indirect diffuse and specular light times the squared ratio of a pixel's width to the way it comes
+                       ///< (curvature_sums.h)
+  ByBounce,            ///< emission, then by number of scattering events 1 .. maxBounces + 1
 };
 
 /// Blocks b and b + kBlocksPerStream belong to independent sequences: halves that estimate an error take one stream each.
@@ -65,6 +67,10 @@ inline constexpr Facet kPathTracerFacets =
     Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Albedo | Facet::Bsdf | Facet::Emission | Facet::LightShape | Facet::Environment;
 
 int slotsPerGroup(SplitMode split, int maxBounces);
+/// The first event's lobes are told apart.
+inline bool splitsLobes(SplitMode split) { return split == SplitMode::ByLobe || split == SplitMode::ByLobeAndCurvature; }
+/// Of ByLobeAndCurvature: the first of the two slots of a group that are no light.
+inline constexpr int kCurvatureSlot = 5;
 
 /// Neighbouring pixels of which a few samples each are traced together, row by row, so that the kernel's 16 lanes are full.
 struct PixelGroup {
@@ -93,6 +99,7 @@ class PathTracer {
   /// groups * slotsPerGroup; slot = group * slotsPerGroup + split.
   int slots() const;
   /// Adds the SUM over the block's samples of pixel (x, y) to out[slot*3 + channel]. Adds the rays traced to `rays`.
+  /// The slots of curvature are filled by traceGroup alone.
   /// Never adds a non-finite value: such samples count as zero and are counted in `dropped`.
   void traceBlock(int x, int y, uint32_t block, double* out, uint64_t& rays, uint64_t& dropped) const;
   /// The same of a run of samples for the pixels of a group (pixelGroup(run.count)), whose first one is (x, y), in both a multiple of its size; some may lie

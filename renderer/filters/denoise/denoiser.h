@@ -29,6 +29,12 @@ struct NoisyPicture {
   std::span<const float> depth;      ///< distance in m, mean over samples that hit, 0 where none does
   std::span<const float> footprint;  ///< width of a pixel at the surface in m, 0 where nothing is hit
   std::span<const float> coverage;   ///< share of the view samples that hit, 0 .. 1
+  std::span<const float> even;       ///< 1 where the view samples lie on one smooth surface, else 0
+  // Of light of one lobe whose paths are known further; else empty.
+  std::span<const float>
+      curvature;  ///< mean over samples and channels of light times (footprint / z)^2, z: what it comes from is that far (trace/curvature_sums.h)
+  std::span<const float> nearest;  ///< distance in m to the nearest surface around; 1e18 where there is none
+  std::span<const float> alpha;    ///< width of the lobe (GGX), 0 .. 1; empty: of all directions
   size_t pixels() const { return size_t(width) * size_t(height); }
 };
 

@@ -14,7 +14,8 @@ constexpr float kMost = 1e18f;  // of a demodulated value: squares of it are fin
 
 class NoisyPictureNode final : public Node {
  public:
-  NoisyPictureNode(int width, int height, uint32_t samples, uint32_t first) : width_(width), height_(height), samples_(samples), first_(first) {}
+  NoisyPictureNode(int width, int height, uint32_t samples, uint32_t first, Further further)
+      : width_(width), height_(height), samples_(samples), first_(first), further_(further) {}
   std::string type() const override { return "noisy_picture"; }
   NodeTraits traits() const override {
     NodeTraits t;
@@ -22,16 +23,22 @@ class NoisyPictureNode final : public Node {
     t.halo = kVarianceRadius;
     return t;
   }
-  void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_).add(first_); }
+  void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_).add(first_).add(further_); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     const Extent all{width_, height_, 1};
-    Wiring w(type(), in, samples_ > 1 ? 3 : 2);
+    Wiring w(type(), in, pictures() + (further_ == Further::Nothing ? 1 : 2));
     w.require(samples_ == 1 || (first_ > 0 && first_ < samples_), "two halves");
     readFeatures(w, 0, all);
-    for (size_t i = 1; i < w.size(); ++i) w.over(i, all).reads<float>(i, "rgb", {3});
+    for (size_t i = 1; i <= pictures(); ++i) w.over(i, all).reads<float>(i, "rgb", {3});
     w.reads<float>(0, "modulation", {3});
-    return w.gives(
-        {type(), Domain::Pixel, all, {unsetPlane<float>("mean", 3), unsetPlane<float>("a", 3), unsetPlane<float>("b", 3), unsetPlane<float>("variance", 3)}});
+    TermShape out{
+        type(), Domain::Pixel, all, {unsetPlane<float>("mean", 3), unsetPlane<float>("a", 3), unsetPlane<float>("b", 3), unsetPlane<float>("variance", 3)}};
+    if (further_ != Further::Nothing) {
+      const bool curvature = further_ == Further::Curvature;
+      w.over(pictures() + 1, all).reads<float>(pictures() + 1, curvature ? "rgb" : "nearest", {curvature ? 3 : 1});
+      out.planes.push_back(unsetPlane<float>(curvature ? "curvature" : "nearest"));
+    }
+    return w.gives(std::move(out));
   }
   size_t workingBytes() const override { return AlikeFeatures::bytes(width_, height_) + 12 * sizeof(float) * size_t(width_) * size_t(height_); }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, 150.0 * double(result.extent.elements())}; }
@@ -40,7 +47,7 @@ class NoisyPictureNode final : public Node {
     const auto& out = ctx.result;
     const Features f = featuresOf(*ctx.inputs[0]);
     const auto modulation = ctx.inputs[0]->floats("modulation");
-    const auto whole = ctx.inputs.back()->floats("rgb"), part = ctx.inputs[1]->floats("rgb");
+    const auto whole = ctx.inputs[pictures()]->floats("rgb"), part = ctx.inputs[1]->floats("rgb");
     const auto mean = out->writable<float>("mean"), a = out->writable<float>("a"), b = out->writable<float>("b");
     const auto variance = out->writable<float>("variance");
     const double n = samples_, m = first_;
@@ -58,12 +65,37 @@ class NoisyPictureNode final : public Node {
             }
         },
         ctx.stop);
-    complete = complete && smoothVariance(f, mean, a, b, variance, ctx);
+    complete = complete && passFurther(modulation, ctx) && smoothVariance(f, mean, a, b, variance, ctx);
     if (!complete) return Status(Code::Cancelled, "stopped");
     return TermPtr(out);
   }
 
  private:
+  size_t pictures() const { return samples_ > 1 ? 2 : 1; }
+
+  /// False: stopped.
+  bool passFurther(std::span<const float> modulation, const RunContext& ctx) const {
+    if (further_ == Further::Nothing) return true;
+    const Term& input = *ctx.inputs[pictures() + 1];
+    if (further_ == Further::Nearest) {
+      const auto nearest = input.floats("nearest");
+      std::copy(nearest.begin(), nearest.end(), ctx.result->writable<float>("nearest").begin());
+      return true;
+    }
+    const auto rgb = input.floats("rgb");
+    const auto curvature = ctx.result->writable<float>("curvature");
+    return ctx.arena->parallelFor(
+        curvature.size(), 1 << 13,
+        [&](size_t begin, size_t end) {
+          for (size_t p = begin; p < end; ++p) {
+            double sum = 0;
+            for (size_t c = 0; c < 3; ++c) sum += double(rgb[3 * p + c]) / double(modulation[3 * p + c]);
+            curvature[p] = float(std::clamp(sum / 3, 0.0, 1e30));
+          }
+        },
+        ctx.stop);
+  }
+
   /// False: stopped.
   bool smoothVariance(const Features& f, std::span<const float> mean, std::span<const float> a, std::span<const float> b, std::span<float> variance,
                       const RunContext& ctx) const {
@@ -109,12 +141,13 @@ class NoisyPictureNode final : public Node {
 
   int width_, height_;
   uint32_t samples_, first_;
+  Further further_;
 };
 
 }  // namespace
 
-NodePtr makeNoisyPictureNode(int width, int height, uint32_t samples, uint32_t first) {
-  return std::make_shared<NoisyPictureNode>(width, height, samples, first);
+NodePtr makeNoisyPictureNode(int width, int height, uint32_t samples, uint32_t first, Further further) {
+  return std::make_shared<NoisyPictureNode>(width, height, samples, first, further);
 }
 
 NoisyPicture noisyPicture(const Term& features, const Term& noisy, uint32_t samples, uint32_t first) {
@@ -134,6 +167,11 @@ NoisyPicture noisyPicture(const Term& features, const Term& noisy, uint32_t samp
   p.depth = f.depth;
   p.footprint = f.footprint;
   p.coverage = f.coverage;
+  const auto optional = [](const Term& t, const char* plane) { return t.hasPlane(plane) ? t.floats(plane) : std::span<const float>(); };
+  p.even = optional(features, "even");
+  p.alpha = optional(features, "alpha");
+  p.curvature = optional(noisy, "curvature");
+  p.nearest = optional(noisy, "nearest");
   return p;
 }
 

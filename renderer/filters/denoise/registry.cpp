@@ -2,6 +2,7 @@
 // The list of denoisers: a line each.
 #include "filters/denoise/registry.h"
 
+#include "filters/denoise/axis_aligned/axis_aligned.h"
 #include "filters/denoise/first_order/first_order.h"
 #include "filters/denoise/joint_bilateral/joint_bilateral.h"
 #include "filters/denoise/non_local_means/non_local_means.h"
@@ -16,6 +17,7 @@ Result<DenoiserPtr> makeDenoiser(const v1::Denoise& settings) {
     case v1::Denoise::kNonLocalMeans: return makeNonLocalMeans(settings.non_local_means());
     case v1::Denoise::kAuto: return internalError("denoise.auto names several filters", "request.denoise");
     case v1::Denoise::kFirstOrder: return makeFirstOrder(settings.first_order());
+    case v1::Denoise::kAxisAligned: return makeAxisAligned(settings.axis_aligned());
     case v1::Denoise::FILTER_NOT_SET: break;
   }
   return DenoiserPtr();

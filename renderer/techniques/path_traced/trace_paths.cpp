@@ -42,6 +42,7 @@ LightSelection selectionOf(const v1::Integrator& integrator) {
 PathSet pathsOfSlot(SplitMode split, int slot, PathSet all) {
   if (split == SplitMode::Combined) return all;
   if (slot == 0) return PathSet::Emission;
+  if (slot >= kCurvatureSlot) return PathSet::None;
   if (split == SplitMode::DirectIndirect) return slot == 1 ? PathSet::Direct : PathSet::Indirect;
   return (slot <= 2 ? PathSet::Direct : PathSet::Indirect) & (slot % 2 ? PathSet::Diffuse : PathSet::Specular);
 }
@@ -70,7 +71,10 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
   const PathSet reached = s.behindOnly ? pathSet(cover) - PathSet::Front : pathSet(cover);
   const PathSet none = c.kinds().translucent ? PathSet::None : PathSet::Behind;  // no surface lets any through
   const bool lobes = (c.apart().lobes && scatters) || reached - job.paths - none != PathSet::None;
-  s.split = lobes ? SplitMode::ByLobe : (c.apart().classes || c.apart().lobes) && classes > 1 ? SplitMode::DirectIndirect : SplitMode::Combined;
+  s.split = c.apart().curvature && has(cover, PathClass::Indirect)  ? SplitMode::ByLobeAndCurvature
+            : lobes                                                 ? SplitMode::ByLobe
+            : (c.apart().classes || c.apart().lobes) && classes > 1 ? SplitMode::DirectIndirect
+                                                                    : SplitMode::Combined;
   s.selection = selectionOf(c.request().integrator());
   s.groups = int(job.groups.size());
   s.groupOf = job.slotGroup;
@@ -85,7 +89,9 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
       if (!overlaps(held, job.paths)) continue;
       if (!contains(job.paths, held)) return internalError("path tracing cannot leave out " + names(held - job.paths) + " (" + job.label + ")");
       const int slot = int(g) * per + k;
-      c.add({mean, "s" + std::to_string(slot), job.weights[g], held, job.groups[g], state, slot});
+      Contribution light{mean, "s" + std::to_string(slot), job.weights[g], held, job.groups[g], state, slot, {}};
+      if (s.split == SplitMode::ByLobeAndCurvature && contains(PathSet::Indirect, held)) light.curvature = "s" + std::to_string(slot + 2);
+      c.add(std::move(light));
     }
   }
   return {};
