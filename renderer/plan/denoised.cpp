@@ -10,6 +10,7 @@
 #include "filters/denoise/registry.h"
 #include "filters/denoise/select/select.h"
 #include "filters/expression.h"
+#include "plan/outliers.h"
 #include "request/request.h"
 #include "trace/sample_passes.h"
 
@@ -64,14 +65,15 @@ NodeId planSum(PlanContext& c, std::span<const Contribution> contributions, cons
   return c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), label);
 }
 
-Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> contributions, const std::string& label) {
-  std::vector<Contribution> traced, others;
-  for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
+Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> brought, const std::string& label) {
   // A plan that bounds what any count of samples holds is of one pass, and has a second picture of whatever count.
   const bool any = c.bounding() && c.passes() == 1 && c.request().halt().spp() != 1;
   const uint32_t samples = any ? 2 : samplesOf(c.passes());
   const uint32_t half = passesFor(samples / 2), first = samples > 1 ? samplesOf(half) : 0;
   GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> denoisers, denoisersOf(c.request().denoise(), samples > 1));
+  std::vector<Contribution> contributions(brought.begin(), brought.end()), traced, others;
+  if (c.request().denoise().has_outliers()) { GOBO_ASSIGN(contributions, withoutOutliers(c, brought, label, !denoisers.empty() && samples > 1)); }
+  for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
   if (denoisers.empty() || traced.empty()) return planSum(c, contributions, label);
   const int width = c.view().width, height = c.view().height;
   const NodeId all = planSum(c, traced, label + " traced");

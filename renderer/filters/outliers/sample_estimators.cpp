@@ -10,21 +10,32 @@ namespace gobo::outliers {
 
 namespace {
 
+/// row(y) for every row.
+template <class F>
+void forRows(int height, const Rows& rows, F&& row) {
+  const auto some = [&](size_t begin, size_t end) {
+    for (size_t y = begin; y < end && !rows.stop.stopRequested(); ++y) row(int(y));
+  };
+  if (rows.arena) rows.arena->parallelFor(size_t(height), 1, some, rows.stop);
+  else some(0, size_t(height));
+}
+
 /// result(values of a channel, in the samples' order) for every pixel.
 template <class Estimate>
-std::vector<float> byPixel(const SampleView& s, const SampleBins& bins, Estimate&& result) {
+std::vector<float> byPixel(const SampleView& s, const SampleBins& bins, const Rows& rows, Estimate&& result) {
   std::vector<float> out(3 * size_t(s.width) * size_t(s.height), 0.0f);
-  std::vector<double> values;
-  for (int y = 0; y < s.height; ++y)
+  forRows(s.height, rows, [&](int y) {
+    std::vector<double> values;
     for (int x = 0; x < s.width; ++x)
       for (size_t c = 0; c < 3; ++c) {
         values.clear();
         for (size_t i = bins.pixelBegin(x, y); i < bins.pixelEnd(x, y); ++i) {
           const size_t at = 3 * size_t(bins.order[i]) + c;
-          values.push_back(double(s.direct[at]) + double(s.indirect[at]));
+          values.push_back(double(s.directAt(at)) + double(s.indirect[at]));
         }
         if (!values.empty()) out[3 * (size_t(y) * size_t(s.width) + size_t(x)) + c] = float(std::clamp(result(values), -3.4e38, 3.4e38));
       }
+  });
   return out;
 }
 double meanOf(const std::vector<double>& values) {
@@ -35,10 +46,10 @@ double meanOf(const std::vector<double>& values) {
 
 }  // namespace
 
-std::vector<float> meanPicture(const SampleView& s, const SampleBins& bins) { return byPixel(s, bins, meanOf); }
+std::vector<float> meanPicture(const SampleView& s, const SampleBins& bins, const Rows& rows) { return byPixel(s, bins, rows, meanOf); }
 
-std::vector<float> trimmedMean(const SampleView& s, const SampleBins& bins, double share) {
-  return byPixel(s, bins, [share](std::vector<double>& v) {
+std::vector<float> trimmedMean(const SampleView& s, const SampleBins& bins, double share, const Rows& rows) {
+  return byPixel(s, bins, rows, [share](std::vector<double>& v) {
     std::sort(v.begin(), v.end());
     const double n = double(v.size()), cut = std::clamp(share, 0.0, 0.5) * n;
     if (n - 2 * cut < 1e-9) return 0.5 * (v[(v.size() - 1) / 2] + v[v.size() / 2]);
@@ -62,8 +73,8 @@ double giniCoefficient(const std::vector<double>& sorted) {
   return sum > 0 ? std::clamp(ranked / (n * sum), 0.0, 1.0) : 0.0;
 }
 
-std::vector<float> adaptiveMedianOfMeans(const SampleView& s, const SampleBins& bins, int buckets) {
-  return byPixel(s, bins, [buckets](const std::vector<double>& v) {
+std::vector<float> adaptiveMedianOfMeans(const SampleView& s, const SampleBins& bins, int buckets, const Rows& rows) {
+  return byPixel(s, bins, rows, [buckets](const std::vector<double>& v) {
     const size_t most = std::min(size_t(std::max(buckets, 1)), v.size()), m = most % 2 ? most : most - 1;
     std::vector<double> means(m, 0.0);
     for (size_t i = 0; i < v.size(); ++i) means[i % m] += v[i];
@@ -74,7 +85,7 @@ std::vector<float> adaptiveMedianOfMeans(const SampleView& s, const SampleBins& 
   });
 }
 
-std::vector<float> reweightedMean(const SampleView& s, const SampleBins& bins, const Reweighting& r) {
+std::vector<float> reweightedMean(const SampleView& s, const SampleBins& bins, const Reweighting& r, const Rows& rows) {
   const size_t pixels = size_t(s.width) * size_t(s.height);
   // Up to 3e38: log(3e38 / start) / log(base) cascades and one beyond.
   const int cascades = std::clamp(int(std::log(3.0e38 / double(r.start)) / std::log(double(r.base))) + 2, 2, 160);
@@ -85,12 +96,12 @@ std::vector<float> reweightedMean(const SampleView& s, const SampleBins& bins, c
     return one[p];
   };
   const auto startOf = [&](int k) { return double(r.start) * std::pow(double(r.base), k); };
-  for (int y = 0; y < s.height; ++y)
+  for (int y = 0; y < s.height && !rows.stop.stopRequested(); ++y)
     for (int x = 0; x < s.width; ++x)
       for (size_t i = bins.pixelBegin(x, y); i < bins.pixelEnd(x, y); ++i) {
         const size_t j = 3 * size_t(bins.order[i]), p = size_t(y) * size_t(s.width) + size_t(x);
         DVec3 v(0.0);
-        for (int c = 0; c < 3; ++c) v[c] = double(s.direct[j + size_t(c)]) + double(s.indirect[j + size_t(c)]);
+        for (int c = 0; c < 3; ++c) v[c] = double(s.directAt(j + size_t(c))) + double(s.indirect[j + size_t(c)]);
         const double l = 0.2126 * v.x + 0.7152 * v.y + 0.0722 * v.z;
         if (!(l > double(r.start))) {
           at(0, p) += v;
@@ -108,7 +119,7 @@ std::vector<float> reweightedMean(const SampleView& s, const SampleBins& bins, c
     const DVec3& v = light[size_t(k)][p];
     return std::max(0.0, 0.2126 * v.x + 0.7152 * v.y + 0.0722 * v.z) / startOf(k);
   };
-  for (int y = 0; y < s.height; ++y)
+  forRows(s.height, rows, [&](int y) {
     for (int x = 0; x < s.width; ++x) {
       const double n = double(bins.pixelEnd(x, y) - bins.pixelBegin(x, y));
       if (n == 0) continue;
@@ -125,6 +136,7 @@ std::vector<float> reweightedMean(const SampleView& s, const SampleBins& bins, c
       }
       for (int c = 0; c < 3; ++c) out[3 * p + size_t(c)] = float(std::clamp(sum[c] / n, -3.4e38, 3.4e38));
     }
+  });
   return out;
 }
 

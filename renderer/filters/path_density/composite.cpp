@@ -28,7 +28,7 @@ bool Composite::add(LightTerm term, const std::vector<float>& sigma, const Exact
   rejected_.assign(sumKept_.size(), 0.0);
   std::atomic<uint64_t> allRejected{0};
   const auto light = [&](size_t i, size_t c) {
-    const double direct = term == LightTerm::Indirect ? 0.0 : double(samples_.direct[3 * i + c]);
+    const double direct = term == LightTerm::Indirect ? 0.0 : double(samples_.directAt(3 * i + c));
     return direct + (term == LightTerm::Direct ? 0.0 : double(samples_.indirect[3 * i + c]));
   };
   const auto pixel = [&](int x, int y, NeighbourSearch::Scratch& scratch) {

@@ -38,6 +38,7 @@ enum class Border : uint8_t {
 struct Settings {
   Metric metric;
   int neighbours = 10;             ///< k
+  bool fewer = false;              ///< more neighbours than mostNeighbours(): as many as that, at least one; else they are an error
   float soft = 2.0f, hard = 3.0f;  ///< soft infinite: nothing is rejected
   Judged judged = Judged::Indirect;
   Border border = Border::Refuse;
