@@ -65,6 +65,24 @@ NodeId planSum(PlanContext& c, std::span<const Contribution> contributions, cons
   return c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), label);
 }
 
+namespace {
+
+/// What their sum `all` would be after so many passes. Where outliers are rejected, nodes say themselves what the samples of these are worth.
+NodeId planFirst(PlanContext& c, std::span<const Contribution> traced, NodeId all, uint32_t passes) {
+  std::vector<Contribution> earlier(traced.begin(), traced.end());
+  bool said = false;
+  for (Contribution& k : earlier) {
+    if (c.graph().at(k.node).shape.find(kFirstSamples)) {
+      k.plane = kFirstSamples;
+      said = true;
+    } else k.node = c.atPasses(k.node, passes);
+  }
+  if (!said) return c.atPasses(all, passes);
+  return planSum(c, earlier, c.graph().at(all).label + ", its first samples");
+}
+
+}  // namespace
+
 Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> brought, const std::string& label) {
   // A plan that bounds what any count of samples holds is of one pass, and has a second picture of whatever count.
   const bool any = c.bounding() && c.passes() == 1 && c.request().halt().spp() != 1;
@@ -72,7 +90,7 @@ Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> brough
   const uint32_t half = passesFor(samples / 2), first = samples > 1 ? samplesOf(half) : 0;
   GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> denoisers, denoisersOf(c.request().denoise(), samples > 1));
   std::vector<Contribution> contributions(brought.begin(), brought.end()), traced, others;
-  if (c.request().denoise().has_outliers()) { GOBO_ASSIGN(contributions, withoutOutliers(c, brought, label, !denoisers.empty() && samples > 1)); }
+  if (c.request().denoise().has_outliers()) contributions = withoutOutliers(c, brought, label, first);
   for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
   if (denoisers.empty() || traced.empty()) return planSum(c, contributions, label);
   const int width = c.view().width, height = c.view().height;
@@ -80,7 +98,7 @@ Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> brough
   const NodeId features = c.filter(denoise::makeFeaturesNode(width, height, c.view().viewSamples), {c.gbuffer(), c.surface()}, "features");
   std::vector<NodeId> inputs{features, all};
   // The first half goes first, and the whole goes on from it.
-  if (samples > 1) inputs.insert(inputs.begin() + 1, c.atPasses(all, any ? c.passes() + 1 : half));
+  if (samples > 1) inputs.insert(inputs.begin() + 1, planFirst(c, traced, all, any ? c.passes() + 1 : half));
   const NodeId halves = c.filter(denoise::makeNoisyPictureNode(width, height, samples, first), std::move(inputs), label + " in halves");
   std::vector<NodeId> smooth;
   for (const denoise::DenoiserPtr& d : denoisers)

@@ -39,7 +39,7 @@ struct RejectionNode {
   const char* approximate = "";
 };
 
-RejectionNode rejectionNode(const v1::OutlierRejection& o, int width, int height) {
+RejectionNode rejectionNode(const v1::OutlierRejection& o, int width, int height, int first) {
   const float white = float(o.white());
   switch (o.method_case()) {
     case v1::OutlierRejection::kReweighting: {
@@ -47,13 +47,13 @@ RejectionNode rejectionNode(const v1::OutlierRejection& o, int width, int height
       s.start = white;
       s.base = float(o.reweighting().base());
       s.enough = float(o.reweighting().enough());
-      return {outliers::makeReweightedMeanNode(s, width, height), !(white > 0), "bright samples without others of their brightness around count less"};
+      return {outliers::makeReweightedMeanNode(s, width, height, first), !(white > 0), "bright samples without others of their brightness around count less"};
     }
     case v1::OutlierRejection::kMedianOfMeans:
-      return {outliers::makeMedianOfMeansNode(int(o.median_of_means().buckets()), width, height), false,
+      return {outliers::makeMedianOfMeansNode(int(o.median_of_means().buckets()), width, height, first), false,
               "a pixel's extreme samples are left out, and with them some of its light"};
     case v1::OutlierRejection::kTrimmed:
-      return {outliers::makeTrimmedMeanNode(o.trimmed().share(), width, height), false,
+      return {outliers::makeTrimmedMeanNode(o.trimmed().share(), width, height, first), false,
               "a pixel's lowest and highest samples are left out, and with them some of its light"};
     default: break;
   }
@@ -63,6 +63,7 @@ RejectionNode rejectionNode(const v1::OutlierRejection& o, int width, int height
   s.metric.colourScale = float(d.color());
   s.neighbours = int(d.neighbours());
   s.fewer = true;
+  s.first = first;
   s.soft = float(d.soft());
   s.hard = float(d.hard());
   s.spread = float(d.spread_px());
@@ -80,7 +81,7 @@ uint32_t passesOf(const PlanContext& c) {
 
 }  // namespace
 
-Result<std::vector<Contribution>> withoutOutliers(PlanContext& c, std::span<const Contribution> brought, const std::string& label, bool halves) {
+std::vector<Contribution> withoutOutliers(PlanContext& c, std::span<const Contribution> brought, const std::string& label, uint32_t first) {
   const v1::OutlierRejection& settings = c.request().denoise().outliers();
   std::vector<Contribution> out;
   std::vector<JudgedLight> judged;
@@ -105,7 +106,7 @@ Result<std::vector<Contribution>> withoutOutliers(PlanContext& c, std::span<cons
     const TracedPaths& t = *j.traced;
     const NodePtr source = pathdensity::makePathSamplesNode({t.settings, j.weights, t.streams, c.view()});
     std::vector<NodeId> inputs{c.graph().add({source, {}, t.lights, label + " samples of " + t.label, passes, t.scene})};
-    RejectionNode rejection = rejectionNode(settings, width, height);
+    RejectionNode rejection = rejectionNode(settings, width, height, int(first));
     if (rejection.picture) {
       std::vector<Contribution> rest;
       for (const Contribution& k : c.contributions())
@@ -115,7 +116,6 @@ Result<std::vector<Contribution>> withoutOutliers(PlanContext& c, std::span<cons
     GraphNode n{std::move(rejection.node), std::move(inputs), {}, label + " " + t.label + " without outliers"};
     n.approximate = rejection.approximate;
     c.reserve(kWorkingBytesOfSample * samples + kWorkingBytesOfPixel * pixels);
-    if (halves && c.bounding()) c.reserve(pathdensity::kTermBytesOfSample * samples / 2);  // of whose number a bound knows nothing
     Contribution kept{c.graph().add(std::move(n)), "rgb"};
     kept.paths = j.paths;
     kept.state = j.state;  // what it was traced as

@@ -12,8 +12,9 @@ namespace gobo {
 
 /// What of `brought` is judged comes as one contribution for each state and class instead, made of samples that no other node traces: the light that the path
 /// tracer's own picture has, weights in it, so that other gains are other samples. The rest as it is.
-/// halves: a filter behind it looks at the first half of the samples too.
-Result<std::vector<Contribution>> withoutOutliers(PlanContext& c, std::span<const Contribution> brought, const std::string& label, bool halves);
+/// Their nodes have a plane kFirstSamples of the first `first` samples too, unless that is 0, by the weights that these have among all.
+std::vector<Contribution> withoutOutliers(PlanContext& c, std::span<const Contribution> brought, const std::string& label, uint32_t first);
+inline constexpr const char* kFirstSamples = "first";
 
 /// Errors: InvalidArgument: thresholds in the wrong order; ResourceExhausted: more samples than are held one by one. Each names the field.
 Status checkOutliers(const v1::RenderRequest& resolved);

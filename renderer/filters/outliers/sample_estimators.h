@@ -44,5 +44,8 @@ struct Reweighting {
   float enough = 4.0f;  ///< samples, > 1
 };
 std::vector<float> reweightedMean(const SampleView& samples, const SampleBins& bins, const Reweighting& settings = {}, const Rows& rows = {});
+/// The same of some of the samples, cascades counting by what all of them say.
+std::vector<float> reweightedPart(const SampleView& samples, const SampleBins& bins, const SampleBins& part, const Reweighting& settings = {},
+                                  const Rows& rows = {});
 
 }  // namespace gobo::outliers

@@ -30,7 +30,8 @@ SampleView pathSamplesOf(const Term& term);
 
 /// Inputs: path samples of a picture width x height; where settings.metric.white is 0, which stands for its choice by whiteOf() (outliers/white.h), the other
 /// light of the picture too (rgb). Output: "path_density", planes rgb f32x3: what is kept; rejected f32x3: rgb + rejected is the mean of all samples;
-/// weight f32: mean weight of the pixel's samples, 0 .. 1; with settings.density also density f32. Errors: InvalidArgument, of settings (path_density.h).
+/// weight f32: mean weight of the pixel's samples, 0 .. 1; with settings.first also first f32x3, with settings.density density f32. Errors: InvalidArgument, of
+/// settings (path_density.h).
 NodePtr makePathDensityNode(const Settings& settings, int width, int height);
 
 }  // namespace gobo::pathdensity

@@ -45,6 +45,7 @@ Status checkSettings(const SampleView& v, const Settings& s) {
   GOBO_TRY(checkRange("colour scale", double(s.metric.colourScale), 1e-3, 1e6));
   GOBO_TRY(checkRange("white", double(s.metric.white), 1e-12, 1e12));
   GOBO_TRY(checkRange("neighbours", s.neighbours, 1, 1 << 20));
+  GOBO_TRY(checkRange("first samples", s.first, 0, 1 << 30));
   GOBO_TRY(checkRange("spread", double(s.spread), 0, 1000));
   GOBO_TRY(checkRange("most spread", double(s.mostSpread), 0, 1e6));
   if (!(s.soft >= 0) || !(s.hard >= s.soft))

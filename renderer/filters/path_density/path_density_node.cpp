@@ -23,6 +23,7 @@ class PathDensityNode final : public Node {
         .add(int(s_.judged))
         .add(int(s_.border))
         .add(s_.density)
+        .add(s_.first)
         .add(s_.spread)
         .add(s_.mostSpread)
         .add(s_.treeEpsilon);
@@ -34,6 +35,7 @@ class PathDensityNode final : public Node {
     if (w.size() > 1) w.over(1, all).reads<float>(1, "rgb", {3});
     TermShape out{type(), Domain::Pixel, all, {unsetPlane<float>("rgb", 3), unsetPlane<float>("rejected", 3), unsetPlane<float>("weight")}};
     passOnDropped(w.input(0), out);
+    if (s_.first > 0) out.planes.push_back(unsetPlane<float>("first", 3));
     if (s_.density) out.planes.push_back(unsetPlane<float>("density"));
     return w.gives(std::move(out));
   }
@@ -52,6 +54,7 @@ class PathDensityNode final : public Node {
     fill("rgb", f.rgb);
     fill("rejected", f.rejected);
     fill("weight", f.weight);
+    if (s_.first > 0) fill("first", f.first);
     if (s_.density) fill("density", f.density);
     passOnDropped(*ctx.inputs[0], *out);
     return TermPtr(out);

@@ -146,9 +146,8 @@ TEST(Outliers, WhatIsJudgedIsNotTracedTwice) {
   EXPECT_FALSE(ran.count("indirect"));
   EXPECT_FALSE(ran.count("path_trace"));
   EXPECT_GT(raysOf(result, "samples of"), 0u);
-  // From whole blocks on the filter's first half is a beginning of the samples.
-  r.mutable_halt()->set_spp(64);
-  const uint64_t alone = raysOf(mustRender(*makeEngine(), r), "samples of");
+  // Of its halves a filter is told by what judged them all.
+  const uint64_t alone = raysOf(result, "samples of");
   set(r, "denoise=wavelet");
   EXPECT_EQ(raysOf(mustRender(*makeEngine(), r), "samples of"), alone);
 }

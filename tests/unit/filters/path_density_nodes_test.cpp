@@ -144,10 +144,86 @@ TEST(PathDensityNodes, TheEstimatorsNodesMakeWhatTheLibraryMakes) {
     ctx.stop = stop.token();
     EXPECT_EQ(runNode(*node, ctx).status().code(), Code::Cancelled) << node->type();
   }
-  for (const NodePtr& other : {outliers::makeTrimmedMeanNode(0.3, 13, 9), outliers::makeTrimmedMeanNode(0.2, 14, 9), outliers::makeTrimmedMeanNode(0.2, 13, 8),
-                               outliers::makeMedianOfMeansNode(6, 13, 9), outliers::makeReweightedMeanNode({2.5f, 3.0f, 5.0f}, 13, 9),
-                               outliers::makeReweightedMeanNode({2.0f, 3.5f, 5.0f}, 13, 9), outliers::makeReweightedMeanNode({2.0f, 3.0f, 5.5f}, 13, 9)})
+  for (const NodePtr& other :
+       {outliers::makeTrimmedMeanNode(0.2, 13, 9, 2), outliers::makeTrimmedMeanNode(0.3, 13, 9), outliers::makeTrimmedMeanNode(0.2, 14, 9),
+        outliers::makeTrimmedMeanNode(0.2, 13, 8), outliers::makeMedianOfMeansNode(6, 13, 9), outliers::makeReweightedMeanNode({2.5f, 3.0f, 5.0f}, 13, 9),
+        outliers::makeReweightedMeanNode({2.0f, 3.5f, 5.0f}, 13, 9), outliers::makeReweightedMeanNode({2.0f, 3.0f, 5.5f}, 13, 9)})
     EXPECT_TRUE(keys.insert(keyOf(other).hex()).second) << other->type();
+}
+
+// The picture of the first samples is theirs by the weights that they have among all; where nothing is rejected their mean.
+TEST(PathDensityNodes, TheFirstSamplesAreWeighedAmongAll) {
+  const int n = 8, first = 3;
+  const auto samples =
+      evenSamples(14, 10, n, 34, [](uint64_t i, const Vec2&) { return Vec3(unit(34, i, 3) < 0.03 ? 200.0f : 0.4f, 0.3f, float(unit(34, i, 4))); });
+  const auto term = termOf(samples);
+  const SampleView v = pathSamplesOf(*term);
+  const size_t pixels = 14 * 10;
+  const auto meanOfFirst = [&](size_t p, size_t c) {
+    double sum = 0;
+    for (size_t i = 0; i < size_t(first); ++i) sum += double(v.indirect[3 * (p * size_t(n) + i) + c]);
+    return sum / first;
+  };
+  Settings open;
+  open.soft = open.hard = 1e6f;
+  open.first = first;
+  const std::vector<NodePtr> keepAll = {makePathDensityNode(open, 14, 10), outliers::makeTrimmedMeanNode(0, 14, 10, first),
+                                        outliers::makeMedianOfMeansNode(1, 14, 10, first), outliers::makeReweightedMeanNode({1e9f, 8, 4}, 14, 10, first)};
+  for (const NodePtr& node : keepAll) {
+    const auto out = ran(node, {term}, 2);
+    ASSERT_TRUE(out.ok()) << out.status().toString();
+    for (size_t p = 0; p < pixels; ++p)
+      for (size_t c = 0; c < 3; ++c) ASSERT_NEAR((*out)->floats("first")[3 * p + c], meanOfFirst(p, c), 1e-5 * (1 + meanOfFirst(p, c))) << node->type();
+  }
+  // Without what comes back: sum w L / sum w over the first, w of all.
+  Settings s;
+  s.first = first;
+  s.spread = 0;
+  s.soft = 1;  // some weights between
+  s.hard = 4;
+  s.neighbours = 5;
+  const TaskArena arena(2);
+  const auto f = rejectOutliers(v, s, arena);
+  const auto sigma = sigmasOf(v, s, LightTerm::Indirect, arena);
+  ASSERT_TRUE(f.ok() && sigma.ok()) << f.status().toString();
+  size_t partial = 0;
+  for (size_t p = 0; p < pixels; ++p) {
+    double weights = 0, sum[3] = {};
+    for (size_t i = p * size_t(n); i < p * size_t(n) + size_t(first); ++i) {
+      const double w = double(weightOf((*sigma)[i], s));
+      partial += w > 0 && w < 1;
+      weights += w;
+      for (size_t c = 0; c < 3; ++c) sum[c] += w * double(v.indirect[3 * i + c]);
+    }
+    for (size_t c = 0; c < 3; ++c) {
+      const double expected = weights > 0 ? sum[c] / weights : double(f->rgb[3 * p + c]);
+      ASSERT_NEAR(f->first[3 * p + c], expected, 1e-5 * (1 + expected)) << p;
+    }
+  }
+  EXPECT_GT(partial, 10u);
+  // What comes back makes both brighter by as much.
+  s.spread = 4;
+  const auto back = rejectOutliers(v, s, arena);
+  ASSERT_TRUE(back.ok());
+  size_t more = 0;
+  for (size_t i = 0; i < f->rgb.size(); ++i) {
+    more += back->rgb[i] > 1.01f * f->rgb[i];
+    ASSERT_NEAR(back->first[i] * f->rgb[i], back->rgb[i] * f->first[i], 1e-4 * (1 + std::abs(double(back->rgb[i]) * f->first[i]))) << i;
+  }
+  EXPECT_GT(more, 20u);
+  // No weight in the first ones: what all keep stands for them.
+  PathSamples dark(1, 1);
+  for (int i = 0; i < 40; ++i) ASSERT_TRUE(dark.add(0, 0, Vec2(0.5f), Vec3(0.0f), Vec3(i < 1 ? 500.0f : 0.5f)).ok());
+  s.first = 1;
+  s.spread = 0;
+  const auto alone = rejectOutliers(dark.view(), s, arena);
+  ASSERT_TRUE(alone.ok());
+  EXPECT_FLOAT_EQ(alone->first[0], 0.5f);
+  // Re-weighting: the cascades' weights are those of all samples.
+  const auto bins = binSamples(v);
+  SampleBins part = bins;
+  const auto same = outliers::reweightedPart(v, bins, part, {0.2f, 4, 4}), all = outliers::reweightedMean(v, bins, {0.2f, 4, 4});
+  EXPECT_EQ(same, all);
 }
 
 // More neighbours than even light has: as many as it has, where that is asked for.
@@ -185,6 +261,7 @@ TEST(PathDensityNodes, EverySettingReachesTheKey) {
                                                     [](Settings& s) { s.judged = Judged::Apart; },
                                                     [](Settings& s) { s.border = Border::Correct; },
                                                     [](Settings& s) { s.density = true; },
+                                                    [](Settings& s) { s.first = 3; },
                                                     [](Settings& s) { s.spread = 1; },
                                                     [](Settings& s) { s.mostSpread = 2; },
                                                     [](Settings& s) { s.treeEpsilon = 0; }};
