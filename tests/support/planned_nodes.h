@@ -165,7 +165,7 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     all.emplace_back(as, r);
   }
   for (const char* as : {"denoise.outliers=path_density", "denoise.outliers=trimmed", "denoise.outliers=median_of_means", "denoise.outliers=reweighting"}) {
-    for (const char* white : {"0", "3"}) {
+    for (const char* white : {"0", "0.05"}) {
       v1::RenderRequest r = smallRequest("cornell", width, height, 4);
       for (const std::string& a : {std::string(as), std::string("denoise.outliers.judged=APART"), std::string("denoise.outliers.white=") + white}) set(r, a);
       all.emplace_back(std::string(as) + " of white " + white, r);

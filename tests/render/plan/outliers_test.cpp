@@ -353,7 +353,7 @@ TEST(Outliers, AdmissionKnowsTheSamples) {
   const auto many = engine->prepare(r, nullptr);
   ASSERT_TRUE(few.ok() && many.ok());
   const uint64_t more = uint64_t(64) * 48 * 144;
-  EXPECT_GE(many->pinnedBytes, few->pinnedBytes + 20 * more);
+  EXPECT_GE(many->pinnedBytes, few->pinnedBytes + 48 * more);  // in the term, and beside it while they are judged
   EXPECT_LE(many->pinnedBytes, few->pinnedBytes + 60 * more);
 }
 

@@ -108,6 +108,11 @@ TEST(PathDensityNodes, WhiteIsThatOfTheWholePicture) {
   std::vector<float> half(3 * 6 * 9, 0.0f);
   std::fill(half.begin() + 3 * 6 * 6, half.end(), 0.36f);
   EXPECT_NEAR(*outliers::whiteOf(half, 6, 9, TaskArena(1)), 2.0f, 1e-5f);
+  // Bright pixels in every window, but in none more than half.
+  std::vector<float> spotted(3 * 12 * 12, 0.18f);
+  for (int y = 1; y < 12; y += 2)
+    for (int x = 1; x < 12; x += 2) std::fill_n(spotted.begin() + 3 * (y * 12 + x), 3, 90.0f);
+  EXPECT_NEAR(*outliers::whiteOf(spotted, 12, 12, TaskArena(1)), 1.0f, 1e-5f);
   StopSource stop;
   stop.stop(StopReason::Cancelled);
   EXPECT_EQ(outliers::whiteOf(half, 6, 9, TaskArena(1), stop.token()).status().code(), Code::Cancelled);
