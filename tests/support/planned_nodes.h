@@ -168,6 +168,7 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     for (const char* white : {"0", "0.05"}) {
       v1::RenderRequest r = smallRequest("cornell", width, height, 4);
       for (const std::string& a : {std::string(as), std::string("denoise.outliers.judged=APART"), std::string("denoise.outliers.white=") + white}) set(r, a);
+      if (r.denoise().outliers().has_reweighting()) set(r, "denoise.outliers.reweighting.enough=100");  // so that what is around decides
       all.emplace_back(std::string(as) + " of white " + white, r);
     }
   }
