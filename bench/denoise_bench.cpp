@@ -4,8 +4,9 @@
 // other seeds: free of its noise. ms: the whole picture, by the engine's clock, with the acceleration structure there and an empty store; filter ms: what
 // is not path tracing. "worth": the samples that plain path tracing takes to the same relMSE, which falls as 1 / samples from its best one here; "faster": the
 // time that this takes, over the filter's. "regret": of auto, the root of its relMSE over that of the best single filter. (RMSE is mostly of the pixels along
-// the edges of lamps, whose light the camera sees itself: no filter touches it.) Arguments: --scene NAME,NAME,... (built-in, or files) --size WxH --spp N,N,...
-// --reference N (each half) --filters NAME,NAME,... --threads N
+// the edges of lamps, whose light the camera sees itself: no filter touches it.) Arguments: --scene NAME,NAME,... (built-in; specular_room, hidden_lamp:
+// rooms/rooms.h; or files)
+// --size WxH --spp N,N,... --reference N (each half) --filters NAME,NAME,... (path_density+wavelet: one behind the other) --threads N
 //            --set assignments, separated by spaces
 #include <algorithm>
 #include <cmath>
@@ -17,6 +18,7 @@
 #include "measure/report.h"
 #include "plan/engine.h"
 #include "request/request.h"
+#include "rooms/rooms.h"
 
 using namespace gobo;
 
@@ -50,11 +52,20 @@ struct Row {
   double ms = 0, filterMs = 0;
 };
 
-Row rowOf(Engine& engine, v1::RenderRequest r, const std::string& filter, uint32_t spp, const Image& a, const Image& b) {
+/// "wavelet", "wavelet.levels=3", "path_density", "path_density.neighbours=20+wavelet": a rejection of outliers, a filter, or one before the other.
+void choose(v1::RenderRequest& r, const std::string& filter) {
+  for (const std::string& part : partsOf(filter, '+')) {
+    const std::string name = part.substr(0, part.find('.'));
+    const bool outliers = v1::OutlierRejection::descriptor()->FindFieldByName(name) != nullptr;
+    edit(r, std::string(outliers ? "denoise.outliers" : "denoise") + (part.find('=') == std::string::npos ? "=" + part : "." + part));
+  }
+}
+
+Row rowOf(Engine& engine, const RenderControl& control, v1::RenderRequest r, const std::string& filter, uint32_t spp, const Image& a, const Image& b) {
   r.mutable_halt()->set_spp(spp);
-  if (filter != "none") edit(r, "denoise" + (filter.find('=') == std::string::npos ? "=" + filter : "." + filter));
+  if (filter != "none") choose(r, filter);
   engine.dropCaches(false, true);
-  auto result = engine.render(r);
+  auto result = engine.render(r, control);
   if (!result.ok()) stop(result.status());
   Row row{filter, spp, errorsOf(result->images[0].image(), a, b), 0, 0};
   for (const v1::NodeReport& n : result->reply.plan()) {
@@ -83,35 +94,41 @@ int main(int argc, char** argv) {
   auto created = Engine::create(options);
   if (!created.ok()) stop(created.status());
   Engine& engine = **created;
-  std::printf("%-12s %4s %-18s %9s %9s %9s %9s %8s %8s\n", "scene", "spp", "filter", "RMSE", "relMSE", "ms", "filter ms", "worth", "faster");
+  std::printf("%-13s %4s %-26s %9s %9s %9s %9s %8s %8s\n", "scene", "spp", "filter", "RMSE", "relMSE", "ms", "filter ms", "worth", "faster");
   for (const std::string& scene : scenes) {
     v1::RenderRequest r;
     r.set_scene(scene);
     r.set_width(uint32_t(width));
     r.set_height(uint32_t(height));
     for (const std::string& a : partsOf(argumentOr(argc, argv, "--set", ""), ' ')) edit(r, a);
-    if (const auto opened = engine.openScene(scene, scene); !opened.ok()) stop(opened.status());
+    const auto room = bench::roomOf(scene);
+    if (!room.ok()) stop(room.status());
+    RenderControl control;
+    control.scene = *room;
+    if (!*room) {
+      if (const auto opened = engine.openScene(scene, scene); !opened.ok()) stop(opened.status());
+    }
     Image halves[2];
     for (uint32_t k = 0; k < 2; ++k) {
       v1::RenderRequest half = r;
       half.set_seed(1000 + k);
       half.mutable_halt()->set_spp(reference);
-      auto result = engine.render(half);
+      auto result = engine.render(half, control);
       if (!result.ok()) stop(result.status());
       halves[k] = result->images[0].image();
     }
     std::vector<Row> plain;
-    for (const uint32_t spp : counts) plain.push_back(rowOf(engine, r, "none", spp, halves[0], halves[1]));
+    for (const uint32_t spp : counts) plain.push_back(rowOf(engine, control, r, "none", spp, halves[0], halves[1]));
     const Row& most = plain.back();
     const double variance = most.errors.relMse * most.spp, msPerSample = most.ms / most.spp;
     for (const Row& p : plain) {
       std::vector<Row> rows{p};
-      for (const std::string& f : filters) rows.push_back(rowOf(engine, r, f, p.spp, halves[0], halves[1]));
+      for (const std::string& f : filters) rows.push_back(rowOf(engine, control, r, f, p.spp, halves[0], halves[1]));
       double best = std::numeric_limits<double>::infinity();
       for (const Row& row : rows) {
         if (row.filter != "auto") best = std::min(best, row.errors.relMse);
         const double worth = variance / std::max(row.errors.relMse, 1e-30);
-        std::printf("%-12.12s %4u %-18s %9.5f %9.5f %9.1f %9.1f %8.0f %8.1f", scene.substr(scene.find_last_of('/') + 1).c_str(), row.spp, row.filter.c_str(),
+        std::printf("%-13.13s %4u %-26s %9.5f %9.5f %9.1f %9.1f %8.0f %8.1f", scene.substr(scene.find_last_of('/') + 1).c_str(), row.spp, row.filter.c_str(),
                     row.errors.rmse, row.errors.relMse, row.ms, row.filterMs, worth, worth * msPerSample / row.ms);
         if (row.filter == "auto") std::printf("  regret %.2f", std::sqrt(row.errors.relMse / best));
         std::printf("\n");

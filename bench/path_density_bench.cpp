@@ -20,13 +20,14 @@
 #include "filters/outliers/picture_filters.h"
 #include "filters/outliers/sample_estimators.h"
 #include "filters/outliers/smoothing_filters.h"
+#include "filters/outliers/white.h"
 #include "filters/path_density/neighbour_search.h"
 #include "filters/path_density/path_density.h"
 #include "filters/path_density/product_tree.h"
 #include "filters/path_density/trace_samples.h"
 #include "import/load.h"
 #include "measure/report.h"
-#include "scene/builtin/build.h"
+#include "rooms/rooms.h"
 #include "trace/accel.h"
 
 using namespace gobo;
@@ -45,56 +46,6 @@ T need(Result<T> r) {
 }
 double msSince(std::chrono::steady_clock::time_point t) { return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - t).count(); }
 
-/// Walls of the Cornell box, closed towards the camera.
-void walls(builtin::SceneBuilder& b) {
-  const int white = b.material("white", Vec3(0.725f, 0.71f, 0.68f)), red = b.material("red", Vec3(0.63f, 0.065f, 0.05f)),
-            green = b.material("green", Vec3(0.14f, 0.45f, 0.091f));
-  builtin::MeshBuilder m;
-  m.quad(Vec3(-1, 0, 1), Vec3(2, 0, 0), Vec3(0, 0, -2));
-  b.add("floor", m, white);
-  m.quad(Vec3(-1, 2, -1), Vec3(2, 0, 0), Vec3(0, 0, 2));
-  b.add("ceiling", m, white);
-  m.quad(Vec3(-1, 0, -1), Vec3(2, 0, 0), Vec3(0, 2, 0));
-  b.add("back", m, white);
-  m.quad(Vec3(-1, 0, 1), Vec3(0, 0, -2), Vec3(0, 2, 0));
-  b.add("left", m, red);
-  m.quad(Vec3(1, 0, -1), Vec3(0, 0, 2), Vec3(0, 2, 0));
-  b.add("right", m, green);
-  b.camera("front", Vec3(0, 1, 3.85f), Vec3(0, 1, 0), 39.3f);
-}
-/// After the source's first scene: a diffuse room, specular things in it, a small lamp.
-Result<ScenePtr> specularRoom() {
-  builtin::SceneBuilder b("specular_room");
-  walls(b);
-  const int metal = b.material("metal", Vec3(0.95f), 0.05f, 1.0f, 1.0f), glossy = b.material("glossy", Vec3(0.9f, 0.75f, 0.5f), 0.25f, 1.0f, 1.0f),
-            glass = b.material("glass", Vec3(0.97f), 0.0f, 0.0f, 1.0f);
-  b.at(glass).bsdf.transmission = 1.0f;
-  b.at(glass).bsdf.thickness = 0.9f;
-  builtin::MeshBuilder m;
-  m.sphere(Vec3(-0.45f, 0.4f, -0.35f), 0.4f, 48, 26);
-  b.add("metal", m, metal);
-  m.sphere(Vec3(0.45f, 0.35f, 0.25f), 0.35f, 48, 26);
-  b.add("glass", m, glass);
-  m.box(Vec3(0.4f, 0.5f, -0.55f), Vec3(0.25f, 0.5f, 0.2f), builtin::rotateY(0.4f));
-  b.add("glossy", m, glossy);
-  b.ball("lamp", Vec3(0, 1.7f, 0), 0.05f, Vec3(400.0f, 330.0f, 240.0f));
-  return b.finish();
-}
-/// Most light comes from a lamp behind a screen, by way of the back wall.
-Result<ScenePtr> hiddenLamp() {
-  builtin::SceneBuilder b("hidden_lamp");
-  walls(b);
-  const int screen = b.material("screen", Vec3(0.4f)), plastic = b.material("plastic", Vec3(0.3f, 0.4f, 0.7f), 0.15f, 0.0f, 1.0f);
-  builtin::MeshBuilder m;
-  m.box(Vec3(0, 1.0f, -0.75f), Vec3(0.7f, 0.9f, 0.02f));
-  b.add("screen", m, screen);
-  m.sphere(Vec3(0.3f, 0.3f, 0.2f), 0.3f, 48, 26);
-  b.add("ball", m, plastic);
-  b.rect("lamp", Vec3(0, 0.8f, -0.85f), Vec3(0, 0.9f, -1.0f), 0.05f, 0.05f, Vec3(900.0f, 800.0f, 650.0f));
-  b.rect("dim", Vec3(0, 1.99f, 0.4f), Vec3(0, 0, 0.4f), 0.3f, 0.3f, Vec3(1.0f, 1.1f, 1.3f));
-  return b.finish();
-}
-
 struct Place {
   ScenePtr scene;
   std::vector<int> lights;
@@ -103,7 +54,8 @@ struct Place {
 };
 Place placeOf(const std::string& name, int width, int height, const TaskArena& arena) {
   Place p;
-  p.scene = need(name == "specular_room" ? specularRoom() : name == "hidden_lamp" ? hiddenLamp() : loadScene(name));
+  p.scene = need(bench::roomOf(name));
+  if (!p.scene) p.scene = need(loadScene(name));
   p.lights.resize(p.scene->lights.size());
   std::iota(p.lights.begin(), p.lights.end(), 0);
   p.settings.camera = p.scene->cameras[0];
@@ -141,14 +93,6 @@ PathSamples samplesOf(Place& p, uint64_t seed, uint32_t samples, const TaskArena
   p.settings.blockSize = 16;
   return made;
 }
-float whiteOf(const std::vector<float>& mean, int width, int height) {
-  const auto calm = outliers::medianFilter(mean, width, height);
-  std::vector<float> l;
-  for (size_t p = 0; p < calm.size() / 3; ++p) l.push_back(luminance(Vec3(calm[3 * p], calm[3 * p + 1], calm[3 * p + 2])));
-  std::nth_element(l.begin(), l.begin() + ptrdiff_t(l.size() / 2), l.end());
-  return std::max(l[l.size() / 2], 1e-6f) / 0.18f;
-}
-
 struct Errors {
   double rmse = 0, relMse = 0, shown = 0, energy = 0;
 };
@@ -188,7 +132,7 @@ int errors(int argc, char** argv, const TaskArena& arena) {
       const SampleBins bins = binSamples(v);
       const auto mean = outliers::meanPicture(v, bins);
       Settings s;
-      s.metric.white = whiteOf(mean, width, height);
+      s.metric.white = need(outliers::whiteOf(mean, width, height, arena));
       s.neighbours = most;
       const std::vector<float> none(v.direct.size(), 0.0f);
       SampleView bounced = v, seen = v;
@@ -265,7 +209,7 @@ int time(int argc, char** argv, const TaskArena& arena) {
   std::printf("%s, %d x %d, %zu samples, k = %d, %d threads; traced in %.0f ms\n", scene.c_str(), width, height, v.size(), k, arena.threads(), msSince(start));
   Settings s;
   s.neighbours = k;
-  s.metric.white = whiteOf(outliers::meanPicture(v, binSamples(v)), width, height);
+  s.metric.white = need(outliers::whiteOf(outliers::meanPicture(v, binSamples(v)), width, height, arena));
   Filtered exact;
   const auto run = [&](const char* name, const Settings& own) {
     start = std::chrono::steady_clock::now();

@@ -41,7 +41,8 @@ void addRequestOptions(CLI::App& app, RequestOptions& o, bool scheduling = true)
   value(app, "--camera", o.camera, "CAMERA", "a camera of the scene");
   value(app, "--size", o.size, "WIDTHxHEIGHT", "pixels");
   value(app, "--env", o.environment, "FILE", "lat-long .hdr or .exr, or none");
-  value(app, "--denoise", o.denoise, filterNames(), "how noise is taken out of path-traced light (docs/noise.md)");
+  value(app, "--denoise", o.denoise, filterNames(),
+        "how noise is taken out of path-traced light (docs/noise.md); fireflies before it: --set denoise.outliers=path_density");
   auto* spp = value(app, "--spp", o.spp, "N", "samples per pixel")->check(CLI::Range(1, 1048576).description(""));
   auto* time = value(app, "--time", o.time, "SECONDS", "stop after this time")->check(CLI::Validator(CLI::PositiveNumber).description(""));
   auto* error = value(app, "--error", o.error, "RMSE", "stop when the certificate's upper bound is at most this")

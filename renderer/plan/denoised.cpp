@@ -11,6 +11,7 @@
 #include "filters/denoise/select/select.h"
 #include "filters/denoise/view_sample_edges.h"
 #include "filters/expression.h"
+#include "plan/outliers.h"
 #include "request/request.h"
 #include "trace/sample_passes.h"
 
@@ -92,6 +93,20 @@ struct SmoothPart {
   NodeId light = -1, features = -1;
 };
 
+/// What their sum `all` would be after so many passes. Where outliers are rejected, nodes say themselves what the samples of these are worth.
+NodeId planFirst(PlanContext& c, std::span<const Contribution> traced, NodeId all, uint32_t passes) {
+  std::vector<Contribution> earlier(traced.begin(), traced.end());
+  bool said = false;
+  for (Contribution& k : earlier) {
+    if (c.graph().at(k.node).shape.find(kFirstSamples)) {
+      k.plane = kFirstSamples;
+      said = true;
+    } else k.node = c.atPasses(k.node, passes);
+  }
+  if (!said) return c.atPasses(all, passes);
+  return planSum(c, earlier, c.graph().at(all).label + ", its first samples");
+}
+
 class DenoisePlan {
  public:
   DenoisePlan(PlanContext& c, std::string label) : c_(c), label_(std::move(label)), width_(c.view().width), height_(c.view().height) {
@@ -102,6 +117,8 @@ class DenoisePlan {
     first_ = samples_ > 1 ? samplesOf(half_) : 0;
   }
   uint32_t samples() const { return samples_; }
+  /// Of these in the first half; 0: there are no halves.
+  uint32_t first() const { return first_; }
 
   Result<SmoothPart> plan(const NoisyPart& part, const std::vector<denoise::DenoiserPtr>& denoisers) {
     const std::string label = withLobe(label_, part.lobe);
@@ -110,9 +127,10 @@ class DenoisePlan {
         c_.filter(denoise::makeFeaturesNode(width_, height_, c_.view().viewSamples, part.lobe), {c_.gbuffer(), c_.surface()}, withLobe("features", part.lobe));
     std::vector<NodeId> inputs{features, all};
     // The first half goes first, and the whole goes on from it.
-    if (samples_ > 1) inputs.insert(inputs.begin() + 1, c_.atPasses(all, any_ ? c_.passes() + 1 : half_));
-    GOBO_ASSIGN(const denoise::Further further, addFurther(part, label, inputs));
-    const NodeId halves = c_.filter(denoise::makeNoisyPictureNode(width_, height_, samples_, first_, further), std::move(inputs), label + " in halves");
+    if (samples_ > 1) inputs.insert(inputs.begin() + 1, planFirst(c_, part.light, all, any_ ? c_.passes() + 1 : half_));
+    const bool curvature = part.lobe != LobePart::Both;
+    if (curvature) { GOBO_TRY(addCurvature(part, label, inputs)); }
+    const NodeId halves = c_.filter(denoise::makeNoisyPictureNode(width_, height_, samples_, first_, curvature), std::move(inputs), label + " in halves");
     std::vector<NodeId> smooth;
     for (const denoise::DenoiserPtr& d : denoisers)
       smooth.push_back(c_.filter(denoise::makeDenoiseNode(d, width_, height_, samples_, first_), {features, halves}, label + " by " + d->name()));
@@ -122,23 +140,22 @@ class DenoisePlan {
       const float share = float(double(first_) / double(samples_));
       smooth.assign(1, c_.filter(denoise::makeSelectNode(width_, height_, int(denoisers.size()), share), std::move(choice), label + " selected"));
     }
-    if (part.lobe != LobePart::Both)
+    if (curvature)
       smooth[0] = c_.filter(denoise::makeViewSampleEdgesNode(width_, height_, c_.view().viewSamples, part.lobe),
                             {features, smooth[0], c_.gbuffer(), c_.surface()}, label + " along edges");
     return SmoothPart{smooth[0], features};
   }
 
  private:
-  /// What the filter wants to know of the paths, as one more input of the halves.
-  Result<denoise::Further> addFurther(const NoisyPart& part, const std::string& label, std::vector<NodeId>& inputs) {
-    if (part.lobe == LobePart::Both) return denoise::Further::Nothing;
+  /// How the part's light bends, as one more input of the halves.
+  Status addCurvature(const NoisyPart& part, const std::string& label, std::vector<NodeId>& inputs) {
     std::vector<Contribution> bends = part.light;
     for (Contribution& k : bends) {
       if (k.curvature.empty()) return internalError("nobody says how light bends", label);
       k.plane = k.curvature;
     }
     inputs.push_back(planSum(c_, bends, label + " bending"));
-    return denoise::Further::Curvature;
+    return {};
   }
 
   PlanContext& c_;
@@ -150,11 +167,12 @@ class DenoisePlan {
 
 }  // namespace
 
-Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> contributions, const std::string& label) {
-  std::vector<Contribution> traced, others;
-  for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
+Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> brought, const std::string& label) {
   DenoisePlan plan(c, label);
   GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> denoisers, denoisersOf(c.request().denoise(), plan.samples() > 1));
+  std::vector<Contribution> contributions(brought.begin(), brought.end()), traced, others;
+  if (c.request().denoise().has_outliers()) contributions = withoutOutliers(c, brought, label, plan.first());
+  for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
   const std::vector<NoisyPart> parts = denoisers.empty() || traced.empty() ? std::vector<NoisyPart>() : partsOf(c.request().denoise(), traced, others);
   if (parts.empty()) return planSum(c, contributions, label);
   // Modulated again, and the rest. The filtered light is the first input, so that its first half is made first, of samples that are the others' too; what was

@@ -15,7 +15,8 @@ NodeId planSum(PlanContext& c, std::span<const Contribution> contributions, cons
 /// A filter that asks for how indirect light bends along surfaces (Distinctions::curvature).
 bool needsCurvature(const v1::Denoise& settings);
 
-/// The same, where what was path traced, but for light that the camera sees itself, goes through the filter that the request names. The halves that it
+/// The same, where what was path traced, but for light that the camera sees itself, loses its outliers (plan/outliers.h) and goes through the filter that the
+/// request names, each if it does. The halves that it
 /// looks at are the first half of the samples and the rest: no sample is traced for it, and none is other than without it.
 Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> contributions, const std::string& label);
 

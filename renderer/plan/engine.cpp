@@ -17,6 +17,7 @@
 #include "plan/executor.h"
 #include "plan/ladder.h"
 #include "plan/mapped_guard.h"
+#include "plan/outliers.h"
 #include "plan/outputs.h"
 #include "plan/planner.h"
 #include "plan/remembered_renders.h"
@@ -241,7 +242,9 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   r.mutable_scheduling();
   if (scene->lights.empty() && !scene->environment) r.mutable_environment();  // its `default` may light it
   if (!r.has_shadows() || r.shadows().technique_case() == v1::ShadowTechnique::TECHNIQUE_NOT_SET) r.mutable_shadows()->mutable_path_traced();
-  if (r.has_denoise() && r.denoise().filter_case() == v1::Denoise::FILTER_NOT_SET) r.mutable_denoise()->mutable_auto_();
+  if (r.has_denoise() && r.denoise().filter_case() == v1::Denoise::FILTER_NOT_SET && !r.denoise().has_outliers()) r.mutable_denoise()->mutable_auto_();
+  if (r.denoise().has_outliers() && r.denoise().outliers().method_case() == v1::OutlierRejection::METHOD_NOT_SET)
+    r.mutable_denoise()->mutable_outliers()->mutable_path_density();
   if (!r.has_halt() || (!r.halt().has_spp() && !r.halt().has_time_s() && !r.halt().has_error())) r.mutable_halt()->set_spp(64);
   if (r.outputs_size() == 0) r.add_outputs("beauty");
   if (r.has_certificate() && r.certificate().has_pixel_fraction() && r.certificate().pixel_fraction() == 0) r.clear_certificate();
@@ -263,6 +266,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
                   std::string(window.width ? "request.window.width" : "request.width") +
                       " x height x view_samples = " + std::to_string(pixels * r.view_samples()) + ": must be at most " + std::to_string(kMaxViewSamples),
                   window.width ? "request.window.width" : "request.width");
+  GOBO_TRY(checkOutliers(r));
   if (window.width && r.has_certificate())
     return invalidArgument(std::string(r.halt().has_error() ? "request.halt.error" : "request.certificate") + ": is of a whole picture, not of request.window",
                            r.halt().has_error() ? "request.halt.error" : "request.certificate");
@@ -540,7 +544,7 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
   v1::RenderRequest resolved = prepared.resolved;
   if (resolved.scene_hash() != scene->hash().hex()) { GOBO_ASSIGN(resolved, resolve(request, scene)); }  // not resolved yet, or for what it was then
   const v1::Halt& halt = resolved.halt();
-  const uint32_t most = halt.has_spp() ? halt.spp() : kMaxSpp;
+  const uint32_t most = halt.has_spp() ? halt.spp() : mostSamples(resolved, kMaxSpp);
   const bool open = halt.has_time_s() || halt.has_error();  // the sample count is not known beforehand
   const bool watched = bool(control.snapshot);
   ErrorFloor floor;

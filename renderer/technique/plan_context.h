@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -13,8 +14,18 @@
 #include "terms/direct_unoccluded.h"
 #include "terms/gbuffer.h"
 #include "terms/graph.h"
+#include "trace/path_tracer.h"
 
 namespace gobo {
+
+/// What traced a state, for who wants its samples one by one.
+struct TracedPaths {
+  PathTracerSettings settings;
+  int streams = 1;
+  std::vector<int> lights;
+  ScenePtr scene;
+  std::string label;
+};
 
 /// A weighted plane of the beauty, and what it holds.
 struct Contribution {
@@ -25,7 +36,8 @@ struct Contribution {
   int group = -1;     ///< relight group; -1: no light's
   NodeId state = -1;  ///< path tracing state that it is the mean of, and the slot there; -1: something else
   int slot = 0;
-  std::string curvature;  ///< plane of the same node: how this light bends along surfaces (trace/curvature_sums.h); empty: unknown
+  std::shared_ptr<const TracedPaths> traced;  ///< what brought the slot's light; null: something else
+  std::string curvature;                      ///< plane of the same node: how this light bends along surfaces (trace/curvature_sums.h); empty: unknown
 };
 
 struct PixelWindow {

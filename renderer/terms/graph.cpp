@@ -25,7 +25,7 @@ NodeId Graph::add(GraphNode n) {
     in.push_back(at(input).shape);
   }
   Result<TermShape> shape = n.node->infer(in);
-  if (shape.ok()) n.shape = std::move(*shape);
+  if (shape.ok()) n.shape = n.node->afterBlocks(std::move(*shape), n.blocks);
   else if (!wrong_) wrong_.emplace(size(), shape.status().at("node " + n.label));
   nodes_.push_back(std::move(n));
   structure_.push_back(structure);

@@ -22,8 +22,8 @@ Result<TermPtr> runNode(const Node& node, const TermShape& shape, RunContext& ct
 Result<TermPtr> runNode(const Node& node, RunContext& ctx) {
   std::vector<TermShape> in;
   for (const TermPtr& input : ctx.inputs) in.push_back(shapeOf(*input));
-  GOBO_ASSIGN(const TermShape shape, node.infer(in));
-  return runNode(node, shape, ctx);
+  GOBO_ASSIGN(TermShape shape, node.infer(in));
+  return runNode(node, node.afterBlocks(std::move(shape), ctx.targetBlocks), ctx);
 }
 
 }  // namespace gobo

@@ -82,6 +82,11 @@ class Node {
   virtual void hashParameters(Hasher& hasher) const = 0;
   /// What the result looks like, from what the inputs do: wrong wiring is found here, while planning. Errors: Internal (Wiring).
   virtual Result<TermShape> infer(std::span<const TermShape> in) const = 0;
+  /// Of extendable nodes whose result grows with its blocks: what infer() said, after so many.
+  virtual TermShape afterBlocks(TermShape inferred, uint32_t blocks) const {
+    (void)blocks;
+    return inferred;
+  }
   /// Bytes that a run holds beside its result and inputs, where they are many; an upper bound, for admission.
   virtual size_t workingBytes() const { return 0; }
   /// `blocks`: of extendable nodes. Here: a pass over its result.

@@ -61,6 +61,10 @@ class Fields(unittest.TestCase):
         self.assertEqual((gains["a"], gains["b"], request.lights["c"].enabled, request.lights["c"].HasField("gain")), ((2, 2, 2), (1, 2, 3), False, False))
         self.assertEqual((request.environment.constant.z, request.camera.name, request.HasField("certificate")), (3, "front", True))
         self.assertEqual((request.shadows.WhichOneof("technique"), request.denoise.WhichOneof("filter")), ("axis_aligned", "auto"))
+        both = build(denoise={"outliers": {"path_density": {"neighbours": 12}}, "auto": {}})[0].denoise
+        self.assertEqual((both.outliers.path_density.neighbours, both.WhichOneof("filter")), (12, "auto"))
+        self.assertEqual(build(denoise={"outliers": "trimmed"})[0].denoise.outliers.WhichOneof("method"), "trimmed")
+        self.assertEqual(build(denoise="wavelet", denoise__outliers="reweighting")[0].denoise.outliers.WhichOneof("method"), "reweighting")
         self.assertEqual((request.tone_map.exposure, request.scheduling.priority, request.encoding.format, request.halt.time_s), (1, 3, 5, 2))
         self.assertEqual(list(request.outputs), ["beauty", "depth"])
         self.assertFalse(build(certificate=False)[0].HasField("certificate"))

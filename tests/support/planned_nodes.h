@@ -164,6 +164,14 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     set(r, as);
     all.emplace_back(as, r);
   }
+  for (const char* as : {"denoise.outliers=path_density", "denoise.outliers=trimmed", "denoise.outliers=median_of_means", "denoise.outliers=reweighting"}) {
+    for (const char* white : {"0", "0.05"}) {
+      v1::RenderRequest r = smallRequest("cornell", width, height, 4);
+      for (const std::string& a : {std::string(as), std::string("denoise.outliers.judged=APART"), std::string("denoise.outliers.white=") + white}) set(r, a);
+      if (r.denoise().outliers().has_reweighting()) set(r, "denoise.outliers.reweighting.enough=100");  // so that what is around decides
+      all.emplace_back(std::string(as) + " of white " + white, r);
+    }
+  }
   v1::RenderRequest gloss = smallRequest("lights8", width, height, 1);  // has what shines
   for (const char* a : {"environment.sky.turbidity=3", "environment.transfer.points=300", "environment.transfer.samples=64"}) set(gloss, a);
   all.emplace_back("gloss", gloss);

@@ -47,7 +47,7 @@ class RequestFields(TypedDict, total=False):
     integrator: Mapping[str, Any]
     environment: Mapping[str, Any]
     shadows: Union[str, Mapping[str, Any]]  # "axis_aligned", or {"axis_aligned": {"k": 2}}
-    denoise: Union[str, Mapping[str, Any]]  # "auto", or {"wavelet": {"levels": 4}}
+    denoise: Union[str, Mapping[str, Any]]  # "auto", {"wavelet": {"levels": 4}}, {"outliers": {"path_density": {}}}
     tone_map: Mapping[str, Any]
     encoding: Mapping[str, Any]
     scheduling: Mapping[str, Any]

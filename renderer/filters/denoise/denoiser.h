@@ -33,8 +33,7 @@ struct NoisyPicture {
   // Of light of one lobe whose paths are known further; else empty.
   std::span<const float>
       curvature;  ///< mean over samples and channels of light times (footprint / z)^2, z: what it comes from is that far (trace/curvature_sums.h)
-  std::span<const float> nearest;  ///< distance in m to the nearest surface around; 1e18 where there is none
-  std::span<const float> alpha;    ///< width of the lobe (GGX), 0 .. 1; empty: of all directions
+  std::span<const float> alpha;  ///< width of the lobe (GGX), 0 .. 1; empty: of all directions
   size_t pixels() const { return size_t(width) * size_t(height); }
 };
 

@@ -14,8 +14,8 @@ constexpr float kMost = 1e18f;  // of a demodulated value: squares of it are fin
 
 class NoisyPictureNode final : public Node {
  public:
-  NoisyPictureNode(int width, int height, uint32_t samples, uint32_t first, Further further)
-      : width_(width), height_(height), samples_(samples), first_(first), further_(further) {}
+  NoisyPictureNode(int width, int height, uint32_t samples, uint32_t first, bool curvature)
+      : width_(width), height_(height), samples_(samples), first_(first), curvature_(curvature) {}
   std::string type() const override { return "noisy_picture"; }
   NodeTraits traits() const override {
     NodeTraits t;
@@ -23,20 +23,19 @@ class NoisyPictureNode final : public Node {
     t.halo = kVarianceRadius;
     return t;
   }
-  void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_).add(first_).add(further_); }
+  void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(samples_).add(first_).add(curvature_); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     const Extent all{width_, height_, 1};
-    Wiring w(type(), in, pictures() + (further_ == Further::Nothing ? 1 : 2));
+    Wiring w(type(), in, pictures() + (curvature_ ? 2 : 1));
     w.require(samples_ == 1 || (first_ > 0 && first_ < samples_), "two halves");
     readFeatures(w, 0, all);
     for (size_t i = 1; i <= pictures(); ++i) w.over(i, all).reads<float>(i, "rgb", {3});
     w.reads<float>(0, "modulation", {3});
     TermShape out{
         type(), Domain::Pixel, all, {unsetPlane<float>("mean", 3), unsetPlane<float>("a", 3), unsetPlane<float>("b", 3), unsetPlane<float>("variance", 3)}};
-    if (further_ != Further::Nothing) {
-      const bool curvature = further_ == Further::Curvature;
-      w.over(pictures() + 1, all).reads<float>(pictures() + 1, curvature ? "rgb" : "nearest", {curvature ? 3 : 1});
-      out.planes.push_back(unsetPlane<float>(curvature ? "curvature" : "nearest"));
+    if (curvature_) {
+      w.over(pictures() + 1, all).reads<float>(pictures() + 1, "rgb", {3});
+      out.planes.push_back(unsetPlane<float>("curvature"));
     }
     return w.gives(std::move(out));
   }
@@ -65,7 +64,7 @@ class NoisyPictureNode final : public Node {
             }
         },
         ctx.stop);
-    complete = complete && passFurther(modulation, ctx) && smoothVariance(f, mean, a, b, variance, ctx);
+    complete = complete && demodulateCurvature(modulation, ctx) && smoothVariance(f, mean, a, b, variance, ctx);
     if (!complete) return Status(Code::Cancelled, "stopped");
     return TermPtr(out);
   }
@@ -74,15 +73,9 @@ class NoisyPictureNode final : public Node {
   size_t pictures() const { return samples_ > 1 ? 2 : 1; }
 
   /// False: stopped.
-  bool passFurther(std::span<const float> modulation, const RunContext& ctx) const {
-    if (further_ == Further::Nothing) return true;
-    const Term& input = *ctx.inputs[pictures() + 1];
-    if (further_ == Further::Nearest) {
-      const auto nearest = input.floats("nearest");
-      std::copy(nearest.begin(), nearest.end(), ctx.result->writable<float>("nearest").begin());
-      return true;
-    }
-    const auto rgb = input.floats("rgb");
+  bool demodulateCurvature(std::span<const float> modulation, const RunContext& ctx) const {
+    if (!curvature_) return true;
+    const auto rgb = ctx.inputs[pictures() + 1]->floats("rgb");
     const auto curvature = ctx.result->writable<float>("curvature");
     return ctx.arena->parallelFor(
         curvature.size(), 1 << 13,
@@ -141,13 +134,13 @@ class NoisyPictureNode final : public Node {
 
   int width_, height_;
   uint32_t samples_, first_;
-  Further further_;
+  bool curvature_;
 };
 
 }  // namespace
 
-NodePtr makeNoisyPictureNode(int width, int height, uint32_t samples, uint32_t first, Further further) {
-  return std::make_shared<NoisyPictureNode>(width, height, samples, first, further);
+NodePtr makeNoisyPictureNode(int width, int height, uint32_t samples, uint32_t first, bool curvature) {
+  return std::make_shared<NoisyPictureNode>(width, height, samples, first, curvature);
 }
 
 NoisyPicture noisyPicture(const Term& features, const Term& noisy, uint32_t samples, uint32_t first) {
@@ -171,7 +164,6 @@ NoisyPicture noisyPicture(const Term& features, const Term& noisy, uint32_t samp
   p.even = optional(features, "even");
   p.alpha = optional(features, "alpha");
   p.curvature = optional(noisy, "curvature");
-  p.nearest = optional(noisy, "nearest");
   return p;
 }
 

@@ -17,6 +17,7 @@ constexpr double kMostOut = 3.4e38;  // a float holds it
 Composite::Composite(const SampleView& samples, const SampleBins& bins, const Settings& settings) : samples_(samples), bins_(bins), settings_(settings) {
   const size_t pixels = size_t(samples.width) * size_t(samples.height);
   sumKept_.assign(3 * pixels, 0.0);
+  sumFirst_.assign(settings.first > 0 ? 3 * pixels : 0, 0.0);
   sumRejected_.assign(3 * pixels, 0.0);
   weight_.assign(pixels, 0.0);
   density_.assign(settings.density ? pixels : 0, 0.0);
@@ -25,21 +26,25 @@ Composite::Composite(const SampleView& samples, const SampleBins& bins, const Se
 bool Composite::add(LightTerm term, const std::vector<float>& sigma, const ExactSigma& exact, bool judged, const TaskArena& arena, const StopToken& stop) {
   if (judged) ++terms_;
   kept_.assign(sumKept_.size(), 0.0);
+  first_.assign(sumFirst_.size(), 0.0);
   rejected_.assign(sumKept_.size(), 0.0);
   std::atomic<uint64_t> allRejected{0};
   const auto light = [&](size_t i, size_t c) {
-    const double direct = term == LightTerm::Indirect ? 0.0 : double(samples_.direct[3 * i + c]);
+    const double direct = term == LightTerm::Indirect ? 0.0 : double(samples_.directAt(3 * i + c));
     return direct + (term == LightTerm::Direct ? 0.0 : double(samples_.indirect[3 * i + c]));
   };
   const auto pixel = [&](int x, int y, NeighbourSearch::Scratch& scratch) {
     const size_t begin = bins_.pixelBegin(x, y), end = bins_.pixelEnd(x, y), p = size_t(y) * size_t(samples_.width) + size_t(x);
     if (begin == end) return;
-    double weights = 0, density = 0, kept[3] = {}, missing[3] = {};
+    double weights = 0, weightsOfFirst = 0, density = 0, kept[3] = {}, first[3] = {}, missing[3] = {};
     for (size_t i = begin; i < end; ++i) {
       const double w = double(weightOf(sigma[i], settings_));
       weights += w;
       if (settings_.density) density += double(densityOf(sigma[i]));
       for (size_t c = 0; c < 3; ++c) kept[c] += w * light(bins_.order[i], c);
+      if (i + 1 - begin != size_t(settings_.first)) continue;
+      weightsOfFirst = weights;
+      std::copy_n(kept, 3, first);
     }
     if (weights > 0) {
       for (double& k : kept) k /= weights;
@@ -62,6 +67,7 @@ bool Composite::add(LightTerm term, const std::vector<float>& sigma, const Exact
     const double n = double(end - begin);
     for (size_t c = 0; c < 3; ++c) {
       kept_[3 * p + c] = kept[c];
+      if (settings_.first > 0) first_[3 * p + c] = weightsOfFirst > 0 ? first[c] / weightsOfFirst : kept[c];
       rejected_[3 * p + c] = missing[c] / n;
     }
     if (!judged) return;
@@ -80,9 +86,11 @@ bool Composite::add(LightTerm term, const std::vector<float>& sigma, const Exact
       stop);
   out_.allRejected += allRejected;
   if (!complete || stop.stopRequested()) return false;
+  const std::vector<double> before = settings_.first > 0 ? kept_ : std::vector<double>();
   if (judged && settings_.spread > 0 &&
       !spreadRejected(kept_, rejected_, samples_.width, samples_.height, double(settings_.spread), double(settings_.mostSpread), arena, stop))
     return false;
+  for (size_t i = 0; i < sumFirst_.size(); ++i) sumFirst_[i] += before[i] != 0 ? first_[i] * (kept_[i] / before[i]) : first_[i];
   for (size_t i = 0; i < sumKept_.size(); ++i) {
     sumKept_[i] += kept_[i];
     sumRejected_[i] += rejected_[i];
@@ -110,6 +118,7 @@ void Composite::fillEmpty() {
             for (size_t c = 0; c < 3; ++c) sum[c] += sumKept_[3 * (size_t(v) * size_t(width) + size_t(u)) + c];
           }
       for (size_t c = 0; c < 3 && found > 0; ++c) out_.rgb[3 * p + c] = float(std::clamp(sum[c] / double(found), -kMostOut, kMostOut));
+      for (size_t c = 0; c < 3 && !out_.first.empty(); ++c) out_.first[3 * p + c] = out_.rgb[3 * p + c];
     }
 }
 
@@ -120,6 +129,7 @@ Filtered Composite::finish() {
     return to;
   };
   out_.rgb = toFloats(sumKept_, 1.0);
+  out_.first = toFloats(sumFirst_, 1.0);
   out_.rejected = toFloats(sumRejected_, 1.0);
   out_.weight = toFloats(weight_, 1.0 / std::max(terms_, 1));
   if (terms_ == 0) std::fill(out_.weight.begin(), out_.weight.end(), 1.0f);

@@ -24,8 +24,8 @@ class Composite {
   const SampleView& samples_;
   const SampleBins& bins_;
   const Settings& settings_;
-  std::vector<double> kept_, rejected_;  // of one term
-  std::vector<double> sumKept_, sumRejected_, weight_, density_;
+  std::vector<double> kept_, first_, rejected_;  // of one term
+  std::vector<double> sumKept_, sumFirst_, sumRejected_, weight_, density_;
   int terms_ = 0;  // judged
   Filtered out_;
 };

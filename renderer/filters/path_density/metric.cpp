@@ -25,7 +25,8 @@ bool makePoints(const SampleView& s, const SampleBins& bins, const Metric& metri
           p.y[k] = s.film[2 * i + 1] * perPixel;
           float* const colour[3] = {&p.l[k], &p.a[k], &p.b[k]};
           for (size_t c = 0; c < 3; ++c) {
-            const float direct = term == LightTerm::Indirect ? 0.0f : s.direct[3 * i + c], indirect = term == LightTerm::Direct ? 0.0f : s.indirect[3 * i + c];
+            const float direct = term == LightTerm::Indirect ? 0.0f : s.directAt(3 * i + c),
+                        indirect = term == LightTerm::Direct ? 0.0f : s.indirect[3 * i + c];
             *colour[c] = std::clamp((direct + indirect) * perLight, -kMost, kMost);
           }
         }

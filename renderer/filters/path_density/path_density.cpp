@@ -45,6 +45,7 @@ Status checkSettings(const SampleView& v, const Settings& s) {
   GOBO_TRY(checkRange("colour scale", double(s.metric.colourScale), 1e-3, 1e6));
   GOBO_TRY(checkRange("white", double(s.metric.white), 1e-12, 1e12));
   GOBO_TRY(checkRange("neighbours", s.neighbours, 1, 1 << 20));
+  GOBO_TRY(checkRange("first samples", s.first, 0, 1 << 30));
   GOBO_TRY(checkRange("spread", double(s.spread), 0, 1000));
   GOBO_TRY(checkRange("most spread", double(s.mostSpread), 0, 1e6));
   if (!(s.soft >= 0) || !(s.hard >= s.soft))
@@ -151,12 +152,14 @@ Result<std::vector<float>> sigmasOf(const SampleView& samples, const Settings& s
   return sigma;
 }
 
-Result<Filtered> rejectOutliers(const SampleView& samples, const Settings& settings, const TaskArena& arena, const StopToken& stop) {
-  GOBO_TRY(checkSettings(samples, settings));
+Result<Filtered> rejectOutliers(const SampleView& samples, const Settings& asked, const TaskArena& arena, const StopToken& stop) {
+  GOBO_TRY(checkSettings(samples, asked));
+  Settings settings = asked;
   const bool all = std::isinf(settings.soft);
   const double perPixel = double(samples.size()) / (double(samples.width) * double(samples.height));
   const int most = mostNeighbours(perPixel, samples.width, samples.height, settings);
-  if (!all && samples.size() > 0 && settings.neighbours > most)
+  if (settings.fewer) settings.neighbours = std::clamp(most, 1, settings.neighbours);
+  if (!all && !settings.fewer && samples.size() > 0 && settings.neighbours > most)
     return invalidArgument("path density: " + std::to_string(settings.neighbours) + " neighbours are too many for " + numberText(perPixel) +
                            " samples a pixel: even light would be rejected from " + std::to_string(most) + " on" +
                            (settings.border == Border::Refuse ? " (in the corners of the picture; four times as many pass with borders corrected)" : ""));
@@ -179,7 +182,7 @@ Result<Filtered> rejectOutliers(const SampleView& samples, const Settings& setti
   const bool judges = !all || settings.density;
   bool complete = true;
   if (settings.judged == Judged::Together) complete = add(LightTerm::All, judges);
-  else complete = add(LightTerm::Direct, judges && settings.judged == Judged::Apart) && add(LightTerm::Indirect, judges);
+  else complete = (samples.direct.empty() || add(LightTerm::Direct, judges && settings.judged == Judged::Apart)) && add(LightTerm::Indirect, judges);
   if (!complete) return Status(Code::Cancelled, "stopped");
   return composite.finish();
 }

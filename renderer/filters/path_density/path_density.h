@@ -38,9 +38,11 @@ enum class Border : uint8_t {
 struct Settings {
   Metric metric;
   int neighbours = 10;             ///< k
+  bool fewer = false;              ///< more neighbours than mostNeighbours(): as many as that, at least one; else they are an error
   float soft = 2.0f, hard = 3.0f;  ///< soft infinite: nothing is rejected
   Judged judged = Judged::Indirect;
   Border border = Border::Refuse;
+  int first = 0;              ///< > 0: a picture of the first so many samples of each pixel too, by the weights that they have among all
   bool density = false;       ///< the density map is asked for: every sigma to its end, which takes longer
   float spread = 8.0f;        ///< > 0: rejected light comes back under a Gaussian of that many pixels (spread.h), per term; 0: it does not
   float mostSpread = 1.0f;    ///< of what a pixel has kept
@@ -53,6 +55,7 @@ inline constexpr float kMostSigma = 6.0f;
 struct Filtered {
   std::vector<float> rgb;       ///< width * height * 3
   std::vector<float> rejected;  ///< RGB; rgb + rejected is the mean of all samples
+  std::vector<float> first;     ///< RGB, if asked for; what is kept by them all where they have no weight
   std::vector<float> weight;    ///< mean over the pixel's samples and terms; 1 where there is no sample
   std::vector<float> density;   ///< mean of exp(-sigma^2 / 2) / sqrt(2 pi), if asked for; 0 where there is no sample
   uint64_t allRejected = 0;     ///< pixels (of each term) whose samples were all rejected: the one of least sigma stands for them

@@ -17,9 +17,10 @@ namespace gobo::pathdensity {
 struct SampleView {
   int width = 0, height = 0;
   std::span<const float> film;              ///< x, y in pixels
-  std::span<const float> direct, indirect;  ///< RGB radiance; what a sample shows is their sum. Direct: emission that the camera sees too
+  std::span<const float> direct, indirect;  ///< RGB radiance; what a sample shows is their sum. Direct: emission that the camera sees too; empty: there is none
   bool correlated = false;                  ///< samples follow from one another (Markov chains): they corroborate themselves
   size_t size() const { return film.size() / 2; }
+  float directAt(size_t i) const { return direct.empty() ? 0.0f : direct[i]; }
 };
 
 class PathSamples {

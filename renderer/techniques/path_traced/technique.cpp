@@ -45,7 +45,8 @@ class PathTraced final : public Technique {
       }
       if (other != PathSet::None) others[other].push_back(l);
     }
-    if (alone) { return tracePaths(c, name(), all, c.cover().wanted(), "path_trace"); }
+    // Samples one by one are wanted of indirect light alone: what they are taken from is not traced as a whole too.
+    if (alone && !c.request().denoise().has_outliers()) { return tracePaths(c, name(), all, c.cover().wanted(), "path_trace"); }
     for (const auto& [paths, of] : indirect) GOBO_TRY(tracePaths(c, name(), of, paths, "indirect"));
     for (const auto& [paths, of] : others) GOBO_TRY(tracePaths(c, name(), of, paths, labelOf(paths)));
     return {};

@@ -79,6 +79,7 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
   s.groups = int(job.groups.size());
   s.groupOf = job.slotGroup;
   s.nominal = job.nominal;
+  const auto traced = std::make_shared<const TracedPaths>(TracedPaths{s, streamsOf(c), job.lights, c.scene(), job.label});
   GraphNode n{makePathTraceNode(s, streamsOf(c), c.view()), {}, job.lights, job.label, c.passes(), c.scene()};
   const int per = slotsPerGroup(s.split, s.maxBounces);
   GOBO_ASSIGN(const NodeId state, withoutHidden(c, job, per, c.graph().add(std::move(n))));
@@ -89,7 +90,7 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
       if (!overlaps(held, job.paths)) continue;
       if (!contains(job.paths, held)) return internalError("path tracing cannot leave out " + names(held - job.paths) + " (" + job.label + ")");
       const int slot = int(g) * per + k;
-      Contribution light{mean, "s" + std::to_string(slot), job.weights[g], held, job.groups[g], state, slot, {}};
+      Contribution light{mean, "s" + std::to_string(slot), job.weights[g], held, job.groups[g], state, slot, traced, {}};
       if (s.split == SplitMode::ByLobeAndCurvature && contains(PathSet::Indirect, held)) light.curvature = "s" + std::to_string(slot + 2);
       c.add(std::move(light));
     }

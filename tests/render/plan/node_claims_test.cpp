@@ -69,11 +69,7 @@ TEST(NodeClaims, EveryKindOfNodeIsHeldToItsClaims) {
   ASSERT_GE(kinds.size(), 40u);
   std::set<std::string> held;
   forEachKind([&](Planned& p, NodeId id, const std::string&) { held.insert(p.plan->graph.at(id).node->type()); });
-  // Built and tested (tests/unit/filters/path_density_nodes_test.cpp), but no request asks for them yet.
-  const std::set<std::string> unplanned = {"path_samples", "path_density"};
-  for (const std::string& kind : unplanned) EXPECT_TRUE(kinds.count(kind) && !held.count(kind)) << kind << " is planned now: hold it to its claims";
-  for (const auto& [kind, file] : kinds)
-    EXPECT_TRUE(held.count(kind) || unplanned.count(kind)) << kind << " of " << file << " is in no plan of requestsWithAllNodes()";
+  for (const auto& [kind, file] : kinds) EXPECT_TRUE(held.count(kind)) << kind << " of " << file << " is in no plan of requestsWithAllNodes()";
   for (const std::string& kind : held) EXPECT_TRUE(kinds.count(kind)) << kind << " is not found in the sources";
 }
 

@@ -154,7 +154,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"environment.extract_by", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.area_lights", "Rerun.EnvironmentAsAreaLights"},
       {"environment.transfer", "Rerun.EnvironmentByTransfer"},
-      {"denoise", "Rerun.NoiseIsTakenOutOfWhatIsThere"},
+      {"denoise", "Rerun.NoiseIsTakenOutOfWhatIsThere and Rerun.OutliersAreRejectedOfWhatIsThere"},
       {"environment.digest", "Blobs.AnEnvironmentByDigestIsTheFileOnDisk: what the same file runs by its path"},
       {"integrator.max_groups", "Rerun.ClustersAndDifferences"},
       {"encoding", "not in the hash"},
@@ -472,6 +472,46 @@ TEST(Rerun, NoiseIsTakenOutOfWhatIsThere) {
   mustRender(*engine, r);
   set(r, "denoise.auto.fast=true");
   EXPECT_EQ(text(ran(mustRender(*engine, r))), "beauty beauty selected ");
+}
+
+// Settings of a rejection are behind the samples; gains are in them.
+TEST(Rerun, OutliersAreRejectedOfWhatIsThere) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 16, 12, 16);
+  set(r, "denoise.outliers=path_density");
+  EXPECT_EQ(text(ran(mustRender(*engine, r))),
+            "beauty beauty indirect without outliers beauty samples of indirect direct direct:mean light that is not judged ");
+  const std::string behind = "beauty beauty indirect without outliers ";
+  for (const auto& [method, fields] :
+       std::map<std::string, std::vector<std::string>>{{"path_density", {"neighbours=5", "soft=1.5", "hard=2.5", "color=10", "spread_px=4", "most_spread=2"}},
+                                                       {"reweighting", {"base=4", "enough=3"}},
+                                                       {"median_of_means", {"buckets=5"}},
+                                                       {"trimmed", {"share=0.2"}}}) {
+    r.clear_denoise();
+    set(r, "denoise.outliers=" + method);
+    mustRender(*engine, r);
+    for (const std::string& field : fields) {
+      set(r, "denoise.outliers." + method + "." + field);
+      EXPECT_EQ(text(ran(mustRender(*engine, r))), behind) << method << " " << field;
+    }
+  }
+  set(r, "denoise.outliers.white=2");
+  EXPECT_EQ(text(ran(mustRender(*engine, r))), "") << "nothing to those that see no colours";
+  r.clear_denoise();
+  set(r, "denoise.outliers=path_density");
+  mustRender(*engine, r);
+  set(r, "denoise.outliers.white=2");
+  EXPECT_EQ(text(ran(mustRender(*engine, r))), behind);
+  set(r, "lights.light.gain=2,1,1");
+  EXPECT_EQ(text(ran(mustRender(*engine, r))), behind + "beauty samples of indirect ");
+  set(r, "denoise.outliers.judged=APART");
+  EXPECT_EQ(text(ran(mustRender(*engine, r))), "beauty beauty direct without outliers beauty samples of direct ");
+  set(r, "halt.spp=32");
+  std::set<std::string> extended;
+  const RenderResult longer = mustRender(*engine, r);
+  for (const auto& row : longer.reply.plan())
+    if (row.reason().find("extended from 16 samples") != std::string::npos) extended.insert(row.node());
+  EXPECT_EQ(text(extended), "beauty samples of direct beauty samples of indirect direct ");
 }
 
 TEST(Rerun, EnvironmentByTransfer) {

@@ -46,6 +46,8 @@ TEST(Window, HasTheBitsOfTheWholeWithEveryTechniqueAndOutput) {
     request.clear_window();
     if (request.shadows().axis_aligned().rate() == v1::AxisAlignedShadow::EQUATION && request.shadows().axis_aligned().mean_samples() > 0.0)
       continue;  // of a whole picture
+    const v1::OutlierRejection& outliers = request.denoise().outliers();
+    if (outliers.has_path_density() || (outliers.has_reweighting() && outliers.white() == 0)) continue;  // likewise
     SCOPED_TRACE(name);
     const auto engine = makeEngine(), other = makeEngine(256ull << 20, {}, 1);
     const RenderResult whole = mustRender(*engine, request);

@@ -33,14 +33,12 @@ class PlaneSet {
 class AxisAligned final : public Denoiser {
  public:
   explicit AxisAligned(const v1::AxisAlignedDenoise& s)
-      : bandLimit_(s.width() == v1::AxisAlignedDenoise::BAND_LIMIT),
-        scale_(float(s.scale())),
-        mu_(float(s.mu())),
+      : scale_(float(s.scale())),
         radius_(int(s.radius_px())),
         widthThreshold_(float(s.width_threshold())),
         cosAngle_(float(std::cos(s.angle_deg() * std::numbers::pi / 180))) {}
   const char* name() const override { return "axis_aligned"; }
-  void hashParameters(Hasher& h) const override { h.add(bandLimit_).add(scale_).add(mu_).add(radius_).add(widthThreshold_).add(cosAngle_); }
+  void hashParameters(Hasher& h) const override { h.add(scale_).add(radius_).add(widthThreshold_).add(cosAngle_); }
   int halo() const override { return radius_ + kCurvatureRadius + 1; }
   double nsPerPixel() const override { return 200.0 + 8.0 * radius_; }
   size_t workingBytes(int width, int height) const override {
@@ -48,8 +46,7 @@ class AxisAligned final : public Denoiser {
   }
 
   bool run(const NoisyPicture& p, std::span<float> outA, std::span<float> outB, const TaskArena& arena, const StopToken& stop) const override {
-    const bool known = radius_ > 0 && (bandLimit_ ? !p.nearest.empty() : !p.curvature.empty());
-    if (!known) {
+    if (radius_ == 0 || p.curvature.empty()) {
       std::copy(p.a.begin(), p.a.end(), outA.begin());
       if (p.halves) std::copy(p.b.begin(), p.b.end(), outB.begin());
       return true;
@@ -58,7 +55,7 @@ class AxisAligned final : public Denoiser {
     if (!alike.fill({p.albedo, p.normal, p.position, p.depth, p.footprint, p.coverage}, p.width, p.height, arena, stop)) return false;
     const AlikePlanes& k = alike.planes();
     const auto width = std::make_unique_for_overwrite<float[]>(p.pixels());
-    if (!(bandLimit_ ? bandLimits(p, width.get(), arena, stop) : predict(p, k, width.get(), arena, stop))) return false;
+    if (!predict(p, k, width.get(), arena, stop)) return false;
     const int channels = p.halves ? 6 : 3;
     const PlaneSet light(channels, p.pixels()), rows(channels, p.pixels());
     bool complete = arena.parallelFor(
@@ -98,24 +95,6 @@ class AxisAligned final : public Denoiser {
 
   bool usable(const NoisyPicture& p, size_t i) const { return p.coverage[i] >= 1.0f && (p.even.empty() || p.even[i] > 0.0f) && p.footprint[i] > 0.0f; }
   float limited(float pixels) const { return pixels >= kLeastWidth ? std::min(pixels, float(radius_) / kReach) : 0.0f; }
-
-  bool bandLimits(const NoisyPicture& p, float* width, const TaskArena& arena, const StopToken& stop) const {
-    return arena.parallelFor(
-        p.pixels(), 1 << 13,
-        [&](size_t begin, size_t end) {
-          for (size_t i = begin; i < end; ++i) {
-            if (!usable(p, i)) {
-              width[i] = -1.0f;
-              continue;
-            }
-            const float omega = p.alpha.empty() ? formulas::aaDiffuseBand() : formulas::aaSpecularBand(formulas::aaPhongExponent(p.alpha[i]));
-            const float metres = scale_ * formulas::aaIndirectWidth(p.nearest[i], omega, mu_);
-            // No surface around: as wide as the window is. Half a pixel at least.
-            width[i] = std::min(std::max(metres / p.footprint[i], 0.5f), float(radius_) / kReach);
-          }
-        },
-        stop);
-  }
 
   bool predict(const NoisyPicture& p, const AlikePlanes& k, float* width, const TaskArena& arena, const StopToken& stop) const {
     // Curvature, and for lobes the light itself, averaged over the surface around.
@@ -177,8 +156,7 @@ class AxisAligned final : public Denoiser {
   }
 
   static constexpr float kLeastWidth = 0.3f;  // pixels: less takes hardly anything from the next one
-  bool bandLimit_;
-  float scale_, mu_;
+  float scale_;
   int radius_;
   float widthThreshold_, cosAngle_;
 };
