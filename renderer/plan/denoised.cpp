@@ -77,11 +77,11 @@ struct NoisyPart {
 };
 
 /// In the order of summation; `untouched` gets what the filter leaves as it is.
-std::vector<NoisyPart> partsOf(const v1::Denoise& settings, std::vector<Contribution> traced, std::vector<Contribution>& untouched) {
-  if (!settings.has_axis_aligned()) return {{LobePart::Both, std::move(traced)}};
+std::vector<NoisyPart> partsOf(const PlanContext& c, std::vector<Contribution> traced, std::vector<Contribution>& untouched) {
+  if (!c.request().denoise().has_axis_aligned()) return {{LobePart::Both, std::move(traced)}};
   std::vector<NoisyPart> parts{{LobePart::Diffuse, {}}, {LobePart::Specular, {}}};
   for (Contribution& k : traced) {
-    const bool diffuse = contains(PathSet::IndirectDiffuse, k.paths), specular = contains(PathSet::IndirectSpecular, k.paths);
+    const bool diffuse = contains(PathSet::IndirectDiffuse, k.paths), specular = contains(PathSet::IndirectSpecular, k.paths) && !c.kinds().lambert;
     (diffuse ? parts[0].light : specular ? parts[1].light : untouched).push_back(std::move(k));
   }
   std::erase_if(parts, [](const NoisyPart& p) { return p.light.empty(); });
@@ -173,7 +173,7 @@ Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> brough
   std::vector<Contribution> contributions(brought.begin(), brought.end()), traced, others;
   if (c.request().denoise().has_outliers()) contributions = withoutOutliers(c, brought, label, plan.first());
   for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
-  const std::vector<NoisyPart> parts = denoisers.empty() || traced.empty() ? std::vector<NoisyPart>() : partsOf(c.request().denoise(), traced, others);
+  const std::vector<NoisyPart> parts = denoisers.empty() || traced.empty() ? std::vector<NoisyPart>() : partsOf(c, traced, others);
   if (parts.empty()) return planSum(c, contributions, label);
   // Modulated again, and the rest. The filtered light is the first input, so that its first half is made first, of samples that are the others' too; what was
   // traced is the last, for the samples that it lost, of which filters know nothing.

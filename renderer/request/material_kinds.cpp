@@ -48,6 +48,7 @@ MaterialKinds materialKinds(const Scene& scene) {
     const bool coat = b.clearcoat > 0.0f, layers = coat || maxComponent(b.sheenColor) > 0.0f || b.diffuseTransmission > 0.0f;
     kinds.clear = kinds.clear || maySendStraight(b);
     kinds.extended = kinds.extended || s.extended;
+    kinds.lambert = kinds.lambert && s.lambert;
     kinds.translucent = kinds.translucent || b.diffuseTransmission > 0.0f || (clear && mayRough(b) && !one);
     kinds.volumes = kinds.volumes || solid;
     kinds.scatters = kinds.scatters || (solid && makeInterior(b).scatters);

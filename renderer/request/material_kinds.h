@@ -17,6 +17,7 @@ struct MaterialKinds {
   bool volumes = false;      ///< some mesh bounds a volume
   bool scatters = false;     ///< some volume scatters
   bool unlit = false;
+  bool lambert = true;  ///< no surface has a specular lobe
   bool clear = false;  ///< light passes some surface straight on (trace/straight.h): visibility is RGB
   /// Some delta lobe passes light on as Passage (trace/reach.h) has it. Boundaries of volumes in each other, which may change nothing,
   /// are not looked for: shadow rays pass them.

@@ -159,7 +159,7 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
       set(r, a);
     all.emplace_back(by, r);
   }
-  for (const char* as : {"denoise=joint_bilateral", "denoise=auto"}) {
+  for (const char* as : {"denoise=joint_bilateral", "denoise=auto", "denoise=axis_aligned"}) {
     v1::RenderRequest r = smallRequest("cornell", width, height, 4);
     set(r, as);
     all.emplace_back(as, r);

@@ -2,6 +2,7 @@
 #include "filters/outliers/white.h"
 
 #include <algorithm>
+#include <array>
 #include <vector>
 
 #include "base/vec.h"
@@ -24,13 +25,13 @@ Result<float> whiteOf(std::span<const float> rgb, int width, int height, const T
           for (int x = 0; x < width; ++x) {
             Vec3 calm(0.0f);
             for (int c = 0; c < 3; ++c) {
-              float window[9];
+              std::array<float, 9> window;
               int n = 0;
               for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height - 1); ++v)
                 for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width - 1); ++u)
-                  window[n++] = rgb[3 * (size_t(v) * size_t(width) + size_t(u)) + size_t(c)];
-              std::sort(window, window + n);
-              calm[c] = 0.5f * window[(n - 1) / 2] + 0.5f * window[n / 2];
+                  window[size_t(n++)] = rgb[3 * (size_t(v) * size_t(width) + size_t(u)) + size_t(c)];
+              std::partial_sort(window.begin(), window.begin() + n / 2 + 1, window.begin() + n);
+              calm[c] = 0.5f * window[size_t(n - 1) / 2] + 0.5f * window[size_t(n) / 2];
             }
             light[size_t(y) * size_t(width) + size_t(x)] = luminance(calm);
           }

@@ -468,6 +468,13 @@ TEST(Rerun, NoiseIsTakenOutOfWhatIsThere) {
     }
   }
   r.clear_denoise();
+  set(r, "denoise=axis_aligned");
+  mustRender(*engine, r);
+  for (const std::string field : {"scale=2", "radius_px=9", "width_threshold=0.5", "angle_deg=30"}) {
+    set(r, "denoise.axis_aligned." + field);
+    EXPECT_EQ(text(ran(mustRender(*engine, r))), "beauty beauty:diffuse along edges beauty:diffuse by axis_aligned ") << field;
+  }
+  r.clear_denoise();
   set(r, "denoise=auto");
   mustRender(*engine, r);
   set(r, "denoise.auto.fast=true");

@@ -44,6 +44,11 @@ std::vector<denoise::DenoiserPtr> all() {
         s.set_radius_px(3), s.set_patch_px(1), s.set_damping(0.5);
         break;
       }
+      case v1::Denoise::kAxisAligned: {
+        auto& s = *d.mutable_axis_aligned();
+        s.set_scale(1), s.set_radius_px(6), s.set_width_threshold(0.75), s.set_angle_deg(20);
+        break;
+      }
       default: ADD_FAILURE() << choice->field(i)->name() << " is not among the properties";
     }
     const auto one = denoise::makeDenoiser(d);

@@ -16,7 +16,7 @@ inline float noise01(uint64_t seed, uint64_t i) { return toUnit(hash32(seed, i))
 /// A plane that faces the camera, a pixel 1 cm wide, with light 1; all may be changed.
 struct SpatialPicture {
   int width, height;
-  std::vector<float> mean, a, b, variance, albedo, normal, position, depth, footprint, coverage;
+  std::vector<float> mean, a, b, variance, albedo, normal, position, depth, footprint, coverage, even, curvature, alpha;  // the last one may be empty
   bool halves = true;
   SpatialPicture(int w, int h) : width(w), height(h) {
     const size_t n = size_t(w) * size_t(h);
@@ -29,6 +29,8 @@ struct SpatialPicture {
     depth.assign(n, 1.0f);
     footprint.assign(n, 0.01f);
     coverage.assign(n, 1.0f);
+    even.assign(n, 1.0f);
+    curvature.assign(n, 1e-3f);
     for (size_t i = 0; i < n; ++i) {
       normal[3 * i + 2] = 1.0f;
       position[3 * i] = 0.01f * float(i % size_t(w));
@@ -51,7 +53,8 @@ struct SpatialPicture {
         }
   }
   denoise::NoisyPicture view() const {
-    return {width, height, mean, halves ? a : mean, halves ? b : mean, variance, halves, 0.5f, albedo, normal, position, depth, footprint, coverage};
+    return {width,  height,   mean,  halves ? a : mean, halves ? b : mean, variance, halves,    0.5f, albedo,
+            normal, position, depth, footprint,         coverage,          even,     curvature, alpha};
   }
   /// Columns x0 .. x1 and rows y0 .. y1, ends not included.
   SpatialPicture part(int x0, int y0, int x1, int y1) const {
@@ -64,6 +67,8 @@ struct SpatialPicture {
     };
     cut(mean, p.mean, 3), cut(a, p.a, 3), cut(b, p.b, 3), cut(variance, p.variance, 3), cut(albedo, p.albedo, 3), cut(normal, p.normal, 3);
     cut(position, p.position, 3), cut(depth, p.depth, 1), cut(footprint, p.footprint, 1), cut(coverage, p.coverage, 1);
+    cut(even, p.even, 1), cut(curvature, p.curvature, 1);
+    if (!alpha.empty()) p.alpha.assign(p.coverage.size(), 0.0f), cut(alpha, p.alpha, 1);
     return p;
   }
 };
@@ -88,6 +93,8 @@ inline SpatialPicture facets(int width, int height, uint64_t seed) {
       if (noise01(seed + 10, f) < 0.15f) p.coverage[i] = 0;  // what else is known of it must not matter
       if (noise01(seed + 11, i) < 0.02f) p.normal[3 * i] = p.normal[3 * i + 1] = p.normal[3 * i + 2] = 0;
       if (noise01(seed + 12, i) < 0.02f) p.footprint[i] = 0;
+      if (noise01(seed + 13, i) < 0.1f) p.even[i] = 0;
+      p.curvature[i] = 0.02f * noise01(seed + 14, f) * noise01(seed + 15, i);
     }
   return p;
 }
