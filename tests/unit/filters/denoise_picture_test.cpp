@@ -101,7 +101,9 @@ TEST(DenoiseFeatures, AreMeansOfWhatIsHit) {
   auto seen = std::make_shared<Term>("gbuffer", Domain::ViewSample, Extent{2, 1, 2}),
        surface = std::make_shared<Term>("surface", Domain::ViewSample, Extent{2, 1, 2});
   const auto place = seen->addPlane<float>("P", 3), depth = seen->addPlane<float>("depth"), footprint = seen->addPlane<float>("footprint");
+  seen->addPlane<float>("N", 3);
   const auto albedo = surface->addPlane<float>("albedo", 3), normal = surface->addPlane<float>("N", 3);
+  surface->addPlane<float>("material", 5), surface->addPlane<uint8_t>("flags");
   const float inf = std::numeric_limits<float>::infinity();
   // Pixel 0: one of two samples hits; pixel 1: none. Elements are layer by layer.
   depth[0] = 4, depth[1] = inf, depth[2] = inf, depth[3] = inf;
