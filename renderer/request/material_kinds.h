@@ -18,7 +18,7 @@ struct MaterialKinds {
   bool scatters = false;     ///< some volume scatters
   bool unlit = false;
   bool lambert = true;  ///< no surface has a specular lobe
-  bool clear = false;  ///< light passes some surface straight on (trace/straight.h): visibility is RGB
+  bool clear = false;   ///< light passes some surface straight on (trace/straight.h): visibility is RGB
   /// Some delta lobe passes light on as Passage (trace/reach.h) has it. Boundaries of volumes in each other, which may change nothing,
   /// are not looked for: shadow rays pass them.
   bool boundary = false, pane = false, specular = false;
