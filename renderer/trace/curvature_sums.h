@@ -3,8 +3,8 @@
 // Light L that arrives from a distance z bends by at most some L (d / z)^2 from pixel to pixel, d the width of a pixel at the surface (axis-aligned
 // filtering, Mehta et al. 2013: its band limit is Omega / z; Jarosz et al. 2012 have the same of irradiance caches). Summed over samples this is linear
 // in the lights, as the picture is, and knows which of the surfaces around are bright; the least distance does not.
-// z: from the path's first vertex to the next one, as in trace/first_hit_sink.h; light from outside of the scene adds none. (d / z)^2 counts as
-// at most kMostPerSquare: one vertex next to the surface says no more than that light changes from pixel to pixel.
+// z: from the path's first vertex to the next one, as in trace/first_hit_sink.h; light from outside of the scene adds none. d / z counts as
+// at most kMostRatio: one vertex next to the surface says no more than that light changes from pixel to pixel.
 #pragma once
 
 #include <algorithm>
@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "scene/camera.h"
+#include "trace/first_way.h"
 #include "trace/path_sink.h"
 #include "trace/sample_set.h"
 
@@ -21,7 +22,7 @@ namespace gobo {
 class CurvatureSums {
  public:
   static constexpr bool kVertices = true, kLobes = true;
-  static constexpr double kMostPerSquare = 4.0;
+  static constexpr double kMostRatio = 2.0;
   /// Lanes of several pixels in turn, as many of each; `out` null: nobody wants them.
   CurvatureSums(const PathTracerSettings& settings, std::span<double* const> out)
       : each_(kLanes / int(out.size())),
@@ -32,46 +33,32 @@ class CurvatureSums {
   }
 
   void start(uint64_t, int) {
-    std::fill(lanes_, lanes_ + kLanes, Lane{});
+    std::fill(ways_, ways_ + kLanes, FirstWay{});
     records_.clear();
   }
   void film(int, const Vec2&) {}
-  void vertex(int lane, const PathVertex& v) {
-    Lane& l = lanes_[lane];
-    if (!l.scattered) {
-      l.first = v.position;
-    } else if (!l.ended) {
-      l.ended = true;
-      const double width = everywhere_ + perMetre_ * glm::length(DVec3(l.first) - eye_), z = glm::length(DVec3(v.position) - DVec3(l.first));
-      const double ratio = z > 0.0 ? std::min(width / z, 2.0) : 2.0;
-      l.perSquare = v.kind == VertexKind::Escape ? 0.0 : std::min(ratio * ratio, kMostPerSquare);
-    }
-  }
-  void scatter(int lane, const PathScatter& s) {
-    Lane& l = lanes_[lane];
-    if (l.second) return;
-    if (s.passed) l.ended = false;  // where it went straight on was no end
-    else if (l.scattered) l.second = true;
-    else l.scattered = true;
-  }
+  void vertex(int lane, const PathVertex& v) { ways_[lane].vertex(v); }
+  void scatter(int lane, const PathScatter& s) { ways_[lane].scatter(s); }
   void contribute(int lane, const PathContribution& c) { records_.push_back({c, lane}); }
   void finish(uint32_t dropped) {
     for (const Record& r : records_) {
       double* const o = out_[r.lane / each_];
       if (!o || (dropped >> r.lane & 1u)) continue;
       forEachSlot(SplitMode::ByLobeAndCurvature, r.light, [&](int slot, const Vec3& value) { add(o, slot, value, 1.0); });
-      if (r.light.pathClass != PathClass::Indirect || !lanes_[r.lane].ended) continue;
-      add(o, r.light.slot + kCurvatureSlot, r.light.value - r.light.specular, lanes_[r.lane].perSquare);
-      add(o, r.light.slot + kCurvatureSlot + 1, r.light.specular, lanes_[r.lane].perSquare);
+      if (r.light.pathClass != PathClass::Indirect || !ways_[r.lane].arrived()) continue;
+      const double bends = perSquare(ways_[r.lane]);
+      add(o, r.light.slot + kCurvatureSlot, r.light.value - r.light.specular, bends);
+      add(o, r.light.slot + kCurvatureSlot + 1, r.light.specular, bends);
     }
   }
 
  private:
-  struct Lane {
-    Vec3 first{0.0f};
-    double perSquare = 0;
-    bool scattered = false, ended = false, second = false;  // at the first vertex; its ray has met something; went on from there
-  };
+  /// (d / z)^2.
+  double perSquare(const FirstWay& way) const {
+    const double width = everywhere_ + perMetre_ * glm::length(DVec3(way.from) - eye_), z = glm::length(DVec3(way.to.position) - DVec3(way.from));
+    const double ratio = z > 0.0 ? std::min(width / z, kMostRatio) : kMostRatio;
+    return ratio * ratio;
+  }
   struct Record {
     PathContribution light;
     int lane = 0;
@@ -83,7 +70,7 @@ class CurvatureSums {
   static void add(double* out, int slot, const Vec3& value, double times) {
     for (int c = 0; c < 3; ++c) out[3 * slot + c] += double(value[c]) * times;
   }
-  Lane lanes_[kLanes];
+  FirstWay ways_[kLanes];
   int each_;
   DVec3 eye_;
   double perMetre_, everywhere_;  // width of a pixel: per distance from the eye; of a parallel camera

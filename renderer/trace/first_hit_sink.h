@@ -15,6 +15,7 @@
 #include <limits>
 #include <vector>
 
+#include "trace/first_way.h"
 #include "trace/path_sink.h"
 #include "trace/sample_set.h"
 
@@ -53,30 +54,14 @@ class FirstHitSink {
     }
   }
   void film(int lane, const Vec2& position) { lanes_[lane].record.film = position; }
-  void vertex(int lane, const PathVertex& v) {
-    Lane& l = lanes_[lane];
-    if (!l.scattered) {
-      l.first = v.position;
-    } else if (!l.ended) {
-      l.ended = true;
-      l.record.distance = v.kind == VertexKind::Escape ? std::numeric_limits<float>::infinity() : glm::length(v.position - l.first);
-    }
-  }
+  void vertex(int lane, const PathVertex& v) { lanes_[lane].way.vertex(v); }
   void scatter(int lane, const PathScatter& s) {
     Lane& l = lanes_[lane];
-    if (l.second) return;
-    if (s.passed) {  // where it went straight on was no end
-      l.ended = false;
-      l.record.distance = FirstHitSample::kNone;
-    } else if (l.scattered) {
-      l.second = true;
-    } else {
-      l.scattered = true;
-      l.record.pdf = s.pdf;
-      l.record.direction = s.direction;
-      l.record.specularWeight = s.weight * s.specularPart;
-      l.record.diffuseWeight = s.weight - l.record.specularWeight;
-    }
+    if (!l.way.scatter(s)) return;
+    l.record.pdf = s.pdf;
+    l.record.direction = s.direction;
+    l.record.specularWeight = s.weight * s.specularPart;
+    l.record.diffuseWeight = s.weight - l.record.specularWeight;
   }
   void contribute(int lane, const PathContribution& c) {
     if (c.pathClass != PathClass::Indirect) return;
@@ -84,15 +69,18 @@ class FirstHitSink {
     lanes_[lane].record.indirectDiffuse += c.value - c.specular;
   }
   void finish(uint32_t dropped) {
-    for (int i = 0; i < count_; ++i)
-      if (!(dropped >> i & 1u)) samples_.push_back(lanes_[i].record);
+    for (int i = 0; i < count_; ++i) {
+      const FirstWay& way = lanes_[i].way;
+      if (dropped >> i & 1u) continue;
+      samples_.push_back(lanes_[i].record);
+      if (way.ended) samples_.back().distance = way.arrived() ? glm::length(way.to.position - way.from) : std::numeric_limits<float>::infinity();
+    }
   }
 
  private:
   struct Lane {
     FirstHitSample record;
-    Vec3 first{0.0f};
-    bool scattered = false, ended = false, second = false;  // at the first vertex; its ray has met something; went on from there
+    FirstWay way;
   };
   Lane lanes_[kLanes];
   int count_ = 0;
