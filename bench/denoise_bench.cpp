@@ -80,7 +80,8 @@ Row rowOf(Engine& engine, const RenderControl& control, v1::RenderRequest r, con
 
 int main(int argc, char** argv) {
   const std::vector<std::string> scenes = partsOf(argumentOr(argc, argv, "--scene", "cornell,spheres,atrium,lights8"), ',');
-  const std::vector<std::string> filters = partsOf(argumentOr(argc, argv, "--filters", "joint_bilateral,wavelet,non_local_means,first_order,axis_aligned,auto"), ',');
+  const std::vector<std::string> filters =
+      partsOf(argumentOr(argc, argv, "--filters", "joint_bilateral,wavelet,non_local_means,first_order,axis_aligned,auto"), ',');
   int width = 0, height = 0;
   std::sscanf(argumentOr(argc, argv, "--size", "320x240").c_str(), "%dx%d", &width, &height);
   std::vector<uint32_t> counts;

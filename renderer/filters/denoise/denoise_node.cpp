@@ -41,7 +41,11 @@ class DenoiseNode final : public Node {
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, denoiser_->nsPerPixel() * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const NoisyPicture p = noisyPicture(*ctx.inputs[0], *ctx.inputs[1], samples_, first_);
+    NoisyPicture p = noisyPicture(*ctx.inputs[0], *ctx.inputs[1], samples_, first_);
+    if (!denoiser_->looksAtHalves()) {
+      p.a = p.b = p.mean;
+      p.halves = false;
+    }
     const auto& out = ctx.result;
     const auto rgb = out->writable<float>("rgb"), a = out->writable<float>("a"), b = out->writable<float>("b");
     if (!denoiser_->run(p, a, b, *ctx.arena, ctx.stop)) return Status(Code::Cancelled, "stopped");

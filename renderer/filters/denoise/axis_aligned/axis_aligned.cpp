@@ -40,6 +40,7 @@ class AxisAligned final : public Denoiser {
   const char* name() const override { return "axis_aligned"; }
   void hashParameters(Hasher& h) const override { h.add(scale_).add(radius_).add(widthThreshold_).add(cosAngle_); }
   int halo() const override { return radius_ + kCurvatureRadius + 1; }
+  bool looksAtHalves() const override { return false; }
   double nsPerPixel() const override { return 200.0 + 8.0 * radius_; }
   size_t workingBytes(int width, int height) const override {
     return AlikeFeatures::bytes(width, height) + 15 * sizeof(float) * size_t(width) * size_t(height);

@@ -14,7 +14,7 @@
 // Inputs       NoisyPicture with curvature; without it light stays as it is, as it does at pixels that are not even (view_sample_edges.h looks after
 //              these).
 // Parameters   scale of beta, radius, thresholds of angle and width.
-// Cost         4 x 2.5 beta taps of some 0.5 ns a pixel and half; 100 bytes a pixel.
+// Cost         4 x 2.5 beta taps of some 0.5 ns a pixel; 100 bytes a pixel.
 // Error        falls with the samples: beta goes as V^(1/6), squared bias and noise as V^(2/3).
 // Fails where  shadows of indirect light have edges far from what casts them (light through slits); mirrors, whose reflections have edges of their own.
 #pragma once
