@@ -80,6 +80,9 @@ Status checkOutputs(const Scene& scene, const v1::RenderRequest& request) {
       return invalidArgument("request.outputs: no output '" + o + "' (has: " + list + ")", "request.outputs");
     }
     if (!info->perLight) continue;
+    const v1::CameraSettings& k = request.camera();
+    if (std::string_view(info->name) != "group" && (k.has_f_number() || k.lens_radius() > 0.0))
+      return invalidArgument("request.outputs: '" + o + "' is what one point sees, and request.camera has a lens", "request.outputs");
     const std::string name(outputLight(o));
     const int light = scene.findLight(name);
     if (light < 0) return notFound("request.outputs: no light '" + name + "' in the scene", "request.outputs");

@@ -31,12 +31,25 @@ void reportMissing(const PlanContext& c, std::vector<std::string>& missing) {
   }
 }
 
+/// Through a lens only light that is traced from it is right.
+Status checkLens(PlanContext& c, std::span<const Technique* const> techniques) {
+  if (!c.view().camera.hasLens()) return {};
+  for (const Technique* t : techniques)
+    for (int l = 0; l < int(c.scene()->lights.size()) && !t->seesThroughLens(); ++l)
+      if (c.cover().claimedBy(l, t->name()) != PathSet::None)
+        return invalidArgument("request.camera: a lens needs path-traced light, and '" + c.scene()->lights[size_t(l)].name + "' comes by " + t->name() +
+                                   ": leave out the lens, or the light's shadow technique and the environment's area_lights and transfer",
+                               c.request().camera().has_f_number() ? "request.camera.f_number" : "request.camera.lens_radius");
+  return {};
+}
+
 Status planBeauty(PlanContext& c, std::span<const Technique* const> techniques) {
   if (c.scene()->lights.empty() && !c.kinds().unlit && !c.effective().background.scene) {
     c.prune("beauty", "the scene has no light");
     c.warn("the picture is black: the scene has no light, and the request brings none");
   }
   for (const Technique* t : techniques) GOBO_TRY(t->claim(c));
+  GOBO_TRY(checkLens(c, techniques));
   for (const Technique* t : techniques) GOBO_TRY(t->plan(c));
   return c.cover().complete();
 }

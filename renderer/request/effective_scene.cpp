@@ -98,7 +98,43 @@ Status applyClipping(const v1::CameraSettings& settings, Camera& camera) {
   return invalidArgument(text.str(), "request.camera.clip_far");
 }
 
-Result<Camera> effectiveCamera(const Scene& scene, const v1::RenderRequest& request) {
+/// f_number or lens_radius, and what is sharp; the pose is set.
+Status applyLens(const v1::CameraSettings& k, Camera& camera, std::vector<std::string>& warnings) {
+  const std::string at = "request.camera.";
+  if (k.has_f_number() && k.has_lens_radius()) return invalidArgument(at + "lens_radius: says what f_number says; give one of them", at + "lens_radius");
+  if (!k.has_f_number() && !k.has_lens_radius()) {
+    for (const auto& [given, name] : {std::pair(k.has_focus_distance(), "focus_distance"), std::pair(k.has_sensor_height_mm(), "sensor_height_mm")})
+      if (given) warnings.push_back(at + name + ": changes nothing of a pinhole; f_number or lens_radius opens the lens");
+    return {};
+  }
+  const std::string opens = at + (k.has_f_number() ? "f_number" : "lens_radius");
+  if (k.has_sensor_height_mm() && !k.has_f_number()) warnings.push_back(at + "sensor_height_mm: is for f_number, and lens_radius opens the lens");
+  if (k.has_f_number() && (!camera.perspective || camera.optics.panorama))
+    return invalidArgument(opens + ": needs a focal length, which " + (camera.optics.panorama ? "a panorama" : "an orthographic camera") + " does not have",
+                           opens);
+  if (camera.optics.panorama && k.lens_radius() > 0.0) return invalidArgument(opens + ": is not of a panorama, which has no plane of focus", opens);
+  const double sensor = (k.has_sensor_height_mm() ? k.sensor_height_mm() : 24.0) * 1e-3;
+  const double radius = k.has_f_number() ? sensor / camera.windowHeight64() / k.f_number() / 2.0 : k.lens_radius();
+  if (!(radius > 0.0)) return {};
+  double focus = k.focus_distance();
+  if (!k.has_focus_distance()) {
+    if (!k.has_look_at())
+      return invalidArgument(at + "focus_distance: is needed with " + opens + " where no look_at says what is sharp", at + "focus_distance");
+    focus = glm::dot(DVec3(toVec3(k.look_at())) - DVec3(camera.toWorld[3]), -DVec3(camera.toWorld[2]));
+  }
+  camera.optics.lensRadius = float(radius);
+  camera.optics.focus = float(focus);
+  // Rays bend by radius / focus: beyond this a pixel sees the world from the plane of the lens itself.
+  constexpr double kMost = 1e4;
+  if (!(radius <= kMost * focus)) {
+    std::ostringstream text;
+    text << opens << ": a lens of radius " << radius << " m is more than " << kMost << " times as wide as its focus_distance of " << focus << " m";
+    return invalidArgument(text.str(), opens);
+  }
+  return {};
+}
+
+Result<Camera> effectiveCamera(const Scene& scene, const v1::RenderRequest& request, std::vector<std::string>& warnings) {
   const v1::CameraSettings& settings = request.camera();
   int index = 0;
   if (settings.has_name() && !settings.name().empty()) {
@@ -145,6 +181,7 @@ Result<Camera> effectiveCamera(const Scene& scene, const v1::RenderRequest& requ
     camera.toWorld = Mat4(Vec4(x, 0), Vec4(glm::cross(z, x), 0), Vec4(z, 0), Vec4(position, 1));
     camera.name += "*";
   }
+  GOBO_TRY(applyLens(settings, camera, warnings));
   return camera;
 }
 
@@ -387,7 +424,7 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
       return invalidArgument("power of light '" + out.scene->lights[i].name + "' overflows", "request.lights." + out.scene->lights[i].name);
   out.gainChanges.resize(n);
   for (size_t i = 0; i < n; ++i) out.gainChanges[i] = out.gains[i] - out.scene->lights[i].power / nominalScalar(out.scene->lights[i]);
-  GOBO_ASSIGN(out.camera, effectiveCamera(*out.scene, request));
+  GOBO_ASSIGN(out.camera, effectiveCamera(*out.scene, request, out.warnings));
   GOBO_ASSIGN(out.background, makeBackground(out.scene, out.gains, request.environment(), stop));
   return out;
 }

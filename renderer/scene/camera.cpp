@@ -10,6 +10,7 @@ void hashOptics(Hasher& h, const Camera& camera) {
   if (o.clipNear != none.clipNear) h.add("clipNear").add(o.clipNear);
   if (o.clipFar != none.clipFar) h.add("clipFar").add(o.clipFar);
   if (o.panorama) h.add("panorama");
+  if (camera.hasLens()) h.add("lens").add(o.lensRadius).add(o.focus);
 }
 
 Ray cameraRay(const Camera& camera, int width, int height, float px, float py) { return FilmRays(camera, width, height).at(px, py); }

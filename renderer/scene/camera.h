@@ -17,6 +17,8 @@ struct CameraOptics {
   float clipNear = 0.0f;     ///< the camera sees nothing nearer than this plane across its axis (panorama: sphere), metres
   float clipFar = kNoEnd;    ///< nor what lies behind this one
   bool panorama = false;     ///< all directions, lat-long: the middle looks along the axis, the top row up, right is right
+  float lensRadius = 0.0f;   ///< of a thin lens about the camera's position, metres; 0: a pinhole
+  float focus = 0.0f;        ///< with a lens: distance along the axis of the plane that is sharp, metres
 };
 
 struct Camera {
@@ -32,6 +34,7 @@ struct Camera {
   /// Height of the window: at distance 1 (perspective), or in metres (orthographic).
   float windowHeight() const { return !perspective ? yheight : optics.focal > 0.0 ? float(1.0 / optics.focal) : 2.0f * std::tan(0.5f * yfov); }
   double windowHeight64() const { return !perspective ? double(yheight) : optics.focal > 0.0 ? 1.0 / optics.focal : 2.0 * std::tan(0.5 * double(yfov)); }
+  bool hasLens() const { return optics.lensRadius > 0.0f; }
   bool clips() const { return optics.clipNear > 0.0f || optics.clipFar < CameraOptics::kNoEnd; }
 };
 /// What of `optics` is not as in every scene; nothing else, so that cameras without it keep their keys.
@@ -40,6 +43,26 @@ void hashOptics(Hasher& hasher, const Camera& camera);
 struct Ray {
   Vec3 origin, direction;  ///< direction is unit
   float tmin = 0.0f, tmax = 3.0e38f;
+};
+
+/// A thin lens: rays through the point `onDisk` of the unit disk leave there and meet the pinhole's ray in the plane of focus (Cook, Porter and
+/// Carpenter 1984). An orthographic camera's is telecentric: a lens for each ray.
+class ThinLens {
+ public:
+  explicit ThinLens(const Camera& camera)
+      : right_(Vec3(camera.toWorld[0]) * camera.optics.lensRadius),
+        up_(Vec3(camera.toWorld[1]) * camera.optics.lensRadius),
+        inverseFocus_(camera.hasLens() ? 1.0f / camera.optics.focus : 0.0f) {}
+  /// `toPlane`: along the pinhole's ray, 1 metre along the axis; still so afterwards.
+  void bend(const Vec2& onDisk, Vec3& origin, Vec3& toPlane) const {
+    const Vec3 aside = right_ * onDisk.x + up_ * onDisk.y;
+    origin += aside;
+    toPlane -= aside * inverseFocus_;
+  }
+
+ private:
+  Vec3 right_, up_;
+  float inverseFocus_;
 };
 
 /// Rays of a width x height picture: what cameraRay and pixelFootprint give, without their tangent per call. They begin and end at the clipping planes.
@@ -58,23 +81,24 @@ class FilmRays {
         near_(camera.optics.clipNear),
         far_(camera.optics.clipFar),
         perspective_(camera.perspective),
-        panorama_(camera.optics.panorama) {}
-  Ray at(float px, float py) const {
+        panorama_(camera.optics.panorama),
+        lens_(camera) {}
+  /// Through a film position and, if there is a lens, a point of its unit disk.
+  Ray at(float px, float py, const Vec2& onLens = Vec2(0.0f)) const {
     if (panorama_) return around(px, py);
     // Window coordinates in units of the window's height: x right, y up, (0,0) at its centre before the off-centre shift.
     const float wx = (px / width_ - 0.5f) * aspect_ + centre_.x;
     const float wy = 0.5f - py / height_ + centre_.y;
     Ray ray;
-    if (perspective_) {
-      ray.origin = position_;
-      const Vec3 toPlane = right_ * (wx * scale_) + up_ * (wy * scale_) - back_;  // as far as the plane at distance 1
-      ray.direction = glm::normalize(toPlane);
-      clip(ray, glm::length(toPlane));
-    } else {
-      ray.origin = position_ + right_ * (wx * scale_) + up_ * (wy * scale_);
-      ray.direction = glm::normalize(-back_);
-      clip(ray, 1.0f);
-    }
+    ray.origin = position_;
+    Vec3 toPlane = -back_;  // as far as the plane at distance 1
+    const Vec3 aside = right_ * (wx * scale_) + up_ * (wy * scale_);
+    if (perspective_) toPlane = aside - back_;
+    else ray.origin += aside;
+    const bool bent = onLens != Vec2(0.0f);
+    if (bent) lens_.bend(onLens, ray.origin, toPlane);
+    ray.direction = glm::normalize(toPlane);
+    clip(ray, perspective_ || bent ? glm::length(toPlane) : 1.0f);
     return ray;
   }
   /// Height of a pixel at distance t.
@@ -99,6 +123,7 @@ class FilmRays {
   Vec2 centre_;
   float width_, height_, aspect_, scale_, near_, far_;
   bool perspective_, panorama_;
+  ThinLens lens_;
 };
 
 /// Camera ray through film position (px, py) in pixels, (0,0) = top left corner of the picture, of a width x height picture.

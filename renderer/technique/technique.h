@@ -15,6 +15,9 @@ class Technique {
  public:
   virtual ~Technique() = default;
   virtual const char* name() const = 0;
+  /// Its light is right through a lens too (Camera::hasLens), where a pixel's samples look from many points. Not so of what shades the points of a
+  /// G-buffer as they look from the camera's position, or filters over neighbours.
+  virtual bool seesThroughLens() const { return false; }
   /// Which paths of which lights it takes, by PlanContext::cover(). All techniques claim before any plans.
   virtual Status claim(PlanContext&) const { return {}; }
   /// Adds nodes and the planes that they bring; whatever it claimed is brought. Called in the order of the registry, which is the order that

@@ -76,7 +76,12 @@ class GBufferNode final : public Node {
               const int wide = std::min(kTile, w - x0), count = wide * tall;
               Ray ray[kTile * kTile];
               Hit hit[kTile * kTile];
-              for (int i = 0; i < count; ++i) ray[i] = film.at(left + float(x0 + i % wide) + offset.x, top + float(y0 + i / wide) + offset.y);
+              for (int i = 0; i < count; ++i) {
+                const int x = x0 + i % wide, y = y0 + i / wide;
+                Vec2 onLens(0.0f);
+                if (s_.camera.hasLens()) onLens = viewSampleLens(s, S, uint64_t(s_.place.y + y) * uint64_t(s_.filmWidth()) + uint64_t(s_.place.x + x));
+                ray[i] = film.at(left + float(x) + offset.x, top + float(y) + offset.y, onLens);
+              }
               accel->intersect16(ray, count, hit, &passed);
               for (int i = 0; i < count; ++i) {
                 const size_t at = (size_t(s) * size_t(h) + size_t(y0 + i / wide)) * size_t(w) + size_t(x0 + i % wide);

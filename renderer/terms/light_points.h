@@ -42,9 +42,6 @@ class LightPoints {
   bool meshTwoSided_ = false;
 };
 
-/// Area-preserving map of the square to the unit disk (Shirley & Chiu 1997): keeps strata compact.
-Vec2 concentricDisk(Vec2 u);
-
 /// Shadow rays end at this share of the way: mesh lights are in the acceleration structure, and lamps sit on ceilings.
 inline constexpr float kShadowRayEnd = 1.0f - 1.0e-4f;
 /// Ray from a surface towards a light point, ended just before it; the origin leaves the surface on the side of Ng.

@@ -14,6 +14,7 @@
 #include "trace/plain_mesh_light.h"
 #include "trace/sample_set.h"
 #include "trace/surface.h"
+#include "trace/view_samples.h"
 
 namespace gobo {
 
@@ -69,13 +70,15 @@ struct PathTracer::Impl {
   // Camera rays as affine functions of the film position.
   Vec3 cameraOrigin{0.0f}, cameraOriginX{0.0f}, cameraOriginY{0.0f}, cameraDirection{0.0f}, cameraDirectionX{0.0f}, cameraDirectionY{0.0f};
   std::optional<FilmRays> panorama;  // whose rays are no affine functions
+  std::optional<ThinLens> lens;      // the camera has one
   bool clips = false;                // the camera has clipping planes
   std::vector<Vec2> viewSamples;
   mutable RayRecorder* recorder = nullptr;
 
   void prepareCamera();
-  /// The camera's ray through a film position; unit direction. With clipping planes it begins at the near one; `reach`: from there to the far one.
-  void startAtFilm(float fx, float fy, Vec3& origin, Vec3& direction, float& reach) const {
+  /// The camera's ray through a film position and, with a lens, a point of its unit disk; unit direction. With clipping planes it begins at the near one;
+  /// `reach`: from there to the far one.
+  void startAtFilm(float fx, float fy, const Vec2& onLens, Vec3& origin, Vec3& direction, float& reach) const {
     reach = CameraOptics::kNoEnd;
     float slant = 1.0f;  // way along the ray per metre along the axis
     if (panorama) {
@@ -85,6 +88,7 @@ struct PathTracer::Impl {
     } else {
       origin = cameraOrigin + cameraOriginX * fx + cameraOriginY * fy;
       direction = cameraDirection + cameraDirectionX * fx + cameraDirectionY * fy;
+      if (lens) lens->bend(onLens, origin, direction);
       const float square = glm::dot(direction, direction);
       if (clips) slant = std::sqrt(square);
       direction *= 1.0f / std::sqrt(square);
@@ -93,6 +97,11 @@ struct PathTracer::Impl {
     const CameraOptics& o = settings.camera.optics;
     origin += direction * (o.clipNear * slant);
     if (o.clipFar < CameraOptics::kNoEnd) reach = (o.clipFar - o.clipNear) * slant;
+  }
+  /// Of sample `film` of a pixel of the whole picture that is traced at view samples.
+  Vec2 lensOfViewSample(int x, int y, uint64_t film) const {
+    const size_t S = viewSamples.size();
+    return viewSampleLens(int(film % S), int(S), uint64_t(y) * uint64_t(settings.width) + uint64_t(x));
   }
   bool prepareLights(const SceneView& view, const StopToken& stop);  // false: stopped
   void prepareMedia(const SceneView& view, const StopToken& stop);

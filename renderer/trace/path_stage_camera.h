@@ -5,12 +5,15 @@
 #include <algorithm>
 #include <cstring>
 
+#include "base/disk.h"
 #include "trace/path_chunk.h"
 
 namespace gobo {
 
 /// Draws of one scattering event: the light's point, the new direction, (which light, which lobe), roulette.
 enum PathDraw : uint32_t { kDrawLight = 0, kDrawDirection = 1, kDrawChoice = 2, kDrawRoulette = 3, kDrawsPerEvent = 4 };
+/// The lens' point, of the camera's ray alone: a set that no event has.
+inline constexpr uint32_t kDrawLens = ~0u;
 
 /// Writes alive, paths, media, the rays in rh; what Embree and vector code read of lanes that are not there.
 
@@ -20,6 +23,7 @@ inline void PathChunk<Sink>::startAtCamera() {
   alive = who.present;
   // Lanes that are not there have rays too, masked out: their numbers stay ordinary.
   if (m.viewSamples.empty()) set.draw2D(0, px, py);
+  if (m.lens && m.viewSamples.empty()) set.draw2D(kDrawLens, ux, uy);
   for (int i = 0; i < kLanes; ++i) {
     Vec2 offset;
     if (m.viewSamples.empty()) offset = Vec2(px[i], py[i]);
@@ -28,7 +32,9 @@ inline void PathChunk<Sink>::startAtCamera() {
     if constexpr (Sink::kVertices)
       if (alive >> i & 1u) sink.film(i, Vec2(fx, fy));
     Vec3 o, d;
-    m.startAtFilm(fx, fy, o, d, paths.reach[i]);
+    Vec2 onLens(0.0f);
+    if (m.lens) onLens = m.viewSamples.empty() ? concentricDisk(Vec2(ux[i], uy[i])) : m.lensOfViewSample(who.x[i], who.y[i], who.film[i]);
+    m.startAtFilm(fx, fy, onLens, o, d, paths.reach[i]);
     setRayOrigin(rh.ray, i, o);
     setRayDirection(rh.ray, i, d);
     rh.ray.tnear[i] = 0.0f;

@@ -74,6 +74,7 @@ void PathTracer::Impl::prepareCamera() {
   const Vec3 perX = right * (scale * squeeze / H), perY = up * (-scale / H);  // a square pixel to the right is 1/H of the window's height
   const Vec3 corner = right * ((-0.5f * W / H * squeeze + c.centre.x) * scale) + up * ((0.5f + c.centre.y) * scale);
   if (c.optics.panorama) panorama.emplace(c, settings.width, settings.height);
+  if (c.hasLens()) lens.emplace(c);
   clips = c.clips();
   if (c.perspective) {
     cameraOrigin = position;

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/check.h"
+#include "base/disk.h"
 #include "trace/camera_media.h"
 #include "trace/path_media.h"
 #include "trace/photon_emission.h"
@@ -302,7 +303,9 @@ void CausticTracer::Impl::sample(int x, int y, uint64_t seed, uint32_t index, co
   const float fx = float(x) + film.x, fy = float(y) + film.y;
   Walker w;
   Vec3 o, d;
-  m.startAtFilm(fx, fy, o, d, w.reach);
+  Vec2 onLens(0.0f);
+  if (m.lens) onLens = m.viewSamples.empty() ? concentricDisk(SobolSampler(hash64(seed, 0x6c656e73u), index).next2D()) : m.lensOfViewSample(x, y, index);
+  m.startAtFilm(fx, fy, onLens, o, d, w.reach);
   w.start(m.surfaces.interiors(), m.cameraMedia, o, d);
   w.fromCamera = true;
   while (w.events + 1 <= maxEvents && w.free <= kMostFree) {

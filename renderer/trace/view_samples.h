@@ -2,11 +2,17 @@
 // Where the view samples of a pixel sit; shared by the tracer and by every term on the view-sample domain.
 #pragma once
 
+#include <cstdint>
+
 #include "base/vec.h"
 
 namespace gobo {
 
 /// Offset in [0,1)^2 of view sample s of S inside the pixel (S = 1: the centre). Owen-scrambled Sobol points with one fixed seed.
 Vec2 viewSamplePosition(int s, int S);
+
+/// Point of the unit disk that view sample s of S looks through where the camera has a lens, drawn by the pixel's place in the whole picture (so
+/// that blurred things are noisy, not ghosts of S lenses).
+Vec2 viewSampleLens(int s, int S, uint64_t pixel);
 
 }  // namespace gobo

@@ -200,6 +200,11 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     addEveryOutput(r);
     all.emplace_back(edits[0], r);
   }
+  v1::RenderRequest lens = smallRequest("cornell", width, height, 2);
+  for (const char* a : {"camera.lens_radius=0.2", "camera.focus_distance=2.5", "environment.sky.turbidity=3", "environment.background=TRANSPARENT",
+                        "outputs=beauty,indirect_diffuse,albedo,normal,position,depth,z_depth,alpha,object_id,motion"})
+    set(lens, a);
+  all.emplace_back("lens", lens);
   return all;
 }
 

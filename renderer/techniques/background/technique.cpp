@@ -14,6 +14,7 @@ namespace {
 class BackgroundTechnique final : public Technique {
  public:
   const char* name() const override { return kBackgroundTechnique; }
+  bool seesThroughLens() const override { return true; }
 
   Status claim(PlanContext& c) const override {
     const int hidden = c.effective().background.hidden;

@@ -13,6 +13,7 @@ namespace {
 class CausticPhotons final : public Technique {
  public:
   const char* name() const override { return "caustics"; }
+  bool seesThroughLens() const override { return true; }
 
   Status plan(PlanContext& c) const override {
     if (c.scene()->lights.empty()) return {};

@@ -17,8 +17,11 @@ class DirectVisibility final : public Technique {
   const char* name() const override { return "direct_visibility"; }
 
   Status claim(PlanContext& c) const override {
-    for (int l = 0; l < int(c.scene()->lights.size()); ++l)
-      if (findShadowTechnique(techniqueOf(c, l).technique_case())) GOBO_TRY(c.cover().claim(l, PathSet::Direct, name()));
+    for (int l = 0; l < int(c.scene()->lights.size()); ++l) {
+      const v1::ShadowTechnique t = techniqueOf(c, l);
+      if (t.has_auto_() && c.view().camera.hasLens()) continue;  // path tracing is all that there is to choose from
+      if (findShadowTechnique(t.technique_case())) GOBO_TRY(c.cover().claim(l, PathSet::Direct, name()));
+    }
     return {};
   }
 

@@ -21,6 +21,7 @@ std::string labelOf(PathSet paths) {
 class PathTraced final : public Technique {
  public:
   const char* name() const override { return "path_traced"; }
+  bool seesThroughLens() const override { return true; }
 
   Status plan(PlanContext& c) const override {
     if (c.kinds().unlit) GOBO_TRY(traceUnlit(c));
@@ -56,6 +57,7 @@ class PathTraced final : public Technique {
 class ClusterDifferences final : public Technique {
  public:
   const char* name() const override { return "cluster_differences"; }
+  bool seesThroughLens() const override { return true; }
 
   Status plan(PlanContext& c) const override {
     for (size_t l = 0; l < c.scene()->lights.size(); ++l) {

@@ -6,6 +6,7 @@
 
 #include "base/sobol.h"
 #include "plan/ladder.h"
+#include "plan/outputs.h"
 #include "support/engines.h"
 
 namespace gobo::testing::camera_requests_test {
@@ -211,6 +212,192 @@ TEST(CameraRequests, WhatCannotBeIsRefusedByName) {
   refused({"camera.panorama=true", "camera.orthographic_height=2"}, "request.camera.orthographic_height", "panorama");
   refused({"camera.clip_near=2", "camera.clip_far=1"}, "request.camera.clip_far", "must lie behind clip_near = 2");
   refused({"camera.clip_near=2", "camera.clip_far=2"}, "request.camera.clip_far", "must lie behind");
+  refused({"camera.f_number=2", "camera.lens_radius=0.1", "camera.focus_distance=1"}, "request.camera.lens_radius", "give one of them");
+  refused({"camera.f_number=2"}, "request.camera.focus_distance", "is needed with request.camera.f_number");
+  refused({"camera.lens_radius=2"}, "request.camera.focus_distance", "is needed with request.camera.lens_radius");
+  refused({"camera.f_number=2", "camera.focus_distance=1", "camera.orthographic_height=2"}, "request.camera.f_number", "an orthographic camera");
+  refused({"camera.f_number=2", "camera.focus_distance=1", "camera.panorama=true"}, "request.camera.f_number", "a panorama");
+  refused({"camera.lens_radius=2", "camera.focus_distance=1", "camera.panorama=true"}, "request.camera.lens_radius", "a panorama");
+  refused({"camera.lens_radius=1000", "camera.focus_distance=0.01"}, "request.camera.lens_radius", "more than 10000 times as wide");
+}
+
+TEST(CameraRequests, AnFNumberIsALensOfItsRadius) {
+  const auto engine = makeEngine();
+  // Sharp at 3.2 m: 24 mm of film blur next to nothing, a sensor of 6 m does.
+  const double f = 0.012 / std::tan(20.0 * M_PI / 180.0);
+  for (const double sensor : {24.0, 6000.0}) {
+    v1::RenderRequest number = request({"camera.yfov_deg=40", "camera.focus_distance=3.2"}), radius = number;
+    number.mutable_camera()->set_f_number(1.6);
+    if (sensor != 24.0) number.mutable_camera()->set_sensor_height_mm(sensor);
+    radius.mutable_camera()->set_lens_radius(f * (sensor / 24.0) / 1.6 / 2.0);
+    const RenderResult a = mustRender(*engine, number), b = mustRender(*engine, radius);
+    double sum = 0;
+    for (size_t i = 0; i < a.images[0].image().data.size(); ++i) sum += std::fabs(double(a.images[0].image().data[i]) - double(b.images[0].image().data[i]));
+    EXPECT_LT(sum / double(a.images[0].image().data.size()), 1e-3) << sensor;  // a ray that is rounded may pass the other side of an edge
+    if (sensor != 24.0)
+      EXPECT_GT(largestDifference(a.images[0].image(), mustRender(*engine, request({"camera.yfov_deg=40"})).images[0].image()), 1e-3) << sensor;
+  }
+}
+
+TEST(CameraRequests, WhatIsLookedAtIsSharp) {
+  const auto engine = makeEngine();
+  v1::RenderRequest by = request({"camera.position=0.3,1.2,3.3", "camera.look_at=-0.2,0.7,-0.3", "camera.lens_radius=0.2", "outputs=beauty,position"}),
+                    said = by;
+  said.mutable_camera()->set_focus_distance(glm::length(glm::dvec3(0.5, 0.5, 3.6)));
+  const RenderResult a = mustRender(*engine, by), b = mustRender(*engine, said);
+  EXPECT_LT(largestDifference(a.images[1].image(), b.images[1].image()), 0.05);
+  v1::RenderRequest elsewhere = by;
+  elsewhere.mutable_camera()->set_focus_distance(1.0);
+  EXPECT_GT(largestDifference(a.images[1].image(), mustRender(*engine, elsewhere).images[1].image()), 0.05);
+  // None, or one of no size: the pinhole's bits.
+  v1::RenderRequest closed = by, pinhole = by;
+  closed.mutable_camera()->set_lens_radius(0.0);
+  pinhole.mutable_camera()->clear_lens_radius();
+  EXPECT_EQ(firstDifference(mustRender(*engine, closed), mustRender(*engine, pinhole)), "");
+}
+
+TEST(CameraRequests, ViewSamplesLookThroughTheLensThatPathsOfViewSamplesLookThrough) {
+  const auto engine = makeEngine();
+  for (const char* window : {"", "window.x=7"}) {
+    v1::RenderRequest r = request({"camera.lens_radius=0.3", "camera.focus_distance=2", "integrator.at_view_samples=true", "view_samples=8",
+                                   "environment.background=TRANSPARENT", "environment.constant=1,1,1", "camera.clip_far=3.3", "outputs=beauty,alpha"});
+    if (*window)
+      for (const char* e : {"window.x=7", "window.y=4", "window.width=20", "window.height=17"}) set(r, e);
+    const RenderResult made = mustRender(*engine, r);
+    const Image &beauty = made.images[0].image(), &alpha = made.images[1].image();
+    ASSERT_EQ(beauty.channels, 4);
+    int partly = 0;
+    for (size_t i = 0; i < alpha.data.size(); ++i) {
+      EXPECT_NEAR(beauty.data[4 * i + 3], alpha.data[i], 1e-6f) << i;
+      partly += alpha.data[i] > 0.0f && alpha.data[i] < 1.0f;
+    }
+    EXPECT_GT(partly, 50);
+  }
+}
+
+TEST(CameraRequests, ALensIsTheMeanOfThePinholesInIt) {
+  // Pinholes all over the lens, each with its window shifted so that they agree in the plane of focus: the same picture, whatever brings the light.
+  const auto engine = makeEngine();
+  constexpr int kWidth = 24, kHeight = 18, kPinholes = 32, kSpp = 16;
+  constexpr double kFocal = 26.0;
+  struct Case {
+    const char* scene;
+    Vec3 at, forward;
+    double radius, focus;
+    std::vector<const char*> edits, outputs;
+    bool caustics = false;  // of indirect light what photons bring, which has little noise, alone
+  };
+  const Case cases[] = {{"cornell",
+                         Vec3(0, 1, 3.0f),
+                         Vec3(0, 0, -1),
+                         0.25,
+                         2.1,
+                         {"environment.sky.turbidity=3", "environment.background=BLURRED", "camera.clip_near=0.5"},
+                         {"beauty", "emission"}},
+                        {"spheres",
+                         Vec3(1.0f, 4.2f, 6.6f),
+                         Vec3(-1.0f, -4.05f, -6.95f),
+                         0.6,
+                         5.0,
+                         {"lights.lamp.kind=POINT", "lights.lamp.position=0,6,2", "lights.lamp.intensity=200", "integrator.caustic_photons=20000",
+                          "integrator.caustic_radius=0.005", "environment.path=none", "integrator.max_bounces=5"},
+                         {"direct_diffuse", "indirect_diffuse"},
+                         true}};
+  for (const Case& k : cases) {
+    const auto picture = [&](const v1::RenderRequest& r, size_t o) {
+      Image image = mustRender(*engine, r).images[o].image();
+      if (!k.caustics || o != 1) return image;
+      v1::RenderRequest without = r;
+      set(without, "integrator.caustic_photons=0");
+      const Image rest = mustRender(*engine, without).images[o].image();
+      for (size_t c = 0; c < image.data.size(); ++c) image.data[c] -= rest.data[c];
+      return image;
+    };
+    const auto place = [](v1::Vector3* v, const Vec3& p) { v->set_x(p.x), v->set_y(p.y), v->set_z(p.z); };
+    v1::RenderRequest open = smallRequest(k.scene, kWidth, kHeight, kSpp);
+    for (const char* e : k.edits) set(open, e);
+    open.mutable_camera()->set_focal_x(kFocal);
+    place(open.mutable_camera()->mutable_position(), k.at);
+    place(open.mutable_camera()->mutable_look_at(), k.at + k.forward);
+    for (const char* o : k.outputs) open.add_outputs(o);
+    v1::RenderRequest hole = open, middle = open;
+    open.mutable_camera()->set_lens_radius(k.radius);
+    open.mutable_camera()->set_focus_distance(k.focus);
+    const Vec3 right = glm::normalize(glm::cross(k.forward, Vec3(0, 1, 0))), up = glm::normalize(glm::cross(right, k.forward));
+    for (size_t o = 0; o < k.outputs.size(); ++o) {
+      std::vector<double> lens, sharp, mean;
+      const auto add = [&](std::vector<double>& sum, v1::RenderRequest& r, int seed) {
+        r.set_seed(uint64_t(seed));
+        const Image image = picture(r, o);
+        sum.resize(image.data.size(), 0.0);
+        for (size_t c = 0; c < sum.size(); ++c) sum[c] += double(image.data[c]) / kPinholes;
+      };
+      for (int i = 0; i < kPinholes; ++i) {
+        const double r = k.radius * std::sqrt((i + 0.5) / kPinholes), phi = i * 2.399963229728653;  // a sunflower's seeds
+        const double x = r * std::cos(phi), y = r * std::sin(phi);
+        const Vec3 at = k.at + right * float(x) + up * float(y);
+        place(hole.mutable_camera()->mutable_position(), at);
+        place(hole.mutable_camera()->mutable_look_at(), at + k.forward);
+        hole.mutable_camera()->set_center_x(kWidth / 2.0 + x * kFocal / k.focus);
+        hole.mutable_camera()->set_center_y(kHeight / 2.0 - y * kFocal / k.focus);
+        add(mean, hole, 100 + i);
+        add(lens, open, 200 + i);
+        add(sharp, middle, 300 + i);
+      }
+      double off = 0, offSharp = 0, all = 0;
+      for (size_t c = 0; c < mean.size(); ++c) {
+        off += std::fabs(lens[c] - mean[c]);
+        offSharp += std::fabs(sharp[c] - mean[c]);
+        all += mean[c];
+      }
+      EXPECT_LT(off, 0.15 * all) << k.scene << " " << k.outputs[o];
+      EXPECT_LT(off, 0.45 * offSharp) << k.scene << " " << k.outputs[o];  // the test could tell
+    }
+  }
+}
+
+TEST(CameraRequests, WhatAPinholeDoesNotReadIsSaidAndChangesNothing) {
+  const auto engine = makeEngine();
+  const RenderResult plain = mustRender(*engine, request({}));
+  for (const std::string field : {"focus_distance", "sensor_height_mm"}) {
+    const RenderResult with = mustRender(*engine, request({"camera." + field + "=2"}));
+    EXPECT_EQ(firstDifference(plain, with), "");
+    ASSERT_EQ(with.reply.warnings_size(), 1) << field;
+    EXPECT_NE(with.reply.warnings(0).find("request.camera." + field + ": changes nothing of a pinhole"), std::string::npos) << with.reply.warnings(0);
+  }
+  const RenderResult both = mustRender(*engine, request({"camera.lens_radius=0.1", "camera.focus_distance=2", "camera.sensor_height_mm=24"}));
+  ASSERT_EQ(both.reply.warnings_size(), 1);
+  EXPECT_NE(both.reply.warnings(0).find("sensor_height_mm: is for f_number"), std::string::npos) << both.reply.warnings(0);
+}
+
+TEST(CameraRequests, ALensNeedsPathTracedLight) {
+  const auto engine = makeEngine();
+  const auto refused = [&](std::initializer_list<std::string> edits, const std::string& location, const std::string& text) {
+    v1::RenderRequest r = request({"camera.lens_radius=0.1", "camera.focus_distance=3"});
+    for (const std::string& e : edits) set(r, e);
+    const auto made = engine->render(r);
+    ASSERT_FALSE(made.ok()) << text;
+    EXPECT_EQ(made.status().code(), Code::InvalidArgument);
+    EXPECT_EQ(made.status().location(), location) << made.status().toString();
+    EXPECT_NE(made.status().message().find(text), std::string::npos) << made.status().toString();
+  };
+  // Every shadow technique that the schema has, but the automatic choice, for which path tracing is all that is left.
+  const auto* descriptor = v1::ShadowTechnique::descriptor();
+  int tried = 0;
+  for (int i = 0; i < descriptor->field_count(); ++i) {
+    const std::string name = descriptor->field(i)->name();
+    if (!descriptor->field(i)->real_containing_oneof() || name == "path_traced" || name == "auto") continue;
+    refused({"shadows." + name + "="}, "request.camera.lens_radius", "direct_visibility");
+    ++tried;
+  }
+  EXPECT_GT(tried, 5);
+  refused({"environment.constant=1,1,1", "environment.transfer.bands=3"}, "request.camera.lens_radius", "a lens needs path-traced light");
+  refused({"environment.sky.turbidity=3", "environment.area_lights=4", "shadows.ray_traced.samples=1"}, "request.camera.lens_radius",
+          "a lens needs path-traced light");
+  for (const OutputInfo& o : outputTable())
+    if (o.perLight && std::string(o.name) != "group") refused({std::string("outputs=") + o.name + ":lamp"}, "request.outputs", "request.camera has a lens");
+  const RenderResult automatic = mustRender(*engine, request({"camera.lens_radius=0.1", "camera.focus_distance=3", "shadows.auto="}));
+  EXPECT_EQ(firstDifference(automatic, mustRender(*engine, request({"camera.lens_radius=0.1", "camera.focus_distance=3"}))), "");
 }
 
 TEST(CameraRequests, TheSmallPictureOfTheLadderHasTheCameraOfTheLargeOne) {

@@ -155,6 +155,10 @@ const std::map<std::string, std::string>& elsewhere() {
       {"environment.area_lights", "Rerun.EnvironmentAsAreaLights"},
       {"environment.transfer", "Rerun.EnvironmentByTransfer"},
       {"denoise", "Rerun.NoiseIsTakenOutOfWhatIsThere and Rerun.OutliersAreRejectedOfWhatIsThere"},
+      {"camera.f_number", "Rerun.ALensIsTracedAgainAndAPinholeIsNot"},
+      {"camera.lens_radius", "Rerun.ALensIsTracedAgainAndAPinholeIsNot"},
+      {"camera.focus_distance", "Rerun.ALensIsTracedAgainAndAPinholeIsNot"},
+      {"camera.sensor_height_mm", "Rerun.ALensIsTracedAgainAndAPinholeIsNot"},
       {"environment.digest", "Blobs.AnEnvironmentByDigestIsTheFileOnDisk: what the same file runs by its path"},
       {"integrator.max_groups", "Rerun.ClustersAndDifferences"},
       {"encoding", "not in the hash"},
@@ -201,6 +205,29 @@ TEST(Rerun, EachRequestFieldReRunsExactlyWhatItShould) {
     if (path.rfind("environment.sky", 0) == 0 || path == "environment.path") r.mutable_environment()->clear_constant();
     for (const std::string& e : row.edits) set(r, e);
     EXPECT_EQ(text(ran(mustRender(*engine, r))), text(row.expected)) << path;
+  }
+}
+
+TEST(Rerun, ALensIsTracedAgainAndAPinholeIsNot) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 20, 16, 4);
+  set(r, "outputs=beauty,depth");
+  const std::string everything = text(ran(mustRender(*engine, r)));
+  for (const char* nothing : {"camera.focus_distance=2", "camera.sensor_height_mm=24", "camera.lens_radius=0"}) {
+    v1::RenderRequest same = r;
+    set(same, nothing);
+    EXPECT_EQ(text(ran(mustRender(*engine, same))), "") << nothing;
+  }
+  for (const char* edit : {"camera.focus_distance=2", "camera.f_number=0.5", "camera.focus_distance=3", "camera.f_number=0.4", "camera.sensor_height_mm=36"}) {
+    set(r, edit);
+    const bool open = r.camera().has_f_number();
+    EXPECT_EQ(text(ran(mustRender(*engine, r))), open ? everything : "") << edit;
+  }
+  v1::RenderRequest radius = r;
+  radius.mutable_camera()->clear_f_number();
+  for (const char* edit : {"camera.lens_radius=0.3", "camera.lens_radius=0.2"}) {
+    set(radius, edit);
+    EXPECT_EQ(text(ran(mustRender(*engine, radius))), everything) << edit;
   }
 }
 

@@ -129,6 +129,33 @@ TEST(Camera, RaysBeginAndEndAtTheClippingPlanes) {
   }
 }
 
+TEST(Camera, RaysThroughALensMeetThePinholesRayInThePlaneOfFocus) {
+  for (int seed = 0; seed < kCases; ++seed) {
+    std::mt19937 random{uint32_t(4000 + seed)};
+    const int width = 80, height = 60;
+    Camera c = randomCamera(random, width, height);
+    if (c.optics.panorama) continue;
+    c.optics.clipNear = float(between(random, 0.1, 1));
+    const float x = float(between(random, 0, width)), y = float(between(random, 0, height));
+    const Ray pinhole = cameraRay(c, width, height, x, y);
+    c.optics.lensRadius = float(between(random, 0.01, 2));
+    c.optics.focus = float(between(random, 0.5, 20));
+    const FilmRays film(c, width, height);
+    EXPECT_EQ(film.at(x, y).direction, pinhole.direction) << seed;
+    EXPECT_EQ(film.at(x, y).tmin, pinhole.tmin) << seed;
+    const float angle = float(between(random, 0, 6.28)), share = float(between(random, 0.1, 1));
+    const Ray ray = film.at(x, y, share * Vec2(std::cos(angle), std::sin(angle)));
+    const Vec3 axis(-Vec3(c.toWorld[2])), eye(c.toWorld[3]);
+    EXPECT_NEAR(glm::length(ray.origin - pinhole.origin), share * c.optics.lensRadius, 1e-5f) << seed;
+    EXPECT_NEAR(glm::dot(ray.origin - pinhole.origin, axis), 0.0f, 1e-5f) << seed;
+    const auto at = [&](const Ray& r, float depth) { return r.origin + r.direction * (depth / glm::dot(r.direction, axis)); };
+    const Vec3 sharp = at(pinhole, c.optics.focus);
+    EXPECT_NEAR(glm::length(at(ray, c.optics.focus) - sharp), 0.0f, 1e-5f * (1.0f + glm::length(sharp - eye))) << seed;
+    EXPECT_GT(glm::length(at(ray, 2.0f * c.optics.focus) - at(pinhole, 2.0f * c.optics.focus)), 0.9f * share * c.optics.lensRadius) << seed;
+    EXPECT_NEAR(glm::dot(ray.origin + ray.direction * ray.tmin - eye, axis), c.optics.clipNear, 1e-5f) << seed;
+  }
+}
+
 TEST(Camera, OpticsAreInKeysWhereThereAreAnyAndNowhereElse) {
   const auto key = [](const Camera& c) {
     Hasher h("camera");
@@ -137,12 +164,14 @@ TEST(Camera, OpticsAreInKeysWhereThereAreAnyAndNowhereElse) {
   };
   const Camera plain;
   EXPECT_EQ(key(plain), Hasher("camera").digest());
-  std::vector<Camera> others(5, plain);
+  std::vector<Camera> others(7, plain);
   others[0].optics.focal = 1.0;
   others[1].optics.pixelAspect = 1.5f;
   others[2].optics.clipNear = 1.0f;
   others[3].optics.clipFar = 1.0f;
   others[4].optics.panorama = true;
+  others[5].optics.lensRadius = 1.0f;
+  others[6].optics.lensRadius = others[6].optics.focus = 1.0f;
   for (size_t a = 0; a < others.size(); ++a) {
     EXPECT_NE(key(others[a]), key(plain)) << a;
     for (size_t b = 0; b < a; ++b) EXPECT_NE(key(others[a]), key(others[b])) << a << " " << b;

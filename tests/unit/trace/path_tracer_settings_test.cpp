@@ -61,6 +61,8 @@ TEST(PathTracerSettings, EveryFieldIsInTheKey) {
   change("camera.optics.clipNear", [](PathTracerSettings& s) { s.camera.optics.clipNear = 0.5f; });
   change("camera.optics.clipFar", [](PathTracerSettings& s) { s.camera.optics.clipFar = 50.0f; });
   change("camera.optics.panorama", [](PathTracerSettings& s) { s.camera.optics.panorama = true; });
+  change("camera.optics.lensRadius", [](PathTracerSettings& s) { s.camera.optics.lensRadius = 0.5f; });
+  change("camera.optics.focus", [](PathTracerSettings& s) { s.camera.optics.lensRadius = s.camera.optics.focus = 0.5f; });
   change("width", [](PathTracerSettings& s) { ++s.width; });
   change("height", [](PathTracerSettings& s) { ++s.height; });
   change("viewSamples", [](PathTracerSettings& s) { ++s.viewSamples; });
