@@ -70,19 +70,37 @@ bool needsCurvature(const v1::Denoise& settings) { return settings.has_axis_alig
 
 namespace {
 
-/// Path-traced light that is filtered together, and what of it is.
+/// Path-traced light that is filtered together, and what of it is. `label`: after that of the output.
 struct NoisyPart {
   LobePart lobe = LobePart::Both;
   std::vector<Contribution> light;
+  std::vector<denoise::DenoiserPtr> by;
+  std::string label;
+  bool bends = false;        ///< its filters ask how it bends along surfaces
+  bool orAsSampled = false;  ///< held against its noise, though there is one filter alone
 };
 
-/// In the order of summation; `untouched` gets what the filter leaves as it is.
-std::vector<NoisyPart> partsOf(const PlanContext& c, std::vector<Contribution> traced, std::vector<Contribution>& untouched) {
-  if (!c.request().denoise().has_axis_aligned()) return {{LobePart::Both, std::move(traced)}};
-  std::vector<NoisyPart> parts{{LobePart::Diffuse, {}}, {LobePart::Specular, {}}};
+/// In the order of summation; `untouched` gets what filters leave as it is. halves: there are two, by which a filter is judged.
+Result<std::vector<NoisyPart>> partsOf(const PlanContext& c, std::vector<Contribution> traced, bool halves, std::vector<Contribution>& untouched) {
+  const v1::Denoise& settings = c.request().denoise();
+  GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> by, denoisersOf(settings, halves));
+  if (by.empty() || traced.empty()) {
+    untouched.insert(untouched.end(), traced.begin(), traced.end());
+    return std::vector<NoisyPart>();
+  }
+  if (!settings.has_axis_aligned()) return std::vector<NoisyPart>{{LobePart::Both, std::move(traced), by, ""}};
+  std::vector<NoisyPart> parts{
+      {LobePart::Diffuse, {}, by, "", true}, {LobePart::Specular, {}, by, "", true}, {LobePart::Both, {}, {}, " direct", false, halves}};
+  const bool filtersDirect = settings.axis_aligned().direct() != v1::AxisAlignedDenoise::NONE && settings.axis_aligned().radius_px() > 0;
+  if (filtersDirect) {
+    v1::Denoise direct;
+    direct.mutable_wavelet();
+    GOBO_ASSIGN(parts[2].by, denoisersOf(direct, halves));
+  }
   for (Contribution& k : traced) {
     const bool diffuse = contains(PathSet::IndirectDiffuse, k.paths), specular = contains(PathSet::IndirectSpecular, k.paths) && !c.kinds().lambert;
-    (diffuse ? parts[0].light : specular ? parts[1].light : untouched).push_back(std::move(k));
+    const bool direct = filtersDirect && contains(PathSet::Direct, k.paths);
+    (diffuse ? parts[0].light : specular ? parts[1].light : direct ? parts[2].light : untouched).push_back(std::move(k));
   }
   std::erase_if(parts, [](const NoisyPart& p) { return p.light.empty(); });
   return parts;
@@ -120,27 +138,26 @@ class DenoisePlan {
   /// Of these in the first half; 0: there are no halves.
   uint32_t first() const { return first_; }
 
-  Result<SmoothPart> plan(const NoisyPart& part, const std::vector<denoise::DenoiserPtr>& denoisers) {
-    const std::string label = withLobe(label_, part.lobe);
+  Result<SmoothPart> plan(const NoisyPart& part) {
+    const std::string label = withLobe(label_ + part.label, part.lobe);
     const NodeId all = planSum(c_, part.light, label + " traced");
     const NodeId features =
         c_.filter(denoise::makeFeaturesNode(width_, height_, c_.view().viewSamples, part.lobe), {c_.gbuffer(), c_.surface()}, withLobe("features", part.lobe));
     std::vector<NodeId> inputs{features, all};
     // The first half goes first, and the whole goes on from it.
     if (samples_ > 1) inputs.insert(inputs.begin() + 1, planFirst(c_, part.light, all, any_ ? c_.passes() + 1 : half_));
-    const bool curvature = part.lobe != LobePart::Both;
-    if (curvature) { GOBO_TRY(addCurvature(part, label, inputs)); }
-    const NodeId halves = c_.filter(denoise::makeNoisyPictureNode(width_, height_, samples_, first_, curvature), std::move(inputs), label + " in halves");
+    if (part.bends) { GOBO_TRY(addCurvature(part, label, inputs)); }
+    const NodeId halves = c_.filter(denoise::makeNoisyPictureNode(width_, height_, samples_, first_, part.bends), std::move(inputs), label + " in halves");
     std::vector<NodeId> smooth;
-    for (const denoise::DenoiserPtr& d : denoisers)
+    for (const denoise::DenoiserPtr& d : part.by)
       smooth.push_back(c_.filter(denoise::makeDenoiseNode(d, width_, height_, samples_, first_), {features, halves}, label + " by " + d->name()));
-    if (smooth.size() > 1) {
+    if (smooth.size() > 1 || part.orAsSampled) {
       std::vector<NodeId> choice{halves};
       choice.insert(choice.end(), smooth.begin(), smooth.end());
       const float share = float(double(first_) / double(samples_));
-      smooth.assign(1, c_.filter(denoise::makeSelectNode(width_, height_, int(denoisers.size()), share), std::move(choice), label + " selected"));
+      smooth.assign(1, c_.filter(denoise::makeSelectNode(width_, height_, int(part.by.size()), share), std::move(choice), label + " selected"));
     }
-    if (curvature)
+    if (part.bends)
       smooth[0] = c_.filter(denoise::makeViewSampleEdgesNode(width_, height_, c_.view().viewSamples, part.lobe),
                             {features, smooth[0], c_.gbuffer(), c_.surface()}, label + " along edges");
     return SmoothPart{smooth[0], features};
@@ -169,11 +186,10 @@ class DenoisePlan {
 
 Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> brought, const std::string& label) {
   DenoisePlan plan(c, label);
-  GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> denoisers, denoisersOf(c.request().denoise(), plan.samples() > 1));
   std::vector<Contribution> contributions(brought.begin(), brought.end()), traced, others;
   if (c.request().denoise().has_outliers()) contributions = withoutOutliers(c, brought, label, plan.first());
   for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
-  const std::vector<NoisyPart> parts = denoisers.empty() || traced.empty() ? std::vector<NoisyPart>() : partsOf(c, traced, others);
+  GOBO_ASSIGN(const std::vector<NoisyPart> parts, partsOf(c, traced, plan.samples() > 1, others));
   if (parts.empty()) return planSum(c, contributions, label);
   // Modulated again, and the rest. The filtered light is the first input, so that its first half is made first, of samples that are the others' too; what was
   // traced is the last, for the samples that it lost, of which filters know nothing.
@@ -181,7 +197,7 @@ Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> brough
   std::vector<NodeId> inputs;
   int sum = -1;
   for (const NoisyPart& part : parts) {
-    GOBO_ASSIGN(const SmoothPart smooth, plan.plan(part, denoisers));
+    GOBO_ASSIGN(const SmoothPart smooth, plan.plan(part));
     const int at = int(inputs.size());
     inputs.insert(inputs.end(), {smooth.light, smooth.features});
     const int light = e.plane(at, "rgb"), product = e.multiply(light, e.plane(at + 1, "modulation"));
