@@ -111,5 +111,18 @@ TEST(SamplerRequests, BackgroundsTakeTheSamplersNumbers) {
   }
 }
 
+/// Samples that outliers are rejected of are the picture's own.
+TEST(SamplerRequests, SamplesOneByOneAreThePicture) {
+  for (const char* sampler : kSamplers) {
+    const auto engine = makeEngine();
+    v1::RenderRequest r = requestOf("cornell", sampler, 16, 12, 16);
+    const Image plain = mustRender(*engine, r).images[0].image();
+    set(r, "denoise.outliers.trimmed.share=0");
+    const Image samples = mustRender(*engine, r).images[0].image();
+    ASSERT_EQ(plain.data.size(), samples.data.size());
+    for (size_t i = 0; i < plain.data.size(); ++i) ASSERT_NEAR(samples.data[i], plain.data[i], 1e-5 * (1.0 + plain.data[i])) << sampler << " " << i;
+  }
+}
+
 }  // namespace
 }  // namespace gobo::testing
