@@ -17,6 +17,8 @@
 #include <ctime>
 #include <numeric>
 
+#include "filters/outliers/bilateral_grid.h"
+#include "filters/outliers/mean_shift.h"
 #include "filters/outliers/picture_filters.h"
 #include "filters/outliers/sample_estimators.h"
 #include "filters/outliers/smoothing_filters.h"
@@ -165,6 +167,14 @@ int errors(int argc, char** argv, const TaskArena& arena) {
            }},
           {"energy preserving", [&] { return outliers::spreadOutliers(mean, width, height); }},
           {"bilateral", [&] { return outliers::bilateralFilter(mean, width, height, 2.0, 0.1 * double(s.metric.white)); }},
+          {"bilateral grid",
+           [&] {
+             return outliers::bilateralGrid(mean, width, height, {2.0, 0.1, double(s.metric.white)}, {&arena});
+           }},
+          {"mean shift",
+           [&] {
+             return outliers::meanShift(mean, width, height, {4.0, 8.0, s.metric.white, 50}, {&arena});
+           }},
           {"anisotropic diffusion", [&] { return outliers::anisotropicDiffusion(mean, width, height, 8, 0.1 * double(s.metric.white)); }},
           // As path density is by default: direct light as it is.
           {"trimmed 1%, indirect", [&] { return withDirect(outliers::trimmedMean(bounced, bins, 0.01)); }},

@@ -29,7 +29,7 @@ void traceGroupInto(const PathTracer::Impl& m, int x, int y, const SampleRun& ru
       who.film[p * each + i] = uint64_t(run.first) + uint64_t(i);
     }
   }
-  const uint32_t bad = traceChunk(m, who, SampleSet(std::span<const uint64_t>(seeds, size_t(group.pixels())), run.first), sums, rays);
+  const uint32_t bad = traceChunk(m, who, SampleSet(std::span<const uint64_t>(seeds, size_t(group.pixels())), run.first, s.sampler), sums, rays);
   for (int p = 0; p < group.pixels(); ++p)
     if (out[size_t(p)]) dropped[size_t(p)] += uint64_t(__builtin_popcount(bad >> (p * each) & ((1u << each) - 1)));
 }

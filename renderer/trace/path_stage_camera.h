@@ -27,7 +27,7 @@ inline void PathChunk<Sink>::startAtCamera() {
   for (int i = 0; i < kLanes; ++i) {
     Vec2 offset;
     if (m.viewSamples.empty()) offset = Vec2(px[i], py[i]);
-    else offset = m.viewSamples[size_t(who.film[i] % m.viewSamples.size())];
+    else offset = m.viewSamples[size_t((who.film[i] + set.turnShift(i, who.film[i], uint32_t(m.viewSamples.size()))) % m.viewSamples.size())];
     const float fx = float(who.x[i]) + offset.x, fy = float(who.y[i]) + offset.y;
     if constexpr (Sink::kVertices)
       if (alive >> i & 1u) sink.film(i, Vec2(fx, fy));

@@ -51,7 +51,7 @@ void PathTracer::traceInto(int x, int y, uint32_t block, Sink& sink, uint64_t& r
     const int count = std::min(kLanes, size - first);
     who.present = (1u << count) - 1;
     for (int i = 0; i < kLanes; ++i) who.film[i] = uint64_t(begin) + uint64_t(first + i);
-    dropped += uint64_t(__builtin_popcount(traceChunk(m, who, SampleSet(seed, begin + uint32_t(first)), sink, rays)));
+    dropped += uint64_t(__builtin_popcount(traceChunk(m, who, SampleSet(seed, begin + uint32_t(first), m.settings.sampler), sink, rays)));
   }
 }
 

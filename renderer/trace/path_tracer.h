@@ -11,7 +11,7 @@
 // shadow rays. Dispersion: the first dispersive boundary keeps one channel, three times as strong.
 // Unlit surfaces (KHR_materials_unlit) show their base colour to the camera and through chains of delta events, to nothing
 // else: they are no lights, and paths end there. Since no light owns them they are traced where `unlit` asks for them.
-// Samples come in blocks, consecutive pieces of one Owen-scrambled Sobol sequence per pixel, so that the error goes on falling
+// Samples come in blocks, consecutive pieces of one Owen-scrambled Sobol (or Halton: `sampler`) sequence per pixel, so that the error goes on falling
 // faster than with independent blocks; blocks of different streams (block / kBlocksPerStream) are independent. A block's result
 // depends only on (settings, pixel, block), never on thread, tile or what was traced before.
 #pragma once
@@ -21,6 +21,7 @@
 #include <span>
 #include <vector>
 
+#include "base/sampler_kind.h"
 #include "scene/camera.h"
 #include "trace/accel.h"
 #include "trace/light_sampling.h"
@@ -44,7 +45,8 @@ inline constexpr uint32_t kBlocksPerStream = 1u << 16;
 struct PathTracerSettings {
   Camera camera;
   int width = 0, height = 0;
-  int viewSamples = 0;  ///< 0: box pixel filter; S >= 1: sample i of the pixel (over all blocks) uses view sample i mod S (trace/view_samples.h)
+  int viewSamples = 0;  ///< 0: box pixel filter; S >= 1: sample i of the pixel (over all blocks) uses view sample i mod S (trace/view_samples.h); with Halton
+                        ///< points S in a row, from a multiple of S on, use each once
   int maxBounces = 8;   ///< scattering events after the first
   int rouletteStart = 3;
   int blockSize = 16;  ///< samples a block, 1 .. 4096; results are best for powers of two
@@ -54,6 +56,7 @@ struct PathTracerSettings {
   PathClass cover = PathClass::All;
   SplitMode split = SplitMode::Combined;
   LightSelection selection = LightSelection::Tree;
+  SamplerKind sampler = SamplerKind::Sobol;
   // Relight groups. Index k runs over the view's light subset (SceneView::lightSubset()).
   int groups = 1;
   std::vector<int> groupOf;         ///< group of light k

@@ -47,6 +47,7 @@ class Fields(unittest.TestCase):
         self.refuses("must be a number", width=True)
         self.refuses("True or False", integrator={"indirect": 1})
         self.refuses("must be one of tree, power, uniform", integrator={"light_selection": "tre"})
+        self.refuses("must be one of sobol, halton, independent", integrator={"sampler": "halto"})
         self.refuses("three numbers", lights={"key": {"position": 2}})
         self.refuses("three numbers", lights={"key": {"gain": (1, 2)}})
         self.refuses("must be a mapping", lights=3)

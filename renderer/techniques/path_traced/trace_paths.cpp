@@ -38,6 +38,14 @@ LightSelection selectionOf(const v1::Integrator& integrator) {
   }
 }
 
+SamplerKind samplerOf(const v1::Integrator& integrator) {
+  switch (integrator.sampler()) {
+    case v1::Integrator::HALTON: return SamplerKind::Halton;
+    case v1::Integrator::INDEPENDENT: return SamplerKind::Independent;
+    default: return SamplerKind::Sobol;
+  }
+}
+
 /// Slots of the split: emission, direct, indirect, the latter two by lobe if asked for.
 PathSet pathsOfSlot(SplitMode split, int slot, PathSet all) {
   if (split == SplitMode::Combined) return all;
@@ -76,6 +84,7 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
             : (c.apart().classes || c.apart().lobes) && classes > 1 ? SplitMode::DirectIndirect
                                                                     : SplitMode::Combined;
   s.selection = selectionOf(c.request().integrator());
+  s.sampler = samplerOf(c.request().integrator());
   s.groups = int(job.groups.size());
   s.groupOf = job.slotGroup;
   s.nominal = job.nominal;
@@ -161,6 +170,7 @@ Status traceDifference(PlanContext& c, int light, const Vec3& weight) {
 
 Result<NodeId> traceSeen(PlanContext& c, int light, const Vec3& nominal, const ScenePtr& scene, const std::string& label) {
   PathTracerSettings s = pathTracerSettings(c, PathClass::Emission);
+  s.sampler = samplerOf(c.request().integrator());
   s.groupOf = {0};
   s.nominal = {nominal};
   return c.graph().add({makePathTraceNode(s, streamsOf(c), c.view()), {}, {light}, label, c.passes(), scene});

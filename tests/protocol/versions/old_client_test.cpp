@@ -227,6 +227,7 @@ TEST_F(OldClient, EnumValuesOfALaterOneAreRefusedByName) {
       {"request.tone_map.curve = 4000", [](auto& r) { r.mutable_tone_map()->set_curve(v1::ToneMap::Curve(4000)); }},
       {"request.encoding.format = 4000", [](auto& r) { r.mutable_encoding()->set_format(v1::Encoding::Format(4000)); }},
       {"request.integrator.light_selection = 4000", [](auto& r) { r.mutable_integrator()->set_light_selection(v1::Integrator::LightSelection(4000)); }},
+      {"request.integrator.sampler = 4000", [](auto& r) { r.mutable_integrator()->set_sampler(v1::Integrator::Sampler(4000)); }},
       {"request.lights.bulb.kind = 4000", [](auto& r) { (*r.mutable_lights())["bulb"].set_kind(v1::LightEdit::Kind(4000)); }},
       {"request.scheduling.priority = 4000", [](auto& r) { r.mutable_scheduling()->set_priority(v1::Scheduling::Class(4000)); }},
   };

@@ -104,6 +104,7 @@ const std::map<std::string, Row>& rows() {
       {"integrator.max_bounces", {{"integrator.max_bounces=3"}, kIndirect + kBeauty}},
       {"integrator.indirect", {{"integrator.indirect=false"}, kBeauty}},
       {"integrator.light_selection", {{"integrator.light_selection=POWER"}, kTraced + kBeauty}},
+      {"integrator.sampler", {{"integrator.sampler=HALTON"}, kTraced + kBeauty}},
       {"integrator.russian_roulette_start", {{"integrator.russian_roulette_start=1"}, kTraced + kBeauty}},
       {"integrator.at_view_samples", {{"integrator.at_view_samples=true"}, kTraced + kBeauty}},
       {"integrator.caustic_photons", {{"integrator.caustic_photons=1000"}, {}}},  // no mirror and no glass here: Rerun.Caustics has some
@@ -748,6 +749,7 @@ TEST(Rerun, Caustics) {
                                                   {"integrator.caustic_radius=0.01", node + kBeauty},
                                                   {"lights.lamp.gain=2,1,1", kBeauty},
                                                   {"integrator.light_selection=POWER", Labels{"path_trace", "path_trace:mean"} + kBeauty},
+                                                  {"integrator.sampler=INDEPENDENT", Labels{"path_trace", "path_trace:mean"} + kBeauty},
                                                   {"integrator.caustic_photons=0", kBeauty}};
   for (const auto& [edit, expected] : edits) {
     set(r, edit);

@@ -17,6 +17,7 @@ TEST(Request, DefaultsComeFromTheSchema) {
   EXPECT_EQ(r.integrator().max_bounces(), 8u);
   EXPECT_TRUE(r.integrator().indirect());
   EXPECT_EQ(r.integrator().light_selection(), v1::Integrator::TREE);
+  EXPECT_EQ(r.integrator().sampler(), v1::Integrator::SOBOL);
   EXPECT_FALSE(r.has_environment());  // absent sub-messages stay absent
 }
 
@@ -54,7 +55,8 @@ TEST(Request, HashIgnoresOrderAndPresentationOnly) {
 TEST(Request, PathsSetEveryKindOfField) {
   v1::RenderRequest r;
   for (const char* good : {"width=320", "lights.key.color=1,0.5,0.25", "lights.a.b.intensity=2", "shadows.axis_aligned.mu=2", "outputs=beauty,depth",
-                           "integrator.light_selection=uniform", "shadows.path_traced=", "lights.key.enabled=false", "camera.name=front", "lights.key.gain=2"})
+                           "integrator.light_selection=uniform", "integrator.sampler=halton", "shadows.path_traced=", "lights.key.enabled=false",
+                           "camera.name=front", "lights.key.gain=2"})
     EXPECT_TRUE(setPath(r, good).ok()) << good << ": " << setPath(r, good).toString();
   EXPECT_EQ(r.lights().at("key").color().y(), 0.5f);
   EXPECT_EQ(r.lights().at("a.b").intensity(), 2);
@@ -66,7 +68,7 @@ TEST(Request, PathsSetEveryKindOfField) {
 TEST(Request, BadPathsSayWhatThereIs) {
   v1::RenderRequest r;
   for (const char* bad : {"nothing=1", "width=abc", "width=-3", "width=99999999999", "lights.key=3", "lights.key.colour=1", "lights.key.color=1,2",
-                          "integrator.light_selection=best", "integrator.indirect=maybe", "noequals", "=4", "width.x=3"}) {
+                          "integrator.light_selection=best", "integrator.sampler=lattice", "integrator.indirect=maybe", "noequals", "=4", "width.x=3"}) {
     const Status s = setPath(r, bad);
     EXPECT_EQ(s.code(), Code::InvalidArgument) << bad;
     EXPECT_FALSE(s.message().empty());

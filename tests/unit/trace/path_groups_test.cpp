@@ -54,11 +54,16 @@ constexpr int kWide = 13, kTall = 7;  // of no group's size
 
 TEST(PathGroups, HaveTheBitsOfTheirPixels) {
   const ScenePtr scene = fullScene();
+  const std::pair<SplitMode, SamplerKind> kinds[] = {{SplitMode::Combined, SamplerKind::Sobol},
+                                                     {SplitMode::ByLobe, SamplerKind::Sobol},
+                                                     {SplitMode::Combined, SamplerKind::Halton},
+                                                     {SplitMode::Combined, SamplerKind::Independent}};
   for (const uint32_t size : {1u, 2u, 4u, 8u, 16u})
-    for (const SplitMode split : {SplitMode::Combined, SplitMode::ByLobe})
+    for (const auto& [split, sampler] : kinds)
       for (const int viewSamples : {0, 3}) {
-        SCOPED_TRACE(std::to_string(size) + " samples, " + std::to_string(viewSamples) + " view samples");
+        SCOPED_TRACE(std::to_string(size) + " samples, " + std::to_string(viewSamples) + " view samples, sampler " + std::to_string(int(sampler)));
         Traced t(scene, kWide, kTall);
+        t.settings.sampler = sampler;
         t.settings.split = split;
         t.settings.blockSize = int(size);
         t.settings.viewSamples = viewSamples;

@@ -75,6 +75,8 @@ TEST(PathTracerSettings, EveryFieldIsInTheKey) {
   change("cover", [](PathTracerSettings& s) { s.cover = PathClass::Direct; });
   change("split", [](PathTracerSettings& s) { s.split = SplitMode::ByLobe; });
   change("selection", [](PathTracerSettings& s) { s.selection = LightSelection::Power; });
+  for (const SamplerKind kind : {SamplerKind::Halton, SamplerKind::Independent})
+    change("sampler " + std::to_string(int(kind)), [kind](PathTracerSettings& s) { s.sampler = kind; });
   change("groups", [](PathTracerSettings& s) { ++s.groups; });
   change("groupOf", [](PathTracerSettings& s) { s.groupOf = {1, 0}; });
   for (int c = 0; c < 3; ++c) change("nominal " + std::to_string(c), [c](PathTracerSettings& s) { s.nominal[1][c] += 1.0f; });
