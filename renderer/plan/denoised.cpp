@@ -80,21 +80,19 @@ struct NoisyPart {
   bool orAsSampled = false;  ///< held against its noise, though there is one filter alone
 };
 
-/// In the order of summation; `untouched` gets what filters leave as it is. halves: there are two, by which a filter is judged.
+/// In the order of summation; none: nothing is filtered. `untouched` gets what filters leave as it is. halves: there are two, by which a filter is judged.
 Result<std::vector<NoisyPart>> partsOf(const PlanContext& c, std::vector<Contribution> traced, bool halves, std::vector<Contribution>& untouched) {
   const v1::Denoise& settings = c.request().denoise();
   GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> by, denoisersOf(settings, halves));
-  if (by.empty() || traced.empty()) {
-    untouched.insert(untouched.end(), traced.begin(), traced.end());
-    return std::vector<NoisyPart>();
-  }
+  const bool closed = settings.has_axis_aligned() && settings.axis_aligned().radius_px() == 0;  // a window of no width, not even along edges
+  if (by.empty() || traced.empty() || closed) return std::vector<NoisyPart>();
   if (!settings.has_axis_aligned()) return std::vector<NoisyPart>{{LobePart::Both, std::move(traced), by, ""}};
   std::vector<NoisyPart> parts{
       {LobePart::Diffuse, {}, by, "", true}, {LobePart::Specular, {}, by, "", true}, {LobePart::Both, {}, {}, " direct", false, halves}};
-  const bool filtersDirect = settings.axis_aligned().direct() != v1::AxisAlignedDenoise::NONE && settings.axis_aligned().radius_px() > 0;
+  const bool filtersDirect = settings.axis_aligned().direct() != v1::AxisAlignedDenoise::NONE;
   if (filtersDirect) {
     v1::Denoise direct;
-    direct.mutable_wavelet();
+    direct.mutable_auto_()->set_fast(true);
     GOBO_ASSIGN(parts[2].by, denoisersOf(direct, halves));
   }
   for (Contribution& k : traced) {

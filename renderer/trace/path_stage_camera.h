@@ -25,15 +25,16 @@ inline void PathChunk<Sink>::startAtCamera() {
   if (m.viewSamples.empty()) set.draw2D(0, px, py);
   if (m.lens && m.viewSamples.empty()) set.draw2D(kDrawLens, ux, uy);
   for (int i = 0; i < kLanes; ++i) {
-    Vec2 offset;
-    if (m.viewSamples.empty()) offset = Vec2(px[i], py[i]);
-    else offset = m.viewSamples[size_t((who.film[i] + set.turnShift(i, who.film[i], uint32_t(m.viewSamples.size()))) % m.viewSamples.size())];
+    Vec2 offset(px[i], py[i]), onLens(0.0f);
+    if (!m.viewSamples.empty()) {
+      const uint64_t turn = who.film[i] + set.turnShift(i, who.film[i], uint32_t(m.viewSamples.size()));
+      offset = m.viewSamples[size_t(turn % m.viewSamples.size())];
+      if (m.lens) onLens = m.lensOfViewSample(who.x[i], who.y[i], turn);
+    } else if (m.lens) onLens = concentricDisk(Vec2(ux[i], uy[i]));
     const float fx = float(who.x[i]) + offset.x, fy = float(who.y[i]) + offset.y;
     if constexpr (Sink::kVertices)
       if (alive >> i & 1u) sink.film(i, Vec2(fx, fy));
     Vec3 o, d;
-    Vec2 onLens(0.0f);
-    if (m.lens) onLens = m.viewSamples.empty() ? concentricDisk(Vec2(ux[i], uy[i])) : m.lensOfViewSample(who.x[i], who.y[i], who.film[i]);
     m.startAtFilm(fx, fy, onLens, o, d, paths.reach[i]);
     setRayOrigin(rh.ray, i, o);
     setRayDirection(rh.ray, i, d);

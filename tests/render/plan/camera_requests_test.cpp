@@ -258,10 +258,11 @@ TEST(CameraRequests, WhatIsLookedAtIsSharp) {
 
 TEST(CameraRequests, ViewSamplesLookThroughTheLensThatPathsOfViewSamplesLookThrough) {
   const auto engine = makeEngine();
-  for (const char* window : {"", "window.x=7"}) {
+  for (const char* window : {"", "window.x=7", "halton"}) {
     v1::RenderRequest r = request({"camera.lens_radius=0.3", "camera.focus_distance=2", "integrator.at_view_samples=true", "view_samples=8",
                                    "environment.background=TRANSPARENT", "environment.constant=1,1,1", "camera.clip_far=3.3", "outputs=beauty,alpha"});
-    if (*window)
+    if (*window == 'h') set(r, "integrator.sampler=HALTON");
+    if (*window == 'w')
       for (const char* e : {"window.x=7", "window.y=4", "window.width=20", "window.height=17"}) set(r, e);
     const RenderResult made = mustRender(*engine, r);
     const Image &beauty = made.images[0].image(), &alpha = made.images[1].image();
