@@ -14,7 +14,7 @@ namespace gobo::denoise {
 
 namespace {
 
-constexpr int kFitTile = 64, kFitRows = 16;  // pixels of a task: its sums stay in the second cache
+constexpr int kFitTile = 64, kFitRows = 32;  // pixels of a task: its sums and a row of weights stay in the second cache, those of a row in the first
 constexpr int kFitPlanes = kFit + 3;         // and the weighted means, by which predictions are bounded
 
 class FirstOrder final : public Denoiser {
@@ -25,17 +25,17 @@ class FirstOrder final : public Denoiser {
   int halo() const override { return 2 * radius_ + patch_.patch; }  // of fits around a pixel, and what they look at
   double nsPerPixel() const override { return 40.0 * (2 * radius_ + 1) * (2 * radius_ + 1); }
   size_t workingBytes(int width, int height) const override {
-    return sizeof(float) * (12 * size_t(width + 2 * margin()) + size_t(kFitPlanes + 7 + 3) * size_t(width)) * size_t(height);
+    return sizeof(float) * (12 * size_t(width + 2 * margin()) + size_t(kFitPlanes + kRegressors - 1) * rowStride(width) + size_t(3 * width)) * size_t(height);
   }
 
   bool run(const NoisyPicture& p, std::span<float> outA, std::span<float> outB, const TaskArena& arena, const StopToken& stop) const override {
-    const size_t pixels = p.pixels();
+    const size_t stride = rowStride(p.width);
     const auto values = std::make_unique_for_overwrite<float[]>(guideFloats(p, margin()));
     GuidePlanes guides[2];
     if (!makeGuides(p, margin(), values.get(), guides, arena, stop)) return false;
-    const auto features = std::make_unique_for_overwrite<float[]>(size_t(kRegressors - 1) * pixels);
+    const auto features = std::make_unique_for_overwrite<float[]>(size_t(kRegressors - 1) * stride * size_t(p.height));
     if (!fillFeatures(p, features.get(), arena, stop)) return false;
-    const auto fits = std::make_unique_for_overwrite<float[]>(size_t(kFitPlanes) * pixels);
+    const auto fits = std::make_unique_for_overwrite<float[]>(size_t(kFitPlanes) * stride * size_t(p.height));
     for (int h = 0; h < (p.halves ? 2 : 1); ++h) {
       const GuidePlanes &light = guides[h], &guide = guides[p.halves ? 1 - h : 0];
       const Half half{p, light, guide, features.get(), fits.get(), h ? outB : outA};
@@ -52,23 +52,31 @@ class FirstOrder final : public Denoiser {
     const float* features;
     float* fits;  ///< planes
     std::span<float> out;
+    size_t at(int planes, int x, int y) const { return size_t(y) * size_t(planes) * rowStride(p.width) + size_t(x); }
+    const float* featuresAt(int x, int y) const { return features + at(kRegressors - 1, x, y); }
+    float* fitsAt(int x, int y) const { return fits + at(kFitPlanes, x, y); }
   };
   int margin() const { return radius_ + patch_.patch; }
 
+  /// Of features and fits, whose planes lie row by row: (y * planes + k) * stride + x. An odd number of lines of the cache: rows of many planes are read side
+  /// by side, and at a distance of a power of two they would put each other out of the first cache.
+  static size_t rowStride(int width) { return (size_t(width + 15) / 16 | 1) * 16; }
+
   bool fillFeatures(const NoisyPicture& p, float* features, const TaskArena& arena, const StopToken& stop) const {
-    const size_t pixels = p.pixels();
+    const size_t width = size_t(p.width), stride = rowStride(p.width);
     return arena.parallelFor(
-        pixels, 1 << 13,
+        size_t(p.height), 8,
         [&](size_t begin, size_t end) {
-          for (size_t i = begin; i < end; ++i) {
+          for (size_t i = begin * width; i < end * width; ++i) {
             const bool hit = p.coverage[i] > 0;
+            float* to = features + i / width * (kRegressors - 1) * stride + i % width;
             for (size_t c = 0; c < 3; ++c) {
-              features[c * pixels + i] = hit ? p.albedo[3 * i + c] : 0.0f;
-              features[(3 + c) * pixels + i] = hit ? p.normal[3 * i + c] : 0.0f;
+              to[c * stride] = hit ? p.albedo[3 * i + c] : 0.0f;
+              to[(3 + c) * stride] = hit ? p.normal[3 * i + c] : 0.0f;
             }
             // The logarithm: its differences are relative, at any scale of the scene. Of a window over a surface that faces the viewer by 45 degrees they are
             // about its width in pixels times the angle of a pixel; ten times that is of the size of the other features.
-            features[6 * pixels + i] = hit && p.depth[i] > 0 ? 10.0f * float(std::log(double(p.depth[i]))) : 0.0f;
+            to[6 * stride] = hit && p.depth[i] > 0 ? 10.0f * float(std::log(double(p.depth[i]))) : 0.0f;
           }
         },
         stop);
@@ -88,70 +96,70 @@ class FirstOrder final : public Denoiser {
            !stopped;
   }
 
-  /// For each offset: rows of the range whose pixel at that offset is in the picture. False: stopped.
-  template <typename Body>
-  bool offsets(const NoisyPicture& p, const PixelRange& range, const StopToken& stop, const Body& body) const {
-    for (int dy = -radius_; dy <= radius_; ++dy)
+  /// For each row of offsets: weigh(dx, dy, range at that offset in the picture, weights), then for each row and offset add(dx, dy, x0, x1, y, its weights).
+  /// A pixel meets its offsets in order, and what a row of pixels needs of a row of neighbours stays in the first cache for all of them. False: stopped.
+  template <typename Weigh, typename Add>
+  bool offsets(const NoisyPicture& p, const PixelRange& range, const StopToken& stop, const Weigh& weigh, const Add& add) const {
+    const size_t stride = size_t(range.width()) * size_t(range.height());
+    std::vector<float> weights(size_t(2 * radius_ + 1) * stride);
+    for (int dy = -radius_; dy <= radius_; ++dy) {
+      const auto at = [&](int dx) {
+        return PixelRange{std::max(range.x0, -dx), std::max(range.y0, -dy), std::min(range.x1, p.width - dx), std::min(range.y1, p.height - dy)};
+      };
+      const auto of = [&](int dx) { return weights.data() + size_t(dx + radius_) * stride; };
+      if (at(0).height() <= 0) continue;
       for (int dx = -radius_; dx <= radius_; ++dx) {
         if (stop.stopRequested()) return false;
-        const PixelRange in{std::max(range.x0, -dx), std::max(range.y0, -dy), std::min(range.x1, p.width - dx), std::min(range.y1, p.height - dy)};
-        if (in.width() > 0 && in.height() > 0) body(dx, dy, in);
+        if (at(dx).width() > 0) weigh(dx, dy, at(dx), of(dx));
       }
+      for (int y = at(0).y0; y < at(0).y1; ++y)
+        for (int dx = -radius_; dx <= radius_; ++dx) {
+          const PixelRange in = at(dx);
+          if (in.width() > 0) add(dx, dy, in.x0, in.x1, y, of(dx) + size_t(y - in.y0) * size_t(in.width()));
+        }
+    }
     return true;
   }
 
   bool fit(const Half& h, const PixelRange& range, const StopToken& stop) const {
-    const size_t stride = size_t(range.width()) * size_t(range.height()), width = size_t(h.p.width), pixels = h.p.pixels();
-    std::vector<float> sums(size_t(kSums) * stride, 0.0f), weights(stride), scratch;
-    const bool complete = offsets(h.p, range, stop, [&](int dx, int dy, const PixelRange& in) {
-      patchWeights(h.guide, patch_, dx, dy, in, weights.data(), scratch);
-      for (int y = in.y0; y < in.y1; ++y) {
-        const size_t p = size_t(y) * width + size_t(in.x0), q = size_t(y + dy) * width + size_t(in.x0 + dx);
-        const size_t lit = size_t(y + dy) * size_t(h.light.stride()) + size_t(h.light.margin + in.x0 + dx);
-        const float *own[kRegressors - 1], *other[kRegressors - 1], *light[3];
-        for (size_t j = 0; j + 1 < kRegressors; ++j) {
-          own[j] = h.features + j * pixels + p;
-          other[j] = h.features + j * pixels + q;
-        }
-        for (int c = 0; c < 3; ++c) light[c] = h.light.value[c] + lit;
-        addNeighbours(own, other, light, weights.data() + size_t(y - in.y0) * size_t(in.width()), in.width(), stride,
-                      sums.data() + size_t(y - range.y0) * size_t(range.width()) + size_t(in.x0 - range.x0));
-      }
+    const size_t stride = rowStride(h.p.width);
+    std::vector<float> sums(size_t(kSums * kFitTile) * size_t(range.height()), 0.0f), scratch;  // row by row as well
+    const auto sumsAt = [&](int x, int y) { return sums.data() + size_t(y - range.y0) * kSums * kFitTile + size_t(x - range.x0); };
+    const auto weigh = [&](int dx, int dy, const PixelRange& in, float* w) { patchWeights(h.guide, patch_, dx, dy, in, w, scratch); };
+    const bool complete = offsets(h.p, range, stop, weigh, [&](int dx, int dy, int x0, int x1, int y, const float* w) {
+      const size_t lit = size_t(y + dy) * size_t(h.light.stride()) + size_t(h.light.margin + x0 + dx);
+      const float* light[3];
+      for (int c = 0; c < 3; ++c) light[c] = h.light.value[c] + lit;
+      addNeighbours(h.featuresAt(x0, y), h.featuresAt(x0 + dx, y + dy), stride, light, w, x1 - x0, kFitTile, sumsAt(x0, y));
     });
     if (!complete) return false;
     for (int y = range.y0; y < range.y1; ++y)
       for (int x = range.x0; x < range.x1; ++x) {
-        const size_t t = size_t(y - range.y0) * size_t(range.width()) + size_t(x - range.x0), p = size_t(y) * width + size_t(x);
-        float coefficients[kFit];
-        solveFit(&sums[t], stride, coefficients);
-        for (size_t k = 0; k < kFit; ++k) h.fits[k * pixels + p] = coefficients[k];
-        for (size_t c = 0; c < 3; ++c) h.fits[(kFit + c) * pixels + p] = sums[(kProducts + c * kRegressors) * stride + t] / sums[t];
+        const float* sum = sumsAt(x, y);
+        float *fits = h.fitsAt(x, y), coefficients[kFit];
+        solveFit(sum, kFitTile, coefficients);
+        for (size_t k = 0; k < kFit; ++k) fits[k * stride] = coefficients[k];
+        for (size_t c = 0; c < 3; ++c) fits[(kFit + c) * stride] = sum[(kProducts + c * kRegressors) * kFitTile] / sum[0];
       }
     return true;
   }
 
   /// Pixel q of the range from the fits at p = q + (dx, dy), whose weights are those of p for q.
   bool predict(const Half& h, const PixelRange& range, const StopToken& stop) const {
-    const size_t stride = size_t(range.width()) * size_t(range.height()), width = size_t(h.p.width), pixels = h.p.pixels();
-    std::vector<float> sums(4 * stride, 0.0f), weights(stride), scratch;
-    const bool complete = offsets(h.p, range, stop, [&](int dx, int dy, const PixelRange& in) {
-      patchWeights(h.guide, patch_, -dx, -dy, {in.x0 + dx, in.y0 + dy, in.x1 + dx, in.y1 + dy}, weights.data(), scratch);
-      for (int y = in.y0; y < in.y1; ++y) {
-        const size_t q = size_t(y) * width + size_t(in.x0), p = size_t(y + dy) * width + size_t(in.x0 + dx);
-        const float *at[kRegressors - 1], *from[kRegressors - 1];
-        for (size_t j = 0; j + 1 < kRegressors; ++j) {
-          at[j] = h.features + j * pixels + q;
-          from[j] = h.features + j * pixels + p;
-        }
-        addPredictions(at, from, h.fits + p, pixels, weights.data() + size_t(y - in.y0) * size_t(in.width()), in.width(), stride,
-                       sums.data() + size_t(y - range.y0) * size_t(range.width()) + size_t(in.x0 - range.x0));
-      }
+    const size_t stride = rowStride(h.p.width);
+    std::vector<float> sums(size_t(4 * kFitTile) * size_t(range.height()), 0.0f), scratch;
+    const auto sumsAt = [&](int x, int y) { return sums.data() + size_t(y - range.y0) * 4 * kFitTile + size_t(x - range.x0); };
+    const auto weigh = [&](int dx, int dy, const PixelRange& in, float* w) {
+      patchWeights(h.guide, patch_, -dx, -dy, {in.x0 + dx, in.y0 + dy, in.x1 + dx, in.y1 + dy}, w, scratch);
+    };
+    const bool complete = offsets(h.p, range, stop, weigh, [&](int dx, int dy, int x0, int x1, int y, const float* w) {
+      addPredictions(h.featuresAt(x0, y), h.featuresAt(x0 + dx, y + dy), stride, h.fitsAt(x0 + dx, y + dy), stride, w, x1 - x0, kFitTile, sumsAt(x0, y));
     });
     if (!complete) return false;
     for (int y = range.y0; y < range.y1; ++y)
       for (int x = range.x0; x < range.x1; ++x) {
-        const size_t t = size_t(y - range.y0) * size_t(range.width()) + size_t(x - range.x0);
-        for (size_t c = 0; c < 3; ++c) h.out[3 * (size_t(y) * width + size_t(x)) + c] = sums[c * stride + t] / sums[3 * stride + t];
+        const float* sum = sumsAt(x, y);
+        for (size_t c = 0; c < 3; ++c) h.out[3 * (size_t(y) * size_t(h.p.width) + size_t(x)) + c] = sum[c * kFitTile] / sum[3 * kFitTile];
       }
     return true;
   }

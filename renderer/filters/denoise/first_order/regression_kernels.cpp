@@ -25,13 +25,13 @@ void addPlainRow(const float* __restrict a, int n, float* __restrict sum) {
 
 }  // namespace
 
-void addNeighbours(const float* const* own, const float* const* other, const float* const* light, const float* w, int n, size_t stride, float* sums) {
+void addNeighbours(const float* own, const float* other, size_t featureStride, const float* const* light, const float* w, int n, size_t stride, float* sums) {
   float apart[kRegressors][kRow], weighted[kRegressors][kRow];
   for (int t = 0; t < n; t += kRow) {
     const int m = std::min(kRow, n - t);
     std::copy_n(w + t, m, weighted[0]);
     for (int j = 1; j < kRegressors; ++j) {
-      subtractRow(other[j - 1] + t, own[j - 1] + t, m, apart[j]);
+      subtractRow(other + size_t(j - 1) * featureStride + t, own + size_t(j - 1) * featureStride + t, m, apart[j]);
       productRow(w + t, apart[j], m, weighted[j]);
     }
     float* sum = sums + t;
@@ -79,22 +79,22 @@ namespace {
 /// Adds w times the prediction of one channel; mean: of the fit's window.
 void addPredictionRow(const float (&apart)[kRegressors][kRow], const float* __restrict fit, size_t fitStride, const float* __restrict mean,
                       const float* __restrict w, int n, float* __restrict sum) {
-  float value[kRow];
-  std::copy_n(fit, n, value);
-  for (int j = 1; j < kRegressors; ++j) addProductRow(apart[j], fit + size_t(j) * fitStride, n, value);
   for (int t = 0; t < n; ++t) {
+    float value = fit[t];
+    for (int j = 1; j < kRegressors; ++j) value += apart[j][t] * fit[size_t(j) * fitStride + size_t(t)];
     const float lo = std::min(0.0f, 4.0f * mean[t]), hi = std::max(0.0f, 4.0f * mean[t]);
-    sum[t] += w[t] * std::min(std::max(value[t], lo), hi);
+    sum[t] += w[t] * std::min(std::max(value, lo), hi);
   }
 }
 
 }  // namespace
 
-void addPredictions(const float* const* at, const float* const* from, const float* fit, size_t fitStride, const float* w, int n, size_t stride, float* sum) {
+void addPredictions(const float* at, const float* from, size_t featureStride, const float* fit, size_t fitStride, const float* w, int n, size_t stride,
+                    float* sum) {
   float apart[kRegressors][kRow];
   for (int t = 0; t < n; t += kRow) {
     const int m = std::min(kRow, n - t);
-    for (int j = 1; j < kRegressors; ++j) subtractRow(at[j - 1] + t, from[j - 1] + t, m, apart[j]);
+    for (int j = 1; j < kRegressors; ++j) subtractRow(at + size_t(j - 1) * featureStride + t, from + size_t(j - 1) * featureStride + t, m, apart[j]);
     for (int c = 0; c < 3; ++c)
       addPredictionRow(apart, fit + size_t(c * kRegressors) * fitStride + t, fitStride, fit + size_t(kFit + c) * fitStride + t, w + t, m,
                        sum + size_t(c) * stride + t);

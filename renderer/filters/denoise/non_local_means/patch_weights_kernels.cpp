@@ -8,18 +8,35 @@ namespace gobo::denoise {
 
 namespace {
 
-/// Adds the distance of one channel for n pixels at p and as many at q.
-void addPatchDistance(const float* __restrict p, const float* __restrict q, const float* __restrict vp, const float* __restrict vq, float perVariance, int n,
-                      float* __restrict d) {
+float channelDistance(float p, float q, float vp, float vq, float perVariance) {
+  const float apart = p - q, both = vp + vq;
+  // What differs by a millionth of the values is alike: their squares hold no more.
+  const float floor = 1e-12f * (p * p + q * q) + 1e-30f;
+  return (apart * apart - vp - std::min(vp, vq)) / (perVariance * both + floor);
+}
+/// Distances of n pixels at p and as many at q.
+void pixelDistances(const GuidePlanes& g, size_t p, size_t q, float perVariance, int n, float* __restrict d) {
+  const float* __restrict r = g.value[0], * __restrict e = g.value[1], * __restrict b = g.value[2];
+  const float* __restrict vr = g.variance[0], * __restrict ve = g.variance[1], * __restrict vb = g.variance[2];
   for (int x = 0; x < n; ++x) {
-    const float apart = p[x] - q[x], both = vp[x] + vq[x];
-    // What differs by a millionth of the values is alike: their squares hold no more.
-    const float floor = 1e-12f * (p[x] * p[x] + q[x] * q[x]) + 1e-30f;
-    d[x] += (apart * apart - vp[x] - std::min(vp[x], vq[x])) / (perVariance * both + floor);
+    const size_t i = p + size_t(x), j = q + size_t(x);
+    const float sum = channelDistance(r[i], r[j], vr[i], vr[j], perVariance) + channelDistance(e[i], e[j], ve[i], ve[j], perVariance) +
+                      channelDistance(b[i], b[j], vb[i], vb[j], perVariance);
+    d[x] = std::clamp(sum, -1e4f, 1e4f);
   }
 }
-void addPatchRow(const float* __restrict in, int n, float* __restrict sum) {
-  for (int x = 0; x < n; ++x) sum[x] += in[x];
+template <int kCount>
+void addPatchRows(const float* __restrict in, size_t step, int n, float* __restrict sum) {
+  for (int x = 0; x < n; ++x) {
+    float s = sum[x];
+    for (int i = 0; i < kCount; ++i) s += in[size_t(i) * step + size_t(x)];
+    sum[x] = s;
+  }
+}
+/// Adds `count` rows `step` apart, one after the other; three at once, so that sums are seldom stored.
+void addPatchRows(const float* in, size_t step, int count, int n, float* sum) {
+  for (; count >= 3; count -= 3, in += 3 * step) addPatchRows<3>(in, step, n, sum);
+  for (; count > 0; --count, in += step) addPatchRows<1>(in, step, n, sum);
 }
 void toPatchWeights(const float* __restrict sum, float scale, int n, float* __restrict w) {
   for (int x = 0; x < n; ++x) w[x] = fastExp(-std::clamp(sum[x] * scale, 0.0f, 1e4f));
@@ -35,15 +52,13 @@ void patchWeights(const GuidePlanes& g, const PatchSettings& s, int dx, int dy, 
   const auto row = [&](int y) { return size_t(std::clamp(y, 0, g.height - 1)) * size_t(g.stride()) + size_t(g.margin + range.x0 - f); };
   for (int r = 0; r < rows; ++r) {
     const size_t p = row(range.y0 - f + r), q = row(range.y0 - f + r + dy);
-    std::fill_n(distance, wide, 0.0f);
-    for (int c = 0; c < 3; ++c) addPatchDistance(g.value[c] + p, g.value[c] + q + dx, g.variance[c] + p, g.variance[c] + q + dx, perVariance, wide, distance);
-    for (int x = 0; x < wide; ++x) distance[x] = std::clamp(distance[x], -1e4f, 1e4f);
-    for (int i = 0; i <= 2 * f; ++i) addPatchRow(distance + i, width, across + size_t(r) * size_t(width));
+    pixelDistances(g, p, size_t(ptrdiff_t(q) + dx), perVariance, wide, distance);
+    addPatchRows(distance, 1, 2 * f + 1, width, across + size_t(r) * size_t(width));
   }
   const float scale = 1.0f / float(3 * (2 * f + 1) * (2 * f + 1));
   for (int y = 0; y < range.height(); ++y) {
     std::fill_n(sum, width, 0.0f);
-    for (int i = 0; i <= 2 * f; ++i) addPatchRow(across + size_t(y + i) * size_t(width), width, sum);
+    addPatchRows(across + size_t(y) * size_t(width), size_t(width), 2 * f + 1, width, sum);
     toPatchWeights(sum, scale, width, w + size_t(y) * size_t(width));
   }
 }
