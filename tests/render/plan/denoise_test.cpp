@@ -140,7 +140,7 @@ TEST(Denoise, AxisAlignedFiltersIndirectLightByLobe) {
 // Path-traced direct light beside axis-aligned filtering: less noise where there is some, the sampled bits' own error where there is none to speak of.
 TEST(Denoise, AxisAlignedHasAFilterForDirectLightBesideIt) {
   for (const char* scene : {"lights8", "cornell"}) {
-    v1::RenderRequest r = smallRequest(scene, 64, 48, 2048);
+    v1::RenderRequest r = smallRequest(scene, 48, 36, 1024);
     for (const char* o : {"beauty", "direct", "emission", "indirect"}) r.add_outputs(o);
     const RenderResult truth = mustRender(*makeEngine(), r);
     r.mutable_halt()->set_spp(4);
