@@ -58,6 +58,19 @@ std::vector<denoise::DenoiserPtr> all() {
   return made;
 }
 
+TEST(DenoiseProperties, HardlyAnyFeaturesAreStillNumbers) {
+  for (const double features : {4.6240046725790314e-41, 1e-45, 1e-30, 1e-20, 1e-8, 1e-3}) {
+    v1::Denoise d;
+    auto& s = *d.mutable_non_local_means();
+    s.set_radius_px(3), s.set_patch_px(2), s.set_damping(0.5), s.set_features(features);
+    const auto filter = denoise::makeDenoiser(d);
+    ASSERT_TRUE(filter.ok());
+    const Denoised out = denoised(**filter, facets(23, 17, 4), 1);
+    for (const float x : out.a) ASSERT_TRUE(std::isfinite(x)) << features;
+    for (const float x : out.b) ASSERT_TRUE(std::isfinite(x)) << features;
+  }
+}
+
 TEST(DenoiseProperties, PartsAndThreadsHaveTheSameBits) {
   for (const auto& filter : all())
     for (const bool halves : {true, false}) {

@@ -53,7 +53,8 @@ class NonLocalMeans final : public Denoiser {
     std::vector<float> sums(size_t(halves) * 4 * pixels, 0.0f), weights(size_t(halves) * pixels), likeness(width), scratch;
     const auto sum = [&](int h, int c) { return sums.data() + size_t(4 * h + c) * pixels; };
     // Twice as wide as the joint bilateral filter's for features = 1: colours decide most.
-    const float f = features_ > 0 ? 1.0f / (features_ * features_) : 0.0f;
+    // Below a millionth nothing but equal features is alike; the square of less would be none, and 0 times its inverse no number.
+    const float f = features_ > 0 ? 1.0f / std::max(features_ * features_, 1e-12f) : 0.0f;
     const Alike by{10.0f * f, 8.0f * f, 0.05f * f};
     for (int dy = -radius_; dy <= radius_; ++dy) {
       const int first = std::max(y0, -dy), last = std::min(y1, p.height - dy);  // whose neighbour is in the picture
