@@ -115,7 +115,8 @@ Status applyLens(const v1::CameraSettings& k, Camera& camera, std::vector<std::s
   if (camera.optics.panorama && k.lens_radius() > 0.0) return invalidArgument(opens + ": is not of a panorama, which has no plane of focus", opens);
   const double sensor = (k.has_sensor_height_mm() ? k.sensor_height_mm() : 24.0) * 1e-3;
   const double radius = k.has_f_number() ? sensor / camera.windowHeight64() / k.f_number() / 2.0 : k.lens_radius();
-  if (!(radius > 0.0)) return {};
+  constexpr double kLeast = 1e-12;  // a picometre blurs nothing; of much less single precision has no inverse
+  if (!(radius > kLeast)) return {};
   double focus = k.focus_distance();
   if (!k.has_focus_distance()) {
     if (!k.has_look_at())

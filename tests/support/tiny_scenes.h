@@ -70,6 +70,26 @@ struct SceneMaker {
   }
 };
 
+/// Materials for SceneMaker::material: smooth glass whose colours part, and a scattering volume without a surface of its own.
+inline void dispersingGlass(Material& m) {
+  m.bsdf = {};
+  m.bsdf.roughness = 0.0f;
+  m.bsdf.transmission = 1;
+  m.bsdf.thickness = 1;
+  m.bsdf.ior = 1.6f;
+  m.bsdf.dispersion = 2.0f;
+}
+inline void fog(Material& m) {
+  m.bsdf = {};
+  m.bsdf.roughness = 0.0f;
+  m.bsdf.transmission = 1;
+  m.bsdf.thickness = 1;
+  m.bsdf.ior = 1.0f;
+  m.bsdf.attenuationColor = Vec3(0.6f, 0.5f, 0.4f);
+  m.bsdf.attenuationDistance = 0.5f;
+  m.bsdf.scatterAlbedo = Vec3(0.8f);
+}
+
 /// Parallelogram corner, corner + a, corner + a + b, corner + b; outside is cross(a, b).
 inline Mesh quad(const Vec3& corner, const Vec3& a, const Vec3& b) {
   Mesh m;

@@ -250,10 +250,14 @@ TEST(CameraRequests, WhatIsLookedAtIsSharp) {
   elsewhere.mutable_camera()->set_focus_distance(1.0);
   EXPECT_GT(largestDifference(a.images[1].image(), mustRender(*engine, elsewhere).images[1].image()), 0.05);
   // None, or one of no size: the pinhole's bits.
+  v1::RenderRequest tiny = by;
+  tiny.mutable_camera()->set_lens_radius(1e-42);
+  tiny.mutable_camera()->set_focus_distance(1e-46);
   v1::RenderRequest closed = by, pinhole = by;
   closed.mutable_camera()->set_lens_radius(0.0);
   pinhole.mutable_camera()->clear_lens_radius();
   EXPECT_EQ(firstDifference(mustRender(*engine, closed), mustRender(*engine, pinhole)), "");
+  EXPECT_EQ(firstDifference(mustRender(*engine, tiny), mustRender(*engine, pinhole)), "");
 }
 
 TEST(CameraRequests, ViewSamplesLookThroughTheLensThatPathsOfViewSamplesLookThrough) {

@@ -19,24 +19,8 @@ using namespace tests;
 ScenePtr fullScene() {
   SceneMaker m;
   m.instance(m.mesh(ground(6.0f), m.material(Vec3(0.7f))));
-  m.instance(m.mesh(sphere(Vec3(-0.8f, 0.8f, 0.0f), 0.7f, 12, true), m.material(Vec3(1.0f), [](Material& x) {
-    x.bsdf = {};
-    x.bsdf.roughness = 0.0f;
-    x.bsdf.transmission = 1;
-    x.bsdf.thickness = 1;
-    x.bsdf.ior = 1.6f;
-    x.bsdf.dispersion = 2.0f;
-  })));
-  m.instance(m.mesh(sphere(Vec3(0.9f, 0.9f, 0.0f), 0.8f, 12, true), m.material(Vec3(1.0f), [](Material& x) {
-    x.bsdf = {};
-    x.bsdf.roughness = 0.0f;
-    x.bsdf.transmission = 1;
-    x.bsdf.thickness = 1;
-    x.bsdf.ior = 1.0f;
-    x.bsdf.attenuationColor = Vec3(0.6f, 0.5f, 0.4f);
-    x.bsdf.attenuationDistance = 0.5f;
-    x.bsdf.scatterAlbedo = Vec3(0.8f);
-  })));
+  m.instance(m.mesh(sphere(Vec3(-0.8f, 0.8f, 0.0f), 0.7f, 12, true), m.material(Vec3(1.0f), dispersingGlass)));
+  m.instance(m.mesh(sphere(Vec3(0.9f, 0.9f, 0.0f), 0.8f, 12, true), m.material(Vec3(1.0f), fog)));
   LightShape lamp;
   lamp.kind = LightKind::Disk;
   lamp.position = Vec3(0, 4, 1);

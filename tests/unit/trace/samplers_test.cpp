@@ -87,24 +87,8 @@ ScenePtr glassAndFog() {
   SceneMaker m;
   m.instance(m.mesh(ground(3.0f), m.material(Vec3(0.7f))));
   m.instance(m.mesh(quad(Vec3(-2, 0, -1.5f), Vec3(2, 0, 0), Vec3(0, 2.5f, 0)), m.material(Vec3(0.05f))));
-  m.instance(m.mesh(sphere(Vec3(-0.7f, 0.8f, 0.0f), 0.7f, 12, true), m.material(Vec3(1.0f), [](Material& x) {
-    x.bsdf = {};
-    x.bsdf.roughness = 0.0f;
-    x.bsdf.transmission = 1;
-    x.bsdf.thickness = 1;
-    x.bsdf.ior = 1.6f;
-    x.bsdf.dispersion = 2.0f;
-  })));
-  m.instance(m.mesh(sphere(Vec3(0.9f, 0.9f, 0.0f), 0.6f, 12, true), m.material(Vec3(1.0f), [](Material& x) {
-    x.bsdf = {};
-    x.bsdf.roughness = 0.0f;
-    x.bsdf.transmission = 1;
-    x.bsdf.thickness = 1;
-    x.bsdf.ior = 1.0f;
-    x.bsdf.attenuationColor = Vec3(0.6f, 0.5f, 0.4f);
-    x.bsdf.attenuationDistance = 0.5f;
-    x.bsdf.scatterAlbedo = Vec3(0.8f);
-  })));
+  m.instance(m.mesh(sphere(Vec3(-0.7f, 0.8f, 0.0f), 0.7f, 12, true), m.material(Vec3(1.0f), dispersingGlass)));
+  m.instance(m.mesh(sphere(Vec3(0.9f, 0.9f, 0.0f), 0.6f, 12, true), m.material(Vec3(1.0f), fog)));
   LightShape lamp;
   lamp.kind = LightKind::Disk;
   lamp.position = Vec3(0, 3, 1);
