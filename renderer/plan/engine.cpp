@@ -26,6 +26,7 @@
 #include "plan/window.h"
 #include "request/curves.h"
 #include "request/request.h"
+#include "scene/studio.h"
 #include "trace/accel.h"
 #include "trace/sample_passes.h"
 
@@ -240,7 +241,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   r.mutable_tone_map();
   r.mutable_encoding();
   r.mutable_scheduling();
-  if (scene->lights.empty() && !scene->environment) r.mutable_environment();  // its `default` may light it
+  if (!hasLamp(*scene)) r.mutable_environment();  // its `default` may light it
   if (!r.has_shadows() || r.shadows().technique_case() == v1::ShadowTechnique::TECHNIQUE_NOT_SET) r.mutable_shadows()->mutable_path_traced();
   if (r.has_denoise() && r.denoise().filter_case() == v1::Denoise::FILTER_NOT_SET && !r.denoise().has_outliers()) r.mutable_denoise()->mutable_auto_();
   if (r.denoise().has_outliers() && r.denoise().outliers().method_case() == v1::OutlierRejection::METHOD_NOT_SET)

@@ -215,9 +215,9 @@ Status applyProfile(v1::LightEdit::Profile profile, Scene& scene, LightShape& s,
   return {};
 }
 
-/// Nothing of it would be seen: neither scene nor request has a light of any kind, nor the scene a colour that needs none.
+/// Little or nothing of it would be seen: neither scene nor request has a lamp of any kind, nor the scene a colour that needs none.
 bool unlit(const Scene& scene, const v1::RenderRequest& request) {
-  if (scene.environment || !scene.lights.empty()) return false;
+  if (hasLamp(scene)) return false;
   for (const auto& [name, edit] : request.lights())
     if (edit.kind() != v1::LightEdit::KIND_UNSPECIFIED) return false;  // adds one
   return std::none_of(scene.instances.begin(), scene.instances.end(),
@@ -328,7 +328,8 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
       scene->environment = constantEnvironment(toVec3(e.constant()));
     } else if (e.default_() != v1::EnvironmentSettings::NONE && unlit(*scene, request)) {
       scene->environment = studioEnvironment();
-      out.warnings.push_back("the scene has no light: environment.default = STUDIO lights it; NONE leaves it black");
+      out.warnings.push_back(scene->lights.empty() ? "the scene has no light: environment.default = STUDIO lights it; NONE leaves it black"
+                                                   : "nothing but pictures that glow lights the scene: environment.default = STUDIO does; NONE leaves them alone");
     }
     if (e.has_rotation_deg() && scene->environment) {
       auto turned = std::make_shared<Environment>(*scene->environment);

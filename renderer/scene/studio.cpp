@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "scene/scene.h"
+
 namespace gobo {
 
 namespace {
@@ -55,6 +57,15 @@ EnvironmentPtr bake() {
 }
 
 }  // namespace
+
+bool hasLamp(const Scene& scene) {
+  const auto shines = [&](const Light& light) {
+    if (light.shape.kind != LightKind::Mesh) return true;
+    const Emission& emission = scene.materials[size_t(scene.meshes[size_t(scene.instances[light.shape.instance].mesh)]->material)].emission;
+    return !emission.texture.valid() || maxComponent(emission.radiance) > 1.0f;
+  };
+  return scene.environment || std::any_of(scene.lights.begin(), scene.lights.end(), shines);
+}
 
 EnvironmentPtr studioEnvironment() {
   static const EnvironmentPtr map = bake();

@@ -109,6 +109,22 @@ TEST_F(FirstPicture, AnyLightOfTheSceneOrTheRequestIsEnough) {
   EXPECT_FALSE(usesStudio(dark(), {"environment.path=none"})) << "no environment was asked for";
   EXPECT_FALSE(usesStudio(request({{R"("nodes":[0,1])", R"("nodes":[0])"}, {R"("metallicFactor":0})", R"("metallicFactor":0},"emissiveFactor":[1,1,1])"}}), {}))
       << "an emissive surface";
+  const auto glow = [&](const char* material, const char* used) {  // its picture is white
+    return request({{R"("nodes":[0,1])", R"("nodes":[0])"},
+                    {R"("extensionsUsed":["KHR_lights_punctual")", used},
+                    {R"("materials":)", R"("images":[{"uri":"white.png"}],"textures":[{"source":0}],"materials":)"},
+                    {R"("metallicFactor":0})", material}});
+  };
+  const char* plain = R"("extensionsUsed":["KHR_lights_punctual")";
+  const std::string white = smallPng(255, 255, 255);
+  std::ofstream(folder_.path + "/white.png", std::ios::binary).write(white.data(), std::streamsize(white.size()));
+  const char* painted = R"("metallicFactor":0},"emissiveFactor":[1,1,1],"emissiveTexture":{"index":0})";
+  EXPECT_TRUE(usesStudio(glow(painted, plain), {})) << "a picture that glows is no lamp";
+  EXPECT_FALSE(usesStudio(glow(painted, plain), {"environment.default=NONE"}));
+  EXPECT_FALSE(usesStudio(glow(R"("metallicFactor":0},"emissiveFactor":[1,1,1],"emissiveTexture":{"index":0},"extensions":{"KHR_materials_emissive_strength":{"emissiveStrength":2}})",
+                               R"("extensionsUsed":["KHR_lights_punctual","KHR_materials_emissive_strength")"),
+                          {}))
+      << "a picture that is a lamp";
   EXPECT_FALSE(usesStudio(request({{R"("nodes":[0,1])", R"("nodes":[0])"},
                                    {R"("extensionsUsed":["KHR_lights_punctual")", R"("extensionsUsed":["KHR_lights_punctual","KHR_materials_unlit")"},
                                    {R"("metallicFactor":0})", R"("metallicFactor":0},"extensions":{"KHR_materials_unlit":{}})"}}),
