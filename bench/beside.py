@@ -28,7 +28,7 @@ def depth_pictures(daemon, scene, size, count, turn):
 
 def read_all(answer):
     try:
-        for _ in live.pictures(answer):
+        for _ in answer.pictures():
             pass
     except http.client.HTTPException:
         pass  # the daemon was stopped
@@ -36,12 +36,12 @@ def read_all(answer):
 
 def big_render(daemon, scene, priority):
     body = {"scene": scene["id"], "width": 1280, "height": 720, "halt": {"spp": 1 << 18}, "encoding": {"format": "JPEG"}, "scheduling": {"priority": priority}}
-    connection, answer = daemon.post("/v1/render/stream", body)
+    answer = daemon.stream("/v1/render/stream", body)
     threading.Thread(target=read_all, args=(answer,), daemon=True).start()
     while not daemon.json("/v1/status").get("running"):
         time.sleep(0.01)
     time.sleep(1)
-    return connection
+    return answer
 
 
 def main():
@@ -59,7 +59,7 @@ def main():
                 scene = daemon.json("/v1/scenes", {"source": name})
                 depth_pictures(daemon, scene, size, 2, 3)  # builds what all views share
                 if priority:
-                    big_render(daemon, scene, priority)
+                    _ = big_render(daemon, scene, priority)
                 times = depth_pictures(daemon, scene, size, options.count, 0)
                 print(f"{name} | {priority or 'nothing'} | {statistics.median(times):.0f} | {max(times):.0f}", flush=True)
 

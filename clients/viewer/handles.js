@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lights in the picture: a button each where the light stands. Dragged, it moves in the plane through it that faces the camera; arrow keys do the same, Page Up
+// Lights, and an object, in the picture: a button each where it stands. Dragged, it moves in the plane through it that faces the camera; arrow keys do the same, Page Up
 // and Page Down move it away and nearer.
 
 const kMost = 64;  // the strongest; more would hide the picture
@@ -25,10 +25,11 @@ export function shifted(matrices, p, dx, dy) {
 }
 
 export class Handles {
-  // `on`: {select(name), move(name, position)}
-  constructor(root, on) {
+  // `on`: {select(name), move(name, position)}; `kind`: Light or Object
+  constructor(root, on, kind = 'Light') {
     this.root = root;
     this.on = on;
+    this.kind = kind;
     this.lights = [];
     this.matrices = null;
     this.buttons = new Map();
@@ -60,9 +61,9 @@ export class Handles {
   }
 
   make(light) {
-    const button = Object.assign(document.createElement('button'), { type: 'button', className: 'handle', title: light.name });
-    button.ariaLabel = `Light ${light.name}: drag or arrow keys move it, Page Up and Page Down away and nearer`;
-    button.dataset.light = light.name;
+    const button = Object.assign(document.createElement('button'), { type: 'button', className: `handle ${this.kind.toLowerCase()}`, title: light.name });
+    button.ariaLabel = `${this.kind} ${light.name}: drag or arrow keys move it, Page Up and Page Down away and nearer`;
+    button.dataset[this.kind.toLowerCase()] = light.name;
     const now = () => this.lights.find((l) => l.name === light.name);
     const move = (position) => {
       now().position = position;

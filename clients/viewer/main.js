@@ -6,7 +6,7 @@ import { command } from './command.js';
 import { certificate, plain, reference } from './compare.js';
 import { Lights } from './lights.js';
 import { Live } from './live.js';
-import { Patches, showMaterial } from './object.js';
+import { Grip, Patches, showMaterial } from './object.js';
 import { Orbit, moved, steer } from './orbit.js';
 import { Panel, filterRows } from './panel.js';
 import { pick } from './pick.js';
@@ -117,7 +117,13 @@ async function findCamera() {
   lens = found;
   body.dataset.camera = 'known';
   orbit = new Orbit(lens?.worldToCamera, { min: vector(own.bounds_min), max: vector(own.bounds_max) });
-  lights.refresh(edits.camera?.panorama || !lens?.worldToNDC ? null : lens);
+  showHandles(edits.camera?.panorama || !lens?.worldToNDC ? null : lens);
+}
+
+// `matrices` null: nobody knows where anything is in the picture.
+function showHandles(matrices) {
+  lights.refresh(matrices);
+  grip.refresh(matrices);
 }
 
 const kCameraFields = new Set(['camera', 'width', 'height', 'time_s', 'animation', 'curves']);
@@ -137,7 +143,7 @@ async function changed(path) {
 
 function orbited() {
   for (const [name, value] of Object.entries(orbit.settings())) panel.put(['camera', name], value);
-  if (lens?.worldToNDC && !edits.camera?.panorama) lights.refresh(moved(lens, orbit.matrix()));
+  if (lens?.worldToNDC && !edits.camera?.panorama) showHandles(moved(lens, orbit.matrix()));
   $('certified').textContent = '';
   ask();
 }
@@ -184,6 +190,7 @@ async function choose(id, first = {}) {
     Object.assign(edits, first);
     [orbit, lens, view.kept, view.present] = [null, null, null, null];
     live.slowUntil = 0;
+    grip.hold();
     for (const name of ['picked', 'certified', 'compared', 'object']) $(name).textContent = '';
     keptChanged();
     showSize();
@@ -220,7 +227,7 @@ async function start() {
   } catch (error) { fail(error); }
 }
 
-const patches = new Patches(() => ask(), fail);
+const patches = new Patches(() => ask(), fail), grip = new Grip($('handles'), patches);
 
 // Which light, object or material is in a pixel, 0 to 1 from the top left corner of the picture.
 async function pickAt(x, y) {
@@ -232,6 +239,7 @@ async function pickAt(x, y) {
     $('picked').textContent = found ? `Object: ${found.object || '(no name)'}; material: ${found.material || '(no name)'}` : 'The background';
     $('picked').dataset.object = found?.object ?? '';
     showMaterial($('object'), Panel, scene.id, found?.material, patches);
+    grip.hold(scene.id, found?.object, found?.at, lights.matrices);
     // A lamp is the light of its name.
     const light = found && lights.all().find((l) => l.name === found.object || l.name === found.material);
     if (light) lights.select(light.name, true);

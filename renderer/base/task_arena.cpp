@@ -10,6 +10,8 @@
 #include <atomic>
 #include <optional>
 
+#include "base/right_of_way.h"
+
 #ifdef GOBO_THREAD_SANITIZER
 #include <sanitizer/tsan_interface.h>
 #endif
@@ -30,16 +32,18 @@ void takenOver(void*) {}
 }  // namespace
 
 struct TaskArena::Impl {
-  Impl(int threads, Threads whose) : arena(threads > 0 ? threads : tbb::info::default_concurrency()) {
+  Impl(int threads, Threads whose, RightOfWay* way)
+      : arena(threads > 0 ? threads : tbb::info::default_concurrency()), has(whose == Threads::Own ? way : nullptr), gives(whose == Threads::Own ? nullptr : way) {
     // One arena of default size takes all workers that TBB would have.
     if (whose == Threads::Own)
       workers.emplace(tbb::global_control::max_allowed_parallelism, size_t(tbb::info::default_concurrency()) + size_t(arena.max_concurrency()));
   }
   std::optional<tbb::global_control> workers;
   mutable tbb::task_arena arena;
+  RightOfWay *has, *gives;
 };
 
-TaskArena::TaskArena(int threads, Threads whose) : impl_(std::make_unique<Impl>(threads, whose)) {}
+TaskArena::TaskArena(int threads, Threads whose, RightOfWay* way) : impl_(std::make_unique<Impl>(threads, whose, way)) {}
 TaskArena::~TaskArena() = default;
 
 int TaskArena::threads() const { return impl_->arena.max_concurrency(); }
@@ -49,6 +53,7 @@ bool TaskArena::parallelFor(size_t count, size_t grain, const std::function<void
   if (grain == 0) grain = 1;
   const size_t pieces = (count + grain - 1) / grain;
   std::atomic<bool> complete{true};
+  const RightOfWay::Taken taken(impl_->has);
   char begun = 0, ended = 0;
   passedOn(&begun);
   impl_->arena.execute([&] {
@@ -57,6 +62,7 @@ bool TaskArena::parallelFor(size_t count, size_t grain, const std::function<void
         [&](const tbb::blocked_range<size_t>& range) {
           takenOver(&begun);
           for (size_t i = range.begin(); i != range.end(); ++i) {
+            if (impl_->gives) impl_->gives->stepAside(stop);
             if (stop.stopRequested()) {
               complete.store(false, std::memory_order_relaxed);
               break;
@@ -72,6 +78,7 @@ bool TaskArena::parallelFor(size_t count, size_t grain, const std::function<void
 }
 
 void TaskArena::execute(const std::function<void()>& work) const {
+  const RightOfWay::Taken taken(impl_->has);
   char begun = 0, ended = 0;
   passedOn(&begun);
   impl_->arena.execute([&] {  // may run on another thread of the arena

@@ -12,12 +12,15 @@
 
 namespace gobo {
 
+class RightOfWay;  // base/right_of_way.h
+
 class TaskArena {
  public:
   enum class Threads { Shared, Own };
   /// threads = 0: all the machine's. Shared: arenas at work divide one set of threads, and who comes second waits for a thread to come free of its
-  /// piece of work. Own: for short work that runs beside another arena's; the system divides the cores.
-  explicit TaskArena(int threads = 0, Threads whose = Threads::Shared);
+  /// piece of work. Own: for short work that runs beside another arena's; the system divides the cores. With a `way` in common (which outlives both), work on
+  /// an Own arena has the right of it, and pieces on a Shared one step aside before they begin.
+  explicit TaskArena(int threads = 0, Threads whose = Threads::Shared, RightOfWay* way = nullptr);
   ~TaskArena();
   TaskArena(const TaskArena&) = delete;
   TaskArena& operator=(const TaskArena&) = delete;

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <optional>
 
+#include "base/right_of_way.h"
 #include "filters/shadow_technique.h"
 #include "plan/auto_exposure.h"
 #include "plan/certify_picture.h"
@@ -109,13 +110,14 @@ const Image& RenderedImage::image() const {
 struct Engine::Impl {
   explicit Impl(const EngineOptions& o)
       : options(o),
-        arena(o.threads),
-        besideArena(o.threads, TaskArena::Threads::Own),
+        arena(o.threads, TaskArena::Threads::Shared, &way),
+        besideArena(o.threads, TaskArena::Threads::Own, &way),
         scenes(o.roots, o.anyPath, o.loader, {o.sceneBytes, o.environmentBytes}),
         accels(o.accelBytes),
         memory(o.memoryBytes) {}
 
   EngineOptions options;
+  RightOfWay way;
   TaskArena arena;
   TaskArena besideArena;  ///< of small renders (PreparedRender)
   SceneLibrary scenes;

@@ -12,6 +12,7 @@
 #include "gobo/v1/render.pb.h"
 #include "scene/scene.h"
 #include "technique/path_set.h"
+#include "terms/gbuffer.h"
 #include "terms/graph.h"
 
 namespace gobo {
@@ -41,6 +42,7 @@ struct OutputInfo {
   const char* channels = "RGB";   ///< EXR channel names, one letter each
   bool perLight = false;
   bool float32 = false;  ///< never stored as half
+  GBufferPart seen = GBufferPart::All;  ///< what it needs of the camera's first hits; of a request all have what one needs
   std::vector<std::string> channelNames() const;
   bool lossless() const { return kind != OutputKind::Radiance && kind != OutputKind::Colour; }
 };

@@ -64,6 +64,7 @@ Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderReq
     apart.lobes = apart.lobes || needsLobes(infoOf(o));
     apart.variance = apart.variance || o == "variance";
     apart.curvature = apart.curvature || (needsCurvature(request.denoise()) && needsRadiance(infoOf(o)));
+    apart.seen = std::max(apart.seen, infoOf(o).seen);
     beauty = beauty || needsRadiance(infoOf(o));
   }
   PlanContext context({request, plan.effective, plan.groups, passes, window, apart, services.stop, services.expand}, plan.graph);

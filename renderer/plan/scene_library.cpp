@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <limits>
 #include <set>
 #include <utility>
 
@@ -90,14 +91,23 @@ Result<ScenePtr> patched(const Scene& base, const v1::PatchSceneRequest& p) {
       const std::string path = "instances." + name;
       const int i = s.findInstance(name);
       if (i < 0) return notFound("no instance '" + name + "'", path);
-      if (instance.matrix_size() != 16)
-        return invalidArgument(path + ".matrix: has " + std::to_string(instance.matrix_size()) + " numbers, needs 16", path + ".matrix");
-      Mat4 m(1.0f);
-      for (int k = 0; k < 16; ++k) {
-        if (!std::isfinite(instance.matrix(k))) return invalidArgument(path + ".matrix[" + std::to_string(k) + "]: must be finite", path + ".matrix");
-        m[k / 4][k % 4] = instance.matrix(k);
+      Mat4 m = s.instances[i].toWorld;
+      if (instance.matrix_size() > 0 || !instance.has_moved_by()) {
+        if (instance.matrix_size() != 16)
+          return invalidArgument(path + ".matrix: has " + std::to_string(instance.matrix_size()) + " numbers, needs 16", path + ".matrix");
+        for (int k = 0; k < 16; ++k) {
+          if (!std::isfinite(instance.matrix(k))) return invalidArgument(path + ".matrix[" + std::to_string(k) + "]: must be finite", path + ".matrix");
+          m[k / 4][k % 4] = instance.matrix(k);
+        }
+        if (m[0][3] != 0 || m[1][3] != 0 || m[2][3] != 0 || m[3][3] != 1) return invalidArgument(path + ".matrix: last row must be 0 0 0 1", path + ".matrix");
       }
-      if (m[0][3] != 0 || m[1][3] != 0 || m[2][3] != 0 || m[3][3] != 1) return invalidArgument(path + ".matrix: last row must be 0 0 0 1", path + ".matrix");
+      if (instance.has_moved_by()) {
+        if (!finite(instance.moved_by())) return invalidArgument(path + ".moved_by: must be finite", path + ".moved_by");
+        const DVec3 to = DVec3(m[3]) + DVec3(instance.moved_by().x(), instance.moved_by().y(), instance.moved_by().z());
+        if (glm::any(glm::greaterThan(glm::abs(to), DVec3(std::numeric_limits<float>::max()))))
+          return invalidArgument(path + ".moved_by: " + name + " would be farther away than single precision reaches", path + ".moved_by");
+        m[3] = Vec4(Vec3(to), 1.0f);
+      }
       s.instances[i].toWorld = m;
     }
     for (const auto& [name, edit] : p.lights()) {

@@ -22,6 +22,7 @@ PlanContext::PlanContext(const PlanInput& input, Graph& graph)
   view_.width = int(input.request.width());
   view_.height = int(input.request.height());
   view_.viewSamples = int(input.request.view_samples());
+  view_.part = input.apart.seen;
   if (input.window.width) {
     view_.place = {input.window.x, input.window.y, view_.width, view_.height};
     view_.width = input.window.width;

@@ -47,9 +47,10 @@ struct PixelWindow {
 /// The technique that takes over what the camera sees of the environment (techniques/background).
 inline constexpr const char* kBackgroundTechnique = "background";
 
-/// What the asked outputs need told apart. curvature: indirect light by lobe, with how fast it may change along a surface.
+/// What the asked outputs need told apart, and of the camera's first hits. curvature: indirect light by lobe, with how fast it may change along a surface.
 struct Distinctions {
   bool classes = false, lobes = false, variance = false, curvature = false;
+  GBufferPart seen = GBufferPart::Hits;
 };
 
 struct PlanInput {

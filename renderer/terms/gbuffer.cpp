@@ -25,7 +25,8 @@ class GBufferNode final : public Node {
   int version() const override { return 2; }  // 2: in packets
   NodeTraits traits() const override {
     NodeTraits t;
-    t.facets = kAccelFacets | Facet::Shading;
+    t.facets = kAccelFacets;
+    if (all()) t.facets = t.facets | Facet::Shading;
     t.tileable = true;
     if (s_.camera.cullBackFaces) t.facets = t.facets | kBackFaceFacets;
     return t;
@@ -34,32 +35,34 @@ class GBufferNode final : public Node {
     hashCamera(h, s_.camera);
     h.add(s_.width).add(s_.height).add(s_.viewSamples);
     s_.place.hash(h);
+    if (!all()) h.add("part").add(s_.part);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
-    return Wiring(type(), in, 0)
-        .gives({type(),
-                Domain::ViewSample,
-                s_.extent(),
-                {unsetPlane<float>("P", 3), unsetPlane<float>("N", 3), unsetPlane<float>("Ng", 3), unsetPlane<float>("uv", 2), unsetPlane<float>("depth"),
-                 unsetPlane<float>("bary", 2), unsetPlane<float>("footprint"), unsetPlane<uint32_t>("instance"), unsetPlane<uint32_t>("primitive")}});
+    std::vector<PlaneShape> planes{unsetPlane<float>("depth"), unsetPlane<uint32_t>("instance"), unsetPlane<uint32_t>("primitive")};
+    if (s_.part != GBufferPart::Hits) planes.push_back(unsetPlane<float>("P", 3));
+    if (all())
+      for (PlaneShape& p : std::vector{unsetPlane<float>("N", 3), unsetPlane<float>("Ng", 3), unsetPlane<float>("uv", 2), unsetPlane<float>("bary", 2),
+                                       unsetPlane<float>("footprint")})
+        planes.push_back(std::move(p));
+    return Wiring(type(), in, 0).gives({type(), Domain::ViewSample, s_.extent(), std::move(planes)});
   }
   Cost cost(const TermShape&, uint32_t) const override {
     const double rays = double(s_.width) * s_.height * s_.viewSamples;
-    return {rays, 55.0 * rays};
+    return {rays, (all() ? 55.0 : 30.0) * rays};
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
     const BackFaces passed = s_.camera.cullBackFaces ? BackFaces(*ctx.scene, *accel) : BackFaces();
-    std::vector<ShadingArrays> meshes;
-    for (size_t m = 0; m < ctx.scene->meshCount(); ++m) meshes.push_back(ctx.scene->mesh<Facet::Shading>(int(m)));
     const auto& instances = ctx.scene->instances();
     const int w = s_.width, h = s_.height, S = s_.viewSamples;
     const auto& out = ctx.result;
-    const auto P = out->writable<float>("P"), N = out->writable<float>("N"), Ng = out->writable<float>("Ng");
-    const auto uv = out->writable<float>("uv"), depth = out->writable<float>("depth"), bary = out->writable<float>("bary");
-    const auto footprint = out->writable<float>("footprint");
+    const bool positions = s_.part != GBufferPart::Hits;
+    const auto depth = out->writable<float>("depth");
     const auto instance = out->writable<uint32_t>("instance"), primitive = out->writable<uint32_t>("primitive");
+    const auto P = positions ? out->writable<float>("P") : std::span<float>();
+    Shading shading;
+    if (all()) shading = {*ctx.scene, *out};
 
     const FilmRays film(s_.camera, s_.filmWidth(), s_.filmHeight());
     const float left = float(s_.place.x), top = float(s_.place.y);
@@ -86,21 +89,20 @@ class GBufferNode final : public Node {
               for (int i = 0; i < count; ++i) {
                 const size_t at = (size_t(s) * size_t(h) + size_t(y0 + i / wide)) * size_t(w) + size_t(x0 + i % wide);
                 if (!hit[i].valid()) {
-                  for (int c = 0; c < 3; ++c) P[3 * at + c] = N[3 * at + c] = Ng[3 * at + c] = 0.0f;
-                  for (int c = 0; c < 2; ++c) uv[2 * at + c] = bary[2 * at + c] = 0.0f;
-                  footprint[at] = 0.0f;
+                  if (positions)
+                    for (int c = 0; c < 3; ++c) P[3 * at + c] = 0.0f;
+                  if (all()) shading.clear(at);
                   depth[at] = std::numeric_limits<float>::infinity();
                   instance[at] = primitive[at] = kNoHit;
                   continue;
                 }
-                write(*accel, meshes[instances[hit[i].instance].mesh], ray[i], hit[i], at, P, N, Ng, uv);
-                const Vec3 p(P[3 * at], P[3 * at + 1], P[3 * at + 2]);
+                const Vec3 p = place(*accel, hit[i]);
                 depth[at] = glm::length(p - ray[i].origin);
-                footprint[at] = film.footprint(depth[at]);
                 instance[at] = hit[i].instance;
                 primitive[at] = hit[i].primitive;
-                bary[2 * at] = hit[i].u;
-                bary[2 * at + 1] = hit[i].v;
+                if (positions)
+                  for (int c = 0; c < 3; ++c) P[3 * at + c] = p[c];
+                if (all()) shading.write(*accel, instances[hit[i].instance].mesh, ray[i], hit[i], at, film.footprint(depth[at]));
               }
             }
             rays += uint64_t(tall) * uint64_t(w);
@@ -114,36 +116,67 @@ class GBufferNode final : public Node {
 
  private:
   static constexpr int kTile = 4;
-  using ShadingArrays = MeshView<Facet::Shading>;
 
-  /// Position from the triangle's vertices (closer to the surface than origin + t direction), normals towards the viewer.
-  static void write(const Accel& accel, const ShadingArrays& mesh, const Ray& ray, const Hit& hit, size_t at, std::span<float> P, std::span<float> N,
-                    std::span<float> Ng, std::span<float> uv) {
+  bool all() const { return s_.part == GBufferPart::All; }
+
+  /// From the triangle's vertices: closer to the surface than origin + t direction.
+  static Vec3 place(const Accel& accel, const Hit& hit) {
     const InstanceGeometry& g = accel.impl().instances[hit.instance];
     const uint32_t* tri = g.indices + 3 * size_t(hit.primitive);
     const float b[3] = {1.0f - hit.u - hit.v, hit.u, hit.v};
-    Vec3 p(0.0f), n(0.0f);
-    Vec2 t(0.0f);
-    for (int k = 0; k < 3; ++k) {
-      p += b[k] * g.positions[tri[k]];
-      if (!mesh.normals.empty()) n += b[k] * mesh.normals[tri[k]];
-      if (!mesh.uv[0].empty()) t += b[k] * mesh.uv[0][tri[k]];
-    }
-    if (!g.world) p = Vec3(g.toWorld * Vec4(p, 1.0f));
-    const Vec3 ng = glm::dot(hit.Ng, ray.direction) < 0 ? hit.Ng : -hit.Ng;
-    n = g.normalToWorld * n;
-    const float length = glm::length(n);
-    n = length > 1e-12f && std::isfinite(length) ? n / length : ng;
-    if (glm::dot(n, ng) < 0) n = -n;
-    if (glm::dot(n, ray.direction) >= 0) n = ng;  // a shading normal that faces away from the viewer shades nothing
-    for (int c = 0; c < 3; ++c) {
-      P[3 * at + c] = p[c];
-      N[3 * at + c] = n[c];
-      Ng[3 * at + c] = ng[c];
-    }
-    uv[2 * at] = std::isfinite(t.x) ? t.x : 0.0f;
-    uv[2 * at + 1] = std::isfinite(t.y) ? t.y : 0.0f;
+    Vec3 p(0.0f);
+    for (int k = 0; k < 3; ++k) p += b[k] * g.positions[tri[k]];
+    return g.world ? p : Vec3(g.toWorld * Vec4(p, 1.0f));
   }
+
+  /// The planes beside places and ids.
+  struct Shading {
+    std::vector<MeshView<Facet::Shading>> meshes;
+    std::span<float> N, Ng, uv, bary, footprint;
+
+    Shading() = default;
+    Shading(const SceneView& scene, Term& out)
+        : N(out.writable<float>("N")),
+          Ng(out.writable<float>("Ng")),
+          uv(out.writable<float>("uv")),
+          bary(out.writable<float>("bary")),
+          footprint(out.writable<float>("footprint")) {
+      for (size_t m = 0; m < scene.meshCount(); ++m) meshes.push_back(scene.mesh<Facet::Shading>(int(m)));
+    }
+    void clear(size_t at) {
+      for (int c = 0; c < 3; ++c) N[3 * at + c] = Ng[3 * at + c] = 0.0f;
+      for (int c = 0; c < 2; ++c) uv[2 * at + c] = bary[2 * at + c] = 0.0f;
+      footprint[at] = 0.0f;
+    }
+    /// Normals towards the viewer.
+    void write(const Accel& accel, int meshIndex, const Ray& ray, const Hit& hit, size_t at, float width) {
+      const MeshView<Facet::Shading>& mesh = meshes[size_t(meshIndex)];
+      const InstanceGeometry& g = accel.impl().instances[hit.instance];
+      const uint32_t* tri = g.indices + 3 * size_t(hit.primitive);
+      const float b[3] = {1.0f - hit.u - hit.v, hit.u, hit.v};
+      Vec3 n(0.0f);
+      Vec2 t(0.0f);
+      for (int k = 0; k < 3; ++k) {
+        if (!mesh.normals.empty()) n += b[k] * mesh.normals[tri[k]];
+        if (!mesh.uv[0].empty()) t += b[k] * mesh.uv[0][tri[k]];
+      }
+      const Vec3 ng = glm::dot(hit.Ng, ray.direction) < 0 ? hit.Ng : -hit.Ng;
+      n = g.normalToWorld * n;
+      const float length = glm::length(n);
+      n = length > 1e-12f && std::isfinite(length) ? n / length : ng;
+      if (glm::dot(n, ng) < 0) n = -n;
+      if (glm::dot(n, ray.direction) >= 0) n = ng;  // a shading normal that faces away from the viewer shades nothing
+      for (int c = 0; c < 3; ++c) {
+        N[3 * at + c] = n[c];
+        Ng[3 * at + c] = ng[c];
+      }
+      uv[2 * at] = std::isfinite(t.x) ? t.x : 0.0f;
+      uv[2 * at + 1] = std::isfinite(t.y) ? t.y : 0.0f;
+      bary[2 * at] = hit.u;
+      bary[2 * at + 1] = hit.v;
+      footprint[at] = width;
+    }
+  };
 
   GBufferSettings s_;
 };

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The viewer's page in headless Chromium, in front of a real daemon: what docs/live.md says of it. One browser and one daemon for all of it but what ends them."""
 import base64
+import hashlib
 import json
 import os
 import random
@@ -291,6 +292,47 @@ class Hands(PageCase):
         self.assertNotEqual(self.page.run(SUM), plain)
         self.assertNotEqual(self.daemon.get("scenes/mine")["hash"], info["hash"])
 
+    def test_an_object_is_moved_by_its_handle(self):
+        self.daemon.call("scenes", {"source": "cornell", "name": "moving"})
+        self.open("moving")
+        info = self.daemon.get("scenes/moving")
+        ids = memoryview(self.daemon.call("render", self.request() | {"outputs": ["object_id"], "view_samples": 1, "encoding": {"format": "RAW_FLOAT"}})).cast("f")
+        thing = info["instance_names"].index("tall")
+        own = [p for p in range(W * H) if ids[p] == thing]
+        p = own[len(own) // 2]
+        x, y, w, h = self.box()
+        px, py = x + (p % W + 0.5) * w / W, y + (p // W + 0.5) * h / H
+        self.page.mouse("mousePressed", px, py)
+        self.page.mouse("mouseReleased", px, py)
+        place = "(() => { const h = document.querySelector('.handle.object'); if (!h || h.hidden) return null; const r = h.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2] })()"
+        hx, hy = self.page.until(place)
+        self.assertAlmostEqual(hx, px, delta=w / W)
+        self.assertAlmostEqual(hy, py, delta=h / H)
+        plain, before = self.page.run(SUM), self.frames()
+        self.drag(hx, hy, 30, -20)
+        self.page.until(DONE.format(before), 60)
+        self.page.until(f"{SUM} !== {plain}")
+        moved = lambda: memoryview(self.daemon.call("render", self.request() | {"outputs": ["object_id"], "view_samples": 1, "encoding": {"format": "RAW_FLOAT"}})).cast("f")
+
+        def middle(picture):
+            mine = [q for q in range(W * H) if picture[q] == thing]
+            return sum(q % W for q in mine) / len(mine), sum(q // W for q in mine) / len(mine)
+        (ax, ay), (bx, by) = middle(ids), middle(moved())
+        self.assertAlmostEqual(bx - ax, 30 * W / w, delta=1.5)
+        self.assertLess(by, ay, "upwards")
+        # Keys do the same, and the handle goes with the camera.
+        self.page.run("document.querySelector('.handle.object').focus()")
+        hash_before, before = self.daemon.get("scenes/moving")["hash"], self.frames()
+        self.page.key("ArrowLeft")
+        self.page.until(DONE.format(before), 60)
+        self.assertNotEqual(self.daemon.get("scenes/moving")["hash"], hash_before)
+        was = self.page.run(place)
+        self.page.run("document.getElementById('picture').focus()")
+        before = self.frames()
+        self.page.key("ArrowRight")
+        self.page.until(DONE.format(before), 60)
+        self.assertNotEqual(self.page.run(place), was)
+
     def test_handles_stand_where_the_server_sees_them(self):
         # The page's projection against the server's own output `position`, for the scene's camera, one turned here, a lens with a shift and an orthographic one.
         self.open("lights8")
@@ -371,6 +413,19 @@ class Hands(PageCase):
         self.page.call("Input.dispatchKeyEvent", type="keyDown", key="ArrowRight", modifiers=1)
         self.page.until(DONE.format(before), 60)
         self.assertAlmostEqual(self.request()["environment"]["rotation_deg"], request["environment"]["rotation_deg"] + 5, places=3)
+
+    def test_a_sky_that_is_dropped_lights_the_scene(self):
+        self.open("spheres")
+        plain = self.page.run(SUM)
+        sky = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + bytes((200, 40, 10, 129)) * 8
+        self.after("(() => { const map = new DataTransfer(); const t = atob('" + base64.b64encode(sky).decode() + "'); "
+                   "map.items.add(new File([Uint8Array.from(t, (c) => c.charCodeAt(0))], 'evening.hdr')); "
+                   "document.getElementById('picture').dispatchEvent(new DragEvent('drop', {bubbles: true, cancelable: true, dataTransfer: map})); return true })()")
+        self.assertNotEqual(self.page.run(SUM), plain)
+        request = self.request()
+        self.assertEqual(request["environment"]["digest"], hashlib.sha256(sky).hexdigest())
+        png = self.daemon.call("render", {**request, "encoding": {"format": "PNG"}})
+        self.assertLessEqual(self.apart(png), 1, "the picture is the server's under that sky")
 
 
 class Fields(PageCase):

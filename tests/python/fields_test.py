@@ -92,6 +92,8 @@ class Fields(unittest.TestCase):
         matrix[:3, 3] = (1, 2, 3)
         Builder(request).put("instances", {"box": matrix})
         self.assertEqual(list(request.instances["box"].matrix)[12:15], [1, 2, 3])
+        Builder(request).put("instances", {"lid": {"moved_by": (1, 2, 3)}})
+        self.assertEqual((request.instances["lid"].moved_by.y, len(request.instances["lid"].matrix)), (2, 0))
 
     def test_frames(self):
         self.assertEqual(_range(range(0, 10, 3)), {"first": 0, "last": 9, "step": 3})

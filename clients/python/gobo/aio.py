@@ -205,7 +205,7 @@ class AsyncScenes:
         return await self._client._do(lambda c: c.scenes.inspect(scene, timeout=timeout))
 
     async def patch(self, scene: Union[str, Scene], *, materials: Optional[Mapping[str, Mapping[str, Any]]] = None,
-                    instances: Optional[Mapping[str, Union[Sequence[float], np.ndarray]]] = None, lights: Optional[Mapping[str, Light]] = None,
+                    instances: Optional[Mapping[str, Union[Sequence[float], np.ndarray, Mapping[str, Any]]]] = None, lights: Optional[Mapping[str, Light]] = None,
                     timeout: Optional[float] = None) -> Scene:
         """See `Scenes.patch`."""
         return await self._client._do(lambda c: c.scenes.patch(scene, materials=materials, instances=instances, lights=lights, timeout=timeout))

@@ -175,9 +175,10 @@ class Scenes:
         return _scene(self._wire.unary(self._stub.Inspect, service_pb2.InspectSceneRequest(scene=name), timeout))
 
     def patch(self, scene: Union[str, Scene], *, materials: Optional[Mapping[str, Mapping[str, Any]]] = None,
-              instances: Optional[Mapping[str, Union[Sequence[float], np.ndarray]]] = None, lights: Optional[Mapping[str, Light]] = None,
+              instances: Optional[Mapping[str, Union[Sequence[float], np.ndarray, Mapping[str, Any]]]] = None, lights: Optional[Mapping[str, Light]] = None,
               timeout: Optional[float] = None) -> Scene:
-        """Changes a scene in place, for every client. An instance takes a 4x4 matrix (numpy, row-major), or 16 numbers, column-major."""
+        """Changes a scene in place, for every client. An instance takes a 4x4 matrix (numpy, row-major), or 16 numbers, column-major;
+        or {"moved_by": (x, y, z)}, metres from where it is."""
         request = service_pb2.PatchSceneRequest(scene=scene.id if isinstance(scene, Scene) else scene)
         builder = Builder(request)
         for path, value in (("materials", materials), ("instances", instances), ("lights", lights)):

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <functional>
+#include <limits>
 #include <thread>
 
 #include "support/engines.h"
@@ -41,6 +43,45 @@ TEST(ScenePatches, OfPatchesAtTheSameTimeNoneIsLost) {
   int lost = 0;
   for (int k = 0; k < kThreads * kEach; ++k) lost += after->lights(k).power().x() != float(power(k));
   EXPECT_EQ(lost, 0) << "of " << kThreads * kEach;
+}
+
+TEST(ScenePatches, AThingIsMovedFromWhereItIs) {
+  const auto engine = makeEngine();
+  ASSERT_TRUE(engine->openScene("cornell", "cornell").ok());
+  const auto patch = [&](const std::function<void(v1::InstancePatch&)>& fill) {
+    v1::PatchSceneRequest p;
+    p.set_scene("cornell");
+    fill((*p.mutable_instances())["tall"]);
+    return engine->patchScene(p);
+  };
+  const auto matrix = [](v1::InstancePatch& i, float x) {
+    for (int k = 0; k < 16; ++k) i.add_matrix(k == 12 ? x : k % 5 == 0 ? 1.0f : 0.0f);
+  };
+  const auto by = [](v1::InstancePatch& i, double x, double y) {
+    i.mutable_moved_by()->set_x(x);
+    i.mutable_moved_by()->set_y(y);
+  };
+  ASSERT_TRUE(patch([&](auto& i) { matrix(i, 0.25f); }).ok());
+  const auto wanted = engine->inspectScene("cornell");
+  ASSERT_TRUE(patch([&](auto& i) { matrix(i, 0.0f); }).ok());
+  ASSERT_TRUE(patch([&](auto& i) { by(i, 0.5, 1.0); }).ok());
+  EXPECT_NE(engine->inspectScene("cornell")->hash(), wanted->hash());
+  ASSERT_TRUE(patch([&](auto& i) { by(i, -0.25, -1.0); }).ok());  // on top of the first
+  EXPECT_EQ(engine->inspectScene("cornell")->hash(), wanted->hash());
+  ASSERT_TRUE(patch([&](auto& i) {  // on top of a matrix
+    matrix(i, 1.0f);
+    by(i, -0.75, 0.0);
+  }).ok());
+  EXPECT_EQ(engine->inspectScene("cornell")->hash(), wanted->hash());
+
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e39}) {
+    const auto refused = patch([&](auto& i) { by(i, bad, 0.0); });
+    ASSERT_FALSE(refused.ok()) << bad;
+    EXPECT_EQ(refused.status().code(), Code::InvalidArgument);
+    EXPECT_EQ(refused.status().location(), "instances.tall.moved_by");
+  }
+  EXPECT_FALSE(patch([](auto&) {}).ok()) << "neither matrix nor way";
+  EXPECT_EQ(engine->inspectScene("cornell")->hash(), wanted->hash());
 }
 
 TEST(ScenePatches, APatchThatRacesAnUnloadDoesNotBringTheIdBack) {
