@@ -9,6 +9,11 @@ namespace gobo {
 
 namespace {
 constexpr int kMostAsked = 10001;  // what one scene may have: its file and those beside it
+
+Status tooLarge(const std::string& field, const v1::BlobDigest& blob, const UploadLimit& limit) {
+  return {Code::ResourceExhausted,
+          strf("%s = %llu: uploads are limited to %llu bytes (%s)", field.c_str(), (unsigned long long)blob.bytes(), (unsigned long long)limit.bytes, limit.key), field};
+}
 }
 
 grpc::Status BlobsService::Missing(grpc::ServerContext* context, const v1::MissingBlobsRequest* request, v1::MissingBlobsReply* reply) {
@@ -22,9 +27,12 @@ grpc::Status BlobsService::Missing(grpc::ServerContext* context, const v1::Missi
       if (const Status ok = checkSha256(blob.sha256(), place + ".sha256"); !ok.ok()) return toGrpc(ok);
       if (blob.bytes() == 0) return toGrpc(invalidArgument(place + ".bytes = 0: must be the file's size", place + ".bytes"));
     }
-    for (const v1::BlobDigest& blob : request->blobs()) {
+    for (int i = 0; i < request->blobs_size(); ++i) {
+      const v1::BlobDigest& blob = request->blobs(i);
       const uint64_t received = core_.files->received(rpc.renderOwner(), blob.sha256(), blob.bytes());
       if (received == blob.bytes()) continue;
+      // What could not be put is refused before anything of it, or of the files beside it, is sent.
+      if (const UploadLimit limit = uploadLimit(rpc); blob.bytes() > limit.bytes) return rpc.refuse("upload_bytes", tooLarge(strf("missing.blobs[%d].bytes", i), blob, limit));
       v1::MissingBlob& missing = *reply->add_missing();
       *missing.mutable_blob() = blob;
       missing.set_received(received);
@@ -54,10 +62,7 @@ grpc::Status BlobsService::put(Rpc& rpc, grpc::ServerReader<v1::PutBlobRequest>&
       const v1::BlobDigest& blob = message.blob();
       const UploadLimit limit = uploadLimit(rpc);
       if (blob.bytes() > limit.bytes)
-        return rpc.refuse("upload_bytes", {Code::ResourceExhausted,
-                                           strf("put.blob.bytes = %llu: uploads are limited to %llu bytes (%s)", (unsigned long long)blob.bytes(),
-                                                (unsigned long long)limit.bytes, limit.key),
-                                           "put.blob.bytes"});
+        return rpc.refuse("upload_bytes", tooLarge("put.blob.bytes", blob, limit));
       auto begun = core_.files->begin(rpc.renderOwner(), blob.sha256(), blob.bytes(), message.offset(), call.stop.token());
       if (begun.status().code() == Code::Aborted) return rpc.refuseBusy("blobs", begun.status().message(), 200);
       if (begun.status().code() == Code::ResourceExhausted) return rpc.refuse("blobs", begun.status());

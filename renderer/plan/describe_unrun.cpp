@@ -61,14 +61,13 @@ void addPrunedRows(const Graph& graph, google::protobuf::RepeatedPtrField<v1::No
   }
 }
 
-double expectedMs(const Plan& plan, Executor& executor, const TermStore& store, int threads, uint32_t blocks) {
+double expectedMs(const Plan& plan, Executor& executor, const TermStore& store, int threads) {
   Rows rows(plan, executor, store);
   for (const NodeId id : plan.expanded) rows.ask(id);
   for (const PlannedOutput& o : plan.outputs) rows.ask(o.node);
   double ns = 0;
   for (NodeId id = 0; id < plan.graph.size(); ++id) {
-    const GraphNode& n = plan.graph.at(id);
-    if (const int made = rows.makings[size_t(id)]; made > 0) ns += made * rows.cost(id, n.node->traits().extendable ? blocks : n.blocks).ns;
+    if (const int made = rows.makings[size_t(id)]; made > 0) ns += made * rows.cost(id, plan.graph.at(id).blocks).ns;
   }
   return ns * 1e-6 / threads;
 }

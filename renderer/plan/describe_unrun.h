@@ -11,8 +11,8 @@ namespace gobo {
 /// Fills everything but `resolved`. `executor` is of plan.graph and has run nothing.
 void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store, int threads, v1::PlanReply& reply);
 
-/// Milliseconds that running it now would take on an idle machine, with nodes that extend at `blocks` blocks.
-double expectedMs(const Plan& plan, Executor& executor, const TermStore& store, int threads, uint32_t blocks);
+/// Milliseconds that running it now would take on an idle machine.
+double expectedMs(const Plan& plan, Executor& executor, const TermStore& store, int threads);
 
 /// Rows of what was left out of the plan, and why; of replies too.
 void addPrunedRows(const Graph& graph, google::protobuf::RepeatedPtrField<v1::NodeReport>& rows);

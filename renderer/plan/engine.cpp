@@ -297,12 +297,13 @@ Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePt
   MappedGuard guard(*scene, request.scene());
   PlannerServices services = impl_->plannerServices(request.scene(), stop, guard, environmentFile, false);
   services.expand = nullptr;
-  const auto plan = makePlan(scene, prepared.resolved, 1, services);
+  // With all its samples: what is there of fewer is not what was asked for.
+  const auto plan = makePlan(scene, prepared.resolved, prepared.resolved.halt().has_spp() ? passesFor(prepared.resolved.halt().spp()) : 1, services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
   prepared.pinnedBytes = (*plan)->pinnedBytes;
-  if (const v1::Halt& halt = prepared.resolved.halt(); halt.has_spp()) {
+  if (prepared.resolved.halt().has_spp()) {
     Executor executor((*plan)->graph, impl_->executorServices(guard, false, request.scene()), stop);
-    prepared.expectedMs = expectedMs(**plan, executor, *impl_->store, impl_->arena.threads(), passesFor(halt.spp()));
+    prepared.expectedMs = expectedMs(**plan, executor, *impl_->store, impl_->arena.threads());
     prepared.small = prepared.expectedMs <= kSmallMs && !prepared.resolved.has_certificate() && (*plan)->expanded.empty();
   }
   return prepared;

@@ -400,6 +400,15 @@ for (const name of ['there.exr', 'fresh.HDR', 'fresh.HDR', 'notes.txt']) {
         there, new = hashlib.sha256(data).hexdigest(), hashlib.sha256(fresh).hexdigest()
         self.assertEqual(done.stdout.splitlines(), [f"there.exr {there} 0", f"fresh.HDR {new} {len(fresh)}", f"fresh.HDR {new} 0", "INVALID_ARGUMENT"], done.stderr)
 
+    def test_a_terabyte_is_refused_before_it_is_sent(self):
+        with socket.create_connection(("127.0.0.1", self.port), 10) as caller:
+            caller.sendall(f"POST /v1/blobs/{'0' * 64}?bytes={1 << 40} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/octet-stream\r\n"
+                           f"Content-Length: {1 << 40}\r\n\r\n".encode())
+            answer = http.client.HTTPResponse(caller)
+            answer.begin()
+            self.assertEqual(answer.status, 429)
+            self.assertRegex(json.loads(answer.read())["error"]["message"], r"bytes = 1099511627776: uploads are limited to \d+ bytes \(limits\.")
+
     def test_what_is_refused(self):
         data = b"some bytes"
         address = f"/v1/blobs/{hashlib.sha256(data).hexdigest()}?bytes=10"

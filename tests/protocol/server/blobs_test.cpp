@@ -206,6 +206,11 @@ TEST_F(Blobs, EveryRefusalHasItsCode) {
   refused(missing(request, reply, ""), grpc::INVALID_ARGUMENT, {"missing.blobs[0].sha256 = \"x\""});
   request.mutable_blobs(0)->set_sha256(hashOf(data));
   refused(missing(request, reply, ""), grpc::INVALID_ARGUMENT, {"missing.blobs[0].bytes = 0"});
+  request.mutable_blobs(0)->set_bytes(data.size());
+  *request.add_blobs() = first(data).blob();
+  request.mutable_blobs(1)->set_sha256(std::string(64, '7'));
+  request.mutable_blobs(1)->set_bytes(1ull << 50);  // before anything is sent of either
+  refused(missing(request, reply, ""), grpc::RESOURCE_EXHAUSTED, {"missing.blobs[1].bytes = 1125899906842624: uploads are limited to"});
   request.clear_blobs();
   for (int i = 0; i < 10002; ++i) *request.add_blobs() = first(data).blob();
   refused(missing(request, reply, ""), grpc::INVALID_ARGUMENT, {"missing.blobs: 10002"});

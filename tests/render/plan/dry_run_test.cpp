@@ -72,5 +72,20 @@ TEST(DryRun, SaysThatTheSamplesAreNotKnown) {
   EXPECT_NE(planned->warnings(planned->warnings_size() - 1).find("time_s"), std::string::npos);
 }
 
+TEST(DryRun, ManySamplesAreNoSmallRenderBecauseOneIsThere) {
+  const auto engine = makeEngine();
+  const v1::RenderRequest many = smallRequest("cornell", 160, 120, 4096), one = smallRequest("cornell", 160, 120, 1);
+  const auto before = engine->prepare(many);
+  ASSERT_TRUE(before.ok());
+  EXPECT_FALSE(before->small);
+  ASSERT_TRUE(engine->render(one).ok());
+  const auto there = engine->prepare(one), after = engine->prepare(many);
+  ASSERT_TRUE(there.ok() && after.ok());
+  EXPECT_TRUE(there->small);
+  EXPECT_LT(there->expectedMs, 1e-3 * before->expectedMs);
+  EXPECT_FALSE(after->small);
+  EXPECT_GT(after->expectedMs, 0.9 * before->expectedMs);
+}
+
 }  // namespace
 }  // namespace gobo::testing
