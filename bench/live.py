@@ -28,9 +28,11 @@ HALT = {"spp": 64}
 
 
 class Daemon:
-    def __init__(self, build, roots):
+    def __init__(self, build, roots, config=""):
         self.folder = tempfile.TemporaryDirectory(prefix="gobo-live-")
-        command = [f"{build}/server/gobod", "--listen", f"unix:{self.folder.name}/s", "--web", "127.0.0.1:0", "--log", "error"]
+        with open(f"{self.folder.name}/gobod.toml", "w", encoding="utf-8") as file:
+            file.write(config.replace("FOLDER", self.folder.name))
+        command = [f"{build}/server/gobod", "--config", f"{self.folder.name}/gobod.toml", "--listen", f"unix:{self.folder.name}/s", "--web", "127.0.0.1:0", "--log", "error"]
         for root in roots:
             command += ["--root", root]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE)

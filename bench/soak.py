@@ -191,7 +191,7 @@ def main():
     parser.add_argument("--only", help="one of them, by its name")
     options = parser.parse_args()
     left = 0
-    with live.Daemon(options.build, []) as daemon:
+    with live.Daemon(options.build, [], '[limits]\nupload_bytes = "4GiB"\n[blobs]\nfolder = "FOLDER/blobs"\nbytes = "8GiB"\n') as daemon:
         scene = daemon.json("/v1/scenes", {"source": "cornell"})
 
         def siege(attack):

@@ -130,6 +130,7 @@ struct Engine::Impl {
   Clock::time_point started = Clock::now();
   std::atomic<uint64_t> renders{0};
 
+  RungPace pace;
   RememberedRenders remembered{options.keepRenders, options.keepRendersBytes};
   std::vector<std::shared_ptr<const MemoryHolder>> accounts;
 
@@ -576,8 +577,11 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
   if (ladder) {
     RenderControl how = control;
     how.checkpoints = nullptr;  // of the picture that was asked for
-    if (const std::optional<v1::RenderRequest> small = smallRung(resolved)) {
+    const uint32_t shrink = pace.shrink(resolved.scene_hash(), uint64_t(resolved.width()) * resolved.height(), control.waiting ? control.waiting() : 0);
+    if (const std::optional<v1::RenderRequest> small = smallRung(resolved, shrink)) {
+      const auto begun = Clock::now();
       GOBO_ASSIGN(RenderResult picture, once(*small, 1, how));
+      if (picture.reply.rays() > 0) pace.took(resolved.scene_hash(), uint64_t(small->width()) * small->height(), msSince(begun));  // else it was there
       show(picture);
     }
   }

@@ -9,21 +9,40 @@ namespace gobo {
 
 namespace {
 
-constexpr uint32_t kShrink = 4;
 constexpr uint64_t kSmall = 128 * 128;  // pixels that are there at once
 constexpr double kSoonMs = 60;          // pictures that would follow each other faster than this are left out
+constexpr double kLookMs = 50;          // a small picture alone
+constexpr double kTurnMs = 200;         // small pictures of all who wait
+constexpr size_t kScenes = 256;         // that RungPace knows
 constexpr double kWorthTrying = 1.5;    // how much longer than the time that is left a pass may be expected to take: it is dropped if it does
 
 }  // namespace
 
-std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved) {
+uint32_t RungPace::shrink(const std::string& scene, uint64_t pixels, size_t waiting) const {
+  const std::lock_guard lock(mutex_);
+  const auto known = msPerPixel_.find(scene);
+  if (known == msPerPixel_.end()) return kShrink;
+  const double ms = known->second * double(pixels) / (kShrink * kShrink);
+  return ms > kLookMs || ms * double(waiting + 1) > kTurnMs ? kShrinkMore : kShrink;
+}
+
+void RungPace::took(const std::string& scene, uint64_t pixels, double ms) {
+  if (pixels == 0 || !(ms > 0)) return;
+  const std::lock_guard lock(mutex_);
+  if (msPerPixel_.size() >= kScenes && !msPerPixel_.count(scene)) msPerPixel_.clear();
+  const auto [at, fresh] = msPerPixel_.emplace(scene, ms / double(pixels));
+  const double now = ms / double(pixels);  // the first one has in it what is made once
+  if (!fresh) at->second = now < at->second ? now : at->second + 0.25 * (now - at->second);
+}
+
+std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved, uint32_t shrink) {
   if (resolved.has_window() || uint64_t(resolved.width()) * resolved.height() <= kSmall) return std::nullopt;
   v1::RenderRequest rung = resolved;
   rung.clear_certificate();  // of the reply alone
   rung.clear_halt();
   rung.mutable_halt()->set_spp(1);
-  rung.set_width(std::max(1u, resolved.width() / kShrink));
-  rung.set_height(std::max(1u, resolved.height() / kShrink));
+  rung.set_width(std::max(1u, resolved.width() / shrink));
+  rung.set_height(std::max(1u, resolved.height() / shrink));
   // Intrinsics are in pixels of the picture.
   const double x = double(rung.width()) / resolved.width(), y = double(rung.height()) / resolved.height();
   if (rung.has_camera()) {

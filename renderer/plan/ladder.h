@@ -4,14 +4,34 @@
 // the last has the bits that it has without the others.
 #pragma once
 
+#include <map>
+#include <mutex>
 #include <optional>
+#include <string>
 
 #include "gobo/v1/render.pb.h"
 
 namespace gobo {
 
-/// A quarter of the size each way; nothing for pictures that are small themselves, and for windows (their place in the whole is what they are).
-std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved);
+/// How much smaller each way the small picture is.
+inline constexpr uint32_t kShrink = 4, kShrinkMore = 8;
+
+/// How long small pictures of each scene took, so that the next one is there soon: smaller where that takes longer than a look, or where so many wait that
+/// each has a long turn. Thread-safe.
+class RungPace {
+ public:
+  /// kShrink, or kShrinkMore: of a picture of `pixels` that `waiting` others wait for as well.
+  uint32_t shrink(const std::string& scene, uint64_t pixels, size_t waiting) const;
+  /// A picture of `pixels` took `ms`.
+  void took(const std::string& scene, uint64_t pixels, double ms);
+
+ private:
+  mutable std::mutex mutex_;
+  std::map<std::string, double> msPerPixel_;  // bounded: forgotten all at once
+};
+
+/// A quarter of the size each way, or as `shrink` says; nothing for pictures that are small themselves, and for windows (their place in the whole is what they are).
+std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved, uint32_t shrink = kShrink);
 
 /// How many samples a pixel the next picture shall have, when `spp` of at most `most` are there. Times in ms.
 struct RungTimes {

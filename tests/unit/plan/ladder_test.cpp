@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "base/hash.h"
 #include "base/sobol.h"
 #include "trace/sample_passes.h"
@@ -75,6 +77,32 @@ TEST(Ladder, SmallPicturesAndWindowsHaveNoSmallerOne) {
   EXPECT_EQ(smallRung(r)->height(), 1u);
   r.mutable_window()->set_width(4);
   EXPECT_FALSE(smallRung(r));
+}
+
+TEST(Ladder, SmallPicturesAreSmallerWhereTheyComeLate) {
+  RungPace pace;
+  const uint64_t pixels = 640 * 480;
+  EXPECT_EQ(pace.shrink("new", pixels, 100), kShrink) << "nothing is known";
+  pace.took("quick", pixels / 16, 10);
+  EXPECT_EQ(pace.shrink("quick", pixels, 0), kShrink);
+  EXPECT_EQ(pace.shrink("quick", pixels, 15), kShrink);  // 160 ms for all
+  EXPECT_EQ(pace.shrink("quick", pixels, 31), kShrinkMore);
+  EXPECT_EQ(pace.shrink("quick", 8 * pixels, 0), kShrinkMore);
+  pace.took("slow", pixels / 64, 20);  // a small one of a slow scene says as much
+  EXPECT_EQ(pace.shrink("slow", pixels, 0), kShrinkMore);
+  EXPECT_EQ(pace.shrink("slow", pixels / 4, 0), kShrink);
+  EXPECT_EQ(pace.shrink("quick", pixels, 0), kShrink) << "each scene for itself";
+  for (int i = 0; i < 40; ++i) pace.took("slow", pixels / 16, 10);
+  EXPECT_EQ(pace.shrink("slow", pixels, 0), kShrink) << "it learns";
+  pace.took("none", 0, 10);
+  pace.took("none", 10, std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(pace.shrink("none", pixels, 100), kShrink);
+
+  v1::RenderRequest r;
+  r.set_width(1280);
+  r.set_height(720);
+  EXPECT_EQ(smallRung(r, kShrinkMore)->width(), 160u);
+  EXPECT_EQ(smallRung(r, kShrinkMore)->height(), 90u);
 }
 
 }  // namespace
