@@ -13,6 +13,7 @@ constexpr uint64_t kSmall = 128 * 128;  // pixels that are there at once
 constexpr double kSoonMs = 60;          // pictures that would follow each other faster than this are left out
 constexpr double kLookMs = 50;          // a small picture alone
 constexpr double kTurnMs = 200;         // small pictures of all who wait
+constexpr uint64_t kLeast = 4096;       // pixels of a picture that is an eighth of another
 constexpr size_t kScenes = 256;         // that RungPace knows
 constexpr double kWorthTrying = 1.5;    // how much longer than the time that is left a pass may be expected to take: it is dropped if it does
 
@@ -21,7 +22,8 @@ constexpr double kWorthTrying = 1.5;    // how much longer than the time that is
 uint32_t RungPace::shrink(const std::string& scene, uint64_t pixels, size_t waiting) const {
   const std::lock_guard lock(mutex_);
   const auto known = msPerPixel_.find(scene);
-  if (known == msPerPixel_.end()) return kShrink;
+  if (pixels < kShrinkMore * kShrinkMore * kLeast) return kShrink;
+  if (known == msPerPixel_.end()) return kShrinkMore;
   const double ms = known->second * double(pixels) / (kShrink * kShrink);
   return ms > kLookMs || ms * double(waiting + 1) > kTurnMs ? kShrinkMore : kShrink;
 }

@@ -17,7 +17,7 @@ namespace gobo {
 inline constexpr uint32_t kShrink = 4, kShrinkMore = 8;
 
 /// How long small pictures of each scene took, so that the next one is there soon: smaller where that takes longer than a look, or where so many wait that
-/// each has a long turn. Thread-safe.
+/// each has a long turn, and where nobody knows yet. Thread-safe.
 class RungPace {
  public:
   /// kShrink, or kShrinkMore: of a picture of `pixels` that `waiting` others wait for as well.

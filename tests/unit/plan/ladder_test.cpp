@@ -82,7 +82,8 @@ TEST(Ladder, SmallPicturesAndWindowsHaveNoSmallerOne) {
 TEST(Ladder, SmallPicturesAreSmallerWhereTheyComeLate) {
   RungPace pace;
   const uint64_t pixels = 640 * 480;
-  EXPECT_EQ(pace.shrink("new", pixels, 100), kShrink) << "nothing is known";
+  EXPECT_EQ(pace.shrink("new", pixels, 0), kShrinkMore) << "nothing is known";
+  EXPECT_EQ(pace.shrink("new", pixels / 4, 100), kShrink) << "it would be too small to see anything";
   pace.took("quick", pixels / 16, 10);
   EXPECT_EQ(pace.shrink("quick", pixels, 0), kShrink);
   EXPECT_EQ(pace.shrink("quick", pixels, 15), kShrink);  // 160 ms for all
@@ -96,7 +97,7 @@ TEST(Ladder, SmallPicturesAreSmallerWhereTheyComeLate) {
   EXPECT_EQ(pace.shrink("slow", pixels, 0), kShrink) << "it learns";
   pace.took("none", 0, 10);
   pace.took("none", 10, std::numeric_limits<double>::quiet_NaN());
-  EXPECT_EQ(pace.shrink("none", pixels, 100), kShrink);
+  EXPECT_EQ(pace.shrink("none", pixels, 0), kShrinkMore) << "still nothing is known";
 
   v1::RenderRequest r;
   r.set_width(1280);
