@@ -17,6 +17,7 @@
 #include "server/auth.h"
 #include "server/config.h"
 #include "server/device_probe.h"
+#include "server/encode_pace.h"
 #include "server/freed_memory.h"
 #include "server/idle_watch.h"
 #include "server/job_runner.h"
@@ -49,6 +50,7 @@ class ServerCore {
   IdleWatch idle;
   FreedMemory freed;
   SharedLimit uploads, watches;           ///< calls in progress
+  EncodePace encodePace;
   SharedLimit replies;                    ///< bytes of pictures that are being made or sent
   Sessions sessions;                      ///< of viewers
   SharedLimit edits{Sessions::kWaiting};  ///< requests that wait for their turn in a session, of which one client may have half

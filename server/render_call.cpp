@@ -78,6 +78,7 @@ void RenderCall::work() {
   RestEstimate rest(prepared->resolved.halt(), prepared->expectedMs);
   control.owner = options_.owner;
   control.access = options_.access;
+  control.afterwardsMs = options_.encodeMs;
   control.waiting = [this] { return core_.jobs.stats().classes[size_t(JobClass::Interactive)].queued; };
   if (options_.events) {
     control.progress = [this, &rest](const v1::Progress& progress) {

@@ -25,6 +25,7 @@ struct RenderCallOptions {
   bool events = false;  ///< progress and snapshots wanted
   std::string payer;    ///< whose part of ServerCore::replies it takes, from the first run to its end
   uint64_t replyBytes = 0;
+  double encodeMs = 0;          ///< that its picture is expected to take once it is made, of halt.time_s
   std::string environmentFile;  ///< see PreparedRender
 };
 

@@ -111,11 +111,16 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   // The picture as floats and as it is sent, chunks on their way included.
   options.environmentFile = environment->path;
   options.replyBytes = 32ull * resolved->width() * resolved->height() * uint64_t(std::max(1, resolved->outputs_size())) + 2 * core_.live()->chunkBytes;
+  const v1::Encoding::Format format = resolved->encoding().format();
+  const uint64_t pixels = uint64_t(resolved->width()) * resolved->height() * uint64_t(std::max(1, resolved->outputs_size()));
+  options.encodeMs = core_.encodePace.expectedMs(format, pixels);
   const auto render = std::make_unique<RenderCall>(core_, call.stop, request, options);
   Clock::time_point lastProgress = begun - kProgressGap;
   bool newer = false;
   const auto encodeAndDeliver = [&](RenderResult& result, bool last) -> Status {
+    const auto made = Clock::now();
     GOBO_ASSIGN(std::vector<EncodedImage> images, encodeImages(result));
+    if (last) core_.encodePace.took(format, pixels, std::chrono::duration<double, std::milli>(Clock::now() - made).count());
     v1::RenderReply reply = result.reply;
     if (!deliver(std::move(reply), std::move(images), last)) gone = true;
     return {};

@@ -593,6 +593,7 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
   RenderControl how = control;
   v1::RenderRequest uncertain = resolved;  // a certificate of what is only looked at would cost more than it
   uncertain.clear_certificate();
+  const double timeMs = halt.time_s() * 1e3 - std::min(control.afterwardsMs, 0.5 * halt.time_s() * 1e3);
   NoiseOfPicture noise;
   std::optional<RenderResult> before;
   uint32_t had = 0;
@@ -604,10 +605,11 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
     RenderResult& picture = *made;
     picture.reply.set_standard_error(noise.after(picture.images, samplesOf(passesFor(spp))));
     const double elapsed = msSince(start);
-    const double timeLeft = halt.has_time_s() ? std::max(0.0, halt.time_s() * 1e3 - elapsed) : -1.0;
+    const double timeLeft = halt.has_time_s() ? std::max(0.0, timeMs - elapsed) : -1.0;
     const bool errorMet = halt.has_error() && picture.reply.certificate().rmse_high() <= halt.error();
     const bool hopeless = halt.has_error() && !halt.has_time_s() && !errorMet && floor.reached(picture.reply.certificate(), halt.error());
-    const RungTimes times{msSince(begun) / double(spp - had), had == 0, timeLeft};
+    // How long samples take is known where some were traced: those that were there already came at once.
+    const RungTimes times{picture.reply.rays() > 0 ? msSince(begun) / double(spp - had) : 0.0, had == 0, timeLeft};
     const uint32_t next = nextRung(spp, most, times);
     if (halt.has_time_s() && had == 0 && timeLeft == 0.0 && extendable)
       picture.reply.add_warnings("request.halt.time_s = " + std::to_string(halt.time_s()) + ": " +
@@ -623,7 +625,7 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
     spp = next;
     if (halt.has_time_s()) {
       before = std::move(picture);
-      how.stop = control.stop.until(start + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(halt.time_s())));
+      how.stop = control.stop.until(start + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double, std::milli>(timeMs)));
     }
   }
 }

@@ -77,6 +77,7 @@ struct RenderControl {
   std::function<void(const v1::Progress&)> progress;  ///< may be empty
   std::function<void(const RenderResult&)> snapshot;  ///< may be empty; progressive requests
   bool ladder = false;                                ///< snapshots begin with those of plan/ladder.h, if the request wants them (scheduling.ladder)
+  double afterwardsMs = 0;                            ///< of request.halt.time_s, that whoever asked takes for what he does with the picture
   std::function<size_t()> waiting;                    ///< how many others wait for a first picture of theirs; may be empty: none
   std::shared_ptr<const Scene> scene;                 ///< rendered instead of what request.scene names now, if set
   RenderCheckpoints* checkpoints = nullptr;           ///< states to go on from and to be kept; may be null

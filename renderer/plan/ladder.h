@@ -35,7 +35,7 @@ std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved, ui
 
 /// How many samples a pixel the next picture shall have, when `spp` of at most `most` are there. Times in ms.
 struct RungTimes {
-  double perSample = 0;  ///< that the last samples of all pixels took, each
+  double perSample = 0;  ///< that the last samples of all pixels took, each; 0: nobody knows
   bool rough = false;    ///< that has in it what is made once
   double left = -1;      ///< until the time that the request gives is up; negative: it gives none
 };
