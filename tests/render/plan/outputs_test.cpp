@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "plan/outputs.h"
 #include "support/engines.h"
 
 namespace gobo::testing {
@@ -221,6 +222,35 @@ TEST(Outputs, UnknownOnesAndBadEncodingsAreRefusedByName) {
   refused({"encoding.layers=true", "encoding.format=PNG"}, "encoding.layers");
   refused({"encoding.png_bits=12"}, "encoding.png_bits");
   refused({"encoding.dwa_level=0"}, "dwa_level");
+}
+
+/// A G-buffer holds what its request needs: whatever was asked for before and beside, the picture is the same.
+TEST(Outputs, OfFirstHitsAreTheSameWhateverIsAskedForBesideThem) {
+  v1::RenderRequest r = smallRequest("spheres", 21, 13, 1);
+  std::map<std::string, RenderResult> alone;
+  for (const OutputInfo& o : outputTable())
+    if (showsFirstHits(o)) {
+      set(r, (std::string("outputs=") + o.name).c_str());
+      alone.emplace(o.name, mustRender(*makeEngine(0), r));
+    }
+  ASSERT_GE(alone.size(), 9u);
+  const auto warm = makeEngine();
+  for (const auto& [first, one] : alone)
+    for (const auto& [second, two] : alone) {
+      set(r, ("outputs=" + first + "," + second).c_str());
+      const RenderResult both = mustRender(*warm, r);
+      ASSERT_EQ(both.images.size(), 2u);
+      EXPECT_EQ(both.images[0].image().data, one.images[0].image().data) << first << " beside " << second;
+      EXPECT_EQ(both.images[1].image().data, two.images[0].image().data) << second << " beside " << first;
+      set(r, ("outputs=" + first).c_str());
+      EXPECT_EQ(mustRender(*warm, r).images[0].image().data, one.images[0].image().data) << first << " after " << second;
+    }
+  const auto bytes = [&](const char* outputs) {
+    set(r, (std::string("outputs=") + outputs).c_str());
+    return nodesBy(mustRender(*makeEngine(0), r), v1::NodeReport::RUN).at("gbuffer").bytes();
+  };
+  EXPECT_LT(3 * bytes("depth,object_id,material_id,alpha"), bytes("normal")) << "what nobody asked for is not made";
+  EXPECT_LT(2 * bytes("z_depth,position,depth"), bytes("normal"));
 }
 
 // ---- pictures of shadow maps -----------------------------------------------------------------------------------------------------
