@@ -18,8 +18,8 @@ bool ofTheOpening(std::string_view path) { return path.starts_with("tone_map.") 
 
 /// First-hit outputs and those of shadows that are of one moment: ids and places have no mean, and a mean over what is hit is none of means.
 bool hasMean(std::string_view output) {
-  constexpr std::string_view first[] = {"normal",        "position",    "depth",       "z_depth",      "object_id",    "material_id",  "motion",
-                                        "variance",      "unoccluded:", "visibility:", "shadow_flags:", "shadow_rays:", "shadow_width:", "shadow_basis:"};
+  constexpr std::string_view first[] = {"normal",   "position",    "depth",       "z_depth",       "object_id",    "material_id",   "motion",
+                                        "variance", "unoccluded:", "visibility:", "shadow_flags:", "shadow_rays:", "shadow_width:", "shadow_basis:"};
   return std::none_of(std::begin(first), std::end(first), [&](std::string_view o) { return o.ends_with(':') ? output.starts_with(o) : output == o; });
 }
 
@@ -29,7 +29,8 @@ Status refuseMoments(const v1::RenderRequest& r) {
   for (const std::string& o : r.outputs())
     if (!hasMean(o)) return refuse("request.outputs", "output '" + o + "' is of one moment; ask for it without a shutter, or leave it out");
   if (r.has_denoise()) return refuse("request.denoise", "request.denoise knows pictures of one moment; leave out one of them");
-  if (r.halt().has_error()) return refuse("request.halt.error", "request.halt.error is measured by a certificate, which is of one moment; give halt.spp or time_s");
+  if (r.halt().has_error())
+    return refuse("request.halt.error", "request.halt.error is measured by a certificate, which is of one moment; give halt.spp or time_s");
   if (r.has_certificate()) return refuse("request.certificate", "request.certificate is of one moment; leave out one of them");
   return {};
 }
