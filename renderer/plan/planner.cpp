@@ -59,20 +59,30 @@ Status planBeauty(PlanContext& c, std::span<const Technique* const> techniques) 
   return c.cover().complete();
 }
 
+/// A sky, as the request has it and as a map.
+struct Sky {
+  std::string settings;
+  EnvironmentPtr map;
+};
+
 /// A picture of one moment: what is asked of it, and the scene as it is then.
 struct Moment {
   v1::RenderRequest request;
   EffectiveScene effective;
   RelightGroups groups;
+  Sky sky;
 };
 
-/// Moment k of a shutter's, or the only one there is.
-Result<Moment> momentOf(const ScenePtr& base, const v1::RenderRequest& request, uint32_t k, const PlannerServices& services) {
+/// Moment k of a shutter's, or the only one there is. `before`: another one, or none.
+Result<Moment> momentOf(const ScenePtr& base, const v1::RenderRequest& request, uint32_t k, const Sky& before, const PlannerServices& services) {
   Moment m;
   if (hasShutter(request)) {
     GOBO_ASSIGN(m.request, sliceRequest(request, k));
   } else m.request = request;
-  GOBO_ASSIGN(m.effective, makeEffectiveScene(base, m.request, services.loadEnvironment, services.poseScene, services.stop));
+  m.sky.settings = m.request.environment().sky().SerializeAsString();
+  const EnvironmentPtr known = before.settings == m.sky.settings ? before.map : nullptr;
+  GOBO_ASSIGN(m.effective, makeEffectiveScene(base, m.request, services.loadEnvironment, services.poseScene, services.stop, known));
+  m.sky.map = m.effective.sky;
   GOBO_TRY(checkOutputs(*m.effective.scene, m.request));
   m.groups = makeGroups(*m.effective.scene, int(m.request.integrator().max_groups()), services.stop);
   if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
@@ -124,13 +134,24 @@ Result<uint64_t> planMoment(Plan& plan, std::vector<PlannedOutput>& planned, con
   return context.reserved();
 }
 
-/// Of meshes that are not the loaded scene's.
+/// Poses of a shutter's slices are made before anything is admitted, and are there at once.
+constexpr uint64_t kMostPoseBytes = 4ull << 30;
+
+/// Of what a pose does not share with the loaded scene: its lists, and mesh arrays that are others. (Meshes of a variant share theirs.)
 uint64_t bytesOfPose(const Scene& posed, const Scene& base) {
-  uint64_t bytes = 0;
-  for (const MeshPtr& m : posed.meshes) {
-    if (std::find(base.meshes.begin(), base.meshes.end(), m) != base.meshes.end()) continue;
-    bytes += (m->positions.size() + m->normals.size()) * sizeof(Vec3) + (m->tangents.size() + m->colours.size()) * sizeof(Vec4);
-    for (const Array<Vec2>& set : m->uv) bytes += set.size() * sizeof(Vec2);
+  if (&posed == &base) return 0;
+  uint64_t bytes = posed.instances.size() * sizeof(Instance) + posed.lights.size() * sizeof(Light) + posed.materials.size() * sizeof(Material);
+  const auto add = [&](const auto& array, const auto& rest) {
+    if (array.data() != rest.data()) bytes += array.size() * sizeof(array[0]);
+  };
+  for (size_t i = 0; i < std::min(posed.meshes.size(), base.meshes.size()); ++i) {
+    const Mesh &m = *posed.meshes[i], &rest = *base.meshes[i];
+    if (&m == &rest) continue;
+    add(m.positions, rest.positions);
+    add(m.normals, rest.normals);
+    add(m.tangents, rest.tangents);
+    add(m.colours, rest.colours);
+    for (size_t u = 0; u < std::size(m.uv); ++u) add(m.uv[u], rest.uv[u]);
   }
   return bytes;
 }
@@ -142,14 +163,23 @@ Result<uint64_t> planSlices(Plan& plan, const ScenePtr& base, const v1::RenderRe
   std::vector<NodeId> pictures;
   std::vector<SlicePlane> planes;
   uint64_t reserved = 0, poses = 0;
+  Sky sky;
   for (uint32_t k = 0; k < slices; ++k) {
-    GOBO_ASSIGN(Moment moment, momentOf(base, request, k, services));
+    GOBO_ASSIGN(Moment moment, momentOf(base, request, k, sky, services));
+    sky = moment.sky;
+    poses += bytesOfPose(*moment.effective.scene, *base);  // the graph has all of them
+    if (poses / (k + 1) * slices > kMostPoseBytes) {
+      const uint64_t gib = poses / (k + 1) * slices >> 30;
+      return Status(Code::ResourceExhausted,
+                    "request.camera.shutter_slices = " + std::to_string(slices) + ": that many poses of the scene are " + std::to_string(gib) +
+                        " GiB; must be less than " + std::to_string(kMostPoseBytes >> 30),
+                    "request.camera.shutter_slices");
+    }
     const NodeId first = plan.graph.size();
     std::vector<PlannedOutput> planned;
     GOBO_ASSIGN(const uint64_t held, planMoment(plan, planned, base, moment, passes, window, services));
     plan.graph.addToLabels(first, ":slice " + std::to_string(k + 1));
     reserved = std::max(reserved, held);
-    poses += bytesOfPose(*moment.effective.scene, *base);  // the graph has all of them
     for (const PlannedOutput& o : planned) {
       pictures.push_back(o.node);
       if (k == 0) planes.push_back({o.plane, plan.graph.at(o.node).shape.find(o.plane)->channels, o.name != "sample_count"});
@@ -177,10 +207,13 @@ Result<uint64_t> planNodes(Plan& plan, std::optional<Moment>& only, const SceneP
   uint64_t reserved = 0;
   if (hasShutter(request) && !mayMove(*base, request))
     addNew(plan.warnings, {"request.camera.shutter_s: nothing moves, for the scene has no animation and the request no curves"});
+  else if (const uint32_t slices = shutterSlices(request); hasShutter(request) && slices < request.camera().shutter_slices())
+    addNew(plan.warnings, {"request.halt.spp = " + std::to_string(request.halt().spp()) + ": of request.camera.shutter_slices = " +
+                           std::to_string(request.camera().shutter_slices()) + " there are " + std::to_string(slices)});
   if (shutterSlices(request) > 1) {
     GOBO_ASSIGN(reserved, planSlices(plan, base, request, passes, window, services));
   } else {
-    if (!only) { GOBO_ASSIGN(only, momentOf(base, request, 0, services)); }
+    if (!only) { GOBO_ASSIGN(only, momentOf(base, request, 0, {}, services)); }
     GOBO_ASSIGN(reserved, planMoment(plan, plan.outputs, base, *only, passes, window, services));
   }
   for (NodeId i = 0; i < plan.graph.size(); ++i) plan.extendable = plan.extendable || plan.graph.at(i).node->traits().extendable;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// request.camera.shutter_s: a picture is the mean of the pictures of its slices, to the bit; a thing that moves evenly leaves a ramp; what does not move is as it
-// was; what is of one moment is refused by name.
+// request.camera.shutter_s: a picture is the mean of the pictures of its slices, to the bit; a thing that moves evenly leaves a ramp; what does not move is as
+// it was; what is of one moment is refused by name.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -137,8 +137,8 @@ TEST(Shutter, CurvesMoveOverIt) {
   EXPECT_EQ(engine->resolve(still)->camera().shutter_slices(), 2u);
 }
 
-/// By column: what the board leaves of its slide, and what it should. It is 0.6 wide and slides 0.6 in a second: each place is covered for a time that grows evenly
-/// over 24 pixels and falls as evenly over the next 24.
+/// By column: what the board leaves of its slide, and what it should. It is 0.6 wide and slides 0.6 in a second: each place is covered for a time that grows
+/// evenly over 24 pixels and falls as evenly over the next 24.
 struct Ramp {
   std::vector<double> made, ofSlices, ofMotion;
 };
@@ -242,13 +242,17 @@ TEST(Shutter, SamplesAreSharedOut) {
   struct Share {
     uint32_t spp, asked, slices, realised;
   };
-  for (const Share& s : std::vector<Share>{{64, 0, 16, 64}, {100, 0, 16, 128}, {5, 0, 5, 5}, {1, 0, 1, 1}, {24, 3, 3, 24}, {25, 3, 3, 48}, {300, 256, 256, 512}}) {
+  for (const Share& s :
+       std::vector<Share>{{64, 0, 16, 64}, {100, 0, 16, 128}, {5, 0, 5, 5}, {1, 0, 1, 1}, {24, 3, 3, 24}, {25, 3, 3, 48}, {300, 256, 256, 512}}) {
     v1::RenderRequest r = request({"camera.shutter_s=0.5", "outputs=beauty,sample_count"}, int(s.spp), "moving", 8, 6);
     if (s.asked) r.mutable_camera()->set_shutter_slices(s.asked);
     const RenderResult made = mustRender(*engine, r);
     EXPECT_EQ(shutterSlices(*engine->resolve(r)), s.slices);
     EXPECT_EQ(made.reply.resolved().halt().spp(), s.realised) << s.spp;
     EXPECT_EQ(made.images[1].pixels()[7], float(s.realised)) << s.spp;
+    bool warned = false;
+    for (const std::string& w : made.reply.warnings()) warned = warned || w.find("there are " + std::to_string(s.slices)) != std::string::npos;
+    EXPECT_EQ(warned, s.slices < (s.asked ? s.asked : 16)) << s.spp;
     EXPECT_EQ(made.reply.resolved().camera().shutter_slices(), s.asked ? s.asked : 16u) << "a relight with more samples has them all";
     const RenderResult again = mustRender(*engineWithMoving("shares"), made.reply.resolved());
     EXPECT_EQ(firstDifference(made, again), "") << s.spp;
