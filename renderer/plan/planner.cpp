@@ -135,7 +135,7 @@ Result<uint64_t> planMoment(Plan& plan, std::vector<PlannedOutput>& planned, con
 }
 
 /// Poses of a shutter's slices are made before anything is admitted, and are there at once.
-constexpr uint64_t kMostPoseBytes = 4ull << 30;
+constexpr uint64_t kMostPoseBytes = 1ull << 30;
 
 /// Of what a pose does not share with the loaded scene: its lists, and mesh arrays that are others. (Meshes of a variant share theirs.)
 uint64_t bytesOfPose(const Scene& posed, const Scene& base) {
@@ -168,13 +168,11 @@ Result<uint64_t> planSlices(Plan& plan, const ScenePtr& base, const v1::RenderRe
     GOBO_ASSIGN(Moment moment, momentOf(base, request, k, sky, services));
     sky = moment.sky;
     poses += bytesOfPose(*moment.effective.scene, *base);  // the graph has all of them
-    if (poses / (k + 1) * slices > kMostPoseBytes) {
-      const uint64_t gib = poses / (k + 1) * slices >> 30;
+    if (const uint64_t all = poses / (k + 1) * slices; all > kMostPoseBytes)
       return Status(Code::ResourceExhausted,
-                    "request.camera.shutter_slices = " + std::to_string(slices) + ": that many poses of the scene are " + std::to_string(gib) +
-                        " GiB; must be less than " + std::to_string(kMostPoseBytes >> 30),
+                    "request.camera.shutter_slices = " + std::to_string(slices) + ": that many poses of the scene are " + std::to_string(all >> 20) +
+                        " MiB; must be at most " + std::to_string(kMostPoseBytes >> 20),
                     "request.camera.shutter_slices");
-    }
     const NodeId first = plan.graph.size();
     std::vector<PlannedOutput> planned;
     GOBO_ASSIGN(const uint64_t held, planMoment(plan, planned, base, moment, passes, window, services));

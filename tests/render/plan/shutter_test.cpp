@@ -3,9 +3,14 @@
 // it was; what is of one moment is refused by name.
 #include <gtest/gtest.h>
 
+#include <unistd.h>
+
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 #include <limits>
 #include <map>
 #include <set>
@@ -32,6 +37,51 @@ v1::RenderRequest request(const std::vector<std::string>& edits, int spp = 16, c
   v1::RenderRequest r = smallRequest(scene, width, height, spp);
   for (const std::string& e : edits) set(r, e);
   return r;
+}
+
+/// A square of side^2 points whose morph target lifts one half of it; the weight goes from 0 to 1 in a second.
+std::string writeMorphedScene(const std::string& name, int side) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::temp_directory_path() / ("gobo-morphed-" + name + "-" + std::to_string(::getpid()));
+  fs::create_directories(folder);
+  std::vector<float> points, normals, lifts;
+  std::vector<uint32_t> corners;
+  for (int y = 0; y < side; ++y)
+    for (int x = 0; x < side; ++x) {
+      points.insert(points.end(), {2.0f * float(x) / float(side - 1) - 1.0f, 0.0f, 2.0f * float(y) / float(side - 1) - 1.0f});
+      normals.insert(normals.end(), {0.0f, 1.0f, 0.0f});
+      lifts.insert(lifts.end(), {0.0f, x < side / 2 ? 0.5f : 0.0f, 0.0f});
+      const uint32_t at = uint32_t(y * side + x), below = at + uint32_t(side);
+      if (x + 1 < side && y + 1 < side) corners.insert(corners.end(), {at, below, at + 1, at + 1, below, below + 1});
+    }
+  const float key[] = {0, 1, 0, 1};
+  std::ofstream bin(folder / "data.bin", std::ios::binary);
+  const auto write = [&](const auto& v) {
+    bin.write(reinterpret_cast<const char*>(std::data(v)), std::streamsize(std::size(v) * sizeof(v[0])));
+    return std::size(v) * sizeof(v[0]);
+  };
+  std::string views, accessors;
+  size_t at = 0;
+  const auto add = [&](size_t bytes, const std::string& accessor) {
+    const std::string view = std::to_string(std::count(views.begin(), views.end(), '{'));
+    views += (views.empty() ? "" : ",") + ("{\"buffer\":0,\"byteOffset\":" + std::to_string(at)) + ",\"byteLength\":" + std::to_string(bytes) + "}";
+    accessors += (accessors.empty() ? "" : ",") + ("{\"bufferView\":" + view) + "," + accessor + "}";
+    at += bytes;
+  };
+  const std::string vec3 = "\"componentType\":5126,\"type\":\"VEC3\",\"count\":" + std::to_string(side * side);
+  add(write(points), vec3 + ",\"min\":[-1,0,-1],\"max\":[1,0,1]");
+  add(write(normals), vec3);
+  add(write(lifts), vec3 + ",\"min\":[0,0,0],\"max\":[0,0.5,0]");
+  add(write(corners), "\"componentType\":5125,\"type\":\"SCALAR\",\"count\":" + std::to_string(corners.size()));
+  add(write(key) / 2, "\"componentType\":5126,\"type\":\"SCALAR\",\"count\":2,\"min\":[0],\"max\":[1]");
+  add(8, "\"componentType\":5126,\"type\":\"SCALAR\",\"count\":2");
+  const fs::path file = folder / "morphed.gltf";
+  std::ofstream(file) << R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[0,1]}],"nodes":[{"mesh":0},{"camera":0,"translation":[0,0.6,4]}],
+    "cameras":[{"type":"perspective","perspective":{"yfov":0.7,"znear":0.1}}],"meshes":[{"weights":[0],"primitives":[{"attributes":{"POSITION":0,"NORMAL":1},
+    "indices":3,"targets":[{"POSITION":2,"NORMAL":2}]}]}],"animations":[{"samplers":[{"input":4,"output":5}],"channels":[{"sampler":0,"target":{"node":0,"path":"weights"}}]}],
+    "accessors":[)" << accessors
+                      << "],\"bufferViews\":[" << views << "],\"buffers\":[{\"uri\":\"data.bin\",\"byteLength\":" << at << "}]}";
+  return file.string();
 }
 
 const char* const kOutputs = "outputs=beauty,emission,direct,indirect,diffuse,specular,albedo,alpha,sample_count,group:lamp";
@@ -97,6 +147,52 @@ TEST(Shutter, IsTheMeanOfThePicturesOfItsSlices) {
   }
 }
 
+TEST(Shutter, MeshesThatDeformAreTheMeanOfTheirPoses) {
+  const std::string file = writeMorphedScene("small", 5);
+  const auto render = [&](const v1::RenderRequest& r) {
+    const auto engine = makeEngine();
+    const auto opened = engine->openScene(file, "moving");
+    EXPECT_TRUE(opened.ok()) << opened.status().toString();
+    const auto prepared = engine->prepare(r);
+    EXPECT_TRUE(prepared.ok()) << prepared.status().toString();
+    return std::pair(mustRender(*engine, r), prepared.ok() ? prepared->pinnedBytes : 0);
+  };
+  v1::RenderRequest r = request({"camera.shutter_s=0.9", "camera.shutter_slices=2", "outputs=beauty,alpha", "environment.constant=1,1,1"}, 8);
+  const auto [blurred, bytes] = render(r);
+  std::vector<double> sum(blurred.images[0].pixels().size());
+  for (uint32_t k = 0; k < 2; ++k) {
+    v1::RenderRequest moment = r;
+    moment.mutable_camera()->Clear();
+    moment.set_time_s(0.225 + 0.45 * k);
+    moment.set_seed(sliceSeed(0, k, 2));
+    moment.mutable_halt()->set_spp(4);
+    const RenderResult one = render(moment).first;
+    for (size_t p = 0; p < sum.size(); ++p) sum[p] += double(one.images[0].pixels()[p]);
+  }
+  for (size_t p = 0; p < sum.size(); ++p) EXPECT_EQ(blurred.images[0].pixels()[p], float(sum[p] * 0.5));
+  // Both poses are there while it renders.
+  v1::RenderRequest rigid = r;
+  rigid.mutable_camera()->set_shutter_slices(4);
+  const uint64_t of4 = render(rigid).second;
+  EXPECT_GT(of4, bytes + 2 * 25 * 2 * sizeof(Vec3));
+}
+
+TEST(Shutter, PosesThatWouldNotFitAreRefusedBeforeTheyAreMade) {
+  const std::string file = writeMorphedScene("large", 450);  // 4.9 MB a pose
+  const auto engine = makeEngine();
+  const auto opened = engine->openScene(file, "moving");
+  ASSERT_TRUE(opened.ok()) << opened.status().toString();
+  v1::RenderRequest r = request({"camera.shutter_s=1", "camera.shutter_slices=256"}, 256, "moving", 8, 6);
+  const auto many = engine->prepare(r);
+  ASSERT_FALSE(many.ok());
+  EXPECT_EQ(many.status().code(), Code::ResourceExhausted);
+  EXPECT_EQ(many.status().location(), "request.camera.shutter_slices") << many.status().toString();
+  EXPECT_NE(many.status().message().find("MiB; must be at most 1024"), std::string::npos) << many.status().toString();
+  r.mutable_camera()->set_shutter_slices(2);
+  EXPECT_TRUE(engine->prepare(r).ok());
+  std::filesystem::remove_all(std::filesystem::path(file).parent_path());
+}
+
 TEST(Shutter, CurvesMoveOverIt) {
   v1::RenderRequest r = request({"time_s=0.2", "camera.shutter_s=0.6", "camera.shutter_slices=3", "outputs=beauty,alpha"}, 6);
   v1::Curve& x = (*r.mutable_curves())["camera.position"];
@@ -105,13 +201,16 @@ TEST(Shutter, CurvesMoveOverIt) {
   v1::Curve& gain = (*r.mutable_curves())["lights.lamp.gain"];
   for (const double t : {0.0, 1.0}) gain.add_time_s(t);
   for (const double v : {0.0, 1.0, 1.0, 2.0, 0.5, 1.0}) gain.add_value(v);
+  v1::Curve& turbidity = (*r.mutable_curves())["environment.sky.turbidity"];
+  for (const double t : {0.0, 0.5, 0.6}) turbidity.add_time_s(t);
+  for (const double v : {2.0, 2.0, 8.0}) turbidity.add_value(v);
   v1::Curve& exposure = (*r.mutable_curves())["tone_map.exposure"];  // of what is shown: at the opening
   for (const double t : {0.0, 1.0}) exposure.add_time_s(t);
   for (const double v : {0.0, 2.0}) exposure.add_value(v);
   const auto engine = engineWithMoving("curves");
   const RenderResult blurred = mustRender(*engine, r);
   EXPECT_EQ(differenceTo(blurred, meanOfMoments(r, 3, 2, "curves")), "");
-  EXPECT_EQ(blurred.reply.resolved().curves_size(), 2);
+  EXPECT_EQ(blurred.reply.resolved().curves_size(), 3);
   EXPECT_NEAR(blurred.reply.resolved().tone_map().exposure(), 0.4, 1e-12);
   // Sent again, the reply's request is the same picture; a relight of what a curve says replaces the curve.
   const RenderResult again = mustRender(*engineWithMoving("curves"), blurred.reply.resolved());
@@ -123,7 +222,7 @@ TEST(Shutter, CurvesMoveOverIt) {
   set(*relight.mutable_patch(), "lights.lamp.gain=1,0,0");
   const auto asked = engine->relightRequest(relight);
   ASSERT_TRUE(asked.ok());
-  EXPECT_EQ(asked->curves_size(), 1);
+  EXPECT_EQ(asked->curves_size(), 2);
   EXPECT_TRUE(asked->curves().count("camera.position"));
   set(r, "lights.lamp.gain=1,0,0");
   r.mutable_curves()->erase("lights.lamp.gain");
