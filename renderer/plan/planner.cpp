@@ -71,6 +71,8 @@ struct Moment {
   EffectiveScene effective;
   RelightGroups groups;
   Sky sky;
+  SequenceShare share;
+  uint64_t sharedSeed = 0;
 };
 
 /// Moment k of a shutter's, or the only one there is. `before`: another one, or none.
@@ -79,6 +81,8 @@ Result<Moment> momentOf(const ScenePtr& base, const v1::RenderRequest& request, 
   if (hasShutter(request)) {
     GOBO_ASSIGN(m.request, sliceRequest(request, k));
   } else m.request = request;
+  m.share = {k, shutterSlices(request)};
+  m.sharedSeed = request.seed();
   m.sky.settings = m.request.environment().sky().SerializeAsString();
   const EnvironmentPtr known = before.settings == m.sky.settings ? before.map : nullptr;
   GOBO_ASSIGN(m.effective, makeEffectiveScene(base, m.request, services.loadEnvironment, services.poseScene, services.stop, known));
@@ -109,7 +113,8 @@ Result<uint64_t> planMoment(Plan& plan, std::vector<PlannedOutput>& planned, con
     apart.curvature = apart.curvature || (needsCurvature(request.denoise()) && needsRadiance(infoOf(o)));
     beauty = beauty || needsRadiance(infoOf(o));
   }
-  PlanContext context({request, moment.effective, moment.groups, passes, window, apart, services.stop, services.expand}, plan.graph);
+  PlanContext context({request, moment.effective, moment.groups, passes, window, apart, services.stop, services.expand, moment.share, moment.sharedSeed},
+                      plan.graph);
   for (const std::string& w : moment.effective.warnings) context.warn(w);
   std::vector<std::string> missing;
   if (beauty) {

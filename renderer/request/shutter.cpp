@@ -28,7 +28,7 @@ Status refuseMoments(const v1::RenderRequest& r) {
   const auto refuse = [&](const std::string& field, const std::string& why) { return invalidArgument(shutter + ": " + why, field); };
   for (const std::string& o : r.outputs())
     if (!hasMean(o)) return refuse("request.outputs", "output '" + o + "' is of one moment; ask for it without a shutter, or leave it out");
-  if (r.has_denoise()) return refuse("request.denoise", "request.denoise knows pictures of one moment; leave out one of them");
+  if (r.denoise().has_outliers()) return refuse("request.denoise.outliers", "request.denoise.outliers is of one moment; leave out one of them");
   if (r.halt().has_error())
     return refuse("request.halt.error", "request.halt.error is measured by a certificate, which is of one moment; give halt.spp or time_s");
   if (r.has_certificate()) return refuse("request.certificate", "request.certificate is of one moment; leave out one of them");
@@ -71,7 +71,7 @@ Result<v1::RenderRequest> sliceRequest(const v1::RenderRequest& resolved, uint32
   }
   r.mutable_camera()->clear_shutter_s();
   r.mutable_camera()->clear_shutter_slices();
-  r.mutable_halt()->set_spp(samplesOfSlice(std::max(1u, resolved.halt().spp()), slices));
+  if (resolved.halt().has_spp()) r.mutable_halt()->set_spp(samplesOfSlice(resolved.halt().spp(), slices));
   return r;
 }
 

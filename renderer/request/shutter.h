@@ -25,7 +25,8 @@ bool mayMove(const Scene& scene, const v1::RenderRequest& request);
 /// what is of one moment (InvalidArgument), where the scene may move.
 Status resolveShutter(v1::RenderRequest& request, const google::protobuf::Map<std::string, v1::Curve>& curves, const Scene& scene);
 
-/// Numbers of a slice that have nothing to do with those of another slice or seed. The only slice has the picture's own.
+/// Numbers of a slice that have nothing to do with those of another slice or seed, for all but traced paths: these share the picture's own
+/// (trace/sample_passes.h). The only slice has the picture's own.
 uint64_t sliceSeed(uint64_t seed, uint32_t slice, uint32_t slices);
 /// What slice k of a resolved request's picture is a picture of: the request without a shutter at time_s (0 if absent) + (k + 0.5) / slices shutter_s.
 Result<v1::RenderRequest> sliceRequest(const v1::RenderRequest& resolved, uint32_t k);

@@ -14,10 +14,12 @@
 #include <limits>
 #include <map>
 #include <set>
+#include <span>
 
 #include "request/shutter.h"
 #include "support/animated_scene.h"
 #include "support/engines.h"
+#include "trace/sample_passes.h"
 
 namespace gobo::testing::shutter_test {
 namespace {
@@ -126,16 +128,21 @@ std::string differenceTo(const RenderResult& r, const std::vector<std::vector<fl
   return {};
 }
 
+/// Where no path is traced: light by shadow techniques.
+const char* const kUntraced = "integrator.indirect=false";
+
 TEST(Shutter, IsTheMeanOfThePicturesOfItsSlices) {
   const std::vector<std::vector<std::string>> cases{
-      {"time_s=0.1", kOutputs},
-      {"animation=lamp", "time_s=0.3", kOutputs, "seed=7"},
-      {"animation=dolly", "environment.constant=0.2,0.3,0.5", "outputs=beauty,alpha", "environment.background=TRANSPARENT", "integrator.sampler=HALTON"},
-      {"animation=*", "time_s=-0.2", "variant=red", "camera.lens_radius=0.05", "camera.focus_distance=3.5", kOutputs},
-      {"animation=*", "lights.lamp.shadow.moment.bleeding_reduction=0.1", "lights.lamp.shadow.map.resolution=32", "lights.still.shadow.ray_traced.samples=2",
-       "outputs=beauty,direct,group:lamp"},
-      {"animation=lamp", "lights.area.kind=RECT", "lights.area.position=0,2,0.5", "lights.area.direction=0,-1,0", "lights.area.shadow.axis_aligned.k=3"},
-      {"environment.sky.turbidity=3", "environment.extract_lights=4", "integrator.max_groups=2", "lights.still.gain=0,2,1"},
+      {"time_s=0.1", "shadows.ray_traced.samples=2", kUntraced, kOutputs},
+      {"animation=lamp", "time_s=0.3", "shadows.ray_traced.samples=1", kUntraced, kOutputs, "seed=7"},
+      {"animation=dolly", "shadows.ray_traced.samples=1", kUntraced, "variant=red", "outputs=beauty,alpha", "integrator.max_groups=1"},
+      {"animation=*", "time_s=-0.2", "lights.lamp.shadow.moment.bleeding_reduction=0.1", "lights.lamp.shadow.map.resolution=32",
+       "lights.still.shadow.ray_traced.samples=2", kUntraced, "outputs=beauty,direct,group:lamp"},
+      {"animation=lamp", "lights.area.kind=RECT", "lights.area.position=0,2,0.5", "lights.area.direction=0,-1,0", "lights.area.shadow.axis_aligned.k=3",
+       "shadows.ray_traced.samples=1", kUntraced, "outputs=direct,specular"},
+      {"environment.sky.turbidity=3", "environment.extract_lights=4", "shadows.ray_traced.samples=1", kUntraced, "lights.still.gain=0,2,1", "outputs=direct"},
+      // What is in the camera's first look alone, through a lens and clipped.
+      {"animation=*", "camera.lens_radius=0.05", "camera.focus_distance=3.5", "camera.clip_near=3.6", "outputs=albedo,alpha"},
   };
   for (const auto& edits : cases) {
     v1::RenderRequest r = request(edits);
@@ -144,6 +151,35 @@ TEST(Shutter, IsTheMeanOfThePicturesOfItsSlices) {
     SCOPED_TRACE(messageToJson(r, false));
     const RenderResult blurred = mustRender(*engineWithMoving("mean"), r);
     EXPECT_EQ(differenceTo(blurred, meanOfMoments(r, 4, 4, "mean")), "");
+  }
+}
+
+double rmsBetween(std::span<const float> a, std::span<const float> b) {
+  double sum = 0;
+  for (size_t i = 0; i < a.size(); ++i) sum += std::pow(double(a[i]) - double(b[i]), 2);
+  return std::sqrt(sum / double(a.size()));
+}
+
+TEST(Shutter, TracedLightIsTheMeanOfItsMomentsWithinItsNoise) {
+  for (const std::vector<std::string>& edits : std::vector<std::vector<std::string>>{
+           {"animation=*", "environment.constant=0.2,0.3,0.5", "outputs=beauty,indirect"},
+           {"animation=lamp", "camera.lens_radius=0.05", "camera.focus_distance=3.5", "environment.background=BLURRED", "environment.sky.turbidity=3",
+            "outputs=beauty,indirect"},
+       }) {
+    v1::RenderRequest r = request(edits, 256);
+    set(r, "camera.shutter_s=0.9");
+    set(r, "camera.shutter_slices=4");
+    set(r, "integrator.sampler=INDEPENDENT");
+    v1::RenderRequest reseeded = r;
+    reseeded.set_seed(1);
+    const auto engine = engineWithMoving("traced");
+    const RenderResult one = mustRender(*engine, r), other = mustRender(*engine, reseeded);
+    const auto mean = meanOfMoments(r, 4, 64, "traced");
+    for (size_t i = 0; i < 2; ++i) {
+      const double noise = rmsBetween(one.images[i].pixels(), other.images[i].pixels());
+      EXPECT_GT(noise, 0.0);
+      EXPECT_NEAR(rmsBetween(one.images[i].pixels(), mean[i]) / noise, 1.0, 0.2) << one.images[i].output;
+    }
   }
 }
 
@@ -157,7 +193,7 @@ TEST(Shutter, MeshesThatDeformAreTheMeanOfTheirPoses) {
     EXPECT_TRUE(prepared.ok()) << prepared.status().toString();
     return std::pair(mustRender(*engine, r), prepared.ok() ? prepared->pinnedBytes : 0);
   };
-  v1::RenderRequest r = request({"camera.shutter_s=0.9", "camera.shutter_slices=2", "outputs=beauty,alpha", "environment.constant=1,1,1"}, 8);
+  v1::RenderRequest r = request({"camera.shutter_s=0.9", "camera.shutter_slices=2", "outputs=alpha,albedo", "environment.constant=1,1,1"}, 8);
   const auto [blurred, bytes] = render(r);
   std::vector<double> sum(blurred.images[0].pixels().size());
   for (uint32_t k = 0; k < 2; ++k) {
@@ -194,7 +230,9 @@ TEST(Shutter, PosesThatWouldNotFitAreRefusedBeforeTheyAreMade) {
 }
 
 TEST(Shutter, CurvesMoveOverIt) {
-  v1::RenderRequest r = request({"time_s=0.2", "camera.shutter_s=0.6", "camera.shutter_slices=3", "outputs=beauty,alpha"}, 6);
+  v1::RenderRequest r = request({"time_s=0.2", "camera.shutter_s=0.6", "camera.shutter_slices=3", "outputs=direct,alpha", "environment.extract_lights=2",
+                                 "shadows.ray_traced.samples=1", kUntraced},
+                                6);
   v1::Curve& x = (*r.mutable_curves())["camera.position"];
   for (const double t : {0.0, 1.0}) x.add_time_s(t);
   for (const double v : {0.0, 1.0, 4.0, 0.4, 1.2, 3.5}) x.add_value(v);
@@ -315,25 +353,78 @@ TEST(Shutter, ASceneThatCannotMoveIsPlannedWithoutOne) {
   EXPECT_NE(r.reply.warnings(0).find("camera.shutter_s"), std::string::npos);
 }
 
-double rmsBetween(const Image& a, const Image& b) {
-  double sum = 0;
-  for (size_t i = 0; i < a.data.size(); ++i) sum += std::pow(double(a.data[i]) - double(b.data[i]), 2);
-  return std::sqrt(sum / double(a.data.size()));
+TEST(Shutter, WhatRestsHasTheSamplesOfAMoment) {
+  const auto engine = engineWithMoving("rest");
+  for (const char* sampler : {"integrator.sampler=SOBOL", "integrator.sampler=HALTON", "integrator.sampler=INDEPENDENT"})
+    for (const auto& [slices, spp] : {std::pair("4", 4), std::pair("4", 8), std::pair("16", 64), std::pair("3", 48), std::pair("2", 64)}) {
+      v1::RenderRequest r = request({"time_s=4", "outputs=beauty,direct,indirect_diffuse,albedo,alpha,group:lamp", "environment.sky.turbidity=3", sampler,
+                                     "environment.background=TRANSPARENT", "camera.lens_radius=0.02", "camera.focus_distance=4"},
+                                    spp);
+      const RenderResult moment = mustRender(*engine, r);
+      set(r, "camera.shutter_s=1");
+      set(r, std::string("camera.shutter_slices=") + slices);
+      const RenderResult open = mustRender(*engine, r);
+      EXPECT_EQ(moment.reply.resolved().halt().spp(), open.reply.resolved().halt().spp());
+      for (size_t i = 0; i < open.images.size(); ++i) {
+        const auto a = moment.images[i].pixels(), b = open.images[i].pixels();
+        int far = 0;
+        for (size_t p = 0; p < a.size(); ++p) far += std::fabs(a[p] - b[p]) > 1e-5f * (1.0f + std::fabs(a[p]));
+        EXPECT_LE(far, int(a.size() / 200)) << open.images[i].output << ", " << slices << " slices, " << sampler << ": each sample is traced, but for rounding";
+      }
+    }
 }
 
-TEST(Shutter, WhatRestsIsThePictureOfAMomentWithinItsNoise) {
-  const auto engine = engineWithMoving("rest");
-  const auto at = [&](const std::vector<std::string>& edits) {
-    v1::RenderRequest r = request({"time_s=4", "outputs=beauty,albedo,alpha", "environment.constant=0.3,0.4,0.5", "integrator.sampler=INDEPENDENT"}, 64);
-    for (const std::string& e : edits) set(r, e);
-    return mustRender(*engine, r);
-  };
-  const RenderResult moment = at({}), other = at({"seed=1"}), open = at({"camera.shutter_s=1"});
-  for (const size_t i : {1, 2}) EXPECT_EQ(rmsBetween(moment.images[i].image(), open.images[i].image()), 0.0) << "first hits: all slices are alike";
-  const double noise = rmsBetween(moment.images[0].image(), other.images[0].image());
-  EXPECT_GT(noise, 0.0);
-  EXPECT_LT(rmsBetween(moment.images[0].image(), open.images[0].image()), 1.15 * noise);
-  EXPECT_GT(rmsBetween(moment.images[0].image(), open.images[0].image()), 0.85 * noise) << "slices that share their numbers would be noisier";
+TEST(Shutter, SlicesShareASequenceToTheLastNumber) {
+  for (const uint32_t slices : {1u, 2u, 3u, 16u})
+    for (uint32_t passes = 1; passes < 9; ++passes) {
+      std::set<uint32_t> all;
+      for (uint32_t k = 0; k < slices; ++k)
+        for (uint32_t i = 0; i < passes; ++i) {
+          const SamplePass pass = samplePass(i);
+          const uint32_t first = sharedFirst(pass.block * kBlockSamples + pass.first, pass.count, {k, slices});
+          EXPECT_EQ(first % pass.count, 0u) << "an aligned part is a net";
+          for (uint32_t n = 0; n < pass.count; ++n) EXPECT_TRUE(all.insert(first + n).second) << "twice";
+        }
+      EXPECT_EQ(all.size(), size_t(slices) * samplesOf(passes));
+      EXPECT_EQ(*all.rbegin() + 1, slices * samplesOf(passes));
+    }
+}
+
+TEST(Shutter, SlicesAreDenoisedOneByOne) {
+  v1::RenderRequest r = request({"animation=*", "camera.shutter_s=0.6", "camera.shutter_slices=4", "outputs=beauty,indirect", "environment.sky.turbidity=3"},
+                                16, "moving", 48, 36);
+  const auto engine = engineWithMoving("denoise");
+  v1::RenderRequest many = r;
+  many.mutable_halt()->set_spp(4096);
+  many.set_seed(5);
+  const RenderResult truth = mustRender(*engine, many), noisy = mustRender(*engine, r);
+  for (const char* filter : {"denoise.wavelet.levels=3", "denoise.auto.fast=true", "denoise.axis_aligned.radius_px=8"}) {
+    v1::RenderRequest smooth = r;
+    set(smooth, filter);
+    const RenderResult made = mustRender(*engine, smooth);
+    EXPECT_LT(rmsBetween(made.images[0].pixels(), truth.images[0].pixels()), 0.9 * rmsBetween(noisy.images[0].pixels(), truth.images[0].pixels())) << filter;
+    smooth.mutable_window()->set_x(7);
+    smooth.mutable_window()->set_y(9);
+    smooth.mutable_window()->set_width(20);
+    smooth.mutable_window()->set_height(11);
+    const RenderResult part = mustRender(*engineWithMoving("denoise"), smooth);
+    const Image &a = made.images[0].image(), &b = part.images[0].image();
+    int other = 0;
+    for (int y = 0; y < b.height; ++y)
+      for (int x = 0; x < b.width; ++x) other += std::memcmp(a.at(x + 7, y + 9), b.at(x, y), 3 * sizeof(float)) != 0;
+    EXPECT_EQ(other, 0) << filter;
+    // The bound of bytes knows the halves, also where time alone ends it.
+    smooth.clear_window();
+    for (const bool open : {false, true}) {
+      smooth.clear_halt();
+      if (open) smooth.mutable_halt()->set_time_s(0.1);
+      else smooth.mutable_halt()->set_spp(16);
+      const auto cold = engineWithMoving("denoise");
+      const auto prepared = cold->prepare(smooth);
+      ASSERT_TRUE(prepared.ok()) << prepared.status().toString();
+      EXPECT_LE(mustRender(*cold, smooth).reply.peak_bytes(), prepared->pinnedBytes) << filter;
+    }
+  }
 }
 
 TEST(Shutter, SamplesAreSharedOut) {
@@ -478,7 +569,7 @@ TEST(Shutter, WhatIsOfOneMomentIsRefusedByName) {
   for (const char* o : {"normal", "position", "depth", "z_depth", "object_id", "material_id", "motion", "variance", "unoccluded:lamp", "visibility:lamp",
                         "shadow_flags:lamp", "shadow_rays:lamp", "shadow_width:lamp", "shadow_basis:lamp"})
     refused({(std::string("outputs=beauty,") + o).c_str()}, "request.outputs", std::string("shutter_s = 0.5") + std::string("00000: output '") + o + "'");
-  refused({"denoise.wavelet.levels=2"}, "request.denoise", "of one moment");
+  refused({"denoise.outliers.trimmed.share=0.1"}, "request.denoise.outliers", "of one moment");
   refused({"certificate.pixel_fraction=0.5"}, "request.certificate", "of one moment");
   refused({"halt.error=0.1"}, "request.halt.error", "give halt.spp or time_s");
   const double none = std::numeric_limits<double>::quiet_NaN(), ever = std::numeric_limits<double>::infinity();
