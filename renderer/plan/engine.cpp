@@ -27,6 +27,7 @@
 #include "plan/window.h"
 #include "request/curves.h"
 #include "request/request.h"
+#include "request/shutter.h"
 #include "scene/studio.h"
 #include "trace/accel.h"
 #include "trace/sample_passes.h"
@@ -239,6 +240,7 @@ int Engine::threads() const { return impl_->arena.threads(); }
 Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request, const ScenePtr& scene) const {
   v1::RenderRequest r = request;
   r.DiscardUnknownFields();  // remembered with the request they would be memory that nothing bounds
+  const google::protobuf::Map<std::string, v1::Curve> curves = r.curves();
   GOBO_TRY(applyCurves(r));
   r.mutable_integrator();
   r.mutable_tone_map();
@@ -276,6 +278,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
                            r.halt().has_error() ? "request.halt.error" : "request.certificate");
   const bool beauty = std::find(r.outputs().begin(), r.outputs().end(), "beauty") != r.outputs().end();
   if (r.has_certificate() && !beauty) return invalidArgument("request.certificate: needs output 'beauty'", "request.certificate");
+  GOBO_TRY(resolveShutter(r, curves, *scene));
   const std::string hash = scene->hash().hex();
   if (!r.scene_hash().empty() && r.scene_hash() != hash)
     return Status(Code::FailedPrecondition, "scene '" + r.scene() + "' has hash " + hash + ", the request wants " + r.scene_hash(), "request.scene_hash");
@@ -299,10 +302,11 @@ Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePt
   PlannerServices services = impl_->plannerServices(request.scene(), stop, guard, environmentFile, false);
   services.expand = nullptr;
   // With all its samples: what is there of fewer is not what was asked for.
-  const auto plan = makePlan(scene, prepared.resolved, prepared.resolved.halt().has_spp() ? passesFor(prepared.resolved.halt().spp()) : 1, services);
+  const v1::Halt& halt = prepared.resolved.halt();
+  const auto plan = makePlan(scene, prepared.resolved, halt.has_spp() ? passesFor(samplesOfSlice(halt.spp(), shutterSlices(prepared.resolved))) : 1, services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
   prepared.pinnedBytes = (*plan)->pinnedBytes;
-  if (prepared.resolved.halt().has_spp()) {
+  if (halt.has_spp()) {
     Executor executor((*plan)->graph, impl_->executorServices(guard, false, request.scene()), stop);
     prepared.expectedMs = expectedMs(**plan, executor, *impl_->store, impl_->arena.threads());
     prepared.small = prepared.expectedMs <= kSmallMs && !prepared.resolved.has_certificate() && (*plan)->expanded.empty();
@@ -319,7 +323,7 @@ Result<v1::PlanReply> Engine::plan(const v1::RenderRequest& request, const StopT
   MappedGuard guard(*scene, request.scene());
   PlannerServices services = impl_->plannerServices(request.scene(), stop, guard, environmentFile, false);
   services.expand = nullptr;
-  const auto plan = makePlan(scene, reply.resolved(), passesFor(spp), services);
+  const auto plan = makePlan(scene, reply.resolved(), passesFor(samplesOfSlice(spp, shutterSlices(reply.resolved()))), services);
   GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
   Executor executor((*plan)->graph, impl_->executorServices(guard, false, request.scene()), stop);
   describeUnrun(**plan, executor, *impl_->store, impl_->arena.threads(), reply);
@@ -423,7 +427,7 @@ Result<RenderResult> Engine::Impl::renderOnce(const ScenePtr& scene, const Prepa
                                               const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable) {
   RenderResult result;
   v1::RenderReply& reply = result.reply;
-  const uint32_t passes = passesFor(spp), realised = samplesOf(passes);
+  const uint32_t passes = passesFor(spp), realised = samplesOf(passes) * shutterSlices(request);
   std::map<NodeId, ExecutedNode> expanded;
   GOBO_ASSIGN(const std::unique_ptr<Plan> plan,
               makePlan(scene, request, passes, plannerServices(request.scene(), control.stop, guard, prepared.environmentFile, prepared.small, &expanded)));
@@ -549,7 +553,9 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
   v1::RenderRequest resolved = prepared.resolved;
   if (resolved.scene_hash() != scene->hash().hex()) { GOBO_ASSIGN(resolved, resolve(request, scene)); }  // not resolved yet, or for what it was then
   const v1::Halt& halt = resolved.halt();
-  const uint32_t most = halt.has_spp() ? halt.spp() : mostSamples(resolved, kMaxSpp);
+  // Samples are counted for each slice of a shutter from here on: they all have as many.
+  const uint32_t slices = shutterSlices(resolved);
+  const uint32_t most = samplesOfSlice(halt.has_spp() ? halt.spp() : mostSamples(resolved, kMaxSpp), slices);
   const bool open = halt.has_time_s() || halt.has_error();  // the sample count is not known beforehand
   const bool watched = bool(control.snapshot);
   ErrorFloor floor;
@@ -613,7 +619,8 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
     const uint32_t next = nextRung(spp, most, times);
     if (halt.has_time_s() && had == 0 && timeLeft == 0.0 && extendable)
       picture.reply.add_warnings("request.halt.time_s = " + std::to_string(halt.time_s()) + ": " +
-                                 (spp == 1 ? "one sample" : std::to_string(spp) + " samples") + " a pixel took " + std::to_string(elapsed * 1e-3) + " s");
+                                 (spp * slices == 1 ? "one sample" : std::to_string(spp * slices) + " samples") + " a pixel took " +
+                                 std::to_string(elapsed * 1e-3) + " s");
     if (!extendable || spp >= most || next == spp || (open && (timeLeft == 0.0 || errorMet || hopeless))) {
       if (halt.has_error() && !errorMet)
         picture.reply.add_warnings(std::string("stopped before the error bound was met") +
@@ -638,6 +645,14 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
   v1::RenderRequest base = std::move(*known);
   base.clear_scene_hash();  // a relight is of the scene as it is now
   GOBO_TRY(applyMask(base, relight.patch(), {relight.mask().begin(), relight.mask().end()}));
+  // A shutter's request still has its curves (request/shutter.h): what is given now is not what they say of it.
+  for (const std::string& path : relight.mask()) {
+    if (path == "curves" || path.starts_with("curves.")) continue;
+    for (auto c = base.mutable_curves()->begin(); c != base.mutable_curves()->end();) {
+      const bool replaced = c->first == path || c->first.starts_with(path + ".") || path.starts_with(c->first + ".");
+      c = replaced ? base.mutable_curves()->erase(c) : std::next(c);
+    }
+  }
   return base;
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "request/shutter.h"
 #include "trace/sample_passes.h"
 
 namespace gobo {
@@ -42,7 +43,7 @@ std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved, ui
   v1::RenderRequest rung = resolved;
   rung.clear_certificate();  // of the reply alone
   rung.clear_halt();
-  rung.mutable_halt()->set_spp(1);
+  rung.mutable_halt()->set_spp(shutterSlices(resolved));  // one of each
   rung.set_width(std::max(1u, resolved.width() / shrink));
   rung.set_height(std::max(1u, resolved.height() / shrink));
   // Intrinsics are in pixels of the picture.

@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/planner.h"
 
+#include <algorithm>
+#include <optional>
+
 #include "filters/crop.h"
+#include "filters/slice_sum.h"
 #include "plan/live_bytes.h"
 #include "plan/output_plans.h"
 #include "plan/outputs.h"
 #include "plan/window.h"
+#include "request/shutter.h"
 #include "technique/plan_context.h"
 #include "trace/reach.h"
 
@@ -54,9 +59,51 @@ Status planBeauty(PlanContext& c, std::span<const Technique* const> techniques) 
   return c.cover().complete();
 }
 
-/// Nodes and outputs of a window of the picture; of no width: all of it. Bytes that may be held beside what the nodes say.
-Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PixelWindow& window,
-                           const PlannerServices& services) {
+/// A sky, as the request has it and as a map.
+struct Sky {
+  std::string settings;
+  EnvironmentPtr map;
+};
+
+/// A picture of one moment: what is asked of it, and the scene as it is then.
+struct Moment {
+  v1::RenderRequest request;
+  EffectiveScene effective;
+  RelightGroups groups;
+  Sky sky;
+  SequenceShare share;
+  uint64_t sharedSeed = 0;
+};
+
+/// Moment k of a shutter's, or the only one there is. `before`: another one, or none.
+Result<Moment> momentOf(const ScenePtr& base, const v1::RenderRequest& request, uint32_t k, const Sky& before, const PlannerServices& services) {
+  Moment m;
+  if (hasShutter(request)) {
+    GOBO_ASSIGN(m.request, sliceRequest(request, k));
+  } else m.request = request;
+  m.share = {k, shutterSlices(request)};
+  m.sharedSeed = request.seed();
+  m.sky.settings = m.request.environment().sky().SerializeAsString();
+  const EnvironmentPtr known = before.settings == m.sky.settings ? before.map : nullptr;
+  GOBO_ASSIGN(m.effective, makeEffectiveScene(base, m.request, services.loadEnvironment, services.poseScene, services.stop, known));
+  m.sky.map = m.effective.sky;
+  GOBO_TRY(checkOutputs(*m.effective.scene, m.request));
+  m.groups = makeGroups(*m.effective.scene, int(m.request.integrator().max_groups()), services.stop);
+  if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
+  scaleClusters(m.effective, m.groups);
+  return m;
+}
+
+template <typename T>
+void addNew(std::vector<T>& to, const std::vector<T>& from) {
+  for (const T& t : from)
+    if (std::find(to.begin(), to.end(), t) == to.end()) to.push_back(t);
+}
+
+/// Nodes and outputs of a window of the picture of a moment; of no width: all of it. Bytes that may be held beside what the nodes say.
+Result<uint64_t> planMoment(Plan& plan, std::vector<PlannedOutput>& planned, const ScenePtr& base, const Moment& moment, uint32_t passes,
+                            const PixelWindow& window, const PlannerServices& services) {
+  const v1::RenderRequest& request = moment.request;
   Distinctions apart;
   bool beauty = false;
   for (const std::string& o : request.outputs()) {
@@ -67,11 +114,13 @@ Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderReq
     apart.seen = std::max(apart.seen, infoOf(o).seen);
     beauty = beauty || needsRadiance(infoOf(o));
   }
-  PlanContext context({request, plan.effective, plan.groups, passes, window, apart, services.stop, services.expand}, plan.graph);
-  for (const std::string& w : plan.effective.warnings) context.warn(w);
+  PlanContext context({request, moment.effective, moment.groups, passes, window, apart, services.stop, services.expand, moment.share, moment.sharedSeed},
+                      plan.graph);
+  for (const std::string& w : moment.effective.warnings) context.warn(w);
+  std::vector<std::string> missing;
   if (beauty) {
     GOBO_TRY(planBeauty(context, services.techniques));
-    if (!context.scene()->lights.empty()) reportMissing(context, plan.missing);
+    if (!context.scene()->lights.empty()) reportMissing(context, missing);
   }
   OutputContext outputs(context, base, services);
   for (const std::string& o : request.outputs()) {
@@ -80,29 +129,108 @@ Result<uint64_t> planNodes(Plan& plan, const ScenePtr& base, const v1::RenderReq
     if (!plan.graph.at(plane.node).shape.find(plane.plane)) return internalError("a node without the plane " + plane.plane, "output " + o);
     std::vector<std::string> channels = infoOf(o).channelNames();
     if (plan.graph.at(plane.node).shape.find(plane.plane)->channels == 4 && channels.size() == 3) channels.push_back("A");
-    plan.outputs.push_back({o, plane.node, plane.plane, std::move(channels)});
+    planned.push_back({o, plane.node, plane.plane, std::move(channels)});
   }
   if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
 
-  for (NodeId i = 0; i < plan.graph.size(); ++i) plan.extendable = plan.extendable || plan.graph.at(i).node->traits().extendable;
-  plan.missing.insert(plan.missing.begin(), context.missing().begin(), context.missing().end());
-  plan.warnings = context.warnings();
-  plan.expanded = context.expanded();
+  missing.insert(missing.begin(), context.missing().begin(), context.missing().end());
+  addNew(plan.missing, missing);
+  addNew(plan.warnings, context.warnings());
+  addNew(plan.expanded, context.expanded());
   return context.reserved();
+}
+
+/// Poses of a shutter's slices are made before anything is admitted, and are there at once.
+constexpr uint64_t kMostPoseBytes = 1ull << 30;
+
+/// Of what a pose does not share with the loaded scene: its lists, and mesh arrays that are others. (Meshes of a variant share theirs.)
+uint64_t bytesOfPose(const Scene& posed, const Scene& base) {
+  if (&posed == &base) return 0;
+  uint64_t bytes = posed.instances.size() * sizeof(Instance) + posed.lights.size() * sizeof(Light) + posed.materials.size() * sizeof(Material);
+  const auto add = [&](const auto& array, const auto& rest) {
+    if (array.data() != rest.data()) bytes += array.size() * sizeof(array[0]);
+  };
+  for (size_t i = 0; i < std::min(posed.meshes.size(), base.meshes.size()); ++i) {
+    const Mesh &m = *posed.meshes[i], &rest = *base.meshes[i];
+    if (&m == &rest) continue;
+    add(m.positions, rest.positions);
+    add(m.normals, rest.normals);
+    add(m.tangents, rest.tangents);
+    add(m.colours, rest.colours);
+    for (size_t u = 0; u < std::size(m.uv); ++u) add(m.uv[u], rest.uv[u]);
+  }
+  return bytes;
+}
+
+/// Each slice of the shutter's interval as the picture of its moment, and what they are together.
+Result<uint64_t> planSlices(Plan& plan, const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PixelWindow& window,
+                            const PlannerServices& services) {
+  const uint32_t slices = shutterSlices(request);
+  std::vector<NodeId> pictures;
+  std::vector<SlicePlane> planes;
+  uint64_t reserved = 0, poses = 0;
+  Sky sky;
+  for (uint32_t k = 0; k < slices; ++k) {
+    GOBO_ASSIGN(Moment moment, momentOf(base, request, k, sky, services));
+    sky = moment.sky;
+    poses += bytesOfPose(*moment.effective.scene, *base);  // the graph has all of them
+    if (const uint64_t all = poses / (k + 1) * slices; all > kMostPoseBytes)
+      return Status(Code::ResourceExhausted,
+                    "request.camera.shutter_slices = " + std::to_string(slices) + ": that many poses of the scene are " + std::to_string(all >> 20) +
+                        " MiB; must be at most " + std::to_string(kMostPoseBytes >> 20),
+                    "request.camera.shutter_slices");
+    const NodeId first = plan.graph.size();
+    std::vector<PlannedOutput> planned;
+    GOBO_ASSIGN(const uint64_t held, planMoment(plan, planned, base, moment, passes, window, services));
+    plan.graph.addToLabels(first, ":slice " + std::to_string(k + 1));
+    reserved = std::max(reserved, held);
+    for (const PlannedOutput& o : planned) {
+      pictures.push_back(o.node);
+      if (k == 0) planes.push_back({o.plane, plan.graph.at(o.node).shape.find(o.plane)->channels, o.name != "sample_count"});
+    }
+    if (k == slices / 2) {
+      plan.effective = std::move(moment.effective);
+      plan.groups = std::move(moment.groups);
+      plan.outputs = std::move(planned);
+    }
+  }
+  const int width = window.width ? window.width : int(request.width()), height = window.width ? window.height : int(request.height());
+  const NodeId sum = plan.graph.add({makeSliceSumNode(std::move(planes), width, height, int(slices)), std::move(pictures), {}, "shutter"});
+  GOBO_TRY(plan.graph.wiring());
+  for (size_t i = 0; i < plan.outputs.size(); ++i) {
+    plan.outputs[i].node = sum;
+    plan.outputs[i].plane = slicedPlane(i);
+  }
+  return reserved + poses;
+}
+
+/// Nodes and outputs of a window of the picture; of no width: all of it. Bytes that may be held beside what the nodes say. `only`: the one moment of a picture
+/// without slices, kept for the next call.
+Result<uint64_t> planNodes(Plan& plan, std::optional<Moment>& only, const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes,
+                           const PixelWindow& window, const PlannerServices& services) {
+  uint64_t reserved = 0;
+  if (hasShutter(request) && !mayMove(*base, request))
+    addNew(plan.warnings, {"request.camera.shutter_s: nothing moves, for the scene has no animation and the request no curves"});
+  else if (const uint32_t slices = shutterSlices(request); hasShutter(request) && slices < request.camera().shutter_slices())
+    addNew(plan.warnings, {"request.halt.spp = " + std::to_string(request.halt().spp()) + ": of request.camera.shutter_slices = " +
+                           std::to_string(request.camera().shutter_slices()) + " there are " + std::to_string(slices)});
+  if (shutterSlices(request) > 1) {
+    GOBO_ASSIGN(reserved, planSlices(plan, base, request, passes, window, services));
+  } else {
+    if (!only) { GOBO_ASSIGN(only, momentOf(base, request, 0, {}, services)); }
+    GOBO_ASSIGN(reserved, planMoment(plan, plan.outputs, base, *only, passes, window, services));
+  }
+  for (NodeId i = 0; i < plan.graph.size(); ++i) plan.extendable = plan.extendable || plan.graph.at(i).node->traits().extendable;
+  return reserved;
 }
 
 }  // namespace
 
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PlannerServices& services) {
   auto plan = std::make_unique<Plan>();
-  GOBO_ASSIGN(plan->effective, makeEffectiveScene(base, request, services.loadEnvironment, services.poseScene, services.stop));
-  GOBO_TRY(checkOutputs(*plan->effective.scene, request));
-  plan->groups = makeGroups(*plan->effective.scene, int(request.integrator().max_groups()), services.stop);
-  if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
-  scaleClusters(plan->effective, plan->groups);
-
   GOBO_ASSIGN(const PixelWindow window, windowOf(request));
-  GOBO_ASSIGN(uint64_t reserved, planNodes(*plan, base, request, passes, window, services));
+  std::optional<Moment> only;
+  GOBO_ASSIGN(uint64_t reserved, planNodes(*plan, only, base, request, passes, window, services));
   std::vector<NodeId> kept;
   for (const PlannedOutput& o : plan->outputs) kept.push_back(o.node);
   int halo = 0;
@@ -111,9 +239,11 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
     const PixelWindow around = grown(window, halo, int(request.width()), int(request.height()));
     plan->graph = Graph();
     plan->outputs.clear();
+    plan->expanded.clear();
     plan->missing.clear();
+    plan->warnings.clear();
     const bool all = around.width == int(request.width()) && around.height == int(request.height());  // shares its terms
-    GOBO_ASSIGN(reserved, planNodes(*plan, base, request, passes, all ? PixelWindow{} : around, services));
+    GOBO_ASSIGN(reserved, planNodes(*plan, only, base, request, passes, all ? PixelWindow{} : around, services));
     kept.clear();
     const std::vector<bool> ofView = nodesOfView(plan->graph, {around.width, around.height, 1});
     for (PlannedOutput& o : plan->outputs) {
@@ -125,6 +255,10 @@ Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderReq
       kept.push_back(o.node);
     }
     GOBO_TRY(plan->graph.wiring());
+  }
+  if (only) {
+    plan->effective = std::move(only->effective);
+    plan->groups = std::move(only->groups);
   }
   plan->pinnedBytes = mostLiveBytes(plan->graph, kept, plan->expanded) + reserved;
   return plan;

@@ -45,7 +45,8 @@ struct PlannerServices {
   StopToken stop;  ///< ends planning (Cancelled); loadEnvironment and expand have their own
 };
 
-/// `request` must be resolved (request/request.h). `passes` of path-traced nodes: trace/sample_passes.h.
+/// `request` must be resolved (request/request.h). `passes` of path-traced nodes: trace/sample_passes.h; of a shutter (request/shutter.h): of each slice. Of
+/// such a plan `effective` and `groups` are those of the slice in the middle.
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PlannerServices& services);
 
 }  // namespace gobo

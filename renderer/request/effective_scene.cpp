@@ -302,7 +302,7 @@ Status applyLightShape(const v1::LightEdit& e, Scene& scene, size_t index, const
 }
 
 Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::RenderRequest& request, const EnvironmentLoader& load, const ScenePoser& pose,
-                                          const StopToken& stop) {
+                                          const StopToken& stop, const EnvironmentPtr& known) {
   EffectiveScene out;
   GOBO_ASSIGN(const ScenePtr base, pose(loaded, request, stop));
   auto scene = std::make_shared<Scene>(*base);
@@ -321,8 +321,9 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
       if (e.sky().has_sun_direction()) { GOBO_ASSIGN(sky.sunDirection, unitVector(e.sky().sun_direction(), "request.environment.sky.sun_direction")); }
       if (e.sky().has_turbidity()) sky.turbidity = float(e.sky().turbidity());
       if (e.sky().has_sun_scale()) sky.sunScale = float(e.sky().sun_scale());
-      scene->environment = skyEnvironment(sky, 512, stop);
-      if (!scene->environment) return Status(Code::Cancelled, "stopped");
+      out.sky = known ? known : skyEnvironment(sky, 512, stop);
+      if (!out.sky) return Status(Code::Cancelled, "stopped");
+      scene->environment = out.sky;
     } else if (e.has_constant()) {
       GOBO_TRY(checkFinite(e.constant(), "request.environment.constant", true));
       scene->environment = constantEnvironment(toVec3(e.constant()));

@@ -24,6 +24,7 @@ struct EffectiveScene {
   bool asInFile = false;          ///< some light shines whose strength is the file's in candela or lux, read as W/sr or W/m^2
   Camera camera;
   Background background;
+  EnvironmentPtr sky;  ///< of a request that has one, before it is turned
   std::vector<std::string> warnings;
 };
 
@@ -34,9 +35,9 @@ using EnvironmentLoader = std::function<Result<EnvironmentPtr>(const v1::Environ
 using ScenePoser = std::function<Result<ScenePtr>(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop)>;
 
 /// `request` must be resolved. Errors name the field: unknown light, camera, animation or variant, missing kind, degenerate
-/// direction. Cancelled soon after `stop` (the loader has its own).
+/// direction. Cancelled soon after `stop` (the loader has its own). `sky`: what another request with the same sky has of it.
 Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::RenderRequest& request, const EnvironmentLoader& load,
-                                          const ScenePoser& pose = requestedScene, const StopToken& stop = {});
+                                          const ScenePoser& pose = requestedScene, const StopToken& stop = {}, const EnvironmentPtr& sky = nullptr);
 
 /// Applies a light edit's shape fields (not power) to a light of a scene that is not sealed yet. `path` is used in errors.
 Status applyLightShape(const v1::LightEdit& edit, Scene& scene, size_t light, const std::string& path);

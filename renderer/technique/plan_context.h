@@ -15,6 +15,7 @@
 #include "terms/gbuffer.h"
 #include "terms/graph.h"
 #include "trace/path_tracer.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 
@@ -64,6 +65,9 @@ struct PlanInput {
   /// Evaluates a node while planning, whose result decides what follows. Empty: this plan only bounds what the real one will hold, and no node
   /// runs for it.
   std::function<Result<TermPtr>(const Graph&, NodeId)> expand;
+  /// Numbers of traced paths, where other pictures have the rest of their sequence; those of the request where there are none.
+  SequenceShare share = {};
+  uint64_t sharedSeed = 0;
 };
 
 class PlanContext {
@@ -78,6 +82,9 @@ class PlanContext {
   const MaterialKinds& kinds() const { return kinds_; }
   const GBufferSettings& view() const { return view_; }
   uint32_t passes() const { return in_.passes; }
+  const SequenceShare& share() const { return in_.share; }
+  /// Of traced paths.
+  uint64_t pathSeed() const { return in_.share.of > 1 ? in_.sharedSeed : in_.request.seed(); }
   const Distinctions& apart() const { return in_.apart; }
   const StopToken& stop() const { return in_.stop; }
   /// Indirect light is asked for.

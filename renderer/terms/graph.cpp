@@ -33,6 +33,12 @@ NodeId Graph::add(GraphNode n) {
   return size() - 1;
 }
 
+void Graph::prune(std::string label, std::string reason, bool approximate) {
+  for (const PrunedNode& p : pruned_)
+    if (p.label == label && p.reason == reason && p.approximate == approximate) return;
+  pruned_.push_back({std::move(label), std::move(reason), approximate});
+}
+
 void Graph::rollBack(const Mark& mark) {
   for (size_t i = size_t(mark.nodes); i < structure_.size(); ++i) byStructure_.erase(structure_[i]);
   nodes_.resize(size_t(mark.nodes));

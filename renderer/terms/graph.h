@@ -44,6 +44,10 @@ class Graph {
   void markTransient(NodeId first, NodeId id) {
     for (NodeId i = first; i <= id; ++i) nodes_[i].transient = true;
   }
+  /// For reports: nodes from `first` on.
+  void addToLabels(NodeId first, const std::string& suffix) {
+    for (NodeId i = first; i < size(); ++i) nodes_[size_t(i)].label += suffix;
+  }
   /// As it is now; rollBack() takes away what was added since.
   struct Mark {
     NodeId nodes = 0;
@@ -53,7 +57,8 @@ class Graph {
   void rollBack(const Mark& mark);
   const GraphNode& at(NodeId id) const { return nodes_[id]; }
   int size() const { return int(nodes_.size()); }
-  void prune(std::string label, std::string reason, bool approximate = false) { pruned_.push_back({std::move(label), std::move(reason), approximate}); }
+  /// Said once.
+  void prune(std::string label, std::string reason, bool approximate = false);
   const std::vector<PrunedNode>& pruned() const { return pruned_; }
 
  private:

@@ -16,9 +16,10 @@ constexpr int kTile = 16;  // pixels a side: a tile of 16 samples a pixel takes 
 
 class PathTraceNode final : public Node {
  public:
-  PathTraceNode(const PathTracerSettings& settings, int streams, const GBufferSettings& view)
+  PathTraceNode(const PathTracerSettings& settings, int streams, const GBufferSettings& view, const SequenceShare& share)
       : settings_(settings),
         streams_(streams),
+        share_(share),
         place_(view.place),
         width_(view.width ? view.width : settings.width),
         height_(view.width ? view.height : settings.height) {}
@@ -38,6 +39,7 @@ class PathTraceNode final : public Node {
   void hashParameters(Hasher& h) const override {
     settings_.hash(h);
     if (streams_ > 1) h.add(streams_);
+    if (share_.of > 1) h.add("share").add(share_.index).add(share_.of);
     if (!place_.whole()) h.add(width_).add(height_);
     place_.hash(h);
   }
@@ -123,7 +125,8 @@ class PathTraceNode final : public Node {
             std::fill_n(parted.begin(), perPixel ? size_t(group.pixels()) * perStream : 0, 0.0);
             uint64_t lost[kLanes] = {};
             const uint32_t stream = pass.block % uint32_t(streams_), block = pass.block / uint32_t(streams_);
-            tracer->traceGroup(x, y, {stream, block * kBlockSamples + pass.first, pass.count}, {out, size_t(group.pixels())}, rays, lost);
+            const uint32_t first = sharedFirst(block * kBlockSamples + pass.first, pass.count, share_);
+            tracer->traceGroup(x, y, {stream, first, pass.count}, {out, size_t(group.pixels())}, rays, lost);
             for (int i = 0; i < group.pixels(); ++i) {
               if (!out[i]) continue;
               const size_t p = size_t(at[i]);
@@ -195,14 +198,15 @@ class PathTraceNode final : public Node {
 
   PathTracerSettings settings_;
   int streams_;
+  SequenceShare share_;
   ViewPlace place_;
   int width_, height_;
 };
 
 }  // namespace
 
-NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams, const GBufferSettings& view) {
-  return std::make_shared<PathTraceNode>(settings, streams, view);
+NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams, const GBufferSettings& view, const SequenceShare& share) {
+  return std::make_shared<PathTraceNode>(settings, streams, view, share);
 }
 
 }  // namespace gobo

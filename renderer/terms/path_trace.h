@@ -7,6 +7,7 @@
 #include "terms/gbuffer.h"
 #include "terms/node.h"
 #include "trace/path_tracer.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 
@@ -17,7 +18,7 @@ inline constexpr int kVarianceStreams = 8;
 /// plane, "streams" f32 [pixels][streams][slots][3]: the sums of each stream alone, 12 bytes a slot and stream. Their means are independent
 /// estimates of the pixel, so that their scatter gives the variance of its mean without bias; the price is that the error falls with
 /// the number of samples as that of `streams` shorter sequences.
-/// `view`: the part of the settings' picture that is traced; of no width: all of it.
-NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams = 1, const GBufferSettings& view = {});
+/// `view`: the part of the settings' picture that is traced; of no width: all of it. `share`: of the sequence, whose other numbers are others'.
+NodePtr makePathTraceNode(const PathTracerSettings& settings, int streams = 1, const GBufferSettings& view = {}, const SequenceShare& share = {});
 
 }  // namespace gobo

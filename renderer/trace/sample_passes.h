@@ -32,6 +32,13 @@ constexpr uint32_t passesFor(uint32_t samples) {
   if (samples > kBlockSamples) return kFirstPasses - 1 + (samples - 1) / kBlockSamples + 1;
   return samples == 0 ? 0 : uint32_t(std::bit_width(samples - 1)) + 1;
 }
+/// One of several pictures that take turns in one sequence of numbers (slices of a shutter): each has an aligned part of every pass of all of them, so that
+/// after any number of passes they are together the beginning of the sequence, each number once.
+struct SequenceShare {
+  uint32_t index = 0, of = 1;
+};
+/// Where in the sequence the samples of a pass are that begins at sample `first` of the picture alone.
+constexpr uint32_t sharedFirst(uint32_t first, uint32_t count, const SequenceShare& share) { return first * share.of + share.index * count; }
 /// Samples of the first `samples` of a pixel that are of stream k of `streams`, blocks being dealt out to the streams in turn.
 constexpr uint32_t samplesOfStream(uint32_t samples, uint32_t k, uint32_t streams) {
   const uint32_t blocks = samples / kBlockSamples, rest = k == blocks % streams ? samples % kBlockSamples : 0;

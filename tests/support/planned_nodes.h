@@ -205,6 +205,12 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
                         "outputs=beauty,indirect_diffuse,albedo,normal,position,depth,z_depth,alpha,object_id,motion"})
     set(lens, a);
   all.emplace_back("lens", lens);
+  v1::RenderRequest shutter = withLamp(width, height, LightKind::Spot);  // while the camera zooms in
+  for (const char* a : {"lights.lamp.shadow.ray_traced.samples=1", "camera.shutter_s=1", "camera.shutter_slices=3", "halt.spp=6",
+                        "curves.camera.yfov_deg.time_s=0,1", "curves.camera.yfov_deg.value=50,30", "environment.sky.turbidity=3",
+                        "environment.background=TRANSPARENT", "outputs=beauty,direct,albedo,alpha,sample_count"})
+    set(shutter, a);
+  all.emplace_back("shutter", shutter);
   return all;
 }
 

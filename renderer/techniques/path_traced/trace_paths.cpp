@@ -72,6 +72,7 @@ Result<NodeId> withoutHidden(PlanContext& c, const PathTraceJob& job, int slotsP
 Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
   const PathClass cover = classesOf(job.paths);
   PathTracerSettings s = pathTracerSettings(c, cover);
+  s.seed = c.pathSeed();
   s.behindOnly = overlaps(job.paths, PathSet::Direct) && !overlaps(job.paths, PathSet::Front);
   s.unlit = job.unlit;
   const int classes = has(cover, PathClass::Emission) + has(cover, PathClass::Direct) + has(cover, PathClass::Indirect);
@@ -89,7 +90,7 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
   s.groupOf = job.slotGroup;
   s.nominal = job.nominal;
   const auto traced = std::make_shared<const TracedPaths>(TracedPaths{s, streamsOf(c), job.lights, c.scene(), job.label});
-  GraphNode n{makePathTraceNode(s, streamsOf(c), c.view()), {}, job.lights, job.label, c.passes(), c.scene()};
+  GraphNode n{makePathTraceNode(s, streamsOf(c), c.view(), c.share()), {}, job.lights, job.label, c.passes(), c.scene()};
   const int per = slotsPerGroup(s.split, s.maxBounces);
   GOBO_ASSIGN(const NodeId state, withoutHidden(c, job, per, c.graph().add(std::move(n))));
   const NodeId mean = c.filter(makeResolveNode(c.view().width, c.view().height, per * s.groups), {state}, job.label + ":mean");
@@ -170,10 +171,11 @@ Status traceDifference(PlanContext& c, int light, const Vec3& weight) {
 
 Result<NodeId> traceSeen(PlanContext& c, int light, const Vec3& nominal, const ScenePtr& scene, const std::string& label) {
   PathTracerSettings s = pathTracerSettings(c, PathClass::Emission);
+  s.seed = c.pathSeed();
   s.sampler = samplerOf(c.request().integrator());
   s.groupOf = {0};
   s.nominal = {nominal};
-  return c.graph().add({makePathTraceNode(s, streamsOf(c), c.view()), {}, {light}, label, c.passes(), scene});
+  return c.graph().add({makePathTraceNode(s, streamsOf(c), c.view(), c.share()), {}, {light}, label, c.passes(), scene});
 }
 
 Status traceUnlit(PlanContext& c) {

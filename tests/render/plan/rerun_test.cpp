@@ -160,6 +160,8 @@ const std::map<std::string, std::string>& elsewhere() {
       {"camera.lens_radius", "Rerun.ALensIsTracedAgainAndAPinholeIsNot"},
       {"camera.focus_distance", "Rerun.ALensIsTracedAgainAndAPinholeIsNot"},
       {"camera.sensor_height_mm", "Rerun.ALensIsTracedAgainAndAPinholeIsNot"},
+      {"camera.shutter_s", "Rerun.AShutterIsTheSlicesThatItHas"},
+      {"camera.shutter_slices", "Rerun.AShutterIsTheSlicesThatItHas"},
       {"environment.digest", "Blobs.AnEnvironmentByDigestIsTheFileOnDisk: what the same file runs by its path"},
       {"integrator.max_groups", "Rerun.ClustersAndDifferences"},
       {"encoding", "not in the hash"},
@@ -229,6 +231,27 @@ TEST(Rerun, ALensIsTracedAgainAndAPinholeIsNot) {
   for (const char* edit : {"camera.lens_radius=0.3", "camera.lens_radius=0.2"}) {
     set(radius, edit);
     EXPECT_EQ(text(ran(mustRender(*engine, radius))), everything) << edit;
+  }
+}
+
+TEST(Rerun, AShutterIsTheSlicesThatItHas) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 20, 16, 8);
+  for (const char* a : {"curves.camera.yfov_deg.time_s=0,1", "curves.camera.yfov_deg.value=30,50"}) set(r, a);
+  mustRender(*engine, r);
+  const auto slices = [](int n) {
+    Labels out{"shutter"};
+    for (int k = 1; k <= n; ++k)
+      for (const char* node : {"path_trace", "path_trace:mean", "beauty"}) out.insert(std::string(node) + ":slice " + std::to_string(k));
+    return out;
+  };
+  set(r, "camera.shutter_s=0");
+  EXPECT_EQ(text(ran(mustRender(*engine, r))), "");
+  for (const auto& [edit, n] : {std::pair("camera.shutter_slices=2", 0), std::pair("camera.shutter_s=0.5", 2), std::pair("camera.shutter_s=0.25", 2),
+                                std::pair("camera.shutter_slices=4", 4), std::pair("camera.shutter_slices=3", 3), std::pair("seed=2", 3)}) {
+    set(r, edit);
+    EXPECT_EQ(text(ran(mustRender(*engine, r))), n ? text(slices(n)) : "") << edit;
+    EXPECT_EQ(text(ran(mustRender(*engine, r))), "") << edit << " again";
   }
 }
 

@@ -55,6 +55,10 @@ std::vector<Case> cases() {
                         "lights.b.position=0.3,1,0"})
     set(cluster, a);
   out.push_back({"cluster", cluster});
+  v1::RenderRequest shutter = smallRequest("cornell", 24, 16, 4);
+  for (const char* a : {"camera.shutter_s=1", "camera.shutter_slices=2", "curves.camera.yfov_deg.time_s=0,1", "curves.camera.yfov_deg.value=30,50"})
+    set(shutter, a);
+  out.push_back({"shutter", shutter});
   return out;
 }
 

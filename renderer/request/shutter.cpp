@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "request/shutter.h"
+
+#include <algorithm>
+#include <string_view>
+
+#include "base/sobol.h"
+#include "request/curves.h"
+#include "request/request.h"
+#include "scene/rig.h"
+
+namespace gobo {
+
+namespace {
+
+/// Of the picture that is shown, or of the shutter: at the moment when it opens.
+bool ofTheOpening(std::string_view path) { return path.starts_with("tone_map.") || path.starts_with("camera.shutter_"); }
+
+/// First-hit outputs and those of shadows that are of one moment: ids and places have no mean, and a mean over what is hit is none of means.
+bool hasMean(std::string_view output) {
+  constexpr std::string_view first[] = {"normal",   "position",    "depth",       "z_depth",       "object_id",    "material_id",   "motion",
+                                        "variance", "unoccluded:", "visibility:", "shadow_flags:", "shadow_rays:", "shadow_width:", "shadow_basis:"};
+  return std::none_of(std::begin(first), std::end(first), [&](std::string_view o) { return o.ends_with(':') ? output.starts_with(o) : output == o; });
+}
+
+Status refuseMoments(const v1::RenderRequest& r) {
+  const std::string shutter = "request.camera.shutter_s = " + std::to_string(r.camera().shutter_s());
+  const auto refuse = [&](const std::string& field, const std::string& why) { return invalidArgument(shutter + ": " + why, field); };
+  for (const std::string& o : r.outputs())
+    if (!hasMean(o)) return refuse("request.outputs", "output '" + o + "' is of one moment; ask for it without a shutter, or leave it out");
+  if (r.denoise().has_outliers()) return refuse("request.denoise.outliers", "request.denoise.outliers is of one moment; leave out one of them");
+  if (r.halt().has_error())
+    return refuse("request.halt.error", "request.halt.error is measured by a certificate, which is of one moment; give halt.spp or time_s");
+  if (r.has_certificate()) return refuse("request.certificate", "request.certificate is of one moment; leave out one of them");
+  return {};
+}
+
+}  // namespace
+
+uint32_t shutterSlices(const v1::RenderRequest& resolved) {
+  if (!hasShutter(resolved)) return 1;
+  const uint32_t slices = resolved.camera().has_shutter_slices() ? resolved.camera().shutter_slices() : kShutterSlices;
+  return std::max(1u, resolved.halt().has_spp() ? std::min(slices, resolved.halt().spp()) : slices);
+}
+
+bool mayMove(const Scene& scene, const v1::RenderRequest& request) { return (scene.rig && !scene.rig->animations.empty()) || !request.curves().empty(); }
+
+Status resolveShutter(v1::RenderRequest& request, const google::protobuf::Map<std::string, v1::Curve>& curves, const Scene& scene) {
+  if (!hasShutter(request)) return {};
+  for (const auto& [path, curve] : curves)
+    if (!ofTheOpening(path)) (*request.mutable_curves())[path] = curve;
+  v1::CameraSettings& camera = *request.mutable_camera();
+  if (!mayMove(scene, request)) camera.set_shutter_slices(1);
+  else {
+    if (!camera.has_shutter_slices()) camera.set_shutter_slices(kShutterSlices);
+    GOBO_TRY(refuseMoments(request));
+  }
+  return {};
+}
+
+uint64_t sliceSeed(uint64_t seed, uint32_t slice, uint32_t slices) { return slices == 1 ? seed : hash64(mix64(seed ^ 0x5348555454455231ull), slice); }
+
+Result<v1::RenderRequest> sliceRequest(const v1::RenderRequest& resolved, uint32_t k) {
+  const uint32_t slices = shutterSlices(resolved);
+  v1::RenderRequest r = resolved;
+  r.set_seed(sliceSeed(resolved.seed(), k, slices));
+  r.set_time_s(resolved.time_s() + (k + 0.5) / slices * resolved.camera().shutter_s());
+  if (!resolved.curves().empty()) {
+    GOBO_TRY(applyCurves(r));
+    GOBO_TRY(resolveDefaults(r));  // of messages that a curve made
+  }
+  r.mutable_camera()->clear_shutter_s();
+  r.mutable_camera()->clear_shutter_slices();
+  if (resolved.halt().has_spp()) r.mutable_halt()->set_spp(samplesOfSlice(resolved.halt().spp(), slices));
+  return r;
+}
+
+}  // namespace gobo
