@@ -11,10 +11,12 @@ namespace {
 constexpr int kMostAsked = 10001;  // what one scene may have: its file and those beside it
 
 Status tooLarge(const std::string& field, const v1::BlobDigest& blob, const UploadLimit& limit) {
-  return {Code::ResourceExhausted,
-          strf("%s = %llu: uploads are limited to %llu bytes (%s)", field.c_str(), (unsigned long long)blob.bytes(), (unsigned long long)limit.bytes, limit.key), field};
+  return {
+      Code::ResourceExhausted,
+      strf("%s = %llu: uploads are limited to %llu bytes (%s)", field.c_str(), (unsigned long long)blob.bytes(), (unsigned long long)limit.bytes, limit.key),
+      field};
 }
-}
+}  // namespace
 
 grpc::Status BlobsService::Missing(grpc::ServerContext* context, const v1::MissingBlobsRequest* request, v1::MissingBlobsReply* reply) {
   return serve(core_, *context, "missing_blobs", [&](Rpc& rpc) -> grpc::Status {
@@ -32,7 +34,8 @@ grpc::Status BlobsService::Missing(grpc::ServerContext* context, const v1::Missi
       const uint64_t received = core_.files->received(rpc.renderOwner(), blob.sha256(), blob.bytes());
       if (received == blob.bytes()) continue;
       // What could not be put is refused before anything of it, or of the files beside it, is sent.
-      if (const UploadLimit limit = uploadLimit(rpc); blob.bytes() > limit.bytes) return rpc.refuse("upload_bytes", tooLarge(strf("missing.blobs[%d].bytes", i), blob, limit));
+      if (const UploadLimit limit = uploadLimit(rpc); blob.bytes() > limit.bytes)
+        return rpc.refuse("upload_bytes", tooLarge(strf("missing.blobs[%d].bytes", i), blob, limit));
       v1::MissingBlob& missing = *reply->add_missing();
       *missing.mutable_blob() = blob;
       missing.set_received(received);
@@ -61,8 +64,7 @@ grpc::Status BlobsService::put(Rpc& rpc, grpc::ServerReader<v1::PutBlobRequest>&
     if (!file) {
       const v1::BlobDigest& blob = message.blob();
       const UploadLimit limit = uploadLimit(rpc);
-      if (blob.bytes() > limit.bytes)
-        return rpc.refuse("upload_bytes", tooLarge("put.blob.bytes", blob, limit));
+      if (blob.bytes() > limit.bytes) return rpc.refuse("upload_bytes", tooLarge("put.blob.bytes", blob, limit));
       auto begun = core_.files->begin(rpc.renderOwner(), blob.sha256(), blob.bytes(), message.offset(), call.stop.token());
       if (begun.status().code() == Code::Aborted) return rpc.refuseBusy("blobs", begun.status().message(), 200);
       if (begun.status().code() == Code::ResourceExhausted) return rpc.refuse("blobs", begun.status());

@@ -49,7 +49,7 @@ class ServerCore {
   RefusalPause impatient;  ///< answers to who does not wait for his hint
   IdleWatch idle;
   FreedMemory freed;
-  SharedLimit uploads, watches;           ///< calls in progress
+  SharedLimit uploads, watches;  ///< calls in progress
   EncodePace encodePace;
   SharedLimit replies;                    ///< bytes of pictures that are being made or sent
   Sessions sessions;                      ///< of viewers

@@ -33,7 +33,9 @@ void takenOver(void*) {}
 
 struct TaskArena::Impl {
   Impl(int threads, Threads whose, RightOfWay* way)
-      : arena(threads > 0 ? threads : tbb::info::default_concurrency()), has(whose == Threads::Own ? way : nullptr), gives(whose == Threads::Own ? nullptr : way) {
+      : arena(threads > 0 ? threads : tbb::info::default_concurrency()),
+        has(whose == Threads::Own ? way : nullptr),
+        gives(whose == Threads::Own ? nullptr : way) {
     // One arena of default size takes all workers that TBB would have.
     if (whose == Threads::Own)
       workers.emplace(tbb::global_control::max_allowed_parallelism, size_t(tbb::info::default_concurrency()) + size_t(arena.max_concurrency()));

@@ -30,7 +30,8 @@ class RungPace {
   std::map<std::string, double> msPerPixel_;  // bounded: forgotten all at once
 };
 
-/// A quarter of the size each way, or as `shrink` says; nothing for pictures that are small themselves, and for windows (their place in the whole is what they are).
+/// A quarter of the size each way, or as `shrink` says; nothing for pictures that are small themselves, and for windows (their place in the whole is what they
+/// are).
 std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved, uint32_t shrink = kShrink);
 
 /// How many samples a pixel the next picture shall have, when `spp` of at most `most` are there. Times in ms.

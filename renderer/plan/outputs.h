@@ -41,7 +41,7 @@ struct OutputInfo {
   PathSet shows = PathSet::None;  ///< of the beauty; needed whole where it is told apart neither by class nor by lobe
   const char* channels = "RGB";   ///< EXR channel names, one letter each
   bool perLight = false;
-  bool float32 = false;  ///< never stored as half
+  bool float32 = false;                 ///< never stored as half
   GBufferPart seen = GBufferPart::All;  ///< what it needs of the camera's first hits; of a request all have what one needs
   std::vector<std::string> channelNames() const;
   bool lossless() const { return kind != OutputKind::Radiance && kind != OutputKind::Colour; }

@@ -329,8 +329,9 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
       scene->environment = constantEnvironment(toVec3(e.constant()));
     } else if (e.default_() != v1::EnvironmentSettings::NONE && unlit(*scene, request)) {
       scene->environment = studioEnvironment();
-      out.warnings.push_back(scene->lights.empty() ? "the scene has no light: environment.default = STUDIO lights it; NONE leaves it black"
-                                                   : "nothing but pictures that glow lights the scene: environment.default = STUDIO does; NONE leaves them alone");
+      out.warnings.push_back(scene->lights.empty()
+                                 ? "the scene has no light: environment.default = STUDIO lights it; NONE leaves it black"
+                                 : "nothing but pictures that glow lights the scene: environment.default = STUDIO does; NONE leaves them alone");
     }
     if (e.has_rotation_deg() && scene->environment) {
       auto turned = std::make_shared<Environment>(*scene->environment);

@@ -257,13 +257,15 @@ struct Door::Impl {
     v1::BlobDigest blob;
     blob.set_sha256(sha256);
     blob.set_bytes(*bytes);
-    // Too large, or nothing for this caller: said before the body is read, as nobody sends a terabyte to be told. What is wrong with the numbers themselves Put says.
+    // Too large, or nothing for this caller: said before the body is read, as nobody sends a terabyte to be told. What is wrong with the numbers themselves Put
+    // says.
     v1::MissingBlobsRequest asked;
     *asked.add_blobs() = blob;
     v1::MissingBlobsReply missing;
     UpstreamCall ask(goneOf(connection));
     dress(connection, ask.context);
-    const grpc::Status may = callOnce(ask, [&](auto* context, auto* queue) { return blobs->AsyncMissing(context, asked, queue); }, missing);
+    const grpc::Status may = callOnce(
+        ask, [&](auto* context, auto* queue) { return blobs->AsyncMissing(context, asked, queue); }, missing);
     if (!may.ok() && may.error_code() != grpc::StatusCode::INVALID_ARGUMENT) return may;
     exchange.put = std::make_unique<PutStream>(goneOf(connection));
     dress(connection, exchange.put->context());

@@ -121,9 +121,11 @@ TEST_F(FirstPicture, AnyLightOfTheSceneOrTheRequestIsEnough) {
   const char* painted = R"("metallicFactor":0},"emissiveFactor":[1,1,1],"emissiveTexture":{"index":0})";
   EXPECT_TRUE(usesStudio(glow(painted, plain), {})) << "a picture that glows is no lamp";
   EXPECT_FALSE(usesStudio(glow(painted, plain), {"environment.default=NONE"}));
-  EXPECT_FALSE(usesStudio(glow(R"("metallicFactor":0},"emissiveFactor":[1,1,1],"emissiveTexture":{"index":0},"extensions":{"KHR_materials_emissive_strength":{"emissiveStrength":2}})",
-                               R"("extensionsUsed":["KHR_lights_punctual","KHR_materials_emissive_strength")"),
-                          {}))
+  EXPECT_FALSE(usesStudio(
+      glow(
+          R"("metallicFactor":0},"emissiveFactor":[1,1,1],"emissiveTexture":{"index":0},"extensions":{"KHR_materials_emissive_strength":{"emissiveStrength":2}})",
+          R"("extensionsUsed":["KHR_lights_punctual","KHR_materials_emissive_strength")"),
+      {}))
       << "a picture that is a lamp";
   EXPECT_FALSE(usesStudio(request({{R"("nodes":[0,1])", R"("nodes":[0])"},
                                    {R"("extensionsUsed":["KHR_lights_punctual")", R"("extensionsUsed":["KHR_lights_punctual","KHR_materials_unlit")"},

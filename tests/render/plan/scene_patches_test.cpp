@@ -69,9 +69,10 @@ TEST(ScenePatches, AThingIsMovedFromWhereItIs) {
   ASSERT_TRUE(patch([&](auto& i) { by(i, -0.25, -1.0); }).ok());  // on top of the first
   EXPECT_EQ(engine->inspectScene("cornell")->hash(), wanted->hash());
   ASSERT_TRUE(patch([&](auto& i) {  // on top of a matrix
-    matrix(i, 1.0f);
-    by(i, -0.75, 0.0);
-  }).ok());
+                matrix(i, 1.0f);
+                by(i, -0.75, 0.0);
+              })
+                  .ok());
   EXPECT_EQ(engine->inspectScene("cornell")->hash(), wanted->hash());
 
   for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e39}) {

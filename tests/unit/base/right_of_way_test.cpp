@@ -87,7 +87,8 @@ TEST(RightOfWay, AStopEndsTheWait) {
     stop.stop(StopReason::Cancelled);
   });
   const auto begun = Clock::now();
-  EXPECT_FALSE(shared.parallelFor(16, 1, [&](size_t, size_t) { ADD_FAILURE() << "a piece began"; }, stop.token()));
+  EXPECT_FALSE(shared.parallelFor(
+      16, 1, [&](size_t, size_t) { ADD_FAILURE() << "a piece began"; }, stop.token()));
   EXPECT_LT(Clock::now() - begun, kLong / 2);
   later.join();
 }
