@@ -177,7 +177,7 @@ def freed(daemon, scene, size, count=20):
         while daemon.json("/v1/status").get("running"):
             time.sleep(0.001)
         times.append(1e3 * (time.perf_counter() - closed))
-    return sorted(times)[int(0.95 * count)]
+    return sorted(times)[math.ceil(0.95 * count) - 1]
 
 
 def drag(daemon, scene, size, name, seconds, waits):

@@ -112,7 +112,9 @@ grpc::Status RenderService::run(Rpc& rpc, v1::RenderRequest request, const Deliv
   options.environmentFile = environment->path;
   options.replyBytes = 32ull * resolved->width() * resolved->height() * uint64_t(std::max(1, resolved->outputs_size())) + 2 * core_.live()->chunkBytes;
   const v1::Encoding::Format format = resolved->encoding().format();
-  const uint64_t pixels = uint64_t(resolved->width()) * resolved->height() * uint64_t(std::max(1, resolved->outputs_size()));
+  const uint64_t size =
+      resolved->has_window() ? uint64_t(resolved->window().width()) * resolved->window().height() : uint64_t(resolved->width()) * resolved->height();
+  const uint64_t pixels = size * uint64_t(std::max(1, resolved->outputs_size()));
   options.encodeMs = core_.encodePace.expectedMs(format, pixels);
   const auto render = std::make_unique<RenderCall>(core_, call.stop, request, options);
   Clock::time_point lastProgress = begun - kProgressGap;

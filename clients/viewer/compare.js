@@ -12,6 +12,14 @@ export function plain(request) {
   return out;
 }
 
+// What the camera sees first is of a moment: the middle of the shutter's time.
+export function moment(request) {
+  const out = plain(request), open = out.camera?.shutter_s;
+  if (!open) return out;
+  for (const name of ['shutter_s', 'shutter_slices']) delete out.camera[name];
+  return { ...out, time_s: (out.time_s ?? 0) + open / 2 };
+}
+
 // Behind every edit, and of a session of its own: an edit does not end it.
 export const reference = (request, spp, signal, shown) => renderAll({
   ...plain(request), ...(request.window ? { window: request.window } : {}), halt: { spp }, encoding: { format: 'RAW_HALF' }, scheduling: { priority: 'BATCH', ladder: false },

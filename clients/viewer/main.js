@@ -3,7 +3,7 @@
 import { asked, cameraMatrices, getJson, postBytes, postJson, setToken } from './api.js';
 import { acceptMaps } from './blobs.js';
 import { command } from './command.js';
-import { certificate, plain, reference } from './compare.js';
+import { certificate, moment, reference } from './compare.js';
 import { Lights } from './lights.js';
 import { Live } from './live.js';
 import { Grip, Patches, showMaterial } from './object.js';
@@ -17,7 +17,7 @@ const body = document.body, vector = (v) => [v?.x ?? 0, v?.y ?? 0, v?.z ?? 0];
 const kRoots = ['lights', 'object', 'panel'].map($);
 // Outputs that are light: they come linear and are exposed here.
 const kRadiance = /^(beauty|emission|(in)?direct(_\w+)?|diffuse|specular|(group|unoccluded):.*)$/;
-let schema, scene, panel, edits = {}, orbit = null, lens = null, cameraTurn = 0, retry = 0, loaded = new Set();
+let schema, scene, panel, edits = {}, orbit = null, lens = null, cameraTurn = 0, pickTurn = 0, retry = 0, loaded = new Set();
 
 const view = new View($('picture'), () => edits.curves && Object.keys(edits.curves).some((p) => p.startsWith('tone_map')) ? lastReply?.resolved.tone_map ?? {} : edits.tone_map ?? {});
 let lastReply = null;
@@ -101,7 +101,10 @@ function fail(error) {
 async function returned() {
   try {
     const here = await getJson('/v1/scenes/' + encodeURIComponent(scene.id)).catch((error) => { if (error.code !== 'NOT_FOUND') throw error; });
-    if (!here) await postJson('/v1/scenes', { source: scene.source || scene.id, name: scene.id });
+    if (!here) {
+      await postJson('/v1/scenes', { source: scene.source || scene.id, name: scene.id });
+      grip.hold();  // as in its file again
+    }
     ask();
   } catch (error) { fail(error); }
 }
@@ -112,7 +115,7 @@ const ask = () => live.ask(requestNow(), kRadiance.test(edits.outputs?.[0] ?? 'b
 async function findCamera() {
   const own = scene, turn = ++cameraTurn;
   body.dataset.camera = 'asked';
-  const found = await cameraMatrices(plain(requestNow())).catch((error) => { if (error.code === 'OFFLINE') throw error; return null; });
+  const found = await cameraMatrices(moment(requestNow())).catch((error) => { if (error.code === 'OFFLINE') throw error; return null; });
   if (turn !== cameraTurn) return;  // a later question has been asked
   lens = found;
   body.dataset.camera = 'known';
@@ -133,6 +136,7 @@ async function changed(path) {
   $('certified').textContent = '';
   if (path[0] === 'width' || path[0] === 'height') showSize();
   if (path[0] === 'lights') lights.refresh();
+  if (path[0] === 'time_s' || path[0] === 'animation') grip.hold();  // it may be elsewhere now
   // Exposure and curve of a picture that is here in linear light.
   if (path[0] === 'tone_map' && view.present?.picture.data && !edits.curves) return draw();
   try {
@@ -227,15 +231,20 @@ async function start() {
   } catch (error) { fail(error); }
 }
 
-const patches = new Patches(() => ask(), fail), grip = new Grip($('handles'), patches);
+const patches = new Patches(() => ask(), (error) => {
+  grip.hold();  // it would stand where the object is not
+  fail(error);
+}), grip = new Grip($('handles'), patches);
 
 // Which light, object or material is in a pixel, 0 to 1 from the top left corner of the picture.
 async function pickAt(x, y) {
   if (!scene) return;
   const [width, height] = sizeNow(), own = edits.window ?? {};
+  const from = scene, turn = ++pickTurn;
   const inside = (t, n) => Math.min(n - 1, Math.max(0, Math.floor(t * n)));
   try {
     const found = await pick(requestNow(), scene, (own.x ?? 0) + inside(x, width), (own.y ?? 0) + inside(y, height));
+    if (scene !== from || turn !== pickTurn) return;  // another scene, or a later click
     $('picked').textContent = found ? `Object: ${found.object || '(no name)'}; material: ${found.material || '(no name)'}` : 'The background';
     $('picked').dataset.object = found?.object ?? '';
     showMaterial($('object'), Panel, scene.id, found?.material, patches);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is in a pixel: its ids, of a window of one pixel, and their names, which the scene lists in the same order.
 import { renderAll } from './api.js';
-import { plain } from './compare.js';
+import { moment } from './compare.js';
 
 // `x`, `y`: pixel of the whole picture. {object, material, at}: names, '' where one has none, and the point {x, y, z} that was hit; null: the background.
 export async function pick(request, scene, x, y) {
   const { reply, bytes } = await renderAll({
-    ...plain(request), outputs: ['object_id', 'material_id', 'position'], halt: { spp: 1 }, view_samples: 1, window: { x, y, width: 1, height: 1 },
+    ...moment(request), outputs: ['object_id', 'material_id', 'position'], halt: { spp: 1 }, view_samples: 1, window: { x, y, width: 1, height: 1 },
     encoding: { format: 'RAW_FLOAT' }, scheduling: { priority: 'INTERACTIVE', ladder: false },
   });
   const found = {}, view = new DataView(bytes.buffer, bytes.byteOffset);

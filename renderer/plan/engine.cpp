@@ -644,7 +644,6 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
                     "render_id");
   v1::RenderRequest base = std::move(*known);
   base.clear_scene_hash();  // a relight is of the scene as it is now
-  GOBO_TRY(applyMask(base, relight.patch(), {relight.mask().begin(), relight.mask().end()}));
   // A shutter's request still has its curves (request/shutter.h): what is given now is not what they say of it.
   for (const std::string& path : relight.mask()) {
     if (path == "curves" || path.starts_with("curves.")) continue;
@@ -653,6 +652,7 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
       c = replaced ? base.mutable_curves()->erase(c) : std::next(c);
     }
   }
+  GOBO_TRY(applyMask(base, relight.patch(), {relight.mask().begin(), relight.mask().end()}));
   return base;
 }
 

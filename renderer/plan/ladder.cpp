@@ -71,8 +71,6 @@ uint32_t nextRung(uint32_t spp, uint32_t most, const RungTimes& times) {
     const double fits = times.left / times.perSample;
     if (!times.rough && fits * kWorthTrying < least - spp) return spp;
     add = std::min(add, fits);
-  } else if (times.left >= 0) {
-    add = least - spp;  // which tells how long one takes
   }
   const uint32_t aim = uint32_t(std::min<double>(spp + add, most));
   const uint32_t passes = passesFor(aim);

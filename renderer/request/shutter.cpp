@@ -8,10 +8,13 @@
 #include "request/curves.h"
 #include "request/request.h"
 #include "scene/rig.h"
+#include "trace/sample_passes.h"
 
 namespace gobo {
 
 namespace {
+
+constexpr uint64_t kMostSpp = 1u << 20;  // of halt.spp in the proto
 
 /// Of the picture that is shown, or of the shutter: at the moment when it opens.
 bool ofTheOpening(std::string_view path) { return path.starts_with("tone_map.") || path.starts_with("camera.shutter_"); }
@@ -54,6 +57,14 @@ Status resolveShutter(v1::RenderRequest& request, const google::protobuf::Map<st
   else {
     if (!camera.has_shutter_slices()) camera.set_shutter_slices(kShutterSlices);
     GOBO_TRY(refuseMoments(request));
+    // What the picture gets (the reply's halt.spp) must be what may be asked for again.
+    if (request.halt().has_spp()) {
+      const uint32_t slices = shutterSlices(request);
+      if (const uint64_t got = uint64_t(samplesOf(passesFor(samplesOfSlice(request.halt().spp(), slices)))) * slices; got > kMostSpp)
+        return invalidArgument("request.halt.spp = " + std::to_string(request.halt().spp()) + ": request.camera.shutter_slices = " + std::to_string(slices) +
+                                   " make it " + std::to_string(got) + ", more than " + std::to_string(kMostSpp),
+                               "request.halt.spp");
+    }
   }
   return {};
 }

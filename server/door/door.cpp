@@ -264,8 +264,14 @@ struct Door::Impl {
     v1::MissingBlobsReply missing;
     UpstreamCall ask(goneOf(connection));
     dress(connection, ask.context);
-    const grpc::Status may = callOnce(
+    grpc::Status may = callOnce(
         ask, [&](auto* context, auto* queue) { return blobs->AsyncMissing(context, asked, queue); }, missing);
+    if (may.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED) {  // in the caller's words
+      std::string message = may.error_message();
+      const std::string field = "missing.blobs[0].";
+      if (message.rfind(field, 0) == 0) message.erase(0, field.size());
+      may = {may.error_code(), message};
+    }
     if (!may.ok() && may.error_code() != grpc::StatusCode::INVALID_ARGUMENT) return may;
     exchange.put = std::make_unique<PutStream>(goneOf(connection));
     dress(connection, exchange.put->context());

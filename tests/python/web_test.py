@@ -407,7 +407,7 @@ for (const name of ['there.exr', 'fresh.HDR', 'fresh.HDR', 'notes.txt']) {
             answer = http.client.HTTPResponse(caller)
             answer.begin()
             self.assertEqual(answer.status, 429)
-            self.assertRegex(json.loads(answer.read())["error"]["message"], r"bytes = 1099511627776: uploads are limited to \d+ bytes \(limits\.")
+            self.assertRegex(json.loads(answer.read())["error"]["message"], r"^bytes = 1099511627776: uploads are limited to \d+ bytes \(limits\.")
 
     def test_what_is_refused(self):
         data = b"some bytes"

@@ -253,7 +253,8 @@ def of(result: "Result", *, timeout: Optional[float] = None) -> Camera:
 
 
 def file_matrices(client: "Client", r: render_pb2.RenderRequest, timeout: Optional[float] = None) -> Tuple[np.ndarray, np.ndarray]:
-    """worldToCamera and worldToNDC, (4, 4) each, as an EXR file of the request `r` has them: for row vectors, x right, y up, z forward.
+    """worldToCamera and worldToNDC, (4, 4) each, as an EXR file of the request `r` has them: for row vectors, x right, y up, z forward. With a shutter those of
+    the slice in the middle.
 
     Raises: gobo.FailedPrecondition: it has none (a panorama).
     """
@@ -261,6 +262,13 @@ def file_matrices(client: "Client", r: render_pb2.RenderRequest, timeout: Option
     for name in ("width", "height", "scene_hash", "time_s", "animation"):
         if r.HasField(name):
             setattr(request, name, getattr(r, name))
+    if r.camera.shutter_s > 0:
+        slices = r.camera.shutter_slices or 16
+        if r.halt.HasField("spp"):
+            slices = max(1, min(slices, r.halt.spp))
+        request.time_s = r.time_s + (slices // 2 + 0.5) / slices * r.camera.shutter_s
+        request.camera.ClearField("shutter_s")
+        request.camera.ClearField("shutter_slices")
     for path, curve in r.curves.items():
         if path.startswith("camera."):
             request.curves[path].CopyFrom(curve)

@@ -579,6 +579,20 @@ TEST(Shutter, WhatIsOfOneMomentIsRefusedByName) {
   refused({}, "request.camera.shutter_s", "camera.shutter_s", 3601);
   refused({"camera.shutter_slices=0"}, "request.camera.shutter_slices", "at least 1");
   refused({"camera.shutter_slices=257"}, "request.camera.shutter_slices", "at most 256");
+  refused({"halt.spp=1048576", "camera.shutter_slices=3"}, "request.halt.spp", "make it 1048608, more than 1048576");
+}
+
+TEST(Shutter, ACurveThatARelightGivesHolds) {
+  const auto engine = engineWithMoving("given");
+  const RenderResult first = mustRender(*engine, request({}, 16));
+  v1::RelightRequest relight;
+  relight.set_render_id(first.reply.render_id());
+  (*relight.mutable_patch()->mutable_lights())["lamp"].set_intensity(3);
+  (*relight.mutable_patch()->mutable_curves())["lights.lamp.intensity"];
+  for (const char* path : {"lights.lamp", "curves"}) relight.add_mask(path);
+  const auto made = engine->relightRequest(relight, "");
+  ASSERT_TRUE(made.ok()) << made.status().toString();
+  EXPECT_EQ(made->curves().count("lights.lamp.intensity"), 1u);
 }
 
 }  // namespace
