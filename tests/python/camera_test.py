@@ -148,6 +148,12 @@ class Server(DaemonTest):
         path = gltf(self.folder)
         self.check(camera.of(self.client.render(path, size=SIZE, spp=1)), path)
 
+    def test_of_a_shutter_it_is_the_slice_in_the_middle(self):
+        curve = {"camera.position": {"time_s": [0, 1], "value": [-1, 1, 3.4, 1, 1, 3.4]}}
+        for slices, spp, middle in ((4, 16, 0.2 + 2.5 / 4 * 0.4), (64, 3, 0.2 + 1.5 / 3 * 0.4)):
+            r = self.client.render("cornell", size=SIZE, spp=spp, time_s=0.2, curves=curve, camera={"look_at": (0, 1, 0), "shutter_s": 0.4, "shutter_slices": slices})
+            np.testing.assert_allclose(camera.of(r).camera_to_world[:3, 3], (-1 + 2 * middle, 1, 3.4), atol=1e-4)
+
     def test_there_and_back(self):
         random = np.random.default_rng(11)
         for lens in ({"yfov_deg": 33.0}, {"orthographic_height": 1.7}):
