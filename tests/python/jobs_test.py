@@ -8,9 +8,11 @@ import threading
 import time
 import unittest
 
+import grpc
 import numpy as np
 
 import gobo
+from gobo.v1 import service_pb2_grpc
 from support import SMALL, DaemonTest
 
 
@@ -46,6 +48,27 @@ class Jobs(DaemonTest):
         job.delete()
         with self.assertRaises(gobo.NotFound):
             job.state()
+
+    def test_a_relight_by_every_call(self):
+        # A reply's `resolved` request, edited, is its relight: by every call that takes a request, with the same bits and from the same terms.
+        first = self.client.render("cornell", **SMALL, denoise="auto", outputs=["beauty", "indirect"])
+        edits = {"lights": {"light": {"gain": (1, 0.5, 0.25)}}, "exposure": 1}
+        want = first.relight(**edits)
+        self.assertEqual(want.rays, 0)
+        base = first.reply.resolved
+        whole = self.client.render(request=base, **edits)
+        *_, shown = self.client.render_progressive(request=base, **edits)
+        for other in (whole, shown):
+            self.assertEqual(other.rays, 0)
+            self.assertEqual(other.reply.request_hash, want.reply.request_hash)
+            for output in want.outputs:
+                np.testing.assert_array_equal(other.outputs[output], want.outputs[output])
+        with grpc.insecure_channel(self.client.address) as channel:
+            inline = service_pb2_grpc.RenderStub(channel).RenderInline(whole.reply.resolved)
+        self.assertEqual(inline.reply.request_hash, want.reply.request_hash)
+        job = self.client.jobs.submit(base.scene, request=base, format="raw_float", **edits)
+        self.assertEqual(job.wait(timeout=100).state, "done")
+        np.testing.assert_array_equal(dict(job.images())[0], want.image)
 
     def test_curves_are_each_frames_values(self):
         curves = {"lights.light.gain": {"time_s": [0, 1], "value": [1, 1, 1, 3, 2, 1]}, "camera.yfov_deg": {"time_s": [0, 0.5], "value": [30, 50], "interpolation": "SMOOTH"}}
