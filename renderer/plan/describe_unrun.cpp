@@ -72,6 +72,19 @@ double expectedMs(const Plan& plan, Executor& executor, const TermStore& store, 
   return ns * 1e-6 / threads;
 }
 
+double aheadMs(const Plan& plan, Executor& executor, const TermStore& store, int threads) {
+  Rows first(plan, executor, store), all(plan, executor, store);
+  for (const NodeId id : plan.expanded) first.ask(id), all.ask(id);
+  for (const PlannedOutput& o : plan.outputs) all.ask(o.node);
+  double ns = 0;
+  for (NodeId id = 0; id < plan.graph.size(); ++id) {
+    const GraphNode& n = plan.graph.at(id);
+    const int made = first.makings[size_t(id)] > 0 ? first.makings[size_t(id)] : n.node->traits().persist ? all.makings[size_t(id)] : 0;
+    if (made > 0) ns += made * all.cost(id, n.blocks).ns;
+  }
+  return ns * 1e-6 / threads;
+}
+
 void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store, int threads, v1::PlanReply& reply) {
   Rows rows(plan, executor, store);
   for (const NodeId id : plan.expanded) rows.ask(id);

@@ -14,6 +14,9 @@ void describeUnrun(const Plan& plan, Executor& executor, const TermStore& store,
 /// Milliseconds that running it now would take on an idle machine.
 double expectedMs(const Plan& plan, Executor& executor, const TermStore& store, int threads);
 
+/// Of those the ones for what comes before anything of the view: results that decide what is planned, and terms dear enough for the disk tier.
+double aheadMs(const Plan& plan, Executor& executor, const TermStore& store, int threads);
+
 /// Rows of what was left out of the plan, and why; of replies too.
 void addPrunedRows(const Graph& graph, google::protobuf::RepeatedPtrField<v1::NodeReport>& rows);
 

@@ -108,6 +108,14 @@ const Image& RenderedImage::image() const {
   return *image_;
 }
 
+/// What a request would hold and take, before anything of it runs.
+struct Expected {
+  uint64_t pinnedBytes = 0;
+  double ms = 0;         ///< on an idle machine, with what the store has
+  double aheadMs = 0;    ///< of these, before anything of the view is made
+  bool expands = false;  ///< some of its plan depends on results
+};
+
 struct Engine::Impl {
   explicit Impl(const EngineOptions& o)
       : options(o),
@@ -184,6 +192,7 @@ struct Engine::Impl {
   }
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
   Result<RenderResult> run(const PreparedRender& prepared, const RenderControl& control);
+  Result<Expected> expect(const ScenePtr& scene, const v1::RenderRequest& resolved, const std::string& environmentFile, const StopToken& stop);
   Result<RenderResult> renderOnce(const ScenePtr& scene, const PreparedRender& prepared, const v1::RenderRequest& request, uint32_t spp,
                                   const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable);
   /// What `result` is worth when files under it may have broken meanwhile: they and what looks into them are dropped then.
@@ -291,6 +300,19 @@ Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request, cons
   return impl_->resolve(request, scene);
 }
 
+/// With all its samples: what is there of fewer is not what was asked for.
+Result<Expected> Engine::Impl::expect(const ScenePtr& scene, const v1::RenderRequest& resolved, const std::string& environmentFile, const StopToken& stop) {
+  MappedGuard guard(*scene, resolved.scene());
+  PlannerServices services = plannerServices(resolved.scene(), stop, guard, environmentFile, false);
+  services.expand = nullptr;
+  const v1::Halt& halt = resolved.halt();
+  const auto plan = makePlan(scene, resolved, halt.has_spp() ? passesFor(samplesOfSlice(halt.spp(), shutterSlices(resolved))) : 1, services);
+  GOBO_TRY(checked(guard, plan.ok() ? Status() : plan.status()));
+  Executor executor((*plan)->graph, executorServices(guard, false, resolved.scene()), stop);
+  return Expected{(*plan)->pinnedBytes, expectedMs(**plan, executor, *store, arena.threads()), aheadMs(**plan, executor, *store, arena.threads()),
+                  !(*plan)->expanded.empty()};
+}
+
 Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop, const SceneAccess& access,
                                        const std::string& environmentFile) {
   if (!scene) { GOBO_ASSIGN(scene, impl_->scenes.find(request.scene(), stop, access)); }
@@ -298,18 +320,11 @@ Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePt
   prepared.request = request;
   prepared.environmentFile = environmentFile;
   GOBO_ASSIGN(prepared.resolved, impl_->resolve(request, scene));
-  MappedGuard guard(*scene, request.scene());
-  PlannerServices services = impl_->plannerServices(request.scene(), stop, guard, environmentFile, false);
-  services.expand = nullptr;
-  // With all its samples: what is there of fewer is not what was asked for.
-  const v1::Halt& halt = prepared.resolved.halt();
-  const auto plan = makePlan(scene, prepared.resolved, halt.has_spp() ? passesFor(samplesOfSlice(halt.spp(), shutterSlices(prepared.resolved))) : 1, services);
-  GOBO_TRY(impl_->checked(guard, plan.ok() ? Status() : plan.status()));
-  prepared.pinnedBytes = (*plan)->pinnedBytes;
-  if (halt.has_spp()) {
-    Executor executor((*plan)->graph, impl_->executorServices(guard, false, request.scene()), stop);
-    prepared.expectedMs = expectedMs(**plan, executor, *impl_->store, impl_->arena.threads());
-    prepared.small = prepared.expectedMs <= kSmallMs && !prepared.resolved.has_certificate() && (*plan)->expanded.empty();
+  GOBO_ASSIGN(const Expected expected, impl_->expect(scene, prepared.resolved, environmentFile, stop));
+  prepared.pinnedBytes = expected.pinnedBytes;
+  if (prepared.resolved.halt().has_spp()) {
+    prepared.expectedMs = expected.ms;
+    prepared.small = prepared.expectedMs <= kSmallMs && !prepared.resolved.has_certificate() && !expected.expands;
   }
   return prepared;
 }
@@ -584,7 +599,11 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
     RenderControl how = control;
     how.checkpoints = nullptr;  // of the picture that was asked for
     const uint32_t shrink = pace.shrink(resolved.scene_hash(), uint64_t(resolved.width()) * resolved.height(), control.waiting ? control.waiting() : 0);
-    if (const std::optional<v1::RenderRequest> small = smallRung(resolved, shrink)) {
+    if (std::optional<v1::RenderRequest> small = smallRung(resolved, shrink)) {
+      if (const auto plain = plainRung(*small)) {
+        GOBO_ASSIGN(const Expected expected, expect(scene, *small, prepared.environmentFile, control.stop));
+        if (expected.aheadMs > kRungMs) small = plain;
+      }
       const auto begun = Clock::now();
       GOBO_ASSIGN(RenderResult picture, once(*small, 1, how));
       if (picture.reply.rays() > 0) pace.took(resolved.scene_hash(), uint64_t(small->width()) * small->height(), msSince(begun));  // else it was there

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/ladder.h"
 
+#include <google/protobuf/util/message_differencer.h>
+
 #include <algorithm>
 
+#include "plan/outputs.h"
 #include "request/shutter.h"
 #include "trace/sample_passes.h"
 
@@ -12,7 +15,6 @@ namespace {
 
 constexpr uint64_t kSmall = 128 * 128;  // pixels that are there at once
 constexpr double kSoonMs = 60;          // pictures that would follow each other faster than this are left out
-constexpr double kLookMs = 50;          // a small picture alone
 constexpr double kTurnMs = 200;         // small pictures of all who wait
 constexpr uint64_t kLeast = 4096;       // pixels of a picture that is an eighth of another
 constexpr size_t kScenes = 256;         // that RungPace knows
@@ -26,7 +28,7 @@ uint32_t RungPace::shrink(const std::string& scene, uint64_t pixels, size_t wait
   if (pixels < kShrinkMore * kShrinkMore * kLeast) return kShrink;
   if (known == msPerPixel_.end()) return kShrinkMore;
   const double ms = known->second * double(pixels) / (kShrink * kShrink);
-  return ms > kLookMs || ms * double(waiting + 1) > kTurnMs ? kShrinkMore : kShrink;
+  return ms > kRungMs || ms * double(waiting + 1) > kTurnMs ? kShrinkMore : kShrink;
 }
 
 void RungPace::took(const std::string& scene, uint64_t pixels, double ms) {
@@ -59,6 +61,21 @@ std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved, ui
     if (k.has_center_y()) k.set_center_y(k.center_y() * y);
   }
   return rung;
+}
+
+std::optional<v1::RenderRequest> plainRung(const v1::RenderRequest& rung) {
+  for (const std::string& output : rung.outputs())
+    if (const OutputInfo* info = findOutput(output); !info || !needsRadiance(*info)) return std::nullopt;
+  v1::RenderRequest plain = rung;
+  plain.mutable_shadows()->mutable_path_traced();
+  for (auto& [name, light] : *plain.mutable_lights()) light.clear_shadow();
+  if (plain.has_environment()) {
+    plain.mutable_environment()->clear_transfer();
+    plain.mutable_environment()->clear_extract_lights();
+    plain.mutable_environment()->clear_area_lights();
+  }
+  if (google::protobuf::util::MessageDifferencer::Equals(plain, rung)) return std::nullopt;
+  return plain;
 }
 
 uint32_t nextRung(uint32_t spp, uint32_t most, const RungTimes& times) {

@@ -34,6 +34,12 @@ class RungPace {
 /// are).
 std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved, uint32_t shrink = kShrink);
 
+/// The small picture path traced, for where its own techniques have to look, fit or precompute first; nothing where it asks for none of them, or for outputs
+/// that only they have.
+std::optional<v1::RenderRequest> plainRung(const v1::RenderRequest& rung);
+/// A small picture for which that is expected to take longer is path traced instead, ms.
+inline constexpr double kRungMs = 50;
+
 /// How many samples a pixel the next picture shall have, when `spp` of at most `most` are there. Times in ms.
 struct RungTimes {
   double perSample = 0;  ///< that the last samples of all pixels took, each; 0: nobody knows

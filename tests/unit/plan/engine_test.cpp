@@ -241,6 +241,29 @@ TEST(Engine, TheLadderBeginsSmallAndChangesNoBit) {
   }
 }
 
+TEST(Engine, TheSmallPictureDoesNotWaitForWhatIsPrecomputed) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("fence", 160, 120, 1);
+  for (const char* e :
+       {"environment.sky.turbidity=3", "environment.transfer.points=4000", "environment.transfer.samples=512", "environment.transfer.bounces=1"})
+    ASSERT_TRUE(setPath(r, e).ok()) << e;
+  std::vector<RenderResult> snapshots;
+  RenderControl control;
+  control.ladder = true;
+  control.snapshot = [&](const RenderResult& s) { snapshots.push_back(s); };
+  for (const bool warm : {false, true}) {
+    snapshots.clear();
+    ASSERT_TRUE(setPath(r, warm ? "camera.yfov_deg=40" : "camera.yfov_deg=41").ok());  // a picture that is not there yet
+    const auto last = engine->render(r, control);
+    ASSERT_TRUE(last.ok()) << last.status().toString();
+    ASSERT_GE(snapshots.size(), 1u);
+    EXPECT_EQ(snapshots[0].images[0].width(), 40);
+    EXPECT_EQ(snapshots[0].reply.resolved().environment().has_transfer(), warm) << "once it is there it is used";
+    EXPECT_TRUE(last->reply.resolved().environment().has_transfer());
+    EXPECT_EQ(firstDifference(snapshots[0], mustRender(*makeEngine(), snapshots[0].reply.resolved())), "");
+  }
+}
+
 /// Whatever a render showed before its end, and wherever that was: the bits of the same count by itself.
 TEST(Engine, FewSamplesAreTheBeginningOfMany) {
   for (const char* technique : {"path_traced", "ray_traced", "axis_aligned"}) {

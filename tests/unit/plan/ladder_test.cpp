@@ -114,5 +114,30 @@ TEST(Ladder, SmallPicturesAreSmallerWhereTheyComeLate) {
   EXPECT_EQ(smallRung(r, kShrinkMore)->height(), 90u);
 }
 
+TEST(Ladder, WhatHasToLookFirstIsPathTraced) {
+  v1::RenderRequest r;
+  r.set_width(1280);
+  r.set_height(720);
+  r.add_outputs("beauty");
+  r.mutable_shadows()->mutable_path_traced();
+  r.mutable_environment()->set_rotation_deg(30);
+  EXPECT_FALSE(plainRung(r)) << "it is";
+  const v1::RenderRequest traced = r;
+  r.mutable_shadows()->mutable_auto_();
+  r.mutable_environment()->mutable_transfer();
+  r.mutable_environment()->set_extract_lights(8);
+  r.mutable_environment()->set_area_lights(8);
+  (*r.mutable_lights())["key"].mutable_shadow()->mutable_auto_();
+  (*r.mutable_lights())["key"].set_intensity(3);
+  const auto plain = plainRung(r);
+  ASSERT_TRUE(plain);
+  EXPECT_TRUE(plain->shadows().has_path_traced());
+  EXPECT_FALSE(plain->lights().at("key").has_shadow());
+  EXPECT_EQ(plain->lights().at("key").intensity(), 3);
+  EXPECT_EQ(plain->environment().SerializeAsString(), traced.environment().SerializeAsString());
+  r.add_outputs("visibility:key");
+  EXPECT_FALSE(plainRung(r)) << "an output that path tracing has not";
+}
+
 }  // namespace
 }  // namespace gobo
