@@ -111,8 +111,7 @@ const Image& RenderedImage::image() const {
 /// What a request would hold and take, before anything of it runs.
 struct Expected {
   uint64_t pinnedBytes = 0;
-  double ms = 0;         ///< on an idle machine, with what the store has
-  double aheadMs = 0;    ///< of these, before anything of the view is made
+  double ms = 0;         ///< on an idle machine, with what the store has; 0 where only time or error ends it
   bool expands = false;  ///< some of its plan depends on results
 };
 
@@ -192,7 +191,8 @@ struct Engine::Impl {
   }
   Result<v1::RenderRequest> resolve(const v1::RenderRequest& request, const ScenePtr& scene) const;
   Result<RenderResult> run(const PreparedRender& prepared, const RenderControl& control);
-  Result<Expected> expect(const ScenePtr& scene, const v1::RenderRequest& resolved, const std::string& environmentFile, const StopToken& stop);
+  Result<Expected> expect(const ScenePtr& scene, const v1::RenderRequest& resolved, const std::string& environmentFile, const StopToken& stop,
+                          bool ahead = false);
   Result<RenderResult> renderOnce(const ScenePtr& scene, const PreparedRender& prepared, const v1::RenderRequest& request, uint32_t spp,
                                   const RenderControl& control, Clock::time_point start, MappedGuard& guard, bool& extendable);
   /// What `result` is worth when files under it may have broken meanwhile: they and what looks into them are dropped then.
@@ -300,8 +300,9 @@ Result<v1::RenderRequest> Engine::resolve(const v1::RenderRequest& request, cons
   return impl_->resolve(request, scene);
 }
 
-/// With all its samples: what is there of fewer is not what was asked for.
-Result<Expected> Engine::Impl::expect(const ScenePtr& scene, const v1::RenderRequest& resolved, const std::string& environmentFile, const StopToken& stop) {
+/// With all its samples: what is there of fewer is not what was asked for. `ahead`: of the time only what comes before anything of the view.
+Result<Expected> Engine::Impl::expect(const ScenePtr& scene, const v1::RenderRequest& resolved, const std::string& environmentFile, const StopToken& stop,
+                                      bool ahead) {
   MappedGuard guard(*scene, resolved.scene());
   PlannerServices services = plannerServices(resolved.scene(), stop, guard, environmentFile, false);
   services.expand = nullptr;
@@ -309,8 +310,8 @@ Result<Expected> Engine::Impl::expect(const ScenePtr& scene, const v1::RenderReq
   const auto plan = makePlan(scene, resolved, halt.has_spp() ? passesFor(samplesOfSlice(halt.spp(), shutterSlices(resolved))) : 1, services);
   GOBO_TRY(checked(guard, plan.ok() ? Status() : plan.status()));
   Executor executor((*plan)->graph, executorServices(guard, false, resolved.scene()), stop);
-  return Expected{(*plan)->pinnedBytes, expectedMs(**plan, executor, *store, arena.threads()), aheadMs(**plan, executor, *store, arena.threads()),
-                  !(*plan)->expanded.empty()};
+  const double ms = halt.has_spp() ? (ahead ? aheadMs : expectedMs)(**plan, executor, *store, arena.threads()) : 0.0;
+  return Expected{(*plan)->pinnedBytes, ms, !(*plan)->expanded.empty()};
 }
 
 Result<PreparedRender> Engine::prepare(const v1::RenderRequest& request, ScenePtr scene, const StopToken& stop, const SceneAccess& access,
@@ -601,8 +602,8 @@ Result<RenderResult> Engine::Impl::run(const PreparedRender& prepared, const Ren
     const uint32_t shrink = pace.shrink(resolved.scene_hash(), uint64_t(resolved.width()) * resolved.height(), control.waiting ? control.waiting() : 0);
     if (std::optional<v1::RenderRequest> small = smallRung(resolved, shrink)) {
       if (const auto plain = plainRung(*small)) {
-        GOBO_ASSIGN(const Expected expected, expect(scene, *small, prepared.environmentFile, control.stop));
-        if (expected.aheadMs > kRungMs) small = plain;
+        GOBO_ASSIGN(const Expected expected, expect(scene, *small, prepared.environmentFile, control.stop, /*ahead=*/true));
+        if (expected.ms > kRungMs) small = plain;
       }
       const auto begun = Clock::now();
       GOBO_ASSIGN(RenderResult picture, once(*small, 1, how));
