@@ -22,21 +22,32 @@ namespace {
 /// Noise that denoisers know: of path tracing states, whose first half is a picture too. Lights that the camera sees have none but at their edges.
 bool noisy(const Contribution& k) { return k.state >= 0 && !overlaps(k.paths, PathSet::Emission); }
 
-/// Filters that denoise.auto chooses from; without halves, by which they are judged, the first.
-Result<std::vector<denoise::DenoiserPtr>> denoisersOf(const v1::Denoise& settings, bool halves) {
-  std::vector<v1::Denoise> wanted(1, settings);
-  if (settings.has_auto_()) {
-    wanted.assign(halves ? settings.auto_().fast() ? 2 : 3 : 1, {});
-    wanted[0].mutable_wavelet();
-    if (wanted.size() > 1) wanted[1].mutable_non_local_means();
-    if (wanted.size() > 2) wanted[2].mutable_first_order();
-  }
-  std::vector<denoise::DenoiserPtr> denoisers;
-  for (v1::Denoise& d : wanted) {
-    GOBO_TRY(resolveDefaults(d));
-    GOBO_ASSIGN(denoise::DenoiserPtr made, denoise::makeDenoiser(d));
-    if (made) denoisers.push_back(std::move(made));
-  }
+using Denoisers = std::vector<denoise::DenoiserPtr>;
+
+Status add(Denoisers& to, v1::Denoise settings) {
+  GOBO_TRY(resolveDefaults(settings));
+  GOBO_ASSIGN(denoise::DenoiserPtr made, denoise::makeDenoiser(settings));
+  if (made) to.push_back(std::move(made));
+  return {};
+}
+
+/// What denoise.auto chooses from, by what is known of the light (docs/noise.md says what was left out, and why). Without halves, by which filters are judged,
+/// the first alone.
+enum class Known { Nothing, Direct, BendingDiffuse, BendingSpecular };
+Result<Denoisers> choicesOf(Known light, bool fast, bool halves) {
+  v1::Denoise wavelet, nonLocalMeans, firstOrder, axisAligned;
+  wavelet.mutable_wavelet();
+  nonLocalMeans.mutable_non_local_means();
+  firstOrder.mutable_first_order();
+  axisAligned.mutable_axis_aligned();
+  std::vector<v1::Denoise> wanted{wavelet, nonLocalMeans};
+  if (light == Known::Nothing && !fast) wanted.push_back(firstOrder);
+  const bool diffuse = light == Known::BendingDiffuse, specular = light == Known::BendingSpecular;
+  if (diffuse || specular) wanted = fast ? std::vector{axisAligned, nonLocalMeans} : std::vector{firstOrder, axisAligned};
+  if (specular && !fast) wanted.push_back(nonLocalMeans);
+  if (!halves) wanted.resize(1);
+  Denoisers denoisers;
+  for (const v1::Denoise& d : wanted) { GOBO_TRY(add(denoisers, d)); }
   return denoisers;
 }
 
@@ -66,7 +77,14 @@ NodeId planSum(PlanContext& c, std::span<const Contribution> contributions, cons
   return c.filter(makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), label);
 }
 
-bool needsCurvature(const v1::Denoise& settings) { return settings.has_axis_aligned(); }
+bool needsCurvature(const v1::RenderRequest& request, size_t groups) {
+  const v1::Denoise& settings = request.denoise();
+  if (!settings.has_auto_()) return settings.has_axis_aligned();
+  // Samples that outliers were taken from do not say how their light bends. By the whole picture's size, so that a window of it is filtered alike.
+  constexpr uint64_t kBytesOfPixel = 7 * 3 * sizeof(float);  // emission, direct light and both lobes' light and bending
+  const uint64_t pixels = uint64_t(request.width()) * request.height();
+  return !settings.has_outliers() && pixels * std::max<size_t>(groups, 1) * kBytesOfPixel <= kMostCurvatureBytes;
+}
 
 namespace {
 
@@ -74,7 +92,7 @@ namespace {
 struct NoisyPart {
   LobePart lobe = LobePart::Both;
   std::vector<Contribution> light;
-  std::vector<denoise::DenoiserPtr> by;
+  Denoisers by;
   std::string label;
   bool bends = false;        ///< its filters ask how it bends along surfaces
   bool orAsSampled = false;  ///< held against its noise, though there is one filter alone
@@ -83,18 +101,26 @@ struct NoisyPart {
 /// In the order of summation; none: nothing is filtered. `untouched` gets what filters leave as it is. halves: there are two, by which a filter is judged.
 Result<std::vector<NoisyPart>> partsOf(const PlanContext& c, std::vector<Contribution> traced, bool halves, std::vector<Contribution>& untouched) {
   const v1::Denoise& settings = c.request().denoise();
-  GOBO_ASSIGN(const std::vector<denoise::DenoiserPtr> by, denoisersOf(settings, halves));
-  const bool closed = settings.has_axis_aligned() && settings.axis_aligned().radius_px() == 0;  // a window of no width, not even along edges
-  if (by.empty() || traced.empty() || closed) return std::vector<NoisyPart>();
-  if (!settings.has_axis_aligned()) return std::vector<NoisyPart>{{LobePart::Both, std::move(traced), by, ""}};
-  std::vector<NoisyPart> parts{
-      {LobePart::Diffuse, {}, by, "", true}, {LobePart::Specular, {}, by, "", true}, {LobePart::Both, {}, {}, " direct", false, halves}};
-  const bool filtersDirect = settings.axis_aligned().direct() != v1::AxisAlignedDenoise::NONE;
-  if (filtersDirect) {
-    v1::Denoise direct;
-    direct.mutable_auto_()->set_fast(true);
-    GOBO_ASSIGN(parts[2].by, denoisersOf(direct, halves));
+  const bool automatic = settings.has_auto_(), bends = c.apart().curvature;
+  std::vector<NoisyPart> parts(1);
+  if (automatic) {
+    GOBO_ASSIGN(parts[0].by, choicesOf(bends ? Known::BendingDiffuse : Known::Nothing, settings.auto_().fast(), halves));
+  } else {
+    GOBO_TRY(add(parts[0].by, settings));
   }
+  const bool closed = settings.has_axis_aligned() && settings.axis_aligned().radius_px() == 0;  // a window of no width, not even along edges
+  if (parts[0].by.empty() || traced.empty() || closed) return std::vector<NoisyPart>();
+  if (!bends) {
+    parts[0].light = std::move(traced);
+    return parts;
+  }
+  Denoisers by = std::move(parts[0].by), specularBy = by;
+  if (automatic) { GOBO_ASSIGN(specularBy, choicesOf(Known::BendingSpecular, settings.auto_().fast(), halves)); }
+  parts = {{LobePart::Diffuse, {}, std::move(by), "", true},
+           {LobePart::Specular, {}, std::move(specularBy), "", true},
+           {LobePart::Both, {}, {}, " direct", false, halves}};
+  const bool filtersDirect = automatic || settings.axis_aligned().direct() != v1::AxisAlignedDenoise::NONE;
+  if (filtersDirect) { GOBO_ASSIGN(parts[2].by, choicesOf(Known::Direct, true, halves)); }
   for (Contribution& k : traced) {
     const bool diffuse = contains(PathSet::IndirectDiffuse, k.paths), specular = contains(PathSet::IndirectSpecular, k.paths) && !c.kinds().lambert;
     const bool direct = filtersDirect && contains(PathSet::Direct, k.paths);
@@ -147,9 +173,10 @@ class DenoisePlan {
     if (part.bends) { GOBO_TRY(addCurvature(part, label, inputs)); }
     const NodeId halves = c_.filter(denoise::makeNoisyPictureNode(width_, height_, samples_, first_, part.bends), std::move(inputs), label + " in halves");
     std::vector<NodeId> smooth;
+    const bool judged = part.by.size() > 1 || part.orAsSampled;
     for (const denoise::DenoiserPtr& d : part.by)
-      smooth.push_back(c_.filter(denoise::makeDenoiseNode(d, width_, height_, samples_, first_), {features, halves}, label + " by " + d->name()));
-    if (smooth.size() > 1 || part.orAsSampled) {
+      smooth.push_back(c_.filter(denoise::makeDenoiseNode(d, width_, height_, samples_, first_, judged), {features, halves}, label + " by " + d->name()));
+    if (judged) {
       std::vector<NodeId> choice{halves};
       choice.insert(choice.end(), smooth.begin(), smooth.end());
       const float share = float(double(first_) / double(samples_));

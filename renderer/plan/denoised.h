@@ -12,8 +12,10 @@ namespace gobo {
 /// Weighted sum of the contributions: a node with the plane "rgb".
 NodeId planSum(PlanContext& c, std::span<const Contribution> contributions, const std::string& label);
 
-/// A filter that asks for how indirect light bends along surfaces (Distinctions::curvature).
-bool needsCurvature(const v1::Denoise& settings);
+/// A filter that asks for how indirect light bends along surfaces (Distinctions::curvature). groups: of lights that are traced apart. denoise.auto does without
+/// where the sums of the picture's samples would take more than kMostCurvatureBytes.
+bool needsCurvature(const v1::RenderRequest& request, size_t groups);
+inline constexpr uint64_t kMostCurvatureBytes = 1ull << 30;
 
 /// The same, where what was path traced, but for light that the camera sees itself, loses its outliers (plan/outliers.h) and goes through the filter that the
 /// request names, each if it does. The halves that it

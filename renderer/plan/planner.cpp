@@ -110,7 +110,7 @@ Result<uint64_t> planMoment(Plan& plan, std::vector<PlannedOutput>& planned, con
     apart.classes = apart.classes || needsClasses(infoOf(o)) || (request.has_denoise() && needsRadiance(infoOf(o)));
     apart.lobes = apart.lobes || needsLobes(infoOf(o));
     apart.variance = apart.variance || o == "variance";
-    apart.curvature = apart.curvature || (needsCurvature(request.denoise()) && needsRadiance(infoOf(o)));
+    apart.curvature = apart.curvature || (needsCurvature(request, size_t(moment.groups.count)) && needsRadiance(infoOf(o)));
     apart.seen = std::max(apart.seen, infoOf(o).seen);
     beauty = beauty || needsRadiance(infoOf(o));
   }

@@ -12,8 +12,8 @@ namespace {
 
 class DenoiseNode final : public Node {
  public:
-  DenoiseNode(DenoiserPtr denoiser, int width, int height, uint32_t samples, uint32_t first)
-      : denoiser_(std::move(denoiser)), width_(width), height_(height), samples_(samples), first_(first) {}
+  DenoiseNode(DenoiserPtr denoiser, int width, int height, uint32_t samples, uint32_t first, bool judged)
+      : meanAlone_(!judged && !denoiser->looksAtHalves()), denoiser_(std::move(denoiser)), width_(width), height_(height), samples_(samples), first_(first) {}
   std::string type() const override { return "denoise"; }
   int version() const override { return denoiser_->version(); }
   NodeTraits traits() const override {
@@ -25,6 +25,7 @@ class DenoiseNode final : public Node {
   void hashParameters(Hasher& h) const override {
     h.add(std::string(denoiser_->name())).add(width_).add(height_).add(samples_).add(first_);
     denoiser_->hashParameters(h);
+    if (!denoiser_->looksAtHalves() && !meanAlone_) h.add(std::string("halves"));
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     const Extent all{width_, height_, 1};
@@ -42,7 +43,7 @@ class DenoiseNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     NoisyPicture p = noisyPicture(*ctx.inputs[0], *ctx.inputs[1], samples_, first_);
-    if (!denoiser_->looksAtHalves()) {
+    if (meanAlone_) {
       p.a = p.b = p.mean;
       p.halves = false;
     }
@@ -63,6 +64,7 @@ class DenoiseNode final : public Node {
   }
 
  private:
+  bool meanAlone_;
   DenoiserPtr denoiser_;
   int width_, height_;
   uint32_t samples_, first_;
@@ -70,8 +72,8 @@ class DenoiseNode final : public Node {
 
 }  // namespace
 
-NodePtr makeDenoiseNode(DenoiserPtr denoiser, int width, int height, uint32_t samples, uint32_t first) {
-  return std::make_shared<DenoiseNode>(std::move(denoiser), width, height, samples, first);
+NodePtr makeDenoiseNode(DenoiserPtr denoiser, int width, int height, uint32_t samples, uint32_t first, bool judged) {
+  return std::make_shared<DenoiseNode>(std::move(denoiser), width, height, samples, first, judged);
 }
 
 }  // namespace gobo::denoise

@@ -45,7 +45,8 @@ class Denoiser {
   virtual void hashParameters(Hasher& hasher) const = 0;
   /// Pixels around one that its result depends on, at most: a part of a picture has the bits of the whole. No sum may run along a row for longer.
   virtual int halo() const = 0;
-  /// False: its weights know nothing of the light of single pixels, so that the mean comes out as that of both halves, at half the cost.
+  /// False: its weights know nothing of the light of single pixels, so that the mean comes out as that of both halves, at half the cost
+  /// (where no choice is made by them).
   virtual bool looksAtHalves() const { return true; }
   virtual double nsPerPixel() const = 0;  ///< of one core, both halves: for estimates of time
   virtual size_t workingBytes(int width, int height) const { return (void)width, (void)height, size_t(0); }

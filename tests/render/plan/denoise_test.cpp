@@ -225,6 +225,35 @@ TEST(Denoise, OfNothingIsAutomatic) {
   EXPECT_TRUE(said);
 }
 
+// The automatic choice looks at how light bends where the sums for it fit, by the size of the whole picture, and does without for samples that outliers were
+// taken from.
+TEST(Denoise, AutomaticDoesWithoutBendingWhereItWouldNotFit) {
+  const auto engine = makeEngine();
+  const auto bends = [&](const v1::RenderRequest& r) {
+    const auto planned = engine->plan(r);
+    EXPECT_TRUE(planned.ok()) << planned.status().toString();
+    bool found = false;
+    if (planned.ok())
+      for (const auto& row : planned->plan()) found = found || row.node().find(":diffuse by axis_aligned") != std::string::npos;
+    return found;
+  };
+  v1::RenderRequest r = smallRequest("cornell", 3000, 4000, 4);  // one group: 84 bytes a pixel, 0.94 GiB
+  set(r, "denoise=auto");
+  EXPECT_TRUE(bends(r));
+  r.set_width(4000);
+  EXPECT_FALSE(bends(r));
+  set(r, "window.width=64");
+  set(r, "window.height=64");
+  EXPECT_FALSE(bends(r));
+  set(r, "denoise=axis_aligned");
+  EXPECT_TRUE(bends(r));
+  r = smallRequest("cornell", 64, 64, 4);
+  set(r, "denoise=auto");
+  EXPECT_TRUE(bends(r));
+  set(r, "denoise.outliers=reweighting");
+  EXPECT_FALSE(bends(r));
+}
+
 // The certificate is of the picture that is shown.
 TEST(Denoise, CertificatesAreOfTheDenoisedPicture) {
   const auto engine = makeEngine();

@@ -137,7 +137,8 @@ TEST(Outliers, EveryFilterWorksBehindEveryMethod) {
       EXPECT_NE(firstDifference(alone, both), "") << method << " " << filter;
       const double error = relative(beauty(both), beauty(truth));
       EXPECT_LT(error, plain) << method << " " << filter;
-      EXPECT_LT(error, 1.15 * relative(beauty(alone), beauty(truth))) << method << " " << filter;
+      const double most = filter == "auto" ? 1.5 : 1.15;  // alone it has axis-aligned filtering to choose from
+      EXPECT_LT(error, most * relative(beauty(alone), beauty(truth))) << method << " " << filter;
     }
   }
 }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "filters/denoise/axis_aligned/axis_aligned.h"
+#include "filters/denoise/denoise_node.h"
 #include "filters/denoise/features.h"
 #include "filters/denoise/noisy_picture.h"
 #include "filters/denoise/select/select.h"
@@ -178,6 +180,27 @@ double choiceOf(const Term& t, int which, int x0, int x1) {
   return sum / count;
 }
 
+// A filter that knows nothing of the light of single pixels runs on the mean alone, but where a choice is made by its halves: each has to be its own then.
+TEST(DenoiseNode, HalvesAreFilteredWhereTheyAreJudged) {
+  const int width = 12, height = 8;
+  v1::AxisAlignedDenoise settings;  // without curvature light stays as it is
+  settings.set_radius_px(4);
+  const auto filter = denoise::makeAxisAligned(settings);
+  ASSERT_FALSE(filter->looksAtHalves());
+  const auto features = flatFeatures(width, height), noisy = noisyTerm(width, height, 0.5);
+  const auto judged = denoise::makeDenoiseNode(filter, width, height, 4, 2, true), alone = denoise::makeDenoiseNode(filter, width, height, 4, 2, false);
+  const TermPtr apart = run(judged, {features, noisy}), mean = run(alone, {features, noisy});
+  const auto same = [](std::span<const float> x, std::span<const float> y) { return std::equal(x.begin(), x.end(), y.begin(), y.end()); };
+  EXPECT_TRUE(same(apart->floats("a"), noisy->floats("a")));
+  EXPECT_TRUE(same(apart->floats("b"), noisy->floats("b")));
+  EXPECT_TRUE(same(mean->floats("a"), noisy->floats("mean")));
+  EXPECT_TRUE(same(mean->floats("b"), noisy->floats("mean")));
+  Hasher h, g;
+  judged->hashParameters(h);
+  alone->hashParameters(g);
+  EXPECT_NE(h.digest(), g.digest());
+}
+
 // A smooth filter that is wrong by a step on the right half, a weaker one that is right everywhere: each is chosen where it errs less, and the noisy
 // picture where both are wrong.
 TEST(Select, TakesWhatErrsLeast) {
@@ -212,6 +235,27 @@ TEST(Select, JudgesTheMeanOfBothHalves) {
       width, height, [](int) { return 0.0; }, 0.1, 3);  // 0.1 of a half, 0.071 of the mean
   const TermPtr out = run(denoise::makeSelectNode(width, height, 2, 0.5f), {noisy, biased, spread});
   EXPECT_GT(choiceOf(*out, 2, 0, width), 0.6);
+}
+
+// Pixels that a kind of light never reaches, metal under diffuse light, know nothing of filters: that one spills a thousandth of its neighbours' light into
+// them must not keep the noise of all pixels around.
+TEST(Select, PixelsWithoutLightDoNotDecideForOthers) {
+  const int width = 90, height = 40;
+  const auto noisy = noisyTerm(width, height, 0.5);
+  const auto good = candidate(
+      width, height, [](int) { return 0.0; }, 0.05, 1);
+  for (const char* plane : {"mean", "a", "b", "variance"}) {
+    const auto values = noisy->writable<float>(plane);
+    for (size_t i = 0; i < values.size(); ++i)
+      if (int(i / 3) % width % 3 == 0) values[i] = 0.0f;
+  }
+  for (const char* plane : {"rgb", "a", "b"}) {
+    const auto values = good->writable<float>(plane);
+    for (size_t i = 0; i < values.size(); ++i)
+      if (int(i / 3) % width % 3 == 0) values[i] = 1e-3f;
+  }
+  const TermPtr out = run(denoise::makeSelectNode(width, height, 1, 0.5f), {noisy, good});
+  EXPECT_GT(choiceOf(*out, 1, 0, width), 0.95);
 }
 
 TEST(Select, OfPartsThatAreNoLongerThanTheirWindows) {

@@ -9,6 +9,10 @@ namespace gobo::denoise {
 
 namespace {
 
+/// Of the noise around that every pixel is taken to have: without it one that a part of the light never reaches, where nothing errs by more than what
+/// filters spill from its neighbours, would decide for all of these.
+constexpr double kLeastShare = 0.03;
+
 /// Weights of a Gaussian at 0, 1, .., radius, of standard deviation radius / 2.
 std::vector<float> halfGaussian(int radius) {
   std::vector<float> w(size_t(radius) + 1);
@@ -30,6 +34,7 @@ class SelectNode final : public Node {
  public:
   SelectNode(int width, int height, int candidates, float shareOfA) : width_(width), height_(height), candidates_(candidates), share_(shareOfA) {}
   std::string type() const override { return "denoise_select"; }
+  int version() const override { return 2; }  // 2: pixels without light do not decide for their neighbours
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;
@@ -47,7 +52,7 @@ class SelectNode final : public Node {
       for (const char* name : {"rgb", "a", "b"}) w.over(k, all).reads<float>(k, name, {3});
     return w.gives(std::move(out));
   }
-  size_t workingBytes() const override { return size_t(width_) * size_t(height_) * sizeof(float) * size_t(candidates_ + 1) * 2; }
+  size_t workingBytes() const override { return size_t(width_) * size_t(height_) * sizeof(float) * size_t(candidates_ + 2) * 2; }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, 30.0 * (candidates_ + 1) * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
@@ -71,6 +76,8 @@ class SelectNode final : public Node {
           },
           ctx.stop);
     };
+    const std::vector<float> window = halfGaussian(kSelectRadius), blend = halfGaussian(kBlendRadius);
+    std::vector<float> noise(pixels), around;
     bool complete = rows([&](int y) {
       for (size_t p = size_t(y) * size_t(width_); p < size_t(y + 1) * size_t(width_); ++p) {
         double light = 0, spread = 0;
@@ -78,18 +85,27 @@ class SelectNode final : public Node {
           light += double(mean[c]) * mean[c];
           spread += variance[c];
         }
-        const double weight = 1.0 / (spread + 1e-4 * light + 1e-30);
-        for (size_t k = 0; k < planes; ++k) {
-          double s = 0;
-          for (size_t c = 3 * p; c < 3 * p + 3; ++c) {
-            const double d = double(as[k][c]) - b[c], e = double(bs[k][c]) - a[c], f = double(as[k][c]) - bs[k][c];
-            s += share_ * d * d + (1 - share_) * e * e - share_ * (1 - share_) * f * f;
-          }
-          error[k * pixels + p] = float(std::clamp(s * weight, -1e6, 1e6));
-        }
+        noise[p] = float(std::min(spread + 1e-4 * light, 1e36));
       }
     });
-    const std::vector<float> window = halfGaussian(kSelectRadius), blend = halfGaussian(kBlendRadius);
+    around = noise;
+    complete = complete && blurred(around, window, 1, rows);
+    double across = -window[0];
+    for (const float w : window) across += 2.0 * w;
+    const double share = kLeastShare / (across * across);
+    complete = complete && rows([&](int y) {
+                 for (size_t p = size_t(y) * size_t(width_); p < size_t(y + 1) * size_t(width_); ++p) {
+                   const double weight = 1.0 / (noise[p] + share * around[p] + 1e-30);
+                   for (size_t k = 0; k < planes; ++k) {
+                     double s = 0;
+                     for (size_t c = 3 * p; c < 3 * p + 3; ++c) {
+                       const double d = double(as[k][c]) - b[c], e = double(bs[k][c]) - a[c], f = double(as[k][c]) - bs[k][c];
+                       s += share_ * d * d + (1 - share_) * e * e - share_ * (1 - share_) * f * f;
+                     }
+                     error[k * pixels + p] = float(std::clamp(s * weight, -1e6, 1e6));
+                   }
+                 }
+               });
     complete = complete && blurred(error, window, planes, rows);
     complete = complete && rows([&](int y) {
                  for (size_t p = size_t(y) * size_t(width_); p < size_t(y + 1) * size_t(width_); ++p) {

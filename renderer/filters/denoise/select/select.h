@@ -6,9 +6,9 @@
 // (halves of equal count; else by their shares), since E (a_k - b)^2 is the error of a_k, squared, and the variance of b, and the mean of both halves has
 // half the variance of one. The noisy picture
 // itself is a candidate: where every filter errs more than the noise is, nothing is filtered. s_k alone is noise, so it is summed over a Gaussian window
-// (half width kSelectRadius), each pixel by the inverse of its variance. The choices (1 for the least) are blurred over kBlendRadius pixels and blend the
-// candidates, so that there are no seams. Convex in the candidates.
-// What it does not know: errors that a_k and b have in common, as where no sample found a light.
+// (half width kSelectRadius), each pixel by the inverse of its variance and of 3 % of the mean one around. The choices (1 for the least) are blurred over
+// kBlendRadius pixels and blend the candidates, so that there are no seams. Convex in the candidates. What it does not know: errors that a_k and b have in
+// common, as where no sample found a light.
 #pragma once
 
 #include "terms/node.h"
