@@ -26,5 +26,24 @@ FORMULA float aaSpecularCurvature(float curvature, float light, float turning, f
   return minOf(rate * rate, 1.0e30f);
 }
 
+/// The source's band limit of a lobe, radians of angle per radian: of Lambert surfaces, and of GGX width alpha by the Blinn-Phong exponent m = 2 / alpha^2 - 2.
+#define AA_OMEGA_DIFFUSE 2.8f
+FORMULA float aaOmegaSpecular(float alpha) {
+  float a = limit(alpha, 0.01f, 1.0f);
+  return 3.6f + 0.084f * (2.0f / (a * a) - 2.0f);
+}
+
+/// Equation 4.4, metres, of the nearest surface at zNear and a pixel d wide: as printed, and as the authors' programs have it, whose 2 zNear / Omega is no
+/// standard deviation but the radius of the loop.
+FORMULA float aaIndirectWidthPrinted(float zNear, float omega, float d) { return maxOf(2.0f * zNear / omega, d / 0.15f); }
+FORMULA float aaIndirectWidthReleased(float zNear, float omega, float d, float mu) { return maxOf(zNear / (2.0f * mu * omega), 0.5f * d); }
+
+/// Equation 4.6: samples of a pixel d wide between a nearest and a farthest surface. Unbounded at contacts.
+FORMULA float aaIndirectSamples(float omega, float d, float zNear, float zFar) {
+  float a = 0.9f * omega * d / zNear + 0.3f;
+  float b = 1.0f + 0.9f * zFar / zNear;
+  return 0.4f * a * a * omega * omega * b * b;
+}
+
 FORMULAS_END
 #endif

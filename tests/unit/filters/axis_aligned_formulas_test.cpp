@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The axis-aligned formulas against values computed by hand in double precision from the printed equations (digest of the report).
 #include "formulas/axis_aligned.glsl.h"
+#include "formulas/axis_aligned_indirect.glsl.h"
 
 #include <gtest/gtest.h>
 
@@ -48,6 +49,29 @@ TEST(AxisAlignedFormulas, GoldenTable) {
   EXPECT_NEAR(aaSamplesPrinted(1, 1, 1, .01f, 2) / 9.7344, 1, 1e-5);
   EXPECT_NEAR(aaSamplesPrinted(1.0f / 9, 1, .5f, .02f, 1) / 635.04, 1, 1e-5);
   EXPECT_NEAR(aaSamplesCapped(.25f, 4, 1, .01f, 1) / 815.6736, 1, 1e-5);
+}
+
+// Equations 4.4 and 4.6, by the source's numbers in double precision.
+TEST(AxisAlignedFormulas, GoldenTableOfIndirectLight) {
+  struct Row {
+    double omega, zNear, zFar, samples;
+  };
+  for (const Row& r :
+       {Row{2.8, 1, 1, 1.197}, {2.8, 1, 3, 4.540}, {2.8, .5, 5, 38.50}, {2.8, .1, 3, 749.2}, {4.44, 1, 3, 12.48}, {12, 1, 3, 131.3}, {2.8, .01, 3, 1.83e6}}) {
+    const double d = 0.01, exact = 0.4 * std::pow(0.9 * r.omega * d / r.zNear + 0.3, 2) * r.omega * r.omega * std::pow(1 + 0.9 * r.zFar / r.zNear, 2);
+    const float n = aaIndirectSamples(float(r.omega), float(d), float(r.zNear), float(r.zFar));
+    EXPECT_NEAR(n / exact, 1, 1e-5);
+    EXPECT_NEAR(n / r.samples, 1, 2e-3);
+  }
+  EXPECT_NEAR(aaOmegaSpecular(std::sqrt(2.0f / 12)), 4.44, 1e-5);   // m = 10
+  EXPECT_NEAR(aaOmegaSpecular(std::sqrt(2.0f / 102)), 12.0, 1e-4);  // m = 100
+  EXPECT_NEAR(aaOmegaSpecular(1.0f), 3.6, 1e-6);
+  EXPECT_TRUE(std::isfinite(aaOmegaSpecular(0.0f)));
+  // Per distance, and not below a share of a pixel.
+  EXPECT_NEAR(aaIndirectWidthPrinted(1, 2.8f, .01f), 2 / 2.8, 1e-6);
+  EXPECT_NEAR(aaIndirectWidthPrinted(1e-4f, 2.8f, .03f), 0.2, 1e-6);
+  EXPECT_NEAR(aaIndirectWidthReleased(1, 2.8f, .01f, 0.9f), 0.198412698, 1e-6);
+  EXPECT_NEAR(aaIndirectWidthReleased(1e-4f, 2.8f, .03f, 0.9f), 0.015, 1e-7);
 }
 
 TEST(AxisAlignedFormulas, SlopeIdentity) {
