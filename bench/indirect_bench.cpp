@@ -56,7 +56,7 @@ class PlacedSink : public FirstHitSink {
 
 struct Sampled {
   int width = 0, height = 0, most = 0;
-  std::vector<float> light, distance;                              // [pixel][sample] RGB; metres, negative: none
+  std::vector<float> light, distance;                               // [pixel][sample] RGB; metres, negative: none
   std::vector<float> position, normal, depth, footprint, coverage;  // of a pixel
   size_t pixels() const { return size_t(width) * size_t(height); }
 };
@@ -230,7 +230,8 @@ std::vector<float> published(const Sampled& s, const Reach& r, const std::vector
         const float d = s.footprint[p];
         if (!(s.coverage[p] > 0) || !(d > 0)) continue;
         const float near = std::min(r.nearest[p], 1e6f * d);
-        const float width = released ? formulas::aaIndirectWidthReleased(near, AA_OMEGA_DIFFUSE, d, 0.9f) : formulas::aaIndirectWidthPrinted(near, AA_OMEGA_DIFFUSE, d);
+        const float width =
+            released ? formulas::aaIndirectWidthReleased(near, AA_OMEGA_DIFFUSE, d, 0.9f) : formulas::aaIndirectWidthPrinted(near, AA_OMEGA_DIFFUSE, d);
         const int reach = int(std::min(std::ceil(2.5f * width / d), float(kMost)));
         const Vec3 n(s.normal[3 * p], s.normal[3 * p + 1], s.normal[3 * p + 2]), here(s.position[3 * p], s.position[3 * p + 1], s.position[3 * p + 2]);
         double weights = 1, sum[3] = {from[3 * p], from[3 * p + 1], from[3 * p + 2]};
@@ -280,7 +281,8 @@ std::vector<float> ours(const Sampled& s, const Estimate& e, const TaskArena& ar
   return out;
 }
 
-void print(const char* scene, const char* what, int spp, const Sampled& s, const std::vector<float>& light, const std::vector<float>& truth, double plainSquare) {
+void print(const char* scene, const char* what, int spp, const Sampled& s, const std::vector<float>& light, const std::vector<float>& truth,
+           double plainSquare) {
   double square = 0, relative = 0, n = 0;
   for (size_t p = 0; p < s.pixels(); ++p)
     if (s.coverage[p] > 0)
