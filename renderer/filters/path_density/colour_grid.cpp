@@ -119,7 +119,8 @@ void ColourGrid::gather(int cx, int cy, float x, float y, const GridColour& colo
   }
 }
 
-float ColourGrid::meanDistance(float x, float y, const GridColour& colour, int k, float filmScale, float reject, Scratch& s) const {
+float ColourGrid::meanDistance(float x, float y, const GridColour& colour, int k, float filmScale, const OutcomeBounds& bounds,
+                               Scratch& s) const {
   const int px = std::clamp(int(x), 0, width_ - 1), py = std::clamp(int(y), 0, height_ - 1), cx = px / cell_, cy = py / cell_;
   const float perPixel = 1.0f / filmScale;
   s.found.clear();
@@ -137,12 +138,15 @@ float ColourGrid::meanDistance(float x, float y, const GridColour& colour, int k
     if (cx + ring < cellsX_ - 1) unseen = std::min(unseen, float((cx + ring + 1) * cell_) - x);
     if (cy + ring < cellsY_ - 1) unseen = std::min(unseen, float((cy + ring + 1) * cell_) - y);
     unseen = std::max(unseen, 0.0f) * perPixel;
-    double near = 0, sum = 0;
-    for (const auto& [distance, count] : s.found)
+    double near = 0, sum = 0, accepted = 0;
+    for (const auto& [distance, count] : s.found) {
       if (distance < unseen) near += count, sum += double(distance) * count;
+      if (distance <= bounds.accept) accepted += count;
+    }
+    if (accepted >= k) return bounds.accept;
     if (near < k && !all) {
       const double least = (sum + (k - near) * double(unseen)) / k;
-      if (least >= double(reject) * (1 + 1e-6)) return float(least);
+      if (least >= double(bounds.reject) * (1 + 1e-6)) return float(least);
       continue;
     }
     std::sort(s.found.begin(), s.found.end());

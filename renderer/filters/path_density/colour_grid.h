@@ -41,9 +41,9 @@ class ColourGrid {
     std::vector<std::pair<float, uint32_t>> found;  ///< distance, how many
   };
   /// Mean distance (metric.h) of a sample, at (x, y) in pixels and itself counted, to the k nearest others, as far as bins tell: all of a bin at the mean
-  /// distance of its colours and of an even cell, about. To all others where there are fewer, 0 where there is none. Ends once it is proven that the mean is at
-  /// least `reject`.
-  float meanDistance(float x, float y, const GridColour& colour, int k, float filmScale, float reject, Scratch& scratch) const;
+  /// distance of its colours and of an even cell, about. To all others where there are fewer, 0 where there is none. Exact between the bounds
+  /// (neighbour_search.h), so far as that goes.
+  float meanDistance(float x, float y, const GridColour& colour, int k, float filmScale, const OutcomeBounds& bounds, Scratch& scratch) const;
 
  private:
   struct Bin {

@@ -94,7 +94,7 @@ Status StreamingDensity::weigh(const SampleView& pass, const TaskArena& arena, c
       // What no weight is decided by is worth its distance only while the pixel has nothing better.
       const float reject = sums.weights > 0 ? settings_.hard : std::max(settings_.hard, kMostSigma);
       const float sigma = rejects ? grid_.meanDistance(pass.film[2 * at], pass.film[2 * at + 1], gridColourOf(p.l[i], p.a[i], p.b[i]), settings_.neighbours,
-                                                       settings_.metric.filmScale, reject, scratch)
+                                                       settings_.metric.filmScale, {settings_.soft, reject}, scratch)
                                   : 0.0f;
       const double w = double(weightOf(sigma, settings_));
       const bool best = sums.weights <= 0 && w <= 0 && (sums.bestSigma < 0 || sigma < sums.bestSigma);

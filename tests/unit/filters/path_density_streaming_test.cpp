@@ -98,7 +98,7 @@ TEST(PathDensityStreaming, RareColoursAppearAtTheTransitionOfTheLaw) {
           const size_t at = bins.order[i];
           const float x = v.film[2 * at], y = v.film[2 * at + 1];
           if (!rare[at] || std::min(x, y) < 6 || std::max(x, y) > float(size) - 6) continue;
-          sum += double(grid.meanDistance(x, y, gridColourOf(p.l[i], p.a[i], p.b[i]), k, 1.0f, std::numeric_limits<float>::infinity(), scratch));
+          sum += double(grid.meanDistance(x, y, gridColourOf(p.l[i], p.a[i], p.b[i]), k, 1.0f, {}, scratch));
           count += 1;
         }
       }
@@ -130,10 +130,13 @@ TEST(PathDensityStreaming, SigmasAreNearThoseOfTheExactSearch) {
     const size_t at = bins.order[i];
     const float own = (*exact)[at];
     if (own > 1.7f && own < 3.5f) continue;
-    const float sigma = grid.meanDistance(v.film[2 * at], v.film[2 * at + 1], gridColourOf(p.l[i], p.a[i], p.b[i]), 10, 1.0f, 6.0f, scratch);
+    const float sigma = grid.meanDistance(v.film[2 * at], v.film[2 * at + 1], gridColourOf(p.l[i], p.a[i], p.b[i]), 10, 1.0f, {-1.0f, 6.0f}, scratch);
     ++clear;
     rejected += own >= 3.5f;
     otherwise += own < 2 ? sigma > 3 : sigma < 2;
+    // Bounds end the search and change no outcome.
+    const float bounded = grid.meanDistance(v.film[2 * at], v.film[2 * at + 1], gridColourOf(p.l[i], p.a[i], p.b[i]), 10, 1.0f, {2.0f, 3.0f}, scratch);
+    EXPECT_EQ(weightOf(bounded, together()), weightOf(sigma, together()));
   }
   EXPECT_GT(rejected, 50u);
   EXPECT_LT(double(otherwise), 0.003 * double(clear));
@@ -226,7 +229,7 @@ TEST(PathDensityStreaming, BinsAreTheFinestAtWhichAllFitInAnyOrder) {
     grid.settle(arena());
     EXPECT_EQ(grid.binWidth(0, 0), std::ldexp(1.0, bits - 6));
     ColourGrid::Scratch scratch;
-    const float sigma = grid.meanDistance(1.5f, 1.5f, colours[0], 1000, 1.0f, 1e9f, scratch);
+    const float sigma = grid.meanDistance(1.5f, 1.5f, colours[0], 1000, 1.0f, {}, scratch);
     if (from == 0) first = sigma;
     EXPECT_EQ(sigma, first);
     // To all others, evenly in a cell of 3 pixels.
@@ -238,9 +241,9 @@ TEST(PathDensityStreaming, BinsAreTheFinestAtWhichAllFitInAnyOrder) {
   ColourGrid grid(1, 1, 1, bins);
   ASSERT_TRUE(grid.add(0, 0, {100, -700, 3}));
   ColourGrid::Scratch scratch;
-  EXPECT_EQ(grid.meanDistance(0.5f, 0.5f, {100, -700, 3}, 5, 1.0f, 9.0f, scratch), 0.0f);
+  EXPECT_EQ(grid.meanDistance(0.5f, 0.5f, {100, -700, 3}, 5, 1.0f, {}, scratch), 0.0f);
   ASSERT_TRUE(grid.add(0, 0, {100, -700, 3}));
-  EXPECT_FLOAT_EQ(grid.meanDistance(0.5f, 0.5f, {100, -700, 3}, 5, 1.0f, 9.0f, scratch), std::sqrt(1.0f / 12));
+  EXPECT_FLOAT_EQ(grid.meanDistance(0.5f, 0.5f, {100, -700, 3}, 5, 1.0f, {}, scratch), std::sqrt(1.0f / 12));
 }
 
 TEST(PathDensityStreaming, ColoursBeyondAllBoundsAreCounted) {
@@ -250,7 +253,7 @@ TEST(PathDensityStreaming, ColoursBeyondAllBoundsAreCounted) {
     for (const int32_t b : {-524287, 0, 524287})
       for (const int32_t c : {-524287, 0, 524287}) ASSERT_TRUE(grid.add(0, 0, {a, b, c}));
   ColourGrid::Scratch scratch;
-  const float sigma = grid.meanDistance(0.5f, 0.5f, {0, 0, 0}, 26, 1.0f, 1e9f, scratch);
+  const float sigma = grid.meanDistance(0.5f, 0.5f, {0, 0, 0}, 26, 1.0f, {}, scratch);
   EXPECT_TRUE(std::isfinite(sigma));
   EXPECT_GT(sigma, 1000.0f);
 }
