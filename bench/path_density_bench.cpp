@@ -28,6 +28,7 @@
 #include "filters/path_density/neighbour_search.h"
 #include "filters/path_density/path_density.h"
 #include "filters/path_density/product_tree.h"
+#include "filters/path_density/sample_segments.h"
 #include "filters/path_density/streaming_density.h"
 #include "filters/path_density/trace_samples.h"
 #include "import/load.h"
@@ -168,12 +169,13 @@ int errors(int argc, char** argv, const TaskArena& arena) {
           {"path_density, no spread", [&] { return density([](Settings& o) { o.spread = 0; }); }},
           {"path_density k=50", [&] { return density([](Settings& o) { o.neighbours = 50; }); }},
           {"path_density of 2010", [&] { return density([](Settings& o) { o.neighbours = 50, o.judged = Judged::Together, o.spread = 0; }); }},
-          {"grid density",
+          {"grid density", [&] { return byGrid(v, s, {}, arena).rgb; }},
+          {"grid density 1 px, 32",
            [&] {
-             return byGrid(v, s, {}, arena).rgb;
+             return byGrid(v, s, {1, 32}, arena).rgb;
            }},
-          {"grid density 1 px, 32", [&] { return byGrid(v, s, {1, 32}, arena).rgb; }},
           {"mixture density", [&] { return need(rejectByMixture(v, s, {}, arena)).rgb; }},
+          {"mean-shift segments", [&] { return need(rejectSmallSegments(v, s, {}, arena)).rgb; }},
           {"trimmed 1%", [&] { return outliers::trimmedMean(v, bins, 0.01); }},
           {"trimmed 10%", [&] { return outliers::trimmedMean(v, bins, 0.1); }},
           {"trimmed 50%", [&] { return outliers::trimmedMean(v, bins, 0.5); }},
@@ -273,6 +275,7 @@ int time(int argc, char** argv, const TaskArena& arena) {
     measured(("mixture of " + std::to_string(components)).c_str(), [&] { return need(rejectByMixture(v, own, mixture, arena, {}, &used)); });
     std::printf("%-34s %9.0f bytes a pixel; the samples %.0f\n", "", double(used * sizeof(Gaussian)) / pixels, double(PathSamples::kBytesOfSample) * n);
   }
+  measured("mean-shift segments", [&] { return need(rejectSmallSegments(v, own, {}, arena)); });
   if (only == "densities") return 0;
   exact = {};
   s.judged = Judged::Apart;

@@ -10,9 +10,9 @@ namespace gobo::pathdensity {
 
 namespace {
 
-constexpr float kUnitsOfColour = 64;      // of h_c
-constexpr int kFinestBits = 5;            // of a bin of h_c / 2, in units
-constexpr float kMostUnits = 524287;      // 2^19 - 1: squares of three, 2^23 of them, are less than 2^63
+constexpr float kUnitsOfColour = 64;  // of h_c
+constexpr int kFinestBits = 5;        // of a bin of h_c / 2, in units
+constexpr float kMostUnits = 524287;  // 2^19 - 1: squares of three, 2^23 of them, are less than 2^63
 constexpr uint32_t kMostOfCell = 1 << 23;
 
 }  // namespace
@@ -119,8 +119,7 @@ void ColourGrid::gather(int cx, int cy, float x, float y, const GridColour& colo
   }
 }
 
-float ColourGrid::meanDistance(float x, float y, const GridColour& colour, int k, float filmScale, const OutcomeBounds& bounds,
-                               Scratch& s) const {
+float ColourGrid::meanDistance(float x, float y, const GridColour& colour, int k, float filmScale, const OutcomeBounds& bounds, Scratch& s) const {
   const int px = std::clamp(int(x), 0, width_ - 1), py = std::clamp(int(y), 0, height_ - 1), cx = px / cell_, cy = py / cell_;
   const float perPixel = 1.0f / filmScale;
   s.found.clear();

@@ -58,9 +58,9 @@ class ColourGrid {
   void gather(int cx, int cy, float x, float y, const GridColour& colour, bool own, float perPixel, Scratch& scratch) const;
 
   int width_, height_, cell_, cellsX_, cellsY_, most_;
-  std::vector<Bin> bins_;        // most_ a cell
-  std::vector<uint16_t> used_;   // of a cell
-  std::vector<uint8_t> level_;   // bins of 2^level / 2 h_c
+  std::vector<Bin> bins_;       // most_ a cell
+  std::vector<uint16_t> used_;  // of a cell
+  std::vector<uint8_t> level_;  // bins of 2^level / 2 h_c
 };
 
 }  // namespace gobo::pathdensity

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kMostSeedDistance = 3;  // of a seed's choice
 constexpr uint64_t kSeedDraws = 4;
-constexpr double kNoMass = 1e-12;        // of all points: less is rounding
+constexpr double kNoMass = 1e-12;  // of all points: less is rounding
 
 constexpr size_t triangleAt(size_t i, size_t j) { return i * (i + 1) / 2 + j; }  // j <= i
 

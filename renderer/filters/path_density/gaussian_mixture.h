@@ -50,9 +50,9 @@ class Mixture {
 struct MixtureFit {
   int components = 8;
   int iterations = 12;
-  double floor = 0.01;    ///< variance, > 0
-  double enough = 1e-4;   ///< ends where the mean log density grows by less
-  uint64_t seed = 1;      ///< of the first components
+  double floor = 0.01;   ///< variance, > 0
+  double enough = 1e-4;  ///< ends where the mean log density grows by less
+  uint64_t seed = 1;     ///< of the first components
 };
 
 class MixtureLearner {

@@ -17,8 +17,8 @@ constexpr double kNoShare = 60;          // exp(-30)
 
 /// A component as c(x) reads it: smoothed by K.
 struct Smoothed {
-  double count = 0;   // N_j
-  double scale = 0;   // sqrt(|K| / |S_j + K|)
+  double count = 0;  // N_j
+  double scale = 0;  // sqrt(|K| / |S_j + K|)
   AxisPoint mean{};
   Triangle lower{};
 };
@@ -177,7 +177,8 @@ Result<Filtered> rejectByMixture(const SampleView& samples, const Settings& aske
     else if (!makePoints(samples, bins, settings.metric, term, points, arena, stop) ||
              !measureMixture(bins, points, settings, mixture, sigma, used, arena, stop))
       return false;
-    return composite.add(term, sigma, [&](size_t i, NeighbourSearch::Scratch&) { return sigma[i]; }, judged, arena, stop);
+    return composite.add(
+        term, sigma, [&](size_t i, NeighbourSearch::Scratch&) { return sigma[i]; }, judged, arena, stop);
   };
   const bool judges = !std::isinf(settings.soft) || settings.density;
   bool complete = true;

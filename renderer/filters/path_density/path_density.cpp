@@ -166,7 +166,8 @@ Result<std::vector<float>> sigmasOf(const SampleView& samples, const Settings& s
 Result<Filtered> rejectOutliers(const SampleView& samples, const Settings& asked, const TaskArena& arena, const StopToken& stop) {
   GOBO_TRY(checkSettings(samples, asked));
   Settings settings = asked;
-  if (samples.size() > 0) GOBO_TRY(checkNeighbours(double(samples.size()) / (double(samples.width) * double(samples.height)), samples.width, samples.height, settings));
+  if (samples.size() > 0)
+    GOBO_TRY(checkNeighbours(double(samples.size()) / (double(samples.width) * double(samples.height)), samples.width, samples.height, settings));
   const bool all = std::isinf(settings.soft);
   const SampleBins bins = binSamples(samples, stop);
   if (stop.stopRequested()) return Status(Code::Cancelled, "stopped");

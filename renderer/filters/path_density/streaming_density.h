@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Path density of samples that are not kept: they come twice. A first stream is counted (colour_grid.h); in a second, of the same samples again, as a path tracer
-// with the same seed brings them, each is weighed by what was counted around it and added to its pixel. Passes may be of any size; what they are cut into
-// changes no bit as long as a pixel's samples come in the same order, nor does the number of threads.
-// The same thresholds as the exact search (path_density.h), with sigma from the grid: right for whole cells and bins at the distances of 2 and more where
-// weights are decided, too large for samples that have others close by, which are kept either way: in a corner up to 0.8 cells, so that cells are at most 2 h_x.
-// Memory: 48 bytes a bin, 768 a cell of 16, and 120 bytes of sums a pixel and term, however many samples; beside it a pass's own samples.
-// Not here: both terms judged apart, borders corrected, densities, a first part. Pixels without a sample are black.
+// Path density of samples that are not kept: they come twice. A first stream is counted (colour_grid.h); in a second, of the same samples again, as a path
+// tracer with the same seed brings them, each is weighed by what was counted around it and added to its pixel. Passes may be of any size; what they are cut
+// into changes no bit as long as a pixel's samples come in the same order, nor does the number of threads. The same thresholds as the exact search
+// (path_density.h), with sigma from the grid: right for whole cells and bins at the distances of 2 and more where weights are decided, too large for samples
+// that have others close by, which are kept either way: in a corner up to 0.8 cells, so that cells are at most 2 h_x. Memory: 48 bytes a bin, 768 a cell of 16,
+// and 120 bytes of sums a pixel and term, however many samples; beside it a pass's own samples. Not here: both terms judged apart, borders corrected,
+// densities, a first part. Pixels without a sample are black.
 #pragma once
 
 #include "filters/path_density/colour_grid.h"

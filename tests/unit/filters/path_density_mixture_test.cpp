@@ -138,8 +138,7 @@ TEST(GaussianMixture, DensitiesAndEigenvaluesAreThoseOfTheFormulas) {
     for (size_t j = 0; j <= i; ++j) m[i * (i + 1) / 2 + j] = 4 * v[i] * v[j];
   const Triangle raised = withEigenvaluesOf(m, 0.5);
   for (size_t i = 0; i < kAxes; ++i)
-    for (size_t j = 0; j <= i; ++j)
-      EXPECT_NEAR(raised[i * (i + 1) / 2 + j], 4 * v[i] * v[j] + 0.5 * ((i == j) - v[i] * v[j] / norm), 1e-10) << i << j;
+    for (size_t j = 0; j <= i; ++j) EXPECT_NEAR(raised[i * (i + 1) / 2 + j], 4 * v[i] * v[j] + 0.5 * ((i == j) - v[i] * v[j] / norm), 1e-10) << i << j;
 }
 
 TEST(GaussianMixture, FewAndEqualSamples) {
@@ -238,10 +237,9 @@ TEST(PathDensityMixture, SameBitsForAnyThreadsEmptyPixelsAndMistakes) {
     const int x = int(i / 6) % 21, y = int(i / 6) / 21;
     if (x >= 8 && x < 16 && y < 8) continue;  // a tile without a sample
     const float bright = unit(8, i, 3) < 0.03 ? 1e3f : 1.0f;
-    ASSERT_TRUE(samples
-                    .add(x, y, Vec2(float(x) + float(unit(8, i, 0)), float(y) + float(unit(8, i, 1))), Vec3(0.1f),
-                         Vec3(float(unit(8, i, 5)), 0.2f, 0.1f) * bright)
-                    .ok());
+    ASSERT_TRUE(
+        samples.add(x, y, Vec2(float(x) + float(unit(8, i, 0)), float(y) + float(unit(8, i, 1))), Vec3(0.1f), Vec3(float(unit(8, i, 5)), 0.2f, 0.1f) * bright)
+            .ok());
   }
   const SampleView v = samples.view();
   Settings s;

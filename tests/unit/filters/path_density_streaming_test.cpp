@@ -152,7 +152,8 @@ TEST(PathDensityStreaming, AFireflyGoesWhateverItsHeightAndALonePixelOfThemShows
     for (size_t i = 0; i < mean.size(); ++i) EXPECT_NEAR(double(f.rgb[i]) + double(f.rejected[i]), mean[i], 1e-6 * mean[i]);
   }
   // All of one pixel: 3 h_c and more from the rest; the darker is nearer to it.
-  const auto samples = evenSamples(16, 16, 4, 6, [](uint64_t i, const Vec2&) { return Vec3(i / 4 == 8 * 16 + 8 ? (i % 4 == 2 ? 40.0f : 1e4f * float(i % 4 + 1)) : 0.5f); });
+  const auto samples =
+      evenSamples(16, 16, 4, 6, [](uint64_t i, const Vec2&) { return Vec3(i / 4 == 8 * 16 + 8 ? (i % 4 == 2 ? 40.0f : 1e4f * float(i % 4 + 1)) : 0.5f); });
   const Filtered f = streamed(samples.view(), together(10));
   EXPECT_EQ(f.allRejected, 1u);
   EXPECT_EQ(f.rgb[3 * (8 * 16 + 8)], 40.0f);
@@ -234,7 +235,8 @@ TEST(PathDensityStreaming, BinsAreTheFinestAtWhichAllFitInAnyOrder) {
     EXPECT_EQ(sigma, first);
     // To all others, evenly in a cell of 3 pixels.
     double least = 0;
-    for (const GridColour& c : colours) least += std::hypot(double(c[0] - colours[0][0]), double(c[1] - colours[0][1]), double(c[2] - colours[0][2])) / 64 / 199;
+    for (const GridColour& c : colours)
+      least += std::hypot(double(c[0] - colours[0][0]), double(c[1] - colours[0][1]), double(c[2] - colours[0][2])) / 64 / 199;
     EXPECT_NEAR(double(sigma), least + std::sqrt(9.0 / 12), 0.05 * least);
   }
   // A lone sample has nobody; the same again has one at no distance of colour.
@@ -269,8 +271,10 @@ TEST(PathDensityStreaming, DirectLightStaysAndWithoutThresholdsItIsTheMean) {
   PathSamples bright(13, 11);
   const SampleView v = samples.view();
   for (size_t i = 0; i < v.size(); ++i)
-    ASSERT_TRUE(bright.add(int(v.film[2 * i]), int(v.film[2 * i + 1]), Vec2(v.film[2 * i], v.film[2 * i + 1]), Vec3(1e6f * float(i)),
-                           Vec3(v.indirect[3 * i], v.indirect[3 * i + 1], v.indirect[3 * i + 2])).ok());
+    ASSERT_TRUE(bright
+                    .add(int(v.film[2 * i]), int(v.film[2 * i + 1]), Vec2(v.film[2 * i], v.film[2 * i + 1]), Vec3(1e6f * float(i)),
+                         Vec3(v.indirect[3 * i], v.indirect[3 * i + 1], v.indirect[3 * i + 2]))
+                    .ok());
   EXPECT_EQ(streamed(bright.view(), s).rejected, f.rejected);
   s.soft = s.hard = std::numeric_limits<float>::infinity();
   s.neighbours = 1000;
