@@ -110,10 +110,9 @@ bool segmentsOf(const SampleBins& bins, const MetricPoints& points, const Settin
       [&](size_t begin, size_t end) {
         for (size_t i = begin; i < end; ++i) {
           if ((i & 63) == 0 && stop.stopRequested()) return;
-          ends[i] = endOfWay(bins, points, i, settings.metric.filmScale, s);
           // Even light has ends wherever there are a few more samples, one or two windows apart: on the film what holds together are the samples themselves.
-          ends[i].x = points.x[i];
-          ends[i].y = points.y[i];
+          const MetricPoint end = endOfWay(bins, points, i, settings.metric.filmScale, s), place = pointAt(points, i);
+          ends[i] = {place.x, place.y, end.l, end.a, end.b};
         }
       },
       stop);

@@ -231,6 +231,15 @@ TEST(PathDensityMixture, AFireflyGoesThoughAComponentIsItsOwn) {
   }
 }
 
+TEST(PathDensityMixture, ASampleDoesNotCorroborateItself) {
+  // One neighbour is enough here: a lone bright sample has none, two of them in a pixel have each other.
+  for (const int bright : {1, 2}) {
+    const auto samples = evenSamples(16, 16, 8, 5, [&](uint64_t i, const Vec2&) { return Vec3(i >= 8 * 100 && i < 8 * 100 + uint64_t(bright) ? 50.0f : 0.5f); });
+    const Filtered f = byMixture(samples.view(), together(1));
+    EXPECT_NEAR(f.weight[100], bright == 1 ? 7.0 / 8 : 1.0, 0.01);
+  }
+}
+
 TEST(PathDensityMixture, SameBitsForAnyThreadsEmptyPixelsAndMistakes) {
   PathSamples samples(21, 18);
   for (uint64_t i = 0; i < 21 * 18 * 6; ++i) {
@@ -278,6 +287,7 @@ TEST(PathDensityMixture, SameBitsForAnyThreadsEmptyPixelsAndMistakes) {
   Settings few;
   few.fewer = true;
   EXPECT_EQ(byMixture(lone.view(), few).rgb[0], 3.0f);
+  EXPECT_EQ(byMixture(lone.view(), few).weight[0], 1.0f);
 }
 
 }  // namespace path_density_mixture_test
