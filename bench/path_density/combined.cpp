@@ -119,6 +119,23 @@ int combinedSampling(const TaskArena& arena) {
         }
         return out;
       };
+      const auto shared = [&] {  // beta from the 3 x 3 pixels
+        std::vector<double> out;
+        const auto known = [&](int x, int y) { return floor.whole(floor.at(x, y)); };
+        for (int y = 0; y < kHeight; ++y)
+          for (int x = 0; x < kWidth; ++x) {
+            outliers::PairSums around;
+            for (int b = std::max(y - 1, 0); b <= std::min(y + 1, kHeight - 1); ++b)
+              for (int a = std::max(x - 1, 0); a <= std::min(x + 1, kWidth - 1); ++a)
+                for (size_t i = 0; i < size_t(n) && (a != x || b != y); ++i) {
+                  const size_t at = size_t(b * kWidth + a) * size_t(n) + i;
+                  around.add(s.f[at], s.g[at], known(a, b));
+                }
+            const auto own = [&](const std::vector<double>& all) { return std::span(all).subspan(size_t(y * kWidth + x) * size_t(n), size_t(n)); };
+            out.push_back(outliers::combinedWith(own(s.f), own(s.g), known(x, y), around));
+          }
+        return out;
+      };
       const auto density = [&] {
         pathdensity::Settings settings;
         settings.fewer = true;
@@ -131,6 +148,7 @@ int combinedSampling(const TaskArena& arena) {
           {"additive", [&] { return combined(Combination::Additive); }},
           {"subtractive", [&] { return combined(Combination::Subtractive); }},
           {"combined", [&] { return combined(Combination::Combined); }},
+          {"combined, 3x3", shared},
           {"ratio", [&] { return combined(Combination::Ratio); }},
           {"path density", density},
           {"trimmed 10%", [&] { return grey(outliers::trimmedMean(v, bins, 0.1)); }},

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <vector>
 
 namespace gobo::outliers {
 
@@ -20,28 +21,41 @@ PairMeans pairMeans(std::span<const double> f, std::span<const double> g) {
   return m;
 }
 
-/// mean of f_i - beta_i (g_i - C), beta_i = cov(f, g) / var(g) of the others.
-double withOwnBeta(std::span<const double> f, std::span<const double> g, double known, const PairMeans& mean) {
-  const double n = double(f.size());
-  double both = 0, own = 0, squares = 0;
-  for (size_t i = 0; i < f.size(); ++i) {
-    both += (f[i] - mean.f) * (g[i] - mean.g);
-    own += (g[i] - mean.g) * (g[i] - mean.g);
-    squares += g[i] * g[i];
-  }
-  double sum = 0;
-  for (size_t i = 0; i < f.size(); ++i) {
-    // Sums about the mean without one: less n / (n - 1) times its own product.
-    const double part = n / (n - 1), df = f[i] - mean.f, dg = g[i] - mean.g;
-    const double var = own - part * dg * dg, cov = both - part * df * dg;
-    // Less is rounding: g does not vary among the others, which say nothing then.
-    const double beta = f.size() > 2 && var > 1e-13 * squares ? cov / var : 0.0;
-    sum += f[i] - beta * (g[i] - known);
-  }
-  return sum / n;
+/// cov(f, g) / var(g); 0 where they say nothing: of fewer than two, or of g that does not vary beyond rounding.
+double betaOf(const PairSums& s) {
+  if (s.n < 2) return 0.0;
+  const double var = s.gg - s.g * s.g / s.n, cov = s.fg - s.f * s.g / s.n;
+  return var > 1e-13 * (s.gg + s.n) ? cov / var : 0.0;
 }
 
 }  // namespace
+
+void PairSums::add(double fi, double gi, double known) {
+  if (known == 0) return;
+  const double a = fi / known, b = gi / known - 1;
+  n += 1;
+  f += a;
+  g += b;
+  fg += a * b;
+  gg += b * b;
+}
+
+double combinedWith(std::span<const double> f, std::span<const double> g, double known, const PairSums& around) {
+  if (f.empty()) return 0.0;
+  // Sums of all after i, for each; those before it with what is around are added on the way: nothing is taken out of a sum again, which would cost digits.
+  std::vector<PairSums> after(f.size());
+  for (size_t i = f.size() - 1; i > 0; --i) {
+    after[i - 1] = after[i];
+    after[i - 1].add(f[i], g[i], known);
+  }
+  PairSums before = around;
+  double sum = 0;
+  for (size_t i = 0; i < f.size(); ++i) {
+    sum += f[i] - betaOf(before + after[i]) * (g[i] - known);
+    before.add(f[i], g[i], known);
+  }
+  return sum / double(f.size());
+}
 
 double combinedEstimate(std::span<const double> f, std::span<const double> g, double known, Combination how) {
   if (f.empty()) return 0.0;
@@ -49,7 +63,7 @@ double combinedEstimate(std::span<const double> f, std::span<const double> g, do
   switch (how) {
     case Combination::Additive: return mean.f;
     case Combination::Subtractive: return known + (mean.f - mean.g);
-    case Combination::Combined: return withOwnBeta(f, g, known, mean);
+    case Combination::Combined: return combinedWith(f, g, known, {});
     case Combination::Ratio: return mean.g != 0 ? known * (mean.f / mean.g) : mean.f;
   }
   return 0.0;

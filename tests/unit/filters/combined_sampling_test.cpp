@@ -73,6 +73,32 @@ TEST(CombinedSampling, HasNoBiasAtAnyNumberOfSamples) {
   EXPECT_NEAR(sum, 2 / M_E, 4 * std::sqrt((squares - sum * sum) / kTrials));
 }
 
+TEST(CombinedSampling, NeighboursLowerTheNoiseOfBetaAndBringNoBias) {
+  // Four samples of an own pixel (C = 1, v = 0.7) beside 32 of others that are ten times as bright and darker (v = 0.4): beta is not the best one, but has
+  // little noise. n times the variance with beta' for the best v is v (1 - v)(1 + c^2) + (beta' - v)^2 c^2; as much again for noise of 1 / 32.
+  constexpr int kOwn = 4, kTrials = 100000;
+  double sum = 0, squares = 0, alone = 0, aloneSquares = 0;
+  for (uint64_t t = 0; t < kTrials; ++t) {
+    const Pairs p = pairs(t, kOwn, 0.7), near = pairs(t + 1000000, 32, 0.4);
+    outliers::PairSums around;
+    for (size_t i = 0; i < near.f.size(); ++i) around.add(10 * near.f[i], 10 * near.g[i], 10.0);
+    const double e = outliers::combinedWith(p.f, p.g, 1.0, around), own = combinedEstimate(p.f, p.g, 1.0, Combination::Combined);
+    sum += e / kTrials;
+    squares += e * e / kTrials;
+    alone += own / kTrials;
+    aloneSquares += own * own / kTrials;
+  }
+  const double variance = squares - sum * sum, law = 0.42 + 0.3 * 0.3;
+  EXPECT_NEAR(sum, 0.7, 4 * std::sqrt(variance / kTrials));
+  EXPECT_GT(kOwn * variance, 0.75 * law);
+  EXPECT_LT(kOwn * variance, 1.15 * law);
+  EXPECT_LT(variance, 0.5 * (aloneSquares - alone * alone));
+  // Pixels without light say nothing.
+  outliers::PairSums dark;
+  dark.add(0, 0, 0);
+  EXPECT_EQ(dark.n, 0);
+}
+
 TEST(CombinedSampling, EndsAreExact) {
   Pairs lit = pairs(3, 9, 2.0), dark = pairs(3, 9, -1.0);
   EXPECT_EQ(combinedEstimate(lit.f, lit.g, 1.0, Combination::Subtractive), 1.0);
