@@ -276,6 +276,9 @@ int time(int argc, char** argv, const TaskArena& arena) {
     std::printf("%-34s %9.0f bytes a pixel; the samples %.0f\n", "", double(used * sizeof(Gaussian)) / pixels, double(PathSamples::kBytesOfSample) * n);
   }
   measured("mean-shift segments", [&] { return need(rejectSmallSegments(v, own, {}, arena)); });
+  Settings tree = own;
+  tree.treeEpsilon = 0;
+  run("k-d tree, one term", tree);
   if (only == "densities") return 0;
   exact = {};
   s.judged = Judged::Apart;

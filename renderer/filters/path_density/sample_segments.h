@@ -3,8 +3,8 @@
 // of the samples within two windows, on the film and in colour, until it stays; samples near each other whose ways end in colours near each other are one
 // segment, and with them what is joined to either. As a rejection of outliers: a sample counts by how many others its segment has, c, with sigma = 2 sqrt(k /
 // c), so that k others are enough and 4 k / 9 too few, as in a disc of radius 3 of even light (path_density.h). A rare colour whose samples reach each other is
-// one segment however thin, and stays: that is the difference to a density. Time: every step looks at all samples of the window on the film. Memory: 48 bytes a
-// sample beside the samples. The same bits for any number of threads.
+// one segment however thin, and stays: that is the difference to a density. Time: every step looks at all samples of the window on the film. Memory: some 70
+// bytes a sample beside the samples. The same bits for any number of threads.
 #pragma once
 
 #include "filters/path_density/path_density.h"

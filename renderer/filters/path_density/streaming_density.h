@@ -4,7 +4,7 @@
 // into changes no bit as long as a pixel's samples come in the same order, nor does the number of threads. The same thresholds as the exact search
 // (path_density.h), with sigma from the grid: right for whole cells and bins at the distances of 2 and more where weights are decided, too large for samples
 // that have others close by, which are kept either way: in a corner up to 0.8 cells, so that cells are at most 2 h_x. Memory: 48 bytes a bin, 768 a cell of 16,
-// and 120 bytes of sums a pixel and term, however many samples; beside it a pass's own samples. Not here: both terms judged apart, borders corrected,
+// and 104 bytes of sums a pixel, however many samples; beside it a pass's own samples. Not here: both terms judged apart, borders corrected,
 // densities, a first part. Pixels without a sample are black.
 #pragma once
 
