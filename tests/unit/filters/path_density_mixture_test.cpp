@@ -234,7 +234,8 @@ TEST(PathDensityMixture, AFireflyGoesThoughAComponentIsItsOwn) {
 TEST(PathDensityMixture, ASampleDoesNotCorroborateItself) {
   // One neighbour is enough here: a lone bright sample has none, two of them in a pixel have each other.
   for (const int bright : {1, 2}) {
-    const auto samples = evenSamples(16, 16, 8, 5, [&](uint64_t i, const Vec2&) { return Vec3(i >= 8 * 100 && i < 8 * 100 + uint64_t(bright) ? 50.0f : 0.5f); });
+    const auto samples =
+        evenSamples(16, 16, 8, 5, [&](uint64_t i, const Vec2&) { return Vec3(i >= 8 * 100 && i < 8 * 100 + uint64_t(bright) ? 50.0f : 0.5f); });
     const Filtered f = byMixture(samples.view(), together(1));
     EXPECT_NEAR(f.weight[100], bright == 1 ? 7.0 / 8 : 1.0, 0.01);
   }
