@@ -170,7 +170,7 @@ double Mixture::logDensity(const AxisPoint& x, std::span<double> r) const {
     if (!r.empty()) r[j] = part;
   }
   for (double& v : r) v /= sum;
-  return most + std::log(sum);
+  return most + std::log(std::max(sum, 1.0));  // the most likely one counts 1
 }
 
 void MixtureLearner::Moments::add(const AxisPoint& d, double w) {

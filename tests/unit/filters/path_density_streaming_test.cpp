@@ -7,7 +7,10 @@
 #include <cmath>
 #include <limits>
 
+#include "filters/path_density/trace_samples.h"
 #include "path_density_clouds.h"
+#include "support/tiny_scenes.h"
+#include "trace/accel.h"
 
 namespace gobo {
 namespace path_density_streaming_test {
@@ -193,6 +196,42 @@ TEST(PathDensityStreaming, SameBitsForAnyThreadsAndAnyPasses) {
         EXPECT_EQ(f->rgb, expected) << threads << " threads, " << cuts.size() - 1 << " passes";
       }
   }
+}
+
+TEST(PathDensityStreaming, ATracersBlocksTracedTwiceAreTheStoredSamples) {
+  tests::SceneMaker m;
+  m.instance(m.mesh(tests::box(Vec3(-2, 0, -2), Vec3(2, 3, 2), true), m.material(Vec3(0.7f, 0.5f, 0.3f))));
+  LightShape lamp;
+  lamp.kind = LightKind::Rect;
+  lamp.position = Vec3(0, 2.9f, 0);
+  lamp.u = Vec3(0.5f, 0, 0);
+  lamp.v = Vec3(0, 0, 0.5f);
+  lamp.axis = Vec3(0, -1, 0);
+  m.light(lamp, Vec3(4.0f, 3.0f, 2.0f));
+  m.camera(Vec3(0.1f, 1.3f, 1.8f), Vec3(0, 1.9f, 0), 1.1f);
+  tests::Traced t(m.finish(), 15, 11);
+  t.settings.blockSize = 16;
+  uint64_t rays = 0, dropped = 0;
+  const auto traced = [&](uint32_t first, uint32_t blocks) {
+    // A tracer of its own each time, as one that begins again has.
+    auto samples = traceSamples(*t.tracer(), t.settings, first, blocks, size_t(1) << 24, arena(), rays, dropped);
+    EXPECT_TRUE(samples.ok()) << samples.status().toString();
+    return std::move(*samples);
+  };
+  Settings s;
+  s.hard = 1.0f;  // tight, so that there is something to reject
+  s.soft = 0.4f;
+  const Filtered stored = streamed(traced(0, 3).view(), s);
+  StreamingDensity d = streamOf(traced(0, 1).view(), s);
+  for (uint32_t block = 0; block < 3; ++block) ASSERT_TRUE(d.count(traced(block, 1).view(), arena()).ok());
+  for (uint32_t block = 0; block < 3; ++block) ASSERT_TRUE(d.weigh(traced(block, 1).view(), arena()).ok());
+  const auto again = d.finish(arena());
+  ASSERT_TRUE(again.ok());
+  EXPECT_EQ(again->rgb, stored.rgb);
+  EXPECT_EQ(again->rejected, stored.rejected);
+  double rejected = 0;
+  for (const float r : stored.rejected) rejected += std::abs(double(r));
+  EXPECT_GT(rejected, 1e-3);
 }
 
 TEST(PathDensityStreaming, MemoryDoesNotGrowWithSamples) {
