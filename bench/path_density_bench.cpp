@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Outlier rejection on path samples: path density against the estimators of filters/outliers, on the same samples.
 //   path_density_bench [errors]   error by scene, samples and estimator
-//   path_density_bench time       time of the searches on one scene's samples, error of the approximate one (gate G8)
+//   path_density_bench time       time of the searches on one scene's samples, error of the approximate one (gate G8); grids and mixtures with their memory
+//   path_density_bench combined   combined correlated and importance sampling on a floor under a lamp (path_density/combined.h)
 // RMSE^2 = mean over pixels and channels of (x - a)(x - b), a and b two halves of a path-traced reference of other seeds: free of its noise. "ratio": RMSE over
 // that of the mean of all samples. "display": RMSE of what is shown, divided by white, clipped to 1, by sRGB's curve, as the source's pictures are; its
 // reference's noise is in it. relMSE as RMSE^2, over (((a + b) / 2)^2 + 0.01 white^2). "energy": sum of the picture over that of the mean. "ms": the estimator
@@ -23,17 +24,22 @@
 #include "filters/outliers/sample_estimators.h"
 #include "filters/outliers/smoothing_filters.h"
 #include "filters/outliers/white.h"
+#include "filters/path_density/mixture_density.h"
 #include "filters/path_density/neighbour_search.h"
 #include "filters/path_density/path_density.h"
 #include "filters/path_density/product_tree.h"
+#include "filters/path_density/sample_segments.h"
+#include "filters/path_density/streaming_density.h"
 #include "filters/path_density/trace_samples.h"
 #include "import/load.h"
 #include "measure/report.h"
+#include "path_density/combined.h"
 #include "rooms/rooms.h"
 #include "trace/accel.h"
 
 using namespace gobo;
 using namespace gobo::pathdensity;
+using gobo::pathdensitybench::combinedSampling;
 
 namespace {
 
@@ -95,6 +101,14 @@ PathSamples samplesOf(Place& p, uint64_t seed, uint32_t samples, const TaskArena
   p.settings.blockSize = 16;
   return made;
 }
+/// Samples come twice, a pass of both.
+Filtered byGrid(const SampleView& v, const Settings& s, const GridSettings& grid, const TaskArena& arena, size_t* bytes = nullptr) {
+  StreamingDensity density = need(StreamingDensity::create(v.width, v.height, s, grid));
+  for (const Status& status : {density.count(v, arena), density.weigh(v, arena)})
+    if (!status.ok()) stop(status);
+  if (bytes) *bytes = density.bytes();
+  return need(density.finish(arena));
+}
 struct Errors {
   double rmse = 0, relMse = 0, shown = 0, energy = 0;
 };
@@ -155,6 +169,13 @@ int errors(int argc, char** argv, const TaskArena& arena) {
           {"path_density, no spread", [&] { return density([](Settings& o) { o.spread = 0; }); }},
           {"path_density k=50", [&] { return density([](Settings& o) { o.neighbours = 50; }); }},
           {"path_density of 2010", [&] { return density([](Settings& o) { o.neighbours = 50, o.judged = Judged::Together, o.spread = 0; }); }},
+          {"grid density", [&] { return byGrid(v, s, {}, arena).rgb; }},
+          {"grid density 1 px, 32",
+           [&] {
+             return byGrid(v, s, {1, 32}, arena).rgb;
+           }},
+          {"mixture density", [&] { return need(rejectByMixture(v, s, {}, arena)).rgb; }},
+          {"mean-shift segments", [&] { return need(rejectSmallSegments(v, s, {}, arena)).rgb; }},
           {"trimmed 1%", [&] { return outliers::trimmedMean(v, bins, 0.01); }},
           {"trimmed 10%", [&] { return outliers::trimmedMean(v, bins, 0.1); }},
           {"trimmed 50%", [&] { return outliers::trimmedMean(v, bins, 0.5); }},
@@ -221,10 +242,10 @@ int time(int argc, char** argv, const TaskArena& arena) {
   s.neighbours = k;
   s.metric.white = need(outliers::whiteOf(outliers::meanPicture(v, binSamples(v)), width, height, arena));
   Filtered exact;
-  const auto run = [&](const char* name, const Settings& own) {
+  const auto measured = [&](const char* name, const std::function<Filtered()>& filter) {
     start = std::chrono::steady_clock::now();
     const std::clock_t work = std::clock();
-    Filtered f = need(rejectOutliers(v, own, arena));
+    Filtered f = filter();
     const double ms = msSince(start), cpu = 1000.0 * double(std::clock() - work) / CLOCKS_PER_SEC;
     double rms = 0;
     if (exact.rgb.empty()) exact = f;
@@ -233,11 +254,32 @@ int time(int argc, char** argv, const TaskArena& arena) {
                 std::accumulate(f.weight.begin(), f.weight.end(), 0.0) / double(f.weight.size()));
     std::fflush(stdout);
   };
+  const auto run = [&](const char* name, const Settings& own) { measured(name, [&] { return need(rejectOutliers(v, own, arena)); }); };
+  const std::string only = argumentOr(argc, argv, "--only", "");
   Settings own = s;
   own.judged = Judged::Together;
   own.spread = 0;
   run("tiles, weights, one term", own);
-  if (argumentOr(argc, argv, "--only", "") == "weights") return 0;
+  if (only == "weights") return 0;
+  const double pixels = double(width) * height;
+  for (const GridSettings& grid : {GridSettings{}, GridSettings{2, 32}, GridSettings{1, 16}, GridSettings{1, 32}}) {
+    size_t bytes = 0;
+    measured(("grid, cells of " + std::to_string(grid.cell) + ", " + std::to_string(grid.bins) + " bins").c_str(),
+             [&] { return byGrid(v, own, grid, arena, &bytes); });
+    std::printf("%-34s %9.0f bytes a pixel; the samples %.0f\n", "", double(bytes) / pixels, double(PathSamples::kBytesOfSample) * n);
+  }
+  for (const int components : {4, 8, 16}) {
+    uint64_t used = 0;
+    MixtureSettings mixture;
+    mixture.fit.components = components;
+    measured(("mixture of " + std::to_string(components)).c_str(), [&] { return need(rejectByMixture(v, own, mixture, arena, {}, &used)); });
+    std::printf("%-34s %9.0f bytes a pixel; the samples %.0f\n", "", double(used * sizeof(Gaussian)) / pixels, double(PathSamples::kBytesOfSample) * n);
+  }
+  measured("mean-shift segments", [&] { return need(rejectSmallSegments(v, own, {}, arena)); });
+  Settings tree = own;
+  tree.treeEpsilon = 0;
+  run("k-d tree, one term", tree);
+  if (only == "densities") return 0;
   exact = {};
   s.judged = Judged::Apart;
   s.spread = 0;
@@ -246,7 +288,7 @@ int time(int argc, char** argv, const TaskArena& arena) {
   own.density = true;
   run("tiles, density map, both terms", own);
   for (const float epsilon : {0.0f, 0.5f, 1.0f, 3.0f}) {
-    if (argumentOr(argc, argv, "--only", "") == "tiles") break;
+    if (only == "tiles") break;
     own = s;
     own.treeEpsilon = epsilon;
     run(("k-d tree, epsilon " + std::to_string(epsilon)).c_str(), own);
@@ -258,5 +300,6 @@ int time(int argc, char** argv, const TaskArena& arena) {
 
 int main(int argc, char** argv) {
   const TaskArena arena(std::atoi(argumentOr(argc, argv, "--threads", "0").c_str()));
+  if (argc > 1 && std::string(argv[1]) == "combined") return combinedSampling(arena);
   return argc > 1 && std::string(argv[1]) == "time" ? time(argc, argv, arena) : errors(argc, argv, arena);
 }

@@ -40,24 +40,6 @@ Status checkRange(const char* name, double v, double lo, double hi) {
   if (v >= lo && v <= hi) return {};
   return invalidArgument(std::string("path density: ") + name + " = " + numberText(v) + " is not in [" + numberText(lo) + ", " + numberText(hi) + "]");
 }
-Status checkSettings(const SampleView& v, const Settings& s) {
-  GOBO_TRY(checkRange("film scale", double(s.metric.filmScale), 1e-3, 1e3));
-  GOBO_TRY(checkRange("colour scale", double(s.metric.colourScale), 1e-3, 1e6));
-  GOBO_TRY(checkRange("white", double(s.metric.white), 1e-12, 1e12));
-  GOBO_TRY(checkRange("neighbours", s.neighbours, 1, 1 << 20));
-  GOBO_TRY(checkRange("first samples", s.first, 0, 1 << 30));
-  GOBO_TRY(checkRange("spread", double(s.spread), 0, 1000));
-  GOBO_TRY(checkRange("most spread", double(s.mostSpread), 0, 1e6));
-  if (!(s.soft >= 0) || !(s.hard >= s.soft))
-    return invalidArgument("path density: thresholds " + numberText(double(s.soft)) + " and " + numberText(double(s.hard)) + " are not 0 <= soft <= hard");
-  if (v.width < 1 || v.height < 1) return invalidArgument("path density: a picture of " + std::to_string(v.width) + " x " + std::to_string(v.height));
-  if (v.size() >= 0xffffffffu) return invalidArgument("path density: more than 2^32 - 2 samples");
-  if (v.correlated)
-    return invalidArgument(
-        "path density: the samples are correlated (a Markov chain's): one resembles the next whatever it shows, so that noise would pass for light");
-  return {};
-}
-
 /// k of a sample: fewer near the border where that is corrected.
 class NeighbourCount {
  public:
@@ -132,6 +114,35 @@ int mostNeighbours(double samplesPerPixel, int width, int height, const Settings
   return int(std::min(area * samplesPerPixel * soft * soft, 1e9));
 }
 
+Status checkSettings(const SampleView& v, const Settings& s) {
+  GOBO_TRY(checkRange("film scale", double(s.metric.filmScale), 1e-3, 1e3));
+  GOBO_TRY(checkRange("colour scale", double(s.metric.colourScale), 1e-3, 1e6));
+  GOBO_TRY(checkRange("white", double(s.metric.white), 1e-12, 1e12));
+  GOBO_TRY(checkRange("neighbours", s.neighbours, 1, 1 << 20));
+  GOBO_TRY(checkRange("first samples", s.first, 0, 1 << 30));
+  GOBO_TRY(checkRange("spread", double(s.spread), 0, 1000));
+  GOBO_TRY(checkRange("most spread", double(s.mostSpread), 0, 1e6));
+  if (!(s.soft >= 0) || !(s.hard >= s.soft))
+    return invalidArgument("path density: thresholds " + numberText(double(s.soft)) + " and " + numberText(double(s.hard)) + " are not 0 <= soft <= hard");
+  if (v.width < 1 || v.height < 1) return invalidArgument("path density: a picture of " + std::to_string(v.width) + " x " + std::to_string(v.height));
+  if (v.size() >= 0xffffffffu) return invalidArgument("path density: more than 2^32 - 2 samples");
+  if (v.correlated)
+    return invalidArgument(
+        "path density: the samples are correlated (a Markov chain's): one resembles the next whatever it shows, so that noise would pass for light");
+  return {};
+}
+
+Status checkNeighbours(double perPixel, int width, int height, Settings& s) {
+  const bool all = std::isinf(s.soft);
+  const int most = mostNeighbours(perPixel, width, height, s);
+  if (s.fewer) s.neighbours = std::clamp(most, 1, s.neighbours);
+  if (!all && !s.fewer && s.neighbours > most)
+    return invalidArgument("path density: " + std::to_string(s.neighbours) + " neighbours are too many for " + numberText(perPixel) +
+                           " samples a pixel: even light would be rejected from " + std::to_string(most) + " on" +
+                           (s.border == Border::Refuse ? " (in the corners of the picture; four times as many pass with borders corrected)" : ""));
+  return {};
+}
+
 float weightOf(float sigma, const Settings& s) {
   if (sigma <= s.soft) return 1.0f;
   if (sigma >= s.hard) return 0.0f;
@@ -155,14 +166,9 @@ Result<std::vector<float>> sigmasOf(const SampleView& samples, const Settings& s
 Result<Filtered> rejectOutliers(const SampleView& samples, const Settings& asked, const TaskArena& arena, const StopToken& stop) {
   GOBO_TRY(checkSettings(samples, asked));
   Settings settings = asked;
+  if (samples.size() > 0)
+    GOBO_TRY(checkNeighbours(double(samples.size()) / (double(samples.width) * double(samples.height)), samples.width, samples.height, settings));
   const bool all = std::isinf(settings.soft);
-  const double perPixel = double(samples.size()) / (double(samples.width) * double(samples.height));
-  const int most = mostNeighbours(perPixel, samples.width, samples.height, settings);
-  if (settings.fewer) settings.neighbours = std::clamp(most, 1, settings.neighbours);
-  if (!all && !settings.fewer && samples.size() > 0 && settings.neighbours > most)
-    return invalidArgument("path density: " + std::to_string(settings.neighbours) + " neighbours are too many for " + numberText(perPixel) +
-                           " samples a pixel: even light would be rejected from " + std::to_string(most) + " on" +
-                           (settings.border == Border::Refuse ? " (in the corners of the picture; four times as many pass with borders corrected)" : ""));
   const SampleBins bins = binSamples(samples, stop);
   if (stop.stopRequested()) return Status(Code::Cancelled, "stopped");
   Composite composite(samples, bins, settings);

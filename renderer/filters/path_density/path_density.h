@@ -69,6 +69,11 @@ int mostNeighbours(double samplesPerPixel, int width, int height, const Settings
 float weightOf(float sigma, const Settings& settings);
 float densityOf(float sigma);
 
+/// What is wrong with settings for such samples: out of range, correlated samples, no picture.
+Status checkSettings(const SampleView& samples, const Settings& settings);
+/// Lowers `settings.neighbours` to mostNeighbours() where fewer will do; an error where they are too many.
+Status checkNeighbours(double samplesPerPixel, int width, int height, Settings& settings);
+
 /// Errors: InvalidArgument with what is wrong: settings out of range, more neighbours than mostNeighbours(), correlated samples; Cancelled.
 Result<Filtered> rejectOutliers(const SampleView& samples, const Settings& settings, const TaskArena& arena, const StopToken& stop = {});
 
