@@ -13,9 +13,9 @@
 //   shadow_bench ladder SCENE LIGHT CAMERA [--soft] [--size 256x192] [--truth 4096] [--map 1024] [--dense-map 4096]
 //       Oracle ladder: which step adds which error. Camera, visibility factoring, the map's model at high and at the map's resolution,
 //       the basis in float64 with the same kernel, what ships, a Vulkan device.
-//   shadow_bench filtered [--only SCENE] [--size 256x256] [--truth 2048] [--repeat 3] [--quick]
+//   shadow_bench filtered [--only SCENE] [--size 256x256] [--truth 2048] [--repeat 3] [--quick] [--sun DEGREES]
 //       Soft shadows of every scene: axis-aligned filtering (default and published), joint bilateral filters and plain rays, three seeds each; rays
-//       and milliseconds that plain rays need at equal RMSE.
+//       and milliseconds that plain rays need at equal RMSE. --sun: of the scenes' suns, made that wide, instead of their area lights.
 //   shadow_bench claims [--only NAME] [--quick]
 //       The source's claims as ratios measured in one run, asked figures beside them: esm-csm, pcf-taps, flagged, bleeding, penumbra, lights.
 //   shadow_bench regret [--only SCENE] [--size 640x480] [--truth 512] [--quick]
@@ -45,6 +45,7 @@ Result<std::unique_ptr<Runner>> makeRunner(const Options& o, bool soft) {
     return invalidArgument("scene '" + o.scene + "' has no light '" + o.light + "' or camera '" + o.camera + "'; lights:" + names);
   }
   if (!soft) { GOBO_ASSIGN(scene, withHardLight(*scene, light)); }
+  if (o.sun > 0) { GOBO_ASSIGN(scene, withSunSize(*scene, light, o.sun)); }
   auto runner = std::make_unique<Runner>(scene, light, scene->cameras[size_t(camera)], o.width, o.height, o.repeat, o.clock);
   runner->setCameraFit(o.cameraFit);
   return runner;
@@ -107,6 +108,7 @@ int main(int argc, char** argv) {
     else if (flag == "--clock") o.clock = std::strcmp(value, "cpu") ? Runner::Clock::Wall : Runner::Clock::Cpu;
     else if (flag == "--fit") o.cameraFit = !std::strcmp(value, "camera");
     else if (flag == "--out") o.out = value;
+    else if (flag == "--sun") o.sun = std::atof(value);
     else if (flag == "--only") o.only = value;
     else {
       std::fprintf(stderr, "unknown option %s\n", flag.c_str());

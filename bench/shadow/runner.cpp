@@ -80,7 +80,7 @@ Vec2 Runner::jitter(int k) { return SobolSampler(0x71773e, uint32_t(k)).next2D()
 
 bool Runner::supported(const v1::ShadowTechnique& t) const {
   const ShadowTechniqueEntry* e = findShadowTechnique(t.technique_case());
-  return e && e->supports(scene_->lights[size_t(light_)].shape.kind);
+  return e && e->does(scene_->lights[size_t(light_)].shape);
 }
 
 Result<TermPtr> Runner::evaluate(const Graph& graph, NodeId wanted, int repeat, Keep* keep, Measured* m) {

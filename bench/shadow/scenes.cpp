@@ -212,6 +212,15 @@ Result<ScenePtr> withLightSize(const Scene& scene, int light, float scale) {
   });
 }
 
+Result<ScenePtr> withSunSize(const Scene& scene, int light, double degrees) {
+  return editScene(scene, [&](Scene& s) -> Status {
+    LightShape& shape = s.lights[size_t(light)].shape;
+    if (shape.kind != LightKind::Directional) return invalidArgument("light '" + s.lights[size_t(light)].name + "' is no sun");
+    shape.angularSize = float(degrees * M_PI / 180);
+    return {};
+  });
+}
+
 std::function<bool(const DVec3&, const DVec3&, bool)> closedForm(const std::string& scene) {
   std::vector<Box> casters;
   if (scene == "planes") casters = {kPlate};

@@ -30,6 +30,9 @@ Result<ScenePtr> withHardLight(const Scene& scene, int light);
 /// The same scene with a rectangle's edges, or a disk's or sphere's radius, scaled.
 Result<ScenePtr> withLightSize(const Scene& scene, int light, float scale);
 
+/// The same scene with a directional light that many degrees wide.
+Result<ScenePtr> withSunSize(const Scene& scene, int light, double degrees);
+
 /// Visibility in closed form of a receiver at p for a point q of the light (or direction q, w = 0): scenes "planes" and "boxes" only; empty
 /// for others.
 std::function<bool(const DVec3& p, const DVec3& q, bool direction)> closedForm(const std::string& scene);

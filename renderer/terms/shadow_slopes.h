@@ -21,8 +21,8 @@ struct ShadowSlopesSettings {
 };
 /// Source "shadow_slopes". Input 0: "gbuffer". Per ray one closest hit from the receiver and, if it is blocked and `bothEnds`, one back from the light.
 /// Planes: sMax f32 largest (without bothEnds: of the occluders nearest to the receiver) and sMin f32 smallest slope t/(T-t) of the occluders seen
-/// (formulas/axis_aligned.glsl.h), 0 where none; (tinted panes among them: their edges have penumbras too); sumV, sumW f32 weighted sum of visibility and of
-/// weights over the pilot points; occluded u8.
+/// (formulas/axis_aligned.glsl.h; of a light at infinity the occluder's distance along its axis, metres: terms/shadow_light.h), 0 where none; (tinted panes
+/// among them: their edges have penumbras too); sumV, sumW f32 weighted sum of visibility and of weights over the pilot points; occluded u8.
 NodePtr makeShadowSlopesNode(const ShadowSlopesSettings& settings);
 
 struct ShadowAdaptiveSettings {

@@ -110,14 +110,18 @@ bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer, size_t 
             const size_t e = base + y * L.width + x, i = L.at(x, int(y));
             L.value[i] = value[channels * e + channel];
             if (instance[e] == ~0u || !(omega[e] > 0.0f)) continue;
-            const Vec3 r = Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]) - s_.light.centre, a = s_.light.normalFor(r);
+            const Vec3 r = Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]) - (s_.light.distant ? Vec3(0.0f) : s_.light.centre), a = s_.light.normalFor(r);
             L.px[i] = r.x;
             L.py[i] = r.y;
             L.pz[i] = r.z;
             L.nx[i] = N[3 * e];
             L.ny[i] = N[3 * e + 1];
             L.nz[i] = N[3 * e + 2];
-            if (L.planar) {
+            if (s_.light.distant) {  // parallel lines: the place on the plane is the same from any distance
+              L.ax[i] = float(glm::dot(DVec3(r), DVec3(u)));
+              L.ay[i] = float(glm::dot(DVec3(r), DVec3(v)));
+              L.az[i] = 1.0f;
+            } else if (L.planar) {
               const float h = glm::dot(r, a), far = std::max(std::fabs(h), 1.0e-6f * glm::length(r));  // the plane itself is seen edge on
               L.ax[i] = glm::dot(r, u) / std::copysign(std::max(far, 1.0e-30f), h);
               L.ay[i] = glm::dot(r, v) / std::copysign(std::max(far, 1.0e-30f), h);

@@ -6,7 +6,7 @@
 //              Ramamoorthi 2012). |D| is the distance on the plane through the pixel that is parallel to the
 //              light, onto which the other pixel is moved along its line to the light's centre: that far visibility is the same in the first
 //              order (the source drops the part along the plane's normal, which is the same for receivers parallel to the light, and takes walls
-//              that stand upright on the plane for one point); beta = 1/(k Omega). A tap counts if it
+//              that stand upright on the plane for one point; to a light at infinity the lines are parallel); beta = 1/(k Omega). A tap counts if it
 //              is filterable, |beta' - beta| <= betaThreshold max(beta, beta'), the normals differ by at most `angle`, and it is
 //              within 6 beta in space. The centre tap always counts, so there is no 0/0.
 // Inputs       0: any ViewSample term with plane "V" (f32, one channel or RGB: each by the same weights); 1: "gbuffer" (P, N, instance, footprint);

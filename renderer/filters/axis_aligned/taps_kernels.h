@@ -11,7 +11,7 @@ inline constexpr float kReject = -1.0e30f;  ///< a beta that differs from every 
 
 /// One layer of a picture, structure of arrays; metres relative to the light. `a`: unit normal of the light's plane for the pixel. A light with one
 /// plane (planar): ax, ay are the pixel's place seen from the light's centre, metres per metre along the plane's normal, az its square distance
-/// from the plane.
+/// from the plane; a plane at infinity: ax, ay the pixel's place along it in metres, az 1.
 struct TapLayer {
   const float *x, *y, *z, *nx, *ny, *nz, *ax, *ay, *az, *beta, *value;
   float betaThreshold, cosAngle;
