@@ -33,6 +33,8 @@ std::string baseName(const Options& o);  ///< "fence-sun-front"
 
 int pareto(Options o);
 int filtered(Options o);
+int modes(Options o);
+int table31(Options o);
 int ladder(Options o);
 int claims(Options o);
 int regret(Options o);

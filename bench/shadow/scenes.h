@@ -22,7 +22,7 @@ struct SceneEntry {
 std::vector<SceneEntry> sceneEntries();
 
 /// A name above, a built-in scene, or a path to a .gltf/.glb file. "two-trees", "sponza" (data/derived/sponza.glb): with an
-/// area light "key" added. "pergola": the fence under slats.
+/// area light "key" added. "pergola": the fence under slats; "bench": a park bench.
 Result<ScenePtr> benchScene(const std::string& name);
 
 /// The same scene with an area light replaced by a spot at its centre, which is what a hard shadow map of it shows; delta lights stay.

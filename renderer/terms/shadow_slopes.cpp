@@ -34,6 +34,7 @@ class ShadowSlopesNode final : public Node {
   void hashParameters(Hasher& h) const override {
     h.add(s_.pilot).add(s_.most).add(s_.bothEnds).add(s_.seed);
     if (s_.clear) h.add("clear");
+    hashShadowLightProfile(h, s_.profile);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 1);
@@ -54,7 +55,7 @@ class ShadowSlopesNode final : public Node {
     GOBO_CHECK(hasShadowLightFrame(ctx.scene->lightShape(index)));
     const ShadowLightFrame frame = shadowLightFrame(ctx.scene->lightShape(index));
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
-    const LightPoints light(*ctx.scene, index);
+    const ProfiledPoints light(*ctx.scene, index, s_.profile);
     const SurfaceSamples surface(*ctx.inputs.at(0));
     const ScreenSequence points(s_.seed, s_.extent, s_.place, s_.most);
     const auto& term = ctx.result;
@@ -183,6 +184,7 @@ class ShadowAdaptiveNode final : public Node {
   void hashParameters(Hasher& h) const override {
     h.add(s_.pilot).add(s_.most).add(s_.seed);
     if (s_.clear) h.add("clear");
+    hashShadowLightProfile(h, s_.profile);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 3);
@@ -200,7 +202,7 @@ class ShadowAdaptiveNode final : public Node {
   Result<TermPtr> run(const RunContext& ctx) const override {
     const size_t C = s_.clear ? 3 : 1;
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
-    const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
+    const ProfiledPoints light(*ctx.scene, ctx.scene->lightSubset().at(0), s_.profile);
     const SurfaceSamples surface(*ctx.inputs[0]);
     const ScreenSequence points(s_.seed, s_.extent, s_.place, s_.most);
     const auto sumV = ctx.inputs[1]->floats("sumV"), sumW = ctx.inputs[1]->floats("sumW");

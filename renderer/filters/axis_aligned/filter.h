@@ -31,6 +31,19 @@
 
 namespace gobo {
 
+/// Literal modes: what the source and its released code did otherwise, for reproducing and taking apart (filters/axis_aligned/literal.h). No request has them.
+enum class AxisAlignedDistance : uint8_t {
+  Line,        ///< as above
+  LightPlane,  ///< of the difference, what is left without its part along the plane's normal: as published
+  World,       ///< in space
+};
+enum class AxisAlignedThresholds : uint8_t {
+  ScaleFree,  ///< as above
+  Report,     ///< the first alone: neither normals nor a reach in space
+  Code,       ///< the released code's: band limits within 10 rad/m, `angle`, and a square distance in space below 10 m^2; it changes with the scene's unit
+};
+inline constexpr float kCodeOmegaThreshold = 10.0f, kCodeReach2 = 10.0f;
+
 struct AxisAlignedFilterSettings {
   ShadowLightFrame light;
   float k = 3.0f;
@@ -39,6 +52,11 @@ struct AxisAlignedFilterSettings {
   float angle = 0.34906585f;  ///< radians (20 degrees)
   bool fourthOrder = false;   ///< no second moment
   bool exact2d = false;       ///< reference mode: the full 2-D gather in one pass, O(r^2) per pixel (tests and ablation)
+  AxisAlignedDistance distance = AxisAlignedDistance::Line;
+  AxisAlignedThresholds thresholds = AxisAlignedThresholds::ScaleFree;
+  float cut = 0;  ///< no weight beyond this many beta (the code: sqrt 6); 0: wherever the window ends
+
+  bool literal() const { return distance != AxisAlignedDistance::Line || thresholds != AxisAlignedThresholds::ScaleFree || cut > 0; }
 };
 inline constexpr int kAxisAlignedMaxRadius = 64;
 

@@ -9,10 +9,16 @@
 namespace gobo {
 namespace {
 
+float samples(const ShadowRateSettings& r, float sMin, float sMax, float footprint, float mu) {
+  if (r.distant)
+    return r.printed ? formulas::aaDistantSamplesPrinted(sMin, sMax, r.sigma, footprint, mu) : formulas::aaDistantSamples(sMin, sMax, r.sigma, footprint, mu);
+  return r.printed ? formulas::aaSamplesPrinted(sMin, sMax, r.sigma, footprint, mu) : formulas::aaSamplesCapped(sMin, sMax, r.sigma, footprint, mu);
+}
+
 uint32_t sampleCount(const ShadowRateSettings& r, float sMin, float sMax, float footprint, float mu) {
   if (r.uniform > 0) return r.uniform;
   if (!(sMin > 0.0f)) return r.pilot;
-  const float n = r.distant ? formulas::aaDistantSamples(sMin, sMax, r.sigma, footprint, mu) : formulas::aaSamplesCapped(sMin, sMax, r.sigma, footprint, mu);
+  const float n = samples(r, sMin, sMax, footprint, mu);
   if (!(n < float(r.maxSamples))) return std::max(r.pilot, r.maxSamples);
   return std::max(r.pilot, uint32_t(n + 0.5f));
 }
@@ -24,6 +30,7 @@ float bandLimit(const ShadowRateSettings& r, float sMin, float footprint, float 
 void hashRate(Hasher& h, const ShadowRateSettings& r) {
   h.add(r.sigma).add(r.pilot).add(r.maxSamples).add(r.uniform);
   if (r.distant) h.add("distant");
+  if (r.printed) h.add("printed");
 }
 
 class ShadowSlopeDilation final : public Node {
