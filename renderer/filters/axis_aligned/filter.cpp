@@ -126,7 +126,8 @@ bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer, size_t 
             const size_t e = base + y * L.width + x, i = L.at(x, int(y));
             L.value[i] = value[channels * e + channel];
             if (instance[e] == ~0u || !(omega[e] > 0.0f)) continue;
-            const Vec3 r = Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]) - (s_.light.distant ? Vec3(0.0f) : s_.light.centre), a = s_.light.normalFor(r);
+            const Vec3 r = Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]) - (s_.light.distant ? Vec3(0.0f) : s_.light.centre);
+            const Vec3 a = world ? Vec3(0.0f) : s_.light.normalFor(r);
             L.px[i] = r.x;
             L.py[i] = r.y;
             L.pz[i] = r.z;
@@ -143,9 +144,9 @@ bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer, size_t 
               L.ay[i] = glm::dot(r, v) / std::copysign(std::max(far, 1.0e-30f), h);
               L.az[i] = far * far;
             } else {
-              L.ax[i] = world ? 0.0f : a.x;
-              L.ay[i] = world ? 0.0f : a.y;
-              L.az[i] = world ? 0.0f : a.z;
+              L.ax[i] = a.x;
+              L.ay[i] = a.y;
+              L.az[i] = a.z;
             }
             L.beta[i] = formulas::aaBeta(omega[e], s_.k);
             if (!L.omega.empty()) L.omega[i] = omega[e];

@@ -168,14 +168,14 @@ TEST(AxisAlignedModes, GaussiansAreForRectangles) {
 
 // --- rates -----------------------------------------------------------------------------------------------------------------------
 
-uint32_t countOf(bool printed, bool distant) {
+uint32_t countOf(bool printed, bool distant, float pixel) {
   const Extent e{1, 1, 1};
   const auto slopes = std::make_shared<Term>("shadow_slope_dilation", Domain::ViewSample, e);
   slopes->addPlane<float>("sMax")[0] = 1.0f;
   slopes->addPlane<float>("sMin")[0] = 10.0f / 9.9f - 1.0f;
   PlaneView view;
   view.width = view.height = 1;
-  view.du = Vec3(0.01f, 0, 0);
+  view.du = Vec3(pixel, 0, 0);
   ShadowRateSettings rate;
   rate.maxSamples = 1u << 30;
   rate.printed = printed;
@@ -185,11 +185,11 @@ uint32_t countOf(bool printed, bool distant) {
 TEST(AxisAlignedModes, PrintedRatesHaveNoCap) {
   // The golden row 10, 5, 9.9 of the digest; of a light at infinity the same with 1 + s = 1: 4 (1 + z1/z2)^2 (d/(sigma z2) + 1)^2, and its cap 4 (1 + d W)^2 (1
   // + sigma z1 W)^2.
-  EXPECT_NEAR(countOf(true, false) / 156816.0, 1, 1e-3);
-  EXPECT_NEAR(countOf(false, false) / 40787.8, 1, 1e-3);
-  const double z2 = 10.0 / 9.9 - 1, W = std::min(1 / z2, 1 / 0.01);
-  EXPECT_NEAR(countOf(true, true) / (4 * std::pow(1 + 1 / z2, 2) * std::pow(0.01 / z2 + 1, 2)), 1, 1e-3);
-  EXPECT_NEAR(countOf(false, true) / (4 * std::pow(1 + 0.01 * W, 2) * std::pow(1 + W, 2)), 1, 1e-3);
+  EXPECT_NEAR(countOf(true, false, 0.01f) / 156816.0, 1, 1e-3);
+  EXPECT_NEAR(countOf(false, false, 0.01f) / 40787.8, 1, 1e-3);
+  const double z2 = 10.0 / 9.9 - 1, d = 0.02, W = std::min(1 / z2, 1 / d);  // the pixel holds less than the light lets through
+  EXPECT_NEAR(countOf(true, true, float(d)) / (4 * std::pow(1 + 1 / z2, 2) * std::pow(d / z2 + 1, 2)), 1, 1e-3);
+  EXPECT_NEAR(countOf(false, true, float(d)) / (4 * std::pow(1 + d * W, 2) * std::pow(1 + W, 2)), 1, 1e-3);
 }
 
 // --- the filter ------------------------------------------------------------------------------------------------------------------
