@@ -13,9 +13,14 @@
 //   shadow_bench ladder SCENE LIGHT CAMERA [--soft] [--size 256x192] [--truth 4096] [--map 1024] [--dense-map 4096]
 //       Oracle ladder: which step adds which error. Camera, visibility factoring, the map's model at high and at the map's resolution,
 //       the basis in float64 with the same kernel, what ships, a Vulkan device.
-//   shadow_bench filtered [--only SCENE] [--size 256x256] [--truth 2048] [--repeat 3] [--quick]
+//   shadow_bench filtered [--only SCENE] [--size 256x256] [--truth 2048] [--repeat 3] [--quick] [--sun DEGREES]
 //       Soft shadows of every scene: axis-aligned filtering (default and published), joint bilateral filters and plain rays, three seeds each; rays
-//       and milliseconds that plain rays need at equal RMSE.
+//       and milliseconds that plain rays need at equal RMSE. --sun: of the scenes' suns, made that wide, instead of their area lights.
+//   shadow_bench modes [--only SCENE] [--size 256x256] [--truth 1024] [--repeat 3] [--quick]
+//       The published filter and its released code taken apart by name (filters/axis_aligned/literal.h) on grids, fence and sponza: rays,
+//       milliseconds and RMSE of every mode, and whether errors come in the order that the digest of the source expects.
+//   shadow_bench table31 [--only SCENE] [--size 640x480] [--truth 1024] [--repeat 3] [--quick]
+//       The source's table 3.1 and figure 3.6 in their own columns, beside the printed numbers; the figure as CSV.
 //   shadow_bench claims [--only NAME] [--quick]
 //       The source's claims as ratios measured in one run, asked figures beside them: esm-csm, pcf-taps, flagged, bleeding, penumbra, lights.
 //   shadow_bench regret [--only SCENE] [--size 640x480] [--truth 512] [--quick]
@@ -45,6 +50,7 @@ Result<std::unique_ptr<Runner>> makeRunner(const Options& o, bool soft) {
     return invalidArgument("scene '" + o.scene + "' has no light '" + o.light + "' or camera '" + o.camera + "'; lights:" + names);
   }
   if (!soft) { GOBO_ASSIGN(scene, withHardLight(*scene, light)); }
+  if (o.sun > 0) { GOBO_ASSIGN(scene, withSunSize(*scene, light, o.sun)); }
   auto runner = std::make_unique<Runner>(scene, light, scene->cameras[size_t(camera)], o.width, o.height, o.repeat, o.clock);
   runner->setCameraFit(o.cameraFit);
   return runner;
@@ -107,6 +113,7 @@ int main(int argc, char** argv) {
     else if (flag == "--clock") o.clock = std::strcmp(value, "cpu") ? Runner::Clock::Wall : Runner::Clock::Cpu;
     else if (flag == "--fit") o.cameraFit = !std::strcmp(value, "camera");
     else if (flag == "--out") o.out = value;
+    else if (flag == "--sun") o.sun = std::atof(value);
     else if (flag == "--only") o.only = value;
     else {
       std::fprintf(stderr, "unknown option %s\n", flag.c_str());
@@ -115,12 +122,15 @@ int main(int argc, char** argv) {
   }
   if (command == "pareto") return pareto(o);
   if (command == "filtered") return filtered(o);
+  if (command == "modes") return modes(o);
+  if (command == "table31") return table31(o);
   if (command == "ladder") return ladder(o);
   if (command == "claims") return claims(o);
   if (command == "regret") return regret(o);
   if (command == "scenes") return scenes(o);
   std::fprintf(stderr,
-               "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | filtered | claims | regret   (the head of bench/shadow_bench.cpp "
+               "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | filtered | modes | table31 | claims | regret   (the head of "
+               "bench/shadow_bench.cpp "
                "has the options)\n");
   return 2;
 }

@@ -98,7 +98,8 @@ int filtered(Options o) {
   for (const SceneEntry& entry : sceneEntries()) {
     if (!o.only.empty() && entry.scene.find(o.only) == std::string::npos) continue;
     o.scene = entry.scene;
-    o.light = entry.soft;
+    if (o.sun > 0 && entry.hard != "sun") continue;
+    o.light = o.sun > 0 ? entry.hard : entry.soft;
     o.camera = entry.camera;
     auto runner = makeRunner(o, true);
     if (!runner.ok()) {

@@ -20,6 +20,7 @@ struct Options {
   int temporal = 0;                 ///< camera places for the temporal variance; 0: none
   int map = 1024, denseMap = 4096;  ///< ladder: S, and the map of R2
   Runner::Clock clock = Runner::Clock::Wall;
+  double sun = 0;          ///< filtered: the scene's sun, this many degrees wide, in the place of its area light
   bool cameraFit = false;  ///< maps fitted to what the camera sees (map.fit = CAMERA)
   bool quick = false, list = false;
   std::string out = "out/bench";
@@ -32,6 +33,8 @@ std::string baseName(const Options& o);  ///< "fence-sun-front"
 
 int pareto(Options o);
 int filtered(Options o);
+int modes(Options o);
+int table31(Options o);
 int ladder(Options o);
 int claims(Options o);
 int regret(Options o);

@@ -78,9 +78,19 @@ Camera Runner::shifted(double dx, double dy) const {
 
 Vec2 Runner::jitter(int k) { return SobolSampler(0x71773e, uint32_t(k)).next2D() - Vec2(0.5f); }
 
+namespace {
+double meanCount(const Term& counts, const Term& gbuffer) {
+  const auto n = counts.plane<uint32_t>("n"), instance = gbuffer.plane<uint32_t>("instance");
+  double sum = 0, surfaces = 0;
+  for (size_t p = 0; p < instance.size() && p < n.size(); ++p)
+    if (instance[p] != ~0u) sum += n[p], ++surfaces;
+  return surfaces > 0 ? sum / surfaces : 0;
+}
+}  // namespace
+
 bool Runner::supported(const v1::ShadowTechnique& t) const {
   const ShadowTechniqueEntry* e = findShadowTechnique(t.technique_case());
-  return e && e->supports(scene_->lights[size_t(light_)].shape.kind);
+  return e && e->does(scene_->lights[size_t(light_)].shape);
 }
 
 Result<TermPtr> Runner::evaluate(const Graph& graph, NodeId wanted, int repeat, Keep* keep, Measured* m) {
@@ -154,6 +164,8 @@ Result<TermPtr> Runner::evaluate(const Graph& graph, NodeId wanted, int repeat, 
     terms[size_t(id)] = kept.term;
     if (m) {
       *passOf(m->ms, type, kept.term->domain()) += kept.ms;
+      m->byType[type] += kept.ms;
+      if (type == "shadow_sample_count" || type == "shadow_penumbra_count") m->samples = meanCount(*kept.term, *gbuffer_);
       if (kept.term->domain() == Domain::LightTexel) {
         m->bytes += kept.term->bytes();
         if (!shareable) m->mapBytes = kept.term->bytes();
@@ -165,10 +177,15 @@ Result<TermPtr> Runner::evaluate(const Graph& graph, NodeId wanted, int repeat, 
   return terms[size_t(wanted)];
 }
 
-Result<Measured> Runner::run(const v1::ShadowTechnique& t, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat,
-                             Keep* keep) {
-  const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
-  if (!entry) return notFound("technique is not registered");
+Runner::Plan Runner::planOf(const v1::ShadowTechnique& t) const {
+  return [t = fitted(t)](Graph& graph, const ShadowInput& input) -> Result<NodeId> {
+    const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
+    if (!entry) return notFound("technique is not registered");
+    return entry->plan(graph, input, t);
+  };
+}
+
+Result<Measured> Runner::run(const Plan& plan, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat, Keep* keep) {
   Graph graph;
   ShadowInput input;
   input.scene = scene_;
@@ -179,7 +196,7 @@ Result<Measured> Runner::run(const v1::ShadowTechnique& t, const TermPtr& gbuffe
   input.height = height_;
   input.viewSamples = viewSamples;
   input.seed = seed;
-  GOBO_ASSIGN(const NodeId node, entry->plan(graph, input, fitted(t)));
+  GOBO_ASSIGN(const NodeId node, plan(graph, input));
   Measured m;
   GOBO_ASSIGN(m.term, evaluate(graph, node, repeat, keep, &m));
   const auto V = m.term->floats("V");
@@ -192,7 +209,8 @@ v1::ShadowTechnique Runner::fitted(v1::ShadowTechnique t) const {
   return t;
 }
 
-Result<Measured> Runner::measure(const v1::ShadowTechnique& t, uint64_t seed) { return run(t, gbuffer_, camera_, 1, seed, repeat_, nullptr); }
+Result<Measured> Runner::measure(const v1::ShadowTechnique& t, uint64_t seed) { return measure(planOf(t), seed); }
+Result<Measured> Runner::measure(const Plan& plan, uint64_t seed) { return run(plan, gbuffer_, camera_, 1, seed, repeat_, nullptr); }
 
 Result<Measured> Runner::supersampled(int samples) {
   double oneMs = 0, allMs = 0;
@@ -200,7 +218,7 @@ Result<Measured> Runner::supersampled(int samples) {
   const TermPtr g = gbuffer(camera_, samples, &allMs);
   v1::ShadowTechnique t;
   t.mutable_ray_traced()->set_samples(1);
-  GOBO_ASSIGN(Measured m, run(t, g, camera_, samples, 1, repeat_, nullptr));
+  GOBO_ASSIGN(Measured m, run(planOf(t), g, camera_, samples, 1, repeat_, nullptr));
   m.ms.view = std::max(0.0, allMs - oneMs);
   const SurfaceSamples surface(*g);
   const std::vector<int> subset{light_};
@@ -246,7 +264,7 @@ Status Runner::jittered(const v1::ShadowTechnique& t, int count, const std::func
     const Camera camera = shifted(j.x, j.y);
     TermPtr g = size_t(k) < jittered_.size() ? jittered_[size_t(k)] : gbuffer(camera);
     if (size_t(k) == jittered_.size() && (jittered_.size() + 1) * g->bytes() <= kJitteredBytes) jittered_.push_back(g);
-    GOBO_ASSIGN(const Measured m, run(t, g, camera, 1, uint64_t(k) + 1, 1, &keep));
+    GOBO_ASSIGN(const Measured m, run(planOf(t), g, camera, 1, uint64_t(k) + 1, 1, &keep));
     visit(k, m.V);
   }
   return {};

@@ -3,6 +3,7 @@
 // by pass. Depth maps and depth bounds are kept between measurements (with their times), because many techniques share them.
 #pragma once
 
+#include <functional>
 #include <list>
 #include <map>
 #include <memory>
@@ -23,11 +24,13 @@ struct Passes {
 
 struct Measured {
   Passes ms;
-  size_t bytes = 0;      ///< of all terms in light space
-  size_t mapBytes = 0;   ///< of the one that the lookup reads: the filtered map with its levels
-  double rays = 0;       ///< per pixel, shadow and depth rays
-  TermPtr term;          ///< plane V, perhaps flags
-  std::vector<float> V;  ///< one a pixel
+  size_t bytes = 0;                      ///< of all terms in light space
+  size_t mapBytes = 0;                   ///< of the one that the lookup reads: the filtered map with its levels
+  double rays = 0;                       ///< per pixel, shadow and depth rays
+  double samples = 0;                    ///< of a pixel that shows a surface, where a term says how many each gets
+  std::map<std::string, double> byType;  ///< ms of nodes by type
+  TermPtr term;                          ///< plane V, perhaps flags
+  std::vector<float> V;                  ///< one a pixel
 };
 
 double median(std::vector<double> v);
@@ -58,6 +61,9 @@ class Runner {
   bool supported(const v1::ShadowTechnique& t) const;
   /// Errors: those of planning and running.
   Result<Measured> measure(const v1::ShadowTechnique& t, uint64_t seed = 1);
+  /// The same of what a function plans: the node of visibility.
+  using Plan = std::function<Result<NodeId>(Graph&, const ShadowInput&)>;
+  Result<Measured> measure(const Plan& plan, uint64_t seed = 1);
   /// Ray-traced visibility with `samples` view samples of one ray each, averaged over the pixel where the light can shine.
   Result<Measured> supersampled(int samples);
   /// Term "depth_bounds" (level 0: the depth map) of the technique's map settings, and how it was planned.
@@ -74,8 +80,9 @@ class Runner {
   };
   using Keep = std::map<Hash128, Kept>;
   v1::ShadowTechnique fitted(v1::ShadowTechnique t) const;
+  Plan planOf(const v1::ShadowTechnique& t) const;
   Result<TermPtr> evaluate(const Graph& graph, NodeId wanted, int repeat, Keep* keep, Measured* m);
-  Result<Measured> run(const v1::ShadowTechnique& t, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat, Keep* keep);
+  Result<Measured> run(const Plan& plan, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat, Keep* keep);
 
   ScenePtr scene_;
   int light_, width_, height_, repeat_;

@@ -117,6 +117,43 @@ Result<ScenePtr> blobs() {
   return b.finish();
 }
 
+/// A park bench of 310 000 vertices: round slats on bent legs.
+Result<ScenePtr> bench() {
+  SceneBuilder b("bench");
+  const int floor = b.material("floor", Vec3(0.6f)), wood = b.material("wood", Vec3(0.5f, 0.33f, 0.2f)), iron = b.material("iron", Vec3(0.2f));
+  MeshBuilder m;
+  m.quad(Vec3(-5, 0, 5), Vec3(10, 0, 0), Vec3(0, 0, -10));
+  b.add("floor", m, floor);
+  const auto seat = [](float t) {  // across the bench: the seat, then the rest of the back
+    return t < 0.55f ? Vec3(0, 0.46f - 0.05f * std::sin(kPi * t / 0.55f), 0.55f - t) : Vec3(0, 0.46f + 1.0f * (t - 0.55f), -0.25f * (t - 0.55f));
+  };
+  for (int i = 0; i < 14; ++i) {
+    std::vector<Vec3> path;
+    std::vector<float> radii;
+    for (int k = 0; k <= 240; ++k) {
+      const float t = float(k) / 240.0f;
+      path.push_back(seat(1.05f * float(i) / 13.0f) + Vec3(1.7f * (t - 0.5f), 0, 0));
+      radii.push_back(k == 240 ? 0.0f : 0.022f + 0.001f * std::sin(40.0f * t + float(i)));
+    }
+    m.tube(path, radii, 88);
+    b.add("slat" + std::to_string(i), m, wood);
+  }
+  for (int i = 0; i < 3; ++i) {
+    std::vector<Vec3> path;
+    std::vector<float> radii;
+    for (int k = 0; k <= 120; ++k) {
+      const float t = float(k) / 120.0f, a = kPi * t;
+      path.push_back(Vec3(0.75f * float(i - 1), 0.42f * std::sin(a) * (1.0f - 0.1f * std::sin(3.0f * a)), 0.3f + 0.34f * std::cos(a)));
+      radii.push_back(k == 120 ? 0.0f : 0.025f);
+    }
+    m.tube(path, radii, 32);
+    b.add("leg" + std::to_string(i), m, iron);
+  }
+  b.rect("key", Vec3(2.2f, 4.0f, 2.6f), Vec3(0, 0.4f, 0), 0.5f, 0.5f, Vec3(60.0f));
+  b.camera("front", Vec3(1.3f, 1.6f, 3.0f), Vec3(0, 0.35f, -0.1f), 38.0f);
+  return b.finish();
+}
+
 /// The built-in fence below slats that lie across it, so that kernels in its shadow hold depths of both (the thesis's Figure 6.9).
 Result<ScenePtr> pergola() {
   GOBO_ASSIGN(const ScenePtr fence, makeBuiltinScene("fence"));
@@ -168,6 +205,7 @@ Result<ScenePtr> benchScene(const std::string& name) {
   if (name == "two-trees") return twoTrees();
   if (name == "blobs") return blobs();
   if (name == "pergola") return pergola();
+  if (name == "bench") return bench();
   if (name == "sponza" && sponzaPath().empty()) return notFound(std::string("scene 'sponza': there is no ") + kSponza);
   GOBO_ASSIGN(const ScenePtr scene, loadScene(name == "sponza" ? sponzaPath() : name));
   if (name != "sponza" || scene->findLight("key") >= 0) return scene;
@@ -208,6 +246,15 @@ Result<ScenePtr> withLightSize(const Scene& scene, int light, float scale) {
     shape.u *= scale;
     shape.v *= scale;
     shape.radius *= scale;
+    return {};
+  });
+}
+
+Result<ScenePtr> withSunSize(const Scene& scene, int light, double degrees) {
+  return editScene(scene, [&](Scene& s) -> Status {
+    LightShape& shape = s.lights[size_t(light)].shape;
+    if (shape.kind != LightKind::Directional) return invalidArgument("light '" + s.lights[size_t(light)].name + "' is no sun");
+    shape.angularSize = float(degrees * M_PI / 180);
     return {};
   });
 }

@@ -22,13 +22,16 @@ struct SceneEntry {
 std::vector<SceneEntry> sceneEntries();
 
 /// A name above, a built-in scene, or a path to a .gltf/.glb file. "two-trees", "sponza" (data/derived/sponza.glb): with an
-/// area light "key" added. "pergola": the fence under slats.
+/// area light "key" added. "pergola": the fence under slats; "bench": a park bench.
 Result<ScenePtr> benchScene(const std::string& name);
 
 /// The same scene with an area light replaced by a spot at its centre, which is what a hard shadow map of it shows; delta lights stay.
 Result<ScenePtr> withHardLight(const Scene& scene, int light);
 /// The same scene with a rectangle's edges, or a disk's or sphere's radius, scaled.
 Result<ScenePtr> withLightSize(const Scene& scene, int light, float scale);
+
+/// The same scene with a directional light that many degrees wide.
+Result<ScenePtr> withSunSize(const Scene& scene, int light, double degrees);
 
 /// Visibility in closed form of a receiver at p for a point q of the light (or direction q, w = 0): scenes "planes" and "boxes" only; empty
 /// for others.

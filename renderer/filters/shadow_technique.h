@@ -37,6 +37,9 @@ struct ShadowTechniqueEntry {
   /// `clear`). Techniques that use a map leave clear surfaces to planTint (filters/tinted_visibility.h).
   Result<NodeId> (*plan)(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique);
   bool usesMap = false;  ///< reads ShadowTechnique.map
+  /// Which lights of those kinds it can do; null: all of them.
+  bool (*suits)(const LightShape& shape) = nullptr;
+  bool does(const LightShape& shape) const { return supports(shape.kind) && (!suits || suits(shape)); }
 };
 
 /// Adds a filter labelled "what:LIGHT".

@@ -43,6 +43,31 @@ FORMULA float aaSamplesCapped(float sMin, float sMax, float sigma, float d, floa
   return 4.0f * a * a * b * b;
 }
 
+/// Lights at infinity, the limit d1 -> infinity of the above with sigma s -> sigma z: slopes are distances z of the occluder from the receiver along the
+/// light's axis, metres, sigma is in metres a metre, and the magnification 1 + s is 1. Distances stay in this range of metres, so that products with any
+/// sigma and mu are normal numbers.
+#define AA_DISTANCE_MIN 1.0e-18f
+#define AA_DISTANCE_MAX 1.0e18f
+FORMULA float aaDistance(float z) { return minOf(maxOf(z, AA_DISTANCE_MIN), AA_DISTANCE_MAX); }
+
+/// aaBandLimit of a light at infinity: widths are (1/k) max(sigma zMin / mu, d).
+FORMULA float aaDistantBandLimit(float zMin, float sigma, float d, float mu) { return minOf(mu / (sigma * zMin), 1.0f / d); }
+
+/// aaSamplesCapped of a light at infinity.
+FORMULA float aaDistantSamples(float zMin, float zMax, float sigma, float d, float mu) {
+  float w = aaDistantBandLimit(zMin, sigma, d, mu);
+  float a = 1.0f + d * w;
+  float b = 1.0f + sigma * zMax * w;
+  return 4.0f * a * a * b * b;
+}
+
+/// aaSamplesPrinted of a light at infinity.
+FORMULA float aaDistantSamplesPrinted(float zMin, float zMax, float sigma, float d, float mu) {
+  float a = 1.0f + mu * zMax / zMin;
+  float b = mu * d / (sigma * zMin) + 1.0f;
+  return 4.0f * a * a * b * b;
+}
+
 /// Variance of the visibility that n Owen-scrambled Sobol points give a receiver in a penumbra: 0.2 / n^2 (fitted to 4 to 64 points on the scenes
 /// "grids" and "two-trees"; widths follow its tenth to fifth root).
 FORMULA float aaNoise(float n) { return 0.2f / (n * n); }

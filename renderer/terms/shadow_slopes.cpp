@@ -34,6 +34,7 @@ class ShadowSlopesNode final : public Node {
   void hashParameters(Hasher& h) const override {
     h.add(s_.pilot).add(s_.most).add(s_.bothEnds).add(s_.seed);
     if (s_.clear) h.add("clear");
+    hashShadowLightProfile(h, s_.profile);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 1);
@@ -51,9 +52,10 @@ class ShadowSlopesNode final : public Node {
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const int index = ctx.scene->lightSubset().at(0);
-    GOBO_CHECK(hasShadowLightFrame(ctx.scene->lightShape(index).kind));
+    GOBO_CHECK(hasShadowLightFrame(ctx.scene->lightShape(index)));
+    const ShadowLightFrame frame = shadowLightFrame(ctx.scene->lightShape(index));
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
-    const LightPoints light(*ctx.scene, index);
+    const ProfiledPoints light(*ctx.scene, index, s_.profile);
     const SurfaceSamples surface(*ctx.inputs.at(0));
     const ScreenSequence points(s_.seed, s_.extent, s_.place, s_.most);
     const auto& term = ctx.result;
@@ -65,7 +67,7 @@ class ShadowSlopesNode final : public Node {
         surface.size(), 256,
         [&](size_t from, size_t to) {
           std::vector<DVec3> seen(to - from, DVec3(0.0));
-          Pilot pilot(*accel, surfaces, s_, out, from, seen);
+          Pilot pilot(*accel, surfaces, s_, frame, out, from, seen);
           for (size_t e = from; e < to; ++e) {
             if (!surface.hit(e)) continue;
             const Vec3 p = surface.position(e), N = surface.normal(e), Ng = surface.geometricNormal(e);
@@ -74,7 +76,7 @@ class ShadowSlopesNode final : public Node {
               LightPoint point;
               if (!light.sample(p, N, Ng, points(e, i).next2D(), point)) continue;
               w += point.weight;
-              if (!point.belowSurface) pilot.add(e, shadowRay(*accel, p, Ng, point), point);
+              if (!point.belowSurface) pilot.add(e, p, shadowRay(*accel, p, Ng, point), point);
             }
             out.sumW[e] = float(w);
           }
@@ -96,11 +98,12 @@ class ShadowSlopesNode final : public Node {
   };
   /// Rays of neighbours go together, 16 at a time; what they find is taken in the order they came in.
   struct Pilot {
-    Pilot(const Accel& a, const SurfaceTable& t, const ShadowSlopesSettings& s, Planes& o, size_t f, std::vector<DVec3>& v)
-        : accel(a), surfaces(t), settings(s), out(o), from(f), seen(v) {}
+    Pilot(const Accel& a, const SurfaceTable& t, const ShadowSlopesSettings& s, const ShadowLightFrame& l, Planes& o, size_t f, std::vector<DVec3>& v)
+        : accel(a), surfaces(t), settings(s), light(l), out(o), from(f), seen(v) {}
 
-    void add(size_t e, const Ray& r, const LightPoint& point) {
+    void add(size_t e, const Vec3& p, const Ray& r, const LightPoint& point) {
       ray[count] = r;
+      lift[count] = light.distant ? -glm::dot(r.origin - p, light.axis) : 0.0f;
       element[count] = e;
       weight[count] = point.weight;
       distance[count++] = point.distance;
@@ -113,14 +116,17 @@ class ShadowSlopesNode final : public Node {
       rays += uint64_t(count);
       float tLast[16];
       for (int i = 0; i < count; ++i) tLast[i] = first[i].t;
+      // Past everything as any receiver sees it: no two places are more than 2 sqrt(3) units apart.
+      const float beyond = 4.0f * accel.unit();
       if (settings.bothEnds) {  // back from the light: the occluder nearest to it. Where rounding lets that ray through, the first one serves.
         Ray back[16];
         int of[16], blocked = 0;
         for (int i = 0; i < count; ++i) {
           if (!first[i].valid()) continue;
-          back[blocked].origin = ray[i].origin + ray[i].direction * ray[i].tmax;
+          const float length = light.distant ? beyond : ray[i].tmax;
+          back[blocked].origin = ray[i].origin + ray[i].direction * length;
           back[blocked].direction = -ray[i].direction;
-          back[blocked].tmax = ray[i].tmax;
+          back[blocked].tmax = length;
           of[blocked++] = i;
         }
         if (blocked) accel.intersect16(back, blocked, last);
@@ -135,8 +141,12 @@ class ShadowSlopesNode final : public Node {
           continue;
         }
         if (settings.clear) seen[e - from] += DVec3(transmittance(accel, surfaces, ray[i], nullptr, rays)) * double(weight[i]);
-        const float moved = distance[i] - ray[i].tmax / kShadowRayEnd;  // the ray starts this much off the receiver
-        const float near = formulas::aaSlope(first[i].t + moved, distance[i]), far = formulas::aaSlope(tLast[i] + moved, distance[i]);
+        const auto slope = [&](float t) {
+          if (light.distant) return formulas::aaDistance(lift[i] - t * glm::dot(ray[i].direction, light.axis));
+          const float moved = distance[i] - ray[i].tmax / kShadowRayEnd;  // the ray starts this much off the receiver
+          return formulas::aaSlope(t + moved, distance[i]);
+        };
+        const float near = slope(first[i].t), far = slope(tLast[i]);
         out.sMin[e] = out.occluded[e] ? std::min(out.sMin[e], near) : near;
         out.sMax[e] = std::max(out.sMax[e], far);
         out.occluded[e] = 1;
@@ -147,12 +157,13 @@ class ShadowSlopesNode final : public Node {
     const Accel& accel;
     const SurfaceTable& surfaces;
     const ShadowSlopesSettings& settings;
+    const ShadowLightFrame& light;
     Planes& out;
     size_t from;
     std::vector<DVec3>& seen;
     Ray ray[16];
     size_t element[16];
-    float weight[16], distance[16];
+    float weight[16], distance[16], lift[16];
     int count = 0;
     uint64_t rays = 0;
   };
@@ -173,6 +184,7 @@ class ShadowAdaptiveNode final : public Node {
   void hashParameters(Hasher& h) const override {
     h.add(s_.pilot).add(s_.most).add(s_.seed);
     if (s_.clear) h.add("clear");
+    hashShadowLightProfile(h, s_.profile);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 3);
@@ -190,7 +202,7 @@ class ShadowAdaptiveNode final : public Node {
   Result<TermPtr> run(const RunContext& ctx) const override {
     const size_t C = s_.clear ? 3 : 1;
     GOBO_ASSIGN(const AccelPtr accel, ctx.accel());
-    const LightPoints light(*ctx.scene, ctx.scene->lightSubset().at(0));
+    const ProfiledPoints light(*ctx.scene, ctx.scene->lightSubset().at(0), s_.profile);
     const SurfaceSamples surface(*ctx.inputs[0]);
     const ScreenSequence points(s_.seed, s_.extent, s_.place, s_.most);
     const auto sumV = ctx.inputs[1]->floats("sumV"), sumW = ctx.inputs[1]->floats("sumW");

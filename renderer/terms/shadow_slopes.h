@@ -6,6 +6,7 @@
 #pragma once
 
 #include "terms/node.h"
+#include "terms/shadow_light_profile.h"
 #include "terms/view_place.h"
 
 namespace gobo {
@@ -18,11 +19,12 @@ struct ShadowSlopesSettings {
   Extent extent;
   ViewPlace place;
   bool clear = false;  ///< light passes some surfaces straight on (trace/straight.h): sumV has three channels
+  ShadowLightProfile profile;
 };
 /// Source "shadow_slopes". Input 0: "gbuffer". Per ray one closest hit from the receiver and, if it is blocked and `bothEnds`, one back from the light.
 /// Planes: sMax f32 largest (without bothEnds: of the occluders nearest to the receiver) and sMin f32 smallest slope t/(T-t) of the occluders seen
-/// (formulas/axis_aligned.glsl.h), 0 where none; (tinted panes among them: their edges have penumbras too); sumV, sumW f32 weighted sum of visibility and of
-/// weights over the pilot points; occluded u8.
+/// (formulas/axis_aligned.glsl.h; of a light at infinity the occluder's distance along its axis, metres: terms/shadow_light.h), 0 where none; (tinted panes
+/// among them: their edges have penumbras too); sumV, sumW f32 weighted sum of visibility and of weights over the pilot points; occluded u8.
 NodePtr makeShadowSlopesNode(const ShadowSlopesSettings& settings);
 
 struct ShadowAdaptiveSettings {
@@ -31,7 +33,8 @@ struct ShadowAdaptiveSettings {
   uint64_t seed = 0;   ///< as the pilot's
   Extent extent;
   ViewPlace place;
-  bool clear = false;  ///< as the pilot's: V has three channels
+  bool clear = false;          ///< as the pilot's: V has three channels
+  ShadowLightProfile profile;  ///< as the pilot's
 };
 /// Source "shadow_adaptive". Inputs 0: "gbuffer", 1: "shadow_slopes", 2: a term with plane n u32, rays per view sample in all.
 /// Term "visibility", plane V f32: the unfiltered estimate over n points (terms/visibility.h has the meaning and the cases that give 1).

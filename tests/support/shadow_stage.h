@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -50,8 +51,9 @@ struct ShadowPicture {
   int width = 64, height = 48, threads = 2;
 };
 
-/// `light` of `scene` by `technique`, seen by the scene's first camera.
-inline ShadowRun runShadow(const ScenePtr& scene, const v1::ShadowTechnique& technique, const ShadowPicture& picture = {}, int light = 0) {
+/// `light` of `scene`, seen by the scene's first camera, by what `plan` adds.
+inline ShadowRun runPlanned(const ScenePtr& scene, const std::function<Result<NodeId>(Graph&, const ShadowInput&)>& plan, const ShadowPicture& picture = {},
+                            int light = 0) {
   ShadowRun r;
   GraphNode g;
   g.node = makeGBufferNode({scene->cameras.at(0), picture.width, picture.height, 1});
@@ -65,12 +67,10 @@ inline ShadowRun runShadow(const ScenePtr& scene, const v1::ShadowTechnique& tec
   input.width = picture.width;
   input.height = picture.height;
   input.clear = hasClearSurfaces(*scene);
-  const ShadowTechniqueEntry* entry = findShadowTechnique(technique.technique_case());
-  GOBO_CHECK(entry != nullptr);
-  auto id = entry->plan(r.graph, input, technique);
+  auto id = plan(r.graph, input);
   r.status = id.status();
   if (!id.ok()) return r;
-  r.visibility = entry->usesMap ? planTint(r.graph, input, *id) : *id;
+  r.visibility = *id;
   const TaskArena arena(picture.threads);
   static AccelCache accels;
   for (NodeId n = 0; n < r.graph.size(); ++n) {
@@ -93,6 +93,17 @@ inline ShadowRun runShadow(const ScenePtr& scene, const v1::ShadowTechnique& tec
     r.rays.push_back(counters.rays);
   }
   return r;
+}
+
+/// The same by a technique.
+inline ShadowRun runShadow(const ScenePtr& scene, const v1::ShadowTechnique& technique, const ShadowPicture& picture = {}, int light = 0) {
+  const ShadowTechniqueEntry* entry = findShadowTechnique(technique.technique_case());
+  GOBO_CHECK(entry != nullptr);
+  const auto plan = [&](Graph& graph, const ShadowInput& input) -> Result<NodeId> {
+    GOBO_ASSIGN(const NodeId id, entry->plan(graph, input, technique));
+    return entry->usesMap ? planTint(graph, input, id) : id;
+  };
+  return runPlanned(scene, plan, picture, light);
 }
 
 /// Every technique that reads a depth map, at its defaults.

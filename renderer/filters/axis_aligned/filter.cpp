@@ -23,13 +23,14 @@ constexpr int kPad = kAxisAlignedMaxRadius + kLanes;  // columns of rejected pix
 struct Layer {
   int width, height, stride;
   bool planar;
-  std::vector<float> px, py, pz, nx, ny, nz, ax, ay, az, beta, value, result;
+  std::vector<float> px, py, pz, nx, ny, nz, ax, ay, az, beta, omega, value, result;  // omega: of literal thresholds alone
 
-  Layer(int w, int h, bool onePlane) : width(w), height(h), stride((w + kLanes - 1) / kLanes * kLanes + 2 * kPad), planar(onePlane) {
+  Layer(int w, int h, bool onePlane, bool withOmega) : width(w), height(h), stride((w + kLanes - 1) / kLanes * kLanes + 2 * kPad), planar(onePlane) {
     const size_t n = size_t(stride) * h;
     for (auto* v : {&px, &py, &pz, &nx, &ny, &nz, &value, &result}) v->assign(n, 0.0f);
     for (auto* v : {&ax, &ay, &az}) v->assign(n, 0.0f);
     beta.assign(n, kReject);
+    if (withOmega) omega.assign(n, kReject);
   }
   size_t at(int x, int y) const { return size_t(y) * stride + kPad + x; }
   Vec3 position(size_t i) const { return Vec3(px[i], py[i], pz[i]); }
@@ -39,9 +40,22 @@ struct Layer {
     const Vec3 axis(ax[i], ay[i], az[i]), d = position(j) - position(i);
     return glm::length(d - glm::dot(d, axis) * axis);
   }
-  TapLayer taps(float betaThreshold, float cosAngle) const {
-    return {px.data(), py.data(), pz.data(),   nx.data(),    ny.data(),     nz.data(), ax.data(),
-            ay.data(), az.data(), beta.data(), value.data(), betaThreshold, cosAngle};
+  TapLayer taps(const AxisAlignedFilterSettings& s) const {
+    TapLayer t{px.data(), py.data(), pz.data(), nx.data(), ny.data(), nz.data(), ax.data(), ay.data(), az.data(), beta.data(), value.data()};
+    t.betaThreshold = s.betaThreshold;
+    t.cosAngle = std::cos(s.angle) - 1.0e-6f;  // the slack keeps parallel normals parallel at angle 0
+    t.literal = s.literal();
+    t.compared = beta.data();
+    if (s.cut > 0) t.cutBetas2 = s.cut * s.cut;
+    if (s.thresholds == AxisAlignedThresholds::Report) t.cosAngle = -2.0f, t.reachBetas2 = 0.0f, t.reach2 = 3.0e38f;
+    if (s.thresholds == AxisAlignedThresholds::Code) {
+      t.compared = omega.data();
+      t.betaThreshold = 0.0f;
+      t.absolute = kCodeOmegaThreshold;
+      t.reachBetas2 = 0.0f;
+      t.reach2 = kCodeReach2;
+    }
+    return t;
   }
 };
 
@@ -71,6 +85,7 @@ class AxisAlignedFilter final : public Node {
   void hashParameters(Hasher& h) const override {
     hashShadowLightFrame(h, s_.light);
     h.add(s_.k).add(s_.radiusPx).add(s_.betaThreshold).add(s_.angle).add(s_.fourthOrder).add(s_.exact2d);
+    if (s_.literal()) h.add("literal").add(int(s_.distance)).add(int(s_.thresholds)).add(s_.cut);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 3);
@@ -101,6 +116,7 @@ bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer, size_t 
   const auto instance = ctx.inputs[1]->plane<uint32_t>("instance");
   const size_t base = size_t(layer) * L.width * L.height;
   Vec3 u(0.0f), v(0.0f);
+  const bool world = s_.distance == AxisAlignedDistance::World;
   if (L.planar) planeAxes(s_.light.axis, u, v);
   return ctx.arena->parallelFor(
       L.height, 16,
@@ -110,14 +126,19 @@ bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer, size_t 
             const size_t e = base + y * L.width + x, i = L.at(x, int(y));
             L.value[i] = value[channels * e + channel];
             if (instance[e] == ~0u || !(omega[e] > 0.0f)) continue;
-            const Vec3 r = Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]) - s_.light.centre, a = s_.light.normalFor(r);
+            const Vec3 r = Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]) - (s_.light.distant ? Vec3(0.0f) : s_.light.centre);
+            const Vec3 a = world ? Vec3(0.0f) : s_.light.normalFor(r);
             L.px[i] = r.x;
             L.py[i] = r.y;
             L.pz[i] = r.z;
             L.nx[i] = N[3 * e];
             L.ny[i] = N[3 * e + 1];
             L.nz[i] = N[3 * e + 2];
-            if (L.planar) {
+            if (L.planar && s_.light.distant) {  // parallel lines: the place on the plane is the same from any distance
+              L.ax[i] = float(glm::dot(DVec3(r), DVec3(u)));
+              L.ay[i] = float(glm::dot(DVec3(r), DVec3(v)));
+              L.az[i] = 1.0f;
+            } else if (L.planar) {
               const float h = glm::dot(r, a), far = std::max(std::fabs(h), 1.0e-6f * glm::length(r));  // the plane itself is seen edge on
               L.ax[i] = glm::dot(r, u) / std::copysign(std::max(far, 1.0e-30f), h);
               L.ay[i] = glm::dot(r, v) / std::copysign(std::max(far, 1.0e-30f), h);
@@ -128,6 +149,7 @@ bool AxisAlignedFilter::fill(Layer& L, const RunContext& ctx, int layer, size_t 
               L.az[i] = a.z;
             }
             L.beta[i] = formulas::aaBeta(omega[e], s_.k);
+            if (!L.omega.empty()) L.omega[i] = omega[e];
           }
       },
       ctx.stop);
@@ -162,7 +184,7 @@ void AxisAlignedFilter::radii(const Layer& L, std::span<const uint32_t> instance
 
 /// value -> result: one gather over the box rx x ry around each pixel (a row or a column when the other is all zero).
 bool AxisAlignedFilter::pass(Layer& L, const std::vector<int>& rx, const std::vector<int>& ry, const RunContext& ctx) const {
-  const TapLayer taps = L.taps(s_.betaThreshold, std::cos(s_.angle) - 1.0e-6f);  // the slack keeps parallel normals parallel at angle 0
+  const TapLayer taps = L.taps(s_);
   return ctx.arena->parallelFor(
       L.height, 2,
       [&](size_t y0, size_t y1) {
@@ -208,7 +230,7 @@ Result<TermPtr> AxisAlignedFilter::run(const RunContext& ctx) const {
       std::copy_n(value.begin() + C * base, C * square, out.begin() + C * base);
       continue;
     }
-    Layer L(extent.width, extent.height, !s_.light.facing);
+    Layer L(extent.width, extent.height, !s_.light.facing && s_.distance == AxisAlignedDistance::Line, s_.thresholds == AxisAlignedThresholds::Code);
     std::vector<int> rx(L.value.size()), ry(L.value.size()), none(L.value.size());
     for (size_t c = 0; c < C; ++c) {
       if (!fill(L, ctx, layer, c, C)) return stopped;

@@ -6,7 +6,7 @@
 //              Ramamoorthi 2012). |D| is the distance on the plane through the pixel that is parallel to the
 //              light, onto which the other pixel is moved along its line to the light's centre: that far visibility is the same in the first
 //              order (the source drops the part along the plane's normal, which is the same for receivers parallel to the light, and takes walls
-//              that stand upright on the plane for one point); beta = 1/(k Omega). A tap counts if it
+//              that stand upright on the plane for one point; to a light at infinity the lines are parallel); beta = 1/(k Omega). A tap counts if it
 //              is filterable, |beta' - beta| <= betaThreshold max(beta, beta'), the normals differ by at most `angle`, and it is
 //              within 6 beta in space. The centre tap always counts, so there is no 0/0.
 // Inputs       0: any ViewSample term with plane "V" (f32, one channel or RGB: each by the same weights); 1: "gbuffer" (P, N, instance, footprint);
@@ -31,6 +31,19 @@
 
 namespace gobo {
 
+/// Literal modes: what the source and its released code did otherwise, for reproducing and taking apart (filters/axis_aligned/literal.h). No request has them.
+enum class AxisAlignedDistance : uint8_t {
+  Line,        ///< as above
+  LightPlane,  ///< of the difference, what is left without its part along the plane's normal: as published
+  World,       ///< in space
+};
+enum class AxisAlignedThresholds : uint8_t {
+  ScaleFree,  ///< as above
+  Report,     ///< the first alone: neither normals nor a reach in space
+  Code,       ///< the released code's: band limits within 10 rad/m, `angle`, and a square distance in space below 10 m^2; it changes with the scene's unit
+};
+inline constexpr float kCodeOmegaThreshold = 10.0f, kCodeReach2 = 10.0f;
+
 struct AxisAlignedFilterSettings {
   ShadowLightFrame light;
   float k = 3.0f;
@@ -39,6 +52,11 @@ struct AxisAlignedFilterSettings {
   float angle = 0.34906585f;  ///< radians (20 degrees)
   bool fourthOrder = false;   ///< no second moment
   bool exact2d = false;       ///< reference mode: the full 2-D gather in one pass, O(r^2) per pixel (tests and ablation)
+  AxisAlignedDistance distance = AxisAlignedDistance::Line;
+  AxisAlignedThresholds thresholds = AxisAlignedThresholds::ScaleFree;
+  float cut = 0;  ///< no weight beyond this many beta (the code: sqrt 6); 0: wherever the window ends
+
+  bool literal() const { return distance != AxisAlignedDistance::Line || thresholds != AxisAlignedThresholds::ScaleFree || cut > 0; }
 };
 inline constexpr int kAxisAlignedMaxRadius = 64;
 

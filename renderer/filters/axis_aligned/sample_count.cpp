@@ -9,15 +9,29 @@
 namespace gobo {
 namespace {
 
+float samples(const ShadowRateSettings& r, float sMin, float sMax, float footprint, float mu) {
+  if (r.distant)
+    return r.printed ? formulas::aaDistantSamplesPrinted(sMin, sMax, r.sigma, footprint, mu) : formulas::aaDistantSamples(sMin, sMax, r.sigma, footprint, mu);
+  return r.printed ? formulas::aaSamplesPrinted(sMin, sMax, r.sigma, footprint, mu) : formulas::aaSamplesCapped(sMin, sMax, r.sigma, footprint, mu);
+}
+
 uint32_t sampleCount(const ShadowRateSettings& r, float sMin, float sMax, float footprint, float mu) {
   if (r.uniform > 0) return r.uniform;
   if (!(sMin > 0.0f)) return r.pilot;
-  const float n = formulas::aaSamplesCapped(sMin, sMax, r.sigma, footprint, mu);
+  const float n = samples(r, sMin, sMax, footprint, mu);
   if (!(n < float(r.maxSamples))) return std::max(r.pilot, r.maxSamples);
   return std::max(r.pilot, uint32_t(n + 0.5f));
 }
 
-void hashRate(Hasher& h, const ShadowRateSettings& r) { h.add(r.sigma).add(r.pilot).add(r.maxSamples).add(r.uniform); }
+float bandLimit(const ShadowRateSettings& r, float sMin, float footprint, float mu) {
+  return r.distant ? formulas::aaDistantBandLimit(sMin, r.sigma, footprint, mu) : formulas::aaBandLimit(sMin, r.sigma, footprint, mu);
+}
+
+void hashRate(Hasher& h, const ShadowRateSettings& r) {
+  h.add(r.sigma).add(r.pilot).add(r.maxSamples).add(r.uniform);
+  if (r.distant) h.add("distant");
+  if (r.printed) h.add("printed");
+}
 
 class ShadowSlopeDilation final : public Node {
  public:
@@ -179,7 +193,7 @@ class ShadowSampleCount final : public Node {
           for (size_t e = begin; e < end; ++e) {
             if (instance[e] == ~0u) continue;
             n[e] = sampleCount(rate_, sMin[e], sMax[e], footprint[e], mu);
-            const float w = sMin[e] > 0.0f ? formulas::aaBandLimit(sMin[e], rate_.sigma, footprint[e], filterMu) : 0.0f;
+            const float w = sMin[e] > 0.0f ? bandLimit(rate_, sMin[e], footprint[e], filterMu) : 0.0f;
             omega[e] = std::isfinite(w) ? w : 0.0f;
           }
         },

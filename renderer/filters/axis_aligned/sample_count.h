@@ -15,9 +15,11 @@ namespace gobo {
 NodePtr makeShadowSlopeDilation(int radiusPx, const Extent& extent);
 
 struct ShadowRateSettings {
-  float sigma = 1.0f;  ///< standard deviation of the light, metres
+  float sigma = 1.0f;  ///< standard deviation of the light, metres; distant: its tangent (terms/shadow_light.h)
   uint32_t pilot = 9, maxSamples = 256;
   uint32_t uniform = 0;  ///< not 0: this many rays everywhere instead of the adaptive rate
+  bool distant = false;  ///< slopes are distances, metres
+  bool printed = false;  ///< literal mode: equation 3.5 as printed, without the cap
 };
 
 /// "shadow_mu". A Table of one element: planes "mu" (ray counts) and "filterMu" (filter widths). With meanSamples = 0: both are `mu`, no

@@ -3,13 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "formulas/axis_aligned.glsl.h"
 
 namespace gobo::axis_aligned {
 namespace {
 
-template <bool Planar, bool FourthOrder>
+template <bool Planar, bool FourthOrder, bool Literal>
 void addTaps(TapBlock& b, const TapLayer& L, size_t first, long shift, int from, int to, const int* reach) {
   float sum[kLanes], weight[kLanes], q1[kLanes], q2[kLanes], sumQ[kLanes];  // locals alias nothing: the loops vectorise without run-time checks
   for (int l = 0; l < kLanes; ++l) {
@@ -23,7 +24,8 @@ void addTaps(TapBlock& b, const TapLayer& L, size_t first, long shift, int from,
     if (i == 0 && shift == 0) continue;
     const size_t at = size_t(long(first) + shift + i);
     const int offset = i < 0 ? -i : i;
-    const float *lx = L.x + at, *ly = L.y + at, *lz = L.z + at, *lnx = L.nx + at, *lny = L.ny + at, *lnz = L.nz + at, *lb = L.beta + at, *lv = L.value + at;
+    const float *lx = L.x + at, *ly = L.y + at, *lz = L.z + at, *lnx = L.nx + at, *lny = L.ny + at, *lnz = L.nz + at,
+                *lb = (Literal ? L.compared : L.beta) + at, *lv = L.value + at;
     const float *lax = L.ax + at, *lay = L.ay + at;
     for (int l = 0; l < kLanes; ++l) {
       const float dx = lx[l] - b.x[l], dy = ly[l] - b.y[l], dz = lz[l] - b.z[l];
@@ -38,11 +40,14 @@ void addTaps(TapBlock& b, const TapLayer& L, size_t first, long shift, int from,
       }
       const float q = d2 <= b.reach2[l] ? plane2 * b.inverse[l] : 0.0f;
       const float cosine = lnx[l] * b.nx[l] + lny[l] * b.ny[l] + lnz[l] * b.nz[l];
-      const float apart = std::fabs(lb[l] - b.beta[l]) - L.betaThreshold * formulas::maxOf(lb[l], b.beta[l]);
+      float apart;
+      if constexpr (Literal) apart = std::fabs(lb[l] - b.compared[l]) - L.betaThreshold * formulas::maxOf(lb[l], b.compared[l]) - L.absolute;
+      else apart = std::fabs(lb[l] - b.beta[l]) - L.betaThreshold * formulas::maxOf(lb[l], b.beta[l]);
       float w = d2 <= b.reach2[l] ? formulas::aaWeight(plane2, b.inverse[l]) : 0.0f;
       w = cosine >= L.cosAngle ? w : 0.0f;
       w = apart <= 0.0f ? w : 0.0f;
       w = offset <= reach[l] ? w : 0.0f;
+      if constexpr (Literal) w = plane2 <= b.cut2[l] ? w : 0.0f;
       const float difference = lv[l] - b.v[l];
       weight[l] += w;
       sum[l] += w * difference;
@@ -79,19 +84,21 @@ void TapBlock::load(const TapLayer& L, size_t first) {
     ay[l] = L.ay[p];
     az[l] = L.az[p];
     beta[l] = L.beta[p];
+    compared[l] = L.literal ? L.compared[p] : beta[l];
     const float w = std::max(beta[l], 1.0e-18f);
     inverse[l] = 0.5f / (w * w);
-    reach2[l] = 36.0f * w * w;
+    reach2[l] = L.reachBetas2 * w * w + L.reach2;
+    cut2[l] = L.cutBetas2 * w * w;
     sum[l] = q1[l] = q2[l] = sumQ[l] = 0.0f;
     weight[l] = 1.0f;  // the centre tap
   }
 }
 
 void TapBlock::add(const TapLayer& L, size_t first, long shift, int from, int to, const int* reach, bool planar, bool fourthOrder) {
-  if (planar && fourthOrder) addTaps<true, true>(*this, L, first, shift, from, to, reach);
-  else if (planar) addTaps<true, false>(*this, L, first, shift, from, to, reach);
-  else if (fourthOrder) addTaps<false, true>(*this, L, first, shift, from, to, reach);
-  else addTaps<false, false>(*this, L, first, shift, from, to, reach);
+  const auto with = [&](auto one, auto four, auto literal) { addTaps<one, four, literal>(*this, L, first, shift, from, to, reach); };
+  const auto chosen = [&](auto one, auto four) { L.literal ? with(one, four, std::true_type()) : with(one, four, std::false_type()); };
+  const auto order = [&](auto one) { fourthOrder ? chosen(one, std::true_type()) : chosen(one, std::false_type()); };
+  planar ? order(std::true_type()) : order(std::false_type());
 }
 
 float TapBlock::result(int lane, bool fourthOrder) const {

@@ -17,12 +17,13 @@ namespace {
 
 constexpr uint32_t kDefaultSamples = 16;  // where mean_samples is 0 and no equation says how many
 
-bool supports(LightKind kind) { return hasShadowLightFrame(kind); }
+bool supports(LightKind kind) { return kind == LightKind::Rect || kind == LightKind::Disk || kind == LightKind::Sphere || kind == LightKind::Directional; }
 
 Result<NodeId> plan(Graph& graph, const ShadowInput& input, const v1::ShadowTechnique& technique) {
   const Light& light = input.scene->lights[input.light];
-  if (!supports(light.shape.kind))
-    return invalidArgument("light '" + light.name + "' is no rectangle, disk or sphere: axis-aligned filtering needs a light plane");
+  if (!hasShadowLightFrame(light.shape))
+    return invalidArgument("light '" + light.name +
+                           "' is no rectangle, disk, sphere or directional light of some size: axis-aligned filtering needs a light plane");
   const v1::AxisAlignedShadow& m = technique.axis_aligned();
   auto number = [&](const char* name) { return numberParameter(m, name); };
   const Extent extent{input.width, input.height, input.viewSamples};
@@ -38,6 +39,7 @@ Result<NodeId> plan(Graph& graph, const ShadowInput& input, const v1::ShadowTech
 
   ShadowRateSettings rate;
   rate.sigma = frame.sigma;
+  rate.distant = frame.distant;
   rate.pilot = uint32_t(side * side);
   rate.maxSamples = uint32_t(number("max_samples"));
   if (!equation) rate.uniform = std::max(rate.pilot, samples);
@@ -77,7 +79,7 @@ Result<NodeId> plan(Graph& graph, const ShadowInput& input, const v1::ShadowTech
 }  // namespace
 
 const ShadowTechniqueEntry& axisAlignedShadowTechnique() {
-  static const ShadowTechniqueEntry entry{v1::ShadowTechnique::kAxisAligned, "axis_aligned", supports, plan};
+  static const ShadowTechniqueEntry entry{v1::ShadowTechnique::kAxisAligned, "axis_aligned", supports, plan, false, hasShadowLightFrame};
   return entry;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Axis-aligned filtering as a shadow technique. Rectangles, disks and spheres; point-like, mesh and environment lights have no light plane.
+// Axis-aligned filtering as a shadow technique. Rectangles, disks, spheres, and directional lights of some size (suns, and the
+// rectangles at infinity that stand for an environment); point-like, mesh and environment lights have no light plane.
 //
 //   gbuffer -> shadow_slopes (pilot rays) -> shadow_penumbra -+-> shadow_penumbra_count -> shadow_adaptive (rays) -> filter -> V
 //                                                             +-> shadow_predicted_width -------------------------^

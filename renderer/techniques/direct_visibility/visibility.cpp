@@ -73,7 +73,7 @@ v1::ShadowTechnique shadowTechniqueOf(PlanContext& c, int light, const ScenePtr&
     t.mutable_path_traced();
     return t;
   }
-  if (entry && !entry->supports(kind)) {
+  if (entry && !entry->does(scene->lights[size_t(light)].shape)) {
     c.warn(std::string(entry->name) + " does not do the kind of light '" + name + "': ray_traced used");
     if (!t.mutable_ray_traced()->has_samples()) t.mutable_ray_traced()->set_samples(16);
   }

@@ -497,8 +497,18 @@ TEST(ShadowTechniques, SupportWhatTheyClaim) {
   const auto* aaf = findShadowTechnique(v1::ShadowTechnique::kAxisAligned);
   const auto* rays = findShadowTechnique(v1::ShadowTechnique::kRayTraced);
   ASSERT_TRUE(aaf && rays);
-  for (LightKind k : {LightKind::Rect, LightKind::Disk, LightKind::Sphere}) EXPECT_TRUE(aaf->supports(k));
-  for (LightKind k : {LightKind::Point, LightKind::Spot, LightKind::Directional, LightKind::Mesh, LightKind::Environment}) EXPECT_FALSE(aaf->supports(k));
+  for (LightKind k : {LightKind::Rect, LightKind::Disk, LightKind::Sphere, LightKind::Directional}) EXPECT_TRUE(aaf->supports(k));
+  for (LightKind k : {LightKind::Point, LightKind::Spot, LightKind::Mesh, LightKind::Environment}) EXPECT_FALSE(aaf->supports(k));
+  LightShape sun;
+  sun.kind = LightKind::Directional;
+  EXPECT_FALSE(aaf->does(sun));  // a direction
+  EXPECT_TRUE(rays->does(sun));
+  sun.angularSize = 0.01f;
+  EXPECT_TRUE(aaf->does(sun));
+  sun.angularSize = 0;
+  sun.skyRectangle = Vec2(0.1f);
+  EXPECT_TRUE(aaf->does(sun));
+  for (LightKind k : {LightKind::Rect, LightKind::Point}) EXPECT_EQ(aaf->does({k}), k == LightKind::Rect);
   EXPECT_TRUE(rays->supports(LightKind::Mesh));
   EXPECT_FALSE(rays->supports(LightKind::Environment));
   EXPECT_EQ(findShadowTechnique(v1::ShadowTechnique::kPathTraced), nullptr);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 
 #include "plan/planner.h"
 #include "request/material_kinds.h"
@@ -88,6 +89,88 @@ TEST(SoftSunRequests, AutoTreatsItAsSoft) {
   EXPECT_TRUE(softMap);
   const double reference = meanOf(mustRender(*engine, sunRequest({"shadows.path_traced=", "integrator.indirect=false"}, 256)));
   EXPECT_NEAR(meanOf(r), reference, 0.05 * reference);
+}
+
+std::map<std::string, Image> imagesOf(const RenderResult& r) {
+  std::map<std::string, Image> out;
+  for (const RenderedImage& i : r.images) out[i.output] = i.image();
+  return out;
+}
+
+// The sun's shadow by few filtered rays: with its maps, and as near the path tracer's as the other technique that knows its size.
+TEST(SoftSunRequests, AxisAlignedFiltersItsShadow) {
+  const auto engine = makeEngine();
+  const auto fence = [](const std::vector<std::string>& edits) {
+    v1::RenderRequest r = smallRequest("fence", 64, 48, 1);
+    set(r, "view_samples=1");
+    set(r, "lights.sun.angular_size_deg=12");
+    set(r, "camera.yfov_deg=12");
+    for (const std::string& a : edits) set(r, a);
+    return r;
+  };
+  const std::string outputs = "outputs=visibility:sun,shadow_rays:sun,shadow_width:sun,alpha";
+  const RenderResult r = mustRender(*engine, fence({"lights.sun.shadow.axis_aligned.mean_samples=16", outputs}));
+  for (const std::string& w : r.reply.warnings()) EXPECT_EQ(w.find("axis_aligned"), std::string::npos) << w;
+  auto images = imagesOf(r), truth = imagesOf(mustRender(*engine, fence({"lights.sun.shadow.ray_traced.samples=2048", "outputs=visibility:sun"})));
+  auto plain = imagesOf(mustRender(*engine, fence({"lights.sun.shadow.ray_traced.samples=16", "outputs=visibility:sun"})));
+  double filtered = 0, noise = 0;
+  size_t many = 0, wide = 0;
+  for (size_t i = 0; i < images["alpha"].data.size(); ++i) {
+    const float rays = images["shadow_rays:sun"].data[i], width = images["shadow_width:sun"].data[i];
+    if (images["alpha"].data[i] == 0.0f) continue;
+    ASSERT_TRUE(rays == 4.0f || rays == 16.0f) << rays;
+    ASSERT_TRUE(std::isfinite(width) && width >= 0.0f);
+    many += rays == 16.0f;
+    wide += width > 0.5f;
+    const float t = truth["visibility:sun"].data[i];
+    filtered += (images["visibility:sun"].data[i] - t) * (images["visibility:sun"].data[i] - t);
+    noise += (plain["visibility:sun"].data[i] - t) * (plain["visibility:sun"].data[i] - t);
+  }
+  EXPECT_GT(many, 50u);
+  EXPECT_GT(wide, 50u);
+  EXPECT_LT(filtered, noise) << "of as many rays where there is a penumbra, fewer elsewhere";
+  // Its size is the width's unit: twice the sun, twice the filter where the published width decides.
+  const auto widths = [&](const char* size) {
+    return imagesOf(mustRender(*engine, fence({"lights.sun.shadow.axis_aligned.width=BAND_LIMIT", "lights.sun.shadow.axis_aligned.k=1",
+                                               std::string("lights.sun.angular_size_deg=") + size, outputs})))["shadow_width:sun"]
+        .data;
+  };
+  const auto four = widths("12"), eight = widths("24");
+  double a = 0, b = 0;
+  for (size_t i = 0; i < four.size(); ++i)
+    if (four[i] > 1.5f && eight[i] > 1.5f) a += four[i], b += eight[i];
+  EXPECT_GT(a, 0.0);
+  EXPECT_NEAR(b / a, 2.0, 0.3);  // pilots of a larger sun meet other pickets
+
+  // A direction has no penumbra: rays, as ever, and the reply says so.
+  const auto delta = engine->render(fence({"lights.sun.angular_size_deg=0", "lights.sun.shadow.axis_aligned.mean_samples=16", "outputs=visibility:sun"}));
+  ASSERT_TRUE(delta.ok());
+  bool said = false;
+  for (const std::string& w : delta->reply.warnings())
+    said = said || w.find("axis_aligned does not do the kind of light 'sun': ray_traced used") != std::string::npos;
+  EXPECT_TRUE(said);
+  const Status refused = engine->render(fence({"lights.sun.angular_size_deg=0", "lights.sun.shadow.axis_aligned.mean_samples=16", outputs})).status();
+  EXPECT_EQ(refused.code(), Code::InvalidArgument) << refused.toString();
+}
+
+// The rectangles at infinity that stand for an environment are filtered like the sun.
+TEST(SoftSunRequests, AxisAlignedFiltersTheSkysRectangles) {
+  const auto engine = makeEngine();
+  const auto sky = [](const std::vector<std::string>& edits) {
+    v1::RenderRequest r = smallRequest("cornell", 24, 18, 1);
+    for (const char* a :
+         {"view_samples=1", "lights.light.enabled=false", "environment.sky.turbidity=3", "environment.area_lights=6", "integrator.indirect=false"})
+      set(r, a);
+    for (const std::string& a : edits) set(r, a);
+    return r;
+  };
+  const RenderResult r = mustRender(*engine, sky({"shadows.axis_aligned.mean_samples=16"}));
+  for (const std::string& w : r.reply.warnings()) EXPECT_EQ(w.find("'environment"), std::string::npos) << w;  // the room's own lamp is a mesh
+  bool filtered = false;
+  for (const auto& [label, node] : nodesBy(r, v1::NodeReport::RUN)) filtered = filtered || label.find("axis_aligned_filter:environment/") == 0;
+  EXPECT_TRUE(filtered);
+  const double reference = meanOf(mustRender(*engine, sky({"shadows.ray_traced.samples=256"})));
+  EXPECT_NEAR(meanOf(r), reference, 0.02 * reference);
 }
 
 // A bent chain finds a sun of some size by rays alone: photons are for what has none.

@@ -248,7 +248,35 @@ TEST(AxisAlignedFilter, EverySettingIsInTheKey) {
   EXPECT_NE(digest([](auto& s) { s.fourthOrder = true; }), base);
   EXPECT_NE(digest([](auto& s) { s.exact2d = true; }), base);
   EXPECT_NE(digest([](auto& s) { s.light.facing = true; }), base);
+  EXPECT_NE(digest([](auto& s) { s.light.distant = true; }), base);
   EXPECT_NE(digest([](auto& s) { s.angle = 0.2f; }), base);
+}
+
+TEST(AxisAlignedFilter, DistantLightsAreSeenAlongParallelLines) {
+  // A lamp far off along the axis, and pixels that are moved along it: the same picture. Turning the light's axes about it changes nothing either.
+  PlaneView view;
+  const auto e = extentOf(view);
+  const TermPtr noise = noiseTerm(e, "V", 16), omega = constantOmega(e, omegaForBeta(2));
+  auto far = axisAlignedSettings(12), sun = far;
+  far.light.axis = sun.light.axis = Vec3(-0.6f, 0, -0.8f);
+  far.light.centre = Vec3(6e3f, 0, 8e3f);
+  sun.light.distant = true;
+  sun.light.centre = Vec3(1e6f, -3, 7);  // says nothing
+  auto bumpy = planeGBuffer(view);
+  auto P = bumpy->writable<float>("P");
+  for (size_t i = 0; i < e.elements(); ++i) {
+    const float t = 0.05f * (toUnit(hash32(79, i)) - 0.5f);
+    for (size_t c = 0; c < 3; ++c) P[3 * i + c] += t * sun.light.axis[int(c)];
+  }
+  const auto lamp = runFilter(axisAligned(far), {noise, planeGBuffer(view), omega}), flat = runFilter(axisAligned(sun), {noise, planeGBuffer(view), omega});
+  const auto moved = runFilter(axisAligned(sun), {noise, bumpy, omega});
+  double toLamp = 0, toMoved = 0;
+  for (size_t i = 0; i < e.elements(); ++i) {
+    toLamp = std::max(toLamp, double(std::fabs(lamp->floats("V")[i] - flat->floats("V")[i])));
+    toMoved = std::max(toMoved, double(std::fabs(moved->floats("V")[i] - flat->floats("V")[i])));
+  }
+  EXPECT_LT(toLamp, 3e-3);
+  EXPECT_LT(toMoved, 2e-3);
 }
 
 TEST(AxisAlignedFilter, AWallUprightOnTheLightsPlaneIsNoSinglePoint) {

@@ -123,6 +123,29 @@ TEST(AxisAlignedFormulas, ScaleFree) {
   }
 }
 
+TEST(AxisAlignedFormulas, DistantLightsAreTheLimitOfLightsThatGoAwayAndGrow) {
+  // z and sigma_theta kept, d1 to infinity: slope z / d1, sigma = sigma_theta d1.
+  for (const float z : {0.02f, 0.7f, 30.0f})
+    for (const float ratio : {1.0f, 4.0f})
+      for (const float sigma : {0.002f, 0.3f})
+        for (const float d : {0.001f, 0.05f}) {
+          const float d1 = 1e5f * z * ratio;
+          for (const float mu : {0.5f, 1.0f, 3.0f}) {
+            EXPECT_NEAR(aaDistantBandLimit(z, sigma, d, mu) / aaBandLimit(z / d1, sigma * d1, d, mu), 1, 3e-5);
+            EXPECT_NEAR(aaDistantSamples(z, z * ratio, sigma, d, mu) / aaSamplesCapped(z / d1, z * ratio / d1, sigma * d1, d, mu), 1, 1e-4);
+          }
+          EXPECT_NEAR(aaBeta(aaDistantBandLimit(z, sigma, d, 1), 3) / (std::max(sigma * z, d) / 3), 1, 1e-5);
+        }
+  for (const float z : {aaDistance(0.0f), aaDistance(-1.0f), aaDistance(1e30f)}) {
+    EXPECT_GT(z, 0.0f);
+    for (const float sigma : {4e-7f, 0.5f}) {
+      EXPECT_TRUE(std::isfinite(aaBeta(aaDistantBandLimit(z, sigma, .01f, 64), 3)));
+      EXPECT_FALSE(std::isnan(aaDistantSamples(z, 1e18f, sigma, .01f, 64)));
+      EXPECT_TRUE(std::isfinite(sigma * z) && sigma * z > 1.2e-38f);
+    }
+  }
+}
+
 TEST(AxisAlignedFormulas, Weight) {
   EXPECT_EQ(aaWeight(0, 7), 1.0f);
   for (double x = 0; x < 18; x += 0.0137) EXPECT_NEAR(aaWeight(float(x), 1) / std::exp(-double(float(x))), 1, 1e-6) << x;
