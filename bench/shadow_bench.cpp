@@ -16,6 +16,8 @@
 //   shadow_bench filtered [--only SCENE] [--size 256x256] [--truth 2048] [--repeat 3] [--quick]
 //       Soft shadows of every scene: axis-aligned filtering (default and published), joint bilateral filters and plain rays, three seeds each; rays
 //       and milliseconds that plain rays need at equal RMSE.
+//   shadow_bench sheared [--only SCENE] [--size 256x256] [--truth 2048] [--repeat 3] [--quick]
+//       The successors of axis-aligned filtering beside it and plain rays: sheared, and multiple axis-aligned filters; seeds 11 to 13, --quick 1 and 2.
 //   shadow_bench claims [--only NAME] [--quick]
 //       The source's claims as ratios measured in one run, asked figures beside them: esm-csm, pcf-taps, flagged, bleeding, penumbra, lights.
 //   shadow_bench regret [--only SCENE] [--size 640x480] [--truth 512] [--quick]
@@ -119,6 +121,7 @@ int main(int argc, char** argv) {
   if (command == "claims") return claims(o);
   if (command == "regret") return regret(o);
   if (command == "scenes") return scenes(o);
+  if (command == "sheared") return sheared(o);
   std::fprintf(stderr,
                "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | filtered | claims | regret   (the head of bench/shadow_bench.cpp "
                "has the options)\n");

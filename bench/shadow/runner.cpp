@@ -169,6 +169,10 @@ Result<Measured> Runner::run(const v1::ShadowTechnique& t, const TermPtr& gbuffe
                              Keep* keep) {
   const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
   if (!entry) return notFound("technique is not registered");
+  return run([&](Graph& graph, const ShadowInput& input) { return entry->plan(graph, input, fitted(t)); }, gbuffer, camera, viewSamples, seed, repeat, keep);
+}
+
+Result<Measured> Runner::run(const Plan& plan, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat, Keep* keep) {
   Graph graph;
   ShadowInput input;
   input.scene = scene_;
@@ -179,7 +183,7 @@ Result<Measured> Runner::run(const v1::ShadowTechnique& t, const TermPtr& gbuffe
   input.height = height_;
   input.viewSamples = viewSamples;
   input.seed = seed;
-  GOBO_ASSIGN(const NodeId node, entry->plan(graph, input, fitted(t)));
+  GOBO_ASSIGN(const NodeId node, plan(graph, input));
   Measured m;
   GOBO_ASSIGN(m.term, evaluate(graph, node, repeat, keep, &m));
   const auto V = m.term->floats("V");
@@ -193,6 +197,7 @@ v1::ShadowTechnique Runner::fitted(v1::ShadowTechnique t) const {
 }
 
 Result<Measured> Runner::measure(const v1::ShadowTechnique& t, uint64_t seed) { return run(t, gbuffer_, camera_, 1, seed, repeat_, nullptr); }
+Result<Measured> Runner::measure(const Plan& plan, uint64_t seed) { return run(plan, gbuffer_, camera_, 1, seed, repeat_, nullptr); }
 
 Result<Measured> Runner::supersampled(int samples) {
   double oneMs = 0, allMs = 0;

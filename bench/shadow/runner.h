@@ -3,6 +3,7 @@
 // by pass. Depth maps and depth bounds are kept between measurements (with their times), because many techniques share them.
 #pragma once
 
+#include <functional>
 #include <list>
 #include <map>
 #include <memory>
@@ -58,6 +59,8 @@ class Runner {
   bool supported(const v1::ShadowTechnique& t) const;
   /// Errors: those of planning and running.
   Result<Measured> measure(const v1::ShadowTechnique& t, uint64_t seed = 1);
+  using Plan = std::function<Result<NodeId>(Graph&, const ShadowInput&)>;
+  Result<Measured> measure(const Plan& plan, uint64_t seed);  ///< of what is not in the schema
   /// Ray-traced visibility with `samples` view samples of one ray each, averaged over the pixel where the light can shine.
   Result<Measured> supersampled(int samples);
   /// Term "depth_bounds" (level 0: the depth map) of the technique's map settings, and how it was planned.
@@ -76,6 +79,7 @@ class Runner {
   v1::ShadowTechnique fitted(v1::ShadowTechnique t) const;
   Result<TermPtr> evaluate(const Graph& graph, NodeId wanted, int repeat, Keep* keep, Measured* m);
   Result<Measured> run(const v1::ShadowTechnique& t, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat, Keep* keep);
+  Result<Measured> run(const Plan& plan, const TermPtr& gbuffer, const Camera& camera, int viewSamples, uint64_t seed, int repeat, Keep* keep);
 
   ScenePtr scene_;
   int light_, width_, height_, repeat_;
