@@ -108,6 +108,7 @@ Result<TermPtr> ShearedFilter::run(const RunContext& ctx) const {
         },
         ctx.stop);
     if (!complete) return stopped;
+    std::vector<float> areas(square);
     GatherLayer L{g.x.data(),
                   g.y.data(),
                   g.height.data(),
@@ -119,6 +120,7 @@ Result<TermPtr> ShearedFilter::run(const RunContext& ctx) const {
                   g.nz.data(),
                   &shear[base],
                   &width[base],
+                  areas.data(),
                   &instance[base],
                   &n[base],
                   &points[4 * kept * base],
@@ -137,12 +139,16 @@ Result<TermPtr> ShearedFilter::run(const RunContext& ctx) const {
           for (size_t y = y0; y < y1; ++y)
             for (int x = 0; x < e.width; ++x) {
               const size_t i = y * size_t(e.width) + size_t(x);
-              if (!(L.shear[i] > 0.0f) || !(L.width[i] > 0.0f) || L.instance[i] == ~0u) continue;
+              if (L.instance[i] == ~0u) continue;
               const Steps s = stepsOf(L, x, int(y));
               const double area = std::fabs(double(s.rowU) * double(s.columnV) - double(s.rowV) * double(s.columnU));
-              if (!(area > 0)) continue;
-              // The tents' weight over all pixels, and how far along an image axis their corner lies.
-              whole[i] = double(L.width[i]) * double(L.width[i]) / area;
+              if (!(area > 0) || !std::isfinite(float(area))) continue;
+              areas[i] = float(area);
+              if (!(L.shear[i] > 0.0f) || !(L.width[i] > 0.0f)) continue;
+              const double tents = double(L.width[i]) * double(L.width[i]);
+              if (!(tents >= kLeastPixels * area)) continue;
+              // The tents' integral, and how far along an image axis their corner lies.
+              whole[i] = tents;
               auto reach = [&](float u, float v) {
                 const double r = std::ceil(double(L.width[i]) * (std::fabs(double(u)) + std::fabs(double(v))) / area);
                 return r < double(s_.radiusPx) ? int(r) : s_.radiusPx;
@@ -177,7 +183,7 @@ Result<TermPtr> ShearedFilter::run(const RunContext& ctx) const {
           for (size_t y = y0; y < y1; ++y)
             for (int x = 0; x < e.width; ++x) {
               const size_t i = y * size_t(e.width) + size_t(x);
-              if (!(whole[i] >= kLeastPixels)) continue;
+              if (!(whole[i] > 0)) continue;
               const Gathered sum =
                   passes[i] ? sheared::gatherColumn(L, x, int(y), ry[i], s_.bins, sums.data(), taken.data()) : sheared::gather(L, x, int(y), rx[i], ry[i]);
               if (!(sum.taken >= kLeastTaken * whole[i]) || !(sum.weight > 0)) continue;

@@ -7,7 +7,8 @@
 //              double wedge. A neighbour's sample f(x', y') is then the visibility of (x, y' + a (x' - x)) with a = 1/s, exactly, and
 //                V(x) = int f(x, y) l(y) dy = sum k(x' - x) f(x', y') l(y)/D(y) / sum k(x' - x) l(y)/D(y),   y = y' + a (x' - x),
 //              where D(y) = sum k(x' - x) l(y - a (x' - x)) is what can reach y at all: without it the middle of the light would count more than its ends,
-//              whose neighbours are on one side. For the tent k and the uniform rectangle l D is a product of two quadratics.
+//              whose neighbours are on one side; and k is times the area that the pixel stands for, lest the nearer, denser side speak for one end. For the
+//              tent k and the uniform rectangle l D is a product of two quadratics.
 // Inputs       0: "visibility", plane V f32: the result wherever nothing is sheared; 1: "gbuffer"; 2: "light_samples" with `samples`; 3: "shadow_shear"; 4: a
 //              term with plane n u32: samples of each pixel.
 // Output       "visibility", plane V f32, within 0..1. A pixel for which less than kLeastTaken of the kernel could be taken (the picture's border, another

@@ -64,7 +64,8 @@ Gathered gather(const GatherLayer& L, int x, int y, int rx, int ry) {
   for (int j = std::max(-ry, -y); j <= std::min(ry, L.rows - 1 - y); ++j)
     for (int i = std::max(-rx, -x); i <= std::min(rx, L.columns - 1 - x); ++i) {
       const size_t q = size_t(int64_t(p) + int64_t(j) * L.columns + i);
-      const Tap t = tapOf(L, s, p, q);
+      Tap t = tapOf(L, s, p, q);
+      t.weight *= L.area[q];  // a sum over pixels would count the denser side of the kernel more, and with it one end of the light
       if (!(t.weight > 0.0f)) continue;
       g.taken += double(t.weight);
       const float du = t.du * s.u, dv = t.dv * s.v;
@@ -96,7 +97,8 @@ float gatherRow(const GatherLayer& L, int x, int y, int rx, int bins, float* sum
   float taken = 0.0f;
   for (int i = std::max(-rx, -x); i <= std::min(rx, L.columns - 1 - x); ++i) {
     const size_t q = size_t(int64_t(p) + i);
-    const Tap t = tapOf(L, s, p, q);
+    Tap t = tapOf(L, s, p, q);
+    t.weight *= L.area[q];
     if (!(t.weight > 0.0f)) continue;
     taken += t.weight;
     const float du = t.du * s.u, dv = t.dv * s.v;

@@ -20,6 +20,7 @@ struct GatherLayer {
   const float *px, *py, *pz;     ///< place relative to the light
   const float *nx, *ny, *nz;     ///< normal
   const float *shear, *width;    ///< of terms/shear.h
+  const float* area;             ///< of the plane that is parallel to the light that a pixel stands for, square metres; 0: unknown, nothing is taken there
   const uint32_t *instance, *n;  ///< n: samples of a pixel
   const float* points;           ///< 4 `kept` a pixel (terms/light_samples.h)
   size_t kept;
@@ -29,7 +30,7 @@ struct GatherLayer {
 
 struct Gathered {
   double seen = 0, weight = 0;  ///< of samples
-  double taken = 0;             ///< kernel weight of the pixels whose samples were taken
+  double taken = 0;             ///< integral of the kernel over the pixels whose samples were taken, square metres
 };
 
 /// Every sample (x', y') of the pixels up to rx columns and ry rows from pixel (x, y) whose sheared place y' + a (x' - x) is on the light, weighted by tent(x'
@@ -37,7 +38,7 @@ struct Gathered {
 Gathered gather(const GatherLayer& L, int x, int y, int rx, int ry);
 
 /// The same in two steps where a row of pixels runs along the light's u and a column along its v. First: pixels of the row alone, into `bins` parts of the
-/// light along v: sums of weight times visibility, then of weight. Returns the kernel weight taken.
+/// light along v: sums of weight times visibility, then of weight. Returns what of the kernel was taken.
 float gatherRow(const GatherLayer& L, int x, int y, int rx, int bins, float* sums);
 /// Second: the sums of the pixels of a column, made by gatherRow.
 Gathered gatherColumn(const GatherLayer& L, int x, int y, int ry, int bins, const float* sums, const float* taken);

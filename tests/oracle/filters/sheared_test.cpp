@@ -158,6 +158,45 @@ TEST(ShearedOracle, HalfPlaneIsTheRampOfAUniformLight) {
   }
 }
 
+TEST(ShearedOracle, DensityOfPixelsIsNotThatOfTheLight) {
+  // Rows ever farther apart, as a floor is seen: each pixel counts by its area. Without it the denser side's end of the light counts more. Half plane across.
+  const float s = 1.0f, a = 1 / s;
+  PlaneView view = floorView(0);
+  Case c{view, nullptr, nullptr, {}};
+  const Extent e{kSide, kSide, 1};
+  auto place = [](int i) { return 0.02 * std::expm1(0.04 * i) / 0.04 - 1.5; };
+  auto samples = std::make_shared<Term>("light_samples", Domain::ViewSample, e), count = std::make_shared<Term>("count", Domain::ViewSample, e);
+  auto V = samples->addPlane<float>("V"), point = samples->addPlane<float>("point", 64);
+  auto n = count->addPlane<uint32_t>("n");
+  auto g = planeGBuffer(view);
+  auto P = g->writable<float>("P");
+  for (size_t p = 0; p < e.elements(); ++p) {
+    const double x = place(int(p % kSide));
+    P[3 * p] = float(x);
+    n[p] = 16;
+    for (uint32_t i = 0; i < 16; ++i) {
+      const Vec2 u = SobolSampler(hash64(3, p), i).next2D();
+      float* to = &point[64 * p + i];
+      to[0] = 2 * u.x - 1;
+      to[16] = 2 * u.y - 1;
+      to[32] = 1;
+      to[48] = x + double(s) * double(to[0]) > 0 ? 1.0f : 0.0f;
+      V[p] += to[48] / 16;
+    }
+  }
+  ShearedFilterSettings settings;
+  settings.light = lamp();
+  settings.passes = ShearedFilterSettings::Passes::Never;
+  const auto out = runFilter(makeShearedFilter(settings), {samples, g, samples, constantShear(a, 8), count});
+  double worst = 0;
+  for (int x = 34; x < 46; ++x) {  // where the kernel neither leaves the picture nor outgrows the radius
+    double mean = 0;
+    for (int y = 26; y < kSide - 26; ++y) mean += out->floats("V")[size_t(y) * kSide + size_t(x)] / double(kSide - 52);
+    worst = std::max(worst, std::fabs(mean - std::clamp(0.5 + 0.5 * place(x), 0.0, 1.0)));
+  }
+  EXPECT_LT(worst, 0.006);
+}
+
 TEST(ShearedOracle, AWrongShearOrDensityWouldBeSeen) {
   // What the first test can tell: half the slope, and the slope's sign.
   const Case c = makeCase({{1.0f, 0.9f, 0.6f}}, 16, 3);
