@@ -39,7 +39,8 @@ def errors(slopes, products, noise):
 
 
 print("slopes             rays  axis-aligned  any shear  gain along one axis")
-for slopes, products in (((1.0,), False), ((0.05,), False), ((0.25, 0.3), False), ((0.25, 0.667), False), ((0.25, 0.3), True), ((0.25, 0.667), True), ((0.05, 0.2), True)):
+CASES = [((1.0,), False), ((0.05,), False)] + [((0.25, far), products) for products in (False, True) for far in (0.3, 0.667)] + [((0.05, 0.2), True)]
+for slopes, products in CASES:
     for rays in (4, 16):
         straight, best = errors(slopes, products, 0.2 / rays**2 / 8)  # AA_NOISE of n points, and what the filter's other axis takes the mean of
         name = (" x " if products else " + ").join(f"{s:g}" for s in slopes)
