@@ -316,7 +316,9 @@ int table41(const std::vector<std::string>& scenes, int threads) {
   options.anyPath = true;
   auto engine = Engine::create(options);
   if (!engine.ok()) return 1;
-  std::printf("| scene | triangles | samples | bounces | sampling ms | filter ms | both ms | pictures/s filtered | unfiltered |\n|---|---|---|---|---|---|---|---|---|\n");
+  std::printf(
+      "| scene | triangles | samples | bounces | sampling ms | filter ms | both ms | pictures/s filtered | unfiltered "
+      "|\n|---|---|---|---|---|---|---|---|---|\n");
   for (const std::string& name : scenes)
     for (const int bounces : {1, 2}) {
       v1::RenderRequest r;
@@ -342,8 +344,8 @@ int table41(const std::vector<std::string>& scenes, int threads) {
           if (n.state() == v1::NodeReport::RUN) ms[n.samples() == 0] += n.ms();
         if (ms[0] + ms[1] < best[0] + best[1]) best[0] = ms[0], best[1] = ms[1];
       }
-      std::printf("| %s | %zu | 64 | %d | %.0f | %.0f | %.0f | %.2f | %.2f |\n", name.substr(name.find_last_of('/') + 1).c_str(), (*loaded)->triangleCount(), bounces,
-                  best[0], best[1], best[0] + best[1], 1e3 / (best[0] + best[1]), 1e3 / best[0]);
+      std::printf("| %s | %zu | 64 | %d | %.0f | %.0f | %.0f | %.2f | %.2f |\n", name.substr(name.find_last_of('/') + 1).c_str(), (*loaded)->triangleCount(),
+                  bounces, best[0], best[1], best[0] + best[1], 1e3 / (best[0] + best[1]), 1e3 / best[0]);
       std::fflush(stdout);
     }
   return 0;

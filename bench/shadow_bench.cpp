@@ -21,6 +21,8 @@
 //       milliseconds and RMSE of every mode, and whether errors come in the order that the digest of the source expects.
 //   shadow_bench table31 [--only SCENE] [--size 640x480] [--truth 1024] [--repeat 3] [--quick]
 //       The source's table 3.1 and figure 3.6 in their own columns, beside the printed numbers; the figure as CSV.
+//   shadow_bench sheared [--only SCENE] [--size 256x256] [--truth 2048] [--repeat 3] [--quick]
+//       The successors of axis-aligned filtering beside it and plain rays: sheared, and multiple axis-aligned filters; seeds 11 to 13, --quick 1 and 2.
 //   shadow_bench claims [--only NAME] [--quick]
 //       The source's claims as ratios measured in one run, asked figures beside them: esm-csm, pcf-taps, flagged, bleeding, penumbra, lights.
 //   shadow_bench regret [--only SCENE] [--size 640x480] [--truth 512] [--quick]
@@ -128,6 +130,7 @@ int main(int argc, char** argv) {
   if (command == "claims") return claims(o);
   if (command == "regret") return regret(o);
   if (command == "scenes") return scenes(o);
+  if (command == "sheared") return sheared(o);
   std::fprintf(stderr,
                "shadow_bench scenes | pareto SCENE LIGHT CAMERA | ladder SCENE LIGHT CAMERA | filtered | modes | table31 | claims | regret   (the head of "
                "bench/shadow_bench.cpp "

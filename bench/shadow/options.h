@@ -39,5 +39,6 @@ int ladder(Options o);
 int claims(Options o);
 int regret(Options o);
 int scenes(Options o);
+int sheared(Options o);
 
 }  // namespace gobo::shadowbench

@@ -35,14 +35,17 @@ class ShadowSlopesNode final : public Node {
     h.add(s_.pilot).add(s_.most).add(s_.bothEnds).add(s_.seed);
     if (s_.clear) h.add("clear");
     hashShadowLightProfile(h, s_.profile);
+    if (s_.keepBlocked) h.add("blocked");
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 1);
     SurfaceSamples::reads(w.over(0, s_.extent), 0);
-    return w.gives({type(),
+    TermShape shape{type(),
                     Domain::ViewSample,
                     s_.extent,
-                    {plane<float>("sMax"), plane<float>("sMin"), plane<float>("sumV", s_.clear ? 3 : 1), plane<float>("sumW"), plane<uint8_t>("occluded")}});
+                    {plane<float>("sMax"), plane<float>("sMin"), plane<float>("sumV", s_.clear ? 3 : 1), plane<float>("sumW"), plane<uint8_t>("occluded")}};
+    if (s_.keepBlocked) shape.planes.push_back(plane<uint32_t>("blocked"));
+    return w.gives(std::move(shape));
   }
   Cost cost(const TermShape&, uint32_t) const override {
     // Blocked ones look back.
@@ -59,8 +62,9 @@ class ShadowSlopesNode final : public Node {
     const SurfaceSamples surface(*ctx.inputs.at(0));
     const ScreenSequence points(s_.seed, s_.extent, s_.place, s_.most);
     const auto& term = ctx.result;
-    Planes out{term->writable<float>("sMax"), term->writable<float>("sMin"), term->writable<float>("sumV"), term->writable<float>("sumW"),
-               term->writable<uint8_t>("occluded")};
+    Planes out{term->writable<float>("sMax"), term->writable<float>("sMin"),       term->writable<float>("sumV"),
+               term->writable<float>("sumW"), term->writable<uint8_t>("occluded"), {}};
+    if (s_.keepBlocked) out.blocked = term->writable<uint32_t>("blocked");
     SurfaceTable surfaces;
     if (s_.clear) surfaces.build(*ctx.scene, *accel);
     const bool complete = ctx.arena->parallelFor(
@@ -76,7 +80,8 @@ class ShadowSlopesNode final : public Node {
               LightPoint point;
               if (!light.sample(p, N, Ng, points(e, i).next2D(), point)) continue;
               w += point.weight;
-              if (!point.belowSurface) pilot.add(e, p, shadowRay(*accel, p, Ng, point), point);
+              if (!point.belowSurface) pilot.add(e, i, p, shadowRay(*accel, p, Ng, point), point);
+              else if (s_.keepBlocked && i < 32) out.blocked[e] |= 1u << i;
             }
             out.sumW[e] = float(w);
           }
@@ -95,14 +100,16 @@ class ShadowSlopesNode final : public Node {
   struct Planes {
     std::span<float> sMax, sMin, sumV, sumW;
     std::span<uint8_t> occluded;
+    std::span<uint32_t> blocked;
   };
   /// Rays of neighbours go together, 16 at a time; what they find is taken in the order they came in.
   struct Pilot {
     Pilot(const Accel& a, const SurfaceTable& t, const ShadowSlopesSettings& s, const ShadowLightFrame& l, Planes& o, size_t f, std::vector<DVec3>& v)
         : accel(a), surfaces(t), settings(s), light(l), out(o), from(f), seen(v) {}
 
-    void add(size_t e, const Vec3& p, const Ray& r, const LightPoint& point) {
+    void add(size_t e, uint32_t i, const Vec3& p, const Ray& r, const LightPoint& point) {
       ray[count] = r;
+      bit[count] = i < 32 ? 1u << i : 0u;
       lift[count] = light.distant ? -glm::dot(r.origin - p, light.axis) : 0.0f;
       element[count] = e;
       weight[count] = point.weight;
@@ -150,6 +157,7 @@ class ShadowSlopesNode final : public Node {
         out.sMin[e] = out.occluded[e] ? std::min(out.sMin[e], near) : near;
         out.sMax[e] = std::max(out.sMax[e], far);
         out.occluded[e] = 1;
+        if (settings.keepBlocked) out.blocked[e] |= bit[i];
       }
       count = 0;
     }
@@ -163,6 +171,7 @@ class ShadowSlopesNode final : public Node {
     std::vector<DVec3>& seen;
     Ray ray[16];
     size_t element[16];
+    uint32_t bit[16];
     float weight[16], distance[16], lift[16];
     int count = 0;
     uint64_t rays = 0;

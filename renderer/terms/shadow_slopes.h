@@ -20,6 +20,7 @@ struct ShadowSlopesSettings {
   ViewPlace place;
   bool clear = false;  ///< light passes some surfaces straight on (trace/straight.h): sumV has three channels
   ShadowLightProfile profile;
+  bool keepBlocked = false;  ///< a plane more: blocked u32, bit i set where ray i (of the first 32) met an occluder or went into the surface
 };
 /// Source "shadow_slopes". Input 0: "gbuffer". Per ray one closest hit from the receiver and, if it is blocked and `bothEnds`, one back from the light.
 /// Planes: sMax f32 largest (without bothEnds: of the occluders nearest to the receiver) and sMin f32 smallest slope t/(T-t) of the occluders seen

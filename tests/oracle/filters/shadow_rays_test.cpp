@@ -7,7 +7,9 @@
 
 #include "filters/axis_aligned/sample_count.h"
 #include "filters/axis_aligned/technique.h"
+#include "filters/multiple_axis_aligned/technique.h"
 #include "filters/ray_traced/technique.h"
+#include "filters/sheared/technique.h"
 #include "terms/light_points.h"
 #include "terms/shadow_slopes.h"
 #include "terms/visibility.h"
@@ -491,6 +493,90 @@ TEST(AxisAlignedSources, SameBitsForAnyNumberOfThreads) {
   t.mutable_axis_aligned();
   const Planned p = planned(scene, floorView(40, 24, 0.1f), t);
   EXPECT_EQ(runGraph(p.graph, 1).terms[p.result]->content(), runGraph(p.graph, 7).terms[p.result]->content());
+}
+
+/// As planned(), of what is not in the schema.
+template <typename Settings>
+Planned plannedBeside(const ScenePtr& scene, const PlaneView& view, Result<NodeId> (*plan)(Graph&, const ShadowInput&, const Settings&),
+                      const Settings& settings) {
+  Planned p;
+  p.input.scene = scene;
+  p.input.width = view.width;
+  p.input.height = view.height;
+  p.input.viewSamples = view.layers;
+  p.input.gbuffer = p.graph.add({std::make_shared<GivenTerm>(planeGBuffer(view)), {}, {}, "gbuffer", 0, nullptr, false});
+  const auto r = plan(p.graph, p.input, settings);
+  GOBO_CHECK(r.ok());
+  p.result = *r;
+  return p;
+}
+uint64_t sumOf(const std::vector<uint64_t>& rays) {
+  uint64_t sum = 0;
+  for (uint64_t r : rays) sum += r;
+  return sum;
+}
+
+TEST(LightSamples, OneBandIsAxisAlignedFilteringWithTheSameRays) {
+  const auto scene = stage({{0, 40, -40, 40, 5}, {-0.4f, -0.2f, -40, 40, 3}}, rectAbove(0.5f, 10));
+  const PlaneView view = floorView(48, 32, 0.04f);
+  for (const uint32_t n : {4u, 9u, 16u}) {
+    v1::ShadowTechnique t;
+    t.mutable_axis_aligned()->set_mean_samples(n);
+    const Planned one = planned(scene, view, t);
+    const Planned band = plannedBeside<MultipleAxisAlignedSettings>(scene, view, planMultipleAxisAligned, {n, 4, 10, 32, {{0.0f}}, {1.0f}});
+    const GraphRun a = runGraph(one.graph), b = runGraph(band.graph);
+    const auto V = a.terms[size_t(one.result)]->floats("V"), W = b.terms[size_t(band.result)]->floats("V");
+    for (size_t e = 0; e < V.size(); ++e) ASSERT_NEAR(V[e], W[e], 2e-6) << n << " " << e;  // pilots hand on their sums in float
+    EXPECT_EQ(sumOf(a.rays), sumOf(b.rays));                                               // the pilot's rays are not traced again
+  }
+}
+
+TEST(LightSamples, MemoryOfBandsDoesNotGrowWithRays) {
+  const auto scene = stage({{0, 40, -40, 40, 5}}, rectAbove(0.5f, 10));
+  auto bytes = [&](uint32_t n) {
+    size_t sum = 0;
+    for (const TermPtr& term : runGraph(plannedBeside<MultipleAxisAlignedSettings>(scene, floorView(32, 16, 0.04f), planMultipleAxisAligned, {n}).graph).terms)
+      sum += term->bytes();
+    return sum;
+  };
+  EXPECT_EQ(bytes(64), bytes(8));
+}
+
+TEST(LightSamples, ShearedIsCloserToTheRampOfOneEdge) {
+  // One card, one slope: what a shear is for. The ramp is exact: the card's plane is parallel to the light's.
+  const auto scene = stage({{0, 40, -40, 40, 5}}, rectAbove(0.5f, 10));
+  const PlaneView view = floorView(96, 64, 0.02f);
+  auto error = [&](const Planned& p, int threads = 2) {
+    const auto V = runGraph(p.graph, threads).terms[size_t(p.result)];
+    double sum = 0;
+    for (int y = 20; y < 44; ++y)
+      for (int x = 24; x < 72; ++x) sum += sqr(V->floats("V")[y * 96 + x] - clamp01(0.5f - 0.02f * (float(x) - 47.5f)));
+    return std::sqrt(sum / (24 * 48));
+  };
+  v1::ShadowTechnique t;
+  t.mutable_axis_aligned()->set_mean_samples(4);
+  ShearedShadowSettings s;
+  s.samples = 4;
+  const Planned sheared = plannedBeside<ShearedShadowSettings>(scene, view, planShearedShadow, s);
+  const double straight = error(planned(scene, view, t)), shorn = error(sheared);
+  RecordProperty("axis_aligned", std::to_string(straight));
+  RecordProperty("sheared", std::to_string(shorn));
+  EXPECT_LT(shorn, 0.01);
+  EXPECT_EQ(shorn, error(sheared, 7));
+}
+
+TEST(LightSamples, OnlyRectanglesAndNoClearSurfaces) {
+  LightShape disk = rectAbove();
+  disk.kind = LightKind::Disk;
+  Graph graph;
+  ShadowInput input;
+  input.width = input.height = 4;
+  input.scene = stage({}, disk);
+  EXPECT_EQ(planShearedShadow(graph, input, {}).status().code(), Code::InvalidArgument);
+  EXPECT_EQ(planMultipleAxisAligned(graph, input, {}).status().code(), Code::InvalidArgument);
+  input.scene = stage({}, rectAbove());
+  input.clear = true;
+  EXPECT_EQ(planShearedShadow(graph, input, {}).status().code(), Code::InvalidArgument);
 }
 
 TEST(ShadowTechniques, SupportWhatTheyClaim) {
