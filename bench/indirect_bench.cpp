@@ -32,6 +32,7 @@ using namespace gobo;
 
 namespace {
 
+constexpr const char* kCounts = "4,8,16,32";
 constexpr int kPilot = 16;  // samples that distances are taken from
 
 /// What the path tracer says of a pixel's samples, and where they are.
@@ -359,6 +360,15 @@ int main(int argc, char** argv) {
   int width = 0, height = 0;
   std::sscanf(argumentOr(argc, argv, "--size", "160x120").c_str(), "%dx%d", &width, &height);
   const int most = std::atoi(argumentOr(argc, argv, "--most", "128").c_str()), reference = std::atoi(argumentOr(argc, argv, "--reference", "2048").c_str());
+  if (most < kPilot || most % kPilot != 0 || reference < kPilot || reference % kPilot != 0) {
+    std::fprintf(stderr, "indirect_bench: --most %d, --reference %d: multiples of %d\n", most, reference, kPilot);
+    return 1;
+  }
+  for (const std::string& n : partsOf(argumentOr(argc, argv, "--spp", kCounts), ','))
+    if (std::atoi(n.c_str()) < 4 || std::atoi(n.c_str()) > most) {
+      std::fprintf(stderr, "indirect_bench: --spp %s: must be between 4 and --most, which is %d\n", n.c_str(), most);
+      return 1;
+    }
   const TaskArena arena(std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()));
   for (const std::string& name : scenes) {
     auto loaded = loadScene(name);
@@ -386,7 +396,7 @@ int main(int argc, char** argv) {
       for (size_t c = 0; c < 3; ++c) v += 4.0 * spread[3 * p + c] / 3, l += double(light[3 * p + c]) / 3;
       own[p] = std::pow(std::max(v * bends[p], 1e-30), 0.4) / std::pow(l * l + 0.01, 0.6);
     }
-    for (const std::string& n : partsOf(argumentOr(argc, argv, "--spp", "4,8,16,32,64"), ',')) {
+    for (const std::string& n : partsOf(argumentOr(argc, argv, "--spp", kCounts), ',')) {
       const int spp = std::stoi(n);
       const Estimate even = estimate(s, std::vector<int>(s.pixels(), spp));
       const auto filtered = [&](const std::vector<double>& wanted) { return estimate(s, countsOf(wanted, s, spp)); };

@@ -81,7 +81,7 @@ bool needsCurvature(const v1::RenderRequest& request, size_t groups) {
   const v1::Denoise& settings = request.denoise();
   if (!settings.has_auto_()) return settings.has_axis_aligned();
   // Samples that outliers were taken from do not say how their light bends. By the whole picture's size, so that a window of it is filtered alike.
-  constexpr uint64_t kBytesOfPixel = 7 * 3 * sizeof(float);  // emission, direct light and both lobes' light and bending
+  constexpr uint64_t kBytesOfPixel = 7 * 3 * (sizeof(double) + sizeof(float));  // sums and means of emission, direct light, both lobes' light and bending
   const uint64_t pixels = uint64_t(request.width()) * request.height();
   return !settings.has_outliers() && pixels * std::max<size_t>(groups, 1) * kBytesOfPixel <= kMostCurvatureBytes;
 }

@@ -13,7 +13,7 @@ namespace gobo {
 NodeId planSum(PlanContext& c, std::span<const Contribution> contributions, const std::string& label);
 
 /// A filter that asks for how indirect light bends along surfaces (Distinctions::curvature). groups: of lights that are traced apart. denoise.auto does without
-/// where the sums of the picture's samples would take more than kMostCurvatureBytes.
+/// where the sums and means of the picture's samples would take more than kMostCurvatureBytes (their first half is as large again).
 bool needsCurvature(const v1::RenderRequest& request, size_t groups);
 inline constexpr uint64_t kMostCurvatureBytes = 1ull << 30;
 

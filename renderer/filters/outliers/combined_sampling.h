@@ -11,8 +11,8 @@
 // so that the additive one is better in shadow, the subtractive one in light, and the combined one is never worse than either, but for the noise of beta.
 // beta is estimated from the samples: for each from the others, of its own pixel and, as a share of C, of those around it (in few samples of its own there is
 // more noise than beta); which leaves the estimate without bias, as samples are independent. The ratio has a bias of the order of 1 / n. Where there is no
-// shadow, or nothing but, all but the additive one are exact in light, all but the subtractive one in shadow. It is not for path samples as such: they have no
-// main part of known integral (indirect light, glossy surfaces, textures of lamps).
+// shadow, or nothing but, all but the additive one are exact in light (the combined one from three samples on), all but the subtractive one in shadow. It is
+// not for path samples as such: they have no main part of known integral (indirect light, glossy surfaces, textures of lamps).
 #pragma once
 
 #include <span>

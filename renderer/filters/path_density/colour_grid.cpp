@@ -29,9 +29,12 @@ ColourGrid::ColourGrid(int width, int height, int cell, int bins)
   bins_.resize(cells * size_t(bins));
   used_.assign(cells, 0);
   level_.assign(cells, 0);
+  held_.assign(cells, 0);
 }
 
-size_t ColourGrid::bytes() const { return bins_.capacity() * sizeof(Bin) + used_.capacity() * sizeof(uint16_t) + level_.capacity(); }
+size_t ColourGrid::bytes() const {
+  return bins_.capacity() * sizeof(Bin) + used_.capacity() * sizeof(uint16_t) + level_.capacity() + held_.capacity() * sizeof(uint32_t);
+}
 
 GridColour ColourGrid::keyOf(const GridColour& c, size_t cell) const {
   const int bits = kFinestBits + level_[cell];
@@ -62,6 +65,7 @@ void ColourGrid::coarsen(size_t cell) {
 
 bool ColourGrid::add(int x, int y, const GridColour& colour) {
   const size_t cell = cellAt(x, y);
+  if (held_[cell] >= kMostOfCell) return false;  // by the cell: bins are merged
   Bin* const bins = &bins_[cell * size_t(most_)];
   for (;; coarsen(cell)) {
     const GridColour key = keyOf(colour, cell);
@@ -72,7 +76,7 @@ bool ColourGrid::add(int x, int y, const GridColour& colour) {
       *bin = {key, 0, {}, 0};
       ++used_[cell];
     }
-    if (bin->count >= kMostOfCell) return false;
+    ++held_[cell];
     ++bin->count;
     for (size_t c = 0; c < 3; ++c) {
       bin->sum[c] += colour[c];

@@ -60,6 +60,7 @@ class ColourGrid {
   int width_, height_, cell_, cellsX_, cellsY_, most_;
   std::vector<Bin> bins_;       // most_ a cell
   std::vector<uint16_t> used_;  // of a cell
+  std::vector<uint32_t> held_;  // samples of a cell
   std::vector<uint8_t> level_;  // bins of 2^level / 2 h_c
 };
 

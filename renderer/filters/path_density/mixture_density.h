@@ -7,7 +7,8 @@
 // disc of radius 3; so that
 //   sigma = 2 sqrt(k / c)
 // is the exact search's 2/3 sqrt(k / (pi n)) there, and the same thresholds keep the same even light. The colour's variance is 1 (h_c).
-// Memory of the density: 168 bytes a component, 21 a pixel with 8 in tiles of 8 x 8; it does not grow with samples, but fitting it reads them several times.
+// Memory of the density: 472 bytes a component with what is worked out once, 59 a pixel with 8 in tiles of 8 x 8; it does not grow with samples, but fitting it
+// reads them several times.
 #pragma once
 
 #include "filters/path_density/gaussian_mixture.h"

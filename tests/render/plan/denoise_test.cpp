@@ -237,10 +237,10 @@ TEST(Denoise, AutomaticDoesWithoutBendingWhereItWouldNotFit) {
       for (const auto& row : planned->plan()) found = found || row.node().find(":diffuse by axis_aligned") != std::string::npos;
     return found;
   };
-  v1::RenderRequest r = smallRequest("cornell", 3000, 4000, 4);  // one group: 84 bytes a pixel, 0.94 GiB
+  v1::RenderRequest r = smallRequest("cornell", 2000, 2000, 4);  // one group: 252 bytes a pixel, 0.94 GiB
   set(r, "denoise=auto");
   EXPECT_TRUE(bends(r));
-  r.set_width(4000);
+  r.set_width(2400);
   EXPECT_FALSE(bends(r));
   set(r, "window.width=64");
   set(r, "window.height=64");

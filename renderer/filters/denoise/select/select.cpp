@@ -38,7 +38,7 @@ class SelectNode final : public Node {
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;
-    t.halo = kSelectRadius + kBlendRadius;
+    t.halo = 2 * kSelectRadius + kBlendRadius;  // of noise, of errors, of choices
     return t;
   }
   void hashParameters(Hasher& h) const override { h.add(width_).add(height_).add(candidates_).add(share_); }
@@ -52,7 +52,7 @@ class SelectNode final : public Node {
       for (const char* name : {"rgb", "a", "b"}) w.over(k, all).reads<float>(k, name, {3});
     return w.gives(std::move(out));
   }
-  size_t workingBytes() const override { return size_t(width_) * size_t(height_) * sizeof(float) * size_t(candidates_ + 2) * 2; }
+  size_t workingBytes() const override { return size_t(width_) * size_t(height_) * sizeof(float) * size_t(3 * (candidates_ + 1) + 2); }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, 30.0 * (candidates_ + 1) * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
