@@ -8,26 +8,12 @@ namespace gobo::denoise {
 
 namespace {
 
-/// Nearer than this, in pixels, to the centre of a pixel is on it: else the rounding of a projection smears what moves by whole pixels.
-constexpr double kOnCentre = 1e-3;
-
 bool sameCamera(const Camera& a, const Camera& b) {
   return a.toWorld == b.toWorld && a.perspective == b.perspective && a.windowHeight64() == b.windowHeight64() && a.centre == b.centre &&
          a.optics.pixelAspect == b.optics.pixelAspect && a.optics.panorama == b.optics.panorama;
 }
 
 Vec3 vectorAt(std::span<const float> plane, size_t i) { return {plane[3 * i], plane[3 * i + 1], plane[3 * i + 2]}; }
-
-struct Between {
-  int first;
-  float second;  // share of first + 1
-};
-Between between(double at) {
-  const double whole = std::floor(at), rest = at - whole;
-  if (rest < kOnCentre) return {int(whole), 0.0f};
-  if (rest > 1.0 - kOnCentre) return {int(whole) + 1, 0.0f};
-  return {int(whole), float(rest)};
-}
 
 }  // namespace
 
@@ -69,10 +55,11 @@ EarlierPixels Reprojection::of(size_t pixel) const {
   if (!moved(pixel, way)) return found;
   const double u = double(pixel % size_t(seen_.width)) + way.x, v = double(pixel / size_t(seen_.width)) + way.y;
   if (!(u > -1.0 && v > -1.0 && u < double(seen_.width) && v < double(seen_.height))) return found;
-  const Between x = between(u), y = between(v);
+  const int x = int(std::floor(u)), y = int(std::floor(v));
+  const float right = float(u - x), down = float(v - y);
   for (int k = 0; k < 4; ++k) {
-    const int px = x.first + (k & 1), py = y.first + (k >> 1);
-    const float weight = (k & 1 ? x.second : 1.0f - x.second) * (k >> 1 ? y.second : 1.0f - y.second);
+    const int px = x + (k & 1), py = y + (k >> 1);
+    const float weight = (k & 1 ? right : 1.0f - right) * (k >> 1 ? down : 1.0f - down);
     if (!(weight > 0.0f) || px < 0 || py < 0 || px >= seen_.width || py >= seen_.height) continue;
     const size_t q = size_t(py) * size_t(seen_.width) + size_t(px);
     if (!sameSurface(seen_, pixel, seenBefore_, q, by_)) continue;

@@ -70,9 +70,9 @@ bool TemporalAccumulator::add(const TemporalFrame& frame, const TaskArena& arena
               h.light[c] = std::clamp(h.light[c], range.mean[c] - off, range.mean[c] + off);
             }
           }
-          const double share = known ? std::max(1.0 / (h.frames + 1.0), h.frames > 0 ? double(settings_.leastShare) : 1.0) : 0.0;
+          const double share = known ? std::max(1.0 / (h.frames + 1.0), double(settings_.leastShare)) : 0.0;
           for (size_t c = 0; c < 3; ++c) {
-            const double x = known ? std::clamp(double(p.mean[3 * i + c]), -kMostLight, kMostLight) : 0.0;
+            const double x = known ? double(p.mean[3 * i + c]) : 0.0;
             const double rest = 1.0 - share, v = rest * rest * h.variance[c] + share * share * knownVariance(p.variance[3 * i + c]);
             next.light[3 * i + c] = float(std::clamp(h.light[c] + share * (x - h.light[c]), -kMostLight, kMostLight));
             next.variance[3 * i + c] = float(v);
