@@ -8,12 +8,20 @@
 // rooms/rooms.h; or files)
 // --size WxH --spp N,N,... --reference N (each half) --filters NAME,NAME,... (path_density+wavelet: one behind the other) --threads N
 //            --set assignments, separated by spaces
+// --temporal N: over time. A lamp (cornell, lights8) or the sun (atrium) moves in N steps, the camera rests, every frame has a seed of its own; of the light
+// that filters see (beauty without emission) the means of RMSE^2 and relMSE over frames; and flicker: per pixel and channel the variance over time of how
+// the error changes from frame to frame, halved (the variance of a frame's error where frames err independently), its mean over pixels as a root, and
+// relative to (the reference's mean^2 + 0.01). The reference has the same seeds in every frame. Arguments: --scene --size 128x96 --spp 4 --reference 64 (each
+// half) --threads --set as above; --filters also with "temporal", "temporal.clamp" (denoise/over_time.h); --travel F: share of the light's way, 0: it rests;
+// --least-share F: of a new frame in accumulation
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <limits>
 
+#include "denoise/choose.h"
+#include "denoise/over_time.h"
 #include "import/load.h"
 #include "measure/report.h"
 #include "plan/engine.h"
@@ -52,18 +60,13 @@ struct Row {
   double ms = 0, filterMs = 0;
 };
 
-/// "wavelet", "wavelet.levels=3", "path_density", "path_density.neighbours=20+wavelet": a rejection of outliers, a filter, or one before the other.
 void choose(v1::RenderRequest& r, const std::string& filter) {
-  for (const std::string& part : partsOf(filter, '+')) {
-    const std::string name = part.substr(0, part.find('.'));
-    const bool outliers = v1::OutlierRejection::descriptor()->FindFieldByName(name) != nullptr;
-    edit(r, std::string(outliers ? "denoise.outliers" : "denoise") + (part.find('=') == std::string::npos ? "=" + part : "." + part));
-  }
+  if (const Status s = bench::chooseFilter(r, filter); !s.ok()) stop(s);
 }
 
 Row rowOf(Engine& engine, const RenderControl& control, v1::RenderRequest r, const std::string& filter, uint32_t spp, const Image& a, const Image& b) {
   r.mutable_halt()->set_spp(spp);
-  if (filter != "none") choose(r, filter);
+  choose(r, filter);
   engine.dropCaches(false, true);
   auto result = engine.render(r, control);
   if (!result.ok()) stop(result.status());
@@ -74,6 +77,33 @@ Row rowOf(Engine& engine, const RenderControl& control, v1::RenderRequest r, con
     if (n.samples() == 0) row.filterMs += n.ms();
   }
   return row;
+}
+
+int overTime(int argc, char** argv, Engine& engine) {
+  bench::OverTime how;
+  how.frames = uint32_t(std::stoul(argumentOr(argc, argv, "--temporal", "64")));
+  how.samples = uint32_t(std::stoul(argumentOr(argc, argv, "--spp", "4")));
+  how.reference = uint32_t(std::stoul(argumentOr(argc, argv, "--reference", "64")));
+  how.travel = std::stod(argumentOr(argc, argv, "--travel", "1"));
+  how.leastShare = std::stod(argumentOr(argc, argv, "--least-share", "0.1"));
+  const std::vector<std::string> filters =
+      partsOf(argumentOr(argc, argv, "--filters",
+                         "none,wavelet,non_local_means,axis_aligned,auto.fast=true,temporal,temporal.clamp,temporal+wavelet,temporal.clamp+wavelet,"
+                         "axis_aligned+temporal,axis_aligned+temporal.clamp"),
+              ',');
+  uint32_t width = 0, height = 0;
+  std::sscanf(argumentOr(argc, argv, "--size", "128x96").c_str(), "%ux%u", &width, &height);
+  std::printf("%-10s %-27s %9s %9s %9s %9s\n", "scene", "filter", "RMSE", "relMSE", "flicker", "relative");
+  for (const std::string& scene : partsOf(argumentOr(argc, argv, "--scene", "cornell,lights8,atrium"), ',')) {
+    v1::RenderRequest r;
+    r.set_scene(scene);
+    r.set_width(width);
+    r.set_height(height);
+    for (const std::string& a : partsOf(argumentOr(argc, argv, "--set", ""), ' ')) edit(r, a);
+    if (const auto opened = engine.openScene(scene, scene); !opened.ok()) stop(opened.status());
+    if (const Status s = bench::measureOverTime(engine, {}, r, filters, how); !s.ok()) stop(s);
+  }
+  return 0;
 }
 
 }  // namespace
@@ -95,6 +125,7 @@ int main(int argc, char** argv) {
   auto created = Engine::create(options);
   if (!created.ok()) stop(created.status());
   Engine& engine = **created;
+  if (!argumentOr(argc, argv, "--temporal", "").empty()) return overTime(argc, argv, engine);
   std::printf("%-13s %4s %-26s %9s %9s %9s %9s %8s %8s\n", "scene", "spp", "filter", "RMSE", "relMSE", "ms", "filter ms", "worth", "faster");
   for (const std::string& scene : scenes) {
     v1::RenderRequest r;
