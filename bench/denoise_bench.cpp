@@ -7,7 +7,7 @@
 // the edges of lamps, whose light the camera sees itself: no filter touches it.) Arguments: --scene NAME,NAME,... (built-in; specular_room, hidden_lamp:
 // rooms/rooms.h; or files)
 // --size WxH --spp N,N,... --reference N (each half) --filters NAME,NAME,... (path_density+wavelet: one behind the other) --threads N
-//            --set assignments, separated by spaces
+//            --set assignments, separated by spaces; --plot FOLDER: SCENE.png there, RMSE and relMSE against milliseconds and against samples
 // --temporal N: over time. A lamp (cornell, lights8) or the sun (atrium) moves in N steps, the camera rests, every frame has a seed of its own; of the light
 // that filters see (beauty without emission) the means of RMSE^2 and relMSE over frames; and flicker: per pixel and channel the variance over time of how
 // the error changes from frame to frame, halved (the variance of a frame's error where frames err independently), its mean over pixels as a root, and
@@ -20,9 +20,11 @@
 #include <cstdlib>
 #include <limits>
 
+#include "base/image_io.h"
 #include "denoise/choose.h"
 #include "denoise/over_time.h"
 #include "import/load.h"
+#include "measure/plot.h"
 #include "measure/report.h"
 #include "plan/engine.h"
 #include "request/request.h"
@@ -79,6 +81,32 @@ Row rowOf(Engine& engine, const RenderControl& control, v1::RenderRequest r, con
   return row;
 }
 
+/// RMSE above, relMSE below; against milliseconds on the left, against samples on the right.
+void plot(const std::string& scene, const std::vector<Row>& rows, const std::string& path) {
+  constexpr int kWidth = 640, kHeight = 440;
+  Image all(2 * kWidth, 2 * kHeight, 3);
+  for (int panel = 0; panel < 4; ++panel) {
+    const bool relative = panel > 1, samples = panel % 2 == 1;
+    Plot p;
+    p.title = scene;
+    p.xLabel = samples ? "samples a pixel" : "ms";
+    p.yLabel = relative ? "relMSE" : "RMSE";
+    p.width = kWidth;
+    p.height = kHeight;
+    for (const Row& row : rows) {
+      auto s = std::find_if(p.series.begin(), p.series.end(), [&](const PlotSeries& one) { return one.name == row.filter; });
+      if (s == p.series.end()) s = p.series.insert(s, {row.filter, {}});
+      s->points.push_back({samples ? double(row.spp) : row.ms, relative ? row.errors.relMse : row.errors.rmse});
+    }
+    const Image drawn = drawPlot(p);
+    for (int y = 0; y < kHeight; ++y)
+      std::copy_n(&drawn.data[size_t(3 * y * kWidth)], 3 * kWidth, &all.data[size_t(3 * ((y + relative * kHeight) * 2 * kWidth + samples * kWidth))]);
+  }
+  const auto png = encodePng(all);
+  if (!png.ok()) stop(png.status());
+  if (const Status s = writeFileAtomic(path, png->data(), png->size()); !s.ok()) stop(s);
+}
+
 int overTime(int argc, char** argv, Engine& engine) {
   bench::OverTime how;
   how.frames = uint32_t(std::stoul(argumentOr(argc, argv, "--temporal", "64")));
@@ -117,6 +145,7 @@ int main(int argc, char** argv) {
   std::vector<uint32_t> counts;
   for (const std::string& n : partsOf(argumentOr(argc, argv, "--spp", "1,4,16,64"), ',')) counts.push_back(uint32_t(std::stoul(n)));
   const uint32_t reference = uint32_t(std::stoul(argumentOr(argc, argv, "--reference", "1024")));
+  const std::string plots = argumentOr(argc, argv, "--plot", "");
   EngineOptions options;
   options.loader = inProcessLoader();
   options.threads = std::atoi(argumentOr(argc, argv, "--threads", "0").c_str());
@@ -153,6 +182,7 @@ int main(int argc, char** argv) {
     for (const uint32_t spp : counts) plain.push_back(rowOf(engine, control, r, "none", spp, halves[0], halves[1]));
     const Row& most = plain.back();
     const double variance = most.errors.relMse * most.spp, msPerSample = most.ms / most.spp;
+    std::vector<Row> drawn;
     for (const Row& p : plain) {
       std::vector<Row> rows{p};
       for (const std::string& f : filters) rows.push_back(rowOf(engine, control, r, f, p.spp, halves[0], halves[1]));
@@ -166,7 +196,10 @@ int main(int argc, char** argv) {
         std::printf("\n");
         std::fflush(stdout);
       }
+      drawn.insert(drawn.end(), rows.begin(), rows.end());
     }
+    const std::string name = scene.substr(scene.find_last_of('/') + 1);
+    if (!plots.empty()) plot(name, drawn, plots + "/" + name + ".png");
   }
   return 0;
 }

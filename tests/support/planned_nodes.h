@@ -7,7 +7,9 @@
 #include <utility>
 #include <vector>
 
+#include "filters/multiple_axis_aligned/technique.h"
 #include "filters/shadow_technique.h"
+#include "filters/sheared/technique.h"
 #include "plan/disk_store.h"
 #include "plan/executor.h"
 #include "plan/planner.h"
@@ -34,6 +36,30 @@ inline ScenePtr paneScene() {
   return *b.finish();
 }
 
+/// Scenes of these plans that no engine knows: "pane", and "successors", which is cornell with the nodes of shadow techniques that no request can name.
+inline bool ofPlansAlone(const std::string& scene) { return scene == "pane" || scene == "successors"; }
+
+/// Adds them behind those of the axis-aligned shadow that the graph holds.
+inline void addSuccessors(Graph& graph) {
+  for (NodeId id = 0, end = graph.size(); id < end; ++id) {
+    const GraphNode n = graph.at(id);
+    if (n.node->type() != "shadow_slopes") continue;
+    ShadowInput in;
+    in.scene = n.scene;
+    in.light = n.lights.at(0);
+    in.gbuffer = n.inputs.at(0);
+    const Extent e = graph.at(in.gbuffer).shape.extent;
+    in.camera = in.scene->cameras.at(0);
+    in.width = e.width;
+    in.height = e.height;
+    in.viewSamples = e.layers;
+    EXPECT_TRUE(planShearedShadow(graph, in, {}).ok());
+    EXPECT_TRUE(planMultipleAxisAligned(graph, in, {}).ok());
+    return;
+  }
+  ADD_FAILURE() << "no axis-aligned shadow";
+}
+
 /// A plan with what it takes to run its nodes by hand.
 struct Planned {
   TaskArena arena;
@@ -46,15 +72,16 @@ struct Planned {
   explicit Planned(const v1::RenderRequest& asked, int threads = 1) : arena(threads) {
     const auto engine = makeEngine(64ull << 20, {}, threads);
     v1::RenderRequest named = asked;
-    if (asked.scene() == "pane") named.set_scene("cornell");
+    if (ofPlansAlone(asked.scene())) named.set_scene("cornell");
     const auto request = engine->resolve(named);
     EXPECT_TRUE(request.ok()) << request.status().toString();
-    const ScenePtr scene = asked.scene() == "pane" ? paneScene() : *engine->scene(asked.scene());
+    const ScenePtr scene = asked.scene() == "pane" ? paneScene() : *engine->scene(named.scene());
     PlannerServices services;
     services.expand = [&](const Graph& graph, NodeId node) { return Executor(graph, executorServices(), {}).evaluate(node); };
     auto made = makePlan(scene, *request, passesFor(request->halt().spp()), services);
     EXPECT_TRUE(made.ok()) << made.status().toString();
     plan = std::move(*made);
+    if (asked.scene() == "successors") addSuccessors(plan->graph);
     executor = std::make_unique<Executor>(plan->graph, executorServices(), StopToken());
   }
   ExecutorServices executorServices() { return {&store, &extensions, &accels, &arena}; }
@@ -131,6 +158,10 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     if (technique.has_percentage_closer()) {
       r.set_scene("pane");
       all.emplace_back("pane", r);
+    }
+    if (technique.has_axis_aligned()) {
+      r.set_scene("successors");
+      all.emplace_back("successors", r);
     }
   }
   for (const std::vector<const char*>& as :

@@ -18,7 +18,7 @@ class LightBandNode final : public Node {
   void hashParameters(Hasher& h) const override { h.add(band_); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 1);
-    w.require(band_ < w.channels(0, "band"), "input 0 has no such band");
+    w.reads<float>(0, "band", {w.channels(0, "band")}).require(band_ < w.channels(0, "band"), "input 0 has no such band");
     return w.gives({"visibility", Domain::ViewSample, w.input(0).extent, {plane<float>("V")}});
   }
   Result<TermPtr> run(const RunContext& ctx) const override {

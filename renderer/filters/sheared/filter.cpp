@@ -35,7 +35,9 @@ class ShearedFilter final : public Node {
     Wiring w(type(), in, 5);
     const Extent& view = w.input(0).extent;
     w.reads<float>(0, "V").over(1, view).reads<float>(1, "P", {3}).reads<float>(1, "N", {3}).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
-    w.over(2, view).require(w.channels(2, "point") > 0 && w.channels(2, "point") % 16 == 0, "input 2 has no samples");
+    w.over(2, view)
+        .reads<float>(2, "point", {w.channels(2, "point")})
+        .require(w.channels(2, "point") > 0 && w.channels(2, "point") % 16 == 0, "input 2 has no samples");
     w.over(3, view).reads<float>(3, "shear").reads<float>(3, "width").over(4, view).reads<uint32_t>(4, "n");
     return w.gives({"visibility", Domain::ViewSample, view, {plane<float>("V")}});
   }
