@@ -229,14 +229,15 @@ TEST(Denoise, OfNothingIsAutomatic) {
 // taken from.
 TEST(Denoise, AutomaticDoesWithoutBendingWhereItWouldNotFit) {
   const auto engine = makeEngine();
-  const auto bends = [&](const v1::RenderRequest& r) {
+  const auto holds = [&](const v1::RenderRequest& r, const char* label) {
     const auto planned = engine->plan(r);
     EXPECT_TRUE(planned.ok()) << planned.status().toString();
     bool found = false;
     if (planned.ok())
-      for (const auto& row : planned->plan()) found = found || row.node().find(":diffuse by axis_aligned") != std::string::npos;
+      for (const auto& row : planned->plan()) found = found || row.node().find(label) != std::string::npos;
     return found;
   };
+  const auto bends = [&](const v1::RenderRequest& r) { return holds(r, ":diffuse by axis_aligned"); };
   v1::RenderRequest r = smallRequest("cornell", 2000, 2000, 4);  // one group: 252 bytes a pixel, 0.94 GiB
   set(r, "denoise=auto");
   EXPECT_TRUE(bends(r));
@@ -252,6 +253,7 @@ TEST(Denoise, AutomaticDoesWithoutBendingWhereItWouldNotFit) {
   EXPECT_TRUE(bends(r));
   set(r, "denoise.outliers=reweighting");
   EXPECT_FALSE(bends(r));
+  EXPECT_TRUE(holds(r, "beauty by first_order"));  // as one kind of light, indirect light among it
 }
 
 // The certificate is of the picture that is shown.
