@@ -164,8 +164,7 @@ Result<Filtered> rejectByMixture(const SampleView& samples, const Settings& aske
                                  const StopToken& stop, uint64_t* components) {
   GOBO_TRY(checkMixture(samples, asked, mixture));
   Settings settings = asked;
-  if (samples.size() > 0)
-    GOBO_TRY(checkNeighbours(double(samples.size()) / (double(samples.width) * double(samples.height)), samples.width, samples.height, settings));
+  GOBO_TRY(checkNeighbours(samples, settings));
   const SampleBins bins = binSamples(samples, stop);
   if (stop.stopRequested()) return Status(Code::Cancelled, "stopped");
   Composite composite(samples, bins, settings);

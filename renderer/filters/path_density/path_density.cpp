@@ -163,11 +163,15 @@ Result<std::vector<float>> sigmasOf(const SampleView& samples, const Settings& s
   return sigma;
 }
 
+Status checkNeighbours(const SampleView& samples, Settings& settings) {
+  if (samples.size() == 0) return {};
+  return checkNeighbours(double(samples.size()) / (double(samples.width) * double(samples.height)), samples.width, samples.height, settings);
+}
+
 Result<Filtered> rejectOutliers(const SampleView& samples, const Settings& asked, const TaskArena& arena, const StopToken& stop) {
   GOBO_TRY(checkSettings(samples, asked));
   Settings settings = asked;
-  if (samples.size() > 0)
-    GOBO_TRY(checkNeighbours(double(samples.size()) / (double(samples.width) * double(samples.height)), samples.width, samples.height, settings));
+  GOBO_TRY(checkNeighbours(samples, settings));
   const bool all = std::isinf(settings.soft);
   const SampleBins bins = binSamples(samples, stop);
   if (stop.stopRequested()) return Status(Code::Cancelled, "stopped");

@@ -73,6 +73,8 @@ float densityOf(float sigma);
 Status checkSettings(const SampleView& samples, const Settings& settings);
 /// Lowers `settings.neighbours` to mostNeighbours() where fewer will do; an error where they are too many.
 Status checkNeighbours(double samplesPerPixel, int width, int height, Settings& settings);
+/// The same by what `samples` are on average; of no samples nothing is asked.
+Status checkNeighbours(const SampleView& samples, Settings& settings);
 
 /// Errors: InvalidArgument with what is wrong: settings out of range, more neighbours than mostNeighbours(), correlated samples; Cancelled.
 Result<Filtered> rejectOutliers(const SampleView& samples, const Settings& settings, const TaskArena& arena, const StopToken& stop = {});

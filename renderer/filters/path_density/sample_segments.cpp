@@ -163,8 +163,7 @@ Result<Filtered> rejectSmallSegments(const SampleView& samples, const Settings& 
                                      const StopToken& stop) {
   GOBO_TRY(checkSegments(samples, asked, segments));
   Settings settings = asked;
-  if (samples.size() > 0)
-    GOBO_TRY(checkNeighbours(double(samples.size()) / (double(samples.width) * double(samples.height)), samples.width, samples.height, settings));
+  GOBO_TRY(checkNeighbours(samples, settings));
   const SampleBins bins = binSamples(samples, stop);
   if (stop.stopRequested()) return Status(Code::Cancelled, "stopped");
   Composite composite(samples, bins, settings);
