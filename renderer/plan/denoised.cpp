@@ -4,6 +4,9 @@
 #include <algorithm>
 
 #include "filters/composite.h"
+#include "filters/denoise/band_limit/lens_blur.h"
+#include "filters/denoise/band_limit/lens_features.h"
+#include "filters/denoise/band_limit/lens_filter.h"
 #include "filters/denoise/denoise_node.h"
 #include "filters/denoise/features.h"
 #include "filters/denoise/noisy_picture.h"
@@ -33,8 +36,9 @@ Status add(Denoisers& to, v1::Denoise settings) {
 
 /// What denoise.auto chooses from, by what is known of the light (docs/noise.md says what was left out, and why). Without halves, by which filters are judged,
 /// the first alone.
+constexpr float kLensShare = 0.3f;  // found on spheres and trees through a lens (docs/noise.md)
 enum class Known { Nothing, Direct, BendingDiffuse, BendingSpecular };
-Result<Denoisers> choicesOf(Known light, bool fast, bool halves) {
+Result<Denoisers> choicesOf(Known light, bool fast, bool halves, bool lens) {
   v1::Denoise wavelet, nonLocalMeans, firstOrder, axisAligned;
   wavelet.mutable_wavelet();
   nonLocalMeans.mutable_non_local_means();
@@ -48,6 +52,7 @@ Result<Denoisers> choicesOf(Known light, bool fast, bool halves) {
   if (!halves) wanted.resize(1);
   Denoisers denoisers;
   for (const v1::Denoise& d : wanted) { GOBO_TRY(add(denoisers, d)); }
+  if (lens && halves && !diffuse && !specular) denoisers.push_back(denoise::makeLensFilter(kLensShare));
   return denoisers;
 }
 
@@ -101,10 +106,10 @@ struct NoisyPart {
 /// In the order of summation; none: nothing is filtered. `untouched` gets what filters leave as it is. halves: there are two, by which a filter is judged.
 Result<std::vector<NoisyPart>> partsOf(const PlanContext& c, std::vector<Contribution> traced, bool halves, std::vector<Contribution>& untouched) {
   const v1::Denoise& settings = c.request().denoise();
-  const bool automatic = settings.has_auto_(), bends = c.apart().curvature;
+  const bool automatic = settings.has_auto_(), bends = c.apart().curvature, lens = c.view().camera.hasLens();
   std::vector<NoisyPart> parts(1);
   if (automatic) {
-    GOBO_ASSIGN(parts[0].by, choicesOf(bends ? Known::BendingDiffuse : Known::Nothing, settings.auto_().fast(), halves));
+    GOBO_ASSIGN(parts[0].by, choicesOf(bends ? Known::BendingDiffuse : Known::Nothing, settings.auto_().fast(), halves, lens));
   } else {
     GOBO_TRY(add(parts[0].by, settings));
   }
@@ -115,12 +120,12 @@ Result<std::vector<NoisyPart>> partsOf(const PlanContext& c, std::vector<Contrib
     return parts;
   }
   Denoisers by = std::move(parts[0].by), specularBy = by;
-  if (automatic) { GOBO_ASSIGN(specularBy, choicesOf(Known::BendingSpecular, settings.auto_().fast(), halves)); }
+  if (automatic) { GOBO_ASSIGN(specularBy, choicesOf(Known::BendingSpecular, settings.auto_().fast(), halves, lens)); }
   parts = {{LobePart::Diffuse, {}, std::move(by), "", true},
            {LobePart::Specular, {}, std::move(specularBy), "", true},
            {LobePart::Both, {}, {}, " direct", false, halves}};
   const bool filtersDirect = automatic || settings.axis_aligned().direct() != v1::AxisAlignedDenoise::NONE;
-  if (filtersDirect) { GOBO_ASSIGN(parts[2].by, choicesOf(Known::Direct, true, halves)); }
+  if (filtersDirect) { GOBO_ASSIGN(parts[2].by, choicesOf(Known::Direct, true, halves, lens)); }
   for (Contribution& k : traced) {
     const bool diffuse = contains(PathSet::IndirectDiffuse, k.paths), specular = contains(PathSet::IndirectSpecular, k.paths) && !c.kinds().lambert;
     const bool direct = filtersDirect && contains(PathSet::Direct, k.paths);
@@ -165,8 +170,7 @@ class DenoisePlan {
   Result<SmoothPart> plan(const NoisyPart& part) {
     const std::string label = withLobe(label_ + part.label, part.lobe);
     const NodeId all = planSum(c_, part.light, label + " traced");
-    const NodeId features =
-        c_.filter(denoise::makeFeaturesNode(width_, height_, c_.view().viewSamples, part.lobe), {c_.gbuffer(), c_.surface()}, withLobe("features", part.lobe));
+    const NodeId features = planFeatures(part.lobe);
     std::vector<NodeId> inputs{features, all};
     // The first half goes first, and the whole goes on from it.
     if (samples_ > 1) inputs.insert(inputs.begin() + 1, planFirst(c_, part.light, all, any_ ? c_.passes() + 1 : half_));
@@ -189,6 +193,15 @@ class DenoisePlan {
   }
 
  private:
+  /// Of what the camera sees; through a lens, without the noise of it.
+  NodeId planFeatures(LobePart lobe) {
+    const NodeId seen = c_.filter(denoise::makeFeaturesNode(width_, height_, c_.view().viewSamples, lobe), {c_.gbuffer(), c_.surface()}, withLobe("features", lobe));
+    if (!c_.view().camera.hasLens()) return seen;
+    const NodeId blur =
+        c_.filter(denoise::makeLensBlurNode(c_.view().camera, c_.view().filmHeight(), width_, height_, c_.view().viewSamples), {c_.gbuffer()}, "blur of the lens");
+    return c_.filter(denoise::makeLensFeaturesNode(width_, height_, lobe), {seen, blur}, withLobe("features", lobe) + " through the lens");
+  }
+
   /// How the part's light bends, as one more input of the halves.
   Status addCurvature(const NoisyPart& part, const std::string& label, std::vector<NodeId>& inputs) {
     std::vector<Contribution> bends = part.light;

@@ -194,6 +194,9 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     v1::RenderRequest r = smallRequest("cornell", width, height, 4);
     set(r, as);
     all.emplace_back(as, r);
+    if (!r.denoise().has_auto_()) continue;
+    for (const char* a : {"camera.lens_radius=0.3", "camera.focus_distance=2"}) set(r, a);
+    all.emplace_back("a lens", r);
   }
   for (const char* as : {"denoise.outliers=path_density", "denoise.outliers=trimmed", "denoise.outliers=median_of_means", "denoise.outliers=reweighting"}) {
     for (const char* white : {"0", "0.05"}) {

@@ -33,7 +33,7 @@ class DenoiseNode final : public Node {
     readFeatures(w, 0, all);
     w.over(1, all);
     for (const char* name : {"mean", "a", "b", "variance"}) w.reads<float>(1, name, {3});
-    for (const auto& [input, name] : {std::pair<size_t, const char*>{0, "even"}, {0, "alpha"}, {1, "curvature"}})  // where they are
+    for (const auto& [input, name] : {std::pair<size_t, const char*>{0, "even"}, {0, "alpha"}, {0, "blur"}, {1, "curvature"}})  // where they are
       if (input < in.size() && in[input].find(name)) w.reads<float>(input, name);
     TermShape out{"denoised", Domain::Pixel, all, {unsetPlane<float>("rgb", 3), unsetPlane<float>("a", 3), unsetPlane<float>("b", 3)}};
     return w.gives(std::move(out));

@@ -34,6 +34,7 @@ struct NoisyPicture {
   std::span<const float>
       curvature;  ///< mean over samples and channels of light times (footprint / z)^2, z: what it comes from is that far (trace/curvature_sums.h)
   std::span<const float> alpha;  ///< width of the lobe (GGX), 0 .. 1; empty: of all directions
+  std::span<const float> blur;   ///< radius in pixels of the disk that a lens makes of what the pixel shows (band_limit/lens_blur.h); empty: no lens
   size_t pixels() const { return size_t(width) * size_t(height); }
 };
 

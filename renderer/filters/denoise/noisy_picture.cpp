@@ -163,6 +163,7 @@ NoisyPicture noisyPicture(const Term& features, const Term& noisy, uint32_t samp
   const auto optional = [](const Term& t, const char* plane) { return t.hasPlane(plane) ? t.floats(plane) : std::span<const float>(); };
   p.even = optional(features, "even");
   p.alpha = optional(features, "alpha");
+  p.blur = optional(features, "blur");
   p.curvature = optional(noisy, "curvature");
   return p;
 }

@@ -16,7 +16,7 @@ inline float noise01(uint64_t seed, uint64_t i) { return toUnit(hash32(seed, i))
 /// A plane that faces the camera, a pixel 1 cm wide, with light 1; all may be changed.
 struct SpatialPicture {
   int width, height;
-  std::vector<float> mean, a, b, variance, albedo, normal, position, depth, footprint, coverage, even, curvature, alpha;  // the last one may be empty
+  std::vector<float> mean, a, b, variance, albedo, normal, position, depth, footprint, coverage, even, curvature, alpha, blur;  // the last two may be empty
   bool halves = true;
   SpatialPicture(int w, int h) : width(w), height(h) {
     const size_t n = size_t(w) * size_t(h);
@@ -37,6 +37,7 @@ struct SpatialPicture {
       position[3 * i + 1] = 0.01f * float(i / size_t(w));
     }
   }
+  size_t pixels() const { return size_t(width) * size_t(height); }
   size_t at(int x, int y) const { return size_t(y) * size_t(width) + size_t(x); }
   /// Halves with noise of `sigma` (standard deviation of the mean, relative to `truth`), uniform, apart in channels; `variance` is the true one.
   void light(uint64_t seed, float sigma, const std::function<float(int x, int y, int c)>& truth) {
@@ -54,7 +55,7 @@ struct SpatialPicture {
   }
   denoise::NoisyPicture view() const {
     return {width,  height,   mean,  halves ? a : mean, halves ? b : mean, variance, halves,    0.5f, albedo,
-            normal, position, depth, footprint,         coverage,          even,     curvature, alpha};
+            normal, position, depth, footprint,         coverage,          even,     curvature, alpha, blur};
   }
   /// Columns x0 .. x1 and rows y0 .. y1, ends not included.
   SpatialPicture part(int x0, int y0, int x1, int y1) const {
@@ -69,6 +70,7 @@ struct SpatialPicture {
     cut(position, p.position, 3), cut(depth, p.depth, 1), cut(footprint, p.footprint, 1), cut(coverage, p.coverage, 1);
     cut(even, p.even, 1), cut(curvature, p.curvature, 1);
     if (!alpha.empty()) p.alpha.assign(p.coverage.size(), 0.0f), cut(alpha, p.alpha, 1);
+    if (!blur.empty()) p.blur.assign(p.coverage.size(), 0.0f), cut(blur, p.blur, 1);
     return p;
   }
 };

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "filters/denoise/axis_aligned/line_means.h"
+#include "filters/denoise/plane_set.h"
 #include "formulas/axis_aligned_indirect.glsl.h"
 #include "formulas/formulas.h"
 
@@ -15,20 +16,6 @@ namespace gobo::denoise {
 namespace {
 
 constexpr float kCurvatureWidth = 8.0f;  // pixels
-
-/// Planes of a picture, apart.
-class PlaneSet {
- public:
-  PlaneSet(int channels, size_t pixels) : values_(std::make_unique_for_overwrite<float[]>(size_t(channels) * pixels)) {
-    for (int c = 0; c < channels; ++c) at_.push_back(values_.get() + size_t(c) * pixels);
-  }
-  float* const* data() const { return at_.data(); }
-  float* operator[](size_t c) const { return at_[c]; }
-
- private:
-  std::unique_ptr<float[]> values_;
-  std::vector<float*> at_;
-};
 
 class AxisAligned final : public Denoiser {
  public:
