@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // How often the test behind `gobo regress` (measure/change.h) is wrong: false alarms over pairs of renders that differ in their seeds alone, and changes of a
-// known size that it finds, with the seeds of the reference and with others. Renders are in parts of --spp samples; pairs of a scene share a pool of renders, so
-// that its runs are as many draws of pairs, not as many renders. RMSE: between the means of parts, of the first pair.
-// Arguments: --scenes NAME,NAME,... --size WxH --spp N (each part) --parts N --pool N (renders) --runs N (pairs) --changes N (pairs of each; 0: none)
+// known size that it finds, with the seeds of the reference and with others. Renders are in parts of --spp samples; pairs of a scene share a pool of renders,
+// so that its runs are as many draws of pairs, not as many renders. RMSE: between the means of parts, of the first pair. Arguments: --scenes NAME,NAME,...
+// --size WxH --spp N (each part) --parts N --pool N (renders) --runs N (pairs) --changes N (pairs of each; 0: none)
 //            --threads N --out FILE (.csv, .json, .md)
 #include <cstdio>
 #include <cstdlib>
@@ -37,7 +37,10 @@ std::shared_ptr<const Scene> sealed(Scene scene) {
 
 /// One light, one material and one object of the scene: the first lamp, the material of the object, an object that is neither lamp nor room.
 std::vector<Change> changesOf(const std::shared_ptr<const Scene>& scene, const std::string& name, int width) {
-  const std::string object = name == "cornell" ? "short" : name == "lights8" ? "small-block" : name == "atrium" ? "column-lower0" : scene->instances.back().name;
+  const std::string object = name == "cornell"   ? "short"
+                             : name == "lights8" ? "small-block"
+                             : name == "atrium"  ? "column-lower0"
+                                                 : scene->instances.back().name;
   const int at = scene->findInstance(object);
   if (at < 0) stop(notFound("no object \"" + object + "\" in " + name));
   const std::string light = scene->lights.front().name;
@@ -52,7 +55,7 @@ std::vector<Change> changesOf(const std::shared_ptr<const Scene>& scene, const s
   Scene robbed = *scene;
   robbed.instances.erase(robbed.instances.begin() + at);
   for (Light& l : robbed.lights)
-    if (l.shape.kind == LightKind::Mesh && l.shape.instance > at) --l.shape.instance;
+    if (l.shape.kind == LightKind::Mesh && int(l.shape.instance) > at) --l.shape.instance;
   out.push_back({"object '" + object + "' missing", "", sealed(std::move(robbed))});
   return out;
 }
@@ -129,7 +132,7 @@ int main(int argc, char** argv) {
     std::mt19937 random(1);
     Count reseeded;
     for (int i = 0; i < s.runs; ++i) {
-      const int a = int(random() % uint32_t(s.pool)), b = int((uint32_t(a) + 1 + random() % uint32_t(s.pool - 1)) % uint32_t(s.pool));
+      const int a = int(random() % uint64_t(s.pool)), b = int((uint64_t(a) + 1 + random() % uint64_t(s.pool - 1)) % uint64_t(s.pool));
       reseeded.add(figures(pool[size_t(a)], pool[size_t(b)]));
     }
     add("none", "others", reseeded, rmse(pool[0], pool[1]));

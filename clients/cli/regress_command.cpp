@@ -93,8 +93,8 @@ Result<Rendered> renderParts(Session& session, const RegressCase& c) {
 /// A reference that says nothing about this render: another size, or noise of another size.
 Status checkReference(const Suite& suite, const RegressCase& c, const Accepted& a, const RenderFacts& now) {
   const auto refuse = [&](const char* what, const std::string& is, const std::string& was) {
-    return invalidArgument(suite.file + ":" + std::to_string(c.line) + ": case \"" + c.name + "\": " + what + " = " + is + ", but the reference, accepted by " + a.by +
-                           " on " + a.when + ", is of " + was + ": accept one of this");
+    return invalidArgument(suite.file + ":" + std::to_string(c.line) + ": case \"" + c.name + "\": " + what + " = " + is + ", but the reference, accepted by " +
+                           a.by + " on " + a.when + ", is of " + was + ": accept one of this");
   };
   const RenderFacts& f = a.facts;
   const auto size = [](const RenderFacts& r) { return std::to_string(r.width) + "x" + std::to_string(r.height); };
@@ -110,9 +110,7 @@ Status writePng(const OutputFolder& out, const std::string& name, const char* ki
   return writeFileAtomic(out.picture(name, kind), bytes.data(), bytes.size());
 }
 
-std::string placeOf(const ChangeStatistic& s) {
-  return s.size == 0 ? s.name : s.name + strf(" at pixel %d, %d (%s)", s.x, s.y, s.channel.c_str());
-}
+std::string placeOf(const ChangeStatistic& s) { return s.size == 0 ? s.name : s.name + strf(" at pixel %d, %d (%s)", s.x, s.y, s.channel.c_str()); }
 
 void judge(const ChangeFigures& f, const RegressCase& c, CaseRecord& r) {
   r.excess = f.excess;
@@ -126,14 +124,15 @@ void judge(const ChangeFigures& f, const RegressCase& c, CaseRecord& r) {
   if (f.sameBits) r.status = CaseStatus::Same, r.message = "every bit as accepted";
   else if (f.changed) {
     r.status = CaseStatus::Changed;
-    r.message = strf("changed: %s is %.3g standard deviations above noise (more than %.0f); mean %+.3f %%, RMSE %.3g, of noise %.3g", r.strongest.c_str(), f.excess,
-                     kChangeExcess, f.meanReference != 0 ? 100 * (f.meanNow / f.meanReference - 1) : 0.0, r.rmse, f.noiseRmse);
+    r.message = strf("changed: %s is %.3g standard deviations above noise (more than %.0f); mean %+.3f %%, RMSE %.3g, of noise %.3g", r.strongest.c_str(),
+                     f.excess, kChangeExcess, f.meanReference != 0 ? 100 * (f.meanNow / f.meanReference - 1) : 0.0, r.rmse, f.noiseRmse);
   } else {
     r.status = CaseStatus::Noise;
     r.message = strf("other bits, no more than noise: RMSE %.3g, of noise %.3g", r.rmse, f.noiseRmse);
   }
   if (f.changed) return;
-  if (c.maxTime > 0 && times > c.maxTime) r.status = CaseStatus::Slower, r.message += strf("; %.2f times the reference's time, max_time = %g", times, c.maxTime);
+  if (c.maxTime > 0 && times > c.maxTime)
+    r.status = CaseStatus::Slower, r.message += strf("; %.2f times the reference's time, max_time = %g", times, c.maxTime);
   if (c.maxRays > 0 && rays > c.maxRays) r.status = CaseStatus::Slower, r.message += strf("; %.2f times the reference's rays, max_rays = %g", rays, c.maxRays);
 }
 
@@ -181,9 +180,9 @@ void printRun(const RunRecord& run) {
   std::vector<std::vector<std::string>> rows;
   const auto ratio = [](double a, double b) { return b > 0 ? strf("%.2f", a / b) : std::string("-"); };
   for (const CaseRecord& c : run.cases)
-    rows.push_back({c.name, statusName(c.status), strf("%.1f", c.excess), c.meanReference != 0 ? strf("%+.3f %%", 100 * (c.meanNow / c.meanReference - 1)) : "-",
-                    strf("%.3g", c.rmse), strf("%.3g", c.noiseRmse), strf("%.3g", c.flip), ratio(c.facts.ms, c.referenceMs),
-                    ratio(double(c.facts.rays), double(c.referenceRays)), escaped(c.message)});
+    rows.push_back({c.name, statusName(c.status), strf("%.1f", c.excess),
+                    c.meanReference != 0 ? strf("%+.3f %%", 100 * (c.meanNow / c.meanReference - 1)) : "-", strf("%.3g", c.rmse), strf("%.3g", c.noiseRmse),
+                    strf("%.3g", c.flip), ratio(c.facts.ms, c.referenceMs), ratio(double(c.facts.rays), double(c.referenceRays)), escaped(c.message)});
   printTable({"case", "status", "excess", "mean", "RMSE", "of noise", "FLIP", "time", "rays", "what"}, rows,
              {false, false, true, true, true, true, true, true, true, false});
 }

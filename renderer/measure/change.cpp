@@ -69,10 +69,10 @@ class Differences {
           const auto a = opponent(reference[k].rgb(x, y)), b = opponent(now[k].rgb(x, y));
           level[size_t(y) * width_ + x] += 0.5 * (std::fabs(a[0]) + std::fabs(b[0])) / parts_;
         }
-    level = smoothed(level, width_, height_);
+    const std::vector<double> around = smoothed(level, width_, height_);
     double mean = 0;
     for (const double v : level) mean += v / double(n);
-    for (double& v : level) v = std::max(v, 0.01 * mean) + 1e-30;
+    for (size_t i = 0; i < n; ++i) level[i] = std::max({level[i], around[i], 0.01 * mean}) + 1e-30;
     for (int c = 0; c < kChannels; ++c) {
       std::vector<float>& d = difference_[c];
       d.resize(n * parts_);
@@ -100,18 +100,21 @@ class Differences {
   int width() const { return width_; }
   int height() const { return height_; }
 
-  /// Cells of one pixel under these signs.
-  Cells cells(int channel, uint32_t signs) const {
+  /// Cells of one pixel under these signs: of the differences, or of what they are beside their mean over the parts.
+  Cells cells(int channel, uint32_t signs, bool centred) const {
     Cells out(width_, height_);
     std::array<float, kMostParts> sign{};
     for (int k = 0; k < parts_; ++k) sign[k] = signs >> k & 1 ? -1.0f : 1.0f;
     const float* d = difference_[channel].data();
     const double each = 1.0 / parts_, free = parts_ > 1 ? 1.0 / (parts_ * (parts_ - 1.0)) : 0.0;
+    double surplus = 0;
+    for (int k = 0; k < parts_; ++k) surplus += sign[k];
     for (size_t i = 0; i < out.sum.size(); ++i, d += parts_) {
-      float sum = 0;
-      for (int k = 0; k < parts_; ++k) sum += sign[k] * d[k];
+      float flipped = 0, plain = 0;
+      for (int k = 0; k < parts_; ++k) flipped += sign[k] * d[k], plain += d[k];
+      const double mean = centred ? plain * each : 0.0, sum = flipped - surplus * mean;
       out.sum[i] = sum * each;
-      out.variance[i] = std::max(0.0, power_[channel][i] - double(sum) * sum * each) * free;
+      out.variance[i] = std::max(0.0, power_[channel][i] - parts_ * mean * mean - sum * sum * each) * free;
       out.slack[i] = slack_[channel][i];
     }
     return out;
@@ -133,6 +136,8 @@ struct Largest {
 struct Outcome {
   std::vector<Largest> largest;
   std::vector<double> sums;
+  size_t size() const { return largest.size() + sums.size(); }
+  double at(size_t i) const { return i < largest.size() ? largest[i].t : sums[i - largest.size()]; }
 };
 
 constexpr int kSummedScales = 3;  // blocks of 1, 2 and 4: larger ones are too few for a sum to add anything
@@ -143,8 +148,8 @@ int scalesOf(int width, int height) {
   return scales;
 }
 
-/// Calls block(x, y, t) for blocks of this scale: 2 x 2 cells of half the side, a cell apart; at scale 0 the pixels with the variance of their neighbourhood, because
-/// that of one pixel alone, from so few parts, is often far too small.
+/// Calls block(x, y, t) for blocks of this scale: 2 x 2 cells of half the side, a cell apart; at scale 0 the pixels with the variance of their neighbourhood,
+/// because that of one pixel alone, from so few parts, is often far too small.
 template <typename Block>
 void forBlocks(const Cells& cells, int scale, const Block& block) {
   if (scale == 0) {
@@ -172,10 +177,10 @@ void forBlocks(const Cells& cells, int scale, const Block& block) {
 
 /// Calls at(scale, channel, cells) with the cells that forBlocks wants for each scale.
 template <typename At>
-void forScales(const Differences& d, uint32_t signs, const At& at) {
+void forScales(const Differences& d, uint32_t signs, bool centred, const At& at) {
   const int scales = scalesOf(d.width(), d.height());
   for (int c = 0; c < kChannels; ++c) {
-    Cells cells = d.cells(c, signs);
+    Cells cells = d.cells(c, signs, centred);
     at(0, c, cells);
     for (int s = 1; s < scales; ++s) {
       at(s, c, cells);
@@ -184,12 +189,12 @@ void forScales(const Differences& d, uint32_t signs, const At& at) {
   }
 }
 
-Outcome outcomeOf(const Differences& d, uint32_t signs, int parts) {
+Outcome outcomeOf(const Differences& d, uint32_t signs, bool centred, int parts) {
   Outcome out;
   out.largest.resize(size_t(scalesOf(d.width(), d.height())));
   out.sums.resize(kSummedScales);
   const double degrees = std::max(1, parts - 1);
-  forScales(d, signs, [&](int scale, int channel, const Cells& cells) {
+  forScales(d, signs, centred, [&](int scale, int channel, const Cells& cells) {
     const int cell = scale == 0 ? 1 : 1 << (scale - 1);
     Largest& best = out.largest[size_t(scale)];
     forBlocks(cells, scale, [&](int x, int y, double t) {
@@ -218,6 +223,12 @@ Spread spreadOf(const std::vector<double>& v) {
   for (const double x : v) s.deviation += (x - s.mean) * (x - s.mean) / double(v.size() - 1);
   s.deviation = std::sqrt(s.deviation);
   return s;
+}
+
+std::vector<double> valuesAt(const std::vector<Outcome>& outcomes, size_t statistic) {
+  std::vector<double> v;
+  for (const Outcome& o : outcomes) v.push_back(o.at(statistic));
+  return v;
 }
 
 std::string scaleName(int scale) { return "blocks of " + std::to_string(1 << scale); }
@@ -287,7 +298,7 @@ void addMeans(const std::vector<Image>& reference, const std::vector<Image>& now
 /// Every pixel: the largest excess of a block that it lies in.
 std::vector<float> excessMap(const Differences& d, const std::vector<ChangeStatistic>& statistics) {
   std::vector<float> map(size_t(d.width()) * d.height(), 0.0f);
-  forScales(d, 0, [&](int scale, int, const Cells& cells) {
+  forScales(d, 0, false, [&](int scale, int, const Cells& cells) {
     if (scale > 5) return;  // larger blocks do not say where
     const int cell = scale == 0 ? 1 : 1 << (scale - 1), side = 1 << scale;
     const ChangeStatistic& s = statistics[size_t(scale)];
@@ -328,39 +339,39 @@ Result<ChangeFigures> findChange(const std::vector<Image>& reference, const std:
   if (out.sameBits) return out;
   const int parts = int(now.size());
   const Differences d(reference, now, options.tolerance);
-  const Outcome observed = outcomeOf(d, 0, parts);
-  std::vector<Outcome> others;
+  const Outcome observed = outcomeOf(d, 0, false, parts);
+  std::vector<Outcome> others, noise;
   if (parts > 1)
-    for (const uint32_t signs : flips(parts)) others.push_back(outcomeOf(d, signs, parts));
-
-  // Without flips (one part, no noise) a block may be off by what is tolerated, and nothing else: t is in units of that.
-  const auto judge = [&](ChangeStatistic s, double least, const auto& of) {
-    Spread spread{0, 0};
-    bool beyondAll = true;
-    if (!others.empty()) {
-      std::vector<double> values;
-      for (const Outcome& o : others) values.push_back(of(o)), beyondAll &= s.observed > values.back();
-      spread = spreadOf(values);
+    for (const uint32_t signs : flips(parts)) others.push_back(outcomeOf(d, signs, false, parts)), noise.push_back(outcomeOf(d, signs, true, parts));
+  const size_t scales = observed.largest.size();
+  for (size_t i = 0; i < observed.size(); ++i) {
+    ChangeStatistic s;
+    s.name = i < scales ? scaleName(int(i)) : "all " + scaleName(int(i - scales));
+    if (i < scales) {
+      const Largest& l = observed.largest[i];
+      s.x = l.x, s.y = l.y, s.size = 1 << i, s.channel = kChannelNames[l.channel];
+    } else if (parts == 1) break;
+    s.observed = observed.at(i);
+    if (parts > 1) {
+      const Spread spread = spreadOf(valuesAt(noise, i));
+      // At least a normal deviate's: where the tolerance outweighs the noise, flips differ by less than the tolerance is worth.
+      s.expected = spread.mean;
+      s.spread = std::max(spread.deviation, i < scales ? 0.4 : 0.05 * std::sqrt(double(now[0].pixels())));
+    } else {
+      // No noise: a block may be off by what is tolerated, which is t = 1, and no more.
+      s.spread = 1 / kChangeExcess;
     }
-    s.expected = spread.mean;
-    s.spread = others.empty() ? 1.0 / kChangeExcess : std::max(spread.deviation, least);
     s.excess = (s.observed - s.expected) / s.spread;
-    if (!beyondAll) s.excess = std::min(s.excess, 0.0);
     out.statistics.push_back(std::move(s));
-  };
-  // The least spread is that of a normal deviate's: where the tolerance outweighs the noise, flips differ by less than the tolerance is worth.
-  for (size_t scale = 0; scale < observed.largest.size(); ++scale) {
-    const Largest& l = observed.largest[scale];
-    judge({scaleName(int(scale)), l.t, 0, 0, 0, l.x, l.y, 1 << scale, kChannelNames[l.channel]}, 0.4, [&](const Outcome& o) { return o.largest[scale].t; });
   }
-  if (parts > 1)
-    for (size_t scale = 0; scale < size_t(kSummedScales); ++scale)
-      judge({"all " + scaleName(int(scale)), observed.sums[scale], 0, 0, 0, 0, 0, 0, ""}, 0.05 * std::sqrt(double(now[0].pixels())),
-            [&](const Outcome& o) { return o.sums[scale]; });
   for (size_t i = 0; i < out.statistics.size(); ++i)
     if (out.strongest < 0 || out.statistics[i].excess > out.statistics[size_t(out.strongest)].excess) out.strongest = int(i);
   out.excess = out.statistics[size_t(out.strongest)].excess;
-  out.changed = out.excess > kChangeExcess;
+  // What is seen must stand out further, in whichever statistic does most, than every flip of it: by noise of any kind one time in 128.
+  bool beyond = true;
+  for (const Outcome& o : others)
+    for (size_t i = 0; i < out.statistics.size(); ++i) beyond &= (o.at(i) - out.statistics[i].expected) / out.statistics[i].spread < out.excess;
+  out.changed = beyond && out.excess > kChangeExcess;
   constexpr double kEuler = 0.5772156649, kSlope = 1.2825498302;  // of Gumbel's distribution with mean 0 and variance 1
   out.chance = parts == 1 ? (out.changed ? 0.0 : 1.0) : std::min(1.0, double(out.statistics.size()) * -std::expm1(-std::exp(-kSlope * out.excess - kEuler)));
   out.map = excessMap(d, out.statistics);

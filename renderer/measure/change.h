@@ -24,20 +24,20 @@ struct ChangeOptions {
 
 /// One statistic, as it is and over the flips.
 struct ChangeStatistic {
-  std::string name;                  ///< "blocks of 4", "all pixels of blocks of 1"
-  double observed = 0;               ///< largest |t| of any block and channel; or the sum of log(1 + t^2 / (K - 1))
-  double expected = 0, spread = 0;   ///< mean and standard deviation over the flips
-  double excess = 0;                 ///< (observed - expected) / spread
-  int x = 0, y = 0, size = 0;        ///< where: pixels; size 0: everywhere
-  std::string channel;               ///< "luminance", "red - green", "blue - green"; empty: all
+  std::string name;                 ///< "blocks of 4", "all pixels of blocks of 1"
+  double observed = 0;              ///< largest |t| of any block and channel; or the sum of log(1 + t^2 / (K - 1))
+  double expected = 0, spread = 0;  ///< mean and standard deviation over flips of what the differences are beside their mean: of noise alone
+  double excess = 0;                ///< (observed - expected) / spread
+  int x = 0, y = 0, size = 0;       ///< where: pixels; size 0: everywhere
+  std::string channel;              ///< "luminance", "red - green", "blue - green"; empty: all
 };
 
 struct ChangeFigures {
   bool sameBits = false;
   bool changed = false;
-  double excess = 0;                   ///< of the strongest statistic
-  double chance = 1;                   ///< Gumbel's tail at it, times the number of statistics: of another seed going as far. At most 1
-  int strongest = -1;                  ///< index in `statistics`; -1: none
+  double excess = 0;   ///< of the strongest statistic
+  double chance = 1;   ///< Gumbel's tail at it, times the number of statistics: of another seed going as far. At most 1
+  int strongest = -1;  ///< index in `statistics`; -1: none
   std::vector<ChangeStatistic> statistics;
   double meanReference = 0, meanNow = 0;  ///< (R + G + B) / 3 over all pixels
   double meanStandardError = 0;           ///< of their difference, from the parts; 0 with one part
@@ -45,8 +45,8 @@ struct ChangeFigures {
   std::vector<float> map;                 ///< a value a pixel: largest excess of a block around it, at least 0. Empty where bits are the same
 };
 
-/// Errors: InvalidArgument: sizes or numbers of parts that differ, fewer parts than kFewestParts but not one, a value that is not finite (which part and pixel).
-/// O(128 * parts * pixels).
+/// Errors: InvalidArgument: sizes or numbers of parts that differ, fewer parts than kFewestParts but not one, a value that is not finite (which part and
+/// pixel). O(128 * parts * pixels).
 Result<ChangeFigures> findChange(const std::vector<Image>& reference, const std::vector<Image>& now, const ChangeOptions& options = {});
 
 /// The mean of parts of one size (CHECKed).

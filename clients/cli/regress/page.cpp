@@ -55,7 +55,8 @@ std::string curve(const std::string& title, const std::vector<double>& values) {
   }
   return strf("<figure style=\"display:inline-block;margin-right:1em\"><figcaption>%s: %s to %s, last %s</figcaption>", title.c_str(), number(*low).c_str(),
               number(*high).c_str(), number(values.back()).c_str()) +
-         strf("<svg width=\"%.0f\" height=\"%.0f\"><polyline fill=\"none\" stroke=\"#0969da\" points=\"", width, height) + points + "\"/>" + dots + "</svg></figure>";
+         strf("<svg width=\"%.0f\" height=\"%.0f\"><polyline fill=\"none\" stroke=\"#0969da\" points=\"", width, height) + points + "\"/>" + dots +
+         "</svg></figure>";
 }
 
 std::string curves(const std::string& name, const std::vector<PastRun>& history) {
@@ -75,14 +76,18 @@ std::string section(const CaseRecord& c, const std::vector<PastRun>& history, co
                          statusName(c.status), statusName(c.status));
   out += "<p>" + markup(c.message) + "</p>\n";
   if (!p.reference.empty() && !p.now.empty()) {
-    out += "<p class=\"bar\"><button data-mode=\"reference\">reference</button><button data-mode=\"now\">this run</button><button data-mode=\"evidence\">evidence</button>"
-           "slider <input type=\"range\" min=\"0\" max=\"100\" value=\"50\"> <span class=\"label\"></span></p>\n";
-    out += "<div class=\"view\">" + picture("reference", p.reference) + picture("now", p.now) + picture("evidence", p.evidence.empty() ? p.now : p.evidence) + "</div>\n";
+    out +=
+        "<p class=\"bar\"><button data-mode=\"reference\">reference</button><button data-mode=\"now\">this run</button><button "
+        "data-mode=\"evidence\">evidence</button>"
+        "slider <input type=\"range\" min=\"0\" max=\"100\" value=\"50\"> <span class=\"label\"></span></p>\n";
+    out += "<div class=\"view\">" + picture("reference", p.reference) + picture("now", p.now) + picture("evidence", p.evidence.empty() ? p.now : p.evidence) +
+           "</div>\n";
   } else if (!p.now.empty()) {
     out += "<p>Nothing is accepted yet: this run.</p><div>" + picture("now", p.now) + "</div>\n";
   }
   if (!c.referenceDigest.empty())
-    out += "<p>Reference <code>" + markup(c.referenceDigest.substr(0, 16)) + "</code>, accepted by " + markup(c.by) + ", " + markup(c.when) + ": " + markup(c.why) + "</p>\n";
+    out += "<p>Reference <code>" + markup(c.referenceDigest.substr(0, 16)) + "</code>, accepted by " + markup(c.by) + ", " + markup(c.when) + ": " +
+           markup(c.why) + "</p>\n";
   if (!c.plan.empty()) {
     out += "<p>Plan:</p><ul>";
     for (const std::string& n : c.plan) out += "<li><code>" + markup(n) + "</code></li>";
@@ -101,7 +106,8 @@ std::string markup(const std::string& text) {
       case '>': out += "&gt;"; break;
       case '"': out += "&quot;"; break;
       case '\'': out += "&#39;"; break;
-      case '\n': case '\t': out += c; break;
+      case '\n':
+      case '\t': out += c; break;
       default: out += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
     }
   return out;
@@ -133,7 +139,9 @@ Image evidencePicture(const Image& displayed, const std::vector<float>& excess) 
       if (i < excess.size()) {
         const float e = excess[i] / float(kChangeExcess);
         if (e < 1) colour += Vec3(0, 0, 0.1f) * std::max(0.0f, e);
-        else colour = Vec3(0.25f, 0, 0) + Vec3(0.75f, 0.25f + 0.75f * std::min(1.0f, (e - 1) / 3), std::max(0.0f, std::min(1.0f, (e - 3)))) * std::min(1.0f, (e - 1) / 3);
+        else
+          colour = Vec3(0.25f, 0, 0) +
+                   Vec3(0.75f, 0.25f + 0.75f * std::min(1.0f, (e - 1) / 3), std::max(0.0f, std::min(1.0f, (e - 3)))) * std::min(1.0f, (e - 1) / 3);
       }
       for (int c = 0; c < 3; ++c) out.at(x, y)[c] = std::clamp(colour[c], 0.0f, 1.0f);
     }
@@ -142,16 +150,19 @@ Image evidencePicture(const Image& displayed, const std::vector<float>& excess) 
 
 std::string reportPage(const RunRecord& run, const std::vector<PastRun>& history, const std::function<CasePictures(const std::string&)>& pictures) {
   std::string out = "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>" + markup(run.suite) + "</title><style>" + kStyle + "</style>\n";
-  out += "<h1>" + markup(run.suite) + "</h1><p>" + markup(run.when) + ", build " + markup(run.build) + ", " + std::to_string(history.size()) + " runs so far</p>\n";
+  out += "<h1>" + markup(run.suite) + "</h1><p>" + markup(run.when) + ", build " + markup(run.build) + ", " + std::to_string(history.size()) +
+         " runs so far</p>\n";
   out += "<table><tr><th>case<th class=\"text\">status<th>excess<th>mean<th>RMSE<th>of noise<th>FLIP<th>ms<th>/ ref.<th>rays<th>/ ref.</tr>\n";
   for (const CaseRecord& c : run.cases) {
     const double shift = c.meanReference != 0 ? 100 * (c.meanNow / c.meanReference - 1) : 0;
-    out += strf("<tr><td><a href=\"#%s\">%s</a><td class=\"text %s\">%s", markup(c.name).c_str(), markup(c.name).c_str(), statusName(c.status), statusName(c.status));
+    out += strf("<tr><td><a href=\"#%s\">%s</a><td class=\"text %s\">%s", markup(c.name).c_str(), markup(c.name).c_str(), statusName(c.status),
+                statusName(c.status));
     out += strf("<td>%s<td>%+.3f %%<td>%s<td>%s<td>%s<td>%.0f<td>%s<td>%llu<td>%s</tr>\n", number(c.excess).c_str(), shift, number(c.rmse).c_str(),
                 number(c.noiseRmse).c_str(), number(c.flip).c_str(), c.facts.ms, ratio(c.facts.ms, c.referenceMs).c_str(),
                 static_cast<unsigned long long>(c.facts.rays), ratio(double(c.facts.rays), double(c.referenceRays)).c_str());
   }
-  out += strf("</table>\n<p>Excess: standard deviations of the strongest statistic above what the signs of the noise give; above %.0f is a change.</p>\n", kChangeExcess);
+  out += strf("</table>\n<p>Excess: standard deviations of the strongest statistic above what the signs of the noise give; above %.0f is a change.</p>\n",
+              kChangeExcess);
   for (const CaseRecord& c : run.cases) out += section(c, history, pictures(c.name));
   return out + "<script>" + kScript + "</script></html>\n";
 }

@@ -82,8 +82,8 @@ const char* statusName(CaseStatus status) {
 }
 
 std::string factsToJson(const RenderFacts& f) {
-  const Json j = {{"output", f.output}, {"width", f.width},     {"height", f.height},         {"spp", f.spp},     {"parts", f.parts}, {"seed", f.seed},
-                  {"rays", f.rays},     {"ms", f.ms},           {"scene_hash", f.sceneHash},  {"build", f.build}, {"nodes", f.nodes}, {"request", f.request}};
+  const Json j = {{"output", f.output}, {"width", f.width}, {"height", f.height},        {"spp", f.spp},     {"parts", f.parts}, {"seed", f.seed},
+                  {"rays", f.rays},     {"ms", f.ms},       {"scene_hash", f.sceneHash}, {"build", f.build}, {"nodes", f.nodes}, {"request", f.request}};
   return written(j, -1);
 }
 
@@ -165,13 +165,15 @@ std::string junitXml(const RunRecord& run) {
     seconds += c.facts.ms / 1000;
   }
   std::string out = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
-  out += strf("<testsuite name=\"%s\" tests=\"%zu\" failures=\"%d\" errors=\"%d\" time=\"%.3f\" timestamp=\"%s\">\n", markup(run.suite).c_str(), run.cases.size(),
-              failures, errors, seconds, markup(run.when).c_str());
+  out += strf("<testsuite name=\"%s\" tests=\"%zu\" failures=\"%d\" errors=\"%d\" time=\"%.3f\" timestamp=\"%s\">\n", markup(run.suite).c_str(),
+              run.cases.size(), failures, errors, seconds, markup(run.when).c_str());
   for (const CaseRecord& c : run.cases) {
     out += strf("  <testcase classname=\"%s\" name=\"%s\" time=\"%.3f\">", markup(run.suite).c_str(), markup(c.name).c_str(), c.facts.ms / 1000);
     const std::string message = markup(c.message);
-    if (c.status == CaseStatus::Changed || c.status == CaseStatus::Slower) out += "<failure type=\"" + std::string(statusName(c.status)) + "\" message=\"" + message + "\"/>";
-    if (c.status == CaseStatus::Failed || c.status == CaseStatus::Missing) out += "<error type=\"" + std::string(statusName(c.status)) + "\" message=\"" + message + "\"/>";
+    if (c.status == CaseStatus::Changed || c.status == CaseStatus::Slower)
+      out += "<failure type=\"" + std::string(statusName(c.status)) + "\" message=\"" + message + "\"/>";
+    if (c.status == CaseStatus::Failed || c.status == CaseStatus::Missing)
+      out += "<error type=\"" + std::string(statusName(c.status)) + "\" message=\"" + message + "\"/>";
     out += "</testcase>\n";
   }
   return out + "</testsuite>\n";

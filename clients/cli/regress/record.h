@@ -10,7 +10,8 @@
 
 namespace gobo::cli {
 
-/// Same: every bit. Noise: other bits, but no more than other seeds make. Changed. Slower: maxTime or maxRays. Missing: nothing is accepted yet. Failed: no verdict.
+/// Same: every bit. Noise: other bits, but no more than other seeds make. Changed. Slower: maxTime or maxRays. Missing: nothing is accepted yet. Failed: no
+/// verdict.
 enum class CaseStatus { Same, Noise, Changed, Slower, Missing, Failed };
 const char* statusName(CaseStatus status);
 

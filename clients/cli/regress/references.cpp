@@ -49,7 +49,9 @@ Status makeFolder(const fs::path& folder) {
 
 }  // namespace
 
-std::string References::objectPath(const std::string& digest) const { return (fs::path(folder_) / "objects" / digest.substr(0, 2) / (digest + ".exr")).string(); }
+std::string References::objectPath(const std::string& digest) const {
+  return (fs::path(folder_) / "objects" / digest.substr(0, 2) / (digest + ".exr")).string();
+}
 std::string References::logPath() const { return (fs::path(folder_) / "accepted.jsonl").string(); }
 
 Result<std::vector<Accepted>> References::log() const {
@@ -103,8 +105,8 @@ Status References::accept(Accepted entry, const std::vector<uint8_t>& bytes) {
     text.assign(before.begin(), before.end());
     if (!text.empty() && text.back() != '\n') text += '\n';
   }
-  const Json j = {{"case", entry.name}, {"digest", entry.digest}, {"by", entry.by}, {"why", entry.why}, {"when", entry.when},
-                  {"render", Json::parse(factsToJson(entry.facts))}};
+  const Json j = {{"case", entry.name}, {"digest", entry.digest}, {"by", entry.by},
+                  {"why", entry.why},   {"when", entry.when},     {"render", Json::parse(factsToJson(entry.facts))}};
   text += j.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
   return writeFileAtomic(logPath(), text.data(), text.size());
 }
@@ -114,7 +116,8 @@ Result<std::vector<Image>> References::parts(const Accepted& entry) const {
   std::error_code error;
   if (!fs::exists(path, error)) return notFound("the reference of case \"" + entry.name + "\" is not there: \"" + path + "\"");
   GOBO_ASSIGN(const std::vector<uint8_t> bytes, readFile(path));
-  if (sha256Hex(bytes.data(), bytes.size()) != entry.digest) return Status(Code::DataLoss, "the reference of case \"" + entry.name + "\" has other bytes than its name says", path);
+  if (sha256Hex(bytes.data(), bytes.size()) != entry.digest)
+    return Status(Code::DataLoss, "the reference of case \"" + entry.name + "\" has other bytes than its name says", path);
   return decodeParts(bytes, path, entry.facts.parts);
 }
 

@@ -92,8 +92,8 @@ class Reader {
     for (const auto& [key, node] : table_) {
       const std::string name(key.str());
       if (known_.count(name)) continue;
-      return invalidArgument(file_ + ":" + std::to_string(int(key.source().begin.line)) + ": " + what_ + ": unknown key \"" + escaped(name) + "\" = " + shown(node) +
-                             didYouMean(name, {known_.begin(), known_.end()}));
+      return invalidArgument(file_ + ":" + std::to_string(int(key.source().begin.line)) + ": " + what_ + ": unknown key \"" + escaped(name) +
+                             "\" = " + shown(node) + didYouMean(name, {known_.begin(), known_.end()}));
     }
     return {};
   }
@@ -147,8 +147,7 @@ Status readCase(Reader& r, const fs::path& folder, RegressCase& c) {
   c.request.mutable_halt()->set_spp(spp);
   GOBO_TRY(r.integer("seed", c.seed, 0, 1ll << 56));
   GOBO_TRY(r.integer("parts", c.parts, 1, kMostParts));
-  if (c.parts > 1 && int(c.parts) < kFewestParts)
-    return r.refuse("parts", strf("must be 1 (a picture without noise) or %d to %d", kFewestParts, kMostParts));
+  if (c.parts > 1 && int(c.parts) < kFewestParts) return r.refuse("parts", strf("must be 1 (a picture without noise) or %d to %d", kFewestParts, kMostParts));
   GOBO_TRY(r.number("tolerance", c.tolerance, 0, 1));
   GOBO_TRY(r.number("max_time", c.maxTime, 0, 1e6));
   GOBO_TRY(r.number("max_rays", c.maxRays, 0, 1e6));

@@ -15,13 +15,13 @@ namespace gobo::cli {
 /// One [[case]].
 struct RegressCase {
   std::string name;
-  std::string scene;                   ///< file (absolute), id or built-in name
-  v1::RenderRequest request;           ///< all but the scene and the seeds of parts; one output
-  uint64_t seed = 0;                   ///< the k-th part has the request's seed 16 * seed + k
-  uint32_t parts = 8;                  ///< renders with seeds of their own; 1: a picture without noise
-  double tolerance = 1e-4;             ///< ChangeOptions::tolerance
-  double maxTime = 0, maxRays = 0;     ///< times the reference's above which the case fails; 0: any
-  int line = 0;                        ///< in the file
+  std::string scene;                ///< file (absolute), id or built-in name
+  v1::RenderRequest request;        ///< all but the scene and the seeds of parts; one output
+  uint64_t seed = 0;                ///< the k-th part has the request's seed 16 * seed + k
+  uint32_t parts = 8;               ///< renders with seeds of their own; 1: a picture without noise
+  double tolerance = 1e-4;          ///< ChangeOptions::tolerance
+  double maxTime = 0, maxRays = 0;  ///< times the reference's above which the case fails; 0: any
+  int line = 0;                     ///< in the file
 };
 
 struct Suite {
