@@ -37,9 +37,10 @@ Cells coarser(const Cells& c) {
   return out;
 }
 
+/// t^2.
 double studentized(double sum, double variance, double slack) {
-  const double denominator = std::sqrt(std::max(variance, 0.0) + slack * slack);
-  return denominator > 0 ? std::min(std::fabs(sum) / denominator, 1e3) : 0.0;
+  const double denominator = variance + slack * slack;
+  return denominator > 0 ? std::min(sum * sum / denominator, 1e6) : 0.0;
 }
 
 /// Box mean over 3 x 3 pixels, fewer at borders.
@@ -148,7 +149,7 @@ int scalesOf(int width, int height) {
   return scales;
 }
 
-/// Calls block(x, y, t) for blocks of this scale: 2 x 2 cells of half the side, a cell apart; at scale 0 the pixels with the variance of their neighbourhood,
+/// Calls block(x, y, t^2) for blocks of this scale: 2 x 2 cells of half the side, a cell apart; at scale 0 the pixels with the variance of their neighbourhood,
 /// because that of one pixel alone, from so few parts, is often far too small.
 template <typename Block>
 void forBlocks(const Cells& cells, int scale, const Block& block) {
@@ -197,10 +198,12 @@ Outcome outcomeOf(const Differences& d, uint32_t signs, bool centred, int parts)
   forScales(d, signs, centred, [&](int scale, int channel, const Cells& cells) {
     const int cell = scale == 0 ? 1 : 1 << (scale - 1);
     Largest& best = out.largest[size_t(scale)];
-    forBlocks(cells, scale, [&](int x, int y, double t) {
-      if (t > best.t) best = {t, x * cell, y * cell, channel};
-      if (scale < kSummedScales) out.sums[size_t(scale)] += std::log1p(t * t / degrees);
+    double square = best.t * best.t, sum = 0;
+    forBlocks(cells, scale, [&](int x, int y, double t2) {
+      if (t2 > square) square = t2, best = {std::sqrt(t2), x * cell, y * cell, channel};
+      if (scale < kSummedScales) sum += std::log1p(t2 / degrees);
     });
+    if (scale < kSummedScales) out.sums[size_t(scale)] += sum;
   });
   return out;
 }
@@ -299,11 +302,11 @@ void addMeans(const std::vector<Image>& reference, const std::vector<Image>& now
 std::vector<float> excessMap(const Differences& d, const std::vector<ChangeStatistic>& statistics) {
   std::vector<float> map(size_t(d.width()) * d.height(), 0.0f);
   forScales(d, 0, false, [&](int scale, int, const Cells& cells) {
-    if (scale > 5) return;  // larger blocks do not say where
+    if (scale > 3) return;  // larger blocks do not say where
     const int cell = scale == 0 ? 1 : 1 << (scale - 1), side = 1 << scale;
     const ChangeStatistic& s = statistics[size_t(scale)];
-    forBlocks(cells, scale, [&](int x, int y, double t) {
-      const float excess = float((t - s.expected) / s.spread);
+    forBlocks(cells, scale, [&](int x, int y, double t2) {
+      const float excess = float((std::sqrt(t2) - s.expected) / s.spread);
       if (excess <= 0) return;
       for (int v = y * cell; v < std::min(d.height(), y * cell + side); ++v)
         for (int u = x * cell; u < std::min(d.width(), x * cell + side); ++u) {
@@ -340,9 +343,9 @@ Result<ChangeFigures> findChange(const std::vector<Image>& reference, const std:
   const int parts = int(now.size());
   const Differences d(reference, now, options.tolerance);
   const Outcome observed = outcomeOf(d, 0, false, parts);
-  std::vector<Outcome> others, noise;
-  if (parts > 1)
-    for (const uint32_t signs : flips(parts)) others.push_back(outcomeOf(d, signs, false, parts)), noise.push_back(outcomeOf(d, signs, true, parts));
+  std::vector<Outcome> noise;
+  const std::vector<uint32_t> all = parts > 1 ? flips(parts) : std::vector<uint32_t>();
+  for (const uint32_t signs : all) noise.push_back(outcomeOf(d, signs, true, parts));
   const size_t scales = observed.largest.size();
   for (size_t i = 0; i < observed.size(); ++i) {
     ChangeStatistic s;
@@ -368,10 +371,11 @@ Result<ChangeFigures> findChange(const std::vector<Image>& reference, const std:
     if (out.strongest < 0 || out.statistics[i].excess > out.statistics[size_t(out.strongest)].excess) out.strongest = int(i);
   out.excess = out.statistics[size_t(out.strongest)].excess;
   // What is seen must stand out further, in whichever statistic does most, than every flip of it: by noise of any kind one time in 128.
-  bool beyond = true;
-  for (const Outcome& o : others)
-    for (size_t i = 0; i < out.statistics.size(); ++i) beyond &= (o.at(i) - out.statistics[i].expected) / out.statistics[i].spread < out.excess;
-  out.changed = beyond && out.excess > kChangeExcess;
+  out.changed = out.excess > kChangeExcess;
+  for (size_t f = 0; out.changed && f < all.size(); ++f) {
+    const Outcome flip = outcomeOf(d, all[f], false, parts);
+    for (size_t i = 0; i < out.statistics.size(); ++i) out.changed &= (flip.at(i) - out.statistics[i].expected) / out.statistics[i].spread < out.excess;
+  }
   constexpr double kEuler = 0.5772156649, kSlope = 1.2825498302;  // of Gumbel's distribution with mean 0 and variance 1
   out.chance = parts == 1 ? (out.changed ? 0.0 : 1.0) : std::min(1.0, double(out.statistics.size()) * -std::expm1(-std::exp(-kSlope * out.excess - kEuler)));
   out.map = excessMap(d, out.statistics);

@@ -90,7 +90,7 @@ class Regress(unittest.TestCase):
         self.suite(BOX + 'max_rays = 0.5\n')
         self.assertIn("max_rays = 0.5", self.gobo("run", expect=1).stdout)
         self.assertEqual(self.statuses(), {"box": "slower"})
-        self.suite(BOX + 'set = ["denoise.wavelet={}"]\n')
+        self.suite(BOX + 'set = ["denoise=wavelet"]\n')
         self.gobo("run", expect=1)
         run = json.loads((self.folder / "s.out/run.json").read_text())
         self.assertIn("+ beauty by wavelet", run["cases"][0]["plan_difference"])

@@ -37,6 +37,8 @@ for(const s of document.querySelectorAll('section.case')){
 }
 )";
 
+constexpr double kMostShown = 100;  // times kChangeExcess: with the same seeds a change of 1 % stands that far above what is left of the noise
+
 std::string number(double v) { return std::isfinite(v) ? strf("%.3g", v) : "-"; }
 
 std::string ratio(double now, double before) { return before > 0 ? strf("%.2f", now / before) : "-"; }
@@ -139,9 +141,10 @@ Image evidencePicture(const Image& displayed, const std::vector<float>& excess) 
       if (i < excess.size()) {
         const float e = excess[i] / float(kChangeExcess);
         if (e < 1) colour += Vec3(0, 0, 0.1f) * std::max(0.0f, e);
-        else
-          colour = Vec3(0.25f, 0, 0) +
-                   Vec3(0.75f, 0.25f + 0.75f * std::min(1.0f, (e - 1) / 3), std::max(0.0f, std::min(1.0f, (e - 3)))) * std::min(1.0f, (e - 1) / 3);
+        else {
+          const float u = std::log(e) / std::log(float(kMostShown));
+          colour = Vec3(0.2f + 1.6f * u, 2 * u - 0.6f, 3 * u - 2);
+        }
       }
       for (int c = 0; c < 3; ++c) out.at(x, y)[c] = std::clamp(colour[c], 0.0f, 1.0f);
     }
