@@ -73,6 +73,7 @@ CommandLine::CommandLine() : app("client of the Gobo rendering server", "gobo") 
   addServer();
   addCache();
   addJobs();
+  addRegress();
   addTools();
 }
 
@@ -284,6 +285,26 @@ void CommandLine::addJobs() {
   value(*fetch, "--frames", fetch_.frames, "FIRST[-LAST[:STEP]],...", "such as 1,5,9-20:2; default all");
   value(*fetch, "--outputs", fetch_.outputs, "OUTPUTS", "default all");
   fetch->add_flag("--follow", fetch_.follow, "wait for frames that are not finished yet");
+}
+
+void CommandLine::addRegress() {
+  CLI::App* regress = command(app, "regress", "render a suite and hold it against accepted references", nullptr);
+  regress->require_subcommand(1);
+  const auto act = [&](const char* name, const char* help, RegressAct what) {
+    CLI::App* sub = command(*regress, name, help, [this, what] {
+      regress_.json = json;
+      return runRegress(session, what, regress_);
+    });
+    value(*sub, "suite", regress_.suite, "FILE", "suite, TOML (docs/regression.md)")->required();
+    value(*sub, "--out", regress_.out, "FOLDER", "of pictures and reports; default SUITE.out beside the suite");
+    return sub;
+  };
+  CLI::App* run = act("run", "render the cases and compare: exit 1 when one has changed, 3 when nothing is accepted for one", RegressAct::Run);
+  CLI::App* accept = act("accept", "take pictures of the last run for references", RegressAct::Accept);
+  act("report", "make the report of the last run again; exit code as of the run", RegressAct::Report);
+  for (CLI::App* sub : {run, accept}) value(*sub, "case", regress_.cases, "CASE", "names; default all (accept: all that changed or are new)");
+  value(*accept, "--by", regress_.by, "NAME", "who accepts")->required();
+  value(*accept, "--why", regress_.why, "TEXT", "why: goes into the references' log")->required();
 }
 
 void CommandLine::addTools() {

@@ -38,6 +38,7 @@ class CommandLine {
   void addCache();
   void addJobs();
   void addTools();
+  void addRegress();
 
   std::vector<std::pair<CLI::App*, std::function<int()>>> commands_;
   RenderCommand render_;
@@ -48,6 +49,7 @@ class CommandLine {
   OcclusionCommand occlusion_;
   EnvironmentCommand environment_;
   DemoCommand demo_;
+  RegressCommand regress_;
   ViewCommand view_;
   CacheCommand cache_;
   JobSubmitCommand submit_;

@@ -103,6 +103,15 @@ int runEnvironment(const EnvironmentCommand& command);
 /// The same by the published method.
 Status analysePublished(const EnvironmentCommand& command);
 
+enum class RegressAct { Run, Accept, Report };
+struct RegressCommand {
+  std::string suite, out;
+  std::vector<std::string> cases;  ///< empty: all
+  std::string by, why;             ///< of accept
+  bool json = false;
+};
+int runRegress(const SessionOptions& session, RegressAct act, const RegressCommand& command);
+
 struct DemoCommand {
   std::string scene, out;  ///< out: folder for EXR and PNG of every step
   RequestOptions request;

@@ -106,6 +106,11 @@ class Pages(unittest.TestCase):
         self.assertEqual(self.run_page("docs/live.md"), 1)
         self.assertTrue((self.folder / "live.png").read_bytes().startswith(b"\x89PNG"))
 
+    def test_regression_page(self):
+        self.assertEqual(self.run_page("docs/regression.md"), 1)
+        self.assertIn("data:image/png;base64,", (self.folder / "nightly.out/report.html").read_text(encoding="utf-8"))
+        self.assertEqual(len((self.folder / "references/accepted.jsonl").read_text(encoding="utf-8").splitlines()), 2)
+
     def test_readme(self):
         if self.run_page("README.md") == 0:
             self.skipTest("README.md has no block marked <!-- run -->")
