@@ -5,9 +5,11 @@
 // (x - a)(x - b) over pixels and channels, a and b the reference's halves: free of its noise. All at the same view samples. Each figure
 // is from an engine that has the scene and its acceleration structure but no term: G-buffer, surface and fit are in the lights' time.
 // The CPU clock, because cores may be shared.
+// With --exhaustive also every texel of the map by N x N directions each (techniques/transfer/exhaustive_light.h), which has no noise: a small map and picture.
+// The scene's own lights are off then and there is one view sample a pixel.
 // Arguments: --scene NAME --env FILE|sky --set assignments of the request, separated by spaces --technique ASSIGNMENT below `shadows.`
-//            --size WxH --lights N,N,... --extract-by WAY,WAY,... (also as many directional lights, environment.extract_by) --spp N,N,... --reference N (each
-//            half) --threads N --out PATH --pictures PREFIX (writes .exr)
+//            --size WxH --lights N,N,... --extract-by WAY,WAY,... (also as many directional lights, environment.extract_by) --spp N,N,... --exhaustive N,N,...
+//            --reference N (each half) --threads N --out PATH --pictures PREFIX (writes .exr)
 #include <sys/resource.h>
 
 #include <cmath>
@@ -17,8 +19,11 @@
 #include "base/image_io.h"
 #include "import/load.h"
 #include "measure/report.h"
+#include "nodes_by_hand.h"
 #include "plan/engine.h"
 #include "request/request.h"
+#include "techniques/transfer/exhaustive_light.h"
+#include "terms/gbuffer.h"
 
 using namespace gobo;
 
@@ -67,15 +72,56 @@ class Bench {
     run.image = result->images[0].image();
     for (const auto& n : result->reply.plan())
       if (n.node() == "area_lights" || n.node() == "extract_lights") run.fit = n.ms() * 1e-3;
-    if (!pictures_.empty()) {
-      const auto bytes = encodeExr(run.image);
-      if (!bytes.ok()) fail(bytes.status());
-      if (const Status s = writeFileAtomic(pictures_ + name + ".exr", bytes->data(), bytes->size()); !s.ok()) fail(s);
-    }
+    keep(run.image, name);
     return run;
   }
 
+  /// Lights of the scene that are not its map are taken out of the request.
+  void mapAlone() {
+    const ScenePtr scene = load();
+    for (const Light& light : scene->lights)
+      if (light.shape.kind != LightKind::Environment)
+        if (const Status s = setPath(request_, "lights." + light.name + ".enabled=false"); !s.ok()) fail(s);
+  }
+  Run exhaustive(const Environment& map, int across) const {
+    NodesByHand run(load(), threads_);
+    GBufferSettings view;
+    view.camera = run.scene().cameras[0];
+    view.width = int(request_.width());
+    view.height = int(request_.height());
+    view.viewSamples = 1;
+    const AccelPtr accel = run.accel();
+    const double start = cpu();
+    const auto sky = transfer::ExhaustiveSky::of(map, across);
+    if (!sky.ok()) fail(sky.status());
+    const TermPtr g = run(makeGBufferNode(view), {});
+    auto picture = transfer::exhaustivePicture(*sky, run.view(transfer::kExhaustiveFacets), accel, *g, view.camera, run.arena());
+    Run out;
+    out.image = std::move(picture.diffuse);
+    for (size_t i = 0; i < out.image.data.size(); ++i) out.image.data[i] += picture.specular.data[i];
+    out.seconds = cpu() - start;
+    keep(out.image, "exhaustive_" + std::to_string(across));
+    return out;
+  }
+
  private:
+  ScenePtr load() const {
+    EngineOptions options;
+    options.loader = inProcessLoader();
+    options.threads = threads_;
+    options.anyPath = true;
+    auto engine = Engine::create(options);
+    if (!engine.ok()) fail(engine.status());
+    auto scene = (*engine)->loadScene(request_.scene(), true);
+    if (!scene.ok()) fail(scene.status());
+    return *scene;
+  }
+  void keep(const Image& image, const std::string& name) const {
+    if (pictures_.empty()) return;
+    const auto bytes = encodeExr(image);
+    if (!bytes.ok()) fail(bytes.status());
+    if (const Status s = writeFileAtomic(pictures_ + name + ".exr", bytes->data(), bytes->size()); !s.ok()) fail(s);
+  }
   v1::RenderRequest request_;
   int threads_;
   std::string pictures_;
@@ -106,7 +152,17 @@ int main(int argc, char** argv) {
     if (const Status s = setPath(request, e); !s.ok()) fail(s);
   for (const std::string& e : partsOf(argumentOr(argc, argv, "--set", ""), ' '))
     if (const Status s = setPath(request, e); !s.ok()) fail(s);
-  const Bench bench(request, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), argumentOr(argc, argv, "--pictures", ""));
+  const std::vector<std::string> exhaustive = partsOf(argumentOr(argc, argv, "--exhaustive", ""), ',');
+  EnvironmentPtr map;
+  if (!exhaustive.empty()) {
+    if (environment == "sky") fail(invalidArgument("--exhaustive takes a map: --env FILE"));
+    auto loaded = loadEnvironment(environment);
+    if (!loaded.ok()) fail(loaded.status());
+    map = *loaded;
+    if (const Status s = setPath(request, "view_samples=1"); !s.ok()) fail(s);
+  }
+  Bench bench(request, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), argumentOr(argc, argv, "--pictures", ""));
+  if (map) bench.mapAlone();
 
   const Run a = bench.render({"shadows.path_traced=", "halt.spp=" + reference, "seed=1001"}, "reference_a");
   const Run b = bench.render({"shadows.path_traced=", "halt.spp=" + reference, "seed=1002"}, "reference_b");
@@ -122,6 +178,11 @@ int main(int argc, char** argv) {
     const double error = relativeError(r.image, a.image, b.image);
     secondsPerVariance = r.seconds * error * error;  // of the largest count, where what is done once weighs least
     table.add({std::string("path traced"), std::atof(spp.c_str()), error, r.seconds, 0.0, r.seconds, 1.0});
+  }
+  for (const std::string& n : exhaustive) {
+    const Run r = bench.exhaustive(*map, std::atoi(n.c_str()));
+    const double error = relativeError(r.image, a.image, b.image), traced = secondsPerVariance / (error * error);
+    table.add({std::string("exhaustive"), std::atof(n.c_str()), error, r.seconds, 0.0, traced, traced / r.seconds});
   }
   const std::string lights = argumentOr(argc, argv, "--lights", "10,20,30,45,60,100");
   for (const std::string& n : partsOf(lights, ',')) {

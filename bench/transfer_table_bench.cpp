@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Table 5.1 of the thesis of 2007 on hybrid environment light, in its format: mean and standard deviation of the absolute difference of luminance from a
 // path-traced reference, for harmonics alone, the hybrid as it was published (lights beside the harmonics of the whole map, hard shadows by rays) and ours
-// (environment.transfer, its lights by 16 rays). Direct diffuse light of a scene under each map alone; linear, and displayed by 1 - exp(-c x) with the c that
-// takes the reference's mean luminance to a half. Near the reference's shadow edges (where it changes by a third of itself within two pixels) and elsewhere
-// apart. Units: the reference's mean luminance (linear), the display's range (displayed). The reference's own noise is the first row of each map.
-// Maps: --env FILE,FILE,..., and five of known content: a sky of 1 with a lamp of 1 degree that is 500 to 200 000 times as bright, a softbox, 40 equal lamps,
-// and an overcast sky with a bright side. Arguments: --scene NAME --env FILES --size WxH --spp N (each half of the reference) --threads N --out PATH
+// (environment.transfer, its lights by 16 rays); with --blend also the published hybrid, and its residual form, with hard shadows blended by an occlusion
+// factor (techniques/transfer/published/occlusion_factor.h), by the hemisphere and towards each light. Direct diffuse light of a scene under each map alone;
+// linear, and displayed by 1 - exp(-c x) with the c that takes the reference's mean luminance to a half. Near the reference's shadow edges (where it changes by
+// a third of itself within two pixels) and elsewhere apart. Units: the reference's mean luminance (linear), the display's range (displayed). The reference's
+// own noise is the first row of each map. Maps: --env FILE,FILE,..., and five of known content: a sky of 1 with a lamp of 1 degree that is 500 to 200 000 times
+// as bright, a softbox, 40 equal lamps, and an overcast sky with a bright side. Arguments: --scene NAME --env FILES --size WxH --spp N (each half of the
+// reference) --threads N
+//            --blend --out PATH
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -14,11 +17,17 @@
 
 #include "import/load.h"
 #include "measure/report.h"
+#include "nodes_by_hand.h"
 #include "plan/engine.h"
 #include "request/request.h"
 #include "scene/edit.h"
 #include "techniques/transfer/environment_split.h"
+#include "techniques/transfer/nodes.h"
+#include "techniques/transfer/published/occlusion_factor.h"
 #include "techniques/transfer/published/published_split.h"
+#include "techniques/transfer/receiver_mesh.h"
+#include "terms/surface.h"
+#include "trace/bsdf.h"
 
 using namespace gobo;
 
@@ -77,9 +86,66 @@ std::vector<double> luminances(const Image& image) {
   return out;
 }
 
+/// Pictures of the published split by hand: no request renders it.
+class ByHand {
+ public:
+  ByHand(ScenePtr scene, int threads, int width, int height) : run_(std::move(scene), threads) {
+    GBufferSettings view;
+    view.camera = run_.scene().cameras[0];
+    view.width = width;
+    view.height = height;
+    view.viewSamples = 1;
+    g_ = run_(makeGBufferNode(view), {});
+    surface_ = run_(makeSurfaceNode(view), {g_});
+    transfer::TransferSettings s;
+    s.points = 30000;
+    s.bands = kBands;
+    s.size = uint32_t(transfer::receiverMesh(run_.view(transfer::ReceiverMesh::kFacets), s.points)->size());
+    const TermPtr points = run_(transfer::makeTransferPointsNode(s), {});
+    for (uint32_t b = 0; b < 16; ++b) direct_ = run_(transfer::makeDirectTransferNode(s, b), b == 0 ? std::vector{points} : std::vector{points, direct_});
+    places_ = run_(transfer::makeTransferPlacesNode(s, view), {g_, points});
+    reflect(view.camera);
+  }
+  std::vector<double> picture(const transfer::published::PublishedSplit& split, transfer::published::ShadowBlend blend) {
+    const auto light =
+        transfer::published::publishedIrradiance(split.used, split.lights, {*g_, *surface_, *places_, *direct_, kBands}, *run_.accel(), blend, run_.arena());
+    std::vector<double> out;
+    for (size_t i = 0; i < light.size(); ++i) out.push_back(transfer::luminanceOf(reflected_[i] * light[i]));
+    return out;
+  }
+  const TaskArena& arena() const { return run_.arena(); }
+
+ private:
+  static constexpr int kBands = 5;
+  /// What the diffuse lobe sends to the camera of irradiance: as transferred_surface.
+  void reflect(const Camera& camera) {
+    const auto instance = g_->plane<uint32_t>("instance");
+    const auto flags = surface_->plane<uint8_t>("flags");
+    const auto albedo = surface_->floats("albedo"), material = surface_->floats("material"), N = surface_->floats("N"), P = g_->floats("P");
+    reflected_.assign(instance.size(), DVec3(0.0));
+    for (size_t i = 0; i < instance.size(); ++i) {
+      if (instance[i] == kNoHit || (flags[i] & kSurfaceUnlit)) continue;
+      double share = double((1 - material[5 * i]) * (1 - material[5 * i + 4])) / std::numbers::pi;
+      if (material[5 * i + 2] > 0 && share > 0) {
+        BsdfParams b;
+        b.albedo = Vec3(1.0f);
+        b.roughness = material[5 * i + 1];
+        b.specular = material[5 * i + 2];
+        b.ior = material[5 * i + 3];
+        const Vec3 out = glm::normalize(Vec3(camera.toWorld[3]) - Vec3(P[3 * i], P[3 * i + 1], P[3 * i + 2]));
+        share *= double(bsdfLobeAlbedos(b, clamp01(glm::dot(Vec3(N[3 * i], N[3 * i + 1], N[3 * i + 2]), out))).diffuse.x);
+      }
+      reflected_[i] = share * DVec3(albedo[3 * i], albedo[3 * i + 1], albedo[3 * i + 2]);
+    }
+  }
+  NodesByHand run_;
+  TermPtr g_, surface_, places_, direct_;
+  std::vector<DVec3> reflected_;
+};
+
 class Bench {
  public:
-  Bench(const std::string& scene, int width, int height, int threads, int spp) : width_(width), height_(height), spp_(spp) {
+  Bench(const std::string& scene, int width, int height, int threads, int spp, bool blend) : width_(width), height_(height), spp_(spp) {
     EngineOptions options;
     options.loader = inProcessLoader();
     options.threads = threads;
@@ -93,6 +159,7 @@ class Bench {
     for (const std::string& e : {"scene=" + scene, "width=" + std::to_string(width), "height=" + std::to_string(height), std::string("outputs=direct_diffuse"),
                                  std::string("view_samples=1"), std::string("integrator.max_bounces=0"), std::string("integrator.at_view_samples=true")})
       edit(request_, e);
+    if (blend) hand_ = std::make_unique<ByHand>(scene_, threads, width, height);
   }
 
   void row(Table& table, const EnvironmentPtr& map) {
@@ -118,6 +185,16 @@ class Bench {
     for (size_t i = 0; i < lights.size(); ++i) published[i] += lights[i];
     add(table, map->name, "published hybrid", published);
     add(table, map->name, "ours", transferred(map, 16));
+    if (!hand_) return;
+    using transfer::published::Power, transfer::published::ShadowBlend;
+    for (const auto& [power, name] : {std::pair(Power::Published, "published"), std::pair(Power::Residual, "residual")}) {
+      transfer::published::PublishedSettings settings;
+      settings.power = power;
+      const auto split = transfer::published::publishedSplit(*map, settings, hand_->arena());
+      for (const auto& [how, text] : {std::pair(ShadowBlend::Hard, ", hard"), std::pair(ShadowBlend::Hemisphere, ", blended by the hemisphere"),
+                                      std::pair(ShadowBlend::Towards, ", blended towards the light")})
+        add(table, map->name, std::string(name) + text, hand_->picture(split, how));
+    }
   }
 
  private:
@@ -219,6 +296,7 @@ class Bench {
   }
 
   std::shared_ptr<Engine> engine_;
+  std::unique_ptr<ByHand> hand_;
   ScenePtr scene_;
   v1::RenderRequest request_;
   int width_, height_, spp_;
@@ -235,7 +313,9 @@ int main(int argc, char** argv) {
   const int spp = std::atoi(argumentOr(argc, argv, "--spp", "1024").c_str());
   if (width < 1 || height < 1 || spp < 1) fail(invalidArgument("--size and --spp must be positive"));
   const std::string scene = argumentOr(argc, argv, "--scene", "fence");
-  Bench bench(scene, width, height, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), spp);
+  bool blend = false;
+  for (int i = 1; i < argc; ++i) blend |= std::string(argv[i]) == "--blend";
+  Bench bench(scene, width, height, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), spp, blend);
   Table table("Absolute difference of luminance from the reference (Table 5.1)",
               {"map", "method", "mean", "deviation", "displayed mean", "deviation of it", "near edges", "elsewhere", "share of edges"});
   table.note("scene", scene);

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// All eigenvectors of a real symmetric matrix of a few hundred rows: Jacobi's rotations row by row until what is off the diagonal is below 1e-15 of the
+// matrix's norm (Golub & Van Loan, Matrix Computations, 8.5). In double, in one order. Pure; any thread. O(n^3) a sweep, some ten sweeps.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+namespace gobo::transfer {
+
+struct SymmetricEigen {
+  std::vector<double> values;   ///< n, largest first
+  std::vector<double> vectors;  ///< n x n: row k belongs to value k; orthonormal
+};
+
+/// `matrix`: n x n, symmetric, finite.
+SymmetricEigen symmetricEigen(std::vector<double> matrix, size_t n);
+
+}  // namespace gobo::transfer
