@@ -12,9 +12,7 @@ FORMULAS_BEGIN
 FORMULA float lensConfusion(float radius, float focus, float focal, float perDistance) { return radius * focal * absOf(1.0f / focus - perDistance); }
 
 /// Of a telecentric lens (orthographic cameras): `scale` pixels a metre, a point `distance` metres along the axis.
-FORMULA float lensConfusionTelecentric(float radius, float focus, float scale, float distance) {
-  return radius * scale * absOf(1.0f - distance / focus);
-}
+FORMULA float lensConfusionTelecentric(float radius, float focus, float scale, float distance) { return radius * scale * absOf(1.0f - distance / focus); }
 
 FORMULAS_END
 #endif

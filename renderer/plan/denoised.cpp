@@ -195,10 +195,11 @@ class DenoisePlan {
  private:
   /// Of what the camera sees; through a lens, without the noise of it.
   NodeId planFeatures(LobePart lobe) {
-    const NodeId seen = c_.filter(denoise::makeFeaturesNode(width_, height_, c_.view().viewSamples, lobe), {c_.gbuffer(), c_.surface()}, withLobe("features", lobe));
+    const NodeId seen =
+        c_.filter(denoise::makeFeaturesNode(width_, height_, c_.view().viewSamples, lobe), {c_.gbuffer(), c_.surface()}, withLobe("features", lobe));
     if (!c_.view().camera.hasLens()) return seen;
-    const NodeId blur =
-        c_.filter(denoise::makeLensBlurNode(c_.view().camera, c_.view().filmHeight(), width_, height_, c_.view().viewSamples), {c_.gbuffer()}, "blur of the lens");
+    const NodeId blur = c_.filter(denoise::makeLensBlurNode(c_.view().camera, c_.view().filmHeight(), width_, height_, c_.view().viewSamples), {c_.gbuffer()},
+                                  "blur of the lens");
     return c_.filter(denoise::makeLensFeaturesNode(width_, height_, lobe), {seen, blur}, withLobe("features", lobe) + " through the lens");
   }
 

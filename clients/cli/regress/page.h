@@ -16,8 +16,8 @@ namespace gobo::cli {
 std::string markup(const std::string& text);
 /// RFC 4648, padded.
 std::string base64(const std::vector<uint8_t>& bytes);
-/// Grey picture under colour where a block stands out: dark red at kChangeExcess, over orange to white at a hundred times that (logarithmic); below it dim blue.
-/// Display-referred linear RGB.
+/// Grey picture under colour where a block stands out: dark red at kChangeExcess, over orange to white at a hundred times that (logarithmic); below it dim
+/// blue. Display-referred linear RGB.
 Image evidencePicture(const Image& displayed, const std::vector<float>& excess);
 
 struct CasePictures {

@@ -110,7 +110,7 @@ TEST(ExhaustiveLight, AWallHidesItsFormFactor) {
 /// Dull and shining surfaces under one another, a tinted light, a map that is turned: a lamp of some texels over a coloured gradient.
 ScenePtr stageOf() {
   SceneMaker m;
-  const int grey = m.material(Vec3(0.6f)), shining = m.material(Vec3(0.8f, 0.3f, 0.2f), [](Material& x) {
+  const int grey = m.material(Vec3(0.6f)), shining = m.material(Vec3(0.8f, 0.3f, 0.2f), [](Material&x) {
     x.bsdf.specular = 1.0f;
     x.bsdf.roughness = 0.5f;
   });
@@ -122,7 +122,8 @@ ScenePtr stageOf() {
   m.instance(m.mesh(tests::ground(4.0f), grey));
   m.instance(m.mesh(tests::box(Vec3(-1, 0, -1), Vec3(0, 1.5f, 0)), shining));
   m.instance(m.mesh(tests::sphere(Vec3(0.8f, 0.6f, 0.5f), 0.6f, 24, true), metal));
-  m.instance(m.mesh(tests::quad(Vec3(0.2f, 0.02f, 1.6f), Vec3(0.8f, 0, 0), Vec3(0, 0, -0.6f)), m.material(Vec3(0.5f), [](Material& x) { x.bsdf.unlit = true; })));
+  m.instance(
+      m.mesh(tests::quad(Vec3(0.2f, 0.02f, 1.6f), Vec3(0.8f, 0, 0), Vec3(0, 0, -0.6f)), m.material(Vec3(0.5f), [](Material& x) { x.bsdf.unlit = true; })));
   auto map = std::make_shared<Environment>(*tests::mapOf(64, 32, [](int x, int y) {
     const bool lamp = x > 20 && x < 28 && y > 6 && y < 11;
     return Vec3(1.0f + 0.01f * float(x), 1.0f, 1.5f - 0.03f * float(y)) * (lamp ? 12.0f : 1.0f);
@@ -156,7 +157,8 @@ TEST(ExhaustiveLight, AgreesWithThePathTracer) {
     const ExhaustivePicture picture = exhaustive(*scene, *scene->environment, across, kWidth, kHeight, scene->lights[0].power);
     EXPECT_GT(picture.rays, 100000u);
     for (const int lobe : {0, 1}) {
-      const Image &own = lobe == 0 ? picture.diffuse : picture.specular, &a = halves[0].images[size_t(lobe)].image(), &b = halves[1].images[size_t(lobe)].image();
+      const Image &own = lobe == 0 ? picture.diffuse : picture.specular, &a = halves[0].images[size_t(lobe)].image(),
+                  &b = halves[1].images[size_t(lobe)].image();
       ASSERT_EQ(own.data.size(), a.data.size());
       double sum = 0, mean = 0, noise = 0, squares = 0;
       for (size_t i = 0; i < own.data.size(); ++i) {
@@ -168,8 +170,8 @@ TEST(ExhaustiveLight, AgreesWithThePathTracer) {
         noise += 0.25 * (p - q) * (p - q);
       }
       const double n = double(own.data.size()), error = std::sqrt(std::max(squares, 0.0) * n) / mean, uncertain = std::sqrt(noise) / mean;
-      std::printf("  %d x %d, %s: mean / traced %.5f +- %.5f, RMSE %.4f of the mean\n", across, across, lobe == 0 ? "diffuse" : "specular", sum / mean, uncertain,
-                  error);
+      std::printf("  %d x %d, %s: mean / traced %.5f +- %.5f, RMSE %.4f of the mean\n", across, across, lobe == 0 ? "diffuse" : "specular", sum / mean,
+                  uncertain, error);
       EXPECT_NEAR(sum / mean, 1.0, 3 * uncertain + (across == 1 ? 0.01 : 1e-3)) << across << " " << lobe;
       EXPECT_LT(error, across == 1 ? 0.06 : 0.015) << across << " " << lobe;
       EXPECT_LT(error, last[lobe]);  // more directions are nearer
@@ -180,7 +182,8 @@ TEST(ExhaustiveLight, AgreesWithThePathTracer) {
 
 TEST(ExhaustiveLight, HasTheSameBitsForAnyNumberOfThreads) {
   const ScenePtr scene = stageOf();
-  const ExhaustivePicture one = exhaustive(*scene, *scene->environment, 2, 20, 14, Vec3(1.0f), 1), two = exhaustive(*scene, *scene->environment, 2, 20, 14, Vec3(1.0f), 2);
+  const ExhaustivePicture one = exhaustive(*scene, *scene->environment, 2, 20, 14, Vec3(1.0f), 1),
+                          two = exhaustive(*scene, *scene->environment, 2, 20, 14, Vec3(1.0f), 2);
   EXPECT_EQ(one.rays, two.rays);
   EXPECT_EQ(std::memcmp(one.diffuse.data.data(), two.diffuse.data.data(), 4 * one.diffuse.data.size()), 0);
   EXPECT_EQ(std::memcmp(one.specular.data.data(), two.specular.data.data(), 4 * one.specular.data.size()), 0);

@@ -72,8 +72,7 @@ TEST(LensBlur, IsTheDiskOfConfusion) {
 TEST(LensBlur, OneSharpSampleIsEnoughAndSoIsOneNextToIt) {
   const auto blur = blurOf(lensCamera(0.05f, 2), 200, 9, 7, 4, [](int x, int y, int s) { return x == 4 && y == 3 && s == 2 ? 2.0f : kNothing; });
   for (int y = 0; y < 7; ++y)
-    for (int x = 0; x < 9; ++x)
-      EXPECT_NEAR(blur[size_t(9 * y + x)], std::abs(x - 4) <= 1 && std::abs(y - 3) <= 1 ? 0.0f : 7.5f, 1e-5f) << x << " " << y;
+    for (int x = 0; x < 9; ++x) EXPECT_NEAR(blur[size_t(9 * y + x)], std::abs(x - 4) <= 1 && std::abs(y - 3) <= 1 ? 0.0f : 7.5f, 1e-5f) << x << " " << y;
 }
 
 TEST(LensBlur, AtTheLensAndBehindItIsNoNumberLess) {

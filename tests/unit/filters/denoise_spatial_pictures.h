@@ -54,7 +54,7 @@ struct SpatialPicture {
         }
   }
   denoise::NoisyPicture view() const {
-    return {width,  height,   mean,  halves ? a : mean, halves ? b : mean, variance, halves,    0.5f, albedo,
+    return {width,  height,   mean,  halves ? a : mean, halves ? b : mean, variance, halves,    0.5f,  albedo,
             normal, position, depth, footprint,         coverage,          even,     curvature, alpha, blur};
   }
   /// Columns x0 .. x1 and rows y0 .. y1, ends not included.

@@ -59,8 +59,7 @@ ChangeFigures figures(const std::vector<Image>& a, const std::vector<Image>& b, 
 
 int falseAlarms(Noise kind, int runs) {
   int alarms = 0;
-  for (int i = 0; i < runs; ++i)
-    alarms += figures(noisy(scenery(), uint32_t(2 * i + 1), kind), noisy(scenery(), uint32_t(2 * i + 2), kind)).changed;
+  for (int i = 0; i < runs; ++i) alarms += figures(noisy(scenery(), uint32_t(2 * i + 1), kind), noisy(scenery(), uint32_t(2 * i + 2), kind)).changed;
   return alarms;
 }
 

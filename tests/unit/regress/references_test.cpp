@@ -60,7 +60,8 @@ TEST(References, WhatWasAcceptedComesBackBitByBit) {
   ASSERT_EQ(back->size(), 8u);
   for (size_t k = 0; k < 8; ++k) EXPECT_EQ((*back)[k].data, parts(0.5f)[k].data) << k;
   for (const auto& file : fs::recursive_directory_iterator(folder.path))  // nothing temporary stays
-    EXPECT_TRUE(file.is_directory() || file.path().extension() == ".exr" || file.path().extension() == ".jsonl" || file.path().filename() == ".lock") << file.path();
+    EXPECT_TRUE(file.is_directory() || file.path().extension() == ".exr" || file.path().extension() == ".jsonl" || file.path().filename() == ".lock")
+        << file.path();
 }
 
 TEST(References, DamageIsTold) {
@@ -140,7 +141,8 @@ TEST(Record, ExitCodes) {
 }
 
 TEST(Record, JUnit) {
-  const std::string xml = junitXml(run({CaseStatus::Same, CaseStatus::Noise, CaseStatus::Changed, CaseStatus::Slower, CaseStatus::Missing, CaseStatus::Failed}));
+  const std::string xml =
+      junitXml(run({CaseStatus::Same, CaseStatus::Noise, CaseStatus::Changed, CaseStatus::Slower, CaseStatus::Missing, CaseStatus::Failed}));
   EXPECT_NE(xml.find("<testsuite name=\"s&lt;1&gt;\" tests=\"6\" failures=\"2\" errors=\"2\""), std::string::npos) << xml;
   EXPECT_NE(xml.find("<failure type=\"changed\" message=\"a &amp; &quot;b&quot;\"/>"), std::string::npos) << xml;
   EXPECT_NE(xml.find("<error type=\"missing\""), std::string::npos);
@@ -150,8 +152,10 @@ TEST(Page, HoldsItsPicturesAndNothingThatRuns) {
   RunRecord r = run({CaseStatus::Changed, CaseStatus::Missing});
   r.cases[0].why = "<script>alert(1)</script>";
   r.cases[0].referenceDigest = std::string(64, 'a');
-  const std::string page = reportPage(r, {{"t1", "1", {{"case0", "same", 0, 0, 10, 5}}}, {"t2", "1", {{"case0", "changed", 7, 0.1, 20, 5}}}},
-                                      [](const std::string& name) { return name == "case0" ? CasePictures{{1, 2, 3}, {4, 5}, {6}} : CasePictures{{}, {4, 5}, {}}; });
+  const std::string page =
+      reportPage(r, {{"t1", "1", {{"case0", "same", 0, 0, 10, 5}}}, {"t2", "1", {{"case0", "changed", 7, 0.1, 20, 5}}}}, [](const std::string& name) {
+        return name == "case0" ? CasePictures{{1, 2, 3}, {4, 5}, {6}} : CasePictures{{}, {4, 5}, {}};
+      });
   for (const char* data : {"base64,AQID\"", "base64,BAU=\"", "base64,Bg==\""}) EXPECT_NE(page.find(data), std::string::npos) << data;
   EXPECT_EQ(page.find("<script>alert"), std::string::npos);
   EXPECT_NE(page.find("&lt;script&gt;alert"), std::string::npos);

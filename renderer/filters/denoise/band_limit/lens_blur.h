@@ -11,8 +11,9 @@ namespace gobo::denoise {
 /// Larger disks count as of this radius, in pixels: filters stay small.
 inline constexpr float kMostBlur = 24.0f;
 
-/// Input: G-buffer (P, depth). Output "lens_blur", plane blur f32: pixels, radius of the smallest disk of confusion (formulas/lens.glsl.h) of any view sample of
-/// the 3 x 3 pixels around: where something sharp is seen, or just beside, 0. At most kMostBlur. A camera with a lens, no panorama. height: of the whole picture.
+/// Input: G-buffer (P, depth). Output "lens_blur", plane blur f32: pixels, radius of the smallest disk of confusion (formulas/lens.glsl.h) of any view sample
+/// of the 3 x 3 pixels around: where something sharp is seen, or just beside, 0. At most kMostBlur. A camera with a lens, no panorama. height: of the whole
+/// picture.
 NodePtr makeLensBlurNode(const Camera& camera, int pictureHeight, int width, int height, int viewSamples);
 
 }  // namespace gobo::denoise

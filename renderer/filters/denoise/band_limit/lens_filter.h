@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light within the blur of a lens (band_limit/blurred_means.h): bias grows with the square of `share`, noise falls with it. Blind for light itself: what is out of
-// focus cannot be sharper than its disk. A pixel that shows something in focus keeps its light. Some 2 ns a pixel and tap of (2 bandRadius(share) + 1)^2.
+// Light within the blur of a lens (band_limit/blurred_means.h): bias grows with the square of `share`, noise falls with it. Blind for light itself: what is out
+// of focus cannot be sharper than its disk. A pixel that shows something in focus keeps its light. Some 2 ns a pixel and tap of (2 bandRadius(share) + 1)^2.
 #pragma once
 
 #include "filters/denoise/denoiser.h"
