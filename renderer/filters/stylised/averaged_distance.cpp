@@ -2,6 +2,7 @@
 #include "filters/stylised/averaged_distance.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace gobo {
@@ -12,9 +13,16 @@ constexpr double kNode[2] = {0.33998104358485626, 0.86113631159405258}, kWeight[
 
 /// Largest half length by distance of which the rule's relative error, 1.44e-7 p (p+1) ... (p+7) q^8, is 1e-10.
 double reachOf(int p) {
-  double product = 1.4397e-7;
-  for (int k = 0; k < 8; ++k) product *= double(p + k);
-  return std::pow(1e-10 / product, 0.125);
+  static const std::array<double, 65> table = [] {
+    std::array<double, 65> reach{};
+    for (size_t n = 0; n < reach.size(); ++n) {
+      double product = 1.4397e-7;
+      for (size_t k = 0; k < 8; ++k) product *= double(n + k);
+      reach[n] = n ? std::pow(1e-10 / product, 0.125) : 0.0;
+    }
+    return reach;
+  }();
+  return table[size_t(p)];
 }
 
 double inversePower(double r2, int p) {

@@ -10,6 +10,7 @@ namespace gobo {
 namespace {
 
 constexpr uint32_t kLeaf = 4, kPollAbove = 4096;
+constexpr double kFlat = 1e-2;    // spread of normals that counts as none at first
 constexpr double kSlack = 1e-6;  // of angles: the cones are rounded, the segments' own test decides at their edges
 
 /// Gauss rules on [-1, 1] by number of points, with the factor of their error: |rest| <= factor p (p+1) ... (p+2n-1) q^2n of length d^-p.
@@ -30,6 +31,13 @@ constexpr Rule kRules[3] = {
 DVec3 middle(const ContourSegment& s) { return 0.5 * (DVec3(s.a) + DVec3(s.b)); }
 double lengthOf(const ContourSegment& s) { return glm::length(DVec3(s.b) - DVec3(s.a)); }
 double angleBetween(const Vec3& a, const Vec3& b) { return std::acos(std::clamp(glm::dot(DVec3(a), DVec3(b)), -1.0, 1.0)); }
+
+double power(double x, int n) {
+  double result = 1;
+  for (; n > 0; n /= 2, x *= x)
+    if (n % 2) result *= x;
+  return result;
+}
 
 }  // namespace
 
@@ -70,6 +78,8 @@ Result<ContourTree> ContourTree::build(std::span<const ContourSegment> segments,
   tree.p_ = p;
   tree.angle_ = angle;
   tree.error_ = error;
+  tree.surely_ = angle > 2 * kFlat ? std::cos(angle - 2 * kFlat) : 2;
+  tree.hardly_ = angle + 2 * kFlat < M_PI ? std::cos(angle + 2 * kFlat) : -2;
   if (segments.empty()) return tree;
   tree.order_.resize(segments.size());
   std::iota(tree.order_.begin(), tree.order_.end(), 0u);
@@ -100,7 +110,13 @@ Result<ContourTree> ContourTree::build(std::span<const ContourSegment> segments,
 }
 
 ContourTree::Seen ContourTree::seenFrom(const Patch& patch, const Box& box) const {
-  const double between = angleBetween(patch.axis, box.axis), spread = patch.angle + box.angle;
+  const double spread = patch.angle + box.angle;
+  if (spread < kFlat) {  // flat receivers: without an arc cosine a piece
+    const double cosine = glm::dot(DVec3(patch.axis), DVec3(box.axis));
+    if (cosine >= surely_) return Seen::All;
+    if (cosine < hardly_) return Seen::None;
+  }
+  const double between = angleBetween(patch.axis, box.axis);
   if (between + spread <= angle_ - kSlack) return Seen::All;
   return between - spread > angle_ + kSlack ? Seen::None : Seen::Some;
 }
@@ -128,12 +144,12 @@ ContourTree::Bound ContourTree::least(const Patch& patch) const {
 double ContourTree::rest(double q) const {
   if (q >= 1) return HUGE_VAL;
   if (q < 1e-3) return double(p_) * (p_ + 1) * (p_ + 2) / 6 * q * q * q * 1.2;  // the difference below would be of rounding; 1.2: p <= 64
-  return std::pow(1 - q, -p_) - 1 - p_ * q - 0.5 * p_ * (p_ + 1) * q * q;
+  return 1 / power(1 - q, p_) - 1 - p_ * q - 0.5 * p_ * (p_ + 1) * q * q;
 }
 
 /// What a piece at distance d may be wrong by, in units of its length * d^-p.
 double ContourTree::allowed(const Bound& bound, double d) const {
-  return 0.5 * error_ * (1 + (bound.length > 0 ? bound.length / length_ * std::pow(d / bound.farthest, p_) : 0.0));
+  return 0.5 * error_ * (1 + (bound.length > 0 ? bound.length / length_ * power(d / bound.farthest, p_) : 0.0));
 }
 
 void ContourTree::gatherSegment(const Patch& patch, uint32_t segment, const Bound& bound, PatchSources& out) const {

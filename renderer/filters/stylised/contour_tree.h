@@ -75,7 +75,7 @@ class ContourTree {
   std::vector<uint32_t> order_;
   std::vector<Box> boxes_;
   int p_ = 8;
-  double angle_ = 0, error_ = 0, length_ = 0;
+  double angle_ = 0, error_ = 0, length_ = 0, surely_ = 2, hardly_ = -2;
 };
 
 }  // namespace gobo

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "filters/stylised/contour_tree.h"
 #include "filters/stylised/source_sums.h"
@@ -73,82 +74,89 @@ class StyleDistanceNode final : public Node {
     const bool complete = ctx.arena->parallelFor(
         size_t(across) * size_t(down), 4,
         [&](size_t begin, size_t end) {
-          PatchSources sources;
-          for (size_t k = begin; k < end; ++k) runPatch(in, tree, int(k % size_t(across)) * kSide, int(k / size_t(across)) * kSide, cosine, constant, sources, D);
+          Scratch scratch;
+          for (size_t k = begin; k < end; ++k) runPatch(in, tree, int(k % size_t(across)) * kSide, int(k / size_t(across)) * kSide, cosine, constant, scratch, D);
         },
         ctx.stop);
     if (!complete) return Status(Code::Cancelled, "style_distance: stopped");
     return {};
   }
 
-  void runPatch(const ContourInput& in, const ContourTree& tree, int x0, int y0, float cosine, double constant, PatchSources& sources, std::span<float> D) const {
-    PatchPoints points;
-    size_t at[kPatchPoints];
+  struct Scratch {
+    PatchSources found;
+    std::vector<PatchSource> sources;
+  };
+
+  void runPatch(const ContourInput& in, const ContourTree& tree, int x0, int y0, float cosine, double constant, Scratch& scratch, std::span<float> D) const {
+    DVec3 at[kPatchPoints];
+    size_t element[kPatchPoints], count = 0;
     DVec3 low(HUGE_VAL), high(-HUGE_VAL), normals(0.0);
     for (int y = y0; y < std::min(y0 + kSide, in.height); ++y)
       for (int x = x0; x < std::min(x0 + kSide, in.width); ++x) {
         const size_t e = size_t(y) * size_t(in.width) + size_t(x);
         D[e] = kStyleFar;
         if (!in.valid(e)) continue;
-        const DVec3 P(in.at(in.P, e));
-        low = glm::min(low, P);
-        high = glm::max(high, P);
+        at[count] = DVec3(in.at(in.P, e));
+        low = glm::min(low, at[count]);
+        high = glm::max(high, at[count]);
         normals += DVec3(in.at(in.N, e));
-        points.x[points.count] = P.x, points.y[points.count] = P.y, points.z[points.count] = P.z;
-        at[points.count++] = e;
+        element[count++] = e;
       }
-    if (points.count == 0) return;
-    for (size_t k = points.count; k < kPatchPoints; ++k) points.x[k] = points.x[0], points.y[k] = points.y[0], points.z[k] = points.z[0];
+    if (count == 0) return;
     Patch patch;
     patch.centre = 0.5 * (low + high);
     const double n = glm::length(normals);
-    patch.axis = n > 0 ? Vec3(normals / n) : in.at(in.N, at[0]);
-    for (size_t k = 0; k < points.count; ++k) {
-      patch.radius = std::max(patch.radius, glm::length(DVec3(points.x[k], points.y[k], points.z[k]) - patch.centre));
-      patch.angle = std::max(patch.angle, std::acos(std::clamp(double(glm::dot(patch.axis, in.at(in.N, at[k]))), -1.0, 1.0)));
+    patch.axis = n > 0 ? Vec3(normals / n) : in.at(in.N, element[0]);
+    for (size_t k = 0; k < count; ++k) {
+      patch.radius = std::max(patch.radius, glm::length(at[k] - patch.centre));
+      patch.angle = std::max(patch.angle, std::acos(std::clamp(double(glm::dot(patch.axis, in.at(in.N, element[k]))), -1.0, 1.0)));
     }
-    sources.clear();
-    tree.gather(patch, sources);
+    PatchSources& found = scratch.found;
+    found.clear();
+    tree.gather(patch, found);
+    const auto eachSegment = [&](size_t k, const auto& body) {
+      for (const uint32_t s : found.near) body(tree.segments()[s], false);
+      for (const uint32_t s : found.guarded)
+        if (glm::dot(tree.segments()[s].normal, in.at(in.N, element[k])) >= cosine) body(tree.segments()[s], true);
+    };
 
-    for (size_t k = 0; k < kPatchPoints; ++k) points.nearest2[k] = HUGE_VAL, points.sum[k] = 0;
-    nearestSources(sources.sources, points);
-    double length[kPatchPoints];
-    for (size_t k = 0; k < points.count; ++k) {
-      length[k] = sources.length;
-      eachSegment(in, tree, sources, points, k, at[k], cosine, [&](const DVec3& x, const ContourSegment& s, bool guarded) {
-        points.nearest2[k] = std::min(points.nearest2[k], squaredDistanceToSegment(x, DVec3(s.a), DVec3(s.b)));
+    double unit = HUGE_VAL;
+    for (const PatchSources::Source& s : found.sources) unit = std::min(unit, glm::length(s.at - patch.centre));
+    const bool far = !found.sources.empty();
+    if (!far) unit = 1;
+    PatchPoints points;
+    scratch.sources.clear();
+    for (const PatchSources::Source& s : found.sources) scratch.sources.push_back(patchSource(s, patch.centre, unit));
+    for (size_t k = 0; k < kPatchPoints; ++k) {
+      const DVec3 p = (at[std::min(k, count - 1)] - patch.centre) / unit;
+      points.x[k] = float(p.x), points.y[k] = float(p.y), points.z[k] = float(p.z);
+      points.nearest2[k] = std::numeric_limits<float>::max();
+      points.sum[k] = 0;
+    }
+    nearestSources(scratch.sources, points);
+    double nearest2[kPatchPoints], length[kPatchPoints];
+    for (size_t k = 0; k < count; ++k) {
+      nearest2[k] = far ? double(points.nearest2[k]) * unit * unit : HUGE_VAL;
+      length[k] = found.length;
+      eachSegment(k, [&](const ContourSegment& s, bool guarded) {
+        nearest2[k] = std::min(nearest2[k], squaredDistanceToSegment(at[k], DVec3(s.a), DVec3(s.b)));
         if (guarded) length[k] += glm::length(DVec3(s.b) - DVec3(s.a));
       });
+      // Far sources count for nothing beside a contour that is closer by more than float can say.
+      points.nearest2[k] = std::max(float(std::min(nearest2[k] / (unit * unit), 1e30)), std::numeric_limits<float>::min());
     }
-    // A point on the contour: what its sum would be says nothing, and D is 0.
-    bool on[kPatchPoints] = {};
-    for (size_t k = 0; k < kPatchPoints; ++k)
-      if (!(points.nearest2[k] > 0) || k >= points.count) on[k] = k < points.count, points.nearest2[k] = 1;
-    const bool any = !sources.sources.empty();
-    if (any) addSources(sources.sources, s_.power, points);
-    for (size_t k = 0; k < points.count; ++k) {
+    if (far) addSources(scratch.sources, s_.power, points);
+    for (size_t k = 0; k < count; ++k) {
       float d = kStyleFar;
-      if (on[k]) d = 0;
-      else if (std::isfinite(points.nearest2[k])) {
-        eachSegment(in, tree, sources, points, k, at[k], cosine, [&](const DVec3& x, const ContourSegment& s, bool) {
-          points.sum[k] += inversePowerIntegral(x, DVec3(s.a), DVec3(s.b), s_.power, points.nearest2[k]);
-        });
-        d = averaged(points.sum[k], length[k], points.nearest2[k], s_.power, s_.norm, constant);
+      if (!(nearest2[k] > 0)) d = 0;
+      else if (std::isfinite(nearest2[k])) {
+        double sum = far ? double(points.sum[k]) * unit : 0.0;
+        eachSegment(k, [&](const ContourSegment& s, bool) { sum += inversePowerIntegral(at[k], DVec3(s.a), DVec3(s.b), s_.power, nearest2[k]); });
+        d = averaged(sum, length[k], nearest2[k], s_.power, s_.norm, constant);
       }
       d = std::clamp(std::isfinite(d) ? d : kStyleFar, kLeastDistance, kStyleFar);
-      D[at[k]] = in.lit(at[k]) ? d : -d;
+      D[element[k]] = in.lit(element[k]) ? d : -d;
     }
-  }
-
-  template <typename Body>
-  static void eachSegment(const ContourInput& in, const ContourTree& tree, const PatchSources& sources, const PatchPoints& points, size_t k, size_t e, float cosine,
-                          const Body& body) {
-    const DVec3 x(points.x[k], points.y[k], points.z[k]);
-    for (const uint32_t s : sources.near) body(x, tree.segments()[s], false);
-    if (sources.guarded.empty()) return;
-    const Vec3 n = in.at(in.N, e);
-    for (const uint32_t s : sources.guarded)
-      if (glm::dot(tree.segments()[s].normal, n) >= cosine) body(x, tree.segments()[s], true);
   }
 
   StyleDistanceSettings s_;

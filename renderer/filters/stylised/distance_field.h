@@ -7,7 +7,8 @@
 // Output       term "style_distance", domain ViewSample, plane D f32 in scene units: never 0, so that its sign says what V does; +-1e30 where there is no contour to
 //              see, and +1e30 where nothing is hit.
 // Parameters   power 2 .. 64; norm; angle 0 .. pi.
-// Error        The sum within kFieldError (p - 1) of itself, so D within kFieldError; with PUBLISHED by (p - 1) / p better. Float at the end: 1e-6.
+// Error        The sum within kFieldError (p - 1) of itself, so D within kFieldError, by bounds that add up as if every piece were at its worst; what is seen is below 1e-4.
+//              Marching squares over hard visibility make oblique contours up to 8 % too long: that is 1.1 % of D at p = 8, and 8 % at p = 2.
 // Cost         Contour and tree by the layer, then some tens of sources a sample (filters/stylised/contour_tree.h): docs/intent.md has times. Two segments a square and
 //              their tree are the bound of what it holds, 350 bytes a sample; a contour of a few thousand segments is one of a few hundred kB.
 // Fails where  contours lie outside the picture or behind something (their distance is missing); normals bend: D jumps where a contour is at `angle`; `instance`s that
@@ -27,7 +28,7 @@ struct StyleDistanceSettings {
   StyleNorm norm = StyleNorm::Local;
   float angle = 0.78539816f;  ///< radians (45 degrees)
 };
-inline constexpr double kFieldError = 1e-4;  ///< of D
+inline constexpr double kFieldError = 2e-3;  ///< bound of the relative error of D; what is seen is a twentieth of it, and tests hold it to 1e-4
 
 NodePtr makeStyleDistanceNode(const StyleDistanceSettings& settings);
 
