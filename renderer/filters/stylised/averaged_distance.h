@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// L_p-averaged distance of one point to a contour of segments, term by term: the reference of the field (filters/stylised/distance_field.h), and its near field.
+// L_p-averaged distance of one point to a contour of segments, term by term: the reference of the field (filters/stylised/distance_field.h), and its near
+// field.
 //
-// Computes     A = sum over segments of  integral |x - y|^-p dy,  exactly (no points in a segment's place), with the segments whose normals are within `cosine`;
+// Computes     A = sum over segments of  integral |x - y|^-p dy,  exactly (no points in a segment's place), with the segments whose normals are within
+// `cosine`;
 //              LOCAL       D = (A / c_p)^(-1/(p-1)),  c_p = sqrt(pi) Gamma((p-1)/2) / Gamma(p/2): d at distance d from an infinite straight contour
 //              PUBLISHED   D = (A / L)^(-1/p),  L the segments' length: the power mean of equation 3.2, which grows with L; near a straight contour it is
 //                          (L/c_p)^(1/p) d^((p-1)/p)

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Contour of a hard shadow, in the world: marching squares over the centres of view samples.
 //
-// Computes     Of each square of four neighbouring samples whose visibility lies on both sides of 1/2 the segments that part them. Their ends lie on the receivers,
+// Computes     Of each square of four neighbouring samples whose visibility lies on both sides of 1/2 the segments that part them. Their ends lie on the
+// receivers,
 //              between two neighbours at the place where visibility, taken for linear, is 1/2: half way for hard visibility. Length is that in the world, so a
 //              diagonal is no staircase and stretches far from the eye count as long as they are. Where two shadowed samples face each other diagonally
 //              (V = 0 1 / 1 0) they are connected: thin shadows stay whole.
-// Cut          What ends a shadow in the picture and not on the surface is no contour: two neighbours must have hit the same instance, their normals differ by at
+// Cut          What ends a shadow in the picture and not on the surface is no contour: two neighbours must have hit the same instance, their normals differ by
+// at
 //              most `angle`, and each lie within one pixel's width (plane footprint) of the other's tangent plane. The last holds on a plane however
 //              grazing it is seen and fails at a step in depth; samples that hit nothing belong to no contour.
 // Inputs       One layer of a visibility term (1 or 3 channels: of three the largest counts, so that tinted light is light) and of a G-buffer.

@@ -10,7 +10,7 @@ namespace gobo {
 namespace {
 
 constexpr uint32_t kLeaf = 4, kPollAbove = 4096;
-constexpr double kFlat = 1e-2;    // spread of normals that counts as none at first
+constexpr double kFlat = 1e-2;   // spread of normals that counts as none at first
 constexpr double kSlack = 1e-6;  // of angles: the cones are rounded, the segments' own test decides at their edges
 
 /// Gauss rules on [-1, 1] by number of points, with the factor of their error: |rest| <= factor p (p+1) ... (p+2n-1) q^2n of length d^-p.
@@ -121,7 +121,8 @@ ContourTree::Seen ContourTree::seenFrom(const Patch& patch, const Box& box) cons
   return between - spread > angle_ + kSlack ? Seen::None : Seen::Some;
 }
 
-/// A lower bound of the patch's sums, length * farthest^-p of the piece that gives most: of those on the way down to the nearest, taken for as far as they can be.
+/// A lower bound of the patch's sums, length * farthest^-p of the piece that gives most: of those on the way down to the nearest, taken for as far as they can
+/// be.
 ContourTree::Bound ContourTree::least(const Patch& patch) const {
   Bound most;
   double best = -HUGE_VAL;  // logarithm: the power leaves the range of double

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the points of a small patch have to add up of a contour, within a stated error: far pieces of contour as one source each, near ones as they are.
 //
-// A piece of contour with length l, centroid c and farthest point R from it, seen from a distance d, is replaced by the expansion of the integrand about c to second order,
+// A piece of contour with length l, centroid c and farthest point R from it, seen from a distance d, is replaced by the expansion of the integrand about c to
+// second order,
 //              l r^-p (1 + p/2 ((p + 2) r^T M r / r^2 - tr M) / r^2),  r = x - c, M the piece's second moment by length, divided by l.
-// The rest is at most d^-p e(R/d), e(q) = (1 - q)^-p - 1 - p q - p (p + 1) q^2 / 2, by the generating function of Gegenbauer polynomials. A piece is taken whole where that is at most half
-// of `error` of its own d^-p, or of its share by length in a lower bound of the whole sum: what is many times as far as the nearest contour hardly counts (|x - y|^-8).
-// Segments that are too near for that become points of a Gauss rule whose own bound holds, or stay segments. `error` bounds the sum; D has 1/(p - 1) of it (LOCAL).
-// Guard        Pieces carry the cone of their normals. Where cones do not decide which of a piece's segments points of the patch see, each decides for itself.
-// Cost         Building: O(n log n), 170 bytes a node, about n/2 nodes. A patch: some hundreds of nodes visited, some tens of sources.
-// Determinism  Built by one thread; ties are broken by the segments' order.
+// The rest is at most d^-p e(R/d), e(q) = (1 - q)^-p - 1 - p q - p (p + 1) q^2 / 2, by the generating function of Gegenbauer polynomials. A piece is taken
+// whole where that is at most half of `error` of its own d^-p, or of its share by length in a lower bound of the whole sum: what is many times as far as the
+// nearest contour hardly counts (|x - y|^-8). Segments that are too near for that become points of a Gauss rule whose own bound holds, or stay segments.
+// `error` bounds the sum; D has 1/(p - 1) of it (LOCAL). Guard        Pieces carry the cone of their normals. Where cones do not decide which of a piece's
+// segments points of the patch see, each decides for itself. Cost         Building: O(n log n), 170 bytes a node, about n/2 nodes. A patch: some hundreds of
+// nodes visited, some tens of sources. Determinism  Built by one thread; ties are broken by the segments' order.
 #pragma once
 
 #include <array>

@@ -75,7 +75,8 @@ class StyleDistanceNode final : public Node {
         size_t(across) * size_t(down), 4,
         [&](size_t begin, size_t end) {
           Scratch scratch;
-          for (size_t k = begin; k < end; ++k) runPatch(in, tree, int(k % size_t(across)) * kSide, int(k / size_t(across)) * kSide, cosine, constant, scratch, D);
+          for (size_t k = begin; k < end; ++k)
+            runPatch(in, tree, int(k % size_t(across)) * kSide, int(k / size_t(across)) * kSide, cosine, constant, scratch, D);
         },
         ctx.stop);
     if (!complete) return Status(Code::Cancelled, "style_distance: stopped");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The loops of the averaged distance over one patch of at most 64 points: sums over its sources in units of each point's own nearest distance.
-// In float, about the patch's centre and in units of its nearest source: far and near scales of a scene do not meet in one number, and some hundred positive terms add up
-// to 1e-6.
+// In float, about the patch's centre and in units of its nearest source: far and near scales of a scene do not meet in one number, and some hundred positive
+// terms add up to 1e-6.
 #pragma once
 
 #include "filters/stylised/contour_tree.h"

@@ -137,7 +137,8 @@ TEST(AveragedDistance, ScalesWithTheWorld) {
     for (const int p : {2, 8, 64}) {
       const double one = distanceTo(circle(2, 256), Vec3(0.3f, 0.7f, 0), p, norm);
       for (const float scale : {1e-4f, 1e-2f, 1e3f, 1e6f})
-        EXPECT_NEAR(distanceTo(circle(2 * double(scale), 256), scale * Vec3(0.3f, 0.7f, 0), p, norm), one * double(scale), 1e-4 * one * double(scale)) << p << " " << scale;
+        EXPECT_NEAR(distanceTo(circle(2 * double(scale), 256), scale * Vec3(0.3f, 0.7f, 0), p, norm), one * double(scale), 1e-4 * one * double(scale))
+            << p << " " << scale;
     }
 }
 
