@@ -308,8 +308,8 @@ TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
   const Labels transfer{"style_transfer:spot", "direct:spot", "beauty"};
   const Labels blurred = transfer + Labels{"style_abstraction:spot"}, distance = blurred + Labels{"style_distance:spot"};
   const std::map<std::string, std::pair<std::string, Labels>> table{
-      {"inflation", {"0.1", transfer}},  {"softness", {"0.3", transfer}},        {"brightness", {"0.25", transfer}}, {"abstraction", {"0.2", blurred}},
-      {"power", {"4", distance}},        {"norm", {"PUBLISHED", distance}},      {"angle_deg", {"40", distance}},
+      {"inflation", {"0.1", transfer}}, {"softness", {"0.3", transfer}},   {"brightness", {"0.25", transfer}}, {"abstraction", {"0.2", blurred}},
+      {"power", {"4", distance}},       {"norm", {"PUBLISHED", distance}}, {"angle_deg", {"40", distance}},
   };
   const auto* d = v1::ShadowStyle::descriptor();
   for (int i = 0; i < d->field_count(); ++i) {

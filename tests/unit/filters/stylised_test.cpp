@@ -25,7 +25,9 @@ StyleDistanceSettings settings(const Extent& e, int power = 8, StyleNorm norm = 
   s.norm = norm;
   return s;
 }
-TermPtr field(const StyleDistanceSettings& s, const TermPtr& V, const TermPtr& g, int threads = 2) { return runFilter(makeStyleDistanceNode(s), {V, g}, threads); }
+TermPtr field(const StyleDistanceSettings& s, const TermPtr& V, const TermPtr& g, int threads = 2) {
+  return runFilter(makeStyleDistanceNode(s), {V, g}, threads);
+}
 TermPtr abstracted(const Extent& e, float sigma, const TermPtr& D, const TermPtr& g, int threads = 2) {
   return runFilter(makeStyleAbstractionNode({e, sigma, kPi / 4}), {D, g}, threads);
 }
@@ -84,8 +86,8 @@ double worst(const StyleDistanceSettings& s, const TermPtr& V, const TermPtr& g,
   double most = 0;
   for (size_t e = 0; e < s.extent.elements(); e += step) {
     if (g->plane<uint32_t>("instance")[e] == ~0u) continue;
-    const double expected = averagedDistanceTo(contour, Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]), Vec3(N[3 * e], N[3 * e + 1], N[3 * e + 2]), s.power, s.norm,
-                                               std::cos(s.angle));
+    const double expected =
+        averagedDistanceTo(contour, Vec3(P[3 * e], P[3 * e + 1], P[3 * e + 2]), Vec3(N[3 * e], N[3 * e + 1], N[3 * e + 2]), s.power, s.norm, std::cos(s.angle));
     most = std::max(most, std::abs(std::abs(double(got->floats("D")[e])) / expected - 1));
     EXPECT_EQ(got->floats("D")[e] > 0, V->floats("V")[e] >= 0.5f);
   }
@@ -96,7 +98,9 @@ double worst(const StyleDistanceSettings& s, const TermPtr& V, const TermPtr& g,
 TEST(StyleDistance, FieldIsTheSumTermByTerm) {
   const Extent e{97, 83, 1};
   const auto g = planeGBuffer(view(e));
-  const auto blobs = floatTerm(e, "V", [](int x, int y, int) { return std::sin(0.2f * float(x)) * std::cos(0.13f * float(y)) + 0.3f * std::sin(0.05f * float(x * y)) > 0.1f ? 1.0f : 0.0f; });
+  const auto blobs = floatTerm(e, "V", [](int x, int y, int) {
+    return std::sin(0.2f * float(x)) * std::cos(0.13f * float(y)) + 0.3f * std::sin(0.05f * float(x * y)) > 0.1f ? 1.0f : 0.0f;
+  });
   for (const StyleNorm norm : {StyleNorm::Local, StyleNorm::Published})
     for (const int p : {2, 3, 8, 9, 64}) {
       EXPECT_LT(worst(settings(e, p, norm), blobs, g), 1e-4) << p;
@@ -165,7 +169,8 @@ TEST(StyleDistance, WithoutAContourSignsAreAllThatThereIs) {
 TEST(StyleDistance, NothingIsFarAndHasNoContour) {
   const Extent e{12, 12, 1};
   auto g = planeGBuffer(view(e));
-  for (size_t i = 0; i < e.elements(); i += 3) g->writable<uint32_t>("instance")[i] = ~0u, g->writable<float>("depth")[i] = std::numeric_limits<float>::infinity();
+  for (size_t i = 0; i < e.elements(); i += 3)
+    g->writable<uint32_t>("instance")[i] = ~0u, g->writable<float>("depth")[i] = std::numeric_limits<float>::infinity();
   const auto D = field(settings(e), noiseTerm(e, "V", 3), g);
   for (size_t i = 0; i < e.elements(); ++i) {
     if (i % 3 == 0) ASSERT_EQ(D->floats("D")[i], kStyleFar);
@@ -303,7 +308,8 @@ TEST(StyleAbstraction, WidthIsOfTheWorld) {  // rows three pixels' widths apart:
     for (int x = 30; x < 90; ++x) ASSERT_NEAR(a->floats("D")[size_t(3 * y * 120 + x)], b->floats("D")[size_t(y * 120 + x)], 0.25f);
 }
 
-TEST(StyleAbstraction, WeightsAreOfAreas) {  // on a floor in perspective near rows are denser: without areas a slope would be drawn towards the eye by sigma^2 3/z
+TEST(StyleAbstraction,
+     WeightsAreOfAreas) {  // on a floor in perspective near rows are denser: without areas a slope would be drawn towards the eye by sigma^2 3/z
   auto g = floorGBuffer(96);
   const Extent e{96, 96, 1};
   const auto P = g->floats("P");
@@ -408,7 +414,8 @@ TEST(Stylised, TimeOfTheFieldAndOfAnEdit) {  // printed, not judged: docs/intent
   for (int k = 0; k < 3; ++k) best = std::min(best, ms([&] { D = field(settings(e), V, g); }));
   for (int k = 0; k < 5; ++k) edit = std::min(edit, ms([&] { S = transferred({0.1f * float(k), 0.2f, 0.1f}, {D}); }));
   blur = ms([&] { S = abstracted(e, 0.1f, D, g); });
-  std::cout << contourOf(*V, *g).size() << " segments at 1920 x 1080: field " << best << " ms, transfer " << edit << " ms, abstraction of 10 pixels " << blur << " ms of one core\n";
+  std::cout << contourOf(*V, *g).size() << " segments at 1920 x 1080: field " << best << " ms, transfer " << edit << " ms, abstraction of 10 pixels " << blur
+            << " ms of one core\n";
   EXPECT_EQ(S->extent().width, 1920);
 }
 
