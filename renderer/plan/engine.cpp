@@ -28,6 +28,7 @@
 #include "request/curves.h"
 #include "request/request.h"
 #include "request/shutter.h"
+#include "request/styles.h"
 #include "scene/studio.h"
 #include "trace/accel.h"
 #include "trace/sample_passes.h"
@@ -256,6 +257,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
   r.mutable_encoding();
   r.mutable_scheduling();
   if (!hasLamp(*scene)) r.mutable_environment();  // its `default` may light it
+  GOBO_TRY(resolveStyles(r));
   if (!r.has_shadows() || r.shadows().technique_case() == v1::ShadowTechnique::TECHNIQUE_NOT_SET) r.mutable_shadows()->mutable_path_traced();
   if (r.has_denoise() && r.denoise().filter_case() == v1::Denoise::FILTER_NOT_SET && !r.denoise().has_outliers()) r.mutable_denoise()->mutable_auto_();
   if (r.denoise().has_outliers() && r.denoise().outliers().method_case() == v1::OutlierRejection::METHOD_NOT_SET)

@@ -177,6 +177,11 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
   v1::RenderRequest table = withLamp(width, height, LightKind::Spot);
   for (const char* a : {"shadows.variance.bleeding_reduction=0.1", "shadows.map.resolution=32", "shadows.map.lookup=SUMMED_AREA"}) set(table, a);
   all.emplace_back("summed area", table);
+  for (const char* as : {"shadows.ray_traced.samples=4", "shadows.percentage_closer.taps=2"}) {
+    v1::RenderRequest r = withLamp(width, height, LightKind::Spot);
+    for (const char* b : {as, "shadows.map.resolution=32", "shadows.style.softness=0.2", "shadows.style.abstraction=0.1"}) set(r, b);
+    all.emplace_back(std::string("styled, ") + as, r);
+  }
   for (const char* as : {"environment.area_lights=6", "environment.extract_lights=6", "environment.transfer.points=300"}) {
     v1::RenderRequest r = smallRequest("cornell", width, height, 1);
     set(r, "environment.sky.turbidity=3");

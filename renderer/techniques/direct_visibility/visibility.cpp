@@ -6,6 +6,7 @@
 
 #include "filters/automatic/automatic.h"
 #include "filters/shadow_technique.h"
+#include "filters/stylised/style.h"
 #include "filters/tinted_visibility.h"
 
 namespace gobo {
@@ -92,10 +93,14 @@ Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, 
   in.place = c.view().place;
   in.seed = c.request().seed();
   in.clear = c.kinds().clear;
-  if (t.has_auto_()) return automatic(c, in, t);
-  const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
-  GOBO_CHECK(entry != nullptr);
-  return planned(c, *entry, in, t);
+  const auto plain = [&]() -> Result<NodeId> {
+    if (t.has_auto_()) return automatic(c, in, t);
+    const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
+    GOBO_CHECK(entry != nullptr);
+    return planned(c, *entry, in, t);
+  };
+  GOBO_ASSIGN(const NodeId v, plain());
+  return t.has_style() ? planStyle(c.graph(), in, v, t.style()) : v;
 }
 
 NodeId planUnoccluded(PlanContext& c, int light, const ScenePtr& scene, const Vec3& nominal, bool transient, LobePart lobe) {

@@ -304,6 +304,77 @@ TEST(Rerun, FilterParameters) {
   EXPECT_EQ(text(ran(mustRender(*engine, r))), "");
 }
 
+TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
+  const Labels transfer{"style_transfer:spot", "direct:spot", "beauty"};
+  const Labels blurred = transfer + Labels{"style_abstraction:spot"}, distance = blurred + Labels{"style_distance:spot"};
+  const std::map<std::string, std::pair<std::string, Labels>> table{
+      {"inflation", {"0.1", transfer}}, {"softness", {"0.3", transfer}},   {"brightness", {"0.25", transfer}}, {"abstraction", {"0.2", blurred}},
+      {"power", {"4", distance}},       {"norm", {"PUBLISHED", distance}}, {"angle_deg", {"40", distance}},
+  };
+  const auto* d = v1::ShadowStyle::descriptor();
+  for (int i = 0; i < d->field_count(); ++i) {
+    const auto row = table.find(std::string(d->field(i)->name()));
+    ASSERT_NE(row, table.end()) << d->field(i)->name() << " has no row";
+    const auto engine = makeEngine();
+    v1::RenderRequest r = baseRequest();
+    set(r, "lights.spot.shadow.style.abstraction=0.1");
+    set(r, "lights.spot.shadow.style.softness=0.2");
+    const Labels first = ran(mustRender(*engine, r));
+    EXPECT_TRUE(first.count("style_distance:spot") && first.count("visibility:spot"));
+    EXPECT_FALSE(first.count("style_distance:key"));
+    set(r, "lights.spot.shadow.style." + row->first + "=" + row->second.first);
+    EXPECT_EQ(text(ran(mustRender(*engine, r))), text(row->second.second)) << row->first;
+  }
+}
+
+TEST(Styles, StandForShadowRaysWhereNoTechniqueIsNamed) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
+  set(r, "shadows.style.softness=0.2");
+  const auto resolved = engine->resolve(r);
+  ASSERT_TRUE(resolved.ok()) << resolved.status().toString();
+  EXPECT_TRUE(resolved->shadows().has_ray_traced());
+  EXPECT_EQ(resolved->shadows().style().power(), 8u);
+  EXPECT_EQ(engine->resolve(*resolved)->SerializeAsString(), resolved->SerializeAsString());
+}
+
+TEST(Styles, OfALightHaveTheTechniqueOfAll) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
+  set(r, "lights.lamp.kind=SPOT");
+  set(r, "shadows.moment.moment_bias=0.0001");
+  set(r, "shadows.style.brightness=0.5");
+  set(r, "lights.lamp.shadow.style.softness=0.2");
+  const auto moment = engine->resolve(r);
+  ASSERT_TRUE(moment.ok()) << moment.status().toString();
+  const v1::ShadowTechnique& lamp = moment->lights().at("lamp").shadow();
+  EXPECT_EQ(lamp.moment().moment_bias(), 0.0001);
+  EXPECT_EQ(lamp.style().brightness(), 0) << "a light's style is its own";
+  r.clear_shadows();
+  EXPECT_TRUE(engine->resolve(r)->lights().at("lamp").shadow().has_ray_traced());
+}
+
+TEST(Styles, BadValuesAreRefusedByName) {
+  const auto engine = makeEngine();
+  for (const auto& [edits, field] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+           {{"shadows.style.softness=-1"}, "request.shadows.style.softness"},
+           {{"shadows.style.brightness=1.5"}, "request.shadows.style.brightness"},
+           {{"shadows.style.power=1"}, "request.shadows.style.power"},
+           {{"shadows.style.abstraction=-0.1"}, "request.shadows.style.abstraction"},
+           {{"shadows.style.angle_deg=200"}, "request.shadows.style.angle_deg"},
+           {{"shadows.path_traced={}", "shadows.style.softness=1"}, "request.shadows.style"},
+       }) {
+    v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
+    for (const std::string& e : edits)
+      if (e.ends_with("={}")) r.mutable_shadows()->mutable_path_traced();
+      else set(r, e);
+    const auto resolved = engine->resolve(r);
+    ASSERT_FALSE(resolved.ok()) << field;
+    EXPECT_EQ(resolved.status().code(), Code::InvalidArgument);
+    EXPECT_EQ(resolved.status().location(), field);
+  }
+}
+
 // Shadow maps: what a slider re-runs, by field of the message. `before` is set first; the edit is then the only change.
 struct ShadowRow {
   std::vector<std::string> before;

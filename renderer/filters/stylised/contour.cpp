@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "filters/stylised/contour.h"
+
+#include <array>
+
+namespace gobo {
+
+namespace {
+
+constexpr size_t kRows = 16;  // of a piece
+
+/// Sides of a square, numbered from its top clockwise; side k lies between corners k and k + 1. 4: none.
+struct SquareCase {
+  int count;
+  int sides[2][2];
+};
+/// By the bits of lit corners (top left, top right, bottom right, bottom left). 5 and 10 cut off each lit corner by itself, so that the shadow is connected.
+constexpr std::array<SquareCase, 16> kCases{{
+    {0, {{4, 4}, {4, 4}}},
+    {1, {{3, 0}, {4, 4}}},
+    {1, {{0, 1}, {4, 4}}},
+    {1, {{3, 1}, {4, 4}}},
+    {1, {{1, 2}, {4, 4}}},
+    {2, {{3, 0}, {1, 2}}},
+    {1, {{0, 2}, {4, 4}}},
+    {1, {{3, 2}, {4, 4}}},
+    {1, {{2, 3}, {4, 4}}},
+    {1, {{2, 0}, {4, 4}}},
+    {2, {{0, 1}, {2, 3}}},
+    {1, {{2, 1}, {4, 4}}},
+    {1, {{1, 3}, {4, 4}}},
+    {1, {{1, 0}, {4, 4}}},
+    {1, {{0, 3}, {4, 4}}},
+    {0, {{4, 4}, {4, 4}}},
+}};
+
+void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vector<ContourSegment>& out) {
+  const size_t w = size_t(in.width), top = size_t(y) * w + size_t(x);
+  const size_t corner[4] = {top, top + 1, top + w + 1, top + w};
+  int code = 0;
+  for (int k = 0; k < 4; ++k) code |= int(in.lit(corner[k])) << k;
+  const SquareCase& c = kCases[size_t(code)];
+  for (int s = 0; s < c.count; ++s) {
+    ContourSegment segment;
+    Vec3 normal(0.0f);
+    bool whole = true;
+    for (int k = 0; k < 2 && whole; ++k) {
+      const size_t e = corner[c.sides[s][k]], f = corner[(c.sides[s][k] + 1) % 4];
+      whole = onOneSurface(in, e, f, cosine);
+      const float from = in.visibility(e), to = in.visibility(f);
+      const Vec3 P = in.at(in.P, e);
+      (k == 0 ? segment.a : segment.b) = P + ((0.5f - from) / (to - from)) * (in.at(in.P, f) - P);
+      normal += in.at(in.N, e) + in.at(in.N, f);
+    }
+    const float length = glm::length(normal);
+    if (!whole || segment.a == segment.b || !(length > 0.0f)) continue;
+    segment.normal = normal / length;
+    out.push_back(segment);
+  }
+}
+
+}  // namespace
+
+bool onOneSurface(const ContourInput& in, size_t e, size_t f, float cosine) {
+  if (!in.valid(e) || in.instance[e] != in.instance[f] || glm::dot(in.at(in.N, e), in.at(in.N, f)) < cosine) return false;
+  const Vec3 step = in.at(in.P, f) - in.at(in.P, e);
+  const float width = std::max(in.footprint[e], in.footprint[f]);
+  return std::abs(glm::dot(step, in.at(in.Ng, e))) <= width && std::abs(glm::dot(step, in.at(in.Ng, f))) <= width;
+}
+
+Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop) {
+  std::vector<ContourSegment> all;
+  if (in.width < 2 || in.height < 2) return all;
+  const size_t rows = size_t(in.height) - 1, pieces = (rows + kRows - 1) / kRows;
+  std::vector<std::vector<ContourSegment>> found(pieces);
+  const bool complete = arena.parallelFor(
+      pieces, 1,
+      [&](size_t begin, size_t end) {
+        for (size_t piece = begin; piece < end; ++piece)
+          for (size_t y = piece * kRows; y < std::min((piece + 1) * kRows, rows); ++y)
+            for (int x = 0; x + 1 < in.width; ++x) extractSquare(in, x, int(y), cosine, found[piece]);
+      },
+      stop);
+  if (!complete) return Status(Code::Cancelled, "contour: stopped");
+  for (const std::vector<ContourSegment>& piece : found) all.insert(all.end(), piece.begin(), piece.end());
+  return all;
+}
+
+}  // namespace gobo
