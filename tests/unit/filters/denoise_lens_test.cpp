@@ -125,8 +125,11 @@ TEST(BandLimitedMeans, WhatIsSharpKeepsItsBitsAndGivesNothing) {
     for (int x = 0; x < 8; ++x) blur[size_t(y * width + x)] = 0.0f, from[size_t(y * width + x)] = 1000.0f + float(x * y);
   const auto to = means(blur, 0.25f, width, height, from);
   for (int i = 0; i < width * height; ++i) {
-    if (i % width < 8) ASSERT_EQ(to[size_t(i)], from[size_t(i)]);
-    else ASSERT_NEAR(to[size_t(i)], 1.0f, 1e-6f);
+    if (i % width < 8) {
+      ASSERT_EQ(to[size_t(i)], from[size_t(i)]);
+    } else {
+      ASSERT_NEAR(to[size_t(i)], 1.0f, 1e-6f);
+    }
   }
 }
 

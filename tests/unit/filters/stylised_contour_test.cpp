@@ -14,7 +14,7 @@ using namespace test;
 
 const float kCosine = std::cos(kPi / 4);
 
-std::vector<ContourSegment> contourOf(const Term& V, const Term& g, int threads = 2) {
+std::vector<ContourSegment> segmentsOf(const Term& V, const Term& g, int threads = 2) {
   ContourInput in;
   in.width = V.extent().width;
   in.height = V.extent().height;
@@ -45,7 +45,7 @@ PlaneView view(int width, int height) {
 TEST(StyleContour, AStraightEdgeLiesHalfWayAndHasItsLength) {
   const Extent e{20, 11, 1};
   const auto g = planeGBuffer(view(20, 11));
-  const auto contour = contourOf(*floatTerm(e, "V", [](int x, int, int) { return x < 8 ? 0.0f : 1.0f; }), *g);
+  const auto contour = segmentsOf(*floatTerm(e, "V", [](int x, int, int) { return x < 8 ? 0.0f : 1.0f; }), *g);
   ASSERT_EQ(contour.size(), 10u);
   for (const ContourSegment& s : contour) {
     EXPECT_FLOAT_EQ(s.a.x, 0.75f);
@@ -57,7 +57,7 @@ TEST(StyleContour, AStraightEdgeLiesHalfWayAndHasItsLength) {
 
 TEST(StyleContour, ADiagonalIsNoStaircase) {
   const Extent e{33, 33, 1};
-  const auto contour = contourOf(*floatTerm(e, "V", [](int x, int y, int) { return x < y ? 0.0f : 1.0f; }), *planeGBuffer(view(33, 33)));
+  const auto contour = segmentsOf(*floatTerm(e, "V", [](int x, int y, int) { return x < y ? 0.0f : 1.0f; }), *planeGBuffer(view(33, 33)));
   EXPECT_NEAR(lengthOf(contour), 0.1 * std::sqrt(2.0) * 31.5, 0.1);
 }
 
@@ -65,14 +65,14 @@ TEST(StyleContour, LengthIsOfTheWorld) {  // the plane is seen so that a pixel d
   PlaneView v = view(16, 16);
   v.dv = Vec3(0, 0, 0.3f);
   v.normal = Vec3(0, 1, 0);
-  const auto down = contourOf(*floatTerm({16, 16, 1}, "V", [](int x, int, int) { return x < 8 ? 0.0f : 1.0f; }), *planeGBuffer(v));
-  const auto across = contourOf(*floatTerm({16, 16, 1}, "V", [](int, int y, int) { return y < 8 ? 0.0f : 1.0f; }), *planeGBuffer(v));
+  const auto down = segmentsOf(*floatTerm({16, 16, 1}, "V", [](int x, int, int) { return x < 8 ? 0.0f : 1.0f; }), *planeGBuffer(v));
+  const auto across = segmentsOf(*floatTerm({16, 16, 1}, "V", [](int, int y, int) { return y < 8 ? 0.0f : 1.0f; }), *planeGBuffer(v));
   EXPECT_NEAR(lengthOf(down), 4.5, 1e-5);
   EXPECT_NEAR(lengthOf(across), 1.5, 1e-5);
 }
 
 TEST(StyleContour, ASoftEdgeLiesWhereHalfOfTheLightArrives) {
-  const auto contour = contourOf(*floatTerm({8, 4, 1}, "V", [](int x, int, int) { return x < 3 ? 0.0f : x == 3 ? 0.4f : 0.9f; }), *planeGBuffer(view(8, 4)));
+  const auto contour = segmentsOf(*floatTerm({8, 4, 1}, "V", [](int x, int, int) { return x < 3 ? 0.0f : x == 3 ? 0.4f : 0.9f; }), *planeGBuffer(view(8, 4)));
   ASSERT_EQ(contour.size(), 3u);
   for (const ContourSegment& s : contour) EXPECT_NEAR(s.a.x, 0.32f, 1e-6f);  // 3 + (0.5 - 0.4) / (0.9 - 0.4) pixels
 }
@@ -84,7 +84,7 @@ TEST(StyleContour, CutWhereThePictureEndsAShadowAndNotTheSurface) {
     auto g = planeGBuffer(view(16, 9));
     for (int y = 0; y < 9; ++y)
       for (int x = 8; x < 16; ++x) edit(*g, size_t(y * 16 + x));
-    return contourOf(*V, *g).size();
+    return segmentsOf(*V, *g).size();
   };
   EXPECT_EQ(edited([](Term&, size_t) {}), 8u);
   EXPECT_EQ(edited([](Term& g, size_t i) { g.writable<uint32_t>("instance")[i] = 1; }), 0u) << "another mesh";
@@ -98,13 +98,13 @@ TEST(StyleContour, AGrazingPlaneIsOneSurface) {
   PlaneView v = view(16, 16);
   v.dv = Vec3(0, 0, 40.0f);  // a pixel's width is 0.1
   v.normal = Vec3(0, 1, 0);
-  EXPECT_EQ(contourOf(*floatTerm({16, 16, 1}, "V", [](int, int y, int) { return y < 8 ? 0.0f : 1.0f; }), *planeGBuffer(v)).size(), 15u);
+  EXPECT_EQ(segmentsOf(*floatTerm({16, 16, 1}, "V", [](int, int y, int) { return y < 8 ? 0.0f : 1.0f; }), *planeGBuffer(v)).size(), 15u);
 }
 
 TEST(StyleContour, ShadowsThatTouchByCornersAreConnected) {
   for (const bool turned : {false, true}) {
     const auto V = floatTerm({2, 2, 1}, "V", [&](int x, int y, int) { return ((x + y) % 2 == 0) == turned ? 1.0f : 0.0f; });
-    const auto contour = contourOf(*V, *planeGBuffer(view(2, 2)));
+    const auto contour = segmentsOf(*V, *planeGBuffer(view(2, 2)));
     ASSERT_EQ(contour.size(), 2u);
     for (const ContourSegment& s : contour) {  // each cuts off a lit corner
       const Vec3 m = 0.5f * (s.a + s.b);
@@ -122,7 +122,7 @@ TEST(StyleContour, ShadowsThatTouchByCornersAreConnected) {
 TEST(StyleContour, AllSixteenSquaresPartLitFromShadow) {
   for (int code = 0; code < 16; ++code) {
     const auto V = floatTerm({2, 2, 1}, "V", [&](int x, int y, int) { return (code >> (2 * y + x)) & 1 ? 1.0f : 0.0f; });
-    const auto contour = contourOf(*V, *planeGBuffer(view(2, 2)));
+    const auto contour = segmentsOf(*V, *planeGBuffer(view(2, 2)));
     int sides = 0;
     for (const auto& [k, l] : {std::pair{0, 1}, {1, 3}, {3, 2}, {2, 0}}) sides += (code >> k & 1) != (code >> l & 1);
     EXPECT_EQ(contour.size(), size_t(sides / 2)) << code;
@@ -139,15 +139,15 @@ TEST(StyleContour, AllSixteenSquaresPartLitFromShadow) {
 }
 
 TEST(StyleContour, NothingToParts) {
-  for (const float v : {0.0f, 1.0f}) EXPECT_TRUE(contourOf(*floatTerm({7, 5, 1}, "V", [&](int, int, int) { return v; }), *planeGBuffer(view(7, 5))).empty());
+  for (const float v : {0.0f, 1.0f}) EXPECT_TRUE(segmentsOf(*floatTerm({7, 5, 1}, "V", [&](int, int, int) { return v; }), *planeGBuffer(view(7, 5))).empty());
   for (const auto& [w, h] : {std::pair{1, 1}, {1, 9}, {9, 1}})
-    EXPECT_TRUE(contourOf(*floatTerm({w, h, 1}, "V", [](int x, int y, int) { return float((x + y) % 2); }), *planeGBuffer(view(w, h))).empty());
+    EXPECT_TRUE(segmentsOf(*floatTerm({w, h, 1}, "V", [](int x, int y, int) { return float((x + y) % 2); }), *planeGBuffer(view(w, h))).empty());
 }
 
 TEST(StyleContour, TheSameForAnyNumberOfThreads) {
   const Extent e{61, 77, 1};
   const auto V = noiseTerm(e, "V", 5);
-  const auto one = contourOf(*V, *planeGBuffer(view(61, 77)), 1), four = contourOf(*V, *planeGBuffer(view(61, 77)), 4);
+  const auto one = segmentsOf(*V, *planeGBuffer(view(61, 77)), 1), four = segmentsOf(*V, *planeGBuffer(view(61, 77)), 4);
   ASSERT_EQ(one.size(), four.size());
   ASSERT_GT(one.size(), 1000u);
   for (size_t k = 0; k < one.size(); ++k) ASSERT_TRUE(one[k].a == four[k].a && one[k].b == four[k].b && one[k].normal == four[k].normal);

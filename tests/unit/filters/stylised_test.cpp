@@ -173,7 +173,7 @@ TEST(StyleDistance, NothingIsFarAndHasNoContour) {
     g->writable<uint32_t>("instance")[i] = ~0u, g->writable<float>("depth")[i] = std::numeric_limits<float>::infinity();
   const auto D = field(settings(e), noiseTerm(e, "V", 3), g);
   for (size_t i = 0; i < e.elements(); ++i) {
-    if (i % 3 == 0) ASSERT_EQ(D->floats("D")[i], kStyleFar);
+    if (i % 3 == 0) { ASSERT_EQ(D->floats("D")[i], kStyleFar); }
     ASSERT_TRUE(std::isfinite(D->floats("D")[i]));
     ASSERT_NE(D->floats("D")[i], 0.0f);
   }
