@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gobo regress`: renders a suite and holds it against accepted references (docs/regression.md). The output folder holds run.json, history.jsonl, report.html,
 // junit.xml, and of every case NAME.parts.exr (what `accept` accepts) and pictures as PNG.
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <set>
 
@@ -29,19 +31,44 @@ namespace fs = std::filesystem;
 class OutputFolder {
  public:
   explicit OutputFolder(const Suite& suite, const std::string& named)
-      : folder_(named.empty() ? (fs::absolute(suite.file).parent_path() / (fs::path(suite.file).stem().string() + ".out")) : fs::path(named)) {}
+      : option_(named.empty() ? "" : " --out " + named),
+        folder_(named.empty() ? (fs::absolute(suite.file).parent_path() / (fs::path(suite.file).stem().string() + ".out")) : fs::path(named)) {}
   Status make() const {
     std::error_code error;
     fs::create_directories(folder_, error);
     return error ? invalidArgument("--out " + folder_.string() + ": cannot make the folder: " + error.message()) : Status();
   }
+  /// As other commands on the same folder need it.
+  const std::string& option() const { return option_; }
   std::string path(const std::string& file) const { return (folder_ / file).string(); }
   std::string parts(const std::string& name) const { return path(name + ".parts.exr"); }
   std::string picture(const std::string& name, const char* kind) const { return path(name + "." + kind + ".png"); }
 
  private:
+  std::string option_;
   fs::path folder_;
 };
+
+/// A line more at the end; two runs at once leave both of theirs.
+Status append(const std::string& file, const std::string& line) {
+  std::FILE* f = std::fopen(file.c_str(), "ab");
+  if (!f) return invalidArgument("cannot write \"" + file + "\": " + std::strerror(errno));
+  const bool written = std::fwrite(line.data(), 1, line.size(), f) == line.size();
+  return std::fclose(f) == 0 && written ? Status() : Status(Code::DataLoss, "cannot write \"" + file + "\"");
+}
+
+/// What can be a reference: finite, and of channels that are compared.
+Status checkRender(const RegressCase& c, const std::vector<Image>& parts) {
+  for (size_t k = 0; k < parts.size(); ++k) {
+    if (parts[k].channels == 2) return invalidArgument("case \"" + c.name + "\": output = \"" + c.request.outputs(0) + "\" has two channels: must have one, three or four");
+    for (size_t i = 0; i < parts[k].data.size(); ++i)
+      if (!std::isfinite(parts[k].data[i]))
+        return invalidArgument("case \"" + c.name + "\": part " + std::to_string(k) + " of the render is not finite at pixel " +
+                               std::to_string(i / size_t(parts[k].channels) % size_t(parts[k].width)) + ", " +
+                               std::to_string(i / size_t(parts[k].channels) / size_t(parts[k].width)));
+  }
+  return {};
+}
 
 std::string textOf(const std::string& file) {
   const auto bytes = readFile(file, 1 << 28);
@@ -140,6 +167,7 @@ Status runCase(Session& session, const Suite& suite, const RegressCase& c, const
                const OutputFolder& out, CaseRecord& record) {
   const auto entry = accepted.find(c.name);
   GOBO_ASSIGN(const Rendered now, renderParts(session, c));
+  GOBO_TRY(checkRender(c, now.parts));
   record.facts = now.facts;
   GOBO_ASSIGN(const std::vector<uint8_t> bytes, encodeParts(now.parts));
   GOBO_TRY(writeFileAtomic(out.parts(c.name), bytes.data(), bytes.size()));
@@ -151,7 +179,7 @@ Status runCase(Session& session, const Suite& suite, const RegressCase& c, const
   fs::remove(out.picture(c.name, "evidence"), error);
   if (entry == accepted.end()) {
     record.status = CaseStatus::Missing;
-    record.message = "nothing is accepted yet: gobo regress accept " + suite.file + " " + c.name + " --by NAME --why TEXT";
+    record.message = "nothing is accepted yet: gobo regress accept " + suite.file + " " + c.name + " --by NAME --why TEXT" + out.option();
     return {};
   }
   const Accepted& a = entry->second;
@@ -236,7 +264,7 @@ Result<int> run(const SessionOptions& options, const RegressCommand& command) {
     record.cases.push_back(std::move(r));
   }
   GOBO_TRY(write(out.path("run.json"), runToJson(record)));
-  GOBO_TRY(write(out.path("history.jsonl"), textOf(out.path("history.jsonl")) + historyLine(record)));
+  GOBO_TRY(append(out.path("history.jsonl"), historyLine(record)));
   GOBO_TRY(writePage(record, out));
   if (command.json) std::printf("%s", runToJson(record).c_str());
   else {
@@ -264,8 +292,8 @@ Result<int> accept(const RegressCommand& command) {
       if (named) return notFound("case \"" + c->name + "\" is not in the last run (" + out.path("run.json") + ")");
       continue;
     }
-    // Unasked, what is as accepted stays: its line in the log says who looked at it.
-    if (!named && (r->status == CaseStatus::Same || r->status == CaseStatus::Noise)) continue;
+    // Unasked, what is as accepted stays: its line in the log says who looked at it. What failed wants a look.
+    if (!named && r->status != CaseStatus::Changed && r->status != CaseStatus::Slower && r->status != CaseStatus::Missing) continue;
     GOBO_ASSIGN(const std::vector<uint8_t> bytes, readFile(out.parts(c->name)));
     if (sha256Hex(bytes.data(), bytes.size()) != r->partsDigest)
       return Status(Code::FailedPrecondition, "case \"" + c->name + "\": " + out.parts(c->name) + " is not what the last run wrote: run again");

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -40,7 +41,7 @@ Cells coarser(const Cells& c) {
 /// t^2.
 double studentized(double sum, double variance, double slack) {
   const double denominator = variance + slack * slack;
-  return denominator > 0 ? std::min(sum * sum / denominator, 1e6) : 0.0;
+  return denominator > 0 ? std::min(sum * sum / denominator, 1e6) : sum != 0 ? 1e6 : 0.0;  // neither noise nor tolerance: anything is a change
 }
 
 /// Box mean over 3 x 3 pixels, fewer at borders.
@@ -111,9 +112,10 @@ class Differences {
     double surplus = 0;
     for (int k = 0; k < parts_; ++k) surplus += sign[k];
     for (size_t i = 0; i < out.sum.size(); ++i, d += parts_) {
-      float flipped = 0, plain = 0;
-      for (int k = 0; k < parts_; ++k) flipped += sign[k] * d[k], plain += d[k];
-      const double mean = centred ? plain * each : 0.0, sum = flipped - surplus * mean;
+      double flipped = 0, plain = 0;
+      for (int k = 0; k < parts_; ++k) flipped += double(sign[k] * d[k]), plain += double(d[k]);
+      const double mean = centred ? plain * each : 0.0, left = flipped - surplus * mean;
+      const double sum = std::fabs(left) > 1e-12 * std::sqrt(power_[channel][i]) ? left : 0.0;  // less is rounding, which has no variance to be held against
       out.sum[i] = sum * each;
       out.variance[i] = std::max(0.0, power_[channel][i] - parts_ * mean * mean - sum * sum * each) * free;
       out.slack[i] = slack_[channel][i];
@@ -205,15 +207,6 @@ Outcome outcomeOf(const Differences& d, uint32_t signs, bool centred, int parts)
     });
     if (scale < kSummedScales) out.sums[size_t(scale)] += sum;
   });
-  return out;
-}
-
-/// All signs but those that are the observed ones or their opposite: the first part keeps its sign. Of more than 8 parts 127 of them, spread evenly.
-std::vector<uint32_t> flips(int parts) {
-  const uint32_t all = (1u << (parts - 1)) - 1;
-  std::vector<uint32_t> out;
-  const uint32_t want = std::min<uint32_t>(all, 127);
-  for (uint32_t i = 1; i <= want; ++i) out.push_back(uint32_t(1 + uint64_t(i - 1) * all / want) << 1);
   return out;
 }
 
@@ -320,6 +313,19 @@ std::vector<float> excessMap(const Differences& d, const std::vector<ChangeStati
 
 }  // namespace
 
+// Words of a linear code of 7 bits, a column a part, all different; of 8 parts they are all there are.
+std::vector<uint32_t> signFlips(int parts) {
+  constexpr std::array<uint32_t, kMostParts> kColumns{0, 1, 2, 4, 8, 16, 32, 64, 7, 25, 42, 52, 75, 85, 102, 120};
+  const uint32_t words = 1u << std::min(parts - 1, 7);
+  std::vector<uint32_t> out;
+  for (uint32_t word = 1; word < words; ++word) {
+    uint32_t signs = 0;
+    for (int k = 0; k < parts; ++k) signs |= uint32_t(std::popcount(word & kColumns[size_t(k)]) & 1) << k;
+    out.push_back(signs);
+  }
+  return out;
+}
+
 Image meanOf(const std::vector<Image>& parts) {
   GOBO_CHECK(!parts.empty());
   Image out(parts[0].width, parts[0].height, 3);
@@ -344,7 +350,7 @@ Result<ChangeFigures> findChange(const std::vector<Image>& reference, const std:
   const Differences d(reference, now, options.tolerance);
   const Outcome observed = outcomeOf(d, 0, false, parts);
   std::vector<Outcome> noise;
-  const std::vector<uint32_t> all = parts > 1 ? flips(parts) : std::vector<uint32_t>();
+  const std::vector<uint32_t> all = parts > 1 ? signFlips(parts) : std::vector<uint32_t>();
   for (const uint32_t signs : all) noise.push_back(outcomeOf(d, signs, true, parts));
   const size_t scales = observed.largest.size();
   for (size_t i = 0; i < observed.size(); ++i) {

@@ -34,9 +34,10 @@ Status add(Denoisers& to, v1::Denoise settings) {
   return {};
 }
 
+constexpr float kLensShare = 0.3f;  // of the blur: found on spheres and trees through a lens (docs/noise.md)
+
 /// What denoise.auto chooses from, by what is known of the light (docs/noise.md says what was left out, and why). Without halves, by which filters are judged,
 /// the first alone.
-constexpr float kLensShare = 0.3f;  // found on spheres and trees through a lens (docs/noise.md)
 enum class Known { Nothing, Direct, BendingDiffuse, BendingSpecular };
 Result<Denoisers> choicesOf(Known light, bool fast, bool halves, bool lens) {
   v1::Denoise wavelet, nonLocalMeans, firstOrder, axisAligned;
@@ -52,7 +53,7 @@ Result<Denoisers> choicesOf(Known light, bool fast, bool halves, bool lens) {
   if (!halves) wanted.resize(1);
   Denoisers denoisers;
   for (const v1::Denoise& d : wanted) { GOBO_TRY(add(denoisers, d)); }
-  if (lens && halves && !diffuse && !specular) denoisers.push_back(denoise::makeLensFilter(kLensShare));
+  if (lens && halves && light == Known::Direct) denoisers.push_back(denoise::makeLensFilter(kLensShare));
   return denoisers;
 }
 

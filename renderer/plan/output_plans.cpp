@@ -27,11 +27,13 @@ OutputPlane pixelMean(PlanContext& c, NodeId node, const std::string& plane, int
   return {c.filter(mean, std::move(inputs), label), plane};
 }
 
+enum class Shown { Styled, Plain };  ///< with shadows.style; or as the technique makes it
 /// The light's technique; for one that is path traced, rays.
-Result<NodeId> visibilityOf(PlanContext& c, const std::string& light, v1::ShadowTechnique* used = nullptr) {
+Result<NodeId> visibilityOf(PlanContext& c, const std::string& light, Shown shown, v1::ShadowTechnique* used = nullptr) {
   const int l = c.scene()->findLight(light);
   v1::ShadowTechnique t = shadowTechniqueOf(c, l, c.scene(), light);
   if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(16);
+  if (shown == Shown::Plain) t.clear_style();
   if (used) *used = t;
   return planVisibility(c, l, c.scene(), t);
 }
@@ -131,20 +133,20 @@ Result<OutputPlane> planUnoccludedOutput(OutputContext& o, const std::string& ou
 }
 
 Result<OutputPlane> planVisibilityOutput(OutputContext& o, const std::string& output, const std::string& light) {
-  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light));
+  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light, Shown::Styled));
   return pixelMean(o.plan, v, "V", 1, true, output);
 }
 
 Result<OutputPlane> planShadowFlags(OutputContext& o, const std::string& output, const std::string& light) {
   v1::ShadowTechnique used;
-  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light, &used));
+  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light, Shown::Plain, &used));
   if (marksFailures(used)) return pixelMean(o.plan, v, "flags", 1, true, output);
   return invalidArgument("request.outputs: '" + output + "' needs shadows.exponential.classification = THRESHOLD or Z_MAX", "request.outputs");
 }
 
 namespace {
 Result<OutputPlane> shadowFilterMap(OutputContext& o, const std::string& output, const std::string& light, const char* plane) {
-  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light));
+  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light, Shown::Plain));
   const Result<NodeId> maps = planShadowFilterMaps(o.plan.graph(), v);
   if (!maps.ok()) return invalidArgument("request.outputs: '" + output + "': " + maps.status().message(), "request.outputs");
   return pixelMean(o.plan, *maps, plane, 1, true, output);
@@ -157,7 +159,7 @@ Result<OutputPlane> planShadowWidth(OutputContext& o, const std::string& output,
 }
 
 Result<OutputPlane> planShadowBasis(OutputContext& o, const std::string& output, const std::string& light) {
-  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light));
+  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light, Shown::Plain));
   const Result<NodeId> mosaic = planBasisMosaic(o.plan.graph(), v);
   if (!mosaic.ok()) return invalidArgument("request.outputs: '" + output + "': " + mosaic.status().message(), "request.outputs");
   return OutputPlane{*mosaic, "image"};

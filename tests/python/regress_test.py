@@ -145,6 +145,18 @@ class Regress(unittest.TestCase):
         reference.write_bytes(data)
         self.assertIn("other bytes than its name says", self.gobo("run", expect=1).stderr)
         self.assertEqual(self.statuses(), {"box": "failed"})
+        self.assertIn("nothing to accept", self.accept().stdout)                            # unasked, what failed is not taken
+        self.accept("box", why="mended")
+        self.gobo("run")
+        self.assertEqual(self.statuses(), {"box": "same"})
+
+    def test_channels(self):
+        self.suite(BOX.replace("spp = 4", 'spp = 4\nparts = 1\noutput = "motion"'))
+        self.assertIn('output = "motion" has two channels', self.gobo("run", expect=2).stderr)
+
+    def test_the_hint_names_the_folder(self):
+        self.suite(BOX)
+        self.assertIn("--out there", self.gobo("run", "--out", "there", expect=3).stdout)
 
 
 if __name__ == "__main__":

@@ -98,7 +98,9 @@ Status References::accept(Accepted entry, const std::vector<uint8_t>& bytes) {
   const Lock lock((fs::path(folder_) / ".lock").string());
   if (!lock.held()) return internalError("cannot lock the references", folder_);
   std::error_code error;
-  if (!fs::exists(object, error)) GOBO_TRY(writeFileAtomic(object, bytes.data(), bytes.size()));  // the object first: no line without one
+  // The object first: no line without one. One that is there may be damaged, or a pointer to what was never fetched.
+  const auto there = fs::exists(object, error) ? readFile(object) : Result<std::vector<uint8_t>>(notFound(object));
+  if (!there.ok() || *there != bytes) GOBO_TRY(writeFileAtomic(object, bytes.data(), bytes.size()));
   std::string text;
   if (fs::exists(logPath(), error)) {
     GOBO_ASSIGN(const std::vector<uint8_t> before, readFile(logPath(), 1 << 28));
@@ -123,14 +125,14 @@ Result<std::vector<Image>> References::parts(const Accepted& entry) const {
 
 Result<std::vector<uint8_t>> encodeParts(const std::vector<Image>& parts) {
   std::vector<ExrLayer> layers;
-  static const std::vector<std::string> rgb = {"R", "G", "B"}, one = {"Y"};
+  static const std::vector<std::string> names[] = {{"Y"}, {"R", "G", "B"}, {"R", "G", "B", "A"}};
   std::vector<std::vector<float>> pixels(parts.size());
   for (size_t k = 0; k < parts.size(); ++k) {
     const Image& image = parts[k];
-    const int channels = image.channels >= 3 ? 3 : 1;
-    for (size_t i = 0; i < image.pixels(); ++i)
-      for (int c = 0; c < channels; ++c) pixels[k].push_back(image.data[i * size_t(image.channels) + size_t(c)]);
-    layers.push_back({"part" + std::to_string(k), channels == 3 ? rgb : one, pixels[k], true, true});
+    if (image.channels != 1 && image.channels != 3 && image.channels != 4)
+      return invalidArgument("part " + std::to_string(k) + " has " + std::to_string(image.channels) + " channels: must have 1, 3 or 4");
+    pixels[k] = image.data;
+    layers.push_back({"part" + std::to_string(k), names[image.channels == 1 ? 0 : image.channels - 2], pixels[k], true, true});
   }
   if (parts.empty()) return invalidArgument("no parts");
   return encodeExr(parts[0].width, parts[0].height, layers);

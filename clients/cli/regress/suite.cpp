@@ -109,6 +109,9 @@ class Reader {
   std::set<std::string> known_;
 };
 
+/// What is compared at once: some 60 bytes each.
+constexpr uint32_t kMostPartPixels = 1u << 26;
+
 /// Letters, digits and a few more: a name of files and of JUnit tests.
 bool plain(const std::string& name) {
   if (name.empty() || name.size() > 100 || name[0] == '.') return false;
@@ -148,6 +151,8 @@ Status readCase(Reader& r, const fs::path& folder, RegressCase& c) {
   GOBO_TRY(r.integer("seed", c.seed, 0, 1ll << 56));
   GOBO_TRY(r.integer("parts", c.parts, 1, kMostParts));
   if (c.parts > 1 && int(c.parts) < kFewestParts) return r.refuse("parts", strf("must be 1 (a picture without noise) or %d to %d", kFewestParts, kMostParts));
+  if (uint64_t(width) * height * c.parts > kMostPartPixels)
+    return r.refuse("size", strf("times %u parts must be at most %u pixels: that many are compared at once", c.parts, kMostPartPixels));
   GOBO_TRY(r.number("tolerance", c.tolerance, 0, 1));
   GOBO_TRY(r.number("max_time", c.maxTime, 0, 1e6));
   GOBO_TRY(r.number("max_rays", c.maxRays, 0, 1e6));

@@ -65,14 +65,17 @@ v1::ShadowTechnique shadowTechniqueOf(PlanContext& c, int light, const ScenePtr&
   if (edit != c.request().lights().end() && edit->second.has_shadow()) t = edit->second.shadow();
   const LightKind kind = scene->lights[size_t(light)].shape.kind;
   const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
-  if (entry && kind == LightKind::Environment) {
+  // Without visibility there is nothing that could have a style.
+  const auto traced = [&] {
+    if (t.has_style()) c.warn("light '" + name + "' is path traced: it has no shadow for shadows.style");
+    t.clear_style();
     t.mutable_path_traced();
     return t;
-  }
+  };
+  if (entry && kind == LightKind::Environment) return traced();
   if (entry && c.cameraInVolume()) {
     c.warn("the camera is inside a volume: direct light is path traced");
-    t.mutable_path_traced();
-    return t;
+    return traced();
   }
   if (entry && !entry->does(scene->lights[size_t(light)].shape)) {
     c.warn(std::string(entry->name) + " does not do the kind of light '" + name + "': ray_traced used");

@@ -17,6 +17,8 @@ Status foldLights(PlanContext& c, const ScenePtr& extended, int first, const Vec
   const int count = int(extended->lights.size()) - first;
   v1::ShadowTechnique t = shadowTechniqueOf(c, first, extended, "environment");
   if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(samples);
+  if (t.has_style()) c.warn("the environment's lights have no shadows.style: together they are one light, whose shadows are none of theirs");
+  t.clear_style();
   c.surface();  // made (and kept) before any node that is marked transient below
   const uint64_t kept = uint64_t(count) * c.view().width * c.view().height * c.view().viewSamples * 16;
   const bool keep = kept <= kKeptBytes;

@@ -8,6 +8,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <set>
+
 namespace gobo {
 namespace {
 
@@ -158,6 +161,37 @@ TEST(Change, OnePart) {
   wide.tolerance = 0.01;
   EXPECT_FALSE(figures({scenery()}, {scaled(scenery(), 1.005f, 1.005f, 1.005f)}, wide).changed);
   EXPECT_EQ(figures({scenery()}, {scenery(1)}).meanStandardError, 0);
+}
+
+// Bits that may not change at all: no noise, nothing tolerated.
+TEST(Change, NothingToleratedIsEveryBit) {
+  ChangeOptions strict;
+  strict.tolerance = 0;
+  Image one = scenery();
+  one.data[7] = std::nextafter(one.data[7], 10.0f);
+  for (const size_t parts : {1, 8, 16}) {
+    const std::vector<Image> before(parts, scenery());
+    EXPECT_FALSE(figures(before, before, strict).changed);
+    EXPECT_TRUE(figures(before, std::vector<Image>(parts, one), strict).changed) << parts;
+  }
+}
+
+// A test by flips of signs has its level where they are a group; and parts that always flip together would be one part.
+TEST(Change, SignFlipsAreAGroupInWhichPartsGoTheirOwnWays) {
+  for (int parts = 2; parts <= kMostParts; ++parts) {
+    std::vector<uint32_t> flips = signFlips(parts);
+    flips.push_back(0);
+    const std::set<uint32_t> all(flips.begin(), flips.end());
+    EXPECT_EQ(all.size(), size_t(1) << std::min(parts - 1, 7)) << parts;
+    for (const uint32_t a : all)
+      for (const uint32_t b : all) ASSERT_EQ(all.count(a ^ b), 1u);
+    for (int i = 0; i < parts; ++i)
+      for (int j = 0; j < i; ++j) {
+        int together = 0;
+        for (const uint32_t s : all) together += (s >> i & 1) == (s >> j & 1);
+        ASSERT_EQ(together, int(all.size()) / 2) << parts << ": " << i << " and " << j;
+      }
+  }
 }
 
 TEST(Change, WhatIsToleratedIsNoChangeWithTheSameSeeds) {

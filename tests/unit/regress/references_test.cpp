@@ -75,12 +75,15 @@ TEST(References, DamageIsTold) {
     file.put('\x7f');
   }
   EXPECT_EQ(references.parts(a).status().code(), Code::DataLoss);
+  // The same picture accepted again mends it.
+  ASSERT_TRUE(references.accept({"a", "", "Ada", "mended", "2026-01-02T00:00:00Z", facts()}, *encodeParts(parts(1))).ok());
+  EXPECT_TRUE(references.parts(a).ok());
   fs::remove(references.objectPath(a.digest));
   EXPECT_EQ(references.parts(a).status().code(), Code::NotFound);
   std::ofstream(references.logPath(), std::ios::app) << "{\"case\": \"b\"}\n";
   const Status status = references.accepted().status();
   EXPECT_EQ(status.code(), Code::InvalidArgument);
-  EXPECT_NE(status.message().find("accepted.jsonl:2: "), std::string::npos) << status.message();
+  EXPECT_NE(status.message().find("accepted.jsonl:3: "), std::string::npos) << status.message();
 }
 
 TEST(References, ADigestNamesNoOtherFolder) {

@@ -74,6 +74,8 @@ TEST_F(SuiteFile, NamesOfItsOwn) {
 }
 
 TEST_F(SuiteFile, Mistakes) {
+  EXPECT_EQ(said("[[case]]\nname = \"x\"\nscene = \"cornell\"\nsize = \"8192x4096\"\n"),
+            "s.toml:4: [[case]] size = '8192x4096': times 8 parts must be at most 67108864 pixels: that many are compared at once");
   EXPECT_EQ(said(""), "s.toml: names nothing to render: it has no [[case]]");
   EXPECT_EQ(said("[suite]\nname = \"x\"\n"), "s.toml: names nothing to render: it has no [[case]]");
   EXPECT_EQ(said("case = []\n"), "s.toml:1: suite case = []: must be tables, [[case]]");

@@ -49,7 +49,7 @@ class LensFeaturesNode final : public Node {
     out.planes.push_back(unsetPlane<float>("blur"));
     return w.gives(std::move(out));
   }
-  size_t workingBytes() const override { return 2 * kPlanes * sizeof(float) * size_t(width_) * size_t(height_); }
+  size_t workingBytes() const override { return (2 * kPlanes + 1) * sizeof(float) * size_t(width_) * size_t(height_); }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, 3000.0 * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
