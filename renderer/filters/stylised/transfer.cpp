@@ -40,9 +40,8 @@ class StyleTransferNode final : public Node {
           for (size_t e = begin; e < end; ++e) {
             float s;
             styleRun(&D[e], 1, s_, &s);
-            // The colour alone: how much of the light arrives is the style's.
-            const float most = std::max({tint[3 * e], tint[3 * e + 1], tint[3 * e + 2]});
-            for (size_t c = 0; c < 3; ++c) V[3 * e + c] = most >= 0.5f ? s * (tint[3 * e + c] / most) : s;
+            const bool lit = std::max({tint[3 * e], tint[3 * e + 1], tint[3 * e + 2]}) >= 0.5f;
+            for (size_t c = 0; c < 3; ++c) V[3 * e + c] = lit ? s * tint[3 * e + c] : s;
           }
         },
         ctx.stop);

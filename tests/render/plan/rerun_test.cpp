@@ -327,6 +327,31 @@ TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
   }
 }
 
+// What stands for the environment is one light together: none of its parts has a shadow that could be drawn otherwise.
+TEST(Styles, LightsOfTheEnvironmentHaveNone) {
+  for (const char* as : {"environment.extract_lights=4", "environment.area_lights=4", "integrator.max_bounces=2"}) {
+    v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
+    for (const char* a : {"shadows.style.softness=0.1", "lights.light.enabled=false", "environment.sky.turbidity=3"}) set(r, a);
+    set(r, as);
+    const auto engine = makeEngine();
+    const auto result = engine->render(r);
+    ASSERT_TRUE(result.ok()) << result.status().toString();
+    for (const std::string& node : all(*result)) EXPECT_EQ(node.find("style_"), std::string::npos) << as << ": " << node;
+    bool told = false;
+    for (const std::string& w : result->reply.warnings()) told |= w.find("shadows.style") != std::string::npos;
+    EXPECT_TRUE(told) << as;
+  }
+}
+
+TEST(Styles, MapsOfATechniqueAreOfTheTechnique) {
+  v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
+  for (const char* a : {"lights.lamp.kind=SPOT", "lights.lamp.position=0.2,1.6,0.4", "lights.lamp.direction=0,-1,-0.2", "lights.lamp.intensity=3",
+                        "shadows.exponential.classification=THRESHOLD", "shadows.style.softness=0.1", "outputs=shadow_flags:lamp,visibility:lamp"})
+    set(r, a);
+  const auto result = makeEngine()->render(r);
+  ASSERT_TRUE(result.ok()) << result.status().toString();
+}
+
 TEST(Styles, StandForShadowRaysWhereNoTechniqueIsNamed) {
   const auto engine = makeEngine();
   v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
