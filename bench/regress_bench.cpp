@@ -3,7 +3,7 @@
 // known size that it finds, with the seeds of the reference and with others. Renders are in parts of --spp samples; pairs of a scene share a pool of renders,
 // so that its runs are as many draws of pairs, not as many renders. RMSE: between the means of parts, of the first pair. Arguments: --scenes NAME,NAME,...
 // --size WxH --spp N (each part) --parts N --pool N (renders) --runs N (pairs) --changes N (pairs of each; 0: none)
-//            --threads N --out FILE (.csv, .json, .md)
+//            --out FILE (.csv, .json, .md)
 #include <cstdio>
 #include <cstdlib>
 #include <random>

@@ -108,6 +108,27 @@ TEST(Change, TwoHundredthsRedderWithOtherSeeds) {
   }
 }
 
+TEST(Change, FirefliesDoNotDrownTheRest) {
+  // A few pixels in a thousand hold as much light as all others: where they are not weighted down, they are all that a large block sees, and what is left are
+  // blocks between them, too small for this change.
+  const auto parts = [](uint32_t seed, float factor) {
+    std::mt19937 random(seed);
+    std::normal_distribution<double> normal;
+    std::uniform_real_distribution<double> uniform;
+    std::vector<Image> out(8, Image(64, 48, 3));
+    for (Image& p : out)
+      for (size_t i = 0; i < p.data.size(); i += 3) {
+        const double v = uniform(random) < 0.001 ? 1000 : 1 + 0.2 * normal(random);
+        for (size_t c = 0; c < 3; ++c) p.data[i + c] = float(v) * factor;
+      }
+    return out;
+  };
+  for (uint32_t seed = 1; seed <= 20; ++seed) {
+    const ChangeFigures f = figures(parts(seed, 1), parts(seed + 1000, 1.02f));
+    EXPECT_TRUE(f.changed) << seed << ": " << f.excess;
+  }
+}
+
 TEST(Change, OnePixelAside) {
   for (uint32_t seed = 1; seed <= 20; ++seed) {
     EXPECT_TRUE(figures(noisy(scenery(), seed), noisy(scenery(1), seed)).changed) << seed;

@@ -97,6 +97,20 @@ TEST(References, ADigestNamesNoOtherFolder) {
   line.replace(line.find(digest), 64, "../../../../etc/passwd");
   std::ofstream(references.logPath()) << line << "\n";
   EXPECT_NE(references.accepted().status().message().find("is no SHA-256"), std::string::npos);
+  line.replace(line.find("../../../../etc/passwd"), 22, digest.substr(0, 63));
+  std::ofstream(references.logPath()) << line << "\n";
+  EXPECT_NE(references.accepted().status().message().find("is no SHA-256"), std::string::npos);
+}
+
+TEST(References, ALogWithoutItsLastLineFeedIsGoneOn) {  // an editor's, or a merge's
+  const Folder folder;
+  References references(folder.path.string());
+  ASSERT_TRUE(references.accept({"a", "", "Ada", "why", "2026-01-01T00:00:00Z", facts()}, *encodeParts(parts(1))).ok());
+  fs::resize_file(references.logPath(), fs::file_size(references.logPath()) - 1);
+  ASSERT_TRUE(references.accept({"b", "", "Bo", "why", "2026-01-02T00:00:00Z", facts()}, *encodeParts(parts(2))).ok());
+  const auto log = references.log();
+  ASSERT_TRUE(log.ok()) << log.status().toString();
+  EXPECT_EQ(log->size(), 2u);
 }
 
 TEST(Plan, Difference) {
@@ -141,6 +155,11 @@ TEST(Record, ExitCodes) {
   RunRecord failed = run({CaseStatus::Changed, CaseStatus::Failed});
   failed.cases[1].exitCode = 2;
   EXPECT_EQ(exitCodeOf(failed), 2);
+  RunRecord two = run({CaseStatus::Missing, CaseStatus::Failed, CaseStatus::Failed});
+  two.cases[1].exitCode = 2, two.cases[2].exitCode = 3;
+  EXPECT_EQ(exitCodeOf(two), 2);  // the first of them
+  two.cases[1].exitCode = 0;
+  EXPECT_EQ(exitCodeOf(two), 1);  // a record of an earlier build, without one: not a pass
 }
 
 TEST(Record, JUnit) {

@@ -100,5 +100,28 @@ TEST_F(SuiteFile, Mistakes) {
   EXPECT_EQ(readSuite((folder_ / "none.toml").string()).status().code(), Code::NotFound);
 }
 
+TEST_F(SuiteFile, Ranges) {
+  EXPECT_TRUE(read(kCase + "spp = 1048576\nseed = 72057594037927936\nparts = 16\ntolerance = 1\nmax_time = 0\nmax_rays = 1e6\nsize = \"16384x1\"\n").ok());
+  EXPECT_EQ(said(kCase + "spp = 1048577\n"), "s.toml:4: [[case]] spp = 1048577: must be in 1..1048576");
+  EXPECT_EQ(said(kCase + "seed = 72057594037927937\n"), "s.toml:4: [[case]] seed = 72057594037927937: must be in 0..72057594037927936");
+  EXPECT_EQ(said(kCase + "seed = -1\n"), "s.toml:4: [[case]] seed = -1: must be in 0..72057594037927936");
+  EXPECT_EQ(said(kCase + "parts = 17\n"), "s.toml:4: [[case]] parts = 17: must be in 1..16");
+  EXPECT_EQ(said(kCase + "tolerance = -0.5\n"), "s.toml:4: [[case]] tolerance = -0.5: must be in 0..1");
+  EXPECT_EQ(said(kCase + "tolerance = 1.5\n"), "s.toml:4: [[case]] tolerance = 1.5: must be in 0..1");
+  EXPECT_EQ(said(kCase + "max_time = 1e7\n").substr(0, 31), "s.toml:4: [[case]] max_time = 1");
+  for (const char* size : {"16385x1", "1x16385", "0x1", "1x0", "1x1x1"})
+    EXPECT_NE(said(kCase + "size = \"" + size + "\"\n").find("must be WIDTHxHEIGHT"), std::string::npos) << size;
+  EXPECT_EQ(said(kCase + "output = \"\"\n"), "s.toml:4: [[case]] output = '': must not be empty");
+  EXPECT_NE(said(kCase + "set = [\"seed=4\"]\n").find("seed is the case's own"), std::string::npos);
+}
+
+TEST_F(SuiteFile, NamesThatAreFiles) {
+  const auto named = [&](const std::string& name) { return "[[case]]\nname = \"" + name + "\"\nscene = \"cornell\"\n"; };
+  EXPECT_TRUE(read(named(std::string(100, 'a'))).ok());
+  EXPECT_TRUE(read(named("a-B_9.x")).ok());
+  for (const std::string& name : {std::string(101, 'a'), std::string(".a"), std::string("a b"), std::string("a/b")})
+    EXPECT_NE(said(named(name)).find("and name a file"), std::string::npos) << name;
+}
+
 }  // namespace
 }  // namespace gobo::cli
