@@ -177,11 +177,13 @@ void ContourTree::gatherSegment(const Patch& patch, uint32_t segment, const Boun
   out.near.push_back(segment);
 }
 
-void ContourTree::gather(const Patch& patch, PatchSources& out) const {
-  if (boxes_.empty()) return;
+bool ContourTree::gatherUpTo(const Patch& patch, size_t most, bool segments, PatchSources& out) const {
+  if (boxes_.empty()) return true;
   const Bound bound = least(patch);
-  std::vector<int> open{0};
+  std::vector<int>& open = out.open;
+  open.push_back(0);
   while (!open.empty()) {
+    if (out.sources.size() > most || (!segments && (!out.near.empty() || !out.guarded.empty()))) return false;
     const Box& box = boxes_[size_t(open.back())];
     open.pop_back();
     const Seen seen = seenFrom(patch, box);
@@ -203,6 +205,7 @@ void ContourTree::gather(const Patch& patch, PatchSources& out) const {
       if (seen == Seen::All) gatherSegment(patch, order_[k], bound, out);
       else out.guarded.push_back(order_[k]);
   }
+  return out.sources.size() <= most && (segments || (out.near.empty() && out.guarded.empty()));
 }
 
 }  // namespace gobo

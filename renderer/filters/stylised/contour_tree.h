@@ -30,7 +30,8 @@ struct PatchSources {
   std::vector<uint32_t> near;     ///< segments that every point of the patch sees
   std::vector<uint32_t> guarded;  ///< segments that some may see
   double length = 0;              ///< of what every point sees
-  void clear() { sources.clear(), near.clear(), guarded.clear(), length = 0; }
+  std::vector<int> open;          ///< of the search
+  void clear() { sources.clear(), near.clear(), guarded.clear(), open.clear(), length = 0; }
 };
 
 /// Points within `radius` of `centre`, with normals within an angle of `axis` whose cosine is `cosine` (1: one normal).
@@ -48,7 +49,9 @@ class ContourTree {
 
   std::span<const ContourSegment> segments() const { return segments_; }
   /// Adds to `out`, which is clear.
-  void gather(const Patch& patch, PatchSources& out) const;
+  void gather(const Patch& patch, PatchSources& out) const { gatherUpTo(patch, SIZE_MAX, true, out); }
+  /// False, and `out` of no use, where there are more sources than `most` or some segments stay such: the patch is worth cutting.
+  bool gatherFar(const Patch& patch, size_t most, PatchSources& out) const { return gatherUpTo(patch, most, false, out); }
 
  private:
   struct Box {
@@ -62,6 +65,7 @@ class ContourTree {
   enum class Seen : uint8_t { All, None, Some };
 
   ContourTree() = default;
+  bool gatherUpTo(const Patch& patch, size_t most, bool segments, PatchSources& out) const;
   Box boxOf(uint32_t first, uint32_t count) const;
   Seen seenFrom(const Patch& patch, const Box& box) const;
   struct Bound {
