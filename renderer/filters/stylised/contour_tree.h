@@ -69,18 +69,20 @@ class ContourTree {
   Box boxOf(uint32_t first, uint32_t count) const;
   Seen seenFrom(const Patch& patch, const Box& box) const;
   struct Bound {
-    double length = 0, farthest = 0;
+    double length = 0, farthest = 0;  ///< of the piece that gives most
+    double nearest = 0;               ///< about the distance of the nearest
   };
   Bound least(const Patch& patch) const;
   double allowed(const Bound& bound, double d) const;
   double rest(double q) const;
+  bool whole(double q, double most) const;
   void gatherSegment(const Patch& patch, uint32_t segment, const Bound& bound, PatchSources& out) const;
 
   std::span<const ContourSegment> segments_;
   std::vector<uint32_t> order_;
   std::vector<Box> boxes_;
   int p_ = 8;
-  double angle_ = 0, error_ = 0, length_ = 0, surely_ = 2, hardly_ = -2;
+  double angle_ = 0, error_ = 0, length_ = 0, surely_ = 2, hardly_ = -2, cubic_ = 0, safe_ = 0;
 };
 
 }  // namespace gobo

@@ -29,8 +29,32 @@ inline void ratioPowers(const float* __restrict nearest2, const float* __restric
   }
 }
 
+/// The usual power in one loop.
+void addEighth(const PatchSource& s, size_t n, const float* __restrict px, const float* __restrict py, const float* __restrict pz,
+               const float* __restrict nearest2, float* __restrict sum) {
+  const float sx = s.x, sy = s.y, sz = s.z, length = s.length;
+  if (s.point) {
+    for (size_t k = 0; k < n; ++k) {
+      const float x = px[k] - sx, y = py[k] - sy, z = pz[k] - sz, q = nearest2[k] / (x * x + y * y + z * z), q2 = q * q;
+      sum[k] += length * (q2 * q2);
+    }
+    return;
+  }
+  const float xx = s.moment[0], yy = s.moment[1], zz = s.moment[2], xy = 2.0f * s.moment[3], xz = 2.0f * s.moment[4], yz = 2.0f * s.moment[5];
+  const float trace = xx + yy + zz;
+  for (size_t k = 0; k < n; ++k) {
+    const float x = px[k] - sx, y = py[k] - sy, z = pz[k] - sz, i2 = 1.0f / (x * x + y * y + z * z), q = nearest2[k] * i2, q2 = q * q;
+    const float along = (x * (xx * x + xy * y + xz * z) + y * (yy * y + yz * z) + z * zz * z) * i2;
+    sum[k] += length * (q2 * q2) * (1.0f + 4.0f * i2 * (10.0f * along - trace));
+  }
+}
+
 template <int kPower>
 void add(const std::vector<PatchSource>& sources, int p, PatchPoints& points) {
+  if constexpr (kPower == 8) {
+    for (const PatchSource& s : sources) addEighth(s, points.lanes, points.x, points.y, points.z, points.nearest2, points.sum);
+    return;
+  }
   const size_t n = points.lanes;
   float inverse2[kPatchPoints], power[kPatchPoints];
   for (const PatchSource& s : sources) {
