@@ -32,6 +32,7 @@ class StyleAbstractionNode final : public Node {
  public:
   explicit StyleAbstractionNode(const StyleAbstractionSettings& s) : s_(s) { GOBO_CHECK(s.sigma >= 0.0f); }
   std::string type() const override { return "style_abstraction"; }
+  int version() const override { return 2; }  // 2: a round window, sums of differences
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override {
     h.add(s_.sigma);

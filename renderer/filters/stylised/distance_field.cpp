@@ -84,6 +84,7 @@ class StyleDistanceNode final : public Node {
  public:
   explicit StyleDistanceNode(const StyleDistanceSettings& s) : s_(s) { GOBO_CHECK(s.power >= 2 && s.power <= 64); }
   std::string type() const override { return "style_distance"; }
+  int version() const override { return 2; }  // 2: patches by surface, segments in float
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override {
     h.add(s_.power);
