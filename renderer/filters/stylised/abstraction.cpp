@@ -4,14 +4,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "filters/stylised/abstraction_kernels.h"
 #include "filters/stylised/averaged_distance.h"
-#include "formulas/math.glsl.h"
 
 namespace gobo {
 
 namespace {
 
 constexpr float kReach = 3.0f, kPerSigma = 3.0f;
+constexpr float kLeastArea = 1e-30f, kMostArea = 1e4f;  // in units of sigma^2: sums of areas times distances stay in float
+constexpr int kRun = 128;                               // most pixels of a run
 
 /// Area that sample e stands for: of the parallelogram to its neighbours on the surface.
 float areaOf(const ContourInput& in, int x, int y, float cosine) {
@@ -30,6 +32,7 @@ class StyleAbstractionNode final : public Node {
  public:
   explicit StyleAbstractionNode(const StyleAbstractionSettings& s) : s_(s) { GOBO_CHECK(s.sigma >= 0.0f); }
   std::string type() const override { return "style_abstraction"; }
+  int version() const override { return 2; }  // 2: a round window, sums of differences
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override {
     h.add(s_.sigma);
@@ -41,8 +44,8 @@ class StyleAbstractionNode final : public Node {
     w.reads<float>(1, "P", {3}).reads<float>(1, "N", {3}).reads<float>(1, "Ng", {3}).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
     return w.gives({"style_distance", Domain::ViewSample, s_.extent, {unsetPlane<float>("D")}});
   }
-  size_t workingBytes() const override { return size_t(s_.extent.width) * size_t(s_.extent.height) * sizeof(float); }
-  Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * 1000.0 * double(result.extent.elements())}; }
+  size_t workingBytes() const override { return size_t(s_.extent.width) * size_t(s_.extent.height) * kPlanes * sizeof(float); }
+  Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * 150.0 * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& g = *ctx.inputs.at(1);
@@ -50,7 +53,11 @@ class StyleAbstractionNode final : public Node {
     const auto D = ctx.result->writable<float>("D");
     const size_t count = size_t(s_.extent.width) * size_t(s_.extent.height);
     const float cosine = std::cos(s_.angle);
-    std::vector<float> area(count);
+    if (s_.sigma == 0.0f) {
+      std::copy(from.begin(), from.end(), D.begin());
+      return TermPtr(ctx.result);
+    }
+    std::vector<float> planes(kPlanes * count);
     for (size_t layer = 0; layer < size_t(s_.extent.layers); ++layer) {
       ContourInput in;
       in.width = s_.extent.width;
@@ -66,41 +73,74 @@ class StyleAbstractionNode final : public Node {
         return ctx.arena->parallelFor(
             size_t(in.height), 1,
             [&](size_t begin, size_t end) {
-              for (size_t y = begin; y < end; ++y)
-                for (int x = 0; x < in.width; ++x) body(x, int(y), y * size_t(in.width) + size_t(x));
+              for (size_t y = begin; y < end; ++y) body(int(y));
             },
             ctx.stop);
       };
-      const bool complete = rows([&](int x, int y, size_t e) { area[e] = in.valid(e) ? areaOf(in, x, y, cosine) : 0.0f; }) &&
-                            rows([&](int x, int y, size_t e) { out[e] = in.valid(e) ? smoothed(in, d, area, x, y, cosine) : d[e]; });
-      if (!complete) return Status(Code::Cancelled, "style_abstraction: stopped");
+      if (!rows([&](int y) { separate(in, d, y, cosine, planes); }) || !rows([&](int y) { smoothRow(in, d, planes, y, cosine, out); }))
+        return Status(Code::Cancelled, "style_abstraction: stopped");
     }
     return TermPtr(ctx.result);
   }
 
  private:
-  float smoothed(const ContourInput& in, std::span<const float> d, const std::vector<float>& area, int x, int y, float cosine) const {
-    const size_t e = size_t(y) * size_t(in.width) + size_t(x);
-    const float width = in.footprint[e];
-    if (s_.sigma == 0.0f || std::abs(d[e]) >= kStyleFar || !(width > 0.0f)) return d[e];
-    const float pixels = std::min(s_.sigma / width, 1e6f);  // of sigma
-    const int stride = std::max(int(pixels / kPerSigma), 1), taps = int(kReach * pixels / float(stride));
-    const int left = std::min(taps, x / stride), right = std::min(taps, (in.width - 1 - x) / stride);
-    const int up = std::min(taps, y / stride), down = std::min(taps, (in.height - 1 - y) / stride);
-    const Vec3 P = in.at(in.P, e), N = in.at(in.N, e);
-    const float reach2 = kReach * kReach, scale = 1.0f / s_.sigma;
-    double sum = 0, weights = 0;
-    for (int v = -up; v <= down; ++v)
-      for (int u = -left; u <= right; ++u) {
-        const size_t f = size_t(y + v * stride) * size_t(in.width) + size_t(x + u * stride);
-        const Vec3 step = (in.at(in.P, f) - P) * scale;
-        const float r2 = glm::dot(step, step);
-        if (!(area[f] > 0.0f) || !(r2 <= reach2) || std::abs(d[f]) >= kStyleFar || (f != e && glm::dot(N, in.at(in.N, f)) < cosine)) continue;
-        const double w = double(formulas::fastExp(-0.5f * r2)) * double(area[f]);
-        sum += w * double(d[f]);
-        weights += w;
+  static constexpr size_t kPlanes = 8;
+
+  /// Row y of the planes. Samples without a distance have no area.
+  void separate(const ContourInput& in, std::span<const float> d, int y, float cosine, std::vector<float>& planes) const {
+    const size_t count = in.instance.size();
+    const float scale = 1.0f / s_.sigma;
+    for (int x = 0; x < in.width; ++x) {
+      const size_t e = size_t(y) * size_t(in.width) + size_t(x);
+      const bool counts = in.valid(e) && std::abs(d[e]) < kStyleFar;
+      const Vec3 P = counts ? in.at(in.P, e) * scale : Vec3(0.0f), N = in.at(in.N, e);
+      const float area = counts ? std::clamp(areaOf(in, x, y, cosine) * scale * scale, kLeastArea, kMostArea) : 0.0f;
+      const float value[kPlanes] = {P.x, P.y, P.z, N.x, N.y, N.z, area, counts ? d[e] : 0.0f};
+      for (size_t k = 0; k < kPlanes; ++k) planes[k * count + e] = value[k];
+    }
+  }
+
+  float pixelsOfSigma(const ContourInput& in, size_t e) const { return in.footprint[e] > 0.0f ? std::min(s_.sigma / in.footprint[e], 1e6f) : 0.0f; }
+
+  /// Runs of pixels that take every same sample, with the window of the one that sees most: what is beyond 3 sigma of a pixel does not count anyway.
+  void smoothRow(const ContourInput& in, std::span<const float> d, const std::vector<float>& planes, int y, float cosine, std::span<float> out) const {
+    const size_t count = in.instance.size(), row = size_t(y) * size_t(in.width);
+    const float* first = planes.data();
+    const AbstractionPlanes p{
+        first, first + count, first + 2 * count, first + 3 * count, first + 4 * count, first + 5 * count, first + 6 * count, first + 7 * count};
+    float sums[kRun], weights[kRun];
+    for (int begin = 0, end = 0; begin < in.width; begin = end) {
+      int stride = 0;
+      float most = 0;  // pixels of sigma
+      for (end = begin; end < std::min(begin + kRun, in.width); ++end) {
+        const size_t e = row + size_t(end);
+        if (p.area[e] == 0.0f) continue;
+        const float pixels = pixelsOfSigma(in, e);
+        const int step = std::max(int(pixels / kPerSigma), 1);
+        if (stride != 0 && step != stride) break;
+        stride = step;
+        most = std::max(most, pixels);
       }
-    return weights > 0 ? float(sum / weights) : d[e];
+      for (int x = begin; x < end; ++x) sums[x - begin] = 0, weights[x - begin] = p.area[row + size_t(x)];
+      if (stride != 0) {
+        const float reach = kReach * most / float(stride);
+        const int taps = int(reach);
+        for (int v = -std::min(taps, y / stride); v <= std::min(taps, (in.height - 1 - y) / stride); ++v) {
+          const int across = int(std::sqrt(std::max(reach * reach - float(v * v), 0.0f)) + 0.5f);
+          for (int u = -across; u <= across; ++u) {
+            if (u == 0 && v == 0) continue;
+            const int64_t shift = int64_t(u) * stride, from = std::max<int64_t>(begin, -shift), to = std::min<int64_t>(end, in.width - shift);
+            if (from >= to) continue;
+            addOffset(p, row + size_t(from), ptrdiff_t(v) * stride * in.width + ptrdiff_t(shift), size_t(to - from), kReach * kReach, cosine,
+                      sums + (from - begin), weights + (from - begin));
+          }
+        }
+      }
+      for (int x = begin; x < end; ++x) {
+        const size_t e = row + size_t(x);
+        out[e] = p.area[e] > 0.0f ? d[e] + sums[x - begin] / weights[x - begin] : d[e];
+      }
+    }
   }
 
   StyleAbstractionSettings s_;

@@ -10,8 +10,9 @@ namespace gobo {
 namespace {
 
 constexpr uint32_t kLeaf = 4, kPollAbove = 4096;
-constexpr double kFlat = 1e-2;   // spread of normals that counts as none at first
-constexpr double kSlack = 1e-6;  // of angles: the cones are rounded, the segments' own test decides at their edges
+constexpr double kFlat = 1e-2;    // spread of normals that counts as none at first
+constexpr double kFarFrom = 2.0;  // radii of a patch of patches from the nearest piece, from where its sources are few
+constexpr double kSlack = 1e-6;   // of angles: the cones are rounded, the segments' own test decides at their edges
 
 /// Gauss rules on [-1, 1] by number of points, with the factor of their error: |rest| <= factor p (p+1) ... (p+2n-1) q^2n of length d^-p.
 struct Rule {
@@ -81,6 +82,9 @@ Result<ContourTree> ContourTree::build(std::span<const ContourSegment> segments,
   tree.surely_ = angle > 2 * kFlat ? std::cos(angle - 2 * kFlat) : 2;
   tree.hardly_ = angle + 2 * kFlat < M_PI ? std::cos(angle + 2 * kFlat) : -2;
   if (segments.empty()) return tree;
+  tree.cubic_ = double(p) * (p + 1) * (p + 2) / 6;
+  tree.safe_ = std::cbrt(0.5 * error / tree.cubic_);
+  while (tree.rest(tree.safe_) > 0.5 * error) tree.safe_ *= 0.95;
   tree.order_.resize(segments.size());
   std::iota(tree.order_.begin(), tree.order_.end(), 0u);
   tree.boxes_.push_back(tree.boxOf(0, uint32_t(segments.size())));
@@ -132,9 +136,12 @@ ContourTree::Bound ContourTree::least(const Patch& patch) const {
     const double farthest = distance(box) + box.radius + patch.radius;
     if (seenFrom(patch, box) == Seen::All && farthest > 0 && box.source.length > 0) {
       const double value = std::log(box.source.length) - p_ * std::log(farthest);
-      if (value > best) best = value, most = {box.source.length, farthest};
+      if (value > best) best = value, most = {box.source.length, farthest, 0};
     }
-    if (box.left < 0) break;
+    if (box.left < 0) {
+      most.nearest = distance(box) - box.radius;
+      break;
+    }
     const Box &l = boxes_[size_t(box.left)], &r = boxes_[size_t(box.left) + 1];
     const bool left = seenFrom(patch, l) != Seen::None, right = seenFrom(patch, r) != Seen::None;
     at = left && (!right || distance(l) - l.radius <= distance(r) - r.radius) ? box.left : box.left + 1;
@@ -147,6 +154,9 @@ double ContourTree::rest(double q) const {
   if (q < 1e-3) return double(p_) * (p_ + 1) * (p_ + 2) / 6 * q * q * q * 1.2;  // the difference below would be of rounding; 1.2: p <= 64
   return 1 / power(1 - q, p_) - 1 - p_ * q - 0.5 * p_ * (p_ + 1) * q * q;
 }
+
+/// rest(q) <= most, mostly without rest's powers: a series of positive terms is at least its first.
+bool ContourTree::whole(double q, double most) const { return cubic_ * q * q * q <= most && (q <= safe_ || rest(q) <= most); }
 
 /// What a piece at distance d may be wrong by, in units of its length * d^-p.
 double ContourTree::allowed(const Bound& bound, double d) const {
@@ -177,32 +187,37 @@ void ContourTree::gatherSegment(const Patch& patch, uint32_t segment, const Boun
   out.near.push_back(segment);
 }
 
-void ContourTree::gather(const Patch& patch, PatchSources& out) const {
-  if (boxes_.empty()) return;
+bool ContourTree::gatherUpTo(const Patch& patch, size_t most, bool segments, PatchSources& out) const {
+  if (boxes_.empty()) return true;
   const Bound bound = least(patch);
-  std::vector<int> open{0};
+  if (!segments && bound.nearest < kFarFrom * patch.radius) return false;
+  std::vector<int>& open = out.open;
+  open.push_back(0);
   while (!open.empty()) {
-    const Box& box = boxes_[size_t(open.back())];
+    if (out.sources.size() > most || (!segments && (!out.near.empty() || !out.guarded.empty()))) return false;
+    const bool surely = open.back() < 0;  // ~box: seen as part of one that is
+    const Box& box = boxes_[size_t(surely ? ~open.back() : open.back())];
     open.pop_back();
-    const Seen seen = seenFrom(patch, box);
+    const Seen seen = surely ? Seen::All : seenFrom(patch, box);
     if (seen == Seen::None) continue;
     if (seen == Seen::All) {
       const double d = glm::length(box.source.at - patch.centre) - patch.radius;
-      if (d > box.radius && rest(box.radius / d) <= allowed(bound, d)) {
+      if (d > box.radius && whole(box.radius / d, allowed(bound, d))) {
         out.sources.push_back(box.source);
         out.length += box.source.length;
         continue;
       }
     }
     if (box.left >= 0) {
-      open.push_back(box.left + 1);
-      open.push_back(box.left);
+      open.push_back(seen == Seen::All ? ~(box.left + 1) : box.left + 1);
+      open.push_back(seen == Seen::All ? ~box.left : box.left);
       continue;
     }
     for (uint32_t k = box.first; k < box.first + box.count; ++k)
       if (seen == Seen::All) gatherSegment(patch, order_[k], bound, out);
       else out.guarded.push_back(order_[k]);
   }
+  return out.sources.size() <= most && (segments || (out.near.empty() && out.guarded.empty()));
 }
 
 }  // namespace gobo

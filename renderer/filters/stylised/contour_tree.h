@@ -30,7 +30,8 @@ struct PatchSources {
   std::vector<uint32_t> near;     ///< segments that every point of the patch sees
   std::vector<uint32_t> guarded;  ///< segments that some may see
   double length = 0;              ///< of what every point sees
-  void clear() { sources.clear(), near.clear(), guarded.clear(), length = 0; }
+  std::vector<int> open;          ///< of the search
+  void clear() { sources.clear(), near.clear(), guarded.clear(), open.clear(), length = 0; }
 };
 
 /// Points within `radius` of `centre`, with normals within an angle of `axis` whose cosine is `cosine` (1: one normal).
@@ -48,7 +49,9 @@ class ContourTree {
 
   std::span<const ContourSegment> segments() const { return segments_; }
   /// Adds to `out`, which is clear.
-  void gather(const Patch& patch, PatchSources& out) const;
+  void gather(const Patch& patch, PatchSources& out) const { gatherUpTo(patch, SIZE_MAX, true, out); }
+  /// False, and `out` of no use, where there are more sources than `most` or some segments stay such: the patch is worth cutting.
+  bool gatherFar(const Patch& patch, size_t most, PatchSources& out) const { return gatherUpTo(patch, most, false, out); }
 
  private:
   struct Box {
@@ -62,21 +65,24 @@ class ContourTree {
   enum class Seen : uint8_t { All, None, Some };
 
   ContourTree() = default;
+  bool gatherUpTo(const Patch& patch, size_t most, bool segments, PatchSources& out) const;
   Box boxOf(uint32_t first, uint32_t count) const;
   Seen seenFrom(const Patch& patch, const Box& box) const;
   struct Bound {
-    double length = 0, farthest = 0;
+    double length = 0, farthest = 0;  ///< of the piece that gives most
+    double nearest = 0;               ///< about the distance of the nearest
   };
   Bound least(const Patch& patch) const;
   double allowed(const Bound& bound, double d) const;
   double rest(double q) const;
+  bool whole(double q, double most) const;
   void gatherSegment(const Patch& patch, uint32_t segment, const Bound& bound, PatchSources& out) const;
 
   std::span<const ContourSegment> segments_;
   std::vector<uint32_t> order_;
   std::vector<Box> boxes_;
   int p_ = 8;
-  double angle_ = 0, error_ = 0, length_ = 0, surely_ = 2, hardly_ = -2;
+  double angle_ = 0, error_ = 0, length_ = 0, surely_ = 2, hardly_ = -2, cubic_ = 0, safe_ = 0;
 };
 
 }  // namespace gobo

@@ -18,7 +18,7 @@
 // Fails where  contours lie outside the picture or behind something (their distance is missing); normals bend: D jumps where a contour is at `angle`;
 // `instance`s that
 //              touch see each other's contours, which is meant, and so do walls back to back, which is not.
-// Determinism  bit-identical for any number of threads: patches of 8 x 8 samples are the same for all.
+// Determinism  bit-identical for any number of threads: patches of 8 x 8 samples, and those of patches, are the same for all.
 // Windows      D depends on the whole picture: no window (not tileable).
 #pragma once
 

@@ -10,11 +10,38 @@ namespace gobo {
 
 inline constexpr size_t kPatchPoints = 64;
 
+inline constexpr size_t kLanes = 8;  ///< points are taken by so many at once: arrays hold copies of the last one up to a multiple
+
 struct PatchPoints {
+  size_t lanes = 0;                                         ///< points, rounded up to a multiple of kLanes
   float x[kPatchPoints], y[kPatchPoints], z[kPatchPoints];  ///< from the patch's centre, in units
   float nearest2[kPatchPoints];                             ///< square of the nearest distance so far, in units
   float sum[kPatchPoints];                                  ///< integral of (r / nearest)^-p, in units
 };
+
+/// What segments that stay segments are summed at: places and squares of scene units in double, for they may be as near as they like.
+struct NearPoints {
+  size_t lanes = 0;
+  double x[kPatchPoints], y[kPatchPoints], z[kPatchPoints];  ///< from the patch's centre
+  float nx[kPatchPoints], ny[kPatchPoints], nz[kPatchPoints];
+  double nearest2[kPatchPoints];
+  double length[kPatchPoints];  ///< of guarded segments that are seen
+  double sum[kPatchPoints];     ///< integral of (r / nearest)^-p, scene units
+};
+
+/// A segment about the patch's centre.
+struct NearSegment {
+  double ax, ay, az, ux, uy, uz, length;  ///< u: unit
+  float nx, ny, nz, cosine;               ///< of those that see it; -2: everyone
+};
+
+/// nearest2 = min(nearest2, squared distances to the segments), length += those of guarded ones, where they are seen.
+void nearestSegments(const std::vector<NearSegment>& segments, NearPoints& points);
+/// sum += what the segments give, to 1e-6 of each. nearest2 is final; where it is 0 or infinite sums are anything.
+void addSegments(const std::vector<NearSegment>& segments, int p, NearPoints& points);
+
+/// d[k] = ratio[k]^exponent of n, for loops.
+void powers(const float* ratio, float exponent, size_t n, float* d);
 
 /// A source about the patch's centre, in units.
 struct PatchSource {

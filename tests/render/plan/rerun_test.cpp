@@ -400,6 +400,33 @@ TEST(Styles, BadValuesAreRefusedByName) {
   }
 }
 
+TEST(Styles, AWindowIsRefusedByNameSinceDistancesAreOfTheWholePicture) {
+  const auto engine = makeEngine();
+  for (const char* edit : {"shadows.style.softness=0.2", "shadows.style.abstraction=0.1"}) {
+    v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
+    for (const char* e : {"window.x=3", "window.y=2", "window.width=9", "window.height=7"}) set(r, e);
+    mustRender(*engine, r);
+    set(r, edit);
+    const auto refused = engine->render(r);
+    ASSERT_FALSE(refused.ok()) << edit;
+    EXPECT_EQ(refused.status().code(), Code::InvalidArgument);
+    EXPECT_EQ(refused.status().location(), "request.window");
+    EXPECT_NE(refused.status().message().find("style_"), std::string::npos) << refused.status().toString();
+  }
+}
+
+TEST(Styles, ALightThatFallsBackToPathTracingHasNone) {  // the environment of baseRequest() is in "direct"
+  const auto engine = makeEngine();
+  v1::RenderRequest r = baseRequest();
+  set(r, "shadows.style.softness=0.2");
+  const Labels labels = all(mustRender(*engine, r));
+  Labels styles;
+  for (const std::string& l : labels)
+    if (l.starts_with("style_")) styles.insert(l);
+  EXPECT_EQ(text(styles), "style_distance:light style_transfer:light ");
+  EXPECT_TRUE(labels.count("direct")) << text(labels);
+}
+
 // Shadow maps: what a slider re-runs, by field of the message. `before` is set first; the edit is then the only change.
 struct ShadowRow {
   std::vector<std::string> before;

@@ -63,7 +63,7 @@ std::shared_ptr<Term> floorGBuffer(int size = 64) {
   return g;
 }
 
-std::vector<ContourSegment> contourOf(const Term& V, const Term& g, float angle = kPi / 4) {
+std::vector<ContourSegment> contourWithin(const Term& V, const Term& g, float angle = kPi / 4) {
   ContourInput in;
   in.width = V.extent().width;
   in.height = V.extent().height;
@@ -80,7 +80,7 @@ std::vector<ContourSegment> contourOf(const Term& V, const Term& g, float angle 
 /// Largest |D / reference - 1| over every `step`th sample.
 double worst(const StyleDistanceSettings& s, const TermPtr& V, const TermPtr& g, size_t step = 7) {
   const auto got = field(s, V, g);
-  const auto contour = contourOf(*V, *g, s.angle);
+  const auto contour = contourWithin(*V, *g, s.angle);
   EXPECT_GT(contour.size(), 20u);
   const auto P = g->floats("P"), N = g->floats("N");
   double most = 0;
@@ -293,7 +293,7 @@ TEST(StyleAbstraction, DoesNotCrossCreasesAndLeavesWhatHasNoDistance) {
   D->writable<float>("D")[70] = kStyleFar;
   const auto out = abstracted(e, 6, D, g);
   for (size_t i = 0; i < e.elements(); ++i)
-    if (i != 5 && i != 6 && i != 70) ASSERT_NEAR(out->floats("D")[i], i % 64 < 32 ? -1.0f : 5.0f, 1e-5f) << i;
+    if (i != 5 && i != 6 && i != 70) { ASSERT_NEAR(out->floats("D")[i], i % 64 < 32 ? -1.0f : 5.0f, 1e-5f) << i; }
   for (const size_t i : {5u, 6u, 70u}) EXPECT_EQ(out->floats("D")[i], D->floats("D")[i]);
 }
 
@@ -414,8 +414,8 @@ TEST(Stylised, TimeOfTheFieldAndOfAnEdit) {  // printed, not judged: docs/intent
   for (int k = 0; k < 3; ++k) best = std::min(best, ms([&] { D = field(settings(e), V, g); }));
   for (int k = 0; k < 5; ++k) edit = std::min(edit, ms([&] { S = transferred({0.1f * float(k), 0.2f, 0.1f}, {D}); }));
   blur = ms([&] { S = abstracted(e, 0.1f, D, g); });
-  std::cout << contourOf(*V, *g).size() << " segments at 1920 x 1080: field " << best << " ms, transfer " << edit << " ms, abstraction of 10 pixels " << blur
-            << " ms of one core\n";
+  std::cout << contourWithin(*V, *g).size() << " segments at 1920 x 1080: field " << best << " ms, transfer " << edit << " ms, abstraction of 10 pixels "
+            << blur << " ms of one core\n";
   EXPECT_EQ(S->extent().width, 1920);
 }
 
