@@ -60,7 +60,8 @@ Status append(const std::string& file, const std::string& line) {
 /// What can be a reference: finite, and of channels that are compared.
 Status checkRender(const RegressCase& c, const std::vector<Image>& parts) {
   for (size_t k = 0; k < parts.size(); ++k) {
-    if (parts[k].channels == 2) return invalidArgument("case \"" + c.name + "\": output = \"" + c.request.outputs(0) + "\" has two channels: must have one, three or four");
+    if (parts[k].channels == 2)
+      return invalidArgument("case \"" + c.name + "\": output = \"" + c.request.outputs(0) + "\" has two channels: must have one, three or four");
     for (size_t i = 0; i < parts[k].data.size(); ++i)
       if (!std::isfinite(parts[k].data[i]))
         return invalidArgument("case \"" + c.name + "\": part " + std::to_string(k) + " of the render is not finite at pixel " +

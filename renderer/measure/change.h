@@ -49,8 +49,8 @@ struct ChangeFigures {
 /// pixel). O(128 * parts * pixels).
 Result<ChangeFigures> findChange(const std::vector<Image>& reference, const std::vector<Image>& now, const ChangeOptions& options = {});
 
-/// Bit k of each: part k has its other sign. Part 0 never has; with "none has" they are a group of 128 (of fewer parts than 8: of all there are), in which no two
-/// parts go together or against each other throughout.
+/// Bit k of each: part k has its other sign. Part 0 never has; with "none has" they are a group of 128 (of fewer parts than 8: of all there are), in which no
+/// two parts go together or against each other throughout.
 std::vector<uint32_t> signFlips(int parts);
 
 /// The mean of parts of one size (CHECKed).

@@ -52,7 +52,7 @@ class StyleAbstractionNode final : public Node {
     const auto from = ctx.inputs.at(0)->floats("D");
     const auto D = ctx.result->writable<float>("D");
     const size_t count = size_t(s_.extent.width) * size_t(s_.extent.height);
-    const float cosine = std::cos(s_.angle);
+    const float cosine = std::cos(s_.angle) - kRoundedCosine;
     if (s_.sigma == 0.0f) {
       std::copy(from.begin(), from.end(), D.begin());
       return TermPtr(ctx.result);

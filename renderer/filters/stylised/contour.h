@@ -46,6 +46,9 @@ struct ContourInput {
   Vec3 at(std::span<const float> plane, size_t e) const { return Vec3(plane[3 * e], plane[3 * e + 1], plane[3 * e + 2]); }
 };
 
+/// Products of unit normals in float are off by this much: guards by a cosine allow for it, so that an angle of 0 is a plane.
+inline constexpr float kRoundedCosine = 1e-6f;
+
 /// Whether neighbours e and f lie on one surface. `cosine`: of the largest angle between their normals.
 bool onOneSurface(const ContourInput& in, size_t e, size_t f, float cosine);
 

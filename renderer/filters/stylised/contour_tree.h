@@ -7,9 +7,9 @@
 // The rest is at most d^-p e(R/d), e(q) = (1 - q)^-p - 1 - p q - p (p + 1) q^2 / 2, by the generating function of Gegenbauer polynomials. A piece is taken
 // whole where that is at most half of `error` of its own d^-p, or of its share by length in a lower bound of the whole sum: what is many times as far as the
 // nearest contour hardly counts (|x - y|^-8). Segments that are too near for that become points of a Gauss rule whose own bound holds, or stay segments.
-// `error` bounds the sum; D has 1/(p - 1) of it (LOCAL). Guard        Pieces carry the cone of their normals. Where cones do not decide which of a piece's
-// segments points of the patch see, each decides for itself. Cost         Building: O(n log n), 170 bytes a node, about n/2 nodes. A patch: some hundreds of
-// nodes visited, some tens of sources. Determinism  Built by one thread; ties are broken by the segments' order.
+// `error` bounds the sum; D has 1/(p - 1) of it (LOCAL). Guard: pieces carry the cone of their normals; where cones do not decide which of a piece's segments
+// points of the patch see, each decides for itself. Cost: building O(n log n), 170 bytes a node, about n/2 nodes; a patch some hundreds of nodes visited, some
+// tens of sources. Built by one thread; ties are broken by the segments' order.
 #pragma once
 
 #include <array>

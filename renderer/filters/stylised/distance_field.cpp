@@ -16,6 +16,7 @@ namespace {
 constexpr int kSide = 8, kBlock = 4;    // samples of a patch, patches of a block, each way
 constexpr size_t kGroups = 8;           // most surfaces of a patch that are told apart
 constexpr size_t kFarSources = 80;      // most for which a patch of patches is not cut
+constexpr double kMostApart = 1e6;      // of the nearest source: what is farther adds a millionth at most, and powers of it leave a float's range
 constexpr float kAlike = 0.9f;          // least cosine between normals of a group
 constexpr float kReachOfGroup = 64.0f;  // widths of a pixel
 constexpr double kSpread = 1e20;        // farthest by nearest to the power p up to which one unit does for all points
@@ -122,7 +123,7 @@ class StyleDistanceNode final : public Node {
 
  private:
   Status runLayer(const RunContext& ctx, const ContourInput& in, std::span<float> D) const {
-    const float cosine = std::cos(s_.angle);
+    const float cosine = std::cos(s_.angle) - kRoundedCosine;
     GOBO_ASSIGN(const std::vector<ContourSegment> contour, extractContour(in, cosine, *ctx.arena, ctx.stop));
     GOBO_ASSIGN(const ContourTree tree, ContourTree::build(contour, s_.power, double(s_.angle), kFieldError * (s_.power - 1), ctx.stop));
     const double constant = straightLineConstant(s_.power);
@@ -138,11 +139,11 @@ class StyleDistanceNode final : public Node {
               std::fill_n(&D[size_t(y) * size_t(in.width) + size_t(x0)], std::min(kStep, in.width - x0), kStyleFar);
             for (int j = 0; j < kBlock; ++j)
               for (int i = 0; i < kBlock; ++i) groupsOf(in, x0 + i * kSide, y0 + j * kSide, scratch->groups[j][i]);
-            runPatches({in, tree, cosine, constant, D}, 0, 0, kBlock, *scratch);
+            runPatches({in, tree, cosine, constant, D, ctx.stop}, 0, 0, kBlock, *scratch);
           }
         },
         ctx.stop);
-    if (!complete) return Status(Code::Cancelled, "style_distance: stopped");
+    if (!complete || ctx.stop.stopRequested()) return Status(Code::Cancelled, "style_distance: stopped");
     return {};
   }
 
@@ -152,6 +153,7 @@ class StyleDistanceNode final : public Node {
     float cosine;
     double constant;
     std::span<float> D;
+    const StopToken& stop;
   };
   struct Scratch {
     Groups groups[kBlock][kBlock];
@@ -184,6 +186,7 @@ class StyleDistanceNode final : public Node {
 
   /// What is far from all of them is gathered once; else quarters, down to the surfaces of one patch.
   void runPatches(const Layer& layer, int i0, int j0, int side, Scratch& scratch) const {
+    if (layer.stop.stopRequested()) return;  // a patch may see every segment of a noisy shadow
     if (side == 1) {
       const Groups& groups = scratch.groups[j0][i0];
       for (size_t k = 0; k < groups.count; ++k) {
@@ -215,7 +218,8 @@ class StyleDistanceNode final : public Node {
     for (const PatchSources::Source& s : found.sources) unit = std::min(unit, glm::length(s.at - patch.centre));
     if (found.sources.empty()) unit = 1;
     scratch.sources.clear();
-    for (const PatchSources::Source& s : found.sources) scratch.sources.push_back(patchSource(s, patch.centre, unit));
+    for (const PatchSources::Source& s : found.sources)
+      if (glm::length(s.at - patch.centre) <= kMostApart * unit) scratch.sources.push_back(patchSource(s, patch.centre, unit));
     scratch.segments.clear();
     const auto add = [&](uint32_t segment, float cosine) {
       const ContourSegment& s = layer.tree.segments()[segment];

@@ -375,6 +375,23 @@ TEST(StyleTransfer, ColourStaysWhereLightArrives) {
 }
 
 // ---- Together ---------------------------------------------------------------------------------------------------------------
+// A tilted plane, whose unit normals have products a little below 1, is one plane at an angle of 0, too.
+TEST(Stylised, AnAngleOfZeroIsAPlane) {
+  const Extent e{32, 24, 1};
+  const auto V = floatTerm(e, "V", [](int x, int, int) { return x < 16 ? 0.0f : 1.0f; });
+  const auto turned = planeGBuffer(view(e));
+  const Vec3 tilted = glm::normalize(Vec3(0.3f, 0.9f, 0.17f));
+  for (const char* plane : {"N", "Ng"}) {
+    const auto n = turned->writable<float>(plane);
+    for (size_t i = 0; i < n.size(); i += 3) n[i] = tilted.x, n[i + 1] = tilted.y, n[i + 2] = tilted.z;
+  }
+  StyleDistanceSettings s = settings(e);
+  const auto wide = field(s, V, turned);
+  s.angle = 0.0f;
+  const auto plane = field(s, V, turned);
+  for (size_t i = 0; i < e.elements(); ++i) ASSERT_EQ(plane->floats("D")[i], wide->floats("D")[i]) << i;
+}
+
 TEST(Stylised, NeutralStyleIsTheHardShadowToTheBit) {
   for (const Extent e : {Extent{1, 1, 1}, Extent{2, 1, 1}, Extent{17, 13, 2}, Extent{64, 48, 1}}) {
     auto V = noiseTerm(e, "V", 4);
@@ -396,7 +413,7 @@ TEST(Stylised, InflationMovesTheEdgeByItsLength) {
   }
 }
 
-TEST(Stylised, TimeOfTheFieldAndOfAnEdit) {  // printed, not judged: docs/intent.md
+TEST(Stylised, DISABLED_TimeOfTheFieldAndOfAnEdit) {  // asked for by name: docs/intent.md
   const Extent e{1920, 1080, 1};
   const auto V = floatTerm(e, "V", [](int x, int y, int) {
     bool shadow = false;
