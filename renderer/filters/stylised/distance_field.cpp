@@ -266,7 +266,7 @@ class StyleDistanceNode final : public Node {
     }
     if (far) addSources(scratch.sources, s_.power, points);
     const bool local = s_.norm == StyleNorm::Local;
-    float ratio[kPatchPoints], scale[kPatchPoints], d[kPatchPoints];
+    float ratio[kPatchPoints], scale[kPatchPoints] = {}, d[kPatchPoints];
     for (size_t k = 0; k < points.lanes; ++k) {
       const double width = std::sqrt(close.nearest2[k]), sum = double(points.sum[k]) * unit + close.sum[k];
       scale[k] = float(width);
