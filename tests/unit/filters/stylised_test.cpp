@@ -389,7 +389,11 @@ TEST(Stylised, AnAngleOfZeroIsAPlane) {
   const auto wide = field(s, V, turned);
   s.angle = 0.0f;
   const auto plane = field(s, V, turned);
-  for (size_t i = 0; i < e.elements(); ++i) ASSERT_EQ(plane->floats("D")[i], wide->floats("D")[i]) << i;
+  for (size_t i = 0; i < e.elements(); ++i) {
+    const float there = wide->floats("D")[i];
+    ASSERT_LT(std::abs(there), 100.0f);
+    ASSERT_NEAR(plane->floats("D")[i], there, 1e-5f * std::abs(there)) << i;  // segment by segment, in the place of whole pieces
+  }
 }
 
 TEST(Stylised, NeutralStyleIsTheHardShadowToTheBit) {
