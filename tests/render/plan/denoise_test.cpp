@@ -256,6 +256,27 @@ TEST(Denoise, AutomaticDoesWithoutBendingWhereItWouldNotFit) {
   EXPECT_TRUE(holds(r, "beauty by first_order"));  // as one kind of light, indirect light among it
 }
 
+// Through a lens there is one more choice, for direct light, where halves judge it; through a pinhole everything is as it was.
+TEST(Denoise, AutomaticChoosesByTheLensForDirectLight) {
+  const auto engine = makeEngine();
+  const auto has = [&](v1::RenderRequest r, const std::string& label) {
+    set(r, "denoise=auto");
+    const RenderResult result = mustRender(*engine, r);
+    for (const auto& n : result.reply.plan())
+      if (n.node() == label) return true;
+    return false;
+  };
+  v1::RenderRequest sharp = smallRequest("cornell", 24, 18, 4), open = sharp;
+  for (const char* e : {"camera.lens_radius=0.2", "camera.focus_distance=2"}) set(open, e);
+  EXPECT_TRUE(has(open, "beauty direct by lens"));
+  EXPECT_TRUE(has(open, "features through the lens"));
+  EXPECT_FALSE(has(open, "beauty:diffuse by lens"));
+  EXPECT_FALSE(has(sharp, "beauty direct by lens"));
+  EXPECT_FALSE(has(sharp, "features through the lens"));
+  open.mutable_halt()->set_spp(1);
+  EXPECT_FALSE(has(open, "beauty direct by lens"));
+}
+
 // The certificate is of the picture that is shown.
 TEST(Denoise, CertificatesAreOfTheDenoisedPicture) {
   const auto engine = makeEngine();
