@@ -5,6 +5,7 @@
 #include <atomic>
 #include <map>
 #include <mutex>
+#include <vector>
 
 #include "device/vulkan/vulkan_device.h"
 #include "device/vulkan/vulkan_result.h"
@@ -15,6 +16,7 @@ struct VulkanBuffer::Memory {
   VkBuffer buffer = VK_NULL_HANDLE;
   VkDeviceMemory memory = VK_NULL_HANDLE;
   void* mapped = nullptr;  // null: reached through a staging buffer
+  size_t bytes = 0;        // of the buffer
 };
 
 struct VulkanDevice::Impl {
@@ -45,6 +47,10 @@ struct VulkanDevice::Impl {
   VkQueryPool queries = VK_NULL_HANDLE;
   VkFence fence = VK_NULL_HANDLE;
   std::map<const uint32_t*, Pipeline> pipelines;
+  // GPUs take milliseconds to give and to zero memory, as long as kernels and copies of it take: what is there is used again.
+  VulkanBuffer::Memory stage;              // host memory that transfers go through, piece by piece
+  std::vector<VulkanBuffer::Memory> kept;  // of freed buffers that the host cannot map, oldest first
+  size_t keptBytes = 0;
 
   ~Impl();
   Status createInstance(bool validation);
@@ -52,13 +58,24 @@ struct VulkanDevice::Impl {
   Status createDevice();
   Status makeBuffer(size_t bytes, VkBufferUsageFlags usage, bool host, VulkanBuffer::Memory& made);
   void freeBuffer(VulkanBuffer::Memory& memory) const;
+  /// makeBuffer of storage for kernels, from what was kept where that fits.
+  Status takeBuffer(size_t bytes, VulkanBuffer::Memory& made);
+  /// Instead of freeBuffer, of a buffer from takeBuffer.
+  void keepBuffer(VulkanBuffer::Memory& memory);
+  void freeKept();
+  /// `stage` of at least min(bytes, kStagePiece).
+  Status makeStage(size_t bytes);
   Result<Pipeline> pipeline(const ComputeKernel& kernel);
   Status submitAndWait();
-  Status copy(VkBuffer from, VkBuffer to, size_t bytes);
+  Status copy(VkBuffer from, size_t fromOffset, VkBuffer to, size_t toOffset, size_t bytes);
   /// Internal with the layer's words, if it had any since the last call.
   Status validation();
 };
 
+/// Bytes that are on their way between host and device at once.
+inline constexpr size_t kStagePiece = size_t(16) << 20;
+/// Of freed device memory that waits for its next use.
+inline constexpr size_t kMostKept = size_t(256) << 20;
 /// Dispatches of one submission; run() splits longer lists.
 inline constexpr uint32_t kMaxDispatches = 64;
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Buffers and transfers: device-local memory that the host can map is written directly, other memory through staging.
 #include <algorithm>
+#include <bit>
 #include <cstring>
+#include <utility>
 
 #include "base/check.h"
 #include "device/vulkan/vulkan_impl.h"
@@ -24,6 +26,7 @@ Status VulkanDevice::Impl::makeBuffer(size_t bytes, VkBufferUsageFlags usage, bo
   info.size = bytes;
   info.usage = usage;
   info.sharingMode = VK_SHARING_MODE_EXCLUSIVE;
+  made.bytes = bytes;
   GOBO_VK(vkCreateBuffer, device, &info, nullptr, &made.buffer);
   VkMemoryRequirements need;
   vkGetBufferMemoryRequirements(device, made.buffer, &need);
@@ -50,11 +53,62 @@ void VulkanDevice::Impl::freeBuffer(VulkanBuffer::Memory& m) const {
   m = {};
 }
 
+namespace {
+/// Sizes in steps of a quarter of a power of two, so that buffers fit each other's place.
+size_t roundedSize(size_t bytes) {
+  const size_t step = std::max<size_t>(std::bit_floor(bytes) / 4, 256);
+  return (bytes + step - 1) / step * step;
+}
+}  // namespace
+
+Status VulkanDevice::Impl::takeBuffer(size_t bytes, VulkanBuffer::Memory& made) {
+  constexpr VkBufferUsageFlags usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+  const size_t wanted = staging ? std::max(bytes, std::min<size_t>(roundedSize(bytes), properties.limits.maxStorageBufferRange)) : bytes;
+  const auto found = std::find_if(kept.rbegin(), kept.rend(), [&](const VulkanBuffer::Memory& m) { return m.bytes == wanted; });
+  if (found != kept.rend()) {
+    made = *found;
+    keptBytes -= made.bytes;
+    kept.erase(std::next(found).base());
+    return {};
+  }
+  Status status = makeBuffer(wanted, usage, false, made);
+  if (status.code() != Code::ResourceExhausted || kept.empty()) return status;
+  freeBuffer(made);
+  freeKept();
+  return makeBuffer(wanted, usage, false, made);
+}
+
+void VulkanDevice::Impl::keepBuffer(VulkanBuffer::Memory& m) {
+  if (m.mapped || m.memory == VK_NULL_HANDLE || m.bytes > kMostKept) return freeBuffer(m);
+  kept.push_back(std::exchange(m, {}));
+  keptBytes += kept.back().bytes;
+  while (keptBytes > kMostKept) {
+    keptBytes -= kept.front().bytes;
+    freeBuffer(kept.front());
+    kept.erase(kept.begin());
+  }
+}
+
+void VulkanDevice::Impl::freeKept() {
+  for (VulkanBuffer::Memory& m : kept) freeBuffer(m);
+  kept.clear();
+  keptBytes = 0;
+}
+
+Status VulkanDevice::Impl::makeStage(size_t bytes) {
+  const size_t wanted = std::bit_ceil(std::clamp<size_t>(bytes, 1 << 16, kStagePiece));
+  if (stage.bytes >= wanted) return {};
+  freeBuffer(stage);
+  Status status = makeBuffer(wanted, VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT, true, stage);
+  if (!status.ok()) freeBuffer(stage);
+  return status;
+}
+
 VulkanBuffer::VulkanBuffer(std::shared_ptr<const VulkanDevice> device, std::unique_ptr<Memory> memory, size_t bytes)
     : ComputeBuffer(device.get(), bytes), device_(std::move(device)), memory_(std::move(memory)) {}
 VulkanBuffer::~VulkanBuffer() {
   std::lock_guard lock(device_->impl_->mutex);
-  device_->impl_->freeBuffer(*memory_);
+  device_->impl_->keepBuffer(*memory_);
 }
 
 Result<ComputeBufferPtr> VulkanDevice::buffer(size_t bytes) {
@@ -64,8 +118,7 @@ Result<ComputeBufferPtr> VulkanDevice::buffer(size_t bytes) {
   bytes = std::max<size_t>(bytes, 1);
   std::lock_guard lock(impl_->mutex);
   auto made = std::make_unique<VulkanBuffer::Memory>();
-  Status status =
-      impl_->makeBuffer(bytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT, false, *made);
+  Status status = impl_->takeBuffer(bytes, *made);
   if (status.ok()) status = impl_->validation();
   if (!status.ok()) {
     impl_->freeBuffer(*made);
@@ -74,11 +127,11 @@ Result<ComputeBufferPtr> VulkanDevice::buffer(size_t bytes) {
   return ComputeBufferPtr(new VulkanBuffer(shared_from_this(), std::move(made), bytes));
 }
 
-Status VulkanDevice::Impl::copy(VkBuffer from, VkBuffer to, size_t bytes) {
+Status VulkanDevice::Impl::copy(VkBuffer from, size_t fromOffset, VkBuffer to, size_t toOffset, size_t bytes) {
   VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
   begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
   GOBO_VK(vkBeginCommandBuffer, commands, &begin);
-  const VkBufferCopy region{0, 0, bytes};
+  const VkBufferCopy region{fromOffset, toOffset, bytes};
   vkCmdCopyBuffer(commands, from, to, 1, &region);
   VkMemoryBarrier barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER};
   barrier.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
@@ -98,14 +151,13 @@ Status VulkanDevice::upload(ComputeBuffer& to, const void* data, size_t bytes) {
     std::memcpy(buffer.memory_->mapped, data, bytes);
     return {};
   }
-  VulkanBuffer::Memory staging;
-  Status status = impl_->makeBuffer(bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT, true, staging);
-  if (status.ok()) {
-    std::memcpy(staging.mapped, data, bytes);
-    status = impl_->copy(staging.buffer, buffer.memory_->buffer, bytes);
+  GOBO_TRY(impl_->makeStage(bytes));
+  for (size_t done = 0; done < bytes; done += kStagePiece) {
+    const size_t piece = std::min(bytes - done, kStagePiece);
+    std::memcpy(impl_->stage.mapped, static_cast<const char*>(data) + done, piece);
+    GOBO_TRY(impl_->copy(impl_->stage.buffer, 0, buffer.memory_->buffer, done, piece));
   }
-  impl_->freeBuffer(staging);
-  return status;
+  return {};
 }
 
 Status VulkanDevice::download(const ComputeBuffer& from, void* data, size_t bytes) {
@@ -118,12 +170,13 @@ Status VulkanDevice::download(const ComputeBuffer& from, void* data, size_t byte
     std::memcpy(data, buffer.memory_->mapped, bytes);
     return {};
   }
-  VulkanBuffer::Memory staging;
-  Status status = impl_->makeBuffer(bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT, true, staging);
-  if (status.ok()) status = impl_->copy(buffer.memory_->buffer, staging.buffer, bytes);
-  if (status.ok()) std::memcpy(data, staging.mapped, bytes);
-  impl_->freeBuffer(staging);
-  return status;
+  GOBO_TRY(impl_->makeStage(bytes));
+  for (size_t done = 0; done < bytes; done += kStagePiece) {
+    const size_t piece = std::min(bytes - done, kStagePiece);
+    GOBO_TRY(impl_->copy(buffer.memory_->buffer, done, impl_->stage.buffer, 0, piece));
+    std::memcpy(static_cast<char*>(data) + done, impl_->stage.mapped, piece);
+  }
+  return {};
 }
 
 }  // namespace gobo

@@ -190,6 +190,8 @@ Status VulkanDevice::Impl::validation() {
 VulkanDevice::Impl::~Impl() {
   if (device) {
     vkDeviceWaitIdle(device);
+    freeKept();
+    freeBuffer(stage);
     for (auto& [code, p] : pipelines) {
       vkDestroyPipeline(device, p.pipeline, nullptr);
       vkDestroyPipelineLayout(device, p.layout, nullptr);
