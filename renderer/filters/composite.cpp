@@ -44,8 +44,7 @@ class CompositeNode final : public PixelNode {
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 0, SIZE_MAX);
     w.require(expression_.check(in));
-    for (const Expression::Instruction& i : expression_.code())
-      if (i.op == Expression::Op::Plane && w.ok()) w.over(size_t(i.input), pixelExtent());
+    for (size_t i = 0; i < in.size(); ++i) w.over(i, pixelExtent());  // those too that only say how many samples they lost
     TermShape out{"picture", Domain::Pixel, pixelExtent(), {unsetPlane<float>("rgb", 3)}};
     for (const TermShape& input : in) passOnDropped(input, out);
     return w.gives(std::move(out));

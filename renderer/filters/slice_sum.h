@@ -9,11 +9,20 @@
 
 namespace gobo {
 
-/// An output of every slice: its plane (f32) there, and what the slices are: parts of a mean, or of a sum.
+/// A plane (f32) of every slice, and what the slices are together.
 struct SlicePlane {
+  enum class How {
+    Sum,
+    Mean,
+    MeanOfEven,    ///< of slices 0, 2, 4, ... alone: half of the samples, of moments between those of the other half
+    MeanOverSeen,  ///< each slice by its share in plane `with` (one channel, How::Mean, values of at least 0); 0 where that is none
+    MeanOfSeen,    ///< slices without a share in `with` count as 0; 1 where none has any
+    Least
+  };
   std::string plane;
   int channels = 3;
-  bool mean = true;
+  How how = How::Mean;
+  int with = -1;  ///< the index of another plane
 };
 /// The plane of output i in the result.
 std::string slicedPlane(size_t i);
@@ -22,5 +31,12 @@ std::string slicedPlane(size_t i);
 /// accumulator for each output; all that a slice is made of may go before the next one is made. Samples that outputs of one slice dropped are the same ones:
 /// the most of them count.
 NodePtr makeSliceSumNode(std::vector<SlicePlane> outputs, int width, int height, int slices);
+
+struct NamedPlane {
+  std::string name;
+  int channels = 3;
+};
+/// Input: a slice sum. Output: `term`, whose planes are slicedPlane(first), slicedPlane(first + 1), ... there: copies by the names that filters know.
+NodePtr makeSlicePartNode(std::string term, std::vector<NamedPlane> planes, size_t first, int width, int height);
 
 }  // namespace gobo

@@ -104,10 +104,9 @@ struct NoisyPart {
   bool orAsSampled = false;  ///< held against its noise, though there is one filter alone
 };
 
-/// In the order of summation; none: nothing is filtered. `untouched` gets what filters leave as it is. halves: there are two, by which a filter is judged.
-Result<std::vector<NoisyPart>> partsOf(const PlanContext& c, std::vector<Contribution> traced, bool halves, std::vector<Contribution>& untouched) {
-  const v1::Denoise& settings = c.request().denoise();
-  const bool automatic = settings.has_auto_(), bends = c.apart().curvature, lens = c.view().camera.hasLens();
+/// Without light, in the order of summation; none: nothing is filtered. halves: there are two, by which a filter is judged.
+Result<std::vector<NoisyPart>> kindsOf(const v1::Denoise& settings, bool bends, bool halves, bool lens) {
+  const bool automatic = settings.has_auto_();
   std::vector<NoisyPart> parts(1);
   if (automatic) {
     GOBO_ASSIGN(parts[0].by, choicesOf(bends ? Known::BendingDiffuse : Known::Nothing, settings.auto_().fast(), halves, lens));
@@ -115,24 +114,28 @@ Result<std::vector<NoisyPart>> partsOf(const PlanContext& c, std::vector<Contrib
     GOBO_TRY(add(parts[0].by, settings));
   }
   const bool closed = settings.has_axis_aligned() && settings.axis_aligned().radius_px() == 0;  // a window of no width, not even along edges
-  if (parts[0].by.empty() || traced.empty() || closed) return std::vector<NoisyPart>();
-  if (!bends) {
-    parts[0].light = std::move(traced);
-    return parts;
-  }
+  if (parts[0].by.empty() || closed) return std::vector<NoisyPart>();
+  if (!bends) return parts;
   Denoisers by = std::move(parts[0].by), specularBy = by;
   if (automatic) { GOBO_ASSIGN(specularBy, choicesOf(Known::BendingSpecular, settings.auto_().fast(), halves, lens)); }
-  parts = {{LobePart::Diffuse, {}, std::move(by), "", true},
-           {LobePart::Specular, {}, std::move(specularBy), "", true},
-           {LobePart::Both, {}, {}, " direct", false, halves}};
-  const bool filtersDirect = automatic || settings.axis_aligned().direct() != v1::AxisAlignedDenoise::NONE;
-  if (filtersDirect) { GOBO_ASSIGN(parts[2].by, choicesOf(Known::Direct, true, halves, lens)); }
+  parts = {{LobePart::Diffuse, {}, std::move(by), "", true}, {LobePart::Specular, {}, std::move(specularBy), "", true}};
+  if (automatic || settings.axis_aligned().direct() != v1::AxisAlignedDenoise::NONE) {
+    parts.push_back({LobePart::Both, {}, {}, " direct", false, halves});
+    GOBO_ASSIGN(parts[2].by, choicesOf(Known::Direct, true, halves, lens));
+  }
+  return parts;
+}
+
+/// kindsOf with their light. `untouched` gets what filters leave as it is.
+Result<std::vector<NoisyPart>> partsOf(const PlanContext& c, std::vector<Contribution> traced, bool halves, std::vector<Contribution>& untouched) {
+  GOBO_ASSIGN(std::vector<NoisyPart> parts, kindsOf(c.request().denoise(), c.apart().curvature, halves, c.view().camera.hasLens()));
+  if (parts.size() == 1) parts[0].light = std::move(traced);
+  if (parts.size() < 2) return parts;
   for (Contribution& k : traced) {
     const bool diffuse = contains(PathSet::IndirectDiffuse, k.paths), specular = contains(PathSet::IndirectSpecular, k.paths) && !c.kinds().lambert;
-    const bool direct = filtersDirect && contains(PathSet::Direct, k.paths);
+    const bool direct = parts.size() > 2 && contains(PathSet::Direct, k.paths);
     (diffuse ? parts[0].light : specular ? parts[1].light : direct ? parts[2].light : untouched).push_back(std::move(k));
   }
-  std::erase_if(parts, [](const NoisyPart& p) { return p.light.empty(); });
   return parts;
 }
 
@@ -155,6 +158,26 @@ NodeId planFirst(PlanContext& c, std::span<const Contribution> traced, NodeId al
   return planSum(c, earlier, c.graph().at(all).label + ", its first samples");
 }
 
+/// What the filters make of it, the best of them at each pixel (orAsSampled: of one filter and the light as it was): the demodulated light.
+NodeId planFilters(Graph& graph, const Denoisers& by, const NoisyNodes& n, bool orAsSampled, int width, int height, const std::string& label) {
+  const auto add = [&](NodePtr node, std::vector<NodeId> inputs, const std::string& name) { return graph.add({std::move(node), std::move(inputs), {}, name}); };
+  // The first half goes first, and the whole goes on from it.
+  std::vector<NodeId> inputs{n.features};
+  if (n.first >= 0) inputs.push_back(n.first);
+  inputs.push_back(n.all);
+  if (n.bending >= 0) inputs.push_back(n.bending);
+  const NodeId halves = add(denoise::makeNoisyPictureNode(width, height, n.samples, n.firstSamples, n.bending >= 0), std::move(inputs), label + " in halves");
+  std::vector<NodeId> smooth;
+  const bool judged = by.size() > 1 || orAsSampled;
+  for (const denoise::DenoiserPtr& d : by)
+    smooth.push_back(add(denoise::makeDenoiseNode(d, width, height, n.samples, n.firstSamples, judged), {n.features, halves}, label + " by " + d->name()));
+  if (!judged) return smooth[0];
+  std::vector<NodeId> choice{halves};
+  choice.insert(choice.end(), smooth.begin(), smooth.end());
+  const float share = float(double(n.firstSamples) / double(n.samples));
+  return add(denoise::makeSelectNode(width, height, int(by.size()), share), std::move(choice), label + " selected");
+}
+
 class DenoisePlan {
  public:
   DenoisePlan(PlanContext& c, std::string label) : c_(c), label_(std::move(label)), width_(c.view().width), height_(c.view().height) {
@@ -170,49 +193,51 @@ class DenoisePlan {
 
   Result<SmoothPart> plan(const NoisyPart& part) {
     const std::string label = withLobe(label_ + part.label, part.lobe);
-    const NodeId all = planSum(c_, part.light, label + " traced");
-    const NodeId features = planFeatures(part.lobe);
-    std::vector<NodeId> inputs{features, all};
-    // The first half goes first, and the whole goes on from it.
-    if (samples_ > 1) inputs.insert(inputs.begin() + 1, planFirst(c_, part.light, all, any_ ? c_.passes() + 1 : half_));
-    if (part.bends) { GOBO_TRY(addCurvature(part, label, inputs)); }
-    const NodeId halves = c_.filter(denoise::makeNoisyPictureNode(width_, height_, samples_, first_, part.bends), std::move(inputs), label + " in halves");
-    std::vector<NodeId> smooth;
-    const bool judged = part.by.size() > 1 || part.orAsSampled;
-    for (const denoise::DenoiserPtr& d : part.by)
-      smooth.push_back(c_.filter(denoise::makeDenoiseNode(d, width_, height_, samples_, first_, judged), {features, halves}, label + " by " + d->name()));
-    if (judged) {
-      std::vector<NodeId> choice{halves};
-      choice.insert(choice.end(), smooth.begin(), smooth.end());
-      const float share = float(double(first_) / double(samples_));
-      smooth.assign(1, c_.filter(denoise::makeSelectNode(width_, height_, int(part.by.size()), share), std::move(choice), label + " selected"));
-    }
+    NoisyNodes noisy = gather(part.light, label);
+    noisy.features = features(part.lobe);
+    if (part.bends) { GOBO_ASSIGN(noisy.bending, curvature(part, label)); }
+    NodeId light = planFilters(c_.graph(), part.by, noisy, part.orAsSampled, width_, height_, label);
     if (part.bends)
-      smooth[0] = c_.filter(denoise::makeViewSampleEdgesNode(width_, height_, c_.view().viewSamples, part.lobe),
-                            {features, smooth[0], c_.gbuffer(), c_.surface()}, label + " along edges");
-    return SmoothPart{smooth[0], features};
+      light = c_.filter(denoise::makeViewSampleEdgesNode(width_, height_, c_.view().viewSamples, part.lobe),
+                        {noisy.features, light, c_.gbuffer(), c_.surface()}, label + " along edges");
+    return SmoothPart{light, noisy.features};
   }
 
- private:
-  /// Of what the camera sees; through a lens, without the noise of it.
-  NodeId planFeatures(LobePart lobe) {
-    const NodeId seen =
-        c_.filter(denoise::makeFeaturesNode(width_, height_, c_.view().viewSamples, lobe), {c_.gbuffer(), c_.surface()}, withLobe("features", lobe));
-    if (!c_.view().camera.hasLens()) return seen;
-    const NodeId blur = c_.filter(denoise::makeLensBlurNode(c_.view().camera, c_.view().filmHeight(), width_, height_, c_.view().viewSamples), {c_.gbuffer()},
-                                  "blur of the lens");
-    return c_.filter(denoise::makeLensFeaturesNode(width_, height_, lobe), {seen, blur}, withLobe("features", lobe) + " through the lens");
+  /// The light, and its first half.
+  NoisyNodes gather(std::span<const Contribution> light, const std::string& label) {
+    NoisyNodes n;
+    n.all = planSum(c_, light, label + " traced");
+    if (samples_ > 1) n.first = planFirst(c_, light, n.all, any_ ? c_.passes() + 1 : half_);
+    n.samples = samples_;
+    n.firstSamples = first_;
+    return n;
+  }
+  /// Of what the camera sees, with the noise of a lens.
+  NodeId seenFeatures(LobePart lobe) {
+    return c_.filter(denoise::makeFeaturesNode(width_, height_, c_.view().viewSamples, lobe), {c_.gbuffer(), c_.surface()}, withLobe("features", lobe));
+  }
+  /// Of a pinhole 0.
+  NodeId blur() {
+    return c_.filter(denoise::makeLensBlurNode(c_.view().camera, c_.view().filmHeight(), width_, height_, c_.view().viewSamples), {c_.gbuffer()},
+                     "blur of the lens");
   }
 
-  /// How the part's light bends, as one more input of the halves.
-  Status addCurvature(const NoisyPart& part, const std::string& label, std::vector<NodeId>& inputs) {
+  /// How the part's light bends.
+  Result<NodeId> curvature(const NoisyPart& part, const std::string& label) {
     std::vector<Contribution> bends = part.light;
     for (Contribution& k : bends) {
       if (k.curvature.empty()) return internalError("nobody says how light bends", label);
       k.plane = k.curvature;
     }
-    inputs.push_back(planSum(c_, bends, label + " bending"));
-    return {};
+    return planSum(c_, bends, label + " bending");
+  }
+
+ private:
+  /// Of what the camera sees; through a lens, without the noise of it.
+  NodeId features(LobePart lobe) {
+    const NodeId seen = seenFeatures(lobe);
+    if (!c_.view().camera.hasLens()) return seen;
+    return c_.filter(denoise::makeLensFeaturesNode(width_, height_, lobe), {seen, blur()}, withLobe("features", lobe) + " through the lens");
   }
 
   PlanContext& c_;
@@ -229,7 +254,8 @@ Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> brough
   std::vector<Contribution> contributions(brought.begin(), brought.end()), traced, others;
   if (c.request().denoise().has_outliers()) contributions = withoutOutliers(c, brought, label, plan.first());
   for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
-  GOBO_ASSIGN(const std::vector<NoisyPart> parts, partsOf(c, traced, plan.samples() > 1, others));
+  GOBO_ASSIGN(std::vector<NoisyPart> parts, partsOf(c, traced, plan.samples() > 1, others));
+  std::erase_if(parts, [](const NoisyPart& p) { return p.light.empty(); });
   if (parts.empty()) return planSum(c, contributions, label);
   // Modulated again, and the rest. The filtered light is the first input, so that its first half is made first, of samples that are the others' too; what was
   // traced is the last, for the samples that it lost, of which filters know nothing.
@@ -247,8 +273,27 @@ Result<NodeId> planDenoised(PlanContext& c, std::span<const Contribution> brough
   for (const Contribution& k : traced)
     if (std::find(inputs.begin(), inputs.end(), k.node) == inputs.end()) inputs.push_back(k.node);
   GraphNode picture{makeCompositeNode(std::move(e), c.view().width, c.view().height), std::move(inputs), {}, label};
-  picture.approximate = "without noise, and without what of the light looks like it";
+  picture.approximate = kDenoisedApproximate;
   return c.graph().add(std::move(picture));
+}
+
+Result<NoisySlice> planNoisySlice(PlanContext& c, std::span<const Contribution> contributions, const std::string& label) {
+  DenoisePlan plan(c, label);
+  std::vector<Contribution> traced, others;
+  for (const Contribution& k : contributions) (noisy(k) ? traced : others).push_back(k);
+  NoisySlice slice;
+  slice.light = plan.gather(traced, label);
+  slice.light.features = plan.seenFeatures(LobePart::Both);
+  if (c.lensAtTimes()) slice.blur = plan.blur();
+  slice.others = planSum(c, others, label + " not traced");
+  slice.lit = !traced.empty();
+  return slice;
+}
+
+Result<NodeId> planFiltered(Graph& graph, const v1::Denoise& settings, const NoisyNodes& light, int width, int height, const std::string& label) {
+  GOBO_ASSIGN(const std::vector<NoisyPart> parts, kindsOf(settings, false, true, false));
+  if (parts.empty()) return NodeId(-1);
+  return planFilters(graph, parts[0].by, light, parts[0].orAsSampled, width, height, label);
 }
 
 }  // namespace gobo

@@ -11,6 +11,7 @@
 #include "filters/view_depth.h"
 #include "filters/with_alpha.h"
 #include "plan/denoised.h"
+#include "plan/denoised_slices.h"
 #include "techniques/direct_visibility/visibility.h"
 #include "terms/ids.h"
 #include "terms/motion.h"
@@ -54,11 +55,16 @@ Result<OutputPlane> planComposite(OutputContext& o, const std::string& output, c
   if (shown.empty() && shows == PathSet::All && !c.scene()->lights.empty())
     c.warn(output + " is black: no light is left in it; every gain is zero (lights.NAME.enabled, gain, intensity, environment.gain)");
   NodeId picture = -1;
+  const NodeId clear = output == "beauty" ? c.clear() : -1;
+  if (c.share().of > 1 && filtersMeanOfSlices(c.request())) {
+    GOBO_ASSIGN(const NoisySlice slice, planNoisySlice(c, shown, output));
+    return OutputPlane{slice.others, "rgb", std::make_shared<const NoisySlice>(slice), clear};
+  }
   if (c.request().has_denoise()) {
     GOBO_ASSIGN(picture, planDenoised(c, shown, output));
   } else picture = planSum(c, shown, output);
-  if (output != "beauty" || c.clear() < 0) return OutputPlane{picture, "rgb"};
-  return OutputPlane{c.filter(makeWithAlphaNode(c.view().width, c.view().height), {picture, c.clear()}, output + " with alpha"), "rgba"};
+  if (clear < 0) return OutputPlane{picture, "rgb"};
+  return OutputPlane{c.filter(makeWithAlphaNode(c.view().width, c.view().height), {picture, clear}, output + " with alpha"), "rgba"};
 }
 
 Result<OutputPlane> planAlbedo(OutputContext& o, const std::string& output, const std::string&) {

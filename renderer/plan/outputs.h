@@ -4,6 +4,7 @@
 #pragma once
 
 #include <span>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -26,10 +27,14 @@ enum class OutputKind : uint8_t {
   Id,        ///< shown in a colour of its own
 };
 
+struct NoisySlice;    // plan/denoised.h
 class OutputContext;  // plan/output_plans.h
 struct OutputPlane {
   NodeId node = -1;
   std::string plane;
+  /// Of a slice of a shutter's picture whose mean is filtered (plan/denoised_slices.h): what it is made of. `node` is then what it shows without the filter.
+  std::shared_ptr<const NoisySlice> noisy;
+  NodeId clear = -1;  ///< PlanContext::clear() of a picture with alpha that is still to get it
 };
 /// `light`: its name, for outputs of one.
 using PlanOutput = Result<OutputPlane> (*)(OutputContext& context, const std::string& output, const std::string& light);

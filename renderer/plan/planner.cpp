@@ -6,6 +6,8 @@
 
 #include "filters/crop.h"
 #include "filters/slice_sum.h"
+#include "filters/with_alpha.h"
+#include "plan/denoised_slices.h"
 #include "plan/live_bytes.h"
 #include "plan/output_plans.h"
 #include "plan/outputs.h"
@@ -73,6 +75,7 @@ struct Moment {
   Sky sky;
   SequenceShare share;
   uint64_t sharedSeed = 0;
+  bool lens = false;  ///< the camera may have one in some moment of the picture
 };
 
 /// Moment k of a shutter's, or the only one there is. `before`: another one, or none.
@@ -83,6 +86,7 @@ Result<Moment> momentOf(const ScenePtr& base, const v1::RenderRequest& request, 
   } else m.request = request;
   m.share = {k, shutterSlices(request)};
   m.sharedSeed = request.seed();
+  m.lens = mayHaveLens(request);
   m.sky.settings = m.request.environment().sky().SerializeAsString();
   const EnvironmentPtr known = before.settings == m.sky.settings ? before.map : nullptr;
   GOBO_ASSIGN(m.effective, makeEffectiveScene(base, m.request, services.loadEnvironment, services.poseScene, services.stop, known));
@@ -100,22 +104,25 @@ void addNew(std::vector<T>& to, const std::vector<T>& from) {
     if (std::find(to.begin(), to.end(), t) == to.end()) to.push_back(t);
 }
 
-/// Nodes and outputs of a window of the picture of a moment; of no width: all of it. Bytes that may be held beside what the nodes say.
-Result<uint64_t> planMoment(Plan& plan, std::vector<PlannedOutput>& planned, const ScenePtr& base, const Moment& moment, uint32_t passes,
-                            const PixelWindow& window, const PlannerServices& services) {
+/// Nodes and outputs of a window of the picture of a moment; of no width: all of it. Bytes that may be held beside what the nodes say. `planes`: of the same
+/// outputs, in their order.
+Result<uint64_t> planMoment(Plan& plan, std::vector<PlannedOutput>& planned, std::vector<OutputPlane>& planes, const ScenePtr& base, const Moment& moment,
+                            uint32_t passes, const PixelWindow& window, const PlannerServices& services) {
   const v1::RenderRequest& request = moment.request;
   Distinctions apart;
   bool beauty = false;
+  const bool bends = needsCurvature(request, size_t(moment.groups.count)) && !(moment.share.of > 1 && filtersMeanOfSlices(request));
   for (const std::string& o : request.outputs()) {
     apart.classes = apart.classes || needsClasses(infoOf(o)) || (request.has_denoise() && needsRadiance(infoOf(o)));
     apart.lobes = apart.lobes || needsLobes(infoOf(o));
     apart.variance = apart.variance || o == "variance";
-    apart.curvature = apart.curvature || (needsCurvature(request, size_t(moment.groups.count)) && needsRadiance(infoOf(o)));
+    apart.curvature = apart.curvature || (bends && needsRadiance(infoOf(o)));
     apart.seen = std::max(apart.seen, infoOf(o).seen);
     beauty = beauty || needsRadiance(infoOf(o));
   }
-  PlanContext context({request, moment.effective, moment.groups, passes, window, apart, services.stop, services.expand, moment.share, moment.sharedSeed},
-                      plan.graph);
+  PlanContext context(
+      {request, moment.effective, moment.groups, passes, window, apart, services.stop, services.expand, moment.share, moment.sharedSeed, moment.lens},
+      plan.graph);
   for (const std::string& w : moment.effective.warnings) context.warn(w);
   std::vector<std::string> missing;
   if (beauty) {
@@ -130,6 +137,7 @@ Result<uint64_t> planMoment(Plan& plan, std::vector<PlannedOutput>& planned, con
     std::vector<std::string> channels = infoOf(o).channelNames();
     if (plan.graph.at(plane.node).shape.find(plane.plane)->channels == 4 && channels.size() == 3) channels.push_back("A");
     planned.push_back({o, plane.node, plane.plane, std::move(channels)});
+    planes.push_back(plane);
   }
   if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
 
@@ -168,6 +176,10 @@ Result<uint64_t> planSlices(Plan& plan, const ScenePtr& base, const v1::RenderRe
   const uint32_t slices = shutterSlices(request);
   std::vector<NodeId> pictures;
   std::vector<SlicePlane> planes;
+  std::vector<OutputPlane> middle;  // outputs of one slice
+  std::vector<size_t> first;        // of each output's planes
+  std::vector<NoisyPlanes> noisy;   // of those that are filtered
+  std::vector<bool> lit;            // whether filters have something to do in any slice
   uint64_t reserved = 0, poses = 0;
   Sky sky;
   for (uint32_t k = 0; k < slices; ++k) {
@@ -179,28 +191,57 @@ Result<uint64_t> planSlices(Plan& plan, const ScenePtr& base, const v1::RenderRe
                     "request.camera.shutter_slices = " + std::to_string(slices) + ": that many poses of the scene are " + std::to_string(all >> 20) +
                         " MiB; must be at most " + std::to_string(kMostPoseBytes >> 20),
                     "request.camera.shutter_slices");
-    const NodeId first = plan.graph.size();
+    const NodeId begin = plan.graph.size();
     std::vector<PlannedOutput> planned;
-    GOBO_ASSIGN(const uint64_t held, planMoment(plan, planned, base, moment, passes, window, services));
-    plan.graph.addToLabels(first, ":slice " + std::to_string(k + 1));
+    std::vector<OutputPlane> outputs;
+    GOBO_ASSIGN(const uint64_t held, planMoment(plan, planned, outputs, base, moment, passes, window, services));
+    plan.graph.addToLabels(begin, ":slice " + std::to_string(k + 1));
     reserved = std::max(reserved, held);
-    for (const PlannedOutput& o : planned) {
+    lit.resize(outputs.size());
+    bool seen = false;  // features are shared
+    for (size_t i = 0; i < outputs.size(); ++i) {
+      const OutputPlane& o = outputs[i];
+      if (k == 0) first.push_back(planes.size());
+      if (o.noisy) {
+        lit[i] = lit[i] || o.noisy->lit;
+        if (k == 0) noisy.push_back(slicedPlanes(*o.noisy, planes, noisy.empty() ? nullptr : &noisy[0]));
+        addNoisySlice(*o.noisy, pictures, seen);
+        seen = true;
+        if (o.clear >= 0) pictures.push_back(o.clear);
+        if (o.clear >= 0 && k == 0) planes.push_back({"s0", 3});
+        continue;
+      }
       pictures.push_back(o.node);
-      if (k == 0) planes.push_back({o.plane, plan.graph.at(o.node).shape.find(o.plane)->channels, o.name != "sample_count"});
+      const SlicePlane::How how = planned[i].name == "sample_count" ? SlicePlane::How::Sum : SlicePlane::How::Mean;
+      if (k == 0) planes.push_back({o.plane, plan.graph.at(o.node).shape.find(o.plane)->channels, how});
     }
     if (k == slices / 2) {
+      middle = std::move(outputs);
       plan.effective = std::move(moment.effective);
       plan.groups = std::move(moment.groups);
       plan.outputs = std::move(planned);
     }
   }
   const int width = window.width ? window.width : int(request.width()), height = window.width ? window.height : int(request.height());
+  const size_t all = planes.size();
+  size_t filtered = 0;
   const NodeId sum = plan.graph.add({makeSliceSumNode(std::move(planes), width, height, int(slices)), std::move(pictures), {}, "shutter"});
   GOBO_TRY(plan.graph.wiring());
   for (size_t i = 0; i < plan.outputs.size(); ++i) {
-    plan.outputs[i].node = sum;
-    plan.outputs[i].plane = slicedPlane(i);
+    PlannedOutput& o = plan.outputs[i];
+    o.node = sum;
+    o.plane = slicedPlane(first[i]);
+    if (!middle[i].noisy) continue;
+    GOBO_ASSIGN(o.node, planDenoisedSlices(plan.graph, request, sum, noisy[filtered++], *middle[i].noisy, lit[i], int(slices), width, height, o.name));
+    o.plane = "rgb";
+    if (middle[i].clear < 0) continue;
+    const size_t last = (i + 1 < first.size() ? first[i + 1] : all) - 1;
+    const NodeId clear = plan.graph.add({makeSlicePartNode("radiance", {{"s0", 3}}, last, width, height), {sum}, {}, o.name + " background"});
+    o.node = plan.graph.add({makeWithAlphaNode(width, height), {o.node, clear}, {}, o.name + " with alpha"});
+    o.plane = "rgba";
+    o.channels.push_back("A");
   }
+  GOBO_TRY(plan.graph.wiring());
   return reserved + poses;
 }
 
@@ -218,7 +259,8 @@ Result<uint64_t> planNodes(Plan& plan, std::optional<Moment>& only, const SceneP
     GOBO_ASSIGN(reserved, planSlices(plan, base, request, passes, window, services));
   } else {
     if (!only) { GOBO_ASSIGN(only, momentOf(base, request, 0, {}, services)); }
-    GOBO_ASSIGN(reserved, planMoment(plan, plan.outputs, base, *only, passes, window, services));
+    std::vector<OutputPlane> planes;
+    GOBO_ASSIGN(reserved, planMoment(plan, plan.outputs, planes, base, *only, passes, window, services));
   }
   for (NodeId i = 0; i < plan.graph.size(); ++i) plan.extendable = plan.extendable || plan.graph.at(i).node->traits().extendable;
   return reserved;

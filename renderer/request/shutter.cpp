@@ -46,6 +46,11 @@ uint32_t shutterSlices(const v1::RenderRequest& resolved) {
   return std::max(1u, resolved.halt().has_spp() ? std::min(slices, resolved.halt().spp()) : slices);
 }
 
+bool mayHaveLens(const v1::RenderRequest& request) {
+  return request.camera().has_f_number() || request.camera().lens_radius() > 0.0 || request.curves().contains("camera.lens_radius") ||
+         request.curves().contains("camera.f_number");
+}
+
 bool mayMove(const Scene& scene, const v1::RenderRequest& request) { return (scene.rig && !scene.rig->animations.empty()) || !request.curves().empty(); }
 
 Status resolveShutter(v1::RenderRequest& request, const google::protobuf::Map<std::string, v1::Curve>& curves, const Scene& scene) {

@@ -21,6 +21,9 @@ constexpr uint32_t samplesOfSlice(uint32_t samples, uint32_t slices) { return sa
 /// Whether time changes anything of the scene: it has an animation, or the request has curves.
 bool mayMove(const Scene& scene, const v1::RenderRequest& request);
 
+/// Whether the camera has a lens at any time: curves may open it.
+bool mayHaveLens(const v1::RenderRequest& request);
+
 /// Of a request whose curves have been applied, and are gone: its slices are said, and what changes from slice to slice of `curves` is there again. Refuses
 /// what is of one moment (InvalidArgument), where the scene may move.
 Status resolveShutter(v1::RenderRequest& request, const google::protobuf::Map<std::string, v1::Curve>& curves, const Scene& scene);

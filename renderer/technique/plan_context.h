@@ -68,6 +68,7 @@ struct PlanInput {
   /// Numbers of traced paths, where other pictures have the rest of their sequence; those of the request where there are none.
   SequenceShare share = {};
   uint64_t sharedSeed = 0;
+  bool lensAtTimes = false;  ///< the camera has a lens in some moment of the picture, if not in this one
 };
 
 class PlanContext {
@@ -85,6 +86,7 @@ class PlanContext {
   const SequenceShare& share() const { return in_.share; }
   /// Of traced paths.
   uint64_t pathSeed() const { return in_.share.of > 1 ? in_.sharedSeed : in_.request.seed(); }
+  bool lensAtTimes() const { return in_.lensAtTimes || view_.camera.hasLens(); }
   const Distinctions& apart() const { return in_.apart; }
   const StopToken& stop() const { return in_.stop; }
   /// Indirect light is asked for.

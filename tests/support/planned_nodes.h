@@ -250,6 +250,9 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
                         "environment.background=TRANSPARENT", "outputs=beauty,direct,albedo,alpha,sample_count"})
     set(shutter, a);
   all.emplace_back("shutter", shutter);
+  for (const char* a : {"denoise.wavelet.levels=2", "halt.spp=3", "camera.lens_radius=0.1", "camera.focus_distance=2.5", "lights.lamp.shadow.path_traced={}"})
+    set(shutter, a);
+  all.emplace_back("shutter_denoised", shutter);
   return all;
 }
 

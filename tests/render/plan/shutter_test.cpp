@@ -390,7 +390,7 @@ TEST(Shutter, SlicesShareASequenceToTheLastNumber) {
     }
 }
 
-TEST(Shutter, SlicesAreDenoisedOneByOne) {
+TEST(Shutter, AreDenoised) {
   v1::RenderRequest r = request({"animation=*", "camera.shutter_s=0.6", "camera.shutter_slices=4", "outputs=beauty,indirect", "environment.sky.turbidity=3"},
                                 16, "moving", 48, 36);
   const auto engine = engineWithMoving("denoise");
@@ -398,7 +398,7 @@ TEST(Shutter, SlicesAreDenoisedOneByOne) {
   many.mutable_halt()->set_spp(4096);
   many.set_seed(5);
   const RenderResult truth = mustRender(*engine, many), noisy = mustRender(*engine, r);
-  for (const char* filter : {"denoise.wavelet.levels=3", "denoise.auto.fast=true", "denoise.axis_aligned.radius_px=8"}) {
+  for (const char* filter : {"denoise.wavelet.levels=3", "denoise.auto.fast=true", "denoise.auto.fast=false", "denoise.axis_aligned.radius_px=8"}) {
     v1::RenderRequest smooth = r;
     set(smooth, filter);
     const RenderResult made = mustRender(*engine, smooth);
@@ -425,6 +425,107 @@ TEST(Shutter, SlicesAreDenoisedOneByOne) {
       EXPECT_LE(mustRender(*cold, smooth).reply.peak_bytes(), prepared->pinnedBytes) << filter;
     }
   }
+}
+
+/// Errors of pictures of `moving` with so many samples, as sampled and filtered.
+struct Errors {
+  double noisy = 0, filtered = 0;
+};
+Errors errorsOf(Engine& engine, v1::RenderRequest r, const RenderResult& truth, const std::vector<std::string>& edits) {
+  Errors e;
+  e.noisy = rmsBetween(mustRender(engine, r).images[0].pixels(), truth.images[0].pixels());
+  for (const std::string& a : edits) set(r, a);
+  e.filtered = rmsBetween(mustRender(engine, r).images[0].pixels(), truth.images[0].pixels());
+  return e;
+}
+
+TEST(Shutter, TheMeanOfSlicesIsFilteredAndNotEachSlice) {
+  // Filters know what samples there are: those of all slices. One sample a slice, too, where every other slice is a half.
+  const auto engine = engineWithMoving("mean");
+  v1::RenderRequest r = request({"animation=*", "camera.shutter_s=0.6", "outputs=beauty", "environment.sky.turbidity=3"}, 4096, "moving", 64, 48);
+  set(r, "camera.shutter_slices=16");
+  const RenderResult truth = mustRender(*engine, r);
+  for (const auto& [slices, spp] : {std::pair(16, 16), {16, 64}, {3, 12}, {5, 5}}) {
+    v1::RenderRequest few = r;
+    few.mutable_camera()->set_shutter_slices(uint32_t(slices));
+    few.mutable_halt()->set_spp(uint32_t(spp));
+    few.set_seed(3);
+    for (const char* filter : {"denoise.wavelet.levels=4", "denoise.non_local_means.radius_px=5", "denoise.auto.fast=true"}) {
+      const Errors e = errorsOf(*engine, few, truth, {filter});
+      std::printf("%2d slices, %2d samples, %-35s %.4f, as sampled %.4f\n", slices, spp, filter, e.filtered, e.noisy);
+      EXPECT_LT(e.filtered, 0.8 * e.noisy) << slices << " " << spp << " " << filter;
+    }
+  }
+  // One filter a picture, whatever the number of slices.
+  set(r, "denoise.wavelet.levels=4");
+  r.mutable_halt()->set_spp(16);
+  const RenderResult made = mustRender(*engine, r);
+  int filters = 0;
+  for (const auto& n : made.reply.plan()) filters += n.node().find("by wavelet") != std::string::npos ? int(n.count()) : 0;
+  EXPECT_EQ(filters, 1);
+}
+
+TEST(Shutter, ALensMayOpenBetweenSlices) {
+  // Slices of a pinhole among those of a lens: their blur is none.
+  const auto engine = engineWithMoving("opens");
+  v1::RenderRequest r = request({"animation=*", "camera.shutter_s=1", "camera.shutter_slices=4", "camera.focus_distance=3", "outputs=beauty,direct",
+                                 "curves.camera.lens_radius.time_s=0.5,1", "curves.camera.lens_radius.value=0,0.1", "environment.sky.turbidity=3"},
+                                8, "moving", 64, 48);
+  v1::RenderRequest many = r;
+  many.mutable_halt()->set_spp(2048);
+  const RenderResult truth = mustRender(*engine, many);
+  const Errors e = errorsOf(*engine, r, truth, {"denoise.wavelet.levels=3"});
+  EXPECT_LT(e.filtered, 0.8 * e.noisy);
+}
+
+TEST(Shutter, WhatRestsIsDenoisedAsAMoment) {
+  // Same samples, same features; halves are others, by which variances are.
+  const auto engine = engineWithMoving("rest-denoised");
+  for (const char* filter : {"denoise.wavelet.levels=4", "denoise.non_local_means.radius_px=5", "denoise.first_order.radius_px=5"}) {
+    v1::RenderRequest r = request({"time_s=4", "outputs=beauty", "environment.sky.turbidity=3", "environment.background=TRANSPARENT"}, 64, "moving", 64, 48);
+    v1::RenderRequest many = r;
+    many.mutable_halt()->set_spp(4096);
+    const RenderResult truth = mustRender(*engine, many);
+    const Errors moment = errorsOf(*engine, r, truth, {filter});
+    set(r, "camera.shutter_s=1");
+    set(r, "camera.shutter_slices=16");
+    const Errors open = errorsOf(*engine, r, truth, {filter});
+    EXPECT_NEAR(open.noisy, moment.noisy, 1e-3 * moment.noisy) << filter;
+    EXPECT_LT(open.filtered, 1.15 * moment.filtered) << filter;
+    EXPECT_GT(open.filtered, 0.85 * moment.filtered) << filter;
+  }
+}
+
+TEST(Shutter, AlphaAndWhatIsNotTracedAreNotFiltered) {
+  const auto engine = engineWithMoving("alpha");
+  v1::RenderRequest r = request({"animation=*", "camera.shutter_s=0.6", "camera.shutter_slices=5", "outputs=emission,beauty,alpha",
+                                 "environment.sky.turbidity=3", "environment.background=TRANSPARENT", "integrator.max_bounces=1"},
+                                20, "moving", 40, 30);
+  const RenderResult plain = mustRender(*engine, r);
+  set(r, "denoise.wavelet.levels=3");
+  const RenderResult smooth = mustRender(*engine, r);
+  ASSERT_EQ(smooth.images.size(), 3u);
+  EXPECT_EQ(std::memcmp(plain.images[0].pixels().data(), smooth.images[0].pixels().data(), plain.images[0].pixels().size_bytes()), 0)
+      << "what the camera sees of lights";
+  const Image &a = plain.images[1].image(), &b = smooth.images[1].image();
+  ASSERT_EQ(a.channels, 4);
+  ASSERT_EQ(b.channels, 4);
+  EXPECT_EQ(plain.images[1].names(), smooth.images[1].names());
+  int other = 0, coloured = 0;  // but for rounding: a mean of alphas is now the alpha of a mean
+  for (int y = 0; y < a.height; ++y)
+    for (int x = 0; x < a.width; ++x) {
+      other += std::fabs(a.at(x, y)[3] - b.at(x, y)[3]) > 1e-6f;
+      coloured += a.at(x, y)[0] != b.at(x, y)[0];
+    }
+  EXPECT_EQ(other, 0);
+  EXPECT_GT(coloured, 200) << "the light is filtered";
+  // Nothing to filter: black light, and what is not traced as it was.
+  set(r, "environment.gain=0");
+  for (const char* off : {"lights.lamp.enabled=false", "lights.still.enabled=false"}) set(r, off);
+  v1::RenderRequest dark = r;
+  dark.clear_denoise();
+  const RenderResult black = mustRender(*engine, r), none = mustRender(*engine, dark);
+  for (size_t i = 0; i < none.images[1].pixels().size(); ++i) ASSERT_NEAR(black.images[1].pixels()[i], none.images[1].pixels()[i], 1e-6f);
 }
 
 TEST(Shutter, SamplesAreSharedOut) {
