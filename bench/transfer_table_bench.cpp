@@ -16,6 +16,7 @@
 #include <numbers>
 
 #include "import/load.h"
+#include "measure/luminance_difference.h"
 #include "measure/report.h"
 #include "nodes_by_hand.h"
 #include "plan/engine.h"
@@ -74,15 +75,6 @@ std::vector<EnvironmentPtr> knownMaps() {
     return 0.1;
   }));
   out.push_back(mapOf("overcast", [&](const DVec3& d) { return 0.5 + std::max(d.y, 0.0) + 1.5 * std::exp(4 * (glm::dot(d, glm::normalize(high)) - 1)); }));
-  return out;
-}
-
-std::vector<double> luminances(const Image& image) {
-  std::vector<double> out(image.data.size() / size_t(image.channels));
-  for (size_t i = 0; i < out.size(); ++i) {
-    const float* p = image.data.data() + i * size_t(image.channels);
-    out[i] = transfer::luminanceOf(DVec3(p[0], p[1], p[2]));
-  }
   return out;
 }
 
@@ -174,7 +166,7 @@ class Bench {
     }
     if (!(sum > 0)) return;
     mean_ = sum / double(lit);
-    findEdges();
+    edge_ = edgeMask(truth_, width_, height_);
     std::vector<double> noise(a.size());
     for (size_t i = 0; i < a.size(); ++i) noise[i] = truth_[i] + 0.5 * (a[i] - b[i]);
     add(table, map->name, "reference's noise", noise);
@@ -203,7 +195,7 @@ class Bench {
     control.scene = scene;
     const auto result = engine_->render(r, control);
     if (!result.ok()) fail(result.status());
-    return luminances(result->images[0].image());
+    return luminancesOf(result->images[0].image());
   }
   ScenePtr under(const EnvironmentPtr& map, const std::vector<Light>& lights = {}) const {
     auto made = editScene(*scene_, [&](Scene& s) -> Status {
@@ -257,42 +249,22 @@ class Bench {
     return render(r, under(nullptr, lights));
   }
 
-  void findEdges() {
-    edge_.assign(truth_.size(), 0);
-    for (int y = 0; y < height_; ++y)
-      for (int x = 0; x < width_; ++x) {
-        double least = 1e30, most = 0;
-        for (int v = std::max(y - 2, 0); v <= std::min(y + 2, height_ - 1); ++v)
-          for (int u = std::max(x - 2, 0); u <= std::min(x + 2, width_ - 1); ++u) {
-            const double here = truth_[size_t(v * width_ + u)];
-            least = std::min(least, here);
-            most = std::max(most, here);
-          }
-        edge_[size_t(y * width_ + x)] = most - least > most / 3;
-      }
-  }
-
-  struct Sums {
-    double n = 0, sum = 0, squares = 0;
-    void add(double d) {
-      n += 1;
-      sum += d;
-      squares += d * d;
-    }
-    double mean() const { return n > 0 ? sum / n : std::nan(""); }
-    double deviation() const { return n > 0 ? std::sqrt(std::max(squares / n - mean() * mean(), 0.0)) : std::nan(""); }
-  };
   void add(Table& table, const std::string& map, const std::string& method, const std::vector<double>& picture) const {
-    const double c = std::numbers::ln2 / mean_;
-    Sums linear, shown, edges, open;
+    std::vector<uint8_t> seen(truth_.size()), edges(truth_.size()), open(truth_.size());
     for (size_t i = 0; i < truth_.size(); ++i) {
-      if (!(truth_[i] > 0) && !(picture[i] > 0)) continue;  // no surface
-      const double d = std::fabs(picture[i] - truth_[i]) / mean_;
-      linear.add(d);
-      shown.add(std::fabs(std::exp(-c * truth_[i]) - std::exp(-c * picture[i])));
-      (edge_[i] ? edges : open).add(d);
+      seen[i] = truth_[i] > 0 || picture[i] > 0;  // elsewhere is no surface
+      edges[i] = seen[i] && edge_[i];
+      open[i] = seen[i] && !edge_[i];
     }
-    table.add({map, method, linear.mean(), linear.deviation(), shown.mean(), shown.deviation(), edges.mean(), open.mean(), edges.n / std::max(linear.n, 1.0)});
+    const auto of = [&](const std::vector<uint8_t>& mask) {
+      const auto d = luminanceDifference(picture, truth_, exposureOfHalf(mean_), mask);
+      if (!d.ok()) fail(d.status());
+      return *d;
+    };
+    const LuminanceDifference all = of(seen), near = of(edges), elsewhere = of(open);
+    if (all.nonFinite > 0) fail(Status(Code::Internal, method + " of " + map + " is not finite"));
+    table.add({map, method, all.mean / mean_, all.deviation / mean_, all.shownMean, all.shownDeviation, near.mean / mean_, elsewhere.mean / mean_,
+               double(near.pixels) / std::max(double(all.pixels), 1.0)});
   }
 
   std::shared_ptr<Engine> engine_;
