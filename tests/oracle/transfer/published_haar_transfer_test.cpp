@@ -9,6 +9,7 @@
 #include <random>
 
 #include "oracle/transfer/published_maps.h"
+#include "support/map_of.h"
 #include "support/run_node.h"
 #include "support/tiny_scenes.h"
 #include "techniques/transfer/environment_split.h"
@@ -130,7 +131,8 @@ TEST(HaarCells, AreTheSphere) {
     }
     EXPECT_NEAR(whole, 4 * std::numbers::pi, 1e-11);
     EXPECT_LT(glm::length(balance), 1e-11);
-    if (side > 1) EXPECT_NEAR(open, std::numbers::pi, 1e-11);  // the horizon lies along edges of cells
+    // The horizon lies along edges of cells.
+    if (side > 1) { EXPECT_NEAR(open, std::numbers::pi, 1e-11); }
   }
   for (const int side : {0, -2, 3, 48, 128}) EXPECT_EQ(HaarCells::of(side).status().code(), Code::InvalidArgument) << side;
 }
@@ -324,6 +326,51 @@ TEST(HaarTransfer, DroppedTermsAreFewBytesAndLittleError) {
   EXPECT_LT(std::sqrt(squares * double(a.size())) / mean, 0.01);
   for (const double drop : {-0.1, 1.0, std::nan("")})
     EXPECT_EQ(HaarTransfer::of(cells, *p.points, *p.accel, drop, p.arena).status().code(), Code::InvalidArgument) << drop;
+}
+
+// What is kept is at least that part of the point's norm, and all of that is.
+TEST(HaarTransfer, DropsWhatIsBelowItsPartOfTheNorm) {
+  const Points p(blocks(), 200);
+  const HaarCells cells = cellsOf(4);
+  constexpr double kDrop = 0.03;
+  const HaarTransfer whole = p.transfer(cells), some = p.transfer(cells, kDrop);
+  std::vector<std::vector<double>> all, kept;
+  std::vector<double> squares(p.size(), 0.0);
+  for (uint32_t i = 0; i < cells.wavelets().size(); ++i) {
+    const std::vector<HaarTerm> unit{{i, DVec3(1.0)}};
+    const std::vector<DVec3> a = whole.irradiance(unit), b = some.irradiance(unit);
+    for (size_t k = 0; k < p.size(); ++k) squares[k] += a[k].x * a[k].x;
+    all.emplace_back();
+    kept.emplace_back();
+    for (size_t k = 0; k < p.size(); ++k) {
+      all.back().push_back(a[k].x);
+      kept.back().push_back(b[k].x);
+    }
+  }
+  size_t dropped = 0;
+  for (size_t i = 0; i < all.size(); ++i)
+    for (size_t k = 0; k < p.size(); ++k) {
+      const double part = std::fabs(all[i][k]) / std::max(std::sqrt(squares[k]), 1e-30);
+      if (part > kDrop * 1.0001) {
+        EXPECT_EQ(kept[i][k], all[i][k]);
+      } else if (part < kDrop * 0.9999) {
+        EXPECT_EQ(kept[i][k], 0.0);
+        dropped += all[i][k] != 0;
+      }
+    }
+  EXPECT_GT(dropped, 1000u);
+}
+
+TEST(HaarTransfer, ChannelsAreTheirOwn) {
+  const Points p(openPlane(), 60);
+  const HaarCells cells = cellsOf(4);
+  const std::vector<HaarTerm> terms =
+      haarLight(cells, *gobo::tests::mapOf(16, 8, [](int, int) { return Vec3(2.0f, 1.0f, 0.25f); }), HaarOrder::Largest, p.arena);
+  for (const DVec3& e : p.transfer(cells).irradiance(terms)) {
+    EXPECT_NEAR(e.x, 2.0 * std::numbers::pi, 1e-5);
+    EXPECT_NEAR(e.y, 1.0 * std::numbers::pi, 1e-5);
+    EXPECT_NEAR(e.z, 0.25 * std::numbers::pi, 1e-5);
+  }
 }
 
 TEST(HaarTransfer, HasTheSameBitsForAnyNumberOfThreadsAndStops) {
