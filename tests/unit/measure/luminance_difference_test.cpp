@@ -132,16 +132,16 @@ TEST(LuminanceDifference, RefusesWhatCannotBeCompared) {
   for (const double c : {-1.0, kNotANumber, kEndless}) EXPECT_TRUE(refused(luminanceDifference(two, two, c), "exposure"));
 }
 
-// Differences of 1e6 +- 1e-4 over 4 M pixels: squares would leave nothing of the deviation.
+// Differences of a third of 1e9 +- 1e-3 over 4 M pixels: squares would leave nothing of the deviation, and a plain sum is off by more than it.
 TEST(LuminanceDifference, KeepsItsDigitsOverFourMillionPixels) {
   constexpr size_t kPixels = size_t(1) << 22;
   std::vector<double> a(kPixels), b(kPixels, 0.0);
-  for (size_t i = 0; i < kPixels; ++i) a[i] = 1e6 + (i % 2 ? 1e-4 : -1e-4);
-  const auto d = luminanceDifference(a, b, 1e-6);
+  for (size_t i = 0; i < kPixels; ++i) a[i] = 1e9 / 3 + (i % 2 ? 1e-3 : -1e-3);
+  const auto d = luminanceDifference(a, b, 3e-9);
   ASSERT_TRUE(d.ok());
   EXPECT_EQ(d->pixels, kPixels);
-  EXPECT_NEAR(d->mean / 1e6, 1, 1e-15);
-  EXPECT_NEAR(d->deviation / 1e-4, 1, 2e-6);  // 1e6 + 1e-4 itself is rounded by 6e-11
+  EXPECT_NEAR(d->mean / (1e9 / 3), 1, 1e-15);
+  EXPECT_NEAR(d->deviation / 1e-3, 1, 1e-4);  // 1e9 / 3 + 1e-3 itself is rounded by 3e-8
   EXPECT_NEAR(d->shownMean, 1 - 1 / std::numbers::e, 1e-12);
 }
 
@@ -159,6 +159,13 @@ TEST(EdgeMask, SelectsWhatIsWithinReachOfAStep) {
       for (int x = 0; x < kWidth; ++x) EXPECT_EQ(mask[size_t(y * kWidth + x)], x >= 6 - reach && x < 6 + reach) << x << " " << reach;
   }
   for (const uint8_t m : edgeMask(faint, kWidth, kHeight)) EXPECT_FALSE(m);  // less than a third
+  for (const double scale : {1e-3, 1e3}) {                                   // whatever the exposure
+    std::vector<double> dim = step, dimFaint = faint;
+    for (double& v : dim) v *= scale;
+    for (double& v : dimFaint) v *= scale;
+    EXPECT_EQ(edgeMask(dim, kWidth, kHeight), edgeMask(step, kWidth, kHeight));
+    EXPECT_EQ(edgeMask(dimFaint, kWidth, kHeight), edgeMask(faint, kWidth, kHeight));
+  }
   for (const uint8_t m : edgeMask(faint, kWidth, kHeight, 12, 0.29)) EXPECT_TRUE(m);
   // A spot in the dark, in both directions; black and NaN have no edges.
   std::vector<double> spot(step.size(), 0.0);
