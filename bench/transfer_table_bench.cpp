@@ -9,13 +9,19 @@
 // as bright, a softbox, 40 equal lamps, and an overcast sky with a bright side. Arguments: --scene NAME --env FILES --size WxH --spp N (each half of the
 // reference) --threads N
 //            --blend --out PATH
+//            --haar K,K,... --haar-side N --haar-drop X: also direct transfer of the same points in wavelets over cubes of N x N cells a face (32;
+//            techniques/transfer/published/haar_transfer.h), under the K largest terms of each map, by luminance and by what they can give at most; terms of
+//            transfer below X of a point's norm (0.001) are dropped. Bytes of transfer that is kept, and milliseconds of light at all points, one thread, are
+//            in the last columns for these and, by the same hand, for harmonics.
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <numbers>
 
 #include "import/load.h"
+#include "measure/luminance_difference.h"
 #include "measure/report.h"
 #include "nodes_by_hand.h"
 #include "plan/engine.h"
@@ -23,6 +29,7 @@
 #include "scene/edit.h"
 #include "techniques/transfer/environment_split.h"
 #include "techniques/transfer/nodes.h"
+#include "techniques/transfer/published/haar_transfer.h"
 #include "techniques/transfer/published/occlusion_factor.h"
 #include "techniques/transfer/published/published_split.h"
 #include "techniques/transfer/receiver_mesh.h"
@@ -77,15 +84,6 @@ std::vector<EnvironmentPtr> knownMaps() {
   return out;
 }
 
-std::vector<double> luminances(const Image& image) {
-  std::vector<double> out(image.data.size() / size_t(image.channels));
-  for (size_t i = 0; i < out.size(); ++i) {
-    const float* p = image.data.data() + i * size_t(image.channels);
-    out[i] = transfer::luminanceOf(DVec3(p[0], p[1], p[2]));
-  }
-  return out;
-}
-
 /// Pictures of the published split by hand: no request renders it.
 class ByHand {
  public:
@@ -101,10 +99,57 @@ class ByHand {
     s.points = 30000;
     s.bands = kBands;
     s.size = uint32_t(transfer::receiverMesh(run_.view(transfer::ReceiverMesh::kFacets), s.points)->size());
-    const TermPtr points = run_(transfer::makeTransferPointsNode(s), {});
+    const TermPtr points = points_ = run_(transfer::makeTransferPointsNode(s), {});
     for (uint32_t b = 0; b < 16; ++b) direct_ = run_(transfer::makeDirectTransferNode(s, b), b == 0 ? std::vector{points} : std::vector{points, direct_});
     places_ = run_(transfer::makeTransferPlacesNode(s, view), {g_, points});
     reflect(view.camera);
+  }
+  /// Transfer in wavelets of the same points.
+  void prepareHaar(Table& table, int side, double drop) {
+    auto cells = transfer::published::HaarCells::of(side);
+    if (!cells.ok()) fail(cells.status());
+    const auto begin = std::chrono::steady_clock::now();
+    auto made = transfer::published::HaarTransfer::of(*cells, *points_, *run_.accel(), drop, run_.arena());
+    if (!made.ok()) fail(made.status());
+    table.note("Haar: seconds of precompute", milliseconds(begin) / 1000);
+    table.note("Haar: rays", double(made->rays()));
+    table.note("Haar: terms kept a point", double(made->kept()) / double(made->points()));
+    cells_ = std::make_unique<transfer::published::HaarCells>(std::move(*cells));
+    haar_ = std::make_unique<transfer::published::HaarTransfer>(std::move(*made));
+  }
+  struct Timed {
+    std::vector<double> picture;
+    double megabytes = 0, ms = 0;
+  };
+  /// The `count` first terms of a map.
+  Timed haarPicture(const std::vector<transfer::published::HaarTerm>& terms, size_t count) {
+    Timed out;
+    const auto begin = std::chrono::steady_clock::now();
+    const std::vector<DVec3> light = haar_->irradiance(std::span(terms).first(std::min(count, terms.size())));
+    out.ms = milliseconds(begin);
+    out.megabytes = double(haar_->bytes()) / 1e6;
+    out.picture = shown(light);
+    return out;
+  }
+  /// Harmonics alone, of the same points.
+  Timed harmonicsPicture(const Environment& map) {
+    transfer::published::PublishedSettings settings;
+    const std::vector<double> c = transfer::published::publishedSplit(map, settings, run_.arena()).full;
+    Timed out;
+    const auto begin = std::chrono::steady_clock::now();
+    const auto transfer = direct_->floats("transfer");
+    constexpr size_t n = size_t(kBands * kBands);
+    std::vector<DVec3> light(transfer.size() / n, DVec3(0.0));
+    for (size_t p = 0; p < light.size(); ++p)
+      for (size_t h = 0; h < n; ++h) light[p] += double(transfer[p * n + h]) * DVec3(c[3 * h], c[3 * h + 1], c[3 * h + 2]);
+    out.ms = milliseconds(begin);
+    out.megabytes = 4 * double(transfer.size()) / 1e6;
+    out.picture = shown(light);
+    return out;
+  }
+  const transfer::published::HaarCells& haarCells() const { return *cells_; }
+  static double milliseconds(std::chrono::steady_clock::time_point since) {
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - since).count();
   }
   std::vector<double> picture(const transfer::published::PublishedSplit& split, transfer::published::ShadowBlend blend) {
     const auto light =
@@ -117,6 +162,19 @@ class ByHand {
 
  private:
   static constexpr int kBands = 5;
+  /// Of irradiance at points, not below 0 once all terms are added.
+  std::vector<double> shown(const std::vector<DVec3>& light) const {
+    const auto point = places_->plane<uint32_t>("point");
+    const auto weight = places_->floats("weight");
+    std::vector<double> out;
+    for (size_t i = 0; i < reflected_.size(); ++i) {
+      DVec3 sum(0.0);
+      for (size_t k = 0; k < transfer::kCorners; ++k)
+        sum += double(weight[transfer::kCorners * i + k]) * glm::max(light[point[transfer::kCorners * i + k]], DVec3(0.0));
+      out.push_back(transfer::luminanceOf(reflected_[i] * sum));
+    }
+    return out;
+  }
   /// What the diffuse lobe sends to the camera of irradiance: as transferred_surface.
   void reflect(const Camera& camera) {
     const auto instance = g_->plane<uint32_t>("instance");
@@ -139,13 +197,16 @@ class ByHand {
     }
   }
   NodesByHand run_;
-  TermPtr g_, surface_, places_, direct_;
+  TermPtr g_, surface_, places_, points_, direct_;
+  std::unique_ptr<transfer::published::HaarCells> cells_;
+  std::unique_ptr<transfer::published::HaarTransfer> haar_;
   std::vector<DVec3> reflected_;
 };
 
 class Bench {
  public:
-  Bench(const std::string& scene, int width, int height, int threads, int spp, bool blend) : width_(width), height_(height), spp_(spp) {
+  Bench(const std::string& scene, int width, int height, int threads, int spp, bool blend, std::vector<size_t> haar)
+      : width_(width), height_(height), spp_(spp), blend_(blend), haar_(std::move(haar)) {
     EngineOptions options;
     options.loader = inProcessLoader();
     options.threads = threads;
@@ -159,9 +220,12 @@ class Bench {
     for (const std::string& e : {"scene=" + scene, "width=" + std::to_string(width), "height=" + std::to_string(height), std::string("outputs=direct_diffuse"),
                                  std::string("view_samples=1"), std::string("integrator.max_bounces=0"), std::string("integrator.at_view_samples=true")})
       edit(request_, e);
-    if (blend) hand_ = std::make_unique<ByHand>(scene_, threads, width, height);
+    if (blend || !haar_.empty()) hand_ = std::make_unique<ByHand>(scene_, threads, width, height);
   }
 
+  void prepareHaar(Table& table, int side, double drop) {
+    if (!haar_.empty()) hand_->prepareHaar(table, side, drop);
+  }
   void row(Table& table, const EnvironmentPtr& map) {
     const std::vector<double> a = traced(map, 1001), b = traced(map, 1002);
     truth_.resize(a.size());
@@ -174,7 +238,7 @@ class Bench {
     }
     if (!(sum > 0)) return;
     mean_ = sum / double(lit);
-    findEdges();
+    edge_ = edgeMask(truth_, width_, height_);
     std::vector<double> noise(a.size());
     for (size_t i = 0; i < a.size(); ++i) noise[i] = truth_[i] + 0.5 * (a[i] - b[i]);
     add(table, map->name, "reference's noise", noise);
@@ -185,7 +249,19 @@ class Bench {
     for (size_t i = 0; i < lights.size(); ++i) published[i] += lights[i];
     add(table, map->name, "published hybrid", published);
     add(table, map->name, "ours", transferred(map, 16));
-    if (!hand_) return;
+    if (!haar_.empty()) {
+      using transfer::published::HaarOrder;
+      const ByHand::Timed plain = hand_->harmonicsPicture(*map);
+      add(table, map->name, "harmonics by hand", plain.picture, plain.megabytes, plain.ms);
+      for (const auto& [order, text] : {std::pair(HaarOrder::Largest, "largest"), std::pair(HaarOrder::ByArea, "by area")}) {
+        const auto terms = transfer::published::haarLight(hand_->haarCells(), *map, order, hand_->arena());
+        for (const size_t count : haar_) {
+          const ByHand::Timed made = hand_->haarPicture(terms, count);
+          add(table, map->name, "Haar, " + std::to_string(count) + " " + text, made.picture, made.megabytes, made.ms);
+        }
+      }
+    }
+    if (!blend_) return;
     using transfer::published::Power, transfer::published::ShadowBlend;
     for (const auto& [power, name] : {std::pair(Power::Published, "published"), std::pair(Power::Residual, "residual")}) {
       transfer::published::PublishedSettings settings;
@@ -203,7 +279,7 @@ class Bench {
     control.scene = scene;
     const auto result = engine_->render(r, control);
     if (!result.ok()) fail(result.status());
-    return luminances(result->images[0].image());
+    return luminancesOf(result->images[0].image());
   }
   ScenePtr under(const EnvironmentPtr& map, const std::vector<Light>& lights = {}) const {
     auto made = editScene(*scene_, [&](Scene& s) -> Status {
@@ -257,42 +333,23 @@ class Bench {
     return render(r, under(nullptr, lights));
   }
 
-  void findEdges() {
-    edge_.assign(truth_.size(), 0);
-    for (int y = 0; y < height_; ++y)
-      for (int x = 0; x < width_; ++x) {
-        double least = 1e30, most = 0;
-        for (int v = std::max(y - 2, 0); v <= std::min(y + 2, height_ - 1); ++v)
-          for (int u = std::max(x - 2, 0); u <= std::min(x + 2, width_ - 1); ++u) {
-            const double here = truth_[size_t(v * width_ + u)];
-            least = std::min(least, here);
-            most = std::max(most, here);
-          }
-        edge_[size_t(y * width_ + x)] = most - least > most / 3;
-      }
-  }
-
-  struct Sums {
-    double n = 0, sum = 0, squares = 0;
-    void add(double d) {
-      n += 1;
-      sum += d;
-      squares += d * d;
-    }
-    double mean() const { return n > 0 ? sum / n : std::nan(""); }
-    double deviation() const { return n > 0 ? std::sqrt(std::max(squares / n - mean() * mean(), 0.0)) : std::nan(""); }
-  };
-  void add(Table& table, const std::string& map, const std::string& method, const std::vector<double>& picture) const {
-    const double c = std::numbers::ln2 / mean_;
-    Sums linear, shown, edges, open;
+  void add(Table& table, const std::string& map, const std::string& method, const std::vector<double>& picture, double megabytes = std::nan(""),
+           double ms = std::nan("")) const {
+    std::vector<uint8_t> seen(truth_.size()), edges(truth_.size()), open(truth_.size());
     for (size_t i = 0; i < truth_.size(); ++i) {
-      if (!(truth_[i] > 0) && !(picture[i] > 0)) continue;  // no surface
-      const double d = std::fabs(picture[i] - truth_[i]) / mean_;
-      linear.add(d);
-      shown.add(std::fabs(std::exp(-c * truth_[i]) - std::exp(-c * picture[i])));
-      (edge_[i] ? edges : open).add(d);
+      seen[i] = truth_[i] > 0 || picture[i] > 0;  // elsewhere is no surface
+      edges[i] = seen[i] && edge_[i];
+      open[i] = seen[i] && !edge_[i];
     }
-    table.add({map, method, linear.mean(), linear.deviation(), shown.mean(), shown.deviation(), edges.mean(), open.mean(), edges.n / std::max(linear.n, 1.0)});
+    const auto of = [&](const std::vector<uint8_t>& mask) {
+      const auto d = luminanceDifference(picture, truth_, exposureOfHalf(mean_), mask);
+      if (!d.ok()) fail(d.status());
+      return *d;
+    };
+    const LuminanceDifference all = of(seen), near = of(edges), elsewhere = of(open);
+    if (all.nonFinite > 0) fail(Status(Code::Internal, method + " of " + map + " is not finite"));
+    table.add({map, method, all.mean / mean_, all.deviation / mean_, all.shownMean, all.shownDeviation, near.mean / mean_, elsewhere.mean / mean_,
+               double(near.pixels) / std::max(double(all.pixels), 1.0), megabytes, ms});
   }
 
   std::shared_ptr<Engine> engine_;
@@ -300,6 +357,8 @@ class Bench {
   ScenePtr scene_;
   v1::RenderRequest request_;
   int width_, height_, spp_;
+  bool blend_;
+  std::vector<size_t> haar_;  // how many terms
   std::vector<double> truth_;
   std::vector<uint8_t> edge_;
   double mean_ = 0;
@@ -315,12 +374,15 @@ int main(int argc, char** argv) {
   const std::string scene = argumentOr(argc, argv, "--scene", "fence");
   bool blend = false;
   for (int i = 1; i < argc; ++i) blend |= std::string(argv[i]) == "--blend";
-  Bench bench(scene, width, height, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), spp, blend);
+  std::vector<size_t> haar;
+  for (const std::string& k : partsOf(argumentOr(argc, argv, "--haar", ""), ',')) haar.push_back(size_t(std::atoll(k.c_str())));
+  Bench bench(scene, width, height, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), spp, blend, haar);
   Table table("Absolute difference of luminance from the reference (Table 5.1)",
-              {"map", "method", "mean", "deviation", "displayed mean", "deviation of it", "near edges", "elsewhere", "share of edges"});
+              {"map", "method", "mean", "deviation", "displayed mean", "deviation of it", "near edges", "elsewhere", "share of edges", "MB", "ms of light"});
   table.note("scene", scene);
   table.note("pixels", double(width) * height);
   table.note("reference samples a pixel, each of two halves", double(spp));
+  bench.prepareHaar(table, std::atoi(argumentOr(argc, argv, "--haar-side", "32").c_str()), std::atof(argumentOr(argc, argv, "--haar-drop", "0.001").c_str()));
   std::vector<EnvironmentPtr> maps = knownMaps();
   for (const std::string& file : partsOf(argumentOr(argc, argv, "--env", ""), ',')) {
     auto map = loadEnvironment(file);

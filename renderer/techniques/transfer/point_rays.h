@@ -25,6 +25,13 @@ class PointRays {
     ray.direction = glm::normalize(frame_.toWorld(Vec3(r * std::cos(a), r * std::sin(a), std::sqrt(maxOf(1.0f - u.x, 1e-8f)))));
     return ray;
   }
+  /// From where those leave, in any (unit) direction.
+  Ray along(const Vec3& direction) const {
+    Ray ray;
+    ray.origin = origin_;
+    ray.direction = direction;
+    return ray;
+  }
 
  private:
   Frame frame_;

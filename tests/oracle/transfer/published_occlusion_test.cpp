@@ -79,6 +79,8 @@ TEST(OcclusionFactor, TowardsADirectionIsZeroInTheOpenAndOneWhereNothingIsSeen) 
   EXPECT_NEAR(occlusionTowards(half, bands, up, up), 0.5, 1e-3);
   EXPECT_NEAR(occlusionTowards(half, bands, up, DVec3(1, 0, 0)), 0.5, 1e-3);   // grazing: the hemisphere's
   EXPECT_NEAR(occlusionTowards(half, bands, up, DVec3(0, -1, 0)), 0.5, 1e-3);  // below
+  // Just above the horizon too, where the cut lobe has less than a twentieth of its top left.
+  for (const double side : {-1.0, 1.0}) EXPECT_EQ(occlusionTowards(half, bands, up, glm::normalize(DVec3(side, 0.002, 0))), occlusionFactor(double(half[0])));
 }
 
 TEST(OcclusionFactor, BlendsFromNoShadowToAllOfIt) {
@@ -180,6 +182,24 @@ TEST(OcclusionFactor, AViewIsLitBetweenItsHardShadowAndNone) {
   EXPECT_GT(shadowed, 10);
   EXPECT_GT(foot, 0);
   EXPECT_GT(open, 10);
+}
+
+// A light behind the wall: at its foot half of the sky is seen, so half of the light is given.
+TEST(OcclusionFactor, AtTheFootOfAWallHalfOfItsShadowIsDrawn) {
+  const Yard yard;
+  const std::vector<double> dark(3 * 16, 0.0);
+  const std::vector<PublishedLight> lights{lightFrom(DVec3(0, 1, -1), DVec3(2, 2, 2))};
+  const auto hard = yard.irradiance(dark, lights, ShadowBlend::Hard), hemisphere = yard.irradiance(dark, lights, ShadowBlend::Hemisphere);
+  const auto instance = yard.g->plane<uint32_t>("instance");
+  const auto N = yard.surface->floats("N"), P = yard.g->floats("P");
+  int foot = 0;
+  for (size_t i = 0; i < hard.size(); ++i) {
+    if (instance[i] == kNoHit || !(N[3 * i + 1] > 0.9f && P[3 * i + 1] < 0.01f && P[3 * i + 2] < -1.85f && std::fabs(P[3 * i]) > 1.5f)) continue;
+    ++foot;
+    EXPECT_EQ(hard[i], DVec3(0.0));
+    EXPECT_NEAR(hemisphere[i].x / (2 * std::sqrt(0.5)), 0.5, 0.06);
+  }
+  EXPECT_GT(foot, 3);
 }
 
 // Harmonics are added before anything is cut off, and what is left below 0 is dark.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/sobol.h"
 #include "plan/engine.h"
 #include "support/engines.h"
 #include "support/tiny_scenes.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// All eigenvectors of a real symmetric matrix of a few hundred rows: Jacobi's rotations row by row until what is off the diagonal is below 1e-15 of the
-// matrix's norm (Golub & Van Loan, Matrix Computations, 8.5). In double, in one order. Pure; any thread. O(n^3) a sweep, some ten sweeps.
+// All eigenvectors of a real symmetric matrix of a few hundred rows: Householder's tridiagonal form and implicit QR (Golub & Van Loan, Matrix Computations,
+// 8.3), by Eigen, whose headers only the .cpp sees. In double, in one order. Pure; any thread. O(n^3).
 #pragma once
 
 #include <cstddef>

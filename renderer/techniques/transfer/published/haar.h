@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // A map's cells in Haar wavelets over the six faces of their cube, of which the largest are kept (Ng, Ramamoorthi, Hanrahan 2003; digest of seed 004, B12:
-// what the thesis tried beside lights). Wavelets are orthonormal on the sphere: pairs of cells, along rows and then along columns, are turned by the angle
-// that their solid angles give, so a constant map is six terms however uneven the cells, and the squared error is the sum of what is left out. Pure; any
-// thread.
+// what the thesis tried beside lights). Wavelets are orthonormal on the sphere (cube_wavelets.h), so the squared error is the sum of what is left out. Pure;
+// any thread.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
+#include "techniques/transfer/published/cube_wavelets.h"
 #include "terms/environment_cells.h"
 
 namespace gobo::transfer::published {
@@ -28,7 +28,7 @@ class CubeHaar {
   std::vector<DVec3> radiance(size_t count) const;
 
  private:
-  std::vector<double> angles_;  // solid angle by cell
+  CubeWavelets wavelets_;
   std::vector<HaarTerm> terms_;
   std::vector<double> left_;  // squared luminance of terms from here on
 };
