@@ -3,7 +3,7 @@
 // scene under a map alone, error against a path-traced reference at the same view samples. RMSE by the picture's mean, free of the reference's noise: the root
 // of the mean of (x - a)(x - b), a and b its halves. "dark": of the quarter of the lit pixels that has the least light for its albedo, by their own mean. CPU
 // seconds of an engine that has the scene and its acceleration structure but no term. "displayed": RMSE of 1 - exp(-x / mean), the noise of the halves in it.
-// Arguments: --scene NAME --env FILE|sky --set assignments of the request, separated by spaces --size WxH --lights N,N,... --resolutions R,R,... --forms
+// Arguments: --scene NAME|FILE --env FILE|sky --set assignments of the request, separated by spaces --size WxH --lights N,N,... --resolutions R,R,... --forms
 // F,F,...
 //            --bright N,N,... (bright_lights) --extract-by WAY --reference N (each half) --threads N --out PATH --pictures PREFIX (writes .exr)
 #include <sys/resource.h>
@@ -41,7 +41,11 @@ struct Run {
 
 class Bench {
  public:
-  Bench(v1::RenderRequest request, int threads, std::string pictures) : request_(std::move(request)), threads_(threads), pictures_(std::move(pictures)) {}
+  Bench(v1::RenderRequest request, int threads, std::string pictures) : request_(std::move(request)), threads_(threads), pictures_(std::move(pictures)) {
+    if (request_.scene().find('.') == std::string::npos) return;
+    file_ = request_.scene();
+    request_.set_scene("opened");
+  }
 
   Run render(const std::vector<std::string>& edits, const std::string& name) const {
     EngineOptions options;
@@ -50,6 +54,7 @@ class Bench {
     options.anyPath = true;
     auto engine = Engine::create(options);
     if (!engine.ok()) fail(engine.status());
+    open(**engine);
     v1::RenderRequest warm = request_, r = request_;
     for (const std::string& e : edits)
       if (const Status s = setPath(r, e); !s.ok()) fail(s);
@@ -81,7 +86,7 @@ class Bench {
     options.anyPath = true;
     auto engine = Engine::create(options);
     if (!engine.ok()) fail(engine.status());
-    auto scene = (*engine)->loadScene(request_.scene(), true);
+    auto scene = (*engine)->loadScene(file_.empty() ? request_.scene() : file_, true);
     if (!scene.ok()) fail(scene.status());
     for (const Light& light : (*scene)->lights)
       if (light.shape.kind != LightKind::Environment)
@@ -89,7 +94,12 @@ class Bench {
   }
 
  private:
+  void open(Engine& engine) const {
+    if (file_.empty()) return;
+    if (auto opened = engine.openScene(file_, "opened"); !opened.ok()) fail(opened.status());
+  }
   v1::RenderRequest request_;
+  std::string file_;  // of the scene; empty: a built-in one
   int threads_;
   std::string pictures_;
 };

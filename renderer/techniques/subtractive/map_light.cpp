@@ -1,24 +1,71 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "techniques/subtractive/map_light.h"
 
-#include <array>
+#include <algorithm>
+#include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "techniques/subtractive/receiver.h"
 #include "techniques/transfer/gloss_levels.h"
-#include "techniques/transfer/harmonics.h"
 #include "terms/environment_cells.h"
 
 namespace gobo::subtractive {
 
 namespace {
 
+constexpr size_t kTexels = size_t(transfer::kGlossLevels[0].width) * transfer::kGlossLevels[0].height;
 constexpr int kCells = 6 * EnvironmentCells::kSide * EnvironmentCells::kSide;
+
+/// The map without its peaks, in its own axes; null if `stop` fired first.
+EnvironmentPtr residualMap(const Environment& map, std::span<const float> left, const TaskArena& arena, const StopToken& stop) {
+  const auto& level = transfer::kGlossLevels[0];
+  Image picture(level.width, level.height, 3);
+  if (!transfer::sharpLevel(map, left, arena, stop, picture.data)) return nullptr;
+  return makeEnvironment("residual", std::move(picture), stop);
+}
+
+/// Irradiance of unshadowed planes of every normal, in the map's axes, from lights at the centroids of cells of equal flux (a lamp lies where it lies: cells of
+/// equal size would shift it by half of theirs). Rows from pole to pole, both with values of their own; bilinear.
+class IrradianceTable {
+ public:
+  /// Empty if `stop` fired first.
+  IrradianceTable(const Environment& map, const TaskArena& arena, const StopToken& stop) {
+    const std::vector<MapLight> lights = extractLights(map, kCellsOfMap, ExtractBy::MedianCut, &arena, stop);
+    if (stop.stopRequested()) return;
+    std::vector<DVec3> values(size_t(kColumns) * kRows);
+    const bool whole = arena.parallelFor(
+        values.size(), 32,
+        [&](size_t begin, size_t end) {
+          for (size_t i = begin; i < end; ++i) {
+            const double polar = double(i / kColumns) * std::numbers::pi / (kRows - 1), azimuth = double(i % kColumns) * 2.0 * std::numbers::pi / kColumns;
+            const DVec3 n(std::sin(polar) * std::cos(azimuth), std::cos(polar), std::sin(polar) * std::sin(azimuth));
+            for (const MapLight& light : lights) values[i] += light.flux * std::max(glm::dot(n, light.direction), 0.0);
+          }
+        },
+        stop);
+    if (whole && !stop.stopRequested()) values_ = std::move(values);
+  }
+  bool empty() const { return values_.empty(); }
+  DVec3 at(const DVec3& normal) const {
+    const double v = std::acos(std::clamp(normal.y, -1.0, 1.0)) / std::numbers::pi * (kRows - 1);
+    double u = std::atan2(normal.z, normal.x) / (2.0 * std::numbers::pi) * kColumns;
+    if (u < 0.0) u += kColumns;
+    const size_t x = std::min(size_t(u), size_t(kColumns - 1)), y = std::min(size_t(v), size_t(kRows - 2)), next = (x + 1) % kColumns;
+    const double s = std::clamp(u - double(x), 0.0, 1.0), t = std::clamp(v - double(y), 0.0, 1.0);
+    const auto row = [&](size_t j) { return values_[j * kColumns + x] * (1.0 - s) + values_[j * kColumns + next] * s; };
+    return row(y) * (1.0 - t) + row(y + 1) * t;
+  }
+
+ private:
+  static constexpr int kColumns = 128, kRows = 65, kCellsOfMap = 2048;
+  std::vector<DVec3> values_;
+};
 
 class UnshadowedMapNode final : public Node {
  public:
-  UnshadowedMapNode(const GBufferSettings& view, float rotation, const Vec3& scale, bool shines)
-      : view_(view), rotation_(rotation), scale_(scale), shines_(shines) {}
+  UnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines)
+      : view_(view), map_(std::move(map)), rotation_(rotation), scale_(scale), shines_(shines) {}
   std::string type() const override { return "unshadowed_map"; }
   NodeTraits traits() const override {
     NodeTraits t;
@@ -27,45 +74,43 @@ class UnshadowedMapNode final : public Node {
   }
   void hashParameters(Hasher& h) const override {
     hashCamera(h, view_.camera);
-    h.add(view_.width).add(view_.height).add(view_.viewSamples).add(rotation_).addPod(scale_).add(shines_);
+    h.add(view_.width).add(view_.height).add(view_.viewSamples).add(map_->content).add(rotation_).addPod(scale_).add(shines_);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, shines_ ? 4 : 3);
     Receivers::reads(w, view_);
-    w.over(2, {1, 1, 1}).reads<float>(2, "rest", {3 * kBands * kBands});
+    w.over(2, {1, 1, 1}).reads<float>(2, "left", {kCells});
     if (shines_)
       for (const transfer::GlossLevel& level : transfer::kGlossLevels) w.over(3, {1, 1, 1}).reads<float>(3, level.plane, {3 * level.width * level.height});
     return w.gives({type(), Domain::ViewSample, view_.extent(), {plane<float>("diffuse", 3), plane<float>("specular", 3)}});
   }
-  Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * 150.0 * double(result.extent.elements())}; }
+  size_t workingBytes() const override { return size_t(64) * kTexels; }
+  Cost cost(const TermShape& result, uint32_t) const override { return {0.0, 3e7 + kReceiving * 100.0 * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Receivers in(*ctx.inputs[0], *ctx.inputs[1], view_);
     const auto diffuse = ctx.result->writable<float>("diffuse"), specular = ctx.result->writable<float>("specular");
-    const std::array<float, 3 * kHarmonics> irradiance = irradianceOf(ctx.inputs[2]->floats("rest"));
+    const EnvironmentPtr residual = residualMap(*map_, ctx.inputs[2]->floats("left"), *ctx.arena, ctx.stop);
+    if (!residual) return Status(Code::Cancelled, "unshadowed_map: stopped");
+    const IrradianceTable irradiance(*residual, *ctx.arena, ctx.stop);
+    if (irradiance.empty()) return Status(Code::Cancelled, "unshadowed_map: stopped");
     std::unique_ptr<const transfer::GlossMap> gloss;
     if (shines_)
       gloss = std::make_unique<const transfer::GlossMap>([&](size_t k) { return ctx.inputs[3]->floats(transfer::kGlossLevels[k].plane); }, rotation_);
+    const double cosR = std::cos(double(rotation_)), sinR = std::sin(double(rotation_));
     const bool complete = ctx.arena->parallelFor(
         in.instance.size(), 1 << 11,
         [&](size_t begin, size_t end) {
-          Looks looks;
-          const auto finish = [&] {
-            alignas(64) std::array<float, kHarmonics * transfer::kLanes> Y;
-            transfer::harmonics16(looks.x, looks.y, looks.z, kBands, Y.data());
-            for (size_t k = 0; k < looks.count; ++k) finishLook(looks.sample[k], k, Y, irradiance, in, gloss.get(), diffuse, specular);
-            looks.count = 0;
-          };
           for (size_t e = begin; e < end; ++e) {
             if (!in.lit(e)) continue;
-            const size_t k = looks.count++;
-            looks.sample[k] = e;
-            looks.x[k] = in.N[3 * e];
-            looks.y[k] = in.N[3 * e + 1];
-            looks.z[k] = in.N[3 * e + 2];
-            if (looks.count == size_t(transfer::kLanes)) finish();
+            const BsdfParams b = in.bsdf(e);
+            const LobeAlbedos by = in.albedos(e, b);
+            const DVec3 n(Receivers::at(in.N, e));
+            const DVec3 arriving = irradiance.at(DVec3(n.x * cosR - n.z * sinR, n.y, n.x * sinR + n.z * cosR));  // the map's axes
+            const Vec3 light = by.diffuse * scale_ * (Vec3(arriving) * kInvPi);
+            for (int c = 0; c < 3; ++c) diffuse[3 * e + size_t(c)] = std::clamp(light[c], 0.0f, kMost);
+            if (gloss) shine(in, e, b, by.specular, *gloss, specular.data() + 3 * e);
           }
-          if (looks.count > 0) finish();
         },
         ctx.stop);
     if (!complete) return Status(Code::Cancelled, "unshadowed_map: stopped");
@@ -73,47 +118,22 @@ class UnshadowedMapNode final : public Node {
   }
 
  private:
-  static constexpr size_t kHarmonics = size_t(kBands) * kBands;
-  /// Samples whose harmonics are made at once.
-  struct Looks {
-    size_t count = 0, sample[transfer::kLanes];
-    alignas(64) float x[transfer::kLanes] = {}, y[transfer::kLanes] = {}, z[transfer::kLanes] = {};
-  };
+  static constexpr float kMost = 1e30f;
 
-  /// Coefficients of irradiance / pi in the world's axes, channel by channel.
-  std::array<float, 3 * kHarmonics> irradianceOf(std::span<const float> map) const {
-    std::array<double, 3 * kHarmonics> world;
-    transfer::turn(map, kBands, 3, double(rotation_), world);
-    std::array<float, 3 * kHarmonics> out;
-    for (int l = 0; l < kBands; ++l)
-      for (size_t h = size_t(l * l); h < size_t((l + 1) * (l + 1)); ++h)
-        for (size_t c = 0; c < 3; ++c)
-          out[c * kHarmonics + h] = float(world[3 * h + c] * transfer::cosineCoefficient(l) / double(kPi) * double(scale_[int(c)]));
-    return out;
-  }
-
-  void finishLook(size_t e, size_t lane, const std::array<float, kHarmonics * transfer::kLanes>& Y, const std::array<float, 3 * kHarmonics>& irradiance,
-                  const Receivers& in, const transfer::GlossMap* gloss, std::span<float> diffuse, std::span<float> specular) const {
-    const BsdfParams b = in.bsdf(e);
-    const LobeAlbedos by = in.albedos(e, b);
-    for (size_t c = 0; c < 3; ++c) {
-      float sum = 0;
-      for (size_t h = 0; h < kHarmonics; ++h) sum += irradiance[c * kHarmonics + h] * Y[h * size_t(transfer::kLanes) + lane];
-      diffuse[3 * e + c] = by.diffuse[int(c)] * std::clamp(sum, 0.0f, kMost);
-    }
+  void shine(const Receivers& in, size_t e, const BsdfParams& b, const Vec3& albedo, const transfer::GlossMap& gloss, float* specular) const {
     const float alpha = sqr(b.roughness), mu = glm::dot(Receivers::at(in.N, e), in.out(e));
-    if (!gloss || alpha < kDeltaAlpha || !(mu > 1e-4f) || !(b.metallic > 0.0f || b.specular > 0.0f)) return;
+    if (alpha < kDeltaAlpha || !(mu > 1e-4f) || !(b.metallic > 0.0f || b.specular > 0.0f)) return;
     // The lobe's middle lies between the mirror direction and the normal; below the surface it is mirrored back, as trace/bsdf.h does.
     const Vec3 axis = Receivers::at(in.N, e), facing = Receivers::at(in.Ng, e);
     Vec3 r = 2.0f * mu * axis - in.out(e);
     if (const float below = glm::dot(r, facing); below < 0.0f) r -= 2.0f * below * facing;
     r = glm::normalize(axis + (1.0f - alpha) * (std::sqrt(1.0f - alpha) + alpha) * (r - axis));
-    const Vec3 light = by.specular * scale_ * gloss->at(r, b.roughness);
-    for (int c = 0; c < 3; ++c) specular[3 * e + size_t(c)] = std::clamp(light[c], 0.0f, kMost);
+    const Vec3 light = albedo * scale_ * gloss.at(r, b.roughness);
+    for (int c = 0; c < 3; ++c) specular[c] = std::clamp(light[c], 0.0f, kMost);
   }
-  static constexpr float kMost = 1e30f;
 
   GBufferSettings view_;
+  EnvironmentPtr map_;
   float rotation_;
   Vec3 scale_;
   bool shines_;
@@ -139,10 +159,7 @@ class ResidualLightsNode final : public Node {
   size_t workingBytes() const override { return size_t(64) * kTexels; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const auto& level = transfer::kGlossLevels[0];
-    Image picture(level.width, level.height, 3);
-    if (!transfer::sharpLevel(*map_, ctx.inputs[0]->floats("left"), *ctx.arena, ctx.stop, picture.data)) return Status(Code::Cancelled, "stopped");
-    const EnvironmentPtr map = makeEnvironment("residual", std::move(picture), ctx.stop);
+    const EnvironmentPtr map = residualMap(*map_, ctx.inputs[0]->floats("left"), *ctx.arena, ctx.stop);
     if (!map) return Status(Code::Cancelled, "stopped");
     const std::vector<MapLight> lights = extractLights(*map, lights_, by_, ctx.arena, ctx.stop);
     if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
@@ -157,7 +174,6 @@ class ResidualLightsNode final : public Node {
   }
 
  private:
-  static constexpr size_t kTexels = size_t(transfer::kGlossLevels[0].width) * transfer::kGlossLevels[0].height;
   EnvironmentPtr map_;
   int lights_;
   ExtractBy by_;
@@ -165,8 +181,8 @@ class ResidualLightsNode final : public Node {
 
 }  // namespace
 
-NodePtr makeUnshadowedMapNode(const GBufferSettings& view, float rotation, const Vec3& scale, bool shines) {
-  return std::make_shared<UnshadowedMapNode>(view, rotation, scale, shines);
+NodePtr makeUnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines) {
+  return std::make_shared<UnshadowedMapNode>(view, std::move(map), rotation, scale, shines);
 }
 NodePtr makeResidualLightsNode(EnvironmentPtr map, int lights, ExtractBy by) { return std::make_shared<ResidualLightsNode>(std::move(map), lights, by); }
 

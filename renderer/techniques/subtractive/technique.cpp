@@ -116,7 +116,8 @@ class SubtractiveShadows final : public Technique {
     std::vector<NodeId> inputs{c.gbuffer(), c.surface(), split};
     const bool shines = !c.kinds().lambert;
     if (shines) inputs.push_back(source(transfer::makeGlossLevelsNode(environment), {split}, "environment:gloss"));
-    const NodeId full = c.filter(subtractive::makeUnshadowedMapNode(c.view(), environment->rotation, nominal, shines), inputs, "subtractive:unshadowed");
+    const NodeId full =
+        c.filter(subtractive::makeUnshadowedMapNode(c.view(), environment, environment->rotation, nominal, shines), inputs, "subtractive:unshadowed");
 
     GraphNode n{subtractive::makeLightNode({c.view(), resampling, formOf(asked), int(samples.lights.size())}),
                 {c.gbuffer(), c.surface(), traced, full},

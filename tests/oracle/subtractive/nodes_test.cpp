@@ -135,7 +135,7 @@ TEST(SubtractiveNodes, AllLightsAtFullResolutionAreTheirDirectLight) {
   for (size_t e = 0; e < traced.size(); ++e) ASSERT_EQ(traced[e] != 0, instance[e] != ~0u) << e;
   double mean = 0;
   for (const double t : truth) mean += t / double(truth.size());
-  ASSERT_GT(mean, 0.1);
+  ASSERT_GT(mean, 0.03);
   for (const Form form : kForms) {
     const TermPtr light = s.light(form, samples, s.ownLight(samples), int(lights.size()), 1);
     const auto diffuse = light->floats("diffuse"), specular = light->floats("specular");
@@ -225,25 +225,24 @@ TEST(SubtractiveNodes, ConstantShadowsStayAsTheyAreAtAnyResolution) {
   }
 }
 
-/// Terraces under a lid that shades the lower one alone.
+/// A high terrace to the left and a low one to the right, 1.75 m apart: nearly twice what counts as one plane at 1/16 of the resolution.
 ScenePtr terraces() {
   return floorScene([](SceneMaker& m, int white) {
-    m.instance(m.mesh(tests::box(Vec3(-30, 0, -30), Vec3(0.03f, 0.5f, 30)), white));
-    m.instance(m.mesh(tests::quad(Vec3(0.04f, 0.25f, 30), Vec3(40, 0, 0), Vec3(0, 0, -60)), white));  // seen, not lit by what comes from below; its top is
+    m.instance(m.mesh(tests::box(Vec3(-30, 0, -30), Vec3(0.03f, 2.0f, 30)), white));
+    m.instance(m.mesh(tests::quad(Vec3(0.04f, 0.25f, 30), Vec3(40, 0, 0), Vec3(0, 0, -60)), white));
   });
 }
 
 TEST(SubtractiveNodes, ShadowsOfOneTerraceDoNotReachTheOther) {
-  // The lid's top is lit, the floor below it is not seen; lower and upper tops are both lit: so light from the side, whose shadow the step casts on the lower.
   Stage s(terraces(), 48, 36, 1);
-  const std::vector<DistantLightSample> lights{{glm::normalize(Vec3(-1.0f, 0.05f, 0.0f)), Vec3(1.0f)}};  // the lower terrace is in the step's shadow for 5 m
+  const std::vector<DistantLightSample> lights{{glm::normalize(Vec3(-1.0f, 0.05f, 0.0f)), Vec3(1.0f)}};  // the step's shadow is 35 m long
   const TermPtr c = s.unshadowed([](size_t, size_t, size_t) { return 1.0f; });
   const auto P = s.g->floats("P");
   for (const int r : {1, 4, 8, 16}) {
     const TermPtr light = s.light(Form::Ratio, s.samples(lights, r), c, 1, r);
     int low = 0, high = 0;
     for (size_t p = 0; p < s.pixels(); ++p) {
-      const bool upper = P[3 * p + 1] > 0.49f, lower = P[3 * p + 1] < 0.26f && P[3 * p + 1] > 0.24f;
+      const bool upper = P[3 * p + 1] > 1.99f, lower = P[3 * p + 1] < 0.26f && P[3 * p + 1] > 0.24f;
       if (!upper && !lower) continue;
       (upper ? high : low)++;
       ASSERT_EQ(light->floats("diffuse")[3 * p], upper ? 1.0f : 0.0f) << "r " << r << " at " << p % 48 << "," << p / 48;
