@@ -93,8 +93,8 @@ TEST(SubtractiveNodes, WithoutAnOccluderLightIsTheUnshadowedToTheBit) {
   }
 }
 
-/// The same lights by the house's own nodes: unoccluded light x visibility.
-std::vector<double> additive(Stage& s, const std::vector<DistantLightSample>& lights) {
+/// The same lights by the house's own nodes: unoccluded light x visibility, or without that.
+std::vector<double> additive(Stage& s, const std::vector<DistantLightSample>& lights, bool shadows = true) {
   auto scene = std::make_shared<Scene>(*s.scene);
   for (size_t i = 0; i < lights.size(); ++i) {
     Light l;
@@ -120,7 +120,7 @@ std::vector<double> additive(Stage& s, const std::vector<DistantLightSample>& li
     const TermPtr V = run(makeVisibilityNode(v), {s.g}, {d.light});
     const auto l = L->floats("L"), seen = V->floats("V");
     for (size_t e = 0; e < seen.size(); ++e)
-      for (size_t c = 0; c < 3; ++c) out[3 * (e % s.pixels()) + c] += double(l[3 * e + c]) * double(seen[e]) / s.view.viewSamples;
+      for (size_t c = 0; c < 3; ++c) out[3 * (e % s.pixels()) + c] += double(l[3 * e + c]) * (shadows ? double(seen[e]) : 1.0) / s.view.viewSamples;
   }
   return out;
 }
@@ -143,6 +143,22 @@ TEST(SubtractiveNodes, AllLightsAtFullResolutionAreTheirDirectLight) {
     for (size_t i = 0; i < truth.size(); ++i) most = std::max(most, std::abs(double(diffuse[i]) + double(specular[i]) - truth[i]) / (truth[i] + 0.01 * mean));
     EXPECT_LT(most, 1e-5) << int(form);
   }
+}
+
+TEST(SubtractiveNodes, TheUnshadowedSumIsThatOfTheLightsAboveBothHorizons) {
+  Stage s(stageScene(), 40, 30);
+  std::vector<DistantLightSample> lights = skyOf(24);
+  for (DistantLightSample& l : lights) l.direction = glm::normalize(l.direction * Vec3(1, 0.15f, 1));  // along the ground: many graze the ball's facets
+  const std::vector<double> truth = additive(s, lights, false);
+  const TermPtr own = s.ownLight(s.samples(lights, 1));
+  std::vector<double> sum(truth.size(), 0.0);
+  for (size_t e = 0; e < 2 * s.pixels(); ++e)
+    for (const char* lobe : {"diffuse", "specular"})
+      for (size_t c = 0; c < 3; ++c) sum[3 * (e % s.pixels()) + c] += 0.5 * double(own->floats(lobe)[3 * e + c]);
+  double mean = 0;
+  for (const double t : truth) mean += t / double(truth.size());
+  ASSERT_GT(mean, 0.01);
+  for (size_t i = 0; i < truth.size(); ++i) ASSERT_NEAR(sum[i], truth[i], 1e-5 * (truth[i] + 0.01 * mean)) << i;
 }
 
 TEST(SubtractiveNodes, UnderAClosedSkyRatioAndBetaAreBlackAndNegativeLightIsCounted) {
@@ -301,11 +317,15 @@ TEST(SubtractiveNodes, TexturesDoNotGhost) {
   const std::vector<DistantLightSample> lights{{glm::normalize(Vec3(0.9f, 1, 0)), Vec3(2.0f)}, {glm::normalize(Vec3(-0.9f, 1, 0)), Vec3(2.0f)}};
   const TermPtr c = s.ownLight(s.samples(lights, 1));
   const auto albedo = s.surface->floats("albedo");
-  for (const Form form : kForms) {
-    const TermPtr light = s.light(form, s.samples(lights, 8), c, 2, 8);
-    for (size_t i = 0; i < light->floats("diffuse").size(); ++i)
-      ASSERT_NEAR(light->floats("diffuse")[i], albedo[i] * 2.0f / std::sqrt(1.81f) / kPi, 2e-6f) << int(form) << " at " << i;
-  }
+  int onBlack = 0;
+  for (size_t p = 0; p < s.pixels(); ++p) onBlack += albedo[3 * p] == 0.0f && subtractive::onGrid(s.resampling(3), s.view, int(p % 64), int(p / 64));
+  ASSERT_GT(onBlack, 10);
+  for (const Form form : kForms)
+    for (const int r : {3, 8}) {
+      const TermPtr light = s.light(form, s.samples(lights, r), c, 2, r);
+      for (size_t i = 0; i < light->floats("diffuse").size(); ++i)
+        ASSERT_NEAR(light->floats("diffuse")[i], albedo[i] * 2.0f / std::sqrt(1.81f) / kPi, 2e-6f) << int(form) << " at " << i;
+    }
 }
 
 TEST(SubtractiveNodes, AWindowHasTheBitsOfTheWhole) {
