@@ -57,6 +57,7 @@ v1::RenderRequest referenceOf(v1::RenderRequest request, uint32_t spp, uint64_t 
     request.mutable_environment()->clear_extract_lights();
     request.mutable_environment()->clear_area_lights();
     request.mutable_environment()->clear_transfer();
+    request.mutable_environment()->clear_subtractive();
   }
   request.clear_certificate();
   request.clear_denoise();

@@ -8,13 +8,15 @@
 #include "techniques/direct_visibility/technique.h"
 #include "techniques/environment_lights/technique.h"
 #include "techniques/path_traced/technique.h"
+#include "techniques/subtractive/technique.h"
 #include "techniques/transfer/technique.h"
 
 namespace gobo {
 
 std::span<const Technique* const> techniques() {
   static const std::array all{
-      &pathTraced(), &directVisibility(), &environmentLights(), &clusterDifferences(), &causticPhotons(), &background(), &environmentTransfer(),
+      &pathTraced(),     &directVisibility(), &environmentLights(),   &clusterDifferences(),
+      &causticPhotons(), &background(),       &environmentTransfer(), &subtractiveShadows(),
   };
   return all;
 }

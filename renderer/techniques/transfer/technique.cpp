@@ -2,14 +2,11 @@
 #include "techniques/transfer/technique.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
 
 #include "technique/plan_context.h"
-#include "techniques/environment_lights/light_folds.h"
-#include "techniques/transfer/environment_split.h"
 #include "techniques/transfer/nodes.h"
 #include "techniques/transfer/receiver_mesh.h"
+#include "techniques/transfer/split_lights.h"
 #include "trace/surface.h"
 
 namespace gobo {
@@ -106,7 +103,7 @@ class EnvironmentTransfer final : public Technique {
     const NodeId places = source(transfer::makeTransferPlacesNode(s, c.view()), {c.gbuffer(), points}, "transfer:places");
     TermPtr split;
     if (asked.lights() > 0) { GOBO_ASSIGN(split, c.expand(sky)); }
-    const std::string apart = split ? apartText(*split) : "";
+    const std::string apart = split ? transfer::apartText(*split) : "";
     const auto bring = [&](const char* part, PathSet paths) {
       GraphNode n{transfer::makeTransferredSurfaceNode(s, c.view(), part), {c.gbuffer(), c.surface(), places, light}, {}, std::string("environment:") + part};
       n.approximate = "the map in " + std::to_string(s.bands) + " bands of spherical harmonics, its light interpolated between " + std::to_string(s.size) +
@@ -129,49 +126,7 @@ class EnvironmentTransfer final : public Technique {
       shine("direct", PathSet::FrontSpecular);
       if (bounces) shine("bounced", PathSet::IndirectSpecular);
     }
-    return planLights(c, split, map, int(asked.lights()), gloss ? c.lobes() : std::vector{LobePart::Diffuse});
-  }
-
- private:
-  /// What of the map is not in its harmonics.
-  static std::string apartText(const Term& split) {
-    const auto luminous = [&](const char* plane) {  // of Y_0, which is flux but for a constant
-      const auto v = split.floats(plane);
-      return transfer::luminanceOf(DVec3(v[0], v[1], v[2]));
-    };
-    const uint32_t count = split.plane<uint32_t>("count")[0];
-    const double all = luminous("radiance");
-    char text[96];
-    std::snprintf(text, sizeof text, "; lights of it with shadows of their own: %u, of %.1f %% of its luminous flux", count,
-                  all > 0 ? 100.0 * (1.0 - luminous("rest") / all) : 0.0);
-    return text;
-  }
-
-  /// The peaks of the map, with their own shadows. `split`: null while only bounded.
-  static Status planLights(PlanContext& c, const TermPtr& split, int map, int most, const std::vector<LobePart>& lobes) {
-    if (most == 0) return {};
-    auto extended = std::make_shared<Scene>(*c.scene());
-    const int first = int(extended->lights.size()), count = split ? int(split->plane<uint32_t>("count")[0]) : most;
-    const float r = c.scene()->environment->rotation, cosR = std::cos(r), sinR = std::sin(r);
-    for (int i = 0; i < count; ++i) {
-      Light light;
-      light.name = "environment/" + std::to_string(i);
-      light.shape.kind = LightKind::Directional;
-      light.shape.axis = Vec3(0.6f * std::cos(float(i)), -0.8f, 0.6f * std::sin(float(i)));  // any, for a bound; apart: equal nodes are one
-      light.shape.angularSize = 0.1f;
-      if (split) {
-        const float* d = split->floats("direction").data() + 3 * i;
-        const float* e = split->floats("irradiance").data() + 3 * i;
-        light.shape.axis = -glm::normalize(Vec3(d[0] * cosR + d[2] * sinR, d[1], d[2] * cosR - d[0] * sinR));
-        light.shape.angularSize = 2.0f * split->floats("radius")[size_t(i)];
-        light.power = Vec3(e[0], e[1], e[2]);
-      }
-      extended->lights.push_back(light);
-    }
-    if (count == 0) return {};
-    GOBO_TRY(extended->seal());
-    const int group = c.groups().groupOf[size_t(map)];
-    return foldLights(c, extended, first, c.groups().nominal[size_t(map)], group, 4, lobes);
+    return transfer::planSplitLights(c, split, map, int(asked.lights()), gloss ? c.lobes() : std::vector{LobePart::Diffuse});
   }
 };
 

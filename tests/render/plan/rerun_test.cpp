@@ -155,6 +155,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"environment.extract_by", "Rerun.EnvironmentRotationAndExtraction"},
       {"environment.area_lights", "Rerun.EnvironmentAsAreaLights"},
       {"environment.transfer", "Rerun.EnvironmentByTransfer"},
+      {"environment.subtractive", "Subtractive.AnEditRunsWhatItChanges"},
       {"denoise", "Rerun.NoiseIsTakenOutOfWhatIsThere and Rerun.OutliersAreRejectedOfWhatIsThere"},
       {"camera.f_number", "Rerun.ALensIsTracedAgainAndAPinholeIsNot"},
       {"camera.lens_radius", "Rerun.ALensIsTracedAgainAndAPinholeIsNot"},

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// What subtractive shadows know of an environment: its unshadowed light at every sample, and the few lights whose shadows stand for all of it. Both of
+// the map without the peaks that have shadows of their own (techniques/transfer/environment_split.h).
+#pragma once
+
+#include "terms/extract_lights.h"
+#include "terms/gbuffer.h"
+
+namespace gobo::subtractive {
+
+inline constexpr int kBands = 5;  ///< of the split that both read
+
+/// Term "unshadowed_map", domain ViewSample: "diffuse", "specular" f32x3, radiance, >= 0. Inputs: G-buffer, surface, environment split; gloss levels, if
+/// anything shines.
+///   diffuse   the lobe's albedo / pi times the map's irradiance about the shading normal, from a table of all normals (prefilter/radiance_cache.h): within 0.1
+///   % specular  the lobe's albedo times the map prefiltered for the roughness about the lobe's own direction (Karis 2013): round highlights, no horizon
+/// Exact under a uniform map. Cost: some 30 ms of one core for the table, and about 0.1 us a sample, whatever the map.
+NodePtr makeUnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines);
+
+/// Term "light_list" as extract_lights has it, of the map in 512 x 256 texels without its peaks. Input: environment split. Small. The map is a parameter: one
+/// that turns keeps its lights.
+NodePtr makeResidualLightsNode(EnvironmentPtr map, int lights, ExtractBy by);
+
+}  // namespace gobo::subtractive

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+// What subtractive shadows know of a map: unshadowed light and the few lights, against closed forms.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "subtractive_stage.h"
+#include "support/map_of.h"
+#include "techniques/subtractive/map_light.h"
+#include "techniques/transfer/nodes.h"
+
+namespace gobo::subtractive_test {
+namespace {
+
+TermPtr splitOf(Stage& s, const EnvironmentPtr& map, int lights = 0) {
+  return s.run(transfer::makeEnvironmentSplitNode(map, subtractive::kBands, lights, 0.05), {});
+}
+TermPtr unshadowedOf(Stage& s, const EnvironmentPtr& map, float rotation, const Vec3& scale) {
+  const TermPtr split = splitOf(s, map);
+  return s.run(subtractive::makeUnshadowedMapNode(s.view, map, rotation, scale, true),
+               {s.g, s.surface, split, s.run(transfer::makeGlossLevelsNode(map), {split})});
+}
+std::vector<DistantLightSample> lightsOf(const TermPtr& list) {
+  std::vector<DistantLightSample> out(size_t(list->extent().width));
+  for (size_t i = 0; i < out.size(); ++i)
+    out[i] = {subtractive::Receivers::at(list->floats("direction"), i), subtractive::Receivers::at(list->floats("irradiance"), i)};
+  return out;
+}
+
+TEST(SubtractiveMap, UniformRadianceIsReflectedByTheLobesAlbedos) {
+  Stage s(stageScene(), 30, 22);
+  const TermPtr light = unshadowedOf(s, constantEnvironment(Vec3(2.0f, 1.0f, 0.5f)), 0.3f, Vec3(1.0f, 3.0f, 1.0f));
+  const subtractive::Receivers in(*s.g, *s.surface, s.view);
+  int shining = 0;
+  for (size_t e = 0; e < in.instance.size(); ++e) {
+    if (!in.lit(e)) continue;
+    const LobeAlbedos by = in.albedos(e, in.bsdf(e));
+    const float radiance[3] = {2.0f, 3.0f, 0.5f};
+    for (size_t c = 0; c < 3; ++c) {
+      ASSERT_NEAR(light->floats("diffuse")[3 * e + c], by.diffuse[int(c)] * radiance[c], 2e-3f * radiance[c]);
+      ASSERT_NEAR(light->floats("specular")[3 * e + c], by.specular[int(c)] * radiance[c], 2e-3f * radiance[c]);
+    }
+    shining += by.specular.x > 0.1f;
+  }
+  EXPECT_GT(shining, 30);
+}
+
+// One lit texel, turned: a light of one direction, whose irradiance is its flux times the cosine.
+TEST(SubtractiveMap, ALampLiesWhereItLies) {
+  SceneMaker m;
+  const int white = m.material(Vec3(1.0f));
+  m.instance(m.mesh(tests::sphere(Vec3(0), 1.0f, 64, true), white));
+  m.camera(Vec3(0, 3, 3), Vec3(0), 0.8f);
+  Stage s(m.finish(), 40, 40, 1);
+  const EnvironmentPtr map = tests::mapOf(512, 256, [](int x, int y) { return Vec3(x == 300 && y == 70 ? 1000.0f : 0.0f); });
+  const float rotation = 0.9f;
+  auto turned = std::make_shared<Environment>(*map);
+  turned->rotation = rotation;
+  const Vec3 towards = turned->toDirection(Vec2(300.5f / 512, 70.5f / 256));
+  const double polar = 70.5 * std::numbers::pi / 256, flux = 1000.0 * 4 * std::numbers::pi / 512 * std::sin(polar) * std::sin(std::numbers::pi / 512);
+  const TermPtr light = unshadowedOf(s, map, rotation, Vec3(1.0f));
+  const subtractive::Receivers in(*s.g, *s.surface, s.view);
+  int seen = 0;
+  for (size_t e = 0; e < in.instance.size(); ++e) {
+    if (!in.lit(e)) continue;
+    const double expected = flux / std::numbers::pi * std::max(double(glm::dot(subtractive::Receivers::at(in.N, e), towards)), 0.0);
+    ASSERT_NEAR(double(light->floats("diffuse")[3 * e]), expected, 0.012 * flux / std::numbers::pi);
+    seen += expected > 0;
+  }
+  EXPECT_GT(seen, 200);
+}
+
+TEST(SubtractiveMap, FewLightsHaveTheFluxOfTheMapWithoutItsPeaks) {
+  Stage s(floorScene([](SceneMaker&, int) {}), 2, 2);
+  const EnvironmentPtr map = tests::mapOf(
+      256, 128, [](int x, int y) { return x > 60 && x < 64 && y > 30 && y < 33 ? Vec3(4000, 3000, 2000) : Vec3(1.0f, 0.5f + 0.003f * float(y), 2.0f); });
+  for (const int bright : {0, 4}) {
+    const TermPtr split = splitOf(s, map, bright);
+    EXPECT_EQ(split->plane<uint32_t>("count")[0], bright ? 1u : 0u);
+    DVec3 flux(0.0), rest(0.0);
+    for (const DistantLightSample& l : lightsOf(s.run(subtractive::makeResidualLightsNode(map, 50, ExtractBy::MedianCut), {split})))
+      flux += DVec3(l.irradiance);
+    for (int c = 0; c < 3; ++c) rest[c] = double(split->floats("rest")[size_t(c)]) * std::sqrt(4 * std::numbers::pi);  // of Y_0
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(flux[c] / rest[c], 1.0, 0.01) << bright << " " << c;
+  }
+}
+
+// A wall without end hides half of a uniform sky from its foot: E = pi / 2.
+TEST(SubtractiveMap, AtTheFootOfAWallHalfOfTheSkyIsSeen) {
+  SceneMaker m;
+  const int white = m.material(Vec3(0.8f));
+  m.instance(m.mesh(tests::ground(4.0f), white));
+  m.instance(m.mesh(tests::quad(Vec3(-4e4f, -1, -1), Vec3(8e4f, 0, 0), Vec3(0, 4e4f, 0)), white));
+  m.camera(Vec3(0.1f, 3.0f, 0.5f), Vec3(0.1f, 0, -0.9999f), 1e-5f);
+  Stage s(m.finish(), 2, 2);
+  const EnvironmentPtr map = constantEnvironment(Vec3(1.0f));
+  const TermPtr c = unshadowedOf(s, map, 0.0f, Vec3(1.0f));
+  const auto lights = lightsOf(s.run(subtractive::makeResidualLightsNode(map, 256, ExtractBy::MedianCut), {splitOf(s, map)}));
+  for (const Form form : kForms) {
+    const TermPtr light = s.light(form, s.samples(lights, 1), c, int(lights.size()), 1);
+    for (const float v : light->floats("diffuse")) EXPECT_NEAR(v / 0.4f, 1.0f, 0.03f) << int(form);
+  }
+}
+
+}  // namespace
+}  // namespace gobo::subtractive_test
