@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <cmath>
 #include <cstdint>
 #include <cstring>
 
 #include "filters/path_density/distances.h"
+#include "formulas/path_density.glsl.h"
 
 namespace gobo::pathdensity {
 
@@ -12,10 +12,7 @@ namespace {
 void distanceRow(const float* __restrict x, const float* __restrict y, const float* __restrict l, const float* __restrict a, const float* __restrict b,
                  const MetricPoint& from, int n, float* __restrict out) {
   const MetricPoint q = from;  // not looked up again after every store
-  for (int j = 0; j < n; ++j) {
-    const float dx = x[j] - q.x, dy = y[j] - q.y, dl = l[j] - q.l, da = a[j] - q.a, db = b[j] - q.b;
-    out[j] = std::sqrt(dx * dx + dy * dy) + std::sqrt(dl * dl + da * da + db * db);
-  }
+  for (int j = 0; j < n; ++j) { out[j] = formulas::productDistance(x[j] - q.x, y[j] - q.y, l[j] - q.l, a[j] - q.a, b[j] - q.b); }
 }
 
 }  // namespace

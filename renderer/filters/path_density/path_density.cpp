@@ -10,6 +10,7 @@
 #include "filters/path_density/composite.h"
 #include "filters/path_density/neighbour_search.h"
 #include "filters/path_density/product_tree.h"
+#include "formulas/path_density.glsl.h"
 
 namespace gobo::pathdensity {
 
@@ -143,12 +144,7 @@ Status checkNeighbours(double perPixel, int width, int height, Settings& s) {
   return {};
 }
 
-float weightOf(float sigma, const Settings& s) {
-  if (sigma <= s.soft) return 1.0f;
-  if (sigma >= s.hard) return 0.0f;
-  const float t = (s.hard - sigma) / (s.hard - s.soft);
-  return t * t * (3.0f - 2.0f * t);
-}
+float weightOf(float sigma, const Settings& s) { return formulas::densityRamp(sigma, s.soft, s.hard); }
 float densityOf(float sigma) { return sigma >= kMostSigma ? 0.0f : 0.39894228f * std::exp(-0.5f * sigma * sigma); }
 
 Result<std::vector<float>> sigmasOf(const SampleView& samples, const Settings& settings, LightTerm term, const TaskArena& arena, const StopToken& stop) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/path_density/product_tree.h"
+#include "formulas/path_density.glsl.h"
 
 #include <algorithm>
 #include <cmath>
@@ -20,8 +21,7 @@ float productCoordinate(const MetricPoints& p, int axis, size_t i) {
     default: return p.b[i];
   }
 }
-/// As distancesTo() has it, so that a bound is never beyond what it bounds.
-float productDistance(float dx, float dy, float dl, float da, float db) { return std::sqrt(dx * dx + dy * dy) + std::sqrt(dl * dl + da * da + db * db); }
+using formulas::productDistance;  // as distancesTo() has it, so that a bound is never beyond what it bounds
 
 }  // namespace
 

@@ -48,7 +48,7 @@ std::vector<HaarTerm> haarLight(const HaarCells& cells, const Environment& map, 
 class HaarTransfer {
  public:
   /// `points`: term "transfer_points" (nodes.h) of the scene of `accel`. Terms below `drop` (0: none but zeros) of a point's Euclidean norm are left out.
-  /// One ray a point and cell above its horizon. Errors: InvalidArgument for a `drop` outside 0 .. 1; Cancelled.
+  /// One ray a point and cell above its horizon. Errors: InvalidArgument for a `drop` that is not 0 <= drop < 1; Cancelled.
   static Result<HaarTransfer> of(const HaarCells& cells, const Term& points, const Accel& accel, double drop, const TaskArena& arena,
                                  const StopToken& stop = {});
   /// W/m^2 at each point, of these terms of the map. May be below 0 where they are not all. O(what is kept of them).
