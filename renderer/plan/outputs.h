@@ -3,8 +3,8 @@
 // error messages read it; docs/protocol.md ("Outputs") says it in words. Constant; any thread.
 #pragma once
 
-#include <span>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
