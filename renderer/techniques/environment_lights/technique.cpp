@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "filters/ambient_light.h"
-#include "technique/environment_map.h"
+#include "request/environment_map.h"
 #include "techniques/environment_lights/light_folds.h"
 #include "techniques/path_traced/trace_paths.h"
 #include "terms/area_light_list.h"

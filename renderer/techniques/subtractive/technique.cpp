@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "technique/environment_map.h"
+#include "request/environment_map.h"
 #include "technique/plan_context.h"
 #include "techniques/subtractive/light.h"
 #include "techniques/subtractive/map_light.h"
@@ -59,7 +59,10 @@ class SubtractiveShadows final : public Technique {
     const v1::EnvironmentSettings& sky = c.request().environment();
     if (!sky.has_subtractive()) return {};
     const int map = environmentLight(*c.scene());
-    if (map < 0 || !c.scene()->environment) return {};
+    if (map < 0 || !c.scene()->environment) {
+      c.warn("environment.subtractive: the scene has no environment and the request brings none: nothing to do");
+      return {};
+    }
     const std::pair<const char*, bool> others[] = {
         {"area_lights", sky.area_lights() > 0}, {"extract_lights", sky.extract_lights() > 0}, {"transfer", sky.has_transfer()}};
     for (const auto& [field, asked] : others)

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "technique/environment_map.h"
+#include "request/environment_map.h"
 #include "technique/plan_context.h"
 #include "techniques/transfer/nodes.h"
 #include "techniques/transfer/receiver_mesh.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What techniques that stand for the environment ask of scene and request.
+// What those who stand for the environment, or show it, ask of scene and request.
 #pragma once
 
 #include "gobo/v1/render.pb.h"
