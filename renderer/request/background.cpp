@@ -4,17 +4,12 @@
 #include <cmath>
 #include <string>
 
+#include "request/environment_map.h"
 #include "scene/environment_blur.h"
 
 namespace gobo {
 
 namespace {
-
-int environmentLight(const Scene& scene) {
-  for (size_t l = 0; l < scene.lights.size(); ++l)
-    if (scene.lights[l].shape.kind == LightKind::Environment) return int(l);
-  return -1;
-}
 
 /// The scene with another map around it, which the camera sees.
 Status surround(const ScenePtr& scene, EnvironmentPtr map, Background& out) {

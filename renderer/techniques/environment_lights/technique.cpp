@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "filters/ambient_light.h"
+#include "request/environment_map.h"
 #include "techniques/environment_lights/light_folds.h"
 #include "techniques/path_traced/trace_paths.h"
 #include "terms/area_light_list.h"
@@ -22,11 +23,6 @@ struct FoundLights {
 
 bool squares(const PlanContext& c) { return c.request().environment().area_lights() > 0; }
 const char* kindOf(const PlanContext& c) { return squares(c) ? "area lights" : "extracted lights"; }
-int mapOf(const Scene& scene) {
-  for (size_t l = 0; l < scene.lights.size(); ++l)
-    if (scene.lights[l].shape.kind == LightKind::Environment) return int(l);
-  return -1;
-}
 
 /// Lights of some direction, as many as there may be: for a bound.
 FoundLights placeholders(const PlanContext& c) {
@@ -44,14 +40,6 @@ FoundLights placeholders(const PlanContext& c) {
   }
   if (squares(c)) out.ambient.fill(Vec3(1.0f));
   return out;
-}
-
-ExtractBy extractBy(const v1::EnvironmentSettings& sky) {
-  switch (sky.extract_by()) {
-    case v1::EnvironmentSettings::STRUCTURED: return ExtractBy::Structured;
-    case v1::EnvironmentSettings::WAVELET: return ExtractBy::Wavelet;
-    default: return ExtractBy::MedianCut;
-  }
 }
 
 Result<FoundLights> findLights(PlanContext& c) {
@@ -95,13 +83,13 @@ class EnvironmentLights final : public Technique {
       return invalidArgument("request.environment.area_lights: " + std::to_string(sky.area_lights()) + " and extract_lights " +
                                  std::to_string(sky.extract_lights()) + " both stand for the map: ask for one",
                              "request.environment.area_lights");
-    const int map = mapOf(*c.scene());
+    const int map = environmentLight(*c.scene());
     if (map < 0 || !c.scene()->environment || (sky.area_lights() == 0 && sky.extract_lights() == 0)) return {};
     return c.cover().claim(map, PathSet::Direct, name());
   }
 
   Status plan(PlanContext& c) const override {
-    const int map = mapOf(*c.scene());
+    const int map = environmentLight(*c.scene());
     if (map < 0 || c.cover().claimedBy(map, name()) == PathSet::None) return {};
     const int group = c.groups().groupOf[size_t(map)];
     GOBO_TRY(c.cover().bring(map, PathSet::Front, name()));

@@ -85,7 +85,14 @@ class LightNode final : public Node {
       if (s_.resampling.resolution > 1 && (!traced[e] || onGrid(s_.resampling, s_.view, x, y)))
         forNeighbours(s_.resampling, in, x, y, e, [&](size_t q, float weight) { add(q, weight), sum += weight; });
       else add(e, 1.0f), sum = 1.0f;
-      if (!(sum > 0.0f)) return;
+      if (!(sum > 0.0f)) {  // no footprint, or none that is a number: nobody speaks for it, itself included
+        if (!traced[e]) {
+          dropped.add(p, 1);
+          return;
+        }
+        few[0] = few[1] = {};
+        add(e, 1.0f), sum = 1.0f;
+      }
       const LobeAlbedos by = in.albedos(e, in.bsdf(e));
       for (FewLights& f : few) f.unshadowed /= sum, f.visible /= sum, f.squares /= sum, f.seen /= sum;
       const Vec3 of[2] = {by.diffuse, by.specular};

@@ -3,14 +3,14 @@
 // add and do not. With U and V the sums over the few lights, unshadowed and seen, resampled from where they were traced (receiver.h), times the lobe's albedo
 // here:
 //   Difference   C - (U - V), no less than 0 (equation 4.1). A control variate of weight 1: better than V alone where more than half of the light is seen.
-//   Ratio        C V / U, each channel. Never outside [0, C]; 0 where nothing is seen, C where everything is. Where U is 0 in a channel the lobe's other
-//   channels
-//                decide, then the other lobe, and without any light above the horizon nothing is in shadow.
-//   Beta         V + b (C - U): b by regression of seen over unshadowed light, over the lights (Szecsi, Sbert, Szirmay-Kalos 2004), within [0, 1]; no less than
-//   0
+//   Ratio        C V / U, each channel. Never outside [0, C]; 0 where nothing is seen, C where everything is. Where U is 0 in a channel
+//                the lobe's other channels decide, then the other lobe, and without any light above the horizon nothing is in shadow.
+//   Beta         V + b (C - U), no less than 0: b by regression of seen over unshadowed light, over the lights, within [0, 1]
+//                (Szecsi, Sbert, Szirmay-Kalos 2004)
 // Each of the lobes by itself. No occluder: C to the bit, in every form.
 // Inputs: G-buffer, surface, subtractive samples, unshadowed light (planes "diffuse", "specular" f32x3, view samples). Term "direct_light", domain Pixel:
-// "diffuse", "specular" f32x3, means over view samples; "negative" f32, the luminance that would have been negative and is not shown. Error: that of the few
+// "diffuse", "specular" f32x3, means over view samples; "negative" f32, the luminance that would have been negative and is not shown. A traced sample that no
+// neighbour speaks for (no footprint that is a positive number) has its own sums; what has neither is counted in "dropped". Error: that of the few
 // lights' shadows alone. Too few of them are hard and banded, at r > 1 detail finer than r pixels is lost. Cost: up to (2 reach / r + 1)^2 neighbours of 10 ns
 // a view sample; at r = 1 none.
 #pragma once

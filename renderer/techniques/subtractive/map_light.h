@@ -12,9 +12,12 @@ inline constexpr int kBands = 5;  ///< of the split that both read
 
 /// Term "unshadowed_map", domain ViewSample: "diffuse", "specular" f32x3, radiance, >= 0. Inputs: G-buffer, surface, environment split; gloss levels, if
 /// anything shines.
-///   diffuse   the lobe's albedo / pi times the map's irradiance about the shading normal, from a table of all normals (prefilter/radiance_cache.h): within 0.1
-///   % specular  the lobe's albedo times the map prefiltered for the roughness about the lobe's own direction (Karis 2013): round highlights, no horizon
-/// Exact under a uniform map. Cost: some 30 ms of one core for the table, and about 0.1 us a sample, whatever the map.
+///   diffuse   the lobe's albedo / pi times the irradiance about the shading normal, bilinear in a table of 128 x 65 normals that the node makes for itself
+///             from at most 2048 lights (median cut). Within 0.1 % under a uniform map (measured 0.04 %); of one lamp, within 1.3 % of the irradiance of a
+///             plane that faces it (measured 1.1 %, about the normals at right angles to it)
+///   specular  the lobe's albedo times the map prefiltered for the roughness about the lobe's own direction (Karis 2013): round highlights, no horizon.
+///             Under a uniform map within 1e-6
+/// Cost: some 30 ms of one core for the table, and about 0.1 us a sample, whatever the map.
 NodePtr makeUnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines);
 
 /// Term "light_list" as extract_lights has it, of the map in 512 x 256 texels without its peaks. Input: environment split. Small. The map is a parameter: one

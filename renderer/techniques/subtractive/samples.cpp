@@ -84,7 +84,7 @@ class SamplesNode final : public Node {
     if (onGrid(s_.resampling, s_.view, x, y)) return true;
     float sum = 0;
     forNeighbours(s_.resampling, in, x, y, e, [&](size_t, float weight) { sum += weight; });
-    return sum < kLeastWeight;
+    return !(sum >= kLeastWeight);  // NaN: nothing does
   }
 
   static BsdfParams brightened(const Receivers& in, size_t e) {

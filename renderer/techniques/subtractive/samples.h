@@ -4,8 +4,8 @@
 // that are traced every light is, so at r = 1 this is the lights' direct light.
 // Inputs: G-buffer, surface. Term "subtractive_samples", domain ViewSample:
 //   "unshadowed", "visible" f32x6   diffuse and specular radiance by what the lobes reflect of light from everywhere (Receivers::albedos), sums over lights
-//   "moments" f32x4                 sums of squares of the lights' shares in their luminance, and of those that are seen: diffuse, diffuse seen, specular,
-//   specular seen "traced" u8                     1 where these are; elsewhere all of it is 0
+//   "moments" f32x4                 sums of squares of the lights' shares in their luminance, and of those that are seen: diffuse, its seen, specular, its seen
+//   "traced" u8                     1 where these are; elsewhere all of it is 0
 // The visible sum is no more than the unshadowed one, and the same bits where nothing stands before the lights. Sums in double.
 // Cost: a ray and about 0.1 us of material a light and traced sample. Shadows of solid surfaces: clear ones would be solid.
 #pragma once

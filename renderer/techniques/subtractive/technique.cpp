@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "request/environment_map.h"
 #include "technique/plan_context.h"
 #include "techniques/subtractive/light.h"
 #include "techniques/subtractive/map_light.h"
@@ -16,12 +17,6 @@ namespace gobo {
 namespace {
 
 using Asked = v1::EnvironmentSettings::Subtractive;
-
-int mapIn(const Scene& scene) {
-  for (size_t l = 0; l < scene.lights.size(); ++l)
-    if (scene.lights[l].shape.kind == LightKind::Environment) return int(l);
-  return -1;
-}
 
 /// Why the path tracer keeps the map; null: it does not.
 const char* declined(PlanContext& c) {
@@ -39,14 +34,6 @@ subtractive::Form formOf(const Asked& asked) {
     case Asked::BETA: return subtractive::Form::Beta;
     case Asked::DIFFERENCE: return subtractive::Form::Difference;
     default: return subtractive::Form::Ratio;
-  }
-}
-
-ExtractBy wayOf(const v1::EnvironmentSettings& sky) {
-  switch (sky.extract_by()) {
-    case v1::EnvironmentSettings::STRUCTURED: return ExtractBy::Structured;
-    case v1::EnvironmentSettings::WAVELET: return ExtractBy::Wavelet;
-    default: return ExtractBy::MedianCut;
   }
 }
 
@@ -71,8 +58,11 @@ class SubtractiveShadows final : public Technique {
   Status claim(PlanContext& c) const override {
     const v1::EnvironmentSettings& sky = c.request().environment();
     if (!sky.has_subtractive()) return {};
-    const int map = mapIn(*c.scene());
-    if (map < 0 || !c.scene()->environment) return {};
+    const int map = environmentLight(*c.scene());
+    if (map < 0 || !c.scene()->environment) {
+      c.warn("environment.subtractive: the scene has no environment and the request brings none: nothing to do");
+      return {};
+    }
     const std::pair<const char*, bool> others[] = {
         {"area_lights", sky.area_lights() > 0}, {"extract_lights", sky.extract_lights() > 0}, {"transfer", sky.has_transfer()}};
     for (const auto& [field, asked] : others)
@@ -87,7 +77,7 @@ class SubtractiveShadows final : public Technique {
   }
 
   Status plan(PlanContext& c) const override {
-    const int map = mapIn(*c.scene());
+    const int map = environmentLight(*c.scene());
     if (map < 0 || c.cover().claimedBy(map, name()) == PathSet::None) return {};
     const v1::EnvironmentSettings& sky = c.request().environment();
     const Asked& asked = sky.subtractive();
@@ -103,7 +93,7 @@ class SubtractiveShadows final : public Technique {
         source(transfer::makeEnvironmentSplitNode(environment, subtractive::kBands, int(asked.bright_lights()), asked.bright_share()), {}, "environment:split");
     TermPtr bright;
     if (asked.bright_lights() > 0) { GOBO_ASSIGN(bright, c.expand(split)); }
-    const NodeId list = source(subtractive::makeResidualLightsNode(environment, int(asked.lights()), wayOf(sky)), {split}, "subtractive:lights");
+    const NodeId list = source(subtractive::makeResidualLightsNode(environment, int(asked.lights()), extractBy(sky)), {split}, "subtractive:lights");
     GOBO_ASSIGN(const TermPtr found, c.expand(list));
 
     subtractive::Resampling resampling;

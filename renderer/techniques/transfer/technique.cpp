@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "request/environment_map.h"
 #include "technique/plan_context.h"
 #include "techniques/transfer/nodes.h"
 #include "techniques/transfer/receiver_mesh.h"
@@ -12,12 +13,6 @@
 namespace gobo {
 
 namespace {
-
-int mapOf(const Scene& scene) {
-  for (size_t l = 0; l < scene.lights.size(); ++l)
-    if (scene.lights[l].shape.kind == LightKind::Environment) return int(l);
-  return -1;
-}
 
 /// Specular lobes by the prefiltered map: asked for, and every material is one that it holds.
 bool prefiltered(const PlanContext& c) {
@@ -43,7 +38,7 @@ class EnvironmentTransfer final : public Technique {
   Status claim(PlanContext& c) const override {
     const v1::EnvironmentSettings& sky = c.request().environment();
     if (!sky.has_transfer()) return {};
-    const int map = mapOf(*c.scene());
+    const int map = environmentLight(*c.scene());
     if (map < 0 || !c.scene()->environment) return {};
     for (const auto& [field, value] : {std::pair("area_lights", sky.area_lights()), std::pair("extract_lights", sky.extract_lights())})
       if (value > 0)
@@ -56,7 +51,7 @@ class EnvironmentTransfer final : public Technique {
   }
 
   Status plan(PlanContext& c) const override {
-    const int map = mapOf(*c.scene());
+    const int map = environmentLight(*c.scene());
     if (map < 0) return {};
     const PathSet claimed = c.cover().claimedBy(map, name());
     if (claimed == PathSet::None) return {};

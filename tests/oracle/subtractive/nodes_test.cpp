@@ -3,10 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "subtractive_stage.h"
 #include "terms/direct_unoccluded.h"
+#include "terms/dropped_samples.h"
 #include "terms/visibility.h"
 
 namespace gobo::subtractive_test {
@@ -67,10 +69,15 @@ TEST(Subtract, BetaIsTheRegressionOverTheLights) {
   const double b = covariance / variance;
   ASSERT_GT(b, 1.0);
   EXPECT_NEAR(subtract(Form::Beta, Vec3(10.0f), Vec3(1.0f), g, few(0, 0), 4).x, 11.0 + 1.0 * (c - 12.0), 1e-5) << "no more than 1";
-  // Between: of the two of 3 lights one is seen.
-  FewLights h = few(1 + 2 + 6, 1 + 6, 1 + 4 + 36, 1 + 36);
-  const double vm = 3.0, vs = 7.0 / 3, vv = 41.0 / 3 - vm * vm, cv = 37.0 / 3 - vm * vs;
-  EXPECT_NEAR(subtract(Form::Beta, Vec3(10.0f), Vec3(1.0f), h, few(0, 0), 3).x, 7.0 + std::min(cv / vv, 1.0) * (10.0 - 9.0), 1e-5);
+  // Between: lights 1, 2, 4, 5 (mean 3, variance 5 / 2), of which one of h > 3 is hidden before a share s of the samples that speak: covariance
+  // 5 / 2 - s h (h - 3) / 4. All of 4: b = 3 / 5; half of 4: 4 / 5; half of 4 and of 5: 3 / 10; all of 5: 0.
+  const double u = 12.0, squares = 46.0;
+  const struct { double hidden, hiddenSquares, weight; } between[] = {{4.0, 16.0, 0.6}, {2.0, 8.0, 0.8}, {4.5, 20.5, 0.3}, {5.0, 25.0, 0.0}};
+  for (const auto& k : between) {
+    const FewLights h = few(float(u), float(u - k.hidden), float(squares), float(squares - k.hiddenSquares));
+    for (const float a : {1.0f, 0.5f})
+      EXPECT_NEAR(subtract(Form::Beta, Vec3(10.0f), Vec3(a), h, few(0, 0), 4).x, a * (u - k.hidden) + k.weight * (10.0 - a * u), 1e-5) << k.hidden << " " << a;
+  }
 }
 
 TEST(SubtractiveNodes, WithoutAnOccluderLightIsTheUnshadowedToTheBit) {
@@ -348,6 +355,46 @@ TEST(SubtractiveNodes, AWindowHasTheBitsOfTheWhole) {
       ++compared;
     }
   EXPECT_EQ(compared, 9 * 11);
+}
+
+std::shared_ptr<Term> copyOf(const TermPtr& term) {
+  auto out = std::make_shared<Term>(term->type(), term->domain(), term->extent());
+  for (const Plane& p : term->planes()) out->addRaw(p.name, p.format, p.channels).bytes = p.bytes;
+  return out;
+}
+
+// Samples whose footprint is no length speak for nobody, themselves included: they have the shadows that were traced at them.
+TEST(SubtractiveNodes, WithoutAFootprintASampleHasItsOwnTraced) {
+  Stage s(stageScene(), 33, 25);
+  const auto lights = skyOf(12);
+  const TermPtr c = s.unshadowed([](size_t, size_t, size_t) { return 1.0f; });
+  std::vector<TermPtr> exact;
+  for (const Form form : kForms) exact.push_back(s.light(form, s.samples(lights, 1), c, 12, 1));
+  const TermPtr whole = s.g;
+  for (const float footprint : {0.0f, -1.0f, std::numeric_limits<float>::quiet_NaN(), 1e-42f}) {
+    auto broken = copyOf(whole);
+    for (float& f : broken->writable<float>("footprint")) f = footprint;
+    s.g = broken;
+    const TermPtr samples = s.samples(lights, 4);
+    const auto instance = whole->plane<uint32_t>("instance");
+    const auto traced = samples->plane<uint8_t>("traced");
+    for (size_t e = 0; e < traced.size(); ++e) ASSERT_EQ(traced[e] != 0, instance[e] != ~0u) << footprint << " at " << e;
+    for (const Form form : kForms) {
+      const TermPtr light = s.light(form, samples, c, 12, 4);
+      EXPECT_EQ(droppedTotal(*light).samples, 0u);
+      for (const char* lobe : {"diffuse", "specular"}) {
+        const auto out = light->floats(lobe), expected = exact[size_t(form)]->floats(lobe);
+        for (size_t i = 0; i < out.size(); ++i) ASSERT_EQ(out[i], expected[i]) << footprint << " form " << int(form) << " " << lobe << " at " << i;
+      }
+    }
+  }
+  // Nothing was traced either: counted.
+  const TermPtr samples = s.run(subtractive::makeSamplesNode({s.view, s.resampling(4), lights}), {whole, s.surface});
+  auto none = copyOf(samples);
+  for (uint8_t& t : none->writable<uint8_t>("traced")) t = 0;
+  const TermPtr light = s.light(Form::Ratio, none, c, 12, 4);
+  for (const float v : light->floats("diffuse")) ASSERT_EQ(v, 0.0f);
+  EXPECT_GT(droppedTotal(*light).samples, 1000u);
 }
 
 TEST(SubtractiveNodes, NoLightsAreNoShadows) {

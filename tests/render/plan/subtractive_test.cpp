@@ -51,6 +51,20 @@ TEST(Subtractive, WhatItCannotDoIsPathTracedAndSaid) {
   EXPECT_EQ(firstDifference(asked, mustRender(*engine, r)), "");
 }
 
+TEST(Subtractive, WithoutAnEnvironmentItIsSaidThatThereIsNothingToDo) {
+  const auto engine = makeEngine();
+  v1::RenderRequest r = smallRequest("cornell", 24, 16, 4), plain = r;
+  ASSERT_EQ((*engine->scene("cornell"))->environment, nullptr);
+  set(r, "environment.subtractive.lights=8");
+  for (const char* other : {"", "environment.extract_lights=3"}) {
+    if (*other) set(r, other);
+    const RenderResult asked = mustRender(*engine, r);
+    ASSERT_EQ(asked.reply.warnings_size(), 1) << other;
+    EXPECT_EQ(asked.reply.warnings(0), "environment.subtractive: the scene has no environment and the request brings none: nothing to do");
+    EXPECT_EQ(firstDifference(asked, mustRender(*engine, plain)), "");
+  }
+}
+
 TEST(Subtractive, TwoWaysOfOneMapAreRefused) {
   const auto engine = makeEngine();
   for (const char* other : {"environment.extract_lights=3", "environment.area_lights=3", "environment.transfer.points=300"}) {
@@ -59,7 +73,9 @@ TEST(Subtractive, TwoWaysOfOneMapAreRefused) {
     const auto made = engine->render(r);
     ASSERT_FALSE(made.ok()) << other;
     EXPECT_EQ(made.status().code(), Code::InvalidArgument);
-    EXPECT_NE(made.status().location().find("request.environment."), std::string::npos) << made.status().toString();
+    EXPECT_EQ(made.status().location(), "request.environment.subtractive") << made.status().toString();
+    const std::string field(std::string(other).substr(12, std::string(other).find_first_of("=.", 12) - 12));
+    EXPECT_NE(made.status().message().find("subtractive: " + field + " stands for the map too"), std::string::npos) << made.status().toString();
   }
   for (const char* bad : {"environment.subtractive.lights=0", "environment.subtractive.resolution=33", "environment.subtractive.width=0"}) {
     v1::RenderRequest r = subtractiveRequest("cornell");
