@@ -228,6 +228,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
     door.tellsPeer = true;
     door.hosts = config.webHosts;
     door.requestBytes = config.requestBytes;
+    door.sceneBytes = config.uploadBytes;
     if (config.tls.on()) {
       GOBO_ASSIGN(TlsFiles files, readTls(config.tls));
       door.cert = files.cert;

@@ -13,6 +13,7 @@
 
 #include "request/request.h"
 #include "server/bound_socket.h"
+#include "server/door/gltf_render.h"
 #include "server/door/schema.h"
 #include "server/door/upstream.h"
 #include "server/door/viewer_files.h"
@@ -56,6 +57,7 @@ struct Exchange {
   std::string body;
   bool tooLarge = false;
   std::unique_ptr<PutStream> put;  // of a body that is no message: it goes on as it comes
+  std::unique_ptr<GltfForm> form;  // of a body that is a form
 };
 
 /// A whole number of the request's query; nothing when it is not one.
@@ -66,6 +68,7 @@ std::optional<uint64_t> queryNumber(MHD_Connection* connection, const char* name
 }
 
 const std::string kBlobsPath = "/v1/blobs/";
+constexpr const char* kGltfPath = "/render";
 
 }  // namespace
 
@@ -76,6 +79,7 @@ struct Door::Impl {
   std::unique_ptr<v1::Render::Stub> render;
   std::unique_ptr<v1::Admin::Stub> admin;
   std::unique_ptr<v1::Blobs::Stub> blobs;
+  std::unique_ptr<GltfRenderer> gltf;
   std::string schema;
   std::atomic<bool> stopping{false};
   MHD_Daemon* daemon = nullptr;
@@ -284,6 +288,56 @@ struct Door::Impl {
     return status.ok() ? json(connection, answer) : fail(connection, status, &put.call());
   }
 
+  // The render API for glTF, whose errors are plain sentences.
+
+  GltfCaller gltfCaller(MHD_Connection* connection) const {
+    const char* sent = headerOf(connection, MHD_HTTP_HEADER_AUTHORIZATION);
+    const std::string who = sent ? sent : "";
+    return {sha256Hex(who.data(), who.size()), [this, connection](grpc::ClientContext& context) { dress(connection, context); }, goneOf(connection)};
+  }
+  static MHD_Result plain(MHD_Connection* connection, const GltfAnswer& answer) {
+    MHD_Response* response = MHD_create_response_from_buffer(answer.body.size(), const_cast<char*>(answer.body.data()), MHD_RESPMEM_MUST_COPY);
+    if (response && answer.status == MHD_HTTP_UNAUTHORIZED) MHD_add_response_header(response, "WWW-Authenticate", "Bearer");
+    if (response && answer.retrySeconds > 0) MHD_add_response_header(response, "Retry-After", std::to_string(answer.retrySeconds).c_str());
+    return queue(connection, answer.status, response, answer.type);
+  }
+  static GltfAnswer refused(int status, const std::string& message, long retrySeconds = 0) {
+    GltfAnswer answer;
+    answer.status = status;
+    answer.body = message + "\n";
+    answer.retrySeconds = retrySeconds;
+    return answer;
+  }
+  /// Begins to take a form. 200, or what to answer at once.
+  GltfAnswer beginForm(MHD_Connection* connection, Exchange& exchange) {
+    if (const grpc::Status known = checkSecret(connection); !known.ok()) return refused(httpStatusOf(known.error_code()), known.error_message());
+    const char* type = headerOf(connection, MHD_HTTP_HEADER_CONTENT_TYPE);
+    const std::string shown = escaped(std::string(type ? type : "none was sent").substr(0, 80));
+    if (!type || ::strncasecmp(type, "multipart/form-data", 19) != 0)
+      return refused(MHD_HTTP_BAD_REQUEST, "Content-Type: " + shown + ": must be multipart/form-data");
+    const GltfCaller caller = gltfCaller(connection);
+    const GltfAnswer admitted = gltf->admit(caller);
+    if (admitted.status != MHD_HTTP_OK) return admitted;
+    const uint64_t most = gltf->sceneBytes() + GltfRenderer::kFormOverhead;
+    const char* length = headerOf(connection, MHD_HTTP_HEADER_CONTENT_LENGTH);
+    const uint64_t bytes = length ? std::strtoull(length, nullptr, 10) : most;
+    if (bytes > most)
+      return refused(MHD_HTTP_CONTENT_TOO_LARGE,
+                     "the body has " + std::to_string(bytes) + " bytes: at most " + std::to_string(most) + " (limits.upload_bytes, and 256 MiB here)");
+    auto held = gltf->forms().take(caller.key, bytes);
+    if (!held) return refused(MHD_HTTP_TOO_MANY_REQUESTS, "forms are arriving that need the memory; ask again", 1);
+    exchange.form = std::make_unique<GltfForm>(connection, gltf->sceneBytes(), std::move(held));
+    return exchange.form->readable() ? GltfAnswer() : refused(MHD_HTTP_BAD_REQUEST, "Content-Type: " + shown + ": the boundary is missing");
+  }
+  MHD_Result endForm(MHD_Connection* connection, GltfForm& form) {
+    const char* extra = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "request");
+    // A render may take longer than a client may be silent.
+    MHD_set_connection_option(connection, MHD_CONNECTION_OPTION_TIMEOUT, 0u);
+    const GltfAnswer answer = gltf->render(gltfCaller(connection), form, extra ? extra : "");
+    MHD_set_connection_option(connection, MHD_CONNECTION_OPTION_TIMEOUT, kSilentSeconds);
+    return plain(connection, answer);
+  }
+
   template <typename Request>
   static grpc::Status parse(const Exchange& exchange, Request& request) {
     return toGrpc(messageFromJson(exchange.body, request, "the request's body"));
@@ -349,6 +403,14 @@ struct Door::Impl {
       *state = exchange = new Exchange();
       grpc::Status admitted = impl.admit(connection);
       const std::string path = url;
+      if (admitted.ok() && impl.gltf && path == kGltfPath && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
+        try {
+          const GltfAnswer begun = impl.beginForm(connection, *exchange);
+          return begun.status == MHD_HTTP_OK ? MHD_YES : plain(connection, begun);
+        } catch (const std::exception& e) {
+          return plain(connection, refused(MHD_HTTP_INTERNAL_SERVER_ERROR, std::string("exception in the door: ") + e.what()));
+        }
+      }
       if (admitted.ok() && path.rfind(kBlobsPath, 0) == 0 && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
         try {
           admitted = impl.beginPut(connection, path.substr(kBlobsPath.size()), *exchange);
@@ -361,6 +423,11 @@ struct Door::Impl {
       *bytes = 0;
       return MHD_YES;
     }
+    if (*bytes > 0 && exchange->form) {
+      exchange->form->add(data, *bytes);
+      *bytes = 0;
+      return MHD_YES;
+    }
     if (*bytes > 0) {
       exchange->tooLarge = exchange->tooLarge || exchange->body.size() + *bytes > impl.options.requestBytes;
       if (exchange->tooLarge) exchange->body.clear();
@@ -370,6 +437,7 @@ struct Door::Impl {
     }
     try {
       if (exchange->put) return impl.endPut(connection, *exchange->put);
+      if (exchange->form) return impl.endForm(connection, *exchange->form);
       const std::string path = url;
       if (std::strcmp(method, MHD_HTTP_METHOD_GET) == 0 || std::strcmp(method, MHD_HTTP_METHOD_HEAD) == 0) return impl.get(connection, path);
       if (std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) return impl.post(connection, path, *exchange);
@@ -402,6 +470,7 @@ Result<std::unique_ptr<Door>> Door::start(DoorOptions options) {
   impl.render = v1::Render::NewStub(impl.options.channel);
   impl.admin = v1::Admin::NewStub(impl.options.channel);
   impl.blobs = v1::Blobs::NewStub(impl.options.channel);
+  if (impl.options.sceneBytes > 0) impl.gltf = std::make_unique<GltfRenderer>(impl.options.channel, impl.options.sceneBytes);
   impl.schema = schemaJson(*v1::RenderRequest::descriptor());
   self->address_ = bound.served;
   const bool tls = !impl.options.cert.empty();

@@ -11,6 +11,7 @@
 //   POST /v1/plan            RenderRequest -> PlanReply
 //   POST /v1/render          RenderRequest -> one picture    /v1/relight   RelightRequest -> one picture
 //   POST /v1/render/stream   RenderRequest -> frames         /v1/relight/stream
+//   POST /render             Drake's glTF Render Client-Server API: a form with a scene and a camera -> PNG or TIFF (docs/drake.md)
 //
 // A frame is a 32-bit little-endian length, that many bytes of JSON ({"bytes": N, "progress" | "snapshot" | "reply" | "error": ...}), and N bytes
 // of pictures in the order of the reply's images. Errors before the first frame are an HTTP status and {"error": {"code", "message"}}.
@@ -40,6 +41,7 @@ struct DoorOptions {
   std::vector<std::string> hosts;          ///< names that callers may use for it beside loopback's and its own
   std::string cert, key;                   ///< PEM texts: HTTPS; empty: plain
   uint64_t requestBytes = 16ull << 20;     ///< of one body
+  uint64_t sceneBytes = 0;                 ///< of a scene in a form to /render; 0: there is no such path
 };
 
 class Door {
