@@ -17,7 +17,7 @@ top = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
 sys.path.insert(0, os.path.join(top, "tests", "python"))
 from drake_form import HALF, boxes_glb, post  # noqa: E402
 
-ROWS = [("label", None), ("depth", None), ("color", {"halt": {"spp": 1}}), ("color", None), ("color", {"halt": {"spp": 16}, "denoise": {"auto": {}}}), ("color", {"halt": {"spp": 64}})]
+ROWS = [("label", None), ("depth", None), ("color", {"halt": {"spp": 1}}), ("color", {"halt": {"spp": 16}}), ("color", {"halt": {"spp": 64}})]
 
 
 def resident(pid):
@@ -65,7 +65,7 @@ def main():
                         sys.exit(f"{image_type}: {status}: {body[:300]}")
                     if i:
                         times[kind].append(took)
-            name = image_type + (" " + ", ".join(f"{k} {v}" for k, v in more["halt"].items()) + (", denoised" if "denoise" in more else "") if more else "")
+            name = image_type + (" " + ", ".join(f"{k} {v}" for k, v in more["halt"].items()) if more else "")
             print(f"| {name} | {statistics.median(times['cold']):.1f} | {statistics.median(times['warm']):.1f} | {len(body)} |", flush=True)
         if process:
             print(f"\nresident: {resident(process.pid):.0f} MiB")
