@@ -331,11 +331,7 @@ struct Door::Impl {
   }
   MHD_Result endForm(MHD_Connection* connection, GltfForm& form) {
     const char* extra = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "request");
-    // A render may take longer than a client may be silent.
-    MHD_set_connection_option(connection, MHD_CONNECTION_OPTION_TIMEOUT, 0u);
-    const GltfAnswer answer = gltf->render(gltfCaller(connection), form, extra ? extra : "");
-    MHD_set_connection_option(connection, MHD_CONNECTION_OPTION_TIMEOUT, kSilentSeconds);
-    return plain(connection, answer);
+    return plain(connection, gltf->render(gltfCaller(connection), form, extra ? extra : ""));
   }
 
   template <typename Request>

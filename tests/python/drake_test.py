@@ -157,6 +157,9 @@ class Pictures(Door):
                 for c in range(3):
                     self.assertAlmostEqual(rows[y][channels * x + c], srgb(wanted[c]), delta=1, msg=(x, y))
         self.assertGreater(min(counts), 100)
+        dark = {"tone_map": {"curve": "LINEAR"}, "environment": {"constant": {"x": 0.002, "y": 0.002, "z": 0.002}}}   # stays dark: pictures are to compare
+        _, _, channels, rows = read_png(self.picture(boxes_glb(TWO_BOXES[:1]), path=query(dark), **SMALL))
+        self.assertEqual(rows[2][:3], bytes([srgb(0.002)] * 3))
         one = [((0, 0, 0), (0.05, 0.05, 0.05), (0.5, 0.2, 0.8))]   # convex: it lights nothing
         furnace = {"tone_map": {"curve": "LINEAR"}, "environment": {"constant": {"x": 0.5, "y": 0.5, "z": 0.5}}, "halt": {"spp": 64}}
         scene = boxes_glb(one)
@@ -213,9 +216,17 @@ class Refusals(Door):
         self.assertEqual(self.uploads(), 1)
         self.picture(scene, "depth", **SMALL)   # and it still serves
 
-    def test_digests_in_capitals(self):
+    def test_digests_in_capitals_and_bodies_in_pieces(self):
         scene = boxes_glb(TWO_BOXES)
-        self.picture(scene, "label", **SMALL, scene_sha256=hashlib.sha256(scene).hexdigest().upper())
+        wanted = self.picture(scene, "label", **SMALL, scene_sha256=hashlib.sha256(scene).hexdigest().upper())
+        kind, body = form(fields(scene, "label", **SMALL), scene)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)   # in pieces of unannounced length
+        self.addCleanup(connection.close)
+        connection.request("POST", "/render", iter([body[i:i + 37] for i in range(0, len(body), 37)]), {"Content-Type": kind, "Transfer-Encoding": "chunked"}, encode_chunked=True)
+        self.assertEqual(connection.getresponse().read(), wanted)
+        for _ in range(2):   # one connection, one request after the other
+            connection.request("POST", "/render", body, {"Content-Type": kind})
+            self.assertEqual(connection.getresponse().read(), wanted)
 
     def test_scenes_that_are_none(self):
         values = fields(b"", **SMALL)
@@ -264,7 +275,7 @@ class Refusals(Door):
             s.sendall(f"POST /render HTTP/1.1\r\nHost: localhost\r\nContent-Type: {kind}\r\nContent-Length: {1 << 30}\r\n\r\n".encode())
             self.assertTrue(s.recv(100).startswith(b"HTTP/1.1 413 "))
         scene = boxes_glb(TWO_BOXES) + b"\0" * ((1 << 20) + 20000)
-        self.assertIn("limits.upload_bytes", self.refused(scene, status=413, **SMALL))
+        self.assertIn("scene: has more than 1048576 bytes (limits.upload_bytes", self.refused(scene, status=413, **SMALL))
         self.picture(boxes_glb(TWO_BOXES), "label", **SMALL)
 
 
@@ -376,6 +387,8 @@ class Tokens(Door):
         status, _, body = ask("bob")   # alice's scene is not his, and his own may not be that large
         self.assertEqual(status, 413, body)
         self.assertIn(b"tokens.upload_bytes", body)
+        self.assertEqual(ask("alice")[0], 200)
+        self.assertEqual(self.uploads(), 1)   # and hers is still known
         status, _, body = ask("carol")
         self.assertIn(b"max_pixels", body)
         self.assertEqual(ask("carol", width=10, height=10)[0], 200)
