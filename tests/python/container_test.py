@@ -30,13 +30,14 @@ class Container(unittest.TestCase):
         """The image's words after the program, with the image's places inside the test's folder."""
         words = json.loads(self.step("ENTRYPOINT")) + json.loads(self.step("CMD") or "[]")
         self.assertEqual(words[0], "/usr/bin/gobod")
-        return [w.replace("/etc/gobo", str(self.folder)).replace("127.0.0.1:9464", "127.0.0.1:0") for w in words[1:]]
+        return [w.replace("/etc/gobo", str(self.folder)) for w in words[1:]]
 
     def config(self, text=None):
         if text is None:
             text = (SOURCE / "deploy/container.toml").read_text(encoding="utf-8")
             for place in ("/run/gobo", "/var/cache/gobo"):
                 text = text.replace(place, str(self.folder / place.strip("/").replace("/", "-")))
+            text = text.replace("127.0.0.1:9464", "127.0.0.1:0")
             (self.folder / "run-gobo").mkdir()
         (self.folder / "gobod.toml").write_text(text, encoding="utf-8")
 
@@ -64,11 +65,12 @@ class Container(unittest.TestCase):
         self.config(f'listen = ["unix:{self.folder}/other.sock", "127.0.0.1:0"]\n')
         line, _ = self.ready(*self.command())
         self.assertIn("other.sock", line)
-        self.assertRegex(line, r", 127\.0\.0\.1:\d+,")
+        self.assertRegex(line, r"other\.sock, 127\.0\.0\.1:\d+ ")
+        self.assertNotIn("http://", line)   # nor does it listen for HTTP where the file says nothing of it
 
     def test_the_environment_over_the_file_and_below_flags(self):
         self.config(f'listen = ["unix:{self.folder}/file.sock"]\n')
-        line, _ = self.ready(*self.command(), env={"GOBO_LISTEN": f"unix:{self.folder}/env.sock,127.0.0.1:0", "GOBO_WEB": "127.0.0.1:0"})
+        line, _ = self.ready(*self.command(), env={"GOBO_LISTEN": f"unix:{self.folder}/env.sock,127.0.0.1:0", "GOBO_WEB": "127.0.0.1:0", "GOBO_HTTP": "127.0.0.1:0"})
         self.assertIn("env.sock", line)
         self.assertNotIn("file.sock", line)
         self.assertEqual(len(re.findall(r"http://", line)), 2)
@@ -85,7 +87,8 @@ class Container(unittest.TestCase):
     def test_user_health_and_folders(self):
         self.assertRegex(self.step("USER"), r"^[1-9]\d*$")
         self.assertIn("http://127.0.0.1:9464/ready", self.step("HEALTHCHECK"))
-        self.assertIn('"--http", "127.0.0.1:9464"', self.step("ENTRYPOINT"))
+        self.assertNotIn("--http", self.step("ENTRYPOINT"))   # it would go before GOBO_HTTP and the file
+        self.assertIn('[http]\nlisten = "127.0.0.1:9464"', (SOURCE / "deploy/container.toml").read_text(encoding="utf-8"))
         volumes = json.loads(self.step("VOLUME"))
         text = (SOURCE / "deploy/container.toml").read_text(encoding="utf-8")
         written = re.findall(r'"(?:unix:)?(/[^"]+)"', text) + [re.search(r"TMPDIR=(\S+)", self.step("ENV"))[1]]
