@@ -104,13 +104,8 @@ struct Door::Impl {
     const std::string body = "{\"error\":" + errorJson(status) + "}\n";
     MHD_Response* response = MHD_create_response_from_buffer(body.size(), const_cast<char*>(body.data()), MHD_RESPMEM_MUST_COPY);
     if (response && status.error_code() == grpc::StatusCode::UNAUTHENTICATED) MHD_add_response_header(response, "WWW-Authenticate", "Bearer");
-    if (response && call) {
-      const auto& trailers = call->context.GetServerTrailingMetadata();
-      if (const auto at = trailers.find(kRetryAfterKey); at != trailers.end()) {
-        const long seconds = std::max(1L, (std::atol(std::string(at->second.data(), at->second.size()).c_str()) + 999) / 1000);
-        MHD_add_response_header(response, "Retry-After", std::to_string(seconds).c_str());
-      }
-    }
+    if (const long ms = response && call ? retryMsOf(call->context) : 0; ms > 0)
+      MHD_add_response_header(response, "Retry-After", std::to_string(wholeSeconds(ms)).c_str());
     return queue(connection, httpStatusOf(status.error_code()), response, "application/json");
   }
   static MHD_Result fail(MHD_Connection* connection, grpc::StatusCode code, const std::string& message) { return fail(connection, {code, escaped(message)}); }
@@ -150,15 +145,22 @@ struct Door::Impl {
       return stopping.load() || (fd >= 0 && ::poll(&p, 1, 0) > 0 && (p.revents & (POLLRDHUP | POLLHUP | POLLERR)) != 0);
     };
   }
-  void dress(MHD_Connection* connection, grpc::ClientContext& context) const {
+  /// What a caller's calls send with them; holds no part of its connection.
+  std::function<void(grpc::ClientContext&)> dressing(MHD_Connection* connection) const {
+    std::vector<std::pair<std::string, std::string>> words;
     const char* sent = headerOf(connection, MHD_HTTP_HEADER_AUTHORIZATION);
-    if (options.secret.empty() && sent) context.AddMetadata("authorization", sent);
-    if (!options.secret.empty() && !options.authorization.empty()) context.AddMetadata("authorization", options.authorization);
-    if (const char* id = headerOf(connection, kRequestIdKey)) context.AddMetadata(kRequestIdKey, id);
-    if (!options.tellsPeer) return;
-    const MHD_ConnectionInfo* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
-    context.AddMetadata(kPeerKey, info ? peerText(*info->client_addr) : "?");
+    if (options.secret.empty() && sent) words.emplace_back("authorization", sent);
+    if (!options.secret.empty() && !options.authorization.empty()) words.emplace_back("authorization", options.authorization);
+    if (const char* id = headerOf(connection, kRequestIdKey)) words.emplace_back(kRequestIdKey, id);
+    if (options.tellsPeer) {
+      const MHD_ConnectionInfo* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+      words.emplace_back(kPeerKey, info ? peerText(*info->client_addr) : "?");
+    }
+    return [words = std::move(words)](grpc::ClientContext& context) {
+      for (const auto& [name, value] : words) context.AddMetadata(name, value);
+    };
   }
+  void dress(MHD_Connection* connection, grpc::ClientContext& context) const { dressing(connection)(context); }
   template <typename Reply, typename Start>
   MHD_Result unary(MHD_Connection* connection, Start&& start) {
     UpstreamCall call(goneOf(connection));
@@ -292,14 +294,23 @@ struct Door::Impl {
 
   GltfCaller gltfCaller(MHD_Connection* connection) const {
     const char* sent = headerOf(connection, MHD_HTTP_HEADER_AUTHORIZATION);
-    const std::string who = sent ? sent : "";
-    return {sha256Hex(who.data(), who.size()), [this, connection](grpc::ClientContext& context) { dress(connection, context); }, goneOf(connection)};
+    return {options.secret.empty() && options.nameOf ? options.nameOf(sent ? sent : "") : "", dressing(connection), goneOf(connection),
+            [this] { return stopping.load(); }};
   }
-  static MHD_Result plain(MHD_Connection* connection, const GltfAnswer& answer) {
-    MHD_Response* response = MHD_create_response_from_buffer(answer.body.size(), const_cast<char*>(answer.body.data()), MHD_RESPMEM_MUST_COPY);
-    if (response && answer.status == MHD_HTTP_UNAUTHORIZED) MHD_add_response_header(response, "WWW-Authenticate", "Bearer");
-    if (response && answer.retrySeconds > 0) MHD_add_response_header(response, "Retry-After", std::to_string(answer.retrySeconds).c_str());
-    return queue(connection, answer.status, response, answer.type);
+  static void dropAnswer(void* answer) { delete static_cast<GltfAnswer*>(answer); }
+  /// The body goes to the client as it lies, with what holds its memory.
+  static MHD_Result plain(MHD_Connection* connection, GltfAnswer answer) {
+    auto owned = std::make_unique<GltfAnswer>(std::move(answer));
+    std::string& body = owned->body;
+    MHD_Response* response = MHD_create_response_from_buffer_with_free_callback_cls(body.size(), body.data(), &Impl::dropAnswer, owned.get());
+    if (!response) return MHD_NO;
+    const GltfAnswer& kept = *owned.release();
+    if (kept.status == MHD_HTTP_UNAUTHORIZED) MHD_add_response_header(response, "WWW-Authenticate", "Bearer");
+    if (kept.retrySeconds > 0) MHD_add_response_header(response, "Retry-After", std::to_string(kept.retrySeconds).c_str());
+    return queue(connection, kept.status, response, kept.type);
+  }
+  static MHD_Result plain(MHD_Connection* connection, const grpc::Status& status) {
+    return plain(connection, refused(httpStatusOf(status.error_code()), status.error_message()));
   }
   static GltfAnswer refused(int status, const std::string& message, long retrySeconds = 0) {
     GltfAnswer answer;
@@ -316,9 +327,9 @@ struct Door::Impl {
     if (!type || ::strncasecmp(type, "multipart/form-data", 19) != 0)
       return refused(MHD_HTTP_BAD_REQUEST, "Content-Type: " + shown + ": must be multipart/form-data");
     const GltfCaller caller = gltfCaller(connection);
-    const GltfAnswer admitted = gltf->admit(caller);
+    GltfAnswer admitted = gltf->admit(caller);
     if (admitted.status != MHD_HTTP_OK) return admitted;
-    const uint64_t most = gltf->sceneBytes() + GltfRenderer::kFormOverhead;
+    const uint64_t sceneBytes = gltf->sceneBytes(), most = sceneBytes + GltfRenderer::kFormOverhead;
     const char* length = headerOf(connection, MHD_HTTP_HEADER_CONTENT_LENGTH);
     const uint64_t bytes = length ? std::strtoull(length, nullptr, 10) : most;
     if (bytes > most)
@@ -326,7 +337,7 @@ struct Door::Impl {
                      "the body has " + std::to_string(bytes) + " bytes: at most " + std::to_string(most) + " (limits.upload_bytes, and 256 MiB here)");
     auto held = gltf->forms().take(caller.key, bytes);
     if (!held) return refused(MHD_HTTP_TOO_MANY_REQUESTS, "forms are arriving that need the memory; ask again", 1);
-    exchange.form = std::make_unique<GltfForm>(connection, gltf->sceneBytes(), std::move(held));
+    exchange.form = std::make_unique<GltfForm>(connection, type, sceneBytes, bytes, std::move(held));
     return exchange.form->readable() ? GltfAnswer() : refused(MHD_HTTP_BAD_REQUEST, "Content-Type: " + shown + ": the boundary is missing");
   }
   MHD_Result endForm(MHD_Connection* connection, GltfForm& form) {
@@ -399,10 +410,11 @@ struct Door::Impl {
       *state = exchange = new Exchange();
       grpc::Status admitted = impl.admit(connection);
       const std::string path = url;
-      if (admitted.ok() && impl.gltf && path == kGltfPath && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
+      if (impl.gltf && path == kGltfPath && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
+        if (!admitted.ok()) return plain(connection, admitted);
         try {
-          const GltfAnswer begun = impl.beginForm(connection, *exchange);
-          return begun.status == MHD_HTTP_OK ? MHD_YES : plain(connection, begun);
+          GltfAnswer begun = impl.beginForm(connection, *exchange);
+          return begun.status == MHD_HTTP_OK ? MHD_YES : plain(connection, std::move(begun));
         } catch (const std::exception& e) {
           return plain(connection, refused(MHD_HTTP_INTERNAL_SERVER_ERROR, std::string("exception in the door: ") + e.what()));
         }
@@ -438,7 +450,10 @@ struct Door::Impl {
       if (std::strcmp(method, MHD_HTTP_METHOD_GET) == 0 || std::strcmp(method, MHD_HTTP_METHOD_HEAD) == 0) return impl.get(connection, path);
       if (std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) return impl.post(connection, path, *exchange);
       return reply(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "only GET, HEAD and POST\n", "text/plain");
-    } catch (const std::exception& e) { return fail(connection, grpc::StatusCode::INTERNAL, std::string("exception in the door: ") + e.what()); }
+    } catch (const std::exception& e) {
+      const grpc::Status status(grpc::StatusCode::INTERNAL, std::string("exception in the door: ") + e.what());
+      return exchange->form ? plain(connection, status) : fail(connection, status);
+    }
   }
   static void completed(void*, MHD_Connection*, void** state, MHD_RequestTerminationCode) { delete static_cast<Exchange*>(*state); }
 };
@@ -466,7 +481,7 @@ Result<std::unique_ptr<Door>> Door::start(DoorOptions options) {
   impl.render = v1::Render::NewStub(impl.options.channel);
   impl.admin = v1::Admin::NewStub(impl.options.channel);
   impl.blobs = v1::Blobs::NewStub(impl.options.channel);
-  if (impl.options.sceneBytes > 0) impl.gltf = std::make_unique<GltfRenderer>(impl.options.channel, impl.options.sceneBytes);
+  if (impl.options.sceneBytes) impl.gltf = std::make_unique<GltfRenderer>(impl.options.channel, impl.options.sceneBytes);
   impl.schema = schemaJson(*v1::RenderRequest::descriptor());
   self->address_ = bound.served;
   const bool tls = !impl.options.cert.empty();

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 
 #include <microhttpd.h>
@@ -19,8 +20,8 @@ namespace gobo {
 class GltfForm {
  public:
   static constexpr size_t kFields = 64, kValueBytes = 4096;
-  /// `held`: the memory that was taken for it. `mostBytes`: of the file.
-  GltfForm(MHD_Connection* connection, uint64_t mostBytes, std::unique_ptr<SharedLimit::Hold> held);
+  /// `contentType`: names the boundary. `held`: the memory that was taken for it. `mostBytes`: of the file; `announced`: of the whole body, or its bound.
+  GltfForm(MHD_Connection* connection, const std::string& contentType, uint64_t mostBytes, uint64_t announced, std::unique_ptr<SharedLimit::Hold> held);
   ~GltfForm();
   GltfForm(const GltfForm&) = delete;
   GltfForm& operator=(const GltfForm&) = delete;
@@ -35,18 +36,27 @@ class GltfForm {
   bool hasScene() const { return hasScene_; }
   const std::string& scene() const { return scene_; }
   const std::string& sceneSha256() const { return digest_; }  ///< after finish()
+  /// The scene's bytes and the memory that was held for the form go; the digest stays.
+  void dropScene();
 
  private:
   static MHD_Result take(void* self, MHD_ValueKind, const char* name, const char* fileName, const char*, const char*, const char* data, uint64_t offset,
                          size_t bytes);
+  void count(const char* data, size_t bytes);
   Status takePiece(const std::string& name, const char* data, uint64_t offset, size_t bytes);
 
   MHD_PostProcessor* reader_ = nullptr;
-  const uint64_t mostBytes_;
+  const uint64_t mostBytes_, announced_;
   std::unique_ptr<SharedLimit::Hold> held_;
   std::map<std::string, std::string> fields_;
   std::string scene_, digest_;
   bool hasScene_ = false;
+  // The reader may begin a field with a piece of no bytes and then begin it once more, so that an empty field and a second one of its name look like one
+  // field: then it is the number of delimiters that tells.
+  std::set<std::string> begun_, empty_;  // names; those that have no byte yet
+  std::string again_;                    // names that began once more after no byte
+  std::string delimiter_, tail_;         // of the parts; the body's last bytes
+  size_t delimiters_ = 0;
   Sha256 sha_;
   Status wrong_;
 };

@@ -21,10 +21,12 @@ namespace gobo {
 
 namespace {
 
-constexpr int kTries = 3;              // a scene may go, for others' memory, between its upload and its render
-constexpr double kPatience = 30;       // seconds that an upload waits for its place among others
-constexpr uint32_t kSamples = 16;      // of a colour picture whose caller says nothing
-constexpr size_t kPiece = 1 << 20;     // of an upload
+constexpr double kPatience = 30;                             // seconds that an upload waits for its place among others
+constexpr double kUnloadSeconds = 5;                         // that one may wait for the end of a scene that it does not need
+constexpr uint32_t kSamples = 16;                            // of a colour picture whose caller says nothing
+constexpr size_t kPiece = 1 << 20;                           // of an upload
+constexpr uint64_t kPixelBytes = 12, kLabelPixelBytes = 48;  // at most at once, of a picture as it came, as floats and encoded
+static_assert(GltfRenderer::kPixels * kPixelBytes <= GltfRenderer::kHeldBytes && GltfRenderer::kLabelPixels * kLabelPixelBytes <= GltfRenderer::kHeldBytes);
 constexpr unsigned kMostSide = 16384;  // pixels; the schema's
 constexpr const char* kText = "text/plain; charset=utf-8";
 
@@ -109,24 +111,21 @@ v1::RenderRequest geometryOf(const v1::RenderRequest& extra) {
   return request;
 }
 
-GltfAnswer refusal(const grpc::Status& status, long retrySeconds) {
+GltfAnswer refusal(const grpc::Status& status, long retryMs) {
   GltfAnswer answer;
   answer.status = httpStatusOf(status.error_code());
   answer.type = kText;
   answer.body = status.error_message() + "\n";
-  answer.retrySeconds = retrySeconds;
+  answer.retrySeconds = wholeSeconds(retryMs);
   return answer;
 }
-GltfAnswer refusal(const Status& status, long retrySeconds = 0) { return refusal(toGrpc(status), retrySeconds); }
+GltfAnswer refusal(const Status& status, long retryMs = 0) { return refusal(toGrpc(status), retryMs); }
 
-long retryOf(const grpc::ClientContext& context) {
-  const auto& trailers = context.GetServerTrailingMetadata();
-  const auto at = trailers.find(kRetryAfterKey);
-  if (at == trailers.end()) return 0;
-  return std::max(1L, (std::atol(std::string(at->second.data(), at->second.size()).c_str()) + 999) / 1000);
+// Of refusals that time mends, but for the caller's own rate, whose waiting is the caller's.
+bool isPassing(const grpc::Status& status, long retryMs) {
+  return status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED && retryMs > 0 &&
+         status.error_message().find("tokens.requests_per_s") == std::string::npos;
 }
-
-bool isPassing(const grpc::Status& status, long retrySeconds) { return status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED && retrySeconds > 0; }
 
 }  // namespace
 
@@ -166,8 +165,8 @@ Result<GltfRequest> gltfRequestOf(const std::map<std::string, std::string>& fiel
   return out;
 }
 
-GltfRenderer::GltfRenderer(const std::shared_ptr<grpc::Channel>& channel, uint64_t sceneBytes)
-    : sceneBytes_(std::min(sceneBytes, kSceneBytes)),
+GltfRenderer::GltfRenderer(const std::shared_ptr<grpc::Channel>& channel, std::function<uint64_t()> sceneBytes)
+    : sceneBytes_(std::move(sceneBytes)),
       forms_(kHeldBytes),
       pictures_(kHeldBytes),
       scenes_(v1::Scenes::NewStub(channel)),
@@ -179,20 +178,36 @@ GltfAnswer GltfRenderer::admit(const GltfCaller& caller) {
   v1::ListScenesReply reply;
   const grpc::Status status = callOnce(
       call, [&](auto* context, auto* queue) { return scenes_->AsyncList(context, v1::ListScenesRequest(), queue); }, reply);
-  return status.ok() ? GltfAnswer() : refusal(status, retryOf(call.context));
+  return status.ok() ? GltfAnswer() : refusal(status, retryMsOf(call.context));
 }
 
-std::string GltfRenderer::knownScene(const GltfCaller& caller, const std::string& sha256) {
-  const std::lock_guard lock(mutex_);
-  for (Caller& c : callers_) {
-    if (c.key != caller.key) continue;
-    for (auto at = c.scenes.begin(); at != c.scenes.end(); ++at) {
-      if (at->sha256 != sha256) continue;
-      c.scenes.splice(c.scenes.begin(), c.scenes, at);
-      return c.scenes.front().id;
-    }
+// With mutex_.
+std::string GltfRenderer::knownScene(const std::string& key, const std::string& sha256) {
+  const auto caller = std::find_if(callers_.begin(), callers_.end(), [&](const Caller& c) { return c.key == key; });
+  if (caller == callers_.end()) return {};
+  callers_.splice(callers_.begin(), callers_, caller);
+  std::list<Known>& scenes = callers_.front().scenes;
+  const auto scene = std::find_if(scenes.begin(), scenes.end(), [&](const Known& k) { return k.sha256 == sha256; });
+  if (scene == scenes.end()) return {};
+  scenes.splice(scenes.begin(), scenes, scene);
+  return scenes.front().id;
+}
+
+// Known: the file is loaded, as `id`. Mine: this one is to upload it, then to call endTurn().
+GltfRenderer::Turn GltfRenderer::takeTurn(const GltfCaller& caller, const std::string& sha256, std::string& id) {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    if (id = knownScene(caller.key, sha256); !id.empty()) return Turn::Known;
+    if (uploading_.emplace(caller.key, sha256).second) return Turn::Mine;
+    turns_.wait_for(lock, Door::kPoll);
+    if (caller.gone()) return Turn::Gone;
   }
-  return {};
+}
+
+void GltfRenderer::endTurn(const GltfCaller& caller, const std::string& sha256) {
+  const std::lock_guard lock(mutex_);
+  uploading_.erase({caller.key, sha256});
+  turns_.notify_all();
 }
 
 void GltfRenderer::forget(const GltfCaller& caller, const std::string& id) {
@@ -201,34 +216,54 @@ void GltfRenderer::forget(const GltfCaller& caller, const std::string& id) {
     if (c.key == caller.key) c.scenes.remove_if([&](const Known& k) { return k.id == id; });
 }
 
-void GltfRenderer::remember(const GltfCaller& caller, const std::string& sha256, const std::string& id) {
-  std::string gone;
-  {
-    const std::lock_guard lock(mutex_);
-    auto at = std::find_if(callers_.begin(), callers_.end(), [&](const Caller& c) { return c.key == caller.key; });
-    if (at == callers_.end()) at = callers_.insert(callers_.begin(), Caller{caller.key, {}});
-    callers_.splice(callers_.begin(), callers_, at);
-    if (callers_.size() > kCallers) callers_.pop_back();  // the service's own bound takes their scenes
-    callers_.front().scenes.push_front({sha256, id});
-    if (callers_.front().scenes.size() > kScenes) {
-      gone = callers_.front().scenes.back().id;
-      callers_.front().scenes.pop_back();
-    }
+// Those that had to go for it: to be unloaded.
+std::list<GltfRenderer::Loaded> GltfRenderer::remember(const GltfCaller& caller, const std::string& sha256, const std::string& id) {
+  const std::lock_guard lock(mutex_);
+  std::list<Loaded> gone;
+  auto at = std::find_if(callers_.begin(), callers_.end(), [&](const Caller& c) { return c.key == caller.key; });
+  if (at == callers_.end()) at = callers_.insert(callers_.begin(), Caller{caller.key, {}, {}});
+  callers_.splice(callers_.begin(), callers_, at);
+  Caller& mine = callers_.front();
+  mine.dress = caller.dress;
+  mine.scenes.push_front({sha256, id});
+  if (mine.scenes.size() > kScenes) {
+    gone.push_back({mine.key, mine.scenes.back().id, mine.dress});
+    mine.scenes.pop_back();
   }
-  if (!gone.empty()) unload(caller, gone);
+  if (callers_.size() > kCallers) {
+    for (const Known& k : callers_.back().scenes) gone.push_back({callers_.back().key, k.id, callers_.back().dress});
+    callers_.pop_back();
+  }
+  return gone;
 }
 
-void GltfRenderer::unload(const GltfCaller& caller, const std::string& id) {
-  UpstreamCall call([] { return false; });
-  caller.dress(call.context);
+// Under the rights of who loaded it. What fails here the service's own bound takes in time.
+void GltfRenderer::unload(const GltfCaller& caller, const Loaded& scene) {
+  UpstreamCall call(caller.stopping);  // also when the client has hung up: nobody else would
+  scene.dress(call.context);
+  call.context.set_deadline(std::chrono::system_clock::now() +
+                            std::chrono::duration_cast<std::chrono::milliseconds>(std::chrono::duration<double>(kUnloadSeconds)));
   v1::UnloadSceneRequest request;
-  request.set_scene(id);
+  request.set_scene(scene.id);
   v1::UnloadSceneReply reply;
   callOnce(
       call, [&](auto* context, auto* queue) { return scenes_->AsyncUnload(context, request, queue); }, reply);
 }
 
-grpc::Status GltfRenderer::upload(const GltfCaller& caller, const GltfForm& form, v1::SceneInfo& info, long& retrySeconds) {
+// NOT_FOUND: the service has no such scene.
+grpc::Status GltfRenderer::exists(const GltfCaller& caller, const std::string& id, long& retryMs) {
+  UpstreamCall call(caller.gone);
+  caller.dress(call.context);
+  v1::InspectSceneRequest request;
+  request.set_scene(id);
+  v1::SceneInfo info;
+  const grpc::Status status = callOnce(
+      call, [&](auto* context, auto* queue) { return scenes_->AsyncInspect(context, request, queue); }, info);
+  retryMs = retryMsOf(call.context);
+  return status;
+}
+
+grpc::Status GltfRenderer::upload(const GltfCaller& caller, const GltfForm& form, v1::SceneInfo& info, long& retryMs) {
   UpstreamCall call(caller.gone);
   caller.dress(call.context);
   const std::string& scene = form.scene();
@@ -255,44 +290,61 @@ grpc::Status GltfRenderer::upload(const GltfCaller& caller, const GltfForm& form
   grpc::Status status;
   writer->Finish(&status, nullptr);
   call.wait();
-  retrySeconds = retryOf(call.context);
+  retryMs = retryMsOf(call.context);
   return status;
 }
 
-// The scene's id at the service; a status other than 200: why there is none.
-GltfAnswer GltfRenderer::loaded(const GltfCaller& caller, const GltfForm& form, std::string& id) {
+// The scene's id at the service; a status other than 200: why there is none. The form's bytes go once they are uploaded; those of a scene that was known
+// stay, as it may have gone meanwhile.
+GltfAnswer GltfRenderer::loaded(const GltfCaller& caller, GltfForm& form, std::string& id) {
+  using Clock = std::chrono::steady_clock;
   const std::string& sha256 = form.sceneSha256();
-  if (id = knownScene(caller, sha256); !id.empty()) return {};
-  std::unique_lock turn(uploading_, std::defer_lock);
-  while (!turn.try_lock_for(Door::kPoll))
-    if (caller.gone()) return refusal(Status(Code::Cancelled, "the client has gone"));
-  if (id = knownScene(caller, sha256); !id.empty()) return {};  // another one of the same file was first
-  v1::SceneInfo info;
-  grpc::Status status;
-  long retrySeconds = 0;
-  const auto begun = std::chrono::steady_clock::now();
-  do {
-    status = upload(caller, form, info, retrySeconds);
-    if (!isPassing(status, retrySeconds)) break;
-    std::this_thread::sleep_for(Door::kPoll);
-  } while (!caller.gone() && std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count() < kPatience);
-  if (!status.ok()) {
-    GltfAnswer answer = refusal(status, retrySeconds);
-    answer.body = "scene: " + answer.body;
-    if (status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED && retrySeconds == 0) answer.status = MHD_HTTP_CONTENT_TOO_LARGE;
-    return answer;
+  const auto end = Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(kPatience));
+  for (;;) {
+    switch (takeTurn(caller, sha256, id)) {
+      case Turn::Known: return {};
+      case Turn::Gone: return refusal(Status(Code::Cancelled, "the client has gone"));
+      case Turn::Mine: break;
+    }
+    v1::SceneInfo info;
+    grpc::Status status;
+    long retryMs = 0;
+    std::list<Loaded> gone;
+    {
+      struct TurnEnd {
+        GltfRenderer& renderer;
+        const GltfCaller& caller;
+        const std::string& sha256;
+        ~TurnEnd() { renderer.endTurn(caller, sha256); }
+      } turnEnd{*this, caller, sha256};
+      status = upload(caller, form, info, retryMs);
+      if (status.ok()) gone = remember(caller, sha256, id = info.id());
+    }
+    if (status.ok()) {
+      form.dropScene();
+      for (const Loaded& scene : gone) unload(caller, scene);
+      return {};
+    }
+    const auto next = Clock::now() + std::chrono::milliseconds(retryMs);
+    if (!isPassing(status, retryMs) || next > end) {
+      GltfAnswer answer = refusal(status, retryMs);
+      answer.body = "scene: " + answer.body;
+      if (status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED && retryMs == 0) answer.status = MHD_HTTP_CONTENT_TOO_LARGE;
+      return answer;
+    }
+    while (Clock::now() < next) {
+      if (caller.gone()) return refusal(Status(Code::Cancelled, "the client has gone"));
+      std::this_thread::sleep_for(Door::kPoll);
+    }
   }
-  id = info.id();
-  remember(caller, sha256, id);
-  return {};
 }
 
-grpc::Status GltfRenderer::pictures(const GltfCaller& caller, const v1::RenderRequest& request, Pictures& out, long& retrySeconds) {
+grpc::Status GltfRenderer::pictures(const GltfCaller& caller, const v1::RenderRequest& request, Pictures& out, long& retryMs) {
   RenderStream stream(caller.gone, false);
   caller.dress(stream.context());
   const grpc::Status begun = stream.begin([&](auto* context, auto* queue) { return render_->PrepareAsyncRender(context, request, queue); });
   if (!begun.ok()) {
-    retrySeconds = retryOf(stream.context());
+    retryMs = retryMsOf(stream.context());
     return begun;
   }
   out.head = stream.head();
@@ -301,7 +353,8 @@ grpc::Status GltfRenderer::pictures(const GltfCaller& caller, const v1::RenderRe
   out.bytes.resize(expected);
   uint64_t at = 0;
   for (ssize_t n; at < expected && (n = stream.read(out.bytes.data() + at, expected - at)) > 0;) at += uint64_t(n);
-  if (at == expected) return grpc::Status::OK;
+  char more = 0;
+  if (at == expected && stream.read(&more, 1) == 0) return grpc::Status::OK;  // to the call's own end: it was not cancelled, and ended well
   return caller.gone() ? grpc::Status(grpc::StatusCode::CANCELLED, "the client has gone")
                        : grpc::Status(grpc::StatusCode::INTERNAL, "the service's picture broke off");
 }
@@ -346,7 +399,7 @@ GltfAnswer GltfRenderer::encoded(const GltfRequest& request, Pictures& made) {
 
 GltfAnswer GltfRenderer::render(const GltfCaller& caller, GltfForm& form, const std::string& extra) {
   if (const Status whole = form.finish(); !whole.ok()) {
-    GltfAnswer answer = refusal(whole);
+    GltfAnswer answer = refusal(Status(whole.code(), whole.message()));
     if (whole.code() == Code::ResourceExhausted) answer.status = MHD_HTTP_CONTENT_TOO_LARGE;
     return answer;
   }
@@ -356,22 +409,32 @@ GltfAnswer GltfRenderer::render(const GltfCaller& caller, GltfForm& form, const 
   std::string said = form.fields().at("scene_sha256");
   std::transform(said.begin(), said.end(), said.begin(), [](unsigned char c) { return char(c >= 'A' && c <= 'Z' ? c + 32 : c); });
   if (said != form.sceneSha256()) return refusal(invalidArgument(shownValue("scene_sha256", said) + ": the scene that arrived has " + form.sceneSha256()));
-  const uint64_t pixels = uint64_t(request->render.width()) * request->render.height();
-  if (pixels > kPixels)
-    return refusal(invalidArgument(strf("width x height = %llu: must be at most %llu pixels", (unsigned long long)pixels, (unsigned long long)kPixels)));
-  const auto held = pictures_.take(caller.key, pixels * (request->image == GltfRequest::Image::Label ? 48 : 12));
-  if (!held) return refusal(Status(Code::ResourceExhausted, "pictures are being made that need the memory; ask again"), 1);
-  for (int tried = 1;; ++tried) {
+  const bool label = request->image == GltfRequest::Image::Label;
+  const uint64_t pixels = uint64_t(request->render.width()) * request->render.height(), mostPixels = label ? kLabelPixels : kPixels;
+  if (pixels > mostPixels)
+    return refusal(invalidArgument(strf("width x height = %llu: must be at most %llu pixels%s", (unsigned long long)pixels, (unsigned long long)mostPixels,
+                                        label ? " in a picture of labels" : "")));
+  auto held = pictures_.take(caller.key, pixels * (label ? kLabelPixelBytes : kPixelBytes));
+  if (!held) return refusal(Status(Code::ResourceExhausted, "pictures are being made or fetched that need the memory; ask again"), 1000);
+  for (;;) {
     std::string id;
     if (GltfAnswer refused = loaded(caller, form, id); refused.status != MHD_HTTP_OK) return refused;
     request->render.set_scene(id);
     Pictures made;
-    long retrySeconds = 0;
-    const grpc::Status status = pictures(caller, request->render, made, retrySeconds);
-    if (status.ok()) return encoded(*request, made);
-    const bool lost = status.error_code() == grpc::StatusCode::NOT_FOUND;
-    if (lost) forget(caller, id);
-    if (!lost || tried == kTries) return refusal(status, retrySeconds);
+    long retryMs = 0;
+    const grpc::Status status = pictures(caller, request->render, made, retryMs);
+    if (status.ok()) {
+      GltfAnswer answer = encoded(*request, made);
+      answer.held = std::move(held);
+      return answer;
+    }
+    if (status.error_code() != grpc::StatusCode::NOT_FOUND) return refusal(status, retryMs);
+    // The scene, or something that the request names (a camera, a variant, a light)?
+    const grpc::Status there = exists(caller, id, retryMs);
+    if (there.ok()) return refusal(grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, status.error_message()), 0);
+    if (there.error_code() != grpc::StatusCode::NOT_FOUND) return refusal(there, retryMs);
+    forget(caller, id);
+    if (form.scene().empty()) return refusal(Status(Code::Unavailable, "scene: had to go for others' memory before its picture was there; ask again"), 1000);
   }
 }
 

@@ -7,6 +7,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import tempfile
@@ -213,6 +214,7 @@ class Refusals(Door):
         for name, value in wrong:
             self.assertTrue(self.refused(scene, values={**whole, name: value}).startswith(f'{name} = "{value}": '), (name, value))
         self.assertIn("16777216", self.refused(scene, width=16384, height=16384))
+        self.assertIn("8388608 pixels in a picture of labels", self.refused(scene, "label", width=4096, height=2049))
         self.assertEqual(self.uploads(), 1)
         self.picture(scene, "depth", **SMALL)   # and it still serves
 
@@ -243,6 +245,10 @@ class Refusals(Door):
         answer = connection.getresponse()
         return answer.status, answer.read(), answer
 
+    @staticmethod
+    def pieces(body, size):
+        return iter([body[i:i + size] for i in range(0, len(body), size)])
+
     def test_bodies_that_are_no_forms(self):
         scene = boxes_glb(TWO_BOXES)
         kind, body = form(fields(scene, **SMALL), scene)
@@ -259,9 +265,22 @@ class Refusals(Door):
         self.assertIn(b"scene: is in the form twice", self.raw(kind, body[:-len(b"--" + mark + b"--\r\n")] + b"--" + mark
                                                                + b'\r\nContent-Disposition: form-data; name="scene"\r\n\r\nmore\r\n--' + mark + b"--\r\n")[1])
         self.assertEqual(self.raw(kind, form({**twice, "width": "7" * 5000}, scene)[1].replace(b"x", b"x"))[0], 400)
+        part = lambda name, value: b"--" + mark + b'\r\nContent-Disposition: form-data; name="' + name + b'"\r\n\r\n' + value + b"\r\n"
+        for name, first, second in ((b"submit", b"", b"Render"), (b"submit", b"Render", b""), (b"submit", b"", b""), (b"width", b"", b"96"), (b"scene", b"", scene)):
+            rest = form({k: v for k, v in fields(scene, **SMALL).items() if k != name.decode()}, None if name == b"scene" else scene)
+            twice = part(name, first) + part(name, second) + rest[1].replace(rest[0].split("=")[1].encode(), mark)
+            for pieces in (None, 1, 7, 64):   # in pieces the reader begins fields with no byte
+                status, text, _ = self.raw(kind, twice if pieces is None else self.pieces(twice, pieces))
+                self.assertEqual((status, text.split(b": ")[1:]), (400, [b"is in the form twice\n"]), (text, first, pieces))
+                self.assertIn(name, text.split(b": ")[0].split(b" or ") if pieces else [text.split(b": ")[0]])
+        once = part(b"submit", b"\r\n--" + mark[:-1] + b"!") + form({k: v for k, v in fields(scene, "label", **SMALL).items() if k != "submit"}, scene)[1]
+        once = re.sub(rb"--[0-9a-f]{32}(?=\r\n|--)", b"--" + mark, once)
+        for pieces in (1, 5, 37):
+            self.assertEqual(self.raw(kind, self.pieces(once, pieces))[0], 200, pieces)
         many, all_fields = form({f"f{i}": "1" for i in range(80)}, scene)
         self.assertIn(b"more than 64 fields", self.raw(many, all_fields)[1])
-        self.assertEqual(post(self.port, scene, headers={"Origin": "http://evil.example"}, **SMALL)[0], 403)
+        for header in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
+            self.assertIn(next(iter(header)), self.refused(scene, status=403, headers=header, **SMALL))
         with urllib.request.urlopen(f"http://127.0.0.1:{self.port}/", timeout=10) as page:
             self.assertEqual(page.status, 200)
         with self.assertRaises(urllib.error.HTTPError) as got:
@@ -280,6 +299,31 @@ class Refusals(Door):
 
 
 class Scenes(Door):
+    def test_a_name_that_the_scene_lacks_is_the_request_s_mistake(self):
+        scene = boxes_glb(TWO_BOXES)
+        self.picture(scene, "depth", **SMALL)
+        for request, words in (({"camera": {"name": "none"}}, "no camera 'none'"), ({"variant": "none"}, "no variant"), ({"animation": "none", "time_s": 0}, "no animation"),
+                               ({"lights": {"none": {"intensity": 2}}}, "no light 'none'"), ({"environment": {"digest": "0" * 64}}, "request.environment.digest")):
+            self.assertIn(words, self.refused(scene, path=query(request), **SMALL))
+            self.assertEqual((self.uploads(), self.metric("gobo_scenes")), (1, 1), request)
+        other = boxes_glb(TWO_BOXES[:1])
+        self.assertIn("no camera", self.refused(other, path=query({"camera": {"name": "none"}}), **SMALL))
+        self.assertEqual((self.uploads(), self.metric("gobo_scenes")), (2, 2))
+
+    def test_a_picture_counts_until_it_is_fetched(self):
+        scene = boxes_glb(TWO_BOXES)
+        kind, body = form(fields(scene, "depth", width=4096, height=4096), scene)
+        with socket.socket() as s:
+            s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            s.settimeout(60)
+            s.connect(("127.0.0.1", self.port))
+            s.sendall(f"POST /render HTTP/1.1\r\nHost: localhost\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n\r\n".encode() + body)
+            self.assertTrue(s.recv(100).startswith(b"HTTP/1.1 200 "))
+            time.sleep(0.2)   # whatever else the call held has gone
+            self.assertIn("fetched that need the memory", self.refused(scene, "depth", status=429, width=2432, height=2432))
+            self.picture(scene, "depth", **SMALL)
+        self.eventually(lambda: post(self.port, scene, "depth", width=2432, height=2432)[0] == 200)
+
     def test_a_scene_is_parsed_once_and_few_stay(self):
         scenes = [boxes_glb([((0, 0.01 * i, 0), (0.02, 0.02, 0.02), (0.5, 0.5, 0.5))]) for i in range(11)]
         for scene in scenes[:8]:
@@ -366,12 +410,14 @@ class Scenes(Door):
 
     def test_a_render_of_longer_than_a_client_may_be_silent(self):
         scene = boxes_glb(TWO_BOXES)
-        self.assertEqual(read_png(self.picture(scene, path=query({"halt": {"time_s": 32}})))[:2], (640, 480))
+        begun = time.monotonic()
+        self.assertEqual(read_png(self.picture(scene, path=query({"halt": {"time_s": 31}}), **SMALL))[:2], (96, 72))
+        self.assertGreater(time.monotonic() - begun, 30.5)   # the door ends clients that are silent for 30 s
 
 
 class Tokens(Door):
     config = "".join(f'[[tokens]]\nname = "{n}"\nsha256 = "{hashlib.sha256(n.encode()).hexdigest()}"\n{more}' for n, more in (("alice", ""), ("bob", "upload_bytes = 900\n"),
-                                                                                                                          ("carol", "max_pixels = 100\n")))
+                                                                                                                          ("carol", "max_pixels = 100\n"), ("dave", "requests_per_s = 0.02\nburst = 1\n")))
 
     def test_who_may_ask(self):
         scene = boxes_glb(TWO_BOXES)
@@ -393,6 +439,34 @@ class Tokens(Door):
         self.assertIn(b"max_pixels", body)
         self.assertEqual(ask("carol", width=10, height=10)[0], 200)
         self.assertEqual(self.uploads(), 2)
+
+    def test_who_asks_is_the_token_however_it_is_written(self):
+        scene = boxes_glb(TWO_BOXES)
+        for word in ("Bearer", "bearer", "BEARER"):
+            self.assertEqual(post(self.port, scene, "label", headers={"Authorization": f"{word} alice"}, **SMALL)[0], 200)
+        self.assertEqual(self.uploads(), 1)
+
+    def test_a_caller_over_its_rate_is_told_at_once_and_holds_up_nobody(self):
+        scene, ask = boxes_glb(TWO_BOXES), lambda who, s: post(self.port, s, "depth", headers={"Authorization": "Bearer " + who}, **SMALL)
+        begun = time.monotonic()
+        status, _, body = ask("dave", scene)   # one request for the form, none left for the upload
+        self.assertEqual(status, 429, body)
+        self.assertIn(b"tokens.requests_per_s", body)
+        self.assertLess(time.monotonic() - begun, 8)
+        self.assertEqual(ask("alice", scene)[0], 200)
+        self.assertLess(time.monotonic() - begun, 10)
+
+    def test_limits_that_are_read_again(self):
+        scene = boxes_glb(TWO_BOXES)
+        config = os.path.join(self.folder, "gobod.toml")
+        with open(config, encoding="utf-8") as file:
+            text = file.read()
+        with open(config, "w", encoding="utf-8") as file:
+            file.write(text.replace("1MiB", "1000"))
+        self.process.send_signal(signal.SIGHUP)
+        self.eventually(lambda: self.metric('gobo_reloads_total{result="ok"}') == 1)
+        status, _, body = post(self.port, scene, "label", headers={"Authorization": "Bearer alice"}, **SMALL)
+        self.assertEqual((status, b"scene: has more than 1000 bytes" in body), (413, True), body)
 
 
 if __name__ == "__main__":
