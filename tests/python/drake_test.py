@@ -469,5 +469,24 @@ class Tokens(Door):
         self.assertEqual((status, b"scene: has more than 1000 bytes" in body), (413, True), body)
 
 
+class ManyTokens(Door):
+    config = "".join(f'[[tokens]]\nname = "t{i}"\nsha256 = "{hashlib.sha256(b"t%d" % i).hexdigest()}"\n' for i in range(66))
+
+    def test_the_scenes_of_callers_that_are_no_longer_remembered_go(self):
+        """64 callers are; the one that asked longest ago goes, whether its last call was an upload or not."""
+        scene, small = boxes_glb(TWO_BOXES[:1]), {**SMALL, "width": 4, "height": 4}
+        ask = lambda i: self.assertEqual(post(self.port, scene, "label", headers={"Authorization": f"Bearer t{i}"}, **small)[0], 200)
+        for i in range(64):
+            ask(i)
+        ask(0)
+        for i in (64, 65):   # 1 and 2 go
+            ask(i)
+        self.assertEqual((self.uploads(), self.metric("gobo_scenes")), (66, 64))
+        ask(0)
+        self.assertEqual(self.uploads(), 66)
+        ask(1)
+        self.assertEqual((self.uploads(), self.metric("gobo_scenes")), (67, 64))
+
+
 if __name__ == "__main__":
     unittest.main()
