@@ -417,7 +417,7 @@ class Scenes(Door):
 
 class Tokens(Door):
     config = "".join(f'[[tokens]]\nname = "{n}"\nsha256 = "{hashlib.sha256(n.encode()).hexdigest()}"\n{more}' for n, more in (("alice", ""), ("bob", "upload_bytes = 900\n"),
-                                                                                                                          ("carol", "max_pixels = 100\n"), ("dave", "requests_per_s = 0.02\nburst = 1\n")))
+                                                                                                                          ("carol", "max_pixels = 100\n"), ("dave", "requests_per_s = 0.1\nburst = 1\n")))
 
     def test_who_may_ask(self):
         scene = boxes_glb(TWO_BOXES)
@@ -452,9 +452,8 @@ class Tokens(Door):
         status, _, body = ask("dave", scene)   # one request for the form, none left for the upload
         self.assertEqual(status, 429, body)
         self.assertIn(b"tokens.requests_per_s", body)
-        self.assertLess(time.monotonic() - begun, 8)
+        self.assertLess(time.monotonic() - begun, 8)   # 10 s until the next
         self.assertEqual(ask("alice", scene)[0], 200)
-        self.assertLess(time.monotonic() - begun, 10)
 
     def test_limits_that_are_read_again(self):
         scene = boxes_glb(TWO_BOXES)
