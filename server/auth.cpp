@@ -10,6 +10,16 @@
 
 namespace gobo {
 
+namespace {
+constexpr size_t kBearer = 7;  // of "Bearer "
+
+bool isBearer(const std::string& value) {
+  std::string scheme = value.substr(0, kBearer);
+  std::transform(scheme.begin(), scheme.end(), scheme.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+  return scheme == "bearer " && value.size() > kBearer && value.size() <= 4096;
+}
+}  // namespace
+
 double Principal::takeRequest(double now) const {
   if (!token || token->requestsPerSecond <= 0) return 0;
   const double burst = token->burst;
@@ -68,22 +78,31 @@ grpc::Status TokenBook::identify(const grpc::ServerContext& context, Principal& 
   }
   if (std::next(first) != last) return refuse("authorization: sent more than once");
   const std::string value(first->second.data(), first->second.size());
-  constexpr size_t prefix = 7;
-  std::string scheme = value.substr(0, prefix);
-  std::transform(scheme.begin(), scheme.end(), scheme.begin(), [](unsigned char c) { return char(std::tolower(c)); });
-  if (scheme != "bearer " || value.size() == prefix || value.size() > 4096) return refuse("authorization: must be \"Bearer TOKEN\"");
-  const std::string digest = sha256Hex(value.data() + prefix, value.size() - prefix);
+  if (!isBearer(value)) return refuse("authorization: must be \"Bearer TOKEN\"");
   const std::lock_guard lock(mutex_);
-  const Entry* found = nullptr;
-  // Every entry is compared, whole, whichever matches: the time says nothing about the tokens there are.
-  for (const Entry& e : entries_)
-    if (CRYPTO_memcmp(digest.data(), e.digest.data(), digest.size()) == 0) found = &e;
+  const Entry* found = find(value);
   if (!found) return refuse("authorization: the token is not known to this server");
   who.name = found->config->name;
   who.admin = found->config->admin;
   who.token = found->config;
   who.use = found->use;
   return grpc::Status::OK;
+}
+
+const TokenBook::Entry* TokenBook::find(const std::string& authorization) const {
+  const std::string digest = sha256Hex(authorization.data() + kBearer, authorization.size() - kBearer);
+  const Entry* found = nullptr;
+  // Every entry is compared, whole, whichever matches: the time says nothing about the tokens there are.
+  for (const Entry& e : entries_)
+    if (CRYPTO_memcmp(digest.data(), e.digest.data(), digest.size()) == 0) found = &e;
+  return found;
+}
+
+std::string TokenBook::nameOf(const std::string& authorization) const {
+  if (!isBearer(authorization)) return {};
+  const std::lock_guard lock(mutex_);
+  const Entry* found = find(authorization);
+  return found ? found->config->name : std::string();
 }
 
 bool TokenBook::isName(const std::string& name) const {

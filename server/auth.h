@@ -54,11 +54,15 @@ class TokenBook {
   void reload(const std::vector<TokenConfig>& tokens, bool always);
   /// UNAUTHENTICATED when a token is missing, malformed or unknown; the text never holds what was sent.
   grpc::Status identify(const grpc::ServerContext& context, Principal& who) const;
+  /// The name of the token in "Bearer TOKEN"; empty: none of this book's.
+  std::string nameOf(const std::string& authorization) const;
   /// The token of that name is somebody's.
   bool isName(const std::string& name) const;
   size_t count() const;
 
  private:
+  struct Entry;
+  const Entry* find(const std::string& authorization) const;  // with mutex_
   struct Entry {
     std::string digest;
     std::shared_ptr<const TokenConfig> config;

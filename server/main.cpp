@@ -9,7 +9,11 @@
 #include <atomic>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
+#include <sstream>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include <CLI/CLI.hpp>
 
@@ -22,12 +26,21 @@ namespace {
 
 constexpr double kGraceSeconds = 1.5;  // after the drain: what does not stop by then is left
 
-/// What the command line says over the file, at the start and at every reload.
+/// What the command line and, below it, the environment say over the file, at the start and at every reload.
 struct Flags {
   std::string configFile, cache, logLevel, logFormat, tmp, store, http, web;
   std::vector<std::string> listen, roots;
   int threads = -1;
 };
+
+/// "a,b" -> a, b; nothing of none.
+std::vector<std::string> listOf(const char* text) {
+  std::vector<std::string> out;
+  std::istringstream in(text ? text : "");
+  for (std::string one; std::getline(in, one, ',');)
+    if (!one.empty()) out.push_back(one);
+  return out;
+}
 
 gobo::Result<gobo::ServerConfig> configure(const Flags& f) {
   gobo::ServerConfig config;
@@ -80,25 +93,29 @@ int main(int argc, char** argv) {
   Flags flags;
   bool check = false, version = false;
   CLI::App app("gobod: the Gobo rendering daemon");
-  app.add_option("--config", flags.configFile, "TOML configuration; configs/gobod.toml documents every key");
+  app.add_option("--config", flags.configFile, "TOML configuration; configs/gobod.toml documents every key")->envname("GOBO_CONFIG");
   app.add_option("--listen", flags.listen, "unix:PATH or 127.0.0.1:PORT; repeat for several; default " + gobo::defaultAddress());
   app.add_option("--root", flags.roots, "folder under which scene and environment files may be opened; repeat for several");
-  app.add_option("--cache", flags.cache, "folder of the disk cache");
-  app.add_option("--store", flags.store, "bytes of the term store, such as 4GiB");
-  app.add_option("--threads", flags.threads, "render threads; 0: all")->check(CLI::Range(0, 1024));
-  app.add_option("--log", flags.logLevel, "debug, info, warn, error, off");
-  app.add_option("--log-format", flags.logFormat, "text, json");
-  app.add_option("--http", flags.http, "HOST:PORT of /metrics, /health and /ready");
-  app.add_option("--web", flags.web, "HOST:PORT of the viewer in a browser and of calls over HTTP");
-  app.add_option("--tmp", flags.tmp, "folder for uploads");
+  app.add_option("--cache", flags.cache, "folder of the disk cache")->envname("GOBO_CACHE");
+  app.add_option("--store", flags.store, "bytes of the term store, such as 4GiB")->envname("GOBO_STORE");
+  app.add_option("--threads", flags.threads, "render threads; 0: all")->check(CLI::Range(0, 1024))->envname("GOBO_THREADS");
+  app.add_option("--log", flags.logLevel, "debug, info, warn, error, off")->envname("GOBO_LOG");
+  app.add_option("--log-format", flags.logFormat, "text, json")->envname("GOBO_LOG_FORMAT");
+  app.add_option("--http", flags.http, "HOST:PORT of /metrics, /health and /ready")->envname("GOBO_HTTP");
+  app.add_option("--web", flags.web, "HOST:PORT of the viewer in a browser and of calls over HTTP")->envname("GOBO_WEB");
+  app.add_option("--tmp", flags.tmp, "folder for uploads")->envname("GOBO_TMP");
   app.add_flag("--check", check, "check the configuration and leave");
   app.add_flag("--version", version, "print the version");
   app.footer(
-      "Flags override the configuration file. SIGTERM and SIGINT drain: running renders finish (scheduler.drain_s), a\n"
+      "Flags override the environment, which overrides the configuration file: GOBO_LISTEN and GOBO_ROOT (several with commas\n"
+      "between them), GOBO_CONFIG, GOBO_CACHE, GOBO_STORE, GOBO_THREADS, GOBO_LOG, GOBO_LOG_FORMAT, GOBO_HTTP, GOBO_WEB, GOBO_TMP.\n"
+      "SIGTERM and SIGINT drain: running renders finish (scheduler.drain_s), a\n"
       "second signal ends at once. SIGHUP reads the configuration again. Exit codes: 0 ok, 2 bad configuration, 4 address in use.");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) { return app.exit(e) == 0 ? 0 : 2; }
+  if (flags.listen.empty()) flags.listen = listOf(std::getenv("GOBO_LISTEN"));
+  if (flags.roots.empty()) flags.roots = listOf(std::getenv("GOBO_ROOT"));
   if (version) {
     std::printf("gobod %s\n", gobo::buildVersion().c_str());
     return 0;

@@ -228,6 +228,8 @@ Result<std::unique_ptr<Server>> Server::start(const ServerConfig& config, const 
     door.tellsPeer = true;
     door.hosts = config.webHosts;
     door.requestBytes = config.requestBytes;
+    door.sceneBytes = [core = self->core_.get()] { return core->live()->uploadBytes; };
+    door.nameOf = [core = self->core_.get()](const std::string& authorization) { return core->tokens.nameOf(authorization); };
     if (config.tls.on()) {
       GOBO_ASSIGN(TlsFiles files, readTls(config.tls));
       door.cert = files.cert;

@@ -132,7 +132,7 @@ HealthReport healthReport(ServerCore& core) {
   for (int c = 0; c < kJobClasses; ++c)
     queues += strf("%s\"%s\":{\"queued\":%zu,\"running\":%zu}", c ? "," : "", kClassNames[c], jobs.classes[size_t(c)].queued, jobs.classes[size_t(c)].running);
   report.json =
-      std::string("{\"status\":\"") + (report.ready ? "serving" : "draining") + "\",\"build\":" + jsonString(buildVersion()) +
+      std::string("{\"status\":\"") + (report.ready ? "serving" : "draining") + "\",\"renderer_initialized\":true,\"build\":" + jsonString(buildVersion()) +
       strf(",\"uptime_s\":%.3f,\"ready_workers\":%zu,\"total_workers\":%zu,", uptime(core), report.ready ? workers.size() : size_t(0), workers.size()) +
       "\"workers\":[" + list + "],\"queues\":{" + queues + "}," +
       strf("\"store\":{\"bytes\":%llu,\"limit\":%llu,\"disk_bytes\":%llu},\"rss_bytes\":%llu", (unsigned long long)s.store_bytes(),

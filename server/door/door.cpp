@@ -13,6 +13,7 @@
 
 #include "request/request.h"
 #include "server/bound_socket.h"
+#include "server/door/gltf_render.h"
 #include "server/door/schema.h"
 #include "server/door/upstream.h"
 #include "server/door/viewer_files.h"
@@ -56,6 +57,7 @@ struct Exchange {
   std::string body;
   bool tooLarge = false;
   std::unique_ptr<PutStream> put;  // of a body that is no message: it goes on as it comes
+  std::unique_ptr<GltfForm> form;  // of a body that is a form
 };
 
 /// A whole number of the request's query; nothing when it is not one.
@@ -66,6 +68,7 @@ std::optional<uint64_t> queryNumber(MHD_Connection* connection, const char* name
 }
 
 const std::string kBlobsPath = "/v1/blobs/";
+constexpr const char* kGltfPath = "/render";
 
 }  // namespace
 
@@ -76,6 +79,7 @@ struct Door::Impl {
   std::unique_ptr<v1::Render::Stub> render;
   std::unique_ptr<v1::Admin::Stub> admin;
   std::unique_ptr<v1::Blobs::Stub> blobs;
+  std::unique_ptr<GltfRenderer> gltf;
   std::string schema;
   std::atomic<bool> stopping{false};
   MHD_Daemon* daemon = nullptr;
@@ -100,13 +104,8 @@ struct Door::Impl {
     const std::string body = "{\"error\":" + errorJson(status) + "}\n";
     MHD_Response* response = MHD_create_response_from_buffer(body.size(), const_cast<char*>(body.data()), MHD_RESPMEM_MUST_COPY);
     if (response && status.error_code() == grpc::StatusCode::UNAUTHENTICATED) MHD_add_response_header(response, "WWW-Authenticate", "Bearer");
-    if (response && call) {
-      const auto& trailers = call->context.GetServerTrailingMetadata();
-      if (const auto at = trailers.find(kRetryAfterKey); at != trailers.end()) {
-        const long seconds = std::max(1L, (std::atol(std::string(at->second.data(), at->second.size()).c_str()) + 999) / 1000);
-        MHD_add_response_header(response, "Retry-After", std::to_string(seconds).c_str());
-      }
-    }
+    if (const long ms = response && call ? retryMsOf(call->context) : 0; ms > 0)
+      MHD_add_response_header(response, "Retry-After", std::to_string(wholeSeconds(ms)).c_str());
     return queue(connection, httpStatusOf(status.error_code()), response, "application/json");
   }
   static MHD_Result fail(MHD_Connection* connection, grpc::StatusCode code, const std::string& message) { return fail(connection, {code, escaped(message)}); }
@@ -146,15 +145,22 @@ struct Door::Impl {
       return stopping.load() || (fd >= 0 && ::poll(&p, 1, 0) > 0 && (p.revents & (POLLRDHUP | POLLHUP | POLLERR)) != 0);
     };
   }
-  void dress(MHD_Connection* connection, grpc::ClientContext& context) const {
+  /// What a caller's calls send with them; holds no part of its connection.
+  std::function<void(grpc::ClientContext&)> dressing(MHD_Connection* connection) const {
+    std::vector<std::pair<std::string, std::string>> words;
     const char* sent = headerOf(connection, MHD_HTTP_HEADER_AUTHORIZATION);
-    if (options.secret.empty() && sent) context.AddMetadata("authorization", sent);
-    if (!options.secret.empty() && !options.authorization.empty()) context.AddMetadata("authorization", options.authorization);
-    if (const char* id = headerOf(connection, kRequestIdKey)) context.AddMetadata(kRequestIdKey, id);
-    if (!options.tellsPeer) return;
-    const MHD_ConnectionInfo* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
-    context.AddMetadata(kPeerKey, info ? peerText(*info->client_addr) : "?");
+    if (options.secret.empty() && sent) words.emplace_back("authorization", sent);
+    if (!options.secret.empty() && !options.authorization.empty()) words.emplace_back("authorization", options.authorization);
+    if (const char* id = headerOf(connection, kRequestIdKey)) words.emplace_back(kRequestIdKey, id);
+    if (options.tellsPeer) {
+      const MHD_ConnectionInfo* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+      words.emplace_back(kPeerKey, info ? peerText(*info->client_addr) : "?");
+    }
+    return [words = std::move(words)](grpc::ClientContext& context) {
+      for (const auto& [name, value] : words) context.AddMetadata(name, value);
+    };
   }
+  void dress(MHD_Connection* connection, grpc::ClientContext& context) const { dressing(connection)(context); }
   template <typename Reply, typename Start>
   MHD_Result unary(MHD_Connection* connection, Start&& start) {
     UpstreamCall call(goneOf(connection));
@@ -284,6 +290,61 @@ struct Door::Impl {
     return status.ok() ? json(connection, answer) : fail(connection, status, &put.call());
   }
 
+  // The render API for glTF, whose errors are plain sentences.
+
+  GltfCaller gltfCaller(MHD_Connection* connection) const {
+    const char* sent = headerOf(connection, MHD_HTTP_HEADER_AUTHORIZATION);
+    return {options.secret.empty() && options.nameOf ? options.nameOf(sent ? sent : "") : "", dressing(connection), goneOf(connection),
+            [this] { return stopping.load(); }};
+  }
+  static void dropAnswer(void* answer) { delete static_cast<GltfAnswer*>(answer); }
+  /// The body goes to the client as it lies, with what holds its memory.
+  static MHD_Result plain(MHD_Connection* connection, GltfAnswer answer) {
+    auto owned = std::make_unique<GltfAnswer>(std::move(answer));
+    std::string& body = owned->body;
+    MHD_Response* response = MHD_create_response_from_buffer_with_free_callback_cls(body.size(), body.data(), &Impl::dropAnswer, owned.get());
+    if (!response) return MHD_NO;
+    const GltfAnswer& kept = *owned.release();
+    if (kept.status == MHD_HTTP_UNAUTHORIZED) MHD_add_response_header(response, "WWW-Authenticate", "Bearer");
+    if (kept.retrySeconds > 0) MHD_add_response_header(response, "Retry-After", std::to_string(kept.retrySeconds).c_str());
+    return queue(connection, kept.status, response, kept.type);
+  }
+  static MHD_Result plain(MHD_Connection* connection, const grpc::Status& status) {
+    return plain(connection, refused(httpStatusOf(status.error_code()), status.error_message()));
+  }
+  static GltfAnswer refused(int status, const std::string& message, long retrySeconds = 0) {
+    GltfAnswer answer;
+    answer.status = status;
+    answer.body = message + "\n";
+    answer.retrySeconds = retrySeconds;
+    return answer;
+  }
+  /// Begins to take a form. 200, or what to answer at once.
+  GltfAnswer beginForm(MHD_Connection* connection, Exchange& exchange) {
+    if (const grpc::Status known = checkSecret(connection); !known.ok()) return refused(httpStatusOf(known.error_code()), known.error_message());
+    const char* type = headerOf(connection, MHD_HTTP_HEADER_CONTENT_TYPE);
+    const std::string shown = escaped(std::string(type ? type : "none was sent").substr(0, 80));
+    if (!type || ::strncasecmp(type, "multipart/form-data", 19) != 0)
+      return refused(MHD_HTTP_BAD_REQUEST, "Content-Type: " + shown + ": must be multipart/form-data");
+    const GltfCaller caller = gltfCaller(connection);
+    GltfAnswer admitted = gltf->admit(caller);
+    if (admitted.status != MHD_HTTP_OK) return admitted;
+    const uint64_t sceneBytes = gltf->sceneBytes(), most = sceneBytes + GltfRenderer::kFormOverhead;
+    const char* length = headerOf(connection, MHD_HTTP_HEADER_CONTENT_LENGTH);
+    const uint64_t bytes = length ? std::strtoull(length, nullptr, 10) : most;
+    if (bytes > most)
+      return refused(MHD_HTTP_CONTENT_TOO_LARGE,
+                     "the body has " + std::to_string(bytes) + " bytes: at most " + std::to_string(most) + " (limits.upload_bytes, and 256 MiB here)");
+    auto held = gltf->forms().take(caller.key, bytes);
+    if (!held) return refused(MHD_HTTP_TOO_MANY_REQUESTS, "forms are arriving that need the memory; ask again", 1);
+    exchange.form = std::make_unique<GltfForm>(connection, type, sceneBytes, bytes, std::move(held));
+    return exchange.form->readable() ? GltfAnswer() : refused(MHD_HTTP_BAD_REQUEST, "Content-Type: " + shown + ": the boundary is missing");
+  }
+  MHD_Result endForm(MHD_Connection* connection, GltfForm& form) {
+    const char* extra = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "request");
+    return plain(connection, gltf->render(gltfCaller(connection), form, extra ? extra : ""));
+  }
+
   template <typename Request>
   static grpc::Status parse(const Exchange& exchange, Request& request) {
     return toGrpc(messageFromJson(exchange.body, request, "the request's body"));
@@ -349,6 +410,15 @@ struct Door::Impl {
       *state = exchange = new Exchange();
       grpc::Status admitted = impl.admit(connection);
       const std::string path = url;
+      if (impl.gltf && path == kGltfPath && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
+        if (!admitted.ok()) return plain(connection, admitted);
+        try {
+          GltfAnswer begun = impl.beginForm(connection, *exchange);
+          return begun.status == MHD_HTTP_OK ? MHD_YES : plain(connection, std::move(begun));
+        } catch (const std::exception& e) {
+          return plain(connection, refused(MHD_HTTP_INTERNAL_SERVER_ERROR, std::string("exception in the door: ") + e.what()));
+        }
+      }
       if (admitted.ok() && path.rfind(kBlobsPath, 0) == 0 && std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) {
         try {
           admitted = impl.beginPut(connection, path.substr(kBlobsPath.size()), *exchange);
@@ -361,6 +431,11 @@ struct Door::Impl {
       *bytes = 0;
       return MHD_YES;
     }
+    if (*bytes > 0 && exchange->form) {
+      exchange->form->add(data, *bytes);
+      *bytes = 0;
+      return MHD_YES;
+    }
     if (*bytes > 0) {
       exchange->tooLarge = exchange->tooLarge || exchange->body.size() + *bytes > impl.options.requestBytes;
       if (exchange->tooLarge) exchange->body.clear();
@@ -370,11 +445,15 @@ struct Door::Impl {
     }
     try {
       if (exchange->put) return impl.endPut(connection, *exchange->put);
+      if (exchange->form) return impl.endForm(connection, *exchange->form);
       const std::string path = url;
       if (std::strcmp(method, MHD_HTTP_METHOD_GET) == 0 || std::strcmp(method, MHD_HTTP_METHOD_HEAD) == 0) return impl.get(connection, path);
       if (std::strcmp(method, MHD_HTTP_METHOD_POST) == 0) return impl.post(connection, path, *exchange);
       return reply(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "only GET, HEAD and POST\n", "text/plain");
-    } catch (const std::exception& e) { return fail(connection, grpc::StatusCode::INTERNAL, std::string("exception in the door: ") + e.what()); }
+    } catch (const std::exception& e) {
+      const grpc::Status status(grpc::StatusCode::INTERNAL, std::string("exception in the door: ") + e.what());
+      return exchange->form ? plain(connection, status) : fail(connection, status);
+    }
   }
   static void completed(void*, MHD_Connection*, void** state, MHD_RequestTerminationCode) { delete static_cast<Exchange*>(*state); }
 };
@@ -402,6 +481,7 @@ Result<std::unique_ptr<Door>> Door::start(DoorOptions options) {
   impl.render = v1::Render::NewStub(impl.options.channel);
   impl.admin = v1::Admin::NewStub(impl.options.channel);
   impl.blobs = v1::Blobs::NewStub(impl.options.channel);
+  if (impl.options.sceneBytes) impl.gltf = std::make_unique<GltfRenderer>(impl.options.channel, impl.options.sceneBytes);
   impl.schema = schemaJson(*v1::RenderRequest::descriptor());
   self->address_ = bound.served;
   const bool tls = !impl.options.cert.empty();

@@ -11,9 +11,11 @@
 //   POST /v1/plan            RenderRequest -> PlanReply
 //   POST /v1/render          RenderRequest -> one picture    /v1/relight   RelightRequest -> one picture
 //   POST /v1/render/stream   RenderRequest -> frames         /v1/relight/stream
+//   POST /render             Drake's glTF Render Client-Server API: a form with a scene and a camera -> PNG or TIFF (docs/drake.md)
 //
 // A frame is a 32-bit little-endian length, that many bytes of JSON ({"bytes": N, "progress" | "snapshot" | "reply" | "error": ...}), and N bytes
-// of pictures in the order of the reply's images. Errors before the first frame are an HTTP status and {"error": {"code", "message"}}.
+// of pictures in the order of the reply's images. Errors before the first frame are an HTTP status and {"error": {"code", "message"}},
+// of POST /render an HTTP status and one sentence of plain text.
 //
 // A thread for each of at most kConnections connections. A client that closes its connection has its call cancelled within kPoll.
 // Pages of other origins get nothing: Origin, where a browser sends one, must be this door's, and Host a loopback name or the door's own.
@@ -21,6 +23,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -32,14 +35,16 @@
 namespace gobo {
 
 struct DoorOptions {
-  std::string listen;                      ///< HOST:PORT; port 0 picks one
-  std::shared_ptr<grpc::Channel> channel;  ///< whose Scenes, Render, Blobs and Admin it calls
-  bool tellsPeer = false;                  ///< the channel is inside the process and the server is to see callers as those of a socket (rpc.h)
-  std::string secret;                      ///< if set: the bearer token that callers must send; it ends here
-  std::string authorization;               ///< with a secret: what the channel's calls send as their own authorization; may be empty
-  std::vector<std::string> hosts;          ///< names that callers may use for it beside loopback's and its own
-  std::string cert, key;                   ///< PEM texts: HTTPS; empty: plain
-  uint64_t requestBytes = 16ull << 20;     ///< of one body
+  std::string listen;                                     ///< HOST:PORT; port 0 picks one
+  std::shared_ptr<grpc::Channel> channel;                 ///< whose Scenes, Render, Blobs and Admin it calls
+  bool tellsPeer = false;                                 ///< the channel is inside the process and the server is to see callers as those of a socket (rpc.h)
+  std::string secret;                                     ///< if set: the bearer token that callers must send; it ends here
+  std::string authorization;                              ///< with a secret: what the channel's calls send as their own authorization; may be empty
+  std::vector<std::string> hosts;                         ///< names that callers may use for it beside loopback's and its own
+  std::string cert, key;                                  ///< PEM texts: HTTPS; empty: plain
+  uint64_t requestBytes = 16ull << 20;                    ///< of one body
+  std::function<uint64_t()> sceneBytes;                   ///< of a scene in a form to /render, asked for each; null: there is no such path
+  std::function<std::string(const std::string&)> nameOf;  ///< whom an Authorization header's value is; of callers that the service lets in, for /render
 };
 
 class Door {

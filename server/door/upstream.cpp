@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdlib>
 #include <cstring>
 
 #include <nlohmann/json.hpp>
@@ -10,6 +11,7 @@
 #include "base/status.h"
 #include "request/request.h"
 #include "server/door/door.h"
+#include "server/rpc.h"
 
 namespace gobo {
 
@@ -42,6 +44,14 @@ std::string errorJson(const grpc::Status& status) {
   const nlohmann::json error = {{"code", codeName(Code(int(status.error_code())))}, {"message", status.error_message()}};
   return error.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
+
+long retryMsOf(const grpc::ClientContext& context) {
+  const auto& trailers = context.GetServerTrailingMetadata();
+  const auto at = trailers.find(kRetryAfterKey);
+  return at == trailers.end() ? 0 : std::max(1L, std::atol(std::string(at->second.data(), at->second.size()).c_str()));
+}
+
+long wholeSeconds(long ms) { return (ms + 999) / 1000; }
 
 int httpStatusOf(grpc::StatusCode code) {
   switch (code) {

@@ -103,5 +103,9 @@ class PutStream {
 /// {"code":"NOT_FOUND","message":"..."}
 std::string errorJson(const grpc::Status& status);
 int httpStatusOf(grpc::StatusCode code);
+/// What a call that was refused said of when to come again, ms; 0: nothing.
+long retryMsOf(const grpc::ClientContext& context);
+/// The same for Retry-After: 0 stays 0, anything else is a second at least.
+long wholeSeconds(long ms);
 
 }  // namespace gobo

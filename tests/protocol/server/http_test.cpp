@@ -89,6 +89,7 @@ TEST_F(Http, HealthAndReadyFlipBeforeTheServerGoes) {
   EXPECT_EQ(got.status, 200);
   const auto health = nlohmann::json::parse(got.body);
   EXPECT_EQ(health["status"], "serving");
+  EXPECT_EQ(health["renderer_initialized"], true);
   EXPECT_EQ(health["ready_workers"], 1);
   EXPECT_EQ(health["total_workers"], 1);
   EXPECT_EQ(health["workers"][0]["state"], "idle");
