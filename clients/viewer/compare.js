@@ -7,7 +7,7 @@ export function plain(request) {
   const out = structuredClone(request);
   for (const name of ['shadows', 'certificate', 'halt', 'window', 'encoding', 'scheduling', 'outputs']) delete out[name];
   for (const light of Object.values(out.lights ?? {})) delete light.shadow;
-  for (const name of ['extract_lights', 'area_lights', 'transfer']) delete out.environment?.[name];
+  for (const name of ['extract_lights', 'area_lights', 'transfer', 'subtractive']) delete out.environment?.[name];
   delete out.denoise;
   return out;
 }
@@ -23,6 +23,12 @@ export function moment(request) {
 // Behind every edit, and of a session of its own: an edit does not end it.
 export const reference = (request, spp, signal, shown) => renderAll({
   ...plain(request), ...(request.window ? { window: request.window } : {}), halt: { spp }, encoding: { format: 'RAW_HALF' }, scheduling: { priority: 'BATCH', ladder: false },
+}, signal, shown);
+
+// The picture that has come, without its noise: its samples are there, and the filter alone runs.
+export const withoutNoise = (request, reply, signal, shown) => renderAll({
+  ...request, halt: { spp: reply.resolved.halt.spp }, denoise: { auto: { fast: true } }, encoding: reply.images[0].format === 'RAW_HALF' ? { format: 'RAW_HALF' } : { format: 'JPEG', jpeg_quality: 90 },
+  scheduling: { priority: 'NORMAL', ladder: false },
 }, signal, shown);
 
 // One line about how wrong the picture is.

@@ -3,7 +3,7 @@
 import { asked, cameraMatrices, getJson, postBytes, postJson, setToken } from './api.js';
 import { acceptMaps } from './blobs.js';
 import { command } from './command.js';
-import { certificate, moment, reference } from './compare.js';
+import { certificate, moment, reference, withoutNoise } from './compare.js';
 import { Lights } from './lights.js';
 import { Live } from './live.js';
 import { Grip, Patches, showMaterial } from './object.js';
@@ -17,7 +17,7 @@ const body = document.body, vector = (v) => [v?.x ?? 0, v?.y ?? 0, v?.z ?? 0];
 const kRoots = ['lights', 'object', 'panel'].map($);
 // Outputs that are light: they come linear and are exposed here.
 const kRadiance = /^(beauty|emission|(in)?direct(_\w+)?|diffuse|specular|(group|unoccluded):.*)$/;
-let schema, scene, panel, edits = {}, orbit = null, lens = null, cameraTurn = 0, pickTurn = 0, retry = 0, loaded = new Set();
+let schema, scene, panel, edits = {}, orbit = null, lens = null, cameraTurn = 0, pickTurn = 0, retry = 0, cleaning = null, loaded = new Set();
 
 const view = new View($('picture'), () => edits.curves && Object.keys(edits.curves).some((p) => p.startsWith('tone_map')) ? lastReply?.resolved.tone_map ?? {} : edits.tone_map ?? {});
 let lastReply = null;
@@ -52,9 +52,35 @@ function showReply(reply, final) {
   }));
 }
 
+function show(picture, reply, final) {
+  view.size = sizeNow();
+  view.show(picture, !edits.window);
+  draw();
+  showReply(reply, final);
+}
+
+// At rest a picture of light loses its noise, unless the request has a filter of its own. An edit ends it, and what has come stays if it fails.
+async function clean() {
+  cleaning?.abort();
+  const own = cleaning = new AbortController();
+  body.dataset.clean = 'no';
+  if (!$('clean').checked || !lastReply || edits.denoise || !kRadiance.test(edits.outputs?.[0] ?? 'beauty')) return;
+  body.dataset.clean = 'asked';
+  try {
+    const { reply, bytes } = await withoutNoise(requestNow(), lastReply, own.signal);
+    const picture = await pictureOf(reply, bytes);
+    if (own.signal.aborted) return;
+    show(picture, reply, true);
+    body.dataset.clean = 'yes';
+  } catch (error) {
+    if (!own.signal.aborted) body.dataset.clean = 'no';
+  }
+}
+
 const live = new Live({
   start() {
     body.dataset.state = 'rendering';
+    cleaning?.abort();
     $('stop').disabled = false;
     $('progress').value = 0;
   },
@@ -63,10 +89,7 @@ const live = new Live({
     const picture = await pictureOf(reply, bytes);
     $('error').textContent = '';
     Panel.clearFaults(kRoots);
-    view.size = sizeNow();
-    view.show(picture, !edits.window);
-    draw();
-    showReply(reply, final);
+    show(picture, reply, final);
     body.dataset.frames = Number(body.dataset.frames) + 1;
     body.dataset.format = reply.images[0].format;
     if (final && picture.data && (reply.warnings ?? []).some((w) => w.includes('clamped to 65504')) && live.frames === 'auto') {
@@ -82,6 +105,7 @@ const live = new Live({
     body.dataset.state = 'done';
     $('stop').disabled = true;
     $('progress').value = 0;
+    clean();
   },
   error: fail,
 });
@@ -192,6 +216,7 @@ async function choose(id, first = {}) {
     loaded.add(scene.id);
     for (const key of Object.keys(edits)) delete edits[key];
     Object.assign(edits, first);
+    cleaning?.abort();
     [orbit, lens, view.kept, view.present] = [null, null, null, null];
     live.slowUntil = 0;
     grip.hold();
@@ -208,6 +233,7 @@ async function choose(id, first = {}) {
 // What the address asks for: #scene=NAME&request={...}&frames=half.
 function firstEdits() {
   if (asked.has('frames')) $('frames').value = live.frames = asked.get('frames');
+  if (asked.has('clean')) $('clean').checked = asked.get('clean') !== '0';
   if (!asked.has('request')) return {};
   try {
     const { scene: ignored, ...request } = JSON.parse(asked.get('request'));
@@ -278,6 +304,7 @@ $('frames').addEventListener('change', () => {
   live.slowUntil = 0;
   if (scene) ask();
 });
+$('clean').addEventListener('change', () => { if (scene) ask(); });
 $('search').addEventListener('input', find);
 for (const id of ['wipe', 'difference', 'gain']) $(id).addEventListener('input', keptChanged);
 $('keep').addEventListener('click', () => {

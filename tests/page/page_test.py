@@ -83,11 +83,11 @@ class PageCase(unittest.TestCase):
         # A stream that an edit or Stop has left ends in the middle of a part; a lost one the page itself speaks of.
         self.assertEqual([c for c in self.page.complaints() if "ERR_INCOMPLETE_CHUNKED_ENCODING" not in c], [])
 
-    def open(self, scene="cornell", search="", frames="half"):
-        """A picture that is soon done. How fast pictures come is the machine's; what they look like then is not to depend on it: half floats."""
+    def open(self, scene="cornell", search="", frames="half", clean=0):
+        """A picture that is soon done. How fast pictures come is the machine's; what they look like then is not to depend on it: half floats, as sampled."""
         request = urllib.parse.quote(json.dumps({"width": W, "height": H, "halt": {"spp": 4}}))
         PageCase.opened += 1
-        self.page.go(f"{self.daemon.url}?{search}{PageCase.opened}#scene={scene}&frames={frames}&request={request}")
+        self.page.go(f"{self.daemon.url}?{search}{PageCase.opened}#scene={scene}&frames={frames}&clean={clean}&request={request}")
         self.page.until(f"location.search === '?{search}{PageCase.opened}' && document.readyState === 'complete' && document.body?.dataset.camera === 'known' && "
                         f"document.body.dataset.state === 'done' && {text('status')}.startsWith('{W} x {H} \u00b7 4 samples')", 60)
 
@@ -156,6 +156,27 @@ class Display(PageCase):
         # The next edit takes them along.
         self.after(field("seed", 1))
         self.assertEqual(self.request()["tone_map"], {"exposure": -2, "curve": "LINEAR"})
+
+    def test_at_rest_the_noise_goes(self):
+        self.open(clean=1)
+        clean, noisy = "document.body.dataset.clean === 'yes'", "document.body.dataset.clean === 'no'"
+        for edit in (None, field("seed", 5), power(1)):
+            if edit:
+                self.after(edit)
+            self.page.until(clean, 60)
+            plain = self.request()
+            self.assertNotIn("denoise", plain, "it is not the request's")
+            picture = self.daemon.call("render", plain | {"denoise": {"auto": {"fast": True}}, "encoding": {"format": "PNG"}})
+            self.assertLessEqual(self.apart(picture), 1)
+            self.assertGreater(self.apart(self.daemon.call("render", plain | {"encoding": {"format": "PNG"}})), 8, "there was noise")
+        # What is asked for by name, outputs that are not light, and the box: as they are.
+        self.after(field("outputs", "normal"))
+        self.page.until(noisy, 60)
+        self.after(field("outputs", "beauty"))
+        self.page.until(clean, 60)
+        self.after("document.getElementById('clean').click()")
+        self.page.until(noisy, 60)
+        self.assertLessEqual(self.apart(self.daemon.call("render", self.request() | {"encoding": {"format": "PNG"}})), 1)
 
     def test_an_exposure_that_the_server_would_choose(self):
         self.open()
