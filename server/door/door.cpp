@@ -8,8 +8,10 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cstring>
 #include <optional>
+#include <thread>
 
 #include "request/request.h"
 #include "server/bound_socket.h"
@@ -56,8 +58,12 @@ const char* headerOf(MHD_Connection* connection, const char* name) { return MHD_
 struct Exchange {
   std::string body;
   bool tooLarge = false;
-  std::unique_ptr<PutStream> put;  // of a body that is no message: it goes on as it comes
-  std::unique_ptr<GltfForm> form;  // of a body that is a form
+  std::unique_ptr<PutStream> put;         // of a body that is no message: it goes on as it comes
+  std::unique_ptr<GltfForm> form;         // of a body that is a form
+  std::atomic<int>* answering = nullptr;  // counts it from when the whole of it is here until its answer has gone
+  ~Exchange() {
+    if (answering) --*answering;
+  }
 };
 
 /// A whole number of the request's query; nothing when it is not one.
@@ -69,6 +75,7 @@ std::optional<uint64_t> queryNumber(MHD_Connection* connection, const char* name
 
 const std::string kBlobsPath = "/v1/blobs/";
 constexpr const char* kGltfPath = "/render";
+constexpr std::chrono::milliseconds kLastAnswers{1000};  // less than main.cpp's grace
 
 }  // namespace
 
@@ -82,6 +89,7 @@ struct Door::Impl {
   std::unique_ptr<GltfRenderer> gltf;
   std::string schema;
   std::atomic<bool> stopping{false};
+  std::atomic<int> answering{0};
   MHD_Daemon* daemon = nullptr;
 
   // Answers.
@@ -443,6 +451,10 @@ struct Door::Impl {
       *bytes = 0;
       return MHD_YES;
     }
+    if (!exchange->answering) {
+      exchange->answering = &impl.answering;
+      ++impl.answering;
+    }
     try {
       if (exchange->put) return impl.endPut(connection, *exchange->put);
       if (exchange->form) return impl.endForm(connection, *exchange->form);
@@ -462,6 +474,9 @@ Door::Door() = default;
 
 Door::~Door() {
   if (!impl_ || !impl_->daemon) return;
+  // Calls that have ended are answers on their way: a picture that was waited for is not lost at the door.
+  const auto end = std::chrono::steady_clock::now() + kLastAnswers;
+  while (impl_->answering.load() > 0 && std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   impl_->stopping = true;
   MHD_stop_daemon(impl_->daemon);
 }
