@@ -25,10 +25,10 @@ export const reference = (request, spp, signal, shown) => renderAll({
   ...plain(request), ...(request.window ? { window: request.window } : {}), halt: { spp }, encoding: { format: 'RAW_HALF' }, scheduling: { priority: 'BATCH', ladder: false },
 }, signal, shown);
 
-// The picture that has come, without its noise: its samples are there, and the filter alone runs.
+// The picture that has come, without its noise: as many samples, traced again, for a filter wants its light apart; behind all edits and everybody's pictures.
 export const withoutNoise = (request, reply, signal, shown) => renderAll({
   ...request, halt: { spp: reply.resolved.halt.spp }, denoise: { auto: { fast: true } }, encoding: reply.images[0].format === 'RAW_HALF' ? { format: 'RAW_HALF' } : { format: 'JPEG', jpeg_quality: 90 },
-  scheduling: { priority: 'NORMAL', ladder: false },
+  scheduling: { priority: 'BATCH', ladder: false },
 }, signal, shown);
 
 // One line about how wrong the picture is.
