@@ -38,6 +38,11 @@ void addRequestOptions(CLI::App& app, RequestOptions& o, bool scheduling = true)
   value(app, "--curve", o.curves, "PATH=T:V,T:V",
         "a number or vector (V/V/V) of the request over its time_s, such as lights.key.intensity=0:1,2:10; with ;STEP or ;SMOOTH; repeat for several")
       ->allow_extra_args(false);
+  value(app, "--formula", o.formulas, "PATH=FORMULA",
+        "a number of the request by a formula over time; of shadows.style also over terms: shadows.style.softness=0.02+0.3*distance (docs/expressions.md); repeat for several")
+      ->allow_extra_args(false);
+  value(app, "--style", o.style, "FILE",
+        "style sheet: JSON with shadows.style, lights.NAME.shadow.style and expressions of these alone, such as {\"shadows\": {\"style\": {\"softness\": 0.1, \"inflation\": 0.05}}} (docs/intent.md)");
   value(app, "--camera", o.camera, "CAMERA", "a camera of the scene");
   value(app, "--size", o.size, "WIDTHxHEIGHT", "pixels");
   value(app, "--env", o.environment, "FILE", "lat-long .hdr or .exr, or none");

@@ -12,7 +12,8 @@ namespace gobo::cli {
 /// What makes a RenderRequest: a JSON file, then the options, then --set in order; later ones win.
 struct RequestOptions {
   std::string file, camera, size, environment, outputs, priority, denoise;
-  std::vector<std::string> sets, curves;
+  std::vector<std::string> sets, curves, formulas;
+  std::string style;  // a style sheet's file
   uint32_t spp = 0;
   double time = 0, error = 0, deadlineMs = 0;
   bool certificate = false, half = false, layers = false;

@@ -11,6 +11,7 @@
 #include "pictures.h"
 #include "report.h"
 #include "request/request.h"
+#include "request/style_sheet.h"
 #include "tiles.h"
 
 namespace gobo::cli {
@@ -101,8 +102,17 @@ Result<v1::RenderRequest> describedBy(const RequestOptions& o) {
   if (o.layers) request.mutable_encoding()->set_layers(true);
   if (!o.priority.empty()) GOBO_TRY(setPath(request, "scheduling.priority=" + o.priority));
   if (o.deadlineMs > 0) request.mutable_scheduling()->set_deadline_ms(o.deadlineMs);
+  if (!o.style.empty()) {
+    GOBO_ASSIGN(const std::vector<uint8_t> sheet, readFile(o.style, size_t(1) << 20));
+    GOBO_TRY(applyStyleSheet(request, std::string(sheet.begin(), sheet.end()), o.style));
+  }
   for (const std::string& set : o.sets) GOBO_TRY(setPath(request, set));
   for (const std::string& curve : o.curves) GOBO_TRY(addCurve(request, curve));
+  for (const std::string& formula : o.formulas) {
+    const size_t equals = formula.find('=');
+    if (equals == std::string::npos || equals == 0) return invalidArgument("--formula " + formula + ": is not PATH=FORMULA");
+    (*request.mutable_expressions())[formula.substr(0, equals)].set_formula(formula.substr(equals + 1));
+  }
   return request;
 }
 
@@ -266,6 +276,7 @@ std::vector<std::string> maskOf(const v1::RenderRequest& patch, const RequestOpt
   for (const std::string& path : setPaths(patch)) {
     if (path.rfind("halt.", 0) == 0) mask.insert("halt");  // one end or another
     else if (path.rfind("curves.", 0) == 0) mask.insert("curves");
+    else if (path.rfind("expressions.", 0) == 0) mask.insert("expressions");
     else if (path.rfind("camera.", 0) == 0 && !o.camera.empty()) mask.insert("camera");
     else mask.insert(path);
   }

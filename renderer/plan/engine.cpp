@@ -26,6 +26,7 @@
 #include "plan/store.h"
 #include "plan/window.h"
 #include "request/curves.h"
+#include "request/expressions.h"
 #include "request/request.h"
 #include "request/shutter.h"
 #include "request/styles.h"
@@ -250,8 +251,11 @@ int Engine::threads() const { return impl_->arena.threads(); }
 Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request, const ScenePtr& scene) const {
   v1::RenderRequest r = request;
   r.DiscardUnknownFields();  // remembered with the request they would be memory that nothing bounds
-  const google::protobuf::Map<std::string, v1::Curve> curves = r.curves();
+  for (const auto& [path, curve] : r.curves())
+    if (r.expressions().contains(path))
+      return invalidArgument("request.expressions." + path + ": request.curves has the same field; leave out one of them", "request.expressions." + path);
   GOBO_TRY(applyCurves(r));
+  GOBO_TRY(applyExpressions(r));
   r.mutable_integrator();
   r.mutable_tone_map();
   r.mutable_encoding();
@@ -289,7 +293,7 @@ Result<v1::RenderRequest> Engine::Impl::resolve(const v1::RenderRequest& request
                            r.halt().has_error() ? "request.halt.error" : "request.certificate");
   const bool beauty = std::find(r.outputs().begin(), r.outputs().end(), "beauty") != r.outputs().end();
   if (r.has_certificate() && !beauty) return invalidArgument("request.certificate: needs output 'beauty'", "request.certificate");
-  GOBO_TRY(resolveShutter(r, curves, *scene));
+  GOBO_TRY(resolveShutter(r, request, *scene));
   const std::string hash = scene->hash().hex();
   if (!r.scene_hash().empty() && r.scene_hash() != hash)
     return Status(Code::FailedPrecondition, "scene '" + r.scene() + "' has hash " + hash + ", the request wants " + r.scene_hash(), "request.scene_hash");
@@ -509,7 +513,7 @@ namespace {
 /// Whether the client left the exposure of a picture for looking at to the server. A window would get another one than its neighbours.
 bool leavesExposure(const v1::RenderRequest& asked, const v1::RenderRequest& resolved) {
   const auto format = resolved.encoding().format();
-  return !asked.tone_map().has_exposure() && !asked.curves().count("tone_map.exposure") && resolved.tone_map().auto_exposure() && !resolved.has_window() &&
+  return !asked.tone_map().has_exposure() && !asked.curves().count("tone_map.exposure") && !asked.expressions().count("tone_map.exposure") && resolved.tone_map().auto_exposure() && !resolved.has_window() &&
          (format == v1::Encoding::PNG || format == v1::Encoding::JPEG);
 }
 
@@ -666,13 +670,18 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
                     "render_id");
   v1::RenderRequest base = std::move(*known);
   base.clear_scene_hash();  // a relight is of the scene as it is now
-  // A shutter's request still has its curves (request/shutter.h): what is given now is not what they say of it.
-  for (const std::string& path : relight.mask()) {
-    if (path == "curves" || path.starts_with("curves.")) continue;
-    for (auto c = base.mutable_curves()->begin(); c != base.mutable_curves()->end();) {
+  // A shutter's request still has its curves (request/shutter.h), and any one the expressions that vary from place to place: what is given now is not what they
+  // say of it.
+  const auto drop = [&](auto& varying, const std::string& path) {
+    for (auto c = varying.begin(); c != varying.end();) {
       const bool replaced = c->first == path || c->first.starts_with(path + ".") || path.starts_with(c->first + ".");
-      c = replaced ? base.mutable_curves()->erase(c) : std::next(c);
+      c = replaced ? varying.erase(c) : std::next(c);
     }
+  };
+  for (const std::string& path : relight.mask()) {
+    if (path == "curves" || path.starts_with("curves.") || path == "expressions" || path.starts_with("expressions.")) continue;
+    drop(*base.mutable_curves(), path);
+    drop(*base.mutable_expressions(), path);
   }
   GOBO_TRY(applyMask(base, relight.patch(), {relight.mask().begin(), relight.mask().end()}));
   return base;

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <string_view>
 
+#include "request/expressions.h"
 #include "request/request.h"
 
 namespace gobo {
@@ -36,12 +36,6 @@ Status checkKeys(const v1::Curve& c, int width, const std::string& path) {
   if (!v1::Curve::Interpolation_IsValid(c.interpolation()))
     return refuse("interpolation", " = " + std::to_string(int(c.interpolation())) + ": must be LINEAR, STEP or SMOOTH");
   return {};
-}
-
-bool mayVary(const std::string& path) {
-  const std::string_view root(path.data(), std::min(path.find('.'), path.size()));
-  constexpr std::string_view roots[] = {"camera", "lights", "environment", "shadows", "tone_map", "integrator"};
-  return std::find(std::begin(roots), std::end(roots), root) != std::end(roots);
 }
 
 Status applyCurve(v1::RenderRequest& request, const std::string& path, const v1::Curve& curve, double time) {

@@ -6,6 +6,7 @@
 
 #include "base/sobol.h"
 #include "request/curves.h"
+#include "request/expressions.h"
 #include "request/request.h"
 #include "scene/rig.h"
 #include "trace/sample_passes.h"
@@ -48,15 +49,17 @@ uint32_t shutterSlices(const v1::RenderRequest& resolved) {
 
 bool mayHaveLens(const v1::RenderRequest& request) {
   return request.camera().has_f_number() || request.camera().lens_radius() > 0.0 || request.curves().contains("camera.lens_radius") ||
-         request.curves().contains("camera.f_number");
+         request.curves().contains("camera.f_number") || request.expressions().contains("camera.lens_radius") || request.expressions().contains("camera.f_number");
 }
 
-bool mayMove(const Scene& scene, const v1::RenderRequest& request) { return (scene.rig && !scene.rig->animations.empty()) || !request.curves().empty(); }
+bool mayMove(const Scene& scene, const v1::RenderRequest& request) { return (scene.rig && !scene.rig->animations.empty()) || !request.curves().empty() || expressionsMove(request); }
 
-Status resolveShutter(v1::RenderRequest& request, const google::protobuf::Map<std::string, v1::Curve>& curves, const Scene& scene) {
+Status resolveShutter(v1::RenderRequest& request, const v1::RenderRequest& asked, const Scene& scene) {
   if (!hasShutter(request)) return {};
-  for (const auto& [path, curve] : curves)
+  for (const auto& [path, curve] : asked.curves())
     if (!ofTheOpening(path)) (*request.mutable_curves())[path] = curve;
+  for (const auto& [path, expression] : asked.expressions())
+    if (!ofTheOpening(path)) (*request.mutable_expressions())[path] = expression;
   v1::CameraSettings& camera = *request.mutable_camera();
   if (!mayMove(scene, request)) camera.set_shutter_slices(1);
   else {
@@ -81,9 +84,10 @@ Result<v1::RenderRequest> sliceRequest(const v1::RenderRequest& resolved, uint32
   v1::RenderRequest r = resolved;
   r.set_seed(sliceSeed(resolved.seed(), k, slices));
   r.set_time_s(resolved.time_s() + (k + 0.5) / slices * resolved.camera().shutter_s());
-  if (!resolved.curves().empty()) {
+  if (!resolved.curves().empty() || !resolved.expressions().empty()) {
     GOBO_TRY(applyCurves(r));
-    GOBO_TRY(resolveDefaults(r));  // of messages that a curve made
+    GOBO_TRY(applyExpressions(r));
+    GOBO_TRY(resolveDefaults(r));  // of messages that one of them made
   }
   r.mutable_camera()->clear_shutter_s();
   r.mutable_camera()->clear_shutter_slices();

@@ -18,15 +18,15 @@ uint32_t shutterSlices(const v1::RenderRequest& resolved);
 /// Samples of each slice of a picture of at least `samples` a pixel.
 constexpr uint32_t samplesOfSlice(uint32_t samples, uint32_t slices) { return samples / slices + (samples % slices ? 1 : 0); }
 
-/// Whether time changes anything of the scene: it has an animation, or the request has curves.
+/// Whether time changes anything of the scene: it has an animation, or the request has curves, or expressions that read it.
 bool mayMove(const Scene& scene, const v1::RenderRequest& request);
 
 /// Whether the camera has a lens at any time: curves may open it.
 bool mayHaveLens(const v1::RenderRequest& request);
 
-/// Of a request whose curves have been applied, and are gone: its slices are said, and what changes from slice to slice of `curves` is there again. Refuses
-/// what is of one moment (InvalidArgument), where the scene may move.
-Status resolveShutter(v1::RenderRequest& request, const google::protobuf::Map<std::string, v1::Curve>& curves, const Scene& scene);
+/// Of a request whose curves and expressions have been applied, and are gone: its slices are said, and what changes from slice to slice of those that were `asked` for
+/// is there again. Refuses what is of one moment (InvalidArgument), where the scene may move.
+Status resolveShutter(v1::RenderRequest& request, const v1::RenderRequest& asked, const Scene& scene);
 
 /// Numbers of a slice that have nothing to do with those of another slice or seed, for all but traced paths: these share the picture's own
 /// (trace/sample_passes.h). The only slice has the picture's own.

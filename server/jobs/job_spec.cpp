@@ -83,8 +83,10 @@ Result<NewJob> makeJob(const v1::JobSpec& sent, const std::string& client, Engin
     return invalidArgument("job.request.halt.time_s: a job's result must be repeatable: halt by spp or error", "job.request.halt.time_s");
   spec.mutable_request()->clear_scheduling();
   const auto curves = spec.request().curves();  // each frame's time has its own values
+  const auto expressions = spec.request().expressions();
   GOBO_ASSIGN(*spec.mutable_request(), engine.resolve(spec.request(), access));
   *spec.mutable_request()->mutable_curves() = curves;
+  *spec.mutable_request()->mutable_expressions() = expressions;
   spec.mutable_request()->mutable_scheduling()->set_priority(v1::Scheduling::BATCH);
   spec.mutable_request()->mutable_scheduling()->set_client(client);
   spec.set_client(client);

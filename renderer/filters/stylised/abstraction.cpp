@@ -6,6 +6,7 @@
 
 #include "filters/stylised/abstraction_kernels.h"
 #include "filters/stylised/averaged_distance.h"
+#include "filters/stylised/contour_input.h"
 
 namespace gobo {
 
@@ -35,13 +36,15 @@ class StyleAbstractionNode final : public Node {
   int version() const override { return 2; }  // 2: a round window, sums of differences
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override {
-    h.add(s_.sigma);
+    if (!s_.varies) h.add(s_.sigma);
     h.add(s_.angle);
+    if (s_.varies) h.add("varies");
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
-    Wiring w(type(), in, 2);
+    Wiring w(type(), in, s_.varies ? 3 : 2);
     w.over(0, s_.extent).reads<float>(0, "D").over(1, s_.extent);
     w.reads<float>(1, "P", {3}).reads<float>(1, "N", {3}).reads<float>(1, "Ng", {3}).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
+    if (s_.varies) w.over(2, s_.extent).reads<float>(2, "abstraction");
     return w.gives({"style_distance", Domain::ViewSample, s_.extent, {unsetPlane<float>("D")}});
   }
   size_t workingBytes() const override { return size_t(s_.extent.width) * size_t(s_.extent.height) * kPlanes * sizeof(float); }
@@ -53,20 +56,16 @@ class StyleAbstractionNode final : public Node {
     const auto D = ctx.result->writable<float>("D");
     const size_t count = size_t(s_.extent.width) * size_t(s_.extent.height);
     const float cosine = std::cos(s_.angle) - kRoundedCosine;
-    if (s_.sigma == 0.0f) {
+    const auto varying = s_.varies ? ctx.inputs.at(2)->floats("abstraction") : std::span<const float>();
+    const float unit = s_.varies ? *std::max_element(varying.begin(), varying.end()) : s_.sigma;  // of the planes
+    if (!(unit > 0.0f)) {
       std::copy(from.begin(), from.end(), D.begin());
       return TermPtr(ctx.result);
     }
     std::vector<float> planes(kPlanes * count);
     for (size_t layer = 0; layer < size_t(s_.extent.layers); ++layer) {
-      ContourInput in;
-      in.width = s_.extent.width;
-      in.height = s_.extent.height;
-      in.P = g.floats("P").subspan(layer * count * 3, count * 3);
-      in.N = g.floats("N").subspan(layer * count * 3, count * 3);
-      in.Ng = g.floats("Ng").subspan(layer * count * 3, count * 3);
-      in.footprint = g.floats("footprint").subspan(layer * count, count);
-      in.instance = g.plane<uint32_t>("instance").subspan(layer * count, count);
+      const ContourInput in = contourInput(nullptr, g, layer);
+      const Widths widths{unit, s_.varies ? varying.subspan(layer * count, count) : varying};
       const auto d = from.subspan(layer * count, count);
       const auto out = D.subspan(layer * count, count);
       const auto rows = [&](const auto& body) {
@@ -77,45 +76,55 @@ class StyleAbstractionNode final : public Node {
             },
             ctx.stop);
       };
-      if (!rows([&](int y) { separate(in, d, y, cosine, planes); }) || !rows([&](int y) { smoothRow(in, d, planes, y, cosine, out); }))
+      if (!rows([&](int y) { separate(in, d, y, cosine, widths, planes); }) || !rows([&](int y) { smoothRow(in, d, planes, y, cosine, widths, out); }))
         return Status(Code::Cancelled, "style_abstraction: stopped");
     }
     return TermPtr(ctx.result);
   }
 
  private:
-  static constexpr size_t kPlanes = 8;
+  static constexpr size_t kPlanes = 9;
+
+  /// Standard deviations: places are in units of the largest.
+  struct Widths {
+    float unit;
+    std::span<const float> varying;
+    float at(size_t e) const { return varying.empty() ? unit : varying[e]; }
+  };
 
   /// Row y of the planes. Samples without a distance have no area.
-  void separate(const ContourInput& in, std::span<const float> d, int y, float cosine, std::vector<float>& planes) const {
+  void separate(const ContourInput& in, std::span<const float> d, int y, float cosine, const Widths& widths, std::vector<float>& planes) const {
     const size_t count = in.instance.size();
-    const float scale = 1.0f / s_.sigma;
+    const float scale = 1.0f / widths.unit;
     for (int x = 0; x < in.width; ++x) {
       const size_t e = size_t(y) * size_t(in.width) + size_t(x);
       const bool counts = in.valid(e) && std::abs(d[e]) < kStyleFar;
       const Vec3 P = counts ? in.at(in.P, e) * scale : Vec3(0.0f), N = in.at(in.N, e);
       const float area = counts ? std::clamp(areaOf(in, x, y, cosine) * scale * scale, kLeastArea, kMostArea) : 0.0f;
-      const float value[kPlanes] = {P.x, P.y, P.z, N.x, N.y, N.z, area, counts ? d[e] : 0.0f};
+      const float value[kPlanes] = {P.x, P.y, P.z, N.x, N.y, N.z, area, counts ? d[e] : 0.0f, std::min((widths.unit / widths.at(e)) * (widths.unit / widths.at(e)), 1e30f)};
       for (size_t k = 0; k < kPlanes; ++k) planes[k * count + e] = value[k];
     }
   }
 
-  float pixelsOfSigma(const ContourInput& in, size_t e) const { return in.footprint[e] > 0.0f ? std::min(s_.sigma / in.footprint[e], 1e6f) : 0.0f; }
+  static float pixelsOfSigma(const ContourInput& in, const Widths& widths, size_t e) {
+    return in.footprint[e] > 0.0f ? std::min(widths.at(e) / in.footprint[e], 1e6f) : 0.0f;
+  }
 
   /// Runs of pixels that take every same sample, with the window of the one that sees most: what is beyond 3 sigma of a pixel does not count anyway.
-  void smoothRow(const ContourInput& in, std::span<const float> d, const std::vector<float>& planes, int y, float cosine, std::span<float> out) const {
+  void smoothRow(const ContourInput& in, std::span<const float> d, const std::vector<float>& planes, int y, float cosine, const Widths& widths, std::span<float> out) const {
     const size_t count = in.instance.size(), row = size_t(y) * size_t(in.width);
     const float* first = planes.data();
     const AbstractionPlanes p{
-        first, first + count, first + 2 * count, first + 3 * count, first + 4 * count, first + 5 * count, first + 6 * count, first + 7 * count};
+        first, first + count, first + 2 * count, first + 3 * count, first + 4 * count, first + 5 * count, first + 6 * count, first + 7 * count,
+        widths.varying.empty() ? nullptr : first + 8 * count};
     float sums[kRun], weights[kRun];
     for (int begin = 0, end = 0; begin < in.width; begin = end) {
       int stride = 0;
       float most = 0;  // pixels of sigma
       for (end = begin; end < std::min(begin + kRun, in.width); ++end) {
         const size_t e = row + size_t(end);
-        if (p.area[e] == 0.0f) continue;
-        const float pixels = pixelsOfSigma(in, e);
+        if (p.area[e] == 0.0f || !(widths.at(e) > 0.0f)) continue;
+        const float pixels = pixelsOfSigma(in, widths, e);
         const int step = std::max(int(pixels / kPerSigma), 1);
         if (stride != 0 && step != stride) break;
         stride = step;
@@ -138,7 +147,7 @@ class StyleAbstractionNode final : public Node {
       }
       for (int x = begin; x < end; ++x) {
         const size_t e = row + size_t(x);
-        out[e] = p.area[e] > 0.0f ? d[e] + sums[x - begin] / weights[x - begin] : d[e];
+        out[e] = p.area[e] > 0.0f && widths.at(e) > 0.0f ? d[e] + sums[x - begin] / weights[x - begin] : d[e];
       }
     }
   }

@@ -9,7 +9,8 @@
 // Effect       Straight edges stay where they are. A disc of radius R shrinks to about R - sigma^2 / (2 R) and is gone at sigma = R sqrt(2/pi) with the
 // Euclidean distance, so
 //              small shadows vanish; a contour that waves with wave number k keeps exp(-sigma^2 k^2 / 2) of its amplitude.
-// Inputs       0: plane D (filters/stylised/distance_field.h); 1: "gbuffer" (P, N, Ng, instance, footprint).
+// Inputs       0: plane D (filters/stylised/distance_field.h); 1: "gbuffer" (P, N, Ng, instance, footprint); 2, where sigma varies: "style_parameters" (plane
+//              abstraction: sigma of each sample x; where it is 0 D' = D).
 // Output       term "style_distance", plane D. sigma = 0 copies.
 // Cost         A disc in at most 37 x 37 samples, in 19 x 19 to 25 x 25 for a sigma of more than 6 pixels, about 1 ns each.
 // Error        Cut at 3 sigma: 1.1 % of the weight, width 0.974 sigma.
@@ -23,8 +24,9 @@ namespace gobo {
 
 struct StyleAbstractionSettings {
   Extent extent;
-  float sigma = 0;            ///< scene units
+  float sigma = 0;            ///< scene units; not asked where it varies
   float angle = 0.78539816f;  ///< radians
+  bool varies = false;
 };
 
 NodePtr makeStyleAbstractionNode(const StyleAbstractionSettings& settings);

@@ -7,8 +7,9 @@
 namespace gobo {
 
 /// A layer, component by component. Places are in units of sigma, areas in those of its square; area 0: no sample.
+/// narrower: squares of sigma by that of the sample, where that varies; else null.
 struct AbstractionPlanes {
-  const float *x, *y, *z, *nx, *ny, *nz, *area, *d;
+  const float *x, *y, *z, *nx, *ny, *nz, *area, *d, *narrower;
 };
 
 /// For n samples from e on: weights += w of the sample `offset` further, sums += w times what its distance has more; nothing beyond `reach2` or where normals

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // A style for the shadow of one light, whatever technique made its visibility: distance to the contour, abstraction, transfer, each a node of its own, so that
-// an edit of inflation, softness or brightness runs the transfer alone, abstraction that and the blur, power, norm and angle the distance too (docs/intent.md).
+// an edit of inflation, softness or brightness (their formulas too) runs the transfer alone, abstraction that and the blur, power, norm and angle the distance too (docs/intent.md).
 #pragma once
 
 #include "filters/shadow_technique.h"
+#include "filters/stylised/style_formulas.h"
 
 namespace gobo {
 
-/// `v`: term with plane V. Returns the node whose term has the styled V of as many channels.
-NodeId planStyle(Graph& graph, const ShadowInput& input, NodeId v, const v1::ShadowStyle& style);
+/// `v`: term with plane V. `formulas`: of fields that vary from place to place. Returns the node whose term has the styled V of as many channels.
+NodeId planStyle(Graph& graph, const ShadowInput& input, NodeId v, const v1::ShadowStyle& style, const StyleFormulas& formulas = {});
 
 }  // namespace gobo

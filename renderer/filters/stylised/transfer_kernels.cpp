@@ -6,7 +6,18 @@
 namespace gobo {
 
 void styleRun(const float* __restrict D, size_t count, const StyleTransferSettings& s, float* __restrict V) {
-  for (size_t k = 0; k < count; ++k) V[k] = formulas::styledVisibility(D[k], s.inflation, s.softness, s.brightness);
+  const float inflation = s.inflation, softness = s.softness, brightness = s.brightness, steps = float(s.steps);
+  switch (s.transition) {
+    case StyleTransition::Smoothstep:
+      for (size_t k = 0; k < count; ++k) V[k] = formulas::styledVisibility(D[k], inflation, softness, brightness);
+      return;
+    case StyleTransition::Quintic:
+      for (size_t k = 0; k < count; ++k) V[k] = formulas::styledVisibilityBy(1, steps, D[k], inflation, softness, brightness);
+      return;
+    case StyleTransition::Staircase:
+      for (size_t k = 0; k < count; ++k) V[k] = formulas::styledVisibilityBy(2, steps, D[k], inflation, softness, brightness);
+      return;
+  }
 }
 
 }  // namespace gobo

@@ -8,6 +8,7 @@
 #include "filters/shadow_technique.h"
 #include "filters/stylised/style.h"
 #include "filters/tinted_visibility.h"
+#include "request/expressions.h"
 
 namespace gobo {
 
@@ -103,7 +104,9 @@ Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, 
     return planned(c, *entry, in, t);
   };
   GOBO_ASSIGN(const NodeId v, plain());
-  return t.has_style() ? planStyle(c.graph(), in, v, t.style()) : v;
+  if (!t.has_style()) return v;
+  GOBO_ASSIGN(const StyleFormulas formulas, styleFormulas(c.request(), scene->lights[size_t(light)].name, *scene));
+  return planStyle(c.graph(), in, v, t.style(), formulas);
 }
 
 NodeId planUnoccluded(PlanContext& c, int light, const ScenePtr& scene, const Vec3& nominal, bool transient, LobePart lobe) {

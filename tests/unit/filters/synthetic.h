@@ -47,13 +47,16 @@ inline std::shared_ptr<Term> noiseTerm(const Extent& extent, const char* name, u
   return floatTerm(extent, name, [&](int x, int y, int l) { return toUnit(hash32(seed, (uint64_t(l) * extent.height + y) * extent.width + x)); });
 }
 
-/// Runs a filter; fails the CHECK when it returns an error.
-inline TermPtr runFilter(const NodePtr& node, std::vector<TermPtr> inputs, int threads = 2) {
+inline Result<TermPtr> tryFilter(const NodePtr& node, std::vector<TermPtr> inputs, int threads = 2) {
   TaskArena arena(threads);
   RunContext ctx;
   ctx.inputs = std::move(inputs);
   ctx.arena = &arena;
-  Result<TermPtr> r = runNode(*node, ctx);
+  return runNode(*node, ctx);
+}
+/// Runs a filter; fails the CHECK when it returns an error.
+inline TermPtr runFilter(const NodePtr& node, std::vector<TermPtr> inputs, int threads = 2) {
+  const Result<TermPtr> r = tryFilter(node, std::move(inputs), threads);
   if (!r.ok()) std::cerr << r.status().toString() << std::endl;
   GOBO_CHECK(r.ok());
   return *r;
