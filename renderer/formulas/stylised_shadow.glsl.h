@@ -15,7 +15,9 @@ FORMULA float smoothStep01(float t) {
 /// 6 t^5 - 15 t^4 + 10 t^3 of t limited to 0..1: C^2. Exactly 0 and 1 at the ends.
 FORMULA float quinticStep01(float t) {
   float u = limit(t, 0.0f, 1.0f);
-  return limit(u * u * u * (u * (u * 6.0f - 15.0f) + 10.0f), 0.0f, 1.0f);
+  float v = 1.0f - u;  // each half by its own end: near 1 the sum of the other cancels
+  float low = u * u * u * (u * (u * 6.0f - 15.0f) + 10.0f), high = v * v * v * (v * (v * 6.0f - 15.0f) + 10.0f);
+  return CHOOSE(u <= 0.5f, low, 1.0f - high);
 }
 
 /// 0 below t = 0, 1 from t = 1 on, `bands` values at equal steps between. bands >= 1.

@@ -13,7 +13,8 @@ namespace gobo {
 namespace {
 
 constexpr size_t kLeafPoints = 8;
-constexpr double kOpening = 0.3, kReach2 = 36.0;  // radius over distance of a piece that counts as one; squared distance by that of the nearest
+constexpr double kOpening = 0.3, kReach2 = 36.0;  // most radius over distance of a piece that counts as one; squared distance by that of the nearest
+constexpr double kPieceError = 1e-3;              // of all weights: what one piece may be wrong by; to second order q^2 p (p + 1) / 2 of its own for a radius of q distances
 
 double fourth(double q) { return (q * q) * (q * q); }
 
@@ -50,8 +51,11 @@ class EdgeTree {
       const double d = glm::length(node.centre - at), away = d - node.radius;
       if (away > 0 && away * away > kReach2 * nearest) return false;
       if (node.radius < kOpening * away && node.alike >= 0.999f && glm::dot(node.normal, n) >= cosine) {
-        add(d * d, node.length, node.value);
-        return false;
+        const double q = node.radius / away, w = node.length * fourth(nearest / (d * d));
+        if (36.0 * q * q * w < kPieceError * weights) {
+          add(d * d, node.length, node.value);
+          return false;
+        }
       }
       return each(node, [&](const EdgePoint& p) {
         const DVec3 r = DVec3(p.at) - at;

@@ -6,8 +6,8 @@
 // Output       term "style_distance_to_occluder", domain ViewSample, plane d f32, metres: at least the least and at most the largest of what the edge has; 0 where no
 //              edge is seen and where nothing is hit.
 // Parameters   angle: edges whose normals differ by more are not seen.
-// Error        Pieces of edge seen under less than a third of a radian count as one, and what is 6 times as far as the nearest not at all: each moves the mean by less
-//              than 1 % of the spread of its values.
+// Error        Pieces of edge count as one where that moves the mean by less than a thousandth of the spread of its values, and what is 6 times as far as the nearest
+//              not at all: tests hold the whole to 1 % of the spread.
 // Cost         A tree over the edge's points (one thread), then some tens of its nodes a sample.
 // Determinism  bit-identical for any number of threads.
 #pragma once

@@ -21,7 +21,11 @@ using namespace test;
 std::shared_ptr<Term> distances(const Extent& e, float from, float step) {
   return floatTerm(e, "D", [=](int x, int, int) { return from + step * float(x); });
 }
-TermPtr styled(const StyleTransferSettings& s, std::vector<TermPtr> in, int threads = 2) { return runFilter(makeStyleTransferNode(s), std::move(in), threads); }
+std::vector<float> plane(const TermPtr& t, const char* name) {
+  const auto p = t->floats(name);
+  return {p.begin(), p.end()};
+}
+std::vector<float> styled(const StyleTransferSettings& s, std::vector<TermPtr> in) { return plane(runFilter(makeStyleTransferNode(s), std::move(in)), "V"); }
 
 StyleTransferSettings band(StyleTransition t, int steps = 4) {
   StyleTransferSettings s;
@@ -56,7 +60,7 @@ TEST(StyleTransition, QuinticHasNoJumpOfCurvature) {
 TEST(StyleTransition, StaircasesHaveTheirSteps) {
   const Extent e{1001, 1, 1};
   for (const int steps : {1, 2, 4, 7, 256}) {
-    const auto S = styled(band(StyleTransition::Staircase, steps), {distances(e, -0.55f, 1.1f / 1000)})->floats("V");
+    const auto S = styled(band(StyleTransition::Staircase, steps), {distances(e, -0.55f, 1.1f / 1000)});
     std::vector<float> seen;
     for (const float v : S)
       if (seen.empty() || v != seen.back()) seen.push_back(v);
@@ -65,7 +69,7 @@ TEST(StyleTransition, StaircasesHaveTheirSteps) {
     EXPECT_EQ(seen.front(), 0.0f);
     EXPECT_EQ(seen.back(), 1.0f);
   }
-  EXPECT_NEAR(styled(band(StyleTransition::Staircase, 2), {distances({3, 1, 1}, -0.3f, 0.3f)})->floats("V")[1], 2.0 / 3.0, 1e-6) << "d = 0: the second of two bands begins";
+  EXPECT_NEAR(styled(band(StyleTransition::Staircase, 2), {distances({3, 1, 1}, -0.3f, 0.3f)})[1], 2.0 / 3.0, 1e-6) << "d = 0: the second of two bands begins";
 }
 
 TEST(StyleTransition, EachKindIsHardWithoutSoftness) {
@@ -73,7 +77,7 @@ TEST(StyleTransition, EachKindIsHardWithoutSoftness) {
     StyleTransferSettings s = band(t);
     s.softness = 0;
     s.brightness = 0.25f;
-    const auto S = styled(s, {distances({3, 1, 1}, -1e-20f, 1e-20f)})->floats("V");
+    const auto S = styled(s, {distances({3, 1, 1}, -1e-20f, 1e-20f)});
     EXPECT_EQ(S[0], 0.25f);
     EXPECT_EQ(S[1], 0.25f);
     EXPECT_EQ(S[2], 1.0f);
@@ -86,7 +90,7 @@ TEST(StyleLayers, AreTheMeanByTheirWeights) {
   StyleTransferSettings s;
   s.softness = 0.2f, s.brightness = 0.1f, s.distances = 2;
   s.layers = {{0.1f, 0.5f, 0.3f, 2.0, 0}, {-0.2f, 0, 0, 0.5, 1}};
-  const auto S = styled(s, {D, blurred})->floats("V");
+  const auto S = styled(s, {D, blurred});
   for (size_t k = 0; k < S.size(); ++k) {
     const double a = formulas::styledVisibility(D->floats("D")[k], 0, 0.2f, 0.1f), b = formulas::styledVisibility(D->floats("D")[k], 0.1f, 0.5f, 0.3f),
                  c = formulas::styledVisibility(blurred->floats("D")[k], -0.2f, 0, 0);
@@ -97,7 +101,7 @@ TEST(StyleLayers, AreTheMeanByTheirWeights) {
   none.layers.clear(), none.distances = 1;
   StyleTransferSettings same = none;
   same.layers = {{0, 0.2f, 0.1f, 3.0, 0}};
-  const auto one = styled(none, {D})->floats("V"), twice = styled(same, {D})->floats("V");
+  const auto one = styled(none, {D}), twice = styled(same, {D});
   for (size_t k = 0; k < one.size(); ++k) EXPECT_NEAR(one[k], twice[k], 1e-7) << "a layer like the style itself changes nothing";
 }
 
@@ -162,7 +166,7 @@ TEST(StyleParameters, TransferAndAbstractionReadThem) {
   s.varyingSoftness = s.varyingBrightness = true;
   const auto parameters = runFilter(
       makeStyleParametersNode(floor.e, {formulaOf(StyleField::Softness, "1 + x", 0, 1e9), formulaOf(StyleField::Brightness, "0.1 * y", 0, 1)}, 0), {floor.g});
-  const auto S = styled(s, {floor.D, parameters})->floats("V");
+  const auto S = styled(s, {floor.D, parameters});
   const auto P = floor.g->floats("P"), D = floor.D->floats("D");
   for (size_t k = 0; k < S.size(); ++k)
     EXPECT_EQ(S[k], formulas::styledVisibility(D[k], 0.25f, float(1 + double(P[3 * k])), float(std::clamp(0.1 * double(P[3 * k + 1]), 0.0, 1.0))));
@@ -215,7 +219,7 @@ TEST(StylePattern, DrawsTonesInLightAndDark) {
   s.brightness = 0.2f;
   for (const StylePattern p : {StylePattern::Hatching, StylePattern::CrossHatching, StylePattern::Stippling}) {
     s.pattern = p;
-    const auto out = runFilter(makeStylePatternNode(s), {V})->floats("V");
+    const auto out = plane(runFilter(makeStylePatternNode(s), {V}), "V");
     double sum = 0;
     for (int y = 0; y < 64; ++y)
       for (int x = 0; x < 64; ++x) {
@@ -229,11 +233,11 @@ TEST(StylePattern, DrawsTonesInLightAndDark) {
   }
   // A part of a film has the bits of the whole.
   s.pattern = StylePattern::Hatching;
-  const auto whole = runFilter(makeStylePatternNode(s), {V})->floats("V");
+  const auto whole = plane(runFilter(makeStylePatternNode(s), {V}), "V");
   StylePatternSettings part = s;
   part.extent = {20, 10, 1};
   part.place = {30, 7, 64, 64};
-  const auto some = runFilter(makeStylePatternNode(part), {floatTerm(part.extent, "V", [](int x, int, int) { return x + 30 < 32 ? 1.0f : 0.6f; })})->floats("V");
+  const auto some = plane(runFilter(makeStylePatternNode(part), {floatTerm(part.extent, "V", [](int x, int, int) { return x + 30 < 32 ? 1.0f : 0.6f; })}), "V");
   for (int y = 0; y < 10; ++y)
     for (int x = 0; x < 20; ++x) EXPECT_EQ(some[size_t(y * 20 + x)], whole[size_t((y + 7) * 64 + x + 30)]);
 }
@@ -277,10 +281,10 @@ TEST(EdgeMean, SeesNothingWhereThereIsNoEdge) {
   const Floor floor;
   const auto none = floatTerm(floor.e, "d", [](int, int, int) { return -1.0f; });
   const auto V = floatTerm(floor.e, "V", [](int x, int, int) { return x < 20 ? 0.0f : 1.0f; });
-  for (const float d : runFilter(makeEdgeMeanNode({floor.e, kPi / 4}), {none, V, floor.g})->floats("d")) EXPECT_EQ(d, 0.0f);
+  for (const float d : plane(runFilter(makeEdgeMeanNode({floor.e, kPi / 4}), {none, V, floor.g}), "d")) EXPECT_EQ(d, 0.0f);
   auto instance = floor.g->writable<uint32_t>("instance");
   std::fill(instance.begin(), instance.end(), ~0u);
-  for (const float d : runFilter(makeEdgeMeanNode({floor.e, kPi / 4}), {floor.d, V, floor.g})->floats("d")) EXPECT_EQ(d, 0.0f);
+  for (const float d : plane(runFilter(makeEdgeMeanNode({floor.e, kPi / 4}), {floor.d, V, floor.g}), "d")) EXPECT_EQ(d, 0.0f);
 }
 
 }  // namespace styled_transfer_test

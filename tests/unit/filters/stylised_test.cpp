@@ -33,6 +33,13 @@ TermPtr abstracted(const Extent& e, float sigma, const TermPtr& D, const TermPtr
 }
 TermPtr transferred(const StyleTransferSettings& s, std::vector<TermPtr> inputs) { return runFilter(makeStyleTransferNode(s), std::move(inputs)); }
 
+StyleTransferSettings tinted(float inflation) {
+  StyleTransferSettings s;
+  s.inflation = inflation;
+  s.tinted = true;
+  return s;
+}
+
 PlaneView view(const Extent& e, float pixel = 0.1f) {
   PlaneView v;
   v.width = e.width;
@@ -366,10 +373,10 @@ TEST(StyleTransfer, ColourStaysWhereLightArrives) {
   const std::vector<float> tint{0.9f, 0.5f, 0.2f, 0, 0, 0, 1, 1, 1, 0.1f, 0.2f, 0.3f};
   std::copy(tint.begin(), tint.end(), V->addPlane<float>("V", 3).begin());
   const auto D = floatTerm(e, "D", [](int x, int, int) { return x % 2 ? -1.0f : 1.0f; });
-  const auto same = transferred({}, {D, V});
+  const auto same = transferred(tinted(0), {D, V});
   for (size_t k = 0; k < 9; ++k) EXPECT_EQ(same->floats("V")[k], tint[k]);
   for (size_t k = 9; k < 12; ++k) EXPECT_EQ(same->floats("V")[k], 0.0f) << "less than half is shadow";
-  const auto smaller = transferred({-2, 0, 0}, {D, V});
+  const auto smaller = transferred(tinted(-2), {D, V});
   for (size_t k = 3; k < 6; ++k) EXPECT_EQ(smaller->floats("V")[k], 1.0f) << "light in a shadow is white";
   EXPECT_EQ(smaller->floats("V")[2], 0.2f);
 }
