@@ -667,10 +667,13 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
   v1::RenderRequest base = std::move(*known);
   base.clear_scene_hash();  // a relight is of the scene as it is now
   // A shutter's request still has its curves (request/shutter.h): what is given now is not what they say of it.
+  const auto within = [](const std::string& path, const std::string& group) {
+    return path.starts_with(group) && path.size() > group.size() && (path[group.size()] == '.' || path[group.size()] == '[');
+  };
   for (const std::string& path : relight.mask()) {
     if (path == "curves" || path.starts_with("curves.")) continue;
     for (auto c = base.mutable_curves()->begin(); c != base.mutable_curves()->end();) {
-      const bool replaced = c->first == path || c->first.starts_with(path + ".") || path.starts_with(c->first + ".");
+      const bool replaced = c->first == path || within(c->first, path) || within(path, c->first);
       c = replaced ? base.mutable_curves()->erase(c) : std::next(c);
     }
   }
