@@ -271,7 +271,18 @@ Status plan(Session& session, const RenderCommand& c) {
 }
 
 /// What of the remembered request the patch replaces: each field that it has, but wholes where the parts of two requests would not fit together.
-std::vector<std::string> maskOf(const v1::RenderRequest& patch, const RequestOptions& o) {
+/// Takes out the --set that name elements of lists (filters[1].bloom.gain=0.3).
+std::vector<std::string> elementSets(RequestOptions& o) {
+  std::vector<std::string> elements;
+  std::erase_if(o.sets, [&](const std::string& set) {
+    if (set.find('[') >= set.find('=')) return false;
+    elements.push_back(set);
+    return true;
+  });
+  return elements;
+}
+
+std::set<std::string> maskOf(const v1::RenderRequest& patch, const RequestOptions& o) {
   std::set<std::string> mask;
   for (const std::string& path : setPaths(patch)) {
     if (path.rfind("halt.", 0) == 0) mask.insert("halt");  // one end or another
@@ -289,21 +300,29 @@ std::vector<std::string> maskOf(const v1::RenderRequest& patch, const RequestOpt
     if (!e.has_digest()) mask.insert("environment.digest");
   }
   if (!patch.encoding().layers()) mask.insert("encoding.layers");
-  return {mask.begin(), mask.end()};
+  return mask;
 }
 
 Status relight(Session& session, const RelightCommand& c) {
   v1::RelightRequest request;
   request.set_render_id(c.id);
   v1::RenderRequest& patch = *request.mutable_patch();
-  GOBO_ASSIGN(patch, describedBy(c.request));
+  RequestOptions whole = c.request;  // but for what names elements of lists, which the render that it is of may have
+  const std::vector<std::string> elements = elementSets(whole);
+  GOBO_ASSIGN(patch, describedBy(whole));
   if (!patch.scene().empty()) return invalidArgument("--request: a relight is of the scene that was rendered; leave out \"scene\"", "scene");
   if (patch.environment().has_path()) GOBO_TRY(putEnvironment(session, *patch.mutable_environment()).status());
   GOBO_TRY(setEncoding(patch, c.out));
   Show show(patch.halt(), c.out, c.progressive, c.quiet);
   request.set_progressive(show.any());
   if (show.any() && !c.progressive && !patch.scheduling().has_ladder()) patch.mutable_scheduling()->set_ladder(false);
-  for (const std::string& path : maskOf(patch, c.request)) request.add_mask(path);
+  std::set<std::string> mask = maskOf(patch, whole);
+  for (const std::string& set : elements) {
+    GOBO_TRY(setPatchPath(patch, set));
+    const std::string path = set.substr(0, set.find('='));
+    if (!mask.count(path.substr(0, path.find('[')))) mask.insert(path);  // of a list that is given, all of it is
+  }
+  for (const std::string& path : mask) request.add_mask(path);
   Session::Call call(session);
   auto reader = session.render().Relight(&call.context, request);
   GOBO_ASSIGN(const Answer answer, receive(session, call, *reader, show.hooks()));

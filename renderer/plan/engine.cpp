@@ -672,9 +672,12 @@ Result<v1::RenderRequest> Engine::relightRequest(const v1::RelightRequest& relig
   base.clear_scene_hash();  // a relight is of the scene as it is now
   // A shutter's request still has its curves (request/shutter.h), and any one the expressions that vary from place to place: what is given now is not what they
   // say of it.
+  const auto within = [](const std::string& path, const std::string& group) {
+    return path.starts_with(group) && path.size() > group.size() && (path[group.size()] == '.' || path[group.size()] == '[');
+  };
   const auto drop = [&](auto& varying, const std::string& path) {
     for (auto c = varying.begin(); c != varying.end();) {
-      const bool replaced = c->first == path || c->first.starts_with(path + ".") || path.starts_with(c->first + ".");
+      const bool replaced = c->first == path || within(c->first, path) || within(path, c->first);
       c = replaced ? varying.erase(c) : std::next(c);
     }
   };

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Paths into requests: "lights.key.color". A segment after a map field is the map's key; keys may hold dots if no shorter
-// reading exists, so light names need no quoting: the longest known field names win from the right.
+// reading exists, so light names need no quoting: the longest known field names win from the right. A segment of a list may end in
+// the index of an element: "filters[0].bloom.gain"; the index that is the list's size appends.
 #include <google/protobuf/descriptor.h>
 
 #include <cstdlib>
+#include <string_view>
 
 #include "base/closest.h"
 #include "request/request.h"
@@ -71,18 +73,72 @@ struct Place {
   const FieldDescriptor* field = nullptr;
   std::string mapKey;    ///< set when the path ends on an entry of map `field`
   bool missing = false;  ///< with create = false: an ancestor is absent
+  int element = -1;      ///< set when the path ends on an element of the list `field`; it may be the list's size
 };
 
-/// What becomes of ancestors that are absent. Choices: those in a oneof that says something else, or nothing, are an error.
-enum class Absent { Report, Make, MakeButChoices };
+/// What becomes of ancestors that are absent. Choices: those in a oneof that says something else, or nothing, are an error, and so are elements that a list does
+/// not have. Fill: of a patch, whose lists get empty elements before the one that is named.
+enum class Absent { Report, Make, MakeButChoices, Fill };
+
+/// A field's name, and the index of an element behind it; -1: none.
+struct Segment {
+  std::string name;
+  int index = -1;
+};
+
+std::string_view nameOf(std::string_view segment) { return segment.substr(0, segment.find('[')); }
+
+constexpr int kMostElements = 4096;  // of a list that is made by its indices
+
+Result<Segment> segmentOf(const std::string& text, const std::string& path) {
+  Segment s{std::string(nameOf(text)), -1};
+  if (s.name.size() == text.size()) return s;
+  const std::string digits = text.size() > s.name.size() + 2 && text.back() == ']' ? text.substr(s.name.size() + 1, text.size() - s.name.size() - 2) : "";
+  if (digits.empty() || digits.find_first_not_of("0123456789") != std::string::npos)
+    return invalidArgument("'" + text + "': an index is a number in brackets, as in " + s.name + "[0]", path);
+  if (digits.size() > 6 || std::atoi(digits.c_str()) >= kMostElements)
+    return invalidArgument("'" + text + "': an index is less than " + std::to_string(kMostElements), path);
+  s.index = std::atoi(digits.c_str());
+  return s;
+}
+
+std::string elementsOf(int size) { return size == 0 ? "it is empty" : size == 1 ? "it has element [0]" : "it has [0] to [" + std::to_string(size - 1) + "]"; }
+
+/// Whether the list has the element, or is to get it: an error if neither.
+Result<bool> hasElement(const Message& m, const FieldDescriptor* f, const Segment& s, Absent absent, const std::string& path) {
+  if (!f->is_repeated() || f->is_map()) return invalidArgument("'" + s.name + "' is no list: it has no element [" + std::to_string(s.index) + "]", path);
+  const int size = m.GetReflection()->FieldSize(m, f);
+  if (s.index < size) return true;
+  if (absent == Absent::MakeButChoices || (absent == Absent::Make && s.index > size))
+    return invalidArgument("'" + s.name + "' has no element [" + std::to_string(s.index) + "]: " + elementsOf(size) +
+                               (absent == Absent::Make ? ", and [" + std::to_string(size) + "] appends" : ""),
+                           path);
+  return false;
+}
+
+/// An element of a list of messages that hasElement() let pass, made if it is not there.
+Message* elementOf(Message& m, const FieldDescriptor* f, int index) {
+  const Reflection& r = *m.GetReflection();
+  while (r.FieldSize(m, f) <= index) r.AddMessage(&m, f);
+  return r.MutableRepeatedMessage(&m, f, index);
+}
 
 Result<Place> walk(Message& root, const std::string& path, Absent absent) {
   const bool create = absent != Absent::Report;
   const std::vector<std::string> parts = split(path, '.');
   Message* m = &root;
   for (size_t i = 0; i < parts.size(); ++i) {
-    const FieldDescriptor* f = m->GetDescriptor()->FindFieldByName(parts[i]);
-    if (!f) return unknownField(parts[i], *m, path);
+    GOBO_ASSIGN(const Segment segment, segmentOf(parts[i], path));
+    const FieldDescriptor* f = m->GetDescriptor()->FindFieldByName(segment.name);
+    if (!f) return unknownField(segment.name, *m, path);
+    if (segment.index >= 0) {
+      GOBO_ASSIGN(const bool there, hasElement(*m, f, segment, absent, path));
+      if (i + 1 == parts.size()) return Place{m, f, {}, !there && !create, segment.index};
+      if (f->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) return invalidArgument("'" + parts[i] + "' has no fields of its own", path);
+      if (!there && !create) return Place{m, f, {}, true};
+      m = elementOf(*m, f, segment.index);
+      continue;
+    }
     if (f->is_map()) {
       if (i + 1 == parts.size()) return Place{m, f, {}, false};
       const Message* prototype =
@@ -90,7 +146,7 @@ Result<Place> walk(Message& root, const std::string& path, Absent absent) {
       // Keys may contain dots: take segments until the next one names a field of the value, or none are left.
       std::string key = parts[i + 1];
       size_t next = i + 2;
-      while (next < parts.size() && !prototype->GetDescriptor()->FindFieldByName(parts[next])) key += "." + parts[next++];
+      while (next < parts.size() && !prototype->GetDescriptor()->FindFieldByName(std::string(nameOf(parts[next])))) key += "." + parts[next++];
       if (next > i + 2 && next == parts.size()) return unknownField(parts[i + 2], *prototype, path);
       if (next == parts.size()) return Place{m, f, key, false};
       Message* value = mapValue(*m, f, key, create);
@@ -100,6 +156,8 @@ Result<Place> walk(Message& root, const std::string& path, Absent absent) {
       continue;
     }
     if (i + 1 == parts.size()) return Place{m, f, {}, false};
+    if (f->is_repeated() && f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE)
+      return invalidArgument("'" + parts[i] + "' is a list: name one of its elements, as in " + parts[i] + "[0]." + parts[i + 1], path);
     if (f->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE || f->is_repeated()) return invalidArgument("'" + parts[i] + "' has no fields of its own", path);
     if (!m->GetReflection()->HasField(*m, f)) {
       if (!create) return Place{m, f, {}, true};
@@ -189,17 +247,54 @@ void collect(const Message& m, const std::string& prefix, std::vector<std::strin
   }
 }
 
-}  // namespace
+/// A message from text: a choice by its name, with its defaults, as in shadows=exponential; x,y,z of a vector; nothing: its defaults.
+Status setMessage(Message& m, const std::string& text, const std::string& path) {
+  const int fields = m.GetDescriptor()->field_count();
+  if (fields == 0 || text.empty()) return {};  // e.g. shadows.path_traced=
+  if (m.GetDescriptor()->full_name() != "gobo.v1.Vector3") {
+    const FieldDescriptor* choice = m.GetDescriptor()->FindFieldByName(text);
+    if (!choice || !choice->containing_oneof() || choice->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE)
+      return invalidArgument("is a group of fields; set one of " + fieldNames(m), path);
+    m.GetReflection()->MutableMessage(&m, choice);
+    return {};
+  }
+  std::vector<std::string> parts = split(text, ',');
+  if (parts.size() == 1) parts = {parts[0], parts[0], parts[0]};
+  if (parts.size() != 3) return invalidArgument("'" + text + "' is not x,y,z", path);
+  for (int i = 0; i < 3; ++i) GOBO_TRY(setScalar(m, m.GetDescriptor()->field(i), parts[i], path));
+  return {};
+}
 
-Status setPath(Message& message, const std::string& assignment) {
+/// Element `index` of a list of texts or numbers; its size appends.
+Status setElement(Message& m, const FieldDescriptor* f, int index, const std::string& text, const std::string& path) {
+  const Reflection& r = *m.GetReflection();
+  const bool there = index < r.FieldSize(m, f);
+  if (!there && index > r.FieldSize(m, f)) return invalidArgument("has no element [" + std::to_string(index) + "]: " + elementsOf(r.FieldSize(m, f)), path);
+  if (f->cpp_type() == FieldDescriptor::CPPTYPE_STRING) {
+    there ? r.SetRepeatedString(&m, f, index, text) : r.AddString(&m, f, text);
+    return {};
+  }
+  if (f->cpp_type() != FieldDescriptor::CPPTYPE_DOUBLE) return invalidArgument("cannot be set from text", path);
+  GOBO_ASSIGN(const double v, toNumber(text, path));
+  there ? r.SetRepeatedDouble(&m, f, index, v) : r.AddDouble(&m, f, v);
+  return {};
+}
+
+Status setPathOf(Message& message, const std::string& assignment, Absent absent) {
   const size_t equals = assignment.find('=');
   if (equals == std::string::npos || equals == 0) return invalidArgument("'" + assignment + "' is not path=value", "--set");
   const std::string path = assignment.substr(0, equals), text = assignment.substr(equals + 1);
-  GOBO_ASSIGN(Place place, walk(message, path, Absent::Make));
+  GOBO_ASSIGN(Place place, walk(message, path, absent));
   const FieldDescriptor* f = place.field;
   if (!place.mapKey.empty() || f->is_map()) return invalidArgument("names an entry, not a field of it", path);
+  if (place.element >= 0) {
+    if (f->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) return setElement(*place.message, f, place.element, text, path);
+    return setMessage(*elementOf(*place.message, f, place.element), text, path);
+  }
   if (f->is_repeated()) {
     const Reflection& r = *place.message->GetReflection();
+    if (f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE)
+      return invalidArgument("is a list: set one of its elements, as in " + path + "[0], or give all in JSON (--request)", path);
     r.ClearField(place.message, f);
     if (f->cpp_type() != FieldDescriptor::CPPTYPE_STRING && f->cpp_type() != FieldDescriptor::CPPTYPE_DOUBLE)
       return invalidArgument("cannot be set from text", path);
@@ -213,32 +308,46 @@ Status setPath(Message& message, const std::string& assignment) {
     }
     return {};
   }
-  if (f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-    Message* inner = place.message->GetReflection()->MutableMessage(place.message, f);
-    const int fields = inner->GetDescriptor()->field_count();
-    if (fields == 0 || text.empty()) return {};  // e.g. shadows.path_traced=
-    if (inner->GetDescriptor()->full_name() != "gobo.v1.Vector3") {
-      // shadows=exponential: a choice by its name, with its defaults.
-      const FieldDescriptor* choice = inner->GetDescriptor()->FindFieldByName(text);
-      if (!choice || !choice->containing_oneof() || choice->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE)
-        return invalidArgument("is a group of fields; set one of " + fieldNames(*inner), path);
-      inner->GetReflection()->MutableMessage(inner, choice);
-      return {};
-    }
-    std::vector<std::string> parts = split(text, ',');
-    if (parts.size() == 1) parts = {parts[0], parts[0], parts[0]};
-    if (parts.size() != 3) return invalidArgument("'" + text + "' is not x,y,z", path);
-    for (int i = 0; i < 3; ++i) GOBO_TRY(setScalar(*inner, inner->GetDescriptor()->field(i), parts[i], path));
-    return {};
-  }
+  if (f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) return setMessage(*place.message->GetReflection()->MutableMessage(place.message, f), text, path);
   return setScalar(*place.message, f, text, path);
 }
+
+/// Takes an element out of a list; the others keep their order.
+void eraseElement(Message& m, const FieldDescriptor* f, int index) {
+  const Reflection& r = *m.GetReflection();
+  for (int k = index; k + 1 < r.FieldSize(m, f); ++k) r.SwapElements(&m, f, k, k + 1);
+  if (index < r.FieldSize(m, f)) r.RemoveLast(&m, f);
+}
+
+/// An element of one list to its place in another. Texts, numbers and messages.
+Status copyElement(const Place& from, const Place& to, const std::string& path) {
+  const Reflection& r = *from.message->GetReflection();
+  switch (from.field->cpp_type()) {
+    case FieldDescriptor::CPPTYPE_MESSAGE:
+      elementOf(*to.message, to.field, to.element)->CopyFrom(r.GetRepeatedMessage(*from.message, from.field, from.element));
+      return {};
+    case FieldDescriptor::CPPTYPE_STRING: return setElement(*to.message, to.field, to.element, r.GetRepeatedString(*from.message, from.field, from.element), path);
+    case FieldDescriptor::CPPTYPE_DOUBLE: {
+      const double v = r.GetRepeatedDouble(*from.message, from.field, from.element);
+      const Reflection& rt = *to.message->GetReflection();
+      if (to.element < rt.FieldSize(*to.message, to.field)) rt.SetRepeatedDouble(to.message, to.field, to.element, v);
+      else rt.AddDouble(to.message, to.field, v);
+      return {};
+    }
+    default: return invalidArgument("cannot be replaced by itself; name the whole list", path);
+  }
+}
+
+}  // namespace
+
+Status setPath(Message& message, const std::string& assignment) { return setPathOf(message, assignment, Absent::Make); }
+Status setPatchPath(Message& patch, const std::string& assignment) { return setPathOf(patch, assignment, Absent::Fill); }
 
 Result<NumberField> numberField(Message& message, const std::string& path) {
   GOBO_ASSIGN(const Place place, walk(message, path, Absent::MakeButChoices));
   const FieldDescriptor* f = place.field;
   const bool vector = !f->is_repeated() && f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && f->message_type()->full_name() == "gobo.v1.Vector3";
-  if (!place.mapKey.empty() || (!vector && (f->is_repeated() || !isNumeric(f)))) return invalidArgument("is neither a number nor a vector", path);
+  if (!place.mapKey.empty() || place.element >= 0 || (!vector && (f->is_repeated() || !isNumeric(f)))) return invalidArgument("is neither a number nor a vector", path);
   return NumberField{place.message, f, vector ? 3 : 1};
 }
 
@@ -249,10 +358,16 @@ Status applyMask(Message& base, const Message& patch, const std::vector<std::str
     GOBO_ASSIGN(const Place from, walk(*source, path, Absent::Report));
     if (from.missing) {  // absent in the patch: cleared in the base, if it is there
       GOBO_ASSIGN(Place gone, walk(base, path, Absent::Report));
-      if (!gone.missing && gone.mapKey.empty()) gone.message->GetReflection()->ClearField(gone.message, gone.field);
+      if (gone.missing || !gone.mapKey.empty()) continue;
+      if (gone.element >= 0) eraseElement(*gone.message, gone.field, gone.element);
+      else gone.message->GetReflection()->ClearField(gone.message, gone.field);
       continue;
     }
     GOBO_ASSIGN(Place to, walk(base, path, Absent::Make));
+    if (to.element >= 0) {
+      GOBO_TRY(copyElement(from, to, path));
+      continue;
+    }
     const Reflection& rf = *from.message->GetReflection();
     const Reflection& rt = *to.message->GetReflection();
     if (!to.mapKey.empty()) {

@@ -79,8 +79,7 @@ void visit(const Descriptor& d, const std::string& prefix, const std::function<v
         f.name() != "integrator")
       continue;
     if (f.is_map()) visit(*f.message_type()->FindFieldByName("value")->message_type(), path + ".key.light", see);
-    else if (f.is_repeated()) continue;
-    else if (f.message_type() && f.message_type()->full_name() != "gobo.v1.Vector3") visit(*f.message_type(), path, see);
+    else if (f.message_type() && f.message_type()->full_name() != "gobo.v1.Vector3") visit(*f.message_type(), path + (f.is_repeated() ? "[0]" : ""), see);
     else see(path, f);
   }
 }

@@ -27,9 +27,8 @@ void visitNumbers(const Descriptor& d, const std::string& prefix, const std::fun
     const std::string path = prefix.empty() ? std::string(f.name()) : prefix + "." + std::string(f.name());
     if (prefix.empty() && !mayVary(path)) continue;
     if (f.is_map()) visitNumbers(*f.message_type()->FindFieldByName("value")->message_type(), path + ".key.light", see);
-    else if (f.is_repeated()) continue;
     else if (f.message_type()) {
-      if (f.message_type()->full_name() != "gobo.v1.Vector3") visitNumbers(*f.message_type(), path, see);
+      if (f.message_type()->full_name() != "gobo.v1.Vector3") visitNumbers(*f.message_type(), path + (f.is_repeated() ? "[0]" : ""), see);
     } else if (isNumeric(&f)) see(path, f);
   }
 }

@@ -76,6 +76,96 @@ TEST(Request, BadPathsSayWhatThereIs) {
   EXPECT_NE(setPath(r, "integrator.bounces=1").message().find("max_bounces"), std::string::npos);
 }
 
+TEST(RequestElements, PathsNameElementsOfListsAndTheSizeAppends) {
+  v1::RenderRequest r;
+  for (const char* good : {"filters[0]=bloom", "filters[0].bloom.gain=0.3", "filters[1].sharpen.amount=2", "filters[1].term=direct", "filters[0].bloom.gain=0.5",
+                           "shadows.style.layers[0].inflation=0.1", "lights.a.b.shadow.style.layers[0].weight=2", "outputs[0]=beauty", "outputs[1]=depth",
+                           "outputs[0]=direct", "curves.seed.value[0]=4", "curves.seed.value[0]=3", "filters[2]="})
+    EXPECT_TRUE(setPath(r, good).ok()) << good << ": " << setPath(r, good).toString();
+  ASSERT_EQ(r.filters_size(), 3);
+  EXPECT_EQ(r.filters(0).bloom().gain(), 0.5);
+  EXPECT_EQ(r.filters(1).sharpen().amount(), 2.0);
+  EXPECT_EQ(r.filters(1).term(), "direct");
+  EXPECT_EQ(r.filters(2).filter_case(), v1::PictureFilter::FILTER_NOT_SET);
+  EXPECT_EQ(r.shadows().style().layers(0).inflation(), 0.1);
+  EXPECT_EQ(r.lights().at("a.b").shadow().style().layers(0).weight(), 2.0);
+  ASSERT_EQ(r.outputs_size(), 2);
+  EXPECT_EQ(r.outputs(0), "direct");
+  EXPECT_EQ(r.curves().at("seed").value(0), 3.0);
+  EXPECT_EQ(r.curves().at("seed").value_size(), 1);
+}
+
+TEST(RequestElements, ErrorsSayWhatTheListHas) {
+  v1::RenderRequest r;
+  ASSERT_TRUE(setPath(r, "filters[0]=bloom").ok());
+  const std::vector<std::pair<const char*, const char*>> bad = {
+      {"filters[2].bloom.gain=1", "it has element [0], and [1] appends"},
+      {"filters[-1].bloom.gain=1", "filters[0]"},
+      {"filters[].bloom.gain=1", "filters[0]"},
+      {"filters[0.bloom.gain=1", "filters[0]"},
+      {"filters[0]x.bloom.gain=1", "filters[0]"},
+      {"filters[4096].bloom.gain=1", "less than 4096"},
+      {"filters[18446744073709551616].bloom.gain=1", "less than 4096"},
+      {"filters.bloom.gain=1", "filters[0].bloom"},
+      {"filters=bloom", "filters[0]"},
+      {"filters[0]=blooom", "bloom"},
+      {"filters[0].bloom.gian=1", "gain"},
+      {"filters[0].bloom[0].gain=1", "no list"},
+      {"width[0]=1", "no list"},
+      {"lights[0].gain=1", "no list"},
+      {"outputs[1]=beauty", "it is empty"},
+      {"outputs[0].x=beauty", "no fields"},
+      {"nothing[0]=1", "no field 'nothing'"},
+  };
+  for (const auto& [assignment, says] : bad) {
+    v1::RenderRequest copy = r;
+    const Status s = setPath(copy, assignment);
+    EXPECT_EQ(s.code(), Code::InvalidArgument) << assignment;
+    EXPECT_NE(s.toString().find(says), std::string::npos) << assignment << ": " << s.toString();
+  }
+  EXPECT_EQ(numberField(r, "filters[0].bloom.gain").ok(), true);
+  EXPECT_EQ(numberField(r, "filters[0].sharpen.amount").status().code(), Code::InvalidArgument) << "not what the request chooses";
+  EXPECT_EQ(numberField(r, "filters[1].bloom.gain").status().code(), Code::InvalidArgument) << "a curve makes no filter";
+  EXPECT_EQ(numberField(r, "outputs[0]").status().code(), Code::InvalidArgument);
+  EXPECT_EQ(r.filters_size(), 1);
+}
+
+TEST(RequestElements, MasksReplaceElementsAndTheirFields) {
+  v1::RenderRequest base, patch;
+  for (const char* a : {"filters[0].bloom.gain=0.1", "filters[0].bloom.threshold=2", "filters[1].sharpen.amount=2", "outputs=beauty,depth"})
+    ASSERT_TRUE(setPath(base, a).ok());
+  // A patch may begin with the second element; the one before it is empty and not in the mask.
+  for (const char* a : {"filters[1].gaussian.sigma_px=3", "outputs[1]=normal"}) ASSERT_EQ(setPatchPath(patch, a).ok(), std::string(a) != "outputs[1]=normal") << a;
+  ASSERT_EQ(patch.filters_size(), 2);
+  ASSERT_TRUE(applyMask(base, patch, {"filters[1].gaussian.sigma_px"}).ok());
+  EXPECT_EQ(base.filters(0).bloom().gain(), 0.1);
+  ASSERT_TRUE(base.filters(1).has_gaussian());  // another choice takes the place of the one that there was
+  EXPECT_EQ(base.filters(1).gaussian().sigma_px(), 3.0);
+  patch.Clear();
+  ASSERT_TRUE(setPatchPath(patch, "filters[0].bloom.gain=0.7").ok());
+  ASSERT_TRUE(applyMask(base, patch, {"filters[0].bloom.gain", "filters[0].bloom.threshold"}).ok());
+  EXPECT_EQ(base.filters(0).bloom().gain(), 0.7);
+  EXPECT_FALSE(base.filters(0).bloom().has_threshold());  // named, absent in the patch: cleared
+  // A whole element: replaced, appended, taken out.
+  patch.Clear();
+  for (const char* a : {"filters[2]=median", "outputs=direct"}) ASSERT_TRUE(setPatchPath(patch, a).ok()) << a;
+  ASSERT_TRUE(applyMask(base, patch, {"filters[2]", "outputs[0]"}).ok());
+  ASSERT_EQ(base.filters_size(), 3);
+  EXPECT_TRUE(base.filters(2).has_median());
+  EXPECT_EQ(base.outputs(0), "direct");
+  EXPECT_EQ(base.outputs(1), "depth");
+  patch.Clear();
+  ASSERT_TRUE(applyMask(base, patch, {"filters[0]"}).ok());
+  ASSERT_EQ(base.filters_size(), 2);
+  EXPECT_TRUE(base.filters(0).has_gaussian());
+  EXPECT_TRUE(base.filters(1).has_median());
+  // Beyond the list: an error that says what there is.
+  ASSERT_TRUE(setPatchPath(patch, "filters[5].bloom.gain=1").ok());
+  const Status s = applyMask(base, patch, {"filters[5].bloom.gain"});
+  EXPECT_EQ(s.code(), Code::InvalidArgument);
+  EXPECT_NE(s.toString().find("[0] to [1], and [2] appends"), std::string::npos) << s.toString();
+}
+
 TEST(Request, MaskReplacesNamedFieldsOnly) {
   v1::RenderRequest base, patch;
   for (const char* a : {"lights.key.color=1,1,1", "lights.key.intensity=5", "seed=3", "tone_map.exposure=1"}) ASSERT_TRUE(setPath(base, a).ok());
