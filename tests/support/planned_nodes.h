@@ -182,6 +182,11 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     for (const char* b : {as, "shadows.map.resolution=32", "shadows.style.softness=0.2", "shadows.style.abstraction=0.1"}) set(r, b);
     all.emplace_back(std::string("styled, ") + as, r);
   }
+  v1::RenderRequest drawn = withLamp(width, height, LightKind::Spot);
+  for (const char* b : {"shadows.style.softness=0.2", "shadows.style.pattern=HATCHING", "shadows.style.layers[0].abstraction=0.1", "expressions.shadows.style.brightness.formula=0.1*distance",
+                        "expressions.shadows.style.abstraction.formula=0.02*depth"})
+    set(drawn, b);
+  all.emplace_back("styled by formulas", drawn);
   for (const char* as : {"environment.area_lights=6", "environment.extract_lights=6", "environment.transfer.points=300"}) {
     v1::RenderRequest r = smallRequest("cornell", width, height, 1);
     set(r, "environment.sky.turbidity=3");

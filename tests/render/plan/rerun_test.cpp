@@ -173,6 +173,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"animation", "Rerun.AnimationsAndVariants"},
       {"variant", "Rerun.AnimationsAndVariants"},
       {"curves", "Rerun.CurvesAreTheirValues"},
+      {"expressions", "Rerun.FormulasOfStylesReRunWhatReadsThem; those over time are numbers: Expressions.OverTimeMeanWhatWouldHaveBeenTypedIn"},
       {"shadows", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
       {"lights.*.shadow", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
   };
@@ -306,11 +307,27 @@ TEST(Rerun, FilterParameters) {
 }
 
 TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
-  const Labels transfer{"style_transfer:spot", "direct:spot", "beauty"};
+  const Labels shade{"direct:spot", "beauty"}, transfer = shade + Labels{"style_transfer:spot"}, drawn = shade + Labels{"style_pattern:spot"};
   const Labels blurred = transfer + Labels{"style_abstraction:spot"}, distance = blurred + Labels{"style_distance:spot"};
-  const std::map<std::string, std::pair<std::string, Labels>> table{
-      {"inflation", {"0.1", transfer}}, {"softness", {"0.3", transfer}},   {"brightness", {"0.25", transfer}}, {"abstraction", {"0.2", blurred}},
-      {"power", {"4", distance}},       {"norm", {"PUBLISHED", distance}}, {"angle_deg", {"40", distance}},
+  struct Row {
+    std::string edit;
+    Labels expected;
+    std::string before;
+  };
+  const std::map<std::string, Row> table{
+      {"inflation", {"=0.1", transfer, ""}},
+      {"softness", {"=0.3", transfer, ""}},
+      {"brightness", {"=0.25", transfer, ""}},
+      {"abstraction", {"=0.2", blurred, ""}},
+      {"power", {"=4", distance, ""}},
+      {"norm", {"=PUBLISHED", distance, ""}},
+      {"angle_deg", {"=40", distance, ""}},
+      {"transition", {"=QUINTIC", transfer, ""}},
+      {"steps", {"=7", transfer, "transition=STAIRCASE"}},
+      {"layers", {"[0].inflation=0.3", transfer, "layers[0].weight=0.5"}},
+      {"pattern", {"=STIPPLING", drawn, "pattern=HATCHING"}},
+      {"pattern_px", {"=5", drawn, "pattern=HATCHING"}},
+      {"pattern_deg", {"=10", drawn, "pattern=HATCHING"}},
   };
   const auto* d = v1::ShadowStyle::descriptor();
   for (int i = 0; i < d->field_count(); ++i) {
@@ -318,14 +335,41 @@ TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
     ASSERT_NE(row, table.end()) << d->field(i)->name() << " has no row";
     const auto engine = makeEngine();
     v1::RenderRequest r = baseRequest();
-    set(r, "lights.spot.shadow.style.abstraction=0.1");
-    set(r, "lights.spot.shadow.style.softness=0.2");
+    const std::string style = "lights.spot.shadow.style.";
+    set(r, style + "abstraction=0.1");
+    set(r, style + "softness=0.2");
+    if (!row->second.before.empty()) set(r, style + row->second.before);
     const Labels first = ran(mustRender(*engine, r));
     EXPECT_TRUE(first.count("style_distance:spot") && first.count("visibility:spot"));
     EXPECT_FALSE(first.count("style_distance:key"));
-    set(r, "lights.spot.shadow.style." + row->first + "=" + row->second.first);
-    EXPECT_EQ(text(ran(mustRender(*engine, r))), text(row->second.second)) << row->first;
+    set(r, style + row->first + row->second.edit);
+    EXPECT_EQ(text(ran(mustRender(*engine, r))), text(row->second.expected)) << row->first;
   }
+}
+
+TEST(Rerun, FormulasOfStylesReRunWhatReadsThem) {
+  const Labels shade{"direct:spot", "beauty"}, transfer = shade + Labels{"style_transfer:spot", "style_parameters:spot"};
+  const auto engine = makeEngine();
+  v1::RenderRequest r = baseRequest();
+  const std::string style = "lights.spot.shadow.style.", formula = "expressions." + style;
+  set(r, style + "abstraction=0.1");
+  set(r, style + "softness=0.2");
+  mustRender(*engine, r);
+  const auto edited = [&](const std::string& edit, const Labels& expected) {
+    set(r, edit);
+    EXPECT_EQ(text(ran(mustRender(*engine, r))), text(expected)) << edit;
+  };
+  edited(formula + "softness.formula=0.1 + 0.01*depth", transfer);
+  edited(formula + "softness.formula=0.1 + 0.02*depth", transfer);
+  edited(formula + "softness.formula=0.1 + 0.02*abs(edge)", transfer);
+  edited(formula + "softness.formula=0.1 + 0.02*distance", transfer + Labels{"occluder_distance:spot", "style_occluder:spot"});
+  edited(formula + "inflation.formula=0.01*distance", transfer);
+  edited(style + "brightness=0.3", shade + Labels{"style_transfer:spot"});
+  edited(style + "softness=0.7", {});  // the formula's
+  edited("time_s=3", {});              // nothing moves, and no formula reads it
+  edited(formula + "inflation.formula=0.01*distance + 0.1*time", transfer);
+  edited("time_s=4", transfer);
+  edited(formula + "abstraction.formula=0.1 + 0.05*distance", transfer + Labels{"style_abstraction:spot"});
 }
 
 // Shadow maps: what a slider re-runs, by field of the message. `before` is set first; the edit is then the only change.

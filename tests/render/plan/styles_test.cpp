@@ -118,5 +118,62 @@ TEST(Styles, ALightThatFallsBackToPathTracingHasNone) {  // the environment is i
   EXPECT_TRUE(labels.count("direct"));
 }
 
+/// A lamp over the edge of a wall: visibility of the floor, row by row away from the wall.
+v1::RenderRequest contact(const std::string& softness) {
+  v1::RenderRequest r = smallRequest("fence", 96, 64, 1);
+  for (const char* a : {"outputs=visibility:sun", "integrator.max_bounces=0", "view_samples=1", "encoding.format=RAW_FLOAT"}) set(r, a);
+  set(r, "expressions.shadows.style.softness.formula=" + softness);
+  return r;
+}
+
+TEST(Styles, AFormulaThatIsANumberIsTheNumber) {
+  const auto engine = makeEngine();
+  v1::RenderRequest number = contact("0.25"), formula = contact("0.25 + 0*depth"), typed = contact("0.25");
+  typed.clear_expressions();
+  set(typed, "shadows.style.softness=0.25");
+  const auto a = mustRender(*engine, number), b = mustRender(*engine, formula), c = mustRender(*engine, typed);
+  EXPECT_EQ(a.reply.request_hash(), c.reply.request_hash()) << "over nothing but time it is typed in";
+  const auto pa = a.images[0].pixels(), pb = b.images[0].pixels();
+  ASSERT_EQ(pa.size(), pb.size());
+  for (size_t k = 0; k < pa.size(); ++k) ASSERT_EQ(pa[k], pb[k]);
+  const auto resolved = engine->resolve(formula);
+  ASSERT_TRUE(resolved.ok());
+  EXPECT_EQ(engine->resolve(*resolved)->SerializeAsString(), resolved->SerializeAsString());
+}
+
+TEST(Styles, FormulasThatFailAreTheRequestsFault) {
+  const auto engine = makeEngine();
+  for (const auto& [formula, words] : std::vector<std::pair<std::string, std::string>>{
+           {"1 / (depth > 0 ? 0 : 1)", "is no finite number at pixel"}, {"object(\"flor\")", "did you mean 'floor'?"}, {"edge +", ""}, {"softness", "names: time, distance"}}) {
+    const auto r = engine->render(contact(formula));
+    ASSERT_FALSE(r.ok()) << formula;
+    EXPECT_EQ(r.status().code(), Code::InvalidArgument) << r.status().toString();
+    EXPECT_EQ(r.status().location(), "request.expressions.shadows.style.softness.formula") << r.status().toString();
+    EXPECT_NE(r.status().message().find(words), std::string::npos) << r.status().toString();
+  }
+  v1::RenderRequest both = contact("0.1");
+  v1::Curve& curve = (*both.mutable_curves())["shadows.style.softness"];
+  curve.add_time_s(0);
+  curve.add_value(1);
+  EXPECT_EQ(engine->resolve(both).status().location(), "request.expressions.shadows.style.softness");
+}
+
+TEST(Styles, SoftnessByDistanceIsHardAtContactAndSoftAway) {
+  const auto engine = makeEngine();
+  // Where a board stands on the floor its shadow's edge is hard; where its tip throws it, soft.
+  const auto grey = [&](const std::string& softness) {
+    const auto picture = mustRender(*engine, contact(softness)).images[0];
+    size_t between = 0;
+    for (const float v : picture.pixels()) between += v > 0.02f && v < 0.98f;
+    return between;
+  };
+  const size_t none = grey("0"), near = grey("distance < 0.3 ? 0.2 : 0"), far = grey("distance < 0.3 ? 0 : 0.2"), both = grey("0.2 + 0*distance");
+  EXPECT_EQ(none, 0u);
+  EXPECT_GT(near, 0u);
+  EXPECT_GT(far, near);
+  EXPECT_GE(both, std::max(near, far));
+  EXPECT_LE(std::abs(double(near + far) - double(both)), 0.1 * double(both)) << "each edge is one or the other";
+}
+
 }  // namespace styles_test
 }  // namespace gobo::testing
