@@ -11,7 +11,7 @@ function settings(messages, name, value, path, out) {
     if (!field || field.repeated) throw new NoWords();
     if (field.kind === 'map') {
       for (const [entry, inner] of Object.entries(v)) {
-        if (!field.message || field.name === 'curves' || !/^[\w-]+$/.test(entry)) throw new NoWords();
+        if (!field.message || field.name === 'curves' || field.name === 'expressions' || !/^[\w-]+$/.test(entry)) throw new NoWords();
         settings(messages, field.message, inner, [...path, key, entry], out);
       }
     } else if (field.kind === 'vector') out.push(`${where}=${['x', 'y', 'z'].map((a) => v[a] ?? 0).join(',')}`);

@@ -19,7 +19,7 @@ const kRoots = ['lights', 'object', 'panel'].map($);
 const kRadiance = /^(beauty|emission|(in)?direct(_\w+)?|diffuse|specular|(group|unoccluded):.*)$/;
 let schema, scene, panel, edits = {}, orbit = null, lens = null, cameraTurn = 0, pickTurn = 0, retry = 0, cleaning = null, loaded = new Set();
 
-const view = new View($('picture'), () => edits.curves && Object.keys(edits.curves).some((p) => p.startsWith('tone_map')) ? lastReply?.resolved.tone_map ?? {} : edits.tone_map ?? {});
+const view = new View($('picture'), () => [edits.curves, edits.expressions].some((of) => of && Object.keys(of).some((p) => p.startsWith('tone_map'))) ? lastReply?.resolved.tone_map ?? {} : edits.tone_map ?? {});
 let lastReply = null;
 
 // The request of the picture: without what only belongs to how it is asked for.
@@ -153,7 +153,7 @@ function showHandles(matrices) {
   grip.refresh(matrices);
 }
 
-const kCameraFields = new Set(['camera', 'width', 'height', 'time_s', 'animation', 'curves']);
+const kCameraFields = new Set(['camera', 'width', 'height', 'time_s', 'animation', 'curves', 'expressions']);
 
 async function changed(path) {
   if (!scene) return;
@@ -162,7 +162,7 @@ async function changed(path) {
   if (path[0] === 'lights') lights.refresh();
   if (path[0] === 'time_s' || path[0] === 'animation') grip.hold();  // it may be elsewhere now
   // Exposure and curve of a picture that is here in linear light.
-  if (path[0] === 'tone_map' && view.present?.picture.data && !edits.curves) return draw();
+  if (path[0] === 'tone_map' && view.present?.picture.data && !edits.curves && !edits.expressions) return draw();
   try {
     if (kCameraFields.has(path[0])) await findCamera();
     ask();

@@ -737,6 +737,39 @@ class Curves(DaemonTest):
         self.assertFalse(os.path.exists(self.path("bad.png")))
 
 
+class Formulas(DaemonTest):
+    def test_are_what_would_have_been_typed_in_and_styles_vary(self):
+        what = ["cornell", "--size", "8x6", "--spp", "1", "-q"]
+        self.cli("render", *what, "--formula", "lights.light.intensity=2 + 3*time", "--set", "time_s=0.5", "-o", "formula.png")
+        self.cli("render", *what, "--set", "lights.light.intensity=3.5", "--set", "time_s=0.5", "-o", "number.png")
+        with open(self.path("formula.png"), "rb") as a, open(self.path("number.png"), "rb") as b:
+            self.assertEqual(a.read(), b.read())
+        plan = self.cli("render", *what, "--formula", "shadows.style.softness=0.02 + 0.3*distance", "--plan-all", "-o", "styled.png").stdout
+        self.assertIn("style_occluder:light", plan)
+        for bad, words in (("shadows.style.softness", "is not PATH=FORMULA"), ("=1", "is not PATH=FORMULA"), ("shadows.style.softness=dist", "names: time, distance"),
+                           ("shadows.style.softness=1/0", "finite"), ("width=3", "only numbers of camera")):
+            self.assertIn(words, self.cli("render", *what, "--formula", bad, "-o", "bad.png", code=2).stderr)
+        self.assertFalse(os.path.exists(self.path("bad.png")))
+
+    def test_a_style_sheet_is_shared_by_requests(self):
+        sheet, wrong = self.path("style.json"), self.path("wrong.json")
+        with open(sheet, "w") as f:
+            f.write('{"shadows": {"style": {"softness": 0.2, "layers": [{"inflation": 0.1, "brightness": 0.5}], "pattern": "HATCHING"}}, '
+                    '"expressions": {"shadows.style.inflation": {"formula": "0.1*distance"}}}')
+        with open(wrong, "w") as f:
+            f.write('{"width": 9}')
+        typed = ["--set", "shadows.style.softness=0.2", "--set", "shadows.style.layers[0].inflation=0.1", "--set", "shadows.style.layers[0].brightness=0.5",
+                 "--set", "shadows.style.pattern=HATCHING", "--formula", "shadows.style.inflation=0.1*distance"]
+        for name in ("cornell", "fence"):
+            what = [name, "--size", "24x16", "--spp", "1", "-q"]
+            self.cli("render", *what, "--style", sheet, "-o", "sheet.png")
+            self.cli("render", *what, *typed, "-o", "typed.png")
+            with open(self.path("sheet.png"), "rb") as a, open(self.path("typed.png"), "rb") as b:
+                self.assertEqual(a.read(), b.read(), name)
+        self.assertIn("width is no field of a style", self.cli("render", "cornell", "--style", wrong, "-o", "bad.png", code=2).stderr)
+        self.assertIn("nosuch.json", self.cli("render", "cornell", "--style", self.path("nosuch.json"), "-o", "bad.png", code=3).stderr)
+
+
 class Pipes(DaemonTest):
     def test_request_from_standard_input_and_picture_to_standard_output(self):
         what = ["--size", "8x6", "--spp", "1", "--set", "encoding.format=PNG"]

@@ -80,6 +80,11 @@ class Jobs(DaemonTest):
             time_s = frame / 4
             plain = self.client.render("cornell", **SMALL, time_s=time_s, lights={"light": {"gain": (1 + 2 * time_s, 1 + time_s, 1)}}, camera={"yfov_deg": 30 + 20 * min(time_s * 2, 1)})
             np.testing.assert_array_equal(image, plain.image, str(frame))
+        job = self.client.jobs.submit("cornell", frames=range(0, 6, 4), fps=4, **SMALL, expressions={"lights.light.intensity": "2 + 3*time"})
+        self.assertEqual(job.wait(timeout=100).state, "done")
+        for frame, image in dict(job.images()).items():
+            plain = self.client.render("cornell", **SMALL, time_s=frame / 4, lights={"light": {"intensity": 2 + 3 * frame / 4}})
+            np.testing.assert_array_equal(image, plain.image, str(frame))
         with self.assertRaisesRegex(gobo.InvalidArgument, "request.curves.lights.light.intensity.value"):
             self.client.jobs.submit("cornell", frames=range(3), fps=4, **SMALL, curves={"lights.light.intensity": {"time_s": [0, 1], "value": [1, -1]}})
 

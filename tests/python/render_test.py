@@ -37,6 +37,28 @@ class Render(DaemonTest):
         self.cli("render", "cornell", *CLI_SMALL, "-o", "a.exr")
         np.testing.assert_array_equal(gobo.exr.read_image(self.path("a.exr")), r.image)
 
+    def test_formulas_and_style_sheets(self):
+        typed = self.client.render("cornell", **SMALL, lights={"light": {"intensity": 3.5}}, time_s=0.5)
+        for said in ({"lights.light.intensity": "2 + 3*time"}, {"lights.light.intensity": {"formula": "7*time"}}, {"lights.light.intensity": 3.5}):
+            r = self.client.render("cornell", **SMALL, expressions=said, time_s=0.5)
+            self.assertEqual((r.request_hash, r.image.tobytes()), (typed.request_hash, typed.image.tobytes()), said)
+        sheet = self.path("style.json")
+        with open(sheet, "w") as f:
+            f.write('{"shadows": {"style": {"softness": 0.2, "pattern": "stippling"}}, "expressions": {"shadows.style.brightness": "0.1*distance"}}')
+        a = self.client.render("cornell", **SMALL, style=sheet)
+        b = self.client.render("cornell", **SMALL, shadows={"style": {"softness": 0.2, "pattern": "stippling"}}, set={"expressions.shadows.style.brightness": "0.1*distance"})
+        self.assertEqual(a.request_hash, b.request_hash)
+        self.assertTrue(any(n.node == "style_pattern:light" for n in a.plan))
+        again = self.client.relight(a, shadows={"style": {"softness": 0.3}})
+        self.assertNotEqual(again.image.tobytes(), a.image.tobytes())
+        with open(sheet, "w") as f:
+            f.write('{"lights": {"light": {"gain": 2}}}')
+        for bad in (sheet, self.path("nosuch.json")):
+            with self.assertRaises(gobo.InvalidArgument):
+                self.client.render("cornell", **SMALL, style=bad)
+        with self.assertRaisesRegex(gobo.InvalidArgument, "did you mean 'distance'"):
+            self.client.render("cornell", **SMALL, expressions={"shadows.style.softness": "distanc"})
+
     def test_every_way_to_write_a_request_is_the_same_request(self):
         want = self.client.render("cornell", **SMALL, shadows={"axis_aligned": {"k": 2}}, lights={"light": {"gain": (2, 2, 2)}}).request_hash
         message = gobo.RenderRequest(scene="cornell", width=32, height=24)

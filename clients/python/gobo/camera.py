@@ -272,6 +272,9 @@ def file_matrices(client: "Client", r: render_pb2.RenderRequest, timeout: Option
     for path, curve in r.curves.items():
         if path.startswith("camera."):
             request.curves[path].CopyFrom(curve)
+    for path, expression in r.expressions.items():
+        if path.startswith("camera."):
+            request.expressions[path].CopyFrom(expression)
     one = client.render(request=request, spp=1, format="exr", window={"x": 0, "y": 0, "width": 1, "height": 1}, timeout=timeout)
     attributes = exr.attributes(one.encoded["depth"], "depth")
     if "worldToCamera" not in attributes or "worldToNDC" not in attributes:

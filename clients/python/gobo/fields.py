@@ -6,8 +6,10 @@ Names are checked here, with a suggestion for a misspelt one; ranges and default
 from __future__ import annotations
 
 import difflib
+import json
 import numbers
 import os
+import re
 from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple, TypedDict, Union
 
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
@@ -59,6 +61,8 @@ class RequestFields(TypedDict, total=False):
     motion_step_s: float
     photometric: bool
     curves: Mapping[str, Mapping[str, Any]]  # by path: {"lights.key.intensity": {"time_s": [0, 1], "value": [1, 9], "interpolation": "SMOOTH"}}
+    expressions: Mapping[str, Union[str, Mapping[str, Any]]]  # by path: {"shadows.style.softness": "0.02 + 0.3*distance"} (docs/expressions.md)
+    style: Union[str, "os.PathLike[str]"]   # a style sheet's file: shadows.style, lights.NAME.shadow.style and expressions of these alone (docs/intent.md)
     set: Mapping[str, Any]                  # by path: {"integrator.max_bounces": 2}
 
 
@@ -164,6 +168,8 @@ class Builder:
                 self.merge(target, entry, path)
             elif target.DESCRIPTOR.name == "LightEdit":
                 self.merge(target, {"enabled": entry} if isinstance(entry, bool) else {"gain": entry}, path)
+            elif target.DESCRIPTOR.name == "Expression" and (isinstance(entry, str) or _is_number(entry)):
+                self.merge(target, {"formula": str(entry)}, path)
             elif target.DESCRIPTOR.name == "InstancePatch":
                 self.merge(target, {"matrix": entry}, path)
             else:
@@ -316,6 +322,9 @@ def fill(request: render_pb2.RenderRequest, fields: Mapping[str, Any]) -> Builde
         request.MergeFrom(base)
     elif base is not None:
         builder.merge(request, base, "")
+    sheet = fields.pop("style", None)
+    if sheet is not None:
+        builder.merge(request, _style_sheet(sheet), "")
     size = fields.pop("size", None)
     if size is not None:
         try:
@@ -330,6 +339,25 @@ def fill(request: render_pb2.RenderRequest, fields: Mapping[str, Any]) -> Builde
     for path, value in by_path.items():
         builder.put(path, value)
     return builder
+
+
+_OF_STYLE = re.compile(r"(expressions\.)?(shadows|lights\..+\.shadow)\.style(\.|$)")
+
+
+def _style_sheet(path: Union[str, "os.PathLike[str]"]) -> Dict[str, Any]:
+    """What a style sheet says. Raises InvalidArgument where it says more than styles."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            sheet = json.load(file)
+    except (OSError, ValueError) as e:
+        raise InvalidArgument(f"style = {os.fspath(path)!r}: {e}", field="style") from None
+    said = Builder(render_pb2.RenderRequest())
+    said.merge(said.message, sheet if isinstance(sheet, Mapping) else {"": sheet}, "")
+    for field in said.mask():
+        if not _OF_STYLE.match(field):
+            raise InvalidArgument(f"{os.fspath(path)}: {field} is no field of a style: a style sheet has shadows.style, lights.NAME.shadow.style and expressions of these",
+                                  field=field)
+    return sheet
 
 
 def whole_of(fields: Mapping[str, Any]) -> List[str]:
