@@ -744,7 +744,7 @@ class Formulas(DaemonTest):
         self.cli("render", *what, "--set", "lights.light.intensity=3.5", "--set", "time_s=0.5", "-o", "number.png")
         with open(self.path("formula.png"), "rb") as a, open(self.path("number.png"), "rb") as b:
             self.assertEqual(a.read(), b.read())
-        plan = self.cli("render", *what, "--formula", "shadows.style.softness=0.02 + 0.3*distance", "--plan-all", "-o", "styled.png").stdout
+        plan = self.cli("render", *what[:-1], "--formula", "shadows.style.softness=0.02 + 0.3*distance", "--plan-all", "-o", "styled.png").stdout
         self.assertIn("style_occluder:light", plan)
         for bad, words in (("shadows.style.softness", "is not PATH=FORMULA"), ("=1", "is not PATH=FORMULA"), ("shadows.style.softness=dist", "names: time, distance"),
                            ("shadows.style.softness=1/0", "finite"), ("width=3", "only numbers of camera")):

@@ -6,6 +6,7 @@
 #include "filters/composite.h"
 #include "filters/shadow_technique.h"
 #include "techniques/direct_visibility/visibility.h"
+#include "techniques/path_traced/technique.h"
 #include "techniques/path_traced/trace_paths.h"
 
 namespace gobo {
@@ -26,6 +27,7 @@ class DirectVisibility final : public Technique {
   }
 
   Status plan(PlanContext& c) const override {
+    warnOfMaps(c);
     std::vector<int> viewed;
     for (int l = 0; l < int(c.scene()->lights.size()); ++l)
       if (c.cover().claimedBy(l, name()) != PathSet::None) viewed.push_back(l);
@@ -44,6 +46,17 @@ class DirectVisibility final : public Technique {
   }
 
  private:
+  /// Of maps that the path tracer was left with, which is planned first.
+  static void warnOfMaps(PlanContext& c) {
+    for (int l = 0; l < int(c.scene()->lights.size()); ++l) {
+      const Light& light = c.scene()->lights[size_t(l)];
+      if (light.shape.kind != LightKind::Environment || !overlaps(c.cover().claimedBy(l, pathTraced().name()), PathSet::Direct)) continue;
+      const auto edit = c.request().lights().find(light.name);
+      const bool own = edit != c.request().lights().end() && edit->second.has_shadow();
+      if ((own ? edit->second.shadow() : c.request().shadows()).has_style()) c.warn("light '" + light.name + "' is path traced: it has no shadow for shadows.style");
+    }
+  }
+
   static v1::ShadowTechnique techniqueOf(PlanContext& c, int light) { return shadowTechniqueOf(c, light, c.scene(), c.scene()->lights[size_t(light)].name); }
 
   Status planLight(PlanContext& c, int l, std::map<std::pair<int, LobePart>, std::vector<NodeId>>& folds) const {

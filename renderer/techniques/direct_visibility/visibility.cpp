@@ -68,7 +68,7 @@ v1::ShadowTechnique shadowTechniqueOf(PlanContext& c, int light, const ScenePtr&
   const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
   // Without visibility there is nothing that could have a style.
   const auto traced = [&] {
-    if (t.has_style()) c.warn("light '" + name + "' is path traced: it has no shadow for shadows.style");
+    if (t.has_style() && kind != LightKind::Environment) c.warn("light '" + name + "' is path traced: it has no shadow for shadows.style");
     t.clear_style();
     t.mutable_path_traced();
     return t;
@@ -85,7 +85,7 @@ v1::ShadowTechnique shadowTechniqueOf(PlanContext& c, int light, const ScenePtr&
   return t;
 }
 
-Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, const v1::ShadowTechnique& t) {
+Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, const v1::ShadowTechnique& t, const std::string& edited) {
   ShadowInput in;
   in.scene = scene;
   in.light = light;
@@ -105,7 +105,7 @@ Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, 
   };
   GOBO_ASSIGN(const NodeId v, plain());
   if (!t.has_style()) return v;
-  GOBO_ASSIGN(const StyleFormulas formulas, styleFormulas(c.request(), scene->lights[size_t(light)].name, *scene));
+  GOBO_ASSIGN(const StyleFormulas formulas, styleFormulas(c.request(), edited.empty() ? scene->lights[size_t(light)].name : edited, *scene));
   return planStyle(c.graph(), in, v, t.style(), formulas);
 }
 

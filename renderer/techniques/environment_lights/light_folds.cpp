@@ -17,10 +17,8 @@ Status foldLights(PlanContext& c, const ScenePtr& extended, int first, const Vec
   const int count = int(extended->lights.size()) - first;
   v1::ShadowTechnique t = shadowTechniqueOf(c, first, extended, "environment");
   if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(samples);
-  if (t.has_style()) c.warn("the environment's lights have no shadows.style: together they are one light, whose shadows are none of theirs");
-  t.clear_style();
   c.surface();  // made (and kept) before any node that is marked transient below
-  const uint64_t kept = uint64_t(count) * c.view().width * c.view().height * c.view().viewSamples * 16;
+  const uint64_t kept = uint64_t(count) * c.view().width * c.view().height * c.view().viewSamples * (t.has_style() ? 40 : 16);  // a style holds its distance and what it makes of it
   const bool keep = kept <= kKeptBytes;
   if (c.bounding()) c.reserve(std::min(kept, kKeptBytes));  // fewer lights than asked for may be kept where all of them would not
   for (const LobePart lobe : lobes) {
@@ -29,7 +27,7 @@ Status foldLights(PlanContext& c, const ScenePtr& extended, int first, const Vec
       if (c.stop().stopRequested()) return Status(Code::Cancelled, "stopped");
       const int before = c.graph().size();
       pairs.push_back(planUnoccluded(c, l, extended, extended->lights[size_t(l)].power * nominal, !keep, lobe));
-      GOBO_ASSIGN(const NodeId v, planVisibility(c, l, extended, t));
+      GOBO_ASSIGN(const NodeId v, planVisibility(c, l, extended, t, "environment"));
       if (!keep) c.graph().markTransient(before, v);
       pairs.push_back(v);
     }

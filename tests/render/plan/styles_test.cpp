@@ -18,20 +18,38 @@ Labels all(const RenderResult& r) {
   return out;
 }
 
-// What stands for the environment is one light together: none of its parts has a shadow that could be drawn otherwise.
-TEST(Styles, LightsOfTheEnvironmentHaveNone) {
-  for (const char* as : {"environment.extract_lights=4", "environment.area_lights=4", "integrator.max_bounces=2"}) {
+TEST(Styles, LightsOfTheEnvironmentHaveThemWherePathsAreNotTraced) {
+  for (const auto& [as, styled] : std::vector<std::pair<const char*, size_t>>{{"environment.extract_lights=4", 4}, {"environment.area_lights=4", 4}, {"integrator.max_bounces=2", 0}}) {
     v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
-    for (const char* a : {"shadows.style.softness=0.1", "lights.light.enabled=false", "environment.sky.turbidity=3"}) set(r, a);
+    for (const char* a : {"shadows.style.softness=0.1", "expressions.shadows.style.inflation.formula=0.1*distance", "lights.light.enabled=false", "environment.sky.turbidity=3"}) set(r, a);
     set(r, as);
     const auto engine = makeEngine();
     const auto result = engine->render(r);
     ASSERT_TRUE(result.ok()) << result.status().toString();
-    for (const std::string& node : all(*result)) EXPECT_EQ(node.find("style_"), std::string::npos) << as << ": " << node;
+    size_t transfers = 0;
+    for (const std::string& node : all(*result)) transfers += node.starts_with("style_transfer:environment/");
+    EXPECT_LE(transfers, styled) << as;
+    EXPECT_EQ(transfers > 0, styled > 0) << as;
     bool told = false;
     for (const std::string& w : result->reply.warnings()) told |= w.find("shadows.style") != std::string::npos;
-    EXPECT_TRUE(told) << as;
+    EXPECT_EQ(told, styled == 0) << as;
   }
+  // A neutral style is the hard shadow; formulas of the environment's own are its own.
+  v1::RenderRequest plain = smallRequest("cornell", 20, 16, 1), neutral, own;
+  for (const char* a : {"lights.light.enabled=false", "environment.sky.turbidity=3", "environment.extract_lights=4", "shadows.ray_traced.samples=1"}) set(plain, a);
+  neutral = own = plain;
+  set(neutral, "shadows.style.softness=0");
+  set(own, "lights.environment.shadow.style.softness=0");
+  set(own, "expressions.lights.environment.shadow.style.brightness.formula=1 + 0*depth");
+  const auto engine = makeEngine();
+  const auto a = mustRender(*engine, plain), b = mustRender(*engine, neutral), c = mustRender(*engine, own);
+  const auto pa = a.images[0].pixels(), pb = b.images[0].pixels(), pc = c.images[0].pixels();
+  double brighter = 0;
+  for (size_t k = 0; k < pa.size(); ++k) {
+    ASSERT_EQ(pa[k], pb[k]);
+    brighter += double(pc[k]) - double(pa[k]);
+  }
+  EXPECT_GT(brighter, 0) << "brightness 1: no shadow at all";
 }
 
 TEST(Styles, MapsOfATechniqueAreOfTheTechnique) {
