@@ -34,7 +34,7 @@ bool styleField(std::string_view path, StyleField& field, std::string_view& ligh
 }
 
 Status unchanging(const Formula& f, const std::string& path, const std::string& place) {
-  std::string read = f.objects().empty() ? "" : "object(\"" + f.objects()[0] + "\")";
+  std::string read = f.objects().empty() ? "" : (f.objects()[0].caster ? "caster(\"" : "object(\"") + f.objects()[0].name + "\")";
   for (size_t k = 1; k < kStyleNames.size() && read.empty(); ++k)
     if (f.reads(k)) read = kStyleNames[k];
   if (read.empty()) return {};
@@ -112,8 +112,9 @@ Result<StyleFormulas> styleFormulas(const v1::RenderRequest& request, const std:
     GOBO_ASSIGN(Formula formula, Formula::parse(found->second.formula(), kStyleNames, place));
     const v1::Number range = v1::ShadowStyle::descriptor()->FindFieldByName(kStyleFields[k])->options().GetExtension(v1::number);
     StyleFormula f{std::move(formula), range.min(), range.max(), place};
-    for (const std::string& object : f.formula.objects()) {
-      std::vector<uint32_t> instances;
+    for (const auto& [object, caster] : f.formula.objects()) {
+      StyleFormula::Object found;
+      std::vector<uint32_t>& instances = found.instances;
       std::vector<std::string> known;
       for (size_t i = 0; i < scene.instances.size(); ++i) {
         const std::string& name = scene.instances[i].name;
@@ -121,7 +122,13 @@ Result<StyleFormulas> styleFormulas(const v1::RenderRequest& request, const std:
         if (name == object || (name.starts_with(object) && name[object.size()] == '#')) instances.push_back(uint32_t(i));
       }
       if (instances.empty()) return invalidArgument(place + ": no object '" + object + "' in the scene" + didYouMean(object, known), place);
-      f.instances.push_back(std::move(instances));
+      if (caster) {
+        found.caster = int(std::find(out.casters.begin(), out.casters.end(), instances) - out.casters.begin());
+        if (size_t(found.caster) == out.casters.size()) out.casters.push_back(instances);
+        if (out.casters.size() > kMostCasters)
+          return invalidArgument(place + ": caster(\"" + object + "\") is one too many: formulas of one style name at most " + std::to_string(kMostCasters) + " casters", place);
+      }
+      f.objects.push_back(std::move(found));
     }
     out.all.emplace_back(StyleField(k), std::move(f));
   }

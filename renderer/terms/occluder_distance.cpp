@@ -25,7 +25,7 @@ class OccluderDistanceNode final : public Node {
     Wiring w(type(), in, 2);
     SurfaceSamples::reads(w.over(0, extent_), 0);
     w.over(1, extent_).reads<float>(1, "V", {1, 3});
-    return w.gives({type(), Domain::ViewSample, extent_, {unsetPlane<float>("d")}});
+    return w.gives({type(), Domain::ViewSample, extent_, {unsetPlane<float>("d"), unsetPlane<uint32_t>("instance")}});
   }
   Cost cost(const TermShape&, uint32_t) const override {
     const double rays = 0.03 * double(extent_.elements());  // an edge here and there
@@ -39,6 +39,7 @@ class OccluderDistanceNode final : public Node {
     const auto V = ctx.inputs[1]->floats("V");
     const size_t channels = size_t(ctx.inputs[1]->channels("V"));
     const auto d = ctx.result->writable<float>("d");
+    const auto instance = ctx.result->writable<uint32_t>("instance");
     const auto lit = [&](size_t e) { return *std::max_element(&V[channels * e], &V[channels * e] + channels) >= 0.5f; };
     const size_t w = size_t(extent_.width), h = size_t(extent_.height);
     const bool complete = ctx.arena->parallelFor(
@@ -49,13 +50,14 @@ class OccluderDistanceNode final : public Node {
             for (size_t x = 0; x < w; ++x) {
               const size_t e = row * w + x, y = row % h;
               d[e] = -1.0f;
+              instance[e] = ~0u;
               if (!surface.hit(e) || lit(e)) continue;
               if (!(x > 0 && lit(e - 1)) && !(x + 1 < w && lit(e + 1)) && !(y > 0 && lit(e - w)) && !(y + 1 < h && lit(e + w))) continue;
               LightPoint point;
               if (!light.sample(surface.position(e), surface.normal(e), surface.geometricNormal(e), Vec2(0.5f), point) || point.belowSurface) continue;
               Hit hit;
               ++rays;
-              if (accel->intersect(shadowRay(*accel, surface.position(e), surface.geometricNormal(e), point), hit)) d[e] = hit.t;
+              if (accel->intersect(shadowRay(*accel, surface.position(e), surface.geometricNormal(e), point), hit)) d[e] = hit.t, instance[e] = hit.instance;
             }
           if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
         },

@@ -13,7 +13,8 @@ namespace gobo {
 namespace {
 
 constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_ .+-*/^()<>=!&|?:,";
-constexpr std::string_view kObject = "object";
+constexpr std::string_view kObject = "object", kCaster = "caster";
+static_assert(kObject.size() == kCaster.size());
 
 double clampTo(double x, double low, double high) { return std::min(std::max(x, low), high); }
 double mixOf(double a, double b, double t) { return a + (b - a) * t; }
@@ -24,22 +25,23 @@ double smoothstepOf(double low, double high, double x) {
 
 std::string objectName(size_t k) { return "object_" + std::to_string(k) + "_"; }
 
-/// Puts names in the place of object("..."). Errors: what is wrong with one, as text.
-std::string withoutObjects(const std::string& text, std::string& code, std::vector<std::string>& objects) {
+/// Puts names in the place of object("...") and caster("..."). Errors: what is wrong with one, as text.
+std::string withoutObjects(const std::string& text, std::string& code, std::vector<Formula::Object>& objects) {
   for (size_t at = 0; at < text.size();) {
     const bool begins = at == 0 || (!std::isalnum(static_cast<unsigned char>(text[at - 1])) && text[at - 1] != '_');
     size_t open = at + kObject.size();
-    if (!begins || text.compare(at, kObject.size(), kObject) != 0) {
+    const bool caster = text.compare(at, kCaster.size(), kCaster) == 0;
+    if (!begins || (!caster && text.compare(at, kObject.size(), kObject) != 0)) {
       code += text[at++];
       continue;
     }
     while (open < text.size() && text[open] == ' ') ++open;
     const size_t first = open + 2, quote = first <= text.size() ? text.find('"', first) : std::string::npos;
     if (text.compare(open, 2, "(\"") != 0 || quote == std::string::npos || quote + 1 >= text.size() || text[quote + 1] != ')')
-      return "at character " + std::to_string(at + 1) + ": an object is named as object(\"NAME\")";
-    const std::string name = text.substr(first, quote - first);
-    const size_t k = size_t(std::find(objects.begin(), objects.end(), name) - objects.begin());
-    if (k == objects.size()) objects.push_back(name);
+      return "at character " + std::to_string(at + 1) + ": an object is named as object(\"NAME\") or caster(\"NAME\")";
+    const Formula::Object named{text.substr(first, quote - first), caster};
+    const size_t k = size_t(std::find(objects.begin(), objects.end(), named) - objects.begin());
+    if (k == objects.size()) objects.push_back(named);
     code += objectName(k);
     at = quote + 2;
   }
@@ -109,7 +111,7 @@ Result<Formula> Formula::parse(const std::string& text, std::span<const std::str
     if (const std::string token = e.GetToken(); !token.empty() && std::isalpha(static_cast<unsigned char>(token[0]))) {
       what += didYouMean(token, known) + " (names: ";
       for (size_t k = 0; k < known.size(); ++k) what += (k ? ", " : "") + known[k];
-      what += known.empty() ? "none)" : ", object(\"NAME\"))";
+      what += known.empty() ? "none)" : ", object(\"NAME\"), caster(\"NAME\"))";
     }
     return refuse(what);
   }

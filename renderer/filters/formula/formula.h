@@ -3,7 +3,7 @@
 //
 // Language     + - * / ^, comparisons, && ||, a ? b : c, parentheses; functions of the parser (sin ... atanh, exp, log, ln, log2, log10, sqrt, abs, sign, rint, min,
 //              max, sum, avg) and clamp(x, low, high), mix(a, b, t), smoothstep(low, high, x); the constant pi; the names that it is parsed with; object("NAME"),
-//              which is 1 on that object and 0 elsewhere. No assignment, no list, one value.
+//              which is 1 on that object and 0 elsewhere, and caster("NAME"), which is 1 by edges of shadows that it casts. No assignment, no list, one value.
 // Numbers      double; a value that is not finite is the caller's to refuse.
 // Cost         At most kMostFormula characters, no loops: about 10 ns an operation. Parser: muParser, seen by formula.cpp alone.
 #pragma once
@@ -28,8 +28,13 @@ class Formula {
   const std::string& text() const { return text_; }
   /// Whether names[k] occurs.
   bool reads(size_t k) const { return reads_[k]; }
-  /// Objects by their order in the text, each once.
-  const std::vector<std::string>& objects() const { return objects_; }
+  struct Object {
+    std::string name;
+    bool caster = false;  ///< caster("NAME"): what it casts
+    bool operator==(const Object&) const = default;
+  };
+  /// By their order in the text, each once.
+  const std::vector<Object>& objects() const { return objects_; }
 
   /// One thread's: numbers go in by reference. Must not outlive the formula.
   class Evaluator {
@@ -50,7 +55,8 @@ class Formula {
 
  private:
   std::string text_, code_;  ///< as given; with a name in the place of each object
-  std::vector<std::string> names_, objects_;
+  std::vector<std::string> names_;
+  std::vector<Object> objects_;
   std::vector<bool> reads_;
 };
 

@@ -65,7 +65,9 @@ class StylePlan {
         if (f.reads(name)) return true;
       return false;
     };
-    if (reads(StyleName::Distance)) inputs.push_back(occluder());
+    bool edges = false;
+    for (const auto& [field, f] : formulas) edges = edges || f.readsEdges();
+    if (edges) inputs.push_back(occluder());
     if (reads(StyleName::Edge)) inputs.push_back(edge);
     return filter(makeStyleParametersNode(extent_, std::move(formulas), formulas_.time), std::move(inputs), "style_parameters");
   }
@@ -73,7 +75,7 @@ class StylePlan {
     if (occluder_ >= 0) return occluder_;
     const std::string& light = input_.scene->lights[size_t(input_.light)].name;
     const NodeId rays = graph_.add({makeOccluderDistanceNode(extent_), {input_.gbuffer, v_}, {input_.light}, "occluder_distance:" + light, 0, input_.scene, false});
-    return occluder_ = filter(makeEdgeMeanNode({extent_, angle_}), {rays, v_, input_.gbuffer}, "style_occluder");
+    return occluder_ = filter(makeEdgeMeanNode({extent_, angle_, formulas_.casters}), {rays, v_, input_.gbuffer}, "style_occluder");
   }
 
   NodeId blurred(float sigma) { return sigma > 0.0f ? filter(makeStyleAbstractionNode({extent_, sigma, angle_}), {distance_, input_.gbuffer}, "style_abstraction") : distance_; }

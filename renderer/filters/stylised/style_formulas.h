@@ -22,15 +22,28 @@ struct StyleFormula {
   Formula formula;
   double low = 0, high = 0;                        ///< of the field: values are limited to it
   std::string place;                               ///< for errors: request.expressions.PATH.formula
-  std::vector<std::vector<uint32_t>> instances{};  ///< of each of formula.objects(), increasing
+  struct Object {
+    std::vector<uint32_t> instances;  ///< increasing
+    int caster = -1;                  ///< index into StyleFormulas::casters
+  };
+  std::vector<Object> objects{};  ///< those of the formula
   bool reads(StyleName name) const { return formula.reads(size_t(name)); }
+  /// Something that holds at the shadow's edge.
+  bool readsEdges() const {
+    bool caster = reads(StyleName::Distance);
+    for (const Object& o : objects) caster = caster || o.caster >= 0;
+    return caster;
+  }
 };
 
 enum class StyleField : size_t { Inflation, Softness, Brightness, Abstraction };
 inline constexpr std::array<const char*, 4> kStyleFields{"inflation", "softness", "brightness", "abstraction"};
 
+inline constexpr size_t kMostCasters = 3;  ///< that the formulas of one style name
+
 struct StyleFormulas {
   std::vector<std::pair<StyleField, StyleFormula>> all;  ///< by field, each at most once
+  std::vector<std::vector<uint32_t>> casters{};  ///< instances of each that a formula names, increasing
   double time = 0;
   const StyleFormula* find(StyleField field) const {
     for (const auto& [f, formula] : all)

@@ -2,11 +2,12 @@
 #include "filters/stylised/style_parameters.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstdio>
 
-#include "filters/stylised/averaged_distance.h"
+#include "filters/stylised/edge_mean.h"
 
 namespace gobo {
 
@@ -28,18 +29,21 @@ class StyleParametersNode final : public Node {
   void hashParameters(Hasher& h) const override {
     for (const auto& [field, f] : formulas_) {
       h.add(int(field)).add(f.formula.text()).add(f.low).add(f.high);
-      for (const auto& instances : f.instances) {
-        h.add(uint64_t(instances.size()));
-        for (const uint32_t i : instances) h.add(i);
+      for (const StyleFormula::Object& o : f.objects) {
+        h.add(o.caster).add(uint64_t(o.instances.size()));
+        for (const uint32_t i : o.instances) h.add(i);
       }
     }
     if (reads(StyleName::Time)) h.add(time_);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
-    const size_t distance = reads(StyleName::Distance) ? 1 : 0, edge = reads(StyleName::Edge) ? 1 : 0;
+    const size_t distance = readsEdges() ? 1 : 0, edge = reads(StyleName::Edge) ? 1 : 0;
     Wiring w(type(), in, 1 + distance + edge);
     w.over(0, extent_).reads<float>(0, "P", {3}).reads<float>(0, "N", {3}).reads<float>(0, "depth").reads<uint32_t>(0, "instance");
     if (distance) w.over(1, extent_).reads<float>(1, "d");
+    for (const auto& [field, f] : formulas_)
+      for (const StyleFormula::Object& o : f.objects)
+        if (o.caster >= 0) w.reads<float>(1, edgeCasterPlane(o.caster));
     if (edge) w.over(1 + distance, extent_).reads<float>(1 + distance, "D");
     TermShape shape{type(), Domain::ViewSample, extent_, {}};
     for (const auto& [field, f] : formulas_) shape.planes.push_back(unsetPlane<float>(kStyleFields[size_t(field)]));
@@ -48,7 +52,7 @@ class StyleParametersNode final : public Node {
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, 60.0 * double(formulas_.size()) * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
-    const Inputs in(ctx, reads(StyleName::Distance), reads(StyleName::Edge));
+    const Inputs in(ctx, readsEdges(), reads(StyleName::Edge));
     for (const auto& [field, f] : formulas_) {
       const auto out = ctx.result->writable<float>(kStyleFields[size_t(field)]);
       std::atomic<size_t> wrong{SIZE_MAX};
@@ -78,7 +82,11 @@ class StyleParametersNode final : public Node {
   struct Inputs {
     Inputs(const RunContext& ctx, bool distance, bool edge)
         : P(ctx.inputs[0]->floats("P")), N(ctx.inputs[0]->floats("N")), depth(ctx.inputs[0]->floats("depth")), instance(ctx.inputs[0]->plane<uint32_t>("instance")) {
-      if (distance) d = ctx.inputs[1]->floats("d");
+      if (distance) {
+        d = ctx.inputs[1]->floats("d");
+        for (size_t k = 0; k < kMostCasters; ++k)
+          if (ctx.inputs[1]->hasPlane(edgeCasterPlane(int(k)))) casters[k] = ctx.inputs[1]->floats(edgeCasterPlane(int(k)));
+      }
       if (edge) D = ctx.inputs[distance ? 2 : 1]->floats("D");
     }
     double value(StyleName name, size_t e, double time) const {
@@ -99,16 +107,23 @@ class StyleParametersNode final : public Node {
     double at(size_t e, const StyleFormula& f, double time, Formula::Evaluator& evaluator) const {
       for (size_t k = 0; k < kStyleNames.size(); ++k)
         if (f.formula.reads(k)) evaluator.name(k) = value(StyleName(k), e, time);
-      for (size_t k = 0; k < f.instances.size(); ++k)
-        evaluator.object(k) = std::binary_search(f.instances[k].begin(), f.instances[k].end(), instance[e]) ? 1.0 : 0.0;
+      for (size_t k = 0; k < f.objects.size(); ++k) {
+        const StyleFormula::Object& o = f.objects[k];
+        evaluator.object(k) = o.caster >= 0 ? double(casters[size_t(o.caster)][e]) : std::binary_search(o.instances.begin(), o.instances.end(), instance[e]) ? 1.0 : 0.0;
+      }
       return evaluator();
     }
     std::span<const float> P, N, depth, d, D;
+    std::array<std::span<const float>, kMostCasters> casters;
     std::span<const uint32_t> instance;
   };
 
   bool reads(StyleName name) const {
     return std::any_of(formulas_.begin(), formulas_.end(), [&](const auto& f) { return f.second.reads(name); });
+  }
+
+  bool readsEdges() const {
+    return std::any_of(formulas_.begin(), formulas_.end(), [](const auto& f) { return f.second.readsEdges(); });
   }
 
   Status refuse(const Inputs& in, size_t e, const StyleFormula& f) const {

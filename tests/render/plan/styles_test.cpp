@@ -191,6 +191,10 @@ TEST(Styles, SoftnessByDistanceIsHardAtContactAndSoftAway) {
   EXPECT_GT(far, near);
   EXPECT_GE(both, std::max(near, far));
   EXPECT_LE(std::abs(double(near + far) - double(both)), 0.1 * double(both)) << "each edge is one or the other";
+  const size_t boards = grey("caster(\"posts\") > 0.5 ? 0 : 0.2"), post = grey("caster(\"posts\") > 0.5 ? 0.2 : 0");
+  EXPECT_GT(boards, 0u);
+  EXPECT_GT(post, 0u) << "what one object casts has a style of its own";
+  EXPECT_LT(post, boards);
 }
 
 }  // namespace styles_test

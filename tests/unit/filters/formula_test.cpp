@@ -46,12 +46,21 @@ TEST(Formula, KnowsWhatItReads) {
   EXPECT_FALSE(f->reads(0));
   EXPECT_TRUE(f->reads(1));
   EXPECT_FALSE(f->reads(2));
-  EXPECT_EQ(f->objects(), (std::vector<std::string>{"big ball", "floor"}));
+  EXPECT_EQ(f->objects(), (std::vector<Formula::Object>{{"big ball", false}, {"floor", false}}));
   Formula::Evaluator e(*f);
   e.name(1) = 3, e.object(0) = 1, e.object(1) = 0;
   EXPECT_EQ(e(), 7.0);
   e.object(0) = 0, e.object(1) = 1;
   EXPECT_EQ(e(), 6.0);
+}
+
+TEST(Formula, TellsCastersFromObjects) {
+  const auto f = Formula::parse("caster(\"a\") + 2 * object(\"a\") + 4 * caster(\"b\")", kNames, "here");
+  ASSERT_TRUE(f.ok()) << f.status().toString();
+  EXPECT_EQ(f->objects(), (std::vector<Formula::Object>{{"a", true}, {"a", false}, {"b", true}}));
+  Formula::Evaluator e(*f);
+  e.object(0) = 1, e.object(1) = 10, e.object(2) = 100;
+  EXPECT_EQ(e(), 421.0);
 }
 
 TEST(Formula, EvaluatorsAreOfOneThreadEach) {
@@ -86,6 +95,7 @@ TEST(Formula, WhatIsNoneIsRefusedWithItsPlace) {
   refused("\"x\"", "no formula");
   refused(std::string("x\0+1", 4), "no formula");
   refused("x + \xc3\xa9", "after 'x + '");
+  refused("caster(floor)", "caster(\"NAME\")");
   refused("object(floor)", "object(\"NAME\")");
   refused("object(\"floor", "object(\"NAME\")");
   refused("object(\"floor\"", "object(\"NAME\")");

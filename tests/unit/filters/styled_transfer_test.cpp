@@ -130,7 +130,7 @@ TEST(StyleParameters, AreTheFormulasWhereTheyAre) {
   for (size_t k = 0; k < instance.size(); ++k) instance[k] = k % 7 == 0 ? ~0u : k % 3;
   auto all = std::vector{formulaOf(StyleField::Inflation, "distance + 10*x - y + nz + 0*depth", -1e9, 1e9),
                          formulaOf(StyleField::Softness, "edge*time", 0, 10), formulaOf(StyleField::Brightness, "0.25 * object(\"two\") + 0.5 * object(\"any\")", 0, 1)};
-  all[2].second.instances = {{2}, {0, 1, 2}};
+  all[2].second.objects = {{{2}, -1}, {{0, 1, 2}, -1}};
   const auto P = floor.g->floats("P"), N = floor.g->floats("N"), d = floor.d->floats("d"), D = floor.D->floats("D");
   std::vector<TermPtr> out;
   for (const int threads : {1, 3}) out.push_back(runFilter(makeStyleParametersNode(floor.e, all, 0.5), {floor.g, floor.d, floor.D}, threads));
@@ -259,9 +259,12 @@ TEST(EdgeMean, IsTheMeanTermByTerm) {
   };
   const Vec3 n = Vec3(g->floats("N")[0], g->floats("N")[1], g->floats("N")[2]);
   for (int y = 0; y < e.height; ++y) {
-    edge.push_back({0.5f * (at(19, y) + at(20, y)), n, 0.1f, 1.0f + 0.02f * float(y)});
-    edge.push_back({0.5f * (at(31, y) + at(32, y)), n, 0.1f, 5.0f + 0.1f * float(y)});
+    edge.push_back({0.5f * (at(19, y) + at(20, y)), n, 0.1f, {1.0f + 0.02f * float(y)}});
+    edge.push_back({0.5f * (at(31, y) + at(32, y)), n, 0.1f, {5.0f + 0.1f * float(y)}});
   }
+  const auto whose = d->addPlane<uint32_t>("instance");
+  for (size_t k = 0; k < whose.size(); ++k) whose[k] = k % 64 == 20 ? 7 : 9;
+  const auto cast = runFilter(makeEdgeMeanNode({e, kPi / 4, {{3, 9}, {7}, {}}}), {d, V, g});
   const auto one = runFilter(makeEdgeMeanNode({e, kPi / 4}), {d, V, g}, 1), many = runFilter(makeEdgeMeanNode({e, kPi / 4}), {d, V, g}, 4);
   double most = 0;
   for (int y = 0; y < e.height; ++y)
@@ -273,6 +276,15 @@ TEST(EdgeMean, IsTheMeanTermByTerm) {
       EXPECT_LE(one->floats("d")[k], 9.71f);
     }
   EXPECT_LT(most, 0.01 * (9.7 - 1.0)) << "of the spread of the values";
+  for (size_t k = 0; k < size_t(e.width * e.height); ++k) {
+    const float nine = cast->floats("caster0")[k], seven = cast->floats("caster1")[k];
+    EXPECT_NEAR(nine + seven, 1.0f, 1e-6) << "shares";
+    EXPECT_EQ(cast->floats("caster2")[k], 0.0f);
+    const size_t x = k % 64;
+    if (x > 15 && x < 22) { EXPECT_GT(seven, 0.99f); }
+    if (x > 29 && x < 36) { EXPECT_LT(seven, 0.01f); }
+    EXPECT_EQ(cast->floats("d")[k], one->floats("d")[k]);
+  }
   EXPECT_NEAR(one->floats("d")[20], 1.0f, 0.1f);
   EXPECT_NEAR(one->floats("d")[size_t(47 * e.width + 31)], 9.7f, 0.2f);
 }
@@ -280,6 +292,8 @@ TEST(EdgeMean, IsTheMeanTermByTerm) {
 TEST(EdgeMean, SeesNothingWhereThereIsNoEdge) {
   const Floor floor;
   const auto none = floatTerm(floor.e, "d", [](int, int, int) { return -1.0f; });
+  none->addPlane<uint32_t>("instance");
+  floor.d->addPlane<uint32_t>("instance");
   const auto V = floatTerm(floor.e, "V", [](int x, int, int) { return x < 20 ? 0.0f : 1.0f; });
   for (const float d : plane(runFilter(makeEdgeMeanNode({floor.e, kPi / 4}), {none, V, floor.g}), "d")) EXPECT_EQ(d, 0.0f);
   auto instance = floor.g->writable<uint32_t>("instance");
