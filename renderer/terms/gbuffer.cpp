@@ -16,6 +16,12 @@ void hashCamera(Hasher& h, const Camera& c) {
   hashOptics(h, c);
 }
 
+void hashView(Hasher& h, const GBufferSettings& view) {
+  hashCamera(h, view.camera);
+  h.add(view.width).add(view.height).add(view.viewSamples);
+  view.place.hash(h);
+}
+
 namespace {
 
 class GBufferNode final : public Node {
@@ -32,9 +38,7 @@ class GBufferNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override {
-    hashCamera(h, s_.camera);
-    h.add(s_.width).add(s_.height).add(s_.viewSamples);
-    s_.place.hash(h);
+    hashView(h, s_);
     if (!all()) h.add("part").add(s_.part);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {

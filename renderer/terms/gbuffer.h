@@ -28,6 +28,8 @@ struct GBufferSettings {
   int filmHeight() const { return place.whole() ? height : place.filmHeight; }
 };
 void hashCamera(Hasher& hasher, const Camera& camera);
+/// Camera, size, view samples and place: what a node over view samples depends on, whatever part of the G-buffer it reads.
+void hashView(Hasher& hasher, const GBufferSettings& view);
 
 NodePtr makeGBufferNode(const GBufferSettings& settings);
 
