@@ -30,6 +30,7 @@ class DirectUnoccludedNode final : public Node {
     hashView(h, s_.view);
     h.addPod(s_.nominal).add(s_.samples).add(s_.seed).add(s_.extended);
     if (s_.lobe != LobePart::Both) h.add(s_.lobe);
+    s_.view.place.hash(h);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 2);

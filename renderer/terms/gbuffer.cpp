@@ -19,7 +19,6 @@ void hashCamera(Hasher& h, const Camera& c) {
 void hashView(Hasher& h, const GBufferSettings& view) {
   hashCamera(h, view.camera);
   h.add(view.width).add(view.height).add(view.viewSamples);
-  view.place.hash(h);
 }
 
 namespace {
@@ -39,6 +38,7 @@ class GBufferNode final : public Node {
   }
   void hashParameters(Hasher& h) const override {
     hashView(h, s_);
+    s_.place.hash(h);
     if (!all()) h.add("part").add(s_.part);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {

@@ -36,8 +36,10 @@ class MotionNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override {
-    hashView(h, s_.view);
+    hashCamera(h, s_.view.camera);
     hashCamera(h, s_.earlierCamera);
+    h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples);
+    s_.view.place.hash(h);
     h.add(s_.earlierScene->facetHash(kFacets, {}));
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {

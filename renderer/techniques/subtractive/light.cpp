@@ -37,6 +37,7 @@ class LightNode final : public Node {
   }
   void hashParameters(Hasher& h) const override {
     hashView(h, s_.view);
+    s_.view.place.hash(h);
     s_.resampling.hash(h);
     h.add(s_.form);
     if (s_.form == Form::Beta) h.add(s_.lights);

@@ -125,6 +125,7 @@ NodeTraits SamplesNode::traits() const {
 
 void SamplesNode::hashParameters(Hasher& h) const {
   hashView(h, view_);
+  view_.place.hash(h);
   resampling_.hash(h);
 }
 

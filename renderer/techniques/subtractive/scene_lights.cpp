@@ -40,6 +40,7 @@ class UnshadowedLightsNode final : public Node {
   }
   void hashParameters(Hasher& h) const override {
     hashView(h, s_.view);
+    s_.view.place.hash(h);
     hashSceneLights(h, s_);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {

@@ -173,7 +173,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"animation", "Rerun.AnimationsAndVariants"},
       {"variant", "Rerun.AnimationsAndVariants"},
       {"curves", "Rerun.CurvesAreTheirValues"},
-      {"shadows", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
+      {"shadows", "Rerun.FilterParameters, Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt and SubtractiveLightRequests.AnEditRunsWhatItChanges"},
       {"lights.*.shadow", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
   };
   return table;
