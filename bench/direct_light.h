@@ -74,6 +74,25 @@ class Bench {
     return run;
   }
 
+  /// All outputs of the request with these edits.
+  std::vector<Image> images(const std::vector<std::string>& edits) const {
+    EngineOptions options;
+    options.loader = inProcessLoader();
+    options.threads = threads_;
+    options.anyPath = true;
+    auto engine = Engine::create(options);
+    if (!engine.ok()) fail(engine.status());
+    open(**engine);
+    v1::RenderRequest r = request_;
+    for (const std::string& e : edits)
+      if (const Status s = setPath(r, e); !s.ok()) fail(s);
+    auto result = (*engine)->render(r);
+    if (!result.ok()) fail(result.status());
+    std::vector<Image> out;
+    for (const auto& i : result->images) out.push_back(i.image());
+    return out;
+  }
+
   /// Lights of the scene that are not its map are taken out of the request.
   void mapAlone() {
     for (const Light& light : scene()->lights)

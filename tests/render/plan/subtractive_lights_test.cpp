@@ -5,7 +5,7 @@
 
 #include "support/engines.h"
 
-namespace gobo::testing {
+namespace gobo::testing::subtractive_lights_test {
 namespace {
 
 v1::RenderRequest lampsRequest(const char* scene, int width = 24, int height = 16) {
@@ -203,4 +203,4 @@ TEST(NegativeLight, IsWhatTheDifferenceCutsOff) {
 }
 
 }  // namespace
-}  // namespace gobo::testing
+}  // namespace gobo::testing::subtractive_lights_test
