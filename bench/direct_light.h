@@ -43,7 +43,8 @@ class Bench {
     request_.set_scene("opened");
   }
 
-  Run render(const std::vector<std::string>& edits, const std::string& name) const {
+  /// `other`: instead of the request's scene.
+  Run render(const std::vector<std::string>& edits, const std::string& name, const ScenePtr& other = nullptr) const {
     EngineOptions options;
     options.loader = inProcessLoader();
     options.threads = threads_;
@@ -57,9 +58,11 @@ class Bench {
     warm.set_width(1);
     warm.set_height(1);
     warm.mutable_halt()->set_spp(1);
-    if (auto first = (*engine)->render(warm); !first.ok()) fail(first.status());
+    RenderControl control;
+    control.scene = other;
+    if (auto first = (*engine)->render(warm, control); !first.ok()) fail(first.status());
     const double start = cpu();
-    auto result = (*engine)->render(r);
+    auto result = (*engine)->render(r, control);
     Run run;
     run.seconds = cpu() - start;
     if (!result.ok()) fail(result.status());
@@ -75,7 +78,7 @@ class Bench {
   }
 
   /// All outputs of the request with these edits.
-  std::vector<Image> images(const std::vector<std::string>& edits) const {
+  std::vector<Image> images(const std::vector<std::string>& edits, const ScenePtr& other = nullptr) const {
     EngineOptions options;
     options.loader = inProcessLoader();
     options.threads = threads_;
@@ -86,7 +89,9 @@ class Bench {
     v1::RenderRequest r = request_;
     for (const std::string& e : edits)
       if (const Status s = setPath(r, e); !s.ok()) fail(s);
-    auto result = (*engine)->render(r);
+    RenderControl control;
+    control.scene = other;
+    auto result = (*engine)->render(r, control);
     if (!result.ok()) fail(result.status());
     std::vector<Image> out;
     for (const auto& i : result->images) out.push_back(i.image());

@@ -9,21 +9,16 @@ namespace {
 
 constexpr double kMostSum = 1e36;
 
-struct SampleSums {
-  DVec3 unshadowed[2] = {DVec3(0.0), DVec3(0.0)}, visible[2] = {DVec3(0.0), DVec3(0.0)};
-  double squares[2] = {0, 0}, seen[2] = {0, 0};
-
-  void write(float* u, float* v, float* moments) const {
-    for (int k = 0; k < 2; ++k) {
-      for (int c = 0; c < 3; ++c) {
-        u[3 * k + c] = float(std::min(unshadowed[k][c], kMostSum));
-        v[3 * k + c] = float(std::min(visible[k][c], kMostSum));
-      }
-      moments[2 * k] = float(std::min(squares[k], kMostSum));
-      moments[2 * k + 1] = float(std::min(seen[k], kMostSum));
+void writeSums(const SampleSums& sums, float* u, float* v, float* moments) {
+  for (int k = 0; k < 2; ++k) {
+    for (int c = 0; c < 3; ++c) {
+      u[3 * k + c] = float(std::min(sums.unshadowed[k][c], kMostSum));
+      v[3 * k + c] = float(std::min(sums.visible[k][c], kMostSum));
     }
+    moments[2 * k] = float(std::min(sums.squares[k], kMostSum));
+    moments[2 * k + 1] = float(std::min(sums.seen[k], kMostSum));
   }
-};
+}
 
 double lobeLuminance(const DVec3& c) { return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z; }
 
@@ -48,7 +43,7 @@ TracedSample sampleAt(const Receivers& in, size_t e) {
 }
 
 /// Which of the lights are seen.
-void look(const Accel& accel, const TracedSample& sample, const Arrivals& arrivals, std::vector<char>& seen, uint64_t& rays) {
+void traceShadows(const Accel& accel, const TracedSample& sample, const Arrivals& arrivals, std::vector<char>& seen, uint64_t& rays) {
   seen.assign(arrivals.lights.size(), 0);
   Ray ray[16];
   size_t of[16];
@@ -72,8 +67,6 @@ void look(const Accel& accel, const TracedSample& sample, const Arrivals& arriva
   flush();
 }
 
-/// Lights without a ray: each lobe's are seen as its others are, or as the other lobe's where it has none; the moments are those of the others, made to hold
-/// the light of all.
 void addRest(const Arrivals& arrivals, SampleSums& sums) {
   double u[2], share[2] = {-1, -1};
   for (int k = 0; k < 2; ++k) {
@@ -92,7 +85,9 @@ void addRest(const Arrivals& arrivals, SampleSums& sums) {
   }
 }
 
-SampleSums sumsOf(const Arrivals& arrivals, const std::vector<char>& seen) {
+}  // namespace
+
+SampleSums sumsOf(const Arrivals& arrivals, std::span<const char> seen) {
   SampleSums sums;
   for (size_t i = 0; i < arrivals.lights.size(); ++i)
     for (int k = 0; k < 2; ++k) {
@@ -106,8 +101,6 @@ SampleSums sumsOf(const Arrivals& arrivals, const std::vector<char>& seen) {
   addRest(arrivals, sums);
   return sums;
 }
-
-}  // namespace
 
 Vec3 byAlbedo(const Vec3& light, const Vec3& albedo) {
   Vec3 out(0.0f);
@@ -164,8 +157,8 @@ Result<TermPtr> SamplesNode::run(const RunContext& ctx) const {
           const TracedSample sample = sampleAt(in, e);
           arrivals.clear();
           from->at(sample, arrivals);
-          look(*accel, sample, arrivals, seen, rays);
-          sumsOf(arrivals, seen).write(unshadowed.data() + 6 * e, visible.data() + 6 * e, moments.data() + 4 * e);
+          traceShadows(*accel, sample, arrivals, seen, rays);
+          writeSums(sumsOf(arrivals, seen), unshadowed.data() + 6 * e, visible.data() + 6 * e, moments.data() + 4 * e);
           traced[e] = 1;
         }
         if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "techniques/subtractive/receiver.h"
@@ -30,6 +31,15 @@ struct Arrivals {
   DVec3 rest[2] = {DVec3(0.0), DVec3(0.0)};
   void clear() { lights.clear(), rest[0] = rest[1] = DVec3(0.0); }
 };
+
+/// Of one sample, diffuse and specular: sums over the lights, of squares of their luminances, and of those that are seen.
+struct SampleSums {
+  DVec3 unshadowed[2] = {DVec3(0.0), DVec3(0.0)}, visible[2] = {DVec3(0.0), DVec3(0.0)};
+  double squares[2] = {0, 0}, seen[2] = {0, 0};
+};
+/// `seen`: 1 for those of arrivals.lights that are. The rest is seen as a lobe's others are, or as the other lobe's where it has none, or else all of it; squares
+/// are those of the others, made to hold the light of all.
+SampleSums sumsOf(const Arrivals& arrivals, std::span<const char> seen);
 
 /// Radiance by what the lobe reflects; 0 where that is nothing, no more than what sums of it can hold.
 Vec3 byAlbedo(const Vec3& light, const Vec3& albedo);

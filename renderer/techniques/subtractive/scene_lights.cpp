@@ -121,8 +121,8 @@ class SceneLightSamplesNode final : public SamplesNode {
         BsdfValue f = list_.lights[i].lobes(sample.point, film_(sample.element));
         f.diffuse *= lights[i].power;
         f.specular *= lights[i].power;
-        const float given = luminance(f.sum());
-        if (given > 0.0f && std::isfinite(given)) all.push_back({given, i, f});
+        const float given = luminance(f.sum());  // NaN: left out; without end: first of all, and no more than byAlbedo() lets through
+        if (given > 0.0f) all.push_back({given, i, f});
       }
       const auto before = [](const Candidate& a, const Candidate& b) { return a.given != b.given ? a.given > b.given : a.light < b.light; };
       if (all.size() > most_) {

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "subtractive_stage.h"
+#include "techniques/subtractive/samples_node.h"
 #include "techniques/subtractive/scene_lights.h"
 #include "terms/direct_unoccluded.h"
 #include "terms/dropped_samples.h"
@@ -164,6 +165,21 @@ TEST(SubtractiveLights, AllLightsAtFullResolutionAreTheirDirectLight) {
     }
 }
 
+// What grazes a ball of few facets is above one of its normals and below the other.
+TEST(SubtractiveLights, UnshadowedLightIsAboveBothHorizons) {
+  std::vector<Light> low;
+  for (int i = 0; i < 12; ++i) low.push_back(lamp(LightKind::Point, Vec3(3.0f * std::cos(0.5f * float(i)), 1.0f, 3.0f * std::sin(0.5f * float(i))), Vec3(2.0f)));
+  LampStage s(floorScene([](SceneMaker& m, int white) { m.instance(m.mesh(tests::sphere(Vec3(0, 1, 0), 1.5f, 8, true), white)); }), low, 40, 30);
+  const std::vector<double> truth = s.additive(false);
+  const TermPtr c = s.full();
+  std::vector<double> sum(truth.size(), 0.0);
+  for (size_t e = 0; e < 2 * s.pixels(); ++e)
+    for (size_t i = 0; i < 3; ++i) sum[3 * (e % s.pixels()) + i] += 0.5 * double(c->floats("diffuse")[3 * e + i]);
+  const double mean = meanOf(truth);
+  ASSERT_GT(mean, 0.01);
+  for (size_t i = 0; i < truth.size(); ++i) ASSERT_NEAR(sum[i], truth[i], 1e-5 * (truth[i] + 0.01 * mean)) << i;
+}
+
 // A light of some size has the shadow of the one point that the house's node takes with one ray.
 TEST(SubtractiveLights, OneLightOfSomeSizeHasTheHousesShadowOfOneRay) {
   for (const Light& l : lampsOfSize()) {
@@ -194,7 +210,7 @@ TEST(SubtractiveLights, LampsInOnePlaceHavePointsOfTheirOwn) {
 TEST(SubtractiveLights, BehindClosedWallsTheRatioIsZeroAndNothingLeavesItsRange) {
   const ScenePtr closed = floorScene([](SceneMaker& m, int white) {
     m.instance(m.mesh(tests::box(Vec3(-40, -0.5f, -40), Vec3(40, 9, 40)), white));
-    m.instance(m.mesh(tests::sphere(Vec3(0.5f, 0.8f, 0), 0.7f, 16, true), white));
+    m.instance(m.mesh(tests::box(Vec3(0, 0, -0.5f), Vec3(0.8f, 0.7f, 0.5f)), white));
   });
   std::vector<Light> lamps;
   for (int i = 0; i < 30; ++i) lamps.push_back(lamp(i % 2 ? LightKind::Point : LightKind::Sphere, Vec3(float(i) - 15.0f, 12.0f + 0.1f * float(i), 3), Vec3(200.0f)));
@@ -273,6 +289,47 @@ TEST(SubtractiveLights, WhatHasNoRayIsSeenAsTheOthersOnTheMean) {
         const TermPtr light = s.picture(form, r, k.most);
         for (const float v : light->floats("diffuse")) ASSERT_NEAR(v, k.expected, 2e-5f) << k.most << " r " << r << " form " << int(form);
       }
+}
+
+TEST(SubtractiveLights, HoweverFewRaysTheSamplesHaveTheLightOfAllLamps) {
+  LampStage s(stageScene(), manyLamps(24), 40, 30);
+  const TermPtr own = s.ownLight(s.traced(1, 5)), c = s.full();
+  double mean[2] = {0, 0};
+  for (size_t k = 0; k < 2; ++k)
+    for (const float v : c->floats(k ? "specular" : "diffuse")) mean[k] += double(v) / double(c->floats("diffuse").size());
+  for (size_t k = 0; k < 2; ++k) {
+    ASSERT_GT(mean[k], 0.001);
+    const auto a = own->floats(k ? "specular" : "diffuse"), b = c->floats(k ? "specular" : "diffuse");
+    for (size_t i = 0; i < a.size(); ++i) ASSERT_NEAR(a[i], b[i], 1e-5 * (double(b[i]) + 0.01 * mean[k])) << k << " " << i;
+  }
+  // Moments: of lamps that together have the light of all.
+  LampStage lid(UnderALid::scene(), UnderALid::lamps(), 3, 3, 1);
+  const TermPtr two = lid.traced(1, 2);
+  for (size_t p = 0; p < lid.pixels(); ++p) {
+    ASSERT_NEAR(two->floats("moments")[4 * p], 52.0f * 1.21f, 1e-3f);
+    ASSERT_NEAR(two->floats("moments")[4 * p + 1], 16.0f * 1.21f, 1e-3f);
+  }
+}
+
+TEST(SubtractiveLights, TheRestOfALobeIsSeenAsItsOthersThenAsTheOtherLobeThenWhole) {
+  subtractive::Arrivals arrivals;
+  arrivals.lights.resize(2);
+  arrivals.lights[0].lobe[0] = Vec3(3.0f);
+  arrivals.lights[1].lobe[0] = Vec3(1.0f);
+  arrivals.rest[0] = DVec3(4.0);
+  arrivals.rest[1] = DVec3(2.0, 0.0, 8.0);
+  const subtractive::SampleSums some = sumsOf(arrivals, std::vector<char>{1, 0});
+  for (int c = 0; c < 3; ++c) {
+    EXPECT_NEAR(some.unshadowed[0][c], 8.0, 1e-12);
+    EXPECT_NEAR(some.visible[0][c], 6.0, 1e-12);
+    EXPECT_NEAR(some.visible[1][c], 0.75 * arrivals.rest[1][c], 1e-12) << "as the diffuse lobe";
+  }
+  EXPECT_NEAR(some.squares[0], 4.0 * 10.0, 1e-9);
+  EXPECT_NEAR(some.seen[0], 4.0 * 9.0, 1e-9);
+  EXPECT_EQ(some.squares[1], 0.0);
+  arrivals.lights.clear();
+  const subtractive::SampleSums none = sumsOf(arrivals, {});
+  for (int k = 0; k < 2; ++k) EXPECT_EQ(none.visible[k], arrivals.rest[k]);
 }
 
 // A colour that only lamps without rays have: seen as much as the others' light.
@@ -380,6 +437,15 @@ TEST(SubtractiveLights, LampsThatGiveNothingAreNothing) {
       if (none.g->floats("Ng")[3 * p + 1] > 0.99f) { ASSERT_EQ(dark->floats("diffuse")[3 * p], 0.0f); }
       if (p % 7) break;
     }
+}
+
+TEST(SubtractiveLights, WhatUnshadowedLightLacksIsStillCounted) {
+  LampStage s(stageScene(), manyLamps(3), 12, 9);
+  const TermPtr c = s.full();
+  auto lacking = std::make_shared<Term>(c->type(), c->domain(), c->extent());
+  for (const Plane& p : c->planes()) lacking->addRaw(p.name, p.format, p.channels).bytes = p.bytes;
+  lacking->addPlane<uint32_t>(kDroppedPlane)[s.pixels() + 5] = 7;
+  for (const Form form : kForms) EXPECT_EQ(droppedTotal(*s.light(form, s.traced(1, 3), lacking, 3, 1)).samples, 7u);
 }
 
 // Light beyond single precision is left out and counted; nothing that is not a number leaves a node.
