@@ -12,7 +12,7 @@ namespace gobo::cli {
 namespace {
 
 constexpr const char* kOutputsHelp =
-    "separated by commas: beauty, emission, direct, indirect, diffuse, specular, direct_diffuse, ..., albedo, normal, position, depth, z_depth, alpha, "
+    "separated by commas: beauty, emission, direct, indirect, diffuse, specular, direct_diffuse, ..., negative_light, albedo, normal, position, depth, z_depth, alpha, "
     "object_id, material_id, motion, sample_count, variance, group:LIGHT, unoccluded:LIGHT, visibility:LIGHT, shadow_flags:LIGHT, shadow_rays:LIGHT, "
     "shadow_width:LIGHT, shadow_basis:LIGHT";
 

@@ -50,6 +50,10 @@ Result<OutputPlane> planComposite(OutputContext& o, const std::string& output, c
     if (cuts(shows, k.paths))
       return internalError("output " + output + " shows " + names(shows & k.paths) + " of a plane that also holds " + names(k.paths - shows) + " (" +
                            c.graph().at(k.node).label + ")");
+    if (!light.empty() && overlaps(shows, k.paths) && std::find(k.together.begin(), k.together.end(), group) != k.together.end())
+      return invalidArgument("request.outputs: '" + output + "': the light has subtractive shadows together with " + std::to_string(k.together.size() - 1) +
+                                 " others, and no picture of its own; give it another shadow technique",
+                             "request.outputs");
     if (overlaps(shows, k.paths) && (light.empty() || k.group == group)) shown.push_back(k);
   }
   if (shown.empty() && shows == PathSet::All && !c.scene()->lights.empty())
@@ -65,6 +69,11 @@ Result<OutputPlane> planComposite(OutputContext& o, const std::string& output, c
   } else picture = planSum(c, shown, output);
   if (clear < 0) return OutputPlane{picture, "rgb"};
   return OutputPlane{c.filter(makeWithAlphaNode(c.view().width, c.view().height), {picture, clear}, output + " with alpha"), "rgba"};
+}
+
+Result<OutputPlane> planNegativeLight(OutputContext& o, const std::string& output, const std::string&) {
+  if (o.plan.negative().empty()) o.plan.warn(output + " is black: no light has subtractive shadows (shadows.subtractive, environment.subtractive)");
+  return OutputPlane{planSum(o.plan, o.plan.negative(), output), "rgb"};
 }
 
 Result<OutputPlane> planAlbedo(OutputContext& o, const std::string& output, const std::string&) {

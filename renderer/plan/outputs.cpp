@@ -23,6 +23,7 @@ const OutputInfo kTable[] = {
     {"direct_specular", OutputKind::Radiance, planComposite, PathSet::Direct& PathSet::Specular},
     {"indirect_diffuse", OutputKind::Radiance, planComposite, kIndirect& PathSet::Diffuse},
     {"indirect_specular", OutputKind::Radiance, planComposite, kIndirect& PathSet::Specular},
+    {"negative_light", OutputKind::Radiance, planNegativeLight, PathSet::All},
     {"albedo", OutputKind::Colour, planAlbedo},
     {"normal", OutputKind::Vector, planNormal, PathSet::None, "XYZ"},
     {"position", OutputKind::Range, planPosition, PathSet::None, "XYZ", false, true, GBufferPart::HitsAndPositions},

@@ -34,11 +34,12 @@ struct Contribution {
   std::string plane;
   Vec3 weight{1.0f};
   PathSet paths = PathSet::None;
-  int group = -1;     ///< relight group; -1: no light's
+  int group = -1;     ///< relight group; -1: no light's, or of several
   NodeId state = -1;  ///< path tracing state that it is the mean of, and the slot there; -1: something else
   int slot = 0;
   std::shared_ptr<const TracedPaths> traced;  ///< what brought the slot's light; null: something else
   std::string curvature;                      ///< plane of the same node: how this light bends along surfaces (trace/curvature_sums.h); empty: unknown
+  std::vector<int> together;                  ///< relight groups that share the plane, where they are several
 };
 
 struct PixelWindow {
@@ -125,6 +126,12 @@ class PlanContext {
   /// Of weight 0: left out.
   void add(Contribution c);
   const std::vector<Contribution>& contributions() const { return contributions_; }
+  /// Light below zero that a technique cut off: what is to be added to its planes to have it again is the negative of these.
+  void addNegative(Contribution c) { negative_.push_back(std::move(c)); }
+  const std::vector<Contribution>& negative() const { return negative_; }
+  /// While claiming: these paths of a light of a cluster are brought at the gains that the request gives it, and not at the cluster's.
+  void claimAtGains(int light, PathSet paths) { atGains_.resize(scene()->lights.size(), PathSet::None), atGains_[size_t(light)] = paths; }
+  PathSet atGains(int light) const { return atGains_.empty() ? PathSet::None : atGains_[size_t(light)]; }
   /// Path tracing states of the beauty.
   const std::vector<NodeId>& states() const { return states_; }
   void prune(std::string label, std::string reason, bool approximate = false) { graph_.prune(std::move(label), std::move(reason), approximate); }
@@ -142,7 +149,8 @@ class PlanContext {
   Cover cover_;
   int cameraInVolume_ = -1;  // not asked yet
   NodeId clear_ = -1;
-  std::vector<Contribution> contributions_;
+  std::vector<Contribution> contributions_, negative_;
+  std::vector<PathSet> atGains_;
   std::vector<NodeId> states_, expanded_;
   std::vector<std::string> warnings_, missing_;
   uint64_t reserved_ = 0;

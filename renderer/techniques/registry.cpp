@@ -17,6 +17,7 @@ std::span<const Technique* const> techniques() {
   static const std::array all{
       &pathTraced(),     &directVisibility(), &environmentLights(),   &clusterDifferences(),
       &causticPhotons(), &background(),       &environmentTransfer(), &subtractiveShadows(),
+      &subtractiveLights(),
   };
   return all;
 }

@@ -132,14 +132,7 @@ class ExtractLightsNode final : public Node {
   Result<TermPtr> run(const RunContext& ctx) const override {
     const std::vector<MapLight> lights = extractLights(*ctx.scene->environment(), lights_, by_, ctx.arena, ctx.stop);
     if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
-    auto out = std::make_shared<Term>("light_list", Domain::List, Extent{int(lights.size()), 1, 1});
-    const auto direction = out->addPlane<float>("direction", 3), irradiance = out->addPlane<float>("irradiance", 3);
-    for (size_t i = 0; i < lights.size(); ++i)
-      for (int k = 0; k < 3; ++k) {
-        direction[3 * i + size_t(k)] = float(lights[i].direction[k]);
-        irradiance[3 * i + size_t(k)] = float(std::min(lights[i].flux[k], double(std::numeric_limits<float>::max())));
-      }
-    return TermPtr(out);
+    return lightListTerm(lights);
   }
 
  private:
@@ -157,6 +150,17 @@ std::vector<MapLight> extractLights(const Environment& map, int lights, ExtractB
     case ExtractBy::Wavelet: return waveletLights(map, lights, arena, stop);
   }
   return medianCut(map, lights, stop);
+}
+
+TermPtr lightListTerm(std::span<const MapLight> lights) {
+  auto out = std::make_shared<Term>("light_list", Domain::List, Extent{int(lights.size()), 1, 1});
+  const auto direction = out->addPlane<float>("direction", 3), irradiance = out->addPlane<float>("irradiance", 3);
+  for (size_t i = 0; i < lights.size(); ++i)
+    for (int k = 0; k < 3; ++k) {
+      direction[3 * i + size_t(k)] = float(lights[i].direction[k]);
+      irradiance[3 * i + size_t(k)] = float(std::min(lights[i].flux[k], double(std::numeric_limits<float>::max())));
+    }
+  return out;
 }
 
 NodePtr makeExtractLightsNode(int lights, ExtractBy by, size_t texels) { return std::make_shared<ExtractLightsNode>(lights, by, texels); }

@@ -7,6 +7,8 @@
 //   Structured (structured_lights.h), Wavelet (wavelet_lights.h): lights at texels. A list's first lights are those of a shorter list, with other fluxes.
 #pragma once
 
+#include <span>
+
 #include "terms/node.h"
 #include "terms/texel_cells.h"
 
@@ -16,6 +18,9 @@ enum class ExtractBy { MedianCut, Structured, Wavelet };
 
 /// At most `lights`, fewer where fewer texels are lit. Deterministic for any arena; null: the caller's thread. Of no use after `stop` fired.
 std::vector<MapLight> extractLights(const Environment& map, int lights, ExtractBy by, const TaskArena* arena = nullptr, const StopToken& stop = {});
+
+/// The term "light_list" of lights that were found. Fluxes beyond single precision are its largest number.
+TermPtr lightListTerm(std::span<const MapLight> lights);
 
 /// `texels` of the map that it will be run on: for workingBytes() alone.
 NodePtr makeExtractLightsNode(int lights, ExtractBy by = ExtractBy::MedianCut, size_t texels = 0);

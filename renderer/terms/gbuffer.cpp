@@ -16,6 +16,11 @@ void hashCamera(Hasher& h, const Camera& c) {
   hashOptics(h, c);
 }
 
+void hashView(Hasher& h, const GBufferSettings& view) {
+  hashCamera(h, view.camera);
+  h.add(view.width).add(view.height).add(view.viewSamples);
+}
+
 namespace {
 
 class GBufferNode final : public Node {
@@ -32,8 +37,7 @@ class GBufferNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override {
-    hashCamera(h, s_.camera);
-    h.add(s_.width).add(s_.height).add(s_.viewSamples);
+    hashView(h, s_);
     s_.place.hash(h);
     if (!all()) h.add("part").add(s_.part);
   }

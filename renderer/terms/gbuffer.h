@@ -28,6 +28,8 @@ struct GBufferSettings {
   int filmHeight() const { return place.whole() ? height : place.filmHeight; }
 };
 void hashCamera(Hasher& hasher, const Camera& camera);
+/// Camera, size and view samples. Sources that draw numbers by the place on the film add `view.place`; it is part of what the others read.
+void hashView(Hasher& hasher, const GBufferSettings& view);
 
 NodePtr makeGBufferNode(const GBufferSettings& settings);
 

@@ -18,10 +18,7 @@ class SurfaceNode final : public Node {
     t.tileable = true;
     return t;
   }
-  void hashParameters(Hasher& h) const override {
-    hashCamera(h, s_.camera);
-    h.add(s_.width).add(s_.height).add(s_.viewSamples);
-  }
+  void hashParameters(Hasher& h) const override { hashView(h, s_); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 1);
     w.over(0, s_.extent());

@@ -198,6 +198,11 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     for (const char* b : {"environment.sky.turbidity=3", as, "environment.subtractive.lights=7"}) set(r, b);
     all.emplace_back(as, r);
   }
+  for (const char* as : {"shadows.subtractive.resolution=3", "shadows.subtractive.form=DIFFERENCE"}) {
+    v1::RenderRequest r = smallRequest("lights8", width, height, 1);  // has what shines, and lamps of every kind
+    for (const char* b : {as, "shadows.subtractive.lights=3", "outputs=beauty,negative_light"}) set(r, b);
+    all.emplace_back(as, r);
+  }
   for (const char* by : {"STRUCTURED", "WAVELET"}) {
     v1::RenderRequest r = smallRequest("cornell", width, height, 1);
     for (const std::string& a :

@@ -60,11 +60,28 @@ Result<NodeId> automatic(PlanContext& c, const ShadowInput& in, const v1::Shadow
 
 }  // namespace
 
+namespace {
+/// What subtractive shadows of lights know nothing of; null: nothing.
+const char* subtractiveLacks(const PlanContext& c) {
+  if (c.kinds().extended) return "coats, sheen, anisotropy, films or thin walls";
+  return c.kinds().clear ? "surfaces that light passes straight on" : nullptr;
+}
+}  // namespace
+
 v1::ShadowTechnique shadowTechniqueOf(PlanContext& c, int light, const ScenePtr& scene, const std::string& name) {
   v1::ShadowTechnique t = c.request().shadows();
   const auto edit = c.request().lights().find(name);
   if (edit != c.request().lights().end() && edit->second.has_shadow()) t = edit->second.shadow();
   const LightKind kind = scene->lights[size_t(light)].shape.kind;
+  if (t.has_subtractive() && kind != LightKind::Environment && !c.cameraInVolume()) {
+    if (const char* why = subtractiveLacks(c)) {
+      c.warn(std::string("shadows.subtractive: the scene has ") + why + ": ray_traced used");
+      t.mutable_ray_traced()->set_samples(16);
+    } else if (t.has_style()) {
+      c.warn("light '" + name + "' shares its subtractive shadow with others: it has none for shadows.style");
+      t.clear_style();
+    }
+  }
   const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
   // Without visibility there is nothing that could have a style.
   const auto traced = [&] {
@@ -73,8 +90,9 @@ v1::ShadowTechnique shadowTechniqueOf(PlanContext& c, int light, const ScenePtr&
     t.mutable_path_traced();
     return t;
   };
-  if (entry && kind == LightKind::Environment) return traced();
-  if (entry && c.cameraInVolume()) {
+  const bool seen = entry || t.has_subtractive();  // not path traced
+  if (seen && kind == LightKind::Environment) return traced();
+  if (seen && c.cameraInVolume()) {
     c.warn("the camera is inside a volume: direct light is path traced");
     return traced();
   }

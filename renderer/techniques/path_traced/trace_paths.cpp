@@ -7,6 +7,7 @@
 #include "filters/sample_statistics.h"
 #include "filters/state_difference.h"
 #include "terms/path_trace.h"
+#include "trace/reach.h"
 #include "trace/sample_passes.h"
 
 namespace gobo {
@@ -100,7 +101,7 @@ Status addPathTrace(PlanContext& c, const PathTraceJob& job) {
       if (!overlaps(held, job.paths)) continue;
       if (!contains(job.paths, held)) return internalError("path tracing cannot leave out " + names(held - job.paths) + " (" + job.label + ")");
       const int slot = int(g) * per + k;
-      Contribution light{mean, "s" + std::to_string(slot), job.weights[g], held, job.groups[g], state, slot, traced, {}};
+      Contribution light{mean, "s" + std::to_string(slot), job.weights[g], held, job.groups[g], state, slot, traced, {}, {}};
       if (s.split == SplitMode::ByLobeAndCurvature && contains(PathSet::Indirect, held)) light.curvature = "s" + std::to_string(slot + 2);
       c.add(std::move(light));
     }
@@ -160,7 +161,8 @@ Status traceDifference(PlanContext& c, int light, const Vec3& weight) {
   PathTraceJob job;
   job.label = "difference:" + l.name;
   // All classes at once, whatever technique the cluster uses for its own direct light.
-  job.paths = c.cover().wanted() - c.cover().claimedBy(light, kBackgroundTechnique);
+  job.paths = c.cover().wanted() - c.cover().claimedBy(light, kBackgroundTechnique) - c.atGains(light);
+  if (job.paths == PathSet::None || (job.paths == PathSet::Emission && !rayReaches(l.shape, l.cameraVisible, Receiver::Camera, Passage::Open))) return {};
   job.lights = {light};
   job.nominal = {Vec3(nominalScalar(l))};
   job.slotGroup = {0};

@@ -28,6 +28,7 @@ class LightNode final : public Node {
  public:
   explicit LightNode(const LightSettings& s) : s_(s) {}
   std::string type() const override { return "subtractive_light"; }
+  int version() const override { return 2; }  // 2: negative light by channel
   NodeTraits traits() const override {
     NodeTraits t;
     t.tileable = true;
@@ -35,8 +36,7 @@ class LightNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override {
-    hashCamera(h, s_.view.camera);
-    h.add(s_.view.width).add(s_.view.height).add(s_.view.viewSamples);
+    hashView(h, s_.view);
     s_.view.place.hash(h);
     s_.resampling.hash(h);
     h.add(s_.form);
@@ -51,7 +51,7 @@ class LightNode final : public Node {
     return w.gives({"direct_light",
                     Domain::Pixel,
                     {view.width, view.height, 1},
-                    {plane<float>("diffuse", 3), plane<float>("specular", 3), plane<float>("negative"), mayDrop()}});
+                    {plane<float>("diffuse", 3), plane<float>("specular", 3), plane<float>("negative", 3), mayDrop()}});
   }
   Cost cost(const TermShape& result, uint32_t) const override {
     const double side = 2.0 * s_.resampling.reach() / s_.resampling.resolution + 1.0;
@@ -103,10 +103,10 @@ class LightNode final : public Node {
           dropped.add(p, 1);
           continue;
         }
-        Vec3 below(0.0f);
-        for (int i = 0; i < 3; ++i) below[i] = maxOf(-light[i], 0.0f), light[i] = maxOf(light[i], 0.0f);
-        negative[p] += luminance(below) * share;
-        for (int i = 0; i < 3; ++i) out[k][3 * p + size_t(i)] += light[i] * share;
+        for (int i = 0; i < 3; ++i) {
+          negative[3 * p + size_t(i)] += maxOf(-light[i], 0.0f) * share;
+          out[k][3 * p + size_t(i)] += maxOf(light[i], 0.0f) * share;
+        }
       }
     };
     const bool complete = ctx.arena->parallelFor(
@@ -117,6 +117,7 @@ class LightNode final : public Node {
         },
         ctx.stop);
     if (!complete) return Status(Code::Cancelled, "subtractive_light: stopped");
+    passOnDropped(map, *ctx.result);
     return TermPtr(ctx.result);
   }
 

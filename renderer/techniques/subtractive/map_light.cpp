@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "techniques/subtractive/receiver.h"
@@ -73,8 +72,8 @@ class UnshadowedMapNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override {
-    hashCamera(h, view_.camera);
-    h.add(view_.width).add(view_.height).add(view_.viewSamples).add(map_->content).add(rotation_).addPod(scale_).add(shines_);
+    hashView(h, view_);
+    h.add(map_->content).add(rotation_).addPod(scale_).add(shines_);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, shines_ ? 4 : 3);
@@ -163,14 +162,7 @@ class ResidualLightsNode final : public Node {
     if (!map) return Status(Code::Cancelled, "stopped");
     const std::vector<MapLight> lights = extractLights(*map, lights_, by_, ctx.arena, ctx.stop);
     if (ctx.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
-    auto out = std::make_shared<Term>("light_list", Domain::List, Extent{int(lights.size()), 1, 1});
-    const auto direction = out->addPlane<float>("direction", 3), irradiance = out->addPlane<float>("irradiance", 3);
-    for (size_t i = 0; i < lights.size(); ++i)
-      for (int k = 0; k < 3; ++k) {
-        direction[3 * i + size_t(k)] = float(lights[i].direction[k]);
-        irradiance[3 * i + size_t(k)] = float(std::min(lights[i].flux[k], double(std::numeric_limits<float>::max())));
-      }
-    return TermPtr(out);
+    return lightListTerm(lights);
   }
 
  private:

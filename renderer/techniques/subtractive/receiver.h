@@ -7,7 +7,7 @@
 
 #include "terms/gbuffer.h"
 #include "terms/surface.h"
-#include "trace/bsdf.h"
+#include "terms/unoccluded_light.h"
 
 namespace gobo::subtractive {
 
@@ -60,6 +60,17 @@ struct Receivers {
     b.transmission = material[5 * e + 4];
     b.entering = (flags[e] & kSurfaceEntering) != 0;
     return b;
+  }
+  /// For light that arrives, with this material.
+  LitPoint point(size_t e, const BsdfParams& b) const {
+    LitPoint out;
+    out.p = at(P, e);
+    out.n = at(N, e);
+    out.ng = at(Ng, e);
+    out.wo = this->out(e);
+    out.bsdf = b;
+    if (!out.lambert() && out.n != out.ng) out.bsdf.facing = out.frame().toLocal(out.ng);
+    return out;
   }
   /// What the lobes reflect of light from everywhere: what light is divided by before it is resampled, and multiplied with after.
   LobeAlbedos albedos(size_t e, const BsdfParams& b) const { return bsdfLobeAlbedos(b, std::clamp(glm::dot(at(N, e), out(e)), 1e-3f, 1.0f)); }

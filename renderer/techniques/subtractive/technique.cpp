@@ -8,6 +8,7 @@
 #include "technique/plan_context.h"
 #include "techniques/subtractive/light.h"
 #include "techniques/subtractive/map_light.h"
+#include "techniques/subtractive/request_fields.h"
 #include "techniques/subtractive/samples.h"
 #include "techniques/transfer/nodes.h"
 #include "techniques/transfer/split_lights.h"
@@ -27,14 +28,6 @@ const char* declined(PlanContext& c) {
     return scene.materials[size_t(scene.meshes[size_t(in.mesh)]->material)].bsdf.transmission > 0.0f;
   });
   return transmits ? "the scene has transmission" : nullptr;
-}
-
-subtractive::Form formOf(const Asked& asked) {
-  switch (asked.form()) {
-    case Asked::BETA: return subtractive::Form::Beta;
-    case Asked::DIFFERENCE: return subtractive::Form::Difference;
-    default: return subtractive::Form::Ratio;
-  }
 }
 
 /// In the world, at nominal power. Null: as many as there may be, for a bound.
@@ -96,11 +89,7 @@ class SubtractiveShadows final : public Technique {
     const NodeId list = source(subtractive::makeResidualLightsNode(environment, int(asked.lights()), extractBy(sky)), {split}, "subtractive:lights");
     GOBO_ASSIGN(const TermPtr found, c.expand(list));
 
-    subtractive::Resampling resampling;
-    resampling.resolution = int(asked.resolution());
-    resampling.width = float(asked.width());
-    resampling.cosine = std::cos(float(asked.angle_deg()) * kPi / 180.0f);
-    resampling.planeDistance = float(asked.plane_distance());
+    const subtractive::Resampling resampling = subtractive::resamplingOf(asked);
     subtractive::SamplesSettings samples{c.view(), resampling, fewLights(found, asked.lights(), environment->rotation, nominal)};
     const NodeId traced = source(subtractive::makeSamplesNode(samples), {c.gbuffer(), c.surface()}, "subtractive:samples");
     std::vector<NodeId> inputs{c.gbuffer(), c.surface(), split};
@@ -109,7 +98,7 @@ class SubtractiveShadows final : public Technique {
     const NodeId full =
         c.filter(subtractive::makeUnshadowedMapNode(c.view(), environment, environment->rotation, nominal, shines), inputs, "subtractive:unshadowed");
 
-    GraphNode n{subtractive::makeLightNode({c.view(), resampling, formOf(asked), int(samples.lights.size())}),
+    GraphNode n{subtractive::makeLightNode({c.view(), resampling, subtractive::formOf(asked), int(samples.lights.size())}),
                 {c.gbuffer(), c.surface(), traced, full},
                 {},
                 "subtractive:light"};
@@ -118,6 +107,7 @@ class SubtractiveShadows final : public Technique {
     const NodeId light = c.graph().add(std::move(n));
     c.add({light, "diffuse", c.groupGain(group), PathSet::FrontDiffuse, group});
     if (shines) c.add({light, "specular", c.groupGain(group), PathSet::FrontSpecular, group});
+    c.addNegative({light, "negative", c.groupGain(group), PathSet::Front, group});
     return transfer::planSplitLights(c, bright, map, int(asked.bright_lights()), c.lobes());
   }
 };

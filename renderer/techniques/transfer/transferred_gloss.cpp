@@ -35,8 +35,8 @@ class TransferredGlossNode final : public Node {
     return t;
   }
   void hashParameters(Hasher& h) const override {
-    hashCamera(h, view_.camera);
-    h.add(view_.width).add(view_.height).add(view_.viewSamples).add(part_).add(s_.bands).add(rotation_).addPod(scale_);
+    hashView(h, view_);
+    h.add(part_).add(s_.bands).add(rotation_).addPod(scale_);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 7);

@@ -202,7 +202,7 @@ TEST(SubtractiveNodes, UnderAClosedSkyRatioAndBetaAreBlackAndNegativeLightIsCoun
     double expected = 0, counted = 0;
     for (size_t e = 0; e < 2 * s.pixels(); ++e)
       for (const char* lobe : {"diffuse", "specular"}) expected += 0.5 * double(luminance(subtractive::Receivers::at(own->floats(lobe), e)));
-    for (const float n : difference->floats("negative")) counted += double(n);
+    for (size_t p = 0; p < s.pixels(); ++p) counted += double(luminance(subtractive::Receivers::at(difference->floats("negative"), p)));
     EXPECT_GT(expected, 1.0);
     EXPECT_NEAR(counted / expected, 1.0, 1e-5);
   }

@@ -174,7 +174,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"variant", "Rerun.AnimationsAndVariants"},
       {"curves", "Rerun.CurvesAreTheirValues"},
       {"expressions", "Rerun.FormulasOfStylesReRunWhatReadsThem; those over time are numbers: Expressions.OverTimeMeanWhatWouldHaveBeenTypedIn"},
-      {"shadows", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
+      {"shadows", "Rerun.FilterParameters, Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt and SubtractiveLightRequests.AnEditRunsWhatItChanges"},
       {"lights.*.shadow", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
   };
   return table;

@@ -101,6 +101,7 @@ ScenePtr stage() {
   int n = 0;
   for (const LightKind kind : {LightKind::Spot, LightKind::Rect, LightKind::Sphere, LightKind::Directional}) place(kindOf(kind), kind, n++);
   for (const ShadowTechniqueEntry& t : shadowTechniques()) place(t.name, t.supports(LightKind::Rect) ? LightKind::Rect : LightKind::Spot, n++);
+  place("subtractive", LightKind::Rect, n++);
   Camera c;
   c.name = "eye";
   c.toWorld = Mat4(Vec4(1, 0, 0, 0), Vec4(0, 0.8f, -0.6f, 0), Vec4(0, 0.6f, 0.8f, 0), Vec4(0, 2.4f, 3.4f, 1));
@@ -124,6 +125,7 @@ v1::RenderRequest requestFor(const Scene& scene) {
     if (technique.has_auto_()) technique.mutable_auto_()->set_error(0.3);
     if (technique.has_ray_traced()) technique.mutable_ray_traced()->set_samples(2);
   }
+  (*r.mutable_lights())["subtractive"].mutable_shadow()->mutable_subtractive()->set_resolution(2);
   for (const OutputInfo& o : outputTable()) {
     if (!o.perLight) {
       r.add_outputs(o.name);

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "base/hash.h"
+#include "base/sobol.h"
 #include "techniques/transfer/compression/half_float.h"
 #include "techniques/transfer/compression/symmetric_eigen.h"
 

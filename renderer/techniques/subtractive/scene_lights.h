@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// Subtractive shadows of a scene's lights: their unshadowed light in full detail, and the samples whose shadows stand for it. Lights of any kind but an
+// environment, together in one pass: nothing is held for a single one. Receivers as everywhere here (receiver.h).
+#pragma once
+
+#include <vector>
+
+#include "techniques/subtractive/receiver.h"
+
+namespace gobo::subtractive {
+
+struct SceneLight {
+  int light = 0;  ///< index into the scene's lights; the node's subset holds all of them
+  Vec3 power{1.0f};
+};
+
+struct SceneLightsSettings {
+  GBufferSettings view;
+  std::vector<SceneLight> lights;
+  int samples = 32;   ///< a light and view sample, where unshadowed light has no closed form (terms/unoccluded_light.h)
+  uint64_t seed = 0;  ///< nothing depends on it where all of them are points and directions
+};
+
+/// Term "unshadowed_lights", domain ViewSample: "diffuse", "specular" f32x3, radiance, >= 0: the sum over the lights of what "direct_unoccluded" has of each
+/// lobe. Sums in double. Inputs: G-buffer, surface. A sample of which the sum is not finite is counted in "dropped" and is 0.
+/// Cost: a look at the material for each light and view sample, 20 to 100 ns for points and directions, `samples` as many for lights of some size over what
+/// shines. 8 bytes of memory a light.
+NodePtr makeUnshadowedLightsNode(const SceneLightsSettings& settings);
+
+/// Term "subtractive_light_samples", with the planes of "subtractive_samples" (samples.h). Inputs: G-buffer, surface.
+/// At each traced sample the `most` lights that give it most unshadowed light (luminance of both lobes; of equal ones the first) have a shadow ray each, and the
+/// others are seen as much as these on the mean, by luminance, lobe by lobe: the samples' unshadowed light is that of all lights, so the forms differ only by
+/// what resampling does. With no more than `most` lights, all have rays and at r = 1 the result is their shadowed light. More rays are a longer list that
+/// begins with the same lights (nested). Choosing by sample, not for the picture: of lamps that fall with the distance none is strong everywhere, and what
+/// changes from one to the next sample is the weakest light of a list, no more than 1 / `most` of what there is.
+/// Lights of some size have hard shadows from one point, which differs from sample to sample: the i-th light has the i-th point of the view sample's Owen-
+/// scrambled sequence, so that lights of one sample are spread over each other's strata. A mesh light counts by area. A point that cannot shine on the sample:
+/// seen, as in terms/visibility.h.
+/// Cost: for each traced sample a look at the material for each light and `most` rays.
+struct LightSamplesSettings {
+  SceneLightsSettings from;
+  Resampling resampling;
+  int most = 40;
+};
+NodePtr makeLightSamplesNode(const LightSamplesSettings& settings);
+
+}  // namespace gobo::subtractive

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "terms/unoccluded_light.h"
+
+#include <numbers>
+
+#include "base/sobol.h"
+#include "trace/area_lights.h"
+#include "trace/distant_light.h"
+
+namespace gobo {
+
+namespace {
+
+Vec3 partOf(const BsdfValue& f, LobePart lobe) { return lobe == LobePart::Both ? f.sum() : lobe == LobePart::Diffuse ? f.diffuse : f.specular; }
+
+/// The part of the light above the surface is the same by both normals. above: cosine of the light's centre to the geometric one; sine: of its half angle.
+bool sameHorizon(const LitPoint& r, double above, double sine) { return r.n == r.ng || above >= sine; }
+
+/// As the tracer has it, from the front. What comes through the surface is no part of this term: its shadows are other ones.
+bool arrives(const LitPoint& r, const Vec3& wi) { return glm::dot(wi, r.ng) > 0 && glm::dot(wi, r.n) > 0; }
+
+constexpr int kParallels = 5;
+constexpr double kGaussNode[kParallels] = {-0.9061798459386640, -0.5384693101056831, 0.0, 0.5384693101056831, 0.9061798459386640};
+constexpr double kGaussWeight[kParallels] = {0.2369268850561891, 0.4786286704993665, 0.5688888888888889, 0.4786286704993665, 0.2369268850561891};
+
+/// Where the highlight of a glossy surface is, a few samples of either kind are too few: a light at infinity takes a share of the lobe, and one BSDF
+/// sample more or less that falls inside it changes hundreds of times the picture's mean by a quarter. cosine: of the mirror direction to the
+/// light's centre; h: tangent of its larger half angle. Lights in the sky lie in few lobes; wide lobes have no such peaks.
+constexpr int kHighlightScale = 16;
+constexpr double kHighlightAlpha = 0.1;
+bool inHighlight(const LitPoint& r, double cosine, double h) {
+  double alpha = 1e9;
+  for (const float roughness : {r.bsdf.roughness, r.bsdf.clearcoat > 0.0f ? r.bsdf.clearcoatRoughness : 1.0f})
+    if (const double a = double(roughness) * roughness; a >= kDeltaAlpha) alpha = std::min(alpha, a);
+  return alpha < std::min(8.0 * h, kHighlightAlpha) && std::acos(std::clamp(cosine, -1.0, 1.0)) < 1.5 * h + 4.0 * alpha;
+}
+
+}  // namespace
+
+Vec3 UnoccludedLight::at(const LitPoint& r, size_t element, LobePart lobe) const {
+  Vec3 value(0.0f);
+  return closedForm(r, lobe, value) ? value : sampled(r, element, lobe);
+}
+
+BsdfValue UnoccludedLight::lobes(const LitPoint& r, size_t element) const {
+  BsdfValue out;
+  if (isDeltaLight(shape_)) {  // one look at the material for both
+    LightSample ls;
+    if (!sampler_->sample(light_, r.p, Vec2(0.5f), ls) || !arrives(r, ls.direction)) return out;
+    const Frame frame = r.frame();
+    out = r.value(frame.toLocal(r.wo), frame.toLocal(ls.direction));
+    out.diffuse *= ls.radiance;
+    out.specular *= ls.radiance;
+    return out;
+  }
+  out.diffuse = at(r, element, LobePart::Diffuse);
+  if (!r.lambert()) out.specular = at(r, element, LobePart::Specular);
+  return out;
+}
+
+/// Exact for Lambert receivers of rectangles and spheres whose visible part is the same by both normals.
+bool UnoccludedLight::closedForm(const LitPoint& r, LobePart lobe, Vec3& value) const {
+  const LightShape& s = shape_;
+  if (!r.lambert()) return false;
+  if (lobe == LobePart::Specular) {
+    value = Vec3(0.0f);
+    return true;
+  }
+  const DVec3 p(r.p), n(r.n);
+  if (s.kind == LightKind::Rect) {
+    const DVec3 u(s.u), v(s.v), corner = DVec3(s.position) - u - v;
+    if (!s.twoSided && glm::dot(p - DVec3(s.position), DVec3(s.axis)) <= 0) {
+      value = Vec3(0.0f);
+      return true;
+    }
+    if (r.n != r.ng)  // the tracer also wants light above the geometric horizon; where the light crosses it, sample
+      for (int k = 0; k < 4; ++k)
+        if (glm::dot(corner + u * double(2 * (k & 1)) + v * double(k & 2) - p, DVec3(r.ng)) <= 0) return false;
+    value = r.bsdf.albedo * float(rectFormFactor(p, n, corner, 2.0 * u, 2.0 * v));
+    return true;
+  }
+  if (s.kind == LightKind::Sphere) {
+    const DVec3 d = DVec3(s.position) - p;
+    const double distance = glm::length(d);
+    if (!(distance > double(s.radius)) || !sameHorizon(r, glm::dot(d, DVec3(r.ng)) / distance, double(s.radius) / distance)) return false;
+    value = r.bsdf.albedo * float(sphereFormFactor(p, n, DVec3(s.position), double(s.radius)));
+    return true;
+  }
+  return false;
+}
+
+/// The diffuse lobe under a sun of some size, whose visible part is the same by both normals. What a plane gets of it is exact: it falls with the cosine
+/// of its centre, as of a ball. A lobe below an interface is a smooth function of the light's cosine times it: of a disk that is whole above the horizon
+/// four places (two of them at one cosine) on the circle whose mean is the disk's, exact for what is linear in the cosine and to the third order of the
+/// disk's angle otherwise; of one that is cut by it, five parallels.
+bool UnoccludedLight::sunlit(const LitPoint& r, Vec3& value) const {
+  const LightShape& s = shape_;
+  value = Vec3(0.0f);
+  if (r.extended) return false;
+  const double sine = std::sin(0.5 * double(s.angularSize)), up = -glm::dot(DVec3(r.n), DVec3(s.axis)), above = -glm::dot(DVec3(r.ng), DVec3(s.axis));
+  if (up <= -sine || above <= -sine) return true;
+  if (!sameHorizon(r, above, sine)) return false;
+  if (r.lambert()) {
+    value = r.bsdf.albedo * float((up >= sine ? up : capFormFactor(up, sine) / (sine * sine)) / std::numbers::pi);
+    return true;
+  }
+  const double cosine = std::sqrt(1.0 - sine * sine), out = std::sqrt(std::max(1.0 - up * up, 0.0));
+  const Vec3 wo = r.frame().toLocal(r.wo);
+  if (up >= sine) {
+    // Mean cosine to the centre is (1 + cos a) / 2 for half angle a; the disk's solid angle over its irradiance is the reciprocal.
+    const double mean = 0.5 * (1.0 + cosine), across = std::sqrt(1.0 - mean * mean) * out;
+    const float cosines[3] = {float(mean * up), float(mean * up + across), float(std::max(mean * up - across, 1e-9))};
+    Vec3 f[3];
+    bsdfDiffuse(r.bsdf, wo, cosines, f);
+    value = (0.5f * f[0] + 0.25f * (f[1] + f[2])) * float(1.0 / mean);
+    return true;
+  }
+  // By Gauss's rule in t: cosines are middle + half sin t from the horizon to the highest, where the parallel's arc within the disk ends like a root.
+  const double middle = up * cosine, half = out * sine, from = std::asin(std::clamp(-middle / half, -1.0, 1.0)), to = 0.5 * std::numbers::pi;
+  float cosines[kParallels];
+  double weights[kParallels];
+  for (int k = 0; k < kParallels; ++k) {
+    const double t = 0.5 * (from + to) + 0.5 * (to - from) * kGaussNode[k], m = std::max(middle + half * std::sin(t), 1e-9);
+    const double arc = 2.0 * std::acos(std::clamp((cosine - m * up) / (std::sqrt(std::max(1.0 - m * m, 1e-30)) * out), -1.0, 1.0));
+    cosines[k] = float(m);
+    weights[k] = 0.5 * (to - from) * kGaussWeight[k] * half * std::cos(t) * arc;
+  }
+  Vec3 f[kParallels];
+  bsdfDiffuse(r.bsdf, wo, cosines, f);
+  DVec3 sum(0.0);
+  for (int k = 0; k < kParallels; ++k) sum += weights[k] * DVec3(f[k]);
+  value = Vec3(sum / (std::numbers::pi * sine * sine));
+  return true;
+}
+Vec3 UnoccludedLight::sampled(const LitPoint& r, size_t element, LobePart part) const {
+  const LightShape& shape = shape_;
+  const Frame frame = r.frame();
+  const Vec3 wo = frame.toLocal(r.wo);
+  const auto reflected = [&](const Vec3& wi) {
+    if (!arrives(r, wi)) return Vec3(0.0f);
+    return partOf(r.value(wo, frame.toLocal(wi)), part);
+  };
+  LightSample ls;
+  if (isWideDirectional(shape)) {
+    if (shape.angularSize != 0.0f) {
+      Vec3 diffuse;
+      if (part == LobePart::Specular || !sunlit(r, diffuse)) return distant(r, frame, wo, element, part);
+      return r.lambert() || part == LobePart::Diffuse ? diffuse : diffuse + distant(r, frame, wo, element, LobePart::Specular);
+    }
+    if (r.lambert()) return reflected(-shape.axis);
+    Vec3 value(0.0f);
+    if (part != LobePart::Specular && arrives(r, -shape.axis)) value += r.value(wo, frame.toLocal(-shape.axis)).diffuse;
+    if (part != LobePart::Diffuse) value += distant(r, frame, wo, element, LobePart::Specular);
+    return value;
+  }
+  if (isDeltaLight(shape)) return sampler_->sample(light_, r.p, Vec2(0.5f), ls) ? reflected(ls.direction) * ls.radiance : Vec3(0.0f);
+
+  // Light samples and BSDF samples by the balance heuristic; BSDF samples only for lights that a ray can be tested against here.
+  const bool both = shape.kind != LightKind::Mesh && !r.lambert();
+  const int nLight = both ? (samples_ + 1) / 2 : samples_, nBsdf = samples_ - nLight;
+  DVec3 sum(0.0);
+  const uint64_t seed = hash64(hash64(seed_, 0x646972u), element);
+  for (int k = 0; k < nLight; ++k) {
+    SobolSampler u(seed, uint32_t(k));
+    if (!sampler_->sample(light_, r.p, u.next2D(), ls)) continue;
+    const float pb = nBsdf ? bsdfPdf(r.bsdf, wo, frame.toLocal(ls.direction)) : 0.0f;
+    sum += DVec3(reflected(ls.direction) * ls.radiance) / double(nLight * ls.pdf + nBsdf * pb);
+  }
+  for (int k = 0; k < nBsdf; ++k) {
+    SobolSampler u(hash64(seed, 1), uint32_t(k));
+    BsdfSample b;
+    const float lobe = u.next1D();
+    if (!bsdfSample(r.bsdf, wo, lobe, u.next2D(), b) || b.delta || b.pdf <= 0) continue;
+    Ray ray;
+    ray.origin = r.p;
+    ray.direction = frame.toWorld(b.wi);
+    if (!arrives(r, ray.direction)) continue;
+    float t;
+    Vec3 normal;
+    if (!intersectAreaLight(shape, ray, t, normal)) continue;  // whatever other light is before it: lights block nothing
+    const float pl = sampler_->pdf(light_, r.p, ray.direction, t, 0);
+    const Vec3 f = partOf(r.value(wo, b.wi), part) * sampler_->emitted(light_, ray.direction, 0, 0, 0, normal);
+    sum += DVec3(f) / double(nLight * pl + nBsdf * b.pdf);
+  }
+  return Vec3(sum);
+}
+
+/// Lobes under a light at infinity of irradiance 1, uniform over its disk or rectangle. Light and BSDF samples, balance heuristic.
+Vec3 UnoccludedLight::distant(const LitPoint& r, const Frame& frame, const Vec3& wo, size_t element, LobePart lobes) const {
+  const LightShape& shape = shape_;
+  const DistantLight light(shape);
+  const double h = shape.angularSize != 0.0f ? std::tan(0.5 * double(shape.angularSize)) : 0.5 * std::max(shape.skyRectangle.x, shape.skyRectangle.y);
+  const bool highlight = !r.lambert() && inHighlight(r, -glm::dot(shape.axis, frame.toWorld(Vec3(-wo.x, -wo.y, wo.z))), h);
+  const int samples = highlight ? kHighlightScale * samples_ : samples_, nLight = r.lambert() ? samples : (samples + 1) / 2, nBsdf = samples - nLight;
+  const uint64_t seed = hash64(hash64(seed_, 0x676c6fu), element);
+  DVec3 sum(0.0);
+  for (int k = 0; k < samples; ++k) {
+    SobolSampler u(seed, uint32_t(k));
+    Vec3 wi, local;
+    double pl;
+    if (k < nLight) {
+      wi = light.sample(u.next2D(), pl);
+      local = frame.toLocal(wi);
+    } else {
+      BsdfSample b;
+      const float lobe = u.next1D();
+      if (!bsdfSample(r.bsdf, wo, lobe, u.next2D(), b) || b.delta || b.pdf <= 0) continue;
+      local = b.wi;
+      wi = frame.toWorld(local);
+      pl = light.pdf(wi);
+    }
+    if (!(pl > 0) || !arrives(r, wi)) continue;
+    float density;
+    const Vec3 f = partOf(r.value(wo, local, density), lobes);
+    sum += DVec3(f) / (nLight * pl + nBsdf * double(density));
+  }
+  return Vec3(sum / light.irradiance());
+}
+
+}  // namespace gobo
