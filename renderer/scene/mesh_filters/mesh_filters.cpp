@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "scene/coordinates.h"
 #include "scene/mesh_filters/cluster.h"
@@ -29,7 +30,7 @@ bool hasArea(const Array<uint32_t>& indices, const Array<Vec3>& positions) {
 }  // namespace
 
 glm::dmat3 stretchOf(const Mat4& toWorld) {
-  glm::dmat3 m(DVec3(toWorld[0]), DVec3(toWorld[1]), DVec3(toWorld[2]));
+  glm::dmat3 m{glm::mat3(toWorld)};
   // Powers of two out, so that squares neither overflow nor vanish.
   double most = 0.0;
   for (int c = 0; c < 3; ++c)
@@ -48,7 +49,7 @@ glm::dmat3 stretchOf(const Mat4& toWorld) {
     s += glm::outerProduct(e.vector[k], e.vector[k]) * value;
   }
   if (smallest > kRoundable * largest) {  // or rounding could take the thin axis away
-    const double unit = std::ldexp(1.0, std::ilogb(largest) - 20);
+    const double unit = std::ldexp(1.0, std::ilogb(largest) - 17);
     for (int c = 0; c < 3; ++c)
       for (int r = 0; r < 3; ++r) s[c][r] = std::round(s[c][r] / unit) * unit;
   }

@@ -2,14 +2,18 @@
 // Filters of meshes: simplified by vertex clustering, then smoothed, then inflated. The geometric counterpart of stylised shadows (DeCoro 2009, 2.2 and
 // figures 1.13, 3.9) and a level of detail by itself. docs/mesh_filters.md is the manual.
 //
-// Vertices of equal position are one point to every filter (weld.h), so seams of texture coordinates and of creases do not open.
+// Vertices of one position are one point to every filter (weld.h), so seams of texture coordinates and of creases do not open.
 #pragma once
+
+#include <memory>
 
 #include "base/status.h"
 #include "base/stop.h"
 #include "scene/mesh_view.h"
 
 namespace gobo {
+
+using MeshPtr = std::shared_ptr<const Mesh>;
 
 enum class MeshSmoothing : uint8_t { Laplacian, Taubin };
 
@@ -28,7 +32,7 @@ struct MeshFilter {
 
 /// The symmetric factor S of a transform's linear part M = R S (polar decomposition, R orthogonal): lengths, angles and areas of S p are those of the
 /// object in the world, whichever way it is turned, mirrored or moved, so that a filtered object keeps its mesh while it moves rigidly. Entries are
-/// rounded to about 2^-20 of the largest one, which takes the rounding of a rotation out; not of objects with an axis below 2^-12 of the longest. Axes below 1e-7 of
+/// rounded to about 2^-17 of the largest one, which takes the rounding of a rotation out; not of objects with an axis below 2^-12 of the longest. Axes below 1e-7 of
 /// it count as that.
 glm::dmat3 stretchOf(const Mat4& toWorld);
 

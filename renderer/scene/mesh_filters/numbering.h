@@ -3,6 +3,7 @@
 #pragma once
 
 #include <bit>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -13,8 +14,6 @@ inline constexpr size_t kFilterPoll = 1024;
 
 /// Sums of angle times unit normal below this are rounding: normals that cancel, as those of a sheet that lies on its own back.
 inline constexpr double kLeastNormal = 1e-9;
-
-inline uint64_t bitsOf(float x) { return std::bit_cast<uint32_t>(x); }
 
 /// Numbers triples 0, 1, 2, ... as they first occur. Open addressing: 24 bytes and one look, mostly, for each triple.
 class Numbering {
@@ -30,14 +29,22 @@ class Numbering {
     keys_.push_back(key);
     return slots_[at];
   }
+  /// kNone if it has not occurred.
+  uint32_t find(uint64_t x, uint64_t y, uint64_t z) const {
+    const Key key{x, y, z};
+    for (size_t at = hashOf(key) & (slots_.size() - 1); slots_[at] != kFree; at = (at + 1) & (slots_.size() - 1))
+      if (keys_[slots_[at]] == key) return slots_[at];
+    return kNone;
+  }
   size_t size() const { return keys_.size(); }
+  static constexpr uint32_t kNone = ~0u;
 
  private:
   struct Key {
     uint64_t x, y, z;
     bool operator==(const Key&) const = default;
   };
-  static constexpr uint32_t kFree = ~0u;
+  static constexpr uint32_t kFree = kNone;
   static size_t hashOf(const Key& k) {
     uint64_t h = 0x9e3779b97f4a7c15ull;
     for (const uint64_t part : {k.x, k.y, k.z}) {

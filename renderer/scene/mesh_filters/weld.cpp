@@ -14,15 +14,42 @@ bool weld(const Mesh& mesh, const glm::dmat3& stretch, const StopToken& stop, We
   out.pointOf.resize(n);
   out.rest.clear();
   out.points.clear();
-  Numbering numbers(n);
+  float farthest = 0.0f;
+  for (const Vec3& p : mesh.positions) farthest = std::max({farthest, std::fabs(p.x), std::fabs(p.y), std::fabs(p.z)});
+  // Points by cells much larger than the tolerance: who is near a wall is looked for on both sides of it.
+  const double near = kWeldTolerance * double(farthest), cell = 16.0 * near;
+  Numbering cells(n);
+  std::vector<uint32_t> first, next;
+  const auto index = [&](double x) { return farthest > 0.0f ? uint64_t(int64_t(std::floor(x / cell))) : 0; };
   for (size_t i = 0; i < n; ++i) {
     if (i % kFilterPoll == 0 && stop.stopRequested()) return false;
-    const Vec3 p = mesh.positions[i] + 0.0f;  // -0 becomes 0
-    const uint32_t point = numbers.of(bitsOf(p.x), bitsOf(p.y), bitsOf(p.z));
+    const Vec3 p = mesh.positions[i];
+    const DVec3 at(p);
+    uint64_t lo[3], hi[3];
+    for (int k = 0; k < 3; ++k) {
+      lo[k] = index(at[k] - near);
+      hi[k] = index(at[k] + near);
+    }
+    uint32_t point = kNoPoint;  // the first of those that are near
+    for (uint64_t x = lo[0]; x != hi[0] + 1; ++x)
+      for (uint64_t y = lo[1]; y != hi[1] + 1; ++y)
+        for (uint64_t z = lo[2]; z != hi[2] + 1; ++z) {
+          const uint32_t c = cells.find(x, y, z);
+          for (uint32_t q = c == Numbering::kNone ? kNoPoint : first[c]; q != kNoPoint; q = next[q]) {
+            const DVec3 away = glm::abs(DVec3(out.rest[q]) - at);
+            if (std::max({away.x, away.y, away.z}) <= near) point = std::min(point, q);
+          }
+        }
+    if (point == kNoPoint) {
+      point = uint32_t(out.rest.size());
+      out.rest.push_back(p + 0.0f);  // -0 becomes 0
+      out.points.push_back(stretch * at);
+      const uint32_t c = cells.of(index(at.x), index(at.y), index(at.z));
+      if (c == first.size()) first.push_back(kNoPoint);
+      next.push_back(first[c]);
+      first[c] = point;
+    }
     out.pointOf[i] = point;
-    if (point < out.rest.size()) continue;
-    out.rest.push_back(p);
-    out.points.push_back(stretch * DVec3(p));
   }
   return true;
 }

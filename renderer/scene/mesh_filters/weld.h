@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A mesh as points: vertices of one position are one point, so that what moves a point moves all of its vertices to the same bits.
+// A mesh as points: vertices of one position, but for rounding, are one point, so that what moves a point moves all of its vertices to the same bits.
 #pragma once
 
 #include <vector>
@@ -20,7 +20,11 @@ struct WeldedMesh {
   uint32_t corner(size_t triangle, int k) const { return pointOf[indices[3 * triangle + size_t(k)]]; }
 };
 
-/// By exact position (0 and -0 are one), points numbered as they first occur. False after `stop`.
+/// Of the largest coordinate of a mesh: places closer than this along each axis are one. Four units in the last place, since a corner that faces reach
+/// by sums of their own is rounded on its own (built-in boxes are made so).
+inline constexpr double kWeldTolerance = 0x1p-21;
+
+/// A vertex joins the first point that is within the tolerance, or is a point. False after `stop`.
 bool weld(const Mesh& mesh, const glm::dmat3& stretch, const StopToken& stop, WeldedMesh& out);
 
 /// Who is next to whom along edges. At the rim of an open mesh (an edge of one triangle alone) neighbours are those along the rim, so that the

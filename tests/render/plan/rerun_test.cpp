@@ -173,6 +173,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"animation", "Rerun.AnimationsAndVariants"},
       {"variant", "Rerun.AnimationsAndVariants"},
       {"curves", "Rerun.CurvesAreTheirValues"},
+      {"meshes", "MeshEdits.AnEditRunsWhatDependsOnShapes"},
       {"shadows", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
       {"lights.*.shadow", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
   };

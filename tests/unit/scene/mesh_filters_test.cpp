@@ -7,6 +7,7 @@
 #include "scene/mesh_filters/mesh_filters.h"
 #include "scene/mesh_filters/normals.h"
 #include "scene/mesh_filters/numbering.h"
+#include "scene/mesh_filters/weld.h"
 #include "support/mesh_shapes.h"
 #include "support/stopping.h"
 
@@ -52,7 +53,7 @@ TEST(MeshFilters, AnInflatedBallIsALargerOne) {
       if (last != 0.0) EXPECT_NEAR(volume / last, 0.25, 0.02) << by << ", " << slices;
       last = volume;
       EXPECT_EQ(tornEdges(*to), 0u) << "the seam stays closed";
-      for (size_t i = 0; i < to->normals.size(); ++i) EXPECT_LT(glm::length(to->normals[i] - from->normals[i]), 1e-3f);
+      for (size_t i = 0; i < to->normals.size(); ++i) EXPECT_LT(glm::length(to->normals[i] - from->normals[i]), 3.0f / float(slices * slices));
       EXPECT_EQ(to->uv[0].data(), from->uv[0].data()) << "shared: nothing of it changed";
       EXPECT_EQ(to->topologyHash, from->topologyHash);
     }
@@ -66,13 +67,42 @@ TEST(MeshFilters, AnInflatedBoxIsABox) {
     EXPECT_EQ(tornEdges(*to), 0u);
     for (size_t i = 0; i < from->positions.size(); ++i) {
       const DVec3 p(from->positions[i]);
-      const glm::dvec3 outer(std::fabs(p.x) == 0.5, std::fabs(p.y) == 0.5, std::fabs(p.z) == 0.5);
+      const glm::dvec3 outer(std::fabs(p.x) > 0.49, std::fabs(p.y) > 0.49, std::fabs(p.z) > 0.49);
       const DVec3 out = glm::sign(p) * outer / std::sqrt(outer.x + outer.y + outer.z);
-      EXPECT_LT(glm::length(DVec3(to->positions[i]) - (p + 0.3 * out)), 1e-7) << i;
-      EXPECT_EQ(to->normals[i], from->normals[i]) << "creases stay creases";
+      EXPECT_LT(glm::length(DVec3(to->positions[i]) - (p + 0.3 * out)), 2e-7) << i;
+      EXPECT_LT(glm::length(to->normals[i] - from->normals[i]), n == 1 ? 1e-6f : 0.5f) << "creases stay creases";
     }
   }
   EXPECT_NEAR(areaOf(*made(boxMesh(0.5f, 1), inflated(0.3))), 6.0 * std::pow(1.0 + 0.6 / std::sqrt(3.0), 2), 1e-6);
+}
+
+// Corners that each face of a turned box rounds on its own are one: the box does not come apart.
+TEST(MeshFilters, CornersThatRoundApartAreOne) {
+  int apart = 0;
+  for (int k = 0; k < 20; ++k) {
+    builtin::MeshBuilder b;
+    b.box(builtin::random3(21, uint64_t(k)) * 3.0f, Vec3(0.3f, 0.2f, 0.5f), builtin::rotate(glm::normalize(builtin::random3(22, uint64_t(k)) + 0.1f), float(k)));
+    const MeshPtr from = b.finish("turned", 0), to = made(from, inflated(0.125));
+    apart += tornEdges(*from) > 0;
+    EXPECT_EQ(tornEdges(*to), 0u) << k;
+    EXPECT_EQ(placesOf(*to), 8u) << k;
+    const double more = 2.0 * 0.125 / std::sqrt(3.0);
+    EXPECT_NEAR(volumeOf(*to), (0.6 + more) * (0.4 + more) * (1.0 + more), 1e-5) << k;
+  }
+  EXPECT_GT(apart, 5) << "the test says something";
+  // What is farther apart than rounding stays so, on either side of the cells of the search; 0 and -0 are one place.
+  Mesh lines;
+  std::vector<Vec3> p;
+  for (int i = 0; i < 4096; ++i) p.emplace_back(1.0f - float(i) * 0x1.2p-20f, 0.0f, i % 2 ? 0.0f : -0.0f);
+  lines.positions = Array<Vec3>(p);
+  WeldedMesh welded;
+  ASSERT_TRUE(weld(lines, glm::dmat3(1.0), {}, welded));
+  EXPECT_EQ(welded.points.size(), p.size());
+  for (int i = 0; i < 4096; ++i) p.emplace_back(p[size_t(i)] + Vec3(0x1p-22f, -0x1p-22f, 0x1p-22f));
+  lines.positions = Array<Vec3>(p);
+  ASSERT_TRUE(weld(lines, glm::dmat3(1.0), {}, welded));
+  EXPECT_EQ(welded.points.size(), 4096u);
+  for (uint32_t i = 0; i < 4096; ++i) EXPECT_EQ(welded.pointOf[i + 4096], i);
 }
 
 TEST(MeshFilters, StretchIsWhatATransformDoesToLengths) {
