@@ -16,6 +16,8 @@ namespace {
 
 constexpr const char* kEveryObject = "*";
 constexpr double kHidden = 1e-6;  // m
+/// Passes times triangles of a request, about half a minute: scenes are made before requests are admitted.
+constexpr uint64_t kMostTrianglePasses = 1'000'000'000;
 
 std::string editPlace(const std::string& name) { return "request.meshes." + name; }
 
@@ -120,6 +122,7 @@ Result<ScenePtr> withMeshEdits(const ScenePtr& scene, const v1::RenderRequest& r
   std::vector<MeshPtr> meshOf(objects);
   std::string unsimplified;
   bool changed = false;
+  uint64_t work = 0;
   for (size_t i = 0; i < objects; ++i) {
     const Instance& object = scene->instances[i];
     const MeshPtr& mesh = meshOf[i] = scene->meshes[size_t(object.mesh)];
@@ -131,6 +134,11 @@ Result<ScenePtr> withMeshEdits(const ScenePtr& scene, const v1::RenderRequest& r
     const bool every = at->first == kEveryObject;
     auto known = std::find_if(made.begin(), made.end(), [&](const EditedMesh& m) { return m.from == mesh && m.everyObject == every && sameFilter(m.filter, filter); });
     if (known == made.end()) {
+      work += uint64_t(filter.smooth) * mesh->triangles();
+      if (work > kMostTrianglePasses)
+        return invalidArgument(editPlace(at->first) + ".smooth = " + std::to_string(filter.smooth) + ": with it " + std::to_string(work) +
+                                   " triangles would be smoothed, counted once a pass; at most " + std::to_string(kMostTrianglePasses),
+                               editPlace(at->first) + ".smooth");
       GOBO_ASSIGN(EditedMesh one, editedMesh(object, mesh, filter, at->first, stop));
       known = made.insert(made.end(), std::move(one));
     }

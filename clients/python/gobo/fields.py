@@ -59,6 +59,7 @@ class RequestFields(TypedDict, total=False):
     motion_step_s: float
     photometric: bool
     curves: Mapping[str, Mapping[str, Any]]  # by path: {"lights.key.intensity": {"time_s": [0, 1], "value": [1, 9], "interpolation": "SMOOTH"}}
+    meshes: Mapping[str, Mapping[str, Any]]  # by object, or "*": {"ball": {"inflate": 0.05}, "*": {"cluster": 0.1, "smooth": 10}}
     set: Mapping[str, Any]                  # by path: {"integrator.max_bounces": 2}
 
 

@@ -59,7 +59,7 @@ DVec3 leastInBox(const Quadric& q, const DVec3& near, const DVec3& centre, doubl
     const double room = way[k] > 0.0 ? centre[k] + half - near[k] : near[k] - (centre[k] - half);
     if (std::fabs(way[k]) > room) share = std::min(share, std::max(room, 0.0) / std::fabs(way[k]));
   }
-  return glm::clamp(near + way * share, centre - half, centre + half);  // by rounding alone
+  return near + way * share;
 }
 
 }  // namespace gobo

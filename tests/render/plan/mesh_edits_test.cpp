@@ -261,6 +261,21 @@ TEST_F(MeshEdits, BadOnesAreRefusedByName) {
   }
 }
 
+// What a request may cost before it is admitted has a bound.
+TEST_F(MeshEdits, WorkIsBounded) {
+  builtin::MeshBuilder b;
+  b.sphere(Vec3(0.0f), 1.0f, 1200, 600);
+  const MeshPtr fine = b.finish("fine", 0);
+  const ScenePtr scene = *editScene(*room(), [&](Scene& s) -> Status {
+    s.meshes[size_t(s.instances[size_t(s.findInstance("shine"))].mesh)] = fine;
+    return {};
+  });
+  const auto refused = withMeshEdits(scene, edits({"meshes.shine.smooth=1000"}));
+  EXPECT_EQ(refused.status().location(), "request.meshes.shine.smooth") << refused.status().toString();
+  EXPECT_EQ(refused.status().code(), Code::InvalidArgument);
+  EXPECT_TRUE(withMeshEdits(scene, edits({"meshes.shine.smooth=1"})).ok());
+}
+
 // For all objects a side that would leave nothing of the small ones leaves those as they are, and says so.
 TEST_F(MeshEdits, WhatWouldVanishWithTheOthersStays) {
   v1::RenderRequest r = request();

@@ -53,7 +53,7 @@ TEST(MeshFilters, AnInflatedBallIsALargerOne) {
       if (last != 0.0) EXPECT_NEAR(volume / last, 0.25, 0.02) << by << ", " << slices;
       last = volume;
       EXPECT_EQ(tornEdges(*to), 0u) << "the seam stays closed";
-      for (size_t i = 0; i < to->normals.size(); ++i) EXPECT_LT(glm::length(to->normals[i] - from->normals[i]), 3.0f / float(slices * slices));
+      for (size_t i = 0; i < to->normals.size(); ++i) EXPECT_LT(glm::length(to->normals[i] - from->normals[i]), 4.0f / float(slices * slices));
       EXPECT_EQ(to->uv[0].data(), from->uv[0].data()) << "shared: nothing of it changed";
       EXPECT_EQ(to->topologyHash, from->topologyHash);
     }
@@ -226,6 +226,18 @@ TEST(MeshFilters, WhereNormalsCancelNothingMoves) {
   two.indices = {0, 1, 2, 0, 2, 1};
   const MeshPtr from = sealedMesh(two), to = made(from, inflated(0.5));
   EXPECT_EQ(to->positions, from->positions);
+
+  // Nor do its shading normals turn, from the rounding before to that after it moved.
+  Mesh sheet = *sheetMesh(4, 0.5f);
+  for (size_t i = 0; i < sheet.positions.size(); ++i) sheet.positions[i] = Vec3(tilt * Vec4(sheet.positions[i] + 0.1f * builtin::random3(4, i), 1));
+  const size_t half = sheet.indices.size();
+  for (size_t k = 0; k < half; k += 3)
+    for (const size_t corner : {k, k + 2, k + 1}) sheet.indices.push_back(sheet.indices[corner]);
+  MeshFilter smooth;
+  smooth.smooth = 4;
+  const MeshPtr back = sealedMesh(sheet), moved = made(back, smooth);
+  EXPECT_NE(moved->positions, back->positions);
+  EXPECT_EQ(moved->normals, back->normals);
 }
 
 TEST(MeshFilters, TrianglesWithoutAreaAndLooseVerticesDoNoHarm) {
