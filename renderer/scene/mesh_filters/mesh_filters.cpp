@@ -31,13 +31,7 @@ bool hasArea(const Array<uint32_t>& indices, const Array<Vec3>& positions) {
 
 glm::dmat3 stretchOf(const Mat4& toWorld) {
   glm::dmat3 m{glm::mat3(toWorld)};
-  // Powers of two out, so that squares neither overflow nor vanish.
-  double most = 0.0;
-  for (int c = 0; c < 3; ++c)
-    for (int r = 0; r < 3; ++r) most = std::max(most, std::fabs(m[c][r]));
-  if (!(most > 0.0)) return glm::dmat3(1.0);
-  const int exponent = std::ilogb(most);
-  m *= std::ldexp(1.0, -exponent);
+  if (m == glm::dmat3(0.0)) return glm::dmat3(1.0);
   const SymmetricEigen e = symmetricEigen(glm::transpose(m) * m);
   const double largest = std::sqrt(std::max({e.value.x, e.value.y, e.value.z}));
   double smallest = largest;
@@ -53,7 +47,7 @@ glm::dmat3 stretchOf(const Mat4& toWorld) {
     for (int c = 0; c < 3; ++c)
       for (int r = 0; r < 3; ++r) s[c][r] = std::round(s[c][r] / unit) * unit;
   }
-  return s * std::ldexp(1.0, exponent);
+  return s;
 }
 
 Result<FilteredMesh> filterMesh(const MeshPtr& mesh, const MeshFilter& filter, const StopToken& stop) {
