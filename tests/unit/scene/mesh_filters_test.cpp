@@ -221,9 +221,9 @@ TEST(MeshFilters, WhereNormalsCancelNothingMoves) {
   const Mat4 tilt = glm::rotate(Mat4(1.0f), 0.7f, glm::normalize(Vec3(1, 2, 3)));
   Mesh two;
   std::vector<Vec3> p;
-  for (const Vec3& c : {Vec3(0), Vec3(1, 0, 0), Vec3(0.3f, 0.9f, 0)}) p.emplace_back(tilt * Vec4(c, 1));
+  for (const Vec3& c : {Vec3(0), Vec3(1, 0, 0), Vec3(1.3f, 0.9f, 0), Vec3(-0.2f, 0.7f, 0)}) p.emplace_back(tilt * Vec4(c, 1));
   two.positions = Array<Vec3>(std::move(p));
-  two.indices = {0, 1, 2, 0, 2, 1};
+  two.indices = {0, 1, 2, 0, 2, 3, 3, 2, 1, 3, 1, 0};  // front and back, cut along other diagonals
   const MeshPtr from = sealedMesh(two), to = made(from, inflated(0.5));
   EXPECT_EQ(to->positions, from->positions);
 
