@@ -12,8 +12,8 @@ namespace gobo {
 /// Steps between two looks at a stop token: about a tenth of a millisecond of the dearest of them.
 inline constexpr size_t kFilterPoll = 1024;
 
-/// Sums of angle times unit normal below this are rounding: normals that cancel, as those of a sheet that lies on its own back.
-inline constexpr double kLeastNormal = 1e-9;
+/// Sums of angle times unit normal below this are rounding of positions: normals that cancel, as those of a sheet that lies on its own back.
+inline constexpr double kLeastNormal = 1e-6;
 
 /// Numbers triples 0, 1, 2, ... as they first occur. Open addressing: 24 bytes and one look, mostly, for each triple.
 class Numbering {
