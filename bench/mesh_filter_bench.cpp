@@ -94,7 +94,8 @@ int main(int argc, char** argv) {
   int width = 480, height = 320, threads = 2;
   for (int i = 1; i + 1 < argc; i += 2) {
     if (!std::strcmp(argv[i], "--threads")) threads = std::atoi(argv[i + 1]);
-    else if (std::strcmp(argv[i], "--size") || std::sscanf(argv[i + 1], "%dx%d", &width, &height) != 2) return std::fprintf(stderr, "what is %s?\n", argv[i]), 2;
+    else if (std::strcmp(argv[i], "--size") || std::sscanf(argv[i + 1], "%dx%d", &width, &height) != 2)
+      return std::fprintf(stderr, "what is %s?\n", argv[i]), 2;
   }
   EngineOptions options;
   options.loader = inProcessLoader();
@@ -103,9 +104,15 @@ int main(int argc, char** argv) {
   if (!engine.ok()) fail(engine.status());
 
   const std::vector<LitScene> scenes{
-      {"tentacles", "lamp", {"lights.lamp.kind=POINT", "lights.lamp.position=2.5,6.5,2.5", "lights.lamp.intensity=60", "lights.lamp.shadow.ray_traced.samples=1"}, true},
+      {"tentacles",
+       "lamp",
+       {"lights.lamp.kind=POINT", "lights.lamp.position=2.5,6.5,2.5", "lights.lamp.intensity=60", "lights.lamp.shadow.ray_traced.samples=1"},
+       true},
       {"fence", "sun", {"lights.sun.shadow.ray_traced.samples=1"}, false},
-      {"spheres", "lamp", {"lights.lamp.kind=POINT", "lights.lamp.position=-3.5,5,2.5", "lights.lamp.intensity=60", "lights.lamp.shadow.ray_traced.samples=1"}, true}};
+      {"spheres",
+       "lamp",
+       {"lights.lamp.kind=POINT", "lights.lamp.position=-3.5,5,2.5", "lights.lamp.intensity=60", "lights.lamp.shadow.ray_traced.samples=1"},
+       true}};
   std::printf("| scene | mesh | style | overlap | area | plain: overlap | area |\n|---|---|---|---|---|---|---|\n");
   for (const LitScene& scene : scenes) {
     v1::RenderRequest base;

@@ -16,7 +16,7 @@ namespace {
 
 constexpr const char* kEveryObject = "*";
 constexpr double kHidden = 1e-6;  // m
-/// Passes times triangles of a request, about half a minute: scenes are made before requests are admitted.
+/// Passes times triangles of a request, some minutes of a busy core: scenes are made before requests are admitted.
 constexpr uint64_t kMostTrianglePasses = 1'000'000'000;
 
 std::string editPlace(const std::string& name) { return "request.meshes." + name; }
@@ -62,7 +62,8 @@ DVec3 extentOf(const Mesh& mesh, const glm::dmat3& stretch) {
 Status emptied(const FilteredMesh& got, const MeshFilter& f, const std::string& place, const std::string& object, const DVec3& size) {
   std::ostringstream text;
   const bool clustered = got.end == FilteredMesh::End::Clustered;
-  if (got.end == FilteredMesh::End::Beyond) text << place << ".inflate = " << f.inflate << ": moves a vertex of '" << object << "' more than 1e9 m from its origin";
+  if (got.end == FilteredMesh::End::Beyond)
+    text << place << ".inflate = " << f.inflate << ": moves a vertex of '" << object << "' more than 1e9 m from its origin";
   else if (clustered) text << place << ".cluster = " << f.cluster << ": leaves no triangle of '" << object << "'";
   else text << place << ".smooth = " << f.smooth << ": shrinks '" << object << "' to nothing";
   if (got.end != FilteredMesh::End::Beyond) text << ", which is " << size.x << " x " << size.y << " x " << size.z << " m large";
@@ -132,7 +133,8 @@ Result<ScenePtr> withMeshEdits(const ScenePtr& scene, const v1::RenderRequest& r
     MeshFilter filter = at->second;
     filter.stretch = stretchOf(object.toWorld);
     const bool every = at->first == kEveryObject;
-    auto known = std::find_if(made.begin(), made.end(), [&](const EditedMesh& m) { return m.from == mesh && m.everyObject == every && sameFilter(m.filter, filter); });
+    auto known =
+        std::find_if(made.begin(), made.end(), [&](const EditedMesh& m) { return m.from == mesh && m.everyObject == every && sameFilter(m.filter, filter); });
     if (known == made.end()) {
       work += uint64_t(filter.smooth) * mesh->triangles();
       if (work > kMostTrianglePasses)
@@ -171,7 +173,7 @@ Result<ScenePtr> withMeshEdits(const ScenePtr& scene, const v1::RenderRequest& r
     if (!unsimplified.empty()) {
       std::ostringstream text;
       text << "request.meshes.*.cluster = " << filters[kEveryObject].cluster << ": would leave nothing of " << unsimplified.substr(0, 300)
-           << (unsimplified.size() > 300 ? "...": "") << ", which stay as fine as they are";
+           << (unsimplified.size() > 300 ? "..." : "") << ", which stay as fine as they are";
       s.warnings.push_back(text.str());
     }
     return {};

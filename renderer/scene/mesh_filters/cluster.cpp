@@ -112,7 +112,8 @@ bool clusterPoints(const WeldedMesh& mesh, const PointGraph& graph, double side,
   for (size_t e = 0; e < graph.rimOf.size(); ++e) {
     if (e % kFilterPoll == 0 && stop.stopRequested()) return false;
     const uint32_t a = graph.rim[2 * e], b = graph.rim[2 * e + 1], t = graph.rimOf[e];
-    const DVec3 n = glm::cross(mesh.points[mesh.corner(t, 1)] - mesh.points[mesh.corner(t, 0)], mesh.points[mesh.corner(t, 2)] - mesh.points[mesh.corner(t, 0)]);
+    const DVec3 n =
+        glm::cross(mesh.points[mesh.corner(t, 1)] - mesh.points[mesh.corner(t, 0)], mesh.points[mesh.corner(t, 2)] - mesh.points[mesh.corner(t, 0)]);
     const double length = glm::length(n);
     if (!(length > 0.0)) continue;
     const DVec3 edge = mesh.points[b] - mesh.points[a], wall = glm::cross(edge, n / length) * glm::length(edge);  // as long as a square on the edge is large
@@ -155,7 +156,9 @@ bool mergeClusters(const VertexClusters& clusters, Mesh& mesh, WeldedMesh& welde
     if (once.size() > before) kept.push_back(uint32_t(t));
   }
   // Both sides of a seam in texture coordinates have one normal: joined for its mean, or the seam would show.
-  if (!mesh.normals.empty() && !joinSimilarNormals(mesh, welded, [&](uint32_t a, uint32_t b) { directions.join(a, b); }, stop)) return false;
+  if (!mesh.normals.empty() && !joinSimilarNormals(
+                                   mesh, welded, [&](uint32_t a, uint32_t b) { directions.join(a, b); }, stop))
+    return false;
 
   const bool oneACube = bare(mesh);
   std::vector<uint32_t> setOf(vertices, kNoPoint), directionOf(vertices, kNoPoint), cubes, like;

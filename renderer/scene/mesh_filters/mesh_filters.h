@@ -24,16 +24,16 @@ struct MeshFilter {
   double cluster = 0.0;  ///< side of the cubes whose vertices become one, m; 0: none
   uint32_t smooth = 0;   ///< passes; 0: none
   MeshSmoothing smoothing = MeshSmoothing::Taubin;
-  double step = 0.5;          ///< share of the way to the neighbours' mean, 0 .. 1 (Taubin: kLargestTaubinStep)
-  double inflate = 0.0;       ///< m, out along the normals; negative: in
-  glm::dmat3 stretch{1.0};    ///< positions times this are in metres, in axes of the object: stretchOf(toWorld)
+  double step = 0.5;        ///< share of the way to the neighbours' mean, 0 .. 1 (Taubin: kLargestTaubinStep)
+  double inflate = 0.0;     ///< m, out along the normals; negative: in
+  glm::dmat3 stretch{1.0};  ///< positions times this are in metres, in axes of the object: stretchOf(toWorld)
   bool identity() const { return !(cluster > 0.0) && (smooth == 0 || step == 0.0) && inflate == 0.0; }
 };
 
 /// The symmetric factor S of a transform's linear part M = R S (polar decomposition, R orthogonal): lengths, angles and areas of S p are those of the
 /// object in the world, whichever way it is turned, mirrored or moved, so that a filtered object keeps its mesh while it moves rigidly. Entries are
-/// rounded to about 2^-17 of the largest one, which takes the rounding of a rotation out; not of objects with an axis below 2^-12 of the longest. Axes below 1e-7 of
-/// it count as that.
+/// rounded to about 2^-17 of the largest one, which takes the rounding of a rotation out; not of objects with an axis below 2^-12 of the longest. Axes below
+/// 1e-7 of it count as that.
 glm::dmat3 stretchOf(const Mat4& toWorld);
 
 struct FilteredMesh {
@@ -48,7 +48,7 @@ struct FilteredMesh {
 };
 
 /// Same arrays as `mesh` (an empty one stays empty), its material and name. O(triangles) each for weld, clusters and normals, O(smooth * edges) for
-/// passes; about 1 us a triangle and 10 ns an edge and pass. One thread, float64 inside; every loop polls `stop`: Cancelled.
+/// passes; docs/mesh_filters.md has times. One thread, float64 inside; every loop polls `stop`: Cancelled.
 Result<FilteredMesh> filterMesh(const MeshPtr& mesh, const MeshFilter& filter, const StopToken& stop = {});
 
 }  // namespace gobo

@@ -47,7 +47,9 @@ bool turnNormals(Mesh& mesh, const WeldedMesh& welded, const std::vector<DVec3>&
   const size_t n = welded.pointOf.size();
   std::vector<uint32_t> side(n);
   for (size_t v = 0; v < n; ++v) side[v] = uint32_t(v);
-  if (!joinSimilarNormals(mesh, welded, [&](uint32_t a, uint32_t b) { side[b] = a; }, stop)) return false;
+  if (!joinSimilarNormals(
+          mesh, welded, [&](uint32_t a, uint32_t b) { side[b] = a; }, stop))
+    return false;
   std::vector<DVec3> was(n, DVec3(0.0)), is(n, DVec3(0.0));
   for (size_t t = 0; t < welded.triangles(); ++t) {
     if (t % kFilterPoll == 0 && stop.stopRequested()) return false;

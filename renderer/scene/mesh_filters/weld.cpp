@@ -56,7 +56,9 @@ bool weld(const Mesh& mesh, const glm::dmat3& stretch, const StopToken& stop, We
 
 bool connect(const WeldedMesh& mesh, const StopToken& stop, PointGraph& out) {
   const size_t points = mesh.points.size(), triangles = mesh.triangles();
-  const auto flat = [&](size_t t) { return mesh.corner(t, 0) == mesh.corner(t, 1) || mesh.corner(t, 1) == mesh.corner(t, 2) || mesh.corner(t, 2) == mesh.corner(t, 0); };
+  const auto flat = [&](size_t t) {
+    return mesh.corner(t, 0) == mesh.corner(t, 1) || mesh.corner(t, 1) == mesh.corner(t, 2) || mesh.corner(t, 2) == mesh.corner(t, 0);
+  };
   // Each triangle tells each corner of both others: an edge of two triangles is told twice to both of its ends, one of the rim once.
   std::vector<uint32_t> first(points + 1, 0);
   for (size_t t = 0; t < triangles; ++t) {

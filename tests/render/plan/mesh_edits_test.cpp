@@ -108,7 +108,8 @@ size_t runs(const RenderResult& r) { return nodesBy(r, v1::NodeReport::RUN).size
 
 TEST_F(MeshEdits, EditsOfNothingAreNoEdits) {
   const RenderResult plain = mustRender(*engine, request());
-  for (const char* nothing : {"meshes.ball.inflate=0", "meshes.ball.cluster=0", "meshes.*.smooth=0", "meshes.*.smooth_step=0.3", "meshes.my ball.001.smoothing=LAPLACIAN"}) {
+  for (const char* nothing :
+       {"meshes.ball.inflate=0", "meshes.ball.cluster=0", "meshes.*.smooth=0", "meshes.*.smooth_step=0.3", "meshes.my ball.001.smoothing=LAPLACIAN"}) {
     v1::RenderRequest r = request();
     set(r, nothing);
     const RenderResult same = mustRender(*engine, r);
@@ -208,15 +209,16 @@ TEST_F(MeshEdits, AnEditRunsWhatDependsOnShapes) {
   const RenderResult plain = mustRender(*engine, request());
   const size_t everything = runs(plain);
   v1::RenderRequest r = request();
-  for (const char* edit : {"meshes.ball.inflate=0.1", "meshes.ball.inflate=0.2", "meshes.ball.cluster=0.1", "meshes.ball.smooth=3", "meshes.ball.smoothing=LAPLACIAN",
-                           "meshes.ball.smooth_step=0.6"}) {
+  for (const char* edit : {"meshes.ball.inflate=0.1", "meshes.ball.inflate=0.2", "meshes.ball.cluster=0.1", "meshes.ball.smooth=3",
+                           "meshes.ball.smoothing=LAPLACIAN", "meshes.ball.smooth_step=0.6"}) {
     set(r, edit);
     EXPECT_EQ(runs(mustRender(*engine, r)), everything) << edit;
     EXPECT_EQ(runs(mustRender(*engine, r)), 0u) << edit << " again";
   }
   // The same objects by other words have the same keys; a relight that edits meshes, and takes the edit back, is a render of that.
   v1::RenderRequest star = request();
-  for (const char* a : {"meshes.*.inflate=0.1", "meshes.floor.inflate=0", "meshes.my ball.001.smooth=0", "meshes.large.cluster=0", "meshes.shine.inflate=0"}) set(star, a);
+  for (const char* a : {"meshes.*.inflate=0.1", "meshes.floor.inflate=0", "meshes.my ball.001.smooth=0", "meshes.large.cluster=0", "meshes.shine.inflate=0"})
+    set(star, a);
   EXPECT_EQ(runs(mustRender(*engine, star)), 0u);
   const RenderResult warm = relit(*engine, plain, "meshes.ball.inflate=0.1");
   EXPECT_EQ(runs(warm), 0u);
@@ -264,16 +266,16 @@ TEST_F(MeshEdits, BadOnesAreRefusedByName) {
 
 // What a request may cost before it is admitted has a bound.
 TEST_F(MeshEdits, WorkIsBounded) {
-  const ScenePtr plain = room(), scene = *editScene(*plain, [&](Scene& s) -> Status {
-    MeshPtr& shine = s.meshes[size_t(s.instances[size_t(s.findInstance("shine"))].mesh)];
-    auto fine = std::make_shared<Mesh>(*shine);
-    std::vector<uint32_t> indices(3 * 1'000'001);
-    for (size_t i = 0; i < indices.size(); ++i) indices[i] = uint32_t(i % 3);
-    fine->indices = Array<uint32_t>(std::move(indices));
-    sealMesh(*fine);
-    shine = fine;
-    return {};
-  });
+  const ScenePtr plain = room(), scene = *editScene(*plain, [&](Scene&s) -> Status {
+                                   MeshPtr& shine = s.meshes[size_t(s.instances[size_t(s.findInstance("shine"))].mesh)];
+                                   auto fine = std::make_shared<Mesh>(*shine);
+                                   std::vector<uint32_t> indices(3 * 1'000'001);
+                                   for (size_t i = 0; i < indices.size(); ++i) indices[i] = uint32_t(i % 3);
+                                   fine->indices = Array<uint32_t>(std::move(indices));
+                                   sealMesh(*fine);
+                                   shine = fine;
+                                   return {};
+                                 });
   const auto refused = withMeshEdits(scene, edits({"meshes.shine.smooth=1000"}));
   EXPECT_EQ(refused.status().location(), "request.meshes.shine.smooth") << refused.status().toString();
   EXPECT_EQ(refused.status().code(), Code::InvalidArgument);

@@ -81,7 +81,8 @@ TEST(MeshFilters, CornersThatRoundApartAreOne) {
   int apart = 0;
   for (int k = 0; k < 20; ++k) {
     builtin::MeshBuilder b;
-    b.box(builtin::random3(21, uint64_t(k)) * 3.0f, Vec3(0.3f, 0.2f, 0.5f), builtin::rotate(glm::normalize(builtin::random3(22, uint64_t(k)) + 0.1f), float(k)));
+    b.box(builtin::random3(21, uint64_t(k)) * 3.0f, Vec3(0.3f, 0.2f, 0.5f),
+          builtin::rotate(glm::normalize(builtin::random3(22, uint64_t(k)) + 0.1f), float(k)));
     const MeshPtr from = b.finish("turned", 0), to = made(from, inflated(0.125));
     apart += tornEdges(*from) > 0;
     EXPECT_EQ(tornEdges(*to), 0u) << k;
@@ -141,7 +142,8 @@ TEST(MeshFilters, FlatObjectsHaveAStretchWithAnInverse) {
 // Metres are metres of the world, whatever the object's transform does.
 TEST(MeshFilters, InflationIsInMetresOfTheWorld) {
   const MeshPtr ball = ballMesh(1.0f, 24);
-  for (const Mat4& toWorld : {glm::scale(Mat4(1.0f), Vec3(4.0f)), glm::rotate(Mat4(1.0f), 1.0f, Vec3(0, 0.6f, 0.8f)) * glm::scale(Mat4(1.0f), Vec3(1, -2, 3))}) {
+  for (const Mat4& toWorld :
+       {glm::scale(Mat4(1.0f), Vec3(4.0f)), glm::rotate(Mat4(1.0f), 1.0f, Vec3(0, 0.6f, 0.8f)) * glm::scale(Mat4(1.0f), Vec3(1, -2, 3))}) {
     MeshFilter f = inflated(0.125);
     f.stretch = stretchOf(toWorld);
     const MeshPtr to = made(ball, f);
@@ -195,7 +197,10 @@ TEST(MeshFilters, BentNormalsStayBent) {
   f.step = 1.0;
   f.smoothing = MeshSmoothing::Laplacian;
   // Its rim shrinks as a curve, all of it; what is left is nearly flat.
-  const MeshPtr flat = made(sealedMesh(ridge), [&] { f.smooth = 30; return f; }());
+  const MeshPtr flat = made(sealedMesh(ridge), [&] {
+    f.smooth = 30;
+    return f;
+  }());
   for (size_t t = 0; t < flat->triangles(); ++t) {
     const auto [p, q, r] = cornersOf(*flat, t);
     const DVec3 face = glm::normalize(glm::cross(q - p, r - p));
