@@ -158,9 +158,11 @@ uint64_t bytesOfPose(const Scene& posed, const Scene& base) {
   const auto add = [&](const auto& array, const auto& rest) {
     if (array.data() != rest.data()) bytes += array.size() * sizeof(array[0]);
   };
-  for (size_t i = 0; i < std::min(posed.meshes.size(), base.meshes.size()); ++i) {
-    const Mesh &m = *posed.meshes[i], &rest = *base.meshes[i];
+  static const Mesh none;
+  for (size_t i = 0; i < posed.meshes.size(); ++i) {  // an edit of an object may add one
+    const Mesh &m = *posed.meshes[i], &rest = i < base.meshes.size() ? *base.meshes[i] : none;
     if (&m == &rest) continue;
+    add(m.indices, rest.indices);
     add(m.positions, rest.positions);
     add(m.normals, rest.normals);
     add(m.tangents, rest.tangents);

@@ -305,6 +305,7 @@ Result<EffectiveScene> makeEffectiveScene(const ScenePtr& loaded, const v1::Rend
                                           const StopToken& stop, const EnvironmentPtr& known) {
   EffectiveScene out;
   GOBO_ASSIGN(const ScenePtr base, pose(loaded, request, stop));
+  for (size_t k = loaded->warnings.size(); k < base->warnings.size(); ++k) out.warnings.push_back(base->warnings[k]);  // of edits
   auto scene = std::make_shared<Scene>(*base);
 
   // Environment: file, sky, constant, or the studio of a scene without light; rotation; or removed. Resolved requests of such scenes have the message.

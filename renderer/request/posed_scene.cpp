@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/mapped_file.h"
+#include "request/mesh_edits.h"
 
 namespace gobo {
 
@@ -14,12 +15,13 @@ Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& r
   GOBO_ASSIGN(const ScenePtr dressed, placed(withVariant(base, request.variant()), "request.variant"));
   GOBO_ASSIGN(const ScenePtr posed,
               placed(posedScene(dressed, request.animation(), request.time_s(), stop), "request.animation"));  // refuses unknown names even without a time
-  return request.has_time_s() ? posed : dressed;
+  return withMeshEdits(request.has_time_s() ? posed : dressed, request, stop);
 }
 
 Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop) {
-  if (!request.has_time_s() && request.animation().empty() && request.variant().empty()) return base;
-  const Key key{base->hash(), base->file ? base->file->id() : 0, request.animation(), request.has_time_s(), request.time_s(), request.variant()};
+  if (!request.has_time_s() && request.animation().empty() && request.variant().empty() && request.meshes().empty()) return base;
+  const Key key{base->hash(), base->file ? base->file->id() : 0, request.animation(), request.has_time_s(), request.time_s(), request.variant(),
+                meshEditsHash(request)};
   {
     std::lock_guard lock(mutex_);
     for (auto it = recent_.begin(); it != recent_.end(); ++it)
@@ -29,6 +31,7 @@ Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest&
       }
   }
   GOBO_ASSIGN(ScenePtr made, requestedScene(base, request, stop));
+  if (made == base) return made;  // there anyway, and may go when nobody else has it
   std::lock_guard lock(mutex_);
   recent_.emplace_front(key, made);
   while (recent_.size() > 1 && (recent_.size() > keep_ || held() > bytes_)) recent_.pop_back();

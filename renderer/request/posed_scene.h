@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scene that a request's variant, animation and time make of a loaded one, before its other edits.
+// The scene that a request's variant, animation, time and edits of meshes make of a loaded one, before its other edits.
 #pragma once
 
 #include <list>
@@ -13,11 +13,11 @@
 
 namespace gobo {
 
-/// Variant first, then the pose. Without either field: `base` itself. Errors (NotFound, with the names there are) name the
-/// request's field; Cancelled soon after `stop`.
+/// Variant first, then the pose, then the meshes (mesh_edits.h). Where nothing changes: `base` itself. Errors (NotFound, with the names there are) name
+/// the request's field; Cancelled soon after `stop`.
 Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop = {});
 
-/// The last few results of requestedScene, by base scene's hash, the mapped file under its arrays and the three fields. Thread-safe.
+/// The last few results of requestedScene, by base scene's hash, the mapped file under its arrays and the four fields. Thread-safe.
 class PosedScenes {
  public:
   /// At most `keep` of them, and `bytes` together (the latest always).
@@ -29,7 +29,7 @@ class PosedScenes {
   Result<ScenePtr> get(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop = {});
 
  private:
-  using Key = std::tuple<Hash128, uint64_t, std::string, bool, double, std::string>;
+  using Key = std::tuple<Hash128, uint64_t, std::string, bool, double, std::string, Hash128>;
   uint64_t held() const;  ///< under mutex_
   size_t keep_;
   uint64_t bytes_;

@@ -15,14 +15,15 @@ struct Pose {
   explicit Pose(const SceneView& view) : instances(&view.instances()) {
     for (size_t m = 0; m < view.meshCount(); ++m) meshes.push_back(view.mesh<kFacets>(int(m)));
   }
-  DVec3 at(int instance, uint32_t primitive, double u, double v) const {
-    const Instance& i = (*instances)[instance];
-    const auto& m = meshes[size_t(i.mesh)];
+  /// In the world of `placed` (another pose's, or this one), a place on a triangle of this one's.
+  DVec3 at(int instance, uint32_t primitive, double u, double v, const Instance& placed) const {
+    const auto& m = meshes[size_t((*instances)[instance].mesh)];
     const uint32_t* t = m.indices.data() + 3 * size_t(primitive);
     const DVec3 p = (1.0 - u - v) * DVec3(m.positions[t[0]]) + u * DVec3(m.positions[t[1]]) + v * DVec3(m.positions[t[2]]);
-    return DVec3(glm::dmat4(i.toWorld) * glm::dvec4(p, 1.0));
+    return DVec3(glm::dmat4(placed.toWorld) * glm::dvec4(p, 1.0));
   }
-  size_t triangles(int instance) const { return meshes[size_t((*instances)[instance].mesh)].triangles(); }
+  const Instance& instance(int i) const { return (*instances)[size_t(i)]; }
+  const Array<uint32_t>& indices(int i) const { return meshes[size_t(instance(i).mesh)].indices; }
 };
 
 class MotionNode final : public Node {
@@ -55,13 +56,18 @@ class MotionNode final : public Node {
     const int w = s_.view.width, h = s_.view.height, W = s_.view.filmWidth(), H = s_.view.filmHeight();
     const std::vector<int> none;
     const Pose now(*ctx.scene), before(SceneView(*s_.earlierScene, kFacets, none));
-    // Where each instance was: the same index as a rule, else by name; -1: it was not there.
+    // Where each instance was: the same index as a rule, else by name; -1: it was not there. A mesh that clustering made of another pose has other
+    // triangles (scene/mesh_filters): what is known of it is how its object moved.
     std::vector<int> earlier(now.instances->size(), -1);
+    std::vector<char> sameTriangles(earlier.size(), 0);
     for (size_t i = 0; i < earlier.size(); ++i) {
       const std::string& name = (*now.instances)[i].name;
       int at = int(i);
       if (i >= before.instances->size() || (*before.instances)[i].name != name) at = s_.earlierScene->findInstance(name);
-      if (at >= 0 && before.triangles(at) == now.triangles(int(i))) earlier[i] = at;
+      earlier[i] = at;
+      if (at < 0) continue;
+      const Array<uint32_t>&a = before.indices(at), &b = now.indices(int(i));
+      sameTriangles[i] = a.size() == b.size() && (a.data() == b.data() || a == b);
     }
     const Vec2 offset = viewSamplePosition(0, s_.view.viewSamples);
     const auto& out = ctx.result;
@@ -78,8 +84,12 @@ class MotionNode final : public Node {
                     DVec3(cameraRay(s_.view.camera, W, H, float(s_.view.place.x + x) + offset.x, float(s_.view.place.y + int(y)) + offset.y).direction), 0.0);
               } else {
                 const int i = int(instance[p]);
-                here = there = glm::dvec4(now.at(i, primitive[p], bary[2 * p], bary[2 * p + 1]), 1.0);
-                if (earlier[i] >= 0) there = glm::dvec4(before.at(earlier[i], primitive[p], bary[2 * p], bary[2 * p + 1]), 1.0);
+                const float u = bary[2 * p], v = bary[2 * p + 1];
+                here = there = glm::dvec4(now.at(i, primitive[p], u, v, now.instance(i)), 1.0);
+                if (earlier[i] >= 0) {
+                  const Instance& placed = before.instance(earlier[i]);
+                  there = glm::dvec4(sameTriangles[i] ? before.at(earlier[i], primitive[p], u, v, placed) : now.at(i, primitive[p], u, v, placed), 1.0);
+                }
               }
               glm::dvec2 to, from;
               if (!filmPosition(s_.view.camera, W, H, here, to) || !filmPosition(s_.earlierCamera, W, H, there, from)) continue;

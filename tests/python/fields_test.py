@@ -55,6 +55,12 @@ class Fields(unittest.TestCase):
         self.refuses("must be text", scene_hash=3)
         self.refuses("must be a mapping of ray_traced", shadows="nonesuch")
 
+    def test_meshes(self):
+        request, builder = build(meshes={"my ball.001": {"inflate": 0.1, "smoothing": "laplacian"}, "*": {"cluster": 0.2}}, set={"meshes.my ball.001.smooth": 3})
+        self.assertEqual(request.meshes["my ball.001"], render_pb2.MeshEdit(inflate=0.1, smoothing="LAPLACIAN", smooth=3))
+        self.assertEqual(request.meshes["*"], render_pb2.MeshEdit(cluster=0.2))
+        self.assertEqual(self.refuses("did you mean 'inflate'?", meshes={"ball": {"inflat": 1}}), "meshes.ball.inflat")
+
     def test_short_forms(self):
         request, _ = build(lights={"a": 2, "b": (1, 2, 3), "c": False, "d": {"enabled": True}}, env=(1, 2, 3), camera="front", certificate=True,
                            shadows="axis_aligned", denoise="auto", exposure=1, priority="batch", format="raw_half", max_seconds=2, outputs="beauty,depth")

@@ -175,6 +175,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"curves", "Rerun.CurvesAreTheirValues"},
       {"expressions", "Rerun.FormulasOfStylesReRunWhatReadsThem; those over time are numbers: Expressions.OverTimeMeanWhatWouldHaveBeenTypedIn"},
       {"shadows", "Rerun.FilterParameters, Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt and SubtractiveLightRequests.AnEditRunsWhatItChanges"},
+      {"meshes", "MeshEdits.AnEditRunsWhatDependsOnShapes"},
       {"lights.*.shadow", "Rerun.FilterParameters and Rerun.EachShadowMapFieldReRunsOnlyWhatLiesBehindIt"},
   };
   return table;

@@ -2,8 +2,10 @@
 // Ids against rays cast one by one; motion against closed-form projection, and against the matrices that files carry.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
+#include "scene/edit.h"
 #include "support/tiny_scenes.h"
 #include "terms/ids.h"
 #include "terms/motion.h"
@@ -101,6 +103,30 @@ TEST(Motion, OfAWallThatSlides) {
   for (size_t p = 0; p < size_t(kW) * kH; ++p) {
     ASSERT_NEAR(m->floats("motion")[2 * p], 0.1 * perMetre, 1e-4);
     ASSERT_NEAR(m->floats("motion")[2 * p + 1], -0.05 * perMetre, 1e-4) << "up is towards smaller rows";
+  }
+}
+
+// A mesh that was simplified in another pose has other triangles: what is known is how its object moved. Before, the wall has its triangles in another
+// order, or more of them; numbers of triangles say nothing of other places.
+TEST(Motion, OfAMeshWithOtherTrianglesIsItsObjects) {
+  const ScenePtr now = wall(Vec3(0.1f, 0.05f, 0));
+  const double perMetre = kH / (2.0 * 4.0 * std::tan(0.4));
+  for (const bool more : {false, true}) {
+    const ScenePtr before = *editScene(*wall(Vec3(0.0f)), [&](Scene& s) -> Status {
+      auto mesh = std::make_shared<Mesh>(*s.meshes[0]);
+      std::vector<uint32_t> indices(mesh->indices.begin(), mesh->indices.end());
+      std::rotate(indices.begin(), indices.begin() + 3, indices.end());
+      if (more) indices.insert(indices.end(), {indices[0], indices[0], indices[1]});
+      mesh->indices = Array<uint32_t>(std::move(indices));
+      sealMesh(*mesh);
+      s.meshes[0] = std::move(mesh);
+      return {};
+    });
+    const TermPtr m = motionBetween({before, before->cameras[0]}, {now, now->cameras[0]});
+    for (size_t p = 0; p < size_t(kW) * kH; ++p) {
+      ASSERT_NEAR(m->floats("motion")[2 * p], 0.1 * perMetre, 1e-4) << more;
+      ASSERT_NEAR(m->floats("motion")[2 * p + 1], -0.05 * perMetre, 1e-4) << more;
+    }
   }
 }
 
