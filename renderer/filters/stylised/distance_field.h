@@ -4,11 +4,11 @@
 //
 // Computes     D(x) of filters/stylised/averaged_distance.h at every view sample, negative in shadow (V < 1/2), against the contour of its layer
 //              (filters/stylised/contour.h), in the world. Segments whose normals differ from the sample's by more than `angle` do not count.
-// Inputs       0: a visibility term, plane V (1 or 3 channels), of any technique: it is hard at 1/2. 1: "gbuffer" (P, N, Ng, instance, footprint).
+// Inputs       0: a visibility term, plane V (1 or 3 channels), of any technique: it is hard at 1/2, or at the middle of one of `levels` steps. 1: "gbuffer" (P, N, Ng, instance, footprint).
 // Output       term "style_distance", domain ViewSample, plane D f32 in scene units: never 0, so that its sign says what V does; +-1e30 where there is no
 // contour to
 //              see, and +1e30 where nothing is hit.
-// Parameters   power 2 .. 64; norm; angle 0 .. pi.
+// Parameters   power 2 .. 64; norm; angle 0 .. pi; level, levels.
 // Error        The sum within kFieldError (p - 1) of itself, so D within kFieldError, by bounds that add up as if every piece were at its worst; what is seen
 // is below 1e-4.
 //              Marching squares over hard visibility make oblique contours up to 8 % too long: that is 1.1 % of D at p = 8, and 8 % at p = 2.
@@ -32,7 +32,14 @@ struct StyleDistanceSettings {
   int power = 8;
   StyleNorm norm = StyleNorm::Local;
   float angle = 0.78539816f;  ///< radians (45 degrees)
+  int level = 0, levels = 1;  ///< of soft visibility: the contour, and sign, of (level + 1/2) / levels
+  /// Without the extent. One level says nothing: keys of before hold.
+  void hash(Hasher& h) const;
 };
+/// Of a node of that extent: a visibility term and a "gbuffer", as the contour reads them.
+void readsContour(Wiring& w, const Extent& extent);
+
+inline constexpr float kLeastStyleDistance = 1e-30f;  ///< what a sample on the contour has, so that D has a sign
 inline constexpr double kFieldError = 2e-3;  ///< bound of the relative error of D; what is seen is a twentieth of it, and tests hold it to 1e-4
 
 NodePtr makeStyleDistanceNode(const StyleDistanceSettings& settings);

@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/stylised/style.h"
 
+#include <algorithm>
+#include <string>
+
 #include "filters/parameter.h"
 #include "filters/stylised/abstraction.h"
 #include "filters/stylised/distance_field.h"
+#include "filters/stylised/sampled_distance.h"
+#include "filters/stylised/style_levels.h"
 #include "filters/stylised/transfer.h"
 
 namespace gobo {
@@ -17,15 +22,28 @@ NodeId planStyle(Graph& graph, const ShadowInput& input, NodeId v, const v1::Sha
   d.power = int(number("power"));
   d.norm = choiceParameter(style, "norm") == v1::ShadowStyle::PUBLISHED ? StyleNorm::Published : StyleNorm::Local;
   d.angle = angle;
-  NodeId distance = addShadowFilter(graph, makeStyleDistanceNode(d), {v, input.gbuffer}, "style_distance", input);
-  if (const float sigma = number("abstraction"); sigma > 0.0f)
-    distance = addShadowFilter(graph, makeStyleAbstractionNode({extent, sigma, angle}), {distance, input.gbuffer}, "style_abstraction", input);
-  const StyleTransferSettings t{number("inflation"), number("softness"), number("brightness")};
-  std::vector<NodeId> inputs{distance};
-  if (input.clear) inputs.push_back(v);
-  GraphNode n{makeStyleTransferNode(t), std::move(inputs), {}, "style_transfer:" + input.scene->lights[size_t(input.light)].name};
-  n.approximate = "a style in the place of the light's own shadow";
-  return graph.add(std::move(n));
+  d.levels = std::max(int(number("levels")), 1);
+  const auto samples = uint32_t(number("samples"));
+  const auto planLevel = [&](int level) {
+    d.level = level;
+    const std::string of = d.levels > 1 ? " " + std::to_string(level + 1) + "/" + std::to_string(d.levels) : "";
+    const NodePtr field = samples > 0 ? makeSampledDistanceNode({d, samples, input.seed, input.place}) : makeStyleDistanceNode(d);
+    NodeId distance = addShadowFilter(graph, field, {v, input.gbuffer}, "style_distance" + of, input);
+    if (const float sigma = number("abstraction"); sigma > 0.0f)
+      distance = addShadowFilter(graph, makeStyleAbstractionNode({extent, sigma, angle}), {distance, input.gbuffer}, "style_abstraction" + of, input);
+    const StyleTransferSettings t{number("inflation"), number("softness"), number("brightness")};
+    std::vector<NodeId> inputs{distance};
+    if (input.clear && d.levels == 1) inputs.push_back(v);
+    GraphNode n{makeStyleTransferNode(t), std::move(inputs), {}, "style_transfer" + of + ":" + input.scene->lights[size_t(input.light)].name};
+    n.transient = d.levels > 1;  // distances are kept: the transfer is cheap
+    n.approximate = "a style in the place of the light's own shadow";
+    return graph.add(std::move(n));
+  };
+  if (d.levels == 1) return planLevel(0);
+  std::vector<NodeId> levels;
+  if (input.clear) levels.push_back(v);
+  for (int level = 0; level < d.levels; ++level) levels.push_back(planLevel(level));
+  return addShadowFilter(graph, makeStyleLevelsNode(extent, d.levels, input.clear), std::move(levels), "style_levels", input);
 }
 
 }  // namespace gobo

@@ -5,6 +5,8 @@
 #include <cstdio>
 
 #include "filters/automatic/automatic.h"
+#include "filters/crop.h"
+#include "filters/parameter.h"
 #include "filters/shadow_technique.h"
 #include "filters/stylised/style.h"
 #include "filters/tinted_visibility.h"
@@ -57,6 +59,41 @@ Result<NodeId> automatic(PlanContext& c, const ShadowInput& in, const v1::Shadow
   return planned(c, *entry, in, chosen.technique);
 }
 
+Result<NodeId> plainVisibility(PlanContext& c, const ShadowInput& in, const v1::ShadowTechnique& t) {
+  if (t.has_auto_()) return automatic(c, in, t);
+  const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
+  GOBO_CHECK(entry != nullptr);
+  return planned(c, *entry, in, t);
+}
+
+/// A style's distances are those to the contour of the whole picture, with `guard` pixels around it, whatever window of it is asked for: they are made there and the window is cut out.
+/// What is drawn by chance is drawn by place, so that the picture's own pixels have the visibility that they have without a guard. Pixels outside it, whose places are below 0 or beyond its
+/// size, have numbers of some pixel inside (unsigned arithmetic of FilmElements): what is drawn there is of no picture.
+Result<NodeId> styledVisibility(PlanContext& c, ShadowInput in, const v1::ShadowTechnique& t) {
+  int guard = int(numberParameter(t.style(), "guard_px"));
+  if (guard > 0 && in.camera.optics.panorama) {
+    c.warn("shadows.style.guard_px: a panorama has nothing outside it");
+    guard = 0;
+  }
+  const PixelWindow asked{in.place.x + guard, in.place.y + guard, in.width, in.height};
+  const bool around = guard > 0 || !in.place.whole();
+  if (around) {
+    GBufferSettings view = c.view();
+    view.width = c.view().filmWidth() + 2 * guard;
+    view.height = c.view().filmHeight() + 2 * guard;
+    view.place = guard > 0 ? ViewPlace{-guard, -guard, c.view().filmWidth(), c.view().filmHeight()} : ViewPlace{};
+    in.width = view.width;
+    in.height = view.height;
+    in.place = view.place;
+    in.gbuffer = c.source(makeGBufferNode(view), {}, {}, guard > 0 ? "gbuffer with guard" : "gbuffer of the picture", c.scene());
+  }
+  GOBO_ASSIGN(const NodeId v, plainVisibility(c, in, t));
+  const NodeId styled = planStyle(c.graph(), in, v, t.style());
+  if (!around) return styled;
+  const NodePtr crop = makeCropNode({in.width, in.height, in.viewSamples}, asked.x, asked.y, asked.width, asked.height);
+  return addShadowFilter(c.graph(), crop, {styled}, "style_crop", in);
+}
+
 }  // namespace
 
 v1::ShadowTechnique shadowTechniqueOf(PlanContext& c, int light, const ScenePtr& scene, const std::string& name) {
@@ -96,14 +133,7 @@ Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, 
   in.place = c.view().place;
   in.seed = c.request().seed();
   in.clear = c.kinds().clear;
-  const auto plain = [&]() -> Result<NodeId> {
-    if (t.has_auto_()) return automatic(c, in, t);
-    const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
-    GOBO_CHECK(entry != nullptr);
-    return planned(c, *entry, in, t);
-  };
-  GOBO_ASSIGN(const NodeId v, plain());
-  return t.has_style() ? planStyle(c.graph(), in, v, t.style()) : v;
+  return t.has_style() ? styledVisibility(c, in, t) : plainVisibility(c, in, t);
 }
 
 NodeId planUnoccluded(PlanContext& c, int light, const ScenePtr& scene, const Vec3& nominal, bool transient, LobePart lobe) {
