@@ -11,8 +11,8 @@ namespace gobo {
 
 namespace {
 
-constexpr uint32_t kPollPoints = 1 << 16;  // about half a millisecond
-constexpr double kSampleNs = 7.0;
+constexpr uint32_t kPollPoints = 1 << 16;  // about a millisecond
+constexpr double kSampleNs = 20.0;
 
 class SampledDistanceNode final : public Node {
  public:

@@ -9,7 +9,7 @@
 //              of 1/p), and a bias of (1/p)(1 + 1/p) kappa / (2 N), always towards far: the root of a mean. Where N d / L is about 1 or less the error is as large as D. No bound.
 // Fails where  a pixel is near the contour: points are missed, D is too large by any factor, and its sign alone is right. With a guard, where all of few points are turned away:
 //              +-1e30, though some of the contour is seen.
-// Cost         Contour by the layer, then N times some 7 ns a sample: docs/intent.md has a table beside the exact field, which is faster from about N = 32 on.
+// Cost         Contour by the layer, then N times some 20 ns a view sample: docs/intent.md has a table beside the exact field, which costs what 16 points do.
 // Determinism  bit-identical for any number of threads. No windows: the contour is that of the picture.
 #pragma once
 

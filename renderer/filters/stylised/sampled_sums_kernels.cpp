@@ -23,7 +23,7 @@ inline double halfPower(double ratio, int p) {
 }  // namespace
 
 ContourPoints::ContourPoints(std::span<const ContourSegment> contour) {
-  lines_.reserve(contour.size());
+  lines_.reserve(contour.size() + 1);
   for (const ContourSegment& s : contour) {
     const double length = glm::length(DVec3(s.b) - DVec3(s.a));
     if (!(length > 0)) continue;
@@ -31,10 +31,12 @@ ContourPoints::ContourPoints(std::span<const ContourSegment> contour) {
     length_ += length;
   }
   guide_.resize(lines_.size());
+  lines_.push_back({});  // after the last: where nothing begins
+  lines_.back().begin = HUGE_VAL;
   uint32_t line = 0;
   for (size_t cell = 0; cell < guide_.size(); ++cell) {
     const double from = length_ * double(cell) / double(guide_.size());
-    while (line + 1 < lines_.size() && lines_[line + 1].begin <= from) ++line;
+    while (lines_[line + 1].begin <= from) ++line;
     guide_[cell] = line;
   }
 }
@@ -48,7 +50,9 @@ SampledSum ContourPoints::sum(const Vec3& x, const Vec3& n, int p, float cosine,
     for (uint32_t k = 0; k < count; ++k) {
       const double u = double(hash64(seed, first + k) >> 11) * 0x1p-53, from = u * length_;
       size_t i = guide_[std::min(size_t(u * double(guide_.size())), guide_.size() - 1)];
-      while (i + 1 < lines_.size() && lines_[i + 1].begin <= from) ++i;
+      i += lines_[i + 1].begin <= from;  // mostly enough, and no branch to be guessed wrongly
+      i += lines_[i + 1].begin <= from;
+      while (lines_[i + 1].begin <= from) ++i;
       const Line& line = lines_[i];
       const DVec3 a(line.a), step = a + std::clamp((from - line.begin) * line.perLength, 0.0, 1.0) * (DVec3(line.b) - a) - at;
       const bool seen = glm::dot(line.normal, n) >= cosine;

@@ -15,6 +15,7 @@ namespace gobo {
 
 namespace {
 
+constexpr uint64_t kMostStyled = 1ull << 29;  // view samples, as many as a picture may have
 constexpr int kUnoccludedSamples = 32, kSquareSamples = 8;  // the latter for each of many lights at infinity
 
 Result<NodeId> planned(PlanContext& c, const ShadowTechniqueEntry& entry, const ShadowInput& in, const v1::ShadowTechnique& t) {
@@ -82,6 +83,14 @@ Result<NodeId> styledVisibility(PlanContext& c, ShadowInput in, const v1::Shadow
     view.width = c.view().filmWidth() + 2 * guard;
     view.height = c.view().filmHeight() + 2 * guard;
     view.place = guard > 0 ? ViewPlace{-guard, -guard, c.view().filmWidth(), c.view().filmHeight()} : ViewPlace{};
+    if (const uint64_t samples = uint64_t(view.width) * uint64_t(view.height) * uint64_t(in.viewSamples); samples > kMostStyled) {
+      const char* field = guard > 0 ? "request.shadows.style.guard_px" : "request.window";
+      return Status(Code::ResourceExhausted,
+                    std::string(field) + ": the style of '" + in.scene->lights[size_t(in.light)].name + "' is made of the whole picture" +
+                        (guard > 0 ? " with " + std::to_string(guard) + " pixels around it" : "") + ", " + std::to_string(samples) + " view samples; must be at most " +
+                        std::to_string(kMostStyled),
+                    field);
+    }
     in.width = view.width;
     in.height = view.height;
     in.place = view.place;
