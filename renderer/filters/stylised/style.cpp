@@ -24,6 +24,12 @@ NodeId planStyle(Graph& graph, const ShadowInput& input, NodeId v, const v1::Sha
   d.angle = angle;
   d.levels = std::max(int(number("levels")), 1);
   const auto samples = uint32_t(number("samples"));
+  const auto approximate = [&](NodePtr node, std::vector<NodeId> inputs, const std::string& what, bool transient = false) {
+    GraphNode n{std::move(node), std::move(inputs), {}, what + ":" + input.scene->lights[size_t(input.light)].name};
+    n.transient = transient;
+    n.approximate = "a style in the place of the light's own shadow";
+    return graph.add(std::move(n));
+  };
   const auto planLevel = [&](int level) {
     d.level = level;
     const std::string of = d.levels > 1 ? " " + std::to_string(level + 1) + "/" + std::to_string(d.levels) : "";
@@ -34,16 +40,13 @@ NodeId planStyle(Graph& graph, const ShadowInput& input, NodeId v, const v1::Sha
     const StyleTransferSettings t{number("inflation"), number("softness"), number("brightness")};
     std::vector<NodeId> inputs{distance};
     if (input.clear && d.levels == 1) inputs.push_back(v);
-    GraphNode n{makeStyleTransferNode(t), std::move(inputs), {}, "style_transfer" + of + ":" + input.scene->lights[size_t(input.light)].name};
-    n.transient = d.levels > 1;  // distances are kept: the transfer is cheap
-    n.approximate = "a style in the place of the light's own shadow";
-    return graph.add(std::move(n));
+    return approximate(makeStyleTransferNode(t), std::move(inputs), "style_transfer" + of, d.levels > 1);  // the distances of levels are kept: the transfer is cheap
   };
   if (d.levels == 1) return planLevel(0);
   std::vector<NodeId> levels;
   if (input.clear) levels.push_back(v);
   for (int level = 0; level < d.levels; ++level) levels.push_back(planLevel(level));
-  return addShadowFilter(graph, makeStyleLevelsNode(extent, d.levels, input.clear), std::move(levels), "style_levels", input);
+  return approximate(makeStyleLevelsNode(extent, d.levels, input.clear), std::move(levels), "style_levels");
 }
 
 }  // namespace gobo

@@ -106,8 +106,8 @@ TEST(StylesAround, AGuardOfItsOwnRunsWhatItSees) {
   ran({"softness=0.2"});
   using Labels = std::set<std::string>;
   EXPECT_EQ(ran({"softness=0.2", "guard_px=4"}),
-            (Labels{"gbuffer with guard", "visibility:lamp", "style_distance:lamp", "style_transfer:lamp", "style_crop:lamp", "visibility:lamp image"}));
-  EXPECT_EQ(ran({"softness=0.3", "guard_px=4"}), (Labels{"style_transfer:lamp", "style_crop:lamp", "visibility:lamp image"}));
+            (Labels{"gbuffer with guard", "visibility:lamp", "style_distance:lamp", "style_transfer:lamp", "style_crop:lamp"}));
+  EXPECT_EQ(ran({"softness=0.3", "guard_px=4"}), (Labels{"style_transfer:lamp", "style_crop:lamp", "visibility:lamp"}));  // the last is the mean of the view samples
   EXPECT_EQ(ran({"softness=0.2", "guard_px=0"}), Labels{});
 }
 
@@ -168,12 +168,15 @@ TEST(StyleLevelsOfPlans, KeepDistancesAndHoldOneLevelAtATime) {
   const auto engine = makeEngine();
   v1::RenderRequest r = styled(boxes(), {"softness=0.2", "abstraction=0.05", "levels=3"});
   std::set<std::string> labels;
-  for (const auto& [label, n] : nodesBy(mustRender(*engine, r), v1::NodeReport::RUN)) labels.insert(label);
-  for (const char* label : {"style_distance 1/3:lamp", "style_distance 3/3:lamp", "style_abstraction 2/3:lamp", "style_transfer 2/3:lamp", "style_levels:lamp"})
+  for (const auto& [label, n] : nodesBy(mustRender(*engine, r), v1::NodeReport::RUN)) {
+    labels.insert(label);
+    if (label == "style_levels:lamp") { EXPECT_TRUE(n.approximate()); }
+  }
+  for (const char* label : {"style_distance 1/3:lamp", "style_distance 3/3:lamp", "style_abstraction 2/3:lamp", "style_transfer (folded)", "style_levels:lamp"})
     EXPECT_TRUE(labels.count(label)) << label;
   set(r, "lights.lamp.shadow.style.softness=0.3");
   for (const auto& [label, n] : nodesBy(mustRender(*engine, r), v1::NodeReport::RUN))
-    EXPECT_TRUE(label.starts_with("style_transfer") || label.starts_with("style_levels") || label == "visibility:lamp image") << label;
+    EXPECT_TRUE(label.starts_with("style_transfer") || label.starts_with("style_levels") || label == "visibility:lamp") << label;
   v1::RenderRequest large = styled(boxes(), {"softness=0.2", "levels=2"});
   large.set_width(1024), large.set_height(1024);
   const auto two = engine->prepare(large, nullptr);
