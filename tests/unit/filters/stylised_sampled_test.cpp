@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <ctime>
 #include <set>
+#include <tuple>
 
 #include "filters/stylised/sampled_distance.h"
 #include "filters/stylised/sampled_sums.h"
@@ -363,6 +364,36 @@ TEST(StyleSampled, DISABLED_ErrorAgainstTime) {
     }
   }
   std::printf("%.1f ns a point\n", 1e6 * all / (2 * points));
+}
+
+// A light that jitters: the shadow of two discs moves by less than a pixel from picture to picture. Total variation of S, the mean over pixels of sum |S_t+1 - S_t|, by the averaged distance's
+// norm and power; 64 is next to the Euclidean distance (docs/intent.md).
+TEST(StyleSampled, DISABLED_VariationUnderJitteredLight) {
+  const Extent e{160, 120, 1};
+  constexpr int kPictures = 24;
+  const auto g = planeGBuffer(view(e));
+  for (const StyleTransferSettings& style : {StyleTransferSettings{0, 12, 0}, StyleTransferSettings{8, 4, 0}})
+    for (const auto& [name, p, norm] : {std::tuple{"LOCAL, p = 8", 8, StyleNorm::Local}, {"PUBLISHED, p = 8", 8, StyleNorm::Published}, {"LOCAL, p = 64", 64, StyleNorm::Local},
+                                        {"LOCAL, p = 2", 2, StyleNorm::Local}}) {
+      TermPtr last;
+      double sum = 0, most = 0;
+      for (int t = 0; t < kPictures; ++t) {
+        const float dx = toUnit(hash32(5, uint64_t(t))), dy = toUnit(hash32(6, uint64_t(t)));
+        const auto V = floatTerm(e, "V", [&](int x, int y, int) {
+          return std::hypot(float(x) - 50 - dx, float(y) - 60 - dy) < 22 || std::hypot(float(x) - 98 - dx, float(y) - 60 - dy) < 16 ? 0.0f : 1.0f;
+        });
+        const auto S = runFilter(makeStyleTransferNode(style), {exact(settings(e, 1, p, norm), V, g)});
+        if (last)
+          for (size_t i = 0; i < e.elements(); ++i) {
+            const double d = std::abs(double(S->floats("V")[i]) - double(last->floats("V")[i]));
+            sum += d;
+            most = std::max(most, d);
+          }
+        last = S;
+      }
+      std::printf("inflation %g, softness %g, %-16s: %.5f a picture, at most %.3f\n", double(style.inflation), double(style.softness), name,
+                  sum / double(e.elements()) / (kPictures - 1), most);
+    }
 }
 
 }  // namespace stylised_sampled_test
