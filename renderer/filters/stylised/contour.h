@@ -10,8 +10,10 @@
 // at
 //              most `angle`, and each lie within one pixel's width (plane footprint) of the other's tangent plane. The last holds on a plane however
 //              grazing it is seen and fails at a step in depth; samples that hit nothing belong to no contour.
-// Levels       Of soft visibility also the contours of other levels than 1/2. A step from 0 to 1 between neighbours says nothing of where in between it is: the edge is half way for every
-//              level, and the steeper a step is above 1/2, the less it is taken for linear. Contours of several levels neither cross nor swap, and those of hard visibility are one.
+// Levels       Of soft visibility also the contours of other levels than 1/2. A step from 0 to 1 between neighbours says nothing of where in between it is: the
+// edge is half way for every
+//              level, and the steeper a step is above 1/2, the less it is taken for linear. Contours of several levels neither cross nor swap, and those of
+//              hard visibility are one.
 // Inputs       One layer of a visibility term (1 or 3 channels: of three the largest counts, so that tinted light is light) and of a G-buffer.
 // Attached     Surfaces that are turned away from the light are lit in Gobo's visibility (terms/visibility.h): there is no attached shadow that inflation would
 //              spread. Where a cast shadow runs over the terminator of a smooth body there is a contour along it that is none.

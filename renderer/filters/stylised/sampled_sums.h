@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Points of a contour, drawn by length, and the averaged distance's sum over them: the published Monte Carlo estimate (DeCoro 2009, section 3.3).
 //
-// Computes     Of N points y of the contour, uniform by length and independent of each other, the mean of |x - y|^-p over those whose normals are within `cosine`: times the
+// Computes     Of N points y of the contour, uniform by length and independent of each other, the mean of |x - y|^-p over those whose normals are within
+// `cosine`: times the
 //              contour's length an unbiased estimate of the integral A of filters/stylised/averaged_distance.h.
-// Numbers      Counter-based and independent (base/sobol.h, hash64): point k of a pixel is a pure function of the pixel's seed and k, so the first N of a larger N are the same.
+// Numbers      Counter-based and independent (base/sobol.h, hash64): point k of a pixel is a pure function of the pixel's seed and k, so the first N of a
+// larger N are the same.
 //              Not a low-discrepancy sequence: its error would not follow the law that the method's sample counts go by.
-// Numerics     double. Points are taken by batches; the sum is in units of the nearest point so far to the power -p and is scaled down when a nearer one comes, so that no power
+// Numerics     double. Points are taken by batches; the sum is in units of the nearest point so far to the power -p and is scaled down when a nearer one comes,
+// so that no power
 //              leaves its range for p up to 64 and any scale.
 // Cost         Building O(segments), 68 bytes each; some 20 ns a point, whatever the number of segments.
 #pragma once
@@ -17,9 +20,9 @@
 namespace gobo {
 
 struct SampledSum {
-  double unit2 = 0;    ///< square of the distance of the nearest point that is seen; 0: the point lies on the contour, and sum is of no use
-  double sum = 0;      ///< of (r / unit)^-p over the points that are seen
-  uint32_t seen = 0;   ///< points; 0: no others are of use
+  double unit2 = 0;   ///< square of the distance of the nearest point that is seen; 0: the point lies on the contour, and sum is of no use
+  double sum = 0;     ///< of (r / unit)^-p over the points that are seen
+  uint32_t seen = 0;  ///< points; 0: no others are of use
 };
 
 class ContourPoints {

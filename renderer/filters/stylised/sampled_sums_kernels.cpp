@@ -26,8 +26,7 @@ ContourPoints::ContourPoints(std::span<const ContourSegment> contour) {
   lines_.reserve(contour.size() + 1);
   for (const ContourSegment& s : contour) {
     const double length = glm::length(DVec3(s.b) - DVec3(s.a));
-    if (!(length > 0)) continue;
-    lines_.push_back({s.a, s.b, s.normal, length_, 1.0 / length});
+    lines_.push_back({s.a, s.b, s.normal, length_, 1.0 / length});  // of no length: the next begins there too, and it is never drawn
     length_ += length;
   }
   guide_.resize(lines_.size());

@@ -40,7 +40,8 @@ NodeId planStyle(Graph& graph, const ShadowInput& input, NodeId v, const v1::Sha
     const StyleTransferSettings t{number("inflation"), number("softness"), number("brightness")};
     std::vector<NodeId> inputs{distance};
     if (input.clear && d.levels == 1) inputs.push_back(v);
-    return approximate(makeStyleTransferNode(t), std::move(inputs), "style_transfer" + of, d.levels > 1);  // the distances of levels are kept: the transfer is cheap
+    return approximate(makeStyleTransferNode(t), std::move(inputs), "style_transfer" + of,
+                       d.levels > 1);  // the distances of levels are kept: the transfer is cheap
   };
   if (d.levels == 1) return planLevel(0);
   std::vector<NodeId> levels;

@@ -15,7 +15,7 @@ namespace gobo {
 
 namespace {
 
-constexpr uint64_t kMostStyled = 1ull << 29;  // view samples, as many as a picture may have
+constexpr uint64_t kMostStyled = 1ull << 29;                // view samples, as many as a picture may have
 constexpr int kUnoccludedSamples = 32, kSquareSamples = 8;  // the latter for each of many lights at infinity
 
 Result<NodeId> planned(PlanContext& c, const ShadowTechniqueEntry& entry, const ShadowInput& in, const v1::ShadowTechnique& t) {
@@ -67,9 +67,10 @@ Result<NodeId> plainVisibility(PlanContext& c, const ShadowInput& in, const v1::
   return planned(c, *entry, in, t);
 }
 
-/// A style's distances are those to the contour of the whole picture, with `guard` pixels around it, whatever window of it is asked for: they are made there and the window is cut out.
-/// What is drawn by chance is drawn by place, so that the picture's own pixels have the visibility that they have without a guard. Pixels outside it, whose places are below 0 or beyond its
-/// size, have numbers of some pixel inside (unsigned arithmetic of FilmElements): what is drawn there is of no picture.
+/// A style's distances are those to the contour of the whole picture, with `guard` pixels around it, whatever window of it is asked for: they are made there
+/// and the window is cut out. What is drawn by chance is drawn by place, so that the picture's own pixels have the visibility that they have without a guard.
+/// Pixels outside it, whose places are below 0 or beyond its size, have numbers of some pixel inside (unsigned arithmetic of FilmElements): what is drawn there
+/// is of no picture.
 Result<NodeId> styledVisibility(PlanContext& c, ShadowInput in, const v1::ShadowTechnique& t) {
   int guard = int(numberParameter(t.style(), "guard_px"));
   if (guard > 0 && in.camera.optics.panorama) {
@@ -87,8 +88,8 @@ Result<NodeId> styledVisibility(PlanContext& c, ShadowInput in, const v1::Shadow
       const char* field = guard > 0 ? "request.shadows.style.guard_px" : "request.window";
       return Status(Code::ResourceExhausted,
                     std::string(field) + ": the style of '" + in.scene->lights[size_t(in.light)].name + "' is made of the whole picture" +
-                        (guard > 0 ? " with " + std::to_string(guard) + " pixels around it" : "") + ", " + std::to_string(samples) + " view samples; must be at most " +
-                        std::to_string(kMostStyled),
+                        (guard > 0 ? " with " + std::to_string(guard) + " pixels around it" : "") + ", " + std::to_string(samples) +
+                        " view samples; must be at most " + std::to_string(kMostStyled),
                     field);
     }
     in.width = view.width;

@@ -310,11 +310,10 @@ TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
   const Labels blurred = transfer + Labels{"style_abstraction:spot"}, distance = blurred + Labels{"style_distance:spot"};
   const std::map<std::string, std::pair<std::string, Labels>> table{
       {"inflation", {"0.1", transfer}}, {"softness", {"0.3", transfer}},   {"brightness", {"0.25", transfer}}, {"abstraction", {"0.2", blurred}},
-      {"power", {"4", distance}},       {"norm", {"PUBLISHED", distance}}, {"angle_deg", {"40", distance}},
-      {"samples", {"20", distance}},
+      {"power", {"4", distance}},       {"norm", {"PUBLISHED", distance}}, {"angle_deg", {"40", distance}},    {"samples", {"20", distance}},
   };
-  const std::set<std::string> other{"levels", "guard_px",  // StyleLevelsOfPlans.* and StylesAround.*
-                                    "transition", "steps", "layers", "pattern", "pattern_px", "pattern_deg"};
+  const std::set<std::string> other{"levels",     "guard_px",  // StyleLevelsOfPlans.* and StylesAround.*
+                                    "transition", "steps",    "layers", "pattern", "pattern_px", "pattern_deg"};
   const auto* d = v1::ShadowStyle::descriptor();
   for (int i = 0; i < d->field_count(); ++i) {
     if (other.count(std::string(d->field(i)->name()))) continue;

@@ -12,12 +12,14 @@ namespace styles_guard_test {
 
 constexpr int kWidth = 44, kHeight = 34, kGuard = 15;
 
-/// A lamp over cornell's boxes, seen by a measured camera: `more` pixels more on each side are the same picture with more around it, from pixel (left, top) of it on.
+/// A lamp over cornell's boxes, seen by a measured camera: `more` pixels more on each side are the same picture with more around it, from pixel (left, top) of
+/// it on.
 v1::RenderRequest boxes(int more = 0, int left = 0, int top = 0, int width = kWidth, int height = kHeight) {
   v1::RenderRequest r = withLamp(width + 2 * more, height + 2 * more, LightKind::Spot);
-  for (const std::string& a : {std::string("camera.focal_x=90"), std::string("camera.focal_y=90"), "camera.center_x=" + std::to_string(kWidth / 2 + more - left),
-                               "camera.center_y=" + std::to_string(kHeight / 2 + more - top), std::string("lights.light.enabled=false"),
-                               std::string("lights.lamp.outer_deg=80"), std::string("lights.lamp.inner_deg=79"), std::string("outputs=visibility:lamp")})
+  for (const std::string& a :
+       {std::string("camera.focal_x=90"), std::string("camera.focal_y=90"), "camera.center_x=" + std::to_string(kWidth / 2 + more - left),
+        "camera.center_y=" + std::to_string(kHeight / 2 + more - top), std::string("lights.light.enabled=false"), std::string("lights.lamp.outer_deg=80"),
+        std::string("lights.lamp.inner_deg=79"), std::string("outputs=visibility:lamp")})
     set(r, a);
   return r;
 }
@@ -60,10 +62,27 @@ TEST(StylesAround, AGuardIsALargerPicture) {
   }
 }
 
+TEST(StylesAround, AMapThatIsFittedToTheCameraIsFittedToTheGuard) {  // a sun's, whose window is that of what is seen
+  const auto engine = makeEngine();
+  const auto of = [&](int more, const char* guard) {
+    v1::RenderRequest r = smallRequest("fence", kWidth + 2 * more, kHeight + 2 * more, 1);
+    for (const std::string& a : {std::string("camera.focal_x=150"), std::string("camera.focal_y=150"), std::string("shadows.shadow_map={}"),
+                                 std::string("shadows.map.resolution=512"), std::string("shadows.map.fit=CAMERA"), std::string("shadows.style.softness=0.5"),
+                                 std::string("shadows.style.power=4"), std::string(guard), std::string("outputs=visibility:sun")}) {
+      if (a.ends_with("={}")) r.mutable_shadows()->mutable_shadow_map();
+      else set(r, a);
+    }
+    return mustRender(*engine, r);
+  };
+  const RenderResult large = of(30, "shadows.style.guard_px=0"), guarded = of(0, "shadows.style.guard_px=30");
+  EXPECT_LT(most(guarded.images[0].image(), large.images[0].image(), 30, 30), 1e-4);
+}
+
 TEST(StylesAround, AMovingCameraDoesNotChangeTheStyle) {  // where the guard is wider than what the style reaches
   const std::vector<std::string> narrow{"inflation=0.02", "softness=0.08", "power=16"};
   const auto engine = makeEngine();
-  const RenderResult here = mustRender(*engine, styled(boxes(), with(narrow, "guard_px=24"))), there = mustRender(*engine, styled(boxes(0, 7, 3), with(narrow, "guard_px=24")));
+  const RenderResult here = mustRender(*engine, styled(boxes(), with(narrow, "guard_px=24"))),
+                     there = mustRender(*engine, styled(boxes(0, 7, 3), with(narrow, "guard_px=24")));
   EXPECT_LT(most(here.images[0].image(), there.images[0].image(), 0, 0, 7, 3, kWidth - 7, kHeight - 3), 1e-4);
   double dark = 0;
   for (int x = 0; x < kWidth; ++x) dark += double(1 - here.images[0].image().at(x, kHeight / 2)[0]);
@@ -86,7 +105,9 @@ TEST(StylesAround, OfANeutralStyleIsTheHardShadowToTheBit) {  // the picture's o
 TEST(StylesAround, APanoramaHasNothingOutside) {
   const auto engine = makeEngine();
   v1::RenderRequest r = smallRequest("cornell", 48, 24, 1);
-  for (const char* a : {"camera.panorama=true", "camera.position=0.1,1,0.4", "shadows.ray_traced.samples=1", "shadows.style.softness=0.2", "outputs=visibility:light"}) set(r, a);
+  for (const char* a :
+       {"camera.panorama=true", "camera.position=0.1,1,0.4", "shadows.ray_traced.samples=1", "shadows.style.softness=0.2", "outputs=visibility:light"})
+    set(r, a);
   const RenderResult plain = mustRender(*engine, r);
   set(r, "shadows.style.guard_px=5");
   const RenderResult guarded = mustRender(*engine, r);
@@ -107,7 +128,8 @@ TEST(StylesAround, AGuardOfItsOwnRunsWhatItSees) {
   using Labels = std::set<std::string>;
   EXPECT_EQ(ran({"softness=0.2", "guard_px=4"}),
             (Labels{"gbuffer with guard", "visibility:lamp", "style_distance:lamp", "style_transfer:lamp", "style_crop:lamp"}));
-  EXPECT_EQ(ran({"softness=0.3", "guard_px=4"}), (Labels{"style_transfer:lamp", "style_crop:lamp", "visibility:lamp"}));  // the last is the mean of the view samples
+  EXPECT_EQ(ran({"softness=0.3", "guard_px=4"}),
+            (Labels{"style_transfer:lamp", "style_crop:lamp", "visibility:lamp"}));  // the last is the mean of the view samples
   EXPECT_EQ(ran({"softness=0.2", "guard_px=0"}), Labels{});
 }
 
@@ -131,7 +153,8 @@ TEST(StylesAround, MoreThanAPictureMayHaveIsRefusedByName) {
 // The style is that of the whole picture: Window.HasTheBitsOfTheWhole* over styles of every kind.
 TEST(StylesAround, AWindowHasTheBitsOfTheWhole) {
   const auto engine = makeEngine();
-  for (const std::vector<std::string>& edits : std::vector<std::vector<std::string>>{{"abstraction=0.1"}, {"guard_px=5"}, {"samples=9"}, {"levels=3", "guard_px=2"}}) {
+  for (const std::vector<std::string>& edits :
+       std::vector<std::vector<std::string>>{{"abstraction=0.1"}, {"guard_px=5"}, {"samples=9"}, {"levels=3", "guard_px=2"}}) {
     v1::RenderRequest r = styled(boxes(), kWide, "ray_traced.samples=4");
     for (const std::string& e : edits) set(r, "lights.lamp.shadow.style." + e);
     r.add_outputs("beauty");
@@ -146,7 +169,8 @@ TEST(StylesAround, AWindowHasTheBitsOfTheWhole) {
 TEST(StyleLevelsOfPlans, OfHardVisibilityAreOneToTheBit) {
   const auto engine = makeEngine();
   const RenderResult one = mustRender(*engine, styled(boxes(), kWide));
-  for (const char* levels : {"levels=1", "levels=2", "levels=7"}) EXPECT_EQ(firstDifference(mustRender(*engine, styled(boxes(), with(kWide, levels))), one), "") << levels;
+  for (const char* levels : {"levels=1", "levels=2", "levels=7"})
+    EXPECT_EQ(firstDifference(mustRender(*engine, styled(boxes(), with(kWide, levels))), one), "") << levels;
 }
 
 TEST(StyleLevelsOfPlans, OfANeutralStyleAreSoftVisibilityInSteps) {

@@ -92,7 +92,8 @@ TEST(StyleLevels, OfANeutralStyleAreTheVisibilityInSteps) {  // and so it conver
   }
 }
 
-// A linear penumbra of width w: level t lies at x0 + t w, so S(x) = integral over t of f(x - x0 - t w), f the transfer; LOCAL's D is the distance of a straight edge.
+// A linear penumbra of width w: level t lies at x0 + t w, so S(x) = integral over t of f(x - x0 - t w), f the transfer; LOCAL's D is the distance of a straight
+// edge.
 TEST(StyleLevels, ConvergeToTheIntegralOverALinearPenumbra) {
   const Extent e{120, 160, 1};
   const float from = 52.3f, width = 13.0f;
@@ -169,7 +170,8 @@ TEST(StyleLevels, ColourIsThatOfTheLight) {
   std::vector<TermPtr> inputs{V};
   for (int k = 0; k < 4; ++k) inputs.push_back(floatTerm(e, "V", [&](int x, int, int) { return s[size_t(x)]; }));
   const auto S = folded(makeStyleLevelsNode(e, 4, true), inputs);
-  const std::vector<float> expected{0.75f, 0.375f, 0.25f, 1, 1, 1, 0.25f / 3, 0.5f / 3, 0.25f, 0.5f, 0.5f, 0.5f, 0.5f, 0.5f, 0.5f};  // the last is below every level
+  const std::vector<float> expected{0.75f, 0.375f, 0.25f, 1,    1,    1,    0.25f / 3, 0.5f / 3,
+                                    0.25f, 0.5f,   0.5f,  0.5f, 0.5f, 0.5f, 0.5f};  // the last is below every level
   for (size_t i = 0; i < expected.size(); ++i) EXPECT_NEAR(S->floats("V")[i], expected[i], 1e-6f) << i;
 }
 

@@ -44,7 +44,8 @@ TermPtr disc(const Extent& e, float x, float y, float radius) {
   return floatTerm(e, "V", [=](int u, int v, int) { return std::hypot(float(u) - x, float(v) - y) < radius ? 0.0f : 1.0f; });
 }
 
-/// Two columns of pixels, 20 to the left and to the right of a straight contour that is 1998 long: of the 1000 pixels in the middle half each is an estimate of its own, of one distance.
+/// Two columns of pixels, 20 to the left and to the right of a straight contour that is 1998 long: of the 1000 pixels in the middle half each is an estimate of
+/// its own, of one distance.
 struct Edge {
   static constexpr int kRows = 1000;
   static constexpr double kDistance = 20, kLength = 2 * (kRows - 1);
@@ -172,7 +173,9 @@ TEST(StyleSampled, ManyPointsAreTheExactField) {  // within 5 deviations of the 
             ASSERT_EQ(got, double(kStyleFar));
             continue;
           }
-          const auto integral = [&](int q) { return straightLineConstant(q) * std::pow(averagedDistanceTo(contour, x, n, q, StyleNorm::Local, std::cos(s.distance.angle)), 1 - q); };
+          const auto integral = [&](int q) {
+            return straightLineConstant(q) * std::pow(averagedDistanceTo(contour, x, n, q, StyleNorm::Local, std::cos(s.distance.angle)), 1 - q);
+          };
           const double kappa = length * integral(2 * p) / (integral(p) * integral(p));  // of one point: mean square over squared mean
           const double law = std::sqrt(kappa / kPoints) / (norm == StyleNorm::Local ? p - 1 : p);
           ASSERT_NEAR(got, expected, (5 * law + 0.02) * expected) << p << " at " << i;
@@ -186,7 +189,8 @@ TEST(StyleSampled, AnyScaleAndPowerIsFinite) {  // the running sum is in units o
   for (const float scale : {1e-12f, 1e-4f, 1e6f, 1e12f})
     for (const int p : {2, 8, 63, 64})
       for (const StyleNorm norm : {StyleNorm::Local, StyleNorm::Published}) {
-        const auto one = sampled(settings(e, 200, p, norm), V, planeGBuffer(view(e, 1.0f))), scaled = sampled(settings(e, 200, p, norm), V, planeGBuffer(view(e, scale)));
+        const auto one = sampled(settings(e, 200, p, norm), V, planeGBuffer(view(e, 1.0f))),
+                   scaled = sampled(settings(e, 200, p, norm), V, planeGBuffer(view(e, scale)));
         for (size_t i = 0; i < e.elements(); ++i) {
           const double expected = double(one->floats("D")[i]) * double(scale);
           ASSERT_NEAR(double(scaled->floats("D")[i]), expected, 1e-4 * std::abs(expected)) << scale << " " << p;
@@ -253,8 +257,11 @@ TEST(StyleSampled, SignsAreThoseOfTheVisibility) {  // few points: anything but 
   const auto D = sampled(settings(e, 1), V, g);
   for (size_t i = 0; i < e.elements(); ++i) {
     const float d = D->floats("D")[i];
-    if (i % 5 == 0) { ASSERT_EQ(d, kStyleFar); }
-    else { ASSERT_EQ(d > 0, V->floats("V")[i] >= 0.5f); }
+    if (i % 5 == 0) {
+      ASSERT_EQ(d, kStyleFar);
+    } else {
+      ASSERT_EQ(d > 0, V->floats("V")[i] >= 0.5f);
+    }
     ASSERT_TRUE(std::isfinite(d) && d != 0.0f && std::abs(d) <= kStyleFar);
   }
 }
@@ -325,7 +332,8 @@ TEST(StyleSampled, StopsWhenAsked) {
   EXPECT_EQ(runNode(*makeSampledDistanceNode(settings(e, 65536)), ctx).status().code(), Code::Cancelled);
 }
 
-// Figure 3.10 of the method anew, in its worst case: high softness, no abstraction. Root mean square of S against the exact field, by points and time (docs/intent.md).
+// Figure 3.10 of the method anew, in its worst case: high softness, no abstraction. Root mean square of S against the exact field, by points and time
+// (docs/intent.md).
 TEST(StyleSampled, DISABLED_ErrorAgainstTime) {
   const Extent e{480, 270, 1};
   const auto V = floatTerm(e, "V", [](int x, int y, int) {
@@ -366,14 +374,16 @@ TEST(StyleSampled, DISABLED_ErrorAgainstTime) {
   std::printf("%.1f ns a point\n", 1e6 * all / (2 * points));
 }
 
-// A light that jitters: the shadow of two discs moves by less than a pixel from picture to picture. Total variation of S, the mean over pixels of sum |S_t+1 - S_t|, by the averaged distance's
-// norm and power; 64 is next to the Euclidean distance (docs/intent.md).
+// A light that jitters: the shadow of two discs moves by less than a pixel from picture to picture. Total variation of S, the mean over pixels of sum |S_t+1 -
+// S_t|, by the averaged distance's norm and power; 64 is next to the Euclidean distance (docs/intent.md).
 TEST(StyleSampled, DISABLED_VariationUnderJitteredLight) {
   const Extent e{160, 120, 1};
   constexpr int kPictures = 24;
   const auto g = planeGBuffer(view(e));
   for (const StyleTransferSettings& style : {StyleTransferSettings{0, 12, 0}, StyleTransferSettings{8, 4, 0}})
-    for (const auto& [name, p, norm] : {std::tuple{"LOCAL, p = 8", 8, StyleNorm::Local}, {"PUBLISHED, p = 8", 8, StyleNorm::Published}, {"LOCAL, p = 64", 64, StyleNorm::Local},
+    for (const auto& [name, p, norm] : {std::tuple{"LOCAL, p = 8", 8, StyleNorm::Local},
+                                        {"PUBLISHED, p = 8", 8, StyleNorm::Published},
+                                        {"LOCAL, p = 64", 64, StyleNorm::Local},
                                         {"LOCAL, p = 2", 2, StyleNorm::Local}}) {
       TermPtr last;
       double sum = 0, most = 0;
