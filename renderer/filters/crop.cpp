@@ -16,9 +16,9 @@ class CropNode final : public Node {
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 1);
     const Extent& e = around_;
-    w.over(0, e).require(e.layers == 1 && x_ >= 0 && y_ >= 0 && x_ + width_ <= e.width && y_ + height_ <= e.height, "a picture around its window");
+    w.over(0, e).require(x_ >= 0 && y_ >= 0 && x_ + width_ <= e.width && y_ + height_ <= e.height, "a picture around its window");
     TermShape out = w.input(0);
-    out.extent = {width_, height_, 1};
+    out.extent = {width_, height_, e.layers};
     for (PlaneShape& p : out.planes)
       if (p.fill != PlaneShape::Fill::Absent) p.fill = PlaneShape::Fill::Unset;
     return w.gives(std::move(out));
@@ -29,10 +29,12 @@ class CropNode final : public Node {
       const size_t pixel = formatSize(p.format) * size_t(p.channels), row = pixel * size_t(width_), pitch = pixel * size_t(from.extent().width);
       if (!ctx.result->hasPlane(p.name)) ctx.result->addRaw(p.name, p.format, p.channels, /*zeroed=*/false);
       uint8_t* const to = ctx.result->bytesOf(p.name);
-      for (int y = 0; y < height_; ++y) {
-        if (y % 64 == 0 && ctx.stop.stopRequested()) return Status(Code::Cancelled, "crop: stopped");
-        std::memcpy(to + size_t(y) * row, p.bytes.data() + size_t(y + y_) * pitch + size_t(x_) * pixel, row);
-      }
+      for (int layer = 0; layer < around_.layers; ++layer)
+        for (int y = 0; y < height_; ++y) {
+          if (y % 64 == 0 && ctx.stop.stopRequested()) return Status(Code::Cancelled, "crop: stopped");
+          const size_t line = size_t(layer) * size_t(height_) + size_t(y), of = size_t(layer) * size_t(around_.height) + size_t(y + y_);
+          std::memcpy(to + line * row, p.bytes.data() + of * pitch + size_t(x_) * pixel, row);
+        }
     }
     return TermPtr(ctx.result);
   }

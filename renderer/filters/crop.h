@@ -6,7 +6,7 @@
 
 namespace gobo {
 
-/// Input: a term over `around`, one layer. Output: its type, domain and planes over width x height pixels, of which the first is its (x, y).
+/// Input: a term over `around`. Output: its type, domain and planes over width x height pixels of every layer, of which the first is its (x, y).
 NodePtr makeCropNode(const Extent& around, int x, int y, int width, int height);
 
 }  // namespace gobo

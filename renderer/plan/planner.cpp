@@ -272,7 +272,8 @@ Result<uint64_t> planNodes(Plan& plan, std::optional<Moment>& only, const SceneP
 
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PlannerServices& services) {
   auto plan = std::make_unique<Plan>();
-  GOBO_ASSIGN(const PixelWindow window, windowOf(request));
+  GOBO_ASSIGN(PixelWindow window, windowOf(request));
+  if (window.width == int(request.width()) && window.height == int(request.height())) window = {};  // shares its terms
   std::optional<Moment> only;
   GOBO_ASSIGN(uint64_t reserved, planNodes(*plan, only, base, request, passes, window, services));
   std::vector<NodeId> kept;

@@ -43,10 +43,20 @@ bool isSoft(const v1::ShadowTechnique& t) {
   }
 }
 
+/// The camera that sees a picture with so many pixels more around it.
+Camera seesAround(Camera camera, int height, int around) {
+  const double larger = 1.0 + 2.0 * around / height;
+  if (camera.perspective) camera.optics.focal = 1.0 / (camera.windowHeight64() * larger);
+  else camera.yheight = float(camera.yheight * larger);
+  camera.centre /= float(larger);
+  return camera;
+}
+
 CameraFit cameraFit(const ShadowInput& input, const v1::ShadowTechnique& technique, const LightShape& light, const LightFrame& frame) {
   CameraFit fit;
-  fit.camera = input.camera;
-  fit.aspect = float(std::max(input.filmWidth(), 1)) / float(std::max(input.filmHeight(), 1));
+  const int width = std::max(input.filmWidth(), 1), height = std::max(input.filmHeight(), 1), around = std::max(-input.place.x, 0);
+  fit.camera = around > 0 ? seesAround(input.camera, height, around) : input.camera;  // a style's guard band (ShadowStyle.guard_px)
+  fit.aspect = float(width + 2 * around) / float(height + 2 * around);
   fit.pancake = !isSoft(technique);
   switch (light.kind) {
     case LightKind::Directional: fit.lightHalf = light.angularSize != 0.0f ? Vec2(std::tan(0.5f * light.angularSize)) : 0.5f * light.skyRectangle; break;

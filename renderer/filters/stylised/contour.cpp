@@ -3,6 +3,8 @@
 
 #include <array>
 
+#include "terms/term.h"
+
 namespace gobo {
 
 namespace {
@@ -34,6 +36,13 @@ constexpr std::array<SquareCase, 16> kCases{{
     {0, {{4, 4}, {4, 4}}},
 }};
 
+/// Where between two samples of visibility `from` and `to`, on both sides of it, the level is: 0 .. 1.
+float crossing(const ContourInput& in, float from, float to) {
+  const float linear = (in.level - from) / (to - from);
+  if (!in.several) return linear;
+  return 0.5f + (linear - 0.5f) * std::min(2.0f * (1.0f - std::abs(to - from)), 1.0f);
+}
+
 void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vector<ContourSegment>& out) {
   const size_t w = size_t(in.width), top = size_t(y) * w + size_t(x);
   const size_t corner[4] = {top, top + 1, top + w + 1, top + w};
@@ -49,7 +58,7 @@ void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vect
       whole = onOneSurface(in, e, f, cosine);
       const float from = in.visibility(e), to = in.visibility(f);
       const Vec3 P = in.at(in.P, e);
-      (k == 0 ? segment.a : segment.b) = P + ((0.5f - from) / (to - from)) * (in.at(in.P, f) - P);
+      (k == 0 ? segment.a : segment.b) = P + crossing(in, from, to) * (in.at(in.P, f) - P);
       normal += in.at(in.N, e) + in.at(in.N, f);
     }
     const float length = glm::length(normal);
@@ -60,6 +69,23 @@ void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vect
 }
 
 }  // namespace
+
+ContourInput contourInput(const Term& visibility, const Term& g, size_t layer, int level, int levels) {
+  ContourInput in;
+  in.width = visibility.extent().width;
+  in.height = visibility.extent().height;
+  in.channels = visibility.channels("V");
+  in.level = (float(level) + 0.5f) / float(levels);
+  in.several = levels > 1;
+  const size_t count = size_t(in.width) * size_t(in.height), first = layer * count;
+  in.V = visibility.floats("V").subspan(first * size_t(in.channels), count * size_t(in.channels));
+  in.P = g.floats("P").subspan(3 * first, 3 * count);
+  in.N = g.floats("N").subspan(3 * first, 3 * count);
+  in.Ng = g.floats("Ng").subspan(3 * first, 3 * count);
+  in.footprint = g.floats("footprint").subspan(first, count);
+  in.instance = g.plane<uint32_t>("instance").subspan(first, count);
+  return in;
+}
 
 bool onOneSurface(const ContourInput& in, size_t e, size_t f, float cosine) {
   if (!in.valid(e) || in.instance[e] != in.instance[f] || glm::dot(in.at(in.N, e), in.at(in.N, f)) < cosine) return false;

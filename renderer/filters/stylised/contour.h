@@ -10,6 +10,10 @@
 // at
 //              most `angle`, and each lie within one pixel's width (plane footprint) of the other's tangent plane. The last holds on a plane however
 //              grazing it is seen and fails at a step in depth; samples that hit nothing belong to no contour.
+// Levels       Of soft visibility also the contours of other levels than 1/2. A step from 0 to 1 between neighbours says nothing of where in between it is: the
+// edge is half way for every
+//              level, and the steeper a step is above 1/2, the less it is taken for linear. Contours of several levels neither cross nor swap, and those of
+//              hard visibility are one.
 // Inputs       One layer of a visibility term (1 or 3 channels: of three the largest counts, so that tinted light is light) and of a G-buffer.
 // Attached     Surfaces that are turned away from the light are lit in Gobo's visibility (terms/visibility.h): there is no attached shadow that inflation would
 //              spread. Where a cast shadow runs over the terminator of a smooth body there is a contour along it that is none.
@@ -29,6 +33,8 @@
 
 namespace gobo {
 
+class Term;
+
 struct ContourSegment {
   Vec3 a{0.0f}, b{0.0f};
   Vec3 normal{0.0f};  ///< of the receiver, unit: mean of the samples that the segment parts
@@ -39,12 +45,17 @@ struct ContourInput {
   int width = 0, height = 0, channels = 1;
   std::span<const float> V, P, N, Ng, footprint;
   std::span<const uint32_t> instance;
+  float level = 0.5f;    ///< of visibility, which is light from it on
+  bool several = false;  ///< of several levels: hard steps are half way for each
 
   bool valid(size_t e) const { return instance[e] != ~0u; }
   float visibility(size_t e) const { return channels == 1 ? V[e] : std::max({V[3 * e], V[3 * e + 1], V[3 * e + 2]}); }
-  bool lit(size_t e) const { return visibility(e) >= 0.5f; }
+  bool lit(size_t e) const { return visibility(e) >= level; }
   Vec3 at(std::span<const float> plane, size_t e) const { return Vec3(plane[3 * e], plane[3 * e + 1], plane[3 * e + 2]); }
 };
+
+/// One layer of a visibility term (plane V) and a "gbuffer", which must outlive it. `level`: of `levels`, the middle of its step.
+ContourInput contourInput(const Term& visibility, const Term& gbuffer, size_t layer, int level = 0, int levels = 1);
 
 /// Products of unit normals in float are off by this much: guards by a cosine allow for it, so that an angle of 0 is a plane.
 inline constexpr float kRoundedCosine = 1e-6f;

@@ -20,7 +20,6 @@ constexpr double kMostApart = 1e6;      // of the nearest source: what is farthe
 constexpr float kAlike = 0.9f;          // least cosine between normals of a group
 constexpr float kReachOfGroup = 64.0f;  // widths of a pixel
 constexpr double kSpread = 1e20;        // farthest by nearest to the power p up to which one unit does for all points
-constexpr float kLeastDistance = 1e-30f;
 static_assert(kSide * kSide == int(kPatchPoints));
 
 /// Samples of a patch that lie on one surface, more or less: those beyond a silhouette would make its ball hundreds of times as large.
@@ -83,19 +82,17 @@ void groupsOf(const ContourInput& in, int x0, int y0, Groups& all) {
 
 class StyleDistanceNode final : public Node {
  public:
-  explicit StyleDistanceNode(const StyleDistanceSettings& s) : s_(s) { GOBO_CHECK(s.power >= 2 && s.power <= 64); }
+  explicit StyleDistanceNode(const StyleDistanceSettings& s) : s_(s) {
+    GOBO_CHECK(s.power >= 2 && s.power <= 64);
+    GOBO_CHECK(s.level >= 0 && s.level < s.levels);
+  }
   std::string type() const override { return "style_distance"; }
   int version() const override { return 2; }  // 2: patches by surface, segments in float
   NodeTraits traits() const override { return {}; }
-  void hashParameters(Hasher& h) const override {
-    h.add(s_.power);
-    h.add(int(s_.norm));
-    h.add(s_.angle);
-  }
+  void hashParameters(Hasher& h) const override { s_.hash(h); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 2);
-    w.over(0, s_.extent).reads<float>(0, "V", {1, 3}).over(1, s_.extent);
-    w.reads<float>(1, "P", {3}).reads<float>(1, "N", {3}).reads<float>(1, "Ng", {3}).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
+    readsContour(w, s_.extent);
     return w.gives({"style_distance", Domain::ViewSample, s_.extent, {unsetPlane<float>("D")}});
   }
   size_t workingBytes() const override { return size_t(s_.extent.width) * size_t(s_.extent.height) * 2 * (2 * sizeof(ContourSegment) + 100); }
@@ -106,17 +103,7 @@ class StyleDistanceNode final : public Node {
     const auto D = ctx.result->writable<float>("D");
     const size_t count = size_t(s_.extent.width) * size_t(s_.extent.height);
     for (size_t layer = 0; layer < size_t(s_.extent.layers); ++layer) {
-      ContourInput in;
-      in.width = s_.extent.width;
-      in.height = s_.extent.height;
-      in.channels = visibility.channels("V");
-      in.V = visibility.floats("V").subspan(layer * count * size_t(in.channels), count * size_t(in.channels));
-      in.P = g.floats("P").subspan(layer * count * 3, count * 3);
-      in.N = g.floats("N").subspan(layer * count * 3, count * 3);
-      in.Ng = g.floats("Ng").subspan(layer * count * 3, count * 3);
-      in.footprint = g.floats("footprint").subspan(layer * count, count);
-      in.instance = g.plane<uint32_t>("instance").subspan(layer * count, count);
-      GOBO_TRY(runLayer(ctx, in, D.subspan(layer * count, count)));
+      GOBO_TRY(runLayer(ctx, contourInput(visibility, g, layer, s_.level, s_.levels), D.subspan(layer * count, count)));
     }
     return TermPtr(ctx.result);
   }
@@ -276,7 +263,7 @@ class StyleDistanceNode final : public Node {
     for (size_t k = 0; k < group.count; ++k) {
       const double n2 = close.nearest2[k];
       float value = !(n2 > 0) ? 0.0f : n2 == HUGE_VAL ? kStyleFar : d[k] * scale[k];
-      value = std::clamp(std::isfinite(value) ? value : kStyleFar, kLeastDistance, kStyleFar);
+      value = std::clamp(std::isfinite(value) ? value : kStyleFar, kLeastStyleDistance, kStyleFar);
       layer.D[group.element[k]] = in.lit(group.element[k]) ? value : -value;
     }
   }
@@ -285,6 +272,18 @@ class StyleDistanceNode final : public Node {
 };
 
 }  // namespace
+
+void StyleDistanceSettings::hash(Hasher& h) const {
+  h.add(power);
+  h.add(int(norm));
+  h.add(angle);
+  if (levels > 1) h.add("level").add(level).add(levels);
+}
+
+void readsContour(Wiring& w, const Extent& extent) {
+  w.over(0, extent).reads<float>(0, "V", {1, 3}).over(1, extent);
+  w.reads<float>(1, "P", {3}).reads<float>(1, "N", {3}).reads<float>(1, "Ng", {3}).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
+}
 
 NodePtr makeStyleDistanceNode(const StyleDistanceSettings& settings) { return std::make_shared<StyleDistanceNode>(settings); }
 

@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "filters/stylised/style.h"
 
+#include <algorithm>
+#include <string>
+
 #include "filters/parameter.h"
 #include "filters/stylised/abstraction.h"
 #include "filters/stylised/distance_field.h"
 #include "filters/stylised/edge_mean.h"
 #include "filters/stylised/pattern.h"
+#include "filters/stylised/sampled_distance.h"
+#include "filters/stylised/style_levels.h"
 #include "filters/stylised/style_parameters.h"
 #include "filters/stylised/transfer.h"
 #include "terms/occluder_distance.h"
@@ -33,27 +38,51 @@ class StylePlan {
     d.power = int(number("power"));
     d.norm = choiceParameter(style_, "norm") == v1::ShadowStyle::PUBLISHED ? StyleNorm::Published : StyleNorm::Local;
     d.angle = angle_;
-    distance_ = filter(makeStyleDistanceNode(d), {v_, input_.gbuffer}, "style_distance");
-    const NodeId own = abstracted();
-    StyleTransferSettings t;
-    t.inflation = number("inflation"), t.softness = number("softness"), t.brightness = number("brightness");
-    t.transition = transitionOf(style_);
-    if (style_.has_steps()) t.steps = int(style_.steps());
-    t.tinted = input_.clear;
-    std::vector<NodeId> inputs{own};
-    addLayers(t, inputs);
-    t.distances = int(inputs.size());
+    d.levels = std::max(int(number("levels")), 1);
+    std::vector<Level> levels;
+    for (d.level = 0; d.level < d.levels; ++d.level) levels.push_back(planLevel(d));
+    const Level& middle = levels[levels.size() / 2];
+    if (levels.size() == 1) return pattern(middle.styled, middle);
+    std::vector<NodeId> inputs;
     if (input_.clear) inputs.push_back(v_);
-    const NodeId parameters = transferParameters(own, t);
-    if (parameters >= 0) inputs.push_back(parameters);
-    return pattern(approximate(makeStyleTransferNode(t), std::move(inputs), "style_transfer"), t, parameters);
+    for (const Level& l : levels) inputs.push_back(l.styled);
+    return pattern(approximate(makeStyleLevelsNode(extent_, d.levels, input_.clear), std::move(inputs), "style_levels"), middle);
   }
 
  private:
+  struct Level {
+    NodeId styled = -1, parameters = -1;
+    StyleTransferSettings transfer;
+  };
+
+  /// Distance, abstraction and transfer of one contour of soft visibility.
+  Level planLevel(const StyleDistanceSettings& d) {
+    of_ = d.levels > 1 ? " " + std::to_string(d.level + 1) + "/" + std::to_string(d.levels) : "";
+    const auto samples = uint32_t(number("samples"));
+    const NodePtr field = samples > 0 ? makeSampledDistanceNode({d, samples, input_.seed, input_.place}) : makeStyleDistanceNode(d);
+    distance_ = filter(field, {v_, input_.gbuffer}, "style_distance" + of_);
+    const NodeId own = abstracted();
+    Level level;
+    StyleTransferSettings& t = level.transfer;
+    t.inflation = number("inflation"), t.softness = number("softness"), t.brightness = number("brightness");
+    t.transition = transitionOf(style_);
+    if (style_.has_steps()) t.steps = int(style_.steps());
+    t.tinted = input_.clear && d.levels == 1;
+    std::vector<NodeId> inputs{own};
+    addLayers(t, inputs);
+    t.distances = int(inputs.size());
+    if (t.tinted) inputs.push_back(v_);
+    level.parameters = transferParameters(own, t);
+    if (level.parameters >= 0) inputs.push_back(level.parameters);
+    level.styled = approximate(makeStyleTransferNode(t), std::move(inputs), "style_transfer" + of_, d.levels > 1);  // the distances of levels are kept: the transfer is cheap
+    return level;
+  }
+
   float number(const char* name) const { return float(numberParameter(style_, name)); }
-  NodeId filter(NodePtr node, std::vector<NodeId> inputs, const char* what) { return addShadowFilter(graph_, std::move(node), std::move(inputs), what, input_); }
-  NodeId approximate(NodePtr node, std::vector<NodeId> inputs, const std::string& what) {
+  NodeId filter(NodePtr node, std::vector<NodeId> inputs, const std::string& what) { return addShadowFilter(graph_, std::move(node), std::move(inputs), what, input_); }
+  NodeId approximate(NodePtr node, std::vector<NodeId> inputs, const std::string& what, bool transient = false) {
     GraphNode n{std::move(node), std::move(inputs), {}, what + ":" + input_.scene->lights[size_t(input_.light)].name};
+    n.transient = transient;
     n.approximate = "a style in the place of the light's own shadow";
     return graph_.add(std::move(n));
   }
@@ -69,7 +98,7 @@ class StylePlan {
     for (const auto& [field, f] : formulas) edges = edges || f.readsEdges();
     if (edges) inputs.push_back(occluder());
     if (reads(StyleName::Edge)) inputs.push_back(edge);
-    return filter(makeStyleParametersNode(extent_, std::move(formulas), formulas_.time), std::move(inputs), "style_parameters");
+    return filter(makeStyleParametersNode(extent_, std::move(formulas), formulas_.time), std::move(inputs), "style_parameters" + of_);
   }
   NodeId occluder() {
     if (occluder_ >= 0) return occluder_;
@@ -78,12 +107,12 @@ class StylePlan {
     return occluder_ = filter(makeEdgeMeanNode({extent_, angle_, formulas_.casters}), {rays, v_, input_.gbuffer}, "style_occluder");
   }
 
-  NodeId blurred(float sigma) { return sigma > 0.0f ? filter(makeStyleAbstractionNode({extent_, sigma, angle_}), {distance_, input_.gbuffer}, "style_abstraction") : distance_; }
+  NodeId blurred(float sigma) { return sigma > 0.0f ? filter(makeStyleAbstractionNode({extent_, sigma, angle_}), {distance_, input_.gbuffer}, "style_abstraction" + of_) : distance_; }
   NodeId abstracted() {
     const StyleFormula* varying = formulas_.find(StyleField::Abstraction);
     if (!varying) return blurred(number("abstraction"));
     const NodeId widths = parametersOf({{StyleField::Abstraction, *varying}}, -1);
-    return filter(makeStyleAbstractionNode({extent_, 0.0f, angle_, true}), {distance_, input_.gbuffer, widths}, "style_abstraction");
+    return filter(makeStyleAbstractionNode({extent_, 0.0f, angle_, true}), {distance_, input_.gbuffer, widths}, "style_abstraction" + of_);
   }
 
   /// Layers of equal abstraction have one distance.
@@ -118,7 +147,8 @@ class StylePlan {
     return formulas.empty() ? -1 : parametersOf(std::move(formulas), own);
   }
 
-  NodeId pattern(NodeId styled, const StyleTransferSettings& t, NodeId parameters) {
+  NodeId pattern(NodeId styled, const Level& level) {
+    const StyleTransferSettings& t = level.transfer;
     if (style_.pattern() == v1::ShadowStyle::PATTERN_UNSPECIFIED || style_.pattern() == v1::ShadowStyle::NONE) return styled;
     StylePatternSettings p;
     p.extent = extent_;
@@ -135,7 +165,7 @@ class StylePlan {
     p.ownShare = 1 / weights;
     p.rest /= weights;
     std::vector<NodeId> inputs{styled};
-    if (p.varyingBrightness) inputs.push_back(parameters);
+    if (p.varyingBrightness) inputs.push_back(level.parameters);
     return approximate(makeStylePatternNode(p), std::move(inputs), "style_pattern");
   }
 
@@ -147,6 +177,7 @@ class StylePlan {
   Extent extent_;
   float angle_;
   NodeId distance_ = -1, occluder_ = -1;
+  std::string of_;  ///< of labels: which level
 };
 
 }  // namespace

@@ -5,6 +5,8 @@
 #include <cstdio>
 
 #include "filters/automatic/automatic.h"
+#include "filters/crop.h"
+#include "filters/parameter.h"
 #include "filters/shadow_technique.h"
 #include "filters/stylised/style.h"
 #include "filters/tinted_visibility.h"
@@ -14,6 +16,7 @@ namespace gobo {
 
 namespace {
 
+constexpr uint64_t kMostStyled = 1ull << 29;                // view samples, as many as a picture may have
 constexpr int kUnoccludedSamples = 32, kSquareSamples = 8;  // the latter for each of many lights at infinity
 
 Result<NodeId> planned(PlanContext& c, const ShadowTechniqueEntry& entry, const ShadowInput& in, const v1::ShadowTechnique& t) {
@@ -58,14 +61,57 @@ Result<NodeId> automatic(PlanContext& c, const ShadowInput& in, const v1::Shadow
   return planned(c, *entry, in, chosen.technique);
 }
 
-}  // namespace
+Result<NodeId> plainVisibility(PlanContext& c, const ShadowInput& in, const v1::ShadowTechnique& t) {
+  if (t.has_auto_()) return automatic(c, in, t);
+  const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
+  GOBO_CHECK(entry != nullptr);
+  return planned(c, *entry, in, t);
+}
 
-namespace {
+/// A style's distances are those to the contour of the whole picture, with `guard` pixels around it, whatever window of it is asked for: they are made there
+/// and the window is cut out. What is drawn by chance is drawn by place, so that the picture's own pixels have the visibility that they have without a guard.
+/// Pixels outside it, whose places are below 0 or beyond its size, have numbers of some pixel inside (unsigned arithmetic of FilmElements): what is drawn there
+/// is of no picture.
+Result<NodeId> styledVisibility(PlanContext& c, ShadowInput in, const v1::ShadowTechnique& t, const std::string& edited) {
+  GOBO_ASSIGN(const StyleFormulas formulas, styleFormulas(c.request(), edited, *in.scene));
+  int guard = int(numberParameter(t.style(), "guard_px"));
+  if (guard > 0 && in.camera.optics.panorama) {
+    c.warn("shadows.style.guard_px: a panorama has nothing outside it");
+    guard = 0;
+  }
+  const PixelWindow asked{in.place.x + guard, in.place.y + guard, in.width, in.height};
+  const bool around = guard > 0 || !in.place.whole();
+  if (around) {
+    GBufferSettings view = c.view();
+    view.width = c.view().filmWidth() + 2 * guard;
+    view.height = c.view().filmHeight() + 2 * guard;
+    view.place = guard > 0 ? ViewPlace{-guard, -guard, c.view().filmWidth(), c.view().filmHeight()} : ViewPlace{};
+    if (const uint64_t samples = uint64_t(view.width) * uint64_t(view.height) * uint64_t(in.viewSamples); samples > kMostStyled) {
+      const char* field = guard > 0 ? "request.shadows.style.guard_px" : "request.window";
+      return Status(Code::ResourceExhausted,
+                    std::string(field) + ": the style of '" + in.scene->lights[size_t(in.light)].name + "' is made of the whole picture" +
+                        (guard > 0 ? " with " + std::to_string(guard) + " pixels around it" : "") + ", " + std::to_string(samples) +
+                        " view samples; must be at most " + std::to_string(kMostStyled),
+                    field);
+    }
+    in.width = view.width;
+    in.height = view.height;
+    in.place = view.place;
+    in.gbuffer = c.source(makeGBufferNode(view), {}, {}, guard > 0 ? "gbuffer with guard" : "gbuffer of the picture", c.scene());
+  }
+  GOBO_ASSIGN(const NodeId v, plainVisibility(c, in, t));
+  const NodeId styled = planStyle(c.graph(), in, v, t.style(), formulas);
+  if (!around) return styled;
+  const NodePtr crop = makeCropNode({in.width, in.height, in.viewSamples}, asked.x, asked.y, asked.width, asked.height);
+  return addShadowFilter(c.graph(), crop, {styled}, "style_crop", in);
+}
+
 /// What subtractive shadows of lights know nothing of; null: nothing.
 const char* subtractiveLacks(const PlanContext& c) {
   if (c.kinds().extended) return "coats, sheen, anisotropy, films or thin walls";
   return c.kinds().clear ? "surfaces that light passes straight on" : nullptr;
 }
+
 }  // namespace
 
 v1::ShadowTechnique shadowTechniqueOf(PlanContext& c, int light, const ScenePtr& scene, const std::string& name) {
@@ -115,16 +161,7 @@ Result<NodeId> planVisibility(PlanContext& c, int light, const ScenePtr& scene, 
   in.place = c.view().place;
   in.seed = c.request().seed();
   in.clear = c.kinds().clear;
-  const auto plain = [&]() -> Result<NodeId> {
-    if (t.has_auto_()) return automatic(c, in, t);
-    const ShadowTechniqueEntry* entry = findShadowTechnique(t.technique_case());
-    GOBO_CHECK(entry != nullptr);
-    return planned(c, *entry, in, t);
-  };
-  GOBO_ASSIGN(const NodeId v, plain());
-  if (!t.has_style()) return v;
-  GOBO_ASSIGN(const StyleFormulas formulas, styleFormulas(c.request(), edited.empty() ? scene->lights[size_t(light)].name : edited, *scene));
-  return planStyle(c.graph(), in, v, t.style(), formulas);
+  return t.has_style() ? styledVisibility(c, in, t, edited.empty() ? scene->lights[size_t(light)].name : edited) : plainVisibility(c, in, t);
 }
 
 NodeId planUnoccluded(PlanContext& c, int light, const ScenePtr& scene, const Vec3& nominal, bool transient, LobePart lobe) {

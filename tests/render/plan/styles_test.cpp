@@ -96,6 +96,10 @@ TEST(Styles, BadValuesAreRefusedByName) {
            {{"shadows.style.power=1"}, "request.shadows.style.power"},
            {{"shadows.style.abstraction=-0.1"}, "request.shadows.style.abstraction"},
            {{"shadows.style.angle_deg=200"}, "request.shadows.style.angle_deg"},
+           {{"shadows.style.samples=65537"}, "request.shadows.style.samples"},
+           {{"shadows.style.levels=65"}, "request.shadows.style.levels"},
+           {{"shadows.style.levels=0"}, "request.shadows.style.levels"},
+           {{"shadows.style.guard_px=1025"}, "request.shadows.style.guard_px"},
            {{"shadows.path_traced={}", "shadows.style.softness=1"}, "request.shadows.style"},
        }) {
     v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
@@ -106,21 +110,6 @@ TEST(Styles, BadValuesAreRefusedByName) {
     ASSERT_FALSE(resolved.ok()) << field;
     EXPECT_EQ(resolved.status().code(), Code::InvalidArgument);
     EXPECT_EQ(resolved.status().location(), field);
-  }
-}
-
-TEST(Styles, AWindowIsRefusedByNameSinceDistancesAreOfTheWholePicture) {
-  const auto engine = makeEngine();
-  for (const char* edit : {"shadows.style.softness=0.2", "shadows.style.abstraction=0.1"}) {
-    v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
-    for (const char* e : {"window.x=3", "window.y=2", "window.width=9", "window.height=7"}) set(r, e);
-    mustRender(*engine, r);
-    set(r, edit);
-    const auto refused = engine->render(r);
-    ASSERT_FALSE(refused.ok()) << edit;
-    EXPECT_EQ(refused.status().code(), Code::InvalidArgument);
-    EXPECT_EQ(refused.status().location(), "request.window");
-    EXPECT_NE(refused.status().message().find("style_"), std::string::npos) << refused.status().toString();
   }
 }
 

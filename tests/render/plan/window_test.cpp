@@ -45,8 +45,7 @@ TEST(Window, HasTheBitsOfTheWholeWithEveryTechniqueAndOutput) {
     if (ofPlansAlone(request.scene())) request.set_scene("cornell");
     request.clear_window();
     if (request.shadows().axis_aligned().rate() == v1::AxisAlignedShadow::EQUATION && request.shadows().axis_aligned().mean_samples() > 0.0)
-      continue;                                   // of a whole picture
-    if (request.shadows().has_style()) continue;  // likewise: Styles.AWindowIsRefusedByName*
+      continue;  // of a whole picture
     const v1::OutlierRejection& outliers = request.denoise().outliers();
     if (outliers.has_path_density() || (outliers.has_reweighting() && outliers.white() == 0)) continue;  // likewise
     SCOPED_TRACE(name);
