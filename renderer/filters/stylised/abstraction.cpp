@@ -147,7 +147,7 @@ class StyleAbstractionNode final : public Node {
       }
       for (int x = begin; x < end; ++x) {
         const size_t e = row + size_t(x);
-        out[e] = p.area[e] > 0.0f && widths.at(e) > 0.0f ? d[e] + sums[x - begin] / weights[x - begin] : d[e];
+        out[e] = p.area[e] > 0.0f ? d[e] + sums[x - begin] / weights[x - begin] : d[e];
       }
     }
   }

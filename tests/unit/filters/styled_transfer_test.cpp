@@ -189,6 +189,10 @@ TEST(StyleParameters, TransferAndAbstractionReadThem) {
     different += std::abs(wide->floats("D")[k] - narrow->floats("D")[k]) > 0.01f;
   }
   EXPECT_GT(different, 100u) << split;
+  // Widths that are sampled at every third pixel and at every one, side by side.
+  const auto coarse = plain(0.9f), fine = plain(0.15f), both = blurred("x < 2 ? 0.9 : 0.15");
+  for (size_t k = 0; k < from.size(); ++k)
+    if (const float x = P[3 * k]; std::abs(x - 2) > 0.01f) { EXPECT_NEAR(both->floats("D")[k], (x < 2 ? coarse : fine)->floats("D")[k], 2e-5) << x; }
 }
 
 TEST(StylePattern, CoversWhatTheToneAsksFor) {
@@ -287,6 +291,24 @@ TEST(EdgeMean, IsTheMeanTermByTerm) {
   }
   EXPECT_NEAR(one->floats("d")[20], 1.0f, 0.1f);
   EXPECT_NEAR(one->floats("d")[size_t(47 * e.width + 31)], 9.7f, 0.2f);
+}
+
+TEST(EdgeMean, LeavesOutEdgesThatAreTurnedAwayOneByOne) {
+  // Every second row of the edge leans over by 80 degrees: the mean normal of a piece is within the guard, half of its points are not.
+  const Extent e{64, 64, 1};
+  PlaneView v;
+  v.width = e.width, v.height = e.height;
+  v.du = Vec3(0.1f, 0, 0), v.dv = Vec3(0, 0.001f, 0);
+  const auto g = planeGBuffer(v);
+  const auto N = g->writable<float>("N");
+  for (int y = 1; y < e.height; y += 2)
+    for (int x = 0; x < 20; ++x) N[size_t(3 * (y * e.width + x))] = std::sin(1.4f), N[size_t(3 * (y * e.width + x) + 2)] = std::cos(1.4f);
+  const auto V = floatTerm(e, "V", [](int x, int, int) { return x >= 10 ? 1.0f : 0.0f; });
+  const auto d = floatTerm(e, "d", [](int x, int y, int) { return x == 9 ? (y % 2 ? 100.0f : 1.0f) : -1.0f; });
+  d->addPlane<uint32_t>("instance");
+  const auto mean = runFilter(makeEdgeMeanNode({e, kPi / 4}), {d, V, g});
+  for (int y = 0; y < e.height; y += 2)
+    for (int x = 30; x < 60; ++x) EXPECT_NEAR(mean->floats("d")[size_t(y * e.width + x)], 1.0f, 1e-4) << x << " " << y;
 }
 
 TEST(EdgeMean, SeesNothingWhereThereIsNoEdge) {
