@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <atomic>
+#include <functional>
 #include <numbers>
-#include <utility>
 
 #include "base/vec.h"
 #include "filters/picture/fourier.h"
@@ -32,11 +33,8 @@ struct BloomAxis {
   }
 };
 
-/// Share of the kernel's light on the pixel at a distance: of a point's light at height a, the solid angle of the pixel over 2 pi.
-double lightOnPixel(double x, double y, double a) {
-  const auto corner = [a](double u, double v) { return std::atan2(u * v, a * std::sqrt(u * u + v * v + a * a)); };
-  return (corner(x + 0.5, y + 0.5) - corner(x - 0.5, y + 0.5) - corner(x + 0.5, y - 0.5) + corner(x - 0.5, y - 0.5)) / (2.0 * std::numbers::pi);
-}
+/// Share of the kernel's light between the axes and a corner: of a point's light at height a, the solid angle of that rectangle over 2 pi.
+double lightToCorner(double x, double y, double a) { return std::atan2(x * y, a * std::sqrt(x * x + y * y + a * a)) / (2.0 * std::numbers::pi); }
 
 class BloomNode final : public PictureNode {
  public:
@@ -53,9 +51,11 @@ class BloomNode final : public PictureNode {
   }
   Status apply(std::span<const float> in, std::span<float> out, const RunContext& ctx) const override {
     std::copy(in.begin(), in.end(), out.begin());
-    const std::vector<float> light = excess(in);
-    if (std::all_of(light.begin(), light.end(), [](float v) { return v == 0.0f; })) return {};
-    std::vector<Complex> kernel = spread();
+    std::vector<float> light(in.size(), 0.0f);
+    GOBO_ASSIGN(const bool any, excess(in, light, ctx));
+    if (!any) return {};
+    std::vector<Complex> kernel(across_.length * down_.length);
+    GOBO_TRY(spread(kernel, ctx));
     if (!fourier::transform(kernel, across_.length, down_.length, false, *ctx.arena, ctx.stop)) return pictureStopped();
     // Two channels at once, as real and imaginary part of one picture: the kernel is real.
     const size_t pixels = size_t(shape().extent.width) * size_t(shape().extent.height);
@@ -68,53 +68,79 @@ class BloomNode final : public PictureNode {
   }
 
  private:
-  std::vector<float> excess(std::span<const float> in) const {
-    std::vector<float> light(in.size(), 0.0f);
-    for (size_t p = 0; p + 2 < in.size(); p += 3) {
-      // In double: the weighted sum of what floats hold.
-      const double y = 0.2126 * std::max(in[p], 0.0f) + 0.7152 * std::max(in[p + 1], 0.0f) + 0.0722 * std::max(in[p + 2], 0.0f);
-      if (!(y > threshold_)) continue;
-      for (size_t c = 0; c < 3; ++c) light[p + c] = float(std::max(in[p + c], 0.0f) * ((y - threshold_) / y));
-    }
-    return light;
+  static bool lines(size_t count, const RunContext& ctx, const std::function<void(size_t)>& line) {
+    return ctx.arena->parallelFor(
+        count, 8,
+        [&](size_t b, size_t e) {
+          for (size_t y = b; y < e; ++y) line(y);
+        },
+        ctx.stop);
+  }
+
+  /// Whether there is any.
+  Result<bool> excess(std::span<const float> in, std::vector<float>& light, const RunContext& ctx) const {
+    const size_t row = shape().row();
+    std::atomic<bool> any{false};
+    const bool complete = lines(shape().rows(), ctx, [&](size_t line) {
+      for (size_t p = line * row; p < (line + 1) * row; p += 3) {
+        // In double: the weighted sum of what floats hold.
+        const double y = 0.2126 * std::max(in[p], 0.0f) + 0.7152 * std::max(in[p + 1], 0.0f) + 0.0722 * std::max(in[p + 2], 0.0f);
+        if (!(y > threshold_)) continue;
+        any = true;
+        for (size_t c = 0; c < 3; ++c) light[p + c] = float(std::max(in[p + c], 0.0f) * ((y - threshold_) / y));
+      }
+    });
+    if (!complete) return pictureStopped();
+    return any.load();
   }
 
   /// The kernel at its places of the transform, of sum 1; what it has beyond half of it is where the picture's mirror image is.
-  std::vector<Complex> spread() const {
-    std::vector<Complex> kernel(across_.length * down_.length);
+  Status spread(std::vector<Complex>& kernel, const RunContext& ctx) const {
     const double a = radius_ / std::sqrt(3.0);  // within r: 1 - a / sqrt(r^2 + a^2)
-    std::vector<double> quarter(size_t(across_.reach + 1) * size_t(down_.reach + 1));
-    double sum = 0.0;
-    for (int y = 0; y <= down_.reach; ++y)
-      for (int x = 0; x <= across_.reach; ++x) {
-        const double w = lightOnPixel(x, y, a);
-        quarter[size_t(y) * size_t(across_.reach + 1) + size_t(x)] = w;
-        sum += w * (x > 0 ? 2.0 : 1.0) * (y > 0 ? 2.0 : 1.0);
+    const size_t columns = size_t(across_.reach) + 1, rows = size_t(down_.reach) + 1;
+    std::vector<double> quarter(columns * rows), sums(rows);
+    const bool complete = lines(rows, ctx, [&](size_t y) {
+      const double bottom = double(y) - 0.5, top = double(y) + 0.5;
+      double left = lightToCorner(-0.5, top, a) - lightToCorner(-0.5, bottom, a);
+      for (size_t x = 0; x < columns; ++x) {
+        const double right = lightToCorner(double(x) + 0.5, top, a) - lightToCorner(double(x) + 0.5, bottom, a);
+        quarter[y * columns + x] = right - left;
+        sums[y] += (right - left) * (x > 0 ? 2.0 : 1.0) * (y > 0 ? 2.0 : 1.0);
+        left = right;
       }
-    const auto at = [](int i, size_t length) { return i < 0 ? length - size_t(-i) : size_t(i); };
-    for (int y = -down_.reach; y <= down_.reach; ++y)
-      for (int x = -across_.reach; x <= across_.reach; ++x)
-        kernel[at(y, down_.length) % down_.length * across_.length + at(x, across_.length) % across_.length] +=
-            quarter[size_t(std::abs(y)) * size_t(across_.reach + 1) + size_t(std::abs(x))] / sum;
-    return kernel;
+    });
+    if (!complete) return pictureStopped();
+    double sum = 0.0;
+    for (const double s : sums) sum += s;
+    for (int y = -down_.reach; y <= down_.reach; ++y) {
+      if (ctx.stop.stopRequested()) return pictureStopped();
+      Complex* to = kernel.data() + (y < 0 ? down_.length - size_t(-y) : size_t(y)) % down_.length * across_.length;
+      const double* from = quarter.data() + size_t(std::abs(y)) * columns;
+      for (int x = -across_.reach; x <= across_.reach; ++x) to[(x < 0 ? across_.length - size_t(-x) : size_t(x)) % across_.length] += from[std::abs(x)] / sum;
+    }
+    return {};
   }
 
   /// Adds what is spread of two channels, or of one (second -1).
   Status add(std::span<const float> light, std::span<float> out, int first, int second, const std::vector<Complex>& kernel, const RunContext& ctx) const {
     const size_t width = size_t(shape().extent.width), height = size_t(shape().extent.height);
     std::vector<Complex> values(across_.length * down_.length);
-    for (size_t v = 0; v < down_.length; ++v) {
+    const bool filled = lines(down_.length, ctx, [&](size_t v) {
       const int y = down_.pixel(v);
       for (size_t u = 0; u < across_.length && y >= 0; ++u)
         if (const int x = across_.pixel(u); x >= 0) {
           const float* e = light.data() + 3 * (size_t(y) * width + size_t(x));
           values[v * across_.length + u] = Complex(e[first], second < 0 ? 0.0f : e[second]);
         }
-    }
+    });
+    if (!filled) return pictureStopped();
     if (!fourier::transform(values, across_.length, down_.length, false, *ctx.arena, ctx.stop)) return pictureStopped();
-    for (size_t k = 0; k < values.size(); ++k) values[k] *= kernel[k].real();  // of an even kernel: it has no other part
+    const bool spread = lines(down_.length, ctx, [&](size_t v) {  // an even kernel: its transform has no other part
+      for (size_t k = v * across_.length; k < (v + 1) * across_.length; ++k) values[k] *= kernel[k].real();
+    });
+    if (!spread) return pictureStopped();
     if (!fourier::transform(values, across_.length, down_.length, true, *ctx.arena, ctx.stop)) return pictureStopped();
-    for (size_t y = 0; y < height; ++y)
+    const bool added = lines(height, ctx, [&](size_t y) {
       for (size_t x = 0; x < width; ++x) {
         float* o = out.data() + 3 * (y * width + x);
         const Complex v = values[y * across_.length + x];
@@ -122,7 +148,8 @@ class BloomNode final : public PictureNode {
         o[first] = finite(double(o[first]) + gain_ * std::max(v.real(), 0.0));
         if (second >= 0) o[second] = finite(double(o[second]) + gain_ * std::max(v.imag(), 0.0));
       }
-    return {};
+    });
+    return added ? Status() : pictureStopped();
   }
 
   double threshold_, gain_, radius_;

@@ -36,6 +36,7 @@ class Line {
     padded_.resize(m_);
   }
   void forward(Complex* values) {
+    if (n_ < 2) return;  // kissfft has no plan for one value
     scratch_.resize(std::max(n_, m_));
     if (m_ == 0) {
       fft_.fwd(scratch_.data(), values, Eigen::Index(n_));

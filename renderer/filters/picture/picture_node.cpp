@@ -31,8 +31,15 @@ Result<TermPtr> PictureNode::run(const RunContext& ctx) const {
   const auto out = ctx.result->writable<float>(shape_.plane);
   GOBO_TRY(apply(ctx.inputs[0]->floats(shape_.plane), out, ctx));
   if (ctx.stop.stopRequested()) return pictureStopped();
-  if (shape_.share && !traits().linearPerGroup)  // a linear one of shares keeps them by itself
-    for (float& v : out) v = std::clamp(v, 0.0f, 1.0f);
+  if (shape_.share && !traits().linearPerGroup) {  // a linear one of shares keeps them by itself
+    const bool complete = ctx.arena->parallelFor(
+        out.size(), 1 << 16,
+        [&](size_t b, size_t e) {
+          for (size_t i = b; i < e; ++i) out[i] = std::clamp(out[i], 0.0f, 1.0f);
+        },
+        ctx.stop);
+    if (!complete) return pictureStopped();
+  }
   passOnDropped(*ctx.inputs[0], *ctx.result);
   return TermPtr(ctx.result);
 }

@@ -44,13 +44,14 @@ struct ResampleTaps {
   std::vector<double> weights;
 };
 
-/// Weights at the integers around `at` of a kernel that is `scale` wide, with sum 1.
-ResampleTaps resampleTaps(double at, double scale, ResampleKernel kernel) {
+/// Weights at the integers around `at` of a kernel that is `scale` wide, with sum 1. even: what lies on the edge of a box is half in it, on either side.
+ResampleTaps resampleTaps(double at, double scale, ResampleKernel kernel, bool even) {
   const double reach = resampleReach(kernel) * scale;
   ResampleTaps taps{int(std::ceil(at - reach)), {}};
   double sum = 0.0;
   for (int i = taps.first; i <= int(std::floor(at + reach)); ++i) {
-    taps.weights.push_back(resampleKernelAt(kernel, (i - at) / scale));
+    const double t = (i - at) / scale;
+    taps.weights.push_back(even && kernel == v1::ResampleFilter::BOX && std::abs(t) == 0.5 ? 0.5 : resampleKernelAt(kernel, t));
     sum += taps.weights.back();
   }
   for (double& w : taps.weights) w /= sum;
@@ -69,7 +70,7 @@ ResampleGrid resampleGrid(int n, double factor, ResampleKernel kernel, bool pref
   ResampleGrid grid;
   int least = 0, most = 0;
   for (int i = 0; i < n; ++i) {
-    grid.pixels.push_back(resampleTaps((i - start) / factor, 1.0, kernel));
+    grid.pixels.push_back(resampleTaps((i - start) / factor, 1.0, kernel, prefilter));
     const ResampleTaps& t = grid.pixels.back();
     if (i == 0) least = t.first;
     most = std::max(most, t.first + int(t.weights.size()) - 1);
@@ -77,7 +78,7 @@ ResampleGrid resampleGrid(int n, double factor, ResampleKernel kernel, bool pref
   for (ResampleTaps& t : grid.pixels) t.first -= least;
   for (int s = least; s <= most; ++s) {
     const double at = start + s * factor;
-    grid.samples.push_back(prefilter ? resampleTaps(at, factor, kernel) : ResampleTaps{int(std::floor(at + 0.5)), {1.0}});
+    grid.samples.push_back(prefilter ? resampleTaps(at, factor, kernel, true) : ResampleTaps{int(std::floor(at + 0.5)), {1.0}});
   }
   return grid;
 }

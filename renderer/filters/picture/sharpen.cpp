@@ -24,8 +24,13 @@ class SharpenNode final : public PictureNode {
   double nsPerValue() const override { return 1.0 + convolutionNs(kernel_.size()); }
   Status apply(std::span<const float> in, std::span<float> out, const RunContext& ctx) const override {
     GOBO_TRY(convolve(in, out, shape(), kernel_, ctx));
-    for (size_t i = 0; i < out.size(); ++i) out[i] = finite(in[i] + amount_ * (double(in[i]) - out[i]));
-    return {};
+    const bool complete = ctx.arena->parallelFor(
+        out.size(), 1 << 15,
+        [&](size_t b, size_t e) {
+          for (size_t i = b; i < e; ++i) out[i] = finite(in[i] + amount_ * (double(in[i]) - out[i]));
+        },
+        ctx.stop);
+    return complete ? Status() : pictureStopped();
   }
 
  private:

@@ -11,11 +11,11 @@
 namespace gobo::testing {
 namespace {
 
-constexpr int kWidth = 28, kHeight = 21;
+constexpr int kFilteredWidth = 28, kFilteredHeight = 21;
 
 /// A lamp with rays, the room's own light path traced, indirect light.
-v1::RenderRequest room(const std::vector<std::string>& edits = {}) {
-  v1::RenderRequest r = smallRequest("cornell", kWidth, kHeight, 4);
+v1::RenderRequest filteredRoom(const std::vector<std::string>& edits = {}) {
+  v1::RenderRequest r = smallRequest("cornell", kFilteredWidth, kFilteredHeight, 4);
   for (const char* a : {"lights.lamp.kind=SPOT", "lights.lamp.position=0.2,1.6,0.4", "lights.lamp.direction=0,-1,-0.2", "lights.lamp.intensity=3",
                         "lights.lamp.shadow.ray_traced.samples=1"})
     set(r, a);
@@ -23,7 +23,7 @@ v1::RenderRequest room(const std::vector<std::string>& edits = {}) {
   return r;
 }
 
-const Image& imageOf(const RenderResult& r, const std::string& output = "beauty") {
+const Image& pictureNamed(const RenderResult& r, const std::string& output = "beauty") {
   for (const auto& i : r.images)
     if (i.output == output) return i.image();
   ADD_FAILURE() << "no " << output;
@@ -31,7 +31,7 @@ const Image& imageOf(const RenderResult& r, const std::string& output = "beauty"
 }
 
 /// What a node makes of the colours of a picture; alpha as it is.
-Image through(const NodePtr& node, const Image& in) {
+Image throughNode(const NodePtr& node, const Image& in) {
   auto t = std::make_shared<Term>("picture", Domain::Pixel, Extent{in.width, in.height, 1});
   auto v = t->addPlane<float>("rgb", 3);
   for (size_t p = 0; p < in.pixels(); ++p)
@@ -43,7 +43,7 @@ Image through(const NodePtr& node, const Image& in) {
   return out;
 }
 
-std::string difference(const Image& a, const Image& b, double tolerance = 0) {
+std::string differs(const Image& a, const Image& b, double tolerance = 0) {
   if (a.data.size() != b.data.size()) return "sizes";
   for (size_t i = 0; i < a.data.size(); ++i)
     if (!(std::abs(double(a.data[i]) - b.data[i]) <= tolerance * (1.0 + std::abs(double(b.data[i])))))
@@ -51,44 +51,44 @@ std::string difference(const Image& a, const Image& b, double tolerance = 0) {
   return {};
 }
 
-PictureShape whole(int width = kWidth, int height = kHeight) { return {{width, height, 1}, Domain::Pixel, "rgb", 3, false}; }
+PictureShape wholeShape(int width = kFilteredWidth, int height = kFilteredHeight) { return {{width, height, 1}, Domain::Pixel, "rgb", 3, false}; }
 
-struct Row {
+struct FilterRow {
   const char* name;
   std::vector<const char*> settings;      ///< fields
   std::vector<const char*> nothing;       ///< those at which it is the identity
   std::function<NodePtr()> node;          ///< of the settings
 };
-const std::vector<Row>& table() {
-  static const std::vector<Row> rows{
-      {"gaussian", {"sigma_px=1.5"}, {"sigma_px=0"}, [] { return makeGaussianNode(whole(), 1.5); }},
-      {"sharpen", {"sigma_px=2", "amount=0.5"}, {"amount=0"}, [] { return makeSharpenNode(whole(), 2, 0.5); }},
-      {"median", {"radius_px=2", "deviations=1.5"}, {"radius_px=0"}, [] { return makeMedianNode(whole(), 2, 1.5); }},
-      {"bilateral", {"sigma_px=1", "range=0.2"}, {"sigma_px=0"}, [] { return makeBilateralNode(whole(), 1, 0.2); }},
-      {"bloom", {"threshold=0.1", "gain=0.5", "radius_px=3"}, {"gain=0"}, [] { return makeBloomNode(whole(), 0.1, 0.5, 3); }},
-      {"compression", {"share=0.1"}, {"share=1"}, [] { return makeCompressionNode(whole(), 0.1); }},
+const std::vector<FilterRow>& filterRows() {
+  static const std::vector<FilterRow> rows{
+      {"gaussian", {"sigma_px=1.5"}, {"sigma_px=0"}, [] { return makeGaussianNode(wholeShape(), 1.5); }},
+      {"sharpen", {"sigma_px=2", "amount=0.5"}, {"amount=0"}, [] { return makeSharpenNode(wholeShape(), 2, 0.5); }},
+      {"median", {"radius_px=2", "deviations=1.5"}, {"radius_px=0"}, [] { return makeMedianNode(wholeShape(), 2, 1.5); }},
+      {"bilateral", {"sigma_px=1", "range=0.2"}, {"sigma_px=0"}, [] { return makeBilateralNode(wholeShape(), 1, 0.2); }},
+      {"bloom", {"threshold=0.1", "gain=0.5", "radius_px=3"}, {"gain=0"}, [] { return makeBloomNode(wholeShape(), 0.1, 0.5, 3); }},
+      {"compression", {"share=0.1"}, {"share=1"}, [] { return makeCompressionNode(wholeShape(), 0.1); }},
       {"resample",
        {"factor=3", "kernel=LANCZOS", "prefilter=false"},
        {"factor=1"},
-       [] { return makeResampleNode(whole(), 3, v1::ResampleFilter::LANCZOS, false); }},
+       [] { return makeResampleNode(wholeShape(), 3, v1::ResampleFilter::LANCZOS, false); }},
       {"color_balance",
        {"red=0.9", "green=0.5", "blue=0.2", "density=0.7", "keep_luminance=true"},
        {"density=0"},
-       [] { return makeColorBalanceNode(whole(), {0.9, 0.5, 0.2}, 0.7, true); }},
+       [] { return makeColorBalanceNode(wholeShape(), {0.9, 0.5, 0.2}, 0.7, true); }},
   };
   return rows;
 }
 
 TEST(Filters, EachIsItsNodeBehindTheBeauty) {
-  ASSERT_EQ(int(table().size()), v1::PictureFilter::descriptor()->FindOneofByName("filter")->field_count()) << "a filter has no row";
+  ASSERT_EQ(int(filterRows().size()), v1::PictureFilter::descriptor()->FindOneofByName("filter")->field_count()) << "a filter has no row";
   const auto engine = makeEngine();
-  const RenderResult plain = mustRender(*engine, room());
-  for (const Row& row : table()) {
-    v1::RenderRequest r = room({std::string("filters[0]=") + row.name});
+  const RenderResult plain = mustRender(*engine, filteredRoom());
+  for (const FilterRow& row : filterRows()) {
+    v1::RenderRequest r = filteredRoom({std::string("filters[0]=") + row.name});
     for (const char* s : row.settings) set(r, std::string("filters[0].") + row.name + "." + s);
     const RenderResult made = mustRender(*engine, r);
-    EXPECT_EQ(difference(imageOf(made), through(row.node(), imageOf(plain))), "") << row.name;
-    EXPECT_NE(difference(imageOf(made), imageOf(plain), 1e-4), "") << row.name << " changes nothing";
+    EXPECT_EQ(differs(pictureNamed(made), throughNode(row.node(), pictureNamed(plain))), "") << row.name;
+    EXPECT_NE(differs(pictureNamed(made), pictureNamed(plain), 1e-4), "") << row.name << " changes nothing";
     EXPECT_EQ(nodesBy(made, v1::NodeReport::RUN).size(), 1u) << row.name << ": all that is before it is there";
     EXPECT_EQ(nodesBy(made, v1::NodeReport::RUN).count(std::string("filters[0] ") + row.name + ":beauty"), 1u);
   }
@@ -97,10 +97,10 @@ TEST(Filters, EachIsItsNodeBehindTheBeauty) {
 TEST(Filters, IdentitiesAreLeftOutWhilePlanningAndGiveTheSameBits) {
   const auto engine = makeEngine(), other = makeEngine();
   for (const char* term : {"beauty", "direct", "indirect_specular", "visibility:lamp"}) {
-    v1::RenderRequest r = room();
+    v1::RenderRequest r = filteredRoom();
     r.add_outputs("beauty");
     std::vector<std::string> rows;
-    for (const Row& row : table()) {
+    for (const FilterRow& row : filterRows()) {
       if (std::string(term) == "visibility:lamp" && (std::string(row.name) == "bloom" || std::string(row.name) == "color_balance")) continue;
       const std::string at = "filters[" + std::to_string(r.filters_size()) + "]";
       rows.push_back(at + " " + row.name + ":" + term);
@@ -108,7 +108,7 @@ TEST(Filters, IdentitiesAreLeftOutWhilePlanningAndGiveTheSameBits) {
       set(r, at + ".term=" + term);
       for (const char* s : row.nothing) set(r, at + "." + row.name + "." + s);
     }
-    const RenderResult plain = mustRender(*other, room()), made = mustRender(*engine, r);
+    const RenderResult plain = mustRender(*other, filteredRoom()), made = mustRender(*engine, r);
     EXPECT_EQ(firstDifference(plain, made), "") << term;
     const auto pruned = nodesBy(made, v1::NodeReport::PRUNED);
     for (const std::string& label : rows) {
@@ -117,21 +117,21 @@ TEST(Filters, IdentitiesAreLeftOutWhilePlanningAndGiveTheSameBits) {
     }
     EXPECT_EQ(mustRender(*other, r).reply.plan_size(), plain.reply.plan_size() + int(rows.size())) << "no node more";
   }
-  v1::RenderRequest same = room({"filters[0]=color_balance"});  // of a filter that lets all through
+  v1::RenderRequest same = filteredRoom({"filters[0]=color_balance"});  // of a filter that lets all through
   EXPECT_TRUE(nodesBy(mustRender(*engine, same), v1::NodeReport::PRUNED).count("filters[0] color_balance:beauty"));
 }
 
 TEST(Filters, AChainIsAppliedInItsOrder) {
   const auto engine = makeEngine();
-  const RenderResult plain = mustRender(*engine, room());
-  const NodePtr median = makeMedianNode(whole(), 1, 0), gaussian = makeGaussianNode(whole(), 2);
-  const RenderResult one = mustRender(*engine, room({"filters[0].median.radius_px=1", "filters[1].gaussian.sigma_px=2"}));
-  const RenderResult two = mustRender(*engine, room({"filters[0].gaussian.sigma_px=2", "filters[1].median.radius_px=1"}));
-  EXPECT_EQ(difference(imageOf(one), through(gaussian, through(median, imageOf(plain)))), "");
-  EXPECT_EQ(difference(imageOf(two), through(median, through(gaussian, imageOf(plain)))), "");
-  EXPECT_NE(difference(imageOf(one), imageOf(two), 1e-4), "");
+  const RenderResult plain = mustRender(*engine, filteredRoom());
+  const NodePtr median = makeMedianNode(wholeShape(), 1, 0), gaussian = makeGaussianNode(wholeShape(), 2);
+  const RenderResult one = mustRender(*engine, filteredRoom({"filters[0].median.radius_px=1", "filters[1].gaussian.sigma_px=2"}));
+  const RenderResult two = mustRender(*engine, filteredRoom({"filters[0].gaussian.sigma_px=2", "filters[1].median.radius_px=1"}));
+  EXPECT_EQ(differs(pictureNamed(one), throughNode(gaussian, throughNode(median, pictureNamed(plain)))), "");
+  EXPECT_EQ(differs(pictureNamed(two), throughNode(median, throughNode(gaussian, pictureNamed(plain)))), "");
+  EXPECT_NE(differs(pictureNamed(one), pictureNamed(two), 1e-4), "");
   // The last one edited: the first one's result is there.
-  const RenderResult edited = mustRender(*engine, room({"filters[0].gaussian.sigma_px=2", "filters[1].median.radius_px=2"}));
+  const RenderResult edited = mustRender(*engine, filteredRoom({"filters[0].gaussian.sigma_px=2", "filters[1].median.radius_px=2"}));
   const auto ran = nodesBy(edited, v1::NodeReport::RUN);
   EXPECT_EQ(ran.size(), 1u);
   EXPECT_TRUE(ran.count("filters[1] median:beauty"));
@@ -139,43 +139,43 @@ TEST(Filters, AChainIsAppliedInItsOrder) {
 
 TEST(Filters, ATermIsFilteredWhereverItIsSeen) {
   const std::vector<std::pair<std::string, NodePtr>> filters = {
-      {"gaussian.sigma_px=1.5", makeGaussianNode(whole(), 1.5)}, {"median.radius_px=2", makeMedianNode(whole(), 2, 0)}};
+      {"gaussian.sigma_px=1.5", makeGaussianNode(wholeShape(), 1.5)}, {"median.radius_px=2", makeMedianNode(wholeShape(), 2, 0)}};
   for (const char* term : {"direct", "indirect", "emission", "diffuse", "specular", "direct_diffuse", "direct_specular", "indirect_diffuse", "indirect_specular"})
     for (const auto& [assignment, node] : filters) {
       const auto engine = makeEngine();
-      const v1::RenderRequest asked = room({std::string("outputs=beauty,") + term});
+      const v1::RenderRequest asked = filteredRoom({std::string("outputs=beauty,") + term});
       v1::RenderRequest r = asked;
       set(r, "filters[0]." + assignment);
       set(r, std::string("filters[0].term=") + term);
       const RenderResult plain = mustRender(*engine, asked), made = mustRender(*engine, r);
-      const Image before = imageOf(plain, term), after = through(node, before);
-      EXPECT_EQ(difference(imageOf(made, term), after), "") << term << " " << assignment;
-      Image beauty = imageOf(plain);
+      const Image before = pictureNamed(plain, term), after = throughNode(node, before);
+      EXPECT_EQ(differs(pictureNamed(made, term), after), "") << term << " " << assignment;
+      Image beauty = pictureNamed(plain);
       for (size_t i = 0; i < beauty.data.size(); ++i) beauty.data[i] += after.data[i] - before.data[i];
-      EXPECT_EQ(difference(imageOf(made), beauty, 2e-6), "") << term << " " << assignment;
+      EXPECT_EQ(differs(pictureNamed(made), beauty, 2e-6), "") << term << " " << assignment;
       // The beauty alone is the same picture, whatever outputs are beside it.
       r.clear_outputs();
-      EXPECT_EQ(difference(imageOf(mustRender(*makeEngine(), r)), imageOf(made)), "") << term << " " << assignment;
+      EXPECT_EQ(differs(pictureNamed(mustRender(*makeEngine(), r)), pictureNamed(made)), "") << term << " " << assignment;
     }
 }
 
 TEST(Filters, PartsOfALinearlyFilteredTermAddUpToIt) {
   const auto engine = makeEngine();
-  v1::RenderRequest r = room({"outputs=direct,direct_diffuse,direct_specular,group:lamp,group:light", "filters[0].sharpen.amount=1", "filters[0].term=direct"});
+  v1::RenderRequest r = filteredRoom({"outputs=direct,direct_diffuse,direct_specular,group:lamp,group:light", "filters[0].sharpen.amount=1", "filters[0].term=direct"});
   const RenderResult made = mustRender(*engine, r);
-  Image sum = imageOf(made, "direct_diffuse");
-  for (size_t i = 0; i < sum.data.size(); ++i) sum.data[i] += imageOf(made, "direct_specular").data[i];
-  EXPECT_EQ(difference(sum, imageOf(made, "direct"), 2e-6), "");
+  Image sum = pictureNamed(made, "direct_diffuse");
+  for (size_t i = 0; i < sum.data.size(); ++i) sum.data[i] += pictureNamed(made, "direct_specular").data[i];
+  EXPECT_EQ(differs(sum, pictureNamed(made, "direct"), 2e-6), "");
   v1::RenderRequest beauty = r;
   set(beauty, "outputs=beauty");
-  Image lights = imageOf(made, "group:lamp");
-  for (size_t i = 0; i < lights.data.size(); ++i) lights.data[i] += imageOf(made, "group:light").data[i];
-  EXPECT_EQ(difference(lights, imageOf(mustRender(*engine, beauty)), 2e-6), "");
+  Image lights = pictureNamed(made, "group:lamp");
+  for (size_t i = 0; i < lights.data.size(); ++i) lights.data[i] += pictureNamed(made, "group:light").data[i];
+  EXPECT_EQ(differs(lights, pictureNamed(mustRender(*engine, beauty)), 2e-6), "");
 }
 
 TEST(Filters, VisibilityIsFilteredBeforeLightIsMadeOfIt) {
   const auto engine = makeEngine();
-  const v1::RenderRequest asked = room({"view_samples=1", "outputs=visibility:lamp,unoccluded:lamp,direct", "lights.light.enabled=false"});
+  const v1::RenderRequest asked = filteredRoom({"view_samples=1", "outputs=visibility:lamp,unoccluded:lamp,direct", "lights.light.enabled=false"});
   for (const auto& [assignment, node] : std::vector<std::pair<std::string, std::function<NodePtr(PictureShape)>>>{
            {"gaussian.sigma_px=1.5", [](PictureShape s) { return makeGaussianNode(s, 1.5); }},
            {"sharpen.amount=2", [](PictureShape s) { return makeSharpenNode(s, 1, 2); }},
@@ -187,21 +187,21 @@ TEST(Filters, VisibilityIsFilteredBeforeLightIsMadeOfIt) {
     set(r, "filters[0]." + assignment);
     set(r, "filters[0].term=visibility:lamp");
     const RenderResult plain = mustRender(*engine, asked), made = mustRender(*engine, r);
-    const Image& v = imageOf(plain, "visibility:lamp");
-    auto t = std::make_shared<Term>("visibility", Domain::ViewSample, Extent{kWidth, kHeight, 1});
+    const Image& v = pictureNamed(plain, "visibility:lamp");
+    auto t = std::make_shared<Term>("visibility", Domain::ViewSample, Extent{kFilteredWidth, kFilteredHeight, 1});
     std::copy(v.data.begin(), v.data.end(), t->addPlane<float>("V").begin());
-    const TermPtr expected = test::runFilter(node({{kWidth, kHeight, 1}, Domain::ViewSample, "V", 1, true}), {t});
-    const Image &after = imageOf(made, "visibility:lamp"), &light = imageOf(plain, "unoccluded:lamp"), &direct = imageOf(made, "direct");
+    const TermPtr expected = test::runFilter(node({{kFilteredWidth, kFilteredHeight, 1}, Domain::ViewSample, "V", 1, true}), {t});
+    const Image &after = pictureNamed(made, "visibility:lamp"), &light = pictureNamed(plain, "unoccluded:lamp"), &direct = pictureNamed(made, "direct");
     for (size_t p = 0; p < v.pixels(); ++p) {
       ASSERT_EQ(after.data[p], expected->floats("V")[p]) << assignment << " " << p;
       ASSERT_TRUE(after.data[p] >= 0.0f && after.data[p] <= 1.0f);
       // Power 1 and the lamp's gain: direct light is a multiple of both.
       for (size_t c = 0; c < 3; ++c)
-        if (light.data[3 * p + c] > 1e-4f && v.data[p] == 1.0f && imageOf(plain, "direct").data[3 * p + c] > 1e-4f) {
-          ASSERT_NEAR(direct.data[3 * p + c] / imageOf(plain, "direct").data[3 * p + c], after.data[p], 1e-4) << assignment;
+        if (light.data[3 * p + c] > 1e-4f && v.data[p] == 1.0f && pictureNamed(plain, "direct").data[3 * p + c] > 1e-4f) {
+          ASSERT_NEAR(direct.data[3 * p + c] / pictureNamed(plain, "direct").data[3 * p + c], after.data[p], 1e-4) << assignment;
         }
     }
-    EXPECT_NE(difference(after, v, 1e-3), "") << assignment;
+    EXPECT_NE(differs(after, v, 1e-3), "") << assignment;
   }
   // After a style.
   v1::RenderRequest styled = asked;
@@ -209,24 +209,24 @@ TEST(Filters, VisibilityIsFilteredBeforeLightIsMadeOfIt) {
   v1::RenderRequest both = styled;
   set(both, "filters[0].gaussian.sigma_px=1");
   set(both, "filters[0].term=visibility:lamp");
-  const Image before = imageOf(mustRender(*engine, styled), "visibility:lamp"), made = imageOf(mustRender(*engine, both), "visibility:lamp");
-  auto t = std::make_shared<Term>("visibility", Domain::ViewSample, Extent{kWidth, kHeight, 1});
+  const Image before = pictureNamed(mustRender(*engine, styled), "visibility:lamp"), made = pictureNamed(mustRender(*engine, both), "visibility:lamp");
+  auto t = std::make_shared<Term>("visibility", Domain::ViewSample, Extent{kFilteredWidth, kFilteredHeight, 1});
   std::copy(before.data.begin(), before.data.end(), t->addPlane<float>("V").begin());
-  const TermPtr expected = test::runFilter(makeGaussianNode({{kWidth, kHeight, 1}, Domain::ViewSample, "V", 1, true}, 1), {t});
+  const TermPtr expected = test::runFilter(makeGaussianNode({{kFilteredWidth, kFilteredHeight, 1}, Domain::ViewSample, "V", 1, true}, 1), {t});
   EXPECT_TRUE(std::equal(made.data.begin(), made.data.end(), expected->floats("V").begin()));
 }
 
 TEST(Filters, ComeAfterDenoising) {
   const auto engine = makeEngine();
   for (const char* by : {"denoise.wavelet.levels=2", "denoise=auto"}) {
-    const v1::RenderRequest asked = room({by, "outputs=beauty,indirect"});
+    const v1::RenderRequest asked = filteredRoom({by, "outputs=beauty,indirect"});
     v1::RenderRequest r = asked, part = asked;
     set(r, "filters[0].gaussian.sigma_px=1.5");
     set(part, "filters[0].median.radius_px=2");
     set(part, "filters[0].term=indirect");
     const RenderResult plain = mustRender(*engine, asked);
-    EXPECT_EQ(difference(imageOf(mustRender(*engine, r)), through(makeGaussianNode(whole(), 1.5), imageOf(plain))), "") << by;
-    EXPECT_EQ(difference(imageOf(mustRender(*engine, part), "indirect"), through(makeMedianNode(whole(), 2, 0), imageOf(plain, "indirect"))), "") << by;
+    EXPECT_EQ(differs(pictureNamed(mustRender(*engine, r)), throughNode(makeGaussianNode(wholeShape(), 1.5), pictureNamed(plain))), "") << by;
+    EXPECT_EQ(differs(pictureNamed(mustRender(*engine, part), "indirect"), throughNode(makeMedianNode(wholeShape(), 2, 0), pictureNamed(plain, "indirect"))), "") << by;
     mustRender(*engine, part);
   }
 }
@@ -234,16 +234,16 @@ TEST(Filters, ComeAfterDenoising) {
 TEST(Filters, AlphaStaysAsItIs) {
   const auto engine = makeEngine();
   for (const bool shutter : {false, true}) {
-    v1::RenderRequest asked = smallRequest("spheres", kWidth, kHeight, 4);
+    v1::RenderRequest asked = smallRequest("spheres", kFilteredWidth, kFilteredHeight, 4);
     for (const char* a : {"environment.background=TRANSPARENT", "environment.constant=0.5,0.6,0.7"}) set(asked, a);
     if (shutter)
       for (const char* a : {"camera.shutter_s=1", "camera.shutter_slices=2", "curves.camera.yfov_deg.time_s=0,1", "curves.camera.yfov_deg.value=50,30"}) set(asked, a);
     v1::RenderRequest r = asked;
     set(r, "filters[0].gaussian.sigma_px=1.5");
-    const Image before = imageOf(mustRender(*engine, asked)), after = imageOf(mustRender(*engine, r));
+    const Image before = pictureNamed(mustRender(*engine, asked)), after = pictureNamed(mustRender(*engine, r));
     ASSERT_EQ(before.channels, 4);
-    EXPECT_EQ(difference(after, through(makeGaussianNode(whole(), 1.5), before)), "") << shutter;
-    EXPECT_NE(difference(after, before, 1e-3), "");
+    EXPECT_EQ(differs(after, throughNode(makeGaussianNode(wholeShape(), 1.5), before)), "") << shutter;
+    EXPECT_NE(differs(after, before, 1e-3), "");
   }
 }
 
@@ -251,20 +251,20 @@ TEST(Filters, OfAShutterThePictureOfAllMomentsIsFiltered) {
   const auto engine = makeEngine();
   const std::vector<std::string> open = {"camera.shutter_s=1", "camera.shutter_slices=2", "curves.camera.yfov_deg.time_s=0,1", "curves.camera.yfov_deg.value=50,30"};
   for (const char* denoise : {"", "denoise.wavelet.levels=2"}) {
-    v1::RenderRequest asked = room(open);
+    v1::RenderRequest asked = filteredRoom(open);
     if (*denoise) set(asked, denoise);
     v1::RenderRequest r = asked;
     set(r, "filters[0].median.radius_px=2");
-    const Image before = imageOf(mustRender(*engine, asked)), after = imageOf(mustRender(*engine, r));
-    EXPECT_EQ(difference(after, through(makeMedianNode(whole(), 2, 0), before)), "") << denoise;
+    const Image before = pictureNamed(mustRender(*engine, asked)), after = pictureNamed(mustRender(*engine, r));
+    EXPECT_EQ(differs(after, throughNode(makeMedianNode(wholeShape(), 2, 0), before)), "") << denoise;
   }
   // Linear filters of a term: the mean of the moments' is that of the mean. Others, and any of what is denoised as one picture, are refused.
-  v1::RenderRequest asked = room(open);
+  v1::RenderRequest asked = filteredRoom(open);
   set(asked, "outputs=beauty,direct");
   v1::RenderRequest linear = asked;
   set(linear, "filters[0].gaussian.sigma_px=1.5");
   set(linear, "filters[0].term=direct");
-  EXPECT_EQ(difference(imageOf(mustRender(*engine, linear), "direct"), through(makeGaussianNode(whole(), 1.5), imageOf(mustRender(*engine, asked), "direct")), 1e-5), "");
+  EXPECT_EQ(differs(pictureNamed(mustRender(*engine, linear), "direct"), throughNode(makeGaussianNode(wholeShape(), 1.5), pictureNamed(mustRender(*engine, asked), "direct")), 1e-5), "");
   v1::RenderRequest denoised = linear, median = asked;
   set(denoised, "denoise.wavelet.levels=2");
   set(median, "filters[0]=median");
@@ -312,16 +312,16 @@ TEST(Filters, WhatCannotBeIsRefusedByName) {
            {{"filters[0]=compression", "window.width=8", "window.height=8"}, "request.window", "compression_filter"},
            {{"filters[0]=resample", "window.width=8", "window.height=8"}, "request.window", "resample_filter"},
        }) {
-    const auto made = engine->render(room(bad.edits));
+    const auto made = engine->render(filteredRoom(bad.edits));
     ASSERT_FALSE(made.ok()) << bad.edits.back();
     EXPECT_EQ(made.status().code(), Code::InvalidArgument) << made.status().toString();
     EXPECT_EQ(made.status().location(), bad.location) << made.status().toString();
     EXPECT_NE(made.status().message().find(bad.says), std::string::npos) << made.status().toString();
   }
-  v1::RenderRequest many = room();
+  v1::RenderRequest many = filteredRoom();
   for (int k = 0; k < 65; ++k) many.add_filters()->mutable_median();
   EXPECT_EQ(engine->render(many).status().location(), "request.filters");
-  v1::RenderRequest kernel = room({"filters[0]=resample"});
+  v1::RenderRequest kernel = filteredRoom({"filters[0]=resample"});
   kernel.mutable_filters(0)->mutable_resample()->set_kernel(v1::ResampleFilter::Kernel(77));
   EXPECT_EQ(engine->render(kernel).status().location(), "request.filters[0].resample.kernel");
 }
@@ -332,22 +332,22 @@ TEST(Filters, CertificatesSayThatTheyCountWhatFiltersDo) {
     const RenderResult made = mustRender(*engine, r);
     return std::any_of(made.reply.warnings().begin(), made.reply.warnings().end(), [](const std::string& w) { return w.find("request.filters") != std::string::npos; });
   };
-  EXPECT_TRUE(warned(room({"certificate.pixel_fraction=0.1", "filters[0]=gaussian"})));
-  EXPECT_FALSE(warned(room({"certificate.pixel_fraction=0.1", "filters[0].gaussian.sigma_px=0"})));
-  EXPECT_TRUE(warned(room({"outputs=beauty,variance", "filters[0]=gaussian"})));
-  EXPECT_FALSE(warned(room({"filters[0]=gaussian"})));
+  EXPECT_TRUE(warned(filteredRoom({"certificate.pixel_fraction=0.1", "filters[0]=gaussian"})));
+  EXPECT_FALSE(warned(filteredRoom({"certificate.pixel_fraction=0.1", "filters[0].gaussian.sigma_px=0"})));
+  EXPECT_TRUE(warned(filteredRoom({"outputs=beauty,variance", "filters[0]=gaussian"})));
+  EXPECT_FALSE(warned(filteredRoom({"filters[0]=gaussian"})));
 }
 
 TEST(Filters, AutomaticExposureSeesTheFilteredPicture) {
   const auto engine = makeEngine();
-  v1::RenderRequest r = room({"encoding.format=PNG", "filters[0].color_balance.red=0.001", "filters[0].color_balance.green=0.001", "filters[0].color_balance.blue=0.001"});
-  const RenderResult dark = mustRender(*engine, r), plain = mustRender(*engine, room({"encoding.format=PNG"}));
+  v1::RenderRequest r = filteredRoom({"encoding.format=PNG", "filters[0].color_balance.red=0.001", "filters[0].color_balance.green=0.001", "filters[0].color_balance.blue=0.001"});
+  const RenderResult dark = mustRender(*engine, r), plain = mustRender(*engine, filteredRoom({"encoding.format=PNG"}));
   EXPECT_GT(dark.reply.resolved().tone_map().exposure(), plain.reply.resolved().tone_map().exposure() + 2.0);
 }
 
 TEST(Filters, SmallPicturesAreFilteredAsSmall) {
   const auto engine = makeEngine();
-  v1::RenderRequest r = room({"filters[0].gaussian.sigma_px=4", "filters[1].median.radius_px=6", "filters[2].bloom.radius_px=0.6", "filters[3].resample.factor=8",
+  v1::RenderRequest r = filteredRoom({"filters[0].gaussian.sigma_px=4", "filters[1].median.radius_px=6", "filters[2].bloom.radius_px=0.6", "filters[3].resample.factor=8",
                               "filters[4].gaussian.sigma_px=1", "filters[4].term=visibility:lamp"});
   r.set_width(400);
   r.set_height(300);

@@ -87,7 +87,8 @@ TEST(PictureFilters, MirroredBordersLoseNoLight) {
       const TermPtr in = pictureOf(w, h, noise);
       double before = 0, after = 0;
       for (const float v : in->floats("rgb")) before += double(v);
-      for (const float v : filtered(makeGaussianNode(shaped(w, h), sigma), in).all()) after += double(v);
+      const Made out = filtered(makeGaussianNode(shaped(w, h), sigma), in);
+      for (const float v : out.all()) after += double(v);
       EXPECT_NEAR(after, before, 1e-6 * before) << w << " x " << h << " " << sigma;
     }
 }
