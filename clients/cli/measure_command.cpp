@@ -61,6 +61,7 @@ v1::RenderRequest referenceOf(v1::RenderRequest request, uint32_t spp, uint64_t 
   }
   request.clear_certificate();
   request.clear_denoise();
+  request.clear_filters();
   request.clear_halt();
   request.mutable_halt()->set_spp(std::max(1u, spp));
   request.set_seed(seed);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "filters/picture/chain.h"
 #include "plan/outputs.h"
 #include "request/shutter.h"
 #include "trace/sample_passes.h"
@@ -48,6 +49,7 @@ std::optional<v1::RenderRequest> smallRung(const v1::RenderRequest& resolved, ui
   rung.mutable_halt()->set_spp(shutterSlices(resolved));  // one of each
   rung.set_width(std::max(1u, resolved.width() / shrink));
   rung.set_height(std::max(1u, resolved.height() / shrink));
+  scaleFilters(rung, double(rung.width()) / resolved.width());
   // Intrinsics are in pixels of the picture.
   const double x = double(rung.width()) / resolved.width(), y = double(rung.height()) / resolved.height();
   if (rung.has_camera()) {
@@ -69,6 +71,10 @@ std::optional<v1::RenderRequest> plainRung(const v1::RenderRequest& rung) {
   v1::RenderRequest plain = rung;
   plain.mutable_shadows()->mutable_path_traced();
   for (auto& [name, light] : *plain.mutable_lights()) light.clear_shadow();
+  // Light is filtered as it will be; what is path traced has no visibility.
+  auto& filters = *plain.mutable_filters();
+  filters.erase(std::remove_if(filters.begin(), filters.end(), [](const v1::PictureFilter& f) { return filteredTerm(f).starts_with("visibility:"); }),
+                filters.end());
   if (plain.has_environment()) {
     plain.mutable_environment()->clear_transfer();
     plain.mutable_environment()->clear_extract_lights();

@@ -5,6 +5,7 @@
 
 #include "filters/axis_aligned/maps.h"
 #include "filters/composite.h"
+#include "filters/picture/chain.h"
 #include "filters/sample_statistics.h"
 #include "filters/shadow_map/techniques.h"
 #include "filters/shadow_technique.h"
@@ -12,6 +13,8 @@
 #include "filters/with_alpha.h"
 #include "plan/denoised.h"
 #include "plan/denoised_slices.h"
+#include "plan/filtered_light.h"
+#include "techniques/direct_visibility/filtered.h"
 #include "techniques/direct_visibility/visibility.h"
 #include "terms/ids.h"
 #include "terms/motion.h"
@@ -58,15 +61,18 @@ Result<OutputPlane> planComposite(OutputContext& o, const std::string& output, c
   }
   if (shown.empty() && shows == PathSet::All && !c.scene()->lights.empty())
     c.warn(output + " is black: no light is left in it; every gain is zero (lights.NAME.enabled, gain, intensity, environment.gain)");
-  NodeId picture = -1;
   const NodeId clear = output == "beauty" ? c.clear() : -1;
   if (c.share().of > 1 && filtersMeanOfSlices(c.request())) {
+    GOBO_TRY(checkDenoisedSlices(c, shows));
     GOBO_ASSIGN(const NoisySlice slice, planNoisySlice(c, shown, output));
     return OutputPlane{slice.others, "rgb", std::make_shared<const NoisySlice>(slice), clear};
   }
-  if (c.request().has_denoise()) {
-    GOBO_ASSIGN(picture, planDenoised(c, shown, output));
-  } else picture = planSum(c, shown, output);
+  GOBO_ASSIGN(NodeId picture, planFilteredLight(c, shown, {output, shows, !light.empty()}));
+  if (output == "beauty") {
+    const Chain chain = chainOf(c.request(), output);
+    if (c.share().of > 1 && !chain.empty()) return OutputPlane{picture, "rgb", nullptr, clear};  // the mean of all slices is filtered (plan/planner.cpp)
+    picture = addChain(c.graph(), picture, chain, pictureShape(c.view().width, c.view().height), output);
+  }
   if (clear < 0) return OutputPlane{picture, "rgb"};
   return OutputPlane{c.filter(makeWithAlphaNode(c.view().width, c.view().height), {picture, clear}, output + " with alpha"), "rgba"};
 }
@@ -149,7 +155,7 @@ Result<OutputPlane> planUnoccludedOutput(OutputContext& o, const std::string& ou
 
 Result<OutputPlane> planVisibilityOutput(OutputContext& o, const std::string& output, const std::string& light) {
   GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light, Shown::Styled));
-  return pixelMean(o.plan, v, "V", 1, true, output);
+  return pixelMean(o.plan, planFilteredVisibility(o.plan, v, light), "V", 1, true, output);
 }
 
 Result<OutputPlane> planShadowFlags(OutputContext& o, const std::string& output, const std::string& light) {

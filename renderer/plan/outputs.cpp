@@ -67,6 +67,7 @@ std::string_view outputLight(std::string_view output) {
   return colon == std::string_view::npos ? std::string_view{} : output.substr(colon + 1);
 }
 
+bool sumsLight(const OutputInfo& o) { return o.plan == planComposite && !o.perLight; }
 bool needsRadiance(const OutputInfo& o) { return o.shows != PathSet::None; }
 bool needsLobes(const OutputInfo& o) { return overlaps(o.shows, PathSet::Diffuse) != overlaps(o.shows, PathSet::Specular); }
 bool showsFirstHits(const OutputInfo& o) { return !needsRadiance(o) && !o.perLight; }

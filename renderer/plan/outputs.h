@@ -59,6 +59,8 @@ const OutputInfo* findOutput(std::string_view output);
 std::string_view outputLight(std::string_view output);
 /// Outputs that need the beauty's nodes; of these the ones that show some classes alone, and the ones that show some lobes alone.
 bool needsRadiance(const OutputInfo& output);
+/// A sum of light of the beauty that has a name of its own: the beauty, its classes and lobes; not that of one lamp.
+bool sumsLight(const OutputInfo& output);
 bool needsClasses(const OutputInfo& output);
 bool needsLobes(const OutputInfo& output);
 /// What the camera's first hits are, without any light: from albedo to motion.

@@ -8,6 +8,7 @@
 #include "filters/slice_sum.h"
 #include "filters/with_alpha.h"
 #include "plan/denoised_slices.h"
+#include "plan/filtered_light.h"
 #include "plan/live_bytes.h"
 #include "plan/output_plans.h"
 #include "plan/outputs.h"
@@ -120,11 +121,19 @@ Result<uint64_t> planMoment(Plan& plan, std::vector<PlannedOutput>& planned, std
     apart.seen = std::max(apart.seen, infoOf(o).seen);
     beauty = beauty || needsRadiance(infoOf(o));
   }
+  const FilterDistinctions filters = filterDistinctions(request);
+  apart.classes = apart.classes || (beauty && filters.classes);
+  apart.lobes = apart.lobes || (beauty && filters.lobes);
   PlanContext context(
       {request, moment.effective, moment.groups, passes, window, apart, services.stop, services.expand, moment.share, moment.sharedSeed, moment.lens},
       plan.graph);
   for (const std::string& w : moment.effective.warnings) context.warn(w);
   std::vector<std::string> missing;
+  GOBO_TRY(checkFilters(context));
+  pruneIdentities(plan.graph, request);
+  if (anyFilter(request) && request.has_certificate())
+    context.warn("request.certificate: compares the picture as request.filters leave it with light that no filter has seen: what they do counts as error");
+  if (anyFilter(request) && apart.variance) context.warn("variance: of the light before request.filters");
   if (beauty) {
     GOBO_TRY(planBeauty(context, services.techniques));
     if (!context.scene()->lights.empty()) reportMissing(context, missing);
@@ -213,6 +222,11 @@ Result<uint64_t> planSlices(Plan& plan, const ScenePtr& base, const v1::RenderRe
         if (o.clear >= 0 && k == 0) planes.push_back({"s0", 3});
         continue;
       }
+      if (o.clear >= 0) {  // to be filtered before it gets its alpha
+        pictures.insert(pictures.end(), {o.node, o.clear});
+        if (k == 0) planes.insert(planes.end(), {{o.plane, 3}, {"s0", 3}});
+        continue;
+      }
       pictures.push_back(o.node);
       const SlicePlane::How how = planned[i].name == "sample_count" ? SlicePlane::How::Sum : SlicePlane::How::Mean;
       if (k == 0) planes.push_back({o.plane, plan.graph.at(o.node).shape.find(o.plane)->channels, how});
@@ -233,9 +247,14 @@ Result<uint64_t> planSlices(Plan& plan, const ScenePtr& base, const v1::RenderRe
     PlannedOutput& o = plan.outputs[i];
     o.node = sum;
     o.plane = slicedPlane(first[i]);
-    if (!middle[i].noisy) continue;
-    GOBO_ASSIGN(o.node, planDenoisedSlices(plan.graph, request, sum, noisy[filtered++], *middle[i].noisy, lit[i], int(slices), width, height, o.name));
+    const Chain chain = o.name == "beauty" ? chainOf(request, o.name) : Chain{};
+    if (middle[i].noisy) {
+      GOBO_ASSIGN(o.node, planDenoisedSlices(plan.graph, request, sum, noisy[filtered++], *middle[i].noisy, lit[i], int(slices), width, height, o.name));
+    } else if (!chain.empty()) {
+      o.node = plan.graph.add({makeSlicePartNode("picture", {{"rgb", 3}}, first[i], width, height), {sum}, {}, o.name});
+    } else continue;
     o.plane = "rgb";
+    o.node = addChain(plan.graph, o.node, chain, pictureShape(width, height), o.name);
     if (middle[i].clear < 0) continue;
     const size_t last = (i + 1 < first.size() ? first[i + 1] : all) - 1;
     const NodeId clear = plan.graph.add({makeSlicePartNode("radiance", {{"s0", 3}}, last, width, height), {sum}, {}, o.name + " background"});

@@ -261,6 +261,15 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     addEveryOutput(r);
     all.emplace_back(edits[0], r);
   }
+  v1::RenderRequest filters = withLamp(width, height, LightKind::Spot);
+  for (const char* a : {"filters[0].gaussian.sigma_px=0.8", "filters[0].term=direct", "filters[1].median.radius_px=1", "filters[1].term=visibility:lamp",
+                        "filters[2].bilateral.sigma_px=0.7", "filters[2].term=indirect", "filters[3].sharpen.amount=0.5", "filters[4].color_balance.blue=0.4",
+                        "lights.lamp.shadow.ray_traced.samples=1", "outputs=beauty,direct,indirect,visibility:lamp"})
+    set(filters, a);
+  all.emplace_back("filters", filters);
+  filters.clear_filters();
+  for (const char* a : {"filters[0].bloom.threshold=0.1", "filters[1].compression.share=0.2", "filters[2].resample.factor=3", "outputs=beauty"}) set(filters, a);
+  all.emplace_back("filters of whole pictures", filters);
   v1::RenderRequest lens = smallRequest("cornell", width, height, 2);
   for (const char* a : {"camera.lens_radius=0.2", "camera.focus_distance=2.5", "environment.sky.turbidity=3", "environment.background=TRANSPARENT",
                         "outputs=beauty,indirect_diffuse,albedo,normal,position,depth,z_depth,alpha,object_id,motion"})

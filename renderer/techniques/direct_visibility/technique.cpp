@@ -5,6 +5,7 @@
 
 #include "filters/composite.h"
 #include "filters/shadow_technique.h"
+#include "techniques/direct_visibility/filtered.h"
 #include "techniques/direct_visibility/visibility.h"
 #include "techniques/path_traced/technique.h"
 #include "techniques/path_traced/trace_paths.h"
@@ -72,7 +73,8 @@ class DirectVisibility final : public Technique {
     const int before = c.graph().size();
     std::vector<NodeId> parts;
     for (const LobePart lobe : c.lobes()) parts.push_back(planUnoccluded(c, l, c.scene(), c.groups().nominal[size_t(l)], !single, lobe));
-    GOBO_ASSIGN(const NodeId v, planVisibility(c, l, c.scene(), techniqueOf(c, l)));
+    GOBO_ASSIGN(const NodeId unfiltered, planVisibility(c, l, c.scene(), techniqueOf(c, l)));
+    const NodeId v = planFilteredVisibility(c, unfiltered, light);
     if (!single) c.graph().markTransient(before, v);
     for (size_t k = 0; k < parts.size(); ++k) {
       const LobePart lobe = c.lobes()[k];

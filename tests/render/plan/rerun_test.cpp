@@ -156,6 +156,7 @@ const std::map<std::string, std::string>& elsewhere() {
       {"environment.area_lights", "Rerun.EnvironmentAsAreaLights"},
       {"environment.transfer", "Rerun.EnvironmentByTransfer"},
       {"environment.subtractive", "Subtractive.AnEditRunsWhatItChanges"},
+      {"filters", "Filters.EachIsItsNodeBehindTheBeauty and Filters.AChainIsAppliedInItsOrder"},
       {"denoise", "Rerun.NoiseIsTakenOutOfWhatIsThere and Rerun.OutliersAreRejectedOfWhatIsThere"},
       {"camera.f_number", "Rerun.ALensIsTracedAgainAndAPinholeIsNot"},
       {"camera.lens_radius", "Rerun.ALensIsTracedAgainAndAPinholeIsNot"},

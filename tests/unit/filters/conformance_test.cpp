@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "filters/picture/picture_filters.h"
 #include "unit/filters/synthetic.h"
 
 namespace gobo {
@@ -39,7 +40,30 @@ Subject axisAlignedSubject() {
   return {"axis_aligned", axisAligned(axisAlignedSettings(9)), {noiseTerm(e, "V", 21), g, omega}, "V", "V", axisAligned(axisAlignedSettings(0))};
 }
 
-std::vector<Subject> subjects() { return {axisAlignedSubject()}; }
+/// Filters of pictures, on shares of one channel and on values that may be anything. Identities are left out of plans; these are points beside them that change no bit.
+std::vector<Subject> pictureSubjects() {
+  std::vector<Subject> all;
+  const Extent e{61, 47, 2};
+  for (const bool share : {false, true}) {
+    const PictureShape s{e, Domain::ViewSample, "V", 1, share};
+    const auto in = [&] { return std::vector<TermPtr>{noiseTerm(e, "V", 21)}; };
+    all.push_back({"gaussian", makeGaussianNode(s, 1.7), in(), "V", "V", makeGaussianNode(s, 0.0)});
+    all.push_back({"sharpen", makeSharpenNode(s, 1.2, 0.8), in(), "V", "V", makeSharpenNode(s, 1.2, 0.0)});
+    all.push_back({"median", makeMedianNode(s, 1, 0.0), in(), "V", "V", makeMedianNode(s, 0, 0.0)});
+    all.push_back({"median by deviations", makeMedianNode(s, 3, 1.0), in(), "V", "V", makeMedianNode(s, 0, 1.0)});
+    all.push_back({"bilateral", makeBilateralNode(s, 1.3, 0.2), in(), "V", "V", makeBilateralNode(s, 1.3, 1e-9)});
+    all.push_back({"compression", makeCompressionNode(s, 0.1), in()});
+    for (const auto kernel : {v1::ResampleFilter::BOX, v1::ResampleFilter::TENT, v1::ResampleFilter::GAUSSIAN, v1::ResampleFilter::MITCHELL, v1::ResampleFilter::LANCZOS})
+      all.push_back({"resample", makeResampleNode(s, 2.3, kernel, kernel != v1::ResampleFilter::TENT), in()});
+  }
+  return all;
+}
+
+std::vector<Subject> subjects() {
+  std::vector<Subject> all = pictureSubjects();
+  all.push_back(axisAlignedSubject());
+  return all;
+}
 
 TermPtr withFirst(const Subject& s, const std::function<float(size_t)>& f) {
   auto t = std::make_shared<Term>(s.inputs[0]->type(), s.inputs[0]->domain(), s.inputs[0]->extent());
