@@ -44,7 +44,7 @@ Status unchanging(const Formula& f, const std::string& path, const std::string& 
 Status applyExpression(v1::RenderRequest& request, const std::string& path, const v1::Expression& e, double time) {
   const std::string entry = "request.expressions." + path, place = entry + ".formula";
   if (!mayVary(path))
-    return invalidArgument(entry + ": only numbers of camera, lights, environment, shadows, tone_map, integrator and meshes have expressions", entry);
+    return invalidArgument(entry + ": only numbers of camera, lights, environment, shadows, tone_map, integrator, meshes and filters have expressions", entry);
   StyleField styled;
   std::string_view light;
   const bool varies = styleField(path, styled, light);
@@ -73,8 +73,8 @@ Status applyExpression(v1::RenderRequest& request, const std::string& path, cons
 }  // namespace
 
 bool mayVary(std::string_view path) {
-  const std::string_view root = path.substr(0, path.find('.'));
-  constexpr std::string_view roots[] = {"camera", "lights", "environment", "shadows", "tone_map", "integrator", "meshes"};
+  const std::string_view root = path.substr(0, path.find_first_of(".["));
+  constexpr std::string_view roots[] = {"camera", "lights", "environment", "shadows", "tone_map", "integrator", "meshes", "filters"};
   return std::find(std::begin(roots), std::end(roots), root) != std::end(roots);
 }
 

@@ -14,7 +14,7 @@
 
 namespace gobo {
 
-/// Whether a field at this path may have a curve or an expression: of camera, lights, environment, shadows, tone_map, integrator, meshes.
+/// Whether a field at this path may have a curve or an expression: of camera, lights, environment, shadows, tone_map, integrator, meshes, filters.
 bool mayVary(std::string_view path);
 
 /// Puts the values of those that read `time` alone into their fields and takes them out; checks the rest. Curves have been applied before.

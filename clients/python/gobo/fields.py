@@ -63,6 +63,7 @@ class RequestFields(TypedDict, total=False):
     curves: Mapping[str, Mapping[str, Any]]  # by path: {"lights.key.intensity": {"time_s": [0, 1], "value": [1, 9], "interpolation": "SMOOTH"}}
     expressions: Mapping[str, Union[str, Mapping[str, Any]]]  # by path: {"shadows.style.softness": "0.02 + 0.3*distance"} (docs/expressions.md)
     style: Union[str, "os.PathLike[str]"]   # a style sheet's file: shadows.style, lights.NAME.shadow.style and expressions of these alone (docs/intent.md)
+    filters: Sequence[Mapping[str, Any]]    # [{"bloom": {"gain": 0.3}}, {"term": "indirect", "gaussian": {"sigma_px": 4}}] (docs/picture_filters.md)
     meshes: Mapping[str, Mapping[str, Any]]  # by object, or "*": {"ball": {"inflate": 0.05}, "*": {"cluster": 0.1, "smooth": 10}}
     set: Mapping[str, Any]                  # by path: {"integrator.max_bounces": 2}
 
