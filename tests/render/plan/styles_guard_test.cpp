@@ -157,6 +157,22 @@ TEST(StyleLevelsOfPlans, OfHardVisibilityAreOneToTheBit) {
     EXPECT_EQ(firstDifference(mustRender(*engine, styled(boxes(), with(kWide, levels))), one), "") << levels;
 }
 
+TEST(StylesAround, AMapThatIsFittedToTheCameraIsFittedToTheGuard) {  // a sun's, whose window is that of what is seen
+  const auto engine = makeEngine();
+  const auto of = [&](int more, const char* guard) {
+    v1::RenderRequest r = smallRequest("fence", kWidth + 2 * more, kHeight + 2 * more, 1);
+    for (const std::string& a : {std::string("camera.focal_x=150"), std::string("camera.focal_y=150"), std::string("shadows.shadow_map={}"),
+                                 std::string("shadows.map.resolution=512"), std::string("shadows.map.fit=CAMERA"), std::string("shadows.style.softness=0.5"),
+                                 std::string("shadows.style.power=4"), std::string(guard), std::string("outputs=visibility:sun")}) {
+      if (a.ends_with("={}")) r.mutable_shadows()->mutable_shadow_map();
+      else set(r, a);
+    }
+    return mustRender(*engine, r);
+  };
+  const RenderResult large = of(30, "shadows.style.guard_px=0"), guarded = of(0, "shadows.style.guard_px=30");
+  EXPECT_LT(most(guarded.images[0].image(), large.images[0].image(), 30, 30), 1e-4);
+}
+
 TEST(StyleLevelsOfPlans, OfANeutralStyleAreSoftVisibilityInSteps) {
   const auto engine = makeEngine();
   v1::RenderRequest r = boxes();
