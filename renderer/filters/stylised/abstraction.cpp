@@ -6,7 +6,7 @@
 
 #include "filters/stylised/abstraction_kernels.h"
 #include "filters/stylised/averaged_distance.h"
-#include "filters/stylised/contour_input.h"
+#include "filters/stylised/contour.h"
 
 namespace gobo {
 
@@ -64,7 +64,7 @@ class StyleAbstractionNode final : public Node {
     }
     std::vector<float> planes(kPlanes * count);
     for (size_t layer = 0; layer < size_t(s_.extent.layers); ++layer) {
-      const ContourInput in = contourInput(nullptr, g, layer);
+      const ContourInput in = surfaceInput(g, layer);
       const Widths widths{unit, s_.varies ? varying.subspan(layer * count, count) : varying};
       const auto d = from.subspan(layer * count, count);
       const auto out = D.subspan(layer * count, count);

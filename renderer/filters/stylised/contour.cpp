@@ -70,20 +70,26 @@ void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vect
 
 }  // namespace
 
-ContourInput contourInput(const Term& visibility, const Term& g, size_t layer, int level, int levels) {
+ContourInput surfaceInput(const Term& g, size_t layer) {
   ContourInput in;
-  in.width = visibility.extent().width;
-  in.height = visibility.extent().height;
-  in.channels = visibility.channels("V");
-  in.level = (float(level) + 0.5f) / float(levels);
-  in.several = levels > 1;
+  in.width = g.extent().width;
+  in.height = g.extent().height;
   const size_t count = size_t(in.width) * size_t(in.height), first = layer * count;
-  in.V = visibility.floats("V").subspan(first * size_t(in.channels), count * size_t(in.channels));
   in.P = g.floats("P").subspan(3 * first, 3 * count);
   in.N = g.floats("N").subspan(3 * first, 3 * count);
   in.Ng = g.floats("Ng").subspan(3 * first, 3 * count);
   in.footprint = g.floats("footprint").subspan(first, count);
   in.instance = g.plane<uint32_t>("instance").subspan(first, count);
+  return in;
+}
+
+ContourInput contourInput(const Term& visibility, const Term& g, size_t layer, int level, int levels) {
+  ContourInput in = surfaceInput(g, layer);
+  in.channels = visibility.channels("V");
+  in.level = (float(level) + 0.5f) / float(levels);
+  in.several = levels > 1;
+  const size_t count = size_t(in.width) * size_t(in.height);
+  in.V = visibility.floats("V").subspan(layer * count * size_t(in.channels), count * size_t(in.channels));
   return in;
 }
 

@@ -55,6 +55,8 @@ struct ContourInput {
 };
 
 /// One layer of a visibility term (plane V) and a "gbuffer", which must outlive it. `level`: of `levels`, the middle of its step.
+/// Of the surfaces alone: no V.
+ContourInput surfaceInput(const Term& gbuffer, size_t layer);
 ContourInput contourInput(const Term& visibility, const Term& gbuffer, size_t layer, int level = 0, int levels = 1);
 
 /// Products of unit normals in float are off by this much: guards by a cosine allow for it, so that an angle of 0 is a plane.

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numeric>
 
-#include "filters/stylised/contour_input.h"
+#include "filters/stylised/contour.h"
 
 namespace gobo {
 
@@ -200,7 +200,7 @@ class EdgeMeanNode final : public Node {
     const size_t count = size_t(s_.extent.width) * size_t(s_.extent.height);
     const float cosine = std::cos(s_.angle) - kRoundedCosine;
     for (size_t layer = 0; layer < size_t(s_.extent.layers); ++layer) {
-      const ContourInput in = contourInput(&visibility, g, layer);
+      const ContourInput in = contourInput(visibility, g, layer);
       const EdgeTree tree(edgeOf(in, from.subspan(layer * count, count), caster.subspan(layer * count, count), s_, cosine));
       const bool complete = ctx.arena->parallelFor(
           size_t(in.height), 1,
