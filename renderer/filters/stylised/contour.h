@@ -54,9 +54,9 @@ struct ContourInput {
   Vec3 at(std::span<const float> plane, size_t e) const { return Vec3(plane[3 * e], plane[3 * e + 1], plane[3 * e + 2]); }
 };
 
-/// One layer of a visibility term (plane V) and a "gbuffer", which must outlive it. `level`: of `levels`, the middle of its step.
-/// Of the surfaces alone: no V.
+/// One layer of a "gbuffer", which must outlive it: no V.
 ContourInput surfaceInput(const Term& gbuffer, size_t layer);
+/// The same with that of a visibility term (plane V). `level`: of `levels`, the middle of its step.
 ContourInput contourInput(const Term& visibility, const Term& gbuffer, size_t layer, int level = 0, int levels = 1);
 
 /// Products of unit normals in float are off by this much: guards by a cosine allow for it, so that an angle of 0 is a plane.
