@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Direct light of single requests, its cost, and its error against a path-traced reference: what both benches of subtractive shadows measure with.
-// RMSE by the picture's mean, free of the reference's noise: the root of the mean of (x - a)(x - b), a and b its halves. "dark": of the quarter of the lit pixels
-// that has the least light for its albedo, by their own mean. CPU seconds of an engine that has the scene and its acceleration structure but no term.
+// RMSE by the picture's mean, free of the reference's noise: the root of the mean of (x - a)(x - b), a and b its halves. "dark": of the quarter of the lit
+// pixels that has the least light for its albedo, by their own mean. CPU seconds of an engine that has the scene and its acceleration structure but no term.
 #pragma once
 
 #include <sys/resource.h>
@@ -172,6 +172,5 @@ class Errors {
   std::vector<size_t> dark_, all_;
   double sum_ = 0;
 };
-
 
 }  // namespace gobo::bench

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Subtractive shadows of a scene's lights (shadows.subtractive) against the same number of lights added up: the strongest by their unshadowed light in the
-// picture, each with a hard shadow and scaled together to the light of all. Direct light alone, against path-traced halves (direct_light.h). All lights of a kind
-// that subtractive shadows do; an environment is taken out.
-// Arguments: --scene NAME|FILE --added N (the scene's own lights off, N points of as many colours and strengths anywhere over it instead) --set assignments, separated by spaces --size WxH --lights N,N,... --resolutions R,R,...
+// picture, each with a hard shadow and scaled together to the light of all. Direct light alone, against path-traced halves (direct_light.h). All lights of a
+// kind that subtractive shadows do; an environment is taken out. Arguments: --scene NAME|FILE --added N (the scene's own lights off, N points of as many
+// colours and strengths anywhere over it instead) --set assignments, separated by spaces --size WxH --lights N,N,... --resolutions R,R,...
 //            --forms F,F,... --reference N (samples of each half) --threads N --out PATH --pictures PREFIX
 #include <numeric>
 
@@ -56,11 +56,11 @@ int main(int argc, char** argv) {
   int width = 0, height = 0;
   std::sscanf(argumentOr(argc, argv, "--size", "120x90").c_str(), "%dx%d", &width, &height);
   const int added = std::atoi(argumentOr(argc, argv, "--added", "0").c_str());
-  if (width < 1 || height < 1 || added < 0 || std::atoi(reference.c_str()) < 1) fail(invalidArgument("--size, --added and --reference must be positive (--added: or 0)"));
+  if (width < 1 || height < 1 || added < 0 || std::atoi(reference.c_str()) < 1)
+    fail(invalidArgument("--size, --added and --reference must be positive (--added: or 0)"));
   v1::RenderRequest request;
   for (const std::string& e : {"scene=" + scene, "width=" + std::to_string(width), "height=" + std::to_string(height), std::string("outputs=direct"),
-                               std::string("integrator.max_bounces=0"), std::string("integrator.at_view_samples=true"),
-                               std::string("environment.path=none")})
+                               std::string("integrator.max_bounces=0"), std::string("integrator.at_view_samples=true"), std::string("environment.path=none")})
     if (const Status s = setPath(request, e); !s.ok()) fail(s);
   for (const std::string& e : partsOf(argumentOr(argc, argv, "--set", ""), ' '))
     if (const Status s = setPath(request, e); !s.ok()) fail(s);
@@ -69,7 +69,8 @@ int main(int argc, char** argv) {
   const Bench bench(request, threads, pictures);
   const ScenePtr lit = litScene(*bench.scene(), added);
   const size_t count = lit->lights.size();
-  const Run a = bench.render({"halt.spp=" + reference, "seed=1001"}, "reference_a", lit), b = bench.render({"halt.spp=" + reference, "seed=1002"}, "reference_b", lit);
+  const Run a = bench.render({"halt.spp=" + reference, "seed=1001"}, "reference_a", lit),
+            b = bench.render({"halt.spp=" + reference, "seed=1002"}, "reference_b", lit);
   const Run albedo = bench.render({"halt.spp=1", "outputs=albedo"}, "albedo", lit);
   const Errors errors(a.image, b.image, albedo.image);
 
@@ -103,7 +104,8 @@ int main(int argc, char** argv) {
     const size_t kept = std::min(size_t(std::max(std::atoi(n.c_str()), 1)), count);
     double part = 0;
     for (size_t k = 0; k < kept; ++k) part += given[order[k]];
-    row("additive", n, "1", bench.render({"halt.spp=1", "shadows.ray_traced.samples=1"}, "additive_" + n, strongest(*lit, order, kept, float(part > 0 ? sum / part : 1.0))));
+    row("additive", n, "1",
+        bench.render({"halt.spp=1", "shadows.ray_traced.samples=1"}, "additive_" + n, strongest(*lit, order, kept, float(part > 0 ? sum / part : 1.0))));
     for (const std::string& r : partsOf(argumentOr(argc, argv, "--resolutions", "1,4,16"), ','))
       for (const std::string& form : partsOf(argumentOr(argc, argv, "--forms", "RATIO,DIFFERENCE"), ','))
         row(form, n, r,

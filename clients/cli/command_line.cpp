@@ -12,7 +12,8 @@ namespace gobo::cli {
 namespace {
 
 constexpr const char* kOutputsHelp =
-    "separated by commas: beauty, emission, direct, indirect, diffuse, specular, direct_diffuse, ..., negative_light, albedo, normal, position, depth, z_depth, alpha, "
+    "separated by commas: beauty, emission, direct, indirect, diffuse, specular, direct_diffuse, ..., negative_light, albedo, normal, position, depth, "
+    "z_depth, alpha, "
     "object_id, material_id, motion, sample_count, variance, group:LIGHT, unoccluded:LIGHT, visibility:LIGHT, shadow_flags:LIGHT, shadow_rays:LIGHT, "
     "shadow_width:LIGHT, shadow_basis:LIGHT";
 
@@ -39,10 +40,12 @@ void addRequestOptions(CLI::App& app, RequestOptions& o, bool scheduling = true)
         "a number or vector (V/V/V) of the request over its time_s, such as lights.key.intensity=0:1,2:10; with ;STEP or ;SMOOTH; repeat for several")
       ->allow_extra_args(false);
   value(app, "--formula", o.formulas, "PATH=FORMULA",
-        "a number of the request by a formula over time; of shadows.style also over terms: shadows.style.softness=0.02+0.3*distance (docs/expressions.md); repeat for several")
+        "a number of the request by a formula over time; of shadows.style also over terms: shadows.style.softness=0.02+0.3*distance (docs/expressions.md); "
+        "repeat for several")
       ->allow_extra_args(false);
   value(app, "--style", o.style, "FILE",
-        "style sheet: JSON with shadows.style, lights.NAME.shadow.style and expressions of these alone, such as {\"shadows\": {\"style\": {\"softness\": 0.1, \"inflation\": 0.05}}} (docs/intent.md)");
+        "style sheet: JSON with shadows.style, lights.NAME.shadow.style and expressions of these alone, such as {\"shadows\": {\"style\": {\"softness\": 0.1, "
+        "\"inflation\": 0.05}}} (docs/intent.md)");
   value(app, "--camera", o.camera, "CAMERA", "a camera of the scene");
   value(app, "--size", o.size, "WIDTHxHEIGHT", "pixels");
   value(app, "--env", o.environment, "FILE", "lat-long .hdr or .exr, or none");

@@ -125,11 +125,13 @@ std::string requestText(const std::string& field, uint32_t value, const Scene* s
     return info.perLight ? std::string(info.name) + ":" + pick(lights, more / uint32_t(table.size())) : info.name;
   }
   if (field == "formula")
-    return pick({"0.1*distance", "time", "edge", "depth > 1 ? 0.1 : 2*x", "object(\"floor\")", "1/0", "sqrt(nx)", "0.2", "((", "clamp(y, 0, 1)", "2^z^2", "a = 1"}, more);
+    return pick(
+        {"0.1*distance", "time", "edge", "depth > 1 ? 0.1 : 2*x", "object(\"floor\")", "1/0", "sqrt(nx)", "0.2", "((", "clamp(y, 0, 1)", "2^z^2", "a = 1"},
+        more);
   if (field == "expressions") {
     const std::string light = "lights." + pick(lights, more / 16);
-    return pick({light + ".intensity", light + ".shadow.style.softness", "camera.yfov_deg", "shadows.style.softness", "shadows.style.inflation", "shadows.style.brightness",
-                 "shadows.style.abstraction", "tone_map.exposure", light + ".gain", "width"},
+    return pick({light + ".intensity", light + ".shadow.style.softness", "camera.yfov_deg", "shadows.style.softness", "shadows.style.inflation",
+                 "shadows.style.brightness", "shadows.style.abstraction", "tone_map.exposure", light + ".gain", "width"},
                 more);
   }
   if (field == "curves") {

@@ -43,7 +43,8 @@ FORMULA float styledVisibilityBy(int kind, float bands, float d, float inflation
   return brightness + (1.0f - brightness) * t;
 }
 
-/// Length of the pixel of width 1 about x that lies in lines of width w, `spacing` apart, one about 0: its mean over x is w / spacing. 0 <= w <= spacing, spacing >= 2.
+/// Length of the pixel of width 1 about x that lies in lines of width w, `spacing` apart, one about 0: its mean over x is w / spacing. 0 <= w <= spacing,
+/// spacing >= 2.
 FORMULA float hatching01(float x, float spacing, float w) {
   float u = x - floorOf(x / spacing + 0.5f) * spacing;
   float h = 0.5f * w;

@@ -513,8 +513,8 @@ namespace {
 /// Whether the client left the exposure of a picture for looking at to the server. A window would get another one than its neighbours.
 bool leavesExposure(const v1::RenderRequest& asked, const v1::RenderRequest& resolved) {
   const auto format = resolved.encoding().format();
-  return !asked.tone_map().has_exposure() && !asked.curves().count("tone_map.exposure") && !asked.expressions().count("tone_map.exposure") && resolved.tone_map().auto_exposure() && !resolved.has_window() &&
-         (format == v1::Encoding::PNG || format == v1::Encoding::JPEG);
+  return !asked.tone_map().has_exposure() && !asked.curves().count("tone_map.exposure") && !asked.expressions().count("tone_map.exposure") &&
+         resolved.tone_map().auto_exposure() && !resolved.has_window() && (format == v1::Encoding::PNG || format == v1::Encoding::JPEG);
 }
 
 /// Into the reply's request, as if the client had given it.

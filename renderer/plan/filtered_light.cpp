@@ -65,7 +65,8 @@ PictureShape pictureShape(int width, int height) { return {{width, height, 1}, D
 Status checkFilters(PlanContext& c) {
   const v1::RenderRequest& request = c.request();
   if (request.filters_size() > kMostFilters)
-    return invalidArgument("request.filters: " + std::to_string(request.filters_size()) + " filters, at most " + std::to_string(kMostFilters), "request.filters");
+    return invalidArgument("request.filters: " + std::to_string(request.filters_size()) + " filters, at most " + std::to_string(kMostFilters),
+                           "request.filters");
   std::vector<std::pair<std::string, PathSet>> before;
   for (int k = 0; k < request.filters_size(); ++k) {
     const v1::PictureFilter& f = request.filters(k);
@@ -105,9 +106,10 @@ FilterDistinctions filterDistinctions(const v1::RenderRequest& request) {
 Status checkDenoisedSlices(const PlanContext& c, PathSet shows) {
   for (const FilteredTerm& t : filteredTerms(c.request()))
     if (overlaps(shows, t.paths))
-      return refused(t.chain[0], t.name,
-                     "is of a part of the light, and the moments of a shutter (request.camera.shutter_s) are denoised as one picture: filter the beauty, or leave out "
-                     "denoise");
+      return refused(
+          t.chain[0], t.name,
+          "is of a part of the light, and the moments of a shutter (request.camera.shutter_s) are denoised as one picture: filter the beauty, or leave out "
+          "denoise");
   return {};
 }
 
@@ -124,7 +126,8 @@ Result<NodeId> planFilteredLight(PlanContext& c, std::span<const Contribution> s
     if (nonlinear && (what.ofOneLight || !contains(what.shows, t.paths)))
       return refused(*nonlinear, t.name, "is not linear: there is no part of what it makes that request.outputs '" + what.output + "' could show");
     if (nonlinear && c.share().of > 1)
-      return refused(*nonlinear, t.name, "is not linear, and the light of a shutter's picture (request.camera.shutter_s) is the mean of its moments: filter the beauty");
+      return refused(*nonlinear, t.name,
+                     "is not linear, and the light of a shutter's picture (request.camera.shutter_s) is the mean of its moments: filter the beauty");
     std::vector<Contribution> light, others;
     for (Contribution& k : rest) {
       if (cuts(t.paths, k.paths)) return internalError("a plane of the beauty holds more than '" + t.name + "'", c.graph().at(k.node).label);

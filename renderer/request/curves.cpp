@@ -41,7 +41,8 @@ Status checkKeys(const v1::Curve& c, int width, const std::string& path) {
 Status applyCurve(v1::RenderRequest& request, const std::string& path, const v1::Curve& curve, double time) {
   const std::string place = "request.curves." + path;
   if (!mayVary(path))
-    return invalidArgument(place + ": only numbers and vectors of camera, lights, environment, shadows, tone_map, integrator, meshes and filters have curves", place);
+    return invalidArgument(place + ": only numbers and vectors of camera, lights, environment, shadows, tone_map, integrator, meshes and filters have curves",
+                           place);
   auto field = numberField(request, path);
   if (!field.ok()) return invalidArgument(place + ": " + field.status().message(), place);
   GOBO_TRY(checkKeys(curve, field->width, place));

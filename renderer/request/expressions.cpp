@@ -15,7 +15,8 @@ namespace {
 constexpr int kMostExpressions = 256;
 constexpr std::string_view kStyle = "shadows.style.", kLights = "lights.", kLightStyle = ".shadow.style.";
 
-/// The field of a style that a path ends in, and the light whose it is ("": all lights'). False: it is no such path, or of a field that does not vary from place to place.
+/// The field of a style that a path ends in, and the light whose it is ("": all lights'). False: it is no such path, or of a field that does not vary from
+/// place to place.
 bool styleField(std::string_view path, StyleField& field, std::string_view& light) {
   std::string_view last;
   if (path.starts_with(kStyle)) {
@@ -81,8 +82,8 @@ bool mayVary(std::string_view path) {
 Status applyExpressions(v1::RenderRequest& request) {
   if (request.expressions().empty()) return {};
   if (request.expressions_size() > kMostExpressions)
-    return invalidArgument(
-        "request.expressions: " + std::to_string(request.expressions_size()) + " expressions, at most " + std::to_string(kMostExpressions), "request.expressions");
+    return invalidArgument("request.expressions: " + std::to_string(request.expressions_size()) + " expressions, at most " + std::to_string(kMostExpressions),
+                           "request.expressions");
   const double time = request.has_time_s() ? request.time_s() : 0.0;
   std::vector<std::pair<std::string, v1::Expression>> all(request.expressions().begin(), request.expressions().end());
   std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.first < b.first; });  // the first error is always the same one
@@ -126,7 +127,8 @@ Result<StyleFormulas> styleFormulas(const v1::RenderRequest& request, const std:
         found.caster = int(std::find(out.casters.begin(), out.casters.end(), instances) - out.casters.begin());
         if (size_t(found.caster) == out.casters.size()) out.casters.push_back(instances);
         if (out.casters.size() > kMostCasters)
-          return invalidArgument(place + ": caster(\"" + object + "\") is one too many: formulas of one style name at most " + std::to_string(kMostCasters) + " casters", place);
+          return invalidArgument(
+              place + ": caster(\"" + object + "\") is one too many: formulas of one style name at most " + std::to_string(kMostCasters) + " casters", place);
       }
       f.objects.push_back(std::move(found));
     }

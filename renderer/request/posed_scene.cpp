@@ -20,7 +20,7 @@ Result<ScenePtr> requestedScene(const ScenePtr& base, const v1::RenderRequest& r
 
 Result<ScenePtr> PosedScenes::get(const ScenePtr& base, const v1::RenderRequest& request, const StopToken& stop) {
   if (!request.has_time_s() && request.animation().empty() && request.variant().empty() && request.meshes().empty()) return base;
-  const Key key{base->hash(), base->file ? base->file->id() : 0, request.animation(), request.has_time_s(), request.time_s(), request.variant(),
+  const Key key{base->hash(),          base->file ? base->file->id() : 0, request.animation(), request.has_time_s(), request.time_s(), request.variant(),
                 meshEditsHash(request)};
   {
     std::lock_guard lock(mutex_);

@@ -26,8 +26,8 @@ std::string requestHash(const v1::RenderRequest& resolved);
 Status messageFromJson(const std::string& json, google::protobuf::Message& message, const std::string& source);
 std::string messageToJson(const google::protobuf::Message& message, bool pretty);
 
-/// "halt.spp=128", "lights.key.color=1,0.9,0.8", "shadows.axis_aligned.mu=2", "outputs=beauty,depth", "filters[0].bloom.gain=0.3". Vector3 takes x,y,z. The index that
-/// is a list's size appends to it. Errors: InvalidArgument: no such field or element, a value that is none of the field's.
+/// "halt.spp=128", "lights.key.color=1,0.9,0.8", "shadows.axis_aligned.mu=2", "outputs=beauty,depth", "filters[0].bloom.gain=0.3". Vector3 takes x,y,z. The
+/// index that is a list's size appends to it. Errors: InvalidArgument: no such field or element, a value that is none of the field's.
 Status setPath(google::protobuf::Message& message, const std::string& assignment);
 /// The same in the patch of a relight, where a list may be given from its second element on: those before it are made empty, and the mask names what counts.
 Status setPatchPath(google::protobuf::Message& patch, const std::string& assignment);
@@ -46,8 +46,8 @@ Result<NumberField> numberField(google::protobuf::Message& message, const std::s
 Status checkNumberField(const NumberField& field, const double* values, const std::string& place);
 /// Integers are rounded. The values have been checked.
 void setNumberField(const NumberField& field, const double* values);
-/// Replaces in `base` the fields that `mask` names by those of `patch` (absent in patch: cleared). "filters[1]" is that element of either, "filters[1].bloom.gain"
-/// a field of it; an element that the patch does not have leaves the base's list.
+/// Replaces in `base` the fields that `mask` names by those of `patch` (absent in patch: cleared). "filters[1]" is that element of either,
+/// "filters[1].bloom.gain" a field of it; an element that the patch does not have leaves the base's list.
 Status applyMask(google::protobuf::Message& base, const google::protobuf::Message& patch, const std::vector<std::string>& mask);
 /// The paths of all leaf fields set in a message: what `gobo relight --set` puts into the mask.
 std::vector<std::string> setPaths(const google::protobuf::Message& message);

@@ -76,8 +76,8 @@ struct Place {
   int element = -1;      ///< set when the path ends on an element of the list `field`; it may be the list's size
 };
 
-/// What becomes of ancestors that are absent. Choices: those in a oneof that says something else, or nothing, are an error, and so are elements that a list does
-/// not have. Fill: of a patch, whose lists get empty elements before the one that is named.
+/// What becomes of ancestors that are absent. Choices: those in a oneof that says something else, or nothing, are an error, and so are elements that a list
+/// does not have. Fill: of a patch, whose lists get empty elements before the one that is named.
 enum class Absent { Report, Make, MakeButChoices, Fill };
 
 /// A field's name, and the index of an element behind it; -1: none.
@@ -326,7 +326,8 @@ Status copyElement(const Place& from, const Place& to, const std::string& path) 
     case FieldDescriptor::CPPTYPE_MESSAGE:
       elementOf(*to.message, to.field, to.element)->CopyFrom(r.GetRepeatedMessage(*from.message, from.field, from.element));
       return {};
-    case FieldDescriptor::CPPTYPE_STRING: return setElement(*to.message, to.field, to.element, r.GetRepeatedString(*from.message, from.field, from.element), path);
+    case FieldDescriptor::CPPTYPE_STRING:
+      return setElement(*to.message, to.field, to.element, r.GetRepeatedString(*from.message, from.field, from.element), path);
     case FieldDescriptor::CPPTYPE_DOUBLE: {
       const double v = r.GetRepeatedDouble(*from.message, from.field, from.element);
       const Reflection& rt = *to.message->GetReflection();
@@ -347,7 +348,8 @@ Result<NumberField> numberField(Message& message, const std::string& path) {
   GOBO_ASSIGN(const Place place, walk(message, path, Absent::MakeButChoices));
   const FieldDescriptor* f = place.field;
   const bool vector = !f->is_repeated() && f->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE && f->message_type()->full_name() == "gobo.v1.Vector3";
-  if (!place.mapKey.empty() || place.element >= 0 || (!vector && (f->is_repeated() || !isNumeric(f)))) return invalidArgument("is neither a number nor a vector", path);
+  if (!place.mapKey.empty() || place.element >= 0 || (!vector && (f->is_repeated() || !isNumeric(f))))
+    return invalidArgument("is neither a number nor a vector", path);
   return NumberField{place.message, f, vector ? 3 : 1};
 }
 

@@ -49,10 +49,13 @@ uint32_t shutterSlices(const v1::RenderRequest& resolved) {
 
 bool mayHaveLens(const v1::RenderRequest& request) {
   return request.camera().has_f_number() || request.camera().lens_radius() > 0.0 || request.curves().contains("camera.lens_radius") ||
-         request.curves().contains("camera.f_number") || request.expressions().contains("camera.lens_radius") || request.expressions().contains("camera.f_number");
+         request.curves().contains("camera.f_number") || request.expressions().contains("camera.lens_radius") ||
+         request.expressions().contains("camera.f_number");
 }
 
-bool mayMove(const Scene& scene, const v1::RenderRequest& request) { return (scene.rig && !scene.rig->animations.empty()) || !request.curves().empty() || expressionsMove(request); }
+bool mayMove(const Scene& scene, const v1::RenderRequest& request) {
+  return (scene.rig && !scene.rig->animations.empty()) || !request.curves().empty() || expressionsMove(request);
+}
 
 Status resolveShutter(v1::RenderRequest& request, const v1::RenderRequest& asked, const Scene& scene) {
   if (!hasShutter(request)) return {};

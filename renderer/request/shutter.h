@@ -24,8 +24,8 @@ bool mayMove(const Scene& scene, const v1::RenderRequest& request);
 /// Whether the camera has a lens at any time: curves may open it.
 bool mayHaveLens(const v1::RenderRequest& request);
 
-/// Of a request whose curves and expressions have been applied, and are gone: its slices are said, and what changes from slice to slice of those that were `asked` for
-/// is there again. Refuses what is of one moment (InvalidArgument), where the scene may move.
+/// Of a request whose curves and expressions have been applied, and are gone: its slices are said, and what changes from slice to slice of those that were
+/// `asked` for is there again. Refuses what is of one moment (InvalidArgument), where the scene may move.
 Status resolveShutter(v1::RenderRequest& request, const v1::RenderRequest& asked, const Scene& scene);
 
 /// Numbers of a slice that have nothing to do with those of another slice or seed, for all but traced paths: these share the picture's own

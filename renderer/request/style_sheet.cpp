@@ -25,7 +25,8 @@ Status applyStyleSheet(v1::RenderRequest& request, const std::string& json, cons
   const std::vector<std::string> paths = setPaths(sheet);
   for (const std::string& path : paths)
     if (!isOfStyle(path))
-      return invalidArgument(source + ": " + path + " is no field of a style: a style sheet has shadows.style, lights.NAME.shadow.style and expressions of these", path);
+      return invalidArgument(
+          source + ": " + path + " is no field of a style: a style sheet has shadows.style, lights.NAME.shadow.style and expressions of these", path);
   return applyMask(request, sheet, paths);
 }
 

@@ -15,9 +15,8 @@ namespace gobo {
 
 std::span<const Technique* const> techniques() {
   static const std::array all{
-      &pathTraced(),     &directVisibility(), &environmentLights(),   &clusterDifferences(),
-      &causticPhotons(), &background(),       &environmentTransfer(), &subtractiveShadows(),
-      &subtractiveLights(),
+      &pathTraced(), &directVisibility(),    &environmentLights(),  &clusterDifferences(), &causticPhotons(),
+      &background(), &environmentTransfer(), &subtractiveShadows(), &subtractiveLights(),
   };
   return all;
 }

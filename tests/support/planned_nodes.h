@@ -183,8 +183,8 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     all.emplace_back(std::string("styled, ") + as, r);
   }
   v1::RenderRequest drawn = withLamp(width, height, LightKind::Spot);
-  for (const char* b : {"shadows.style.softness=0.2", "shadows.style.pattern=HATCHING", "shadows.style.layers[0].abstraction=0.1", "expressions.shadows.style.brightness.formula=0.1*distance",
-                        "expressions.shadows.style.abstraction.formula=0.02*depth"})
+  for (const char* b : {"shadows.style.softness=0.2", "shadows.style.pattern=HATCHING", "shadows.style.layers[0].abstraction=0.1",
+                        "expressions.shadows.style.brightness.formula=0.1*distance", "expressions.shadows.style.abstraction.formula=0.02*depth"})
     set(drawn, b);
   all.emplace_back("styled by formulas", drawn);
   for (const std::vector<const char*>& as :
@@ -268,7 +268,8 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     set(filters, a);
   all.emplace_back("filters", filters);
   filters.clear_filters();
-  for (const char* a : {"filters[0].bloom.threshold=0.1", "filters[1].compression.share=0.2", "filters[2].resample.factor=3", "outputs=beauty"}) set(filters, a);
+  for (const char* a : {"filters[0].bloom.threshold=0.1", "filters[1].compression.share=0.2", "filters[2].resample.factor=3", "outputs=beauty"})
+    set(filters, a);
   all.emplace_back("filters of whole pictures", filters);
   v1::RenderRequest lens = smallRequest("cornell", width, height, 2);
   for (const char* a : {"camera.lens_radius=0.2", "camera.focus_distance=2.5", "environment.sky.turbidity=3", "environment.background=TRANSPARENT",

@@ -95,7 +95,8 @@ Result<Formula> Formula::parse(const std::string& text, std::span<const std::str
   Formula f;
   f.text_ = text;
   if (const std::string wrong = withoutObjects(text, f.code_, f.objects_); !wrong.empty()) return refuse(wrong);
-  if (const size_t at = f.code_.find_first_not_of(kLetters); at != std::string::npos) return refuse("has a character that is part of no formula, after '" + f.code_.substr(0, at) + "'");
+  if (const size_t at = f.code_.find_first_not_of(kLetters); at != std::string::npos)
+    return refuse("has a character that is part of no formula, after '" + f.code_.substr(0, at) + "'");
   if (const size_t at = assignment(f.code_); at != std::string::npos) return refuse("assigns, after '" + f.code_.substr(0, at) + "': equality is ==");
   f.names_.assign(names.begin(), names.end());
   f.reads_.assign(names.size(), false);

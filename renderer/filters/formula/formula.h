@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // A formula of a request: one number from named ones (docs/expressions.md). Parsed once, evaluated per element.
 //
-// Language     + - * / ^, comparisons, && ||, a ? b : c, parentheses; functions of the parser (sin ... atanh, exp, log, ln, log2, log10, sqrt, abs, sign, rint, min,
-//              max, sum, avg) and clamp(x, low, high), mix(a, b, t), smoothstep(low, high, x); the constant pi; the names that it is parsed with; object("NAME"),
-//              which is 1 on that object and 0 elsewhere, and caster("NAME"), which is 1 by edges of shadows that it casts. No assignment, no list, one value.
+// Language     + - * / ^, comparisons, && ||, a ? b : c, parentheses; functions of the parser (sin ... atanh, exp, log, ln, log2, log10, sqrt, abs, sign, rint,
+// min,
+//              max, sum, avg) and clamp(x, low, high), mix(a, b, t), smoothstep(low, high, x); the constant pi; the names that it is parsed with;
+//              object("NAME"), which is 1 on that object and 0 elsewhere, and caster("NAME"), which is 1 by edges of shadows that it casts. No assignment, no
+//              list, one value.
 // Numbers      double; a value that is not finite is the caller's to refuse.
 // Cost         At most kMostFormula characters, no loops: about 10 ns an operation. Parser: muParser, seen by formula.cpp alone.
 #pragma once

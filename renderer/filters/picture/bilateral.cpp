@@ -72,7 +72,8 @@ class BilateralNode final : public PictureNode {
                   float exponent = apart;
                   float difference[C];
                   for (size_t c = 0; c < C; ++c) {
-                    difference[c] = std::clamp(other[c * wide + x] - middle[c * n + x], -kMostDifference, kMostDifference);  // a weight of 0 times infinity is none
+                    difference[c] =
+                        std::clamp(other[c * wide + x] - middle[c * n + x], -kMostDifference, kMostDifference);  // a weight of 0 times infinity is none
                     const float d = difference[c] * perRange;
                     exponent += d * d;
                   }

@@ -39,16 +39,19 @@ double lightToCorner(double x, double y, double a) { return std::atan2(x * y, a 
 class BloomNode final : public PictureNode {
  public:
   BloomNode(PictureShape shape, double threshold, double gain, double radius)
-      : PictureNode(std::move(shape)), threshold_(threshold), gain_(gain), radius_(radius), across_(this->shape().extent.width, radius), down_(this->shape().extent.height, radius) {}
+      : PictureNode(std::move(shape)),
+        threshold_(threshold),
+        gain_(gain),
+        radius_(radius),
+        across_(this->shape().extent.width, radius),
+        down_(this->shape().extent.height, radius) {}
   std::string type() const override { return "bloom_filter"; }
   NodeTraits traits() const override { return {}; }
   size_t workingBytes() const override { return 3 * across_.length * down_.length * sizeof(Complex); }
 
  protected:
   void hashSettings(Hasher& h) const override { h.add(threshold_).add(gain_).add(radius_); }
-  double nsPerValue() const override {
-    return 200.0 * double(across_.length * down_.length) / (double(shape().extent.width) * double(shape().extent.height));
-  }
+  double nsPerValue() const override { return 200.0 * double(across_.length * down_.length) / (double(shape().extent.width) * double(shape().extent.height)); }
   Status apply(std::span<const float> in, std::span<float> out, const RunContext& ctx) const override {
     std::copy(in.begin(), in.end(), out.begin());
     std::vector<float> light(in.size(), 0.0f);

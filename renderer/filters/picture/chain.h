@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chains of filters in a request: which filter it is, on what it may act, whether it changes anything, and the nodes of those that act on one term. A new filter
-// is a file with its node, a message in the schema and a line in registry.cpp; nobody else knows it by name.
+// Chains of filters in a request: which filter it is, on what it may act, whether it changes anything, and the nodes of those that act on one term. A new
+// filter is a file with its node, a message in the schema and a line in registry.cpp; nobody else knows it by name.
 #pragma once
 
 #include <optional>

@@ -11,8 +11,8 @@ namespace {
 
 using fourier::Complex;
 
-constexpr int kDigit = 11;            // bits
-constexpr size_t kPiece = 1 << 16;    // coefficients that a thread looks at between polls
+constexpr int kDigit = 11;          // bits
+constexpr size_t kPiece = 1 << 16;  // coefficients that a thread looks at between polls
 
 class CompressionNode final : public PictureNode {
  public:
@@ -58,8 +58,8 @@ class CompressionNode final : public PictureNode {
     return (height - p / width) % height * width + (width - p % width) % width;
   }
 
-  /// Pairs of conjugates count as two and stay together; they are ranked by strength, and by the first one's place where that is equal. Selection by digits of the
-  /// strengths' bits, whose order is theirs: passes that threads share.
+  /// Pairs of conjugates count as two and stay together; they are ranked by strength, and by the first one's place where that is equal. Selection by digits of
+  /// the strengths' bits, whose order is theirs: passes that threads share.
   Status keepStrongest(std::vector<Complex>& values, const RunContext& ctx) const {
     const size_t n = values.size(), pieces = (n + kPiece - 1) / kPiece;
     const auto strength = [&](size_t p) { return std::bit_cast<uint64_t>(std::norm(values[p])); };

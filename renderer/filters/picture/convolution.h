@@ -9,8 +9,8 @@
 
 namespace gobo {
 
-/// Half of a symmetric kernel, its middle first: a Gaussian of standard deviation `sigma` pixels, sampled, to 4 sigma (its variance is 0.1 % short then), of sum 1
-/// over both halves. sigma 0: {1}.
+/// Half of a symmetric kernel, its middle first: a Gaussian of standard deviation `sigma` pixels, sampled, to 4 sigma (its variance is 0.1 % short then), of
+/// sum 1 over both halves. sigma 0: {1}.
 std::vector<double> gaussianKernel(double sigma);
 
 /// Errors: Cancelled.

@@ -86,24 +86,23 @@ bool transform(std::vector<Complex>& values, size_t width, size_t height, bool i
       },
       stop);
   if (!rows || stop.stopRequested()) return false;
-  const bool columns = arena.parallelFor(
-      (width + kColumns - 1) / kColumns, 4,
-      [&](size_t b, size_t e) {
-        Line line(height);
-        std::vector<Complex> gathered(kColumns * height);
-        for (size_t block = b; block < e && !stop.stopRequested(); ++block) {
-          const size_t from = block * kColumns, n = std::min(kColumns, width - from);
-          for (size_t y = 0; y < height; ++y)
-            for (size_t k = 0; k < n; ++k) gathered[k * height + y] = values[y * width + from + k];
-          for (size_t k = 0; k < n; ++k) line.forward(gathered.data() + k * height);
-          for (size_t y = 0; y < height; ++y)
-            for (size_t k = 0; k < n; ++k) {
-              const Complex v = gathered[k * height + y];
-              values[y * width + from + k] = inverse ? std::conj(v) * scale : v;
-            }
-        }
-      },
-      stop);
+  const bool columns = arena.parallelFor((width + kColumns - 1) / kColumns, 4,
+                                         [&](size_t b, size_t e) {
+                                           Line line(height);
+                                           std::vector<Complex> gathered(kColumns * height);
+                                           for (size_t block = b; block < e && !stop.stopRequested(); ++block) {
+                                             const size_t from = block * kColumns, n = std::min(kColumns, width - from);
+                                             for (size_t y = 0; y < height; ++y)
+                                               for (size_t k = 0; k < n; ++k) gathered[k * height + y] = values[y * width + from + k];
+                                             for (size_t k = 0; k < n; ++k) line.forward(gathered.data() + k * height);
+                                             for (size_t y = 0; y < height; ++y)
+                                               for (size_t k = 0; k < n; ++k) {
+                                                 const Complex v = gathered[k * height + y];
+                                                 values[y * width + from + k] = inverse ? std::conj(v) * scale : v;
+                                               }
+                                           }
+                                         },
+                                         stop);
   return columns && !stop.stopRequested();
 }
 

@@ -22,7 +22,8 @@ void exchange(float& a, float& b) {
 /// Of nine, by the 19 exchanges that are enough (Paeth 1990, Devillard 1998): no branch, so that loops of it vectorise.
 float medianOfNine(float a, float b, float c, float d, float e, float f, float g, float h, float i) {
   exchange(b, c), exchange(e, f), exchange(h, i), exchange(a, b), exchange(d, e), exchange(g, h), exchange(b, c), exchange(e, f), exchange(h, i);
-  exchange(a, d), exchange(f, i), exchange(e, h), exchange(d, g), exchange(b, e), exchange(c, f), exchange(e, h), exchange(e, c), exchange(g, e), exchange(e, c);
+  exchange(a, d), exchange(f, i), exchange(e, h), exchange(d, g), exchange(b, e), exchange(c, f), exchange(e, h), exchange(e, c), exchange(g, e),
+      exchange(e, c);
   return e;
 }
 

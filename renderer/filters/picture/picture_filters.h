@@ -29,8 +29,9 @@ NodePtr makeBilateralNode(PictureShape shape, double sigma, double range);
 
 /// Bloom: I + gain K e. e is the part of I above `threshold`: I (Y - T) / Y where its luminance Y is above T, negative channels as 0. K is the
 /// distribution of a point's light on a plane behind a small distance, a / (2 pi (r^2 + a^2)^(3/2)) integrated over pixels, a = radius / sqrt(3): half of it
-/// within `radius`, a tail that falls with the cube. It is cut at the smaller of 32 radii and the picture's width or height in either direction and scaled to sum
-/// 1, so that gain times all excess light is added, none more or less. By Fourier transforms: looks at a whole picture. Holds 16 to 36 bytes a pixel and channel.
+/// within `radius`, a tail that falls with the cube. It is cut at the smaller of 32 radii and the picture's width or height in either direction and scaled to
+/// sum 1, so that gain times all excess light is added, none more or less. By Fourier transforms: looks at a whole picture. Holds 16 to 36 bytes a pixel and
+/// channel.
 NodePtr makeBloomNode(PictureShape shape, double threshold, double gain, double radius);
 
 /// Compression: of the W x H coefficients of each channel's discrete Fourier transform the round(share W H) strongest alone; conjugates, of equal
@@ -38,10 +39,10 @@ NodePtr makeBloomNode(PictureShape shape, double threshold, double gain, double 
 /// borders. Reads a whole picture.
 NodePtr makeCompressionNode(PictureShape shape, double share);
 
-/// Taken at points `factor` pixels apart in either direction and put together again by `kernel`. prefilter: each sample is the mean around it under the same kernel, as wide
-/// as samples are apart; without it the pixel there, and what is finer than two samples comes back as another frequency. Kernels: BOX (half a spacing to either
-/// side), TENT, GAUSSIAN (standard deviation half a spacing, 2 spacings to either side), MITCHELL (B = C = 1/3: Mitchell, Netravali 1988), LANCZOS (3 lobes). Weights are
-/// scaled to sum 1 everywhere. Depends on where pixels lie in the picture: of whole pictures.
+/// Taken at points `factor` pixels apart in either direction and put together again by `kernel`. prefilter: each sample is the mean around it under the same
+/// kernel, as wide as samples are apart; without it the pixel there, and what is finer than two samples comes back as another frequency. Kernels: BOX (half a
+/// spacing to either side), TENT, GAUSSIAN (standard deviation half a spacing, 2 spacings to either side), MITCHELL (B = C = 1/3: Mitchell, Netravali 1988),
+/// LANCZOS (3 lobes). Weights are scaled to sum 1 everywhere. Depends on where pixels lie in the picture: of whole pictures.
 NodePtr makeResampleNode(PictureShape shape, double factor, v1::ResampleFilter::Kernel kernel, bool prefilter);
 
 /// A colour filter of some density before the lens: each channel times transmittance^density (Bouguer, Lambert): half the density twice is the whole once.

@@ -19,8 +19,8 @@ struct PictureShape {
   Extent extent;
   Domain domain = Domain::Pixel;
   std::string plane = "rgb";
-  int channels = 3;    ///< 1 or 3
-  bool share = false;  ///< values are shares (visibility): what leaves 0 .. 1 is brought back
+  int channels = 3;                                                       ///< 1 or 3
+  bool share = false;                                                     ///< values are shares (visibility): what leaves 0 .. 1 is brought back
   size_t row() const { return size_t(extent.width) * size_t(channels); }  ///< values in one
   size_t rows() const { return size_t(extent.height) * size_t(extent.layers); }
   size_t values() const { return row() * rows(); }

@@ -17,13 +17,19 @@ NodePtr gaussianNode(PictureShape s, const RequestFilter& f) { return makeGaussi
 const char* noSharpen(const RequestFilter& f) {
   return !(parameterOf(f.sharpen(), "amount") > 0.0) ? "amount is 0" : !(parameterOf(f.sharpen(), "sigma_px") > 0.0) ? "sigma_px is 0" : nullptr;
 }
-NodePtr sharpenNode(PictureShape s, const RequestFilter& f) { return makeSharpenNode(std::move(s), parameterOf(f.sharpen(), "sigma_px"), parameterOf(f.sharpen(), "amount")); }
+NodePtr sharpenNode(PictureShape s, const RequestFilter& f) {
+  return makeSharpenNode(std::move(s), parameterOf(f.sharpen(), "sigma_px"), parameterOf(f.sharpen(), "amount"));
+}
 
 const char* noMedian(const RequestFilter& f) { return parameterOf(f.median(), "radius_px") > 0.0 ? nullptr : "radius_px is 0"; }
-NodePtr medianNode(PictureShape s, const RequestFilter& f) { return makeMedianNode(std::move(s), int(parameterOf(f.median(), "radius_px")), parameterOf(f.median(), "deviations")); }
+NodePtr medianNode(PictureShape s, const RequestFilter& f) {
+  return makeMedianNode(std::move(s), int(parameterOf(f.median(), "radius_px")), parameterOf(f.median(), "deviations"));
+}
 
 const char* noBilateral(const RequestFilter& f) { return parameterOf(f.bilateral(), "sigma_px") > 0.0 ? nullptr : "sigma_px is 0"; }
-NodePtr bilateralNode(PictureShape s, const RequestFilter& f) { return makeBilateralNode(std::move(s), parameterOf(f.bilateral(), "sigma_px"), parameterOf(f.bilateral(), "range")); }
+NodePtr bilateralNode(PictureShape s, const RequestFilter& f) {
+  return makeBilateralNode(std::move(s), parameterOf(f.bilateral(), "sigma_px"), parameterOf(f.bilateral(), "range"));
+}
 
 const char* noBloom(const RequestFilter& f) { return parameterOf(f.bloom(), "gain") > 0.0 ? nullptr : "gain is 0"; }
 NodePtr bloomNode(PictureShape s, const RequestFilter& f) {
@@ -39,7 +45,9 @@ NodePtr resampleNode(PictureShape s, const RequestFilter& f) {
                           boolParameter(f.resample(), "prefilter"));
 }
 
-std::array<double, 3> transmittanceOf(const RequestFilter& f) { return {parameterOf(f.color_balance(), "red"), parameterOf(f.color_balance(), "green"), parameterOf(f.color_balance(), "blue")}; }
+std::array<double, 3> transmittanceOf(const RequestFilter& f) {
+  return {parameterOf(f.color_balance(), "red"), parameterOf(f.color_balance(), "green"), parameterOf(f.color_balance(), "blue")};
+}
 const char* noColorBalance(const RequestFilter& f) {
   if (!(parameterOf(f.color_balance(), "density") > 0.0)) return "density is 0";
   return transmittanceOf(f) == std::array<double, 3>{1.0, 1.0, 1.0} ? "red, green and blue are 1" : nullptr;

@@ -93,7 +93,9 @@ class ResampleNode final : public PictureNode {
         across_(resampleGrid(this->shape().extent.width, factor, kernel, prefilter)),
         down_(resampleGrid(this->shape().extent.height, factor, kernel, prefilter)) {}
   std::string type() const override { return "resample_filter"; }
-  NodeTraits traits() const override { return linear(kernel_ == v1::ResampleFilter::BOX || kernel_ == v1::ResampleFilter::TENT || kernel_ == v1::ResampleFilter::GAUSSIAN); }
+  NodeTraits traits() const override {
+    return linear(kernel_ == v1::ResampleFilter::BOX || kernel_ == v1::ResampleFilter::TENT || kernel_ == v1::ResampleFilter::GAUSSIAN);
+  }
   size_t workingBytes() const override {
     const size_t channels = size_t(shape().channels), columns = across_.samples.size();
     return channels * columns * (size_t(shape().extent.height) * 2 + down_.samples.size()) * sizeof(double);

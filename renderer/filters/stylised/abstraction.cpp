@@ -101,7 +101,8 @@ class StyleAbstractionNode final : public Node {
       const bool counts = in.valid(e) && std::abs(d[e]) < kStyleFar;
       const Vec3 P = counts ? in.at(in.P, e) * scale : Vec3(0.0f), N = in.at(in.N, e);
       const float area = counts ? std::clamp(areaOf(in, x, y, cosine) * scale * scale, kLeastArea, kMostArea) : 0.0f;
-      const float value[kPlanes] = {P.x, P.y, P.z, N.x, N.y, N.z, area, counts ? d[e] : 0.0f, std::min((widths.unit / widths.at(e)) * (widths.unit / widths.at(e)), 1e30f)};
+      const float value[kPlanes] = {
+          P.x, P.y, P.z, N.x, N.y, N.z, area, counts ? d[e] : 0.0f, std::min((widths.unit / widths.at(e)) * (widths.unit / widths.at(e)), 1e30f)};
       for (size_t k = 0; k < kPlanes; ++k) planes[k * count + e] = value[k];
     }
   }
@@ -111,12 +112,19 @@ class StyleAbstractionNode final : public Node {
   }
 
   /// Runs of pixels that take every same sample, with the window of the one that sees most: what is beyond 3 sigma of a pixel does not count anyway.
-  void smoothRow(const ContourInput& in, std::span<const float> d, const std::vector<float>& planes, int y, float cosine, const Widths& widths, std::span<float> out) const {
+  void smoothRow(const ContourInput& in, std::span<const float> d, const std::vector<float>& planes, int y, float cosine, const Widths& widths,
+                 std::span<float> out) const {
     const size_t count = in.instance.size(), row = size_t(y) * size_t(in.width);
     const float* first = planes.data();
-    const AbstractionPlanes p{
-        first, first + count, first + 2 * count, first + 3 * count, first + 4 * count, first + 5 * count, first + 6 * count, first + 7 * count,
-        widths.varying.empty() ? nullptr : first + 8 * count};
+    const AbstractionPlanes p{first,
+                              first + count,
+                              first + 2 * count,
+                              first + 3 * count,
+                              first + 4 * count,
+                              first + 5 * count,
+                              first + 6 * count,
+                              first + 7 * count,
+                              widths.varying.empty() ? nullptr : first + 8 * count};
     float sums[kRun], weights[kRun];
     for (int begin = 0, end = 0; begin < in.width; begin = end) {
       int stride = 0;

@@ -30,8 +30,8 @@ void add(const float* __restrict ax, const float* __restrict ay, const float* __
 void addOffset(const AbstractionPlanes& p, size_t e, ptrdiff_t offset, size_t n, float reach2, float cosine, float* sums, float* weights) {
   const size_t f = size_t(ptrdiff_t(e) + offset);
   const auto run = [&](auto varies) {
-  add<decltype(varies)::value>(p.x + e, p.y + e, p.z + e, p.nx + e, p.ny + e, p.nz + e, p.d + e, p.x + f, p.y + f, p.z + f, p.nx + f, p.ny + f, p.nz + f, p.d + f, p.area + f, varies ? p.narrower + e : nullptr, n, reach2,
-      cosine, sums, weights);
+    add<decltype(varies)::value>(p.x + e, p.y + e, p.z + e, p.nx + e, p.ny + e, p.nz + e, p.d + e, p.x + f, p.y + f, p.z + f, p.nx + f, p.ny + f, p.nz + f,
+                                 p.d + f, p.area + f, varies ? p.narrower + e : nullptr, n, reach2, cosine, sums, weights);
   };
   if (p.narrower) run(std::true_type());
   else run(std::false_type());

@@ -14,7 +14,8 @@ namespace {
 
 constexpr size_t kLeafPoints = 8;
 constexpr double kOpening = 0.3, kReach2 = 36.0;  // most radius over distance of a piece that counts as one; squared distance by that of the nearest
-constexpr double kPieceError = 1e-3;              // of all weights: what one piece may be wrong by; to second order q^2 p (p + 1) / 2 of its own for a radius of q distances
+constexpr double kPieceError =
+    1e-3;  // of all weights: what one piece may be wrong by; to second order q^2 p (p + 1) / 2 of its own for a radius of q distances
 
 double fourth(double q) { return (q * q) * (q * q); }
 
@@ -154,7 +155,8 @@ std::vector<EdgePoint> edgeOf(const ContourInput& in, std::span<const float> d, 
     const float length = glm::length(step), n = glm::length(normal);
     if (d[shadowed] < 0.0f || !(length > 0.0f) || !(n > 0.0f)) return;
     EdgePoint p{in.at(in.P, e) + 0.5f * step, normal / n, length, {d[shadowed]}};
-    for (size_t k = 0; k < s.casters.size(); ++k) p.values[k + 1] = std::binary_search(s.casters[k].begin(), s.casters[k].end(), caster[shadowed]) ? 1.0f : 0.0f;
+    for (size_t k = 0; k < s.casters.size(); ++k)
+      p.values[k + 1] = std::binary_search(s.casters[k].begin(), s.casters[k].end(), caster[shadowed]) ? 1.0f : 0.0f;
     edge.push_back(p);
   };
   const size_t w = size_t(in.width);
@@ -230,7 +232,9 @@ double edgeMeanAt(const std::vector<EdgePoint>& edge, const Vec3& x, const Vec3&
       if (glm::dot(p.normal, n) >= cosine) body(p, std::max(glm::dot(DVec3(p.at) - DVec3(x), DVec3(p.at) - DVec3(x)), 1e-60));
   };
   seen([&](const EdgePoint&, double r2) { nearest = std::min(nearest, r2); });
-  seen([&](const EdgePoint& p, double r2) { weights += double(p.length) * fourth(nearest / r2), sum += double(p.length) * fourth(nearest / r2) * double(p.values[0]); });
+  seen([&](const EdgePoint& p, double r2) {
+    weights += double(p.length) * fourth(nearest / r2), sum += double(p.length) * fourth(nearest / r2) * double(p.values[0]);
+  });
   return weights > 0 ? sum / weights : 0.0;
 }
 

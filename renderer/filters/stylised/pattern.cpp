@@ -10,8 +10,8 @@ namespace gobo {
 
 namespace {
 
-/// A dot about (0, 0) of `area` square pixels, at `r` pixels from its centre: a ramp of one pixel about its rim, whose radius makes up for what the ramp adds; of dots that are
-/// smaller than the ramp the middle is not full.
+/// A dot about (0, 0) of `area` square pixels, at `r` pixels from its centre: a ramp of one pixel about its rim, whose radius makes up for what the ramp adds;
+/// of dots that are smaller than the ramp the middle is not full.
 float dot(float area, float r) {
   const float square = area / kPi;
   if (square < 1.0f / 3.0f) return std::clamp((1.0f - r) * 3.0f * square, 0.0f, 1.0f);  // a cone of radius 1: volume pi h / 3

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A shadow drawn in lines or dots of the picture.
 //
-// Computes     Coverage c = (1 - S) / (1 - dark) of each view sample's tone S becomes lines (HATCHING), two crossed families of them (CROSS) or dots (STIPPLING) that cover
-//              c of the area and are `dark`; between them there is light. Lines and dots are one pixel's box wide at their borders: no aliases. The mean over a period is
-//              the tone: exact for lines, within 1 % for dots.
-// Inputs       0: the styled visibility, plane V of 1 or 3 channels (of three the largest is the tone, and all are scaled alike); then, where brightness varies,
+// Computes     Coverage c = (1 - S) / (1 - dark) of each view sample's tone S becomes lines (HATCHING), two crossed families of them (CROSS) or dots
+// (STIPPLING) that cover
+//              c of the area and are `dark`; between them there is light. Lines and dots are one pixel's box wide at their borders: no aliases. The mean over a
+//              period is the tone: exact for lines, within 1 % for dots.
+// Inputs       0: the styled visibility, plane V of 1 or 3 channels (of three the largest is the tone, and all are scaled alike); then, where brightness
+// varies,
 //              "style_parameters" (plane brightness).
 // Output       term "visibility", plane V, in [0, 1].
 // Parameters   spacing (pixels), angle (radians, counter-clockwise from the horizontal), dark: what a full shadow keeps of the light. With layers dark is
@@ -26,8 +28,8 @@ struct StylePatternSettings {
   ViewPlace place;
   StylePattern pattern = StylePattern::Hatching;
   float spacing = 8, angle = 0.78539816f;
-  float brightness = 0;             ///< of the first layer
-  double ownShare = 1, rest = 0;    ///< 1, 0 without layers
+  float brightness = 0;           ///< of the first layer
+  double ownShare = 1, rest = 0;  ///< 1, 0 without layers
   bool varyingBrightness = false;
 };
 NodePtr makeStylePatternNode(const StylePatternSettings& settings);

@@ -30,7 +30,13 @@ StyleTransition transitionOf(const v1::ShadowStyle& style) {
 class StylePlan {
  public:
   StylePlan(Graph& graph, const ShadowInput& input, NodeId v, const v1::ShadowStyle& style, const StyleFormulas& formulas)
-      : graph_(graph), input_(input), v_(v), style_(style), formulas_(formulas), extent_{input.width, input.height, input.viewSamples}, angle_(number("angle_deg") * (kPi / 180.0f)) {}
+      : graph_(graph),
+        input_(input),
+        v_(v),
+        style_(style),
+        formulas_(formulas),
+        extent_{input.width, input.height, input.viewSamples},
+        angle_(number("angle_deg") * (kPi / 180.0f)) {}
 
   NodeId plan() {
     StyleDistanceSettings d;
@@ -74,12 +80,15 @@ class StylePlan {
     if (t.tinted) inputs.push_back(v_);
     level.parameters = transferParameters(own, t);
     if (level.parameters >= 0) inputs.push_back(level.parameters);
-    level.styled = approximate(makeStyleTransferNode(t), std::move(inputs), "style_transfer" + of_, d.levels > 1);  // the distances of levels are kept: the transfer is cheap
+    level.styled = approximate(makeStyleTransferNode(t), std::move(inputs), "style_transfer" + of_,
+                               d.levels > 1);  // the distances of levels are kept: the transfer is cheap
     return level;
   }
 
   float number(const char* name) const { return float(numberParameter(style_, name)); }
-  NodeId filter(NodePtr node, std::vector<NodeId> inputs, const std::string& what) { return addShadowFilter(graph_, std::move(node), std::move(inputs), what, input_); }
+  NodeId filter(NodePtr node, std::vector<NodeId> inputs, const std::string& what) {
+    return addShadowFilter(graph_, std::move(node), std::move(inputs), what, input_);
+  }
   NodeId approximate(NodePtr node, std::vector<NodeId> inputs, const std::string& what, bool transient = false) {
     GraphNode n{std::move(node), std::move(inputs), {}, what + ":" + input_.scene->lights[size_t(input_.light)].name};
     n.transient = transient;
@@ -103,11 +112,14 @@ class StylePlan {
   NodeId occluder() {
     if (occluder_ >= 0) return occluder_;
     const std::string& light = input_.scene->lights[size_t(input_.light)].name;
-    const NodeId rays = graph_.add({makeOccluderDistanceNode(extent_), {input_.gbuffer, v_}, {input_.light}, "occluder_distance:" + light, 0, input_.scene, false});
+    const NodeId rays =
+        graph_.add({makeOccluderDistanceNode(extent_), {input_.gbuffer, v_}, {input_.light}, "occluder_distance:" + light, 0, input_.scene, false});
     return occluder_ = filter(makeEdgeMeanNode({extent_, angle_, formulas_.casters}), {rays, v_, input_.gbuffer}, "style_occluder");
   }
 
-  NodeId blurred(float sigma) { return sigma > 0.0f ? filter(makeStyleAbstractionNode({extent_, sigma, angle_}), {distance_, input_.gbuffer}, "style_abstraction" + of_) : distance_; }
+  NodeId blurred(float sigma) {
+    return sigma > 0.0f ? filter(makeStyleAbstractionNode({extent_, sigma, angle_}), {distance_, input_.gbuffer}, "style_abstraction" + of_) : distance_;
+  }
   NodeId abstracted() {
     const StyleFormula* varying = formulas_.find(StyleField::Abstraction);
     if (!varying) return blurred(number("abstraction"));

@@ -11,17 +11,17 @@
 
 namespace gobo {
 
-/// What formulas may read, in the order of their evaluators. time: seconds; distance: metres between the shadow's edge near by and what casts it, 0 where no edge is
-/// seen; depth: metres from the camera; x, y, z: the place, metres; nx, ny, nz: its unit normal; edge: signed distance to the shadow's edge after abstraction, metres,
-/// negative in shadow.
+/// What formulas may read, in the order of their evaluators. time: seconds; distance: metres between the shadow's edge near by and what casts it, 0 where no
+/// edge is seen; depth: metres from the camera; x, y, z: the place, metres; nx, ny, nz: its unit normal; edge: signed distance to the shadow's edge after
+/// abstraction, metres, negative in shadow.
 enum class StyleName : size_t { Time, Distance, Depth, X, Y, Z, Nx, Ny, Nz, Edge };
 inline constexpr std::array<std::string_view, 10> kStyleNames{"time", "distance", "depth", "x", "y", "z", "nx", "ny", "nz", "edge"};
 
 /// One field of ShadowStyle.
 struct StyleFormula {
   Formula formula;
-  double low = 0, high = 0;                        ///< of the field: values are limited to it
-  std::string place;                               ///< for errors: request.expressions.PATH.formula
+  double low = 0, high = 0;  ///< of the field: values are limited to it
+  std::string place;         ///< for errors: request.expressions.PATH.formula
   struct Object {
     std::vector<uint32_t> instances;  ///< increasing
     int caster = -1;                  ///< index into StyleFormulas::casters
@@ -43,7 +43,7 @@ inline constexpr size_t kMostCasters = 3;  ///< that the formulas of one style n
 
 struct StyleFormulas {
   std::vector<std::pair<StyleField, StyleFormula>> all;  ///< by field, each at most once
-  std::vector<std::vector<uint32_t>> casters{};  ///< instances of each that a formula names, increasing
+  std::vector<std::vector<uint32_t>> casters{};          ///< instances of each that a formula names, increasing
   double time = 0;
   const StyleFormula* find(StyleField field) const {
     for (const auto& [f, formula] : all)

@@ -81,7 +81,10 @@ class StyleParametersNode final : public Node {
  private:
   struct Inputs {
     Inputs(const RunContext& ctx, bool distance, bool edge)
-        : P(ctx.inputs[0]->floats("P")), N(ctx.inputs[0]->floats("N")), depth(ctx.inputs[0]->floats("depth")), instance(ctx.inputs[0]->plane<uint32_t>("instance")) {
+        : P(ctx.inputs[0]->floats("P")),
+          N(ctx.inputs[0]->floats("N")),
+          depth(ctx.inputs[0]->floats("depth")),
+          instance(ctx.inputs[0]->plane<uint32_t>("instance")) {
       if (distance) {
         d = ctx.inputs[1]->floats("d");
         for (size_t k = 0; k < kMostCasters; ++k)
@@ -109,7 +112,9 @@ class StyleParametersNode final : public Node {
         if (f.formula.reads(k)) evaluator.name(k) = value(StyleName(k), e, time);
       for (size_t k = 0; k < f.objects.size(); ++k) {
         const StyleFormula::Object& o = f.objects[k];
-        evaluator.object(k) = o.caster >= 0 ? double(casters[size_t(o.caster)][e]) : std::binary_search(o.instances.begin(), o.instances.end(), instance[e]) ? 1.0 : 0.0;
+        evaluator.object(k) = o.caster >= 0                                                             ? double(casters[size_t(o.caster)][e])
+                              : std::binary_search(o.instances.begin(), o.instances.end(), instance[e]) ? 1.0
+                                                                                                        : 0.0;
       }
       return evaluator();
     }
@@ -135,7 +140,8 @@ class StyleParametersNode final : public Node {
       std::snprintf(text, sizeof text, "%s%s = %g", read.empty() ? "" : ", ", kStyleNames[k].data(), in.value(StyleName(k), e, time_));
       read += text;
     }
-    return invalidArgument(f.place + ": is no finite number at pixel " + std::to_string(x) + ", " + std::to_string(y) + (read.empty() ? "" : ", where " + read), f.place);
+    return invalidArgument(f.place + ": is no finite number at pixel " + std::to_string(x) + ", " + std::to_string(y) + (read.empty() ? "" : ", where " + read),
+                           f.place);
   }
 
   Extent extent_;

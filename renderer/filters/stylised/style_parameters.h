@@ -2,7 +2,8 @@
 // Numbers of a style by formulas, one for each view sample.
 //
 // Computes     Each formula at each view sample that hits something, limited to the range of its field.
-// Inputs       0: "gbuffer"; then, where any formula reads `distance` or a caster, "style_occluder" (filters/stylised/edge_mean.h); then, where any reads `edge`, a
+// Inputs       0: "gbuffer"; then, where any formula reads `distance` or a caster, "style_occluder" (filters/stylised/edge_mean.h); then, where any reads
+// `edge`, a
 //              "style_distance" (plane D).
 // Output       term "style_parameters", domain ViewSample, a plane f32 by the name of each field; 0 where nothing is hit.
 // Errors       InvalidArgument at the formula: not a number at some sample, which is named with what it read (the first one, whatever the number of threads).

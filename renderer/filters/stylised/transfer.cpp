@@ -16,7 +16,8 @@ class StyleTransferNode final : public Node {
  public:
   explicit StyleTransferNode(const StyleTransferSettings& s) : s_(s) {
     GOBO_CHECK(s.softness >= 0.0f && s.brightness >= 0.0f && s.brightness <= 1.0f && s.steps >= 1 && s.distances >= 1);
-    for (const StyleTransferLayer& l : s.layers) GOBO_CHECK(l.softness >= 0.0f && l.brightness >= 0.0f && l.brightness <= 1.0f && l.weight >= 0.0 && l.distance < s.distances);
+    for (const StyleTransferLayer& l : s.layers)
+      GOBO_CHECK(l.softness >= 0.0f && l.brightness >= 0.0f && l.brightness <= 1.0f && l.weight >= 0.0 && l.distance < s.distances);
   }
   std::string type() const override { return "style_transfer"; }
   NodeTraits traits() const override {
@@ -54,7 +55,8 @@ class StyleTransferNode final : public Node {
     const auto tint = s_.tinted ? ctx.inputs[size_t(s_.distances)]->floats("V") : std::span<const float>();
     const Term* varying = s_.varies() ? ctx.inputs.back().get() : nullptr;
     const auto plane = [&](bool varies, const char* name) { return varies ? varying->floats(name) : std::span<const float>(); };
-    const auto inflation = plane(s_.varyingInflation, "inflation"), softness = plane(s_.varyingSoftness, "softness"), brightness = plane(s_.varyingBrightness, "brightness");
+    const auto inflation = plane(s_.varyingInflation, "inflation"), softness = plane(s_.varyingSoftness, "softness"),
+               brightness = plane(s_.varyingBrightness, "brightness");
     const bool complete = ctx.arena->parallelFor(
         D[0].size(), 1 << 15,
         [&](size_t begin, size_t end) {

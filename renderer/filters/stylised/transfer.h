@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Transfer of a stylised shadow: the cheap last stage, all that inflation, softness, brightness and how light rises re-run.
 //
-// Computes     S(x) = b + (1 - b) step(i - s/2, i + s/2, D(x)), a step at D = i where s = 0 (formulas/stylised_shadow.glsl.h); with layers the mean of each one's by their
-//              weights, the first one's being 1. In [b, 1], 1 where D = 1e30, and never less for greater b; but for staircases that formulas bend, never greater for
-//              greater i.
-// Inputs       First the distances that layers are of, plane D (filters/stylised/distance_field.h); then, where `tinted`, a visibility (plane V of 3 channels); then,
+// Computes     S(x) = b + (1 - b) step(i - s/2, i + s/2, D(x)), a step at D = i where s = 0 (formulas/stylised_shadow.glsl.h); with layers the mean of each
+// one's by their
+//              weights, the first one's being 1. In [b, 1], 1 where D = 1e30, and never less for greater b; but for staircases that formulas bend, never
+//              greater for greater i.
+// Inputs       First the distances that layers are of, plane D (filters/stylised/distance_field.h); then, where `tinted`, a visibility (plane V of 3 channels);
+// then,
 //              where something varies, "style_parameters" (planes of the fields that do): they are the first layer's.
 // Output       term "visibility", plane V. Of three channels: S V where the light arrives (a channel of V is at least 1/2), and S itself where it did not: what
 //              is made light in a shadow has no colour of glass.
@@ -28,8 +30,8 @@ struct StyleTransferLayer {
 struct StyleTransferSettings {
   float inflation = 0, softness = 0, brightness = 0;
   StyleTransition transition = StyleTransition::Smoothstep;
-  int steps = 4;                          ///< of a staircase
-  std::vector<StyleTransferLayer> layers; ///< beside the first one, which is of input 0
+  int steps = 4;                           ///< of a staircase
+  std::vector<StyleTransferLayer> layers;  ///< beside the first one, which is of input 0
   int distances = 1;
   bool tinted = false;
   bool varyingInflation = false, varyingSoftness = false, varyingBrightness = false;

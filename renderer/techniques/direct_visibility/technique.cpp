@@ -54,7 +54,8 @@ class DirectVisibility final : public Technique {
       if (light.shape.kind != LightKind::Environment || !overlaps(c.cover().claimedBy(l, pathTraced().name()), PathSet::Direct)) continue;
       const auto edit = c.request().lights().find(light.name);
       const bool own = edit != c.request().lights().end() && edit->second.has_shadow();
-      if ((own ? edit->second.shadow() : c.request().shadows()).has_style()) c.warn("light '" + light.name + "' is path traced: it has no shadow for shadows.style");
+      if ((own ? edit->second.shadow() : c.request().shadows()).has_style())
+        c.warn("light '" + light.name + "' is path traced: it has no shadow for shadows.style");
     }
   }
 

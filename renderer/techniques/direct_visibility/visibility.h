@@ -13,7 +13,8 @@ namespace gobo {
 /// one that no visibility technique (path_traced) stays what it is.
 v1::ShadowTechnique shadowTechniqueOf(PlanContext& context, int light, const ScenePtr& scene, const std::string& name);
 
-/// Term with plane "V", styled where the technique has a style, by the formulas of the light that requests know as `edited` (empty: by its own name). shadows.auto is chosen here, by a probe that runs while planning.
+/// Term with plane "V", styled where the technique has a style, by the formulas of the light that requests know as `edited` (empty: by its own name).
+/// shadows.auto is chosen here, by a probe that runs while planning.
 Result<NodeId> planVisibility(PlanContext& context, int light, const ScenePtr& scene, const v1::ShadowTechnique& technique, const std::string& edited = {});
 
 /// Term with plane "L": what the light sends to the camera by one scattering event if nothing is in the way, at power `nominal`.

@@ -18,7 +18,8 @@ Status foldLights(PlanContext& c, const ScenePtr& extended, int first, const Vec
   v1::ShadowTechnique t = shadowTechniqueOf(c, first, extended, "environment");
   if (!findShadowTechnique(t.technique_case())) t.mutable_ray_traced()->set_samples(samples);
   c.surface();  // made (and kept) before any node that is marked transient below
-  const uint64_t kept = uint64_t(count) * c.view().width * c.view().height * c.view().viewSamples * (t.has_style() ? 40 : 16);  // a style holds its distance and what it makes of it
+  const uint64_t kept = uint64_t(count) * c.view().width * c.view().height * c.view().viewSamples *
+                        (t.has_style() ? 40 : 16);  // a style holds its distance and what it makes of it
   const bool keep = kept <= kKeptBytes;
   if (c.bounding()) c.reserve(std::min(kept, kKeptBytes));  // fewer lights than asked for may be kept where all of them would not
   for (const LobePart lobe : lobes) {

@@ -8,11 +8,11 @@
 //   Beta         V + b (C - U), no less than 0: b by regression of seen over unshadowed light, over the lights, within [0, 1]
 //                (Szecsi, Sbert, Szirmay-Kalos 2004)
 // Each of the lobes by itself. No occluder: C to the bit, in every form.
-// Inputs: G-buffer, surface, subtractive samples of a map (samples.h) or of lights (scene_lights.h), unshadowed light (planes "diffuse", "specular" f32x3, view samples). Term "direct_light", domain Pixel:
-// "diffuse", "specular" f32x3, means over view samples; "negative" f32x3, what of both lobes would have been below zero and is not shown, as a positive
-// number. A traced sample that no neighbour speaks for (no footprint that is a positive number) has its own sums; what has neither is counted in "dropped",
-// beside what the unshadowed light lacks. Error: that of the few lights' shadows alone. Too few of them are hard and banded, at r > 1 detail finer than r pixels is lost. Cost: up to (2 reach / r + 1)^2 neighbours of 10 ns
-// a view sample; at r = 1 none.
+// Inputs: G-buffer, surface, subtractive samples of a map (samples.h) or of lights (scene_lights.h), unshadowed light (planes "diffuse", "specular" f32x3, view
+// samples). Term "direct_light", domain Pixel: "diffuse", "specular" f32x3, means over view samples; "negative" f32x3, what of both lobes would have been below
+// zero and is not shown, as a positive number. A traced sample that no neighbour speaks for (no footprint that is a positive number) has its own sums; what has
+// neither is counted in "dropped", beside what the unshadowed light lacks. Error: that of the few lights' shadows alone. Too few of them are hard and banded,
+// at r > 1 detail finer than r pixels is lost. Cost: up to (2 reach / r + 1)^2 neighbours of 10 ns a view sample; at r = 1 none.
 #pragma once
 
 #include "techniques/subtractive/receiver.h"

@@ -60,8 +60,9 @@ class SubtractiveLights final : public Technique {
   /// A light alone is traced at its nominal power, and its gain is the plane's weight. Of several the gains are part of what is seen of them together.
   Status planSet(PlanContext& c, const LightSet& set) const {
     const bool alone = set.lights.size() == 1 && c.groups().single(c.groups().groupOf[size_t(set.lights[0])]);
-    const std::string label = set.lights.size() == 1 ? c.scene()->lights[size_t(set.lights[0])].name
-                                                     : c.scene()->lights[size_t(set.lights[0])].name + " and " + std::to_string(set.lights.size() - 1) + " more";
+    const std::string label = set.lights.size() == 1
+                                  ? c.scene()->lights[size_t(set.lights[0])].name
+                                  : c.scene()->lights[size_t(set.lights[0])].name + " and " + std::to_string(set.lights.size() - 1) + " more";
     subtractive::SceneLightsSettings from;
     from.view = c.view();
     from.samples = kUnshadowedSamples;
@@ -85,15 +86,19 @@ class SubtractiveLights final : public Technique {
 
     const subtractive::Resampling resampling = subtractive::resamplingOf(set.asked);
     const int most = int(set.asked.lights()), rays = std::min(most, int(lit.size()));
-    const NodeId samples = c.source(subtractive::makeLightSamplesNode({from, resampling, most}), {c.gbuffer(), c.surface()}, lit,
-                                    "subtractive_samples:" + label, c.scene());
+    const NodeId samples =
+        c.source(subtractive::makeLightSamplesNode({from, resampling, most}), {c.gbuffer(), c.surface()}, lit, "subtractive_samples:" + label, c.scene());
     const NodeId full = c.source(subtractive::makeUnshadowedLightsNode(from), {c.gbuffer(), c.surface()}, lit, "unshadowed:" + label, c.scene());
-    GraphNode n{subtractive::makeLightNode({c.view(), resampling, subtractive::formOf(set.asked), rays}), {c.gbuffer(), c.surface(), samples, full}, {},
+    GraphNode n{subtractive::makeLightNode({c.view(), resampling, subtractive::formOf(set.asked), rays}),
+                {c.gbuffer(), c.surface(), samples, full},
+                {},
                 "subtractive:" + label};
     const bool few = rays < int(lit.size());
     if (few || resampling.resolution > 1)
       n.approximate = "unshadowed light of " + std::to_string(lit.size()) + (lit.size() == 1 ? " light" : " lights") + " with the shadows of " +
-                      (few ? "the " + std::to_string(rays) + " that give most at each sample" : lit.size() == 1 ? std::string("it") : std::string("all")) +
+                      (few               ? "the " + std::to_string(rays) + " that give most at each sample"
+                       : lit.size() == 1 ? std::string("it")
+                                         : std::string("all")) +
                       " at 1/" + std::to_string(resampling.resolution) + " of the resolution";
     const NodeId light = c.graph().add(std::move(n));
     const auto bring = [&](const char* plane, PathSet paths) {

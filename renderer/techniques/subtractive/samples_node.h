@@ -37,8 +37,8 @@ struct SampleSums {
   DVec3 unshadowed[2] = {DVec3(0.0), DVec3(0.0)}, visible[2] = {DVec3(0.0), DVec3(0.0)};
   double squares[2] = {0, 0}, seen[2] = {0, 0};
 };
-/// `seen`: 1 for those of arrivals.lights that are. The rest is seen as a lobe's others are, or as the other lobe's where it has none, or else all of it; squares
-/// are those of the others, made to hold the light of all.
+/// `seen`: 1 for those of arrivals.lights that are. The rest is seen as a lobe's others are, or as the other lobe's where it has none, or else all of it;
+/// squares are those of the others, made to hold the light of all.
 SampleSums sumsOf(const Arrivals& arrivals, std::span<const char> seen);
 
 /// Radiance by what the lobe reflects; 0 where that is nothing, no more than what sums of it can hold.

@@ -28,9 +28,9 @@ struct SceneLightsSettings {
 NodePtr makeUnshadowedLightsNode(const SceneLightsSettings& settings);
 
 /// Term "subtractive_light_samples", with the planes of "subtractive_samples" (samples.h). Inputs: G-buffer, surface.
-/// At each traced sample the `most` lights that give it most unshadowed light (luminance of both lobes; of equal ones the first) have a shadow ray each, and the
-/// others are seen as much as these on the mean, by luminance, lobe by lobe: the samples' unshadowed light is that of all lights, so the forms differ only by
-/// what resampling does. With no more than `most` lights, all have rays and at r = 1 the result is their shadowed light. More rays are a longer list that
+/// At each traced sample the `most` lights that give it most unshadowed light (luminance of both lobes; of equal ones the first) have a shadow ray each, and
+/// the others are seen as much as these on the mean, by luminance, lobe by lobe: the samples' unshadowed light is that of all lights, so the forms differ only
+/// by what resampling does. With no more than `most` lights, all have rays and at r = 1 the result is their shadowed light. More rays are a longer list that
 /// begins with the same lights (nested). Choosing by sample, not for the picture: of lamps that fall with the distance none is strong everywhere, and what
 /// changes from one to the next sample is the weakest light of a list, no more than 1 / `most` of what there is.
 /// Lights of some size have hard shadows from one point, which differs from sample to sample: the i-th light has the i-th point of the view sample's Owen-

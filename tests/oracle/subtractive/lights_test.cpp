@@ -108,7 +108,8 @@ double meanOf(const std::vector<double>& v) {
 
 std::vector<Light> lampsOfSize() {
   return {lamp(LightKind::Rect, Vec3(0.4f, 2.6f, 0.3f), Vec3(3, 2, 1), Vec3(0.1f, -1, 0)), lamp(LightKind::Disk, Vec3(-1.2f, 1.8f, 1.0f), Vec3(1, 2, 3)),
-          lamp(LightKind::Sphere, Vec3(1.4f, 1.9f, -0.6f), Vec3(2, 2, 1)), lamp(LightKind::Sphere, Vec3(1.4f, 1.9f, -0.6f), Vec3(1, 2, 2))};  // two in one place
+          lamp(LightKind::Sphere, Vec3(1.4f, 1.9f, -0.6f), Vec3(2, 2, 1)),
+          lamp(LightKind::Sphere, Vec3(1.4f, 1.9f, -0.6f), Vec3(1, 2, 2))};  // two in one place
 }
 
 TEST(SubtractiveLights, WithoutAnOccluderLightIsTheUnshadowedToTheBit) {
@@ -168,7 +169,8 @@ TEST(SubtractiveLights, AllLightsAtFullResolutionAreTheirDirectLight) {
 // What grazes a ball of few facets is above one of its normals and below the other.
 TEST(SubtractiveLights, UnshadowedLightIsAboveBothHorizons) {
   std::vector<Light> low;
-  for (int i = 0; i < 12; ++i) low.push_back(lamp(LightKind::Point, Vec3(3.0f * std::cos(0.5f * float(i)), 1.0f, 3.0f * std::sin(0.5f * float(i))), Vec3(2.0f)));
+  for (int i = 0; i < 12; ++i)
+    low.push_back(lamp(LightKind::Point, Vec3(3.0f * std::cos(0.5f * float(i)), 1.0f, 3.0f * std::sin(0.5f * float(i))), Vec3(2.0f)));
   LampStage s(floorScene([](SceneMaker& m, int white) { m.instance(m.mesh(tests::sphere(Vec3(0, 1, 0), 1.5f, 8, true), white)); }), low, 40, 30);
   const std::vector<double> truth = s.additive(false);
   const TermPtr c = s.full();
@@ -189,7 +191,8 @@ TEST(SubtractiveLights, OneLightOfSomeSizeHasTheHousesShadowOfOneRay) {
     ASSERT_GT(mean, 0.001);
     const TermPtr light = s.picture(Form::Ratio, 1, 40);
     for (size_t i = 0; i < truth.size(); ++i)
-      ASSERT_NEAR(double(light->floats("diffuse")[i]) + double(light->floats("specular")[i]), truth[i], 1e-5 * (truth[i] + mean)) << int(l.shape.kind) << " " << i;
+      ASSERT_NEAR(double(light->floats("diffuse")[i]) + double(light->floats("specular")[i]), truth[i], 1e-5 * (truth[i] + mean))
+          << int(l.shape.kind) << " " << i;
   }
 }
 
@@ -213,7 +216,8 @@ TEST(SubtractiveLights, BehindClosedWallsTheRatioIsZeroAndNothingLeavesItsRange)
     m.instance(m.mesh(tests::box(Vec3(0, 0, -0.5f), Vec3(0.8f, 0.7f, 0.5f)), white));
   });
   std::vector<Light> lamps;
-  for (int i = 0; i < 30; ++i) lamps.push_back(lamp(i % 2 ? LightKind::Point : LightKind::Sphere, Vec3(float(i) - 15.0f, 12.0f + 0.1f * float(i), 3), Vec3(200.0f)));
+  for (int i = 0; i < 30; ++i)
+    lamps.push_back(lamp(i % 2 ? LightKind::Point : LightKind::Sphere, Vec3(float(i) - 15.0f, 12.0f + 0.1f * float(i), 3), Vec3(200.0f)));
   LampStage s(closed, lamps, 24, 18);
   for (const int most : {7, 30})
     for (const int r : {1, 4}) {
@@ -272,7 +276,8 @@ struct UnderALid {
   // Irradiances on the floor: 6 from the left, hidden; 4 and 1 from the right.
   static std::vector<Light> lamps() {
     const float slope = 1.0f / std::sqrt(2.0f), floor = kPi / slope;
-    return {lamp(LightKind::Directional, Vec3(0), Vec3(1, 1, 1) * floor, Vec3(-1, -1, 0)), lamp(LightKind::Directional, Vec3(0), Vec3(6.0f) * floor, Vec3(1, -1, 0)),
+    return {lamp(LightKind::Directional, Vec3(0), Vec3(1, 1, 1) * floor, Vec3(-1, -1, 0)),
+            lamp(LightKind::Directional, Vec3(0), Vec3(6.0f) * floor, Vec3(1, -1, 0)),
             lamp(LightKind::Directional, Vec3(0), Vec3(4.0f) * floor, Vec3(-1, -1, 0))};
   }
   static ScenePtr scene() {
@@ -282,7 +287,10 @@ struct UnderALid {
 
 TEST(SubtractiveLights, WhatHasNoRayIsSeenAsTheOthersOnTheMean) {
   LampStage s(UnderALid::scene(), UnderALid::lamps(), 9, 7, 1);
-  const struct { int most; float expected; } cases[] = {{1, 0.0f}, {2, 11.0f * 4.0f / 10.0f}, {3, 5.0f}, {40, 5.0f}};
+  const struct {
+    int most;
+    float expected;
+  } cases[] = {{1, 0.0f}, {2, 11.0f * 4.0f / 10.0f}, {3, 5.0f}, {40, 5.0f}};
   for (const auto& k : cases)
     for (const int r : {1, 3})
       for (const Form form : kForms) {
@@ -391,7 +399,8 @@ TEST(SubtractiveLights, ThreeHundredLampsAreTheSameOnAnyThreadsAndInAWindow) {
     for (int y = halo; y < 25 - halo; ++y)
       for (int x = halo; x < 27 - halo; ++x)
         for (size_t i = 0; i < 3; ++i)
-          ASSERT_EQ(a->floats(lobe)[3 * (size_t(y + place.y) * 45 + size_t(x + place.x)) + i], w->floats(lobe)[3 * (size_t(y) * 27 + size_t(x)) + i]) << x << "," << y;
+          ASSERT_EQ(a->floats(lobe)[3 * (size_t(y + place.y) * 45 + size_t(x + place.x)) + i], w->floats(lobe)[3 * (size_t(y) * 27 + size_t(x)) + i])
+              << x << "," << y;
   }
   EXPECT_GT(mean, 10.0);
 }
@@ -400,8 +409,10 @@ TEST(SubtractiveLights, ThreeHundredLampsAreTheSameOnAnyThreadsAndInAWindow) {
 TEST(SubtractiveLights, SymmetricLampsGiveASymmetricPicture) {
   std::vector<Light> lamps;
   for (const float side : {-1.0f, 1.0f})
-    for (int i = 0; i < 5; ++i) lamps.push_back(lamp(LightKind::Point, Vec3(side * (0.4f + 0.5f * float(i)), 1.5f + 0.2f * float(i), 0.3f * float(i) - 0.5f), Vec3(1.0f)));
-  LampStage s(floorScene([](SceneMaker& m, int white) { m.instance(m.mesh(tests::box(Vec3(-0.5f, 0.3f, -0.4f), Vec3(0.5f, 0.7f, 0.6f)), white)); }), lamps, 48, 36, 1);
+    for (int i = 0; i < 5; ++i)
+      lamps.push_back(lamp(LightKind::Point, Vec3(side * (0.4f + 0.5f * float(i)), 1.5f + 0.2f * float(i), 0.3f * float(i) - 0.5f), Vec3(1.0f)));
+  LampStage s(floorScene([](SceneMaker& m, int white) { m.instance(m.mesh(tests::box(Vec3(-0.5f, 0.3f, -0.4f), Vec3(0.5f, 0.7f, 0.6f)), white)); }), lamps, 48,
+              36, 1);
   for (const int most : {3, 10}) {
     const TermPtr light = s.picture(Form::Ratio, 1, most);
     size_t differ = 0;
@@ -418,14 +429,15 @@ TEST(SubtractiveLights, LampsThatGiveNothingAreNothing) {
   const ScenePtr bare = stageScene();
   const std::vector<Light> some = manyLamps(5);
   std::vector<Light> more = some;
-  more.push_back(lamp(LightKind::Point, Vec3(0, -3, 0), Vec3(100.0f)));                          // below the floor
-  more.push_back(lamp(LightKind::Point, Vec3(1, 2, 1), Vec3(0.0f)));                             // off
-  more.push_back(lamp(LightKind::Directional, Vec3(0), Vec3(5.0f), Vec3(0.0f, 1.0f, 0.0f)));     // from below
+  more.push_back(lamp(LightKind::Point, Vec3(0, -3, 0), Vec3(100.0f)));                       // below the floor
+  more.push_back(lamp(LightKind::Point, Vec3(1, 2, 1), Vec3(0.0f)));                          // off
+  more.push_back(lamp(LightKind::Directional, Vec3(0), Vec3(5.0f), Vec3(0.0f, 1.0f, 0.0f)));  // from below
   Light short_ = lamp(LightKind::Point, Vec3(0, 30, 0), Vec3(1e4f));
   short_.shape.range = 1.0f;
   more.push_back(short_);
-  LampStage a(floorScene([](SceneMaker& m, int white) { m.instance(m.mesh(tests::box(Vec3(-0.5f, 0.3f, -0.4f), Vec3(0.5f, 0.7f, 0.6f)), white)); }), some, 20, 15),
-      b(floorScene([](SceneMaker& m, int white) { m.instance(m.mesh(tests::box(Vec3(-0.5f, 0.3f, -0.4f), Vec3(0.5f, 0.7f, 0.6f)), white)); }), more, 20, 15);
+  LampStage a(floorScene([](SceneMaker&m, int white) { m.instance(m.mesh(tests::box(Vec3(-0.5f, 0.3f, -0.4f), Vec3(0.5f, 0.7f, 0.6f)), white)); }), some, 20,
+              15),
+      b(floorScene([](SceneMaker&m, int white) { m.instance(m.mesh(tests::box(Vec3(-0.5f, 0.3f, -0.4f), Vec3(0.5f, 0.7f, 0.6f)), white)); }), more, 20, 15);
   for (const int r : {1, 4}) {
     const TermPtr x = a.picture(Form::Ratio, r, 5), y = b.picture(Form::Ratio, r, 5);
     for (size_t i = 0; i < x->floats("diffuse").size(); ++i) ASSERT_EQ(x->floats("diffuse")[i], y->floats("diffuse")[i]) << i;
@@ -450,8 +462,9 @@ TEST(SubtractiveLights, WhatUnshadowedLightLacksIsStillCounted) {
 
 // Light beyond single precision is left out and counted; nothing that is not a number leaves a node.
 TEST(SubtractiveLights, OverflowIsCountedAndNothingElse) {
-  LampStage s(stageScene(), {lamp(LightKind::Point, Vec3(0.9f, 1.3f, 0.5f), Vec3(3e38f)), lamp(LightKind::Point, Vec3(0.5f, 1.4f, 0.5f), Vec3(3e38f)),
-                             lamp(LightKind::Point, Vec3(-1.5f, 2, 1), Vec3(2.0f))},
+  LampStage s(stageScene(),
+              {lamp(LightKind::Point, Vec3(0.9f, 1.3f, 0.5f), Vec3(3e38f)), lamp(LightKind::Point, Vec3(0.5f, 1.4f, 0.5f), Vec3(3e38f)),
+               lamp(LightKind::Point, Vec3(-1.5f, 2, 1), Vec3(2.0f))},
               24, 18);
   const TermPtr c = s.full();
   EXPECT_GT(droppedTotal(*c).samples, 0u);

@@ -55,9 +55,9 @@ PictureShape wholeShape(int width = kFilteredWidth, int height = kFilteredHeight
 
 struct FilterRow {
   const char* name;
-  std::vector<const char*> settings;      ///< fields
-  std::vector<const char*> nothing;       ///< those at which it is the identity
-  std::function<NodePtr()> node;          ///< of the settings
+  std::vector<const char*> settings;  ///< fields
+  std::vector<const char*> nothing;   ///< those at which it is the identity
+  std::function<NodePtr()> node;      ///< of the settings
 };
 const std::vector<FilterRow>& filterRows() {
   static const std::vector<FilterRow> rows{
@@ -74,7 +74,9 @@ const std::vector<FilterRow>& filterRows() {
       {"color_balance",
        {"red=0.9", "green=0.5", "blue=0.2", "density=0.7", "keep_luminance=true"},
        {"density=0"},
-       [] { return makeColorBalanceNode(wholeShape(), {0.9, 0.5, 0.2}, 0.7, true); }},
+       [] {
+         return makeColorBalanceNode(wholeShape(), {0.9, 0.5, 0.2}, 0.7, true);
+       }},
   };
   return rows;
 }
@@ -138,9 +140,10 @@ TEST(Filters, AChainIsAppliedInItsOrder) {
 }
 
 TEST(Filters, ATermIsFilteredWhereverItIsSeen) {
-  const std::vector<std::pair<std::string, NodePtr>> filters = {
-      {"gaussian.sigma_px=1.5", makeGaussianNode(wholeShape(), 1.5)}, {"median.radius_px=2", makeMedianNode(wholeShape(), 2, 0)}};
-  for (const char* term : {"direct", "indirect", "emission", "diffuse", "specular", "direct_diffuse", "direct_specular", "indirect_diffuse", "indirect_specular"})
+  const std::vector<std::pair<std::string, NodePtr>> filters = {{"gaussian.sigma_px=1.5", makeGaussianNode(wholeShape(), 1.5)},
+                                                                {"median.radius_px=2", makeMedianNode(wholeShape(), 2, 0)}};
+  for (const char* term :
+       {"direct", "indirect", "emission", "diffuse", "specular", "direct_diffuse", "direct_specular", "indirect_diffuse", "indirect_specular"})
     for (const auto& [assignment, node] : filters) {
       const auto engine = makeEngine();
       const v1::RenderRequest asked = filteredRoom({std::string("outputs=beauty,") + term});
@@ -161,7 +164,8 @@ TEST(Filters, ATermIsFilteredWhereverItIsSeen) {
 
 TEST(Filters, PartsOfALinearlyFilteredTermAddUpToIt) {
   const auto engine = makeEngine();
-  v1::RenderRequest r = filteredRoom({"outputs=direct,direct_diffuse,direct_specular,group:lamp,group:light", "filters[0].sharpen.amount=1", "filters[0].term=direct"});
+  v1::RenderRequest r =
+      filteredRoom({"outputs=direct,direct_diffuse,direct_specular,group:lamp,group:light", "filters[0].sharpen.amount=1", "filters[0].term=direct"});
   const RenderResult made = mustRender(*engine, r);
   Image sum = pictureNamed(made, "direct_diffuse");
   for (size_t i = 0; i < sum.data.size(); ++i) sum.data[i] += pictureNamed(made, "direct_specular").data[i];
@@ -175,7 +179,8 @@ TEST(Filters, PartsOfALinearlyFilteredTermAddUpToIt) {
 
 TEST(Filters, VisibilityIsFilteredBeforeLightIsMadeOfIt) {
   const auto engine = makeEngine();
-  const v1::RenderRequest asked = filteredRoom({"view_samples=1", "outputs=visibility:lamp,unoccluded:lamp,direct,alpha", "lights.light.enabled=false", "camera.yfov_deg=20"});
+  const v1::RenderRequest asked =
+      filteredRoom({"view_samples=1", "outputs=visibility:lamp,unoccluded:lamp,direct,alpha", "lights.light.enabled=false", "camera.yfov_deg=20"});
   for (const auto& [assignment, node] : std::vector<std::pair<std::string, std::function<NodePtr(PictureShape)>>>{
            {"gaussian.sigma_px=1.5", [](PictureShape s) { return makeGaussianNode(s, 1.5); }},
            {"sharpen.amount=2", [](PictureShape s) { return makeSharpenNode(s, 1, 2); }},
@@ -203,7 +208,8 @@ TEST(Filters, VisibilityIsFilteredBeforeLightIsMadeOfIt) {
         }
     }
     // A hard shadow is as sharp as shares can be, and its sides are unlike.
-    if (assignment.find("sharpen") == std::string::npos && assignment.find("bilateral") == std::string::npos) EXPECT_NE(differs(after, v, 1e-3), "") << assignment;
+    if (assignment.find("sharpen") == std::string::npos && assignment.find("bilateral") == std::string::npos)
+      EXPECT_NE(differs(after, v, 1e-3), "") << assignment;
   }
   // After a style.
   v1::RenderRequest styled = asked;
@@ -228,7 +234,9 @@ TEST(Filters, ComeAfterDenoising) {
     set(part, "filters[0].term=indirect");
     const RenderResult plain = mustRender(*engine, asked);
     EXPECT_EQ(differs(pictureNamed(mustRender(*engine, r)), throughNode(makeGaussianNode(wholeShape(), 1.5), pictureNamed(plain))), "") << by;
-    EXPECT_EQ(differs(pictureNamed(mustRender(*engine, part), "indirect"), throughNode(makeMedianNode(wholeShape(), 2, 0), pictureNamed(plain, "indirect"))), "") << by;
+    EXPECT_EQ(differs(pictureNamed(mustRender(*engine, part), "indirect"), throughNode(makeMedianNode(wholeShape(), 2, 0), pictureNamed(plain, "indirect"))),
+              "")
+        << by;
     mustRender(*engine, part);
   }
 }
@@ -239,7 +247,8 @@ TEST(Filters, AlphaStaysAsItIs) {
     v1::RenderRequest asked = smallRequest("spheres", kFilteredWidth, kFilteredHeight, 4);
     for (const char* a : {"environment.background=TRANSPARENT", "environment.constant=0.5,0.6,0.7"}) set(asked, a);
     if (shutter)
-      for (const char* a : {"camera.shutter_s=1", "camera.shutter_slices=2", "curves.camera.yfov_deg.time_s=0,1", "curves.camera.yfov_deg.value=50,30"}) set(asked, a);
+      for (const char* a : {"camera.shutter_s=1", "camera.shutter_slices=2", "curves.camera.yfov_deg.time_s=0,1", "curves.camera.yfov_deg.value=50,30"})
+        set(asked, a);
     v1::RenderRequest r = asked;
     set(r, "filters[0].gaussian.sigma_px=1.5");
     const Image before = pictureNamed(mustRender(*engine, asked)), after = pictureNamed(mustRender(*engine, r));
@@ -251,7 +260,8 @@ TEST(Filters, AlphaStaysAsItIs) {
 
 TEST(Filters, OfAShutterThePictureOfAllMomentsIsFiltered) {
   const auto engine = makeEngine();
-  const std::vector<std::string> open = {"camera.shutter_s=1", "camera.shutter_slices=2", "curves.camera.yfov_deg.time_s=0,1", "curves.camera.yfov_deg.value=50,30"};
+  const std::vector<std::string> open = {"camera.shutter_s=1", "camera.shutter_slices=2", "curves.camera.yfov_deg.time_s=0,1",
+                                         "curves.camera.yfov_deg.value=50,30"};
   for (const char* denoise : {"", "denoise.wavelet.levels=2"}) {
     v1::RenderRequest asked = filteredRoom(open);
     if (*denoise) set(asked, denoise);
@@ -266,7 +276,9 @@ TEST(Filters, OfAShutterThePictureOfAllMomentsIsFiltered) {
   v1::RenderRequest linear = asked;
   set(linear, "filters[0].gaussian.sigma_px=1.5");
   set(linear, "filters[0].term=direct");
-  EXPECT_EQ(differs(pictureNamed(mustRender(*engine, linear), "direct"), throughNode(makeGaussianNode(wholeShape(), 1.5), pictureNamed(mustRender(*engine, asked), "direct")), 1e-5), "");
+  EXPECT_EQ(differs(pictureNamed(mustRender(*engine, linear), "direct"),
+                    throughNode(makeGaussianNode(wholeShape(), 1.5), pictureNamed(mustRender(*engine, asked), "direct")), 1e-5),
+            "");
   v1::RenderRequest denoised = linear, median = asked;
   set(denoised, "denoise.wavelet.levels=2");
   set(median, "filters[0]=median");
@@ -332,7 +344,8 @@ TEST(Filters, CertificatesSayThatTheyCountWhatFiltersDo) {
   const auto engine = makeEngine();
   const auto warned = [&](const v1::RenderRequest& r) {
     const RenderResult made = mustRender(*engine, r);
-    return std::any_of(made.reply.warnings().begin(), made.reply.warnings().end(), [](const std::string& w) { return w.find("request.filters") != std::string::npos; });
+    return std::any_of(made.reply.warnings().begin(), made.reply.warnings().end(),
+                       [](const std::string& w) { return w.find("request.filters") != std::string::npos; });
   };
   EXPECT_TRUE(warned(filteredRoom({"certificate.pixel_fraction=0.1", "filters[0]=gaussian"})));
   EXPECT_FALSE(warned(filteredRoom({"certificate.pixel_fraction=0.1", "filters[0].gaussian.sigma_px=0"})));
@@ -342,15 +355,16 @@ TEST(Filters, CertificatesSayThatTheyCountWhatFiltersDo) {
 
 TEST(Filters, AutomaticExposureSeesTheFilteredPicture) {
   const auto engine = makeEngine();
-  v1::RenderRequest r = filteredRoom({"encoding.format=PNG", "filters[0].color_balance.red=0.001", "filters[0].color_balance.green=0.001", "filters[0].color_balance.blue=0.001"});
+  v1::RenderRequest r = filteredRoom(
+      {"encoding.format=PNG", "filters[0].color_balance.red=0.001", "filters[0].color_balance.green=0.001", "filters[0].color_balance.blue=0.001"});
   const RenderResult dark = mustRender(*engine, r), plain = mustRender(*engine, filteredRoom({"encoding.format=PNG"}));
   EXPECT_GT(dark.reply.resolved().tone_map().exposure(), plain.reply.resolved().tone_map().exposure() + 2.0);
 }
 
 TEST(Filters, SmallPicturesAreFilteredAsSmall) {
   const auto engine = makeEngine();
-  v1::RenderRequest r = filteredRoom({"filters[0].gaussian.sigma_px=4", "filters[1].median.radius_px=6", "filters[2].bloom.radius_px=0.6", "filters[3].resample.factor=8",
-                              "filters[4].gaussian.sigma_px=1", "filters[4].term=visibility:lamp"});
+  v1::RenderRequest r = filteredRoom({"filters[0].gaussian.sigma_px=4", "filters[1].median.radius_px=6", "filters[2].bloom.radius_px=0.6",
+                                      "filters[3].resample.factor=8", "filters[4].gaussian.sigma_px=1", "filters[4].term=visibility:lamp"});
   r.set_width(400);
   r.set_height(300);
   const auto rung = smallRung(*engine->resolve(r), 4);

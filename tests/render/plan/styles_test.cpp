@@ -19,9 +19,12 @@ Labels all(const RenderResult& r) {
 }
 
 TEST(Styles, LightsOfTheEnvironmentHaveThemWherePathsAreNotTraced) {
-  for (const auto& [as, styled] : std::vector<std::pair<const char*, size_t>>{{"environment.extract_lights=4", 4}, {"environment.area_lights=4", 4}, {"integrator.max_bounces=2", 0}}) {
+  for (const auto& [as, styled] :
+       std::vector<std::pair<const char*, size_t>>{{"environment.extract_lights=4", 4}, {"environment.area_lights=4", 4}, {"integrator.max_bounces=2", 0}}) {
     v1::RenderRequest r = smallRequest("cornell", 20, 16, 1);
-    for (const char* a : {"shadows.style.softness=0.1", "expressions.shadows.style.inflation.formula=0.1*distance", "lights.light.enabled=false", "environment.sky.turbidity=3"}) set(r, a);
+    for (const char* a : {"shadows.style.softness=0.1", "expressions.shadows.style.inflation.formula=0.1*distance", "lights.light.enabled=false",
+                          "environment.sky.turbidity=3"})
+      set(r, a);
     set(r, as);
     const auto engine = makeEngine();
     const auto result = engine->render(r);
@@ -36,7 +39,8 @@ TEST(Styles, LightsOfTheEnvironmentHaveThemWherePathsAreNotTraced) {
   }
   // A neutral style is the hard shadow; formulas of the environment's own are its own.
   v1::RenderRequest plain = smallRequest("cornell", 20, 16, 1), neutral, own;
-  for (const char* a : {"lights.light.enabled=false", "environment.sky.turbidity=3", "environment.extract_lights=4", "shadows.ray_traced.samples=1"}) set(plain, a);
+  for (const char* a : {"lights.light.enabled=false", "environment.sky.turbidity=3", "environment.extract_lights=4", "shadows.ray_traced.samples=1"})
+    set(plain, a);
   neutral = own = plain;
   set(neutral, "shadows.style.softness=0");
   set(own, "lights.environment.shadow.style.softness=0");
@@ -150,8 +154,10 @@ TEST(Styles, AFormulaThatIsANumberIsTheNumber) {
 
 TEST(Styles, FormulasThatFailAreTheRequestsFault) {
   const auto engine = makeEngine();
-  for (const auto& [formula, words] : std::vector<std::pair<std::string, std::string>>{
-           {"1 / (depth > 0 ? 0 : 1)", "is no finite number at pixel"}, {"object(\"flor\")", "did you mean 'floor'?"}, {"edge +", ""}, {"softness", "names: time, distance"}}) {
+  for (const auto& [formula, words] : std::vector<std::pair<std::string, std::string>>{{"1 / (depth > 0 ? 0 : 1)", "is no finite number at pixel"},
+                                                                                       {"object(\"flor\")", "did you mean 'floor'?"},
+                                                                                       {"edge +", ""},
+                                                                                       {"softness", "names: time, distance"}}) {
     const auto r = engine->render(contact(formula));
     ASSERT_FALSE(r.ok()) << formula;
     EXPECT_EQ(r.status().code(), Code::InvalidArgument) << r.status().toString();

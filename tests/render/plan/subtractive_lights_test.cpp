@@ -110,7 +110,8 @@ TEST(SubtractiveLightRequests, PicturesAreThoseOfThePathTracer) {
   const auto engine = makeEngine();
   for (const char* scene : {"lights8", "fence"}) {
     v1::RenderRequest r = smallRequest(scene, 48, 32, 256);
-    for (const char* a : {"outputs=direct", "integrator.max_bounces=0", "integrator.at_view_samples=true", "view_samples=4", "environment.path=none"}) set(r, a);
+    for (const char* a : {"outputs=direct", "integrator.max_bounces=0", "integrator.at_view_samples=true", "view_samples=4", "environment.path=none"})
+      set(r, a);
     const Image truth = imageOf(mustRender(*engine, r));
     ASSERT_GT(meanOf(truth), 0.01);
     for (const char* form : {"RATIO", "BETA", "DIFFERENCE"})
@@ -154,7 +155,8 @@ TEST(SubtractiveLightRequests, WhatItCannotDoFallsBackAndSaysSo) {
 
 TEST(SubtractiveLightRequests, RefusalsNameFieldAndValue) {
   const auto engine = makeEngine();
-  for (const char* bad : {"shadows.subtractive.lights=0", "shadows.subtractive.resolution=33", "shadows.subtractive.width=0", "shadows.subtractive.angle_deg=90"}) {
+  for (const char* bad :
+       {"shadows.subtractive.lights=0", "shadows.subtractive.resolution=33", "shadows.subtractive.width=0", "shadows.subtractive.angle_deg=90"}) {
     v1::RenderRequest r = lampsRequest("lights8");
     set(r, bad);
     const auto made = engine->render(r);

@@ -40,7 +40,8 @@ Subject axisAlignedSubject() {
   return {"axis_aligned", axisAligned(axisAlignedSettings(9)), {noiseTerm(e, "V", 21), g, omega}, "V", "V", axisAligned(axisAlignedSettings(0))};
 }
 
-/// Filters of pictures, on shares of one channel and on values that may be anything. Identities are left out of plans; these are points beside them that change no bit.
+/// Filters of pictures, on shares of one channel and on values that may be anything. Identities are left out of plans; these are points beside them that change
+/// no bit.
 std::vector<Subject> pictureSubjects() {
   std::vector<Subject> all;
   const Extent e{61, 47, 2};
@@ -53,7 +54,8 @@ std::vector<Subject> pictureSubjects() {
     all.push_back({"median by deviations", makeMedianNode(s, 3, 1.0), in(), "V", "V", makeMedianNode(s, 0, 1.0)});
     all.push_back({"bilateral", makeBilateralNode(s, 1.3, 0.2), in(), "V", "V", makeBilateralNode(s, 1.3, 1e-9)});
     all.push_back({"compression", makeCompressionNode(s, 0.1), in()});
-    for (const auto kernel : {v1::ResampleFilter::BOX, v1::ResampleFilter::TENT, v1::ResampleFilter::GAUSSIAN, v1::ResampleFilter::MITCHELL, v1::ResampleFilter::LANCZOS})
+    for (const auto kernel :
+         {v1::ResampleFilter::BOX, v1::ResampleFilter::TENT, v1::ResampleFilter::GAUSSIAN, v1::ResampleFilter::MITCHELL, v1::ResampleFilter::LANCZOS})
       all.push_back({"resample", makeResampleNode(s, 2.3, kernel, kernel != v1::ResampleFilter::TENT), in()});
   }
   return all;

@@ -36,9 +36,7 @@ struct Made {
   double at(int x, int y, int c = 0) const { return double(term->floats("rgb")[size_t((y * width + x) * channels + c)]); }
   std::span<const float> all() const { return term->floats("rgb"); }
 };
-Made filtered(const NodePtr& node, const TermPtr& in, int threads = 2) {
-  return {runFilter(node, {in}, threads), in->extent().width, in->channels("rgb")};
-}
+Made filtered(const NodePtr& node, const TermPtr& in, int threads = 2) { return {runFilter(node, {in}, threads), in->extent().width, in->channels("rgb")}; }
 
 double noise(int x, int y, int c) { return double(toUnit(hash32(77, uint64_t((y * 977 + x) * 3 + c)))); }
 double impulse(int x, int y, int cx, int cy) { return x == cx && y == cy ? 1.0 : 0.0; }
@@ -59,7 +57,9 @@ std::vector<Named> everyFilter() {
           {"compression", [](PictureShape s) { return makeCompressionNode(s, 0.2); }},
           {"resample", [](PictureShape s) { return makeResampleNode(s, 2.5, Kernels::LANCZOS, true); }},
           {"resample without prefilter", [](PictureShape s) { return makeResampleNode(s, 3, Kernels::MITCHELL, false); }},
-          {"color_balance", [](PictureShape s) { return makeColorBalanceNode(s, {0.9, 0.5, 0.1}, 0.6, true); }}};
+          {"color_balance", [](PictureShape s) {
+             return makeColorBalanceNode(s, {0.9, 0.5, 0.1}, 0.6, true);
+           }}};
 }
 
 TEST(PictureFilters, ConstantPicturesKeepTheirValueUpToTheBorder) {
@@ -103,8 +103,8 @@ TEST(PictureFilters, AnyFilterOfAPictureIsThatOfItsMirrorExtension) {
     const Made out = filtered(make(shaped(w, h)), in);
     const auto value = in->floats("rgb");
     const Made tiled = filtered(make(shaped(5 * w, 5 * h)), pictureOf(5 * w, 5 * h, [&](int x, int y, int c) {
-      return double(value[size_t((mirrored(y - 2 * h, h) * w + mirrored(x - 2 * w, w)) * 3 + c)]);
-    }));
+                                  return double(value[size_t((mirrored(y - 2 * h, h) * w + mirrored(x - 2 * w, w)) * 3 + c)]);
+                                }));
     // The bloom's tail ends at the picture's size, which is another there.
     const double tolerance = std::string(name) == "bloom" ? 5e-3 : 1e-6;
     for (int y = 0; y < h; ++y)
@@ -211,7 +211,8 @@ TEST(PictureFilters, TheMedianRemovesLessThanHalfAndNoMore) {
         ASSERT_EQ(median.at(x, y, c), double(float(ramp(x, y, c))));
         ASSERT_EQ(mad.at(x, y, c), double(float(ramp(x, y, c))));
       }
-  const Made spiked = filtered(makeMedianNode(shaped(w, h), 2, 2.5), pictureOf(w, h, [&](int x, int y, int c) { return ramp(x, y, c) + (x == 9 && y == 9 ? 5 : 0); }));
+  const Made spiked =
+      filtered(makeMedianNode(shaped(w, h), 2, 2.5), pictureOf(w, h, [&](int x, int y, int c) { return ramp(x, y, c) + (x == 9 && y == 9 ? 5 : 0); }));
   EXPECT_NEAR(spiked.at(9, 9, 1), ramp(9, 9, 1), 0.05);
   EXPECT_EQ(spiked.at(10, 9, 1), double(float(ramp(10, 9, 1))));
 }
@@ -274,8 +275,8 @@ TEST(PictureFilters, BilateralLimits) {
   ASSERT_TRUE(std::equal(value.begin(), value.end(), same.all().begin()));
   // A spike far above the range survives, and so does an edge; the noise beside them does not.
   const Made spike = filtered(makeBilateralNode(shaped(w, h), 2.0, 0.1), pictureOf(w, h, [](int x, int y, int c) {
-    return (x == 7 && y == 7 ? 50.0 : x < 13 ? 1.0 : 3.0) + 0.02 * (noise(x, y, c) - 0.5);
-  }));
+                                return (x == 7 && y == 7 ? 50.0 : x < 13 ? 1.0 : 3.0) + 0.02 * (noise(x, y, c) - 0.5);
+                              }));
   EXPECT_NEAR(spike.at(7, 7), 50.0, 0.02);
   EXPECT_NEAR(spike.at(12, 15), 1.0, 0.005);
   EXPECT_NEAR(spike.at(13, 15), 3.0, 0.005);
@@ -391,9 +392,8 @@ TEST(PictureFilters, SamplesTakenWithoutAPrefilterComeBackAsAliases) {
   const int factor = 11, unit = 19 * factor, n = 4 * unit;
   const double start = (factor - 1) / 2;
   const auto x01 = [&](int x) { return (x - start) / unit; };
-  const TermPtr in = pictureOf(n, 2, [&](int x, int, int) {
-    return std::cos(35 * std::numbers::pi * x01(x)) / 32 + std::cos(23 * std::numbers::pi * x01(x)) / 4;
-  });
+  const TermPtr in =
+      pictureOf(n, 2, [&](int x, int, int) { return std::cos(35 * std::numbers::pi * x01(x)) / 32 + std::cos(23 * std::numbers::pi * x01(x)) / 4; });
   const Made out = filtered(makeResampleNode(shaped(n, 2), factor, Kernels::LANCZOS, false), in);
   const auto alias = [&](int x) { return std::cos(3 * std::numbers::pi * x01(x)) / 32 + std::cos(15 * std::numbers::pi * x01(x)) / 4; };
   for (int s = 0; s * factor + int(start) < n; ++s) ASSERT_NEAR(out.at(s * factor + int(start), 1), alias(s * factor + int(start)), 2e-6) << s;
@@ -426,9 +426,10 @@ TEST(PictureFilters, ResamplingByKernels) {
       std::vector<double> candidates;
       for (int j = 0; j < f; ++j)
         for (int i = 0; i < f; ++i) candidates.push_back(double(float(noise(x / f * f + i, y / f * f + j, 1))));
-      ASSERT_LT(std::abs(*std::min_element(candidates.begin(), candidates.end(), [&](double a, double b) {
-        return std::abs(a - taken.at(x, y, 1)) < std::abs(b - taken.at(x, y, 1));
-      }) - taken.at(x, y, 1)), 1.0);
+      ASSERT_LT(std::abs(*std::min_element(candidates.begin(), candidates.end(),
+                                           [&](double a, double b) { return std::abs(a - taken.at(x, y, 1)) < std::abs(b - taken.at(x, y, 1)); }) -
+                         taken.at(x, y, 1)),
+                1.0);
     }
   // Slow waves come back by all that are meant for it, the sharper kernel the nearer; ramps by TENT and MITCHELL to rounding, away from the borders.
   const auto error = [&](Kernels::Kernel kernel) {
@@ -454,7 +455,8 @@ TEST(PictureFilters, ASampleIsTakenInTheMiddleOfWhatIsItsOwn) {
   for (const double factor : {1.5, 2.0, 3.0, 4.7, 16.0})
     for (const Kernels::Kernel kernel : {Kernels::BOX, Kernels::TENT, Kernels::GAUSSIAN, Kernels::MITCHELL, Kernels::LANCZOS}) {
       const int n = 240;
-      const Made out = filtered(makeResampleNode(shaped(n, 1), factor, kernel, true), pictureOf(n, 1, [](int x, int, int) { return std::exp(-0.5 * std::pow((x - 117.3) / 24, 2)); }));
+      const Made out = filtered(makeResampleNode(shaped(n, 1), factor, kernel, true),
+                                pictureOf(n, 1, [](int x, int, int) { return std::exp(-0.5 * std::pow((x - 117.3) / 24, 2)); }));
       double sum = 0, mean = 0;
       for (int x = 0; x < n; ++x) sum += out.at(x, 0), mean += x * out.at(x, 0);
       EXPECT_NEAR(mean / sum, 117.3, 0.06) << factor << " " << kernel;

@@ -128,8 +128,8 @@ TEST(StyleParameters, AreTheFormulasWhereTheyAre) {
   const Floor floor;
   auto instance = floor.g->writable<uint32_t>("instance");
   for (size_t k = 0; k < instance.size(); ++k) instance[k] = k % 7 == 0 ? ~0u : k % 3;
-  auto all = std::vector{formulaOf(StyleField::Inflation, "distance + 10*x - y + nz + 0*depth", -1e9, 1e9),
-                         formulaOf(StyleField::Softness, "edge*time", 0, 10), formulaOf(StyleField::Brightness, "0.25 * object(\"two\") + 0.5 * object(\"any\")", 0, 1)};
+  auto all = std::vector{formulaOf(StyleField::Inflation, "distance + 10*x - y + nz + 0*depth", -1e9, 1e9), formulaOf(StyleField::Softness, "edge*time", 0, 10),
+                         formulaOf(StyleField::Brightness, "0.25 * object(\"two\") + 0.5 * object(\"any\")", 0, 1)};
   all[2].second.objects = {{{2}, -1}, {{0, 1, 2}, -1}};
   const auto P = floor.g->floats("P"), N = floor.g->floats("N"), d = floor.d->floats("d"), D = floor.D->floats("D");
   std::vector<TermPtr> out;
@@ -228,9 +228,11 @@ TEST(StylePattern, DrawsTonesInLightAndDark) {
     for (int y = 0; y < 64; ++y)
       for (int x = 0; x < 64; ++x) {
         const float v = out[size_t(y * 64 + x)];
-        if (x < 16) { ASSERT_EQ(v, 0.2f); }
-        else if (x < 32) { ASSERT_EQ(v, 1.0f); }
-        else sum += v;
+        if (x < 16) {
+          ASSERT_EQ(v, 0.2f);
+        } else if (x < 32) {
+          ASSERT_EQ(v, 1.0f);
+        } else sum += v;
         ASSERT_TRUE(v >= 0.2f && v <= 1.0f);
       }
     EXPECT_NEAR(sum / 32 / 64, 0.6, 0.02) << "the mean is the tone";

@@ -37,7 +37,8 @@ TEST(Expressions, OverTimeMeanWhatWouldHaveBeenTypedIn) {
   int tried = 0;
   visitNumbers(*v1::RenderRequest::descriptor(), "", [&](const std::string& path, const FieldDescriptor& f) {
     const v1::Number range = f.options().GetExtension(v1::number);
-    const double low = (range.has_min() ? range.min() : -3.0) + (range.exclusive_min() ? 1 : 0), high = range.has_max() ? std::min(range.max(), low + 8.0) : low + 8.0;
+    const double low = (range.has_min() ? range.min() : -3.0) + (range.exclusive_min() ? 1 : 0),
+                 high = range.has_max() ? std::min(range.max(), low + 8.0) : low + 8.0;
     v1::RenderRequest typed, asked;
     const size_t dot = path.rfind('.');
     if (path.starts_with("filters") || (path.find("shadow") != std::string::npos && path.find(".map.") == std::string::npos)) {
@@ -154,9 +155,11 @@ TEST(Expressions, ObjectsAreThoseOfTheScene) {
 
 TEST(StyleSheets, ChangeStylesAndNothingElse) {
   v1::RenderRequest r;
-  for (const char* a : {"lights.key.intensity=3", "lights.key.shadow.style.brightness=0.5", "shadows.variance=", "shadows.style.softness=1", "shadows.style.inflation=2"})
+  for (const char* a :
+       {"lights.key.intensity=3", "lights.key.shadow.style.brightness=0.5", "shadows.variance=", "shadows.style.softness=1", "shadows.style.inflation=2"})
     ASSERT_TRUE(setPath(r, a).ok());
-  const std::string sheet = R"({"shadows": {"style": {"softness": 0.1, "layers": [{"softness": 0.3}]}}, "lights": {"key": {"shadow": {"style": {"softness": 0.2}}}},
+  const std::string sheet =
+      R"({"shadows": {"style": {"softness": 0.1, "layers": [{"softness": 0.3}]}}, "lights": {"key": {"shadow": {"style": {"softness": 0.2}}}},
                               "expressions": {"shadows.style.brightness": {"formula": "0.1*distance"}}})";
   ASSERT_TRUE(applyStyleSheet(r, sheet, "sheet.json").ok());
   EXPECT_EQ(r.shadows().style().softness(), 0.1);

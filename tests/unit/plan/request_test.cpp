@@ -78,9 +78,9 @@ TEST(Request, BadPathsSayWhatThereIs) {
 
 TEST(RequestElements, PathsNameElementsOfListsAndTheSizeAppends) {
   v1::RenderRequest r;
-  for (const char* good : {"filters[0]=bloom", "filters[0].bloom.gain=0.3", "filters[1].sharpen.amount=2", "filters[1].term=direct", "filters[0].bloom.gain=0.5",
-                           "shadows.style.layers[0].inflation=0.1", "lights.a.b.shadow.style.layers[0].weight=2", "outputs[0]=beauty", "outputs[1]=depth",
-                           "outputs[0]=direct", "curves.seed.value[0]=4", "curves.seed.value[0]=3", "filters[2]="})
+  for (const char* good : {"filters[0]=bloom", "filters[0].bloom.gain=0.3", "filters[1].sharpen.amount=2", "filters[1].term=direct",
+                           "filters[0].bloom.gain=0.5", "shadows.style.layers[0].inflation=0.1", "lights.a.b.shadow.style.layers[0].weight=2",
+                           "outputs[0]=beauty", "outputs[1]=depth", "outputs[0]=direct", "curves.seed.value[0]=4", "curves.seed.value[0]=3", "filters[2]="})
     EXPECT_TRUE(setPath(r, good).ok()) << good << ": " << setPath(r, good).toString();
   ASSERT_EQ(r.filters_size(), 3);
   EXPECT_EQ(r.filters(0).bloom().gain(), 0.5);
@@ -135,7 +135,8 @@ TEST(RequestElements, MasksReplaceElementsAndTheirFields) {
   for (const char* a : {"filters[0].bloom.gain=0.1", "filters[0].bloom.threshold=2", "filters[1].sharpen.amount=2", "outputs=beauty,depth"})
     ASSERT_TRUE(setPath(base, a).ok());
   // A patch may begin with the second element; the one before it is empty and not in the mask.
-  for (const char* a : {"filters[1].gaussian.sigma_px=3", "outputs[1]=normal"}) ASSERT_EQ(setPatchPath(patch, a).ok(), std::string(a) != "outputs[1]=normal") << a;
+  for (const char* a : {"filters[1].gaussian.sigma_px=3", "outputs[1]=normal"})
+    ASSERT_EQ(setPatchPath(patch, a).ok(), std::string(a) != "outputs[1]=normal") << a;
   ASSERT_EQ(patch.filters_size(), 2);
   ASSERT_TRUE(applyMask(base, patch, {"filters[1].gaussian.sigma_px"}).ok());
   EXPECT_EQ(base.filters(0).bloom().gain(), 0.1);
