@@ -18,7 +18,6 @@ class BilateralNode final : public PictureNode {
   std::string type() const override { return "bilateral_filter"; }
   NodeTraits traits() const override {
     NodeTraits t;
-    t.rangePreserving = shape().share;  // else up to the rounding of its sums
     t.tileable = true;
     t.halo = radius_;
     return t;

@@ -18,11 +18,7 @@ class CompressionNode final : public PictureNode {
  public:
   CompressionNode(PictureShape shape, double share) : PictureNode(std::move(shape)), share_(share) {}
   std::string type() const override { return "compression_filter"; }
-  NodeTraits traits() const override {
-    NodeTraits t;
-    t.rangePreserving = shape().share;
-    return t;
-  }
+  NodeTraits traits() const override { return {}; }
   size_t workingBytes() const override { return size_t(shape().extent.width) * size_t(shape().extent.height) * (sizeof(Complex) + 2); }
 
  protected:

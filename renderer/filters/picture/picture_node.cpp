@@ -7,7 +7,7 @@ namespace gobo {
 
 NodeTraits PictureNode::linear(bool keepsRange) const {
   NodeTraits t;
-  t.rangePreserving = keepsRange || shape_.share;
+  t.rangePreserving = keepsRange;
   t.linearPerGroup = keepsRange || !shape_.share;
   return t;
 }
