@@ -124,14 +124,21 @@ std::string requestText(const std::string& field, uint32_t value, const Scene* s
     const OutputInfo& info = table[more % table.size()];
     return info.perLight ? std::string(info.name) + ":" + pick(lights, more / uint32_t(table.size())) : info.name;
   }
-  if (field == "formula")
-    return pick(
-        {"0.1*distance", "time", "edge", "depth > 1 ? 0.1 : 2*x", "object(\"floor\")", "1/0", "sqrt(nx)", "0.2", "((", "clamp(y, 0, 1)", "2^z^2", "a = 1"},
-        more);
+  if (field == "formula")  // most are numbers anywhere
+    return pick({"0.2", "0.3 + 0.1*time", "0.1*distance", "0.5", "edge", "depth > 1 ? 0.1 : 0.2", "0.4", "object(\"floor\")", "2^-1", "1/0", "1", "(("}, more);
+  if (field == "term")
+    return more % 8 == 7 ? "visibility:" + pick(lights, more / 8)
+                         : pick({"beauty", "direct", "indirect", "emission", "beauty", "indirect", "direct_specular"}, more % 8);
+  if (field == "meshes") {
+    std::vector<std::string> objects{"*"};
+    if (scene)
+      for (const Instance& o : scene->instances) objects.push_back(o.name);
+    return pick(objects, more);
+  }
   if (field == "expressions") {
     const std::string light = "lights." + pick(lights, more / 16);
-    return pick({light + ".intensity", light + ".shadow.style.softness", "camera.yfov_deg", "shadows.style.softness", "shadows.style.inflation",
-                 "shadows.style.brightness", "shadows.style.abstraction", "tone_map.exposure", light + ".gain", "width"},
+    return pick({"tone_map.exposure", light + ".shadow.style.softness", "camera.yfov_deg", "shadows.style.softness", light + ".intensity",
+                 "shadows.style.brightness", "shadows.style.abstraction", "camera.clip_near", light + ".gain", "width"},
                 more);
   }
   if (field == "curves") {
