@@ -20,7 +20,8 @@ struct Subject {
   std::vector<TermPtr> inputs;  ///< the first holds `in` in [0, 1]
   const char* in = "V";
   const char* out = "V";
-  NodePtr identity;  ///< the same family at its identity point; null if it has none
+  NodePtr identity;                               ///< the same family at its identity point; null if it has none
+  std::function<NodePtr(const Extent&)> sized{};  ///< for a tile, where a node is of one extent
 };
 
 Subject axisAlignedSubject() {
@@ -48,11 +49,19 @@ std::vector<Subject> pictureSubjects() {
   for (const bool share : {false, true}) {
     const PictureShape s{e, Domain::ViewSample, "V", 1, share};
     const auto in = [&] { return std::vector<TermPtr>{noiseTerm(e, "V", 21)}; };
-    all.push_back({"gaussian", makeGaussianNode(s, 1.7), in(), "V", "V", makeGaussianNode(s, 0.0)});
-    all.push_back({"sharpen", makeSharpenNode(s, 1.2, 0.8), in(), "V", "V", makeSharpenNode(s, 1.2, 0.0)});
-    all.push_back({"median", makeMedianNode(s, 1, 0.0), in(), "V", "V", makeMedianNode(s, 0, 0.0)});
-    all.push_back({"median by deviations", makeMedianNode(s, 3, 1.0), in(), "V", "V", makeMedianNode(s, 0, 1.0)});
-    all.push_back({"bilateral", makeBilateralNode(s, 1.3, 0.2), in(), "V", "V", makeBilateralNode(s, 1.3, 1e-9)});
+    const auto tiled = [&](const char* name, const std::function<NodePtr(const PictureShape&)>& make, NodePtr identity) {
+      all.push_back({name, make(s), in(), "V", "V", std::move(identity), [=](const Extent& tile) { return make({tile, Domain::ViewSample, "V", 1, share}); }});
+    };
+    tiled(
+        "gaussian", [](const PictureShape& p) { return makeGaussianNode(p, 1.7); }, makeGaussianNode(s, 0.0));
+    tiled(
+        "sharpen", [](const PictureShape& p) { return makeSharpenNode(p, 1.2, 0.8); }, makeSharpenNode(s, 1.2, 0.0));
+    tiled(
+        "median", [](const PictureShape& p) { return makeMedianNode(p, 1, 0.0); }, makeMedianNode(s, 0, 0.0));
+    tiled(
+        "median by deviations", [](const PictureShape& p) { return makeMedianNode(p, 3, 1.0); }, makeMedianNode(s, 0, 1.0));
+    tiled(
+        "bilateral", [](const PictureShape& p) { return makeBilateralNode(p, 1.3, 0.2); }, makeBilateralNode(s, 1.3, 1e-9));
     all.push_back({"compression", makeCompressionNode(s, 0.1), in()});
     for (const auto kernel :
          {v1::ResampleFilter::BOX, v1::ResampleFilter::TENT, v1::ResampleFilter::GAUSSIAN, v1::ResampleFilter::MITCHELL, v1::ResampleFilter::LANCZOS})
@@ -129,7 +138,7 @@ TEST(FilterConformance, TilesWithTheirHaloEqualTheWhole) {
         const int hx1 = std::min(e.width, x1 + traits.halo), hy1 = std::min(e.height, y1 + traits.halo);
         std::vector<TermPtr> inputs;
         for (const TermPtr& t : s.inputs) inputs.push_back(t->extent() == e ? TermPtr(cropTerm(*t, hx0, hy0, hx1 - hx0, hy1 - hy0)) : t);
-        const auto part = runFilter(s.node, inputs);
+        const auto part = runFilter(s.sized ? s.sized({hx1 - hx0, hy1 - hy0, e.layers}) : s.node, inputs);
         for (int l = 0; l < e.layers; ++l)
           for (int y = y0; y < y1; ++y)
             for (int x = x0; x < x1; ++x)
