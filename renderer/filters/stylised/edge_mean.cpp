@@ -239,7 +239,7 @@ double edgeMeanAt(const std::vector<EdgePoint>& edge, const Vec3& x, const Vec3&
 }
 
 const char* edgeCasterPlane(int caster) {
-  static constexpr std::array<const char*, kEdgeValues - 1> names{"caster0", "caster1", "caster2"};
+  static constexpr const char* names[kEdgeValues - 1] = {"caster0", "caster1", "caster2"};
   return names[size_t(caster)];
 }
 

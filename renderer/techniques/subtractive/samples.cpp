@@ -9,7 +9,7 @@ namespace {
 
 class DistantSamplesNode final : public SamplesNode {
  public:
-  explicit DistantSamplesNode(SamplesSettings s) : SamplesNode(s.view, s.resampling), lights_(std::move(s.lights)) {}
+  explicit DistantSamplesNode(const SamplesSettings& s) : SamplesNode(s.view, s.resampling), lights_(s.lights) {}
   std::string type() const override { return "subtractive_samples"; }
   void hashParameters(Hasher& h) const override {
     SamplesNode::hashParameters(h);
