@@ -45,13 +45,7 @@ class Bench {
 
   /// `other`: instead of the request's scene.
   Run render(const std::vector<std::string>& edits, const std::string& name, const ScenePtr& other = nullptr) const {
-    EngineOptions options;
-    options.loader = inProcessLoader();
-    options.threads = threads_;
-    options.anyPath = true;
-    auto engine = Engine::create(options);
-    if (!engine.ok()) fail(engine.status());
-    open(**engine);
+    const auto engine = opened();
     v1::RenderRequest warm = request_, r = request_;
     for (const std::string& e : edits)
       if (const Status s = setPath(r, e); !s.ok()) fail(s);
@@ -60,9 +54,9 @@ class Bench {
     warm.mutable_halt()->set_spp(1);
     RenderControl control;
     control.scene = other;
-    if (auto first = (*engine)->render(warm, control); !first.ok()) fail(first.status());
+    if (auto first = engine->render(warm, control); !first.ok()) fail(first.status());
     const double start = cpu();
-    auto result = (*engine)->render(r, control);
+    auto result = engine->render(r, control);
     Run run;
     run.seconds = cpu() - start;
     if (!result.ok()) fail(result.status());
@@ -79,19 +73,13 @@ class Bench {
 
   /// All outputs of the request with these edits.
   std::vector<Image> images(const std::vector<std::string>& edits, const ScenePtr& other = nullptr) const {
-    EngineOptions options;
-    options.loader = inProcessLoader();
-    options.threads = threads_;
-    options.anyPath = true;
-    auto engine = Engine::create(options);
-    if (!engine.ok()) fail(engine.status());
-    open(**engine);
+    const auto engine = opened();
     v1::RenderRequest r = request_;
     for (const std::string& e : edits)
       if (const Status s = setPath(r, e); !s.ok()) fail(s);
     RenderControl control;
     control.scene = other;
-    auto result = (*engine)->render(r, control);
+    auto result = engine->render(r, control);
     if (!result.ok()) fail(result.status());
     std::vector<Image> out;
     for (const auto& i : result->images) out.push_back(i.image());
@@ -118,6 +106,17 @@ class Bench {
   }
 
  private:
+  /// An engine of its own for each picture: nothing is there from the one before.
+  std::unique_ptr<Engine> opened() const {
+    EngineOptions options;
+    options.loader = inProcessLoader();
+    options.threads = threads_;
+    options.anyPath = true;
+    auto engine = Engine::create(options);
+    if (!engine.ok()) fail(engine.status());
+    open(**engine);
+    return std::move(*engine);
+  }
   void open(Engine& engine) const {
     if (file_.empty()) return;
     if (auto opened = engine.openScene(file_, "opened"); !opened.ok()) fail(opened.status());
