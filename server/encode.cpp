@@ -22,10 +22,13 @@ namespace {
 
 constexpr float kLargestHalf = 65504.0f;
 
+/// Distances of this size are to nothing, or a mean with such (shadow_distance).
+constexpr float kNowhere = 1e27f;
+
 // (v - low) / (high - low) of one channel over its finite values, and 0 for the rest; `flip`: near is bright.
 void normaliseChannel(const Image& in, int channel, bool flip, bool positiveOnly, Image& out, int outChannel) {
   float low = std::numeric_limits<float>::max(), high = std::numeric_limits<float>::lowest();
-  const auto counts = [&](float v) { return std::isfinite(v) && (!positiveOnly || v > 0); };
+  const auto counts = [&](float v) { return std::fabs(v) < kNowhere && (!positiveOnly || v > 0); };
   for (size_t i = 0; i < in.pixels(); ++i) {
     const float v = in.data[i * in.channels + channel];
     if (counts(v)) low = std::min(low, v), high = std::max(high, v);

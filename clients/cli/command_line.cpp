@@ -2,6 +2,7 @@
 #include "command_line.h"
 
 #include <cstdio>
+#include <sstream>
 
 #include "base/closest.h"
 
@@ -12,9 +13,9 @@ namespace gobo::cli {
 namespace {
 
 constexpr const char* kOutputsHelp =
-    "separated by commas: beauty, emission, direct, indirect, diffuse, specular, direct_diffuse, ..., negative_light, albedo, normal, position, depth, "
+    "separated by commas: beauty, emission, direct, indirect, diffuse, specular, direct_diffuse, ..., negative_light, filtered:N, albedo, normal, position, depth, "
     "z_depth, alpha, "
-    "object_id, material_id, motion, sample_count, variance, group:LIGHT, unoccluded:LIGHT, visibility:LIGHT, shadow_flags:LIGHT, shadow_rays:LIGHT, "
+    "object_id, material_id, motion, sample_count, variance, group:LIGHT, unoccluded:LIGHT, visibility:LIGHT, shadow_distance:LIGHT, shadow_flags:LIGHT, shadow_rays:LIGHT, "
     "shadow_width:LIGHT, shadow_basis:LIGHT";
 
 constexpr const char* kPlanAllHelp = "show every row of the plan; by default rows of one kind are one";
@@ -23,6 +24,24 @@ constexpr const char* kPlanAllHelp = "show every row of the plan; by default row
 template <typename T>
 CLI::Option* value(CLI::App& app, const std::string& names, T& target, const std::string& type, const std::string& help) {
   return app.add_option(names, target, help)->type_name(type);
+}
+
+/// What shadows.style has, as the schema says it; lines of 120 columns.
+std::string styleHelp() {
+  constexpr std::string_view prefix = "shadows.style.";
+  std::string text =
+      "Styles of shadows: --set shadows.style.FIELD=VALUE, --set lights.NAME.shadow.style.FIELD=VALUE, or a sheet of them (--style FILE); docs/intent.md\n";
+  for (const FieldHelp& f : requestFields()) {
+    if (!f.path.starts_with(prefix)) continue;
+    std::string line = "  " + f.path.substr(prefix.size()) + " (" + f.type + "):";
+    std::istringstream words(f.text);
+    for (std::string word; words >> word;) {
+      if (line.size() + 1 + word.size() > 120) text += line + "\n", line = "     ";
+      line += " " + word;
+    }
+    text += line + "\n";
+  }
+  return text;
 }
 
 /// The choices of request.denoise, as the schema has them.
@@ -161,6 +180,7 @@ void CommandLine::addRendering() {
   render->add_flag("--plan-all", render_.planAll, kPlanAllHelp);
   render->add_flag("-q,--quiet", render_.quiet, "print errors only");
   addRequestOptions(*render, render_.request);
+  render->footer([] { return styleHelp() + "\n" + kExitHelp; });
 
   CLI::App* plan = command(app, "plan", "what a render would do and take, without doing it", [this] {
     render_.json = json;

@@ -122,7 +122,9 @@ std::string requestText(const std::string& field, uint32_t value, const Scene* s
   if (field == "outputs") {
     const auto table = outputTable();
     const OutputInfo& info = table[more % table.size()];
-    return info.perLight ? std::string(info.name) + ":" + pick(lights, more / uint32_t(table.size())) : info.name;
+    const uint32_t of = more / uint32_t(table.size());
+    if (info.perFilter) return std::string(info.name) + ":" + std::to_string(of % 3);
+    return info.perLight ? std::string(info.name) + ":" + pick(lights, of) : info.name;
   }
   if (field == "formula")  // most are numbers anywhere
     return pick({"0.2", "0.3 + 0.1*time", "0.1*distance", "0.5", "edge", "depth > 1 ? 0.1 : 0.2", "0.4", "object(\"floor\")", "2^-1", "1/0", "1", "(("}, more);

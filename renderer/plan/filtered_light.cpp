@@ -22,14 +22,14 @@ struct FilteredTerm {
   Chain chain;
 };
 
-std::vector<FilteredTerm> filteredTerms(const v1::RenderRequest& request) {
+std::vector<FilteredTerm> filteredTerms(const v1::RenderRequest& request, std::string_view staged = {}, int last = std::numeric_limits<int>::max()) {
   std::vector<FilteredTerm> terms;
   for (const v1::PictureFilter& f : request.filters()) {
     const std::string name = filteredTerm(f);
     const OutputInfo* info = findOutput(name);
     if (!info || !sumsLight(*info) || name == "beauty") continue;
     if (std::any_of(terms.begin(), terms.end(), [&](const FilteredTerm& t) { return t.name == name; })) continue;
-    if (Chain chain = chainOf(request, name); !chain.empty()) terms.push_back({name, info->shows, std::move(chain)});
+    if (Chain chain = name == staged ? chainOf(request, name, last) : chainOf(request, name); !chain.empty()) terms.push_back({name, info->shows, std::move(chain)});
   }
   return terms;
 }
@@ -120,7 +120,7 @@ Result<NodeId> planFilteredLight(PlanContext& c, std::span<const Contribution> s
   };
   const PictureShape shape = pictureShape(c.view().width, c.view().height);
   std::vector<Contribution> rest(shown.begin(), shown.end()), filtered;
-  for (const FilteredTerm& t : filteredTerms(c.request())) {
+  for (const FilteredTerm& t : filteredTerms(c.request(), what.output, what.last)) {
     if (!overlaps(what.shows, t.paths)) continue;
     const ChainLink* nonlinear = findNonlinear(t.chain, shape);
     if (nonlinear && (what.ofOneLight || !contains(what.shows, t.paths)))

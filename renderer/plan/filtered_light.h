@@ -4,6 +4,7 @@
 // it (techniques/direct_visibility/filtered.h).
 #pragma once
 
+#include <limits>
 #include <span>
 #include <string>
 
@@ -30,6 +31,7 @@ struct ShownLight {
   std::string output;
   PathSet shows = PathSet::All;
   bool ofOneLight = false;
+  int last = std::numeric_limits<int>::max();  ///< of request.filters on the term `output`, for one of its stages
 };
 /// The sum of what an output shows, denoised where the request says so, with the light that filters name behind them: plane "rgb". Errors: InvalidArgument: a
 /// filter that is not linear, of a term that the output shows a part of, or that is the mean of moments.

@@ -9,6 +9,7 @@
 #include "filters/sample_statistics.h"
 #include "filters/shadow_map/techniques.h"
 #include "filters/shadow_technique.h"
+#include "filters/stylised/style.h"
 #include "filters/view_depth.h"
 #include "filters/with_alpha.h"
 #include "plan/denoised.h"
@@ -75,6 +76,23 @@ Result<OutputPlane> planComposite(OutputContext& o, const std::string& output, c
   }
   if (clear < 0) return OutputPlane{picture, "rgb"};
   return OutputPlane{c.filter(makeWithAlphaNode(c.view().width, c.view().height), {picture, clear}, output + " with alpha"), "rgba"};
+}
+
+Result<OutputPlane> planFilteredStage(OutputContext& o, const std::string& output, const std::string&) {
+  PlanContext& c = o.plan;
+  GOBO_ASSIGN(const int last, filterOfOutput(c.request(), output));
+  const std::string term = filteredTerm(c.request().filters(last));
+  const OutputInfo* info = findOutput(term);
+  if (!info || !sumsLight(*info))
+    return invalidArgument("request.outputs: '" + output + "': request.filters[" + std::to_string(last) + "] is of '" + term +
+                               "', which is no light; ask for that output and leave out the filters after it",
+                           "request.outputs");
+  std::vector<Contribution> shown;
+  for (const Contribution& k : c.contributions())
+    if (overlaps(info->shows, k.paths)) shown.push_back(k);
+  GOBO_ASSIGN(NodeId picture, planFilteredLight(c, shown, {term, info->shows, false, last}));
+  if (term == "beauty") picture = addChain(c.graph(), picture, chainOf(c.request(), term, last), pictureShape(c.view().width, c.view().height), term);
+  return OutputPlane{picture, "rgb"};
 }
 
 Result<OutputPlane> planNegativeLight(OutputContext& o, const std::string& output, const std::string&) {
@@ -156,6 +174,13 @@ Result<OutputPlane> planUnoccludedOutput(OutputContext& o, const std::string& ou
 Result<OutputPlane> planVisibilityOutput(OutputContext& o, const std::string& output, const std::string& light) {
   GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light, Shown::Styled));
   return pixelMean(o.plan, planFilteredVisibility(o.plan, v, light), "V", 1, true, output);
+}
+
+Result<OutputPlane> planShadowDistance(OutputContext& o, const std::string& output, const std::string& light) {
+  GOBO_ASSIGN(const NodeId v, visibilityOf(o.plan, light, Shown::Styled));
+  const Result<NodeId> distance = planStyleDistance(o.plan.graph(), v);
+  if (!distance.ok()) return invalidArgument("request.outputs: '" + output + "': " + distance.status().message(), "request.outputs");
+  return pixelMean(o.plan, *distance, "D", 1, true, output);
 }
 
 Result<OutputPlane> planShadowFlags(OutputContext& o, const std::string& output, const std::string& light) {

@@ -20,6 +20,7 @@ class OutputContext {
 
 Result<OutputPlane> planComposite(OutputContext&, const std::string& output, const std::string& light);      ///< what the row shows of the beauty
 Result<OutputPlane> planNegativeLight(OutputContext&, const std::string& output, const std::string& light);  ///< that subtractive shadows cut off at 0
+Result<OutputPlane> planFilteredStage(OutputContext&, const std::string& output, const std::string& filter);   ///< a term after some of its filters
 Result<OutputPlane> planAlbedo(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planNormal(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planPosition(OutputContext&, const std::string& output, const std::string& light);
@@ -33,6 +34,7 @@ Result<OutputPlane> planSampleCount(OutputContext&, const std::string& output, c
 Result<OutputPlane> planVariance(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planUnoccludedOutput(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planVisibilityOutput(OutputContext&, const std::string& output, const std::string& light);
+Result<OutputPlane> planShadowDistance(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planShadowFlags(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planShadowRays(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planShadowWidth(OutputContext&, const std::string& output, const std::string& light);

@@ -2,6 +2,7 @@
 #include "plan/outputs.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cstdio>
 
 #include "plan/output_plans.h"
@@ -35,9 +36,11 @@ const OutputInfo kTable[] = {
     {"motion", OutputKind::Vector, planMotion, PathSet::None, "XY", false, true},
     {"sample_count", OutputKind::Range, planSampleCount, PathSet::All, "X", false, true},
     {"variance", OutputKind::Range, planVariance, PathSet::All, "RGB", false, true},
+    {"filtered", OutputKind::Radiance, planFilteredStage, PathSet::All, "RGB", false, false, GBufferPart::All, true},
     {"group", OutputKind::Radiance, planComposite, PathSet::All, "RGB", true},
     {"unoccluded", OutputKind::Radiance, planUnoccludedOutput, PathSet::None, "RGB", true},
     {"visibility", OutputKind::Plain, planVisibilityOutput, PathSet::None, "Y", true},
+    {"shadow_distance", OutputKind::Range, planShadowDistance, PathSet::None, "X", true, true},
     {"shadow_flags", OutputKind::Plain, planShadowFlags, PathSet::None, "Y", true},
     {"shadow_rays", OutputKind::Range, planShadowRays, PathSet::None, "X", true, true},
     {"shadow_width", OutputKind::Range, planShadowWidth, PathSet::None, "X", true, true},
@@ -58,13 +61,23 @@ const OutputInfo* findOutput(std::string_view output) {
   const size_t colon = output.find(':');
   const std::string_view name = output.substr(0, colon);
   for (const OutputInfo& o : kTable)
-    if (name == o.name && o.perLight == (colon != std::string_view::npos)) return &o;
+    if (name == o.name && o.named() == (colon != std::string_view::npos)) return &o;
   return nullptr;
 }
 
 std::string_view outputLight(std::string_view output) {
   const size_t colon = output.find(':');
   return colon == std::string_view::npos ? std::string_view{} : output.substr(colon + 1);
+}
+
+Result<int> filterOfOutput(const v1::RenderRequest& request, std::string_view output) {
+  const std::string_view text = outputLight(output);
+  int n = -1;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), n);
+  if (error == std::errc() && end == text.data() + text.size() && n >= 0 && n < request.filters_size()) return n;
+  return invalidArgument("request.outputs: '" + std::string(output) + "': request.filters has " +
+                             (request.filters_size() == 0 ? "no element" : "elements 0 to " + std::to_string(request.filters_size() - 1)) + ", and N is one's number",
+                         "request.outputs");
 }
 
 bool sumsLight(const OutputInfo& o) { return o.plan == planComposite && !o.perLight; }
@@ -78,9 +91,10 @@ Status checkOutputs(const Scene& scene, const v1::RenderRequest& request) {
     const OutputInfo* info = findOutput(o);
     if (!info) {
       std::string list;
-      for (const OutputInfo& row : kTable) list += (list.empty() ? "" : ", ") + std::string(row.name) + (row.perLight ? ":LIGHT" : "");
+      for (const OutputInfo& row : kTable) list += (list.empty() ? "" : ", ") + std::string(row.name) + (row.perLight ? ":LIGHT" : row.perFilter ? ":N" : "");
       return invalidArgument("request.outputs: no output '" + o + "' (has: " + list + ")", "request.outputs");
     }
+    if (info->perFilter) GOBO_TRY(filterOfOutput(request, o).status());
     if (!info->perLight) continue;
     const v1::CameraSettings& k = request.camera();
     if (std::string_view(info->name) != "group" && (k.has_f_number() || k.lens_radius() > 0.0))

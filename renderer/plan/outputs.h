@@ -48,6 +48,8 @@ struct OutputInfo {
   bool perLight = false;
   bool float32 = false;                 ///< never stored as half
   GBufferPart seen = GBufferPart::All;  ///< what it needs of the camera's first hits; of a request all have what one needs
+  bool perFilter = false;               ///< "filtered" for "filtered:N", a stage of request.filters
+  bool named() const { return perLight || perFilter; }
   std::vector<std::string> channelNames() const;
   bool lossless() const { return kind != OutputKind::Radiance && kind != OutputKind::Colour; }
 };
@@ -55,8 +57,10 @@ struct OutputInfo {
 std::span<const OutputInfo> outputTable();
 /// The row of "beauty", "group:key", ...; null if there is none.
 const OutputInfo* findOutput(std::string_view output);
-/// "key" of "group:key"; empty for outputs without a light.
+/// "key" of "group:key", "0" of "filtered:0"; empty for outputs of neither a light nor a filter.
 std::string_view outputLight(std::string_view output);
+/// N of "filtered:N". Errors: InvalidArgument: no number of a filter of the request.
+Result<int> filterOfOutput(const v1::RenderRequest& request, std::string_view output);
 /// Outputs that need the beauty's nodes; of these the ones that show some classes alone, and the ones that show some lobes alone.
 bool needsRadiance(const OutputInfo& output);
 /// A sum of light of the beauty that has a name of its own: the beauty, its classes and lobes; not that of one lamp.
@@ -66,7 +70,7 @@ bool needsLobes(const OutputInfo& output);
 /// What the camera's first hits are, without any light: from albedo to motion.
 bool showsFirstHits(const OutputInfo& output);
 
-/// Names an output that does not exist, or a light that the scene lacks.
+/// Names an output that does not exist, or a light that the scene lacks, or a filter that the request lacks.
 Status checkOutputs(const Scene& scene, const v1::RenderRequest& request);
 /// Refuses encodings that cannot be: layers in anything but EXR, PNG of other than 8 or 16 bits, unknown enum values.
 Status checkEncoding(const v1::Encoding& encoding);

@@ -14,6 +14,7 @@ import time
 import unittest
 
 import gobo
+from gobo.v1 import filters_pb2
 from support import CLI, DaemonTest
 
 
@@ -29,6 +30,10 @@ class Completion(DaemonTest):
             named = set(re.findall(r"^  (?:-\w,)?(--[\w-]+)", self.cli(*command, "--help").stdout, re.M))
             self.assertGreater(len(named), 10)
             self.assertLessEqual(named, set(self.offers(*command, "--")), command)
+        styles = self.cli("render", "--help").stdout.split("Styles of shadows", 1)[1]
+        for field in filters_pb2.ShadowStyle.DESCRIPTOR.fields:      # each with what it does
+            if field.message_type is None:
+                self.assertRegex(styles, rf"\n  {field.name} \(.*\): \w+")
         self.assertIn("--server", self.offers("render", "--se"))
         self.assertEqual(self.offers("jobs", "wa"), ["watch"])
 

@@ -17,7 +17,7 @@ _ACES_OUT = np.array([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.0060
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 #: Outputs that are not light; they are shown without exposure or curve, those of any range from their least to their largest value.
 _NOT_LIGHT = ("albedo", "normal", "position", "depth", "alpha", "object_id", "material_id", "motion", "sample_count", "variance", "visibility",
-              "shadow_flags", "shadow_rays", "shadow_width", "shadow_basis")
+              "shadow_distance", "shadow_flags", "shadow_rays", "shadow_width", "shadow_basis")
 
 
 class Image(np.ndarray):

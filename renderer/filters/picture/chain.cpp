@@ -7,9 +7,9 @@ namespace gobo {
 
 std::string filteredTerm(const v1::PictureFilter& filter) { return filter.term().empty() ? "beauty" : filter.term(); }
 
-Chain chainOf(const v1::RenderRequest& request, std::string_view term) {
+Chain chainOf(const v1::RenderRequest& request, std::string_view term, int last) {
   Chain chain;
-  for (int k = 0; k < request.filters_size(); ++k) {
+  for (int k = 0; k < request.filters_size() && k <= last; ++k) {
     const v1::PictureFilter& f = request.filters(k);
     const PictureFilterEntry* entry = findPictureFilter(f.filter_case());
     if (entry && !entry->identity(f) && filteredTerm(f) == term) chain.push_back({k, entry, &f});
@@ -68,8 +68,6 @@ void scaleFilters(v1::RenderRequest& request, double scale) {
       if (field->cpp_type() == Field::CPPTYPE_UINT32)
         m.GetReflection()->SetUInt32(&m, field, uint32_t(within(std::round(scale * m.GetReflection()->GetUInt32(m, field)))));
     }
-    // Pixels too, if not by its unit.
-    if (f.has_resample()) f.mutable_resample()->set_factor(std::max(1.0, scale * f.resample().factor()));
   }
 }
 

@@ -3,6 +3,7 @@
 // filter is a file with its node, a message in the schema and a line in registry.cpp; nobody else knows it by name.
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -37,8 +38,8 @@ using Chain = std::vector<ChainLink>;
 
 /// "beauty" where a filter names none.
 std::string filteredTerm(const v1::PictureFilter& filter);
-/// Those of a term, in their order; what changes nothing is left out.
-Chain chainOf(const v1::RenderRequest& request, std::string_view term);
+/// Those of a term, in their order, up to request.filters[last]; what changes nothing is left out.
+Chain chainOf(const v1::RenderRequest& request, std::string_view term, int last = std::numeric_limits<int>::max());
 /// Whether a request has any filter that changes something.
 bool anyFilter(const v1::RenderRequest& request);
 /// Says in the plan which filters are left out, and why.

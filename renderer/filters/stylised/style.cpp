@@ -198,4 +198,17 @@ NodeId planStyle(Graph& graph, const ShadowInput& input, NodeId v, const v1::Sha
   return StylePlan(graph, input, v, style, formulas).plan();
 }
 
+Result<NodeId> planStyleDistance(Graph& graph, NodeId styled) {
+  const GraphNode& n = graph.at(styled);
+  const std::string type = n.node->type();
+  if (type == "style_transfer") return n.inputs.at(0);
+  if (type == "style_pattern") return planStyleDistance(graph, n.inputs.at(0));
+  if (type == "style_levels") return planStyleDistance(graph, n.inputs.at((n.inputs.size() + 1) / 2));  // with or without the visibility before them
+  if (type != "crop") return invalidArgument("no style is what makes this light's shadow (shadows.style)");
+  GraphNode window{n.node, {}, {}, "style_crop distance"};
+  GOBO_ASSIGN(const NodeId whole, planStyleDistance(graph, n.inputs.at(0)));
+  window.inputs = {whole};
+  return graph.add(std::move(window));
+}
+
 }  // namespace gobo

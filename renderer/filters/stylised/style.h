@@ -12,4 +12,8 @@ namespace gobo {
 /// `v`: term with plane V. `formulas`: of fields that vary from place to place. Returns the node whose term has the styled V of as many channels.
 NodeId planStyle(Graph& graph, const ShadowInput& input, NodeId v, const v1::ShadowStyle& style, const StyleFormulas& formulas = {});
 
+/// The distance that the transfer of a styled visibility (or a window of it) reads, abstraction and all: a node with plane D, metres, negative in shadow, 1e30
+/// where there is no contour. Of several levels that of the middle one. Errors: InvalidArgument: the light has no style.
+Result<NodeId> planStyleDistance(Graph& graph, NodeId styled);
+
 }  // namespace gobo

@@ -126,12 +126,15 @@ v1::RenderRequest requestFor(const Scene& scene) {
     if (technique.has_ray_traced()) technique.mutable_ray_traced()->set_samples(2);
   }
   (*r.mutable_lights())["subtractive"].mutable_shadow()->mutable_subtractive()->set_resolution(2);
+  v1::PictureFilter& stage = *r.add_filters();  // for its output
+  stage.set_term("emission");
+  stage.mutable_gaussian()->set_sigma_px(0.8);
   for (const OutputInfo& o : outputTable()) {
     if (!o.perLight) {
-      r.add_outputs(o.name);
+      r.add_outputs(std::string(o.name) + (o.perFilter ? ":0" : ""));
       continue;
     }
-    if (std::set<std::string>{"shadow_flags", "shadow_basis", "shadow_rays", "shadow_width"}.count(o.name)) continue;  // parts of what visibility is made from
+    if (std::set<std::string>{"shadow_flags", "shadow_basis", "shadow_rays", "shadow_width", "shadow_distance"}.count(o.name)) continue;  // parts of what visibility is made from
     for (const Light& l : scene.lights)
       if (l.shape.kind != LightKind::Environment) r.add_outputs(std::string(o.name) + ":" + l.name);
   }

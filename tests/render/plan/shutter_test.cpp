@@ -668,7 +668,7 @@ TEST(Shutter, WhatIsOfOneMomentIsRefusedByName) {
     EXPECT_FALSE(engine->prepare(r).ok());
   };
   for (const char* o : {"normal", "position", "depth", "z_depth", "object_id", "material_id", "motion", "variance", "unoccluded:lamp", "visibility:lamp",
-                        "shadow_flags:lamp", "shadow_rays:lamp", "shadow_width:lamp", "shadow_basis:lamp"})
+                        "filtered:0", "shadow_distance:lamp", "shadow_flags:lamp", "shadow_rays:lamp", "shadow_width:lamp", "shadow_basis:lamp"})
     refused({(std::string("outputs=beauty,") + o).c_str()}, "request.outputs", std::string("shutter_s = 0.5") + std::string("00000: output '") + o + "'");
   refused({"denoise.outliers.trimmed.share=0.1"}, "request.denoise.outliers", "of one moment");
   refused({"certificate.pixel_fraction=0.5"}, "request.certificate", "of one moment");

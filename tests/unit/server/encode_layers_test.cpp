@@ -170,7 +170,7 @@ TEST(EncodeLayers, NamesThatBecomeEqualStayApart) {
 // Every output has a preview within 0..1, whatever is in it; ids get colours that differ.
 TEST(EncodeLayers, EveryOutputCanBeShown) {
   for (const OutputInfo& o : outputTable()) {
-    const std::string name = std::string(o.name) + (o.perLight ? ":x" : "");
+    const std::string name = std::string(o.name) + (o.named() ? ":x" : "");
     const int channels = int(o.channelNames().size());
     Image image(5, 2, channels);
     const float values[] = {-1.0f, 0.0f, 1.0f, 2.0f, 1e9f, -3.0f, NAN, INFINITY, 0.5f, 7.0f};

@@ -182,6 +182,14 @@ TEST(Encode, ConstantAndEmptyDepthAreFinite) {
   }
 }
 
+/// Distances to nothing: the others keep their range.
+TEST(Encode, ADistanceToNothingIsNoPartOfTheRange) {
+  Image distance(4, 1, 1);
+  distance.data = {-0.5f, 0.5f, 1e30f, -2e29f};
+  const Image shown = displayImage("shadow_distance:key", distance, {}).image;
+  EXPECT_EQ(shown.data, (std::vector<float>{0.0f, 1.0f, 0.0f, 0.0f}));
+}
+
 TEST(Encode, OnlyRadianceIsToneMapped) {
   for (const char* name : {"beauty", "direct", "indirect", "emission", "group:key", "unoccluded:key"}) EXPECT_TRUE(isRadiance(name)) << name;
   for (const char* name : {"albedo", "normal", "depth", "position", "alpha", "visibility:key"}) EXPECT_FALSE(isRadiance(name)) << name;
