@@ -142,6 +142,29 @@ class Pages(unittest.TestCase):
                     self.assertTrue((top / name).exists(), f"{page.name} names {name}")
         self.assertGreater(named, 50)
 
+    def test_tests_that_pages_name_exist(self):
+        """`Suite.Name`, `Suite.*`, `.Name` (of a suite that stands before it) in pages: a promise whose test was renamed has none."""
+        top, tests, services = pathlib.Path(SOURCE), {}, set()
+        for source in [*top.glob("tests/**/*.cpp"), *top.glob("tests/**/*.h")]:
+            text = source.read_text(encoding="utf-8")
+            for suite, name in re.findall(r"\bTEST(?:_F|_P)?\((\w+),\s*(\w+)\)", text):
+                tests.setdefault(suite, set()).add(name.removeprefix("DISABLED_"))
+            for prefix, suite in re.findall(r"INSTANTIATE_TEST_SUITE_P\((\w+),\s*(\w+)", text):
+                tests.setdefault(prefix, set()).add(suite)
+        for proto in top.glob("proto/gobo/v1/*.proto"):
+            services.update(re.findall(r"^service (\w+)", proto.read_text(encoding="utf-8"), re.MULTILINE))
+        of_any, named = set().union(*tests.values()), 0
+        for page in [*top.glob("*.md"), *top.glob("docs/*.md")]:
+            for quoted in re.findall(r"`([^`\n]+)`", page.read_text(encoding="utf-8")):
+                for word in re.split(r"[ ,()]+", quoted):
+                    found = re.fullmatch(r"([A-Z]\w+)?\.(\*|[A-Z]\w*\*?)", word)
+                    if not found or found[1] in services:
+                        continue
+                    named += 1
+                    of, name = tests.get(found[1], set()) if found[1] else of_any, found[2]
+                    self.assertTrue(name in of or (name.endswith("*") and any(t.startswith(name[:-1]) for t in of)), f"{page.name} names {word}")
+        self.assertGreater(named, 250)
+
     def test_the_test_can_fail(self):
         self.shell("here", 1, "export SEEN=yes; test -f scene.glb; gobo render scene.glb --size 16x16 --spp 16 --env studio.hdr -q -o a.png")
         self.shell("here", 2, "test $SEEN = yes; test -s a.png; build/clients/gobo status > /dev/null")
