@@ -63,6 +63,17 @@ TEST(FilteredStages, ThatAreNoneAreRefusedByName) {
   EXPECT_NE(none.status().message().find("no element"), std::string::npos) << none.status().toString();
 }
 
+/// A filter of what a filter makes would go round in a circle: terms are what light is made of.
+TEST(FilteredStages, AreNoTermsToBeFiltered) {
+  for (const char* term : {"filters[0].term=filtered:1", "filters[0].term=filtered:0", "filters[0].term=shadow_distance:light"}) {
+    const auto made = makeEngine(0)->render(filtered({term}));
+    ASSERT_FALSE(made.ok()) << term;
+    EXPECT_EQ(made.status().code(), Code::InvalidArgument);
+    EXPECT_EQ(made.status().location(), "request.filters[0].term");
+    EXPECT_NE(made.status().message().find(std::string(term).substr(16)), std::string::npos) << made.status().toString();
+  }
+}
+
 v1::RenderRequest styled(std::initializer_list<const char*> more) {
   v1::RenderRequest r = smallRequest("cornell", 32, 26, 1);
   for (const char* a : {"lights.lamp.kind=SPOT", "lights.lamp.position=0.2,1.6,0.4", "lights.lamp.direction=0,-1,-0.2", "lights.lamp.intensity=3",
