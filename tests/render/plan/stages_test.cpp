@@ -2,6 +2,7 @@
 // Stages of what a request asks for, looked at by themselves: a term after some of its filters, and the distance that a style's transfer reads.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
 #include "support/engines.h"
@@ -30,12 +31,12 @@ TEST(FilteredStages, AreWhatTheShorterChainMakes) {
   std::set<std::vector<float>> different{picture(whole)};
   for (const int last : {0, 2, 3}) {
     v1::RenderRequest shorter = filtered({"outputs=beauty"});
-    while (shorter.filters_size() > last + 1) shorter.mutable_filters()->RemoveLast();
+    while (shorter.filters_size() > std::max(last + 1, 2)) shorter.mutable_filters()->RemoveLast();  // filters[1] is of a part of the light, before its sum
     const std::string stage = "outputs=filtered:" + std::to_string(last);
     const auto seen = mustRender(*warm, filtered({stage.c_str()}));
     EXPECT_EQ(picture(seen), picture(mustRender(*makeEngine(), shorter))) << last;
     different.insert(picture(seen));
-    for (const auto& n : seen.reply.plan()) EXPECT_NE(n.state(), v1::NodeReport::EXECUTED) << stage << " runs " << n.node();
+    for (const auto& n : seen.reply.plan()) EXPECT_NE(n.state(), v1::NodeReport::RUN) << stage << " runs " << n.node();
   }
   EXPECT_EQ(different.size(), 3u) << "after the last filter it is the beauty";
   EXPECT_EQ(picture(mustRender(*warm, filtered({"outputs=filtered:1"}))), picture(mustRender(*makeEngine(), filtered({"outputs=indirect"})))) << "of its own term";
@@ -99,7 +100,8 @@ TEST(ShadowDistance, IsNegativeWhereTheShadowIsAndWhatTheTransferReads) {
   const std::vector<float> blurred = picture(inflated, 0), W = picture(inflated, 1);
   EXPECT_NE(blurred, D) << "abstraction and all";
   for (size_t i = 0; i < D.size(); ++i) {
-    if (hit[i] > 0.0f) ASSERT_EQ(W[i], blurred[i] > 0.07f ? 1.0f : 0.0f) << i << " " << blurred[i];
+    if (hit[i] == 0.0f) continue;
+    ASSERT_EQ(W[i], blurred[i] > 0.07f ? 1.0f : 0.0f) << i << " " << blurred[i];
   }
   // A pattern and levels stand before the transfer; a window is cut out.
   EXPECT_EQ(picture(mustRender(*engine, styled({"shadows.style.pattern=HATCHING"}))), D);
