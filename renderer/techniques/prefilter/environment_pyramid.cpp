@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "base/to_index.h"
+#include "scene/environment_tents.h"
 
 namespace gobo::prefilter {
 
@@ -50,11 +51,10 @@ EnvironmentPyramid::EnvironmentPyramid(const Environment& map, const StopToken& 
     if (stop.stopRequested()) return;
     const double above = std::cos(y * std::numbers::pi / rows), below = std::cos((y + 1) * std::numbers::pi / rows);
     const double part = (above - below) * 2.0 * std::numbers::pi / columns, up = 0.5 * (above + below), out = std::sqrt(std::max(1.0 - up * up, 0.0));
-    const Vec3* row = map.texels.data() + size_t(y / perY) * size_t(map.width);
     for (int x = 0; x < columns; ++x) {
       const Vec2 at = placeOf(Vec3(float(out) * cosine[size_t(x)], float(up), float(out) * sine[size_t(x)]));
       const size_t i = size_t(toIndex(at.y * float(kSide), kSide)) * kSide + size_t(toIndex(at.x * float(kSide), kSide));
-      flux[i] += part * DVec3(row[x / perX]);
+      flux[i] += part * DVec3(interpolateTexels(map, (x + 0.5) / perX, (y + 0.5) / perY));
       solid[i] += part;
     }
   }

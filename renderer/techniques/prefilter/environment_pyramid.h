@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A map's mean radiance over pieces of the sphere of any size, for sums of few samples that each stand for a solid angle (filtered importance sampling,
 // Krivanek, Colbert 2008). Octahedral squares of 512 x 512 to 4 x 4 texels, so that no direction is a pole; texels keep their solid angle, so that a level has
-// the flux of the one above. Map axes. Radiance of the map's texels as they are: what a look-up interpolates is interpolated here.
+// the flux of the one above. Radiance is the map's bilinear look-up at the middles of parts of its texels. Map axes.
 // Immutable; any thread.
 #pragma once
 
