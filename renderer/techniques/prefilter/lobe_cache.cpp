@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/halton.h"
+#include "base/to_index.h"
 #include "trace/bsdf.h"
 #include "trace/bsdf_albedo.h"
 #include "trace/bsdf_ggx.h"
@@ -42,7 +43,28 @@ void store(const DVec3& value, float* to) {
   for (int c = 0; c < 3; ++c) to[c] = value[c] > 0.0 ? float(std::min(value[c], double(kMost))) : 0.0f;  // NaN: nothing
 }
 
-/// f(first, last) over runs of texels.
+/// What the microfacets lose of light at a cosine, times it, and what Schlick's term adds: tabulated, linear between 4096 cosines.
+class LostByCosine {
+ public:
+  explicit LostByCosine(const ReflectionAlbedo& table) {
+    for (int i = 0; i <= kSteps; ++i) {
+      const float mu = float(i) / float(kSteps);
+      const ReflectionAlbedo::Value v = table.at(mu);
+      at_.push_back(mu * Vec2(v.deficit, v.schlick));
+    }
+  }
+  Vec2 at(float cosine) const {
+    const float place = cosine * float(kSteps);
+    const size_t i = size_t(toInteger(place, 0, kSteps - 1));
+    return glm::mix(at_[i], at_[i + 1], place - float(i));
+  }
+
+ private:
+  static constexpr int kSteps = 4096;
+  std::vector<Vec2> at_;
+};
+
+/// f(texel, its normal), of all.
 template <class F>
 bool overTexels(const NormalPicture& picture, size_t grain, const TaskArena& arena, const StopToken& stop, F&& f) {
   const auto run = [&](size_t begin, size_t end) {
@@ -66,6 +88,7 @@ bool lobeMeans(const NormalPicture& picture, const EnvironmentPyramid& map, std:
   const float alpha = maxOf(sqr(clamp01(roughness)), kDeltaAlpha);
   const Ggx ggx(alpha);
   const ReflectionAlbedo table(alpha, std::sqrt(alpha));
+  const LostByCosine lost(table);
   std::vector<Vec2> points;
   for (int i = 0; i < samples; ++i)
     points.emplace_back((float(i) + 0.5f) / float(samples), (float(radicalInverse(uint32_t(i), 2) >> 8) + 0.5f) * 0x1p-24f);
@@ -90,9 +113,9 @@ bool lobeMeans(const NormalPicture& picture, const EnvironmentPyramid& map, std:
     for (const MapLight& light : lights) {
       const double along = glm::dot(n, light.direction);
       if (!(along > 0.0)) continue;
-      const ReflectionAlbedo::Value lost = table.at(float(along));
-      deficit += light.flux * (along * double(lost.deficit));
-      schlick += light.flux * (along * double(lost.schlick));
+      const Vec2 parts = lost.at(float(along));
+      deficit += light.flux * double(parts.x);
+      schlick += light.flux * double(parts.y);
       cosine += light.flux * along;
     }
     // Without a weight to speak of, the next best mean: the lobe's, or that of the cosine.
