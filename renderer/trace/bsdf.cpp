@@ -5,6 +5,7 @@
 
 #include "trace/bsdf_base_impl.h"
 #include "trace/bsdf_layers.h"
+#include "trace/bsdf_lobe_terms.h"
 
 namespace gobo {
 namespace {
@@ -178,6 +179,30 @@ LobeAlbedos bsdfLobeAlbedos(const BsdfParams& p, float mu) {
   out.specular = base.metal * reflected(base.albedo, 1.0f) + base.opaque * reflected(base.f0, base.f90);
   if (base.kernel > 0.0f) out.specular += base.msUp * a.deficit;
   if (base.hasDiffuse()) out.diffuse = base.albedo * (base.opaque * base.diffuseO * (1.0f - base.through));
+  return out;
+}
+
+LobeTerms bsdfLobeTerms(const BsdfParams& p, float mu) {
+  LobeTerms out;
+  if (!(mu > 0.0f)) return out;
+  if (isLambert(p)) {
+    out.diffuse = lambertAlbedo(p);
+    return out;
+  }
+  BaseLobes base(p);
+  base.view(Vec3(std::sqrt(clamp01(1.0f - mu * mu)), 0.0f, minOf(mu, 1.0f)));
+  if (!base.smooth) {
+    const Vec3 normal = base.metal * base.albedo + base.opaque * base.f0;
+    out.microfacets = normal * (1.0f - base.ao.deficit);
+    out.grazing = (Vec3(base.metal + base.opaque * base.f90) - normal) * base.ao.schlick;
+    if (base.kernel > 0.0f) out.bounced = base.msUp * base.ao.deficit;
+  }
+  if (!base.hasDiffuse()) return out;
+  out.diffuse = base.albedo * (base.opaque * base.diffuseO * (1.0f - base.through));
+  if (!(base.diffuseNorm > 0.0f)) return out;
+  out.open = (1.0f - base.f0Bound) * base.diffuseNorm;
+  out.deficit = (base.f0Bound - base.msBound) * base.deficitMean * base.diffuseNorm;
+  out.schlick = (base.f0Bound - base.f90Bound) * base.schlickMean * base.diffuseNorm;
   return out;
 }
 

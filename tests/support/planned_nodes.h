@@ -200,8 +200,10 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     set(r, as);
     all.emplace_back(as, r);
   }
-  for (const char* as : {"environment.subtractive.resolution=3", "environment.subtractive.bright_lights=0"}) {
-    v1::RenderRequest r = smallRequest("lights8", width, height, 1);  // has what shines
+  for (const char* as : {"environment.subtractive.resolution=3", "environment.subtractive.bright_lights=0", "environment.subtractive.unshadowed=HARMONICS",
+                         "environment.subtractive.unshadowed=RADIANCE_CACHE", "lights.environment.shadow.style.softness=0.2"}) {
+    // The first scene has what shines, of which tables take seconds.
+    v1::RenderRequest r = smallRequest(std::string(as).find("CACHE") == std::string::npos ? "lights8" : "fence", width, height, 1);
     for (const char* b : {"environment.sky.turbidity=3", as, "environment.subtractive.lights=7"}) set(r, b);
     all.emplace_back(as, r);
   }

@@ -123,7 +123,7 @@ v1::ShadowTechnique shadowTechniqueOf(PlanContext& c, int light, const ScenePtr&
     if (const char* why = subtractiveLacks(c)) {
       c.warn(std::string("shadows.subtractive: the scene has ") + why + ": ray_traced used");
       t.mutable_ray_traced()->set_samples(16);
-    } else if (t.has_style()) {
+    } else if (t.has_style() && size_t(light) < c.scene()->lights.size()) {  // those that stand for a map have shadows of their own
       c.warn("light '" + name + "' shares its subtractive shadow with others: it has none for shadows.style");
       t.clear_style();
     }

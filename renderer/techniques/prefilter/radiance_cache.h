@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reflected radiance of unshadowed surfaces by their normal alone, for one direction to the eye and one BRDF (Miller, Hoffman 1984):
 //   T(n) = integral of f(w, n, o) L(w) max(n . w, 0) dw,
-// in a square picture of all normals about o: those that face the eye are the disk of radius 1 (equal areas), those that face away its corners.
+// in a square picture of all normals about o (normal_picture.h).
 // Of a distant eye it is exact but for the look-up between texels. A picture with perspective has another o at each pixel: diffuse surfaces do not mind, and
 // for others the error grows with the field of view (RadianceCache.AWideViewIsWrongForWhatShines).
 #pragma once
@@ -12,6 +12,7 @@
 #include "base/stop.h"
 #include "base/task_arena.h"
 #include "scene/environment.h"
+#include "techniques/prefilter/normal_picture.h"
 
 namespace gobo::prefilter {
 
@@ -28,11 +29,10 @@ class RadianceCache {
   /// Bilinear between texels.
   DVec3 at(const DVec3& normal) const;
   /// Of a texel.
-  DVec3 normal(int x, int y) const;
+  DVec3 normal(int x, int y) const { return picture_.normal(x, y); }
 
  private:
-  int side_;
-  DVec3 x_, y_, z_;  // of the picture: right, up, towards the eye
+  NormalPicture picture_;
   std::vector<DVec3> radiance_;
 };
 

@@ -3,26 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
+#include "techniques/prefilter/irradiance_matrix.h"
 #include "techniques/subtractive/receiver.h"
-#include "techniques/transfer/gloss_levels.h"
-#include "terms/environment_cells.h"
+#include "techniques/subtractive/residual_map.h"
 
 namespace gobo::subtractive {
 
 namespace {
-
-constexpr size_t kTexels = size_t(transfer::kGlossLevels[0].width) * transfer::kGlossLevels[0].height;
-constexpr int kCells = 6 * EnvironmentCells::kSide * EnvironmentCells::kSide;
-
-/// The map without its peaks, in its own axes; null if `stop` fired first.
-EnvironmentPtr residualMap(const Environment& map, std::span<const float> left, const TaskArena& arena, const StopToken& stop) {
-  const auto& level = transfer::kGlossLevels[0];
-  Image picture(level.width, level.height, 3);
-  if (!transfer::sharpLevel(map, left, arena, stop, picture.data)) return nullptr;
-  return makeEnvironment("residual", std::move(picture), stop);
-}
 
 /// Irradiance of unshadowed planes of every normal, in the map's axes, from lights at the centroids of cells of equal flux (a lamp lies where it lies: cells of
 /// equal size would shift it by half of theirs). Rows from pole to pole, both with values of their own; bilinear.
@@ -63,8 +53,8 @@ class IrradianceTable {
 
 class UnshadowedMapNode final : public Node {
  public:
-  UnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines)
-      : view_(view), map_(std::move(map)), rotation_(rotation), scale_(scale), shines_(shines) {}
+  UnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines, DiffuseBy by)
+      : view_(view), map_(std::move(map)), rotation_(rotation), scale_(scale), shines_(shines), by_(by) {}
   std::string type() const override { return "unshadowed_map"; }
   NodeTraits traits() const override {
     NodeTraits t;
@@ -74,25 +64,35 @@ class UnshadowedMapNode final : public Node {
   void hashParameters(Hasher& h) const override {
     hashView(h, view_);
     h.add(map_->content).add(rotation_).addPod(scale_).add(shines_);
+    if (by_ == DiffuseBy::Harmonics) h.add("harmonics");
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, shines_ ? 4 : 3);
     Receivers::reads(w, view_);
-    w.over(2, {1, 1, 1}).reads<float>(2, "left", {kCells});
+    w.over(2, {1, 1, 1});
+    if (by_ == DiffuseBy::Harmonics) w.reads<float>(2, "rest", {3 * kBands * kBands});
+    else w.reads<float>(2, "left", {kSplitCells});
     if (shines_)
       for (const transfer::GlossLevel& level : transfer::kGlossLevels) w.over(3, {1, 1, 1}).reads<float>(3, level.plane, {3 * level.width * level.height});
     return w.gives({type(), Domain::ViewSample, view_.extent(), {plane<float>("diffuse", 3), plane<float>("specular", 3)}});
   }
-  size_t workingBytes() const override { return size_t(64) * kTexels; }
-  Cost cost(const TermShape& result, uint32_t) const override { return {0.0, 3e7 + kReceiving * 100.0 * double(result.extent.elements())}; }
+  size_t workingBytes() const override { return by_ == DiffuseBy::Table ? kResidualBytes : 0; }
+  Cost cost(const TermShape& result, uint32_t) const override { return {0.0, (by_ == DiffuseBy::Table ? 3e7 : 0.0) + kReceiving * 100.0 * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Receivers in(*ctx.inputs[0], *ctx.inputs[1], view_);
     const auto diffuse = ctx.result->writable<float>("diffuse"), specular = ctx.result->writable<float>("specular");
-    const EnvironmentPtr residual = residualMap(*map_, ctx.inputs[2]->floats("left"), *ctx.arena, ctx.stop);
-    if (!residual) return Status(Code::Cancelled, "unshadowed_map: stopped");
-    const IrradianceTable irradiance(*residual, *ctx.arena, ctx.stop);
-    if (irradiance.empty()) return Status(Code::Cancelled, "unshadowed_map: stopped");
+    std::function<DVec3(const DVec3&)> irradiance;
+    if (by_ == DiffuseBy::Harmonics) {
+      const auto rest = ctx.inputs[2]->floats("rest");
+      irradiance = [m = prefilter::irradianceMatrix(std::vector<double>(rest.begin(), rest.end()))](const DVec3& n) { return m.at(n); };
+    } else {
+      const EnvironmentPtr residual = residualMap(*map_, ctx.inputs[2]->floats("left"), *ctx.arena, ctx.stop);
+      if (!residual) return Status(Code::Cancelled, "unshadowed_map: stopped");
+      auto table = std::make_shared<const IrradianceTable>(*residual, *ctx.arena, ctx.stop);
+      if (table->empty()) return Status(Code::Cancelled, "unshadowed_map: stopped");
+      irradiance = [table](const DVec3& n) { return table->at(n); };
+    }
     std::unique_ptr<const transfer::GlossMap> gloss;
     if (shines_)
       gloss = std::make_unique<const transfer::GlossMap>([&](size_t k) { return ctx.inputs[3]->floats(transfer::kGlossLevels[k].plane); }, rotation_);
@@ -105,7 +105,7 @@ class UnshadowedMapNode final : public Node {
             const BsdfParams b = in.bsdf(e);
             const LobeAlbedos by = in.albedos(e, b);
             const DVec3 n(Receivers::at(in.N, e));
-            const DVec3 arriving = irradiance.at(DVec3(n.x * cosR - n.z * sinR, n.y, n.x * sinR + n.z * cosR));  // the map's axes
+            const DVec3 arriving = irradiance(DVec3(n.x * cosR - n.z * sinR, n.y, n.x * sinR + n.z * cosR));  // the map's axes
             const Vec3 light = by.diffuse * scale_ * (Vec3(arriving) * kInvPi);
             for (int c = 0; c < 3; ++c) diffuse[3 * e + size_t(c)] = std::clamp(light[c], 0.0f, kMost);
             if (gloss) shine(in, e, b, by.specular, *gloss, specular.data() + 3 * e);
@@ -136,6 +136,7 @@ class UnshadowedMapNode final : public Node {
   float rotation_;
   Vec3 scale_;
   bool shines_;
+  DiffuseBy by_;
 };
 
 class ResidualLightsNode final : public Node {
@@ -150,12 +151,12 @@ class ResidualLightsNode final : public Node {
   void hashParameters(Hasher& h) const override { h.add(map_->content).add(lights_).add(int(by_)); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 1);
-    w.over(0, {1, 1, 1}).reads<float>(0, "left", {kCells});
+    w.over(0, {1, 1, 1}).reads<float>(0, "left", {kSplitCells});
     TermShape out{"light_list", Domain::List, {lights_, 1, 1}, {plane<float>("direction", 3), plane<float>("irradiance", 3)}};
     out.atMost = true;
     return w.gives(std::move(out));
   }
-  size_t workingBytes() const override { return size_t(64) * kTexels; }
+  size_t workingBytes() const override { return kResidualBytes; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const EnvironmentPtr map = residualMap(*map_, ctx.inputs[0]->floats("left"), *ctx.arena, ctx.stop);
@@ -173,8 +174,15 @@ class ResidualLightsNode final : public Node {
 
 }  // namespace
 
-NodePtr makeUnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines) {
-  return std::make_shared<UnshadowedMapNode>(view, std::move(map), rotation, scale, shines);
+EnvironmentPtr residualMap(const Environment& map, std::span<const float> left, const TaskArena& arena, const StopToken& stop) {
+  const auto& level = transfer::kGlossLevels[0];
+  Image picture(level.width, level.height, 3);
+  if (!transfer::sharpLevel(map, left, arena, stop, picture.data)) return nullptr;
+  return makeEnvironment("residual", std::move(picture), stop);
+}
+
+NodePtr makeUnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines, DiffuseBy by) {
+  return std::make_shared<UnshadowedMapNode>(view, std::move(map), rotation, scale, shines, by);
 }
 NodePtr makeResidualLightsNode(EnvironmentPtr map, int lights, ExtractBy by) { return std::make_shared<ResidualLightsNode>(std::move(map), lights, by); }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "techniques/subtractive/samples.h"
 
-#include "techniques/subtractive/samples_node.h"
+#include "techniques/subtractive/distant_arrival.h"
 
 namespace gobo::subtractive {
 
@@ -21,14 +21,10 @@ class DistantSamplesNode final : public SamplesNode {
    public:
     explicit Distant(const std::vector<DistantLightSample>& lights) : lights_(lights) {}
     void at(const TracedSample& sample, Arrivals& out) const override {
-      const LitPoint& r = sample.point;
-      const Frame frame = r.frame();
-      const Vec3 wo = frame.toLocal(r.wo);
+      const SampleFrame frame(sample.point);
       for (const DistantLightSample& light : lights_) {
-        if (!(glm::dot(light.direction, r.ng) > 0) || !(glm::dot(light.direction, r.n) > 0)) continue;
-        const BsdfValue f = bsdfEval(r.bsdf, wo, frame.toLocal(light.direction));
-        Arrivals::Light a{{byAlbedo(f.diffuse * light.irradiance, sample.by.diffuse), byAlbedo(f.specular * light.irradiance, sample.by.specular)}, {}};
-        if (a.lobe[0] == Vec3(0.0f) && a.lobe[1] == Vec3(0.0f)) continue;
+        Arrivals::Light a;
+        if (!arrives(light, sample, frame, a)) continue;
         a.point.direction = light.direction;
         a.point.distance = 3.0e38f;
         out.lights.push_back(a);

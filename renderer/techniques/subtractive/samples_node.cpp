@@ -9,38 +9,7 @@ namespace {
 
 constexpr double kMostSum = 1e36;
 
-void writeSums(const SampleSums& sums, float* u, float* v, float* moments) {
-  for (int k = 0; k < 2; ++k) {
-    for (int c = 0; c < 3; ++c) {
-      u[3 * k + c] = float(std::min(sums.unshadowed[k][c], kMostSum));
-      v[3 * k + c] = float(std::min(sums.visible[k][c], kMostSum));
-    }
-    moments[2 * k] = float(std::min(sums.squares[k], kMostSum));
-    moments[2 * k + 1] = float(std::min(sums.seen[k], kMostSum));
-  }
-}
-
 double lobeLuminance(const DVec3& c) { return 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z; }
-
-/// On the grid, or nothing there speaks for it.
-bool speaksForItself(const Resampling& r, const Receivers& in, size_t e) {
-  const size_t width = size_t(in.view.width), p = e % (width * size_t(in.view.height));
-  const int x = int(p % width), y = int(p / width);
-  if (onGrid(r, in.view, x, y)) return true;
-  float sum = 0;
-  forNeighbours(r, in, x, y, e, [&](size_t, float weight) { sum += weight; });
-  return !(sum >= kLeastWeight);  // NaN: nothing does
-}
-
-TracedSample sampleAt(const Receivers& in, size_t e) {
-  BsdfParams b = in.bsdf(e);
-  for (int c = 0; c < 3; ++c) b.albedo[c] = std::max(b.albedo[c], kLeastAlbedo);
-  TracedSample out;
-  out.element = e;
-  out.point = in.point(e, b);
-  out.by = in.albedos(e, out.point.bsdf);
-  return out;
-}
 
 /// Which of the lights are seen.
 void traceShadows(const Accel& accel, const TracedSample& sample, const Arrivals& arrivals, std::vector<char>& seen, uint64_t& rays) {
@@ -87,17 +56,52 @@ void addRest(const Arrivals& arrivals, SampleSums& sums) {
 
 }  // namespace
 
+void writeSums(const SampleSums& sums, const SamplePlanes& out, size_t e) {
+  float *u = out.unshadowed.data() + 6 * e, *v = out.visible.data() + 6 * e, *moments = out.moments.data() + 4 * e;
+  for (int k = 0; k < 2; ++k) {
+    for (int c = 0; c < 3; ++c) {
+      u[3 * k + c] = float(std::min(sums.unshadowed[k][c], kMostSum));
+      v[3 * k + c] = float(std::min(sums.visible[k][c], kMostSum));
+    }
+    moments[2 * k] = float(std::min(sums.squares[k], kMostSum));
+    moments[2 * k + 1] = float(std::min(sums.seen[k], kMostSum));
+  }
+  out.traced[e] = 1;
+}
+
+bool speaksForItself(const Resampling& r, const Receivers& in, size_t e) {
+  const size_t width = size_t(in.view.width), p = e % (width * size_t(in.view.height));
+  const int x = int(p % width), y = int(p / width);
+  if (onGrid(r, in.view, x, y)) return true;
+  float sum = 0;
+  forNeighbours(r, in, x, y, e, [&](size_t, float weight) { sum += weight; });
+  return !(sum >= kLeastWeight);  // NaN: nothing does
+}
+
+TracedSample sampleAt(const Receivers& in, size_t e) {
+  BsdfParams b = in.bsdf(e);
+  for (int c = 0; c < 3; ++c) b.albedo[c] = std::max(b.albedo[c], kLeastAlbedo);
+  TracedSample out;
+  out.element = e;
+  out.point = in.point(e, b);
+  out.by = in.albedos(e, out.point.bsdf);
+  return out;
+}
+
+void addLight(SampleSums& sums, const Vec3 (&lobes)[2], double seen) {
+  for (int k = 0; k < 2; ++k) {
+    const DVec3 value(lobes[k]);
+    const double square = double(luminance(lobes[k])) * double(luminance(lobes[k]));
+    sums.unshadowed[k] += value;
+    sums.squares[k] += square;
+    sums.visible[k] += value * seen;
+    sums.seen[k] += square * seen;
+  }
+}
+
 SampleSums sumsOf(const Arrivals& arrivals, std::span<const char> seen) {
   SampleSums sums;
-  for (size_t i = 0; i < arrivals.lights.size(); ++i)
-    for (int k = 0; k < 2; ++k) {
-      const Vec3& lobe = arrivals.lights[i].lobe[k];
-      const DVec3 value(lobe);
-      const double square = double(luminance(lobe)) * double(luminance(lobe));
-      sums.unshadowed[k] += value;
-      sums.squares[k] += square;
-      if (seen[i]) sums.visible[k] += value, sums.seen[k] += square;
-    }
+  for (size_t i = 0; i < arrivals.lights.size(); ++i) addLight(sums, arrivals.lights[i].lobe, seen[i] ? 1.0 : 0.0);
   addRest(arrivals, sums);
   return sums;
 }
@@ -125,10 +129,7 @@ void SamplesNode::hashParameters(Hasher& h) const {
 Result<TermShape> SamplesNode::infer(std::span<const TermShape> in) const {
   Wiring w(type(), in, 2);
   Receivers::reads(w, view_);
-  return w.gives({type(),
-                  Domain::ViewSample,
-                  view_.extent(),
-                  {plane<float>("unshadowed", 6), plane<float>("visible", 6), plane<float>("moments", 4), plane<uint8_t>("traced")}});
+  return w.gives({type(), Domain::ViewSample, view_.extent(), SamplePlanes::shapes()});
 }
 
 Cost SamplesNode::cost(const TermShape& result, uint32_t) const {
@@ -141,9 +142,7 @@ Result<TermPtr> SamplesNode::run(const RunContext& ctx) const {
   const Receivers in(*ctx.inputs[0], *ctx.inputs[1], view_);
   const std::unique_ptr<const Lights> from = lights(ctx);
   if (!from) return Status(Code::Cancelled, type() + ": stopped");
-  const auto unshadowed = ctx.result->writable<float>("unshadowed"), visible = ctx.result->writable<float>("visible"),
-             moments = ctx.result->writable<float>("moments");
-  const auto traced = ctx.result->writable<uint8_t>("traced");
+  const SamplePlanes out(*ctx.result);
   // Some 4000 lights between looks at `stop`, where all samples are traced.
   const size_t grain = std::clamp<size_t>(4096 / std::max<size_t>(looked(), 1), 8, 256);
   const bool complete = ctx.arena->parallelFor(
@@ -158,8 +157,7 @@ Result<TermPtr> SamplesNode::run(const RunContext& ctx) const {
           arrivals.clear();
           from->at(sample, arrivals);
           traceShadows(*accel, sample, arrivals, seen, rays);
-          writeSums(sumsOf(arrivals, seen), unshadowed.data() + 6 * e, visible.data() + 6 * e, moments.data() + 4 * e);
-          traced[e] = 1;
+          writeSums(sumsOf(arrivals, seen), out, e);
         }
         if (ctx.counters) ctx.counters->rays.fetch_add(rays, std::memory_order_relaxed);
       },

@@ -37,9 +37,31 @@ struct SampleSums {
   DVec3 unshadowed[2] = {DVec3(0.0), DVec3(0.0)}, visible[2] = {DVec3(0.0), DVec3(0.0)};
   double squares[2] = {0, 0}, seen[2] = {0, 0};
 };
+/// One light more, of which `seen` of 0 .. 1 is: a shadow need not be hard.
+void addLight(SampleSums& sums, const Vec3 (&lobes)[2], double seen);
 /// `seen`: 1 for those of arrivals.lights that are. The rest is seen as a lobe's others are, or as the other lobe's where it has none, or else all of it;
 /// squares are those of the others, made to hold the light of all.
 SampleSums sumsOf(const Arrivals& arrivals, std::span<const char> seen);
+
+/// The planes of such a term (samples.h).
+struct SamplePlanes {
+  explicit SamplePlanes(Term& term)
+      : unshadowed(term.writable<float>("unshadowed")),
+        visible(term.writable<float>("visible")),
+        moments(term.writable<float>("moments")),
+        traced(term.writable<uint8_t>("traced")) {}
+  static std::vector<PlaneShape> shapes() {
+    return {plane<float>("unshadowed", 6), plane<float>("visible", 6), plane<float>("moments", 4), plane<uint8_t>("traced")};
+  }
+  std::span<float> unshadowed, visible, moments;
+  std::span<uint8_t> traced;
+};
+/// Of a sample that is traced.
+void writeSums(const SampleSums& sums, const SamplePlanes& out, size_t e);
+
+/// Whether a sample that is lit is traced: it is on the grid, or nothing there speaks for it.
+bool speaksForItself(const Resampling& r, const Receivers& in, size_t e);
+TracedSample sampleAt(const Receivers& in, size_t e);
 
 /// Radiance by what the lobe reflects; 0 where that is nothing, no more than what sums of it can hold.
 Vec3 byAlbedo(const Vec3& light, const Vec3& albedo);
