@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <ctime>
 #include <set>
 #include <tuple>
@@ -11,6 +12,7 @@
 #include "filters/stylised/sampled_distance.h"
 #include "filters/stylised/sampled_sums.h"
 #include "filters/stylised/transfer.h"
+#include "measure/plot.h"
 #include "unit/filters/synthetic.h"
 
 namespace gobo {
@@ -353,12 +355,16 @@ TEST(StyleSampled, DISABLED_ErrorAgainstTime) {
   };
   const double points = 480.0 * 270.0 * (16 + 64 + 256 + 1024 + 4096);
   double all = 0;
+  Plot plot{"Error against time: points of the contour, and all of it", "processor time, ms", "RMS of S"};
   for (const StyleNorm norm : {StyleNorm::Published, StyleNorm::Local}) {
+    const std::string name = norm == StyleNorm::Local ? "LOCAL" : "PUBLISHED";
+    PlotSeries series{name + ", 16 to 4096 points", {}};
     TermPtr D;
     const double time = ms([&] { D = exact(settings(e, 1, 8, norm), V, g); });
     const StyleTransferSettings style{0, 1.0f, 0};  // 100 pixels
     const auto reference = runFilter(makeStyleTransferNode(style), {D});
-    std::printf("%s: exact %.0f ms\n", norm == StyleNorm::Local ? "LOCAL" : "PUBLISHED", time);
+    std::printf("%s: exact %.0f ms\n", name.c_str(), time);
+    PlotSeries whole{name + ", exact (its bound)", {{time, 1e-4}}};
     for (uint32_t N = 16; N <= 4096; N *= 4) {
       const double t = ms([&] { D = sampled(settings(e, N, 8, norm), V, g); });
       all += t;
@@ -369,8 +375,12 @@ TEST(StyleSampled, DISABLED_ErrorAgainstTime) {
         sum += d * d;
       }
       std::printf("  N = %4u: RMS %.4f, %.0f ms\n", N, std::sqrt(sum / double(e.elements())), t);
+      series.points.push_back({t, std::sqrt(sum / double(e.elements()))});
     }
+    plot.series.push_back(std::move(series));
+    plot.series.push_back(std::move(whole));
   }
+  if (const char* path = std::getenv("STYLE_PLOT")) EXPECT_TRUE(writePlot(plot, path).ok()) << path;
   std::printf("%.1f ns a point\n", 1e6 * all / (2 * points));
 }
 
