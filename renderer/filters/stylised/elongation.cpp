@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "filters/stylised/averaged_distance.h"
+#include "filters/stylised/distance_field.h"
 #include "filters/stylised/surface_links.h"
 #include "terms/gbuffer.h"
 #include "trace/view_samples.h"
@@ -190,7 +190,8 @@ class StyleElongationNode final : public Node {
           [&](size_t begin, size_t end) {
             for (size_t e = begin * w; e < end * w; ++e) {
               if (e % kSamplesBetweenStops == 0 && ctx.stop.stopRequested()) return;
-              out[e] = walks.walk(e);
+              const float d = walks.walk(e);
+              out[e] = d == 0.0f ? kLeastStyleDistance : d;  // between samples it may be
             }
           },
           ctx.stop);

@@ -103,12 +103,12 @@ class StyleKeepNode final : public Node {
                    std::span<float> D) const {
     const auto inflation = [&](size_t e) { return varying.empty() ? s_.inflation : varying[e]; };
     std::vector<uint32_t> nearest(from.size(), kNone);
-    std::vector<float> least(from.size(), std::numeric_limits<float>::infinity());
+    std::vector<float> least(from.size(), std::numeric_limits<float>::infinity());  // distance to the disc that is kept about it
     bool any = false;
     for (size_t y = 0; y < from.size(); ++y) {
       if (!(r[y] > 0.0f && from[y] < 0.0f && from[y] > -kStyleFar)) continue;
       if (!(-from[y] * (1.0f - s_.keep) < -inflation(y))) continue;
-      nearest[y] = uint32_t(y), least[y] = from[y] * s_.keep, any = true;
+      nearest[y] = uint32_t(y), least[y] = -s_.keep * r[y], any = true;
     }
     if (!any) return {};
     const float cosine = std::cos(s_.angle) - kRoundedCosine;
@@ -116,7 +116,7 @@ class StyleKeepNode final : public Node {
     const auto take = [&](size_t e, size_t f) {
       const uint32_t y = nearest[f];
       if (y == kNone || y == nearest[e]) return false;
-      const float d = -from[y] * (glm::length(in.at(in.P, e) - in.at(in.P, y)) / r[y] - s_.keep);
+      const float d = glm::length(in.at(in.P, e) - in.at(in.P, y)) - s_.keep * r[y];
       if (!(d < least[e])) return false;
       nearest[e] = y, least[e] = d;
       return true;
@@ -124,7 +124,8 @@ class StyleKeepNode final : public Node {
     if (!sweepLinks(links, ctx.stop, take)) return Status(Code::Cancelled, "style_keep: stopped");
     for (size_t e = 0; e < from.size(); ++e) {
       const float i = inflation(e);
-      if (i < 0.0f && nearest[e] != kNone) D[e] = std::min(from[e], i + least[e]);
+      const uint32_t y = nearest[e];
+      if (i < 0.0f && y != kNone) D[e] = std::min(from[e], i - from[y] / r[y] * least[e]);
     }
     return {};
   }

@@ -8,8 +8,9 @@
 //   Output     term "style_half_width", plane half_width f32, metres.
 //
 // style_keep
-//   Computes   D'(x) = min(D(x), i + min over thin y of w(y) (|x - y| / r(y) - k)),  w = -D(y), where i(x) < 0;  D' = D elsewhere. A sample y of the skeleton is
-//              thin where (1 - k) w(y) < -i(y): deflation alone would leave less of it than k.
+//   Computes   D'(x) = min(D(x), i + w(y) (|x - y| / r(y) - k)),  w = -D(y),  where i(x) < 0, y being that of the thin samples about which the disc of radius
+//              k r(y) is nearest to x;  D' = D elsewhere. A sample y of the skeleton is thin where (1 - k) w(y) < -i(y): deflation alone would leave less of
+//              it than k.
 //   Effect     {D' < i} is what deflation leaves, joined with discs of radius k r(y) about the skeleton where that is thin: the medial axis transform of the
 //              shadow with radii max(r - |i|, k r). So thin parts keep the share k of their half width and stay as connected as the shadow was, wherever k r is
 //              more than a pixel; parts that are not thin have D to the bit. At the former edge both are 0: softness sees no seam.
@@ -18,7 +19,7 @@
 //   Inputs     0: plane D; 1: plane half_width; 2: "gbuffer"; 3, where the inflation varies: "style_parameters" (plane inflation).
 //   Output     term "style_distance", plane D, at most that of input 0.
 //   Parameters keep k 0 .. 1; inflation i. i >= 0 copies; plans leave it out. k = 0 copies too.
-//   Error      Which thin y is least is found by sweeps over linked samples (filters/stylised/surface_links.h): exact but for fractions of a pixel. Where an even
+//   Error      Which y is nearest is found by sweeps over linked samples (filters/stylised/surface_links.h): exact but for fractions of a pixel. Where an even
 //              number of samples lies across a part, its skeleton is two of them wide and keeps up to half a pixel more. Ends of thin parts draw in by (1 - k) of
 //              their half width. Samples that no link joins with a thin y keep D: light behind a gap.
 // Cost         style_half_width 30 to 60 ns a sample and 200 ns a shadowed one; style_keep 40 to 100 ns a sample.

@@ -26,6 +26,8 @@ struct ShadowPiece {
   double thickness = 0;      ///< of the surface about the centroid's plane, and a pixel's width: what is within it lies in the piece's plane
   size_t samples = 0;
   bool whole = false;        ///< has a target
+  /// Of a ball around the centre: the distance to the target is no less than that to the ball.
+  double reach() const { return shape.reach() + thickness; }
 };
 
 struct ShadowPieces {

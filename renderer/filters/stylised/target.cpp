@@ -67,7 +67,7 @@ struct TargetLayer {
       if (p.whole && std::acos(std::clamp(glm::dot(b.axis, DVec3(p.normal)), -1.0, 1.0)) + b.spread < angle)
         surely = std::min(surely, glm::length(p.centre - b.centre) + b.radius);
     for (size_t k = 0; k < all.pieces.size(); ++k)
-      if (const ShadowPiece& p = all.pieces[k]; p.whole && glm::length(p.centre - b.centre) - b.radius - p.shape.reach() <= surely) out.push_back(uint32_t(k));
+      if (const ShadowPiece& p = all.pieces[k]; p.whole && glm::length(p.centre - b.centre) - b.radius - p.reach() <= surely) out.push_back(uint32_t(k));
   }
 
   float at(size_t e, const std::vector<uint32_t>& near) const {
@@ -79,7 +79,7 @@ struct TargetLayer {
     if (own != ShadowPieces::kNone && all.pieces[own].whole) T = distanceToTarget(all.pieces[own], x);
     for (const uint32_t k : near) {
       const ShadowPiece& p = all.pieces[k];
-      if (k == own || glm::dot(p.normal, n) < cosine || glm::length(x - p.centre) - p.shape.reach() >= T) continue;
+      if (k == own || glm::dot(p.normal, n) < cosine || glm::length(x - p.centre) - p.reach() >= T) continue;
       T = std::min(T, distanceToTarget(p, x));
     }
     if (!(T < HUGE_VAL)) return from[e];

@@ -15,7 +15,8 @@ namespace stylised_curve_test {
 using namespace test;
 
 std::vector<float> styled(const StyleTransferSettings& s, std::vector<TermPtr> in) {
-  const auto V = runFilter(makeStyleTransferNode(s), std::move(in))->floats("V");
+  const TermPtr out = runFilter(makeStyleTransferNode(s), std::move(in));
+  const auto V = out->floats("V");
   return {V.begin(), V.end()};
 }
 StyleTransferSettings along(std::vector<float> curve, float softness = 1) {
@@ -109,7 +110,8 @@ TEST(StyleLayers, ThatVaryAreAsDarkInAPatternAsTheyAre) {
   s.brightness = 0.2f, s.ownShare = 0.25, s.rest = 0.1, s.layerShares = {0.5};
   const auto layer = parameters(e, {{"brightness", 0.6f}});
   const auto V = floatTerm(e, "V", [](int, int, int) { return 0.8f; });
-  const auto out = runFilter(makeStylePatternNode(s), {V, layer})->floats("V");
+  const TermPtr made = runFilter(makeStylePatternNode(s), {V, layer});
+  const auto out = made->floats("V");
   size_t drawn = 0;
   for (size_t k = 0; k < out.size(); ++k) {
     const float dark = float(0.25 * 0.2 + 0.1 + 0.5 * 0.6 * double(float(k % 50)) / 50);
