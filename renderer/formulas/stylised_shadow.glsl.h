@@ -43,6 +43,18 @@ FORMULA float styledVisibilityBy(int kind, float bands, float d, float inflation
   return brightness + (1.0f - brightness) * t;
 }
 
+/// Where d lies in the band from i - s/2 to i + s/2: 0 .. 1, outside of it below 0 or above 1; finite for s = 0.
+FORMULA float bandPosition(float d, float inflation, float softness) { return (d - inflation) / maxOf(softness, 1.0e-30f) + 0.5f; }
+
+/// The same along a curve of straight lines, at `between` (0 .. 1) of the one from `before` to `after`; u = bandPosition(d, i, s). What lies beside the band is
+/// in full shadow or full light, wherever the curve begins and ends.
+FORMULA float styledVisibilityAlong(float before, float after, float between, float u, float d, float inflation, float softness, float brightness) {
+  float along = before + (after - before) * limit(between, 0.0f, 1.0f);
+  float across = CHOOSE(u < 0.0f, 0.0f, CHOOSE(u > 1.0f, 1.0f, along));
+  float t = CHOOSE(softness > 0.0f, across, CHOOSE(d > inflation, 1.0f, 0.0f));
+  return brightness + (1.0f - brightness) * t;
+}
+
 /// Length of the pixel of width 1 about x that lies in lines of width w, `spacing` apart, one about 0: its mean over x is w / spacing. 0 <= w <= spacing,
 /// spacing >= 2.
 FORMULA float hatching01(float x, float spacing, float w) {

@@ -13,24 +13,43 @@ namespace gobo {
 namespace {
 
 constexpr int kMostExpressions = 256;
-constexpr std::string_view kStyle = "shadows.style.", kLights = "lights.", kLightStyle = ".shadow.style.";
+constexpr std::string_view kStyle = "shadows.style.", kLights = "lights.", kLightStyle = ".shadow.style.", kLayers = "layers[";
 
-/// The field of a style that a path ends in, and the light whose it is ("": all lights'). False: it is no such path, or of a field that does not vary from
-/// place to place.
-bool styleField(std::string_view path, StyleField& field, std::string_view& light) {
+/// A number of a style that may vary from place to place.
+struct StyledNumber {
+  std::string_view light;  ///< whose style; "": all lights'
+  int layer = -1;          ///< -1: the style's own
+  StyleField field = StyleField::Inflation;
+};
+
+/// "layers[K]." taken off `text`. False: it begins otherwise. Indices are as they are counted: [01] is none.
+bool styleLayerOf(std::string_view& text, int& layer) {
+  if (!text.starts_with(kLayers)) return false;
+  const size_t end = text.find("].");
+  if (end == std::string_view::npos) return false;
+  const std::string_view digits = text.substr(kLayers.size(), end - kLayers.size());
+  if (digits.empty() || digits.size() > 6 || (digits.size() > 1 && digits[0] == '0') || digits.find_first_not_of("0123456789") != std::string_view::npos) return false;
+  layer = std::stoi(std::string(digits));
+  text.remove_prefix(end + 2);
+  return true;
+}
+
+/// What a path ends in. False: it is no such path, or of a field that does not vary from place to place.
+bool styledNumber(std::string_view path, StyledNumber& out) {
   std::string_view last;
   if (path.starts_with(kStyle)) {
-    light = {};
     last = path.substr(kStyle.size());
   } else {
     const size_t at = path.rfind(kLightStyle);
     if (!path.starts_with(kLights) || at == std::string_view::npos || at < kLights.size()) return false;
-    light = path.substr(kLights.size(), at - kLights.size());
+    out.light = path.substr(kLights.size(), at - kLights.size());
     last = path.substr(at + kLightStyle.size());
   }
-  const auto found = std::find(kStyleFields.begin(), kStyleFields.end(), last);
-  if (found == kStyleFields.end()) return false;
-  field = StyleField(found - kStyleFields.begin());
+  const bool ofLayer = styleLayerOf(last, out.layer);
+  const auto end = kStyleFields.begin() + ptrdiff_t(ofLayer ? kLayerFields : kStyleFields.size());
+  const auto found = std::find(kStyleFields.begin(), end, last);
+  if (found == end) return false;
+  out.field = StyleField(found - kStyleFields.begin());
   return true;
 }
 
@@ -46,15 +65,14 @@ Status applyExpression(v1::RenderRequest& request, const std::string& path, cons
   const std::string entry = "request.expressions." + path, place = entry + ".formula";
   if (!mayVary(path))
     return invalidArgument(entry + ": only numbers of camera, lights, environment, shadows, tone_map, integrator, meshes and filters have expressions", entry);
-  StyleField styled;
-  std::string_view light;
-  const bool varies = styleField(path, styled, light);
-  if (varies && !light.empty()) (void)(*request.mutable_lights())[std::string(light)].mutable_shadow()->mutable_style();
+  StyledNumber styled;
+  const bool varies = styledNumber(path, styled);
+  if (varies && !styled.light.empty()) (void)(*request.mutable_lights())[std::string(styled.light)].mutable_shadow()->mutable_style();
   auto field = numberField(request, path);
   if (!field.ok()) return invalidArgument(entry + ": " + field.status().message(), entry);
   if (field->width != 1) return invalidArgument(entry + ": is a vector; a formula is one number (request.curves has vectors)", entry);
   GOBO_ASSIGN(const Formula formula, Formula::parse(e.formula(), kStyleNames, place));
-  if (varies && styled == StyleField::Abstraction && formula.reads(size_t(StyleName::Edge)))
+  if (varies && styled.field == StyleField::Abstraction && formula.reads(size_t(StyleName::Edge)))
     return invalidArgument(place + ": reads edge, which abstraction makes", place);
   if (varies && !unchanging(formula, path, place).ok()) {
     const double none = 0;  // what the field itself says is not asked; a style must be there
@@ -100,40 +118,57 @@ bool expressionsMove(const v1::RenderRequest& request) {
   return false;
 }
 
+namespace {
+
+/// The formula of one field, with the objects that it names.
+Result<StyleFormula> styleFormula(const std::string& path, const v1::Expression& e, const char* field, const google::protobuf::Descriptor* of, const Scene& scene,
+                                  StyleFormulas& out) {
+  const std::string place = "request.expressions." + path + ".formula";
+  GOBO_ASSIGN(Formula formula, Formula::parse(e.formula(), kStyleNames, place));
+  const v1::Number range = of->FindFieldByName(field)->options().GetExtension(v1::number);
+  StyleFormula f{std::move(formula), range.min(), range.max(), place};
+  for (const auto& [object, caster] : f.formula.objects()) {
+    StyleFormula::Object found;
+    std::vector<uint32_t>& instances = found.instances;
+    std::vector<std::string> known;
+    for (size_t i = 0; i < scene.instances.size(); ++i) {
+      const std::string& name = scene.instances[i].name;
+      known.push_back(name);
+      if (name == object || (name.starts_with(object) && name[object.size()] == '#')) instances.push_back(uint32_t(i));
+    }
+    if (instances.empty()) return invalidArgument(place + ": no object '" + object + "' in the scene" + didYouMean(object, known), place);
+    if (caster) {
+      found.caster = int(std::find(out.casters.begin(), out.casters.end(), instances) - out.casters.begin());
+      if (size_t(found.caster) == out.casters.size()) out.casters.push_back(instances);
+      if (out.casters.size() > kMostCasters)
+        return invalidArgument(
+            place + ": caster(\"" + object + "\") is one too many: formulas of one style name at most " + std::to_string(kMostCasters) + " casters", place);
+    }
+    f.objects.push_back(std::move(found));
+  }
+  return f;
+}
+
+}  // namespace
+
 Result<StyleFormulas> styleFormulas(const v1::RenderRequest& request, const std::string& light, const Scene& scene) {
   StyleFormulas out;
   out.time = request.has_time_s() ? request.time_s() : 0.0;
   const auto edit = request.lights().find(light);
   const bool own = edit != request.lights().end() && edit->second.has_shadow();
   const std::string prefix = own ? std::string(kLights) + light + std::string(kLightStyle) : std::string(kStyle);
-  for (size_t k = 0; k < kStyleFields.size(); ++k) {
-    const auto found = request.expressions().find(prefix + kStyleFields[k]);
-    if (found == request.expressions().end()) continue;
-    const std::string place = "request.expressions." + found->first + ".formula";
-    GOBO_ASSIGN(Formula formula, Formula::parse(found->second.formula(), kStyleNames, place));
-    const v1::Number range = v1::ShadowStyle::descriptor()->FindFieldByName(kStyleFields[k])->options().GetExtension(v1::number);
-    StyleFormula f{std::move(formula), range.min(), range.max(), place};
-    for (const auto& [object, caster] : f.formula.objects()) {
-      StyleFormula::Object found;
-      std::vector<uint32_t>& instances = found.instances;
-      std::vector<std::string> known;
-      for (size_t i = 0; i < scene.instances.size(); ++i) {
-        const std::string& name = scene.instances[i].name;
-        known.push_back(name);
-        if (name == object || (name.starts_with(object) && name[object.size()] == '#')) instances.push_back(uint32_t(i));
-      }
-      if (instances.empty()) return invalidArgument(place + ": no object '" + object + "' in the scene" + didYouMean(object, known), place);
-      if (caster) {
-        found.caster = int(std::find(out.casters.begin(), out.casters.end(), instances) - out.casters.begin());
-        if (size_t(found.caster) == out.casters.size()) out.casters.push_back(instances);
-        if (out.casters.size() > kMostCasters)
-          return invalidArgument(
-              place + ": caster(\"" + object + "\") is one too many: formulas of one style name at most " + std::to_string(kMostCasters) + " casters", place);
-      }
-      f.objects.push_back(std::move(found));
-    }
-    out.all.emplace_back(StyleField(k), std::move(f));
-  }
+  const auto add = [&](const std::string& group, const char* field, const google::protobuf::Descriptor* of, StyleFormulaList& list) -> Status {
+    const auto found = request.expressions().find(group + field);
+    if (found == request.expressions().end()) return {};
+    GOBO_ASSIGN(StyleFormula f, styleFormula(found->first, found->second, field, of, scene, out));
+    list.emplace_back(StyleField(std::find(kStyleFields.begin(), kStyleFields.end(), std::string_view(field)) - kStyleFields.begin()), std::move(f));
+    return {};
+  };
+  for (const char* field : kStyleFields) GOBO_TRY(add(prefix, field, v1::ShadowStyle::descriptor(), out.all));
+  out.layers.resize(size_t((own ? edit->second.shadow() : request.shadows()).style().layers_size()));
+  for (size_t l = 0; l < out.layers.size(); ++l)
+    for (size_t k = 0; k < kLayerFields; ++k)
+      GOBO_TRY(add(prefix + std::string(kLayers) + std::to_string(l) + "].", kStyleFields[k], v1::ShadowStyleLayer::descriptor(), out.layers[l]));
   return out;
 }
 

@@ -44,6 +44,18 @@ double getNumber(const Message& m, const Reflection& r, const FieldDescriptor* f
   }
 }
 
+double getElement(const Message& m, const Reflection& r, const FieldDescriptor* f, int k) {
+  switch (f->cpp_type()) {
+    case FieldDescriptor::CPPTYPE_INT32: return r.GetRepeatedInt32(m, f, k);
+    case FieldDescriptor::CPPTYPE_INT64: return double(r.GetRepeatedInt64(m, f, k));
+    case FieldDescriptor::CPPTYPE_UINT32: return r.GetRepeatedUInt32(m, f, k);
+    case FieldDescriptor::CPPTYPE_UINT64: return double(r.GetRepeatedUInt64(m, f, k));
+    case FieldDescriptor::CPPTYPE_FLOAT: return r.GetRepeatedFloat(m, f, k);
+    case FieldDescriptor::CPPTYPE_DOUBLE: return r.GetRepeatedDouble(m, f, k);
+    default: return 0;
+  }
+}
+
 void setNumber(Message& m, const Reflection& r, const FieldDescriptor* f, double v) {
   switch (f->cpp_type()) {
     case FieldDescriptor::CPPTYPE_INT32: r.SetInt32(&m, f, int32_t(v)); break;
@@ -71,6 +83,8 @@ Status resolveScalar(Message& m, const FieldDescriptor* f, const std::string& pa
     for (int k = 0; k < r.FieldSize(m, f); ++k) {  // adding it to a negative zero makes it positive, and changes nothing else
       if (f->cpp_type() == FieldDescriptor::CPPTYPE_FLOAT) r.SetRepeatedFloat(&m, f, k, r.GetRepeatedFloat(m, f, k) + 0.0f);
       if (f->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE) r.SetRepeatedDouble(&m, f, k, r.GetRepeatedDouble(m, f, k) + 0.0);
+      if (isNumeric(f) && options.HasExtension(v1::number))
+        GOBO_TRY(checkRange(options.GetExtension(v1::number), getElement(m, r, f, k), path + "[" + std::to_string(k) + "]"));
     }
     return {};
   }

@@ -5,8 +5,21 @@ namespace gobo {
 
 namespace {
 
+constexpr int kLeastCurve = 2, kMostCurve = 256;
+
+/// What ranges of single fields cannot say.
+Status checkCurve(const v1::ShadowStyle& style, const std::string& place) {
+  const int values = style.curve_size(), least = style.transition() == v1::ShadowStyle::CURVE ? kLeastCurve : 0;
+  if (values >= least && values <= kMostCurve) return {};
+  const std::string field = place + ".curve";
+  return invalidArgument(field + ": has " + std::to_string(values) + (values == 1 ? " value" : " values") + "; transition CURVE needs " +
+                             std::to_string(kLeastCurve) + " to " + std::to_string(kMostCurve),
+                         field);
+}
+
 Status ofTechnique(v1::ShadowTechnique& shadow, const v1::ShadowTechnique* common, const std::string& field) {
   if (!shadow.has_style()) return {};
+  GOBO_TRY(checkCurve(shadow.style(), field + ".style"));
   if (shadow.has_path_traced())
     return invalidArgument(field + ".style: " + field + ".path_traced has no visibility that it could be a style of; name another technique, or none",
                            field + ".style");

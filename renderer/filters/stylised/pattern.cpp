@@ -41,16 +41,20 @@ class StylePatternNode final : public Node {
     h.add(int(s_.pattern)).add(s_.spacing).add(s_.angle).add(s_.ownShare).add(s_.rest).add(s_.varyingBrightness);
     if (!s_.varyingBrightness) h.add(s_.brightness);
     s_.place.hash(h);
+    for (const double share : s_.layerShares) h.add("layer").add(share);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
-    Wiring w(type(), in, s_.varyingBrightness ? 2 : 1);
+    const size_t inputs = (s_.varyingBrightness ? 2 : 1) + s_.layerShares.size();
+    Wiring w(type(), in, inputs);
     w.over(0, s_.extent).reads<float>(0, "V", {1, 3});
-    if (s_.varyingBrightness) w.over(1, s_.extent).reads<float>(1, "brightness");
+    for (size_t k = 1; k < inputs; ++k) w.over(k, s_.extent).reads<float>(k, "brightness");
     return w.gives({"visibility", Domain::ViewSample, s_.extent, {unsetPlane<float>("V", w.channels(0, "V"))}});
   }
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto from = ctx.inputs.at(0)->floats("V");
     const auto brightness = s_.varyingBrightness ? ctx.inputs.at(1)->floats("brightness") : std::span<const float>();
+    std::vector<std::span<const float>> layers;
+    for (size_t k = 0; k < s_.layerShares.size(); ++k) layers.push_back(ctx.inputs.at(k + (s_.varyingBrightness ? 2 : 1))->floats("brightness"));
     const auto V = ctx.result->writable<float>("V");
     const size_t channels = size_t(ctx.result->channels("V")), w = size_t(s_.extent.width), h = size_t(s_.extent.height);
     const bool complete = ctx.arena->parallelFor(
@@ -59,7 +63,9 @@ class StylePatternNode final : public Node {
           for (size_t e = begin; e < end; ++e) {
             const float* in = &from[channels * e];
             const float tone = *std::max_element(in, in + channels);
-            const float dark = float(s_.ownShare * double(brightness.empty() ? s_.brightness : brightness[e]) + s_.rest);
+            double keeps = s_.ownShare * double(brightness.empty() ? s_.brightness : brightness[e]) + s_.rest;
+            for (size_t k = 0; k < layers.size(); ++k) keeps += s_.layerShares[k] * double(layers[k][e]);
+            const float dark = float(keeps);
             const float drawn = tone <= dark || dark >= 1.0f ? tone : drawnTone(e % w, e / w % h, tone, dark);
             for (size_t c = 0; c < channels; ++c) V[channels * e + c] = tone > 0.0f ? std::min(in[c] * (drawn / tone), 1.0f) : drawn;
           }

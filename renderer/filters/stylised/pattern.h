@@ -7,7 +7,7 @@
 //              period is the tone: exact for lines, within 1 % for dots.
 // Inputs       0: the styled visibility, plane V of 1 or 3 channels (of three the largest is the tone, and all are scaled alike); then, where brightness
 // varies,
-//              "style_parameters" (plane brightness).
+//              "style_parameters" (plane brightness): of the style, then of each layer in layerShares.
 // Output       term "visibility", plane V, in [0, 1].
 // Parameters   spacing (pixels), angle (radians, counter-clockwise from the horizontal), dark: what a full shadow keeps of the light. With layers dark is
 //              ownShare * brightness + rest.
@@ -31,6 +31,7 @@ struct StylePatternSettings {
   float brightness = 0;           ///< of the first layer
   double ownShare = 1, rest = 0;  ///< 1, 0 without layers
   bool varyingBrightness = false;
+  std::vector<double> layerShares{};  ///< of each further layer whose brightness varies: of the mean; `rest` is without it
 };
 NodePtr makeStylePatternNode(const StylePatternSettings& settings);
 

@@ -41,10 +41,15 @@ inline constexpr std::array<const char*, 4> kStyleFields{"inflation", "softness"
 
 inline constexpr size_t kMostCasters = 3;  ///< that the formulas of one style name
 
+using StyleFormulaList = std::vector<std::pair<StyleField, StyleFormula>>;  ///< by field, each at most once
+
+inline constexpr size_t kLayerFields = 3;  ///< of kStyleFields, the first ones: a layer's abstraction is one number for all places
+
 struct StyleFormulas {
-  std::vector<std::pair<StyleField, StyleFormula>> all;  ///< by field, each at most once
+  StyleFormulaList all;  ///< of the style's own fields
   std::vector<std::vector<uint32_t>> casters{};          ///< instances of each that a formula names, increasing
   double time = 0;
+  std::vector<StyleFormulaList> layers{};  ///< of each layer's; as many as there are layers, or none
   const StyleFormula* find(StyleField field) const {
     for (const auto& [f, formula] : all)
       if (f == field) return &formula;

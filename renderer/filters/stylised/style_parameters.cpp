@@ -15,7 +15,7 @@ namespace {
 
 class StyleParametersNode final : public Node {
  public:
-  StyleParametersNode(const Extent& e, std::vector<std::pair<StyleField, StyleFormula>> formulas, double time)
+  StyleParametersNode(const Extent& e, StyleFormulaList formulas, double time)
       : extent_(e), formulas_(std::move(formulas)), time_(time) {
     GOBO_CHECK(!formulas_.empty());
   }
@@ -145,13 +145,13 @@ class StyleParametersNode final : public Node {
   }
 
   Extent extent_;
-  std::vector<std::pair<StyleField, StyleFormula>> formulas_;
+  StyleFormulaList formulas_;
   double time_;
 };
 
 }  // namespace
 
-NodePtr makeStyleParametersNode(const Extent& extent, std::vector<std::pair<StyleField, StyleFormula>> formulas, double time) {
+NodePtr makeStyleParametersNode(const Extent& extent, StyleFormulaList formulas, double time) {
   return std::make_shared<StyleParametersNode>(extent, std::move(formulas), time);
 }
 

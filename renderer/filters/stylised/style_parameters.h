@@ -16,6 +16,6 @@
 namespace gobo {
 
 /// Abstraction reads no edge and is made before it: the caller plans it apart from the others. `formulas` is not empty.
-NodePtr makeStyleParametersNode(const Extent& extent, std::vector<std::pair<StyleField, StyleFormula>> formulas, double time);
+NodePtr makeStyleParametersNode(const Extent& extent, StyleFormulaList formulas, double time);
 
 }  // namespace gobo

@@ -16,6 +16,7 @@ class StyleTransferNode final : public Node {
  public:
   explicit StyleTransferNode(const StyleTransferSettings& s) : s_(s) {
     GOBO_CHECK(s.softness >= 0.0f && s.brightness >= 0.0f && s.brightness <= 1.0f && s.steps >= 1 && s.distances >= 1);
+    GOBO_CHECK(s.transition != StyleTransition::Curve || s.curve.size() >= 2);
     for (const StyleTransferLayer& l : s.layers)
       GOBO_CHECK(l.softness >= 0.0f && l.brightness >= 0.0f && l.brightness <= 1.0f && l.weight >= 0.0 && l.distance < s.distances);
   }
@@ -32,20 +33,34 @@ class StyleTransferNode final : public Node {
     if (s_.transition != StyleTransition::Smoothstep) h.add("transition").add(int(s_.transition));
     if (s_.transition == StyleTransition::Staircase) h.add(s_.steps);
     if (s_.varies()) h.add("varies").add(s_.varyingInflation).add(s_.varyingSoftness).add(s_.varyingBrightness);
-    for (const StyleTransferLayer& l : s_.layers) h.add("layer").add(l.inflation).add(l.softness).add(l.brightness).add(l.weight).add(l.distance);
+    if (s_.transition == StyleTransition::Curve) {
+      h.add(uint64_t(s_.curve.size()));
+      for (const float c : s_.curve) h.add(c);
+    }
+    for (const StyleTransferLayer& l : s_.layers) {
+      const auto constant = [&](bool varies, float x) { return varies ? 0.0f : x; };
+      h.add("layer").add(constant(l.varyingInflation, l.inflation)).add(constant(l.varyingSoftness, l.softness));
+      h.add(constant(l.varyingBrightness, l.brightness)).add(l.weight).add(l.distance);
+      if (l.varies()) h.add("varies").add(l.varyingInflation).add(l.varyingSoftness).add(l.varyingBrightness);
+    }
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     const size_t tint = size_t(s_.distances), parameters = tint + (s_.tinted ? 1 : 0);
-    Wiring w(type(), in, parameters + (s_.varies() ? 1 : 0));
+    Wiring w(type(), in, parameters + size_t(parameterInputs()));
     const Extent extent = w.input(0).extent;
     for (size_t k = 0; k < tint; ++k) w.over(k, extent).reads<float>(k, "D");
     if (s_.tinted) w.over(tint, extent).reads<float>(tint, "V", {3});
-    if (s_.varies()) {
-      w.over(parameters, extent);
-      if (s_.varyingInflation) w.reads<float>(parameters, "inflation");
-      if (s_.varyingSoftness) w.reads<float>(parameters, "softness");
-      if (s_.varyingBrightness) w.reads<float>(parameters, "brightness");
-    }
+    size_t next = parameters;
+    const auto readsVarying = [&](const auto& l) {
+      if (!l.varies()) return;
+      w.over(next, extent);
+      if (l.varyingInflation) w.reads<float>(next, "inflation");
+      if (l.varyingSoftness) w.reads<float>(next, "softness");
+      if (l.varyingBrightness) w.reads<float>(next, "brightness");
+      ++next;
+    };
+    readsVarying(s_);
+    for (const StyleTransferLayer& l : s_.layers) readsVarying(l);
     return w.gives({"visibility", Domain::ViewSample, extent, {unsetPlane<float>("V", s_.tinted ? 3 : 1)}});
   }
   Result<TermPtr> run(const RunContext& ctx) const override {
@@ -53,26 +68,28 @@ class StyleTransferNode final : public Node {
     for (int k = 0; k < s_.distances; ++k) D.push_back(ctx.inputs.at(size_t(k))->floats("D"));
     const auto V = ctx.result->writable<float>("V");
     const auto tint = s_.tinted ? ctx.inputs[size_t(s_.distances)]->floats("V") : std::span<const float>();
-    const Term* varying = s_.varies() ? ctx.inputs.back().get() : nullptr;
-    const auto plane = [&](bool varies, const char* name) { return varies ? varying->floats(name) : std::span<const float>(); };
-    const auto inflation = plane(s_.varyingInflation, "inflation"), softness = plane(s_.varyingSoftness, "softness"),
-               brightness = plane(s_.varyingBrightness, "brightness");
+    size_t next = size_t(s_.distances) + (s_.tinted ? 1 : 0);
+    const auto planesOf = [&](const auto& l) {
+      VaryingPlanes p;
+      if (!l.varies()) return p;
+      const Term& from = *ctx.inputs.at(next++);
+      if (l.varyingInflation) p.inflation = from.floats("inflation");
+      if (l.varyingSoftness) p.softness = from.floats("softness");
+      if (l.varyingBrightness) p.brightness = from.floats("brightness");
+      p.any = true;
+      return p;
+    };
+    std::vector<VaryingPlanes> varying{planesOf(s_)};
+    for (const StyleTransferLayer& l : s_.layers) varying.push_back(planesOf(l));
+    const std::vector<StyleTransferSettings> settings = layerSettings();
     const bool complete = ctx.arena->parallelFor(
         D[0].size(), 1 << 15,
         [&](size_t begin, size_t end) {
           for (size_t from = begin; from < end; from += kRun) {
             const size_t n = std::min(kRun, end - from);
             std::array<float, kRun> S;
-            if (!varying) styleRun(&D[0][from], n, s_, S.data());
-            else
-              for (size_t k = 0; k < n; ++k) {
-                const auto of = [&](std::span<const float> p, float otherwise) { return p.empty() ? otherwise : p[from + k]; };
-                StyleTransferSettings here;
-                here.inflation = of(inflation, s_.inflation), here.softness = of(softness, s_.softness), here.brightness = of(brightness, s_.brightness);
-                here.transition = s_.transition, here.steps = s_.steps;
-                styleRun(&D[0][from + k], 1, here, &S[k]);
-              }
-            if (!s_.layers.empty()) addLayers(D, from, n, S);
+            styleOf(settings[0], varying[0], D[0], from, n, S.data());
+            if (!s_.layers.empty()) addLayers(settings, varying, D, from, n, S);
             write(tint, from, n, S, V);
           }
         },
@@ -82,17 +99,52 @@ class StyleTransferNode final : public Node {
   }
 
  private:
-  void addLayers(const std::vector<std::span<const float>>& D, size_t from, size_t n, std::array<float, kRun>& S) const {
+  struct VaryingPlanes {
+    bool any = false;
+    std::span<const float> inflation, softness, brightness;
+  };
+
+  int parameterInputs() const {
+    int n = s_.varies() ? 1 : 0;
+    for (const StyleTransferLayer& l : s_.layers) n += l.varies() ? 1 : 0;
+    return n;
+  }
+
+  /// What styleRun asks of the style and of each layer.
+  std::vector<StyleTransferSettings> layerSettings() const {
+    std::vector<StyleTransferSettings> all;
+    const auto add = [&](const auto& l) {
+      StyleTransferSettings& s = all.emplace_back();
+      s.inflation = l.inflation, s.softness = l.softness, s.brightness = l.brightness;
+      s.transition = s_.transition, s.steps = s_.steps, s.curve = s_.curve;
+    };
+    add(s_);
+    for (const StyleTransferLayer& l : s_.layers) add(l);
+    return all;
+  }
+
+  static void styleOf(const StyleTransferSettings& s, const VaryingPlanes& varying, std::span<const float> D, size_t from, size_t n, float* S) {
+    if (!varying.any) return styleRun(&D[from], n, s, S);
+    StyleTransferSettings here = s;
+    for (size_t k = 0; k < n; ++k) {
+      const auto of = [&](std::span<const float> p, float otherwise) { return p.empty() ? otherwise : p[from + k]; };
+      here.inflation = of(varying.inflation, s.inflation), here.softness = of(varying.softness, s.softness);
+      here.brightness = of(varying.brightness, s.brightness);
+      styleRun(&D[from + k], 1, here, S + k);
+    }
+  }
+
+  void addLayers(const std::vector<StyleTransferSettings>& settings, const std::vector<VaryingPlanes>& varying, const std::vector<std::span<const float>>& D,
+                 size_t from, size_t n, std::array<float, kRun>& S) const {
     std::array<double, kRun> sum;
     std::copy_n(S.begin(), n, sum.begin());
     double weights = 1;
-    for (const StyleTransferLayer& l : s_.layers) {
+    for (size_t l = 0; l < s_.layers.size(); ++l) {
+      const StyleTransferLayer& layer = s_.layers[l];
       std::array<float, kRun> more;
-      StyleTransferSettings layer;
-      layer.inflation = l.inflation, layer.softness = l.softness, layer.brightness = l.brightness, layer.transition = s_.transition, layer.steps = s_.steps;
-      styleRun(&D[size_t(l.distance)][from], n, layer, more.data());
-      for (size_t k = 0; k < n; ++k) sum[k] += l.weight * double(more[k]);
-      weights += l.weight;
+      styleOf(settings[l + 1], varying[l + 1], D[size_t(layer.distance)], from, n, more.data());
+      for (size_t k = 0; k < n; ++k) sum[k] += layer.weight * double(more[k]);
+      weights += layer.weight;
     }
     for (size_t k = 0; k < n; ++k) S[k] = float(sum[k] / weights);
   }

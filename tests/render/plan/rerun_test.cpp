@@ -6,6 +6,7 @@
 #include <google/protobuf/descriptor.h>
 
 #include <set>
+#include <sstream>
 
 #include "filters/shadow_technique.h"
 #include "support/animated_scene.h"
@@ -311,6 +312,7 @@ TEST(Rerun, FilterParameters) {
 TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
   const Labels shade{"direct:spot", "beauty"}, transfer = shade + Labels{"style_transfer:spot"}, drawn = shade + Labels{"style_pattern:spot"};
   const Labels blurred = transfer + Labels{"style_abstraction:spot"}, distance = blurred + Labels{"style_distance:spot"};
+  const Labels drawnOut = blurred + Labels{"style_elongation:spot"}, target = blurred + Labels{"style_target:spot"};
   struct Row {
     std::string edit;
     Labels expected;
@@ -331,6 +333,11 @@ TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
       {"pattern_px", {"=5", drawn, "pattern=HATCHING"}},
       {"pattern_deg", {"=10", drawn, "pattern=HATCHING"}},
       {"samples", {"=20", distance, ""}},
+      {"curve", {"[1]=0.5", transfer, "transition=CURVE curve=0,1,0.25"}},
+      {"elongation", {"=0.3", drawnOut, "elongation=0.2"}},
+      {"target", {"=0.6", target, "target=0.5"}},
+      {"angularity", {"=0.5", target, "target=0.5"}},
+      {"keep", {"=0.4", transfer + Labels{"style_keep:spot"}, "keep=0.2 inflation=-0.1"}},
   };
   const std::set<std::string> other{"levels", "guard_px"};  // StyleLevelsOfPlans.* and StylesAround.*
   const auto* d = v1::ShadowStyle::descriptor();
@@ -343,7 +350,8 @@ TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
     const std::string style = "lights.spot.shadow.style.";
     set(r, style + "abstraction=0.1");
     set(r, style + "softness=0.2");
-    if (!row->second.before.empty()) set(r, style + row->second.before);
+    std::istringstream before(row->second.before);
+    for (std::string edit; before >> edit;) set(r, style + edit);
     const Labels first = ran(mustRender(*engine, r));
     EXPECT_TRUE(first.count("style_distance:spot") && first.count("visibility:spot"));
     EXPECT_FALSE(first.count("style_distance:key"));
@@ -375,6 +383,11 @@ TEST(Rerun, FormulasOfStylesReRunWhatReadsThem) {
   edited(formula + "inflation.formula=0.01*distance + 0.1*time", transfer);
   edited("time_s=4", transfer);
   edited(formula + "abstraction.formula=0.1 + 0.05*distance", transfer + Labels{"style_abstraction:spot"});
+  const Labels layered = shade + Labels{"style_transfer:spot"}, ofLayer = layered + Labels{"style_parameters of layer 0:spot"};
+  edited(style + "layers[0].inflation=0.1", layered);
+  edited(formula + "layers[0].softness.formula=0.1 + 0.02*depth", ofLayer);
+  edited(formula + "layers[0].softness.formula=0.1 + 0.03*depth", ofLayer);
+  edited(style + "layers[0].softness=0.4", {});
 }
 
 // Shadow maps: what a slider re-runs, by field of the message. `before` is set first; the edit is then the only change.
