@@ -115,12 +115,13 @@ void BsdfLook::at(const Directions& in, size_t count, Lobes& out) const {
     if (tilted_) {
       const F twice = all(2.0f) * side, u = x - twice * all(facing_.x), v = y - twice * all(facing_.y), w = z - twice * all(facing_.z);
       const F folds = _mm256_and_ps(up, less(zero, w));
+      g.sharpness = g.sharpness + one / _mm256_max_ps(w * w, all(1e-30f));  // a bend where light begins to fold
       if (_mm256_movemask_ps(folds)) {
         lookUp(w);
         const Gloss m = gloss(u, v, w, wo_, alpha2_, root_, facetScale_);
         g.facets = g.facets + _mm256_and_ps(folds, m.facets);
         g.grazing = g.grazing + _mm256_and_ps(folds, m.grazing);
-        g.sharpness = _mm256_max_ps(g.sharpness, _mm256_and_ps(folds, m.sharpness));
+        g.sharpness = g.sharpness + _mm256_and_ps(folds, m.sharpness);
         bounce = bounce + _mm256_and_ps(folds, all(bounceScale_) * deficit * w);
       }
     }

@@ -50,7 +50,7 @@ class LightList {
   };
   Ways ways(const LitPoint& point, size_t element) const;
 
-  static constexpr float kOne = 1e-3f, kSeven = 0.04f, kMany = 0.5f;
+  static constexpr float kOne = 1e-3f, kSeven = 0.01f, kMany = 0.06f;
 
  private:
   enum Kind { Points, Directions, Caps, Patches, Others, Kinds };

@@ -208,6 +208,7 @@ void LightList::sampled(const Point& at, size_t place, Values& out) const {
 
 /// One direction for each of `count` lights; those of some size for which that will not do are found anew, one by one.
 void LightList::block(const Point& at, Kind kind, size_t begin, size_t count, Values& out, Ways& ways) const {
+  if (count == 0) return;
   BsdfLook::Directions way;
   BsdfLook::Lobes lobes;
   alignas(32) float value[BsdfLook::kMost], sine2[BsdfLook::kMost], needs[BsdfLook::kMost];
