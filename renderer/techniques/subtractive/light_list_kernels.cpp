@@ -3,8 +3,11 @@
 
 #include <immintrin.h>
 
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 #include "techniques/subtractive/scene_lights.h"
@@ -19,7 +22,7 @@ constexpr size_t kLane = 8;
 inline Lane every(float v) { return _mm256_set1_ps(v); }
 inline Lane below(const Lane& a, const Lane& b) { return _mm256_cmp_ps(a, b, _CMP_LT_OQ); }
 inline Lane and8(const Lane& a, const Lane& b) { return _mm256_and_ps(a, b); }
-inline Lane choose(const Lane& mask, const Lane& yes, const Lane& no) { return _mm256_blendv_ps(no, yes, mask); }
+inline Lane either(const Lane& mask, const Lane& yes, const Lane& no) { return _mm256_blendv_ps(no, yes, mask); }
 inline Lane unit(const Lane& v) { return _mm256_min_ps(_mm256_max_ps(v, every(0.0f)), every(1.0f)); }
 
 struct Lane3x {
@@ -173,6 +176,42 @@ void LightList::at(const LitPoint& point, size_t element, Values& out) const {
   run(point, element, out, ways);
 }
 
+void LightList::choose(const Values& values, size_t most, Choice& out) const {
+  const size_t n = places();
+  const auto lobe = [&](const std::vector<float>* v, size_t i) { return luminance(Vec3(v[0][i], v[1][i], v[2][i])); };
+  out.order.assign(n, 0);
+  out.positive.clear();
+  for (size_t i = 0; i < n; ++i) {
+    const float given = lobe(values.diffuse, i) + (values.glossy ? lobe(values.specular, i) : 0.0f);
+    if (!(given > 0.0f)) continue;
+    // Bits of positive numbers are in the numbers' order.
+    out.order[i] = uint64_t(std::bit_cast<uint32_t>(given)) << 32 | ~uint32_t(index_[i]);
+    out.positive.push_back(out.order[i]);
+  }
+  uint64_t least = most > 0 ? 1 : ~uint64_t(0);
+  if (most > 0 && out.positive.size() > most) {
+    const auto last = out.positive.begin() + std::ptrdiff_t(most - 1);
+    std::nth_element(out.positive.begin(), last, out.positive.end(), std::greater<>());
+    least = *last;
+  }
+  out.chosen.clear();
+  double rest[6] = {0, 0, 0, 0, 0, 0};
+  for (size_t i = 0; i < n; ++i) {
+    if (out.order[i] == 0) continue;
+    if (out.order[i] >= least) {
+      out.chosen.push_back({index_[i], i});
+      continue;
+    }
+    for (size_t c = 0; c < 3; ++c) {
+      rest[c] += double(values.diffuse[c][i]);
+      if (values.glossy) rest[3 + c] += double(values.specular[c][i]);
+    }
+  }
+  out.rest[0] = DVec3(rest[0], rest[1], rest[2]);
+  out.rest[1] = DVec3(rest[3], rest[4], rest[5]);
+  std::sort(out.chosen.begin(), out.chosen.end(), [](const Choice::Chosen& a, const Choice::Chosen& b) { return a.light < b.light; });
+}
+
 LightList::Ways LightList::ways(const LitPoint& point, size_t element) const {
   Values values;
   Ways ways;
@@ -221,8 +260,8 @@ void LightList::block(const Point& at, Kind kind, size_t begin, size_t count, Va
     if (kind != Directions) {
       const Lane infinite = below(zero, _mm256_loadu_ps(far_.data() + place));
       const Lane3x d{w.x - every(p.p.x), w.y - every(p.p.y), w.z - every(p.p.z)};
-      const Lane d2 = choose(infinite, one, dot8(d, d)), inverse = one / _mm256_sqrt_ps(d2);
-      w = {choose(infinite, w.x, d.x * inverse), choose(infinite, w.y, d.y * inverse), choose(infinite, w.z, d.z * inverse)};
+      const Lane d2 = either(infinite, one, dot8(d, d)), inverse = one / _mm256_sqrt_ps(d2);
+      w = {either(infinite, w.x, d.x * inverse), either(infinite, w.y, d.y * inverse), either(infinite, w.z, d.z * inverse)};
       if (kind == Points) {
         const Lane x = d2 * _mm256_loadu_ps(range_.data() + place), window = unit(one - x * x);
         const Lane cone = unit((zero - dot8(w, load3(axis_, place)) - _mm256_loadu_ps(cut_.data() + place)) * _mm256_loadu_ps(ramp_.data() + place));
@@ -244,8 +283,8 @@ void LightList::block(const Point& at, Kind kind, size_t begin, size_t count, Va
     const Lane arrives = and8(below(zero, up), below(zero, above));
     _mm256_store_ps(way.x + k, dot8(w, at.frame.x));
     _mm256_store_ps(way.y + k, dot8(w, at.frame.y));
-    _mm256_store_ps(way.z + k, choose(arrives, up, every(-1.0f)));
-    _mm256_store_ps(value + k, choose(and8(arrives, below(zero, v)), v, zero));
+    _mm256_store_ps(way.z + k, either(arrives, up, every(-1.0f)));
+    _mm256_store_ps(value + k, either(and8(arrives, below(zero, v)), v, zero));
     if (kind < Caps) continue;
     // Where a horizon is near: without end, unless all of it is below.
     const Lane sine = _mm256_sqrt_ps(s2), low = _mm256_min_ps(up, above);
@@ -253,8 +292,8 @@ void LightList::block(const Point& at, Kind kind, size_t begin, size_t count, Va
     if (kind == Patches) x = x + s2 / _mm256_max_ps(turned * turned, every(1e-30f));
     if (kind == Patches || !p.lambert()) x = x + every(4.0f) * s2;
     else x = zero;  // a ball or a sun, all above: exact
-    x = choose(below(low, sine), every(1e30f), x);
-    x = choose(below(low, zero - sine), zero, x);
+    x = either(below(low, sine), every(1e30f), x);
+    x = either(below(low, zero - sine), zero, x);
     if (kind == Patches) x = and8(below(zero - sine, turned), x);  // from behind, all of it
     else x = and8(below(s2, one), x);                            // inside a ball
     _mm256_store_ps(needs + k, x);

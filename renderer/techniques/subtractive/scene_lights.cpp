@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "techniques/subtractive/scene_lights.h"
 
-#include <cstring>
-
 #include "base/sobol.h"
 #include "techniques/subtractive/light_list.h"
 #include "techniques/subtractive/samples_node.h"
@@ -131,61 +129,24 @@ class SceneLightSamplesNode final : public SamplesNode {
 
     void at(const TracedSample& sample, Arrivals& out) const override {
       LightList::Values f;
+      LightList::Choice choice;
       asked_.list->at(sample.point, film_(sample.element), f);
-      std::vector<uint64_t> order;
-      const uint64_t least = strongest(f, order);
-      std::vector<std::pair<size_t, size_t>> chosen;  // light, place
-      double rest[2][3] = {{0, 0, 0}, {0, 0, 0}};
-      for (size_t place = 0; place < order.size(); ++place) {
-        if (order[place] == 0) continue;
-        if (order[place] >= least) {
-          chosen.push_back({size_t(asked_.list->light(place)), place});
-          continue;
-        }
-        for (size_t c = 0; c < 3; ++c) {
-          rest[0][c] += double(f.diffuse[c][place]);
-          if (f.glossy) rest[1][c] += double(f.specular[c][place]);
-        }
-      }
-      std::sort(chosen.begin(), chosen.end());
+      asked_.list->choose(f, most_, choice);
       const uint64_t seed = viewSampleSeed(s_.from.seed, film_(sample.element));
-      const auto lobe = [&](size_t k, size_t place) {
-        const std::vector<float>* v = k == 0 ? f.diffuse : f.specular;
-        return k == 1 && !f.glossy ? Vec3(0.0f) : byAlbedo(Vec3(v[0][place], v[1][place], v[2][place]), k == 0 ? sample.by.diffuse : sample.by.specular);
-      };
-      for (const auto& [light, place] : chosen) {
-        const Vec3 lobes[2] = {lobe(0, place), lobe(1, place)};
-        out.lights.push_back(towards(light, sample.point, lobes, seed));
+      for (const auto& [light, place] : choice.chosen) {
+        const Vec3 diffuse(f.diffuse[0][place], f.diffuse[1][place], f.diffuse[2][place]);
+        const Vec3 specular = f.glossy ? Vec3(f.specular[0][place], f.specular[1][place], f.specular[2][place]) : Vec3(0.0f);
+        const Vec3 lobes[2] = {byAlbedo(diffuse, sample.by.diffuse), byAlbedo(specular, sample.by.specular)};
+        out.lights.push_back(towards(size_t(light), sample.point, lobes, seed));
       }
       for (int k = 0; k < 2; ++k)
         for (int c = 0; c < 3; ++c) {
           const float by = k == 0 ? sample.by.diffuse[c] : sample.by.specular[c];
-          if (by > kLeastDivisor) out.rest[k][c] = std::min(rest[k][c] / double(by), kMostRest);
+          if (by > kLeastDivisor) out.rest[k][c] = std::min(choice.rest[k][c] / double(by), kMostRest);
         }
     }
 
    private:
-    /// A number for each place that orders lights by what they give, of equal ones the first before; 0: nothing, or no number (without end: before all
-    /// others, and no more than byAlbedo() lets through). Returns the least one of those that have a ray.
-    uint64_t strongest(const LightList::Values& f, std::vector<uint64_t>& order) const {
-      const size_t places = asked_.list->places();
-      std::vector<float> given(places);
-      for (size_t i = 0; i < places; ++i) given[i] = luminance(Vec3(f.diffuse[0][i], f.diffuse[1][i], f.diffuse[2][i]));
-      if (f.glossy)
-        for (size_t i = 0; i < places; ++i) given[i] += luminance(Vec3(f.specular[0][i], f.specular[1][i], f.specular[2][i]));
-      order.assign(places, 0);
-      std::vector<uint64_t> positive;
-      positive.reserve(places);
-      for (size_t i = 0; i < places; ++i) {
-        if (!(given[i] > 0.0f)) continue;
-        uint32_t bits;  // of positive numbers in their order
-        std::memcpy(&bits, &given[i], sizeof bits);
-        positive.push_back(order[i] = uint64_t(bits) << 32 | (~uint32_t(asked_.list->light(i))));
-      }
-      if (positive.size() <= most_) return 1;
-      std::nth_element(positive.begin(), positive.begin() + std::ptrdiff_t(most_ - 1), positive.end(), std::greater<>());
-      return positive[most_ - 1];
-    }
     Arrivals::Light towards(size_t i, const LitPoint& p, const Vec3* lobe, uint64_t seed) const {
       Arrivals::Light out{{lobe[0], lobe[1]}, {}};
       const Vec2 u = points_[i].pointLike() ? Vec2(0.5f) : SobolSampler(seed, uint32_t(i)).next2D();
