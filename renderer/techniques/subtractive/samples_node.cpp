@@ -134,7 +134,7 @@ Result<TermShape> SamplesNode::infer(std::span<const TermShape> in) const {
 
 Cost SamplesNode::cost(const TermShape& result, uint32_t) const {
   const double traced = kReceiving * double(result.extent.elements()) / (double(resampling_.resolution) * resampling_.resolution);
-  return {traced * double(rays()), 100.0 * traced * double(looked()) + 100.0 * double(result.extent.elements())};
+  return {traced * double(rays()), 20.0 * traced * double(looked()) + 100.0 * double(result.extent.elements())};
 }
 
 Result<TermPtr> SamplesNode::run(const RunContext& ctx) const {

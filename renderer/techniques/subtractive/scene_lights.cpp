@@ -2,6 +2,7 @@
 #include "techniques/subtractive/scene_lights.h"
 
 #include "base/sobol.h"
+#include "techniques/subtractive/light_list.h"
 #include "techniques/subtractive/samples_node.h"
 #include "terms/dropped_samples.h"
 #include "terms/visibility.h"
@@ -9,6 +10,10 @@
 namespace gobo::subtractive {
 
 namespace {
+
+/// As byAlbedo() (samples_node.h) has them, of a sum.
+constexpr float kLeastDivisor = 1e-6f;
+constexpr double kMostRest = 1e21;
 
 /// What unshadowed light reads: geometry and emission of mesh lights alone.
 constexpr Facet kLightFacets = Facet::LightShape | Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Emission;
@@ -19,19 +24,27 @@ void hashSceneLights(Hasher& h, const SceneLightsSettings& s) {
 }
 
 /// The lights, ready to be asked. Null sampler: `stop` fired first.
-struct SceneLightList {
+struct AskedLights {
   std::shared_ptr<const LightSampler> sampler;
-  std::vector<UnoccludedLight> lights;
-  SceneLightList(const RunContext& ctx, const SceneLightsSettings& s) : sampler(LightSampler::build(*ctx.scene, ctx.stop)) {
-    if (!sampler) return;
-    for (const SceneLight& l : s.lights) lights.emplace_back(*sampler, ctx.scene->lightShape(l.light), l.light, s.samples, s.seed);
+  std::unique_ptr<const LightList> list;
+  AskedLights(const RunContext& ctx, const SceneLightsSettings& s) : sampler(LightSampler::build(*ctx.scene, ctx.stop)) {
+    if (sampler) list = std::make_unique<const LightList>(*ctx.scene, *sampler, s.lights, s.samples, s.seed);
   }
 };
+
+/// Four sums side by side, of every fourth value each: in one order whatever the machine's registers.
+double sumOf(std::span<const float> v) {
+  double sum[4] = {0, 0, 0, 0};
+  for (size_t i = 0; i + 4 <= v.size(); i += 4)
+    for (size_t k = 0; k < 4; ++k) sum[k] += double(v[i + k]);
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
 
 class UnshadowedLightsNode final : public Node {
  public:
   explicit UnshadowedLightsNode(SceneLightsSettings s) : s_(std::move(s)) {}
   std::string type() const override { return "unshadowed_lights"; }
+  int version() const override { return 2; }  // 2: lights of some size by quadrature where that is as good
   NodeTraits traits() const override {
     NodeTraits t;
     t.facets = kLightFacets;
@@ -49,13 +62,13 @@ class UnshadowedLightsNode final : public Node {
     return w.gives({type(), Domain::ViewSample, s_.view.extent(), {plane<float>("diffuse", 3), plane<float>("specular", 3), mayDrop()}});
   }
   Cost cost(const TermShape& result, uint32_t) const override {
-    return {0.0, kReceiving * double(result.extent.elements()) * (60.0 + 60.0 * double(s_.lights.size()))};
+    return {0.0, kReceiving * double(result.extent.elements()) * (200.0 + 8.0 * double(s_.lights.size()))};
   }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Receivers in(*ctx.inputs[0], *ctx.inputs[1], s_.view);
-    const SceneLightList list(ctx, s_);
-    if (!list.sampler) return Status(Code::Cancelled, "unshadowed_lights: stopped");
+    const AskedLights lights(ctx, s_);
+    if (!lights.sampler) return Status(Code::Cancelled, "unshadowed_lights: stopped");
     const std::span<float> out[2] = {ctx.result->writable<float>("diffuse"), ctx.result->writable<float>("specular")};
     DroppedSamples dropped(*ctx.result);
     const FilmElements film(s_.view.extent(), s_.view.place);
@@ -63,16 +76,15 @@ class UnshadowedLightsNode final : public Node {
     const bool complete = ctx.arena->parallelFor(
         in.instance.size(), grain,
         [&](size_t begin, size_t end) {
+          LightList::Values values;
           for (size_t e = begin; e < end; ++e) {
             if (!in.lit(e)) continue;
-            const LitPoint point = in.point(e, in.bsdf(e));
-            DVec3 sum[2] = {DVec3(0.0), DVec3(0.0)};
-            for (size_t i = 0; i < list.lights.size(); ++i) {
-              const BsdfValue f = list.lights[i].lobes(point, film(e));
-              sum[0] += DVec3(f.diffuse * s_.lights[i].power);
-              sum[1] += DVec3(f.specular * s_.lights[i].power);
+            lights.list->at(in.point(e, in.bsdf(e)), film(e), values);
+            Vec3 light[2] = {Vec3(0.0f), Vec3(0.0f)};
+            for (int c = 0; c < 3; ++c) {
+              light[0][c] = float(sumOf(values.diffuse[c]));
+              if (values.glossy) light[1][c] = float(sumOf(values.specular[c]));
             }
-            const Vec3 light[2] = {Vec3(sum[0]), Vec3(sum[1])};
             if (!isFinite(light[0]) || !isFinite(light[1])) {
               dropped.add(e, 1);
               continue;
@@ -94,6 +106,7 @@ class SceneLightSamplesNode final : public SamplesNode {
  public:
   explicit SceneLightSamplesNode(LightSamplesSettings s) : SamplesNode(s.from.view, s.resampling), s_(std::move(s)) {}
   std::string type() const override { return "subtractive_light_samples"; }
+  int version() const override { return 2; }  // 2: as unshadowed_lights
   NodeTraits traits() const override {
     NodeTraits t = SamplesNode::traits();
     t.facets = t.facets | kLightFacets;
@@ -109,42 +122,31 @@ class SceneLightSamplesNode final : public SamplesNode {
   class Near final : public Lights {
    public:
     Near(const RunContext& ctx, const LightSamplesSettings& s, size_t most)
-        : s_(s), most_(most), list_(ctx, s.from), film_(s.from.view.extent(), s.from.view.place) {
+        : s_(s), most_(most), asked_(ctx, s.from), film_(s.from.view.extent(), s.from.view.place) {
       for (const SceneLight& l : s.from.lights) points_.emplace_back(*ctx.scene, l.light);
     }
-    bool complete() const { return list_.sampler != nullptr; }
+    bool complete() const { return asked_.sampler != nullptr; }
 
     void at(const TracedSample& sample, Arrivals& out) const override {
-      const std::vector<SceneLight>& lights = s_.from.lights;
-      std::vector<Candidate> all;
-      for (size_t i = 0; i < lights.size(); ++i) {
-        BsdfValue f = list_.lights[i].lobes(sample.point, film_(sample.element));
-        f.diffuse *= lights[i].power;
-        f.specular *= lights[i].power;
-        const float given = luminance(f.sum());  // NaN: left out; without end: first of all, and no more than byAlbedo() lets through
-        if (given > 0.0f) all.push_back({given, i, f});
-      }
-      const auto before = [](const Candidate& a, const Candidate& b) { return a.given != b.given ? a.given > b.given : a.light < b.light; };
-      if (all.size() > most_) {
-        std::nth_element(all.begin(), all.begin() + std::ptrdiff_t(most_), all.end(), before);
-        const auto byIndex = [](const Candidate& a, const Candidate& b) { return a.light < b.light; };  // sums in one order, whatever the library's way
-        std::sort(all.begin(), all.begin() + std::ptrdiff_t(most_), byIndex);
-        std::sort(all.begin() + std::ptrdiff_t(most_), all.end(), byIndex);
-      }
+      LightList::Values f;
+      LightList::Choice choice;
+      asked_.list->at(sample.point, film_(sample.element), f);
+      asked_.list->choose(f, most_, choice);
       const uint64_t seed = viewSampleSeed(s_.from.seed, film_(sample.element));
-      for (size_t k = 0; k < all.size(); ++k) {
-        const Vec3 lobe[2] = {byAlbedo(all[k].f.diffuse, sample.by.diffuse), byAlbedo(all[k].f.specular, sample.by.specular)};
-        if (k < most_) out.lights.push_back(towards(all[k].light, sample.point, lobe, seed));
-        else out.rest[0] += DVec3(lobe[0]), out.rest[1] += DVec3(lobe[1]);
+      for (const auto& [light, place] : choice.chosen) {
+        const Vec3 diffuse(f.diffuse[0][place], f.diffuse[1][place], f.diffuse[2][place]);
+        const Vec3 specular = f.glossy ? Vec3(f.specular[0][place], f.specular[1][place], f.specular[2][place]) : Vec3(0.0f);
+        const Vec3 lobes[2] = {byAlbedo(diffuse, sample.by.diffuse), byAlbedo(specular, sample.by.specular)};
+        out.lights.push_back(towards(size_t(light), sample.point, lobes, seed));
       }
+      for (int k = 0; k < 2; ++k)
+        for (int c = 0; c < 3; ++c) {
+          const float by = k == 0 ? sample.by.diffuse[c] : sample.by.specular[c];
+          if (by > kLeastDivisor) out.rest[k][c] = std::min(choice.rest[k][c] / double(by), kMostRest);
+        }
     }
 
    private:
-    struct Candidate {
-      float given;
-      size_t light;
-      BsdfValue f;
-    };
     Arrivals::Light towards(size_t i, const LitPoint& p, const Vec3* lobe, uint64_t seed) const {
       Arrivals::Light out{{lobe[0], lobe[1]}, {}};
       const Vec2 u = points_[i].pointLike() ? Vec2(0.5f) : SobolSampler(seed, uint32_t(i)).next2D();
@@ -155,7 +157,7 @@ class SceneLightSamplesNode final : public SamplesNode {
 
     const LightSamplesSettings& s_;
     size_t most_;
-    SceneLightList list_;
+    AskedLights asked_;
     FilmElements film_;
     std::vector<LightPoints> points_;
   };

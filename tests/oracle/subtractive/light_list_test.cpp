@@ -1,0 +1,347 @@
+// SPDX-License-Identifier: Apache-2.0
+// Many lights at one point, light by light: against the materials' own evaluation, dense quadrature over lights of some size, and closed forms.
+#include "techniques/subtractive/light_list.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <numbers>
+#include <random>
+
+#include "lamp_stage.h"
+#include "scene/builtin/build.h"
+
+namespace gobo::subtractive_test {
+namespace {
+
+using subtractive::LightList;
+
+struct Draws {
+  std::mt19937 engine;
+  explicit Draws(uint32_t seed) : engine(seed) {}
+  float in(float lo, float hi) { return std::uniform_real_distribution<float>(lo, hi)(engine); }
+  Vec3 up(float least) {
+    const float z = in(least, 1.0f), phi = in(0.0f, 6.2831853f), r = std::sqrt(1.0f - z * z);
+    return Vec3(r * std::cos(phi), r * std::sin(phi), z);
+  }
+  BsdfParams material(int kind) {
+    BsdfParams p;
+    p.albedo = Vec3(in(0, 1), in(0, 1), in(0, 1));
+    p.roughness = in(0.15f, 1.0f);
+    p.ior = in(1.2f, 2.5f);
+    p.specular = kind == 0 ? 0.0f : in(0.2f, 1.0f);
+    p.metallic = kind == 2 ? 1.0f : kind == 3 ? in(0, 1) : 0.0f;
+    return p;
+  }
+};
+
+TEST(BsdfLook, IsTheMaterialsOwnEvaluationAtEveryDirection) {
+  Draws draw(3);
+  double worst = 0;
+  int folded = 0;
+  for (int trial = 0; trial < 600; ++trial) {
+    BsdfParams p = draw.material(trial % 4);
+    const Vec3 wo = draw.up(0.02f);
+    if (trial % 3 == 0) p.facing = glm::normalize(Vec3(draw.in(-0.5f, 0.5f), draw.in(-0.5f, 0.5f), 1.0f));
+    ASSERT_TRUE(BsdfLook::covers(p));
+    const BsdfLook look(p, wo);
+    ASSERT_EQ(look.lambert(), trial % 4 == 0);
+    BsdfLook::Directions in;
+    BsdfLook::Lobes out;
+    const size_t n = 24;
+    for (size_t k = 0; k < n; ++k) {
+      Vec3 w = draw.up(k % 5 == 0 ? -1.0f : 0.0f);
+      if (k % 3 == 1) w = glm::normalize(Vec3(-wo.x, -wo.y, wo.z) + 0.2f * w);  // the highlight
+      in.x[k] = w.x, in.y[k] = w.y, in.z[k] = w.z;
+    }
+    look.at(in, n, out);
+    for (size_t k = 0; k < n; ++k) {
+      const Vec3 w(in.x[k], in.y[k], in.z[k]);
+      const BsdfValue f = bsdfEval(p, wo, w);
+      const Vec3 diffuse = look.albedo * out.diffuse[k];
+      const Vec3 specular = look.lambert() ? Vec3(0.0f) : look.facets * out.facets[k] + look.grazing * out.grazing[k] + look.bounced * out.bounced[k];
+      if (p.facing != Vec3(0, 0, 1) && !look.lambert()) {
+        if (std::abs(glm::dot(w, p.facing)) < 1e-4f) continue;  // a jump
+        folded += glm::dot(w, p.facing) > 0 && (w - 2.0f * glm::dot(w, p.facing) * p.facing).z > 0 && w.z > 0;
+      }
+      for (int c = 0; c < 3; ++c) {
+        worst = std::max(worst, std::abs(double(diffuse[c]) - double(f.diffuse[c])) / (double(f.diffuse[c]) + 1e-6));
+        worst = std::max(worst, std::abs(double(specular[c]) - double(f.specular[c])) / (double(f.specular[c]) + 1e-6));
+      }
+    }
+  }
+  EXPECT_LT(worst, 2e-5);
+  EXPECT_GT(folded, 20);
+}
+
+TEST(BsdfLook, CoversNothingThatItDoesNotHave) {
+  const auto with = [](auto&& change) {
+    BsdfParams p;
+    change(p);
+    return BsdfLook::covers(p);
+  };
+  EXPECT_TRUE(with([](BsdfParams&) {}));
+  EXPECT_FALSE(with([](BsdfParams& p) { p.roughness = 0.01f; }));
+  EXPECT_TRUE(with([](BsdfParams& p) { p.roughness = 0.0f, p.specular = 0.0f; })) << "Lambert has none";
+  EXPECT_FALSE(with([](BsdfParams& p) { p.transmission = 0.5f; }));
+  EXPECT_FALSE(with([](BsdfParams& p) { p.clearcoat = 0.5f; }));
+  EXPECT_FALSE(with([](BsdfParams& p) { p.sheenColor = Vec3(0.1f); }));
+  EXPECT_FALSE(with([](BsdfParams& p) { p.anisotropy = 0.5f; }));
+  EXPECT_FALSE(with([](BsdfParams& p) { p.iridescence = 0.5f; }));
+  EXPECT_FALSE(with([](BsdfParams& p) { p.diffuseTransmission = 0.5f; }));
+}
+
+/// Lists over lights that stand alone in a scene.
+struct Listed {
+  Listed(const std::vector<Light>& lamps, int samples = 32) : scene(withLamps(floorScene([](SceneMaker&, int) {}), lamps)) {
+    for (size_t l = 0; l < lamps.size(); ++l) {
+      subset.push_back(int(l));
+      asked.push_back({int(l), lamps[l].power});
+    }
+    view = std::make_unique<SceneView>(*scene, Facet::LightShape | Facet::Topology | Facet::Pose | Facet::Shading | Facet::Coverage | Facet::Emission, subset);
+    sampler = LightSampler::build(*view);
+    list = std::make_unique<LightList>(*view, *sampler, asked, samples, 9);
+  }
+  ScenePtr scene;
+  std::vector<int> subset;
+  std::vector<subtractive::SceneLight> asked;
+  std::unique_ptr<SceneView> view;
+  std::shared_ptr<const LightSampler> sampler;
+  std::unique_ptr<LightList> list;
+};
+
+BsdfValue of(const LightList& list, const LightList::Values& v, int light) {
+  BsdfValue out;
+  for (size_t place = 0; place < list.places(); ++place)
+    if (list.light(place) == light)
+      for (int c = 0; c < 3; ++c) {
+        out.diffuse[c] = v.diffuse[c][place];
+        if (v.glossy) out.specular[c] = v.specular[c][place];
+      }
+  return out;
+}
+
+/// By 48 x 64 points of a light of some size.
+BsdfValue dense(const LitPoint& p, const LightShape& s) {
+  constexpr int kRings = 48, kSpokes = 64;
+  const Frame frame = p.frame();
+  const Vec3 wo = frame.toLocal(p.wo);
+  DVec3 sum[2] = {DVec3(0.0), DVec3(0.0)};
+  const auto add = [&](const DVec3& w, double weight) {
+    const Vec3 wi(w);
+    if (!(glm::dot(wi, p.n) > 0) || !(glm::dot(wi, p.ng) > 0)) return;
+    const BsdfValue f = bsdfEval(p.bsdf, wo, frame.toLocal(wi));
+    sum[0] += DVec3(f.diffuse) * weight;
+    sum[1] += DVec3(f.specular) * weight;
+  };
+  const bool sun = s.kind == LightKind::Directional;
+  const DVec3 d = sun ? -DVec3(s.axis) : DVec3(s.position) - DVec3(p.p);
+  const double sine = sun ? std::sin(0.5 * double(s.angularSize)) : double(s.radius) / glm::length(d), drop = 1.0 - std::sqrt(1.0 - sine * sine);
+  const Vec3 centre(glm::normalize(d));
+  const Frame f(s.kind == LightKind::Disk ? s.axis : centre);
+  for (int i = 0; i < kRings; ++i)
+    for (int k = 0; k < kSpokes; ++k) {
+      const double r2 = (i + 0.5) / kRings, phi = 2.0 * std::numbers::pi * (k + 0.5) / kSpokes;
+      if (s.kind == LightKind::Sphere || sun) {
+        const double fall = r2 * drop, side = std::sqrt(fall * (2.0 - fall));
+        add(DVec3(f.x) * (side * std::cos(phi)) + DVec3(f.y) * (side * std::sin(phi)) + DVec3(f.z) * (1.0 - fall),
+            2.0 * std::numbers::pi * drop / (kRings * kSpokes) * (sun ? 1.0 / (std::numbers::pi * sine * sine) : 1.0));
+        continue;
+      }
+      const double area = s.kind == LightKind::Disk ? std::numbers::pi * double(s.radius) * s.radius : 4.0 * glm::length(DVec3(s.u)) * glm::length(DVec3(s.v));
+      const DVec3 to = s.kind == LightKind::Disk ? d + (DVec3(f.x) * std::cos(phi) + DVec3(f.y) * std::sin(phi)) * (double(s.radius) * std::sqrt(r2))
+                                                 : d + DVec3(s.u) * (2.0 * (i + 0.5) / kRings - 1.0) + DVec3(s.v) * (2.0 * (k + 0.5) / kSpokes - 1.0);
+      const double distance = glm::length(to), cosine = -glm::dot(to, DVec3(s.axis)) / distance;
+      const double facing = s.twoSided ? std::abs(cosine) : std::max(cosine, 0.0);
+      add(to / distance, area * facing / (distance * distance * kRings * kSpokes));
+    }
+  return {Vec3(sum[0]), Vec3(sum[1])};
+}
+
+LitPoint pointOf(Draws& draw, int material) {
+  LitPoint p;
+  p.p = Vec3(0.3f, -0.2f, 0.1f);
+  p.n = p.ng = glm::normalize(Vec3(0.1f, 1.0f, -0.2f));
+  if (material % 5 == 4) p.ng = glm::normalize(p.n + Vec3(draw.in(-0.2f, 0.2f), 0, draw.in(-0.2f, 0.2f)));
+  const Frame frame(p.ng);
+  do p.wo = frame.toWorld(draw.up(0.05f));
+  while (!(glm::dot(p.wo, p.n) > 0.05f));
+  p.bsdf = draw.material(material % 4);
+  if (!p.lambert() && p.n != p.ng) p.bsdf.facing = p.frame().toLocal(p.ng);
+  return p;
+}
+
+// The bound that light_list.h states, of each lobe of each light for which no samples are drawn.
+TEST(LightList, LightsOfSomeSizeAreTheirMeanWithinTheStatedBound) {
+  Draws draw(11);
+  LightList::Ways ways;
+  double worst[2] = {0, 0};
+  for (int trial = 0; trial < 1500; ++trial) {
+    const LightKind kinds[] = {LightKind::Sphere, LightKind::Directional, LightKind::Disk, LightKind::Rect};
+    const LightKind kind = kinds[trial % 4];
+    const LitPoint p = pointOf(draw, trial / 4);
+    Vec3 way = Frame(p.n).toWorld(draw.up(0.02f));
+    if (trial % 3 == 0) way = glm::normalize(glm::reflect(-p.wo, p.n) + 0.2f * way);  // in the highlight
+    const float distance = draw.in(0.5f, 8.0f), size = std::pow(10.0f, draw.in(-2.8f, -0.3f));
+    Light l = lamp(kind, p.p + way * distance, Vec3(1.0f), kind == LightKind::Directional ? -way : -way + 0.8f * draw.up(-1.0f));
+    l.shape.radius = 0.9f * size * distance;
+    l.shape.u *= 2.0f * l.shape.radius;
+    l.shape.v *= 2.0f * l.shape.radius;
+    l.shape.angularSize = kind == LightKind::Directional ? size : 0.0f;
+    l.shape.twoSided = trial % 8 == 7;
+    const Listed one({l});
+    const LightList::Ways w = one.list->ways(p, 5);
+    ASSERT_EQ(w.one + w.seven + w.many + w.closed + w.sampled, 1u);
+    ways.one += w.one, ways.seven += w.seven, ways.many += w.many, ways.closed += w.closed, ways.sampled += w.sampled;
+    if (w.sampled) continue;
+    LightList::Values v;
+    one.list->at(p, 5, v);
+    const BsdfValue got = of(*one.list, v, 0), truth = dense(p, l.shape);
+    for (int c = 0; c < 3; ++c)
+      for (int k = 0; k < 2; ++k) {
+        const double a = k == 0 ? double(got.diffuse[c]) : double(got.specular[c]), b = k == 0 ? double(truth.diffuse[c]) : double(truth.specular[c]);
+        const double error = std::abs(a - b) / (b + 1e-9);
+        worst[k] = std::max(worst[k], error);
+        ASSERT_LT(error, 0.002) << "light " << int(kind) << " lobe " << k << " of " << trial << ", " << w.one << w.seven << w.many << w.closed;
+      }
+  }
+  EXPECT_GT(ways.one, 200u);
+  EXPECT_GT(ways.seven, 100u);
+  EXPECT_GT(ways.many, 50u);
+  EXPECT_GT(ways.closed, 20u);
+  EXPECT_GT(ways.sampled, 50u);
+  RecordProperty("worst_diffuse", std::to_string(worst[0]));
+  RecordProperty("worst_specular", std::to_string(worst[1]));
+}
+
+// Whatever is near, cut by a horizon, seen from behind or from inside, or of a material that has no fast way: the house's own bits.
+TEST(LightList, WhatHasNoBoundIsTheHousesLight) {
+  Draws draw(4);
+  LitPoint glossy = pointOf(draw, 1), glass = glossy;
+  glass.bsdf.transmission = 0.6f;
+  const Vec3 aside = glm::normalize(glm::cross(glossy.n, Vec3(0, 0, 1)));
+  Light inside = lamp(LightKind::Sphere, glossy.p, Vec3(2.0f)), cut = lamp(LightKind::Sphere, glossy.p + aside, Vec3(2.0f)),
+        behind = lamp(LightKind::Disk, glossy.p + glossy.n, Vec3(2.0f), glossy.n), away = lamp(LightKind::Point, glossy.p + 2.0f * glossy.n, Vec3(2.0f)),
+        within = away, near = lamp(LightKind::Sphere, glossy.p + 0.5f * glossy.n, Vec3(2.0f));
+  away.shape.range = 1.5f;
+  within.shape.range = 3.0f;
+  const Listed all({inside, cut, behind, away, within, near});
+  for (const LitPoint& p : {glossy, glass}) {
+    LightList::Values v;
+    all.list->at(p, 3, v);
+    for (int l = 0; l < 6; ++l) {
+      const BsdfValue own = UnoccludedLight(*all.sampler, all.view->lightShape(l), l, 32, 9).lobes(p, 3), got = of(*all.list, v, l);
+      for (int c = 0; c < 3; ++c) {
+        ASSERT_NEAR(got.diffuse[c], 2.0f * own.diffuse[c], 2e-6f * own.diffuse[c]) << l;
+        ASSERT_NEAR(got.specular[c], 2.0f * own.specular[c], 4e-6f * own.specular[c]) << l;
+      }
+      const bool dark = l == 0 || l == 2 || l == 3;
+      ASSERT_EQ(got.sum() == Vec3(0.0f), dark) << l;
+    }
+  }
+}
+
+TEST(LightList, ADisksFormFactorIsItsClosedForm) {
+  const DVec3 p(0.2, -0.3, 0.1), n(0, 1, 0);
+  for (const double r : {0.1, 1.0, 5.0}) EXPECT_NEAR(subtractive::diskFormFactor(p, n, p + 2.0 * n, -n, r), r * r / (4.0 + r * r), 1e-12) << r;
+  Draws draw(8);
+  for (int trial = 0; trial < 40; ++trial) {
+    const DVec3 centre = p + DVec3(draw.in(-1, 1), draw.in(1.0f, 2.0f), draw.in(-1, 1));
+    const DVec3 axis = glm::normalize(p - centre + 0.7 * DVec3(draw.in(-1, 1), draw.in(-1, 1), draw.in(-1, 1)));
+    const double radius = double(draw.in(0.05f, 0.9f));
+    const Frame f{Vec3(axis)};
+    double sum = 0;
+    bool above = true;
+    constexpr int kRings = 200, kSpokes = 128;
+    for (int i = 0; i < kRings; ++i)
+      for (int k = 0; k < kSpokes; ++k) {
+        const double s = radius * std::sqrt((i + 0.5) / kRings), phi = 2.0 * std::numbers::pi * k / kSpokes;
+        const DVec3 d = centre - p + DVec3(f.x) * (s * std::cos(phi)) + DVec3(f.y) * (s * std::sin(phi));
+        const double d2 = glm::dot(d, d), back = -glm::dot(d, axis);
+        above = above && glm::dot(d, n) > 0 && back > 0;
+        sum += glm::dot(d, n) * back / (d2 * d2) * radius * radius / (kRings * kSpokes);
+      }
+    if (above) { EXPECT_NEAR(subtractive::diskFormFactor(p, n, centre, axis, radius), sum, 2e-4 * sum) << trial; }
+  }
+  EXPECT_EQ(subtractive::diskFormFactor(p, n, p + 2.0 * n, n, 1.0), 0.0) << "from behind";
+}
+
+// A list of more lights begins with those of a shorter one; of equal ones the first. What is not in it is in the rest.
+TEST(LightList, ChosenLightsAreTheStrongestAndNested) {
+  Draws draw(2);
+  std::vector<Light> lamps = manyLamps(37);
+  lamps.push_back(lamps[4]);                                            // as strong as another one
+  lamps.push_back(lamp(LightKind::Point, Vec3(0, -9, 0), Vec3(50.0f)));  // below
+  lamps.push_back(lamp(LightKind::Point, Vec3(0, 2, 0), Vec3(0.0f)));    // off
+  for (const Light& l : lampsOfSize()) lamps.push_back(l);
+  const Listed all(lamps);
+  for (int trial = 0; trial < 12; ++trial) {
+    LitPoint p = pointOf(draw, trial);
+    LightList::Values v;
+    all.list->at(p, size_t(trial), v);
+    std::vector<std::pair<float, int>> given;  // negative, so that the strongest come first
+    DVec3 total[2] = {DVec3(0.0), DVec3(0.0)};
+    for (int l = 0; l < int(lamps.size()); ++l) {
+      const BsdfValue f = of(*all.list, v, l);
+      const float g = luminance(f.diffuse) + luminance(f.specular);
+      if (g > 0) given.push_back({-g, l});
+      total[0] += DVec3(f.diffuse), total[1] += DVec3(f.specular);
+    }
+    std::sort(given.begin(), given.end());
+    ASSERT_GT(given.size(), 10u);
+    std::vector<int> before;
+    LightList::Choice choice;
+    for (size_t most = 0; most <= given.size() + 2; ++most) {
+      all.list->choose(v, most, choice);
+      std::vector<int> now;
+      DVec3 sum[2] = {choice.rest[0], choice.rest[1]};
+      for (const auto& c : choice.chosen) {
+        now.push_back(c.light);
+        const BsdfValue f = of(*all.list, v, c.light);
+        sum[0] += DVec3(f.diffuse), sum[1] += DVec3(f.specular);
+      }
+      ASSERT_EQ(now.size(), std::min(most, given.size()));
+      ASSERT_TRUE(std::is_sorted(now.begin(), now.end()));
+      std::vector<int> expected;
+      for (size_t k = 0; k < now.size(); ++k) expected.push_back(given[k].second);
+      std::sort(expected.begin(), expected.end());
+      ASSERT_EQ(now, expected) << most;
+      ASSERT_TRUE(std::includes(now.begin(), now.end(), before.begin(), before.end())) << "nested";
+      for (int k = 0; k < 2; ++k)
+        for (int c = 0; c < 3; ++c) ASSERT_NEAR(sum[k][c], total[k][c], 1e-9 * (1.0 + total[k][c]));
+      before = now;
+    }
+  }
+  LightList::Values odd;
+  LightList::Choice choice;
+  for (int c = 0; c < 3; ++c) odd.diffuse[c].assign(all.list->places(), 0.0f);
+  for (int c = 0; c < 3; ++c) odd.diffuse[c][3] = std::numeric_limits<float>::infinity(), odd.diffuse[c][5] = std::nanf(""), odd.diffuse[c][6] = 1.0f;
+  all.list->choose(odd, 1, choice);
+  ASSERT_EQ(choice.chosen.size(), 1u);
+  EXPECT_EQ(choice.chosen[0].place, 3u);
+  EXPECT_EQ(choice.rest[0], DVec3(1.0)) << "NaN is nobody's";
+}
+
+// What the builtin hall costs: over its glossy floor hardly any of 333 balls needs samples.
+TEST(LightList, OfThousandLampsHardlyAnyIsSampled) {
+  const auto scene = builtin::lamps({});
+  ASSERT_TRUE(scene.ok());
+  const Listed all((*scene)->lights);
+  LitPoint p;
+  p.n = p.ng = Vec3(0, 1, 0);
+  p.bsdf.roughness = 0.35f;
+  p.bsdf.specular = 0.6f;
+  LightList::Ways ways;
+  for (int i = 0; i < 200; ++i) {
+    p.p = Vec3(-5.0f + 10.0f * float(i % 10) / 9.0f, 0.0f, -13.0f + 26.0f * float(i / 10) / 19.0f);
+    p.wo = glm::normalize(Vec3(0.9f, 1.7f, 12.6f) - p.p);
+    const LightList::Ways w = all.list->ways(p, size_t(i));
+    ways.one += w.one, ways.seven += w.seven, ways.many += w.many, ways.sampled += w.sampled;
+  }
+  EXPECT_EQ(ways.one + ways.seven + ways.many + ways.sampled, 200u * 333u);
+  EXPECT_LT(ways.sampled, 200u * 333u / 100u);
+  EXPECT_GT(ways.one, 200u * 333u * 3u / 4u);
+}
+
+}  // namespace
+}  // namespace gobo::subtractive_test
