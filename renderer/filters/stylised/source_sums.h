@@ -5,6 +5,7 @@
 #pragma once
 
 #include "filters/stylised/contour_tree.h"
+#include "filters/stylised/interpolated_sums.h"
 
 namespace gobo {
 
@@ -55,5 +56,8 @@ PatchSource patchSource(const PatchSources::Source& source, const DVec3& centre,
 void nearestSources(const std::vector<PatchSource>& sources, PatchPoints& points);
 /// sum += what the sources give; nearest2 > 0.
 void addSources(const std::vector<PatchSource>& sources, int p, PatchPoints& points);
+
+/// sum[k] of the polynomials at places u, v of -1 .. 1; n is a multiple of kLanes.
+void interpolated(const InterpolatedSum& of, const float* u, const float* v, size_t n, float* sum);
 
 }  // namespace gobo

@@ -205,4 +205,19 @@ void powers(const float* __restrict ratio, float exponent, size_t n, float* __re
   for (size_t k = 0; k < n; ++k) d[k] = formulas::fastExp(formulas::fastLog(ratio[k]) * exponent);
 }
 
+void interpolated(const InterpolatedSum& of, const float* __restrict u, const float* __restrict v, size_t n, float* __restrict sum) {
+  constexpr size_t kSide = InterpolatedSum::kSide;
+  for (size_t first = 0; first < n; first += kLanes) {
+    float row[kLanes], all[kLanes] = {};
+    for (size_t i = kSide; i-- > 0;) {
+      const float* __restrict c = &of.share[i * kSide];
+      for (size_t l = 0; l < kLanes; ++l) row[l] = c[kSide - 1];
+      for (size_t j = kSide - 1; j-- > 0;)
+        for (size_t l = 0; l < kLanes; ++l) row[l] = row[l] * v[first + l] + c[j];
+      for (size_t l = 0; l < kLanes; ++l) all[l] = all[l] * u[first + l] + row[l];
+    }
+    for (size_t l = 0; l < kLanes; ++l) sum[first + l] = all[l];
+  }
+}
+
 }  // namespace gobo
