@@ -41,25 +41,6 @@ struct Groups {
 
 double angleOf(const Vec3& a, const Vec3& b) { return std::acos(std::clamp(double(glm::dot(a, b)), -1.0, 1.0)); }
 
-/// Of a whole patch: the corners of a parallelogram about its points, and how flat it is.
-void flatten(const ContourInput& in, Group& g) {
-  const Vec3 P = in.at(in.P, g.element[0]), u = in.at(in.P, g.element[kSide - 1]) - P, v = in.at(in.P, g.element[kPatchPoints - kSide]) - P;
-  const Vec3 n = glm::cross(u, v);
-  const float n2 = glm::dot(n, n);
-  if (!(n2 > 0.0f)) return;
-  const Vec3 across = glm::cross(v, n) / n2, down = glm::cross(n, u) / n2;  // the share of u and of v
-  float off = 0, low[2] = {0, 0}, high[2] = {1, 1};
-  for (const uint32_t e : g.element) {
-    const Vec3 step = in.at(in.P, e) - P;
-    const float a = glm::dot(step, across), b = glm::dot(step, down);
-    off = std::max(off, std::abs(glm::dot(step, n)));
-    low[0] = std::min(low[0], a), high[0] = std::max(high[0], a), low[1] = std::min(low[1], b), high[1] = std::max(high[1], b);
-  }
-  g.off = double(off) / std::sqrt(double(n2));
-  if (!std::isfinite(g.off)) g.off = HUGE_VAL;
-  for (int k = 0; k < 3; ++k) g.corner[k] = DVec3(P) + double(k == 1 ? high[0] : low[0]) * DVec3(u) + double(k == 2 ? high[1] : low[1]) * DVec3(v);
-}
-
 void bound(const ContourInput& in, Group& g) {
   DVec3 low(HUGE_VAL), high(-HUGE_VAL), normals(0.0);
   for (size_t k = 0; k < g.count; ++k) {
@@ -81,10 +62,51 @@ void bound(const ContourInput& in, Group& g) {
   g.patch.radius = std::sqrt(radius2);
   g.patch.angle = std::acos(double(std::max(least, -1.0f)));
   g.off = HUGE_VAL;
-  if (g.count == kPatchPoints) flatten(in, g);
+}
+
+/// A whole patch of one surface, the usual one: bounds of its points, and how flat it is. False: it is another.
+bool boundWhole(const ContourInput& in, int x0, int y0, Group& g) {
+  if (x0 + kSide > in.width || y0 + kSide > in.height) return false;
+  SurfacePatch p;
+  for (size_t k = 0; k < kPatchPoints; ++k) {
+    const size_t e = (size_t(y0) + k / kSide) * size_t(in.width) + size_t(x0) + k % kSide;
+    const Vec3 P = in.at(in.P, e), N = in.at(in.N, e);
+    p.x[k] = P.x, p.y[k] = P.y, p.z[k] = P.z, p.nx[k] = N.x, p.ny[k] = N.y, p.nz[k] = N.z;
+    p.width[k] = in.footprint[e];
+    p.id[k] = in.instance[e];
+    g.element[k] = uint32_t(e);
+  }
+  if (!isOneSurface(p, kAlike, kReachOfGroup)) return false;
+  g.count = kPatchPoints;
+  const Vec3 origin(0.0f), ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1);
+  const Span x = spanAlong(p, origin, ex), y = spanAlong(p, origin, ey), z = spanAlong(p, origin, ez);
+  g.patch.centre = 0.5 * (DVec3(x.low, y.low, z.low) + DVec3(x.high, y.high, z.high));
+  DVec3 normals(0.0);
+  for (size_t k = 0; k < kPatchPoints; ++k) normals += DVec3(p.nx[k], p.ny[k], p.nz[k]);
+  const double length = glm::length(normals);
+  g.patch.axis = length > 0 ? Vec3(normals / length) : Vec3(p.nx[0], p.ny[0], p.nz[0]);
+  float farthest2 = 0, least = 1;
+  const Vec3 centre(g.patch.centre);
+  boundsOf(p, centre, g.patch.axis, farthest2, least);
+  g.patch.radius = std::sqrt(double(farthest2)) * (1 + 1e-6) + glm::length(g.patch.centre - DVec3(centre));
+  g.patch.angle = std::acos(double(std::clamp(least, -1.0f, 1.0f)));
+  // A parallelogram about its points, with the sides of its first corner.
+  g.off = HUGE_VAL;
+  const Vec3 P(p.x[0], p.y[0], p.z[0]), u = Vec3(p.x[kSide - 1], p.y[kSide - 1], p.z[kSide - 1]) - P;
+  const Vec3 v = Vec3(p.x[kPatchPoints - kSide], p.y[kPatchPoints - kSide], p.z[kPatchPoints - kSide]) - P, n = glm::cross(u, v);
+  const float n2 = glm::dot(n, n);
+  if (!(n2 > 0.0f)) return true;
+  const Span off = spanAlong(p, P, n), a = spanAlong(p, P, glm::cross(v, n) / n2), b = spanAlong(p, P, glm::cross(n, u) / n2);
+  const double most = std::max(double(off.high), -double(off.low)) / std::sqrt(double(n2));
+  if (std::isfinite(most)) g.off = most;
+  const auto corner = [&](float s, float t) { return DVec3(P) + double(s) * DVec3(u) + double(t) * DVec3(v); };
+  g.corner[0] = corner(a.low, b.low), g.corner[1] = corner(a.high, b.low), g.corner[2] = corner(a.low, b.high);
+  return true;
 }
 
 void groupsOf(const ContourInput& in, int x0, int y0, Groups& all) {
+  all.count = 1;
+  if (boundWhole(in, x0, y0, all.group[0])) return;
   all.count = 0;
   size_t last = 0;
   for (int y = y0; y < std::min(y0 + kSide, in.height); ++y)
@@ -324,20 +346,30 @@ class StyleDistanceNode final : public Node {
     powers(ratio, -1.0f / float(local ? s_.power - 1 : s_.power), lanes, d);
     for (size_t k = 0; k < group.count; ++k) {
       const double n2 = nearest2[k];
-      float value = !(n2 > 0) ? 0.0f : n2 == HUGE_VAL ? kStyleFar : d[k] * scale[k];
-      value = std::clamp(std::isfinite(value) ? value : kStyleFar, kLeastStyleDistance, kStyleFar);
-      layer.D[group.element[k]] = layer.in.lit(group.element[k]) ? value : -value;
+      put(layer, group.element[k], !(n2 > 0) ? 0.0f : n2 == HUGE_VAL ? kStyleFar : d[k] * scale[k]);
     }
   }
 
+  /// All of a patch by polynomials: a unit for all of it.
   void runInterpolated(const Layer& layer, const Group& group, const InterpolatedSum& of) const {
-    float u[kPatchPoints], v[kPatchPoints], values[kPatchPoints];
-    double sum[kPatchPoints], nearest2[kPatchPoints], length[kPatchPoints];
+    float u[kPatchPoints], v[kPatchPoints], ratio[kPatchPoints], d[kPatchPoints];
     const size_t lanes = lanesOf(group);
-    for (size_t k = 0; k < lanes; ++k) placeOn(of.over, DVec3(layer.in.at(layer.in.P, group.element[std::min(k, group.count - 1)])), u[k], v[k]);
-    interpolated(of, u, v, lanes, values);
-    for (size_t k = 0; k < lanes; ++k) sum[k] = double(values[k]), nearest2[k] = of.unit2, length[k] = of.length;
-    store(layer, group, lanes, sum, nearest2, length);
+    const DVec3 s = of.over.s / of.over.halfS, t = of.over.t / of.over.halfT;
+    for (size_t k = 0; k < lanes; ++k) {
+      const DVec3 r = DVec3(layer.in.at(layer.in.P, group.element[std::min(k, group.count - 1)])) - of.over.centre;
+      u[k] = float(glm::dot(r, s)), v[k] = float(glm::dot(r, t));
+    }
+    interpolated(of, u, v, lanes, ratio);
+    const bool local = s_.norm == StyleNorm::Local;
+    const double width = std::sqrt(of.unit2);
+    const float scale = float(width), share = float(1 / (local ? layer.constant * width : of.length));
+    for (size_t k = 0; k < lanes; ++k) ratio[k] *= share;
+    powers(ratio, -1.0f / float(local ? s_.power - 1 : s_.power), lanes, d);
+    for (size_t k = 0; k < group.count; ++k) put(layer, group.element[k], d[k] * scale);
+  }
+  static void put(const Layer& layer, size_t e, float value) {
+    value = std::clamp(std::isfinite(value) ? value : kStyleFar, kLeastStyleDistance, kStyleFar);
+    layer.D[e] = layer.in.lit(e) ? value : -value;
   }
   static size_t lanesOf(const Group& group) { return (group.count + kLanes - 1) / kLanes * kLanes; }
 

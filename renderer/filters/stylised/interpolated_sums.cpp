@@ -11,7 +11,14 @@ namespace {
 constexpr size_t kSide = InterpolatedSum::kSide;
 constexpr double kLebesgue = 2.4;  // of 8 Chebyshev nodes: at most 2/pi ln 8 + 1
 
-double nodeAt(size_t k) { return std::cos(M_PI * (double(k) + 0.5) / double(kSide)); }
+double nodeAt(size_t k) {
+  static const std::array<double, kSide> nodes = [] {
+    std::array<double, kSide> n{};
+    for (size_t i = 0; i < kSide; ++i) n[i] = std::cos(M_PI * (double(i) + 0.5) / double(kSide));
+    return n;
+  }();
+  return nodes[k];
+}
 
 using Matrix = std::array<std::array<double, kSide>, kSide>;
 /// Values at the nodes to coefficients of powers: by the Chebyshev polynomials' own.
@@ -31,15 +38,28 @@ const Matrix& powersOfValues() {
   return m;
 }
 
+constexpr int kAngles = 24;
+struct Turn {
+  double cosine, sine;
+};
+const std::array<Turn, kAngles + 1>& turns() {
+  static const std::array<Turn, kAngles + 1> all = [] {
+    std::array<Turn, kAngles + 1> t{};
+    for (int k = 0; k <= kAngles; ++k) t[size_t(k)] = {std::cos(0.5 * M_PI * k / kAngles), std::sin(0.5 * M_PI * k / kAngles)};
+    return t;
+  }();
+  return all;
+}
+
 /// Bound of one side's error by a source's least value in a square whose half diagonal is 1, at `d` from its middle.
 double errorAt(int p, double d) {
   const double half = std::sqrt(0.5);
   double best = HUGE_VAL;
-  for (double rho = 1.5; rho < 40; rho *= 1.05) {
+  for (double rho = 1.5; rho < 40; rho *= 1.1) {
     const double a = half * (rho + 1 / rho) / 2, b = half * (rho - 1 / rho) / 2;
     double least = HUGE_VAL;  // of |r^2| on the ellipse
-    for (int k = 0; k <= 64; ++k) {
-      const double angle = 0.5 * M_PI * k / 64, x = a * std::cos(angle), y = b * std::sin(angle), w = d - std::sqrt(x * x + 0.5);
+    for (const Turn& turn : turns()) {
+      const double x = a * turn.cosine, y = b * turn.sine, w = d - std::sqrt(x * x + 0.5);
       least = std::min(least, w > 0 ? w * w - y * y : 0.0);
     }
     if (least > 0) best = std::min(best, 4 * std::exp(p * (std::log(d + 1) - 0.5 * std::log(least)) - double(kSide - 1) * std::log(rho)) / (rho - 1));
@@ -67,9 +87,11 @@ PlaneRectangle PlaneRectangle::around(const DVec3& s, const DVec3& t, std::span<
 }
 
 double interpolationReach(int p, double error) {
-  double d = 2;
-  while ((1 + kLebesgue) * errorAt(p, d) > error) d *= 1.02;
-  return d;
+  double near = 1.5, far = 3;
+  const auto enough = [&](double d) { return (1 + kLebesgue) * errorAt(p, d) <= error; };
+  while (!enough(far)) near = far, far *= 1.5;
+  for (int k = 0; k < 8; ++k) (enough(0.5 * (near + far)) ? far : near) = 0.5 * (near + far);
+  return far;
 }
 
 DVec3 InterpolatedSum::node(const PlaneRectangle& over, size_t k) { return over.at(nodeAt(k / kSide), nodeAt(k % kSide)); }
