@@ -37,6 +37,10 @@ struct Level {
   float* plane(size_t k) const { return planes.get() + k * count(); }
   float* footprint() const { return plane(9); }
   float* blurred() const { return plane(10); }
+  SurfaceRow rowAt(size_t e) const {
+    const auto at = [&](size_t k) { return plane(k) + e; };
+    return {at(0), at(1), at(2), at(3), at(4), at(5), nullptr, nullptr, nullptr, footprint() + e, at(6), at(7), nullptr};
+  }
   AbstractionPlanes view() const { return {plane(0), plane(1), plane(2), plane(3), plane(4), plane(5), plane(6), plane(7), plane(8)}; }
   Vec3 at(size_t e) const { return Vec3(plane(0)[e], plane(1)[e], plane(2)[e]); }
   Vec3 normal(size_t e) const { return Vec3(plane(3)[e], plane(4)[e], plane(5)[e]); }
@@ -147,24 +151,20 @@ class Rows {
 /// Row j of the cells of 2 x 2 samples.
 void firstRow(const AbstractionInput& a, const Level& level, Rows& rows, int j) {
   rows.read(2 * j);
-  const bool full = 2 * j + 1 < a.in.height;  // else rows 1 and 2 are copies
-  const SurfaceRow row[2] = {rows.row(0), rows.row(1)};
-  const float* joined[4] = {rows.right(0), rows.below(0), rows.right(1), rows.below(1)};
-  for (int i = 0; i < level.width; ++i) {
-    const size_t x = size_t(2 * i);
-    const size_t columns = 2 * i + 1 < a.in.width ? 2 : 1;
-    bool whole = true;
-    for (size_t k = x; k < x + columns; ++k) whole = whole && joined[0][k] * joined[1][k] * (full ? joined[2][k] * joined[3][k] : 1.0f) != 0.0f;
+  const size_t row = size_t(j) * size_t(level.width);
+  const bool two = 2 * j + 1 < a.in.height;
+  const size_t full = two ? size_t(a.in.width / 2) : 0;  // cells of four samples
+  wholeCells(rows.right(0), rows.below(0), rows.right(1), rows.below(1), full, &level.whole[row]);
+  cellsOfRows(rows.row(0), rows.row(1), full, kLeastAbstractionArea, kMostAbstractionArea, level.rowAt(row));
+  std::fill_n(level.plane(8) + row, level.width, 1.0f);
+  for (size_t i = 0; i < size_t(level.width); ++i) {
+    if (i < full && level.whole[row + i]) continue;
+    const size_t x = 2 * i, columns = x + 1 < size_t(a.in.width) ? 2 : 1;
+    bool whole = i >= full;  // fewer samples, at the border: all there are
+    for (size_t k = x; whole && k < x + columns; ++k) whole = rows.right(0)[k] * rows.below(0)[k] * (two ? rows.right(1)[k] * rows.below(1)[k] : 1.0f) != 0.0f;
     CellSum sum;
-    if (whole)
-      for (const SurfaceRow& r : std::span(row, full ? 2 : 1))
-        for (size_t k = x; k < x + columns; ++k) {
-          const float area = r.area[k] > 0.0f ? r.area[k] : r.width[k] * r.width[k];
-          sum.add(Vec3(r.x[k], r.y[k], r.z[k]), Vec3(r.nx[k], r.ny[k], r.nz[k]), std::clamp(area, kLeastAbstractionArea, kMostAbstractionArea), r.d[k],
-                  r.width[k]);
-        }
-    else addMostOf(a, 2 * i, 2 * j, sum);
-    sum.store(level, size_t(j) * size_t(level.width) + size_t(i), whole);
+    addMostOf(a, int(x), 2 * j, sum);
+    sum.store(level, row + i, whole);
   }
 }
 

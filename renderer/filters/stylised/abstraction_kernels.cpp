@@ -83,4 +83,59 @@ void areasOfRow(const SurfaceRow& a, const SurfaceRow& b, size_t n) {
   }
 }
 
+namespace {
+
+void boundAreas(const SurfaceRow& r, size_t n, float least, float most) {
+  float* __restrict area = r.area;
+  const float* __restrict width = r.width;
+  for (size_t k = 0; k < n; ++k) {
+    const float own = area[k] > 0.0f ? area[k] : width[k] * width[k], low = own > least ? own : least;
+    area[k] = low < most ? low : most;
+  }
+}
+
+void meanOfCells(const float* __restrict wa, const float* __restrict wb, const float* __restrict a, const float* __restrict b, const float* __restrict inverse,
+                 size_t n, float* __restrict mean) {
+  for (size_t k = 0; k < n; ++k)
+    mean[k] = ((wa[2 * k] * a[2 * k] + wa[2 * k + 1] * a[2 * k + 1]) + (wb[2 * k] * b[2 * k] + wb[2 * k + 1] * b[2 * k + 1])) * inverse[k];
+}
+
+}  // namespace
+
+void cellsOfRows(const SurfaceRow& a, const SurfaceRow& b, size_t n, float least, float most, const SurfaceRow& cells) {
+  boundAreas(a, 2 * n, least, most);
+  boundAreas(b, 2 * n, least, most);
+  const float* __restrict wa = a.area;
+  const float* __restrict wb = b.area;
+  float* __restrict area = cells.area;
+  float* __restrict width = cells.width;
+  for (size_t k = 0; k < n; ++k) area[k] = 1.0f / ((wa[2 * k] + wa[2 * k + 1]) + (wb[2 * k] + wb[2 * k + 1]));
+  meanOfCells(wa, wb, a.x, b.x, area, n, cells.x);
+  meanOfCells(wa, wb, a.y, b.y, area, n, cells.y);
+  meanOfCells(wa, wb, a.z, b.z, area, n, cells.z);
+  meanOfCells(wa, wb, a.nx, b.nx, area, n, cells.nx);
+  meanOfCells(wa, wb, a.ny, b.ny, area, n, cells.ny);
+  meanOfCells(wa, wb, a.nz, b.nz, area, n, cells.nz);
+  meanOfCells(wa, wb, a.d, b.d, area, n, cells.d);
+  float* __restrict nx = cells.nx;
+  float* __restrict ny = cells.ny;
+  float* __restrict nz = cells.nz;
+  const float* __restrict aw = a.width;
+  const float* __restrict bw = b.width;
+  for (size_t k = 0; k < n; ++k) {
+    const float l2 = nx[k] * nx[k] + ny[k] * ny[k] + nz[k] * nz[k], unit = 1.0f / std::sqrt(l2 > 1e-30f ? l2 : 1e-30f);
+    nx[k] *= unit, ny[k] *= unit, nz[k] *= unit;
+    const float sum = 1.0f / area[k], first = aw[2 * k] < aw[2 * k + 1] ? aw[2 * k] : aw[2 * k + 1], second = bw[2 * k] < bw[2 * k + 1] ? bw[2 * k] : bw[2 * k + 1];
+    area[k] = sum < most ? sum : most;
+    width[k] = first < second ? first : second;
+  }
+}
+
+void wholeCells(const float* __restrict f0, const float* __restrict f1, const float* __restrict f2, const float* __restrict f3, size_t n, uint8_t* __restrict whole) {
+  for (size_t k = 0; k < n; ++k) {
+    const float left = f0[2 * k] * f1[2 * k] * f2[2 * k] * f3[2 * k], right = f0[2 * k + 1] * f1[2 * k + 1] * f2[2 * k + 1] * f3[2 * k + 1];
+    whole[k] = left * right != 0.0f;
+  }
+}
+
 }  // namespace gobo

@@ -33,4 +33,9 @@ void joinSamples(const SurfaceRow& a, const SurfaceRow& b, size_t shift, size_t 
 /// a.area[k]: of the parallelogram to a's next sample and b's.
 void areasOfRow(const SurfaceRow& a, const SurfaceRow& b, size_t n);
 
+/// Means by area over n cells of 2 x 2 samples of rows a and b: places, unit normals and distances; areas, at most `most`, and least widths.
+void cellsOfRows(const SurfaceRow& a, const SurfaceRow& b, size_t n, float least, float most, const SurfaceRow& cells);
+/// whole[k] = all of the four factors of samples 2k and 2k + 1.
+void wholeCells(const float* f0, const float* f1, const float* f2, const float* f3, size_t n, uint8_t* whole);
+
 }  // namespace gobo
