@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
 
 #include "filters/stylised/abstraction_cells.h"
 #include "filters/stylised/abstraction_kernels.h"
 #include "filters/stylised/averaged_distance.h"
 #include "filters/stylised/contour.h"
+#include "filters/stylised/screen_metric.h"
 
 namespace gobo {
 
@@ -28,17 +30,19 @@ class StyleAbstractionNode final : public Node {
     if (!s_.varies) h.add(s_.sigma);
     h.add(s_.angle);
     if (s_.varies) h.add("varies");
+    if (s_.pixel > 0.0f) h.add("screen").add(s_.pixel);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, s_.varies ? 3 : 2);
     w.over(0, s_.extent).reads<float>(0, "D").over(1, s_.extent);
-    w.reads<float>(1, "P", {3}).reads<float>(1, "N", {3}).reads<float>(1, "Ng", {3}).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
+    if (!(s_.pixel > 0.0f))
+      w.reads<float>(1, "P", {3}).reads<float>(1, "N", {3}).reads<float>(1, "Ng", {3}).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
     if (s_.varies) w.over(2, s_.extent).reads<float>(2, "abstraction");
     return w.gives({"style_distance", Domain::ViewSample, s_.extent, {unsetPlane<float>("D")}});
   }
   size_t workingBytes() const override {
     const size_t count = size_t(s_.extent.width) * size_t(s_.extent.height);
-    return count * (kPlanes * sizeof(float) + 1) + abstractionCellBytes(count);
+    return count * (kPlanes * sizeof(float) + 1 + (s_.pixel > 0.0f ? PictureSurface::bytesPerSample() : 0)) + abstractionCellBytes(count);
   }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * (s_.varies ? 150.0 : 60.0) * double(result.extent.elements())}; }
 
@@ -55,8 +59,10 @@ class StyleAbstractionNode final : public Node {
       return TermPtr(ctx.result);
     }
     const auto planes = std::make_unique_for_overwrite<float[]>(kPlanes * count);
+    std::optional<PictureSurface> picture;
+    if (s_.pixel > 0.0f) picture.emplace(s_.extent.width, s_.extent.height, s_.pixel);
     for (size_t layer = 0; layer < size_t(s_.extent.layers); ++layer) {
-      const Layer l{surfaceInput(g, layer), from.subspan(layer * count, count), {unit, s_.varies ? varying.subspan(layer * count, count) : varying}, cosine};
+      const Layer l{picture ? picture->input() : surfaceInput(g, layer), from.subspan(layer * count, count), {unit, s_.varies ? varying.subspan(layer * count, count) : varying}, cosine};
       if (!smoothLayer(ctx, l, planes.get(), D.subspan(layer * count, count))) return Status(Code::Cancelled, "style_abstraction: stopped");
     }
     return TermPtr(ctx.result);

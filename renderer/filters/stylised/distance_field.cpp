@@ -6,8 +6,10 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 
 #include "filters/stylised/contour_tree.h"
+#include "filters/stylised/screen_metric.h"
 #include "filters/stylised/source_sums.h"
 
 namespace gobo {
@@ -141,19 +143,17 @@ class StyleDistanceNode final : public Node {
   void hashParameters(Hasher& h) const override { s_.hash(h); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 2);
-    readsContour(w, s_.extent);
+    readsContour(w, s_);
     return w.gives({"style_distance", Domain::ViewSample, s_.extent, {unsetPlane<float>("D")}});
   }
-  size_t workingBytes() const override { return size_t(s_.extent.width) * size_t(s_.extent.height) * 2 * (2 * sizeof(ContourSegment) + 100); }
+  size_t workingBytes() const override { return size_t(s_.extent.width) * size_t(s_.extent.height) * (2 * (2 * sizeof(ContourSegment) + 100) + (s_.pixel > 0.0f ? PictureSurface::bytesPerSample() : 0)); }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * 150.0 * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term &visibility = *ctx.inputs.at(0), &g = *ctx.inputs.at(1);
     const auto D = ctx.result->writable<float>("D");
     const size_t count = size_t(s_.extent.width) * size_t(s_.extent.height);
-    for (size_t layer = 0; layer < size_t(s_.extent.layers); ++layer) {
-      GOBO_TRY(runLayer(ctx, contourInput(visibility, g, layer, s_.level, s_.levels), D.subspan(layer * count, count)));
-    }
+    GOBO_TRY(forEachContourLayer(s_, visibility, g, [&](const ContourInput& in, size_t layer) { return runLayer(ctx, in, D.subspan(layer * count, count)); }));
     return TermPtr(ctx.result);
   }
 
@@ -451,11 +451,22 @@ void StyleDistanceSettings::hash(Hasher& h) const {
   h.add(int(norm));
   h.add(angle);
   if (levels > 1) h.add("level").add(level).add(levels);
+  if (pixel > 0.0f) h.add("screen").add(pixel);
 }
 
-void readsContour(Wiring& w, const Extent& extent) {
-  w.over(0, extent).reads<float>(0, "V", {1, 3}).over(1, extent);
-  w.reads<float>(1, "P", {3}).reads<float>(1, "N", {3}).reads<float>(1, "Ng", {3}).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
+void readsContour(Wiring& w, const StyleDistanceSettings& s) {
+  w.over(0, s.extent).reads<float>(0, "V", {1, 3}).over(1, s.extent).reads<uint32_t>(1, "instance");
+  if (s.pixel > 0.0f) return;
+  w.reads<float>(1, "P", {3}).reads<float>(1, "N", {3}).reads<float>(1, "Ng", {3}).reads<float>(1, "footprint");
+}
+
+Status forEachContourLayer(const StyleDistanceSettings& s, const Term& visibility, const Term& gbuffer,
+                           const std::function<Status(const ContourInput&, size_t)>& body) {
+  std::optional<PictureSurface> picture;
+  if (s.pixel > 0.0f) picture.emplace(s.extent.width, s.extent.height, s.pixel);
+  for (size_t layer = 0; layer < size_t(s.extent.layers); ++layer)
+    GOBO_TRY(body(picture ? picture->visible(visibility, gbuffer, layer, s.level, s.levels) : contourInput(visibility, gbuffer, layer, s.level, s.levels), layer));
+  return {};
 }
 
 NodePtr makeStyleDistanceNode(const StyleDistanceSettings& settings) { return std::make_shared<StyleDistanceNode>(settings); }
