@@ -15,7 +15,8 @@ namespace {
 
 constexpr float kJoined = 0.995f, kTurn = 0.9976f;            // least cosines between normals of neighbours: 5.7 and 4 degrees
 constexpr float kLongest = 0.68f;                             // side of a cell, sigmas
-constexpr float kWidest = 0.56f, kNarrowest = 0.27f;          // roots of its area: a level's cells are twice as wide as those of the one before
+constexpr float kWidest = 0.56f;                              // root of its area: a level's cells are twice as wide as those of the one before
+constexpr float kNarrowest = 0.34f;                           // the same by the samples of a side: sums over narrower ones cost what those over samples do
 constexpr int kLeastSide = 2, kMostSide = 256, kLeastCells = 4;
 constexpr int kCellRun = 128;
 constexpr size_t kCellPlanes = 11;  // those of AbstractionPlanes, the least width of a pixel and what the Gaussian gives
@@ -218,8 +219,8 @@ void judgeRow(const Level& level, float cosine, int j) {
     const size_t w = size_t(level.width);
     step(i + 1 < level.width, e + 1, i > 0, e - 1, a2);
     step(j + 1 < level.height, e + w, j > 0, e - w, b2);
-    const float area2 = a2 * b2;
-    level.usable[e] = usable && area2 <= kWidest * kWidest * kWidest * kWidest && area2 > kNarrowest * kNarrowest * kNarrowest * kNarrowest;
+    const float area2 = a2 * b2, least = kNarrowest / float(level.side), least2 = least * least;
+    level.usable[e] = usable && area2 <= kWidest * kWidest * kWidest * kWidest && area2 > least2 * least2;
     level.plane(8)[e] = 1.0f / (1.0f - std::min(own * (a2 + b2), 0.5f));
   }
 }
@@ -343,8 +344,16 @@ bool abstractByCells(const AbstractionInput& a, const TaskArena& arena, const St
     const size_t w = size_t(level.width);
     ready.assign(level.count(), 0);
     if (!rows(level.height, [&](int j) { judgeRow(level, a.cosine, j); })) return false;
+    const auto isDone = [&](int i, int j) {  // windows of the levels before are twice as wide: where all four corners are done, all is
+      const int x0 = i == 0 ? 0 : i * level.side + level.side / 2, x1 = std::min((i + 1) * level.side + level.side / 2, a.in.width) - 1;
+      const int y0 = j == 0 ? 0 : j * level.side + level.side / 2, y1 = std::min((j + 1) * level.side + level.side / 2, a.in.height) - 1;
+      for (const int y : {y0, y1})
+        for (const int x : {x0, x1})
+          if (!done[size_t(std::min(y, a.in.height - 1)) * size_t(a.in.width) + size_t(std::min(x, a.in.width - 1))]) return false;
+      return true;
+    };
     if (!rows(level.height, [&](int j) {
-          for (int i = 0; i < level.width; ++i) ready[size_t(j) * w + size_t(i)] = isReady(level, i, j);
+          for (int i = 0; i < level.width; ++i) ready[size_t(j) * w + size_t(i)] = isReady(level, i, j) && (k + 1 == levels.size() || !isDone(i, j));
         }))
       return false;
     if (!rows(level.height, [&](int j) {  // a cell is wanted by those windows that it is in: at most three before and three behind, at the border

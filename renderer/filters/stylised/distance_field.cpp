@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -158,16 +159,19 @@ class StyleDistanceNode final : public Node {
   }
 
  private:
-  Status runLayer(const RunContext& ctx, const ContourInput& in, std::span<float> D) const {
+  Status runLayer(const RunContext& ctx, const ContourInput& in, std::span<float> D) const { return runLayer(*ctx.arena, ctx.stop, in, D, nullptr); }
+
+ public:
+  Status runLayer(const TaskArena& arena, const StopToken& stop, const ContourInput& in, std::span<float> D, std::atomic<uint64_t>* terms) const {
     const float cosine = std::cos(s_.angle) - kRoundedCosine;
-    GOBO_ASSIGN(const std::vector<ContourSegment> contour, extractContour(in, cosine, *ctx.arena, ctx.stop));
-    GOBO_ASSIGN(const ContourTree tree, ContourTree::build(contour, s_.power, double(s_.angle), (1 - kInterpolation) * kFieldError * (s_.power - 1), ctx.stop));
+    GOBO_ASSIGN(const std::vector<ContourSegment> contour, extractContour(in, cosine, arena, stop));
+    GOBO_ASSIGN(const ContourTree tree, ContourTree::build(contour, s_.power, double(s_.angle), (1 - kInterpolation) * kFieldError * (s_.power - 1), stop));
     const ContourTree::Pieces pieces = tree.all();
     const double reach = interpolationReach(s_.power, kInterpolation * kFieldError * (s_.power - 1));
     const double constant = straightLineConstant(s_.power);
     constexpr int kStep = kSide * kBlock;
     const int across = (in.width + kStep - 1) / kStep, down = (in.height + kStep - 1) / kStep;
-    const bool complete = ctx.arena->parallelFor(
+    const bool complete = arena.parallelFor(
         size_t(across) * size_t(down), 1,
         [&](size_t begin, size_t end) {
           const auto scratch = std::make_unique<Scratch>();
@@ -177,14 +181,15 @@ class StyleDistanceNode final : public Node {
               std::fill_n(&D[size_t(y) * size_t(in.width) + size_t(x0)], std::min(kStep, in.width - x0), kStyleFar);
             for (int j = 0; j < kBlock; ++j)
               for (int i = 0; i < kBlock; ++i) groupsOf(in, x0 + i * kSide, y0 + j * kSide, scratch->groups[j][i]);
-            runPatches({in, tree, cosine, constant, reach, D, ctx.stop}, 0, 0, kBlock, pieces, nullptr, *scratch);
+            runPatches({in, tree, cosine, constant, reach, D, stop, terms}, 0, 0, kBlock, pieces, nullptr, *scratch);
           }
         },
-        ctx.stop);
-    if (!complete || ctx.stop.stopRequested()) return Status(Code::Cancelled, "style_distance: stopped");
+        stop);
+    if (!complete || stop.stopRequested()) return Status(Code::Cancelled, "style_distance: stopped");
     return {};
   }
 
+ private:
   struct Layer {
     const ContourInput& in;
     const ContourTree& tree;
@@ -193,6 +198,10 @@ class StyleDistanceNode final : public Node {
     double reach;  ///< of interpolation, half diagonals
     std::span<float> D;
     const StopToken& stop;
+    std::atomic<uint64_t>* terms;  ///< counted, unless null
+    void count(size_t more) const {
+      if (terms) terms->fetch_add(more, std::memory_order_relaxed);
+    }
   };
   struct Scratch {
     Groups groups[kBlock][kBlock];
@@ -313,6 +322,7 @@ class StyleDistanceNode final : public Node {
       if (wider) placeOn(wider->over, at, u[k], v[k]);
     }
     addSources(scratch.sources, s_.power, points);
+    layer.count(kPatchPoints * (scratch.sources.size() + (wider ? 1 : 0)));
     double scale = 0;
     if (wider) interpolated(*wider, u, v, kPatchPoints, before), scale = halfPower(unit * unit / wider->unit2, s_.power);
     std::array<double, InterpolatedSum::kNodes> values;
@@ -360,6 +370,7 @@ class StyleDistanceNode final : public Node {
       u[k] = float(glm::dot(r, s)), v[k] = float(glm::dot(r, t));
     }
     interpolated(of, u, v, lanes, ratio);
+    layer.count(group.count);
     const bool local = s_.norm == StyleNorm::Local;
     const double width = std::sqrt(of.unit2);
     const float scale = float(width), share = float(1 / (local ? layer.constant * width : of.length));
@@ -429,6 +440,7 @@ class StyleDistanceNode final : public Node {
       addSegments(scratch.segments, s_.power, close);
     }
     if (far) addSources(scratch.sources, s_.power, points);
+    layer.count(group.count * (scratch.sources.size() + scratch.segments.size() + (wider ? 1 : 0)));
     double sum[kPatchPoints];
     for (size_t k = 0; k < points.lanes; ++k) sum[k] = double(points.sum[k]) * unit + close.sum[k];
     if (wider) {
@@ -467,6 +479,14 @@ Status forEachContourLayer(const StyleDistanceSettings& s, const Term& visibilit
   for (size_t layer = 0; layer < size_t(s.extent.layers); ++layer)
     GOBO_TRY(body(picture ? picture->visible(visibility, gbuffer, layer, s.level, s.levels) : contourInput(visibility, gbuffer, layer, s.level, s.levels), layer));
   return {};
+}
+
+uint64_t styleDistanceTerms(const StyleDistanceSettings& settings, const Term& visibility, const Term& gbuffer, const TaskArena& arena) {
+  std::atomic<uint64_t> terms = 0;
+  const StyleDistanceNode node(settings);
+  std::vector<float> D(size_t(settings.extent.width) * size_t(settings.extent.height));
+  (void)forEachContourLayer(settings, visibility, gbuffer, [&](const ContourInput& in, size_t) { return node.runLayer(arena, {}, in, D, &terms); });
+  return terms;
 }
 
 NodePtr makeStyleDistanceNode(const StyleDistanceSettings& settings) { return std::make_shared<StyleDistanceNode>(settings); }

@@ -51,4 +51,7 @@ inline constexpr double kFieldError = 2e-3;           ///< bound of the relative
 
 NodePtr makeStyleDistanceNode(const StyleDistanceSettings& settings);
 
+/// How many terms (sources at points, polynomials at points) the node adds up, for tests of what its work grows with.
+uint64_t styleDistanceTerms(const StyleDistanceSettings& settings, const Term& visibility, const Term& gbuffer, const TaskArena& arena);
+
 }  // namespace gobo
