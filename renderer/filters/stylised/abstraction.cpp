@@ -3,52 +3,48 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <optional>
 
+#include "filters/stylised/abstraction_cells.h"
 #include "filters/stylised/abstraction_kernels.h"
 #include "filters/stylised/averaged_distance.h"
 #include "filters/stylised/contour.h"
+#include "filters/stylised/screen_metric.h"
 
 namespace gobo {
 
 namespace {
 
-constexpr float kReach = 3.0f, kPerSigma = 3.0f;
-constexpr float kLeastArea = 1e-30f, kMostArea = 1e4f;  // in units of sigma^2: sums of areas times distances stay in float
-constexpr int kRun = 128;                               // most pixels of a run
-
-/// Area that sample e stands for: of the parallelogram to its neighbours on the surface.
-float areaOf(const ContourInput& in, int x, int y, float cosine) {
-  const size_t w = size_t(in.width), e = size_t(y) * w + size_t(x);
-  const Vec3 P = in.at(in.P, e);
-  const auto step = [&](bool after, size_t next, bool before, size_t last) {
-    if (after && onOneSurface(in, e, next, cosine)) return in.at(in.P, next) - P;
-    if (before && onOneSurface(in, e, last, cosine)) return P - in.at(in.P, last);
-    return Vec3(0.0f);
-  };
-  const float area = glm::length(glm::cross(step(x + 1 < in.width, e + 1, x > 0, e - 1), step(y + 1 < in.height, e + w, y > 0, e - w)));
-  return area > 0.0f ? area : in.footprint[e] * in.footprint[e];
-}
+constexpr float kPerSigma = 3.0f;
+constexpr int kRun = 128;   // most pixels of a run
+constexpr int kTile = 32;   // of the planes that single samples read
 
 class StyleAbstractionNode final : public Node {
  public:
   explicit StyleAbstractionNode(const StyleAbstractionSettings& s) : s_(s) { GOBO_CHECK(s.sigma >= 0.0f); }
   std::string type() const override { return "style_abstraction"; }
-  int version() const override { return 2; }  // 2: a round window, sums of differences
+  int version() const override { return 3; }  // 2: a round window, sums of differences; 3: by cells where a surface is smooth
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override {
     if (!s_.varies) h.add(s_.sigma);
     h.add(s_.angle);
     if (s_.varies) h.add("varies");
+    if (s_.pixel > 0.0f) h.add("screen").add(s_.pixel);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, s_.varies ? 3 : 2);
     w.over(0, s_.extent).reads<float>(0, "D").over(1, s_.extent);
-    w.reads<float>(1, "P", {3}).reads<float>(1, "N", {3}).reads<float>(1, "Ng", {3}).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
+    if (!(s_.pixel > 0.0f))
+      w.reads<float>(1, "P", {3}).reads<float>(1, "N", {3}).reads<float>(1, "Ng", {3}).reads<float>(1, "footprint").reads<uint32_t>(1, "instance");
     if (s_.varies) w.over(2, s_.extent).reads<float>(2, "abstraction");
     return w.gives({"style_distance", Domain::ViewSample, s_.extent, {unsetPlane<float>("D")}});
   }
-  size_t workingBytes() const override { return size_t(s_.extent.width) * size_t(s_.extent.height) * kPlanes * sizeof(float); }
-  Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * 150.0 * double(result.extent.elements())}; }
+  size_t workingBytes() const override {
+    const size_t count = size_t(s_.extent.width) * size_t(s_.extent.height);
+    return count * (kPlanes * sizeof(float) + 1 + (s_.pixel > 0.0f ? PictureSurface::bytesPerSample() : 0)) + abstractionCellBytes(count);
+  }
+  Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * (s_.varies ? 150.0 : 60.0) * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term& g = *ctx.inputs.at(1);
@@ -62,22 +58,12 @@ class StyleAbstractionNode final : public Node {
       std::copy(from.begin(), from.end(), D.begin());
       return TermPtr(ctx.result);
     }
-    std::vector<float> planes(kPlanes * count);
+    const auto planes = std::make_unique_for_overwrite<float[]>(kPlanes * count);
+    std::optional<PictureSurface> picture;
+    if (s_.pixel > 0.0f) picture.emplace(s_.extent.width, s_.extent.height, s_.pixel);
     for (size_t layer = 0; layer < size_t(s_.extent.layers); ++layer) {
-      const ContourInput in = surfaceInput(g, layer);
-      const Widths widths{unit, s_.varies ? varying.subspan(layer * count, count) : varying};
-      const auto d = from.subspan(layer * count, count);
-      const auto out = D.subspan(layer * count, count);
-      const auto rows = [&](const auto& body) {
-        return ctx.arena->parallelFor(
-            size_t(in.height), 1,
-            [&](size_t begin, size_t end) {
-              for (size_t y = begin; y < end; ++y) body(int(y));
-            },
-            ctx.stop);
-      };
-      if (!rows([&](int y) { separate(in, d, y, cosine, widths, planes); }) || !rows([&](int y) { smoothRow(in, d, planes, y, cosine, widths, out); }))
-        return Status(Code::Cancelled, "style_abstraction: stopped");
+      const Layer l{picture ? picture->input() : surfaceInput(g, layer), from.subspan(layer * count, count), {unit, s_.varies ? varying.subspan(layer * count, count) : varying}, cosine};
+      if (!smoothLayer(ctx, l, planes.get(), D.subspan(layer * count, count))) return Status(Code::Cancelled, "style_abstraction: stopped");
     }
     return TermPtr(ctx.result);
   }
@@ -92,30 +78,79 @@ class StyleAbstractionNode final : public Node {
     float at(size_t e) const { return varying.empty() ? unit : varying[e]; }
   };
 
-  /// Row y of the planes. Samples without a distance have no area.
-  void separate(const ContourInput& in, std::span<const float> d, int y, float cosine, const Widths& widths, std::vector<float>& planes) const {
-    const size_t count = in.instance.size();
-    const float scale = 1.0f / widths.unit;
-    for (int x = 0; x < in.width; ++x) {
-      const size_t e = size_t(y) * size_t(in.width) + size_t(x);
-      const bool counts = in.valid(e) && std::abs(d[e]) < kStyleFar;
-      const Vec3 P = counts ? in.at(in.P, e) * scale : Vec3(0.0f), N = in.at(in.N, e);
-      const float area = counts ? std::clamp(areaOf(in, x, y, cosine) * scale * scale, kLeastArea, kMostArea) : 0.0f;
-      const float value[kPlanes] = {
-          P.x, P.y, P.z, N.x, N.y, N.z, area, counts ? d[e] : 0.0f, std::min((widths.unit / widths.at(e)) * (widths.unit / widths.at(e)), 1e30f)};
-      for (size_t k = 0; k < kPlanes; ++k) planes[k * count + e] = value[k];
-    }
+  struct Layer {
+    ContourInput in;
+    std::span<const float> d;
+    Widths widths;
+    float cosine;
+    AbstractionInput input() const { return {in, d, widths.unit, cosine}; }
+    float pixelsOfSigma(size_t e) const { return in.footprint[e] > 0.0f ? std::min(widths.at(e) / in.footprint[e], 1e6f) : 0.0f; }
+  };
+
+  /// Smooth places by cells, the rest sample by sample. False: stopped.
+  bool smoothLayer(const RunContext& ctx, const Layer& l, float* planes, std::span<float> out) const {
+    std::vector<uint8_t> done(out.size(), 0);
+    if (!s_.varies && !abstractByCells(l.input(), *ctx.arena, ctx.stop, out, done)) return false;
+    const int across = (l.in.width + kTile - 1) / kTile, down = (l.in.height + kTile - 1) / kTile;
+    const auto each = [&](int count, const auto& body) {
+      return ctx.arena->parallelFor(
+          size_t(count), 1,
+          [&](size_t begin, size_t end) {
+            for (size_t k = begin; k < end; ++k) body(int(k));
+          },
+          ctx.stop);
+    };
+    std::vector<float> reach(size_t(across) * size_t(down), -1.0f);  // pixels that a tile's samples read around themselves; -1: it has none left
+    const auto samplesOf = [&](int tile, const auto& body) {
+      const int x0 = tile % across * kTile, y0 = tile / across * kTile;
+      for (int y = y0; y < std::min(y0 + kTile, l.in.height); ++y)
+        for (int x = x0; x < std::min(x0 + kTile, l.in.width); ++x) body(x, y, size_t(y) * size_t(l.in.width) + size_t(x));
+    };
+    if (!each(across * down, [&](int tile) {
+          samplesOf(tile, [&](int, int, size_t e) {
+            if (!done[e]) reach[size_t(tile)] = std::max(reach[size_t(tile)], kAbstractionReach * l.pixelsOfSigma(e));
+          });
+        }))
+      return false;
+    const std::vector<uint8_t> wanted = around(reach, across, down);
+    return each(across * down,
+                [&](int tile) {
+                  if (wanted[size_t(tile)]) samplesOf(tile, [&](int x, int y, size_t e) { separate(l, x, y, e, planes); });
+                }) &&
+           each(l.in.height, [&](int y) { smoothRow(l, planes, y, done, out); });
   }
 
-  static float pixelsOfSigma(const ContourInput& in, const Widths& widths, size_t e) {
-    return in.footprint[e] > 0.0f ? std::min(widths.at(e) / in.footprint[e], 1e6f) : 0.0f;
+  /// Tiles within reach of those that have any; runs of samples have the reach of the one that sees most, which may be of the next tile.
+  static std::vector<uint8_t> around(const std::vector<float>& reach, int across, int down) {
+    std::vector<uint8_t> wanted(reach.size(), 0);
+    for (int y = 0; y < down; ++y)
+      for (int x = 0; x < across; ++x) {
+        const auto of = [&](int u, int v) { return u < 0 || u >= across ? -1.0f : reach[size_t(v * across + u)]; };
+        if (of(x, y) < 0.0f) continue;
+        float most = of(x, y);
+        for (int u = x - kRun / kTile; u <= x + kRun / kTile; ++u) most = std::max(most, of(u, y));
+        const int tiles = int(std::min(1.2f * most / float(kTile), 1e5f)) + 1;  // 1.2: a window's rows are rounded to strides
+        for (int v = std::max(y - tiles, 0); v <= std::min(y + tiles, down - 1); ++v)
+          std::fill_n(wanted.begin() + (v * across + std::max(x - tiles, 0)), std::min(x + tiles, across - 1) - std::max(x - tiles, 0) + 1, uint8_t(1));
+      }
+    return wanted;
+  }
+
+  /// Sample e of the planes. Those without a distance have no area.
+  static void separate(const Layer& l, int x, int y, size_t e, float* planes) {
+    const size_t count = l.d.size();
+    const float unit = l.widths.unit, scale = 1.0f / unit;
+    const bool counts = l.input().counts(e);
+    const Vec3 P = counts ? l.in.at(l.in.P, e) * scale : Vec3(0.0f), N = l.in.at(l.in.N, e);
+    const float area = counts ? std::clamp(l.input().areaOf(x, y) * scale * scale, kLeastAbstractionArea, kMostAbstractionArea) : 0.0f;
+    const float narrower = unit / l.widths.at(e);
+    const float value[kPlanes] = {P.x, P.y, P.z, N.x, N.y, N.z, area, counts ? l.d[e] : 0.0f, std::min(narrower * narrower, 1e30f)};
+    for (size_t k = 0; k < kPlanes; ++k) planes[k * count + e] = value[k];
   }
 
   /// Runs of pixels that take every same sample, with the window of the one that sees most: what is beyond 3 sigma of a pixel does not count anyway.
-  void smoothRow(const ContourInput& in, std::span<const float> d, const std::vector<float>& planes, int y, float cosine, const Widths& widths,
-                 std::span<float> out) const {
-    const size_t count = in.instance.size(), row = size_t(y) * size_t(in.width);
-    const float* first = planes.data();
+  static void smoothRow(const Layer& l, const float* first, int y, std::span<const uint8_t> done, std::span<float> out) {
+    const size_t count = l.d.size(), row = size_t(y) * size_t(l.in.width);
     const AbstractionPlanes p{first,
                               first + count,
                               first + 2 * count,
@@ -124,38 +159,30 @@ class StyleAbstractionNode final : public Node {
                               first + 5 * count,
                               first + 6 * count,
                               first + 7 * count,
-                              widths.varying.empty() ? nullptr : first + 8 * count};
+                              l.widths.varying.empty() ? nullptr : first + 8 * count};
     float sums[kRun], weights[kRun];
-    for (int begin = 0, end = 0; begin < in.width; begin = end) {
+    for (int begin = 0, end = 0; begin < l.in.width; begin = end) {
+      if (done[row + size_t(begin)]) {
+        end = begin + 1;
+        continue;
+      }
       int stride = 0;
       float most = 0;  // pixels of sigma
-      for (end = begin; end < std::min(begin + kRun, in.width); ++end) {
+      for (end = begin; end < std::min(begin + kRun, l.in.width) && !done[row + size_t(end)]; ++end) {
         const size_t e = row + size_t(end);
-        if (p.area[e] == 0.0f || !(widths.at(e) > 0.0f)) continue;
-        const float pixels = pixelsOfSigma(in, widths, e);
+        if (p.area[e] == 0.0f || !(l.widths.at(e) > 0.0f)) continue;
+        const float pixels = l.pixelsOfSigma(e);
         const int step = std::max(int(pixels / kPerSigma), 1);
         if (stride != 0 && step != stride) break;
         stride = step;
         most = std::max(most, pixels);
       }
       for (int x = begin; x < end; ++x) sums[x - begin] = 0, weights[x - begin] = p.area[row + size_t(x)];
-      if (stride != 0) {
-        const float reach = kReach * most / float(stride);
-        const int taps = int(reach);
-        for (int v = -std::min(taps, y / stride); v <= std::min(taps, (in.height - 1 - y) / stride); ++v) {
-          const int across = int(std::sqrt(std::max(reach * reach - float(v * v), 0.0f)) + 0.5f);
-          for (int u = -across; u <= across; ++u) {
-            if (u == 0 && v == 0) continue;
-            const int64_t shift = int64_t(u) * stride, from = std::max<int64_t>(begin, -shift), to = std::min<int64_t>(end, in.width - shift);
-            if (from >= to) continue;
-            addOffset(p, row + size_t(from), ptrdiff_t(v) * stride * in.width + ptrdiff_t(shift), size_t(to - from), kReach * kReach, cosine,
-                      sums + (from - begin), weights + (from - begin));
-          }
-        }
-      }
+      if (stride != 0)
+        addDisc(p, l.in.width, l.in.height, y, begin, end, kAbstractionReach * most / float(stride), stride, l.cosine, sums, weights);
       for (int x = begin; x < end; ++x) {
         const size_t e = row + size_t(x);
-        out[e] = p.area[e] > 0.0f ? d[e] + sums[x - begin] / weights[x - begin] : d[e];
+        out[e] = p.area[e] > 0.0f ? l.d[e] + sums[x - begin] / weights[x - begin] : l.d[e];
       }
     }
   }

@@ -12,8 +12,9 @@
 // Inputs       0: plane D (filters/stylised/distance_field.h); 1: "gbuffer" (P, N, Ng, instance, footprint); 2, where sigma varies: "style_parameters" (plane
 //              abstraction: sigma of each sample x; where it is 0 D' = D).
 // Output       term "style_distance", plane D. sigma = 0 copies.
-// Cost         A disc in at most 37 x 37 samples, in 19 x 19 to 25 x 25 for a sigma of more than 6 pixels, about 1 ns each.
-// Error        Cut at 3 sigma: 1.1 % of the weight, width 0.974 sigma.
+// Cost         Where a surface is smooth (filters/stylised/abstraction_cells.h; a sigma of 3.6 pixels and more, the same everywhere) by cells: some 4 to 22 sums a
+//              sample. Elsewhere a disc in at most 37 x 37 samples, in 19 x 19 to 25 x 25 for a sigma of more than 6 pixels, about 1 ns each.
+// Error        Cut at 3 sigma: 1.1 % of the weight, width 0.974 sigma. By cells 0.2 % of sigma at a ridge of D.
 // Fails where  surfaces are seen under less than some 20 degrees: samples are farther apart than sigma; near the picture's border one side is missing.
 // Determinism  bit-identical for any number of threads. No windows: how many pixels 3 sigma are depends on the picture.
 #pragma once
@@ -27,6 +28,7 @@ struct StyleAbstractionSettings {
   float sigma = 0;            ///< scene units; not asked where it varies
   float angle = 0.78539816f;  ///< radians
   bool varies = false;
+  float pixel = 0;  ///< above 0: over the picture, with pixels of that width (filters/stylised/screen_metric.h); 0: in the world
 };
 
 NodePtr makeStyleAbstractionNode(const StyleAbstractionSettings& settings);

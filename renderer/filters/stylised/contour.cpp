@@ -43,11 +43,9 @@ float crossing(const ContourInput& in, float from, float to) {
   return 0.5f + (linear - 0.5f) * std::min(2.0f * (1.0f - std::abs(to - from)), 1.0f);
 }
 
-void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vector<ContourSegment>& out) {
+void extractSquare(const ContourInput& in, int x, int y, int code, float cosine, std::vector<ContourSegment>& out) {
   const size_t w = size_t(in.width), top = size_t(y) * w + size_t(x);
   const size_t corner[4] = {top, top + 1, top + w + 1, top + w};
-  int code = 0;
-  for (int k = 0; k < 4; ++k) code |= int(in.lit(corner[k])) << k;
   const SquareCase& c = kCases[size_t(code)];
   for (int s = 0; s < c.count; ++s) {
     ContourSegment segment;
@@ -65,6 +63,27 @@ void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vect
     if (!whole || segment.a == segment.b || !(length > 0.0f)) continue;
     segment.normal = normal / length;
     out.push_back(segment);
+  }
+}
+
+void litRow(const ContourInput& in, size_t y, std::vector<uint8_t>& lit) {
+  const size_t w = size_t(in.width), first = y * w;
+  if (in.channels == 1)
+    for (size_t x = 0; x < w; ++x) lit[x] = in.V[first + x] >= in.level;
+  else
+    for (size_t x = 0; x < w; ++x) lit[x] = in.lit(first + x);
+}
+
+void extractRows(const ContourInput& in, size_t begin, size_t end, float cosine, std::vector<ContourSegment>& out) {
+  std::vector<uint8_t> above(size_t(in.width)), below(size_t(in.width));
+  litRow(in, begin, below);
+  for (size_t y = begin; y < end; ++y) {
+    above.swap(below);
+    litRow(in, y + 1, below);
+    for (size_t x = 0; x + 1 < size_t(in.width); ++x) {
+      const int code = above[x] | above[x + 1] << 1 | below[x + 1] << 2 | below[x] << 3;
+      if (code != 0 && code != 15) extractSquare(in, int(x), int(y), code, cosine, out);
+    }
   }
 }
 
@@ -108,9 +127,7 @@ Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float
   const bool complete = arena.parallelFor(
       pieces, 1,
       [&](size_t begin, size_t end) {
-        for (size_t piece = begin; piece < end; ++piece)
-          for (size_t y = piece * kRows; y < std::min((piece + 1) * kRows, rows); ++y)
-            for (int x = 0; x + 1 < in.width; ++x) extractSquare(in, x, int(y), cosine, found[piece]);
+        for (size_t piece = begin; piece < end; ++piece) extractRows(in, piece * kRows, std::min((piece + 1) * kRows, rows), cosine, found[piece]);
       },
       stop);
   if (!complete) return Status(Code::Cancelled, "contour: stopped");

@@ -11,7 +11,6 @@ namespace {
 
 constexpr uint32_t kLeaf = 4, kPollAbove = 4096;
 constexpr double kFlat = 1e-2;    // spread of normals that counts as none at first
-constexpr double kFarFrom = 2.0;  // radii of a patch of patches from the nearest piece, from where its sources are few
 constexpr double kSlack = 1e-6;   // of angles: the cones are rounded, the segments' own test decides at their edges
 
 /// Gauss rules on [-1, 1] by number of points, with the factor of their error: |rest| <= factor p (p+1) ... (p+2n-1) q^2n of length d^-p.
@@ -136,12 +135,9 @@ ContourTree::Bound ContourTree::least(const Patch& patch) const {
     const double farthest = distance(box) + box.radius + patch.radius;
     if (seenFrom(patch, box) == Seen::All && farthest > 0 && box.source.length > 0) {
       const double value = std::log(box.source.length) - p_ * std::log(farthest);
-      if (value > best) best = value, most = {box.source.length, farthest, 0};
+      if (value > best) best = value, most = {box.source.length, farthest};
     }
-    if (box.left < 0) {
-      most.nearest = distance(box) - box.radius;
-      break;
-    }
+    if (box.left < 0) break;
     const Box &l = boxes_[size_t(box.left)], &r = boxes_[size_t(box.left) + 1];
     const bool left = seenFrom(patch, l) != Seen::None, right = seenFrom(patch, r) != Seen::None;
     at = left && (!right || distance(l) - l.radius <= distance(r) - r.radius) ? box.left : box.left + 1;
@@ -187,37 +183,52 @@ void ContourTree::gatherSegment(const Patch& patch, uint32_t segment, const Boun
   out.near.push_back(segment);
 }
 
-bool ContourTree::gatherUpTo(const Patch& patch, size_t most, bool segments, PatchSources& out) const {
-  if (boxes_.empty()) return true;
+void ContourTree::gather(const Patch& patch, const Pieces& pieces, PatchSources& out) const { gatherFrom(patch, pieces, 0, out, nullptr); }
+
+void ContourTree::gatherFar(const Patch& patch, const Pieces& pieces, double distance, PatchSources& out, Pieces& rest) const {
+  rest.clear();
+  gatherFrom(patch, pieces, distance, out, &rest);
+}
+
+void ContourTree::gatherFrom(const Patch& patch, const Pieces& pieces, double distance, PatchSources& out, Pieces* rest) const {
+  if (pieces.empty()) return;
   const Bound bound = least(patch);
-  if (!segments && bound.nearest < kFarFrom * patch.radius) return false;
   std::vector<int>& open = out.open;
-  open.push_back(0);
+  open.assign(pieces.rbegin(), pieces.rend());
   while (!open.empty()) {
-    if (out.sources.size() > most || (!segments && (!out.near.empty() || !out.guarded.empty()))) return false;
-    const bool surely = open.back() < 0;  // ~box: seen as part of one that is
-    const Box& box = boxes_[size_t(surely ? ~open.back() : open.back())];
+    const int piece = open.back();
+    const bool surely = piece < 0;
+    const Box& box = boxes_[size_t(surely ? ~piece : piece)];
     open.pop_back();
     const Seen seen = surely ? Seen::All : seenFrom(patch, box);
     if (seen == Seen::None) continue;
-    if (seen == Seen::All) {
-      const double d = glm::length(box.source.at - patch.centre) - patch.radius;
-      if (d > box.radius && whole(box.radius / d, allowed(bound, d))) {
-        out.sources.push_back(box.source);
-        out.length += box.source.length;
-        continue;
-      }
+    const double centre = glm::length(box.source.at - patch.centre), d = centre - patch.radius;
+    const bool far = centre - box.radius >= distance;
+    if (seen == Seen::All && far && d > box.radius && whole(box.radius / d, allowed(bound, d))) {
+      out.sources.push_back(box.source);
+      out.length += box.source.length;
+      continue;
+    }
+    const int self = seen == Seen::All && !surely ? ~piece : piece;
+    if (rest && ((!far && box.radius <= patch.radius) || (box.left < 0 && (!far || seen == Seen::Some)))) {
+      rest->push_back(self);
+      continue;
     }
     if (box.left >= 0) {
       open.push_back(seen == Seen::All ? ~(box.left + 1) : box.left + 1);
       open.push_back(seen == Seen::All ? ~box.left : box.left);
       continue;
     }
+    const size_t near = out.near.size(), sources = out.sources.size();
+    const double length = out.length;
     for (uint32_t k = box.first; k < box.first + box.count; ++k)
       if (seen == Seen::All) gatherSegment(patch, order_[k], bound, out);
       else out.guarded.push_back(order_[k]);
+    if (rest && out.near.size() > near) {  // a leaf is taken apart by those that are nearer
+      out.near.resize(near), out.sources.resize(sources), out.length = length;
+      rest->push_back(self);
+    }
   }
-  return out.sources.size() <= most && (segments || (out.near.empty() && out.guarded.empty()));
 }
 
 }  // namespace gobo

@@ -48,10 +48,14 @@ class ContourTree {
   static Result<ContourTree> build(std::span<const ContourSegment> segments, int p, double angle, double error, const StopToken& stop);
 
   std::span<const ContourSegment> segments() const { return segments_; }
-  /// Adds to `out`, which is clear.
-  void gather(const Patch& patch, PatchSources& out) const { gatherUpTo(patch, SIZE_MAX, true, out); }
-  /// False, and `out` of no use, where there are more sources than `most` or some segments stay such: the patch is worth cutting.
-  bool gatherFar(const Patch& patch, size_t most, PatchSources& out) const { return gatherUpTo(patch, most, false, out); }
+  /// Pieces yet to be looked at: box k as k, or as ~k where every point in question sees it.
+  using Pieces = std::vector<int>;
+  Pieces all() const { return boxes_.empty() ? Pieces{} : Pieces{0}; }
+  /// Adds what `pieces` give to `out`, which is clear.
+  void gather(const Patch& patch, const Pieces& pieces, PatchSources& out) const;
+  /// Of `pieces` to `out` the sources that lie wholly at `distance` or more from the patch's centre and that every point sees; what is left for parts of the
+  /// patch, in pieces that are not much larger than it, goes to `rest`.
+  void gatherFar(const Patch& patch, const Pieces& pieces, double distance, PatchSources& out, Pieces& rest) const;
 
  private:
   struct Box {
@@ -65,12 +69,12 @@ class ContourTree {
   enum class Seen : uint8_t { All, None, Some };
 
   ContourTree() = default;
-  bool gatherUpTo(const Patch& patch, size_t most, bool segments, PatchSources& out) const;
+  /// rest: null where segments may stay such.
+  void gatherFrom(const Patch& patch, const Pieces& pieces, double distance, PatchSources& out, Pieces* rest) const;
   Box boxOf(uint32_t first, uint32_t count) const;
   Seen seenFrom(const Patch& patch, const Box& box) const;
   struct Bound {
     double length = 0, farthest = 0;  ///< of the piece that gives most
-    double nearest = 0;               ///< about the distance of the nearest
   };
   Bound least(const Patch& patch) const;
   double allowed(const Bound& bound, double d) const;

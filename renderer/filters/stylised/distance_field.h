@@ -23,6 +23,8 @@
 // (techniques/direct_visibility).
 #pragma once
 
+#include <functional>
+
 #include "filters/stylised/averaged_distance.h"
 #include "terms/node.h"
 
@@ -34,15 +36,22 @@ struct StyleDistanceSettings {
   StyleNorm norm = StyleNorm::Local;
   float angle = 0.78539816f;  ///< radians (45 degrees)
   int level = 0, levels = 1;  ///< of soft visibility: the contour, and sign, of (level + 1/2) / levels
-  /// Without the extent. One level says nothing: keys of before hold.
+  float pixel = 0;            ///< above 0: in the picture, with pixels of that width (filters/stylised/screen_metric.h); 0: in the world
+  /// Without the extent. One level and the world say nothing: keys of before hold.
   void hash(Hasher& h) const;
 };
-/// Of a node of that extent: a visibility term and a "gbuffer", as the contour reads them.
-void readsContour(Wiring& w, const Extent& extent);
+/// Of a node of these settings: a visibility term and a "gbuffer", as the contour reads them.
+void readsContour(Wiring& w, const StyleDistanceSettings& settings);
+/// Calls body(ContourInput of a layer, layer), layer by layer, in the world or in the picture; stops at an error.
+Status forEachContourLayer(const StyleDistanceSettings& settings, const Term& visibility, const Term& gbuffer,
+                           const std::function<Status(const ContourInput&, size_t)>& body);
 
 inline constexpr float kLeastStyleDistance = 1e-30f;  ///< what a sample on the contour has, so that D has a sign
 inline constexpr double kFieldError = 2e-3;           ///< bound of the relative error of D; what is seen is a twentieth of it, and tests hold it to 1e-4
 
 NodePtr makeStyleDistanceNode(const StyleDistanceSettings& settings);
+
+/// How many terms (sources at points, polynomials at points) the node adds up, for tests of what its work grows with.
+uint64_t styleDistanceTerms(const StyleDistanceSettings& settings, const Term& visibility, const Term& gbuffer, const TaskArena& arena);
 
 }  // namespace gobo

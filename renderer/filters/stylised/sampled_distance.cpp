@@ -6,6 +6,7 @@
 
 #include "base/sobol.h"
 #include "filters/stylised/sampled_sums.h"
+#include "filters/stylised/screen_metric.h"
 
 namespace gobo {
 
@@ -29,24 +30,24 @@ class SampledDistanceNode final : public Node {
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 2);
-    readsContour(w, s_.distance.extent);
+    readsContour(w, s_.distance);
     return w.gives({"style_distance", Domain::ViewSample, s_.distance.extent, {unsetPlane<float>("D")}});
   }
   size_t workingBytes() const override {  // of a layer: two segments a square, their lines, the guide
-    return size_t(s_.distance.extent.width) * size_t(s_.distance.extent.height) * 2 * (2 * sizeof(ContourSegment) + 72);
+    return size_t(s_.distance.extent.width) * size_t(s_.distance.extent.height) * (2 * (2 * sizeof(ContourSegment) + 72) + (s_.distance.pixel > 0.0f ? PictureSurface::bytesPerSample() : 0));
   }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * kSampleNs * s_.samples * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const auto D = ctx.result->writable<float>("D");
     const FilmElements film(s_.distance.extent, s_.place);
-    for (size_t layer = 0; layer < size_t(s_.distance.extent.layers); ++layer) GOBO_TRY(runLayer(ctx, layer, film, D));
+    GOBO_TRY(forEachContourLayer(s_.distance, *ctx.inputs.at(0), *ctx.inputs.at(1),
+                                 [&](const ContourInput& in, size_t layer) { return runLayer(ctx, in, layer, film, D); }));
     return TermPtr(ctx.result);
   }
 
  private:
-  Status runLayer(const RunContext& ctx, size_t layer, const FilmElements& film, std::span<float> D) const {
-    const ContourInput in = contourInput(*ctx.inputs.at(0), *ctx.inputs.at(1), layer, s_.distance.level, s_.distance.levels);
+  Status runLayer(const RunContext& ctx, const ContourInput& in, size_t layer, const FilmElements& film, std::span<float> D) const {
     const float cosine = std::cos(s_.distance.angle) - kRoundedCosine;
     GOBO_ASSIGN(const std::vector<ContourSegment> contour, extractContour(in, cosine, *ctx.arena, ctx.stop));
     const ContourPoints points(contour);

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "filters/stylised/contour_tree.h"
+#include "filters/stylised/interpolated_sums.h"
 
 namespace gobo {
 
@@ -55,5 +56,23 @@ PatchSource patchSource(const PatchSources::Source& source, const DVec3& centre,
 void nearestSources(const std::vector<PatchSource>& sources, PatchPoints& points);
 /// sum += what the sources give; nearest2 > 0.
 void addSources(const std::vector<PatchSource>& sources, int p, PatchPoints& points);
+
+/// Points of a patch as they come.
+struct SurfacePatch {
+  float x[kPatchPoints], y[kPatchPoints], z[kPatchPoints], nx[kPatchPoints], ny[kPatchPoints], nz[kPatchPoints], width[kPatchPoints];
+  uint32_t id[kPatchPoints];
+};
+/// Whether all are of the first one's id, their normals' product with its at least `cosine`, and within `reach` widths of it.
+bool isOneSurface(const SurfacePatch& p, float cosine, float reach);
+/// Least and largest of `n` products of places less `from` with a vector.
+struct Span {
+  float low, high;
+};
+Span spanAlong(const SurfacePatch& p, const Vec3& from, const Vec3& along);
+/// Largest square of a distance from a point, and least product of a normal with an axis.
+void boundsOf(const SurfacePatch& p, const Vec3& from, const Vec3& axis, float& farthest2, float& least);
+
+/// sum[k] of the polynomials at places u, v of -1 .. 1; n is a multiple of kLanes.
+void interpolated(const InterpolatedSum& of, const float* u, const float* v, size_t n, float* sum);
 
 }  // namespace gobo

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "filters/stylised/source_sums.h"
 #include "formulas/math.glsl.h"
@@ -203,6 +204,59 @@ void addSegments(const std::vector<NearSegment>& segments, int p, NearPoints& po
 
 void powers(const float* __restrict ratio, float exponent, size_t n, float* __restrict d) {
   for (size_t k = 0; k < n; ++k) d[k] = formulas::fastExp(formulas::fastLog(ratio[k]) * exponent);
+}
+
+void interpolated(const InterpolatedSum& of, const float* __restrict u, const float* __restrict v, size_t n, float* __restrict sum) {
+  constexpr size_t kSide = InterpolatedSum::kSide;
+  for (size_t first = 0; first < n; first += kLanes) {
+    float row[kLanes], all[kLanes] = {};
+    for (size_t i = kSide; i-- > 0;) {
+      const float* __restrict c = &of.share[i * kSide];
+      for (size_t l = 0; l < kLanes; ++l) row[l] = c[kSide - 1];
+      for (size_t j = kSide - 1; j-- > 0;)
+        for (size_t l = 0; l < kLanes; ++l) row[l] = row[l] * v[first + l] + c[j];
+      for (size_t l = 0; l < kLanes; ++l) all[l] = all[l] * u[first + l] + row[l];
+    }
+    for (size_t l = 0; l < kLanes; ++l) sum[first + l] = all[l];
+  }
+}
+
+bool isOneSurface(const SurfacePatch& p, float cosine, float reach) {
+  int alike = 1;
+  for (size_t k = 0; k < kPatchPoints; ++k) {
+    const float x = p.x[k] - p.x[0], y = p.y[k] - p.y[0], z = p.z[k] - p.z[0], w = reach * (p.width[k] > p.width[0] ? p.width[k] : p.width[0]);
+    const float turn = p.nx[k] * p.nx[0] + p.ny[k] * p.ny[0] + p.nz[k] * p.nz[0];
+    alike &= int(p.id[k] == p.id[0]) & int(turn >= cosine) & int(x * x + y * y + z * z <= w * w);
+  }
+  return alike && p.id[0] != ~0u;
+}
+
+Span spanAlong(const SurfacePatch& p, const Vec3& from, const Vec3& along) {
+  float low[kLanes], high[kLanes];
+  for (size_t l = 0; l < kLanes; ++l) low[l] = std::numeric_limits<float>::max(), high[l] = -low[l];
+  for (size_t first = 0; first < kPatchPoints; first += kLanes)
+    for (size_t l = 0; l < kLanes; ++l) {
+      const size_t k = first + l;
+      const float at = (p.x[k] - from.x) * along.x + (p.y[k] - from.y) * along.y + (p.z[k] - from.z) * along.z;
+      low[l] = at < low[l] ? at : low[l];
+      high[l] = at > high[l] ? at : high[l];
+    }
+  return {*std::min_element(low, low + kLanes), *std::max_element(high, high + kLanes)};
+}
+
+void boundsOf(const SurfacePatch& p, const Vec3& from, const Vec3& axis, float& farthest2, float& least) {
+  float far[kLanes], low[kLanes];
+  for (size_t l = 0; l < kLanes; ++l) far[l] = 0, low[l] = 1;
+  for (size_t first = 0; first < kPatchPoints; first += kLanes)
+    for (size_t l = 0; l < kLanes; ++l) {
+      const size_t k = first + l;
+      const float x = p.x[k] - from.x, y = p.y[k] - from.y, z = p.z[k] - from.z, r2 = x * x + y * y + z * z;
+      const float turn = p.nx[k] * axis.x + p.ny[k] * axis.y + p.nz[k] * axis.z;
+      far[l] = r2 > far[l] ? r2 : far[l];
+      low[l] = turn < low[l] ? turn : low[l];
+    }
+  farthest2 = *std::max_element(far, far + kLanes);
+  least = *std::min_element(low, low + kLanes);
 }
 
 }  // namespace gobo

@@ -75,6 +75,7 @@ class StylePlan {
     d.norm = choiceParameter(style_, "norm") == v1::ShadowStyle::PUBLISHED ? StyleNorm::Published : StyleNorm::Local;
     d.angle = angle_;
     d.levels = std::max(int(number("levels")), 1);
+    d.pixel = pixel();
     std::vector<Level> levels;
     for (d.level = 0; d.level < d.levels; ++d.level) levels.push_back(planLevel(d));
     const Level& middle = levels[levels.size() / 2];
@@ -152,6 +153,7 @@ class StylePlan {
     return filter(makeStyleKeepNode({extent_, angle_, keep, inflation, parameters >= 0}), std::move(inputs), "style_keep" + whose + of_);
   }
 
+  float pixel() const { return style_.metric() == v1::ShadowStyle::SCREEN ? 1.0f / float(input_.filmHeight()) : 0.0f; }
   float number(const char* name) const { return float(numberParameter(style_, name)); }
   NodeId filter(NodePtr node, std::vector<NodeId> inputs, const std::string& what) {
     return addShadowFilter(graph_, std::move(node), std::move(inputs), what, input_);
@@ -185,13 +187,13 @@ class StylePlan {
   }
 
   NodeId blurred(float sigma) {
-    return sigma > 0.0f ? filter(makeStyleAbstractionNode({extent_, sigma, angle_}), {distance_, input_.gbuffer}, "style_abstraction" + of_) : distance_;
+    return sigma > 0.0f ? filter(makeStyleAbstractionNode({extent_, sigma, angle_, false, pixel()}), {distance_, input_.gbuffer}, "style_abstraction" + of_) : distance_;
   }
   NodeId abstracted() {
     const StyleFormula* varying = formulas_.find(StyleField::Abstraction);
     if (!varying) return blurred(number("abstraction"));
     const NodeId widths = parametersOf({{StyleField::Abstraction, *varying}}, -1, "");
-    return filter(makeStyleAbstractionNode({extent_, 0.0f, angle_, true}), {distance_, input_.gbuffer, widths}, "style_abstraction" + of_);
+    return filter(makeStyleAbstractionNode({extent_, 0.0f, angle_, true, pixel()}), {distance_, input_.gbuffer, widths}, "style_abstraction" + of_);
   }
 
   /// Layers of equal abstraction, and without a share kept of their own, have one distance. `own`: the style's, before that.

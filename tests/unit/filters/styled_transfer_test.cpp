@@ -190,7 +190,7 @@ TEST(StyleParameters, TransferAndAbstractionReadThem) {
   }
   EXPECT_GT(different, 100u) << split;
   // Widths that are sampled at every third pixel and at every one, side by side.
-  const auto coarse = plain(0.9f), fine = plain(0.15f), both = blurred("x < 2 ? 0.9 : 0.15");
+  const auto coarse = blurred("0.9"), fine = plain(0.15f), both = blurred("x < 2 ? 0.9 : 0.15");
   for (size_t k = 0; k < from.size(); ++k)
     if (const float x = P[3 * k]; std::abs(x - 2) > 0.01f) { EXPECT_NEAR(both->floats("D")[k], (x < 2 ? coarse : fine)->floats("D")[k], 2e-5) << x; }
 }

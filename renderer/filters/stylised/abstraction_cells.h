@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// The abstraction where a surface is smooth: over cells of 2 x 2, 4 x 4 ... samples in the place of samples, and interpolated between their middles.
+//
+// Computes     Cells hold the means of place, normal and distance by area. Each cell's Gaussian is summed over cells, narrower by the variance that a cell has of
+//              itself (both add to sigma^2), and samples between four times four cells have the cubic through their values. Cells are 1/3 to 2/3 of sigma wide.
+// Where        cells and those around them are whole: each sample joined to its neighbours by onOneSurface, normals of neighbours within 5.7 degrees of each
+//              other, and those of neighbouring cells within 4. Elsewhere (silhouettes, creases, the picture's border, bumps, a sigma of less than 3 pixels)
+//              `done` stays 0.
+// Error        Interpolation 0.3 % of sigma at a ridge of the distance and none worth the name at an edge. A cell across a silhouette has the surface that it has
+//              most of; what it has of others is missing in sums over it.
+// Cost         Some 15 ns a sample for the cells, 4 to 16 sums a sample.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "filters/stylised/contour.h"
+
+namespace gobo {
+
+struct AbstractionInput {
+  const ContourInput& in;    ///< of one layer; no V
+  std::span<const float> d;  ///< distances
+  float sigma = 0;           ///< > 0
+  float cosine = 0;          ///< of the guard
+  bool counts(size_t e) const;
+  /// Area that a sample stands for: of the parallelogram to its neighbours on the surface.
+  float areaOf(int x, int y) const;
+};
+
+/// Sums of areas times distances stay in float: in units of sigma^2.
+inline constexpr float kLeastAbstractionArea = 1e-30f, kMostAbstractionArea = 1e4f;
+
+/// Sets `out` and `done` where the surface is smooth; false: stopped. `done` comes in as 0.
+bool abstractByCells(const AbstractionInput& a, const TaskArena& arena, const StopToken& stop, std::span<float> out, std::span<uint8_t> done);
+/// Of what it holds meanwhile.
+size_t abstractionCellBytes(size_t samples);
+
+}  // namespace gobo
