@@ -8,31 +8,31 @@ namespace gobo {
 
 namespace {
 
-constexpr size_t kSide = InterpolatedSum::kSide;
+constexpr size_t kNodesAside = InterpolatedSum::kSide;
 constexpr double kLebesgue = 2.4;  // of 8 Chebyshev nodes: at most 2/pi ln 8 + 1
 
 double nodeAt(size_t k) {
-  static const std::array<double, kSide> nodes = [] {
-    std::array<double, kSide> n{};
-    for (size_t i = 0; i < kSide; ++i) n[i] = std::cos(M_PI * (double(i) + 0.5) / double(kSide));
+  static const std::array<double, kNodesAside> nodes = [] {
+    std::array<double, kNodesAside> n{};
+    for (size_t i = 0; i < kNodesAside; ++i) n[i] = std::cos(M_PI * (double(i) + 0.5) / double(kNodesAside));
     return n;
   }();
   return nodes[k];
 }
 
-using Matrix = std::array<std::array<double, kSide>, kSide>;
+using Matrix = std::array<std::array<double, kNodesAside>, kNodesAside>;
 /// Values at the nodes to coefficients of powers: by the Chebyshev polynomials' own.
 const Matrix& powersOfValues() {
   static const Matrix m = [] {
-    double chebyshev[kSide][kSide] = {};  // of powers in polynomial n
+    double chebyshev[kNodesAside][kNodesAside] = {};  // of powers in polynomial n
     chebyshev[0][0] = chebyshev[1][1] = 1;
-    for (size_t n = 2; n < kSide; ++n)
-      for (size_t i = 0; i < kSide; ++i) chebyshev[n][i] = (i ? 2 * chebyshev[n - 1][i - 1] : 0.0) - chebyshev[n - 2][i];
+    for (size_t n = 2; n < kNodesAside; ++n)
+      for (size_t i = 0; i < kNodesAside; ++i) chebyshev[n][i] = (i ? 2 * chebyshev[n - 1][i - 1] : 0.0) - chebyshev[n - 2][i];
     Matrix result{};
-    for (size_t i = 0; i < kSide; ++i)
-      for (size_t k = 0; k < kSide; ++k)
-        for (size_t n = 0; n < kSide; ++n)
-          result[i][k] += (n ? 2.0 : 1.0) / double(kSide) * std::cos(double(n) * M_PI * (double(k) + 0.5) / double(kSide)) * chebyshev[n][i];
+    for (size_t i = 0; i < kNodesAside; ++i)
+      for (size_t k = 0; k < kNodesAside; ++k)
+        for (size_t n = 0; n < kNodesAside; ++n)
+          result[i][k] += (n ? 2.0 : 1.0) / double(kNodesAside) * std::cos(double(n) * M_PI * (double(k) + 0.5) / double(kNodesAside)) * chebyshev[n][i];
     return result;
   }();
   return m;
@@ -62,7 +62,7 @@ double errorAt(int p, double d) {
       const double x = a * turn.cosine, y = b * turn.sine, w = d - std::sqrt(x * x + 0.5);
       least = std::min(least, w > 0 ? w * w - y * y : 0.0);
     }
-    if (least > 0) best = std::min(best, 4 * std::exp(p * (std::log(d + 1) - 0.5 * std::log(least)) - double(kSide - 1) * std::log(rho)) / (rho - 1));
+    if (least > 0) best = std::min(best, 4 * std::exp(p * (std::log(d + 1) - 0.5 * std::log(least)) - double(kNodesAside - 1) * std::log(rho)) / (rho - 1));
   }
   return best;
 }
@@ -94,19 +94,19 @@ double interpolationReach(int p, double error) {
   return far;
 }
 
-DVec3 InterpolatedSum::node(const PlaneRectangle& over, size_t k) { return over.at(nodeAt(k / kSide), nodeAt(k % kSide)); }
+DVec3 InterpolatedSum::node(const PlaneRectangle& over, size_t k) { return over.at(nodeAt(k / kNodesAside), nodeAt(k % kNodesAside)); }
 
 void InterpolatedSum::fit(const std::array<double, kNodes>& values) {
   const Matrix& m = powersOfValues();
-  double rows[kSide][kSide] = {};
-  for (size_t i = 0; i < kSide; ++i)
-    for (size_t k = 0; k < kSide; ++k)
-      for (size_t l = 0; l < kSide; ++l) rows[i][l] += m[i][k] * values[k * kSide + l];
-  for (size_t i = 0; i < kSide; ++i)
-    for (size_t j = 0; j < kSide; ++j) {
+  double rows[kNodesAside][kNodesAside] = {};
+  for (size_t i = 0; i < kNodesAside; ++i)
+    for (size_t k = 0; k < kNodesAside; ++k)
+      for (size_t l = 0; l < kNodesAside; ++l) rows[i][l] += m[i][k] * values[k * kNodesAside + l];
+  for (size_t i = 0; i < kNodesAside; ++i)
+    for (size_t j = 0; j < kNodesAside; ++j) {
       double sum = 0;
-      for (size_t l = 0; l < kSide; ++l) sum += m[j][l] * rows[i][l];
-      share[i * kSide + j] = float(sum);
+      for (size_t l = 0; l < kNodesAside; ++l) sum += m[j][l] * rows[i][l];
+      share[i * kNodesAside + j] = float(sum);
     }
 }
 
