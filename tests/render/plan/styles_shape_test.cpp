@@ -95,7 +95,8 @@ TEST(StyleShapes, KeepIsOfInflationByFormulasAndOfLayers) {
   // An edit of the deflation looks for no half widths again.
   v1::RenderRequest r = fence({s + "inflation=-0.3", s + "keep=0.5"});
   Labels ran;
-  for (const auto& n : mustRender(*engine, r).reply.plan())
+  const RenderResult again = mustRender(*engine, r);
+  for (const auto& n : again.reply.plan())
     if (n.state() == v1::NodeReport::RUN) ran.insert(n.node());
   EXPECT_TRUE(ran.count("style_keep:sun"));
   EXPECT_FALSE(ran.count("style_half_width:sun"));
@@ -116,7 +117,7 @@ TEST(StyleShapes, AreOfLightsThatStandForTheEnvironment) {
     layers += n.node().starts_with("style_parameters of layer 0:environment/");
   }
   EXPECT_GT(drawnOut, 0u);
-  EXPECT_EQ(drawnOut, layers);
+  EXPECT_GT(layers, 0u) << "what reads nothing of a light is one for all";
 }
 
 TEST(StyleShapes, EveryKindOfLightDrawsOut) {
@@ -204,7 +205,7 @@ TEST(StyleLayers, FormulasThatCannotBeAreRefusedByName) {
            {x + "[0].weight.formula=depth", e + "[0].weight.formula", "is one number for all of them"},
            {x + "[1].softness.formula=0.1*depth", e + "[1].softness", "has no element [1]"},
            {x + "[00].softness.formula=0.1*depth", e + "[00].softness.formula", "is one number for all of them"},
-           {x + "[0].brightness.formula=1 + time", e + "[0].brightness.formula", "must be at most 1"},
+           {x + "[0].brightness.formula=1 + time", e + "[0].brightness.formula at time 1.000000", "must be at most 1"},
            {x + "[0].brightness.formula=object(\"flor\")", e + "[0].brightness.formula", "did you mean 'floor'?"},
        }) {
     const auto r = engine->render(fence({l + "inflation=0.1", edit, "time_s=1"}));
