@@ -331,6 +331,7 @@ TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
       {"pattern_px", {"=5", drawn, "pattern=HATCHING"}},
       {"pattern_deg", {"=10", drawn, "pattern=HATCHING"}},
       {"samples", {"=20", distance, ""}},
+      {"metric", {"=SCREEN", distance, ""}},
   };
   const std::set<std::string> other{"levels", "guard_px"};  // StyleLevelsOfPlans.* and StylesAround.*
   const auto* d = v1::ShadowStyle::descriptor();
