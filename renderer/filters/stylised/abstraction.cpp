@@ -17,8 +17,8 @@ namespace gobo {
 namespace {
 
 constexpr float kPerSigma = 3.0f;
-constexpr int kRun = 128;   // most pixels of a run
-constexpr int kTile = 32;   // of the planes that single samples read
+constexpr int kAbstractionRun = 128;   // most pixels of a run
+constexpr int kAbstractionTile = 32;   // of the planes that single samples read
 
 class StyleAbstractionNode final : public Node {
  public:
@@ -91,7 +91,7 @@ class StyleAbstractionNode final : public Node {
   bool smoothLayer(const RunContext& ctx, const Layer& l, float* planes, std::span<float> out) const {
     std::vector<uint8_t> done(out.size(), 0);
     if (!s_.varies && !abstractByCells(l.input(), *ctx.arena, ctx.stop, out, done)) return false;
-    const int across = (l.in.width + kTile - 1) / kTile, down = (l.in.height + kTile - 1) / kTile;
+    const int across = (l.in.width + kAbstractionTile - 1) / kAbstractionTile, down = (l.in.height + kAbstractionTile - 1) / kAbstractionTile;
     const auto each = [&](int count, const auto& body) {
       return ctx.arena->parallelFor(
           size_t(count), 1,
@@ -102,9 +102,9 @@ class StyleAbstractionNode final : public Node {
     };
     std::vector<float> reach(size_t(across) * size_t(down), -1.0f);  // pixels that a tile's samples read around themselves; -1: it has none left
     const auto samplesOf = [&](int tile, const auto& body) {
-      const int x0 = tile % across * kTile, y0 = tile / across * kTile;
-      for (int y = y0; y < std::min(y0 + kTile, l.in.height); ++y)
-        for (int x = x0; x < std::min(x0 + kTile, l.in.width); ++x) body(x, y, size_t(y) * size_t(l.in.width) + size_t(x));
+      const int x0 = tile % across * kAbstractionTile, y0 = tile / across * kAbstractionTile;
+      for (int y = y0; y < std::min(y0 + kAbstractionTile, l.in.height); ++y)
+        for (int x = x0; x < std::min(x0 + kAbstractionTile, l.in.width); ++x) body(x, y, size_t(y) * size_t(l.in.width) + size_t(x));
     };
     if (!each(across * down, [&](int tile) {
           samplesOf(tile, [&](int, int, size_t e) {
@@ -128,8 +128,8 @@ class StyleAbstractionNode final : public Node {
         const auto of = [&](int u, int v) { return u < 0 || u >= across ? -1.0f : reach[size_t(v * across + u)]; };
         if (of(x, y) < 0.0f) continue;
         float most = of(x, y);
-        for (int u = x - kRun / kTile; u <= x + kRun / kTile; ++u) most = std::max(most, of(u, y));
-        const int tiles = int(std::min(1.2f * most / float(kTile), 1e5f)) + 1;  // 1.2: a window's rows are rounded to strides
+        for (int u = x - kAbstractionRun / kAbstractionTile; u <= x + kAbstractionRun / kAbstractionTile; ++u) most = std::max(most, of(u, y));
+        const int tiles = int(std::min(1.2f * most / float(kAbstractionTile), 1e5f)) + 1;  // 1.2: a window's rows are rounded to strides
         for (int v = std::max(y - tiles, 0); v <= std::min(y + tiles, down - 1); ++v)
           std::fill_n(wanted.begin() + (v * across + std::max(x - tiles, 0)), std::min(x + tiles, across - 1) - std::max(x - tiles, 0) + 1, uint8_t(1));
       }
@@ -160,7 +160,7 @@ class StyleAbstractionNode final : public Node {
                               first + 6 * count,
                               first + 7 * count,
                               l.widths.varying.empty() ? nullptr : first + 8 * count};
-    float sums[kRun], weights[kRun];
+    float sums[kAbstractionRun], weights[kAbstractionRun];
     for (int begin = 0, end = 0; begin < l.in.width; begin = end) {
       if (done[row + size_t(begin)]) {
         end = begin + 1;
@@ -168,7 +168,7 @@ class StyleAbstractionNode final : public Node {
       }
       int stride = 0;
       float most = 0;  // pixels of sigma
-      for (end = begin; end < std::min(begin + kRun, l.in.width) && !done[row + size_t(end)]; ++end) {
+      for (end = begin; end < std::min(begin + kAbstractionRun, l.in.width) && !done[row + size_t(end)]; ++end) {
         const size_t e = row + size_t(end);
         if (p.area[e] == 0.0f || !(l.widths.at(e) > 0.0f)) continue;
         const float pixels = l.pixelsOfSigma(e);

@@ -13,21 +13,21 @@ namespace gobo {
 
 namespace {
 
-constexpr float kJoined = 0.995f, kTurn = 0.9976f;            // least cosines between normals of neighbours: 5.7 and 4 degrees
-constexpr float kLongest = 0.68f;                             // side of a cell, sigmas
-constexpr float kWidest = 0.56f;                              // root of its area: a level's cells are twice as wide as those of the one before
-constexpr float kNarrowest = 0.34f;                           // the same by the samples of a side: sums over narrower ones cost what those over samples do
-constexpr int kLeastSide = 2, kMostSide = 256, kLeastCells = 4;
+constexpr float kCellsJoined = 0.995f, kCellsTurn = 0.9976f;            // least cosines between normals of neighbours: 5.7 and 4 degrees
+constexpr float kLongestCell = 0.68f;                             // side of a cell, sigmas
+constexpr float kWidestCell = 0.56f;                              // root of its area: a level's cells are twice as wide as those of the one before
+constexpr float kNarrowestCell = 0.34f;                           // the same by the samples of a side: sums over narrower ones cost what those over samples do
+constexpr int kLeastCellSide = 2, kMostCellSide = 256, kLeastCells = 4;
 constexpr int kCellRun = 128;
 constexpr size_t kCellPlanes = 11;  // those of AbstractionPlanes, the least width of a pixel and what the Gaussian gives
 
 /// Cells of `side` x `side` samples. A last column or row that is not full is there, for sums.
-struct Level {
+struct CellLevel {
   int side = 0, width = 0, height = 0;
   std::unique_ptr<float[]> planes;
   std::unique_ptr<uint8_t[]> whole, usable, wanted;
 
-  Level(int s, int w, int h) : side(s), width(w), height(h) {
+  CellLevel(int s, int w, int h) : side(s), width(w), height(h) {
     planes = std::make_unique_for_overwrite<float[]>(kCellPlanes * count());
     std::fill_n(blurred(), count(), 0.0f);  // rows are interpolated as a whole
     whole = std::make_unique_for_overwrite<uint8_t[]>(count());
@@ -55,7 +55,7 @@ struct CellSum {
     P += a * at, N += a * normal, d += a * distance, area += a;
     footprint = std::min(footprint, width);
   }
-  void store(const Level& level, size_t e, bool whole) const {
+  void store(const CellLevel& level, size_t e, bool whole) const {
     const float inverse = area > 0.0f ? 1.0f / area : 0.0f, n = glm::length(N), unit = n > 0.0f ? 1.0f / n : 0.0f;
     const float value[9] = {P.x * inverse, P.y * inverse, P.z * inverse, N.x * unit, N.y * unit, N.z * unit, std::min(area, kMostAbstractionArea), d * inverse, 1.0f};
     for (size_t k = 0; k < 9; ++k) level.plane(k)[e] = value[k];
@@ -91,16 +91,16 @@ void addMostOf(const AbstractionInput& a, int x0, int y0, CellSum& sum) {
 }
 
 /// Three rows of samples, in units of sigma, and which of them are joined to the next and to the one below.
-class Rows {
+class SurfaceRows {
  public:
-  explicit Rows(const AbstractionInput& a) : a_(a), stride_(size_t(a.in.width) + 1), values_(3 * kFloats * stride_), ids_(3 * stride_), joined_(4 * stride_) {}
+  explicit SurfaceRows(const AbstractionInput& a) : a_(a), stride_(size_t(a.in.width) + 1), values_(3 * kFloats * stride_), ids_(3 * stride_), joined_(4 * stride_) {}
 
   /// Samples y and y + 1 become rows 0 and 1. What lies beyond the picture's border goes on as its last two samples do.
   void read(int y) {
     for (int k = 0; k < 3; ++k) readRow(std::min(y + k, a_.in.height - 1), row(k));
     if (y + 2 == a_.in.height) goOn(row(2), row(0), row(1));
     if (y + 1 == a_.in.height && y > 0) readRow(y - 1, row(1)), goOn(row(1), row(1), row(0));
-    const float cosine = std::max(a_.cosine, kJoined);
+    const float cosine = std::max(a_.cosine, kCellsJoined);
     const size_t n = size_t(a_.in.width);
     for (int k = 0; k < 2; ++k) {
       joinSamples(row(k), row(k), 1, n, cosine, right(k));
@@ -150,7 +150,7 @@ class Rows {
 };
 
 /// Row j of the cells of 2 x 2 samples.
-void firstRow(const AbstractionInput& a, const Level& level, Rows& rows, int j) {
+void firstCellRow(const AbstractionInput& a, const CellLevel& level, SurfaceRows& rows, int j) {
   rows.read(2 * j);
   const size_t row = size_t(j) * size_t(level.width);
   const bool two = 2 * j + 1 < a.in.height;
@@ -170,7 +170,7 @@ void firstRow(const AbstractionInput& a, const Level& level, Rows& rows, int j) 
 }
 
 /// Row j of cells of twice the side of those of `from`.
-void nextRow(const Level& from, const Level& level, float cosine, int j) {
+void nextCellRow(const CellLevel& from, const CellLevel& level, float cosine, int j) {
   for (int i = 0; i < level.width; ++i) {
     size_t part[4], count = 0, most = 0;
     bool whole = true;
@@ -199,7 +199,7 @@ void nextRow(const Level& from, const Level& level, float cosine, int j) {
 }
 
 /// Which cells of row j values can be interpolated from, and how much narrower their Gaussians are.
-void judgeRow(const Level& level, float cosine, int j) {
+void judgeCellRow(const CellLevel& level, float cosine, int j) {
   const float own = (1.0f - 1.0f / float(level.side * level.side)) / 24.0f;  // of a cell's variance, by the squares of its sides
   for (int i = 0; i < level.width; ++i) {
     const size_t e = size_t(j) * size_t(level.width) + size_t(i);
@@ -214,31 +214,31 @@ void judgeRow(const Level& level, float cosine, int j) {
       }
       const Vec3 s = level.at(f) - level.at(e);
       square = glm::dot(s, s);
-      usable = usable && square <= kLongest * kLongest && glm::dot(level.normal(e), level.normal(f)) >= std::max(cosine, kTurn);
+      usable = usable && square <= kLongestCell * kLongestCell && glm::dot(level.normal(e), level.normal(f)) >= std::max(cosine, kCellsTurn);
     };
     const size_t w = size_t(level.width);
     step(i + 1 < level.width, e + 1, i > 0, e - 1, a2);
     step(j + 1 < level.height, e + w, j > 0, e - w, b2);
-    const float area2 = a2 * b2, least = kNarrowest / float(level.side), least2 = least * least;
-    level.usable[e] = usable && area2 <= kWidest * kWidest * kWidest * kWidest && area2 > least2 * least2;
+    const float area2 = a2 * b2, least = kNarrowestCell / float(level.side), least2 = least * least;
+    level.usable[e] = usable && area2 <= kWidestCell * kWidestCell * kWidestCell * kWidestCell && area2 > least2 * least2;
     level.plane(8)[e] = 1.0f / (1.0f - std::min(own * (a2 + b2), 0.5f));
   }
 }
 
 /// First of the four cells, of `count`, whose values say what is between cells i and i + 1.
-int firstOf(int i, int count) { return std::clamp(i - 1, 0, count - 4); }
+int firstOfWindow(int i, int count) { return std::clamp(i - 1, 0, count - 4); }
 
 /// Whether samples between cells (i, j) and (i + 1, j + 1) are interpolated at this level.
-bool isReady(const Level& level, int i, int j) {
+bool isWindowReady(const CellLevel& level, int i, int j) {
   if (i + 1 >= level.width || j + 1 >= level.height) return false;
-  const int u0 = firstOf(i, level.width), v0 = firstOf(j, level.height);
+  const int u0 = firstOfWindow(i, level.width), v0 = firstOfWindow(j, level.height);
   for (int v = v0; v < v0 + 4; ++v)
     for (int u = u0; u < u0 + 4; ++u)
       if (!level.usable[size_t(v) * size_t(level.width) + size_t(u)]) return false;
   return true;
 }
 
-void blurRow(const Level& level, float cosine, int j) {
+void blurCellRow(const CellLevel& level, float cosine, int j) {
   const AbstractionPlanes p = level.view();
   const size_t row = size_t(j) * size_t(level.width);
   float sums[kCellRun], weights[kCellRun];
@@ -256,18 +256,18 @@ void blurRow(const Level& level, float cosine, int j) {
 }
 
 /// Of the samples of one row or column: the first of four cells, and their shares.
-struct Cubic {
+struct CellCubic {
   int window, first;
   float share[4];
 };
-std::vector<Cubic> cubicsOf(int samples, int side, int cells) {
-  std::vector<Cubic> all(static_cast<size_t>(samples));
+std::vector<CellCubic> cellCubicsOf(int samples, int side, int cells) {
+  std::vector<CellCubic> all(static_cast<size_t>(samples));
   const auto middle = [&](int cell) { return 0.5 * double(cell * side + std::min((cell + 1) * side, samples) - 1); };  // the last may not be full
   for (int x = 0; x < samples; ++x) {
-    Cubic& c = all[size_t(x)];
+    CellCubic& c = all[size_t(x)];
     c.window = std::clamp((x - side / 2) / side, 0, cells - 2);
     if (x < side / 2) c.window = 0;
-    c.first = firstOf(c.window, cells);
+    c.first = firstOfWindow(c.window, cells);
     for (int k = 0; k < 4; ++k) {
       double share = 1;
       for (int l = 0; l < 4; ++l)
@@ -279,13 +279,13 @@ std::vector<Cubic> cubicsOf(int samples, int side, int cells) {
 }
 
 /// Samples of row y whose surroundings are ready.
-void interpolateRow(const Level& level, const Cubic& v, const std::vector<Cubic>& across, const uint8_t* ready, float* out, uint8_t* done, std::vector<float>& line) {
+void interpolateCellRow(const CellLevel& level, const CellCubic& v, const std::vector<CellCubic>& across, const uint8_t* ready, float* out, uint8_t* done, std::vector<float>& line) {
   const size_t w = size_t(level.width);
   const float* from = level.blurred() + size_t(v.first) * w;
   line.resize(w);
   for (size_t i = 0; i < w; ++i) line[i] = v.share[0] * from[i] + v.share[1] * from[w + i] + v.share[2] * from[2 * w + i] + v.share[3] * from[3 * w + i];
   for (size_t x = 0; x < across.size(); ++x) {
-    const Cubic& u = across[x];
+    const CellCubic& u = across[x];
     if (!ready[u.window] || done[x]) continue;
     const float* c = &line[size_t(u.first)];
     out[x] = u.share[0] * c[0] + u.share[1] * c[1] + u.share[2] * c[2] + u.share[3] * c[3];
@@ -321,18 +321,18 @@ bool abstractByCells(const AbstractionInput& a, const TaskArena& arena, const St
   float least = HUGE_VALF;
   for (size_t e = 0; e < a.d.size(); ++e)
     if (a.in.valid(e) && a.in.footprint[e] > 0.0f) least = std::min(least, a.in.footprint[e]);
-  std::vector<Level> levels;
-  for (int side = kLeastSide; side <= kMostSide && float(side) * least <= kLongest * a.sigma; side *= 2) {
-    const Level* last = levels.empty() ? nullptr : &levels.back();
+  std::vector<CellLevel> levels;
+  for (int side = kLeastCellSide; side <= kMostCellSide && float(side) * least <= kLongestCell * a.sigma; side *= 2) {
+    const CellLevel* last = levels.empty() ? nullptr : &levels.back();
     const int width = last ? (last->width + 1) / 2 : (a.in.width + 1) / 2, height = last ? (last->height + 1) / 2 : (a.in.height + 1) / 2;
     if (width < kLeastCells || height < kLeastCells) break;
-    Level level(side, width, height);
-    if (last && !rows(height, [&](int j) { nextRow(*last, level, a.cosine, j); })) return false;
+    CellLevel level(side, width, height);
+    if (last && !rows(height, [&](int j) { nextCellRow(*last, level, a.cosine, j); })) return false;
     if (!last && !arena.parallelFor(
                      size_t(height), 16,
                      [&](size_t begin, size_t end) {
-                       Rows samples(a);
-                       for (size_t j = begin; j < end; ++j) firstRow(a, level, samples, int(j));
+                       SurfaceRows samples(a);
+                       for (size_t j = begin; j < end; ++j) firstCellRow(a, level, samples, int(j));
                      },
                      stop))
       return false;
@@ -340,10 +340,10 @@ bool abstractByCells(const AbstractionInput& a, const TaskArena& arena, const St
   }
   std::vector<uint8_t> ready;
   for (size_t k = levels.size(); k-- > 0;) {
-    const Level& level = levels[k];
+    const CellLevel& level = levels[k];
     const size_t w = size_t(level.width);
     ready.assign(level.count(), 0);
-    if (!rows(level.height, [&](int j) { judgeRow(level, a.cosine, j); })) return false;
+    if (!rows(level.height, [&](int j) { judgeCellRow(level, a.cosine, j); })) return false;
     const auto isDone = [&](int i, int j) {  // windows of the levels before are twice as wide: where all four corners are done, all is
       const int x0 = i == 0 ? 0 : i * level.side + level.side / 2, x1 = std::min((i + 1) * level.side + level.side / 2, a.in.width) - 1;
       const int y0 = j == 0 ? 0 : j * level.side + level.side / 2, y1 = std::min((j + 1) * level.side + level.side / 2, a.in.height) - 1;
@@ -353,25 +353,25 @@ bool abstractByCells(const AbstractionInput& a, const TaskArena& arena, const St
       return true;
     };
     if (!rows(level.height, [&](int j) {
-          for (int i = 0; i < level.width; ++i) ready[size_t(j) * w + size_t(i)] = isReady(level, i, j) && (k + 1 == levels.size() || !isDone(i, j));
+          for (int i = 0; i < level.width; ++i) ready[size_t(j) * w + size_t(i)] = isWindowReady(level, i, j) && (k + 1 == levels.size() || !isDone(i, j));
         }))
       return false;
     if (!rows(level.height, [&](int j) {  // a cell is wanted by those windows that it is in: at most three before and three behind, at the border
           for (int v = std::max(j - 3, 0); v <= std::min(j + 3, level.height - 2); ++v) {
-            if (j < firstOf(v, level.height) || j >= firstOf(v, level.height) + 4) continue;
+            if (j < firstOfWindow(v, level.height) || j >= firstOfWindow(v, level.height) + 4) continue;
             for (int i = 0; i + 1 < level.width; ++i)
-              if (ready[size_t(v) * w + size_t(i)]) std::fill_n(&level.wanted[size_t(j) * w + size_t(firstOf(i, level.width))], 4, uint8_t(1));
+              if (ready[size_t(v) * w + size_t(i)]) std::fill_n(&level.wanted[size_t(j) * w + size_t(firstOfWindow(i, level.width))], 4, uint8_t(1));
           }
-          blurRow(level, a.cosine, j);
+          blurCellRow(level, a.cosine, j);
         }))
       return false;
-    const std::vector<Cubic> across = cubicsOf(a.in.width, level.side, level.width), down = cubicsOf(a.in.height, level.side, level.height);
+    const std::vector<CellCubic> across = cellCubicsOf(a.in.width, level.side, level.width), down = cellCubicsOf(a.in.height, level.side, level.height);
     if (!rows(a.in.height, [&](int y) {
           std::vector<float> line;
           const size_t row = size_t(y) * size_t(a.in.width);
-          const Cubic& v = down[size_t(y)];
+          const CellCubic& v = down[size_t(y)];
           const uint8_t* of = &ready[size_t(v.window) * w];
-          if (std::find(of, of + w, 1) != of + w) interpolateRow(level, v, across, of, &out[row], &done[row], line);
+          if (std::find(of, of + w, 1) != of + w) interpolateCellRow(level, v, across, of, &out[row], &done[row], line);
         }))
       return false;
   }

@@ -21,7 +21,7 @@ constexpr int kSide = 8, kBlock = 4;    // samples of a patch, patches of a bloc
 constexpr size_t kGroups = 8;           // most surfaces of a patch that are told apart
 constexpr size_t kFarSources = 80;      // most for which a patch of patches that is not flat is not cut
 constexpr double kFarFrom = 2.0;        // radii of such a one from the nearest piece, from where its sources are few
-constexpr double kPlanar = 2e-5;          // most that points of a plane are off it, by the distance of what is interpolated on it
+constexpr double kOffPlane = 2e-5;          // most that points of a plane are off it, by the distance of what is interpolated on it
 constexpr double kInterpolation = 0.25;  // share of interpolation in the error
 constexpr double kMostApart = 1e6;      // of the nearest source: what is farther adds a millionth at most, and powers of it leave a float's range
 constexpr float kAlike = 0.9f;          // least cosine between normals of a group
@@ -253,7 +253,7 @@ class StyleDistanceNode final : public Node {
     over = PlaneRectangle::around(s, t / glm::length(t), std::span(corners.data(), count));
     const DVec3 n = glm::cross(over.s, over.t);
     for (size_t k = 0; k < count; ++k) off = std::max(off, std::abs(glm::dot(corners[k] - over.centre, n)));
-    return off <= kPlanar * reach * over.radius();
+    return off <= kOffPlane * reach * over.radius();
   }
 
   /// What is far from all of them is summed once, as a polynomial where they lie on one plane; the rest by quarters, down to the surfaces of one patch.
@@ -283,7 +283,7 @@ class StyleDistanceNode final : public Node {
       scratch.found.clear();
       if (flatRectangle(scratch, i0, j0, side, layer.reach, wider, over)) {
         all.centre = over.centre;
-        all.radius = over.radius() * (1 + layer.reach * kPlanar);
+        all.radius = over.radius() * (1 + layer.reach * kOffPlane);
         layer.tree.gatherFar(all, pieces, layer.reach * over.radius(), scratch.found, rest);
         left = &rest;
         if (!scratch.found.sources.empty()) {

@@ -8,61 +8,61 @@ namespace gobo {
 
 namespace {
 
-constexpr size_t kNodesAside = InterpolatedSum::kSide;
-constexpr double kLebesgue = 2.4;  // of 8 Chebyshev nodes: at most 2/pi ln 8 + 1
+constexpr size_t kNodesASide = InterpolatedSum::kSide;
+constexpr double kLebesgueOfNodes = 2.4;  // of 8 Chebyshev nodes: at most 2/pi ln 8 + 1
 
-double nodeAt(size_t k) {
-  static const std::array<double, kNodesAside> nodes = [] {
-    std::array<double, kNodesAside> n{};
-    for (size_t i = 0; i < kNodesAside; ++i) n[i] = std::cos(M_PI * (double(i) + 0.5) / double(kNodesAside));
+double chebyshevNode(size_t k) {
+  static const std::array<double, kNodesASide> nodes = [] {
+    std::array<double, kNodesASide> n{};
+    for (size_t i = 0; i < kNodesASide; ++i) n[i] = std::cos(M_PI * (double(i) + 0.5) / double(kNodesASide));
     return n;
   }();
   return nodes[k];
 }
 
-using Matrix = std::array<std::array<double, kNodesAside>, kNodesAside>;
+using NodeMatrix = std::array<std::array<double, kNodesASide>, kNodesASide>;
 /// Values at the nodes to coefficients of powers: by the Chebyshev polynomials' own.
-const Matrix& powersOfValues() {
-  static const Matrix m = [] {
-    double chebyshev[kNodesAside][kNodesAside] = {};  // of powers in polynomial n
+const NodeMatrix& powersOfValues() {
+  static const NodeMatrix m = [] {
+    double chebyshev[kNodesASide][kNodesASide] = {};  // of powers in polynomial n
     chebyshev[0][0] = chebyshev[1][1] = 1;
-    for (size_t n = 2; n < kNodesAside; ++n)
-      for (size_t i = 0; i < kNodesAside; ++i) chebyshev[n][i] = (i ? 2 * chebyshev[n - 1][i - 1] : 0.0) - chebyshev[n - 2][i];
-    Matrix result{};
-    for (size_t i = 0; i < kNodesAside; ++i)
-      for (size_t k = 0; k < kNodesAside; ++k)
-        for (size_t n = 0; n < kNodesAside; ++n)
-          result[i][k] += (n ? 2.0 : 1.0) / double(kNodesAside) * std::cos(double(n) * M_PI * (double(k) + 0.5) / double(kNodesAside)) * chebyshev[n][i];
+    for (size_t n = 2; n < kNodesASide; ++n)
+      for (size_t i = 0; i < kNodesASide; ++i) chebyshev[n][i] = (i ? 2 * chebyshev[n - 1][i - 1] : 0.0) - chebyshev[n - 2][i];
+    NodeMatrix result{};
+    for (size_t i = 0; i < kNodesASide; ++i)
+      for (size_t k = 0; k < kNodesASide; ++k)
+        for (size_t n = 0; n < kNodesASide; ++n)
+          result[i][k] += (n ? 2.0 : 1.0) / double(kNodesASide) * std::cos(double(n) * M_PI * (double(k) + 0.5) / double(kNodesASide)) * chebyshev[n][i];
     return result;
   }();
   return m;
 }
 
-constexpr int kAngles = 24;
-struct Turn {
+constexpr int kEllipseAngles = 24;
+struct EllipseAngle {
   double cosine, sine;
 };
-const std::array<Turn, kAngles + 1>& turns() {
-  static const std::array<Turn, kAngles + 1> all = [] {
-    std::array<Turn, kAngles + 1> t{};
-    for (int k = 0; k <= kAngles; ++k) t[size_t(k)] = {std::cos(0.5 * M_PI * k / kAngles), std::sin(0.5 * M_PI * k / kAngles)};
+const std::array<EllipseAngle, kEllipseAngles + 1>& ellipseAngles() {
+  static const std::array<EllipseAngle, kEllipseAngles + 1> all = [] {
+    std::array<EllipseAngle, kEllipseAngles + 1> t{};
+    for (int k = 0; k <= kEllipseAngles; ++k) t[size_t(k)] = {std::cos(0.5 * M_PI * k / kEllipseAngles), std::sin(0.5 * M_PI * k / kEllipseAngles)};
     return t;
   }();
   return all;
 }
 
 /// Bound of one side's error by a source's least value in a square whose half diagonal is 1, at `d` from its middle.
-double errorAt(int p, double d) {
+double interpolationErrorAt(int p, double d) {
   const double half = std::sqrt(0.5);
   double best = HUGE_VAL;
   for (double rho = 1.5; rho < 40; rho *= 1.1) {
     const double a = half * (rho + 1 / rho) / 2, b = half * (rho - 1 / rho) / 2;
     double least = HUGE_VAL;  // of |r^2| on the ellipse
-    for (const Turn& turn : turns()) {
+    for (const EllipseAngle& turn : ellipseAngles()) {
       const double x = a * turn.cosine, y = b * turn.sine, w = d - std::sqrt(x * x + 0.5);
       least = std::min(least, w > 0 ? w * w - y * y : 0.0);
     }
-    if (least > 0) best = std::min(best, 4 * std::exp(p * (std::log(d + 1) - 0.5 * std::log(least)) - double(kNodesAside - 1) * std::log(rho)) / (rho - 1));
+    if (least > 0) best = std::min(best, 4 * std::exp(p * (std::log(d + 1) - 0.5 * std::log(least)) - double(kNodesASide - 1) * std::log(rho)) / (rho - 1));
   }
   return best;
 }
@@ -88,25 +88,25 @@ PlaneRectangle PlaneRectangle::around(const DVec3& s, const DVec3& t, std::span<
 
 double interpolationReach(int p, double error) {
   double near = 1.5, far = 3;
-  const auto enough = [&](double d) { return (1 + kLebesgue) * errorAt(p, d) <= error; };
+  const auto enough = [&](double d) { return (1 + kLebesgueOfNodes) * interpolationErrorAt(p, d) <= error; };
   while (!enough(far)) near = far, far *= 1.5;
   for (int k = 0; k < 8; ++k) (enough(0.5 * (near + far)) ? far : near) = 0.5 * (near + far);
   return far;
 }
 
-DVec3 InterpolatedSum::node(const PlaneRectangle& over, size_t k) { return over.at(nodeAt(k / kNodesAside), nodeAt(k % kNodesAside)); }
+DVec3 InterpolatedSum::node(const PlaneRectangle& over, size_t k) { return over.at(chebyshevNode(k / kNodesASide), chebyshevNode(k % kNodesASide)); }
 
 void InterpolatedSum::fit(const std::array<double, kNodes>& values) {
-  const Matrix& m = powersOfValues();
-  double rows[kNodesAside][kNodesAside] = {};
-  for (size_t i = 0; i < kNodesAside; ++i)
-    for (size_t k = 0; k < kNodesAside; ++k)
-      for (size_t l = 0; l < kNodesAside; ++l) rows[i][l] += m[i][k] * values[k * kNodesAside + l];
-  for (size_t i = 0; i < kNodesAside; ++i)
-    for (size_t j = 0; j < kNodesAside; ++j) {
+  const NodeMatrix& m = powersOfValues();
+  double rows[kNodesASide][kNodesASide] = {};
+  for (size_t i = 0; i < kNodesASide; ++i)
+    for (size_t k = 0; k < kNodesASide; ++k)
+      for (size_t l = 0; l < kNodesASide; ++l) rows[i][l] += m[i][k] * values[k * kNodesASide + l];
+  for (size_t i = 0; i < kNodesASide; ++i)
+    for (size_t j = 0; j < kNodesASide; ++j) {
       double sum = 0;
-      for (size_t l = 0; l < kNodesAside; ++l) sum += m[j][l] * rows[i][l];
-      share[i * kNodesAside + j] = float(sum);
+      for (size_t l = 0; l < kNodesASide; ++l) sum += m[j][l] * rows[i][l];
+      share[i * kNodesASide + j] = float(sum);
     }
 }
 

@@ -338,6 +338,7 @@ TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
       {"target", {"=0.6", target, "target=0.5"}},
       {"angularity", {"=0.5", target, "target=0.5"}},
       {"keep", {"=0.4", transfer + Labels{"style_keep:spot"}, "keep=0.2 inflation=-0.1"}},
+      {"metric", {"=SCREEN", distance, ""}},
   };
   const std::set<std::string> other{"levels", "guard_px"};  // StyleLevelsOfPlans.* and StylesAround.*
   const auto* d = v1::ShadowStyle::descriptor();
