@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Subtractive shadows of a scene's lights (shadows.subtractive) against the same number of lights added up: the strongest by their unshadowed light in the
 // picture, each with a hard shadow and scaled together to the light of all. Direct light alone, against path-traced halves (direct_light.h). All lights of a
-// kind that subtractive shadows do; an environment is taken out. Arguments: --scene NAME|FILE --added N (the scene's own lights off, N points of as many
+// kind that subtractive shadows do; an environment is taken out. CPU seconds of all forms are fitted by t = t_C + n (t_geom + t_px / r^2), n rays a sample at
+// every r-th pixel. Arguments: --scene NAME|FILE --added N (the scene's own lights off, N points of as many
 // colours and strengths anywhere over it instead) --set assignments, separated by spaces --size WxH --lights N,N,... --resolutions R,R,...
 //            --forms F,F,... --reference N (samples of each half) --threads N --out PATH --pictures PREFIX
+#include <array>
 #include <numeric>
 
 #include "base/sobol.h"
@@ -48,6 +50,42 @@ ScenePtr strongest(const Scene& lit, const std::vector<size_t>& order, size_t ke
   if (const Status s = out->seal(); !s.ok()) fail(s);
   return out;
 }
+
+/// Least squares of t = t_C + n (t_geom + t_px / r^2), seconds: what a picture takes without its shadows, and a light's shadows whatever the resolution and
+/// by traced pixel.
+struct TimeModel {
+  std::vector<std::array<double, 4>> seen;  // 1, n, n / r^2, t
+  void add(double n, double r, double t) { seen.push_back({1.0, n, n / (r * r), t}); }
+  /// The coefficients and the share of the variance that they explain; all 0: too few different n or r.
+  std::array<double, 4> fit() const {
+    double a[3][4] = {};
+    for (const auto& s : seen)
+      for (size_t i = 0; i < 3; ++i)
+        for (size_t j = 0; j < 4; ++j) a[i][j] += s[i] * s[j];
+    for (size_t i = 0; i < 3; ++i) {
+      size_t pivot = i;
+      for (size_t k = i + 1; k < 3; ++k)
+        if (std::abs(a[k][i]) > std::abs(a[pivot][i])) pivot = k;
+      std::swap_ranges(a[i], a[i] + 4, a[pivot]);
+      if (!(std::abs(a[i][i]) > 1e-12 * double(seen.size()))) return {};
+      for (size_t k = 0; k < 3; ++k) {
+        if (k == i) continue;
+        const double f = a[k][i] / a[i][i];
+        for (size_t j = i; j < 4; ++j) a[k][j] -= f * a[i][j];
+      }
+    }
+    std::array<double, 4> out{a[0][3] / a[0][0], a[1][3] / a[1][1], a[2][3] / a[2][2], 0};
+    double mean = 0, rest = 0, all = 0;
+    for (const auto& s : seen) mean += s[3] / double(seen.size());
+    for (const auto& s : seen) {
+      const double d = s[3] - out[0] - out[1] * s[1] - out[2] * s[2];
+      rest += d * d;
+      all += (s[3] - mean) * (s[3] - mean);
+    }
+    out[3] = all > 0 ? 1.0 - rest / all : 0.0;
+    return out;
+  }
+};
 
 }  // namespace
 
@@ -99,6 +137,7 @@ int main(int argc, char** argv) {
   const auto row = [&](const std::string& method, const std::string& n, const std::string& r, const Run& run) {
     table.add({method, n, r, errors.relative(run.image), errors.dark(run.image), errors.displayed(run.image), run.seconds, 1e-6 * run.rays});
   };
+  TimeModel times;
   row("all, one ray each", std::to_string(count), "1", bench.render({"halt.spp=1", "shadows.ray_traced.samples=1"}, "all", lit));
   for (const std::string& n : partsOf(argumentOr(argc, argv, "--lights", "15,40,100"), ',')) {
     const size_t kept = std::min(size_t(std::max(std::atoi(n.c_str()), 1)), count);
@@ -107,11 +146,18 @@ int main(int argc, char** argv) {
     row("additive", n, "1",
         bench.render({"halt.spp=1", "shadows.ray_traced.samples=1"}, "additive_" + n, strongest(*lit, order, kept, float(part > 0 ? sum / part : 1.0))));
     for (const std::string& r : partsOf(argumentOr(argc, argv, "--resolutions", "1,4,16"), ','))
-      for (const std::string& form : partsOf(argumentOr(argc, argv, "--forms", "RATIO,DIFFERENCE"), ','))
-        row(form, n, r,
-            bench.render({"halt.spp=1", "shadows.subtractive.lights=" + n, "shadows.subtractive.resolution=" + r, "shadows.subtractive.form=" + form},
-                         form + "_" + n + "_" + r, lit));
+      for (const std::string& form : partsOf(argumentOr(argc, argv, "--forms", "RATIO,DIFFERENCE"), ',')) {
+        const Run run = bench.render({"halt.spp=1", "shadows.subtractive.lights=" + n, "shadows.subtractive.resolution=" + r, "shadows.subtractive.form=" + form},
+                                     form + "_" + n + "_" + r, lit);
+        row(form, n, r, run);
+        times.add(double(kept), std::atof(r.c_str()), run.seconds);
+      }
   }
+  const auto [tC, tGeom, tPx, explained] = times.fit();
+  table.note("t_C of t = t_C + n (t_geom + t_px / r^2), CPU ms", 1e3 * tC);
+  table.note("t_geom, CPU ms a light", 1e3 * tGeom);
+  table.note("t_px, CPU ms a light", 1e3 * tPx);
+  table.note("R^2", explained);
   std::printf("%s", table.text().c_str());
   const std::string out = argumentOr(argc, argv, "--out", "");
   if (out.empty()) return 0;

@@ -327,7 +327,7 @@ void LightList::larger(const Point& at, Kind kind, size_t place, float x, Values
   const LitPoint& p = at.lit;
   if (kind == Patches && !out.glossy) {
     if (s.kind == LightKind::Rect) {
-      ++ways.closed;
+      ++(at.flat || x < 1e29f ? ways.closed : ways.sampled);  // clipped by one horizon, or by neither
       return sampled(at, place, out);
     }
     const DVec3 axis(s.axis), d = DVec3(s.position) - DVec3(p.p), facing = s.twoSided && glm::dot(d, axis) > 0 ? -axis : axis;
