@@ -5,8 +5,9 @@
 // seconds of an engine that has the scene and its acceleration structure but no term. "displayed": RMSE of 1 - exp(-x / mean), the noise of the halves in it.
 // Arguments: --scene NAME|FILE --env FILE|sky --set assignments of the request, separated by spaces --size WxH --lights N,N,... --resolutions R,R,... --forms
 // F,F,...
+//            --table46: the source's table instead, of --scenes NAME|FILE,... under --maps FILE|sky,... (bright_lights: the first of --bright)
 //            --bright N,N,... (bright_lights) --extract-by WAY --reference N (each half) --threads N --out PATH --pictures PREFIX (writes .exr)
-#include "direct_light.h"
+#include "subtractive_table.h"
 
 using namespace gobo;
 using namespace gobo::bench;
@@ -17,15 +18,26 @@ int main(int argc, char** argv) {
   std::sscanf(argumentOr(argc, argv, "--size", "240x180").c_str(), "%dx%d", &width, &height);
   const std::string reference = argumentOr(argc, argv, "--reference", "1024"), way = argumentOr(argc, argv, "--extract-by", "MEDIAN_CUT");
   if (width < 1 || height < 1 || std::atoi(reference.c_str()) < 1) fail(invalidArgument("--size and --reference must be positive"));
-  v1::RenderRequest request;
-  for (const std::string& e : {"scene=" + scene, "width=" + std::to_string(width), "height=" + std::to_string(height), std::string("outputs=direct"),
-                               std::string("integrator.max_bounces=0"), std::string("integrator.at_view_samples=true"),
-                               environment == "sky" ? std::string("environment.sky.turbidity=3") : "environment.path=" + environment})
-    if (const Status s = setPath(request, e); !s.ok()) fail(s);
-  for (const std::string& e : partsOf(argumentOr(argc, argv, "--set", ""), ' '))
-    if (const Status s = setPath(request, e); !s.ok()) fail(s);
-  Bench bench(request, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), argumentOr(argc, argv, "--pictures", ""));
-  bench.mapAlone();
+  const auto made = [&](const std::string& ofScene, const std::string& map) {
+    v1::RenderRequest request;
+    for (const std::string& e : {"scene=" + ofScene, "width=" + std::to_string(width), "height=" + std::to_string(height), std::string("outputs=direct"),
+                                 std::string("integrator.max_bounces=0"), std::string("integrator.at_view_samples=true"),
+                                 map == "sky" ? std::string("environment.sky.turbidity=3") : "environment.path=" + map})
+      if (const Status s = setPath(request, e); !s.ok()) fail(s);
+    for (const std::string& e : partsOf(argumentOr(argc, argv, "--set", ""), ' '))
+      if (const Status s = setPath(request, e); !s.ok()) fail(s);
+    Bench bench(request, std::atoi(argumentOr(argc, argv, "--threads", "2").c_str()), argumentOr(argc, argv, "--pictures", ""));
+    bench.mapAlone();
+    return bench;
+  };
+  for (int i = 1; i < argc; ++i)
+    if (std::string(argv[i]) == "--table46") {
+      table46(partsOf(argumentOr(argc, argv, "--scenes", scene.c_str()), ','), partsOf(argumentOr(argc, argv, "--maps", environment.c_str()), ','),
+              partsOf(argumentOr(argc, argv, "--lights", "15,40,100"), ','), partsOf(argumentOr(argc, argv, "--resolutions", "1,4,16"), ','),
+              partsOf(argumentOr(argc, argv, "--bright", "4"), ',').at(0), reference, made);
+      return 0;
+    }
+  const Bench bench = made(scene, environment);
 
   const Run a = bench.render({"halt.spp=" + reference, "seed=1001"}, "reference_a"), b = bench.render({"halt.spp=" + reference, "seed=1002"}, "reference_b");
   const Run albedo = bench.render({"halt.spp=1", "outputs=albedo"}, "albedo");
