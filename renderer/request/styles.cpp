@@ -10,6 +10,10 @@ Status ofTechnique(v1::ShadowTechnique& shadow, const v1::ShadowTechnique* commo
   if (shadow.has_path_traced())
     return invalidArgument(field + ".style: " + field + ".path_traced has no visibility that it could be a style of; name another technique, or none",
                            field + ".style");
+  if (shadow.style().metric() == v1::ShadowStyle::SURFACE && shadow.style().hidden_layers() > 0)
+    return invalidArgument(field + ".style.hidden_layers = " + std::to_string(shadow.style().hidden_layers()) +
+                               ": metric SURFACE goes along what is seen; must be 0, or another metric",
+                           field + ".style.hidden_layers");
   if (shadow.technique_case() != v1::ShadowTechnique::TECHNIQUE_NOT_SET) return {};
   if (!common || common->technique_case() == v1::ShadowTechnique::TECHNIQUE_NOT_SET || common->has_path_traced()) {
     shadow.mutable_ray_traced();

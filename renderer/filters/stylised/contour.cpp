@@ -43,6 +43,8 @@ float crossing(const ContourInput& in, float from, float to) {
   return 0.5f + (linear - 0.5f) * std::min(2.0f * (1.0f - std::abs(to - from)), 1.0f);
 }
 
+}  // namespace
+
 void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vector<ContourSegment>& out) {
   const size_t w = size_t(in.width), top = size_t(y) * w + size_t(x);
   const size_t corner[4] = {top, top + 1, top + w + 1, top + w};
@@ -67,8 +69,6 @@ void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vect
     out.push_back(segment);
   }
 }
-
-}  // namespace
 
 ContourInput surfaceInput(const Term& g, size_t layer) {
   ContourInput in;
@@ -100,21 +100,28 @@ bool onOneSurface(const ContourInput& in, size_t e, size_t f, float cosine) {
   return std::abs(glm::dot(step, in.at(in.Ng, e))) <= width && std::abs(glm::dot(step, in.at(in.Ng, f))) <= width;
 }
 
-Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop) {
+Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop,
+                                                   std::vector<uint32_t>* squares) {
+  if (squares) squares->clear();
   std::vector<ContourSegment> all;
   if (in.width < 2 || in.height < 2) return all;
   const size_t rows = size_t(in.height) - 1, pieces = (rows + kRows - 1) / kRows;
   std::vector<std::vector<ContourSegment>> found(pieces);
+  std::vector<std::vector<uint32_t>> places(squares ? pieces : 0);
   const bool complete = arena.parallelFor(
       pieces, 1,
       [&](size_t begin, size_t end) {
         for (size_t piece = begin; piece < end; ++piece)
           for (size_t y = piece * kRows; y < std::min((piece + 1) * kRows, rows); ++y)
-            for (int x = 0; x + 1 < in.width; ++x) extractSquare(in, x, int(y), cosine, found[piece]);
+            for (int x = 0; x + 1 < in.width; ++x) {
+              extractSquare(in, x, int(y), cosine, found[piece]);
+              if (squares) places[piece].resize(found[piece].size(), uint32_t(y * size_t(in.width) + size_t(x)));
+            }
       },
       stop);
   if (!complete) return Status(Code::Cancelled, "contour: stopped");
   for (const std::vector<ContourSegment>& piece : found) all.insert(all.end(), piece.begin(), piece.end());
+  for (const std::vector<uint32_t>& piece : places) squares->insert(squares->end(), piece.begin(), piece.end());
   return all;
 }
 

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "filters/stylised/contour_tree.h"
+#include "filters/stylised/hidden_contours.h"
 #include "filters/stylised/source_sums.h"
 
 namespace gobo {
@@ -91,11 +92,12 @@ class StyleDistanceNode final : public Node {
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override { s_.hash(h); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
-    Wiring w(type(), in, 2);
+    Wiring w(type(), in, 2 + 2 * size_t(s_.hidden));
     readsContour(w, s_.extent);
+    readsHiddenContours(w, s_.extent, s_.hidden);
     return w.gives({"style_distance", Domain::ViewSample, s_.extent, {unsetPlane<float>("D")}});
   }
-  size_t workingBytes() const override { return size_t(s_.extent.width) * size_t(s_.extent.height) * 2 * (2 * sizeof(ContourSegment) + 100); }
+  size_t workingBytes() const override { return size_t(1 + s_.hidden) * size_t(s_.extent.width) * size_t(s_.extent.height) * 2 * (2 * sizeof(ContourSegment) + 100); }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * 150.0 * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
@@ -103,15 +105,16 @@ class StyleDistanceNode final : public Node {
     const auto D = ctx.result->writable<float>("D");
     const size_t count = size_t(s_.extent.width) * size_t(s_.extent.height);
     for (size_t layer = 0; layer < size_t(s_.extent.layers); ++layer) {
-      GOBO_TRY(runLayer(ctx, contourInput(visibility, g, layer, s_.level, s_.levels), D.subspan(layer * count, count)));
+      GOBO_TRY(runLayer(ctx, contourInput(visibility, g, layer, s_.level, s_.levels), layer, D.subspan(layer * count, count)));
     }
     return TermPtr(ctx.result);
   }
 
  private:
-  Status runLayer(const RunContext& ctx, const ContourInput& in, std::span<float> D) const {
+  Status runLayer(const RunContext& ctx, const ContourInput& in, size_t view, std::span<float> D) const {
     const float cosine = std::cos(s_.angle) - kRoundedCosine;
-    GOBO_ASSIGN(const std::vector<ContourSegment> contour, extractContour(in, cosine, *ctx.arena, ctx.stop));
+    GOBO_ASSIGN(std::vector<ContourSegment> contour, extractContour(in, cosine, *ctx.arena, ctx.stop));
+    GOBO_TRY(appendHiddenContours(ctx, in, view, s_.hidden, cosine, contour));
     GOBO_ASSIGN(const ContourTree tree, ContourTree::build(contour, s_.power, double(s_.angle), kFieldError * (s_.power - 1), ctx.stop));
     const double constant = straightLineConstant(s_.power);
     constexpr int kStep = kSide * kBlock;
@@ -278,6 +281,7 @@ void StyleDistanceSettings::hash(Hasher& h) const {
   h.add(int(norm));
   h.add(angle);
   if (levels > 1) h.add("level").add(level).add(levels);
+  if (hidden > 0) h.add("hidden").add(hidden);
 }
 
 void readsContour(Wiring& w, const Extent& extent) {

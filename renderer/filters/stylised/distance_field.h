@@ -34,7 +34,8 @@ struct StyleDistanceSettings {
   StyleNorm norm = StyleNorm::Local;
   float angle = 0.78539816f;  ///< radians (45 degrees)
   int level = 0, levels = 1;  ///< of soft visibility: the contour, and sign, of (level + 1/2) / levels
-  /// Without the extent. One level says nothing: keys of before hold.
+  int hidden = 0;             ///< surfaces behind those that are seen whose contours count, too (filters/stylised/hidden_contours.h): two inputs each
+  /// Without the extent. One level, and no hidden one, say nothing: keys of before hold.
   void hash(Hasher& h) const;
 };
 /// Of a node of that extent: a visibility term and a "gbuffer", as the contour reads them.

@@ -8,10 +8,12 @@
 #include "filters/stylised/abstraction.h"
 #include "filters/stylised/distance_field.h"
 #include "filters/stylised/edge_mean.h"
+#include "filters/stylised/hidden_contours.h"
 #include "filters/stylised/pattern.h"
 #include "filters/stylised/sampled_distance.h"
 #include "filters/stylised/style_levels.h"
 #include "filters/stylised/style_parameters.h"
+#include "filters/stylised/surface_distance.h"
 #include "filters/stylised/transfer.h"
 #include "terms/occluder_distance.h"
 
@@ -45,6 +47,8 @@ class StylePlan {
     d.norm = choiceParameter(style_, "norm") == v1::ShadowStyle::PUBLISHED ? StyleNorm::Published : StyleNorm::Local;
     d.angle = angle_;
     d.levels = std::max(int(number("levels")), 1);
+    d.hidden = int(number("hidden_layers"));
+    hidden_ = planHiddenContours(graph_, input_, d.hidden);
     std::vector<Level> levels;
     for (d.level = 0; d.level < d.levels; ++d.level) levels.push_back(planLevel(d));
     const Level& middle = levels[levels.size() / 2];
@@ -64,9 +68,9 @@ class StylePlan {
   /// Distance, abstraction and transfer of one contour of soft visibility.
   Level planLevel(const StyleDistanceSettings& d) {
     of_ = d.levels > 1 ? " " + std::to_string(d.level + 1) + "/" + std::to_string(d.levels) : "";
-    const auto samples = uint32_t(number("samples"));
-    const NodePtr field = samples > 0 ? makeSampledDistanceNode({d, samples, input_.seed, input_.place}) : makeStyleDistanceNode(d);
-    distance_ = filter(field, {v_, input_.gbuffer}, "style_distance" + of_);
+    std::vector<NodeId> sources{v_, input_.gbuffer};
+    sources.insert(sources.end(), hidden_.begin(), hidden_.end());
+    distance_ = filter(distanceNode(d), std::move(sources), "style_distance" + of_);
     const NodeId own = abstracted();
     Level level;
     StyleTransferSettings& t = level.transfer;
@@ -85,6 +89,11 @@ class StylePlan {
     return level;
   }
 
+  NodePtr distanceNode(const StyleDistanceSettings& d) const {
+    const auto samples = uint32_t(number("samples"));
+    if (style_.metric() == v1::ShadowStyle::SURFACE) return makeSurfaceDistanceNode(d);
+    return samples > 0 ? makeSampledDistanceNode({d, samples, input_.seed, input_.place}) : makeStyleDistanceNode(d);
+  }
   float number(const char* name) const { return float(numberParameter(style_, name)); }
   NodeId filter(NodePtr node, std::vector<NodeId> inputs, const std::string& what) {
     return addShadowFilter(graph_, std::move(node), std::move(inputs), what, input_);
@@ -189,6 +198,7 @@ class StylePlan {
   Extent extent_;
   float angle_;
   NodeId distance_ = -1, occluder_ = -1;
+  std::vector<NodeId> hidden_;  ///< further inputs of distances
   std::string of_;  ///< of labels: which level
 };
 
