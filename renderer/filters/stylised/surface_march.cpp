@@ -13,6 +13,7 @@ constexpr uint32_t kNoSource = ~0u, kNotQueued = ~0u;
 constexpr double kFlat = 0.05, kFlatWidth = 0.1;  // how far out of a sample's plane a segment may lie: of its distance, and of a pixel's width
 constexpr double kBetween = 1e-3;                 // how far beside two neighbours a way between them may run, of its length
 constexpr double kAlike = 0.05;                   // of a step: a front's own distance that is shorter than a straight one by less is that one, with its error
+constexpr float kSeen = 0.5f;                     // least share of a way that is free
 constexpr uint8_t kDone = 1, kReopened = 2, kMostReopened = 16 * kReopened;
 constexpr uint32_t kPollSamples = 1 << 12;
 
@@ -69,6 +70,8 @@ class March {
         cosine_(cosine),
         distance_(links.size(), HUGE_VAL),
         source_(links.size(), kNoSource),
+        share_(links.size(), 0.0f),
+        first_(links.size(), kNoSource),
         state_(links.size(), 0),
         heap_(distance_, links.size()) {
     for (size_t k = 0; k < 8; ++k) offset_[k] = ptrdiff_t(kNeighbours[k][1]) * in.width + kNeighbours[k][0];
@@ -76,13 +79,15 @@ class March {
 
   void seed(std::span<const uint32_t> squares) {
     const size_t w = size_t(in_.width);
+    squares_ = squares;
+    for (size_t s = squares.size(); s-- > 0;) first_[squares[s]] = uint32_t(s);  // a square's segments follow each other
     for (size_t s = 0; s < squares.size(); ++s)
       for (const size_t e : {size_t(squares[s]), size_t(squares[s]) + 1, squares[s] + w, squares[s] + w + 1}) {
         if (!in_.valid(e) || glm::dot(in_.at(in_.N, e), contour_[s].normal) < cosine_) continue;
         const DVec3 way = wayTo(uint32_t(s), e);
         const double d = glm::length(way);
         if (std::abs(glm::dot(way, DVec3(in_.at(in_.Ng, e)))) > double(in_.footprint[e]) || d >= distance_[e]) continue;
-        set(e, d, uint32_t(s));
+        set(e, d, uint32_t(s), 1.0f);
       }
   }
 
@@ -102,27 +107,53 @@ class March {
 
  private:
   DVec3 at(size_t e) const { return DVec3(in_.at(in_.P, e)); }
-  /// From sample e to the nearest point of a segment.
-  DVec3 wayTo(uint32_t segment, size_t e) const {
+  /// From sample e to the nearest point of a segment, and whether that is one of its ends.
+  DVec3 wayTo(uint32_t segment, size_t e, bool* end = nullptr) const {
     const DVec3 p = at(e), a(contour_[segment].a), along = DVec3(contour_[segment].b) - a;
     const double length2 = glm::dot(along, along);
     const double t = length2 > 0 ? std::clamp(glm::dot(p - a, along) / length2, 0.0, 1.0) : 0.0;
+    if (end) *end = t == 0 || t == 1;
     return a + t * along - p;
   }
-  void set(size_t e, double d, uint32_t source) {
+  bool flat(size_t f, const DVec3& way, double d) const {
+    return std::abs(glm::dot(way, DVec3(in_.at(in_.Ng, f)))) <= kFlat * d + kFlatWidth * double(in_.footprint[f]);
+  }
+  /// Down from a segment over those of neighbouring squares to the nearest that lies in f's plane; kNoSource if it does not itself. `way`: to that.
+  uint32_t nearest(uint32_t segment, size_t f, DVec3& way) const {
+    bool end = false;
+    way = wayTo(segment, f, &end);
+    double d2 = glm::dot(way, way);
+    if (!flat(f, way, std::sqrt(d2))) return kNoSource;
+    for (bool nearer = end; nearer;) {
+      nearer = false;
+      const size_t square = squares_[segment];
+      const auto look = [&](size_t other) {
+        for (size_t s = first_[other]; s < squares_.size() && squares_[s] == other; ++s) {
+          const DVec3 w = wayTo(uint32_t(s), f);
+          const double w2 = glm::dot(w, w);
+          if (w2 < d2 * (1 - 1e-12) && flat(f, w, std::sqrt(w2))) d2 = w2, way = w, segment = uint32_t(s), nearer = true;
+        }
+      };
+      for (size_t k = 0; k < 8; ++k)
+        if (const ptrdiff_t other = ptrdiff_t(square) + offset_[k]; other >= 0 && size_t(other) < first_.size()) look(size_t(other));
+    }
+    return segment;
+  }
+  void set(size_t e, double d, uint32_t source, float share) {
     distance_[e] = d;
     source_[e] = source;
+    share_[e] = share;
     heap_.moved(uint32_t(e));
   }
-  void offer(size_t f, double d, uint32_t source, double step) {
+  void offer(size_t f, double d, uint32_t source, double step, float share = 0) {
     const bool straight = source != kNoSource, had = source_[f] != kNoSource;
     if (state_[f] & kDone) {  // it had its turn before a straight way to it was known: its neighbours have to hear
       if (!straight || !(d < distance_[f] * (1 - 1e-9)) || state_[f] >= kMostReopened) return;
       state_[f] = uint8_t((state_[f] + kReopened) & ~kDone);
-      return set(f, d, source);
+      return set(f, d, source, share);
     }
     const double slack = straight == had ? 0.0 : straight ? kAlike * step : -kAlike * step;
-    if (d < distance_[f] + slack) set(f, d, source);
+    if (d < distance_[f] + slack) set(f, d, source, straight ? share : share_[f]);
   }
 
   /// Sample e has its distance; what does its linked neighbour f have by it? e is f's neighbour k.
@@ -144,24 +175,34 @@ class March {
     return false;
   }
 
-  /// The segments that e and g see, if f sees them between the two; g == e: along the line to e alone.
+  /// The segments that e and g see, if f sees them between the two: as far as they do, each by how near to it the way passes. g == e: along the line to e alone.
   void straightTo(size_t f, size_t e, size_t g, double step) {
-    if (source_[e] == kNoSource || source_[g] == kNoSource) return;
+    if (source_[e] == kNoSource && source_[g] == kNoSource) return;
     const DVec3 p = at(f), u = at(e) - p, v = at(g) - p;
     const double uu = glm::dot(u, u), uv = glm::dot(u, v), vv = glm::dot(v, v), area2 = uu * vv - uv * uv;
-    for (const uint32_t s : {source_[e], source_[g]}) {
-      const DVec3 way = wayTo(s, f);
-      const double d2 = glm::dot(way, way), d = std::sqrt(d2);
-      if (std::abs(glm::dot(way, DVec3(in_.at(in_.Ng, f)))) > kFlat * d + kFlatWidth * double(in_.footprint[f])) continue;
-      const double du = glm::dot(way, u), dv = glm::dot(way, v);
-      bool between = du > 0 && du * du >= (1 - kBetween * kBetween) * d2 * uu;
-      if (!between && g != e && area2 > 1e-12 * uu * vv) {
-        const double a = du * vv - dv * uv, b = dv * uu - du * uv, beside = -kBetween * (std::abs(a) + std::abs(b));
-        between = a >= beside && b >= beside;
+    for (const uint32_t from : {source_[e], source_[g]}) {
+      DVec3 way;
+      const uint32_t s = from == kNoSource ? kNoSource : nearest(from, f, way);
+      if (s != kNoSource) {
+        const double d2 = glm::dot(way, way), du = glm::dot(way, u), dv = glm::dot(way, v);
+        float share = -1;
+        if (du > 0 && du * du >= (1 - kBetween * kBetween) * d2 * uu) share = share_[e];
+        else if (g != e && area2 > 1e-12 * uu * vv) {
+          const double a = du * vv - dv * uv, b = dv * uu - du * uv, beside = -kBetween * (std::abs(a) + std::abs(b));
+          if (a >= beside && b >= beside) share = seenBy(e, a, g, b, std::sqrt(d2));
+        }
+        if (share >= kSeen) offer(f, std::sqrt(d2), s, step, share);
+        else if (share >= 0 && source_[f] == kNoSource) share_[f] = share;
       }
-      if (between) offer(f, d, s, step);
-      if (g == e) return;
+      if (g == e || source_[e] == source_[g]) return;
     }
+  }
+
+  /// What is as far away as f or farther, where pixels are sheared, knows nothing of what lies between f and the contour; -1: so with both.
+  float seenBy(size_t e, double a, size_t g, double b, double d) const {
+    a = distance_[e] < d ? std::max(a, 0.0) : 0.0;
+    b = distance_[g] < d ? std::max(b, 0.0) : 0.0;
+    return a + b > 0 ? float((a * double(share_[e]) + b * double(share_[g])) / (a + b)) : -1.0f;
   }
 
   /// A straight front that passes e and g when it should.
@@ -182,6 +223,9 @@ class March {
   float cosine_;
   std::vector<double> distance_;
   std::vector<uint32_t> source_;
+  std::vector<float> share_;  // of the way to its segment, or to its neighbours', that is free
+  std::vector<uint32_t> first_;  // of a square's segments, by its top left sample
+  std::span<const uint32_t> squares_;
   std::vector<uint8_t> state_;  // kDone, and in steps of kReopened how often it had its turn again
   Heap heap_;
   ptrdiff_t offset_[8];

@@ -332,7 +332,7 @@ TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
       {"pattern_deg", {"=10", drawn, "pattern=HATCHING"}},
       {"samples", {"=20", distance, ""}},
   };
-  const std::set<std::string> other{"levels", "guard_px"};  // StyleLevelsOfPlans.* and StylesAround.*
+  const std::set<std::string> other{"levels", "guard_px", "metric", "hidden_layers"};  // StyleLevelsOfPlans.*, StylesAround.*, StylesMetric.*
   const auto* d = v1::ShadowStyle::descriptor();
   for (int i = 0; i < d->field_count(); ++i) {
     if (other.count(std::string(d->field(i)->name()))) continue;
