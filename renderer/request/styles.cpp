@@ -17,12 +17,29 @@ Status checkCurve(const v1::ShadowStyle& style, const std::string& place) {
                          field);
 }
 
+/// What is of the world, or behind what is seen, under a metric that is not.
+Status checkMetric(const v1::ShadowStyle& style, const std::string& place) {
+  const auto refused = [&](const char* name, const std::string& value, const char* why) {
+    return invalidArgument(place + "." + name + " = " + value + ": metric " + v1::ShadowStyle::Metric_Name(style.metric()) + " " + why + "; must be 0, or another metric",
+                           place + "." + name);
+  };
+  const bool screen = style.metric() == v1::ShadowStyle::SCREEN;
+  if (style.hidden_layers() > 0 && (screen || style.metric() == v1::ShadowStyle::SURFACE))
+    return refused("hidden_layers", std::to_string(style.hidden_layers()), "goes along what is seen");
+  if (!screen) return {};
+  if (style.elongation() > 0.0) return refused("elongation", std::to_string(style.elongation()), "has no lengths of the scene");
+  if (style.target() > 0.0) return refused("target", std::to_string(style.target()), "has no shapes of the scene");
+  if (style.keep() > 0.0) return refused("keep", std::to_string(style.keep()), "has no widths of the scene");
+  return {};
+}
+
 Status ofTechnique(v1::ShadowTechnique& shadow, const v1::ShadowTechnique* common, const std::string& field) {
   if (!shadow.has_style()) return {};
   GOBO_TRY(checkCurve(shadow.style(), field + ".style"));
   if (shadow.has_path_traced())
     return invalidArgument(field + ".style: " + field + ".path_traced has no visibility that it could be a style of; name another technique, or none",
                            field + ".style");
+  GOBO_TRY(checkMetric(shadow.style(), field + ".style"));
   if (shadow.technique_case() != v1::ShadowTechnique::TECHNIQUE_NOT_SET) return {};
   if (!common || common->technique_case() == v1::ShadowTechnique::TECHNIQUE_NOT_SET || common->has_path_traced()) {
     shadow.mutable_ray_traced();

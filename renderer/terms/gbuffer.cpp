@@ -4,8 +4,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "trace/accel.h"
-#include "trace/accel_impl.h"
+#include "terms/hit_place.h"
 #include "trace/back_faces.h"
 
 namespace gobo {
@@ -100,7 +99,7 @@ class GBufferNode final : public Node {
                   instance[at] = primitive[at] = kNoHit;
                   continue;
                 }
-                const Vec3 p = place(*accel, hit[i]);
+                const Vec3 p = hitPosition(*accel, hit[i]);
                 depth[at] = glm::length(p - ray[i].origin);
                 instance[at] = hit[i].instance;
                 primitive[at] = hit[i].primitive;
@@ -122,16 +121,6 @@ class GBufferNode final : public Node {
   static constexpr int kTile = 4;
 
   bool all() const { return s_.part == GBufferPart::All; }
-
-  /// From the triangle's vertices: closer to the surface than origin + t direction.
-  static Vec3 place(const Accel& accel, const Hit& hit) {
-    const InstanceGeometry& g = accel.impl().instances[hit.instance];
-    const uint32_t* tri = g.indices + 3 * size_t(hit.primitive);
-    const float b[3] = {1.0f - hit.u - hit.v, hit.u, hit.v};
-    Vec3 p(0.0f);
-    for (int k = 0; k < 3; ++k) p += b[k] * g.positions[tri[k]];
-    return g.world ? p : Vec3(g.toWorld * Vec4(p, 1.0f));
-  }
 
   /// The planes beside places and ids.
   struct Shading {
@@ -157,22 +146,14 @@ class GBufferNode final : public Node {
       const MeshView<Facet::Shading>& mesh = meshes[size_t(meshIndex)];
       const InstanceGeometry& g = accel.impl().instances[hit.instance];
       const uint32_t* tri = g.indices + 3 * size_t(hit.primitive);
+      const HitNormals normal = hitNormals(mesh.normals, g, ray.direction, hit);
       const float b[3] = {1.0f - hit.u - hit.v, hit.u, hit.v};
-      Vec3 n(0.0f);
       Vec2 t(0.0f);
-      for (int k = 0; k < 3; ++k) {
-        if (!mesh.normals.empty()) n += b[k] * mesh.normals[tri[k]];
-        if (!mesh.uv[0].empty()) t += b[k] * mesh.uv[0][tri[k]];
-      }
-      const Vec3 ng = glm::dot(hit.Ng, ray.direction) < 0 ? hit.Ng : -hit.Ng;
-      n = g.normalToWorld * n;
-      const float length = glm::length(n);
-      n = length > 1e-12f && std::isfinite(length) ? n / length : ng;
-      if (glm::dot(n, ng) < 0) n = -n;
-      if (glm::dot(n, ray.direction) >= 0) n = ng;  // a shading normal that faces away from the viewer shades nothing
+      if (!mesh.uv[0].empty())
+        for (int k = 0; k < 3; ++k) t += b[k] * mesh.uv[0][tri[k]];
       for (int c = 0; c < 3; ++c) {
-        N[3 * at + c] = n[c];
-        Ng[3 * at + c] = ng[c];
+        N[3 * at + c] = normal.shading[c];
+        Ng[3 * at + c] = normal.geometric[c];
       }
       uv[2 * at] = std::isfinite(t.x) ? t.x : 0.0f;
       uv[2 * at + 1] = std::isfinite(t.y) ? t.y : 0.0f;

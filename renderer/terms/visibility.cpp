@@ -30,6 +30,7 @@ class VisibilityNode final : public Node {
   void hashParameters(Hasher& h) const override {
     h.add(s_.samples).add(s_.seed);
     if (s_.glass != Glass::Solid) h.add("glass").add(s_.glass);
+    if (s_.hard) h.add("hard");
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
     Wiring w(type(), in, 1);
@@ -51,7 +52,7 @@ class VisibilityNode final : public Node {
     const auto V = term->writable<float>("V");
     SurfaceTable surfaces;
     if (s_.glass != Glass::Solid) surfaces.build(*ctx.scene, *accel);
-    const uint32_t samples = light.pointLike() ? 1 : s_.samples;
+    const uint32_t samples = light.pointLike() || s_.hard ? 1 : s_.samples;
     const size_t grain = std::clamp<size_t>(8192 / samples, 1, 1024);  // a few milliseconds between looks at `stop`
     const bool complete = ctx.arena->parallelFor(
         surface.size(), grain,
@@ -64,7 +65,7 @@ class VisibilityNode final : public Node {
             const uint64_t seed = viewSampleSeed(s_.seed, film(e));
             for (uint32_t i = 0; i < samples; ++i) {
               LightPoint point;
-              const Vec2 u = light.pointLike() ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
+              const Vec2 u = light.pointLike() || s_.hard ? Vec2(0.5f) : SobolSampler(seed, i).next2D();
               if (!light.sample(p, N, Ng, u, point)) continue;
               if (point.belowSurface && s_.glass == Glass::Alone) continue;
               sum[e - from] += point.weight;

@@ -29,8 +29,9 @@ struct VisibilitySettings {
   Extent extent;  ///< of the G-buffer
   ViewPlace place;
   Glass glass = Glass::Solid;
+  bool hard = false;  ///< of the light's centre, whatever its size: one ray, nothing is drawn (`samples` 1, `seed` does not count)
 };
-/// Input 0: "gbuffer". The light is the one in the graph node's `lights`; any kind but Environment.
+/// Input 0: "gbuffer", or what else has its planes P, N, Ng, footprint, instance. The light is the one in the graph node's `lights`; any kind but Environment.
 NodePtr makeVisibilityNode(const VisibilitySettings& settings);
 
 /// Seed of the sample sequence of view sample `element`: independent from pixel to pixel (correlated noise would defeat filters).

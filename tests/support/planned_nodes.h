@@ -190,7 +190,10 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
   for (const std::vector<const char*>& as :
        std::vector<std::vector<const char*>>{{"shadows.style.samples=7", "shadows.style.guard_px=3"}, {"shadows.style.levels=3", "scene=pane"},
                                              {"shadows.style.metric=SCREEN", "shadows.style.abstraction=0.1", "shadows.style.samples=5"},
-                                             {"shadows.style.metric=SCREEN", "shadows.style.abstraction=0.1", "shadows.style.guard_px=2"}}) {
+                                             {"shadows.style.metric=SCREEN", "shadows.style.abstraction=0.1", "shadows.style.guard_px=2"},
+                                             {"shadows.style.metric=SURFACE", "view_samples=2"},
+                                             {"shadows.style.hidden_layers=2", "shadows.style.guard_px=2"},
+                                             {"shadows.style.hidden_layers=1", "shadows.style.samples=5", "scene=pane"}}) {
     v1::RenderRequest r = withLamp(width, height, LightKind::Spot);
     for (const char* b : {"shadows.percentage_closer.taps=3", "shadows.map.resolution=32", "shadows.style.softness=0.2"}) set(r, b);
     for (const char* b : as) set(r, b);

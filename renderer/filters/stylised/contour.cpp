@@ -43,7 +43,7 @@ float crossing(const ContourInput& in, float from, float to) {
   return 0.5f + (linear - 0.5f) * std::min(2.0f * (1.0f - std::abs(to - from)), 1.0f);
 }
 
-void extractSquare(const ContourInput& in, int x, int y, int code, float cosine, std::vector<ContourSegment>& out) {
+void extractSquareOf(const ContourInput& in, int x, int y, int code, float cosine, std::vector<ContourSegment>& out) {
   const size_t w = size_t(in.width), top = size_t(y) * w + size_t(x);
   const size_t corner[4] = {top, top + 1, top + w + 1, top + w};
   const SquareCase& c = kCases[size_t(code)];
@@ -74,7 +74,7 @@ void litRow(const ContourInput& in, size_t y, std::vector<uint8_t>& lit) {
     for (size_t x = 0; x < w; ++x) lit[x] = in.lit(first + x);
 }
 
-void extractRows(const ContourInput& in, size_t begin, size_t end, float cosine, std::vector<ContourSegment>& out) {
+void extractRows(const ContourInput& in, size_t begin, size_t end, float cosine, std::vector<ContourSegment>& out, std::vector<uint32_t>* squares) {
   std::vector<uint8_t> above(size_t(in.width)), below(size_t(in.width));
   litRow(in, begin, below);
   for (size_t y = begin; y < end; ++y) {
@@ -82,12 +82,20 @@ void extractRows(const ContourInput& in, size_t begin, size_t end, float cosine,
     litRow(in, y + 1, below);
     for (size_t x = 0; x + 1 < size_t(in.width); ++x) {
       const int code = above[x] | above[x + 1] << 1 | below[x + 1] << 2 | below[x] << 3;
-      if (code != 0 && code != 15) extractSquare(in, int(x), int(y), code, cosine, out);
+      if (code == 0 || code == 15) continue;
+      extractSquareOf(in, int(x), int(y), code, cosine, out);
+      if (squares) squares->resize(out.size(), uint32_t(y * size_t(in.width) + x));
     }
   }
 }
 
 }  // namespace
+
+void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vector<ContourSegment>& out) {
+  const size_t w = size_t(in.width), top = size_t(y) * w + size_t(x);
+  const int code = int(in.lit(top)) | int(in.lit(top + 1)) << 1 | int(in.lit(top + w + 1)) << 2 | int(in.lit(top + w)) << 3;
+  extractSquareOf(in, x, y, code, cosine, out);
+}
 
 ContourInput surfaceInput(const Term& g, size_t layer) {
   ContourInput in;
@@ -119,19 +127,24 @@ bool onOneSurface(const ContourInput& in, size_t e, size_t f, float cosine) {
   return std::abs(glm::dot(step, in.at(in.Ng, e))) <= width && std::abs(glm::dot(step, in.at(in.Ng, f))) <= width;
 }
 
-Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop) {
+Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop,
+                                                   std::vector<uint32_t>* squares) {
+  if (squares) squares->clear();
   std::vector<ContourSegment> all;
   if (in.width < 2 || in.height < 2) return all;
   const size_t rows = size_t(in.height) - 1, pieces = (rows + kRows - 1) / kRows;
   std::vector<std::vector<ContourSegment>> found(pieces);
+  std::vector<std::vector<uint32_t>> places(squares ? pieces : 0);
   const bool complete = arena.parallelFor(
       pieces, 1,
       [&](size_t begin, size_t end) {
-        for (size_t piece = begin; piece < end; ++piece) extractRows(in, piece * kRows, std::min((piece + 1) * kRows, rows), cosine, found[piece]);
+        for (size_t piece = begin; piece < end; ++piece)
+          extractRows(in, piece * kRows, std::min((piece + 1) * kRows, rows), cosine, found[piece], squares ? &places[piece] : nullptr);
       },
       stop);
   if (!complete) return Status(Code::Cancelled, "contour: stopped");
   for (const std::vector<ContourSegment>& piece : found) all.insert(all.end(), piece.begin(), piece.end());
+  for (const std::vector<uint32_t>& piece : places) squares->insert(squares->end(), piece.begin(), piece.end());
   return all;
 }
 

@@ -65,7 +65,11 @@ inline constexpr float kRoundedCosine = 1e-6f;
 /// Whether neighbours e and f lie on one surface. `cosine`: of the largest angle between their normals.
 bool onOneSurface(const ContourInput& in, size_t e, size_t f, float cosine);
 
-/// Errors: Cancelled.
-Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop);
+/// Appends the segments of the square whose top left sample is (x, y), x < width - 1 and y < height - 1.
+void extractSquare(const ContourInput& in, int x, int y, float cosine, std::vector<ContourSegment>& out);
+
+/// `squares`, where it is given: of each segment, the top left sample of its square. Errors: Cancelled.
+Result<std::vector<ContourSegment>> extractContour(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop,
+                                                   std::vector<uint32_t>* squares = nullptr);
 
 }  // namespace gobo

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "filters/stylised/contour_tree.h"
+#include "filters/stylised/hidden_contours.h"
 #include "filters/stylised/screen_metric.h"
 #include "filters/stylised/source_sums.h"
 
@@ -143,28 +144,35 @@ class StyleDistanceNode final : public Node {
   NodeTraits traits() const override { return {}; }
   void hashParameters(Hasher& h) const override { s_.hash(h); }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
-    Wiring w(type(), in, 2);
+    Wiring w(type(), in, 2 + 2 * size_t(s_.hidden));
     readsContour(w, s_);
+    readsHiddenContours(w, s_.extent, s_.hidden);
     return w.gives({"style_distance", Domain::ViewSample, s_.extent, {unsetPlane<float>("D")}});
   }
-  size_t workingBytes() const override { return size_t(s_.extent.width) * size_t(s_.extent.height) * (2 * (2 * sizeof(ContourSegment) + 100) + (s_.pixel > 0.0f ? PictureSurface::bytesPerSample() : 0)); }
+  size_t workingBytes() const override {
+    const size_t squares = size_t(1 + s_.hidden) * 2 * (2 * sizeof(ContourSegment) + 100), picture = s_.pixel > 0.0f ? PictureSurface::bytesPerSample() : 0;
+    return size_t(s_.extent.width) * size_t(s_.extent.height) * (squares + picture);
+  }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * 150.0 * double(result.extent.elements())}; }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Term &visibility = *ctx.inputs.at(0), &g = *ctx.inputs.at(1);
     const auto D = ctx.result->writable<float>("D");
     const size_t count = size_t(s_.extent.width) * size_t(s_.extent.height);
-    GOBO_TRY(forEachContourLayer(s_, visibility, g, [&](const ContourInput& in, size_t layer) { return runLayer(ctx, in, D.subspan(layer * count, count)); }));
+    GOBO_TRY(forEachContourLayer(s_, visibility, g, [&](const ContourInput& in, size_t layer) {
+      return runLayer(*ctx.arena, ctx.stop, in, &ctx, layer, D.subspan(layer * count, count), nullptr);
+    }));
     return TermPtr(ctx.result);
   }
 
  private:
-  Status runLayer(const RunContext& ctx, const ContourInput& in, std::span<float> D) const { return runLayer(*ctx.arena, ctx.stop, in, D, nullptr); }
-
  public:
-  Status runLayer(const TaskArena& arena, const StopToken& stop, const ContourInput& in, std::span<float> D, std::atomic<uint64_t>* terms) const {
+  /// `hidden`: has the inputs with hidden contours; null: there are none.
+  Status runLayer(const TaskArena& arena, const StopToken& stop, const ContourInput& in, const RunContext* hidden, size_t view, std::span<float> D,
+                  std::atomic<uint64_t>* terms) const {
     const float cosine = std::cos(s_.angle) - kRoundedCosine;
-    GOBO_ASSIGN(const std::vector<ContourSegment> contour, extractContour(in, cosine, arena, stop));
+    GOBO_ASSIGN(std::vector<ContourSegment> contour, extractContour(in, cosine, arena, stop));
+    if (hidden) GOBO_TRY(appendHiddenContours(*hidden, in, view, s_.hidden, cosine, contour));
     GOBO_ASSIGN(const ContourTree tree, ContourTree::build(contour, s_.power, double(s_.angle), (1 - kInterpolation) * kFieldError * (s_.power - 1), stop));
     const ContourTree::Pieces pieces = tree.all();
     const double reach = interpolationReach(s_.power, kInterpolation * kFieldError * (s_.power - 1));
@@ -464,6 +472,7 @@ void StyleDistanceSettings::hash(Hasher& h) const {
   h.add(angle);
   if (levels > 1) h.add("level").add(level).add(levels);
   if (pixel > 0.0f) h.add("screen").add(pixel);
+  if (hidden > 0) h.add("hidden").add(hidden);
 }
 
 void readsContour(Wiring& w, const StyleDistanceSettings& s) {
@@ -485,7 +494,7 @@ uint64_t styleDistanceTerms(const StyleDistanceSettings& settings, const Term& v
   std::atomic<uint64_t> terms = 0;
   const StyleDistanceNode node(settings);
   std::vector<float> D(size_t(settings.extent.width) * size_t(settings.extent.height));
-  (void)forEachContourLayer(settings, visibility, gbuffer, [&](const ContourInput& in, size_t) { return node.runLayer(arena, {}, in, D, &terms); });
+  (void)forEachContourLayer(settings, visibility, gbuffer, [&](const ContourInput& in, size_t) { return node.runLayer(arena, {}, in, nullptr, 0, D, &terms); });
   return terms;
 }
 

@@ -37,7 +37,8 @@ struct StyleDistanceSettings {
   float angle = 0.78539816f;  ///< radians (45 degrees)
   int level = 0, levels = 1;  ///< of soft visibility: the contour, and sign, of (level + 1/2) / levels
   float pixel = 0;            ///< above 0: in the picture, with pixels of that width (filters/stylised/screen_metric.h); 0: in the world
-  /// Without the extent. One level and the world say nothing: keys of before hold.
+  int hidden = 0;             ///< surfaces behind those that are seen whose contours count, too (filters/stylised/hidden_contours.h): two inputs each
+  /// Without the extent. One level, the world, no hidden layers say nothing: keys of before hold.
   void hash(Hasher& h) const;
 };
 /// Of a node of these settings: a visibility term and a "gbuffer", as the contour reads them.

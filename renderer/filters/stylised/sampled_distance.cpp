@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/sobol.h"
+#include "filters/stylised/hidden_contours.h"
 #include "filters/stylised/sampled_sums.h"
 #include "filters/stylised/screen_metric.h"
 
@@ -29,12 +30,14 @@ class SampledDistanceNode final : public Node {
     s_.place.hash(h);
   }
   Result<TermShape> infer(std::span<const TermShape> in) const override {
-    Wiring w(type(), in, 2);
+    Wiring w(type(), in, 2 + 2 * size_t(s_.distance.hidden));
     readsContour(w, s_.distance);
+    readsHiddenContours(w, s_.distance.extent, s_.distance.hidden);
     return w.gives({"style_distance", Domain::ViewSample, s_.distance.extent, {unsetPlane<float>("D")}});
   }
   size_t workingBytes() const override {  // of a layer: two segments a square, their lines, the guide
-    return size_t(s_.distance.extent.width) * size_t(s_.distance.extent.height) * (2 * (2 * sizeof(ContourSegment) + 72) + (s_.distance.pixel > 0.0f ? PictureSurface::bytesPerSample() : 0));
+    const size_t squares = size_t(1 + s_.distance.hidden) * 2 * (2 * sizeof(ContourSegment) + 72);
+    return size_t(s_.distance.extent.width) * size_t(s_.distance.extent.height) * (squares + (s_.distance.pixel > 0.0f ? PictureSurface::bytesPerSample() : 0));
   }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * kSampleNs * s_.samples * double(result.extent.elements())}; }
 
@@ -49,7 +52,8 @@ class SampledDistanceNode final : public Node {
  private:
   Status runLayer(const RunContext& ctx, const ContourInput& in, size_t layer, const FilmElements& film, std::span<float> D) const {
     const float cosine = std::cos(s_.distance.angle) - kRoundedCosine;
-    GOBO_ASSIGN(const std::vector<ContourSegment> contour, extractContour(in, cosine, *ctx.arena, ctx.stop));
+    GOBO_ASSIGN(std::vector<ContourSegment> contour, extractContour(in, cosine, *ctx.arena, ctx.stop));
+    GOBO_TRY(appendHiddenContours(ctx, in, layer, s_.distance.hidden, cosine, contour));
     const ContourPoints points(contour);
     const size_t w = size_t(in.width), first = layer * w * size_t(in.height);
     const bool complete = ctx.arena->parallelFor(

@@ -11,11 +11,13 @@
 #include "filters/stylised/edge_mean.h"
 #include "filters/stylised/elongation.h"
 #include "filters/stylised/half_width.h"
+#include "filters/stylised/hidden_contours.h"
 #include "filters/stylised/pattern.h"
 #include "filters/stylised/sampled_distance.h"
 #include "filters/stylised/style_levels.h"
 #include "filters/stylised/style_parameters.h"
 #include "filters/stylised/target.h"
+#include "filters/stylised/surface_distance.h"
 #include "filters/stylised/transfer.h"
 #include "terms/occluder_distance.h"
 
@@ -76,6 +78,8 @@ class StylePlan {
     d.angle = angle_;
     d.levels = std::max(int(number("levels")), 1);
     d.pixel = pixel();
+    d.hidden = int(number("hidden_layers"));
+    hidden_ = planHiddenContours(graph_, input_, d.hidden);
     std::vector<Level> levels;
     for (d.level = 0; d.level < d.levels; ++d.level) levels.push_back(planLevel(d));
     const Level& middle = levels[levels.size() / 2];
@@ -97,9 +101,9 @@ class StylePlan {
   /// Distance, shape, abstraction and transfer of one contour of soft visibility.
   Level planLevel(const StyleDistanceSettings& d) {
     of_ = d.levels > 1 ? " " + std::to_string(d.level + 1) + "/" + std::to_string(d.levels) : "";
-    const auto samples = uint32_t(number("samples"));
-    const NodePtr field = samples > 0 ? makeSampledDistanceNode({d, samples, input_.seed, input_.place}) : makeStyleDistanceNode(d);
-    distance_ = shaped(filter(field, {v_, input_.gbuffer}, "style_distance" + of_));
+    std::vector<NodeId> sources{v_, input_.gbuffer};
+    sources.insert(sources.end(), hidden_.begin(), hidden_.end());
+    distance_ = shaped(filter(distanceNode(d), std::move(sources), "style_distance" + of_));
     halfWidths_.clear();
     const NodeId own = abstracted();
     Level level;
@@ -154,6 +158,11 @@ class StylePlan {
   }
 
   float pixel() const { return style_.metric() == v1::ShadowStyle::SCREEN ? 1.0f / float(input_.filmHeight()) : 0.0f; }
+  NodePtr distanceNode(const StyleDistanceSettings& d) const {
+    const auto samples = uint32_t(number("samples"));
+    if (style_.metric() == v1::ShadowStyle::SURFACE) return makeSurfaceDistanceNode(d);
+    return samples > 0 ? makeSampledDistanceNode({d, samples, input_.seed, input_.place}) : makeStyleDistanceNode(d);
+  }
   float number(const char* name) const { return float(numberParameter(style_, name)); }
   NodeId filter(NodePtr node, std::vector<NodeId> inputs, const std::string& what) {
     return addShadowFilter(graph_, std::move(node), std::move(inputs), what, input_);
@@ -255,6 +264,7 @@ class StylePlan {
   float angle_;
   NodeId distance_ = -1, occluder_ = -1;
   std::vector<std::pair<NodeId, NodeId>> halfWidths_;  ///< of distances that have them
+  std::vector<NodeId> hidden_;  ///< further inputs of distances
   std::string of_;  ///< of labels: which level
 };
 

@@ -68,12 +68,22 @@ Result<NodeId> plainVisibility(PlanContext& c, const ShadowInput& in, const v1::
   return planned(c, *entry, in, t);
 }
 
+/// What a distance along surfaces does not know of.
+void warnOfSurfaceMetric(PlanContext& c, const v1::ShadowStyle& style) {
+  if (style.metric() != v1::ShadowStyle::SURFACE) return;
+  const auto warn = [&](const std::string& field) { c.warn("shadows.style." + field + ": metric SURFACE has no average; it does not count"); };
+  if (numberParameter(style, "power") != numberParameter(v1::ShadowStyle(), "power")) warn("power");
+  if (style.norm() == v1::ShadowStyle::PUBLISHED) warn("norm");
+  if (style.samples() > 0) warn("samples");
+}
+
 /// A style's distances are those to the contour of the whole picture, with `guard` pixels around it, whatever window of it is asked for: they are made there
 /// and the window is cut out. What is drawn by chance is drawn by place, so that the picture's own pixels have the visibility that they have without a guard.
 /// Pixels outside it, whose places are below 0 or beyond its size, have numbers of some pixel inside (unsigned arithmetic of FilmElements): what is drawn there
 /// is of no picture.
 Result<NodeId> styledVisibility(PlanContext& c, ShadowInput in, const v1::ShadowTechnique& t, const std::string& edited) {
   GOBO_ASSIGN(const StyleFormulas formulas, styleFormulas(c.request(), edited, *in.scene));
+  warnOfSurfaceMetric(c, t.style());
   int guard = int(numberParameter(t.style(), "guard_px"));
   if (guard > 0 && in.camera.optics.panorama) {
     c.warn("shadows.style.guard_px: a panorama has nothing outside it");

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <tuple>
 
 #include "filters/shadow_technique.h"
 #include "support/engines.h"
@@ -164,6 +165,22 @@ TEST(IntentHardCases, StylesActUnderTransfer) {
     less += double(a[i]) - double(b[i]);
   }
   EXPECT_GT(less, 0) << "larger shadows leave less light";
+}
+
+/// Lengths over the picture and of the scene are no lengths of each other.
+TEST(IntentHardCases, MetricsThatDoNotGoTogetherAreRefusedByName) {
+  const auto engine = makeEngine(0);
+  for (const auto& [metric, edit, field] : std::vector<std::tuple<const char*, const char*, const char*>>{{"SCREEN", "elongation=0.1", "elongation"},
+                                                                                                          {"SCREEN", "target=0.5", "target"},
+                                                                                                          {"SCREEN", "keep=0.5", "keep"},
+                                                                                                          {"SCREEN", "hidden_layers=1", "hidden_layers"},
+                                                                                                          {"SURFACE", "hidden_layers=2", "hidden_layers"}}) {
+    const auto made = engine->render(room({std::string("shadows.style.metric=") + metric, std::string("shadows.style.") + edit}));
+    ASSERT_FALSE(made.ok()) << metric << " " << edit;
+    EXPECT_EQ(made.status().location(), std::string("request.shadows.style.") + field);
+    EXPECT_NE(made.status().message().find(metric), std::string::npos) << made.status().toString();
+  }
+  EXPECT_TRUE(engine->render(room({"shadows.style.metric=SURFACE", "shadows.style.target=0.5", "shadows.style.elongation=0.1", "shadows.style.softness=0.1"})).ok());
 }
 
 TEST(IntentHardCases, BadValuesAreRefusedWithTheirField) {

@@ -340,7 +340,7 @@ TEST(Rerun, EachStyleFieldReRunsItsStageAndWhatLiesBehindIt) {
       {"keep", {"=0.4", transfer + Labels{"style_keep:spot"}, "keep=0.2 inflation=-0.1"}},
       {"metric", {"=SCREEN", distance, ""}},
   };
-  const std::set<std::string> other{"levels", "guard_px"};  // StyleLevelsOfPlans.* and StylesAround.*
+  const std::set<std::string> other{"levels", "guard_px", "metric", "hidden_layers"};  // StyleLevelsOfPlans.*, StylesAround.*, StylesMetric.*
   const auto* d = v1::ShadowStyle::descriptor();
   for (int i = 0; i < d->field_count(); ++i) {
     if (other.count(std::string(d->field(i)->name()))) continue;
