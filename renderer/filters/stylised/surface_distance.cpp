@@ -13,7 +13,7 @@ namespace gobo {
 namespace {
 
 constexpr size_t kLayersAtOnce = 4;  // bounds what is held
-constexpr double kMarchNs = 1000.0;
+constexpr double kMarchNs = 3000.0;
 
 class SurfaceDistanceNode final : public Node {
  public:

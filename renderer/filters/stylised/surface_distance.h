@@ -10,7 +10,7 @@
 // Parameters   angle 0 .. pi: of the contour, and of bends that count as flat for samples far apart; level, levels.
 // Fails where  a surface goes on behind something, or outside the picture: nothing is known of it there, and the way around is longer than it is. Where D's fronts
 //              meet it has ridges, as any shortest distance has; abstraction smooths them.
-// Cost         About 1 us a view sample, layers side by side; see there. Two segments a square are the bound of what it holds.
+// Cost         About 3 us a view sample, layers side by side; see there. Two segments a square are the bound of what it holds.
 // Determinism  bit-identical for any number of threads. No windows: D is of the whole picture.
 #pragma once
 

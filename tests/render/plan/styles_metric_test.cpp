@@ -56,7 +56,8 @@ TEST(StylesMetric, FieldsWithoutEffectAreNamed) {
            {{"metric=WORLD", "power=4"}, {}},
        }) {
     std::vector<std::string> told;
-    for (const std::string& w : mustRender(*engine, styled(edits)).reply.warnings())
+    const RenderResult result = mustRender(*engine, styled(edits));
+    for (const std::string& w : result.reply.warnings())
       if (w.find("metric SURFACE") != std::string::npos) told.push_back(w.substr(0, w.find(':')));
     EXPECT_EQ(told, words);
   }
