@@ -386,8 +386,8 @@ TEST(Rerun, FormulasOfStylesReRunWhatReadsThem) {
   edited(formula + "abstraction.formula=0.1 + 0.05*distance", transfer + Labels{"style_abstraction:spot"});
   const Labels layered = shade + Labels{"style_transfer:spot"}, ofLayer = layered + Labels{"style_parameters of layer 0:spot"};
   edited(style + "layers[0].inflation=0.1", layered);
-  edited(formula + "layers[0].softness.formula=0.1 + 0.02*depth", ofLayer);
-  edited(formula + "layers[0].softness.formula=0.1 + 0.03*depth", ofLayer);
+  edited(formula + "layers[0].softness.formula=0.15 + 0.02*depth", ofLayer);
+  edited(formula + "layers[0].softness.formula=0.15 + 0.03*depth", ofLayer);
   edited(style + "layers[0].softness=0.4", {});
 }
 

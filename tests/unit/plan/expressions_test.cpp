@@ -29,7 +29,7 @@ void visitNumbers(const Descriptor& d, const std::string& prefix, const std::fun
     if (f.is_map()) visitNumbers(*f.message_type()->FindFieldByName("value")->message_type(), path + ".key.light", see);
     else if (f.message_type()) {
       if (f.message_type()->full_name() != "gobo.v1.Vector3") visitNumbers(*f.message_type(), path + (f.is_repeated() ? "[0]" : ""), see);
-    } else if (isNumeric(&f)) see(path, f);
+    } else if (isNumeric(&f) && !f.is_repeated()) see(path, f);
   }
 }
 
