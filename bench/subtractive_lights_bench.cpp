@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Subtractive shadows of a scene's lights (shadows.subtractive) against the same number of lights added up: the strongest by their unshadowed light in the
 // picture, each with a hard shadow and scaled together to the light of all. Direct light alone, against path-traced halves (direct_light.h). All lights of a
-// kind that subtractive shadows do; an environment is taken out. CPU seconds of all forms are fitted by t = t_C + n (t_geom + t_px / r^2), n rays a sample at
-// every r-th pixel. Arguments: --scene NAME|FILE --added N (the scene's own lights off, N points of as many
-// colours and strengths anywhere over it instead) --set assignments, separated by spaces --size WxH --lights N,N,... --resolutions R,R,...
-//            --forms F,F,... --reference N (samples of each half) --threads N --out PATH --pictures PREFIX
+// kind that subtractive shadows do; an environment is taken out. CPU seconds of all forms are fitted by t = t_C + n (t_geom + t_px / r^2) + t_look / r^2.
+// Arguments: --scene NAME|FILE --added N (the scene's own lights off, N points of as many colours and strengths anywhere over it instead)
+//            --set assignments, separated by spaces --size WxH --lights N,N,... --resolutions R,R,... --forms F,F,... --reference N (samples of each half)
+//            --threads N --out PATH --pictures PREFIX
 #include <array>
 #include <numeric>
 
@@ -51,38 +51,48 @@ ScenePtr strongest(const Scene& lit, const std::vector<size_t>& order, size_t ke
   return out;
 }
 
-/// Least squares of t = t_C + n (t_geom + t_px / r^2), seconds: what a picture takes without its shadows, and a light's shadows whatever the resolution and
-/// by traced pixel.
+/// Least squares of CPU seconds over the pictures: t = t_C + n (t_geom + t_px / r^2) + t_look / r^2, what a picture takes without its shadows; n rays a sample,
+/// whatever the resolution and by traced pixel; what it takes to look at all lights where shadows are traced.
 struct TimeModel {
-  std::vector<std::array<double, 4>> seen;  // 1, n, n / r^2, t
-  void add(double n, double r, double t) { seen.push_back({1.0, n, n / (r * r), t}); }
-  /// The coefficients and the share of the variance that they explain; all 0: too few different n or r.
-  std::array<double, 4> fit() const {
-    double a[3][4] = {};
-    for (const auto& s : seen)
-      for (size_t i = 0; i < 3; ++i)
-        for (size_t j = 0; j < 4; ++j) a[i][j] += s[i] * s[j];
-    for (size_t i = 0; i < 3; ++i) {
+  static constexpr size_t kTerms = 4;
+  using Row = std::array<double, kTerms + 1>;
+  std::vector<Row> seen;  // 1, n, n / r^2, 1 / r^2; t
+  void add(double n, double r, double t) { seen.push_back({1.0, n, n / (r * r), 1.0 / (r * r), t}); }
+  struct Fit {
+    std::array<double, kTerms> of{};
+    double explained = 0;  // share of the variance, R^2
+  };
+  /// Of the first `terms` terms, by Gauss and Jordan. All 0: too few different n or r.
+  Fit fit(size_t terms) const {
+    double a[kTerms][kTerms + 1] = {};
+    for (const Row& s : seen)
+      for (size_t i = 0; i < terms; ++i) {
+        for (size_t j = 0; j < terms; ++j) a[i][j] += s[i] * s[j];
+        a[i][terms] += s[i] * s[kTerms];
+      }
+    for (size_t i = 0; i < terms; ++i) {
       size_t pivot = i;
-      for (size_t k = i + 1; k < 3; ++k)
+      for (size_t k = i + 1; k < terms; ++k)
         if (std::abs(a[k][i]) > std::abs(a[pivot][i])) pivot = k;
-      std::swap_ranges(a[i], a[i] + 4, a[pivot]);
-      if (!(std::abs(a[i][i]) > 1e-12 * double(seen.size()))) return {};
-      for (size_t k = 0; k < 3; ++k) {
+      std::swap(a[i], a[pivot]);
+      if (!(std::abs(a[i][i]) > 1e-9)) return {};
+      for (size_t k = 0; k < terms; ++k) {
         if (k == i) continue;
         const double f = a[k][i] / a[i][i];
-        for (size_t j = i; j < 4; ++j) a[k][j] -= f * a[i][j];
+        for (size_t j = i; j <= terms; ++j) a[k][j] -= f * a[i][j];
       }
     }
-    std::array<double, 4> out{a[0][3] / a[0][0], a[1][3] / a[1][1], a[2][3] / a[2][2], 0};
+    Fit out;
+    for (size_t i = 0; i < terms; ++i) out.of[i] = a[i][terms] / a[i][i];
     double mean = 0, rest = 0, all = 0;
-    for (const auto& s : seen) mean += s[3] / double(seen.size());
-    for (const auto& s : seen) {
-      const double d = s[3] - out[0] - out[1] * s[1] - out[2] * s[2];
+    for (const Row& s : seen) mean += s[kTerms] / double(seen.size());
+    for (const Row& s : seen) {
+      double d = s[kTerms];
+      for (size_t i = 0; i < terms; ++i) d -= out.of[i] * s[i];
       rest += d * d;
-      all += (s[3] - mean) * (s[3] - mean);
+      all += (s[kTerms] - mean) * (s[kTerms] - mean);
     }
-    out[3] = all > 0 ? 1.0 - rest / all : 0.0;
+    out.explained = all > 0 ? 1.0 - rest / all : 0.0;
     return out;
   }
 };
@@ -153,11 +163,11 @@ int main(int argc, char** argv) {
         times.add(double(kept), std::atof(r.c_str()), run.seconds);
       }
   }
-  const auto [tC, tGeom, tPx, explained] = times.fit();
-  table.note("t_C of t = t_C + n (t_geom + t_px / r^2), CPU ms", 1e3 * tC);
-  table.note("t_geom, CPU ms a light", 1e3 * tGeom);
-  table.note("t_px, CPU ms a light", 1e3 * tPx);
-  table.note("R^2", explained);
+  const TimeModel::Fit fit = times.fit(4);
+  const char* terms[4] = {"t_C of t = t_C + n (t_geom + t_px / r^2) + t_look / r^2, CPU ms", "t_geom, CPU ms a light", "t_px, CPU ms a light", "t_look, CPU ms"};
+  for (size_t i = 0; i < 4; ++i) table.note(terms[i], 1e3 * fit.of[i]);
+  table.note("R^2", fit.explained);
+  table.note("R^2 without t_look", times.fit(3).explained);
   std::printf("%s", table.text().c_str());
   const std::string out = argumentOr(argc, argv, "--out", "");
   if (out.empty()) return 0;

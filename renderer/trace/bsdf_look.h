@@ -46,7 +46,7 @@ class BsdfLook {
   float alpha2_ = 1, oz_ = 1, root_ = 1;                                   // of the viewer: cosine, masking
   float stretch_ = 2, interface_[3] = {0, 0, 0};                           // of the albedo's tables; of the interface's albedo
   float diffuseScale_ = 0, facetScale_ = 0, bounceScale_ = 0;              // 0: no such lobe
-  alignas(32) float deficit_[kNodes], extra_[kNodes];                      // bsdf_albedo.h, of this roughness
+  alignas(32) float deficit_[kNodes] = {}, extra_[kNodes] = {};            // bsdf_albedo.h, of this roughness
 };
 
 }  // namespace gobo

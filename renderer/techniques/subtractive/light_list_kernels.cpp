@@ -220,12 +220,12 @@ LightList::Ways LightList::ways(const LitPoint& point, size_t element) const {
 }
 
 void LightList::run(const LitPoint& point, size_t element, Values& out, Ways& ways) const {
-  for (int c = 0; c < 3; ++c) out.diffuse[c].resize(places());
-  out.glossy = !point.lambert();
-  if (out.glossy)
-    for (int c = 0; c < 3; ++c) out.specular[c].resize(places());
   const Point at(point, element);
   const bool covered = BsdfLook::covers(point.bsdf) && !point.extended && !point.hasTangent;
+  out.glossy = covered ? !at.look.lambert() : !point.lambert();
+  for (int c = 0; c < 3; ++c) out.diffuse[c].resize(places());
+  if (out.glossy)
+    for (int c = 0; c < 3; ++c) out.specular[c].resize(places());
   const size_t from = covered ? begin_[Others] : 0;
   for (int kind = 0; covered && kind < Others; ++kind)
     for (size_t begin = begin_[kind]; begin < begin_[kind + 1]; begin += BsdfLook::kMost)
@@ -290,7 +290,7 @@ void LightList::block(const Point& at, Kind kind, size_t begin, size_t count, Va
     const Lane sine = _mm256_sqrt_ps(s2), low = _mm256_min_ps(up, above);
     Lane x = s2 / _mm256_max_ps(up * up, every(1e-30f));
     if (kind == Patches) x = x + s2 / _mm256_max_ps(turned * turned, every(1e-30f));
-    if (kind == Patches || !p.lambert()) x = x + every(4.0f) * s2;
+    if (kind == Patches || out.glossy) x = x + every(4.0f) * s2;
     else x = zero;  // a ball or a sun, all above: exact
     x = either(below(low, sine), every(1e30f), x);
     x = either(below(low, zero - sine), zero, x);

@@ -17,14 +17,15 @@ struct SceneLight {
 struct SceneLightsSettings {
   GBufferSettings view;
   std::vector<SceneLight> lights;
-  int samples = 32;   ///< a light and view sample, where unshadowed light has no closed form (terms/unoccluded_light.h)
+  int samples = 32;   ///< a light and view sample, where unshadowed light has neither closed form nor rule (light_list.h)
   uint64_t seed = 0;  ///< nothing depends on it where all of them are points and directions
 };
 
 /// Term "unshadowed_lights", domain ViewSample: "diffuse", "specular" f32x3, radiance, >= 0: the sum over the lights of what "direct_unoccluded" has of each
-/// lobe. Sums in double. Inputs: G-buffer, surface. A sample of which the sum is not finite is counted in "dropped" and is 0.
-/// Cost: a look at the material for each light and view sample, 20 to 100 ns for points and directions, `samples` as many for lights of some size over what
-/// shines. 8 bytes of memory a light.
+/// lobe: to 1e-5 of points, spots and directions; of lights of some size within 0.2 % of the truth, by quadrature where it has `samples` samples
+/// (light_list.h, which says where samples are left). Sums in double. Inputs: G-buffer, surface. A sample of which the sum is not finite is counted in
+/// "dropped" and is 0. Cost: 2 ns a light and view sample over Lambert surfaces, 6 over what shines; 0.3 us a sample where samples are left.
+/// About 300 bytes of memory a light.
 NodePtr makeUnshadowedLightsNode(const SceneLightsSettings& settings);
 
 /// Term "subtractive_light_samples", with the planes of "subtractive_samples" (samples.h). Inputs: G-buffer, surface.
@@ -36,7 +37,7 @@ NodePtr makeUnshadowedLightsNode(const SceneLightsSettings& settings);
 /// Lights of some size have hard shadows from one point, which differs from sample to sample: the i-th light has the i-th point of the view sample's Owen-
 /// scrambled sequence, so that lights of one sample are spread over each other's strata. A mesh light counts by area. A point that cannot shine on the sample:
 /// seen, as in terms/visibility.h.
-/// Cost: for each traced sample a look at the material for each light and `most` rays.
+/// Cost: for each traced sample what unshadowed_lights takes, 10 ns a light to choose, and `most` rays.
 struct LightSamplesSettings {
   SceneLightsSettings from;
   Resampling resampling;

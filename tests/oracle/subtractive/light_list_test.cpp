@@ -242,6 +242,21 @@ TEST(LightList, WhatHasNoBoundIsTheHousesLight) {
   }
 }
 
+// Materials out of range are Lambert to the material's own evaluation, and so here.
+TEST(LightList, GlossThatIsNoNumberIsLambert) {
+  Draws draw(6);
+  const Listed all({lamp(LightKind::Point, Vec3(1, 2, 1), Vec3(2.0f)), lamp(LightKind::Sphere, Vec3(-1, 3, 1), Vec3(2.0f))});
+  for (const float bad : {std::nanf(""), -0.5f}) {
+    LitPoint p = pointOf(draw, 0), lambert = p;
+    p.bsdf.specular = p.bsdf.metallic = bad;
+    LightList::Values v, w;
+    all.list->at(p, 0, v);
+    all.list->at(lambert, 0, w);
+    for (int l = 0; l < 2; ++l) EXPECT_EQ(of(*all.list, v, l).sum(), of(*all.list, w, l).sum());
+    EXPECT_FALSE(v.glossy);
+  }
+}
+
 TEST(LightList, ADisksFormFactorIsItsClosedForm) {
   const DVec3 p(0.2, -0.3, 0.1), n(0, 1, 0);
   for (const double r : {0.1, 1.0, 5.0}) EXPECT_NEAR(subtractive::diskFormFactor(p, n, p + 2.0 * n, -n, r), r * r / (4.0 + r * r), 1e-12) << r;
