@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <numbers>
 
 #include "subtractive_stage.h"
@@ -272,6 +273,27 @@ TEST(SubtractiveCache, BetweenTwoRoughnessesLightIsInterpolated) {
   }
   std::printf("half way between two of sixteen roughnesses: RMS error at most %.5f\n", worst);
   EXPECT_LT(worst, 0.01);
+}
+
+// Whatever lies in the tables, light is a number of 0 or more.
+TEST(SubtractiveCache, TablesWithoutNumbersGiveNoLightAndHugeOnesABound) {
+  Stage s(ball(plasticOf(0.4f)), 12, 12, 1);
+  Sky sky{s, constantEnvironment(Vec3(1.0f)), 0.0f, Vec3(3.0f)};
+  RadianceCacheSettings c = sky.settings();
+  c.side = 4;
+  for (const float value : {std::numeric_limits<float>::quiet_NaN(), -1.0f, 3e38f}) {
+    auto tables = std::make_shared<Term>("radiance_cache", Domain::Table, Extent{1, 1, 1});
+    for (const auto& [name, channels] : {std::pair("cosine", 3 * 16), std::pair("lobe0", 12 * 16)})
+      for (float& v : tables->addPlane<float>(name, channels)) v = value;
+    const TermPtr light = s.run(subtractive::makeCachedMapNode(s.view, c, 0.0f, sky.scale), {s.g, s.surface, tables});
+    int lit = 0;
+    for (const char* lobe : {"diffuse", "specular"})
+      for (const float v : light->floats(lobe)) {
+        ASSERT_TRUE(v >= 0.0f && v <= 1e30f) << value << " " << v;
+        lit += v > 0.0f;
+      }
+    EXPECT_EQ(lit > 0, value > 0.0f) << value;
+  }
 }
 
 TEST(SubtractiveCache, RoughnessesAreThoseOfTheScenesMaterials) {
