@@ -7,6 +7,10 @@
 // F,F,...
 //            --table46: the source's table instead, of --scenes NAME|FILE,... under --maps FILE|sky,... (bright_lights: the first of --bright)
 //            --bright N,N,... (bright_lights) --extract-by WAY --reference N (each half) --threads N --out PATH --pictures PREFIX (writes .exr)
+//            --plot PREFIX: PREFIX_lights.png and PREFIX_time.png
+#include <algorithm>
+
+#include "measure/plot.h"
 #include "subtractive_table.h"
 
 using namespace gobo;
@@ -47,7 +51,13 @@ int main(int argc, char** argv) {
   table.note("map", environment);
   table.note("pixels", double(width) * height);
   table.note("reference samples a pixel, each of two halves", reference);
+  std::vector<std::pair<PlotSeries, PlotSeries>> drawn;  // against lights, against time
   const auto row = [&](const std::string& method, const std::string& lights, const std::string& r, const std::string& bright, const Run& run) {
+    const std::string series = method == "additive" ? method : method + ", r = " + r + ", bright " + bright;
+    auto at = std::find_if(drawn.begin(), drawn.end(), [&](const auto& d) { return d.first.name == series; });
+    if (at == drawn.end()) at = drawn.insert(at, {PlotSeries{series, {}}, PlotSeries{series, {}}});
+    at->first.points.push_back({std::atof(lights.c_str()), errors.relative(run.image)});
+    at->second.points.push_back({run.seconds, errors.relative(run.image)});
     table.add({method, lights, r, bright, errors.relative(run.image), errors.dark(run.image), errors.displayed(run.image), run.seconds, 1e-6 * run.rays});
   };
   for (const std::string& n : partsOf(argumentOr(argc, argv, "--lights", "15,20,30,40,50,100"), ',')) {
@@ -62,6 +72,16 @@ int main(int argc, char** argv) {
                            form + "_" + n + "_" + r + "_" + bright));
   }
   std::printf("%s", table.text().c_str());
+  if (const std::string plot = argumentOr(argc, argv, "--plot", ""); !plot.empty()) {
+    Plot byLights{scene + ", " + environment.substr(environment.rfind('/') + 1) + ": direct light", "lights", "RMSE by the mean"};
+    Plot byTime{byLights.title, "CPU seconds", "RMSE by the mean"};
+    for (auto& [lights, time] : drawn) {
+      byLights.series.push_back(std::move(lights));
+      byTime.series.push_back(std::move(time));
+    }
+    if (const Status s = writePlot(byLights, plot + "_lights.png"); !s.ok()) fail(s);
+    if (const Status s = writePlot(byTime, plot + "_time.png"); !s.ok()) fail(s);
+  }
   const std::string out = argumentOr(argc, argv, "--out", "");
   if (out.empty()) return 0;
   if (const Status s = table.write(out); !s.ok()) fail(s);
