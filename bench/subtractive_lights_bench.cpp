@@ -157,14 +157,16 @@ int main(int argc, char** argv) {
         bench.render({"halt.spp=1", "shadows.ray_traced.samples=1"}, "additive_" + n, strongest(*lit, order, kept, float(part > 0 ? sum / part : 1.0))));
     for (const std::string& r : partsOf(argumentOr(argc, argv, "--resolutions", "1,4,16"), ','))
       for (const std::string& form : partsOf(argumentOr(argc, argv, "--forms", "RATIO,DIFFERENCE"), ',')) {
-        const Run run = bench.render({"halt.spp=1", "shadows.subtractive.lights=" + n, "shadows.subtractive.resolution=" + r, "shadows.subtractive.form=" + form},
-                                     form + "_" + n + "_" + r, lit);
+        const Run run =
+            bench.render({"halt.spp=1", "shadows.subtractive.lights=" + n, "shadows.subtractive.resolution=" + r, "shadows.subtractive.form=" + form},
+                         form + "_" + n + "_" + r, lit);
         row(form, n, r, run);
         times.add(double(kept), std::atof(r.c_str()), run.seconds);
       }
   }
   const TimeModel::Fit fit = times.fit(4);
-  const char* terms[4] = {"t_C of t = t_C + n (t_geom + t_px / r^2) + t_look / r^2, CPU ms", "t_geom, CPU ms a light", "t_px, CPU ms a light", "t_look, CPU ms"};
+  const char* terms[4] = {"t_C of t = t_C + n (t_geom + t_px / r^2) + t_look / r^2, CPU ms", "t_geom, CPU ms a light", "t_px, CPU ms a light",
+                          "t_look, CPU ms"};
   for (size_t i = 0; i < 4; ++i) table.note(terms[i], 1e3 * fit.of[i]);
   table.note("R^2", fit.explained);
   table.note("R^2 without t_look", times.fit(3).explained);

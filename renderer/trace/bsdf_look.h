@@ -3,8 +3,8 @@
 // depends on material and viewer alone found once. Opaque isotropic materials without layers or film, whose gloss is no mirror; `facing` as in bsdfEval.
 // Each lobe is a few constant colours times numbers, so that coloured lights are summed up without a look at the colours for each:
 //   diffuse = albedo * diffuse,   specular = facets * facets + grazing * grazing + bounced * bounced     (colour of the class * number of Lobes)
-// Error against bsdfEval: rounding, 1e-5 of a lobe's value at alpha 0.01, 1e-6 at 0.1 (both round the half vector; its test). Finite and >= 0 for unit directions. Cost: 100 ns to make, then 1 ns a direction for
-// Lambert, 4 ns for glossy materials. Pure, any thread.
+// Error against bsdfEval: rounding, 1e-5 of a lobe's value at alpha 0.01, 1e-6 at 0.1 (both round the half vector; its test). Finite and >= 0 for unit
+// directions. Cost: 100 ns to make, then 1 ns a direction for Lambert, 4 ns for glossy materials. Pure, any thread.
 #pragma once
 
 #include <cstddef>
@@ -43,10 +43,10 @@ class BsdfLook {
   static constexpr int kNodes = 32;
   Vec3 wo_, facing_;
   bool lambert_, tilted_, dark_ = false;
-  float alpha2_ = 1, oz_ = 1, root_ = 1;                                   // of the viewer: cosine, masking
-  float stretch_ = 2, interface_[3] = {0, 0, 0};                           // of the albedo's tables; of the interface's albedo
-  float diffuseScale_ = 0, facetScale_ = 0, bounceScale_ = 0;              // 0: no such lobe
-  alignas(32) float deficit_[kNodes] = {}, extra_[kNodes] = {};            // bsdf_albedo.h, of this roughness
+  float alpha2_ = 1, oz_ = 1, root_ = 1;                         // of the viewer: cosine, masking
+  float stretch_ = 2, interface_[3] = {0, 0, 0};                 // of the albedo's tables; of the interface's albedo
+  float diffuseScale_ = 0, facetScale_ = 0, bounceScale_ = 0;    // 0: no such lobe
+  alignas(32) float deficit_[kNodes] = {}, extra_[kNodes] = {};  // bsdf_albedo.h, of this roughness
 };
 
 }  // namespace gobo

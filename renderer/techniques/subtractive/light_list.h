@@ -2,7 +2,7 @@
 // LightList: the unshadowed light of many lights at one point, light by light, in one pass over arrays of them with one look at the material. What
 // terms/unoccluded_light.h gives for each, by cheaper ways where these are as good:
 //   points, spots, directions      the same to rounding (those with an emission profile: that code itself)
-//   balls, suns                    over Lambert surfaces as a point, which is exact where all of it is above the horizon; over gloss by `kOne`, `kSeven`, `kMany`
+//   balls, suns                    over Lambert surfaces as a point, which is exact where all of it is above the horizon; over gloss by kOne, kSeven, kMany
 //   disks, rectangles              by these rules; over Lambert surfaces nearby by their closed forms where all of it is above the horizon
 //   the rest of them               terms/unoccluded_light.h with `samples` samples: mesh lights, rectangles at infinity, what a horizon cuts, what is larger
 //                                  than the lobe, materials that trace/bsdf_look.h does not cover
@@ -12,7 +12,8 @@
 //   kOne    X <= 0.001   one direction, to the centre
 //   kSeven  X <= 0.01    7 points of a disk, exact to the fifth degree (Stroud 1971, S2 5-1); rectangles: 16 of Gauss and Legendre
 //   kMany   X <= 0.06    24: 3 of Gauss and Legendre in the squared radius by 8 angles
-// Error of each lobe of each light, and so of their sum (all are >= 0): 0.2 % at most where no samples are drawn (0.1 % measured over random materials). Immutable; any thread. Cost: 2 ns a light over Lambert, 6 over gloss, 60 and 150 for lights of some size that take 7 and 24 points.
+// Error of each lobe of each light, and so of their sum (all are >= 0): 0.2 % at most where no samples are drawn (0.1 % measured over random materials).
+// Immutable; any thread. Cost: 2 ns a light over Lambert, 6 over gloss, 60 and 150 for lights of some size that take 7 and 24 points.
 #pragma once
 
 #include <cstdint>
@@ -79,8 +80,8 @@ class LightList {
   std::vector<UnoccludedLight> whole_;  ///< by index
   std::vector<LightShape> shapes_;      ///< by index
   std::vector<float> power_[3];
-  std::vector<float> at_[3];    ///< position, or direction towards it
-  std::vector<float> axis_[3];  ///< Spots, patches
+  std::vector<float> at_[3];               ///< position, or direction towards it
+  std::vector<float> axis_[3];             ///< Spots, patches
   std::vector<float> cut_, ramp_, range_;  ///< Spots: cosine of the outer cone, 1 / width of its ramp; 1 / squared range, 0: none
   std::vector<float> size2_;               ///< Caps: squared radius, of suns squared sine; patches: squared half diagonal
   std::vector<float> scale_;               ///< Caps, patches: radiance, of patches times area

@@ -72,7 +72,8 @@ QuadratureRule manyOfADisk() {
 QuadratureRule sixteenOfASquare() {
   QuadratureRule r;
   const double inner = std::sqrt(3.0 / 7.0 - 2.0 / 7.0 * std::sqrt(1.2)), outer = std::sqrt(3.0 / 7.0 + 2.0 / 7.0 * std::sqrt(1.2));
-  const double node[4] = {-outer, -inner, inner, outer}, wi = (18.0 + std::sqrt(30.0)) / 72.0, wo = (18.0 - std::sqrt(30.0)) / 72.0, weight[4] = {wo, wi, wi, wo};
+  const double node[4] = {-outer, -inner, inner, outer}, wi = (18.0 + std::sqrt(30.0)) / 72.0, wo = (18.0 - std::sqrt(30.0)) / 72.0,
+               weight[4] = {wo, wi, wi, wo};
   for (int u = 0; u < 4; ++u)
     for (int v = 0; v < 4; ++v) {
       r.at[r.count] = Vec2(float(node[u]), float(node[v]));
@@ -155,7 +156,7 @@ LightList::LightList(const SceneView& view, const LightSampler& sampler, std::sp
       const double sine = std::sin(0.5 * double(s.angularSize)), r2 = double(s.radius) * s.radius, uu = glm::dot(DVec3(s.u), DVec3(s.u)),
                    vv = glm::dot(DVec3(s.v), DVec3(s.v));
       size2_.push_back(float(distant ? sine * sine : s.kind == LightKind::Rect ? uu + vv : r2));
-      scale_.push_back(float(distant ? 1.0 / (std::numbers::pi * std::max(sine * sine, 1e-30))
+      scale_.push_back(float(distant                     ? 1.0 / (std::numbers::pi * std::max(sine * sine, 1e-30))
                              : s.kind == LightKind::Rect ? 4.0 * std::sqrt(uu * vv)
                              : s.kind == LightKind::Disk ? std::numbers::pi * r2
                                                          : 1.0));
@@ -274,7 +275,8 @@ void LightList::block(const Point& at, Kind kind, size_t begin, size_t count, Va
         } else {
           turned = zero - dot8(w, load3(axis_, place));
           for (size_t i = 0; i < kLane; ++i)  // few
-            if (index_[place + i] >= 0 && shapes_[size_t(index_[place + i])].twoSided) reinterpret_cast<float*>(&turned)[i] = std::fabs(reinterpret_cast<const float*>(&turned)[i]);
+            if (index_[place + i] >= 0 && shapes_[size_t(index_[place + i])].twoSided)
+              reinterpret_cast<float*>(&turned)[i] = std::fabs(reinterpret_cast<const float*>(&turned)[i]);
           v = v * _mm256_max_ps(turned, zero) / d2;
         }
       }
@@ -295,7 +297,7 @@ void LightList::block(const Point& at, Kind kind, size_t begin, size_t count, Va
     x = either(below(low, sine), every(1e30f), x);
     x = either(below(low, zero - sine), zero, x);
     if (kind == Patches) x = and8(below(zero - sine, turned), x);  // from behind, all of it
-    else x = and8(below(s2, one), x);                            // inside a ball
+    else x = and8(below(s2, one), x);                              // inside a ball
     _mm256_store_ps(needs + k, x);
     _mm256_store_ps(sine2 + k, s2);
   }

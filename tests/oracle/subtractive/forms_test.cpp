@@ -111,7 +111,7 @@ TEST(SubtractiveForms, RaysFallWithTheResolutionAndGrowWithTheLights) {
 TEST(SubtractiveForms, WhateverTheInputLightIsFiniteAndNoMoreThanUnshadowed) {
   const auto scaled = [](float scale) {
     SceneMaker m;
-    const int grey = m.material(Vec3(0.6f)), gloss = m.material(Vec3(0.5f, 0.3f, 0.2f), [](Material& x) {
+    const int grey = m.material(Vec3(0.6f)), gloss = m.material(Vec3(0.5f, 0.3f, 0.2f), [](Material&x) {
       x.bsdf.specular = 1.0f;
       x.bsdf.roughness = 0.4f;
     });
@@ -147,7 +147,11 @@ TEST(SubtractiveForms, WhateverTheInputLightIsFiniteAndNoMoreThanUnshadowed) {
                {"one light, nothing in its way", floorScene([](SceneMaker&, int) {}), {above}, 17, 13, Expected::Unshadowed},
                {"two in one place", floorScene([](SceneMaker&, int) {}), {above, above}, 17, 13, Expected::Unshadowed},
                {"one above and one below", floorScene([](SceneMaker&, int) {}), {above, below}, 17, 13, Expected::Unshadowed},
-               {"all in shadow", walled, {lamp(LightKind::Point, Vec3(3, 12, 1), Vec3(200.0f)), lamp(LightKind::Directional, Vec3(0), Vec3(3.0f))}, 16, 12,
+               {"all in shadow",
+                walled,
+                {lamp(LightKind::Point, Vec3(3, 12, 1), Vec3(200.0f)), lamp(LightKind::Directional, Vec3(0), Vec3(3.0f))},
+                16,
+                12,
                 Expected::Hidden},
                {"one pixel", scaled(1), lit(1, 9), 1, 1, Expected::Some},
                {"one row", scaled(1), lit(1, 9), 31, 1, Expected::Some},

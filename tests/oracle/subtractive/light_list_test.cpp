@@ -203,7 +203,8 @@ TEST(LightList, LightsOfSomeSizeAreTheirMeanWithinTheStatedBound) {
         const double error = std::abs(a - b) / (b + 1e-9);
         if (!w.closed) worst[k] = std::max(worst[k], error);
         // Of a closed form: what midpoints of a rectangle that the horizon cuts are off.
-        ASSERT_LT(error, w.closed ? 0.005 : 0.002) << "light " << int(kind) << " lobe " << k << " of " << trial << ", " << w.one << w.seven << w.many << w.closed;
+        ASSERT_LT(error, w.closed ? 0.005 : 0.002) << "light " << int(kind) << " lobe " << k << " of " << trial << ", " << w.one << w.seven << w.many
+                                                   << w.closed;
       }
   }
   EXPECT_GT(ways.one, 200u);
@@ -286,7 +287,7 @@ TEST(LightList, ADisksFormFactorIsItsClosedForm) {
 TEST(LightList, ChosenLightsAreTheStrongestAndNested) {
   Draws draw(2);
   std::vector<Light> lamps = manyLamps(37);
-  lamps.push_back(lamps[4]);                                            // as strong as another one
+  lamps.push_back(lamps[4]);                                             // as strong as another one
   lamps.push_back(lamp(LightKind::Point, Vec3(0, -9, 0), Vec3(50.0f)));  // below
   lamps.push_back(lamp(LightKind::Point, Vec3(0, 2, 0), Vec3(0.0f)));    // off
   for (const Light& l : lampsOfSize()) lamps.push_back(l);
