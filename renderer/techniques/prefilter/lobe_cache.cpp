@@ -90,8 +90,7 @@ bool lobeMeans(const NormalPicture& picture, const EnvironmentPyramid& map, std:
   const ReflectionAlbedo table(alpha, std::sqrt(alpha));
   const LostByCosine lost(table);
   std::vector<Vec2> points;
-  for (int i = 0; i < samples; ++i)
-    points.emplace_back((float(i) + 0.5f) / float(samples), (float(radicalInverse(uint32_t(i), 2) >> 8) + 0.5f) * 0x1p-24f);
+  for (int i = 0; i < samples; ++i) points.emplace_back((float(i) + 0.5f) / float(samples), (float(radicalInverse(uint32_t(i), 2) >> 8) + 0.5f) * 0x1p-24f);
   const double byDeficit = std::numbers::pi * double(table.deficitMean), bySchlick = std::numbers::pi * double(table.schlickMean);
 
   return overTexels(picture, 16, arena, stop, [&](size_t i, const DVec3& n) {

@@ -18,7 +18,8 @@ RadianceCache::RadianceCache(const Environment& map, const DVec3& towardsEye, co
         const size_t row = size_t(y), column = size_t(x);
         const DVec3 w(pieces.sinPolar[row] * pieces.cosAzimuth[column], pieces.cosPolar[row], pieces.sinPolar[row] * pieces.sinAzimuth[column]);
         const double cosine = glm::dot(n, w);
-        if (cosine > 0.0) sum += (brdf ? brdf(w, n, picture_.towards()) : 1.0) * cosine * pieces.solidAngle[row] * pieces.radiance[row * size_t(pieces.width) + column];
+        if (cosine > 0.0)
+          sum += (brdf ? brdf(w, n, picture_.towards()) : 1.0) * cosine * pieces.solidAngle[row] * pieces.radiance[row * size_t(pieces.width) + column];
       }
     return sum;
   };

@@ -77,7 +77,9 @@ class UnshadowedMapNode final : public Node {
     return w.gives({type(), Domain::ViewSample, view_.extent(), {plane<float>("diffuse", 3), plane<float>("specular", 3)}});
   }
   size_t workingBytes() const override { return by_ == DiffuseBy::Table ? kResidualBytes : 0; }
-  Cost cost(const TermShape& result, uint32_t) const override { return {0.0, (by_ == DiffuseBy::Table ? 3e7 : 0.0) + kReceiving * 100.0 * double(result.extent.elements())}; }
+  Cost cost(const TermShape& result, uint32_t) const override {
+    return {0.0, (by_ == DiffuseBy::Table ? 3e7 : 0.0) + kReceiving * 100.0 * double(result.extent.elements())};
+  }
 
   Result<TermPtr> run(const RunContext& ctx) const override {
     const Receivers in(*ctx.inputs[0], *ctx.inputs[1], view_);

@@ -23,8 +23,7 @@ enum class DiffuseBy : uint8_t { Table, Harmonics };
 ///   specular  the lobe's albedo times the map prefiltered for the roughness about the lobe's own direction (Karis 2013): round highlights, no horizon.
 ///             Under a uniform map within 1e-6
 /// Cost: some 30 ms of one core for the table (harmonics: none), and about 0.1 us a sample, whatever the map.
-NodePtr makeUnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines,
-                              DiffuseBy by = DiffuseBy::Table);
+NodePtr makeUnshadowedMapNode(const GBufferSettings& view, EnvironmentPtr map, float rotation, const Vec3& scale, bool shines, DiffuseBy by = DiffuseBy::Table);
 
 /// Term "light_list" as extract_lights has it, of the map in 512 x 256 texels without its peaks. Input: environment split. Small. The map is a parameter: one
 /// that turns keeps its lights.

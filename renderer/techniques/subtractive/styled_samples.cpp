@@ -116,7 +116,8 @@ Result<NodeId> planStyledSamples(PlanContext& c, const SamplesSettings& settings
   GOBO_TRY(extended->seal());
   if (!findShadowTechnique(technique.technique_case())) technique.mutable_ray_traced()->set_samples(1);
   std::vector<NodeId> inputs{c.gbuffer(), c.surface()};  // made, and kept, before any node that is marked transient below
-  const uint64_t all = uint64_t(settings.lights.size()) * uint64_t(settings.view.extent().elements()) * 40;  // a style holds its distance and what it makes of it
+  const uint64_t all =
+      uint64_t(settings.lights.size()) * uint64_t(settings.view.extent().elements()) * 40;  // a style holds its distance and what it makes of it
   const bool keep = all <= kKeptStyledBytes;
   if (c.bounding()) c.reserve(std::min(all, kKeptStyledBytes));  // fewer lights than asked for may be kept where all of them would not
   for (size_t i = 0; i < settings.lights.size(); ++i) {

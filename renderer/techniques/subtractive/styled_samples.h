@@ -6,15 +6,15 @@
 // Cost: for each light and traced sample a look at the material, 0.3 us. Memory: 136 bytes a traced sample.
 #pragma once
 
-#include "techniques/subtractive/samples.h"
 #include "technique/plan_context.h"
+#include "techniques/subtractive/samples.h"
 
 namespace gobo::subtractive {
 
 NodePtr makeStyledSamplesNode(const SamplesSettings& settings);
 
-/// Visibility of these lights by `technique`, which has a style, of the light that requests know as "environment", and their samples. Visibilities are kept while
-/// all of them take up at most 256 MB, else made again where they are asked for again.
+/// Visibility of these lights by `technique`, which has a style, of the light that requests know as "environment", and their samples. Visibilities are kept
+/// while all of them take up at most 256 MB, else made again where they are asked for again.
 Result<NodeId> planStyledSamples(PlanContext& context, const SamplesSettings& settings, v1::ShadowTechnique technique);
 
 }  // namespace gobo::subtractive

@@ -77,9 +77,10 @@ class SubtractiveShadows final : public Technique {
         return invalidArgument(std::string("request.environment.subtractive: ") + field + " stands for the map too: ask for one",
                                "request.environment.subtractive");
     if (sky.subtractive().unshadowed() == Asked::RADIANCE_CACHE && c.view().camera.optics.panorama)
-      return invalidArgument("request.environment.subtractive.unshadowed: RADIANCE_CACHE is made for one direction to the camera, which a panorama does not "
-                             "have: PREFILTERED or HARMONICS",
-                             "request.environment.subtractive.unshadowed");
+      return invalidArgument(
+          "request.environment.subtractive.unshadowed: RADIANCE_CACHE is made for one direction to the camera, which a panorama does not "
+          "have: PREFILTERED or HARMONICS",
+          "request.environment.subtractive.unshadowed");
     if (const char* why = declined(c)) {
       c.warn(std::string("environment.subtractive: ") + why + ": the map is path traced");
       return {};
@@ -111,8 +112,9 @@ class SubtractiveShadows final : public Technique {
     const subtractive::SamplesSettings samples{c.view(), resampling, fewLights(found, asked.lights(), environment->rotation, nominal)};
     NodeId traced = -1;
     const std::optional<v1::ShadowTechnique> styled = styleOf(c);
-    if (styled) { GOBO_ASSIGN(traced, subtractive::planStyledSamples(c, samples, *styled)); }
-    else traced = source(subtractive::makeSamplesNode(samples), {c.gbuffer(), c.surface()}, "subtractive:samples");
+    if (styled) {
+      GOBO_ASSIGN(traced, subtractive::planStyledSamples(c, samples, *styled));
+    } else traced = source(subtractive::makeSamplesNode(samples), {c.gbuffer(), c.surface()}, "subtractive:samples");
     const bool shines = !c.kinds().lambert;
     const NodeId full = unshadowed(c, environment, split, nominal, shines);
 

@@ -240,12 +240,6 @@ TEST(LobeCache, NormalsThatFaceAwayHaveLight) {
     const DVec3 v = means.at(DVec3(someDirection(i)));
     for (int c = 0; c < 3; ++c) EXPECT_TRUE(v[c] > 0.05 && v[c] < 3.0) << i << " " << v[c];
   }
-  // That of an eye at a cosine of 0.02 in the plane of both.
-  for (const DVec3& n : {glm::normalize(DVec3(1, 0.2, -0.6)), glm::normalize(DVec3(-0.3, 1, -0.4)), glm::normalize(DVec3(-1, -1, -0.2))}) {
-    const DVec3 along(0, 0, 1), across = glm::normalize(along - glm::dot(along, n) * n);
-    const Means lifted(map, 64, 0.4f, 64, std::sqrt(1 - 0.0004) * across + 0.02 * n, arena);
-    EXPECT_LT(glm::length(means.at(n) - lifted.at(n)), 0.08) << n.x << " " << n.y;
-  }
   for (const double z : {-0.05, 0.0, 0.05}) {  // no step where they begin to
     const DVec3 a(std::sqrt(1 - z * z), 0, z), b(std::sqrt(1 - (z + 0.02) * (z + 0.02)), 0, z + 0.02);
     EXPECT_LT(glm::length(means.at(a) - means.at(b)), 0.1) << z;

@@ -96,7 +96,8 @@ TEST(SubtractiveStyled, SharesAreSharesOfEachLight) {
   for (size_t e = 0; e < sums->plane<uint8_t>("traced").size(); ++e)
     for (size_t k = 0; k < 6; ++k) {
       double u = 0, seen = 0;
-      for (size_t i = 0; i < 5; ++i) u += double(alone[i]->floats("unshadowed")[6 * e + k]), seen += double(share[i]) * double(alone[i]->floats("unshadowed")[6 * e + k]);
+      for (size_t i = 0; i < 5; ++i)
+        u += double(alone[i]->floats("unshadowed")[6 * e + k]), seen += double(share[i]) * double(alone[i]->floats("unshadowed")[6 * e + k]);
       EXPECT_NEAR(sums->floats("unshadowed")[6 * e + k], u, 1e-6 * (1 + u));
       EXPECT_NEAR(sums->floats("visible")[6 * e + k], seen, 1e-6 * (1 + u));
     }

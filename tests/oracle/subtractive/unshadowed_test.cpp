@@ -179,7 +179,8 @@ TEST(SubtractiveHarmonics, UniformRadianceIsExactAndHighlightsAreThePrefilteredO
 TEST(SubtractiveCache, UniformRadianceIsReflectedByTheLobesAlbedos) {
   int shining = 0;
   double worst = 0;
-  for (const ScenePtr& scene : {stageScene(), ball(plasticOf(0.3f), Vec3(0, 0.3f, 1.3f), Vec3(0), 1.9f), ball(metalOf(1.0f)), ball(plasticOf(0.0f)), ball({})}) {
+  for (const ScenePtr& scene :
+       {stageScene(), ball(plasticOf(0.3f), Vec3(0, 0.3f, 1.3f), Vec3(0), 1.9f), ball(metalOf(1.0f)), ball(plasticOf(0.0f)), ball({})}) {
     Stage s(scene, 30, 22);
     Sky sky{s, constantEnvironment(Vec3(2.0f, 1.0f, 0.5f)), 0.3f, Vec3(1.0f, 3.0f, 1.0f)};
     const TermPtr light = sky.cached(24);
@@ -204,8 +205,11 @@ TEST(SubtractiveCache, UniformRadianceIsReflectedByTheLobesAlbedos) {
 // Of a distant eye it is what the material reflects of the map, both lobes, horizon and all. What the tables of albedos lack of Schlick's term, 0.003 of the
 // radiance (trace/bsdf_albedo.h), is much of what little a rough dielectric mirrors.
 TEST(SubtractiveCache, OfADistantEyeItIsTheMaterialsIntegral) {
-  const struct { float roughness; bool metal; float rotation; } cases[] = {{0.25f, true, 0},  {0.25f, false, -0.8f}, {0.5f, true, -0.8f},
-                                                                           {0.5f, false, 0},  {1.0f, true, 0},       {1.0f, false, 0}};
+  const struct {
+    float roughness;
+    bool metal;
+    float rotation;
+  } cases[] = {{0.25f, true, 0}, {0.25f, false, -0.8f}, {0.5f, true, -0.8f}, {0.5f, false, 0}, {1.0f, true, 0}, {1.0f, false, 0}};
   for (const auto& k : cases) {
     Stage s(ball(k.metal ? metalOf(k.roughness) : plasticOf(k.roughness), Vec3(1, 2, 4), Vec3(0), 0.5f, true), 24, 24, 1);
     Sky sky{s, waves(3), k.rotation, Vec3(1.0f, 2.0f, 0.5f)};
@@ -304,8 +308,8 @@ TEST(SubtractiveCache, RoughnessesAreThoseOfTheScenesMaterials) {
     m.instance(m.mesh(tests::ground(1.0f, float(k)), m.material(Vec3(0.5f), metalOf(roughness))));
     expected.insert(expected.begin(), roughness);
   }
-  m.material(Vec3(0.5f), metalOf(0.33f));                                        // nobody uses it
-  m.instance(m.mesh(tests::ground(1.0f, -1.0f), m.material(Vec3(0.5f))));        // does not shine
+  m.material(Vec3(0.5f), metalOf(0.33f));                                  // nobody uses it
+  m.instance(m.mesh(tests::ground(1.0f, -1.0f), m.material(Vec3(0.5f))));  // does not shine
   m.camera(Vec3(0, 1, 1), Vec3(0));
   EXPECT_EQ(subtractive::cachedRoughnesses(*m.finish()), expected);
   m.instance(m.mesh(tests::ground(1.0f, -2.0f), m.material(Vec3(0.5f), plasticOf(0.0f))));
