@@ -34,7 +34,8 @@ class SampledDistanceNode final : public Node {
     return w.gives({"style_distance", Domain::ViewSample, s_.distance.extent, {unsetPlane<float>("D")}});
   }
   size_t workingBytes() const override {  // of a layer: two segments a square, their lines, the guide
-    return size_t(s_.distance.extent.width) * size_t(s_.distance.extent.height) * (2 * (2 * sizeof(ContourSegment) + 72) + (s_.distance.pixel > 0.0f ? PictureSurface::bytesPerSample() : 0));
+    return size_t(s_.distance.extent.width) * size_t(s_.distance.extent.height) *
+           (2 * (2 * sizeof(ContourSegment) + 72) + (s_.distance.pixel > 0.0f ? PictureSurface::bytesPerSample() : 0));
   }
   Cost cost(const TermShape& result, uint32_t) const override { return {0.0, kReceiving * kSampleNs * s_.samples * double(result.extent.elements())}; }
 
