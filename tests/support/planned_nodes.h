@@ -188,7 +188,8 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     set(drawn, b);
   all.emplace_back("styled by formulas", drawn);
   for (const std::vector<const char*>& as :
-       std::vector<std::vector<const char*>>{{"shadows.style.samples=7", "shadows.style.guard_px=3"}, {"shadows.style.levels=3", "scene=pane"},
+       std::vector<std::vector<const char*>>{{"shadows.style.samples=7", "shadows.style.guard_px=3"},
+                                             {"shadows.style.levels=3", "scene=pane"},
                                              {"shadows.style.metric=SCREEN", "shadows.style.abstraction=0.1", "shadows.style.samples=5"},
                                              {"shadows.style.metric=SCREEN", "shadows.style.abstraction=0.1", "shadows.style.guard_px=2"},
                                              {"shadows.style.metric=SURFACE", "view_samples=2"},

@@ -17,8 +17,8 @@ namespace gobo {
 namespace {
 
 constexpr float kPerSigma = 3.0f;
-constexpr int kAbstractionRun = 128;   // most pixels of a run
-constexpr int kAbstractionTile = 32;   // of the planes that single samples read
+constexpr int kAbstractionRun = 128;  // most pixels of a run
+constexpr int kAbstractionTile = 32;  // of the planes that single samples read
 
 class StyleAbstractionNode final : public Node {
  public:
@@ -62,7 +62,10 @@ class StyleAbstractionNode final : public Node {
     std::optional<PictureSurface> picture;
     if (s_.pixel > 0.0f) picture.emplace(s_.extent.width, s_.extent.height, s_.pixel);
     for (size_t layer = 0; layer < size_t(s_.extent.layers); ++layer) {
-      const Layer l{picture ? picture->input() : surfaceInput(g, layer), from.subspan(layer * count, count), {unit, s_.varies ? varying.subspan(layer * count, count) : varying}, cosine};
+      const Layer l{picture ? picture->input() : surfaceInput(g, layer),
+                    from.subspan(layer * count, count),
+                    {unit, s_.varies ? varying.subspan(layer * count, count) : varying},
+                    cosine};
       if (!smoothLayer(ctx, l, planes.get(), D.subspan(layer * count, count))) return Status(Code::Cancelled, "style_abstraction: stopped");
     }
     return TermPtr(ctx.result);
@@ -178,8 +181,7 @@ class StyleAbstractionNode final : public Node {
         most = std::max(most, pixels);
       }
       for (int x = begin; x < end; ++x) sums[x - begin] = 0, weights[x - begin] = p.area[row + size_t(x)];
-      if (stride != 0)
-        addDisc(p, l.in.width, l.in.height, y, begin, end, kAbstractionReach * most / float(stride), stride, l.cosine, sums, weights);
+      if (stride != 0) addDisc(p, l.in.width, l.in.height, y, begin, end, kAbstractionReach * most / float(stride), stride, l.cosine, sums, weights);
       for (int x = begin; x < end; ++x) {
         const size_t e = row + size_t(x);
         out[e] = p.area[e] > 0.0f ? l.d[e] + sums[x - begin] / weights[x - begin] : l.d[e];

@@ -12,8 +12,8 @@
 // Inputs       0: plane D (filters/stylised/distance_field.h); 1: "gbuffer" (P, N, Ng, instance, footprint); 2, where sigma varies: "style_parameters" (plane
 //              abstraction: sigma of each sample x; where it is 0 D' = D).
 // Output       term "style_distance", plane D. sigma = 0 copies.
-// Cost         Where a surface is smooth (filters/stylised/abstraction_cells.h; a sigma of 3.6 pixels and more, the same everywhere) by cells: some 4 to 22 sums a
-//              sample. Elsewhere a disc in at most 37 x 37 samples, in 19 x 19 to 25 x 25 for a sigma of more than 6 pixels, about 1 ns each.
+// Cost         By cells where a surface is smooth and sigma is 3.6 pixels and more, the same everywhere (filters/stylised/abstraction_cells.h): some 6 to 90
+//              sums a sample. Elsewhere a disc in at most 37 x 37 samples, in 19 x 19 to 25 x 25 for a sigma of more than 6 pixels, about 1 ns each.
 // Error        Cut at 3 sigma: 1.1 % of the weight, width 0.974 sigma. By cells 0.2 % of sigma at a ridge of D.
 // Fails where  surfaces are seen under less than some 20 degrees: samples are farther apart than sigma; near the picture's border one side is missing.
 // Determinism  bit-identical for any number of threads. No windows: how many pixels 3 sigma are depends on the picture.

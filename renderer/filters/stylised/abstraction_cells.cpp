@@ -13,10 +13,10 @@ namespace gobo {
 
 namespace {
 
-constexpr float kCellsJoined = 0.995f, kCellsTurn = 0.9976f;            // least cosines between normals of neighbours: 5.7 and 4 degrees
-constexpr float kLongestCell = 0.68f;                             // side of a cell, sigmas
-constexpr float kWidestCell = 0.56f;                              // root of its area: a level's cells are twice as wide as those of the one before
-constexpr float kNarrowestCell = 0.34f;                           // the same by the samples of a side: sums over narrower ones cost what those over samples do
+constexpr float kCellsJoined = 0.995f, kCellsTurn = 0.9976f;  // least cosines between normals of neighbours: 5.7 and 4 degrees
+constexpr float kLongestCell = 0.68f;                         // side of a cell, sigmas
+constexpr float kWidestCell = 0.56f;                          // root of its area: a level's cells are twice as wide as those of the one before
+constexpr float kNarrowestCell = 0.34f;                       // the same by the samples of a side: sums over narrower ones cost what those over samples do
 constexpr int kLeastCellSide = 2, kMostCellSide = 256, kLeastCells = 4;
 constexpr int kCellRun = 128;
 constexpr size_t kCellPlanes = 11;  // those of AbstractionPlanes, the least width of a pixel and what the Gaussian gives
@@ -57,7 +57,8 @@ struct CellSum {
   }
   void store(const CellLevel& level, size_t e, bool whole) const {
     const float inverse = area > 0.0f ? 1.0f / area : 0.0f, n = glm::length(N), unit = n > 0.0f ? 1.0f / n : 0.0f;
-    const float value[9] = {P.x * inverse, P.y * inverse, P.z * inverse, N.x * unit, N.y * unit, N.z * unit, std::min(area, kMostAbstractionArea), d * inverse, 1.0f};
+    const float value[9] = {P.x * inverse, P.y * inverse, P.z * inverse, N.x * unit, N.y * unit, N.z * unit, std::min(area, kMostAbstractionArea),
+                            d * inverse,   1.0f};
     for (size_t k = 0; k < 9; ++k) level.plane(k)[e] = value[k];
     level.footprint()[e] = footprint;
     level.whole[e] = whole;
@@ -93,7 +94,8 @@ void addMostOf(const AbstractionInput& a, int x0, int y0, CellSum& sum) {
 /// Three rows of samples, in units of sigma, and which of them are joined to the next and to the one below.
 class SurfaceRows {
  public:
-  explicit SurfaceRows(const AbstractionInput& a) : a_(a), stride_(size_t(a.in.width) + 1), values_(3 * kFloats * stride_), ids_(3 * stride_), joined_(4 * stride_) {}
+  explicit SurfaceRows(const AbstractionInput& a)
+      : a_(a), stride_(size_t(a.in.width) + 1), values_(3 * kFloats * stride_), ids_(3 * stride_), joined_(4 * stride_) {}
 
   /// Samples y and y + 1 become rows 0 and 1. What lies beyond the picture's border goes on as its last two samples do.
   void read(int y) {
@@ -246,7 +248,8 @@ void blurCellRow(const CellLevel& level, float cosine, int j) {
     for (end = begin; end < level.width && !level.wanted[row + size_t(end)];) ++end;
     begin = end;
     float least = HUGE_VALF;
-    for (; end < std::min(begin + kCellRun, level.width) && level.wanted[row + size_t(end)]; ++end) least = std::min(least, level.footprint()[row + size_t(end)]);
+    for (; end < std::min(begin + kCellRun, level.width) && level.wanted[row + size_t(end)]; ++end)
+      least = std::min(least, level.footprint()[row + size_t(end)]);
     if (begin == end) break;
     for (int i = begin; i < end; ++i) sums[i - begin] = 0, weights[i - begin] = p.area[row + size_t(i)];
     const float reach = least > 0.0f ? std::min(kAbstractionReach / (least * float(level.side)), 64.0f) : 64.0f;
@@ -279,7 +282,8 @@ std::vector<CellCubic> cellCubicsOf(int samples, int side, int cells) {
 }
 
 /// Samples of row y whose surroundings are ready.
-void interpolateCellRow(const CellLevel& level, const CellCubic& v, const std::vector<CellCubic>& across, const uint8_t* ready, float* out, uint8_t* done, std::vector<float>& line) {
+void interpolateCellRow(const CellLevel& level, const CellCubic& v, const std::vector<CellCubic>& across, const uint8_t* ready, float* out, uint8_t* done,
+                        std::vector<float>& line) {
   const size_t w = size_t(level.width);
   const float* from = level.blurred() + size_t(v.first) * w;
   line.resize(w);

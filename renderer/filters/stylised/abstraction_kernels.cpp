@@ -40,8 +40,7 @@ void addOffset(const AbstractionPlanes& p, size_t e, ptrdiff_t offset, size_t n,
   else run(std::false_type());
 }
 
-void addDisc(const AbstractionPlanes& p, int width, int height, int y, int begin, int end, float reach, int stride, float cosine, float* sums,
-             float* weights) {
+void addDisc(const AbstractionPlanes& p, int width, int height, int y, int begin, int end, float reach, int stride, float cosine, float* sums, float* weights) {
   const int taps = int(reach);
   for (int v = -std::min(taps, y / stride); v <= std::min(taps, (height - 1 - y) / stride); ++v) {
     const int across = int(std::sqrt(std::max(reach * reach - float(v * v), 0.0f)) + 0.5f);
@@ -125,13 +124,15 @@ void cellsOfRows(const SurfaceRow& a, const SurfaceRow& b, size_t n, float least
   for (size_t k = 0; k < n; ++k) {
     const float l2 = nx[k] * nx[k] + ny[k] * ny[k] + nz[k] * nz[k], unit = 1.0f / std::sqrt(l2 > 1e-30f ? l2 : 1e-30f);
     nx[k] *= unit, ny[k] *= unit, nz[k] *= unit;
-    const float sum = 1.0f / area[k], first = aw[2 * k] < aw[2 * k + 1] ? aw[2 * k] : aw[2 * k + 1], second = bw[2 * k] < bw[2 * k + 1] ? bw[2 * k] : bw[2 * k + 1];
+    const float sum = 1.0f / area[k], first = aw[2 * k] < aw[2 * k + 1] ? aw[2 * k] : aw[2 * k + 1],
+                second = bw[2 * k] < bw[2 * k + 1] ? bw[2 * k] : bw[2 * k + 1];
     area[k] = sum < most ? sum : most;
     width[k] = first < second ? first : second;
   }
 }
 
-void wholeCells(const float* __restrict f0, const float* __restrict f1, const float* __restrict f2, const float* __restrict f3, size_t n, uint8_t* __restrict whole) {
+void wholeCells(const float* __restrict f0, const float* __restrict f1, const float* __restrict f2, const float* __restrict f3, size_t n,
+                uint8_t* __restrict whole) {
   for (size_t k = 0; k < n; ++k) {
     const float left = f0[2 * k] * f1[2 * k] * f2[2 * k] * f3[2 * k], right = f0[2 * k + 1] * f1[2 * k + 1] * f2[2 * k + 1] * f3[2 * k + 1];
     whole[k] = left * right != 0.0f;

@@ -10,8 +10,8 @@ namespace gobo {
 namespace {
 
 constexpr uint32_t kLeaf = 4, kPollAbove = 4096;
-constexpr double kFlat = 1e-2;    // spread of normals that counts as none at first
-constexpr double kSlack = 1e-6;   // of angles: the cones are rounded, the segments' own test decides at their edges
+constexpr double kFlat = 1e-2;   // spread of normals that counts as none at first
+constexpr double kSlack = 1e-6;  // of angles: the cones are rounded, the segments' own test decides at their edges
 
 /// Gauss rules on [-1, 1] by number of points, with the factor of their error: |rest| <= factor p (p+1) ... (p+2n-1) q^2n of length d^-p.
 struct Rule {

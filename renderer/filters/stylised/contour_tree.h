@@ -8,8 +8,8 @@
 // whole where that is at most half of `error` of its own d^-p, or of its share by length in a lower bound of the whole sum: what is many times as far as the
 // nearest contour hardly counts (|x - y|^-8). Segments that are too near for that become points of a Gauss rule whose own bound holds, or stay segments.
 // `error` bounds the sum; D has 1/(p - 1) of it (LOCAL). Guard: pieces carry the cone of their normals; where cones do not decide which of a piece's segments
-// points of the patch see, each decides for itself. Cost: building O(n log n), 170 bytes a node, about n/2 nodes; a patch some hundreds of nodes visited, some
-// tens of sources. Built by one thread; ties are broken by the segments' order.
+// points of the patch see, each decides for itself. Pieces that are too near for a large patch are handed on to its parts, which do not start from the root.
+// Cost: building O(n log n), 170 bytes a node, about n/2 nodes; a patch some tens of sources. Built by one thread; ties are broken by the segments' order.
 #pragma once
 
 #include <array>

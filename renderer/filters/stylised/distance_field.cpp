@@ -18,16 +18,16 @@ namespace gobo {
 
 namespace {
 
-constexpr int kSide = 8, kBlock = 4;    // samples of a patch, patches of a block, each way
-constexpr size_t kGroups = 8;           // most surfaces of a patch that are told apart
-constexpr size_t kFarSources = 80;      // most for which a patch of patches that is not flat is not cut
-constexpr double kFarFrom = 2.0;        // radii of such a one from the nearest piece, from where its sources are few
-constexpr double kOffPlane = 2e-5;          // most that points of a plane are off it, by the distance of what is interpolated on it
+constexpr int kSide = 8, kBlock = 4;     // samples of a patch, patches of a block, each way
+constexpr size_t kGroups = 8;            // most surfaces of a patch that are told apart
+constexpr size_t kFarSources = 80;       // most for which a patch of patches that is not flat is not cut
+constexpr double kFarFrom = 2.0;         // radii of such a one from the nearest piece, from where its sources are few
+constexpr double kOffPlane = 2e-5;       // most that points of a plane are off it, by the distance of what is interpolated on it
 constexpr double kInterpolation = 0.25;  // share of interpolation in the error
-constexpr double kMostApart = 1e6;      // of the nearest source: what is farther adds a millionth at most, and powers of it leave a float's range
-constexpr float kAlike = 0.9f;          // least cosine between normals of a group
-constexpr float kReachOfGroup = 64.0f;  // widths of a pixel
-constexpr double kSpread = 1e20;        // farthest by nearest to the power p up to which one unit does for all points
+constexpr double kMostApart = 1e6;       // of the nearest source: what is farther adds a millionth at most, and powers of it leave a float's range
+constexpr float kAlike = 0.9f;           // least cosine between normals of a group
+constexpr float kReachOfGroup = 64.0f;   // widths of a pixel
+constexpr double kSpread = 1e20;         // farthest by nearest to the power p up to which one unit does for all points
 static_assert(kSide * kSide == int(kPatchPoints));
 
 /// Samples of a patch that lie on one surface, more or less: those beyond a silhouette would make its ball hundreds of times as large.
@@ -317,7 +317,8 @@ class StyleDistanceNode final : public Node {
   }
 
   /// The sum over the sources found, and what `wider` has, over a rectangle.
-  void interpolate(const Layer& layer, const Patch& all, const PlaneRectangle& over, const InterpolatedSum* wider, Scratch& scratch, InterpolatedSum& own) const {
+  void interpolate(const Layer& layer, const Patch& all, const PlaneRectangle& over, const InterpolatedSum* wider, Scratch& scratch,
+                   InterpolatedSum& own) const {
     const double unit = prepare(layer, all, scratch);
     PatchPoints points;
     points.lanes = kPatchPoints;
@@ -486,7 +487,8 @@ Status forEachContourLayer(const StyleDistanceSettings& s, const Term& visibilit
   std::optional<PictureSurface> picture;
   if (s.pixel > 0.0f) picture.emplace(s.extent.width, s.extent.height, s.pixel);
   for (size_t layer = 0; layer < size_t(s.extent.layers); ++layer)
-    GOBO_TRY(body(picture ? picture->visible(visibility, gbuffer, layer, s.level, s.levels) : contourInput(visibility, gbuffer, layer, s.level, s.levels), layer));
+    GOBO_TRY(
+        body(picture ? picture->visible(visibility, gbuffer, layer, s.level, s.levels) : contourInput(visibility, gbuffer, layer, s.level, s.levels), layer));
   return {};
 }
 

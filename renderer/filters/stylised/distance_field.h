@@ -12,9 +12,9 @@
 // Error        The sum within kFieldError (p - 1) of itself, so D within kFieldError, by bounds that add up as if every piece were at its worst; what is seen
 // is below 1e-4.
 //              Marching squares over hard visibility make oblique contours up to 8 % too long: that is 1.1 % of D at p = 8, and 8 % at p = 2.
-// Cost         Contour and tree by the layer, then some tens of sources a sample (filters/stylised/contour_tree.h): docs/intent.md has times. Two segments a
-// square and
-//              their tree are the bound of what it holds, 350 bytes a sample; a contour of a few thousand segments is one of a few hundred kB.
+// Cost         Contour and tree by the layer, then some tens of sources a sample near the contour, and one polynomial a sample on planes far from it
+//              (filters/stylised/contour_tree.h, interpolated_sums.h): docs/intent.md has times. Two segments a square and their tree are the bound of what it
+//              holds, 350 bytes a sample; a contour of a few thousand segments is one of a few hundred kB.
 // Fails where  contours lie outside the extent or behind something (their distance is missing); normals bend: D jumps where a contour is at `angle`;
 // `instance`s that
 //              touch see each other's contours, which is meant, and so do walls back to back, which is not.

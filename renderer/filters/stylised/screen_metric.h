@@ -2,9 +2,9 @@
 // The picture as a surface: what distances, contours and Gaussians are measured on where a style's metric is SCREEN (figure 3.4 of DeCoro's thesis compares it
 // with the world's).
 //
-// Computes     Sample (x, y) lies at (x + 1/2, y + 1/2) pixels of width `pixel`, all of one surface that faces the eye: no normal guards, no instance or depth cuts.
-//              What hits nothing is lit and part of it, so that a shadow that ends at a silhouette has its contour there, as it has in the picture; its distance is
-//              that to the contour, too.
+// Computes     Sample (x, y) lies at (x + 1/2, y + 1/2) pixels of width `pixel`, all of one surface that faces the eye: no normal guards, no instance or
+//              depth cuts. What hits nothing is lit and part of it, so that a shadow that ends at a silhouette has its contour there, as it has in the picture;
+//              its distance is that to the contour, too.
 // Units        1 is the height of the picture (without a guard band): `pixel` is 1 / height.
 // Cost         36 bytes a sample and one pass.
 #pragma once

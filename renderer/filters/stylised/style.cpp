@@ -196,7 +196,8 @@ class StylePlan {
   }
 
   NodeId blurred(float sigma) {
-    return sigma > 0.0f ? filter(makeStyleAbstractionNode({extent_, sigma, angle_, false, pixel()}), {distance_, input_.gbuffer}, "style_abstraction" + of_) : distance_;
+    return sigma > 0.0f ? filter(makeStyleAbstractionNode({extent_, sigma, angle_, false, pixel()}), {distance_, input_.gbuffer}, "style_abstraction" + of_)
+                        : distance_;
   }
   NodeId abstracted() {
     const StyleFormula* varying = formulas_.find(StyleField::Abstraction);

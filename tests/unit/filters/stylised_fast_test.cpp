@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What makes stylised shadows fast against what it stands for: interpolated sums, patches on planes, cells of the abstraction, and how work grows; the metric of
-// the picture.
+// What makes stylised shadows fast against what it stands for: interpolated sums, patches on planes, cells of the abstraction, and how work grows; the metric
+// of the picture.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -126,7 +126,7 @@ TEST(StyleInterpolated, FieldOverLargePlanesIsTheSumTermByTerm) {  // blocks, th
       }
 }
 
-TEST(StyleInterpolated, PatchesThatAreNotFlatAreNotTakenForPlanes) {  // ripples on the floor: smaller than a patch's size, larger than what an interpolation may ignore
+TEST(StyleInterpolated, PatchesThatAreNotFlatAreNotTakenForPlanes) {  // ripples on the floor
   const Extent e{128, 128, 1};
   const auto g = planeGBuffer(view(e));
   auto P = g->writable<float>("P");
@@ -184,9 +184,7 @@ std::vector<uint8_t> doneBy(const Extent& e, float sigma, const TermPtr& D, cons
   EXPECT_TRUE(abstractByCells({in, D->floats("D"), sigma, std::cos(kPi / 4)}, arena, {}, out, done));
   return done;
 }
-double share(const std::vector<uint8_t>& done) {
-  return double(std::count(done.begin(), done.end(), 1)) / double(done.size());
-}
+double share(const std::vector<uint8_t>& done) { return double(std::count(done.begin(), done.end(), 1)) / double(done.size()); }
 
 TEST(StyleCells, AreWhatSamplesAreOnPlanes) {
   const Extent e{201, 151, 1};
@@ -202,7 +200,7 @@ TEST(StyleCells, AreWhatSamplesAreOnPlanes) {
       const auto [cells, samples] = bothWays(e, sigma, ridges, g);
       const auto done = doneBy(e, sigma, ridges, g);
       EXPECT_GT(share(done), pixels < 6 ? 0.4 : 0.93) << pixels;  // parts of the plane that are farther away have a narrower sigma
-      const int margin = int(3.6f * pixels) + 8;  // beyond, discs are cut by the picture's border
+      const int margin = int(3.6f * pixels) + 8;                  // beyond, discs are cut by the picture's border
       double most = 0;
       for (int y = margin; y < 151 - margin; ++y)
         for (int x = margin; x < 201 - margin; ++x) {
@@ -361,8 +359,8 @@ TEST(StyleScreen, KeysOfTheWorldHold) {
   EXPECT_NE(key(makeStyleAbstractionNode({e, 1, 0.5f})), key(makeStyleAbstractionNode({e, 1, 0.5f, false, 0.1f})));
 }
 
-// A light that jitters and a camera that pans: what the shadow of two discs changes by from picture to picture, by the averaged distance's norm, power and metric;
-// 64 is next to the Euclidean distance (docs/intent.md). The camera moves sideways over a floor in perspective by half a pixel of its middle a picture; S is
+// A camera that pans: what the shadow of three discs changes by from picture to picture, by the averaged distance's norm, power and metric; 64 is next to the
+// Euclidean distance (docs/intent.md). The camera moves sideways over a floor in perspective by half a pixel of its middle a picture; S is
 // compared at the same places of the floor.
 TEST(StyleVariation, DISABLED_UnderAPanningCamera) {
   const Extent e{160, 120, 1};
@@ -395,8 +393,9 @@ TEST(StyleVariation, DISABLED_UnderAPanningCamera) {
         }
         const auto V = floatTerm(e, "V", [&](int x, int y, int) {
           const Vec3 at = floorAt(pan, float(x), float(y));
-          return std::hypot(at.x + 0.8f, at.z + 3.6f) < 0.5f || std::hypot(at.x - 0.45f, at.z + 3.2f) < 0.4f || std::hypot(at.x - 2.0f, at.z + 3.4f) < 0.45f ? 0.0f
-                                                                                                                                                 : 1.0f;
+          return std::hypot(at.x + 0.8f, at.z + 3.6f) < 0.5f || std::hypot(at.x - 0.45f, at.z + 3.2f) < 0.4f || std::hypot(at.x - 2.0f, at.z + 3.4f) < 0.45f
+                     ? 0.0f
+                     : 1.0f;
         });
         StyleTransferSettings own = style;
         if (screen) own.inflation /= 3.0f, own.softness /= 3.0f;  // heights of the picture for metres, at the middle's depth
@@ -417,8 +416,8 @@ TEST(StyleVariation, DISABLED_UnderAPanningCamera) {
         last = S;
         lastPan = pan;
       }
-      std::printf("inflation %g, softness %g, %-22s: %.5f a picture, at most %.3f\n", double(style.inflation), double(style.softness), name, sum / double(count),
-                  most);
+      std::printf("inflation %g, softness %g, %-22s: %.5f a picture, at most %.3f\n", double(style.inflation), double(style.softness), name,
+                  sum / double(count), most);
     }
 }
 
