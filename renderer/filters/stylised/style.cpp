@@ -129,7 +129,8 @@ class StylePlan {
   NodeId shaped(NodeId distance) {
     if (const float length = number("elongation"); length > 0.0f) {
       const StyleLight light = styleLightOf(*input_.scene, input_.scene->lights[size_t(input_.light)].shape);
-      distance = filter(makeStyleElongationNode({extent_, length, angle_, light, input_.camera, input_.place}), {distance, input_.gbuffer}, "style_elongation" + of_);
+      distance =
+          filter(makeStyleElongationNode({extent_, length, angle_, light, input_.camera, input_.place}), {distance, input_.gbuffer}, "style_elongation" + of_);
     }
     if (const float target = number("target"); target > 0.0f)
       distance = filter(makeStyleTargetNode({extent_, target, number("angularity"), angle_}), {distance, input_.gbuffer}, "style_target" + of_);
@@ -253,7 +254,7 @@ class StylePlan {
   float angle_;
   NodeId distance_ = -1, occluder_ = -1;
   std::vector<std::pair<NodeId, NodeId>> halfWidths_;  ///< of distances that have them
-  std::string of_;  ///< of labels: which level
+  std::string of_;                                     ///< of labels: which level
 };
 
 }  // namespace
