@@ -28,7 +28,8 @@ bool styleLayerOf(std::string_view& text, int& layer) {
   const size_t end = text.find("].");
   if (end == std::string_view::npos) return false;
   const std::string_view digits = text.substr(kLayers.size(), end - kLayers.size());
-  if (digits.empty() || digits.size() > 6 || (digits.size() > 1 && digits[0] == '0') || digits.find_first_not_of("0123456789") != std::string_view::npos) return false;
+  if (digits.empty() || digits.size() > 6 || (digits.size() > 1 && digits[0] == '0') || digits.find_first_not_of("0123456789") != std::string_view::npos)
+    return false;
   layer = std::stoi(std::string(digits));
   text.remove_prefix(end + 2);
   return true;
@@ -121,8 +122,8 @@ bool expressionsMove(const v1::RenderRequest& request) {
 namespace {
 
 /// The formula of one field, with the objects that it names.
-Result<StyleFormula> styleFormula(const std::string& path, const v1::Expression& e, const char* field, const google::protobuf::Descriptor* of, const Scene& scene,
-                                  StyleFormulas& out) {
+Result<StyleFormula> styleFormula(const std::string& path, const v1::Expression& e, const char* field, const google::protobuf::Descriptor* of,
+                                  const Scene& scene, StyleFormulas& out) {
   const std::string place = "request.expressions." + path + ".formula";
   GOBO_ASSIGN(Formula formula, Formula::parse(e.formula(), kStyleNames, place));
   const v1::Number range = of->FindFieldByName(field)->options().GetExtension(v1::number);

@@ -201,11 +201,10 @@ inline std::vector<std::pair<std::string, v1::RenderRequest>> requestsWithAllNod
     all.emplace_back(std::string("styled, ") + as[0] + (as.size() > 2 ? std::string(" ") + as[2] : ""), r);
   }
   v1::RenderRequest shaped = withLamp(width, height, LightKind::Spot);
-  for (const char* b :
-       {"shadows.style.elongation=0.3", "shadows.style.target=0.5", "shadows.style.angularity=0.4", "shadows.style.keep=0.5", "shadows.style.inflation=-0.2",
-        "shadows.style.transition=CURVE", "shadows.style.curve=0,1,0.5", "shadows.style.softness=0.2", "shadows.style.layers[0].softness=0.1",
-        "expressions.shadows.style.layers[0].inflation.formula=-0.1*depth", "expressions.shadows.style.layers[0].brightness.formula=0.1*distance",
-        "shadows.style.pattern=HATCHING"})
+  for (const char* b : {"shadows.style.elongation=0.3", "shadows.style.target=0.5", "shadows.style.angularity=0.4", "shadows.style.keep=0.5",
+                        "shadows.style.inflation=-0.2", "shadows.style.transition=CURVE", "shadows.style.curve=0,1,0.5", "shadows.style.softness=0.2",
+                        "shadows.style.layers[0].softness=0.1", "expressions.shadows.style.layers[0].inflation.formula=-0.1*depth",
+                        "expressions.shadows.style.layers[0].brightness.formula=0.1*distance", "shadows.style.pattern=HATCHING"})
     set(shaped, b);
   all.emplace_back("styled in shapes", shaped);
   for (const char* as : {"environment.area_lights=6", "environment.extract_lights=6", "environment.transfer.points=300"}) {

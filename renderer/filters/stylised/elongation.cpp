@@ -14,7 +14,7 @@ namespace gobo {
 namespace {
 
 constexpr float kLeastSlant = 1e-3f;  // sine between light and normal below which its direction along the surface is rounding
-constexpr float kLineTurn = 0.25f;        // widths of a pixel that a surface leaves the line by before it is laid anew
+constexpr float kLineTurn = 0.25f;    // widths of a pixel that a surface leaves the line by before it is laid anew
 constexpr int kSamplesBetweenStops = 64;
 
 /// The picture of points of a layer, in samples: (x, y) is where sample (x, y) looks.

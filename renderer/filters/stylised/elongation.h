@@ -4,12 +4,13 @@
 // Computes     D'(x) = min over s in [0, e] of D(x - s t): the shadow joined with itself moved by every s up to e along t, and so is each of its offsets. t is
 //              the direction in which light travels at x (from its place, or along its direction), in the tangent plane of x, unit. Where light comes along the
 //              normal there is no t, and D' = D.
-// The walk     goes back from x along its tangent line, through the picture: at most a pixel a step, by the camera that made the G-buffer. What the picture shows
+// The walk     goes back from x along its tangent line, through the picture: at most a pixel a step, by the camera that made the G-buffer. What the picture
+// shows
 //              there counts where it lies on the line, within the width of a pixel along its normal, and its normal within `angle` of x's. What does not is
-//              skipped: something that stands before the surface or on it does not end the walk. Where the surface has left the line by a quarter of a pixel the
-//              line is laid anew, tangent there and with the light's direction there: on curved receivers the walk follows them, and on planes never turns. It
-//              ends at length e, at the picture's border, at the camera's plane, or where light comes along the normal. D between four samples that are linked
-//              (filters/stylised/surface_links.h) is bilinear, elsewhere that of the nearest sample.
+//              skipped: something that stands before the surface or on it does not end the walk. Where the surface has left the line by a quarter of a pixel
+//              the line is laid anew, tangent there and with the light's direction there: on curved receivers the walk follows them, and on planes never turns.
+//              It ends at length e, at the picture's border, at the camera's plane, or where light comes along the normal. D between four samples that are
+//              linked (filters/stylised/surface_links.h) is bilinear, elsewhere that of the nearest sample.
 // Inputs       0: plane D (filters/stylised/distance_field.h); 1: "gbuffer" (P, N, Ng, instance, footprint) of the camera in the settings.
 // Output       term "style_distance", plane D, at most that of input 0.
 // Parameters   length >= 0, metres. 0 copies; plans leave it out.

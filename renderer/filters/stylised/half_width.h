@@ -14,14 +14,15 @@
 //   Effect     {D' < i} is what deflation leaves, joined with discs of radius k r(y) about the skeleton where that is thin: the medial axis transform of the
 //              shadow with radii max(r - |i|, k r). So thin parts keep the share k of their half width and stay as connected as the shadow was, wherever k r is
 //              more than a pixel; parts that are not thin have D to the bit. At the former edge both are 0: softness sees no seam.
-//   Why w / r  D is not the distance itself: between two parallel edges the averaged one is 2^(-1/(p-1)) of it (0.91 for p = 8), PUBLISHED has no unit at all. In
+//   Why w / r  D is not the distance itself: between two parallel edges the averaged one is 2^(-1/(p-1)) of it (0.91 for p = 8), PUBLISHED has no unit at all.
+//   In
 //              units of D at y, on the skeleton alone, k is a share of the width whatever D measures.
 //   Inputs     0: plane D; 1: plane half_width; 2: "gbuffer"; 3, where the inflation varies: "style_parameters" (plane inflation).
 //   Output     term "style_distance", plane D, at most that of input 0.
 //   Parameters keep k 0 .. 1; inflation i. i >= 0 copies; plans leave it out. k = 0 copies too.
 //   Error      Which y is nearest is found by sweeps over linked samples (filters/stylised/surface_links.h): exact but for fractions of a pixel. Where an even
-//              number of samples lies across a part, its skeleton is two of them wide and keeps up to half a pixel more. Ends of thin parts draw in by (1 - k) of
-//              their half width. Samples that no link joins with a thin y keep D: light behind a gap.
+//              number of samples lies across a part, its skeleton is two of them wide and keeps up to half a pixel more. Ends of thin parts draw in by (1 - k)
+//              of their half width. Samples that no link joins with a thin y keep D: light behind a gap.
 // Cost         style_half_width 30 to 60 ns a sample and 200 ns a shadowed one; style_keep 40 to 100 ns a sample.
 // Determinism  bit-identical for any number of threads. No windows: skeletons go through the picture.
 #pragma once

@@ -9,8 +9,8 @@ namespace gobo {
 
 namespace {
 
-constexpr double kAlikeVariances = 0.02;       // relative difference of variances below which they say nothing of a direction
-constexpr double kThinnestShape = 1e-6;    // standard deviation by the other
+constexpr double kAlikeVariances = 0.02;  // relative difference of variances below which they say nothing of a direction
+constexpr double kThinnestShape = 1e-6;   // standard deviation by the other
 constexpr size_t kRowsBetweenStops = 16;
 
 struct SampleCell {
@@ -92,7 +92,8 @@ void shapePiece(ShadowPiece& piece, const PieceSums& sums, double angularity) {
   // Of a square with sides along u and v the mean of (u + iv)^4 is negative.
   if (alike && angularity > 0 && std::abs(sums.fourth) > 0) turn = 0.25 * std::arg(-sums.fourth);
   const double c = std::cos(turn), s = std::sin(turn);
-  const double along = std::sqrt(std::max(c * c * uu + 2 * c * s * uv + s * s * vv, 0.0)), across = std::sqrt(std::max(s * s * uu - 2 * c * s * uv + c * c * vv, 0.0));
+  const double along = std::sqrt(std::max(c * c * uu + 2 * c * s * uv + s * s * vv, 0.0)),
+               across = std::sqrt(std::max(s * s * uu - 2 * c * s * uv + c * c * vv, 0.0));
   const double least = kThinnestShape * std::max(along, across);
   piece.u = DVec3(sums.frame.x) * c + DVec3(sums.frame.y) * s;
   piece.v = DVec3(sums.frame.y) * c - DVec3(sums.frame.x) * s;
@@ -134,7 +135,8 @@ Result<ShadowPieces> shadowPieces(const ContourInput& in, const SurfaceLinks& li
   if (!over([&](size_t e, ShadowPiece& p, PieceSums& s) {
         const SampleCell cell = surfaceCellOf(in, links, e);
         const DVec3 d = DVec3(in.at(in.P, e)) - p.centre, x(s.frame.x), y(s.frame.y);
-        const double u = glm::dot(d, x), v = glm::dot(d, y), xu = glm::dot(cell.x, x), xv = glm::dot(cell.x, y), yu = glm::dot(cell.y, x), yv = glm::dot(cell.y, y);
+        const double u = glm::dot(d, x), v = glm::dot(d, y), xu = glm::dot(cell.x, x), xv = glm::dot(cell.x, y), yu = glm::dot(cell.y, x),
+                     yv = glm::dot(cell.y, y);
         s.uu += cell.area * (u * u + (xu * xu + yu * yu) / 12);
         s.uv += cell.area * (u * v + (xu * xv + yu * yv) / 12);
         s.vv += cell.area * (v * v + (xv * xv + yv * yv) / 12);

@@ -11,9 +11,9 @@ namespace gobo {
 
 namespace {
 
-constexpr float kMostCosine = -0.5f;    // of anchors: 120 degrees
-constexpr float kLeastAnchor = 0.75f;   // widths of a pixel
-constexpr float kAsDeep = 1e-3f;        // relative difference of r within which both of two samples are the middle
+constexpr float kMostCosine = -0.5f;   // of anchors: 120 degrees
+constexpr float kLeastAnchor = 0.75f;  // widths of a pixel
+constexpr float kAsDeep = 1e-3f;       // relative difference of r within which both of two samples are the middle
 constexpr size_t kPopsBetweenStops = 4096;
 
 /// Yokoi's number of connections for shadow by eight: that of parts of light by four around it which touch it by a side.

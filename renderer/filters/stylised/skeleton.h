@@ -2,9 +2,9 @@
 // Skeleton of a shadow on the raster: samples from which it is as wide as it is, so that nothing of it comes apart along them.
 //
 // Computes     r(x), the distance in the world from a shadowed sample (D < 0) to the nearest place where D is 0 between two samples of one surface; then the
-//              samples of the skeleton, with r > 0, all others having 0. Anchors are neighbours from whose middle the nearest places of the two lie at least 120
-//              degrees apart: the middle of parts with nearly parallel sides. The rest is taken away from the outside in, by increasing r, where that changes
-//              neither connections nor holes (simple points; ordered homotopic thinning, Pudney 1998), so that anchors stay connected as the shadow is.
+//              samples of the skeleton, with r > 0, all others having 0. Anchors are neighbours from whose middle the nearest places of the two lie at least
+//              120 degrees apart: the middle of parts with nearly parallel sides. The rest is taken away from the outside in, by increasing r, where that
+//              changes neither connections nor holes (simple points; ordered homotopic thinning, Pudney 1998), so that anchors stay connected as the shadow is.
 // Connected    Shadow by eight neighbours, light by four, as the contour has it (filters/stylised/contour.h), both by surface links
 //              (filters/stylised/surface_links.h).
 // Left out     Corners: a right one has 90 degrees, so deflation takes it back as it does without a skeleton. Anchors of r < 3/4 of a pixel: bumps of one pixel

@@ -134,7 +134,8 @@ class StylePlan {
   NodeId shaped(NodeId distance) {
     if (const float length = number("elongation"); length > 0.0f) {
       const StyleLight light = styleLightOf(*input_.scene, input_.scene->lights[size_t(input_.light)].shape);
-      distance = filter(makeStyleElongationNode({extent_, length, angle_, light, input_.camera, input_.place}), {distance, input_.gbuffer}, "style_elongation" + of_);
+      distance =
+          filter(makeStyleElongationNode({extent_, length, angle_, light, input_.camera, input_.place}), {distance, input_.gbuffer}, "style_elongation" + of_);
     }
     if (const float target = number("target"); target > 0.0f)
       distance = filter(makeStyleTargetNode({extent_, target, number("angularity"), angle_}), {distance, input_.gbuffer}, "style_target" + of_);

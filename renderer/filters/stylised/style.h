@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A style for the shadow of one light, whatever technique made its visibility: distance to the contour, its shape (elongation, target), abstraction, what
-// `keep` leaves of deflation, transfer, each a node of its own that is planned where it is asked for, so that an edit of inflation, softness or brightness (their
-// formulas too) runs the transfer alone, abstraction that and the blur, a shape's field the shape too, power, norm and angle the distance too (docs/intent.md).
+// `keep` leaves of deflation, transfer, each a node of its own that is planned where it is asked for, so that an edit of inflation, softness or brightness
+// (their formulas too) runs the transfer alone, abstraction that and the blur, a shape's field the shape too, power, norm and angle the distance too
+// (docs/intent.md).
 #pragma once
 
 #include "filters/shadow_technique.h"

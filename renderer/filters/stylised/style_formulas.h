@@ -46,8 +46,8 @@ using StyleFormulaList = std::vector<std::pair<StyleField, StyleFormula>>;  ///<
 inline constexpr size_t kLayerFields = 3;  ///< of kStyleFields, the first ones: a layer's abstraction is one number for all places
 
 struct StyleFormulas {
-  StyleFormulaList all;  ///< of the style's own fields
-  std::vector<std::vector<uint32_t>> casters{};          ///< instances of each that a formula names, increasing
+  StyleFormulaList all;                          ///< of the style's own fields
+  std::vector<std::vector<uint32_t>> casters{};  ///< instances of each that a formula names, increasing
   double time = 0;
   std::vector<StyleFormulaList> layers{};  ///< of each layer's; as many as there are layers, or none
   const StyleFormula* find(StyleField field) const {

@@ -15,8 +15,7 @@ namespace {
 
 class StyleParametersNode final : public Node {
  public:
-  StyleParametersNode(const Extent& e, StyleFormulaList formulas, double time)
-      : extent_(e), formulas_(std::move(formulas)), time_(time) {
+  StyleParametersNode(const Extent& e, StyleFormulaList formulas, double time) : extent_(e), formulas_(std::move(formulas)), time_(time) {
     GOBO_CHECK(!formulas_.empty());
   }
   std::string type() const override { return "style_parameters"; }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which of the eight samples around one lie on its surface: the raster as a graph, for what walks, labels and spreads over surfaces.
 //
-// Computes     A bit for each neighbour (kAround), set where both lie on one surface (onOneSurface of filters/stylised/contour.h): a link is one from both ends.
+// Computes     A bit for each neighbour (kAround), set where both lie on one surface (onOneSurface of filters/stylised/contour.h): a link is one from both
+// ends.
 //              Samples at the picture's border have no links beyond it.
 // Cost         One pass, some 40 ns a sample; a byte each.
 #pragma once
@@ -39,8 +40,8 @@ class SurfaceLinks {
 inline constexpr int kMostSweeps = 16;  ///< of sweepLinks; two or three are enough but for spirals
 
 /// Goes over the samples from the top and from the bottom until nothing changes, kMostSweeps times at most: `take(e, f)` lets e have what its linked neighbour
-/// f has and says whether it took it. What is nearest so spreads over a surface in two or three rounds, with the error of a vector distance transform (Danielsson
-/// 1980): a fraction of a pixel, at few samples. False: stopped.
+/// f has and says whether it took it. What is nearest so spreads over a surface in two or three rounds, with the error of a vector distance transform
+/// (Danielsson 1980): a fraction of a pixel, at few samples. False: stopped.
 template <class Take>
 bool sweepLinks(const SurfaceLinks& links, const StopToken& stop, const Take& take) {
   const int w = links.width(), h = links.height();
@@ -56,14 +57,14 @@ bool sweepLinks(const SurfaceLinks& links, const StopToken& stop, const Take& ta
     for (int y = 0; y < h; ++y) {
       if (stop.stopRequested()) return false;
       const size_t row = size_t(y) * size_t(w);
-      for (int x = 0; x < w; ++x) changed |= visit(row + size_t(x), 4, 7);           // left and above
-      for (int x = w - 1; x >= 0; --x) changed |= visit(row + size_t(x), 8, 8);      // right
+      for (int x = 0; x < w; ++x) changed |= visit(row + size_t(x), 4, 7);       // left and above
+      for (int x = w - 1; x >= 0; --x) changed |= visit(row + size_t(x), 8, 8);  // right
     }
     for (int y = h - 1; y >= 0; --y) {
       if (stop.stopRequested()) return false;
       const size_t row = size_t(y) * size_t(w);
-      for (int x = w - 1; x >= 0; --x) changed |= visit(row + size_t(x), 0, 3);      // right and below
-      for (int x = 0; x < w; ++x) changed |= visit(row + size_t(x), 4, 4);           // left
+      for (int x = w - 1; x >= 0; --x) changed |= visit(row + size_t(x), 0, 3);  // right and below
+      for (int x = 0; x < w; ++x) changed |= visit(row + size_t(x), 4, 4);       // left
     }
   }
   return true;

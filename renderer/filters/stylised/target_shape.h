@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // A simple shape of the plane: the superellipse |u/A|^q + |v/B|^q <= 1 with q = 2 / (1 - a), an ellipse for angularity a = 0, a rectangle for a = 1.
 //
-// Computes     Its signed distance, positive outside, by its support function h(phi) = ((A cos phi)^p + (B sin phi)^p)^(1/p), p = 2 / (1 + a): for convex shapes
+// Computes     Its signed distance, positive outside, by its support function h(phi) = ((A cos phi)^p + (B sin phi)^p)^(1/p), p = 2 / (1 + a): for convex
+// shapes
 //              it is  max over phi of |u| cos phi + |v| sin phi - h(phi),  0 <= phi <= 90 degrees, inside as outside. The rectangle's is its closed form.
-// Error        The maximum is sought in a table of 25 directions (even by angle, and by the ellipse's own parameter, so that flat shapes have theirs), then bettered
+// Error        The maximum is sought in a table of 25 directions (even by angle, and by the ellipse's own parameter, so that flat shapes have theirs), then
+// bettered
 //              by eight steps of regula falsi on its slope: within 1e-6 (A + |T|), never too large.
 // Area         4 A B Gamma(1 + 1/q)^2 / Gamma(1 + 2/q). Variance along u is A^2 times a number of q alone, so A / B is the ratio of standard deviations.
 // Cost         60 to 250 ns a distance; 430 bytes.

@@ -44,8 +44,11 @@ TEST(StyleShapes, ArePlannedWhereTheyAreAskedFor) {
   const std::string s = "shadows.style.";
   const auto one = mustRender(*engine, fence({s + "softness=0.1"}));
   EXPECT_EQ(styleNodes(one, "sun"), plain);
-  for (const std::vector<std::string>& neutral : std::vector<std::vector<std::string>>{
-           {s + "elongation=0"}, {s + "target=0", s + "angularity=1"}, {s + "keep=0.5"}, {s + "keep=0.5", s + "layers[0].softness=0.1", s + "layers[0].weight=0"}}) {
+  for (const std::vector<std::string>& neutral :
+       std::vector<std::vector<std::string>>{{s + "elongation=0"},
+                                             {s + "target=0", s + "angularity=1"},
+                                             {s + "keep=0.5"},
+                                             {s + "keep=0.5", s + "layers[0].softness=0.1", s + "layers[0].weight=0"}}) {
     std::vector<std::string> edits{s + "softness=0.1"};
     edits.insert(edits.end(), neutral.begin(), neutral.end());
     const auto other = mustRender(*engine, fence(edits));
@@ -105,10 +108,10 @@ TEST(StyleShapes, KeepIsOfInflationByFormulasAndOfLayers) {
 TEST(StyleShapes, AreOfLightsThatStandForTheEnvironment) {
   const auto engine = makeEngine();
   v1::RenderRequest r = smallRequest("cornell", 24, 18, 1);
-  for (const char* a : {"lights.light.enabled=false", "environment.sky.turbidity=3", "environment.extract_lights=4", "lights.environment.shadow.style.elongation=0.2",
-                        "lights.environment.shadow.style.target=0.3", "lights.environment.shadow.style.keep=0.5", "lights.environment.shadow.style.inflation=-0.1",
-                        "lights.environment.shadow.style.layers[0].softness=0.1",
-                        "expressions.lights.environment.shadow.style.layers[0].brightness.formula=0.3 + 0*depth"})
+  for (const char* a :
+       {"lights.light.enabled=false", "environment.sky.turbidity=3", "environment.extract_lights=4", "lights.environment.shadow.style.elongation=0.2",
+        "lights.environment.shadow.style.target=0.3", "lights.environment.shadow.style.keep=0.5", "lights.environment.shadow.style.inflation=-0.1",
+        "lights.environment.shadow.style.layers[0].softness=0.1", "expressions.lights.environment.shadow.style.layers[0].brightness.formula=0.3 + 0*depth"})
     set(r, a);
   const auto result = mustRender(*engine, r);
   size_t drawnOut = 0, layers = 0;
@@ -124,8 +127,9 @@ TEST(StyleShapes, EveryKindOfLightDrawsOut) {
   const auto engine = makeEngine();
   for (const char* kind : {"POINT", "SPOT", "RECT", "DISK", "SPHERE", "DIRECTIONAL"}) {
     v1::RenderRequest r = smallRequest("cornell", 32, 24, 1);
-    for (const std::string& a : {std::string("lights.lamp.kind=") + kind, std::string("lights.lamp.direction=0.5,-1,-0.2"), std::string("outputs=visibility:lamp"),
-                                 std::string("lights.light.enabled=false"), std::string("shadows.style.elongation=0.3")})
+    for (const std::string& a :
+         {std::string("lights.lamp.kind=") + kind, std::string("lights.lamp.direction=0.5,-1,-0.2"), std::string("outputs=visibility:lamp"),
+          std::string("lights.light.enabled=false"), std::string("shadows.style.elongation=0.3")})
       set(r, a);
     if (std::string(kind) != "DIRECTIONAL") set(r, "lights.lamp.position=0.2,1.6,0.4");
     EXPECT_TRUE(styleNodes(mustRender(*engine, r), "lamp").count("style_elongation")) << kind;
@@ -178,7 +182,8 @@ TEST(StyleLayers, HaveFormulas) {
   EXPECT_EQ(visibility(number), visibility(formula));
   EXPECT_EQ(styleNodes(formula, "sun"), (Labels{"style_distance", "style_parameters of layer 0", "style_transfer"}));
   const auto timed = of({x + "softness.formula=0.125*time", l + "inflation=0.125", l + "brightness=0.5", "time_s=2"});
-  EXPECT_EQ(mustRender(*engine, timed).reply.request_hash(), mustRender(*engine, of({l + "softness=0.25", l + "inflation=0.125", l + "brightness=0.5", "time_s=2"})).reply.request_hash());
+  EXPECT_EQ(mustRender(*engine, timed).reply.request_hash(),
+            mustRender(*engine, of({l + "softness=0.25", l + "inflation=0.125", l + "brightness=0.5", "time_s=2"})).reply.request_hash());
   EXPECT_EQ(visibility(mustRender(*engine, timed)), visibility(number));
   // Each layer has its own, the style has its own, and distances, edges, casters are read as by the style.
   const auto two = mustRender(*engine, of({x + "softness.formula=0.6*distance", "shadows.style.layers[1].inflation=0.1",
@@ -191,7 +196,8 @@ TEST(StyleLayers, HaveFormulas) {
   ASSERT_TRUE(resolved.ok());
   EXPECT_EQ(engine->resolve(*resolved)->SerializeAsString(), resolved->SerializeAsString());
   // A light's own.
-  const auto own = mustRender(*engine, fence({"lights.sun.shadow.style.layers[0].inflation=0.1", "expressions.lights.sun.shadow.style.layers[0].softness.formula=0.3*distance"}));
+  const auto own = mustRender(
+      *engine, fence({"lights.sun.shadow.style.layers[0].inflation=0.1", "expressions.lights.sun.shadow.style.layers[0].softness.formula=0.3*distance"}));
   EXPECT_TRUE(styleNodes(own, "sun").count("style_parameters of layer 0"));
 }
 
@@ -218,8 +224,10 @@ TEST(StyleLayers, FormulasThatCannotBeAreRefusedByName) {
 
 TEST(StyleSheets, HaveShapesAndFormulasOfLayers) {
   v1::RenderRequest r = fence({});
-  const Status s = applyStyleSheet(r, R"({"shadows": {"style": {"transition": "CURVE", "curve": [0, 0.5, 1], "elongation": 0.2, "target": 0.5, "angularity": 1, "keep": 0.3,
-      "layers": [{"inflation": 0.1}]}}, "expressions": {"shadows.style.layers[0].softness": {"formula": "0.3*distance"}}})", "shapes.json");
+  const Status s =
+      applyStyleSheet(r, R"({"shadows": {"style": {"transition": "CURVE", "curve": [0, 0.5, 1], "elongation": 0.2, "target": 0.5, "angularity": 1, "keep": 0.3,
+      "layers": [{"inflation": 0.1}]}}, "expressions": {"shadows.style.layers[0].softness": {"formula": "0.3*distance"}}})",
+                      "shapes.json");
   ASSERT_TRUE(s.ok()) << s.toString();
   EXPECT_EQ(r.shadows().style().curve_size(), 3);
   EXPECT_EQ(r.expressions().size(), 1u);

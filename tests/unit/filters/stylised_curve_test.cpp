@@ -93,12 +93,14 @@ TEST(StyleLayers, VaryFromPlaceToPlace) {
   s.layers[1].varyingSoftness = s.layers[1].varyingBrightness = true;  // what it says itself is not asked
   s.layers[1].softness = 0.9f, s.layers[1].brightness = 0.9f;
   s.layers[2].varyingInflation = true;
-  const auto own = parameters(e, {{"brightness", 0.4f}}), second = parameters(e, {{"brightness", 0.8f}, {"softness", 0.6f}}), third = parameters(e, {{"inflation", 0.5f}});
+  const auto own = parameters(e, {{"brightness", 0.4f}}), second = parameters(e, {{"brightness", 0.8f}, {"softness", 0.6f}}),
+             third = parameters(e, {{"inflation", 0.5f}});
   const auto S = styled(s, {D, own, second, third});
   for (size_t k = 0; k < S.size(); ++k) {
     const float d = D->floats("D")[k], x = float(k % 50) / 50;
     const double sum = double(formulas::styledVisibility(d, 0, 0.2f, 0.4f * x)) + 2.0 * double(formulas::styledVisibility(d, 0.1f, 0.5f, 0.3f)) +
-                       0.5 * double(formulas::styledVisibility(d, -0.2f, 0.6f * x, 0.8f * x)) + 1.5 * double(formulas::styledVisibility(d, 0.5f * x, 0.3f, 0.2f));
+                       0.5 * double(formulas::styledVisibility(d, -0.2f, 0.6f * x, 0.8f * x)) +
+                       1.5 * double(formulas::styledVisibility(d, 0.5f * x, 0.3f, 0.2f));
     ASSERT_NEAR(double(S[k]), sum / 5.0, 1e-6) << k;
   }
 }

@@ -31,9 +31,7 @@ std::shared_ptr<Term> distances(const Extent& e, const std::function<double(doub
     return d == 0.0f ? 1e-30f : d;
   });
 }
-TermPtr halfWidths(const TermPtr& D, const TermPtr& g, int threads = 2) {
-  return runFilter(makeStyleHalfWidthNode({D->extent(), kPi / 4}), {D, g}, threads);
-}
+TermPtr halfWidths(const TermPtr& D, const TermPtr& g, int threads = 2) { return runFilter(makeStyleHalfWidthNode({D->extent(), kPi / 4}), {D, g}, threads); }
 TermPtr kept(const TermPtr& D, const TermPtr& g, float keep, float inflationPixels, int threads = 2) {
   return runFilter(makeStyleKeepNode({D->extent(), kPi / 4, keep, kPixel * inflationPixels, false}), {D, halfWidths(D, g, threads), g}, threads);
 }
@@ -92,9 +90,7 @@ TEST(Skeleton, SimplePointsChangeNoConnections) {  // all neighbourhoods, agains
   }
 }
 
-std::vector<float> skeletonOf(const TermPtr& D, const TermPtr& g) {
-  return plane(halfWidths(D, g), "half_width");
-}
+std::vector<float> skeletonOf(const TermPtr& D, const TermPtr& g) { return plane(halfWidths(D, g), "half_width"); }
 
 TEST(StyleHalfWidth, OfABarIsHalfItsWidthAlongItsMiddle) {
   const Extent e{80, 60, 1};
@@ -238,7 +234,8 @@ TEST(StyleKeep, HasNoSeamAtTheFormerEdge) {
 TEST(StyleKeep, IsOfTheNearestDiscOneByOne) {
   const Extent e{90, 80, 1};
   const auto g = planeGBuffer(view(e));
-  const auto V = floatTerm(e, "V", [](int x, int y, int) { return std::sin(0.13 * x) * std::cos(0.11 * y) + 0.4 * std::sin(0.005 * x * y) < 0.1 ? 0.0f : 1.0f; });
+  const auto V =
+      floatTerm(e, "V", [](int x, int y, int) { return std::sin(0.13 * x) * std::cos(0.11 * y) + 0.4 * std::sin(0.005 * x * y) < 0.1 ? 0.0f : 1.0f; });
   StyleDistanceSettings d;
   d.extent = e;
   const TermPtr D = runFilter(makeStyleDistanceNode(d), {V, g});

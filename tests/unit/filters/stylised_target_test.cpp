@@ -80,7 +80,8 @@ TEST(TargetShape, ClosedForms) {
     const TargetShape s(2, 1, a);
     EXPECT_NEAR(s.distance(5, 0), 3, 1e-9) << a;
     EXPECT_NEAR(s.distance(0, 4), 3, 1e-9) << a;
-    for (const double x : {1e-300, 1e-12, 1e12}) EXPECT_TRUE(std::isfinite(s.distance(x, 0)) && std::isfinite(s.distance(0, x)) && std::isfinite(s.distance(x, x))) << a;
+    for (const double x : {1e-300, 1e-12, 1e12})
+      EXPECT_TRUE(std::isfinite(s.distance(x, 0)) && std::isfinite(s.distance(0, x)) && std::isfinite(s.distance(x, x))) << a;
   }
 }
 
@@ -124,8 +125,17 @@ size_t wrongSides(const TermPtr& D, const Extent& e, const TargetShape& shape, c
 TEST(StyleTarget, ShapesOfItsKindStayWhereTheyAre) {
   const Extent e{120, 100, 1};
   const auto g = planeGBuffer(view(e));
-  for (const auto& [A, B, degrees, a] : std::vector<std::array<double, 4>>{{30, 15, 0, 0}, {30, 15, 35, 0}, {40, 8, 110, 0}, {20, 20, 0, 0}, {30, 15, 0, 1}, {30, 12, 35, 1},
-                                                                             {20, 20, 0, 1}, {20, 20, 30, 1}, {22, 21.9, 73, 1}, {30, 15, 35, 0.5}, {20, 20, 30, 0.6}}) {
+  for (const auto& [A, B, degrees, a] : std::vector<std::array<double, 4>>{{30, 15, 0, 0},
+                                                                           {30, 15, 35, 0},
+                                                                           {40, 8, 110, 0},
+                                                                           {20, 20, 0, 0},
+                                                                           {30, 15, 0, 1},
+                                                                           {30, 12, 35, 1},
+                                                                           {20, 20, 0, 1},
+                                                                           {20, 20, 30, 1},
+                                                                           {22, 21.9, 73, 1},
+                                                                           {30, 15, 35, 0.5},
+                                                                           {20, 20, 30, 0.6}}) {
     const TargetShape shape(A, B, a);
     const Frame2 f = turned(58.3, 50.6, degrees);
     const auto D = shadow(e, [&](double x, double y) { return shape.distance(f.u(x, y), f.v(x, y)) < 0; });
@@ -186,7 +196,9 @@ TEST(StyleTarget, PiecesKeepApart) {
   auto after = piecesOf(targeted(e, D, g, 1, 0), g);
   ASSERT_EQ(before.pieces.size(), 2u);
   ASSERT_EQ(after.pieces.size(), 2u);
-  std::sort(after.pieces.begin(), after.pieces.end(), [&](const auto& a, const auto& b) { return (a.centre.x < b.centre.x) == (before.pieces[0].centre.x < before.pieces[1].centre.x) && a.centre.x != b.centre.x; });
+  std::sort(after.pieces.begin(), after.pieces.end(), [&](const auto& a, const auto& b) {
+    return (a.centre.x < b.centre.x) == (before.pieces[0].centre.x < before.pieces[1].centre.x) && a.centre.x != b.centre.x;
+  });
   for (size_t k = 0; k < 2; ++k) {
     EXPECT_LT(glm::length(before.pieces[k].centre - after.pieces[k].centre), 0.5);
     EXPECT_NEAR(before.pieces[k].area, after.pieces[k].area, 0.02 * before.pieces[k].area);
@@ -252,11 +264,14 @@ TEST(StyleTarget, SmallAndThinPiecesHaveShapes) {
   const Extent e{60, 40, 1};
   for (const float scale : {1e-5f, 1.0f, 1e5f}) {
     const auto g = planeGBuffer(view(e, scale));
-    const auto D = shadow(e, [](double x, double y) { return (x == 5 && y == 5) || ((x == 10 || x == 11) && y == 5) || (y == 20 && x >= 5 && x < 55) || (x - y == 20 && y > 25); });
+    const auto D = shadow(e, [](double x, double y) {
+      return (x == 5 && y == 5) || ((x == 10 || x == 11) && y == 5) || (y == 20 && x >= 5 && x < 55) || (x - y == 20 && y > 25);
+    });
     for (const float a : {0.0f, 0.5f, 1.0f}) {
       const auto out = targeted(e, D, g, 1, a);
       for (const float d : out->floats("D")) ASSERT_TRUE(std::isfinite(d) && d != 0.0f);
-      for (const size_t k : {size_t(5 * 60 + 5), size_t(5 * 60 + 10), size_t(20 * 60 + 30), size_t(30 * 60 + 50)}) EXPECT_LT(out->floats("D")[k], 0) << k << " " << a;
+      for (const size_t k : {size_t(5 * 60 + 5), size_t(5 * 60 + 10), size_t(20 * 60 + 30), size_t(30 * 60 + 50)})
+        EXPECT_LT(out->floats("D")[k], 0) << k << " " << a;
     }
     const auto all = piecesOf(D, g, 1);
     ASSERT_EQ(all.pieces.size(), 4u);
