@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The table of the source's evaluation (DeCoro's thesis, 4.6) with scenes and maps of one's own: for each scene under each map, additive and subtractive shadows
-// by lights and resolution of the shadows, what they cost and how far they are off; and its model of time, fitted to the subtractive rows of each:
+// The table of the source's evaluation (DeCoro's thesis, 4.6) with scenes and maps of one's own: for each scene under each map, additive and subtractive
+// shadows by lights and resolution of the shadows, what they cost and how far they are off; and its model of time, fitted to the subtractive rows of each:
 //   t = t_C + n_L (t_geom + t_px / r^2)
 // CPU seconds stand where frames per second did; RMS twice, of 1 - exp(-x / mean), as the source's pictures may have been shown, and of light by its mean.
 #pragma once
@@ -56,8 +56,8 @@ void table46(const std::vector<std::string>& scenes, const std::vector<std::stri
       const Errors errors(a.image, b.image, albedo.image);
       const std::string label = name(scene) + " (" + name(map) + ")";
       const auto row = [&](const std::string& method, const std::string& n, const std::string& share, const Run& run) {
-        std::printf("| %s | %s | %s | %s | %.3f | %.3f | %.4f | %.4f |\n", label.c_str(), method.c_str(), n.c_str(), share.c_str(), run.seconds, 1e-6 * run.rays,
-                    errors.displayed(run.image), errors.relative(run.image));
+        std::printf("| %s | %s | %s | %s | %.3f | %.3f | %.4f | %.4f |\n", label.c_str(), method.c_str(), n.c_str(), share.c_str(), run.seconds,
+                    1e-6 * run.rays, errors.displayed(run.image), errors.relative(run.image));
         std::fflush(stdout);
       };
       for (const std::string& n : lights)
@@ -66,8 +66,8 @@ void table46(const std::vector<std::string>& scenes, const std::vector<std::stri
         std::vector<std::array<double, 3>> rows;
         for (const std::string& n : lights)
           for (const std::string& r : resolutions) {
-            const Run run = bench.render({"environment.subtractive.lights=" + n, "environment.subtractive.resolution=" + r, "environment.subtractive.form=" + form,
-                                          "environment.subtractive.bright_lights=" + bright, "halt.spp=1"},
+            const Run run = bench.render({"environment.subtractive.lights=" + n, "environment.subtractive.resolution=" + r,
+                                          "environment.subtractive.form=" + form, "environment.subtractive.bright_lights=" + bright, "halt.spp=1"},
                                          form);
             const int side = std::atoi(r.c_str());
             row(form == "RATIO" ? "ratio" : "subtractive", n, side == 1 ? "1" : "1/" + std::to_string(side * side), run);

@@ -29,7 +29,8 @@ std::vector<FilteredTerm> filteredTerms(const v1::RenderRequest& request, std::s
     const OutputInfo* info = findOutput(name);
     if (!info || !sumsLight(*info) || name == "beauty") continue;
     if (std::any_of(terms.begin(), terms.end(), [&](const FilteredTerm& t) { return t.name == name; })) continue;
-    if (Chain chain = name == staged ? chainOf(request, name, last) : chainOf(request, name); !chain.empty()) terms.push_back({name, info->shows, std::move(chain)});
+    if (Chain chain = name == staged ? chainOf(request, name, last) : chainOf(request, name); !chain.empty())
+      terms.push_back({name, info->shows, std::move(chain)});
   }
   return terms;
 }

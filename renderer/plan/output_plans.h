@@ -18,9 +18,9 @@ class OutputContext {
   const PlannerServices& services;
 };
 
-Result<OutputPlane> planComposite(OutputContext&, const std::string& output, const std::string& light);      ///< what the row shows of the beauty
-Result<OutputPlane> planNegativeLight(OutputContext&, const std::string& output, const std::string& light);  ///< that subtractive shadows cut off at 0
-Result<OutputPlane> planFilteredStage(OutputContext&, const std::string& output, const std::string& filter);   ///< a term after some of its filters
+Result<OutputPlane> planComposite(OutputContext&, const std::string& output, const std::string& light);       ///< what the row shows of the beauty
+Result<OutputPlane> planNegativeLight(OutputContext&, const std::string& output, const std::string& light);   ///< that subtractive shadows cut off at 0
+Result<OutputPlane> planFilteredStage(OutputContext&, const std::string& output, const std::string& filter);  ///< a term after some of its filters
 Result<OutputPlane> planAlbedo(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planNormal(OutputContext&, const std::string& output, const std::string& light);
 Result<OutputPlane> planPosition(OutputContext&, const std::string& output, const std::string& light);

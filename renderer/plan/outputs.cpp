@@ -76,7 +76,8 @@ Result<int> filterOfOutput(const v1::RenderRequest& request, std::string_view ou
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), n);
   if (error == std::errc() && end == text.data() + text.size() && n >= 0 && n < request.filters_size()) return n;
   return invalidArgument("request.outputs: '" + std::string(output) + "': request.filters has " +
-                             (request.filters_size() == 0 ? "no element" : "elements 0 to " + std::to_string(request.filters_size() - 1)) + ", and N is one's number",
+                             (request.filters_size() == 0 ? "no element" : "elements 0 to " + std::to_string(request.filters_size() - 1)) +
+                             ", and N is one's number",
                          "request.outputs");
 }
 

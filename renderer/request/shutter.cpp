@@ -22,8 +22,9 @@ bool ofTheOpening(std::string_view path) { return path.starts_with("tone_map.") 
 
 /// First-hit outputs and those of shadows that are of one moment: ids and places have no mean, and a mean over what is hit is none of means.
 bool hasMean(std::string_view output) {
-  constexpr std::string_view first[] = {"normal",   "position",    "depth",       "z_depth",       "object_id",    "material_id",   "motion",
-                                        "variance", "unoccluded:", "visibility:", "filtered:", "shadow_distance:", "shadow_flags:", "shadow_rays:", "shadow_width:", "shadow_basis:"};
+  constexpr std::string_view first[] = {
+      "normal",      "position",    "depth",     "z_depth",          "object_id",     "material_id",  "motion",        "variance",
+      "unoccluded:", "visibility:", "filtered:", "shadow_distance:", "shadow_flags:", "shadow_rays:", "shadow_width:", "shadow_basis:"};
   return std::none_of(std::begin(first), std::end(first), [&](std::string_view o) { return o.ends_with(':') ? output.starts_with(o) : output == o; });
 }
 

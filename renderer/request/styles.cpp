@@ -20,8 +20,9 @@ Status checkCurve(const v1::ShadowStyle& style, const std::string& place) {
 /// What is of the world, or behind what is seen, under a metric that is not.
 Status checkMetric(const v1::ShadowStyle& style, const std::string& place) {
   const auto refused = [&](const char* name, const std::string& value, const char* why) {
-    return invalidArgument(place + "." + name + " = " + value + ": metric " + v1::ShadowStyle::Metric_Name(style.metric()) + " " + why + "; must be 0, or another metric",
-                           place + "." + name);
+    return invalidArgument(
+        place + "." + name + " = " + value + ": metric " + v1::ShadowStyle::Metric_Name(style.metric()) + " " + why + "; must be 0, or another metric",
+        place + "." + name);
   };
   const bool screen = style.metric() == v1::ShadowStyle::SCREEN;
   if (style.hidden_layers() > 0 && (screen || style.metric() == v1::ShadowStyle::SURFACE))

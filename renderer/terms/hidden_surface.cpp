@@ -97,8 +97,7 @@ class HiddenSurfaceNode final : public Node {
       instance[e] = kNoHit;
     }
     void write(const Accel& accel, size_t e, const Vec3& p, const Vec3& direction, const Hit& hit, float t, float width) const {
-      const HitNormals n =
-          hitNormals(meshes[size_t(instances[hit.instance].mesh)].normals, accel.impl().instances[hit.instance], direction, hit);
+      const HitNormals n = hitNormals(meshes[size_t(instances[hit.instance].mesh)].normals, accel.impl().instances[hit.instance], direction, hit);
       for (size_t c = 0; c < 3; ++c) P[3 * e + c] = p[int(c)], N[3 * e + c] = n.shading[int(c)], Ng[3 * e + c] = n.geometric[int(c)];
       depth[e] = t;
       footprint[e] = width;

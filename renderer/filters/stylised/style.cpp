@@ -16,8 +16,8 @@
 #include "filters/stylised/sampled_distance.h"
 #include "filters/stylised/style_levels.h"
 #include "filters/stylised/style_parameters.h"
-#include "filters/stylised/target.h"
 #include "filters/stylised/surface_distance.h"
+#include "filters/stylised/target.h"
 #include "filters/stylised/transfer.h"
 #include "terms/occluder_distance.h"
 
@@ -266,8 +266,8 @@ class StylePlan {
   float angle_;
   NodeId distance_ = -1, occluder_ = -1;
   std::vector<std::pair<NodeId, NodeId>> halfWidths_;  ///< of distances that have them
-  std::vector<NodeId> hidden_;  ///< further inputs of distances
-  std::string of_;  ///< of labels: which level
+  std::vector<NodeId> hidden_;                         ///< further inputs of distances
+  std::string of_;                                     ///< of labels: which level
 };
 
 }  // namespace

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "filters/stylised/averaged_distance.h"
-#include "filters/stylised/unfolded_links.h"
 #include "filters/stylised/surface_march.h"
+#include "filters/stylised/unfolded_links.h"
 
 namespace gobo {
 

@@ -175,7 +175,8 @@ class March {
     return false;
   }
 
-  /// The segments that e and g see, if f sees them between the two: as far as they do, each by how near to it the way passes. g == e: along the line to e alone.
+  /// The segments that e and g see, if f sees them between the two: as far as they do, each by how near to it the way passes. g == e: along the line to e
+  /// alone.
   void straightTo(size_t f, size_t e, size_t g, double step) {
     if (source_[e] == kNoSource && source_[g] == kNoSource) return;
     const DVec3 p = at(f), u = at(e) - p, v = at(g) - p;
@@ -223,7 +224,7 @@ class March {
   float cosine_;
   std::vector<double> distance_;
   std::vector<uint32_t> source_;
-  std::vector<float> share_;  // of the way to its segment, or to its neighbours', that is free
+  std::vector<float> share_;     // of the way to its segment, or to its neighbours', that is free
   std::vector<uint32_t> first_;  // of a square's segments, by its top left sample
   std::span<const uint32_t> squares_;
   std::vector<uint8_t> state_;  // kDone, and in steps of kReopened how often it had its turn again

@@ -3,15 +3,19 @@
 // measured on (filters/stylised/surface_march.h).
 //
 // Linked       Two neighbours e, f that hit something, where
-//              a plane    each lies within a pixel's width (plane footprint) of the other's tangent plane and their normals differ by at most the angle: however
+//              a plane    each lies within a pixel's width (plane footprint) of the other's tangent plane and their normals differ by at most the angle:
+//              however
 //                         grazing the plane is seen, and whatever instances meet in it;
 //              a crease   or they are at most kCreaseReach widths apart and each lies on the same side of the other's tangent plane: both in front of it where
 //                         walls meet, both behind it at the edge of a box. Where one thing is seen beyond the silhouette of another, what is behind lies behind
 //                         the tangent plane of what is in front and not the other way round: a step in depth links nothing.
-//              Diagonal neighbours are linked if, besides, one of the two samples between them is linked with both: a surface does not go on through a thin gap.
-// Length       Straight between samples whose normals are alike; around a crease that of the unfolded planes: of distances a, b to the line where they meet and s
+//              Diagonal neighbours are linked if, besides, one of the two samples between them is linked with both: a surface does not go on through a thin
+//              gap.
+// Length       Straight between samples whose normals are alike; around a crease that of the unfolded planes: of distances a, b to the line where they meet and
+// s
 //              along it, sqrt((a + b)^2 + s^2).
-// Fails where  something hangs less than a pixel's width over a surface, or stands behind a silhouette that is seen edge-on by less than kCreaseReach widths: they
+// Fails where  something hangs less than a pixel's width over a surface, or stands behind a silhouette that is seen edge-on by less than kCreaseReach widths:
+// they
 //              are linked. A crease seen under less than about 4 degrees is not.
 // Cost         Four tests a sample, some 30 ns; a byte a sample.
 #pragma once

@@ -76,9 +76,9 @@ TEST(LobeTerms, AreTheMaterialUnderAnyLight) {
         const double all = overHemisphere(kernel);
         return all > 0 ? float(overHemisphere([&](const Vec3& w) { return kernel(w) * radianceOf(w); }) / all) : 0.0f;
       };
-      const float M = smooth ? 0.0f : mean([&](const Vec3& w) { return lobe(w, false); }), S = smooth ? 0.0f : mean([&](const Vec3& w) { return lobe(w, true); });
-      const float B = mean([&](const Vec3& w) { return double(lost(w).deficit) * double(w.z); }),
-                  G = mean([&](const Vec3& w) { return double(lost(w).schlick) * double(w.z); }), E = mean([&](const Vec3& w) { return double(w.z); });
+      const float M = smooth ? 0.0f : mean([&](const Vec3&w) { return lobe(w, false); }), S = smooth ? 0.0f : mean([&](const Vec3&w) { return lobe(w, true); });
+      const float B = mean([&](const Vec3&w) { return double(lost(w).deficit) * double(w.z); }),
+                  G = mean([&](const Vec3&w) { return double(lost(w).schlick) * double(w.z); }), E = mean([&](const Vec3&w) { return double(w.z); });
       const LobeTerms t = bsdfLobeTerms(p, mu);
       for (int c = 0; c < 3; ++c) {
         const double diffuse = overHemisphere([&](const Vec3& w) { return double(bsdfEval(p, o, w).diffuse[c]) * radianceOf(w); });
@@ -102,10 +102,10 @@ Vec3 someDirection(int i) {
 }
 
 TEST(EnvironmentPyramid, LevelsHaveTheFluxOfTheMapAndOfUniformOnesTheRadiance) {
-  for (const auto& [map, flux] : std::vector<std::pair<EnvironmentPtr, DVec3>>{
-           {constantEnvironment(Vec3(2, 1, 0.5f)), 4 * std::numbers::pi * DVec3(2, 1, 0.5)},
-           {tests::mapOf(64, 32, [](int x, int y) { return Vec3(x == 5 && y == 9 ? 100.0f : 0.0f, 1.0f, 0.0f); }),
-            DVec3(100 * EnvironmentTents(64, 32).weight(9), 4 * std::numbers::pi, 0)}}) {
+  for (const auto& [map, flux] :
+       std::vector<std::pair<EnvironmentPtr, DVec3>>{{constantEnvironment(Vec3(2, 1, 0.5f)), 4 * std::numbers::pi * DVec3(2, 1, 0.5)},
+                                                     {tests::mapOf(64, 32, [](int x, int y) { return Vec3(x == 5 && y == 9 ? 100.0f : 0.0f, 1.0f, 0.0f); }),
+                                                      DVec3(100 * EnvironmentTents(64, 32).weight(9), 4 * std::numbers::pi, 0)}}) {
     const EnvironmentPyramid pyramid(*map);
     for (int k = 0; k < EnvironmentPyramid::kLevels; ++k)
       for (int c = 0; c < 3; ++c) EXPECT_NEAR(pyramid.flux(k)[c], flux[c], 2e-4 * (flux[c] + 1e-3)) << k << " " << c;
@@ -125,7 +125,7 @@ TEST(EnvironmentPyramid, SmallPiecesAreTheMapAndNothingJumps) {
   for (int i = 0; i < 200; ++i) {
     const float phi = 0.0314f * float(i), y = 1e-4f;
     for (const float angle : {1e-6f, 1e-3f, 0.05f})
-      for (const auto& [a, b] : {std::pair(Vec3(std::cos(phi), y, std::sin(phi)), Vec3(std::cos(phi), -y, std::sin(phi))),       // seams of the halves
+      for (const auto& [a, b] : {std::pair(Vec3(std::cos(phi), y, std::sin(phi)), Vec3(std::cos(phi), -y, std::sin(phi))),  // seams of the halves
                                  std::pair(Vec3(y, -0.6f, 0.8f), Vec3(-y, -0.6f, 0.8f)), std::pair(Vec3(0.8f, -0.6f, y), Vec3(0.8f, -0.6f, -y)),  // edges
                                  std::pair(Vec3(y, -1, y), Vec3(-y, -1, -y))})
         EXPECT_LT(glm::length(pyramid.mean(glm::normalize(a), angle) - pyramid.mean(glm::normalize(b), angle)), 0.005f) << phi << " " << angle;
@@ -138,8 +138,7 @@ TEST(EnvironmentPyramid, AGrowingPieceBlursWithoutAStep) {
   const EnvironmentPyramid pyramid(*tests::mapOf(256, 128, [&](int, int) { return Vec3(float((state = state * 1664525u + 1013904223u) >> 24) / 255.0f); }));
   for (int i = 0; i < 40; ++i) {
     const Vec3 d = someDirection(12 * i + 3);
-    for (float angle = 1e-5f; angle < 2.0f; angle *= 1.03f)
-      ASSERT_NEAR(pyramid.mean(d, angle).x, pyramid.mean(d, 1.03f * angle).x, 0.03f) << i << " " << angle;
+    for (float angle = 1e-5f; angle < 2.0f; angle *= 1.03f) ASSERT_NEAR(pyramid.mean(d, angle).x, pyramid.mean(d, 1.03f * angle).x, 0.03f) << i << " " << angle;
   }
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shadows by intent where it is hard: a style over every technique that makes a visibility, and what breaks filters of shadows (pictures of one pixel, no light,
-// all shadow, lengths beyond the scene), one request each: finite light, shadows within their range, or a refusal that names the field.
+// Shadows by intent where it is hard: a style over every technique that makes a visibility, and what breaks filters of shadows (pictures of one pixel, no
+// light, all shadow, lengths beyond the scene), one request each: finite light, shadows within their range, or a refusal that names the field.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,8 +14,8 @@ namespace intent_hard_cases_test {
 
 v1::RenderRequest room(std::initializer_list<std::string> more = {}) {
   v1::RenderRequest r = smallRequest("cornell", 20, 17, 1);
-  for (const char* a : {"lights.lamp.kind=SPOT", "lights.lamp.position=0.2,1.6,0.4", "lights.lamp.direction=0,-1,-0.2", "lights.lamp.intensity=3", "view_samples=1",
-                        "integrator.max_bounces=0"})
+  for (const char* a : {"lights.lamp.kind=SPOT", "lights.lamp.position=0.2,1.6,0.4", "lights.lamp.direction=0,-1,-0.2", "lights.lamp.intensity=3",
+                        "view_samples=1", "integrator.max_bounces=0"})
     set(r, a);
   for (const std::string& a : more) set(r, a);
   return r;
@@ -51,7 +51,8 @@ TEST(StyledTechniques, ANeutralStyleIsTheVisibilityMadeHard) {
       for (size_t i = 0; i < V.size(); ++i) {
         if (hit[i] > 0.0f) { ASSERT_EQ(S[i], V[i] >= 0.5f ? 1.0f : 0.0f) << what << " at " << i << ", V " << V[i]; }
       }
-      for (const char* a : {"shadows.style.softness=0.3", "shadows.style.brightness=0.25", "shadows.style.abstraction=0.05", "shadows.style.levels=3"}) set(neutral, a);
+      for (const char* a : {"shadows.style.softness=0.3", "shadows.style.brightness=0.25", "shadows.style.abstraction=0.05", "shadows.style.levels=3"})
+        set(neutral, a);
       const auto soft = engine->render(neutral);
       ASSERT_TRUE(soft.ok()) << what << ": " << soft.status().toString();
       const std::vector<float> T = picture(*soft, 0);
@@ -80,8 +81,9 @@ TEST(IntentHardCases, StylesOfWhatIsHardAreFiniteAndInRange) {
       {"the light on the surface", {"lights.lamp.position=0.2,0,0.4"}},
       {"the eye in a shadow", {"camera.position=0.35,0.05,0.1", "camera.look_at=0.35,0,-0.2"}},
       {"cut by the border", {"camera.yfov_deg=4"}},
-      {"two lights in one place", {"lights.twin.kind=SPOT", "lights.twin.position=0.2,1.6,0.4", "lights.twin.direction=0,-1,-0.2", "lights.twin.intensity=3",
-                                   "outputs=beauty,visibility:lamp,visibility:twin"}},
+      {"two lights in one place",
+       {"lights.twin.kind=SPOT", "lights.twin.position=0.2,1.6,0.4", "lights.twin.direction=0,-1,-0.2", "lights.twin.intensity=3",
+        "outputs=beauty,visibility:lamp,visibility:twin"}},
       {"blur beyond the picture", {"shadows.style.abstraction=1e6"}},
       {"blur far below a pixel", {"shadows.style.abstraction=1e-9"}},
       {"inflated beyond the scene", {"shadows.style.inflation=1e9"}},
@@ -180,7 +182,8 @@ TEST(IntentHardCases, MetricsThatDoNotGoTogetherAreRefusedByName) {
     EXPECT_EQ(made.status().location(), std::string("request.shadows.style.") + field);
     EXPECT_NE(made.status().message().find(metric), std::string::npos) << made.status().toString();
   }
-  EXPECT_TRUE(engine->render(room({"shadows.style.metric=SURFACE", "shadows.style.target=0.5", "shadows.style.elongation=0.1", "shadows.style.softness=0.1"})).ok());
+  EXPECT_TRUE(
+      engine->render(room({"shadows.style.metric=SURFACE", "shadows.style.target=0.5", "shadows.style.elongation=0.1", "shadows.style.softness=0.1"})).ok());
 }
 
 TEST(IntentHardCases, BadValuesAreRefusedWithTheirField) {

@@ -134,7 +134,8 @@ v1::RenderRequest requestFor(const Scene& scene) {
       r.add_outputs(std::string(o.name) + (o.perFilter ? ":0" : ""));
       continue;
     }
-    if (std::set<std::string>{"shadow_flags", "shadow_basis", "shadow_rays", "shadow_width", "shadow_distance"}.count(o.name)) continue;  // parts of what visibility is made from
+    if (std::set<std::string>{"shadow_flags", "shadow_basis", "shadow_rays", "shadow_width", "shadow_distance"}.count(o.name))
+      continue;  // parts of what visibility is made from
     for (const Light& l : scene.lights)
       if (l.shape.kind != LightKind::Environment) r.add_outputs(std::string(o.name) + ":" + l.name);
   }

@@ -39,7 +39,8 @@ TEST(FilteredStages, AreWhatTheShorterChainMakes) {
     for (const auto& n : seen.reply.plan()) EXPECT_NE(n.state(), v1::NodeReport::RUN) << stage << " runs " << n.node();
   }
   EXPECT_EQ(different.size(), 3u) << "after the last filter it is the beauty";
-  EXPECT_EQ(picture(mustRender(*warm, filtered({"outputs=filtered:1"}))), picture(mustRender(*makeEngine(), filtered({"outputs=indirect"})))) << "of its own term";
+  EXPECT_EQ(picture(mustRender(*warm, filtered({"outputs=filtered:1"}))), picture(mustRender(*makeEngine(), filtered({"outputs=indirect"}))))
+      << "of its own term";
 }
 
 TEST(FilteredStages, ThatAreNoneAreRefusedByName) {

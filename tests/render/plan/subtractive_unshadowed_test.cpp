@@ -93,8 +93,8 @@ TEST(SubtractiveUnshadowed, PicturesAreThoseOfThePathTracer) {
 
 TEST(SubtractiveUnshadowed, AWindowHasTheBitsOfTheWhole) {
   const auto engine = makeEngine();
-  for (const char* edit : {"environment.subtractive.unshadowed=RADIANCE_CACHE", "environment.subtractive.unshadowed=HARMONICS",
-                           "lights.environment.shadow.style.softness=0.2"}) {
+  for (const char* edit :
+       {"environment.subtractive.unshadowed=RADIANCE_CACHE", "environment.subtractive.unshadowed=HARMONICS", "lights.environment.shadow.style.softness=0.2"}) {
     v1::RenderRequest whole = mapAlone(*engine, "lights8", 40, 30, {"environment.subtractive.resolution=3"});
     set(whole, edit);
     v1::RenderRequest part = whole;
@@ -104,7 +104,8 @@ TEST(SubtractiveUnshadowed, AWindowHasTheBitsOfTheWhole) {
     for (int y = 0; y < 8; ++y)
       for (int x = 0; x < 14; ++x)
         for (int c = 0; c < 3; ++c)
-          ASSERT_EQ(some.data[size_t(some.channels * (14 * y + x) + c)], all.data[size_t(all.channels * (40 * (y + 9) + x + 12) + c)]) << edit << " " << x << "," << y;
+          ASSERT_EQ(some.data[size_t(some.channels * (14 * y + x) + c)], all.data[size_t(all.channels * (40 * (y + 9) + x + 12) + c)])
+              << edit << " " << x << "," << y;
   }
 }
 

@@ -106,7 +106,8 @@ double lengthOf(const ShadowRun& r, int layers) {
   NodeId before = 0;
   for (NodeId id = 0; id < r.graph.size() && int(ctx.inputs.size()) < 2 + 2 * layers; ++id)
     if (r.graph.at(id).node->type() == "hidden_surface") before = id;
-    else if (r.graph.at(id).node->type() == "visibility" && before > 0) ctx.inputs.push_back(r.terms[size_t(id)]), ctx.inputs.push_back(r.terms[size_t(before)]);
+    else if (r.graph.at(id).node->type() == "visibility" && before > 0)
+      ctx.inputs.push_back(r.terms[size_t(id)]), ctx.inputs.push_back(r.terms[size_t(before)]);
   auto contour = *extractContour(seen, 0.7f, arena, {});
   EXPECT_TRUE(appendHiddenContours(ctx, seen, 0, layers, 0.7f, contour).ok());
   double sum = 0;
@@ -139,7 +140,8 @@ TEST(StyleHidden, EachLayerIsOneSurfaceMore) {  // shelves behind the box: as ma
 }
 
 TEST(StyleHidden, PointsOfTheContourAreDrawnFromHiddenOnesToo) {
-  const ShadowRun exactly = styledRun(cardScene(true), style(1)), drawn = styledRun(cardScene(true), style(1, 4096)), without = styledRun(cardScene(true), style(0, 4096));
+  const ShadowRun exactly = styledRun(cardScene(true), style(1)), drawn = styledRun(cardScene(true), style(1, 4096)),
+                  without = styledRun(cardScene(true), style(0, 4096));
   const auto a = distance(exactly)->floats("D"), b = drawn.term("style_sampled_distance")->floats("D"), c = without.term("style_sampled_distance")->floats("D");
   double with = 0, less = 0;
   for (size_t e = 0; e < a.size(); ++e) {

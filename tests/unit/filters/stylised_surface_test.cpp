@@ -9,9 +9,9 @@
 
 #include "filters/stylised/averaged_distance.h"
 #include "filters/stylised/surface_distance.h"
-#include "filters/stylised/unfolded_links.h"
 #include "filters/stylised/surface_march.h"
 #include "filters/stylised/transfer.h"
+#include "filters/stylised/unfolded_links.h"
 #include "support/stopping.h"
 #include "unit/filters/synthetic.h"
 
@@ -113,8 +113,8 @@ Errors errors(const Term& D, const Term& g, const std::function<double(const DVe
     ++out.count;
   }
   if (std::getenv("STYLE_PRINT"))
-    std::printf("%s: %.5f of the distance, near the contour %.4f of a width, %zu samples\n",
-                ::testing::UnitTest::GetInstance()->current_test_info()->name(), out.relative, out.share, out.count);
+    std::printf("%s: %.5f of the distance, near the contour %.4f of a width, %zu samples\n", ::testing::UnitTest::GetInstance()->current_test_info()->name(),
+                out.relative, out.share, out.count);
   return out;
 }
 
@@ -219,7 +219,8 @@ TEST(StyleSurface, AStraightEdgeOnAPlaneInPerspectiveIsAsFarAsItIs) {
           const DVec3 to = foot - v.eye;
           const double z = glm::dot(to, forward), a = glm::dot(to, across) / z, b = glm::dot(to, above) / z;
           const double x = std::cos(roll) * a + std::sin(roll) * b, y = std::cos(roll) * b - std::sin(roll) * a;
-          return z > 0 && std::abs(x) < 0.62 && std::abs(y) < 0.46 && std::abs(foot.x) < 7 && foot.z > -12 && p.z > -12 && std::abs(p.x) < 7 ? edge(p) : HUGE_VAL;
+          return z > 0 && std::abs(x) < 0.62 && std::abs(y) < 0.46 && std::abs(foot.x) < 7 && foot.z > -12 && p.z > -12 && std::abs(p.x) < 7 ? edge(p)
+                                                                                                                                             : HUGE_VAL;
         });
         EXPECT_GT(e.count, 1000u) << tilt << " " << roll << " " << turn;
         EXPECT_LT(e.relative, 0.001) << tilt << " " << roll << " " << turn;
@@ -384,8 +385,9 @@ TEST(StyleSurface, ScalesWithTheScene) {
     const auto E = along(V, scaled);
     for (size_t e = 0; e < g->extent().elements(); ++e) {
       const double d = double(D->floats("D")[e]), f = double(E->floats("D")[e]);
-      if (std::abs(d) < 1e29) { ASSERT_NEAR(f / double(scale), d, 0.005 * std::abs(d) + 0.01 * double(g->floats("footprint")[e])) << e << " " << scale; }
-      else ASSERT_EQ(d, f);
+      if (std::abs(d) < 1e29) {
+        ASSERT_NEAR(f / double(scale), d, 0.005 * std::abs(d) + 0.01 * double(g->floats("footprint")[e])) << e << " " << scale;
+      } else ASSERT_EQ(d, f);
     }
   }
 }

@@ -88,7 +88,8 @@ TEST(Curves, MeanWhatWouldHaveBeenTypedIn) {
   int tried = 0;
   visit(*v1::RenderRequest::descriptor(), "", [&](const std::string& path, const FieldDescriptor& f) {
     const bool vector = f.message_type() != nullptr;
-    if (!vector && (f.is_repeated() || f.cpp_type() == FieldDescriptor::CPPTYPE_STRING || f.cpp_type() == FieldDescriptor::CPPTYPE_BOOL || f.cpp_type() == FieldDescriptor::CPPTYPE_ENUM))
+    if (!vector && (f.is_repeated() || f.cpp_type() == FieldDescriptor::CPPTYPE_STRING || f.cpp_type() == FieldDescriptor::CPPTYPE_BOOL ||
+                    f.cpp_type() == FieldDescriptor::CPPTYPE_ENUM))
       return;
     const v1::Number range = f.options().GetExtension(v1::number);
     double lo = range.has_min() ? range.min() : -3.0, hi = range.has_max() ? std::min(range.max(), lo + 8.0) : 5.0;
