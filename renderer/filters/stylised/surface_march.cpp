@@ -74,7 +74,7 @@ class March {
         first_(links.size(), kNoSource),
         state_(links.size(), 0),
         heap_(distance_, links.size()) {
-    for (size_t k = 0; k < 8; ++k) offset_[k] = ptrdiff_t(kNeighbours[k][1]) * in.width + kNeighbours[k][0];
+    for (size_t k = 0; k < 8; ++k) offset_[k] = ptrdiff_t(kAround[k].y) * in.width + kAround[k].x;
   }
 
   void seed(std::span<const uint32_t> squares) {

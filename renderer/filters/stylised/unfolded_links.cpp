@@ -48,19 +48,19 @@ Result<std::vector<uint8_t>> surfaceLinks(const ContourInput& in, float cosine, 
   const auto inside = [&](int x, int y) { return x >= 0 && y >= 0 && x < in.width && y < in.height; };
   const bool sided = overSamples(in, arena, stop, [&](size_t e, int x, int y) {
     for (size_t k = 0; k < 8; k += 2) {
-      const int u = x + kNeighbours[k][0], v = y + kNeighbours[k][1];
+      const int u = x + kAround[k].x, v = y + kAround[k].y;
       if (inside(u, v) && onOneStretch(in, e, at(u, v), cosine)) sides[e] |= uint8_t(1u << k);
     }
   });
   const bool linked = sided && overSamples(in, arena, stop, [&](size_t e, int x, int y) {
                         links[e] = sides[e];
                         for (size_t k = 1; k < 8; k += 2) {
-                          const int u = x + kNeighbours[k][0], v = y + kNeighbours[k][1];
+                          const int u = x + kAround[k].x, v = y + kAround[k].y;
                           if (!inside(u, v)) continue;
                           const size_t f = at(u, v), before = k - 1, after = (k + 1) % 8;
                           // Side `before` of e, then `after` of what is there; or the other way round.
                           const auto by = [&](size_t first, size_t second) {
-                            const size_t m = at(x + kNeighbours[first][0], y + kNeighbours[first][1]);
+                            const size_t m = at(x + kAround[first].x, y + kAround[first].y);
                             return (sides[e] >> first & 1) && (sides[m] >> second & 1);
                           };
                           if ((by(before, after) || by(after, before)) && onOneStretch(in, e, f, cosine)) links[e] |= uint8_t(1u << k);

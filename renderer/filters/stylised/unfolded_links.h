@@ -20,23 +20,19 @@
 // Cost         Four tests a sample, some 30 ns; a byte a sample.
 #pragma once
 
-#include <array>
 #include <vector>
 
-#include "filters/stylised/contour.h"
+#include "filters/stylised/surface_links.h"
 
 namespace gobo {
 
 inline constexpr float kCreaseReach = 16.0f;  ///< of a pixel's width
 
-/// Neighbours by number, clockwise from the right; even ones share a side.
-inline constexpr std::array<std::array<int, 2>, 8> kNeighbours{{{1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}, {-1, -1}, {0, -1}, {1, -1}}};
-
 /// Whether samples e and f, which are neighbours, are linked as sides of pixels are (no diagonal's condition). Symmetric.
 bool onOneStretch(const ContourInput& in, size_t e, size_t f, float cosine);
 /// Along the surface between linked samples; in double, positive unless they are one point.
 double surfaceStep(const ContourInput& in, size_t e, size_t f);
-/// Of each sample a bit for each neighbour that it is linked with. Errors: Cancelled.
+/// Of each sample a bit for each neighbour (kAround) that it is linked with. Errors: Cancelled.
 Result<std::vector<uint8_t>> surfaceLinks(const ContourInput& in, float cosine, const TaskArena& arena, const StopToken& stop);
 
 }  // namespace gobo

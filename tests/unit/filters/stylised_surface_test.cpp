@@ -192,7 +192,7 @@ TEST(StyleSurfaceLinks, ADiagonalNeedsASideThatGoesRound) {  // a wire in front 
   for (int y = 0; y < 12; ++y)
     for (int x = 0; x < 12; ++x)
       for (size_t k = 0; k < 8; ++k) {
-        const int u = x + kNeighbours[k][0], v = y + kNeighbours[k][1];
+        const int u = x + kAround[k].x, v = y + kAround[k].y;
         const bool inside = u >= 0 && v >= 0 && u < 12 && v < 12;
         const auto side = [](int a, int b) { return a < b ? -1 : a > b ? 1 : 0; };
         EXPECT_EQ(links[size_t(y * 12 + x)] >> k & 1, inside && side(x, y) == side(u, v) && side(x, y) != 0) << x << " " << y << " " << k;
