@@ -65,7 +65,7 @@ TEST(RenderedRequest, EditsReachEveryFieldOfTheSchema) {
   std::set<const google::protobuf::FieldDescriptor*> reached;
   const Texts texts = [](const google::protobuf::FieldDescriptor& field, uint32_t value) { return requestText(field.name(), value, nullptr); };
   uint64_t state = 1;
-  for (int k = 0; k < 3000; ++k) {
+  for (int k = 0; k < 9000; ++k) {
     v1::RenderRequest request;
     std::vector<uint8_t> edits(20 * kEditBytes);
     for (uint8_t& b : edits) b = uint8_t((state = hash64(state, 7)) >> 40);
