@@ -40,7 +40,7 @@ class Heap {
   }
 
  private:
-  bool less(uint32_t a, uint32_t b) const { return key_[a] < key_[b] || (key_[a] == key_[b] && a < b); }
+  bool less(uint32_t a, uint32_t b) const { return key_[a] != key_[b] ? key_[a] < key_[b] : a < b; }
   void put(size_t at, uint32_t e) { heap_[at] = e, place_[e] = uint32_t(at); }
   void up(size_t at) {
     const uint32_t e = heap_[at];
