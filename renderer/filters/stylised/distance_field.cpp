@@ -80,7 +80,7 @@ bool boundWhole(const ContourInput& in, int x0, int y0, Group& g) {
     p.id[k] = in.instance[e];
     g.element[k] = uint32_t(e);
   }
-  // cppcheck-suppress uninitvar   the loop has written all of it
+  // cppcheck-suppress uninitvar ; the loop has written all of it
   if (!isOneSurface(p, kAlike, kReachOfGroup)) return false;
   g.count = kPatchPoints;
   const Vec3 origin(0.0f), ex(1, 0, 0), ey(0, 1, 0), ez(0, 0, 1);
