@@ -28,6 +28,7 @@ STYLES = {
     "a curve of one's own": ["softness=0.8", "transition=CURVE", "curve=0,0.6,0.2,0.9,0.5,1"],
     "elongation 0.6": ["elongation=0.6"],
     "target 1, ellipses": ["target=1"],
+    "target 0.8, rectangles": ["target=0.8", "angularity=1"],
     "inflation -0.15, keep 0.5": ["inflation=-0.15", "keep=0.5"],
     "umbra and penumbra": ["layers[0].inflation=0.25", "layers[0].softness=0.3", "layers[0].brightness=0.3", "layers[0].weight=0.7"],
     "bands of the edge": ["inflation=1e9", "brightness=edge > 0.4 ? 1 : 0.6 + 0.4*cos(15*edge)"],
