@@ -8,12 +8,11 @@
 
 #include "filters/axis_aligned/filter.h"
 #include "support/shadow_stage.h"
+#include "support/sun_edge.h"
 #include "support/tiny_scenes.h"
 
 namespace gobo::test {
 namespace {
-
-constexpr double kDegree = M_PI / 180;
 
 /// A floor at y = 0 and things above it, everything times `scale`, turned about y by `turn`; the camera looks straight down on `aim`, from below 1.
 struct SunStage {
@@ -65,7 +64,6 @@ SunStage edge(double degrees, double tilt = 0, double azimuth = 0, double turn =
   s.pixel = float(2.4 * kRoof * std::tan(0.5 * degrees * kDegree) / (96 * std::pow(std::cos(tilt * kDegree), 2)));
   return s;
 }
-double segment(double d) { return d >= 1 ? 1 : d <= -1 ? 0 : 1 - (std::acos(d) - d * std::sqrt(1 - d * d)) / M_PI; }
 /// Of a receiver: sine of the angle between the sun's axis and the plane through the roof's edge over that of the half angle, above 0 where it is seen.
 double place(const SunStage& s, const Vec3& p) {
   const DVec3 along(s.turned(Vec3(0, 0, 1))), to = DVec3(s.turned(Vec3(0, kRoof, 0))) - DVec3(p) / double(s.scale) + DVec3(s.moved);

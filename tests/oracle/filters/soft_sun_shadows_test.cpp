@@ -5,12 +5,13 @@
 
 #include "filters/soft_shadow/soft_shadow.h"
 #include "support/shadow_stage.h"
+#include "support/sun_edge.h"
 #include "support/tiny_scenes.h"
 
 namespace gobo::test {
 namespace {
 
-constexpr double kDegree = M_PI / 180, kHeight = 2.0;
+constexpr double kHeight = 2.0;
 constexpr int kPixels = 61;
 
 LightShape sun(double degrees) {
@@ -41,7 +42,6 @@ ScenePtr edgeScene(double degrees, bool asSquare = false) {
 }
 /// x over the penumbra's half width, of element i.
 double place(const ShadowRun& r, size_t i, double degrees) { return double(r.at("P", i).x) / (kHeight * std::tan(0.5 * degrees * kDegree)); }
-double segment(double d) { return d >= 1 ? 1 : d <= -1 ? 0 : 1 - (std::acos(d) - d * std::sqrt(1 - d * d)) / M_PI; }
 
 TEST(SoftSunShadows, RaysGiveTheSegmentOfADisk) {
   for (const double degrees : {0.53, 4.0}) {

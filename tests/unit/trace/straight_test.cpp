@@ -15,7 +15,7 @@ using namespace tests;
 
 const float kHigh = 20.0f;
 enum class Kind { Point, Spot, Directional, Sphere, Rect, Disk, Mesh, Environment };
-const std::vector<Kind> kKinds = {Kind::Point, Kind::Spot, Kind::Directional, Kind::Sphere, Kind::Rect, Kind::Disk, Kind::Mesh, Kind::Environment};
+const std::vector<Kind> kStraightKinds = {Kind::Point, Kind::Spot, Kind::Directional, Kind::Sphere, Kind::Rect, Kind::Disk, Kind::Mesh, Kind::Environment};
 
 /// Thin-walled and smooth.
 std::function<void(Material&)> pane(float ior, const std::function<void(Bsdf&)>& change = {}) {
@@ -107,7 +107,7 @@ void panes(SceneMaker& m, int count, const Vec3& tint, const std::function<void(
 
 TEST(Straight, PanesOfIndexOneCastTheirTintUnderEveryLight) {
   const Vec3 tint(0.9f, 0.6f, 0.3f);
-  for (const Kind kind : kKinds) {
+  for (const Kind kind : kStraightKinds) {
     SCOPED_TRACE(int(kind));
     const int blocks = kind == Kind::Environment ? 256 : 64;
     const Measured bare = measure(FloorUnder(kind, {}), blocks);
@@ -161,7 +161,7 @@ TEST(Straight, ASlantedSunPassesByItsAngle) {
 
 TEST(Straight, VolumesOfIndexOneDimByTheirDepthUnderEveryLight) {
   const Vec3 colour(0.8f, 0.5f, 0.2f);
-  for (const Kind kind : kKinds) {
+  for (const Kind kind : kStraightKinds) {
     if (kind == Kind::Environment) continue;  // at all angles: the room below has it
     SCOPED_TRACE(int(kind));
     const Measured bare = measure(FloorUnder(kind, {}), 64);
