@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "filters/denoise/similar_rows.h"
+#include "terms/scratch.h"
 
 namespace gobo::denoise {
 
@@ -96,7 +97,7 @@ class NoisyPictureNode final : public Node {
     if (!alike.fill(f, width_, height_, *ctx.arena, ctx.stop)) return false;
     const size_t pixels = size_t(width_) * size_t(height_);
     const int channels = samples_ > 1 ? 3 : 6;  // squares of differences; or values and their squares
-    const auto planes = std::make_unique_for_overwrite<float[]>(2 * size_t(channels) * pixels);
+    const Scratch<float> planes(2 * size_t(channels) * pixels);
     float *in[6], *out[6];
     for (int c = 0; c < channels; ++c) {
       in[c] = planes.get() + size_t(c) * pixels;

@@ -2,15 +2,16 @@
 // Planes of a picture, apart: loops over one channel vectorise.
 #pragma once
 
-#include <memory>
 #include <span>
 #include <vector>
+
+#include "terms/scratch.h"
 
 namespace gobo::denoise {
 
 class PlaneSet {
  public:
-  PlaneSet(int channels, size_t pixels) : values_(std::make_unique_for_overwrite<float[]>(size_t(channels) * pixels)) {
+  PlaneSet(int channels, size_t pixels) : values_(size_t(channels) * pixels) {
     for (int c = 0; c < channels; ++c) at_.push_back(values_.get() + size_t(c) * pixels);
   }
   float* const* data() const { return at_.data(); }
@@ -19,7 +20,7 @@ class PlaneSet {
   float* operator[](size_t c) const { return at_[c]; }
 
  private:
-  std::unique_ptr<float[]> values_;
+  Scratch<float> values_;
   std::vector<float*> at_;
 };
 

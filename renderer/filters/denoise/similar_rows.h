@@ -2,11 +2,11 @@
 // Means over the pixels around one whose surfaces are alike (similar.h), a row at a time. Structure of arrays; vectorised: 2 to 3 ns a tap.
 #pragma once
 
-#include <memory>
 #include <span>
 
 #include "base/task_arena.h"
 #include "filters/denoise/similar.h"
+#include "terms/scratch.h"
 
 namespace gobo::denoise {
 
@@ -31,7 +31,7 @@ class AlikeFeatures {
 
  private:
   static constexpr size_t kPlanes = 12;
-  std::unique_ptr<float[]> values_;
+  Scratch<float> values_;
   AlikePlanes planes_;
 };
 

@@ -45,7 +45,7 @@ void alikeWeights(const AlikePlanes& k, const Alike& by, size_t p, ptrdiff_t shi
 
 bool AlikeFeatures::fill(const Features& f, int width, int height, const TaskArena& arena, const StopToken& stop) {
   const size_t pixels = size_t(width) * size_t(height);
-  values_ = std::make_unique_for_overwrite<float[]>(kPlanes * pixels);
+  values_ = Scratch<float>(kPlanes * pixels);
   const auto plane = [&](size_t k) { return values_.get() + k * pixels; };
   planes_.width = width;
   planes_.height = height;

@@ -11,6 +11,7 @@
 #include "filters/stylised/averaged_distance.h"
 #include "filters/stylised/contour.h"
 #include "filters/stylised/screen_metric.h"
+#include "terms/scratch.h"
 
 namespace gobo {
 
@@ -58,7 +59,7 @@ class StyleAbstractionNode final : public Node {
       std::copy(from.begin(), from.end(), D.begin());
       return TermPtr(ctx.result);
     }
-    const auto planes = std::make_unique_for_overwrite<float[]>(kPlanes * count);
+    const Scratch<float> planes(kPlanes * count);
     std::optional<PictureSurface> picture;
     if (s_.pixel > 0.0f) picture.emplace(s_.extent.width, s_.extent.height, s_.pixel);
     for (size_t layer = 0; layer < size_t(s_.extent.layers); ++layer) {
@@ -111,7 +112,12 @@ class StyleAbstractionNode final : public Node {
     };
     if (!each(across * down, [&](int tile) {
           samplesOf(tile, [&](int, int, size_t e) {
-            if (!done[e]) reach[size_t(tile)] = std::max(reach[size_t(tile)], kAbstractionReach * l.pixelsOfSigma(e));
+            if (done[e]) return;
+            if (l.input().counts(e)) {
+              reach[size_t(tile)] = std::max(reach[size_t(tile)], kAbstractionReach * l.pixelsOfSigma(e));
+            } else {
+              out[e] = l.d[e], done[e] = 1;
+            }
           });
         }))
       return false;

@@ -8,6 +8,7 @@
 
 #include "filters/stylised/abstraction_kernels.h"
 #include "filters/stylised/averaged_distance.h"
+#include "terms/scratch.h"
 
 namespace gobo {
 
@@ -24,11 +25,11 @@ constexpr size_t kCellPlanes = 11;  // those of AbstractionPlanes, the least wid
 /// Cells of `side` x `side` samples. A last column or row that is not full is there, for sums.
 struct CellLevel {
   int side = 0, width = 0, height = 0;
-  std::unique_ptr<float[]> planes;
+  Scratch<float> planes;
   std::unique_ptr<uint8_t[]> whole, usable, wanted;
 
   CellLevel(int s, int w, int h) : side(s), width(w), height(h) {
-    planes = std::make_unique_for_overwrite<float[]>(kCellPlanes * count());
+    planes = Scratch<float>(kCellPlanes * count());
     std::fill_n(blurred(), count(), 0.0f);  // rows are interpolated as a whole
     whole = std::make_unique_for_overwrite<uint8_t[]>(count());
     usable = std::make_unique<uint8_t[]>(count());

@@ -233,5 +233,21 @@ TEST(TermFile, ForgedHeadersThatWouldTripLaterCodeAreRefused) {
   EXPECT_EQ(header(0, 0, 1, 1, 0xffffffffu, {}), nullptr);
 }
 
+TEST(Scratch, MovesAndTakesWhatWasGivenBack) {
+  Scratch<int> a(10);
+  a[3] = 7;
+  const Scratch<int> b = std::move(a);
+  EXPECT_EQ(b.size(), 10u);
+  EXPECT_EQ(b[3], 7);
+  const size_t large = size_t(3) << 20;
+  float* before = nullptr;
+  {
+    const Scratch<float> held(large);
+    before = held.get();
+    EXPECT_EQ(held.values().size(), large);
+  }
+  const Scratch<float> again(large);
+  EXPECT_EQ(again.get(), before) << "fresh from the system, where a block of its size was free";
+}
 }  // namespace
 }  // namespace gobo

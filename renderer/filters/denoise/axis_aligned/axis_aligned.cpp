@@ -10,6 +10,7 @@
 #include "filters/denoise/plane_set.h"
 #include "formulas/axis_aligned_indirect.glsl.h"
 #include "formulas/formulas.h"
+#include "terms/scratch.h"
 
 namespace gobo::denoise {
 
@@ -42,7 +43,7 @@ class AxisAligned final : public Denoiser {
     AlikeFeatures alike;
     if (!alike.fill({p.albedo, p.normal, p.position, p.depth, p.footprint, p.coverage}, p.width, p.height, arena, stop)) return false;
     const AlikePlanes& k = alike.planes();
-    const auto width = std::make_unique_for_overwrite<float[]>(p.pixels());
+    const Scratch<float> width(p.pixels());
     if (!predict(p, k, width.get(), arena, stop)) return false;
     const int channels = p.halves ? 6 : 3;
     const PlaneSet light(channels, p.pixels()), rows(channels, p.pixels());

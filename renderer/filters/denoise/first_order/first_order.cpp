@@ -9,6 +9,7 @@
 
 #include "filters/denoise/first_order/regression.h"
 #include "filters/denoise/non_local_means/patch_weights.h"
+#include "terms/scratch.h"
 
 namespace gobo::denoise {
 
@@ -30,12 +31,12 @@ class FirstOrder final : public Denoiser {
 
   bool run(const NoisyPicture& p, std::span<float> outA, std::span<float> outB, const TaskArena& arena, const StopToken& stop) const override {
     const size_t stride = rowStride(p.width);
-    const auto values = std::make_unique_for_overwrite<float[]>(guideFloats(p, margin()));
+    const Scratch<float> values(guideFloats(p, margin()));
     GuidePlanes guides[2];
     if (!makeGuides(p, margin(), values.get(), guides, arena, stop)) return false;
-    const auto features = std::make_unique_for_overwrite<float[]>(size_t(kRegressors - 1) * stride * size_t(p.height));
+    const Scratch<float> features(size_t(kRegressors - 1) * stride * size_t(p.height));
     if (!fillFeatures(p, features.get(), arena, stop)) return false;
-    const auto fits = std::make_unique_for_overwrite<float[]>(size_t(kFitPlanes) * stride * size_t(p.height));
+    const Scratch<float> fits(size_t(kFitPlanes) * stride * size_t(p.height));
     for (int h = 0; h < (p.halves ? 2 : 1); ++h) {
       const GuidePlanes &light = guides[h], &guide = guides[p.halves ? 1 - h : 0];
       const Half half{p, light, guide, features.get(), fits.get(), h ? outB : outA};

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "filters/denoise/similar_rows.h"
+#include "terms/scratch.h"
 
 namespace gobo::denoise {
 
@@ -35,7 +36,7 @@ class JointBilateral final : public Denoiser {
     AlikeFeatures alike;
     if (!alike.fill({p.albedo, p.normal, p.position, p.depth, p.footprint, p.coverage}, p.width, p.height, arena, stop)) return false;
     const int channels = p.halves ? 6 : 3;
-    const auto planes = std::make_unique_for_overwrite<float[]>(2 * size_t(channels) * p.pixels());
+    const Scratch<float> planes(2 * size_t(channels) * p.pixels());
     float *in[6], *out[6];
     for (int c = 0; c < channels; ++c) {
       in[c] = planes.get() + size_t(c) * p.pixels();

@@ -9,6 +9,7 @@
 #include "filters/denoise/non_local_means/patch_weights.h"
 #include "filters/denoise/non_local_means/weighted_rows.h"
 #include "filters/denoise/similar_rows.h"
+#include "terms/scratch.h"
 
 namespace gobo::denoise {
 
@@ -31,7 +32,7 @@ class NonLocalMeans final : public Denoiser {
   bool run(const NoisyPicture& p, std::span<float> outA, std::span<float> outB, const TaskArena& arena, const StopToken& stop) const override {
     AlikeFeatures alike;
     if (!alike.fill({p.albedo, p.normal, p.position, p.depth, p.footprint, p.coverage}, p.width, p.height, arena, stop)) return false;
-    const auto values = std::make_unique_for_overwrite<float[]>(guideFloats(p, halo()));
+    const Scratch<float> values(guideFloats(p, halo()));
     const int halves = p.halves ? 2 : 1;
     GuidePlanes guides[2];
     bool complete = makeGuides(p, halo(), values.get(), guides, arena, stop);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "filters/denoise/wavelet/wavelet_kernels.h"
+#include "terms/scratch.h"
 
 namespace gobo::denoise {
 
@@ -70,12 +71,12 @@ class Wavelet final : public Denoiser {
   static constexpr int kSetPlanes = 8;      // seven channels and the variance
   static constexpr int kMostPlanes = kSurfacePlanes + 2 * kSetPlanes;
   struct Work {
-    explicit Work(const NoisyPicture& p) : pixels(p.pixels()), planes(std::make_unique_for_overwrite<float[]>(kMostPlanes * p.pixels())) {}
+    explicit Work(const NoisyPicture& p) : pixels(p.pixels()), planes(kMostPlanes * p.pixels()) {}
     float* plane(int k) const { return planes.get() + size_t(k) * pixels; }
     float* set(int which, int k) const { return plane(kSurfacePlanes + which * kSetPlanes + k); }
     float* perSigma() const { return plane(8); }
     size_t pixels;
-    std::unique_ptr<float[]> planes;
+    Scratch<float> planes;
   };
   struct Half {
     std::span<const float> in;
