@@ -6,7 +6,7 @@
 // Arguments: --scene NAME|FILE --env FILE|sky --set assignments of the request, separated by spaces --size WxH --lights N,N,... --resolutions R,R,... --forms
 // F,F,...
 //            --table46: the source's table instead, of --scenes NAME|FILE,... under --maps FILE|sky,... (bright_lights: the first of --bright)
-//            --bright N,N,... (bright_lights) --extract-by WAY --reference N (each half) --threads N --out PATH --pictures PREFIX (writes .exr)
+//            --unshadowed WAY (where C comes from) --bright N,N,... (bright_lights) --extract-by WAY --reference N (each half) --threads N --out PATH --pictures PREFIX (writes .exr)
 //            --plot PREFIX: PREFIX_lights.png and PREFIX_time.png
 #include <algorithm>
 
@@ -21,6 +21,7 @@ int main(int argc, char** argv) {
   int width = 0, height = 0;
   std::sscanf(argumentOr(argc, argv, "--size", "240x180").c_str(), "%dx%d", &width, &height);
   const std::string reference = argumentOr(argc, argv, "--reference", "1024"), way = argumentOr(argc, argv, "--extract-by", "MEDIAN_CUT");
+  const std::string unshadowed = argumentOr(argc, argv, "--unshadowed", "PREFILTERED");
   if (width < 1 || height < 1 || std::atoi(reference.c_str()) < 1) fail(invalidArgument("--size and --reference must be positive"));
   const auto made = [&](const std::string& ofScene, const std::string& map) {
     v1::RenderRequest request;
@@ -68,7 +69,7 @@ int main(int argc, char** argv) {
         for (const std::string& form : partsOf(argumentOr(argc, argv, "--forms", "DIFFERENCE,BETA,RATIO"), ','))
           row(form, n, r, bright,
               bench.render({by, "environment.subtractive.lights=" + n, "environment.subtractive.resolution=" + r, "environment.subtractive.form=" + form,
-                            "environment.subtractive.bright_lights=" + bright, "halt.spp=1"},
+                            "environment.subtractive.bright_lights=" + bright, "environment.subtractive.unshadowed=" + unshadowed, "halt.spp=1"},
                            form + "_" + n + "_" + r + "_" + bright));
   }
   std::printf("%s", table.text().c_str());

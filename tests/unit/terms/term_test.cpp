@@ -7,6 +7,8 @@
 #include <cstring>
 #include <set>
 
+#include "terms/scratch.h"
+
 namespace gobo {
 namespace {
 
