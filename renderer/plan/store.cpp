@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "plan/store.h"
 
+#include <algorithm>
 #include <chrono>
 
 #include "plan/disk_store.h"
@@ -18,9 +19,33 @@ TermStore::TermStore(uint64_t maxBytes, std::unique_ptr<DiskStore> disk) : maxBy
 }
 TermStore::~TermStore() = default;
 
+static std::string variantsOf(const TermNote& note) { return note.label + '\n' + note.scene; }
+
+static bool isCheap(const TermNote& note, uint64_t bytes) {
+  return !note.label.empty() && bytes >= TermStore::kCheapBytes && note.ms <= TermStore::kCheapMsPerMiB * double(bytes) / double(1 << 20);
+}
+
+void TermStore::boundVariants(Entry& added, std::vector<TermPtr>& gone) {
+  std::vector<Hash128>& all = variants_[variantsOf(added.note)];
+  added.cheap = true;
+  all.push_back(added.key);
+  if (all.size() <= kCheapVariants) return;
+  for (const Hash128& key : all) {
+    const auto at = index_.find(key);
+    if (key == added.key || at->second->pinned) continue;
+    remove(at->second, gone);
+    return;
+  }
+}
+
 void TermStore::remove(Entries::iterator at, std::vector<TermPtr>& gone) {
   bytes_ -= at->bytes;
   if (at->pinned) pinnedBytes_ -= at->bytes;
+  if (at->cheap) {
+    const auto of = variants_.find(variantsOf(at->note));
+    std::erase(of->second, at->key);
+    if (of->second.empty()) variants_.erase(of);
+  }
   index_.erase(at->key);
   gone.push_back(std::move(at->term));
   (at->pinned ? pinned_ : lru_).erase(at);
@@ -43,6 +68,7 @@ void TermStore::insert(const Hash128& key, TermPtr term, const TermNote& note, s
   index_[key] = lru_.begin();
   bytes_ += bytes;
   if (pins_.count(key) && pinnedBytes_ + bytes <= maxBytes_ / 2) setPinned(lru_.begin(), true);
+  if (isCheap(note, bytes)) boundVariants(*index_[key], gone);
 }
 
 TermPtr TermStore::get(const Hash128& key, Tier* from, const StopToken& stop) {
@@ -53,6 +79,10 @@ TermPtr TermStore::get(const Hash128& key, Tier* from, const StopToken& stop) {
       Entries& entries = at->second->pinned ? pinned_ : lru_;
       entries.splice(entries.begin(), entries, at->second);
       at->second->used = wallMicros();
+      if (at->second->cheap) {
+        std::vector<Hash128>& all = variants_[variantsOf(at->second->note)];
+        std::rotate(std::find(all.begin(), all.end(), key), std::find(all.begin(), all.end(), key) + 1, all.end());
+      }
       if (from) *from = Tier::Memory;
       return at->second->term;
     }
@@ -120,6 +150,7 @@ void TermStore::clear(bool disk) {
   gone.swap(lru_);
   alsoGone.swap(pinned_);
   index_.clear();
+  variants_.clear();
   pins_.clear();
   for (const StoredTerm& row : left)
     if (row.pinned) pins_.insert(row.key);

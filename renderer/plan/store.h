@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // TermStore: terms by key. A byte-bounded RAM tier (LRU; what is read is held by its readers' shared_ptr and does not
 // count against eviction order) over an optional disk tier. Terms may be pinned: then neither tier evicts them for room. Thread-safe.
+// Of terms that are made faster than the system hands out memory for them only the last few of a node are kept: who drags a slider would else pay
+// for fresh pages with every picture, several times what computing it takes, to keep what nobody asks for again.
 #pragma once
 
 #include <cstdint>
@@ -31,6 +33,10 @@ class TermStore {
   TermPtr get(const Hash128& key, Tier* from = nullptr, const StopToken& stop = {});
   /// Where get() would find it; reads nothing, and a damaged file is found out by get() alone.
   Tier holds(const Hash128& key) const;
+  /// Of large terms whose making took at most kCheapMsPerMiB: those of one label and scene that stay. Two clients, two settings each.
+  static constexpr size_t kCheapVariants = 4;
+  static constexpr uint64_t kCheapBytes = 4ull << 20;  ///< from here on terms have blocks of their own (ZeroedBytes)
+  static constexpr double kCheapMsPerMiB = 2.0;        ///< what fresh memory costs a virtual machine whose free pages go back to its host
   /// Keeps the term; evicts least recently used ones beyond the bound. `persist`: also to the disk tier.
   /// A term larger than the bound is not kept in RAM (its holder still has it). Persisting writes and syncs the file in
   /// the calling thread, without holding up other callers; `stop` ends that, and leaves no file.
@@ -69,6 +75,7 @@ class TermStore {
     int64_t used;  // microseconds since 1970
     TermNote note;
     bool pinned = false;
+    bool cheap = false;  ///< in variants_
   };
   using Entries = std::list<Entry>;
   mutable std::mutex mutex_;
@@ -76,7 +83,8 @@ class TermStore {
   Entries lru_;         // most recent first
   Entries pinned_;      // apart, so that eviction never walks over them
   std::unordered_map<Hash128, Entries::iterator> index_;
-  std::unordered_set<Hash128> pins_;  // of both tiers; of some of them nothing is in memory
+  std::unordered_map<std::string, std::vector<Hash128>> variants_;  // cheap ones by label and scene, least recently used first
+  std::unordered_set<Hash128> pins_;                                // of both tiers; of some of them nothing is in memory
   uint64_t bytes_ = 0, pinnedBytes_ = 0;
   uint64_t maxBytes_;
   std::unique_ptr<DiskStore> disk_;
@@ -85,6 +93,7 @@ class TermStore {
   /// Under mutex_. What leaves goes into `gone`, to be freed outside the lock (buffers are large).
   void insert(const Hash128& key, TermPtr term, const TermNote& note, std::vector<TermPtr>& gone);
   void remove(Entries::iterator at, std::vector<TermPtr>& gone);
+  void boundVariants(Entry& added, std::vector<TermPtr>& gone);
   void setPinned(Entries::iterator at, bool pinned);
 };
 

@@ -51,6 +51,48 @@ TEST(TermStore, TermLargerThanTheBoundIsNotKeptAndEvictsNothing) {
   EXPECT_EQ(store.bytes(), 0u);
 }
 
+TEST(TermStore, OfWhatIsFasterMadeThanMemoryIsToBeHadTheLastFewOfANodeStay) {
+  const size_t floats = TermStore::kCheapBytes / sizeof(float);
+  const TermPtr large = makeTerm(0, floats), small = makeTerm(1, floats / 8);
+  const double all = TermStore::kCheapMsPerMiB * double(large->bytes()) / double(1 << 20), cheap = 0.99 * all, dear = 1.01 * all;
+  TermStore store(1ull << 40);
+  const auto held = [&](int first, int count) {
+    int n = 0;
+    for (int i = first; i < first + count; ++i) n += store.holds(key(i)) != TermStore::Tier::None;
+    return n;
+  };
+  const int most = int(TermStore::kCheapVariants);
+  for (int i = 0; i < 20; ++i) store.put(key(i), large, false, {}, {"style_transfer:key", "s", cheap, 0});
+  EXPECT_EQ(held(0, 20), most);
+  EXPECT_EQ(held(20 - most, most), most) << "the last ones";
+  for (int i = 100; i < 120; ++i) store.put(key(i), large, false, {}, {"style_transfer:key", "s", dear, 0});
+  EXPECT_EQ(held(100, 20), 20) << "worth keeping";
+  for (int i = 200; i < 220; ++i) store.put(key(i), small, false, {}, {"style_transfer:key", "s", 0.0, 0});
+  EXPECT_EQ(held(200, 20), 20) << "small: no block of its own";
+  for (int i = 300; i < 320; ++i) store.put(key(i), large, false);
+  EXPECT_EQ(held(300, 20), 20) << "of no node";
+  for (int i = 400; i < 402; ++i) store.put(key(i), large, false, {}, {"style_transfer:fill", "s", cheap, 0});
+  for (int i = 500; i < 502; ++i) store.put(key(i), large, false, {}, {"style_transfer:key", "other", cheap, 0});
+  EXPECT_EQ(held(400, 2) + held(500, 2), 4) << "other nodes and scenes have their own";
+  EXPECT_EQ(held(20 - most, most), most);
+  // Used again it stays, and what has not been used for longest goes.
+  EXPECT_NE(store.get(key(20 - most)), nullptr);
+  store.put(key(20), large, false, {}, {"style_transfer:key", "s", cheap, 0});
+  EXPECT_EQ(held(20 - most, 1), 1);
+  EXPECT_EQ(held(21 - most, 1), 0);
+  // Pins count and stay.
+  ASSERT_TRUE(store.pin([](const StoredTerm& row) { return row.key == key(20); }).ok());
+  for (int i = 21; i < 40; ++i) store.put(key(i), large, false, {}, {"style_transfer:key", "s", cheap, 0});
+  EXPECT_EQ(held(20, 1), 1);
+  EXPECT_EQ(held(0, 40), most);
+  store.erase(key(39));
+  store.put(key(40), large, false, {}, {"style_transfer:key", "s", cheap, 0});
+  EXPECT_EQ(held(0, 41), most);
+  store.clear(false);
+  for (int i = 0; i < 3; ++i) store.put(key(i), large, false, {}, {"style_transfer:key", "s", cheap, 0});
+  EXPECT_EQ(held(0, 41), 3);
+}
+
 TEST(TermStore, PutOfTheSameKeyReplacesAndReadersKeepTheirs) {
   TermStore store(1 << 20);
   store.put(key(1), makeTerm(1, 100), false);
