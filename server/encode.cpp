@@ -7,10 +7,10 @@
 #include <limits>
 #include <set>
 
-#include <Imath/half.h>
 #include <openssl/evp.h>
 
 #include "base/check.h"
+#include "base/halves.h"
 #include "base/hash.h"
 #include "base/image_io.h"
 #include "base/sobol.h"
@@ -19,8 +19,6 @@
 
 namespace gobo {
 namespace {
-
-constexpr float kLargestHalf = 65504.0f;
 
 /// Distances of this size are to nothing, or a mean with such (shadow_distance).
 constexpr float kNowhere = 1e27f;
@@ -126,19 +124,11 @@ DisplayImage displayImage(const std::string& output, const Image& image, const v
   return {std::move(out), kind != OutputKind::Colour && kind != OutputKind::Plain ? true : output == "alpha"};
 }
 
-std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half) {
+PictureBytes rawBytes(std::span<const float> pixels, bool half) {
   static_assert(std::endian::native == std::endian::little);
-  const size_t n = pixels.size();
-  std::vector<uint8_t> bytes(n * (half ? 2 : 4));
-  if (!half) {
-    std::memcpy(bytes.data(), pixels.data(), bytes.size());
-    return bytes;
-  }
-  for (size_t i = 0; i < n; ++i) {
-    const float v = std::clamp(pixels[i], -kLargestHalf, kLargestHalf);  // overflow to infinity would leave the picture
-    const uint16_t bits = Imath::half(v).bits();
-    std::memcpy(bytes.data() + 2 * i, &bits, 2);
-  }
+  PictureBytes bytes(pixels.size() * (half ? 2 : 4));
+  if (half) toHalves(pixels, reinterpret_cast<uint16_t*>(bytes.data()));
+  else if (!pixels.empty()) std::memcpy(bytes.data(), pixels.data(), bytes.size());
   return bytes;
 }
 
@@ -234,7 +224,7 @@ void warnOfClamping(RenderResult& result, v1::Encoding::Format format) {
     const ExrLayer layer = layerOf(rendered);
     const bool half = format == v1::Encoding::RAW_HALF || (format == v1::Encoding::EXR && ((encoding.half() && !layer.float32) || (dwa && !layer.lossless)));
     if (!half || !seen.insert(rendered.output).second) continue;
-    const auto beyond = std::count_if(layer.pixels.begin(), layer.pixels.end(), [](float v) { return std::isfinite(v) && std::fabs(v) > kLargestHalf; });
+    const size_t beyond = beyondHalves(layer.pixels);
     if (beyond > 0)
       result.reply.add_warnings(rendered.output + ": " + std::to_string(beyond) + " of " + std::to_string(layer.pixels.size()) +
                                 " values are beyond what the encoding's 16-bit floats hold and were clamped to 65504 (request.encoding)");
@@ -290,12 +280,12 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
   for (const RenderedImage& rendered : result.images) {
     EncodedImage one;
     std::vector<std::string> channels = channelNames(rendered.names(), rendered.channels());
-    Result<std::vector<uint8_t>> bytes = Status();
+    Result<std::vector<uint8_t>> made = std::vector<uint8_t>();
     switch (format) {
       case v1::Encoding::EXR: {
         exr.metadata["gobo:output"] = rendered.output;
         const ExrLayer layer = layerOf(rendered);
-        bytes = encodeExr(rendered.width(), rendered.height(), std::span(&layer, 1), exr);
+        made = encodeExr(rendered.width(), rendered.height(), std::span(&layer, 1), exr);
         break;
       }
       case v1::Encoding::PNG:
@@ -303,16 +293,16 @@ Result<std::vector<EncodedImage>> encodeImages(RenderResult& result) {
         DisplayImage shown = displayImage(rendered.output, rendered.image(), request.tone_map());
         if (format == v1::Encoding::JPEG && shown.image.channels == 4 && isRadiance(rendered.output)) layOnBlack(shown.image);
         pixels.data = shown.data;
-        bytes = format == v1::Encoding::PNG ? encodePng(shown.image, pixels) : encodeJpeg(shown.image, pixels);
+        made = format == v1::Encoding::PNG ? encodePng(shown.image, pixels) : encodeJpeg(shown.image, pixels);
         channels = channelNames(shown.image.names, shown.image.channels);
         break;
       }
-      case v1::Encoding::RAW_FLOAT: bytes = rawBytes(rendered.pixels(), false); break;
-      case v1::Encoding::RAW_HALF: bytes = rawBytes(rendered.pixels(), true); break;
+      case v1::Encoding::RAW_FLOAT: one.bytes = rawBytes(rendered.pixels(), false); break;
+      case v1::Encoding::RAW_HALF: one.bytes = rawBytes(rendered.pixels(), true); break;
       default: return invalidArgument("encoding.format = " + std::to_string(int(format)) + " is not known", "request.encoding.format");
     }
-    if (!bytes.ok()) return bytes.status().at("output " + rendered.output);
-    one.bytes = std::move(bytes).value();
+    if (!made.ok()) return made.status().at("output " + rendered.output);
+    if (!made->empty()) one.bytes = std::move(made).value();
     describe(one, rendered.output, rendered.width(), rendered.height(), channels, format, result.reply);
     encoded.push_back(std::move(one));
   }

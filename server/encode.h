@@ -16,12 +16,29 @@
 #include "base/status.h"
 #include "gobo/v1/render.pb.h"
 #include "plan/engine.h"
+#include "terms/scratch.h"
 
 namespace gobo {
 
+/// Of an encoder, or of a picture's size and to be filled: then from the pool of terms, since fresh memory costs more than writing it.
+class PictureBytes {
+ public:
+  PictureBytes() = default;
+  PictureBytes(std::vector<uint8_t> made) : made_(std::move(made)) {}
+  explicit PictureBytes(size_t size) : raw_(size) {}
+  uint8_t* data() { return raw_.size() > 0 ? raw_.get() : made_.data(); }
+  const uint8_t* data() const { return raw_.size() > 0 ? raw_.get() : made_.data(); }
+  size_t size() const { return raw_.size() > 0 ? raw_.size() : made_.size(); }
+  std::vector<uint8_t> copy() const { return {data(), data() + size()}; }
+
+ private:
+  std::vector<uint8_t> made_;
+  Scratch<uint8_t> raw_;
+};
+
 struct EncodedImage {
   v1::ImageDescriptor descriptor;
-  std::vector<uint8_t> bytes;
+  PictureBytes bytes;
 };
 
 /// 64 lower-case hex digits.
@@ -55,7 +72,7 @@ struct DisplayImage {
 DisplayImage displayImage(const std::string& output, const Image& image, const v1::ToneMap& settings);
 
 /// Row-major interleaved little-endian floats, or halves (clamped to +-65504, rounded to nearest even).
-std::vector<uint8_t> rawBytes(std::span<const float> pixels, bool half);
+PictureBytes rawBytes(std::span<const float> pixels, bool half);
 
 /// ZIP unless it says otherwise.
 ExrCompression exrCompressionOf(v1::Encoding::Compression compression);

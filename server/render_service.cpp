@@ -186,7 +186,7 @@ grpc::Status RenderService::stream(Rpc& rpc, const v1::RenderRequest& request, g
     v1::RenderEvent event;  // one message for all chunks: its buffer is reused
     v1::ImageChunk& chunk = *event.mutable_chunk();
     for (size_t i = 0; i < images.size(); ++i) {
-      const std::vector<uint8_t>& bytes = images[i].bytes;
+      const PictureBytes& bytes = images[i].bytes;
       for (size_t at = 0; at < bytes.size(); at += chunkBytes) {
         const size_t n = std::min<size_t>(chunkBytes, bytes.size() - at);
         chunk.set_image(uint32_t(i));

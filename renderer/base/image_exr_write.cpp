@@ -17,12 +17,13 @@
 #include <set>
 
 #include "base/exr_streams.h"
+#include "base/halves.h"
 #include "base/image_io.h"
 
 namespace gobo {
 namespace {
 
-float inHalfRange(float v) { return std::isfinite(v) ? std::clamp(v, -65504.0f, 65504.0f) : v; }
+float inHalfRange(float v) { return std::isfinite(v) ? std::clamp(v, -kLargestHalf, kLargestHalf) : v; }
 
 /// One part's header, frame buffer, and the copies that hold converted pixels.
 struct Part {
@@ -47,7 +48,7 @@ struct Part {
     // A value beyond half's range would become Inf in the file, and DWA quantises in halves whatever the channel's type.
     if (useHalf) {
       auto& copy = halves.emplace_back(layer.pixels.size());
-      for (size_t i = 0; i < copy.size(); ++i) copy[i] = half(inHalfRange(layer.pixels[i]));
+      toHalves(layer.pixels, reinterpret_cast<uint16_t*>(copy.data()), /*infinite=*/true);
       base = reinterpret_cast<const char*>(copy.data());
     } else if (lossy) {
       auto& copy = floats.emplace_back(layer.pixels.size());

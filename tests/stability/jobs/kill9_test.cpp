@@ -162,7 +162,7 @@ TEST(Kill9, NothingLostNothingTwiceTheSameBits) {
     lost += job.frames_total() - job.frames_done();
     const auto whole = engine->render(spec(i).request());
     ASSERT_TRUE(whole.ok());
-    const std::vector<uint8_t> bits = rawBytes(whole->images[0].pixels(), false);
+    const std::vector<uint8_t> bits = rawBytes(whole->images[0].pixels(), false).copy();
     grpc::ClientContext fetching;
     bound(fetching);
     v1::FetchRequest f;

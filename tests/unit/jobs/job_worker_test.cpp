@@ -100,7 +100,7 @@ struct Worker : test::StoreFixture {
     auto fresh = std::move(*Engine::create(o));
     auto result = fresh->render(s.request());
     EXPECT_TRUE(result.ok());
-    return rawBytes(result->images[0].pixels(), false);
+    return rawBytes(result->images[0].pixels(), false).copy();
   }
   std::vector<uint8_t> result(int64_t id, int frame = 0) {
     const v1::Job job = get(id);
@@ -257,7 +257,7 @@ void Worker::breakItsBlob(bool opened) {
   ASSERT_TRUE(fresh->openScene(file, "scene").ok());
   const auto right = fresh->render(s.request());
   ASSERT_TRUE(right.ok()) << right.status().toString();
-  EXPECT_EQ(result(id), rawBytes(right->images[0].pixels(), false));
+  EXPECT_EQ(result(id), rawBytes(right->images[0].pixels(), false).copy());
 }
 
 TEST_F(Worker, AFrameWhoseBlobBreaksIsDoneAgainRight) { breakItsBlob(true); }

@@ -31,7 +31,7 @@ std::vector<uint8_t> fileOf(RenderResult& result) {
   auto images = encodeImages(result);
   EXPECT_TRUE(images.ok()) << images.status().toString();
   EXPECT_EQ(images->size(), 1u);
-  return images.ok() && !images->empty() ? (*images)[0].bytes : std::vector<uint8_t>{};
+  return images.ok() && !images->empty() ? (*images)[0].bytes.copy() : std::vector<uint8_t>{};
 }
 
 Image layer(const std::vector<uint8_t>& bytes, const std::string& name) {

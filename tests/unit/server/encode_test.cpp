@@ -113,7 +113,7 @@ TEST(Encode, RawFloatIsTheMemoryAsItIs) {
 TEST(Encode, HalvesAreRoundedToNearestAndNeverInfinite) {
   Image image(4, 1, 1);
   image.data = {1.0f, 65520.0f, -1e9f, 0.333333f};  // 65520 would round to infinity
-  const std::vector<uint8_t> bytes = rawBytes(image.data, true);
+  const PictureBytes bytes = rawBytes(image.data, true);
   uint16_t h[4];
   ASSERT_EQ(bytes.size(), sizeof h);
   std::memcpy(h, bytes.data(), sizeof h);
@@ -130,7 +130,7 @@ TEST(Encode, ExrKeepsFloatsAndSaysWhatMadeIt) {
   result.reply.set_request_hash("abcdef0123");
   auto images = encodeImages(result);
   ASSERT_TRUE(images.ok()) << images.status().toString();
-  const std::vector<uint8_t>& bytes = (*images)[0].bytes;
+  const PictureBytes& bytes = (*images)[0].bytes;
   auto back = readImageFromMemory(bytes.data(), bytes.size(), "x.exr");
   ASSERT_TRUE(back.ok()) << back.status().toString();
   EXPECT_EQ(back->data, image.data);

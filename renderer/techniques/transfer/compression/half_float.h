@@ -6,9 +6,9 @@
 #include <bit>
 #include <cstdint>
 
-namespace gobo::transfer {
+#include "base/halves.h"
 
-inline constexpr float kLargestHalf = 65504.0f;
+namespace gobo::transfer {
 
 inline uint16_t halfOf(float value) {
   const uint32_t bits = std::bit_cast<uint32_t>(value), sign = bits >> 16 & 0x8000u, size = bits & 0x7fffffffu;
