@@ -29,6 +29,8 @@ class PictureBytes {
   uint8_t* data() { return raw_.size() > 0 ? raw_.get() : made_.data(); }
   const uint8_t* data() const { return raw_.size() > 0 ? raw_.get() : made_.data(); }
   size_t size() const { return raw_.size() > 0 ? raw_.size() : made_.size(); }
+  const uint8_t* begin() const { return data(); }
+  const uint8_t* end() const { return data() + size(); }
   std::vector<uint8_t> copy() const { return {data(), data() + size()}; }
 
  private:
