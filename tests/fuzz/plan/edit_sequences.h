@@ -49,7 +49,7 @@ class EditSequence {
     for (const std::string& f : files_) EXPECT_TRUE(warm_->openScene(f, f).ok()) << f;
     const size_t at = rng_() % 4;
     scene_ = files_.empty() || (files_.size() == 1 && at < 3) ? scenes[at % 3] : files_[0];
-    request_ = smallRequest(scene_, 10, 8, 4);
+    request_ = smallRequest(scene_, 16, 12, 4);
     static const char* lamp[] = {"RECT", "DISK", "SPHERE", "SPOT", "DIRECTIONAL", "POINT"};
     (void)setPath(request_, std::string("lights.lamp.kind=") + lamp[rng_() % 6]);
     (void)setPath(request_, "lights.lamp.position=0.2,1.6,0.4");
