@@ -182,11 +182,12 @@ struct Engine::Impl {
         memory.add({"terms", [this] { return store->maxBytes(); }, [this] { return store->bytes(); }, [this](uint64_t most) { store->shrink(most); }}));
     accounts.push_back(memory.add({"ray tracing", [this] { return options.accelBytes; }, [this] { return uint64_t(accels.bytes()); },
                                    [this](uint64_t most) { accels.shrink(size_t(most)); }}));
-    accounts.push_back(memory.add({"environments", [this] { return scenes.limits().environmentBytes; }, [this] { return scenes.environmentBytes() + lastSky.bytes(); },
-                                   [this](uint64_t most) {
-                                     lastSky.drop();
-                                     scenes.shrinkEnvironments(most);
-                                   }}));
+    accounts.push_back(
+        memory.add({"environments", [this] { return scenes.limits().environmentBytes; }, [this] { return scenes.environmentBytes() + lastSky.bytes(); },
+                    [this](uint64_t most) {
+                      lastSky.drop();
+                      scenes.shrinkEnvironments(most);
+                    }}));
     accounts.push_back(memory.add({"scenes", [this] { return scenes.limits().sceneBytes; }, [this] { return scenes.sceneBytes(); },
                                    [this](uint64_t most) { scenes.shrinkScenes(most); }, [this] { return scenes.sceneBytesOfOwners(); }}));
     accounts.push_back(memory.add({"remembered requests",
