@@ -10,6 +10,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -132,7 +133,8 @@ class Nursery {
 /// Known by its life line alone: no process number that might by now be another's.
 class ForkedReader final : public ReaderProcess {
  public:
-  ForkedReader(std::shared_ptr<Nursery> nursery, Descriptor life) : nursery_(std::move(nursery)), life_(std::move(life)) {}
+  ForkedReader(std::shared_ptr<Nursery> nursery, Descriptor life, double patience)
+      : nursery_(std::move(nursery)), life_(std::move(life)), killWaits_(int(std::clamp(patience, 1.0, double(kPatience)))) {}
   ~ForkedReader() override { end(); }
   /// Within so many seconds, or not.
   bool begins(double patience, const StopToken& stop) {
@@ -151,7 +153,7 @@ class ForkedReader final : public ReaderProcess {
     if (over_) return;
     ::shutdown(life_.get(), SHUT_WR);
     for (int waits = 0; !look(); ++waits) {
-      if (waits == kPatience) {  // it never took this reader in, or the guard is stopped: nobody must wait for it for ever
+      if (waits == killWaits_) {  // it never took this reader in, or the guard is stopped: nobody must wait for it for ever
         nursery_->lost();
         nursery_->kill();
       }
@@ -160,7 +162,7 @@ class ForkedReader final : public ReaderProcess {
   }
 
  private:
-  static constexpr int kPatience = 5;  // seconds that a kill may take
+  static constexpr int kPatience = 5;  // seconds that a kill may take at most; no longer than beginning may
   void wait(int ms) {
     pollfd line{life_.get(), POLLIN, 0};
     ::poll(&line, 1, ms);
@@ -183,6 +185,7 @@ class ForkedReader final : public ReaderProcess {
   }
   const std::shared_ptr<Nursery> nursery_;  // when it goes, its readers do
   Descriptor life_;
+  const int killWaits_;
   int status_ = 0;
   bool takenIn_ = false, over_ = false;
 };
@@ -200,7 +203,7 @@ class ForkedReaders final : public Readers {
       const bool asked = nursery->ask(socket, output, theirs.get());
       theirs.close();  // or its end would not be seen here
       if (asked) {
-        auto reader = std::make_unique<ForkedReader>(nursery, std::move(mine));
+        auto reader = std::make_unique<ForkedReader>(nursery, std::move(mine), patience_);
         if (reader->begins(patience_, stop) || stop.stopRequested()) return std::unique_ptr<ReaderProcess>(std::move(reader));
         reader->abandon();  // readers that began go on; with the last of them the process goes
       }

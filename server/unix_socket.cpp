@@ -16,9 +16,9 @@
 
 namespace gobo {
 
-Result<SocketLock> SocketLock::take(const std::string& socketPath) {
+Result<SocketLock> SocketLock::take(const std::string& socketPath, std::chrono::milliseconds patience) {
   const std::string path = socketPath + ".lock";
-  const auto patience = std::chrono::steady_clock::now() + std::chrono::seconds(4);
+  const auto until = std::chrono::steady_clock::now() + patience;
   for (int attempt = 0; attempt < 2000; ++attempt) {
     const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd < 0) return Status(Code::Unavailable, "cannot open \"" + path + "\": " + std::strerror(errno));
@@ -26,8 +26,7 @@ Result<SocketLock> SocketLock::take(const std::string& socketPath) {
     if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {
       lock.path_.clear();  // another's: not to be removed
       if (errno == EWOULDBLOCK) {
-        // A server that was just killed holds it until the system has taken its memory back.
-        if (std::chrono::steady_clock::now() > patience) return Status(Code::FailedPrecondition, "another server holds \"" + socketPath + "\"");
+        if (std::chrono::steady_clock::now() > until) return Status(Code::FailedPrecondition, "another server holds \"" + socketPath + "\"");
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
         continue;
       }

@@ -3,6 +3,7 @@
 // number of daemons started at once exactly one wins, and the kernel lets go of it when the process dies, however it dies.
 #pragma once
 
+#include <chrono>
 #include <string>
 
 #include "base/status.h"
@@ -11,8 +12,9 @@ namespace gobo {
 
 class SocketLock {
  public:
-  /// Errors: FailedPrecondition when another server holds it; Unavailable when the file cannot be made.
-  static Result<SocketLock> take(const std::string& socketPath);
+  /// `patience`: a server that was just killed holds it until the system has taken its memory back.
+  /// Errors: FailedPrecondition when another server holds it for longer than that; Unavailable when the file cannot be made.
+  static Result<SocketLock> take(const std::string& socketPath, std::chrono::milliseconds patience = std::chrono::seconds(4));
   SocketLock(SocketLock&& other) noexcept;
   SocketLock& operator=(SocketLock&& other) noexcept;
   ~SocketLock();  ///< removes the file while it still holds the lock

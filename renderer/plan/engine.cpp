@@ -131,6 +131,7 @@ struct Engine::Impl {
   TaskArena arena;
   TaskArena besideArena;  ///< of small renders (PreparedRender)
   SceneLibrary scenes;
+  LastSky lastSky;
   PosedScenes posed;
   std::unique_ptr<TermStore> store;
   ExtensionIndex extensions;
@@ -161,6 +162,7 @@ struct Engine::Impl {
       return map;
     };
     s.stop = stop;
+    s.lastSky = &lastSky;
     s.poseScene = [this](const ScenePtr& base, const v1::RenderRequest& request, const StopToken& until) { return posed.get(base, request, until); };
     s.expand = [this, sceneId, stop, expanded, small, &guard](const Graph& graph, NodeId node) -> Result<TermPtr> {
       Executor executor(graph, executorServices(guard, small, sceneId), stop);
@@ -180,8 +182,12 @@ struct Engine::Impl {
         memory.add({"terms", [this] { return store->maxBytes(); }, [this] { return store->bytes(); }, [this](uint64_t most) { store->shrink(most); }}));
     accounts.push_back(memory.add({"ray tracing", [this] { return options.accelBytes; }, [this] { return uint64_t(accels.bytes()); },
                                    [this](uint64_t most) { accels.shrink(size_t(most)); }}));
-    accounts.push_back(memory.add({"environments", [this] { return scenes.limits().environmentBytes; }, [this] { return scenes.environmentBytes(); },
-                                   [this](uint64_t most) { scenes.shrinkEnvironments(most); }}));
+    accounts.push_back(
+        memory.add({"environments", [this] { return scenes.limits().environmentBytes; }, [this] { return scenes.environmentBytes() + lastSky.bytes(); },
+                    [this](uint64_t most) {
+                      lastSky.drop();
+                      scenes.shrinkEnvironments(most);
+                    }}));
     accounts.push_back(memory.add({"scenes", [this] { return scenes.limits().sceneBytes; }, [this] { return scenes.sceneBytes(); },
                                    [this](uint64_t most) { scenes.shrinkScenes(most); }, [this] { return scenes.sceneBytesOfOwners(); }}));
     accounts.push_back(memory.add({"remembered requests",
@@ -695,6 +701,7 @@ void Engine::dropCaches(bool disk, bool pinned) {
   if (pinned || (store.pinnedBytes() == 0 && store.pinnedDiskBytes() == 0)) store.clear(disk);
   else store.evict([](const StoredTerm&) { return true; }, disk, false);
   impl_->extensions.clear();
+  impl_->lastSky.drop();
 }
 
 TermStore& Engine::terms() { return *impl_->store; }

@@ -89,9 +89,12 @@ Result<Moment> momentOf(const ScenePtr& base, const v1::RenderRequest& request, 
   m.sharedSeed = request.seed();
   m.lens = mayHaveLens(request);
   m.sky.settings = m.request.environment().sky().SerializeAsString();
-  const EnvironmentPtr known = before.settings == m.sky.settings ? before.map : nullptr;
+  EnvironmentPtr known = before.settings == m.sky.settings ? before.map : nullptr;
+  const bool remembers = services.lastSky && m.request.environment().has_sky();
+  if (!known && remembers) known = services.lastSky->find(m.sky.settings);
   GOBO_ASSIGN(m.effective, makeEffectiveScene(base, m.request, services.loadEnvironment, services.poseScene, services.stop, known));
   m.sky.map = m.effective.sky;
+  if (remembers) services.lastSky->keep(m.sky.settings, m.sky.map);
   GOBO_TRY(checkOutputs(*m.effective.scene, m.request));
   m.groups = makeGroups(*m.effective.scene, int(m.request.integrator().max_groups()), services.stop);
   if (services.stop.stopRequested()) return Status(Code::Cancelled, "stopped");
@@ -288,6 +291,22 @@ Result<uint64_t> planNodes(Plan& plan, std::optional<Moment>& only, const SceneP
 }
 
 }  // namespace
+
+EnvironmentPtr LastSky::find(const std::string& settings) const {
+  std::lock_guard lock(mutex_);
+  return map_ && settings_ == settings ? map_ : nullptr;
+}
+
+void LastSky::keep(const std::string& settings, EnvironmentPtr map) {
+  std::lock_guard lock(mutex_);
+  settings_ = settings;
+  map_ = std::move(map);
+}
+
+uint64_t LastSky::bytes() const {
+  std::lock_guard lock(mutex_);
+  return map_ ? map_->texels.size() * sizeof(Vec3) : 0;
+}
 
 Result<std::unique_ptr<Plan>> makePlan(const ScenePtr& base, const v1::RenderRequest& request, uint32_t passes, const PlannerServices& services) {
   auto plan = std::make_unique<Plan>();

@@ -6,6 +6,7 @@
 
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <string>
 #include <vector>
@@ -35,11 +36,28 @@ struct Plan {
   uint64_t pinnedBytes = 0;  ///< upper bound of bytes held at once while it runs (plan/live_bytes.h)
 };
 
+/// The last sky of an engine: whoever asks for the same one again (a camera that moves, a light that is tuned) does not wait for its map to be computed.
+/// One map, of 1.5 MiB. Any thread.
+class LastSky {
+ public:
+  /// Of these settings (v1::Sky, serialised), or null.
+  EnvironmentPtr find(const std::string& settings) const;
+  void keep(const std::string& settings, EnvironmentPtr map);
+  uint64_t bytes() const;
+  void drop() { keep({}, nullptr); }
+
+ private:
+  mutable std::mutex mutex_;
+  std::string settings_;
+  EnvironmentPtr map_;
+};
+
 struct PlannerServices {
   /// Who brings light, in the order of summation.
   std::span<const Technique* const> techniques = gobo::techniques();
   EnvironmentLoader loadEnvironment;
   ScenePoser poseScene = requestedScene;
+  LastSky* lastSky = nullptr;  ///< null: none is kept
   /// Empty: the plan is a bound of what the real one holds, for which no node runs.
   std::function<Result<TermPtr>(const Graph&, NodeId)> expand;
   StopToken stop;  ///< ends planning (Cancelled); loadEnvironment and expand have their own

@@ -20,9 +20,10 @@ constexpr double kSunIlluminance = 133.1;  // klx outside the atmosphere: 128 kl
 
 struct Perez {
   double a, b, c, d, e;
-  double operator()(double cosTheta, double gamma, double cosGamma) const {
-    return (1 + a * std::exp(b / std::max(cosTheta, 0.01))) * (1 + c * std::exp(d * gamma) + e * cosGamma * cosGamma);
-  }
+  /// The factors: of the height, which a row of the map has in common, and of the angle to the sun.
+  double height(double cosTheta) const { return 1 + a * std::exp(b / std::max(cosTheta, 0.01)); }
+  double aroundSun(double gamma, double cosGamma) const { return 1 + c * std::exp(d * gamma) + e * cosGamma * cosGamma; }
+  double operator()(double cosTheta, double gamma, double cosGamma) const { return height(cosTheta) * aroundSun(gamma, cosGamma); }
 };
 
 double zenithChromaticity(const double (&m)[3][4], double t, double s) {
@@ -78,18 +79,23 @@ EnvironmentPtr skyEnvironment(const SkyParameters& parameters, int width, const 
   };
   DVec3 horizontal(0.0);  // irradiance of sky and sun on the ground
   const int horizon = height / 2;
+  std::vector<glm::dvec2> columns(size_t(width), glm::dvec2(0.0));  // cosine and sine of the azimuth
+  for (int i = 0; i < width; ++i) {
+    const double azimuth = ((i + 0.5) / width - 0.5) * 2 * std::numbers::pi;
+    columns[size_t(i)] = {std::cos(azimuth), std::sin(azimuth)};
+  }
   for (int j = 0; j < horizon; ++j) {
     if (stop.stopRequested()) return nullptr;
     const double polar = std::numbers::pi * (j + 0.5) / height, cosTheta = std::cos(polar), sinTheta = std::sin(polar);
+    const double rowX = x.height(cosTheta), rowY = y.height(cosTheta), rowLuminance = Y.height(cosTheta), weight = solidAngle(j) * cosTheta;
     for (int i = 0; i < width; ++i) {
-      const double azimuth = ((i + 0.5) / width - 0.5) * 2 * std::numbers::pi;
-      const DVec3 d(sinTheta * std::cos(azimuth), cosTheta, sinTheta * std::sin(azimuth));
+      const DVec3 d(sinTheta * columns[size_t(i)].x, cosTheta, sinTheta * columns[size_t(i)].y);
       // Angle to the sun that is used for its height, so that a sun below the horizon still gives a dusk sky.
       const double cosGamma = std::clamp(glm::dot(d, sun), -1.0, 1.0), gamma = std::acos(cosGamma);
-      const DVec3 rgb =
-          xyYToRgb(xz * x(cosTheta, gamma, cosGamma) / normX, yz * y(cosTheta, gamma, cosGamma) / normYc, kScale * Yz * Y(cosTheta, gamma, cosGamma) / normY);
+      const DVec3 rgb = xyYToRgb(xz * (rowX * x.aroundSun(gamma, cosGamma)) / normX, yz * (rowY * y.aroundSun(gamma, cosGamma)) / normYc,
+                                 kScale * Yz * (rowLuminance * Y.aroundSun(gamma, cosGamma)) / normY);
       texels[size_t(j) * width + i] = rgb;
-      horizontal += rgb * (solidAngle(j) * cosTheta);
+      horizontal += rgb * weight;
     }
   }
   const double radius = std::max(double(parameters.sunRadiusDeg), 1e-3) * std::numbers::pi / 180;

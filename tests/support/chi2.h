@@ -59,35 +59,44 @@ struct SphereDomain {
   int rows = 20, columns = 40;
 };
 
-/// Direction at s = (1 - cos)/span and phi; double inside, so that cones of a microradian keep their shape.
-inline Vec3 domainDirection(const SphereDomain& d, double s, double phi) {
-  const double m = s * d.span, sine = std::sqrt(std::max(m * (2.0 - m), 0.0));
-  const Frame f(d.axis);
-  return Vec3(glm::normalize(sine * std::cos(phi) * DVec3(f.x) + sine * std::sin(phi) * DVec3(f.y) + (1.0 - m) * DVec3(f.z)));
+/// Direction at s = (1 - cos)/span and phi; double inside, so that cones of a microradian keep their shape. `f`: of the domain's axis. Millions are asked
+/// for, and tests are compiled without optimisation: plain numbers.
+inline Vec3 domainDirection(const SphereDomain& d, const Frame& f, double s, double phi) {
+  const double m = s * d.span, sine = std::sqrt(std::max(m * (2.0 - m), 0.0)), a = sine * std::cos(phi), b = sine * std::sin(phi), c = 1.0 - m;
+  const double x = a * double(f.x.x) + b * double(f.y.x) + c * double(f.z.x), y = a * double(f.x.y) + b * double(f.y.y) + c * double(f.z.y),
+               z = a * double(f.x.z) + b * double(f.y.z) + c * double(f.z.z), scale = 1.0 / std::sqrt(x * x + y * y + z * z);
+  return Vec3(float(x * scale), float(y * scale), float(z * scale));
 }
+inline Vec3 domainDirection(const SphereDomain& d, double s, double phi) { return domainDirection(d, Frame(d.axis), s, phi); }
 
 /// Integral over [x0,x1] x [y0,y1], 3 x 3 Gauss points, halved in both directions until two levels agree, but at least twice
 /// `atLeast` + 1 times (a light's edge may slip between the points of the first levels: the more so the flatter the density beside it).
-inline double integrate2D(const std::function<double(double, double)>& f, double x0, double x1, double y0, double y1, double tolerance, int depth,
-                          int atLeast = 1) {
-  static const double at[3] = {0.5 - 0.5 * 0.774596669241483377, 0.5, 0.5 + 0.5 * 0.774596669241483377};
-  static const double weight[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
-  const auto rule = [&](double a, double b, double c, double d) {
+template <class F>
+struct Quadrature2D {
+  const F& f;
+  int surely;  ///< halved as long as more are left
+
+  double rule(double a, double b, double c, double d) const {
+    static constexpr double at[3] = {0.5 - 0.5 * 0.774596669241483377, 0.5, 0.5 + 0.5 * 0.774596669241483377};
+    static constexpr double weight[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
     double sum = 0;
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) sum += weight[i] * weight[j] * f(a + at[i] * (b - a), c + at[j] * (d - c));
     return sum * (b - a) * (d - c);
-  };
-  const std::function<double(double, double, double, double, double, double, int)> go = [&](double a, double b, double c, double d, double whole, double tol,
-                                                                                            int left) {
+  }
+  double go(double a, double b, double c, double d, double whole, double tol, int left) const {
     const double xm = 0.5 * (a + b), ym = 0.5 * (c + d);
     const double q[4] = {rule(a, xm, c, ym), rule(xm, b, c, ym), rule(a, xm, ym, d), rule(xm, b, ym, d)};
     const double sum = q[0] + q[1] + q[2] + q[3];
-    if (left <= 0 || (left <= depth - atLeast && std::fabs(sum - whole) <= tol)) return sum;
+    if (left <= 0 || (left <= surely && std::fabs(sum - whole) <= tol)) return sum;
     return go(a, xm, c, ym, q[0], 0.4 * tol, left - 1) + go(xm, b, c, ym, q[1], 0.4 * tol, left - 1) + go(a, xm, ym, d, q[2], 0.4 * tol, left - 1) +
            go(xm, b, ym, d, q[3], 0.4 * tol, left - 1);
-  };
-  return go(x0, x1, y0, y1, rule(x0, x1, y0, y1), tolerance, depth);
+  }
+};
+template <class F>
+double integrate2D(const F& f, double x0, double x1, double y0, double y1, double tolerance, int depth, int atLeast = 1) {
+  const Quadrature2D<F> q{f, depth - atLeast};
+  return q.go(x0, x1, y0, y1, q.rule(x0, x1, y0, y1), tolerance, depth);
 }
 
 /// Integral of f(direction) over the cells of a domain, row-major.
@@ -95,7 +104,8 @@ inline std::vector<double> integrateCells(const SphereDomain& d, const std::func
                                           int atLeast = 1) {
   std::vector<double> cells(size_t(d.rows) * d.columns);
   const double dp = 2.0 * 3.14159265358979323846 / d.columns, ds = 1.0 / d.rows;
-  const auto g = [&](double s, double phi) { return f(domainDirection(d, s, phi)) * d.span; };
+  const Frame frame(d.axis);
+  const auto g = [&](double s, double phi) { return f(domainDirection(d, frame, s, phi)) * d.span; };
   for (int r = 0; r < d.rows; ++r)
     for (int c = 0; c < d.columns; ++c)
       cells[size_t(r) * d.columns + c] = integrate2D(g, r * ds, (r + 1) * ds, c * dp, (c + 1) * dp, tolerance, depth, atLeast);
@@ -118,7 +128,8 @@ inline Chi2Result chi2Test(const SphereDomain& d, int samples, uint64_t seed, co
                            const std::function<double(const Vec3&)>& density, int depth = 5, int atLeast = 1) {
   Chi2Result r;
   r.samples = samples;
-  std::vector<double> expected = integrateCells(d, density, 2e-6, depth, atLeast);
+  // To a quarter of a count: nothing beside the square root of five, which is the noise of the least bin.
+  std::vector<double> expected = integrateCells(d, density, std::max(2e-6, 0.25 / samples), depth, atLeast);
   std::vector<double> observed(expected.size() + 1, 0.0);
   for (double& e : expected) {
     r.integral += e;

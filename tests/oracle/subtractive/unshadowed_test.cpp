@@ -80,28 +80,34 @@ struct Sky {
     return cached(c);
   }
 
-  /// Sum over the map of the material's own light, without a mirror at the facet.
-  BsdfValue exact(size_t e) {
+  /// The map as directions and the irradiance from each, of a surface across it.
+  const std::vector<std::pair<Vec3, DVec3>>& lights() {
     constexpr int W = 384, H = 192;
+    if (!lights_.empty()) return lights_;
     auto turned = std::make_shared<Environment>(*map);
     turned->rotation = rotation;
-    const Receivers in(*s.g, *s.surface, s.view);
-    const Frame frame(Receivers::at(in.N, e));
-    const BsdfParams b = in.bsdf(e);
-    const Vec3 wo = frame.toLocal(in.out(e));
-    DVec3 sum[2] = {DVec3(0.0), DVec3(0.0)};
     for (int y = 0; y < H; ++y) {
       const double theta = (y + 0.5) * std::numbers::pi / H, angle = 4 * std::numbers::pi / W * std::sin(theta) * std::sin(std::numbers::pi / (2 * H));
       for (int x = 0; x < W; ++x) {
         const double phi = (x + 0.5) * 2 * std::numbers::pi / W;
         const Vec3 d(DVec3(std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi)));
-        const Vec3 wi = frame.toLocal(d);
-        if (!(wi.z > 0)) continue;
-        const BsdfValue f = bsdfEval(b, wo, wi);
-        const DVec3 light = angle * DVec3(turned->eval(d) * scale);
-        sum[0] += DVec3(f.diffuse) * light;
-        sum[1] += DVec3(f.specular) * light;
+        lights_.emplace_back(d, angle * DVec3(turned->eval(d) * scale));
       }
+    }
+    return lights_;
+  }
+  /// Sum over the map of the material's own light, without a mirror at the facet.
+  BsdfValue exact(size_t e) {
+    const Receivers in(*s.g, *s.surface, s.view);
+    const Frame frame(Receivers::at(in.N, e));
+    const BsdfParams b = in.bsdf(e);
+    const Vec3 wo = frame.toLocal(in.out(e));
+    DVec3 sum[2] = {DVec3(0.0), DVec3(0.0)};
+    for (const auto& [d, light] : lights()) {
+      if (!(d.x * frame.z.x + d.y * frame.z.y + d.z * frame.z.z > 0)) continue;
+      const BsdfValue f = bsdfEval(b, wo, frame.toLocal(d));
+      sum[0] += DVec3(f.diffuse) * light;
+      sum[1] += DVec3(f.specular) * light;
     }
     return {Vec3(sum[0]), Vec3(sum[1])};
   }
@@ -124,6 +130,7 @@ struct Sky {
     const double of = 1.2 * std::sqrt(3.0 * double((count + n - 1) / n) * double(glm::dot(scale, scale)) / 3.0);
     return {all[0] > 0 ? std::sqrt(wrong[0] / all[0]) : 0.0, all[1] > 0 ? std::sqrt(wrong[1] / all[1]) : 0.0, std::sqrt(wrong[1]) / of};
   }
+  std::vector<std::pair<Vec3, DVec3>> lights_ = {};
 };
 
 // A quadratic of the cosine, as the paper has it; what it has below zero is cut off.

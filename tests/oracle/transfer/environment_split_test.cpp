@@ -31,15 +31,25 @@ DVec3 towards(double elevation, double azimuth) {
 EnvironmentPtr skyOf(const std::vector<Sun>& suns, int width = 1024, double sky = 1.0) {
   const int height = width / 2;
   Image image(width, height, 3);
+  const double texel = std::numbers::pi / height;  // no place of one is farther from its middle
+  std::vector<double> inside, near;
+  for (const Sun& s : suns) {
+    inside.push_back(std::cos(s.radius * kDegree));
+    near.push_back(std::cos(s.radius * kDegree + texel));
+  }
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
       double value = sky;
-      for (int k = 0; k < 16; ++k) {
+      const double polar = (y + 0.5) * texel, azimuth = (x + 0.5) * texel - std::numbers::pi;
+      const DVec3 middle(std::sin(polar) * std::cos(azimuth), std::cos(polar), std::sin(polar) * std::sin(azimuth));
+      bool touched = false;
+      for (size_t s = 0; s < suns.size(); ++s) touched = touched || glm::dot(middle, suns[s].towards) > near[s];
+      for (int k = 0; touched && k < 16; ++k) {
         const double theta = (y + (k / 4 + 0.5) / 4) * std::numbers::pi / height,
                      phi = (x + (k % 4 + 0.5) / 4) * 2 * std::numbers::pi / width - std::numbers::pi;
         const DVec3 d(std::sin(theta) * std::cos(phi), std::cos(theta), std::sin(theta) * std::sin(phi));
-        for (const Sun& s : suns)
-          if (glm::dot(d, s.towards) > std::cos(s.radius * kDegree)) value += s.radiance / 16;
+        for (size_t s = 0; s < suns.size(); ++s)
+          if (glm::dot(d, suns[s].towards) > inside[s]) value += suns[s].radiance / 16;
       }
       for (size_t c = 0; c < 3; ++c) image.data[3 * size_t(y * width + x) + c] = float(value * (c == 2 ? 0.5 : 1.0));
     }

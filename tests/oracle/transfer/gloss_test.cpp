@@ -178,17 +178,17 @@ v1::RenderRequest requestOf(int spp) {
   return r;
 }
 /// Of the picture by transfer from the path tracer's.
-Difference differenceFor(const ScenePtr& scene, double turn = 0) {
-  const auto engine = testing::makeEngine();
+Difference differenceFor(Engine& engine, const ScenePtr& scene, double turn = 0) {
   v1::RenderRequest r = requestOf(256);
   testing::set(r, "environment.rotation_deg=" + std::to_string(turn));
-  const RenderResult truth = pictureOf(*engine, scene, r);
+  const RenderResult truth = pictureOf(engine, scene, r);
   for (const char* e : {"environment.transfer.samples=1024", "environment.transfer.points=6000", "environment.transfer.gloss=PREFILTERED"}) testing::set(r, e);
-  return differenceOf(pictureOf(*engine, scene, r).images[0].image(), truth.images[0].image());
+  return differenceOf(pictureOf(engine, scene, r).images[0].image(), truth.images[0].image());
 }
 
 // Nothing stands in the light: a ball reflects its albedo.
 TEST(GlossPictures, ABallUnderUniformLightShowsItsAlbedo) {
+  const auto engine = testing::makeEngine();
   for (const float roughness : {0.05f, 0.3f, 0.9f})
     for (const float metallic : {0.0f, 1.0f}) {
       SceneMaker m;
@@ -199,7 +199,7 @@ TEST(GlossPictures, ABallUnderUniformLightShowsItsAlbedo) {
       })));
       m.environment(constantEnvironment(Vec3(1.0f)));
       m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.4f);
-      const Difference d = differenceFor(m.finish());
+      const Difference d = differenceFor(*engine, m.finish());
       EXPECT_NEAR(d.mean, 1.0, 0.012) << roughness << " " << metallic;
       EXPECT_LT(d.rmse, 0.05) << roughness << " " << metallic;
     }
@@ -207,6 +207,7 @@ TEST(GlossPictures, ABallUnderUniformLightShowsItsAlbedo) {
 
 // Coarse balls look below their own facets at the rim: that light is mirrored back (trace/bsdf.h), or the rim would be dark.
 TEST(GlossPictures, ACoarseBallIsAsBrightAsItsAlbedo) {
+  const auto engine = testing::makeEngine();
   SceneMaker m;
   m.instance(m.mesh(tests::sphere(Vec3(0.0f), 1.0f, 5, true), m.material(Vec3(0.8f), [&](Material& x) {
     x.bsdf.specular = 1.0f;
@@ -215,7 +216,7 @@ TEST(GlossPictures, ACoarseBallIsAsBrightAsItsAlbedo) {
   })));
   m.environment(constantEnvironment(Vec3(1.0f)));
   m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.4f);
-  const Difference d = differenceFor(m.finish());
+  const Difference d = differenceFor(*engine, m.finish());
   std::printf("  coarse ball: mean %.4f, rmse %.4f of the mean\n", d.mean, d.rmse);
   EXPECT_NEAR(d.mean, 1.0, 0.012);
   EXPECT_LT(d.rmse, 0.045);
@@ -231,17 +232,19 @@ int metal(SceneMaker& m) {
 }
 
 TEST(GlossPictures, ABallShowsTheMapAsItIsTurned) {
+  const auto engine = testing::makeEngine();
   SceneMaker m;
   m.instance(m.mesh(tests::sphere(Vec3(0.0f), 1.0f, 32, true), metal(m)));
   m.environment(smooth(256));
   m.camera(Vec3(0, 0, 4), Vec3(0.0f), 0.4f);
-  const Difference d = differenceFor(m.finish(), 70);
+  const Difference d = differenceFor(*engine, m.finish(), 70);
   EXPECT_NEAR(d.mean, 1.0, 0.02);
   EXPECT_LT(d.rmse, 0.075);
 }
 
 // Normals that lean away from who looks along a floor mirror him to below it: that light is mirrored back, and comes from the bright half of the map.
 TEST(GlossPictures, LightFromBelowTheFloorIsThatFromAbove) {
+  const auto engine = testing::makeEngine();
   Image image(64, 32, 3);
   std::fill(image.data.begin(), image.data.begin() + 3 * 64 * 16, 1.0f);
   Mesh floor = tests::ground(2.0f);
@@ -251,13 +254,14 @@ TEST(GlossPictures, LightFromBelowTheFloorIsThatFromAbove) {
   m.environment(makeEnvironment("above", std::move(image)));
   m.camera(Vec3(0, 0.7f, 2.0f), Vec3(0, 0, 0.5f), 0.5f);
   m.scene.lights.back().cameraVisible = false;
-  const Difference d = differenceFor(m.finish());
+  const Difference d = differenceFor(*engine, m.finish());
   std::printf("  floor: mean %.3f, rmse %.3f of the mean\n", d.mean, d.rmse);
   EXPECT_NEAR(d.mean, 1.0, 0.05);
 }
 
 // A smooth floor beside a white wall, seen from the wall's side: it shows the dark sky that it looks at, though the wall lights it.
 TEST(GlossPictures, AFloorBesideAWallShowsWhatItLooksAt) {
+  const auto engine = testing::makeEngine();
   Image image(64, 32, 3);
   for (int y = 0; y < 32; ++y)
     for (int x = 0; x < 32; ++x)
@@ -268,13 +272,14 @@ TEST(GlossPictures, AFloorBesideAWallShowsWhatItLooksAt) {
   m.instance(m.mesh(tests::quad(Vec3(-3, 0, 1.0f), Vec3(0, 3, 0), Vec3(6, 0, 0)), m.material(Vec3(0.9f))));
   m.environment(makeEnvironment("halves", std::move(image)));
   m.camera(Vec3(0, 0.8f, 0.9f), Vec3(0.0f), 0.5f);
-  const Difference d = differenceFor(m.finish());
+  const Difference d = differenceFor(*engine, m.finish());
   EXPECT_NEAR(d.mean, 1.0, 0.02);
   EXPECT_LT(d.rmse, 0.03);
 }
 
 // What it is off by in a yard, where the scene shows in its own surfaces: bounds are what docs/environment.md states.
 TEST(GlossPictures, AYardIsNearThePathTracers) {
+  const auto engine = testing::makeEngine();
   for (const float roughness : {0.3f, 0.6f})
     for (const float metallic : {0.0f, 1.0f}) {
       SceneMaker m;
@@ -288,7 +293,7 @@ TEST(GlossPictures, AYardIsNearThePathTracers) {
       m.instance(m.mesh(tests::sphere(Vec3(0.8f, 0.6f, 0.5f), 0.6f, 24, true), m.material(Vec3(0.7f), shine)));
       m.environment(smooth(256));
       m.camera(Vec3(2.5f, 2.5f, 4.0f), Vec3(0, 0.5f, 0), 0.8f);
-      const Difference d = differenceFor(m.finish());
+      const Difference d = differenceFor(*engine, m.finish());
       std::printf("  roughness %.1f metallic %.0f: mean %.3f, rmse %.3f of the mean\n", double(roughness), double(metallic), d.mean, d.rmse);
       EXPECT_NEAR(d.mean, 1.0, metallic > 0 ? 0.06 : 0.03) << roughness << " " << metallic;
       EXPECT_LT(d.rmse, metallic > 0 ? 0.2 : 0.08) << roughness << " " << metallic;

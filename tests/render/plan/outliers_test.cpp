@@ -116,7 +116,7 @@ TEST(Outliers, EveryMethodTakesFirefliesOut) {
 
 TEST(Outliers, EveryFilterWorksBehindEveryMethod) {
   const auto engine = makeEngine();
-  v1::RenderRequest r = smallRequest("cornell", 80, 60, 2048);
+  v1::RenderRequest r = smallRequest("cornell", 80, 60, 512);
   const RenderResult truth = mustRender(*engine, r);
   r.mutable_halt()->set_spp(4);
   const double plain = relative(beauty(mustRender(*engine, r)), beauty(truth));

@@ -114,7 +114,7 @@ ScenePtr stage() {
 }
 
 v1::RenderRequest requestFor(const Scene& scene) {
-  v1::RenderRequest r = smallRequest("stage", 10, 8, 1);
+  v1::RenderRequest r = smallRequest("stage", 6, 5, 1);
   r.set_view_samples(1);
   r.mutable_integrator()->set_max_bounces(1);
   r.mutable_integrator()->set_max_groups(16);

@@ -97,5 +97,34 @@ TEST(SharedWork, WhoWaitsGoesOnWhereAnotherGaveUp) {
   EXPECT_TRUE(wentOn) << "what had been traced was thrown away";
 }
 
+// The map of a sky is made once for requests that follow one another; it is counted, and goes when it is asked to.
+TEST(SharedWork, OfSkiesTheLastOneIsKeptAndNeverTakenForAnother) {
+  const auto engine = makeEngine();
+  const auto environmentBytes = [&] {
+    v1::StatusReply status;
+    engine->fillStatus(status);
+    for (const auto& m : status.memory())
+      if (m.name() == "environments") return m.bytes();
+    return uint64_t(0);
+  };
+  std::vector<v1::RenderRequest> asked;
+  for (const char* sky : {"turbidity=3", "turbidity=6", "turbidity=6", "sun_scale=0", "sun_direction=0,1,1", "turbidity=3"}) {
+    v1::RenderRequest r = smallRequest("cornell", 8, 6, 1);
+    set(r, std::string("environment.sky.") + sky);
+    set(r, "environment.background=BLURRED");
+    r.set_seed(asked.size());  // every node that reads the sky runs
+    asked.push_back(r);
+  }
+  std::vector<RenderResult> made;
+  for (const v1::RenderRequest& r : asked) {
+    made.push_back(mustRender(*engine, r));
+    EXPECT_EQ(firstDifference(made.back(), mustRender(*makeEngine(), r)), "") << messageToJson(r.environment(), false);
+    EXPECT_EQ(environmentBytes(), 512u * 256u * sizeof(Vec3));
+  }
+  for (size_t k = 1; k < made.size(); ++k) EXPECT_NE(firstDifference(made[k], made[k - 1]), "") << k;
+  engine->dropCaches(false);
+  EXPECT_EQ(environmentBytes(), 0u);
+}
+
 }  // namespace
 }  // namespace gobo::testing

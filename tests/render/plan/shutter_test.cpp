@@ -442,7 +442,7 @@ Errors errorsOf(Engine& engine, v1::RenderRequest r, const RenderResult& truth, 
 TEST(Shutter, TheMeanOfSlicesIsFilteredAndNotEachSlice) {
   // Filters know what samples there are: those of all slices. One sample a slice, too, where every other slice is a half.
   const auto engine = engineWithMoving("mean");
-  v1::RenderRequest r = request({"animation=*", "camera.shutter_s=0.6", "outputs=beauty", "environment.sky.turbidity=3"}, 4096, "moving", 64, 48);
+  v1::RenderRequest r = request({"animation=*", "camera.shutter_s=0.6", "outputs=beauty", "environment.sky.turbidity=3"}, 2048, "moving", 64, 48);
   set(r, "camera.shutter_slices=16");
   const RenderResult truth = mustRender(*engine, r);
   for (const auto& [slices, spp] : {std::pair(16, 16), {16, 64}, {3, 12}, {5, 5}}) {

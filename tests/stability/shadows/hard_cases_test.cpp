@@ -45,13 +45,15 @@ struct Try {
   v1::ShadowTechnique technique;
   LightKind kind;
 };
-std::vector<Try> tries() {
+/// `resolution` of the maps; 0: what they are by themselves.
+std::vector<Try> tries(uint32_t resolution = 0) {
   std::vector<Try> all;
   for (const NamedTechnique& t : mapTechniques())
     for (LightKind kind : {LightKind::Directional, LightKind::Spot, LightKind::Point, LightKind::Rect, LightKind::Sphere}) {
       if (soft(t.name) && isDeltaLight(lightFor(t.name, kind))) continue;
       if (!findShadowTechnique(t.technique.technique_case())->supports(kind)) continue;
       all.push_back({t.name, t.technique, kind});
+      if (resolution > 0) all.back().technique.mutable_map()->set_resolution(resolution);
     }
   return all;
 }
@@ -90,7 +92,7 @@ SceneMaker floorScene(float half = 2.0f) {
 }
 
 TEST(ShadowHardCases, NothingBlocksAndALidBlocksAll) {
-  for (const Try& t : tries()) {
+  for (const Try& t : tries(256)) {
     SceneMaker bare = floorScene();
     bare.light(lightFor(t.name, t.kind));
     const ShadowRun lit = runShadow(bare.finish(), t.technique);
@@ -126,7 +128,7 @@ TEST(ShadowHardCases, OneTexelMaps) {
 }
 
 TEST(ShadowHardCases, EmptySceneAndLightsThatSeeNothing) {
-  for (const Try& t : tries()) {
+  for (const Try& t : tries(256)) {
     SceneMaker empty;
     empty.light(lightFor(t.name, t.kind));
     empty.camera(Vec3(0, 2, 3), Vec3(0.0f), 0.8f);

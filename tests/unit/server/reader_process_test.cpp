@@ -142,7 +142,7 @@ TEST_F(Forked, OneThatNeverTakesItInIsKilled) {
   const Deaf deaf;
   StopSource stop;
   stop.stop(StopReason::Cancelled);
-  EXPECT_EQ(probe(*forkedReaders(deaf.program()), "empty", stop.token()).code(), Code::Cancelled);
+  EXPECT_EQ(probe(*forkedReaders(deaf.program(), 1), "empty", stop.token()).code(), Code::Cancelled);
 }
 
 // Not found out by the first load whose time is over.

@@ -40,16 +40,18 @@ DVec3 fluxOf(const Environment& e) {
   return sum;
 }
 /// E(n) of the map: every texel at its middle, which is within 1e-4 for the smooth and the small maps here.
-DVec3 irradianceOf(const Environment& e, const DVec3& n) {
-  DVec3 sum(0.0);
+std::vector<DVec3> irradiancesOf(const Environment& e, const std::vector<DVec3>& normals) {
+  std::vector<DVec3> sums(normals.size(), DVec3(0.0));
   const std::vector<double> weight = texelWeights(e);
   for (int y = 0; y < e.height; ++y)
     for (int x = 0; x < e.width; ++x) {
-      const DVec3 d(e.toDirection(Vec2((x + 0.5f) / e.width, (y + 0.5f) / e.height)));
-      sum += weight[size_t(y)] * std::max(glm::dot(n, d), 0.0) * DVec3(e.texels[size_t(y) * e.width + x]);
+      const DVec3 d(e.toDirection(Vec2((x + 0.5f) / e.width, (y + 0.5f) / e.height))), light = weight[size_t(y)] * DVec3(e.texels[size_t(y) * e.width + x]);
+      for (size_t i = 0; i < normals.size(); ++i)
+        if (const double c = normals[i].x * d.x + normals[i].y * d.y + normals[i].z * d.z; c > 0) sums[i] += c * light;
     }
-  return sum;
+  return sums;
 }
+DVec3 irradianceOf(const Environment& e, const DVec3& n) { return irradiancesOf(e, {n})[0]; }
 DVec3 irradianceOf(const AreaLightFit& fit, const DVec3& n) {
   DVec3 sum = fit.remainderIrradiance(n);
   for (const AreaLight& l : fit.lights) sum += l.irradiance * std::max(glm::dot(n, l.direction), 0.0);
@@ -68,8 +70,9 @@ double degrees(const DVec3& a, const DVec3& b) { return std::acos(std::min(glm::
 /// RMS over normals and channels, by the RMS of the truth.
 double relativeError(const Environment& e, const AreaLightFit& fit, int count = 200) {
   double error = 0, size = 0;
-  for (const DVec3& n : normals(count)) {
-    const DVec3 truth = irradianceOf(e, n), d = irradianceOf(fit, n) - truth;
+  const std::vector<DVec3> at = normals(count), truths = irradiancesOf(e, at);
+  for (size_t i = 0; i < at.size(); ++i) {
+    const DVec3 truth = truths[i], d = irradianceOf(fit, at[i]) - truth;
     error += glm::dot(d, d);
     size += glm::dot(truth, truth);
   }
@@ -271,10 +274,10 @@ TEST(FitAreaLights, SmallTurnsOfTheMapChangeLittle) {
     const Environment e = turned(step);
     const AreaLightFit fit = fitAreaLights(e, 45);
     std::vector<DVec3> error;
-    for (const DVec3& n : at) {
-      const DVec3 truth = irradianceOf(e, n);
-      mean += truth.y / double(16 * at.size());
-      error.push_back(irradianceOf(fit, n) - truth);
+    const std::vector<DVec3> truths = irradiancesOf(e, at);
+    for (size_t i = 0; i < at.size(); ++i) {
+      mean += truths[i].y / double(16 * at.size());
+      error.push_back(irradianceOf(fit, at[i]) - truths[i]);
     }
     double jump = 0;
     for (size_t i = 0; i < before.size(); ++i) jump += (error[i].y - before[i].y) * (error[i].y - before[i].y) / double(at.size());
