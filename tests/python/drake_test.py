@@ -338,7 +338,7 @@ class Silence(Door):
             if not cls.caller.is_alive() or time.monotonic() > cls.begun + 60:
                 raise AssertionError(f"no render runs: {cls.got}")
             time.sleep(0.01)
-        cls.silent = socket.create_connection(("127.0.0.1", cls.port), timeout=60)
+        cls.silent = socket.create_connection(("127.0.0.1", cls.port), timeout=20)   # less than its patience
         unittest.addModuleCleanup(cls.silent.close)
         cls.silent.sendall(b"POST /render HTTP/1.1\r\nHost: localhost\r\n")
         time.sleep(0.2)   # it is known to the daemon
